@@ -1,0 +1,36 @@
+// What a capture session is told about a cell.
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "absl/time/time.h"
+
+namespace silhouette {
+
+// A box of joint values that the robot must never enter. A joint that is not named is not bounded.
+struct ForbiddenRegion {
+  struct Range {
+    std::string joint;  // a joint of the grid
+    double lower = 0;
+    double upper = 0;
+  };
+  std::string name;
+  std::vector<Range> ranges;
+};
+
+struct CaptureSettings {
+  // How long to wait after the robot has arrived before the images are taken.
+  absl::Duration settle = absl::Milliseconds(200);
+  // Largest deviation between a commanded and a measured joint value: radians, metres.
+  double joint_tolerance = 0.002;
+  // Images of the empty cell that a reference is made from.
+  int reference_images = 20;
+  // Fastest joint motion, radians or metres per second; what a dry run reckons with.
+  double joint_speed = 0.5;
+  // How long a captured configuration may stay unwritten.
+  absl::Duration commit_interval = absl::Seconds(1);
+  std::vector<ForbiddenRegion> forbidden_regions;
+};
+
+}  // namespace silhouette

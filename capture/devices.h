@@ -1,0 +1,65 @@
+// The devices of a cell as capture sees them: a robot that moves to joint values, and cameras that
+// take one simultaneous set of images. A real cell, the simulated cell and the faulty devices of
+// the tests stand behind the same two interfaces.
+//
+// Calls block; an implementation need not be thread-safe.
+#pragma once
+
+#include <cstdint>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "absl/status/status.h"
+#include "absl/status/statusor.h"
+#include "absl/time/time.h"
+
+namespace silhouette {
+
+// One camera image: `channels` bytes per pixel (1: grey; 3: blue, green, red), row by row from the
+// top left.
+struct CameraImage {
+  int width = 0;
+  int height = 0;
+  int channels = 1;
+  std::vector<uint8_t> pixels;
+  absl::Time captured = absl::UnixEpoch();
+};
+
+// Where the robot is.
+struct RobotState {
+  std::vector<double> positions;  // in the order of Robot::joints(); radians, metres
+  bool moving = false;
+};
+
+class Robot {
+ public:
+  virtual ~Robot() = default;
+
+  // The names of all joints that can be moved, in the robot's order.
+  virtual const std::vector<std::string>& joints() const = 0;
+
+  // Moves to `positions`, in the order of joints(), and returns when the robot has arrived.
+  // InvalidArgument: not as many values as joints, or beyond a limit. DeadlineExceeded: it did not
+  // arrive. Unavailable: no connection. In every case of failure the robot has been told to stop.
+  virtual absl::Status MoveTo(std::span<const double> positions) = 0;
+
+  virtual absl::StatusOr<RobotState> State() = 0;
+
+  // Stops at once. May be called from another thread while MoveTo blocks.
+  virtual absl::Status Stop() = 0;
+};
+
+class CameraRig {
+ public:
+  virtual ~CameraRig() = default;
+
+  // The names of the views, in the order that Grab() returns them.
+  virtual const std::vector<std::string>& views() const = 0;
+
+  // Triggers all cameras at once and returns one image per view. Unavailable or DeadlineExceeded,
+  // naming the view, if one does not deliver: a set is complete or it is an error.
+  virtual absl::StatusOr<std::vector<CameraImage>> Grab() = 0;
+};
+
+}  // namespace silhouette

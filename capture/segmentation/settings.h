@@ -1,0 +1,30 @@
+// How camera images become masks. The robot images and the scenes of a cell are made with the same
+// settings, so that they err in the same way.
+#pragma once
+
+#include <string>
+
+namespace silhouette {
+
+struct SegmentationSettings {
+  // A pixel is foreground if it differs from the reference by more than `noise_factor` standard
+  // deviations of its own noise, and by more than `min_difference` grey levels (0..255).
+  double noise_factor = 6;
+  double min_difference = 8;
+  // Whether a change of the whole image's brightness is taken out first.
+  bool follow_brightness = true;
+  // Radius, in camera pixels, of the opening that removes specks and of the closing that fills
+  // pinholes; 0: none.
+  int clean_up_radius = 1;
+  // Foreground areas of fewer camera pixels are dropped.
+  int min_blob_pixels = 12;
+  // A mask pixel is foreground if more than this share of the camera pixels under it is; 0: any.
+  double min_cover = 0;
+
+  bool operator==(const SegmentationSettings&) const = default;
+};
+
+// One `key: value` a line in alphabetical order, as the database keeps it.
+std::string Describe(const SegmentationSettings& settings);
+
+}  // namespace silhouette

@@ -1,0 +1,149 @@
+#include "db/mask.h"
+
+#include <algorithm>
+#include <bit>
+#include <stdexcept>
+#include <utility>
+
+namespace silhouette {
+namespace {
+
+void RequireValid(MaskSize size) {
+  if (!size.valid()) {
+    throw std::invalid_argument("mask size " + std::to_string(size.width) + "x" +
+                                std::to_string(size.height) + " is not within 1x1 to 1024x1024");
+  }
+}
+
+void RequireSameSize(const Mask& a, const Mask& b) {
+  if (a.size() != b.size()) throw std::invalid_argument("masks of different sizes");
+}
+
+// The bits of the last word that belong to pixels.
+uint64_t LastWordBits(MaskSize size) {
+  const size_t used = size.pixels() % 64;
+  return used == 0 ? ~uint64_t{0} : (uint64_t{1} << used) - 1;
+}
+
+template <typename Operation>
+Mask Combine(const Mask& a, const Mask& b, Operation operation) {
+  RequireSameSize(a, b);
+  std::vector<uint64_t> words(a.words().size());
+  std::transform(a.words().begin(), a.words().end(), b.words().begin(), words.begin(), operation);
+  return words.empty() ? Mask() : Mask::FromWords(a.size(), std::move(words));
+}
+
+}  // namespace
+
+bool MaskSize::valid() const {
+  return width >= 1 && width <= kMaxSide && height >= 1 && height <= kMaxSide;
+}
+
+Mask::Mask(MaskSize size) : size_(size) {
+  RequireValid(size);
+  words_.resize(size.words());
+}
+
+Mask Mask::FromPredicate(MaskSize size, const std::function<bool(int, int)>& predicate) {
+  Mask mask(size);
+  size_t bit = 0;
+  for (int y = 0; y < size.height; ++y) {
+    for (int x = 0; x < size.width; ++x, ++bit) {
+      if (predicate(x, y)) mask.words_[bit / 64] |= uint64_t{1} << (bit % 64);
+    }
+  }
+  return mask;
+}
+
+Mask Mask::FromWords(MaskSize size, std::vector<uint64_t> words) {
+  RequireValid(size);
+  if (words.size() != size.words()) {
+    throw std::invalid_argument("a mask of this size takes " + std::to_string(size.words()) +
+                                " words, not " + std::to_string(words.size()));
+  }
+  if ((words.back() & ~LastWordBits(size)) != 0) {
+    throw std::invalid_argument("a bit beyond the mask's last pixel is set");
+  }
+  Mask mask;
+  mask.size_ = size;
+  mask.words_ = std::move(words);
+  return mask;
+}
+
+Mask Mask::FromBytes(MaskSize size, std::span<const uint8_t> bytes) {
+  RequireValid(size);
+  if (bytes.size() != size.bytes()) {
+    throw std::invalid_argument("a mask of this size takes " + std::to_string(size.bytes()) +
+                                " bytes, not " + std::to_string(bytes.size()));
+  }
+  std::vector<uint64_t> words(size.words());
+  for (size_t i = 0; i < bytes.size(); ++i) {
+    words[i / 8] |= static_cast<uint64_t>(bytes[i]) << (8 * (i % 8));
+  }
+  return FromWords(size, std::move(words));
+}
+
+std::string Mask::ToBytes() const {
+  std::string bytes(size_.bytes(), '\0');
+  for (size_t i = 0; i < bytes.size(); ++i) {
+    bytes[i] = static_cast<char>(words_[i / 8] >> (8 * (i % 8)));
+  }
+  return bytes;
+}
+
+bool Mask::at(int x, int y) const {
+  if (x < 0 || y < 0 || x >= size_.width || y >= size_.height) {
+    throw std::out_of_range("pixel outside the mask");
+  }
+  const size_t bit = static_cast<size_t>(y) * static_cast<size_t>(size_.width) + x;
+  return (words_[bit / 64] >> (bit % 64)) & 1;
+}
+
+size_t Mask::Count() const { return CountCommon(words_, words_); }
+
+bool Mask::Empty() const {
+  return std::all_of(words_.begin(), words_.end(), [](uint64_t word) { return word == 0; });
+}
+
+Mask operator&(const Mask& a, const Mask& b) { return Combine(a, b, std::bit_and<>()); }
+
+Mask operator|(const Mask& a, const Mask& b) { return Combine(a, b, std::bit_or<>()); }
+
+Mask operator-(const Mask& a, const Mask& b) {
+  return Combine(a, b, [](uint64_t x, uint64_t y) { return x & ~y; });
+}
+
+Mask operator~(const Mask& a) {
+  if (a.words().empty()) return a;
+  std::vector<uint64_t> words(a.words().begin(), a.words().end());
+  for (uint64_t& word : words) word = ~word;
+  words.back() &= LastWordBits(a.size());
+  return Mask::FromWords(a.size(), std::move(words));
+}
+
+bool Intersects(MaskWords a, MaskWords b) {
+  for (size_t i = 0; i < a.size(); ++i) {
+    if ((a[i] & b[i]) != 0) return true;
+  }
+  return false;
+}
+
+size_t CountCommon(MaskWords a, MaskWords b) {
+  size_t count = 0;
+  for (size_t i = 0; i < a.size(); ++i) count += std::popcount(a[i] & b[i]);
+  return count;
+}
+
+Mask Core(const Mask& mask) {
+  if (mask.words().empty()) return mask;
+  return Mask::FromPredicate(mask.size(), [&](int x, int y) {
+    for (int j = std::max(y - 1, 0); j <= std::min(y + 1, mask.height() - 1); ++j) {
+      for (int i = std::max(x - 1, 0); i <= std::min(x + 1, mask.width() - 1); ++i) {
+        if (!mask.at(i, j)) return false;
+      }
+    }
+    return true;
+  });
+}
+
+}  // namespace silhouette

@@ -1,0 +1,171 @@
+// The database of a cell: robot images, what they belong to, reference images. One LMDB environment
+// in a folder; docs/database_format.md has the bytes, db/schema.h the keys.
+//
+// A Database may be used by several threads; a Snapshot and a RobotImageWriter by one at a time.
+// Several processes may read while one writes.
+#pragma once
+
+#include <cstdint>
+#include <functional>
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "absl/status/status.h"
+#include "absl/status/statusor.h"
+#include "absl/time/time.h"
+#include "db/configuration_grid.h"
+#include "db/mask.h"
+#include "silhouette/storage/v1/storage.pb.h"
+
+namespace silhouette {
+
+// What is stored for one configuration.
+struct RobotImage {
+  ConfigurationNumber number = 0;
+  // In a region the robot must never enter: there are no masks, and it is never free.
+  bool excluded = false;
+  // One per view, in the order of the cell's views.
+  std::vector<Mask> masks;
+  absl::Time captured = absl::UnixEpoch();
+  // The robot's joints, those of the grid first, then the fixed ones, each in the order of the cell
+  // description; radians, metres. Empty where it is not known (masks made elsewhere).
+  std::vector<double> commanded;
+  std::vector<double> measured;
+
+  bool operator==(const RobotImage&) const = default;
+};
+
+// The grid that a description speaks of; InvalidArgument if it describes none.
+absl::StatusOr<ConfigurationGrid> GridOf(const storage::v1::CellDescription& cell);
+
+// The sizes of the masks, one per view; InvalidArgument if one is not valid.
+absl::StatusOr<std::vector<MaskSize>> MaskSizesOf(const storage::v1::CellDescription& cell);
+
+// In what two descriptions differ, one sentence each, e.g.
+// "joint 'axis_1': steps is 84 in the cell file, 72 in the database". Empty: they fit together.
+// `a_name` and `b_name` are what the sentences call them.
+std::vector<std::string> Differences(const storage::v1::CellDescription& a,
+                                     const std::string& a_name,
+                                     const storage::v1::CellDescription& b,
+                                     const std::string& b_name);
+
+// One consistent state of the database. Holds a read transaction: keep it no longer than needed
+// while a capture writes, for its pages cannot be reused until then.
+class Snapshot {
+ public:
+  ~Snapshot();
+  Snapshot(Snapshot&&) noexcept;
+  Snapshot& operator=(Snapshot&&) noexcept;
+
+  // Grows with every committed change; equal generations hold equal content.
+  uint64_t generation() const;
+
+  // Number of records: captured and excluded configurations.
+  uint64_t size() const;
+
+  // The record of a configuration; nothing if there is none. DataLoss if it fails its checksum or
+  // cannot be decoded.
+  absl::StatusOr<std::optional<RobotImage>> Find(ConfigurationNumber number) const;
+
+  // Whether there is a record; does not read it.
+  absl::StatusOr<bool> Contains(ConfigurationNumber number) const;
+
+  // Calls `visit` for every record in the order of numbers, until it returns false. A record that
+  // Find would refuse is given as its DataLoss status.
+  absl::Status ForEach(
+      const std::function<bool(ConfigurationNumber, absl::StatusOr<RobotImage>)>& visit) const;
+
+  // The reference images; nothing if none were taken yet.
+  absl::StatusOr<std::optional<storage::v1::References>> References() const;
+
+  // Who wrote into the database, oldest first.
+  absl::StatusOr<storage::v1::ProvenanceLog> Provenance() const;
+
+ private:
+  friend class Database;
+  struct Impl;
+  explicit Snapshot(std::unique_ptr<Impl> impl);
+  std::unique_ptr<Impl> impl_;
+};
+
+// Writes robot images in batches. Put() collects; what Commit() returned OK for is on the disk and
+// stays there whatever happens afterwards. Destruction without Commit() drops what was not
+// committed; nothing is ever half-written.
+class RobotImageWriter {
+ public:
+  ~RobotImageWriter();
+  RobotImageWriter(RobotImageWriter&&) noexcept;
+  RobotImageWriter& operator=(RobotImageWriter&&) noexcept;
+
+  // Adds a record to the batch. InvalidArgument if its number is not in the grid or its masks do
+  // not fit the views. AlreadyExists if the configuration has a record and `replace` is false.
+  // Commits by itself when `max_delay` (see Database::Write) has passed since the batch's first
+  // record, or the batch is 32 MiB large; the error is then the commit's.
+  absl::Status Put(const RobotImage& image, bool replace = false);
+
+  // Writes the batch durably. ResourceExhausted if the disk is full; the batch is kept, so a second
+  // call tries again.
+  absl::Status Commit();
+
+  // Records that are durably written by this writer.
+  uint64_t committed() const;
+
+ private:
+  friend class Database;
+  struct Impl;
+  explicit RobotImageWriter(std::unique_ptr<Impl> impl);
+  std::unique_ptr<Impl> impl_;
+};
+
+class Database {
+ public:
+  enum class Access { kRead, kWrite };
+
+  // Makes a new database in the folder `path`. AlreadyExists if there is one; InvalidArgument if
+  // the description is not valid; FailedPrecondition if the folder is not empty or cannot be
+  // written.
+  static absl::StatusOr<std::unique_ptr<Database>> Create(const std::string& path,
+                                                          const storage::v1::CellDescription& cell);
+
+  // Opens an existing one. NotFound: there is none. FailedPrecondition: not a Silhouette database,
+  // another format version, no permission, or (kWrite) another process is writing. DataLoss: the
+  // file is truncated or damaged. Read access works in a read-only folder.
+  static absl::StatusOr<std::unique_ptr<Database>> Open(const std::string& path, Access access);
+
+  ~Database();
+
+  const std::string& path() const;
+  const storage::v1::CellDescription& cell() const;
+  const ConfigurationGrid& grid() const;
+  const std::vector<MaskSize>& mask_sizes() const;
+
+  // The state at this moment.
+  absl::StatusOr<Snapshot> Read() const;
+
+  // A writer of robot images; `program` goes into the provenance log. `max_delay`: how long a
+  // record may wait in a batch. Needs kWrite.
+  absl::StatusOr<RobotImageWriter> Write(const std::string& program,
+                                         absl::Duration max_delay = absl::Seconds(1));
+
+  // Replaces the reference images; one per view, else InvalidArgument. Needs kWrite.
+  absl::Status SetReferences(const storage::v1::References& references, const std::string& program);
+
+  // Writes a copy without unused pages into the new folder `path`.
+  absl::Status Compact(const std::string& path) const;
+
+  // Bytes on disk, and bytes of it that are in use.
+  struct Usage {
+    uint64_t file_bytes = 0;
+    uint64_t used_bytes = 0;
+  };
+  absl::StatusOr<Usage> GetUsage() const;
+
+ private:
+  struct Impl;
+  explicit Database(std::shared_ptr<Impl> impl);
+  std::shared_ptr<Impl> impl_;
+};
+
+}  // namespace silhouette

@@ -1,0 +1,20 @@
+// When a scene is good enough to rest a verdict on.
+#pragma once
+
+#include "absl/time/time.h"
+
+namespace silhouette {
+
+struct SceneSettings {
+  // Oldest image that a verdict may rest on.
+  absl::Duration max_age = absl::Seconds(1);
+  // Largest time between the images of one scene.
+  absl::Duration max_skew = absl::Milliseconds(50);
+  // More core error pixels than this in any view, as a share of the view's pixels, and the scene is
+  // not trusted.
+  double max_core_error = 0.005;
+  // Largest deviation of a joint outside the grid from where it stood at capture: radians, metres.
+  double fixed_joint_tolerance = 0.005;
+};
+
+}  // namespace silhouette

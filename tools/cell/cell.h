@@ -1,0 +1,69 @@
+// cell.yaml: the one file that describes a cell to every program. The commented sample is
+// docs/cell.yaml.
+#pragma once
+
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "absl/status/status.h"
+#include "absl/status/statusor.h"
+#include "capture/capture_settings.h"
+#include "capture/segmentation/settings.h"
+#include "db/configuration_grid.h"
+#include "db/mask.h"
+#include "server/collision/policy.h"
+#include "server/scene/scene_settings.h"
+#include "silhouette/storage/v1/storage.pb.h"
+
+namespace silhouette {
+
+// A joint outside the grid, and where it stands.
+struct FixedJoint {
+  std::string name;
+  double position = 0;
+};
+
+struct RobotSettings {
+  std::string urdf;                        // path; empty: bare joints
+  std::vector<std::string> package_paths;  // roots that package:// paths are resolved against
+  std::string driver;                      // "sim", or empty: none
+};
+
+struct ViewSettings {
+  std::string name;
+  std::string source;  // "sim", or empty: masks come from elsewhere
+  int image_width = 0;
+  int image_height = 0;
+  MaskSize mask_size;
+};
+
+struct ServerSettings {
+  std::string listen = "127.0.0.1:50051";  // address:port, or unix:path
+  SceneSettings scene;
+};
+
+// Paths are absolute, or relative to the working directory; those in the file are relative to it.
+struct Cell {
+  std::string file;
+  std::string name;
+  std::string database;    // folder; empty: not said
+  std::string simulation;  // file that describes the simulated cell; empty: none
+  RobotSettings robot;
+  ConfigurationGrid grid;
+  std::vector<FixedJoint> fixed_joints;
+  std::vector<ViewSettings> views;
+  CaptureSettings capture;
+  SegmentationSettings segmentation;
+  Policy policy;
+  ServerSettings server;
+};
+
+// Reads and checks a file. InvalidArgument with file, line and the mend in its message; nothing in
+// a cell that was read is left unchecked.
+absl::StatusOr<Cell> LoadCell(const std::string& path);
+
+// What the cell's database must say of it.
+storage::v1::CellDescription DescriptionOf(const Cell& cell);
+
+}  // namespace silhouette

@@ -1,0 +1,82 @@
+#include "tools/program/program.h"
+
+#include <csignal>
+#include <iostream>
+#include <stdexcept>
+
+namespace silhouette {
+namespace {
+
+constexpr char kVersion[] = SILHOUETTE_VERSION;
+
+volatile std::sig_atomic_t stop_requested = 0;
+
+void OnStopSignal(int signal) {
+  if (stop_requested != 0) {
+    std::signal(signal, SIG_DFL);
+    std::raise(signal);
+  }
+  stop_requested = 1;
+}
+
+}  // namespace
+
+ExitCode ExitCodeOf(const absl::Status& status) {
+  switch (status.code()) {
+    case absl::StatusCode::kOk:
+      return kDone;
+    case absl::StatusCode::kInvalidArgument:
+    case absl::StatusCode::kNotFound:
+    case absl::StatusCode::kAlreadyExists:
+    case absl::StatusCode::kFailedPrecondition:
+    case absl::StatusCode::kOutOfRange:
+    case absl::StatusCode::kPermissionDenied:
+      return kUserMistake;
+    default:
+      return kWorldFailed;
+  }
+}
+
+ExitCode Report(const std::string& program, const absl::Status& status) {
+  if (!status.ok()) std::cerr << program << ": " << status.message() << std::endl;
+  return ExitCodeOf(status);
+}
+
+int RunProgram(CLI::App& app, int argc, char** argv, const std::function<int()>& run) {
+  app.set_version_flag("--version", app.get_name() + " " + kVersion);
+  app.failure_message([](const CLI::App* failed, const CLI::Error& error) {
+    return failed->get_name() + ": " + error.what() + "; see --help\n";
+  });
+  try {
+    app.parse(argc, argv);
+  } catch (const CLI::ParseError& error) {
+    return app.exit(error) == 0 ? kDone : kUserMistake;
+  }
+  try {
+    return run();
+  } catch (const std::invalid_argument& error) {
+    std::cerr << app.get_name() << ": " << error.what() << std::endl;
+    return kUserMistake;
+  } catch (const std::exception& error) {
+    std::cerr << app.get_name() << ": " << error.what() << std::endl;
+    return kWorldFailed;
+  }
+}
+
+void AddFormatOption(CLI::App& command, std::string& format) {
+  command.add_option("--format", format, "Output for people or for scripts")
+      ->check(CLI::IsMember({"text", "json"}))
+      ->capture_default_str();
+}
+
+void CatchStopSignals() {
+  struct sigaction action {};
+  action.sa_handler = OnStopSignal;
+  sigemptyset(&action.sa_mask);
+  sigaction(SIGINT, &action, nullptr);
+  sigaction(SIGTERM, &action, nullptr);
+}
+
+bool StopRequested() { return stop_requested != 0; }
+
+}  // namespace silhouette

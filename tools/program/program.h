@@ -1,0 +1,39 @@
+// The manners that all programs share: exit codes, error messages, --version, Ctrl-C.
+#pragma once
+
+#include <CLI/CLI.hpp>
+#include <functional>
+#include <string>
+
+#include "absl/status/status.h"
+
+namespace silhouette {
+
+enum ExitCode : int {
+  kDone = 0,
+  kNo = 1,           // the answer is no, or the check failed
+  kUserMistake = 2,  // a wrong argument, file or setting
+  kWorldFailed = 3,  // device, disk, network
+};
+
+// kUserMistake for InvalidArgument, NotFound, AlreadyExists, FailedPrecondition, OutOfRange and
+// PermissionDenied; kDone for OK; kWorldFailed for everything else.
+ExitCode ExitCodeOf(const absl::Status& status);
+
+// Prints "<program>: <message>" on stderr and returns ExitCodeOf(status).
+ExitCode Report(const std::string& program, const absl::Status& status);
+
+// Adds --version, parses, and returns what `run` returns. A wrong command line is one sentence on
+// stderr and kUserMistake; --help and --version go to stdout with kDone. An exception that leaves
+// `run` is one sentence too: std::invalid_argument kUserMistake, any other kWorldFailed.
+int RunProgram(CLI::App& app, int argc, char** argv, const std::function<int()>& run);
+
+// Adds --format text|json to `command`.
+void AddFormatOption(CLI::App& command, std::string& format);
+
+// From then on SIGINT and SIGTERM set a flag instead of ending the process; a second one ends it.
+void CatchStopSignals();
+// Whether such a signal came.
+bool StopRequested();
+
+}  // namespace silhouette

@@ -1,0 +1,84 @@
+#include "tools/program/progress.h"
+
+#include <unistd.h>
+
+#include <algorithm>
+#include <cmath>
+#include <iostream>
+#include <utility>
+
+#include "absl/strings/str_format.h"
+#include "absl/time/clock.h"
+
+namespace silhouette {
+namespace {
+
+constexpr absl::Duration kRedraw = absl::Milliseconds(100);
+constexpr absl::Duration kPlainLine = absl::Seconds(5);
+constexpr int kBarWidth = 24;
+
+}  // namespace
+
+Progress::Progress(std::string what, uint64_t total, std::string unit)
+    : what_(std::move(what)),
+      total_(total),
+      unit_(std::move(unit)),
+      terminal_(isatty(STDERR_FILENO) == 1),
+      start_(absl::Now()),
+      next_(start_ + (terminal_ ? kRedraw : kPlainLine)) {}
+
+Progress::~Progress() {
+  Draw(Line(done_, absl::Now()));
+  if (terminal_) std::cerr << std::endl;
+}
+
+void Progress::Update(uint64_t done) {
+  done_ = done;
+  const absl::Time now = absl::Now();
+  if (now < next_) return;
+  next_ = now + (terminal_ ? kRedraw : kPlainLine);
+  Draw(Line(done, now));
+}
+
+void Progress::Say(const std::string& line) {
+  if (terminal_ && drawn_) std::cerr << "\r\033[K";
+  std::cerr << line << std::endl;
+}
+
+std::string Progress::Line(uint64_t done, absl::Time now) const {
+  const double share = total_ == 0 ? 1 : static_cast<double>(done) / static_cast<double>(total_);
+  const absl::Duration spent = now - start_;
+  std::string line = absl::StrFormat("%s ", what_);
+  if (terminal_) {
+    const int filled = static_cast<int>(std::lround(std::min(share, 1.0) * kBarWidth));
+    line += "[" + std::string(static_cast<size_t>(filled), '#') +
+            std::string(static_cast<size_t>(kBarWidth - filled), '.') + "] ";
+  }
+  line += absl::StrFormat("%d of %d %s (%.0f %%)", done, total_, unit_, 100 * share);
+  if (done > 0 && done < total_) {
+    line += ", " + Spoken(spent * ((1 - share) / share)) + " left";
+  } else {
+    line += ", " + Spoken(spent);
+  }
+  return line;
+}
+
+void Progress::Draw(const std::string& line) {
+  if (terminal_) {
+    std::cerr << "\r\033[K" << line << std::flush;
+  } else {
+    std::cerr << line << std::endl;
+  }
+  drawn_ = true;
+}
+
+std::string Spoken(absl::Duration duration) {
+  const double seconds = absl::ToDoubleSeconds(duration);
+  if (seconds < 10) return absl::StrFormat("%.1f s", seconds);
+  const int64_t whole = std::llround(seconds);
+  if (whole < 60) return absl::StrFormat("%d s", whole);
+  if (whole < 3600) return absl::StrFormat("%d min %d s", whole / 60, whole % 60);
+  return absl::StrFormat("%d h %d min", whole / 3600, whole % 3600 / 60);
+}
+
+}  // namespace silhouette

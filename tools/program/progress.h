@@ -1,0 +1,44 @@
+// Progress of long work: on a terminal a bar with rate and time left that redraws itself, otherwise
+// a plain line every few seconds. Writes to stderr, so that stdout stays free for results.
+#pragma once
+
+#include <cstdint>
+#include <string>
+
+#include "absl/time/time.h"
+
+namespace silhouette {
+
+class Progress {
+ public:
+  // `what` names the work, `total` its parts, `unit` what a part is called, e.g. "configurations".
+  Progress(std::string what, uint64_t total, std::string unit);
+  // Ends the line.
+  ~Progress();
+  Progress(const Progress&) = delete;
+  Progress& operator=(const Progress&) = delete;
+
+  // `done` parts are done; cheap enough to call for each.
+  void Update(uint64_t done);
+
+  // One line of text above the bar.
+  void Say(const std::string& line);
+
+ private:
+  std::string Line(uint64_t done, absl::Time now) const;
+  void Draw(const std::string& line);
+
+  const std::string what_;
+  const uint64_t total_;
+  const std::string unit_;
+  const bool terminal_;
+  const absl::Time start_;
+  absl::Time next_;
+  uint64_t done_ = 0;
+  bool drawn_ = false;
+};
+
+// "1 h 12 min", "3 min 20 s", "4.2 s": a duration as people say it.
+std::string Spoken(absl::Duration duration);
+
+}  // namespace silhouette

@@ -1,0 +1,108 @@
+// Reading YAML files that people write: every mistake is told with file, line and the nearest key
+// that would have been right.
+#pragma once
+
+#include <yaml-cpp/yaml.h>
+
+#include <optional>
+#include <set>
+#include <stdexcept>
+#include <string>
+#include <vector>
+
+namespace silhouette {
+
+// "cell.yaml:12: unknown key 'vews' in 'grid'; did you mean 'views'?"
+class YamlError : public std::runtime_error {
+ public:
+  using std::runtime_error::runtime_error;
+};
+
+// A place in a file. Copies share the file's tree.
+class YamlNode {
+ public:
+  // `name` is what messages call the place, e.g. "views[2].mask_size".
+  YamlNode(YAML::Node node, std::string file, std::string name);
+
+  // Reads a file; throws YamlError if it cannot be read or is not YAML.
+  static YamlNode FromFile(const std::string& path);
+
+  const std::string& name() const { return name_; }
+  const std::string& file() const { return file_; }
+
+  // Throws a YamlError with this place's file, line and name in front of `message`.
+  [[noreturn]] void Fail(const std::string& message) const;
+
+  bool IsMap() const { return node_.IsMap(); }
+  bool IsSequence() const { return node_.IsSequence(); }
+  bool IsScalar() const { return node_.IsScalar(); }
+
+  // The scalar as T: bool, int, double, std::string. Throws YamlError, saying what was expected.
+  template <typename T>
+  T As() const;
+
+  // An angle in radians, or "90 deg"; a number without a unit is radians.
+  double AsAngle() const;
+
+  // A time span: "250 ms", "2 s", "1.5 min"; a number without a unit is seconds.
+  double AsSeconds() const;
+
+  // The items of a sequence; `count` items if given.
+  std::vector<YamlNode> Items(std::optional<size_t> count = std::nullopt) const;
+
+  // The items of a sequence as T.
+  template <typename T>
+  std::vector<T> Values(std::optional<size_t> count = std::nullopt) const {
+    std::vector<T> values;
+    for (const YamlNode& item : Items(count)) values.push_back(item.As<T>());
+    return values;
+  }
+
+ private:
+  friend class YamlMap;
+  YAML::Node node_;
+  std::string file_;
+  std::string name_;
+};
+
+// The keys of a map. Ask for every key it may have, then call Finish().
+class YamlMap {
+ public:
+  // Throws YamlError if the node is not a map or has a key twice.
+  explicit YamlMap(const YamlNode& node);
+
+  const YamlNode& node() const { return node_; }
+
+  // The value of a key that must be there.
+  YamlNode Required(const std::string& key);
+  // The value of a key; nothing if it is not there, or is null.
+  std::optional<YamlNode> Optional(const std::string& key);
+
+  template <typename T>
+  T Get(const std::string& key) {
+    return Required(key).As<T>();
+  }
+  template <typename T>
+  T Get(const std::string& key, T default_value) {
+    const std::optional<YamlNode> node = Optional(key);
+    return node ? node->As<T>() : default_value;
+  }
+
+  // All keys of a map whose keys are names of the user's, e.g. joints.
+  std::vector<std::string> Keys();
+
+  // Throws YamlError for a key that nobody asked for, with the nearest of those asked for.
+  void Finish() const;
+
+ private:
+  YamlNode node_;
+  std::set<std::string> asked_;
+};
+
+// The word of `known` that `word` most likely stands for; empty if none is near.
+std::string NearestWord(const std::string& word, const std::vector<std::string>& known);
+
+// 'a', 'b' and 'c'.
+std::string ListOfWords(const std::vector<std::string>& words);
+
+}  // namespace silhouette
