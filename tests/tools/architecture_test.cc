@@ -1,0 +1,179 @@
+// The layers of the project: who may include whom. docs/architecture.md shows the same table.
+#include <gtest/gtest.h>
+
+#include <filesystem>
+#include <fstream>
+#include <map>
+#include <regex>
+#include <set>
+#include <string>
+#include <vector>
+
+namespace {
+
+namespace fs = std::filesystem;
+
+struct Layer {
+  std::set<std::string> may_use;    // other layers
+  std::set<std::string> libraries;  // heavy libraries, by the first part of their headers' paths
+};
+
+const std::map<std::string, Layer>& Layers() {
+  static const std::map<std::string, Layer> layers = {
+      {"mask", {{}, {}}},
+      {"camera", {{}, {"Eigen"}}},
+      {"kinematics", {{}, {"Eigen", "urdf_parser", "urdf_model"}}},
+      {"store", {{"mask", "proto_storage"}, {"lmdb.h", "lz4.h", "xxhash.h"}}},
+      {"collision", {{"mask", "camera"}, {}}},
+      {"segmentation", {{"mask"}, {"opencv2"}}},
+      {"scene",
+       {{"mask", "store", "proto_storage", "collision", "segmentation", "kinematics"},
+        {"opencv2"}}},
+      {"service",
+       {{"scene", "proto", "mask", "store", "collision", "segmentation", "picture"},
+        {"grpcpp", "grpc", "spdlog", "opencv2"}}},
+      {"devices", {{"mask"}, {}}},
+      {"capture",
+       {{"devices", "mask", "store", "proto_storage", "segmentation", "kinematics"}, {"opencv2"}}},
+      {"sim",
+       {{"devices", "camera", "kinematics", "mask", "yaml"},
+        {"Eigen", "embree3", "assimp", "fcl", "opencv2"}}},
+      {"client", {{"mask", "proto"}, {"grpcpp", "grpc"}}},
+      {"planners", {{"mask"}, {}}},
+      {"yaml", {{}, {"yaml-cpp"}}},
+      {"program", {{}, {"CLI"}}},
+      {"picture", {{"mask"}, {"opencv2"}}},
+      {"cell",
+       {{"mask", "store", "proto_storage", "segmentation", "collision", "scene", "capture",
+         "kinematics", "yaml"},
+        {"yaml-cpp"}}},
+  };
+  return layers;
+}
+
+// Libraries that only the layers named above may include. Everything else (the standard library,
+// absl, nlohmann) is for all but the pure core.
+const std::set<std::string> kHeavy = {
+    "Eigen", "urdf_parser", "urdf_model", "lmdb.h", "lz4.h", "xxhash.h", "opencv2",  "grpcpp",
+    "grpc",  "spdlog",      "embree3",    "assimp", "fcl",   "CLI",      "yaml-cpp", "prometheus"};
+const std::set<std::string> kPureCore = {"mask", "camera", "collision"};
+
+// The layer of a file, by its path from the project's root; "" for a program, which sits on top of
+// everything.
+std::string LayerOf(const std::string& path) {
+  static const std::vector<std::pair<std::string, std::string>> places = {
+      {"db/mask.", "mask"},
+      {"db/configuration_grid.", "mask"},
+      {"db/program/", ""},
+      {"db/", "store"},
+      {"calib/camera_", "camera"},
+      {"calib/", "kinematics"},
+      {"server/collision/", "collision"},
+      {"server/scene/", "scene"},
+      {"server/service/", "service"},
+      {"server/program/", ""},
+      {"capture/devices.h", "devices"},
+      {"capture/segmentation/", "segmentation"},
+      {"capture/sim/program/", ""},
+      {"capture/sim/", "sim"},
+      {"capture/program/", ""},
+      {"capture/", "capture"},
+      {"clients/cpp/example/", ""},
+      {"clients/cpp/", "client"},
+      {"silhouette/storage/", "proto_storage"},
+      {"silhouette/v1/", "proto"},
+      {"silhouette/", "client"},
+      {"clients/planners/", "planners"},
+      {"clients/program/", ""},
+      {"tools/yaml/", "yaml"},
+      {"tools/program/", "program"},
+      {"tools/picture/", "picture"},
+      {"tools/cell/", "cell"},
+  };
+  for (const auto& [prefix, layer] : places) {
+    if (path.starts_with(prefix)) return layer;
+  }
+  return "?";
+}
+
+std::vector<std::string> SourceFiles(const fs::path& root) {
+  std::vector<std::string> files;
+  for (const char* folder : {"db", "calib", "capture", "server", "clients", "tools"}) {
+    for (const auto& entry : fs::recursive_directory_iterator(root / folder)) {
+      const std::string extension = entry.path().extension().string();
+      if (extension == ".h" || extension == ".cc") {
+        files.push_back(fs::relative(entry.path(), root).string());
+      }
+    }
+  }
+  return files;
+}
+
+std::vector<std::string> IncludesOf(const fs::path& file) {
+  static const std::regex include(R"(^\s*#\s*include\s*[<"]([^>"]+)[>"])");
+  std::vector<std::string> includes;
+  std::ifstream in(file);
+  for (std::string line; std::getline(in, line);) {
+    std::smatch match;
+    if (std::regex_search(line, match, include)) includes.push_back(match[1]);
+  }
+  return includes;
+}
+
+// What is wrong with `path`, of the layer `layer`, including `include`; empty if nothing is.
+std::string Fault(const std::string& path, const std::string& layer, const std::string& include) {
+  const Layer& rules = Layers().at(layer);
+  const std::string first = include.substr(0, include.find('/'));
+  const std::string target = LayerOf(include);
+  if (target == "?") {
+    if (kHeavy.contains(first) && !rules.libraries.contains(first)) {
+      return path + ": the layer '" + layer + "' must not use the library of <" + include + ">";
+    }
+    if (kPureCore.contains(layer) && (first == "absl" || first == "nlohmann")) {
+      return path + ": the pure core must not use <" + include + ">";
+    }
+    return "";
+  }
+  if (target.empty()) return path + ": no layer may use a program's " + include;
+  if (target == layer || rules.may_use.contains(target)) return "";
+  return path + ": the layer '" + layer + "' must not use '" + target + "' (" + include + ")";
+}
+
+TEST(Architecture, EveryIncludeFollowsAnArrowOfTheTable) {
+  const fs::path root = SILHOUETTE_SOURCE_DIR;
+  const std::vector<std::string> files = SourceFiles(root);
+  ASSERT_GT(files.size(), 10u);
+  for (const std::string& path : files) {
+    const std::string layer = LayerOf(path);
+    EXPECT_NE(layer, "?") << path << " belongs to no layer";
+    if (layer.empty() || layer == "?") continue;
+    for (const std::string& include : IncludesOf(root / path)) {
+      EXPECT_EQ(Fault(path, layer, include), "");
+    }
+  }
+}
+
+TEST(Architecture, ArrowsNeverLeadBack) {
+  // A layer reaches only layers that do not reach it.
+  std::map<std::string, std::set<std::string>> reached;
+  const auto reach = [&](const auto& self, const std::string& from, const std::string& at) -> void {
+    const auto found = Layers().find(at);
+    if (found == Layers().end()) return;
+    for (const std::string& next : found->second.may_use) {
+      if (reached[from].insert(next).second) self(self, from, next);
+    }
+  };
+  for (const auto& [layer, rules] : Layers()) reach(reach, layer, layer);
+  for (const auto& [layer, targets] : reached) EXPECT_FALSE(targets.contains(layer)) << layer;
+}
+
+TEST(Architecture, ForbiddenArrowIsFound) {
+  EXPECT_NE(Fault("db/mask.cc", "mask", "lmdb.h"), "");
+  EXPECT_NE(Fault("db/mask.cc", "mask", "absl/status/status.h"), "");
+  EXPECT_NE(Fault("db/store.cc", "store", "server/scene/scene.h"), "");
+  EXPECT_NE(Fault("server/scene/scene.cc", "scene", "server/program/main.h"), "");
+  EXPECT_EQ(Fault("server/scene/scene.cc", "scene", "db/store.h"), "");
+  EXPECT_EQ(Fault("db/mask.cc", "mask", "vector"), "");
+}
+
+}  // namespace

@@ -1,0 +1,84 @@
+#include "tools/program/program.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <csignal>
+#include <stdexcept>
+#include <vector>
+
+#include "tools/program/progress.h"
+
+namespace silhouette {
+namespace {
+
+using ::testing::HasSubstr;
+
+int RunTester(std::vector<std::string> arguments, const std::function<int()>& run) {
+  CLI::App app("A test", "tester");
+  arguments.insert(arguments.begin(), "tester");
+  std::vector<char*> argv;
+  for (std::string& argument : arguments) argv.push_back(argument.data());
+  return RunProgram(app, static_cast<int>(argv.size()), argv.data(), run);
+}
+
+TEST(Program, MistakesOfTheUserAndFailuresOfTheWorldHaveTheirOwnExitCodes) {
+  EXPECT_EQ(ExitCodeOf(absl::OkStatus()), 0);
+  EXPECT_EQ(ExitCodeOf(absl::InvalidArgumentError("")), 2);
+  EXPECT_EQ(ExitCodeOf(absl::NotFoundError("")), 2);
+  EXPECT_EQ(ExitCodeOf(absl::FailedPreconditionError("")), 2);
+  EXPECT_EQ(ExitCodeOf(absl::ResourceExhaustedError("")), 3);
+  EXPECT_EQ(ExitCodeOf(absl::UnavailableError("")), 3);
+  EXPECT_EQ(ExitCodeOf(absl::DataLossError("")), 3);
+}
+
+TEST(Program, WrongCommandLineIsOneSentenceAndTheUsersMistake) {
+  testing::internal::CaptureStderr();
+  EXPECT_EQ(RunTester({"--wrong"}, [] { return 0; }), 2);
+  const std::string message = testing::internal::GetCapturedStderr();
+  EXPECT_THAT(message, HasSubstr("tester: "));
+  EXPECT_THAT(message, HasSubstr("--wrong"));
+}
+
+TEST(Program, VersionGoesToStandardOutput) {
+  testing::internal::CaptureStdout();
+  EXPECT_EQ(RunTester({"--version"}, [] { return 3; }), 0);
+  EXPECT_THAT(testing::internal::GetCapturedStdout(), HasSubstr("tester 0."));
+}
+
+TEST(Program, ExceptionsBecomeOneSentence) {
+  testing::internal::CaptureStderr();
+  EXPECT_EQ(RunTester({}, []() -> int { throw std::invalid_argument("a bad value"); }), 2);
+  EXPECT_EQ(testing::internal::GetCapturedStderr(), "tester: a bad value\n");
+  testing::internal::CaptureStderr();
+  EXPECT_EQ(RunTester({}, []() -> int { throw std::runtime_error("no luck"); }), 3);
+  EXPECT_EQ(testing::internal::GetCapturedStderr(), "tester: no luck\n");
+}
+
+TEST(Program, StopSignalIsNoticedAndDoesNotEndTheProcess) {
+  CatchStopSignals();
+  EXPECT_FALSE(StopRequested());
+  std::raise(SIGINT);
+  EXPECT_TRUE(StopRequested());
+}
+
+TEST(Progress, EndsWithALineThatTellsWhatWasDone) {
+  testing::internal::CaptureStderr();
+  {
+    Progress progress("capture", 4, "configurations");
+    progress.Update(3);
+    progress.Update(4);
+  }
+  EXPECT_THAT(testing::internal::GetCapturedStderr(),
+              HasSubstr("capture 4 of 4 configurations (100 %), "));
+}
+
+TEST(Progress, DurationsAreSpokenAsPeopleDo) {
+  EXPECT_EQ(Spoken(absl::Milliseconds(4200)), "4.2 s");
+  EXPECT_EQ(Spoken(absl::Seconds(59)), "59 s");
+  EXPECT_EQ(Spoken(absl::Seconds(200)), "3 min 20 s");
+  EXPECT_EQ(Spoken(absl::Hours(1) + absl::Minutes(12)), "1 h 12 min");
+}
+
+}  // namespace
+}  // namespace silhouette

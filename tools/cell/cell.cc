@@ -1,0 +1,102 @@
+#include "tools/cell/cell.h"
+
+#include <filesystem>
+#include <stdexcept>
+#include <utility>
+
+#include "tools/cell/sections.h"
+#include "tools/yaml/strict_yaml.h"
+
+namespace silhouette {
+namespace {
+
+Cell ReadCell(const std::string& path) {
+  const std::filesystem::path folder = std::filesystem::path(path).parent_path();
+  YamlMap map(YamlNode::FromFile(path));
+  const std::string name = map.Get<std::string>("name");
+  const auto file_of = [&](const std::string& key) {
+    const std::string value = map.Get<std::string>(key, "");
+    return value.empty() ? value : ResolvePath(folder, value);
+  };
+  std::string database = file_of("database");
+  std::string simulation = file_of("simulation");
+  const YamlNode robot_node = map.Required("robot");
+  const YamlNode grid_node = map.Required("grid");
+  const YamlNode views_node = map.Required("views");
+  const auto capture_node = map.Optional("capture");
+  const auto segmentation_node = map.Optional("segmentation");
+  const auto policy_node = map.Optional("policy");
+  const auto server_node = map.Optional("server");
+  map.Finish();
+
+  RobotAndGrid robot = ReadRobotAndGrid(robot_node, grid_node, folder);
+  Cell cell{.file = path,
+            .name = name,
+            .database = std::move(database),
+            .simulation = std::move(simulation),
+            .robot = std::move(robot.robot),
+            .grid = std::move(robot.grid),
+            .fixed_joints = std::move(robot.fixed_joints),
+            .views = ReadViews(views_node),
+            .capture = {},
+            .segmentation = {},
+            .policy = {},
+            .server = {}};
+  if (capture_node) cell.capture = ReadCapture(*capture_node, cell.grid);
+  if (segmentation_node) cell.segmentation = ReadSegmentation(*segmentation_node);
+  if (policy_node) cell.policy = ReadPolicy(*policy_node, static_cast<int>(cell.views.size()));
+  if (server_node) cell.server = ReadServer(*server_node);
+  return cell;
+}
+
+bool HasSources(const Cell& cell) {
+  for (const ViewSettings& view : cell.views) {
+    if (!view.source.empty()) return true;
+  }
+  return false;
+}
+
+}  // namespace
+
+std::string ResolvePath(const std::filesystem::path& folder, const std::string& path) {
+  return (folder / path).lexically_normal().string();
+}
+
+absl::StatusOr<Cell> LoadCell(const std::string& path) {
+  try {
+    return ReadCell(path);
+  } catch (const YamlError& error) {
+    return absl::InvalidArgumentError(error.what());
+  }
+}
+
+storage::v1::CellDescription DescriptionOf(const Cell& cell) {
+  storage::v1::CellDescription description;
+  description.set_name(cell.name);
+  for (const GridJoint& joint : cell.grid.joints()) {
+    storage::v1::GridJoint& stored = *description.add_grid_joints();
+    stored.set_name(joint.name);
+    stored.set_lower(joint.lower);
+    stored.set_upper(joint.upper);
+    stored.set_steps(joint.steps);
+    stored.set_continuous(joint.continuous);
+  }
+  for (int edge : cell.grid.tile_edges()) description.add_tile_edges(edge);
+  for (const FixedJoint& joint : cell.fixed_joints) {
+    storage::v1::FixedJoint& stored = *description.add_fixed_joints();
+    stored.set_name(joint.name);
+    stored.set_position(joint.position);
+  }
+  for (const ViewSettings& view : cell.views) {
+    storage::v1::View& stored = *description.add_views();
+    stored.set_name(view.name);
+    stored.set_image_width(view.image_width);
+    stored.set_image_height(view.image_height);
+    stored.set_mask_width(view.mask_size.width);
+    stored.set_mask_height(view.mask_size.height);
+  }
+  if (HasSources(cell)) description.set_segmentation(Describe(cell.segmentation));
+  return description;
+}
+
+}  // namespace silhouette

@@ -1,0 +1,185 @@
+#include "tools/cell/sections.h"
+
+#include <algorithm>
+#include <set>
+#include <stdexcept>
+
+namespace silhouette {
+namespace {
+
+double Positive(const YamlNode& node, double value) {
+  if (!(value > 0)) node.Fail("a number greater than 0 is expected");
+  return value;
+}
+
+double NotNegative(const YamlNode& node, double value) {
+  if (!(value >= 0)) node.Fail("a number not below 0 is expected");
+  return value;
+}
+
+absl::Duration Time(YamlMap& map, const std::string& key, absl::Duration default_value) {
+  const auto node = map.Optional(key);
+  return node ? absl::Seconds(node->AsSeconds()) : default_value;
+}
+
+int AtLeast(YamlMap& map, const std::string& key, int default_value, int least) {
+  const auto node = map.Optional(key);
+  if (!node) return default_value;
+  const int value = node->As<int>();
+  if (value < least) node->Fail("at least " + std::to_string(least) + " is expected");
+  return value;
+}
+
+MaskSize ReadMaskSize(const YamlNode& node) {
+  const std::vector<int> sides = node.Values<int>(2);
+  const MaskSize size{sides[0], sides[1]};
+  if (!size.valid()) node.Fail("each side of a mask is 1 to 1024 pixels");
+  return size;
+}
+
+ViewSettings ReadView(const YamlNode& node) {
+  YamlMap map(node);
+  ViewSettings view;
+  view.name = map.Get<std::string>("name");
+  if (view.name.empty()) node.Fail("a view needs a name");
+  view.source = map.Get<std::string>("source", "");
+  const auto mask_size = map.Optional("mask_size");
+  view.mask_size = mask_size ? ReadMaskSize(*mask_size) : MaskSize{64, 64};
+  const auto image_size = map.Optional("image_size");
+  map.Finish();
+  if (!image_size) {
+    if (!view.source.empty()) node.Fail("a view with a source needs its image_size");
+    view.image_width = view.mask_size.width;
+    view.image_height = view.mask_size.height;
+    return view;
+  }
+  const std::vector<int> sides = image_size->Values<int>(2);
+  view.image_width = sides[0];
+  view.image_height = sides[1];
+  if (view.image_width < view.mask_size.width || view.image_height < view.mask_size.height) {
+    image_size->Fail("the image must not be smaller than its mask");
+  }
+  return view;
+}
+
+ForbiddenRegion ReadForbiddenRegion(const YamlNode& node, const ConfigurationGrid& grid) {
+  YamlMap map(node);
+  ForbiddenRegion region;
+  region.name = map.Get<std::string>("name");
+  YamlMap joints(map.Required("joints"));
+  map.Finish();
+  for (const std::string& name : joints.Keys()) {
+    const YamlNode value = joints.Required(name);
+    const auto known = grid.joints();
+    if (std::none_of(known.begin(), known.end(),
+                     [&](const GridJoint& joint) { return joint.name == name; })) {
+      value.Fail("'" + name + "' is not a joint of the grid");
+    }
+    const std::vector<YamlNode> bounds = value.Items(2);
+    const ForbiddenRegion::Range range{name, bounds[0].AsAngle(), bounds[1].AsAngle()};
+    if (range.lower > range.upper) value.Fail("the first bound must not exceed the second");
+    region.ranges.push_back(range);
+  }
+  if (region.ranges.empty()) node.Fail("a forbidden region bounds at least one joint");
+  return region;
+}
+
+}  // namespace
+
+std::vector<ViewSettings> ReadViews(const YamlNode& node) {
+  std::vector<ViewSettings> views;
+  std::set<std::string> names;
+  for (const YamlNode& item : node.Items()) {
+    views.push_back(ReadView(item));
+    if (!names.insert(views.back().name).second) {
+      item.Fail("there is another view called '" + views.back().name + "'");
+    }
+  }
+  if (views.empty()) node.Fail("a cell has at least one view");
+  return views;
+}
+
+CaptureSettings ReadCapture(const YamlNode& node, const ConfigurationGrid& grid) {
+  YamlMap map(node);
+  CaptureSettings capture;
+  capture.settle = Time(map, "settle", capture.settle);
+  capture.commit_interval = Time(map, "commit_interval", capture.commit_interval);
+  if (capture.commit_interval > absl::Seconds(2)) {
+    map.Required("commit_interval").Fail("at most 2 s, so that little work is at risk");
+  }
+  if (const auto tolerance = map.Optional("joint_tolerance")) {
+    capture.joint_tolerance = Positive(*tolerance, tolerance->AsAngle());
+  }
+  if (const auto speed = map.Optional("joint_speed")) {
+    capture.joint_speed = Positive(*speed, speed->AsAngle());
+  }
+  capture.reference_images = AtLeast(map, "reference_images", capture.reference_images, 2);
+  if (const auto regions = map.Optional("forbidden_regions")) {
+    for (const YamlNode& region : regions->Items()) {
+      capture.forbidden_regions.push_back(ReadForbiddenRegion(region, grid));
+    }
+  }
+  map.Finish();
+  return capture;
+}
+
+SegmentationSettings ReadSegmentation(const YamlNode& node) {
+  YamlMap map(node);
+  SegmentationSettings settings;
+  const auto number = [&](const std::string& key, double default_value) {
+    const auto value = map.Optional(key);
+    return value ? NotNegative(*value, value->As<double>()) : default_value;
+  };
+  settings.noise_factor = number("noise_factor", settings.noise_factor);
+  settings.min_difference = number("min_difference", settings.min_difference);
+  settings.follow_brightness = map.Get<bool>("follow_brightness", settings.follow_brightness);
+  settings.clean_up_radius = AtLeast(map, "clean_up_radius", settings.clean_up_radius, 0);
+  settings.min_blob_pixels = AtLeast(map, "min_blob_pixels", settings.min_blob_pixels, 0);
+  settings.min_cover = number("min_cover", settings.min_cover);
+  if (settings.min_cover >= 1) map.Required("min_cover").Fail("a share below 1 is expected");
+  map.Finish();
+  return settings;
+}
+
+Policy ReadPolicy(const YamlNode& node, int views) {
+  YamlMap map(node);
+  Policy policy;
+  if (const auto preset = map.Optional("preset")) {
+    const auto value = PresetFromName(preset->As<std::string>());
+    if (!value) preset->Fail("'uncalibrated' or 'paper' is expected");
+    policy.preset = *value;
+  }
+  if (const auto min_views = map.Optional("min_views")) policy.min_views = min_views->As<int>();
+  policy.max_occluded_views = map.Get<int>("max_occluded_views", policy.max_occluded_views);
+  if (const auto off_grid = map.Optional("off_grid")) {
+    const std::string value = off_grid->As<std::string>();
+    if (value != "cell" && value != "nearest") off_grid->Fail("'cell' or 'nearest' is expected");
+    policy.off_grid = value == "cell" ? OffGrid::kCell : OffGrid::kNearest;
+  }
+  map.Finish();
+  try {
+    MinViews(policy, views);
+  } catch (const std::invalid_argument& error) {
+    node.Fail(error.what());
+  }
+  return policy;
+}
+
+ServerSettings ReadServer(const YamlNode& node) {
+  YamlMap map(node);
+  ServerSettings server;
+  server.listen = map.Get<std::string>("listen", server.listen);
+  server.scene.max_age = Time(map, "max_age", server.scene.max_age);
+  server.scene.max_skew = Time(map, "max_skew", server.scene.max_skew);
+  if (const auto share = map.Optional("max_core_error")) {
+    server.scene.max_core_error = NotNegative(*share, share->As<double>());
+    if (server.scene.max_core_error > 1) share->Fail("a share of 0 to 1 is expected");
+  }
+  if (const auto tolerance = map.Optional("fixed_joint_tolerance")) {
+    server.scene.fixed_joint_tolerance = Positive(*tolerance, tolerance->AsAngle());
+  }
+  map.Finish();
+  return server;
+}
+
+}  // namespace silhouette

@@ -1,0 +1,33 @@
+// The sections of cell.yaml, one function each. All throw YamlError.
+#pragma once
+
+#include <filesystem>
+#include <string>
+#include <vector>
+
+#include "tools/cell/cell.h"
+#include "tools/yaml/strict_yaml.h"
+
+namespace silhouette {
+
+// `path`, relative to `folder` if it is not absolute.
+std::string ResolvePath(const std::filesystem::path& folder, const std::string& path);
+
+// The robot, the configuration grid over its moving joints, and the joints that stay.
+struct RobotAndGrid {
+  RobotSettings robot;
+  ConfigurationGrid grid;
+  std::vector<FixedJoint> fixed_joints;
+};
+RobotAndGrid ReadRobotAndGrid(const YamlNode& robot, const YamlNode& grid,
+                              const std::filesystem::path& folder);
+
+std::vector<ViewSettings> ReadViews(const YamlNode& node);
+// `grid`: the joints that forbidden regions may name.
+CaptureSettings ReadCapture(const YamlNode& node, const ConfigurationGrid& grid);
+SegmentationSettings ReadSegmentation(const YamlNode& node);
+// `views`: how many there are, the bound of min_views.
+Policy ReadPolicy(const YamlNode& node, int views);
+ServerSettings ReadServer(const YamlNode& node);
+
+}  // namespace silhouette
