@@ -38,9 +38,13 @@ function(silhouette_program name)
   install(TARGETS ${name} RUNTIME DESTINATION ${CMAKE_INSTALL_BINDIR} COMPONENT programs)
 endfunction()
 
-# silhouette_test(NAME SOURCES a_test.cc ... LIBRARIES targets [LABELS labels] [TIMEOUT seconds])
+# All tests of the label `threads`: what the thread-sanitizer run builds.
+add_custom_target(thread_tests)
+
+# silhouette_test(NAME SOURCES a_test.cc ... LIBRARIES targets
+#                 [LABELS labels] [TIMEOUT seconds] [DEPENDS targets])
 # A GoogleTest program whose tests CTest lists one by one. The label `threads` puts it into the
-# thread-sanitizer run.
+# thread-sanitizer run. DEPENDS names the programs that the tests start.
 function(silhouette_test name)
   cmake_parse_arguments(PARSE_ARGV 1 arg "" "TIMEOUT" "SOURCES;LIBRARIES;LABELS;DEPENDS")
   add_executable(${name} ${arg_SOURCES})
@@ -53,6 +57,9 @@ function(silhouette_test name)
     SILHOUETTE_BIN_DIR="${CMAKE_RUNTIME_OUTPUT_DIRECTORY}")
   if(arg_DEPENDS)
     add_dependencies(${name} ${arg_DEPENDS})
+  endif()
+  if("threads" IN_LIST arg_LABELS)
+    add_dependencies(thread_tests ${name})
   endif()
   if(NOT arg_TIMEOUT)
     set(arg_TIMEOUT 120)
