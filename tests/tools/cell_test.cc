@@ -1,0 +1,155 @@
+#include "tools/cell/cell.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <fstream>
+#include <numbers>
+#include <regex>
+
+namespace silhouette {
+namespace {
+
+using ::testing::ElementsAre;
+using ::testing::HasSubstr;
+
+constexpr char kBareCell[] = R"(name: bare
+robot:
+  joints:
+    - {name: a, lower: 0, upper: 90 deg}
+    - {name: b, continuous: true}
+  fixed: {c: 0.5}
+grid:
+  steps: {a: 10, b: 36}
+views:
+  - {name: top}
+  - {name: side, mask_size: [32, 16]}
+)";
+
+std::string Write(const std::string& text) {
+  static int count = 0;
+  const std::string path = testing::TempDir() + "/cell_" + std::to_string(getpid()) + "_" +
+                           std::to_string(count++) + ".yaml";
+  std::ofstream(path) << text;
+  return path;
+}
+
+absl::StatusOr<Cell> Load(const std::string& text) { return LoadCell(Write(text)); }
+
+// kBareCell with `from` replaced by `to`.
+std::string Changed(const std::string& from, const std::string& to) {
+  std::string text = kBareCell;
+  const size_t place = text.find(from);
+  EXPECT_NE(place, std::string::npos) << from;
+  return text.replace(place, from.size(), to);
+}
+
+std::string MessageOf(const std::string& text) {
+  const absl::StatusOr<Cell> cell = Load(text);
+  EXPECT_EQ(cell.status().code(), absl::StatusCode::kInvalidArgument);
+  return std::regex_replace(std::string(cell.status().message()), std::regex("^.*/"), "");
+}
+
+TEST(Cell, BareJointsAndViewsWithoutASourceAreEnough) {
+  const absl::StatusOr<Cell> cell = Load(kBareCell);
+  ASSERT_TRUE(cell.ok()) << cell.status();
+  ASSERT_EQ(cell->grid.dimensions(), 2);
+  EXPECT_EQ(cell->grid.joints()[0].steps, 10);
+  EXPECT_DOUBLE_EQ(cell->grid.joints()[0].upper, std::numbers::pi / 2);
+  EXPECT_TRUE(cell->grid.joints()[1].continuous);
+  EXPECT_DOUBLE_EQ(cell->grid.joints()[1].lower, -std::numbers::pi);
+  ASSERT_EQ(cell->fixed_joints.size(), 1u);
+  EXPECT_EQ(cell->fixed_joints[0].name, "c");
+  EXPECT_EQ(cell->views[0].mask_size, (MaskSize{64, 64}));
+  EXPECT_EQ(cell->views[1].mask_size, (MaskSize{32, 16}));
+  EXPECT_EQ(cell->views[1].image_width, 32);
+  EXPECT_EQ(DescriptionOf(*cell).segmentation(), "");
+}
+
+TEST(Cell, TheCommentedSampleIsACellAndShowsEveryDefault) {
+  std::ifstream in(std::string(SILHOUETTE_SOURCE_DIR) + "/docs/cell.yaml");
+  std::string text((std::istreambuf_iterator<char>(in)), std::istreambuf_iterator<char>());
+  const std::string robots = std::string(SILHOUETTE_SOURCE_DIR) + "/capture/sim/robots/";
+  text = std::regex_replace(text, std::regex("urdf: rx130"), "urdf: " + robots + "rx130");
+  const absl::StatusOr<Cell> cell = Load(text);
+  ASSERT_TRUE(cell.ok()) << cell.status();
+  EXPECT_EQ(cell->segmentation, SegmentationSettings{});
+  EXPECT_EQ(cell->policy, Policy{});
+  EXPECT_EQ(cell->capture.settle, CaptureSettings{}.settle);
+  EXPECT_EQ(cell->capture.joint_speed, CaptureSettings{}.joint_speed);
+  EXPECT_EQ(cell->capture.reference_images, CaptureSettings{}.reference_images);
+  EXPECT_EQ(cell->server.listen, ServerSettings{}.listen);
+  EXPECT_EQ(cell->server.scene.max_age, SceneSettings{}.max_age);
+  EXPECT_EQ(cell->server.scene.max_skew, SceneSettings{}.max_skew);
+  EXPECT_EQ(cell->server.scene.max_core_error, SceneSettings{}.max_core_error);
+  EXPECT_EQ(cell->capture.forbidden_regions.size(), 1u);
+}
+
+TEST(Cell, MaxMoveGridObeysTheLargestMovementAndSumDividesIt) {
+  const std::string robots = std::string(SILHOUETTE_SOURCE_DIR) + "/capture/sim/robots/";
+  const auto steps = [&](const std::string& rule) {
+    const absl::StatusOr<Cell> cell = Load("name: x\nrobot:\n  urdf: " + robots +
+                                           "rx130.urdf\n  joints:\n"
+                                           "    - {name: joint_1, lower: -1, upper: 1}\n"
+                                           "    - {name: joint_3, lower: -1, upper: 1}\n"
+                                           "  fixed: {joint_2: 0, joint_4: 0, joint_5: 0, "
+                                           "joint_6: 0}\n"
+                                           "grid: {max_move: 0.1, max_move_rule: " +
+                                           rule + "}\nviews: [{name: top}]\n");
+    EXPECT_TRUE(cell.ok()) << cell.status();
+    return std::vector<int>{cell->grid.joints()[0].steps, cell->grid.joints()[1].steps};
+  };
+  const std::vector<int> each = steps("each");
+  const std::vector<int> sum = steps("sum");
+  EXPECT_GT(each[0], each[1]) << "the base moves the robot further than the elbow";
+  // The reach of about 1.5 m at the base bounds a step of 0.1 m to about 1/15 rad.
+  EXPECT_GE(each[0], 25);
+  EXPECT_LE(each[0], 45);
+  EXPECT_NEAR(sum[0], 2 * each[0], 2);
+}
+
+TEST(Cell, MistakesAreToldWithLineAndMend) {
+  EXPECT_THAT(MessageOf(Changed("views:", "vews:")),
+              HasSubstr(".yaml:9: unknown key 'vews'; did you mean 'views'?"));
+  EXPECT_THAT(MessageOf(Changed("a: 10, ", "")), HasSubstr("grid.steps: the key 'a' is missing"));
+  EXPECT_THAT(MessageOf(Changed("a: 10", "a: 0")), HasSubstr("joint 'a'"));
+  EXPECT_THAT(MessageOf(Changed("steps: {a: 10, b: 36}", "max_move: 0.1")),
+              HasSubstr("max_move needs the robot's urdf"));
+  EXPECT_THAT(MessageOf(Changed("steps: {a: 10, b: 36}", "{}")), HasSubstr("max_move or steps"));
+  EXPECT_THAT(MessageOf(Changed("[32, 16]", "[32, 2000]")), HasSubstr("1 to 1024"));
+  EXPECT_THAT(MessageOf(Changed("name: side", "name: top")),
+              HasSubstr("another view called 'top'"));
+  EXPECT_THAT(MessageOf(Changed("lower: 0", "lower: 100 deg")), HasSubstr("joint 'a'"));
+  EXPECT_THAT(MessageOf(Changed("{name: a, lower: 0, ", "{name: a, ")),
+              HasSubstr("'lower' is missing"));
+  EXPECT_THAT(MessageOf(Changed("{c: 0.5}", "{a: 0.5}")), HasSubstr("moves; it cannot be fixed"));
+  EXPECT_THAT(MessageOf(std::string(kBareCell) + "policy: {min_views: 3}\n"),
+              HasSubstr("min_views"));
+  EXPECT_THAT(MessageOf(std::string(kBareCell) + "policy: {preset: brave}\n"),
+              HasSubstr("'uncalibrated' or 'paper'"));
+  EXPECT_THAT(MessageOf(std::string(kBareCell) +
+                        "capture:\n  forbidden_regions: [{name: x, joints: {d: [0, 1]}}]\n"),
+              HasSubstr("'d' is not a joint of the grid"));
+  EXPECT_THAT(MessageOf(std::string(kBareCell) + "capture: {commit_interval: 5 s}\n"),
+              HasSubstr("at most 2 s"));
+}
+
+TEST(Cell, JointsThatTheModelLacksOrThatAreNotNamedAreTold) {
+  const std::string robots = std::string(SILHOUETTE_SOURCE_DIR) + "/capture/sim/robots/";
+  const auto message = [&](const std::string& joint, const std::string& fixed) {
+    return MessageOf("name: x\nrobot:\n  urdf: " + robots + "rx130.urdf\n  joints: [" + joint +
+                     "]\n  fixed: " + fixed + "\ngrid: {max_move: 0.1}\nviews: [{name: top}]\n");
+  };
+  EXPECT_THAT(message("{name: joint_7}", "{}"), HasSubstr("joint_7"));
+  EXPECT_THAT(message("{name: joint_1}", "{joint_2: 0}"),
+              HasSubstr("say where 'joint_3', 'joint_4', 'joint_5' and 'joint_6' stand"));
+  EXPECT_THAT(message("{name: joint_1, upper: 100}", "{}"), HasSubstr("limit"));
+}
+
+TEST(Cell, MissingFileIsTold) {
+  EXPECT_EQ(LoadCell("/nowhere/cell.yaml").status().message(),
+            "/nowhere/cell.yaml: the file does not exist or cannot be read");
+}
+
+}  // namespace
+}  // namespace silhouette
