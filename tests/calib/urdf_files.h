@@ -1,0 +1,75 @@
+// URDF files and meshes for tests, in a fresh folder each.
+#pragma once
+
+#include <gtest/gtest.h>
+#include <unistd.h>
+
+#include <filesystem>
+#include <fstream>
+#include <string>
+
+namespace silhouette {
+
+// A folder of its own for the running test.
+inline std::filesystem::path FreshFolder() {
+  const auto* test = testing::UnitTest::GetInstance()->current_test_info();
+  std::string name = std::string(test->test_suite_name()) + "." + test->name();
+  for (char& c : name) c = c == '/' ? '_' : c;
+  const std::filesystem::path folder =
+      std::filesystem::path(testing::TempDir()) / (name + "." + std::to_string(getpid()));
+  std::filesystem::remove_all(folder);
+  std::filesystem::create_directories(folder);
+  return folder;
+}
+
+inline std::string WriteFile(const std::filesystem::path& path, const std::string& text) {
+  std::filesystem::create_directories(path.parent_path());
+  std::ofstream(path) << text;
+  return path.string();
+}
+
+// A tetrahedron as text STL: corners (0,0,0), (1,0,0), (0,1,0), (0,0,1).
+inline std::string TetrahedronStl() {
+  const auto facet = [](const std::string& a, const std::string& b, const std::string& c) {
+    return "facet normal 0 0 0\nouter loop\nvertex " + a + "\nvertex " + b + "\nvertex " + c +
+           "\nendloop\nendfacet\n";
+  };
+  const std::string o = "0 0 0", x = "1 0 0", y = "0 1 0", z = "0 0 1";
+  return "solid t\n" + facet(o, y, x) + facet(o, x, z) + facet(o, z, y) + facet(x, y, z) +
+         "endsolid t\n";
+}
+
+// Three links in a row: joint `turn` about z at height 1, joint `bend` about y 0.5 further out
+// along x, then a forearm of 0.4 along x, joint `slide` along x at its end with a ball on it.
+inline std::string ThreeJointUrdf() {
+  return R"(<?xml version="1.0"?>
+<robot name="three">
+  <material name="red"><color rgba="1 0 0 1"/></material>
+  <link name="base"/>
+  <link name="upper">
+    <visual><geometry><box size="0.5 0.1 0.2"/></geometry><origin xyz="0.25 0 0"/>
+      <material name="red"/></visual>
+  </link>
+  <link name="forearm">
+    <collision><geometry><cylinder radius="0.03" length="0.4"/></geometry>
+      <origin xyz="0.2 0 0" rpy="0 1.5707963267948966 0"/></collision>
+  </link>
+  <link name="tool">
+    <visual><geometry><sphere radius="0.05"/></geometry></visual>
+  </link>
+  <joint name="turn" type="revolute">
+    <parent link="base"/><child link="upper"/><origin xyz="0 0 1"/><axis xyz="0 0 1"/>
+    <limit lower="-2" upper="2" effort="1" velocity="1"/>
+  </joint>
+  <joint name="bend" type="continuous">
+    <parent link="upper"/><child link="forearm"/><origin xyz="0.5 0 0"/><axis xyz="0 1 0"/>
+  </joint>
+  <joint name="slide" type="prismatic">
+    <parent link="forearm"/><child link="tool"/><origin xyz="0.4 0 0"/><axis xyz="1 0 0"/>
+    <limit lower="0" upper="0.3" effort="1" velocity="1"/>
+  </joint>
+</robot>
+)";
+}
+
+}  // namespace silhouette
