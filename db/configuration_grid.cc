@@ -15,6 +15,12 @@ constexpr double kSnap = 1e-6;  // in steps
 constexpr uint64_t kMaxConfigurations = uint64_t{1} << 40;
 constexpr int kTileBits = 12;  // 4096 == 1 << 12
 
+void RequireJointCount(size_t joints) {
+  if (joints < 1 || joints > kMaxJoints) {
+    throw std::invalid_argument("a grid has 1 to 7 joints, not " + std::to_string(joints));
+  }
+}
+
 void RequireValid(const GridJoint& joint) {
   const std::string name = "joint '" + joint.name + "'";
   if (!std::isfinite(joint.lower) || !std::isfinite(joint.upper) || joint.lower > joint.upper) {
@@ -73,9 +79,7 @@ double GridJoint::step() const {
 
 ConfigurationGrid::ConfigurationGrid(std::vector<GridJoint> joints, std::vector<int> tile_edges)
     : joints_(std::move(joints)), tile_edges_(std::move(tile_edges)) {
-  if (joints_.empty() || joints_.size() > kMaxJoints) {
-    throw std::invalid_argument("a grid has 1 to 7 joints, not " + std::to_string(joints_.size()));
-  }
+  RequireJointCount(joints_.size());
   size_ = 1;
   for (size_t j = 0; j < joints_.size(); ++j) {
     RequireValid(joints_[j]);
@@ -213,6 +217,7 @@ std::optional<GridIndex> ConfigurationGrid::Neighbour(const GridIndex& index, in
 
 std::vector<int> ChooseTileEdges(std::span<const GridJoint> joints,
                                  std::span<const double> extent_per_step) {
+  RequireJointCount(joints.size());
   if (!extent_per_step.empty() && extent_per_step.size() != joints.size()) {
     throw std::invalid_argument("there must be one extent per joint");
   }
