@@ -1,0 +1,65 @@
+// CameraModel: where a world point appears in a view's image, and which ray a pixel sees. Part of
+// the pure core.
+//
+// Pinhole with OpenCV's distortion. An integer coordinate is a pixel's centre, x to the right, y
+// down: the image covers [-0.5, width - 0.5] x [-0.5, height - 0.5]. The camera's frame has z along
+// the view, x to the right, y down. A pose `a_from_b` takes points in b to points in a. Metres and
+// pixels. A model cannot be changed once made and can be read by any number of threads.
+#pragma once
+
+#include <Eigen/Geometry>
+#include <array>
+#include <optional>
+
+namespace silhouette {
+
+struct CameraIntrinsics {
+  int width = 0;  // pixels
+  int height = 0;
+  double fx = 0;  // focal lengths, pixels
+  double fy = 0;
+  double cx = 0;  // principal point, pixels
+  double cy = 0;
+  // k1, k2, p1, p2, k3, k4, k5, k6: radial (1 + k1 r^2 + k2 r^4 + k3 r^6) / (1 + k4 r^2 + k5 r^4 +
+  // k6 r^6), tangential p1, p2, in OpenCV's order. The five-parameter form leaves k4..k6 at 0.
+  std::array<double, 8> distortion{};
+};
+
+// The same camera's intrinsics for an image of `width` x `height` that shows the same field, such
+// as the mask made from the image.
+CameraIntrinsics ScaledTo(const CameraIntrinsics& intrinsics, int width, int height);
+
+class CameraModel {
+ public:
+  // Throws std::invalid_argument unless width, height, fx and fy are positive and all is finite.
+  CameraModel(const CameraIntrinsics& intrinsics, const Eigen::Isometry3d& camera_from_world);
+
+  const CameraIntrinsics& intrinsics() const { return intrinsics_; }
+  const Eigen::Isometry3d& camera_from_world() const { return camera_from_world_; }
+
+  // The same camera with images of `width` x `height`.
+  CameraModel ScaledTo(int width, int height) const;
+
+  // The camera's centre in the world.
+  Eigen::Vector3d Centre() const;
+
+  // The pixel coordinates of a point, inside the image or not. Nothing if the point is behind the
+  // camera or so far out that the distortion folds back.
+  std::optional<Eigen::Vector2d> Project(const Eigen::Vector3d& point_in_world) const;
+
+  // The direction, unit length in the world, in which the camera sees a pixel coordinate. Nothing
+  // where no ray is seen (beyond the distortion's fold).
+  std::optional<Eigen::Vector3d> Ray(const Eigen::Vector2d& pixel) const;
+
+  // Whether a pixel coordinate lies on the image.
+  bool Contains(const Eigen::Vector2d& pixel) const;
+
+ private:
+  Eigen::Vector2d Distort(const Eigen::Vector2d& undistorted) const;
+
+  CameraIntrinsics intrinsics_;
+  Eigen::Isometry3d camera_from_world_;
+  double fold_ = 0;  // least radius, at z = 1, where the radial distortion stops growing
+};
+
+}  // namespace silhouette
