@@ -29,12 +29,16 @@ function(silhouette_library name)
   target_include_directories(silhouette_${name} PUBLIC $<BUILD_INTERFACE:${PROJECT_SOURCE_DIR}>)
 endfunction()
 
+# All programs.
+add_custom_target(programs)
+
 # silhouette_program(NAME SOURCES main.cc ... LIBRARIES targets)
 # A program build/<preset>/bin/NAME that is installed with the project.
 function(silhouette_program name)
   cmake_parse_arguments(PARSE_ARGV 1 arg "" "" "SOURCES;LIBRARIES")
   add_executable(${name} ${arg_SOURCES})
   target_link_libraries(${name} PRIVATE ${arg_LIBRARIES} silhouette_options)
+  add_dependencies(programs ${name})
   install(TARGETS ${name} RUNTIME DESTINATION ${CMAKE_INSTALL_BINDIR} COMPONENT programs)
 endfunction()
 
