@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <bit>
+#include <cstring>
 #include <stdexcept>
 #include <utility>
 
@@ -77,16 +78,24 @@ Mask Mask::FromBytes(MaskSize size, std::span<const uint8_t> bytes) {
                                 " bytes, not " + std::to_string(bytes.size()));
   }
   std::vector<uint64_t> words(size.words());
-  for (size_t i = 0; i < bytes.size(); ++i) {
-    words[i / 8] |= static_cast<uint64_t>(bytes[i]) << (8 * (i % 8));
+  if constexpr (std::endian::native == std::endian::little) {
+    std::memcpy(words.data(), bytes.data(), bytes.size());
+  } else {
+    for (size_t i = 0; i < bytes.size(); ++i) {
+      words[i / 8] |= static_cast<uint64_t>(bytes[i]) << (8 * (i % 8));
+    }
   }
   return FromWords(size, std::move(words));
 }
 
 std::string Mask::ToBytes() const {
   std::string bytes(size_.bytes(), '\0');
-  for (size_t i = 0; i < bytes.size(); ++i) {
-    bytes[i] = static_cast<char>(words_[i / 8] >> (8 * (i % 8)));
+  if constexpr (std::endian::native == std::endian::little) {
+    std::memcpy(bytes.data(), words_.data(), bytes.size());
+  } else {
+    for (size_t i = 0; i < bytes.size(); ++i) {
+      bytes[i] = static_cast<char>(words_[i / 8] >> (8 * (i % 8)));
+    }
   }
   return bytes;
 }

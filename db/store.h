@@ -45,14 +45,17 @@ absl::StatusOr<std::vector<MaskSize>> MaskSizesOf(const storage::v1::CellDescrip
 
 // In what two descriptions differ, one sentence each, e.g.
 // "joint 'axis_1': steps is 84 in the cell file, 72 in the database". Empty: they fit together.
-// `a_name` and `b_name` are what the sentences call them.
+// `a_name` and `b_name` are what the sentences call them. Segmentation settings and image sizes are
+// compared only where both have them.
 std::vector<std::string> Differences(const storage::v1::CellDescription& a,
                                      const std::string& a_name,
                                      const storage::v1::CellDescription& b,
                                      const std::string& b_name);
 
+struct DatabaseState;
+
 // One consistent state of the database. Holds a read transaction: keep it no longer than needed
-// while a capture writes, for its pages cannot be reused until then.
+// while a capture writes, for its pages cannot be reused until then. May outlive its Database.
 class Snapshot {
  public:
   ~Snapshot();
@@ -73,7 +76,7 @@ class Snapshot {
   absl::StatusOr<bool> Contains(ConfigurationNumber number) const;
 
   // Calls `visit` for every record in the order of numbers, until it returns false. A record that
-  // Find would refuse is given as its DataLoss status.
+  // Find would refuse is given as its DataLoss status. `visit` may write into the database.
   absl::Status ForEach(
       const std::function<bool(ConfigurationNumber, absl::StatusOr<RobotImage>)>& visit) const;
 
@@ -92,17 +95,20 @@ class Snapshot {
 
 // Writes robot images in batches. Put() collects; what Commit() returned OK for is on the disk and
 // stays there whatever happens afterwards. Destruction without Commit() drops what was not
-// committed; nothing is ever half-written.
+// committed; nothing is ever half-written. May outlive its Database.
 class RobotImageWriter {
  public:
   ~RobotImageWriter();
   RobotImageWriter(RobotImageWriter&&) noexcept;
   RobotImageWriter& operator=(RobotImageWriter&&) noexcept;
 
-  // Adds a record to the batch. InvalidArgument if its number is not in the grid or its masks do
-  // not fit the views. AlreadyExists if the configuration has a record and `replace` is false.
-  // Commits by itself when `max_delay` (see Database::Write) has passed since the batch's first
-  // record, or the batch is 32 MiB large; the error is then the commit's.
+  // Adds a record to the batch. InvalidArgument if its number is not in the grid, its masks do not
+  // fit the views, or its joint values are neither none nor one per joint of the cell.
+  // AlreadyExists if the configuration has a record and `replace` is false. Capture times are kept
+  // to the nanosecond.
+  // Commits by itself, this record included, when `max_delay` (see Database::Write) has passed
+  // since the last commit, or the batch is 32 MiB large. Every other error is that commit's; the
+  // record is in the batch then, and Commit() tries again.
   absl::Status Put(const RobotImage& image, bool replace = false);
 
   // Writes the batch durably. ResourceExhausted if the disk is full; the batch is kept, so a second
@@ -123,7 +129,8 @@ class Database {
  public:
   enum class Access { kRead, kWrite };
 
-  // Makes a new database in the folder `path`. AlreadyExists if there is one; InvalidArgument if
+  // Makes a new database in the folder `path`, open for writing. Tile edges that the description
+  // leaves open are chosen. AlreadyExists if there is one; InvalidArgument if
   // the description is not valid; FailedPrecondition if the folder is not empty or cannot be
   // written.
   static absl::StatusOr<std::unique_ptr<Database>> Create(const std::string& path,
@@ -144,8 +151,9 @@ class Database {
   // The state at this moment.
   absl::StatusOr<Snapshot> Read() const;
 
-  // A writer of robot images; `program` goes into the provenance log. `max_delay`: how long a
-  // record may wait in a batch. Needs kWrite.
+  // A writer of robot images; `program` goes into the provenance log. `max_delay`: how long records
+  // are collected; a caller that pauses between two Put() calls does Commit() first. Needs kWrite.
+  // FailedPrecondition while there is another writer of this database.
   absl::StatusOr<RobotImageWriter> Write(const std::string& program,
                                          absl::Duration max_delay = absl::Seconds(1));
 
@@ -163,9 +171,8 @@ class Database {
   absl::StatusOr<Usage> GetUsage() const;
 
  private:
-  struct Impl;
-  explicit Database(std::shared_ptr<Impl> impl);
-  std::shared_ptr<Impl> impl_;
+  explicit Database(std::shared_ptr<DatabaseState> state);
+  std::shared_ptr<DatabaseState> state_;
 };
 
 }  // namespace silhouette

@@ -1,0 +1,70 @@
+#include "db/database_state.h"
+
+#include "absl/strings/str_cat.h"
+#include "db/schema.h"
+
+namespace silhouette {
+namespace {
+
+absl::Status Damaged(const Environment& environment, std::string_view key) {
+  return absl::DataLossError(absl::StrCat("database '", environment.folder(), "': its entry '",
+                                          std::string(key), "' is damaged"));
+}
+
+}  // namespace
+
+absl::StatusOr<std::optional<std::string>> ReadMeta(const Environment& environment,
+                                                    MDB_txn* transaction, std::string_view key) {
+  MDB_val key_val = ToVal(key);
+  MDB_val value;
+  const int code = mdb_get(transaction, environment.meta(), &key_val, &value);
+  if (code == MDB_NOTFOUND) return std::optional<std::string>();
+  if (code != 0) return environment.ReadError(code);
+  const std::optional<std::string_view> payload = schema::OpenMeta(FromVal(value));
+  if (!payload) return Damaged(environment, key);
+  return std::optional<std::string>(*payload);
+}
+
+absl::Status WriteMeta(const Environment& environment, WriteTransaction& transaction,
+                       std::string_view key, std::string_view payload) {
+  return transaction.Put(environment.meta(), key, schema::SealMeta(payload));
+}
+
+absl::StatusOr<uint64_t> ReadGeneration(const Environment& environment, MDB_txn* transaction) {
+  const auto payload = ReadMeta(environment, transaction, schema::kGenerationKey);
+  if (!payload.ok()) return payload.status();
+  const std::optional<uint64_t> generation =
+      *payload ? schema::DecodeGeneration(**payload) : std::nullopt;
+  if (!generation) return Damaged(environment, schema::kGenerationKey);
+  return *generation;
+}
+
+absl::Status RaiseGeneration(const Environment& environment, WriteTransaction& transaction) {
+  const absl::StatusOr<uint64_t> generation = ReadGeneration(environment, transaction.get());
+  if (!generation.ok()) return generation.status();
+  return WriteMeta(environment, transaction, schema::kGenerationKey,
+                   schema::EncodeGeneration(*generation + 1));
+}
+
+absl::StatusOr<storage::v1::ProvenanceLog> ReadProvenance(const Environment& environment,
+                                                          MDB_txn* transaction) {
+  const auto payload = ReadMeta(environment, transaction, schema::kProvenanceKey);
+  if (!payload.ok()) return payload.status();
+  storage::v1::ProvenanceLog log;
+  if (*payload && !log.ParseFromString(**payload))
+    return Damaged(environment, schema::kProvenanceKey);
+  return log;
+}
+
+storage::v1::Provenance NewProvenance(absl::Time time, const std::string& program,
+                                      uint64_t robot_images) {
+  storage::v1::Provenance entry;
+  const int64_t nanoseconds = absl::ToUnixNanos(time);
+  entry.mutable_time()->set_seconds(nanoseconds / 1'000'000'000);
+  entry.mutable_time()->set_nanos(static_cast<int32_t>(nanoseconds % 1'000'000'000));
+  entry.set_program(program);
+  entry.set_robot_images(robot_images);
+  return entry;
+}
+
+}  // namespace silhouette

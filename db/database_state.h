@@ -1,0 +1,56 @@
+// What a Database and the snapshots and writers made from it share, and access to `meta`.
+#pragma once
+
+#include <atomic>
+#include <memory>
+#include <optional>
+#include <string>
+#include <string_view>
+#include <utility>
+#include <vector>
+
+#include "db/environment.h"
+#include "db/store.h"
+#include "db/writer_lock.h"
+
+namespace silhouette {
+
+struct DatabaseState {
+  DatabaseState(std::string folder, storage::v1::CellDescription description,
+                ConfigurationGrid configurations, std::vector<MaskSize> sizes)
+      : path(std::move(folder)),
+        cell(std::move(description)),
+        grid(std::move(configurations)),
+        mask_sizes(std::move(sizes)) {}
+
+  const std::string path;
+  storage::v1::CellDescription cell;
+  const ConfigurationGrid grid;
+  const std::vector<MaskSize> mask_sizes;
+  // After the lock, so that the environment is closed first.
+  std::optional<WriterLock> writer_lock;
+  std::shared_ptr<Environment> environment;
+  std::atomic<bool> has_writer = false;
+};
+
+// The payload of `key` in `meta`; nothing if there is none. DataLoss if its checksum does not hold.
+// The caller holds the map.
+absl::StatusOr<std::optional<std::string>> ReadMeta(const Environment& environment,
+                                                    MDB_txn* transaction, std::string_view key);
+
+absl::Status WriteMeta(const Environment& environment, WriteTransaction& transaction,
+                       std::string_view key, std::string_view payload);
+
+// The generation. DataLoss if there is none.
+absl::StatusOr<uint64_t> ReadGeneration(const Environment& environment, MDB_txn* transaction);
+
+// To be part of every change.
+absl::Status RaiseGeneration(const Environment& environment, WriteTransaction& transaction);
+
+absl::StatusOr<storage::v1::ProvenanceLog> ReadProvenance(const Environment& environment,
+                                                          MDB_txn* transaction);
+
+storage::v1::Provenance NewProvenance(absl::Time time, const std::string& program,
+                                      uint64_t robot_images);
+
+}  // namespace silhouette

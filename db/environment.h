@@ -1,0 +1,136 @@
+// The LMDB environment in a database's folder: opening it safely, transactions, growth of its map.
+//
+// LMDB allows an environment to be open only once per process, so all that a process opens of one
+// folder share one Environment. Thread-safe, but a transaction is for one thread at a time.
+#pragma once
+
+#include <lmdb.h>
+
+#include <functional>
+#include <memory>
+#include <shared_mutex>
+#include <string>
+#include <string_view>
+
+#include "absl/status/status.h"
+#include "absl/status/statusor.h"
+
+namespace silhouette {
+
+// The status for an LMDB or errno code other than 0; `what` says what could not be done, e.g.
+// "database 'cells/a' cannot be read".
+absl::Status LmdbError(int code, const std::string& what);
+
+inline MDB_val ToVal(std::string_view bytes) {
+  return {bytes.size(), const_cast<char*>(bytes.data())};
+}
+inline std::string_view FromVal(const MDB_val& value) {
+  return {static_cast<const char*>(value.mv_data), value.mv_size};
+}
+
+class Environment;
+
+// A read transaction. Pages that it may need are not reused while it is active.
+class ReadTransaction {
+ public:
+  ReadTransaction(ReadTransaction&& other) noexcept;
+  ReadTransaction& operator=(ReadTransaction&& other) noexcept;
+  ~ReadTransaction();
+
+  MDB_txn* get() const { return transaction_; }
+
+  // Lets go of its state; Renew() takes the present one. Cheaper than a new transaction.
+  void Reset();
+  absl::Status Renew();
+
+ private:
+  friend class Environment;
+  ReadTransaction(std::shared_ptr<Environment> environment, MDB_txn* transaction);
+  std::shared_ptr<Environment> environment_;
+  MDB_txn* transaction_;
+};
+
+// A write transaction, as Environment::Update gives it to a change.
+class WriteTransaction {
+ public:
+  MDB_txn* get() const { return transaction_; }
+  const Environment& environment() const { return environment_; }
+
+  // Writes `value` under `key`. `flags` as mdb_put takes them.
+  absl::Status Put(MDB_dbi database, std::string_view key, std::string_view value,
+                   unsigned flags = 0);
+  // Opens a sub-database, making it if it is not there.
+  absl::StatusOr<MDB_dbi> MakeSubDatabase(const char* name);
+
+ private:
+  friend class Environment;
+  WriteTransaction(Environment& environment, MDB_txn* transaction)
+      : environment_(environment), transaction_(transaction) {}
+  Environment& environment_;
+  MDB_txn* transaction_;
+  bool map_full_ = false;
+};
+
+class Environment : public std::enable_shared_from_this<Environment> {
+ public:
+  using Change = std::function<absl::Status(WriteTransaction&)>;
+
+  // Makes an environment in an existing folder without one and lets `fill` write into its `meta`;
+  // all of it is one transaction. The caller holds the folder's WriterLock.
+  static absl::StatusOr<std::shared_ptr<Environment>> Create(const std::string& folder,
+                                                             const Change& fill);
+
+  // Opens an existing one; the errors are those of Database::Open. NotFound also where Create() was
+  // interrupted.
+  static absl::StatusOr<std::shared_ptr<Environment>> Open(const std::string& folder);
+
+  ~Environment();
+  Environment(const Environment&) = delete;
+  Environment& operator=(const Environment&) = delete;
+
+  const std::string& folder() const { return folder_; }
+  MDB_env* get() const { return environment_; }
+  MDB_dbi meta() const { return meta_; }
+  MDB_dbi robot_images() const { return robot_images_; }
+  // Whether permissions allow nothing but reading.
+  bool read_only() const { return read_only_; }
+
+  absl::StatusOr<ReadTransaction> Read();
+
+  // Runs `change` in a write transaction and commits it durably, or undoes all of it if `change` or
+  // the commit fails. `new_bytes`: about how much will be written. `change` is run again after the
+  // map had to grow. Only for the holder of the WriterLock.
+  absl::Status Update(size_t new_bytes, const Change& change);
+
+  // To be held around every use of a transaction and of what it points to: the map may move while
+  // nobody holds it. Not recursive.
+  std::shared_lock<std::shared_mutex> HoldMap() { return std::shared_lock(map_mutex_); }
+
+  // LmdbError for something that went wrong while reading or writing.
+  absl::Status ReadError(int code) const;
+  absl::Status WriteError(int code) const;
+
+ private:
+  friend class ReadTransaction;
+  explicit Environment(std::string folder);
+
+  absl::Status OpenFiles(bool create);
+  absl::StatusOr<unsigned> ChooseFlags();
+  absl::Status CheckLength() const;
+  absl::Status OpenSubDatabases();
+  absl::Status UpdateOnce(const Change& change, bool& map_full);
+  // Sets the map's size; 0: to what another process has grown it to.
+  absl::Status Resize(size_t bytes);
+  // Calls `begin` until it is content with the map's size and the table of readers.
+  int BeginPatiently(const std::function<int()>& begin);
+
+  const std::string folder_;
+  MDB_env* environment_ = nullptr;
+  bool read_only_ = false;
+  int readers_guard_ = -1;  // keeps writers out where a reader cannot register itself
+  MDB_dbi meta_ = 0;
+  MDB_dbi robot_images_ = 0;
+  std::shared_mutex map_mutex_;
+};
+
+}  // namespace silhouette

@@ -1,0 +1,39 @@
+// The bytes of one value in the sub-database `robot_images`.
+//
+//   offset  size  content
+//   0       8     checksum: XXH3-64 of all bytes after it, seed = the configuration's number
+//   8       1     flags: bit 0 excluded; the others are 0
+//   9       1     codec of the masks: 0 as they are, 1 one LZ4 block
+//   10      1     c, number of commanded joint values
+//   11      1     m, number of measured joint values
+//   12      4     0
+//   16      8     capture time: nanoseconds since 1970-01-01 UTC, signed
+//   24      8 c   commanded joint values, IEEE 754 binary64
+//   ...     8 m   measured joint values
+//   ...     rest  the masks of all views one after another (Mask::ToBytes of each), put through the
+//                 codec; nothing if excluded
+//
+// Integers and floating-point numbers are little-endian. The seed binds a value to its key: a value
+// under another key fails its checksum.
+#pragma once
+
+#include <span>
+#include <string>
+#include <string_view>
+
+#include "absl/status/statusor.h"
+#include "db/mask.h"
+#include "db/store.h"
+
+namespace silhouette {
+
+// The value for `image`. It must have the masks that its reader will expect (none if excluded) and
+// at most 255 joint values of either kind.
+std::string EncodeRobotImage(const RobotImage& image);
+
+// The record in `value`, which is stored under `number`, of a cell with masks of these sizes.
+// DataLoss, naming the number, if the checksum does not hold or the content does not fit.
+absl::StatusOr<RobotImage> DecodeRobotImage(ConfigurationNumber number, std::string_view value,
+                                            std::span<const MaskSize> mask_sizes);
+
+}  // namespace silhouette

@@ -1,0 +1,65 @@
+// All permanent names and keys of the database, and the grammar of the values in `meta`.
+// docs/database_format.md describes them for outsiders.
+//
+// Sub-database `meta`: key (ASCII) -> value:
+//   "format"      "silhouette " and the format version as decimal ASCII; nothing else
+//   the others    checksum (u64), payload. The checksum is XXH3-64 of the payload, seed 0.
+//                 "cell": CellDescription; "references": References; "provenance": ProvenanceLog;
+//                 "generation": u64, one more in every committed change.
+// Sub-database `robot_images`: configuration number (u64, big-endian) -> db/robot_image_format.h.
+//
+// Integers are little-endian unless said otherwise.
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <optional>
+#include <string>
+#include <string_view>
+
+#include "db/configuration_grid.h"
+
+namespace silhouette::schema {
+
+inline constexpr int kFormatVersion = 1;
+
+inline constexpr char kDataFile[] = "data.mdb";
+inline constexpr char kLockFile[] = "lock.mdb";
+// Locked with flock() by the one process that writes; its text is that process's id.
+inline constexpr char kWriterFile[] = "writer.lock";
+
+inline constexpr char kMeta[] = "meta";
+inline constexpr char kRobotImages[] = "robot_images";
+// How many sub-databases an environment may have, those of later versions included.
+inline constexpr unsigned kMaxSubDatabases = 16;
+
+inline constexpr std::string_view kFormatKey = "format";
+inline constexpr std::string_view kCellKey = "cell";
+inline constexpr std::string_view kReferencesKey = "references";
+inline constexpr std::string_view kProvenanceKey = "provenance";
+inline constexpr std::string_view kGenerationKey = "generation";
+
+// The value of "format" that this version writes.
+std::string FormatValue();
+
+// The format version that a value of "format" states; nothing if it is not one.
+std::optional<int> FormatVersionIn(std::string_view value);
+
+// A value of `meta` around its payload, and back. Nothing if the checksum does not hold.
+std::string SealMeta(std::string_view payload);
+std::optional<std::string_view> OpenMeta(std::string_view value);
+
+// The payload of "generation".
+std::string EncodeGeneration(uint64_t generation);
+std::optional<uint64_t> DecodeGeneration(std::string_view payload);
+
+// The key of a configuration in `robot_images`.
+using ConfigurationKey = std::array<char, 8>;
+ConfigurationKey EncodeKey(ConfigurationNumber number);
+std::optional<ConfigurationNumber> DecodeKey(std::string_view key);
+
+// Little-endian integers in byte strings.
+void AppendU64(std::string& bytes, uint64_t value);
+uint64_t ReadU64(const char* bytes);
+
+}  // namespace silhouette::schema

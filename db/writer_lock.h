@@ -1,0 +1,31 @@
+// The right to write into a database's folder.
+#pragma once
+
+#include <string>
+
+#include "absl/status/statusor.h"
+
+namespace silhouette {
+
+// Held by one Database of one process at a time; given back when the process ends, however it ends.
+class WriterLock {
+ public:
+  // FailedPrecondition if another holds the right, naming its process, or for lack of permission.
+  // ResourceExhausted if the disk is full.
+  static absl::StatusOr<WriterLock> Take(const std::string& folder);
+
+  // For a reader that cannot register itself with LMDB: keeps every writer out while the returned
+  // file is open (-1: there is no lock file, thus nobody ever wrote here). FailedPrecondition if
+  // somebody is writing.
+  static absl::StatusOr<int> KeepWritersOut(const std::string& folder);
+
+  WriterLock(WriterLock&& other) noexcept;
+  WriterLock& operator=(WriterLock&&) = delete;
+  ~WriterLock();
+
+ private:
+  explicit WriterLock(int file) : file_(file) {}
+  int file_;
+};
+
+}  // namespace silhouette

@@ -1,0 +1,196 @@
+// Truncated, damaged and foreign files.
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <lmdb.h>
+
+#include <fstream>
+#include <iostream>
+
+#include "db/environment.h"
+#include "db/robot_image_format.h"
+#include "db/schema.h"
+#include "db/store.h"
+#include "tests/db/test_cell.h"
+
+namespace silhouette {
+namespace {
+
+using testing::HasSubstr;
+using Access = Database::Access;
+
+std::string ReadFile(const std::string& path) {
+  std::ifstream file(path, std::ios::binary);
+  return {std::istreambuf_iterator<char>(file), {}};
+}
+
+void WriteFile(const std::string& path, const std::string& bytes) {
+  std::ofstream(path, std::ios::binary) << bytes;
+}
+
+// A database with a record for every configuration.
+void MakeFullDatabase(const std::string& path) {
+  const auto database = Database::Create(path, TestCell());
+  ASSERT_TRUE(database.ok()) << database.status();
+  auto writer = (*database)->Write("test", absl::Hours(1));
+  for (ConfigurationNumber number : AllNumbers((*database)->grid())) {
+    ASSERT_TRUE(writer->Put(TestImage(**database, number)).ok());
+    if (number % 50 == 0) {
+      ASSERT_TRUE(writer->Commit().ok());
+    }
+  }
+  ASSERT_TRUE(writer->Commit().ok());
+}
+
+// An environment of LMDB's with one sub-database and one entry in it.
+void MakeLmdb(const std::string& path, const char* name, const std::string& key,
+              const std::string& value) {
+  std::filesystem::create_directories(path);
+  MDB_env* environment = nullptr;
+  MDB_txn* transaction = nullptr;
+  MDB_dbi database = 0;
+  ASSERT_EQ(mdb_env_create(&environment), 0);
+  ASSERT_EQ(mdb_env_set_maxdbs(environment, 4), 0);
+  ASSERT_EQ(mdb_env_open(environment, path.c_str(), 0, 0664), 0);
+  ASSERT_EQ(mdb_txn_begin(environment, nullptr, 0, &transaction), 0);
+  ASSERT_EQ(mdb_dbi_open(transaction, name, MDB_CREATE, &database), 0);
+  MDB_val key_val = ToVal(key);
+  MDB_val value_val = ToVal(value);
+  ASSERT_EQ(mdb_put(transaction, database, &key_val, &value_val, 0), 0);
+  ASSERT_EQ(mdb_txn_commit(transaction), 0);
+  mdb_env_close(environment);
+}
+
+TEST(Database, TruncatedAnywhereIsRefusedOrWhole) {
+  const FreshFolder folder;
+  MakeFullDatabase(folder / "db");
+  const std::string bytes = ReadFile(folder / "db/data.mdb");
+  const uint64_t seed = std::random_device()();
+  std::cout << "seed " << seed << std::endl;
+  std::mt19937_64 random(seed);
+  std::vector<size_t> lengths = {0, 1, 15, 63, 64, 4095, 4096, 4200, 8191, 8192, bytes.size() - 1};
+  for (int i = 0; i < 100; ++i) lengths.push_back(random() % bytes.size());
+  int refused = 0;
+  for (size_t length : lengths) {
+    SCOPED_TRACE(length);
+    std::filesystem::create_directories(folder / "cut");
+    WriteFile(folder / "cut/data.mdb", bytes.substr(0, length));
+    const auto database = Database::Open(folder / "cut", Access::kRead);
+    if (!database.ok()) {
+      ++refused;
+      EXPECT_THAT(database.status().message(), HasSubstr(folder / "cut"));
+      EXPECT_TRUE(absl::IsDataLoss(database.status()) || length < 64) << database.status();
+    } else {
+      const auto visit = [&](ConfigurationNumber number, absl::StatusOr<RobotImage> image) {
+        EXPECT_EQ(*image, TestImage(**database, number));
+        return true;
+      };
+      EXPECT_TRUE((*database)->Read()->ForEach(visit).ok());
+      EXPECT_EQ((*database)->Read()->size(), (*database)->grid().size());
+    }
+    std::filesystem::remove_all(folder / "cut");
+  }
+  EXPECT_GT(refused, 90);
+}
+
+TEST(Database, WithADamagedRecordLosesOnlyThatRecord) {
+  const FreshFolder folder;
+  MakeFullDatabase(folder / "db");
+  std::string bytes = ReadFile(folder / "db/data.mdb");
+  // A record with masks, found by its bytes, in the pages of earlier states too.
+  ConfigurationNumber victim = 0;
+  std::vector<size_t> places;
+  {
+    const auto database = Database::Open(folder / "db", Access::kRead);
+    RobotImage image;
+    do {
+      image = TestImage(**database, ++victim);
+    } while (image.excluded);
+    const std::string value = EncodeRobotImage(image);
+    for (size_t at = bytes.find(value); at != std::string::npos; at = bytes.find(value, at + 1)) {
+      places.push_back(at);
+    }
+  }
+  ASSERT_FALSE(places.empty());
+  const auto flip = [&](size_t offset) {
+    for (size_t at : places) bytes[at + offset] = static_cast<char>(bytes[at + offset] ^ 4);
+  };
+  for (size_t offset : {0, 8, 20, 70}) {
+    flip(offset);
+    WriteFile(folder / "db/data.mdb", bytes);
+    const auto database = Database::Open(folder / "db", Access::kRead);
+    ASSERT_TRUE(database.ok()) << database.status();
+    const auto snapshot = (*database)->Read();
+    EXPECT_EQ(snapshot->Find(victim).status().code(), absl::StatusCode::kDataLoss);
+    EXPECT_TRUE(*snapshot->Contains(victim));
+    int damaged = 0;
+    const auto visit = [&](ConfigurationNumber number, absl::StatusOr<RobotImage> image) {
+      if (!image.ok()) {
+        EXPECT_EQ(number, victim);
+        EXPECT_EQ(image.status().code(), absl::StatusCode::kDataLoss);
+        ++damaged;
+      } else {
+        EXPECT_EQ(*image, TestImage(**database, number));
+      }
+      return true;
+    };
+    EXPECT_TRUE(snapshot->ForEach(visit).ok());
+    EXPECT_EQ(damaged, 1);
+    flip(offset);
+  }
+}
+
+TEST(Database, WithADamagedDescriptionIsRefused) {
+  const FreshFolder folder;
+  MakeFullDatabase(folder / "db");
+  std::string bytes = ReadFile(folder / "db/data.mdb");
+  for (size_t place = bytes.find("axis_1"); place != std::string::npos;
+       place = bytes.find("axis_1", place + 1)) {
+    bytes[place] = 'b';
+  }
+  WriteFile(folder / "db/data.mdb", bytes);
+  const absl::Status status = Database::Open(folder / "db", Access::kRead).status();
+  EXPECT_EQ(status.code(), absl::StatusCode::kDataLoss) << status;
+  EXPECT_THAT(status.message(), HasSubstr("its entry 'cell' is damaged"));
+}
+
+TEST(Database, OfAnotherFormatVersionIsRefusedAndLeftAlone) {
+  const FreshFolder folder;
+  MakeLmdb(folder / "db", schema::kMeta, "format", "silhouette 2");
+  for (Access access : {Access::kRead, Access::kWrite}) {
+    const absl::Status status = Database::Open(folder / "db", access).status();
+    EXPECT_EQ(status.code(), absl::StatusCode::kFailedPrecondition);
+    EXPECT_THAT(status.message(), HasSubstr("has format version 2, this program knows version 1"));
+  }
+  EXPECT_EQ(Database::Create(folder / "db", TestCell()).status().code(),
+            absl::StatusCode::kFailedPrecondition);
+}
+
+TEST(Database, OfAnotherProgramIsRefusedAndLeftAlone) {
+  const FreshFolder folder;
+  MakeLmdb(folder / "named", "something", "key", "value");
+  MakeLmdb(folder / "meta", schema::kMeta, "key", "value");
+  MakeLmdb(folder / "plain", nullptr, "meta", "value");
+  for (const char* name : {"named", "meta", "plain"}) {
+    const std::string before = ReadFile(folder / name + "/data.mdb");
+    const absl::Status status = Database::Open(folder / name, Access::kWrite).status();
+    EXPECT_EQ(status.code(), absl::StatusCode::kFailedPrecondition) << status;
+    EXPECT_THAT(status.message(), HasSubstr("is an LMDB database, but not one of Silhouette's"));
+    EXPECT_FALSE(Database::Create(folder / name, TestCell()).ok());
+    EXPECT_EQ(ReadFile(folder / name + "/data.mdb"), before);
+  }
+}
+
+TEST(Database, OfNoKindAtAllIsRefused) {
+  const FreshFolder folder;
+  std::filesystem::create_directories(folder / "db");
+  WriteFile(folder / "db/data.mdb", std::string(20'000, 'x'));
+  const absl::Status status = Database::Open(folder / "db", Access::kRead).status();
+  EXPECT_EQ(status.code(), absl::StatusCode::kFailedPrecondition) << status;
+  EXPECT_THAT(status.message(), HasSubstr("is not a database"));
+  WriteFile(folder / "file", "x");
+  EXPECT_EQ(Database::Open(folder / "file", Access::kRead).status().code(),
+            absl::StatusCode::kNotFound);
+}
+
+}  // namespace
+}  // namespace silhouette
