@@ -165,7 +165,7 @@ std::optional<double> ConfigurationGrid::Place(int j, double value) const {
   const double nearest = std::round(place);
   if (std::abs(place - nearest) <= kSnap) place = nearest;
   const double last = joint.continuous ? joint.steps : joint.steps - 1;
-  if (place < 0 || place > last) return std::nullopt;
+  if (!(place >= 0 && place <= last)) return std::nullopt;  // NaN: too many turns away
   return place;
 }
 

@@ -22,7 +22,7 @@ enum class OffGrid {
 struct Policy {
   Preset preset = Preset::kUncalibrated;
   // Occupied if at least this many views show an obstacle; set, it overrides the preset.
-  std::optional<int> min_views;
+  std::optional<int> min_views = std::nullopt;
   // kUncalibrated: min_views is max(1, views - max_occluded_views).
   int max_occluded_views = 1;
   OffGrid off_grid = OffGrid::kCell;

@@ -1,0 +1,214 @@
+#include "server/collision/collision_test.h"
+
+#include <algorithm>
+#include <bit>
+#include <stdexcept>
+
+#include "server/collision/segment_places.h"
+
+namespace silhouette {
+namespace {
+
+// The test robot image in one view: the union of the robot images at the corners.
+class TestRobotWords {
+ public:
+  TestRobotWords(const RobotImageTable& table, int view,
+                 std::span<const ConfigurationNumber> corners)
+      : count_(corners.size()) {
+    for (size_t i = 0; i < count_; ++i) images_[i] = table.image(view, corners[i]).data();
+  }
+
+  uint64_t operator[](size_t word) const {
+    uint64_t bits = images_[0][word];
+    for (size_t i = 1; i < count_; ++i) bits |= images_[i][word];
+    return bits;
+  }
+
+ private:
+  std::array<const uint64_t*, 1 << kMaxJoints> images_;
+  size_t count_;
+};
+
+// Whether obstacle pixels, and whether unknown or error pixels, lie inside the test robot image.
+struct Look {
+  bool obstacle = false;
+  bool hiding = false;
+};
+
+Look LookAt(const ObstacleImage& image, const TestRobotWords& robot) {
+  const MaskWords obstacle = image.obstacle().words();
+  const MaskWords unknown = image.unknown().words();
+  const MaskWords error = image.error().words();
+  uint64_t obstacle_bits = 0;
+  uint64_t hiding_bits = 0;
+  for (size_t i = 0; i < obstacle.size(); ++i) {
+    const uint64_t bits = robot[i];
+    obstacle_bits |= obstacle[i] & bits;
+    hiding_bits |= (unknown[i] | error[i]) & bits;
+  }
+  return {obstacle_bits != 0, hiding_bits != 0};
+}
+
+ViewEvidence CountIn(const ObstacleImage& image, const TestRobotWords& robot) {
+  const MaskWords obstacle = image.obstacle().words();
+  const MaskWords unknown = image.unknown().words();
+  const MaskWords error = image.error().words();
+  ViewEvidence evidence;
+  for (size_t i = 0; i < obstacle.size(); ++i) {
+    const uint64_t bits = robot[i];
+    evidence.obstacle_pixels += static_cast<uint32_t>(std::popcount(obstacle[i] & bits));
+    evidence.unknown_pixels += static_cast<uint32_t>(std::popcount(unknown[i] & bits));
+    evidence.error_pixels += static_cast<uint32_t>(std::popcount(error[i] & bits));
+  }
+  return evidence;
+}
+
+Configuration Between(std::span<const double> from, std::span<const double> to, double fraction) {
+  Configuration q(from.begin(), from.end());
+  for (size_t j = 0; j < q.size(); ++j) q[j] += fraction * (to[j] - from[j]);
+  return q;
+}
+
+}  // namespace
+
+CollisionTest::CollisionTest(const RobotImageTable& table, const ObstacleImages& obstacle_images,
+                             const Policy& policy)
+    : table_(table),
+      obstacle_images_(obstacle_images),
+      min_views_(MinViews(policy, table.views())),
+      off_grid_(policy.off_grid) {
+  if (obstacle_images.size() != static_cast<size_t>(table.views())) {
+    throw std::invalid_argument("there must be one obstacle image per view");
+  }
+  for (int view = 0; view < table.views(); ++view) {
+    const std::optional<ObstacleImage>& image = obstacle_images[view];
+    if (!image) {
+      ++missing_views_;
+    } else if (image->size() != table.mask_sizes()[view]) {
+      throw std::invalid_argument("an obstacle image has not the size of its view's masks");
+    }
+  }
+}
+
+Reason CollisionTest::Unusable(Numbers corners) const {
+  bool missing = false;
+  bool corrupt = false;
+  for (ConfigurationNumber corner : corners) {
+    const RobotImageState state = table_.state(corner);
+    if (state == RobotImageState::kExcluded) return Reason::kExcluded;
+    missing = missing || state == RobotImageState::kMissing;
+    corrupt = corrupt || state == RobotImageState::kCorrupt;
+  }
+  if (corrupt) return Reason::kRobotImageCorrupt;
+  return missing ? Reason::kRobotImageMissing : Reason::kNone;
+}
+
+Verdict CollisionTest::Judge(Numbers corners, std::span<ViewEvidence> evidence) const {
+  if (!evidence.empty() && evidence.size() != obstacle_images_.size()) {
+    throw std::invalid_argument("there must be one evidence per view, or none");
+  }
+  for (size_t view = 0; view < evidence.size(); ++view) {
+    evidence[view] = ViewEvidence{.missing = !obstacle_images_[view]};
+  }
+  const Reason unusable = corners.empty() ? Reason::kOutsideGrid : Unusable(corners);
+  if (unusable != Reason::kNone) return Verdict::Unknown(unusable);
+  int showing = 0;
+  bool hidden_possible = true;
+  for (int view = 0; view < table_.views(); ++view) {
+    if (!obstacle_images_[view]) continue;
+    const ObstacleImage& image = *obstacle_images_[view];
+    const TestRobotWords robot(table_, view, corners);
+    const Look look = LookAt(image, robot);
+    if (look.obstacle) ++showing;
+    hidden_possible = hidden_possible && look.hiding && !look.obstacle;
+    if (!evidence.empty()) evidence[view] = CountIn(image, robot);
+  }
+  if (showing + missing_views_ >= min_views_) return Verdict::Occupied(hidden_possible);
+  if (missing_views_ > 0) return Verdict::Unknown(Reason::kViewMissing, hidden_possible);
+  return Verdict::Free(hidden_possible);
+}
+
+Verdict CollisionTest::Check(ConfigurationNumber number, std::span<ViewEvidence> evidence) const {
+  if (!table_.grid().Contains(number)) return Judge({}, evidence);
+  return Judge({&number, 1}, evidence);
+}
+
+Verdict CollisionTest::Check(std::span<const double> q, std::span<ViewEvidence> evidence) const {
+  if (off_grid_ == OffGrid::kCell) return Judge(table_.grid().CornersAround(q).numbers(), evidence);
+  const std::optional<ConfigurationNumber> nearest = table_.grid().Nearest(q);
+  return nearest ? Judge({&*nearest, 1}, evidence) : Judge({}, evidence);
+}
+
+PathVerdict CollisionTest::CheckPath(std::span<const Configuration> waypoints,
+                                     std::span<ViewEvidence> evidence) const {
+  if (waypoints.empty()) throw std::invalid_argument("a path has at least one waypoint");
+  PathVerdict result;
+  bool hidden_possible = false;
+  // Whether the path ends here, because this place is not free.
+  const auto stops_at = [&](const Configuration& q, size_t segment, double fraction) {
+    ++result.checked;
+    const Verdict verdict = Check(q);
+    hidden_possible = hidden_possible || verdict.hidden_possible();
+    if (verdict.free()) return false;
+    result.verdict = Check(q, evidence);
+    result.segment = static_cast<int>(segment);
+    result.fraction = fraction;
+    result.configuration = q;
+    return true;
+  };
+  for (size_t i = 0; i < waypoints.size(); ++i) {
+    if (stops_at(waypoints[i], i, 0)) return result;
+    if (i + 1 == waypoints.size()) break;
+    const Configuration& to = waypoints[i + 1];
+    if (to.size() != waypoints[i].size()) continue;  // outside the grid, as its own turn will show
+    SegmentPlaces places(table_.grid(), waypoints[i], to, off_grid_);
+    if (!places.resolvable()) {
+      if (stops_at(to, i + 1, 0)) return result;
+      result.verdict = Verdict::Unknown(Reason::kOutsideGrid);  // too many turns away
+      result.segment = static_cast<int>(i + 1);
+      result.configuration = to;
+      return result;
+    }
+    while (const std::optional<double> place = places.Next()) {
+      if (stops_at(Between(waypoints[i], to, *place), i, *place)) return result;
+    }
+  }
+  result.verdict = Verdict::Free(hidden_possible);
+  return result;
+}
+
+TileVerdicts CollisionTest::CheckTile(uint64_t tile) const {
+  TileVerdicts verdicts;
+  for (uint64_t place = 0; place < kTileSize; ++place) {
+    const ConfigurationNumber number = tile * kTileSize + place;
+    if (table_.state(number) != RobotImageState::kPresent) continue;
+    int showing = missing_views_;
+    for (int view = 0; view < table_.views() && showing < min_views_; ++view) {
+      if (!obstacle_images_[view]) continue;
+      const MaskWords obstacle = obstacle_images_[view]->obstacle().words();
+      if (Intersects(obstacle, table_.image(view, number))) ++showing;
+    }
+    const uint64_t bit = uint64_t{1} << (place % 64);
+    if (showing >= min_views_) {
+      verdicts.occupied[place / 64] |= bit;
+    } else if (missing_views_ == 0) {
+      verdicts.free[place / 64] |= bit;
+    }
+  }
+  return verdicts;
+}
+
+std::optional<Mask> CollisionTest::TestRobotImage(int view, std::span<const double> q) const {
+  const std::optional<ConfigurationNumber> nearest = table_.grid().Nearest(q);
+  const CellCorners cell = table_.grid().CornersAround(q);
+  Numbers corners = cell.numbers();
+  if (off_grid_ == OffGrid::kNearest && nearest) corners = {&*nearest, 1};
+  if (corners.empty() || Unusable(corners) != Reason::kNone) return std::nullopt;
+  Mask robot = table_.ImageAsMask(view, corners[0]);
+  for (ConfigurationNumber corner : corners.subspan(1)) {
+    robot = robot | table_.ImageAsMask(view, corner);
+  }
+  return robot;
+}
+
+}  // namespace silhouette

@@ -1,0 +1,97 @@
+// The collision test: verdicts on configurations, paths and the whole configuration space, from the
+// obstacle images of one scene and the robot images of one generation of the database.
+//
+// A view shows an obstacle if an obstacle pixel lies inside the test robot image; unknown and error
+// pixels count as background (the uncalibrated test, paper §3.3). A configuration is occupied if at
+// least min_views views (policy.h) show one. A view that the scene lacks counts as showing one; a
+// configuration is then occupied or unknown, never free.
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <optional>
+#include <span>
+#include <vector>
+
+#include "db/configuration_grid.h"
+#include "server/collision/obstacle_image.h"
+#include "server/collision/policy.h"
+#include "server/collision/robot_image_table.h"
+#include "server/collision/verdict.h"
+
+namespace silhouette {
+
+// One obstacle image per view of the database; nothing where the scene lacks the view.
+using ObstacleImages = std::vector<std::optional<ObstacleImage>>;
+
+// The verdicts of a tile: bit i % 64 of word i / 64 for place i. A place with neither bit is
+// unknown or absent from the grid.
+struct TileVerdicts {
+  std::array<uint64_t, kTileSize / 64> free{};
+  std::array<uint64_t, kTileSize / 64> occupied{};
+
+  bool operator==(const TileVerdicts&) const = default;
+};
+
+// The verdict on a path.
+struct PathVerdict {
+  // Free if all of the path is; hidden_possible() if it is for any place. Else the verdict at
+  // `configuration`, a place of the first part of the path that is not free.
+  Verdict verdict;
+  // Where that is: waypoint number and fraction of the way to the next one. Only if not free.
+  int segment = 0;
+  double fraction = 0;
+  Configuration configuration;
+  // Places tested, up to there.
+  int64_t checked = 0;
+};
+
+// Refers to a table and to obstacle images, which must outlive it. May be used by any number of
+// threads; checks of configurations do not allocate.
+class CollisionTest {
+ public:
+  // Throws std::invalid_argument if there is not one obstacle image per view, if one has not the
+  // size of its view's masks, or if the policy cannot be.
+  CollisionTest(const RobotImageTable& table, const ObstacleImages& obstacle_images,
+                const Policy& policy);
+
+  // All three: `evidence` is empty, or has one entry per view, which are filled in (all zero, but
+  // for missing views, where no robot image could be looked at).
+
+  // A configuration of the grid. A number that no configuration has is outside the grid.
+  Verdict Check(ConfigurationNumber number, std::span<ViewEvidence> evidence = {}) const;
+
+  // Any configuration: joint values in the order of the grid. Off the grid, Policy::off_grid says
+  // what stands for it; with OffGrid::kCell a view shows what it shows at any corner.
+  Verdict Check(std::span<const double> q, std::span<ViewEvidence> evidence = {}) const;
+
+  // The path through the waypoints, at least one (else std::invalid_argument), joint values
+  // interpolated linearly and without wrapping. Exact: see segment_places.h. `evidence` is filled
+  // in only if the path is not free.
+  PathVerdict CheckPath(std::span<const Configuration> waypoints,
+                        std::span<ViewEvidence> evidence = {}) const;
+
+  // All configurations of a tile of the grid.
+  TileVerdicts CheckTile(uint64_t tile) const;
+
+  int min_views() const { return min_views_; }
+
+  // The test robot image of `q` in a view: what the verdict looked at. Nothing if a robot image
+  // that it takes is not there, or `q` is outside the grid.
+  std::optional<Mask> TestRobotImage(int view, std::span<const double> q) const;
+
+ private:
+  using Numbers = std::span<const ConfigurationNumber>;
+
+  Verdict Judge(Numbers corners, std::span<ViewEvidence> evidence) const;
+  // Why the robot images at these corners cannot be used; kNone if they can.
+  Reason Unusable(Numbers corners) const;
+
+  const RobotImageTable& table_;
+  const ObstacleImages& obstacle_images_;
+  int min_views_ = 1;
+  int missing_views_ = 0;
+  OffGrid off_grid_ = OffGrid::kCell;
+};
+
+}  // namespace silhouette

@@ -1,0 +1,29 @@
+#include "server/collision/obstacle_image.h"
+
+#include <stdexcept>
+#include <utility>
+
+namespace silhouette {
+
+ObstacleImage::ObstacleImage(Mask obstacle, Mask unknown, Mask error)
+    : obstacle_(std::move(obstacle)), unknown_(std::move(unknown)), error_(std::move(error)) {}
+
+ObstacleImage ObstacleImage::FromScene(const Mask& scene, const Mask& robot) {
+  return FromScene(scene, robot, robot);
+}
+
+ObstacleImage ObstacleImage::FromScene(const Mask& scene, const Mask& anywhere,
+                                       const Mask& certain) {
+  if (!(certain - anywhere).Empty()) {
+    throw std::invalid_argument("the corners' intersection is not within their union");
+  }
+  return ObstacleImage(scene - anywhere, scene & anywhere, certain - scene);
+}
+
+ObstacleImage ObstacleImage::FromObstacles(const Mask& obstacles, const Mask& anywhere) {
+  return ObstacleImage(obstacles, anywhere - obstacles, Mask(obstacles.size()));
+}
+
+Mask ObstacleImage::Background() const { return ~(obstacle_ | unknown_ | error_); }
+
+}  // namespace silhouette

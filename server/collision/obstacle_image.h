@@ -1,0 +1,50 @@
+// The obstacle image: what one view knows of the cell at the moment of a scene (paper §3.1).
+//
+// Every pixel is one of background, obstacle, unknown and error, Table 1:
+//
+//   scene image   robot image   obstacle image
+//   background    background    background
+//   background    robot         error      the robot should be seen here, and is not
+//   foreground    background    obstacle   something is here that is not the robot
+//   foreground    robot         unknown    the robot, and perhaps something before or behind it
+//
+// The robot image is that of the robot's configuration when the scene was taken. An obstacle image
+// cannot be changed once made.
+#pragma once
+
+#include "db/mask.h"
+
+namespace silhouette {
+
+class ObstacleImage {
+ public:
+  // Table 1 with the robot on a grid point. Throws std::invalid_argument if the sizes differ.
+  static ObstacleImage FromScene(const Mask& scene, const Mask& robot);
+
+  // Table 1 with the robot between grid points, where its image is only known to lie between those
+  // of the corners of its grid cell: no pixel of the corners' union `anywhere` is an obstacle, and
+  // only pixels of their intersection `certain` are errors. Throws std::invalid_argument if the
+  // sizes differ or `certain` is not within `anywhere`.
+  static ObstacleImage FromScene(const Mask& scene, const Mask& anywhere, const Mask& certain);
+
+  // From a sensor that tells obstacles from the robot by itself: pixels of the robot that are not
+  // in `obstacles` stay unknown, as an obstacle may stand behind it; there are no errors. Throws
+  // std::invalid_argument if the sizes differ.
+  static ObstacleImage FromObstacles(const Mask& obstacles, const Mask& anywhere);
+
+  MaskSize size() const { return obstacle_.size(); }
+  const Mask& obstacle() const { return obstacle_; }
+  const Mask& unknown() const { return unknown_; }
+  const Mask& error() const { return error_; }
+  // The pixels of none of the other three planes.
+  Mask Background() const;
+
+ private:
+  ObstacleImage(Mask obstacle, Mask unknown, Mask error);
+
+  Mask obstacle_;
+  Mask unknown_;
+  Mask error_;
+};
+
+}  // namespace silhouette

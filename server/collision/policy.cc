@@ -1,0 +1,42 @@
+#include "server/collision/policy.h"
+
+#include <algorithm>
+#include <stdexcept>
+
+namespace silhouette {
+
+int MinViews(const Policy& policy, int views) {
+  if (views < 1) throw std::invalid_argument("there must be at least one view");
+  if (policy.min_views) {
+    if (*policy.min_views < 1 || *policy.min_views > views) {
+      throw std::invalid_argument("min_views must be 1 to " + std::to_string(views) +
+                                  ", the number of views, not " +
+                                  std::to_string(*policy.min_views));
+    }
+    return *policy.min_views;
+  }
+  if (policy.max_occluded_views < 0) {
+    throw std::invalid_argument("max_occluded_views must not be negative");
+  }
+  if (policy.preset == Preset::kPaper) return views;
+  return std::max(1, views - std::min(policy.max_occluded_views, views));
+}
+
+std::optional<Preset> PresetFromName(const std::string& name) {
+  for (Preset preset : {Preset::kUncalibrated, Preset::kPaper}) {
+    if (NameOf(preset) == name) return preset;
+  }
+  return std::nullopt;
+}
+
+std::string NameOf(Preset preset) {
+  switch (preset) {
+    case Preset::kUncalibrated:
+      return "uncalibrated";
+    case Preset::kPaper:
+      return "paper";
+  }
+  return "";
+}
+
+}  // namespace silhouette

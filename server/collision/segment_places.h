@@ -1,0 +1,58 @@
+// The places of a straight line, in joint values, that have to be tested so that nothing between
+// them is left out.
+//
+// What stands for a configuration changes only where a joint passes a grid value (OffGrid::kCell:
+// another grid cell) or lies half-way between two (OffGrid::kNearest: another grid point). Testing
+// all these crossings, and one place between each two of them, tests the line exactly - up to
+// cells that it touches for less than the millionth of a step to which the grid snaps.
+#pragma once
+
+#include <array>
+#include <optional>
+#include <span>
+
+#include "db/configuration_grid.h"
+#include "server/collision/policy.h"
+
+namespace silhouette {
+
+class SegmentPlaces {
+ public:
+  // The line from `from`, a configuration in the grid, to `to`, which may lie outside. Values are
+  // interpolated as they are: a continuous joint takes the way that they say, over as many turns.
+  // Both have one value per joint, else std::invalid_argument. Never allocates.
+  SegmentPlaces(const ConfigurationGrid& grid, std::span<const double> from,
+                std::span<const double> to, OffGrid off_grid);
+
+  // False if the line is too long to be told apart in steps: a value that is not finite, or a
+  // continuous joint more than a billion steps away. Then Next() gives nothing.
+  bool resolvable() const { return resolvable_; }
+
+  // The next place as fraction of the line, greater than 0, less than 1, never falling; nothing
+  // after the last. The ends themselves are not among them.
+  std::optional<double> Next();
+
+ private:
+  struct Axis {
+    double from = 0;   // in steps
+    double delta = 0;  // in steps, over the whole line
+    double next = 0;   // the next crossing, in steps
+    double fraction() const { return (next - from) / delta; }
+  };
+
+  double NextCrossing();
+
+  std::array<Axis, kMaxJoints> axes_;  // of the joints that move
+  int moving_ = 0;
+  bool resolvable_ = true;
+  double leaves_grid_ = 2;  // where the line leaves the grid; 2: it does not
+  double last_crossing_ = 0;
+  std::optional<double> pending_;  // a crossing whose middle place was given last
+};
+
+// No more than this many places are tested on a path through these waypoints, infinity if a value
+// is not finite. Takes only as long as the path has waypoints. std::invalid_argument for a waypoint
+// with the wrong number of values.
+double MostPlaces(const ConfigurationGrid& grid, std::span<const Configuration> waypoints);
+
+}  // namespace silhouette

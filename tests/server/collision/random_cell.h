@@ -1,0 +1,65 @@
+// Random robot images and obstacle images for tests.
+#pragma once
+
+#include <algorithm>
+#include <random>
+#include <utility>
+#include <vector>
+
+#include "server/collision/collision_test.h"
+
+namespace silhouette {
+
+// Each pixel is set with this probability.
+inline Mask RandomMask(MaskSize size, double density, std::mt19937& random) {
+  std::bernoulli_distribution set(density);
+  return Mask::FromPredicate(size, [&](int, int) { return set(random); });
+}
+
+// A box of random place and extent, as robots and obstacles are: compact.
+inline Mask RandomBox(MaskSize size, std::mt19937& random) {
+  const auto range = [&](int limit) {
+    int a = std::uniform_int_distribution<int>(0, limit - 1)(random);
+    int b = std::uniform_int_distribution<int>(0, limit - 1)(random);
+    return std::pair(std::min(a, b), std::max(a, b));
+  };
+  const auto [left, right] = range(size.width);
+  const auto [top, bottom] = range(size.height);
+  return Mask::FromPredicate(
+      size, [=](int x, int y) { return left <= x && x <= right && top <= y && y <= bottom; });
+}
+
+inline std::vector<MaskSize> RandomSizes(int views, std::mt19937& random) {
+  std::vector<MaskSize> sizes;
+  for (int view = 0; view < views; ++view) {
+    std::uniform_int_distribution<int> side(3, 12);
+    sizes.push_back({side(random), side(random)});
+  }
+  return sizes;
+}
+
+// Sparse masks for every configuration of the grid.
+inline RobotImageTable RandomTable(const ConfigurationGrid& grid,
+                                   const std::vector<MaskSize>& sizes, double density,
+                                   std::mt19937& random) {
+  RobotImageTable::Builder builder(grid, sizes, grid.size());
+  for (ConfigurationNumber number = 0; number < grid.number_limit(); ++number) {
+    if (!grid.Contains(number)) continue;
+    std::vector<Mask> masks;
+    for (MaskSize size : sizes) masks.push_back(RandomMask(size, density, random));
+    builder.Add(number, masks);
+  }
+  return std::move(builder).Build();
+}
+
+inline ObstacleImages RandomObstacleImages(const std::vector<MaskSize>& sizes, double density,
+                                           std::mt19937& random) {
+  ObstacleImages images;
+  for (MaskSize size : sizes) {
+    images.push_back(ObstacleImage::FromScene(RandomMask(size, density, random),
+                                              RandomMask(size, density, random)));
+  }
+  return images;
+}
+
+}  // namespace silhouette

@@ -1,0 +1,119 @@
+// Tables 1 and 2 of the paper, on the example of its Figures 3 and 4.
+#include <gtest/gtest.h>
+
+#include <stdexcept>
+#include <string>
+#include <vector>
+
+#include "server/collision/collision_images.h"
+#include "server/collision/intersection_image.h"
+#include "server/collision/obstacle_image.h"
+
+namespace silhouette {
+namespace {
+
+// Rows of an image, one letter per pixel, top to bottom.
+using Rows = std::vector<std::string>;
+
+// B: background, F: foreground, R: robot, O: obstacle, U: unknown, E: error.
+const Rows kScene = {"BBBBBBFF", "BBBBBFFF", "BBBFFFFB", "BBFFFBBB",
+                     "BFBFBBFF", "FFFBBBFF", "FFFBBBBB", "FFFBBBBB"};
+const Rows kRobot = {"BBBBBBBB", "BBBBBBBB", "BBBRRRRB", "BBRRRBBB",
+                     "BRRRBBBB", "RRRBBBBB", "RRRBBBBB", "RRRBBBBB"};
+const Rows kObstacle = {"BBBBBBOO", "BBBBBOOO", "BBBUUUUB", "BBUUUBBB",
+                        "BUEUBBOO", "UUUBBBOO", "UUUBBBBB", "UUUBBBBB"};
+const Rows kTestRobot = {"BBBBBBBB", "BBBBBBBB", "BBBBBBBB", "BBRRRBBB",
+                         "BRRRRRBB", "RRRBBRRB", "RRRBBBBB", "RRRBBBBB"};
+const Rows kIntersection = {"BBBBBBBB", "BBBBBBBB", "BBBBBBBB", "BBUUUBBB",
+                            "BUEUBBBB", "UUUBBBOB", "UUUBBBBB", "UUUBBBBB"};
+
+// The pixels that have this letter.
+Mask PixelsOf(const Rows& rows, char letter) {
+  const MaskSize size{static_cast<int>(rows[0].size()), static_cast<int>(rows.size())};
+  return Mask::FromPredicate(size, [&](int x, int y) { return rows[y][x] == letter; });
+}
+
+template <typename Image>
+Rows RowsOf(const Image& image) {
+  Rows rows;
+  for (int y = 0; y < image.size().height; ++y) {
+    rows.emplace_back();
+    for (int x = 0; x < image.size().width; ++x) {
+      const bool obstacle = image.obstacle().at(x, y);
+      const bool unknown = image.unknown().at(x, y);
+      const bool error = image.error().at(x, y);
+      EXPECT_LE(obstacle + unknown + error, 1) << "the planes overlap at " << x << ", " << y;
+      rows.back() += obstacle ? 'O' : unknown ? 'U' : error ? 'E' : 'B';
+    }
+  }
+  return rows;
+}
+
+ObstacleImage PaperObstacleImage() {
+  return ObstacleImage::FromScene(PixelsOf(kScene, 'F'), PixelsOf(kRobot, 'R'));
+}
+
+// One pixel of scene and robot, as Table 1 pairs them.
+std::string Table1(bool foreground, bool robot) {
+  const auto pixel = [](bool set) {
+    return Mask::FromPredicate({1, 1}, [=](int, int) { return set; });
+  };
+  return RowsOf(ObstacleImage::FromScene(pixel(foreground), pixel(robot)))[0];
+}
+
+TEST(Table1, BackgroundWithoutRobotIsBackground) { EXPECT_EQ(Table1(false, false), "B"); }
+TEST(Table1, BackgroundWhereTheRobotShouldBeIsError) { EXPECT_EQ(Table1(false, true), "E"); }
+TEST(Table1, ForegroundWithoutRobotIsObstacle) { EXPECT_EQ(Table1(true, false), "O"); }
+TEST(Table1, ForegroundOnTheRobotIsUnknown) { EXPECT_EQ(Table1(true, true), "U"); }
+
+TEST(Table1, GivesThePaperFigure3RowByRow) {
+  const Rows rows = RowsOf(PaperObstacleImage());
+  ASSERT_EQ(rows.size(), kObstacle.size());
+  for (size_t i = 0; i < rows.size(); ++i) EXPECT_EQ(rows[i], kObstacle[i]) << "row " << i + 1;
+}
+
+TEST(Table1, BackgroundIsWhatNoOtherPlaneHolds) {
+  EXPECT_EQ(PaperObstacleImage().Background(), PixelsOf(kObstacle, 'B'));
+}
+
+TEST(Table2, GivesThePaperFigure4RowByRow) {
+  const Rows rows = RowsOf(IntersectionImage(PaperObstacleImage(), PixelsOf(kTestRobot, 'R')));
+  ASSERT_EQ(rows.size(), kIntersection.size());
+  for (size_t i = 0; i < rows.size(); ++i) EXPECT_EQ(rows[i], kIntersection[i]) << "row " << i + 1;
+}
+
+TEST(UncalibratedCollisionImages, KeepObstaclesAndTakeUnknownAndErrorForBackground) {
+  const IntersectionImage image(PaperObstacleImage(), PixelsOf(kTestRobot, 'R'));
+  const std::vector<Mask> collision_images = UncalibratedCollisionImages({image, image});
+  ASSERT_EQ(collision_images.size(), 2u);
+  for (const Mask& mask : collision_images) EXPECT_EQ(mask, PixelsOf(kIntersection, 'O'));
+}
+
+TEST(ObstacleImage, BetweenGridPointsObstacleOnlyWhereNoCornerShowsTheRobotErrorOnlyWhereAllDo) {
+  const Rows scene = {"FFFBBB"};
+  const Rows anywhere = {"BRRBRR"};
+  const Rows certain = {"BBRBBR"};
+  const ObstacleImage image = ObstacleImage::FromScene(
+      PixelsOf(scene, 'F'), PixelsOf(anywhere, 'R'), PixelsOf(certain, 'R'));
+  EXPECT_EQ(RowsOf(image)[0], "OUUBBE");
+}
+
+TEST(ObstacleImage, CornersWhoseIntersectionExceedsTheirUnionAreRefused) {
+  const Mask all = PixelsOf({"RR"}, 'R');
+  EXPECT_THROW(ObstacleImage::FromScene(all, PixelsOf({"RB"}, 'R'), all), std::invalid_argument);
+}
+
+TEST(ObstacleImage, FromAReadyObstacleMaskTheRobotStaysUnknownAndThereAreNoErrors) {
+  const Rows obstacles = {"FFBB"};
+  const Rows robot = {"BRRB"};
+  EXPECT_EQ(RowsOf(ObstacleImage::FromObstacles(PixelsOf(obstacles, 'F'), PixelsOf(robot, 'R')))[0],
+            "OOUB");
+}
+
+TEST(ObstacleImage, SizesThatDifferAreRefused) {
+  EXPECT_THROW(ObstacleImage::FromScene(Mask({2, 2}), Mask({2, 3})), std::invalid_argument);
+  EXPECT_THROW(ObstacleImage::FromObstacles(Mask({2, 2}), Mask({4, 1})), std::invalid_argument);
+}
+
+}  // namespace
+}  // namespace silhouette
