@@ -1,0 +1,18 @@
+// Whole files in one call.
+#pragma once
+
+#include <string>
+#include <string_view>
+
+#include "absl/status/status.h"
+#include "absl/status/statusor.h"
+
+namespace silhouette {
+
+// NotFound, FailedPrecondition (no permission, a folder) or Internal, each naming the file.
+absl::StatusOr<std::string> ReadWholeFile(const std::string& path);
+
+// Overwrites. Besides the errors above: ResourceExhausted if the disk is full.
+absl::Status WriteWholeFile(const std::string& path, std::string_view bytes);
+
+}  // namespace silhouette
