@@ -1,0 +1,25 @@
+// From a camera image to a mask: the one way in which robot images and scenes are made.
+#pragma once
+
+#include <opencv2/core.hpp>
+
+#include "capture/segmentation/reference.h"
+#include "capture/segmentation/settings.h"
+#include "db/mask.h"
+
+namespace silhouette {
+
+// Where `image` (grey, or blue, green, red) differs from the reference: an 8-bit image, 255 where
+// foreground, else 0. In turn: the brightness of the whole image is followed, every pixel is judged
+// by its own noise, specks and pinholes are cleaned up, small areas are dropped. Areas are
+// connected over edges and corners; beyond the image's rim nothing is known and nothing is cleaned
+// up. Throws std::invalid_argument if the image is not of the reference's size, or a setting is not
+// what its comment says.
+cv::Mat Foreground(const cv::Mat& image, const Reference& reference,
+                   const SegmentationSettings& settings);
+
+// Foreground() as a mask of `mask_size`, by DownSample() with the settings' min_cover.
+Mask Difference(const cv::Mat& image, const Reference& reference,
+                const SegmentationSettings& settings, MaskSize mask_size);
+
+}  // namespace silhouette

@@ -1,0 +1,243 @@
+#include "capture/segmentation/difference.h"
+
+#include <gtest/gtest.h>
+
+#include <opencv2/imgproc.hpp>
+#include <stdexcept>
+
+#include "capture/segmentation/brightness.h"
+#include "tests/segmentation/images.h"
+
+namespace silhouette {
+namespace {
+
+// Judges one pixel at a time, as the settings' comments say it.
+class PlainSegmentation {
+ public:
+  using Plane = std::vector<std::vector<bool>>;
+
+  static Plane Foreground(const cv::Mat& image, const Reference& reference,
+                          const SegmentationSettings& settings) {
+    const PlainSegmentation plain(image.cols, image.rows, settings.clean_up_radius);
+    Plane plane(static_cast<size_t>(image.rows),
+                std::vector<bool>(static_cast<size_t>(image.cols)));
+    for (int y = 0; y < image.rows; ++y) {
+      for (int x = 0; x < image.cols; ++x) {
+        const double mean = reference.mean().at<uint16_t>(y, x) / 256.0;
+        const double noise = reference.noise().at<uint16_t>(y, x) / 256.0;
+        const double difference = std::abs(image.at<uint8_t>(y, x) - mean);
+        plane[size_t(y)][size_t(x)] =
+            difference > settings.noise_factor * noise && difference > settings.min_difference;
+      }
+    }
+    plane = plain.Dilate(plain.Erode(plane));
+    plane = plain.Erode(plain.Dilate(plane));
+    return plain.WithoutBlobsBelow(plane, settings.min_blob_pixels);
+  }
+
+ private:
+  PlainSegmentation(int width, int height, int radius)
+      : width_(width), height_(height), radius_(radius) {}
+
+  bool Inside(int x, int y) const { return x >= 0 && x < width_ && y >= 0 && y < height_; }
+
+  // Whether some (or, with `all`, every) pixel of the image within the disc around (x, y) is set.
+  bool Within(const Plane& plane, int x, int y, bool all) const {
+    for (int dy = -radius_; dy <= radius_; ++dy) {
+      const double reach = radius_ == 0 ? 0 : std::sqrt(double(radius_ * radius_ - dy * dy));
+      const int dx_limit = static_cast<int>(std::lround(reach));
+      for (int dx = -dx_limit; dx <= dx_limit; ++dx) {
+        if (!Inside(x + dx, y + dy)) continue;
+        if (plane[size_t(y + dy)][size_t(x + dx)] != all) return !all;
+      }
+    }
+    return all;
+  }
+  Plane Each(const Plane& plane, bool all) const {
+    Plane result = plane;
+    for (int y = 0; y < height_; ++y) {
+      for (int x = 0; x < width_; ++x) result[size_t(y)][size_t(x)] = Within(plane, x, y, all);
+    }
+    return result;
+  }
+  Plane Erode(const Plane& plane) const { return Each(plane, true); }
+  Plane Dilate(const Plane& plane) const { return Each(plane, false); }
+
+  Plane WithoutBlobsBelow(Plane plane, int min_pixels) const {
+    Plane seen(plane.size(), std::vector<bool>(plane.front().size()));
+    for (int y = 0; y < height_; ++y) {
+      for (int x = 0; x < width_; ++x) {
+        if (!plane[size_t(y)][size_t(x)] || seen[size_t(y)][size_t(x)]) continue;
+        std::vector<std::pair<int, int>> blob = {{x, y}};
+        seen[size_t(y)][size_t(x)] = true;
+        for (size_t i = 0; i < blob.size(); ++i) {
+          for (int dy = -1; dy <= 1; ++dy) {
+            for (int dx = -1; dx <= 1; ++dx) {
+              const int nx = blob[i].first + dx;
+              const int ny = blob[i].second + dy;
+              if (!Inside(nx, ny) || !plane[size_t(ny)][size_t(nx)]) continue;
+              if (seen[size_t(ny)][size_t(nx)]) continue;
+              seen[size_t(ny)][size_t(nx)] = true;
+              blob.emplace_back(nx, ny);
+            }
+          }
+        }
+        if (static_cast<int>(blob.size()) >= min_pixels) continue;
+        for (const auto& [bx, by] : blob) plane[size_t(by)][size_t(bx)] = false;
+      }
+    }
+    return plane;
+  }
+
+  int width_;
+  int height_;
+  int radius_;
+};
+
+TEST(Foreground, AgreesWithAPlainSegmentation) {
+  const uint64_t seed = std::random_device{}();
+  SCOPED_TRACE(testing::Message() << "seed " << seed);
+  std::mt19937_64 random(seed);
+  const auto up_to = [&](int limit) { return static_cast<int>(random() % uint64_t(limit)); };
+  for (int round = 0; round < 40; ++round) {
+    const cv::Size size(20 + up_to(60), 20 + up_to(60));
+    const cv::Mat cell = EmptyCell(size);
+    const Reference reference =
+        Reference::FromImages(ExposeSeries(cell, 2 + up_to(10), up_to(30) / 10.0, random));
+    cv::Mat light = cell.clone();
+    for (int i = up_to(6); i > 0; --i) {
+      const cv::Rect box(up_to(size.width), up_to(size.height), 1 + up_to(12), 1 + up_to(12));
+      cv::rectangle(light, box, cv::Scalar(up_to(256)), cv::FILLED);
+    }
+    const cv::Mat image = Expose(light, 1, 6, random);  // so noisy that specks are left to clean up
+    const SegmentationSettings settings{.noise_factor = up_to(32) / 4.0,  // exact in any precision
+                                        .min_difference = static_cast<double>(up_to(20)),
+                                        .follow_brightness = false,
+                                        .clean_up_radius = up_to(4),
+                                        .min_blob_pixels = up_to(30)};
+    const cv::Mat foreground = Foreground(image, reference, settings);
+    const PlainSegmentation::Plane plain =
+        PlainSegmentation::Foreground(image, reference, settings);
+    for (int y = 0; y < size.height; ++y) {
+      for (int x = 0; x < size.width; ++x) {
+        ASSERT_EQ(foreground.at<uint8_t>(y, x), plain[size_t(y)][size_t(x)] ? 255 : 0)
+            << "pixel " << x << ", " << y << " of " << size << "\n"
+            << Describe(settings);
+      }
+    }
+  }
+}
+
+TEST(Difference, EmptyCellIsBackgroundUnderNoiseAndDrift) {
+  const uint64_t seed = std::random_device{}();
+  SCOPED_TRACE(testing::Message() << "seed " << seed);
+  std::mt19937_64 random(seed);
+  const cv::Mat cell = EmptyCell({320, 240});
+  for (const int images : {2, 5, 20}) {
+    const Reference reference = Reference::FromImages(ExposeSeries(cell, images, 2, random));
+    for (const double gain : {0.90, 0.95, 1.0, 1.03, 1.10}) {
+      const cv::Mat image = Expose(cell, gain, 2, random);
+      EXPECT_TRUE(Difference(image, reference, {}, {64, 64}).Empty())
+          << images << " reference images, brightness " << gain;
+    }
+  }
+}
+
+TEST(Difference, RobotIsFoundAndNothingElse) {
+  std::mt19937_64 random(5);
+  const cv::Mat cell = EmptyCell({320, 240});
+  const Reference reference = Reference::FromImages(ExposeSeries(cell, 20, 2, random));
+  const cv::Rect robot(100, 60, 45, 90);
+  cv::Mat light = cell.clone();
+  cv::rectangle(light, robot, cv::Scalar(225), cv::FILLED);
+  for (const double gain : {0.9, 1.0, 1.1}) {
+    const Mask mask = Difference(Expose(light, gain, 2, random), reference, {}, {64, 48});
+    EXPECT_EQ(mask,
+              Mask::FromPredicate(
+                  {64, 48}, [](int x, int y) { return x >= 20 && x < 29 && y >= 12 && y < 30; }))
+        << "brightness " << gain;
+  }
+}
+
+TEST(Difference, SpeckIsDroppedAndPinholeIsFilled) {
+  SegmentationSettings settings;
+  const cv::Mat empty(40, 40, CV_8UC1, cv::Scalar(100));
+  const Reference reference = Reference::FromImages(std::vector<cv::Mat>{empty, empty});
+  cv::Mat image = empty.clone();
+  image.at<uint8_t>(5, 5) = 200;
+  EXPECT_EQ(cv::countNonZero(Foreground(image, reference, settings)), 0);
+  cv::rectangle(image, cv::Rect(10, 10, 12, 12), cv::Scalar(200), cv::FILLED);
+  image.at<uint8_t>(16, 16) = 100;
+  const cv::Mat foreground = Foreground(image, reference, settings);
+  EXPECT_EQ(foreground.at<uint8_t>(16, 16), 255);
+  settings.clean_up_radius = 0;
+  settings.min_blob_pixels = 0;
+  EXPECT_EQ(cv::countNonZero(Foreground(image, reference, settings)), 12 * 12);  // speck, no hole
+}
+
+TEST(BrightnessGain, IsNotBiasedByWhatStandsInTheCell) {
+  const uint64_t seed = std::random_device{}();
+  SCOPED_TRACE(testing::Message() << "seed " << seed);
+  std::mt19937_64 random(seed);
+  const cv::Mat cell = EmptyCell({320, 240});
+  const Reference reference = Reference::FromImages(ExposeSeries(cell, 20, 2, random));
+  for (const double gain : {0.9, 1.0, 1.1}) {
+    for (const int width : {0, 60, 120, 180}) {  // the last covers more than half the image
+      for (const int level : {20, 130, 200}) {
+        cv::Mat light = cell.clone();
+        cv::rectangle(light, cv::Rect(0, 0, width, 240), cv::Scalar(level), cv::FILLED);
+        EXPECT_NEAR(BrightnessGain(Expose(light, gain, 2, random), reference), gain, 0.01)
+            << width << " columns of level " << level;
+      }
+    }
+  }
+}
+
+TEST(BrightnessGain, LightSwitchedOffIsNoDrift) {
+  std::mt19937_64 random(6);
+  const cv::Mat cell = EmptyCell({160, 120});
+  const Reference reference = Reference::FromImages(ExposeSeries(cell, 10, 2, random));
+  const cv::Mat dark = Expose(cell, 0.1, 2, random);
+  EXPECT_EQ(BrightnessGain(dark, reference), 1);
+  EXPECT_EQ(Difference(dark, reference, {}, {32, 32}).Count(), 32u * 32u);
+}
+
+TEST(Difference, WithoutFollowingTheLightDriftIsForeground) {
+  std::mt19937_64 random(7);
+  const cv::Mat cell = EmptyCell({160, 120});
+  const Reference reference = Reference::FromImages(ExposeSeries(cell, 10, 1, random));
+  const SegmentationSettings settings{.follow_brightness = false};
+  EXPECT_GT(Difference(Expose(cell, 1.2, 1, random), reference, settings, {32, 32}).Count(), 500u);
+}
+
+TEST(Difference, ImageOfAnotherSizeIsRefused) {
+  const cv::Mat empty(40, 40, CV_8UC1, cv::Scalar(100));
+  const Reference reference = Reference::FromImages(std::vector<cv::Mat>{empty, empty});
+  EXPECT_THROW(Difference(cv::Mat(40, 41, CV_8UC1), reference, {}, {8, 8}), std::invalid_argument);
+  EXPECT_THROW(Difference(cv::Mat(), reference, {}, {8, 8}), std::invalid_argument);
+}
+
+TEST(Difference, ImpossibleSettingsAreRefused) {
+  const cv::Mat empty(40, 40, CV_8UC1, cv::Scalar(100));
+  const Reference reference = Reference::FromImages(std::vector<cv::Mat>{empty, empty});
+  using Settings = SegmentationSettings;
+  for (const Settings& settings :
+       {Settings{.noise_factor = -1}, Settings{.min_difference = std::nan("")},
+        Settings{.clean_up_radius = -1}, Settings{.min_blob_pixels = -1},
+        Settings{.min_cover = 1}}) {
+    EXPECT_THROW(Difference(empty, reference, settings, {8, 8}), std::invalid_argument)
+        << Describe(settings);
+  }
+}
+
+TEST(SegmentationSettings, DescriptionIsSortedAndComplete) {
+  EXPECT_EQ(Describe({}),
+            "clean_up_radius: 1\nfollow_brightness: true\nmin_blob_pixels: 12\nmin_cover: 0\n"
+            "min_difference: 8\nnoise_factor: 6\n");
+  EXPECT_EQ(Describe({.noise_factor = 1.0 / 3, .follow_brightness = false, .min_cover = 0.1}),
+            "clean_up_radius: 1\nfollow_brightness: false\nmin_blob_pixels: 12\nmin_cover: 0.1\n"
+            "min_difference: 8\nnoise_factor: 0.3333333333333333\n");
+}
+
+}  // namespace
+}  // namespace silhouette

@@ -1,0 +1,96 @@
+#include "capture/segmentation/reference.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <opencv2/imgcodecs.hpp>
+#include <stdexcept>
+
+#include "tests/segmentation/images.h"
+
+namespace silhouette {
+namespace {
+
+using testing::HasSubstr;
+
+TEST(Reference, MeanIsThatOfTheImages) {
+  const std::vector<cv::Mat> images = {cv::Mat(2, 3, CV_8UC1, cv::Scalar(10)),
+                                       cv::Mat(2, 3, CV_8UC1, cv::Scalar(11)),
+                                       cv::Mat(2, 3, CV_8UC1, cv::Scalar(15))};
+  const Reference reference = Reference::FromImages(images);
+  EXPECT_EQ(reference.size(), cv::Size(3, 2));
+  EXPECT_EQ(reference.mean().at<uint16_t>(1, 2), 12 * Reference::kGreyLevel);
+}
+
+TEST(Reference, NoiseIsMeasured) {
+  std::mt19937_64 random(1);
+  const cv::Mat cell = EmptyCell({160, 120});
+  for (const int count : {2, 5, 20, 100}) {
+    const Reference reference = Reference::FromImages(ExposeSeries(cell, count, 2.0, random));
+    const double mean = cv::mean(reference.noise())[0] / Reference::kGreyLevel;
+    EXPECT_NEAR(mean, 2.0, 0.25) << count << " images";
+    double least = 0;
+    double greatest = 0;
+    cv::minMaxLoc(reference.noise(), &least, &greatest);
+    EXPECT_GT(least / Reference::kGreyLevel, 1.0) << count << " images";
+    EXPECT_LT(greatest / Reference::kGreyLevel, 4.0) << count << " images";
+  }
+}
+
+TEST(Reference, FlickeringPixelHasItsOwnNoise) {
+  std::mt19937_64 random(2);
+  std::vector<cv::Mat> images = ExposeSeries(EmptyCell({64, 48}), 20, 1.0, random);
+  for (size_t i = 0; i < images.size(); ++i) images[i].at<uint8_t>(7, 9) = i % 2 == 0 ? 0 : 200;
+  const Reference reference = Reference::FromImages(images);
+  EXPECT_GT(reference.noise().at<uint16_t>(7, 9), 60 * Reference::kGreyLevel);
+  EXPECT_LT(reference.noise().at<uint16_t>(7, 10), 3 * Reference::kGreyLevel);
+}
+
+TEST(Reference, ColourImagesCountAsGrey) {
+  cv::Mat colour(4, 4, CV_8UC3, cv::Scalar(10, 100, 200));  // blue, green, red
+  const Reference reference = Reference::FromImages(std::vector<cv::Mat>{colour, colour});
+  // 0.114 * 10 + 0.587 * 100 + 0.299 * 200
+  EXPECT_EQ(reference.mean().at<uint16_t>(0, 0), 120 * Reference::kGreyLevel);
+}
+
+TEST(Reference, StoredReferenceIsTheSameToTheBit) {
+  std::mt19937_64 random(3);
+  const Reference reference =
+      Reference::FromImages(ExposeSeries(EmptyCell({61, 47}), 7, 3.0, random));
+  const auto read = Reference::FromPng(reference.MeanPng(), reference.NoisePng());
+  ASSERT_TRUE(read.ok()) << read.status();
+  EXPECT_TRUE(SamePixels(read->mean(), reference.mean()));
+  EXPECT_TRUE(SamePixels(read->noise(), reference.noise()));
+}
+
+TEST(Reference, DamagedPngIsTold) {
+  std::mt19937_64 random(4);
+  const Reference reference =
+      Reference::FromImages(ExposeSeries(EmptyCell({20, 10}), 2, 1.0, random));
+  const Reference other = Reference::FromImages(ExposeSeries(EmptyCell({20, 11}), 2, 1.0, random));
+  std::vector<uint8_t> grey8;
+  cv::imencode(".png", cv::Mat(10, 20, CV_8UC1, cv::Scalar(3)), grey8);
+  const std::string eight_bits(grey8.begin(), grey8.end());
+  const std::string good = reference.MeanPng();
+  EXPECT_THAT(Reference::FromPng("", good).status().message(), HasSubstr("mean is not"));
+  EXPECT_THAT(Reference::FromPng(good, "nonsense").status().message(), HasSubstr("noise is not"));
+  EXPECT_FALSE(Reference::FromPng(good, good.substr(0, 20)).ok());
+  EXPECT_FALSE(Reference::FromPng(eight_bits, good).ok());
+  EXPECT_THAT(Reference::FromPng(good, other.NoisePng()).status().message(),
+              HasSubstr("differ in size"));
+}
+
+TEST(Reference, UnfitImagesAreRefused) {
+  const cv::Mat image(4, 4, CV_8UC1, cv::Scalar(1));
+  using Images = std::vector<cv::Mat>;
+  EXPECT_THROW(Reference::FromImages(Images{}), std::invalid_argument);
+  EXPECT_THROW(Reference::FromImages(Images{image}), std::invalid_argument);
+  EXPECT_THROW(Reference::FromImages(Images{image, cv::Mat()}), std::invalid_argument);
+  EXPECT_THROW(Reference::FromImages(Images{image, cv::Mat(4, 5, CV_8UC1, cv::Scalar(1))}),
+               std::invalid_argument);
+  EXPECT_THROW(Reference::FromImages(Images{image, cv::Mat(4, 4, CV_16UC1, cv::Scalar(1))}),
+               std::invalid_argument);
+}
+
+}  // namespace
+}  // namespace silhouette
