@@ -42,8 +42,8 @@ std::optional<double> NumberWithUnit(const std::string& text,
 
 }  // namespace
 
-YamlNode::YamlNode(YAML::Node node, std::string file, std::string name)
-    : node_(std::move(node)), file_(std::move(file)), name_(std::move(name)) {}
+YamlNode::YamlNode(const YAML::Node& node, std::string file, std::string name)
+    : node_(node), file_(std::move(file)), name_(std::move(name)) {}
 
 YamlNode YamlNode::FromFile(const std::string& path) {
   try {

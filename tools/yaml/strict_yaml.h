@@ -22,7 +22,7 @@ class YamlError : public std::runtime_error {
 class YamlNode {
  public:
   // `name` is what messages call the place, e.g. "views[2].mask_size".
-  YamlNode(YAML::Node node, std::string file, std::string name);
+  YamlNode(const YAML::Node& node, std::string file, std::string name);
 
   // Reads a file; throws YamlError if it cannot be read or is not YAML.
   static YamlNode FromFile(const std::string& path);
