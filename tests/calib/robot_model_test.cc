@@ -61,7 +61,7 @@ TEST(RobotModel, BodyIsVisualElseCollisionGeometry) {
   EXPECT_EQ(robot.links()[0].body().size(), 0u);
   ASSERT_EQ(robot.links()[1].body().size(), 1u);
   EXPECT_TRUE(std::holds_alternative<BoxShape>(robot.links()[1].body()[0].shape));
-  EXPECT_EQ(robot.links()[1].body()[0].colour, Eigen::Vector3d(1, 0, 0));
+  EXPECT_EQ(robot.links()[1].body()[0].colour, Eigen::Vector3d(1, 0.75, 0.5));
   ASSERT_EQ(robot.links()[2].body().size(), 1u);
   EXPECT_TRUE(std::holds_alternative<CylinderShape>(robot.links()[2].body()[0].shape));
 }

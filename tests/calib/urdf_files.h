@@ -44,11 +44,11 @@ inline std::string TetrahedronStl() {
 inline std::string ThreeJointUrdf() {
   return R"(<?xml version="1.0"?>
 <robot name="three">
-  <material name="red"><color rgba="1 0 0 1"/></material>
+  <material name="sand"><color rgba="1 0.75 0.5 1"/></material>
   <link name="base"/>
   <link name="upper">
     <visual><geometry><box size="0.5 0.1 0.2"/></geometry><origin xyz="0.25 0 0"/>
-      <material name="red"/></visual>
+      <material name="sand"/></visual>
   </link>
   <link name="forearm">
     <collision><geometry><cylinder radius="0.03" length="0.4"/></geometry>

@@ -1,0 +1,59 @@
+// Renderer: what the cameras of the simulated cell see, before the sensor. Lambert shading, one
+// directed light with shadows, one ray through every pixel's centre.
+#pragma once
+
+#include <functional>
+#include <span>
+#include <vector>
+
+#include "capture/sim/background.h"
+#include "capture/sim/body_part.h"
+#include "capture/sim/ray_scene.h"
+#include "capture/sim/simulation.h"
+
+namespace silhouette {
+
+// Not thread-safe.
+class Renderer {
+ public:
+  // Throws std::runtime_error if the ray tracer does not start.
+  Renderer(const SimulationSettings& settings, std::span<const BodyPart> robot);
+
+  // Replaces all obstacles.
+  void SetObstacles(std::span<const BodyPart> obstacles);
+
+  // Takes a rendered row: the index of its camera, its y and its grey levels, 0..255 and beyond.
+  using RowSink = std::function<void(size_t camera, int y, std::span<const float> row)>;
+
+  // Renders the images of `cameras` (indices of settings.cameras), with both cores where there are
+  // two. `sink` is called once for every row, from several threads, in no order.
+  // `robot`: poses of the links, nullptr: the robot is not in the cell. `obstacles`: their poses.
+  void Render(std::span<const size_t> cameras, const Poses* robot, const Poses& obstacles,
+              const RowSink& sink);
+
+ private:
+  // Pixels [left, right) x [top, bottom) that may be touched.
+  struct Rectangle {
+    int left = 0;
+    int right = 0;
+    int top = 0;
+    int bottom = 0;
+    bool shadow = false;  // by a shadow on the floor; else by the part itself
+  };
+  // Per thread, reused from row to row.
+  struct RowWork;
+
+  void Place(size_t first, std::span<const size_t> frames, const Poses* poses);
+  std::vector<Rectangle> TouchedRectangles(size_t camera) const;
+  void RenderRow(size_t camera, int y, std::span<const Rectangle> rectangles, RowWork& work) const;
+  void TraceBodies(size_t camera, int y, RowWork& work) const;
+  void TraceShadows(RowWork& work) const;
+
+  const SimulationSettings settings_;
+  std::vector<Background> backgrounds_;  // by camera
+  RayScene scene_;                       // the robot's parts first, then the obstacles'
+  std::vector<size_t> robot_frames_;     // by part
+  std::vector<size_t> obstacle_frames_;
+};
+
+}  // namespace silhouette

@@ -1,0 +1,205 @@
+#include "capture/sim/simulated_cell.h"
+
+#include <algorithm>
+#include <chrono>
+#include <cmath>
+#include <stdexcept>
+#include <utility>
+
+#include "absl/strings/str_cat.h"
+#include "absl/strings/str_join.h"
+#include "absl/time/clock.h"
+
+namespace silhouette {
+namespace {
+
+std::vector<double> RestPositions(const RobotModel& robot) {
+  std::vector<double> positions;
+  for (const RobotJoint& joint : robot.joints()) {
+    positions.push_back(std::clamp(0.0, joint.lower, joint.upper));
+  }
+  return positions;
+}
+
+std::vector<std::string> JointNames(const RobotModel& robot) {
+  std::vector<std::string> names;
+  for (const RobotJoint& joint : robot.joints()) names.push_back(joint.name);
+  return names;
+}
+
+}  // namespace
+
+SimulatedCell::SimulatedCell(RobotModel robot, SimulationSettings settings)
+    : robot_(std::move(robot)),
+      settings_(std::move(settings)),
+      sensor_(settings_),
+      renderer_(settings_, RobotParts(robot_)),
+      positions_(RestPositions(robot_)) {}
+
+absl::StatusOr<std::shared_ptr<SimulatedCell>> SimulatedCell::Load(
+    const std::string& simulation, const std::string& urdf,
+    std::span<const std::string> package_paths) {
+  absl::StatusOr<SimulationSettings> settings = LoadSimulation(simulation);
+  if (!settings.ok()) return settings.status();
+  absl::StatusOr<RobotModel> robot = RobotModel::FromUrdf(urdf, package_paths);
+  if (!robot.ok()) return robot.status();
+  return std::make_shared<SimulatedCell>(*std::move(robot), *std::move(settings));
+}
+
+std::vector<double> SimulatedCell::positions() const {
+  const std::lock_guard lock(mutex_);
+  return positions_;
+}
+
+void SimulatedCell::SetPositions(std::span<const double> positions) {
+  if (positions.size() != robot_.joints().size()) {
+    throw std::invalid_argument(
+        absl::StrCat("the robot has ", robot_.joints().size(), " joints, not ", positions.size()));
+  }
+  const std::lock_guard lock(mutex_);
+  positions_.assign(positions.begin(), positions.end());
+}
+
+void SimulatedCell::SetRobotPresent(bool present) {
+  const std::lock_guard lock(mutex_);
+  robot_present_ = present;
+}
+
+void SimulatedCell::SetObstacles(std::vector<Obstacle> obstacles) {
+  const std::lock_guard lock(mutex_);
+  obstacles_ = std::move(obstacles);
+  renderer_.SetObstacles(ObstacleParts(obstacles_));
+}
+
+double SimulatedCell::time() const {
+  const std::lock_guard lock(mutex_);
+  return time_;
+}
+
+void SimulatedCell::SetTime(double seconds) {
+  const std::lock_guard lock(mutex_);
+  time_ = seconds;
+}
+
+void SimulatedCell::SetFrame(uint64_t frame) {
+  const std::lock_guard lock(mutex_);
+  frame_ = frame;
+}
+
+std::vector<CameraImage> SimulatedCell::TakeImages(std::span<const size_t> cameras) {
+  const std::lock_guard lock(mutex_);
+  const absl::Time now = absl::Now();
+  std::vector<CameraImage> by_camera(settings_.cameras.size());
+  for (size_t camera : cameras) {
+    const CameraIntrinsics& intrinsics = settings_.cameras[camera].model.intrinsics();
+    CameraImage& image = by_camera[camera];
+    image.width = intrinsics.width;
+    image.height = intrinsics.height;
+    image.captured = now;
+    image.pixels.resize(static_cast<size_t>(image.width) * static_cast<size_t>(image.height));
+  }
+  const double gain = sensor_.Gain(time_);
+  const Poses robot = robot_.LinkPoses(positions_);
+  renderer_.Render(cameras, robot_present_ ? &robot : nullptr, ObstaclePoses(obstacles_, time_),
+                   [&](size_t camera, int y, std::span<const float> row) {
+                     const size_t first = static_cast<size_t>(y) * row.size();
+                     const std::span pixels(by_camera[camera].pixels);
+                     sensor_.Expose(row, gain, frame_, camera, y,
+                                    pixels.subspan(first, row.size()));
+                   });
+  ++frame_;
+  time_ += settings_.frame_interval;
+  std::vector<CameraImage> images;
+  for (size_t camera : cameras) images.push_back(by_camera[camera]);
+  return images;
+}
+
+SimulatedRobot::SimulatedRobot(std::shared_ptr<SimulatedCell> cell)
+    : cell_(std::move(cell)), joints_(JointNames(cell_->robot())) {}
+
+absl::Status SimulatedRobot::MoveTo(std::span<const double> positions) {
+  if (positions.size() != joints_.size()) {
+    return absl::InvalidArgumentError(
+        absl::StrCat("the robot has ", joints_.size(), " joints, not ", positions.size()));
+  }
+  const absl::StatusOr<std::vector<double>> goal = cell_->robot().Positions(joints_, positions);
+  if (!goal.ok()) return goal.status();
+  const std::vector<double> start = cell_->positions();
+  double farthest = 0;
+  for (size_t j = 0; j < start.size(); ++j) {
+    farthest = std::max(farthest, std::abs((*goal)[j] - start[j]));
+  }
+  const double speed = cell_->settings().joint_speed;
+  if (speed > 0) {
+    constexpr auto kTick = std::chrono::milliseconds(5);
+    const double seconds = farthest / speed;
+    const auto begin = std::chrono::steady_clock::now();
+    std::unique_lock lock(mutex_);
+    moving_ = true;
+    stopping_ = false;
+    double share = 0;
+    while (share < 1 && !stop_asked_.wait_for(lock, kTick, [&] { return stopping_; })) {
+      const std::chrono::duration<double> spent = std::chrono::steady_clock::now() - begin;
+      share = seconds > 0 ? std::min(spent.count() / seconds, 1.0) : 1;
+      std::vector<double> now = start;
+      for (size_t j = 0; j < now.size(); ++j) now[j] += share * ((*goal)[j] - start[j]);
+      cell_->SetPositions(now);
+    }
+    moving_ = false;
+    if (stopping_) return absl::AbortedError("the robot was stopped on the way");
+  }
+  cell_->SetPositions(*goal);
+  return absl::OkStatus();
+}
+
+absl::StatusOr<RobotState> SimulatedRobot::State() {
+  const std::lock_guard lock(mutex_);
+  return RobotState{.positions = cell_->positions(), .moving = moving_};
+}
+
+absl::Status SimulatedRobot::Stop() {
+  const std::lock_guard lock(mutex_);
+  stopping_ = true;
+  stop_asked_.notify_all();
+  return absl::OkStatus();
+}
+
+SimulatedCameraRig::SimulatedCameraRig(std::shared_ptr<SimulatedCell> cell,
+                                       std::vector<std::string> views, std::vector<size_t> cameras)
+    : cell_(std::move(cell)), views_(std::move(views)), cameras_(std::move(cameras)) {}
+
+absl::StatusOr<std::unique_ptr<SimulatedCameraRig>> SimulatedCameraRig::Create(
+    std::shared_ptr<SimulatedCell> cell, std::span<const SimulatedView> views) {
+  const std::vector<SimulatedCamera>& cameras = cell->settings().cameras;
+  std::vector<std::string> names;
+  std::vector<size_t> indices;
+  for (const SimulatedView& view : views) {
+    const auto camera = std::find_if(cameras.begin(), cameras.end(), [&](const auto& candidate) {
+      return candidate.name == view.name;
+    });
+    if (camera == cameras.end()) {
+      return absl::InvalidArgumentError(absl::StrCat(
+          "the simulation has no camera for the view '", view.name, "'; it has ",
+          absl::StrJoin(cameras, ", ", [](std::string* out, const SimulatedCamera& known) {
+            absl::StrAppend(out, "'", known.name, "'");
+          })));
+    }
+    const CameraIntrinsics& image = camera->model.intrinsics();
+    if (image.width != view.image_width || image.height != view.image_height) {
+      return absl::InvalidArgumentError(absl::StrCat(
+          "the view '", view.name, "' has images of ", view.image_width, " x ", view.image_height,
+          " pixels in the cell's file, but its simulated camera takes ", image.width, " x ",
+          image.height));
+    }
+    names.push_back(view.name);
+    indices.push_back(static_cast<size_t>(camera - cameras.begin()));
+  }
+  return std::unique_ptr<SimulatedCameraRig>(
+      new SimulatedCameraRig(std::move(cell), std::move(names), std::move(indices)));
+}
+
+absl::StatusOr<std::vector<CameraImage>> SimulatedCameraRig::Grab() {
+  return cell_->TakeImages(cameras_);
+}
+
+}  // namespace silhouette

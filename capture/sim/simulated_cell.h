@@ -1,0 +1,118 @@
+// SimulatedCell: robot, obstacles, light and cameras in one process, and the devices through which
+// capture speaks to them as to a real cell.
+#pragma once
+
+#include <condition_variable>
+#include <memory>
+#include <mutex>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "absl/status/status.h"
+#include "absl/status/statusor.h"
+#include "calib/robot_model.h"
+#include "capture/devices.h"
+#include "capture/sim/image_sensor.h"
+#include "capture/sim/obstacles.h"
+#include "capture/sim/renderer.h"
+#include "capture/sim/simulation.h"
+
+namespace silhouette {
+
+// Thread-safe. Time is simulated: seconds, 0 at the start; every set of images takes it forward by
+// frame_interval.
+class SimulatedCell {
+ public:
+  // All joints at 0, or at the limit nearest to it; no obstacles.
+  SimulatedCell(RobotModel robot, SimulationSettings settings);
+
+  // Reads simulation.yaml and the robot's URDF.
+  static absl::StatusOr<std::shared_ptr<SimulatedCell>> Load(
+      const std::string& simulation, const std::string& urdf,
+      std::span<const std::string> package_paths);
+
+  const RobotModel& robot() const { return robot_; }
+  const SimulationSettings& settings() const { return settings_; }
+
+  // In the order of robot().joints().
+  std::vector<double> positions() const;
+  // Puts the robot there at once. Throws std::invalid_argument if there are more or fewer values
+  // than joints.
+  void SetPositions(std::span<const double> positions);
+
+  // Takes the robot out of the cell, e.g. for reference images, or puts it back.
+  void SetRobotPresent(bool present);
+
+  void SetObstacles(std::vector<Obstacle> obstacles);
+
+  double time() const;
+  void SetTime(double seconds);
+
+  // The number of the next set of images; noise depends on it.
+  void SetFrame(uint64_t frame);
+
+  // One simultaneous set: an image for each of `cameras`, indices of settings().cameras.
+  std::vector<CameraImage> TakeImages(std::span<const size_t> cameras);
+
+ private:
+  const RobotModel robot_;
+  const SimulationSettings settings_;
+  const ImageSensor sensor_;
+
+  mutable std::mutex mutex_;  // guards all below
+  Renderer renderer_;
+  std::vector<double> positions_;
+  bool robot_present_ = true;
+  std::vector<Obstacle> obstacles_;
+  double time_ = 0;
+  uint64_t frame_ = 0;
+};
+
+// The robot of a simulated cell; it jumps, or moves at the cell's joint_speed in real time.
+class SimulatedRobot : public Robot {
+ public:
+  explicit SimulatedRobot(std::shared_ptr<SimulatedCell> cell);
+
+  const std::vector<std::string>& joints() const override { return joints_; }
+  // Aborted: it was stopped on the way.
+  absl::Status MoveTo(std::span<const double> positions) override;
+  absl::StatusOr<RobotState> State() override;
+  absl::Status Stop() override;
+
+ private:
+  const std::shared_ptr<SimulatedCell> cell_;
+  std::vector<std::string> joints_;
+  std::mutex mutex_;
+  std::condition_variable stop_asked_;
+  bool moving_ = false;  // guarded by mutex_
+  bool stopping_ = false;
+};
+
+// A view as cell.yaml has it.
+struct SimulatedView {
+  std::string name;  // of a camera of the simulation
+  int image_width = 0;
+  int image_height = 0;
+};
+
+// Cameras of a simulated cell.
+class SimulatedCameraRig : public CameraRig {
+ public:
+  // InvalidArgument: a view has no camera of its name, or not the camera's image size.
+  static absl::StatusOr<std::unique_ptr<SimulatedCameraRig>> Create(
+      std::shared_ptr<SimulatedCell> cell, std::span<const SimulatedView> views);
+
+  const std::vector<std::string>& views() const override { return views_; }
+  absl::StatusOr<std::vector<CameraImage>> Grab() override;
+
+ private:
+  SimulatedCameraRig(std::shared_ptr<SimulatedCell> cell, std::vector<std::string> views,
+                     std::vector<size_t> cameras);
+
+  const std::shared_ptr<SimulatedCell> cell_;
+  const std::vector<std::string> views_;
+  const std::vector<size_t> cameras_;  // by view
+};
+
+}  // namespace silhouette

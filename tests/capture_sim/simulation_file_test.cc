@@ -1,0 +1,84 @@
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <numbers>
+
+#include "capture/sim/simulation.h"
+#include "tests/calib/urdf_files.h"
+
+namespace silhouette {
+namespace {
+
+using testing::AllOf;
+using testing::HasSubstr;
+
+absl::StatusOr<SimulationSettings> Load(const std::string& text) {
+  return LoadSimulation(WriteFile(FreshFolder() / "simulation.yaml", text));
+}
+
+std::string ErrorOf(const std::string& text) {
+  const auto settings = Load(text);
+  return settings.ok() ? "no error" : std::string(settings.status().message());
+}
+
+std::string OneCamera(const std::string& keys) {
+  return "cameras:\n  cam:\n    image_size: [320, 240]\n    position: [3, 0, 1]\n" + keys;
+}
+
+TEST(SimulationFile, CameraLooksWhereItIsTold) {
+  const auto settings = Load(OneCamera("    look_at: [0, 0, 0.5]\n    field_of_view: 60 deg\n"));
+  ASSERT_TRUE(settings.ok()) << settings.status();
+  ASSERT_EQ(settings->cameras.size(), 1u);
+  const CameraModel& camera = settings->cameras[0].model;
+  EXPECT_EQ(settings->cameras[0].name, "cam");
+  EXPECT_TRUE(camera.Centre().isApprox(Eigen::Vector3d(3, 0, 1)));
+  const auto middle = *camera.Project({0, 0, 0.5});
+  EXPECT_NEAR(middle.x(), 159.5, 1e-9);
+  EXPECT_NEAR(middle.y(), 119.5, 1e-9);
+  // From there +y is to the right, up is up.
+  EXPECT_GT(camera.Project({0, 0.1, 0.5})->x(), 160);
+  EXPECT_LT(camera.Project({0, 0, 0.6})->y(), 119);
+  EXPECT_NEAR(camera.intrinsics().fx, 160 / std::tan(std::numbers::pi / 6), 1e-9);
+}
+
+TEST(SimulationFile, CameraStraightAboveSeesYUpward) {
+  const auto settings = Load(
+      "cameras:\n  top:\n    image_size: [320, 240]\n    position: [0, 0, 4]\n"
+      "    look_at: [0, 0, 0]\n    focal_length: 300\n");
+  ASSERT_TRUE(settings.ok()) << settings.status();
+  const CameraModel& camera = settings->cameras[0].model;
+  EXPECT_LT(camera.Project({0, 1, 0})->y(), 119);
+  EXPECT_GT(camera.Project({1, 0, 0})->x(), 160);
+}
+
+TEST(SimulationFile, RotationIsTheCamerasOwn) {
+  // Rolled by -90 degrees about x, the camera's z looks along the world's y.
+  const auto settings = Load(OneCamera("    rotation: [-90 deg, 0, 0]\n    focal_length: 300\n"));
+  ASSERT_TRUE(settings.ok()) << settings.status();
+  EXPECT_TRUE(settings->cameras[0].model.Project({3, 2, 1}).has_value());
+  EXPECT_FALSE(settings->cameras[0].model.Project({3, -2, 1}).has_value());
+}
+
+TEST(SimulationFile, MistakesAreToldWithFileAndLine) {
+  const std::string look = "    look_at: [0, 0, 1]\n";
+  const std::string focal = "    focal_length: 300\n";
+  EXPECT_THAT(ErrorOf(OneCamera(focal)), HasSubstr("either 'look_at' or 'rotation'"));
+  EXPECT_THAT(ErrorOf(OneCamera(look)), HasSubstr("'focal_length' in pixels or 'field_of_view'"));
+  EXPECT_THAT(ErrorOf(OneCamera(look + focal + "    distortion: [1, 2]\n")),
+              AllOf(HasSubstr("simulation.yaml:7"), HasSubstr("4, 5 or 8 numbers")));
+  EXPECT_THAT(ErrorOf(OneCamera(look + focal + "    distortion: [-3, 0, 0, 0]\n")),
+              HasSubstr("folds back"));
+  EXPECT_THAT(ErrorOf(OneCamera("    look_at: [3, 0, 1]\n" + focal)), HasSubstr("own place"));
+  EXPECT_THAT(ErrorOf(OneCamera(look + "    up: [1, 0, 0]\n" + focal)), HasSubstr("'up' must not"));
+  EXPECT_THAT(ErrorOf(OneCamera(look + focal) + "light: {direction: [0, 0, 1]}\n"),
+              HasSubstr("comes from above"));
+  EXPECT_THAT(ErrorOf(OneCamera(look + focal) + "nose: 1\n"),
+              AllOf(HasSubstr("simulation.yaml:7"), HasSubstr("did you mean 'noise'")));
+  EXPECT_THAT(ErrorOf(OneCamera(look + focal) + "room: {upper: [2, 2, 2]}\n"),
+              HasSubstr("'cam' stands outside the room"));
+  EXPECT_THAT(ErrorOf("cameras: {}\n"), HasSubstr("1 to 8 cameras"));
+  EXPECT_THAT(ErrorOf("cameras: [\n"), HasSubstr("simulation.yaml:"));
+}
+
+}  // namespace
+}  // namespace silhouette
