@@ -1,0 +1,56 @@
+// One request's view of the world: a database, a scene and a moment, and the verdicts that follow.
+#pragma once
+
+#include <optional>
+#include <span>
+#include <vector>
+
+#include "absl/time/time.h"
+#include "db/configuration_grid.h"
+#include "server/collision/collision_test.h"
+#include "server/collision/policy.h"
+#include "server/collision/verdict.h"
+#include "server/scene/clock.h"
+#include "server/scene/scene_settings.h"
+#include "server/scene/scene_store.h"
+
+namespace silhouette {
+
+// Keeps database and scene alive. Its verdicts are unknown, with the reason, wherever the scene as
+// a whole cannot be rested on; then CollisionTest's. Used by any number of threads.
+class Checker {
+ public:
+  // Age counts at the moment `now`. Throws std::invalid_argument if the policy cannot be.
+  Checker(Served served, const Policy& policy, const SceneSettings& settings, const Moment& now);
+
+  const Served& served() const { return served_; }
+  // Age of the scene's oldest image; zero if there is no scene.
+  absl::Duration scene_age() const { return scene_age_; }
+  // Why every verdict is unknown, whatever the configuration; kNone if verdicts can be made.
+  Reason blocked() const { return blocked_; }
+
+  // As CollisionTest's functions of the same names.
+  Verdict Check(std::span<const double> q, std::span<ViewEvidence> evidence = {}) const;
+  PathVerdict CheckPath(std::span<const Configuration> waypoints,
+                        std::span<ViewEvidence> evidence = {}) const;
+
+  // The test robot image of `q`; nothing if there is no scene, or a robot image that it takes is
+  // not there.
+  std::optional<Mask> TestRobotImage(int view, std::span<const double> q) const;
+
+ private:
+  Served served_;
+  absl::Duration scene_age_;
+  Reason blocked_ = Reason::kInternal;
+  std::optional<CollisionTest> test_;  // nothing where there is no scene
+};
+
+// Why no verdict can rest on `served` at the moment `now`; kNone if verdicts can be made.
+Reason BlockedReason(const Served& served, const SceneSettings& settings, const Moment& now);
+
+// The verdicts of all tiles of the grid as long as the scene is not blocked: what a map of the
+// whole configuration space is made of. The scene must be there; std::invalid_argument if the
+// policy cannot be.
+std::vector<TileVerdicts> CheckAllTiles(const Served& served, const Policy& policy);
+
+}  // namespace silhouette

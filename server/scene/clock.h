@@ -1,0 +1,21 @@
+// Time as the server tells it: the wall clock, by which images are stamped, and a clock that never
+// steps back, by which they age.
+#pragma once
+
+#include <functional>
+
+#include "absl/time/time.h"
+
+namespace silhouette {
+
+struct Moment {
+  absl::Time time;         // wall clock
+  absl::Duration running;  // since some fixed instant, whatever happens to the wall clock
+};
+
+// Tells the present moment; may be called from any thread.
+using Clock = std::function<Moment()>;
+
+Moment SystemClock();
+
+}  // namespace silhouette

@@ -1,0 +1,186 @@
+#include "server/scene/make_scene.h"
+
+#include <algorithm>
+#include <opencv2/imgcodecs.hpp>
+#include <utility>
+
+#include "absl/status/status.h"
+#include "absl/strings/str_cat.h"
+#include "absl/strings/str_join.h"
+#include "capture/segmentation/difference.h"
+#include "server/scene/image_header.h"
+#include "server/scene/robot_in_scene.h"
+
+namespace silhouette {
+namespace {
+
+std::string SizeText(int width, int height) { return absl::StrCat(width, "x", height); }
+
+absl::StatusOr<Mask> CheckedMask(const Mask& mask, MaskSize size) {
+  if (mask.size() == size) return mask;
+  return absl::InvalidArgumentError(
+      absl::StrCat("the mask is ", SizeText(mask.width(), mask.height()), ", and should be ",
+                   SizeText(size.width, size.height)));
+}
+
+absl::StatusOr<Mask> MaskOfImage(const EncodedImage& image, const Reference& reference,
+                                 const SegmentationSettings& settings, MaskSize size) {
+  const absl::Status unreadable = absl::InvalidArgumentError(
+      "the camera image cannot be decoded; send a whole PNG or JPEG image");
+  const std::optional<ImageSize> told = SizeOfWholeImage(image.bytes);
+  if (!told) return unreadable;
+  if (cv::Size(told->width, told->height) != reference.size()) {
+    return absl::InvalidArgumentError(absl::StrCat(
+        "the camera image is ", SizeText(told->width, told->height), ", and its reference image ",
+        SizeText(reference.size().width, reference.size().height)));
+  }
+  try {
+    const cv::Mat bytes(1, static_cast<int>(image.bytes.size()), CV_8UC1,
+                        const_cast<char*>(image.bytes.data()));
+    // As the sensor sees it: a note on how the camera was held must not turn the image.
+    const cv::Mat decoded =
+        cv::imdecode(bytes, cv::IMREAD_ANYCOLOR | cv::IMREAD_IGNORE_ORIENTATION);
+    if (decoded.size() != reference.size()) return unreadable;
+    return Difference(decoded, reference, settings, size);
+  } catch (const cv::Exception&) {
+    return unreadable;
+  }
+}
+
+absl::StatusOr<Mask> ForegroundOf(const ServedDatabase& database, int view, const ViewInput& input,
+                                  const SegmentationSettings& segmentation) {
+  const MaskSize size = database.robot_images().mask_sizes()[static_cast<size_t>(view)];
+  if (const auto* scene = std::get_if<SceneMask>(&input.image)) {
+    return CheckedMask(scene->mask, size);
+  }
+  if (const auto* obstacles = std::get_if<ObstacleMask>(&input.image)) {
+    return CheckedMask(obstacles->mask, size);
+  }
+  if (!database.has_references()) {
+    return absl::FailedPreconditionError(
+        "the database has no reference images to difference a camera image with; take them, or "
+        "publish scene masks");
+  }
+  return MaskOfImage(std::get<EncodedImage>(input.image), database.reference(view), segmentation,
+                     size);
+}
+
+// The view that the input speaks of, and is the first to.
+absl::StatusOr<int> NewView(const ServedDatabase& database, const Scene& scene,
+                            const std::string& name) {
+  const std::optional<int> view = database.ViewOf(name);
+  if (!view) {
+    std::vector<std::string> known;
+    for (int i = 0; i < database.views(); ++i) known.push_back(database.view_name(i));
+    return absl::InvalidArgumentError(
+        absl::StrCat("the cell has no such view; its views are ", absl::StrJoin(known, ", ")));
+  }
+  if (scene.views[static_cast<size_t>(*view)]) {
+    return absl::InvalidArgumentError("the view is given twice");
+  }
+  return *view;
+}
+
+absl::Status AddView(const ServedDatabase& database, const ViewInput& input,
+                     const SegmentationSettings& segmentation, Scene& scene,
+                     std::vector<const ViewInput*>& inputs) {
+  const absl::StatusOr<int> view = NewView(database, scene, input.view);
+  if (!view.ok()) return view.status();
+  const absl::Time captured = input.captured.value_or(scene.arrived.time);
+  if (captured > scene.arrived.time + kClockTolerance) {
+    return absl::InvalidArgumentError(
+        absl::StrCat("capture_time is ", absl::FormatDuration(captured - scene.arrived.time),
+                     " in the future; let the clocks of camera and server agree"));
+  }
+  absl::StatusOr<Mask> foreground = ForegroundOf(database, *view, input, segmentation);
+  if (!foreground.ok()) return foreground.status();
+  scene.views[static_cast<size_t>(*view)] =
+      SceneView{.captured = captured, .foreground = *std::move(foreground)};
+  inputs[static_cast<size_t>(*view)] = &input;
+  return absl::OkStatus();
+}
+
+void MakeObstacleImages(const std::vector<RobotCover>& covers,
+                        const std::vector<const ViewInput*>& inputs, Scene& scene) {
+  if (covers.empty()) return;
+  for (size_t view = 0; view < scene.views.size(); ++view) {
+    if (!scene.views[view]) continue;
+    const Mask& foreground = scene.views[view]->foreground;
+    const RobotCover& robot = covers[view];
+    const ObstacleImage image =
+        std::holds_alternative<ObstacleMask>(inputs[view]->image)
+            ? ObstacleImage::FromObstacles(foreground, robot.anywhere)
+            : ObstacleImage::FromScene(foreground, robot.anywhere, robot.certain);
+    scene.views[view]->core_error_pixels = static_cast<uint32_t>(Core(image.error()).Count());
+    scene.obstacle_images[view] = image;
+  }
+}
+
+void FindDefects(const ServedDatabase& database, const SceneSettings& settings, Scene& scene) {
+  if (scene.skew() > settings.max_skew) {
+    scene.defects.push_back(
+        {Reason::kSceneSkewed,
+         absl::StrCat("the images were taken ", absl::FormatDuration(scene.skew()),
+                      " apart, more than max_skew, ", absl::FormatDuration(settings.max_skew),
+                      "; trigger the cameras together")});
+  }
+  for (int view = 0; view < database.views(); ++view) {
+    const std::optional<SceneView>& seen = scene.views[static_cast<size_t>(view)];
+    const std::string name = absl::StrCat("view '", database.view_name(view), "' ");
+    if (!seen) {
+      scene.defects.push_back(
+          {Reason::kViewMissing, absl::StrCat(name,
+                                              "is missing and counts as showing an obstacle; "
+                                              "publish the images of all views together")});
+    } else if (seen->core_error_pixels >
+               settings.max_core_error * static_cast<double>(seen->foreground.size().pixels())) {
+      scene.defects.push_back(
+          {Reason::kErrorArea,
+           absl::StrCat(name, "shows background on ", seen->core_error_pixels,
+                        " pixels where the robot should be, rims not counted: the robot is not "
+                        "where it says, the camera moved, or the light changed")});
+    }
+  }
+}
+
+absl::Status InField(const absl::Status& status, size_t i, const ViewInput& input) {
+  return absl::Status(status.code(),
+                      absl::StrCat("views[", i, "] '", input.view, "': ", status.message()));
+}
+
+}  // namespace
+
+absl::StatusOr<Scene> MakeScene(const ServedDatabase& database, const SceneInput& input,
+                                const SceneSettings& settings,
+                                const SegmentationSettings& segmentation, const Moment& arrived) {
+  if (input.views.empty()) {
+    return absl::InvalidArgumentError("views: a scene has an image of at least one view");
+  }
+  const auto views = static_cast<size_t>(database.views());
+  Scene scene;
+  scene.generation = database.generation();
+  scene.arrived = arrived;
+  scene.joints = input.joints;
+  scene.views.resize(views);
+  scene.obstacle_images.resize(views);
+  absl::StatusOr<RobotInScene> robot =
+      FindRobot(database, input.joints, settings.fixed_joint_tolerance);
+  if (!robot.ok()) return robot.status();
+  std::vector<const ViewInput*> inputs(views);
+  scene.oldest = absl::InfiniteFuture();
+  scene.newest = absl::InfinitePast();
+  for (size_t i = 0; i < input.views.size(); ++i) {
+    const ViewInput& view = input.views[i];
+    const absl::Status added = AddView(database, view, segmentation, scene, inputs);
+    if (!added.ok()) return InField(added, i, view);
+    const absl::Time captured = view.captured.value_or(arrived.time);
+    scene.oldest = std::min(scene.oldest, captured);
+    scene.newest = std::max(scene.newest, captured);
+  }
+  scene.defects = std::move(robot->defects);
+  MakeObstacleImages(robot->covers, inputs, scene);
+  FindDefects(database, settings, scene);
+  return scene;
+}
+
+}  // namespace silhouette

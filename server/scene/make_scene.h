@@ -1,0 +1,57 @@
+// From what cameras and robot told to a scene.
+#pragma once
+
+#include <optional>
+#include <string>
+#include <variant>
+#include <vector>
+
+#include "absl/status/statusor.h"
+#include "absl/time/time.h"
+#include "capture/segmentation/settings.h"
+#include "db/mask.h"
+#include "server/scene/clock.h"
+#include "server/scene/scene.h"
+#include "server/scene/scene_settings.h"
+#include "server/scene/served_database.h"
+
+namespace silhouette {
+
+// Images may be stamped this much ahead of the server's clock.
+inline constexpr absl::Duration kClockTolerance = absl::Milliseconds(100);
+
+// The difference to the reference image: foreground pixels.
+struct SceneMask {
+  Mask mask;
+};
+// From a sensor that tells obstacles from the robot: the obstacle pixels.
+struct ObstacleMask {
+  Mask mask;
+};
+// An encoded camera image (PNG or JPEG), to be differenced with the view's reference image.
+struct EncodedImage {
+  std::string bytes;
+};
+
+struct ViewInput {
+  std::string view;
+  std::optional<absl::Time> captured;  // nothing: the moment of arrival
+  std::variant<SceneMask, ObstacleMask, EncodedImage> image;
+};
+
+struct SceneInput {
+  std::vector<JointPosition> joints;
+  std::vector<ViewInput> views;
+};
+
+// Makes a scene of images that arrived at the moment `arrived`. What is wrong with the state of the
+// cell becomes a defect of the scene; InvalidArgument, naming the field, is for input that says
+// nothing of the cell: no view at all, an unknown view or joint or one that is told twice, a mask
+// or an image of the wrong size, an image that cannot be decoded, a time in the future, a joint
+// value that is not finite. FailedPrecondition: a camera image, and the database has no reference
+// images.
+absl::StatusOr<Scene> MakeScene(const ServedDatabase& database, const SceneInput& input,
+                                const SceneSettings& settings,
+                                const SegmentationSettings& segmentation, const Moment& arrived);
+
+}  // namespace silhouette

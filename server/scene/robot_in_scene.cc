@@ -1,0 +1,148 @@
+#include "server/scene/robot_in_scene.h"
+
+#include <cmath>
+#include <map>
+#include <string>
+#include <utility>
+
+#include "absl/status/status.h"
+#include "absl/strings/str_cat.h"
+#include "absl/strings/str_join.h"
+
+namespace silhouette {
+namespace {
+
+using Positions = std::map<std::string, double>;
+
+std::vector<std::string> JointNames(const storage::v1::CellDescription& cell) {
+  std::vector<std::string> names;
+  for (const auto& joint : cell.grid_joints()) names.push_back(joint.name());
+  for (const auto& joint : cell.fixed_joints()) names.push_back(joint.name());
+  return names;
+}
+
+absl::StatusOr<Positions> PositionsByName(const storage::v1::CellDescription& cell,
+                                          const std::vector<JointPosition>& joints) {
+  const std::vector<std::string> known = JointNames(cell);
+  Positions positions;
+  for (size_t i = 0; i < joints.size(); ++i) {
+    const std::string field = absl::StrCat("joints[", i, "]: ");
+    const std::string& name = joints[i].name;
+    if (std::find(known.begin(), known.end(), name) == known.end()) {
+      return absl::InvalidArgumentError(absl::StrCat(field, "the cell has no joint '", name,
+                                                     "'; its joints are ",
+                                                     absl::StrJoin(known, ", ")));
+    }
+    if (!std::isfinite(joints[i].position)) {
+      return absl::InvalidArgumentError(
+          absl::StrCat(field, "the position of '", name, "' is not a finite number"));
+    }
+    if (!positions.emplace(name, joints[i].position).second) {
+      return absl::InvalidArgumentError(absl::StrCat(field, "joint '", name, "' is told twice"));
+    }
+  }
+  return positions;
+}
+
+void CheckFixedJoints(const storage::v1::CellDescription& cell, const Positions& positions,
+                      double tolerance, std::vector<SceneDefect>& defects) {
+  for (const auto& joint : cell.fixed_joints()) {
+    const auto told = positions.find(joint.name());
+    if (told == positions.end()) {
+      defects.push_back({Reason::kFixedJointMoved,
+                         absl::StrCat("joint '", joint.name(),
+                                      "' was not told; publish its "
+                                      "position, for the robot images hold only where it stood at "
+                                      "capture")});
+    } else if (!(std::abs(told->second - joint.position()) <= tolerance)) {
+      defects.push_back(
+          {Reason::kFixedJointMoved, absl::StrCat("joint '", joint.name(), "' is at ", told->second,
+                                                  "; move it to ", joint.position(),
+                                                  ", where it stood when the "
+                                                  "robot images were captured (tolerance ",
+                                                  tolerance, ")")});
+    }
+  }
+}
+
+// The grid joints' values; nothing, and a defect, if one is not told.
+std::optional<Configuration> GridConfiguration(const ConfigurationGrid& grid,
+                                               const Positions& positions,
+                                               std::vector<SceneDefect>& defects) {
+  Configuration q;
+  for (const GridJoint& joint : grid.joints()) {
+    const auto told = positions.find(joint.name);
+    if (told == positions.end()) {
+      defects.push_back(
+          {Reason::kRobotPositionUnknown, absl::StrCat("joint '", joint.name,
+                                                       "' was not told; publish the robot's "
+                                                       "joints together with the images")});
+      return std::nullopt;
+    }
+    q.push_back(told->second);
+  }
+  return q;
+}
+
+const char* WhyUnusable(RobotImageState state) {
+  switch (state) {
+    case RobotImageState::kExcluded:
+      return "lies in a region the robot must never enter";
+    case RobotImageState::kCorrupt:
+      return "has a robot image that fails its checksum; capture it anew";
+    default:
+      return "has no robot image; capture it";
+  }
+}
+
+// The robot images at the corners around `q`; none, and a defect, if one cannot be used.
+std::vector<RobotCover> CoversAt(const ServedDatabase& database, const Configuration& q,
+                                 std::vector<SceneDefect>& defects) {
+  const RobotImageTable& images = database.robot_images();
+  const std::string place = absl::StrCat("(", absl::StrJoin(q, ", "), ")");
+  const CellCorners corners = database.grid().CornersAround(q);
+  if (corners.count() == 0) {
+    defects.push_back(
+        {Reason::kRobotPositionUnknown,
+         absl::StrCat("the robot is at ", place, ", outside the grid; move it back")});
+    return {};
+  }
+  for (ConfigurationNumber corner : corners.numbers()) {
+    const RobotImageState state = images.state(corner);
+    if (state == RobotImageState::kPresent) continue;
+    defects.push_back(
+        {Reason::kRobotImageOfSceneMissing,
+         absl::StrCat("the robot is at ", place, "; next to it, configuration (",
+                      absl::StrJoin(database.grid().At(corner), ", "), ") ", WhyUnusable(state))});
+    return {};
+  }
+  std::vector<RobotCover> covers;
+  for (int view = 0; view < database.views(); ++view) {
+    const Mask first = images.ImageAsMask(view, corners.numbers().front());
+    RobotCover cover{first, first};
+    for (ConfigurationNumber corner : corners.numbers().subspan(1)) {
+      const Mask image = images.ImageAsMask(view, corner);
+      cover.anywhere = cover.anywhere | image;
+      cover.certain = cover.certain & image;
+    }
+    covers.push_back(std::move(cover));
+  }
+  return covers;
+}
+
+}  // namespace
+
+absl::StatusOr<RobotInScene> FindRobot(const ServedDatabase& database,
+                                       const std::vector<JointPosition>& joints,
+                                       double fixed_joint_tolerance) {
+  const absl::StatusOr<Positions> positions = PositionsByName(database.cell(), joints);
+  if (!positions.ok()) return positions.status();
+  RobotInScene robot;
+  const std::optional<Configuration> q =
+      GridConfiguration(database.grid(), *positions, robot.defects);
+  if (q) robot.covers = CoversAt(database, *q, robot.defects);
+  CheckFixedJoints(database.cell(), *positions, fixed_joint_tolerance, robot.defects);
+  return robot;
+}
+
+}  // namespace silhouette

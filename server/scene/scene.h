@@ -1,0 +1,68 @@
+// A scene: one simultaneous set of images of the cell, one per view, with the robot's joints at
+// that instant, and what it is good for.
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "absl/time/time.h"
+#include "db/mask.h"
+#include "server/collision/collision_test.h"
+#include "server/collision/verdict.h"
+#include "server/scene/clock.h"
+
+namespace silhouette {
+
+// A joint of the robot and where it stands: radians, metres.
+struct JointPosition {
+  std::string name;
+  double position = 0;
+};
+
+// Why no verdict that rests on the scene is free.
+struct SceneDefect {
+  Reason reason = Reason::kInternal;
+  std::string message;  // one sentence that names the thing and the mend
+};
+
+// What one view saw.
+struct SceneView {
+  absl::Time captured;
+  // The scene image; from a sensor that tells obstacles by itself: its obstacle pixels.
+  Mask foreground;
+  // Error pixels whose neighbours are all error pixels.
+  uint32_t core_error_pixels = 0;
+};
+
+// A plain value; shared as SharedScene, and then never changed.
+struct Scene {
+  // Counts up from 1 in the life of a server; 0 until it is published.
+  uint64_t id = 0;
+  // Generation of the database that it was made with.
+  uint64_t generation = 0;
+  std::vector<JointPosition> joints;
+  // One per view of the database; nothing where the scene lacks the view.
+  std::vector<std::optional<SceneView>> views;
+  // As `views`; nothing also where the robot image at the scene's robot position is not known.
+  ObstacleImages obstacle_images;
+  // Capture times of the oldest and the newest image.
+  absl::Time oldest;
+  absl::Time newest;
+  // When it arrived.
+  Moment arrived;
+  std::vector<SceneDefect> defects;
+
+  absl::Duration skew() const { return newest - oldest; }
+  // Age of the oldest image. After the scene's arrival only the running clock counts.
+  absl::Duration AgeAt(const Moment& now) const;
+  // Why every verdict is unknown, whatever the configuration; kNone if verdicts can be made. A
+  // missing view does not block: it counts as showing an obstacle.
+  Reason Blocked() const;
+};
+
+using SharedScene = std::shared_ptr<const Scene>;
+
+}  // namespace silhouette

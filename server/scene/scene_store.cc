@@ -1,0 +1,55 @@
+#include "server/scene/scene_store.h"
+
+#include <algorithm>
+#include <utility>
+
+#include "absl/status/status.h"
+#include "absl/strings/str_cat.h"
+
+namespace silhouette {
+
+SceneStore::SceneStore(std::shared_ptr<const ServedDatabase> database, size_t kept)
+    : kept_(std::max<size_t>(kept, 1)), database_(std::move(database)) {}
+
+absl::StatusOr<SharedScene> SceneStore::Publish(
+    Scene scene, const std::shared_ptr<const ServedDatabase>& database) {
+  const std::lock_guard lock(mutex_);
+  if (database != database_) {
+    return absl::AbortedError(
+        "the database was replaced while the scene was being made; publish it again");
+  }
+  if (!scenes_.empty() && scene.oldest < scenes_.back()->oldest) {
+    return absl::FailedPreconditionError(
+        absl::StrCat("the images are ", absl::FormatDuration(scenes_.back()->oldest - scene.oldest),
+                     " older than those of scene ", scenes_.back()->id, ", which is served"));
+  }
+  scene.id = ++last_id_;
+  scenes_.push_back(std::make_shared<const Scene>(std::move(scene)));
+  if (scenes_.size() > kept_) scenes_.pop_front();
+  return scenes_.back();
+}
+
+void SceneStore::ReplaceDatabase(std::shared_ptr<const ServedDatabase> database) {
+  const std::lock_guard lock(mutex_);
+  database_replaced_ = database_replaced_ || !scenes_.empty();
+  scenes_.clear();
+  database_.swap(database);  // the old one is freed by whoever lets go of it last, not in here
+}
+
+Served SceneStore::Newest() const {
+  const std::lock_guard lock(mutex_);
+  if (!scenes_.empty()) return {database_, scenes_.back(), Reason::kNone};
+  return {database_, nullptr, database_replaced_ ? Reason::kGenerationMismatch : Reason::kNoScene};
+}
+
+SharedScene SceneStore::Find(uint64_t id) const {
+  const std::lock_guard lock(mutex_);
+  if (scenes_.empty()) return nullptr;
+  if (id == 0) return scenes_.back();
+  for (const SharedScene& scene : scenes_) {
+    if (scene->id == id) return scene;
+  }
+  return nullptr;
+}
+
+}  // namespace silhouette

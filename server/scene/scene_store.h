@@ -1,0 +1,52 @@
+// The scenes that are served, and the database they were made with. Used by any number of threads.
+#pragma once
+
+#include <cstdint>
+#include <deque>
+#include <memory>
+#include <mutex>
+
+#include "absl/status/statusor.h"
+#include "server/scene/scene.h"
+#include "server/scene/served_database.h"
+
+namespace silhouette {
+
+// What a request rests on, taken in one step: the newest scene and its database stay as they are as
+// long as the request holds them.
+struct Served {
+  std::shared_ptr<const ServedDatabase> database;
+  SharedScene scene;  // null: there is none
+  // Why there is none: kNoScene, or kGenerationMismatch after a change of the database; else kNone.
+  Reason without_scene = Reason::kNoScene;
+};
+
+class SceneStore {
+ public:
+  // `kept`: how many scenes, the newest included, can be asked for by id.
+  explicit SceneStore(std::shared_ptr<const ServedDatabase> database, size_t kept = 16);
+
+  // Gives the scene its id and makes it the newest. `database`: what it was made with.
+  // FailedPrecondition if its oldest image is older than that of the newest scene. Aborted if the
+  // database has been replaced since the scene was made.
+  absl::StatusOr<SharedScene> Publish(Scene scene,
+                                      const std::shared_ptr<const ServedDatabase>& database);
+
+  // Serves another generation. All scenes are dropped: they were made with the old robot images.
+  void ReplaceDatabase(std::shared_ptr<const ServedDatabase> database);
+
+  Served Newest() const;
+
+  // A scene by its id, 0 for the newest; null if there is none, or no longer.
+  SharedScene Find(uint64_t id) const;
+
+ private:
+  const size_t kept_;
+  mutable std::mutex mutex_;
+  std::shared_ptr<const ServedDatabase> database_;
+  std::deque<SharedScene> scenes_;  // oldest first
+  bool database_replaced_ = false;
+  uint64_t last_id_ = 0;
+};
+
+}  // namespace silhouette

@@ -1,0 +1,86 @@
+#include "server/scene/served_database.h"
+
+#include <stdexcept>
+#include <utility>
+
+#include "absl/status/status.h"
+#include "absl/strings/str_cat.h"
+
+namespace silhouette {
+namespace {
+
+absl::StatusOr<RobotImageTable> LoadRobotImages(const Database& database,
+                                                const Snapshot& snapshot) {
+  RobotImageTable::Builder builder(database.grid(), database.mask_sizes(), snapshot.size());
+  const absl::Status status =
+      snapshot.ForEach([&](ConfigurationNumber number, absl::StatusOr<RobotImage> image) {
+        if (!image.ok()) {
+          builder.AddCorrupt(number);
+        } else if (image->excluded) {
+          builder.AddExcluded(number);
+        } else {
+          builder.Add(number, image->masks);
+        }
+        return true;
+      });
+  if (!status.ok()) return status;
+  return std::move(builder).Build();
+}
+
+absl::StatusOr<std::vector<Reference>> LoadReferences(const Database& database,
+                                                      const Snapshot& snapshot) {
+  const absl::StatusOr<std::optional<storage::v1::References>> stored = snapshot.References();
+  if (!stored.ok()) return stored.status();
+  std::vector<Reference> references;
+  if (!*stored) return references;
+  if ((*stored)->views_size() != database.cell().views_size()) {
+    return absl::DataLossError(absl::StrCat("'", database.path(),
+                                            "' has not one reference image per view; take them "
+                                            "anew"));
+  }
+  for (int view = 0; view < (*stored)->views_size(); ++view) {
+    const storage::v1::Reference& png = (*stored)->views(view);
+    absl::StatusOr<Reference> reference = Reference::FromPng(png.mean_png(), png.noise_png());
+    if (!reference.ok()) {
+      return absl::DataLossError(absl::StrCat("'", database.path(), "', view '",
+                                              database.cell().views(view).name(),
+                                              "': ", reference.status().message()));
+    }
+    references.push_back(*std::move(reference));
+  }
+  return references;
+}
+
+}  // namespace
+
+ServedDatabase::ServedDatabase(storage::v1::CellDescription cell, uint64_t generation,
+                               RobotImageTable robot_images, std::vector<Reference> references)
+    : cell_(std::move(cell)),
+      generation_(generation),
+      robot_images_(std::move(robot_images)),
+      references_(std::move(references)) {}
+
+absl::StatusOr<std::shared_ptr<const ServedDatabase>> ServedDatabase::Load(
+    const Database& database) {
+  try {
+    const absl::StatusOr<Snapshot> snapshot = database.Read();
+    if (!snapshot.ok()) return snapshot.status();
+    absl::StatusOr<RobotImageTable> robot_images = LoadRobotImages(database, *snapshot);
+    if (!robot_images.ok()) return robot_images.status();
+    absl::StatusOr<std::vector<Reference>> references = LoadReferences(database, *snapshot);
+    if (!references.ok()) return references.status();
+    return std::shared_ptr<const ServedDatabase>(new ServedDatabase(
+        database.cell(), snapshot->generation(), *std::move(robot_images), *std::move(references)));
+  } catch (const std::invalid_argument& error) {
+    return absl::InvalidArgumentError(absl::StrCat("'", database.path(), "': ", error.what()));
+  }
+}
+
+std::optional<int> ServedDatabase::ViewOf(const std::string& name) const {
+  for (int view = 0; view < views(); ++view) {
+    if (view_name(view) == name) return view;
+  }
+  return std::nullopt;
+}
+
+}  // namespace silhouette

@@ -1,0 +1,191 @@
+// The verdicts of one request; every case of "never free" that scenes and time can bring about.
+#include "server/scene/checker.h"
+
+#include <gtest/gtest.h>
+
+#include <stdexcept>
+
+#include "tests/server/test_cell.h"
+
+namespace silhouette {
+namespace {
+
+const Moment kNow{absl::FromUnixSeconds(1'000'000), absl::Seconds(50)};
+
+Moment After(absl::Duration duration) { return {kNow.time + duration, kNow.running + duration}; }
+
+struct CheckerTest : ::testing::Test {
+  std::shared_ptr<const ServedDatabase> database =
+      NewDatabase({.missing = {{0, 7}}, .excluded = {{4, 7}}, .corrupt = {{2, 7}}});
+  SceneSettings settings;
+
+  Served ServedScene(const SceneInput& input, uint64_t id = 1) const {
+    absl::StatusOr<Scene> scene = MakeScene(*database, input, settings, {}, kNow);
+    EXPECT_TRUE(scene.ok()) << scene.status();
+    scene->id = id;
+    return {database, std::make_shared<const Scene>(*std::move(scene)), Reason::kNone};
+  }
+  Checker CheckerOf(const SceneInput& input, const Moment& now = kNow,
+                    const Policy& policy = {}) const {
+    return Checker(ServedScene(input), policy, settings, now);
+  }
+
+  // Nothing at all is free: no configuration of the grid, none between, no path, no tile.
+  static void ExpectNothingFree(const Checker& checker, Reason reason) {
+    for (int a = 0; a < 5; ++a) {
+      for (int b = 0; b < 8; ++b) {
+        EXPECT_EQ(checker.Check(At(a, b)), Verdict::Unknown(reason));
+      }
+    }
+    EXPECT_EQ(checker.Check(Configuration{0.5, 0.1}), Verdict::Unknown(reason));
+    EXPECT_EQ(checker.CheckPath(std::vector<Configuration>{At(0, 0), At(0, 1)}).verdict,
+              Verdict::Unknown(reason));
+    EXPECT_EQ(checker.blocked(), reason);
+  }
+};
+
+TEST_F(CheckerTest, GoodSceneGivesFreeAndOccupied) {
+  const Checker checker = CheckerOf(SceneWithBlock(3));
+  EXPECT_TRUE(checker.Check(At(1, 0)).free());
+  EXPECT_EQ(checker.Check(At(3, 0)).state(), State::kOccupied);
+  std::vector<ViewEvidence> evidence(3);
+  checker.Check(At(3, 0), evidence);
+  EXPECT_EQ(evidence[0].obstacle_pixels, (Block(0, 3) & RobotMask(0, 3, 0)).Count());
+  EXPECT_FALSE(checker.CheckPath(std::vector<Configuration>{At(1, 0), At(4, 0)}).verdict.free());
+  EXPECT_TRUE(checker.CheckPath(std::vector<Configuration>{At(0, 0), At(1, 0)}).verdict.free());
+}
+
+TEST_F(CheckerTest, NoSceneYetIsNeverFree) {
+  const Checker checker({database, nullptr, Reason::kNoScene}, {}, settings, kNow);
+  ExpectNothingFree(checker, Reason::kNoScene);
+  EXPECT_EQ(checker.TestRobotImage(0, At(0, 0)), std::nullopt);
+}
+
+TEST_F(CheckerTest, SceneOlderThanMaxAgeIsNeverFree) {
+  settings.max_age = absl::Seconds(2);
+  EXPECT_TRUE(CheckerOf(EmptyCellScene(), After(absl::Seconds(2))).Check(At(1, 0)).free());
+  ExpectNothingFree(CheckerOf(EmptyCellScene(), After(absl::Milliseconds(2001))),
+                    Reason::kSceneStale);
+}
+
+TEST_F(CheckerTest, SceneThatArrivedOldIsNeverFree) {
+  SceneInput input = EmptyCellScene();
+  for (ViewInput& view : input.views) view.captured = kNow.time - absl::Seconds(3);
+  const Checker checker = CheckerOf(input);
+  EXPECT_EQ(checker.scene_age(), absl::Seconds(3));
+  ExpectNothingFree(checker, Reason::kSceneStale);
+}
+
+TEST_F(CheckerTest, WallClockThatStepsBackMakesNoSceneYoung) {
+  const Moment now{kNow.time - absl::Hours(1), kNow.running + absl::Seconds(5)};
+  ExpectNothingFree(CheckerOf(EmptyCellScene(), now), Reason::kSceneStale);
+}
+
+TEST_F(CheckerTest, ViewsFurtherApartThanMaxSkewAreNeverFree) {
+  SceneInput input = EmptyCellScene();
+  input.views[0].captured = kNow.time - absl::Milliseconds(60);
+  ExpectNothingFree(CheckerOf(input), Reason::kSceneSkewed);
+}
+
+TEST_F(CheckerTest, ViewMissingFromTheSceneIsNeverFree) {
+  SceneInput input = SceneWithBlock(3);
+  input.views.erase(input.views.begin());
+  for (int occluded = 0; occluded < 3; ++occluded) {
+    const Policy policy{.max_occluded_views = occluded};
+    const Checker checker = CheckerOf(input, kNow, policy);
+    for (int a = 0; a < 5; ++a) EXPECT_FALSE(checker.Check(At(a, 0)).free());
+    EXPECT_EQ(checker.Check(At(3, 0)).state(), State::kOccupied);
+    if (occluded < 2) {
+      EXPECT_EQ(checker.Check(At(1, 0)), Verdict::Unknown(Reason::kViewMissing, true));
+    }
+    for (const TileVerdicts& tile : CheckAllTiles(checker.served(), policy)) {
+      for (uint64_t word : tile.free) EXPECT_EQ(word, 0u);
+    }
+  }
+}
+
+TEST_F(CheckerTest, RobotPositionNotToldIsNeverFree) {
+  SceneInput input = EmptyCellScene();
+  input.joints = {{"lift", 0.5}};
+  ExpectNothingFree(CheckerOf(input), Reason::kRobotPositionUnknown);
+}
+
+TEST_F(CheckerTest, RobotOutsideTheGridIsNeverFree) {
+  SceneInput input = EmptyCellScene();
+  input.joints[0].position = -0.1;
+  ExpectNothingFree(CheckerOf(input), Reason::kRobotPositionUnknown);
+}
+
+TEST_F(CheckerTest, FixedJointNotWhereItStoodAtCaptureIsNeverFree) {
+  SceneInput input = EmptyCellScene();
+  input.joints[2].position = 0.6;
+  ExpectNothingFree(CheckerOf(input), Reason::kFixedJointMoved);
+}
+
+TEST_F(CheckerTest, RobotWhereNoUsableRobotImageIsIsNeverFree) {
+  for (int a : {0, 2, 4}) {
+    ExpectNothingFree(CheckerOf(EmptyCellScene(a, 7)), Reason::kRobotImageOfSceneMissing);
+  }
+}
+
+TEST_F(CheckerTest, TooLargeAnAreaOfCoreErrorsIsNeverFree) {
+  SceneInput input = EmptyCellScene();
+  for (int view = 0; view < 3; ++view) input.views[view].image = SceneMask{Mask(kViewSizes[view])};
+  settings.max_core_error = 0;
+  ExpectNothingFree(CheckerOf(input), Reason::kErrorArea);
+}
+
+TEST_F(CheckerTest, SceneOfAnotherGenerationIsNeverFree) {
+  Served served = ServedScene(EmptyCellScene());
+  Scene scene = *served.scene;
+  ++scene.generation;
+  served.scene = std::make_shared<const Scene>(scene);
+  ExpectNothingFree(Checker(served, {}, settings, kNow), Reason::kGenerationMismatch);
+  ExpectNothingFree(Checker({database, nullptr, Reason::kGenerationMismatch}, {}, settings, kNow),
+                    Reason::kGenerationMismatch);
+}
+
+TEST_F(CheckerTest, ConfigurationOutsideTheGridIsNeverFree) {
+  const Checker checker = CheckerOf(EmptyCellScene());
+  EXPECT_EQ(checker.Check(Configuration{4.1, 0}), Verdict::Unknown(Reason::kOutsideGrid));
+}
+
+TEST_F(CheckerTest, ConfigurationWithoutUsableRobotImageIsNeverFree) {
+  const Checker checker = CheckerOf(EmptyCellScene());
+  EXPECT_EQ(checker.Check(At(0, 7)), Verdict::Unknown(Reason::kRobotImageMissing));
+  EXPECT_EQ(checker.Check(At(4, 7)), Verdict::Unknown(Reason::kExcluded));
+  EXPECT_EQ(checker.Check(At(2, 7)), Verdict::Unknown(Reason::kRobotImageCorrupt));
+  EXPECT_FALSE(checker.CheckPath(std::vector<Configuration>{At(0, 6), At(0, 8)}).verdict.free());
+}
+
+TEST_F(CheckerTest, AllTilesAgreeWithSingleChecks) {
+  const Checker checker = CheckerOf(SceneWithBlock(3));
+  const std::vector<TileVerdicts> tiles = CheckAllTiles(checker.served(), {});
+  for (int a = 0; a < 5; ++a) {
+    for (int b = 0; b < 8; ++b) {
+      const ConfigurationNumber number = database->grid().NumberOf({a, b});
+      const TileVerdicts& tile = tiles[number / kTileSize];
+      const uint64_t place = number % kTileSize;
+      const State state = checker.Check(At(a, b)).state();
+      EXPECT_EQ((tile.free[place / 64] >> (place % 64)) & 1, state == State::kFree);
+      EXPECT_EQ((tile.occupied[place / 64] >> (place % 64)) & 1, state == State::kOccupied);
+    }
+  }
+}
+
+TEST_F(CheckerTest, AllTilesOfABlockedSceneAreUnknown) {
+  SceneInput input = SceneWithBlock(3);
+  input.joints[2].position = 0.6;
+  for (const TileVerdicts& tile : CheckAllTiles(ServedScene(input), {})) {
+    EXPECT_EQ(tile, TileVerdicts{});
+  }
+}
+
+TEST_F(CheckerTest, PolicyThatCannotBeIsRefused) {
+  EXPECT_THROW(CheckerOf(EmptyCellScene(), kNow, {.min_views = 4}), std::invalid_argument);
+  EXPECT_THROW(Checker({database, nullptr, Reason::kNoScene}, {.min_views = 0}, settings, kNow),
+               std::invalid_argument);
+}
+
+}  // namespace
+}  // namespace silhouette

@@ -1,0 +1,84 @@
+#include "server/scene/scene_store.h"
+
+#include <gmock/gmock.h>
+
+#include "tests/server/test_cell.h"
+
+namespace silhouette {
+namespace {
+
+using ::testing::HasSubstr;
+
+Scene SceneOf(const ServedDatabase& database, absl::Time captured) {
+  SceneInput input = EmptyCellScene();
+  for (ViewInput& view : input.views) view.captured = captured;
+  return *MakeScene(database, input, {}, {}, {captured, absl::ZeroDuration()});
+}
+
+const absl::Time kStart = absl::FromUnixSeconds(1'000'000);
+
+TEST(SceneStore, HasNoSceneAtFirst) {
+  const auto database = NewDatabase();
+  const SceneStore store(database);
+  EXPECT_EQ(store.Newest().scene, nullptr);
+  EXPECT_EQ(store.Newest().database, database);
+  EXPECT_EQ(store.Newest().without_scene, Reason::kNoScene);
+  EXPECT_EQ(store.Find(0), nullptr);
+}
+
+TEST(SceneStore, CountsScenesUpAndKeepsSoMany) {
+  const auto database = NewDatabase();
+  SceneStore store(database, 3);
+  for (uint64_t id = 1; id <= 5; ++id) {
+    const auto scene =
+        store.Publish(SceneOf(*database, kStart + id * absl::Milliseconds(10)), database);
+    ASSERT_TRUE(scene.ok()) << scene.status();
+    EXPECT_EQ((*scene)->id, id);
+    EXPECT_EQ(store.Newest().scene, *scene);
+    EXPECT_EQ(store.Find(0), *scene);
+  }
+  EXPECT_EQ(store.Find(2), nullptr);
+  EXPECT_EQ(store.Find(6), nullptr);
+  EXPECT_EQ(store.Find(3)->id, 3u);
+}
+
+TEST(SceneStore, OlderImagesThanThoseServedAreRefused) {
+  const auto database = NewDatabase();
+  SceneStore store(database);
+  ASSERT_TRUE(store.Publish(SceneOf(*database, kStart), database).ok());
+  const auto older = store.Publish(SceneOf(*database, kStart - absl::Milliseconds(3)), database);
+  EXPECT_TRUE(absl::IsFailedPrecondition(older.status()));
+  EXPECT_EQ(older.status().message(),
+            "the images are 3ms older than those of scene 1, which is served");
+  EXPECT_EQ(store.Newest().scene->id, 1u);
+  EXPECT_TRUE(store.Publish(SceneOf(*database, kStart), database).ok()) << "equally old";
+}
+
+TEST(SceneStore, AfterAChangeOfTheDatabaseNoOldSceneIsServed) {
+  const auto database = NewDatabase();
+  SceneStore store(database);
+  ASSERT_TRUE(store.Publish(SceneOf(*database, kStart), database).ok());
+  const Served before = store.Newest();
+  const auto next = NewDatabase({.missing = {{0, 1}}});
+  store.ReplaceDatabase(next);
+  EXPECT_EQ(store.Newest().scene, nullptr);
+  EXPECT_EQ(store.Newest().database, next);
+  EXPECT_EQ(store.Newest().without_scene, Reason::kGenerationMismatch);
+  EXPECT_EQ(store.Find(1), nullptr);
+  EXPECT_EQ(before.scene->id, 1u) << "a request under way keeps what it began with";
+  const auto late = store.Publish(SceneOf(*database, kStart), database);
+  EXPECT_TRUE(absl::IsAborted(late.status())) << "made with the old robot images";
+  const auto scene = store.Publish(SceneOf(*next, kStart), next);
+  ASSERT_TRUE(scene.ok());
+  EXPECT_EQ((*scene)->id, 2u) << "ids are not used again";
+  EXPECT_EQ(store.Newest().without_scene, Reason::kNone);
+}
+
+TEST(SceneStore, ChangeOfTheDatabaseBeforeTheFirstSceneIsStillNoScene) {
+  SceneStore store(NewDatabase());
+  store.ReplaceDatabase(NewDatabase());
+  EXPECT_EQ(store.Newest().without_scene, Reason::kNoScene);
+}
+
+}  // namespace
+}  // namespace silhouette

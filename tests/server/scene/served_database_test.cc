@@ -1,0 +1,77 @@
+#include "server/scene/served_database.h"
+
+#include <gmock/gmock.h>
+
+#include "tests/server/test_cell.h"
+
+namespace silhouette {
+namespace {
+
+using ::testing::HasSubstr;
+
+RobotImageState StateAt(const ServedDatabase& database, int a, int b) {
+  return database.robot_images().state(database.grid().NumberOf({a, b}));
+}
+
+TEST(ServedDatabase, HoldsTheRobotImagesOfTheStore) {
+  const auto database = NewDatabase();
+  for (int a = 0; a < 5; ++a) {
+    for (int b = 0; b < 8; ++b) {
+      for (int view = 0; view < 3; ++view) {
+        EXPECT_EQ(database->robot_images().ImageAsMask(view, database->grid().NumberOf({a, b})),
+                  RobotMask(view, a, b));
+      }
+    }
+  }
+  EXPECT_GT(database->generation(), 0u);
+  EXPECT_EQ(database->ViewOf("top"), 2);
+  EXPECT_EQ(database->ViewOf("bottom"), std::nullopt);
+  EXPECT_FALSE(database->has_references());
+}
+
+TEST(ServedDatabase, MarksWhatIsMissingExcludedOrFailsItsChecksum) {
+  const auto database =
+      NewDatabase({.missing = {{0, 7}}, .excluded = {{4, 7}}, .corrupt = {{2, 7}}});
+  EXPECT_EQ(StateAt(*database, 0, 7), RobotImageState::kMissing);
+  EXPECT_EQ(StateAt(*database, 4, 7), RobotImageState::kExcluded);
+  EXPECT_EQ(StateAt(*database, 2, 7), RobotImageState::kCorrupt);
+  EXPECT_EQ(StateAt(*database, 1, 7), RobotImageState::kPresent);
+  EXPECT_EQ(database->robot_images().Count(RobotImageState::kPresent), 37u);
+}
+
+TEST(ServedDatabase, IsNotTouchedByWhatIsWrittenAfterwards) {
+  const FreshFolder folder;
+  MakeDatabase(folder / "db", {.missing = {{0, 7}}});
+  const auto before = LoadDatabase(folder / "db");
+  {
+    const auto database = Database::Open(folder / "db", Database::Access::kWrite);
+    auto writer = (*database)->Write("test");
+    ASSERT_TRUE(writer->Put(TestRobotImage((*database)->grid(), 0, 7)).ok());
+    ASSERT_TRUE(writer->Commit().ok());
+  }
+  const auto after = LoadDatabase(folder / "db");
+  EXPECT_EQ(StateAt(*before, 0, 7), RobotImageState::kMissing);
+  EXPECT_EQ(StateAt(*after, 0, 7), RobotImageState::kPresent);
+  EXPECT_NE(before->generation(), after->generation());
+}
+
+TEST(ServedDatabase, DecodesTheReferenceImages) {
+  const auto database = NewDatabase({.references = true});
+  ASSERT_TRUE(database->has_references());
+  EXPECT_EQ(database->reference(2).size(), cv::Size(40, 40));
+}
+
+TEST(ServedDatabase, ReferenceThatCannotBeDecodedIsDataLoss) {
+  const FreshFolder folder;
+  MakeDatabase(folder / "db");
+  storage::v1::References references = TestReferences();
+  references.mutable_views(1)->set_noise_png("no image");
+  const auto database = Database::Open(folder / "db", Database::Access::kWrite);
+  ASSERT_TRUE((*database)->SetReferences(references, "test").ok());
+  const auto served = ServedDatabase::Load(**database);
+  ASSERT_TRUE(absl::IsDataLoss(served.status())) << served.status();
+  EXPECT_THAT(served.status().message(), HasSubstr("view 'right'"));
+}
+
+}  // namespace
+}  // namespace silhouette
