@@ -66,7 +66,7 @@ TEST(Cell, BareJointsAndViewsWithoutASourceAreEnough) {
   EXPECT_EQ(DescriptionOf(*cell).segmentation(), "");
 }
 
-TEST(Cell, TheCommentedSampleIsACellAndShowsEveryDefault) {
+TEST(Cell, TheCommentedSampleIsACellAndShowsTheDefaults) {
   std::ifstream in(std::string(SILHOUETTE_SOURCE_DIR) + "/docs/cell.yaml");
   std::string text((std::istreambuf_iterator<char>(in)), std::istreambuf_iterator<char>());
   const std::string robots = std::string(SILHOUETTE_SOURCE_DIR) + "/capture/sim/robots/";
@@ -92,7 +92,7 @@ TEST(Cell, MaxMoveGridObeysTheLargestMovementAndSumDividesIt) {
                                            "rx130.urdf\n  joints:\n"
                                            "    - {name: joint_1, lower: -1, upper: 1}\n"
                                            "    - {name: joint_3, lower: -1, upper: 1}\n"
-                                           "  fixed: {joint_2: 0, joint_4: 0, joint_5: 0, "
+                                           "  fixed: {joint_2: 90 deg, joint_4: 0, joint_5: 0, "
                                            "joint_6: 0}\n"
                                            "grid: {max_move: 0.1, max_move_rule: " +
                                            rule + "}\nviews: [{name: top}]\n");

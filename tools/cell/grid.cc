@@ -153,6 +153,7 @@ std::vector<std::optional<double>> Reaches(const RobotSection& robot, const Yaml
 
 std::vector<GridJoint> StepsAsSaid(std::vector<GridJoint> joints, const YamlNode& node) {
   YamlMap steps(node);
+  for (const GridJoint& joint : joints) steps.Optional(joint.name);  // all are known keys
   for (GridJoint& joint : joints) joint.steps = steps.Get<int>(joint.name);
   steps.Finish();
   return joints;

@@ -140,8 +140,16 @@ YamlMap::YamlMap(const YamlNode& node) : node_(node) {
 
 YamlNode YamlMap::Required(const std::string& key) {
   const std::optional<YamlNode> value = Optional(key);
-  if (!value) node_.Fail("the key '" + key + "' is missing");
-  return *value;
+  if (value) return *value;
+  // A key that nobody asks for and that differs by a slip of the pen is the better clue.
+  for (const auto& entry : node_.node_) {
+    const std::string there = entry.first.as<std::string>();
+    if (!asked_.contains(there) && 3 * EditDistance(there, key) <= key.size()) {
+      YamlNode(entry.first, node_.file_, node_.name_)
+          .Fail("unknown key '" + there + "'; did you mean '" + key + "'?");
+    }
+  }
+  node_.Fail("the key '" + key + "' is missing");
 }
 
 std::optional<YamlNode> YamlMap::Optional(const std::string& key) {
