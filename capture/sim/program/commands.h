@@ -1,0 +1,16 @@
+// The commands of silhouette-sim. Each adds itself to the program and sets `run` when it is chosen.
+#pragma once
+
+#include <CLI/CLI.hpp>
+#include <functional>
+
+namespace silhouette {
+
+using Run = std::function<int()>;
+
+void AddRenderCommand(CLI::App& program, Run& run);
+void AddContactCommand(CLI::App& program, Run& run);
+void AddTruthCommand(CLI::App& program, Run& run);
+void AddPathCommand(CLI::App& program, Run& run);
+
+}  // namespace silhouette

@@ -1,0 +1,28 @@
+// silhouette-sim: pictures and truth of the simulated cell.
+#include <CLI/CLI.hpp>
+
+#include "capture/sim/program/commands.h"
+#include "tools/program/program.h"
+
+int main(int argc, char** argv) {
+  CLI::App app("Pictures and truth of the simulated cell that a cell.yaml names.",
+               "silhouette-sim");
+  app.require_subcommand(1);
+  app.footer(
+      "Examples:\n"
+      "  silhouette-sim render --cell cell.yaml --scene obstacles.yaml \\\n"
+      "      --configuration 0.5,-30deg --out images\n"
+      "  silhouette-sim contact --cell cell.yaml --scene obstacles.yaml --configuration "
+      "0.5,-30deg\n"
+      "  silhouette-sim truth --cell cell.yaml --scene obstacles.yaml --out truth.csv\n"
+      "  silhouette-sim path --cell cell.yaml --scene obstacles.yaml --path path.json\n\n"
+      "Exit codes: 0 done, 1 the robot touches an obstacle, 2 a mistake in the arguments or "
+      "files,\n"
+      "3 the world failed.");
+  silhouette::Run run;
+  silhouette::AddRenderCommand(app, run);
+  silhouette::AddContactCommand(app, run);
+  silhouette::AddTruthCommand(app, run);
+  silhouette::AddPathCommand(app, run);
+  return silhouette::RunProgram(app, argc, argv, [&] { return run(); });
+}
