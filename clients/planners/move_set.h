@@ -24,8 +24,8 @@ double StepsOfCost(Cost cost);
 struct Move {
   std::array<int, kMaxJoints> steps{};  // -1, 0 or 1 along each joint
   Cost cost = 0;
-  // The moves that leave out one of this one's joints, as indices into the set. With all of them
-  // allowed, and its end free, so is this one: together they span the box.
+  // The moves that leave out one of this one's joints, as indices into the set. Their boxes and
+  // this one's end are together this one's box.
   std::vector<int> parts = {};
 };
 

@@ -11,9 +11,8 @@ constexpr uint8_t kExpanded = 4;
 
 }  // namespace
 
-Wave::Wave(const ConfigurationGrid& grid, const std::vector<Move>& moves,
-           const IsFreeNumber& is_free)
-    : grid_(grid), moves_(moves), is_free_(is_free), steps_(moves.size()) {}
+Wave::Wave(const ConfigurationGrid& grid, const std::vector<Move>& moves, const FreeSpace& space)
+    : grid_(grid), moves_(moves), space_(space), steps_(moves.size()) {}
 
 Wave::Tile& Wave::TileOf(ConfigurationNumber number) {
   const uint64_t tile = number / kTileSize;
@@ -28,7 +27,7 @@ Wave::Tile& Wave::TileOf(ConfigurationNumber number) {
 
 bool Wave::IsFree(ConfigurationNumber number) {
   uint8_t& flags = TileOf(number).flags[number % kTileSize];
-  if ((flags & kAsked) == 0) flags |= is_free_(number) ? kAsked | kFree : kAsked;
+  if ((flags & kAsked) == 0) flags |= space_.point(number) ? kAsked | kFree : kAsked;
   return (flags & kFree) != 0;
 }
 
@@ -94,17 +93,19 @@ int Wave::Descend(const GridIndex& index, int last) {
 }
 
 const std::vector<Wave::Step>& Wave::StepsFrom(const GridIndex& index) {
+  const ConfigurationNumber from = grid_.NumberOf(index);
   for (size_t m = 0; m < moves_.size(); ++m) {
     const Move& move = moves_[m];
     Step& step = steps_[m];
-    step.allowed = std::all_of(move.parts.begin(), move.parts.end(),
-                               [&](int part) { return steps_[static_cast<size_t>(part)].allowed; });
-    if (!step.allowed) continue;
     const std::optional<GridIndex> end = After(grid_, index, move);
-    step.allowed = end.has_value();
-    if (!end) continue;
-    step.number = grid_.NumberOf(*end);
-    step.allowed = IsFree(step.number);
+    step.box_is_free = end && std::all_of(move.parts.begin(), move.parts.end(), [&](int part) {
+                         return steps_[static_cast<size_t>(part)].box_is_free;
+                       });
+    if (step.box_is_free) {
+      step.number = grid_.NumberOf(*end);
+      step.box_is_free = IsFree(step.number);
+    }
+    step.allowed = step.box_is_free && (!space_.move || space_.move(from, step.number));
   }
   return steps_;
 }

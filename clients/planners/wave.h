@@ -13,10 +13,10 @@
 
 namespace silhouette {
 
-// Not for several threads. `grid`, `moves` and `is_free` must outlive it.
+// Not for several threads. `grid`, `moves` and `space` must outlive it.
 class Wave {
  public:
-  Wave(const ConfigurationGrid& grid, const std::vector<Move>& moves, const IsFreeNumber& is_free);
+  Wave(const ConfigurationGrid& grid, const std::vector<Move>& moves, const FreeSpace& space);
 
   // Whether the grid point is free; asks the predicate once.
   bool IsFree(ConfigurationNumber number);
@@ -50,6 +50,7 @@ class Wave {
     std::array<uint8_t, kTileSize> flags{};
   };
   struct Step {
+    bool box_is_free = false;  // all grid points of the box that the move spans
     bool allowed = false;
     ConfigurationNumber number = 0;
   };
@@ -62,7 +63,7 @@ class Wave {
 
   const ConfigurationGrid& grid_;
   const std::vector<Move>& moves_;
-  const IsFreeNumber& is_free_;
+  const FreeSpace& space_;
   std::unordered_map<uint64_t, std::unique_ptr<Tile>> tiles_;
   uint64_t last_tile_number_ = 0;
   Tile* last_tile_ = nullptr;

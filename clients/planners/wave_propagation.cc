@@ -191,8 +191,7 @@ std::string Describe(PlanOutcome outcome) {
   return "no way leads from the start to the goal";
 }
 
-Plan PlanByWavePropagation(const ConfigurationGrid& grid, const IsFreeNumber& is_free,
-                           const IsFreeConfiguration& is_free_configuration,
+Plan PlanByWavePropagation(const ConfigurationGrid& grid, const FreeSpace& space,
                            std::span<const double> start_configuration,
                            std::span<const double> goal_configuration,
                            const PlannerOptions& options) {
@@ -203,13 +202,12 @@ Plan PlanByWavePropagation(const ConfigurationGrid& grid, const IsFreeNumber& is
   if (!goal) return without_path(PlanOutcome::kGoalOutsideGrid);
 
   const std::vector<Move> moves = MoveSet(grid, options.moves);
-  Wave wave(grid, moves, is_free);
+  Wave wave(grid, moves, space);
   const auto end_is_free = [&](const End& end) {
     const auto corners = end.corners.numbers();
     return std::all_of(corners.begin(), corners.end(),
                        [&](ConfigurationNumber corner) { return wave.IsFree(corner); }) &&
-           (corners.size() == 1 || !is_free_configuration ||
-            is_free_configuration(end.configuration));
+           (corners.size() == 1 || !space.configuration || space.configuration(end.configuration));
   };
   if (!end_is_free(*start)) return without_path(PlanOutcome::kStartBlocked);
   if (!end_is_free(*goal)) return without_path(PlanOutcome::kGoalBlocked);

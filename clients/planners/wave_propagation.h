@@ -1,8 +1,7 @@
 // Path planning by wave propagation on the configuration grid (paper §4.2; Latombe 1991): a wave
 // spreads from the goal over the free grid points, and the path descends from the start against it.
 //
-// Whatever the predicates do not call free is an obstacle: a caller answers true for free only,
-// never for unknown.
+// Whatever is not free is an obstacle, unknown too.
 #pragma once
 
 #include <cstdint>
@@ -31,10 +30,17 @@ struct PlannerOptions {
   bool simplify = true;
 };
 
-// Whether the robot may be there. Asked at most once for each grid point.
-using IsFreeNumber = std::function<bool(ConfigurationNumber)>;
-// The same for the start and the goal where they are off the grid.
-using IsFreeConfiguration = std::function<bool(std::span<const double>)>;
+// Where the robot may be. Each answer is true for free only, never for unknown, and stays the same
+// while a path is planned.
+struct FreeSpace {
+  // At a grid point. Asked at most once for each.
+  std::function<bool(ConfigurationNumber)> point;
+  // At a start or a goal off the grid; empty: the corners of the grid cell decide alone.
+  std::function<bool(std::span<const double>)> configuration = nullptr;
+  // On the straight way between two grid points one move apart, where Moves allows the move; the
+  // same in both directions. Empty: always.
+  std::function<bool(ConfigurationNumber, ConfigurationNumber)> move = nullptr;
+};
 
 enum class PlanOutcome {
   kNotConnected = 0,  // no way leads from the start to the goal
@@ -74,8 +80,7 @@ struct Plan {
 //
 // `is_free_configuration` may be empty: then the corners decide alone. Takes memory in proportion
 // to the tiles that the wave reaches (36 KB each), and handles paths of less than 2^31 steps.
-Plan PlanByWavePropagation(const ConfigurationGrid& grid, const IsFreeNumber& is_free,
-                           const IsFreeConfiguration& is_free_configuration,
+Plan PlanByWavePropagation(const ConfigurationGrid& grid, const FreeSpace& space,
                            std::span<const double> start, std::span<const double> goal,
                            const PlannerOptions& options = {});
 

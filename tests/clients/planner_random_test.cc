@@ -159,7 +159,7 @@ TEST_P(RandomPlans, AreAsShortAsTheBruteForceSaysAndTouchOnlyFreePoints) {
     const ConfigurationNumber start = RandomFree(puzzle, random);
     const ConfigurationNumber goal = RandomFree(puzzle, random);
     const Plan plan =
-        PlanByWavePropagation(puzzle.grid, std::cref(puzzle), nullptr, puzzle.grid.At(start),
+        PlanByWavePropagation(puzzle.grid, {.point = std::cref(puzzle)}, puzzle.grid.At(start),
                               puzzle.grid.At(goal), {.moves = GetParam(), .simplify = false});
     const double expected = ShortestLength(puzzle, start, goal, GetParam());
     if (!std::isfinite(expected)) {
@@ -188,7 +188,7 @@ TEST_P(RandomPlans, SimplifiedOnesPassTheSamePoints) {
     const Configuration start = puzzle.grid.At(RandomFree(puzzle, random));
     const Configuration goal = puzzle.grid.At(RandomFree(puzzle, random));
     const auto find = [&](bool simplify) {
-      return PlanByWavePropagation(puzzle.grid, std::cref(puzzle), nullptr, start, goal,
+      return PlanByWavePropagation(puzzle.grid, {.point = std::cref(puzzle)}, start, goal,
                                    {.moves = GetParam(), .simplify = simplify});
     };
     const Plan full = find(false);
@@ -217,6 +217,31 @@ TEST_P(RandomPlans, SimplifiedOnesPassTheSamePoints) {
   }
 }
 
+TEST_P(RandomPlans, NeverMakeABlockedMove) {
+  const unsigned seed = std::random_device()();
+  SCOPED_TRACE("seed " + std::to_string(seed));
+  std::mt19937 random(seed);
+  int found = 0;
+  for (int round = 0; round < 60; ++round) {
+    const Puzzle puzzle = RandomPuzzle(random, 2 + round % 2, 8, 0.1);
+    if (std::count(puzzle.free.begin(), puzzle.free.end(), true) == 0) continue;
+    const auto move = [](ConfigurationNumber a, ConfigurationNumber b) { return (a ^ b) % 5 != 0; };
+    const Plan plan = PlanByWavePropagation(puzzle.grid, {.point = std::cref(puzzle), .move = move},
+                                            puzzle.grid.At(RandomFree(puzzle, random)),
+                                            puzzle.grid.At(RandomFree(puzzle, random)),
+                                            {.moves = GetParam(), .simplify = false});
+    if (!plan.found()) continue;
+    ++found;
+    EXPECT_NEAR(WalkedLength(puzzle, plan.waypoints), plan.length, 1e-6);
+    if (plan.length == 0) continue;
+    for (size_t i = 0; i + 1 < plan.waypoints.size(); ++i) {
+      EXPECT_TRUE(move(puzzle.grid.Nearest(plan.waypoints[i]).value(),
+                       puzzle.grid.Nearest(plan.waypoints[i + 1]).value()));
+    }
+  }
+  EXPECT_GT(found, 5);
+}
+
 TEST_P(RandomPlans, AreTheSameEveryTime) {
   const unsigned seed = std::random_device()();
   SCOPED_TRACE("seed " + std::to_string(seed));
@@ -225,7 +250,7 @@ TEST_P(RandomPlans, AreTheSameEveryTime) {
   const Configuration start = puzzle.grid.At(RandomFree(puzzle, random));
   const Configuration goal = puzzle.grid.At(RandomFree(puzzle, random));
   const auto find = [&] {
-    return PlanByWavePropagation(puzzle.grid, std::cref(puzzle), nullptr, start, goal,
+    return PlanByWavePropagation(puzzle.grid, {.point = std::cref(puzzle)}, start, goal,
                                  {.moves = GetParam()});
   };
   const Plan first = find();
@@ -252,7 +277,7 @@ TEST_P(RandomPlans, BetweenEndsOffTheGridPassOnlyThroughFreeCells) {
     };
     const Configuration start = random_place();
     const Configuration goal = random_place();
-    const Plan plan = PlanByWavePropagation(puzzle.grid, std::cref(puzzle), nullptr, start, goal,
+    const Plan plan = PlanByWavePropagation(puzzle.grid, {.point = std::cref(puzzle)}, start, goal,
                                             {.moves = GetParam()});
     if (!plan.found()) continue;
     ++found;

@@ -36,7 +36,7 @@ struct Map {
   static double Last(size_t count) { return static_cast<double>(count) - 1; }
   static int Steps(size_t count) { return static_cast<int>(count); }
 
-  IsFreeNumber Free() const {
+  std::function<bool(ConfigurationNumber)> Free() const {
     return [this](ConfigurationNumber number) {
       const GridIndex index = grid.IndexOf(number).value();
       return rows[static_cast<size_t>(index[0])][static_cast<size_t>(index[1])] != '#';
@@ -45,7 +45,7 @@ struct Map {
 
   Plan Find(const Configuration& start, const Configuration& goal,
             const PlannerOptions& options) const {
-    return PlanByWavePropagation(grid, Free(), nullptr, start, goal, options);
+    return PlanByWavePropagation(grid, {.point = Free()}, start, goal, options);
   }
 
   std::vector<std::string> rows;
@@ -104,7 +104,7 @@ TEST(Planner, DiagonalOfThreeJointsNeedsItsWholeBox) {
     if (!grid.Contains(blocked)) continue;
     const Configuration q = grid.At(blocked);
     const auto is_free = [&](ConfigurationNumber number) { return number != blocked; };
-    const Plan plan = PlanByWavePropagation(grid, is_free, nullptr, Configuration{0, 0, 0},
+    const Plan plan = PlanByWavePropagation(grid, {.point = is_free}, Configuration{0, 0, 0},
                                             Configuration{1, 1, 1}, {.moves = Moves::kDiagonals});
     if (q == Configuration{0, 0, 0} || q == Configuration{1, 1, 1}) {
       EXPECT_FALSE(plan.found());
@@ -120,12 +120,12 @@ TEST(Planner, ContinuousJointTakesTheShortWayAndGoesOnBeyondTheTurn) {
   const auto all = [](ConfigurationNumber) { return true; };
   const Configuration start = {6 * kTurn / 8};
   const Configuration goal = {1 * kTurn / 8};
-  const Plan plan = PlanByWavePropagation(grid, all, nullptr, start, goal, {});
+  const Plan plan = PlanByWavePropagation(grid, {.point = all}, start, goal, {});
   EXPECT_EQ(plan.length, 3);
   EXPECT_THAT(plan.waypoints,
               ElementsAre(ElementsAreArray(start), ElementsAre(DoubleNear(9 * kTurn / 8, 1e-12))));
   // The other way round it goes below the lower limit.
-  const Plan back = PlanByWavePropagation(grid, all, nullptr, goal, start, {});
+  const Plan back = PlanByWavePropagation(grid, {.point = all}, goal, start, {});
   EXPECT_THAT(back.waypoints,
               ElementsAre(ElementsAreArray(goal), ElementsAre(DoubleNear(-2 * kTurn / 8, 1e-12))));
 }
@@ -134,7 +134,7 @@ TEST(Planner, StartSomeTurnsAwayStaysThere) {
   const ConfigurationGrid grid(
       {{.name = "a", .lower = 0, .upper = kTurn, .steps = 8, .continuous = true}});
   const Configuration start = {-3 * kTurn + 0.1};
-  const Plan plan = PlanByWavePropagation(grid, [](ConfigurationNumber) { return true; }, nullptr,
+  const Plan plan = PlanByWavePropagation(grid, {.point = [](ConfigurationNumber) { return true; }},
                                           start, Configuration{kTurn / 2}, {});
   ASSERT_TRUE(plan.found());
   EXPECT_EQ(plan.waypoints.front(), start);
@@ -184,11 +184,16 @@ TEST(Planner, EndOffTheGridMustItselfBeFree) {
     return !std::equal(q.begin(), q.end(), blocked.begin(), blocked.end());
   };
   const Configuration corner = {0, 0};
-  EXPECT_EQ(PlanByWavePropagation(map.grid, map.Free(), is_free, blocked, corner).outcome,
+  EXPECT_EQ(PlanByWavePropagation(map.grid, {.point = map.Free(), .configuration = is_free},
+                                  blocked, corner)
+                .outcome,
             PlanOutcome::kStartBlocked);
-  EXPECT_EQ(PlanByWavePropagation(map.grid, map.Free(), is_free, corner, blocked).outcome,
+  EXPECT_EQ(PlanByWavePropagation(map.grid, {.point = map.Free(), .configuration = is_free}, corner,
+                                  blocked)
+                .outcome,
             PlanOutcome::kGoalBlocked);
-  EXPECT_TRUE(PlanByWavePropagation(map.grid, map.Free(), is_free, corner, Configuration{0.5, 1.5})
+  EXPECT_TRUE(PlanByWavePropagation(map.grid, {.point = map.Free(), .configuration = is_free},
+                                    corner, Configuration{0.5, 1.5})
                   .found());
 }
 
@@ -229,9 +234,26 @@ TEST(Planner, AsksForEachGridPointAtMostOnce) {
     ++asked[number];
     return map.Free()(number);
   };
-  PlanByWavePropagation(map.grid, is_free, nullptr, Configuration{1, 0}, Configuration{1, 5},
+  PlanByWavePropagation(map.grid, {.point = is_free}, Configuration{1, 0}, Configuration{1, 5},
                         {.moves = Moves::kDiagonals});
   for (const auto& [number, times] : asked) EXPECT_EQ(times, 1) << number;
+}
+
+TEST(Planner, BlockedMoveIsNotMadeThoughBothItsEndsAreFree) {
+  const Map map({"..",  //
+                 ".."});
+  const ConfigurationNumber a = map.grid.NumberOf({0, 0});
+  const ConfigurationNumber b = map.grid.NumberOf({0, 1});
+  FreeSpace space{.point = map.Free()};
+  space.move = [&](ConfigurationNumber from, ConfigurationNumber to) {
+    return !(from == a && to == b) && !(from == b && to == a);
+  };
+  const auto length = [&](const Configuration& start, const Configuration& goal) {
+    return PlanByWavePropagation(map.grid, space, start, goal, {.moves = Moves::kAxes}).length;
+  };
+  EXPECT_EQ(length({0, 0}, {0, 1}), 3);
+  EXPECT_EQ(length({0, 1}, {0, 0}), 3);
+  EXPECT_EQ(length({1, 0}, {1, 1}), 1);
 }
 
 TEST(Planner, VisitsOnlyTheNeighbourhoodOfAShortPath) {
@@ -244,8 +266,8 @@ TEST(Planner, VisitsOnlyTheNeighbourhoodOfAShortPath) {
   Configuration goal = start;
   goal[6] = 22;
   goal[0] = 19;
-  const Plan plan = PlanByWavePropagation(
-      grid, [](ConfigurationNumber) { return true; }, nullptr, start, goal);
+  const Plan plan =
+      PlanByWavePropagation(grid, {.point = [](ConfigurationNumber) { return true; }}, start, goal);
   EXPECT_EQ(plan.length, 3);
   EXPECT_LT(plan.visited, 1000u);
 }

@@ -1,0 +1,241 @@
+#include "clients/cpp/messages.h"
+
+#include <bit>
+#include <span>
+#include <stdexcept>
+#include <utility>
+
+#include "absl/strings/str_cat.h"
+#include "absl/strings/string_view.h"
+
+namespace silhouette::client {
+namespace {
+
+absl::Time FromMessage(const google::protobuf::Timestamp& time) {
+  return absl::FromUnixSeconds(time.seconds()) + absl::Nanoseconds(time.nanos());
+}
+
+absl::Duration FromMessage(const google::protobuf::Duration& duration) {
+  return absl::Seconds(duration.seconds()) + absl::Nanoseconds(duration.nanos());
+}
+
+google::protobuf::Timestamp ToMessage(absl::Time time) {
+  google::protobuf::Timestamp message;
+  const int64_t seconds = absl::ToUnixSeconds(time);
+  message.set_seconds(seconds);
+  message.set_nanos(
+      static_cast<int32_t>(absl::ToInt64Nanoseconds(time - absl::FromUnixSeconds(seconds))));
+  return message;
+}
+
+v1::Mask ToMessage(const Mask& mask) {
+  v1::Mask message;
+  message.set_width(mask.width());
+  message.set_height(mask.height());
+  message.set_bits(mask.ToBytes());
+  return message;
+}
+
+// Throws std::invalid_argument.
+Mask MaskFrom(const v1::Mask& mask) {
+  const std::string& bits = mask.bits();
+  return Mask::FromBytes({.width = mask.width(), .height = mask.height()},
+                         {reinterpret_cast<const uint8_t*>(bits.data()), bits.size()});
+}
+
+Policy FromMessage(const v1::Policy& message) {
+  Policy policy{.preset = message.preset()};
+  if (message.has_min_views()) policy.min_views = message.min_views();
+  if (message.has_max_occluded_views()) policy.max_occluded_views = message.max_occluded_views();
+  if (message.off_grid() == v1::OFF_GRID_CELL) policy.off_grid = OffGrid::kCell;
+  if (message.off_grid() == v1::OFF_GRID_NEAREST) policy.off_grid = OffGrid::kNearest;
+  return policy;
+}
+
+SceneView FromMessage(const v1::SceneView& message) {
+  SceneView view{.view = message.view(),
+                 .capture_time = FromMessage(message.capture_time()),
+                 .foreground_pixels = message.foreground_pixels(),
+                 .obstacle_pixels = message.obstacle_pixels(),
+                 .unknown_pixels = message.unknown_pixels(),
+                 .error_pixels = message.error_pixels(),
+                 .core_error_pixels = message.core_error_pixels(),
+                 .planes = std::nullopt};
+  if (message.has_obstacle()) {
+    view.planes = ScenePlanes{.scene = MaskFrom(message.scene()),
+                              .obstacle = MaskFrom(message.obstacle()),
+                              .unknown = MaskFrom(message.unknown()),
+                              .error = MaskFrom(message.error())};
+  }
+  return view;
+}
+
+std::vector<JointPosition> FromMessage(
+    const google::protobuf::RepeatedPtrField<v1::JointPosition>& messages) {
+  std::vector<JointPosition> joints;
+  for (const v1::JointPosition& joint : messages)
+    joints.push_back({joint.name(), joint.position()});
+  return joints;
+}
+
+// The bits of one state of a tile.
+absl::StatusOr<TileBits> BitsFrom(const std::string& bytes, uint64_t tile) {
+  TileBits bits{};
+  if (bytes.size() != kTileSize / 8) {
+    return absl::InternalError(absl::StrCat("tile ", tile, " has ", bytes.size(),
+                                            " bytes of bits instead of ", kTileSize / 8));
+  }
+  for (size_t i = 0; i < bytes.size(); ++i) {
+    bits[i / 8] |= uint64_t{static_cast<uint8_t>(bytes[i])} << (8 * (i % 8));
+  }
+  return bits;
+}
+
+}  // namespace
+
+v1::Configuration ToMessage(const Configuration& configuration) {
+  v1::Configuration message;
+  message.mutable_positions()->Add(configuration.begin(), configuration.end());
+  return message;
+}
+
+v1::Policy ToMessage(const Policy& policy) {
+  v1::Policy message;
+  message.set_preset(policy.preset);
+  if (policy.min_views) message.set_min_views(*policy.min_views);
+  if (policy.max_occluded_views) message.set_max_occluded_views(*policy.max_occluded_views);
+  if (policy.off_grid) {
+    message.set_off_grid(*policy.off_grid == OffGrid::kCell ? v1::OFF_GRID_CELL
+                                                            : v1::OFF_GRID_NEAREST);
+  }
+  return message;
+}
+
+v1::ViewImage ToMessage(const ViewImage& image) {
+  v1::ViewImage message;
+  message.set_view(image.view);
+  if (image.capture_time) *message.mutable_capture_time() = ToMessage(*image.capture_time);
+  if (const auto* scene = std::get_if<SceneMask>(&image.image)) {
+    *message.mutable_scene_mask() = ToMessage(scene->mask);
+  } else if (const auto* camera = std::get_if<CameraImage>(&image.image)) {
+    message.set_camera_image(camera->bytes);
+  } else if (const auto* obstacles = std::get_if<ObstacleMask>(&image.image)) {
+    *message.mutable_obstacle_mask() = ToMessage(obstacles->mask);
+  }
+  return message;
+}
+
+Basis FromMessage(const v1::Basis& basis, std::chrono::steady_clock::time_point asked) {
+  Basis result{.database_generation = basis.database_generation(),
+               .scene_id = basis.scene_id(),
+               .asked = asked};
+  if (basis.scene_id() == 0) return result;
+  result.scene_time = FromMessage(basis.scene_time());
+  result.scene_age = FromMessage(basis.scene_age());
+  return result;
+}
+
+Reason FromMessage(v1::Verdict::Reason reason) {
+  if (reason < v1::Verdict::REASON_UNSPECIFIED || reason > v1::Verdict::REASON_INTERNAL) {
+    return Reason::kUnspecified;
+  }
+  return static_cast<Reason>(reason);
+}
+
+Verdict FromMessage(const v1::Verdict& message, const Basis& basis) {
+  Verdict verdict;
+  if (basis.scene_id == 0) {
+    verdict.reason = Reason::kNoScene;
+  } else if (message.state() == v1::Verdict::STATE_FREE) {
+    verdict.state = State::kFree;
+  } else if (message.state() == v1::Verdict::STATE_OCCUPIED) {
+    verdict.state = State::kOccupied;
+  }
+  if (verdict.state == State::kUnknown && message.state() == v1::Verdict::STATE_UNKNOWN) {
+    verdict.reason = FromMessage(message.reason());
+  }
+  for (const v1::ViewEvidence& view : message.views()) {
+    verdict.views.push_back({.view = view.view(),
+                             .obstacle_pixels = view.obstacle_pixels(),
+                             .unknown_pixels = view.unknown_pixels(),
+                             .error_pixels = view.error_pixels(),
+                             .missing = view.missing()});
+  }
+  verdict.hidden_possible = message.hidden_possible();
+  return verdict;
+}
+
+absl::StatusOr<ConfigurationGrid> FromMessage(const v1::Grid& grid) {
+  std::vector<GridJoint> joints;
+  for (const v1::GridJoint& joint : grid.joints()) {
+    joints.push_back({.name = joint.name(),
+                      .lower = joint.lower(),
+                      .upper = joint.upper(),
+                      .steps = joint.steps(),
+                      .continuous = joint.continuous()});
+  }
+  if (static_cast<size_t>(grid.tile_edges_size()) != joints.size()) {
+    return absl::InternalError("the grid has no tile edges");
+  }
+  try {
+    return ConfigurationGrid(std::move(joints),
+                             {grid.tile_edges().begin(), grid.tile_edges().end()});
+  } catch (const std::invalid_argument& error) {
+    return absl::InternalError(absl::StrCat("the grid cannot be: ", error.what()));
+  }
+}
+
+absl::StatusOr<ConfigurationSpaceTile> FromMessage(const v1::ConfigurationSpaceTile& message) {
+  const absl::StatusOr<TileBits> free = BitsFrom(message.free(), message.tile());
+  if (!free.ok()) return free.status();
+  const absl::StatusOr<TileBits> occupied = BitsFrom(message.occupied(), message.tile());
+  if (!occupied.ok()) return occupied.status();
+  return ConfigurationSpaceTile{.tile = message.tile(), .free = *free, .occupied = *occupied};
+}
+
+absl::StatusOr<Scene> FromMessage(const v1::Scene& message) {
+  Scene scene{.id = message.id(),
+              .database_generation = message.database_generation(),
+              .time = FromMessage(message.time()),
+              .skew = FromMessage(message.skew()),
+              .joints = FromMessage(message.joints()),
+              .views = {},
+              .defects = {}};
+  for (const v1::SceneDefect& defect : message.defects()) {
+    scene.defects.push_back({FromMessage(defect.reason()), defect.message()});
+  }
+  try {
+    for (const v1::SceneView& view : message.views()) scene.views.push_back(FromMessage(view));
+  } catch (const std::invalid_argument& error) {
+    return absl::InternalError(absl::StrCat("a mask of the scene cannot be: ", error.what()));
+  }
+  return scene;
+}
+
+absl::StatusOr<Database> FromMessage(const v1::GetDatabaseResponse& message) {
+  absl::StatusOr<ConfigurationGrid> grid = FromMessage(message.grid());
+  if (!grid.ok()) return grid.status();
+  Database database{.cell_name = message.cell_name(),
+                    .generation = message.generation(),
+                    .grid = *std::move(grid),
+                    .fixed_joints = FromMessage(message.fixed_joints()),
+                    .views = {},
+                    .configurations = message.configurations(),
+                    .captured = message.captured(),
+                    .excluded = message.excluded(),
+                    .corrupt = message.corrupt(),
+                    .default_policy = FromMessage(message.default_policy())};
+  for (int i = 0; i < message.views_size(); ++i) {
+    const v1::View& view = message.views(i);
+    database.views.push_back(
+        {.name = view.name(),
+         .image_width = view.image_width(),
+         .image_height = view.image_height(),
+         .mask_size = {.width = view.mask_width(), .height = view.mask_height()},
+         .permanent_pixels =
+             i < message.permanent_pixels_size() ? message.permanent_pixels(i) : 0});
+  }
+  return database;
+}
+
+}  // namespace silhouette::client

@@ -1,0 +1,33 @@
+// Between the API's messages and the values of the client library. What a server sent that cannot
+// be is Internal; the message says what it is.
+#pragma once
+
+#include "absl/status/status.h"
+#include "absl/status/statusor.h"
+#include "silhouette/answers.h"
+#include "silhouette/configuration_space.h"
+#include "silhouette/database.h"
+#include "silhouette/policy.h"
+#include "silhouette/scene.h"
+#include "silhouette/v1/collision_service.pb.h"
+#include "silhouette/v1/database_service.pb.h"
+#include "silhouette/v1/scene_service.pb.h"
+#include "silhouette/verdict.h"
+
+namespace silhouette::client {
+
+v1::Configuration ToMessage(const Configuration& configuration);
+v1::Policy ToMessage(const Policy& policy);
+v1::ViewImage ToMessage(const ViewImage& image);
+
+Basis FromMessage(const v1::Basis& basis, std::chrono::steady_clock::time_point asked);
+// A verdict that calls itself free without a scene is unknown.
+Verdict FromMessage(const v1::Verdict& verdict, const Basis& basis);
+// A reason of a newer server is kUnspecified.
+Reason FromMessage(v1::Verdict::Reason reason);
+absl::StatusOr<ConfigurationGrid> FromMessage(const v1::Grid& grid);
+absl::StatusOr<ConfigurationSpaceTile> FromMessage(const v1::ConfigurationSpaceTile& tile);
+absl::StatusOr<Scene> FromMessage(const v1::Scene& scene);
+absl::StatusOr<Database> FromMessage(const v1::GetDatabaseResponse& database);
+
+}  // namespace silhouette::client

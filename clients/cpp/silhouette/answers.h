@@ -1,0 +1,69 @@
+// What the server answers, and on which state of the world an answer rests.
+#pragma once
+
+#include <chrono>
+#include <cstdint>
+#include <string>
+#include <vector>
+
+#include "absl/time/time.h"
+#include "silhouette/configuration_grid.h"
+#include "silhouette/verdict.h"
+
+namespace silhouette::client {
+
+// The scene and the generation of the database behind an answer.
+struct Basis {
+  uint64_t database_generation = 0;
+  // 0: there was no scene, and every verdict is unknown.
+  uint64_t scene_id = 0;
+  // When the oldest image of the scene was taken, by the clock of whoever took it.
+  absl::Time scene_time = absl::InfinitePast();
+  // Age of that image when the answer was made.
+  absl::Duration scene_age = absl::InfiniteDuration();
+  // When the question was sent.
+  std::chrono::steady_clock::time_point asked = {};
+
+  // Age of the oldest image now: never less than it really is, for the way of the question counts
+  // too. Infinite without a scene.
+  absl::Duration Age() const;
+};
+
+struct ConfigurationChecks {
+  Basis basis;
+  // One for each configuration asked for, in that order.
+  std::vector<Verdict> verdicts;
+
+  // False if nothing was asked.
+  bool AllFree() const;
+};
+
+struct PathCheck {
+  Basis basis;
+  // Free if the whole path is. Else the verdict at the first place that is not.
+  Verdict verdict;
+  // That place: waypoint number, counted from 0, and fraction of the way to the next one.
+  int segment = 0;
+  double fraction = 0;
+  Configuration configuration;
+  // How many places were tested, up to there.
+  int64_t checked = 0;
+};
+
+// PNG images, one pixel per mask pixel.
+struct ViewPictures {
+  std::string view;
+  std::string scene_png;
+  std::string obstacle_png;
+  std::string intersection_png;
+  std::string collision_png;
+};
+
+struct Explanation {
+  Basis basis;
+  Verdict verdict;
+  // In the order of the database's views; empty where there is no scene.
+  std::vector<ViewPictures> views;
+};
+
+}  // namespace silhouette::client

@@ -1,0 +1,100 @@
+// The client of silhouette-server.
+//
+//   absl::StatusOr<silhouette::Client> client = silhouette::Client::Connect("127.0.0.1:50051");
+//   if (!client.ok()) ...
+//   const auto checks = client->CheckConfigurations({{0.1, 0.2}});
+//   if (checks.ok() && checks->verdicts[0].free()) ...
+//
+// Errors are one sentence each that names the server and the mend:
+//   Unavailable       no server answers there, or it went away before the answer was complete
+//   DeadlineExceeded  it did not answer in time
+//   InvalidArgument, NotFound, FailedPrecondition   the server refuses; its own words
+//   Unimplemented     the server is older than this library
+//   Internal          the answer is malformed
+// No error is ever a verdict, and a part of an answer is never handed out.
+#pragma once
+
+#include <cstdint>
+#include <initializer_list>
+#include <memory>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "absl/status/statusor.h"
+#include "absl/time/time.h"
+#include "silhouette/answers.h"
+#include "silhouette/configuration_space.h"
+#include "silhouette/database.h"
+#include "silhouette/policy.h"
+#include "silhouette/scene.h"
+#include "silhouette/verdict.h"
+
+namespace silhouette::client {
+
+inline constexpr char kDefaultAddress[] = "127.0.0.1:50051";
+
+// Whether verdicts come with what each view says: longer replies.
+enum class Evidence { kPerView, kOmit };
+
+// Any number of threads may use a client at once. Copies share the connection.
+class Client {
+ public:
+  // `address`: "host:port" or "unix:path". `timeout`: for each call as a whole. Only looks whether
+  // the address can be one (InvalidArgument); the connection is made with the first call, and made
+  // anew whenever it was lost. Not encrypted.
+  static absl::StatusOr<Client> Connect(const std::string& address,
+                                        absl::Duration timeout = absl::Seconds(10));
+
+  // The same connection with another time for each call.
+  Client WithTimeout(absl::Duration timeout) const;
+
+  const std::string& address() const;
+
+  // Verdicts for configurations, in the order asked.
+  absl::StatusOr<ConfigurationChecks> CheckConfigurations(
+      std::span<const Configuration> configurations, const Policy& policy = {},
+      Evidence evidence = Evidence::kPerView) const;
+  absl::StatusOr<ConfigurationChecks> CheckConfigurations(
+      std::initializer_list<Configuration> configurations, const Policy& policy = {},
+      Evidence evidence = Evidence::kPerView) const {
+    return CheckConfigurations(std::span(configurations.begin(), configurations.size()), policy,
+                               evidence);
+  }
+
+  // The first place on a path that is not free. Between waypoints (at least one) joint values are
+  // interpolated linearly, without wrapping.
+  absl::StatusOr<PathCheck> CheckPath(std::span<const Configuration> waypoints,
+                                      const Policy& policy = {}) const;
+
+  // The verdicts of all configurations, or of the given tiles only.
+  absl::StatusOr<ConfigurationSpace> GetConfigurationSpace(
+      const Policy& policy = {}, std::span<const uint64_t> tiles = {}) const;
+
+  // One verdict with its pictures.
+  absl::StatusOr<Explanation> Explain(const Configuration& configuration,
+                                      const Policy& policy = {}) const;
+
+  // Publishes one simultaneous set of images. `joints`: where the robot stood then, all joints of
+  // the grid and all that stood fixed at capture. The scene that comes back may have defects.
+  absl::StatusOr<Scene> PublishScene(std::span<const JointPosition> joints,
+                                     std::span<const ViewImage> images) const;
+
+  // A scene by its id, 0 for the newest; `with_planes` asks for the masks too.
+  absl::StatusOr<Scene> GetScene(uint64_t id = 0, bool with_planes = false) const;
+
+  absl::StatusOr<Database> GetDatabase() const;
+
+ private:
+  class Connection;
+  Client(std::shared_ptr<const Connection> connection, absl::Duration timeout);
+
+  std::shared_ptr<const Connection> connection_;
+  absl::Duration timeout_;
+};
+
+}  // namespace silhouette::client
+
+namespace silhouette {
+using Client = client::Client;
+}  // namespace silhouette

@@ -1,0 +1,5 @@
+// ConfigurationGrid for users of the client library. Where the library is installed, the header
+// itself stands here.
+#pragma once
+
+#include "db/configuration_grid.h"

@@ -1,0 +1,58 @@
+// The verdicts of all configurations of the grid, from one scene: looked up locally, in
+// nanoseconds.
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <unordered_map>
+#include <vector>
+
+#include "silhouette/answers.h"
+#include "silhouette/configuration_grid.h"
+#include "silhouette/verdict.h"
+
+namespace silhouette::client {
+
+// Bit i % 64 of word i / 64 belongs to place i of the tile.
+using TileBits = std::array<uint64_t, kTileSize / 64>;
+
+struct ConfigurationSpaceTile {
+  uint64_t tile = 0;
+  TileBits free{};
+  TileBits occupied{};
+};
+
+struct StateCounts {
+  uint64_t free = 0;
+  uint64_t occupied = 0;
+  uint64_t unknown = 0;
+};
+
+// Says what was true of the scene it names, not what is true now: ask basis().Age() before relying
+// on it. A value that cannot be changed; any number of threads may read it.
+class ConfigurationSpace {
+ public:
+  // Configurations of a tile that is not among `tiles` are unknown, so are those that a tile calls
+  // both free and occupied, and all if `basis` has no scene. Throws std::invalid_argument for a
+  // tile beyond the grid and one that comes twice.
+  ConfigurationSpace(ConfigurationGrid grid, Basis basis,
+                     std::vector<ConfigurationSpaceTile> tiles);
+
+  const ConfigurationGrid& grid() const { return grid_; }
+  const Basis& basis() const { return basis_; }
+
+  // Unknown also for a number that no configuration of the grid has.
+  State StateAt(ConfigurationNumber number) const;
+  bool IsFree(ConfigurationNumber number) const { return StateAt(number) == State::kFree; }
+
+  // Over all configurations of the grid.
+  StateCounts Count() const;
+
+ private:
+  ConfigurationGrid grid_;
+  Basis basis_;
+  std::vector<ConfigurationSpaceTile> tiles_;
+  std::unordered_map<uint64_t, size_t> places_;  // tile -> index into tiles_
+};
+
+}  // namespace silhouette::client

@@ -1,0 +1,42 @@
+// What a client needs to know of the database that is served.
+#pragma once
+
+#include <cstdint>
+#include <string>
+#include <vector>
+
+#include "silhouette/configuration_grid.h"
+#include "silhouette/mask.h"
+#include "silhouette/policy.h"
+#include "silhouette/scene.h"
+
+namespace silhouette::client {
+
+// One stationary camera; sizes in pixels.
+struct View {
+  std::string name;
+  int image_width = 0;
+  int image_height = 0;
+  MaskSize mask_size;
+  // Pixels that the robot covers in every configuration.
+  uint32_t permanent_pixels = 0;
+};
+
+struct Database {
+  std::string cell_name;
+  uint64_t generation = 0;
+  ConfigurationGrid grid;
+  // Joints outside the grid, and where they stood at capture.
+  std::vector<JointPosition> fixed_joints;
+  std::vector<View> views;
+  // Configurations: all, with a robot image, in a region never to enter, with a robot image that
+  // fails its checksum. The rest is missing.
+  uint64_t configurations = 0;
+  uint64_t captured = 0;
+  uint64_t excluded = 0;
+  uint64_t corrupt = 0;
+  // The policy where a request names none.
+  Policy default_policy;
+};
+
+}  // namespace silhouette::client

@@ -1,0 +1,26 @@
+// How verdicts are to be made. What is not set takes the server's default.
+#pragma once
+
+#include <optional>
+#include <string>
+
+namespace silhouette::client {
+
+// What stands for a configuration off the grid.
+enum class OffGrid {
+  kCell,     // the union of the robot images at the corners of its grid cell
+  kNearest,  // the robot image of the nearest grid point
+};
+
+struct Policy {
+  // "uncalibrated" or "paper"; empty: the server's default.
+  std::string preset = "";
+  // Occupied if at least this many views show an obstacle inside the robot; 1 to number of views.
+  std::optional<int> min_views = std::nullopt;
+  // With the preset "uncalibrated" and no min_views: in how many views the robot may hide an
+  // obstacle.
+  std::optional<int> max_occluded_views = std::nullopt;
+  std::optional<OffGrid> off_grid = std::nullopt;
+};
+
+}  // namespace silhouette::client

@@ -1,0 +1,65 @@
+// The verdict on a configuration, as a client reads it.
+#pragma once
+
+#include <cstdint>
+#include <string>
+#include <vector>
+
+namespace silhouette::client {
+
+enum class State : uint8_t {
+  kUnknown = 0,  // whatever is not free or occupied; treat it as occupied
+  kFree,
+  kOccupied,
+};
+
+// Why a verdict is unknown. Same values as silhouette.v1.Verdict.Reason.
+enum class Reason : uint8_t {
+  kUnspecified = 0,  // the verdict is free or occupied, or the server gave a reason not known here
+  kNoScene = 1,
+  kSceneStale = 2,
+  kSceneSkewed = 3,
+  kViewMissing = 4,
+  kRobotPositionUnknown = 5,
+  kFixedJointMoved = 6,
+  kRobotImageOfSceneMissing = 7,
+  kErrorArea = 8,
+  kOutsideGrid = 9,
+  kRobotImageMissing = 10,
+  kExcluded = 11,
+  kRobotImageCorrupt = 12,
+  kGenerationMismatch = 13,
+  kInternal = 14,
+};
+
+// "free", "occupied", "unknown".
+std::string NameOf(State state);
+// "scene stale" and the like.
+std::string NameOf(Reason reason);
+// What the reason says, in words that follow "unknown: ", with the mend.
+std::string Describe(Reason reason);
+
+// What one view says about one configuration: its pixels inside the robot image there.
+struct ViewEvidence {
+  std::string view;
+  uint32_t obstacle_pixels = 0;
+  uint32_t unknown_pixels = 0;
+  uint32_t error_pixels = 0;
+  bool missing = false;  // the scene lacks this view: it counts as showing an obstacle
+};
+
+// Nothing but an explicit FREE of the server is free: a verdict that nobody gave, and one whose
+// state is not known here, are unknown.
+struct Verdict {
+  State state = State::kUnknown;
+  Reason reason = Reason::kUnspecified;
+  // In the order of the database's views; empty if it was not asked for.
+  std::vector<ViewEvidence> views = {};
+  // An obstacle may hide: in every view some pixel inside the robot image is unknown or error, and
+  // none is obstacle. Set for free verdicts too.
+  bool hidden_possible = false;
+
+  bool free() const { return state == State::kFree; }
+};
+
+}  // namespace silhouette::client

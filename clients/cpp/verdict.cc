@@ -1,0 +1,72 @@
+#include "silhouette/verdict.h"
+
+namespace silhouette::client {
+namespace {
+
+struct Words {
+  const char* name;
+  const char* description;
+};
+
+Words WordsFor(Reason reason) {
+  switch (reason) {
+    case Reason::kUnspecified:
+      break;
+    case Reason::kNoScene:
+      return {"no scene", "no scene has been published yet: publish one"};
+    case Reason::kSceneStale:
+      return {"scene stale", "the newest scene is older than max_age: publish scenes more often"};
+    case Reason::kSceneSkewed:
+      return {"scene skewed",
+              "the images of the scene were taken further apart than max_skew: take them at once"};
+    case Reason::kViewMissing:
+      return {"view missing", "the scene lacks a view of the database: publish an image of each"};
+    case Reason::kRobotPositionUnknown:
+      return {"robot position unknown",
+              "the robot's present configuration was not told, or is outside the grid"};
+    case Reason::kFixedJointMoved:
+      return {"fixed joint moved",
+              "a joint outside the grid is not where it stood when the robot images were captured"};
+    case Reason::kRobotImageOfSceneMissing:
+      return {"robot image of scene missing",
+              "there is no usable robot image for the robot's present configuration"};
+    case Reason::kErrorArea:
+      return {
+          "error area",
+          "too large an area shows background where the robot should be: the robot is not where "
+          "it says, a camera moved, or the light changed"};
+    case Reason::kOutsideGrid:
+      return {"outside grid", "the configuration is outside the grid"};
+    case Reason::kRobotImageMissing:
+      return {"robot image missing", "no robot image was captured for the configuration"};
+    case Reason::kExcluded:
+      return {"excluded", "the configuration lies in a region the robot must never enter"};
+    case Reason::kRobotImageCorrupt:
+      return {"robot image corrupt", "the robot image fails its checksum: capture it again"};
+    case Reason::kGenerationMismatch:
+      return {"generation mismatch",
+              "the scene was made with another generation of the database: publish a new one"};
+    case Reason::kInternal:
+      return {"internal", "the server could not decide because of a fault of its own: see its log"};
+  }
+  return {"unspecified", "the server gave no reason that is known here"};
+}
+
+}  // namespace
+
+std::string NameOf(State state) {
+  switch (state) {
+    case State::kFree:
+      return "free";
+    case State::kOccupied:
+      return "occupied";
+    case State::kUnknown:
+      break;
+  }
+  return "unknown";
+}
+
+std::string NameOf(Reason reason) { return WordsFor(reason).name; }
+std::string Describe(Reason reason) { return WordsFor(reason).description; }
+
+}  // namespace silhouette::client

@@ -1,0 +1,377 @@
+// What the client library promises, above all: nothing but an explicit FREE is free.
+#include "silhouette/client.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <thread>
+
+#include "tests/clients/fake_server.h"
+
+namespace silhouette::client {
+namespace {
+
+using ::testing::AllOf;
+using ::testing::ElementsAre;
+using ::testing::HasSubstr;
+using ::testing::IsEmpty;
+
+const std::vector<Configuration> kOne = {{0.1, 0.2}};
+
+Client ClientOf(const FakeServer& server, absl::Duration timeout = absl::Seconds(20)) {
+  return Client::Connect(server.address, timeout).value();
+}
+
+v1::Basis GoodBasis() {
+  v1::Basis basis;
+  basis.set_database_generation(7);
+  basis.set_scene_id(3);
+  basis.mutable_scene_time()->set_seconds(1000);
+  basis.mutable_scene_time()->set_nanos(500'000'000);
+  basis.mutable_scene_age()->set_nanos(20'000'000);
+  return basis;
+}
+
+// The reply's verdicts have these states, numbers of the enum.
+auto VerdictsOf(std::vector<int> states) {
+  return [states](grpc::ServerContext&, const v1::CheckConfigurationsRequest&,
+                  v1::CheckConfigurationsResponse& response) {
+    *response.mutable_basis() = GoodBasis();
+    for (int state : states) {
+      response.add_verdicts()->set_state(static_cast<v1::Verdict::State>(state));
+    }
+    return grpc::Status::OK;
+  };
+}
+
+TEST(Verdict, NobodyGaveIsUnknown) {
+  EXPECT_EQ(Verdict().state, State::kUnknown);
+  EXPECT_FALSE(Verdict().free());
+  EXPECT_FALSE(ConfigurationChecks().AllFree());
+  EXPECT_FALSE(PathCheck().verdict.free());
+}
+
+TEST(CheckConfigurations, OnlyExplicitFreeIsFree) {
+  FakeServer server;
+  // 17: what a newer server may say.
+  server.check_configurations = VerdictsOf({1, 2, 3, 0, 17, -1});
+  const auto checks = ClientOf(server).CheckConfigurations(std::vector<Configuration>(6, kOne[0]));
+  ASSERT_TRUE(checks.ok()) << checks.status();
+  std::vector<State> states;
+  for (const Verdict& verdict : checks->verdicts) states.push_back(verdict.state);
+  EXPECT_THAT(states, ElementsAre(State::kFree, State::kOccupied, State::kUnknown, State::kUnknown,
+                                  State::kUnknown, State::kUnknown));
+  EXPECT_FALSE(checks->AllFree());
+}
+
+TEST(CheckConfigurations, FreeWithoutASceneIsUnknown) {
+  FakeServer server;
+  server.check_configurations = [](auto&, auto&, v1::CheckConfigurationsResponse& response) {
+    response.add_verdicts()->set_state(v1::Verdict::STATE_FREE);
+    return grpc::Status::OK;
+  };
+  const auto checks = ClientOf(server).CheckConfigurations(kOne);
+  ASSERT_TRUE(checks.ok()) << checks.status();
+  EXPECT_FALSE(checks->verdicts[0].free());
+  EXPECT_EQ(checks->verdicts[0].reason, Reason::kNoScene);
+  EXPECT_EQ(checks->basis.Age(), absl::InfiniteDuration());
+}
+
+TEST(CheckConfigurations, WrongNumberOfVerdictsIsAnError) {
+  FakeServer server;
+  for (const std::vector<int>& states : {std::vector<int>{}, {1, 1}}) {
+    server.check_configurations = VerdictsOf(states);
+    const auto checks = ClientOf(server).CheckConfigurations(kOne);
+    EXPECT_EQ(checks.status().code(), absl::StatusCode::kInternal);
+    EXPECT_THAT(std::string(checks.status().message()),
+                AllOf(HasSubstr(server.address), HasSubstr("verdicts for 1 configurations")));
+  }
+}
+
+TEST(CheckConfigurations, CarriesReasonEvidenceAndBasis) {
+  FakeServer server;
+  server.check_configurations = [](auto&, auto&, v1::CheckConfigurationsResponse& response) {
+    *response.mutable_basis() = GoodBasis();
+    v1::Verdict* verdict = response.add_verdicts();
+    verdict->set_state(v1::Verdict::STATE_UNKNOWN);
+    verdict->set_reason(v1::Verdict::REASON_SCENE_STALE);
+    verdict->set_hidden_possible(true);
+    v1::ViewEvidence* view = verdict->add_views();
+    view->set_view("top");
+    view->set_obstacle_pixels(1);
+    view->set_unknown_pixels(2);
+    view->set_error_pixels(3);
+    view->set_missing(true);
+    return grpc::Status::OK;
+  };
+  const auto checks = ClientOf(server).CheckConfigurations(kOne);
+  ASSERT_TRUE(checks.ok()) << checks.status();
+  const Verdict& verdict = checks->verdicts[0];
+  EXPECT_EQ(verdict.reason, Reason::kSceneStale);
+  EXPECT_TRUE(verdict.hidden_possible);
+  ASSERT_EQ(verdict.views.size(), 1u);
+  EXPECT_EQ(verdict.views[0].view, "top");
+  EXPECT_EQ(verdict.views[0].obstacle_pixels, 1u);
+  EXPECT_EQ(verdict.views[0].unknown_pixels, 2u);
+  EXPECT_EQ(verdict.views[0].error_pixels, 3u);
+  EXPECT_TRUE(verdict.views[0].missing);
+  EXPECT_EQ(checks->basis.database_generation, 7u);
+  EXPECT_EQ(checks->basis.scene_id, 3u);
+  EXPECT_EQ(checks->basis.scene_time, absl::FromUnixMillis(1000'500));
+  EXPECT_GE(checks->basis.Age(), absl::Milliseconds(20));
+}
+
+TEST(CheckConfigurations, ReasonOfANewerServerIsUnspecified) {
+  FakeServer server;
+  server.check_configurations = [](auto&, auto&, v1::CheckConfigurationsResponse& response) {
+    *response.mutable_basis() = GoodBasis();
+    response.add_verdicts()->set_state(v1::Verdict::STATE_UNKNOWN);
+    response.mutable_verdicts(0)->set_reason(static_cast<v1::Verdict::Reason>(99));
+    return grpc::Status::OK;
+  };
+  const auto checks = ClientOf(server).CheckConfigurations(kOne);
+  ASSERT_TRUE(checks.ok());
+  EXPECT_EQ(checks->verdicts[0].reason, Reason::kUnspecified);
+  EXPECT_EQ(checks->verdicts[0].state, State::kUnknown);
+}
+
+TEST(CheckConfigurations, SendsConfigurationsAndPolicy) {
+  FakeServer server;
+  v1::CheckConfigurationsRequest seen;
+  server.check_configurations = [&](auto& context, const v1::CheckConfigurationsRequest& request,
+                                    v1::CheckConfigurationsResponse& response) {
+    seen = request;
+    return VerdictsOf({1})(context, request, response);
+  };
+  const Client client = ClientOf(server);
+  ASSERT_TRUE(client
+                  .CheckConfigurations({{0.1, 0.2}},
+                                       {.preset = "paper",
+                                        .min_views = 3,
+                                        .max_occluded_views = 2,
+                                        .off_grid = OffGrid::kNearest},
+                                       Evidence::kOmit)
+                  .ok());
+  EXPECT_THAT(seen.configurations(0).positions(), ElementsAre(0.1, 0.2));
+  EXPECT_EQ(seen.policy().preset(), "paper");
+  EXPECT_EQ(seen.policy().min_views(), 3);
+  EXPECT_EQ(seen.policy().max_occluded_views(), 2);
+  EXPECT_EQ(seen.policy().off_grid(), v1::OFF_GRID_NEAREST);
+  EXPECT_TRUE(seen.omit_evidence());
+  ASSERT_TRUE(client.CheckConfigurations(kOne).ok());
+  EXPECT_FALSE(seen.policy().has_min_views());
+  EXPECT_EQ(seen.policy().off_grid(), v1::OFF_GRID_UNSPECIFIED);
+}
+
+TEST(CheckPath, TellsTheFirstPlaceThatIsNotFree) {
+  FakeServer server;
+  server.check_path = [](auto&, const v1::CheckPathRequest& request,
+                         v1::CheckPathResponse& response) {
+    *response.mutable_basis() = GoodBasis();
+    response.mutable_verdict()->set_state(v1::Verdict::STATE_OCCUPIED);
+    response.set_segment(request.waypoints_size() - 2);
+    response.set_fraction(0.25);
+    response.mutable_configuration()->add_positions(0.5);
+    response.set_checked(12);
+    return grpc::Status::OK;
+  };
+  const Client client = ClientOf(server);
+  const auto check = client.CheckPath(std::vector<Configuration>{{0}, {1}, {2}});
+  ASSERT_TRUE(check.ok()) << check.status();
+  EXPECT_EQ(check->verdict.state, State::kOccupied);
+  EXPECT_EQ(check->segment, 1);
+  EXPECT_EQ(check->fraction, 0.25);
+  EXPECT_THAT(check->configuration, ElementsAre(0.5));
+  EXPECT_EQ(check->checked, 12);
+  EXPECT_EQ(client.CheckPath({}).status().code(), absl::StatusCode::kInvalidArgument);
+}
+
+TEST(CheckPath, AnswerWithoutAVerdictIsUnknown) {
+  FakeServer server;
+  server.check_path = [](auto&, auto&, v1::CheckPathResponse& response) {
+    *response.mutable_basis() = GoodBasis();
+    return grpc::Status::OK;
+  };
+  const auto check = ClientOf(server).CheckPath(kOne);
+  ASSERT_TRUE(check.ok());
+  EXPECT_EQ(check->verdict.state, State::kUnknown);
+}
+
+TEST(Errors, NameTheServerAndTheMend) {
+  std::string address;
+  { address = FakeServer().address; }
+  const auto gone = Client::Connect(address).value().CheckConfigurations(kOne);
+  EXPECT_EQ(gone.status().code(), absl::StatusCode::kUnavailable);
+  EXPECT_EQ(std::string(gone.status().message()),
+            "no server answers at " + address + "; start silhouette-server or give --server");
+  FakeServer empty;
+  const auto unknown_call = ClientOf(empty).GetDatabase();
+  EXPECT_EQ(unknown_call.status().code(), absl::StatusCode::kUnimplemented);
+  EXPECT_THAT(std::string(unknown_call.status().message()), HasSubstr(empty.address));
+}
+
+TEST(Errors, RefusalsOfTheServerAreItsOwnWords) {
+  FakeServer server;
+  server.check_configurations = [](auto&, auto&, auto&) {
+    return grpc::Status(grpc::StatusCode::INVALID_ARGUMENT, "configuration 0 has 2 values");
+  };
+  const absl::Status status = ClientOf(server).CheckConfigurations(kOne).status();
+  EXPECT_EQ(status.code(), absl::StatusCode::kInvalidArgument);
+  EXPECT_THAT(std::string(status.message()),
+              AllOf(HasSubstr(server.address), HasSubstr("configuration 0 has 2 values")));
+}
+
+TEST(Errors, ServerThatDoesNotAnswerInTimeIsNamed) {
+  FakeServer server;
+  server.check_configurations = [](grpc::ServerContext& context, auto&, auto&) {
+    while (!context.IsCancelled()) std::this_thread::sleep_for(std::chrono::milliseconds(1));
+    return grpc::Status::CANCELLED;
+  };
+  const Client client = ClientOf(server);
+  const absl::Status status =
+      client.WithTimeout(absl::Milliseconds(30)).CheckConfigurations(kOne).status();
+  EXPECT_EQ(status.code(), absl::StatusCode::kDeadlineExceeded);
+  EXPECT_THAT(std::string(status.message()), AllOf(HasSubstr(server.address), HasSubstr("30ms")));
+}
+
+TEST(Connect, RefusesWhatIsNoAddress) {
+  for (const char* address :
+       {"", "robot", "robot:", ":50051", "robot:0", "robot:99999", "unix:", "robot:port"}) {
+    const absl::Status status = Client::Connect(address).status();
+    EXPECT_EQ(status.code(), absl::StatusCode::kInvalidArgument) << address;
+    EXPECT_THAT(std::string(status.message()), HasSubstr("host:port"));
+  }
+  EXPECT_TRUE(Client::Connect("unix:/run/silhouette").ok());
+  EXPECT_TRUE(Client::Connect("[::1]:50051").ok());
+}
+
+TEST(Scene, IsSentAndReadWhole) {
+  FakeServer server;
+  v1::PublishSceneRequest seen;
+  server.publish_scene = [&](auto&, const v1::PublishSceneRequest& request,
+                             v1::PublishSceneResponse& response) {
+    seen = request;
+    v1::Scene& scene = *response.mutable_scene();
+    scene.set_id(4);
+    scene.mutable_time()->set_seconds(50);
+    scene.mutable_skew()->set_nanos(1000);
+    *scene.mutable_joints() = request.joints();
+    v1::SceneView& view = *scene.add_views();
+    view.set_view("top");
+    view.set_foreground_pixels(5);
+    view.set_core_error_pixels(6);
+    *view.mutable_scene() = request.views(0).scene_mask();
+    *view.mutable_obstacle() = *view.mutable_unknown() = *view.mutable_error() = view.scene();
+    v1::SceneDefect& defect = *scene.add_defects();
+    defect.set_reason(v1::Verdict::REASON_VIEW_MISSING);
+    defect.set_message("the view 'left' is missing");
+    return grpc::Status::OK;
+  };
+  const Mask mask = Mask::FromPredicate({5, 3}, [](int x, int y) { return x == 2 * y; });
+  const absl::Time time = absl::FromUnixNanos(1'700'000'000'123'456'789);
+  const std::vector<JointPosition> joints = {{"a", 0.5}};
+  const std::vector<ViewImage> images = {
+      {.view = "top", .capture_time = time, .image = SceneMask{mask}},
+      {.view = "left", .capture_time = std::nullopt, .image = CameraImage{"a png"}},
+      {.view = "back", .capture_time = std::nullopt, .image = ObstacleMask{mask}}};
+  const auto scene = ClientOf(server).PublishScene(joints, images);
+  ASSERT_TRUE(scene.ok()) << scene.status();
+
+  ASSERT_EQ(seen.views_size(), 3);
+  EXPECT_EQ(seen.views(0).capture_time().seconds(), 1'700'000'000);
+  EXPECT_EQ(seen.views(0).capture_time().nanos(), 123'456'789);
+  EXPECT_EQ(seen.views(0).scene_mask().width(), 5);
+  EXPECT_EQ(seen.views(0).scene_mask().height(), 3);
+  EXPECT_EQ(seen.views(0).scene_mask().bits(), mask.ToBytes());
+  EXPECT_FALSE(seen.views(1).has_capture_time());
+  EXPECT_EQ(seen.views(1).camera_image(), "a png");
+  EXPECT_TRUE(seen.views(2).has_obstacle_mask());
+
+  EXPECT_EQ(scene->id, 4u);
+  EXPECT_EQ(scene->time, absl::FromUnixSeconds(50));
+  EXPECT_EQ(scene->skew, absl::Microseconds(1));
+  ASSERT_EQ(scene->joints.size(), 1u);
+  EXPECT_EQ(scene->joints[0].position, 0.5);
+  ASSERT_EQ(scene->views.size(), 1u);
+  EXPECT_EQ(scene->views[0].core_error_pixels, 6u);
+  ASSERT_TRUE(scene->views[0].planes.has_value());
+  EXPECT_EQ(scene->views[0].planes->scene, mask);
+  ASSERT_EQ(scene->defects.size(), 1u);
+  EXPECT_EQ(scene->defects[0].reason, Reason::kViewMissing);
+  EXPECT_EQ(scene->defects[0].message, "the view 'left' is missing");
+}
+
+TEST(Scene, WithAMaskThatCannotBeIsAnError) {
+  FakeServer server;
+  server.get_scene = [](auto&, auto&, v1::GetSceneResponse& response) {
+    v1::SceneView& view = *response.mutable_scene()->add_views();
+    view.mutable_obstacle()->set_width(8);
+    view.mutable_obstacle()->set_height(8);
+    return grpc::Status::OK;
+  };
+  EXPECT_EQ(ClientOf(server).GetScene().status().code(), absl::StatusCode::kInternal);
+}
+
+TEST(Database, IsReadWhole) {
+  FakeServer server;
+  server.get_database = [](auto&, auto&, v1::GetDatabaseResponse& response) {
+    response.set_cell_name("demo");
+    response.set_generation(9);
+    v1::GridJoint& joint = *response.mutable_grid()->add_joints();
+    joint.set_name("a");
+    joint.set_upper(1);
+    joint.set_steps(11);
+    response.mutable_grid()->add_tile_edges(4096);
+    v1::View& view = *response.add_views();
+    view.set_name("top");
+    view.set_mask_width(64);
+    view.set_mask_height(48);
+    response.add_permanent_pixels(12);
+    response.set_configurations(11);
+    response.set_captured(8);
+    response.set_excluded(2);
+    response.set_corrupt(1);
+    response.mutable_default_policy()->set_preset("paper");
+    return grpc::Status::OK;
+  };
+  const auto database = ClientOf(server).GetDatabase();
+  ASSERT_TRUE(database.ok()) << database.status();
+  EXPECT_EQ(database->cell_name, "demo");
+  EXPECT_EQ(database->grid.size(), 11u);
+  ASSERT_EQ(database->views.size(), 1u);
+  EXPECT_EQ(database->views[0].mask_size, (MaskSize{64, 48}));
+  EXPECT_EQ(database->views[0].permanent_pixels, 12u);
+  EXPECT_EQ(database->captured, 8u);
+  EXPECT_EQ(database->default_policy.preset, "paper");
+}
+
+TEST(Explain, BringsThePictures) {
+  FakeServer server;
+  server.explain = [](auto&, auto&, v1::ExplainResponse& response) {
+    *response.mutable_basis() = GoodBasis();
+    response.mutable_verdict()->set_state(v1::Verdict::STATE_OCCUPIED);
+    v1::ViewExplanation& view = *response.add_views();
+    view.set_view("top");
+    view.set_collision_png("png");
+    return grpc::Status::OK;
+  };
+  const auto explanation = ClientOf(server).Explain(kOne[0]);
+  ASSERT_TRUE(explanation.ok());
+  EXPECT_EQ(explanation->verdict.state, State::kOccupied);
+  ASSERT_EQ(explanation->views.size(), 1u);
+  EXPECT_EQ(explanation->views[0].collision_png, "png");
+}
+
+TEST(Reasons, EachHasItsOwnWords) {
+  std::set<std::string> names;
+  std::set<std::string> descriptions;
+  for (int reason = 0; reason <= v1::Verdict::Reason_MAX; ++reason) {
+    names.insert(NameOf(static_cast<Reason>(reason)));
+    descriptions.insert(Describe(static_cast<Reason>(reason)));
+  }
+  EXPECT_EQ(names.size(), static_cast<size_t>(v1::Verdict::Reason_MAX) + 1);
+  EXPECT_EQ(descriptions.size(), names.size());
+}
+
+}  // namespace
+}  // namespace silhouette::client
