@@ -96,6 +96,7 @@ class Plot {
 };
 
 std::vector<double> Ticks(const ChartAxis& axis, int pixels) {
+  if (axis.label.empty()) return {};
   if (axis.cells == 1 || axis.last <= axis.first) return {axis.first};
   const double step = TickStep(axis, pixels);
   std::vector<double> ticks;
@@ -106,7 +107,8 @@ std::vector<double> Ticks(const ChartAxis& axis, int pixels) {
 }
 
 std::string AxisTitle(const ChartAxis& axis) {
-  return axis.unit.empty() ? axis.label : absl::StrCat(axis.label, " (", axis.unit, ")");
+  return axis.unit.empty() || axis.label.empty() ? axis.label
+                                                 : absl::StrCat(axis.label, " (", axis.unit, ")");
 }
 
 std::string TickLabel(double value) { return absl::StrFormat("%.6g", value == 0 ? 0 : value); }

@@ -17,7 +17,8 @@
 
 namespace silhouette {
 
-// The values along an axis: `cells` of them, evenly spread from `first` to `last`.
+// The values along an axis: `cells` of them, evenly spread from `first` to `last`. Without a label
+// the axis has no ticks.
 struct ChartAxis {
   std::string label;
   std::string unit = "deg";

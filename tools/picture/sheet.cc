@@ -24,7 +24,7 @@ cv::Scalar Bgr(Colour colour) {
 int ColumnsFor(size_t pictures, const cv::Size& largest) {
   const double wanted = std::sqrt(static_cast<double>(pictures) * 1.4 *
                                   (largest.height + kCaption) / std::max(1, largest.width));
-  return std::clamp(static_cast<int>(std::lround(wanted)), 1,
+  return std::clamp(static_cast<int>(std::ceil(wanted)), 1,
                     std::max(1, static_cast<int>(pictures)));
 }
 

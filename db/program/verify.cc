@@ -1,0 +1,118 @@
+// silhouette-db verify: whether everything is there and can be read.
+#include <iostream>
+#include <memory>
+
+#include "absl/strings/str_cat.h"
+#include "absl/strings/str_join.h"
+#include "db/program/commands.h"
+#include "db/program/common.h"
+#include "tools/program/progress.h"
+
+namespace silhouette {
+namespace {
+
+struct Options {
+  std::string database;
+  std::string format = "text";
+  bool allow_missing = false;
+};
+
+struct Findings {
+  uint64_t captured = 0;
+  uint64_t excluded = 0;
+  uint64_t damaged = 0;
+  uint64_t missing = 0;
+  std::vector<std::string> faults;
+};
+
+// Reads every record.
+absl::Status ReadRecords(const OpenedDatabase& opened, Findings& findings) {
+  const ConfigurationGrid& grid = opened.database->grid();
+  Progress progress("verify", opened.snapshot.size(), "records");
+  uint64_t done = 0;
+  const auto visit = [&](ConfigurationNumber number, const absl::StatusOr<RobotImage>& image) {
+    if (!image.ok()) {
+      ++findings.damaged;
+      findings.faults.push_back(
+          absl::StrCat(image.status().message(), " (", JointText(grid, number), ")"));
+    } else {
+      image->excluded ? ++findings.excluded : ++findings.captured;
+    }
+    progress.Update(++done);
+    return !StopRequested();
+  };
+  const absl::Status status = opened.snapshot.ForEach(visit);
+  if (StopRequested()) return Stopped("verify reads the database from its beginning each time");
+  if (absl::IsDataLoss(status)) {
+    findings.faults.emplace_back(status.message());
+    return absl::OkStatus();
+  }
+  return status;
+}
+
+void CheckCompleteness(const OpenedDatabase& opened, bool allow_missing, Findings& findings) {
+  const ConfigurationGrid& grid = opened.database->grid();
+  const uint64_t records = findings.captured + findings.excluded + findings.damaged;
+  findings.missing = grid.size() - std::min(records, grid.size());
+  if (findings.missing == 0 || allow_missing) return;
+  std::vector<ConfigurationNumber> first;
+  for (ConfigurationNumber number = 0; number < grid.number_limit() && first.size() < 3; ++number) {
+    if (!grid.Contains(number)) continue;
+    const absl::StatusOr<bool> there = opened.snapshot.Contains(number);
+    if (there.ok() && !*there) first.push_back(number);
+  }
+  findings.faults.push_back(absl::StrCat(findings.missing, " of ", grid.size(),
+                                         " configurations are missing, the first are ",
+                                         absl::StrJoin(first, ", ")));
+}
+
+void CheckMeta(const OpenedDatabase& opened, Findings& findings) {
+  const auto references = opened.snapshot.References();
+  if (!references.ok()) {
+    findings.faults.emplace_back(references.status().message());
+  } else if (*references && (*references)->views_size() != opened.database->cell().views_size()) {
+    findings.faults.push_back("there are reference images for another number of views");
+  }
+  const auto provenance = opened.snapshot.Provenance();
+  if (!provenance.ok()) findings.faults.emplace_back(provenance.status().message());
+}
+
+absl::StatusOr<ExitCode> Verify(const Options& options) {
+  const absl::StatusOr<OpenedDatabase> opened = OpenForReading(options.database);
+  if (!opened.ok()) return opened.status();
+  CatchStopSignals();
+  Findings findings;
+  CheckMeta(*opened, findings);
+  if (absl::Status status = ReadRecords(*opened, findings); !status.ok()) return status;
+  CheckCompleteness(*opened, options.allow_missing, findings);
+  if (options.format == "json") {
+    std::cout << nlohmann::json{{"ok", findings.faults.empty()}, {"captured", findings.captured},
+                                {"excluded", findings.excluded}, {"damaged", findings.damaged},
+                                {"missing", findings.missing},   {"faults", findings.faults}}
+                     .dump(2)
+              << std::endl;
+  } else {
+    for (const std::string& fault : findings.faults) std::cout << fault << "\n";
+    std::cout << absl::StrCat(findings.captured, " captured, ", findings.excluded, " excluded, ",
+                              findings.damaged, " damaged, ", findings.missing,
+                              " missing: ", findings.faults.empty() ? "sound" : "not sound")
+              << std::endl;
+  }
+  return findings.faults.empty() ? kDone : kNo;
+}
+
+}  // namespace
+
+void AddVerify(CLI::App& app, Work& work) {
+  auto options = std::make_shared<Options>();
+  CLI::App* command = app.add_subcommand(
+      "verify", "Reads everything, checks checksums and completeness; exit code 1 if not sound");
+  AddDatabaseArgument(*command, options->database);
+  command->add_flag("--allow-missing", options->allow_missing,
+                    "Configurations without a record are no fault");
+  AddFormatOption(*command, options->format);
+  command->footer("Example:\n  silhouette-db verify cell.lmdb");
+  command->callback([&work, options] { work = [options] { return Verify(*options); }; });
+}
+
+}  // namespace silhouette
