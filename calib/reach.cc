@@ -126,8 +126,8 @@ bool IsOutboard(const RobotModel& robot, size_t inner, size_t outer) {
 }  // namespace
 
 absl::StatusOr<double> Reach(const RobotModel& robot, const std::string& joint,
-                             std::span<const std::string> moving,
-                             std::span<const JointPosition> fixed, double payload_radius) {
+                             std::span<const std::string> moving, std::span<const FixedJoint> fixed,
+                             double payload_radius) {
   if (!(payload_radius >= 0)) {
     return absl::InvalidArgumentError("the payload's radius must not be below 0");
   }
@@ -143,7 +143,7 @@ absl::StatusOr<double> Reach(const RobotModel& robot, const std::string& joint,
     told.insert(*found);
   }
   std::map<size_t, double> positions;
-  for (const JointPosition& at : fixed) {
+  for (const FixedJoint& at : fixed) {
     const std::optional<size_t> found = robot.JointIndex(at.name);
     if (!found) return NoSuchJoint(robot, at.name);
     told.insert(*found);

@@ -5,15 +5,10 @@
 #include <string>
 
 #include "absl/status/statusor.h"
+#include "calib/fixed_joint.h"
 #include "calib/robot_model.h"
 
 namespace silhouette {
-
-// A joint that stands still, and where.
-struct JointPosition {
-  std::string name;
-  double position = 0;
-};
 
 // r of joint `joint` (revolute or continuous) in metres: no point of the robot, tool or payload
 // outboard of the joint is ever farther from its axis, whatever values the joints `moving` take
@@ -30,7 +25,7 @@ struct JointPosition {
 // delta itself), `payload_radius` is negative, `moving` or `fixed` name a joint that is not in the
 // model, or a joint outboard is in neither.
 absl::StatusOr<double> Reach(const RobotModel& robot, const std::string& joint,
-                             std::span<const std::string> moving,
-                             std::span<const JointPosition> fixed, double payload_radius);
+                             std::span<const std::string> moving, std::span<const FixedJoint> fixed,
+                             double payload_radius);
 
 }  // namespace silhouette

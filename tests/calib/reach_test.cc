@@ -22,9 +22,9 @@ TEST(Reach, IsExactOverFixedJoints) {
   const std::vector<std::string> moving{"turn"};
   // Bent straight up, slid out: the ball's far side is 0.5 + 0.05 from the axis of `turn`; the
   // farthest corner of the upper arm's box is (0.5, 0.05).
-  const std::vector<JointPosition> up{{"bend", -std::acos(0.0)}, {"slide", 0.2}};
+  const std::vector<FixedJoint> up{{"bend", -std::acos(0.0)}, {"slide", 0.2}};
   EXPECT_NEAR(Reach(robot, "turn", moving, up, 0).value(), 0.55, 1e-9);
-  const std::vector<JointPosition> out{{"bend", 0}, {"slide", 0.2}};
+  const std::vector<FixedJoint> out{{"bend", 0}, {"slide", 0.2}};
   EXPECT_NEAR(Reach(robot, "turn", moving, out, 0).value(), 0.5 + 0.4 + 0.2 + 0.05, 1e-9);
 }
 
@@ -38,7 +38,7 @@ TEST(Reach, OverMovingJointsIsTheArmStretchedOut) {
 TEST(Reach, PayloadReachesBeyondTheLastLink) {
   const RobotModel robot = ThreeJoints();
   const std::vector<std::string> moving{"bend"};
-  const std::vector<JointPosition> fixed{{"turn", 0}, {"slide", 0}};
+  const std::vector<FixedJoint> fixed{{"turn", 0}, {"slide", 0}};
   EXPECT_NEAR(Reach(robot, "bend", moving, fixed, 0.1).value(), 0.4 + 0.05 + 0.1, 1e-9);
 }
 
@@ -55,7 +55,7 @@ TEST(Reach, NoConfigurationReachesFarther) {
     }
     // Each of the outboard joints moves or stands still, as chance will have it.
     std::vector<std::string> moving{"turn"};
-    std::vector<JointPosition> fixed;
+    std::vector<FixedJoint> fixed;
     for (size_t j = 1; j < 3; ++j) {
       if (random() % 2 == 0) {
         moving.push_back(names[j]);
@@ -79,7 +79,7 @@ TEST(Reach, NoConfigurationReachesFarther) {
 TEST(Reach, MistakesAreNamed) {
   const RobotModel robot = ThreeJoints();
   const std::vector<std::string> moving{"turn"};
-  const auto error = [&](const std::string& joint, std::vector<JointPosition> fixed) {
+  const auto error = [&](const std::string& joint, std::vector<FixedJoint> fixed) {
     return std::string(Reach(robot, joint, moving, fixed, 0).status().message());
   };
   EXPECT_THAT(error("elbow", {}), HasSubstr("no joint 'elbow'"));

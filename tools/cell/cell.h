@@ -8,6 +8,7 @@
 
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
+#include "calib/fixed_joint.h"
 #include "capture/capture_settings.h"
 #include "capture/segmentation/settings.h"
 #include "db/configuration_grid.h"
@@ -17,12 +18,6 @@
 #include "silhouette/storage/v1/storage.pb.h"
 
 namespace silhouette {
-
-// A joint outside the grid, and where it stands.
-struct FixedJoint {
-  std::string name;
-  double position = 0;
-};
 
 struct RobotSettings {
   std::string urdf;                        // path; empty: bare joints
@@ -51,7 +46,7 @@ struct Cell {
   std::string simulation;  // file that describes the simulated cell; empty: none
   RobotSettings robot;
   ConfigurationGrid grid;
-  std::vector<FixedJoint> fixed_joints;
+  std::vector<FixedJoint> fixed_joints;  // the joints outside the grid
   std::vector<ViewSettings> views;
   CaptureSettings capture;
   SegmentationSettings segmentation;

@@ -135,16 +135,14 @@ RobotSection ReadRobot(const YamlNode& node, const std::filesystem::path& folder
 // whose metres are the robot's.
 std::vector<std::optional<double>> Reaches(const RobotSection& robot, const YamlNode& node) {
   std::vector<std::string> moving;
-  std::vector<JointPosition> fixed;
   for (const GridJoint& joint : robot.moving) moving.push_back(joint.name);
-  for (const FixedJoint& joint : robot.fixed) fixed.push_back({joint.name, joint.position});
   std::vector<std::optional<double>> reaches;
   for (const std::string& name : moving) {
     if (ModelJoint(*robot.model, name, node).type == JointType::kPrismatic) {
       reaches.emplace_back();
       continue;
     }
-    const auto reach = Reach(*robot.model, name, moving, fixed, robot.payload_radius);
+    const auto reach = Reach(*robot.model, name, moving, robot.fixed, robot.payload_radius);
     if (!reach.ok()) node.Fail(std::string(reach.status().message()));
     reaches.emplace_back(*reach);
   }
