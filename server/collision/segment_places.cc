@@ -101,7 +101,11 @@ double MostPlaces(const ConfigurationGrid& grid, std::span<const Configuration> 
     for (size_t j = 0; j < waypoints[i].size(); ++j) {
       const double way = std::abs(waypoints[i][j] - waypoints[i - 1][j]);
       if (!std::isfinite(way)) return std::numeric_limits<double>::infinity();
-      if (grid.joints()[j].steps > 1) crossings += way / grid.joints()[j].step() + 1;
+      const GridJoint& joint = grid.joints()[j];
+      if (joint.steps == 1) continue;
+      const double steps = way / joint.step();
+      // Where a joint leaves the grid the path ends.
+      crossings += (joint.continuous ? steps : std::min<double>(steps, joint.steps)) + 1;
     }
     places += 2 * crossings + 1;
   }

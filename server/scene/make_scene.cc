@@ -95,7 +95,7 @@ absl::Status AddView(const ServedDatabase& database, const ViewInput& input,
   absl::StatusOr<Mask> foreground = ForegroundOf(database, *view, input, segmentation);
   if (!foreground.ok()) return foreground.status();
   scene.views[static_cast<size_t>(*view)] =
-      SceneView{.captured = captured, .foreground = *std::move(foreground)};
+      SceneView{.name = input.view, .captured = captured, .foreground = *std::move(foreground)};
   inputs[static_cast<size_t>(*view)] = &input;
   return absl::OkStatus();
 }
@@ -136,8 +136,9 @@ void FindDefects(const ServedDatabase& database, const SceneSettings& settings, 
                settings.max_core_error * static_cast<double>(seen->foreground.size().pixels())) {
       scene.defects.push_back(
           {Reason::kErrorArea,
-           absl::StrCat(name, "shows background on ", seen->core_error_pixels,
-                        " pixels where the robot should be, rims not counted: the robot is not "
+           absl::StrCat(name, "shows background where the robot should be, on ",
+                        seen->core_error_pixels, " of ", seen->foreground.size().pixels(),
+                        " pixels, rims not counted: the robot is not "
                         "where it says, the camera moved, or the light changed")});
     }
   }

@@ -1,5 +1,6 @@
 #include "server/scene/robot_in_scene.h"
 
+#include <algorithm>
 #include <cmath>
 #include <map>
 #include <string>
@@ -110,10 +111,13 @@ std::vector<RobotCover> CoversAt(const ServedDatabase& database, const Configura
   for (ConfigurationNumber corner : corners.numbers()) {
     const RobotImageState state = images.state(corner);
     if (state == RobotImageState::kPresent) continue;
+    const std::string which =
+        corners.count() == 1 ? "which"
+                             : absl::StrCat("and next to it (",
+                                            absl::StrJoin(database.grid().At(corner), ", "), ")");
     defects.push_back(
         {Reason::kRobotImageOfSceneMissing,
-         absl::StrCat("the robot is at ", place, "; next to it, configuration (",
-                      absl::StrJoin(database.grid().At(corner), ", "), ") ", WhyUnusable(state))});
+         absl::StrCat("the robot is at ", place, ", ", which, " ", WhyUnusable(state))});
     return {};
   }
   std::vector<RobotCover> covers;

@@ -30,6 +30,7 @@ struct SceneDefect {
 
 // What one view saw.
 struct SceneView {
+  std::string name;
   absl::Time captured;
   // The scene image; from a sensor that tells obstacles by itself: its obstacle pixels.
   Mask foreground;

@@ -1,0 +1,174 @@
+// silhouette-server: serves a cell's database and its scenes to planners.
+#include <pthread.h>
+#include <spdlog/sinks/stdout_sinks.h>
+#include <spdlog/spdlog.h>
+
+#include <CLI/CLI.hpp>
+#include <algorithm>
+#include <csignal>
+#include <cstdlib>
+#include <iostream>
+#include <memory>
+#include <string>
+#include <thread>
+#include <vector>
+
+#include "absl/status/status.h"
+#include "absl/status/statusor.h"
+#include "absl/strings/str_cat.h"
+#include "absl/strings/str_join.h"
+#include "db/store.h"
+#include "server/scene/served_database.h"
+#include "server/service/server.h"
+#include "tools/cell/cell.h"
+#include "tools/program/program.h"
+
+namespace silhouette {
+namespace {
+
+constexpr char kName[] = "silhouette-server";
+// How long calls in flight may take when the server is stopped.
+constexpr absl::Duration kGrace = absl::Seconds(10);
+
+struct Options {
+  std::string cell;
+  std::string database;  // empty: what the cell file says
+  std::string listen;    // empty: what the cell file says
+};
+
+// The signals that the program waits for itself. Blocked before any thread is started, so that no
+// thread is interrupted by them.
+sigset_t AwaitedSignals() {
+  sigset_t signals;
+  sigemptyset(&signals);
+  for (int signal : {SIGTERM, SIGINT, SIGHUP}) sigaddset(&signals, signal);
+  return signals;
+}
+
+std::string Counted(uint64_t count, const std::string& what) {
+  return absl::StrCat(count, " ", what, count == 1 ? "" : "s");
+}
+
+void LogLoaded(const ServedDatabase& database, const std::string& path) {
+  const RobotImageTable& images = database.robot_images();
+  spdlog::info("loaded '{}', generation {}: {}, {} captured, {} excluded", path,
+               database.generation(), Counted(database.grid().size(), "configuration"),
+               images.Count(RobotImageState::kPresent), images.Count(RobotImageState::kExcluded));
+  if (const uint64_t missing = images.Count(RobotImageState::kMissing); missing > 0) {
+    spdlog::warn("{} missing: their verdicts are unknown until they are captured",
+                 Counted(missing, "robot image"));
+  }
+  if (const uint64_t corrupt = images.Count(RobotImageState::kCorrupt); corrupt > 0) {
+    spdlog::warn("{} fail their checksum: their verdicts are unknown until they are captured anew",
+                 Counted(corrupt, "robot image"));
+  }
+  if (!database.has_references()) {
+    spdlog::warn("no reference images: camera images are refused, scene masks are taken");
+  }
+}
+
+// The newest generation of the database, if it is the cell's.
+absl::StatusOr<std::shared_ptr<const ServedDatabase>> Load(const Cell& cell,
+                                                           const std::string& path) {
+  const absl::StatusOr<std::unique_ptr<Database>> database =
+      Database::Open(path, Database::Access::kRead);
+  if (!database.ok()) return database.status();
+  const std::vector<std::string> differences =
+      Differences(DescriptionOf(cell), "the cell file", (*database)->cell(), "the database");
+  if (!differences.empty()) {
+    return absl::FailedPreconditionError(
+        absl::StrCat("the database '", path, "' does not fit the cell file '", cell.file,
+                     "': ", absl::StrJoin(differences, "; "),
+                     "; serve the cell file that the database was captured with, or capture anew"));
+  }
+  const auto served = ServedDatabase::Load(**database);
+  if (served.ok()) LogLoaded(**served, path);
+  return served;
+}
+
+void Reload(const Cell& cell, const std::string& path, Server& server) {
+  try {
+    absl::StatusOr<std::shared_ptr<const ServedDatabase>> database = Load(cell, path);
+    if (database.ok()) {
+      server.ReplaceDatabase(*std::move(database));
+      spdlog::info("reloaded; verdicts are unknown until the next scene");
+      return;
+    }
+    spdlog::error("not reloaded, still serving the old state: {}",
+                  std::string(database.status().message()));
+  } catch (const std::exception& error) {
+    spdlog::error("not reloaded, still serving the old state: {}", error.what());
+  }
+}
+
+// Serves until SIGTERM or SIGINT comes.
+void WaitForEnd(const Cell& cell, const std::string& path, Server& server) {
+  const sigset_t signals = AwaitedSignals();
+  for (;;) {
+    int signal = 0;
+    if (sigwait(&signals, &signal) != 0) continue;
+    if (signal != SIGHUP) return;
+    Reload(cell, path, server);
+  }
+}
+
+int Run(const Options& options) {
+  const absl::StatusOr<Cell> cell = LoadCell(options.cell);
+  if (!cell.ok()) return Report(kName, cell.status());
+  const std::string path = options.database.empty() ? cell->database : options.database;
+  if (path.empty()) {
+    return Report(kName, absl::InvalidArgumentError(absl::StrCat(
+                             "'", options.cell, "' names no database; give --database DIR")));
+  }
+  absl::StatusOr<std::shared_ptr<const ServedDatabase>> database = Load(*cell, path);
+  if (!database.ok()) return Report(kName, database.status());
+
+  ServingSettings settings;
+  settings.policy = cell->policy;
+  settings.scene = cell->server.scene;
+  settings.segmentation = cell->segmentation;
+  settings.worker_threads = static_cast<int>(std::max(2u, std::thread::hardware_concurrency()));
+  const std::string listen = options.listen.empty() ? cell->server.listen : options.listen;
+  const absl::StatusOr<std::unique_ptr<Server>> server =
+      Server::Start(listen, *std::move(database), std::move(settings));
+  if (!server.ok()) return Report(kName, server.status());
+  std::cout << "listening on " << (*server)->address() << std::endl;
+  spdlog::info("serving cell '{}' on {}", cell->name, (*server)->address());
+
+  WaitForEnd(*cell, path, **server);
+  spdlog::info("stopping; calls in flight may take {} more", absl::FormatDuration(kGrace));
+  // A second signal ends the program at once.
+  sigset_t ending = AwaitedSignals();
+  sigdelset(&ending, SIGHUP);
+  pthread_sigmask(SIG_UNBLOCK, &ending, nullptr);
+  (*server)->Stop(kGrace);
+  spdlog::info("stopped");
+  return kDone;
+}
+
+int Main(int argc, char** argv) {
+  const sigset_t signals = AwaitedSignals();
+  pthread_sigmask(SIG_BLOCK, &signals, nullptr);
+  setenv("GRPC_VERBOSITY", "NONE", /*overwrite=*/0);
+  spdlog::set_default_logger(spdlog::stderr_logger_mt(kName));
+
+  CLI::App app("Serves a cell: verdicts on robot configurations from the newest scene.", kName);
+  Options options;
+  app.add_option("--cell", options.cell, "The cell file")->required();
+  app.add_option("--database", options.database,
+                 "The folder of the database; default: what the cell file says");
+  app.add_option("--listen", options.listen,
+                 "host:port (port 0: any free one) or unix:path; default: what the cell file says");
+  app.footer(
+      "Prints one line to stdout, 'listening on ADDRESS', when it is ready; its log goes to\n"
+      "stderr. SIGTERM and Ctrl-C let the calls in flight finish; SIGHUP reads the database anew.\n"
+      "Whoever reaches the address can ask and publish scenes.\n\n"
+      "Example:\n"
+      "  silhouette-server --cell cell.yaml --database cell.lmdb --listen 127.0.0.1:50051");
+  return RunProgram(app, argc, argv, [&options] { return Run(options); });
+}
+
+}  // namespace
+}  // namespace silhouette
+
+int main(int argc, char** argv) { return silhouette::Main(argc, argv); }

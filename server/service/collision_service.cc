@@ -1,0 +1,241 @@
+#include "server/service/collision_service.h"
+
+#include <spdlog/spdlog.h>
+
+#include <algorithm>
+#include <cmath>
+#include <set>
+#include <utility>
+
+#include "absl/strings/str_cat.h"
+#include "server/collision/segment_places.h"
+#include "server/scene/checker.h"
+#include "server/service/explain.h"
+#include "server/service/messages.h"
+
+namespace silhouette {
+namespace {
+
+// Up to so many robot images are looked at in gRPC's own threads.
+constexpr int kFewChecks = 64;
+
+absl::StatusOr<std::vector<Configuration>> ConfigurationsFrom(
+    const google::protobuf::RepeatedPtrField<v1::Configuration>& messages,
+    const ConfigurationGrid& grid, const std::string& field, int limit) {
+  if (messages.size() > limit) {
+    return absl::InvalidArgumentError(absl::StrCat(field, ": there are ", messages.size(),
+                                                   "; ask for at most ", limit, " at once"));
+  }
+  std::vector<Configuration> configurations;
+  for (int i = 0; i < messages.size(); ++i) {
+    absl::StatusOr<Configuration> q =
+        ConfigurationFrom(messages[i], grid, absl::StrCat(field, "[", i, "]"));
+    if (!q.ok()) return q.status();
+    configurations.push_back(*std::move(q));
+  }
+  return configurations;
+}
+
+// A fault of ours while one configuration is checked makes that one unknown.
+Verdict CheckOne(const Checker& checker, const Configuration& q, std::span<ViewEvidence> evidence) {
+  try {
+    return checker.Check(q, evidence);
+  } catch (const std::exception& error) {
+    spdlog::error("internal error: {}", error.what());
+    std::fill(evidence.begin(), evidence.end(), ViewEvidence{});
+    return Verdict::Unknown(Reason::kInternal);
+  }
+}
+
+// Sends a configuration space, some tiles at a time. Deletes itself.
+class SpaceWriter final : public grpc::ServerWriteReactor<v1::GetConfigurationSpaceResponse> {
+ public:
+  // Sends `tiles` of `space`, after a first message that is `first`.
+  void Send(v1::GetConfigurationSpaceResponse first,
+            std::shared_ptr<const ConfigurationSpace> space, std::vector<uint64_t> tiles) {
+    message_ = std::move(first);
+    space_ = std::move(space);
+    tiles_ = std::move(tiles);
+    SendNext();
+  }
+
+  void OnWriteDone(bool ok) override {
+    if (!ok) {
+      Finish(grpc::Status::CANCELLED);  // nobody listens any more
+    } else if (next_ == tiles_.size()) {
+      Finish(grpc::Status::OK);
+    } else {
+      message_.Clear();
+      SendNext();
+    }
+  }
+
+  void OnDone() override { delete this; }
+
+ private:
+  void SendNext() {
+    const size_t end = std::min(tiles_.size(), next_ + CollisionService::kTilesPerMessage);
+    for (; next_ < end; ++next_) {
+      const TileVerdicts& verdicts = (*space_)[tiles_[next_]];
+      v1::ConfigurationSpaceTile& tile = *message_.add_tiles();
+      tile.set_tile(tiles_[next_]);
+      tile.set_free(BytesOf(verdicts.free));
+      tile.set_occupied(BytesOf(verdicts.occupied));
+    }
+    StartWrite(&message_);
+  }
+
+  static std::string BytesOf(const std::array<uint64_t, kTileSize / 64>& words) {
+    std::string bytes(kTileSize / 8, '\0');
+    for (size_t i = 0; i < bytes.size(); ++i) {
+      bytes[i] = static_cast<char>(words[i / 8] >> (8 * (i % 8)));
+    }
+    return bytes;
+  }
+
+  v1::GetConfigurationSpaceResponse message_;
+  std::shared_ptr<const ConfigurationSpace> space_;
+  std::vector<uint64_t> tiles_;
+  size_t next_ = 0;
+};
+
+// The tiles asked for, each once; all of the grid if none is named.
+absl::StatusOr<std::vector<uint64_t>> TilesFrom(const v1::GetConfigurationSpaceRequest& request,
+                                                const ConfigurationGrid& grid) {
+  std::vector<uint64_t> tiles;
+  if (request.tiles().empty()) {
+    for (uint64_t tile = 0; tile < grid.tiles(); ++tile) tiles.push_back(tile);
+    return tiles;
+  }
+  std::set<uint64_t> seen;
+  for (int i = 0; i < request.tiles_size(); ++i) {
+    if (request.tiles(i) >= grid.tiles()) {
+      return absl::InvalidArgumentError(absl::StrCat("tiles[", i, "]: there is no tile ",
+                                                     request.tiles(i), "; the grid has ",
+                                                     grid.tiles(), ", counted from 0"));
+    }
+    if (seen.insert(request.tiles(i)).second) tiles.push_back(request.tiles(i));
+  }
+  return tiles;
+}
+
+}  // namespace
+
+absl::StatusOr<Checker> CollisionService::CheckerFor(const v1::Policy& message,
+                                                     Served served) const {
+  const absl::StatusOr<Policy> policy =
+      PolicyFrom(message, serving_.settings.policy, served.database->views());
+  if (!policy.ok()) return policy.status();
+  return Checker(std::move(served), *policy, serving_.settings.scene, serving_.settings.clock());
+}
+
+grpc::ServerUnaryReactor* CollisionService::CheckConfigurations(
+    grpc::CallbackServerContext* context, const v1::CheckConfigurationsRequest* request,
+    v1::CheckConfigurationsResponse* response) {
+  const auto work = [this, request, response]() -> grpc::Status {
+    const absl::StatusOr<Checker> checker = CheckerFor(request->policy(), serving_.scenes.Newest());
+    if (!checker.ok()) return ToGrpc(checker.status());
+    const ServedDatabase& database = *checker->served().database;
+    const auto configurations = ConfigurationsFrom(request->configurations(), database.grid(),
+                                                   "configurations", kMaxConfigurations);
+    if (!configurations.ok()) return ToGrpc(configurations.status());
+    ToMessage(*checker, response->mutable_basis());
+    std::vector<ViewEvidence> evidence(
+        request->omit_evidence() ? 0 : static_cast<size_t>(database.views()));
+    for (const Configuration& q : *configurations) {
+      const Verdict verdict = CheckOne(*checker, q, evidence);
+      ToMessage(verdict, evidence, database, response->add_verdicts());
+    }
+    return grpc::Status::OK;
+  };
+  const bool few = request->configurations_size() <= kFewChecks;
+  return few ? AnswerHere(context, work) : AnswerOnWorker(serving_, context, work);
+}
+
+grpc::ServerUnaryReactor* CollisionService::CheckPath(grpc::CallbackServerContext* context,
+                                                      const v1::CheckPathRequest* request,
+                                                      v1::CheckPathResponse* response) {
+  const auto work = [this, request, response]() -> grpc::Status {
+    const absl::StatusOr<Checker> checker = CheckerFor(request->policy(), serving_.scenes.Newest());
+    if (!checker.ok()) return ToGrpc(checker.status());
+    const ServedDatabase& database = *checker->served().database;
+    const auto waypoints =
+        ConfigurationsFrom(request->waypoints(), database.grid(), "waypoints", kMaxWaypoints);
+    if (!waypoints.ok()) return ToGrpc(waypoints.status());
+    if (waypoints->empty()) {
+      return {grpc::StatusCode::INVALID_ARGUMENT, "waypoints: a path has at least one"};
+    }
+    const double places = MostPlaces(database.grid(), *waypoints);
+    if (std::isfinite(places) && places > kMaxPlaces) {
+      return {grpc::StatusCode::INVALID_ARGUMENT,
+              "waypoints: the path passes more than 1,000,000 places of the grid; split it"};
+    }
+    std::vector<ViewEvidence> evidence(static_cast<size_t>(database.views()));
+    const PathVerdict path = checker->CheckPath(*waypoints, evidence);
+    ToMessage(*checker, response->mutable_basis());
+    if (path.verdict.free()) evidence.clear();
+    ToMessage(path.verdict, evidence, database, response->mutable_verdict());
+    response->set_segment(path.segment);
+    response->set_fraction(path.fraction);
+    for (double position : path.configuration) {
+      response->mutable_configuration()->add_positions(position);
+    }
+    response->set_checked(path.checked);
+    return grpc::Status::OK;
+  };
+  // How far the waypoints are apart is only known when they have been read.
+  const bool short_path = request->waypoints_size() <= 1;
+  return short_path ? AnswerHere(context, work) : AnswerOnWorker(serving_, context, work);
+}
+
+grpc::ServerWriteReactor<v1::GetConfigurationSpaceResponse>*
+CollisionService::GetConfigurationSpace(grpc::CallbackServerContext* context,
+                                        const v1::GetConfigurationSpaceRequest* request) {
+  auto* writer = new SpaceWriter();
+  const auto work = [this, request, writer]() -> grpc::Status {
+    const Served served = serving_.scenes.Newest();
+    const absl::StatusOr<Policy> policy =
+        PolicyFrom(request->policy(), serving_.settings.policy, served.database->views());
+    if (!policy.ok()) return ToGrpc(policy.status());
+    absl::StatusOr<std::vector<uint64_t>> tiles = TilesFrom(*request, served.database->grid());
+    if (!tiles.ok()) return ToGrpc(tiles.status());
+    std::shared_ptr<const ConfigurationSpace> space;
+    if (served.scene != nullptr) space = serving_.spaces.Get(served, *policy);
+    // Age counts when the answer is ready.
+    const Checker checker(served, *policy, serving_.settings.scene, serving_.settings.clock());
+    v1::GetConfigurationSpaceResponse first;
+    ToMessage(checker, first.mutable_basis());
+    ToMessage(served.database->grid(), first.mutable_grid());
+    first.set_unknown_reason(ToMessage(checker.blocked()));
+    if (checker.blocked() != Reason::kNone) tiles->clear();
+    writer->Send(std::move(first), std::move(space), *std::move(tiles));
+    return grpc::Status::OK;
+  };
+  const bool accepted = serving_.workers.Run([context, writer, work] {
+    const grpc::Status status = context->IsCancelled() ? grpc::Status::CANCELLED : Guarded(work);
+    if (!status.ok()) writer->Finish(status);
+  });
+  if (!accepted) writer->Finish(TooBusy());
+  return writer;
+}
+
+grpc::ServerUnaryReactor* CollisionService::Explain(grpc::CallbackServerContext* context,
+                                                    const v1::ExplainRequest* request,
+                                                    v1::ExplainResponse* response) {
+  return AnswerOnWorker(serving_, context, [this, request, response]() -> grpc::Status {
+    const absl::StatusOr<Checker> checker = CheckerFor(request->policy(), serving_.scenes.Newest());
+    if (!checker.ok()) return ToGrpc(checker.status());
+    const ServedDatabase& database = *checker->served().database;
+    const absl::StatusOr<Configuration> q =
+        ConfigurationFrom(request->configuration(), database.grid(), "configuration");
+    if (!q.ok()) return ToGrpc(q.status());
+    std::vector<ViewEvidence> evidence(static_cast<size_t>(database.views()));
+    const Verdict verdict = CheckOne(*checker, *q, evidence);
+    ToMessage(*checker, response->mutable_basis());
+    ToMessage(verdict, evidence, database, response->mutable_verdict());
+    ExplainViews(*checker, *q, response);
+    return grpc::Status::OK;
+  });
+}
+
+}  // namespace silhouette

@@ -1,0 +1,43 @@
+// CollisionService: what planners ask.
+#pragma once
+
+#include "absl/status/statusor.h"
+#include "server/scene/checker.h"
+#include "server/service/serving.h"
+#include "silhouette/v1/collision_service.grpc.pb.h"
+
+namespace silhouette {
+
+// No reply says free unless a Checker of one database, one scene and one moment said so.
+class CollisionService final : public v1::CollisionService::CallbackService {
+ public:
+  // More is INVALID_ARGUMENT.
+  static constexpr int kMaxConfigurations = 10'000;
+  static constexpr int kMaxWaypoints = 10'000;
+  static constexpr double kMaxPlaces = 1e6;
+  // Tiles in one message of a configuration space: about half a megabyte.
+  static constexpr int kTilesPerMessage = 512;
+
+  explicit CollisionService(Serving& serving) : serving_(serving) {}
+
+  grpc::ServerUnaryReactor* CheckConfigurations(grpc::CallbackServerContext* context,
+                                                const v1::CheckConfigurationsRequest* request,
+                                                v1::CheckConfigurationsResponse* response) override;
+  grpc::ServerUnaryReactor* CheckPath(grpc::CallbackServerContext* context,
+                                      const v1::CheckPathRequest* request,
+                                      v1::CheckPathResponse* response) override;
+  grpc::ServerWriteReactor<v1::GetConfigurationSpaceResponse>* GetConfigurationSpace(
+      grpc::CallbackServerContext* context,
+      const v1::GetConfigurationSpaceRequest* request) override;
+  grpc::ServerUnaryReactor* Explain(grpc::CallbackServerContext* context,
+                                    const v1::ExplainRequest* request,
+                                    v1::ExplainResponse* response) override;
+
+ private:
+  // The world at this moment under the policy of a request.
+  absl::StatusOr<Checker> CheckerFor(const v1::Policy& policy, Served served) const;
+
+  Serving& serving_;
+};
+
+}  // namespace silhouette

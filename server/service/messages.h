@@ -1,0 +1,51 @@
+// Between the API's messages and our own values.
+#pragma once
+
+#include <grpcpp/support/status.h>
+
+#include <span>
+
+#include "absl/status/status.h"
+#include "absl/status/statusor.h"
+#include "absl/time/time.h"
+#include "server/collision/policy.h"
+#include "server/collision/verdict.h"
+#include "server/scene/checker.h"
+#include "server/scene/make_scene.h"
+#include "server/scene/scene.h"
+#include "silhouette/v1/collision_service.pb.h"
+#include "silhouette/v1/database_service.pb.h"
+#include "silhouette/v1/scene_service.pb.h"
+
+namespace silhouette {
+
+grpc::Status ToGrpc(const absl::Status& status);
+
+// From messages. InvalidArgument names the field.
+
+// What the policy of a request leaves open is taken from `defaults`.
+absl::StatusOr<Policy> PolicyFrom(const v1::Policy& message, const Policy& defaults, int views);
+// One value per joint of the grid. `field` is what an error calls it.
+absl::StatusOr<Configuration> ConfigurationFrom(const v1::Configuration& message,
+                                                const ConfigurationGrid& grid,
+                                                const std::string& field);
+absl::StatusOr<SceneInput> SceneInputFrom(const v1::PublishSceneRequest& message);
+
+// Into messages.
+
+v1::Verdict::Reason ToMessage(Reason reason);
+// `evidence`: empty, or one per view of the database.
+void ToMessage(const Verdict& verdict, std::span<const ViewEvidence> evidence,
+               const ServedDatabase& database, v1::Verdict* message);
+void ToMessage(const Policy& policy, v1::Policy* message);
+void ToMessage(const ConfigurationGrid& grid, v1::Grid* message);
+void ToMessage(const Mask& mask, v1::Mask* message);
+// The world that `checker` speaks of.
+void ToMessage(const Checker& checker, v1::Basis* message);
+// `blocked`: why verdicts from it are unknown now, as staleness is not among a scene's own defects.
+void ToMessage(const Scene& scene, bool include_planes, const SceneSettings& settings,
+               const Moment& now, v1::Scene* message);
+void ToMessage(const ServedDatabase& database, const Policy& default_policy,
+               v1::GetDatabaseResponse* message);
+
+}  // namespace silhouette

@@ -1,0 +1,74 @@
+#include "server/service/scene_service.h"
+
+#include <spdlog/spdlog.h>
+
+#include <string>
+#include <utility>
+
+#include "absl/strings/str_cat.h"
+#include "server/scene/make_scene.h"
+#include "server/service/messages.h"
+
+namespace silhouette {
+
+void SceneService::LogDefects(const Scene& scene) {
+  std::set<Reason> reasons;
+  std::string messages;
+  for (const SceneDefect& defect : scene.defects) {
+    reasons.insert(defect.reason);
+    absl::StrAppend(&messages, messages.empty() ? "" : "; ", defect.message);
+  }
+  const std::lock_guard lock(mutex_);
+  if (scene.id < logged_scene_) return;  // overtaken by a newer one
+  logged_scene_ = scene.id;
+  if (reasons == logged_reasons_) return;
+  if (reasons.empty()) {
+    spdlog::info("scene {} is good again", scene.id);
+  } else {
+    spdlog::warn("scene {} is not good: {}", scene.id, messages);
+  }
+  logged_reasons_ = std::move(reasons);
+}
+
+grpc::ServerUnaryReactor* SceneService::PublishScene(grpc::CallbackServerContext* context,
+                                                     const v1::PublishSceneRequest* request,
+                                                     v1::PublishSceneResponse* response) {
+  const Moment arrived = serving_.settings.clock();
+  return AnswerOnWorker(serving_, context, [this, request, response, arrived]() -> grpc::Status {
+    const ServingSettings& settings = serving_.settings;
+    const absl::StatusOr<SceneInput> input = SceneInputFrom(*request);
+    if (!input.ok()) return ToGrpc(input.status());
+    const std::shared_ptr<const ServedDatabase> database = serving_.scenes.Newest().database;
+    absl::StatusOr<Scene> scene =
+        MakeScene(*database, *input, settings.scene, settings.segmentation, arrived);
+    if (!scene.ok()) return ToGrpc(scene.status());
+    const absl::StatusOr<SharedScene> published =
+        serving_.scenes.Publish(*std::move(scene), database);
+    if (!published.ok()) return ToGrpc(published.status());
+    LogDefects(**published);
+    ToMessage(**published, /*include_planes=*/false, settings.scene, settings.clock(),
+              response->mutable_scene());
+    return grpc::Status::OK;
+  });
+}
+
+grpc::ServerUnaryReactor* SceneService::GetScene(grpc::CallbackServerContext* context,
+                                                 const v1::GetSceneRequest* request,
+                                                 v1::GetSceneResponse* response) {
+  const auto work = [this, request, response]() -> grpc::Status {
+    const SharedScene scene = serving_.scenes.Find(request->id());
+    if (scene == nullptr) {
+      return {grpc::StatusCode::NOT_FOUND,
+              request->id() == 0
+                  ? "there is no scene; publish one"
+                  : absl::StrCat("there is no scene ", request->id(), ", or no longer")};
+    }
+    ToMessage(*scene, request->include_planes(), serving_.settings.scene, serving_.settings.clock(),
+              response->mutable_scene());
+    return grpc::Status::OK;
+  };
+  return request->include_planes() ? AnswerOnWorker(serving_, context, work)
+                                   : AnswerHere(context, work);
+}
+
+}  // namespace silhouette

@@ -1,0 +1,33 @@
+// SceneService: what the owner of the cameras calls.
+#pragma once
+
+#include <mutex>
+#include <set>
+
+#include "server/service/serving.h"
+#include "silhouette/v1/scene_service.grpc.pb.h"
+
+namespace silhouette {
+
+class SceneService final : public v1::SceneService::CallbackService {
+ public:
+  explicit SceneService(Serving& serving) : serving_(serving) {}
+
+  grpc::ServerUnaryReactor* PublishScene(grpc::CallbackServerContext* context,
+                                         const v1::PublishSceneRequest* request,
+                                         v1::PublishSceneResponse* response) override;
+  grpc::ServerUnaryReactor* GetScene(grpc::CallbackServerContext* context,
+                                     const v1::GetSceneRequest* request,
+                                     v1::GetSceneResponse* response) override;
+
+ private:
+  // One line in the log whenever the scenes' defects change.
+  void LogDefects(const Scene& scene);
+
+  Serving& serving_;
+  std::mutex mutex_;
+  uint64_t logged_scene_ = 0;
+  std::set<Reason> logged_reasons_;
+};
+
+}  // namespace silhouette

@@ -1,0 +1,71 @@
+#include "server/service/server.h"
+
+#include <grpcpp/ext/proto_server_reflection_plugin.h>
+#include <grpcpp/health_check_service_interface.h>
+#include <grpcpp/server_builder.h>
+
+#include <chrono>
+#include <utility>
+
+#include "absl/strings/str_cat.h"
+#include "server/service/listen_address.h"
+
+namespace silhouette {
+
+Server::Server(std::shared_ptr<const ServedDatabase> database, ServingSettings settings)
+    : serving_(std::move(database), std::move(settings)),
+      collision_service_(serving_),
+      scene_service_(serving_),
+      database_service_(serving_) {}
+
+absl::StatusOr<std::unique_ptr<Server>> Server::Start(
+    const std::string& address, std::shared_ptr<const ServedDatabase> database,
+    ServingSettings settings) {
+  const absl::Status usable = CheckListenAddress(address);
+  if (!usable.ok()) return usable;
+  grpc::EnableDefaultHealthCheckService(true);
+  grpc::reflection::InitProtoReflectionServerBuilderPlugin();
+  auto server = std::unique_ptr<Server>(new Server(std::move(database), std::move(settings)));
+  grpc::ServerBuilder builder;
+  int port = 0;
+  builder.AddListeningPort(address, grpc::InsecureServerCredentials(), &port);
+  // Two servers on one port would take turns.
+  builder.AddChannelArgument(GRPC_ARG_ALLOW_REUSEPORT, 0);
+  builder.SetMaxReceiveMessageSize(kMaxRequestBytes);
+  builder.SetMaxSendMessageSize(kMaxRequestBytes);
+  builder.RegisterService(&server->collision_service_);
+  builder.RegisterService(&server->scene_service_);
+  builder.RegisterService(&server->database_service_);
+  server->server_ = builder.BuildAndStart();
+  if (server->server_ == nullptr || port == 0) {
+    return absl::FailedPreconditionError(
+        absl::StrCat("cannot listen on ", address, "; choose another address"));
+  }
+  const bool unix_socket = address.starts_with("unix:");
+  server->address_ =
+      unix_socket ? address : absl::StrCat(address.substr(0, address.rfind(':') + 1), port);
+  grpc::HealthCheckServiceInterface* health = server->server_->GetHealthCheckService();
+  for (const char* name :
+       {v1::CollisionService::service_full_name(), v1::SceneService::service_full_name(),
+        v1::DatabaseService::service_full_name()}) {
+    health->SetServingStatus(name, true);
+  }
+  return server;
+}
+
+Server::~Server() {
+  if (server_ != nullptr) Stop(absl::ZeroDuration());
+}
+
+void Server::ReplaceDatabase(std::shared_ptr<const ServedDatabase> database) {
+  serving_.scenes.ReplaceDatabase(std::move(database));
+}
+
+void Server::Stop(absl::Duration grace) {
+  server_->GetHealthCheckService()->SetServingStatus(false);
+  server_->Shutdown(std::chrono::system_clock::now() + absl::ToChronoNanoseconds(grace));
+  server_->Wait();
+  server_.reset();
+}
+
+}  // namespace silhouette

@@ -1,0 +1,52 @@
+// The server: three services, health and reflection on one address.
+#pragma once
+
+#include <grpcpp/server.h>
+
+#include <memory>
+#include <string>
+
+#include "absl/status/statusor.h"
+#include "absl/time/time.h"
+#include "server/service/collision_service.h"
+#include "server/service/database_service.h"
+#include "server/service/scene_service.h"
+#include "server/service/serving.h"
+
+namespace silhouette {
+
+class Server {
+ public:
+  // Greatest request: camera images of all views.
+  static constexpr int kMaxRequestBytes = 64 << 20;
+
+  // Starts to listen; see CheckListenAddress for `address` and the errors.
+  static absl::StatusOr<std::unique_ptr<Server>> Start(
+      const std::string& address, std::shared_ptr<const ServedDatabase> database,
+      ServingSettings settings);
+
+  // Stops at once.
+  ~Server();
+
+  // The address that is listened on, with the port that was chosen.
+  const std::string& address() const { return address_; }
+
+  // Serves another generation; verdicts are unknown until the next scene.
+  void ReplaceDatabase(std::shared_ptr<const ServedDatabase> database);
+
+  // Takes no more calls and waits for those in flight; what is not finished after `grace` is
+  // cancelled. May be called once.
+  void Stop(absl::Duration grace);
+
+ private:
+  Server(std::shared_ptr<const ServedDatabase> database, ServingSettings settings);
+
+  Serving serving_;
+  CollisionService collision_service_;
+  SceneService scene_service_;
+  DatabaseService database_service_;
+  std::string address_;
+  std::unique_ptr<grpc::Server> server_;
+};
+
+}  // namespace silhouette

@@ -1,0 +1,260 @@
+// silhouette-server as a user starts it.
+#include <gmock/gmock.h>
+#include <grpcpp/create_channel.h>
+#include <gtest/gtest.h>
+#include <sys/wait.h>
+
+#include <csignal>
+#include <cstdio>
+#include <thread>
+
+#include "silhouette/v1/collision_service.grpc.pb.h"
+#include "silhouette/v1/database_service.grpc.pb.h"
+#include "silhouette/v1/scene_service.grpc.pb.h"
+#include "tests/server/test_cell.h"
+#include "tools/cell/cell.h"
+
+namespace silhouette {
+namespace {
+
+using ::testing::AllOf;
+using ::testing::HasSubstr;
+using ::testing::Not;
+using ::testing::StartsWith;
+
+constexpr char kCell[] = R"(name: server test
+robot:
+  joints:
+    - {name: a, lower: 0, upper: 4}
+    - {name: b, lower: -180 deg, continuous: true}
+  fixed: {lift: 0.5}
+grid:
+  steps: {a: 5, b: 8}
+views:
+  - {name: left, mask_size: [16, 12]}
+  - {name: right, mask_size: [16, 12]}
+  - {name: top, mask_size: [10, 10]}
+)";
+
+std::string ReadFile(const std::string& path) {
+  std::ifstream in(path, std::ios::binary);
+  return {std::istreambuf_iterator<char>(in), {}};
+}
+
+void WriteFile(const std::string& path, const std::string& text) {
+  std::ofstream(path, std::ios::binary) << text;
+}
+
+// A running silhouette-server; killed when the test forgets it.
+class ServerProgram {
+ public:
+  ServerProgram(const FreshFolder& folder, const std::vector<std::string>& arguments)
+      : out_(folder / "out"), err_(folder / "err") {
+    std::remove(out_.c_str());
+    pid_ = fork();
+    if (pid_ == 0) {
+      if (std::freopen(out_.c_str(), "w", stdout) == nullptr) _exit(99);
+      if (std::freopen(err_.c_str(), "w", stderr) == nullptr) _exit(99);
+      std::vector<std::string> words = {SILHOUETTE_BIN_DIR "/silhouette-server"};
+      words.insert(words.end(), arguments.begin(), arguments.end());
+      std::vector<char*> argv;
+      for (std::string& word : words) argv.push_back(word.data());
+      argv.push_back(nullptr);
+      execv(argv[0], argv.data());
+      _exit(98);
+    }
+  }
+  ~ServerProgram() {
+    if (pid_ > 0) {
+      kill(pid_, SIGKILL);
+      waitpid(pid_, nullptr, 0);
+    }
+  }
+
+  // The address of its first line; empty if it ends without one.
+  std::string Address() {
+    const std::string start = "listening on ";
+    while (true) {
+      const std::string text = Output();
+      if (text.starts_with(start) && text.ends_with('\n')) {
+        return text.substr(start.size(), text.size() - start.size() - 1);
+      }
+      int status = 0;
+      if (waitpid(pid_, &status, WNOHANG) == pid_) {
+        ADD_FAILURE() << "it ended: " << Errors();
+        pid_ = -1;
+        return "";
+      }
+      std::this_thread::sleep_for(std::chrono::milliseconds(5));
+    }
+  }
+  void Signal(int signal) { kill(pid_, signal); }
+  // Waits for its end; its exit code, or -1 after a signal.
+  int ExitCode() {
+    int status = 0;
+    waitpid(pid_, &status, 0);
+    pid_ = -1;
+    return WIFEXITED(status) ? WEXITSTATUS(status) : -1;
+  }
+  std::string Output() const { return ReadFile(out_); }
+  std::string Errors() const { return ReadFile(err_); }
+
+ private:
+  std::string out_;
+  std::string err_;
+  pid_t pid_ = -1;
+};
+
+struct ServerProgramTest : ::testing::Test {
+  FreshFolder folder;
+  std::string cell = folder / "cell.yaml";
+  std::string database = folder / "db";
+
+  void SetUp() override {
+    WriteFile(cell, kCell);
+    MakeDatabase(database, {.missing = {{0, 7}}, .cell = DescriptionOf(*LoadCell(cell))});
+  }
+
+  // Exit code of a start that does not succeed, its one sentence in `errors`.
+  int Refused(const std::vector<std::string>& arguments) {
+    ServerProgram program(folder, arguments);
+    const int code = program.ExitCode();
+    EXPECT_EQ(program.Output(), "");
+    errors = program.Errors();
+    return code;
+  }
+  std::string errors;
+};
+
+v1::GetDatabaseResponse DatabaseAt(const std::string& address) {
+  const auto stub = v1::DatabaseService::NewStub(
+      grpc::CreateChannel(address, grpc::InsecureChannelCredentials()));
+  grpc::ClientContext context;
+  v1::GetDatabaseResponse response;
+  const grpc::Status status = stub->GetDatabase(&context, {}, &response);
+  EXPECT_TRUE(status.ok()) << status.error_message();
+  return response;
+}
+
+TEST_F(ServerProgramTest, ServesUntilSigtermAndEndsWithZero) {
+  for (int signal : {SIGTERM, SIGINT}) {
+    ServerProgram program(folder,
+                          {"--cell", cell, "--database", database, "--listen", "127.0.0.1:0"});
+    const std::string address = program.Address();
+    EXPECT_THAT(address, StartsWith("127.0.0.1:"));
+    EXPECT_EQ(DatabaseAt(address).captured(), 39u);
+    EXPECT_THAT(program.Errors(),
+                AllOf(HasSubstr("1 robot image missing"), HasSubstr("no reference images")));
+    program.Signal(signal);
+    EXPECT_EQ(program.ExitCode(), 0);
+    EXPECT_THAT(program.Errors(), HasSubstr("stopped"));
+  }
+}
+
+TEST_F(ServerProgramTest, ListensOnAUnixSocketAndTakesItOverFromADeadServer) {
+  const std::string address = "unix:" + (folder / "socket");
+  for (int round = 0; round < 2; ++round) {
+    ServerProgram program(folder, {"--cell", cell, "--database", database, "--listen", address});
+    EXPECT_EQ(program.Address(), address);
+    EXPECT_EQ(DatabaseAt(address).cell_name(), "server test");
+    program.Signal(SIGKILL);
+    EXPECT_EQ(program.ExitCode(), -1);
+  }
+}
+
+TEST_F(ServerProgramTest, CellFileSaysDatabaseAndAddress) {
+  WriteFile(cell, std::string(kCell) + "database: db\nserver: {listen: '127.0.0.1:0'}\n");
+  ServerProgram program(folder, {"--cell", cell});
+  EXPECT_EQ(DatabaseAt(program.Address()).configurations(), 40u);
+}
+
+TEST_F(ServerProgramTest, SighupReadsTheDatabaseAnew) {
+  ServerProgram program(folder,
+                        {"--cell", cell, "--database", database, "--listen", "127.0.0.1:0"});
+  const std::string address = program.Address();
+  const uint64_t before = DatabaseAt(address).generation();
+  {
+    const auto opened = Database::Open(database, Database::Access::kWrite);
+    auto writer = (*opened)->Write("test");
+    ASSERT_TRUE(writer->Put(TestRobotImage((*opened)->grid(), 0, 7)).ok());
+    ASSERT_TRUE(writer->Commit().ok());
+  }
+  EXPECT_EQ(DatabaseAt(address).generation(), before) << "not before it is told to";
+  program.Signal(SIGHUP);
+  for (int i = 0; i < 1000 && DatabaseAt(address).generation() == before; ++i) {
+    std::this_thread::sleep_for(std::chrono::milliseconds(10));
+  }
+  EXPECT_EQ(DatabaseAt(address).captured(), 40u);
+}
+
+TEST_F(ServerProgramTest, SighupWithADatabaseThatCannotBeReadServesTheOldStateOn) {
+  ServerProgram program(folder,
+                        {"--cell", cell, "--database", database, "--listen", "127.0.0.1:0"});
+  const std::string address = program.Address();
+  std::filesystem::rename(database, folder / "away");
+  program.Signal(SIGHUP);
+  for (int i = 0; i < 1000 && program.Errors().find("not reloaded") == std::string::npos; ++i) {
+    std::this_thread::sleep_for(std::chrono::milliseconds(10));
+  }
+  EXPECT_THAT(program.Errors(), HasSubstr("not reloaded"));
+  EXPECT_EQ(DatabaseAt(address).captured(), 39u);
+}
+
+TEST_F(ServerProgramTest, PortInUseIsTheUsersMistake) {
+  ServerProgram first(folder, {"--cell", cell, "--database", database, "--listen", "127.0.0.1:0"});
+  const std::string address = first.Address();
+  const FreshFolder other;
+  ServerProgram second(other, {"--cell", cell, "--database", database, "--listen", address});
+  EXPECT_EQ(second.ExitCode(), 2);
+  EXPECT_THAT(second.Errors(),
+              AllOf(HasSubstr("silhouette-server: cannot listen on " + address + ": port "),
+                    HasSubstr("in use"), HasSubstr("choose another port")));
+  EXPECT_EQ(second.Output(), "");
+}
+
+TEST_F(ServerProgramTest, DatabaseOfAnotherCellIsTheUsersMistake) {
+  std::string text = kCell;
+  text.replace(text.find("a: 5"), 4, "a: 9");
+  WriteFile(cell, text);
+  EXPECT_EQ(Refused({"--cell", cell, "--database", database}), 2);
+  EXPECT_THAT(errors, AllOf(HasSubstr(database), HasSubstr(cell),
+                            HasSubstr("joint 'a': steps is 9 in the cell file, 5 in the "
+                                      "database")));
+}
+
+TEST_F(ServerProgramTest, DatabaseThatIsNotThereIsTheUsersMistake) {
+  EXPECT_EQ(Refused({"--cell", cell, "--database", folder / "nothing"}), 2);
+  EXPECT_THAT(errors, AllOf(StartsWith("silhouette-server: "), HasSubstr(folder / "nothing")));
+}
+
+TEST_F(ServerProgramTest, FolderThatIsNoDatabaseIsTheUsersMistake) {
+  std::filesystem::create_directories(folder / "foreign");
+  WriteFile(folder / "foreign/data.mdb", std::string(20'000, 'x'));
+  EXPECT_EQ(Refused({"--cell", cell, "--database", folder / "foreign"}), 2);
+  EXPECT_THAT(errors, HasSubstr(folder / "foreign"));
+}
+
+TEST_F(ServerProgramTest, TruncatedDatabaseIsTold) {
+  const std::string file = database + "/data.mdb";
+  std::filesystem::resize_file(file, std::filesystem::file_size(file) / 2);
+  EXPECT_EQ(Refused({"--cell", cell, "--database", database}), 3);
+  EXPECT_THAT(errors, HasSubstr(database));
+}
+
+TEST_F(ServerProgramTest, WrongCommandLinesAreTheUsersMistake) {
+  EXPECT_EQ(Refused({}), 2);
+  EXPECT_THAT(errors, HasSubstr("--cell"));
+  EXPECT_EQ(Refused({"--cell", folder / "nothing.yaml", "--database", database}), 2);
+  EXPECT_THAT(errors, HasSubstr("nothing.yaml"));
+  EXPECT_EQ(Refused({"--cell", cell}), 2);
+  EXPECT_THAT(errors, HasSubstr("--database DIR"));
+  EXPECT_EQ(Refused({"--cell", cell, "--database", database, "--listen", "here"}), 2);
+  EXPECT_THAT(errors, HasSubstr("'here'"));
+  EXPECT_EQ(Refused({"--cell", cell, "--database", database, "--listen", "unix:/no/such/s"}), 2);
+  WriteFile(cell, std::string(kCell) + "vews: 3\n");
+  EXPECT_EQ(Refused({"--cell", cell, "--database", database}), 2);
+  EXPECT_THAT(errors, HasSubstr("cell.yaml:13: unknown key 'vews'"));
+}
+
+}  // namespace
+}  // namespace silhouette

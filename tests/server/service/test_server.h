@@ -1,0 +1,181 @@
+// A server in this process with the cell of test_cell.h, and its stubs.
+#pragma once
+
+#include <gmock/gmock.h>
+#include <grpcpp/channel.h>
+#include <grpcpp/create_channel.h>
+#include <gtest/gtest.h>
+
+#include <atomic>
+#include <memory>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "server/service/server.h"
+#include "silhouette/v1/collision_service.grpc.pb.h"
+#include "silhouette/v1/database_service.grpc.pb.h"
+#include "silhouette/v1/scene_service.grpc.pb.h"
+#include "tests/server/test_cell.h"
+
+namespace silhouette {
+
+// A clock that stands still until it is moved.
+class TestClock {
+ public:
+  Clock clock() {
+    return [this] {
+      const absl::Duration passed = absl::Nanoseconds(passed_.load());
+      return Moment{absl::FromUnixSeconds(1'000'000) + passed, passed};
+    };
+  }
+  absl::Time now() { return clock()().time; }
+  void Advance(absl::Duration duration) { passed_ += absl::ToInt64Nanoseconds(duration); }
+
+ private:
+  std::atomic<int64_t> passed_ = 0;
+};
+
+inline void Set(absl::Time time, google::protobuf::Timestamp* message) {
+  const int64_t nanos = absl::ToUnixNanos(time);
+  message->set_seconds(nanos / 1'000'000'000);
+  message->set_nanos(static_cast<int32_t>(nanos % 1'000'000'000));
+}
+
+inline void Set(const Mask& mask, v1::Mask* message) {
+  message->set_width(mask.width());
+  message->set_height(mask.height());
+  message->set_bits(mask.ToBytes());
+}
+
+inline void Set(const Configuration& q, v1::Configuration* message) {
+  for (double position : q) message->add_positions(position);
+}
+
+// The message that publishes `input`.
+inline v1::PublishSceneRequest RequestOf(const SceneInput& input) {
+  v1::PublishSceneRequest request;
+  for (const JointPosition& joint : input.joints) {
+    v1::JointPosition& added = *request.add_joints();
+    added.set_name(joint.name);
+    added.set_position(joint.position);
+  }
+  for (const ViewInput& view : input.views) {
+    v1::ViewImage& added = *request.add_views();
+    added.set_view(view.view);
+    if (view.captured) Set(*view.captured, added.mutable_capture_time());
+    if (const auto* scene = std::get_if<SceneMask>(&view.image)) {
+      Set(scene->mask, added.mutable_scene_mask());
+    } else if (const auto* obstacles = std::get_if<ObstacleMask>(&view.image)) {
+      Set(obstacles->mask, added.mutable_obstacle_mask());
+    } else {
+      added.set_camera_image(std::get<EncodedImage>(view.image).bytes);
+    }
+  }
+  return request;
+}
+
+class TestServer {
+ public:
+  // `wrap` may put something around the test clock.
+  explicit TestServer(
+      std::shared_ptr<const ServedDatabase> database, ServingSettings settings = {},
+      const std::function<Clock(Clock)>& wrap = [](Clock inner) { return inner; }) {
+    settings.clock = wrap(clock.clock());
+    auto started = Server::Start("unix:" + (folder_ / "s"), std::move(database), settings);
+    EXPECT_TRUE(started.ok()) << started.status();
+    server = *std::move(started);
+    channel = grpc::CreateChannel(server->address(), grpc::InsecureChannelCredentials());
+    collision = v1::CollisionService::NewStub(channel);
+    scene = v1::SceneService::NewStub(channel);
+    database_service = v1::DatabaseService::NewStub(channel);
+  }
+
+  v1::Scene Publish(const SceneInput& input) { return Publish(RequestOf(input)); }
+  v1::Scene Publish(const v1::PublishSceneRequest& request) {
+    grpc::ClientContext context;
+    v1::PublishSceneResponse response;
+    const grpc::Status status = scene->PublishScene(&context, request, &response);
+    EXPECT_TRUE(status.ok()) << status.error_message();
+    return response.scene();
+  }
+  grpc::Status PublishStatus(const v1::PublishSceneRequest& request) {
+    grpc::ClientContext context;
+    v1::PublishSceneResponse response;
+    return scene->PublishScene(&context, request, &response);
+  }
+
+  v1::CheckConfigurationsResponse Check(const std::vector<Configuration>& configurations,
+                                        const v1::Policy& policy = {}) {
+    v1::CheckConfigurationsRequest request;
+    for (const Configuration& q : configurations) Set(q, request.add_configurations());
+    *request.mutable_policy() = policy;
+    v1::CheckConfigurationsResponse response;
+    const grpc::Status status = Call(request, &response);
+    EXPECT_TRUE(status.ok()) << status.error_message();
+    EXPECT_EQ(response.verdicts_size(), static_cast<int>(configurations.size()));
+    return response;
+  }
+  v1::Verdict CheckOne(const Configuration& q, const v1::Policy& policy = {}) {
+    return Check({q}, policy).verdicts(0);
+  }
+  v1::CheckPathResponse Path(const std::vector<Configuration>& waypoints) {
+    v1::CheckPathRequest request;
+    for (const Configuration& q : waypoints) Set(q, request.add_waypoints());
+    v1::CheckPathResponse response;
+    const grpc::Status status = Call(request, &response);
+    EXPECT_TRUE(status.ok()) << status.error_message();
+    return response;
+  }
+  v1::ExplainResponse Explain(const Configuration& q) {
+    v1::ExplainRequest request;
+    Set(q, request.mutable_configuration());
+    v1::ExplainResponse response;
+    const grpc::Status status = Call(request, &response);
+    EXPECT_TRUE(status.ok()) << status.error_message();
+    return response;
+  }
+  std::vector<v1::GetConfigurationSpaceResponse> Space(
+      const v1::GetConfigurationSpaceRequest& request = {}) {
+    std::vector<v1::GetConfigurationSpaceResponse> messages;
+    const grpc::Status status = Call(request, &messages);
+    EXPECT_TRUE(status.ok()) << status.error_message();
+    return messages;
+  }
+
+  grpc::Status Call(const v1::CheckConfigurationsRequest& request,
+                    v1::CheckConfigurationsResponse* response) {
+    grpc::ClientContext context;
+    return collision->CheckConfigurations(&context, request, response);
+  }
+  grpc::Status Call(const v1::CheckPathRequest& request, v1::CheckPathResponse* response) {
+    grpc::ClientContext context;
+    return collision->CheckPath(&context, request, response);
+  }
+  grpc::Status Call(const v1::ExplainRequest& request, v1::ExplainResponse* response) {
+    grpc::ClientContext context;
+    return collision->Explain(&context, request, response);
+  }
+  grpc::Status Call(const v1::GetConfigurationSpaceRequest& request,
+                    std::vector<v1::GetConfigurationSpaceResponse>* messages) {
+    grpc::ClientContext context;
+    const auto reader = collision->GetConfigurationSpace(&context, request);
+    v1::GetConfigurationSpaceResponse message;
+    while (reader->Read(&message)) messages->push_back(message);
+    return reader->Finish();
+  }
+
+  TestClock clock;
+
+ private:
+  FreshFolder folder_;
+
+ public:
+  std::unique_ptr<Server> server;
+  std::shared_ptr<grpc::Channel> channel;
+  std::unique_ptr<v1::CollisionService::Stub> collision;
+  std::unique_ptr<v1::SceneService::Stub> scene;
+  std::unique_ptr<v1::DatabaseService::Stub> database_service;
+};
+
+}  // namespace silhouette
