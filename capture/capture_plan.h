@@ -1,0 +1,50 @@
+// What a capture has to do: which configurations, in which order, how long it takes and how much
+// room it needs. Made without moving anything.
+#pragma once
+
+#include <cstdint>
+#include <vector>
+
+#include "absl/status/statusor.h"
+#include "absl/time/time.h"
+#include "capture/capture_settings.h"
+#include "capture/travel.h"
+#include "db/store.h"
+
+namespace silhouette {
+
+struct CaptureSelection {
+  enum class Kind {
+    kMissing,  // what has no robot image, or was excluded and no longer is
+    kListed,   // those in `listed`, anew
+    kAll,      // everything, anew
+  };
+  Kind kind = Kind::kMissing;
+  std::vector<ConfigurationNumber> listed = {};
+  // Whether robot images that lie in a forbidden region now are replaced by excluded records.
+  bool exclude_captured = false;
+};
+
+struct CapturePlan {
+  // To be captured, in the order of travel.
+  std::vector<ConfigurationNumber> captures;
+  // In forbidden regions and not stored as excluded yet.
+  std::vector<ConfigurationNumber> exclusions;
+  // Configurations whose records stay as they are.
+  uint64_t kept = 0;
+  // Estimates. The robot's way to the first configuration is not known.
+  absl::Duration duration;
+  uint64_t bytes = 0;  // that the database grows by, at most
+  // Into how many parts the forbidden regions cut the grid. The robot captures the one it stands
+  // in.
+  int parts = 1;
+};
+
+// `travel` belongs to the database's grid. FailedPrecondition if robot images lie in a forbidden
+// region and selection.exclude_captured is false: they would be called free, or be lost.
+// InvalidArgument if `listed` names what is not in the grid.
+absl::StatusOr<CapturePlan> PlanCapture(const Database& database, const Travel& travel,
+                                        const CaptureSettings& settings,
+                                        const CaptureSelection& selection);
+
+}  // namespace silhouette

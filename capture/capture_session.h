@@ -1,0 +1,73 @@
+// CaptureSession: drives the robot through the configurations of a plan and stores its image in
+// every view.
+#pragma once
+
+#include <cstdint>
+#include <functional>
+#include <string>
+#include <vector>
+
+#include "absl/status/statusor.h"
+#include "capture/capture_plan.h"
+#include "capture/capture_report.h"
+#include "capture/capture_settings.h"
+#include "capture/cell_cameras.h"
+#include "capture/cell_robot.h"
+#include "capture/devices.h"
+#include "capture/segmentation/reference.h"
+#include "capture/segmentation/settings.h"
+#include "capture/travel.h"
+#include "db/store.h"
+
+namespace silhouette {
+
+struct CaptureObserver {
+  // Configurations of the plan that are done with, captured or not.
+  std::function<void(uint64_t done)> progress = [](uint64_t) {};
+  // Something worth a line happened.
+  std::function<void(const std::string& line)> say = [](const std::string&) {};
+  // Asked between two configurations.
+  std::function<bool()> stop_requested = [] { return false; };
+};
+
+// What it is made from must outlive it.
+class CaptureSession {
+ public:
+  // So many configurations in a row that are not reached end a session.
+  static constexpr int kMostFailuresInARow = 3;
+
+  // `database` is open for writing, `travel` belongs to its grid. InvalidArgument: robot or cameras
+  // do not have the joints and views of the database's cell. FailedPrecondition: the database was
+  // made with other segmentation settings. NotFound, DataLoss: see ReadReferences().
+  static absl::StatusOr<CaptureSession> Create(Database& database, const Travel& travel,
+                                               Robot& robot, CameraRig& rig,
+                                               const CaptureSettings& settings,
+                                               const SegmentationSettings& segmentation);
+
+  // Captures what `plan` says. Whatever happens, what was captured until then is stored: the report
+  // says how much, and a plan made anew goes on from there. `program` goes into the provenance log.
+  //
+  // For each configuration: move (around forbidden regions), settle, measure, take a set of images,
+  // measure again, difference, store. A configuration where a joint is off by more than the
+  // tolerance is not stored; it counts as failed. A device's error ends the session and stops the
+  // robot.
+  CaptureReport Run(const CapturePlan& plan, const std::string& program,
+                    const CaptureObserver& observer = {});
+
+ private:
+  class Runner;
+
+  CaptureSession(Database& database, const Travel& travel, CellRobot robot, CellCameras cameras,
+                 std::vector<Reference> references, CaptureSettings settings,
+                 SegmentationSettings segmentation);
+
+  Database* database_;
+  const Travel* travel_;
+  CellRobot robot_;
+  CellCameras cameras_;
+  std::vector<Reference> references_;
+  CaptureSettings settings_;
+  SegmentationSettings segmentation_;
+};
+
+}  // namespace silhouette
