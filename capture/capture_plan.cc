@@ -1,6 +1,5 @@
 #include "capture/capture_plan.h"
 
-#include <algorithm>
 #include <optional>
 #include <string>
 
@@ -12,23 +11,6 @@ namespace {
 
 // Of four cameras: images, differences, storing.
 constexpr absl::Duration kImageTime = absl::Milliseconds(50);
-
-// What the database has of a configuration.
-enum class Record : uint8_t { kNone, kCaptured, kExcluded };
-
-// By number; a record that cannot be read counts as captured.
-absl::StatusOr<std::vector<Record>> ReadRecords(const Database& database) {
-  const absl::StatusOr<Snapshot> snapshot = database.Read();
-  if (!snapshot.ok()) return snapshot.status();
-  std::vector<Record> records(database.grid().number_limit(), Record::kNone);
-  absl::Status status =
-      snapshot->ForEach([&](ConfigurationNumber number, const absl::StatusOr<RobotImage>& image) {
-        records[number] = image.ok() && image->excluded ? Record::kExcluded : Record::kCaptured;
-        return true;
-      });
-  if (!status.ok()) return status;
-  return records;
-}
 
 // By number.
 absl::StatusOr<std::vector<bool>> Listed(const ConfigurationGrid& grid,
@@ -46,12 +28,12 @@ absl::StatusOr<std::vector<bool>> Listed(const ConfigurationGrid& grid,
 }
 
 // An upper bound of what a record takes: it is stored compressed, where that helps.
-uint64_t BytesPerRecord(const Database& database) {
+uint64_t BytesPerRecord(const storage::v1::CellDescription& cell,
+                        const std::vector<MaskSize>& mask_sizes) {
   constexpr uint64_t kPage = 4096;
   uint64_t bytes = 64;
-  for (const MaskSize& size : database.mask_sizes()) bytes += size.bytes() + 8;
-  bytes += 16 * static_cast<uint64_t>(database.grid().dimensions() +
-                                      database.cell().fixed_joints_size());
+  for (const MaskSize& size : mask_sizes) bytes += size.bytes() + 8;
+  bytes += 16 * static_cast<uint64_t>(cell.grid_joints_size() + cell.fixed_joints_size());
   // Short records share a page, long ones have pages of their own.
   return bytes < kPage / 2 ? bytes * 3 / 2 : (bytes + kPage) / kPage * kPage + 64;
 }
@@ -77,28 +59,50 @@ absl::Duration TravelDuration(const Travel& travel, const CaptureSettings& setti
 
 }  // namespace
 
-absl::StatusOr<CapturePlan> PlanCapture(const Database& database, const Travel& travel,
+absl::StatusOr<std::vector<StoredRecord>> ReadRecords(const Database& database) {
+  const absl::StatusOr<Snapshot> snapshot = database.Read();
+  if (!snapshot.ok()) return snapshot.status();
+  std::vector<StoredRecord> records = NoRecords(database.grid());
+  absl::Status status =
+      snapshot->ForEach([&](ConfigurationNumber number, const absl::StatusOr<RobotImage>& image) {
+        records[number] = !image.ok()       ? StoredRecord::kDamaged
+                          : image->excluded ? StoredRecord::kExcluded
+                                            : StoredRecord::kCaptured;
+        return true;
+      });
+  if (!status.ok()) return status;
+  return records;
+}
+
+std::vector<StoredRecord> NoRecords(const ConfigurationGrid& grid) {
+  return std::vector<StoredRecord>(grid.number_limit(), StoredRecord::kNone);
+}
+
+absl::StatusOr<CapturePlan> PlanCapture(const storage::v1::CellDescription& cell,
+                                        const Travel& travel,
+                                        const std::vector<StoredRecord>& records,
                                         const CaptureSettings& settings,
                                         const CaptureSelection& selection) {
-  const auto records = ReadRecords(database);
-  if (!records.ok()) return records.status();
+  const auto mask_sizes = MaskSizesOf(cell);
+  if (!mask_sizes.ok()) return mask_sizes.status();
   const auto listed = Listed(travel.grid(), selection);
   if (!listed.ok()) return listed.status();
   CapturePlan plan;
   uint64_t captured_in_region = 0;
   std::string region;
   for (const ConfigurationNumber number : travel.Serpentine()) {
-    const Record record = (*records)[number];
+    const StoredRecord record = records[number];
     if (travel.Forbidden(number)) {
-      if (record == Record::kExcluded) {
+      if (record == StoredRecord::kExcluded) {
         ++plan.kept;
         continue;
       }
       plan.exclusions.push_back(number);
-      if (record == Record::kNone) continue;
+      if (record == StoredRecord::kNone) continue;
       ++captured_in_region;
       region = travel.regions().At(travel.grid().At(number)).value();
-    } else if (record != Record::kCaptured || (*listed)[number]) {
+    } else if (record == StoredRecord::kNone || record == StoredRecord::kExcluded ||
+               (*listed)[number]) {
       plan.captures.push_back(number);
     } else {
       ++plan.kept;
@@ -112,7 +116,8 @@ absl::StatusOr<CapturePlan> PlanCapture(const Database& database, const Travel& 
   plan.parts = travel.parts();
   plan.duration = TravelDuration(travel, settings, plan.captures) +
                   static_cast<int64_t>(plan.captures.size()) * (settings.settle + kImageTime);
-  plan.bytes = plan.captures.size() * BytesPerRecord(database) + plan.exclusions.size() * 128;
+  plan.bytes =
+      plan.captures.size() * BytesPerRecord(cell, *mask_sizes) + plan.exclusions.size() * 128;
   return plan;
 }
 

@@ -40,10 +40,25 @@ struct CapturePlan {
   int parts = 1;
 };
 
-// `travel` belongs to the database's grid. FailedPrecondition if robot images lie in a forbidden
-// region and selection.exclude_captured is false: they would be called free, or be lost.
-// InvalidArgument if `listed` names what is not in the grid.
-absl::StatusOr<CapturePlan> PlanCapture(const Database& database, const Travel& travel,
+// What a database has of a configuration.
+enum class StoredRecord : uint8_t {
+  kNone,
+  kCaptured,
+  kExcluded,
+  kDamaged,  // there is one; it cannot be read
+};
+
+// By number; all are kNone if there is no database yet.
+absl::StatusOr<std::vector<StoredRecord>> ReadRecords(const Database& database);
+std::vector<StoredRecord> NoRecords(const ConfigurationGrid& grid);
+
+// `travel` belongs to the grid of `cell`, `records` to that, too. A damaged record counts as
+// captured. FailedPrecondition if robot images lie in a forbidden region and
+// selection.exclude_captured is false: they would be called free, or be lost. InvalidArgument if
+// `listed` names what is not in the grid, or a mask size is not valid.
+absl::StatusOr<CapturePlan> PlanCapture(const storage::v1::CellDescription& cell,
+                                        const Travel& travel,
+                                        const std::vector<StoredRecord>& records,
                                         const CaptureSettings& settings,
                                         const CaptureSelection& selection);
 

@@ -2,12 +2,11 @@
 // every view.
 #pragma once
 
-#include <cstdint>
-#include <functional>
 #include <string>
 #include <vector>
 
 #include "absl/status/statusor.h"
+#include "capture/capture_observer.h"
 #include "capture/capture_plan.h"
 #include "capture/capture_report.h"
 #include "capture/capture_settings.h"
@@ -20,15 +19,6 @@
 #include "db/store.h"
 
 namespace silhouette {
-
-struct CaptureObserver {
-  // Configurations of the plan that are done with, captured or not.
-  std::function<void(uint64_t done)> progress = [](uint64_t) {};
-  // Something worth a line happened.
-  std::function<void(const std::string& line)> say = [](const std::string&) {};
-  // Asked between two configurations.
-  std::function<bool()> stop_requested = [] { return false; };
-};
 
 // What it is made from must outlive it.
 class CaptureSession {

@@ -1,16 +1,16 @@
 #include "capture/reference_images.h"
 
+#include <cstdint>
 #include <utility>
 
 #include "absl/status/status.h"
 #include "absl/strings/str_cat.h"
-#include "absl/time/clock.h"
+#include "absl/time/time.h"
 
 namespace silhouette {
 
 absl::StatusOr<storage::v1::References> TakeReferences(CellCameras& cameras, int count,
-                                                       absl::Duration pause,
-                                                       const ReferenceObserver& observer) {
+                                                       const CaptureObserver& observer) {
   if (count < 2) return absl::InvalidArgumentError("a reference needs at least two images");
   std::vector<std::vector<cv::Mat>> images;  // by view
   absl::Time captured;
@@ -18,7 +18,6 @@ absl::StatusOr<storage::v1::References> TakeReferences(CellCameras& cameras, int
     if (observer.stop_requested()) {
       return absl::CancelledError("stopped; no reference images were stored");
     }
-    if (i > 0) absl::SleepFor(pause);
     absl::StatusOr<ImageSet> set = cameras.Grab(observer.say);
     if (!set.ok()) return set.status();
     images.resize(set->images.size());

@@ -186,9 +186,9 @@ TEST(ReferenceImages, OfAnotherImageSizeAreRefused) {
 TEST(ReferenceImages, StopLeavesTheDatabaseAsItWas) {
   FakeCell cell;
   auto cameras = CellCameras::Create(cell.database->cell(), cell.rig);
-  ReferenceObserver observer;
+  CaptureObserver observer;
   observer.stop_requested = [&] { return cell.rig.grabs == 2; };
-  const auto references = TakeReferences(*cameras, 5, absl::ZeroDuration(), observer);
+  const auto references = TakeReferences(*cameras, 5, observer);
   EXPECT_TRUE(absl::IsCancelled(references.status()));
 }
 

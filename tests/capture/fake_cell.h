@@ -151,7 +151,7 @@ class FakeCell {
     rig.robot_present = false;
     auto cameras = CellCameras::Create(database->cell(), rig);
     ASSERT_TRUE(cameras.ok()) << cameras.status();
-    const auto references = silhouette::TakeReferences(*cameras, 3, absl::ZeroDuration());
+    const auto references = silhouette::TakeReferences(*cameras, 3);
     ASSERT_TRUE(references.ok()) << references.status();
     ASSERT_TRUE(database->SetReferences(*references, "test").ok());
     rig.robot_present = true;
@@ -163,7 +163,9 @@ class FakeCell {
   }
 
   absl::StatusOr<CapturePlan> Plan(const CaptureSelection& selection = {}) {
-    return PlanCapture(*database, *travel, settings, selection);
+    const auto records = ReadRecords(*database);
+    if (!records.ok()) return records.status();
+    return PlanCapture(database->cell(), *travel, *records, settings, selection);
   }
 
   // Plans and captures; with a failure in either, that is the report's status.

@@ -1,0 +1,69 @@
+#include "capture/program/opened_cell.h"
+
+#include <vector>
+
+#include "absl/strings/str_cat.h"
+#include "absl/strings/str_join.h"
+#include "absl/strings/str_replace.h"
+#include "tools/program/program.h"
+
+namespace silhouette {
+namespace {
+
+std::string ForShell(const std::string& word) {
+  const bool plain = word.find_first_not_of(
+                         "abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789"
+                         "_-./:@%+,=") == std::string::npos;
+  if (plain && !word.empty()) return word;
+  return absl::StrCat("'", absl::StrReplaceAll(word, {{"'", "'\\''"}}), "'");
+}
+
+}  // namespace
+
+std::string CellArguments::Command(const std::string& subcommand) const {
+  std::string command = absl::StrCat("silhouette-capture ", subcommand, " --cell ", ForShell(cell));
+  if (!database.empty()) absl::StrAppend(&command, " --database ", ForShell(database));
+  return command;
+}
+
+void AddCellOptions(CLI::App& command, CellArguments& arguments) {
+  command.add_option("--cell", arguments.cell, "The cell's file, cell.yaml")->required();
+  command.add_option("--database", arguments.database,
+                     "The database's folder; default: the one that the cell's file names");
+  AddFormatOption(command, arguments.format);
+}
+
+absl::StatusOr<CellFile> OpenCellFile(const CellArguments& arguments) {
+  absl::StatusOr<Cell> cell = LoadCell(arguments.cell);
+  if (!cell.ok()) return cell.status();
+  const std::string database = arguments.database.empty() ? cell->database : arguments.database;
+  if (database.empty()) {
+    return absl::InvalidArgumentError(
+        absl::StrCat("say where the database is: --database FOLDER, or 'database: FOLDER' in '",
+                     arguments.cell, "'"));
+  }
+  return CellFile{*std::move(cell), database};
+}
+
+absl::StatusOr<std::unique_ptr<Database>> OpenDatabase(const CellFile& file,
+                                                       Database::Access access) {
+  absl::StatusOr<std::unique_ptr<Database>> database = Database::Open(file.database, access);
+  if (!database.ok()) return database.status();
+  const std::vector<std::string> differences =
+      Differences(DescriptionOf(file.cell), "the cell file", (*database)->cell(), "the database");
+  if (!differences.empty()) {
+    return absl::FailedPreconditionError(
+        absl::StrCat("the database '", file.database, "' does not belong to the cell of '",
+                     file.cell.file, "': ", absl::StrJoin(differences, "; "),
+                     ". Choose another database, or change the cell file back"));
+  }
+  return database;
+}
+
+absl::StatusOr<std::unique_ptr<Database>> OpenOrCreateDatabase(const CellFile& file) {
+  absl::StatusOr<std::unique_ptr<Database>> database = OpenDatabase(file, Database::Access::kWrite);
+  if (!absl::IsNotFound(database.status())) return database;
+  return Database::Create(file.database, DescriptionOf(file.cell));
+}
+
+}  // namespace silhouette
