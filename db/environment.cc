@@ -15,6 +15,7 @@
 #include <utility>
 
 #include "absl/strings/str_cat.h"
+#include "db/page_check.h"
 #include "db/schema.h"
 #include "db/writer_lock.h"
 
@@ -209,7 +210,7 @@ absl::StatusOr<std::shared_ptr<Environment>> Environment::Open(const std::string
   if (absl::Status status = CheckHead(data); !status.ok()) return status;
   std::unique_ptr<Environment> environment(new Environment(folder));
   if (absl::Status status = environment->OpenFiles(false); !status.ok()) return status;
-  if (absl::Status status = environment->CheckLength(); !status.ok()) return status;
+  if (absl::Status status = environment->CheckState(); !status.ok()) return status;
   if (absl::Status status = environment->OpenSubDatabases(); !status.ok()) return status;
   return Register(std::move(environment), IdOf(file));
 }
@@ -247,21 +248,19 @@ absl::StatusOr<unsigned> Environment::ChooseFlags() {
   return flags;
 }
 
-// Touching the map beyond the file's end would end the process.
-absl::Status Environment::CheckLength() const {
-  MDB_envinfo info;
-  MDB_stat pages;
-  mdb_env_info(environment_, &info);
-  mdb_env_stat(environment_, &pages);
-  mdb_filehandle_t handle = -1;
-  struct stat file {};
-  if (int code = mdb_env_get_fd(environment_, &handle); code != 0) return ReadError(code);
-  if (fstat(handle, &file) != 0) return ReadError(errno);
-  const uint64_t needed = (uint64_t{info.me_last_pgno} + 1) * pages.ms_psize;
-  if (static_cast<uint64_t>(file.st_size) >= needed) return absl::OkStatus();
-  return absl::DataLossError(absl::StrCat("'", DataPath(folder_), "' is truncated: it has ",
-                                          file.st_size, " bytes and should have ", needed,
-                                          "; restore it from a copy"));
+// Looks at the present state's pages before LMDB does.
+absl::Status Environment::CheckState() const {
+  mdb_filehandle_t file = -1;
+  if (int code = mdb_env_get_fd(environment_, &file); code != 0) return ReadError(code);
+  absl::Status status = absl::UnavailableError("not looked at yet");
+  for (int attempt = 0; attempt < 10 && absl::IsUnavailable(status); ++attempt) {
+    MDB_txn* transaction = nullptr;
+    const int code = mdb_txn_begin(environment_, nullptr, MDB_RDONLY, &transaction);
+    if (code != 0) return ReadError(code);
+    status = CheckPages(file, DataPath(folder_), mdb_txn_id(transaction));
+    mdb_txn_abort(transaction);
+  }
+  return status;
 }
 
 absl::Status Environment::OpenSubDatabases() {

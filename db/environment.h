@@ -116,7 +116,7 @@ class Environment : public std::enable_shared_from_this<Environment> {
 
   absl::Status OpenFiles(bool create);
   absl::StatusOr<unsigned> ChooseFlags();
-  absl::Status CheckLength() const;
+  absl::Status CheckState() const;
   absl::Status OpenSubDatabases();
   absl::Status UpdateOnce(const Change& change, bool& map_full);
   // Sets the map's size; 0: to what another process has grown it to.

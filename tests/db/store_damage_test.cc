@@ -139,6 +139,66 @@ TEST(Database, WithADamagedRecordLosesOnlyThatRecord) {
   }
 }
 
+// Whatever happens to the file: what is read is right, or it is an error, and the process lives.
+TEST(Database, WithFlippedBitsAnywhereNeverGivesWrongRecords) {
+  const FreshFolder folder;
+  MakeFullDatabase(folder / "db");
+  const std::string sound = ReadFile(folder / "db/data.mdb");
+  const uint64_t seed = std::random_device()();
+  std::cout << "seed " << seed << std::endl;
+  std::mt19937_64 random(seed);
+  int refused = 0;
+  int lost = 0;
+  std::filesystem::create_directories(folder / "spoilt");
+  for (int round = 0; round < 250; ++round) {
+    std::string bytes = sound;
+    for (int flips = 1 + static_cast<int>(random() % 4); flips > 0; --flips) {
+      // Half of them where pages and entries have their heads.
+      size_t place = random() % bytes.size();
+      if (random() % 2 == 0) place = place / 4096 * 4096 + random() % 64;
+      bytes[place] = static_cast<char>(bytes[place] ^ (1 << random() % 8));
+    }
+    WriteFile(folder / "spoilt/data.mdb", bytes);
+    const auto database = Database::Open(folder / "spoilt", Access::kRead);
+    if (!database.ok()) {
+      ++refused;
+      continue;
+    }
+    const auto snapshot = (*database)->Read();
+    if (!snapshot.ok()) continue;
+    const auto visit = [&](ConfigurationNumber number, absl::StatusOr<RobotImage> image) {
+      if (image.ok()) {
+        EXPECT_EQ(*image, TestImage(**database, number));
+      } else {
+        ++lost;
+      }
+      return true;
+    };
+    (void)snapshot->ForEach(visit);
+    for (ConfigurationNumber number = 0; number < 50; ++number) {
+      const auto found = snapshot->Find(number);
+      if (found.ok() && *found) {
+        EXPECT_EQ(**found, TestImage(**database, number));
+      }
+    }
+  }
+  std::cout << refused << " refused, " << lost << " records lost" << std::endl;
+  EXPECT_GT(refused, 50);
+  EXPECT_GT(lost, 20);
+}
+
+TEST(Database, WithADamagedPageIsRefusedByName) {
+  const FreshFolder folder;
+  MakeFullDatabase(folder / "db");
+  std::string bytes = ReadFile(folder / "db/data.mdb");
+  for (size_t page = 2 * 4096; page < bytes.size(); page += 4096) bytes[page] ^= 1;  // its number
+  WriteFile(folder / "db/data.mdb", bytes);
+  const absl::Status status = Database::Open(folder / "db", Access::kRead).status();
+  EXPECT_EQ(status.code(), absl::StatusCode::kDataLoss);
+  EXPECT_THAT(status.message(), HasSubstr("data.mdb' is damaged: page "));
+  EXPECT_THAT(status.message(), HasSubstr("restore it from a copy"));
+}
+
 TEST(Database, WithADamagedDescriptionIsRefused) {
   const FreshFolder folder;
   MakeFullDatabase(folder / "db");
