@@ -1,5 +1,6 @@
 #include "calib/robot_model.h"
 
+#include <cmath>
 #include <stdexcept>
 
 #include "absl/strings/str_cat.h"

@@ -1,5 +1,6 @@
 #include "capture/sim/simulation.h"
 
+#include <algorithm>
 #include <cmath>
 #include <numbers>
 #include <optional>
@@ -149,7 +150,9 @@ SimulationSettings ReadSimulation(const YamlNode& node) {
     drift_map.Finish();
   }
   if (const auto seed = map.Optional("seed")) {
-    settings.seed = static_cast<uint64_t>(ReadNotNegative(*seed));
+    const int value = seed->As<int>();
+    if (value < 0) seed->Fail("a number not below 0 is expected");
+    settings.seed = static_cast<uint64_t>(value);
   }
   if (const auto interval = map.Optional("frame_interval")) {
     settings.frame_interval = interval->AsSeconds();

@@ -106,6 +106,23 @@ TEST(RobotModel, MeshesAreFoundScaledAndTriangulated) {
   EXPECT_TRUE(RobotModel::FromUrdf(relative).ok());
 }
 
+TEST(RobotModel, ColladasUnitCountsAndItsUpAxisDoesNot) {
+  const auto folder = FreshFolder();
+  for (const std::string up : {"Y_UP", "Z_UP"}) {
+    WriteFile(folder / "link.dae", TriangleDae(up));
+    const auto robot = RobotModel::FromUrdf(WriteFile(
+        folder / "robot.urdf",
+        "<robot name='r'><link name='a'><visual><geometry><mesh filename='link.dae'/></geometry>"
+        "</visual></link></robot>"));
+    ASSERT_TRUE(robot.ok()) << robot.status();
+    const TriangleMesh mesh = Tessellate(robot->links()[0].visual[0].shape);
+    ASSERT_EQ(mesh.vertices.size(), 3u);
+    Eigen::Vector3d upper = Eigen::Vector3d::Zero();
+    for (const auto& vertex : mesh.vertices) upper = upper.cwiseMax(vertex);
+    EXPECT_TRUE(upper.isApprox(Eigen::Vector3d(1, 0, 2), 1e-6)) << up << ": " << upper.transpose();
+  }
+}
+
 TEST(RobotModel, MissingPackageIsNamedWithTheMend) {
   EXPECT_THAT(ErrorOf(WithMesh("package://arm_description/link.stl"), {"/nowhere"}),
               AllOf(HasSubstr("link 'a'"),

@@ -39,6 +39,28 @@ inline std::string TetrahedronStl() {
          "endsolid t\n";
 }
 
+// A triangle as Collada, in centimetres: corners (0,0,0), (100,0,0), (0,0,200). `up`: the file's up
+// axis, "Y_UP" or "Z_UP".
+inline std::string TriangleDae(const std::string& up) {
+  return R"(<?xml version="1.0"?>
+<COLLADA xmlns="http://www.collada.org/2005/11/COLLADASchema" version="1.4.1">
+  <asset><unit name="centimeter" meter="0.01"/><up_axis>)" +
+         up + R"(</up_axis></asset>
+  <library_geometries><geometry id="g" name="g"><mesh>
+    <source id="p"><float_array id="a" count="9">0 0 0 100 0 0 0 0 200</float_array>
+      <technique_common><accessor source="#a" count="3" stride="3">
+        <param name="X" type="float"/><param name="Y" type="float"/><param name="Z" type="float"/>
+      </accessor></technique_common></source>
+    <vertices id="v"><input semantic="POSITION" source="#p"/></vertices>
+    <triangles count="1"><input semantic="VERTEX" source="#v" offset="0"/><p>0 1 2</p></triangles>
+  </mesh></geometry></library_geometries>
+  <library_visual_scenes><visual_scene id="s"><node id="n"><instance_geometry url="#g"/></node>
+  </visual_scene></library_visual_scenes>
+  <scene><instance_visual_scene url="#s"/></scene>
+</COLLADA>
+)";
+}
+
 // Three links in a row: joint `turn` about z at height 1, joint `bend` about y 0.5 further out
 // along x, then a forearm of 0.4 along x, joint `slide` along x at its end with a ball on it.
 inline std::string ThreeJointUrdf() {
