@@ -27,9 +27,10 @@ double RadialSlope(const std::array<double, 8>& d, double r2) {
 // The least r at which r * RadialFactor(r^2) stops growing; infinity if it grows up to the widest
 // angle that a pinhole image can sensibly show.
 double FoldRadius(const std::array<double, 8>& d) {
-  constexpr double kWidest = 12;  // 85 degrees off the axis
+  constexpr int kSteps = 12000;  // up to 85 degrees off the axis
   constexpr double kStep = 1e-3;
-  for (double r = kStep; r < kWidest; r += kStep) {
+  for (int i = 1; i < kSteps; ++i) {
+    const double r = i * kStep;
     const double r2 = r * r;
     const double growth = RadialFactor(d, r2) + 2 * r2 * RadialSlope(d, r2);
     if (!(growth > 0)) return r - kStep;

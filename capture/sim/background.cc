@@ -1,8 +1,8 @@
 #include "capture/sim/background.h"
 
 #include <algorithm>
-#include <array>
 #include <cmath>
+#include <limits>
 
 namespace silhouette {
 namespace {
@@ -51,6 +51,9 @@ struct Exit {
   double distance = 0;
   int axis = 0;        // whose wall it is
   bool upper = false;  // the wall at the greater coordinate
+
+  // 0 to 5, one for every wall.
+  uint64_t surface() const { return 2 * static_cast<uint64_t>(axis) + (upper ? 1 : 0); }
 };
 
 Exit LeaveRoom(const Room& room, const Eigen::Vector3d& from, const Eigen::Vector3d& ray) {
@@ -82,8 +85,8 @@ Background MakeBackground(const CameraModel& camera, const SimulationSettings& s
       const Exit exit = LeaveRoom(settings.room, centre, ray);
       const Eigen::Vector3d point = centre + exit.distance * ray;
       const double brightness =
-          255 * Brightness(settings, static_cast<uint64_t>(2 * exit.axis + (exit.upper ? 1 : 0)),
-                           point[(exit.axis + 1) % 3], point[(exit.axis + 2) % 3]);
+          255 * Brightness(settings, exit.surface(), point[(exit.axis + 1) % 3],
+                           point[(exit.axis + 2) % 3]);
       const bool floor = exit.axis == 2 && !exit.upper;
       // The normal points into the room.
       const double cosine = (exit.upper ? 1 : -1) * settings.light.direction[exit.axis];

@@ -6,6 +6,7 @@
 #include <Eigen/Geometry>
 #include <memory>
 #include <span>
+#include <type_traits>
 #include <vector>
 
 #include "capture/sim/body_part.h"
