@@ -119,7 +119,9 @@ TEST(ConfigurationChart, DrawsOutlineAndPathOnlyWhereAskedFor) {
   EXPECT_EQ(PixelsOf(plain, palette::kTruth), 0);
   EXPECT_EQ(PixelsOf(plain, palette::kPath), 0);
   chart.outlined = {0, 0, 0, 0, 1, 1};
-  chart.path = {{-90, 0}, {0, 0}, {90, 0}};
+  chart.path = {{{-90, 0}, {0, 0}, {90, 0}}};
+  chart.start = ChartPoint{-90, 0};
+  chart.goal = ChartPoint{90, 0};
   const Picture full = Draw(chart);
   EXPECT_GT(PixelsOf(full, palette::kTruth), 100);
   EXPECT_GT(PixelsOf(full, palette::kPath), 100);

@@ -176,22 +176,16 @@ void DrawMark(Picture& picture, cv::Point place, Colour colour, bool square) {
 }
 
 void DrawPath(Picture& picture, const ConfigurationChart& chart, const Plot& plot) {
-  if (chart.path.empty()) return;
   const cv::Scalar colour = Bgr(palette::kPath);
-  const double half_x = std::abs(chart.x.last - chart.x.first) / 2;
-  const double half_y = std::abs(chart.y.last - chart.y.first) / 2;
-  for (size_t i = 0; i < chart.path.size(); ++i) {
-    const ChartPoint here = chart.path[i];
-    if (i > 0) {
-      const ChartPoint before = chart.path[i - 1];
-      const bool wraps =
-          std::abs(here.x - before.x) > half_x || std::abs(here.y - before.y) > half_y;
-      if (!wraps) cv::line(picture, plot.At(before), plot.At(here), colour, 2, cv::LINE_AA);
+  for (const std::vector<ChartPoint>& line : chart.path) {
+    for (size_t i = 0; i < line.size(); ++i) {
+      const cv::Point here = plot.At(line[i]);
+      if (i > 0) cv::line(picture, plot.At(line[i - 1]), here, colour, 2, cv::LINE_AA);
+      cv::circle(picture, here, 2, colour, cv::FILLED, cv::LINE_AA);
     }
-    cv::circle(picture, plot.At(here), 2, colour, cv::FILLED, cv::LINE_AA);
   }
-  DrawMark(picture, plot.At(chart.path.front()), palette::kStart, false);
-  DrawMark(picture, plot.At(chart.path.back()), palette::kGoal, true);
+  if (chart.start) DrawMark(picture, plot.At(*chart.start), palette::kStart, false);
+  if (chart.goal) DrawMark(picture, plot.At(*chart.goal), palette::kGoal, true);
 }
 
 std::vector<LegendEntry> LegendOf(const ConfigurationChart& chart) {
@@ -202,11 +196,9 @@ std::vector<LegendEntry> LegendOf(const ConfigurationChart& chart) {
     }
   }
   if (!chart.outlined.empty()) legend.push_back(chart.outline);
-  if (!chart.path.empty()) {
-    legend.push_back({palette::kPath, "path"});
-    legend.push_back({palette::kStart, "start (round)"});
-    legend.push_back({palette::kGoal, "goal (square)"});
-  }
+  if (!chart.path.empty()) legend.push_back({palette::kPath, "path"});
+  if (chart.start) legend.push_back({palette::kStart, "start (round)"});
+  if (chart.goal) legend.push_back({palette::kGoal, "goal (square)"});
   return legend;
 }
 

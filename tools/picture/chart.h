@@ -9,6 +9,7 @@
 #pragma once
 
 #include <cstdint>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -51,9 +52,11 @@ struct ConfigurationChart {
   std::vector<uint8_t> outlined;
   LegendEntry outline{palette::kTruth, "truth's boundary"};
 
-  // Drawn as a line with dots, from a marked start to a marked goal; fewer than 1: none. Where a
-  // segment is longer than half an axis it is taken to wrap around and is not drawn.
-  std::vector<ChartPoint> path;
+  // Lines with dots at their points. A path that leaves the chart at one rim and comes back at the
+  // other is two of them.
+  std::vector<std::vector<ChartPoint>> path;
+  std::optional<ChartPoint> start;
+  std::optional<ChartPoint> goal;
 };
 
 // Throws std::invalid_argument if the counts or the classes of cells do not fit.

@@ -1,0 +1,109 @@
+#include "clients/program/configuration_text.h"
+
+#include <cmath>
+#include <iostream>
+#include <iterator>
+#include <nlohmann/json.hpp>
+#include <numbers>
+#include <stdexcept>
+
+#include "absl/strings/ascii.h"
+#include "absl/strings/numbers.h"
+#include "absl/strings/str_cat.h"
+#include "absl/strings/str_format.h"
+#include "absl/strings/str_join.h"
+#include "absl/strings/str_split.h"
+#include "absl/strings/string_view.h"
+#include "absl/strings/strip.h"
+#include "tools/picture/files.h"
+
+namespace silhouette {
+namespace {
+
+absl::string_view View(std::string_view text) { return {text.data(), text.size()}; }
+
+Configuration ParseParts(const std::vector<std::string>& parts, AngleUnit unit) {
+  Configuration configuration;
+  for (const std::string& part : parts) configuration.push_back(ParseJointValue(part, unit));
+  return configuration;
+}
+
+absl::StatusOr<std::string> ReadText(const std::string& file) {
+  if (file != "-") return ReadWholeFile(file);
+  return std::string(std::istreambuf_iterator<char>(std::cin), {});
+}
+
+}  // namespace
+
+double ParseJointValue(std::string_view text, AngleUnit unit) {
+  absl::string_view number = View(text);
+  bool degrees = unit == AngleUnit::kDegrees;
+  if (absl::ConsumeSuffix(&number, "deg")) {
+    degrees = true;
+  } else if (absl::ConsumeSuffix(&number, "rad") || absl::ConsumeSuffix(&number, "m")) {
+    degrees = false;
+  }
+  double value = 0;
+  if (!absl::SimpleAtod(number, &value) || !std::isfinite(value)) {
+    throw std::invalid_argument(
+        absl::StrCat("'", View(text), "' is no joint value; 0.5, -30deg and 0.2m are"));
+  }
+  return degrees ? value * std::numbers::pi / 180 : value;
+}
+
+Configuration ParseConfiguration(std::string_view text, AngleUnit unit) {
+  return ParseParts(absl::StrSplit(View(text), ','), unit);
+}
+
+std::pair<std::string, double> ParseJoint(std::string_view text, AngleUnit unit) {
+  const size_t equals = text.find('=');
+  if (equals == std::string_view::npos || equals == 0) {
+    throw std::invalid_argument(
+        absl::StrCat("'", View(text), "' is not name=value, as in axis_1=0.5"));
+  }
+  return {std::string(text.substr(0, equals)), ParseJointValue(text.substr(equals + 1), unit)};
+}
+
+absl::StatusOr<std::vector<Configuration>> ReadConfigurations(const std::string& file,
+                                                              AngleUnit unit) {
+  const absl::StatusOr<std::string> text = ReadText(file);
+  if (!text.ok()) return text.status();
+  std::vector<Configuration> configurations;
+  int line_number = 0;
+  for (const absl::string_view line : absl::StrSplit(*text, '\n')) {
+    ++line_number;
+    const absl::string_view content =
+        absl::StripAsciiWhitespace(line.substr(0, std::min(line.find('#'), line.size())));
+    if (content.empty()) continue;
+    try {
+      configurations.push_back(
+          ParseParts(absl::StrSplit(content, absl::ByAnyChar(", \t"), absl::SkipEmpty()), unit));
+    } catch (const std::invalid_argument& error) {
+      return absl::InvalidArgumentError(absl::StrCat(file, ":", line_number, ": ", error.what()));
+    }
+  }
+  return configurations;
+}
+
+absl::StatusOr<std::vector<Configuration>> ReadWaypoints(const std::string& file) {
+  const absl::StatusOr<std::string> text = ReadText(file);
+  if (!text.ok()) return text.status();
+  try {
+    auto waypoints = nlohmann::json::parse(*text).at("waypoints").get<std::vector<Configuration>>();
+    if (waypoints.empty()) return absl::InvalidArgumentError(file + ": the path has no waypoint");
+    return waypoints;
+  } catch (const nlohmann::json::parse_error& error) {
+    return absl::InvalidArgumentError(absl::StrCat(file, ": not JSON, at byte ", error.byte));
+  } catch (const nlohmann::json::exception&) {
+    return absl::InvalidArgumentError(
+        file + ": a list of configurations under the key \"waypoints\" is expected");
+  }
+}
+
+std::string Spoken(const Configuration& configuration) {
+  return absl::StrJoin(configuration, ",", [](std::string* out, double value) {
+    absl::StrAppendFormat(out, "%.6g", value);
+  });
+}
+
+}  // namespace silhouette

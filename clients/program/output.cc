@@ -1,0 +1,85 @@
+#include "clients/program/output.h"
+
+#include <algorithm>
+#include <iostream>
+
+#include "absl/strings/str_cat.h"
+#include "absl/strings/str_format.h"
+#include "tools/program/progress.h"
+
+namespace silhouette {
+
+void Print(const Json& json) { std::cout << json.dump(2) << std::endl; }
+
+std::string Spoken(const client::Verdict& verdict) {
+  std::string words = NameOf(verdict.state);
+  if (verdict.state == client::State::kUnknown) {
+    absl::StrAppend(&words, ": ", Describe(verdict.reason));
+  } else if (verdict.hidden_possible) {
+    absl::StrAppend(&words, " (but an obstacle may hide there from every view)");
+  }
+  return words;
+}
+
+std::string Spoken(const client::Basis& basis) {
+  if (basis.scene_id == 0) {
+    return absl::StrCat("no scene, database generation ", basis.database_generation);
+  }
+  return absl::StrCat("scene ", basis.scene_id, ", ", Spoken(basis.Age()),
+                      " old, database generation ", basis.database_generation);
+}
+
+Json JsonOf(const client::Verdict& verdict) {
+  const bool unknown = verdict.state == client::State::kUnknown;
+  Json json{{"state", NameOf(verdict.state)},
+            {"reason", unknown ? Json(NameOf(verdict.reason)) : Json()},
+            {"hidden_possible", verdict.hidden_possible},
+            {"views", Json::array()}};
+  for (const client::ViewEvidence& view : verdict.views) {
+    json["views"].push_back({{"view", view.view},
+                             {"missing", view.missing},
+                             {"obstacle_pixels", view.obstacle_pixels},
+                             {"unknown_pixels", view.unknown_pixels},
+                             {"error_pixels", view.error_pixels}});
+  }
+  return json;
+}
+
+Json JsonOf(const client::Basis& basis) {
+  const bool scene = basis.scene_id != 0;
+  return {{"scene_id", scene ? Json(basis.scene_id) : Json()},
+          {"scene_time", scene ? Json(Spoken(basis.scene_time)) : Json()},
+          {"scene_age_s", scene ? Json(absl::ToDoubleSeconds(basis.Age())) : Json()},
+          {"database_generation", basis.database_generation}};
+}
+
+std::string Table(const std::vector<std::vector<std::string>>& rows) {
+  std::vector<size_t> widths;
+  for (const std::vector<std::string>& row : rows) {
+    widths.resize(std::max(widths.size(), row.size()));
+    for (size_t i = 0; i < row.size(); ++i) widths[i] = std::max(widths[i], row[i].size());
+  }
+  std::string table;
+  for (const std::vector<std::string>& row : rows) {
+    for (size_t i = 0; i < row.size(); ++i) {
+      const std::string padding(widths[i] - row[i].size(), ' ');
+      if (i == 0) {
+        absl::StrAppend(&table, row[i], padding);
+      } else {
+        absl::StrAppend(&table, "  ", padding, row[i]);
+      }
+    }
+    absl::StrAppend(&table, "\n");
+  }
+  return table;
+}
+
+double Percent(uint64_t part, uint64_t whole) {
+  return whole == 0 ? 0 : 100.0 * static_cast<double>(part) / static_cast<double>(whole);
+}
+
+std::string Spoken(absl::Time time) {
+  return absl::FormatTime(absl::RFC3339_full, time, absl::UTCTimeZone());
+}
+
+}  // namespace silhouette

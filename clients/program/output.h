@@ -1,0 +1,40 @@
+// Answers in words and as JSON.
+#pragma once
+
+#include <nlohmann/json.hpp>
+#include <string>
+
+#include "absl/status/status.h"
+#include "absl/time/time.h"
+#include "silhouette/answers.h"
+#include "silhouette/scene.h"
+#include "silhouette/verdict.h"
+
+namespace silhouette {
+
+using Json = nlohmann::ordered_json;
+
+// Prints a value as JSON, indented, with a line's end.
+void Print(const Json& json);
+
+// "free", "occupied", "unknown: no scene has been published yet: publish one"; with a word on
+// obstacles that may hide.
+std::string Spoken(const client::Verdict& verdict);
+// "scene 3, 120 ms old, database generation 7", "no scene".
+std::string Spoken(const client::Basis& basis);
+
+// {"state", "reason" (null if not unknown), "hidden_possible", "views": [...]}
+Json JsonOf(const client::Verdict& verdict);
+// {"scene_id", "scene_time", "scene_age_s", "database_generation"}; null where there is no scene.
+Json JsonOf(const client::Basis& basis);
+
+// A table of text: the first column to the left, the others to the right.
+std::string Table(const std::vector<std::vector<std::string>>& rows);
+
+// 100 * part / whole; 0 of nothing.
+double Percent(uint64_t part, uint64_t whole);
+
+// RFC 3339 in UTC.
+std::string Spoken(absl::Time time);
+
+}  // namespace silhouette

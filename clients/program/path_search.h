@@ -1,0 +1,29 @@
+// A path that is free everywhere, not only at the grid points.
+//
+// With more than one view needed to convict, a grid cell can be occupied though its corners are
+// free: one view hits at one corner, another view at another. So the wave runs over the fetched
+// configuration space, the moves of the path it finds are checked by the server, and what is not
+// free is taken out and the wave runs anew.
+#pragma once
+
+#include "absl/status/statusor.h"
+#include "clients/planners/wave_propagation.h"
+#include "silhouette/client.h"
+
+namespace silhouette {
+
+struct PathSearch {
+  Plan plan;
+  // How often the wave ran.
+  int rounds = 0;
+  // Moves between free grid points that the server did not find free.
+  uint64_t blocked_moves = 0;
+};
+
+// `start_free`, `goal_free`: the server's verdicts for them. Aborted if a stop was requested.
+absl::StatusOr<PathSearch> SearchPath(const Client& client, const client::Policy& policy,
+                                      const client::ConfigurationSpace& space,
+                                      const Configuration& start, bool start_free,
+                                      const Configuration& goal, bool goal_free, Moves moves);
+
+}  // namespace silhouette

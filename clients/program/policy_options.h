@@ -1,0 +1,23 @@
+// --preset, --min-views, --max-occluded-views, --off-grid.
+#pragma once
+
+#include <CLI/CLI.hpp>
+#include <optional>
+#include <string>
+
+#include "silhouette/policy.h"
+
+namespace silhouette {
+
+struct PolicyOptions {
+  std::string preset;
+  std::optional<int> min_views;
+  std::optional<int> max_occluded_views;
+  std::string off_grid;
+
+  client::Policy policy() const;
+};
+
+void AddPolicyOptions(CLI::App& command, PolicyOptions& options);
+
+}  // namespace silhouette

@@ -1,0 +1,24 @@
+// What all subcommands share: which server, how long to wait, which form of output.
+#pragma once
+
+#include <CLI/CLI.hpp>
+#include <string>
+
+#include "absl/status/statusor.h"
+#include "silhouette/client.h"
+
+namespace silhouette {
+
+struct Session {
+  std::string server = client::kDefaultAddress;
+  double timeout = 10;  // seconds for each call
+  std::string format = "text";
+
+  bool json() const { return format == "json"; }
+  absl::StatusOr<Client> Connect() const;
+};
+
+// --server (or the environment's SILHOUETTE_SERVER) and --timeout.
+void AddServerOptions(CLI::App& program, Session& session);
+
+}  // namespace silhouette

@@ -1,0 +1,25 @@
+// The configuration space of two joints as a chart (Figure 8).
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "absl/status/statusor.h"
+#include "silhouette/configuration_space.h"
+#include "tools/picture/chart.h"
+
+namespace silhouette {
+
+// InvalidArgument if the grid has not two joints. Axes in degrees.
+absl::StatusOr<ConfigurationChart> ChartOf(const client::ConfigurationSpace& space,
+                                           const std::string& title);
+
+// A place in the chart of this grid of two joints: continuous joints wrapped into it.
+ChartPoint ChartPointOf(const ConfigurationGrid& grid, const Configuration& configuration);
+
+// The path in the chart of this grid of two joints, in pieces where it goes over the rim of a
+// continuous joint.
+std::vector<std::vector<ChartPoint>> ChartLines(const ConfigurationGrid& grid,
+                                                const std::vector<Configuration>& waypoints);
+
+}  // namespace silhouette
