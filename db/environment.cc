@@ -9,8 +9,10 @@
 #include <cerrno>
 #include <condition_variable>
 #include <cstring>
+#include <filesystem>
 #include <map>
 #include <mutex>
+#include <system_error>
 #include <tuple>
 #include <utility>
 
@@ -309,6 +311,9 @@ absl::Status Environment::ReadError(int code) const {
 }
 
 absl::Status Environment::WriteError(int code) const {
+  // A disk that becomes full within a write cuts it short; LMDB calls that EIO.
+  std::error_code error;
+  if (code == EIO && std::filesystem::space(folder_, error).available < (1 << 16)) code = ENOSPC;
   return LmdbError(code, absl::StrCat("database '", folder_, "' cannot be written"));
 }
 
