@@ -24,7 +24,7 @@
 namespace silhouette {
 namespace {
 
-constexpr size_t kFirstMapBytes = size_t{256} << 20;
+constexpr size_t kFirstMapBytes = size_t{64} << 20;
 constexpr size_t kMapStep = size_t{1} << 20;
 constexpr off_t kLockFileBytes = 8192;
 constexpr uint32_t kLmdbMagic = 0xBEEFC0DE;
@@ -251,13 +251,14 @@ absl::StatusOr<unsigned> Environment::ChooseFlags() {
 }
 
 // Looks at the present state's pages before LMDB does.
-absl::Status Environment::CheckState() const {
+absl::Status Environment::CheckState() {
   mdb_filehandle_t file = -1;
   if (int code = mdb_env_get_fd(environment_, &file); code != 0) return ReadError(code);
   absl::Status status = absl::UnavailableError("not looked at yet");
   for (int attempt = 0; attempt < 10 && absl::IsUnavailable(status); ++attempt) {
     MDB_txn* transaction = nullptr;
-    const int code = mdb_txn_begin(environment_, nullptr, MDB_RDONLY, &transaction);
+    const int code = BeginPatiently(
+        [&] { return mdb_txn_begin(environment_, nullptr, MDB_RDONLY, &transaction); });
     if (code != 0) return ReadError(code);
     status = CheckPages(file, DataPath(folder_), mdb_txn_id(transaction));
     mdb_txn_abort(transaction);
@@ -269,14 +270,14 @@ absl::Status Environment::OpenSubDatabases() {
   const std::string not_ours =
       absl::StrCat("'", DataPath(folder_), "' is an LMDB database, but not one of Silhouette's");
   MDB_txn* transaction = nullptr;
-  if (int code = mdb_txn_begin(environment_, nullptr, MDB_RDONLY, &transaction); code != 0) {
-    return ReadError(code);
-  }
+  int code = BeginPatiently(
+      [&] { return mdb_txn_begin(environment_, nullptr, MDB_RDONLY, &transaction); });
+  if (code != 0) return ReadError(code);
   const auto end = [&](absl::Status status) {
     mdb_txn_abort(transaction);
     return status;
   };
-  int code = mdb_dbi_open(transaction, schema::kMeta, 0, &meta_);
+  code = mdb_dbi_open(transaction, schema::kMeta, 0, &meta_);
   if (code == MDB_NOTFOUND) {
     MDB_stat main;
     mdb_env_stat(environment_, &main);
@@ -346,6 +347,7 @@ absl::StatusOr<ReadTransaction> Environment::Read() {
 }
 
 absl::Status Environment::Update(size_t new_bytes, const Change& change) {
+  const std::lock_guard one_at_a_time(update_mutex_);
   for (;;) {
     bool map_full = false;
     absl::Status status = UpdateOnce(change, map_full);

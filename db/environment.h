@@ -8,6 +8,7 @@
 
 #include <functional>
 #include <memory>
+#include <mutex>
 #include <shared_mutex>
 #include <string>
 #include <string_view>
@@ -116,7 +117,7 @@ class Environment : public std::enable_shared_from_this<Environment> {
 
   absl::Status OpenFiles(bool create);
   absl::StatusOr<unsigned> ChooseFlags();
-  absl::Status CheckState() const;
+  absl::Status CheckState();
   absl::Status OpenSubDatabases();
   absl::Status UpdateOnce(const Change& change, bool& map_full);
   // Sets the map's size; 0: to what another process has grown it to.
@@ -130,6 +131,7 @@ class Environment : public std::enable_shared_from_this<Environment> {
   int readers_guard_ = -1;  // keeps writers out where a reader cannot register itself
   MDB_dbi meta_ = 0;
   MDB_dbi robot_images_ = 0;
+  std::mutex update_mutex_;
   std::shared_mutex map_mutex_;
 };
 

@@ -1,5 +1,9 @@
 #include "db/store.h"
 
+#include <fcntl.h>
+#include <unistd.h>
+
+#include <cerrno>
 #include <filesystem>
 #include <set>
 #include <system_error>
@@ -79,6 +83,15 @@ void RemoveFiles(const std::string& path) {
   std::error_code ignored;
   fs::remove(fs::path(path) / schema::kDataFile, ignored);
   fs::remove(fs::path(path) / schema::kLockFile, ignored);
+}
+
+// Sees that a file's content is on the disk; 0 or the errno.
+int Sync(const std::string& path) {
+  const int file = open(path.c_str(), O_RDONLY | O_CLOEXEC);
+  if (file < 0) return errno;
+  const int code = fsync(file) == 0 ? 0 : errno;
+  close(file);
+  return code;
 }
 
 absl::Status Fill(const Environment& environment, WriteTransaction& transaction,
@@ -196,8 +209,12 @@ absl::Status Database::Compact(const std::string& target) const {
   }
   absl::StatusOr<WriterLock> lock = WriterLock::Take(target);
   if (!lock.ok()) return lock.status();
-  const auto hold = state_->environment->HoldMap();
-  const int code = mdb_env_copy2(state_->environment->get(), target.c_str(), MDB_CP_COMPACT);
+  int code = 0;
+  {
+    const auto hold = state_->environment->HoldMap();
+    code = mdb_env_copy2(state_->environment->get(), target.c_str(), MDB_CP_COMPACT);
+  }
+  if (code == 0) code = Sync(target + "/" + schema::kDataFile);
   if (code == 0) return absl::OkStatus();
   RemoveFiles(target);
   return LmdbError(code,

@@ -48,7 +48,8 @@ absl::StatusOr<WriterLock> WriterLock::Take(const std::string& folder) {
 
 absl::StatusOr<int> WriterLock::KeepWritersOut(const std::string& folder) {
   const int file = open(LockPath(folder).c_str(), O_RDONLY | O_CLOEXEC);
-  if (file < 0) return -1;
+  if (file < 0 && errno == ENOENT) return -1;
+  if (file < 0) return LmdbError(errno, absl::StrCat("'", LockPath(folder), "' cannot be read"));
   if (flock(file, LOCK_SH | LOCK_NB) != 0) {
     const std::string holder = Holder(file);
     close(file);
