@@ -60,6 +60,9 @@ std::vector<Move> MoveSet(const ConfigurationGrid& grid, Moves moves) {
       if (steps[j] == 0 || JointsOf(steps) == 1) continue;
       Steps part = steps;
       part[j] = 0;
+      Steps rest{};
+      rest[j] = steps[j];
+      if (move.parts.empty()) move.rest = places.at(rest);
       move.parts.push_back(places.at(part));
     }
     places[steps] = static_cast<int>(set.size());

@@ -27,6 +27,8 @@ struct Move {
   // The moves that leave out one of this one's joints, as indices into the set. Their boxes and
   // this one's end are together this one's box.
   std::vector<int> parts = {};
+  // The move of one joint that the first of the parts leaves out.
+  int rest = -1;
 };
 
 // Moves in the order in which ties are broken; the parts of a move come before it.

@@ -97,14 +97,19 @@ const std::vector<Wave::Step>& Wave::StepsFrom(const GridIndex& index) {
   for (size_t m = 0; m < moves_.size(); ++m) {
     const Move& move = moves_[m];
     Step& step = steps_[m];
-    const std::optional<GridIndex> end = After(grid_, index, move);
-    step.box_is_free = end && std::all_of(move.parts.begin(), move.parts.end(), [&](int part) {
-                         return steps_[static_cast<size_t>(part)].box_is_free;
-                       });
-    if (step.box_is_free) {
-      step.number = grid_.NumberOf(*end);
-      step.box_is_free = IsFree(step.number);
+    if (move.parts.empty()) {
+      const std::optional<GridIndex> end = After(grid_, index, move);
+      step.box_is_free = end.has_value();
+      if (end) step.number = grid_.NumberOf(*end);
+    } else {
+      step.box_is_free = std::all_of(move.parts.begin(), move.parts.end(), [&](int part) {
+        return steps_[static_cast<size_t>(part)].box_is_free;
+      });
+      // A number is a sum over the joints.
+      step.number = steps_[static_cast<size_t>(move.parts.front())].number +
+                    (steps_[static_cast<size_t>(move.rest)].number - from);
     }
+    step.box_is_free = step.box_is_free && IsFree(step.number);
     step.allowed = step.box_is_free && (!space_.move || space_.move(from, step.number));
   }
   return steps_;
