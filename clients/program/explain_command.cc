@@ -69,7 +69,8 @@ absl::Status WriteImages(const client::Explanation& explanation, const std::stri
   if (sheet.empty()) return absl::OkStatus();
   const SheetOptions options{.title = absl::StrCat("Verdict: ", NameOf(explanation.verdict.state)),
                              .columns = 4,
-                             .legend = {{palette::kBackground, "background"},
+                             .legend = {{palette::kInk, "foreground"},
+                                        {palette::kBackground, "background"},
                                         {palette::kObstacle, "obstacle"},
                                         {palette::kUnknown, "unknown"},
                                         {palette::kError, "error"}}};

@@ -108,9 +108,19 @@ absl::Status WritePath(const Findings& findings, const std::string& path) {
   return WriteWholeFile(path, json.dump(2) + "\n");
 }
 
+std::string TitleOf(const Findings& findings) {
+  std::string title = "Configuration space, ";
+  absl::StrAppend(&title, findings.found() ? "planned path" : "no path");
+  if (!findings.truth) return title;
+  const Judgement judgement = Judge(findings.space, *findings.truth);
+  absl::StrAppend(&title, "; missing ", judgement.missing, ", additional ", judgement.additional,
+                  " of ", judgement.configurations);
+  return title;
+}
+
 absl::Status WritePicture(const Findings& findings, const std::string& path) {
   const ConfigurationGrid& grid = findings.space.grid();
-  auto chart = ChartOf(findings.space, "Configuration space and planned path");
+  auto chart = ChartOf(findings.space, TitleOf(findings));
   if (!chart.ok()) return chart.status();
   if (findings.truth) {
     for (int y = 0; y < chart->y.cells; ++y) {
