@@ -139,7 +139,9 @@ ReadTransaction::~ReadTransaction() {
 void ReadTransaction::Reset() { mdb_txn_reset(transaction_); }
 
 absl::Status ReadTransaction::Renew() {
-  const int code = environment_->BeginPatiently([this] { return mdb_txn_renew(transaction_); });
+  Environment::MapHold hold = environment_->HoldMap();
+  const int code =
+      environment_->BeginPatiently([this] { return mdb_txn_renew(transaction_); }, hold);
   return code == 0 ? absl::OkStatus() : environment_->ReadError(code);
 }
 
@@ -257,9 +259,7 @@ absl::Status Environment::CheckState() {
   absl::Status status = absl::UnavailableError("not looked at yet");
   for (int attempt = 0; attempt < 10 && absl::IsUnavailable(status); ++attempt) {
     MDB_txn* transaction = nullptr;
-    const int code = BeginPatiently(
-        [&] { return mdb_txn_begin(environment_, nullptr, MDB_RDONLY, &transaction); });
-    if (code != 0) return ReadError(code);
+    if (const int code = BeginReading(&transaction); code != 0) return ReadError(code);
     status = CheckPages(file, DataPath(folder_), mdb_txn_id(transaction));
     mdb_txn_abort(transaction);
   }
@@ -270,8 +270,7 @@ absl::Status Environment::OpenSubDatabases() {
   const std::string not_ours =
       absl::StrCat("'", DataPath(folder_), "' is an LMDB database, but not one of Silhouette's");
   MDB_txn* transaction = nullptr;
-  int code = BeginPatiently(
-      [&] { return mdb_txn_begin(environment_, nullptr, MDB_RDONLY, &transaction); });
+  int code = BeginReading(&transaction);
   if (code != 0) return ReadError(code);
   const auto end = [&](absl::Status status) {
     mdb_txn_abort(transaction);
@@ -318,15 +317,15 @@ absl::Status Environment::WriteError(int code) const {
   return LmdbError(code, absl::StrCat("database '", folder_, "' cannot be written"));
 }
 
-int Environment::BeginPatiently(const std::function<int()>& begin) {
+int Environment::BeginPatiently(const std::function<int()>& begin, MapHold& hold) {
   int code = 0;
   for (int attempt = 0; attempt < 10; ++attempt) {
-    {
-      const auto hold = HoldMap();
-      code = begin();
-    }
+    code = begin();
     if (code == MDB_MAP_RESIZED) {
-      if (!Resize(0).ok()) return code;
+      hold.unlock();
+      const absl::Status status = Resize(0);
+      hold.lock();
+      if (!status.ok()) return code;
     } else if (code == MDB_READERS_FULL) {
       int dead = 0;
       mdb_reader_check(environment_, &dead);
@@ -338,11 +337,15 @@ int Environment::BeginPatiently(const std::function<int()>& begin) {
   return code;
 }
 
+int Environment::BeginReading(MDB_txn** transaction) {
+  MapHold hold = HoldMap();
+  return BeginPatiently(
+      [&] { return mdb_txn_begin(environment_, nullptr, MDB_RDONLY, transaction); }, hold);
+}
+
 absl::StatusOr<ReadTransaction> Environment::Read() {
   MDB_txn* transaction = nullptr;
-  const int code = BeginPatiently(
-      [&] { return mdb_txn_begin(environment_, nullptr, MDB_RDONLY, &transaction); });
-  if (code != 0) return ReadError(code);
+  if (const int code = BeginReading(&transaction); code != 0) return ReadError(code);
   return ReadTransaction(shared_from_this(), transaction);
 }
 
@@ -361,10 +364,10 @@ absl::Status Environment::Update(size_t new_bytes, const Change& change) {
 }
 
 absl::Status Environment::UpdateOnce(const Change& change, bool& map_full) {
+  MapHold hold = HoldMap();
   MDB_txn* begun = nullptr;
-  int code = BeginPatiently([&] { return mdb_txn_begin(environment_, nullptr, 0, &begun); });
+  int code = BeginPatiently([&] { return mdb_txn_begin(environment_, nullptr, 0, &begun); }, hold);
   if (code != 0) return WriteError(code);
-  const auto hold = HoldMap();
   WriteTransaction transaction(*this, begun);
   absl::Status status = change(transaction);
   map_full = transaction.map_full_;

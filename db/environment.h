@@ -105,7 +105,8 @@ class Environment : public std::enable_shared_from_this<Environment> {
 
   // To be held around every use of a transaction and of what it points to: the map may move while
   // nobody holds it. Not recursive.
-  std::shared_lock<std::shared_mutex> HoldMap() { return std::shared_lock(map_mutex_); }
+  using MapHold = std::shared_lock<std::shared_mutex>;
+  MapHold HoldMap() { return MapHold(map_mutex_); }
 
   // LmdbError for something that went wrong while reading or writing.
   absl::Status ReadError(int code) const;
@@ -122,8 +123,10 @@ class Environment : public std::enable_shared_from_this<Environment> {
   absl::Status UpdateOnce(const Change& change, bool& map_full);
   // Sets the map's size; 0: to what another process has grown it to.
   absl::Status Resize(size_t bytes);
-  // Calls `begin` until it is content with the map's size and the table of readers.
-  int BeginPatiently(const std::function<int()>& begin);
+  // Calls `begin` until it is content with the map's size and the table of readers. `hold` is held
+  // before and afterwards, and let go for the map to move.
+  int BeginPatiently(const std::function<int()>& begin, MapHold& hold);
+  int BeginReading(MDB_txn** transaction);
 
   const std::string folder_;
   MDB_env* environment_ = nullptr;
