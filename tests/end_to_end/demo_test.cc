@@ -1,5 +1,4 @@
 // The main job as the README's first command does it, on a coarse grid: all programs together.
-#include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <unistd.h>
 
@@ -14,69 +13,43 @@ namespace {
 
 namespace fs = std::filesystem;
 
-class Demo : public testing::Test {
- protected:
-  static void SetUpTestSuite() {
-    folder() = fs::path(testing::TempDir()) / ("demo_" + std::to_string(getpid()));
-    const std::string command = std::string(SILHOUETTE_SOURCE_DIR) +
-                                "/tools/demo --quick --programs " + SILHOUETTE_BIN_DIR + " --out " +
-                                folder().string() + " >" + folder().string() + ".log 2>&1";
-    exit_code() = WEXITSTATUS(std::system(command.c_str()));
-  }
-  static void TearDownTestSuite() { fs::remove_all(folder()); }
+std::string Read(const fs::path& path) {
+  std::ifstream in(path);
+  return {std::istreambuf_iterator<char>(in), std::istreambuf_iterator<char>()};
+}
 
-  static fs::path& folder() {
-    static fs::path path;
-    return path;
-  }
-  static int& exit_code() {
-    static int code = -1;
-    return code;
-  }
+TEST(Demo, PlansAroundTheObstaclesAndReportsNoContactFree) {
+  const fs::path folder = fs::path(testing::TempDir()) / ("demo_" + std::to_string(getpid()));
+  const std::string log = folder.string() + ".log";
+  const std::string command = std::string(SILHOUETTE_SOURCE_DIR) + "/tools/demo --quick" +
+                              " --programs " + SILHOUETTE_BIN_DIR + " --out " + folder.string() +
+                              " >" + log + " 2>&1";
+  ASSERT_EQ(std::system(command.c_str()), 0) << Read(log);
 
-  static std::string Log() {
-    std::ifstream in(folder().string() + ".log");
-    return {std::istreambuf_iterator<char>(in), std::istreambuf_iterator<char>()};
-  }
-  static nlohmann::json Summary() {
-    std::ifstream in(folder() / "summary.json");
-    return nlohmann::json::parse(in);
-  }
-};
-
-TEST_F(Demo, PlansAPathThatTouchesNothing) {
-  ASSERT_EQ(exit_code(), 0) << Log();
-  const nlohmann::json summary = Summary();
+  const nlohmann::json summary = nlohmann::json::parse(Read(folder / "summary.json"));
   EXPECT_TRUE(summary.at("path_collision_free_in_truth").get<bool>());
   EXPECT_GE(summary.at("path_waypoints").get<int>(), 3) << "the obstacle is in the way";
-}
-
-TEST_F(Demo, NoConfigurationInContactIsReportedFree) {
-  ASSERT_EQ(exit_code(), 0) << Log();
-  const nlohmann::json summary = Summary();
-  EXPECT_GT(summary.at("occupied_in_truth").get<int>(), 0);
+  const int configurations = summary.at("configurations").get<int>();
+  const int occupied = summary.at("occupied_in_truth").get<int>();
+  EXPECT_GT(occupied, 0);
   EXPECT_EQ(summary.at("missing").get<int>(), 0);
-  EXPECT_LT(summary.at("additional").get<int>(),
-            summary.at("configurations").get<int>() - summary.at("occupied_in_truth").get<int>())
-      << "not everything is blocked";
-}
-
-TEST_F(Demo, SummaryHasTheMeasuredTimes) {
-  ASSERT_EQ(exit_code(), 0) << Log();
-  const nlohmann::json summary = Summary();
+  EXPECT_LT(summary.at("additional").get<int>(), configurations - occupied);
   EXPECT_EQ(summary.at("views").get<int>(), 4);
   EXPECT_GT(summary.at("capture_seconds").get<double>(), 0);
   EXPECT_GT(summary.at("check_p50_us").get<double>(), 0);
   EXPECT_GT(summary.at("space_ms").get<double>(), 0);
-}
 
-TEST_F(Demo, PicturesAreThere) {
-  ASSERT_EQ(exit_code(), 0) << Log();
+  const nlohmann::json capture = nlohmann::json::parse(Read(folder / "capture.json"));
+  for (const nlohmann::json& view : capture.at("view_quality")) {
+    EXPECT_EQ(view.at("touching_border").get<int>(), 0) << view.at("name");
+  }
   for (const char* name : {"configuration-space.png", "views.png"}) {
-    const cv::Mat picture = cv::imread((folder() / name).string());
+    const cv::Mat picture = cv::imread((folder / name).string());
     EXPECT_GT(picture.cols, 300) << name;
     EXPECT_GT(picture.rows, 200) << name;
   }
+  fs::remove_all(folder);
+  fs::remove(log);
 }
 
 }  // namespace
