@@ -55,12 +55,12 @@ void LogLoaded(const ServedDatabase& database, const std::string& path) {
                database.generation(), Counted(database.grid().size(), "configuration"),
                images.Count(RobotImageState::kPresent), images.Count(RobotImageState::kExcluded));
   if (const uint64_t missing = images.Count(RobotImageState::kMissing); missing > 0) {
-    spdlog::warn("{} missing: their verdicts are unknown until they are captured",
-                 Counted(missing, "robot image"));
+    spdlog::warn("{} without a robot image: unknown until captured",
+                 Counted(missing, "configuration"));
   }
   if (const uint64_t corrupt = images.Count(RobotImageState::kCorrupt); corrupt > 0) {
-    spdlog::warn("{} fail their checksum: their verdicts are unknown until they are captured anew",
-                 Counted(corrupt, "robot image"));
+    spdlog::warn("{} with a robot image that fails its checksum: unknown until captured anew",
+                 Counted(corrupt, "configuration"));
   }
   if (!database.has_references()) {
     spdlog::warn("no reference images: camera images are refused, scene masks are taken");

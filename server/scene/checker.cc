@@ -20,9 +20,7 @@ Checker::Checker(Served served, const Policy& policy, const SceneSettings& setti
                  const Moment& now)
     : served_(std::move(served)), blocked_(BlockedReason(served_, settings, now)) {
   MinViews(policy, served_.database->views());
-  if (served_.scene == nullptr) return;
-  scene_age_ = served_.scene->AgeAt(now);
-  if (blocked_ == Reason::kGenerationMismatch) return;
+  if (served_.scene == nullptr || blocked_ == Reason::kGenerationMismatch) return;
   test_.emplace(served_.database->robot_images(), served_.scene->obstacle_images, policy);
 }
 

@@ -5,7 +5,6 @@
 #include <span>
 #include <vector>
 
-#include "absl/time/time.h"
 #include "db/configuration_grid.h"
 #include "server/collision/collision_test.h"
 #include "server/collision/policy.h"
@@ -20,12 +19,11 @@ namespace silhouette {
 // a whole cannot be rested on; then CollisionTest's. Used by any number of threads.
 class Checker {
  public:
-  // Age counts at the moment `now`. Throws std::invalid_argument if the policy cannot be.
+  // Whether the scene is too old counts at the moment `now`. Throws std::invalid_argument if the
+  // policy cannot be.
   Checker(Served served, const Policy& policy, const SceneSettings& settings, const Moment& now);
 
   const Served& served() const { return served_; }
-  // Age of the scene's oldest image; zero if there is no scene.
-  absl::Duration scene_age() const { return scene_age_; }
   // Why every verdict is unknown, whatever the configuration; kNone if verdicts can be made.
   Reason blocked() const { return blocked_; }
 
@@ -40,7 +38,6 @@ class Checker {
 
  private:
   Served served_;
-  absl::Duration scene_age_;
   Reason blocked_ = Reason::kInternal;
   std::optional<CollisionTest> test_;  // nothing where there is no scene
 };

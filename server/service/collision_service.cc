@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 #include <set>
+#include <span>
 #include <utility>
 
 #include "absl/strings/str_cat.h"
@@ -16,7 +17,7 @@
 namespace silhouette {
 namespace {
 
-// Up to so many robot images are looked at in gRPC's own threads.
+// Up to so many configurations are checked in gRPC's own threads.
 constexpr int kFewChecks = 64;
 
 absl::StatusOr<std::vector<Configuration>> ConfigurationsFrom(
@@ -45,6 +46,11 @@ Verdict CheckOne(const Checker& checker, const Configuration& q, std::span<ViewE
     std::fill(evidence.begin(), evidence.end(), ViewEvidence{});
     return Verdict::Unknown(Reason::kInternal);
   }
+}
+
+// What may be told of a verdict when the answer is ready.
+Verdict Final(const Verdict& verdict, Reason blocked) {
+  return blocked == Reason::kNone ? verdict : Verdict::Unknown(blocked);
 }
 
 // Sends a configuration space, some tiles at a time. Deletes itself.
@@ -121,30 +127,42 @@ absl::StatusOr<std::vector<uint64_t>> TilesFrom(const v1::GetConfigurationSpaceR
 
 }  // namespace
 
-absl::StatusOr<Checker> CollisionService::CheckerFor(const v1::Policy& message,
-                                                     Served served) const {
+absl::StatusOr<Checker> CollisionService::CheckerFor(const v1::Policy& message) const {
+  Served served = serving_.scenes.Newest();
   const absl::StatusOr<Policy> policy =
       PolicyFrom(message, serving_.settings.policy, served.database->views());
   if (!policy.ok()) return policy.status();
   return Checker(std::move(served), *policy, serving_.settings.scene, serving_.settings.clock());
 }
 
+Reason CollisionService::Conclude(const Served& served, v1::Basis* basis) const {
+  const Moment now = serving_.settings.clock();
+  ToMessage(served, now, basis);
+  return BlockedReason(served, serving_.settings.scene, now);
+}
+
 grpc::ServerUnaryReactor* CollisionService::CheckConfigurations(
     grpc::CallbackServerContext* context, const v1::CheckConfigurationsRequest* request,
     v1::CheckConfigurationsResponse* response) {
   const auto work = [this, request, response]() -> grpc::Status {
-    const absl::StatusOr<Checker> checker = CheckerFor(request->policy(), serving_.scenes.Newest());
+    const absl::StatusOr<Checker> checker = CheckerFor(request->policy());
     if (!checker.ok()) return ToGrpc(checker.status());
     const ServedDatabase& database = *checker->served().database;
     const auto configurations = ConfigurationsFrom(request->configurations(), database.grid(),
                                                    "configurations", kMaxConfigurations);
     if (!configurations.ok()) return ToGrpc(configurations.status());
-    ToMessage(*checker, response->mutable_basis());
-    std::vector<ViewEvidence> evidence(
-        request->omit_evidence() ? 0 : static_cast<size_t>(database.views()));
-    for (const Configuration& q : *configurations) {
-      const Verdict verdict = CheckOne(*checker, q, evidence);
-      ToMessage(verdict, evidence, database, response->add_verdicts());
+    const size_t views = request->omit_evidence() ? 0 : static_cast<size_t>(database.views());
+    std::vector<Verdict> verdicts;
+    std::vector<ViewEvidence> evidence(views * configurations->size());
+    const auto evidence_of = [&](size_t i) {
+      return std::span(evidence).subspan(i * views, views);
+    };
+    for (size_t i = 0; i < configurations->size(); ++i) {
+      verdicts.push_back(CheckOne(*checker, (*configurations)[i], evidence_of(i)));
+    }
+    const Reason blocked = Conclude(checker->served(), response->mutable_basis());
+    for (size_t i = 0; i < verdicts.size(); ++i) {
+      ToMessage(Final(verdicts[i], blocked), evidence_of(i), database, response->add_verdicts());
     }
     return grpc::Status::OK;
   };
@@ -155,8 +173,8 @@ grpc::ServerUnaryReactor* CollisionService::CheckConfigurations(
 grpc::ServerUnaryReactor* CollisionService::CheckPath(grpc::CallbackServerContext* context,
                                                       const v1::CheckPathRequest* request,
                                                       v1::CheckPathResponse* response) {
-  const auto work = [this, request, response]() -> grpc::Status {
-    const absl::StatusOr<Checker> checker = CheckerFor(request->policy(), serving_.scenes.Newest());
+  return AnswerOnWorker(serving_, context, [this, request, response]() -> grpc::Status {
+    const absl::StatusOr<Checker> checker = CheckerFor(request->policy());
     if (!checker.ok()) return ToGrpc(checker.status());
     const ServedDatabase& database = *checker->served().database;
     const auto waypoints =
@@ -172,9 +190,10 @@ grpc::ServerUnaryReactor* CollisionService::CheckPath(grpc::CallbackServerContex
     }
     std::vector<ViewEvidence> evidence(static_cast<size_t>(database.views()));
     const PathVerdict path = checker->CheckPath(*waypoints, evidence);
-    ToMessage(*checker, response->mutable_basis());
+    const Reason blocked = Conclude(checker->served(), response->mutable_basis());
+    const Verdict verdict = Final(path.verdict, blocked);
     if (path.verdict.free()) evidence.clear();
-    ToMessage(path.verdict, evidence, database, response->mutable_verdict());
+    ToMessage(verdict, evidence, database, response->mutable_verdict());
     response->set_segment(path.segment);
     response->set_fraction(path.fraction);
     for (double position : path.configuration) {
@@ -182,10 +201,7 @@ grpc::ServerUnaryReactor* CollisionService::CheckPath(grpc::CallbackServerContex
     }
     response->set_checked(path.checked);
     return grpc::Status::OK;
-  };
-  // How far the waypoints are apart is only known when they have been read.
-  const bool short_path = request->waypoints_size() <= 1;
-  return short_path ? AnswerHere(context, work) : AnswerOnWorker(serving_, context, work);
+  });
 }
 
 grpc::ServerWriteReactor<v1::GetConfigurationSpaceResponse>*
@@ -201,13 +217,11 @@ CollisionService::GetConfigurationSpace(grpc::CallbackServerContext* context,
     if (!tiles.ok()) return ToGrpc(tiles.status());
     std::shared_ptr<const ConfigurationSpace> space;
     if (served.scene != nullptr) space = serving_.spaces.Get(served, *policy);
-    // Age counts when the answer is ready.
-    const Checker checker(served, *policy, serving_.settings.scene, serving_.settings.clock());
     v1::GetConfigurationSpaceResponse first;
-    ToMessage(checker, first.mutable_basis());
+    const Reason blocked = Conclude(served, first.mutable_basis());
     ToMessage(served.database->grid(), first.mutable_grid());
-    first.set_unknown_reason(ToMessage(checker.blocked()));
-    if (checker.blocked() != Reason::kNone) tiles->clear();
+    first.set_unknown_reason(ToMessage(blocked));
+    if (blocked != Reason::kNone) tiles->clear();
     writer->Send(std::move(first), std::move(space), *std::move(tiles));
     return grpc::Status::OK;
   };
@@ -223,7 +237,7 @@ grpc::ServerUnaryReactor* CollisionService::Explain(grpc::CallbackServerContext*
                                                     const v1::ExplainRequest* request,
                                                     v1::ExplainResponse* response) {
   return AnswerOnWorker(serving_, context, [this, request, response]() -> grpc::Status {
-    const absl::StatusOr<Checker> checker = CheckerFor(request->policy(), serving_.scenes.Newest());
+    const absl::StatusOr<Checker> checker = CheckerFor(request->policy());
     if (!checker.ok()) return ToGrpc(checker.status());
     const ServedDatabase& database = *checker->served().database;
     const absl::StatusOr<Configuration> q =
@@ -231,9 +245,9 @@ grpc::ServerUnaryReactor* CollisionService::Explain(grpc::CallbackServerContext*
     if (!q.ok()) return ToGrpc(q.status());
     std::vector<ViewEvidence> evidence(static_cast<size_t>(database.views()));
     const Verdict verdict = CheckOne(*checker, *q, evidence);
-    ToMessage(*checker, response->mutable_basis());
-    ToMessage(verdict, evidence, database, response->mutable_verdict());
     ExplainViews(*checker, *q, response);
+    const Reason blocked = Conclude(checker->served(), response->mutable_basis());
+    ToMessage(Final(verdict, blocked), evidence, database, response->mutable_verdict());
     return grpc::Status::OK;
   });
 }

@@ -8,7 +8,8 @@
 
 namespace silhouette {
 
-// No reply says free unless a Checker of one database, one scene and one moment said so.
+// No reply says free unless a Checker of one database and one scene said so, and the scene was
+// still good when the reply was ready.
 class CollisionService final : public v1::CollisionService::CallbackService {
  public:
   // More is INVALID_ARGUMENT.
@@ -35,7 +36,10 @@ class CollisionService final : public v1::CollisionService::CallbackService {
 
  private:
   // The world at this moment under the policy of a request.
-  absl::StatusOr<Checker> CheckerFor(const v1::Policy& policy, Served served) const;
+  absl::StatusOr<Checker> CheckerFor(const v1::Policy& policy) const;
+  // Tells what the answer rests on. Returns why it must not say free after all: the scene may have
+  // become too old while the answer was made.
+  Reason Conclude(const Served& served, v1::Basis* basis) const;
 
   Serving& serving_;
 };

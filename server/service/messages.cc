@@ -211,13 +211,12 @@ void ToMessage(const Mask& mask, v1::Mask* message) {
   message->set_bits(mask.ToBytes());
 }
 
-void ToMessage(const Checker& checker, v1::Basis* message) {
-  const Served& served = checker.served();
+void ToMessage(const Served& served, const Moment& now, v1::Basis* message) {
   message->set_database_generation(served.database->generation());
   if (served.scene == nullptr) return;
   message->set_scene_id(served.scene->id);
   SetTime(served.scene->oldest, message->mutable_scene_time());
-  SetDuration(checker.scene_age(), message->mutable_scene_age());
+  SetDuration(served.scene->AgeAt(now), message->mutable_scene_age());
 }
 
 void ToMessage(const Scene& scene, bool include_planes, const SceneSettings& settings,

@@ -10,9 +10,9 @@
 #include "absl/time/time.h"
 #include "server/collision/policy.h"
 #include "server/collision/verdict.h"
-#include "server/scene/checker.h"
 #include "server/scene/make_scene.h"
 #include "server/scene/scene.h"
+#include "server/scene/scene_store.h"
 #include "silhouette/v1/collision_service.pb.h"
 #include "silhouette/v1/database_service.pb.h"
 #include "silhouette/v1/scene_service.pb.h"
@@ -40,9 +40,9 @@ void ToMessage(const Verdict& verdict, std::span<const ViewEvidence> evidence,
 void ToMessage(const Policy& policy, v1::Policy* message);
 void ToMessage(const ConfigurationGrid& grid, v1::Grid* message);
 void ToMessage(const Mask& mask, v1::Mask* message);
-// The world that `checker` speaks of.
-void ToMessage(const Checker& checker, v1::Basis* message);
-// `blocked`: why verdicts from it are unknown now, as staleness is not among a scene's own defects.
+// What an answer rests on that is ready at the moment `now`.
+void ToMessage(const Served& served, const Moment& now, v1::Basis* message);
+// Staleness at the moment `now` is told among the scene's defects.
 void ToMessage(const Scene& scene, bool include_planes, const SceneSettings& settings,
                const Moment& now, v1::Scene* message);
 void ToMessage(const ServedDatabase& database, const Policy& default_policy,

@@ -72,7 +72,7 @@ TEST_F(CheckerTest, SceneThatArrivedOldIsNeverFree) {
   SceneInput input = EmptyCellScene();
   for (ViewInput& view : input.views) view.captured = kNow.time - absl::Seconds(3);
   const Checker checker = CheckerOf(input);
-  EXPECT_EQ(checker.scene_age(), absl::Seconds(3));
+  EXPECT_EQ(checker.served().scene->AgeAt(kNow), absl::Seconds(3));
   ExpectNothingFree(checker, Reason::kSceneStale);
 }
 

@@ -202,6 +202,32 @@ TEST_F(NeverFree, EmptyReplyOfAServerThatSaidNothing) {
   EXPECT_NE(v1::Verdict::STATE_UNSPECIFIED, v1::Verdict::STATE_FREE);
 }
 
+TEST(NeverFreeLate, SceneThatBecomesTooOldWhileTheAnswerIsMade) {
+  // Every look at the clock takes 0.6 s; max_age is 1 s.
+  std::atomic<bool> slow = false;
+  TestClock passing;
+  TestServer server(NewDatabase(), {}, [&](Clock) -> Clock {
+    return [&] {
+      if (slow) passing.Advance(absl::Milliseconds(600));
+      return passing.clock()();
+    };
+  });
+  const auto fresh = [&] {
+    slow = false;
+    server.Publish(EmptyCellScene());
+    EXPECT_EQ(server.CheckOne(At(1, 0)).state(), v1::Verdict::STATE_FREE);
+    slow = true;
+  };
+  fresh();
+  const v1::CheckConfigurationsResponse checked = server.Check({At(1, 0)});
+  EXPECT_EQ(checked.verdicts(0).reason(), v1::Verdict::REASON_SCENE_STALE);
+  EXPECT_EQ(checked.basis().scene_age().seconds(), 1);
+  fresh();
+  EXPECT_EQ(server.Path({At(1, 0), At(0, 0)}).verdict().reason(), v1::Verdict::REASON_SCENE_STALE);
+  fresh();
+  EXPECT_EQ(server.Explain(At(1, 0)).verdict().reason(), v1::Verdict::REASON_SCENE_STALE);
+}
+
 // An exception while one request is answered.
 TEST(NeverFreeInternal, AnyInternalError) {
   std::atomic<bool> broken = false;

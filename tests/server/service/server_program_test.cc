@@ -143,8 +143,8 @@ TEST_F(ServerProgramTest, ServesUntilSigtermAndEndsWithZero) {
     const std::string address = program.Address();
     EXPECT_THAT(address, StartsWith("127.0.0.1:"));
     EXPECT_EQ(DatabaseAt(address).captured(), 39u);
-    EXPECT_THAT(program.Errors(),
-                AllOf(HasSubstr("1 robot image missing"), HasSubstr("no reference images")));
+    EXPECT_THAT(program.Errors(), AllOf(HasSubstr("1 configuration without a robot image"),
+                                        HasSubstr("no reference images")));
     program.Signal(signal);
     EXPECT_EQ(program.ExitCode(), 0);
     EXPECT_THAT(program.Errors(), HasSubstr("stopped"));

@@ -60,7 +60,7 @@ TEST(ServerThreads, ConcurrentPublishAndCheckAgreeInEveryReply) {
     }
   });
   uint64_t id = 1;
-  while (id < 100 || replies < 200) {
+  while (id < 30 || replies < 60) {
     ++id;
     EXPECT_EQ(server.Publish(id % 2 == 1 ? SceneWithBlock(3) : EmptyCellScene()).id(), id);
   }
@@ -87,7 +87,7 @@ TEST(ServerThreads, ReloadUnderLoadNeverMixesGenerations) {
       EXPECT_TRUE(!free || response.basis().database_generation() == first->generation());
     }
   });
-  for (int i = 0; i < 50; ++i) {
+  for (int i = 0; i < 20; ++i) {
     server.server->ReplaceDatabase(i % 2 == 0 ? second : first);
     server.Check({At(0, 0)});
   }
