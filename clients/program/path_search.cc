@@ -19,10 +19,12 @@ Way WayBetween(ConfigurationNumber a, ConfigurationNumber b) { return std::minma
 
 // Asks the server for the moves of the path that are not known yet: for the middle of each, whose
 // grid cell is the one that the whole move lies in. Ways between an end off the grid and its corner
-// lie in the end's own grid cell and need not be asked for. Returns whether all are free.
-absl::StatusOr<bool> CheckMoves(const Client& client, const client::Policy& policy,
-                                const ConfigurationGrid& grid,
-                                const std::vector<Configuration>& waypoints, KnownWays& known) {
+// lie in the end's own grid cell and need not be asked for. Returns the verdicts that are not free.
+absl::StatusOr<std::vector<client::Verdict>> CheckMoves(const Client& client,
+                                                        const client::Policy& policy,
+                                                        const ConfigurationGrid& grid,
+                                                        const std::vector<Configuration>& waypoints,
+                                                        KnownWays& known) {
   std::vector<Way> ways;
   std::vector<Configuration> middles;
   for (size_t i = 0; i + 1 < waypoints.size(); ++i) {
@@ -38,11 +40,15 @@ absl::StatusOr<bool> CheckMoves(const Client& client, const client::Policy& poli
     ways.push_back(way);
     middles.push_back(std::move(middle));
   }
-  if (middles.empty()) return true;
+  std::vector<client::Verdict> not_free;
+  if (middles.empty()) return not_free;
   const auto checks = client.CheckConfigurations(middles, policy, client::Evidence::kOmit);
   if (!checks.ok()) return checks.status();
-  for (size_t i = 0; i < ways.size(); ++i) known[ways[i]] = checks->verdicts[i].free();
-  return checks->AllFree();
+  for (size_t i = 0; i < ways.size(); ++i) {
+    known[ways[i]] = checks->verdicts[i].free();
+    if (!checks->verdicts[i].free()) not_free.push_back(checks->verdicts[i]);
+  }
+  return not_free;
 }
 
 }  // namespace
@@ -72,9 +78,16 @@ absl::StatusOr<PathSearch> SearchPath(const Client& client, const client::Policy
     }
     ++search.rounds;
     search.plan = find(false);
-    const auto checked = CheckMoves(client, policy, space.grid(), search.plan.waypoints, known);
-    if (!checked.ok()) return checked.status();
-    all_free = *checked;
+    const auto not_free = CheckMoves(client, policy, space.grid(), search.plan.waypoints, known);
+    if (!not_free.ok()) return not_free.status();
+    all_free = not_free->empty();
+    const auto unknown = std::find_if(
+        not_free->begin(), not_free->end(),
+        [](const client::Verdict& verdict) { return verdict.state == client::State::kUnknown; });
+    if (unknown == not_free->end()) continue;
+    search.plan = Plan();
+    search.unknown = *unknown;
+    return search;
   }
   if (search.plan.found()) search.plan = find(true);
   for (const auto& [way, is_free] : known) search.blocked_moves += is_free ? 0 : 1;

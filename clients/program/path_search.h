@@ -6,6 +6,9 @@
 // free is taken out and the wave runs anew.
 #pragma once
 
+#include <cstdint>
+#include <optional>
+
 #include "absl/status/statusor.h"
 #include "clients/planners/wave_propagation.h"
 #include "silhouette/client.h"
@@ -16,8 +19,11 @@ struct PathSearch {
   Plan plan;
   // How often the wave ran.
   int rounds = 0;
-  // Moves between free grid points that the server did not find free.
+  // Moves between free grid points that the server found occupied.
   uint64_t blocked_moves = 0;
+  // Set if a move became unknown, for the scene is not what the space was fetched from; there is no
+  // path then.
+  std::optional<client::Verdict> unknown = std::nullopt;
 };
 
 // `start_free`, `goal_free`: the server's verdicts for them. Aborted if a stop was requested.

@@ -62,6 +62,9 @@ std::string Outcome(const Findings& findings) {
                         ": ", Spoken(findings.check->verdict),
                         "; has the scene changed? plan again");
   }
+  if (findings.search.unknown) {
+    return absl::StrCat("while it was planned, verdicts became ", Spoken(*findings.search.unknown));
+  }
   return Describe(outcome);
 }
 

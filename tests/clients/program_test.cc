@@ -325,6 +325,42 @@ TEST(SilhouetteProgram, BrokenStreamIsNoSpace) {
   EXPECT_FALSE(std::filesystem::exists(shell.folder() / "space.csv"));
 }
 
+TEST(SilhouetteProgram, PlanEndsWhenTheSceneGoesStaleMeanwhile) {
+  FakeServer server;
+  server.configuration_space = [](auto&, auto&, auto& writer) {
+    v1::GetConfigurationSpaceResponse part;
+    part.mutable_basis()->set_scene_id(1);
+    v1::GridJoint& joint = *part.mutable_grid()->add_joints();
+    joint.set_name("a");
+    joint.set_upper(1);
+    joint.set_steps(11);
+    part.mutable_grid()->add_tile_edges(4096);
+    v1::ConfigurationSpaceTile& tile = *part.add_tiles();
+    tile.set_free(std::string(512, '\xff'));
+    tile.set_occupied(std::string(512, '\0'));
+    writer.Write(part);
+    return grpc::Status::OK;
+  };
+  int calls = 0;
+  server.check_configurations = [&](auto&, const v1::CheckConfigurationsRequest& request,
+                                    v1::CheckConfigurationsResponse& response) {
+    response.mutable_basis()->set_scene_id(1);
+    for (int i = 0; i < request.configurations_size(); ++i) {
+      v1::Verdict& verdict = *response.add_verdicts();
+      verdict.set_state(calls == 0 ? v1::Verdict::STATE_FREE : v1::Verdict::STATE_UNKNOWN);
+      if (calls > 0) verdict.set_reason(v1::Verdict::REASON_SCENE_STALE);
+    }
+    ++calls;
+    return grpc::Status::OK;
+  };
+  const Shell shell;
+  const Ended plan =
+      shell.Run(SILHOUETTE_BIN_DIR "/silhouette --server " + server.address + " plan 0 1");
+  EXPECT_EQ(plan.exit_code, 1) << plan.err;
+  EXPECT_THAT(plan.out, HasSubstr("verdicts became unknown: the newest scene is older"));
+  EXPECT_EQ(calls, 2);
+}
+
 TEST(SilhouetteProgram, HelpShowsAnExampleForEverySubcommand) {
   const Shell shell;
   for (const char* command :

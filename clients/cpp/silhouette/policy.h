@@ -14,7 +14,7 @@ enum class OffGrid {
 
 struct Policy {
   // "uncalibrated" or "paper"; empty: the server's default.
-  std::string preset = "";
+  std::string preset = {};
   // Occupied if at least this many views show an obstacle inside the robot; 1 to number of views.
   std::optional<int> min_views = std::nullopt;
   // With the preset "uncalibrated" and no min_views: in how many views the robot may hide an
