@@ -6,12 +6,11 @@
 namespace silhouette {
 namespace {
 
-using std::string_view_literals::operator""sv;
-
-constexpr std::string_view kPngStart = "\x89PNG\r\n\x1a\n\0\0\0\x0dIHDR"sv;
-constexpr std::string_view kPngEnd = "\0\0\0\0IEND\xae\x42\x60\x82"sv;
-constexpr std::string_view kJpegStart = "\xff\xd8\xff"sv;
-constexpr std::string_view kJpegEnd = "\xff\xd9"sv;
+// With their lengths, as they contain zeros.
+constexpr std::string_view kPngStart("\x89PNG\r\n\x1a\n\0\0\0\x0dIHDR", 16);
+constexpr std::string_view kPngEnd("\0\0\0\0IEND\xae\x42\x60\x82", 12);
+constexpr std::string_view kJpegStart("\xff\xd8\xff");
+constexpr std::string_view kJpegEnd("\xff\xd9");
 
 // A big-endian number of `count` bytes; `at + count` is within `bytes`.
 uint32_t NumberAt(std::string_view bytes, size_t at, size_t count) {
