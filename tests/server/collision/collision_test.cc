@@ -242,6 +242,11 @@ TEST_F(MissingViewTest, CountsAsShowingAnObstacleAndIsNeverFree) {
         }
         const TileVerdicts tile = after.CheckTile(0);
         EXPECT_TRUE(std::ranges::all_of(tile.free, [](uint64_t word) { return word == 0; }));
+        for (int b = 0; b < 6; ++b) {
+          const uint64_t place = grid.NumberOf({round % 5, b});
+          EXPECT_EQ((tile.occupied[place / 64] >> (place % 64)) & 1,
+                    after.Check(place).state() == State::kOccupied);
+        }
       }
     }
   }
