@@ -10,6 +10,8 @@ target_link_libraries(silhouette_options INTERFACE Threads::Threads)
 if(SILHOUETTE_SANITIZE)
   add_compile_options(-fsanitize=${SILHOUETTE_SANITIZE} -fno-omit-frame-pointer)
   add_link_options(-fsanitize=${SILHOUETTE_SANITIZE})
+  # GCC takes instrumented library code for reading uninitialised memory (GCC manual, -fsanitize).
+  add_compile_options(-Wno-maybe-uninitialized)
   if(SILHOUETTE_SANITIZE MATCHES "undefined")
     add_compile_options(-fno-sanitize-recover=undefined)
   endif()
