@@ -72,11 +72,17 @@ Configuration Between(std::span<const double> from, std::span<const double> to, 
 }  // namespace
 
 CollisionTest::CollisionTest(const RobotImageTable& table, const ObstacleImages& obstacle_images,
-                             const Policy& policy)
+                             const Policy& policy, const TestSupport& support)
     : table_(table),
       obstacle_images_(obstacle_images),
       min_views_(MinViews(policy, table.views())),
       off_grid_(policy.off_grid) {
+  if (IsCalibrated(policy.preset) && support.bands == nullptr) {
+    throw std::invalid_argument("the preset '" + NameOf(policy.preset) + "' needs a calibration");
+  }
+  if (IsCalibrated(policy.preset) || IsSound(policy.preset)) {
+    throw std::invalid_argument("the preset '" + NameOf(policy.preset) + "' is not served");
+  }
   if (obstacle_images.size() != static_cast<size_t>(table.views())) {
     throw std::invalid_argument("there must be one obstacle image per view");
   }

@@ -46,14 +46,28 @@ struct PathVerdict {
   int64_t checked = 0;
 };
 
+class EpipolarBands;
+class PossibleSpace;
+
+// What a test rests on beside the obstacle images, as far as its policy needs it.
+struct TestSupport {
+  // Calibrated presets: the lines between the views.
+  const EpipolarBands* bands = nullptr;
+  // Calibrated presets with EpipolarDomain::kObstacle: ResolvedObstacleImages of the scene, if they
+  // are there already.
+  const std::vector<std::optional<Mask>>* resolved = nullptr;
+  // Sound presets.
+  const PossibleSpace* possible_space = nullptr;
+};
+
 // Refers to a table and to obstacle images, which must outlive it. May be used by any number of
 // threads; checks of configurations do not allocate.
 class CollisionTest {
  public:
   // Throws std::invalid_argument if there is not one obstacle image per view, if one has not the
-  // size of its view's masks, or if the policy cannot be.
+  // size of its view's masks, if the policy cannot be, or if `support` lacks what it needs.
   CollisionTest(const RobotImageTable& table, const ObstacleImages& obstacle_images,
-                const Policy& policy);
+                const Policy& policy, const TestSupport& support = {});
 
   // All three: `evidence` is empty, or has one entry per view, which are filled in (all zero, but
   // for missing views, where no robot image could be looked at).

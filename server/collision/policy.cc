@@ -18,12 +18,28 @@ int MinViews(const Policy& policy, int views) {
   if (policy.max_occluded_views < 0) {
     throw std::invalid_argument("max_occluded_views must not be negative");
   }
-  if (policy.preset == Preset::kPaper) return views;
+  if (policy.preset != Preset::kUncalibrated) return views;
   return std::max(1, views - std::min(policy.max_occluded_views, views));
 }
 
+bool IsCalibrated(Preset preset) {
+  return preset == Preset::kCalibrated || preset == Preset::kPaperCalibrated;
+}
+
+bool IsSound(Preset preset) { return preset == Preset::kSound || preset == Preset::kSoundPlanes; }
+
+EpipolarDomain EpipolarDomainOf(const Policy& policy) {
+  return policy.epipolar.value_or(policy.preset == Preset::kPaperCalibrated
+                                      ? EpipolarDomain::kObstacle
+                                      : EpipolarDomain::kIntersection);
+}
+
+bool ErrorsConvict(const Policy& policy) {
+  return policy.errors_convict.value_or(policy.preset == Preset::kPaperCalibrated);
+}
+
 std::optional<Preset> PresetFromName(const std::string& name) {
-  for (Preset preset : {Preset::kUncalibrated, Preset::kPaper}) {
+  for (Preset preset : AllPresets()) {
     if (NameOf(preset) == name) return preset;
   }
   return std::nullopt;
@@ -35,8 +51,23 @@ std::string NameOf(Preset preset) {
       return "uncalibrated";
     case Preset::kPaper:
       return "paper";
+    case Preset::kCalibrated:
+      return "calibrated";
+    case Preset::kPaperCalibrated:
+      return "paper-calibrated";
+    case Preset::kSoundPlanes:
+      return "sound-planes";
+    case Preset::kSound:
+      return "sound";
   }
   return "";
+}
+
+const std::vector<Preset>& AllPresets() {
+  static const std::vector<Preset> presets = {Preset::kUncalibrated, Preset::kPaper,
+                                              Preset::kCalibrated,   Preset::kPaperCalibrated,
+                                              Preset::kSoundPlanes,  Preset::kSound};
+  return presets;
 }
 
 }  // namespace silhouette
