@@ -45,6 +45,8 @@ const std::map<std::string, Layer>& Layers() {
        {{"mask", "store", "proto_storage", "segmentation", "collision", "scene", "capture",
          "kinematics", "yaml"},
         {"yaml-cpp"}}},
+      {"paper_experiment",
+       {{"mask", "camera", "collision", "yaml", "picture"}, {"Eigen", "opencv2"}}},
   };
   return layers;
 }
@@ -89,6 +91,8 @@ std::string LayerOf(const std::string& path) {
       {"tools/program/", "program"},
       {"tools/picture/", "picture"},
       {"tools/cell/", "cell"},
+      {"tools/experiments/paper/", "paper_experiment"},
+      {"tools/experiments/", ""},
   };
   for (const auto& [prefix, layer] : places) {
     if (path.starts_with(prefix)) return layer;

@@ -1,0 +1,14 @@
+// silhouette-experiments: how good the collision test is, measured.
+#include <CLI/CLI.hpp>
+
+#include "tools/experiments/commands.h"
+#include "tools/program/program.h"
+
+int main(int argc, char** argv) {
+  CLI::App app("How good the collision test is, measured against the truth.",
+               "silhouette-experiments");
+  app.require_subcommand(1);
+  app.footer("Exit codes: 0 done, 2 a mistake in the arguments or files, 3 the world failed.");
+  silhouette::Run run;
+  return silhouette::RunProgram(app, argc, argv, [&] { return run(); });
+}
