@@ -4,6 +4,7 @@
 #include <bit>
 #include <stdexcept>
 
+#include "server/collision/line_search.h"
 #include "server/collision/segment_places.h"
 
 namespace silhouette {
@@ -29,24 +30,65 @@ class TestRobotWords {
   size_t count_;
 };
 
-// Whether obstacle pixels, and whether unknown or error pixels, lie inside the test robot image.
+// What lies inside the test robot image.
 struct Look {
-  bool obstacle = false;
-  bool hiding = false;
+  bool shown = false;     // of the plane that shows obstacles
+  bool obstacle = false;  // obstacle pixels of the obstacle image
+  bool hiding = false;    // unknown or error pixels
 };
 
-Look LookAt(const ObstacleImage& image, const TestRobotWords& robot) {
+Look LookAt(const ObstacleImage& image, MaskWords shown_by, const TestRobotWords& robot) {
   const MaskWords obstacle = image.obstacle().words();
   const MaskWords unknown = image.unknown().words();
   const MaskWords error = image.error().words();
+  uint64_t shown_bits = 0;
   uint64_t obstacle_bits = 0;
   uint64_t hiding_bits = 0;
   for (size_t i = 0; i < obstacle.size(); ++i) {
     const uint64_t bits = robot[i];
+    shown_bits |= shown_by[i] & bits;
     obstacle_bits |= obstacle[i] & bits;
     hiding_bits |= (unknown[i] | error[i]) & bits;
   }
-  return {obstacle_bits != 0, hiding_bits != 0};
+  return {shown_bits != 0, obstacle_bits != 0, hiding_bits != 0};
+}
+
+// The intersection images of one test configuration, in memory that is used again and again.
+class IntersectionWords {
+ public:
+  std::span<const SearchedImage> Fill(const RobotImageTable& table, const ObstacleImages& images,
+                                      std::span<const ConfigurationNumber> corners) {
+    size_t needed = 0;
+    for (const MaskSize size : table.mask_sizes()) needed += 3 * size.words();
+    words_.resize(needed);
+    images_.assign(images.size(), {});
+    uint64_t* at = words_.data();
+    for (int view = 0; view < table.views(); ++view) {
+      const std::optional<ObstacleImage>& image = images[static_cast<size_t>(view)];
+      if (!image) continue;
+      const TestRobotWords robot(table, view, corners);
+      const auto cut = [&](const Mask& plane) {
+        const MaskWords words = plane.words();
+        for (size_t i = 0; i < words.size(); ++i) at[i] = words[i] & robot[i];
+        const MaskWords result(at, words.size());
+        at += words.size();
+        return result;
+      };
+      SearchedImage& searched = images_[static_cast<size_t>(view)];
+      searched.obstacle = cut(image->obstacle());
+      searched.unknown = cut(image->unknown());
+      searched.error = cut(image->error());
+    }
+    return images_;
+  }
+
+ private:
+  std::vector<uint64_t> words_;
+  std::vector<SearchedImage> images_;
+};
+
+bool Nothing(MaskWords words) {
+  return std::all_of(words.begin(), words.end(), [](uint64_t word) { return word == 0; });
 }
 
 ViewEvidence CountIn(const ObstacleImage& image, const TestRobotWords& robot) {
@@ -77,12 +119,6 @@ CollisionTest::CollisionTest(const RobotImageTable& table, const ObstacleImages&
       obstacle_images_(obstacle_images),
       min_views_(MinViews(policy, table.views())),
       off_grid_(policy.off_grid) {
-  if (IsCalibrated(policy.preset) && support.bands == nullptr) {
-    throw std::invalid_argument("the preset '" + NameOf(policy.preset) + "' needs a calibration");
-  }
-  if (IsCalibrated(policy.preset) || IsSound(policy.preset)) {
-    throw std::invalid_argument("the preset '" + NameOf(policy.preset) + "' is not served");
-  }
   if (obstacle_images.size() != static_cast<size_t>(table.views())) {
     throw std::invalid_argument("there must be one obstacle image per view");
   }
@@ -94,6 +130,37 @@ CollisionTest::CollisionTest(const RobotImageTable& table, const ObstacleImages&
       throw std::invalid_argument("an obstacle image has not the size of its view's masks");
     }
   }
+  if (IsCalibrated(policy.preset)) PrepareLines(policy, support);
+  if (IsSound(policy.preset)) {
+    throw std::invalid_argument("the preset '" + NameOf(policy.preset) +
+                                "' needs the space of possible obstacles");
+  }
+}
+
+void CollisionTest::PrepareLines(const Policy& policy, const TestSupport& support) {
+  if (support.bands == nullptr) {
+    throw std::invalid_argument("the preset '" + NameOf(policy.preset) + "' needs a calibration");
+  }
+  if (!std::ranges::equal(support.bands->mask_sizes(), table_.mask_sizes())) {
+    throw std::invalid_argument("the calibration does not fit the views");
+  }
+  errors_convict_ = ErrorsConvict(policy);
+  if (EpipolarDomainOf(policy) == EpipolarDomain::kIntersection) {
+    searched_bands_ = support.bands;
+    return;
+  }
+  resolved_ = support.resolved;
+  if (resolved_ == nullptr) {
+    own_resolved_ = ResolvedObstacleImages(obstacle_images_, *support.bands, errors_convict_);
+    return;
+  }
+  bool fits = resolved_->size() == obstacle_images_.size();
+  for (size_t view = 0; fits && view < resolved_->size(); ++view) {
+    const std::optional<Mask>& plane = (*resolved_)[view];
+    fits = plane.has_value() == obstacle_images_[view].has_value() &&
+           (!plane || plane->size() == table_.mask_sizes()[view]);
+  }
+  if (!fits) throw std::invalid_argument("the resolved images are not those of the scene");
 }
 
 Reason CollisionTest::Unusable(Numbers corners) const {
@@ -118,20 +185,45 @@ Verdict CollisionTest::Judge(Numbers corners, std::span<ViewEvidence> evidence) 
   }
   const Reason unusable = corners.empty() ? Reason::kOutsideGrid : Unusable(corners);
   if (unusable != Reason::kNone) return Verdict::Unknown(unusable);
-  int showing = 0;
+  int showing = missing_views_;
   bool hidden_possible = true;
   for (int view = 0; view < table_.views(); ++view) {
     if (!obstacle_images_[view]) continue;
     const ObstacleImage& image = *obstacle_images_[view];
     const TestRobotWords robot(table_, view, corners);
-    const Look look = LookAt(image, robot);
-    if (look.obstacle) ++showing;
+    const Look look = LookAt(image, ShownBy(view), robot);
+    if (look.shown) ++showing;
     hidden_possible = hidden_possible && look.hiding && !look.obstacle;
     if (!evidence.empty()) evidence[view] = CountIn(image, robot);
   }
-  if (showing + missing_views_ >= min_views_) return Verdict::Occupied(hidden_possible);
+  if (searched_bands_ != nullptr && showing < min_views_) {
+    showing = ShowingAlongLines(corners, showing);
+  }
+  if (showing >= min_views_) return Verdict::Occupied(hidden_possible);
   if (missing_views_ > 0) return Verdict::Unknown(Reason::kViewMissing, hidden_possible);
   return Verdict::Free(hidden_possible);
+}
+
+int CollisionTest::ShowingAlongLines(Numbers corners, int showing) const {
+  // Where no view shows an obstacle, none can convict.
+  if (showing == 0 && !errors_convict_) return 0;
+  thread_local IntersectionWords intersection;
+  thread_local LineSearch search;
+  const std::span<const SearchedImage> images =
+      intersection.Fill(table_, obstacle_images_, corners);
+  int undecided = 0;
+  for (const SearchedImage& image : images) {
+    if (!image.missing() && Nothing(image.obstacle)) ++undecided;
+  }
+  search.Begin(*searched_bands_, images, errors_convict_);
+  for (int view = 0; view < table_.views(); ++view) {
+    const SearchedImage& image = images[static_cast<size_t>(view)];
+    if (image.missing() || !Nothing(image.obstacle)) continue;
+    if (showing >= min_views_ || showing + undecided < min_views_) break;
+    --undecided;
+    if (search.AnyObstacle(view)) ++showing;
+  }
+  return showing;
 }
 
 Verdict CollisionTest::Check(ConfigurationNumber number, std::span<ViewEvidence> evidence) const {
@@ -191,8 +283,10 @@ TileVerdicts CollisionTest::CheckTile(uint64_t tile) const {
     int showing = missing_views_;
     for (int view = 0; view < table_.views() && showing < min_views_; ++view) {
       if (!obstacle_images_[view]) continue;
-      const MaskWords obstacle = obstacle_images_[view]->obstacle().words();
-      if (Intersects(obstacle, table_.image(view, number))) ++showing;
+      if (Intersects(ShownBy(view), table_.image(view, number))) ++showing;
+    }
+    if (searched_bands_ != nullptr && showing < min_views_) {
+      showing = ShowingAlongLines({&number, 1}, showing);
     }
     const uint64_t bit = uint64_t{1} << (place % 64);
     if (showing >= min_views_) {

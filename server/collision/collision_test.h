@@ -1,10 +1,10 @@
 // The collision test: verdicts on configurations, paths and the whole configuration space, from the
 // obstacle images of one scene and the robot images of one generation of the database.
 //
-// A view shows an obstacle if an obstacle pixel lies inside the test robot image; unknown and error
-// pixels count as background (the uncalibrated test, paper §3.3). A configuration is occupied if at
-// least min_views views (policy.h) show one. A view that the scene lacks counts as showing one; a
-// configuration is then occupied or unknown, never free.
+// A view shows an obstacle if its collision image - the obstacle image inside the test robot image,
+// with unknown and error pixels resolved as the policy says - has an obstacle pixel (paper §3.3). A
+// configuration is occupied if at least min_views views (policy.h) show one. A view that the scene
+// lacks counts as showing one; a configuration is then occupied or unknown, never free.
 #pragma once
 
 #include <array>
@@ -14,15 +14,13 @@
 #include <vector>
 
 #include "db/configuration_grid.h"
-#include "server/collision/obstacle_image.h"
+#include "server/collision/collision_images.h"
+#include "server/collision/epipolar_bands.h"
 #include "server/collision/policy.h"
 #include "server/collision/robot_image_table.h"
 #include "server/collision/verdict.h"
 
 namespace silhouette {
-
-// One obstacle image per view of the database; nothing where the scene lacks the view.
-using ObstacleImages = std::vector<std::optional<ObstacleImage>>;
 
 // The verdicts of a tile: bit i % 64 of word i / 64 for place i. A place with neither bit is
 // unknown or absent from the grid.
@@ -46,7 +44,6 @@ struct PathVerdict {
   int64_t checked = 0;
 };
 
-class EpipolarBands;
 class PossibleSpace;
 
 // What a test rests on beside the obstacle images, as far as its policy needs it.
@@ -55,13 +52,14 @@ struct TestSupport {
   const EpipolarBands* bands = nullptr;
   // Calibrated presets with EpipolarDomain::kObstacle: ResolvedObstacleImages of the scene, if they
   // are there already.
-  const std::vector<std::optional<Mask>>* resolved = nullptr;
+  const CollisionImages* resolved = nullptr;
   // Sound presets.
   const PossibleSpace* possible_space = nullptr;
 };
 
-// Refers to a table and to obstacle images, which must outlive it. May be used by any number of
-// threads; checks of configurations do not allocate.
+// Refers to a table, to obstacle images and to its support, which must outlive it. May be used by
+// any number of threads; checks of configurations do not allocate, but for memory that a thread
+// keeps from its first check on.
 class CollisionTest {
  public:
   // Throws std::invalid_argument if there is not one obstacle image per view, if one has not the
@@ -97,12 +95,29 @@ class CollisionTest {
  private:
   using Numbers = std::span<const ConfigurationNumber>;
 
+  void PrepareLines(const Policy& policy, const TestSupport& support);
   Verdict Judge(Numbers corners, std::span<ViewEvidence> evidence) const;
+  // How many of the views, of which `showing` have an obstacle pixel in the intersection image,
+  // show an obstacle once the lines are searched; counts on only while it matters.
+  int ShowingAlongLines(Numbers corners, int showing) const;
+  // The words that a view shows an obstacle by; the view is not missing.
+  MaskWords ShownBy(int view) const {
+    const auto i = static_cast<size_t>(view);
+    if (resolved_ != nullptr) return (*resolved_)[i]->words();
+    if (!own_resolved_.empty()) return own_resolved_[i]->words();
+    return obstacle_images_[i]->obstacle().words();
+  }
   // Why the robot images at these corners cannot be used; kNone if they can.
   Reason Unusable(Numbers corners) const;
 
   const RobotImageTable& table_;
   const ObstacleImages& obstacle_images_;
+  // Set if lines are searched in the intersection images.
+  const EpipolarBands* searched_bands_ = nullptr;
+  bool errors_convict_ = false;
+  // Set, one or the other, if lines are searched in the obstacle images.
+  const CollisionImages* resolved_ = nullptr;
+  CollisionImages own_resolved_;
   int min_views_ = 1;
   int missing_views_ = 0;
   OffGrid off_grid_ = OffGrid::kCell;

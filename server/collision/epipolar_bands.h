@@ -8,12 +8,14 @@
 // outward. Cannot be changed once made; used by any number of threads.
 #pragma once
 
+#include <algorithm>
 #include <array>
 #include <cstdint>
 #include <span>
 #include <vector>
 
 #include "calib/calibration.h"
+#include "calib/epipolar_angles.h"
 #include "db/mask.h"
 
 namespace silhouette {
@@ -30,22 +32,25 @@ class EpipolarBands {
   // The second is empty but where the interval passes the end of the period.
   using Runs = std::array<Run, 2>;
 
-  // No pair of views has lines.
-  EpipolarBands() = default;
-
-  // `mask_sizes`: one per view. `margin`: pixels, as in calib/epipolar_angles.h. Throws
-  // std::invalid_argument if there are cameras, but not one per view, if a fundamental matrix names
-  // a view that is not there or a pair comes twice, and as AnglesBetween does.
+  // A pair of views that the calibration does not speak of has one bin, which all pixels share: any
+  // two of them may show the same point. `mask_sizes`: one per view. `margin`: pixels, as in
+  // calib/epipolar_angles.h. Throws std::invalid_argument if there are cameras, but not one per
+  // view, if a fundamental matrix names a view that is not there or a pair comes twice, and as
+  // AnglesBetween does.
   EpipolarBands(const Calibration& calibration, std::span<const MaskSize> mask_sizes,
                 double margin = 0);
 
-  int views() const { return views_; }
-  // Whether epipolar lines are known between the views.
-  bool Known(int view, int other) const { return bins(view, other) > 0; }
-  // Number of bins of the pair, 0 if no lines are known; the same in either order.
-  int bins(int view, int other) const;
-  // Per pixel of `view`, its bins in the pair with `other`. Known(view, other) must hold.
-  std::span<const Runs> runs(int view, int other) const;
+  int views() const { return static_cast<int>(mask_sizes_.size()); }
+  std::span<const MaskSize> mask_sizes() const { return mask_sizes_; }
+
+  // Whether the calibration speaks of the pair.
+  bool Known(int view, int other) const { return PairOf(view, other).known; }
+  // Number of bins of the pair, at least 1; the same in either order.
+  int bins(int view, int other) const { return PairOf(view, other).bins; }
+  // Per pixel of `view`, its bins in the pair with `other`, which is another view.
+  std::span<const Runs> runs(int view, int other) const {
+    return PairOf(view, other).runs[view < other ? 0 : 1];
+  }
 
   // Whether pixel `p` of `view` and pixel `q` of `other`, numbered as in db/mask.h, may show the
   // same point.
@@ -53,13 +58,17 @@ class EpipolarBands {
 
  private:
   struct Pair {
-    int bins = 0;
+    bool known = false;
+    int bins = 1;
     std::array<std::vector<Runs>, 2> runs;  // of the view with the lower number first
   };
-  const Pair& PairOf(int view, int other) const;
+  const Pair& PairOf(int view, int other) const {
+    return pairs_[static_cast<size_t>(std::min(view, other) * views() + std::max(view, other))];
+  }
+  static Pair Cut(const EpipolarAngles& angles);
 
-  int views_ = 0;
-  std::vector<Pair> pairs_;
+  std::vector<MaskSize> mask_sizes_;
+  std::vector<Pair> pairs_;  // by lower and higher number of the views
 };
 
 }  // namespace silhouette

@@ -27,7 +27,7 @@ void ExplainViews(const Checker& checker, std::span<const double> q,
     const IntersectionImage intersection(obstacle, *robot);
     explanation.set_intersection_png(EncodePng(
         PictureOfPlanes(intersection.obstacle(), intersection.unknown(), intersection.error())));
-    const Mask collision = UncalibratedCollisionImages({intersection})[0];
+    const Mask collision = *UncalibratedCollisionImages({intersection})[0];
     const Mask none(collision.size());
     explanation.set_collision_png(EncodePng(PictureOfPlanes(collision, none, none)));
   }

@@ -84,9 +84,12 @@ TEST(Table2, GivesThePaperFigure4RowByRow) {
 
 TEST(UncalibratedCollisionImages, KeepObstaclesAndTakeUnknownAndErrorForBackground) {
   const IntersectionImage image(PaperObstacleImage(), PixelsOf(kTestRobot, 'R'));
-  const std::vector<Mask> collision_images = UncalibratedCollisionImages({image, image});
-  ASSERT_EQ(collision_images.size(), 2u);
-  for (const Mask& mask : collision_images) EXPECT_EQ(mask, PixelsOf(kIntersection, 'O'));
+  const CollisionImages collision_images =
+      UncalibratedCollisionImages({image, std::nullopt, image});
+  ASSERT_EQ(collision_images.size(), 3u);
+  EXPECT_EQ(collision_images[0], PixelsOf(kIntersection, 'O'));
+  EXPECT_EQ(collision_images[1], std::nullopt);
+  EXPECT_EQ(collision_images[2], PixelsOf(kIntersection, 'O'));
 }
 
 TEST(ObstacleImage, BetweenGridPointsObstacleOnlyWhereNoCornerShowsTheRobotErrorOnlyWhereAllDo) {
