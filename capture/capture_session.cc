@@ -62,6 +62,8 @@ class CaptureSession::Runner {
     if (report_.status.ok()) report_.status = CaptureAll();
     const absl::Status committed = writer_.Commit();
     if (report_.status.ok()) report_.status = committed;
+    // Exclusions are written first.
+    report_.excluded = std::min<uint64_t>(writer_.committed(), plan_.exclusions.size());
     report_.captured = writer_.committed() - report_.excluded;
     report_.duration = absl::Now() - begin;
     return std::move(report_);
@@ -82,10 +84,8 @@ class CaptureSession::Runner {
       image.captured = absl::Now();
       if (absl::Status status = writer_.Put(image, /*replace=*/true); !status.ok()) return status;
     }
-    const absl::Status status = writer_.Commit();
-    report_.excluded = writer_.committed();
     last_commit_ = absl::Now();
-    return status;
+    return writer_.Commit();
   }
 
   absl::Status CaptureAll() {

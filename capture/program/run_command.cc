@@ -93,10 +93,13 @@ absl::StatusOr<ExitCode> DryRun(const Options& options, const CellFile& file,
 
 CaptureReport CaptureWithProgress(CaptureSession& session, const CapturePlan& plan) {
   CatchStopSignals();
-  Progress progress("capturing", plan.captures.size(), "configurations");
+  std::optional<Progress> progress;
+  if (!plan.captures.empty()) progress.emplace("capturing", plan.captures.size(), "configurations");
   CaptureObserver observer;
-  observer.progress = [&](uint64_t done) { progress.Update(done); };
-  observer.say = [&](const std::string& line) { progress.Say(line); };
+  observer.progress = [&](uint64_t done) { progress->Update(done); };
+  observer.say = [&](const std::string& line) {
+    progress ? progress->Say(line) : void(std::cerr << line << std::endl);
+  };
   observer.stop_requested = StopRequested;
   return session.Run(plan, "silhouette-capture run", observer);
 }
@@ -105,6 +108,7 @@ CaptureReport CaptureWithProgress(CaptureSession& session, const CapturePlan& pl
 ExitCode Tell(const Options& options, const CaptureReport& report) {
   std::string again = options.cell.Command("run");
   if (options.only != "missing") absl::StrAppend(&again, " --only ", options.only);
+  const char* from_the_first = options.only == "all" ? " (begins with the first again)" : "";
   if (options.cell.json()) {
     nlohmann::json json = ReportJson(report);
     if (!report.complete()) json["next"] = again;
@@ -115,12 +119,13 @@ ExitCode Tell(const Options& options, const CaptureReport& report) {
   const uint64_t left = report.planned - report.captured;
   if (!report.status.ok()) {
     const ExitCode code = Report("silhouette-capture", report.status);
-    std::cerr << "what was captured is stored; go on with: " << again << std::endl;
+    std::cerr << "what was captured is stored; go on with: " << again << from_the_first
+              << std::endl;
     return code;
   }
   if (report.stopped) {
     std::cerr << "stopped, " << left << " configurations are left; go on with: " << again
-              << std::endl;
+              << from_the_first << std::endl;
     return kNo;
   }
   if (!report.complete()) {

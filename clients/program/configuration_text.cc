@@ -1,14 +1,11 @@
 #include "clients/program/configuration_text.h"
 
-#include <cmath>
 #include <iostream>
 #include <iterator>
 #include <nlohmann/json.hpp>
-#include <numbers>
 #include <stdexcept>
 
 #include "absl/strings/ascii.h"
-#include "absl/strings/numbers.h"
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
 #include "absl/strings/str_join.h"
@@ -19,8 +16,6 @@
 
 namespace silhouette {
 namespace {
-
-absl::string_view View(std::string_view text) { return {text.data(), text.size()}; }
 
 Configuration ParseParts(const std::vector<std::string>& parts, AngleUnit unit) {
   Configuration configuration;
@@ -34,35 +29,6 @@ absl::StatusOr<std::string> ReadText(const std::string& file) {
 }
 
 }  // namespace
-
-double ParseJointValue(std::string_view text, AngleUnit unit) {
-  absl::string_view number = View(text);
-  bool degrees = unit == AngleUnit::kDegrees;
-  if (absl::ConsumeSuffix(&number, "deg")) {
-    degrees = true;
-  } else if (absl::ConsumeSuffix(&number, "rad") || absl::ConsumeSuffix(&number, "m")) {
-    degrees = false;
-  }
-  double value = 0;
-  if (!absl::SimpleAtod(number, &value) || !std::isfinite(value)) {
-    throw std::invalid_argument(
-        absl::StrCat("'", View(text), "' is no joint value; 0.5, -30deg and 0.2m are"));
-  }
-  return degrees ? value * std::numbers::pi / 180 : value;
-}
-
-Configuration ParseConfiguration(std::string_view text, AngleUnit unit) {
-  return ParseParts(absl::StrSplit(View(text), ','), unit);
-}
-
-std::pair<std::string, double> ParseJoint(std::string_view text, AngleUnit unit) {
-  const size_t equals = text.find('=');
-  if (equals == std::string_view::npos || equals == 0) {
-    throw std::invalid_argument(
-        absl::StrCat("'", View(text), "' is not name=value, as in axis_1=0.5"));
-  }
-  return {std::string(text.substr(0, equals)), ParseJointValue(text.substr(equals + 1), unit)};
-}
 
 absl::StatusOr<std::vector<Configuration>> ReadConfigurations(const std::string& file,
                                                               AngleUnit unit) {

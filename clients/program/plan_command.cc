@@ -100,14 +100,17 @@ absl::StatusOr<Findings> FindPath(const Client& client, const Arguments& argumen
   return findings;
 }
 
+// Without a path the file says so, and no path of an earlier plan is left in it.
 absl::Status WritePath(const Findings& findings, const std::string& path) {
   Json joints = Json::array();
   for (const GridJoint& joint : findings.space.grid().joints()) joints.push_back(joint.name);
-  const Json json{{"joints", joints},
-                  {"waypoints", findings.search.plan.waypoints},
-                  {"length_steps", findings.search.plan.length},
-                  {"scene_id", findings.check->basis.scene_id},
-                  {"database_generation", findings.check->basis.database_generation}};
+  Json json{{"joints", joints}, {"outcome", Outcome(findings)}, {"waypoints", Json::array()}};
+  if (findings.found()) {
+    json.update({{"waypoints", findings.search.plan.waypoints},
+                 {"length_steps", findings.search.plan.length},
+                 {"scene_id", findings.check->basis.scene_id},
+                 {"database_generation", findings.check->basis.database_generation}});
+  }
   return WriteWholeFile(path, json.dump(2) + "\n");
 }
 
@@ -203,7 +206,7 @@ absl::StatusOr<ExitCode> PlanPath(const Session& session, const Arguments& argum
     findings->truth = *std::move(truth);
   }
   absl::Status status;
-  if (!arguments.out.empty() && findings->found()) status = WritePath(*findings, arguments.out);
+  if (!arguments.out.empty()) status = WritePath(*findings, arguments.out);
   if (!arguments.picture.empty()) status.Update(WritePicture(*findings, arguments.picture));
   if (!status.ok()) return status;
   session.json() ? PrintJson(*findings) : PrintText(*findings);
@@ -222,7 +225,8 @@ void AddPlanCommand(CLI::App& program, Session& session, Run& run) {
   command->add_flag("--degrees", arguments->degrees, "Values without a unit are degrees");
   command->add_flag("--diagonal", arguments->diagonal, "Move several joints at once");
   command->add_option("--out", arguments->out,
-                      "Write the path as JSON: configurations under the key \"waypoints\"");
+                      "Write the path as JSON: configurations under the key \"waypoints\",\n"
+                      "none if there is no path");
   command->add_option("--picture", arguments->picture,
                       "Draw configuration space and path as a PNG, for grids of two joints");
   command->add_option("--truth", arguments->truth,

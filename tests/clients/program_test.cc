@@ -51,10 +51,13 @@ TEST_F(Silhouette, BeforeTheFirstSceneNothingIsFree) {
   EXPECT_EQ(space["free"], 0);
   EXPECT_EQ(space["unknown_reason"], "no scene");
   EXPECT_EQ(cell_.Run("path 0,0 0.1,0").exit_code, 1);
+  std::ofstream(cell_.shell().folder() / "path.json") << R"({"waypoints": [[0, 0]]})";
   const Ended plan = cell_.Run("plan 0,0 1,1 --out path.json");
   EXPECT_EQ(plan.exit_code, 1);
   EXPECT_THAT(plan.out, HasSubstr("no path: the start is unknown: no scene"));
-  EXPECT_FALSE(std::filesystem::exists(cell_.shell().folder() / "path.json"));
+  const json no_path = json::parse(ContentOf(cell_.shell().folder() / "path.json"));
+  EXPECT_EQ(no_path["waypoints"], json::array()) << "a path of an earlier plan must not stay";
+  EXPECT_EQ(cell_.Run("path --file path.json").exit_code, 2);
   EXPECT_EQ(cell_.Run("explain 0.1,0.2").exit_code, 1);
   const Ended show = cell_.Run("scene show");
   EXPECT_EQ(show.exit_code, 2);

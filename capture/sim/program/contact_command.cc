@@ -2,10 +2,10 @@
 #include <iostream>
 #include <memory>
 
-#include "capture/sim/program/arguments.h"
 #include "capture/sim/program/commands.h"
 #include "capture/sim/program/contact_json.h"
 #include "capture/sim/program/workplace.h"
+#include "tools/program/joint_values.h"
 #include "tools/program/program.h"
 
 namespace silhouette {

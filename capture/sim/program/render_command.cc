@@ -8,12 +8,12 @@
 
 #include "absl/strings/str_cat.h"
 #include "absl/time/time.h"
-#include "capture/sim/program/arguments.h"
 #include "capture/sim/program/commands.h"
 #include "capture/sim/program/workplace.h"
 #include "capture/sim/simulated_cell.h"
 #include "tools/picture/files.h"
 #include "tools/picture/picture.h"
+#include "tools/program/joint_values.h"
 #include "tools/program/program.h"
 
 namespace silhouette {

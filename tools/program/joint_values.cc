@@ -1,0 +1,53 @@
+#include "tools/program/joint_values.h"
+
+#include <cmath>
+#include <numbers>
+#include <stdexcept>
+
+#include "absl/strings/numbers.h"
+#include "absl/strings/str_cat.h"
+#include "absl/strings/str_split.h"
+#include "absl/strings/string_view.h"
+#include "absl/strings/strip.h"
+
+namespace silhouette {
+namespace {
+
+absl::string_view View(std::string_view text) { return {text.data(), text.size()}; }
+
+}  // namespace
+
+double ParseJointValue(std::string_view text, AngleUnit unit) {
+  absl::string_view number = View(text);
+  bool degrees = unit == AngleUnit::kDegrees;
+  if (absl::ConsumeSuffix(&number, "deg")) {
+    degrees = true;
+  } else if (absl::ConsumeSuffix(&number, "rad") || absl::ConsumeSuffix(&number, "m")) {
+    degrees = false;
+  }
+  double value = 0;
+  if (!absl::SimpleAtod(number, &value) || !std::isfinite(value)) {
+    throw std::invalid_argument(
+        absl::StrCat("'", View(text), "' is no joint value; 0.5, -30deg and 0.2m are"));
+  }
+  return degrees ? value * std::numbers::pi / 180 : value;
+}
+
+std::vector<double> ParseConfiguration(std::string_view text, AngleUnit unit) {
+  std::vector<double> values;
+  for (const absl::string_view part : absl::StrSplit(View(text), ',')) {
+    values.push_back(ParseJointValue({part.data(), part.size()}, unit));
+  }
+  return values;
+}
+
+std::pair<std::string, double> ParseJoint(std::string_view text, AngleUnit unit) {
+  const size_t equals = text.find('=');
+  if (equals == std::string_view::npos || equals == 0) {
+    throw std::invalid_argument(
+        absl::StrCat("'", View(text), "' is not name=value, as in joint_1=0.5"));
+  }
+  return {std::string(text.substr(0, equals)), ParseJointValue(text.substr(equals + 1), unit)};
+}
+
+}  // namespace silhouette

@@ -1,0 +1,25 @@
+// Joint values as people type them.
+#pragma once
+
+#include <string>
+#include <string_view>
+#include <utility>
+#include <vector>
+
+namespace silhouette {
+
+// What a joint value without a unit is in.
+enum class AngleUnit { kRadians, kDegrees };
+
+// "0.5", "-30deg", "0.5 rad" or "0.2m" in radians or metres. Throws std::invalid_argument with one
+// sentence for everything else.
+double ParseJointValue(std::string_view text, AngleUnit unit = AngleUnit::kRadians);
+
+// "0.5,-30deg": values separated by commas. Throws as ParseJointValue does.
+std::vector<double> ParseConfiguration(std::string_view text, AngleUnit unit = AngleUnit::kRadians);
+
+// "joint_1=0.5": a name and a value. Throws as ParseJointValue does.
+std::pair<std::string, double> ParseJoint(std::string_view text,
+                                          AngleUnit unit = AngleUnit::kRadians);
+
+}  // namespace silhouette
