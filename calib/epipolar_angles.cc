@@ -117,7 +117,7 @@ EpipolarAngles AnglesBetween(const Eigen::Matrix3d& f, PixelSize size_a, PixelSi
   const Eigen::Matrix3d pixel_from_b = PixelFromNormal(size_b);
   const Eigen::JacobiSVD<Eigen::Matrix3d> svd(pixel_from_b.transpose() * f * pixel_from_a,
                                               Eigen::ComputeFullU | Eigen::ComputeFullV);
-  const Eigen::Vector3d s = svd.singularValues();
+  const Eigen::Vector3d& s = svd.singularValues();
   if (!(s[1] > 1e-9 * s[0]) || !(s[2] < 1e-2 * s[1])) {
     throw std::invalid_argument("a fundamental matrix must be of rank 2");
   }

@@ -23,7 +23,7 @@ absl::StatusOr<storage::v1::References> TakeReferences(CellCameras& cameras, int
     images.resize(set->images.size());
     for (size_t v = 0; v < images.size(); ++v) images[v].push_back(std::move(set->images[v]));
     captured = set->captured;
-    observer.progress(static_cast<uint64_t>(i + 1));
+    observer.progress(static_cast<uint64_t>(i) + 1);
   }
   storage::v1::References references;
   for (const std::vector<cv::Mat>& view : images) {
