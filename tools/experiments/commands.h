@@ -9,4 +9,6 @@ namespace silhouette {
 
 using Run = std::function<int()>;
 
+void AddPaperCommand(CLI::App& program, Run& run);
+
 }  // namespace silhouette

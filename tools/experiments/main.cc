@@ -8,7 +8,11 @@ int main(int argc, char** argv) {
   CLI::App app("How good the collision test is, measured against the truth.",
                "silhouette-experiments");
   app.require_subcommand(1);
-  app.footer("Exit codes: 0 done, 2 a mistake in the arguments or files, 3 the world failed.");
+  app.footer(
+      "Examples:\n"
+      "  silhouette-experiments paper --experiments figure7\n\n"
+      "Exit codes: 0 done, 2 a mistake in the arguments or files, 3 the world failed.");
   silhouette::Run run;
+  silhouette::AddPaperCommand(app, run);
   return silhouette::RunProgram(app, argc, argv, [&] { return run(); });
 }

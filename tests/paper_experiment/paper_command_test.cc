@@ -1,0 +1,98 @@
+// silhouette-experiments paper as its users meet it.
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include <cstdlib>
+#include <filesystem>
+#include <fstream>
+#include <nlohmann/json.hpp>
+#include <sstream>
+
+namespace silhouette {
+namespace {
+
+namespace fs = std::filesystem;
+using testing::HasSubstr;
+
+struct Outcome {
+  int exit_code = -1;
+  std::string out;
+  std::string err;
+};
+
+std::string ReadAll(const fs::path& path) {
+  std::ifstream in(path);
+  std::stringstream text;
+  text << in.rdbuf();
+  return text.str();
+}
+
+class PaperCommand : public testing::Test {
+ protected:
+  void SetUp() override {
+    std::string pattern = testing::TempDir() + "/paper_command_XXXXXX";
+    ASSERT_NE(mkdtemp(pattern.data()), nullptr);
+    folder_ = pattern;
+  }
+
+  Outcome Run(const std::string& arguments) const {
+    const std::string command = std::string(SILHOUETTE_BIN_DIR) + "/silhouette-experiments paper " +
+                                arguments + " >" + (folder_ / "out").string() + " 2>" +
+                                (folder_ / "err").string() + " </dev/null";
+    const int status = std::system(command.c_str());
+    return {WIFEXITED(status) ? WEXITSTATUS(status) : -1, ReadAll(folder_ / "out"),
+            ReadAll(folder_ / "err")};
+  }
+
+  // The default settings with 12 steps, 24 pixels and 2 scenes.
+  std::string SmallSettings() const {
+    std::string text = Run("--print-settings").out;
+    const auto change = [&](const std::string& from, const std::string& to) {
+      ASSERT_NE(text.find(from), std::string::npos) << from;
+      text.replace(text.find(from), from.size(), to);
+    };
+    change("steps: 72", "steps: 12");
+    change("pixels: 64", "pixels: 24");
+    change("scenes: 200", "scenes: 2");
+    const std::string path = (folder_ / "small.yaml").string();
+    std::ofstream(path) << text;
+    return path;
+  }
+
+  fs::path folder_;
+};
+
+TEST_F(PaperCommand, JsonHasOneRowPerExperimentRobotRigRasterPresetThresholdAndNumberOfCameras) {
+  const Outcome outcome = Run("--settings " + SmallSettings() +
+                              " --presets paper,calibrated --experiments figure7,random "
+                              "--format json");
+  ASSERT_EQ(outcome.exit_code, 0) << outcome.err;
+  const auto rows = nlohmann::json::parse(outcome.out);
+  ASSERT_EQ(rows.size(), 2u * 2 * 2 * 2 * 2 * 2 * 4);
+  const auto& row = rows[0];
+  EXPECT_EQ(row["experiment"], "figure7");
+  EXPECT_EQ(row["variant"], "planar");
+  EXPECT_EQ(row["rig"], "A");
+  EXPECT_EQ(row["raster"], "centre");
+  EXPECT_EQ(row["preset"], "paper");
+  EXPECT_EQ(row["min_views"], "n");
+  EXPECT_EQ(row["views"], 1);
+  EXPECT_EQ(row["configurations"], 144);
+  for (const char* key :
+       {"additional_percent", "additional_min_percent", "additional_max_percent", "missing_percent",
+        "missing_min_percent", "missing_max_percent", "occupied_percent"}) {
+    EXPECT_TRUE(row[key].is_number()) << key;
+  }
+}
+
+TEST_F(PaperCommand, MistakesAreOneSentence) {
+  EXPECT_EQ(Run("--experiments figure8").exit_code, 2);
+  EXPECT_THAT(Run("--experiments figure8").err, HasSubstr("'figure7'"));
+  EXPECT_EQ(Run("--rigs C").exit_code, 2);
+  EXPECT_EQ(Run("--settings " + (folder_ / "nowhere.yaml").string()).exit_code, 2);
+}
+
+}  // namespace
+}  // namespace silhouette

@@ -1,0 +1,110 @@
+#include "tools/experiments/paper/report.h"
+
+#include <tuple>
+
+#include "absl/strings/str_cat.h"
+#include "absl/strings/str_format.h"
+
+namespace silhouette::paper {
+namespace {
+
+using nlohmann::ordered_json;
+
+auto BlockOf(const Row& row) { return std::tie(row.experiment, row.variant, row.rig, row.raster); }
+
+std::string HeadOf(const Row& row) {
+  return absl::StrFormat("%s, %s, rig %s, %s: %.2f %% really occupied\n", NameOf(row.experiment),
+                         NameOf(row.variant), row.rig, NameOf(row.raster),
+                         Percent(row, row.occupied));
+}
+
+std::string ColumnsOf(int views) {
+  std::string line = absl::StrFormat("  %-17s %-9s %7s", "preset", "min_views", "scenes");
+  for (int n = 1; n <= views; ++n) {
+    absl::StrAppendFormat(&line, "  %15s", absl::StrFormat("%d camera%s", n, n == 1 ? "" : "s"));
+  }
+  return line + "\n";
+}
+
+}  // namespace
+
+double Percent(const Row& row, double configurations) {
+  return 100 * configurations / static_cast<double>(row.configurations);
+}
+
+std::string TableOf(std::span<const Row> rows) {
+  int views = 0;
+  for (const Row& row : rows) views = std::max(views, row.views);
+  std::string table;
+  const Row* last = nullptr;
+  int column = 0;  // the number of cameras that the line has come to
+  for (const Row& row : rows) {
+    const bool new_block = last == nullptr || BlockOf(*last) != BlockOf(row);
+    if (new_block) {
+      absl::StrAppend(&table, last == nullptr ? "" : "\n\n", HeadOf(row), ColumnsOf(views));
+    }
+    if (new_block || last->preset != row.preset || last->threshold != row.threshold) {
+      absl::StrAppendFormat(&table, "%s  %-17s %-9s %7d", new_block ? "" : "\n", NameOf(row.preset),
+                            NameOf(row.threshold), row.scenes);
+      column = 0;
+    }
+    for (++column; column < row.views; ++column) absl::StrAppendFormat(&table, "  %15s", "-");
+    absl::StrAppendFormat(&table, "  %7.3f/%7.4f", Percent(row, row.additional.mean),
+                          Percent(row, row.missing.mean));
+    last = &row;
+  }
+  if (last == nullptr) return table;
+  return table +
+         "\n\nadditional / missing configurations in percent of the configuration space: means "
+         "over all\nsets of so many cameras and over the scenes\n";
+}
+
+ordered_json JsonOf(std::span<const Row> rows) {
+  ordered_json array = ordered_json::array();
+  for (const Row& row : rows) {
+    ordered_json object = {{"experiment", NameOf(row.experiment)},
+                           {"variant", NameOf(row.variant)},
+                           {"rig", row.rig},
+                           {"raster", NameOf(row.raster)},
+                           {"preset", NameOf(row.preset)},
+                           {"min_views", NameOf(row.threshold)},
+                           {"views", row.views},
+                           {"camera_sets", row.camera_sets},
+                           {"scenes", row.scenes},
+                           {"configurations", row.configurations},
+                           {"occupied_percent", Percent(row, row.occupied)}};
+    const auto add = [&](const std::string& name, const Spread& spread) {
+      object[name + "_percent"] = Percent(row, spread.mean);
+      object[name + "_min_percent"] = Percent(row, static_cast<double>(spread.least));
+      object[name + "_max_percent"] = Percent(row, static_cast<double>(spread.greatest));
+      object[name + "_count"] = spread.mean;
+      object[name + "_min_count"] = spread.least;
+      object[name + "_max_count"] = spread.greatest;
+    };
+    add("additional", row.additional);
+    add("missing", row.missing);
+    array.push_back(std::move(object));
+  }
+  return array;
+}
+
+std::string CsvOf(std::span<const Row> rows) {
+  std::string csv;
+  for (const ordered_json& object : JsonOf(rows)) {
+    if (csv.empty()) {
+      for (const auto& [key, value] : object.items())
+        absl::StrAppend(&csv, csv.empty() ? "" : ",", key);
+      csv += '\n';
+    }
+    bool first = true;
+    for (const auto& [key, value] : object.items()) {
+      absl::StrAppend(&csv, first ? "" : ",",
+                      value.is_string() ? value.get<std::string>() : value.dump());
+      first = false;
+    }
+    csv += '\n';
+  }
+  return csv;
+}
+
+}  // namespace silhouette::paper

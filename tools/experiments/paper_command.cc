@@ -1,0 +1,146 @@
+// silhouette-experiments paper
+#include <algorithm>
+#include <iostream>
+#include <map>
+#include <memory>
+#include <thread>
+
+#include "absl/strings/str_cat.h"
+#include "absl/strings/str_split.h"
+#include "tools/experiments/commands.h"
+#include "tools/experiments/paper/report.h"
+#include "tools/experiments/paper/study.h"
+#include "tools/picture/files.h"
+#include "tools/program/program.h"
+#include "tools/program/progress.h"
+#include "tools/yaml/strict_yaml.h"
+
+namespace silhouette {
+namespace {
+
+using namespace paper;
+
+constexpr char kProgram[] = "silhouette-experiments";
+
+struct Arguments {
+  std::string settings;
+  bool print_settings = false;
+  std::string format = "text";
+  std::string out;
+  std::vector<std::string> experiments;
+  std::vector<std::string> variants;
+  std::vector<std::string> rigs;
+  std::vector<std::string> rasters;
+  std::vector<std::string> presets;
+  int threads = 0;
+};
+
+// The values whose names are in `names`, all if there are none. Throws std::invalid_argument for a
+// name that no value has.
+template <typename T>
+std::vector<T> Chosen(const std::vector<std::string>& names, const std::vector<T>& all,
+                      const char* what) {
+  if (names.empty()) return all;
+  std::vector<std::string> known;
+  for (const T& value : all) known.push_back(NameOf(value));
+  std::vector<T> chosen;
+  for (const std::string& name : names) {
+    const auto found = std::find(known.begin(), known.end(), name);
+    if (found == known.end()) {
+      throw std::invalid_argument(
+          absl::StrCat("there is no ", what, " '", name, "'; there are ", ListOfWords(known)));
+    }
+    const T value = all[static_cast<size_t>(found - known.begin())];
+    if (std::find(chosen.begin(), chosen.end(), value) == chosen.end()) chosen.push_back(value);
+  }
+  return chosen;
+}
+
+std::vector<std::string> ChosenRigs(const std::vector<std::string>& names,
+                                    const Settings& settings) {
+  std::vector<std::string> all;
+  for (const auto& [name, cameras] : settings.rigs) all.push_back(name);
+  for (const std::string& name : names) {
+    if (!settings.rigs.contains(name)) {
+      throw std::invalid_argument(
+          absl::StrCat("the settings have no rig '", name, "'; they have ", ListOfWords(all)));
+    }
+  }
+  return names.empty() ? all : names;
+}
+
+Selection SelectionOf(const Arguments& arguments, const Settings& settings) {
+  return {Chosen(arguments.experiments, AllExperiments(), "experiment"),
+          Chosen<Variant>(arguments.variants, {Variant::kPlanar, Variant::kSpatial}, "variant"),
+          ChosenRigs(arguments.rigs, settings),
+          Chosen<Raster>(arguments.rasters, {Raster::kCentre, Raster::kTouch}, "raster"),
+          Chosen(arguments.presets, AllPresets(), "preset")};
+}
+
+int RunPaper(const Arguments& arguments) {
+  if (arguments.print_settings) {
+    std::cout << DefaultSettingsText();
+    return kDone;
+  }
+  Settings settings;
+  try {
+    settings = ReadSettings(arguments.settings);
+  } catch (const YamlError& mistake) {
+    return Report(kProgram, absl::InvalidArgumentError(mistake.what()));
+  }
+  const Selection selection = SelectionOf(arguments, settings);
+  CatchStopSignals();
+  std::unique_ptr<Progress> progress;
+  const std::vector<Row> rows =
+      Measure(settings, selection, arguments.threads, [&](uint64_t done, uint64_t total) {
+        if (!progress) progress = std::make_unique<Progress>("Measuring", total, "scenes");
+        progress->Update(done);
+        return !StopRequested();
+      });
+  progress.reset();
+  if (StopRequested()) {
+    return Report(kProgram, absl::AbortedError("stopped; to measure, start it again"));
+  }
+  if (arguments.format == "json") {
+    std::cout << JsonOf(rows).dump(1) << '\n';
+  } else {
+    std::cout << TableOf(rows);
+  }
+  return kDone;
+}
+
+}  // namespace
+
+void AddPaperCommand(CLI::App& program, Run& run) {
+  CLI::App* command =
+      program.add_subcommand("paper", "The paper's simulation (4.1, Figures 1, 6 and 7), and more");
+  auto arguments = std::make_shared<Arguments>();
+  arguments->threads = std::max(1, static_cast<int>(std::thread::hardware_concurrency()));
+  command->add_option(
+      "--settings", arguments->settings,
+      "YAML file with geometry, cameras, scenes and seeds, in place of the default");
+  command->add_flag("--print-settings", arguments->print_settings,
+                    "Print the default settings, with comments, to be changed");
+  const auto add_list = [&](const char* name, std::vector<std::string>& values, const char* text) {
+    command->add_option(name, values, text)->delimiter(',');
+  };
+  add_list("--experiments", arguments->experiments,
+           "Only these of figure7, figure7_occluded, random, current_off_grid, test_off_grid");
+  add_list("--variants", arguments->variants, "Only these of planar, spatial");
+  add_list("--rigs", arguments->rigs, "Only these rigs of the settings");
+  add_list("--rasters", arguments->rasters, "Only these of centre, touch");
+  add_list("--presets", arguments->presets,
+           "Only these of uncalibrated, paper, calibrated, paper-calibrated, sound-planes, sound");
+  command->add_option("--threads", arguments->threads, "Threads to measure with")
+      ->check(CLI::Range(1, 256))
+      ->capture_default_str();
+  AddFormatOption(*command, arguments->format);
+  command->footer(
+      "Examples:\n"
+      "  silhouette-experiments paper --out paper\n"
+      "  silhouette-experiments paper --experiments figure7 --variants planar --rigs A\n"
+      "  silhouette-experiments paper --presets calibrated,sound --format json > rows.json");
+  command->callback([arguments, &run] { run = [arguments] { return RunPaper(*arguments); }; });
+}
+
+}  // namespace silhouette
