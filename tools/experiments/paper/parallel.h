@@ -12,8 +12,9 @@
 namespace silhouette::paper {
 
 // Calls work(worker, i) once for every i below `count`, worker 0 being the calling thread, which
-// also calls on_progress(done) now and then; when that returns false, no further part is begun.
-// Rethrows the first exception of a worker. Returns whether all is done.
+// also calls on_progress(done) now and then, and at the end; when that returns false, no further
+// part is begun. Rethrows the first exception of a worker. Returns whether all is done and nobody
+// wished to stop.
 inline bool InParallel(int threads, uint64_t count, const std::function<void(int, uint64_t)>& work,
                        const std::function<bool(uint64_t)>& on_progress) {
   std::atomic<uint64_t> next{0};
@@ -40,7 +41,7 @@ inline bool InParallel(int threads, uint64_t count, const std::function<void(int
     work_off(0);
   }
   if (failure) std::rethrow_exception(failure);
-  return !stop;
+  return on_progress(done) && !stop;
 }
 
 }  // namespace silhouette::paper
