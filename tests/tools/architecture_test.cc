@@ -41,6 +41,9 @@ const std::map<std::string, Layer>& Layers() {
       {"yaml", {{}, {"yaml-cpp"}}},
       {"program", {{}, {"CLI"}}},
       {"picture", {{"mask"}, {"opencv2"}}},
+      {"placement",
+       {{"mask", "camera", "kinematics", "collision", "sim", "picture", "yaml"},
+        {"Eigen", "opencv2"}}},
       {"cell",
        {{"mask", "store", "proto_storage", "segmentation", "collision", "scene", "capture",
          "kinematics", "yaml"},
@@ -91,6 +94,7 @@ std::string LayerOf(const std::string& path) {
       {"tools/program/", "program"},
       {"tools/picture/", "picture"},
       {"tools/cell/", "cell"},
+      {"tools/experiments/placement/", "placement"},
       {"tools/experiments/paper/", "paper_experiment"},
       {"tools/experiments/", ""},
   };

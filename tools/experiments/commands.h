@@ -10,5 +10,6 @@ namespace silhouette {
 using Run = std::function<int()>;
 
 void AddPaperCommand(CLI::App& program, Run& run);
+void AddPlacementCommand(CLI::App& program, Run& run);
 
 }  // namespace silhouette

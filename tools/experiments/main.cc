@@ -10,9 +10,11 @@ int main(int argc, char** argv) {
   app.require_subcommand(1);
   app.footer(
       "Examples:\n"
-      "  silhouette-experiments paper --experiments figure7\n\n"
+      "  silhouette-experiments paper --experiments figure7\n"
+      "  silhouette-experiments placement --cell cell.yaml --places places.yaml --out out\n\n"
       "Exit codes: 0 done, 2 a mistake in the arguments or files, 3 the world failed.");
   silhouette::Run run;
   silhouette::AddPaperCommand(app, run);
+  silhouette::AddPlacementCommand(app, run);
   return silhouette::RunProgram(app, argc, argv, [&] { return run(); });
 }
