@@ -74,6 +74,7 @@ std::string LayerOf(const std::string& path) {
       {"calib/calibration.", "camera"},
       {"calib/calibration_", "calibration"},
       {"calib/epipolar_", "camera"},
+      {"calib/pixels_per_metre.", "camera"},
       {"calib/", "kinematics"},
       {"server/collision/", "collision"},
       {"server/scene/", "scene"},
