@@ -99,6 +99,7 @@ TEST(ReachBox, HoldsTheRobotAtEveryConfigurationAndIsTightWhereNothingMoves) {
     Eigen::AlignedBox3d occupied;
     const auto base_from_link = robot.LinkPoses(positions);
     for (size_t link = 0; link < robot.links().size(); ++link) {
+      occupied.extend(base_from_link[link].translation());
       for (const LinkGeometry& geometry : robot.links()[link].body()) {
         for (const Eigen::Vector3d& vertex : Tessellate(geometry.shape).vertices) {
           occupied.extend(base_from_link[link] * (geometry.link_from_shape * vertex));
