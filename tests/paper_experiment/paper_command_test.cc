@@ -87,6 +87,21 @@ TEST_F(PaperCommand, JsonHasOneRowPerExperimentRobotRigRasterPresetThresholdAndN
   }
 }
 
+TEST_F(PaperCommand, OutGetsTablesAndPictures) {
+  const fs::path out = folder_ / "new/paper";
+  const Outcome outcome = Run("--settings " + SmallSettings() +
+                              " --presets paper --experiments figure7 --variants planar --rigs A "
+                              "--out " +
+                              out.string());
+  ASSERT_EQ(outcome.exit_code, 0) << outcome.err;
+  EXPECT_THAT(outcome.out, HasSubstr("figure7, planar, rig A, centre"));
+  EXPECT_THAT(ReadAll(out / "rows.csv"), HasSubstr("figure7,planar,A,touch,paper,n-1,4,"));
+  for (const char* name :
+       {"figure1.png", "figure6-planar-A.png", "figure7-planar-A.png", "views-planar-A.png"}) {
+    EXPECT_GT(fs::file_size(out / name), 1000u) << name;
+  }
+}
+
 TEST_F(PaperCommand, MistakesAreOneSentence) {
   EXPECT_EQ(Run("--experiments figure8").exit_code, 2);
   EXPECT_THAT(Run("--experiments figure8").err, HasSubstr("'figure7'"));

@@ -1,5 +1,6 @@
 // silhouette-experiments paper
 #include <algorithm>
+#include <filesystem>
 #include <iostream>
 #include <map>
 #include <memory>
@@ -8,6 +9,7 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_split.h"
 #include "tools/experiments/commands.h"
+#include "tools/experiments/paper/pictures.h"
 #include "tools/experiments/paper/report.h"
 #include "tools/experiments/paper/study.h"
 #include "tools/picture/files.h"
@@ -77,6 +79,33 @@ Selection SelectionOf(const Arguments& arguments, const Settings& settings) {
           Chosen(arguments.presets, AllPresets(), "preset")};
 }
 
+// What --out asks for.
+absl::Status WriteAll(const std::string& folder, const std::vector<Row>& rows,
+                      const Selection& selection, const Settings& settings) {
+  std::error_code error;
+  std::filesystem::create_directories(folder, error);
+  if (error) {
+    return absl::FailedPreconditionError(
+        absl::StrCat("cannot make the folder '", folder, "': ", error.message()));
+  }
+  absl::Status status = WriteWholeFile(folder + "/rows.csv", CsvOf(rows));
+  status.Update(WriteWholeFile(folder + "/rows.json", JsonOf(rows).dump(1) + "\n"));
+  status.Update(WritePng(folder + "/figure1.png", PhantomsPicture(settings.floor_plan)));
+  for (Variant variant : selection.variants) {
+    for (const std::string& rig : selection.rigs) {
+      const std::string of = absl::StrCat("-", NameOf(variant), "-", rig, ".png");
+      status.Update(WritePng(folder + "/figure6" + of, SetupPicture(settings, variant, rig)));
+      status.Update(WritePng(folder + "/views" + of, ViewsPicture(settings, variant, rig)));
+      for (Experiment experiment : selection.experiments) {
+        const Picture chart = ErrorsChart(rows, experiment, variant, rig);
+        if (chart.empty()) continue;
+        status.Update(WritePng(absl::StrCat(folder, "/", NameOf(experiment), of), chart));
+      }
+    }
+  }
+  return status;
+}
+
 int RunPaper(const Arguments& arguments) {
   if (arguments.print_settings) {
     std::cout << DefaultSettingsText();
@@ -106,6 +135,11 @@ int RunPaper(const Arguments& arguments) {
   } else {
     std::cout << TableOf(rows);
   }
+  if (!arguments.out.empty()) {
+    const absl::Status written = WriteAll(arguments.out, rows, selection, settings);
+    if (!written.ok()) return Report(kProgram, written);
+    std::cerr << "wrote tables and pictures into " << arguments.out << '\n';
+  }
   return kDone;
 }
 
@@ -134,6 +168,8 @@ void AddPaperCommand(CLI::App& program, Run& run) {
   command->add_option("--threads", arguments->threads, "Threads to measure with")
       ->check(CLI::Range(1, 256))
       ->capture_default_str();
+  command->add_option("--out", arguments->out,
+                      "Folder for rows.csv, rows.json and the pictures; made if it is not there");
   AddFormatOption(*command, arguments->format);
   command->footer(
       "Examples:\n"
