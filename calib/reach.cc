@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <functional>
+#include <limits>
 #include <map>
 #include <numbers>
 #include <set>
@@ -20,8 +21,8 @@ struct Ball {
   double radius = 0;
 };
 
-// Distance of a point from the axis or point that reach is measured from; grows by no more than
-// the length of the step when the point moves.
+// Distance of a point from the axis, point or plane that reach is measured from; grows by no more
+// than the length of the step when the point moves.
 using Distance = std::function<double(const Eigen::Vector3d&)>;
 
 // Balls whose convex hull holds the shape.
@@ -69,7 +70,7 @@ class ReachFinder {
   // Upper bound of `distance` over every point of `link` and of all links outboard of it.
   double Farthest(size_t link, const Eigen::Isometry3d& frame_from_link,
                   const Distance& distance) const {
-    double farthest = 0;
+    double farthest = std::numeric_limits<double>::lowest();
     for (const Ball& ball : balls_[link]) {
       farthest = std::max(farthest, distance(frame_from_link * ball.point) + ball.radius);
     }
@@ -123,49 +124,90 @@ bool IsOutboard(const RobotModel& robot, size_t inner, size_t outer) {
   return false;
 }
 
-}  // namespace
+// The joints that move, and where the others stand; by index.
+struct Told {
+  std::set<size_t> joints;
+  std::map<size_t, double> positions;
+};
 
-absl::StatusOr<double> Reach(const RobotModel& robot, const std::string& joint,
-                             std::span<const std::string> moving, std::span<const FixedJoint> fixed,
-                             double payload_radius) {
-  if (!(payload_radius >= 0)) {
-    return absl::InvalidArgumentError("the payload's radius must not be below 0");
-  }
-  const std::optional<size_t> index = robot.JointIndex(joint);
-  if (!index) return NoSuchJoint(robot, joint);
-  if (robot.joints()[*index].type == JointType::kPrismatic) {
-    return absl::InvalidArgumentError("joint '" + joint + "' is prismatic: it has no reach");
-  }
-  std::set<size_t> told;
+absl::StatusOr<Told> Find(const RobotModel& robot, std::span<const std::string> moving,
+                          std::span<const FixedJoint> fixed) {
+  Told told;
   for (const std::string& name : moving) {
     const std::optional<size_t> found = robot.JointIndex(name);
     if (!found) return NoSuchJoint(robot, name);
-    told.insert(*found);
+    told.joints.insert(*found);
   }
-  std::map<size_t, double> positions;
   for (const FixedJoint& at : fixed) {
     const std::optional<size_t> found = robot.JointIndex(at.name);
     if (!found) return NoSuchJoint(robot, at.name);
-    told.insert(*found);
-    positions[*found] = at.position;
+    told.joints.insert(*found);
+    told.positions[*found] = at.position;
   }
+  return told;
+}
 
-  size_t first = 0;
-  while (robot.links()[first].joint != static_cast<int>(*index)) ++first;
+// Every joint outboard of link `first` moves or has a position.
+absl::Status RequireAllTold(const RobotModel& robot, size_t first, const Told& told) {
   for (size_t link = first + 1; link < robot.links().size(); ++link) {
     const int outboard = robot.links()[link].joint;
     if (outboard >= 0 && IsOutboard(robot, first, link) &&
-        !told.contains(static_cast<size_t>(outboard))) {
+        !told.joints.contains(static_cast<size_t>(outboard))) {
       return absl::InvalidArgumentError(
           absl::StrCat("joint '", robot.joints()[static_cast<size_t>(outboard)].name,
                        "' neither moves nor has a fixed position"));
     }
   }
+  return absl::OkStatus();
+}
+
+absl::Status RequireRadius(double payload_radius) {
+  if (payload_radius >= 0) return absl::OkStatus();
+  return absl::InvalidArgumentError("the payload's radius must not be below 0");
+}
+
+}  // namespace
+
+absl::StatusOr<double> Reach(const RobotModel& robot, const std::string& joint,
+                             std::span<const std::string> moving, std::span<const FixedJoint> fixed,
+                             double payload_radius) {
+  if (absl::Status status = RequireRadius(payload_radius); !status.ok()) return status;
+  const std::optional<size_t> index = robot.JointIndex(joint);
+  if (!index) return NoSuchJoint(robot, joint);
+  if (robot.joints()[*index].type == JointType::kPrismatic) {
+    return absl::InvalidArgumentError("joint '" + joint + "' is prismatic: it has no reach");
+  }
+  const absl::StatusOr<Told> told = Find(robot, moving, fixed);
+  if (!told.ok()) return told.status();
+  size_t first = 0;
+  while (robot.links()[first].joint != static_cast<int>(*index)) ++first;
+  if (absl::Status status = RequireAllTold(robot, first, *told); !status.ok()) return status;
 
   const Eigen::Vector3d axis = robot.links()[first].axis;
   const Distance from_axis = [&](const Eigen::Vector3d& p) { return axis.cross(p).norm(); };
-  return ReachFinder(robot, std::move(positions), payload_radius)
+  return ReachFinder(robot, told->positions, payload_radius)
       .Farthest(first, Eigen::Isometry3d::Identity(), from_axis);
+}
+
+absl::StatusOr<Eigen::AlignedBox3d> ReachBox(const RobotModel& robot,
+                                             std::span<const std::string> moving,
+                                             std::span<const FixedJoint> fixed,
+                                             double payload_radius) {
+  if (absl::Status status = RequireRadius(payload_radius); !status.ok()) return status;
+  const absl::StatusOr<Told> told = Find(robot, moving, fixed);
+  if (!told.ok()) return told.status();
+  if (absl::Status status = RequireAllTold(robot, 0, *told); !status.ok()) return status;
+  const ReachFinder finder(robot, told->positions, payload_radius);
+  const auto along = [&](const Eigen::Vector3d& direction) {
+    const Distance distance = [&](const Eigen::Vector3d& p) { return direction.dot(p); };
+    return finder.Farthest(0, Eigen::Isometry3d::Identity(), distance);
+  };
+  Eigen::AlignedBox3d box;
+  for (int axis = 0; axis < 3; ++axis) {
+    box.min()[axis] = -along(-Eigen::Vector3d::Unit(axis));
+    box.max()[axis] = along(Eigen::Vector3d::Unit(axis));
+  }
+  return box;
 }
 
 }  // namespace silhouette

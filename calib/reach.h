@@ -1,6 +1,7 @@
 // Reach: how far the MaxMove discretisation must reckon a joint to move the robot's points.
 #pragma once
 
+#include <Eigen/Geometry>
 #include <span>
 #include <string>
 
@@ -27,5 +28,13 @@ namespace silhouette {
 absl::StatusOr<double> Reach(const RobotModel& robot, const std::string& joint,
                              std::span<const std::string> moving, std::span<const FixedJoint> fixed,
                              double payload_radius);
+
+// A box, in the base's frame, that the robot never leaves, tool, payload and the origins of its
+// links included; the arguments and errors are those of Reach. Exact where nothing moves; over
+// moving joints as large as if every link could stretch straight out in every direction.
+absl::StatusOr<Eigen::AlignedBox3d> ReachBox(const RobotModel& robot,
+                                             std::span<const std::string> moving,
+                                             std::span<const FixedJoint> fixed,
+                                             double payload_radius);
 
 }  // namespace silhouette

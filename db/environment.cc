@@ -79,6 +79,13 @@ absl::Status WriteTransaction::Put(MDB_dbi database, std::string_view key, std::
   return code == 0 ? absl::OkStatus() : environment_.WriteError(code);
 }
 
+absl::Status WriteTransaction::Delete(MDB_dbi database, std::string_view key) {
+  MDB_val key_val = ToVal(key);
+  const int code = mdb_del(transaction_, database, &key_val, nullptr);
+  map_full_ = map_full_ || code == MDB_MAP_FULL;
+  return code == 0 || code == MDB_NOTFOUND ? absl::OkStatus() : environment_.WriteError(code);
+}
+
 absl::StatusOr<MDB_dbi> WriteTransaction::MakeSubDatabase(const char* name) {
   MDB_dbi database = 0;
   const int code = mdb_dbi_open(transaction_, name, MDB_CREATE, &database);

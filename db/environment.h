@@ -60,6 +60,8 @@ class WriteTransaction {
   // Writes `value` under `key`. `flags` as mdb_put takes them.
   absl::Status Put(MDB_dbi database, std::string_view key, std::string_view value,
                    unsigned flags = 0);
+  // Removes the value under `key`, if there is one.
+  absl::Status Delete(MDB_dbi database, std::string_view key);
   // Opens a sub-database, making it if it is not there.
   absl::StatusOr<MDB_dbi> MakeSubDatabase(const char* name);
 

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <bit>
+#include <cmath>
 #include <cstring>
 #include <stdexcept>
 #include <utility>
@@ -32,6 +33,75 @@ Mask Combine(const Mask& a, const Mask& b, Operation operation) {
   std::vector<uint64_t> words(a.words().size());
   std::transform(a.words().begin(), a.words().end(), b.words().begin(), words.begin(), operation);
   return words.empty() ? Mask() : Mask::FromWords(a.size(), std::move(words));
+}
+
+// Rows of bits that begin at a word's begin each.
+class AlignedRows {
+ public:
+  explicit AlignedRows(MaskSize size)
+      : size_(size),
+        words_per_row_(static_cast<size_t>(size.width + 63) / 64),
+        words_(words_per_row_ * static_cast<size_t>(size.height)) {}
+
+  explicit AlignedRows(const Mask& mask) : AlignedRows(mask.size()) {
+    const auto width = static_cast<size_t>(size_.width);
+    for (size_t y = 0; y < static_cast<size_t>(size_.height); ++y) {
+      for (size_t i = 0; i < words_per_row_; ++i) {
+        row(y)[i] = BitsFrom(mask.words(), y * width + 64 * i) & InRow(i);
+      }
+    }
+  }
+
+  std::span<uint64_t> row(size_t y) { return {words_.data() + y * words_per_row_, words_per_row_}; }
+
+  Mask ToMask() {
+    std::vector<uint64_t> packed(size_.words() + 1);
+    const auto width = static_cast<size_t>(size_.width);
+    for (size_t y = 0; y < static_cast<size_t>(size_.height); ++y) {
+      for (size_t i = 0; i < words_per_row_; ++i) {
+        const uint64_t bits = row(y)[i] & InRow(i);
+        const size_t at = y * width + 64 * i;
+        if (bits == 0) continue;
+        packed[at / 64] |= bits << (at % 64);
+        if (at % 64 != 0) packed[at / 64 + 1] |= bits >> (64 - at % 64);
+      }
+    }
+    packed.pop_back();
+    return Mask::FromWords(size_, std::move(packed));
+  }
+
+ private:
+  // 64 bits from bit `at` on; zeros beyond the end.
+  static uint64_t BitsFrom(MaskWords words, size_t at) {
+    const size_t word = at / 64;
+    if (word >= words.size()) return 0;
+    uint64_t bits = words[word] >> (at % 64);
+    if (at % 64 != 0 && word + 1 < words.size()) bits |= words[word + 1] << (64 - at % 64);
+    return bits;
+  }
+
+  // The bits of a row's word that are pixels.
+  uint64_t InRow(size_t word) const {
+    const size_t used = static_cast<size_t>(size_.width) - 64 * word;
+    return used >= 64 ? ~uint64_t{0} : (uint64_t{1} << used) - 1;
+  }
+
+  const MaskSize size_;
+  const size_t words_per_row_;
+  std::vector<uint64_t> words_;
+};
+
+// Sets every bit with a set bit at most `reach` before or after it.
+void Widen(std::span<uint64_t> row, int reach) {
+  for (int i = 0; i < reach; ++i) {
+    uint64_t before = 0;
+    for (size_t word = 0; word < row.size(); ++word) {
+      const uint64_t bits = row[word];
+      const uint64_t after = word + 1 < row.size() ? row[word + 1] : 0;
+      row[word] = bits | bits << 1 | bits >> 1 | before >> 63 | after << 63;
+      before = bits;
+    }
+  }
 }
 
 }  // namespace
@@ -153,6 +223,35 @@ Mask Core(const Mask& mask) {
     }
     return true;
   });
+}
+
+Mask Grown(const Mask& mask, double radius) {
+  if (!std::isfinite(radius)) throw std::invalid_argument("a radius must be finite");
+  if (!(radius > 0) || mask.words().empty()) return mask;
+  const int height = mask.height();
+  const int most = mask.width() + height;  // no pixel is farther away
+  radius = std::min<double>(radius, most);
+  AlignedRows from(mask);
+  AlignedRows grown(mask.size());
+  // Widened step by step: the farther away a row is, the less it is widened. Squares that touch are
+  // at distance 0.
+  int widened = 0;
+  const int rows = static_cast<int>(std::ceil(radius));
+  for (int away = rows; away >= 0; --away) {
+    const double between = std::max(away - 1, 0);
+    const int reach = static_cast<int>(std::ceil(std::sqrt(radius * radius - between * between)));
+    for (int y = 0; y < height; ++y) Widen(from.row(static_cast<size_t>(y)), reach - widened);
+    widened = reach;
+    for (int y = 0; y < height; ++y) {
+      for (int target : {y - away, y + away}) {
+        if (target < 0 || target >= height) continue;
+        const std::span<uint64_t> to = grown.row(static_cast<size_t>(target));
+        const std::span<uint64_t> row = from.row(static_cast<size_t>(y));
+        for (size_t i = 0; i < to.size(); ++i) to[i] |= row[i];
+      }
+    }
+  }
+  return grown.ToMask();
 }
 
 }  // namespace silhouette

@@ -94,4 +94,10 @@ size_t CountCommon(MaskWords a, MaskWords b);
 // as set): what is left of a plane without its rims.
 Mask Core(const Mask& mask);
 
+// The pixels whose squares are nearer than `radius` pixels to the square of a set pixel, the set
+// ones included: wherever in its pixel a point of the mask may be, all points within the radius are
+// in the result. A radius that is not above 0 leaves the mask as it is. Throws
+// std::invalid_argument if the radius is not finite.
+Mask Grown(const Mask& mask, double radius);
+
 }  // namespace silhouette

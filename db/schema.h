@@ -4,8 +4,9 @@
 // Sub-database `meta`: key (ASCII) -> value:
 //   "format"      "silhouette " and the format version as decimal ASCII; nothing else
 //   the others    checksum (u64), payload. The checksum is XXH3-64 of the payload, seed 0.
-//                 "cell": CellDescription; "references": References; "provenance": ProvenanceLog;
-//                 "generation": u64, one more in every committed change.
+//                 "cell": CellDescription; "references": References; "calibration": Calibration;
+//                 "provenance": ProvenanceLog; "generation": u64, one more in every committed
+//                 change.
 // Sub-database `robot_images`: configuration number (u64, big-endian) -> db/robot_image_format.h.
 //
 // Integers are little-endian unless said otherwise.
@@ -36,6 +37,7 @@ inline constexpr unsigned kMaxSubDatabases = 16;
 inline constexpr std::string_view kFormatKey = "format";
 inline constexpr std::string_view kCellKey = "cell";
 inline constexpr std::string_view kReferencesKey = "references";
+inline constexpr std::string_view kCalibrationKey = "calibration";
 inline constexpr std::string_view kProvenanceKey = "provenance";
 inline constexpr std::string_view kGenerationKey = "generation";
 

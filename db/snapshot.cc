@@ -139,6 +139,21 @@ absl::StatusOr<std::optional<storage::v1::References>> Snapshot::References() co
   return references;
 }
 
+absl::StatusOr<std::optional<storage::v1::Calibration>> Snapshot::Calibration() const {
+  const auto hold = impl_->environment().HoldMap();
+  const auto payload =
+      ReadMeta(impl_->environment(), impl_->transaction.get(), schema::kCalibrationKey);
+  if (!payload.ok()) return payload.status();
+  std::optional<storage::v1::Calibration> calibration;
+  if (*payload && (!calibration.emplace().ParseFromString(**payload) ||
+                   !CheckCalibration(*calibration, impl_->state->cell).ok())) {
+    return absl::DataLossError(
+        absl::StrCat("database '", impl_->state->path,
+                     "': its calibration is damaged; import it anew, or remove it"));
+  }
+  return calibration;
+}
+
 absl::StatusOr<storage::v1::ProvenanceLog> Snapshot::Provenance() const {
   const auto hold = impl_->environment().HoldMap();
   return ReadProvenance(impl_->environment(), impl_->transaction.get());

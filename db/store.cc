@@ -177,21 +177,17 @@ const CellDescription& Database::cell() const { return state_->cell; }
 const ConfigurationGrid& Database::grid() const { return state_->grid; }
 const std::vector<MaskSize>& Database::mask_sizes() const { return state_->mask_sizes; }
 
-absl::Status Database::SetReferences(const storage::v1::References& references,
-                                     const std::string& program) {
+absl::Status Database::ChangeMeta(std::string_view key, const std::optional<std::string>& payload,
+                                  const std::string& program) {
   if (!state_->writer_lock) {
     return absl::FailedPreconditionError(
         absl::StrCat("database '", path(), "' is open for reading only"));
   }
-  if (references.views_size() != cell().views_size()) {
-    return absl::InvalidArgumentError(absl::StrCat("there are ", references.views_size(),
-                                                   " reference images for ", cell().views_size(),
-                                                   " views"));
-  }
   const Environment& environment = *state_->environment;
-  const std::string bytes = references.SerializeAsString();
-  return state_->environment->Update(bytes.size(), [&](WriteTransaction& transaction) {
-    absl::Status status = WriteMeta(environment, transaction, schema::kReferencesKey, bytes);
+  const size_t new_bytes = payload ? payload->size() : 0;
+  return state_->environment->Update(new_bytes, [&](WriteTransaction& transaction) {
+    absl::Status status = payload ? WriteMeta(environment, transaction, key, *payload)
+                                  : transaction.Delete(environment.meta(), key);
     if (!status.ok()) return status;
     absl::StatusOr<storage::v1::ProvenanceLog> log = ReadProvenance(environment, transaction.get());
     if (!log.ok()) return log.status();
@@ -200,6 +196,32 @@ absl::Status Database::SetReferences(const storage::v1::References& references,
     if (!status.ok()) return status;
     return RaiseGeneration(environment, transaction);
   });
+}
+
+absl::Status Database::SetReferences(const storage::v1::References& references,
+                                     const std::string& program) {
+  if (references.views_size() != cell().views_size()) {
+    return absl::InvalidArgumentError(absl::StrCat("there are ", references.views_size(),
+                                                   " reference images for ", cell().views_size(),
+                                                   " views"));
+  }
+  return ChangeMeta(schema::kReferencesKey, references.SerializeAsString(), program);
+}
+
+absl::Status Database::SetCalibration(const storage::v1::Calibration& calibration,
+                                      const std::string& program) {
+  if (absl::Status status = CheckCalibration(calibration, cell()); !status.ok()) return status;
+  return ChangeMeta(schema::kCalibrationKey, calibration.SerializeAsString(), program);
+}
+
+absl::Status Database::RemoveCalibration(const std::string& program) {
+  const absl::StatusOr<Snapshot> snapshot = Read();
+  if (!snapshot.ok()) return snapshot.status();
+  const absl::StatusOr<std::optional<storage::v1::Calibration>> present = snapshot->Calibration();
+  if (present.ok() && !present->has_value()) {
+    return absl::NotFoundError(absl::StrCat("database '", path(), "' has no calibration"));
+  }
+  return ChangeMeta(schema::kCalibrationKey, std::nullopt, program);
 }
 
 absl::Status Database::Compact(const std::string& target) const {

@@ -1,5 +1,5 @@
-// The database of a cell: robot images, what they belong to, reference images. One LMDB environment
-// in a folder; docs/database_format.md has the bytes, db/schema.h the keys.
+// The database of a cell: robot images, what they belong to, reference images, calibration. One
+// LMDB environment in a folder; docs/database_format.md has the bytes, db/schema.h the keys.
 //
 // A Database may be used by several threads; a Snapshot and a RobotImageWriter by one at a time.
 // Several processes may read while one writes.
@@ -10,6 +10,7 @@
 #include <memory>
 #include <optional>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "absl/status/status.h"
@@ -52,6 +53,13 @@ std::vector<std::string> Differences(const storage::v1::CellDescription& a,
                                      const storage::v1::CellDescription& b,
                                      const std::string& b_name);
 
+// Whether a calibration fits the views of a cell: either cameras or fundamental matrices; a camera
+// per view, for the view's images; views and pairs that are there, none twice; as many numbers as
+// the messages say, all finite. InvalidArgument, naming the view, if not. Whether a matrix is of
+// rank 2 is not looked at.
+absl::Status CheckCalibration(const storage::v1::Calibration& calibration,
+                              const storage::v1::CellDescription& cell);
+
 struct DatabaseState;
 
 // One consistent state of the database. Holds a read transaction: keep it no longer than needed
@@ -82,6 +90,10 @@ class Snapshot {
 
   // The reference images; nothing if none were taken yet.
   absl::StatusOr<std::optional<storage::v1::References>> References() const;
+
+  // The calibration; nothing if there is none. DataLoss if it fails its checksum or does not fit
+  // the cell.
+  absl::StatusOr<std::optional<storage::v1::Calibration>> Calibration() const;
 
   // Who wrote into the database, oldest first.
   absl::StatusOr<storage::v1::ProvenanceLog> Provenance() const;
@@ -161,6 +173,12 @@ class Database {
   // Replaces the reference images; one per view, else InvalidArgument. Needs kWrite.
   absl::Status SetReferences(const storage::v1::References& references, const std::string& program);
 
+  // Replaces the calibration. Needs kWrite. InvalidArgument as CheckCalibration.
+  absl::Status SetCalibration(const storage::v1::Calibration& calibration,
+                              const std::string& program);
+  // Removes it. Needs kWrite. NotFound if there is none.
+  absl::Status RemoveCalibration(const std::string& program);
+
   // Writes a copy without unused pages into the new folder `path`. AlreadyExists if there is a
   // database; ResourceExhausted if the disk is full, with nothing left of the copy.
   absl::Status Compact(const std::string& path) const;
@@ -173,6 +191,10 @@ class Database {
   absl::StatusOr<Usage> GetUsage() const;
 
  private:
+  // Writes `payload` under `key` in `meta`, or removes the key, as one change of `program`'s.
+  absl::Status ChangeMeta(std::string_view key, const std::optional<std::string>& payload,
+                          const std::string& program);
+
   explicit Database(std::shared_ptr<DatabaseState> state);
   std::shared_ptr<DatabaseState> state_;
 };

@@ -168,31 +168,37 @@ SimulatedCameraRig::SimulatedCameraRig(std::shared_ptr<SimulatedCell> cell,
                                        std::vector<std::string> views, std::vector<size_t> cameras)
     : cell_(std::move(cell)), views_(std::move(views)), cameras_(std::move(cameras)) {}
 
+absl::StatusOr<size_t> CameraOf(const SimulationSettings& settings, const SimulatedView& view) {
+  const std::vector<SimulatedCamera>& cameras = settings.cameras;
+  const auto camera = std::find_if(cameras.begin(), cameras.end(), [&](const auto& candidate) {
+    return candidate.name == view.name;
+  });
+  if (camera == cameras.end()) {
+    return absl::InvalidArgumentError(absl::StrCat(
+        "the simulation has no camera for the view '", view.name, "'; it has ",
+        absl::StrJoin(cameras, ", ", [](std::string* out, const SimulatedCamera& known) {
+          absl::StrAppend(out, "'", known.name, "'");
+        })));
+  }
+  const CameraIntrinsics& image = camera->model.intrinsics();
+  if (image.width != view.image_width || image.height != view.image_height) {
+    return absl::InvalidArgumentError(absl::StrCat(
+        "the view '", view.name, "' has images of ", view.image_width, " x ", view.image_height,
+        " pixels in the cell's file, but its simulated camera takes ", image.width, " x ",
+        image.height));
+  }
+  return static_cast<size_t>(camera - cameras.begin());
+}
+
 absl::StatusOr<std::unique_ptr<SimulatedCameraRig>> SimulatedCameraRig::Create(
     std::shared_ptr<SimulatedCell> cell, std::span<const SimulatedView> views) {
-  const std::vector<SimulatedCamera>& cameras = cell->settings().cameras;
   std::vector<std::string> names;
   std::vector<size_t> indices;
   for (const SimulatedView& view : views) {
-    const auto camera = std::find_if(cameras.begin(), cameras.end(), [&](const auto& candidate) {
-      return candidate.name == view.name;
-    });
-    if (camera == cameras.end()) {
-      return absl::InvalidArgumentError(absl::StrCat(
-          "the simulation has no camera for the view '", view.name, "'; it has ",
-          absl::StrJoin(cameras, ", ", [](std::string* out, const SimulatedCamera& known) {
-            absl::StrAppend(out, "'", known.name, "'");
-          })));
-    }
-    const CameraIntrinsics& image = camera->model.intrinsics();
-    if (image.width != view.image_width || image.height != view.image_height) {
-      return absl::InvalidArgumentError(absl::StrCat(
-          "the view '", view.name, "' has images of ", view.image_width, " x ", view.image_height,
-          " pixels in the cell's file, but its simulated camera takes ", image.width, " x ",
-          image.height));
-    }
+    const absl::StatusOr<size_t> camera = CameraOf(cell->settings(), view);
+    if (!camera.ok()) return camera.status();
     names.push_back(view.name);
-    indices.push_back(static_cast<size_t>(camera - cameras.begin()));
+    indices.push_back(*camera);
   }
   return std::unique_ptr<SimulatedCameraRig>(
       new SimulatedCameraRig(std::move(cell), std::move(names), std::move(indices)));

@@ -96,6 +96,10 @@ struct SimulatedView {
   int image_height = 0;
 };
 
+// The camera that takes a view's images, as index of settings.cameras. InvalidArgument: there is no
+// camera of its name, or it has not the view's image size.
+absl::StatusOr<size_t> CameraOf(const SimulationSettings& settings, const SimulatedView& view);
+
 // Cameras of a simulated cell.
 class SimulatedCameraRig : public CameraRig {
  public:

@@ -108,6 +108,32 @@ absl::Status CompareReferences(const OpenedDatabase& first, const OpenedDatabase
   return absl::OkStatus();
 }
 
+absl::Status CompareCalibrations(const OpenedDatabase& first, const OpenedDatabase& second,
+                                 Printer& printer) {
+  const auto a = first.snapshot.Calibration();
+  if (!a.ok()) return a.status();
+  const auto b = second.snapshot.Calibration();
+  if (!b.ok()) return b.status();
+  if (a->has_value() != b->has_value()) {
+    printer.Say(absl::StrCat("calibration: only in the ", a->has_value() ? "first" : "second"));
+    return absl::OkStatus();
+  }
+  if (!a->has_value() || (*a)->SerializeAsString() == (*b)->SerializeAsString()) {
+    return absl::OkStatus();
+  }
+  const int cameras = (*a)->cameras_size();
+  if (cameras == 0 || cameras != (*b)->cameras_size()) {
+    printer.Say("calibration: another");
+    return absl::OkStatus();
+  }
+  for (int i = 0; i < cameras; ++i) {
+    if ((*a)->cameras(i).SerializeAsString() == (*b)->cameras(i).SerializeAsString()) continue;
+    printer.Say(absl::StrCat("calibration: another camera model of view '",
+                             first.database->cell().views(i).name(), "'"));
+  }
+  return absl::OkStatus();
+}
+
 absl::StatusOr<ExitCode> Diff(const Options& options) {
   const absl::StatusOr<OpenedDatabase> first = OpenForReading(options.first);
   if (!first.ok()) return first.status();
@@ -127,6 +153,7 @@ absl::StatusOr<ExitCode> Diff(const Options& options) {
   }
   absl::Status status;
   if (!options.masks_only) status = CompareReferences(*first, *second, printer);
+  if (status.ok() && !options.masks_only) status = CompareCalibrations(*first, *second, printer);
   if (status.ok()) status = CompareRecords(*first, *second, options.masks_only, printer);
   if (!status.ok()) return status;
   return printer.Finish();
@@ -141,7 +168,7 @@ void AddDiff(CLI::App& app, Work& work) {
   command->add_option("first", options->first, "Folder of a database")->required();
   command->add_option("second", options->second, "Folder of another")->required();
   command->add_flag("--masks-only", options->masks_only,
-                    "Neither capture times nor joint values nor reference images count");
+                    "Neither capture times, joint values, reference images nor calibration count");
   command->footer("Example:\n  silhouette-db diff --masks-only monday.lmdb tuesday.lmdb");
   command->callback([&work, options] { work = [options] { return Diff(*options); }; });
 }

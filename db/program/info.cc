@@ -1,6 +1,7 @@
 // silhouette-db info: what a database holds, without reading its robot images.
 #include <iostream>
 #include <memory>
+#include <optional>
 
 #include "absl/strings/str_format.h"
 #include "db/program/commands.h"
@@ -20,12 +21,19 @@ struct Facts {
   uint64_t records = 0;
   Database::Usage usage;
   bool references = false;
+  std::optional<storage::v1::Calibration> calibration;
   storage::v1::ProvenanceLog provenance;
 };
 
 std::string TimeOf(const storage::v1::Provenance& entry) {
   return absl::FormatTime("%Y-%m-%d %H:%M:%S UTC", absl::FromUnixSeconds(entry.time().seconds()),
                           absl::UTCTimeZone());
+}
+
+// "cameras", "fundamental matrices" or "none".
+std::string KindOf(const std::optional<storage::v1::Calibration>& calibration) {
+  if (!calibration) return "none";
+  return calibration->cameras().empty() ? "fundamental matrices" : "cameras";
 }
 
 void PrintText(const Database& database, const Facts& facts) {
@@ -36,10 +44,12 @@ void PrintText(const Database& database, const Facts& facts) {
       "cell            %s\n"
       "configurations  %d of %d recorded (%.1f %%)\n"
       "references      %s\n"
+      "calibration     %s\n"
       "on disk         %.1f MiB, %.1f MiB of it in use\n",
       database.path(), schema::kFormatVersion, facts.generation, cell.name(), facts.records,
       grid.size(), 100.0 * static_cast<double>(facts.records) / static_cast<double>(grid.size()),
-      facts.references ? "yes" : "none", static_cast<double>(facts.usage.file_bytes) / (1 << 20),
+      facts.references ? "yes" : "none", KindOf(facts.calibration),
+      static_cast<double>(facts.usage.file_bytes) / (1 << 20),
       static_cast<double>(facts.usage.used_bytes) / (1 << 20));
   std::cout << "\ngrid joints                lower       upper  steps        step  tile edge\n";
   for (size_t j = 0; j < grid.joints().size(); ++j) {
@@ -80,6 +90,7 @@ void PrintJson(const Database& database, const Facts& facts) {
                          {"configurations", grid.size()},
                          {"records", facts.records},
                          {"references", facts.references},
+                         {"calibration", KindOf(facts.calibration)},
                          {"file_bytes", facts.usage.file_bytes},
                          {"used_bytes", facts.usage.used_bytes},
                          {"segmentation", cell.segmentation()},
@@ -119,10 +130,16 @@ absl::StatusOr<ExitCode> Info(const Options& options) {
   if (!usage.ok()) return usage.status();
   const auto references = opened->snapshot.References();
   if (!references.ok()) return references.status();
+  const auto calibration = opened->snapshot.Calibration();
+  if (!calibration.ok()) return calibration.status();
   const absl::StatusOr<storage::v1::ProvenanceLog> provenance = opened->snapshot.Provenance();
   if (!provenance.ok()) return provenance.status();
-  const Facts facts{opened->snapshot.generation(), opened->snapshot.size(), *usage,
-                    references->has_value(), *provenance};
+  const Facts facts{opened->snapshot.generation(),
+                    opened->snapshot.size(),
+                    *usage,
+                    references->has_value(),
+                    *calibration,
+                    *provenance};
   if (options.format == "json") {
     PrintJson(*opened->database, facts);
   } else {

@@ -24,6 +24,17 @@ ObstacleImage ObstacleImage::FromObstacles(const Mask& obstacles, const Mask& an
   return ObstacleImage(obstacles, anywhere - obstacles, Mask(obstacles.size()));
 }
 
+ObstacleImage ObstacleImage::Ignoring(const Mask& ignored) const {
+  return ObstacleImage(obstacle_ - ignored, unknown_ | ignored, error_ - ignored);
+}
+
+ObstacleImage ObstacleImage::WithMargin(double margin) const {
+  if (margin < 0) throw std::invalid_argument("a margin must not be negative");
+  const Mask obstacle = Grown(obstacle_, margin);
+  const Mask unknown = Grown(unknown_, margin) - error_ - obstacle;
+  return ObstacleImage(obstacle, unknown, Grown(error_, margin) - unknown - obstacle);
+}
+
 Mask ObstacleImage::Background() const { return ~(obstacle_ | unknown_ | error_); }
 
 }  // namespace silhouette

@@ -32,6 +32,16 @@ class ObstacleImage {
   // std::invalid_argument if the sizes differ.
   static ObstacleImage FromObstacles(const Mask& obstacles, const Mask& anywhere);
 
+  // The image where the pixels of `ignored` prove nothing, such as those of a pillar before the
+  // camera: they are unknown, whatever they were. Throws std::invalid_argument if the sizes differ.
+  ObstacleImage Ignoring(const Mask& ignored) const;
+
+  // The image with a safety margin of so many pixels (Grown in db/mask.h): obstacle pixels grow
+  // over everything, unknown and error pixels over background, so that nothing within the margin of
+  // what may be an obstacle proves that there is none. A margin of 0 changes nothing. Throws
+  // std::invalid_argument if the margin is negative or not finite.
+  ObstacleImage WithMargin(double margin) const;
+
   MaskSize size() const { return obstacle_.size(); }
   const Mask& obstacle() const { return obstacle_; }
   const Mask& unknown() const { return unknown_; }

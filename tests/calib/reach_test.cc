@@ -76,6 +76,44 @@ TEST(Reach, NoConfigurationReachesFarther) {
   }
 }
 
+TEST(ReachBox, HoldsTheRobotAtEveryConfigurationAndIsTightWhereNothingMoves) {
+  const unsigned seed = std::random_device()();
+  SCOPED_TRACE("seed " + std::to_string(seed));
+  std::mt19937 random(seed);
+  const RobotModel robot = ThreeJoints();
+  const std::vector<std::string> names{"turn", "bend", "slide"};
+  for (int round = 0; round < 50; ++round) {
+    std::vector<double> positions;
+    std::vector<std::string> moving;
+    std::vector<FixedJoint> fixed;
+    for (size_t j = 0; j < 3; ++j) {
+      const RobotJoint& joint = robot.joints()[j];
+      positions.push_back(std::uniform_real_distribution(joint.lower, joint.upper)(random));
+      if (round > 0 && random() % 2 == 0) {
+        moving.push_back(names[j]);
+      } else {
+        fixed.push_back({names[j], positions[j]});
+      }
+    }
+    const Eigen::AlignedBox3d box = ReachBox(robot, moving, fixed, 0).value();
+    Eigen::AlignedBox3d occupied;
+    const auto base_from_link = robot.LinkPoses(positions);
+    for (size_t link = 0; link < robot.links().size(); ++link) {
+      occupied.extend(base_from_link[link].translation());
+      for (const LinkGeometry& geometry : robot.links()[link].body()) {
+        for (const Eigen::Vector3d& vertex : Tessellate(geometry.shape).vertices) {
+          occupied.extend(base_from_link[link] * (geometry.link_from_shape * vertex));
+        }
+      }
+    }
+    const Eigen::Vector3d slack = Eigen::Vector3d::Constant(1e-9);
+    EXPECT_TRUE(Eigen::AlignedBox3d(box.min() - slack, box.max() + slack).contains(occupied));
+    if (moving.empty()) {
+      EXPECT_LT((box.sizes() - occupied.sizes()).norm(), 0.05);
+    }
+  }
+}
+
 TEST(Reach, MistakesAreNamed) {
   const RobotModel robot = ThreeJoints();
   const std::vector<std::string> moving{"turn"};
@@ -86,6 +124,8 @@ TEST(Reach, MistakesAreNamed) {
   EXPECT_THAT(error("slide", {}), HasSubstr("prismatic"));
   EXPECT_THAT(error("turn", {{"bend", 0}}), HasSubstr("'slide' neither moves"));
   EXPECT_THAT(error("turn", {{"bend", 0}, {"wrist", 0}}), HasSubstr("no joint 'wrist'"));
+  EXPECT_THAT(std::string(ReachBox(robot, moving, {}, 0).status().message()),
+              HasSubstr("'bend' neither moves"));
 }
 
 }  // namespace

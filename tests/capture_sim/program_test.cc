@@ -9,6 +9,9 @@
 #include <nlohmann/json.hpp>
 #include <sstream>
 
+#include "calib/calibration_camera_file.h"
+#include "calib/calibration_message.h"
+#include "capture/sim/simulation.h"
 #include "tests/calib/urdf_files.h"
 
 namespace silhouette {
@@ -223,6 +226,39 @@ TEST_F(SimProgram, FullDiskIsTheWorldsFault) {
   const Outcome outcome = RunInCell("truth", "--out /dev/full");
   EXPECT_EQ(outcome.exit_code, 3);
   EXPECT_THAT(outcome.err, HasSubstr("is the disk full?"));
+}
+
+TEST_F(SimProgram, CalibrationWritesTheTrueCameraOfEveryView) {
+  const fs::path cameras = folder_ / "new/cameras";
+  const std::string cell = " --cell " + (folder_ / "cell.yaml").string();
+  const Outcome outcome =
+      Run("calibration" + cell + " --out " + cameras.string() + " --format json");
+  ASSERT_EQ(outcome.exit_code, 0) << outcome.err;
+  const auto paths = nlohmann::json::parse(outcome.out)["cameras"];
+  const auto settings = LoadSimulation(std::string(SILHOUETTE_SOURCE_DIR) +
+                                       "/capture/sim/cells/demo/simulation.yaml");
+  ASSERT_TRUE(settings.ok()) << settings.status();
+  ASSERT_EQ(paths.size(), 2u);
+  for (size_t i = 0; i < 2; ++i) {
+    const SimulatedCamera& truth = settings->cameras[i];
+    EXPECT_EQ(paths[i], (cameras / (truth.name + ".cameramodel")).string());
+    const auto message = CameraFromText(ReadAll(paths[i].get<std::string>()), "file");
+    ASSERT_TRUE(message.ok()) << message.status();
+    const CameraModel camera = *CameraFrom(*message);
+    for (const Eigen::Vector3d& point : {Eigen::Vector3d(0.3, 0.2, 1), {-0.5, 0.4, 0.2}}) {
+      EXPECT_TRUE(camera.Project(point)->isApprox(*truth.model.Project(point), 1e-12));
+    }
+  }
+}
+
+TEST_F(SimProgram, CalibrationOfACellWithoutSimulationIsAMistake) {
+  WriteFile(folder_ / "bare.yaml",
+            "name: bare\nrobot: {joints: [{name: a, lower: 0, upper: 1}]}\n"
+            "grid: {steps: {a: 2}}\nviews: [{name: top}]\n");
+  const Outcome outcome = Run("calibration --cell " + (folder_ / "bare.yaml").string() + " --out " +
+                              (folder_ / "cameras").string());
+  EXPECT_EQ(outcome.exit_code, 2);
+  EXPECT_THAT(outcome.err, HasSubstr("the key 'simulation' is missing"));
 }
 
 }  // namespace

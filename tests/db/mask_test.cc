@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <cmath>
 #include <functional>
 #include <iostream>
 #include <random>
@@ -186,6 +187,42 @@ TEST(Mask, OfNoPixelsIsEmpty) {
   EXPECT_EQ(~Mask(), Mask());
   EXPECT_EQ(Core(Mask()), Mask());
   EXPECT_NE(Mask(), Mask({1, 1}));
+}
+
+// How far the squares of two pixels are apart, from the definition.
+double Apart(int dx, int dy) {
+  return std::hypot(std::max(std::abs(dx) - 1, 0), std::max(std::abs(dy) - 1, 0));
+}
+
+TEST(GrownMask, HasThePixelsNearerThanTheRadiusAndNoOthers) {
+  const unsigned seed = std::random_device()();
+  SCOPED_TRACE("seed " + std::to_string(seed));
+  std::mt19937 random(seed);
+  for (int round = 0; round < 60; ++round) {
+    const MaskSize size{1 + static_cast<int>(random() % 140), 1 + static_cast<int>(random() % 40)};
+    const double radius = round % 4 == 0 ? round / 8.0 : 0.1 + random() % 900 / 100.0;
+    const Mask mask = Mask::FromPredicate(size, [&](int, int) { return random() % 150 == 0; });
+    const Mask expected = Mask::FromPredicate(size, [&](int x, int y) {
+      for (int v = 0; v < size.height; ++v) {
+        for (int u = 0; u < size.width; ++u) {
+          if (mask.at(u, v) && (Apart(u - x, v - y) < radius || (u == x && v == y))) return true;
+        }
+      }
+      return false;
+    });
+    ASSERT_EQ(Grown(mask, radius), expected)
+        << size.width << "x" << size.height << ", radius " << radius;
+  }
+}
+
+TEST(GrownMask, NoRadiusChangesNothingAndAHugeOneFillsTheImage) {
+  const Mask mask = Mask::FromPredicate({70, 9}, [](int x, int y) { return x == 3 && y == 2; });
+  EXPECT_EQ(Grown(mask, 0), mask);
+  EXPECT_EQ(Grown(mask, -1), mask);
+  EXPECT_EQ(Grown(mask, 1e9), ~Mask({70, 9}));
+  EXPECT_EQ(Grown(Mask({70, 9}), 1e9), Mask({70, 9}));
+  EXPECT_EQ(Grown(Mask(), 3), Mask());
+  EXPECT_THROW(Grown(mask, std::nan("")), std::invalid_argument);
 }
 
 }  // namespace

@@ -22,6 +22,7 @@ const std::map<std::string, Layer>& Layers() {
   static const std::map<std::string, Layer> layers = {
       {"mask", {{}, {}}},
       {"camera", {{}, {"Eigen"}}},
+      {"calibration", {{"camera", "proto_storage", "yaml"}, {"Eigen", "yaml-cpp"}}},
       {"kinematics", {{}, {"Eigen", "urdf_parser", "urdf_model", "assimp"}}},
       {"store", {{"mask", "proto_storage"}, {"lmdb.h", "lz4.h", "xxhash.h"}}},
       {"collision", {{"mask", "camera"}, {"Eigen"}}},
@@ -71,7 +72,9 @@ std::string LayerOf(const std::string& path) {
       {"db/", "store"},
       {"calib/camera_", "camera"},
       {"calib/calibration.", "camera"},
+      {"calib/calibration_", "calibration"},
       {"calib/epipolar_", "camera"},
+      {"calib/pixels_per_metre.", "camera"},
       {"calib/", "kinematics"},
       {"server/collision/", "collision"},
       {"server/scene/", "scene"},

@@ -57,6 +57,16 @@ YamlNode YamlNode::FromFile(const std::string& path) {
   }
 }
 
+YamlNode YamlNode::FromText(const std::string& text, const std::string& file) {
+  try {
+    YAML::Node node = YAML::Load(text);
+    if (node.IsNull()) throw YamlError(file + ": the file is empty");
+    return {node, file, ""};
+  } catch (const YAML::ParserException& error) {
+    throw YamlError(file + ":" + std::to_string(error.mark.line + 1) + ": " + error.msg);
+  }
+}
+
 void YamlNode::Fail(const std::string& message) const {
   std::string place = file_;
   if (node_.IsDefined() && node_.Mark().line >= 0) {

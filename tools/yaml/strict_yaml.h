@@ -26,6 +26,8 @@ class YamlNode {
 
   // Reads a file; throws YamlError if it cannot be read or is not YAML.
   static YamlNode FromFile(const std::string& path);
+  // The same for a text; `file` is what messages call where it comes from.
+  static YamlNode FromText(const std::string& text, const std::string& file);
 
   const std::string& name() const { return name_; }
   const std::string& file() const { return file_; }

@@ -12,5 +12,6 @@ void AddRenderCommand(CLI::App& program, Run& run);
 void AddContactCommand(CLI::App& program, Run& run);
 void AddTruthCommand(CLI::App& program, Run& run);
 void AddPathCommand(CLI::App& program, Run& run);
+void AddCalibrationCommand(CLI::App& program, Run& run);
 
 }  // namespace silhouette

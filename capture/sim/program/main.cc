@@ -15,7 +15,8 @@ int main(int argc, char** argv) {
       "  silhouette-sim contact --cell cell.yaml --scene obstacles.yaml --configuration "
       "0.5,-30deg\n"
       "  silhouette-sim truth --cell cell.yaml --scene obstacles.yaml --out truth.csv\n"
-      "  silhouette-sim path --cell cell.yaml --scene obstacles.yaml --path path.json\n\n"
+      "  silhouette-sim path --cell cell.yaml --scene obstacles.yaml --path path.json\n"
+      "  silhouette-sim calibration --cell cell.yaml --out cameras\n\n"
       "Exit codes: 0 done, 1 the robot touches an obstacle, 2 a mistake in the arguments or "
       "files,\n"
       "3 the world failed.");
@@ -24,5 +25,6 @@ int main(int argc, char** argv) {
   silhouette::AddContactCommand(app, run);
   silhouette::AddTruthCommand(app, run);
   silhouette::AddPathCommand(app, run);
+  silhouette::AddCalibrationCommand(app, run);
   return silhouette::RunProgram(app, argc, argv, [&] { return run(); });
 }

@@ -67,18 +67,6 @@ absl::StatusOr<std::vector<double>> PositionsOf(const RobotModel& robot,
   return robot.Positions(names, numbers);
 }
 
-// The views of the cell that the simulation takes images for.
-absl::StatusOr<std::vector<SimulatedView>> SimulatedViews(const Cell& cell) {
-  std::vector<SimulatedView> views;
-  for (const ViewSettings& view : cell.views) {
-    if (view.source == "sim") views.push_back({view.name, view.image_width, view.image_height});
-  }
-  if (views.empty()) {
-    return absl::InvalidArgumentError(cell.file + ": no view has the source 'sim'");
-  }
-  return views;
-}
-
 absl::Status WriteImages(const std::string& folder, const std::vector<std::string>& views,
                          const std::vector<CameraImage>& images,
                          const std::map<std::string, double>& joints) {

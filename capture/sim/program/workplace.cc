@@ -55,6 +55,17 @@ absl::StatusOr<Workplace> LoadWorkplace(const WorkplaceArguments& arguments) {
   return Workplace{*std::move(cell), *std::move(robot), *std::move(obstacles), std::move(poses)};
 }
 
+absl::StatusOr<std::vector<SimulatedView>> SimulatedViews(const Cell& cell) {
+  std::vector<SimulatedView> views;
+  for (const ViewSettings& view : cell.views) {
+    if (view.source == "sim") views.push_back({view.name, view.image_width, view.image_height});
+  }
+  if (views.empty()) {
+    return absl::InvalidArgumentError(cell.file + ": no view has the source 'sim'");
+  }
+  return views;
+}
+
 std::string Spoken(const Contact& contact) {
   if (contact.obstacle.empty()) return "free, there is no obstacle";
   if (contact.touching) {

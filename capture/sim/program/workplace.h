@@ -11,6 +11,7 @@
 #include "calib/robot_model.h"
 #include "capture/sim/contact.h"
 #include "capture/sim/obstacles.h"
+#include "capture/sim/simulated_cell.h"
 #include "tools/cell/cell.h"
 
 namespace silhouette {
@@ -40,6 +41,9 @@ struct Workplace {
 };
 
 absl::StatusOr<Workplace> LoadWorkplace(const WorkplaceArguments& arguments);
+
+// The views of the cell that the simulation takes images for; InvalidArgument if there is none.
+absl::StatusOr<std::vector<SimulatedView>> SimulatedViews(const Cell& cell);
 
 // "touches box with forearm", "free, 0.123 m from forearm to box" or "free, there is no obstacle".
 std::string Spoken(const Contact& contact);

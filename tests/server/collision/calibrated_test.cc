@@ -313,6 +313,31 @@ TEST_F(CalibratedTest, LosingAViewNeverTurnsOccupiedIntoFree) {
   }
 }
 
+TEST_F(CalibratedTest, MarginNeverTurnsOccupiedIntoFree) {
+  const ConfigurationGrid grid({{.name = "a", .lower = 0, .upper = 1, .steps = 60}});
+  int turned = 0;
+  for (int round = 0; round < 25; ++round) {
+    const std::vector<MaskSize> sizes = RandomSizes(3, random);
+    const EpipolarBands bands(RandomCalibration(3, 0.1, random), sizes);
+    const RobotImageTable table = RandomTable(grid, sizes, 0.05, random);
+    const ObstacleImages images = RandomObstacleImages(sizes, 0.15, random);
+    ObstacleImages grown;
+    for (const auto& image : images) grown.push_back(image->WithMargin(0.2 + random() % 3));
+    std::vector<Policy> policies = CalibratedPolicies(3);
+    policies.push_back({});
+    policies.push_back({.preset = Preset::kPaper});
+    for (const Policy& policy : policies) {
+      const CollisionTest before(table, images, policy, {.bands = &bands});
+      const CollisionTest after(table, grown, policy, {.bands = &bands});
+      for (ConfigurationNumber number = 0; number < 60; ++number) {
+        EXPECT_LE(after.Check(number).free(), before.Check(number).free());
+        if (before.Check(number).free() && !after.Check(number).free()) ++turned;
+      }
+    }
+  }
+  EXPECT_GT(turned, 0);
+}
+
 TEST(CalibratedPresets, AreRefusedWithoutWhatTheyNeed) {
   const ConfigurationGrid grid({{.name = "a", .lower = 0, .upper = 0, .steps = 1}});
   const std::vector<MaskSize> sizes(2, MaskSize{1, 3});

@@ -118,5 +118,33 @@ TEST(ObstacleImage, SizesThatDifferAreRefused) {
   EXPECT_THROW(ObstacleImage::FromObstacles(Mask({2, 2}), Mask({4, 1})), std::invalid_argument);
 }
 
+TEST(ObstacleImage, IgnoredPixelsAreUnknownAndNothingElse) {
+  const Mask scene = PixelsOf({"BFBF"}, 'F');
+  const Mask robot = PixelsOf({"BBRR"}, 'R');
+  const ObstacleImage image = ObstacleImage::FromScene(scene, robot);
+  ASSERT_EQ(RowsOf(image)[0], "BOEU");
+  EXPECT_EQ(RowsOf(image.Ignoring(PixelsOf({"XXXX"}, 'X')))[0], "UUUU");
+  EXPECT_EQ(RowsOf(image.Ignoring(PixelsOf({"-X--"}, 'X')))[0], "BUEU");
+  EXPECT_EQ(RowsOf(image.Ignoring(PixelsOf({"----"}, 'X')))[0], "BOEU");
+}
+
+TEST(ObstacleImage, MarginGrowsObstaclesOverEverythingAndTheRestOverBackground) {
+  const auto with_margin = [](const std::string& pixels) {
+    const Rows rows = {pixels};
+    const Mask obstacle = PixelsOf(rows, 'O'), unknown = PixelsOf(rows, 'U');
+    const ObstacleImage image =
+        ObstacleImage::FromScene(obstacle | unknown, unknown | PixelsOf(rows, 'E'));
+    EXPECT_EQ(RowsOf(image)[0], pixels);
+    EXPECT_EQ(RowsOf(image.WithMargin(0))[0], pixels);
+    return RowsOf(image.WithMargin(1))[0];
+  };
+  EXPECT_EQ(with_margin("BBOBBB"), "BOOOBB");
+  EXPECT_EQ(with_margin("UOEEBB"), "OOOEEB");
+  EXPECT_EQ(with_margin("BBUBBB"), "BUUUBB");
+  EXPECT_EQ(with_margin("BBEUBB"), "BEEUUB");
+  EXPECT_EQ(with_margin("EEBUUU"), "EEUUUU");
+  EXPECT_THROW(PaperObstacleImage().WithMargin(-1), std::invalid_argument);
+}
+
 }  // namespace
 }  // namespace silhouette
