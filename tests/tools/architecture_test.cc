@@ -48,7 +48,7 @@ const std::map<std::string, Layer>& Layers() {
       {"cell",
        {{"mask", "store", "proto_storage", "segmentation", "collision", "scene", "capture",
          "kinematics", "yaml"},
-        {"yaml-cpp"}}},
+        {"yaml-cpp", "Eigen"}}},
       {"paper_experiment",
        {{"mask", "camera", "collision", "yaml", "picture"}, {"Eigen", "opencv2"}}},
   };

@@ -151,5 +151,35 @@ TEST(Cell, MissingFileIsTold) {
             "/nowhere/cell.yaml: the file does not exist or cannot be read");
 }
 
+TEST(Cell, MarginOfAViewGoesBeforeThatOfTheCell) {
+  const absl::StatusOr<Cell> cell =
+      Load(Changed("{name: top}", "{name: top, margin: 1.5 px, ignore: pillar.png}") +
+           "margin: 5 cm\nworkspace: {lower: [-1, -2, 0], upper: [1, 2, 3]}\n");
+  ASSERT_TRUE(cell.ok()) << cell.status();
+  EXPECT_EQ(cell->views[0].margin.pixels, 1.5);
+  EXPECT_EQ(cell->views[0].margin.metres, 0);
+  EXPECT_EQ(cell->views[0].ignore, testing::TempDir() + "pillar.png");
+  EXPECT_EQ(cell->views[1].margin.pixels, 0);
+  EXPECT_EQ(cell->views[1].margin.metres, 0.05);
+  EXPECT_EQ(cell->views[1].ignore, "");
+  EXPECT_EQ(WorkspaceOf(*cell)->max(), Eigen::Vector3d(1, 2, 3));
+  EXPECT_EQ(Load(Changed("{name: top}", "{name: top, margin: 5mm}"))->views[0].margin.metres,
+            0.005);
+}
+
+TEST(Cell, MistakesInMarginAndWorkspaceAreNamed) {
+  for (const char* margin : {"5", "px", "-1 px", "2 inch", "1e999 m", ""}) {
+    EXPECT_THAT(
+        MessageOf(Changed("{name: top}", std::string("{name: top, margin: \"") + margin + "\"}")),
+        HasSubstr("a margin with its unit is expected"))
+        << margin;
+  }
+  EXPECT_THAT(
+      MessageOf(std::string(kBareCell) + "workspace: {lower: [0, 0, 0], upper: [1, 0, 1]}\n"),
+      HasSubstr("it must lie above 'lower'"));
+  EXPECT_THAT(std::string(WorkspaceOf(*Load(kBareCell)).status().message()),
+              HasSubstr("say 'workspace', or the robot's 'urdf'"));
+}
+
 }  // namespace
 }  // namespace silhouette

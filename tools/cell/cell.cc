@@ -4,6 +4,8 @@
 #include <stdexcept>
 #include <utility>
 
+#include "calib/reach.h"
+#include "calib/robot_model.h"
 #include "tools/cell/sections.h"
 #include "tools/yaml/strict_yaml.h"
 
@@ -23,6 +25,8 @@ Cell ReadCell(const std::string& path) {
   const YamlNode robot_node = map.Required("robot");
   const YamlNode grid_node = map.Required("grid");
   const YamlNode views_node = map.Required("views");
+  const auto margin_node = map.Optional("margin");
+  const auto workspace_node = map.Optional("workspace");
   const auto capture_node = map.Optional("capture");
   const auto segmentation_node = map.Optional("segmentation");
   const auto policy_node = map.Optional("policy");
@@ -30,18 +34,21 @@ Cell ReadCell(const std::string& path) {
   map.Finish();
 
   RobotAndGrid robot = ReadRobotAndGrid(robot_node, grid_node, folder);
-  Cell cell{.file = path,
-            .name = name,
-            .database = std::move(database),
-            .simulation = std::move(simulation),
-            .robot = std::move(robot.robot),
-            .grid = std::move(robot.grid),
-            .fixed_joints = std::move(robot.fixed_joints),
-            .views = ReadViews(views_node),
-            .capture = {},
-            .segmentation = {},
-            .policy = {},
-            .server = {}};
+  Cell cell{
+      .file = path,
+      .name = name,
+      .database = std::move(database),
+      .simulation = std::move(simulation),
+      .robot = std::move(robot.robot),
+      .grid = std::move(robot.grid),
+      .fixed_joints = std::move(robot.fixed_joints),
+      .views = ReadViews(views_node, margin_node ? ReadMargin(*margin_node) : Margin{}, folder),
+      .workspace = std::nullopt,
+      .capture = {},
+      .segmentation = {},
+      .policy = {},
+      .server = {}};
+  if (workspace_node) cell.workspace = ReadWorkspace(*workspace_node);
   if (capture_node) cell.capture = ReadCapture(*capture_node, cell.grid);
   if (segmentation_node) cell.segmentation = ReadSegmentation(*segmentation_node);
   if (policy_node) cell.policy = ReadPolicy(*policy_node, static_cast<int>(cell.views.size()));
@@ -68,6 +75,20 @@ absl::StatusOr<Cell> LoadCell(const std::string& path) {
   } catch (const YamlError& error) {
     return absl::InvalidArgumentError(error.what());
   }
+}
+
+absl::StatusOr<Workspace> WorkspaceOf(const Cell& cell) {
+  if (cell.workspace) return *cell.workspace;
+  if (cell.robot.urdf.empty()) {
+    return absl::InvalidArgumentError(
+        cell.file + ": the robot's space is not known; say 'workspace', or the robot's 'urdf'");
+  }
+  const absl::StatusOr<RobotModel> robot =
+      RobotModel::FromUrdf(cell.robot.urdf, cell.robot.package_paths);
+  if (!robot.ok()) return robot.status();
+  std::vector<std::string> moving;
+  for (const GridJoint& joint : cell.grid.joints()) moving.push_back(joint.name);
+  return ReachBox(*robot, moving, cell.fixed_joints, cell.robot.payload_radius);
 }
 
 storage::v1::CellDescription DescriptionOf(const Cell& cell) {

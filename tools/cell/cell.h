@@ -2,6 +2,7 @@
 // docs/cell.yaml.
 #pragma once
 
+#include <Eigen/Geometry>
 #include <optional>
 #include <string>
 #include <vector>
@@ -15,6 +16,7 @@
 #include "db/mask.h"
 #include "server/collision/policy.h"
 #include "server/scene/scene_settings.h"
+#include "server/scene/view_treatment.h"
 #include "silhouette/storage/v1/storage.pb.h"
 
 namespace silhouette {
@@ -23,6 +25,8 @@ struct RobotSettings {
   std::string urdf;                        // path; empty: bare joints
   std::vector<std::string> package_paths;  // roots that package:// paths are resolved against
   std::string driver;                      // "sim", or empty: none
+  // How far, in metres, tool and payload reach beyond the model's last link.
+  double payload_radius = 0;
 };
 
 struct ViewSettings {
@@ -31,7 +35,12 @@ struct ViewSettings {
   int image_width = 0;
   int image_height = 0;
   MaskSize mask_size;
+  Margin margin;
+  std::string ignore;  // image file of the pixels that prove nothing; empty: none
 };
+
+// A box in the robot's base frame, metres.
+using Workspace = Eigen::AlignedBox3d;
 
 struct ServerSettings {
   std::string listen = "127.0.0.1:50051";  // address:port, or unix:path
@@ -48,6 +57,8 @@ struct Cell {
   ConfigurationGrid grid;
   std::vector<FixedJoint> fixed_joints;  // the joints outside the grid
   std::vector<ViewSettings> views;
+  // What the robot never leaves; nothing: not said.
+  std::optional<Workspace> workspace;
   CaptureSettings capture;
   SegmentationSettings segmentation;
   Policy policy;
@@ -57,6 +68,10 @@ struct Cell {
 // Reads and checks a file. InvalidArgument with file, line and the mend in its message; nothing in
 // a cell that was read is left unchecked.
 absl::StatusOr<Cell> LoadCell(const std::string& path);
+
+// The box that the robot never leaves: the workspace that the file states, else the reach of its
+// model. InvalidArgument: there is neither.
+absl::StatusOr<Workspace> WorkspaceOf(const Cell& cell);
 
 // What the cell's database must say of it.
 storage::v1::CellDescription DescriptionOf(const Cell& cell);

@@ -15,7 +15,6 @@ namespace {
 // What the section `robot` says before the grid is known.
 struct RobotSection {
   RobotSettings settings;
-  double payload_radius = 0;
   std::optional<RobotModel> model;
   std::vector<GridJoint> moving;  // with one step each
   std::vector<FixedJoint> fixed;
@@ -112,8 +111,8 @@ RobotSection ReadRobot(const YamlNode& node, const std::filesystem::path& folder
     }
   }
   if (const auto radius = map.Optional("payload_radius")) {
-    robot.payload_radius = radius->As<double>();
-    if (robot.payload_radius < 0) radius->Fail("a length not below 0 is expected");
+    robot.settings.payload_radius = radius->As<double>();
+    if (robot.settings.payload_radius < 0) radius->Fail("a length not below 0 is expected");
   }
   const YamlNode joints = map.Required("joints");
   const auto fixed = map.Optional("fixed");
@@ -142,7 +141,8 @@ std::vector<std::optional<double>> Reaches(const RobotSection& robot, const Yaml
       reaches.emplace_back();
       continue;
     }
-    const auto reach = Reach(*robot.model, name, moving, robot.fixed, robot.payload_radius);
+    const auto reach =
+        Reach(*robot.model, name, moving, robot.fixed, robot.settings.payload_radius);
     if (!reach.ok()) node.Fail(std::string(reach.status().message()));
     reaches.emplace_back(*reach);
   }

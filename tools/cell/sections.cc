@@ -1,6 +1,8 @@
 #include "tools/cell/sections.h"
 
 #include <algorithm>
+#include <cmath>
+#include <map>
 #include <set>
 #include <stdexcept>
 
@@ -37,7 +39,8 @@ MaskSize ReadMaskSize(const YamlNode& node) {
   return size;
 }
 
-ViewSettings ReadView(const YamlNode& node) {
+ViewSettings ReadView(const YamlNode& node, const Margin& margin,
+                      const std::filesystem::path& folder) {
   YamlMap map(node);
   ViewSettings view;
   view.name = map.Get<std::string>("name");
@@ -46,6 +49,10 @@ ViewSettings ReadView(const YamlNode& node) {
   const auto mask_size = map.Optional("mask_size");
   view.mask_size = mask_size ? ReadMaskSize(*mask_size) : MaskSize{64, 64};
   const auto image_size = map.Optional("image_size");
+  const auto own_margin = map.Optional("margin");
+  view.margin = own_margin ? ReadMargin(*own_margin) : margin;
+  const std::string ignore = map.Get<std::string>("ignore", "");
+  if (!ignore.empty()) view.ignore = ResolvePath(folder, ignore);
   map.Finish();
   if (!image_size) {
     if (!view.source.empty()) node.Fail("a view with a source needs its image_size");
@@ -86,11 +93,43 @@ ForbiddenRegion ReadForbiddenRegion(const YamlNode& node, const ConfigurationGri
 
 }  // namespace
 
-std::vector<ViewSettings> ReadViews(const YamlNode& node) {
+Margin ReadMargin(const YamlNode& node) {
+  const std::string text = node.As<std::string>();
+  size_t end = 0;
+  double number = -1;
+  try {
+    number = std::stod(text, &end);
+  } catch (const std::exception&) {
+    end = 0;
+  }
+  const std::string unit = text.substr(std::min(text.size(), text.find_first_not_of(' ', end)));
+  const std::map<std::string, double> metres = {{"m", 1}, {"cm", 1e-2}, {"mm", 1e-3}};
+  if (end > 0 && number >= 0 && std::isfinite(number)) {
+    if (unit == "px") return {.pixels = number};
+    if (metres.contains(unit)) return {.metres = number * metres.at(unit)};
+  }
+  node.Fail("a margin with its unit is expected, as in '2 px' or '5 cm'");
+}
+
+Workspace ReadWorkspace(const YamlNode& node) {
+  YamlMap map(node);
+  const auto corner = [](const YamlNode& at) {
+    const std::vector<double> values = at.Values<double>(3);
+    return Eigen::Vector3d(values[0], values[1], values[2]);
+  };
+  const YamlNode upper = map.Required("upper");
+  const Workspace workspace(corner(map.Required("lower")), corner(upper));
+  map.Finish();
+  if (!(workspace.sizes().minCoeff() > 0)) upper.Fail("it must lie above 'lower' in x, y and z");
+  return workspace;
+}
+
+std::vector<ViewSettings> ReadViews(const YamlNode& node, const Margin& margin,
+                                    const std::filesystem::path& folder) {
   std::vector<ViewSettings> views;
   std::set<std::string> names;
   for (const YamlNode& item : node.Items()) {
-    views.push_back(ReadView(item));
+    views.push_back(ReadView(item, margin, folder));
     if (!names.insert(views.back().name).second) {
       item.Fail("there is another view called '" + views.back().name + "'");
     }

@@ -22,7 +22,12 @@ struct RobotAndGrid {
 RobotAndGrid ReadRobotAndGrid(const YamlNode& robot, const YamlNode& grid,
                               const std::filesystem::path& folder);
 
-std::vector<ViewSettings> ReadViews(const YamlNode& node);
+// "2 px", "5 cm"
+Margin ReadMargin(const YamlNode& node);
+Workspace ReadWorkspace(const YamlNode& node);
+// `margin`: of views that state none.
+std::vector<ViewSettings> ReadViews(const YamlNode& node, const Margin& margin,
+                                    const std::filesystem::path& folder);
 // `grid`: the joints that forbidden regions may name.
 CaptureSettings ReadCapture(const YamlNode& node, const ConfigurationGrid& grid);
 SegmentationSettings ReadSegmentation(const YamlNode& node);
