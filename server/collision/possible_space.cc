@@ -1,0 +1,337 @@
+#include "server/collision/possible_space.h"
+
+#include <algorithm>
+#include <array>
+#include <bit>
+#include <cmath>
+#include <limits>
+#include <stdexcept>
+
+#include "server/collision/look_tables.h"
+#include "server/collision/voxel_parts.h"
+
+namespace silhouette {
+namespace {
+
+constexpr int kEdge = VoxelGrid::kBlockEdge;
+constexpr uint64_t kLowestBits = 0x0101010101010101;
+
+// Bit i of the result is bit `bit` of byte i.
+unsigned BitOfBytes(uint64_t bytes, int bit) {
+  return static_cast<unsigned>((bytes >> bit & kLowestBits) * 0x0102040810204080 >> 56);
+}
+
+uint64_t Gather(const uint8_t* table, const uint32_t* indices) {
+  uint64_t bytes = 0;
+  for (int i = 0; i < kEdge; ++i) bytes |= uint64_t{table[indices[i]]} << (8 * i);
+  return bytes;
+}
+
+void CheckSizes(const VoxelSpace& space, const ObstacleImages& images, const RobotVoxels& robot,
+                std::span<const std::optional<Mask>> allowed) {
+  const auto views = static_cast<size_t>(space.views());
+  if (images.size() != views || (!allowed.empty() && allowed.size() != views)) {
+    throw std::invalid_argument("there must be one image per view");
+  }
+  for (size_t view = 0; view < views; ++view) {
+    const MaskSize size = space.mask_size(static_cast<int>(view));
+    const bool fits = (!images[view] || images[view]->size() == size) &&
+                      (allowed.empty() || !allowed[view] || allowed[view]->size() == size);
+    if (!fits) throw std::invalid_argument("an image has not the size of its view's masks");
+  }
+  for (const VoxelSet* set : {&robot.inside, &robot.no_centre}) {
+    for (int axis = 0; axis < 3; ++axis) {
+      if (!set->words().empty() && set->size(axis) != space.grid().size(axis)) {
+        throw std::invalid_argument("the robot's voxels are not of the space's grid");
+      }
+    }
+  }
+}
+
+// Whether a pixel of the rectangle is set in both.
+bool AnyCommon(MaskWords a, MaskWords b, int image_width, const PixelRectangle& pixels) {
+  for (int y = 0; y < pixels.height; ++y) {
+    int bit = (pixels.y + y) * image_width + pixels.x;
+    for (int left = pixels.width; left > 0;) {
+      const int in_word = std::min(left, 64 - bit % 64);
+      const uint64_t wanted = (in_word == 64 ? ~uint64_t{0} : (uint64_t{1} << in_word) - 1)
+                              << (bit % 64);
+      const size_t word = static_cast<size_t>(bit) / 64;
+      if ((a[word] & b[word] & wanted) != 0) return true;
+      bit += in_word;
+      left -= in_word;
+    }
+  }
+  return false;
+}
+
+bool Nothing(MaskWords words) {
+  return std::all_of(words.begin(), words.end(), [](uint64_t word) { return word == 0; });
+}
+
+// Whether a robot image may be of a robot that reaches beyond the image: it touches the rim, or is
+// nowhere in it.
+bool MayReachBeyond(MaskWords words, MaskSize size) {
+  const auto any = [&](const PixelRectangle& pixels) {
+    return AnyCommon(words, words, size.width, pixels);
+  };
+  return any({0, 0, size.width, 1}) || any({0, size.height - 1, size.width, 1}) ||
+         any({0, 0, 1, size.height}) || any({size.width - 1, 0, 1, size.height}) || Nothing(words);
+}
+
+Mask Rim(MaskSize size) {
+  return Mask::FromPredicate(size, [size](int x, int y) {
+    return x == 0 || y == 0 || x + 1 == size.width || y + 1 == size.height;
+  });
+}
+
+// The planes of one part, while they are drawn.
+class PartPlanes {
+ public:
+  explicit PartPlanes(const VoxelSpace& space) : space_(space) {
+    for (int view = 0; view < space.views(); ++view) {
+      words_.emplace_back(space.mask_size(view).words(), 0);
+    }
+    beyond_.assign(words_.size(), false);
+  }
+
+  void Add(size_t place) {
+    for (size_t view = 0; view < words_.size(); ++view) {
+      const VoxelSpace::Look& look = space_.look(static_cast<int>(view));
+      const PixelRectangle pixels = look.Rectangle(look.touched[place]);
+      if (!pixels.whole) beyond_[view] = true;
+      for (int y = pixels.y; y < pixels.y + pixels.height; ++y) {
+        for (int x = pixels.x; x < pixels.x + pixels.width; ++x) {
+          const auto bit = static_cast<size_t>(y * look.mask_size.width + x);
+          words_[view][bit / 64] |= uint64_t{1} << (bit % 64);
+        }
+      }
+    }
+  }
+
+  PossibleSpace::Part Cut(const CollisionImages& possible_pixels) const {
+    PossibleSpace::Part part{CollisionImages(words_.size()), beyond_};
+    for (size_t view = 0; view < words_.size(); ++view) {
+      if (!possible_pixels[view]) continue;
+      const MaskSize size = possible_pixels[view]->size();
+      part.planes[view] = Mask::FromWords(size, words_[view]) & *possible_pixels[view];
+      if (beyond_[view]) part.planes[view] = *part.planes[view] | Rim(size);
+    }
+    return part;
+  }
+
+ private:
+  const VoxelSpace& space_;
+  std::vector<std::vector<uint64_t>> words_;
+  std::vector<bool> beyond_;
+};
+
+// Which voxels a robot is seen with.
+class RobotQuery {
+ public:
+  // `may_miss`: in so many views it need not be seen.
+  RobotQuery(const VoxelSpace& space, const CollisionImages& possible_pixels,
+             std::span<const MaskWords> robot, int may_miss)
+      : space_(space), possible_pixels_(possible_pixels), robot_(robot), may_miss_(may_miss) {}
+
+  bool MeetsBlock(size_t slot) const {
+    return Meets([&](const VoxelSpace::Look& look) { return look.block_touched[slot]; });
+  }
+  bool MeetsVoxel(size_t place) const {
+    return Meets([&](const VoxelSpace::Look& look) { return look.Rectangle(look.touched[place]); });
+  }
+
+ private:
+  template <typename PixelsIn>
+  bool Meets(PixelsIn pixels_in) const {
+    int missed = 0;
+    for (size_t view = 0; view < robot_.size(); ++view) {
+      const std::optional<Mask>& possible = possible_pixels_[view];
+      if (!possible) continue;
+      const PixelRectangle pixels = pixels_in(space_.look(static_cast<int>(view)));
+      const MaskSize size = possible->size();
+      // Where the robot meets an obstacle, the pixel is the robot's and not background.
+      if (AnyCommon(robot_[view], possible->words(), size.width, pixels)) continue;
+      if (!pixels.whole && MayReachBeyond(robot_[view], size)) continue;
+      if (++missed > may_miss_) return false;
+    }
+    return true;
+  }
+
+  const VoxelSpace& space_;
+  const CollisionImages& possible_pixels_;
+  std::span<const MaskWords> robot_;
+  int may_miss_;
+};
+
+bool AnyInBlock(const VoxelSet& set, const VoxelSpace::Block& block) {
+  for (int z = block.z * kEdge; z < (block.z + 1) * kEdge; ++z) {
+    for (int y = block.y * kEdge; y < (block.y + 1) * kEdge; ++y) {
+      if (set.RowOfBlock(block.x, y, z) != 0) return true;
+    }
+  }
+  return false;
+}
+
+}  // namespace
+
+RobotVoxels VoxelsOfRobot(const VoxelSpace& space,
+                          const std::function<double(const Eigen::Vector3d&)>& signed_distance) {
+  const VoxelGrid& grid = space.grid();
+  const double rho = space.least_obstacle();
+  const double half_diagonal = std::sqrt(3.0) / 2 * grid.edge();
+  RobotVoxels robot{VoxelSet(grid), VoxelSet(grid)};
+  const auto visit = [&](int x, int y, int z) {
+    const Eigen::Vector3d centre = grid.Box(x, y, z).center();
+    const double at_centre = signed_distance(centre);
+    if (at_centre > rho) return;
+    double farthest = at_centre + half_diagonal;
+    // Nearer by looking at the eighths of the voxel, where that can matter.
+    const bool closer = (farthest >= rho && at_centre + half_diagonal / 2 < rho) ||
+                        (farthest > 0 && at_centre + half_diagonal / 2 <= 0);
+    if (closer) {
+      double of_eighths = -std::numeric_limits<double>::infinity();
+      for (int corner = 0; corner < 8; ++corner) {
+        const Eigen::Vector3d to((corner & 1) - 0.5, (corner >> 1 & 1) - 0.5, (corner >> 2) - 0.5);
+        of_eighths = std::max(of_eighths, signed_distance(centre + grid.edge() / 2 * to));
+      }
+      farthest = std::min(farthest, of_eighths + half_diagonal / 2);
+    }
+    if (farthest < rho) robot.no_centre.Insert(x, y, z);
+    if (farthest <= 0) robot.inside.Insert(x, y, z);
+  };
+  for (const VoxelSpace::Block& block : space.active()) {
+    const Eigen::Vector3d centre = grid.Corner(
+        block.x * kEdge + kEdge / 2, block.y * kEdge + kEdge / 2, block.z * kEdge + kEdge / 2);
+    if (signed_distance(centre) - kEdge * half_diagonal > rho) continue;
+    for (int i = 0; i < VoxelGrid::kBlockVoxels; ++i) {
+      visit(block.x * kEdge + i % kEdge, block.y * kEdge + i / kEdge % kEdge,
+            block.z * kEdge + i / (kEdge * kEdge));
+    }
+  }
+  return robot;
+}
+
+PossibleSpace::PossibleSpace(const VoxelSpace& space, const ObstacleImages& images,
+                             const RobotVoxels& robot, std::span<const std::optional<Mask>> allowed)
+    : space_(space) {
+  CheckSizes(space, images, robot, allowed);
+  const auto views = static_cast<size_t>(space.views());
+  std::vector<LookTables> tables;
+  tables.reserve(views);
+  for (size_t view = 0; view < views; ++view) {
+    tables.emplace_back(space.look(static_cast<int>(view)), images[view],
+                        allowed.empty() ? std::nullopt : allowed[view]);
+  }
+  const VoxelGrid& grid = space.grid();
+  VoxelSet possible(grid);
+  VoxelSet centres(grid);
+  VoxelSet plain(grid);
+  VoxelSet taken(grid);
+  const bool any_allowed = std::any_of(allowed.begin(), allowed.end(),
+                                       [](const auto& mask) { return mask && !mask->Empty(); });
+  const auto row_of = [](const VoxelSet& set, int bx, int y, int z) {
+    return set.words().empty() ? 0u : set.RowOfBlock(bx, y, z);
+  };
+  for (size_t slot = 0; slot < space.active().size(); ++slot) {
+    const VoxelSpace::Block& block = space.active()[slot];
+    bool live = true;
+    for (size_t view = 0; live && view < views; ++view) {
+      live = tables[view].AnyPossible(space.look(static_cast<int>(view)).block_touched[slot]);
+    }
+    if (!live) continue;
+    size_t place = slot * VoxelGrid::kBlockVoxels;
+    for (int row = 0; row < kEdge * kEdge; ++row, place += kEdge) {
+      uint64_t bytes = ~uint64_t{0};
+      for (size_t view = 0; view < views && BitOfBytes(bytes, 0) != 0; ++view) {
+        bytes &= Gather(tables[view].touched(),
+                        space.look(static_cast<int>(view)).touched.data() + place);
+      }
+      const int y = block.y * kEdge + row % kEdge;
+      const int z = block.z * kEdge + row / kEdge;
+      const unsigned bits = BitOfBytes(bytes, 0) & ~row_of(robot.inside, block.x, y, z);
+      if (bits == 0) continue;
+      const unsigned seen = space.seen().RowOfBlock(block.x, y, z);
+      possible.InsertRowOfBlock(block.x, y, z, bits);
+      plain.InsertRowOfBlock(block.x, y, z, bits & seen & BitOfBytes(bytes, 1));
+      if (any_allowed) taken.InsertRowOfBlock(block.x, y, z, bits & seen & BitOfBytes(bytes, 2));
+      unsigned centre = bits & ~row_of(robot.no_centre, block.x, y, z);
+      for (size_t view = 0; view < views && centre != 0; ++view) {
+        const uint32_t* certain = space.look(static_cast<int>(view)).certain.data() + place;
+        for (unsigned left = centre; left != 0; left &= left - 1) {
+          const int x = std::countr_zero(left);
+          if (!tables[view].CentrePossible(certain[x])) centre &= ~(1u << x);
+        }
+      }
+      centres.InsertRowOfBlock(block.x, y, z, centre);
+    }
+  }
+  remaining_ = MetByBalls(centres, grid, space.least_obstacle());
+  const std::span<uint64_t> words = remaining_.words();
+  for (size_t i = 0; i < words.size(); ++i) {
+    words[i] = ((words[i] & possible.words()[i]) | plain.words()[i]) & space.reached().words()[i] &
+               ~taken.words()[i];
+  }
+  FindParts(images);
+}
+
+void PossibleSpace::FindParts(const ObstacleImages& images) {
+  const auto views = static_cast<size_t>(space_.views());
+  possible_pixels_.resize(views);
+  for (size_t view = 0; view < views; ++view) {
+    if (images[view]) possible_pixels_[view] = ~images[view]->Background();
+  }
+  for (size_t slot = 0; slot < space_.active().size(); ++slot) {
+    if (AnyInBlock(remaining_, space_.active()[slot])) {
+      remaining_blocks_.push_back(static_cast<int>(slot));
+    }
+  }
+  // Voxels inside a part are seen where its surface is.
+  const VoxelSet surface = Surface(remaining_);
+  std::vector<PartPlanes> drawn;
+  for (const VoxelRun& run : ConnectedParts(remaining_, kMostParts)) {
+    while (drawn.size() <= static_cast<size_t>(run.part)) drawn.emplace_back(space_);
+    for (int x = run.first; x <= run.last; ++x) {
+      if (!surface.at(x, run.y, run.z)) continue;
+      drawn[static_cast<size_t>(run.part)].Add(*space_.PlaceOf(x, run.y, run.z));
+    }
+  }
+  for (const PartPlanes& part : drawn) parts_.push_back(part.Cut(possible_pixels_));
+}
+
+bool PossibleSpace::PlanesMeet(std::span<const MaskWords> robot, int min_views) const {
+  const int may_miss = space_.views() - min_views;
+  return std::any_of(parts_.begin(), parts_.end(), [&](const Part& part) {
+    int missed = 0;
+    for (size_t view = 0; view < robot.size() && missed <= may_miss; ++view) {
+      const std::optional<Mask>& plane = part.planes[view];
+      if (!plane || Intersects(plane->words(), robot[view])) continue;
+      if (!part.beyond[view] || !Nothing(robot[view])) ++missed;
+    }
+    return missed <= may_miss;
+  });
+}
+
+bool PossibleSpace::VoxelsMeet(std::span<const MaskWords> robot, int min_views,
+                               const MayTouch& body) const {
+  const RobotQuery query(space_, possible_pixels_, robot, space_.views() - min_views);
+  for (int slot : remaining_blocks_) {
+    const VoxelSpace::Block& block = space_.active()[static_cast<size_t>(slot)];
+    if (!query.MeetsBlock(static_cast<size_t>(slot))) continue;
+    if (body && !body(space_.BoxOf(block))) continue;
+    for (int row = 0; row < kEdge * kEdge; ++row) {
+      const int y = block.y * kEdge + row % kEdge;
+      const int z = block.z * kEdge + row / kEdge;
+      for (unsigned left = remaining_.RowOfBlock(block.x, y, z); left != 0; left &= left - 1) {
+        const int x = std::countr_zero(left);
+        const size_t place = static_cast<size_t>(slot) * VoxelGrid::kBlockVoxels +
+                             static_cast<size_t>(row * kEdge + x);
+        if (!query.MeetsVoxel(place)) continue;
+        if (!body || body(space_.grid().Box(block.x * kEdge + x, y, z))) return true;
+      }
+    }
+  }
+  return false;
+}
+
+}  // namespace silhouette

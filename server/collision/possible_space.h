@@ -1,0 +1,93 @@
+// Where an obstacle could be, seen or not: the sound test (docs/verdict-quality.md).
+//
+// Every obstacle is a union of balls of radius rho, the least obstacle. A ball can be only where
+//   * in every view, all pixels that it touches are something other than background;
+//   * it does not reach into the robot's own body at the robot's present configuration.
+// What such balls cover is the possible space, opened by the ball: the thin shell between the robot
+// and what its silhouettes enclose holds no ball and vanishes; what is left can hold an obstacle. A
+// voxel that every view sees as obstacle stays, whatever its size.
+//
+// What is left falls into connected parts, and an obstacle that the robot meets lies in one of
+// them. It remains in two forms. As planes per part and view, which do not depend on the test
+// configuration: the robot may meet the part if the planes meet its robot images in all views. And
+// as voxels: then one and the same voxel must meet the robot image in every view.
+#pragma once
+
+#include <functional>
+#include <optional>
+#include <span>
+#include <vector>
+
+#include "db/mask.h"
+#include "server/collision/collision_images.h"
+#include "server/collision/voxel_grid.h"
+#include "server/collision/voxel_space.h"
+
+namespace silhouette {
+
+// The robot's own body at its present configuration, in voxels; no set may be too large, any may be
+// too small. Empty sets: nothing is known of the body.
+struct RobotVoxels {
+  // Wholly inside the body.
+  VoxelSet inside;
+  // Every ball of radius rho with its centre in the voxel reaches into the body.
+  VoxelSet no_centre;
+};
+
+// From the signed distance of a point to the body, negative inside. The true one, or more: then the
+// body counts for less. It changes by no more than the way between two points.
+RobotVoxels VoxelsOfRobot(const VoxelSpace& space,
+                          const std::function<double(const Eigen::Vector3d&)>& signed_distance);
+
+// Refers to the voxel space, which must outlive it. Cannot be changed once made; used by any number
+// of threads.
+class PossibleSpace {
+ public:
+  // `images`: one, or nothing, per view of the space, of its mask size. A view without an image
+  // says nothing. `allowed`: empty, or per view the pixels in which an obstacle is allowed, if any;
+  // a voxel is taken away if in every view that sees it all pixels other than background that it
+  // touches are allowed. Throws std::invalid_argument if something has not the right size.
+  PossibleSpace(const VoxelSpace& space, const ObstacleImages& images, const RobotVoxels& robot,
+                std::span<const std::optional<Mask>> allowed = {});
+
+  const VoxelSpace& space() const { return space_; }
+
+  // What may hold an obstacle, where the robot may be met.
+  const VoxelSet& remaining() const { return remaining_; }
+
+  // The connected parts of what remains, the largest first; at most kMostParts, of which the last
+  // holds all the rest.
+  static constexpr int kMostParts = 8;
+  struct Part {
+    // Per view the pixels in which the part is seen; nothing for a view without an image. Where it
+    // reaches beyond the image, the image's rim is in the plane: a robot that meets it out there
+    // touches the rim, or is nowhere in the image.
+    CollisionImages planes;
+    std::vector<bool> beyond;  // per view, whether it reaches beyond the image
+  };
+  const std::vector<Part>& parts() const { return parts_; }
+
+  // Both: the images of a robot, one per view; a view without an image counts as met. Never
+  // allocate. `min_views`: 1 to the number of views.
+
+  // Whether the planes of a part meet the robot in `min_views` views.
+  bool PlanesMeet(std::span<const MaskWords> robot, int min_views) const;
+
+  // Whether one and the same remaining voxel meets it in `min_views` views, and may touch the
+  // robot's body. `body`: whether a box may touch all there is of the robot, tool and payload at
+  // that configuration; if it is not known, nothing.
+  using MayTouch = std::function<bool(const Eigen::AlignedBox3d&)>;
+  bool VoxelsMeet(std::span<const MaskWords> robot, int min_views,
+                  const MayTouch& body = nullptr) const;
+
+ private:
+  void FindParts(const ObstacleImages& images);
+
+  const VoxelSpace& space_;
+  VoxelSet remaining_;
+  std::vector<int> remaining_blocks_;  // places in space_.active()
+  std::vector<Part> parts_;
+  CollisionImages possible_pixels_;  // those that are not background
+};
+
+}  // namespace silhouette

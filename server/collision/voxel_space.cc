@@ -1,0 +1,198 @@
+#include "server/collision/voxel_space.h"
+
+#include <algorithm>
+#include <cmath>
+#include <stdexcept>
+
+#include "server/collision/voxel_look.h"
+
+namespace silhouette {
+namespace {
+
+constexpr int kEdge = VoxelGrid::kBlockEdge;
+constexpr double kTouching = 1e-6;  // share of an edge
+
+Eigen::AlignedBox3d WithRoom(const Eigen::AlignedBox3d& box, double room) {
+  const Eigen::Vector3d all_sides = Eigen::Vector3d::Constant(room);
+  return {box.min() - all_sides, box.max() + all_sides};
+}
+
+double CheckedLength(double length, const char* what) {
+  if (length > 0 && std::isfinite(length)) return length;
+  throw std::invalid_argument(std::string(what) + " must be positive");
+}
+
+// So many edges around the workspace: what the centre of a ball that meets it may be away.
+VoxelGrid GridOf(const Eigen::AlignedBox3d& workspace, double rho, std::optional<double> edge) {
+  CheckedLength(rho, "the least obstacle");
+  const double length = CheckedLength(edge.value_or(rho / 3), "the edge of a voxel");
+  const double room = std::ceil(rho / length) * length;
+  return VoxelGrid(WithRoom(workspace, room), length);
+}
+
+bool AnySet(const Mask& mask, const PixelRectangle& pixels) {
+  for (int y = pixels.y; y < pixels.y + pixels.height; ++y) {
+    for (int x = pixels.x; x < pixels.x + pixels.width; ++x) {
+      if (mask.at(x, y)) return true;
+    }
+  }
+  return false;
+}
+
+// Whether the robot may be where a view does not look. It is of one piece, so that it would then
+// touch the rim of the image, or be nowhere in it.
+bool MayLeaveImage(const Mask& swept) {
+  if (swept.Empty()) return true;
+  const MaskSize size = swept.size();
+  return AnySet(swept, {0, 0, size.width, 1}) || AnySet(swept, {0, 0, 1, size.height}) ||
+         AnySet(swept, {0, size.height - 1, size.width, 1}) ||
+         AnySet(swept, {size.width - 1, 0, 1, size.height});
+}
+
+}  // namespace
+
+VoxelSpace::VoxelSpace(const Eigen::AlignedBox3d& workspace, double least_obstacle,
+                       std::vector<VoxelView> views, std::optional<double> edge)
+    : least_obstacle_(least_obstacle), grid_(GridOf(workspace, least_obstacle, edge)) {
+  if (views.empty()) throw std::invalid_argument("there must be at least one view");
+  for (const VoxelView& view : views) {
+    if (!view.mask_size.valid()) throw std::invalid_argument("a view has no mask size");
+    if (!(view.margin.minCoeff() >= 0) || !view.margin.allFinite()) {
+      throw std::invalid_argument("a view's margin must not be negative");
+    }
+    if (view.swept.size() != MaskSize{} && view.swept.size() != view.mask_size) {
+      throw std::invalid_argument("the swept pixels of a view have not the size of its masks");
+    }
+  }
+  looks_.resize(views.size());
+  for (size_t view = 0; view < views.size(); ++view) looks_[view].mask_size = views[view].mask_size;
+  // A voxel that only touches the workspace from outside has no part in it.
+  const Eigen::AlignedBox3d inner = WithRoom(workspace, -kTouching * grid_.edge());
+  FindActiveBlocks(views, inner);
+  for (size_t view = 0; view < views.size(); ++view) {
+    VoxelLooker looker(views[view], grid_, least_obstacle_, looks_[view]);
+    for (const Block& block : active_) looker.Append(block);
+  }
+  FindReached(views, inner);
+}
+
+void VoxelSpace::FindActiveBlocks(std::span<const VoxelView> views,
+                                  const Eigen::AlignedBox3d& workspace) {
+  // Blocks as voxels: those that may hold a reached voxel, and those around them.
+  const VoxelGrid blocks({grid_.lower(), grid_.Corner(grid_.size(0), grid_.size(1), grid_.size(2))},
+                         kEdge * grid_.edge());
+  VoxelSet reached(blocks);
+  std::vector<VoxelLooker> lookers;
+  std::vector<bool> leaves;
+  for (size_t view = 0; view < views.size(); ++view) {
+    lookers.emplace_back(views[view], grid_, least_obstacle_, looks_[view]);
+    leaves.push_back(views[view].swept.size() != MaskSize{} && MayLeaveImage(views[view].swept));
+  }
+  const auto may_be_reached = [&](const Block& block) {
+    if (!workspace.intersects(BoxOf(block))) return false;
+    for (size_t view = 0; view < views.size(); ++view) {
+      const Mask& swept = views[view].swept;
+      if (swept.size() == MaskSize{}) continue;
+      const PixelRectangle pixels = lookers[view].BlockRectangle(block);
+      if (!AnySet(swept, pixels) && (pixels.whole || !leaves[view])) return false;
+    }
+    return true;
+  };
+  for (int z = 0; z < grid_.blocks(2); ++z) {
+    for (int y = 0; y < grid_.blocks(1); ++y) {
+      for (int x = 0; x < grid_.blocks(0); ++x) {
+        if (may_be_reached({x, y, z})) reached.Insert(x, y, z);
+      }
+    }
+  }
+  const VoxelSet active = MetByBalls(reached, blocks, least_obstacle_);
+  slots_.assign(static_cast<size_t>(grid_.blocks()), -1);
+  for (int z = 0; z < grid_.blocks(2); ++z) {
+    for (int y = 0; y < grid_.blocks(1); ++y) {
+      for (int x = 0; x < grid_.blocks(0); ++x) {
+        if (!active.at(x, y, z)) continue;
+        slots_[static_cast<size_t>(grid_.BlockAt(x, y, z))] = static_cast<int32_t>(active_.size());
+        active_.push_back({x, y, z});
+      }
+    }
+  }
+}
+
+void VoxelSpace::FindReached(std::span<const VoxelView> views,
+                             const Eigen::AlignedBox3d& workspace) {
+  reached_ = VoxelSet(grid_);
+  seen_ = VoxelSet(grid_);
+  std::vector<bool> leaves;
+  for (const VoxelView& view : views) {
+    leaves.push_back(view.swept.size() != MaskSize{} && MayLeaveImage(view.swept));
+  }
+  const auto visit = [&](int x, int y, int z, size_t place) {
+    bool reached = workspace.intersects(grid_.Box(x, y, z));
+    for (size_t view = 0; view < views.size(); ++view) {
+      const PixelRectangle pixels = looks_[view].Rectangle(looks_[view].touched[place]);
+      if (pixels.whole) seen_.Insert(x, y, z);
+      const Mask& swept = views[view].swept;
+      if (!reached || swept.size() == MaskSize{}) continue;
+      reached = AnySet(swept, pixels) || (!pixels.whole && leaves[view]);
+    }
+    if (reached) reached_.Insert(x, y, z);
+  };
+  size_t place = 0;
+  for (const Block& block : active_) {
+    for (int i = 0; i < VoxelGrid::kBlockVoxels; ++i, ++place) {
+      visit(block.x * kEdge + i % kEdge, block.y * kEdge + i / kEdge % kEdge,
+            block.z * kEdge + i / (kEdge * kEdge), place);
+    }
+  }
+}
+
+Eigen::AlignedBox3d VoxelSpace::BoxOf(const Block& block) const {
+  const int x = kEdge * block.x;
+  const int y = kEdge * block.y;
+  const int z = kEdge * block.z;
+  return {grid_.Corner(x, y, z), grid_.Corner(x + kEdge, y + kEdge, z + kEdge)};
+}
+
+PixelRectangle VoxelSpace::Look::Rectangle(uint32_t touched_index) const {
+  if (touched_index == 0) return {};
+  const auto pixels = static_cast<uint32_t>(mask_size.pixels());
+  const RectangleKind& kind = kinds[(touched_index - 1) / pixels];
+  const int pixel = static_cast<int>((touched_index - 1) % pixels);
+  return {pixel % mask_size.width, pixel / mask_size.width, kind.width, kind.height, kind.whole};
+}
+
+std::optional<size_t> VoxelSpace::PlaceOf(int x, int y, int z) const {
+  const int32_t slot = slots_[static_cast<size_t>(grid_.BlockAt(x / kEdge, y / kEdge, z / kEdge))];
+  if (slot < 0) return std::nullopt;
+  return static_cast<size_t>(slot) * VoxelGrid::kBlockVoxels +
+         static_cast<size_t>((z % kEdge * kEdge + y % kEdge) * kEdge + x % kEdge);
+}
+
+PixelRectangle VoxelSpace::Touched(int view, int x, int y, int z) const {
+  const std::optional<size_t> place = PlaceOf(x, y, z);
+  if (!place) return {};
+  return look(view).Rectangle(look(view).touched[*place]);
+}
+
+std::vector<std::pair<int, int>> VoxelSpace::Certain(int view, int x, int y, int z) const {
+  std::vector<std::pair<int, int>> pixels;
+  const std::optional<size_t> place = PlaceOf(x, y, z);
+  if (!place) return pixels;
+  const Look& at = look(view);
+  const uint32_t row = at.certain[*place] / at.row_bits();
+  const auto height = static_cast<uint32_t>(at.mask_size.height);
+  const int centre_x = static_cast<int>(at.certain[*place] % at.row_bits());
+  const int centre_y = static_cast<int>(row % height);
+  for (const PixelRun& run : at.shapes[row / height]) {
+    for (int dx = run.first; dx <= run.last; ++dx) {
+      const int pixel_x = centre_x + dx;
+      const int pixel_y = centre_y + run.dy;
+      const bool inside = pixel_x >= 0 && pixel_x < at.mask_size.width && pixel_y >= 0 &&
+                          pixel_y < at.mask_size.height;
+      if (inside) pixels.emplace_back(pixel_x, pixel_y);
+    }
+  }
+  return pixels;
+}
+
+}  // namespace silhouette

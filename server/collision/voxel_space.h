@@ -1,0 +1,144 @@
+// The space of a cell in voxels, and what every view can say of each: made once per calibration and
+// workspace, for the sound test (possible_space.h).
+//
+// Of a voxel and a view it knows
+//   * the touched pixels: every pixel that shows any point of the voxel, where that is in the
+//   image;
+//   * the certain pixels: only pixels that every ball of radius `least_obstacle` touches whose
+//     centre lies anywhere in the voxel.
+// The error of the calibration widens the first and narrows the second. Cannot be changed once
+// made; used by any number of threads.
+#pragma once
+
+#include <Eigen/Geometry>
+#include <array>
+#include <cstdint>
+#include <functional>
+#include <optional>
+#include <span>
+#include <utility>
+#include <vector>
+
+#include "db/mask.h"
+#include "server/collision/voxel_grid.h"
+
+namespace silhouette {
+
+// How a view sees space.
+struct VoxelView {
+  MaskSize mask_size;
+  // Mask-pixel coordinates of a point in the robot's base frame, integers at pixel centres, inside
+  // the image or not; nothing where the camera cannot tell. Smooth at the size of a block of
+  // voxels.
+  std::function<std::optional<Eigen::Vector2d>(const Eigen::Vector3d&)> project;
+  // Mask pixels along x and y by which a point may appear elsewhere, and a rim be missed.
+  Eigen::Vector2d margin = Eigen::Vector2d::Zero();
+  // The union of all robot images that will ever be tested; of no size where that is not known.
+  Mask swept;
+};
+
+// Pixels [x, x + width) x [y, y + height) of a view; no pixels where both are 0.
+struct PixelRectangle {
+  int x = 0;
+  int y = 0;
+  int width = 0;
+  int height = 0;
+  // Whether all of the voxel is in the image. If not, the view says nothing of it.
+  bool whole = false;
+
+  bool operator==(const PixelRectangle&) const = default;
+};
+
+// Pixels of one row of a mask, relative to some pixel: (first..last, dy).
+struct PixelRun {
+  int8_t dy = 0;
+  int8_t first = 0;
+  int8_t last = 0;
+
+  auto operator<=>(const PixelRun&) const = default;
+};
+using PixelShape = std::vector<PixelRun>;
+
+class VoxelSpace {
+ public:
+  // `workspace`: holds every point that the robot ever reaches. `least_obstacle`: rho, the radius
+  // of the balls that every obstacle is a union of. `edge`: of the voxels; nothing: a third of rho.
+  // Throws std::invalid_argument if there is no view, a length is not positive, a mask or margin
+  // cannot be, or as VoxelGrid does.
+  VoxelSpace(const Eigen::AlignedBox3d& workspace, double least_obstacle,
+             std::vector<VoxelView> views, std::optional<double> edge = std::nullopt);
+
+  // The voxels: those of the workspace, and around it as many as a ball that meets it may have its
+  // centre in.
+  const VoxelGrid& grid() const { return grid_; }
+  double least_obstacle() const { return least_obstacle_; }
+  int views() const { return static_cast<int>(looks_.size()); }
+  MaskSize mask_size(int view) const { return look(view).mask_size; }
+
+  // The voxels where the robot could be met: those of the workspace that the robot covers in every
+  // view at some configuration, as far as views and swept pixels tell.
+  const VoxelSet& reached() const { return reached_; }
+  // The voxels that at least one view sees whole.
+  const VoxelSet& seen() const { return seen_; }
+
+  // Pixels of a voxel, as above; none outside the active blocks.
+  PixelRectangle Touched(int view, int x, int y, int z) const;
+  std::vector<std::pair<int, int>> Certain(int view, int x, int y, int z) const;
+
+  // What follows is for possible_space.cc.
+
+  // Blocks in which a ball that meets a reached voxel may have its centre. All else is nowhere
+  // looked at. `slot`: the place of the block's voxels in the arrays below.
+  struct Block {
+    int x = 0;  // block coordinates
+    int y = 0;
+    int z = 0;
+  };
+  const std::vector<Block>& active() const { return active_; }
+  Eigen::AlignedBox3d BoxOf(const Block& block) const;
+
+  struct RectangleKind {
+    int width = 0;
+    int height = 0;
+    bool whole = false;
+
+    auto operator<=>(const RectangleKind&) const = default;
+  };
+
+  struct Look {
+    MaskSize mask_size;
+    // Per voxel of the active blocks, in the order x, y, z within the block: 0, or 1 + kind *
+    // pixels
+    // + the rectangle's first pixel.
+    std::vector<uint32_t> touched;
+    std::vector<RectangleKind> kinds;
+    // Likewise: (shape * height + y) * row_bits() + x, where (x, y) is the pixel that the shape is
+    // relative to. The first shape has no pixels: nothing is asked for.
+    std::vector<uint32_t> certain;
+    std::vector<PixelShape> shapes;
+    // Per active block: what all of its voxels touch; whole if all of them are.
+    std::vector<PixelRectangle> block_touched;
+
+    PixelRectangle Rectangle(uint32_t touched_index) const;
+    // A row of pixels, rounded up to whole words.
+    uint32_t row_bits() const { return (static_cast<uint32_t>(mask_size.width) + 63) / 64 * 64; }
+  };
+  const Look& look(int view) const { return looks_[static_cast<size_t>(view)]; }
+
+  // The place of a voxel in the arrays of a Look; nothing outside the active blocks.
+  std::optional<size_t> PlaceOf(int x, int y, int z) const;
+
+ private:
+  void FindActiveBlocks(std::span<const VoxelView> views, const Eigen::AlignedBox3d& workspace);
+  void FindReached(std::span<const VoxelView> views, const Eigen::AlignedBox3d& workspace);
+
+  double least_obstacle_;
+  VoxelGrid grid_;
+  std::vector<Block> active_;
+  std::vector<int32_t> slots_;  // per block: its place in active_, -1: none
+  std::vector<Look> looks_;
+  VoxelSet reached_;
+  VoxelSet seen_;
+};
+
+}  // namespace silhouette
