@@ -131,10 +131,25 @@ CollisionTest::CollisionTest(const RobotImageTable& table, const ObstacleImages&
     }
   }
   if (IsCalibrated(policy.preset)) PrepareLines(policy, support);
-  if (IsSound(policy.preset)) {
+  if (IsSound(policy.preset)) CheckSpace(policy, support);
+}
+
+void CollisionTest::CheckSpace(const Policy& policy, const TestSupport& support) {
+  if (support.possible_space == nullptr) {
     throw std::invalid_argument("the preset '" + NameOf(policy.preset) +
                                 "' needs the space of possible obstacles");
   }
+  const VoxelSpace& space = support.possible_space->space();
+  bool fits = space.views() == table_.views();
+  for (int view = 0; fits && view < space.views(); ++view) {
+    fits = space.mask_size(view) == table_.mask_sizes()[static_cast<size_t>(view)] &&
+           support.possible_space->sees(view) ==
+               obstacle_images_[static_cast<size_t>(view)].has_value();
+  }
+  if (!fits) throw std::invalid_argument("the space of possible obstacles is not the scene's");
+  possible_space_ = support.possible_space;
+  voxels_decide_ = policy.preset == Preset::kSound;
+  robot_may_touch_ = support.robot_may_touch;
 }
 
 void CollisionTest::PrepareLines(const Policy& policy, const TestSupport& support) {
@@ -196,12 +211,48 @@ Verdict CollisionTest::Judge(Numbers corners, std::span<ViewEvidence> evidence) 
     hidden_possible = hidden_possible && look.hiding && !look.obstacle;
     if (!evidence.empty()) evidence[view] = CountIn(image, robot);
   }
+  if (possible_space_ != nullptr) {
+    if (SomethingPossible(corners)) return Verdict::Occupied(hidden_possible);
+    if (missing_views_ > 0) return Verdict::Unknown(Reason::kViewMissing);
+    return Verdict::Free(/*hidden_possible=*/false);
+  }
   if (searched_bands_ != nullptr && showing < min_views_) {
     showing = ShowingAlongLines(corners, showing);
   }
   if (showing >= min_views_) return Verdict::Occupied(hidden_possible);
   if (missing_views_ > 0) return Verdict::Unknown(Reason::kViewMissing, hidden_possible);
   return Verdict::Free(hidden_possible);
+}
+
+bool CollisionTest::SomethingPossible(Numbers corners) const {
+  thread_local std::vector<uint64_t> words;
+  thread_local std::vector<MaskWords> robot;
+  robot.clear();
+  if (corners.size() == 1) {
+    for (int view = 0; view < table_.views(); ++view) {
+      robot.push_back(table_.image(view, corners[0]));
+    }
+  } else {
+    size_t needed = 0;
+    for (const MaskSize size : table_.mask_sizes()) needed += size.words();
+    words.resize(needed);
+    uint64_t* at = words.data();
+    for (int view = 0; view < table_.views(); ++view) {
+      const TestRobotWords in_view(table_, view, corners);
+      const size_t count = table_.mask_sizes()[static_cast<size_t>(view)].words();
+      for (size_t i = 0; i < count; ++i) at[i] = in_view[i];
+      robot.emplace_back(at, count);
+      at += count;
+    }
+  }
+  if (!possible_space_->PlanesMeet(robot, min_views_)) return false;
+  if (!voxels_decide_) return true;
+  if (!robot_may_touch_ || corners.size() > 1) {
+    return possible_space_->VoxelsMeet(robot, min_views_);
+  }
+  return possible_space_->VoxelsMeet(robot, min_views_, [&](const Eigen::AlignedBox3d& box) {
+    return robot_may_touch_(corners[0], box);
+  });
 }
 
 int CollisionTest::ShowingAlongLines(Numbers corners, int showing) const {
@@ -275,21 +326,26 @@ PathVerdict CollisionTest::CheckPath(std::span<const Configuration> waypoints,
   return result;
 }
 
+bool CollisionTest::Occupied(ConfigurationNumber number) const {
+  if (possible_space_ != nullptr) return SomethingPossible({&number, 1});
+  int showing = missing_views_;
+  for (int view = 0; view < table_.views() && showing < min_views_; ++view) {
+    if (!obstacle_images_[view]) continue;
+    if (Intersects(ShownBy(view), table_.image(view, number))) ++showing;
+  }
+  if (searched_bands_ != nullptr && showing < min_views_) {
+    showing = ShowingAlongLines({&number, 1}, showing);
+  }
+  return showing >= min_views_;
+}
+
 TileVerdicts CollisionTest::CheckTile(uint64_t tile) const {
   TileVerdicts verdicts;
   for (uint64_t place = 0; place < kTileSize; ++place) {
     const ConfigurationNumber number = tile * kTileSize + place;
     if (table_.state(number) != RobotImageState::kPresent) continue;
-    int showing = missing_views_;
-    for (int view = 0; view < table_.views() && showing < min_views_; ++view) {
-      if (!obstacle_images_[view]) continue;
-      if (Intersects(ShownBy(view), table_.image(view, number))) ++showing;
-    }
-    if (searched_bands_ != nullptr && showing < min_views_) {
-      showing = ShowingAlongLines({&number, 1}, showing);
-    }
     const uint64_t bit = uint64_t{1} << (place % 64);
-    if (showing >= min_views_) {
+    if (Occupied(number)) {
       verdicts.occupied[place / 64] |= bit;
     } else if (missing_views_ == 0) {
       verdicts.free[place / 64] |= bit;

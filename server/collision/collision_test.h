@@ -5,10 +5,15 @@
 // with unknown and error pixels resolved as the policy says - has an obstacle pixel (paper §3.3). A
 // configuration is occupied if at least min_views views (policy.h) show one. A view that the scene
 // lacks counts as showing one; a configuration is then occupied or unknown, never free.
+//
+// The sound presets ask instead whether an obstacle could be where the robot would be
+// (possible_space.h); a view shows what is possible there. A configuration that they find free has
+// no place for an obstacle of the least size, so that it is never hidden_possible.
 #pragma once
 
 #include <array>
 #include <cstdint>
+#include <functional>
 #include <optional>
 #include <span>
 #include <vector>
@@ -17,6 +22,7 @@
 #include "server/collision/collision_images.h"
 #include "server/collision/epipolar_bands.h"
 #include "server/collision/policy.h"
+#include "server/collision/possible_space.h"
 #include "server/collision/robot_image_table.h"
 #include "server/collision/verdict.h"
 
@@ -44,8 +50,6 @@ struct PathVerdict {
   int64_t checked = 0;
 };
 
-class PossibleSpace;
-
 // What a test rests on beside the obstacle images, as far as its policy needs it.
 struct TestSupport {
   // Calibrated presets: the lines between the views.
@@ -53,8 +57,11 @@ struct TestSupport {
   // Calibrated presets with EpipolarDomain::kObstacle: ResolvedObstacleImages of the scene, if they
   // are there already.
   const CollisionImages* resolved = nullptr;
-  // Sound presets.
+  // Sound presets: where the scene's obstacles could be.
   const PossibleSpace* possible_space = nullptr;
+  // kSound, if the model of the robot holds all there is of it, tool and payload: whether it may
+  // touch a box at a configuration. Configurations off the grid are tested without.
+  std::function<bool(ConfigurationNumber, const Eigen::AlignedBox3d&)> robot_may_touch = nullptr;
 };
 
 // Refers to a table, to obstacle images and to its support, which must outlive it. May be used by
@@ -96,6 +103,11 @@ class CollisionTest {
   using Numbers = std::span<const ConfigurationNumber>;
 
   void PrepareLines(const Policy& policy, const TestSupport& support);
+  void CheckSpace(const Policy& policy, const TestSupport& support);
+  // Whether something possible meets the robot at these corners.
+  bool SomethingPossible(Numbers corners) const;
+  // The verdict on a configuration that is present, as far as the views tell.
+  bool Occupied(ConfigurationNumber number) const;
   Verdict Judge(Numbers corners, std::span<ViewEvidence> evidence) const;
   // How many of the views, of which `showing` have an obstacle pixel in the intersection image,
   // show an obstacle once the lines are searched; counts on only while it matters.
@@ -118,6 +130,10 @@ class CollisionTest {
   // Set, one or the other, if lines are searched in the obstacle images.
   const CollisionImages* resolved_ = nullptr;
   CollisionImages own_resolved_;
+  // Set if the preset is a sound one.
+  const PossibleSpace* possible_space_ = nullptr;
+  std::function<bool(ConfigurationNumber, const Eigen::AlignedBox3d&)> robot_may_touch_;
+  bool voxels_decide_ = false;
   int min_views_ = 1;
   int missing_views_ = 0;
   OffGrid off_grid_ = OffGrid::kCell;

@@ -52,6 +52,9 @@ class PossibleSpace {
 
   const VoxelSpace& space() const { return space_; }
 
+  // Whether there was an image of the view.
+  bool sees(int view) const { return possible_pixels_[static_cast<size_t>(view)].has_value(); }
+
   // What may hold an obstacle, where the robot may be met.
   const VoxelSet& remaining() const { return remaining_; }
 
