@@ -3,10 +3,13 @@
 namespace silhouette {
 
 client::Policy PolicyOptions::policy() const {
-  client::Policy policy{.preset = preset,
-                        .min_views = min_views,
-                        .max_occluded_views = max_occluded_views,
-                        .off_grid = std::nullopt};
+  client::Policy policy;
+  policy.preset = preset;
+  policy.min_views = min_views;
+  policy.max_occluded_views = max_occluded_views;
+  if (errors_convict != 0) policy.errors_convict = errors_convict > 0;
+  if (epipolar == "intersection") policy.epipolar = client::Epipolar::kIntersection;
+  if (epipolar == "obstacle") policy.epipolar = client::Epipolar::kObstacle;
   if (off_grid == "cell") policy.off_grid = client::OffGrid::kCell;
   if (off_grid == "nearest") policy.off_grid = client::OffGrid::kNearest;
   return policy;
@@ -14,7 +17,10 @@ client::Policy PolicyOptions::policy() const {
 
 void AddPolicyOptions(CLI::App& command, PolicyOptions& options) {
   const std::string group = "How verdicts are made (default: as the server is set)";
-  command.add_option("--preset", options.preset, "uncalibrated, or paper: all views must agree")
+  command
+      .add_option("--preset", options.preset,
+                  "uncalibrated; paper: all views must agree; where the cell is calibrated also "
+                  "calibrated, paper-calibrated")
       ->group(group);
   command
       .add_option("--min-views", options.min_views,
@@ -23,6 +29,17 @@ void AddPolicyOptions(CLI::App& command, PolicyOptions& options) {
   command
       .add_option("--max-occluded-views", options.max_occluded_views,
                   "In how many views the robot may hide an obstacle")
+      ->group(group);
+  command
+      .add_option("--epipolar", options.epipolar,
+                  "Calibrated presets: where epipolar lines are searched, in what the robot covers "
+                  "(intersection) or everywhere (obstacle)")
+      ->check(CLI::IsMember({"intersection", "obstacle"}))
+      ->group(group);
+  command
+      .add_flag("--errors-convict,!--no-errors-convict", options.errors_convict,
+                "Calibrated presets: whether error pixels on its epipolar lines make a pixel an "
+                "obstacle")
       ->group(group);
   command
       .add_option("--off-grid", options.off_grid,

@@ -1,4 +1,4 @@
-// --preset, --min-views, --max-occluded-views, --off-grid.
+// --preset, --min-views, --max-occluded-views, --epipolar, --errors-convict, --off-grid.
 #pragma once
 
 #include <CLI/CLI.hpp>
@@ -13,6 +13,8 @@ struct PolicyOptions {
   std::string preset;
   std::optional<int> min_views;
   std::optional<int> max_occluded_views;
+  std::string epipolar;
+  int errors_convict = 0;  // above 0 yes, below 0 no, 0 not said
   std::string off_grid;
 
   client::Policy policy() const;

@@ -65,6 +65,9 @@ void LogLoaded(const ServedDatabase& database, const std::string& path) {
   if (!database.has_references()) {
     spdlog::warn("no reference images: camera images are refused, scene masks are taken");
   }
+  if (database.bands() == nullptr) {
+    spdlog::info("no calibration: unknown and error pixels are not resolved");
+  }
 }
 
 // The newest generation of the database, if it is the cell's.
@@ -81,9 +84,15 @@ absl::StatusOr<std::shared_ptr<const ServedDatabase>> Load(const Cell& cell,
                      "': ", absl::StrJoin(differences, "; "),
                      "; serve the cell file that the database was captured with, or capture anew"));
   }
-  const auto served = ServedDatabase::Load(**database);
-  if (served.ok()) LogLoaded(**served, path);
-  return served;
+  const auto served = ServedDatabase::Load(**database, cell.calibration);
+  if (!served.ok()) return served;
+  LogLoaded(**served, path);
+  if (cell.choose_preset) return served;
+  const absl::Status servable = (*served)->CanServe(cell.policy);
+  if (servable.ok()) return served;
+  return absl::FailedPreconditionError(absl::StrCat("the cell file '", cell.file,
+                                                    "' asks for what the database '", path,
+                                                    "' cannot serve: ", servable.message()));
 }
 
 void Reload(const Cell& cell, const std::string& path, Server& server) {
@@ -125,6 +134,7 @@ int Run(const Options& options) {
 
   ServingSettings settings;
   settings.policy = cell->policy;
+  settings.choose_preset = cell->choose_preset;
   settings.scene = cell->server.scene;
   settings.segmentation = cell->segmentation;
   settings.worker_threads = static_cast<int>(std::max(2u, std::thread::hardware_concurrency()));

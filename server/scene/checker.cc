@@ -16,12 +16,37 @@ Reason BlockedReason(const Served& served, const SceneSettings& settings, const 
   return scene.Blocked();
 }
 
+namespace {
+
+void RequireServable(const Served& served, const Policy& policy) {
+  MinViews(policy, served.database->views());
+  const absl::Status status = served.database->CanServe(policy);
+  if (!status.ok()) throw std::invalid_argument(std::string(status.message()));
+}
+
+bool SearchesObstacleImages(const Policy& policy) {
+  return IsCalibrated(policy.preset) && EpipolarDomainOf(policy) == EpipolarDomain::kObstacle;
+}
+
+// The scene must be there and made with the database.
+TestSupport SupportFor(const Served& served, const Policy& policy) {
+  TestSupport support{.bands = served.database->bands()};
+  if (SearchesObstacleImages(policy)) {
+    support.resolved = &served.scene->resolved.Get(served.scene->obstacle_images, *support.bands,
+                                                   ErrorsConvict(policy));
+  }
+  return support;
+}
+
+}  // namespace
+
 Checker::Checker(Served served, const Policy& policy, const SceneSettings& settings,
                  const Moment& now)
-    : served_(std::move(served)), blocked_(BlockedReason(served_, settings, now)) {
-  MinViews(policy, served_.database->views());
+    : served_(std::move(served)), policy_(policy), blocked_(BlockedReason(served_, settings, now)) {
+  RequireServable(served_, policy);
   if (served_.scene == nullptr || blocked_ == Reason::kGenerationMismatch) return;
-  test_.emplace(served_.database->robot_images(), served_.scene->obstacle_images, policy);
+  test_.emplace(served_.database->robot_images(), served_.scene->obstacle_images, policy,
+                SupportFor(served_, policy));
 }
 
 Verdict Checker::Check(std::span<const double> q, std::span<ViewEvidence> evidence) const {
@@ -51,12 +76,34 @@ std::optional<Mask> Checker::TestRobotImage(int view, std::span<const double> q)
   return test_ ? test_->TestRobotImage(view, q) : std::nullopt;
 }
 
+CollisionImages Checker::CollisionImagesAt(std::span<const double> q) const {
+  const auto views = static_cast<size_t>(served_.database->views());
+  CollisionImages images(views);
+  if (!test_) return images;
+  IntersectionImages intersections(views);
+  for (size_t view = 0; view < views; ++view) {
+    const std::optional<ObstacleImage>& obstacle = served_.scene->obstacle_images[view];
+    const std::optional<Mask> robot = TestRobotImage(static_cast<int>(view), q);
+    if (!obstacle || !robot) continue;
+    intersections[view].emplace(*obstacle, *robot);
+    if (const auto* resolved = SupportFor(served_, policy_).resolved) {
+      images[view] = *(*resolved)[view] & *robot;
+    }
+  }
+  if (SearchesObstacleImages(policy_)) return images;
+  if (!IsCalibrated(policy_.preset)) return UncalibratedCollisionImages(intersections);
+  return CalibratedCollisionImages(intersections, *served_.database->bands(),
+                                   ErrorsConvict(policy_));
+}
+
 std::vector<TileVerdicts> CheckAllTiles(const Served& served, const Policy& policy) {
   if (served.scene == nullptr) throw std::invalid_argument("there is no scene");
   std::vector<TileVerdicts> tiles(served.database->grid().tiles());
-  const CollisionTest test(served.database->robot_images(), served.scene->obstacle_images, policy);
+  RequireServable(served, policy);
   if (served.scene->generation != served.database->generation()) return tiles;
   if (served.scene->Blocked() != Reason::kNone) return tiles;
+  const CollisionTest test(served.database->robot_images(), served.scene->obstacle_images, policy,
+                           SupportFor(served, policy));
   for (uint64_t tile = 0; tile < tiles.size(); ++tile) tiles[tile] = test.CheckTile(tile);
   return tiles;
 }

@@ -20,7 +20,7 @@ namespace silhouette {
 class Checker {
  public:
   // Whether the scene is too old counts at the moment `now`. Throws std::invalid_argument if the
-  // policy cannot be.
+  // policy cannot be, or the database cannot serve it (ServedDatabase::CanServe).
   Checker(Served served, const Policy& policy, const SceneSettings& settings, const Moment& now);
 
   const Served& served() const { return served_; }
@@ -36,8 +36,13 @@ class Checker {
   // not there.
   std::optional<Mask> TestRobotImage(int view, std::span<const double> q) const;
 
+  // The collision images of `q`: which pixels show an obstacle under the policy. Nothing where the
+  // scene lacks the view, and everywhere if TestRobotImage gives nothing.
+  CollisionImages CollisionImagesAt(std::span<const double> q) const;
+
  private:
   Served served_;
+  Policy policy_;
   Reason blocked_ = Reason::kInternal;
   std::optional<CollisionTest> test_;  // nothing where there is no scene
 };
@@ -47,7 +52,7 @@ Reason BlockedReason(const Served& served, const SceneSettings& settings, const 
 
 // The verdicts of all tiles of the grid as long as the scene is not blocked: what a map of the
 // whole configuration space is made of. The scene must be there; std::invalid_argument if the
-// policy cannot be.
+// policy cannot be, or the database cannot serve it.
 std::vector<TileVerdicts> CheckAllTiles(const Served& served, const Policy& policy);
 
 }  // namespace silhouette

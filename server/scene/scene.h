@@ -2,8 +2,10 @@
 // that instant, and what it is good for.
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <memory>
+#include <mutex>
 #include <optional>
 #include <string>
 #include <vector>
@@ -38,6 +40,27 @@ struct SceneView {
   uint32_t core_error_pixels = 0;
 };
 
+// The scene's obstacle images resolved along epipolar lines, worked out once for all who ask. Used
+// by any number of threads. A copy begins anew.
+class ResolvedImages {
+ public:
+  ResolvedImages() = default;
+  ResolvedImages(const ResolvedImages&) {}
+  ResolvedImages& operator=(const ResolvedImages&) = delete;
+
+  // ResolvedObstacleImages (collision_images.h). `images` and `bands` are the scene's own and those
+  // of the database that it was made with: always the same.
+  const CollisionImages& Get(const ObstacleImages& images, const EpipolarBands& bands,
+                             bool errors_convict) const;
+
+ private:
+  struct Entry {
+    std::once_flag once;
+    CollisionImages images;
+  };
+  mutable std::array<Entry, 2> entries_;  // by errors_convict
+};
+
 // A plain value; shared as SharedScene, and then never changed.
 struct Scene {
   // Counts up from 1 in the life of a server; 0 until it is published.
@@ -55,6 +78,7 @@ struct Scene {
   // When it arrived.
   Moment arrived;
   std::vector<SceneDefect> defects;
+  ResolvedImages resolved;
 
   absl::Duration skew() const { return newest - oldest; }
   // Age of the oldest image. After the scene's arrival only the running clock counts.

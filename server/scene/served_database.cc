@@ -5,6 +5,7 @@
 
 #include "absl/status/status.h"
 #include "absl/strings/str_cat.h"
+#include "calib/calibration_message.h"
 
 namespace silhouette {
 namespace {
@@ -51,17 +52,34 @@ absl::StatusOr<std::vector<Reference>> LoadReferences(const Database& database,
   return references;
 }
 
+absl::StatusOr<std::optional<Calibration>> LoadCalibration(const Database& database,
+                                                           const Snapshot& snapshot) {
+  const absl::StatusOr<std::optional<storage::v1::Calibration>> stored = snapshot.Calibration();
+  if (!stored.ok()) return stored.status();
+  if (!*stored) return std::optional<Calibration>();
+  absl::StatusOr<Calibration> calibration = CalibrationFrom(**stored);
+  if (!calibration.ok()) {
+    return absl::InvalidArgumentError(
+        absl::StrCat("'", database.path(), "': its calibration: ", calibration.status().message()));
+  }
+  return std::optional<Calibration>(*std::move(calibration));
+}
+
 }  // namespace
 
 ServedDatabase::ServedDatabase(storage::v1::CellDescription cell, uint64_t generation,
-                               RobotImageTable robot_images, std::vector<Reference> references)
+                               RobotImageTable robot_images, std::vector<Reference> references,
+                               std::optional<Calibration> calibration,
+                               std::optional<EpipolarBands> bands)
     : cell_(std::move(cell)),
       generation_(generation),
       robot_images_(std::move(robot_images)),
-      references_(std::move(references)) {}
+      references_(std::move(references)),
+      calibration_(std::move(calibration)),
+      bands_(std::move(bands)) {}
 
 absl::StatusOr<std::shared_ptr<const ServedDatabase>> ServedDatabase::Load(
-    const Database& database) {
+    const Database& database, const CalibrationSettings& settings) {
   try {
     const absl::StatusOr<Snapshot> snapshot = database.Read();
     if (!snapshot.ok()) return snapshot.status();
@@ -69,11 +87,32 @@ absl::StatusOr<std::shared_ptr<const ServedDatabase>> ServedDatabase::Load(
     if (!robot_images.ok()) return robot_images.status();
     absl::StatusOr<std::vector<Reference>> references = LoadReferences(database, *snapshot);
     if (!references.ok()) return references.status();
-    return std::shared_ptr<const ServedDatabase>(new ServedDatabase(
-        database.cell(), snapshot->generation(), *std::move(robot_images), *std::move(references)));
+    absl::StatusOr<std::optional<Calibration>> calibration = LoadCalibration(database, *snapshot);
+    if (!calibration.ok()) return calibration.status();
+    std::optional<EpipolarBands> bands;
+    if (*calibration) bands.emplace(**calibration, database.mask_sizes(), settings.margin);
+    return std::shared_ptr<const ServedDatabase>(
+        new ServedDatabase(database.cell(), snapshot->generation(), *std::move(robot_images),
+                           *std::move(references), *std::move(calibration), std::move(bands)));
   } catch (const std::invalid_argument& error) {
     return absl::InvalidArgumentError(absl::StrCat("'", database.path(), "': ", error.what()));
   }
+}
+
+absl::Status ServedDatabase::CanServe(const Policy& policy) const {
+  if (IsSound(policy.preset)) {
+    return absl::FailedPreconditionError(
+        absl::StrCat("the preset '", NameOf(policy.preset), "' cannot be served"));
+  }
+  if (!IsCalibrated(policy.preset) || bands_) return absl::OkStatus();
+  return absl::FailedPreconditionError(absl::StrCat(
+      "the preset '", NameOf(policy.preset),
+      "' needs a calibration, which the database does not have; import one with 'silhouette-db "
+      "calibration import', or ask for the preset 'uncalibrated'"));
+}
+
+Preset ServedDatabase::BestPreset() const {
+  return bands_ ? Preset::kCalibrated : Preset::kUncalibrated;
 }
 
 std::optional<int> ServedDatabase::ViewOf(const std::string& name) const {

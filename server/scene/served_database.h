@@ -7,20 +7,28 @@
 #include <string>
 #include <vector>
 
+#include "absl/status/status.h"
 #include "absl/status/statusor.h"
+#include "calib/calibration.h"
 #include "capture/segmentation/reference.h"
 #include "db/store.h"
+#include "server/collision/epipolar_bands.h"
+#include "server/collision/policy.h"
 #include "server/collision/robot_image_table.h"
+#include "server/scene/calibration_settings.h"
 
 namespace silhouette {
 
 // Cannot be changed once loaded; used by any number of threads.
 class ServedDatabase {
  public:
-  // Reads all robot images and the reference images. A record that fails its checksum is marked
-  // corrupt, so that nothing that takes it is ever free. DataLoss: the database cannot be read as a
-  // whole. InvalidArgument: its grid is too large to hold in memory.
-  static absl::StatusOr<std::shared_ptr<const ServedDatabase>> Load(const Database& database);
+  // Reads all robot images, the reference images and the calibration. A record that fails its
+  // checksum is marked corrupt, so that nothing that takes it is ever free. DataLoss: the database
+  // cannot be read as a whole, or its calibration is damaged. InvalidArgument: its grid is too
+  // large to hold in memory, its calibration is none (two cameras at one place, a matrix that is
+  // not of rank 2), or the margin is negative.
+  static absl::StatusOr<std::shared_ptr<const ServedDatabase>> Load(
+      const Database& database, const CalibrationSettings& settings = {});
 
   const storage::v1::CellDescription& cell() const { return cell_; }
   uint64_t generation() const { return generation_; }
@@ -37,14 +45,26 @@ class ServedDatabase {
   // The reference image of a view; has_references() must hold.
   const Reference& reference(int view) const { return references_[static_cast<size_t>(view)]; }
 
+  // The calibration, and the epipolar lines that follow from it; null where there is none.
+  const Calibration* calibration() const { return calibration_ ? &*calibration_ : nullptr; }
+  const EpipolarBands* bands() const { return bands_ ? &*bands_ : nullptr; }
+
+  // Whether the database has what a policy needs. FailedPrecondition: what it lacks, and the mend.
+  absl::Status CanServe(const Policy& policy) const;
+  // The best of the presets that can be served.
+  Preset BestPreset() const;
+
  private:
   ServedDatabase(storage::v1::CellDescription cell, uint64_t generation,
-                 RobotImageTable robot_images, std::vector<Reference> references);
+                 RobotImageTable robot_images, std::vector<Reference> references,
+                 std::optional<Calibration> calibration, std::optional<EpipolarBands> bands);
 
   storage::v1::CellDescription cell_;
   uint64_t generation_ = 0;
   RobotImageTable robot_images_;
   std::vector<Reference> references_;
+  std::optional<Calibration> calibration_;
+  std::optional<EpipolarBands> bands_;
 };
 
 }  // namespace silhouette

@@ -127,10 +127,18 @@ absl::StatusOr<std::vector<uint64_t>> TilesFrom(const v1::GetConfigurationSpaceR
 
 }  // namespace
 
+absl::StatusOr<Policy> CollisionService::PolicyFor(const v1::Policy& message,
+                                                   const ServedDatabase& database) const {
+  absl::StatusOr<Policy> policy =
+      PolicyFrom(message, DefaultPolicy(serving_.settings, database), database.views());
+  if (!policy.ok()) return policy;
+  if (absl::Status servable = database.CanServe(*policy); !servable.ok()) return servable;
+  return policy;
+}
+
 absl::StatusOr<Checker> CollisionService::CheckerFor(const v1::Policy& message) const {
   Served served = serving_.scenes.Newest();
-  const absl::StatusOr<Policy> policy =
-      PolicyFrom(message, serving_.settings.policy, served.database->views());
+  const absl::StatusOr<Policy> policy = PolicyFor(message, *served.database);
   if (!policy.ok()) return policy.status();
   return Checker(std::move(served), *policy, serving_.settings.scene, serving_.settings.clock());
 }
@@ -210,8 +218,7 @@ CollisionService::GetConfigurationSpace(grpc::CallbackServerContext* context,
   auto* writer = new SpaceWriter();
   const auto work = [this, request, writer]() -> grpc::Status {
     const Served served = serving_.scenes.Newest();
-    const absl::StatusOr<Policy> policy =
-        PolicyFrom(request->policy(), serving_.settings.policy, served.database->views());
+    const absl::StatusOr<Policy> policy = PolicyFor(request->policy(), *served.database);
     if (!policy.ok()) return ToGrpc(policy.status());
     absl::StatusOr<std::vector<uint64_t>> tiles = TilesFrom(*request, served.database->grid());
     if (!tiles.ok()) return ToGrpc(tiles.status());

@@ -8,7 +8,8 @@ grpc::ServerUnaryReactor* DatabaseService::GetDatabase(grpc::CallbackServerConte
                                                        const v1::GetDatabaseRequest*,
                                                        v1::GetDatabaseResponse* response) {
   return AnswerHere(context, [this, response] {
-    ToMessage(*serving_.scenes.Newest().database, serving_.settings.policy, response);
+    const Served served = serving_.scenes.Newest();
+    ToMessage(*served.database, DefaultPolicy(serving_.settings, *served.database), response);
     return grpc::Status::OK;
   });
 }

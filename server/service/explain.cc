@@ -12,6 +12,7 @@ void ExplainViews(const Checker& checker, std::span<const double> q,
                   v1::ExplainResponse* response) {
   const Served& served = checker.served();
   if (served.scene == nullptr) return;
+  const CollisionImages collision = checker.CollisionImagesAt(q);
   for (int view = 0; view < served.database->views(); ++view) {
     v1::ViewExplanation& explanation = *response->add_views();
     explanation.set_view(served.database->view_name(view));
@@ -27,9 +28,9 @@ void ExplainViews(const Checker& checker, std::span<const double> q,
     const IntersectionImage intersection(obstacle, *robot);
     explanation.set_intersection_png(EncodePng(
         PictureOfPlanes(intersection.obstacle(), intersection.unknown(), intersection.error())));
-    const Mask collision = *UncalibratedCollisionImages({intersection})[0];
-    const Mask none(collision.size());
-    explanation.set_collision_png(EncodePng(PictureOfPlanes(collision, none, none)));
+    if (!collision[i]) continue;
+    const Mask none(collision[i]->size());
+    explanation.set_collision_png(EncodePng(PictureOfPlanes(*collision[i], none, none)));
   }
 }
 

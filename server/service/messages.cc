@@ -5,6 +5,7 @@
 #include <utility>
 
 #include "absl/strings/str_cat.h"
+#include "absl/strings/str_join.h"
 
 namespace silhouette {
 namespace {
@@ -91,6 +92,49 @@ v1::Verdict::State ToMessage(State state) {
   return v1::Verdict::STATE_UNKNOWN;
 }
 
+std::string NamesOfPresets() {
+  return absl::StrJoin(AllPresets(), ", ", [](std::string* out, Preset preset) {
+    absl::StrAppend(out, "'", NameOf(preset), "'");
+  });
+}
+
+absl::Status SetOffGrid(const v1::Policy& message, Policy& policy) {
+  switch (message.off_grid()) {
+    case v1::OFF_GRID_UNSPECIFIED:
+      return absl::OkStatus();
+    case v1::OFF_GRID_CELL:
+      policy.off_grid = OffGrid::kCell;
+      return absl::OkStatus();
+    case v1::OFF_GRID_NEAREST:
+      policy.off_grid = OffGrid::kNearest;
+      return absl::OkStatus();
+    default:
+      return InField("policy.off_grid", "this server does not know the value");
+  }
+}
+
+// How lines are searched.
+absl::Status SetLines(const v1::Policy& message, Policy& policy) {
+  constexpr char kCalibratedOnly[] = "it goes with the presets 'calibrated' and 'paper-calibrated'";
+  const bool calibrated = IsCalibrated(policy.preset);
+  if (message.has_errors_convict()) {
+    if (!calibrated) return InField("policy.errors_convict", kCalibratedOnly);
+    policy.errors_convict = message.errors_convict();
+  }
+  if (message.epipolar() == v1::EPIPOLAR_UNSPECIFIED) return absl::OkStatus();
+  if (!calibrated) return InField("policy.epipolar", kCalibratedOnly);
+  switch (message.epipolar()) {
+    case v1::EPIPOLAR_INTERSECTION:
+      policy.epipolar = EpipolarDomain::kIntersection;
+      return absl::OkStatus();
+    case v1::EPIPOLAR_OBSTACLE:
+      policy.epipolar = EpipolarDomain::kObstacle;
+      return absl::OkStatus();
+    default:
+      return InField("policy.epipolar", "this server does not know the value");
+  }
+}
+
 }  // namespace
 
 grpc::Status ToGrpc(const absl::Status& status) {
@@ -104,32 +148,24 @@ absl::StatusOr<Policy> PolicyFrom(const v1::Policy& message, const Policy& defau
     const std::optional<Preset> preset = PresetFromName(message.preset());
     if (!preset) {
       return InField("policy.preset", absl::StrCat("'", message.preset(),
-                                                   "' is unknown; known are 'uncalibrated' and "
-                                                   "'paper'"));
+                                                   "' is unknown; known are ", NamesOfPresets()));
     }
     policy.preset = *preset;
-    policy.min_views.reset();  // the server's default number went with its default preset
+    // What the server says of its default preset went with it.
+    policy.min_views.reset();
+    policy.epipolar.reset();
+    policy.errors_convict.reset();
   }
   if (message.has_max_occluded_views()) {
-    if (policy.preset == Preset::kPaper) {
+    if (policy.preset != Preset::kUncalibrated) {
       return InField("policy.max_occluded_views", "it goes with the preset 'uncalibrated'");
     }
     policy.max_occluded_views = message.max_occluded_views();
     policy.min_views.reset();
   }
   if (message.has_min_views()) policy.min_views = message.min_views();
-  switch (message.off_grid()) {
-    case v1::OFF_GRID_UNSPECIFIED:
-      break;
-    case v1::OFF_GRID_CELL:
-      policy.off_grid = OffGrid::kCell;
-      break;
-    case v1::OFF_GRID_NEAREST:
-      policy.off_grid = OffGrid::kNearest;
-      break;
-    default:
-      return InField("policy.off_grid", "this server does not know the value");
-  }
+  if (absl::Status status = SetLines(message, policy); !status.ok()) return status;
+  if (absl::Status status = SetOffGrid(message, policy); !status.ok()) return status;
   try {
     MinViews(policy, views);
   } catch (const std::invalid_argument& error) {
@@ -191,6 +227,11 @@ void ToMessage(const Policy& policy, v1::Policy* message) {
   }
   message->set_off_grid(policy.off_grid == OffGrid::kCell ? v1::OFF_GRID_CELL
                                                           : v1::OFF_GRID_NEAREST);
+  if (!IsCalibrated(policy.preset)) return;
+  message->set_epipolar(EpipolarDomainOf(policy) == EpipolarDomain::kIntersection
+                            ? v1::EPIPOLAR_INTERSECTION
+                            : v1::EPIPOLAR_OBSTACLE);
+  message->set_errors_convict(ErrorsConvict(policy));
 }
 
 void ToMessage(const ConfigurationGrid& grid, v1::Grid* message) {
@@ -289,6 +330,10 @@ void ToMessage(const ServedDatabase& database, const Policy& default_policy,
   message->set_excluded(images.Count(RobotImageState::kExcluded));
   message->set_corrupt(images.Count(RobotImageState::kCorrupt));
   ToMessage(default_policy, message->mutable_default_policy());
+  message->set_calibrated(database.bands() != nullptr);
+  for (const Preset preset : AllPresets()) {
+    if (database.CanServe({.preset = preset}).ok()) message->add_presets(NameOf(preset));
+  }
 }
 
 }  // namespace silhouette

@@ -20,6 +20,8 @@ namespace silhouette {
 
 struct ServingSettings {
   Policy policy;  // where a request names none
+  // Instead of policy.preset the best one that the database can serve.
+  bool choose_preset = false;
   SceneSettings scene;
   SegmentationSettings segmentation;
   Clock clock = SystemClock;
@@ -27,6 +29,9 @@ struct ServingSettings {
   // Tasks that may wait for a worker thread; more are turned away.
   size_t worker_queue = 256;
 };
+
+// The policy where a request names none, for requests that rest on `database`.
+Policy DefaultPolicy(const ServingSettings& settings, const ServedDatabase& database);
 
 struct Serving {
   Serving(std::shared_ptr<const ServedDatabase> database, ServingSettings the_settings)

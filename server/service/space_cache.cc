@@ -3,17 +3,33 @@
 #include "server/scene/checker.h"
 
 namespace silhouette {
+namespace {
 
-std::shared_ptr<SpaceCache::Entry> SpaceCache::EntryFor(const SharedScene& scene, int min_views) {
+// The policy, with all said that it leaves open and nothing that the grid's own configurations do
+// not depend on: equal policies give equal spaces.
+Policy OnGrid(const Policy& policy, int views) {
+  Policy plain;
+  plain.min_views = MinViews(policy, views);
+  if (policy.preset == Preset::kUncalibrated || policy.preset == Preset::kPaper) return plain;
+  plain.preset = policy.preset;
+  plain.epipolar = EpipolarDomainOf(policy);
+  plain.errors_convict = ErrorsConvict(policy);
+  return plain;
+}
+
+}  // namespace
+
+std::shared_ptr<SpaceCache::Entry> SpaceCache::EntryFor(const SharedScene& scene,
+                                                        const Policy& policy) {
   const std::lock_guard lock(mutex_);
   for (const std::shared_ptr<Entry>& entry : entries_) {
-    if (entry->scene == scene && entry->min_views == min_views) return entry;
+    if (entry->scene == scene && entry->policy == policy) return entry;
   }
   // Who still computes an older scene's space holds its entry.
   entries_.remove_if([&](const std::shared_ptr<Entry>& entry) { return entry->scene != scene; });
   entries_.push_front(std::make_shared<Entry>());
   entries_.front()->scene = scene;
-  entries_.front()->min_views = min_views;
+  entries_.front()->policy = policy;
   if (entries_.size() > kEntries) entries_.pop_back();
   return entries_.front();
 }
@@ -21,7 +37,7 @@ std::shared_ptr<SpaceCache::Entry> SpaceCache::EntryFor(const SharedScene& scene
 std::shared_ptr<const ConfigurationSpace> SpaceCache::Get(const Served& served,
                                                           const Policy& policy) {
   const std::shared_ptr<Entry> entry =
-      EntryFor(served.scene, MinViews(policy, served.database->views()));
+      EntryFor(served.scene, OnGrid(policy, served.database->views()));
   const std::lock_guard lock(entry->mutex);
   if (entry->space == nullptr) {
     entry->space = std::make_shared<const ConfigurationSpace>(CheckAllTiles(served, policy));

@@ -22,13 +22,13 @@ class SpaceCache {
  private:
   struct Entry {
     SharedScene scene;
-    int min_views = 0;  // all of a policy that the grid's own configurations depend on
-    std::mutex mutex;   // held while it is computed
+    Policy policy;
+    std::mutex mutex;  // held while it is computed
     std::shared_ptr<const ConfigurationSpace> space;
   };
   static constexpr size_t kEntries = 4;
 
-  std::shared_ptr<Entry> EntryFor(const SharedScene& scene, int min_views);
+  std::shared_ptr<Entry> EntryFor(const SharedScene& scene, const Policy& policy);
 
   std::mutex mutex_;
   std::list<std::shared_ptr<Entry>> entries_;  // newest first

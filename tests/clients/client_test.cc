@@ -149,7 +149,9 @@ TEST(CheckConfigurations, SendsConfigurationsAndPolicy) {
                                        {.preset = "paper",
                                         .min_views = 3,
                                         .max_occluded_views = 2,
-                                        .off_grid = OffGrid::kNearest},
+                                        .off_grid = OffGrid::kNearest,
+                                        .epipolar = Epipolar::kObstacle,
+                                        .errors_convict = false},
                                        Evidence::kOmit)
                   .ok());
   EXPECT_THAT(seen.configurations(0).positions(), ElementsAre(0.1, 0.2));
@@ -157,10 +159,15 @@ TEST(CheckConfigurations, SendsConfigurationsAndPolicy) {
   EXPECT_EQ(seen.policy().min_views(), 3);
   EXPECT_EQ(seen.policy().max_occluded_views(), 2);
   EXPECT_EQ(seen.policy().off_grid(), v1::OFF_GRID_NEAREST);
+  EXPECT_EQ(seen.policy().epipolar(), v1::EPIPOLAR_OBSTACLE);
+  EXPECT_TRUE(seen.policy().has_errors_convict());
+  EXPECT_FALSE(seen.policy().errors_convict());
   EXPECT_TRUE(seen.omit_evidence());
   ASSERT_TRUE(client.CheckConfigurations(kOne).ok());
   EXPECT_FALSE(seen.policy().has_min_views());
   EXPECT_EQ(seen.policy().off_grid(), v1::OFF_GRID_UNSPECIFIED);
+  EXPECT_EQ(seen.policy().epipolar(), v1::EPIPOLAR_UNSPECIFIED);
+  EXPECT_FALSE(seen.policy().has_errors_convict());
 }
 
 TEST(CheckPath, TellsTheFirstPlaceThatIsNotFree) {
@@ -332,6 +339,10 @@ TEST(Database, IsReadWhole) {
     response.set_excluded(2);
     response.set_corrupt(1);
     response.mutable_default_policy()->set_preset("paper");
+    response.mutable_default_policy()->set_epipolar(v1::EPIPOLAR_INTERSECTION);
+    response.mutable_default_policy()->set_errors_convict(true);
+    response.set_calibrated(true);
+    response.add_presets("paper");
     return grpc::Status::OK;
   };
   const auto database = ClientOf(server).GetDatabase();
@@ -343,6 +354,10 @@ TEST(Database, IsReadWhole) {
   EXPECT_EQ(database->views[0].permanent_pixels, 12u);
   EXPECT_EQ(database->captured, 8u);
   EXPECT_EQ(database->default_policy.preset, "paper");
+  EXPECT_EQ(database->default_policy.epipolar, Epipolar::kIntersection);
+  EXPECT_EQ(database->default_policy.errors_convict, true);
+  EXPECT_TRUE(database->calibrated);
+  EXPECT_THAT(database->presets, ElementsAre("paper"));
 }
 
 TEST(Explain, BringsThePictures) {

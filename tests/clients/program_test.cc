@@ -102,6 +102,17 @@ TEST_F(Silhouette, PolicyOptionsReachTheServer) {
   const Ended wrong = cell_.Run("check 0.6,0 --min-views 3");
   EXPECT_EQ(wrong.exit_code, 2);
   EXPECT_THAT(wrong.err, HasSubstr("min_views"));
+  // The cell is not calibrated.
+  for (const std::string options : {"--preset calibrated",
+                                    "--preset paper-calibrated --epipolar "
+                                    "intersection --no-errors-convict"}) {
+    const Ended refused = cell_.Run("check 0.6,0 " + options);
+    EXPECT_EQ(refused.exit_code, 2);
+    EXPECT_THAT(refused.err, HasSubstr("needs a calibration"));
+  }
+  EXPECT_THAT(cell_.Run("check 0.6,0 --epipolar obstacle").err, HasSubstr("policy.epipolar"));
+  EXPECT_THAT(cell_.Run("check 0.6,0 --errors-convict").err, HasSubstr("policy.errors_convict"));
+  EXPECT_EQ(cell_.Run("check 0.6,0 --epipolar somewhere").exit_code, 2);
   // Between 0.3 (free) and 0.4 (occupied).
   EXPECT_EQ(cell_.Run("check 0.34,0 --off-grid nearest").exit_code, 0);
   EXPECT_EQ(cell_.Run("check 0.34,0 --off-grid cell").exit_code, 1);

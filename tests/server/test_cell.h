@@ -13,7 +13,9 @@
 #include <numbers>
 #include <opencv2/core.hpp>
 #include <opencv2/imgcodecs.hpp>
+#include <optional>
 #include <string>
+#include <tuple>
 #include <utility>
 #include <vector>
 
@@ -109,7 +111,21 @@ struct TestDatabase {
   std::vector<std::pair<int, int>> corrupt = {};
   bool references = false;
   storage::v1::CellDescription cell = TestCell();
+  std::optional<storage::v1::Calibration> calibration = std::nullopt;
 };
+
+// Matrices after which a point is in the same row of "left" and "right", and two rows higher in
+// "top": RobotMask fits them.
+inline storage::v1::Calibration TestCalibration() {
+  storage::v1::Calibration calibration;
+  for (const auto& [a, b, lower] : {std::tuple(0, 1, 0), {1, 2, -2}, {0, 2, -2}}) {
+    storage::v1::FundamentalMatrix& matrix = *calibration.add_fundamental_matrices();
+    matrix.set_view_a(a);
+    matrix.set_view_b(b);
+    for (const double value : {0, 0, 0, 0, 0, -1, 0, 1, lower}) matrix.add_f(value);
+  }
+  return calibration;
+}
 
 inline RobotImage TestRobotImage(const ConfigurationGrid& grid, int a, int b) {
   RobotImage image;
@@ -189,22 +205,30 @@ inline void MakeDatabase(const std::string& path, const TestDatabase& test = {})
     if (test.references) {
       ASSERT_TRUE((*database)->SetReferences(TestReferences(), "test").ok());
     }
+    if (test.calibration) {
+      ASSERT_TRUE((*database)->SetCalibration(*test.calibration, "test").ok());
+    }
   }
   for (const auto& [a, b] : test.corrupt) DamageRecord(path, TestRobotImage(grid, a, b));
 }
 
-inline std::shared_ptr<const ServedDatabase> LoadDatabase(const std::string& path) {
+// By default epipolar lines are as the calibration says, without margin.
+inline std::shared_ptr<const ServedDatabase> LoadDatabase(const std::string& path,
+                                                          const CalibrationSettings& settings = {
+                                                              .margin = 0}) {
   const auto database = Database::Open(path, Database::Access::kRead);
   EXPECT_TRUE(database.ok()) << database.status();
-  auto served = ServedDatabase::Load(**database);
+  auto served = ServedDatabase::Load(**database, settings);
   EXPECT_TRUE(served.ok()) << served.status();
   return *std::move(served);
 }
 
-inline std::shared_ptr<const ServedDatabase> NewDatabase(const TestDatabase& test = {}) {
+inline std::shared_ptr<const ServedDatabase> NewDatabase(const TestDatabase& test = {},
+                                                         const CalibrationSettings& settings = {
+                                                             .margin = 0}) {
   const FreshFolder folder;
   MakeDatabase(folder / "db", test);
-  return LoadDatabase(folder / "db");
+  return LoadDatabase(folder / "db", settings);
 }
 
 inline std::vector<JointPosition> JointsAt(const Configuration& q) {

@@ -75,6 +75,8 @@ TEST(Cell, TheCommentedSampleIsACellAndShowsTheDefaults) {
   ASSERT_TRUE(cell.ok()) << cell.status();
   EXPECT_EQ(cell->segmentation, SegmentationSettings{});
   EXPECT_EQ(cell->policy, Policy{});
+  EXPECT_TRUE(cell->choose_preset);
+  EXPECT_EQ(cell->calibration.margin, CalibrationSettings{}.margin);
   EXPECT_EQ(cell->capture.settle, CaptureSettings{}.settle);
   EXPECT_EQ(cell->capture.joint_speed, CaptureSettings{}.joint_speed);
   EXPECT_EQ(cell->capture.reference_images, CaptureSettings{}.reference_images);
@@ -83,6 +85,21 @@ TEST(Cell, TheCommentedSampleIsACellAndShowsTheDefaults) {
   EXPECT_EQ(cell->server.scene.max_skew, SceneSettings{}.max_skew);
   EXPECT_EQ(cell->server.scene.max_core_error, SceneSettings{}.max_core_error);
   EXPECT_EQ(cell->capture.forbidden_regions.size(), 1u);
+}
+
+TEST(Cell, PolicyAndCalibrationAreRead) {
+  const absl::StatusOr<Cell> cell =
+      Load(std::string(kBareCell) +
+           "policy: {preset: paper-calibrated, epipolar: intersection, errors_convict: false}\n"
+           "calibration: {margin: 1.5}\n");
+  ASSERT_TRUE(cell.ok()) << cell.status();
+  EXPECT_FALSE(cell->choose_preset);
+  EXPECT_EQ(cell->policy.preset, Preset::kPaperCalibrated);
+  EXPECT_EQ(cell->policy.epipolar, EpipolarDomain::kIntersection);
+  EXPECT_EQ(cell->policy.errors_convict, false);
+  EXPECT_EQ(cell->calibration.margin, 1.5);
+  // How lines are searched can be said for the case that the database is calibrated.
+  EXPECT_TRUE(Load(std::string(kBareCell) + "policy: {epipolar: obstacle}\n").ok());
 }
 
 TEST(Cell, MaxMoveGridObeysTheLargestMovementAndSumDividesIt) {
@@ -126,7 +143,13 @@ TEST(Cell, MistakesAreToldWithLineAndMend) {
   EXPECT_THAT(MessageOf(std::string(kBareCell) + "policy: {min_views: 3}\n"),
               HasSubstr("min_views"));
   EXPECT_THAT(MessageOf(std::string(kBareCell) + "policy: {preset: brave}\n"),
-              HasSubstr("'uncalibrated' or 'paper'"));
+              HasSubstr("the presets are 'uncalibrated', 'paper'"));
+  EXPECT_THAT(MessageOf(std::string(kBareCell) + "policy: {preset: paper, epipolar: obstacle}\n"),
+              HasSubstr("policy.epipolar: it goes with the presets 'calibrated'"));
+  EXPECT_THAT(MessageOf(std::string(kBareCell) + "policy: {epipolar: somewhere}\n"),
+              HasSubstr("'intersection' or 'obstacle' is expected"));
+  EXPECT_THAT(MessageOf(std::string(kBareCell) + "calibration: {margin: -1}\n"),
+              HasSubstr("calibration.margin: a number not below 0 is expected"));
   EXPECT_THAT(MessageOf(std::string(kBareCell) +
                         "capture:\n  forbidden_regions: [{name: x, joints: {d: [0, 1]}}]\n"),
               HasSubstr("'d' is not a joint of the grid"));

@@ -30,6 +30,7 @@ Cell ReadCell(const std::string& path) {
   const auto capture_node = map.Optional("capture");
   const auto segmentation_node = map.Optional("segmentation");
   const auto policy_node = map.Optional("policy");
+  const auto calibration_node = map.Optional("calibration");
   const auto server_node = map.Optional("server");
   map.Finish();
 
@@ -47,11 +48,18 @@ Cell ReadCell(const std::string& path) {
       .capture = {},
       .segmentation = {},
       .policy = {},
+      .choose_preset = true,
+      .calibration = {},
       .server = {}};
   if (workspace_node) cell.workspace = ReadWorkspace(*workspace_node);
   if (capture_node) cell.capture = ReadCapture(*capture_node, cell.grid);
   if (segmentation_node) cell.segmentation = ReadSegmentation(*segmentation_node);
-  if (policy_node) cell.policy = ReadPolicy(*policy_node, static_cast<int>(cell.views.size()));
+  if (policy_node) {
+    const PolicySettings policy = ReadPolicy(*policy_node, static_cast<int>(cell.views.size()));
+    cell.policy = policy.policy;
+    cell.choose_preset = !policy.names_preset;
+  }
+  if (calibration_node) cell.calibration = ReadCalibration(*calibration_node);
   if (server_node) cell.server = ReadServer(*server_node);
   return cell;
 }

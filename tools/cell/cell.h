@@ -15,6 +15,7 @@
 #include "db/configuration_grid.h"
 #include "db/mask.h"
 #include "server/collision/policy.h"
+#include "server/scene/calibration_settings.h"
 #include "server/scene/scene_settings.h"
 #include "server/scene/view_treatment.h"
 #include "silhouette/storage/v1/storage.pb.h"
@@ -62,6 +63,8 @@ struct Cell {
   CaptureSettings capture;
   SegmentationSettings segmentation;
   Policy policy;
+  bool choose_preset = true;  // `policy` names no preset: the best that the database can serve
+  CalibrationSettings calibration;
   ServerSettings server;
 };
 

@@ -91,6 +91,23 @@ ForbiddenRegion ReadForbiddenRegion(const YamlNode& node, const ConfigurationGri
   return region;
 }
 
+Preset ReadPreset(const YamlNode& node) {
+  const std::optional<Preset> preset = PresetFromName(node.As<std::string>());
+  if (preset) return *preset;
+  std::vector<std::string> names;
+  for (const Preset known : AllPresets()) names.push_back(NameOf(known));
+  node.Fail("the presets are " + ListOfWords(names));
+}
+
+// Whether the word is the first of the two that it may be.
+bool OneOf(const YamlNode& node, const std::string& first, const std::string& second) {
+  const std::string word = node.As<std::string>();
+  if (word != first && word != second) {
+    node.Fail("'" + first + "' or '" + second + "' is expected");
+  }
+  return word == first;
+}
+
 }  // namespace
 
 Margin ReadMargin(const YamlNode& node) {
@@ -180,28 +197,45 @@ SegmentationSettings ReadSegmentation(const YamlNode& node) {
   return settings;
 }
 
-Policy ReadPolicy(const YamlNode& node, int views) {
+PolicySettings ReadPolicy(const YamlNode& node, int views) {
   YamlMap map(node);
   Policy policy;
-  if (const auto preset = map.Optional("preset")) {
-    const auto value = PresetFromName(preset->As<std::string>());
-    if (!value) preset->Fail("'uncalibrated' or 'paper' is expected");
-    policy.preset = *value;
-  }
+  const auto preset = map.Optional("preset");
+  if (preset) policy.preset = ReadPreset(*preset);
   if (const auto min_views = map.Optional("min_views")) policy.min_views = min_views->As<int>();
   policy.max_occluded_views = map.Get<int>("max_occluded_views", policy.max_occluded_views);
   if (const auto off_grid = map.Optional("off_grid")) {
-    const std::string value = off_grid->As<std::string>();
-    if (value != "cell" && value != "nearest") off_grid->Fail("'cell' or 'nearest' is expected");
-    policy.off_grid = value == "cell" ? OffGrid::kCell : OffGrid::kNearest;
+    policy.off_grid = OneOf(*off_grid, "cell", "nearest") ? OffGrid::kCell : OffGrid::kNearest;
   }
+  const auto epipolar = map.Optional("epipolar");
+  if (epipolar) {
+    policy.epipolar = OneOf(*epipolar, "intersection", "obstacle") ? EpipolarDomain::kIntersection
+                                                                   : EpipolarDomain::kObstacle;
+  }
+  const auto errors_convict = map.Optional("errors_convict");
+  if (errors_convict) policy.errors_convict = errors_convict->As<bool>();
   map.Finish();
+  if (preset && !IsCalibrated(policy.preset)) {
+    for (const auto& key : {epipolar, errors_convict}) {
+      if (key) key->Fail("it goes with the presets 'calibrated' and 'paper-calibrated'");
+    }
+  }
   try {
     MinViews(policy, views);
   } catch (const std::invalid_argument& error) {
     node.Fail(error.what());
   }
-  return policy;
+  return {policy, preset.has_value()};
+}
+
+CalibrationSettings ReadCalibration(const YamlNode& node) {
+  YamlMap map(node);
+  CalibrationSettings settings;
+  if (const auto margin = map.Optional("margin")) {
+    settings.margin = NotNegative(*margin, margin->As<double>());
+  }
+  map.Finish();
+  return settings;
 }
 
 ServerSettings ReadServer(const YamlNode& node) {

@@ -31,8 +31,13 @@ std::vector<ViewSettings> ReadViews(const YamlNode& node, const Margin& margin,
 // `grid`: the joints that forbidden regions may name.
 CaptureSettings ReadCapture(const YamlNode& node, const ConfigurationGrid& grid);
 SegmentationSettings ReadSegmentation(const YamlNode& node);
+struct PolicySettings {
+  Policy policy;
+  bool names_preset = false;
+};
 // `views`: how many there are, the bound of min_views.
-Policy ReadPolicy(const YamlNode& node, int views);
+PolicySettings ReadPolicy(const YamlNode& node, int views);
+CalibrationSettings ReadCalibration(const YamlNode& node);
 ServerSettings ReadServer(const YamlNode& node);
 
 }  // namespace silhouette

@@ -37,6 +37,9 @@ struct Database {
   uint64_t corrupt = 0;
   // The policy where a request names none.
   Policy default_policy;
+  // Whether the views are calibrated, and the presets that requests may name.
+  bool calibrated = false;
+  std::vector<std::string> presets;
 };
 
 }  // namespace silhouette::client

@@ -12,8 +12,14 @@ enum class OffGrid {
   kNearest,  // the robot image of the nearest grid point
 };
 
+// Which images an epipolar line is searched in.
+enum class Epipolar {
+  kIntersection,  // what the robot image of the tested configuration covers
+  kObstacle,      // all of the obstacle image
+};
+
 struct Policy {
-  // "uncalibrated" or "paper"; empty: the server's default.
+  // One of Database::presets, e.g. "uncalibrated" or "calibrated"; empty: the server's default.
   std::string preset = {};
   // Occupied if at least this many views show an obstacle inside the robot; 1 to number of views.
   std::optional<int> min_views = std::nullopt;
@@ -21,6 +27,10 @@ struct Policy {
   // obstacle.
   std::optional<int> max_occluded_views = std::nullopt;
   std::optional<OffGrid> off_grid = std::nullopt;
+  // With a calibrated preset, instead of what it says.
+  std::optional<Epipolar> epipolar = std::nullopt;
+  // Likewise: whether error pixels on its epipolar lines make a pixel an obstacle.
+  std::optional<bool> errors_convict = std::nullopt;
 };
 
 }  // namespace silhouette::client

@@ -73,5 +73,63 @@ TEST(ServedDatabase, ReferenceThatCannotBeDecodedIsDataLoss) {
   EXPECT_THAT(served.status().message(), HasSubstr("view 'right'"));
 }
 
+TEST(ServedDatabase, HasTheCalibrationOfItsGeneration) {
+  const FreshFolder folder;
+  MakeDatabase(folder / "db");
+  const auto without = LoadDatabase(folder / "db");
+  EXPECT_EQ(without->calibration(), nullptr);
+  EXPECT_EQ(without->bands(), nullptr);
+  EXPECT_EQ(without->BestPreset(), Preset::kUncalibrated);
+  {
+    const auto database = Database::Open(folder / "db", Database::Access::kWrite);
+    ASSERT_TRUE((*database)->SetCalibration(TestCalibration(), "test").ok());
+  }
+  const auto with = LoadDatabase(folder / "db");
+  EXPECT_GT(with->generation(), without->generation());
+  ASSERT_NE(with->bands(), nullptr);
+  EXPECT_EQ(with->calibration()->fundamental_matrices.size(), 3u);
+  EXPECT_EQ(with->BestPreset(), Preset::kCalibrated);
+  // Rows 3 of the first two views are one line, rows 3 and 1 of the first and the third.
+  EXPECT_TRUE(with->bands()->Meet(0, 3 * 16, 1, 3 * 16 + 7));
+  EXPECT_FALSE(with->bands()->Meet(0, 3 * 16, 1, 4 * 16));
+  EXPECT_TRUE(with->bands()->Meet(0, 3 * 16, 2, 10));
+  EXPECT_TRUE(LoadDatabase(folder / "db", {.margin = 0.25})->bands()->Meet(0, 3 * 16, 1, 4 * 16));
+}
+
+TEST(ServedDatabase, ServesOnlyPoliciesThatItHasWhatItTakesFor) {
+  const auto without = NewDatabase();
+  const auto with = NewDatabase({.calibration = TestCalibration()});
+  for (const Preset preset : {Preset::kUncalibrated, Preset::kPaper}) {
+    EXPECT_TRUE(without->CanServe({.preset = preset}).ok());
+    EXPECT_TRUE(with->CanServe({.preset = preset}).ok());
+  }
+  for (const Preset preset : {Preset::kCalibrated, Preset::kPaperCalibrated}) {
+    const absl::Status status = without->CanServe({.preset = preset});
+    EXPECT_EQ(status.code(), absl::StatusCode::kFailedPrecondition);
+    EXPECT_NE(status.message().find(NameOf(preset) + "' needs a calibration"), std::string::npos);
+    EXPECT_TRUE(with->CanServe({.preset = preset}).ok());
+  }
+}
+
+TEST(ServedDatabase, WithACalibrationThatIsNoneIsNotServed) {
+  const FreshFolder folder;
+  storage::v1::Calibration singular = TestCalibration();
+  singular.mutable_fundamental_matrices(1)->mutable_f()->Set(7, 0);
+  singular.mutable_fundamental_matrices(1)->mutable_f()->Set(8, 0);  // rank 1
+  MakeDatabase(folder / "db", {.calibration = singular});
+  const auto database = Database::Open(folder / "db", Database::Access::kRead);
+  const absl::Status status = ServedDatabase::Load(**database).status();
+  EXPECT_EQ(status.code(), absl::StatusCode::kInvalidArgument);
+  EXPECT_NE(status.message().find("rank 2"), std::string::npos) << status;
+}
+
+TEST(ServedDatabase, TakesNoNegativeMargin) {
+  const FreshFolder folder;
+  MakeDatabase(folder / "db", {.calibration = TestCalibration()});
+  const auto database = Database::Open(folder / "db", Database::Access::kRead);
+  EXPECT_EQ(ServedDatabase::Load(**database, {.margin = -1}).status().code(),
+            absl::StatusCode::kInvalidArgument);
+}
+
 }  // namespace
 }  // namespace silhouette

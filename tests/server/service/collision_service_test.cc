@@ -93,7 +93,8 @@ TEST_F(CollisionServiceTest, WrongPoliciesAreRefusedByName) {
   v1::CheckConfigurationsRequest request;
   request.mutable_policy()->set_preset("Paper");
   EXPECT_EQ(Refusal(request),
-            "policy.preset: 'Paper' is unknown; known are 'uncalibrated' and 'paper'");
+            "policy.preset: 'Paper' is unknown; known are 'uncalibrated', 'paper', 'calibrated', "
+            "'paper-calibrated', 'sound-planes', 'sound'");
   request.mutable_policy()->set_preset("");
   request.mutable_policy()->set_min_views(4);
   EXPECT_EQ(Refusal(request), "policy: min_views must be 1 to 3, the number of views, not 4");

@@ -222,6 +222,30 @@ TEST_F(ServerProgramTest, DatabaseOfAnotherCellIsTheUsersMistake) {
                                       "database")));
 }
 
+TEST_F(ServerProgramTest, PolicyThatTheDatabaseCannotServeIsTheUsersMistake) {
+  WriteFile(cell, std::string(kCell) + "policy: {preset: calibrated}\n");
+  EXPECT_EQ(Refused({"--cell", cell, "--database", database}), 2);
+  EXPECT_THAT(errors, AllOf(HasSubstr(cell), HasSubstr(database),
+                            HasSubstr("'calibrated' needs a calibration"),
+                            HasSubstr("silhouette-db calibration import")));
+}
+
+TEST_F(ServerProgramTest, CalibrationForOtherImagesIsTheUsersMistake) {
+  {
+    const auto opened = Database::Open(database, Database::Access::kWrite);
+    ASSERT_TRUE((*opened)->SetCalibration(TestCalibration(), "test").ok());
+  }
+  ServerProgram program(
+      folder, {"--cell", cell, "--database", database, "--listen", "unix:" + (folder / "s")});
+  EXPECT_TRUE(DatabaseAt(program.Address()).calibrated());
+  // The cell file speaks of images of another size than those that the database was made for.
+  std::string text = kCell;
+  text.replace(text.find("[16, 12]"), 8, "[16, 12], image_size: [640, 480]");
+  WriteFile(cell, text);
+  EXPECT_EQ(Refused({"--cell", cell, "--database", database}), 2);
+  EXPECT_THAT(errors, HasSubstr("view 'left'"));
+}
+
 TEST_F(ServerProgramTest, DatabaseThatIsNotThereIsTheUsersMistake) {
   EXPECT_EQ(Refused({"--cell", cell, "--database", folder / "nothing"}), 2);
   EXPECT_THAT(errors, AllOf(StartsWith("silhouette-server: "), HasSubstr(folder / "nothing")));
