@@ -96,6 +96,28 @@ CollisionImages Checker::CollisionImagesAt(std::span<const double> q) const {
                                    ErrorsConvict(policy_));
 }
 
+std::vector<std::string> Checker::RegionsAt(std::span<const double> q) const {
+  std::vector<std::string> names;
+  if (served_.scene == nullptr || served_.scene->region_effects.empty()) return names;
+  // These look beyond the test robot image.
+  if (SearchesObstacleImages(policy_) || IsSound(policy_.preset)) return RegionsIn(served_);
+  std::vector<std::optional<Mask>> robot;
+  for (int view = 0; view < served_.database->views(); ++view) {
+    robot.push_back(TestRobotImage(view, q));
+  }
+  for (const RegionEffect& effect : served_.scene->region_effects) {
+    if (effect.Touches(robot)) names.push_back(effect.name);
+  }
+  return names;
+}
+
+std::vector<std::string> RegionsIn(const Served& served) {
+  std::vector<std::string> names;
+  if (served.scene == nullptr) return names;
+  for (const RegionEffect& effect : served.scene->region_effects) names.push_back(effect.name);
+  return names;
+}
+
 std::vector<TileVerdicts> CheckAllTiles(const Served& served, const Policy& policy) {
   if (served.scene == nullptr) throw std::invalid_argument("there is no scene");
   std::vector<TileVerdicts> tiles(served.database->grid().tiles());

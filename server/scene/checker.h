@@ -3,6 +3,7 @@
 
 #include <optional>
 #include <span>
+#include <string>
 #include <vector>
 
 #include "db/configuration_grid.h"
@@ -40,6 +41,11 @@ class Checker {
   // scene lacks the view, and everywhere if TestRobotImage gives nothing.
   CollisionImages CollisionImagesAt(std::span<const double> q) const;
 
+  // The names of the allowed regions without which the verdict on `q` might be another: those that
+  // took obstacle pixels away inside its test robot image; all that took any away, if the policy
+  // looks beyond that image.
+  std::vector<std::string> RegionsAt(std::span<const double> q) const;
+
  private:
   Served served_;
   Policy policy_;
@@ -49,6 +55,9 @@ class Checker {
 
 // Why no verdict can rest on `served` at the moment `now`; kNone if verdicts can be made.
 Reason BlockedReason(const Served& served, const SceneSettings& settings, const Moment& now);
+
+// The names of the allowed regions that took any pixel of the scene away.
+std::vector<std::string> RegionsIn(const Served& served);
 
 // The verdicts of all tiles of the grid as long as the scene is not blocked: what a map of the
 // whole configuration space is made of. The scene must be there; std::invalid_argument if the

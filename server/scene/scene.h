@@ -14,6 +14,7 @@
 #include "db/mask.h"
 #include "server/collision/collision_test.h"
 #include "server/collision/verdict.h"
+#include "server/scene/allowed_regions.h"
 #include "server/scene/clock.h"
 
 namespace silhouette {
@@ -79,6 +80,8 @@ struct Scene {
   Moment arrived;
   std::vector<SceneDefect> defects;
   ResolvedImages resolved;
+  // What allowed regions in force did to the obstacle images; empty in a scene as it was published.
+  std::vector<RegionEffect> region_effects;
 
   absl::Duration skew() const { return newest - oldest; }
   // Age of the oldest image. After the scene's arrival only the running clock counts.

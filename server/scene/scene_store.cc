@@ -33,13 +33,47 @@ void SceneStore::ReplaceDatabase(std::shared_ptr<const ServedDatabase> database)
   const std::lock_guard lock(mutex_);
   database_replaced_ = database_replaced_ || !scenes_.empty();
   scenes_.clear();
+  regions_.Clear();
+  with_regions_ = nullptr;
   database_.swap(database);  // the old one is freed by whoever lets go of it last, not in here
 }
 
-Served SceneStore::Newest() const {
+SharedScene SceneStore::WithRegions(const SharedScene& scene, const RegionSet& regions) {
+  if (regions.regions.empty()) return scene;
+  if (with_regions_ == nullptr || with_regions_of_scene_ != scene->id ||
+      with_regions_of_revision_ != regions.revision) {
+    Scene changed = *scene;
+    changed.region_effects = Apply(regions, changed.obstacle_images);
+    with_regions_ = std::make_shared<const Scene>(std::move(changed));
+    with_regions_of_scene_ = scene->id;
+    with_regions_of_revision_ = regions.revision;
+  }
+  return with_regions_;
+}
+
+Served SceneStore::Newest(const Moment& now) {
   const std::lock_guard lock(mutex_);
-  if (!scenes_.empty()) return {database_, scenes_.back(), Reason::kNone};
-  return {database_, nullptr, database_replaced_ ? Reason::kGenerationMismatch : Reason::kNoScene};
+  const std::shared_ptr<const RegionSet> regions = regions_.InForce(now);
+  if (!scenes_.empty()) {
+    return {database_, WithRegions(scenes_.back(), *regions), Reason::kNone, regions};
+  }
+  return {database_, nullptr, database_replaced_ ? Reason::kGenerationMismatch : Reason::kNoScene,
+          regions};
+}
+
+absl::StatusOr<AllowedRegion> SceneStore::Allow(
+    const std::string& name, std::vector<std::optional<Mask>> pixels, absl::Duration duration,
+    const Moment& now, const std::shared_ptr<const ServedDatabase>& database) {
+  const std::lock_guard lock(mutex_);
+  if (database != database_) {
+    return absl::AbortedError("the database was replaced meanwhile; allow the region again");
+  }
+  return regions_.Allow(name, std::move(pixels), duration, now);
+}
+
+bool SceneStore::Revoke(const std::string& name, const Moment& now) {
+  const std::lock_guard lock(mutex_);
+  return regions_.Revoke(name, now);
 }
 
 SharedScene SceneStore::Find(uint64_t id) const {

@@ -16,9 +16,12 @@ namespace silhouette {
 // long as the request holds them.
 struct Served {
   std::shared_ptr<const ServedDatabase> database;
-  SharedScene scene;  // null: there is none
+  // Null: there is none. Where allowed regions are in force, the scene as they leave it.
+  SharedScene scene;
   // Why there is none: kNoScene, or kGenerationMismatch after a change of the database; else kNone.
   Reason without_scene = Reason::kNoScene;
+  // The allowed regions in force; never null.
+  std::shared_ptr<const RegionSet> regions = std::make_shared<const RegionSet>();
 };
 
 class SceneStore {
@@ -32,19 +35,36 @@ class SceneStore {
   absl::StatusOr<SharedScene> Publish(Scene scene,
                                       const std::shared_ptr<const ServedDatabase>& database);
 
-  // Serves another generation. All scenes are dropped: they were made with the old robot images.
+  // Serves another generation. All scenes are dropped: they were made with the old robot images. So
+  // are all allowed regions.
   void ReplaceDatabase(std::shared_ptr<const ServedDatabase> database);
 
-  Served Newest() const;
+  // Allowed regions that end at the moment `now`, or ended before, are no longer in force.
+  Served Newest(const Moment& now);
 
-  // A scene by its id, 0 for the newest; null if there is none, or no longer.
+  // As AllowedRegions' functions of these names. Aborted if `database`, to whose views `pixels`
+  // belong, has been replaced.
+  absl::StatusOr<AllowedRegion> Allow(const std::string& name,
+                                      std::vector<std::optional<Mask>> pixels,
+                                      absl::Duration duration, const Moment& now,
+                                      const std::shared_ptr<const ServedDatabase>& database);
+  bool Revoke(const std::string& name, const Moment& now);
+
+  // A scene as it was published, by its id, 0 for the newest; null if there is none, or no longer.
   SharedScene Find(uint64_t id) const;
 
  private:
+  SharedScene WithRegions(const SharedScene& scene, const RegionSet& regions);
+
   const size_t kept_;
   mutable std::mutex mutex_;
   std::shared_ptr<const ServedDatabase> database_;
   std::deque<SharedScene> scenes_;  // oldest first
+  AllowedRegions regions_;
+  // The newest scene as the regions of a revision leave it.
+  SharedScene with_regions_;
+  uint64_t with_regions_of_scene_ = 0;
+  uint64_t with_regions_of_revision_ = 0;
   bool database_replaced_ = false;
   uint64_t last_id_ = 0;
 };

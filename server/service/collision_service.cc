@@ -137,7 +137,7 @@ absl::StatusOr<Policy> CollisionService::PolicyFor(const v1::Policy& message,
 }
 
 absl::StatusOr<Checker> CollisionService::CheckerFor(const v1::Policy& message) const {
-  Served served = serving_.scenes.Newest();
+  Served served = serving_.scenes.Newest(serving_.settings.clock());
   const absl::StatusOr<Policy> policy = PolicyFor(message, *served.database);
   if (!policy.ok()) return policy.status();
   return Checker(std::move(served), *policy, serving_.settings.scene, serving_.settings.clock());
@@ -217,7 +217,7 @@ CollisionService::GetConfigurationSpace(grpc::CallbackServerContext* context,
                                         const v1::GetConfigurationSpaceRequest* request) {
   auto* writer = new SpaceWriter();
   const auto work = [this, request, writer]() -> grpc::Status {
-    const Served served = serving_.scenes.Newest();
+    const Served served = serving_.scenes.Newest(serving_.settings.clock());
     const absl::StatusOr<Policy> policy = PolicyFor(request->policy(), *served.database);
     if (!policy.ok()) return ToGrpc(policy.status());
     absl::StatusOr<std::vector<uint64_t>> tiles = TilesFrom(*request, served.database->grid());

@@ -38,7 +38,8 @@ grpc::ServerUnaryReactor* SceneService::PublishScene(grpc::CallbackServerContext
     const ServingSettings& settings = serving_.settings;
     const absl::StatusOr<SceneInput> input = SceneInputFrom(*request);
     if (!input.ok()) return ToGrpc(input.status());
-    const std::shared_ptr<const ServedDatabase> database = serving_.scenes.Newest().database;
+    const std::shared_ptr<const ServedDatabase> database =
+        serving_.scenes.Newest(serving_.settings.clock()).database;
     absl::StatusOr<Scene> scene =
         MakeScene(*database, *input, settings.scene, settings.segmentation, arrived);
     if (!scene.ok()) return ToGrpc(scene.status());

@@ -16,13 +16,14 @@ Scene SceneOf(const ServedDatabase& database, absl::Time captured) {
 }
 
 const absl::Time kStart = absl::FromUnixSeconds(1'000'000);
+const Moment kNow{kStart, absl::Seconds(50)};
 
 TEST(SceneStore, HasNoSceneAtFirst) {
   const auto database = NewDatabase();
-  const SceneStore store(database);
-  EXPECT_EQ(store.Newest().scene, nullptr);
-  EXPECT_EQ(store.Newest().database, database);
-  EXPECT_EQ(store.Newest().without_scene, Reason::kNoScene);
+  SceneStore store(database);
+  EXPECT_EQ(store.Newest(kNow).scene, nullptr);
+  EXPECT_EQ(store.Newest(kNow).database, database);
+  EXPECT_EQ(store.Newest(kNow).without_scene, Reason::kNoScene);
   EXPECT_EQ(store.Find(0), nullptr);
 }
 
@@ -34,7 +35,7 @@ TEST(SceneStore, CountsScenesUpAndKeepsSoMany) {
         store.Publish(SceneOf(*database, kStart + id * absl::Milliseconds(10)), database);
     ASSERT_TRUE(scene.ok()) << scene.status();
     EXPECT_EQ((*scene)->id, id);
-    EXPECT_EQ(store.Newest().scene, *scene);
+    EXPECT_EQ(store.Newest(kNow).scene, *scene);
     EXPECT_EQ(store.Find(0), *scene);
   }
   EXPECT_EQ(store.Find(2), nullptr);
@@ -50,7 +51,7 @@ TEST(SceneStore, OlderImagesThanThoseServedAreRefused) {
   EXPECT_TRUE(absl::IsFailedPrecondition(older.status()));
   EXPECT_EQ(older.status().message(),
             "the images are 3ms older than those of scene 1, which is served");
-  EXPECT_EQ(store.Newest().scene->id, 1u);
+  EXPECT_EQ(store.Newest(kNow).scene->id, 1u);
   EXPECT_TRUE(store.Publish(SceneOf(*database, kStart), database).ok()) << "equally old";
 }
 
@@ -58,12 +59,12 @@ TEST(SceneStore, AfterAChangeOfTheDatabaseNoOldSceneIsServed) {
   const auto database = NewDatabase();
   SceneStore store(database);
   ASSERT_TRUE(store.Publish(SceneOf(*database, kStart), database).ok());
-  const Served before = store.Newest();
+  const Served before = store.Newest(kNow);
   const auto next = NewDatabase({.missing = {{0, 1}}});
   store.ReplaceDatabase(next);
-  EXPECT_EQ(store.Newest().scene, nullptr);
-  EXPECT_EQ(store.Newest().database, next);
-  EXPECT_EQ(store.Newest().without_scene, Reason::kGenerationMismatch);
+  EXPECT_EQ(store.Newest(kNow).scene, nullptr);
+  EXPECT_EQ(store.Newest(kNow).database, next);
+  EXPECT_EQ(store.Newest(kNow).without_scene, Reason::kGenerationMismatch);
   EXPECT_EQ(store.Find(1), nullptr);
   EXPECT_EQ(before.scene->id, 1u) << "a request under way keeps what it began with";
   const auto late = store.Publish(SceneOf(*database, kStart), database);
@@ -71,13 +72,13 @@ TEST(SceneStore, AfterAChangeOfTheDatabaseNoOldSceneIsServed) {
   const auto scene = store.Publish(SceneOf(*next, kStart), next);
   ASSERT_TRUE(scene.ok());
   EXPECT_EQ((*scene)->id, 2u) << "ids are not used again";
-  EXPECT_EQ(store.Newest().without_scene, Reason::kNone);
+  EXPECT_EQ(store.Newest(kNow).without_scene, Reason::kNone);
 }
 
 TEST(SceneStore, ChangeOfTheDatabaseBeforeTheFirstSceneIsStillNoScene) {
   SceneStore store(NewDatabase());
   store.ReplaceDatabase(NewDatabase());
-  EXPECT_EQ(store.Newest().without_scene, Reason::kNoScene);
+  EXPECT_EQ(store.Newest(kNow).without_scene, Reason::kNoScene);
 }
 
 }  // namespace

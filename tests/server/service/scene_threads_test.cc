@@ -34,7 +34,7 @@ TEST(SceneThreads, EveryVerdictBelongsToTheSceneItNames) {
   for (int i = 0; i < 3; ++i) {
     threads.emplace_back([&, i] {
       while (!stop) {
-        const Checker checker(store.Newest(), {}, {}, kNow);
+        const Checker checker(store.Newest(kNow), {}, {}, kNow);
         const bool block = checker.served().scene->id % 2 == 1;
         EXPECT_EQ(checker.Check(At(3, 0)).state(), block ? State::kOccupied : State::kFree);
         const auto space = spaces.Get(checker.served(), {.min_views = 1 + i % 2});
@@ -64,7 +64,7 @@ TEST(SceneThreads, NoSceneOutlivesItsDatabase) {
   }
   threads.emplace_back([&] {
     while (!stop) {
-      const Served served = store.Newest();
+      const Served served = store.Newest(kNow);
       const Checker checker(served, {}, {}, kNow);
       const Verdict verdict = checker.Check(At(1, 1));
       if (served.scene != nullptr) {
@@ -76,6 +76,37 @@ TEST(SceneThreads, NoSceneOutlivesItsDatabase) {
     }
   });
   for (int i = 0; i < 200; ++i) store.ReplaceDatabase(i % 2 == 0 ? second : first);
+  stop = true;
+  for (std::thread& thread : threads) thread.join();
+}
+
+TEST(SceneThreads, RegionsThatComeAndGoLeaveNoVerdictBetween) {
+  const auto database = NewDatabase();
+  SceneStore store(database, 4);
+  SpaceCache spaces;
+  PublishNext(store, database, true);
+  std::vector<std::optional<Mask>> pixels;
+  for (int view = 0; view < 3; ++view) pixels.emplace_back(Block(view, 3));
+  std::atomic<bool> stop = false;
+  std::vector<std::thread> threads;
+  for (int i = 0; i < 3; ++i) {
+    threads.emplace_back([&] {
+      while (!stop) {
+        const Checker checker(store.Newest(kNow), {}, {}, kNow);
+        const bool allowed = !checker.RegionsAt(At(3, 0)).empty();
+        EXPECT_EQ(allowed, !checker.served().regions->regions.empty());
+        EXPECT_EQ(checker.Check(At(3, 0)).state(), allowed ? State::kFree : State::kOccupied);
+        const auto space = spaces.Get(checker.served(), {});
+        const uint64_t place = database->grid().NumberOf({3, 0});
+        EXPECT_EQ(((*space)[0].free[place / 64] >> (place % 64)) & 1, allowed);
+      }
+    });
+  }
+  for (int i = 0; i < 200; ++i) {
+    EXPECT_TRUE(store.Allow("part", pixels, absl::Seconds(1), kNow, database).ok());
+    if (i % 3 == 0) PublishNext(store, database, true);
+    EXPECT_TRUE(store.Revoke("part", kNow));
+  }
   stop = true;
   for (std::thread& thread : threads) thread.join();
 }

@@ -1,0 +1,119 @@
+#include "server/scene/allowed_regions.h"
+
+#include <algorithm>
+#include <cmath>
+#include <opencv2/imgproc.hpp>
+#include <utility>
+
+#include "absl/strings/str_cat.h"
+
+namespace silhouette {
+
+bool RegionEffect::Touches(std::span<const std::optional<Mask>> test_robot) const {
+  for (size_t view = 0; view < taken.size(); ++view) {
+    if (!taken[view] || !test_robot[view]) continue;
+    if (Intersects(taken[view]->words(), test_robot[view]->words())) return true;
+  }
+  return false;
+}
+
+std::vector<RegionEffect> Apply(const RegionSet& regions, ObstacleImages& images) {
+  std::vector<RegionEffect> effects;
+  for (const AllowedRegion& region : regions.regions) {
+    RegionEffect effect{region.name, std::vector<std::optional<Mask>>(images.size())};
+    bool any = false;
+    for (size_t view = 0; view < images.size(); ++view) {
+      if (!images[view] || !region.pixels[view]) continue;
+      const Mask taken = images[view]->obstacle() & *region.pixels[view];
+      if (taken.Empty()) continue;
+      effect.taken[view] = taken;
+      any = true;
+    }
+    if (any) effects.push_back(std::move(effect));
+  }
+  // Where regions overlap, each is told to have taken the pixel away.
+  for (const RegionEffect& effect : effects) {
+    for (size_t view = 0; view < images.size(); ++view) {
+      if (effect.taken[view]) images[view] = images[view]->Ignoring(*effect.taken[view]);
+    }
+  }
+  return effects;
+}
+
+absl::StatusOr<Mask> PixelsInPolygon(MaskSize size,
+                                     std::span<const std::pair<double, double>> corners) {
+  if (corners.size() < 3) {
+    return absl::InvalidArgumentError("a polygon has at least three corners");
+  }
+  std::vector<cv::Point2f> polygon;
+  for (const auto& [x, y] : corners) {
+    if (!std::isfinite(x) || !std::isfinite(y)) {
+      return absl::InvalidArgumentError("a corner of the polygon is not finite");
+    }
+    polygon.emplace_back(static_cast<float>(x), static_cast<float>(y));
+  }
+  return Mask::FromPredicate(size, [&](int x, int y) {
+    const cv::Point2f centre(static_cast<float>(x), static_cast<float>(y));
+    return cv::pointPolygonTest(polygon, centre, /*measureDist=*/false) >= 0;
+  });
+}
+
+absl::StatusOr<AllowedRegion> AllowedRegions::Allow(const std::string& name,
+                                                    std::vector<std::optional<Mask>> pixels,
+                                                    absl::Duration duration, const Moment& now) {
+  if (name.empty() || name.size() > kLongestName) {
+    return absl::InvalidArgumentError(
+        absl::StrCat("name: a region has a name of 1 to ", kLongestName, " characters"));
+  }
+  if (!(duration > absl::ZeroDuration()) || duration > kLongest) {
+    return absl::InvalidArgumentError(
+        absl::StrCat("duration: a region is in force for more than 0 s and at most ",
+                     absl::FormatDuration(kLongest), ", not ", absl::FormatDuration(duration)));
+  }
+  if (std::none_of(pixels.begin(), pixels.end(),
+                   [](const std::optional<Mask>& mask) { return mask && !mask->Empty(); })) {
+    return absl::InvalidArgumentError("views: the region has no pixel in any view");
+  }
+  std::vector<AllowedRegion> regions = InForce(now)->regions;
+  std::erase_if(regions, [&](const AllowedRegion& region) { return region.name == name; });
+  if (regions.size() == kMost) {
+    return absl::ResourceExhaustedError(
+        absl::StrCat("there are ", kMost, " allowed regions; revoke one"));
+  }
+  AllowedRegion region{name, std::move(pixels), now.running + duration, now.time + duration};
+  regions.push_back(region);
+  std::sort(regions.begin(), regions.end(),
+            [](const AllowedRegion& a, const AllowedRegion& b) { return a.name < b.name; });
+  Replace(std::move(regions));
+  return region;
+}
+
+bool AllowedRegions::Revoke(const std::string& name, const Moment& now) {
+  std::vector<AllowedRegion> regions = InForce(now)->regions;
+  if (std::erase_if(regions, [&](const AllowedRegion& region) { return region.name == name; }) ==
+      0) {
+    return false;
+  }
+  Replace(std::move(regions));
+  return true;
+}
+
+void AllowedRegions::Clear() {
+  if (!set_->regions.empty()) Replace({});
+}
+
+std::shared_ptr<const RegionSet> AllowedRegions::InForce(const Moment& now) {
+  const auto ended = [&](const AllowedRegion& region) { return region.end <= now.running; };
+  if (std::any_of(set_->regions.begin(), set_->regions.end(), ended)) {
+    std::vector<AllowedRegion> regions = set_->regions;
+    std::erase_if(regions, ended);
+    Replace(std::move(regions));
+  }
+  return set_;
+}
+
+void AllowedRegions::Replace(std::vector<AllowedRegion> regions) {
+  set_ = std::make_shared<const RegionSet>(RegionSet{set_->revision + 1, std::move(regions)});
+}
+
+}  // namespace silhouette
