@@ -1,0 +1,213 @@
+// The space of possible obstacles against its definition, voxel by voxel, on random images.
+#include "server/collision/possible_space.h"
+
+#include <gtest/gtest.h>
+
+#include <stdexcept>
+
+#include "tests/server/collision/random_cell.h"
+#include "tests/server/collision/sphere_world.h"
+
+namespace silhouette {
+namespace {
+
+using testing::BallCamera;
+using testing::LookingAt;
+using testing::Vector2d;
+using testing::Vector3d;
+
+constexpr double kRho = 0.07;
+
+VoxelSpace SomeSpace() {
+  std::vector<VoxelView> views;
+  for (const BallCamera& camera :
+       {BallCamera(LookingAt({1.5, 0.3, 0.9}, {0.1, 0, 0}, {48, 40}, 0.6, -0.2)),
+        BallCamera(LookingAt({-0.4, 1.9, 0.5}, {0, 0, 0.1}, {32, 70}, 0.5)),
+        BallCamera(Vector3d(-1, 0.4, -0.7), 40)}) {
+    views.push_back({camera.size(), camera.project(), Vector2d(0.1, 0.2), Mask()});
+  }
+  return VoxelSpace({Vector3d(-0.4, -0.4, -0.3), Vector3d(0.4, 0.4, 0.3)}, kRho, views);
+}
+
+Mask RandomBlobs(MaskSize size, int blobs, std::mt19937& random) {
+  Mask mask(size);
+  for (int i = 0; i < blobs; ++i) {
+    const int cx = std::uniform_int_distribution<int>(0, size.width - 1)(random);
+    const int cy = std::uniform_int_distribution<int>(0, size.height - 1)(random);
+    const int r = std::uniform_int_distribution<int>(0, 12)(random);
+    mask = mask | Mask::FromPredicate(size, [=](int x, int y) {
+             return (x - cx) * (x - cx) + (y - cy) * (y - cy) <= r * r;
+           });
+  }
+  return mask;
+}
+
+// What a voxel touches of a mask.
+bool Touches(const Mask& mask, const PixelRectangle& pixels) {
+  for (int y = pixels.y; y < pixels.y + pixels.height; ++y) {
+    for (int x = pixels.x; x < pixels.x + pixels.width; ++x) {
+      if (mask.at(x, y)) return true;
+    }
+  }
+  return false;
+}
+
+struct RandomScene {
+  RandomScene(const VoxelSpace& space, std::mt19937& random, bool missing_view, bool any_allowed) {
+    for (int view = 0; view < space.views(); ++view) {
+      const MaskSize size = space.mask_size(view);
+      const Mask robot = RandomBlobs(size, 3, random);
+      images.push_back(ObstacleImage::FromScene(RandomBlobs(size, 5, random), robot));
+      if (any_allowed && view != 1) allowed.resize(images.size());
+      if (any_allowed) allowed.push_back(RandomBlobs(size, 6, random));
+      allowed.resize(any_allowed ? images.size() : 0);
+    }
+    if (missing_view) images[1] = std::nullopt;
+    body = {Vector3d(0.1, 0.05, 0), std::uniform_real_distribution<double>(0, 0.2)(random)};
+  }
+  RobotVoxels Robot(const VoxelSpace& space) const {
+    return VoxelsOfRobot(space, [this](const Vector3d& point) {
+      return (point - body.centre).norm() - body.radius;
+    });
+  }
+  ObstacleImages images;
+  std::vector<std::optional<Mask>> allowed;
+  testing::Ball body;
+};
+
+// The definition.
+VoxelSet Reference(const VoxelSpace& space, const RandomScene& scene) {
+  const VoxelGrid& grid = space.grid();
+  VoxelSet possible(grid), centres(grid), plain(grid), taken(grid);
+  const RobotVoxels robot = scene.Robot(space);
+  for (int z = 0; z < grid.size(2); ++z) {
+    for (int y = 0; y < grid.size(1); ++y) {
+      for (int x = 0; x < grid.size(0); ++x) {
+        bool is_possible = !robot.inside.at(x, y, z), has_centre = !robot.no_centre.at(x, y, z);
+        bool is_plain = space.seen().at(x, y, z), is_taken = is_plain;
+        for (int view = 0; view < space.views(); ++view) {
+          const auto& image = scene.images[static_cast<size_t>(view)];
+          const PixelRectangle pixels = space.Touched(view, x, y, z);
+          if (!image) is_taken = false;
+          if (!image || !pixels.whole) continue;
+          const Mask something = ~image->Background();
+          const Mask allowed = scene.allowed.empty() || !scene.allowed[static_cast<size_t>(view)]
+                                   ? Mask(something.size())
+                                   : *scene.allowed[static_cast<size_t>(view)];
+          is_possible = is_possible && Touches(something, pixels);
+          is_plain = is_plain && Touches(image->obstacle(), pixels);
+          is_taken = is_taken && !Touches(something - allowed, pixels);
+        }
+        for (int view = 0; view < space.views(); ++view) {
+          const auto& image = scene.images[static_cast<size_t>(view)];
+          for (const auto& [px, py] : space.Certain(view, x, y, z)) {
+            has_centre = has_centre && (!image || !image->Background().at(px, py));
+          }
+        }
+        if (!is_possible) continue;
+        possible.Insert(x, y, z);
+        if (has_centre) centres.Insert(x, y, z);
+        if (is_plain) plain.Insert(x, y, z);
+        if (is_taken && !scene.allowed.empty()) taken.Insert(x, y, z);
+      }
+    }
+  }
+  VoxelSet remaining = MetByBalls(centres, grid, kRho);
+  for (size_t i = 0; i < remaining.words().size(); ++i) {
+    remaining.words()[i] = ((remaining.words()[i] & possible.words()[i]) | plain.words()[i]) &
+                           space.reached().words()[i] & ~taken.words()[i];
+  }
+  return remaining;
+}
+
+TEST(PossibleSpace, IsTheReferencesOnRandomImages) {
+  const unsigned seed = std::random_device{}();
+  SCOPED_TRACE(::testing::Message() << "seed " << seed);
+  std::mt19937 random(seed);
+  const VoxelSpace space = SomeSpace();
+  int64_t remaining = 0;
+  for (int i = 0; i < 8; ++i) {
+    const RandomScene scene(space, random, i % 4 == 3, i % 2 == 1);
+    const PossibleSpace possible(space, scene.images, scene.Robot(space), scene.allowed);
+    EXPECT_TRUE(possible.remaining() == Reference(space, scene)) << "scene " << i;
+    remaining += possible.remaining().Count();
+  }
+  EXPECT_GT(remaining, 0);
+}
+
+// Whether a voxel meets a robot in all but `may_miss` views.
+bool Meets(const PossibleSpace& possible, const ObstacleImages& images,
+           const std::vector<Mask>& robot, int x, int y, int z, int may_miss) {
+  int missed = 0;
+  for (size_t view = 0; view < robot.size(); ++view) {
+    if (!images[view]) continue;
+    const MaskSize size = robot[view].size();
+    const PixelRectangle pixels = possible.space().Touched(static_cast<int>(view), x, y, z);
+    const PixelRectangle top{0, 0, size.width, 1}, left{0, 0, 1, size.height};
+    const PixelRectangle bottom{0, size.height - 1, size.width, 1};
+    const PixelRectangle right{size.width - 1, 0, 1, size.height};
+    const bool beyond = robot[view].Empty() || Touches(robot[view], top) ||
+                        Touches(robot[view], left) || Touches(robot[view], bottom) ||
+                        Touches(robot[view], right);
+    const bool met =
+        Touches(robot[view] - images[view]->Background(), pixels) || (!pixels.whole && beyond);
+    if (!met) ++missed;
+  }
+  return missed <= may_miss;
+}
+
+TEST(PossibleSpace, AnswersForTestRobotsAsItsVoxelsDo) {
+  const unsigned seed = std::random_device{}();
+  SCOPED_TRACE(::testing::Message() << "seed " << seed);
+  std::mt19937 random(seed);
+  const VoxelSpace space = SomeSpace();
+  const VoxelGrid& grid = space.grid();
+  int met = 0;
+  int unmet = 0;
+  for (int i = 0; i < 40; ++i) {
+    const RandomScene scene(space, random, i % 8 == 7, false);
+    const PossibleSpace possible(space, scene.images, scene.Robot(space));
+    std::vector<Mask> robot;
+    std::vector<MaskWords> words;
+    for (int view = 0; view < space.views(); ++view) {
+      robot.push_back(RandomBlobs(space.mask_size(view), i % 3, random));
+    }
+    for (const Mask& mask : robot) words.push_back(mask.words());
+    for (int min_views : {3, 2}) {
+      bool expected = false;
+      for (int64_t v = 0; v < grid.voxels() && !expected; ++v) {
+        const int x = static_cast<int>(v % grid.size(0));
+        const int y = static_cast<int>(v / grid.size(0) % grid.size(1));
+        const int z = static_cast<int>(v / grid.size(0) / grid.size(1));
+        expected = possible.remaining().at(x, y, z) &&
+                   Meets(possible, scene.images, robot, x, y, z, 3 - min_views);
+      }
+      EXPECT_EQ(possible.VoxelsMeet(words, min_views), expected) << "scene " << i;
+      // Planes say at least what voxels say.
+      if (expected) {
+        EXPECT_TRUE(possible.PlanesMeet(words, min_views)) << "scene " << i;
+      }
+      ++(expected ? met : unmet);
+    }
+  }
+  EXPECT_GT(met, 3);
+  EXPECT_GT(unmet, 3);
+}
+
+TEST(PossibleSpace, RefusesWhatDoesNotFit) {
+  const VoxelSpace space = SomeSpace();
+  std::mt19937 random(1);
+  const RandomScene scene(space, random, false, false);
+  const std::vector<std::optional<Mask>> two(2);
+  EXPECT_THROW(PossibleSpace(space, ObstacleImages(2), {}), std::invalid_argument);
+  EXPECT_THROW(PossibleSpace(space, scene.images, {}, two), std::invalid_argument);
+  ObstacleImages other = scene.images;
+  std::swap(other[0], other[1]);
+  EXPECT_THROW(PossibleSpace(space, other, {}), std::invalid_argument);
+  const VoxelGrid small({Vector3d(0, 0, 0), Vector3d(1, 1, 1)}, 0.1);
+  EXPECT_THROW(PossibleSpace(space, scene.images, {VoxelSet(small), VoxelSet()}),
+               std::invalid_argument);
+}
+
+}  // namespace
+}  // namespace silhouette

@@ -1,0 +1,337 @@
+// The sound presets in a world of spheres: what no camera can see, and what must never be missed.
+#include <gtest/gtest.h>
+
+#include <stdexcept>
+
+#include "tests/server/collision/sphere_world.h"
+
+namespace silhouette {
+namespace {
+
+using testing::BallCamera;
+using testing::Balls;
+using testing::LookingAt;
+using testing::SphereWorld;
+using testing::Vector2d;
+using testing::Vector3d;
+
+constexpr double kRho = 0.06;
+constexpr double kVoxel = 0.02;
+
+std::vector<BallCamera> ThreeCameras() {
+  return {BallCamera(LookingAt({2.4, 0.4, 1.1}, {0, 0, 0}, {44, 44}, 0.75, -0.15)),
+          BallCamera(LookingAt({-1.0, 2.3, 0.6}, {0, 0, 0}, {40, 48}, 0.75, 0.1)),
+          BallCamera(LookingAt({-0.3, -0.2, 2.6}, {0, 0, 0}, {44, 44}, 0.75))};
+}
+
+std::vector<BallCamera> ThreeParallelCameras() {
+  return {BallCamera(Vector3d(0, 0, -1), 40), BallCamera(Vector3d(1, 0, 0), 40),
+          BallCamera(Vector3d(-1, 1, -1), 40)};
+}
+
+// The second sees only a part of what the robot reaches.
+std::vector<BallCamera> CamerasThatDoNotSeeAll() {
+  return {BallCamera(LookingAt({2.4, 0.4, 1.1}, {0, 0, 0}, {44, 44}, 0.75)),
+          BallCamera(LookingAt({-1.0, 2.3, 0.6}, {0.3, 0.2, 0}, {40, 40}, 0.3)),
+          BallCamera(LookingAt({-0.3, -0.2, 2.6}, {0, 0, 0}, {44, 44}, 0.75))};
+}
+
+ConfigurationNumber RandomConfiguration(std::mt19937& random) {
+  const std::vector<ConfigurationNumber> all = SphereWorld::Configurations();
+  return all[std::uniform_int_distribution<size_t>(0, all.size() - 1)(random)];
+}
+
+// One to four obstacles of at least the least size, none of which touches the robot.
+Balls RandomObstacles(const Balls& robot, std::mt19937& random) {
+  std::uniform_real_distribution<double> place(-0.75, 0.75);
+  std::uniform_real_distribution<double> radius(kRho, 0.15);
+  Balls obstacles;
+  const int count = std::uniform_int_distribution<int>(1, 4)(random);
+  while (static_cast<int>(obstacles.size()) < count) {
+    const testing::Ball ball{{place(random), place(random), 0.6 * place(random)}, radius(random)};
+    if (!Touch(robot, Balls{ball})) obstacles.push_back(ball);
+  }
+  return obstacles;
+}
+
+// With the true body: balls that are where they are at present touch nothing, as now.
+TestSupport WithBody(const PossibleSpace& possible, ConfigurationNumber present) {
+  const auto may_touch = [present](ConfigurationNumber number, const Eigen::AlignedBox3d& box) {
+    const Balls now = SphereWorld::Arm(present);
+    const Balls then = SphereWorld::Arm(number);
+    for (size_t i = 0; i < then.size(); ++i) {
+      if (then[i].centre == now[i].centre) continue;
+      if (box.exteriorDistance(then[i].centre) <= then[i].radius) return true;
+    }
+    return false;
+  };
+  return {.bands = nullptr,
+          .resolved = nullptr,
+          .possible_space = &possible,
+          .robot_may_touch = may_touch};
+}
+
+TestSupport Without(const PossibleSpace& possible) {
+  return {.bands = nullptr,
+          .resolved = nullptr,
+          .possible_space = &possible,
+          .robot_may_touch = nullptr};
+}
+
+// Every point of the obstacles that the robot can reach lies in a voxel that remains.
+void ExpectHolds(const PossibleSpace& possible, const Balls& obstacles, std::mt19937& random) {
+  const VoxelSpace& space = possible.space();
+  std::uniform_real_distribution<double> share(-1, 1);
+  for (int i = 0; i < 2000; ++i) {
+    const testing::Ball& ball = obstacles[static_cast<size_t>(i) % obstacles.size()];
+    const Vector3d off(share(random), share(random), share(random));
+    const Vector3d point = ball.centre + ball.radius * off;
+    if (off.norm() > 1 || !testing::kArmBox.contains(point)) continue;
+    const Eigen::Vector3i at =
+        ((point - space.grid().lower()) / space.grid().edge()).array().floor().cast<int>();
+    if (space.reached().at(at.x(), at.y(), at.z())) {
+      EXPECT_TRUE(possible.remaining().at(at.x(), at.y(), at.z())) << point.transpose();
+    }
+  }
+}
+
+void NeverMisses(std::vector<BallCamera> cameras, int scenes) {
+  const unsigned seed = std::random_device{}();
+  SCOPED_TRACE(::testing::Message() << "seed " << seed);
+  std::mt19937 random(seed);
+  const SphereWorld world(std::move(cameras), kRho, kVoxel);
+  int64_t touching = 0;
+  for (int scene = 0; scene < scenes; ++scene) {
+    const ConfigurationNumber present = RandomConfiguration(random);
+    const Balls obstacles = RandomObstacles(SphereWorld::Arm(present), random);
+    const ObstacleImages images = world.See(obstacles, present);
+    const PossibleSpace possible(world.space, images, world.Body(present));
+    ExpectHolds(possible, obstacles, random);
+    const CollisionTest planes(world.table, images, {.preset = Preset::kSoundPlanes},
+                               Without(possible));
+    const CollisionTest voxels(world.table, images, {.preset = Preset::kSound}, Without(possible));
+    const CollisionTest with_body(world.table, images, {.preset = Preset::kSound},
+                                  WithBody(possible, present));
+    for (ConfigurationNumber number : SphereWorld::Configurations()) {
+      // Each looks closer than the one before.
+      EXPECT_LE(planes.Check(number).free(), voxels.Check(number).free());
+      EXPECT_LE(voxels.Check(number).free(), with_body.Check(number).free());
+      if (!Touch(SphereWorld::Arm(number), obstacles)) continue;
+      ++touching;
+      EXPECT_EQ(planes.Check(number).state(), State::kOccupied) << "scene " << scene;
+      EXPECT_EQ(voxels.Check(number).state(), State::kOccupied) << "scene " << scene;
+      EXPECT_EQ(with_body.Check(number).state(), State::kOccupied) << "scene " << scene;
+    }
+  }
+  EXPECT_GT(touching, 0);
+}
+
+TEST(SoundTest, NeverMissesWithPerspectiveCameras) { NeverMisses(ThreeCameras(), 12); }
+
+TEST(SoundTest, NeverMissesWithParallelCameras) { NeverMisses(ThreeParallelCameras(), 20); }
+
+TEST(SoundTest, NeverMissesWhereAViewDoesNotSeeAll) { NeverMisses(CamerasThatDoNotSeeAll(), 12); }
+
+// Two cameras that look from about the same side, and a ball behind the robot.
+struct Hiding {
+  Hiding()
+      : world({BallCamera(LookingAt({2.5, 0.25, 0.1}, {0, 0, 0}, {64, 64}, 0.6)),
+               BallCamera(LookingAt({2.5, -0.25, 0.1}, {0, 0, 0}, {64, 64}, 0.6))},
+              0.035, 0.0117),
+        present(*SphereWorld::Grid().Nearest(std::vector<double>{std::numbers::pi / 2, 0.0})),
+        obstacles{{Vector3d(-0.12, 0.3, 0), 0.035}},
+        images(world.See(obstacles, present)),
+        possible(world.space, images, world.Body(present)) {
+    for (ConfigurationNumber number : SphereWorld::Configurations()) {
+      if (Touch(SphereWorld::Arm(number), obstacles)) touching.push_back(number);
+    }
+  }
+  SphereWorld world;
+  ConfigurationNumber present;
+  Balls obstacles;
+  ObstacleImages images;
+  PossibleSpace possible;
+  std::vector<ConfigurationNumber> touching;
+};
+
+const Hiding& TheHiding() {
+  static const Hiding hiding;
+  return hiding;
+}
+
+TEST(SoundTest, FindsWhatTheRobotHidesInAllViewsAndNoOtherPresetDoes) {
+  const Hiding& hiding = TheHiding();
+  ASSERT_FALSE(Touch(SphereWorld::Arm(hiding.present), hiding.obstacles));
+  for (const auto& image : hiding.images) ASSERT_TRUE(image->obstacle().Empty());
+  ASSERT_FALSE(hiding.touching.empty());
+  Calibration calibration;
+  for (const Vector3d& from : {Vector3d(2.5, 0.25, 0.1), Vector3d(2.5, -0.25, 0.1)}) {
+    calibration.cameras.push_back(LookingAt(from, {0, 0, 0}, {64, 64}, 0.6));
+  }
+  const EpipolarBands bands(calibration, hiding.world.table.mask_sizes());
+  for (Preset preset : AllPresets()) {
+    TestSupport support = Without(hiding.possible);
+    support.bands = &bands;
+    const CollisionTest test(hiding.world.table, hiding.images, {.preset = preset}, support);
+    for (ConfigurationNumber number : hiding.touching) {
+      EXPECT_EQ(test.Check(number).state(), IsSound(preset) ? State::kOccupied : State::kFree)
+          << NameOf(preset);
+    }
+  }
+}
+
+TEST(SoundTest, FindsNothingInAnEmptyCell) {
+  const SphereWorld world(ThreeParallelCameras(), 0.1, 0.025);
+  std::mt19937 random(7);
+  for (int i = 0; i < 10; ++i) {
+    const ConfigurationNumber present = RandomConfiguration(random);
+    const ObstacleImages images = world.See({}, present);
+    const PossibleSpace possible(world.space, images, world.Body(present));
+    EXPECT_EQ(possible.remaining().Count(), 0) << i;
+    EXPECT_TRUE(possible.parts().empty());
+  }
+}
+
+TEST(SoundTest, KnowingNothingOfTheBodyOnlyBlocksMore) {
+  const SphereWorld world(ThreeParallelCameras(), kRho, kVoxel);
+  const ConfigurationNumber present = SphereWorld::Configurations()[57];
+  const Balls obstacles{{Vector3d(0.4, -0.4, 0.1), 0.1}};
+  const ObstacleImages images = world.See(obstacles, present);
+  const PossibleSpace with(world.space, images, world.Body(present));
+  const PossibleSpace without(world.space, images, {});
+  EXPECT_LT(with.remaining().Count(), without.remaining().Count());
+  for (size_t i = 0; i < with.remaining().words().size(); ++i) {
+    ASSERT_EQ(with.remaining().words()[i] & ~without.remaining().words()[i], 0u);
+  }
+}
+
+TEST(SoundTest, KeepsWhatAllViewsSeeHoweverSmallItIs) {
+  const SphereWorld world(ThreeCameras(), kRho, kVoxel);
+  const ConfigurationNumber present = *SphereWorld::Grid().Nearest(std::vector<double>{0.0, 0.0});
+  const Balls finger{{Vector3d(-0.3, -0.3, 0.05), 0.01}};
+  const ObstacleImages images = world.See(finger, present);
+  const PossibleSpace possible(world.space, images, world.Body(present));
+  const CollisionTest test(world.table, images, {.preset = Preset::kSound},
+                           WithBody(possible, present));
+  int touching = 0;
+  for (ConfigurationNumber number : SphereWorld::Configurations()) {
+    if (!Touch(SphereWorld::Arm(number), finger)) continue;
+    ++touching;
+    EXPECT_EQ(test.Check(number).state(), State::kOccupied);
+  }
+  EXPECT_GT(touching, 0);
+}
+
+TEST(SoundTest, AFreeConfigurationHidesNothing) {
+  const Hiding& hiding = TheHiding();
+  const CollisionTest sound(hiding.world.table, hiding.images, {.preset = Preset::kSound},
+                            WithBody(hiding.possible, hiding.present));
+  const CollisionTest paper(hiding.world.table, hiding.images, {.preset = Preset::kPaper});
+  int free = 0;
+  for (ConfigurationNumber number : SphereWorld::Configurations()) {
+    const Verdict verdict = sound.Check(number);
+    if (!verdict.free()) continue;
+    ++free;
+    EXPECT_FALSE(verdict.hidden_possible());
+  }
+  EXPECT_GT(free, 0);
+  EXPECT_TRUE(paper.Check(hiding.touching.front()).hidden_possible());
+}
+
+TEST(SoundTest, AMissingViewIsNeverFree) {
+  const SphereWorld world(ThreeParallelCameras(), kRho, kVoxel);
+  const ConfigurationNumber present = SphereWorld::Configurations()[11];
+  const Balls obstacles{{Vector3d(0.4, -0.4, 0.1), 0.1}};
+  for (size_t missing = 0; missing < 3; ++missing) {
+    ObstacleImages images = world.See(obstacles, present);
+    images[missing] = std::nullopt;
+    const PossibleSpace possible(world.space, images, world.Body(present));
+    for (Preset preset : {Preset::kSoundPlanes, Preset::kSound}) {
+      const CollisionTest test(world.table, images, {.preset = preset}, Without(possible));
+      for (ConfigurationNumber number : SphereWorld::Configurations()) {
+        const Verdict verdict = test.Check(number);
+        EXPECT_NE(verdict.state(), State::kFree);
+        if (Touch(SphereWorld::Arm(number), obstacles)) {
+          EXPECT_EQ(verdict.state(), State::kOccupied);
+        }
+      }
+      const TileVerdicts tile = test.CheckTile(0);
+      for (uint64_t word : tile.free) EXPECT_EQ(word, 0u);
+    }
+  }
+}
+
+TEST(SoundTest, TilesAreWhatSingleChecksAre) {
+  const SphereWorld world(ThreeCameras(), kRho, kVoxel);
+  const ConfigurationNumber present = SphereWorld::Configurations()[123];
+  std::mt19937 random(3);
+  const Balls obstacles = RandomObstacles(SphereWorld::Arm(present), random);
+  const ObstacleImages images = world.See(obstacles, present);
+  const PossibleSpace possible(world.space, images, world.Body(present));
+  for (Preset preset : {Preset::kSoundPlanes, Preset::kSound}) {
+    const CollisionTest test(world.table, images, {.preset = preset}, WithBody(possible, present));
+    int occupied = 0;
+    for (uint64_t tile = 0; tile < world.table.grid().tiles(); ++tile) {
+      const TileVerdicts verdicts = test.CheckTile(tile);
+      for (uint64_t place = 0; place < kTileSize; ++place) {
+        const State state = test.Check(tile * kTileSize + place).state();
+        const uint64_t bit = uint64_t{1} << (place % 64);
+        EXPECT_EQ((verdicts.free[place / 64] & bit) != 0, state == State::kFree);
+        EXPECT_EQ((verdicts.occupied[place / 64] & bit) != 0, state == State::kOccupied);
+        if (state == State::kOccupied) ++occupied;
+      }
+    }
+    EXPECT_GT(occupied, 0);
+  }
+}
+
+TEST(SoundTest, OffTheGridACellIsTheUnionOfItsCorners) {
+  const SphereWorld world(ThreeCameras(), kRho, kVoxel);
+  const ConfigurationNumber present = SphereWorld::Configurations()[123];
+  const Balls obstacles{{Vector3d(0.45, -0.3, 0.05), 0.1}};
+  const ObstacleImages images = world.See(obstacles, present);
+  const PossibleSpace possible(world.space, images, world.Body(present));
+  const CollisionTest test(world.table, images, {.preset = Preset::kSound}, Without(possible));
+  std::mt19937 random(5);
+  std::uniform_real_distribution<double> angle(0, 2 * std::numbers::pi);
+  for (int i = 0; i < 300; ++i) {
+    const Configuration q{angle(random), angle(random)};
+    const CellCorners corners = world.table.grid().CornersAround(q);
+    for (ConfigurationNumber corner : corners.numbers()) {
+      if (test.Check(corner).state() == State::kOccupied) {
+        EXPECT_EQ(test.Check(q).state(), State::kOccupied);
+      }
+    }
+  }
+}
+
+TEST(SoundTest, AnAllowedRegionTakesAwayWhatLiesInItInAllViews) {
+  const SphereWorld world(ThreeCameras(), kRho, kVoxel);
+  const ConfigurationNumber present = *SphereWorld::Grid().Nearest(std::vector<double>{0.0, 0.0});
+  const Balls part{{Vector3d(-0.3, -0.3, 0.05), 0.08}};
+  const ObstacleImages images = world.See(part, present);
+  const Balls around{{Vector3d(-0.3, -0.3, 0.05), 0.2}};
+  std::vector<std::optional<Mask>> allowed;
+  for (const BallCamera& camera : world.cameras) allowed.push_back(camera.See(around));
+  const RobotVoxels body = world.Body(present);
+  EXPECT_GT(PossibleSpace(world.space, images, body).remaining().Count(), 0);
+  EXPECT_EQ(PossibleSpace(world.space, images, body, allowed).remaining().Count(), 0);
+  allowed[1] = std::nullopt;
+  EXPECT_EQ(PossibleSpace(world.space, images, body, allowed).remaining().Count(),
+            PossibleSpace(world.space, images, body).remaining().Count());
+}
+
+TEST(SoundTest, NeedsTheSpaceOfItsScene) {
+  const SphereWorld world(ThreeParallelCameras(), 0.1, 0.05);
+  const ConfigurationNumber present = SphereWorld::Configurations()[11];
+  ObstacleImages images = world.See({}, present);
+  const PossibleSpace possible(world.space, images, {});
+  const Policy policy{.preset = Preset::kSound};
+  EXPECT_THROW(CollisionTest(world.table, images, policy), std::invalid_argument);
+  images[0] = std::nullopt;
+  EXPECT_THROW(CollisionTest(world.table, images, policy, Without(possible)),
+               std::invalid_argument);
+}
+
+}  // namespace
+}  // namespace silhouette
