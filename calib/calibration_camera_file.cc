@@ -89,7 +89,11 @@ std::string CameraFileName(const std::string& view) {
   std::string name;
   for (const char c : view) {
     const bool plain = c != '/' && c != '%' && std::iscntrl(static_cast<unsigned char>(c)) == 0;
-    absl::StrAppendFormat(&name, plain ? "%c" : "%%%02x", static_cast<unsigned char>(c));
+    if (plain) {
+      name += c;
+    } else {
+      absl::StrAppendFormat(&name, "%%%02x", static_cast<unsigned char>(c));
+    }
   }
   return name + kCameraFileExtension;
 }
