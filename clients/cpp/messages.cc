@@ -144,7 +144,7 @@ Basis FromMessage(const v1::Basis& basis, std::chrono::steady_clock::time_point 
 }
 
 Reason FromMessage(v1::Verdict::Reason reason) {
-  if (reason < v1::Verdict::REASON_UNSPECIFIED || reason > v1::Verdict::REASON_INTERNAL) {
+  if (reason < v1::Verdict::REASON_UNSPECIFIED || reason > v1::Verdict::REASON_REGION_ENDED) {
     return Reason::kUnspecified;
   }
   return static_cast<Reason>(reason);

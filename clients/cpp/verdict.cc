@@ -48,6 +48,12 @@ Words WordsFor(Reason reason) {
               "the scene was made with another generation of the database: publish a new one"};
     case Reason::kInternal:
       return {"internal", "the server could not decide because of a fault of its own: see its log"};
+    case Reason::kMarginUnknown:
+      return {"margin unknown",
+              "a safety margin in metres cannot be worked out: import the camera models, or state "
+              "the margin in pixels"};
+    case Reason::kRegionEnded:
+      return {"region ended", "an allowed region ended while the answer was made: ask again"};
   }
   return {"unspecified", "the server gave no reason that is known here"};
 }

@@ -289,13 +289,14 @@ Verdict CollisionTest::Check(std::span<const double> q, std::span<ViewEvidence> 
 }
 
 PathVerdict CollisionTest::CheckPath(std::span<const Configuration> waypoints,
-                                     std::span<ViewEvidence> evidence) const {
+                                     std::span<ViewEvidence> evidence, const Tested& tested) const {
   if (waypoints.empty()) throw std::invalid_argument("a path has at least one waypoint");
   PathVerdict result;
   bool hidden_possible = false;
   // Whether the path ends here, because this place is not free.
   const auto stops_at = [&](const Configuration& q, size_t segment, double fraction) {
     ++result.checked;
+    if (tested) tested(q);
     const Verdict verdict = Check(q);
     hidden_possible = hidden_possible || verdict.hidden_possible();
     if (verdict.free()) return false;

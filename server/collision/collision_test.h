@@ -86,9 +86,11 @@ class CollisionTest {
 
   // The path through the waypoints, at least one (else std::invalid_argument), joint values
   // interpolated linearly and without wrapping. Exact: see segment_places.h. `evidence` is filled
-  // in only if the path is not free.
+  // in only if the path is not free. `tested`: if it is one, called with every place that is
+  // tested.
+  using Tested = std::function<void(std::span<const double>)>;
   PathVerdict CheckPath(std::span<const Configuration> waypoints,
-                        std::span<ViewEvidence> evidence = {}) const;
+                        std::span<ViewEvidence> evidence = {}, const Tested& tested = {}) const;
 
   // All configurations of a tile of the grid.
   TileVerdicts CheckTile(uint64_t tile) const;

@@ -36,6 +36,10 @@ std::string NameOf(Reason reason) {
       return "generation mismatch";
     case Reason::kInternal:
       return "internal";
+    case Reason::kMarginUnknown:
+      return "margin unknown";
+    case Reason::kRegionEnded:
+      return "region ended";
   }
   return "internal";
 }

@@ -29,6 +29,8 @@ enum class Reason : uint8_t {
   kRobotImageCorrupt = 12,
   kGenerationMismatch = 13,
   kInternal = 14,
+  kMarginUnknown = 15,
+  kRegionEnded = 16,
 };
 
 // "scene stale" and the like, for logs and messages.

@@ -18,6 +18,7 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_join.h"
 #include "db/store.h"
+#include "server/program/treatments.h"
 #include "server/scene/served_database.h"
 #include "server/service/server.h"
 #include "tools/cell/cell.h"
@@ -68,6 +69,23 @@ void LogLoaded(const ServedDatabase& database, const std::string& path) {
   if (database.bands() == nullptr) {
     spdlog::info("no calibration: unknown and error pixels are not resolved");
   }
+  for (int view = 0; view < database.views(); ++view) {
+    const ViewTreatment& treatment = database.treatment(view);
+    if (treatment.margin > 0) {
+      spdlog::info("view '{}': margin of {:.2f} pixels", database.view_name(view),
+                   treatment.margin);
+    }
+    if (treatment.ignored) {
+      spdlog::info("view '{}': {} ignored", database.view_name(view),
+                   Counted(treatment.ignored->Count(), "pixel"));
+    }
+  }
+}
+
+absl::Status MarginsKnown(const Cell& cell, const ServedDatabase& database) {
+  const absl::Status& known = database.margins_known();
+  if (known.ok()) return known;
+  return absl::Status(known.code(), absl::StrCat(cell.file, ": ", known.message()));
 }
 
 // The newest generation of the database, if it is the cell's.
@@ -84,7 +102,9 @@ absl::StatusOr<std::shared_ptr<const ServedDatabase>> Load(const Cell& cell,
                      "': ", absl::StrJoin(differences, "; "),
                      "; serve the cell file that the database was captured with, or capture anew"));
   }
-  const auto served = ServedDatabase::Load(**database, cell.calibration);
+  const absl::StatusOr<TreatmentSettings> treatments = TreatmentSettingsOf(cell);
+  if (!treatments.ok()) return treatments.status();
+  const auto served = ServedDatabase::Load(**database, cell.calibration, *treatments);
   if (!served.ok()) return served;
   LogLoaded(**served, path);
   if (cell.choose_preset) return served;
@@ -99,8 +119,10 @@ void Reload(const Cell& cell, const std::string& path, Server& server) {
   try {
     absl::StatusOr<std::shared_ptr<const ServedDatabase>> database = Load(cell, path);
     if (database.ok()) {
+      const absl::Status known = MarginsKnown(cell, **database);
       server.ReplaceDatabase(*std::move(database));
       spdlog::info("reloaded; verdicts are unknown until the next scene");
+      if (!known.ok()) spdlog::error("nothing is free: {}", std::string(known.message()));
       return;
     }
     spdlog::error("not reloaded, still serving the old state: {}",
@@ -131,6 +153,9 @@ int Run(const Options& options) {
   }
   absl::StatusOr<std::shared_ptr<const ServedDatabase>> database = Load(*cell, path);
   if (!database.ok()) return Report(kName, database.status());
+  if (const absl::Status known = MarginsKnown(*cell, **database); !known.ok()) {
+    return Report(kName, known);
+  }
 
   ServingSettings settings;
   settings.policy = cell->policy;

@@ -17,26 +17,48 @@ bool RegionEffect::Touches(std::span<const std::optional<Mask>> test_robot) cons
   return false;
 }
 
-std::vector<RegionEffect> Apply(const RegionSet& regions, ObstacleImages& images) {
-  std::vector<RegionEffect> effects;
+namespace {
+
+// The obstacle pixels inside each of the regions.
+std::vector<RegionEffect> Inside(const RegionSet& regions, const ObstacleImages& images) {
+  std::vector<RegionEffect> inside;
   for (const AllowedRegion& region : regions.regions) {
-    RegionEffect effect{region.name, std::vector<std::optional<Mask>>(images.size())};
-    bool any = false;
+    RegionEffect& effect =
+        inside.emplace_back(region.name, std::vector<std::optional<Mask>>(images.size()));
     for (size_t view = 0; view < images.size(); ++view) {
       if (!images[view] || !region.pixels[view]) continue;
-      const Mask taken = images[view]->obstacle() & *region.pixels[view];
-      if (taken.Empty()) continue;
-      effect.taken[view] = taken;
-      any = true;
-    }
-    if (any) effects.push_back(std::move(effect));
-  }
-  // Where regions overlap, each is told to have taken the pixel away.
-  for (const RegionEffect& effect : effects) {
-    for (size_t view = 0; view < images.size(); ++view) {
-      if (effect.taken[view]) images[view] = images[view]->Ignoring(*effect.taken[view]);
+      effect.taken[view] = images[view]->obstacle() & *region.pixels[view];
     }
   }
+  return inside;
+}
+
+}  // namespace
+
+std::vector<RegionEffect> Apply(const RegionSet& regions, std::span<const double> margins,
+                                ObstacleImages& without_margins, ObstacleImages& images) {
+  std::vector<RegionEffect> effects = Inside(regions, without_margins);
+  for (size_t view = 0; view < images.size(); ++view) {
+    if (!images[view]) continue;
+    for (const RegionEffect& effect : effects) {
+      if (effect.taken[view]) {
+        without_margins[view] = without_margins[view]->Ignoring(*effect.taken[view]);
+      }
+    }
+    const Mask before = images[view]->obstacle();
+    images[view] = without_margins[view]->WithMargin(margins[view]);
+    const Mask gone = before - images[view]->obstacle();
+    // Where regions overlap, each is told to have taken the pixel away.
+    for (RegionEffect& effect : effects) {
+      std::optional<Mask>& taken = effect.taken[view];
+      if (taken) taken = Grown(*taken, margins[view]) & gone;
+      if (taken && taken->Empty()) taken.reset();
+    }
+  }
+  std::erase_if(effects, [](const RegionEffect& effect) {
+    return std::none_of(effect.taken.begin(), effect.taken.end(),
+                        [](const std::optional<Mask>& taken) { return taken.has_value(); });
+  });
   return effects;
 }
 

@@ -40,16 +40,20 @@ struct RegionSet {
 // What the regions in force did to one scene.
 struct RegionEffect {
   std::string name;
-  // Per view: the obstacle pixels that it took away; nothing where there are none.
+  // Per view: the obstacle pixels that it took away, those of the safety margin around them
+  // included; nothing where there are none.
   std::vector<std::optional<Mask>> taken;
 
   // Whether any of them lies inside the test robot image, one mask per view or nothing.
   bool Touches(std::span<const std::optional<Mask>> test_robot) const;
 };
 
-// Turns the obstacle pixels inside the regions into unknown ones. Tells, for every region that took
-// some away, which.
-std::vector<RegionEffect> Apply(const RegionSet& regions, ObstacleImages& images);
+// Turns the obstacle pixels inside the regions into unknown ones, and makes `images` of
+// `without_margins` anew, with the views' `margins` in pixels: what a region takes away has no
+// margin any more, what is beside it keeps its own, into the region too. Tells, for every region
+// that took obstacle pixels of `images` away, which.
+std::vector<RegionEffect> Apply(const RegionSet& regions, std::span<const double> margins,
+                                ObstacleImages& without_margins, ObstacleImages& images);
 
 // The pixels whose centres lie in a polygon, corners in mask pixels, integers at pixel centres.
 // InvalidArgument unless there are at least three corners, all finite.

@@ -13,6 +13,9 @@ Reason BlockedReason(const Served& served, const SceneSettings& settings, const 
   const Scene& scene = *served.scene;
   if (scene.generation != served.database->generation()) return Reason::kGenerationMismatch;
   if (!(scene.AgeAt(now) <= settings.max_age)) return Reason::kSceneStale;
+  for (const AllowedRegion& region : served.regions->regions) {
+    if (region.end <= now.running) return Reason::kRegionEnded;
+  }
   return scene.Blocked();
 }
 
@@ -61,7 +64,8 @@ Verdict Checker::Check(std::span<const double> q, std::span<ViewEvidence> eviden
 }
 
 PathVerdict Checker::CheckPath(std::span<const Configuration> waypoints,
-                               std::span<ViewEvidence> evidence) const {
+                               std::span<ViewEvidence> evidence,
+                               std::set<std::string>* regions) const {
   if (waypoints.empty()) throw std::invalid_argument("a path has at least one waypoint");
   if (blocked_ != Reason::kNone || !test_) {
     PathVerdict result;
@@ -69,7 +73,13 @@ PathVerdict Checker::CheckPath(std::span<const Configuration> waypoints,
     result.configuration = waypoints[0];
     return result;
   }
-  return test_->CheckPath(waypoints, evidence);
+  if (regions == nullptr || served_.regions->regions.empty()) {
+    return test_->CheckPath(waypoints, evidence);
+  }
+  return test_->CheckPath(waypoints, evidence, [&](std::span<const double> q) {
+    const std::vector<std::string> names = RegionsAt(q);
+    regions->insert(names.begin(), names.end());
+  });
 }
 
 std::optional<Mask> Checker::TestRobotImage(int view, std::span<const double> q) const {
@@ -97,10 +107,12 @@ CollisionImages Checker::CollisionImagesAt(std::span<const double> q) const {
 }
 
 std::vector<std::string> Checker::RegionsAt(std::span<const double> q) const {
+  // These look beyond the test robot image.
+  if (SearchesObstacleImages(policy_) || IsSound(policy_.preset)) {
+    return RegionsIn(served_, policy_);
+  }
   std::vector<std::string> names;
   if (served_.scene == nullptr || served_.scene->region_effects.empty()) return names;
-  // These look beyond the test robot image.
-  if (SearchesObstacleImages(policy_) || IsSound(policy_.preset)) return RegionsIn(served_);
   std::vector<std::optional<Mask>> robot;
   for (int view = 0; view < served_.database->views(); ++view) {
     robot.push_back(TestRobotImage(view, q));
@@ -111,10 +123,14 @@ std::vector<std::string> Checker::RegionsAt(std::span<const double> q) const {
   return names;
 }
 
-std::vector<std::string> RegionsIn(const Served& served) {
+std::vector<std::string> RegionsIn(const Served& served, const Policy& policy) {
   std::vector<std::string> names;
   if (served.scene == nullptr) return names;
-  for (const RegionEffect& effect : served.scene->region_effects) names.push_back(effect.name);
+  if (IsSound(policy.preset)) {
+    for (const AllowedRegion& region : served.regions->regions) names.push_back(region.name);
+  } else {
+    for (const RegionEffect& effect : served.scene->region_effects) names.push_back(effect.name);
+  }
   return names;
 }
 

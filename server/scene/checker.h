@@ -2,6 +2,7 @@
 #pragma once
 
 #include <optional>
+#include <set>
 #include <span>
 #include <string>
 #include <vector>
@@ -30,8 +31,10 @@ class Checker {
 
   // As CollisionTest's functions of the same names.
   Verdict Check(std::span<const double> q, std::span<ViewEvidence> evidence = {}) const;
+  // `regions`: if not null, gets the names of RegionsAt of all places that were tested.
   PathVerdict CheckPath(std::span<const Configuration> waypoints,
-                        std::span<ViewEvidence> evidence = {}) const;
+                        std::span<ViewEvidence> evidence = {},
+                        std::set<std::string>* regions = nullptr) const;
 
   // The test robot image of `q`; nothing if there is no scene, or a robot image that it takes is
   // not there.
@@ -56,8 +59,9 @@ class Checker {
 // Why no verdict can rest on `served` at the moment `now`; kNone if verdicts can be made.
 Reason BlockedReason(const Served& served, const SceneSettings& settings, const Moment& now);
 
-// The names of the allowed regions that took any pixel of the scene away.
-std::vector<std::string> RegionsIn(const Served& served);
+// The names of the allowed regions without which verdicts under the policy might be others: those
+// that took any pixel of the scene away; all in force, if the policy looks at space instead.
+std::vector<std::string> RegionsIn(const Served& served, const Policy& policy);
 
 // The verdicts of all tiles of the grid as long as the scene is not blocked: what a map of the
 // whole configuration space is made of. The scene must be there; std::invalid_argument if the

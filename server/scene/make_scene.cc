@@ -94,8 +94,12 @@ absl::Status AddView(const ServedDatabase& database, const ViewInput& input,
   }
   absl::StatusOr<Mask> foreground = ForegroundOf(database, *view, input, segmentation);
   if (!foreground.ok()) return foreground.status();
-  scene.views[static_cast<size_t>(*view)] =
-      SceneView{.name = input.view, .captured = captured, .foreground = *std::move(foreground)};
+  const ViewTreatment& treatment = database.treatment(*view);
+  scene.views[static_cast<size_t>(*view)] = SceneView{.name = input.view,
+                                                      .captured = captured,
+                                                      .foreground = *std::move(foreground),
+                                                      .ignored = treatment.ignored,
+                                                      .margin = treatment.margin};
   inputs[static_cast<size_t>(*view)] = &input;
   return absl::OkStatus();
 }
@@ -105,18 +109,24 @@ void MakeObstacleImages(const std::vector<RobotCover>& covers,
   if (covers.empty()) return;
   for (size_t view = 0; view < scene.views.size(); ++view) {
     if (!scene.views[view]) continue;
-    const Mask& foreground = scene.views[view]->foreground;
+    SceneView& seen = *scene.views[view];
+    const Mask& foreground = seen.foreground;
     const RobotCover& robot = covers[view];
-    const ObstacleImage image =
-        std::holds_alternative<ObstacleMask>(inputs[view]->image)
-            ? ObstacleImage::FromObstacles(foreground, robot.anywhere)
-            : ObstacleImage::FromScene(foreground, robot.anywhere, robot.certain);
-    scene.views[view]->core_error_pixels = static_cast<uint32_t>(Core(image.error()).Count());
-    scene.obstacle_images[view] = image;
+    ObstacleImage image = std::holds_alternative<ObstacleMask>(inputs[view]->image)
+                              ? ObstacleImage::FromObstacles(foreground, robot.anywhere)
+                              : ObstacleImage::FromScene(foreground, robot.anywhere, robot.certain);
+    if (seen.ignored) image = image.Ignoring(*seen.ignored);
+    seen.core_error_pixels = static_cast<uint32_t>(Core(image.error()).Count());
+    scene.obstacle_images[view] = image.WithMargin(seen.margin);
+    scene.without_margins[view] = std::move(image);
   }
 }
 
 void FindDefects(const ServedDatabase& database, const SceneSettings& settings, Scene& scene) {
+  if (!database.margins_known().ok()) {
+    scene.defects.push_back(
+        {Reason::kMarginUnknown, std::string(database.margins_known().message())});
+  }
   if (scene.skew() > settings.max_skew) {
     scene.defects.push_back(
         {Reason::kSceneSkewed,
@@ -164,6 +174,7 @@ absl::StatusOr<Scene> MakeScene(const ServedDatabase& database, const SceneInput
   scene.joints = input.joints;
   scene.views.resize(views);
   scene.obstacle_images.resize(views);
+  scene.without_margins.resize(views);
   absl::StatusOr<RobotInScene> robot =
       FindRobot(database, input.joints, settings.fixed_joint_tolerance);
   if (!robot.ok()) return robot.status();

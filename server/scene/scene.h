@@ -39,6 +39,9 @@ struct SceneView {
   Mask foreground;
   // Error pixels whose neighbours are all error pixels.
   uint32_t core_error_pixels = 0;
+  // Pixels that prove nothing in this view, and its safety margin in pixels.
+  std::optional<Mask> ignored;
+  double margin = 0;
 };
 
 // The scene's obstacle images resolved along epipolar lines, worked out once for all who ask. Used
@@ -73,6 +76,8 @@ struct Scene {
   std::vector<std::optional<SceneView>> views;
   // As `views`; nothing also where the robot image at the scene's robot position is not known.
   ObstacleImages obstacle_images;
+  // The same without safety margins: what the views really show, and allowed regions act on.
+  ObstacleImages without_margins;
   // Capture times of the oldest and the newest image.
   absl::Time oldest;
   absl::Time newest;

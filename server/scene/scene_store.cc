@@ -43,7 +43,12 @@ SharedScene SceneStore::WithRegions(const SharedScene& scene, const RegionSet& r
   if (with_regions_ == nullptr || with_regions_of_scene_ != scene->id ||
       with_regions_of_revision_ != regions.revision) {
     Scene changed = *scene;
-    changed.region_effects = Apply(regions, changed.obstacle_images);
+    std::vector<double> margins;
+    for (const std::optional<SceneView>& view : scene->views) {
+      margins.push_back(view ? view->margin : 0);
+    }
+    changed.region_effects =
+        Apply(regions, margins, changed.without_margins, changed.obstacle_images);
     with_regions_ = std::make_shared<const Scene>(std::move(changed));
     with_regions_of_scene_ = scene->id;
     with_regions_of_revision_ = regions.revision;

@@ -65,21 +65,29 @@ absl::StatusOr<std::optional<Calibration>> LoadCalibration(const Database& datab
   return std::optional<Calibration>(*std::move(calibration));
 }
 
+std::vector<std::string> NamesOfViews(const storage::v1::CellDescription& cell) {
+  std::vector<std::string> names;
+  for (const storage::v1::View& view : cell.views()) names.push_back(view.name());
+  return names;
+}
+
 }  // namespace
 
 ServedDatabase::ServedDatabase(storage::v1::CellDescription cell, uint64_t generation,
                                RobotImageTable robot_images, std::vector<Reference> references,
                                std::optional<Calibration> calibration,
-                               std::optional<EpipolarBands> bands)
+                               std::optional<EpipolarBands> bands, ViewTreatments treatments)
     : cell_(std::move(cell)),
       generation_(generation),
       robot_images_(std::move(robot_images)),
       references_(std::move(references)),
       calibration_(std::move(calibration)),
-      bands_(std::move(bands)) {}
+      bands_(std::move(bands)),
+      treatments_(std::move(treatments)) {}
 
 absl::StatusOr<std::shared_ptr<const ServedDatabase>> ServedDatabase::Load(
-    const Database& database, const CalibrationSettings& settings) {
+    const Database& database, const CalibrationSettings& settings,
+    const TreatmentSettings& treatment_settings) {
   try {
     const absl::StatusOr<Snapshot> snapshot = database.Read();
     if (!snapshot.ok()) return snapshot.status();
@@ -91,9 +99,12 @@ absl::StatusOr<std::shared_ptr<const ServedDatabase>> ServedDatabase::Load(
     if (!calibration.ok()) return calibration.status();
     std::optional<EpipolarBands> bands;
     if (*calibration) bands.emplace(**calibration, database.mask_sizes(), settings.margin);
-    return std::shared_ptr<const ServedDatabase>(
-        new ServedDatabase(database.cell(), snapshot->generation(), *std::move(robot_images),
-                           *std::move(references), *std::move(calibration), std::move(bands)));
+    ViewTreatments treatments =
+        TreatmentsOf(treatment_settings, *calibration ? &**calibration : nullptr,
+                     NamesOfViews(database.cell()), database.mask_sizes());
+    return std::shared_ptr<const ServedDatabase>(new ServedDatabase(
+        database.cell(), snapshot->generation(), *std::move(robot_images), *std::move(references),
+        *std::move(calibration), std::move(bands), std::move(treatments)));
   } catch (const std::invalid_argument& error) {
     return absl::InvalidArgumentError(absl::StrCat("'", database.path(), "': ", error.what()));
   }

@@ -16,6 +16,7 @@
 #include "server/collision/policy.h"
 #include "server/collision/robot_image_table.h"
 #include "server/scene/calibration_settings.h"
+#include "server/scene/view_treatment.h"
 
 namespace silhouette {
 
@@ -26,9 +27,10 @@ class ServedDatabase {
   // checksum is marked corrupt, so that nothing that takes it is ever free. DataLoss: the database
   // cannot be read as a whole, or its calibration is damaged. InvalidArgument: its grid is too
   // large to hold in memory, its calibration is none (two cameras at one place, a matrix that is
-  // not of rank 2), or the margin is negative.
+  // not of rank 2), the margin is negative, or `treatments` cannot be (TreatmentsOf).
   static absl::StatusOr<std::shared_ptr<const ServedDatabase>> Load(
-      const Database& database, const CalibrationSettings& settings = {});
+      const Database& database, const CalibrationSettings& settings = {},
+      const TreatmentSettings& treatments = {});
 
   const storage::v1::CellDescription& cell() const { return cell_; }
   uint64_t generation() const { return generation_; }
@@ -49,6 +51,12 @@ class ServedDatabase {
   const Calibration* calibration() const { return calibration_ ? &*calibration_ : nullptr; }
   const EpipolarBands* bands() const { return bands_ ? &*bands_ : nullptr; }
 
+  const ViewTreatment& treatment(int view) const {
+    return treatments_.views[static_cast<size_t>(view)];
+  }
+  // FailedPrecondition: a margin is not known, and the mend. No verdict is free then.
+  const absl::Status& margins_known() const { return treatments_.margins_known; }
+
   // Whether the database has what a policy needs. FailedPrecondition: what it lacks, and the mend.
   absl::Status CanServe(const Policy& policy) const;
   // The best of the presets that can be served.
@@ -57,7 +65,8 @@ class ServedDatabase {
  private:
   ServedDatabase(storage::v1::CellDescription cell, uint64_t generation,
                  RobotImageTable robot_images, std::vector<Reference> references,
-                 std::optional<Calibration> calibration, std::optional<EpipolarBands> bands);
+                 std::optional<Calibration> calibration, std::optional<EpipolarBands> bands,
+                 ViewTreatments treatments);
 
   storage::v1::CellDescription cell_;
   uint64_t generation_ = 0;
@@ -65,6 +74,7 @@ class ServedDatabase {
   std::vector<Reference> references_;
   std::optional<Calibration> calibration_;
   std::optional<EpipolarBands> bands_;
+  ViewTreatments treatments_;
 };
 
 }  // namespace silhouette

@@ -2,8 +2,14 @@
 // nothing.
 #pragma once
 
+#include <Eigen/Geometry>
 #include <optional>
+#include <span>
+#include <string>
+#include <vector>
 
+#include "absl/status/status.h"
+#include "calib/calibration.h"
 #include "db/mask.h"
 
 namespace silhouette {
@@ -21,10 +27,30 @@ struct ViewTreatmentSettings {
   std::optional<Mask> ignored;
 };
 
+struct TreatmentSettings {
+  // One per view of the database; empty: no view is treated.
+  std::vector<ViewTreatmentSettings> views;
+  // The box that the robot never leaves, in its base frame, metres: for margins in metres.
+  std::optional<Eigen::AlignedBox3d> workspace;
+};
+
 // The same in pixels alone.
 struct ViewTreatment {
   double margin = 0;
   std::optional<Mask> ignored;
 };
+
+struct ViewTreatments {
+  std::vector<ViewTreatment> views;  // one per view
+  // FailedPrecondition if a margin in metres cannot be turned into pixels: why not, and the mend.
+  // No scene is good for a free verdict then.
+  absl::Status margins_known;
+};
+
+// What the settings come to with a calibration; null: there is none. `names` and `sizes` are those
+// of the views and their masks. Throws std::invalid_argument if the settings are not of these views
+// or sizes, if a margin is negative or not finite, or if one in metres comes without workspace.
+ViewTreatments TreatmentsOf(const TreatmentSettings& settings, const Calibration* calibration,
+                            std::span<const std::string> names, std::span<const MaskSize> sizes);
 
 }  // namespace silhouette

@@ -30,6 +30,8 @@ enum class Reason : uint8_t {
   kRobotImageCorrupt = 12,
   kGenerationMismatch = 13,
   kInternal = 14,
+  kMarginUnknown = 15,
+  kRegionEnded = 16,
 };
 
 // "free", "occupied", "unknown".

@@ -55,7 +55,7 @@ TEST_F(AllowedRegionTest, ObstacleInItNoLongerShowsAndTheVerdictNamesTheRegion) 
   EXPECT_TRUE(checker.Check(At(3, 0)).free());
   EXPECT_THAT(checker.RegionsAt(At(3, 0)), ElementsAre("part"));
   EXPECT_THAT(checker.RegionsAt(At(1, 0)), IsEmpty()) << "the robot is elsewhere";
-  EXPECT_THAT(RegionsIn(checker.served()), ElementsAre("part"));
+  EXPECT_THAT(RegionsIn(checker.served(), {}), ElementsAre("part"));
   std::vector<ViewEvidence> evidence(3);
   checker.Check(At(3, 0), evidence);
   EXPECT_EQ(evidence[0].obstacle_pixels, 0u);
@@ -68,7 +68,7 @@ TEST_F(AllowedRegionTest, ObstacleBesideItIsStillFound) {
   const Checker checker = CheckerAt();
   EXPECT_EQ(checker.Check(At(3, 0)).state(), State::kOccupied);
   EXPECT_THAT(checker.RegionsAt(At(3, 0)), IsEmpty());
-  EXPECT_THAT(RegionsIn(checker.served()), IsEmpty());
+  EXPECT_THAT(RegionsIn(checker.served(), {}), IsEmpty());
 }
 
 TEST_F(AllowedRegionTest, IsNotInForceFromItsEndOn) {
