@@ -7,6 +7,7 @@
 #include <cstdlib>
 #include <filesystem>
 #include <fstream>
+#include <map>
 #include <nlohmann/json.hpp>
 #include <sstream>
 
@@ -56,6 +57,7 @@ class PaperCommand : public testing::Test {
     change("steps: 72", "steps: 12");
     change("pixels: 64", "pixels: 24");
     change("scenes: 200", "scenes: 2");
+    change("voxels: [64, 128]", "voxels: [16]");
     const std::string path = (folder_ / "small.yaml").string();
     std::ofstream(path) << text;
     return path;
@@ -100,6 +102,26 @@ TEST_F(PaperCommand, OutGetsTablesAndPictures) {
        {"figure1.png", "figure6-planar-A.png", "figure7-planar-A.png", "views-planar-A.png"}) {
     EXPECT_GT(fs::file_size(out / name), 1000u) << name;
   }
+}
+
+TEST_F(PaperCommand, TheReconstructionIsPartOfTheRunAndCanBeHadAlone) {
+  const std::string selection =
+      "--settings " + SmallSettings() + " --presets calibrated --variants planar --rigs A ";
+  const Outcome all = Run(selection + "--format json");
+  ASSERT_EQ(all.exit_code, 0) << all.err;
+  std::map<std::string, int> rows;
+  for (const auto& row : nlohmann::json::parse(all.out)) ++rows[row["experiment"]];
+  EXPECT_EQ(rows, (std::map<std::string, int>{{"figure7", 16},
+                                              {"figure7_occluded", 16},
+                                              {"random", 16},
+                                              {"current_off_grid", 16},
+                                              {"test_off_grid", 16},
+                                              {"reconstruction_figure7", 16},
+                                              {"reconstruction", 16}}));
+  const Outcome alone = Run(selection + "--experiments reconstruction");
+  ASSERT_EQ(alone.exit_code, 0) << alone.err;
+  EXPECT_THAT(alone.out, HasSubstr("hull-minus-robot-hull, 16 voxels in place of calibrated"));
+  EXPECT_THAT(alone.out, testing::Not(HasSubstr("current_off_grid")));
 }
 
 TEST_F(PaperCommand, MistakesAreOneSentence) {

@@ -118,6 +118,7 @@ TEST(PaperSettings, MistakesAreToldWithTheirPlace) {
   expect("steps: 72", "steps: 2", "must be from 3");
   expect("pixels: 64", "pixels: 5000", "must be from 8");
   expect("[0, 0, -1], [1, 0, 0]", "[0, 0, -1], [0, 0, 1]", "look along the same line");
+  expect("voxels: [64, 128]", "voxels: [64, 500]", "must be from 8 to 256");
   expect("radius: [0.06, 0.20]", "radius: [0.3, 0.20]", "must not be above");
 }
 

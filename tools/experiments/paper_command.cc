@@ -10,6 +10,7 @@
 #include "absl/strings/str_split.h"
 #include "tools/experiments/commands.h"
 #include "tools/experiments/paper/pictures.h"
+#include "tools/experiments/paper/reconstruction.h"
 #include "tools/experiments/paper/report.h"
 #include "tools/experiments/paper/study.h"
 #include "tools/picture/files.h"
@@ -58,6 +59,20 @@ std::vector<T> Chosen(const std::vector<std::string>& names, const std::vector<T
   return chosen;
 }
 
+constexpr char kReconstruction[] = "reconstruction";
+
+bool WithReconstruction(const Arguments& arguments) {
+  const std::vector<std::string>& names = arguments.experiments;
+  return names.empty() || std::find(names.begin(), names.end(), kReconstruction) != names.end();
+}
+
+// Without the reconstruction, which is a study of its own.
+std::vector<Experiment> ChosenExperiments(std::vector<std::string> names) {
+  const size_t erased = std::erase(names, kReconstruction);
+  if (names.empty() && erased > 0) return {};
+  return Chosen(names, AllExperiments(), "experiment");
+}
+
 std::vector<std::string> ChosenRigs(const std::vector<std::string>& names,
                                     const Settings& settings) {
   std::vector<std::string> all;
@@ -72,24 +87,38 @@ std::vector<std::string> ChosenRigs(const std::vector<std::string>& names,
 }
 
 Selection SelectionOf(const Arguments& arguments, const Settings& settings) {
-  return {Chosen(arguments.experiments, AllExperiments(), "experiment"),
+  return {ChosenExperiments(arguments.experiments),
           Chosen<Variant>(arguments.variants, {Variant::kPlanar, Variant::kSpatial}, "variant"),
           ChosenRigs(arguments.rigs, settings),
           Chosen<Raster>(arguments.rasters, {Raster::kCentre, Raster::kTouch}, "raster"),
           Chosen(arguments.presets, AllPresets(), "preset")};
 }
 
+std::string TextOf(const std::vector<Row>& rows, const std::vector<MethodRow>& methods) {
+  return TableOf(rows) + (rows.empty() || methods.empty() ? "" : "\n") + TableOf(methods);
+}
+
+nlohmann::ordered_json JsonOfBoth(const std::vector<Row>& rows,
+                                  const std::vector<MethodRow>& methods) {
+  nlohmann::ordered_json all = JsonOf(rows);
+  for (nlohmann::ordered_json& row : JsonOf(methods)) all.push_back(std::move(row));
+  return all;
+}
+
 // What --out asks for.
 absl::Status WriteAll(const std::string& folder, const std::vector<Row>& rows,
-                      const Selection& selection, const Settings& settings) {
+                      const std::vector<MethodRow>& methods, const Selection& selection,
+                      const Settings& settings) {
   std::error_code error;
   std::filesystem::create_directories(folder, error);
   if (error) {
     return absl::FailedPreconditionError(
         absl::StrCat("cannot make the folder '", folder, "': ", error.message()));
   }
-  absl::Status status = WriteWholeFile(folder + "/rows.csv", CsvOf(rows));
-  status.Update(WriteWholeFile(folder + "/rows.json", JsonOf(rows).dump(1) + "\n"));
+  const nlohmann::ordered_json all = JsonOfBoth(rows, methods);
+  absl::Status status = WriteWholeFile(folder + "/rows.csv", CsvOf(all));
+  status.Update(WriteWholeFile(folder + "/rows.json", all.dump(1) + "\n"));
+  status.Update(WriteWholeFile(folder + "/tables.txt", TextOf(rows, methods)));
   status.Update(WritePng(folder + "/figure1.png", PhantomsPicture(settings.floor_plan)));
   for (Variant variant : selection.variants) {
     for (const std::string& rig : selection.rigs) {
@@ -106,6 +135,15 @@ absl::Status WriteAll(const std::string& folder, const std::vector<Row>& rows,
   return status;
 }
 
+// Progress of one study; a stop is a wish to stop it.
+OnProgress Telling(const std::string& what) {
+  return [what, progress = std::shared_ptr<Progress>()](uint64_t done, uint64_t total) mutable {
+    if (!progress) progress = std::make_shared<Progress>(what, total, "scenes");
+    progress->Update(done);
+    return !StopRequested();
+  };
+}
+
 int RunPaper(const Arguments& arguments) {
   if (arguments.print_settings) {
     std::cout << DefaultSettingsText();
@@ -119,24 +157,23 @@ int RunPaper(const Arguments& arguments) {
   }
   const Selection selection = SelectionOf(arguments, settings);
   CatchStopSignals();
-  std::unique_ptr<Progress> progress;
   const std::vector<Row> rows =
-      Measure(settings, selection, arguments.threads, [&](uint64_t done, uint64_t total) {
-        if (!progress) progress = std::make_unique<Progress>("Measuring", total, "scenes");
-        progress->Update(done);
-        return !StopRequested();
-      });
-  progress.reset();
+      Measure(settings, selection, arguments.threads, Telling("Measuring"));
+  std::vector<MethodRow> methods;
+  if (WithReconstruction(arguments) && !StopRequested()) {
+    methods = CompareWithReconstruction(settings, selection, arguments.threads,
+                                        Telling("Reconstructing"));
+  }
   if (StopRequested()) {
     return Report(kProgram, absl::AbortedError("stopped; to measure, start it again"));
   }
   if (arguments.format == "json") {
-    std::cout << JsonOf(rows).dump(1) << '\n';
+    std::cout << JsonOfBoth(rows, methods).dump(1) << '\n';
   } else {
-    std::cout << TableOf(rows);
+    std::cout << TextOf(rows, methods);
   }
   if (!arguments.out.empty()) {
-    const absl::Status written = WriteAll(arguments.out, rows, selection, settings);
+    const absl::Status written = WriteAll(arguments.out, rows, methods, selection, settings);
     if (!written.ok()) return Report(kProgram, written);
     std::cerr << "wrote tables and pictures into " << arguments.out << '\n';
   }
@@ -159,7 +196,8 @@ void AddPaperCommand(CLI::App& program, Run& run) {
     command->add_option(name, values, text)->delimiter(',');
   };
   add_list("--experiments", arguments->experiments,
-           "Only these of figure7, figure7_occluded, random, current_off_grid, test_off_grid");
+           "Only these of figure7, figure7_occluded, random, current_off_grid, test_off_grid, "
+           "reconstruction");
   add_list("--variants", arguments->variants, "Only these of planar, spatial");
   add_list("--rigs", arguments->rigs, "Only these rigs of the settings");
   add_list("--rasters", arguments->rasters, "Only these of centre, touch");
@@ -169,7 +207,8 @@ void AddPaperCommand(CLI::App& program, Run& run) {
       ->check(CLI::Range(1, 256))
       ->capture_default_str();
   command->add_option("--out", arguments->out,
-                      "Folder for rows.csv, rows.json and the pictures; made if it is not there");
+                      "Folder for tables.txt, rows.csv, rows.json and the pictures; made if it is "
+                      "not there");
   AddFormatOption(*command, arguments->format);
   command->footer(
       "Examples:\n"

@@ -1,9 +1,12 @@
 #include "tools/experiments/paper/report.h"
 
+#include <algorithm>
 #include <tuple>
+#include <vector>
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
+#include "absl/strings/str_join.h"
 
 namespace silhouette::paper {
 namespace {
@@ -73,36 +76,43 @@ ordered_json JsonOf(std::span<const Row> rows) {
                            {"scenes", row.scenes},
                            {"configurations", row.configurations},
                            {"occupied_percent", Percent(row, row.occupied)}};
-    const auto add = [&](const std::string& name, const Spread& spread) {
-      object[name + "_percent"] = Percent(row, spread.mean);
-      object[name + "_min_percent"] = Percent(row, static_cast<double>(spread.least));
-      object[name + "_max_percent"] = Percent(row, static_cast<double>(spread.greatest));
-      object[name + "_count"] = spread.mean;
-      object[name + "_min_count"] = spread.least;
-      object[name + "_max_count"] = spread.greatest;
-    };
-    add("additional", row.additional);
-    add("missing", row.missing);
+    AddSpread(object, "additional", row.additional, row.configurations);
+    AddSpread(object, "missing", row.missing, row.configurations);
     array.push_back(std::move(object));
   }
   return array;
 }
 
-std::string CsvOf(std::span<const Row> rows) {
-  std::string csv;
-  for (const ordered_json& object : JsonOf(rows)) {
-    if (csv.empty()) {
-      for (const auto& [key, value] : object.items())
-        absl::StrAppend(&csv, csv.empty() ? "" : ",", key);
-      csv += '\n';
+void AddSpread(ordered_json& object, const std::string& name, const Spread& spread,
+               int64_t configurations) {
+  const auto percent = [&](double count) {
+    return 100 * count / static_cast<double>(configurations);
+  };
+  object[name + "_percent"] = percent(spread.mean);
+  object[name + "_min_percent"] = percent(static_cast<double>(spread.least));
+  object[name + "_max_percent"] = percent(static_cast<double>(spread.greatest));
+  object[name + "_count"] = spread.mean;
+  object[name + "_min_count"] = spread.least;
+  object[name + "_max_count"] = spread.greatest;
+}
+
+std::string CsvOf(const ordered_json& rows) {
+  std::vector<std::string> keys;
+  for (const ordered_json& row : rows) {
+    for (const auto& [key, value] : row.items()) {
+      if (std::find(keys.begin(), keys.end(), key) == keys.end()) keys.push_back(key);
     }
-    bool first = true;
-    for (const auto& [key, value] : object.items()) {
-      absl::StrAppend(&csv, first ? "" : ",",
-                      value.is_string() ? value.get<std::string>() : value.dump());
-      first = false;
+  }
+  if (keys.empty()) return "";
+  std::string csv = absl::StrJoin(keys, ",") + "\n";
+  for (const ordered_json& row : rows) {
+    std::vector<std::string> cells;
+    for (const std::string& key : keys) {
+      const auto value = row.find(key);
+      const bool none = value == row.end() || value->is_null();
+      cells.push_back(none ? "" : value->is_string() ? value->get<std::string>() : value->dump());
     }
-    csv += '\n';
+    absl::StrAppend(&csv, absl::StrJoin(cells, ","), "\n");
   }
   return csv;
 }

@@ -19,7 +19,12 @@ std::string TableOf(std::span<const Row> rows);
 // An array with one object per row.
 nlohmann::ordered_json JsonOf(std::span<const Row> rows);
 
-// The same with a line per row under a header.
-std::string CsvOf(std::span<const Row> rows);
+// Adds "<name>_percent", "<name>_min_percent", ... "<name>_count", ... to a row's object.
+void AddSpread(nlohmann::ordered_json& object, const std::string& name, const Spread& spread,
+               int64_t configurations);
+
+// An array of objects with a line per object under a header of all their keys; empty where an
+// object has not the key, or null.
+std::string CsvOf(const nlohmann::ordered_json& rows);
 
 }  // namespace silhouette::paper

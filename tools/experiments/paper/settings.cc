@@ -3,6 +3,7 @@
 #include <numbers>
 #include <stdexcept>
 
+#include "tools/experiments/paper/voxel_hull.h"
 #include "tools/yaml/strict_yaml.h"
 
 namespace silhouette::paper {
@@ -99,7 +100,12 @@ SoundSettings ReadSound(const YamlNode& node) {
 ReconstructionSettings ReadReconstruction(const YamlNode& node) {
   YamlMap map(node);
   ReconstructionSettings reconstruction;
-  reconstruction.voxels = Whole(map.Required("voxels"), 8, 512);
+  const YamlNode voxels = map.Required("voxels");
+  reconstruction.voxels.clear();
+  for (const YamlNode& item : voxels.Items()) {
+    reconstruction.voxels.push_back(Whole(item, 8, VoxelCube::kMostEdge));
+  }
+  if (reconstruction.voxels.empty()) voxels.Fail("must be at least one number");
   reconstruction.scenes = Whole(map.Required("scenes"), 1, 100'000);
   map.Finish();
   return reconstruction;

@@ -31,8 +31,8 @@ struct SoundSettings {
 };
 
 struct ReconstructionSettings {
-  int voxels = 64;  // along each edge of the cube
-  int scenes = 20;  // of the random ones, the first
+  std::vector<int> voxels{64, 128};  // along each edge of the cube, one study each
+  int scenes = 20;                   // of the random ones, the first
 };
 
 // A rectangle with its edges along x and y.

@@ -48,6 +48,14 @@ size_t ArmTable::CellOf(std::array<double, 2> q) const {
   return step(q[0]) * static_cast<size_t>(steps_) + step(q[1]);
 }
 
+size_t ArmTable::Nearest(std::array<double, 2> q) const {
+  const auto step = [&](double value) {
+    const long nearest = std::lround(value / kTurn * steps_) % steps_;
+    return static_cast<size_t>(nearest < 0 ? nearest + steps_ : nearest);
+  };
+  return step(q[0]) * static_cast<size_t>(steps_) + step(q[1]);
+}
+
 ConfigurationSet ArmTable::Touching(std::span<const Sphere> obstacles) const {
   ConfigurationSet touching(WordsFor(size()), 0);
   for (size_t i = 0; i < size(); ++i) {

@@ -30,6 +30,8 @@ class ArmTable {
   std::array<size_t, 4> CellFrom(size_t index) const;
   // Joint values in that grid cell, `offset` steps above its lowest corner.
   std::array<double, 2> JointsIn(size_t index, std::array<double, 2> offset) const;
+  // The index of the grid point nearest to the joint values.
+  size_t Nearest(std::array<double, 2> q) const;
   // The index whose grid cell holds the joint values, not below 0.
   size_t CellOf(std::array<double, 2> q) const;
 

@@ -1,16 +1,13 @@
 #include "tools/experiments/paper/study.h"
 
 #include <algorithm>
-#include <cmath>
 #include <memory>
-#include <numbers>
 #include <stdexcept>
 
 #include "tools/experiments/paper/bulk_test.h"
 #include "tools/experiments/paper/parallel.h"
 #include "tools/experiments/paper/scenes.h"
 #include "tools/experiments/paper/sphere_cell.h"
-#include "tools/experiments/paper/tally.h"
 
 namespace silhouette::paper {
 namespace {
@@ -20,13 +17,7 @@ constexpr size_t kThresholds = 2;
 // All that one robot is measured with, whatever the cameras: scenes, and the truth about them.
 struct RobotScenes {
   RobotScenes(const Settings& settings, Variant variant) : arms(settings, variant) {
-    const double step = 2 * std::numbers::pi / settings.steps;
-    const auto nearest = [&](double q) {
-      const long steps = std::lround(q / step) % settings.steps;
-      return static_cast<size_t>(steps < 0 ? steps + settings.steps : steps);
-    };
-    parked = nearest(settings.parked[0]) * static_cast<size_t>(settings.steps) +
-             nearest(settings.parked[1]);
+    parked = arms.Nearest(settings.parked);
     figure7 = settings.figure7;
     figure7_truth = arms.Touching(figure7);
     for (size_t i = 0; i < arms.size(); ++i) {
@@ -171,11 +162,6 @@ class Measurer {
   BulkTest bulk_;
   std::vector<Tallies> tallies_;  // by experiment
 };
-
-Spread SpreadOf(const Extent& extent, int64_t samples) {
-  return {static_cast<double>(extent.sum) / static_cast<double>(samples), extent.least,
-          extent.greatest};
-}
 
 void AddRows(std::vector<Row>& rows, Row row, Tallies& tallies, const Selection& selection,
              int views) {

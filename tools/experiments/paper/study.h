@@ -10,6 +10,7 @@
 #include "server/collision/policy.h"
 #include "tools/experiments/paper/parallel_camera.h"
 #include "tools/experiments/paper/settings.h"
+#include "tools/experiments/paper/tally.h"
 
 namespace silhouette::paper {
 
@@ -39,13 +40,6 @@ struct Selection {
 enum class Threshold { kAll, kAllButOne };  // n; n - 1, at least 1
 std::string NameOf(Threshold threshold);    // "n", "n-1"
 int MinViewsOf(Threshold threshold, int views);
-
-// Of configurations: mean, least and greatest number over scenes and sets of cameras.
-struct Spread {
-  double mean = 0;
-  int64_t least = 0;
-  int64_t greatest = 0;
-};
 
 // One line of the table.
 struct Row {

@@ -25,6 +25,18 @@ struct Extent {
   }
 };
 
+// Of configurations: mean, least and greatest number over scenes and sets of cameras.
+struct Spread {
+  double mean = 0;
+  int64_t least = 0;
+  int64_t greatest = 0;
+};
+
+inline Spread SpreadOf(const Extent& extent, int64_t samples) {
+  return {static_cast<double>(extent.sum) / static_cast<double>(samples), extent.least,
+          extent.greatest};
+}
+
 struct Tally {
   int64_t samples = 0;  // scenes times sets of cameras
   Extent occupied;      // really
