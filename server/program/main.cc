@@ -88,6 +88,21 @@ absl::Status MarginsKnown(const Cell& cell, const ServedDatabase& database) {
   return absl::Status(known.code(), absl::StrCat(cell.file, ": ", known.message()));
 }
 
+// Of a cell that states the section 'sound'.
+void LogSound(const ServedDatabase& database) {
+  if (database.sound() == nullptr) {
+    spdlog::warn("the sound presets are not served: {}",
+                 std::string(database.CanServe({.preset = Preset::kSound}).message()));
+    return;
+  }
+  for (const std::string& link : database.sound()->open_links()) {
+    spdlog::warn(
+        "link '{}' has a shape that is not closed: the sound presets take it for nothing, "
+        "and may take the space inside it for an obstacle; close its mesh",
+        link);
+  }
+}
+
 // The newest generation of the database, if it is the cell's.
 absl::StatusOr<std::shared_ptr<const ServedDatabase>> Load(const Cell& cell,
                                                            const std::string& path) {
@@ -104,9 +119,12 @@ absl::StatusOr<std::shared_ptr<const ServedDatabase>> Load(const Cell& cell,
   }
   const absl::StatusOr<TreatmentSettings> treatments = TreatmentSettingsOf(cell);
   if (!treatments.ok()) return treatments.status();
-  const auto served = ServedDatabase::Load(**database, cell.calibration, *treatments);
+  const absl::StatusOr<std::optional<SoundCell>> sound = SoundCellOf(cell);
+  if (!sound.ok()) return sound.status();
+  const auto served = ServedDatabase::Load(**database, cell.calibration, *treatments, *sound);
   if (!served.ok()) return served;
   LogLoaded(**served, path);
+  if (*sound) LogSound(**served);
   if (cell.choose_preset) return served;
   const absl::Status servable = (*served)->CanServe(cell.policy);
   if (servable.ok()) return served;

@@ -31,12 +31,31 @@ bool SearchesObstacleImages(const Policy& policy) {
   return IsCalibrated(policy.preset) && EpipolarDomainOf(policy) == EpipolarDomain::kObstacle;
 }
 
+// Per view, where obstacles are allowed; empty if nowhere.
+std::vector<std::optional<Mask>> AllowedPixels(const Served& served) {
+  std::vector<std::optional<Mask>> allowed;
+  for (const AllowedRegion& region : served.regions->regions) {
+    allowed.resize(region.pixels.size());
+    for (size_t view = 0; view < allowed.size(); ++view) {
+      const std::optional<Mask>& pixels = region.pixels[view];
+      if (pixels) allowed[view] = allowed[view] ? *allowed[view] | *pixels : *pixels;
+    }
+  }
+  return allowed;
+}
+
 // The scene must be there and made with the database.
 TestSupport SupportFor(const Served& served, const Policy& policy) {
   TestSupport support{.bands = served.database->bands()};
   if (SearchesObstacleImages(policy)) {
     support.resolved = &served.scene->resolved.Get(served.scene->obstacle_images, *support.bands,
                                                    ErrorsConvict(policy));
+  }
+  if (IsSound(policy.preset)) {
+    support.possible_space =
+        &served.scene->possible_space.Get(served.database->sound(), served.scene->obstacle_images,
+                                          served.scene->joints, AllowedPixels(served));
+    support.robot_may_touch = served.database->sound()->RobotMayTouch(served.scene->joints);
   }
   return support;
 }
@@ -86,10 +105,25 @@ std::optional<Mask> Checker::TestRobotImage(int view, std::span<const double> q)
   return test_ ? test_->TestRobotImage(view, q) : std::nullopt;
 }
 
+CollisionImages Checker::PossibleImagesAt(std::span<const double> q) const {
+  const PossibleSpace& possible = *SupportFor(served_, policy_).possible_space;
+  CollisionImages images(static_cast<size_t>(served_.database->views()));
+  for (size_t view = 0; view < images.size(); ++view) {
+    const std::optional<Mask> robot = TestRobotImage(static_cast<int>(view), q);
+    if (!robot || !possible.sees(static_cast<int>(view))) continue;
+    images[view] = Mask(robot->size());
+    for (const PossibleSpace::Part& part : possible.parts()) {
+      images[view] = *images[view] | (*part.planes[view] & *robot);
+    }
+  }
+  return images;
+}
+
 CollisionImages Checker::CollisionImagesAt(std::span<const double> q) const {
   const auto views = static_cast<size_t>(served_.database->views());
   CollisionImages images(views);
   if (!test_) return images;
+  if (IsSound(policy_.preset)) return PossibleImagesAt(q);
   IntersectionImages intersections(views);
   for (size_t view = 0; view < views; ++view) {
     const std::optional<ObstacleImage>& obstacle = served_.scene->obstacle_images[view];

@@ -40,7 +40,8 @@ class Checker {
   // not there.
   std::optional<Mask> TestRobotImage(int view, std::span<const double> q) const;
 
-  // The collision images of `q`: which pixels show an obstacle under the policy. Nothing where the
+  // The collision images of `q`: which pixels show an obstacle under the policy; under the sound
+  // presets, what may hold one, wherever in space it meets the robot image. Nothing where the
   // scene lacks the view, and everywhere if TestRobotImage gives nothing.
   CollisionImages CollisionImagesAt(std::span<const double> q) const;
 
@@ -50,6 +51,9 @@ class Checker {
   std::vector<std::string> RegionsAt(std::span<const double> q) const;
 
  private:
+  // CollisionImagesAt for the sound presets.
+  CollisionImages PossibleImagesAt(std::span<const double> q) const;
+
   Served served_;
   Policy policy_;
   Reason blocked_ = Reason::kInternal;

@@ -16,14 +16,10 @@
 #include "server/collision/verdict.h"
 #include "server/scene/allowed_regions.h"
 #include "server/scene/clock.h"
+#include "server/scene/joint_position.h"
+#include "server/scene/sound_basis.h"
 
 namespace silhouette {
-
-// A joint of the robot and where it stands: radians, metres.
-struct JointPosition {
-  std::string name;
-  double position = 0;
-};
 
 // Why no verdict that rests on the scene is free.
 struct SceneDefect {
@@ -85,6 +81,7 @@ struct Scene {
   Moment arrived;
   std::vector<SceneDefect> defects;
   ResolvedImages resolved;
+  ScenePossibleSpace possible_space;
   // What allowed regions in force did to the obstacle images; empty in a scene as it was published.
   std::vector<RegionEffect> region_effects;
 

@@ -76,18 +76,20 @@ std::vector<std::string> NamesOfViews(const storage::v1::CellDescription& cell) 
 ServedDatabase::ServedDatabase(storage::v1::CellDescription cell, uint64_t generation,
                                RobotImageTable robot_images, std::vector<Reference> references,
                                std::optional<Calibration> calibration,
-                               std::optional<EpipolarBands> bands, ViewTreatments treatments)
+                               std::optional<EpipolarBands> bands, ViewTreatments treatments,
+                               std::shared_ptr<const SoundBasis> sound)
     : cell_(std::move(cell)),
       generation_(generation),
       robot_images_(std::move(robot_images)),
       references_(std::move(references)),
       calibration_(std::move(calibration)),
       bands_(std::move(bands)),
-      treatments_(std::move(treatments)) {}
+      treatments_(std::move(treatments)),
+      sound_(std::move(sound)) {}
 
 absl::StatusOr<std::shared_ptr<const ServedDatabase>> ServedDatabase::Load(
     const Database& database, const CalibrationSettings& settings,
-    const TreatmentSettings& treatment_settings) {
+    const TreatmentSettings& treatment_settings, const std::optional<SoundCell>& sound) {
   try {
     const absl::StatusOr<Snapshot> snapshot = database.Read();
     if (!snapshot.ok()) return snapshot.status();
@@ -102,19 +104,40 @@ absl::StatusOr<std::shared_ptr<const ServedDatabase>> ServedDatabase::Load(
     ViewTreatments treatments =
         TreatmentsOf(treatment_settings, *calibration ? &**calibration : nullptr,
                      NamesOfViews(database.cell()), database.mask_sizes());
+    std::shared_ptr<const SoundBasis> sound_basis;
+    if (sound && *calibration && !(*calibration)->cameras.empty()) {
+      auto made =
+          SoundBasis::Make(*sound, database.cell(), *robot_images, **calibration, settings.margin);
+      if (!made.ok()) return made.status();
+      sound_basis = *std::move(made);
+    }
     return std::shared_ptr<const ServedDatabase>(new ServedDatabase(
         database.cell(), snapshot->generation(), *std::move(robot_images), *std::move(references),
-        *std::move(calibration), std::move(bands), std::move(treatments)));
+        *std::move(calibration), std::move(bands), std::move(treatments), std::move(sound_basis)));
   } catch (const std::invalid_argument& error) {
     return absl::InvalidArgumentError(absl::StrCat("'", database.path(), "': ", error.what()));
   }
 }
 
-absl::Status ServedDatabase::CanServe(const Policy& policy) const {
-  if (IsSound(policy.preset)) {
-    return absl::FailedPreconditionError(
-        absl::StrCat("the preset '", NameOf(policy.preset), "' cannot be served"));
+absl::Status ServedDatabase::CanServeSound(Preset preset) const {
+  if (sound_ != nullptr) return absl::OkStatus();
+  const std::string asked = absl::StrCat("the preset '", NameOf(preset), "' needs ");
+  if (!calibration_ || calibration_->cameras.empty()) {
+    return absl::FailedPreconditionError(absl::StrCat(
+        asked, "a calibration with camera models, which the database does not have",
+        calibration_ ? " (fundamental matrices do not tell where in space a pixel looks)" : "",
+        "; import one with 'silhouette-db calibration import', or ask for the preset '",
+        NameOf(BestPreset()), "'"));
   }
+  return absl::FailedPreconditionError(
+      absl::StrCat(asked,
+                   "the section 'sound' in the cell file; state its least_obstacle there, or "
+                   "ask for the preset '",
+                   NameOf(BestPreset()), "'"));
+}
+
+absl::Status ServedDatabase::CanServe(const Policy& policy) const {
+  if (IsSound(policy.preset)) return CanServeSound(policy.preset);
   if (!IsCalibrated(policy.preset) || bands_) return absl::OkStatus();
   return absl::FailedPreconditionError(absl::StrCat(
       "the preset '", NameOf(policy.preset),
@@ -123,6 +146,7 @@ absl::Status ServedDatabase::CanServe(const Policy& policy) const {
 }
 
 Preset ServedDatabase::BestPreset() const {
+  if (sound_ != nullptr) return Preset::kSound;
   return bands_ ? Preset::kCalibrated : Preset::kUncalibrated;
 }
 

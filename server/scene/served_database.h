@@ -16,6 +16,7 @@
 #include "server/collision/policy.h"
 #include "server/collision/robot_image_table.h"
 #include "server/scene/calibration_settings.h"
+#include "server/scene/sound_basis.h"
 #include "server/scene/view_treatment.h"
 
 namespace silhouette {
@@ -27,10 +28,13 @@ class ServedDatabase {
   // checksum is marked corrupt, so that nothing that takes it is ever free. DataLoss: the database
   // cannot be read as a whole, or its calibration is damaged. InvalidArgument: its grid is too
   // large to hold in memory, its calibration is none (two cameras at one place, a matrix that is
-  // not of rank 2), the margin is negative, or `treatments` cannot be (TreatmentsOf).
+  // not of rank 2), the margin is negative, or `treatments` (TreatmentsOf) or `sound`
+  // (SoundBasis::Make) cannot be. `sound`: what the sound presets are served with, where the
+  // calibration has camera models; nothing: they are not served.
   static absl::StatusOr<std::shared_ptr<const ServedDatabase>> Load(
       const Database& database, const CalibrationSettings& settings = {},
-      const TreatmentSettings& treatments = {});
+      const TreatmentSettings& treatments = {},
+      const std::optional<SoundCell>& sound = std::nullopt);
 
   const storage::v1::CellDescription& cell() const { return cell_; }
   uint64_t generation() const { return generation_; }
@@ -57,16 +61,22 @@ class ServedDatabase {
   // FailedPrecondition: a margin is not known, and the mend. No verdict is free then.
   const absl::Status& margins_known() const { return treatments_.margins_known; }
 
+  // What the sound presets rest on; null where they cannot be served.
+  const std::shared_ptr<const SoundBasis>& sound() const { return sound_; }
+
   // Whether the database has what a policy needs. FailedPrecondition: what it lacks, and the mend.
   absl::Status CanServe(const Policy& policy) const;
-  // The best of the presets that can be served.
+  // The best of the presets that can be served: sound where the cell is set up for it, else
+  // calibrated where there is a calibration.
   Preset BestPreset() const;
 
  private:
+  absl::Status CanServeSound(Preset preset) const;
+
   ServedDatabase(storage::v1::CellDescription cell, uint64_t generation,
                  RobotImageTable robot_images, std::vector<Reference> references,
                  std::optional<Calibration> calibration, std::optional<EpipolarBands> bands,
-                 ViewTreatments treatments);
+                 ViewTreatments treatments, std::shared_ptr<const SoundBasis> sound);
 
   storage::v1::CellDescription cell_;
   uint64_t generation_ = 0;
@@ -75,6 +85,7 @@ class ServedDatabase {
   std::optional<Calibration> calibration_;
   std::optional<EpipolarBands> bands_;
   ViewTreatments treatments_;
+  std::shared_ptr<const SoundBasis> sound_;
 };
 
 }  // namespace silhouette

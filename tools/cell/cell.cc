@@ -31,6 +31,7 @@ Cell ReadCell(const std::string& path) {
   const auto segmentation_node = map.Optional("segmentation");
   const auto policy_node = map.Optional("policy");
   const auto calibration_node = map.Optional("calibration");
+  const auto sound_node = map.Optional("sound");
   const auto server_node = map.Optional("server");
   map.Finish();
 
@@ -50,6 +51,7 @@ Cell ReadCell(const std::string& path) {
       .policy = {},
       .choose_preset = true,
       .calibration = {},
+      .sound = std::nullopt,
       .server = {}};
   if (workspace_node) cell.workspace = ReadWorkspace(*workspace_node);
   if (capture_node) cell.capture = ReadCapture(*capture_node, cell.grid);
@@ -60,6 +62,10 @@ Cell ReadCell(const std::string& path) {
     cell.choose_preset = !policy.names_preset;
   }
   if (calibration_node) cell.calibration = ReadCalibration(*calibration_node);
+  if (sound_node) {
+    if (cell.robot.urdf.empty()) sound_node->Fail("it needs the robot's model; state robot: urdf");
+    cell.sound = ReadSound(*sound_node);
+  }
   if (server_node) cell.server = ReadServer(*server_node);
   return cell;
 }
@@ -97,6 +103,17 @@ absl::StatusOr<Workspace> WorkspaceOf(const Cell& cell) {
   std::vector<std::string> moving;
   for (const GridJoint& joint : cell.grid.joints()) moving.push_back(joint.name);
   return ReachBox(*robot, moving, cell.fixed_joints, cell.robot.payload_radius);
+}
+
+absl::StatusOr<std::optional<SoundCell>> SoundCellOf(const Cell& cell) {
+  if (!cell.sound) return std::optional<SoundCell>();
+  const absl::StatusOr<Workspace> workspace = WorkspaceOf(cell);
+  if (!workspace.ok()) return workspace.status();
+  absl::StatusOr<RobotModel> robot =
+      RobotModel::FromUrdf(cell.robot.urdf, cell.robot.package_paths);
+  if (!robot.ok()) return robot.status();
+  return std::optional<SoundCell>({*cell.sound, *workspace, cell.robot.payload_radius,
+                                   std::make_shared<const RobotModel>(*std::move(robot))});
 }
 
 storage::v1::CellDescription DescriptionOf(const Cell& cell) {

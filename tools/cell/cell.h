@@ -17,6 +17,7 @@
 #include "server/collision/policy.h"
 #include "server/scene/calibration_settings.h"
 #include "server/scene/scene_settings.h"
+#include "server/scene/sound_settings.h"
 #include "server/scene/view_treatment.h"
 #include "silhouette/storage/v1/storage.pb.h"
 
@@ -65,6 +66,7 @@ struct Cell {
   Policy policy;
   bool choose_preset = true;  // `policy` names no preset: the best that the database can serve
   CalibrationSettings calibration;
+  std::optional<SoundSettings> sound;  // nothing: the sound presets are not served
   ServerSettings server;
 };
 
@@ -75,6 +77,10 @@ absl::StatusOr<Cell> LoadCell(const std::string& path);
 // The box that the robot never leaves: the workspace that the file states, else the reach of its
 // model. InvalidArgument: there is neither.
 absl::StatusOr<Workspace> WorkspaceOf(const Cell& cell);
+
+// What the sound presets are served with; nothing if the file does not say. Errors: as those of
+// WorkspaceOf and RobotModel::FromUrdf.
+absl::StatusOr<std::optional<SoundCell>> SoundCellOf(const Cell& cell);
 
 // What the cell's database must say of it.
 storage::v1::CellDescription DescriptionOf(const Cell& cell);

@@ -238,6 +238,25 @@ CalibrationSettings ReadCalibration(const YamlNode& node) {
   return settings;
 }
 
+SoundSettings ReadSound(const YamlNode& node) {
+  YamlMap map(node);
+  SoundSettings settings;
+  const YamlNode least = map.Required("least_obstacle");
+  settings.least_obstacle = Positive(least, least.As<double>());
+  if (const auto edge = map.Optional("voxel_edge")) {
+    settings.voxel_edge = Positive(*edge, edge->As<double>());
+    if (*settings.voxel_edge > settings.least_obstacle) {
+      edge->Fail("it must not exceed least_obstacle, or no obstacle is told from the robot");
+    }
+  }
+  if (const auto tolerance = map.Optional("model_tolerance")) {
+    settings.model_tolerance = NotNegative(*tolerance, tolerance->As<double>());
+  }
+  settings.whole_model = map.Get<bool>("whole_model", settings.whole_model);
+  map.Finish();
+  return settings;
+}
+
 ServerSettings ReadServer(const YamlNode& node) {
   YamlMap map(node);
   ServerSettings server;

@@ -38,6 +38,7 @@ struct PolicySettings {
 // `views`: how many there are, the bound of min_views.
 PolicySettings ReadPolicy(const YamlNode& node, int views);
 CalibrationSettings ReadCalibration(const YamlNode& node);
+SoundSettings ReadSound(const YamlNode& node);
 ServerSettings ReadServer(const YamlNode& node);
 
 }  // namespace silhouette

@@ -1,0 +1,162 @@
+#include "server/scene/sound_basis.h"
+
+#include <algorithm>
+#include <atomic>
+#include <stdexcept>
+#include <utility>
+
+#include "absl/status/status.h"
+#include "absl/strings/str_cat.h"
+
+namespace silhouette {
+namespace {
+
+// Steps of the body's distance fields in an edge of a voxel.
+constexpr double kStepsPerEdge = 3;
+constexpr double kLeastStep = 0.005;  // metres
+// A camera image is looked at in the centres of its pixels: a rim that lies between them is missed.
+constexpr double kRim = 0.5;  // camera pixels
+
+double EdgeOf(const SoundSettings& settings) {
+  return settings.voxel_edge.value_or(settings.least_obstacle / 3);
+}
+
+// The pixels that the robot covers in any configuration that is there.
+Mask Swept(const RobotImageTable& images, int view) {
+  const MaskSize size = images.mask_sizes()[static_cast<size_t>(view)];
+  std::vector<uint64_t> words(size.words(), 0);
+  for (ConfigurationNumber number = 0; number < images.grid().tiles() * kTileSize; ++number) {
+    if (images.state(number) != RobotImageState::kPresent) continue;
+    const MaskWords image = images.image(view, number);
+    for (size_t i = 0; i < words.size(); ++i) words[i] |= image[i];
+  }
+  return Mask::FromWords(size, std::move(words));
+}
+
+// `margin` and `rim`: mask pixels and camera pixels.
+VoxelView ViewOf(const storage::v1::View& view, const CameraModel& camera, double margin,
+                 double rim, Mask swept) {
+  const MaskSize size = swept.size();
+  const Eigen::Vector2d camera_pixel(double(size.width) / view.image_width(),
+                                     double(size.height) / view.image_height());
+  return {.mask_size = size,
+          .project = [model = camera.ScaledTo(size.width, size.height)](
+                         const Eigen::Vector3d& point) { return model.Project(point); },
+          .margin = Eigen::Vector2d::Constant(margin) + rim * camera_pixel,
+          .swept = std::move(swept)};
+}
+
+absl::Status CheckNumbers(const SoundCell& sound) {
+  const SoundSettings& settings = sound.settings;
+  if (!(settings.least_obstacle > 0) || !(EdgeOf(settings) > 0) ||
+      !(settings.model_tolerance >= 0) || !(sound.workspace.sizes().minCoeff() > 0)) {
+    return absl::InvalidArgumentError(
+        "sound: the least obstacle, the edge of the voxels and the workspace must be greater than "
+        "0, the model's tolerance not below");
+  }
+  const double voxels = (sound.workspace.sizes() / EdgeOf(settings)).prod();
+  if (voxels <= SoundBasis::kMostVoxels) return absl::OkStatus();
+  return absl::InvalidArgumentError(absl::StrCat(
+      "sound: the workspace has ", static_cast<int64_t>(voxels / 1e6), " million voxels of ",
+      EdgeOf(settings), " m, more than ", static_cast<int64_t>(SoundBasis::kMostVoxels / 1e6),
+      " million; state a greater least_obstacle or voxel_edge, or a smaller workspace"));
+}
+
+}  // namespace
+
+SoundBasis::SoundBasis(const SoundCell& sound, const storage::v1::CellDescription& cell,
+                       const ConfigurationGrid& grid, std::vector<VoxelView> views)
+    : robot_(sound.robot),
+      grid_(grid),
+      whole_model_(sound.settings.whole_model),
+      space_(sound.workspace, sound.settings.least_obstacle, std::move(views),
+             sound.settings.voxel_edge),
+      body_(*sound.robot, {.tolerance = sound.settings.model_tolerance,
+                           .payload_radius = sound.payload_radius,
+                           .range = sound.settings.least_obstacle,
+                           .step = std::max(EdgeOf(sound.settings) / kStepsPerEdge, kLeastStep)}) {
+  for (const auto& joint : cell.fixed_joints()) {
+    fixed_joints_.push_back({joint.name(), joint.position()});
+  }
+}
+
+absl::StatusOr<std::shared_ptr<const SoundBasis>> SoundBasis::Make(
+    const SoundCell& sound, const storage::v1::CellDescription& cell,
+    const RobotImageTable& robot_images, const Calibration& calibration, double margin) {
+  if (absl::Status status = CheckNumbers(sound); !status.ok()) return status;
+  try {
+    // Without segmentation settings the masks were made elsewhere, and show all that they touch.
+    const double rim = cell.segmentation().empty() ? 0 : kRim;
+    std::vector<VoxelView> views;
+    for (int view = 0; view < robot_images.views(); ++view) {
+      views.push_back(ViewOf(cell.views(view), calibration.cameras.at(static_cast<size_t>(view)),
+                             margin, rim, Swept(robot_images, view)));
+    }
+    return std::shared_ptr<const SoundBasis>(
+        new SoundBasis(sound, cell, robot_images.grid(), std::move(views)));
+  } catch (const std::invalid_argument& error) {
+    return absl::InvalidArgumentError(absl::StrCat("sound: ", error.what()));
+  }
+}
+
+std::optional<std::vector<double>> SoundBasis::Positions(
+    std::span<const JointPosition> joints) const {
+  std::vector<double> positions;
+  for (const RobotJoint& joint : robot_->joints()) {
+    const auto told = std::find_if(joints.begin(), joints.end(),
+                                   [&](const JointPosition& at) { return at.name == joint.name; });
+    if (told == joints.end()) return std::nullopt;
+    positions.push_back(told->position);
+  }
+  return positions;
+}
+
+RobotVoxels SoundBasis::RobotAt(std::span<const JointPosition> joints) const {
+  const std::optional<std::vector<double>> positions = Positions(joints);
+  if (!positions) return {};
+  const PosedBody body = body_.At(*positions);
+  return VoxelsOfRobot(space_, [&body, hint = size_t{0}](const Eigen::Vector3d& point) mutable {
+    return body.AtMost(point, hint);
+  });
+}
+
+// The body at one configuration after the other.
+struct TestBody {
+  uint64_t owner = 0;
+  ConfigurationNumber number = 0;
+  PosedBody body;
+};
+
+std::function<bool(ConfigurationNumber, const Eigen::AlignedBox3d&)> SoundBasis::RobotMayTouch(
+    std::span<const JointPosition> joints) const {
+  const std::optional<std::vector<double>> now = Positions(joints);
+  if (!whole_model_ || !body_.open_links().empty() || !now) return nullptr;
+  static std::atomic<uint64_t> last_owner = 0;
+  return [this, present = body_.At(*now), owner = ++last_owner](ConfigurationNumber number,
+                                                                const Eigen::AlignedBox3d& box) {
+    // A configuration is asked about many boxes, by one thread.
+    thread_local TestBody test;
+    if (test.owner != owner || test.number != number) {
+      std::vector<JointPosition> there = fixed_joints_;
+      const Configuration q = grid_.At(number);
+      for (size_t i = 0; i < q.size(); ++i) there.push_back({grid_.joints()[i].name, q[i]});
+      const std::optional<std::vector<double>> positions = Positions(there);
+      if (!positions) return true;
+      test = {owner, number, body_.At(*positions).MovedFrom(present)};
+    }
+    return test.body.MayReach(box.center(), box.diagonal().norm() / 2);
+  };
+}
+
+const PossibleSpace& ScenePossibleSpace::Get(const std::shared_ptr<const SoundBasis>& basis,
+                                             const ObstacleImages& images,
+                                             std::span<const JointPosition> joints,
+                                             std::span<const std::optional<Mask>> allowed) const {
+  std::call_once(once_, [&] {
+    basis_ = basis;
+    space_.emplace(basis->space(), images, basis->RobotAt(joints), allowed);
+  });
+  return *space_;
+}
+
+}  // namespace silhouette

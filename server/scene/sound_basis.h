@@ -1,0 +1,89 @@
+// What the sound presets rest on, of one generation of a database: space as the views see it, and
+// the robot's own body.
+#pragma once
+
+#include <cstdint>
+#include <functional>
+#include <memory>
+#include <mutex>
+#include <optional>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "absl/status/statusor.h"
+#include "calib/calibration.h"
+#include "calib/robot_body.h"
+#include "db/configuration_grid.h"
+#include "server/collision/possible_space.h"
+#include "server/collision/robot_image_table.h"
+#include "server/collision/voxel_space.h"
+#include "server/scene/joint_position.h"
+#include "server/scene/sound_settings.h"
+#include "silhouette/storage/v1/storage.pb.h"
+
+namespace silhouette {
+
+// Cannot be changed once made; used by any number of threads.
+class SoundBasis {
+ public:
+  // Voxels that the workspace may have: what fits into memory.
+  static constexpr double kMostVoxels = 1e8;
+
+  // `calibration` must have a camera model per view. `margin`: pixels of the masks by which its
+  // projection may err. InvalidArgument: `sound` has a length that cannot be, or a least obstacle
+  // so small that there would be more voxels than kMostVoxels.
+  static absl::StatusOr<std::shared_ptr<const SoundBasis>> Make(
+      const SoundCell& sound, const storage::v1::CellDescription& cell,
+      const RobotImageTable& robot_images, const Calibration& calibration, double margin);
+
+  const VoxelSpace& space() const { return space_; }
+
+  // The links whose shape is not closed, and counts as nothing.
+  const std::vector<std::string>& open_links() const { return body_.open_links(); }
+
+  // The robot's own body; nothing is known of it if a joint of the model is not told.
+  RobotVoxels RobotAt(std::span<const JointPosition> joints) const;
+
+  // TestSupport::robot_may_touch while the robot stands at `joints`; null unless the model holds
+  // the whole robot. What the robot does not touch now, it does not touch with the links that then
+  // stand as they stand now. Refers to this.
+  std::function<bool(ConfigurationNumber, const Eigen::AlignedBox3d&)> RobotMayTouch(
+      std::span<const JointPosition> joints) const;
+
+ private:
+  SoundBasis(const SoundCell& sound, const storage::v1::CellDescription& cell,
+             const ConfigurationGrid& grid, std::vector<VoxelView> views);
+
+  // The positions of the model's joints; nothing if one is not told.
+  std::optional<std::vector<double>> Positions(std::span<const JointPosition> joints) const;
+
+  std::shared_ptr<const RobotModel> robot_;
+  ConfigurationGrid grid_;
+  std::vector<JointPosition> fixed_joints_;
+  bool whole_model_ = false;
+  VoxelSpace space_;
+  RobotBody body_;
+};
+
+// The possible space of one scene, found once for all who ask. Used by any number of threads. A
+// copy begins anew.
+class ScenePossibleSpace {
+ public:
+  ScenePossibleSpace() = default;
+  ScenePossibleSpace(const ScenePossibleSpace&) {}
+  ScenePossibleSpace& operator=(const ScenePossibleSpace&) = delete;
+
+  // All arguments belong to the scene, and are always the same. `joints`, of the robot;
+  // `allowed`: see PossibleSpace.
+  const PossibleSpace& Get(const std::shared_ptr<const SoundBasis>& basis,
+                           const ObstacleImages& images, std::span<const JointPosition> joints,
+                           std::span<const std::optional<Mask>> allowed) const;
+
+ private:
+  mutable std::once_flag once_;
+  mutable std::shared_ptr<const SoundBasis> basis_;
+  mutable std::optional<PossibleSpace> space_;
+};
+
+}  // namespace silhouette
