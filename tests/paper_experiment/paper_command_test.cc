@@ -98,8 +98,8 @@ TEST_F(PaperCommand, OutGetsTablesAndPictures) {
   ASSERT_EQ(outcome.exit_code, 0) << outcome.err;
   EXPECT_THAT(outcome.out, HasSubstr("figure7, planar, rig A, centre"));
   EXPECT_THAT(ReadAll(out / "rows.csv"), HasSubstr("figure7,planar,A,touch,paper,n-1,4,"));
-  for (const char* name :
-       {"figure1.png", "figure6-planar-A.png", "figure7-planar-A.png", "views-planar-A.png"}) {
+  for (const char* name : {"figure1.png", "figure6-planar-A.png", "figure7-planar-A.png",
+                           "views-planar-A.png", "verdicts-planar-A.png"}) {
     EXPECT_GT(fs::file_size(out / name), 1000u) << name;
   }
 }
@@ -118,7 +118,9 @@ TEST_F(PaperCommand, TheReconstructionIsPartOfTheRunAndCanBeHadAlone) {
                                               {"test_off_grid", 16},
                                               {"reconstruction_figure7", 16},
                                               {"reconstruction", 16}}));
-  const Outcome alone = Run(selection + "--experiments reconstruction");
+  const fs::path out = folder_ / "out_of_reconstruction";
+  const Outcome alone = Run(selection + "--experiments reconstruction --out " + out.string());
+  EXPECT_GT(fs::file_size(out / "reconstruction-planar-A.png"), 1000u);
   ASSERT_EQ(alone.exit_code, 0) << alone.err;
   EXPECT_THAT(alone.out, HasSubstr("hull-minus-robot-hull, 16 voxels in place of calibrated"));
   EXPECT_THAT(alone.out, testing::Not(HasSubstr("current_off_grid")));

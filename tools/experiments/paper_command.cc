@@ -5,6 +5,7 @@
 #include <map>
 #include <memory>
 #include <thread>
+#include <utility>
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_split.h"
@@ -125,6 +126,10 @@ absl::Status WriteAll(const std::string& folder, const std::vector<Row>& rows,
       const std::string of = absl::StrCat("-", NameOf(variant), "-", rig, ".png");
       status.Update(WritePng(folder + "/figure6" + of, SetupPicture(settings, variant, rig)));
       status.Update(WritePng(folder + "/views" + of, ViewsPicture(settings, variant, rig)));
+      status.Update(WritePng(folder + "/verdicts" + of, VerdictsPicture(settings, variant, rig)));
+      if (const Picture chart = ReconstructionChart(methods, variant, rig); !chart.empty()) {
+        status.Update(WritePng(folder + "/reconstruction" + of, chart));
+      }
       for (Experiment experiment : selection.experiments) {
         const Picture chart = ErrorsChart(rows, experiment, variant, rig);
         if (chart.empty()) continue;
@@ -137,9 +142,10 @@ absl::Status WriteAll(const std::string& folder, const std::vector<Row>& rows,
 
 // Progress of one study; a stop is a wish to stop it.
 OnProgress Telling(const std::string& what) {
-  return [what, progress = std::shared_ptr<Progress>()](uint64_t done, uint64_t total) mutable {
+  return [what, told = uint64_t{0}, progress = std::shared_ptr<Progress>()](
+             uint64_t done, uint64_t total) mutable {
     if (!progress) progress = std::make_shared<Progress>(what, total, "scenes");
-    progress->Update(done);
+    if (done != std::exchange(told, done)) progress->Update(done);
     return !StopRequested();
   };
 }

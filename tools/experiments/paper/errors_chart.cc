@@ -8,11 +8,6 @@
 namespace silhouette::paper {
 namespace {
 
-// The threshold that a preset has if nothing else is asked for.
-Threshold OwnThreshold(Preset preset) {
-  return preset == Preset::kUncalibrated ? Threshold::kAllButOne : Threshold::kAll;
-}
-
 std::string TitleOf(Experiment experiment) {
   switch (experiment) {
     case Experiment::kFigure7:
@@ -45,6 +40,27 @@ std::vector<LineSeries> SeriesOf(std::span<const Row> rows, bool additional) {
   return all;
 }
 
+// By method, in the order of the rows; of the hulls those with the finest voxels.
+std::vector<LineSeries> SeriesOf(std::span<const MethodRow> rows, bool additional) {
+  std::vector<LineSeries> all;
+  const int finest =
+      std::max_element(rows.begin(), rows.end(), [](const MethodRow& a, const MethodRow& b) {
+        return a.voxels < b.voxels;
+      })->voxels;
+  for (const MethodRow& row : rows) {
+    const bool shown = row.voxels == finest || row.method == NameOf(Preset::kPaper) ||
+                       row.method == NameOf(Preset::kCalibrated);
+    if (!shown) continue;
+    if (all.empty() || all.back().name != row.method) {
+      all.push_back({row.method, SeriesColour(all.size()), {}});
+    }
+    const Spread& spread = additional ? row.additional : row.missing;
+    all.back().points.push_back({static_cast<double>(row.views),
+                                 100 * spread.mean / static_cast<double>(row.configurations)});
+  }
+  return all;
+}
+
 }  // namespace
 
 Picture ErrorsChart(std::span<const Row> rows, Experiment experiment, Variant variant,
@@ -67,6 +83,20 @@ Picture ErrorsChart(std::span<const Row> rows, Experiment experiment, Variant va
   if (panels.empty()) return {};
   return Draw(panels, {.title = absl::StrCat(TitleOf(experiment), " (", NameOf(variant), ", rig ",
                                              rig, ")")});
+}
+
+Picture ReconstructionChart(std::span<const MethodRow> rows, Variant variant,
+                            const std::string& rig) {
+  std::vector<MethodRow> own;
+  std::copy_if(rows.begin(), rows.end(), std::back_inserter(own), [&](const MethodRow& row) {
+    return row.experiment == "reconstruction" && row.variant == variant && row.rig == rig;
+  });
+  if (own.empty()) return {};
+  const std::string share = "% of the configuration space";
+  return Draw({{"Additional", "number of cameras", share, SeriesOf(own, true)},
+               {"Missing", "number of cameras", share, SeriesOf(own, false)}},
+              {.title = absl::StrCat("Reconstruction and images, random scenes (", NameOf(variant),
+                                     ", rig ", rig, ", pixels touched, min_views n)")});
 }
 
 }  // namespace silhouette::paper

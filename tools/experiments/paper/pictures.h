@@ -3,6 +3,7 @@
 
 #include <span>
 
+#include "tools/experiments/paper/reconstruction.h"
 #include "tools/experiments/paper/settings.h"
 #include "tools/experiments/paper/study.h"
 #include "tools/picture/picture.h"
@@ -14,6 +15,16 @@ namespace silhouette::paper {
 // (an empty picture) if there are no such rows.
 Picture ErrorsChart(std::span<const Row> rows, Experiment experiment, Variant variant,
                     const std::string& rig);
+
+// The same for the study of reconstruction (§2), random scenes: the hulls with the finest voxels
+// beside the presets paper and calibrated.
+Picture ReconstructionChart(std::span<const MethodRow> rows, Variant variant,
+                            const std::string& rig);
+
+// The configuration space of a random scene as each test reports it, with all cameras and pixels
+// that are touched: what is additional, what is missing. The first scene in which the robot hides
+// so much that the preset paper misses a lot, if there is one.
+Picture VerdictsPicture(const Settings& settings, Variant variant, const std::string& rig);
 
 // Figure 6: robot, obstacles of Figure 7's scene and what each camera sees of them, on a plane
 // behind the scene.

@@ -32,7 +32,7 @@ struct SoundSettings {
 
 struct ReconstructionSettings {
   std::vector<int> voxels{64, 128};  // along each edge of the cube, one study each
-  int scenes = 20;                   // of the random ones, the first
+  int scenes = 12;                   // of the random ones, the first
 };
 
 // A rectangle with its edges along x and y.

@@ -24,9 +24,8 @@ constexpr int kOversampling = 2;
 constexpr double kReach = 2.35;         // half the picture's width, in window half widths
 constexpr double kPlaneDistance = 1.3;  // of the image planes from the origin, as a cube's sides
 constexpr int kCaption = 17;
-constexpr double kInset = 0.16;       // of a caption from its plane's lower rim, in half widths
-constexpr double kAside = 0.6;        // to the left of its plane's middle, likewise
-constexpr double kAxis = 0.35;        // length of the axes' arrows, likewise
+constexpr int kBelow = 16;            // of a caption's middle under its plane, in pixels
+constexpr double kAxis = 0.35;        // length of the axes' arrows, in half widths
 constexpr int kAxesFromRight = 160;   // pixels
 constexpr double kFrameWidth = 0.01;  // likewise
 
@@ -170,6 +169,20 @@ void DrawAxis(Picture& picture, const Viewpoint& viewpoint, cv::Point from, cons
   DrawText(picture, caption, end + cv::Point(10, -8), {.height = kCaption});
 }
 
+// Under the lowest corner in the picture.
+void DrawCaption(Picture& picture, const Viewpoint& viewpoint,
+                 const std::array<Vector3d, 4>& corners, const std::string& caption) {
+  cv::Point lowest = viewpoint.PixelOf(corners[0]);
+  for (const Vector3d& corner : corners) {
+    const cv::Point at = viewpoint.PixelOf(corner);
+    if (at.y > lowest.y) lowest = at;
+  }
+  const int half_width = TextWidth(caption, kCaption) / 2;
+  lowest.x = std::clamp(lowest.x, half_width, picture.cols - 1 - half_width);
+  DrawText(picture, caption, lowest + cv::Point(0, kBelow),
+           {.height = kCaption, .across = Align::kMiddle});
+}
+
 std::string DirectionOf(const ParallelCamera& camera) {
   const Vector3d d = camera.direction() / camera.direction().cwiseAbs().maxCoeff();
   return absl::StrFormat("(%.3g, %.3g, %.3g)", d.x() + 0.0, d.y() + 0.0, d.z() + 0.0);
@@ -209,10 +222,7 @@ Picture SetupPicture(const Settings& settings, Variant variant, const std::strin
   std::string directions = "The cameras look along";
   for (size_t i = 0; i < planes.size(); ++i) {
     const ParallelCamera& camera = *planes[i].camera;
-    DrawText(picture, absl::StrCat("camera ", i + 1),
-             viewpoint.PixelOf(planes[i].middle -
-                               half * ((1 - kInset) * camera.up() + kAside * camera.right())),
-             {.height = kCaption, .across = Align::kMiddle});
+    DrawCaption(picture, viewpoint, CornersOf(planes[i], half), absl::StrCat("camera ", i + 1));
     absl::StrAppend(&directions, i == 0 ? " " : ", ", i + 1, ": ", DirectionOf(camera));
   }
   const cv::Point corner(picture.cols - kAxesFromRight, picture.rows - kRim);

@@ -211,6 +211,10 @@ const std::vector<Experiment>& AllExperiments() {
 
 std::string NameOf(Threshold threshold) { return threshold == Threshold::kAll ? "n" : "n-1"; }
 
+Threshold OwnThreshold(Preset preset) {
+  return preset == Preset::kUncalibrated ? Threshold::kAllButOne : Threshold::kAll;
+}
+
 int MinViewsOf(Threshold threshold, int views) {
   return threshold == Threshold::kAll ? views : std::max(1, views - 1);
 }

@@ -40,6 +40,8 @@ struct Selection {
 enum class Threshold { kAll, kAllButOne };  // n; n - 1, at least 1
 std::string NameOf(Threshold threshold);    // "n", "n-1"
 int MinViewsOf(Threshold threshold, int views);
+// The threshold that a preset has where nothing else is asked for.
+Threshold OwnThreshold(Preset preset);
 
 // One line of the table.
 struct Row {
