@@ -39,6 +39,8 @@ struct Arguments {
   int threads = 0;
 };
 
+std::string NameOf(const std::string& name) { return name; }
+
 // The values whose names are in `names`, all if there are none. Throws std::invalid_argument for a
 // name that no value has.
 template <typename T>
@@ -68,10 +70,14 @@ bool WithReconstruction(const Arguments& arguments) {
 }
 
 // Without the reconstruction, which is a study of its own.
-std::vector<Experiment> ChosenExperiments(std::vector<std::string> names) {
-  const size_t erased = std::erase(names, kReconstruction);
-  if (names.empty() && erased > 0) return {};
-  return Chosen(names, AllExperiments(), "experiment");
+std::vector<Experiment> ChosenExperiments(const std::vector<std::string>& names) {
+  std::vector<std::string> all;
+  for (Experiment experiment : AllExperiments()) all.push_back(NameOf(experiment));
+  all.push_back(kReconstruction);
+  std::vector<std::string> chosen = Chosen(names, all, "experiment");
+  std::erase(chosen, kReconstruction);
+  return chosen.empty() ? std::vector<Experiment>{}
+                        : Chosen(chosen, AllExperiments(), "experiment");
 }
 
 std::vector<std::string> ChosenRigs(const std::vector<std::string>& names,
@@ -106,16 +112,18 @@ nlohmann::ordered_json JsonOfBoth(const std::vector<Row>& rows,
   return all;
 }
 
+absl::Status MakeFolder(const std::string& folder) {
+  std::error_code error;
+  std::filesystem::create_directories(folder, error);
+  if (!error) return absl::OkStatus();
+  return absl::FailedPreconditionError(
+      absl::StrCat("cannot make the folder '", folder, "': ", error.message()));
+}
+
 // What --out asks for.
 absl::Status WriteAll(const std::string& folder, const std::vector<Row>& rows,
                       const std::vector<MethodRow>& methods, const Selection& selection,
                       const Settings& settings) {
-  std::error_code error;
-  std::filesystem::create_directories(folder, error);
-  if (error) {
-    return absl::FailedPreconditionError(
-        absl::StrCat("cannot make the folder '", folder, "': ", error.message()));
-  }
   const nlohmann::ordered_json all = JsonOfBoth(rows, methods);
   absl::Status status = WriteWholeFile(folder + "/rows.csv", CsvOf(all));
   status.Update(WriteWholeFile(folder + "/rows.json", all.dump(1) + "\n"));
@@ -162,6 +170,10 @@ int RunPaper(const Arguments& arguments) {
     return Report(kProgram, absl::InvalidArgumentError(mistake.what()));
   }
   const Selection selection = SelectionOf(arguments, settings);
+  if (!arguments.out.empty()) {
+    const absl::Status made = MakeFolder(arguments.out);
+    if (!made.ok()) return Report(kProgram, made);
+  }
   CatchStopSignals();
   const std::vector<Row> rows =
       Measure(settings, selection, arguments.threads, Telling("Measuring"));
@@ -189,8 +201,10 @@ int RunPaper(const Arguments& arguments) {
 }  // namespace
 
 void AddPaperCommand(CLI::App& program, Run& run) {
-  CLI::App* command =
-      program.add_subcommand("paper", "The paper's simulation (4.1, Figures 1, 6 and 7), and more");
+  CLI::App* command = program.add_subcommand(
+      "paper",
+      "How many configurations each test reports wrongly in the paper's simulation (4.1,\n"
+      "Figures 1, 6 and 7), and whether reconstructing space would do better (2)");
   auto arguments = std::make_shared<Arguments>();
   arguments->threads = std::max(1, static_cast<int>(std::thread::hardware_concurrency()));
   command->add_option(
@@ -220,7 +234,9 @@ void AddPaperCommand(CLI::App& program, Run& run) {
       "Examples:\n"
       "  silhouette-experiments paper --out paper\n"
       "  silhouette-experiments paper --experiments figure7 --variants planar --rigs A\n"
-      "  silhouette-experiments paper --presets calibrated,sound --format json > rows.json");
+      "  silhouette-experiments paper --presets calibrated,sound --format json > rows.json\n"
+      "  silhouette-experiments paper --print-settings > mine.yaml\n"
+      "  silhouette-experiments paper --settings mine.yaml --out mine");
   command->callback([arguments, &run] { run = [arguments] { return RunPaper(*arguments); }; });
 }
 

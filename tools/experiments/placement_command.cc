@@ -216,11 +216,17 @@ void PrintText(const Result& result) {
 }
 
 int RunPlacement(const Arguments& arguments) {
-  const absl::StatusOr<Result> result = Choose(arguments);
-  if (!result.ok()) return Report(kName, result.status());
   if (!arguments.out.empty()) {
     std::error_code error;
     std::filesystem::create_directories(arguments.out, error);
+    if (error) {
+      return Report(kName, absl::FailedPreconditionError(absl::StrCat(
+                               "cannot make the folder '", arguments.out, "': ", error.message())));
+    }
+  }
+  const absl::StatusOr<Result> result = Choose(arguments);
+  if (!result.ok()) return Report(kName, result.status());
+  if (!arguments.out.empty()) {
     const absl::Status written =
         WriteMap(*result, (std::filesystem::path(arguments.out) / "placement.png").string());
     if (!written.ok()) return Report(kName, written);
