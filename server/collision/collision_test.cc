@@ -245,14 +245,14 @@ bool CollisionTest::SomethingPossible(Numbers corners) const {
       at += count;
     }
   }
-  if (!possible_space_->PlanesMeet(robot, min_views_)) return false;
-  if (!voxels_decide_) return true;
-  if (!robot_may_touch_ || corners.size() > 1) {
-    return possible_space_->VoxelsMeet(robot, min_views_);
+  PossibleSpace::MayTouch body;
+  if (robot_may_touch_ && corners.size() == 1) {
+    body = [this, number = corners[0]](const Eigen::AlignedBox3d& box) {
+      return robot_may_touch_(number, box);
+    };
   }
-  return possible_space_->VoxelsMeet(robot, min_views_, [&](const Eigen::AlignedBox3d& box) {
-    return robot_may_touch_(corners[0], box);
-  });
+  return possible_space_->PlanesMeet(robot, min_views_, body) &&
+         (!voxels_decide_ || possible_space_->VoxelsMeet(robot, min_views_, body));
 }
 
 int CollisionTest::ShowingAlongLines(Numbers corners, int showing) const {

@@ -59,8 +59,10 @@ struct TestSupport {
   const CollisionImages* resolved = nullptr;
   // Sound presets: where the scene's obstacles could be.
   const PossibleSpace* possible_space = nullptr;
-  // kSound, if the model of the robot holds all there is of it, tool and payload: whether it may
-  // touch a box at a configuration. Configurations off the grid are tested without.
+  // Sound presets, if the model of the robot holds all there is of it, tool and payload: whether it
+  // may touch a box at a configuration. Links that are exactly where they are at present may be
+  // left out: what they touched then, they would touch now. Configurations off the grid are tested
+  // without.
   std::function<bool(ConfigurationNumber, const Eigen::AlignedBox3d&)> robot_may_touch = nullptr;
 };
 

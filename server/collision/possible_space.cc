@@ -14,6 +14,8 @@ namespace silhouette {
 namespace {
 
 constexpr int kEdge = VoxelGrid::kBlockEdge;
+// Parts no longer than this, in voxels, are not split.
+constexpr int kShortestPart = 3;
 constexpr uint64_t kLowestBits = 0x0101010101010101;
 
 // Bit i of the result is bit `bit` of byte i.
@@ -85,6 +87,20 @@ Mask Rim(MaskSize size) {
   });
 }
 
+// Sets pixels of an image.
+void Set(std::span<uint64_t> words, int image_width, const PixelRectangle& pixels) {
+  for (int y = 0; y < pixels.height; ++y) {
+    int bit = (pixels.y + y) * image_width + pixels.x;
+    for (int left = pixels.width; left > 0;) {
+      const int in_word = std::min(left, 64 - bit % 64);
+      const uint64_t all = ~uint64_t{0} >> (64 - in_word);
+      words[static_cast<size_t>(bit) / 64] |= all << (bit % 64);
+      bit += in_word;
+      left -= in_word;
+    }
+  }
+}
+
 // The planes of one part, while they are drawn.
 class PartPlanes {
  public:
@@ -100,12 +116,7 @@ class PartPlanes {
       const VoxelSpace::Look& look = space_.look(static_cast<int>(view));
       const PixelRectangle pixels = look.Rectangle(look.touched[place]);
       if (!pixels.whole) beyond_[view] = true;
-      for (int y = pixels.y; y < pixels.y + pixels.height; ++y) {
-        for (int x = pixels.x; x < pixels.x + pixels.width; ++x) {
-          const auto bit = static_cast<size_t>(y * look.mask_size.width + x);
-          words_[view][bit / 64] |= uint64_t{1} << (bit % 64);
-        }
-      }
+      Set(words_[view], look.mask_size.width, pixels);
     }
   }
 
@@ -181,15 +192,14 @@ RobotVoxels VoxelsOfRobot(const VoxelSpace& space,
   const double rho = space.least_obstacle();
   const double half_diagonal = std::sqrt(3.0) / 2 * grid.edge();
   RobotVoxels robot{VoxelSet(grid), VoxelSet(grid)};
-  const auto visit = [&](int x, int y, int z) {
-    const Eigen::Vector3d centre = grid.Box(x, y, z).center();
-    const double at_centre = signed_distance(centre);
-    if (at_centre > rho) return;
+  // `at_centre`: the distance of the voxel's centre.
+  const auto decide = [&](int x, int y, int z, double at_centre) {
     double farthest = at_centre + half_diagonal;
     // Nearer by looking at the eighths of the voxel, where that can matter.
     const bool closer = (farthest >= rho && at_centre + half_diagonal / 2 < rho) ||
                         (farthest > 0 && at_centre + half_diagonal / 2 <= 0);
     if (closer) {
+      const Eigen::Vector3d centre = grid.Box(x, y, z).center();
       double of_eighths = -std::numeric_limits<double>::infinity();
       for (int corner = 0; corner < 8; ++corner) {
         const Eigen::Vector3d to((corner & 1) - 0.5, (corner >> 1 & 1) - 0.5, (corner >> 2) - 0.5);
@@ -200,14 +210,32 @@ RobotVoxels VoxelsOfRobot(const VoxelSpace& space,
     if (farthest < rho) robot.no_centre.Insert(x, y, z);
     if (farthest <= 0) robot.inside.Insert(x, y, z);
   };
-  for (const VoxelSpace::Block& block : space.active()) {
-    const Eigen::Vector3d centre = grid.Corner(
-        block.x * kEdge + kEdge / 2, block.y * kEdge + kEdge / 2, block.z * kEdge + kEdge / 2);
-    if (signed_distance(centre) - kEdge * half_diagonal > rho) continue;
-    for (int i = 0; i < VoxelGrid::kBlockVoxels; ++i) {
-      visit(block.x * kEdge + i % kEdge, block.y * kEdge + i / kEdge % kEdge,
-            block.z * kEdge + i / (kEdge * kEdge));
+  // A cube of voxels: all of it is decided by its centre, or its eighths are.
+  const auto visit = [&](auto& self, int x, int y, int z, int edges) -> void {
+    const Eigen::Vector3d centre =
+        grid.Corner(x, y, z) + grid.edge() * edges / 2 * Eigen::Vector3d::Ones();
+    const double at_centre = signed_distance(centre);
+    const double reach = edges * half_diagonal;
+    if (edges == 1) {
+      if (at_centre < rho) decide(x, y, z, at_centre);
+      return;
     }
+    if (at_centre - reach >= rho) return;
+    if (at_centre + reach <= 0) {
+      for (int i = 0; i < edges * edges; ++i) {
+        robot.no_centre.InsertRun(x, x + edges - 1, y + i % edges, z + i / edges);
+        robot.inside.InsertRun(x, x + edges - 1, y + i % edges, z + i / edges);
+      }
+      return;
+    }
+    const int half = edges / 2;
+    for (int corner = 0; corner < 8; ++corner) {
+      self(self, x + (corner & 1) * half, y + (corner >> 1 & 1) * half, z + (corner >> 2) * half,
+           half);
+    }
+  };
+  for (const VoxelSpace::Block& block : space.active()) {
+    visit(visit, block.x * kEdge, block.y * kEdge, block.z * kEdge, kEdge);
   }
   return robot;
 }
@@ -281,27 +309,83 @@ void PossibleSpace::FindParts(const ObstacleImages& images) {
   for (size_t view = 0; view < views; ++view) {
     if (images[view]) possible_pixels_[view] = ~images[view]->Background();
   }
-  for (size_t slot = 0; slot < space_.active().size(); ++slot) {
-    if (AnyInBlock(remaining_, space_.active()[slot])) {
-      remaining_blocks_.push_back(static_cast<int>(slot));
-    }
-  }
-  // Voxels inside a part are seen where its surface is.
+  // Voxels inside a part are seen where its surface is, or where it is cut off.
   const VoxelSet surface = Surface(remaining_);
-  std::vector<PartPlanes> drawn;
-  for (const VoxelRun& run : ConnectedParts(remaining_, kMostParts)) {
-    while (drawn.size() <= static_cast<size_t>(run.part)) drawn.emplace_back(space_);
-    for (int x = run.first; x <= run.last; ++x) {
-      if (!surface.at(x, run.y, run.z)) continue;
-      drawn[static_cast<size_t>(run.part)].Add(*space_.PlaceOf(x, run.y, run.z));
+  always_met_ = VoxelSet(space_.grid());
+  std::vector<VoxelPart> parts = PartsOf(ConnectedParts(remaining_, kMostParts / 4));
+  for (size_t i = 0; i < parts.size(); ++i) {
+    while (AlwaysMet(parts[i]) && parts[i].Length() > kShortestPart && parts.size() < kMostParts) {
+      auto [lower, upper] = Halves(parts[i]);
+      parts[i] = std::move(lower);
+      parts.push_back(std::move(upper));
+    }
+    if (AlwaysMet(parts[i])) {
+      for (const VoxelRun& run : parts[i].runs)
+        always_met_.InsertRun(run.first, run.last, run.y, run.z);
+    } else {
+      parts_.push_back(Drawn(parts[i], surface));
     }
   }
-  for (const PartPlanes& part : drawn) parts_.push_back(part.Cut(possible_pixels_));
+  for (size_t slot = 0; slot < space_.active().size(); ++slot) {
+    const VoxelSpace::Block& block = space_.active()[slot];
+    if (!AnyInBlock(remaining_, block)) continue;
+    remaining_blocks_.push_back(static_cast<int>(slot));
+    if (AnyInBlock(always_met_, block)) always_met_blocks_.push_back(static_cast<int>(slot));
+  }
 }
 
-bool PossibleSpace::PlanesMeet(std::span<const MaskWords> robot, int min_views) const {
+bool PossibleSpace::AlwaysMet(const VoxelPart& part) const {
+  bool any_image = false;
+  for (size_t view = 0; view < possible_pixels_.size(); ++view) {
+    if (!possible_pixels_[view]) continue;
+    any_image = true;
+    const VoxelSet& covered = space_.always_covered(static_cast<int>(view));
+    const bool met = std::any_of(part.runs.begin(), part.runs.end(), [&](const VoxelRun& run) {
+      for (int x = run.first; x <= run.last; ++x) {
+        if (covered.at(x, run.y, run.z)) return true;
+      }
+      return false;
+    });
+    if (!met) return false;
+  }
+  return any_image;
+}
+
+PossibleSpace::Part PossibleSpace::Drawn(const VoxelPart& part, const VoxelSet& surface) const {
+  PartPlanes planes(space_);
+  for (const VoxelRun& run : part.runs) {
+    const bool outermost = run.y == part.low[1] || run.y == part.high[1] || run.z == part.low[2] ||
+                           run.z == part.high[2];
+    for (int x = run.first; x <= run.last; ++x) {
+      if (outermost || x == part.low[0] || x == part.high[0] || surface.at(x, run.y, run.z)) {
+        planes.Add(*space_.PlaceOf(x, run.y, run.z));
+      }
+    }
+  }
+  return planes.Cut(possible_pixels_);
+}
+
+bool PossibleSpace::BodyTouches(const VoxelSet& voxels, std::span<const int> blocks,
+                                const MayTouch& body) const {
+  for (int slot : blocks) {
+    const VoxelSpace::Block& block = space_.active()[static_cast<size_t>(slot)];
+    if (!body(space_.BoxOf(block))) continue;
+    for (int row = 0; row < kEdge * kEdge; ++row) {
+      const int y = block.y * kEdge + row % kEdge;
+      const int z = block.z * kEdge + row / kEdge;
+      for (unsigned left = voxels.RowOfBlock(block.x, y, z); left != 0; left &= left - 1) {
+        const int x = block.x * kEdge + std::countr_zero(left);
+        if (body(space_.grid().Box(x, y, z))) return true;
+      }
+    }
+  }
+  return false;
+}
+
+bool PossibleSpace::PlanesMeet(std::span<const MaskWords> robot, int min_views,
+                               const MayTouch& body) const {
   const int may_miss = space_.views() - min_views;
-  return std::any_of(parts_.begin(), parts_.end(), [&](const Part& part) {
+  const bool meet = std::any_of(parts_.begin(), parts_.end(), [&](const Part& part) {
     int missed = 0;
     for (size_t view = 0; view < robot.size() && missed <= may_miss; ++view) {
       const std::optional<Mask>& plane = part.planes[view];
@@ -310,6 +394,8 @@ bool PossibleSpace::PlanesMeet(std::span<const MaskWords> robot, int min_views) 
     }
     return missed <= may_miss;
   });
+  if (meet || always_met_blocks_.empty()) return meet;
+  return !body || BodyTouches(always_met_, always_met_blocks_, body);
 }
 
 bool PossibleSpace::VoxelsMeet(std::span<const MaskWords> robot, int min_views,

@@ -7,10 +7,11 @@
 // and what its silhouettes enclose holds no ball and vanishes; what is left can hold an obstacle. A
 // voxel that every view sees as obstacle stays, whatever its size.
 //
-// What is left falls into connected parts, and an obstacle that the robot meets lies in one of
+// What is left falls into parts, and where the robot meets an obstacle there is a point of one of
 // them. It remains in two forms. As planes per part and view, which do not depend on the test
 // configuration: the robot may meet the part if the planes meet its robot images in all views. And
-// as voxels: then one and the same voxel must meet the robot image in every view.
+// as voxels: then one and the same voxel must meet the robot image in every view, and the robot's
+// body where that is known.
 #pragma once
 
 #include <functional>
@@ -21,6 +22,7 @@
 #include "db/mask.h"
 #include "server/collision/collision_images.h"
 #include "server/collision/voxel_grid.h"
+#include "server/collision/voxel_parts.h"
 #include "server/collision/voxel_space.h"
 
 namespace silhouette {
@@ -58,9 +60,10 @@ class PossibleSpace {
   // What may hold an obstacle, where the robot may be met.
   const VoxelSet& remaining() const { return remaining_; }
 
-  // The connected parts of what remains, the largest first; at most kMostParts, of which the last
-  // holds all the rest.
-  static constexpr int kMostParts = 8;
+  // What remains in parts, as planes: the connected parts, and pieces of those whose planes would
+  // meet the robot at any configuration, because it always covers some of their pixels in every
+  // view with an image. Pieces that are small and always met have no planes: always_met().
+  static constexpr size_t kMostParts = 16;
   struct Part {
     // Per view the pixels in which the part is seen; nothing for a view without an image. Where it
     // reaches beyond the image, the image's rim is in the plane: a robot that meets it out there
@@ -69,26 +72,36 @@ class PossibleSpace {
     std::vector<bool> beyond;  // per view, whether it reaches beyond the image
   };
   const std::vector<Part>& parts() const { return parts_; }
+  const VoxelSet& always_met() const { return always_met_; }
+
+  // Whether a box may touch the robot, tool and payload at the configuration asked for; pieces of
+  // it that are exactly where they are at present may be left out, for they touch nothing now. If
+  // that is not known, nothing.
+  using MayTouch = std::function<bool(const Eigen::AlignedBox3d&)>;
 
   // Both: the images of a robot, one per view; a view without an image counts as met. Never
   // allocate. `min_views`: 1 to the number of views.
 
-  // Whether the planes of a part meet the robot in `min_views` views.
-  bool PlanesMeet(std::span<const MaskWords> robot, int min_views) const;
+  // Whether the planes of a part meet the robot in `min_views` views, or its body may touch one of
+  // always_met(); without a body, it does.
+  bool PlanesMeet(std::span<const MaskWords> robot, int min_views,
+                  const MayTouch& body = nullptr) const;
 
-  // Whether one and the same remaining voxel meets it in `min_views` views, and may touch the
-  // robot's body. `body`: whether a box may touch all there is of the robot, tool and payload at
-  // that configuration; if it is not known, nothing.
-  using MayTouch = std::function<bool(const Eigen::AlignedBox3d&)>;
+  // Whether one and the same remaining voxel meets it in `min_views` views, and its body.
   bool VoxelsMeet(std::span<const MaskWords> robot, int min_views,
                   const MayTouch& body = nullptr) const;
 
  private:
   void FindParts(const ObstacleImages& images);
+  bool AlwaysMet(const VoxelPart& part) const;
+  Part Drawn(const VoxelPart& part, const VoxelSet& surface) const;
+  bool BodyTouches(const VoxelSet& voxels, std::span<const int> blocks, const MayTouch& body) const;
 
   const VoxelSpace& space_;
   VoxelSet remaining_;
-  std::vector<int> remaining_blocks_;  // places in space_.active()
+  VoxelSet always_met_;
+  std::vector<int> always_met_blocks_;  // places in space_.active()
+  std::vector<int> remaining_blocks_;   // places in space_.active()
   std::vector<Part> parts_;
   CollisionImages possible_pixels_;  // those that are not background
 };

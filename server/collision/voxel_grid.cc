@@ -81,6 +81,10 @@ VoxelSet MetByBalls(const VoxelSet& centres, const VoxelGrid& grid, double radiu
       grid.size(0) % 64 == 0 ? ~uint64_t{0} : ~(~uint64_t{0} << (grid.size(0) % 64));
   // Rows widened by 0 to `reach` voxels.
   std::vector<uint64_t> wide(static_cast<size_t>(reach + 1) * words);
+  std::vector<int> reaches;  // by dz and dy
+  for (int dz = -reach; dz <= reach; ++dz) {
+    for (int dy = -reach; dy <= reach; ++dy) reaches.push_back(ReachAlongX(edges, dy, dz));
+  }
   const auto widened = [&](int by) {
     return std::span<uint64_t>(wide.data() + static_cast<size_t>(by) * words, words);
   };
@@ -96,7 +100,7 @@ VoxelSet MetByBalls(const VoxelSet& centres, const VoxelGrid& grid, double radiu
       for (int dz = -reach; dz <= reach; ++dz) {
         if (z + dz < 0 || z + dz >= grid.size(2)) continue;
         for (int dy = -reach; dy <= reach; ++dy) {
-          const int by = ReachAlongX(edges, dy, dz);
+          const int by = reaches[static_cast<size_t>((dz + reach) * (2 * reach + 1) + dy + reach)];
           if (by < 0 || y + dy < 0 || y + dy >= grid.size(1)) continue;
           const std::span<uint64_t> target = met.row(y + dy, z + dz);
           const std::span<const uint64_t> source = widened(by);

@@ -70,6 +70,10 @@ class VoxelSet {
   void Insert(int x, int y, int z) {
     row(y, z)[static_cast<size_t>(x) / 64] |= uint64_t{1} << (x % 64);
   }
+  // Voxels first..last of a row.
+  void InsertRun(int first, int last, int y, int z) {
+    for (int x = first; x <= last; ++x) Insert(x, y, z);
+  }
   // The kBlockEdge voxels of a row that lie in block `bx`, bit 0 first.
   unsigned RowOfBlock(int bx, int y, int z) const {
     return static_cast<unsigned>(row(y, z)[static_cast<size_t>(bx) / 8] >> (8 * (bx % 8))) & 0xff;

@@ -97,4 +97,45 @@ std::vector<VoxelRun> ConnectedParts(const VoxelSet& set, int most) {
   return runs;
 }
 
+void VoxelPart::Add(const VoxelRun& run) {
+  runs.push_back(run);
+  low = {std::min(low[0], run.first), std::min(low[1], run.y), std::min(low[2], run.z)};
+  high = {std::max(high[0], run.last), std::max(high[1], run.y), std::max(high[2], run.z)};
+}
+
+int VoxelPart::Length() const {
+  if (runs.empty()) return 0;
+  return std::max({high[0] - low[0], high[1] - low[1], high[2] - low[2]}) + 1;
+}
+
+std::vector<VoxelPart> PartsOf(const std::vector<VoxelRun>& runs) {
+  std::vector<VoxelPart> parts;
+  for (const VoxelRun& run : runs) {
+    const auto part = static_cast<size_t>(run.part);
+    if (parts.size() <= part) parts.resize(part + 1);
+    parts[part].Add(run);
+  }
+  return parts;
+}
+
+std::pair<VoxelPart, VoxelPart> Halves(const VoxelPart& part) {
+  const int length = part.Length();
+  size_t axis = 0;
+  while (part.high[axis] - part.low[axis] + 1 < length) ++axis;
+  const int middle = part.low[axis] + length / 2;  // the first of the upper half
+  std::pair<VoxelPart, VoxelPart> halves;
+  for (VoxelRun run : part.runs) {
+    if (axis != 0) {
+      ((axis == 1 ? run.y : run.z) < middle ? halves.first : halves.second).Add(run);
+      continue;
+    }
+    VoxelRun upper = run;
+    run.last = std::min(run.last, middle - 1);
+    upper.first = std::max(upper.first, middle);
+    if (run.first <= run.last) halves.first.Add(run);
+    if (upper.first <= upper.last) halves.second.Add(upper);
+  }
+  return halves;
+}
+
 }  // namespace silhouette

@@ -60,8 +60,10 @@ VoxelSpace::VoxelSpace(const Eigen::AlignedBox3d& workspace, double least_obstac
     if (!(view.margin.minCoeff() >= 0) || !view.margin.allFinite()) {
       throw std::invalid_argument("a view's margin must not be negative");
     }
-    if (view.swept.size() != MaskSize{} && view.swept.size() != view.mask_size) {
-      throw std::invalid_argument("the swept pixels of a view have not the size of its masks");
+    for (const Mask* pixels : {&view.swept, &view.permanent}) {
+      if (pixels->size() != MaskSize{} && pixels->size() != view.mask_size) {
+        throw std::invalid_argument("the swept pixels of a view have not the size of its masks");
+      }
     }
   }
   looks_.resize(views.size());
@@ -122,6 +124,7 @@ void VoxelSpace::FindReached(std::span<const VoxelView> views,
                              const Eigen::AlignedBox3d& workspace) {
   reached_ = VoxelSet(grid_);
   seen_ = VoxelSet(grid_);
+  always_covered_.assign(views.size(), VoxelSet(grid_));
   std::vector<bool> leaves;
   for (const VoxelView& view : views) {
     leaves.push_back(view.swept.size() != MaskSize{} && MayLeaveImage(view.swept));
@@ -131,6 +134,9 @@ void VoxelSpace::FindReached(std::span<const VoxelView> views,
     for (size_t view = 0; view < views.size(); ++view) {
       const PixelRectangle pixels = looks_[view].Rectangle(looks_[view].touched[place]);
       if (pixels.whole) seen_.Insert(x, y, z);
+      if (views[view].permanent.size() != MaskSize{} && AnySet(views[view].permanent, pixels)) {
+        always_covered_[view].Insert(x, y, z);
+      }
       const Mask& swept = views[view].swept;
       if (!reached || swept.size() == MaskSize{}) continue;
       reached = AnySet(swept, pixels) || (!pixels.whole && leaves[view]);

@@ -34,7 +34,9 @@ struct VoxelView {
   // Mask pixels along x and y by which a point may appear elsewhere, and a rim be missed.
   Eigen::Vector2d margin = Eigen::Vector2d::Zero();
   // The union of all robot images that will ever be tested; of no size where that is not known.
-  Mask swept;
+  Mask swept{};
+  // Pixels that the robot covers in each of them; of no size where none is known.
+  Mask permanent{};
 };
 
 // Pixels [x, x + width) x [y, y + height) of a view; no pixels where both are 0.
@@ -80,6 +82,11 @@ class VoxelSpace {
   const VoxelSet& reached() const { return reached_; }
   // The voxels that at least one view sees whole.
   const VoxelSet& seen() const { return seen_; }
+
+  // The voxels that touch a permanent pixel of the view.
+  const VoxelSet& always_covered(int view) const {
+    return always_covered_[static_cast<size_t>(view)];
+  }
 
   // Pixels of a voxel, as above; none outside the active blocks.
   PixelRectangle Touched(int view, int x, int y, int z) const;
@@ -139,6 +146,7 @@ class VoxelSpace {
   std::vector<Look> looks_;
   VoxelSet reached_;
   VoxelSet seen_;
+  std::vector<VoxelSet> always_covered_;
 };
 
 }  // namespace silhouette

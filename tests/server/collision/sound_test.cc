@@ -110,16 +110,21 @@ void NeverMisses(std::vector<BallCamera> cameras, int scenes) {
     const CollisionTest planes(world.table, images, {.preset = Preset::kSoundPlanes},
                                Without(possible));
     const CollisionTest voxels(world.table, images, {.preset = Preset::kSound}, Without(possible));
+    const CollisionTest planes_with_body(world.table, images, {.preset = Preset::kSoundPlanes},
+                                         WithBody(possible, present));
     const CollisionTest with_body(world.table, images, {.preset = Preset::kSound},
                                   WithBody(possible, present));
     for (ConfigurationNumber number : SphereWorld::Configurations()) {
       // Each looks closer than the one before.
       EXPECT_LE(planes.Check(number).free(), voxels.Check(number).free());
+      EXPECT_LE(planes.Check(number).free(), planes_with_body.Check(number).free());
+      EXPECT_LE(planes_with_body.Check(number).free(), with_body.Check(number).free());
       EXPECT_LE(voxels.Check(number).free(), with_body.Check(number).free());
       if (!Touch(SphereWorld::Arm(number), obstacles)) continue;
       ++touching;
       EXPECT_EQ(planes.Check(number).state(), State::kOccupied) << "scene " << scene;
       EXPECT_EQ(voxels.Check(number).state(), State::kOccupied) << "scene " << scene;
+      EXPECT_EQ(planes_with_body.Check(number).state(), State::kOccupied) << "scene " << scene;
       EXPECT_EQ(with_body.Check(number).state(), State::kOccupied) << "scene " << scene;
     }
   }
@@ -236,6 +241,26 @@ TEST(SoundTest, AFreeConfigurationHidesNothing) {
   }
   EXPECT_GT(free, 0);
   EXPECT_TRUE(paper.Check(hiding.touching.front()).hidden_possible());
+}
+
+// Beside the base, in its silhouette, there is always room for something: its pixels are met at any
+// configuration. What the body can reach decides.
+TEST(SoundTest, WhatTheRobotAlwaysCoversDoesNotBlockAllIfItsBodyIsKnown) {
+  const SphereWorld world(ThreeParallelCameras(), kRho, kVoxel);
+  const ConfigurationNumber present = *SphereWorld::Grid().Nearest(std::vector<double>{0.0, 0.0});
+  const Balls obstacles{{Vector3d(-0.02, -0.15, 0), 0.07}};
+  const ObstacleImages images = world.See(obstacles, present);
+  const PossibleSpace possible(world.space, images, world.Body(present));
+  ASSERT_FALSE(possible.always_met().Empty());
+  const Policy policy{.preset = Preset::kSoundPlanes};
+  const CollisionTest without(world.table, images, policy, Without(possible));
+  const CollisionTest with(world.table, images, policy, WithBody(possible, present));
+  int free = 0;
+  for (ConfigurationNumber number : SphereWorld::Configurations()) {
+    EXPECT_FALSE(without.Check(number).free());
+    if (with.Check(number).free()) ++free;
+  }
+  EXPECT_GT(free, 0);
 }
 
 TEST(SoundTest, AMissingViewIsNeverFree) {

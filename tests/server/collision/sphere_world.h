@@ -193,10 +193,13 @@ struct SphereWorld {
     std::vector<VoxelView> views;
     for (size_t view = 0; view < cameras.size(); ++view) {
       Mask swept(cameras[view].size());
+      Mask permanent = ~swept;
       for (ConfigurationNumber number : Configurations()) {
         swept = swept | table.ImageAsMask(static_cast<int>(view), number);
+        permanent = permanent & table.ImageAsMask(static_cast<int>(view), number);
       }
-      views.push_back({cameras[view].size(), cameras[view].project(), Vector2d::Zero(), swept});
+      views.push_back(
+          {cameras[view].size(), cameras[view].project(), Vector2d::Zero(), swept, permanent});
     }
     return views;
   }

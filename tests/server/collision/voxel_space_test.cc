@@ -187,6 +187,39 @@ TEST(MetByBalls, HoldsExactlyTheVoxelsThatSomeBallMeets) {
   }
 }
 
+TEST(VoxelParts, HalvesAreAllOfAPart) {
+  std::mt19937 random(11);
+  const VoxelGrid grid({Vector3d(0, 0, 0), Vector3d(72, 16, 40)}, 1);
+  const VoxelSet set = RandomSet(grid, 1500, random);
+  std::vector<VoxelPart> parts = PartsOf(ConnectedParts(set, 5));
+  EXPECT_EQ(parts.size(), 5u);
+  for (size_t i = 0; i < 40; ++i) {
+    const VoxelPart part = parts[i];
+    if (part.Length() < 2) {
+      parts.push_back(part);
+      parts[i] = VoxelPart();
+      continue;
+    }
+    const auto [lower, upper] = Halves(part);
+    EXPECT_FALSE(lower.runs.empty());
+    EXPECT_FALSE(upper.runs.empty());
+    EXPECT_TRUE(lower.high[0] < upper.low[0] || lower.high[1] < upper.low[1] ||
+                lower.high[2] < upper.low[2]);
+    parts[i] = lower;
+    parts.push_back(upper);
+  }
+  VoxelSet all(grid);
+  int64_t voxels = 0;
+  for (const VoxelPart& part : parts) {
+    for (const VoxelRun& run : part.runs) {
+      all.InsertRun(run.first, run.last, run.y, run.z);
+      voxels += run.last - run.first + 1;
+    }
+  }
+  EXPECT_TRUE(all == set);
+  EXPECT_EQ(voxels, set.Count());
+}
+
 TEST(ConnectedParts, AreThoseOfAFloodFill) {
   const unsigned seed = std::random_device{}();
   SCOPED_TRACE(::testing::Message() << "seed " << seed);
