@@ -21,29 +21,41 @@ double EdgeOf(const SoundSettings& settings) {
   return settings.voxel_edge.value_or(settings.least_obstacle / 3);
 }
 
-// The pixels that the robot covers in any configuration that is there.
-Mask Swept(const RobotImageTable& images, int view) {
-  const MaskSize size = images.mask_sizes()[static_cast<size_t>(view)];
-  std::vector<uint64_t> words(size.words(), 0);
-  for (ConfigurationNumber number = 0; number < images.grid().tiles() * kTileSize; ++number) {
-    if (images.state(number) != RobotImageState::kPresent) continue;
-    const MaskWords image = images.image(view, number);
-    for (size_t i = 0; i < words.size(); ++i) words[i] |= image[i];
+// The pixels that the robot covers in any, and in every configuration that is there.
+struct CoveredPixels {
+  CoveredPixels(const RobotImageTable& images, int view) {
+    const MaskSize size = images.mask_sizes()[static_cast<size_t>(view)];
+    const Mask full = ~Mask(size);
+    std::vector<uint64_t> some(size.words(), 0);
+    std::vector<uint64_t> all(full.words().begin(), full.words().end());
+    for (ConfigurationNumber number = 0; number < images.grid().tiles() * kTileSize; ++number) {
+      if (images.state(number) != RobotImageState::kPresent) continue;
+      const MaskWords image = images.image(view, number);
+      for (size_t i = 0; i < some.size(); ++i) {
+        some[i] |= image[i];
+        all[i] &= image[i];
+      }
+    }
+    any = Mask::FromWords(size, std::move(some));
+    every = Mask::FromWords(size, std::move(all));
   }
-  return Mask::FromWords(size, std::move(words));
-}
+
+  Mask any;
+  Mask every;
+};
 
 // `margin` and `rim`: mask pixels and camera pixels.
 VoxelView ViewOf(const storage::v1::View& view, const CameraModel& camera, double margin,
-                 double rim, Mask swept) {
-  const MaskSize size = swept.size();
+                 double rim, const CoveredPixels& covered) {
+  const MaskSize size = covered.any.size();
   const Eigen::Vector2d camera_pixel(double(size.width) / view.image_width(),
                                      double(size.height) / view.image_height());
   return {.mask_size = size,
           .project = [model = camera.ScaledTo(size.width, size.height)](
                          const Eigen::Vector3d& point) { return model.Project(point); },
           .margin = Eigen::Vector2d::Constant(margin) + rim * camera_pixel,
-          .swept = std::move(swept)};
+          .swept = covered.any,
+          .permanent = covered.every};
 }
 
 absl::Status CheckNumbers(const SoundCell& sound) {
@@ -90,7 +102,7 @@ absl::StatusOr<std::shared_ptr<const SoundBasis>> SoundBasis::Make(
     std::vector<VoxelView> views;
     for (int view = 0; view < robot_images.views(); ++view) {
       views.push_back(ViewOf(cell.views(view), calibration.cameras.at(static_cast<size_t>(view)),
-                             margin, rim, Swept(robot_images, view)));
+                             margin, rim, CoveredPixels(robot_images, view)));
     }
     return std::shared_ptr<const SoundBasis>(
         new SoundBasis(sound, cell, robot_images.grid(), std::move(views)));
