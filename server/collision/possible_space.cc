@@ -420,4 +420,11 @@ bool PossibleSpace::VoxelsMeet(std::span<const MaskWords> robot, int min_views,
   return false;
 }
 
+bool PossibleSpace::VoxelMeets(std::span<const MaskWords> robot, int min_views, int x, int y,
+                               int z) const {
+  const RobotQuery query(space_, possible_pixels_, robot, space_.views() - min_views);
+  const std::optional<size_t> place = space_.PlaceOf(x, y, z);
+  return place && query.MeetsVoxel(*place);
+}
+
 }  // namespace silhouette

@@ -91,6 +91,9 @@ class PossibleSpace {
   bool VoxelsMeet(std::span<const MaskWords> robot, int min_views,
                   const MayTouch& body = nullptr) const;
 
+  // Whether a voxel meets it in `min_views` views; one that the space looks at at all.
+  bool VoxelMeets(std::span<const MaskWords> robot, int min_views, int x, int y, int z) const;
+
  private:
   void FindParts(const ObstacleImages& images);
   bool AlwaysMet(const VoxelPart& part) const;

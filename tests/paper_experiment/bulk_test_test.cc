@@ -8,6 +8,7 @@
 #include "server/collision/collision_test.h"
 #include "tests/paper_experiment/small_settings.h"
 #include "tools/experiments/paper/scenes.h"
+#include "tools/experiments/paper/sound_bulk.h"
 #include "tools/experiments/paper/sphere_cell.h"
 #include "tools/experiments/paper/study.h"
 
@@ -41,6 +42,11 @@ class Views {
   ConfigurationNumber NumberOf(size_t index) const {
     const int steps = grid_.joints()[0].steps;
     return grid_.NumberOf({static_cast<int>(index) / steps, static_cast<int>(index) % steps});
+  }
+  size_t IndexOf(ConfigurationNumber number) const {
+    for (size_t index = 0;; ++index) {
+      if (NumberOf(index) == number) return index;
+    }
   }
   ObstacleImages Of(std::span<const ObstacleImage> images) const {
     ObstacleImages own;
@@ -95,8 +101,68 @@ class BulkTestTest : public testing::Test {
     }
   }
 
+  // The same of the sound presets, with cameras out of the set as missing views.
+  void ExpectSoundAgreement(const SoundSpace& sound, std::span<const ObstacleImage> images,
+                            const Spheres& robot,
+                            const std::vector<std::array<double, 2>>* offsets) {
+    const SphereCell& cell = sound.cell();
+    const Views all(cell, (ViewSet{1} << cell.views()) - 1);
+    const RobotVoxels body = sound.BodyOf(robot);
+    for (ViewSet views = 1; views < ViewSet{1} << cell.views(); ++views) {
+      ObstacleImages chosen(images.size());
+      for (size_t view = 0; view < images.size(); ++view) {
+        if ((views >> view & 1) != 0) chosen[view] = images[view];
+      }
+      const PossibleSpace possible(sound.space(), chosen, body);
+      TestSupport support{.possible_space = &possible};
+      if (offsets == nullptr) {
+        support.robot_may_touch = [&](ConfigurationNumber number, const Eigen::AlignedBox3d& box) {
+          const Spheres& there = cell.arms().At(all.IndexOf(number));
+          for (size_t i = 0; i < there.size(); ++i) {
+            if (there[i].centre == robot[i].centre) continue;
+            const double distance = box.squaredExteriorDistance(there[i].centre);
+            if (distance <= there[i].radius * there[i].radius) return true;
+          }
+          return false;
+        };
+      }
+      const SoundVerdicts verdicts = offsets == nullptr
+                                         ? SoundOnGrid(sound, images, views, body, robot)
+                                         : SoundInCells(sound, images, views, body);
+      for (Preset preset : {Preset::kSoundPlanes, Preset::kSound}) {
+        const CollisionTest test(all.table(), chosen, {.preset = preset}, support);
+        const auto& occupied = preset == Preset::kSound ? verdicts.voxels : verdicts.planes;
+        for (size_t i = 0; i < cell.arms().size(); ++i) {
+          const Verdict verdict = offsets == nullptr
+                                      ? test.Check(all.NumberOf(i))
+                                      : test.Check(cell.arms().JointsIn(i, (*offsets)[i]));
+          ASSERT_EQ(Contains(occupied, i), verdict.state() == State::kOccupied)
+              << NameOf(preset) << ", views " << views << ", configuration " << i;
+        }
+      }
+    }
+  }
+
   std::mt19937 random_;
 };
+
+TEST_F(BulkTestTest, IsTheSoundTestOnEveryConfigurationWithEverySetOfViews) {
+  Settings settings = SmallSettings();
+  settings.sound.edge = 0.025;
+  for (const Variant variant : {Variant::kPlanar, Variant::kSpatial}) {
+    const ArmTable arms(settings, variant);
+    const SphereScene scene = RandomScene(settings, variant, static_cast<int>(random_() % 1000));
+    const std::string rig = variant == Variant::kPlanar ? "A" : "B";
+    const SphereCell cell(arms, settings.rigs.at(rig), Raster::kTouch);
+    const SoundSpace sound(cell, settings.sound);
+    const auto current = static_cast<size_t>(scene.current[0] * settings.steps + scene.current[1]);
+    const std::vector<ObstacleImage> images = cell.Look(scene.obstacles, current);
+    ExpectSoundAgreement(sound, images, arms.At(current), nullptr);
+    ExpectSoundAgreement(sound, images, arms.At(current), &scene.offsets);
+    ExpectSoundAgreement(sound, cell.LookOffGrid(scene.obstacles, scene.current_off_grid),
+                         arms.AtJoints(scene.current_off_grid), nullptr);
+  }
+}
 
 TEST_F(BulkTestTest, IsTheCollisionTestOnEveryConfigurationWithEverySetOfViews) {
   const Settings settings = SmallSettings();

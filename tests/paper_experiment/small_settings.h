@@ -10,6 +10,7 @@ inline Settings SmallSettings(int pixels = 24, int steps = 12) {
   settings.pixels = pixels;
   settings.steps = steps;
   settings.random.count = 3;
+  settings.sound.occluded_scenes = 2;
   for (auto& [name, rig] : settings.rigs) {
     std::vector<ParallelCamera> cameras;
     for (const ParallelCamera& camera : rig) {

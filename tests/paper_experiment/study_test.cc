@@ -80,6 +80,23 @@ TEST(PaperStudy, NothingSeenIsMissedWhenTheRobotIsParkedAndPixelsAreTouched) {
   }
 }
 
+TEST(PaperStudy, TheSoundPresetsMissNothingWithAnyCamerasWhenPixelsAreTouched) {
+  Settings settings = SmallSettings();
+  settings.sound.edge = 0.03;
+  int compared = 0;
+  for (const Row& row : Measure(settings,
+                                Everything({Experiment::kFigure7, Experiment::kFigure7Occluded,
+                                            Experiment::kRandom, Experiment::kCurrentOffGrid},
+                                           {Preset::kSoundPlanes, Preset::kSound}),
+                                2, kGoOn)) {
+    EXPECT_EQ(row.threshold, Threshold::kAll);
+    if (row.raster != Raster::kTouch) continue;
+    EXPECT_EQ(row.missing.greatest, 0) << NameOf(row.experiment) << ", " << row.views << " views";
+    ++compared;
+  }
+  EXPECT_EQ(compared, 4 * 2 * 2 * 2 * 4);
+}
+
 TEST(PaperStudy, StopsWhenAskedTo) {
   EXPECT_TRUE(Measure(SmallSettings(), Everything(AllExperiments(), {Preset::kPaper}), 2,
                       [](uint64_t, uint64_t) { return false; })

@@ -90,9 +90,10 @@ RandomScenes ReadRandomScenes(const YamlNode& node) {
 SoundSettings ReadSound(const YamlNode& node) {
   YamlMap map(node);
   SoundSettings sound;
-  sound.voxels = Whole(map.Required("voxels"), 8, 512);
   sound.least_radius = Positive(map.Required("least_radius"));
+  sound.edge = Positive(map.Required("edge"));
   sound.occluded_scenes = Whole(map.Required("occluded_scenes"), 0, 1'000'000);
+  sound.off_grid_scenes = Whole(map.Required("off_grid_scenes"), 0, 1'000'000);
   map.Finish();
   return sound;
 }

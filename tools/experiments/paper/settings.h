@@ -24,10 +24,12 @@ struct RandomScenes {
 };
 
 struct SoundSettings {
-  int voxels = 128;            // along each edge of the cube that the cameras' window spans
   double least_radius = 0.06;  // rho
-  // Scenes of figure7_occluded that are evaluated, evenly spread; 0: all.
-  int occluded_scenes = 100;
+  double edge = 0.015625;      // of a voxel
+  // Scenes that are evaluated of figure7_occluded, evenly spread, and of the experiments off the
+  // grid, the first; 0: all.
+  int occluded_scenes = 40;
+  int off_grid_scenes = 50;
 };
 
 struct ReconstructionSettings {

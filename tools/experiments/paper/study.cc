@@ -7,6 +7,7 @@
 #include "tools/experiments/paper/bulk_test.h"
 #include "tools/experiments/paper/parallel.h"
 #include "tools/experiments/paper/scenes.h"
+#include "tools/experiments/paper/sound_bulk.h"
 #include "tools/experiments/paper/sphere_cell.h"
 
 namespace silhouette::paper {
@@ -82,9 +83,10 @@ std::vector<Part> PartsOf(const Selection& selection, const RobotScenes& scenes)
   return parts;
 }
 
-// Obstacle images, images to test and the truth of one scene.
+// Obstacle images, the robot meanwhile, images to test and the truth of one scene.
 struct Trial {
   std::vector<ObstacleImage> images;
+  Spheres robot;
   std::span<const TransposedImages> tests;
   ConfigurationWords truth;
 };
@@ -92,24 +94,45 @@ struct Trial {
 Trial TrialOf(const SphereCell& cell, const RobotScenes& scenes, const Part& part) {
   const size_t i = part.number;
   if (part.experiment == Experiment::kFigure7) {
-    return {cell.Look(scenes.figure7, scenes.parked), cell.OnGrid(), scenes.figure7_truth};
+    return {cell.Look(scenes.figure7, scenes.parked), cell.arms().At(scenes.parked), cell.OnGrid(),
+            scenes.figure7_truth};
   }
   if (part.experiment == Experiment::kFigure7Occluded) {
-    return {cell.Look(scenes.figure7, scenes.free[i]), cell.OnGrid(), scenes.figure7_truth};
+    return {cell.Look(scenes.figure7, scenes.free[i]), cell.arms().At(scenes.free[i]),
+            cell.OnGrid(), scenes.figure7_truth};
   }
   const SphereScene& scene = scenes.random[i];
   if (part.experiment == Experiment::kCurrentOffGrid) {
-    return {cell.LookOffGrid(scene.obstacles, scene.current_off_grid), cell.OnGrid(),
-            scenes.truth[i]};
+    return {cell.LookOffGrid(scene.obstacles, scene.current_off_grid),
+            cell.arms().AtJoints(scene.current_off_grid), cell.OnGrid(), scenes.truth[i]};
   }
   const auto steps = static_cast<size_t>(cell.arms().steps());
   const size_t current =
       static_cast<size_t>(scene.current[0]) * steps + static_cast<size_t>(scene.current[1]);
   std::vector<ObstacleImage> images = cell.Look(scene.obstacles, current);
   if (part.experiment == Experiment::kRandom) {
-    return {std::move(images), cell.OnGrid(), scenes.truth[i]};
+    return {std::move(images), cell.arms().At(current), cell.OnGrid(), scenes.truth[i]};
   }
-  return {std::move(images), cell.InCells(), scenes.off_grid_truth[i]};
+  return {std::move(images), cell.arms().At(current), cell.InCells(), scenes.off_grid_truth[i]};
+}
+
+// Whether the sound presets look at a scene.
+bool IsForSound(const SoundSettings& sound, const RobotScenes& scenes, const Part& part) {
+  switch (part.experiment) {
+    case Experiment::kFigure7:
+    case Experiment::kRandom:
+      return true;
+    case Experiment::kFigure7Occluded: {
+      const auto chosen = static_cast<size_t>(sound.occluded_scenes);
+      const size_t all = scenes.free.size();
+      if (chosen == 0 || chosen >= all) return true;
+      return (part.number + 1) * chosen / all != part.number * chosen / all;
+    }
+    case Experiment::kCurrentOffGrid:
+    case Experiment::kTestOffGrid:
+      return sound.off_grid_scenes == 0 || part.number < static_cast<size_t>(sound.off_grid_scenes);
+  }
+  return false;
 }
 
 void RequireParkedAside(const SphereCell& cell, const RobotScenes& scenes) {
@@ -125,39 +148,69 @@ void RequireParkedAside(const SphereCell& cell, const RobotScenes& scenes) {
 // Measures scenes of one cell; one for each thread.
 class Measurer {
  public:
-  Measurer(const SphereCell& cell, const RobotScenes& scenes, const Selection& selection)
+  // `sound`: nothing if no sound preset is selected.
+  Measurer(const SphereCell& cell, const SoundSpace* sound, const RobotScenes& scenes,
+           const SoundSettings& sound_settings, const Selection& selection)
       : cell_(cell),
+        sound_(sound),
         scenes_(scenes),
+        sound_settings_(sound_settings),
         presets_(selection.presets),
         bulk_(cell.lines()),
         tallies_(kExperiments, Tallies(cell.views())) {}
 
   void Measure(const Part& part) {
     const Trial trial = TrialOf(cell_, scenes_, part);
-    bulk_.Look(trial.images, trial.tests);
-    const int64_t occupied = Count(trial.truth);
-    for (ViewSet views = 1; views < ViewSet{1} << cell_.views(); ++views) {
-      const int count = std::popcount(views);
-      for (Preset preset : presets_) {
-        if (IsSound(preset)) continue;
-        for (Threshold threshold : {Threshold::kAll, Threshold::kAllButOne}) {
-          const ConfigurationSet reported =
-              bulk_.Occupied(preset, views, MinViewsOf(threshold, count));
-          Tally& tally = TalliesOf(part.experiment).At(preset, threshold, count);
-          ++tally.samples;
-          tally.occupied.Add(occupied);
-          tally.additional.Add(CountWithout(reported, trial.truth));
-          tally.missing.Add(CountWithout(trial.truth, reported));
-        }
-      }
-    }
+    MeasureImages(part, trial);
+    if (sound_ != nullptr && IsForSound(sound_settings_, scenes_, part)) MeasureSound(part, trial);
   }
 
   Tallies& TalliesOf(Experiment experiment) { return tallies_[static_cast<size_t>(experiment)]; }
 
  private:
+  void MeasureImages(const Part& part, const Trial& trial) {
+    bulk_.Look(trial.images, trial.tests);
+    for (ViewSet views = 1; views < ViewSet{1} << cell_.views(); ++views) {
+      const int count = std::popcount(views);
+      for (Preset preset : presets_) {
+        if (IsSound(preset)) continue;
+        for (Threshold threshold : {Threshold::kAll, Threshold::kAllButOne}) {
+          Add(part, preset, threshold, count, trial.truth,
+              bulk_.Occupied(preset, views, MinViewsOf(threshold, count)));
+        }
+      }
+    }
+  }
+
+  // All views must show what is possible: with fewer the presets would only block more.
+  void MeasureSound(const Part& part, const Trial& trial) {
+    const RobotVoxels body = sound_->BodyOf(trial.robot);
+    for (ViewSet views = 1; views < ViewSet{1} << cell_.views(); ++views) {
+      const SoundVerdicts verdicts =
+          part.experiment == Experiment::kTestOffGrid
+              ? SoundInCells(*sound_, trial.images, views, body)
+              : SoundOnGrid(*sound_, trial.images, views, body, trial.robot);
+      for (Preset preset : presets_) {
+        if (!IsSound(preset)) continue;
+        Add(part, preset, Threshold::kAll, std::popcount(views), trial.truth,
+            preset == Preset::kSound ? verdicts.voxels : verdicts.planes);
+      }
+    }
+  }
+
+  void Add(const Part& part, Preset preset, Threshold threshold, int views,
+           ConfigurationWords truth, ConfigurationWords reported) {
+    Tally& tally = TalliesOf(part.experiment).At(preset, threshold, views);
+    ++tally.samples;
+    tally.occupied.Add(Count(truth));
+    tally.additional.Add(CountWithout(reported, truth));
+    tally.missing.Add(CountWithout(truth, reported));
+  }
+
   const SphereCell& cell_;
+  const SoundSpace* sound_;
   const RobotScenes& scenes_;
+  const SoundSettings& sound_settings_;
   const std::vector<Preset>& presets_;
   BulkTest bulk_;
   std::vector<Tallies> tallies_;  // by experiment
@@ -229,6 +282,7 @@ std::vector<Row> Measure(const Settings& settings, const Selection& selection, i
     robots.back().AddRandom(settings, variant);
     total += cells * PartsOf(selection, robots.back()).size();
   }
+  const bool any_sound = std::any_of(selection.presets.begin(), selection.presets.end(), IsSound);
   std::vector<Row> rows;
   uint64_t before = 0;
   for (const RobotScenes& robot : robots) {
@@ -237,9 +291,12 @@ std::vector<Row> Measure(const Settings& settings, const Selection& selection, i
       for (Raster raster : selection.rasters) {
         const SphereCell cell(robot.arms, settings.rigs.at(rig), raster);
         RequireParkedAside(cell, robot);
+        std::optional<SoundSpace> sound;
+        if (any_sound) sound.emplace(cell, settings.sound);
         std::vector<std::unique_ptr<Measurer>> measurers;
         for (int i = 0; i < threads; ++i) {
-          measurers.push_back(std::make_unique<Measurer>(cell, robot, selection));
+          measurers.push_back(std::make_unique<Measurer>(cell, sound ? &*sound : nullptr, robot,
+                                                         settings.sound, selection));
         }
         const bool done = InParallel(
             threads, parts.size(),
