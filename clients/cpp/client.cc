@@ -268,6 +268,47 @@ absl::StatusOr<Scene> Client::GetScene(uint64_t id, bool with_planes) const {
   return scene;
 }
 
+absl::StatusOr<AllowedRegion> Client::AllowRegion(const std::string& name,
+                                                  std::span<const RegionPixels> views,
+                                                  absl::Duration duration) const {
+  v1::AllowRegionRequest request;
+  request.set_name(name);
+  for (const RegionPixels& view : views) *request.add_views() = ToMessage(view);
+  *request.mutable_duration() = ToMessage(duration);
+  v1::AllowRegionResponse response;
+  const absl::Status status = connection_->Call(
+      connection_->scenes(), &v1::SceneService::Stub::AllowRegion, request, timeout_, response);
+  if (!status.ok()) return status;
+  absl::StatusOr<AllowedRegion> region = FromMessage(response.region());
+  if (!region.ok()) return Malformed(address(), region.status().message());
+  return region;
+}
+
+absl::StatusOr<bool> Client::RevokeRegion(const std::string& name) const {
+  v1::RevokeRegionRequest request;
+  request.set_name(name);
+  v1::RevokeRegionResponse response;
+  const absl::Status status = connection_->Call(
+      connection_->scenes(), &v1::SceneService::Stub::RevokeRegion, request, timeout_, response);
+  if (!status.ok()) return status;
+  return response.was_in_force();
+}
+
+absl::StatusOr<std::vector<AllowedRegion>> Client::ListAllowedRegions() const {
+  v1::ListAllowedRegionsResponse response;
+  const absl::Status status =
+      connection_->Call(connection_->scenes(), &v1::SceneService::Stub::ListAllowedRegions,
+                        v1::ListAllowedRegionsRequest(), timeout_, response);
+  if (!status.ok()) return status;
+  std::vector<AllowedRegion> regions;
+  for (const v1::AllowedRegion& message : response.regions()) {
+    absl::StatusOr<AllowedRegion> region = FromMessage(message);
+    if (!region.ok()) return Malformed(address(), region.status().message());
+    regions.push_back(*std::move(region));
+  }
+  return regions;
+}
+
 absl::StatusOr<Database> Client::GetDatabase() const {
   v1::GetDatabaseResponse response;
   const absl::Status status =

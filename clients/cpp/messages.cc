@@ -63,12 +63,15 @@ SceneView FromMessage(const v1::SceneView& message) {
                  .unknown_pixels = message.unknown_pixels(),
                  .error_pixels = message.error_pixels(),
                  .core_error_pixels = message.core_error_pixels(),
+                 .margin = message.margin(),
+                 .ignored_pixels = message.ignored_pixels(),
                  .planes = std::nullopt};
   if (message.has_obstacle()) {
     view.planes = ScenePlanes{.scene = MaskFrom(message.scene()),
                               .obstacle = MaskFrom(message.obstacle()),
                               .unknown = MaskFrom(message.unknown()),
                               .error = MaskFrom(message.error())};
+    if (message.has_ignored()) view.planes->ignored = MaskFrom(message.ignored());
   }
   return view;
 }
@@ -133,6 +136,30 @@ v1::ViewImage ToMessage(const ViewImage& image) {
   return message;
 }
 
+v1::RegionPixels ToMessage(const RegionPixels& pixels) {
+  v1::RegionPixels message;
+  message.set_view(pixels.view);
+  if (const auto* mask = std::get_if<Mask>(&pixels.pixels)) {
+    *message.mutable_mask() = ToMessage(*mask);
+    return message;
+  }
+  v1::Polygon& polygon = *message.mutable_polygon();
+  for (const auto& [x, y] : std::get<Polygon>(pixels.pixels).corners) {
+    v1::Point& corner = *polygon.add_corners();
+    corner.set_x(x);
+    corner.set_y(y);
+  }
+  return message;
+}
+
+google::protobuf::Duration ToMessage(absl::Duration duration) {
+  google::protobuf::Duration message;
+  absl::Duration rest;
+  message.set_seconds(absl::IDivDuration(duration, absl::Seconds(1), &rest));
+  message.set_nanos(static_cast<int32_t>(absl::ToInt64Nanoseconds(rest)));
+  return message;
+}
+
 Basis FromMessage(const v1::Basis& basis, std::chrono::steady_clock::time_point asked) {
   Basis result{.database_generation = basis.database_generation(),
                .scene_id = basis.scene_id(),
@@ -140,6 +167,7 @@ Basis FromMessage(const v1::Basis& basis, std::chrono::steady_clock::time_point 
   if (basis.scene_id() == 0) return result;
   result.scene_time = FromMessage(basis.scene_time());
   result.scene_age = FromMessage(basis.scene_age());
+  result.regions = {basis.regions().begin(), basis.regions().end()};
   return result;
 }
 
@@ -170,6 +198,7 @@ Verdict FromMessage(const v1::Verdict& message, const Basis& basis) {
                              .missing = view.missing()});
   }
   verdict.hidden_possible = message.hidden_possible();
+  verdict.regions = {message.regions().begin(), message.regions().end()};
   return verdict;
 }
 
@@ -220,6 +249,21 @@ absl::StatusOr<Scene> FromMessage(const v1::Scene& message) {
   return scene;
 }
 
+absl::StatusOr<AllowedRegion> FromMessage(const v1::AllowedRegion& message) {
+  AllowedRegion region{.name = message.name(),
+                       .views = {},
+                       .remaining = FromMessage(message.remaining()),
+                       .end_time = FromMessage(message.end_time())};
+  try {
+    for (const v1::RegionPixels& view : message.views()) {
+      region.views.emplace_back(view.view(), MaskFrom(view.mask()));
+    }
+  } catch (const std::invalid_argument& error) {
+    return absl::InternalError(absl::StrCat("a mask of the region cannot be: ", error.what()));
+  }
+  return region;
+}
+
 absl::StatusOr<Database> FromMessage(const v1::GetDatabaseResponse& message) {
   absl::StatusOr<ConfigurationGrid> grid = FromMessage(message.grid());
   if (!grid.ok()) return grid.status();
@@ -242,8 +286,9 @@ absl::StatusOr<Database> FromMessage(const v1::GetDatabaseResponse& message) {
          .image_width = view.image_width(),
          .image_height = view.image_height(),
          .mask_size = {.width = view.mask_width(), .height = view.mask_height()},
-         .permanent_pixels =
-             i < message.permanent_pixels_size() ? message.permanent_pixels(i) : 0});
+         .permanent_pixels = i < message.permanent_pixels_size() ? message.permanent_pixels(i) : 0,
+         .margin = view.margin(),
+         .ignored_pixels = view.ignored_pixels()});
   }
   return database;
 }

@@ -8,6 +8,7 @@
 #include "silhouette/configuration_space.h"
 #include "silhouette/database.h"
 #include "silhouette/policy.h"
+#include "silhouette/region.h"
 #include "silhouette/scene.h"
 #include "silhouette/v1/collision_service.pb.h"
 #include "silhouette/v1/database_service.pb.h"
@@ -19,6 +20,8 @@ namespace silhouette::client {
 v1::Configuration ToMessage(const Configuration& configuration);
 v1::Policy ToMessage(const Policy& policy);
 v1::ViewImage ToMessage(const ViewImage& image);
+v1::RegionPixels ToMessage(const RegionPixels& pixels);
+google::protobuf::Duration ToMessage(absl::Duration duration);
 
 Basis FromMessage(const v1::Basis& basis, std::chrono::steady_clock::time_point asked);
 // A verdict that calls itself free without a scene is unknown.
@@ -28,6 +31,7 @@ Reason FromMessage(v1::Verdict::Reason reason);
 absl::StatusOr<ConfigurationGrid> FromMessage(const v1::Grid& grid);
 absl::StatusOr<ConfigurationSpaceTile> FromMessage(const v1::ConfigurationSpaceTile& tile);
 absl::StatusOr<Scene> FromMessage(const v1::Scene& scene);
+absl::StatusOr<AllowedRegion> FromMessage(const v1::AllowedRegion& region);
 absl::StatusOr<Database> FromMessage(const v1::GetDatabaseResponse& database);
 
 }  // namespace silhouette::client

@@ -18,6 +18,10 @@ void AddPathCommand(CLI::App& program, Session& session, Run& run);
 void AddSpaceCommand(CLI::App& program, Session& session, Run& run);
 void AddPlanCommand(CLI::App& program, Session& session, Run& run);
 void AddExplainCommand(CLI::App& program, Session& session, Run& run);
+// Below `region`.
+void AddRegionAllowCommand(CLI::App& region, Session& session, Run& run);
+void AddRegionRevokeCommand(CLI::App& region, Session& session, Run& run);
+void AddRegionListCommand(CLI::App& region, Session& session, Run& run);
 // Below `scene`.
 void AddScenePublishCommand(CLI::App& scene, Session& session, Run& run);
 void AddSceneShowCommand(CLI::App& scene, Session& session, Run& run);

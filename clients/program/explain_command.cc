@@ -73,7 +73,9 @@ absl::Status WriteImages(const client::Explanation& explanation, const std::stri
                                         {palette::kBackground, "background"},
                                         {palette::kObstacle, "obstacle"},
                                         {palette::kUnknown, "unknown"},
-                                        {palette::kError, "error"}}};
+                                        {palette::kError, "error"},
+                                        {palette::kAllowed, "allowed region (unknown)"},
+                                        {palette::kIgnored, "ignored (unknown)"}}};
   return WritePng((fs::path(folder) / "explanation.png").string(), ContactSheet(sheet, options));
 }
 

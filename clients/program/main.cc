@@ -38,6 +38,13 @@ int Main(int argc, char** argv) {
   scene->fallthrough();
   AddScenePublishCommand(*scene, session, run);
   AddSceneShowCommand(*scene, session, run);
+  CLI::App* region = app.add_subcommand(
+      "region", "Where obstacles are allowed for a while, such as around a part to be grasped");
+  region->require_subcommand(1);
+  region->fallthrough();
+  AddRegionAllowCommand(*region, session, run);
+  AddRegionRevokeCommand(*region, session, run);
+  AddRegionListCommand(*region, session, run);
   AddExplainCommand(app, session, run);
   AddPlanCommand(app, session, run);
   app.footer(

@@ -5,11 +5,21 @@
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
+#include "absl/strings/str_join.h"
 #include "tools/program/progress.h"
 
 namespace silhouette {
 
 void Print(const Json& json) { std::cout << json.dump(2) << std::endl; }
+
+namespace {
+
+// "'a', 'b'"
+std::string Quoted(const std::vector<std::string>& names) {
+  return absl::StrCat("'", absl::StrJoin(names, "', '"), "'");
+}
+
+}  // namespace
 
 std::string Spoken(const client::Verdict& verdict) {
   std::string words = NameOf(verdict.state);
@@ -18,6 +28,9 @@ std::string Spoken(const client::Verdict& verdict) {
   } else if (verdict.hidden_possible) {
     absl::StrAppend(&words, " (but an obstacle may hide there from every view)");
   }
+  if (!verdict.regions.empty()) {
+    absl::StrAppend(&words, " (obstacles allowed in ", Quoted(verdict.regions), ")");
+  }
   return words;
 }
 
@@ -25,8 +38,12 @@ std::string Spoken(const client::Basis& basis) {
   if (basis.scene_id == 0) {
     return absl::StrCat("no scene, database generation ", basis.database_generation);
   }
-  return absl::StrCat("scene ", basis.scene_id, ", ", Spoken(basis.Age()),
-                      " old, database generation ", basis.database_generation);
+  std::string words = absl::StrCat("scene ", basis.scene_id, ", ", Spoken(basis.Age()),
+                                   " old, database generation ", basis.database_generation);
+  if (!basis.regions.empty()) {
+    absl::StrAppend(&words, ", obstacles allowed in ", Quoted(basis.regions));
+  }
+  return words;
 }
 
 Json JsonOf(const client::Verdict& verdict) {
@@ -34,6 +51,7 @@ Json JsonOf(const client::Verdict& verdict) {
   Json json{{"state", NameOf(verdict.state)},
             {"reason", unknown ? Json(NameOf(verdict.reason)) : Json()},
             {"hidden_possible", verdict.hidden_possible},
+            {"regions", verdict.regions},
             {"views", Json::array()}};
   for (const client::ViewEvidence& view : verdict.views) {
     json["views"].push_back({{"view", view.view},
@@ -50,7 +68,8 @@ Json JsonOf(const client::Basis& basis) {
   return {{"scene_id", scene ? Json(basis.scene_id) : Json()},
           {"scene_time", scene ? Json(Spoken(basis.scene_time)) : Json()},
           {"scene_age_s", scene ? Json(absl::ToDoubleSeconds(basis.Age())) : Json()},
-          {"database_generation", basis.database_generation}};
+          {"database_generation", basis.database_generation},
+          {"scene_regions", basis.regions}};
 }
 
 std::string Table(const std::vector<std::vector<std::string>>& rows) {

@@ -23,9 +23,10 @@ std::string Spoken(const client::Verdict& verdict);
 // "scene 3, 120 ms old, database generation 7", "no scene".
 std::string Spoken(const client::Basis& basis);
 
-// {"state", "reason" (null if not unknown), "hidden_possible", "views": [...]}
+// {"state", "reason" (null if not unknown), "hidden_possible", "regions", "views": [...]}
 Json JsonOf(const client::Verdict& verdict);
-// {"scene_id", "scene_time", "scene_age_s", "database_generation"}; null where there is no scene.
+// {"scene_id", "scene_time", "scene_age_s", "database_generation", "scene_regions"}; null where
+// there is no scene.
 Json JsonOf(const client::Basis& basis);
 
 // A table of text: the first column to the left, the others to the right.

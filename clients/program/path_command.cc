@@ -34,7 +34,7 @@ absl::StatusOr<std::vector<Configuration>> WaypointsOf(const Arguments& argument
 
 void PrintText(const client::PathCheck& check) {
   if (check.verdict.free()) {
-    std::cout << "free: " << check.checked << " places checked\n";
+    std::cout << Spoken(check.verdict) << ": " << check.checked << " places checked\n";
   } else {
     std::cout << absl::StrFormat("not free at %s, %.0f %% on the way from waypoint %d: %s\n",
                                  Spoken(check.configuration), 100 * check.fraction, check.segment,

@@ -32,7 +32,9 @@ Json JsonOf(const client::Scene& scene) {
                              {"obstacle_pixels", view.obstacle_pixels},
                              {"unknown_pixels", view.unknown_pixels},
                              {"error_pixels", view.error_pixels},
-                             {"core_error_pixels", view.core_error_pixels}});
+                             {"core_error_pixels", view.core_error_pixels},
+                             {"margin_pixels", view.margin},
+                             {"ignored_pixels", view.ignored_pixels}});
   }
   for (const client::SceneDefect& defect : scene.defects) {
     json["defects"].push_back({{"reason", NameOf(defect.reason)}, {"message", defect.message}});
@@ -48,11 +50,12 @@ std::string TextOf(const client::Scene& scene) {
     absl::StrAppendFormat(&text, "%s = %.6g\n", joint.name, joint.position);
   }
   std::vector<std::vector<std::string>> rows = {
-      {"view", "foreground", "obstacle", "unknown", "error", "core error"}};
+      {"view", "foreground", "obstacle", "unknown", "error", "core error", "margin", "ignored"}};
   for (const client::SceneView& view : scene.views) {
     rows.push_back({view.view, absl::StrCat(view.foreground_pixels),
                     absl::StrCat(view.obstacle_pixels), absl::StrCat(view.unknown_pixels),
-                    absl::StrCat(view.error_pixels), absl::StrCat(view.core_error_pixels)});
+                    absl::StrCat(view.error_pixels), absl::StrCat(view.core_error_pixels),
+                    absl::StrFormat("%.2f", view.margin), absl::StrCat(view.ignored_pixels)});
   }
   absl::StrAppend(&text, Table(rows));
   for (const client::SceneDefect& defect : scene.defects) {
@@ -106,8 +109,11 @@ absl::StatusOr<Column> ColumnOf(const client::SceneView& view,
   const int height = std::max(1, static_cast<int>(kColumnWidth * shape));
   if (!column.camera.empty()) column.camera = Stretched(column.camera, height, cv::INTER_AREA);
   column.scene = Stretched(PictureOf(planes.scene), height, cv::INTER_NEAREST);
-  column.obstacle = Stretched(PictureOfPlanes(planes.obstacle, planes.unknown, planes.error),
-                              height, cv::INTER_NEAREST);
+  Picture obstacle = PictureOfPlanes(planes.obstacle, planes.unknown, planes.error);
+  if (planes.ignored.size() == planes.unknown.size()) {
+    obstacle = WithVeil(obstacle, planes.ignored & planes.unknown, palette::kIgnored, 1);
+  }
+  column.obstacle = Stretched(obstacle, height, cv::INTER_NEAREST);
   return column;
 }
 
@@ -138,13 +144,18 @@ absl::StatusOr<Picture> PictureOfScene(const client::Scene& scene,
   if (!cameras.empty()) pictures = camera_row;
   pictures.insert(pictures.end(), scene_row.begin(), scene_row.end());
   pictures.insert(pictures.end(), obstacle_row.begin(), obstacle_row.end());
-  return ContactSheet(pictures, {.title = absl::StrCat("Scene ", scene.id),
-                                 .columns = static_cast<int>(scene.views.size()),
-                                 .legend = {{palette::kInk, "foreground"},
-                                            {palette::kBackground, "background"},
-                                            {palette::kObstacle, "obstacle"},
-                                            {palette::kUnknown, "unknown (robot)"},
-                                            {palette::kError, "error"}}});
+  SheetOptions options{.title = absl::StrCat("Scene ", scene.id),
+                       .columns = static_cast<int>(scene.views.size()),
+                       .legend = {{palette::kInk, "foreground"},
+                                  {palette::kBackground, "background"},
+                                  {palette::kObstacle, "obstacle"},
+                                  {palette::kUnknown, "unknown (robot)"},
+                                  {palette::kError, "error"}}};
+  const bool ignores =
+      std::any_of(scene.views.begin(), scene.views.end(),
+                  [](const client::SceneView& view) { return view.ignored_pixels > 0; });
+  if (ignores) options.legend.push_back({palette::kIgnored, "ignored (unknown)"});
+  return ContactSheet(pictures, options);
 }
 
 }  // namespace silhouette

@@ -2,9 +2,11 @@
 
 #include <algorithm>
 #include <cmath>
+#include <iterator>
 #include <opencv2/imgproc.hpp>
 #include <utility>
 
+#include "absl/strings/ascii.h"
 #include "absl/strings/str_cat.h"
 
 namespace silhouette {
@@ -18,6 +20,9 @@ bool RegionEffect::Touches(std::span<const std::optional<Mask>> test_robot) cons
 }
 
 namespace {
+
+constexpr size_t kMostCorners = 1000;
+constexpr double kFarthest = 1e5;  // pixels from the image's corner
 
 // The obstacle pixels inside each of the regions.
 std::vector<RegionEffect> Inside(const RegionSet& regions, const ObstacleImages& images) {
@@ -64,13 +69,14 @@ std::vector<RegionEffect> Apply(const RegionSet& regions, std::span<const double
 
 absl::StatusOr<Mask> PixelsInPolygon(MaskSize size,
                                      std::span<const std::pair<double, double>> corners) {
-  if (corners.size() < 3) {
-    return absl::InvalidArgumentError("a polygon has at least three corners");
+  if (corners.size() < 3 || corners.size() > kMostCorners) {
+    return absl::InvalidArgumentError(
+        absl::StrCat("a polygon has 3 to ", kMostCorners, " corners, not ", corners.size()));
   }
   std::vector<cv::Point2f> polygon;
   for (const auto& [x, y] : corners) {
-    if (!std::isfinite(x) || !std::isfinite(y)) {
-      return absl::InvalidArgumentError("a corner of the polygon is not finite");
+    if (!(std::abs(x) <= kFarthest) || !(std::abs(y) <= kFarthest)) {
+      return absl::InvalidArgumentError("a corner of the polygon is not near the image");
     }
     polygon.emplace_back(static_cast<float>(x), static_cast<float>(y));
   }
@@ -83,9 +89,12 @@ absl::StatusOr<Mask> PixelsInPolygon(MaskSize size,
 absl::StatusOr<AllowedRegion> AllowedRegions::Allow(const std::string& name,
                                                     std::vector<std::optional<Mask>> pixels,
                                                     absl::Duration duration, const Moment& now) {
-  if (name.empty() || name.size() > kLongestName) {
+  const bool printable = std::none_of(name.begin(), name.end(), [](char c) {
+    return absl::ascii_iscntrl(static_cast<unsigned char>(c));
+  });
+  if (name.empty() || name.size() > kLongestName || !printable) {
     return absl::InvalidArgumentError(
-        absl::StrCat("name: a region has a name of 1 to ", kLongestName, " characters"));
+        absl::StrCat("name: a region has a name of 1 to ", kLongestName, " printable characters"));
   }
   if (!(duration > absl::ZeroDuration()) || duration > kLongest) {
     return absl::InvalidArgumentError(
@@ -121,17 +130,25 @@ bool AllowedRegions::Revoke(const std::string& name, const Moment& now) {
 }
 
 void AllowedRegions::Clear() {
-  if (!set_->regions.empty()) Replace({});
+  if (set_->regions.empty()) return;
+  ended_.insert(ended_.end(), set_->regions.begin(), set_->regions.end());
+  Replace({});
 }
 
 std::shared_ptr<const RegionSet> AllowedRegions::InForce(const Moment& now) {
   const auto ended = [&](const AllowedRegion& region) { return region.end <= now.running; };
   if (std::any_of(set_->regions.begin(), set_->regions.end(), ended)) {
     std::vector<AllowedRegion> regions = set_->regions;
+    std::copy_if(regions.begin(), regions.end(), std::back_inserter(ended_), ended);
     std::erase_if(regions, ended);
     Replace(std::move(regions));
   }
   return set_;
+}
+
+std::vector<AllowedRegion> AllowedRegions::TakeEnded(const Moment& now) {
+  InForce(now);
+  return std::exchange(ended_, {});
 }
 
 void AllowedRegions::Replace(std::vector<AllowedRegion> regions) {

@@ -56,7 +56,7 @@ std::vector<RegionEffect> Apply(const RegionSet& regions, std::span<const double
                                 ObstacleImages& without_margins, ObstacleImages& images);
 
 // The pixels whose centres lie in a polygon, corners in mask pixels, integers at pixel centres.
-// InvalidArgument unless there are at least three corners, all finite.
+// InvalidArgument unless there are 3 to 1000 corners, none farther away than 100,000 pixels.
 absl::StatusOr<Mask> PixelsInPolygon(MaskSize size,
                                      std::span<const std::pair<double, double>> corners);
 
@@ -68,8 +68,8 @@ class AllowedRegions {
   static constexpr size_t kLongestName = 64;
 
   // Puts a region into force for `duration` from `now` on, in place of the one of its name.
-  // InvalidArgument: no name or one that is too long, no pixel in any view, or a duration that is
-  // not between 0 and kLongest. ResourceExhausted: there are kMost regions.
+  // InvalidArgument: no name, one that is too long or has control characters, no pixel in any view,
+  // or a duration that is not between 0 and kLongest. ResourceExhausted: there are kMost regions.
   absl::StatusOr<AllowedRegion> Allow(const std::string& name,
                                       std::vector<std::optional<Mask>> pixels,
                                       absl::Duration duration, const Moment& now);
@@ -82,9 +82,13 @@ class AllowedRegions {
   // Those whose end has not come.
   std::shared_ptr<const RegionSet> InForce(const Moment& now);
 
+  // Those whose end came, or that Clear() ended, since the last call.
+  std::vector<AllowedRegion> TakeEnded(const Moment& now);
+
  private:
   void Replace(std::vector<AllowedRegion> regions);
 
+  std::vector<AllowedRegion> ended_;
   std::shared_ptr<const RegionSet> set_ = std::make_shared<const RegionSet>();
 };
 

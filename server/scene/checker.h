@@ -26,6 +26,7 @@ class Checker {
   Checker(Served served, const Policy& policy, const SceneSettings& settings, const Moment& now);
 
   const Served& served() const { return served_; }
+  const Policy& policy() const { return policy_; }
   // Why every verdict is unknown, whatever the configuration; kNone if verdicts can be made.
   Reason blocked() const { return blocked_; }
 

@@ -81,6 +81,11 @@ bool SceneStore::Revoke(const std::string& name, const Moment& now) {
   return regions_.Revoke(name, now);
 }
 
+std::vector<AllowedRegion> SceneStore::TakeEnded(const Moment& now) {
+  const std::lock_guard lock(mutex_);
+  return regions_.TakeEnded(now);
+}
+
 SharedScene SceneStore::Find(uint64_t id) const {
   const std::lock_guard lock(mutex_);
   if (scenes_.empty()) return nullptr;

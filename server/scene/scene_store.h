@@ -42,13 +42,15 @@ class SceneStore {
   // Allowed regions that end at the moment `now`, or ended before, are no longer in force.
   Served Newest(const Moment& now);
 
-  // As AllowedRegions' functions of these names. Aborted if `database`, to whose views `pixels`
+  // As AllowedRegions' functions of these names; TakeEnded also has those that ended with their
+  // database. Aborted if `database`, to whose views `pixels`
   // belong, has been replaced.
   absl::StatusOr<AllowedRegion> Allow(const std::string& name,
                                       std::vector<std::optional<Mask>> pixels,
                                       absl::Duration duration, const Moment& now,
                                       const std::shared_ptr<const ServedDatabase>& database);
   bool Revoke(const std::string& name, const Moment& now);
+  std::vector<AllowedRegion> TakeEnded(const Moment& now);
 
   // A scene as it was published, by its id, 0 for the newest; null if there is none, or no longer.
   SharedScene Find(uint64_t id) const;

@@ -143,9 +143,10 @@ absl::StatusOr<Checker> CollisionService::CheckerFor(const v1::Policy& message) 
   return Checker(std::move(served), *policy, serving_.settings.scene, serving_.settings.clock());
 }
 
-Reason CollisionService::Conclude(const Served& served, v1::Basis* basis) const {
+Reason CollisionService::Conclude(const Served& served, const Policy& policy,
+                                  v1::Basis* basis) const {
   const Moment now = serving_.settings.clock();
-  ToMessage(served, now, basis);
+  ToMessage(served, policy, now, basis);
   return BlockedReason(served, serving_.settings.scene, now);
 }
 
@@ -168,9 +169,11 @@ grpc::ServerUnaryReactor* CollisionService::CheckConfigurations(
     for (size_t i = 0; i < configurations->size(); ++i) {
       verdicts.push_back(CheckOne(*checker, (*configurations)[i], evidence_of(i)));
     }
-    const Reason blocked = Conclude(checker->served(), response->mutable_basis());
+    const Reason blocked =
+        Conclude(checker->served(), checker->policy(), response->mutable_basis());
     for (size_t i = 0; i < verdicts.size(); ++i) {
-      ToMessage(Final(verdicts[i], blocked), evidence_of(i), database, response->add_verdicts());
+      ToMessage(Final(verdicts[i], blocked), evidence_of(i),
+                checker->RegionsAt((*configurations)[i]), database, response->add_verdicts());
     }
     return grpc::Status::OK;
   };
@@ -197,11 +200,14 @@ grpc::ServerUnaryReactor* CollisionService::CheckPath(grpc::CallbackServerContex
               "waypoints: the path passes more than 1,000,000 places of the grid; split it"};
     }
     std::vector<ViewEvidence> evidence(static_cast<size_t>(database.views()));
-    const PathVerdict path = checker->CheckPath(*waypoints, evidence);
-    const Reason blocked = Conclude(checker->served(), response->mutable_basis());
+    std::set<std::string> touched;
+    const PathVerdict path = checker->CheckPath(*waypoints, evidence, &touched);
+    const Reason blocked =
+        Conclude(checker->served(), checker->policy(), response->mutable_basis());
     const Verdict verdict = Final(path.verdict, blocked);
     if (path.verdict.free()) evidence.clear();
-    ToMessage(verdict, evidence, database, response->mutable_verdict());
+    const std::vector<std::string> regions(touched.begin(), touched.end());
+    ToMessage(verdict, evidence, regions, database, response->mutable_verdict());
     response->set_segment(path.segment);
     response->set_fraction(path.fraction);
     for (double position : path.configuration) {
@@ -225,7 +231,7 @@ CollisionService::GetConfigurationSpace(grpc::CallbackServerContext* context,
     std::shared_ptr<const ConfigurationSpace> space;
     if (served.scene != nullptr) space = serving_.spaces.Get(served, *policy);
     v1::GetConfigurationSpaceResponse first;
-    const Reason blocked = Conclude(served, first.mutable_basis());
+    const Reason blocked = Conclude(served, *policy, first.mutable_basis());
     ToMessage(served.database->grid(), first.mutable_grid());
     first.set_unknown_reason(ToMessage(blocked));
     if (blocked != Reason::kNone) tiles->clear();
@@ -253,8 +259,10 @@ grpc::ServerUnaryReactor* CollisionService::Explain(grpc::CallbackServerContext*
     std::vector<ViewEvidence> evidence(static_cast<size_t>(database.views()));
     const Verdict verdict = CheckOne(*checker, *q, evidence);
     ExplainViews(*checker, *q, response);
-    const Reason blocked = Conclude(checker->served(), response->mutable_basis());
-    ToMessage(Final(verdict, blocked), evidence, database, response->mutable_verdict());
+    const Reason blocked =
+        Conclude(checker->served(), checker->policy(), response->mutable_basis());
+    ToMessage(Final(verdict, blocked), evidence, checker->RegionsAt(*q), database,
+              response->mutable_verdict());
     return grpc::Status::OK;
   });
 }

@@ -40,8 +40,8 @@ class CollisionService final : public v1::CollisionService::CallbackService {
   // The world at this moment under the policy of a request.
   absl::StatusOr<Checker> CheckerFor(const v1::Policy& policy) const;
   // Tells what the answer rests on. Returns why it must not say free after all: the scene may have
-  // become too old while the answer was made.
-  Reason Conclude(const Served& served, v1::Basis* basis) const;
+  // become too old, or an allowed region ended, while the answer was made.
+  Reason Conclude(const Served& served, const Policy& policy, v1::Basis* basis) const;
 
   Serving& serving_;
 };

@@ -7,6 +7,24 @@
 #include "tools/picture/picture.h"
 
 namespace silhouette {
+namespace {
+
+// The planes, and in colours of their own the unknown pixels that are ignored and those that
+// allowed regions made unknown.
+Picture PictureOfView(const Scene& scene, size_t view, const Mask& obstacle, const Mask& unknown,
+                      const Mask& error) {
+  Picture picture = PictureOfPlanes(obstacle, unknown, error);
+  const auto veil = [&](const std::optional<Mask>& pixels, Colour colour) {
+    if (pixels) picture = WithVeil(picture, *pixels & unknown, colour, 1);
+  };
+  veil(scene.views[view]->ignored, palette::kIgnored);
+  for (const RegionEffect& effect : scene.region_effects) {
+    veil(effect.taken[view], palette::kAllowed);
+  }
+  return picture;
+}
+
+}  // namespace
 
 void ExplainViews(const Checker& checker, std::span<const double> q,
                   v1::ExplainResponse* response) {
@@ -21,13 +39,14 @@ void ExplainViews(const Checker& checker, std::span<const double> q,
     explanation.set_scene_png(EncodePng(PictureOf(served.scene->views[i]->foreground)));
     if (!served.scene->obstacle_images[i]) continue;
     const ObstacleImage& obstacle = *served.scene->obstacle_images[i];
-    explanation.set_obstacle_png(
-        EncodePng(PictureOfPlanes(obstacle.obstacle(), obstacle.unknown(), obstacle.error())));
+    const Scene& scene = *served.scene;
+    explanation.set_obstacle_png(EncodePng(
+        PictureOfView(scene, i, obstacle.obstacle(), obstacle.unknown(), obstacle.error())));
     const std::optional<Mask> robot = checker.TestRobotImage(view, q);
     if (!robot) continue;
     const IntersectionImage intersection(obstacle, *robot);
-    explanation.set_intersection_png(EncodePng(
-        PictureOfPlanes(intersection.obstacle(), intersection.unknown(), intersection.error())));
+    explanation.set_intersection_png(EncodePng(PictureOfView(
+        scene, i, intersection.obstacle(), intersection.unknown(), intersection.error())));
     if (!collision[i]) continue;
     const Mask none(collision[i]->size());
     explanation.set_collision_png(EncodePng(PictureOfPlanes(*collision[i], none, none)));

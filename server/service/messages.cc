@@ -6,6 +6,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_join.h"
+#include "server/scene/checker.h"
 
 namespace silhouette {
 namespace {
@@ -78,6 +79,24 @@ absl::StatusOr<ViewInput> ViewInputFrom(const v1::ViewImage& message, const std:
       break;
   }
   return InField(field, "give one of scene_mask, camera_image and obstacle_mask");
+}
+
+absl::StatusOr<Mask> PixelsFrom(const v1::RegionPixels& message, MaskSize size,
+                                const std::string& field) {
+  if (message.has_polygon()) {
+    std::vector<std::pair<double, double>> corners;
+    for (const v1::Point& corner : message.polygon().corners()) {
+      corners.emplace_back(corner.x(), corner.y());
+    }
+    absl::StatusOr<Mask> mask = PixelsInPolygon(size, corners);
+    if (mask.ok()) return mask;
+    return InField(field + ".polygon", std::string(mask.status().message()));
+  }
+  if (!message.has_mask()) return InField(field, "give one of mask and polygon");
+  absl::StatusOr<Mask> mask = MaskFrom(message.mask(), field + ".mask");
+  if (!mask.ok() || mask->size() == size) return mask;
+  return InField(field + ".mask", absl::StrCat("it is ", mask->width(), "x", mask->height(),
+                                               ", and should be ", size.width, "x", size.height));
 }
 
 v1::Verdict::State ToMessage(State state) {
@@ -202,13 +221,37 @@ absl::StatusOr<SceneInput> SceneInputFrom(const v1::PublishSceneRequest& message
   return input;
 }
 
+absl::StatusOr<std::vector<std::optional<Mask>>> RegionPixelsFrom(
+    const v1::AllowRegionRequest& message, const ServedDatabase& database) {
+  std::vector<std::optional<Mask>> pixels(static_cast<size_t>(database.views()));
+  for (int i = 0; i < message.views_size(); ++i) {
+    const v1::RegionPixels& given = message.views(i);
+    const std::string field = absl::StrCat("views[", i, "] '", given.view(), "'");
+    const std::optional<int> view = database.ViewOf(given.view());
+    if (!view) return InField(field, "the cell has no such view");
+    std::optional<Mask>& known = pixels[static_cast<size_t>(*view)];
+    if (known) return InField(field, "the view is given twice");
+    absl::StatusOr<Mask> mask =
+        PixelsFrom(given, database.robot_images().mask_sizes()[static_cast<size_t>(*view)], field);
+    if (!mask.ok()) return mask.status();
+    known = *std::move(mask);
+  }
+  return pixels;
+}
+
+absl::Duration DurationFrom(const google::protobuf::Duration& message) {
+  return absl::Seconds(message.seconds()) + absl::Nanoseconds(message.nanos());
+}
+
 v1::Verdict::Reason ToMessage(Reason reason) { return static_cast<v1::Verdict::Reason>(reason); }
 
 void ToMessage(const Verdict& verdict, std::span<const ViewEvidence> evidence,
-               const ServedDatabase& database, v1::Verdict* message) {
+               std::span<const std::string> regions, const ServedDatabase& database,
+               v1::Verdict* message) {
   message->set_state(ToMessage(verdict.state()));
   message->set_reason(ToMessage(verdict.reason()));
   message->set_hidden_possible(verdict.hidden_possible());
+  message->mutable_regions()->Add(regions.begin(), regions.end());
   for (size_t view = 0; view < evidence.size(); ++view) {
     v1::ViewEvidence& seen = *message->add_views();
     seen.set_view(database.view_name(static_cast<int>(view)));
@@ -252,12 +295,26 @@ void ToMessage(const Mask& mask, v1::Mask* message) {
   message->set_bits(mask.ToBytes());
 }
 
-void ToMessage(const Served& served, const Moment& now, v1::Basis* message) {
+void ToMessage(const Served& served, const Policy& policy, const Moment& now, v1::Basis* message) {
   message->set_database_generation(served.database->generation());
   if (served.scene == nullptr) return;
   message->set_scene_id(served.scene->id);
   SetTime(served.scene->oldest, message->mutable_scene_time());
   SetDuration(served.scene->AgeAt(now), message->mutable_scene_age());
+  for (const std::string& name : RegionsIn(served, policy)) message->add_regions(name);
+}
+
+void ToMessage(const AllowedRegion& region, const ServedDatabase& database, const Moment& now,
+               v1::AllowedRegion* message) {
+  message->set_name(region.name);
+  for (size_t view = 0; view < region.pixels.size(); ++view) {
+    if (!region.pixels[view]) continue;
+    v1::RegionPixels& pixels = *message->add_views();
+    pixels.set_view(database.view_name(static_cast<int>(view)));
+    ToMessage(*region.pixels[view], pixels.mutable_mask());
+  }
+  SetDuration(region.end - now.running, message->mutable_remaining());
+  SetTime(region.end_time, message->mutable_end_time());
 }
 
 void ToMessage(const Scene& scene, bool include_planes, const SceneSettings& settings,
@@ -279,7 +336,10 @@ void ToMessage(const Scene& scene, bool include_planes, const SceneSettings& set
     SetTime(seen.captured, view.mutable_capture_time());
     view.set_foreground_pixels(static_cast<uint32_t>(seen.foreground.Count()));
     view.set_core_error_pixels(seen.core_error_pixels);
+    view.set_margin(seen.margin);
+    if (seen.ignored) view.set_ignored_pixels(static_cast<uint32_t>(seen.ignored->Count()));
     if (include_planes) ToMessage(seen.foreground, view.mutable_scene());
+    if (include_planes && seen.ignored) ToMessage(*seen.ignored, view.mutable_ignored());
     if (!scene.obstacle_images[i]) continue;
     const ObstacleImage& image = *scene.obstacle_images[i];
     view.set_obstacle_pixels(static_cast<uint32_t>(image.obstacle().Count()));
@@ -323,6 +383,11 @@ void ToMessage(const ServedDatabase& database, const Policy& default_policy,
     added.set_image_height(view.image_height());
     added.set_mask_width(view.mask_width());
     added.set_mask_height(view.mask_height());
+    const ViewTreatment& treatment = database.treatment(i);
+    added.set_margin(treatment.margin);
+    if (treatment.ignored) {
+      added.set_ignored_pixels(static_cast<uint32_t>(treatment.ignored->Count()));
+    }
     message->add_permanent_pixels(static_cast<uint32_t>(images.permanent(i).Count()));
   }
   message->set_configurations(database.grid().size());

@@ -3,7 +3,10 @@
 
 #include <grpcpp/support/status.h>
 
+#include <optional>
 #include <span>
+#include <string>
+#include <vector>
 
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
@@ -30,18 +33,26 @@ absl::StatusOr<Configuration> ConfigurationFrom(const v1::Configuration& message
                                                 const ConfigurationGrid& grid,
                                                 const std::string& field);
 absl::StatusOr<SceneInput> SceneInputFrom(const v1::PublishSceneRequest& message);
+// Per view of the database: where the region lies.
+absl::StatusOr<std::vector<std::optional<Mask>>> RegionPixelsFrom(
+    const v1::AllowRegionRequest& message, const ServedDatabase& database);
+// Infinite for what is beyond any region's life.
+absl::Duration DurationFrom(const google::protobuf::Duration& message);
 
 // Into messages.
 
 v1::Verdict::Reason ToMessage(Reason reason);
-// `evidence`: empty, or one per view of the database.
+// `evidence`: empty, or one per view of the database. `regions`: names of allowed regions.
 void ToMessage(const Verdict& verdict, std::span<const ViewEvidence> evidence,
-               const ServedDatabase& database, v1::Verdict* message);
+               std::span<const std::string> regions, const ServedDatabase& database,
+               v1::Verdict* message);
 void ToMessage(const Policy& policy, v1::Policy* message);
 void ToMessage(const ConfigurationGrid& grid, v1::Grid* message);
 void ToMessage(const Mask& mask, v1::Mask* message);
-// What an answer rests on that is ready at the moment `now`.
-void ToMessage(const Served& served, const Moment& now, v1::Basis* message);
+// What an answer under the policy rests on that is ready at the moment `now`.
+void ToMessage(const Served& served, const Policy& policy, const Moment& now, v1::Basis* message);
+void ToMessage(const AllowedRegion& region, const ServedDatabase& database, const Moment& now,
+               v1::AllowedRegion* message);
 // Staleness at the moment `now` is told among the scene's defects.
 void ToMessage(const Scene& scene, bool include_planes, const SceneSettings& settings,
                const Moment& now, v1::Scene* message);

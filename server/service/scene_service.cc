@@ -10,6 +10,21 @@
 #include "server/service/messages.h"
 
 namespace silhouette {
+namespace {
+
+// "12 pixels in 'left', 9 in 'top'"
+std::string PixelCounts(const AllowedRegion& region, const ServedDatabase& database) {
+  std::string counts;
+  for (size_t view = 0; view < region.pixels.size(); ++view) {
+    if (!region.pixels[view]) continue;
+    absl::StrAppend(&counts, counts.empty() ? "" : ", ", region.pixels[view]->Count(),
+                    counts.empty() ? " pixels in '" : " in '",
+                    database.view_name(static_cast<int>(view)), "'");
+  }
+  return counts;
+}
+
+}  // namespace
 
 void SceneService::LogDefects(const Scene& scene) {
   std::set<Reason> reasons;
@@ -70,6 +85,49 @@ grpc::ServerUnaryReactor* SceneService::GetScene(grpc::CallbackServerContext* co
   };
   return request->include_planes() ? AnswerOnWorker(serving_, context, work)
                                    : AnswerHere(context, work);
+}
+
+grpc::ServerUnaryReactor* SceneService::AllowRegion(grpc::CallbackServerContext* context,
+                                                    const v1::AllowRegionRequest* request,
+                                                    v1::AllowRegionResponse* response) {
+  const Moment now = serving_.settings.clock();
+  return AnswerOnWorker(serving_, context, [=, this]() -> grpc::Status {
+    const std::shared_ptr<const ServedDatabase> database = serving_.scenes.Newest(now).database;
+    absl::StatusOr<std::vector<std::optional<Mask>>> pixels = RegionPixelsFrom(*request, *database);
+    if (!pixels.ok()) return ToGrpc(pixels.status());
+    const absl::StatusOr<AllowedRegion> region = serving_.scenes.Allow(
+        request->name(), *std::move(pixels), DurationFrom(request->duration()), now, database);
+    if (!region.ok()) return ToGrpc(region.status());
+    spdlog::info("{} allows region '{}' for {}: {}", context->peer(), region->name,
+                 absl::FormatDuration(region->end - now.running), PixelCounts(*region, *database));
+    serving_.region_log.Watch();
+    ToMessage(*region, *database, serving_.settings.clock(), response->mutable_region());
+    return grpc::Status::OK;
+  });
+}
+
+grpc::ServerUnaryReactor* SceneService::RevokeRegion(grpc::CallbackServerContext* context,
+                                                     const v1::RevokeRegionRequest* request,
+                                                     v1::RevokeRegionResponse* response) {
+  return AnswerHere(context, [=, this] {
+    const bool was_in_force = serving_.scenes.Revoke(request->name(), serving_.settings.clock());
+    if (was_in_force) spdlog::info("{} revokes region '{}'", context->peer(), request->name());
+    response->set_was_in_force(was_in_force);
+    return grpc::Status::OK;
+  });
+}
+
+grpc::ServerUnaryReactor* SceneService::ListAllowedRegions(
+    grpc::CallbackServerContext* context, const v1::ListAllowedRegionsRequest*,
+    v1::ListAllowedRegionsResponse* response) {
+  return AnswerHere(context, [this, response] {
+    const Moment now = serving_.settings.clock();
+    const Served served = serving_.scenes.Newest(now);
+    for (const AllowedRegion& region : served.regions->regions) {
+      ToMessage(region, *served.database, now, response->add_regions());
+    }
+    return grpc::Status::OK;
+  });
 }
 
 }  // namespace silhouette

@@ -19,6 +19,15 @@ class SceneService final : public v1::SceneService::CallbackService {
   grpc::ServerUnaryReactor* GetScene(grpc::CallbackServerContext* context,
                                      const v1::GetSceneRequest* request,
                                      v1::GetSceneResponse* response) override;
+  grpc::ServerUnaryReactor* AllowRegion(grpc::CallbackServerContext* context,
+                                        const v1::AllowRegionRequest* request,
+                                        v1::AllowRegionResponse* response) override;
+  grpc::ServerUnaryReactor* RevokeRegion(grpc::CallbackServerContext* context,
+                                         const v1::RevokeRegionRequest* request,
+                                         v1::RevokeRegionResponse* response) override;
+  grpc::ServerUnaryReactor* ListAllowedRegions(grpc::CallbackServerContext* context,
+                                               const v1::ListAllowedRegionsRequest* request,
+                                               v1::ListAllowedRegionsResponse* response) override;
 
  private:
   // One line in the log whenever the scenes' defects change.

@@ -13,6 +13,7 @@
 #include "server/scene/clock.h"
 #include "server/scene/scene_settings.h"
 #include "server/scene/scene_store.h"
+#include "server/service/region_log.h"
 #include "server/service/space_cache.h"
 #include "server/service/worker_pool.h"
 
@@ -37,10 +38,12 @@ struct Serving {
   Serving(std::shared_ptr<const ServedDatabase> database, ServingSettings the_settings)
       : settings(std::move(the_settings)),
         scenes(std::move(database)),
+        region_log(scenes, settings.clock),
         workers(settings.worker_threads, settings.worker_queue) {}
 
   const ServingSettings settings;
   SceneStore scenes;
+  RegionLog region_log;
   SpaceCache spaces;
   WorkerPool workers;  // last: its tasks use the others
 };

@@ -44,6 +44,22 @@ auto VerdictsOf(std::vector<int> states) {
   };
 }
 
+TEST(CheckConfigurations, TellsTheRegionsThatTouchedThem) {
+  FakeServer server;
+  server.check_configurations = [](grpc::ServerContext&, const v1::CheckConfigurationsRequest&,
+                                   v1::CheckConfigurationsResponse& response) {
+    *response.mutable_basis() = GoodBasis();
+    response.mutable_basis()->add_regions("part");
+    response.mutable_basis()->add_regions("tray");
+    response.add_verdicts()->add_regions("part");
+    return grpc::Status::OK;
+  };
+  const auto checks = ClientOf(server).CheckConfigurations(kOne);
+  ASSERT_TRUE(checks.ok()) << checks.status();
+  EXPECT_THAT(checks->basis.regions, ElementsAre("part", "tray"));
+  EXPECT_THAT(checks->verdicts[0].regions, ElementsAre("part"));
+}
+
 TEST(Verdict, NobodyGaveIsUnknown) {
   EXPECT_EQ(Verdict().state, State::kUnknown);
   EXPECT_FALSE(Verdict().free());

@@ -302,6 +302,53 @@ TEST_F(Silhouette, ExplainTellsTheVotesAndWritesTheImages) {
   EXPECT_EQ(cell_.Run("explain 0,0.5").exit_code, 0);
 }
 
+TEST_F(Silhouette, RegionIsAllowedListedNamedAndRevoked) {
+  PublishWall();
+  ASSERT_EQ(cell_.Run("check 0.6,0.2").exit_code, 1);
+  EXPECT_THAT(cell_.Run("region list").out, HasSubstr("no allowed region"));
+  WriteMask(cell_.shell().folder() / "wall.png", kWall);
+  const Ended allow = cell_.Run(
+      "region allow part 'left:6.5,-1;8.5,-1;8.5,9.5;6.5,9.5' --mask right=wall.png --for 5m");
+  EXPECT_EQ(allow.exit_code, 0) << allow.err;
+  EXPECT_THAT(allow.out, AllOf(HasSubstr("'part'"), HasSubstr("left 20, right 20 pixels")));
+  const Ended check = cell_.Run("check 0.6,0.2 0,0");
+  EXPECT_EQ(check.exit_code, 0) << check.out;
+  EXPECT_THAT(check.out, HasSubstr("(obstacles allowed in 'part')"));
+  const json answer = RunJson("check 0.6,0.2 0,0", 0);
+  EXPECT_EQ(answer["scene_regions"], json::array({"part"}));
+  EXPECT_EQ(answer["configurations"][0]["regions"], json::array({"part"}));
+  EXPECT_EQ(answer["configurations"][1]["regions"], json::array());
+  EXPECT_EQ(RunJson("path 0,0.2 1,0.2", 0)["regions"], json::array({"part"}));
+  EXPECT_EQ(RunJson("space", 0)["scene_regions"], json::array({"part"}));
+  EXPECT_EQ(cell_.Run("explain 0.6,0.2 --out why").exit_code, 0);
+  const json list = RunJson("region list", 0);
+  ASSERT_EQ(list["regions"].size(), 1u);
+  EXPECT_EQ(list["regions"][0]["views"][1]["view"], "right");
+  EXPECT_EQ(list["regions"][0]["views"][1]["pixels"], 20);
+  EXPECT_GT(list["regions"][0]["remaining_s"], 200);
+  EXPECT_EQ(cell_.Run("region revoke part").exit_code, 0);
+  EXPECT_EQ(cell_.Run("region revoke part").exit_code, 1);
+  EXPECT_EQ(cell_.Run("check 0.6,0.2").exit_code, 1);
+}
+
+TEST_F(Silhouette, WrongRegionsAreNamed) {
+  const auto error = [&](const std::string& arguments) {
+    const Ended ended = cell_.Run("region allow part " + arguments);
+    EXPECT_EQ(ended.exit_code, 2) << arguments << ": " << ended.out;
+    return ended.err;
+  };
+  EXPECT_THAT(error("'left:1,1;2,2;1,2'"), HasSubstr("--for"));
+  EXPECT_THAT(error("--for 30s"), HasSubstr("say where"));
+  EXPECT_THAT(error("'left:1,1;2,2;1,2' --for soon"), HasSubstr("'soon' is not a time"));
+  EXPECT_THAT(error("'left:1,1;2,2;1,2' --for 1h"), HasSubstr("at most 10m"));
+  EXPECT_THAT(error("'left:1,1;2,2;1,2' --for inf"), HasSubstr("at most 10m"));
+  EXPECT_THAT(error("'left:1,1;2,2' --for 1s"), HasSubstr("at least three corners"));
+  EXPECT_THAT(error("'left:1,1;2,2;x,2' --for 1s"), HasSubstr("'left:1,1;2,2;x,2' is not"));
+  EXPECT_THAT(error("'back:1,1;2,2;1,2' --for 1s"), HasSubstr("no such view"));
+  EXPECT_THAT(error("--mask left=nothing.png --for 1s"), HasSubstr("nothing.png"));
+  EXPECT_THAT(error("--mask left --for 1s"), HasSubstr("VIEW=FILE"));
+}
+
 TEST_F(Silhouette, ServerThatIsGoneIsTheWorldsFailure) {
   PublishWall();
   cell_.StopServer();

@@ -105,6 +105,14 @@ inline Mask Block(int view, int a) {
   });
 }
 
+// As Block, higher up: one pixel around it is not on the foot.
+inline Mask HighBlock(int view, int a) {
+  const MaskSize size = kViewSizes[view];
+  return Mask::FromPredicate(size, [=](int x, int y) {
+    return x / 2 == a && y >= size.height - 5 && y < size.height - 3;
+  });
+}
+
 struct TestDatabase {
   std::vector<std::pair<int, int>> missing = {};
   std::vector<std::pair<int, int>> excluded = {};
@@ -213,22 +221,35 @@ inline void MakeDatabase(const std::string& path, const TestDatabase& test = {})
 }
 
 // By default epipolar lines are as the calibration says, without margin.
-inline std::shared_ptr<const ServedDatabase> LoadDatabase(const std::string& path,
-                                                          const CalibrationSettings& settings = {
-                                                              .margin = 0}) {
+inline std::shared_ptr<const ServedDatabase> LoadDatabase(
+    const std::string& path, const CalibrationSettings& settings = {.margin = 0},
+    const TreatmentSettings& treatments = {}) {
   const auto database = Database::Open(path, Database::Access::kRead);
   EXPECT_TRUE(database.ok()) << database.status();
-  auto served = ServedDatabase::Load(**database, settings);
+  auto served = ServedDatabase::Load(**database, settings, treatments);
   EXPECT_TRUE(served.ok()) << served.status();
   return *std::move(served);
 }
 
-inline std::shared_ptr<const ServedDatabase> NewDatabase(const TestDatabase& test = {},
-                                                         const CalibrationSettings& settings = {
-                                                             .margin = 0}) {
+inline std::shared_ptr<const ServedDatabase> NewDatabase(
+    const TestDatabase& test = {}, const CalibrationSettings& settings = {.margin = 0},
+    const TreatmentSettings& treatments = {}) {
   const FreshFolder folder;
   MakeDatabase(folder / "db", test);
-  return LoadDatabase(folder / "db", settings);
+  return LoadDatabase(folder / "db", settings, treatments);
+}
+
+// The same margin for all views, and a workspace of one cubic metre.
+inline TreatmentSettings WithMargins(const Margin& margin) {
+  return {
+      .views = std::vector<ViewTreatmentSettings>(3, {.margin = margin, .ignored = std::nullopt}),
+      .workspace = Eigen::AlignedBox3d(Eigen::Vector3d(0, 0, 0), Eigen::Vector3d(1, 1, 1))};
+}
+
+inline TreatmentSettings Ignoring(int view, const Mask& pixels) {
+  TreatmentSettings settings = WithMargins({});
+  settings.views[static_cast<size_t>(view)].ignored = pixels;
+  return settings;
 }
 
 inline std::vector<JointPosition> JointsAt(const Configuration& q) {
@@ -250,6 +271,14 @@ inline SceneInput SceneWithBlock(int block, int views = 3, int a = 0, int b = 0)
   SceneInput input = EmptyCellScene(a, b);
   for (int view = 0; view < views; ++view) {
     input.views[view].image = SceneMask{RobotMask(view, a, b) | Block(view, block)};
+  }
+  return input;
+}
+
+inline SceneInput SceneWithHighBlock(int block) {
+  SceneInput input = EmptyCellScene();
+  for (int view = 0; view < 3; ++view) {
+    input.views[view].image = SceneMask{RobotMask(view, 0, 0) | HighBlock(view, block)};
   }
   return input;
 }

@@ -36,7 +36,7 @@ const std::map<std::string, Layer>& Layers() {
         {"grpcpp", "grpc", "spdlog", "opencv2"}}},
       {"devices", {{"mask"}, {}}},
       {"capture",
-       {{"devices", "mask", "store", "proto_storage", "segmentation", "kinematics"}, {"Eigen", "opencv2"}}},
+       {{"devices", "mask", "store", "proto_storage", "segmentation", "kinematics"}, {"opencv2"}}},
       {"sim", {{"devices", "camera", "kinematics", "mask", "yaml"}, {"Eigen", "embree3", "fcl"}}},
       {"client", {{"mask", "proto"}, {"grpcpp", "grpc"}}},
       {"planners", {{"mask"}, {}}},

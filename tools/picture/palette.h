@@ -25,6 +25,9 @@ inline constexpr Colour kObstacle{213, 94, 0};
 inline constexpr Colour kUnknown{86, 180, 233};
 inline constexpr Colour kError{240, 228, 66};
 inline constexpr Colour kRobot{0, 114, 178};
+// Unknown pixels: of an allowed region, and such as never prove anything.
+inline constexpr Colour kAllowed{204, 121, 167};
+inline constexpr Colour kIgnored{130, 130, 130};
 
 // The configuration space.
 inline constexpr Colour kFree{247, 247, 247};

@@ -21,6 +21,8 @@ struct Basis {
   absl::Time scene_time = absl::InfinitePast();
   // Age of that image when the answer was made.
   absl::Duration scene_age = absl::InfiniteDuration();
+  // Names of the allowed regions without which verdicts from the scene might be others.
+  std::vector<std::string> regions = {};
   // When the question was sent.
   std::chrono::steady_clock::time_point asked = {};
 

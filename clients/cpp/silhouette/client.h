@@ -27,6 +27,7 @@
 #include "silhouette/configuration_space.h"
 #include "silhouette/database.h"
 #include "silhouette/policy.h"
+#include "silhouette/region.h"
 #include "silhouette/scene.h"
 #include "silhouette/verdict.h"
 
@@ -82,6 +83,16 @@ class Client {
 
   // A scene by its id, 0 for the newest; `with_planes` asks for the masks too.
   absl::StatusOr<Scene> GetScene(uint64_t id = 0, bool with_planes = false) const;
+
+  // Puts an allowed region into force, in place of the one of its name: in `views` obstacle pixels
+  // are unknown for `duration`, ten minutes at most.
+  absl::StatusOr<AllowedRegion> AllowRegion(const std::string& name,
+                                            std::span<const RegionPixels> views,
+                                            absl::Duration duration) const;
+  // Ends a region at once; whether one of this name was in force.
+  absl::StatusOr<bool> RevokeRegion(const std::string& name) const;
+  // The regions in force, by name.
+  absl::StatusOr<std::vector<AllowedRegion>> ListAllowedRegions() const;
 
   absl::StatusOr<Database> GetDatabase() const;
 

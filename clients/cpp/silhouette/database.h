@@ -20,6 +20,9 @@ struct View {
   MaskSize mask_size;
   // Pixels that the robot covers in every configuration.
   uint32_t permanent_pixels = 0;
+  // Safety margin in pixels of the mask, and how many of them prove nothing.
+  double margin = 0;
+  uint32_t ignored_pixels = 0;
 };
 
 struct Database {

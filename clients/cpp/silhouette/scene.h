@@ -46,6 +46,7 @@ struct ScenePlanes {
   Mask obstacle;
   Mask unknown;
   Mask error;
+  Mask ignored = Mask();  // pixels that prove nothing; empty: the view has none
 };
 
 struct SceneView {
@@ -58,6 +59,8 @@ struct SceneView {
   // Error pixels whose neighbours are all error pixels: the robot is not where it says, a camera
   // moved, or the light changed.
   uint32_t core_error_pixels = 0;
+  double margin = 0;  // safety margin that the pixels were given, in pixels
+  uint32_t ignored_pixels = 0;
   // If they were asked for.
   std::optional<ScenePlanes> planes;
 };

@@ -60,6 +60,8 @@ struct Verdict {
   // An obstacle may hide: in every view some pixel inside the robot image is unknown or error, and
   // none is obstacle. Set for free verdicts too.
   bool hidden_possible = false;
+  // Names of the allowed regions without which the verdict might be another.
+  std::vector<std::string> regions = {};
 
   bool free() const { return state == State::kFree; }
 };

@@ -3,6 +3,7 @@
 #include <gmock/gmock.h>
 
 #include <limits>
+#include <set>
 
 #include "server/scene/checker.h"
 #include "server/scene/scene_store.h"
@@ -145,6 +146,7 @@ TEST_F(AllowedRegionTest, WhatCannotBeARegionIsRefused) {
     return std::string(status.message());
   };
   EXPECT_THAT(message("", BlockPixels(3), absl::Seconds(1)), HasSubstr("a name of 1 to 64"));
+  EXPECT_THAT(message("two\nlines", BlockPixels(3), absl::Seconds(1)), HasSubstr("printable"));
   EXPECT_THAT(message(std::string(65, 'x'), BlockPixels(3), absl::Seconds(1)), HasSubstr("name"));
   EXPECT_THAT(message("part", BlockPixels(3), absl::ZeroDuration()), HasSubstr("duration"));
   EXPECT_THAT(message("part", BlockPixels(3), absl::Minutes(11)), HasSubstr("at most 10m"));
@@ -155,6 +157,72 @@ TEST_F(AllowedRegionTest, WhatCannotBeARegionIsRefused) {
   EXPECT_TRUE(absl::IsResourceExhausted(Allow("one more", BlockPixels(3), absl::Seconds(1))));
   EXPECT_TRUE(Allow("one more", BlockPixels(3), absl::Seconds(1), After(absl::Seconds(2))).ok())
       << "the others have ended";
+}
+
+// A store with a margin of half a pixel and a block above the foot.
+struct RegionWithMargin : testing::Test {
+  std::shared_ptr<const ServedDatabase> database =
+      NewDatabase({}, {}, WithMargins({.pixels = 0.5}));
+  SceneStore store{database};
+
+  void SetUp() override {
+    absl::StatusOr<Scene> scene = MakeScene(*database, SceneWithHighBlock(3), {}, {}, kNow);
+    ASSERT_TRUE(store.Publish(*std::move(scene), database).ok());
+  }
+  Checker CheckerWithRegionAround(int a) {
+    std::vector<std::optional<Mask>> pixels;
+    for (int view = 0; view < 3; ++view) pixels.emplace_back(HighBlock(view, a));
+    EXPECT_TRUE(store.Allow("part", pixels, absl::Seconds(10), kNow, database).ok());
+    return Checker(store.Newest(kNow), {}, {}, kNow);
+  }
+};
+
+TEST_F(RegionWithMargin, TakesTheMarginOfItsPartAwayAndIsNamedThere) {
+  ASSERT_EQ(Checker(store.Newest(kNow), {}, {}, kNow).Check(At(2, 7)).state(), State::kOccupied);
+  const Checker checker = CheckerWithRegionAround(3);
+  EXPECT_TRUE(checker.Check(At(2, 7)).free()) << "beside the part";
+  EXPECT_THAT(checker.RegionsAt(At(2, 7)), ElementsAre("part"));
+  EXPECT_THAT(checker.RegionsAt(At(1, 7)), IsEmpty());
+}
+
+TEST_F(RegionWithMargin, DoesNotCutTheMarginOfAnObstacleBesideIt) {
+  const Checker checker = CheckerWithRegionAround(2);
+  EXPECT_EQ(checker.Check(At(2, 7)).state(), State::kOccupied) << "the margin reaches into it";
+  EXPECT_THAT(RegionsIn(checker.served(), {}), IsEmpty());
+}
+
+TEST_F(AllowedRegionTest, ThatEndsWhileAVerdictIsMadeTakesItBack) {
+  Publish(SceneWithBlock(3));
+  ASSERT_TRUE(Allow("part", BlockPixels(3), absl::Seconds(10)).ok());
+  const Checker checker = CheckerAt();
+  const SceneSettings settings{.max_age = absl::Hours(1)};
+  EXPECT_EQ(BlockedReason(checker.served(), settings, After(absl::Seconds(9))), Reason::kNone);
+  EXPECT_EQ(BlockedReason(checker.served(), settings, After(absl::Seconds(10))),
+            Reason::kRegionEnded);
+}
+
+TEST_F(AllowedRegionTest, IsNamedForEveryPathThatLeadsThroughIt) {
+  Publish(SceneWithBlock(3));
+  ASSERT_TRUE(Allow("part", BlockPixels(3), absl::Seconds(10)).ok());
+  const auto names = [&](const Configuration& from, const Configuration& to, bool free) {
+    std::set<std::string> regions;
+    const std::vector<Configuration> waypoints = {from, to};
+    EXPECT_EQ(CheckerAt().CheckPath(waypoints, {}, &regions).verdict.free(), free);
+    return regions;
+  };
+  EXPECT_THAT(names(At(0, 3), At(4, 3), true), ElementsAre("part")) << "in the middle of it";
+  EXPECT_THAT(names(At(0, 3), At(1, 3), true), IsEmpty());
+}
+
+TEST_F(AllowedRegionTest, WhatHasEndedIsToldOnce) {
+  ASSERT_TRUE(Allow("short", BlockPixels(3), absl::Seconds(1)).ok());
+  ASSERT_TRUE(Allow("long", BlockPixels(3), absl::Seconds(10)).ok());
+  EXPECT_THAT(store_.TakeEnded(kNow), IsEmpty());
+  store_.Newest(After(absl::Seconds(2)));
+  EXPECT_THAT(store_.TakeEnded(After(absl::Seconds(3))),
+              ElementsAre(testing::Field(&AllowedRegion::name, "short")));
+  store_.Revoke("long", After(absl::Seconds(3)));
+  EXPECT_THAT(store_.TakeEnded(After(absl::Seconds(20))), IsEmpty()) << "revoked, not ended";
 }
 
 TEST(PixelsInPolygon, AreThoseWhoseCentresItHolds) {

@@ -230,6 +230,85 @@ TEST_F(ServerProgramTest, PolicyThatTheDatabaseCannotServeIsTheUsersMistake) {
                             HasSubstr("silhouette-db calibration import")));
 }
 
+TEST_F(ServerProgramTest, MetreMarginWithoutCameraModelsRefusesToStart) {
+  const std::string workspace = "workspace: {lower: [-1, -1, 0], upper: [1, 1, 1]}\n";
+  WriteFile(cell, std::string(kCell) + "margin: 5 cm\n" + workspace);
+  EXPECT_EQ(Refused({"--cell", cell, "--database", database}), 2);
+  EXPECT_THAT(errors, AllOf(HasSubstr(cell), HasSubstr("view 'left'"), HasSubstr("camera models"),
+                            HasSubstr("silhouette-db calibration import")));
+  WriteFile(cell, std::string(kCell) + "margin: 5 cm\n");
+  EXPECT_EQ(Refused({"--cell", cell, "--database", database}), 2);
+  EXPECT_THAT(errors, HasSubstr("workspace"));
+}
+
+TEST_F(ServerProgramTest, TakesMarginsAndIgnoredPixelsFromTheCellFile) {
+  std::string text = kCell;
+  text.replace(text.find("[16, 12]}"), 9, "[16, 12], ignore: pillar.png}");
+  WriteFile(cell, text + "margin: 1.5 px\n");
+  cv::Mat pillar(12, 16, CV_8UC1, cv::Scalar(0));
+  pillar.col(4) = 1;  // not black
+  WriteFile(folder / "pillar.png", PngOf(pillar));
+  {
+    ServerProgram program(
+        folder, {"--cell", cell, "--database", database, "--listen", "unix:" + (folder / "s")});
+    const v1::GetDatabaseResponse served = DatabaseAt(program.Address());
+    EXPECT_EQ(served.views(0).ignored_pixels(), 12u);
+    EXPECT_EQ(served.views(1).ignored_pixels(), 0u);
+    EXPECT_EQ(served.views(1).margin(), 1.5);
+    EXPECT_THAT(program.Errors(), AllOf(HasSubstr("view 'left': margin of 1.50 pixels"),
+                                        HasSubstr("view 'left': 12 pixels ignored")));
+  }
+  WriteFile(folder / "pillar.png", PngOf(cv::Mat(5, 5, CV_8UC1, cv::Scalar(0))));
+  EXPECT_EQ(Refused({"--cell", cell, "--database", database}), 2);
+  EXPECT_THAT(errors, AllOf(HasSubstr("view 'left': ignore: "), HasSubstr("5x5 pixels large"),
+                            HasSubstr("16x12")));
+  WriteFile(folder / "pillar.png", "no image");
+  EXPECT_EQ(Refused({"--cell", cell, "--database", database}), 2);
+  EXPECT_THAT(errors, HasSubstr("is not an image"));
+  std::remove((folder / "pillar.png").c_str());
+  EXPECT_EQ(Refused({"--cell", cell, "--database", database}), 2);
+  EXPECT_THAT(errors, HasSubstr("pillar.png"));
+}
+
+TEST_F(ServerProgramTest, TellsInItsLogWhoAllowsARegionAndWhenItEnds) {
+  ServerProgram program(
+      folder, {"--cell", cell, "--database", database, "--listen", "unix:" + (folder / "s")});
+  const auto stub = v1::SceneService::NewStub(
+      grpc::CreateChannel(program.Address(), grpc::InsecureChannelCredentials()));
+  const auto allow = [&](const std::string& name, int milliseconds) {
+    v1::AllowRegionRequest request;
+    request.set_name(name);
+    request.mutable_duration()->set_seconds(milliseconds / 1000);
+    request.mutable_duration()->set_nanos(milliseconds % 1000 * 1'000'000);
+    v1::RegionPixels& pixels = *request.add_views();
+    pixels.set_view("top");
+    for (const auto& [x, y] : {std::pair(0, 0), {2, 0}, {2, 2}, {0, 2}}) {
+      v1::Point& corner = *pixels.mutable_polygon()->add_corners();
+      corner.set_x(x);
+      corner.set_y(y);
+    }
+    grpc::ClientContext context;
+    v1::AllowRegionResponse response;
+    const grpc::Status status = stub->AllowRegion(&context, request, &response);
+    EXPECT_TRUE(status.ok()) << status.error_message();
+  };
+  allow("part", 200);
+  allow("other", 60'000);
+  grpc::ClientContext context;
+  v1::RevokeRegionRequest request;
+  request.set_name("other");
+  v1::RevokeRegionResponse response;
+  ASSERT_TRUE(stub->RevokeRegion(&context, request, &response).ok());
+  for (int i = 0; i < 1000 && program.Errors().find("has ended") == std::string::npos; ++i) {
+    std::this_thread::sleep_for(std::chrono::milliseconds(10));
+  }
+  EXPECT_THAT(
+      program.Errors(),
+      AllOf(HasSubstr("allows region 'part' for 200ms: 9 pixels in 'top'"),
+            HasSubstr("allowed region 'part' has ended"), HasSubstr("revokes region 'other'")));
+  EXPECT_THAT(program.Errors(), Not(HasSubstr("region 'other' has ended")));
+}
+
 TEST_F(ServerProgramTest, CalibrationForOtherImagesIsTheUsersMistake) {
   {
     const auto opened = Database::Open(database, Database::Access::kWrite);
