@@ -6,6 +6,7 @@
 #include "absl/strings/str_format.h"
 #include "tools/experiments/paper/pictures.h"
 #include "tools/experiments/paper/scenes.h"
+#include "tools/experiments/paper/sound_bulk.h"
 #include "tools/experiments/paper/sphere_cell.h"
 #include "tools/experiments/paper/voxel_hull.h"
 #include "tools/picture/sheet.h"
@@ -102,16 +103,21 @@ Picture VerdictsPicture(const Settings& settings, Variant variant, const std::st
     const int min_views = MinViewsOf(OwnThreshold(preset), cell.views());
     pictures.push_back(maps.Of(NameOf(preset), bulk.Occupied(preset, all, min_views)));
   }
+  const SoundSpace sound(cell, settings.sound);
+  const Spheres& robot = arms.At(current);
+  const SoundVerdicts verdicts = SoundOnGrid(sound, images, all, sound.BodyOf(robot), robot);
+  pictures.push_back(maps.Of(NameOf(Preset::kSoundPlanes), verdicts.planes));
+  pictures.push_back(maps.Of(NameOf(Preset::kSound), verdicts.voxels));
   const VoxelCube cube(cell.cameras(), settings.half_width, settings.reconstruction.voxels.back());
   for (RobotOut out : {RobotOut::kHull, RobotOut::kBody}) {
-    const VoxelHull hull(cube, images, all, arms.At(current), out);
+    const VoxelHull hull(cube, images, all, robot, out);
     pictures.push_back(maps.Of(NameOf(out), OccupiedBy(hull, arms)));
   }
   return ContactSheet(
       pictures,
       {.title = absl::StrCat("One scene, all configurations (", NameOf(variant), ", rig ", rig,
                              ", ", cell.views(), " cameras): joint 1 to the right, joint 2 up"),
-       .columns = 4,
+       .columns = 3,
        .legend = {{palette::kFree, "free"},
                   {palette::kOccupied, "occupied"},
                   {kAdditional, "additional (+): reported occupied, really free"},
