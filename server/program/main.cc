@@ -101,6 +101,14 @@ void LogSound(const ServedDatabase& database) {
         "and may take the space inside it for an obstacle; close its mesh",
         link);
   }
+  for (int view = 0; view < database.views(); ++view) {
+    if (database.treatment(view).margin == 0) continue;
+    spdlog::warn(
+        "view '{}' has a margin: the sound presets take it around the robot for room in which an "
+        "obstacle may hide, and may find nothing free; state no margin, or a larger least_obstacle",
+        database.view_name(view));
+    return;
+  }
 }
 
 // The newest generation of the database, if it is the cell's.
