@@ -22,32 +22,79 @@ void Validate(const SegmentationSettings& settings) {
   };
   not_negative(settings.noise_factor, "noise_factor");
   not_negative(settings.min_difference, "min_difference");
+  not_negative(settings.faint_difference, "faint_difference");
   not_negative(settings.clean_up_radius, "clean_up_radius");
   not_negative(settings.min_blob_pixels, "min_blob_pixels");
 }
 
-// 255 where `grey` differs from `gain` times the reference by more than the settings allow.
-cv::Mat Threshold(const cv::Mat& grey, const Reference& reference,
-                  const SegmentationSettings& settings, double gain) {
-  constexpr float kUnit = 1.0F / Reference::kGreyLevel;
-  const auto mean_factor = static_cast<float>(gain * kUnit);
-  const auto noise_factor = static_cast<float>(settings.noise_factor * kUnit);
-  const auto least = static_cast<float>(settings.min_difference);
-  cv::Mat foreground(grey.size(), CV_8UC1);
+// `grey` less `gain` times the reference's mean, in grey levels.
+cv::Mat DifferenceOf(const cv::Mat& grey, const Reference& reference, double gain) {
+  const auto factor = static_cast<float>(gain / Reference::kGreyLevel);
+  cv::Mat difference(grey.size(), CV_32FC1);
   for (int y = 0; y < grey.rows; ++y) {
     const auto* image = grey.ptr<uint8_t>(y);
     const auto* mean = reference.mean().ptr<uint16_t>(y);
-    const auto* noise = reference.noise().ptr<uint16_t>(y);
-    auto* out = foreground.ptr<uint8_t>(y);
+    auto* out = difference.ptr<float>(y);
     for (int x = 0; x < grey.cols; ++x) {
       // A camera shows nothing brighter than 255.
-      const float expected = std::min(mean_factor * static_cast<float>(mean[x]), 255.0F);
-      const float difference = std::abs(static_cast<float>(image[x]) - expected);
+      const float expected = std::min(factor * static_cast<float>(mean[x]), 255.0F);
+      out[x] = static_cast<float>(image[x]) - expected;
+    }
+  }
+  return difference;
+}
+
+// 255 where a pixel's difference is more than the settings allow.
+cv::Mat Threshold(const cv::Mat& difference, const Reference& reference,
+                  const SegmentationSettings& settings) {
+  const auto noise_factor = static_cast<float>(settings.noise_factor / Reference::kGreyLevel);
+  const auto least = static_cast<float>(settings.min_difference);
+  cv::Mat foreground(difference.size(), CV_8UC1);
+  for (int y = 0; y < difference.rows; ++y) {
+    const auto* value = difference.ptr<float>(y);
+    const auto* noise = reference.noise().ptr<uint16_t>(y);
+    auto* out = foreground.ptr<uint8_t>(y);
+    for (int x = 0; x < difference.cols; ++x) {
       const float allowed = std::max(noise_factor * static_cast<float>(noise[x]), least);
-      out[x] = difference > allowed ? 255 : 0;
+      out[x] = std::abs(value[x]) > allowed ? 255 : 0;
     }
   }
   return foreground;
+}
+
+// Adds the pixels whose surroundings differ in the mean. Foreground pixels have no part in the
+// mean, for one that differs much would spread; nor has what is beyond the image's rim.
+void AddFaint(const cv::Mat& difference, const Reference& reference,
+              const SegmentationSettings& settings, cv::Mat& foreground) {
+  if (settings.faint_difference == 0) return;
+  constexpr int kSide = SegmentationSettings::kFaintSide;
+  constexpr float kFewest = kSide * kSide / 2.0F;  // fewer pixels than that tell nothing
+  const cv::Mat open = foreground == 0;
+  cv::Mat sum = cv::Mat::zeros(difference.size(), CV_32FC1);
+  cv::Mat noise = cv::Mat::zeros(difference.size(), CV_32FC1);
+  cv::Mat count = cv::Mat::zeros(difference.size(), CV_32FC1);
+  difference.copyTo(sum, open);
+  cv::Mat all_noise;
+  reference.noise().convertTo(all_noise, CV_32F, 1.0 / Reference::kGreyLevel);
+  all_noise.copyTo(noise, open);
+  count.setTo(1, open);
+  for (cv::Mat* each : {&sum, &noise, &count}) {
+    cv::boxFilter(*each, *each, CV_32F, {kSide, kSide}, {-1, -1}, false, cv::BORDER_CONSTANT);
+  }
+  const auto factor = static_cast<float>(settings.noise_factor);
+  const auto least = static_cast<float>(settings.faint_difference);
+  for (int y = 0; y < difference.rows; ++y) {
+    const auto* sums = sum.ptr<float>(y);
+    const auto* noises = noise.ptr<float>(y);
+    const auto* counts = count.ptr<float>(y);
+    auto* out = foreground.ptr<uint8_t>(y);
+    for (int x = 0; x < difference.cols; ++x) {
+      if (counts[x] < kFewest) continue;
+      // The mean of `count` pixels has the noise of one over the root of `count`.
+      const float allowed = std::max(factor * noises[x] / std::sqrt(counts[x]), least * counts[x]);
+      if (std::abs(sums[x]) > allowed) out[x] = 255;
+    }
+  }
 }
 
 void CleanUp(cv::Mat& foreground, int radius) {
@@ -93,7 +140,9 @@ cv::Mat Foreground(const cv::Mat& image, const Reference& reference,
                                              " x ", reference.size().height));
   }
   const double gain = settings.follow_brightness ? BrightnessGain(grey, reference) : 1;
-  cv::Mat foreground = Threshold(grey, reference, settings, gain);
+  const cv::Mat difference = DifferenceOf(grey, reference, gain);
+  cv::Mat foreground = Threshold(difference, reference, settings);
+  AddFaint(difference, reference, settings, foreground);
   CleanUp(foreground, settings.clean_up_radius);
   DropSmallBlobs(foreground, settings.min_blob_pixels);
   return foreground;

@@ -19,6 +19,10 @@ std::string Number(double value) {
 std::string Describe(const SegmentationSettings& settings) {
   std::string text;
   absl::StrAppend(&text, "clean_up_radius: ", settings.clean_up_radius, "\n");
+  // Databases from before there was such a thing say nothing of it.
+  if (settings.faint_difference > 0) {
+    absl::StrAppend(&text, "faint_difference: ", Number(settings.faint_difference), "\n");
+  }
   absl::StrAppend(&text, "follow_brightness: ", settings.follow_brightness ? "true" : "false",
                   "\n");
   absl::StrAppend(&text, "min_blob_pixels: ", settings.min_blob_pixels, "\n");

@@ -11,6 +11,11 @@ struct SegmentationSettings {
   // deviations of its own noise, and by more than `min_difference` grey levels (0..255).
   double noise_factor = 6;
   double min_difference = 8;
+  // Where single pixels say nothing, the mean difference over the kFaintSide x kFaintSide pixels
+  // around says foreground if it is more than this many grey levels, and more than `noise_factor`
+  // standard deviations of that mean: obstacles nearly as bright as what is behind them; 0: no.
+  double faint_difference = 3;
+  static constexpr int kFaintSide = 5;
   // Whether a change of the whole image's brightness is taken out first.
   bool follow_brightness = true;
   // Radius, in camera pixels, of the opening that removes specks and of the closing that fills

@@ -112,6 +112,7 @@ TEST(Foreground, AgreesWithAPlainSegmentation) {
     const cv::Mat image = Expose(light, 1, 6, random);  // so noisy that specks are left to clean up
     const SegmentationSettings settings{.noise_factor = up_to(32) / 4.0,  // exact in any precision
                                         .min_difference = static_cast<double>(up_to(20)),
+                                        .faint_difference = 0,
                                         .follow_brightness = false,
                                         .clean_up_radius = up_to(4),
                                         .min_blob_pixels = up_to(30)};
@@ -175,6 +176,35 @@ TEST(Difference, SpeckIsDroppedAndPinholeIsFilled) {
   EXPECT_EQ(cv::countNonZero(Foreground(image, reference, settings)), 12 * 12);  // speck, no hole
 }
 
+// A box 5 levels brighter than the cell: less than any pixel's threshold.
+TEST(Difference, FaintObstacleIsFoundByItsMean) {
+  const uint64_t seed = std::random_device{}();
+  SCOPED_TRACE(testing::Message() << "seed " << seed);
+  std::mt19937_64 random(seed);
+  const cv::Mat cell = EmptyCell({320, 240});
+  const Reference reference = Reference::FromImages(ExposeSeries(cell, 20, 1.5, random));
+  const cv::Rect box(100, 80, 40, 60);
+  cv::Mat light = cell.clone();
+  light(box) += 5;
+  const cv::Mat image = Expose(light, 1, 1.5, random);
+  const cv::Mat foreground = Foreground(image, reference, {});
+  EXPECT_GT(cv::countNonZero(foreground(box)), 0.9 * box.area());
+  // It spreads by no more than half of what the mean is taken over.
+  const cv::Rect around(box.x - 3, box.y - 3, box.width + 6, box.height + 6);
+  EXPECT_EQ(cv::countNonZero(foreground), cv::countNonZero(foreground(around)));
+  EXPECT_EQ(cv::countNonZero(Foreground(image, reference, {.faint_difference = 0})), 0);
+}
+
+TEST(Difference, WhatIsPlainlyVisibleDoesNotSpreadByTheMean) {
+  const cv::Mat empty(60, 60, CV_8UC1, cv::Scalar(100));
+  const Reference reference = Reference::FromImages(std::vector<cv::Mat>{empty, empty});
+  cv::Mat image = empty.clone();
+  const cv::Rect box(20, 20, 15, 15);
+  cv::rectangle(image, box, cv::Scalar(200), cv::FILLED);
+  const cv::Mat foreground = Foreground(image, reference, {});
+  EXPECT_EQ(cv::countNonZero(foreground), cv::countNonZero(foreground(box)));
+}
+
 TEST(BrightnessGain, IsNotBiasedByWhatStandsInTheCell) {
   const uint64_t seed = std::random_device{}();
   SCOPED_TRACE(testing::Message() << "seed " << seed);
@@ -223,8 +253,8 @@ TEST(Difference, ImpossibleSettingsAreRefused) {
   using Settings = SegmentationSettings;
   for (const Settings& settings :
        {Settings{.noise_factor = -1}, Settings{.min_difference = std::nan("")},
-        Settings{.clean_up_radius = -1}, Settings{.min_blob_pixels = -1},
-        Settings{.min_cover = 1}}) {
+        Settings{.faint_difference = -1}, Settings{.clean_up_radius = -1},
+        Settings{.min_blob_pixels = -1}, Settings{.min_cover = 1}}) {
     EXPECT_THROW(Difference(empty, reference, settings, {8, 8}), std::invalid_argument)
         << Describe(settings);
   }
@@ -232,9 +262,12 @@ TEST(Difference, ImpossibleSettingsAreRefused) {
 
 TEST(SegmentationSettings, DescriptionIsSortedAndComplete) {
   EXPECT_EQ(Describe({}),
-            "clean_up_radius: 1\nfollow_brightness: true\nmin_blob_pixels: 12\nmin_cover: 0\n"
-            "min_difference: 8\nnoise_factor: 6\n");
-  EXPECT_EQ(Describe({.noise_factor = 1.0 / 3, .follow_brightness = false, .min_cover = 0.1}),
+            "clean_up_radius: 1\nfaint_difference: 3\nfollow_brightness: true\n"
+            "min_blob_pixels: 12\nmin_cover: 0\nmin_difference: 8\nnoise_factor: 6\n");
+  EXPECT_EQ(Describe({.noise_factor = 1.0 / 3,
+                      .faint_difference = 0,
+                      .follow_brightness = false,
+                      .min_cover = 0.1}),
             "clean_up_radius: 1\nfollow_brightness: false\nmin_blob_pixels: 12\nmin_cover: 0.1\n"
             "min_difference: 8\nnoise_factor: 0.3333333333333333\n");
 }

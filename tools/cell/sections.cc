@@ -188,6 +188,7 @@ SegmentationSettings ReadSegmentation(const YamlNode& node) {
   };
   settings.noise_factor = number("noise_factor", settings.noise_factor);
   settings.min_difference = number("min_difference", settings.min_difference);
+  settings.faint_difference = number("faint_difference", settings.faint_difference);
   settings.follow_brightness = map.Get<bool>("follow_brightness", settings.follow_brightness);
   settings.clean_up_radius = AtLeast(map, "clean_up_radius", settings.clean_up_radius, 0);
   settings.min_blob_pixels = AtLeast(map, "min_blob_pixels", settings.min_blob_pixels, 0);
