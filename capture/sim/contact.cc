@@ -88,6 +88,22 @@ struct ContactChecker::Body {
                        });
   }
 
+  // The corners of `other` that lie inside this body, in the world, at most `most`.
+  void AddCorners(const Eigen::Isometry3d& world_from_this, const Body& other,
+                  const Eigen::Isometry3d& world_from_other, size_t most,
+                  std::vector<Eigen::Vector3d>& points) const {
+    const Eigen::Isometry3d this_from_world = world_from_this.inverse();
+    size_t added = 0;
+    for (const Eigen::Vector3d& vertex : other.mesh.vertices) {
+      if (added == most) return;
+      const Eigen::Vector3d in_world = world_from_other * vertex;
+      const Eigen::Vector3d point = this_from_world * in_world;
+      if (!box.contains(point) || !Encloses(mesh, point)) continue;
+      points.push_back(in_world);
+      ++added;
+    }
+  }
+
   std::string name;
   size_t frame;
   TriangleMesh mesh;
@@ -103,6 +119,53 @@ ContactChecker::ContactChecker(const RobotModel& robot, std::span<const Obstacle
 }
 
 ContactChecker::~ContactChecker() = default;
+
+bool ContactChecker::Touch(const Body& link, const Eigen::Isometry3d& world_from_link,
+                           const Body& obstacle, const Eigen::Isometry3d& world_from_obstacle) {
+  const Eigen::Isometry3d link_from_obstacle = world_from_link.inverse() * world_from_obstacle;
+  fcl::CollisionResultd crossing;
+  return fcl::collide(link.model.get(), world_from_link, obstacle.model.get(), world_from_obstacle,
+                      fcl::CollisionRequestd(), crossing) > 0 ||
+         link.Holds(link_from_obstacle, obstacle) ||
+         obstacle.Holds(link_from_obstacle.inverse(), link);
+}
+
+bool ContactChecker::Touches(const Poses& links, const Poses& obstacles) const {
+  for (const Body& link : robot_) {
+    const Eigen::Vector3d centre = links[link.frame] * link.box.center();
+    for (const Body& obstacle : obstacles_) {
+      const Eigen::Vector3d other = obstacles[obstacle.frame] * obstacle.box.center();
+      if ((centre - other).norm() > link.radius + obstacle.radius) continue;
+      if (Touch(link, links[link.frame], obstacle, obstacles[obstacle.frame])) return true;
+    }
+  }
+  return false;
+}
+
+std::vector<ContactPoint> ContactChecker::Points(const Poses& links, const Poses& obstacles,
+                                                 size_t most) const {
+  std::vector<ContactPoint> points;
+  for (const Body& link : robot_) {
+    const Eigen::Isometry3d& world_from_link = links[link.frame];
+    for (const Body& obstacle : obstacles_) {
+      const Eigen::Isometry3d& world_from_obstacle = obstacles[obstacle.frame];
+      if (!Touch(link, world_from_link, obstacle, world_from_obstacle)) continue;
+      std::vector<Eigen::Vector3d> places;
+      fcl::CollisionResultd crossing;
+      fcl::collide(link.model.get(), world_from_link, obstacle.model.get(), world_from_obstacle,
+                   fcl::CollisionRequestd(most, true), crossing);
+      for (size_t i = 0; i < crossing.numContacts(); ++i) {
+        places.push_back(crossing.getContact(i).pos);
+      }
+      link.AddCorners(world_from_link, obstacle, world_from_obstacle, most, places);
+      obstacle.AddCorners(world_from_obstacle, link, world_from_link, most, places);
+      for (const Eigen::Vector3d& place : places) {
+        points.push_back({.point = place, .link = link.name, .obstacle = obstacle.name});
+      }
+    }
+  }
+  return points;
+}
 
 Contact ContactChecker::Check(const Poses& links, const Poses& obstacles) const {
   struct Pair {
@@ -127,13 +190,7 @@ Contact ContactChecker::Check(const Poses& links, const Poses& obstacles) const 
     const Eigen::Isometry3d& world_from_link = links[link->frame];
     const Eigen::Isometry3d& world_from_obstacle = obstacles[obstacle->frame];
     double distance = 0;
-    const Eigen::Isometry3d link_from_obstacle = world_from_link.inverse() * world_from_obstacle;
-    fcl::CollisionResultd crossing;
-    const bool touching =
-        fcl::collide(link->model.get(), world_from_link, obstacle->model.get(), world_from_obstacle,
-                     fcl::CollisionRequestd(), crossing) > 0 ||
-        link->Holds(link_from_obstacle, *obstacle) ||
-        obstacle->Holds(link_from_obstacle.inverse(), *link);
+    const bool touching = Touch(*link, world_from_link, *obstacle, world_from_obstacle);
     if (!touching) {
       fcl::DistanceResultd nearest(contact.distance);
       fcl::distance(link->model.get(), world_from_link, obstacle->model.get(), world_from_obstacle,

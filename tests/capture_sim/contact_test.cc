@@ -46,6 +46,32 @@ TEST(Contact, TurningIntoTheObstacleTouches) {
   EXPECT_EQ(contact.obstacle, "box");
 }
 
+TEST(Contact, TouchesSaysWhatCheckSaysAndPointsLieInBoth) {
+  const RobotModel robot = ThreeJointRobot();
+  std::mt19937_64 random(4);
+  std::uniform_real_distribution<double> number(-1, 1);
+  int touching = 0;
+  for (int i = 0; i < 300; ++i) {
+    const std::vector<Obstacle> obstacles{
+        BoxAt("box", {0.3, 0.2, 0.4}, {number(random), number(random), 1 + number(random) / 2}),
+        SphereAt("ball", 0.15, {number(random), number(random), 1 + number(random) / 2})};
+    const ContactChecker contact(robot, obstacles);
+    const Poses links =
+        robot.LinkPoses(std::vector<double>{2 * number(random), 3 * number(random), 0.1});
+    const Poses poses = ObstaclePoses(obstacles, 0);
+    const bool touches = contact.Check(links, poses).touching;
+    EXPECT_EQ(contact.Touches(links, poses), touches);
+    const std::vector<ContactPoint> points = contact.Points(links, poses, 10);
+    EXPECT_EQ(points.empty(), !touches);
+    for (const ContactPoint& point : points) {
+      if (point.obstacle != "ball") continue;
+      EXPECT_LT((point.point - obstacles[1].world_from_obstacle.translation()).norm(), 0.16);
+    }
+    touching += touches ? 1 : 0;
+  }
+  EXPECT_GT(touching, 20);
+}
+
 TEST(Contact, ObstacleThatSwallowsTheRobotTouches) {
   EXPECT_TRUE(Check(ThreeJointRobot(), {BoxAt("hall", {9, 9, 9}, {0, 0, 0})}, {0, 0, 0}).touching);
 }
