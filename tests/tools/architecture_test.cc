@@ -50,6 +50,10 @@ const std::map<std::string, Layer>& Layers() {
        {{"mask", "store", "proto_storage", "segmentation", "collision", "scene", "capture",
          "kinematics", "yaml"},
         {"yaml-cpp", "Eigen"}}},
+      {"cell_experiment",
+       {{"mask", "store", "proto_storage", "camera", "calibration", "kinematics", "devices",
+         "capture", "segmentation", "sim", "collision", "scene", "cell", "picture"},
+        {"Eigen", "opencv2"}}},
       {"paper_experiment",
        {{"mask", "camera", "collision", "yaml", "picture"}, {"Eigen", "opencv2"}}},
   };
@@ -99,6 +103,7 @@ std::string LayerOf(const std::string& path) {
       {"tools/picture/", "picture"},
       {"tools/cell/", "cell"},
       {"tools/experiments/placement/", "placement"},
+      {"tools/experiments/cell/", "cell_experiment"},
       {"tools/experiments/paper/", "paper_experiment"},
       {"tools/experiments/", ""},
   };

@@ -10,6 +10,7 @@ namespace silhouette {
 using Run = std::function<int()>;
 
 void AddPaperCommand(CLI::App& program, Run& run);
+void AddCellCommand(CLI::App& program, Run& run);
 void AddPlacementCommand(CLI::App& program, Run& run);
 
 }  // namespace silhouette
