@@ -95,7 +95,17 @@ void LogSound(const ServedDatabase& database) {
                  std::string(database.CanServe({.preset = Preset::kSound}).message()));
     return;
   }
-  for (const std::string& link : database.sound()->open_links()) {
+  const SoundBasis& sound = *database.sound();
+  const double least = sound.space().least_obstacle();
+  spdlog::info("sound presets: obstacles of {:.3f} m and more are found, hidden or not", least);
+  if (sound.mask_scale() > 1) {
+    spdlog::warn(
+        "the masks tell only obstacles of about {:.3f} m from the robot, so that much will be "
+        "blocked that is free: state a greater least_obstacle than {:.3f} m, or capture with masks "
+        "of {:.1f} times as many pixels along each side",
+        sound.resolvable_obstacle(), least, sound.mask_scale());
+  }
+  for (const std::string& link : sound.open_links()) {
     spdlog::warn(
         "link '{}' has a shape that is not closed: the sound presets take it for nothing, "
         "and may take the space inside it for an obstacle; close its mesh",

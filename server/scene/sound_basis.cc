@@ -7,6 +7,7 @@
 
 #include "absl/status/status.h"
 #include "absl/strings/str_cat.h"
+#include "server/collision/resolution.h"
 
 namespace silhouette {
 namespace {
@@ -100,12 +101,25 @@ absl::StatusOr<std::shared_ptr<const SoundBasis>> SoundBasis::Make(
     // Without segmentation settings the masks were made elsewhere, and show all that they touch.
     const double rim = cell.segmentation().empty() ? 0 : kRim;
     std::vector<VoxelView> views;
+    std::vector<CameraModel> cameras;
+    double most_margin = 0;
     for (int view = 0; view < robot_images.views(); ++view) {
-      views.push_back(ViewOf(cell.views(view), calibration.cameras.at(static_cast<size_t>(view)),
-                             margin, rim, CoveredPixels(robot_images, view)));
+      const CameraModel& camera = calibration.cameras.at(static_cast<size_t>(view));
+      views.push_back(
+          ViewOf(cell.views(view), camera, margin, rim, CoveredPixels(robot_images, view)));
+      const MaskSize size = views.back().mask_size;
+      cameras.push_back(camera.ScaledTo(size.width, size.height));
+      most_margin = std::max(most_margin, views.back().margin.maxCoeff());
     }
-    return std::shared_ptr<const SoundBasis>(
+    const std::shared_ptr<SoundBasis> basis(
         new SoundBasis(sound, cell, robot_images.grid(), std::move(views)));
+    const ResolutionInput resolution{.cameras = cameras,
+                                     .margin = most_margin,
+                                     .workspace = sound.workspace,
+                                     .model_tolerance = sound.settings.model_tolerance};
+    basis->resolvable_obstacle_ = ResolvableObstacle(resolution);
+    basis->mask_scale_ = MaskScaleFor(resolution, sound.settings.least_obstacle);
+    return std::shared_ptr<const SoundBasis>(basis);
   } catch (const std::invalid_argument& error) {
     return absl::InvalidArgumentError(absl::StrCat("sound: ", error.what()));
   }

@@ -42,6 +42,11 @@ class SoundBasis {
   // The links whose shape is not closed, and counts as nothing.
   const std::vector<std::string>& open_links() const { return body_.open_links(); }
 
+  // The least obstacle that the masks can tell from the robot, and by how much they must have more
+  // pixels along each side for the one that is asked for (resolution.h).
+  double resolvable_obstacle() const { return resolvable_obstacle_; }
+  double mask_scale() const { return mask_scale_; }
+
   // The robot's own body; nothing is known of it if a joint of the model is not told.
   RobotVoxels RobotAt(std::span<const JointPosition> joints) const;
 
@@ -62,6 +67,8 @@ class SoundBasis {
   ConfigurationGrid grid_;
   std::vector<JointPosition> fixed_joints_;
   bool whole_model_ = false;
+  double resolvable_obstacle_ = 0;
+  double mask_scale_ = 0;
   VoxelSpace space_;
   RobotBody body_;
 };

@@ -136,6 +136,13 @@ absl::StatusOr<Policy> CollisionService::PolicyFor(const v1::Policy& message,
   return policy;
 }
 
+bool CollisionService::MayTakeLong(const v1::Policy& message) const {
+  const std::shared_ptr<const ServedDatabase> database =
+      serving_.scenes.Newest(serving_.settings.clock()).database;
+  const absl::StatusOr<Policy> policy = PolicyFor(message, *database);
+  return policy.ok() && IsSound(policy->preset);
+}
+
 absl::StatusOr<Checker> CollisionService::CheckerFor(const v1::Policy& message) const {
   Served served = serving_.scenes.Newest(serving_.settings.clock());
   const absl::StatusOr<Policy> policy = PolicyFor(message, *served.database);
@@ -177,7 +184,7 @@ grpc::ServerUnaryReactor* CollisionService::CheckConfigurations(
     }
     return grpc::Status::OK;
   };
-  const bool few = request->configurations_size() <= kFewChecks;
+  const bool few = request->configurations_size() <= kFewChecks && !MayTakeLong(request->policy());
   return few ? AnswerHere(context, work) : AnswerOnWorker(serving_, context, work);
 }
 

@@ -37,6 +37,8 @@ class CollisionService final : public v1::CollisionService::CallbackService {
  private:
   // The policy of a request. FailedPrecondition if the database cannot serve it.
   absl::StatusOr<Policy> PolicyFor(const v1::Policy& message, const ServedDatabase& database) const;
+  // Whether even a few checks may take longer than look-ups: under the sound presets.
+  bool MayTakeLong(const v1::Policy& message) const;
   // The world at this moment under the policy of a request.
   absl::StatusOr<Checker> CheckerFor(const v1::Policy& policy) const;
   // Tells what the answer rests on. Returns why it must not say free after all: the scene may have

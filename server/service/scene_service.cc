@@ -45,6 +45,12 @@ void SceneService::LogDefects(const Scene& scene) {
   logged_reasons_ = std::move(reasons);
 }
 
+void SceneService::PrepareSpace(const ServedDatabase& database, const Scene& scene) const {
+  if (!IsSound(DefaultPolicy(serving_.settings, database).preset)) return;
+  if (database.sound() == nullptr || scene.Blocked() != Reason::kNone) return;
+  scene.possible_space.Get(database.sound(), scene.obstacle_images, scene.joints, {});
+}
+
 grpc::ServerUnaryReactor* SceneService::PublishScene(grpc::CallbackServerContext* context,
                                                      const v1::PublishSceneRequest* request,
                                                      v1::PublishSceneResponse* response) {
@@ -62,6 +68,7 @@ grpc::ServerUnaryReactor* SceneService::PublishScene(grpc::CallbackServerContext
         serving_.scenes.Publish(*std::move(scene), database);
     if (!published.ok()) return ToGrpc(published.status());
     LogDefects(**published);
+    PrepareSpace(*database, **published);
     ToMessage(**published, /*include_planes=*/false, settings.scene, settings.clock(),
               response->mutable_scene());
     return grpc::Status::OK;

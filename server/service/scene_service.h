@@ -32,6 +32,8 @@ class SceneService final : public v1::SceneService::CallbackService {
  private:
   // One line in the log whenever the scenes' defects change.
   void LogDefects(const Scene& scene);
+  // Finds the scene's possible space, if verdicts rest on it by default: so that no check waits.
+  void PrepareSpace(const ServedDatabase& database, const Scene& scene) const;
 
   Serving& serving_;
   std::mutex mutex_;

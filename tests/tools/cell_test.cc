@@ -87,6 +87,39 @@ TEST(Cell, TheCommentedSampleIsACellAndShowsTheDefaults) {
   EXPECT_EQ(cell->capture.forbidden_regions.size(), 1u);
 }
 
+TEST(Cell, SoundIsReadAndNeedsTheRobotsModel) {
+  const std::string robots = std::string(SILHOUETTE_SOURCE_DIR) + "/capture/sim/robots/";
+  const std::string cell_with = "name: x\nrobot:\n  urdf: " + robots +
+                                "rx130.urdf\n  joints: [{name: joint_1}]\n"
+                                "  fixed: {joint_2: 0, joint_3: 0, joint_4: 0, joint_5: 0, "
+                                "joint_6: 0}\n  payload_radius: 0.2\n"
+                                "grid: {steps: {joint_1: 4}}\nviews: [{name: top}]\n";
+  const absl::StatusOr<Cell> silent = Load(cell_with);
+  ASSERT_TRUE(silent.ok()) << silent.status();
+  EXPECT_FALSE(silent->sound.has_value());
+  EXPECT_FALSE(SoundCellOf(*silent)->has_value());
+  const absl::StatusOr<Cell> cell =
+      Load(cell_with + "sound: {least_obstacle: 0.03, voxel_edge: 0.01, model_tolerance: 0.002}\n");
+  ASSERT_TRUE(cell.ok()) << cell.status();
+  EXPECT_EQ(cell->sound->least_obstacle, 0.03);
+  EXPECT_EQ(cell->sound->voxel_edge, 0.01);
+  EXPECT_EQ(cell->sound->model_tolerance, 0.002);
+  EXPECT_FALSE(cell->sound->whole_model);
+  const auto sound = SoundCellOf(*cell);
+  ASSERT_TRUE(sound.ok() && sound->has_value()) << sound.status();
+  EXPECT_EQ((*sound)->payload_radius, 0.2);
+  EXPECT_GT((*sound)->workspace.sizes().minCoeff(), 0.5) << "the robot's reach";
+
+  EXPECT_THAT(MessageOf(std::string(kBareCell) + "sound: {least_obstacle: 0.03}\n"),
+              HasSubstr("it needs the robot's model"));
+  EXPECT_THAT(MessageOf(cell_with + "sound: {}\n"), HasSubstr("least_obstacle"));
+  EXPECT_THAT(MessageOf(cell_with + "sound: {least_obstacle: 0}\n"), HasSubstr("greater than 0"));
+  EXPECT_THAT(MessageOf(cell_with + "sound: {least_obstacle: 0.03, voxel_edge: 0.04}\n"),
+              HasSubstr("must not exceed least_obstacle"));
+  EXPECT_THAT(MessageOf(cell_with + "sound: {least_obstacle: 0.03, model_tolerance: -1}\n"),
+              HasSubstr("not below 0"));
+}
+
 TEST(Cell, PolicyAndCalibrationAreRead) {
   const absl::StatusOr<Cell> cell =
       Load(std::string(kBareCell) +

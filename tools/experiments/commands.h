@@ -9,6 +9,7 @@ namespace silhouette {
 
 using Run = std::function<int()>;
 
+void AddHiddenCommand(CLI::App& program, Run& run);
 void AddPaperCommand(CLI::App& program, Run& run);
 void AddCellCommand(CLI::App& program, Run& run);
 void AddPlacementCommand(CLI::App& program, Run& run);
