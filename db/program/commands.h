@@ -23,5 +23,6 @@ void AddExport(CLI::App& app, Work& work);
 void AddImport(CLI::App& app, Work& work);
 void AddCompact(CLI::App& app, Work& work);
 void AddDiff(CLI::App& app, Work& work);
+void AddCalibration(CLI::App& app, Work& work);
 
 }  // namespace silhouette
