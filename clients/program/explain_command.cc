@@ -79,13 +79,14 @@ absl::Status WriteImages(const client::Explanation& explanation, const std::stri
   return WritePng((fs::path(folder) / "explanation.png").string(), ContactSheet(sheet, options));
 }
 
-// How the views voted.
-std::string Votes(const client::Verdict& verdict) {
+// In how many views an obstacle is plainly seen; the policy may find one in more.
+std::string PlainlySeen(const client::Verdict& verdict) {
   const auto shows = [](const client::ViewEvidence& view) {
     return view.missing || view.obstacle_pixels > 0;
   };
   return absl::StrCat(std::count_if(verdict.views.begin(), verdict.views.end(), shows), " of ",
-                      verdict.views.size(), " views show an obstacle inside the robot");
+                      verdict.views.size(),
+                      " views have obstacle pixels inside the robot, or no image");
 }
 
 void PrintText(const Configuration& configuration, const client::Explanation& explanation) {
@@ -93,7 +94,7 @@ void PrintText(const Configuration& configuration, const client::Explanation& ex
   std::cout << Spoken(configuration) << " is " << Spoken(verdict) << '\n';
   std::cout << Spoken(explanation.basis) << '\n';
   if (verdict.views.empty()) return;
-  std::cout << Votes(verdict) << '\n';
+  std::cout << PlainlySeen(verdict) << '\n';
   std::vector<std::vector<std::string>> rows = {
       {"pixels inside the robot", "obstacle", "unknown", "error"}};
   for (const client::ViewEvidence& view : verdict.views) {

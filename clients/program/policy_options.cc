@@ -20,7 +20,8 @@ void AddPolicyOptions(CLI::App& command, PolicyOptions& options) {
   command
       .add_option("--preset", options.preset,
                   "uncalibrated; paper: all views must agree; where the cell is calibrated also "
-                  "calibrated, paper-calibrated")
+                  "calibrated, paper-calibrated; where its file has 'sound' also sound-planes, "
+                  "sound")
       ->group(group);
   command
       .add_option("--min-views", options.min_views,

@@ -86,6 +86,11 @@ std::vector<AllowedRegion> SceneStore::TakeEnded(const Moment& now) {
   return regions_.TakeEnded(now);
 }
 
+std::shared_ptr<const ServedDatabase> SceneStore::database() const {
+  const std::lock_guard lock(mutex_);
+  return database_;
+}
+
 SharedScene SceneStore::Find(uint64_t id) const {
   const std::lock_guard lock(mutex_);
   if (scenes_.empty()) return nullptr;

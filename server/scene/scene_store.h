@@ -39,6 +39,9 @@ class SceneStore {
   // are all allowed regions.
   void ReplaceDatabase(std::shared_ptr<const ServedDatabase> database);
 
+  // What is served now.
+  std::shared_ptr<const ServedDatabase> database() const;
+
   // Allowed regions that end at the moment `now`, or ended before, are no longer in force.
   Served Newest(const Moment& now);
 

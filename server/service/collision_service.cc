@@ -137,17 +137,16 @@ absl::StatusOr<Policy> CollisionService::PolicyFor(const v1::Policy& message,
 }
 
 bool CollisionService::MayTakeLong(const v1::Policy& message) const {
-  const std::shared_ptr<const ServedDatabase> database =
-      serving_.scenes.Newest(serving_.settings.clock()).database;
-  const absl::StatusOr<Policy> policy = PolicyFor(message, *database);
+  const absl::StatusOr<Policy> policy = PolicyFor(message, *serving_.scenes.database());
   return policy.ok() && IsSound(policy->preset);
 }
 
 absl::StatusOr<Checker> CollisionService::CheckerFor(const v1::Policy& message) const {
-  Served served = serving_.scenes.Newest(serving_.settings.clock());
+  const Moment now = serving_.settings.clock();
+  Served served = serving_.scenes.Newest(now);
   const absl::StatusOr<Policy> policy = PolicyFor(message, *served.database);
   if (!policy.ok()) return policy.status();
-  return Checker(std::move(served), *policy, serving_.settings.scene, serving_.settings.clock());
+  return Checker(std::move(served), *policy, serving_.settings.scene, now);
 }
 
 Reason CollisionService::Conclude(const Served& served, const Policy& policy,

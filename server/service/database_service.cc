@@ -8,8 +8,8 @@ grpc::ServerUnaryReactor* DatabaseService::GetDatabase(grpc::CallbackServerConte
                                                        const v1::GetDatabaseRequest*,
                                                        v1::GetDatabaseResponse* response) {
   return AnswerHere(context, [this, response] {
-    const Served served = serving_.scenes.Newest(serving_.settings.clock());
-    ToMessage(*served.database, DefaultPolicy(serving_.settings, *served.database), response);
+    const std::shared_ptr<const ServedDatabase> database = serving_.scenes.database();
+    ToMessage(*database, DefaultPolicy(serving_.settings, *database), response);
     return grpc::Status::OK;
   });
 }

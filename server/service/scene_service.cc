@@ -59,8 +59,7 @@ grpc::ServerUnaryReactor* SceneService::PublishScene(grpc::CallbackServerContext
     const ServingSettings& settings = serving_.settings;
     const absl::StatusOr<SceneInput> input = SceneInputFrom(*request);
     if (!input.ok()) return ToGrpc(input.status());
-    const std::shared_ptr<const ServedDatabase> database =
-        serving_.scenes.Newest(serving_.settings.clock()).database;
+    const std::shared_ptr<const ServedDatabase> database = serving_.scenes.database();
     absl::StatusOr<Scene> scene =
         MakeScene(*database, *input, settings.scene, settings.segmentation, arrived);
     if (!scene.ok()) return ToGrpc(scene.status());
@@ -99,7 +98,7 @@ grpc::ServerUnaryReactor* SceneService::AllowRegion(grpc::CallbackServerContext*
                                                     v1::AllowRegionResponse* response) {
   const Moment now = serving_.settings.clock();
   return AnswerOnWorker(serving_, context, [=, this]() -> grpc::Status {
-    const std::shared_ptr<const ServedDatabase> database = serving_.scenes.Newest(now).database;
+    const std::shared_ptr<const ServedDatabase> database = serving_.scenes.database();
     absl::StatusOr<std::vector<std::optional<Mask>>> pixels = RegionPixelsFrom(*request, *database);
     if (!pixels.ok()) return ToGrpc(pixels.status());
     const absl::StatusOr<AllowedRegion> region = serving_.scenes.Allow(

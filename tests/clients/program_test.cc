@@ -292,7 +292,7 @@ TEST_F(Silhouette, ExplainTellsTheVotesAndWritesTheImages) {
   const Ended explain = cell_.Run("explain 0.6,0.2 --out why");
   EXPECT_EQ(explain.exit_code, 1);
   EXPECT_THAT(explain.out, AllOf(HasSubstr("is occupied"),
-                                 HasSubstr("1 of 2 views show an obstacle inside the robot")));
+                                 HasSubstr("1 of 2 views have obstacle pixels inside the robot")));
   for (const char* name :
        {"left_scene.png", "left_obstacle.png", "left_intersection.png", "right_collision.png"}) {
     const cv::Mat image = cv::imread((cell_.shell().folder() / "why" / name).string());

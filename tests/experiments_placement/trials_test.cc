@@ -23,8 +23,8 @@ Candidate CandidateAt(const std::string& name, const Eigen::Vector3d& position,
   return {name, position, look_at, CameraAt(position, look_at, focal)};
 }
 
-// Every point of a solid that is seen makes its pixel a part of the silhouette, and no pixel
-// farther away than a half is one.
+// Every point of a solid that is a quarter of a pixel inside its pixel makes it a part of the
+// silhouette, and no pixel far from all points is one.
 TEST(Silhouette, HasThePixelsThatThePartsTouch) {
   const unsigned seed = std::random_device()();
   SCOPED_TRACE("seed " + std::to_string(seed));
@@ -46,6 +46,8 @@ TEST(Silhouette, HasThePixelsThatThePartsTouch) {
       Eigen::Vector3d point(number(random), number(random), number(random));
       const auto pixel = camera.Project(pose * (0.5 * point.cwiseProduct(edges)));
       ASSERT_TRUE(pixel && camera.Contains(*pixel));
+      const Eigen::Vector2d in_pixel = *pixel - Eigen::Vector2d(pixel->array().round());
+      if (in_pixel.lpNorm<Eigen::Infinity>() > 0.25) continue;
       const auto bit = static_cast<size_t>(std::lround(pixel->y())) * 32 +
                        static_cast<size_t>(std::lround(pixel->x()));
       words[bit / 64] |= uint64_t{1} << (bit % 64);
