@@ -11,6 +11,7 @@
 #include <stdexcept>
 
 #include "calib/distance_field.h"
+#include "tests/test_folder.h"
 
 namespace silhouette {
 namespace {
@@ -133,7 +134,7 @@ double AtMost(const PosedBody& body, const Vector3d& point) {
 class RobotBodyTest : public testing::Test {
  protected:
   static RobotModel Read(const std::string& urdf) {
-    const std::string path = testing::TempDir() + "/robot_body_test.urdf";
+    const std::string path = (TestFolder() / "robot.urdf").string();
     std::ofstream(path) << urdf;
     return RobotModel::FromUrdf(path).value();
   }
@@ -214,7 +215,7 @@ TEST_F(RobotBodyTest, LinksThatStandStillHaveNotMoved) {
 }
 
 TEST_F(RobotBodyTest, LinkThatIsNotClosedCountsAsNothing) {
-  const std::string folder = testing::TempDir();
+  const std::string folder = TestFolder().string();
   std::ofstream(folder + "/open.obj") << "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\n"
                                          "f 1 3 2\nf 1 2 4\nf 1 4 3\n";
   const RobotModel robot = Read(R"(<robot name="open"><link name="lid">

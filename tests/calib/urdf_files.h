@@ -1,26 +1,13 @@
-// URDF files and meshes for tests, in a fresh folder each.
+// URDF files and meshes for tests.
 #pragma once
-
-#include <gtest/gtest.h>
-#include <unistd.h>
 
 #include <filesystem>
 #include <fstream>
 #include <string>
 
-namespace silhouette {
+#include "tests/test_folder.h"
 
-// A folder of its own for the running test.
-inline std::filesystem::path FreshFolder() {
-  const auto* test = testing::UnitTest::GetInstance()->current_test_info();
-  std::string name = std::string(test->test_suite_name()) + "." + test->name();
-  for (char& c : name) c = c == '/' ? '_' : c;
-  const std::filesystem::path folder =
-      std::filesystem::path(testing::TempDir()) / (name + "." + std::to_string(getpid()));
-  std::filesystem::remove_all(folder);
-  std::filesystem::create_directories(folder);
-  return folder;
-}
+namespace silhouette {
 
 inline std::string WriteFile(const std::filesystem::path& path, const std::string& text) {
   std::filesystem::create_directories(path.parent_path());

@@ -1,6 +1,5 @@
 // The main job as the README's first command does it, on a coarse grid: all programs together.
 #include <gtest/gtest.h>
-#include <unistd.h>
 
 #include <cstdlib>
 #include <filesystem>
@@ -8,6 +7,8 @@
 #include <nlohmann/json.hpp>
 #include <opencv2/imgcodecs.hpp>
 #include <string>
+
+#include "tests/test_folder.h"
 
 namespace {
 
@@ -19,7 +20,7 @@ std::string Read(const fs::path& path) {
 }
 
 TEST(Demo, PlansAroundTheObstaclesAndReportsNoContactFree) {
-  const fs::path folder = fs::path(testing::TempDir()) / ("demo_" + std::to_string(getpid()));
+  const fs::path folder = silhouette::TestFolder() / "demo";
   const std::string log = folder.string() + ".log";
   const std::string command = std::string(SILHOUETTE_SOURCE_DIR) + "/tools/demo --quick" +
                               " --programs " + SILHOUETTE_BIN_DIR + " --out " + folder.string() +
@@ -48,8 +49,6 @@ TEST(Demo, PlansAroundTheObstaclesAndReportsNoContactFree) {
     EXPECT_GT(picture.cols, 300) << name;
     EXPECT_GT(picture.rows, 200) << name;
   }
-  fs::remove_all(folder);
-  fs::remove(log);
 }
 
 }  // namespace

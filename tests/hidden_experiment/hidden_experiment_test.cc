@@ -1,13 +1,13 @@
 // In a cell with real meshes, through cameras, images and differencing: what the robot hides from
 // all views is found by the sound presets, and only by them.
 #include <gtest/gtest.h>
-#include <unistd.h>
 
 #include <filesystem>
 #include <fstream>
 #include <regex>
 
 #include "server/scene/checker.h"
+#include "tests/test_folder.h"
 #include "tools/experiments/hidden/study.h"
 
 namespace silhouette::hidden_experiment {
@@ -20,9 +20,7 @@ class HiddenObstacles : public testing::Test {
  protected:
   // The cell of the experiment on a coarser grid, captured once for all tests.
   static void SetUpTestSuite() {
-    const std::string folder =
-        testing::TempDir() + "/silhouette-hidden-" + std::to_string(getpid());
-    std::filesystem::create_directories(folder);
+    const std::string folder = TestFolder().string();
     std::ifstream in(kFolder + "cell.yaml");
     std::string text((std::istreambuf_iterator<char>(in)), std::istreambuf_iterator<char>());
     text = std::regex_replace(text, std::regex("steps: .*"), "steps: {joint_1: 13, joint_3: 5}");
@@ -38,7 +36,6 @@ class HiddenObstacles : public testing::Test {
       ASSERT_TRUE(ball.has_value()) << "seed " << seed;
       balls_.push_back(*ball);
     }
-    std::filesystem::remove_all(folder);
   }
   static void TearDownTestSuite() {
     cell_.reset();

@@ -2,7 +2,6 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <sys/wait.h>
-#include <unistd.h>
 
 #include <cstdlib>
 #include <filesystem>
@@ -10,6 +9,8 @@
 #include <map>
 #include <nlohmann/json.hpp>
 #include <sstream>
+
+#include "tests/test_folder.h"
 
 namespace silhouette {
 namespace {
@@ -32,12 +33,6 @@ std::string ReadAll(const fs::path& path) {
 
 class PaperCommand : public testing::Test {
  protected:
-  void SetUp() override {
-    std::string pattern = testing::TempDir() + "/paper_command_XXXXXX";
-    ASSERT_NE(mkdtemp(pattern.data()), nullptr);
-    folder_ = pattern;
-  }
-
   Outcome Run(const std::string& arguments) const {
     const std::string command = std::string(SILHOUETTE_BIN_DIR) + "/silhouette-experiments paper " +
                                 arguments + " >" + (folder_ / "out").string() + " 2>" +
@@ -63,7 +58,7 @@ class PaperCommand : public testing::Test {
     return path;
   }
 
-  fs::path folder_;
+  fs::path folder_ = FreshFolder();
 };
 
 TEST_F(PaperCommand, JsonHasOneRowPerExperimentRobotRigRasterPresetThresholdAndNumberOfCameras) {

@@ -5,6 +5,7 @@
 #include <fstream>
 
 #include "tests/paper_experiment/small_settings.h"
+#include "tests/test_folder.h"
 #include "tools/experiments/paper/report.h"
 #include "tools/experiments/paper/study.h"
 #include "tools/yaml/strict_yaml.h"
@@ -127,7 +128,7 @@ TEST(PaperSettings, MistakesAreToldWithTheirPlace) {
     std::string changed = text;
     ASSERT_NE(changed.find(right), std::string::npos) << right;
     changed.replace(changed.find(right), right.size(), wrong);
-    const std::string path = testing::TempDir() + "/paper_settings_test.yaml";
+    const std::string path = (TestFolder() / "settings.yaml").string();
     std::ofstream(path) << changed;
     EXPECT_THAT([&] { ReadSettings(path); }, ThrowsMessage<YamlError>(HasSubstr(message)));
   };

@@ -2,12 +2,12 @@
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
-#include <unistd.h>
 
 #include <iostream>
 #include <opencv2/imgcodecs.hpp>
 #include <random>
 
+#include "tests/test_folder.h"
 #include "tools/picture/files.h"
 
 namespace silhouette {
@@ -15,9 +15,7 @@ namespace {
 
 using testing::HasSubstr;
 
-std::string TempFile(const std::string& name) {
-  return testing::TempDir() + "/picture-test-" + std::to_string(getpid()) + "-" + name;
-}
+std::string TempFile(const std::string& name) { return (TestFolder() / name).string(); }
 
 TEST(MaskPng, RoundTripsEverySize) {
   const uint64_t seed = std::random_device()();

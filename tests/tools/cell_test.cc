@@ -7,6 +7,8 @@
 #include <numbers>
 #include <regex>
 
+#include "tests/test_folder.h"
+
 namespace silhouette {
 namespace {
 
@@ -28,8 +30,7 @@ views:
 
 std::string Write(const std::string& text) {
   static int count = 0;
-  const std::string path = testing::TempDir() + "/cell_" + std::to_string(getpid()) + "_" +
-                           std::to_string(count++) + ".yaml";
+  const std::string path = (TestFolder() / ("cell_" + std::to_string(count++) + ".yaml")).string();
   std::ofstream(path) << text;
   return path;
 }
@@ -214,7 +215,7 @@ TEST(Cell, MarginOfAViewGoesBeforeThatOfTheCell) {
   ASSERT_TRUE(cell.ok()) << cell.status();
   EXPECT_EQ(cell->views[0].margin.pixels, 1.5);
   EXPECT_EQ(cell->views[0].margin.metres, 0);
-  EXPECT_EQ(cell->views[0].ignore, testing::TempDir() + "pillar.png");
+  EXPECT_EQ(cell->views[0].ignore, (TestFolder() / "pillar.png").string());
   EXPECT_EQ(cell->views[1].margin.pixels, 0);
   EXPECT_EQ(cell->views[1].margin.metres, 0.05);
   EXPECT_EQ(cell->views[1].ignore, "");

@@ -7,6 +7,8 @@
 #include <functional>
 #include <numbers>
 
+#include "tests/test_folder.h"
+
 namespace silhouette {
 namespace {
 
@@ -76,7 +78,7 @@ TEST(StrictYaml, ListsKeepTheirOrder) {
 }
 
 TEST(StrictYaml, BrokenFileIsToldWithItsLine) {
-  const std::string path = testing::TempDir() + "/broken.yaml";
+  const std::string path = (TestFolder() / "broken.yaml").string();
   std::ofstream(path) << "a: 1\nb: [1, 2\nc: }\n";
   EXPECT_THAT(ErrorOf([&] { YamlNode::FromFile(path); }), HasSubstr("broken.yaml:3: "));
 }
@@ -84,7 +86,7 @@ TEST(StrictYaml, BrokenFileIsToldWithItsLine) {
 TEST(StrictYaml, MissingAndEmptyFilesAreTold) {
   EXPECT_THAT(ErrorOf([] { YamlNode::FromFile("/nowhere/cell.yaml"); }),
               HasSubstr("/nowhere/cell.yaml: the file does not exist"));
-  const std::string path = testing::TempDir() + "/empty.yaml";
+  const std::string path = (TestFolder() / "empty.yaml").string();
   std::ofstream(path) << "# nothing\n";
   EXPECT_THAT(ErrorOf([&] { YamlNode::FromFile(path); }), HasSubstr("the file is empty"));
 }
