@@ -39,8 +39,7 @@ PixelShape SurelyTouched(const PlaneBox& centres, const Vector2d& axes) {
       last = std::max(last, x);
     }
     if (first <= last) {
-      shape.push_back(
-          {static_cast<int8_t>(y), static_cast<int8_t>(first), static_cast<int8_t>(last)});
+      shape.push_back({y, first, last});
     }
   }
   return shape;

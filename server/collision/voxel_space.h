@@ -53,11 +53,11 @@ struct PixelRectangle {
 
 // Pixels of one row of a mask, relative to some pixel: (first..last, dy).
 struct PixelRun {
-  int8_t dy = 0;
-  int8_t first = 0;
-  int8_t last = 0;
+  int dy = 0;
+  int first = 0;
+  int last = 0;
 
-  auto operator<=>(const PixelRun&) const = default;
+  auto operator<=>(const PixelRun&) const = default;  // NOLINT(modernize-use-nullptr)
 };
 using PixelShape = std::vector<PixelRun>;
 
@@ -109,7 +109,7 @@ class VoxelSpace {
     int height = 0;
     bool whole = false;
 
-    auto operator<=>(const RectangleKind&) const = default;
+    auto operator<=>(const RectangleKind&) const = default;  // NOLINT(modernize-use-nullptr)
   };
 
   struct Look {

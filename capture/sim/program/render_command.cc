@@ -82,7 +82,7 @@ absl::Status WriteImages(const std::string& folder, const std::vector<std::strin
       {"views", nlohmann::ordered_json::object()}};
   for (size_t v = 0; v < views.size(); ++v) {
     const CameraImage& image = images[v];
-    const absl::Status status =
+    absl::Status status =
         WritePng((fs::path(folder) / (views[v] + ".png")).string(),
                  PictureOfPixels(image.width, image.height, image.channels, image.pixels));
     if (!status.ok()) return status;
