@@ -24,8 +24,9 @@ const std::map<std::string, Layer>& Layers() {
       {"camera", {{}, {"Eigen"}}},
       {"calibration", {{"camera", "proto_storage", "yaml"}, {"Eigen", "yaml-cpp"}}},
       {"kinematics", {{}, {"Eigen", "urdf_parser", "urdf_model", "assimp"}}},
+      {"index", {{"mask"}, {}}},
       {"store", {{"mask", "proto_storage"}, {"lmdb.h", "lz4.h", "xxhash.h"}}},
-      {"collision", {{"mask", "camera"}, {"Eigen"}}},
+      {"collision", {{"mask", "index", "camera"}, {"Eigen"}}},
       {"segmentation", {{"mask"}, {"opencv2"}}},
       {"scene",
        {{"mask", "store", "proto_storage", "camera", "calibration", "collision", "segmentation",
@@ -65,7 +66,7 @@ const std::map<std::string, Layer>& Layers() {
 const std::set<std::string> kHeavy = {
     "Eigen", "urdf_parser", "urdf_model", "lmdb.h", "lz4.h", "xxhash.h", "opencv2",  "grpcpp",
     "grpc",  "spdlog",      "embree3",    "assimp", "fcl",   "CLI",      "yaml-cpp", "prometheus"};
-const std::set<std::string> kPureCore = {"mask", "camera", "collision"};
+const std::set<std::string> kPureCore = {"mask", "index", "camera", "collision"};
 
 // The layer of a file, by its path from the project's root; "" for a program, which sits on top of
 // everything.
@@ -74,6 +75,7 @@ std::string LayerOf(const std::string& path) {
       {"db/mask.", "mask"},
       {"db/configuration_grid.", "mask"},
       {"db/program/", ""},
+      {"db/index/", "index"},
       {"db/", "store"},
       {"calib/camera_", "camera"},
       {"calib/calibration.", "camera"},

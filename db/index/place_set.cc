@@ -1,0 +1,104 @@
+#include "db/index/place_set.h"
+
+#include <algorithm>
+
+namespace silhouette {
+namespace {
+
+template <size_t kBytes>
+struct VectorOf;
+template <>
+struct VectorOf<16> {
+  using Type [[gnu::vector_size(16), gnu::aligned(8), gnu::may_alias]] = uint64_t;
+};
+template <>
+struct VectorOf<32> {
+  using Type [[gnu::vector_size(32), gnu::aligned(8), gnu::may_alias]] = uint64_t;
+};
+template <>
+struct VectorOf<64> {
+  using Type [[gnu::vector_size(64), gnu::aligned(8), gnu::may_alias]] = uint64_t;
+};
+
+// Eight vectors of the result at a time stay in registers.
+template <size_t kBytes>
+[[gnu::always_inline]] inline void AddUnionInVectors(const uint64_t* sets,
+                                                     std::span<const uint32_t> chosen,
+                                                     PlaceSet& result) {
+  using Vector = typename VectorOf<kBytes>::Type;
+  constexpr size_t kRegisters = 8;
+  constexpr size_t kVectors = PlaceSet::kWords * 8 / kBytes;
+  static_assert(kVectors % kRegisters == 0);
+  auto* out = reinterpret_cast<Vector*>(result.words.data());
+  for (size_t first = 0; first < kVectors; first += kRegisters) {
+    Vector sum[kRegisters];
+    for (size_t i = 0; i < kRegisters; ++i) sum[i] = out[first + i];
+    for (const uint32_t set : chosen) {
+      const auto* in = reinterpret_cast<const Vector*>(sets + PlaceSet::kWords * set) + first;
+      for (size_t i = 0; i < kRegisters; ++i) sum[i] |= in[i];
+    }
+    for (size_t i = 0; i < kRegisters; ++i) out[first + i] = sum[i];
+  }
+}
+
+void AddUnionBaseline(const uint64_t* sets, std::span<const uint32_t> chosen, PlaceSet& result) {
+  AddUnionInVectors<16>(sets, chosen, result);
+}
+
+#if defined(__x86_64__)
+[[gnu::target("avx2")]] void AddUnionAvx2(const uint64_t* sets, std::span<const uint32_t> chosen,
+                                          PlaceSet& result) {
+  AddUnionInVectors<32>(sets, chosen, result);
+}
+
+[[gnu::target("avx512f")]] void AddUnionAvx512(const uint64_t* sets,
+                                               std::span<const uint32_t> chosen, PlaceSet& result) {
+  AddUnionInVectors<64>(sets, chosen, result);
+}
+#endif
+
+}  // namespace
+
+bool PlaceSet::Empty() const {
+  return std::all_of(words.begin(), words.end(), [](uint64_t word) { return word == 0; });
+}
+
+PlaceSet& PlaceSet::operator|=(const PlaceSet& other) {
+  for (size_t i = 0; i < kWords; ++i) words[i] |= other.words[i];
+  return *this;
+}
+
+PlaceSet& PlaceSet::operator&=(const PlaceSet& other) {
+  for (size_t i = 0; i < kWords; ++i) words[i] &= other.words[i];
+  return *this;
+}
+
+PlaceSet& PlaceSet::operator-=(const PlaceSet& other) {
+  for (size_t i = 0; i < kWords; ++i) words[i] &= ~other.words[i];
+  return *this;
+}
+
+std::vector<InstructionSet> InstructionSets() {
+  std::vector<InstructionSet> sets = {InstructionSet::kBaseline};
+#if defined(__x86_64__)
+  if (__builtin_cpu_supports("avx2")) sets.push_back(InstructionSet::kAvx2);
+  if (__builtin_cpu_supports("avx512f")) sets.push_back(InstructionSet::kAvx512);
+#endif
+  return sets;
+}
+
+AddUnion AddUnionWith(InstructionSet set) {
+#if defined(__x86_64__)
+  if (set == InstructionSet::kAvx512) return AddUnionAvx512;
+  if (set == InstructionSet::kAvx2) return AddUnionAvx2;
+#endif
+  static_cast<void>(set);
+  return AddUnionBaseline;
+}
+
+AddUnion BestAddUnion() {
+  static const AddUnion best = AddUnionWith(InstructionSets().back());
+  return best;
+}
+
+}  // namespace silhouette
