@@ -32,11 +32,14 @@ template <size_t kBytes>
   auto* out = reinterpret_cast<Vector*>(result.words.data());
   for (size_t first = 0; first < kVectors; first += kRegisters) {
     Vector sum[kRegisters];
+#pragma GCC unroll 8
     for (size_t i = 0; i < kRegisters; ++i) sum[i] = out[first + i];
     for (const uint32_t set : chosen) {
       const auto* in = reinterpret_cast<const Vector*>(sets + PlaceSet::kWords * set) + first;
+#pragma GCC unroll 8
       for (size_t i = 0; i < kRegisters; ++i) sum[i] |= in[i];
     }
+#pragma GCC unroll 8
     for (size_t i = 0; i < kRegisters; ++i) out[first + i] = sum[i];
   }
 }
