@@ -104,6 +104,7 @@ class CollisionTest {
   std::optional<Mask> TestRobotImage(int view, std::span<const double> q) const;
 
  private:
+  friend class SpaceTest;
   using Numbers = std::span<const ConfigurationNumber>;
 
   void PrepareLines(const Policy& policy, const TestSupport& support);

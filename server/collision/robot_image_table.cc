@@ -14,6 +14,7 @@ RobotImageTable::RobotImageTable(ConfigurationGrid grid, std::vector<MaskSize> m
     throw std::invalid_argument("the grid has too many configurations to hold in memory");
   }
   slots_.assign(grid_.number_limit(), kMissingMark);
+  present_sets_.resize(grid_.tiles());
   for (size_t view = 0; view < mask_sizes_.size(); ++view) {
     if (!mask_sizes_[view].valid()) throw std::invalid_argument("a view's mask size is not valid");
     images_[view].reserve(expected * mask_sizes_[view].words());
@@ -87,6 +88,7 @@ void RobotImageTable::Builder::Add(ConfigurationNumber number, std::span<const M
     table_.images_[view].insert(table_.images_[view].end(), words.begin(), words.end());
   }
   table_.slots_[number] = static_cast<uint32_t>(table_.present_++);
+  table_.present_sets_[number / kTileSize].Insert(number % kTileSize);
 }
 
 void RobotImageTable::Builder::AddExcluded(ConfigurationNumber number) {

@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "db/configuration_grid.h"
+#include "db/index/place_set.h"
 #include "db/mask.h"
 
 namespace silhouette {
@@ -43,6 +44,9 @@ class RobotImageTable {
   }
   Mask ImageAsMask(int view, ConfigurationNumber number) const;
 
+  // The configurations of a tile of the grid whose state is kPresent.
+  const PlaceSet& present(uint64_t tile) const { return present_sets_[tile]; }
+
   // Number of configurations in a state.
   uint64_t Count(RobotImageState state) const;
 
@@ -65,6 +69,7 @@ class RobotImageTable {
   std::vector<MaskSize> mask_sizes_;
   std::vector<uint32_t> slots_;
   std::vector<std::vector<uint64_t>> images_;  // per view
+  std::vector<PlaceSet> present_sets_;         // by tile
   std::vector<Mask> permanent_;
   uint64_t present_ = 0;
   uint64_t excluded_ = 0;

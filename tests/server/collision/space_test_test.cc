@@ -1,0 +1,184 @@
+// Whole tiles by the collision index: the same verdicts as one configuration at a time.
+#include "server/collision/space_test.h"
+
+#include <gtest/gtest.h>
+
+#include <bit>
+#include <iostream>
+#include <random>
+
+#include "tests/server/collision/index_of_table.h"
+#include "tests/server/collision/random_cell.h"
+#include "tests/server/collision/random_geometry.h"
+#include "tests/server/collision/sphere_world.h"
+
+namespace silhouette {
+namespace {
+
+class SpaceTestTest : public ::testing::Test {
+ protected:
+  SpaceTestTest() { std::cout << "seed " << seed_ << std::endl; }
+
+  const unsigned seed_ = std::random_device{}();
+  std::mt19937 random_{seed_};
+};
+
+// What the tests of one run met with, to show that they met with everything.
+struct Met {
+  uint64_t free = 0;
+  uint64_t occupied = 0;
+  uint64_t open = 0;
+  uint64_t closed = 0;
+};
+
+uint64_t Count(const PlaceSet& set) {
+  uint64_t count = 0;
+  for (const uint64_t word : set.words) count += static_cast<uint64_t>(std::popcount(word));
+  return count;
+}
+
+void ExpectSame(const CollisionTest& test, const RobotImageTable& table, const IndexOfTable& index,
+                Met& met) {
+  const SpaceTest space(test, index.trees());
+  for (uint64_t tile = 0; tile < table.grid().tiles(); ++tile) {
+    const TileVerdicts verdicts = space.CheckTile(tile, index.tile(tile));
+    ASSERT_EQ(verdicts, test.CheckTile(tile)) << "tile " << tile;
+    const uint64_t open = Count(space.Open(index.tile(tile)));
+    met.open += open;
+    met.closed += Count(table.present(tile)) - open;
+    met.free += Count({verdicts.free});
+    met.occupied += Count({verdicts.occupied});
+  }
+}
+
+// Some configurations have no robot image, some are excluded, some corrupt, some images are empty.
+RobotImageTable TableWithGaps(const ConfigurationGrid& grid, const std::vector<MaskSize>& sizes,
+                              std::mt19937& random) {
+  RobotImageTable::Builder builder(grid, sizes, grid.size());
+  std::vector<Mask> base;
+  for (const MaskSize size : sizes) base.push_back(RandomBox(size, random));
+  for (ConfigurationNumber number = 0; number < grid.number_limit(); ++number) {
+    if (!grid.Contains(number)) continue;
+    const auto chance = random() % 100;
+    if (chance == 0) continue;
+    if (chance == 1) {
+      builder.AddExcluded(number);
+    } else if (chance == 2) {
+      builder.AddCorrupt(number);
+    } else {
+      std::vector<Mask> masks;
+      for (size_t view = 0; view < sizes.size(); ++view) {
+        masks.push_back(RandomMask(sizes[view], chance % 5 == 0 ? 0 : 0.05, random));
+        if (chance % 3 != 0)
+          masks.back() = masks.back() | (base[view] & RandomBox(sizes[view], random));
+      }
+      builder.Add(number, masks);
+    }
+  }
+  return std::move(builder).Build();
+}
+
+ObstacleImages RandomScene(const std::vector<MaskSize>& sizes, bool may_lack_views,
+                           std::mt19937& random) {
+  ObstacleImages images;
+  for (const MaskSize size : sizes) {
+    const Mask scene = RandomMask(size, 0.03, random) | RandomBox(size, random);
+    images.push_back(ObstacleImage::FromScene(scene, RandomBox(size, random)));
+    if (may_lack_views && random() % 8 == 0) images.back().reset();
+  }
+  return images;
+}
+
+TEST_F(SpaceTestTest, EveryPresetOfPlanesAndLinesIsTheSameAsOneByOne) {
+  Met met;
+  for (int round = 0; round < 40; ++round) {
+    const int views = 1 + round % 5;
+    const std::vector<MaskSize> sizes = RandomSizes(views, random_);
+    const ConfigurationGrid grid({{.name = "a", .lower = 0, .upper = 1, .steps = 70},
+                                  {.name = "b", .lower = 0, .upper = 1, .steps = 20}});
+    const RobotImageTable table = TableWithGaps(grid, sizes, random_);
+    const IndexOfTable index(table);
+    const EpipolarBands bands(RandomCalibration(views, 0.1, random_), sizes, 0.3);
+    const ObstacleImages images = RandomScene(sizes, round % 2 == 0, random_);
+    for (const Preset preset :
+         {Preset::kUncalibrated, Preset::kPaper, Preset::kCalibrated, Preset::kPaperCalibrated}) {
+      for (const bool errors_convict : {false, true}) {
+        for (int min_views = 1; min_views <= views; ++min_views) {
+          const Policy policy{
+              .preset = preset, .min_views = min_views, .errors_convict = errors_convict};
+          const CollisionTest test(table, images, policy, {.bands = &bands});
+          ASSERT_NO_FATAL_FAILURE(ExpectSame(test, table, index, met))
+              << NameOf(preset) << ", " << min_views << " of " << views << " views";
+        }
+      }
+    }
+  }
+  EXPECT_GT(met.free, 0u);
+  EXPECT_GT(met.occupied, 0u);
+  EXPECT_GT(met.open, 0u);
+  EXPECT_GT(met.closed, met.open);
+}
+
+TEST_F(SpaceTestTest, SoundPresetsAreTheSameAsOneByOne) {
+  using testing::BallCamera;
+  using testing::Balls;
+  using testing::SphereWorld;
+  using testing::Vector3d;
+  const SphereWorld world({BallCamera(Vector3d(0, 0, -1), 40), BallCamera(Vector3d(1, 0, 0), 40),
+                           BallCamera(Vector3d(-1, 1, -1), 40)},
+                          0.06, 0.02);
+  const IndexOfTable index(world.table);
+  const std::vector<ConfigurationNumber> all = SphereWorld::Configurations();
+  std::uniform_real_distribution<double> place(-0.75, 0.75);
+  Met met;
+  for (int round = 0; round < 6; ++round) {
+    const ConfigurationNumber present = all[random_() % all.size()];
+    Balls obstacles;
+    for (int i = 0; i <= round % 3; ++i) {
+      obstacles.push_back({{place(random_), place(random_), 0.6 * place(random_)}, 0.12});
+    }
+    ObstacleImages images = world.See(obstacles, present);
+    if (round == 5) images[1].reset();
+    const PossibleSpace possible(world.space, images, world.Body(present));
+    for (const Preset preset : {Preset::kSoundPlanes, Preset::kSound}) {
+      for (const bool body : {false, true}) {
+        TestSupport support{.possible_space = &possible};
+        if (body) {
+          support.robot_may_touch = [](ConfigurationNumber number, const Eigen::AlignedBox3d&) {
+            return number % 2 == 0;
+          };
+        }
+        const CollisionTest test(world.table, images, {.preset = preset}, support);
+        ASSERT_NO_FATAL_FAILURE(ExpectSame(test, world.table, index, met)) << NameOf(preset);
+      }
+    }
+  }
+  EXPECT_GT(met.occupied, 0u);
+  EXPECT_GT(met.open, 0u);
+}
+
+TEST_F(SpaceTestTest, ConfigurationThatOnlyTheIndexHasIsUnknown) {
+  const ConfigurationGrid grid({{.name = "a", .lower = 0, .upper = 1, .steps = 100}});
+  const std::vector<MaskSize> sizes = {{8, 8}};
+  const IndexOfTable index(RandomTable(grid, sizes, 0.1, random_));
+  RobotImageTable::Builder builder(grid, sizes);
+  for (ConfigurationNumber number = 0; number < 100; ++number) {
+    if (number == 40) {
+      builder.AddCorrupt(number);
+    } else if (number != 50) {
+      builder.Add(number, std::vector{RandomMask(sizes[0], 0.1, random_)});
+    }
+  }
+  const RobotImageTable table = std::move(builder).Build();
+  const ObstacleImages images = RandomObstacleImages(sizes, 0.01, random_);
+  const CollisionTest test(table, images, {});
+  const TileVerdicts verdicts = SpaceTest(test, index.trees()).CheckTile(0, index.tile(0));
+  for (const uint64_t place : {40u, 50u, 100u}) {
+    EXPECT_FALSE(PlaceSet{verdicts.free}.Contains(place)) << place;
+    EXPECT_FALSE(PlaceSet{verdicts.occupied}.Contains(place)) << place;
+  }
+  EXPECT_EQ(Count({verdicts.free}) + Count({verdicts.occupied}), 98u);
+}
+
+}  // namespace
+}  // namespace silhouette
