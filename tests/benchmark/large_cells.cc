@@ -1,0 +1,70 @@
+#include "tests/benchmark/large_cells.h"
+
+#include <stdlib.h>
+
+#include <filesystem>
+#include <map>
+#include <random>
+#include <stdexcept>
+
+namespace silhouette::benchmarks {
+
+const SyntheticCell& CellOf1M() {
+  static const SyntheticCell cell({.steps = StepsOfSize1M()});
+  return cell;
+}
+
+const RobotImageTable& TableOf1M() {
+  static const RobotImageTable table = CellOf1M().Table();
+  return table;
+}
+
+const std::vector<BenchmarkScene>& ScenesOf1M(SceneKind kind) {
+  static std::map<SceneKind, std::vector<BenchmarkScene>> scenes;
+  std::vector<BenchmarkScene>& of_kind = scenes[kind];
+  if (of_kind.empty()) of_kind = MakeScenes(CellOf1M(), kind, kScenesPerKind);
+  return of_kind;
+}
+
+std::vector<ConfigurationNumber> RandomNumbers(const ConfigurationGrid& grid, int count) {
+  std::mt19937_64 random(1);
+  std::vector<ConfigurationNumber> numbers;
+  while (numbers.size() < static_cast<size_t>(count)) {
+    const ConfigurationNumber number = random() % grid.number_limit();
+    if (grid.Contains(number)) numbers.push_back(number);
+  }
+  return numbers;
+}
+
+std::vector<ConfigurationNumber> RandomEdges(const ConfigurationGrid& grid, int count) {
+  std::mt19937_64 random(2);
+  std::vector<ConfigurationNumber> numbers;
+  for (const ConfigurationNumber start : RandomNumbers(grid, count)) {
+    GridIndex index = *grid.IndexOf(start);
+    const int joint = static_cast<int>(random() % static_cast<uint64_t>(grid.dimensions()));
+    const int last = grid.joints()[static_cast<size_t>(joint)].steps - 32;
+    index[static_cast<size_t>(joint)] = std::min(index[static_cast<size_t>(joint)], last);
+    for (int i = 0; i < 32; ++i) {
+      numbers.push_back(grid.NumberOf(index));
+      ++index[static_cast<size_t>(joint)];
+    }
+  }
+  return numbers;
+}
+
+const std::string& TemporaryFolder() {
+  struct Folder {
+    Folder() : path(std::filesystem::temp_directory_path() / "silhouette-bench-XXXXXX") {
+      if (mkdtemp(path.data()) == nullptr) throw std::runtime_error("no temporary folder");
+    }
+    ~Folder() {
+      std::error_code ignored;
+      std::filesystem::remove_all(path, ignored);
+    }
+    std::string path;
+  };
+  static const Folder folder;
+  return folder.path;
+}
+
+}  // namespace silhouette::benchmarks
