@@ -29,6 +29,8 @@ struct CellSettings {
   // as wide as that takes; where the robot is too thin even for the narrowest view that shows its
   // reach, its radii grow.
   double fill = 0.02;
+
+  bool operator==(const CellSettings&) const = default;
 };
 
 // The robot images of a tile.
@@ -89,7 +91,7 @@ class SyntheticCell {
   double fill_ = 0;
 };
 
-// The masses of benchmarks: 3 k configurations of 2 joints, 1 M of 3, 10 M of 4, and a coarse grid
+// The grids of benchmarks: 3 k configurations of 2 joints, 1 M of 3, 10 M of 4, and a coarse grid
 // of 6 joints with 10 M.
 std::vector<int> StepsOfSize3k();
 std::vector<int> StepsOfSize1M();

@@ -1,0 +1,104 @@
+#include "tests/benchmark/indexed_cell.h"
+
+#include <algorithm>
+#include <atomic>
+#include <cstring>
+#include <functional>
+#include <new>
+#include <thread>
+#include <utility>
+
+namespace silhouette::benchmarks {
+namespace {
+
+constexpr std::align_val_t kAlignment{64};
+
+std::vector<PixelTree> TreesFor(std::span<const MaskSize> sizes) {
+  return {sizes.begin(), sizes.end()};
+}
+
+uint64_t BytesOfMasks(std::span<const MaskSize> sizes) {
+  uint64_t bytes = 0;
+  for (const MaskSize size : sizes) bytes += size.words() * sizeof(uint64_t);
+  return bytes;
+}
+
+// The indices of tiles 0 .. count - 1, made in several threads, each with a builder of its own:
+// `add(tile, builder)` adds the places of a tile.
+std::vector<std::vector<std::byte>> BuildAll(
+    uint64_t count, int threads, std::span<const PixelTree> trees,
+    const std::function<void(uint64_t, TileIndexBuilder&)>& add) {
+  std::vector<std::vector<std::byte>> built(count);
+  std::atomic<uint64_t> next = 0;
+  std::vector<std::jthread> workers;
+  for (int i = 0; i < threads; ++i) {
+    workers.emplace_back([&] {
+      TileIndexBuilder builder(trees);
+      for (uint64_t tile = next++; tile < count; tile = next++) {
+        add(tile, builder);
+        built[tile] = builder.Finish();
+      }
+    });
+  }
+  workers.clear();
+  return built;
+}
+
+}  // namespace
+
+void IndexedCell::Free::operator()(std::byte* bytes) const { ::operator delete(bytes, kAlignment); }
+
+IndexedCell::Bytes IndexedCell::Aligned(const std::vector<std::byte>& bytes) {
+  Bytes aligned(static_cast<std::byte*>(::operator new(bytes.size(), kAlignment)));
+  std::memcpy(aligned.get(), bytes.data(), bytes.size());
+  return aligned;
+}
+
+void IndexedCell::AppendAll(std::vector<std::vector<std::byte>> built) {
+  for (std::vector<std::byte>& bytes : built) {
+    kept_.push_back(Aligned(bytes));
+    tiles_.emplace_back(std::span<const std::byte>(kept_.back().get(), bytes.size()), trees_);
+    bytes_ += bytes.size();
+    bytes = {};
+  }
+}
+
+IndexedCell::IndexedCell(const SyntheticCell& cell, uint64_t stride)
+    : trees_(TreesFor(cell.mask_sizes())) {
+  const uint64_t count = (cell.grid().tiles() + stride - 1) / stride;
+  const int threads = static_cast<int>(std::max(1u, std::thread::hardware_concurrency()));
+  std::atomic<uint64_t> configurations = 0;
+  auto built = BuildAll(count, threads, trees_, [&](uint64_t i, TileIndexBuilder& builder) {
+    const TileMasks masks = cell.RenderTile(i * stride);
+    std::array<MaskWords, kViews> images;
+    for (uint64_t place = 0; place < kTileSize; ++place) {
+      if (!masks.present(place)) continue;
+      for (int view = 0; view < kViews; ++view) {
+        images[static_cast<size_t>(view)] = masks.mask(view, place);
+      }
+      builder.Add(place, images);
+      ++configurations;
+    }
+  });
+  AppendAll(std::move(built));
+  mask_bytes_ = configurations * BytesOfMasks(cell.mask_sizes());
+}
+
+IndexedCell::IndexedCell(const RobotImageTable& table, int threads)
+    : trees_(TreesFor(table.mask_sizes())) {
+  auto built = BuildAll(
+      table.grid().tiles(), threads, trees_, [&](uint64_t tile, TileIndexBuilder& builder) {
+        std::vector<MaskWords> images(static_cast<size_t>(table.views()));
+        for (uint64_t place = 0; place < kTileSize; ++place) {
+          if (!table.present(tile).Contains(place)) continue;
+          for (int view = 0; view < table.views(); ++view) {
+            images[static_cast<size_t>(view)] = table.image(view, tile * kTileSize + place);
+          }
+          builder.Add(place, images);
+        }
+      });
+  AppendAll(std::move(built));
+  mask_bytes_ = table.Count(RobotImageState::kPresent) * BytesOfMasks(table.mask_sizes());
+}
+
+}  // namespace silhouette::benchmarks

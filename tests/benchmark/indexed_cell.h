@@ -1,0 +1,50 @@
+// The collision index of a synthesised cell, in memory.
+#pragma once
+
+#include <cstddef>
+#include <memory>
+#include <vector>
+
+#include "db/index/pixel_tree.h"
+#include "db/index/tile_index.h"
+#include "server/collision/robot_image_table.h"
+#include "tests/benchmark/synthetic_cell.h"
+
+namespace silhouette::benchmarks {
+
+class IndexedCell {
+ public:
+  // Renders the cell's tiles and indexes them, each `stride`th tile, with as many threads as the
+  // machine has cores. The masks are never in memory all at once.
+  explicit IndexedCell(const SyntheticCell& cell, uint64_t stride = 1);
+  // Indexes robot images that are in memory, with `threads` threads.
+  IndexedCell(const RobotImageTable& table, int threads);
+
+  IndexedCell(const IndexedCell&) = delete;
+  IndexedCell& operator=(const IndexedCell&) = delete;
+
+  const std::vector<PixelTree>& trees() const { return trees_; }
+  const std::vector<TileIndex>& tiles() const { return tiles_; }
+  // Of the index.
+  uint64_t bytes() const { return bytes_; }
+  // Of the masks that it was made of.
+  uint64_t mask_bytes() const { return mask_bytes_; }
+
+ private:
+  struct Free {
+    void operator()(std::byte* bytes) const;
+  };
+  using Bytes = std::unique_ptr<std::byte, Free>;
+
+  // Memory that begins at a multiple of 64, as the index likes it.
+  static Bytes Aligned(const std::vector<std::byte>& bytes);
+  void AppendAll(std::vector<std::vector<std::byte>> built);
+
+  std::vector<PixelTree> trees_;
+  std::vector<Bytes> kept_;
+  std::vector<TileIndex> tiles_;
+  uint64_t bytes_ = 0;
+  uint64_t mask_bytes_ = 0;
+};
+
+}  // namespace silhouette::benchmarks
