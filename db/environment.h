@@ -6,9 +6,11 @@
 
 #include <lmdb.h>
 
+#include <atomic>
 #include <functional>
 #include <memory>
 #include <mutex>
+#include <optional>
 #include <shared_mutex>
 #include <string>
 #include <string_view>
@@ -95,6 +97,13 @@ class Environment : public std::enable_shared_from_this<Environment> {
   MDB_env* get() const { return environment_; }
   MDB_dbi meta() const { return meta_; }
   MDB_dbi robot_images() const { return robot_images_; }
+
+  // The sub-database `collision_index`; nothing while there is none. A transaction that was begun
+  // before this was first called may not know it: MDB_BAD_DBI.
+  std::optional<MDB_dbi> FindCollisionIndex();
+  // Makes it if it is not there. Only for the holder of the WriterLock.
+  absl::StatusOr<MDB_dbi> MakeCollisionIndex();
+
   // Whether permissions allow nothing but reading.
   bool read_only() const { return read_only_; }
 
@@ -136,6 +145,8 @@ class Environment : public std::enable_shared_from_this<Environment> {
   int readers_guard_ = -1;  // keeps writers out where a reader cannot register itself
   MDB_dbi meta_ = 0;
   MDB_dbi robot_images_ = 0;
+  std::atomic<MDB_dbi> collision_index_ = 0;  // 0: not opened yet
+  std::mutex collision_index_mutex_;
   std::mutex update_mutex_;
   std::shared_mutex map_mutex_;
 };

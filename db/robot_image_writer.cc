@@ -79,7 +79,7 @@ absl::StatusOr<bool> RobotImageWriter::Impl::IsStored(ConfigurationNumber number
   if (absl::Status status = lookup.Renew(); !status.ok()) return status;
   const absl::Cleanup reset = [this] { lookup.Reset(); };
   const auto hold = environment.HoldMap();
-  const schema::ConfigurationKey key = schema::EncodeKey(number);
+  const schema::NumberKey key = schema::EncodeKey(number);
   MDB_val key_val = ToVal({key.data(), key.size()});
   MDB_val value;
   const int code = mdb_get(lookup.get(), environment.robot_images(), &key_val, &value);
@@ -102,7 +102,7 @@ absl::Status RobotImageWriter::Impl::WriteBatch(WriteTransaction& transaction) c
   if (code != 0 && code != MDB_NOTFOUND) return environment.WriteError(code);
 
   for (const auto& [number, image] : batch) {
-    const schema::ConfigurationKey key = schema::EncodeKey(number);
+    const schema::NumberKey key = schema::EncodeKey(number);
     const unsigned flags = !last || number > *last ? MDB_APPEND : 0;
     absl::Status status =
         transaction.Put(environment.robot_images(), {key.data(), key.size()}, image, flags);

@@ -50,16 +50,16 @@ std::optional<uint64_t> DecodeGeneration(std::string_view payload) {
   return ReadU64(payload.data());
 }
 
-ConfigurationKey EncodeKey(ConfigurationNumber number) {
-  ConfigurationKey key;
+NumberKey EncodeKey(uint64_t number) {
+  NumberKey key;
   for (int i = 0; i < 8; ++i)
     key[static_cast<size_t>(i)] = static_cast<char>(number >> (56 - 8 * i));
   return key;
 }
 
-std::optional<ConfigurationNumber> DecodeKey(std::string_view key) {
+std::optional<uint64_t> DecodeKey(std::string_view key) {
   if (key.size() != 8) return std::nullopt;
-  ConfigurationNumber number = 0;
+  uint64_t number = 0;
   for (char byte : key) number = number << 8 | static_cast<uint8_t>(byte);
   return number;
 }

@@ -8,6 +8,7 @@
 //                 "provenance": ProvenanceLog; "generation": u64, one more in every committed
 //                 change.
 // Sub-database `robot_images`: configuration number (u64, big-endian) -> db/robot_image_format.h.
+// Sub-database `collision_index`, which may be absent: tile (u64, big-endian) -> db/tile_value.h.
 //
 // Integers are little-endian unless said otherwise.
 #pragma once
@@ -31,6 +32,7 @@ inline constexpr char kWriterFile[] = "writer.lock";
 
 inline constexpr char kMeta[] = "meta";
 inline constexpr char kRobotImages[] = "robot_images";
+inline constexpr char kCollisionIndex[] = "collision_index";
 // How many sub-databases an environment may have, those of later versions included.
 inline constexpr unsigned kMaxSubDatabases = 16;
 
@@ -55,10 +57,10 @@ std::optional<std::string_view> OpenMeta(std::string_view value);
 std::string EncodeGeneration(uint64_t generation);
 std::optional<uint64_t> DecodeGeneration(std::string_view payload);
 
-// The key of a configuration in `robot_images`.
-using ConfigurationKey = std::array<char, 8>;
-ConfigurationKey EncodeKey(ConfigurationNumber number);
-std::optional<ConfigurationNumber> DecodeKey(std::string_view key);
+// The key of a configuration in `robot_images`, or of a tile in `collision_index`.
+using NumberKey = std::array<char, 8>;
+NumberKey EncodeKey(uint64_t number);
+std::optional<uint64_t> DecodeKey(std::string_view key);
 
 // Little-endian integers in byte strings.
 void AppendU64(std::string& bytes, uint64_t value);

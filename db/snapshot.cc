@@ -2,64 +2,23 @@
 
 #include "absl/strings/str_cat.h"
 #include "db/database_state.h"
+#include "db/raw_records.h"
 #include "db/robot_image_format.h"
 #include "db/schema.h"
+#include "db/snapshot_impl.h"
 
 namespace silhouette {
 namespace {
 
-// How much ForEach copies out of the map at a time.
-constexpr size_t kChunkBytes = size_t{1} << 20;
-
-struct RawRecord {
-  std::string key;
-  std::string value;
-};
+// Reads the value of a configuration's key: 0, MDB_NOTFOUND or an error. The caller holds the map.
+int Get(const ReadTransaction& transaction, const Environment& environment,
+        ConfigurationNumber number, MDB_val& value) {
+  const schema::NumberKey key = schema::EncodeKey(number);
+  MDB_val key_val = ToVal({key.data(), key.size()});
+  return mdb_get(transaction.get(), environment.robot_images(), &key_val, &value);
+}
 
 }  // namespace
-
-struct Snapshot::Impl {
-  std::shared_ptr<const DatabaseState> state;
-  ReadTransaction transaction;
-  uint64_t generation = 0;
-  uint64_t size = 0;
-
-  Environment& environment() const { return *state->environment; }
-
-  // Reads the value of a configuration's key: 0, MDB_NOTFOUND or an error. The caller holds the
-  // map.
-  int Get(ConfigurationNumber number, MDB_val& value) const {
-    const schema::ConfigurationKey key = schema::EncodeKey(number);
-    MDB_val key_val = ToVal({key.data(), key.size()});
-    return mdb_get(transaction.get(), environment().robot_images(), &key_val, &value);
-  }
-
-  absl::StatusOr<std::vector<RawRecord>> ChunkAfter(const std::string& key) const;
-};
-
-// The records after `key` (empty: from the first), as many as make a chunk.
-absl::StatusOr<std::vector<RawRecord>> Snapshot::Impl::ChunkAfter(const std::string& key) const {
-  const auto hold = environment().HoldMap();
-  MDB_cursor* cursor = nullptr;
-  int code = mdb_cursor_open(transaction.get(), environment().robot_images(), &cursor);
-  if (code != 0) return environment().ReadError(code);
-  std::vector<RawRecord> chunk;
-  size_t bytes = 0;
-  MDB_val key_val = ToVal(key);
-  MDB_val value;
-  code = mdb_cursor_get(cursor, &key_val, &value, key.empty() ? MDB_FIRST : MDB_SET_RANGE);
-  if (code == 0 && FromVal(key_val) == key) {
-    code = mdb_cursor_get(cursor, &key_val, &value, MDB_NEXT);
-  }
-  while (code == 0 && bytes < kChunkBytes) {
-    chunk.push_back({std::string(FromVal(key_val)), std::string(FromVal(value))});
-    bytes += key_val.mv_size + value.mv_size;
-    code = mdb_cursor_get(cursor, &key_val, &value, MDB_NEXT);
-  }
-  mdb_cursor_close(cursor);
-  if (code != 0 && code != MDB_NOTFOUND) return environment().ReadError(code);
-  return chunk;
-}
 
 Snapshot::Snapshot(std::unique_ptr<Impl> impl) : impl_(std::move(impl)) {}
 Snapshot::~Snapshot() = default;
@@ -68,6 +27,7 @@ Snapshot& Snapshot::operator=(Snapshot&&) noexcept = default;
 
 absl::StatusOr<Snapshot> Database::Read() const {
   Environment& environment = *state_->environment;
+  environment.FindCollisionIndex();  // so that the transaction knows it
   absl::StatusOr<ReadTransaction> transaction = environment.Read();
   if (!transaction.ok()) return transaction.status();
   const auto hold = environment.HoldMap();
@@ -87,7 +47,7 @@ uint64_t Snapshot::size() const { return impl_->size; }
 absl::StatusOr<std::optional<RobotImage>> Snapshot::Find(ConfigurationNumber number) const {
   const auto hold = impl_->environment().HoldMap();
   MDB_val value;
-  const int code = impl_->Get(number, value);
+  const int code = Get(impl_->transaction, impl_->environment(), number, value);
   if (code == MDB_NOTFOUND) return std::optional<RobotImage>();
   if (code != 0) return impl_->environment().ReadError(code);
   absl::StatusOr<RobotImage> image =
@@ -99,7 +59,7 @@ absl::StatusOr<std::optional<RobotImage>> Snapshot::Find(ConfigurationNumber num
 absl::StatusOr<bool> Snapshot::Contains(ConfigurationNumber number) const {
   const auto hold = impl_->environment().HoldMap();
   MDB_val value;
-  const int code = impl_->Get(number, value);
+  const int code = Get(impl_->transaction, impl_->environment(), number, value);
   if (code != 0 && code != MDB_NOTFOUND) return impl_->environment().ReadError(code);
   return code == 0;
 }
@@ -107,9 +67,10 @@ absl::StatusOr<bool> Snapshot::Contains(ConfigurationNumber number) const {
 absl::Status Snapshot::ForEach(
     const std::function<bool(ConfigurationNumber, absl::StatusOr<RobotImage>)>& visit) const {
   absl::Status damage;
-  std::string last;
+  KeyRange keys;
   for (;;) {
-    const absl::StatusOr<std::vector<RawRecord>> chunk = impl_->ChunkAfter(last);
+    const absl::StatusOr<std::vector<RawRecord>> chunk =
+        ReadChunk(impl_->environment(), impl_->transaction.get(), keys);
     if (!chunk.ok()) return chunk.status();
     if (chunk->empty()) return damage;
     for (const RawRecord& record : *chunk) {
@@ -122,7 +83,7 @@ absl::Status Snapshot::ForEach(
         return damage;
       }
     }
-    last = chunk->back().key;
+    keys.after = chunk->back().key;
   }
 }
 

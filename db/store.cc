@@ -245,14 +245,16 @@ absl::Status Database::Compact(const std::string& target) const {
 
 absl::StatusOr<Database::Usage> Database::GetUsage() const {
   Environment& environment = *state_->environment;
+  constexpr MDB_dbi kFreePages = 0;
+  constexpr MDB_dbi kSubDatabases = 1;
+  std::vector<MDB_dbi> databases = {kFreePages, kSubDatabases, environment.meta(),
+                                    environment.robot_images()};
+  if (const auto index = environment.FindCollisionIndex()) databases.push_back(*index);
   absl::StatusOr<ReadTransaction> transaction = environment.Read();
   if (!transaction.ok()) return transaction.status();
   const auto hold = environment.HoldMap();
-  constexpr MDB_dbi kFreePages = 0;
-  constexpr MDB_dbi kSubDatabases = 1;
   Usage usage;
-  for (MDB_dbi database :
-       {kFreePages, kSubDatabases, environment.meta(), environment.robot_images()}) {
+  for (MDB_dbi database : databases) {
     MDB_stat stat;
     const int code = mdb_stat(transaction->get(), database, &stat);
     if (code != 0) return environment.ReadError(code);

@@ -61,6 +61,7 @@ absl::Status CheckCalibration(const storage::v1::Calibration& calibration,
                               const storage::v1::CellDescription& cell);
 
 struct DatabaseState;
+class IndexBuild;
 
 // One consistent state of the database. Holds a read transaction: keep it no longer than needed
 // while a capture writes, for its pages cannot be reused until then. May outlive its Database.
@@ -100,6 +101,7 @@ class Snapshot {
 
  private:
   friend class Database;
+  friend class CollisionIndex;
   struct Impl;
   explicit Snapshot(std::unique_ptr<Impl> impl);
   std::unique_ptr<Impl> impl_;
@@ -191,6 +193,8 @@ class Database {
   absl::StatusOr<Usage> GetUsage() const;
 
  private:
+  friend class IndexBuild;
+
   // Writes `payload` under `key` in `meta`, or removes the key, as one change of `program`'s.
   absl::Status ChangeMeta(std::string_view key, const std::optional<std::string>& payload,
                           const std::string& program);

@@ -99,8 +99,8 @@ TEST(RobotImageFormat, KeysSortAsTheirNumbersDo) {
   for (int i = 0; i < 1000; ++i) {
     const uint64_t a = random() >> (random() % 64);
     const uint64_t b = random() >> (random() % 64);
-    const schema::ConfigurationKey a_key = schema::EncodeKey(a);
-    const schema::ConfigurationKey b_key = schema::EncodeKey(b);
+    const schema::NumberKey a_key = schema::EncodeKey(a);
+    const schema::NumberKey b_key = schema::EncodeKey(b);
     const std::string_view a_bytes(a_key.data(), a_key.size());
     const std::string_view b_bytes(b_key.data(), b_key.size());
     EXPECT_EQ(a < b, a_bytes < b_bytes);

@@ -25,7 +25,7 @@ const std::map<std::string, Layer>& Layers() {
       {"calibration", {{"camera", "proto_storage", "yaml"}, {"Eigen", "yaml-cpp"}}},
       {"kinematics", {{}, {"Eigen", "urdf_parser", "urdf_model", "assimp"}}},
       {"index", {{"mask"}, {}}},
-      {"store", {{"mask", "proto_storage"}, {"lmdb.h", "lz4.h", "xxhash.h"}}},
+      {"store", {{"mask", "index", "proto_storage"}, {"lmdb.h", "lz4.h", "xxhash.h"}}},
       {"collision", {{"mask", "index", "camera"}, {"Eigen"}}},
       {"segmentation", {{"mask"}, {"opencv2"}}},
       {"scene",

@@ -1,0 +1,84 @@
+#include "db/raw_records.h"
+
+#include <functional>
+
+#include "db/schema.h"
+#include "db/tile_value.h"
+
+namespace silhouette {
+namespace {
+
+constexpr size_t kChunkBytes = size_t{1} << 20;
+
+std::string KeyOf(ConfigurationNumber number) {
+  const schema::NumberKey key = schema::EncodeKey(number);
+  return {key.data(), key.size()};
+}
+
+// Calls `visit` for the records of a range until it returns false.
+absl::Status Visit(Environment& environment, MDB_txn* transaction, const KeyRange& keys,
+                   const std::function<bool(std::string_view, std::string_view)>& visit) {
+  const auto hold = environment.HoldMap();
+  MDB_cursor* cursor = nullptr;
+  int code = mdb_cursor_open(transaction, environment.robot_images(), &cursor);
+  if (code != 0) return environment.ReadError(code);
+  MDB_val key = ToVal(keys.after);
+  MDB_val value;
+  code = mdb_cursor_get(cursor, &key, &value, keys.after.empty() ? MDB_FIRST : MDB_SET_RANGE);
+  if (code == 0 && FromVal(key) == keys.after) {
+    code = mdb_cursor_get(cursor, &key, &value, MDB_NEXT);
+  }
+  while (code == 0 && (keys.end.empty() || FromVal(key) < keys.end)) {
+    if (!visit(FromVal(key), FromVal(value))) break;
+    code = mdb_cursor_get(cursor, &key, &value, MDB_NEXT);
+  }
+  mdb_cursor_close(cursor);
+  return code == 0 || code == MDB_NOTFOUND ? absl::OkStatus() : environment.ReadError(code);
+}
+
+}  // namespace
+
+KeyRange KeysOfTile(uint64_t tile) {
+  return {tile == 0 ? "" : KeyOf(tile * kTileSize - 1), KeyOf((tile + 1) * kTileSize)};
+}
+
+absl::StatusOr<std::vector<RawRecord>> ReadChunk(Environment& environment, MDB_txn* transaction,
+                                                 const KeyRange& keys) {
+  std::vector<RawRecord> chunk;
+  size_t bytes = 0;
+  const absl::Status status =
+      Visit(environment, transaction, keys, [&](std::string_view key, std::string_view value) {
+        chunk.push_back({std::string(key), std::string(value)});
+        bytes += key.size() + value.size();
+        return bytes < kChunkBytes;
+      });
+  if (!status.ok()) return status;
+  return chunk;
+}
+
+absl::StatusOr<std::optional<uint64_t>> NextTileWithRecords(Environment& environment,
+                                                            MDB_txn* transaction, uint64_t tile) {
+  std::optional<uint64_t> next;
+  const absl::Status status = Visit(environment, transaction, {KeysOfTile(tile).after, ""},
+                                    [&](std::string_view key, std::string_view) {
+                                      const std::optional<uint64_t> number = schema::DecodeKey(key);
+                                      if (number) next = *number / kTileSize;
+                                      return !number;
+                                    });
+  if (!status.ok()) return status;
+  return next;
+}
+
+absl::StatusOr<std::optional<uint64_t>> DigestOfTile(Environment& environment, MDB_txn* transaction,
+                                                     uint64_t tile) {
+  RecordDigest digest;
+  const absl::Status status = Visit(environment, transaction, KeysOfTile(tile),
+                                    [&](std::string_view key, std::string_view value) {
+                                      if (schema::DecodeKey(key)) digest.Add(key, value);
+                                      return true;
+                                    });
+  if (!status.ok()) return status;
+  return digest.empty() ? std::nullopt : std::optional<uint64_t>(digest.Get());
+}
+
+}  // namespace silhouette
