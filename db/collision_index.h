@@ -50,8 +50,8 @@ struct CollisionIndexSummary {
 // the tiles of an index that is built then, until this is destroyed and the pages are used again.
 class CollisionIndex {
  public:
-  // Takes the state of `snapshot`. Reads the head of every tile and of every record: below a second
-  // per million records that are in memory. A database without an index is no error.
+  // Takes the state of `snapshot`. Reads the head of every tile and of every record: some 0.1 s per
+  // million records, once the file is in memory. A database without an index is no error.
   static absl::StatusOr<std::shared_ptr<const CollisionIndex>> Open(Snapshot snapshot);
   ~CollisionIndex();
   CollisionIndex(const CollisionIndex&) = delete;
