@@ -54,7 +54,7 @@ class PlainRead {
 
   // The value of a configuration; empty if there is none.
   std::string_view Get(ConfigurationNumber number) const {
-    schema::ConfigurationKey key = schema::EncodeKey(number);
+    schema::NumberKey key = schema::EncodeKey(number);
     MDB_val key_val = {key.size(), key.data()};
     MDB_val value;
     if (mdb_get(transaction_, images_, &key_val, &value) != 0) return {};
