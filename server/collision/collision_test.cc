@@ -87,10 +87,6 @@ class IntersectionWords {
   std::vector<SearchedImage> images_;
 };
 
-bool Nothing(MaskWords words) {
-  return std::all_of(words.begin(), words.end(), [](uint64_t word) { return word == 0; });
-}
-
 ViewEvidence CountIn(const ObstacleImage& image, const TestRobotWords& robot) {
   const MaskWords obstacle = image.obstacle().words();
   const MaskWords unknown = image.unknown().words();
@@ -260,21 +256,9 @@ int CollisionTest::ShowingAlongLines(Numbers corners, int showing) const {
   if (showing == 0 && !errors_convict_) return 0;
   thread_local IntersectionWords intersection;
   thread_local LineSearch search;
-  const std::span<const SearchedImage> images =
-      intersection.Fill(table_, obstacle_images_, corners);
-  int undecided = 0;
-  for (const SearchedImage& image : images) {
-    if (!image.missing() && Nothing(image.obstacle)) ++undecided;
-  }
-  search.Begin(*searched_bands_, images, errors_convict_);
-  for (int view = 0; view < table_.views(); ++view) {
-    const SearchedImage& image = images[static_cast<size_t>(view)];
-    if (image.missing() || !Nothing(image.obstacle)) continue;
-    if (showing >= min_views_ || showing + undecided < min_views_) break;
-    --undecided;
-    if (search.AnyObstacle(view)) ++showing;
-  }
-  return showing;
+  search.Begin(*searched_bands_, intersection.Fill(table_, obstacle_images_, corners),
+               errors_convict_);
+  return search.CountShowing(min_views_);
 }
 
 Verdict CollisionTest::Check(ConfigurationNumber number, std::span<ViewEvidence> evidence) const {
@@ -296,8 +280,8 @@ PathVerdict CollisionTest::CheckPath(std::span<const Configuration> waypoints,
   // Whether the path ends here, because this place is not free.
   const auto stops_at = [&](const Configuration& q, size_t segment, double fraction) {
     ++result.checked;
-    if (tested) tested(q);
     const Verdict verdict = Check(q);
+    if (tested) tested({q, static_cast<int>(segment), fraction, verdict});
     hidden_possible = hidden_possible || verdict.hidden_possible();
     if (verdict.free()) return false;
     result.verdict = Check(q, evidence);

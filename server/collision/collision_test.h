@@ -50,6 +50,15 @@ struct PathVerdict {
   int64_t checked = 0;
 };
 
+// A place of a path that was tested.
+struct TestedPlace {
+  std::span<const double> configuration;
+  // Waypoint number and fraction of the way to the next one.
+  int segment = 0;
+  double fraction = 0;
+  Verdict verdict;
+};
+
 // What a test rests on beside the obstacle images, as far as its policy needs it.
 struct TestSupport {
   // Calibrated presets: the lines between the views.
@@ -89,8 +98,8 @@ class CollisionTest {
   // The path through the waypoints, at least one (else std::invalid_argument), joint values
   // interpolated linearly and without wrapping. Exact: see segment_places.h. `evidence` is filled
   // in only if the path is not free. `tested`: if it is one, called with every place that is
-  // tested.
-  using Tested = std::function<void(std::span<const double>)>;
+  // tested, in their order.
+  using Tested = std::function<void(const TestedPlace&)>;
   PathVerdict CheckPath(std::span<const Configuration> waypoints,
                         std::span<ViewEvidence> evidence = {}, const Tested& tested = {}) const;
 

@@ -1,5 +1,6 @@
 #include "server/collision/line_search.h"
 
+#include <algorithm>
 #include <bit>
 
 namespace silhouette {
@@ -33,6 +34,10 @@ bool AnySet(const std::vector<uint64_t>& bins, const Runs& runs) {
     }
   }
   return false;
+}
+
+bool Nothing(MaskWords words) {
+  return std::all_of(words.begin(), words.end(), [](uint64_t word) { return word == 0; });
 }
 
 }  // namespace
@@ -104,6 +109,24 @@ bool LineSearch::AnyObstacle(int view) {
     }
   }
   return false;
+}
+
+int LineSearch::CountShowing(int enough) {
+  int showing = 0;
+  int undecided = 0;
+  for (const SearchedImage& image : images_) {
+    ++(image.missing() || !Nothing(image.obstacle) ? showing : undecided);
+  }
+  // Where no view shows an obstacle, none can convict.
+  if (showing == 0 && !errors_convict_) return 0;
+  for (size_t view = 0; view < images_.size(); ++view) {
+    const SearchedImage& image = images_[view];
+    if (image.missing() || !Nothing(image.obstacle)) continue;
+    if (showing >= enough || showing + undecided < enough) break;
+    --undecided;
+    if (AnyObstacle(static_cast<int>(view))) ++showing;
+  }
+  return showing;
 }
 
 void LineSearch::AddObstacles(int view, std::span<uint64_t> words) {

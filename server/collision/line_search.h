@@ -42,6 +42,10 @@ class LineSearch {
   // Whether any unknown or error pixel of `view` is an obstacle. The image is not missing.
   bool AnyObstacle(int view);
 
+  // How many images show an obstacle once their unknown and error pixels are resolved; missing ones
+  // do. Counts on only while it matters whether there are `enough`.
+  int CountShowing(int enough);
+
   // Sets, in `words`, the bits of all unknown and error pixels of `view` that are obstacles.
   void AddObstacles(int view, std::span<uint64_t> words);
 

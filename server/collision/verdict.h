@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstdint>
+#include <optional>
 #include <string>
 
 namespace silhouette {
@@ -43,6 +44,9 @@ struct ViewEvidence {
   uint32_t unknown_pixels = 0;
   uint32_t error_pixels = 0;
   bool missing = false;  // the scene lacks this view: it counts as showing an obstacle
+  // Pixels of the mask between the test robot image and the nearest pixel that shows an obstacle,
+  // infinite where there is none; only where clearances are measured (clearance.h).
+  std::optional<double> distance = std::nullopt;
 
   bool operator==(const ViewEvidence&) const = default;
 };

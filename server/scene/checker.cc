@@ -83,8 +83,8 @@ Verdict Checker::Check(std::span<const double> q, std::span<ViewEvidence> eviden
 }
 
 PathVerdict Checker::CheckPath(std::span<const Configuration> waypoints,
-                               std::span<ViewEvidence> evidence,
-                               std::set<std::string>* regions) const {
+                               std::span<ViewEvidence> evidence, std::set<std::string>* regions,
+                               std::optional<PathClearance>* clearance) const {
   if (waypoints.empty()) throw std::invalid_argument("a path has at least one waypoint");
   if (blocked_ != Reason::kNone || !test_) {
     PathVerdict result;
@@ -92,13 +92,25 @@ PathVerdict Checker::CheckPath(std::span<const Configuration> waypoints,
     result.configuration = waypoints[0];
     return result;
   }
-  if (regions == nullptr || served_.regions->regions.empty()) {
-    return test_->CheckPath(waypoints, evidence);
-  }
-  return test_->CheckPath(waypoints, evidence, [&](std::span<const double> q) {
-    const std::vector<std::string> names = RegionsAt(q);
+  if (served_.regions->regions.empty()) regions = nullptr;
+  if (regions == nullptr && clearance == nullptr) return test_->CheckPath(waypoints, evidence);
+  const std::optional<ClearanceMeter> meter = clearance != nullptr ? Clearances() : std::nullopt;
+  return test_->CheckPath(waypoints, evidence, [&](const TestedPlace& place) {
+    if (meter) meter->Narrow(place, *clearance);
+    if (regions == nullptr) return;
+    const std::vector<std::string> names = RegionsAt(place.configuration);
     regions->insert(names.begin(), names.end());
   });
+}
+
+std::optional<ClearanceMeter> Checker::Clearances() const {
+  if (blocked_ != Reason::kNone || !test_) return std::nullopt;
+  const TestSupport support = SupportFor(served_, policy_);
+  const Scene& scene = *served_.scene;
+  return ClearanceMeter(*test_, scene.obstacle_images, policy_, support,
+                        support.resolved != nullptr
+                            ? scene.distances.ToResolved(*support.resolved, ErrorsConvict(policy_))
+                            : scene.distances.ToObstacles(scene.obstacle_images));
 }
 
 std::optional<Mask> Checker::TestRobotImage(int view, std::span<const double> q) const {
@@ -166,6 +178,18 @@ std::vector<std::string> RegionsIn(const Served& served, const Policy& policy) {
     for (const RegionEffect& effect : served.scene->region_effects) names.push_back(effect.name);
   }
   return names;
+}
+
+std::optional<CollisionImages> DecidingPlanes(const Served& served, const Policy& policy,
+                                              double level) {
+  if (served.scene == nullptr) throw std::invalid_argument("there is no scene");
+  RequireServable(served, policy);
+  if (IsSound(policy.preset)) return std::nullopt;
+  if (!IsCalibrated(policy.preset)) {
+    return GrownPlanes(ObstaclePlanes(served.scene->obstacle_images), level);
+  }
+  if (!SearchesObstacleImages(policy)) return std::nullopt;
+  return GrownPlanes(*SupportFor(served, policy).resolved, level);
 }
 
 std::vector<TileVerdicts> CheckAllTiles(const Served& served, const Policy& policy) {

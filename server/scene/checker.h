@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "db/configuration_grid.h"
+#include "server/collision/clearance.h"
 #include "server/collision/collision_test.h"
 #include "server/collision/policy.h"
 #include "server/collision/verdict.h"
@@ -33,9 +34,15 @@ class Checker {
   // As CollisionTest's functions of the same names.
   Verdict Check(std::span<const double> q, std::span<ViewEvidence> evidence = {}) const;
   // `regions`: if not null, gets the names of RegionsAt of all places that were tested.
+  // `clearance`: if not null, gets the smallest clearance of all places that were tested.
   PathVerdict CheckPath(std::span<const Configuration> waypoints,
                         std::span<ViewEvidence> evidence = {},
-                        std::set<std::string>* regions = nullptr) const;
+                        std::set<std::string>* regions = nullptr,
+                        std::optional<PathClearance>* clearance = nullptr) const;
+
+  // Measures the clearances of configurations; nothing where all verdicts are unknown. Refers to
+  // this, which must stay where it is.
+  std::optional<ClearanceMeter> Clearances() const;
 
   // The test robot image of `q`; nothing if there is no scene, or a robot image that it takes is
   // not there.
@@ -67,6 +74,13 @@ Reason BlockedReason(const Served& served, const SceneSettings& settings, const 
 // The names of the allowed regions without which verdicts under the policy might be others: those
 // that took any pixel of the scene away; all in force, if the policy looks at space instead.
 std::vector<std::string> RegionsIn(const Served& served, const Policy& policy);
+
+// The planes that decide under the policy, grown by so many pixels (GrownPlanes): what has a
+// clearance below some level meets those of that level in min_views views. Nothing where no planes
+// of the scene decide alone: with lines in the intersection images, and under the sound presets.
+// The scene must be there and made with the database; throws as CheckAllTiles does.
+std::optional<CollisionImages> DecidingPlanes(const Served& served, const Policy& policy,
+                                              double level);
 
 // The verdicts of all tiles of the grid as long as the scene is not blocked: what a map of the
 // whole configuration space is made of. The scene must be there; std::invalid_argument if the

@@ -12,6 +12,7 @@
 
 #include "absl/time/time.h"
 #include "db/mask.h"
+#include "server/collision/clearance.h"
 #include "server/collision/collision_test.h"
 #include "server/collision/verdict.h"
 #include "server/scene/allowed_regions.h"
@@ -61,6 +62,27 @@ class ResolvedImages {
   mutable std::array<Entry, 2> entries_;  // by errors_convict
 };
 
+// The distances from the pixels that show obstacles, worked out once for all who ask. Used by any
+// number of threads. A copy begins anew.
+class SceneDistances {
+ public:
+  SceneDistances() = default;
+  SceneDistances(const SceneDistances&) {}
+  SceneDistances& operator=(const SceneDistances&) = delete;
+
+  // Both: of the scene's own images, always the same.
+  const DistanceImages& ToObstacles(const ObstacleImages& images) const;
+  const DistanceImages& ToResolved(const CollisionImages& resolved, bool errors_convict) const;
+
+ private:
+  struct Entry {
+    std::once_flag once;
+    DistanceImages distances;
+  };
+  mutable Entry obstacles_;
+  mutable std::array<Entry, 2> resolved_;  // by errors_convict
+};
+
 // A plain value; shared as SharedScene, and then never changed.
 struct Scene {
   // Counts up from 1 in the life of a server; 0 until it is published.
@@ -81,6 +103,7 @@ struct Scene {
   Moment arrived;
   std::vector<SceneDefect> defects;
   ResolvedImages resolved;
+  SceneDistances distances;
   ScenePossibleSpace possible_space;
   // What allowed regions in force did to the obstacle images; empty in a scene as it was published.
   std::vector<RegionEffect> region_effects;

@@ -1,0 +1,185 @@
+#include "server/collision/clearance.h"
+
+#include <algorithm>
+#include <cmath>
+#include <stdexcept>
+#include <utility>
+
+#include "server/collision/intersection_image.h"
+#include "server/collision/line_search.h"
+
+namespace silhouette {
+namespace {
+
+constexpr uint32_t kInfinite = DistanceImage::kInfinite;
+
+// All pixels of an image are within this squared distance of each other.
+uint32_t WholeImage(MaskSize size) {
+  return static_cast<uint32_t>(size.width * size.width + size.height * size.height);
+}
+
+}  // namespace
+
+DistanceImages DistancesTo(const CollisionImages& planes) {
+  DistanceImages distances(planes.size());
+  for (size_t view = 0; view < planes.size(); ++view) {
+    if (planes[view]) distances[view].emplace(*planes[view]);
+  }
+  return distances;
+}
+
+CollisionImages ObstaclePlanes(const ObstacleImages& images) {
+  CollisionImages planes(images.size());
+  for (size_t view = 0; view < images.size(); ++view) {
+    if (images[view]) planes[view] = images[view]->obstacle();
+  }
+  return planes;
+}
+
+CollisionImages GrownPlanes(const CollisionImages& planes, double level) {
+  if (!(level >= 0)) throw std::invalid_argument("a level must not be negative");
+  CollisionImages grown(planes.size());
+  for (size_t view = 0; view < planes.size(); ++view) {
+    if (planes[view]) grown[view] = Grown(*planes[view], level);
+  }
+  return grown;
+}
+
+ClearanceMeter::ClearanceMeter(const CollisionTest& test, const ObstacleImages& obstacle_images,
+                               const Policy& policy, const TestSupport& support,
+                               const DistanceImages& distances)
+    : test_(test), obstacle_images_(obstacle_images), distances_(distances) {
+  bool fits = distances.size() == obstacle_images.size();
+  for (size_t view = 0; fits && view < distances.size(); ++view) {
+    fits = distances[view].has_value() == obstacle_images[view].has_value() &&
+           (!distances[view] || distances[view]->size() == obstacle_images[view]->size());
+  }
+  if (!fits) throw std::invalid_argument("the distances are not those of the scene");
+  if (IsSound(policy.preset)) possible_space_ = support.possible_space;
+  if (IsCalibrated(policy.preset) && EpipolarDomainOf(policy) == EpipolarDomain::kIntersection) {
+    searched_bands_ = support.bands;
+    errors_convict_ = ErrorsConvict(policy);
+  }
+}
+
+std::optional<double> ClearanceMeter::Measure(std::span<const double> q, const Verdict& verdict,
+                                              std::span<ViewEvidence> evidence) const {
+  for (ViewEvidence& view : evidence) view.distance.reset();
+  if (verdict.state() == State::kUnknown) return std::nullopt;
+  const std::optional<RobotImages> robot = RobotImagesAt(q);
+  if (!robot) return std::nullopt;
+  const std::vector<uint32_t> to_planes = ToPlanes(*robot);
+  for (size_t view = 0; view < evidence.size(); ++view) {
+    if (distances_[view]) evidence[view].distance = PixelsOf(to_planes[view]);
+  }
+  if (verdict.state() == State::kOccupied) return 0;
+  return PixelsOf(Squared(*robot, kInfinite));
+}
+
+void ClearanceMeter::Narrow(const TestedPlace& place,
+                            std::optional<PathClearance>& smallest) const {
+  if (place.verdict.state() == State::kUnknown || (smallest && smallest->squared == 0)) return;
+  uint32_t squared = 0;
+  if (place.verdict.free()) {
+    const std::optional<RobotImages> robot = RobotImagesAt(place.configuration);
+    if (!robot) return;
+    squared = Squared(*robot, smallest ? smallest->squared : kInfinite);
+  }
+  if (smallest && squared >= smallest->squared) return;
+  smallest = PathClearance{squared,
+                           place.segment,
+                           place.fraction,
+                           {place.configuration.begin(), place.configuration.end()}};
+}
+
+std::optional<ClearanceMeter::RobotImages> ClearanceMeter::RobotImagesAt(
+    std::span<const double> q) const {
+  RobotImages robot;
+  for (size_t view = 0; view < obstacle_images_.size(); ++view) {
+    std::optional<Mask> image = test_.TestRobotImage(static_cast<int>(view), q);
+    if (!image) return std::nullopt;
+    robot.push_back(*std::move(image));
+  }
+  return robot;
+}
+
+uint32_t ClearanceMeter::Squared(const RobotImages& robot, uint32_t limit) const {
+  if (possible_space_ != nullptr) return std::min(limit, SquaredFromParts(robot));
+  const std::vector<uint32_t> to_planes = ToPlanes(robot);
+  limit = std::min(limit, MinViewsSmallest(to_planes));
+  if (searched_bands_ == nullptr) return limit;
+  // Nothing convicts before some view shows an obstacle, or perhaps an error; as soon as min_views
+  // views show one, no line matters.
+  const uint32_t least = errors_convict_ ? 0 : std::ranges::min(to_planes);
+  return least < limit ? SquaredAlongLines(robot, least, limit) : limit;
+}
+
+std::vector<uint32_t> ClearanceMeter::ToPlanes(const RobotImages& robot) const {
+  std::vector<uint32_t> squared(distances_.size(), 0);
+  for (size_t view = 0; view < squared.size(); ++view) {
+    if (distances_[view]) squared[view] = distances_[view]->LeastSquared(robot[view].words());
+  }
+  return squared;
+}
+
+uint32_t ClearanceMeter::MinViewsSmallest(std::vector<uint32_t> squared) const {
+  const auto wanted = squared.begin() + test_.min_views() - 1;
+  std::nth_element(squared.begin(), wanted, squared.end());
+  return *wanted;
+}
+
+uint32_t ClearanceMeter::SquaredFromParts(const RobotImages& robot) const {
+  std::vector<DistanceImage> from_robot;
+  for (const Mask& image : robot) from_robot.emplace_back(image);
+  uint32_t smallest = kInfinite;
+  for (const PossibleSpace::Part& part : possible_space_->parts()) {
+    std::vector<uint32_t> squared(robot.size(), 0);
+    for (size_t view = 0; view < squared.size(); ++view) {
+      // A robot that is nowhere in the image may be where the part reaches beyond it.
+      const bool met_outside = part.beyond[view] && robot[view].Empty();
+      if (!part.planes[view] || met_outside) continue;
+      squared[view] = from_robot[view].LeastSquared(part.planes[view]->words());
+    }
+    smallest = std::min(smallest, MinViewsSmallest(std::move(squared)));
+  }
+  return smallest;
+}
+
+uint32_t ClearanceMeter::SquaredAlongLines(const RobotImages& robot, uint32_t least,
+                                           uint32_t limit) const {
+  std::vector<DistanceImage> from_robot;
+  uint32_t whole = 0;
+  for (const Mask& image : robot) {
+    from_robot.emplace_back(image);
+    whole = std::max(whole, WholeImage(image.size()));
+  }
+  uint32_t occupied = std::min(limit - 1, whole);
+  if (!OccupiedAlongLines(from_robot, occupied)) return limit;
+  // The larger the robot images, the more is occupied.
+  while (least < occupied) {
+    const uint32_t middle = least + (occupied - least) / 2;
+    if (OccupiedAlongLines(from_robot, middle)) {
+      occupied = middle;
+    } else {
+      least = middle + 1;
+    }
+  }
+  return least;
+}
+
+bool ClearanceMeter::OccupiedAlongLines(std::span<const DistanceImage> from_robot,
+                                        uint32_t squared) const {
+  IntersectionImages intersections(from_robot.size());
+  std::vector<SearchedImage> images(from_robot.size());
+  for (size_t view = 0; view < images.size(); ++view) {
+    if (!obstacle_images_[view]) continue;
+    const IntersectionImage& cut =
+        intersections[view].emplace(*obstacle_images_[view], from_robot[view].Within(squared));
+    images[view] = {cut.obstacle().words(), cut.unknown().words(), cut.error().words()};
+  }
+  LineSearch search;
+  search.Begin(*searched_bands_, images, errors_convict_);
+  return search.CountShowing(test_.min_views()) >= test_.min_views();
+}
+
+}  // namespace silhouette
