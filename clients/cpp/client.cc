@@ -78,6 +78,18 @@ absl::Status Malformed(const std::string& address, absl::string_view what) {
                                           "; use a silhouette-server of this version"));
 }
 
+// A verdict whose clearance was asked for has one, unless it is unknown.
+absl::Status RequireClearance(const Verdict& verdict, const std::string& address) {
+  if (verdict.state == State::kUnknown) return absl::OkStatus();
+  if (!verdict.clearance) {
+    return absl::UnimplementedError(
+        absl::StrCat("the server at ", address,
+                     " tells no clearances; use a silhouette-server of this version"));
+  }
+  if (!(*verdict.clearance >= 0)) return Malformed(address, "a clearance is not 0 or more");
+  return absl::OkStatus();
+}
+
 }  // namespace
 
 // A channel and its stubs; thread-safe as they are.
@@ -129,11 +141,13 @@ Client Client::WithTimeout(absl::Duration timeout) const { return Client(connect
 const std::string& Client::address() const { return connection_->address(); }
 
 absl::StatusOr<ConfigurationChecks> Client::CheckConfigurations(
-    std::span<const Configuration> configurations, const Policy& policy, Evidence evidence) const {
+    std::span<const Configuration> configurations, const Policy& policy, Evidence evidence,
+    Clearance clearance) const {
   v1::CheckConfigurationsRequest request;
   for (const Configuration& q : configurations) *request.add_configurations() = ToMessage(q);
   *request.mutable_policy() = ToMessage(policy);
   request.set_omit_evidence(evidence == Evidence::kOmit);
+  request.set_include_clearance(clearance == Clearance::kMeasure);
   v1::CheckConfigurationsResponse response;
   const Clock::time_point asked = Clock::now();
   const absl::Status status =
@@ -147,16 +161,20 @@ absl::StatusOr<ConfigurationChecks> Client::CheckConfigurations(
   ConfigurationChecks checks{.basis = FromMessage(response.basis(), asked), .verdicts = {}};
   for (const v1::Verdict& verdict : response.verdicts()) {
     checks.verdicts.push_back(FromMessage(verdict, checks.basis));
+    if (clearance == Clearance::kOmit) continue;
+    const absl::Status measured = RequireClearance(checks.verdicts.back(), address());
+    if (!measured.ok()) return measured;
   }
   return checks;
 }
 
 absl::StatusOr<PathCheck> Client::CheckPath(std::span<const Configuration> waypoints,
-                                            const Policy& policy) const {
+                                            const Policy& policy, Clearance clearance) const {
   if (waypoints.empty()) return absl::InvalidArgumentError("a path has at least one waypoint");
   v1::CheckPathRequest request;
   for (const Configuration& q : waypoints) *request.add_waypoints() = ToMessage(q);
   *request.mutable_policy() = ToMessage(policy);
+  request.set_include_clearance(clearance == Clearance::kMeasure);
   v1::CheckPathResponse response;
   const Clock::time_point asked = Clock::now();
   const absl::Status status =
@@ -171,6 +189,18 @@ absl::StatusOr<PathCheck> Client::CheckPath(std::span<const Configuration> waypo
                                     response.configuration().positions().end()},
                   .checked = response.checked()};
   check.verdict = FromMessage(response.verdict(), check.basis);
+  if (clearance == Clearance::kOmit) return check;
+  const absl::Status measured = RequireClearance(check.verdict, address());
+  if (!measured.ok()) return measured;
+  if (!check.verdict.free()) return check;
+  if (!response.has_narrowest()) {
+    return Malformed(address(), "it does not say where the clearance is smallest");
+  }
+  const v1::PathPlace& place = response.narrowest();
+  check.narrowest = {.segment = place.segment(),
+                     .fraction = place.fraction(),
+                     .configuration = {place.configuration().positions().begin(),
+                                       place.configuration().positions().end()}};
   return check;
 }
 

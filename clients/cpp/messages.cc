@@ -190,12 +190,15 @@ Verdict FromMessage(const v1::Verdict& message, const Basis& basis) {
   if (verdict.state == State::kUnknown && message.state() == v1::Verdict::STATE_UNKNOWN) {
     verdict.reason = FromMessage(message.reason());
   }
+  const bool decided = verdict.state != State::kUnknown;
+  if (decided && message.has_clearance()) verdict.clearance = message.clearance();
   for (const v1::ViewEvidence& view : message.views()) {
     verdict.views.push_back({.view = view.view(),
                              .obstacle_pixels = view.obstacle_pixels(),
                              .unknown_pixels = view.unknown_pixels(),
                              .error_pixels = view.error_pixels(),
                              .missing = view.missing()});
+    if (decided && view.has_distance()) verdict.views.back().distance = view.distance();
   }
   verdict.hidden_possible = message.hidden_possible();
   verdict.regions = {message.regions().begin(), message.regions().end()};

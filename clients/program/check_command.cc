@@ -20,6 +20,7 @@ struct Arguments {
   std::string file;
   bool degrees = false;
   PolicyOptions policy;
+  client::Clearance clearance = client::Clearance::kOmit;
   int repeat = 0;
 };
 
@@ -40,14 +41,16 @@ absl::StatusOr<std::vector<Configuration>> ConfigurationsOf(const Arguments& arg
   return configurations;
 }
 
-// How long each of `repeat` same checks took, in microseconds, sorted; fewer after Ctrl-C.
+// How long each of the checks of --repeat took, in microseconds, sorted; fewer after Ctrl-C.
 absl::StatusOr<std::vector<double>> Measure(const Client& client,
                                             const std::vector<Configuration>& configurations,
-                                            const client::Policy& policy, int repeat) {
+                                            const Arguments& arguments) {
+  const client::Policy policy = arguments.policy.policy();
   std::vector<double> times;
-  for (int i = 0; i < repeat && !StopRequested(); ++i) {
+  for (int i = 0; i < arguments.repeat && !StopRequested(); ++i) {
     const auto start = std::chrono::steady_clock::now();
-    const auto checks = client.CheckConfigurations(configurations, policy);
+    const auto checks = client.CheckConfigurations(configurations, policy,
+                                                   client::Evidence::kPerView, arguments.clearance);
     if (!checks.ok()) return checks.status();
     times.push_back(
         std::chrono::duration<double, std::micro>(std::chrono::steady_clock::now() - start)
@@ -75,13 +78,14 @@ void PrintText(const std::vector<Configuration>& configurations,
 }
 
 void PrintJson(const std::vector<Configuration>& configurations,
-               const client::ConfigurationChecks& checks, const std::vector<double>& times) {
+               const client::ConfigurationChecks& checks, client::Clearance clearance,
+               const std::vector<double>& times) {
   Json json = JsonOf(checks.basis);
   json["all_free"] = checks.AllFree();
   json["configurations"] = Json::array();
   for (size_t i = 0; i < configurations.size(); ++i) {
     Json entry{{"configuration", configurations[i]}};
-    entry.update(JsonOf(checks.verdicts[i]));
+    entry.update(JsonOf(checks.verdicts[i], clearance));
     json["configurations"].push_back(entry);
   }
   if (!times.empty()) {
@@ -97,14 +101,14 @@ absl::StatusOr<ExitCode> Check(const Session& session, const Arguments& argument
   if (!configurations.ok()) return configurations.status();
   const absl::StatusOr<Client> client = session.Connect();
   if (!client.ok()) return client.status();
-  const client::Policy policy = arguments.policy.policy();
-  const auto checks = client->CheckConfigurations(*configurations, policy);
+  const auto checks = client->CheckConfigurations(*configurations, arguments.policy.policy(),
+                                                  client::Evidence::kPerView, arguments.clearance);
   if (!checks.ok()) return checks.status();
   CatchStopSignals();
-  const auto times = Measure(*client, *configurations, policy, arguments.repeat);
+  const auto times = Measure(*client, *configurations, arguments);
   if (!times.ok()) return times.status();
   if (session.json()) {
-    PrintJson(*configurations, *checks, *times);
+    PrintJson(*configurations, *checks, arguments.clearance, *times);
   } else {
     PrintText(*configurations, *checks, *times);
   }
@@ -120,6 +124,7 @@ void AddCheckCommand(CLI::App& program, Session& session, Run& run) {
                       "Joint values with commas between them: radians, or 30deg, or 0.2m");
   command->add_option("--file", arguments->file, "Read them from a file, one a line; -: stdin");
   command->add_flag("--degrees", arguments->degrees, "Values without a unit are degrees");
+  AddClearanceFlag(*command, arguments->clearance);
   command
       ->add_option("--repeat", arguments->repeat,
                    "Ask this many times more and tell how long an answer takes")
@@ -129,7 +134,7 @@ void AddCheckCommand(CLI::App& program, Session& session, Run& run) {
   command->footer(
       "Exit code 0 if all are free, 1 if not.\n\n"
       "Example:\n"
-      "  silhouette check 0.1,0.2 30deg,-10deg\n"
+      "  silhouette check 0.1,0.2 30deg,-10deg --clearance\n"
       "  silhouette check --degrees 30,-10 --repeat 1000 --format json");
   command->callback([arguments, &session, &run] {
     run = [arguments, &session] { return Check(session, *arguments); };

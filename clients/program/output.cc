@@ -1,6 +1,7 @@
 #include "clients/program/output.h"
 
 #include <algorithm>
+#include <cmath>
 #include <iostream>
 
 #include "absl/strings/str_cat.h"
@@ -19,10 +20,19 @@ std::string Quoted(const std::vector<std::string>& names) {
   return absl::StrCat("'", absl::StrJoin(names, "', '"), "'");
 }
 
+// JSON has no infinity; the string is what JSON of Protobuf has for it.
+Json JsonOfPixels(const std::optional<double>& pixels) {
+  if (!pixels) return {};
+  return std::isinf(*pixels) ? Json("Infinity") : Json(*pixels);
+}
+
 }  // namespace
 
 std::string Spoken(const client::Verdict& verdict) {
   std::string words = NameOf(verdict.state);
+  if (verdict.free() && verdict.clearance) {
+    absl::StrAppend(&words, ", clearance ", SpokenClearance(*verdict.clearance));
+  }
   if (verdict.state == client::State::kUnknown) {
     absl::StrAppend(&words, ": ", Describe(verdict.reason));
   } else if (verdict.hidden_possible) {
@@ -32,6 +42,10 @@ std::string Spoken(const client::Verdict& verdict) {
     absl::StrAppend(&words, " (obstacles allowed in ", Quoted(verdict.regions), ")");
   }
   return words;
+}
+
+std::string SpokenClearance(double pixels) {
+  return std::isinf(pixels) ? "without limit" : absl::StrFormat("%.3g pixels", pixels);
 }
 
 std::string Spoken(const client::Basis& basis) {
@@ -46,19 +60,23 @@ std::string Spoken(const client::Basis& basis) {
   return words;
 }
 
-Json JsonOf(const client::Verdict& verdict) {
+Json JsonOf(const client::Verdict& verdict, client::Clearance clearance) {
   const bool unknown = verdict.state == client::State::kUnknown;
+  const bool measured = clearance == client::Clearance::kMeasure;
   Json json{{"state", NameOf(verdict.state)},
-            {"reason", unknown ? Json(NameOf(verdict.reason)) : Json()},
-            {"hidden_possible", verdict.hidden_possible},
-            {"regions", verdict.regions},
-            {"views", Json::array()}};
+            {"reason", unknown ? Json(NameOf(verdict.reason)) : Json()}};
+  if (measured) json["clearance"] = JsonOfPixels(verdict.clearance);
+  json["hidden_possible"] = verdict.hidden_possible;
+  json["regions"] = verdict.regions;
+  json["views"] = Json::array();
   for (const client::ViewEvidence& view : verdict.views) {
-    json["views"].push_back({{"view", view.view},
-                             {"missing", view.missing},
-                             {"obstacle_pixels", view.obstacle_pixels},
-                             {"unknown_pixels", view.unknown_pixels},
-                             {"error_pixels", view.error_pixels}});
+    Json entry{{"view", view.view},
+               {"missing", view.missing},
+               {"obstacle_pixels", view.obstacle_pixels},
+               {"unknown_pixels", view.unknown_pixels},
+               {"error_pixels", view.error_pixels}};
+    if (measured) entry["distance"] = JsonOfPixels(view.distance);
+    json["views"].push_back(entry);
   }
   return json;
 }

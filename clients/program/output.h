@@ -7,6 +7,7 @@
 #include "absl/status/status.h"
 #include "absl/time/time.h"
 #include "silhouette/answers.h"
+#include "silhouette/client.h"
 #include "silhouette/scene.h"
 #include "silhouette/verdict.h"
 
@@ -18,13 +19,17 @@ using Json = nlohmann::ordered_json;
 void Print(const Json& json);
 
 // "free", "occupied", "unknown: no scene has been published yet: publish one"; with a word on
-// obstacles that may hide.
+// obstacles that may hide, and the clearance if it is free and has one.
 std::string Spoken(const client::Verdict& verdict);
+// "3.61 pixels", "without limit".
+std::string SpokenClearance(double pixels);
 // "scene 3, 120 ms old, database generation 7", "no scene".
 std::string Spoken(const client::Basis& basis);
 
-// {"state", "reason" (null if not unknown), "hidden_possible", "regions", "views": [...]}
-Json JsonOf(const client::Verdict& verdict);
+// {"state", "reason" (null if not unknown), "hidden_possible", "regions", "views": [...]}; with
+// "clearance" (null if unknown) after the reason, and in each view the "distance", if it was asked
+// for.
+Json JsonOf(const client::Verdict& verdict, client::Clearance clearance = client::Clearance::kOmit);
 // {"scene_id", "scene_time", "scene_age_s", "database_generation", "scene_regions"}; null where
 // there is no scene.
 Json JsonOf(const client::Basis& basis);

@@ -16,6 +16,7 @@ struct Arguments {
   std::string file;
   bool degrees = false;
   PolicyOptions policy;
+  client::Clearance clearance = client::Clearance::kOmit;
 };
 
 absl::StatusOr<std::vector<Configuration>> WaypointsOf(const Arguments& arguments) {
@@ -40,17 +41,27 @@ void PrintText(const client::PathCheck& check) {
                                  Spoken(check.configuration), 100 * check.fraction, check.segment,
                                  Spoken(check.verdict));
   }
+  if (check.narrowest) {
+    std::cout << absl::StrFormat("narrowest at %s, %.0f %% on the way from waypoint %d\n",
+                                 Spoken(check.narrowest->configuration),
+                                 100 * check.narrowest->fraction, check.narrowest->segment);
+  }
   std::cout << Spoken(check.basis) << '\n';
 }
 
-void PrintJson(const client::PathCheck& check) {
+void PrintJson(const client::PathCheck& check, client::Clearance clearance) {
   Json json = JsonOf(check.basis);
-  json.update(JsonOf(check.verdict));
+  json.update(JsonOf(check.verdict, clearance));
   json["checked"] = check.checked;
   if (!check.verdict.free()) {
     json["segment"] = check.segment;
     json["fraction"] = check.fraction;
     json["configuration"] = check.configuration;
+  }
+  if (check.narrowest) {
+    json["narrowest"] = {{"segment", check.narrowest->segment},
+                         {"fraction", check.narrowest->fraction},
+                         {"configuration", check.narrowest->configuration}};
   }
   Print(json);
 }
@@ -60,9 +71,9 @@ absl::StatusOr<ExitCode> CheckPath(const Session& session, const Arguments& argu
   if (!waypoints.ok()) return waypoints.status();
   const absl::StatusOr<Client> client = session.Connect();
   if (!client.ok()) return client.status();
-  const auto check = client->CheckPath(*waypoints, arguments.policy.policy());
+  const auto check = client->CheckPath(*waypoints, arguments.policy.policy(), arguments.clearance);
   if (!check.ok()) return check.status();
-  session.json() ? PrintJson(*check) : PrintText(*check);
+  session.json() ? PrintJson(*check, arguments.clearance) : PrintText(*check);
   return check->verdict.free() ? kDone : kNo;
 }
 
@@ -78,6 +89,7 @@ void AddPathCommand(CLI::App& program, Session& session, Run& run) {
                       "A JSON file with configurations under the key \"waypoints\", as plan writes "
                       "it; -: stdin");
   command->add_flag("--degrees", arguments->degrees, "Values without a unit are degrees");
+  AddClearanceFlag(*command, arguments->clearance);
   AddFormatOption(*command, session.format);
   AddPolicyOptions(*command, arguments->policy);
   command->footer(
@@ -85,7 +97,7 @@ void AddPathCommand(CLI::App& program, Session& session, Run& run) {
       "Exit code 0 if the path is free, 1 if not.\n\n"
       "Example:\n"
       "  silhouette path 0.1,0.2 0.5,0.2 0.5,-30deg\n"
-      "  silhouette path --file path.json");
+      "  silhouette path --file path.json --clearance");
   command->callback([arguments, &session, &run] {
     run = [arguments, &session] { return CheckPath(session, *arguments); };
   });

@@ -49,4 +49,11 @@ void AddPolicyOptions(CLI::App& command, PolicyOptions& options) {
       ->group(group);
 }
 
+void AddClearanceFlag(CLI::App& command, client::Clearance& clearance) {
+  command.add_flag_callback(
+      "--clearance", [&clearance] { clearance = client::Clearance::kMeasure; },
+      "Tell, too, by how many mask pixels the robot could grow in the images before it were "
+      "occupied");
+}
+
 }  // namespace silhouette

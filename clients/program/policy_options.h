@@ -1,10 +1,12 @@
-// --preset, --min-views, --max-occluded-views, --epipolar, --errors-convict, --off-grid.
+// --preset, --min-views, --max-occluded-views, --epipolar, --errors-convict, --off-grid;
+// --clearance.
 #pragma once
 
 #include <CLI/CLI.hpp>
 #include <optional>
 #include <string>
 
+#include "silhouette/client.h"
 #include "silhouette/policy.h"
 
 namespace silhouette {
@@ -21,5 +23,8 @@ struct PolicyOptions {
 };
 
 void AddPolicyOptions(CLI::App& command, PolicyOptions& options);
+
+// --clearance: it is measured.
+void AddClearanceFlag(CLI::App& command, client::Clearance& clearance);
 
 }  // namespace silhouette

@@ -95,12 +95,14 @@ PathVerdict Checker::CheckPath(std::span<const Configuration> waypoints,
   if (served_.regions->regions.empty()) regions = nullptr;
   if (regions == nullptr && clearance == nullptr) return test_->CheckPath(waypoints, evidence);
   const std::optional<ClearanceMeter> meter = clearance != nullptr ? Clearances() : std::nullopt;
-  return test_->CheckPath(waypoints, evidence, [&](const TestedPlace& place) {
+  const PathVerdict path = test_->CheckPath(waypoints, evidence, [&](const TestedPlace& place) {
     if (meter) meter->Narrow(place, *clearance);
     if (regions == nullptr) return;
     const std::vector<std::string> names = RegionsAt(place.configuration);
     regions->insert(names.begin(), names.end());
   });
+  if (meter && !path.verdict.free()) meter->Measure(path.configuration, path.verdict, evidence);
+  return path;
 }
 
 std::optional<ClearanceMeter> Checker::Clearances() const {

@@ -37,14 +37,24 @@ absl::StatusOr<std::vector<Configuration>> ConfigurationsFrom(
   return configurations;
 }
 
-// A fault of ours while one configuration is checked makes that one unknown.
-Verdict CheckOne(const Checker& checker, const Configuration& q, std::span<ViewEvidence> evidence) {
+// What is found out about one configuration.
+struct Finding {
+  Verdict verdict;
+  std::optional<double> clearance;
+};
+
+// A fault of ours while one configuration is checked makes that one unknown. `meter`: null if no
+// clearance is asked for.
+Finding CheckOne(const Checker& checker, const Configuration& q, std::span<ViewEvidence> evidence,
+                 const ClearanceMeter* meter = nullptr) {
   try {
-    return checker.Check(q, evidence);
+    Finding finding{.verdict = checker.Check(q, evidence), .clearance = std::nullopt};
+    if (meter != nullptr) finding.clearance = meter->Measure(q, finding.verdict, evidence);
+    return finding;
   } catch (const std::exception& error) {
     spdlog::error("internal error: {}", error.what());
     std::fill(evidence.begin(), evidence.end(), ViewEvidence{});
-    return Verdict::Unknown(Reason::kInternal);
+    return {.verdict = Verdict::Unknown(Reason::kInternal), .clearance = std::nullopt};
   }
 }
 
@@ -167,23 +177,28 @@ grpc::ServerUnaryReactor* CollisionService::CheckConfigurations(
                                                    "configurations", kMaxConfigurations);
     if (!configurations.ok()) return ToGrpc(configurations.status());
     const size_t views = request->omit_evidence() ? 0 : static_cast<size_t>(database.views());
-    std::vector<Verdict> verdicts;
+    const std::optional<ClearanceMeter> meter =
+        request->include_clearance() ? checker->Clearances() : std::nullopt;
+    std::vector<Finding> findings;
     std::vector<ViewEvidence> evidence(views * configurations->size());
     const auto evidence_of = [&](size_t i) {
       return std::span(evidence).subspan(i * views, views);
     };
     for (size_t i = 0; i < configurations->size(); ++i) {
-      verdicts.push_back(CheckOne(*checker, (*configurations)[i], evidence_of(i)));
+      findings.push_back(
+          CheckOne(*checker, (*configurations)[i], evidence_of(i), meter ? &*meter : nullptr));
     }
     const Reason blocked =
         Conclude(checker->served(), checker->policy(), response->mutable_basis());
-    for (size_t i = 0; i < verdicts.size(); ++i) {
-      ToMessage(Final(verdicts[i], blocked), evidence_of(i),
-                checker->RegionsAt((*configurations)[i]), database, response->add_verdicts());
+    for (size_t i = 0; i < findings.size(); ++i) {
+      ToMessage(Final(findings[i].verdict, blocked), evidence_of(i),
+                checker->RegionsAt((*configurations)[i]), findings[i].clearance, database,
+                response->add_verdicts());
     }
     return grpc::Status::OK;
   };
-  const bool few = request->configurations_size() <= kFewChecks && !MayTakeLong(request->policy());
+  const bool few = request->configurations_size() <= kFewChecks && !request->include_clearance() &&
+                   !MayTakeLong(request->policy());
   return few ? AnswerHere(context, work) : AnswerOnWorker(serving_, context, work);
 }
 
@@ -207,13 +222,18 @@ grpc::ServerUnaryReactor* CollisionService::CheckPath(grpc::CallbackServerContex
     }
     std::vector<ViewEvidence> evidence(static_cast<size_t>(database.views()));
     std::set<std::string> touched;
-    const PathVerdict path = checker->CheckPath(*waypoints, evidence, &touched);
+    std::optional<PathClearance> narrowest;
+    const PathVerdict path = checker->CheckPath(
+        *waypoints, evidence, &touched, request->include_clearance() ? &narrowest : nullptr);
     const Reason blocked =
         Conclude(checker->served(), checker->policy(), response->mutable_basis());
     const Verdict verdict = Final(path.verdict, blocked);
     if (path.verdict.free()) evidence.clear();
     const std::vector<std::string> regions(touched.begin(), touched.end());
-    ToMessage(verdict, evidence, regions, database, response->mutable_verdict());
+    std::optional<double> clearance;
+    if (narrowest) clearance = narrowest->pixels();
+    ToMessage(verdict, evidence, regions, clearance, database, response->mutable_verdict());
+    if (narrowest && verdict.free()) ToMessage(*narrowest, response->mutable_narrowest());
     response->set_segment(path.segment);
     response->set_fraction(path.fraction);
     for (double position : path.configuration) {
@@ -263,11 +283,11 @@ grpc::ServerUnaryReactor* CollisionService::Explain(grpc::CallbackServerContext*
         ConfigurationFrom(request->configuration(), database.grid(), "configuration");
     if (!q.ok()) return ToGrpc(q.status());
     std::vector<ViewEvidence> evidence(static_cast<size_t>(database.views()));
-    const Verdict verdict = CheckOne(*checker, *q, evidence);
+    const Verdict verdict = CheckOne(*checker, *q, evidence).verdict;
     ExplainViews(*checker, *q, response);
     const Reason blocked =
         Conclude(checker->served(), checker->policy(), response->mutable_basis());
-    ToMessage(Final(verdict, blocked), evidence, checker->RegionsAt(*q), database,
+    ToMessage(Final(verdict, blocked), evidence, checker->RegionsAt(*q), std::nullopt, database,
               response->mutable_verdict());
     return grpc::Status::OK;
   });

@@ -246,12 +246,14 @@ absl::Duration DurationFrom(const google::protobuf::Duration& message) {
 v1::Verdict::Reason ToMessage(Reason reason) { return static_cast<v1::Verdict::Reason>(reason); }
 
 void ToMessage(const Verdict& verdict, std::span<const ViewEvidence> evidence,
-               std::span<const std::string> regions, const ServedDatabase& database,
-               v1::Verdict* message) {
+               std::span<const std::string> regions, std::optional<double> clearance,
+               const ServedDatabase& database, v1::Verdict* message) {
+  const bool decided = verdict.state() != State::kUnknown;
   message->set_state(ToMessage(verdict.state()));
   message->set_reason(ToMessage(verdict.reason()));
   message->set_hidden_possible(verdict.hidden_possible());
   message->mutable_regions()->Add(regions.begin(), regions.end());
+  if (decided && clearance) message->set_clearance(*clearance);
   for (size_t view = 0; view < evidence.size(); ++view) {
     v1::ViewEvidence& seen = *message->add_views();
     seen.set_view(database.view_name(static_cast<int>(view)));
@@ -259,7 +261,15 @@ void ToMessage(const Verdict& verdict, std::span<const ViewEvidence> evidence,
     seen.set_unknown_pixels(evidence[view].unknown_pixels);
     seen.set_error_pixels(evidence[view].error_pixels);
     seen.set_missing(evidence[view].missing);
+    if (decided && evidence[view].distance) seen.set_distance(*evidence[view].distance);
   }
+}
+
+void ToMessage(const PathClearance& narrowest, v1::PathPlace* message) {
+  message->set_segment(narrowest.segment);
+  message->set_fraction(narrowest.fraction);
+  message->mutable_configuration()->mutable_positions()->Add(narrowest.configuration.begin(),
+                                                             narrowest.configuration.end());
 }
 
 void ToMessage(const Policy& policy, v1::Policy* message) {

@@ -11,6 +11,7 @@
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
 #include "absl/time/time.h"
+#include "server/collision/clearance.h"
 #include "server/collision/policy.h"
 #include "server/collision/verdict.h"
 #include "server/scene/make_scene.h"
@@ -43,9 +44,11 @@ absl::Duration DurationFrom(const google::protobuf::Duration& message);
 
 v1::Verdict::Reason ToMessage(Reason reason);
 // `evidence`: empty, or one per view of the database. `regions`: names of allowed regions.
+// `clearance`: in pixels, if it is to be told; it is not for an unknown verdict.
 void ToMessage(const Verdict& verdict, std::span<const ViewEvidence> evidence,
-               std::span<const std::string> regions, const ServedDatabase& database,
-               v1::Verdict* message);
+               std::span<const std::string> regions, std::optional<double> clearance,
+               const ServedDatabase& database, v1::Verdict* message);
+void ToMessage(const PathClearance& narrowest, v1::PathPlace* message);
 void ToMessage(const Policy& policy, v1::Policy* message);
 void ToMessage(const ConfigurationGrid& grid, v1::Grid* message);
 void ToMessage(const Mask& mask, v1::Mask* message);

@@ -4,6 +4,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <cmath>
 #include <thread>
 
 #include "tests/clients/fake_server.h"
@@ -184,6 +185,96 @@ TEST(CheckConfigurations, SendsConfigurationsAndPolicy) {
   EXPECT_EQ(seen.policy().off_grid(), v1::OFF_GRID_UNSPECIFIED);
   EXPECT_EQ(seen.policy().epipolar(), v1::EPIPOLAR_UNSPECIFIED);
   EXPECT_FALSE(seen.policy().has_errors_convict());
+}
+
+// The reply's verdicts: free with this clearance, occupied, unknown with one that it cannot have.
+auto ClearancesOf(double free) {
+  return [free](grpc::ServerContext&, const v1::CheckConfigurationsRequest& request,
+                v1::CheckConfigurationsResponse& response) {
+    *response.mutable_basis() = GoodBasis();
+    for (auto [state, clearance] : {std::pair(v1::Verdict::STATE_FREE, free),
+                                    {v1::Verdict::STATE_OCCUPIED, 0.0},
+                                    {v1::Verdict::STATE_UNKNOWN, 7.0}}) {
+      v1::Verdict& verdict = *response.add_verdicts();
+      verdict.set_state(state);
+      if (!request.include_clearance()) continue;
+      verdict.set_clearance(clearance);
+      verdict.add_views()->set_distance(clearance);
+    }
+    return grpc::Status::OK;
+  };
+}
+
+TEST(Clearance, IsToldOfWhatIsFreeOrOccupiedIfAskedFor) {
+  FakeServer server;
+  server.check_configurations = ClearancesOf(2.5);
+  const Client client = ClientOf(server);
+  const std::vector<Configuration> three(3, kOne[0]);
+  const auto checks =
+      client.CheckConfigurations(three, {}, Evidence::kPerView, Clearance::kMeasure);
+  ASSERT_TRUE(checks.ok()) << checks.status();
+  EXPECT_EQ(checks->verdicts[0].clearance, 2.5);
+  EXPECT_EQ(checks->verdicts[0].views[0].distance, 2.5);
+  EXPECT_EQ(checks->verdicts[1].clearance, 0);
+  EXPECT_EQ(checks->verdicts[2].clearance, std::nullopt);
+  EXPECT_EQ(checks->verdicts[2].views[0].distance, std::nullopt);
+  EXPECT_EQ(client.CheckConfigurations(three)->verdicts[0].clearance, std::nullopt);
+}
+
+TEST(Clearance, ThatCannotBeIsAnError) {
+  FakeServer server;
+  const std::vector<Configuration> three(3, kOne[0]);
+  for (const double clearance : {-1.0, std::nan("")}) {
+    server.check_configurations = ClearancesOf(clearance);
+    EXPECT_EQ(ClientOf(server)
+                  .CheckConfigurations(three, {}, Evidence::kPerView, Clearance::kMeasure)
+                  .status()
+                  .code(),
+              absl::StatusCode::kInternal);
+  }
+}
+
+TEST(Clearance, OfAServerThatDoesNotKnowThemIsAnErrorAndNoVerdict) {
+  FakeServer server;
+  server.check_configurations = VerdictsOf({1});
+  const absl::Status status =
+      ClientOf(server)
+          .CheckConfigurations(kOne, {}, Evidence::kPerView, Clearance::kMeasure)
+          .status();
+  EXPECT_EQ(status.code(), absl::StatusCode::kUnimplemented);
+  EXPECT_THAT(std::string(status.message()), HasSubstr("tells no clearances"));
+  server.check_configurations = VerdictsOf({3});
+  EXPECT_TRUE(
+      ClientOf(server).CheckConfigurations(kOne, {}, Evidence::kPerView, Clearance::kMeasure).ok())
+      << "an unknown verdict has none";
+}
+
+TEST(Clearance, OfAFreePathTellsWhereItIsSmallest) {
+  FakeServer server;
+  v1::CheckPathResponse answer;
+  *answer.mutable_basis() = GoodBasis();
+  answer.mutable_verdict()->set_state(v1::Verdict::STATE_FREE);
+  answer.mutable_verdict()->set_clearance(1.5);
+  answer.mutable_narrowest()->set_segment(1);
+  answer.mutable_narrowest()->set_fraction(0.75);
+  answer.mutable_narrowest()->mutable_configuration()->add_positions(0.5);
+  server.check_path = [&](auto&, const v1::CheckPathRequest& request,
+                          v1::CheckPathResponse& response) {
+    EXPECT_TRUE(request.include_clearance());
+    response = answer;
+    return grpc::Status::OK;
+  };
+  const std::vector<Configuration> path = {{0}, {1}, {2}};
+  const auto check = ClientOf(server).CheckPath(path, {}, Clearance::kMeasure);
+  ASSERT_TRUE(check.ok()) << check.status();
+  EXPECT_EQ(check->verdict.clearance, 1.5);
+  ASSERT_TRUE(check->narrowest);
+  EXPECT_EQ(check->narrowest->segment, 1);
+  EXPECT_EQ(check->narrowest->fraction, 0.75);
+  EXPECT_THAT(check->narrowest->configuration, ElementsAre(0.5));
+  answer.clear_narrowest();
+  EXPECT_EQ(ClientOf(server).CheckPath(path, {}, Clearance::kMeasure).status().code(),
+            absl::StatusCode::kInternal);
 }
 
 TEST(CheckPath, TellsTheFirstPlaceThatIsNotFree) {

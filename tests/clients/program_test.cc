@@ -129,6 +129,37 @@ TEST_F(Silhouette, PathTellsTheFirstPlaceThatIsNotFree) {
   EXPECT_EQ(cell_.Run("path --file missing.json").exit_code, 2);
 }
 
+TEST_F(Silhouette, CheckTellsTheClearanceIfAskedFor) {
+  PublishWall();
+  // The wall begins in column 7; the robot at x = 0.1 ends in column 4.
+  const json answer = RunJson("check 0.1,0 0.6,0.2 5,5 --clearance", 1)["configurations"];
+  EXPECT_EQ(answer[0]["clearance"], 2.0);
+  EXPECT_EQ(answer[0]["views"][1]["distance"], 2.0);
+  EXPECT_EQ(answer[1]["clearance"], 0.0);
+  EXPECT_TRUE(answer[2]["clearance"].is_null()) << "outside the grid";
+  EXPECT_FALSE(RunJson("check 0.1,0", 0)["configurations"][0].contains("clearance"));
+  EXPECT_THAT(cell_.Run("check 0.1,0 --clearance").out, HasSubstr("free, clearance 2 pixels ("));
+  ASSERT_EQ(cell_.Publish(kNothing, kNothing).exit_code, 0);
+  EXPECT_EQ(RunJson("check 0.1,0 --clearance", 0)["configurations"][0]["clearance"], "Infinity");
+  EXPECT_THAT(cell_.Run("check 0.1,0 --clearance").out, HasSubstr("clearance without limit ("));
+}
+
+TEST_F(Silhouette, PathTellsTheSmallestClearanceAndWhereItIs) {
+  PublishWall();
+  const json answer = RunJson("path 0,0 0.2,0 0,0 --clearance", 0);
+  EXPECT_EQ(answer["clearance"], 1.0);
+  EXPECT_EQ(answer["narrowest"]["segment"], 0);
+  // Between 0.1 and 0.2 the robot may be at either.
+  EXPECT_NEAR(answer["narrowest"]["configuration"][0], 0.15, 1e-9);
+  EXPECT_NEAR(answer["narrowest"]["fraction"], 0.75, 1e-9);
+  EXPECT_THAT(cell_.Run("path 0,0 0.2,0 0,0 --clearance").out,
+              AllOf(HasSubstr("clearance 1 pixels"), HasSubstr("narrowest at 0.15,0, 75 %")));
+  EXPECT_FALSE(RunJson("path 0,0 0.2,0 0,0", 0).contains("narrowest"));
+  const json blocked = RunJson("path 0,0 1,0 --clearance", 1);
+  EXPECT_EQ(blocked["clearance"], 0.0);
+  EXPECT_FALSE(blocked.contains("narrowest"));
+}
+
 TEST_F(Silhouette, SpaceHasTheVerdictOfEveryConfiguration) {
   PublishWall();
   const json counts = RunJson("space --out space.json --picture space.png", 0);

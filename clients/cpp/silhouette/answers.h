@@ -3,6 +3,7 @@
 
 #include <chrono>
 #include <cstdint>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -40,9 +41,17 @@ struct ConfigurationChecks {
   bool AllFree() const;
 };
 
+// A place on a path: waypoint number, counted from 0, and fraction of the way to the next one.
+struct PathPlace {
+  int segment = 0;
+  double fraction = 0;
+  Configuration configuration;
+};
+
 struct PathCheck {
   Basis basis;
-  // Free if the whole path is. Else the verdict at the first place that is not.
+  // Free if the whole path is. Else the verdict at the first place that is not. Its clearance, if
+  // it was asked for, is the smallest along the path.
   Verdict verdict;
   // That place: waypoint number, counted from 0, and fraction of the way to the next one.
   int segment = 0;
@@ -50,6 +59,8 @@ struct PathCheck {
   Configuration configuration;
   // How many places were tested, up to there.
   int64_t checked = 0;
+  // Where the clearance is smallest first; if it was asked for and the path is free.
+  std::optional<PathPlace> narrowest = std::nullopt;
 };
 
 // PNG images, one pixel per mask pixel.

@@ -9,7 +9,8 @@
 //   Unavailable       no server answers there, or it went away before the answer was complete
 //   DeadlineExceeded  it did not answer in time
 //   InvalidArgument, NotFound, FailedPrecondition   the server refuses; its own words
-//   Unimplemented     the server is older than this library
+//   Unimplemented     the server is older than this library: it does not know a call, or tells no
+//                     clearances
 //   Internal          the answer is malformed
 // No error is ever a verdict, and a part of an answer is never handed out.
 #pragma once
@@ -37,6 +38,8 @@ inline constexpr char kDefaultAddress[] = "127.0.0.1:50051";
 
 // Whether verdicts come with what each view says: longer replies.
 enum class Evidence { kPerView, kOmit };
+// Whether verdicts come with clearances: they take time to measure.
+enum class Clearance { kOmit, kMeasure };
 
 // Any number of threads may use a client at once. Copies share the connection.
 class Client {
@@ -55,18 +58,19 @@ class Client {
   // Verdicts for configurations, in the order asked.
   absl::StatusOr<ConfigurationChecks> CheckConfigurations(
       std::span<const Configuration> configurations, const Policy& policy = {},
-      Evidence evidence = Evidence::kPerView) const;
+      Evidence evidence = Evidence::kPerView, Clearance clearance = Clearance::kOmit) const;
   absl::StatusOr<ConfigurationChecks> CheckConfigurations(
       std::initializer_list<Configuration> configurations, const Policy& policy = {},
-      Evidence evidence = Evidence::kPerView) const {
+      Evidence evidence = Evidence::kPerView, Clearance clearance = Clearance::kOmit) const {
     return CheckConfigurations(std::span(configurations.begin(), configurations.size()), policy,
-                               evidence);
+                               evidence, clearance);
   }
 
   // The first place on a path that is not free. Between waypoints (at least one) joint values are
   // interpolated linearly, without wrapping.
   absl::StatusOr<PathCheck> CheckPath(std::span<const Configuration> waypoints,
-                                      const Policy& policy = {}) const;
+                                      const Policy& policy = {},
+                                      Clearance clearance = Clearance::kOmit) const;
 
   // The verdicts of all configurations, or of the given tiles only.
   absl::StatusOr<ConfigurationSpace> GetConfigurationSpace(

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstdint>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -48,6 +49,9 @@ struct ViewEvidence {
   uint32_t unknown_pixels = 0;
   uint32_t error_pixels = 0;
   bool missing = false;  // the scene lacks this view: it counts as showing an obstacle
+  // Pixels between the robot image and the nearest pixel that shows an obstacle, infinite where
+  // there is none; only with Verdict::clearance.
+  std::optional<double> distance = std::nullopt;
 };
 
 // Nothing but an explicit FREE of the server is free: a verdict that nobody gave, and one whose
@@ -62,6 +66,10 @@ struct Verdict {
   bool hidden_possible = false;
   // Names of the allowed regions without which the verdict might be another.
   std::vector<std::string> regions = {};
+  // By how many pixels of the masks the robot images could grow, in all views at once, before it
+  // were occupied; under the sound presets at least. 0 if it is occupied, infinite if no growth
+  // makes it so. Nothing if it is unknown, or if it was not asked for.
+  std::optional<double> clearance = std::nullopt;
 
   bool free() const { return state == State::kFree; }
 };

@@ -22,19 +22,30 @@ struct NeverFree : ::testing::Test {
     return settings;
   }
 
+  static bool TellsClearance(const v1::Verdict& verdict) {
+    return verdict.has_clearance() ||
+           std::any_of(verdict.views().begin(), verdict.views().end(),
+                       [](const v1::ViewEvidence& view) { return view.has_distance(); });
+  }
+
   void ExpectOnlyUnknown(v1::Verdict::Reason reason) {
     std::vector<Configuration> all = {{0.5, 0.1}, {3.9, 7.0}};
     for (int a = 0; a < 5; ++a) {
       for (int b = 0; b < 8; ++b) all.push_back(At(a, b));
     }
-    const v1::CheckConfigurationsResponse checked = server.Check(all);
-    for (const v1::Verdict& verdict : checked.verdicts()) {
-      EXPECT_EQ(verdict.state(), v1::Verdict::STATE_UNKNOWN);
-      EXPECT_EQ(verdict.reason(), reason) << v1::Verdict::Reason_Name(verdict.reason());
+    for (const bool clearance : {false, true}) {
+      const v1::CheckConfigurationsResponse checked = server.Check(all, {}, clearance);
+      for (const v1::Verdict& verdict : checked.verdicts()) {
+        EXPECT_EQ(verdict.state(), v1::Verdict::STATE_UNKNOWN);
+        EXPECT_EQ(verdict.reason(), reason) << v1::Verdict::Reason_Name(verdict.reason());
+        EXPECT_FALSE(TellsClearance(verdict));
+      }
+      const v1::CheckPathResponse path = server.Path({At(0, 0), At(1, 0)}, clearance);
+      EXPECT_EQ(path.verdict().state(), v1::Verdict::STATE_UNKNOWN);
+      EXPECT_EQ(path.verdict().reason(), reason);
+      EXPECT_FALSE(TellsClearance(path.verdict()));
+      EXPECT_FALSE(path.has_narrowest());
     }
-    const v1::CheckPathResponse path = server.Path({At(0, 0), At(1, 0)});
-    EXPECT_EQ(path.verdict().state(), v1::Verdict::STATE_UNKNOWN);
-    EXPECT_EQ(path.verdict().reason(), reason);
     const v1::ExplainResponse explanation = server.Explain(At(1, 0));
     EXPECT_EQ(explanation.verdict().state(), v1::Verdict::STATE_UNKNOWN);
     EXPECT_EQ(explanation.verdict().reason(), reason);
@@ -219,11 +230,16 @@ TEST(NeverFreeLate, SceneThatBecomesTooOldWhileTheAnswerIsMade) {
     slow = true;
   };
   fresh();
-  const v1::CheckConfigurationsResponse checked = server.Check({At(1, 0)});
+  const v1::CheckConfigurationsResponse checked = server.Check({At(1, 0)}, {}, true);
   EXPECT_EQ(checked.verdicts(0).reason(), v1::Verdict::REASON_SCENE_STALE);
+  EXPECT_FALSE(checked.verdicts(0).has_clearance());
+  EXPECT_FALSE(checked.verdicts(0).views(0).has_distance());
   EXPECT_EQ(checked.basis().scene_age().seconds(), 1);
   fresh();
-  EXPECT_EQ(server.Path({At(1, 0), At(0, 0)}).verdict().reason(), v1::Verdict::REASON_SCENE_STALE);
+  const v1::CheckPathResponse path = server.Path({At(1, 0), At(0, 0)}, true);
+  EXPECT_EQ(path.verdict().reason(), v1::Verdict::REASON_SCENE_STALE);
+  EXPECT_FALSE(path.verdict().has_clearance());
+  EXPECT_FALSE(path.has_narrowest());
   fresh();
   EXPECT_EQ(server.Explain(At(1, 0)).verdict().reason(), v1::Verdict::REASON_SCENE_STALE);
 }

@@ -96,6 +96,10 @@ TEST(SceneThreads, RegionsThatComeAndGoLeaveNoVerdictBetween) {
         const bool allowed = !checker.RegionsAt(At(3, 0)).empty();
         EXPECT_EQ(allowed, !checker.served().regions->regions.empty());
         EXPECT_EQ(checker.Check(At(3, 0)).state(), allowed ? State::kFree : State::kOccupied);
+        const Verdict beside = checker.Check(At(1, 0));
+        const std::optional<double> clearance = checker.Clearances()->Measure(At(1, 0), beside);
+        EXPECT_EQ(clearance, allowed ? std::numeric_limits<double>::infinity() : 0)
+            << "the block stands on the robot's foot";
         const auto space = spaces.Get(checker.served(), {});
         const uint64_t place = database->grid().NumberOf({3, 0});
         EXPECT_EQ(((*space)[0].free[place / 64] >> (place % 64)) & 1, allowed);

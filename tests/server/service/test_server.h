@@ -106,10 +106,11 @@ class TestServer {
   }
 
   v1::CheckConfigurationsResponse Check(const std::vector<Configuration>& configurations,
-                                        const v1::Policy& policy = {}) {
+                                        const v1::Policy& policy = {}, bool clearance = false) {
     v1::CheckConfigurationsRequest request;
     for (const Configuration& q : configurations) Set(q, request.add_configurations());
     *request.mutable_policy() = policy;
+    request.set_include_clearance(clearance);
     v1::CheckConfigurationsResponse response;
     const grpc::Status status = Call(request, &response);
     EXPECT_TRUE(status.ok()) << status.error_message();
@@ -119,9 +120,10 @@ class TestServer {
   v1::Verdict CheckOne(const Configuration& q, const v1::Policy& policy = {}) {
     return Check({q}, policy).verdicts(0);
   }
-  v1::CheckPathResponse Path(const std::vector<Configuration>& waypoints) {
+  v1::CheckPathResponse Path(const std::vector<Configuration>& waypoints, bool clearance = false) {
     v1::CheckPathRequest request;
     for (const Configuration& q : waypoints) Set(q, request.add_waypoints());
+    request.set_include_clearance(clearance);
     v1::CheckPathResponse response;
     const grpc::Status status = Call(request, &response);
     EXPECT_TRUE(status.ok()) << status.error_message();
