@@ -169,7 +169,7 @@ Reason CollisionService::Conclude(const Served& served, const Policy& policy,
 grpc::ServerUnaryReactor* CollisionService::CheckConfigurations(
     grpc::CallbackServerContext* context, const v1::CheckConfigurationsRequest* request,
     v1::CheckConfigurationsResponse* response) {
-  const auto work = [this, request, response]() -> grpc::Status {
+  const auto work = [this, context, request, response]() -> grpc::Status {
     const absl::StatusOr<Checker> checker = CheckerFor(request->policy());
     if (!checker.ok()) return ToGrpc(checker.status());
     const ServedDatabase& database = *checker->served().database;
@@ -185,6 +185,7 @@ grpc::ServerUnaryReactor* CollisionService::CheckConfigurations(
       return std::span(evidence).subspan(i * views, views);
     };
     for (size_t i = 0; i < configurations->size(); ++i) {
+      if (meter && context->IsCancelled()) return grpc::Status::CANCELLED;  // this may take long
       findings.push_back(
           CheckOne(*checker, (*configurations)[i], evidence_of(i), meter ? &*meter : nullptr));
     }

@@ -63,13 +63,25 @@ struct MeasuredCell {
       : policy(the_policy),
         sizes(RandomSizes(views, random)),
         table(SparseTable(sizes, random)),
-        images(RandomObstacleImages(sizes, 0.06, random)),
+        images(RandomImages(sizes, random)),
         bands(RandomCalibration(views, 0.2, random), sizes) {
     if (random() % 5 == 0) images[random() % images.size()].reset();
     resolved = ResolvedObstacleImages(images, bands, ErrorsConvict(policy));
     planes = IsCalibrated(policy.preset) && !InIntersectionImages(policy) ? resolved
                                                                           : ObstaclePlanes(images);
     distances = DistancesTo(planes);
+  }
+
+  // From scenes with next to no obstacles to such with many, and the same for errors.
+  static ObstacleImages RandomImages(const std::vector<MaskSize>& sizes, std::mt19937& random) {
+    const double foreground = random() % 2 == 0 ? 0.01 : 0.06;
+    const double robot = random() % 2 == 0 ? 0.06 : 0.3;
+    ObstacleImages images;
+    for (MaskSize size : sizes) {
+      images.push_back(ObstacleImage::FromScene(RandomMask(size, foreground, random),
+                                                RandomMask(size, robot, random)));
+    }
+    return images;
   }
 
   TestSupport support() const { return {.bands = &bands}; }
@@ -326,7 +338,7 @@ struct GrownRobot {
 
 struct SoundClearances : Clearances {
   const SphereWorld world{{BallCamera(LookingAt({2.4, 0.4, 1.1}, {0, 0, 0}, {44, 44}, 0.75)),
-                           BallCamera(LookingAt({-1.0, 2.3, 0.6}, {0.3, 0.2, 0}, {40, 40}, 0.3)),
+                           BallCamera(LookingAt({-1.0, 2.3, 0.6}, {0.5, 0.3, 0}, {40, 40}, 0.15)),
                            BallCamera(LookingAt({-0.3, -0.2, 2.6}, {0, 0, 0}, {44, 44}, 0.75))},
                           0.12,
                           0.03};
