@@ -20,6 +20,11 @@ std::string Quoted(const std::vector<std::string>& names) {
   return absl::StrCat("'", absl::StrJoin(names, "', '"), "'");
 }
 
+// "3.61 px"
+std::string SpokenClearance(double pixels) {
+  return std::isinf(pixels) ? "without limit" : absl::StrFormat("%.3g px", pixels);
+}
+
 // JSON has no infinity; the string is what JSON of Protobuf has for it.
 Json JsonOfPixels(const std::optional<double>& pixels) {
   if (!pixels) return {};
@@ -42,10 +47,6 @@ std::string Spoken(const client::Verdict& verdict) {
     absl::StrAppend(&words, " (obstacles allowed in ", Quoted(verdict.regions), ")");
   }
   return words;
-}
-
-std::string SpokenClearance(double pixels) {
-  return std::isinf(pixels) ? "without limit" : absl::StrFormat("%.3g pixels", pixels);
 }
 
 std::string Spoken(const client::Basis& basis) {

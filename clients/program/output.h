@@ -21,8 +21,6 @@ void Print(const Json& json);
 // "free", "occupied", "unknown: no scene has been published yet: publish one"; with a word on
 // obstacles that may hide, and the clearance if it is free and has one.
 std::string Spoken(const client::Verdict& verdict);
-// "3.61 pixels", "without limit".
-std::string SpokenClearance(double pixels);
 // "scene 3, 120 ms old, database generation 7", "no scene".
 std::string Spoken(const client::Basis& basis);
 

@@ -9,7 +9,7 @@
 //
 //   uncalibrated presets   exact; to obstacle pixels
 //   calibrated, in the obstacle images   exact; to pixels that show an obstacle once resolved
-//   calibrated, in the intersection images   exact; growing robot images take in pixels on the
+//   calibrated, in the intersection images   exact; robot images that grow take in pixels of the
 //       lines, too, so that no plane decides: the test itself is made with them
 //   sound presets   a lower bound; to whatever may hold an obstacle, seen or not. sound-planes
 //       reaches it but for possible space that the robot covers in all views whatever it does:
@@ -17,9 +17,9 @@
 //       one and the same place in space, may have more
 //
 // What it does not say: anything about obstacles that no pixel shows (but under the sound presets).
-// Unknown and error pixels, pixels that are ignored or in an allowed region, and what hides behind
-// the robot do not make it smaller. It is measured in pixels of the masks, not in metres, and from
-// the planes as the test has them: a safety margin is in them already.
+// Unknown and error pixels do not make it smaller, unless the policy resolves them to obstacles;
+// nor do pixels that are ignored or in an allowed region. It is measured in pixels of the masks,
+// not in metres, and from the planes as the test has them: a safety margin is in them already.
 #pragma once
 
 #include <cstdint>

@@ -138,7 +138,7 @@ TEST_F(Silhouette, CheckTellsTheClearanceIfAskedFor) {
   EXPECT_EQ(answer[1]["clearance"], 0.0);
   EXPECT_TRUE(answer[2]["clearance"].is_null()) << "outside the grid";
   EXPECT_FALSE(RunJson("check 0.1,0", 0)["configurations"][0].contains("clearance"));
-  EXPECT_THAT(cell_.Run("check 0.1,0 --clearance").out, HasSubstr("free, clearance 2 pixels ("));
+  EXPECT_THAT(cell_.Run("check 0.1,0 --clearance").out, HasSubstr("free, clearance 2 px ("));
   ASSERT_EQ(cell_.Publish(kNothing, kNothing).exit_code, 0);
   EXPECT_EQ(RunJson("check 0.1,0 --clearance", 0)["configurations"][0]["clearance"], "Infinity");
   EXPECT_THAT(cell_.Run("check 0.1,0 --clearance").out, HasSubstr("clearance without limit ("));
@@ -153,7 +153,7 @@ TEST_F(Silhouette, PathTellsTheSmallestClearanceAndWhereItIs) {
   EXPECT_NEAR(answer["narrowest"]["configuration"][0], 0.15, 1e-9);
   EXPECT_NEAR(answer["narrowest"]["fraction"], 0.75, 1e-9);
   EXPECT_THAT(cell_.Run("path 0,0 0.2,0 0,0 --clearance").out,
-              AllOf(HasSubstr("clearance 1 pixels"), HasSubstr("narrowest at 0.15,0, 75 %")));
+              AllOf(HasSubstr("clearance 1 px"), HasSubstr("narrowest at 0.15,0, 75 %")));
   EXPECT_FALSE(RunJson("path 0,0 0.2,0 0,0", 0).contains("narrowest"));
   const json blocked = RunJson("path 0,0 1,0 --clearance", 1);
   EXPECT_EQ(blocked["clearance"], 0.0);
