@@ -182,16 +182,24 @@ std::vector<std::string> RegionsIn(const Served& served, const Policy& policy) {
   return names;
 }
 
-std::optional<CollisionImages> DecidingPlanes(const Served& served, const Policy& policy,
-                                              double level) {
+std::optional<std::vector<PossibleSpace::Part>> PlanesOfLevel(const Served& served,
+                                                              const Policy& policy, double level) {
   if (served.scene == nullptr) throw std::invalid_argument("there is no scene");
   RequireServable(served, policy);
-  if (IsSound(policy.preset)) return std::nullopt;
-  if (!IsCalibrated(policy.preset)) {
-    return GrownPlanes(ObstaclePlanes(served.scene->obstacle_images), level);
+  const TestSupport support = SupportFor(served, policy);
+  std::vector<PossibleSpace::Part> parts;
+  if (support.possible_space != nullptr) {
+    parts = support.possible_space->parts();
+  } else if (IsCalibrated(policy.preset) && support.resolved == nullptr) {
+    return std::nullopt;
+  } else {
+    const CollisionImages planes = support.resolved != nullptr
+                                       ? *support.resolved
+                                       : ObstaclePlanes(served.scene->obstacle_images);
+    parts.push_back({planes, std::vector<bool>(planes.size(), false)});
   }
-  if (!SearchesObstacleImages(policy)) return std::nullopt;
-  return GrownPlanes(*SupportFor(served, policy).resolved, level);
+  for (PossibleSpace::Part& part : parts) part.planes = GrownPlanes(part.planes, level);
+  return parts;
 }
 
 std::vector<TileVerdicts> CheckAllTiles(const Served& served, const Policy& policy) {

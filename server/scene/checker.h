@@ -75,12 +75,13 @@ Reason BlockedReason(const Served& served, const SceneSettings& settings, const 
 // that took any pixel of the scene away; all in force, if the policy looks at space instead.
 std::vector<std::string> RegionsIn(const Served& served, const Policy& policy);
 
-// The planes that decide under the policy, grown by so many pixels (GrownPlanes): what has a
-// clearance below some level meets those of that level in min_views views. Nothing where no planes
-// of the scene decide alone: with lines in the intersection images, and under the sound presets.
-// The scene must be there and made with the database; throws as CheckAllTiles does.
-std::optional<CollisionImages> DecidingPlanes(const Served& served, const Policy& policy,
-                                              double level);
+// The planes that decide under the policy, grown by so many pixels (GrownPlanes): a free
+// configuration meets one of these, in min_views views, if and only if its clearance is below
+// `level`. One where planes of the scene decide, one per part of the possible space under the sound
+// presets; nothing at all with lines in the intersection images, where no planes decide. The scene
+// must be there and made with the database; throws as CheckAllTiles and GrownPlanes do.
+std::optional<std::vector<PossibleSpace::Part>> PlanesOfLevel(const Served& served,
+                                                              const Policy& policy, double level);
 
 // The verdicts of all tiles of the grid as long as the scene is not blocked: what a map of the
 // whole configuration space is made of. The scene must be there; std::invalid_argument if the

@@ -5,6 +5,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <numbers>
 #include <stdexcept>
@@ -336,6 +337,17 @@ struct GrownRobot {
   std::vector<MaskWords> words;
 };
 
+// Whether a robot image meets a part whose planes are grown in enough views.
+bool Meets(const PossibleSpace::Part& part, double level, const GrownRobot& robot, int min_views) {
+  const CollisionImages grown = GrownPlanes(part.planes, level);
+  int met = 0;
+  for (size_t view = 0; view < grown.size(); ++view) {
+    const bool outside = part.beyond[view] && robot.masks[view].Empty();
+    if (outside || Intersects(grown[view]->words(), robot.words[view])) ++met;
+  }
+  return met >= min_views;
+}
+
 struct SoundClearances : Clearances {
   const SphereWorld world{{BallCamera(LookingAt({2.4, 0.4, 1.1}, {0, 0, 0}, {44, 44}, 0.75)),
                            BallCamera(LookingAt({-1.0, 2.3, 0.6}, {0.5, 0.3, 0}, {40, 40}, 0.15)),
@@ -379,6 +391,14 @@ TEST_F(SoundClearances, PlanesOfPossibleSpaceAreMetByAnyMoreAndSoundIsNot) {
         ++finite;
         const GrownRobot larger(world.table, number, clearance + kLittle);
         EXPECT_TRUE(possible.PlanesMeet(larger.words, min_views)) << clearance;
+        const GrownRobot as_it_is(world.table, number, 0);
+        for (const double level : {0.0, clearance, clearance + kLittle, 1.0 * AnyOf(1, 9)}) {
+          EXPECT_EQ(std::any_of(possible.parts().begin(), possible.parts().end(),
+                                [&](const PossibleSpace::Part& part) {
+                                  return Meets(part, level, as_it_is, min_views);
+                                }),
+                    clearance < level);
+        }
       }
     }
   }
