@@ -2,7 +2,10 @@
 
 #include <grpcpp/grpcpp.h>
 
+#include <bit>
 #include <chrono>
+#include <cstring>
+#include <optional>
 #include <stdexcept>
 #include <string_view>
 #include <utility>
@@ -90,6 +93,17 @@ absl::Status RequireClearance(const Verdict& verdict, const std::string& address
   return absl::OkStatus();
 }
 
+// `bits` bits as words; nothing if the bytes are not just as many as they take. The bits beyond are
+// taken away.
+std::optional<std::vector<uint64_t>> WordsFrom(const std::string& bytes, size_t bits) {
+  static_assert(std::endian::native == std::endian::little);
+  if (bytes.size() != (bits + 7) / 8) return std::nullopt;
+  std::vector<uint64_t> words((bits + 63) / 64, 0);
+  std::memcpy(words.data(), bytes.data(), bytes.size());
+  if (bits % 64 != 0) words.back() &= (uint64_t{1} << (bits % 64)) - 1;
+  return words;
+}
+
 }  // namespace
 
 // A channel and its stubs; thread-safe as they are.
@@ -164,6 +178,39 @@ absl::StatusOr<ConfigurationChecks> Client::CheckConfigurations(
     if (clearance == Clearance::kOmit) continue;
     const absl::Status measured = RequireClearance(checks.verdicts.back(), address());
     if (!measured.ok()) return measured;
+  }
+  return checks;
+}
+
+absl::StatusOr<NumberChecks> Client::CheckNumbers(std::span<const uint32_t> numbers,
+                                                  const Policy& policy) const {
+  if (numbers.empty()) return absl::InvalidArgumentError("no configuration is asked for");
+  v1::CheckConfigurationsRequest request;
+  request.mutable_numbers()->Add(numbers.begin(), numbers.end());
+  *request.mutable_policy() = ToMessage(policy);
+  v1::CheckConfigurationsResponse response;
+  const Clock::time_point asked = Clock::now();
+  const absl::Status status =
+      connection_->Call(connection_->collisions(), &v1::CollisionService::Stub::CheckConfigurations,
+                        request, timeout_, response);
+  if (!status.ok()) return status;
+  auto free = WordsFrom(response.free(), numbers.size());
+  auto occupied = WordsFrom(response.occupied(), numbers.size());
+  if (!free || !occupied) {
+    return Malformed(address(),
+                     absl::StrCat("not a verdict for each of ", numbers.size(), " numbers"));
+  }
+  NumberChecks checks{.basis = FromMessage(response.basis(), asked),
+                      .unknown_reason = FromMessage(response.unknown_reason()),
+                      .size = numbers.size(),
+                      .free = *std::move(free),
+                      .occupied = *std::move(occupied)};
+  // What is called both, or rests on nothing, is not known.
+  const bool rests = checks.basis.scene_id != 0 && response.unknown_reason() == 0;
+  for (size_t i = 0; i < checks.free.size(); ++i) {
+    const uint64_t known = rests ? checks.free[i] ^ checks.occupied[i] : 0;
+    checks.free[i] &= known;
+    checks.occupied[i] &= known;
   }
   return checks;
 }

@@ -4,6 +4,8 @@
 #include <stdexcept>
 #include <utility>
 
+#include "server/scene/configuration_space.h"
+
 namespace silhouette {
 
 Reason BlockedReason(const Served& served, const SceneSettings& settings, const Moment& now) {
@@ -19,13 +21,13 @@ Reason BlockedReason(const Served& served, const SceneSettings& settings, const 
   return scene.Blocked();
 }
 
-namespace {
-
 void RequireServable(const Served& served, const Policy& policy) {
   MinViews(policy, served.database->views());
   const absl::Status status = served.database->CanServe(policy);
   if (!status.ok()) throw std::invalid_argument(std::string(status.message()));
 }
+
+namespace {
 
 bool SearchesObstacleImages(const Policy& policy) {
   return IsCalibrated(policy.preset) && EpipolarDomainOf(policy) == EpipolarDomain::kObstacle;
@@ -44,7 +46,8 @@ std::vector<std::optional<Mask>> AllowedPixels(const Served& served) {
   return allowed;
 }
 
-// The scene must be there and made with the database.
+}  // namespace
+
 TestSupport SupportFor(const Served& served, const Policy& policy) {
   TestSupport support{.bands = served.database->bands()};
   if (SearchesObstacleImages(policy)) {
@@ -59,8 +62,6 @@ TestSupport SupportFor(const Served& served, const Policy& policy) {
   }
   return support;
 }
-
-}  // namespace
 
 Checker::Checker(Served served, const Policy& policy, const SceneSettings& settings,
                  const Moment& now)
@@ -203,14 +204,9 @@ std::optional<std::vector<PossibleSpace::Part>> PlanesOfLevel(const Served& serv
 }
 
 std::vector<TileVerdicts> CheckAllTiles(const Served& served, const Policy& policy) {
-  if (served.scene == nullptr) throw std::invalid_argument("there is no scene");
-  std::vector<TileVerdicts> tiles(served.database->grid().tiles());
-  RequireServable(served, policy);
-  if (served.scene->generation != served.database->generation()) return tiles;
-  if (served.scene->Blocked() != Reason::kNone) return tiles;
-  const CollisionTest test(served.database->robot_images(), served.scene->obstacle_images, policy,
-                           SupportFor(served, policy));
-  for (uint64_t tile = 0; tile < tiles.size(); ++tile) tiles[tile] = test.CheckTile(tile);
+  const ConfigurationSpace space(served, policy);
+  std::vector<TileVerdicts> tiles;
+  for (uint64_t tile = 0; tile < space.tiles(); ++tile) tiles.push_back(space.tile(tile));
   return tiles;
 }
 

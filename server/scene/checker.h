@@ -68,6 +68,14 @@ class Checker {
   std::optional<CollisionTest> test_;  // nothing where there is no scene
 };
 
+// Throws std::invalid_argument if the policy cannot be, or the database cannot serve it
+// (ServedDatabase::CanServe).
+void RequireServable(const Served& served, const Policy& policy);
+
+// What the policy's tests of the scene rest on, kept by the scene and the database. The scene must
+// be there and made with the database; the policy servable.
+TestSupport SupportFor(const Served& served, const Policy& policy);
+
 // Why no verdict can rest on `served` at the moment `now`; kNone if verdicts can be made.
 Reason BlockedReason(const Served& served, const SceneSettings& settings, const Moment& now);
 
@@ -79,13 +87,11 @@ std::vector<std::string> RegionsIn(const Served& served, const Policy& policy);
 // configuration meets one of these, in min_views views, if and only if its clearance is below
 // `level`. One where planes of the scene decide, one per part of the possible space under the sound
 // presets; nothing at all with lines in the intersection images, where no planes decide. The scene
-// must be there and made with the database; throws as CheckAllTiles and GrownPlanes do.
+// must be there and made with the database; throws as ConfigurationSpace and GrownPlanes do.
 std::optional<std::vector<PossibleSpace::Part>> PlanesOfLevel(const Served& served,
                                                               const Policy& policy, double level);
 
-// The verdicts of all tiles of the grid as long as the scene is not blocked: what a map of the
-// whole configuration space is made of. The scene must be there; std::invalid_argument if the
-// policy cannot be, or the database cannot serve it.
+// The tiles of ConfigurationSpace (configuration_space.h), all of them.
 std::vector<TileVerdicts> CheckAllTiles(const Served& served, const Policy& policy);
 
 }  // namespace silhouette

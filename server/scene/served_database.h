@@ -11,6 +11,7 @@
 #include "absl/status/statusor.h"
 #include "calib/calibration.h"
 #include "capture/segmentation/reference.h"
+#include "db/collision_index.h"
 #include "db/store.h"
 #include "server/collision/epipolar_bands.h"
 #include "server/collision/policy.h"
@@ -45,6 +46,9 @@ class ServedDatabase {
   const std::string& view_name(int view) const { return cell_.views(view).name(); }
   // The view of this name; nothing if there is none.
   std::optional<int> ViewOf(const std::string& name) const;
+
+  // The collision index; null if there is none. A tile that it lacks is tested one by one.
+  const CollisionIndex* index() const { return index_.get(); }
 
   // Whether camera images can be differenced.
   bool has_references() const { return !references_.empty(); }
@@ -81,6 +85,7 @@ class ServedDatabase {
   storage::v1::CellDescription cell_;
   uint64_t generation_ = 0;
   RobotImageTable robot_images_;
+  std::shared_ptr<const CollisionIndex> index_;
   std::vector<Reference> references_;
   std::optional<Calibration> calibration_;
   std::optional<EpipolarBands> bands_;

@@ -3,7 +3,9 @@
 #include <spdlog/spdlog.h>
 
 #include <algorithm>
+#include <bit>
 #include <cmath>
+#include <cstring>
 #include <set>
 #include <span>
 #include <utility>
@@ -63,10 +65,18 @@ Verdict Final(const Verdict& verdict, Reason blocked) {
   return blocked == Reason::kNone ? verdict : Verdict::Unknown(blocked);
 }
 
+// The first `bits` bits of the words, least significant first.
+std::string BytesOf(std::span<const uint64_t> words, size_t bits) {
+  static_assert(std::endian::native == std::endian::little);
+  std::string bytes((bits + 7) / 8, '\0');
+  std::memcpy(bytes.data(), words.data(), bytes.size());
+  return bytes;
+}
+
 // Sends a configuration space, some tiles at a time. Deletes itself.
 class SpaceWriter final : public grpc::ServerWriteReactor<v1::GetConfigurationSpaceResponse> {
  public:
-  // Sends `tiles` of `space`, after a first message that is `first`.
+  // Sends `tiles` of `space`, which are all ready, after a first message that is `first`.
   void Send(v1::GetConfigurationSpaceResponse first,
             std::shared_ptr<const ConfigurationSpace> space, std::vector<uint64_t> tiles) {
     message_ = std::move(first);
@@ -92,21 +102,13 @@ class SpaceWriter final : public grpc::ServerWriteReactor<v1::GetConfigurationSp
   void SendNext() {
     const size_t end = std::min(tiles_.size(), next_ + CollisionService::kTilesPerMessage);
     for (; next_ < end; ++next_) {
-      const TileVerdicts& verdicts = (*space_)[tiles_[next_]];
+      const TileVerdicts& verdicts = space_->tile(tiles_[next_]);
       v1::ConfigurationSpaceTile& tile = *message_.add_tiles();
       tile.set_tile(tiles_[next_]);
-      tile.set_free(BytesOf(verdicts.free));
-      tile.set_occupied(BytesOf(verdicts.occupied));
+      tile.set_free(BytesOf(verdicts.free, kTileSize));
+      tile.set_occupied(BytesOf(verdicts.occupied, kTileSize));
     }
     StartWrite(&message_);
-  }
-
-  static std::string BytesOf(const std::array<uint64_t, kTileSize / 64>& words) {
-    std::string bytes(kTileSize / 8, '\0');
-    for (size_t i = 0; i < bytes.size(); ++i) {
-      bytes[i] = static_cast<char>(words[i / 8] >> (8 * (i % 8)));
-    }
-    return bytes;
   }
 
   v1::GetConfigurationSpaceResponse message_;
@@ -133,6 +135,17 @@ absl::StatusOr<std::vector<uint64_t>> TilesFrom(const v1::GetConfigurationSpaceR
     if (seen.insert(request.tiles(i)).second) tiles.push_back(request.tiles(i));
   }
   return tiles;
+}
+
+// How long a request may take; without end if it does not say.
+absl::StatusOr<absl::Duration> MaxTimeOf(const v1::GetConfigurationSpaceRequest& request) {
+  if (!request.has_max_time()) return absl::InfiniteDuration();
+  const absl::Duration time =
+      absl::Seconds(request.max_time().seconds()) + absl::Nanoseconds(request.max_time().nanos());
+  if (time < absl::ZeroDuration()) {
+    return absl::InvalidArgumentError("max_time: a time cannot be negative");
+  }
+  return time;
 }
 
 }  // namespace
@@ -166,9 +179,48 @@ Reason CollisionService::Conclude(const Served& served, const Policy& policy,
   return BlockedReason(served, serving_.settings.scene, now);
 }
 
+grpc::Status CollisionService::CheckNumbers(const v1::CheckConfigurationsRequest& request,
+                                            v1::CheckConfigurationsResponse* response) {
+  if (!request.configurations().empty()) {
+    return {grpc::StatusCode::INVALID_ARGUMENT,
+            "numbers: ask for numbers or for configurations, not for both at once"};
+  }
+  if (request.include_clearance()) {
+    return {grpc::StatusCode::INVALID_ARGUMENT,
+            "include_clearance: clearances are told of configurations, not of numbers"};
+  }
+  if (request.numbers_size() > kMaxNumbers) {
+    return ToGrpc(
+        absl::InvalidArgumentError(absl::StrCat("numbers: there are ", request.numbers_size(),
+                                                "; ask for at most ", kMaxNumbers, " at once")));
+  }
+  const Served served = serving_.scenes.Newest(serving_.settings.clock());
+  const absl::StatusOr<Policy> policy = PolicyFor(request.policy(), *served.database);
+  if (!policy.ok()) return ToGrpc(policy.status());
+  const auto count = static_cast<size_t>(request.numbers_size());
+  std::vector<uint64_t> free((count + 63) / 64, 0);
+  std::vector<uint64_t> occupied(free.size(), 0);
+  if (served.scene != nullptr) {
+    serving_.spaces.Get(served, *policy)->States({request.numbers().data(), count}, free, occupied);
+  }
+  const Reason blocked = Conclude(served, *policy, response->mutable_basis());
+  if (blocked != Reason::kNone) {
+    std::ranges::fill(free, 0);
+    std::ranges::fill(occupied, 0);
+  }
+  response->set_unknown_reason(ToMessage(blocked));
+  response->set_free(BytesOf(free, count));
+  response->set_occupied(BytesOf(occupied, count));
+  return grpc::Status::OK;
+}
+
 grpc::ServerUnaryReactor* CollisionService::CheckConfigurations(
     grpc::CallbackServerContext* context, const v1::CheckConfigurationsRequest* request,
     v1::CheckConfigurationsResponse* response) {
+  if (!request->numbers().empty()) {
+    return AnswerOnWorker(serving_, context,
+                          [=, this] { return CheckNumbers(*request, response); });
+  }
   const auto work = [this, context, request, response]() -> grpc::Status {
     const absl::StatusOr<Checker> checker = CheckerFor(request->policy());
     if (!checker.ok()) return ToGrpc(checker.status());
@@ -249,15 +301,28 @@ grpc::ServerWriteReactor<v1::GetConfigurationSpaceResponse>*
 CollisionService::GetConfigurationSpace(grpc::CallbackServerContext* context,
                                         const v1::GetConfigurationSpaceRequest* request) {
   auto* writer = new SpaceWriter();
-  const auto work = [this, request, writer]() -> grpc::Status {
+  const auto work = [this, context, request, writer]() -> grpc::Status {
+    const absl::Time begun = absl::Now();
+    const absl::StatusOr<absl::Duration> max_time = MaxTimeOf(*request);
+    if (!max_time.ok()) return ToGrpc(max_time.status());
     const Served served = serving_.scenes.Newest(serving_.settings.clock());
     const absl::StatusOr<Policy> policy = PolicyFor(request->policy(), *served.database);
     if (!policy.ok()) return ToGrpc(policy.status());
     absl::StatusOr<std::vector<uint64_t>> tiles = TilesFrom(*request, served.database->grid());
     if (!tiles.ok()) return ToGrpc(tiles.status());
     std::shared_ptr<const ConfigurationSpace> space;
-    if (served.scene != nullptr) space = serving_.spaces.Get(served, *policy);
     v1::GetConfigurationSpaceResponse first;
+    if (served.scene != nullptr) {
+      space = serving_.spaces.Get(served, *policy);
+      const auto go_on = [&] { return !context->IsCancelled() && absl::Now() - begun < *max_time; };
+      for (const uint64_t tile : *tiles) {
+        if (!go_on()) break;
+        space->tile(tile);
+      }
+      if (context->IsCancelled()) return grpc::Status::CANCELLED;
+      first.set_tiles_left_out(
+          std::erase_if(*tiles, [&](uint64_t tile) { return !space->ready(tile); }));
+    }
     const Reason blocked = Conclude(served, *policy, first.mutable_basis());
     ToMessage(served.database->grid(), first.mutable_grid());
     first.set_unknown_reason(ToMessage(blocked));

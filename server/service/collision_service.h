@@ -14,6 +14,7 @@ class CollisionService final : public v1::CollisionService::CallbackService {
  public:
   // More is INVALID_ARGUMENT.
   static constexpr int kMaxConfigurations = 10'000;
+  static constexpr int kMaxNumbers = 8'000'000;
   static constexpr int kMaxWaypoints = 10'000;
   static constexpr double kMaxPlaces = 1e6;
   // Tiles in one message of a configuration space: about half a megabyte.
@@ -35,6 +36,9 @@ class CollisionService final : public v1::CollisionService::CallbackService {
                                     v1::ExplainResponse* response) override;
 
  private:
+  // CheckConfigurations by numbers.
+  grpc::Status CheckNumbers(const v1::CheckConfigurationsRequest& request,
+                            v1::CheckConfigurationsResponse* response);
   // The policy of a request. FailedPrecondition if the database cannot serve it.
   absl::StatusOr<Policy> PolicyFor(const v1::Policy& message, const ServedDatabase& database) const;
   // Whether even a few checks may take longer than look-ups: under the sound presets.

@@ -1,7 +1,5 @@
 #include "server/service/space_cache.h"
 
-#include "server/scene/checker.h"
-
 namespace silhouette {
 namespace {
 
@@ -40,7 +38,7 @@ std::shared_ptr<const ConfigurationSpace> SpaceCache::Get(const Served& served,
       EntryFor(served.scene, OnGrid(policy, served.database->views()));
   const std::lock_guard lock(entry->mutex);
   if (entry->space == nullptr) {
-    entry->space = std::make_shared<const ConfigurationSpace>(CheckAllTiles(served, policy));
+    entry->space = std::make_shared<const ConfigurationSpace>(served, policy);
   }
   return entry->space;
 }

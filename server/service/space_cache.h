@@ -1,29 +1,29 @@
-// The configuration space of the newest scene, computed once for everybody who asks for it.
+// The configuration-space maps of the newest scene, one per policy, shared by everybody who asks.
 #pragma once
 
 #include <list>
 #include <memory>
 #include <mutex>
-#include <vector>
 
-#include "server/collision/collision_test.h"
+#include "server/collision/policy.h"
+#include "server/scene/configuration_space.h"
 #include "server/scene/scene_store.h"
 
 namespace silhouette {
 
-using ConfigurationSpace = std::vector<TileVerdicts>;  // by tile
-
 class SpaceCache {
  public:
-  // The verdicts of all tiles; blocks while they are computed, by this call or another one. Throws
-  // as CheckAllTiles does. May be called from any thread.
+  // The map of the scene under the policy. The first call prepares the test, others wait for it;
+  // tiles are worked out when they are asked for. Throws as ConfigurationSpace does. May be called
+  // from any thread. The maps of the few policies that were asked for last are kept, and only those
+  // of one scene.
   std::shared_ptr<const ConfigurationSpace> Get(const Served& served, const Policy& policy);
 
  private:
   struct Entry {
     SharedScene scene;
     Policy policy;
-    std::mutex mutex;  // held while it is computed
+    std::mutex mutex;  // held while it is made
     std::shared_ptr<const ConfigurationSpace> space;
   };
   static constexpr size_t kEntries = 4;

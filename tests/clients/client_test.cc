@@ -68,6 +68,51 @@ TEST(Verdict, NobodyGaveIsUnknown) {
   EXPECT_FALSE(PathCheck().verdict.free());
 }
 
+// The reply has these bits for the numbers.
+auto BitsOf(v1::Basis basis, std::string free, std::string occupied, int reason = 0) {
+  return [=](grpc::ServerContext&, const v1::CheckConfigurationsRequest& request,
+             v1::CheckConfigurationsResponse& response) {
+    EXPECT_THAT(request.numbers(), ElementsAre(5, 6, 4096, 4'000'000'000));
+    *response.mutable_basis() = basis;
+    response.set_free(free);
+    response.set_occupied(occupied);
+    response.set_unknown_reason(static_cast<v1::Verdict::Reason>(reason));
+    return grpc::Status::OK;
+  };
+}
+
+TEST(CheckNumbers, OnlyWhatIsFreeAndNotAlsoOccupiedIsFree) {
+  const std::vector<uint32_t> numbers = {5, 6, 4096, 4'000'000'000};
+  FakeServer server;
+  server.check_configurations = BitsOf(GoodBasis(), "\x75", "\x06");
+  auto checks = ClientOf(server).CheckNumbers(numbers);
+  ASSERT_TRUE(checks.ok()) << checks.status();
+  EXPECT_EQ(checks->basis.scene_id, 3u);
+  std::vector<State> states;
+  for (size_t i = 0; i < 6; ++i) states.push_back(checks->StateOf(i));
+  EXPECT_THAT(states, ElementsAre(State::kFree, State::kOccupied, State::kUnknown, State::kUnknown,
+                                  State::kUnknown, State::kUnknown));
+  server.check_configurations = BitsOf(GoodBasis(), "\x0f", std::string(1, '\0'), 2);
+  checks = ClientOf(server).CheckNumbers(numbers);
+  ASSERT_TRUE(checks.ok()) << checks.status();
+  EXPECT_EQ(checks->unknown_reason, Reason::kSceneStale);
+  EXPECT_EQ(checks->StateOf(0), State::kUnknown);
+  server.check_configurations = BitsOf({}, "\x0f", std::string(1, '\0'));
+  checks = ClientOf(server).CheckNumbers(numbers);
+  ASSERT_TRUE(checks.ok()) << checks.status();
+  EXPECT_EQ(checks->StateOf(0), State::kUnknown) << "there is no scene";
+}
+
+TEST(CheckNumbers, ReplyWithTooFewOrTooManyVerdictsIsRefused) {
+  const std::vector<uint32_t> numbers = {5, 6, 4096, 4'000'000'000};
+  FakeServer server;
+  for (const auto& [free, occupied] : {std::pair("", ""), {"\x0f\x0f", "\x01"}, {"\x0f", ""}}) {
+    server.check_configurations = BitsOf(GoodBasis(), free, occupied);
+    EXPECT_EQ(ClientOf(server).CheckNumbers(numbers).status().code(), absl::StatusCode::kInternal);
+  }
+  EXPECT_EQ(ClientOf(server).CheckNumbers({}).status().code(), absl::StatusCode::kInvalidArgument);
+}
+
 TEST(CheckConfigurations, OnlyExplicitFreeIsFree) {
   FakeServer server;
   // 17: what a newer server may say.

@@ -48,6 +48,25 @@ struct PathPlace {
   Configuration configuration;
 };
 
+// The verdicts on configurations of the grid that were asked for by their numbers.
+struct NumberChecks {
+  Basis basis;
+  // Why all are unknown, if the scene as a whole cannot be rested on.
+  Reason unknown_reason = Reason::kUnspecified;
+  // How many were asked for.
+  size_t size = 0;
+  // Bit i % 64 of word i / 64 for the i-th of them; never both. Neither: unknown.
+  std::vector<uint64_t> free;
+  std::vector<uint64_t> occupied;
+
+  // Unknown also for i beyond the last one.
+  State StateOf(size_t i) const {
+    if (i >= size) return State::kUnknown;
+    if ((free[i / 64] >> (i % 64) & 1) != 0) return State::kFree;
+    return (occupied[i / 64] >> (i % 64) & 1) != 0 ? State::kOccupied : State::kUnknown;
+  }
+};
+
 struct PathCheck {
   Basis basis;
   // Free if the whole path is. Else the verdict at the first place that is not. Its clearance, if

@@ -66,6 +66,11 @@ class Client {
                                evidence, clearance);
   }
 
+  // The same for configurations of the grid by their numbers (ConfigurationGrid), up to eight
+  // million at once: much faster, without evidence.
+  absl::StatusOr<NumberChecks> CheckNumbers(std::span<const uint32_t> numbers,
+                                            const Policy& policy = {}) const;
+
   // The first place on a path that is not free. Between waypoints (at least one) joint values are
   // interpolated linearly, without wrapping.
   absl::StatusOr<PathCheck> CheckPath(std::span<const Configuration> waypoints,

@@ -39,7 +39,7 @@ TEST(SceneThreads, EveryVerdictBelongsToTheSceneItNames) {
         EXPECT_EQ(checker.Check(At(3, 0)).state(), block ? State::kOccupied : State::kFree);
         const auto space = spaces.Get(checker.served(), {.min_views = 1 + i % 2});
         const uint64_t place = database->grid().NumberOf({3, 0});
-        EXPECT_EQ(((*space)[0].occupied[place / 64] >> (place % 64)) & 1, block);
+        EXPECT_EQ(space->state(place), block ? State::kOccupied : State::kFree);
       }
     });
   }
@@ -102,7 +102,7 @@ TEST(SceneThreads, RegionsThatComeAndGoLeaveNoVerdictBetween) {
             << "the block stands on the robot's foot";
         const auto space = spaces.Get(checker.served(), {});
         const uint64_t place = database->grid().NumberOf({3, 0});
-        EXPECT_EQ(((*space)[0].free[place / 64] >> (place % 64)) & 1, allowed);
+        EXPECT_EQ(space->state(place), allowed ? State::kFree : State::kOccupied);
       }
     });
   }

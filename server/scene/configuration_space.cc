@@ -1,0 +1,61 @@
+#include "server/scene/configuration_space.h"
+
+#include <algorithm>
+#include <stdexcept>
+#include <utility>
+
+#include "server/scene/checker.h"
+
+namespace silhouette {
+
+ConfigurationSpace::ConfigurationSpace(Served served, const Policy& policy)
+    : served_(std::move(served)) {
+  if (served_.scene == nullptr) throw std::invalid_argument("there is no scene");
+  RequireServable(served_, policy);
+  const ServedDatabase& database = *served_.database;
+  tiles_.resize(database.grid().tiles());
+  ready_ = std::make_unique<std::atomic<bool>[]>(tiles());
+  once_ = std::make_unique<std::once_flag[]>(tiles());
+  if (served_.scene->generation != database.generation()) return;
+  if (served_.scene->Blocked() != Reason::kNone) return;
+  test_.emplace(database.robot_images(), served_.scene->obstacle_images, policy,
+                SupportFor(served_, policy));
+  if (database.index() != nullptr) by_index_.emplace(*test_, database.index()->trees());
+}
+
+void ConfigurationSpace::WorkOut(uint64_t tile) const {
+  std::call_once(once_[tile], [&] {
+    const TileIndex* index = by_index_ ? served_.database->index()->Tile(tile) : nullptr;
+    if (index != nullptr) {
+      tiles_[tile] = by_index_->CheckTile(tile, *index);
+    } else if (test_) {
+      tiles_[tile] = test_->CheckTile(tile);
+    }
+    ready_[tile].store(true, std::memory_order_release);
+  });
+}
+
+void ConfigurationSpace::States(std::span<const uint32_t> numbers, std::span<uint64_t> free,
+                                std::span<uint64_t> occupied) const {
+  const size_t words = (numbers.size() + 63) / 64;
+  if (free.size() != words || occupied.size() != words) {
+    throw std::invalid_argument("there must be a bit per number");
+  }
+  for (size_t word = 0; word < words; ++word) {
+    const auto part = numbers.subspan(64 * word, std::min<size_t>(64, numbers.size() - 64 * word));
+    uint64_t is_free = 0;
+    uint64_t is_occupied = 0;
+    for (size_t i = 0; i < part.size(); ++i) {
+      const uint64_t at = part[i] / kTileSize;
+      if (at >= tiles()) continue;
+      const TileVerdicts& verdicts = tile(at);
+      const uint64_t place = part[i] % kTileSize;
+      is_free |= (verdicts.free[place / 64] >> (place % 64) & 1) << i;
+      is_occupied |= (verdicts.occupied[place / 64] >> (place % 64) & 1) << i;
+    }
+    free[word] = is_free;
+    occupied[word] = is_occupied;
+  }
+}
+
+}  // namespace silhouette

@@ -1,0 +1,72 @@
+// The configuration-space map: the verdicts on all configurations of the grid, for one scene and
+// one policy.
+#pragma once
+
+#include <atomic>
+#include <cstdint>
+#include <functional>
+#include <memory>
+#include <mutex>
+#include <optional>
+#include <span>
+#include <vector>
+
+#include "db/configuration_grid.h"
+#include "server/collision/collision_test.h"
+#include "server/collision/policy.h"
+#include "server/collision/space_test.h"
+#include "server/collision/verdict.h"
+#include "server/scene/scene_store.h"
+
+namespace silhouette {
+
+// Keeps database and scene alive. A tile is worked out when it is first asked for, by the collision
+// index where the database has one, and never changes. Used by any number of threads.
+//
+// Speaks of the scene, not of its age: whoever uses a verdict asks BlockedReason (checker.h) too.
+class ConfigurationSpace {
+ public:
+  // The scene must be there; std::invalid_argument if not, if the policy cannot be, or if the
+  // database cannot serve it. All tiles of a scene that is blocked, or of another generation, are
+  // unknown.
+  ConfigurationSpace(Served served, const Policy& policy);
+
+  uint64_t tiles() const { return tiles_.size(); }
+
+  const TileVerdicts& tile(uint64_t tile) const {
+    if (!ready(tile)) WorkOut(tile);
+    return tiles_[tile];
+  }
+
+  // Whether the tile has been worked out.
+  bool ready(uint64_t tile) const { return ready_[tile].load(std::memory_order_acquire); }
+
+  // The state of a configuration; kUnknown for a number that no configuration has.
+  State state(ConfigurationNumber number) const {
+    if (number / kTileSize >= tiles()) return State::kUnknown;
+    const TileVerdicts& verdicts = tile(number / kTileSize);
+    const uint64_t place = number % kTileSize;
+    if ((verdicts.free[place / 64] >> (place % 64) & 1) != 0) return State::kFree;
+    if ((verdicts.occupied[place / 64] >> (place % 64) & 1) != 0) return State::kOccupied;
+    return State::kUnknown;
+  }
+
+  // The states of many configurations: bit i % 64 of word i / 64 of `free` or `occupied` is set for
+  // numbers[i], the other bits are not. Each of both has a word for every 64 numbers begun, else
+  // std::invalid_argument.
+  void States(std::span<const uint32_t> numbers, std::span<uint64_t> free,
+              std::span<uint64_t> occupied) const;
+
+ private:
+  void WorkOut(uint64_t tile) const;
+
+  Served served_;
+  // Nothing where all is unknown.
+  std::optional<CollisionTest> test_;
+  std::optional<SpaceTest> by_index_;
+  mutable std::vector<TileVerdicts> tiles_;
+  std::unique_ptr<std::atomic<bool>[]> ready_;
+  std::unique_ptr<std::once_flag[]> once_;
+};
+
+}  // namespace silhouette
