@@ -1,5 +1,6 @@
 #include "server/scene/served_database.h"
 
+#include <algorithm>
 #include <stdexcept>
 #include <utility>
 
@@ -65,6 +66,17 @@ absl::StatusOr<std::optional<Calibration>> LoadCalibration(const Database& datab
   return std::optional<Calibration>(*std::move(calibration));
 }
 
+// The index, if it has a tile that can be used. Only then its snapshot is kept.
+absl::StatusOr<std::shared_ptr<const CollisionIndex>> LoadIndex(Snapshot snapshot) {
+  absl::StatusOr<std::shared_ptr<const CollisionIndex>> index =
+      CollisionIndex::Open(std::move(snapshot));
+  if (!index.ok()) return index;
+  const std::vector<uint64_t> tiles = (*index)->Tiles();
+  const bool usable =
+      std::ranges::any_of(tiles, [&](uint64_t tile) { return (*index)->Tile(tile) != nullptr; });
+  return usable ? index : nullptr;
+}
+
 std::vector<std::string> NamesOfViews(const storage::v1::CellDescription& cell) {
   std::vector<std::string> names;
   for (const storage::v1::View& view : cell.views()) names.push_back(view.name());
@@ -74,13 +86,16 @@ std::vector<std::string> NamesOfViews(const storage::v1::CellDescription& cell) 
 }  // namespace
 
 ServedDatabase::ServedDatabase(storage::v1::CellDescription cell, uint64_t generation,
-                               RobotImageTable robot_images, std::vector<Reference> references,
+                               RobotImageTable robot_images,
+                               std::shared_ptr<const CollisionIndex> index,
+                               std::vector<Reference> references,
                                std::optional<Calibration> calibration,
                                std::optional<EpipolarBands> bands, ViewTreatments treatments,
                                std::shared_ptr<const SoundBasis> sound)
     : cell_(std::move(cell)),
       generation_(generation),
       robot_images_(std::move(robot_images)),
+      index_(std::move(index)),
       references_(std::move(references)),
       calibration_(std::move(calibration)),
       bands_(std::move(bands)),
@@ -91,7 +106,7 @@ absl::StatusOr<std::shared_ptr<const ServedDatabase>> ServedDatabase::Load(
     const Database& database, const CalibrationSettings& settings,
     const TreatmentSettings& treatment_settings, const std::optional<SoundCell>& sound) {
   try {
-    const absl::StatusOr<Snapshot> snapshot = database.Read();
+    absl::StatusOr<Snapshot> snapshot = database.Read();
     if (!snapshot.ok()) return snapshot.status();
     absl::StatusOr<RobotImageTable> robot_images = LoadRobotImages(database, *snapshot);
     if (!robot_images.ok()) return robot_images.status();
@@ -111,9 +126,13 @@ absl::StatusOr<std::shared_ptr<const ServedDatabase>> ServedDatabase::Load(
       if (!made.ok()) return made.status();
       sound_basis = *std::move(made);
     }
-    return std::shared_ptr<const ServedDatabase>(new ServedDatabase(
-        database.cell(), snapshot->generation(), *std::move(robot_images), *std::move(references),
-        *std::move(calibration), std::move(bands), std::move(treatments), std::move(sound_basis)));
+    const uint64_t generation = snapshot->generation();
+    auto index = LoadIndex(*std::move(snapshot));
+    if (!index.ok()) return index.status();
+    return std::shared_ptr<const ServedDatabase>(
+        new ServedDatabase(database.cell(), generation, *std::move(robot_images), *std::move(index),
+                           *std::move(references), *std::move(calibration), std::move(bands),
+                           std::move(treatments), std::move(sound_basis)));
   } catch (const std::invalid_argument& error) {
     return absl::InvalidArgumentError(absl::StrCat("'", database.path(), "': ", error.what()));
   }

@@ -25,13 +25,13 @@ namespace silhouette {
 // Cannot be changed once loaded; used by any number of threads.
 class ServedDatabase {
  public:
-  // Reads all robot images, the reference images and the calibration. A record that fails its
-  // checksum is marked corrupt, so that nothing that takes it is ever free. DataLoss: the database
-  // cannot be read as a whole, or its calibration is damaged. InvalidArgument: its grid is too
-  // large to hold in memory, its calibration is none (two cameras at one place, a matrix that is
-  // not of rank 2), the margin is negative, or `treatments` (TreatmentsOf) or `sound`
-  // (SoundBasis::Make) cannot be. `sound`: what the sound presets are served with, where the
-  // calibration has camera models; nothing: they are not served.
+  // Reads all robot images, the reference images and the calibration, and opens the collision
+  // index. A record that fails its checksum is marked corrupt, so that nothing that takes it is
+  // ever free. DataLoss: the database cannot be read as a whole, or its calibration is damaged.
+  // InvalidArgument: its grid is too large to hold in memory, its calibration is none (two cameras
+  // at one place, a matrix that is not of rank 2), the margin is negative, or `treatments`
+  // (TreatmentsOf) or `sound` (SoundBasis::Make) cannot be. `sound`: what the sound presets are
+  // served with, where the calibration has camera models; nothing: they are not served.
   static absl::StatusOr<std::shared_ptr<const ServedDatabase>> Load(
       const Database& database, const CalibrationSettings& settings = {},
       const TreatmentSettings& treatments = {},
@@ -47,7 +47,9 @@ class ServedDatabase {
   // The view of this name; nothing if there is none.
   std::optional<int> ViewOf(const std::string& name) const;
 
-  // The collision index; null if there is none. A tile that it lacks is tested one by one.
+  // The collision index; null if there is none that can be used. It lies in the file of the
+  // database, of which it holds one state (db/collision_index.h). The configurations of a tile that
+  // it lacks are tested one by one.
   const CollisionIndex* index() const { return index_.get(); }
 
   // Whether camera images can be differenced.
@@ -78,9 +80,10 @@ class ServedDatabase {
   absl::Status CanServeSound(Preset preset) const;
 
   ServedDatabase(storage::v1::CellDescription cell, uint64_t generation,
-                 RobotImageTable robot_images, std::vector<Reference> references,
-                 std::optional<Calibration> calibration, std::optional<EpipolarBands> bands,
-                 ViewTreatments treatments, std::shared_ptr<const SoundBasis> sound);
+                 RobotImageTable robot_images, std::shared_ptr<const CollisionIndex> index,
+                 std::vector<Reference> references, std::optional<Calibration> calibration,
+                 std::optional<EpipolarBands> bands, ViewTreatments treatments,
+                 std::shared_ptr<const SoundBasis> sound);
 
   storage::v1::CellDescription cell_;
   uint64_t generation_ = 0;

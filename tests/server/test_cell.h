@@ -21,6 +21,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "capture/segmentation/reference.h"
+#include "db/collision_index.h"
 #include "db/robot_image_format.h"
 #include "db/store.h"
 #include "server/scene/make_scene.h"
@@ -118,6 +119,7 @@ struct TestDatabase {
   std::vector<std::pair<int, int>> excluded = {};
   std::vector<std::pair<int, int>> corrupt = {};
   bool references = false;
+  bool index = false;
   storage::v1::CellDescription cell = TestCell();
   std::optional<storage::v1::Calibration> calibration = std::nullopt;
 };
@@ -190,6 +192,13 @@ inline void DamageRecord(const std::string& path, const RobotImage& image) {
   std::ofstream(file, std::ios::binary) << bytes;
 }
 
+inline void BuildIndex(const std::string& path) {
+  const auto database = Database::Open(path, Database::Access::kWrite);
+  ASSERT_TRUE(database.ok()) << database.status();
+  const auto report = BuildCollisionIndex(**database);
+  ASSERT_TRUE(report.ok()) << report.status();
+}
+
 inline void MakeDatabase(const std::string& path, const TestDatabase& test = {}) {
   const auto among = [](const auto& list, int a, int b) {
     return std::find(list.begin(), list.end(), std::pair(a, b)) != list.end();
@@ -217,6 +226,7 @@ inline void MakeDatabase(const std::string& path, const TestDatabase& test = {})
       ASSERT_TRUE((*database)->SetCalibration(*test.calibration, "test").ok());
     }
   }
+  if (test.index) BuildIndex(path);
   for (const auto& [a, b] : test.corrupt) DamageRecord(path, TestRobotImage(grid, a, b));
 }
 

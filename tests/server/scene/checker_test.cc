@@ -3,8 +3,11 @@
 
 #include <gtest/gtest.h>
 
+#include <limits>
+#include <set>
 #include <stdexcept>
 
+#include "server/scene/configuration_space.h"
 #include "tests/server/test_cell.h"
 
 namespace silhouette {
@@ -171,6 +174,65 @@ TEST_F(CheckerTest, AllTilesAgreeWithSingleChecks) {
       EXPECT_EQ((tile.occupied[place / 64] >> (place % 64)) & 1, state == State::kOccupied);
     }
   }
+}
+
+// The same verdicts with the collision index as without, also of what was damaged afterwards.
+TEST_F(CheckerTest, TilesByTheIndexAreTheSameAsWithoutIt) {
+  TestDatabase test{.missing = {{0, 7}}, .excluded = {{4, 7}}, .corrupt = {{2, 7}}};
+  test.calibration = TestCalibration();
+  const auto without = NewDatabase(test);
+  test.index = true;
+  const auto with = NewDatabase(test);
+  ASSERT_EQ(without->index(), nullptr);
+  ASSERT_NE(with->index(), nullptr);
+  ASSERT_NE(with->index()->Tile(0), nullptr);
+  for (const Preset preset : AllPresets()) {
+    if (IsSound(preset)) continue;
+    for (const SceneInput& input : {SceneWithBlock(3), SceneWithBlock(1), EmptyCellScene()}) {
+      const auto tiles_of = [&](const std::shared_ptr<const ServedDatabase>& served) {
+        database = served;
+        return CheckAllTiles(ServedScene(input), {.preset = preset});
+      };
+      EXPECT_EQ(tiles_of(with), tiles_of(without)) << NameOf(preset);
+    }
+  }
+}
+
+// A robot image that is replaced makes the index of its tile useless.
+TEST_F(CheckerTest, IndexOlderThanTheRobotImagesIsNotUsed) {
+  const FreshFolder folder;
+  MakeDatabase(folder / "db", {.index = true});
+  {
+    const auto writable = Database::Open(folder / "db", Database::Access::kWrite);
+    auto writer = (*writable)->Write("test");
+    RobotImage image = TestRobotImage((*writable)->grid(), 1, 0);
+    image.masks = TestRobotImage((*writable)->grid(), 3, 0).masks;
+    ASSERT_TRUE(writer->Put(image, /*replace=*/true).ok());
+    ASSERT_TRUE(writer->Commit().ok());
+  }
+  database = LoadDatabase(folder / "db");
+  EXPECT_EQ(database->index(), nullptr);
+  const ConfigurationSpace space(ServedScene(SceneWithBlock(3)), {});
+  EXPECT_EQ(space.state(database->grid().NumberOf({1, 0})), State::kOccupied);
+  EXPECT_EQ(space.state(database->grid().NumberOf({2, 0})), State::kFree);
+}
+
+TEST_F(CheckerTest, StatesOfManyAreTheStatesOfEach) {
+  const ConfigurationSpace space(ServedScene(SceneWithBlock(3)), {});
+  std::vector<uint32_t> numbers;
+  for (uint32_t i = 0; i < 5000; i += 7) numbers.push_back(i * 7919 % 4200);
+  numbers.push_back(std::numeric_limits<uint32_t>::max());
+  std::vector<uint64_t> free((numbers.size() + 63) / 64), occupied(free.size());
+  space.States(numbers, free, occupied);
+  std::set<State> states;
+  for (size_t i = 0; i < numbers.size(); ++i) {
+    const State state = space.state(numbers[i]);
+    states.insert(state);
+    EXPECT_EQ(free[i / 64] >> (i % 64) & 1, state == State::kFree ? 1u : 0u);
+    EXPECT_EQ(occupied[i / 64] >> (i % 64) & 1, state == State::kOccupied ? 1u : 0u);
+  }
+  EXPECT_EQ(states.size(), 3u);
+  EXPECT_THROW(space.States(numbers, {free.data(), 1}, occupied), std::invalid_argument);
 }
 
 TEST_F(CheckerTest, AllTilesOfABlockedSceneAreUnknown) {

@@ -189,6 +189,60 @@ TEST_F(CollisionServiceTest, SpaceEqualsSingleChecks) {
   }
 }
 
+TEST_F(CollisionServiceTest, NumbersEqualSingleChecks) {
+  server.Publish(SceneWithBlock(3));
+  std::vector<uint32_t> numbers;
+  std::vector<v1::Verdict::State> states;
+  for (int a = 0; a < 5; ++a) {
+    for (int b = 0; b < 8; ++b) {
+      numbers.push_back(static_cast<uint32_t>(database->grid().NumberOf({a, b})));
+      states.push_back(server.CheckOne(At(a, b)).state());
+    }
+  }
+  for (const uint32_t nobody : {4095u, 4096u, 4'000'000'000u}) {
+    numbers.push_back(nobody);
+    states.push_back(v1::Verdict::STATE_UNKNOWN);
+  }
+  const v1::CheckConfigurationsResponse response = server.CheckNumbers(numbers);
+  EXPECT_EQ(response.basis().scene_id(), 1u);
+  EXPECT_EQ(response.unknown_reason(), v1::Verdict::REASON_UNSPECIFIED);
+  EXPECT_EQ(response.verdicts_size(), 0);
+  ASSERT_EQ(response.free().size(), (numbers.size() + 7) / 8);
+  ASSERT_EQ(response.occupied().size(), (numbers.size() + 7) / 8);
+  for (size_t i = 0; i < numbers.size(); ++i) {
+    const auto bit = [i](const std::string& bytes) {
+      return static_cast<uint8_t>(bytes[i / 8]) >> (i % 8) & 1;
+    };
+    EXPECT_EQ(bit(response.free()), states[i] == v1::Verdict::STATE_FREE) << numbers[i];
+    EXPECT_EQ(bit(response.occupied()), states[i] == v1::Verdict::STATE_OCCUPIED) << numbers[i];
+  }
+}
+
+TEST_F(CollisionServiceTest, NumbersAndConfigurationsAtOnceAreRefused) {
+  v1::CheckConfigurationsRequest request;
+  request.add_numbers(1);
+  Set(At(0, 0), request.add_configurations());
+  EXPECT_THAT(Refusal(request), HasSubstr("not for both at once"));
+}
+
+TEST_F(CollisionServiceTest, SpaceWithoutTimeLeavesTilesOutUntilTheyAreDone) {
+  server.Publish(SceneWithBlock(3));
+  v1::GetConfigurationSpaceRequest request;
+  request.mutable_max_time();
+  auto messages = server.Space(request);
+  ASSERT_EQ(messages.size(), 1u);
+  EXPECT_EQ(messages[0].tiles_size(), 0);
+  EXPECT_EQ(messages[0].tiles_left_out(), 1u);
+  EXPECT_EQ(server.Space()[0].tiles_size(), 1);
+  messages = server.Space(request);
+  EXPECT_EQ(messages[0].tiles_size(), 1) << "done for another request";
+  EXPECT_EQ(messages[0].tiles_left_out(), 0u);
+  request.mutable_max_time()->set_seconds(-1);
+  const grpc::Status status = server.Call(request, &messages);
+  EXPECT_EQ(status.error_code(), grpc::StatusCode::INVALID_ARGUMENT);
+  EXPECT_EQ(status.error_message(), "max_time: a time cannot be negative");
+}
+
 TEST_F(CollisionServiceTest, SpaceFollowsPolicyAndScene) {
   server.Publish(SceneWithBlock(3, 2));
   v1::GetConfigurationSpaceRequest paper;

@@ -46,6 +46,10 @@ struct NeverFree : ::testing::Test {
       EXPECT_FALSE(TellsClearance(path.verdict()));
       EXPECT_FALSE(path.has_narrowest());
     }
+    const v1::CheckConfigurationsResponse numbers = server.CheckNumbers({0, 1, 2, 5000});
+    EXPECT_EQ(numbers.unknown_reason(), reason);
+    EXPECT_EQ(numbers.free(), std::string(1, '\0'));
+    EXPECT_EQ(numbers.occupied(), std::string(1, '\0'));
     const v1::ExplainResponse explanation = server.Explain(At(1, 0));
     EXPECT_EQ(explanation.verdict().state(), v1::Verdict::STATE_UNKNOWN);
     EXPECT_EQ(explanation.verdict().reason(), reason);
@@ -240,6 +244,10 @@ TEST(NeverFreeLate, SceneThatBecomesTooOldWhileTheAnswerIsMade) {
   EXPECT_EQ(path.verdict().reason(), v1::Verdict::REASON_SCENE_STALE);
   EXPECT_FALSE(path.verdict().has_clearance());
   EXPECT_FALSE(path.has_narrowest());
+  fresh();
+  const v1::CheckConfigurationsResponse numbers = server.CheckNumbers({0, 1});
+  EXPECT_EQ(numbers.unknown_reason(), v1::Verdict::REASON_SCENE_STALE);
+  EXPECT_EQ(numbers.free(), std::string(1, '\0'));
   fresh();
   EXPECT_EQ(server.Explain(At(1, 0)).verdict().reason(), v1::Verdict::REASON_SCENE_STALE);
 }

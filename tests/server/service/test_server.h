@@ -137,6 +137,15 @@ class TestServer {
     EXPECT_TRUE(status.ok()) << status.error_message();
     return response;
   }
+  v1::CheckConfigurationsResponse CheckNumbers(const std::vector<uint32_t>& numbers) {
+    v1::CheckConfigurationsRequest request;
+    request.mutable_numbers()->Add(numbers.begin(), numbers.end());
+    v1::CheckConfigurationsResponse response;
+    const grpc::Status status = Call(request, &response);
+    EXPECT_TRUE(status.ok()) << status.error_message();
+    return response;
+  }
+
   std::vector<v1::GetConfigurationSpaceResponse> Space(
       const v1::GetConfigurationSpaceRequest& request = {}) {
     std::vector<v1::GetConfigurationSpaceResponse> messages;
