@@ -50,6 +50,16 @@ std::string Counted(uint64_t count, const std::string& what) {
   return absl::StrCat(count, " ", what, count == 1 ? "" : "s");
 }
 
+// How many tiles have robot images but no index that can be used. Looks at every byte of the index.
+uint64_t TilesWithoutIndex(const ServedDatabase& database) {
+  uint64_t without = 0;
+  for (uint64_t tile = 0; tile < database.grid().tiles(); ++tile) {
+    if (database.robot_images().present(tile).Empty()) continue;
+    if (database.index() == nullptr || database.index()->Tile(tile) == nullptr) ++without;
+  }
+  return without;
+}
+
 void LogLoaded(const ServedDatabase& database, const std::string& path) {
   const RobotImageTable& images = database.robot_images();
   spdlog::info("loaded '{}', generation {}: {}, {} captured, {} excluded", path,
@@ -62,6 +72,12 @@ void LogLoaded(const ServedDatabase& database, const std::string& path) {
   if (const uint64_t corrupt = images.Count(RobotImageState::kCorrupt); corrupt > 0) {
     spdlog::warn("{} with a robot image that fails its checksum: unknown until captured anew",
                  Counted(corrupt, "configuration"));
+  }
+  if (const uint64_t without = TilesWithoutIndex(database); without > 0) {
+    spdlog::warn(
+        "{} of {} without a collision index that fits the robot images: the configuration space "
+        "takes longer to work out; run 'silhouette-db index {}' and reload",
+        without, Counted(database.grid().tiles(), "tile"), path);
   }
   if (!database.has_references()) {
     spdlog::warn("no reference images: camera images are refused, scene masks are taken");
