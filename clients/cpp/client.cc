@@ -252,8 +252,10 @@ absl::StatusOr<PathCheck> Client::CheckPath(std::span<const Configuration> waypo
 }
 
 absl::StatusOr<ConfigurationSpace> Client::GetConfigurationSpace(
-    const Policy& policy, std::span<const uint64_t> tiles) const {
+    const Policy& policy, std::span<const uint64_t> tiles,
+    std::optional<absl::Duration> max_time) const {
   v1::GetConfigurationSpaceRequest request;
+  if (max_time) *request.mutable_max_time() = ToMessage(*max_time);
   *request.mutable_policy() = ToMessage(policy);
   request.mutable_tiles()->Add(tiles.begin(), tiles.end());
   grpc::ClientContext context;
@@ -264,11 +266,13 @@ absl::StatusOr<ConfigurationSpace> Client::GetConfigurationSpace(
   Basis basis;
   absl::StatusOr<ConfigurationGrid> grid = absl::InternalError("it has no grid");
   std::vector<ConfigurationSpaceTile> received;
+  uint64_t left_out = 0;
   absl::Status fault;
   v1::GetConfigurationSpaceResponse part;
   for (bool first = true; fault.ok() && reader->Read(&part); first = false) {
     if (first) {
       basis = FromMessage(part.basis(), asked);
+      left_out = part.tiles_left_out();
       if (part.has_grid()) grid = FromMessage(part.grid());
       fault = grid.status();
     }
@@ -285,7 +289,7 @@ absl::StatusOr<ConfigurationSpace> Client::GetConfigurationSpace(
   if (!finished.ok()) return SentenceFor(finished, address(), timeout_);
   if (!grid.ok()) return Malformed(address(), grid.status().message());
   try {
-    return ConfigurationSpace(*std::move(grid), basis, std::move(received));
+    return ConfigurationSpace(*std::move(grid), basis, std::move(received), left_out);
   } catch (const std::invalid_argument& error) {
     return Malformed(address(), error.what());
   }

@@ -35,8 +35,12 @@ uint64_t CountBits(const TileBits& bits) {
 }  // namespace
 
 ConfigurationSpace::ConfigurationSpace(ConfigurationGrid grid, Basis basis,
-                                       std::vector<ConfigurationSpaceTile> tiles)
-    : grid_(std::move(grid)), basis_(basis), tiles_(std::move(tiles)) {
+                                       std::vector<ConfigurationSpaceTile> tiles,
+                                       uint64_t tiles_left_out)
+    : grid_(std::move(grid)),
+      basis_(std::move(basis)),
+      tiles_(std::move(tiles)),
+      tiles_left_out_(tiles_left_out) {
   if (basis_.scene_id == 0) tiles_.clear();
   for (size_t i = 0; i < tiles_.size(); ++i) {
     if (tiles_[i].tile >= grid_.tiles()) {

@@ -10,6 +10,7 @@
 #include "clients/program/commands.h"
 #include "clients/program/output.h"
 #include "clients/program/policy_options.h"
+#include "clients/program/region_text.h"
 #include "clients/program/space_picture.h"
 
 namespace silhouette {
@@ -18,6 +19,7 @@ namespace {
 struct Arguments {
   std::string out;
   std::string picture;
+  std::string max_time;
   PolicyOptions policy;
 };
 
@@ -90,11 +92,17 @@ absl::StatusOr<ExitCode> FetchSpace(const Session& session, const Arguments& arg
     return absl::InvalidArgumentError(
         absl::StrCat("'", arguments.out, "': --out writes .json or .csv"));
   }
+  std::optional<absl::Duration> max_time;
+  if (!arguments.max_time.empty()) {
+    const absl::StatusOr<absl::Duration> time = ParseDuration(arguments.max_time);
+    if (!time.ok()) return time.status();
+    max_time = *time;
+  }
   const absl::StatusOr<Client> client = session.Connect();
   if (!client.ok()) return client.status();
   const client::Policy policy = arguments.policy.policy();
   const auto start = std::chrono::steady_clock::now();
-  const auto space = client->GetConfigurationSpace(policy);
+  const auto space = client->GetConfigurationSpace(policy, {}, max_time);
   const std::chrono::duration<double, std::milli> taken = std::chrono::steady_clock::now() - start;
   if (!space.ok()) return space.status();
   absl::Status status;
@@ -114,6 +122,7 @@ absl::StatusOr<ExitCode> FetchSpace(const Session& session, const Arguments& arg
                  {"free", counts.free},
                  {"occupied", counts.occupied},
                  {"unknown", counts.unknown},
+                 {"tiles_left_out", space->tiles_left_out()},
                  {"unknown_reason", told ? Json(NameOf(unknown->reason)) : Json()},
                  {"space_ms", taken.count()}});
     Print(json);
@@ -123,6 +132,11 @@ absl::StatusOr<ExitCode> FetchSpace(const Session& session, const Arguments& arg
       "%d configurations: %d free (%.1f %%), %d occupied (%.1f %%), %d unknown (%.1f %%)\n", all,
       counts.free, Percent(counts.free, all), counts.occupied, Percent(counts.occupied, all),
       counts.unknown, Percent(counts.unknown, all));
+  if (space->tiles_left_out() > 0) {
+    std::cout << absl::StreamFormat(
+        "unknown, as the time was over: what is in %d of %d tiles; ask again for more of them\n",
+        space->tiles_left_out(), space->grid().tiles());
+  }
   if (told) std::cout << "unknown, the first of them: " << Describe(unknown->reason) << '\n';
   std::cout << Spoken(space->basis())
             << absl::StreamFormat("; fetched in %.1f ms\n", taken.count());
@@ -138,6 +152,8 @@ void AddSpaceCommand(CLI::App& program, Session& session, Run& run) {
   command->add_option("--out", arguments->out,
                       "Write number, joint values and state of each: .json or .csv");
   command->add_option("--picture", arguments->picture, "Draw it as a PNG, for grids of two joints");
+  command->add_option("--max-time", arguments->max_time,
+                      "How long the server may work, e.g. 20ms; what is not done is unknown");
   AddFormatOption(*command, session.format);
   AddPolicyOptions(*command, arguments->policy);
   command->footer("Example:\n  silhouette space --out space.csv --picture space.png");

@@ -98,8 +98,10 @@ TEST(ConfigurationSpace, IsReadAsItWasSent) {
 TEST(ConfigurationSpace, TileThatDidNotComeIsUnknown) {
   Part part = FirstPart();
   AddTile(part, 0, true);
+  part.set_tiles_left_out(Grid().tiles() - 1);
   const auto space = Fetch({part});
   ASSERT_TRUE(space.ok()) << space.status();
+  EXPECT_EQ(space->tiles_left_out(), Grid().tiles() - 1);
   EXPECT_TRUE(space->IsFree(0));
   EXPECT_EQ(space->StateAt(kTileSize), State::kUnknown);
   EXPECT_EQ(space->Count().free, kTileSize);

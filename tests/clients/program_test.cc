@@ -185,6 +185,17 @@ TEST_F(Silhouette, SpaceHasTheVerdictOfEveryConfiguration) {
   EXPECT_THAT(wrong.err, HasSubstr(".json or .csv"));
 }
 
+TEST_F(Silhouette, SpaceThatTheServerHadNoTimeForIsUnknown) {
+  PublishWall();
+  const Ended ended = cell_.Run("space --max-time 0s");
+  EXPECT_EQ(ended.exit_code, 0);
+  EXPECT_THAT(ended.out, AllOf(HasSubstr("121 unknown"), HasSubstr("1 of 1 tiles; ask again")));
+  const json counts = RunJson("space --max-time 10s", 0);
+  EXPECT_EQ(counts["unknown"], 0);
+  EXPECT_EQ(counts["tiles_left_out"], 0);
+  EXPECT_EQ(cell_.Run("space --max-time soon").exit_code, 2);
+}
+
 TEST_F(Silhouette, PlanLeadsAroundTheWallAndIsJudgedByTheTruth) {
   PublishWall();
   // The truth: the wall ends a row higher, and there is contact at one place more.

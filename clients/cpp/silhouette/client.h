@@ -18,6 +18,7 @@
 #include <cstdint>
 #include <initializer_list>
 #include <memory>
+#include <optional>
 #include <span>
 #include <string>
 #include <vector>
@@ -77,9 +78,11 @@ class Client {
                                       const Policy& policy = {},
                                       Clearance clearance = Clearance::kOmit) const;
 
-  // The verdicts of all configurations, or of the given tiles only.
+  // The verdicts of all configurations, or of the given tiles only. `max_time`: how long the server
+  // may work on them, not negative; what is not done by then is left out, and unknown.
   absl::StatusOr<ConfigurationSpace> GetConfigurationSpace(
-      const Policy& policy = {}, std::span<const uint64_t> tiles = {}) const;
+      const Policy& policy = {}, std::span<const uint64_t> tiles = {},
+      std::optional<absl::Duration> max_time = std::nullopt) const;
 
   // One verdict with its pictures.
   absl::StatusOr<Explanation> Explain(const Configuration& configuration,

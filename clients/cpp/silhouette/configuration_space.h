@@ -35,11 +35,14 @@ class ConfigurationSpace {
   // Configurations of a tile that is not among `tiles` are unknown, so are those that a tile calls
   // both free and occupied, and all if `basis` has no scene. Throws std::invalid_argument for a
   // tile beyond the grid and one that comes twice.
-  ConfigurationSpace(ConfigurationGrid grid, Basis basis,
-                     std::vector<ConfigurationSpaceTile> tiles);
+  ConfigurationSpace(ConfigurationGrid grid, Basis basis, std::vector<ConfigurationSpaceTile> tiles,
+                     uint64_t tiles_left_out = 0);
 
   const ConfigurationGrid& grid() const { return grid_; }
   const Basis& basis() const { return basis_; }
+
+  // How many of the tiles asked for the server had no time for.
+  uint64_t tiles_left_out() const { return tiles_left_out_; }
 
   // Unknown also for a number that no configuration of the grid has.
   State StateAt(ConfigurationNumber number) const;
@@ -52,6 +55,7 @@ class ConfigurationSpace {
   ConfigurationGrid grid_;
   Basis basis_;
   std::vector<ConfigurationSpaceTile> tiles_;
+  uint64_t tiles_left_out_ = 0;
   std::unordered_map<uint64_t, size_t> places_;  // tile -> index into tiles_
 };
 
