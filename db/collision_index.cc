@@ -158,8 +158,6 @@ absl::Status CollisionIndex::ReadDigests() {
   }
 }
 
-uint64_t CollisionIndex::generation() const { return snapshot_.generation(); }
-
 void CollisionIndex::Check(uint64_t tile, const Entry& entry) const {
   if (!entry.header) {
     entry.state = TileState::kMissing;

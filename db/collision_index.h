@@ -57,8 +57,9 @@ class CollisionIndex {
   CollisionIndex(const CollisionIndex&) = delete;
   CollisionIndex& operator=(const CollisionIndex&) = delete;
 
-  // Of the database's state.
-  uint64_t generation() const;
+  // The state: for one thread at a time, as every snapshot.
+  const Snapshot& snapshot() const { return snapshot_; }
+  uint64_t generation() const { return snapshot_.generation(); }
 
   // One per view: those of the indices of all tiles.
   std::span<const PixelTree> trees() const { return trees_; }
@@ -101,7 +102,10 @@ struct IndexBuildOptions {
   // Builds the tiles that are fresh, too.
   bool all = false;
   int threads = 2;
-  // Called on the calling thread, now and then, with how many of the tiles are done; false stops.
+  // How much of finished tiles may wait to be written, in bytes; twice as much is being written.
+  size_t buffer = size_t{32} << 20;
+  // Called on the calling thread, before the first tile and then now and again, with how many of
+  // the tiles are done; false stops.
   std::function<bool(uint64_t done, uint64_t tiles)> progress;
 };
 
@@ -124,8 +128,8 @@ struct IndexBuildReport {
 // Builds the index of every tile that is not fresh, or was built from records that could not be
 // read. Other writers of the same Database may go on meanwhile: a tile is built from one state, and
 // is stale if its records change. What is committed stays whatever happens afterwards, so it can be
-// stopped and begun again. Memory: per thread the index of a tile, and some 100 MiB of tiles that
-// wait to be written. Needs kWrite. The generation stays what it is.
+// stopped and begun again. Memory: per thread the index of a tile, and three times the buffer.
+// Needs kWrite. The generation stays what it is.
 // ResourceExhausted: the disk is full, or the index of a tile is too large to be stored (4 GiB).
 absl::StatusOr<IndexBuildReport> BuildCollisionIndex(Database& database,
                                                      const IndexBuildOptions& options = {});

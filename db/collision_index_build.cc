@@ -22,8 +22,6 @@
 namespace silhouette {
 namespace {
 
-// How much of finished tiles may wait to be written; as much again is being written.
-constexpr size_t kMostWaiting = size_t{32} << 20;
 constexpr size_t kLargestValue = std::numeric_limits<uint32_t>::max();
 
 // What became of a tile.
@@ -134,7 +132,7 @@ std::optional<uint64_t> IndexBuild::TakeTile() {
 // Waits while too much waits already. Returns whether to go on.
 bool IndexBuild::Deliver(absl::StatusOr<Outcome> outcome) {
   std::unique_lock lock(mutex_);
-  changed_.wait(lock, [&] { return stopped_ || finished_bytes_ < kMostWaiting; });
+  changed_.wait(lock, [&] { return stopped_ || finished_bytes_ < options_.buffer; });
   if (!outcome.ok()) {
     status_.Update(outcome.status());
     stopped_ = true;
@@ -295,6 +293,7 @@ absl::StatusOr<IndexBuildReport> IndexBuild::Run(Database& database,
   if (absl::Status status = build.FindTiles(); !status.ok()) return status;
   IndexBuildReport report;
   report.tiles = build.tiles_.size();
+  if (options.progress && !options.progress(0, report.tiles)) build.Stop();
   std::vector<std::jthread> threads;
   build.building_ = static_cast<size_t>(std::max(options.threads, 1));
   for (size_t i = build.building_; i > 0; --i) {

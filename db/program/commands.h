@@ -22,6 +22,7 @@ void AddStats(CLI::App& app, Work& work);
 void AddExport(CLI::App& app, Work& work);
 void AddImport(CLI::App& app, Work& work);
 void AddCompact(CLI::App& app, Work& work);
+void AddIndex(CLI::App& app, Work& work);
 void AddDiff(CLI::App& app, Work& work);
 void AddCalibration(CLI::App& app, Work& work);
 

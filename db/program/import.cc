@@ -181,7 +181,10 @@ absl::StatusOr<ExitCode> Import(const Options& options) {
   std::cout << std::endl;
   if (!status.ok()) return status;
   if (StopRequested()) return Stopped("run it again to go on; what is imported stays");
-  if (importer.faults() == 0) return kDone;
+  if (importer.faults() == 0) {
+    std::cout << "next: silhouette-db index " << path << std::endl;
+    return kDone;
+  }
   return absl::InvalidArgumentError(absl::StrCat(
       importer.faults(), importer.faults() == kMostFaults ? " lines or more" : " lines",
       " are wrong; mend them and run it again, what is imported stays"));

@@ -1,4 +1,4 @@
-// silhouette-db info: what a database holds, without reading its robot images.
+// silhouette-db info: what a database holds, without reading its robot images' masks.
 #include <iostream>
 #include <memory>
 #include <optional>
@@ -6,6 +6,7 @@
 #include "absl/strings/str_format.h"
 #include "db/program/commands.h"
 #include "db/program/common.h"
+#include "db/program/index_state.h"
 #include "db/schema.h"
 
 namespace silhouette {
@@ -23,6 +24,7 @@ struct Facts {
   bool references = false;
   std::optional<storage::v1::Calibration> calibration;
   storage::v1::ProvenanceLog provenance;
+  CollisionIndexSummary index;
 };
 
 std::string TimeOf(const storage::v1::Provenance& entry) {
@@ -45,10 +47,12 @@ void PrintText(const Database& database, const Facts& facts) {
       "configurations  %d of %d recorded (%.1f %%)\n"
       "references      %s\n"
       "calibration     %s\n"
+      "collision index %s\n"
       "on disk         %.1f MiB, %.1f MiB of it in use\n",
       database.path(), schema::kFormatVersion, facts.generation, cell.name(), facts.records,
       grid.size(), 100.0 * static_cast<double>(facts.records) / static_cast<double>(grid.size()),
       facts.references ? "yes" : "none", KindOf(facts.calibration),
+      StateText(facts.index, database.path()),
       static_cast<double>(facts.usage.file_bytes) / (1 << 20),
       static_cast<double>(facts.usage.used_bytes) / (1 << 20));
   std::cout << "\ngrid joints                lower       upper  steps        step  tile edge\n";
@@ -91,6 +95,7 @@ void PrintJson(const Database& database, const Facts& facts) {
                          {"records", facts.records},
                          {"references", facts.references},
                          {"calibration", KindOf(facts.calibration)},
+                         {"collision_index", StateJson(facts.index)},
                          {"file_bytes", facts.usage.file_bytes},
                          {"used_bytes", facts.usage.used_bytes},
                          {"segmentation", cell.segmentation()},
@@ -124,7 +129,7 @@ void PrintJson(const Database& database, const Facts& facts) {
 }
 
 absl::StatusOr<ExitCode> Info(const Options& options) {
-  const absl::StatusOr<OpenedDatabase> opened = OpenForReading(options.database);
+  absl::StatusOr<OpenedDatabase> opened = OpenForReading(options.database);
   if (!opened.ok()) return opened.status();
   const absl::StatusOr<Database::Usage> usage = opened->database->GetUsage();
   if (!usage.ok()) return usage.status();
@@ -134,12 +139,15 @@ absl::StatusOr<ExitCode> Info(const Options& options) {
   if (!calibration.ok()) return calibration.status();
   const absl::StatusOr<storage::v1::ProvenanceLog> provenance = opened->snapshot.Provenance();
   if (!provenance.ok()) return provenance.status();
-  const Facts facts{opened->snapshot.generation(),
-                    opened->snapshot.size(),
+  const auto index = CollisionIndex::Open(std::move(opened->snapshot));
+  if (!index.ok()) return index.status();
+  const Facts facts{(*index)->generation(),
+                    (*index)->snapshot().size(),
                     *usage,
                     references->has_value(),
                     *calibration,
-                    *provenance};
+                    *provenance,
+                    (*index)->Summary()};
   if (options.format == "json") {
     PrintJson(*opened->database, facts);
   } else {

@@ -12,7 +12,7 @@ int main(int argc, char** argv) {
       "  silhouette-db COMMAND --help");
   Work work;
   for (const auto add : {AddInfo, AddVerify, AddCoverage, AddShow, AddSheet, AddStats, AddExport,
-                         AddImport, AddCompact, AddDiff, AddCalibration}) {
+                         AddImport, AddIndex, AddCompact, AddDiff, AddCalibration}) {
     add(app, work);
   }
   return RunProgram(app, argc, argv, [&]() -> int {

@@ -6,6 +6,8 @@
 #include "absl/strings/str_join.h"
 #include "db/program/commands.h"
 #include "db/program/common.h"
+#include "db/program/index_check.h"
+#include "db/program/index_state.h"
 #include "tools/program/progress.h"
 
 namespace silhouette {
@@ -22,13 +24,15 @@ struct Findings {
   uint64_t excluded = 0;
   uint64_t damaged = 0;
   uint64_t missing = 0;
+  CollisionIndexSummary index;
   std::vector<std::string> faults;
 };
 
-// Reads every record.
-absl::Status ReadRecords(const OpenedDatabase& opened, Findings& findings) {
-  const ConfigurationGrid& grid = opened.database->grid();
-  Progress progress("verify", opened.snapshot.size(), "records");
+// Reads every record, and compares the collision index with them.
+absl::Status ReadRecords(const ConfigurationGrid& grid, const CollisionIndex& index,
+                         Findings& findings) {
+  Progress progress("verify", index.snapshot().size(), "records");
+  IndexCheck index_check(index);
   uint64_t done = 0;
   const auto visit = [&](ConfigurationNumber number, const absl::StatusOr<RobotImage>& image) {
     if (!image.ok()) {
@@ -38,11 +42,15 @@ absl::Status ReadRecords(const OpenedDatabase& opened, Findings& findings) {
     } else {
       image->excluded ? ++findings.excluded : ++findings.captured;
     }
+    index_check.Take(number, image);
     progress.Update(++done);
     return !StopRequested();
   };
-  const absl::Status status = opened.snapshot.ForEach(visit);
+  const absl::Status status = index.snapshot().ForEach(visit);
   if (StopRequested()) return Stopped("verify reads the database from its beginning each time");
+  index_check.Finish();
+  findings.faults.insert(findings.faults.end(), index_check.faults().begin(),
+                         index_check.faults().end());
   if (absl::IsDataLoss(status)) {
     findings.faults.emplace_back(status.message());
     return absl::OkStatus();
@@ -50,15 +58,24 @@ absl::Status ReadRecords(const OpenedDatabase& opened, Findings& findings) {
   return status;
 }
 
-void CheckCompleteness(const OpenedDatabase& opened, bool allow_missing, Findings& findings) {
-  const ConfigurationGrid& grid = opened.database->grid();
+// A tile whose index is stale or missing is no fault: nothing uses it.
+void CheckIndex(const CollisionIndex& index, Findings& findings) {
+  findings.index = index.Summary();
+  if (findings.index.damaged > 0) {
+    findings.faults.push_back(
+        absl::StrCat("the collision index of ", findings.index.damaged, " tiles is damaged"));
+  }
+}
+
+void CheckCompleteness(const ConfigurationGrid& grid, const Snapshot& snapshot, bool allow_missing,
+                       Findings& findings) {
   const uint64_t records = findings.captured + findings.excluded + findings.damaged;
   findings.missing = grid.size() - std::min(records, grid.size());
   if (findings.missing == 0 || allow_missing) return;
   std::vector<ConfigurationNumber> first;
   for (ConfigurationNumber number = 0; number < grid.number_limit() && first.size() < 3; ++number) {
     if (!grid.Contains(number)) continue;
-    const absl::StatusOr<bool> there = opened.snapshot.Contains(number);
+    const absl::StatusOr<bool> there = snapshot.Contains(number);
     if (there.ok() && !*there) first.push_back(number);
   }
   findings.faults.push_back(absl::StrCat(findings.missing, " of ", grid.size(),
@@ -66,33 +83,45 @@ void CheckCompleteness(const OpenedDatabase& opened, bool allow_missing, Finding
                                          absl::StrJoin(first, ", ")));
 }
 
-void CheckMeta(const OpenedDatabase& opened, Findings& findings) {
-  const auto references = opened.snapshot.References();
+void CheckMeta(const storage::v1::CellDescription& cell, const Snapshot& snapshot,
+               Findings& findings) {
+  const auto references = snapshot.References();
   if (!references.ok()) {
     findings.faults.emplace_back(references.status().message());
-  } else if (*references && (*references)->views_size() != opened.database->cell().views_size()) {
+  } else if (*references && (*references)->views_size() != cell.views_size()) {
     findings.faults.push_back("there are reference images for another number of views");
   }
-  const auto provenance = opened.snapshot.Provenance();
+  const auto provenance = snapshot.Provenance();
   if (!provenance.ok()) findings.faults.emplace_back(provenance.status().message());
 }
 
 absl::StatusOr<ExitCode> Verify(const Options& options) {
-  const absl::StatusOr<OpenedDatabase> opened = OpenForReading(options.database);
+  absl::StatusOr<OpenedDatabase> opened = OpenForReading(options.database);
   if (!opened.ok()) return opened.status();
+  const Database& database = *opened->database;
   CatchStopSignals();
+  const auto index = CollisionIndex::Open(std::move(opened->snapshot));
+  if (!index.ok()) return index.status();
+  const Snapshot& snapshot = (*index)->snapshot();
   Findings findings;
-  CheckMeta(*opened, findings);
-  if (absl::Status status = ReadRecords(*opened, findings); !status.ok()) return status;
-  CheckCompleteness(*opened, options.allow_missing, findings);
+  CheckMeta(database.cell(), snapshot, findings);
+  CheckIndex(**index, findings);
+  absl::Status status = ReadRecords(database.grid(), **index, findings);
+  if (!status.ok()) return status;
+  CheckCompleteness(database.grid(), snapshot, options.allow_missing, findings);
   if (options.format == "json") {
-    std::cout << nlohmann::json{{"ok", findings.faults.empty()}, {"captured", findings.captured},
-                                {"excluded", findings.excluded}, {"damaged", findings.damaged},
-                                {"missing", findings.missing},   {"faults", findings.faults}}
+    std::cout << nlohmann::json{{"ok", findings.faults.empty()},
+                                {"captured", findings.captured},
+                                {"excluded", findings.excluded},
+                                {"damaged", findings.damaged},
+                                {"missing", findings.missing},
+                                {"faults", findings.faults},
+                                {"collision_index", StateJson(findings.index)}}
                      .dump(2)
               << std::endl;
   } else {
     for (const std::string& fault : findings.faults) std::cout << fault << "\n";
+    std::cout << "collision index: " << StateText(findings.index, options.database) << "\n";
     std::cout << absl::StrCat(findings.captured, " captured, ", findings.excluded, " excluded, ",
                               findings.damaged, " damaged, ", findings.missing,
                               " missing: ", findings.faults.empty() ? "sound" : "not sound")
@@ -106,7 +135,9 @@ absl::StatusOr<ExitCode> Verify(const Options& options) {
 void AddVerify(CLI::App& app, Work& work) {
   auto options = std::make_shared<Options>();
   CLI::App* command = app.add_subcommand(
-      "verify", "Reads everything, checks checksums and completeness; exit code 1 if not sound");
+      "verify",
+      "Reads everything, checks checksums, completeness, and the collision index against the\n"
+      "robot images; exit code 1 if not sound");
   AddDatabaseArgument(*command, options->database);
   command->add_flag("--allow-missing", options->allow_missing,
                     "Configurations without a record are no fault");
