@@ -4,7 +4,6 @@
 #include <sys/stat.h>
 
 #include <cerrno>
-#include <cstring>
 #include <mutex>
 #include <optional>
 #include <stdexcept>
@@ -17,22 +16,6 @@
 #include "db/tile_value.h"
 
 namespace silhouette {
-namespace {
-
-// The head of a page of LMDB's that a large value begins: its number (u64), 2 bytes, flags (u16).
-constexpr size_t kPageHead = 16;
-constexpr size_t kPageFlags = 10;
-constexpr uint16_t kOverflow = 0x04;
-
-template <typename T>
-T Load(const char* at) {
-  T value;
-  std::memcpy(&value, at, sizeof(value));
-  return value;
-}
-
-}  // namespace
-
 // The data file, mapped for reading.
 class CollisionIndex::File {
  public:
@@ -52,17 +35,11 @@ class CollisionIndex::File {
   File(const File&) = delete;
   File& operator=(const File&) = delete;
 
-  // Where a value lies that LMDB shows elsewhere: the page that it begins knows its own number.
-  // Nothing if it does not lie in pages of its own, or these make no sense.
+  // A value where it lies in the file, which LMDB shows in its own map. Nothing if it does not.
   std::optional<std::string_view> Find(std::string_view shown, size_t page_size) const {
-    const char* page = shown.data() - kPageHead;
-    const auto number = Load<uint64_t>(page);
-    if (Load<uint16_t>(page + kPageFlags) != kOverflow || number > size_ / page_size) {
-      return std::nullopt;
-    }
-    const size_t offset = number * page_size + kPageHead;
-    if (offset > size_ || shown.size() > size_ - offset) return std::nullopt;
-    const std::string_view value(map_ + offset, shown.size());
+    const std::optional<uint64_t> offset = OffsetInFile(shown, page_size);
+    if (!offset || *offset > size_ || shown.size() > size_ - *offset) return std::nullopt;
+    const std::string_view value(map_ + *offset, shown.size());
     if (value.substr(0, kTileValueHeader) != shown.substr(0, kTileValueHeader)) return std::nullopt;
     return value;
   }
@@ -119,10 +96,10 @@ absl::Status CollisionIndex::ReadHeads() {
   const auto hold = environment.HoldMap();
   MDB_stat stat;
   MDB_cursor* cursor = nullptr;
-  int code = mdb_stat(transaction, *database, &stat);
-  if (code == MDB_BAD_DBI || code == MDB_NOTFOUND) return absl::OkStatus();  // made afterwards
-  if (code == 0) code = mdb_cursor_open(transaction, *database, &cursor);
+  int code = mdb_cursor_open(transaction, *database, &cursor);
+  if (code == EINVAL) return absl::OkStatus();  // made after the snapshot
   if (code != 0) return environment.ReadError(code);
+  mdb_env_stat(environment.get(), &stat);
   MDB_val key;
   MDB_val shown;
   for (code = mdb_cursor_get(cursor, &key, &shown, MDB_FIRST); code == 0;

@@ -102,11 +102,12 @@ struct IndexBuildOptions {
   // Builds the tiles that are fresh, too.
   bool all = false;
   int threads = 2;
-  // How much of finished tiles may wait to be written, in bytes; twice as much is being written.
+  // How many bytes of finished tiles may wait to be written (a tile may always); twice as much is
+  // being written.
   size_t buffer = size_t{32} << 20;
   // Called on the calling thread, before the first tile and then now and again, with how many of
   // the tiles are done; false stops.
-  std::function<bool(uint64_t done, uint64_t tiles)> progress;
+  std::function<bool(uint64_t done, uint64_t tiles)> progress = nullptr;
 };
 
 struct IndexBuildReport {

@@ -1,5 +1,8 @@
 // Building the collision index: threads that build a tile each, and the caller's, which writes.
+#include <unistd.h>
+
 #include <algorithm>
+#include <array>
 #include <condition_variable>
 #include <limits>
 #include <mutex>
@@ -62,6 +65,7 @@ class IndexBuild {
   absl::StatusOr<Outcome> TreatTile(uint64_t tile, MDB_txn* transaction,
                                     TileIndexBuilder& builder) const;
   bool IsFresh(uint64_t tile, MDB_txn* transaction, const std::optional<uint64_t>& digest) const;
+  bool LiesInFile(std::string_view shown) const;
   absl::StatusOr<Outcome> BuildTile(uint64_t tile, MDB_txn* transaction,
                                     TileIndexBuilder& builder) const;
   std::optional<uint64_t> TakeTile();
@@ -132,7 +136,8 @@ std::optional<uint64_t> IndexBuild::TakeTile() {
 // Waits while too much waits already. Returns whether to go on.
 bool IndexBuild::Deliver(absl::StatusOr<Outcome> outcome) {
   std::unique_lock lock(mutex_);
-  changed_.wait(lock, [&] { return stopped_ || finished_bytes_ < options_.buffer; });
+  changed_.wait(lock,
+                [&] { return stopped_ || finished_.empty() || finished_bytes_ < options_.buffer; });
   if (!outcome.ok()) {
     status_.Update(outcome.status());
     stopped_ = true;
@@ -195,7 +200,18 @@ bool IndexBuild::IsFresh(uint64_t tile, MDB_txn* transaction,
   if (mdb_get(transaction, collision_index_, &key_val, &value) != 0) return false;
   const std::optional<TileHeader> header = TileHeaderIn(FromVal(value));
   return header && header->digest == digest && header->unreadable == 0 &&
-         TileValueHolds(tile, FromVal(value));
+         TileValueHolds(tile, FromVal(value)) && LiesInFile(FromVal(value));
+}
+
+// Whether readers, who look into the file, find a value there that LMDB shows.
+bool IndexBuild::LiesInFile(std::string_view shown) const {
+  const std::optional<uint64_t> offset = OffsetInFile(shown, page_size_);
+  mdb_filehandle_t file = -1;
+  std::array<char, kTileValueHeader> header;
+  return offset && mdb_env_get_fd(environment_.get(), &file) == 0 &&
+         pread(file, header.data(), header.size(), static_cast<off_t>(*offset)) ==
+             static_cast<ssize_t>(header.size()) &&
+         shown.substr(0, header.size()) == std::string_view(header.data(), header.size());
 }
 
 absl::StatusOr<Outcome> IndexBuild::BuildTile(uint64_t tile, MDB_txn* transaction,

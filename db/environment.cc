@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <cerrno>
+#include <cstring>
 #include <filesystem>
 #include <utility>
 
@@ -42,6 +43,21 @@ absl::Status LmdbError(int code, const std::string& what) {
     default:
       return absl::InternalError(absl::StrCat(what, ": ", mdb_strerror(code)));
   }
+}
+
+std::optional<uint64_t> OffsetInFile(std::string_view shown, size_t page_size) {
+  // The number (u64), 2 bytes, flags (u16), 4 bytes.
+  constexpr size_t kHead = 16;
+  constexpr size_t kFlags = 10;
+  constexpr uint16_t kOverflow = 0x04;
+  constexpr uint64_t kMostPages = uint64_t{1} << 47;
+  const char* page = shown.data() - kHead;
+  uint64_t number = 0;
+  uint16_t flags = 0;
+  std::memcpy(&number, page, sizeof(number));
+  std::memcpy(&flags, page + kFlags, sizeof(flags));
+  if (flags != kOverflow || number >= kMostPages) return std::nullopt;
+  return number * page_size + kHead;
 }
 
 ReadTransaction::ReadTransaction(std::shared_ptr<Environment> environment, MDB_txn* transaction)

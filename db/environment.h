@@ -31,6 +31,10 @@ inline std::string_view FromVal(const MDB_val& value) {
   return {static_cast<const char*>(value.mv_data), value.mv_size};
 }
 
+// Where in the data file a value should begin that LMDB shows: a large one, which has pages of its
+// own, whose head of 16 bytes has their number. Nothing if the value does not lie so.
+std::optional<uint64_t> OffsetInFile(std::string_view shown, size_t page_size);
+
 class Environment;
 
 // A read transaction. Pages that it may need are not reused while it is active.
@@ -99,7 +103,7 @@ class Environment : public std::enable_shared_from_this<Environment> {
   MDB_dbi robot_images() const { return robot_images_; }
 
   // The sub-database `collision_index`; nothing while there is none. A transaction that was begun
-  // before this was first called may not know it: MDB_BAD_DBI.
+  // before this was first called may not know it: EINVAL.
   std::optional<MDB_dbi> FindCollisionIndex();
   // Makes it if it is not there. Only for the holder of the WriterLock.
   absl::StatusOr<MDB_dbi> MakeCollisionIndex();

@@ -103,4 +103,18 @@ nlohmann::json ReportJson(const CaptureReport& report) {
   return json;
 }
 
+std::string IndexText(const IndexBuildReport& report) {
+  return absl::StrFormat("collision index    %d of %d tiles built%s\n", report.built, report.tiles,
+                         report.stopped                ? ", stopped"
+                         : report.built < report.tiles ? ", the others are fresh"
+                                                       : "");
+}
+
+nlohmann::json IndexJson(const IndexBuildReport& report) {
+  return {{"complete", !report.stopped},
+          {"tiles", report.tiles},
+          {"built", report.built},
+          {"bytes", report.bytes}};
+}
+
 }  // namespace silhouette

@@ -7,6 +7,7 @@
 
 #include "capture/capture_plan.h"
 #include "capture/capture_report.h"
+#include "db/collision_index.h"
 
 namespace silhouette {
 
@@ -16,5 +17,8 @@ nlohmann::json PlanJson(const CapturePlan& plan, std::optional<uint64_t> availab
 
 std::string ReportText(const CaptureReport& report);
 nlohmann::json ReportJson(const CaptureReport& report);
+
+std::string IndexText(const IndexBuildReport& report);
+nlohmann::json IndexJson(const IndexBuildReport& report);
 
 }  // namespace silhouette

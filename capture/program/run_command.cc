@@ -12,6 +12,7 @@
 #include "capture/program/commands.h"
 #include "capture/program/opened_cell.h"
 #include "capture/program/report.h"
+#include "db/collision_index.h"
 #include "db/outliers.h"
 #include "tools/program/progress.h"
 
@@ -23,6 +24,7 @@ struct Options {
   std::string only = "missing";
   bool dry_run = false;
   bool exclude_captured = false;
+  bool no_index = false;
 };
 
 // Robot images that a new capture may mend: one that touches the border stays as it is.
@@ -104,17 +106,45 @@ CaptureReport CaptureWithProgress(CaptureSession& session, const CapturePlan& pl
   return session.Run(plan, "silhouette-capture run", observer);
 }
 
+// The collision index of what is stored. Nothing if it is not wanted, or the capture was ended:
+// then going on builds it.
+std::optional<absl::StatusOr<IndexBuildReport>> BuildIndex(const Options& options,
+                                                           const CaptureReport& report,
+                                                           Database& database) {
+  if (options.no_index || !report.status.ok() || report.stopped) return std::nullopt;
+  std::optional<Progress> progress;
+  const auto tell = [&](uint64_t done, uint64_t tiles) {
+    if (!progress && tiles > 0) progress.emplace("collision index", tiles, "tiles");
+    if (progress) progress->Update(done);
+    return !StopRequested();
+  };
+  return BuildCollisionIndex(database, {.progress = tell});
+}
+
+// Says how to go on if the index is not complete.
+ExitCode TellIndex(const absl::StatusOr<IndexBuildReport>& index, const std::string& database) {
+  if (index.ok() && !index->stopped) return kDone;
+  const ExitCode code = index.ok() ? kNo : Report("silhouette-capture", index.status());
+  std::cerr << "the robot images are stored, but their collision index is not complete; go on with:"
+            << " silhouette-db index " << database << std::endl;
+  return code;
+}
+
 // Prints the report, what went wrong and how to go on.
-ExitCode Tell(const Options& options, const CaptureReport& report) {
+ExitCode Tell(const Options& options, const std::string& database, const CaptureReport& report,
+              const std::optional<absl::StatusOr<IndexBuildReport>>& index) {
   std::string again = options.cell.Command("run");
   if (options.only != "missing") absl::StrAppend(&again, " --only ", options.only);
   const char* from_the_first = options.only == "all" ? " (begins with the first again)" : "";
   if (options.cell.json()) {
     nlohmann::json json = ReportJson(report);
     if (!report.complete()) json["next"] = again;
+    if (index && index->ok()) json["collision_index"] = IndexJson(**index);
     std::cout << json.dump(2) << std::endl;
   } else {
-    std::cout << ReportText(report) << std::flush;
+    std::cout << ReportText(report);
+    if (index && index->ok()) std::cout << IndexText(**index);
+    std::cout << std::flush;
   }
   const uint64_t left = report.planned - report.captured;
   if (!report.status.ok()) {
@@ -128,12 +158,13 @@ ExitCode Tell(const Options& options, const CaptureReport& report) {
               << from_the_first << std::endl;
     return kNo;
   }
+  const ExitCode index_code = index ? TellIndex(*index, database) : kDone;
   if (!report.complete()) {
     std::cerr << left << " configurations could not be captured; try them again with: "
               << options.cell.Command("run") << std::endl;
-    return kNo;
+    return index_code == kDone ? kNo : index_code;
   }
-  return kDone;
+  return index_code;
 }
 
 absl::StatusOr<ExitCode> Run(const Options& options) {
@@ -161,7 +192,8 @@ absl::StatusOr<ExitCode> Run(const Options& options) {
   if (!session.ok()) return session.status();
   const auto plan = MakePlan(options, file->cell, travel, database->get());
   if (!plan.ok()) return plan.status();
-  return Tell(options, CaptureWithProgress(*session, *plan));
+  const CaptureReport report = CaptureWithProgress(*session, *plan);
+  return Tell(options, file->database, report, BuildIndex(options, report, **database));
 }
 
 }  // namespace
@@ -170,7 +202,9 @@ void AddRun(CLI::App& app, Work& work) {
   CLI::App* command = app.add_subcommand(
       "run",
       "Drives the robot through the configurations and stores its images. What is stored stays,\n"
-      "whatever happens: the same command goes on where it ended.");
+      "whatever happens: the same command goes on where it ended. Builds the collision index at "
+      "the\n"
+      "end, as far as robot images are new.");
   command->footer(
       "Examples:\n"
       "  silhouette-capture run --cell cell.yaml --database cell.lmdb\n"
@@ -189,6 +223,8 @@ void AddRun(CLI::App& app, Work& work) {
                     "Say how many configurations, how long, how much room; move nothing");
   command->add_flag("--exclude-captured", options->exclude_captured,
                     "Drop robot images in regions that are forbidden by now");
+  command->add_flag("--no-index", options->no_index,
+                    "Leave the collision index out; silhouette-db index builds it");
   command->callback([options, &work] { work = [options] { return Run(*options); }; });
 }
 

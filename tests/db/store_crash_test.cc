@@ -3,7 +3,6 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <signal.h>
-#include <sys/mount.h>
 #include <sys/wait.h>
 #include <unistd.h>
 
@@ -14,6 +13,7 @@
 
 #include "absl/cleanup/cleanup.h"
 #include "db/store.h"
+#include "tests/db/full_disk.h"
 #include "tests/db/test_cell.h"
 
 namespace silhouette {
@@ -179,35 +179,6 @@ TEST(Snapshot, FollowsADatabaseThatAnotherProcessLetsGrow) {
   EXPECT_EQ(status, 0);
   EXPECT_EQ((*database)->Read()->size(), 700);
 }
-
-// A file system of its own that holds 2 MiB; skips the test where that is not permitted.
-class FullDisk : public testing::Test {
- protected:
-  void SetUp() override {
-    std::filesystem::create_directories(disk_);
-    if (mount("tmpfs", disk_.c_str(), "tmpfs", 0, "size=2m") != 0) {
-      GTEST_SKIP() << "a tmpfs cannot be mounted here: " << strerror(errno);
-    }
-    mounted_ = true;
-  }
-  void TearDown() override {
-    if (mounted_) {
-      EXPECT_EQ(umount2(disk_.c_str(), MNT_DETACH), 0);
-    }
-  }
-  void Fill() const {
-    std::ofstream file(disk_ + "/filler", std::ios::binary);
-    const std::string block(4096, 'x');
-    while (file.write(block.data(), static_cast<std::streamsize>(block.size())).flush()) continue;
-  }
-  void Empty() const { std::filesystem::remove(disk_ + "/filler"); }
-
-  const FreshFolder folder_;
-  const std::string disk_ = folder_ / "disk";
-
- private:
-  bool mounted_ = false;
-};
 
 TEST_F(FullDisk, KeepsTheBatchAndWhatWasCommitted) {
   const auto database = Database::Create(disk_ + "/db", TestCell(64, 64));
