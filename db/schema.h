@@ -6,7 +6,7 @@
 //   the others    checksum (u64), payload. The checksum is XXH3-64 of the payload, seed 0.
 //                 "cell": CellDescription; "references": References; "calibration": Calibration;
 //                 "provenance": ProvenanceLog; "generation": u64, one more in every committed
-//                 change.
+//                 change but those of `collision_index`.
 // Sub-database `robot_images`: configuration number (u64, big-endian) -> db/robot_image_format.h.
 // Sub-database `collision_index`, which may be absent: tile (u64, big-endian) -> db/tile_value.h.
 //

@@ -11,12 +11,14 @@
 #include <nlohmann/json.hpp>
 
 #include "tests/capture/program_cell.h"
+#include "tests/db/index_checks.h"
 
 namespace silhouette {
 namespace {
 
 using testing::AllOf;
 using testing::HasSubstr;
+using testing::Not;
 using testing::SizeIs;
 using testing::StartsWith;
 
@@ -60,10 +62,33 @@ TEST_F(CaptureProgram, GoesFromNothingToACompleteDatabase) {
     EXPECT_EQ(view["empty"], 0);
     EXPECT_GT(view["mean_area"], 5);
   }
+  EXPECT_EQ(report["collision_index"]["complete"], true);
+  EXPECT_EQ(report["collision_index"]["built"], 1);
 
   outcome = cell_.Run(cell_.Arguments("status"));
   EXPECT_EQ(outcome.exit_code, 0) << outcome.err;
   EXPECT_THAT(outcome.out, HasSubstr("all is captured"));
+}
+
+TEST_F(CaptureProgram, CollisionIndexIsThatOfTheCapturedImagesUnlessLeftOut) {
+  EXPECT_EQ(cell_.Run(cell_.Arguments("reference")).exit_code, 0);
+  Outcome outcome = cell_.Run(cell_.Arguments("run", {"--no-index"}));
+  EXPECT_EQ(outcome.exit_code, 0) << outcome.err;
+  EXPECT_THAT(outcome.out, Not(HasSubstr("collision index")));
+  const auto open = [&] { return *Database::Open(cell_.database(), Database::Access::kRead); };
+  EXPECT_EQ(OpenIndex(*open())->State(0), TileState::kMissing);
+  // Nothing is left to capture; the index is.
+  outcome = cell_.Run(cell_.Arguments("run"));
+  EXPECT_EQ(outcome.exit_code, 0) << outcome.err;
+  EXPECT_THAT(outcome.out, HasSubstr("collision index    1 of 1 tiles built\n"));
+  ExpectIndexHoldsTheRobotImages(*open());
+  EXPECT_EQ(OpenIndex(*open())->State(0), TileState::kFresh);
+  outcome = cell_.Run(cell_.Arguments("run", {"--only", "all", "--no-index"}));
+  EXPECT_EQ(outcome.exit_code, 0) << outcome.err;
+  EXPECT_EQ(OpenIndex(*open())->State(0), TileState::kStale);
+  outcome = cell_.Run(cell_.Arguments("run", {"--format", "json"}));
+  EXPECT_EQ(Json(outcome)["collision_index"]["built"], 1);
+  ExpectIndexHoldsTheRobotImages(*open());
 }
 
 TEST_F(CaptureProgram, DatabaseMayBeNamedByTheCellFile) {

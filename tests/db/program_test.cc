@@ -10,7 +10,11 @@
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_replace.h"
+#include "db/environment.h"
+#include "db/index/tile_index.h"
 #include "db/robot_image_format.h"
+#include "db/schema.h"
+#include "db/tile_value.h"
 #include "tests/db/test_cell.h"
 #include "tools/picture/files.h"
 #include "tools/picture/mask_png.h"
@@ -110,6 +114,81 @@ TEST_F(SilhouetteDb, InfoTellsWhatADatabaseHolds) {
   EXPECT_EQ(info["views"][1]["mask_size"], json::parse("[33, 20]"));
   EXPECT_EQ(info["fixed_joints"]["axis_3"], 0.25);
   EXPECT_EQ(info["references"], true);
+}
+
+TEST_F(SilhouetteDb, IndexIsBuiltToldAndVerified) {
+  MakeDatabase("db");
+  EXPECT_THAT(Run("info db").output,
+              HasSubstr("collision index none; build it with: silhouette-db index db\n"));
+  EXPECT_EQ(json::parse(Run("info db --format json").output)["collision_index"]["state"], "none");
+  EXPECT_EQ(Run("verify db").exit_code, 0);
+
+  const Outcome built = Run("index db");
+  EXPECT_EQ(built.exit_code, 0) << built.errors;
+  EXPECT_THAT(built.output, AllOf(HasSubstr("1 built, 0 fresh already"), HasSubstr("% of their")));
+  EXPECT_THAT(Run("info db").output, HasSubstr("collision index fresh, 1 tiles"));
+  const json again = json::parse(Run("index db --format json").output);
+  EXPECT_EQ(again["built"], 0);
+  EXPECT_EQ(again["fresh_already"], 1);
+  EXPECT_EQ(again["complete"], true);
+  EXPECT_EQ(json::parse(Run("index db --all --format json").output)["built"], 1);
+  const json verified = json::parse(Run("verify db --format json").output);
+  EXPECT_EQ(verified["ok"], true);
+  EXPECT_EQ(verified["collision_index"]["state"], "fresh");
+  EXPECT_EQ(verified["collision_index"]["fresh"], 1);
+
+  // A new record makes it stale, which is no fault of the database's.
+  {
+    const auto database = Database::Open(folder_ / "db", Database::Access::kWrite);
+    auto writer = (*database)->Write("test");
+    ASSERT_TRUE(writer->Put(TestImage(**database, NumberAt(2, 2), 5), true).ok());
+    ASSERT_TRUE(writer->Commit().ok());
+  }
+  const Outcome stale = Run("verify db");
+  EXPECT_EQ(stale.exit_code, 0);
+  EXPECT_THAT(stale.output,
+              HasSubstr("of 1 tiles 1 stale; build them with: silhouette-db index db"));
+  EXPECT_EQ(json::parse(Run("info db --format json").output)["collision_index"]["state"], "stale");
+
+  EXPECT_EQ(Run("index nowhere").exit_code, 2);
+  EXPECT_THAT(Run("index --help").output, HasSubstr("Example:"));
+}
+
+TEST_F(SilhouetteDb, IndexThatIsDamagedOrNotThatOfItsRobotImagesIsFoundByVerify) {
+  MakeDatabase("db");
+  const auto spoil = [&](const auto& change) {
+    EXPECT_EQ(Run("index db --all").exit_code, 0);
+    const auto database = Database::Open(folder_ / "db", Database::Access::kWrite);
+    const auto environment = Environment::Open(folder_ / "db");
+    const MDB_dbi index = *(*environment)->FindCollisionIndex();
+    const schema::NumberKey key = schema::EncodeKey(0);
+    const auto write = [&](WriteTransaction& transaction) {
+      MDB_val key_val = ToVal({key.data(), key.size()});
+      MDB_val stored;
+      EXPECT_EQ(mdb_get(transaction.get(), index, &key_val, &stored), 0);
+      return transaction.Put(index, {key.data(), key.size()}, change(std::string(FromVal(stored))));
+    };
+    ASSERT_TRUE((*environment)->Update(0, write).ok());
+  };
+  spoil([](std::string value) {
+    value.back() = 'x';
+    return value;
+  });
+  const Outcome damaged = Run("verify db");
+  EXPECT_EQ(damaged.exit_code, 1);
+  EXPECT_THAT(damaged.output, HasSubstr("the collision index of 1 tiles is damaged"));
+  EXPECT_THAT(Run("info db").output, HasSubstr("of 1 tiles 1 damaged; build them with"));
+
+  // What a faulty program could have written: sound in itself, but of other robot images.
+  spoil([&](const std::string& value) {
+    std::vector<PixelTree> trees = {PixelTree({64, 64}), PixelTree({33, 20})};
+    return EncodeTileValue(0, *TileHeaderIn(value), TileIndexBuilder(trees).Finish(), 4096);
+  });
+  EXPECT_THAT(Run("info db").output, HasSubstr("collision index fresh"));
+  const Outcome wrong = Run("verify db");
+  EXPECT_EQ(wrong.exit_code, 1);
+  EXPECT_THAT(wrong.output,
+              HasSubstr("the collision index of tile 0 is not that of its robot images"));
 }
 
 TEST_F(SilhouetteDb, VerifyIsContentWithACompleteDatabase) {
