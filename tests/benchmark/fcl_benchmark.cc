@@ -127,7 +127,7 @@ class FclCheck {
 // Over all scenes of a kind.
 void Check(benchmark::State& state, SceneKind kind) {
   constexpr int kChecks = 250;  // per scene
-  const SyntheticCell& cell = CellOf1M();
+  const SyntheticCell& cell = TheCellOf1M().cell;
   std::vector<std::unique_ptr<FclCheck>> checks;
   for (const BenchmarkScene& scene : ScenesOf1M(kind)) {
     checks.push_back(std::make_unique<FclCheck>(cell, scene));
@@ -148,9 +148,9 @@ void Check(benchmark::State& state, SceneKind kind) {
 
 // A new octree of the obstacles, whose voxels are known.
 void NewTree(benchmark::State& state, SceneKind kind) {
-  MeasureScenes(state, ScenesOf1M(kind), Caches::kWarm, [](const BenchmarkScene& scene) {
-    benchmark::DoNotOptimize(TreeOf(scene.obstacles));
-  });
+  const std::vector<BenchmarkScene>& scenes = ScenesOf1M(kind);
+  MeasureScenes(state, scenes.size(), Caches::kWarm,
+                [&](size_t i) { benchmark::DoNotOptimize(TreeOf(scenes[i].obstacles)); });
 }
 
 // The depth images of the four cameras put into an octree of the workspace that has seen the scene
@@ -159,7 +159,8 @@ void NewTree(benchmark::State& state, SceneKind kind) {
 void DepthUpdate(benchmark::State& state, SceneKind kind) {
   const std::vector<BenchmarkScene>& scenes = ScenesOf1M(kind);
   std::vector<std::vector<DepthImage>> images;
-  for (const BenchmarkScene& scene : scenes) images.push_back(DepthImagesOf(CellOf1M(), scene));
+  for (const BenchmarkScene& scene : scenes)
+    images.push_back(DepthImagesOf(TheCellOf1M().cell, scene));
   octomap::OcTree tree(kVoxel);
   tree.useBBXLimit(true);
   octomap::point3d low(-2, -2, 0);
@@ -173,9 +174,7 @@ void DepthUpdate(benchmark::State& state, SceneKind kind) {
     tree.updateInnerOccupancy();
   };
   insert(images[0]);
-  MeasureScenes(state, scenes, Caches::kWarm, [&](const BenchmarkScene& scene) {
-    insert(images[static_cast<size_t>(&scene - scenes.data())]);
-  });
+  MeasureScenes(state, scenes.size(), Caches::kWarm, [&](size_t i) { insert(images[i]); });
 }
 
 void Register(SceneKind kind) {

@@ -12,8 +12,6 @@
 #include <string>
 #include <vector>
 
-#include "db/store.h"
-#include "server/scene/served_database.h"
 #include "server/service/server.h"
 #include "silhouette/v1/collision_service.grpc.pb.h"
 #include "silhouette/v1/scene_service.grpc.pb.h"
@@ -38,17 +36,14 @@ const SyntheticCell& ServedCell() {
 std::shared_ptr<const ServedDatabase> LoadServedCell() {
   const std::string path = TemporaryFolder() + "/served.lmdb";
   WriteDatabase(ServedCell(), path);
-  const auto database = Database::Open(path, Database::Access::kRead);
-  Require(database.ok(), std::string(database.status().message()));
-  auto served = ServedDatabase::Load(**database);
-  Require(served.ok(), std::string(served.status().message()));
-  return *std::move(served);
+  BuildIndex(path);
+  return LoadDatabase(path);
 }
 
 // A server with a scene that does not grow old, and a channel to it.
-class Served {
+class RunningServer {
  public:
-  explicit Served(const std::string& address) {
+  explicit RunningServer(const std::string& address) {
     static const std::shared_ptr<const ServedDatabase> database = LoadServedCell();
     ServingSettings settings;
     settings.scene.max_age = absl::Hours(24);
@@ -91,8 +86,8 @@ class Served {
 
 enum class Transport { kTcp, kUnix };
 
-const Served& ServedOver(Transport transport) {
-  static std::map<Transport, Served> servers;
+const RunningServer& ServerOver(Transport transport) {
+  static std::map<Transport, RunningServer> servers;
   const std::string address =
       transport == Transport::kTcp ? "127.0.0.1:0" : "unix:" + TemporaryFolder() + "/socket";
   return servers.try_emplace(transport, address).first->second;
@@ -111,7 +106,7 @@ v1::CheckConfigurationsRequest RequestOf(int count) {
 
 // A health check: an empty message there, two bytes back.
 void EmptyCall(benchmark::State& state, Transport transport) {
-  const std::shared_ptr<grpc::Channel>& channel = ServedOver(transport).channel();
+  const std::shared_ptr<grpc::Channel>& channel = ServerOver(transport).channel();
   const grpc::internal::RpcMethod method("/grpc.health.v1.Health/Check",
                                          grpc::internal::RpcMethod::NORMAL_RPC, channel);
   const google::protobuf::Empty nothing;
@@ -129,7 +124,7 @@ void EmptyCall(benchmark::State& state, Transport transport) {
 
 // CheckConfigurations with one configuration.
 void Unary(benchmark::State& state, Transport transport) {
-  const auto stub = v1::CollisionService::NewStub(ServedOver(transport).channel());
+  const auto stub = v1::CollisionService::NewStub(ServerOver(transport).channel());
   const v1::CheckConfigurationsRequest request = RequestOf(1);
   v1::CheckConfigurationsResponse response;
   bool decided = true;
@@ -144,7 +139,7 @@ void Unary(benchmark::State& state, Transport transport) {
 // CheckConfigurations with many.
 void Batch(benchmark::State& state, Transport transport) {
   constexpr int kConfigurations = 10'000;
-  const auto stub = v1::CollisionService::NewStub(ServedOver(transport).channel());
+  const auto stub = v1::CollisionService::NewStub(ServerOver(transport).channel());
   const v1::CheckConfigurationsRequest request = RequestOf(kConfigurations);
   v1::CheckConfigurationsResponse response;
   for (auto _ : state) {

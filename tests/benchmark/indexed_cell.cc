@@ -84,21 +84,4 @@ IndexedCell::IndexedCell(const SyntheticCell& cell, uint64_t stride)
   mask_bytes_ = configurations * BytesOfMasks(cell.mask_sizes());
 }
 
-IndexedCell::IndexedCell(const RobotImageTable& table, int threads)
-    : trees_(TreesFor(table.mask_sizes())) {
-  auto built = BuildAll(
-      table.grid().tiles(), threads, trees_, [&](uint64_t tile, TileIndexBuilder& builder) {
-        std::vector<MaskWords> images(static_cast<size_t>(table.views()));
-        for (uint64_t place = 0; place < kTileSize; ++place) {
-          if (!table.present(tile).Contains(place)) continue;
-          for (int view = 0; view < table.views(); ++view) {
-            images[static_cast<size_t>(view)] = table.image(view, tile * kTileSize + place);
-          }
-          builder.Add(place, images);
-        }
-      });
-  AppendAll(std::move(built));
-  mask_bytes_ = table.Count(RobotImageState::kPresent) * BytesOfMasks(table.mask_sizes());
-}
-
 }  // namespace silhouette::benchmarks

@@ -1,4 +1,4 @@
-// The collision index of a synthesised cell, in memory.
+// The collision index of a synthesised cell whose masks would not fit into memory.
 #pragma once
 
 #include <cstddef>
@@ -7,7 +7,6 @@
 
 #include "db/index/pixel_tree.h"
 #include "db/index/tile_index.h"
-#include "server/collision/robot_image_table.h"
 #include "tests/benchmark/synthetic_cell.h"
 
 namespace silhouette::benchmarks {
@@ -17,9 +16,6 @@ class IndexedCell {
   // Renders the cell's tiles and indexes them, each `stride`th tile, with as many threads as the
   // machine has cores. The masks are never in memory all at once.
   explicit IndexedCell(const SyntheticCell& cell, uint64_t stride = 1);
-  // Indexes robot images that are in memory, with `threads` threads.
-  IndexedCell(const RobotImageTable& table, int threads);
-
   IndexedCell(const IndexedCell&) = delete;
   IndexedCell& operator=(const IndexedCell&) = delete;
 

@@ -2,6 +2,7 @@
 
 #include <stdlib.h>
 
+#include <algorithm>
 #include <filesystem>
 #include <map>
 #include <random>
@@ -9,20 +10,33 @@
 
 namespace silhouette::benchmarks {
 
-const SyntheticCell& CellOf1M() {
-  static const SyntheticCell cell({.steps = StepsOfSize1M()});
-  return cell;
+CellOf1M::CellOf1M() : cell({.steps = StepsOfSize1M()}) {
+  const std::string path = TemporaryFolder() + "/1m.lmdb";
+  WriteDatabase(cell, path);
+  index_build = BuildIndex(path);
+  database = LoadDatabase(path);
 }
 
-const RobotImageTable& TableOf1M() {
-  static const RobotImageTable table = CellOf1M().Table();
-  return table;
+const CellOf1M& TheCellOf1M() {
+  static const CellOf1M cell;
+  return cell;
 }
 
 const std::vector<BenchmarkScene>& ScenesOf1M(SceneKind kind) {
   static std::map<SceneKind, std::vector<BenchmarkScene>> scenes;
   std::vector<BenchmarkScene>& of_kind = scenes[kind];
-  if (of_kind.empty()) of_kind = MakeScenes(CellOf1M(), kind, kScenesPerKind);
+  if (of_kind.empty()) of_kind = MakeScenes(TheCellOf1M().cell, kind, kScenesPerKind);
+  return of_kind;
+}
+
+const std::vector<Served>& ServedScenesOf1M(SceneKind kind) {
+  static std::map<SceneKind, std::vector<Served>> scenes;
+  std::vector<Served>& of_kind = scenes[kind];
+  if (of_kind.empty()) {
+    for (const BenchmarkScene& scene : ScenesOf1M(kind)) {
+      of_kind.push_back(ServedScene(TheCellOf1M().database, scene));
+    }
+  }
   return of_kind;
 }
 

@@ -1,23 +1,35 @@
 // What several benchmarks measure on; made when it is first asked for and kept.
 #pragma once
 
+#include <memory>
 #include <string>
 #include <vector>
 
-#include "server/collision/robot_image_table.h"
 #include "tests/benchmark/scenes.h"
 #include "tests/benchmark/synthetic_cell.h"
+#include "tests/benchmark/synthetic_database.h"
 
 namespace silhouette::benchmarks {
 
 inline constexpr int kScenesPerKind = 8;
 
-// 1 M configurations of three joints, four views of 64 x 64 pixels, 2 % of them robot.
-const SyntheticCell& CellOf1M();
-// Its robot images: 2 GB.
-const RobotImageTable& TableOf1M();
+// 1 M configurations of three joints, four views of 64 x 64 pixels, 2 % of them robot: the database
+// with its collision index, on disk and loaded, with 2 GB of robot images in memory.
+struct CellOf1M {
+  CellOf1M();
+
+  SyntheticCell cell;
+  TimedBuild index_build;
+  std::shared_ptr<const ServedDatabase> database;
+};
+const CellOf1M& TheCellOf1M();
+inline const RobotImageTable& TableOf1M() { return TheCellOf1M().database->robot_images(); }
+inline const ConfigurationGrid& GridOf1M() { return TheCellOf1M().cell.grid(); }
+
 // Scenes in it.
 const std::vector<BenchmarkScene>& ScenesOf1M(SceneKind kind);
+// The same as the server has them.
+const std::vector<Served>& ServedScenesOf1M(SceneKind kind);
 
 // `count` random configurations of a grid, always the same.
 std::vector<ConfigurationNumber> RandomNumbers(const ConfigurationGrid& grid, int count);

@@ -18,7 +18,7 @@ CollisionTest TestOf(SceneKind kind) {
 void Check(benchmark::State& state, SceneKind kind, Caches caches) {
   const int count = caches == Caches::kWarm ? 100'000 : 320;
   const CollisionTest test = TestOf(kind);
-  const std::vector<ConfigurationNumber> numbers = RandomNumbers(CellOf1M().grid(), count);
+  const std::vector<ConfigurationNumber> numbers = RandomNumbers(GridOf1M(), count);
   MeasureCalls(
       state, count,
       [&](int i) { benchmark::DoNotOptimize(test.Check(numbers[static_cast<size_t>(i)])); },
@@ -28,7 +28,7 @@ void Check(benchmark::State& state, SceneKind kind, Caches caches) {
 void Batch(benchmark::State& state, SceneKind kind) {
   constexpr int kCount = 1'000'000;
   const CollisionTest test = TestOf(kind);
-  const std::vector<ConfigurationNumber> numbers = RandomNumbers(CellOf1M().grid(), kCount);
+  const std::vector<ConfigurationNumber> numbers = RandomNumbers(GridOf1M(), kCount);
   for (auto _ : state) {
     for (const ConfigurationNumber number : numbers) {
       benchmark::DoNotOptimize(test.Check(number));
@@ -41,7 +41,7 @@ void Batch(benchmark::State& state, SceneKind kind) {
 void Edge(benchmark::State& state, SceneKind kind) {
   constexpr int kEdges = 10'000;
   const CollisionTest test = TestOf(kind);
-  const std::vector<ConfigurationNumber> numbers = RandomEdges(CellOf1M().grid(), kEdges);
+  const std::vector<ConfigurationNumber> numbers = RandomEdges(GridOf1M(), kEdges);
   MeasureCalls(state, kEdges, [&](int edge) {
     for (size_t i = 0; i < 32; ++i) {
       benchmark::DoNotOptimize(test.Check(numbers[static_cast<size_t>(edge) * 32 + i]));

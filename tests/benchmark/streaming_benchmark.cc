@@ -96,10 +96,10 @@ void StreamingAllMasks(benchmark::State& state, SceneKind kind) {
     return;
   }
   std::vector<uint64_t> occupied;
-  MeasureScenes(state, ScenesOf1M(kind), Caches::kWarm, [&](const BenchmarkScene& scene) {
-    StreamAllMasks(table, scene.images, occupied);
-  });
-  if (!IsRight(table, ScenesOf1M(kind).back().images, occupied)) {
+  const std::vector<BenchmarkScene>& scenes = ScenesOf1M(kind);
+  MeasureScenes(state, scenes.size(), Caches::kWarm,
+                [&](size_t i) { StreamAllMasks(table, scenes[i].images, occupied); });
+  if (!IsRight(table, scenes.back().images, occupied)) {
     state.SkipWithError("the map is wrong");
   }
   state.counters["gigabytes"] =

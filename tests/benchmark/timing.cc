@@ -117,14 +117,14 @@ void MeasureCalls(benchmark::State& state, int count, const std::function<void(i
   ReportCalls(state, samples);
 }
 
-void MeasureScenes(benchmark::State& state, std::span<const BenchmarkScene> scenes, Caches caches,
-                   const std::function<void(const BenchmarkScene&)>& evaluate) {
-  std::vector<Samples> times(scenes.size());
+void MeasureScenes(benchmark::State& state, size_t scenes, Caches caches,
+                   const std::function<void(size_t)>& evaluate) {
+  std::vector<Samples> times(scenes);
   for (auto _ : state) {
     double total = 0;
-    for (size_t i = 0; i < scenes.size(); ++i) {
+    for (size_t i = 0; i < scenes; ++i) {
       if (caches == Caches::kSwept) SweepCaches();
-      const double time = TimeOf([&] { evaluate(scenes[i]); });
+      const double time = TimeOf([&] { evaluate(i); });
       times[i].Add(time);
       total += time;
     }

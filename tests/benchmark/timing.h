@@ -3,12 +3,10 @@
 
 #include <benchmark/benchmark.h>
 
+#include <algorithm>
 #include <cstdint>
 #include <functional>
-#include <span>
 #include <vector>
-
-#include "tests/benchmark/scenes.h"
 
 namespace silhouette::benchmarks {
 
@@ -47,11 +45,11 @@ void MeasureCalls(benchmark::State& state, int count, const std::function<void(i
 template <typename Call>
 void MeasureShortCalls(benchmark::State& state, int count, Call call);
 
-// Times `evaluate` for each scene; one iteration of the benchmark is all scenes. Counters:
-// median_ns and worst_ns over the scenes, each scene standing for the median of its times. With
-// Caches::kSwept the caches are swept before each time.
-void MeasureScenes(benchmark::State& state, std::span<const BenchmarkScene> scenes, Caches caches,
-                   const std::function<void(const BenchmarkScene&)>& evaluate);
+// Times `evaluate(i)` for scene i = 0 .. scenes - 1; one iteration of the benchmark is all scenes.
+// Counters: median_ns and worst_ns over the scenes, each scene standing for the median of its
+// times. With Caches::kSwept the caches are swept before each time.
+void MeasureScenes(benchmark::State& state, size_t scenes, Caches caches,
+                   const std::function<void(size_t)>& evaluate);
 
 // Sets p50_ns, p99_ns and timer_ns.
 void ReportCalls(benchmark::State& state, const Samples& samples);
