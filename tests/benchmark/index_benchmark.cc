@@ -22,6 +22,8 @@ void Build(benchmark::State& state) {
   state.counters["median_ns"] = build.time;
   state.counters["bytes"] = static_cast<double>(build.report.bytes);
   state.counters["mask_bytes"] = static_cast<double>(build.report.mask_bytes);
+  state.counters["database_bytes"] = static_cast<double>(TheCellOf1M().database_bytes);
+  state.counters["memory_bytes"] = static_cast<double>(TheCellOf1M().memory_bytes);
 }
 
 void ReportSize(benchmark::State& state, const IndexedCell& index) {

@@ -1,20 +1,38 @@
 #include "tests/benchmark/large_cells.h"
 
 #include <stdlib.h>
+#include <unistd.h>
 
 #include <algorithm>
 #include <filesystem>
+#include <fstream>
 #include <map>
 #include <random>
 #include <stdexcept>
 
 namespace silhouette::benchmarks {
+namespace {
+
+// Bytes of this process that are in memory and in no file.
+uint64_t OwnMemory() {
+  std::ifstream in("/proc/self/statm");
+  uint64_t total = 0;
+  uint64_t resident = 0;
+  uint64_t shared = 0;
+  in >> total >> resident >> shared;
+  return (resident - shared) * static_cast<uint64_t>(sysconf(_SC_PAGESIZE));
+}
+
+}  // namespace
 
 CellOf1M::CellOf1M() : cell({.steps = StepsOfSize1M()}) {
   const std::string path = TemporaryFolder() + "/1m.lmdb";
   WriteDatabase(cell, path);
   index_build = BuildIndex(path);
+  database_bytes = BytesInUse(path);
+  const uint64_t before = OwnMemory();
   database = LoadDatabase(path);
+  memory_bytes = OwnMemory() - before;
 }
 
 const CellOf1M& TheCellOf1M() {

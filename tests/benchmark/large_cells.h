@@ -1,6 +1,7 @@
 // What several benchmarks measure on; made when it is first asked for and kept.
 #pragma once
 
+#include <cstdint>
 #include <memory>
 #include <string>
 #include <vector>
@@ -20,6 +21,8 @@ struct CellOf1M {
 
   SyntheticCell cell;
   TimedBuild index_build;
+  uint64_t database_bytes = 0;  // in use on disk, the index included
+  uint64_t memory_bytes = 0;    // that the loaded database takes, without what is mapped
   std::shared_ptr<const ServedDatabase> database;
 };
 const CellOf1M& TheCellOf1M();

@@ -28,8 +28,8 @@ const ConfigurationSpace& PersonMap() {
 }
 
 // Whether every 97th tile is what the collision test says of the masks.
-bool IsRight(const ConfigurationSpace& map, const BenchmarkScene& scene) {
-  const CollisionTest test(TableOf1M(), scene.images, Policy{});
+bool IsRight(const ConfigurationSpace& map, const Served& served) {
+  const CollisionTest test(TableOf1M(), served.scene->obstacle_images, Policy{});
   for (uint64_t tile = 0; tile < map.tiles(); tile += 97) {
     if (map.tile(tile) != test.CheckTile(tile)) return false;
   }
@@ -49,10 +49,11 @@ void SceneToMap(benchmark::State& state, SceneKind kind, Caches caches) {
   MeasureScenes(state, scenes.size(), caches,
                 [&](size_t i) { benchmark::DoNotOptimize(MapOf(scenes[i])); });
   const std::unique_ptr<const ConfigurationSpace> map = MapOf(scenes.back());
-  if (!IsRight(*map, ScenesOf1M(kind).back())) state.SkipWithError("a map is wrong");
+  if (!IsRight(*map, scenes.back())) state.SkipWithError("a map is wrong");
   state.counters["occupied_share"] = OccupiedShare(*map);
 }
 
+// Each check by itself.
 void Check(benchmark::State& state, Caches caches) {
   const int count = caches == Caches::kWarm ? 100'000 : 320;
   const ConfigurationSpace& map = PersonMap();
@@ -65,6 +66,27 @@ void Check(benchmark::State& state, Caches caches) {
   } else {
     MeasureCalls(state, count, check, caches);
   }
+}
+
+// 16 checks, each of which waits for the answer of the one before.
+void CheckInTurn(benchmark::State& state) {
+  constexpr int kCount = 20'000;
+  constexpr int kParts = 16;
+  const ConfigurationSpace& map = PersonMap();
+  const std::vector<ConfigurationNumber> numbers = RandomNumbers(GridOf1M(), kCount * kParts);
+  uint64_t zero = 0;
+  benchmark::DoNotOptimize(zero);
+  MeasureShortCalls(
+      state, kCount,
+      [&](int i) {
+        const ConfigurationNumber* first = &numbers[static_cast<size_t>(i) * kParts];
+        State answer = State::kUnknown;
+        for (int part = 0; part < kParts; ++part) {
+          answer = map.state(first[part] + (static_cast<uint64_t>(answer) & zero));
+        }
+        benchmark::DoNotOptimize(answer);
+      },
+      kParts);
 }
 
 std::vector<uint32_t> Packed(const std::vector<ConfigurationNumber>& numbers) {
@@ -110,6 +132,7 @@ const bool kRegistered = [] {
         ->Iterations(5);
   }
   add("map_check", Check, Caches::kWarm);
+  add("map_check/in_turn", CheckInTurn);
   add("map_check/swept", Check, Caches::kSwept)->Iterations(1);
   add("map_edge_32", Edge);
   benchmark::RegisterBenchmark("map_batch", Batch)->Unit(benchmark::kMillisecond);

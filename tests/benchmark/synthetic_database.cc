@@ -78,6 +78,11 @@ TimedBuild BuildIndex(const std::string& path) {
   return build;
 }
 
+uint64_t BytesInUse(const std::string& path) {
+  const auto database = Required(Database::Open(path, Database::Access::kRead));
+  return Required(database->GetUsage()).used_bytes;
+}
+
 std::shared_ptr<const ServedDatabase> LoadDatabase(const std::string& path) {
   const auto database = Required(Database::Open(path, Database::Access::kRead));
   return Required(ServedDatabase::Load(*database));
