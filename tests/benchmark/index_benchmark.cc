@@ -59,11 +59,12 @@ const LargeCell& LargeCellOf(const CellSettings& settings) {
 }
 
 // The occupied configurations, from the index alone.
-void SceneToPlanes(benchmark::State& state, const CellSettings& settings, SceneKind kind) {
+void SceneToPlanes(benchmark::State& state, const CellSettings& settings, SceneKind kind,
+                   Caches caches) {
   const auto& [unused, cell, index] = LargeCellOf(settings);
   const std::vector<BenchmarkScene> scenes = MakeScenes(cell, kind, kScenesPerKind);
   std::vector<PlaceSet> map(index.tiles().size());
-  MeasureScenes(state, scenes.size(), Caches::kWarm, [&](size_t i) {
+  MeasureScenes(state, scenes.size(), caches, [&](size_t i) {
     CollisionImages planes;
     for (const auto& image : scenes[i].images) planes.emplace_back(image->obstacle());
     const PlaneVotes votes(index.trees(), planes, MinViews(Policy{}, kViews));
@@ -85,16 +86,22 @@ const bool kRegistered = [] {
         ->Iterations(1)
         ->Unit(benchmark::kSecond);
   }
-  const auto large = [](const std::string& name, const CellSettings& settings) {
+  const auto add = [](const std::string& name, const CellSettings& settings, SceneKind kind,
+                      Caches caches) {
+    return benchmark::RegisterBenchmark(("scene_to_planes_" + name).c_str(), SceneToPlanes,
+                                        settings, kind, caches)
+        ->UseManualTime()
+        ->Unit(benchmark::kMillisecond);
+  };
+  const auto large = [&](const std::string& name, const CellSettings& settings) {
     for (const SceneKind kind : kSceneKinds) {
-      benchmark::RegisterBenchmark(("scene_to_planes_" + name + "/" + NameOf(kind)).c_str(),
-                                   SceneToPlanes, settings, kind)
-          ->UseManualTime()
-          ->Unit(benchmark::kMillisecond);
+      add(name + "/" + NameOf(kind), settings, kind, Caches::kWarm);
     }
   };
   large("3k", {.steps = StepsOfSize3k()});
   large("1m", {.steps = StepsOfSize1M()});
+  add("1m/person_swept", {.steps = StepsOfSize1M()}, SceneKind::kPerson, Caches::kSwept)
+      ->Iterations(5);
   large("1m_10pct", {.steps = StepsOfSize1M(), .fill = 0.10});
   large("1m_128x96", {.steps = StepsOfSize1M(), .mask_size = {128, 96}});
   large("10m", {.steps = StepsOfSize10M()});
