@@ -46,7 +46,7 @@ struct CollisionIndexSummary {
 // process and in others.
 //
 // While it lives, so does its snapshot: pages of that state are not reused. If a capture writes
-// meanwhile, the file grows by the pages that every commit writes anew (some 10, of 4 KiB) and by
+// meanwhile, the file grows by the pages that every commit writes anew (some 8, of 4 KiB) and by
 // the tiles of an index that is built then, until this is destroyed and the pages are used again.
 class CollisionIndex {
  public:

@@ -62,7 +62,7 @@ std::vector<uint64_t> TilesIn(const Database& database, TileState state) {
 
 TEST(CollisionIndex, HoldsTheRobotImages) {
   const FreshFolder folder;
-  const auto database = MakeDatabase(folder / "db", 1);
+  const auto database = MakeDatabase(folder / "db", 3);
   const IndexBuildReport report = Build(*database);
   EXPECT_GT(report.tiles, 3);
   EXPECT_EQ(report.built, report.tiles);
