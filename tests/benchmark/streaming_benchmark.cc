@@ -14,7 +14,8 @@ namespace {
 
 constexpr size_t kWords = 64;  // of a mask of 64 x 64 pixels
 
-#if defined(__x86_64__)
+// The thread sanitizer cannot start a program that chooses among clones.
+#if defined(__x86_64__) && !defined(__SANITIZE_THREAD__)
 #define SILHOUETTE_FOR_EVERY_PROCESSOR __attribute__((target_clones("avx512f", "avx2", "default")))
 #else
 #define SILHOUETTE_FOR_EVERY_PROCESSOR
