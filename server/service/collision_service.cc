@@ -3,9 +3,8 @@
 #include <spdlog/spdlog.h>
 
 #include <algorithm>
-#include <bit>
+#include <chrono>
 #include <cmath>
-#include <cstring>
 #include <set>
 #include <span>
 #include <utility>
@@ -15,6 +14,7 @@
 #include "server/scene/checker.h"
 #include "server/service/explain.h"
 #include "server/service/messages.h"
+#include "server/service/space_writer.h"
 
 namespace silhouette {
 namespace {
@@ -63,89 +63,6 @@ Finding CheckOne(const Checker& checker, const Configuration& q, std::span<ViewE
 // What may be told of a verdict when the answer is ready.
 Verdict Final(const Verdict& verdict, Reason blocked) {
   return blocked == Reason::kNone ? verdict : Verdict::Unknown(blocked);
-}
-
-// The first `bits` bits of the words, least significant first.
-std::string BytesOf(std::span<const uint64_t> words, size_t bits) {
-  static_assert(std::endian::native == std::endian::little);
-  std::string bytes((bits + 7) / 8, '\0');
-  std::memcpy(bytes.data(), words.data(), bytes.size());
-  return bytes;
-}
-
-// Sends a configuration space, some tiles at a time. Deletes itself.
-class SpaceWriter final : public grpc::ServerWriteReactor<v1::GetConfigurationSpaceResponse> {
- public:
-  // Sends `tiles` of `space`, which are all ready, after a first message that is `first`.
-  void Send(v1::GetConfigurationSpaceResponse first,
-            std::shared_ptr<const ConfigurationSpace> space, std::vector<uint64_t> tiles) {
-    message_ = std::move(first);
-    space_ = std::move(space);
-    tiles_ = std::move(tiles);
-    SendNext();
-  }
-
-  void OnWriteDone(bool ok) override {
-    if (!ok) {
-      Finish(grpc::Status::CANCELLED);  // nobody listens any more
-    } else if (next_ == tiles_.size()) {
-      Finish(grpc::Status::OK);
-    } else {
-      message_.Clear();
-      SendNext();
-    }
-  }
-
-  void OnDone() override { delete this; }
-
- private:
-  void SendNext() {
-    const size_t end = std::min(tiles_.size(), next_ + CollisionService::kTilesPerMessage);
-    for (; next_ < end; ++next_) {
-      const TileVerdicts& verdicts = space_->tile(tiles_[next_]);
-      v1::ConfigurationSpaceTile& tile = *message_.add_tiles();
-      tile.set_tile(tiles_[next_]);
-      tile.set_free(BytesOf(verdicts.free, kTileSize));
-      tile.set_occupied(BytesOf(verdicts.occupied, kTileSize));
-    }
-    StartWrite(&message_);
-  }
-
-  v1::GetConfigurationSpaceResponse message_;
-  std::shared_ptr<const ConfigurationSpace> space_;
-  std::vector<uint64_t> tiles_;
-  size_t next_ = 0;
-};
-
-// The tiles asked for, each once; all of the grid if none is named.
-absl::StatusOr<std::vector<uint64_t>> TilesFrom(const v1::GetConfigurationSpaceRequest& request,
-                                                const ConfigurationGrid& grid) {
-  std::vector<uint64_t> tiles;
-  if (request.tiles().empty()) {
-    for (uint64_t tile = 0; tile < grid.tiles(); ++tile) tiles.push_back(tile);
-    return tiles;
-  }
-  std::set<uint64_t> seen;
-  for (int i = 0; i < request.tiles_size(); ++i) {
-    if (request.tiles(i) >= grid.tiles()) {
-      return absl::InvalidArgumentError(absl::StrCat("tiles[", i, "]: there is no tile ",
-                                                     request.tiles(i), "; the grid has ",
-                                                     grid.tiles(), ", counted from 0"));
-    }
-    if (seen.insert(request.tiles(i)).second) tiles.push_back(request.tiles(i));
-  }
-  return tiles;
-}
-
-// How long a request may take; without end if it does not say.
-absl::StatusOr<absl::Duration> MaxTimeOf(const v1::GetConfigurationSpaceRequest& request) {
-  if (!request.has_max_time()) return absl::InfiniteDuration();
-  const absl::Duration time =
-      absl::Seconds(request.max_time().seconds()) + absl::Nanoseconds(request.max_time().nanos());
-  if (time < absl::ZeroDuration()) {
-    return absl::InvalidArgumentError("max_time: a time cannot be negative");
-  }
-  return time;
 }
 
 }  // namespace
@@ -209,8 +126,8 @@ grpc::Status CollisionService::CheckNumbers(const v1::CheckConfigurationsRequest
     std::ranges::fill(occupied, 0);
   }
   response->set_unknown_reason(ToMessage(blocked));
-  response->set_free(BytesOf(free, count));
-  response->set_occupied(BytesOf(occupied, count));
+  response->set_free(PackedBits(free, count));
+  response->set_occupied(PackedBits(occupied, count));
   return grpc::Status::OK;
 }
 
@@ -302,9 +219,8 @@ CollisionService::GetConfigurationSpace(grpc::CallbackServerContext* context,
                                         const v1::GetConfigurationSpaceRequest* request) {
   auto* writer = new SpaceWriter();
   const auto work = [this, context, request, writer]() -> grpc::Status {
-    const absl::Time begun = absl::Now();
-    const absl::StatusOr<absl::Duration> max_time = MaxTimeOf(*request);
-    if (!max_time.ok()) return ToGrpc(max_time.status());
+    const absl::StatusOr<Deadline> deadline = DeadlineOf(*request);
+    if (!deadline.ok()) return ToGrpc(deadline.status());
     const Served served = serving_.scenes.Newest(serving_.settings.clock());
     const absl::StatusOr<Policy> policy = PolicyFor(request->policy(), *served.database);
     if (!policy.ok()) return ToGrpc(policy.status());
@@ -314,9 +230,8 @@ CollisionService::GetConfigurationSpace(grpc::CallbackServerContext* context,
     v1::GetConfigurationSpaceResponse first;
     if (served.scene != nullptr) {
       space = serving_.spaces.Get(served, *policy);
-      const auto go_on = [&] { return !context->IsCancelled() && absl::Now() - begun < *max_time; };
       for (const uint64_t tile : *tiles) {
-        if (!go_on()) break;
+        if (context->IsCancelled() || std::chrono::steady_clock::now() >= *deadline) break;
         space->tile(tile);
       }
       if (context->IsCancelled()) return grpc::Status::CANCELLED;

@@ -17,8 +17,6 @@ class CollisionService final : public v1::CollisionService::CallbackService {
   static constexpr int kMaxNumbers = 8'000'000;
   static constexpr int kMaxWaypoints = 10'000;
   static constexpr double kMaxPlaces = 1e6;
-  // Tiles in one message of a configuration space: about half a megabyte.
-  static constexpr int kTilesPerMessage = 512;
 
   explicit CollisionService(Serving& serving) : serving_(serving) {}
 

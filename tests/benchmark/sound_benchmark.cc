@@ -110,7 +110,8 @@ VoxelSet PlainRemaining(const Scene& scene) {
     for (int bz = std::max(0, z - reach); bz <= std::min(grid.size(2) - 1, z + reach); ++bz) {
       for (int by = std::max(0, y - reach); by <= std::min(grid.size(1) - 1, y + reach); ++by) {
         for (int bx = std::max(0, x - reach); bx <= std::min(grid.size(0) - 1, x + reach); ++bx) {
-          if (grid.Box(bx, by, bz).exteriorDistance(centre) <= kRho + 1e-9) opened.Insert(bx, by, bz);
+          if (grid.Box(bx, by, bz).exteriorDistance(centre) <= kRho + 1e-9)
+            opened.Insert(bx, by, bz);
         }
       }
     }

@@ -3,6 +3,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include "server/service/space_writer.h"
 #include "tests/server/service/test_server.h"
 #include "tools/picture/palette.h"
 
@@ -291,8 +292,8 @@ TEST(GetConfigurationSpace, EachTileComesOnceInMessagesThatClientsTakeByDefault)
   std::set<uint64_t> tiles;
   uint64_t free = 0;
   const auto messages = server.Space();
-  EXPECT_EQ(messages.size(), (grid.tiles() + CollisionService::kTilesPerMessage - 1) /
-                                 CollisionService::kTilesPerMessage);
+  EXPECT_EQ(messages.size(),
+            (grid.tiles() + SpaceWriter::kTilesPerMessage - 1) / SpaceWriter::kTilesPerMessage);
   ASSERT_GT(messages.size(), 1u);
   for (const auto& message : messages) {
     EXPECT_LT(message.ByteSizeLong(), size_t{1} << 20);

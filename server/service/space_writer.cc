@@ -1,0 +1,85 @@
+#include "server/service/space_writer.h"
+
+#include <algorithm>
+#include <bit>
+#include <cstring>
+#include <set>
+#include <utility>
+
+#include "absl/status/status.h"
+#include "absl/strings/str_cat.h"
+#include "absl/time/time.h"
+
+namespace silhouette {
+
+std::string PackedBits(std::span<const uint64_t> words, size_t bits) {
+  static_assert(std::endian::native == std::endian::little);
+  std::string bytes((bits + 7) / 8, '\0');
+  std::memcpy(bytes.data(), words.data(), bytes.size());
+  return bytes;
+}
+
+absl::StatusOr<std::vector<uint64_t>> TilesFrom(const v1::GetConfigurationSpaceRequest& request,
+                                                const ConfigurationGrid& grid) {
+  std::vector<uint64_t> tiles;
+  if (request.tiles().empty()) {
+    for (uint64_t tile = 0; tile < grid.tiles(); ++tile) tiles.push_back(tile);
+    return tiles;
+  }
+  std::set<uint64_t> seen;
+  for (int i = 0; i < request.tiles_size(); ++i) {
+    if (request.tiles(i) >= grid.tiles()) {
+      return absl::InvalidArgumentError(absl::StrCat("tiles[", i, "]: there is no tile ",
+                                                     request.tiles(i), "; the grid has ",
+                                                     grid.tiles(), ", counted from 0"));
+    }
+    if (seen.insert(request.tiles(i)).second) tiles.push_back(request.tiles(i));
+  }
+  return tiles;
+}
+
+absl::StatusOr<Deadline> DeadlineOf(const v1::GetConfigurationSpaceRequest& request) {
+  if (!request.has_max_time()) return Deadline::max();
+  const absl::Duration time =
+      absl::Seconds(request.max_time().seconds()) + absl::Nanoseconds(request.max_time().nanos());
+  if (time < absl::ZeroDuration()) {
+    return absl::InvalidArgumentError("max_time: a time cannot be negative");
+  }
+  // Longer than any call lives.
+  if (time > absl::Hours(24)) return Deadline::max();
+  return std::chrono::steady_clock::now() + absl::ToChronoNanoseconds(time);
+}
+
+void SpaceWriter::Send(v1::GetConfigurationSpaceResponse first,
+                       std::shared_ptr<const ConfigurationSpace> space,
+                       std::vector<uint64_t> tiles) {
+  message_ = std::move(first);
+  space_ = std::move(space);
+  tiles_ = std::move(tiles);
+  SendNext();
+}
+
+void SpaceWriter::OnWriteDone(bool ok) {
+  if (!ok) {
+    Finish(grpc::Status::CANCELLED);  // nobody listens any more
+  } else if (next_ == tiles_.size()) {
+    Finish(grpc::Status::OK);
+  } else {
+    message_.Clear();
+    SendNext();
+  }
+}
+
+void SpaceWriter::SendNext() {
+  const size_t end = std::min(tiles_.size(), next_ + kTilesPerMessage);
+  for (; next_ < end; ++next_) {
+    const TileVerdicts& verdicts = space_->tile(tiles_[next_]);
+    v1::ConfigurationSpaceTile& tile = *message_.add_tiles();
+    tile.set_tile(tiles_[next_]);
+    tile.set_free(PackedBits(verdicts.free, kTileSize));
+    tile.set_occupied(PackedBits(verdicts.occupied, kTileSize));
+  }
+  StartWrite(&message_);
+}
+
+}  // namespace silhouette

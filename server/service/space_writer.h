@@ -1,0 +1,57 @@
+// Sending a configuration space, some tiles at a time.
+#pragma once
+
+#include <grpcpp/support/server_callback.h>
+
+#include <chrono>
+#include <cstdint>
+#include <memory>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "absl/status/statusor.h"
+#include "db/configuration_grid.h"
+#include "server/scene/configuration_space.h"
+#include "silhouette/v1/collision_service.pb.h"
+
+namespace silhouette {
+
+// The first `bits` bits of the words as bytes: bit i % 8 of byte i / 8 is bit i % 64 of word i
+// / 64.
+std::string PackedBits(std::span<const uint64_t> words, size_t bits);
+
+// The tiles asked for, each once; all of the grid if none is named. InvalidArgument for a tile that
+// the grid does not have.
+absl::StatusOr<std::vector<uint64_t>> TilesFrom(const v1::GetConfigurationSpaceRequest& request,
+                                                const ConfigurationGrid& grid);
+
+// When the time that the request gives is over, if it begins now; never, if it gives none.
+// InvalidArgument if the time is negative.
+using Deadline = std::chrono::steady_clock::time_point;
+absl::StatusOr<Deadline> DeadlineOf(const v1::GetConfigurationSpaceRequest& request);
+
+// The answer to one call. Deletes itself when the call is over: either Send() or Finish() is called
+// once.
+class SpaceWriter final : public grpc::ServerWriteReactor<v1::GetConfigurationSpaceResponse> {
+ public:
+  // Tiles in one message: about half a megabyte.
+  static constexpr int kTilesPerMessage = 512;
+
+  // Sends `tiles` of `space`, which are all ready, after a first message that is `first`.
+  void Send(v1::GetConfigurationSpaceResponse first,
+            std::shared_ptr<const ConfigurationSpace> space, std::vector<uint64_t> tiles);
+
+  void OnWriteDone(bool ok) override;
+  void OnDone() override { delete this; }
+
+ private:
+  void SendNext();
+
+  v1::GetConfigurationSpaceResponse message_;
+  std::shared_ptr<const ConfigurationSpace> space_;
+  std::vector<uint64_t> tiles_;
+  size_t next_ = 0;
+};
+
+}  // namespace silhouette
