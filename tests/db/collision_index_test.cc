@@ -448,7 +448,7 @@ TEST(CollisionIndex, IsBuiltInBoundedMemory) {
   GTEST_SKIP() << "a sanitizer takes memory of its own";
 #endif
   const FreshFolder folder;
-  storage::v1::CellDescription cell = TestCell(400, 400);
+  storage::v1::CellDescription cell = TestCell(600, 600);
   std::mt19937_64 random(3);
   const pid_t child = fork();
   if (child == 0) {
@@ -467,8 +467,8 @@ TEST(CollisionIndex, IsBuiltInBoundedMemory) {
       }
     }
     if (!writer->Commit().ok()) _exit(2);
-    // The map of the file is no part of this.
-    constexpr rlim_t kMost = rlim_t{64} << 20;
+    // The map of the file is no part of this; what the threads' heaps reserve is.
+    constexpr rlim_t kMost = rlim_t{96} << 20;
     const rlimit limit{kMost, kMost};
     if (setrlimit(RLIMIT_DATA, &limit) != 0) _exit(3);
     const auto report = BuildCollisionIndex(**database, {.buffer = 1 << 20});
