@@ -20,8 +20,9 @@ struct VectorOf<64> {
   using Type [[gnu::vector_size(64), gnu::aligned(8), gnu::may_alias]] = uint64_t;
 };
 
-// Eight vectors of the result at a time stay in registers. Not for the address sanitizer, whose
-// frames do not keep the alignment of 64 bytes that GCC counts on (GCC bug 110027).
+// Eight vectors of the result at a time stay in registers. Not for the address sanitizer: its
+// frames (detect_stack_use_after_return) do not keep the alignment of 64 bytes that GCC 12's moves
+// count on.
 template <size_t kBytes>
 [[gnu::always_inline, gnu::no_sanitize_address]] inline void AddUnionInVectors(
     const uint64_t* sets, std::span<const uint32_t> chosen, PlaceSet& result) {
