@@ -307,6 +307,7 @@ void ToMessage(const Mask& mask, v1::Mask* message) {
 
 void ToMessage(const Served& served, const Policy& policy, const Moment& now, v1::Basis* message) {
   message->set_database_generation(served.database->generation());
+  SetDuration(now.running, message->mutable_server_clock());
   if (served.scene == nullptr) return;
   message->set_scene_id(served.scene->id);
   SetTime(served.scene->oldest, message->mutable_scene_time());
