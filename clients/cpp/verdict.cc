@@ -54,6 +54,16 @@ Words WordsFor(Reason reason) {
               "the margin in pixels"};
     case Reason::kRegionEnded:
       return {"region ended", "an allowed region ended while the answer was made: ask again"};
+    case Reason::kNotInMap:
+      return {
+          "not in map",
+          "the map has no verdict on the configuration, for want of a usable robot image or of a "
+          "view: ask the server for the reason"};
+    case Reason::kBetweenGridPoints:
+      return {
+          "between grid points",
+          "the corners of its grid cell are free, which proves nothing of what lies between them: "
+          "ask the server"};
   }
   return {"unspecified", "the server gave no reason that is known here"};
 }

@@ -14,7 +14,8 @@ enum class State : uint8_t {
   kOccupied,
 };
 
-// Why a verdict is unknown. Same values as silhouette.v1.Verdict.Reason.
+// Why a verdict is unknown. Below 200 same values as silhouette.v1.Verdict.Reason; the others are
+// this library's own, of maps that it answers from by itself.
 enum class Reason : uint8_t {
   kUnspecified = 0,  // the verdict is free or occupied, or the server gave a reason not known here
   kNoScene = 1,
@@ -33,6 +34,8 @@ enum class Reason : uint8_t {
   kInternal = 14,
   kMarginUnknown = 15,
   kRegionEnded = 16,
+  kNotInMap = 200,
+  kBetweenGridPoints = 201,
 };
 
 // "free", "occupied", "unknown".

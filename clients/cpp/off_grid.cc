@@ -1,0 +1,52 @@
+#include "clients/cpp/off_grid.h"
+
+#include <algorithm>
+
+namespace silhouette::client {
+namespace {
+
+// The number of views that must show an obstacle; nothing if that is not known here.
+std::optional<int> MinViews(const Policy& policy, int views) {
+  if (policy.min_views) return policy.min_views;
+  if (views < 1) return std::nullopt;
+  if (policy.preset != "uncalibrated") return views;
+  return std::max(1, views - std::min(policy.max_occluded_views.value_or(1), views));
+}
+
+// Whether a view that shows no obstacle at any corner shows none at all of them together, as long
+// as no other view shows one.
+bool ShowsNoMoreTogether(const Policy& policy) {
+  if (policy.preset == "uncalibrated" || policy.preset == "paper") return true;
+  const bool literal = policy.preset == "paper-calibrated";
+  if (!literal && policy.preset != "calibrated") return false;
+  const Epipolar epipolar =
+      policy.epipolar.value_or(literal ? Epipolar::kObstacle : Epipolar::kIntersection);
+  return epipolar == Epipolar::kObstacle || !policy.errors_convict.value_or(literal);
+}
+
+}  // namespace
+
+Policy Effective(const Policy& asked, const Policy& defaults) {
+  Policy policy = defaults;
+  if (!asked.preset.empty()) {
+    policy = {.preset = asked.preset,
+              .max_occluded_views = defaults.max_occluded_views,
+              .off_grid = defaults.off_grid};
+  }
+  if (asked.max_occluded_views) {
+    policy.max_occluded_views = asked.max_occluded_views;
+    policy.min_views.reset();
+  }
+  if (asked.min_views) policy.min_views = asked.min_views;
+  if (asked.epipolar) policy.epipolar = asked.epipolar;
+  if (asked.errors_convict) policy.errors_convict = asked.errors_convict;
+  if (asked.off_grid) policy.off_grid = asked.off_grid;
+  return policy;
+}
+
+OffGridRule OffGridRuleOf(const Policy& policy, int views) {
+  return {.off_grid = policy.off_grid.value_or(OffGrid::kCell),
+          .free_corners_suffice = MinViews(policy, views) == 1 && ShowsNoMoreTogether(policy)};
+}
+
+}  // namespace silhouette::client
