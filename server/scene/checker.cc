@@ -21,6 +21,15 @@ Reason BlockedReason(const Served& served, const SceneSettings& settings, const 
   return scene.Blocked();
 }
 
+absl::Duration ValidFor(const Served& served, const SceneSettings& settings, const Moment& now) {
+  if (BlockedReason(served, settings, now) != Reason::kNone) return absl::ZeroDuration();
+  absl::Duration valid = settings.max_age - served.scene->AgeAt(now);
+  for (const AllowedRegion& region : served.regions->regions) {
+    valid = std::min(valid, region.end - now.running);
+  }
+  return valid;
+}
+
 void RequireServable(const Served& served, const Policy& policy) {
   MinViews(policy, served.database->views());
   const absl::Status status = served.database->CanServe(policy);

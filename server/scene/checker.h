@@ -79,6 +79,10 @@ TestSupport SupportFor(const Served& served, const Policy& policy);
 // Why no verdict can rest on `served` at the moment `now`; kNone if verdicts can be made.
 Reason BlockedReason(const Served& served, const SceneSettings& settings, const Moment& now);
 
+// How long from the moment `now` on that stays so if nothing new comes: then the scene is too old,
+// or an allowed region ends. Zero if no verdict can rest on it.
+absl::Duration ValidFor(const Served& served, const SceneSettings& settings, const Moment& now);
+
 // The names of the allowed regions without which verdicts under the policy might be others: those
 // that took any pixel of the scene away; all in force, if the policy looks at space instead.
 std::vector<std::string> RegionsIn(const Served& served, const Policy& policy);

@@ -1,8 +1,6 @@
 // CollisionService: what planners ask.
 #pragma once
 
-#include "absl/status/statusor.h"
-#include "server/scene/checker.h"
 #include "server/service/serving.h"
 #include "silhouette/v1/collision_service.grpc.pb.h"
 
@@ -12,12 +10,6 @@ namespace silhouette {
 // still good when the reply was ready.
 class CollisionService final : public v1::CollisionService::CallbackService {
  public:
-  // More is INVALID_ARGUMENT.
-  static constexpr int kMaxConfigurations = 10'000;
-  static constexpr int kMaxNumbers = 8'000'000;
-  static constexpr int kMaxWaypoints = 10'000;
-  static constexpr double kMaxPlaces = 1e6;
-
   explicit CollisionService(Serving& serving) : serving_(serving) {}
 
   grpc::ServerUnaryReactor* CheckConfigurations(grpc::CallbackServerContext* context,
@@ -34,19 +26,6 @@ class CollisionService final : public v1::CollisionService::CallbackService {
                                     v1::ExplainResponse* response) override;
 
  private:
-  // CheckConfigurations by numbers.
-  grpc::Status CheckNumbers(const v1::CheckConfigurationsRequest& request,
-                            v1::CheckConfigurationsResponse* response);
-  // The policy of a request. FailedPrecondition if the database cannot serve it.
-  absl::StatusOr<Policy> PolicyFor(const v1::Policy& message, const ServedDatabase& database) const;
-  // Whether even a few checks may take longer than look-ups: under the sound presets.
-  bool MayTakeLong(const v1::Policy& message) const;
-  // The world at this moment under the policy of a request.
-  absl::StatusOr<Checker> CheckerFor(const v1::Policy& policy) const;
-  // Tells what the answer rests on. Returns why it must not say free after all: the scene may have
-  // become too old, or an allowed region ended, while the answer was made.
-  Reason Conclude(const Served& served, const Policy& policy, v1::Basis* basis) const;
-
   Serving& serving_;
 };
 

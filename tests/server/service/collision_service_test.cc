@@ -3,6 +3,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include "server/service/answers.h"
 #include "server/service/space_writer.h"
 #include "tests/server/service/test_server.h"
 #include "tools/picture/palette.h"
@@ -125,7 +126,7 @@ TEST_F(CollisionServiceTest, WrongNumberOfPositionsIsRefusedByName) {
 
 TEST_F(CollisionServiceTest, TooMuchAtOnceIsRefused) {
   v1::CheckConfigurationsRequest request;
-  for (int i = 0; i <= CollisionService::kMaxConfigurations; ++i) request.add_configurations();
+  for (int i = 0; i <= kMaxConfigurations; ++i) request.add_configurations();
   EXPECT_EQ(Refusal(request), "configurations: there are 10001; ask for at most 10000 at once");
   v1::CheckPathRequest path;
   for (double turns : {0.0, 1e6}) Set({0, turns * 2 * std::numbers::pi}, path.add_waypoints());
@@ -135,7 +136,7 @@ TEST_F(CollisionServiceTest, TooMuchAtOnceIsRefused) {
 TEST_F(CollisionServiceTest, LargeBatchIsAnsweredWhole) {
   server.Publish(SceneWithBlock(3));
   std::vector<Configuration> configurations;
-  for (int i = 0; i < CollisionService::kMaxConfigurations; ++i) {
+  for (int i = 0; i < kMaxConfigurations; ++i) {
     configurations.push_back(At(i % 5, i % 8));
   }
   const auto response = server.Check(configurations);

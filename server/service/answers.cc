@@ -1,0 +1,229 @@
+#include "server/service/answers.h"
+
+#include <spdlog/spdlog.h>
+
+#include <algorithm>
+#include <cmath>
+#include <set>
+#include <span>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "absl/strings/str_cat.h"
+#include "server/collision/segment_places.h"
+#include "server/service/explain.h"
+#include "server/service/messages.h"
+#include "server/service/space_writer.h"
+
+namespace silhouette {
+namespace {
+
+// Up to so many configurations are checked in gRPC's own threads.
+constexpr int kFewChecks = 64;
+
+absl::StatusOr<std::vector<Configuration>> ConfigurationsFrom(
+    const google::protobuf::RepeatedPtrField<v1::Configuration>& messages,
+    const ConfigurationGrid& grid, const std::string& field, int limit) {
+  if (messages.size() > limit) {
+    return absl::InvalidArgumentError(absl::StrCat(field, ": there are ", messages.size(),
+                                                   "; ask for at most ", limit, " at once"));
+  }
+  std::vector<Configuration> configurations;
+  for (int i = 0; i < messages.size(); ++i) {
+    absl::StatusOr<Configuration> q =
+        ConfigurationFrom(messages[i], grid, absl::StrCat(field, "[", i, "]"));
+    if (!q.ok()) return q.status();
+    configurations.push_back(*std::move(q));
+  }
+  return configurations;
+}
+
+// What is found out about one configuration.
+struct Finding {
+  Verdict verdict;
+  std::optional<double> clearance;
+};
+
+// A fault of ours while one configuration is checked makes that one unknown. `meter`: null if no
+// clearance is asked for.
+Finding CheckOne(const Checker& checker, const Configuration& q, std::span<ViewEvidence> evidence,
+                 const ClearanceMeter* meter = nullptr) {
+  try {
+    Finding finding{.verdict = checker.Check(q, evidence), .clearance = std::nullopt};
+    if (meter != nullptr) finding.clearance = meter->Measure(q, finding.verdict, evidence);
+    return finding;
+  } catch (const std::exception& error) {
+    spdlog::error("internal error: {}", error.what());
+    std::fill(evidence.begin(), evidence.end(), ViewEvidence{});
+    return {.verdict = Verdict::Unknown(Reason::kInternal), .clearance = std::nullopt};
+  }
+}
+
+// An answer by numbers.
+grpc::Status AnswerNumbers(Serving& serving, const v1::CheckConfigurationsRequest& request,
+                           v1::CheckConfigurationsResponse* response) {
+  if (!request.configurations().empty()) {
+    return {grpc::StatusCode::INVALID_ARGUMENT,
+            "numbers: ask for numbers or for configurations, not for both at once"};
+  }
+  if (request.include_clearance()) {
+    return {grpc::StatusCode::INVALID_ARGUMENT,
+            "include_clearance: clearances are told of configurations, not of numbers"};
+  }
+  if (request.numbers_size() > kMaxNumbers) {
+    return ToGrpc(
+        absl::InvalidArgumentError(absl::StrCat("numbers: there are ", request.numbers_size(),
+                                                "; ask for at most ", kMaxNumbers, " at once")));
+  }
+  const Served served = serving.scenes.Newest(serving.settings.clock());
+  const absl::StatusOr<Policy> policy = PolicyFor(serving, request.policy(), *served.database);
+  if (!policy.ok()) return ToGrpc(policy.status());
+  const auto count = static_cast<size_t>(request.numbers_size());
+  std::vector<uint64_t> free((count + 63) / 64, 0);
+  std::vector<uint64_t> occupied(free.size(), 0);
+  if (served.scene != nullptr) {
+    serving.spaces.Get(served, *policy)->States({request.numbers().data(), count}, free, occupied);
+  }
+  const Reason blocked = Conclude(serving, served, *policy, response->mutable_basis());
+  if (blocked != Reason::kNone) {
+    std::ranges::fill(free, 0);
+    std::ranges::fill(occupied, 0);
+  }
+  response->set_unknown_reason(ToMessage(blocked));
+  response->set_free(PackedBits(free, count));
+  response->set_occupied(PackedBits(occupied, count));
+  return grpc::Status::OK;
+}
+
+}  // namespace
+
+absl::StatusOr<Policy> PolicyFor(const Serving& serving, const v1::Policy& message,
+                                 const ServedDatabase& database) {
+  absl::StatusOr<Policy> policy =
+      PolicyFrom(message, DefaultPolicy(serving.settings, database), database.views());
+  if (!policy.ok()) return policy;
+  if (absl::Status servable = database.CanServe(*policy); !servable.ok()) return servable;
+  return policy;
+}
+
+absl::StatusOr<Checker> CheckerFor(Serving& serving, const v1::Policy& message) {
+  const Moment now = serving.settings.clock();
+  Served served = serving.scenes.Newest(now);
+  const absl::StatusOr<Policy> policy = PolicyFor(serving, message, *served.database);
+  if (!policy.ok()) return policy.status();
+  return Checker(std::move(served), *policy, serving.settings.scene, now);
+}
+
+Reason Conclude(const Serving& serving, const Served& served, const Policy& policy,
+                v1::Basis* basis, absl::Duration* valid_for) {
+  const Moment now = serving.settings.clock();
+  ToMessage(served, policy, now, basis);
+  if (valid_for != nullptr) *valid_for = ValidFor(served, serving.settings.scene, now);
+  return BlockedReason(served, serving.settings.scene, now);
+}
+
+Verdict Final(const Verdict& verdict, Reason blocked) {
+  return blocked == Reason::kNone ? verdict : Verdict::Unknown(blocked);
+}
+
+bool AnsweredAtOnce(const Serving& serving, const v1::CheckConfigurationsRequest& request) {
+  if (!request.numbers().empty() || request.include_clearance() ||
+      request.configurations_size() > kFewChecks) {
+    return false;
+  }
+  // Under the sound presets even a few checks may take longer than look-ups.
+  const absl::StatusOr<Policy> policy =
+      PolicyFor(serving, request.policy(), *serving.scenes.database());
+  return !policy.ok() || !IsSound(policy->preset);
+}
+
+grpc::Status Answer(Serving& serving, const v1::CheckConfigurationsRequest& request,
+                    const std::function<bool()>& cancelled,
+                    v1::CheckConfigurationsResponse* response) {
+  if (!request.numbers().empty()) return AnswerNumbers(serving, request, response);
+  const absl::StatusOr<Checker> checker = CheckerFor(serving, request.policy());
+  if (!checker.ok()) return ToGrpc(checker.status());
+  const ServedDatabase& database = *checker->served().database;
+  const auto configurations = ConfigurationsFrom(request.configurations(), database.grid(),
+                                                 "configurations", kMaxConfigurations);
+  if (!configurations.ok()) return ToGrpc(configurations.status());
+  const size_t views = request.omit_evidence() ? 0 : static_cast<size_t>(database.views());
+  const std::optional<ClearanceMeter> meter =
+      request.include_clearance() ? checker->Clearances() : std::nullopt;
+  std::vector<Finding> findings;
+  std::vector<ViewEvidence> evidence(views * configurations->size());
+  const auto evidence_of = [&](size_t i) { return std::span(evidence).subspan(i * views, views); };
+  for (size_t i = 0; i < configurations->size(); ++i) {
+    if (meter && cancelled()) return grpc::Status::CANCELLED;  // this may take long
+    findings.push_back(
+        CheckOne(*checker, (*configurations)[i], evidence_of(i), meter ? &*meter : nullptr));
+  }
+  const Reason blocked =
+      Conclude(serving, checker->served(), checker->policy(), response->mutable_basis());
+  for (size_t i = 0; i < findings.size(); ++i) {
+    ToMessage(Final(findings[i].verdict, blocked), evidence_of(i),
+              checker->RegionsAt((*configurations)[i]), findings[i].clearance, database,
+              response->add_verdicts());
+  }
+  return grpc::Status::OK;
+}
+
+grpc::Status Answer(Serving& serving, const v1::CheckPathRequest& request,
+                    v1::CheckPathResponse* response, absl::Duration* valid_for) {
+  const absl::StatusOr<Checker> checker = CheckerFor(serving, request.policy());
+  if (!checker.ok()) return ToGrpc(checker.status());
+  const ServedDatabase& database = *checker->served().database;
+  const auto waypoints =
+      ConfigurationsFrom(request.waypoints(), database.grid(), "waypoints", kMaxWaypoints);
+  if (!waypoints.ok()) return ToGrpc(waypoints.status());
+  if (waypoints->empty()) {
+    return {grpc::StatusCode::INVALID_ARGUMENT, "waypoints: a path has at least one"};
+  }
+  const double places = MostPlaces(database.grid(), *waypoints);
+  if (std::isfinite(places) && places > kMaxPlaces) {
+    return {grpc::StatusCode::INVALID_ARGUMENT,
+            "waypoints: the path passes more than 1,000,000 places of the grid; split it"};
+  }
+  std::vector<ViewEvidence> evidence(static_cast<size_t>(database.views()));
+  std::set<std::string> touched;
+  std::optional<PathClearance> narrowest;
+  const PathVerdict path = checker->CheckPath(*waypoints, evidence, &touched,
+                                              request.include_clearance() ? &narrowest : nullptr);
+  const Reason blocked =
+      Conclude(serving, checker->served(), checker->policy(), response->mutable_basis(), valid_for);
+  const Verdict verdict = Final(path.verdict, blocked);
+  if (path.verdict.free()) evidence.clear();
+  const std::vector<std::string> regions(touched.begin(), touched.end());
+  std::optional<double> clearance;
+  if (narrowest) clearance = narrowest->pixels();
+  ToMessage(verdict, evidence, regions, clearance, database, response->mutable_verdict());
+  if (narrowest && verdict.free()) ToMessage(*narrowest, response->mutable_narrowest());
+  response->set_segment(path.segment);
+  response->set_fraction(path.fraction);
+  for (double position : path.configuration) {
+    response->mutable_configuration()->add_positions(position);
+  }
+  response->set_checked(path.checked);
+  return grpc::Status::OK;
+}
+
+grpc::Status Answer(Serving& serving, const v1::ExplainRequest& request,
+                    v1::ExplainResponse* response) {
+  const absl::StatusOr<Checker> checker = CheckerFor(serving, request.policy());
+  if (!checker.ok()) return ToGrpc(checker.status());
+  const ServedDatabase& database = *checker->served().database;
+  const absl::StatusOr<Configuration> q =
+      ConfigurationFrom(request.configuration(), database.grid(), "configuration");
+  if (!q.ok()) return ToGrpc(q.status());
+  std::vector<ViewEvidence> evidence(static_cast<size_t>(database.views()));
+  const Verdict verdict = CheckOne(*checker, *q, evidence).verdict;
+  ExplainViews(*checker, *q, response);
+  const Reason blocked =
+      Conclude(serving, checker->served(), checker->policy(), response->mutable_basis());
+  ToMessage(Final(verdict, blocked), evidence, checker->RegionsAt(*q), std::nullopt, database,
+            response->mutable_verdict());
+  return grpc::Status::OK;
+}
+
+}  // namespace silhouette

@@ -1,0 +1,51 @@
+// The answers to questions about configurations and paths, whichever call they come with.
+#pragma once
+
+#include <grpcpp/support/status.h>
+
+#include <functional>
+
+#include "absl/status/statusor.h"
+#include "absl/time/time.h"
+#include "server/scene/checker.h"
+#include "server/service/serving.h"
+#include "silhouette/v1/collision_service.pb.h"
+
+namespace silhouette {
+
+// More is INVALID_ARGUMENT.
+inline constexpr int kMaxConfigurations = 10'000;
+inline constexpr int kMaxNumbers = 8'000'000;
+inline constexpr int kMaxWaypoints = 10'000;
+inline constexpr double kMaxPlaces = 1e6;
+
+// The policy of a request. FailedPrecondition if the database cannot serve it.
+absl::StatusOr<Policy> PolicyFor(const Serving& serving, const v1::Policy& message,
+                                 const ServedDatabase& database);
+
+// The world at this moment under the policy of a request.
+absl::StatusOr<Checker> CheckerFor(Serving& serving, const v1::Policy& policy);
+
+// Tells what the answer rests on. Returns why it must not say free after all: the scene may have
+// become too old, or an allowed region ended, while the answer was made. `valid_for`, if not null,
+// gets how long that stays so.
+Reason Conclude(const Serving& serving, const Served& served, const Policy& policy,
+                v1::Basis* basis, absl::Duration* valid_for = nullptr);
+
+// What may be told of a verdict when the answer is ready.
+Verdict Final(const Verdict& verdict, Reason blocked);
+
+// Whether a question is answered by a few look-ups, at once.
+bool AnsweredAtOnce(const Serving& serving, const v1::CheckConfigurationsRequest& request);
+
+// The answer of the newest scene. `cancelled`: asked now and again whether anybody still waits.
+grpc::Status Answer(Serving& serving, const v1::CheckConfigurationsRequest& request,
+                    const std::function<bool()>& cancelled,
+                    v1::CheckConfigurationsResponse* response);
+// `valid_for`: as in Conclude.
+grpc::Status Answer(Serving& serving, const v1::CheckPathRequest& request,
+                    v1::CheckPathResponse* response, absl::Duration* valid_for = nullptr);
+grpc::Status Answer(Serving& serving, const v1::ExplainRequest& request,
+                    v1::ExplainResponse* response);
+
+}  // namespace silhouette
