@@ -36,15 +36,6 @@ CollisionImages ObstaclePlanes(const ObstacleImages& images) {
   return planes;
 }
 
-CollisionImages GrownPlanes(const CollisionImages& planes, double level) {
-  if (!(level >= 0)) throw std::invalid_argument("a level must not be negative");
-  CollisionImages grown(planes.size());
-  for (size_t view = 0; view < planes.size(); ++view) {
-    if (planes[view]) grown[view] = Grown(*planes[view], level);
-  }
-  return grown;
-}
-
 ClearanceMeter::ClearanceMeter(const CollisionTest& test, const ObstacleImages& obstacle_images,
                                const Policy& policy, const TestSupport& support,
                                const DistanceImages& distances)
@@ -74,6 +65,27 @@ std::optional<double> ClearanceMeter::Measure(std::span<const double> q, const V
   }
   if (verdict.state() == State::kOccupied) return 0;
   return PixelsOf(Squared(*robot, kInfinite));
+}
+
+size_t ClearanceMeter::CountExceeded(std::span<const double> q,
+                                     std::span<const uint32_t> levels) const {
+  const std::optional<RobotImages> robot = RobotImagesAt(q);
+  if (!robot) return 0;
+  const auto first_not_below = [&](uint32_t squared) {
+    return std::ranges::lower_bound(levels, squared);
+  };
+  if (searched_bands_ == nullptr) {
+    return static_cast<size_t>(first_not_below(Squared(*robot, kInfinite)) - levels.begin());
+  }
+  const std::vector<uint32_t> to_planes = ToPlanes(*robot);
+  const auto first = first_not_below(LeastAlongLines(to_planes));
+  const auto last = first_not_below(MinViewsSmallest(to_planes));
+  if (first >= last) return static_cast<size_t>(last - levels.begin());
+  const std::vector<DistanceImage> from_robot(robot->begin(), robot->end());
+  // The larger the robot images, the more is occupied.
+  const auto not_exceeded = std::partition_point(
+      first, last, [&](uint32_t level) { return !OccupiedAlongLines(from_robot, level); });
+  return static_cast<size_t>(not_exceeded - levels.begin());
 }
 
 void ClearanceMeter::Narrow(const TestedPlace& place,
@@ -108,10 +120,14 @@ uint32_t ClearanceMeter::Squared(const RobotImages& robot, uint32_t limit) const
   const std::vector<uint32_t> to_planes = ToPlanes(robot);
   limit = std::min(limit, MinViewsSmallest(to_planes));
   if (searched_bands_ == nullptr) return limit;
-  // Nothing convicts before some view shows an obstacle, or perhaps an error; as soon as min_views
-  // views show one, no line matters.
-  const uint32_t least = errors_convict_ ? 0 : std::ranges::min(to_planes);
+  // As soon as min_views views show an obstacle, no line matters.
+  const uint32_t least = LeastAlongLines(to_planes);
   return least < limit ? SquaredAlongLines(robot, least, limit) : limit;
+}
+
+// Nothing convicts before some view shows an obstacle, or perhaps an error.
+uint32_t ClearanceMeter::LeastAlongLines(std::span<const uint32_t> to_planes) const {
+  return errors_convict_ ? 0 : std::ranges::min(to_planes);
 }
 
 std::vector<uint32_t> ClearanceMeter::ToPlanes(const RobotImages& robot) const {

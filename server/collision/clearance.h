@@ -42,11 +42,6 @@ DistanceImages DistancesTo(const CollisionImages& planes);
 // The planes of obstacle pixels.
 CollisionImages ObstaclePlanes(const ObstacleImages& images);
 
-// Planes grown by so many pixels, 0 or more. A configuration meets them in min_views views, a view
-// that is missing counted, if and only if its clearance from `planes` is less than `level`, or it
-// is occupied. Throws std::invalid_argument if the level is negative or not finite.
-CollisionImages GrownPlanes(const CollisionImages& planes, double level);
-
 // The smallest clearance along a path, and where it is first.
 struct PathClearance {
   uint32_t squared = DistanceImage::kInfinite;  // in pixels
@@ -76,18 +71,25 @@ class ClearanceMeter {
   std::optional<double> Measure(std::span<const double> q, const Verdict& verdict,
                                 std::span<ViewEvidence> evidence = {}) const;
 
+  // How many of these levels, squared distances in pixels that ascend, the clearance of `q`
+  // exceeds, whose verdict is free: what Measure says, at less cost where it takes long.
+  size_t CountExceeded(std::span<const double> q, std::span<const uint32_t> levels) const;
+
   // For the places of a path, in their order, as CollisionTest::CheckPath tests them: makes
   // `smallest` that of the place if it is smaller. What is left over once the path is free is its
   // clearance.
   void Narrow(const TestedPlace& place, std::optional<PathClearance>& smallest) const;
 
  private:
+  friend class LevelTest;
   using RobotImages = std::vector<Mask>;
 
   // Squared: the clearance, or `limit` if it is greater.
   uint32_t Squared(const RobotImages& robot, uint32_t limit) const;
   uint32_t SquaredFromParts(const RobotImages& robot) const;
   uint32_t SquaredAlongLines(const RobotImages& robot, uint32_t least, uint32_t limit) const;
+  // Where lines decide: nothing less makes a robot occupied whose views have these distances.
+  uint32_t LeastAlongLines(std::span<const uint32_t> to_planes) const;
   bool OccupiedAlongLines(std::span<const DistanceImage> from_robot, uint32_t squared) const;
   // Per view the squared distance to the plane that decides, 0 if the view is missing.
   std::vector<uint32_t> ToPlanes(const RobotImages& robot) const;

@@ -107,6 +107,7 @@ class CollisionTest {
   TileVerdicts CheckTile(uint64_t tile) const;
 
   int min_views() const { return min_views_; }
+  const ConfigurationGrid& grid() const { return table_.grid(); }
 
   // The test robot image of `q` in a view: what the verdict looked at. Nothing if a robot image
   // that it takes is not there, or `q` is outside the grid.

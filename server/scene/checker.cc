@@ -72,6 +72,14 @@ TestSupport SupportFor(const Served& served, const Policy& policy) {
   return support;
 }
 
+const DistanceImages& DistancesFor(const Served& served, const Policy& policy,
+                                   const TestSupport& support) {
+  const Scene& scene = *served.scene;
+  return support.resolved != nullptr
+             ? scene.distances.ToResolved(*support.resolved, ErrorsConvict(policy))
+             : scene.distances.ToObstacles(scene.obstacle_images);
+}
+
 Checker::Checker(Served served, const Policy& policy, const SceneSettings& settings,
                  const Moment& now)
     : served_(std::move(served)), policy_(policy), blocked_(BlockedReason(served_, settings, now)) {
@@ -118,11 +126,8 @@ PathVerdict Checker::CheckPath(std::span<const Configuration> waypoints,
 std::optional<ClearanceMeter> Checker::Clearances() const {
   if (blocked_ != Reason::kNone || !test_) return std::nullopt;
   const TestSupport support = SupportFor(served_, policy_);
-  const Scene& scene = *served_.scene;
-  return ClearanceMeter(*test_, scene.obstacle_images, policy_, support,
-                        support.resolved != nullptr
-                            ? scene.distances.ToResolved(*support.resolved, ErrorsConvict(policy_))
-                            : scene.distances.ToObstacles(scene.obstacle_images));
+  return ClearanceMeter(*test_, served_.scene->obstacle_images, policy_, support,
+                        DistancesFor(served_, policy_, support));
 }
 
 std::optional<Mask> Checker::TestRobotImage(int view, std::span<const double> q) const {
@@ -190,26 +195,6 @@ std::vector<std::string> RegionsIn(const Served& served, const Policy& policy) {
     for (const RegionEffect& effect : served.scene->region_effects) names.push_back(effect.name);
   }
   return names;
-}
-
-std::optional<std::vector<PossibleSpace::Part>> PlanesOfLevel(const Served& served,
-                                                              const Policy& policy, double level) {
-  if (served.scene == nullptr) throw std::invalid_argument("there is no scene");
-  RequireServable(served, policy);
-  const TestSupport support = SupportFor(served, policy);
-  std::vector<PossibleSpace::Part> parts;
-  if (support.possible_space != nullptr) {
-    parts = support.possible_space->parts();
-  } else if (IsCalibrated(policy.preset) && support.resolved == nullptr) {
-    return std::nullopt;
-  } else {
-    const CollisionImages planes = support.resolved != nullptr
-                                       ? *support.resolved
-                                       : ObstaclePlanes(served.scene->obstacle_images);
-    parts.push_back({planes, std::vector<bool>(planes.size(), false)});
-  }
-  for (PossibleSpace::Part& part : parts) part.planes = GrownPlanes(part.planes, level);
-  return parts;
 }
 
 std::vector<TileVerdicts> CheckAllTiles(const Served& served, const Policy& policy) {

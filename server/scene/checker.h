@@ -76,6 +76,11 @@ void RequireServable(const Served& served, const Policy& policy);
 // be there and made with the database; the policy servable.
 TestSupport SupportFor(const Served& served, const Policy& policy);
 
+// The distances that clearances under the policy are measured with, kept by the scene. `support`:
+// SupportFor these.
+const DistanceImages& DistancesFor(const Served& served, const Policy& policy,
+                                   const TestSupport& support);
+
 // Why no verdict can rest on `served` at the moment `now`; kNone if verdicts can be made.
 Reason BlockedReason(const Served& served, const SceneSettings& settings, const Moment& now);
 
@@ -86,14 +91,6 @@ absl::Duration ValidFor(const Served& served, const SceneSettings& settings, con
 // The names of the allowed regions without which verdicts under the policy might be others: those
 // that took any pixel of the scene away; all in force, if the policy looks at space instead.
 std::vector<std::string> RegionsIn(const Served& served, const Policy& policy);
-
-// The planes that decide under the policy, grown by so many pixels (GrownPlanes): a free
-// configuration meets one of these, in min_views views, if and only if its clearance is below
-// `level`. One where planes of the scene decide, one per part of the possible space under the sound
-// presets; nothing at all with lines in the intersection images, where no planes decide. The scene
-// must be there and made with the database; throws as ConfigurationSpace and GrownPlanes do.
-std::optional<std::vector<PossibleSpace::Part>> PlanesOfLevel(const Served& served,
-                                                              const Policy& policy, double level);
 
 // The tiles of ConfigurationSpace (configuration_space.h), all of them.
 std::vector<TileVerdicts> CheckAllTiles(const Served& served, const Policy& policy);

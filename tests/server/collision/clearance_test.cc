@@ -169,37 +169,6 @@ TEST_F(Clearances, RobotImagesMayGrowByTheClearanceAndByNoMore) {
   EXPECT_GT(free - touching - infinite, 50);
 }
 
-TEST_F(Clearances, PlanesGrownByALevelMakeOccupiedWhatHasLess) {
-  int less = 0, not_less = 0;
-  for (int round = 0; round < 300; ++round) {
-    const int views = AnyOf(1, 4);
-    const Policy policy = RandomPolicy(views);
-    if (InIntersectionImages(policy)) continue;
-    const MeasuredCell cell(policy, views, random);
-    const CollisionTest test = cell.Test(cell.table);
-    const ClearanceMeter meter = cell.Meter(test);
-    const Configuration q = RandomConfiguration();
-    const Verdict verdict = test.Check(q);
-    const std::optional<double> clearance = meter.Measure(q, verdict);
-    if (!clearance) continue;
-    std::vector<double> levels = {0, 0.5, 1, 1.2, 1 + 1.0 * AnyOf(0, 10)};
-    if (*clearance < kInfinity) levels.insert(levels.end(), {*clearance, *clearance + kLittle});
-    for (const double level : levels) {
-      const CollisionImages grown = GrownPlanes(cell.planes, level);
-      int showing = 0;
-      for (size_t view = 0; view < grown.size(); ++view) {
-        const std::optional<Mask> robot = test.TestRobotImage(static_cast<int>(view), q);
-        if (!grown[view] || Intersects(grown[view]->words(), robot->words())) ++showing;
-      }
-      const bool below = verdict.state() == State::kOccupied || *clearance < level;
-      ++(below ? less : not_less);
-      EXPECT_EQ(showing >= test.min_views(), below) << level << " of " << *clearance;
-    }
-  }
-  EXPECT_GT(less, 50);
-  EXPECT_GT(not_less, 50);
-}
-
 TEST_F(Clearances, SmallestOnAPathIsThatOfThePlacesTested) {
   int free = 0, occupied = 0;
   for (int round = 0; round < 300; ++round) {
@@ -314,11 +283,6 @@ TEST(Clearance, DistancesOfAnotherSceneAreRefused) {
   EXPECT_THROW(ClearanceMeter(test, row.images, policy, {}, small), std::invalid_argument);
 }
 
-TEST(GrownPlanes, NegativeLevelsAreRefused) {
-  EXPECT_THROW(GrownPlanes({Mask({3, 3})}, -1), std::invalid_argument);
-  EXPECT_THROW(GrownPlanes({Mask({3, 3})}, std::nan("")), std::invalid_argument);
-}
-
 using testing::BallCamera;
 using testing::Balls;
 using testing::LookingAt;
@@ -339,11 +303,11 @@ struct GrownRobot {
 
 // Whether a robot image meets a part whose planes are grown in enough views.
 bool Meets(const PossibleSpace::Part& part, double level, const GrownRobot& robot, int min_views) {
-  const CollisionImages grown = GrownPlanes(part.planes, level);
   int met = 0;
-  for (size_t view = 0; view < grown.size(); ++view) {
+  for (size_t view = 0; view < part.planes.size(); ++view) {
     const bool outside = part.beyond[view] && robot.masks[view].Empty();
-    if (outside || Intersects(grown[view]->words(), robot.words[view])) ++met;
+    const Mask grown = Grown(*part.planes[view], level);
+    if (outside || Intersects(grown.words(), robot.words[view])) ++met;
   }
   return met >= min_views;
 }

@@ -249,36 +249,5 @@ TEST_F(CheckerTest, PolicyThatCannotBeIsRefused) {
                std::invalid_argument);
 }
 
-TEST_F(CheckerTest, PlanesOfALevelMakeOccupiedWhatHasLessClearance) {
-  const Checker checker = CheckerOf(SceneWithHighBlock(3));
-  const ClearanceMeter meter = *checker.Clearances();
-  for (const double level : {0.0, 0.5, 1.0, 1.5, 2.0, 2.5, 9.0}) {
-    const auto parts = PlanesOfLevel(checker.served(), {}, level);
-    ASSERT_TRUE(parts);
-    ASSERT_EQ(parts->size(), 1u);
-    const CollisionImages& planes = parts->at(0).planes;
-    for (int a = 0; a < 5; ++a) {
-      for (int b = 0; b < 7; ++b) {
-        int showing = 0;
-        for (int view = 0; view < 3; ++view) {
-          const Mask robot = RobotMask(view, a, b);
-          if (Intersects(planes[static_cast<size_t>(view)]->words(), robot.words())) ++showing;
-        }
-        const Verdict verdict = checker.Check(At(a, b));
-        const bool occupied = verdict.state() == State::kOccupied;
-        EXPECT_EQ(showing >= 2, occupied || meter.Measure(At(a, b), verdict) < level);
-      }
-    }
-  }
-}
-
-TEST_F(CheckerTest, WhereNoPlanesDecideThereAreNone) {
-  database = NewDatabase({.calibration = TestCalibration()});
-  const Served served = ServedScene(SceneWithHighBlock(3));
-  EXPECT_FALSE(PlanesOfLevel(served, {.preset = Preset::kCalibrated}, 1));
-  EXPECT_TRUE(PlanesOfLevel(served, {.preset = Preset::kPaperCalibrated}, 1));
-  EXPECT_THROW(PlanesOfLevel({database, nullptr}, {}, 1), std::invalid_argument);
-}
-
 }  // namespace
 }  // namespace silhouette
