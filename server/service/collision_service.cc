@@ -39,23 +39,30 @@ CollisionService::GetConfigurationSpace(grpc::CallbackServerContext* context,
     if (!policy.ok()) return ToGrpc(policy.status());
     absl::StatusOr<std::vector<uint64_t>> tiles = TilesFrom(*request, served.database->grid());
     if (!tiles.ok()) return ToGrpc(tiles.status());
+    const absl::StatusOr<std::vector<double>> levels = ClearanceLevelsFrom(*request);
+    if (!levels.ok()) return ToGrpc(levels.status());
     std::shared_ptr<const ConfigurationSpace> space;
+    std::shared_ptr<const ClearanceSpace> clearances;
     v1::GetConfigurationSpaceResponse first;
     if (served.scene != nullptr) {
       space = serving_.spaces.Get(served, *policy);
+      if (!levels->empty()) clearances = serving_.clearances.Get(served, *policy, space, *levels);
+      const auto ready = [&](uint64_t tile) {
+        return space->ready(tile) && (clearances == nullptr || clearances->ready(tile));
+      };
       for (const uint64_t tile : *tiles) {
         if (context->IsCancelled() || std::chrono::steady_clock::now() >= *deadline) break;
         space->tile(tile);
+        if (clearances != nullptr) clearances->tile(tile);
       }
       if (context->IsCancelled()) return grpc::Status::CANCELLED;
-      first.set_tiles_left_out(
-          std::erase_if(*tiles, [&](uint64_t tile) { return !space->ready(tile); }));
+      first.set_tiles_left_out(std::erase_if(*tiles, [&](uint64_t tile) { return !ready(tile); }));
     }
     const Reason blocked = Conclude(serving_, served, *policy, first.mutable_basis());
     ToMessage(served.database->grid(), first.mutable_grid());
     first.set_unknown_reason(ToMessage(blocked));
     if (blocked != Reason::kNone) tiles->clear();
-    writer->Send(std::move(first), std::move(space), *std::move(tiles));
+    writer->Send(std::move(first), std::move(space), std::move(clearances), *std::move(tiles));
     return grpc::Status::OK;
   };
   const bool accepted = serving_.workers.Run([context, writer, work] {

@@ -13,6 +13,7 @@
 #include "server/scene/clock.h"
 #include "server/scene/scene_settings.h"
 #include "server/scene/scene_store.h"
+#include "server/service/clearance_cache.h"
 #include "server/service/region_log.h"
 #include "server/service/space_cache.h"
 #include "server/service/worker_pool.h"
@@ -45,6 +46,7 @@ struct Serving {
   SceneStore scenes;
   RegionLog region_log;
   SpaceCache spaces;
+  ClearanceCache clearances;
   WorkerPool workers;  // last: its tasks use the others
 };
 

@@ -4,6 +4,7 @@
 #include <bit>
 #include <cstring>
 #include <set>
+#include <stdexcept>
 #include <utility>
 
 #include "absl/status/status.h"
@@ -50,11 +51,29 @@ absl::StatusOr<Deadline> DeadlineOf(const v1::GetConfigurationSpaceRequest& requ
   return std::chrono::steady_clock::now() + absl::ToChronoNanoseconds(time);
 }
 
+absl::StatusOr<std::vector<double>> ClearanceLevelsFrom(
+    const v1::GetConfigurationSpaceRequest& request) {
+  const std::vector<double> levels(request.clearance_levels().begin(),
+                                   request.clearance_levels().end());
+  if (levels.size() > kMaxClearanceLevels) {
+    return absl::InvalidArgumentError(absl::StrCat("clearance_levels: there are ", levels.size(),
+                                                   "; ask for at most ", kMaxClearanceLevels));
+  }
+  try {
+    if (!levels.empty()) RequireLevels(levels);
+  } catch (const std::invalid_argument& error) {
+    return absl::InvalidArgumentError(absl::StrCat("clearance_levels: ", error.what()));
+  }
+  return levels;
+}
+
 void SpaceWriter::Send(v1::GetConfigurationSpaceResponse first,
                        std::shared_ptr<const ConfigurationSpace> space,
+                       std::shared_ptr<const ClearanceSpace> clearances,
                        std::vector<uint64_t> tiles) {
   message_ = std::move(first);
   space_ = std::move(space);
+  clearances_ = std::move(clearances);
   tiles_ = std::move(tiles);
   SendNext();
 }
@@ -71,13 +90,18 @@ void SpaceWriter::OnWriteDone(bool ok) {
 }
 
 void SpaceWriter::SendNext() {
-  const size_t end = std::min(tiles_.size(), next_ + kTilesPerMessage);
+  const size_t levels = clearances_ != nullptr ? clearances_->levels().size() : 0;
+  const size_t end = std::min(tiles_.size(), next_ + 2 * kTilesPerMessage / (2 + levels));
   for (; next_ < end; ++next_) {
     const TileVerdicts& verdicts = space_->tile(tiles_[next_]);
     v1::ConfigurationSpaceTile& tile = *message_.add_tiles();
     tile.set_tile(tiles_[next_]);
     tile.set_free(PackedBits(verdicts.free, kTileSize));
     tile.set_occupied(PackedBits(verdicts.occupied, kTileSize));
+    if (clearances_ == nullptr) continue;
+    for (const PlaceSet& above : clearances_->tile(tiles_[next_])) {
+      tile.add_clearances(PackedBits(above.words, kTileSize));
+    }
   }
   StartWrite(&message_);
 }

@@ -12,6 +12,7 @@
 
 #include "absl/status/statusor.h"
 #include "db/configuration_grid.h"
+#include "server/scene/clearance_space.h"
 #include "server/scene/configuration_space.h"
 #include "silhouette/v1/collision_service.pb.h"
 
@@ -31,16 +32,24 @@ absl::StatusOr<std::vector<uint64_t>> TilesFrom(const v1::GetConfigurationSpaceR
 using Deadline = std::chrono::steady_clock::time_point;
 absl::StatusOr<Deadline> DeadlineOf(const v1::GetConfigurationSpaceRequest& request);
 
+// The clearance levels asked for; none if none are. InvalidArgument if they cannot be, or there are
+// more than kMaxClearanceLevels.
+inline constexpr int kMaxClearanceLevels = 16;
+absl::StatusOr<std::vector<double>> ClearanceLevelsFrom(
+    const v1::GetConfigurationSpaceRequest& request);
+
 // The answer to one call. Deletes itself when the call is over: either Send() or Finish() is called
 // once.
 class SpaceWriter final : public grpc::ServerWriteReactor<v1::GetConfigurationSpaceResponse> {
  public:
-  // Tiles in one message: about half a megabyte.
+  // Tiles in one message: about half a megabyte. Fewer with clearances, so that it stays at that.
   static constexpr int kTilesPerMessage = 512;
 
-  // Sends `tiles` of `space`, which are all ready, after a first message that is `first`.
+  // Sends `tiles` of `space`, which are all ready, after a first message that is `first`; with them
+  // those of `clearances`, ready as well, if it is not null.
   void Send(v1::GetConfigurationSpaceResponse first,
-            std::shared_ptr<const ConfigurationSpace> space, std::vector<uint64_t> tiles);
+            std::shared_ptr<const ConfigurationSpace> space,
+            std::shared_ptr<const ClearanceSpace> clearances, std::vector<uint64_t> tiles);
 
   void OnWriteDone(bool ok) override;
   void OnDone() override { delete this; }
@@ -50,6 +59,7 @@ class SpaceWriter final : public grpc::ServerWriteReactor<v1::GetConfigurationSp
 
   v1::GetConfigurationSpaceResponse message_;
   std::shared_ptr<const ConfigurationSpace> space_;
+  std::shared_ptr<const ClearanceSpace> clearances_;
   std::vector<uint64_t> tiles_;
   size_t next_ = 0;
 };

@@ -311,6 +311,14 @@ TEST(GetConfigurationSpace, EachTileComesOnceInMessagesThatClientsTakeByDefault)
   const auto part = server.Space(some);
   ASSERT_EQ(part[0].tiles_size(), 2) << "each once";
   EXPECT_EQ(part[0].tiles(0).tile(), 5u);
+  v1::GetConfigurationSpaceRequest levels;
+  for (int level = 0; level < 16; ++level) levels.add_clearance_levels(level);
+  size_t sent = 0;
+  for (const auto& message : server.Space(levels)) {
+    EXPECT_LT(message.ByteSizeLong(), size_t{1} << 20);
+    sent += static_cast<size_t>(message.tiles_size());
+  }
+  EXPECT_EQ(sent, grid.tiles());
 }
 
 Colour ColourAt(const std::string& png, int x, int y) {

@@ -1,0 +1,38 @@
+// The configuration space of the newest scene in clearance levels, shared by everybody who asks for
+// the same levels under the same policy.
+#pragma once
+
+#include <cstdint>
+#include <list>
+#include <memory>
+#include <mutex>
+#include <vector>
+
+#include "server/scene/clearance_space.h"
+
+namespace silhouette {
+
+class ClearanceCache {
+ public:
+  // `bytes`: what all that is kept may take at most.
+  explicit ClearanceCache(uint64_t bytes = uint64_t{256} << 20) : bytes_(bytes) {}
+
+  // `verdicts`: the map of the scene under the policy; tiles are worked out when they are asked
+  // for. Throws as ClearanceSpace does. May be called from any thread. Those that were asked for
+  // last are kept as far as memory allows, the last one in any case, and only those of one scene.
+  std::shared_ptr<const ClearanceSpace> Get(
+      const Served& served, const Policy& policy,
+      const std::shared_ptr<const ConfigurationSpace>& verdicts, const std::vector<double>& levels);
+
+ private:
+  struct Entry {
+    SharedScene scene;
+    std::shared_ptr<const ClearanceSpace> space;
+  };
+
+  const uint64_t bytes_;
+  std::mutex mutex_;
+  std::list<Entry> entries_;  // newest first
+};
+
+}  // namespace silhouette
