@@ -133,7 +133,7 @@ TileVerdicts SpaceTest::CheckTile(uint64_t tile, const TileIndex& index) const {
   PlaceSet present = index.present();
   present &= test_.table_.present(tile);
   PlaceSet occupied = Occupied(index);
-  PlaceSet open = possible_.empty() && !everything_possible_ ? PlaceSet() : Open(index);
+  PlaceSet open = planes_decide() ? PlaceSet() : Open(index);
   open &= present;
   for (size_t word = 0; word < PlaceSet::kWords; ++word) {
     for (uint64_t left = open.words[word]; left != 0; left &= left - 1) {

@@ -51,6 +51,9 @@ class SpaceTest {
   // those of the test's table; a configuration that it does not have is unknown.
   TileVerdicts CheckTile(uint64_t tile, const TileIndex& index) const;
 
+  // Whether CheckTile tests none singly, whatever the tile.
+  bool planes_decide() const { return possible_.empty() && !everything_possible_; }
+
   // The configurations of the tile that CheckTile would test singly.
   PlaceSet Open(const TileIndex& index) const;
 

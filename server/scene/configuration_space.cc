@@ -23,6 +23,13 @@ ConfigurationSpace::ConfigurationSpace(Served served, const Policy& policy)
   if (database.index() != nullptr) by_index_.emplace(*test_, database.index()->trees());
 }
 
+bool ConfigurationSpace::looked_up(uint64_t tile) const {
+  if (!test_) return true;
+  if (by_index_ && !by_index_->planes_decide()) return false;
+  return served_.database->robot_images().present(tile).Empty() ||
+         (by_index_ && served_.database->index()->Tile(tile) != nullptr);
+}
+
 void ConfigurationSpace::WorkOut(uint64_t tile) const {
   std::call_once(once_[tile], [&] {
     const TileIndex* index = by_index_ ? served_.database->index()->Tile(tile) : nullptr;

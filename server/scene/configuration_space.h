@@ -38,6 +38,9 @@ class ConfigurationSpace {
     return tiles_[tile];
   }
 
+  // Whether working the tile out is a look into the index, and nothing has to be tested singly.
+  bool looked_up(uint64_t tile) const;
+
   // Whether the tile has been worked out.
   bool ready(uint64_t tile) const { return ready_[tile].load(std::memory_order_acquire); }
 

@@ -26,6 +26,7 @@ absl::StatusOr<SharedScene> SceneStore::Publish(
   scene.id = ++last_id_;
   scenes_.push_back(std::make_shared<const Scene>(std::move(scene)));
   if (scenes_.size() > kept_) scenes_.pop_front();
+  NoteChange();
   return scenes_.back();
 }
 
@@ -35,6 +36,7 @@ void SceneStore::ReplaceDatabase(std::shared_ptr<const ServedDatabase> database)
   scenes_.clear();
   regions_.Clear();
   with_regions_ = nullptr;
+  NoteChange();
   database_.swap(database);  // the old one is freed by whoever lets go of it last, not in here
 }
 
@@ -73,11 +75,13 @@ absl::StatusOr<AllowedRegion> SceneStore::Allow(
   if (database != database_) {
     return absl::AbortedError("the database was replaced meanwhile; allow the region again");
   }
+  NoteChange();
   return regions_.Allow(name, std::move(pixels), duration, now);
 }
 
 bool SceneStore::Revoke(const std::string& name, const Moment& now) {
   const std::lock_guard lock(mutex_);
+  NoteChange();
   return regions_.Revoke(name, now);
 }
 
@@ -89,6 +93,18 @@ std::vector<AllowedRegion> SceneStore::TakeEnded(const Moment& now) {
 std::shared_ptr<const ServedDatabase> SceneStore::database() const {
   const std::lock_guard lock(mutex_);
   return database_;
+}
+
+void SceneStore::NoteChange() {
+  ++changes_;
+  changed_.notify_all();
+}
+
+uint64_t SceneStore::WaitForChange(uint64_t seen, std::chrono::milliseconds longest,
+                                   const std::stop_token& stop) {
+  std::unique_lock lock(mutex_);
+  changed_.wait_for(lock, stop, longest, [&] { return changes_ != seen; });
+  return changes_;
 }
 
 SharedScene SceneStore::Find(uint64_t id) const {

@@ -1,10 +1,13 @@
 // The scenes that are served, and the database they were made with. Used by any number of threads.
 #pragma once
 
+#include <chrono>
+#include <condition_variable>
 #include <cstdint>
 #include <deque>
 #include <memory>
 #include <mutex>
+#include <stop_token>
 
 #include "absl/status/statusor.h"
 #include "server/scene/scene.h"
@@ -55,14 +58,24 @@ class SceneStore {
   bool Revoke(const std::string& name, const Moment& now);
   std::vector<AllowedRegion> TakeEnded(const Moment& now);
 
+  // Waits until what is served has been changed by one of the functions above since the call that
+  // returned `seen` (0: whatever was changed), at most so long, or until it is to stop. Regions
+  // that end by themselves are no such change.
+  uint64_t WaitForChange(uint64_t seen, std::chrono::milliseconds longest,
+                         const std::stop_token& stop);
+
   // A scene as it was published, by its id, 0 for the newest; null if there is none, or no longer.
   SharedScene Find(uint64_t id) const;
 
  private:
+  // Called with the mutex held.
+  void NoteChange();
   SharedScene WithRegions(const SharedScene& scene, const RegionSet& regions);
 
   const size_t kept_;
   mutable std::mutex mutex_;
+  std::condition_variable_any changed_;
+  uint64_t changes_ = 0;
   std::shared_ptr<const ServedDatabase> database_;
   std::deque<SharedScene> scenes_;  // oldest first
   AllowedRegions regions_;

@@ -4,7 +4,10 @@
 #include <utility>
 
 #include "server/service/answers.h"
+#include "server/service/check_stream.h"
 #include "server/service/messages.h"
+#include "server/service/path_watch.h"
+#include "server/service/space_watch.h"
 #include "server/service/space_writer.h"
 
 namespace silhouette {
@@ -37,7 +40,8 @@ CollisionService::GetConfigurationSpace(grpc::CallbackServerContext* context,
     const Served served = serving_.scenes.Newest(serving_.settings.clock());
     const absl::StatusOr<Policy> policy = PolicyFor(serving_, request->policy(), *served.database);
     if (!policy.ok()) return ToGrpc(policy.status());
-    absl::StatusOr<std::vector<uint64_t>> tiles = TilesFrom(*request, served.database->grid());
+    absl::StatusOr<std::vector<uint64_t>> tiles =
+        TilesFrom(request->tiles(), served.database->grid());
     if (!tiles.ok()) return ToGrpc(tiles.status());
     const absl::StatusOr<std::vector<double>> levels = ClearanceLevelsFrom(*request);
     if (!levels.ok()) return ToGrpc(levels.status());
@@ -71,6 +75,28 @@ CollisionService::GetConfigurationSpace(grpc::CallbackServerContext* context,
   });
   if (!accepted) writer->Finish(TooBusy());
   return writer;
+}
+
+grpc::ServerWriteReactor<v1::WatchConfigurationSpaceResponse>*
+CollisionService::WatchConfigurationSpace(grpc::CallbackServerContext* context,
+                                          const v1::WatchConfigurationSpaceRequest* request) {
+  const auto watch = std::make_shared<SpaceWatch>(serving_, context, *request);
+  watch->Start();
+  return watch.get();
+}
+
+grpc::ServerWriteReactor<v1::WatchPathResponse>* CollisionService::WatchPath(
+    grpc::CallbackServerContext* context, const v1::CheckPathRequest* request) {
+  const auto watch = std::make_shared<PathWatch>(serving_, context, *request);
+  watch->Start();
+  return watch.get();
+}
+
+grpc::ServerBidiReactor<v1::StreamChecksRequest, v1::StreamChecksResponse>*
+CollisionService::StreamChecks(grpc::CallbackServerContext* context) {
+  const auto stream = std::make_shared<CheckStream>(serving_, context);
+  stream->Start();
+  return stream.get();
 }
 
 grpc::ServerUnaryReactor* CollisionService::Explain(grpc::CallbackServerContext* context,

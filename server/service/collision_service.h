@@ -21,6 +21,13 @@ class CollisionService final : public v1::CollisionService::CallbackService {
   grpc::ServerWriteReactor<v1::GetConfigurationSpaceResponse>* GetConfigurationSpace(
       grpc::CallbackServerContext* context,
       const v1::GetConfigurationSpaceRequest* request) override;
+  grpc::ServerWriteReactor<v1::WatchConfigurationSpaceResponse>* WatchConfigurationSpace(
+      grpc::CallbackServerContext* context,
+      const v1::WatchConfigurationSpaceRequest* request) override;
+  grpc::ServerWriteReactor<v1::WatchPathResponse>* WatchPath(
+      grpc::CallbackServerContext* context, const v1::CheckPathRequest* request) override;
+  grpc::ServerBidiReactor<v1::StreamChecksRequest, v1::StreamChecksResponse>* StreamChecks(
+      grpc::CallbackServerContext* context) override;
   grpc::ServerUnaryReactor* Explain(grpc::CallbackServerContext* context,
                                     const v1::ExplainRequest* request,
                                     v1::ExplainResponse* response) override;

@@ -22,12 +22,6 @@ void SetTime(absl::Time time, google::protobuf::Timestamp* message) {
       static_cast<int32_t>(absl::ToInt64Nanoseconds(time - absl::FromUnixSeconds(seconds))));
 }
 
-void SetDuration(absl::Duration duration, google::protobuf::Duration* message) {
-  absl::Duration rest;
-  message->set_seconds(absl::IDivDuration(duration, absl::Seconds(1), &rest));
-  message->set_nanos(static_cast<int32_t>(absl::ToInt64Nanoseconds(rest)));
-}
-
 absl::StatusOr<absl::Time> TimeFrom(const google::protobuf::Timestamp& message,
                                     const std::string& field) {
   constexpr int64_t kYear10000 = 253'402'300'800;
@@ -156,9 +150,19 @@ absl::Status SetLines(const v1::Policy& message, Policy& policy) {
 
 }  // namespace
 
+void ToMessage(absl::Duration duration, google::protobuf::Duration* message) {
+  absl::Duration rest;
+  message->set_seconds(absl::IDivDuration(duration, absl::Seconds(1), &rest));
+  message->set_nanos(static_cast<int32_t>(absl::ToInt64Nanoseconds(rest)));
+}
+
 grpc::Status ToGrpc(const absl::Status& status) {
   if (status.ok()) return grpc::Status::OK;
   return grpc::Status(static_cast<grpc::StatusCode>(status.code()), std::string(status.message()));
+}
+
+absl::Status FromGrpc(const grpc::Status& status) {
+  return absl::Status(static_cast<absl::StatusCode>(status.error_code()), status.error_message());
 }
 
 absl::StatusOr<Policy> PolicyFrom(const v1::Policy& message, const Policy& defaults, int views) {
@@ -307,11 +311,11 @@ void ToMessage(const Mask& mask, v1::Mask* message) {
 
 void ToMessage(const Served& served, const Policy& policy, const Moment& now, v1::Basis* message) {
   message->set_database_generation(served.database->generation());
-  SetDuration(now.running, message->mutable_server_clock());
+  ToMessage(now.running, message->mutable_server_clock());
   if (served.scene == nullptr) return;
   message->set_scene_id(served.scene->id);
   SetTime(served.scene->oldest, message->mutable_scene_time());
-  SetDuration(served.scene->AgeAt(now), message->mutable_scene_age());
+  ToMessage(served.scene->AgeAt(now), message->mutable_scene_age());
   for (const std::string& name : RegionsIn(served, policy)) message->add_regions(name);
 }
 
@@ -324,7 +328,7 @@ void ToMessage(const AllowedRegion& region, const ServedDatabase& database, cons
     pixels.set_view(database.view_name(static_cast<int>(view)));
     ToMessage(*region.pixels[view], pixels.mutable_mask());
   }
-  SetDuration(region.end - now.running, message->mutable_remaining());
+  ToMessage(region.end - now.running, message->mutable_remaining());
   SetTime(region.end_time, message->mutable_end_time());
 }
 
@@ -333,7 +337,7 @@ void ToMessage(const Scene& scene, bool include_planes, const SceneSettings& set
   message->set_id(scene.id);
   message->set_database_generation(scene.generation);
   SetTime(scene.oldest, message->mutable_time());
-  SetDuration(scene.skew(), message->mutable_skew());
+  ToMessage(scene.skew(), message->mutable_skew());
   for (const JointPosition& joint : scene.joints) {
     v1::JointPosition& added = *message->add_joints();
     added.set_name(joint.name);

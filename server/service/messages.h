@@ -24,6 +24,7 @@
 namespace silhouette {
 
 grpc::Status ToGrpc(const absl::Status& status);
+absl::Status FromGrpc(const grpc::Status& status);
 
 // From messages. InvalidArgument names the field.
 
@@ -43,6 +44,7 @@ absl::Duration DurationFrom(const google::protobuf::Duration& message);
 // Into messages.
 
 v1::Verdict::Reason ToMessage(Reason reason);
+void ToMessage(absl::Duration duration, google::protobuf::Duration* message);
 // `evidence`: empty, or one per view of the database. `regions`: names of allowed regions.
 // `clearance`: in pixels, if it is to be told; it is not for an unknown verdict.
 void ToMessage(const Verdict& verdict, std::span<const ViewEvidence> evidence,

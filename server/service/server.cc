@@ -63,6 +63,7 @@ void Server::ReplaceDatabase(std::shared_ptr<const ServedDatabase> database) {
 
 void Server::Stop(absl::Duration grace) {
   server_->GetHealthCheckService()->SetServingStatus(false);
+  serving_.watches.Close();
   server_->Shutdown(std::chrono::system_clock::now() + absl::ToChronoNanoseconds(grace));
   server_->Wait();
   server_.reset();

@@ -7,12 +7,6 @@
 
 namespace silhouette {
 
-Policy DefaultPolicy(const ServingSettings& settings, const ServedDatabase& database) {
-  Policy policy = settings.policy;
-  if (settings.choose_preset) policy.preset = database.BestPreset();
-  return policy;
-}
-
 grpc::Status Guarded(const std::function<grpc::Status()>& work) {
   try {
     return work();

@@ -8,45 +8,35 @@
 #include <memory>
 #include <utility>
 
-#include "capture/segmentation/settings.h"
-#include "server/collision/policy.h"
-#include "server/scene/clock.h"
-#include "server/scene/scene_settings.h"
 #include "server/scene/scene_store.h"
 #include "server/service/clearance_cache.h"
+#include "server/service/map_keeper.h"
 #include "server/service/region_log.h"
+#include "server/service/serving_settings.h"
 #include "server/service/space_cache.h"
+#include "server/service/watch_hub.h"
 #include "server/service/worker_pool.h"
 
 namespace silhouette {
-
-struct ServingSettings {
-  Policy policy;  // where a request names none
-  // Instead of policy.preset the best one that the database can serve.
-  bool choose_preset = false;
-  SceneSettings scene;
-  SegmentationSettings segmentation;
-  Clock clock = SystemClock;
-  int worker_threads = 2;
-  // Tasks that may wait for a worker thread; more are turned away.
-  size_t worker_queue = 256;
-};
-
-// The policy where a request names none, for requests that rest on `database`.
-Policy DefaultPolicy(const ServingSettings& settings, const ServedDatabase& database);
 
 struct Serving {
   Serving(std::shared_ptr<const ServedDatabase> database, ServingSettings the_settings)
       : settings(std::move(the_settings)),
         scenes(std::move(database)),
         region_log(scenes, settings.clock),
-        workers(settings.worker_threads, settings.worker_queue) {}
+        watches(scenes, settings.scene, settings.clock),
+        map_keeper(std::make_shared<MapKeeper>(settings, scenes, spaces)),
+        workers(settings.worker_threads, settings.worker_queue) {
+    if (settings.map_time > absl::ZeroDuration()) watches.Add(map_keeper);
+  }
 
   const ServingSettings settings;
   SceneStore scenes;
   RegionLog region_log;
   SpaceCache spaces;
   ClearanceCache clearances;
+  WatchHub watches;
+  std::shared_ptr<MapKeeper> map_keeper;
   WorkerPool workers;  // last: its tasks use the others
 };
 

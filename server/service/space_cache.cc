@@ -23,13 +23,16 @@ std::shared_ptr<SpaceCache::Entry> SpaceCache::EntryFor(const SharedScene& scene
   for (const std::shared_ptr<Entry>& entry : entries_) {
     if (entry->scene == scene && entry->policy == policy) return entry;
   }
+  auto made = std::make_shared<Entry>();
+  made->scene = scene;
+  made->policy = policy;
+  // Who was overtaken by a newer scene does not take its maps away.
+  if (!entries_.empty() && entries_.front()->scene->id > scene->id) return made;
   // Who still computes an older scene's space holds its entry.
   entries_.remove_if([&](const std::shared_ptr<Entry>& entry) { return entry->scene != scene; });
-  entries_.push_front(std::make_shared<Entry>());
-  entries_.front()->scene = scene;
-  entries_.front()->policy = policy;
+  entries_.push_front(made);
   if (entries_.size() > kEntries) entries_.pop_back();
-  return entries_.front();
+  return made;
 }
 
 std::shared_ptr<const ConfigurationSpace> SpaceCache::Get(const Served& served,

@@ -20,23 +20,29 @@ std::string PackedBits(std::span<const uint64_t> words, size_t bits) {
   return bytes;
 }
 
-absl::StatusOr<std::vector<uint64_t>> TilesFrom(const v1::GetConfigurationSpaceRequest& request,
-                                                const ConfigurationGrid& grid) {
+absl::StatusOr<std::vector<uint64_t>> TilesFrom(
+    const google::protobuf::RepeatedField<uint64_t>& named, const ConfigurationGrid& grid) {
   std::vector<uint64_t> tiles;
-  if (request.tiles().empty()) {
+  if (named.empty()) {
     for (uint64_t tile = 0; tile < grid.tiles(); ++tile) tiles.push_back(tile);
     return tiles;
   }
   std::set<uint64_t> seen;
-  for (int i = 0; i < request.tiles_size(); ++i) {
-    if (request.tiles(i) >= grid.tiles()) {
-      return absl::InvalidArgumentError(absl::StrCat("tiles[", i, "]: there is no tile ",
-                                                     request.tiles(i), "; the grid has ",
-                                                     grid.tiles(), ", counted from 0"));
+  for (int i = 0; i < named.size(); ++i) {
+    if (named[i] >= grid.tiles()) {
+      return absl::InvalidArgumentError(absl::StrCat("tiles[", i, "]: there is no tile ", named[i],
+                                                     "; the grid has ", grid.tiles(),
+                                                     ", counted from 0"));
     }
-    if (seen.insert(request.tiles(i)).second) tiles.push_back(request.tiles(i));
+    if (seen.insert(named[i]).second) tiles.push_back(named[i]);
   }
   return tiles;
+}
+
+void ToMessage(uint64_t tile, const TileVerdicts& verdicts, v1::ConfigurationSpaceTile* message) {
+  message->set_tile(tile);
+  message->set_free(PackedBits(verdicts.free, kTileSize));
+  message->set_occupied(PackedBits(verdicts.occupied, kTileSize));
 }
 
 absl::StatusOr<Deadline> DeadlineOf(const v1::GetConfigurationSpaceRequest& request) {
@@ -93,11 +99,8 @@ void SpaceWriter::SendNext() {
   const size_t levels = clearances_ != nullptr ? clearances_->levels().size() : 0;
   const size_t end = std::min(tiles_.size(), next_ + 2 * kTilesPerMessage / (2 + levels));
   for (; next_ < end; ++next_) {
-    const TileVerdicts& verdicts = space_->tile(tiles_[next_]);
     v1::ConfigurationSpaceTile& tile = *message_.add_tiles();
-    tile.set_tile(tiles_[next_]);
-    tile.set_free(PackedBits(verdicts.free, kTileSize));
-    tile.set_occupied(PackedBits(verdicts.occupied, kTileSize));
+    ToMessage(tiles_[next_], space_->tile(tiles_[next_]), &tile);
     if (clearances_ == nullptr) continue;
     for (const PlaceSet& above : clearances_->tile(tiles_[next_])) {
       tile.add_clearances(PackedBits(above.words, kTileSize));

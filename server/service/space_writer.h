@@ -24,8 +24,10 @@ std::string PackedBits(std::span<const uint64_t> words, size_t bits);
 
 // The tiles asked for, each once; all of the grid if none is named. InvalidArgument for a tile that
 // the grid does not have.
-absl::StatusOr<std::vector<uint64_t>> TilesFrom(const v1::GetConfigurationSpaceRequest& request,
-                                                const ConfigurationGrid& grid);
+absl::StatusOr<std::vector<uint64_t>> TilesFrom(
+    const google::protobuf::RepeatedField<uint64_t>& named, const ConfigurationGrid& grid);
+
+void ToMessage(uint64_t tile, const TileVerdicts& verdicts, v1::ConfigurationSpaceTile* message);
 
 // When the time that the request gives is over, if it begins now; never, if it gives none.
 // InvalidArgument if the time is negative.

@@ -1,0 +1,33 @@
+// How a cell is served.
+#pragma once
+
+#include <cstddef>
+
+#include "absl/time/time.h"
+#include "capture/segmentation/settings.h"
+#include "server/collision/policy.h"
+#include "server/scene/clock.h"
+#include "server/scene/scene_settings.h"
+#include "server/scene/served_database.h"
+
+namespace silhouette {
+
+struct ServingSettings {
+  Policy policy;  // where a request names none
+  // Instead of policy.preset the best one that the database can serve.
+  bool choose_preset = false;
+  SceneSettings scene;
+  SegmentationSettings segmentation;
+  Clock clock = SystemClock;
+  // How long the map of the default policy is worked out after each scene, before anybody asks for
+  // it. Zero: not at all.
+  absl::Duration map_time = absl::Milliseconds(20);
+  int worker_threads = 2;
+  // Tasks that may wait for a worker thread; more are turned away.
+  size_t worker_queue = 256;
+};
+
+// The policy where a request names none, for requests that rest on `database`.
+Policy DefaultPolicy(const ServingSettings& settings, const ServedDatabase& database);
+
+}  // namespace silhouette

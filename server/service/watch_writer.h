@@ -1,0 +1,149 @@
+// A call that is answered anew whenever what answers rest on has changed.
+#pragma once
+
+#include <grpcpp/server_context.h>
+#include <grpcpp/support/server_callback.h>
+
+#include <algorithm>
+#include <cstdint>
+#include <memory>
+#include <mutex>
+#include <optional>
+#include <utility>
+
+#include "absl/status/statusor.h"
+#include "server/service/messages.h"
+#include "server/service/serving.h"
+#include "server/service/watch_hub.h"
+
+namespace silhouette {
+
+// How many scenes were published between two that were told of, by their ids; 0: none was.
+inline uint64_t ScenesSkipped(uint64_t last, uint64_t now) {
+  return last != 0 && now > last ? now - last - 1 : 0;
+}
+
+// Works on one update at a time, by a worker thread, and begins the next one only when all of it
+// has been taken by the transport: a caller who reads slowly holds back nobody, and has at most one
+// update waiting. The next one is of the newest scene then.
+//
+// Keeps itself alive until the call is over.
+template <typename Response>
+class WatchWriter : public grpc::ServerWriteReactor<Response>,
+                    public Watcher,
+                    public std::enable_shared_from_this<WatchWriter<Response>> {
+ public:
+  WatchWriter(Serving& serving, grpc::CallbackServerContext* context)
+      : serving_(serving), context_(context) {}
+
+  // Once, when the call comes.
+  void Start() {
+    self_ = this->shared_from_this();
+    serving_.watches.Add(self_);
+    Tell(1);
+  }
+
+  void Tell(uint64_t version) final {
+    std::unique_lock lock(mutex_);
+    told_ = std::max(told_, version);
+    GoOn(lock);
+  }
+
+  void End() final {
+    Stop({grpc::StatusCode::UNAVAILABLE, "the server stops; watch again when it is back"});
+  }
+
+ protected:
+  // Prepares an update of what is served now. False: there is nothing to tell. An error ends the
+  // call.
+  virtual absl::StatusOr<bool> Prepare() = 0;
+
+  // The next part of the update, in `message`, which is clear. False: it was the last one.
+  virtual bool NextPart(Response& message) = 0;
+
+  Serving& serving() { return serving_; }
+  bool cancelled() const { return context_->IsCancelled(); }
+
+ private:
+  enum class Step { kWaiting, kWorking, kWriting, kOver };
+
+  // What the call is to end with; it goes on until it waits.
+  void Stop(const grpc::Status& status) {
+    std::unique_lock lock(mutex_);
+    if (!ending_) ending_ = status;
+    GoOn(lock);
+  }
+
+  // From kWaiting to whatever is next.
+  void GoOn(std::unique_lock<std::mutex>& lock) {
+    if (step_ != Step::kWaiting) return;
+    if (ending_) {
+      step_ = Step::kOver;
+      lock.unlock();
+      this->Finish(*ending_);
+    } else if (told_ != done_) {
+      // If too much waits already, the hub's next word comes soon.
+      const bool accepted =
+          serving_.workers.Run([self = this->shared_from_this()] { self->Work(); });
+      if (accepted) step_ = Step::kWorking;
+    }
+  }
+
+  void Work() {
+    {
+      const std::lock_guard lock(mutex_);
+      done_ = told_;
+    }
+    bool something = false;
+    const grpc::Status status = Guarded([&]() -> grpc::Status {
+      if (cancelled()) return grpc::Status::CANCELLED;
+      const absl::StatusOr<bool> prepared = Prepare();
+      if (!prepared.ok()) return ToGrpc(prepared.status());
+      something = *prepared;
+      return grpc::Status::OK;
+    });
+    std::unique_lock lock(mutex_);
+    if (!status.ok() && !ending_) ending_ = status;
+    step_ = Step::kWaiting;
+    if (!something || ending_) return GoOn(lock);
+    step_ = Step::kWriting;
+    lock.unlock();
+    Write();
+  }
+
+  void Write() {
+    message_.Clear();
+    more_ = NextPart(message_);
+    this->StartWrite(&message_);
+  }
+
+  void OnWriteDone(bool ok) final {
+    std::unique_lock lock(mutex_);
+    if (!ok && !ending_) ending_ = grpc::Status::CANCELLED;  // nobody listens any more
+    if (more_ && !ending_) {
+      lock.unlock();
+      return Write();
+    }
+    step_ = Step::kWaiting;
+    GoOn(lock);
+  }
+
+  void OnCancel() final { Stop(grpc::Status::CANCELLED); }
+
+  void OnDone() final {
+    const std::shared_ptr<Watcher> last = std::move(self_);  // perhaps a worker still holds it
+  }
+
+  Serving& serving_;
+  grpc::CallbackServerContext* const context_;
+  std::shared_ptr<WatchWriter> self_;
+  Response message_;
+  bool more_ = false;
+  std::mutex mutex_;
+  Step step_ = Step::kWaiting;
+  uint64_t told_ = 0;
+  uint64_t done_ = 0;
+  std::optional<grpc::Status> ending_;
+};
+
+}  // namespace silhouette
