@@ -1,12 +1,12 @@
 # What users of the client library get, as the component `client`:
 #   cmake --install build/release --component client --prefix DIR
-# Then find_package(silhouette) gives silhouette::client, silhouette::mask and silhouette::proto.
+# Then find_package(silhouette) gives silhouette::client and what it needs.
 #
 # All headers are included as <silhouette/...>: db/mask.h and db/configuration_grid.h stand in the
 # place of the headers that forward to them in the source tree.
 set(package_dir ${CMAKE_INSTALL_LIBDIR}/cmake/silhouette)
 
-foreach(target IN ITEMS mask proto client)
+foreach(target IN ITEMS mask proto shared_map client)
   set_target_properties(silhouette_${target} PROPERTIES EXPORT_NAME ${target})
   install(TARGETS silhouette_${target} EXPORT silhouette
     ARCHIVE DESTINATION ${CMAKE_INSTALL_LIBDIR} COMPONENT client

@@ -64,6 +64,9 @@ Words WordsFor(Reason reason) {
           "between grid points",
           "the corners of its grid cell are free, which proves nothing of what lies between them: "
           "ask the server"};
+    case Reason::kMapClosed:
+      return {"map closed",
+              "the server stopped, or serves another database: open the shared map again"};
   }
   return {"unspecified", "the server gave no reason that is known here"};
 }

@@ -33,13 +33,14 @@ const std::map<std::string, Layer>& Layers() {
          "segmentation", "kinematics"},
         {"Eigen", "opencv2"}}},
       {"service",
-       {{"scene", "proto", "mask", "store", "collision", "segmentation", "picture"},
+       {{"scene", "proto", "mask", "store", "collision", "segmentation", "picture", "shared_map"},
         {"grpcpp", "grpc", "spdlog", "opencv2"}}},
       {"devices", {{"mask"}, {}}},
       {"capture",
        {{"devices", "mask", "store", "proto_storage", "segmentation", "kinematics"}, {"opencv2"}}},
       {"sim", {{"devices", "camera", "kinematics", "mask", "yaml"}, {"Eigen", "embree3", "fcl"}}},
-      {"client", {{"mask", "proto"}, {"grpcpp", "grpc"}}},
+      {"shared_map", {{}, {}}},
+      {"client", {{"mask", "proto", "shared_map"}, {"grpcpp", "grpc"}}},
       {"planners", {{"mask"}, {}}},
       {"yaml", {{}, {"yaml-cpp"}}},
       {"program", {{}, {"CLI"}}},
@@ -66,7 +67,7 @@ const std::map<std::string, Layer>& Layers() {
 const std::set<std::string> kHeavy = {
     "Eigen", "urdf_parser", "urdf_model", "lmdb.h", "lz4.h", "xxhash.h", "opencv2",  "grpcpp",
     "grpc",  "spdlog",      "embree3",    "assimp", "fcl",   "CLI",      "yaml-cpp", "prometheus"};
-const std::set<std::string> kPureCore = {"mask", "index", "camera", "collision"};
+const std::set<std::string> kPureCore = {"mask", "index", "camera", "collision", "shared_map"};
 
 // The layer of a file, by its path from the project's root; "" for a program, which sits on top of
 // everything.
@@ -95,6 +96,7 @@ std::string LayerOf(const std::string& path) {
       {"capture/", "capture"},
       {"clients/cpp/example/", ""},
       {"clients/cpp/", "client"},
+      {"clients/shared_map/", "shared_map"},
       {"silhouette/storage/", "proto_storage"},
       {"silhouette/v1/", "proto"},
       {"silhouette/", "client"},

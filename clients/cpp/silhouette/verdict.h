@@ -36,6 +36,7 @@ enum class Reason : uint8_t {
   kRegionEnded = 16,
   kNotInMap = 200,
   kBetweenGridPoints = 201,
+  kMapClosed = 202,
 };
 
 // "free", "occupied", "unknown".
