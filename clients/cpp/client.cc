@@ -2,142 +2,18 @@
 
 #include <grpcpp/grpcpp.h>
 
-#include <bit>
 #include <chrono>
-#include <cstring>
 #include <optional>
 #include <stdexcept>
-#include <string_view>
 #include <utility>
 
-#include "absl/strings/numbers.h"
-#include "absl/strings/str_cat.h"
+#include "clients/cpp/check_answers.h"
+#include "clients/cpp/connection.h"
 #include "clients/cpp/messages.h"
-#include "silhouette/v1/collision_service.grpc.pb.h"
-#include "silhouette/v1/database_service.grpc.pb.h"
-#include "silhouette/v1/scene_service.grpc.pb.h"
 
 namespace silhouette::client {
-namespace {
 
 using Clock = std::chrono::steady_clock;
-
-absl::Status RequireAddress(const std::string& address) {
-  constexpr std::string_view kUnix = "unix:";
-  if (address.starts_with(kUnix)) {
-    if (address.size() > kUnix.size()) return absl::OkStatus();
-  } else {
-    const size_t colon = address.rfind(':');
-    int port = 0;
-    if (colon != std::string::npos && colon > 0 &&
-        absl::SimpleAtoi(address.substr(colon + 1), &port) && port > 0 && port < 65536) {
-      return absl::OkStatus();
-    }
-  }
-  return absl::InvalidArgumentError(
-      absl::StrCat("'", address, "' is no address of a server; write host:port, as ",
-                   kDefaultAddress, ", or unix:path"));
-}
-
-std::shared_ptr<grpc::Channel> ChannelTo(const std::string& address) {
-  grpc::ChannelArguments arguments;
-  arguments.SetMaxReceiveMessageSize(-1);
-  // What gRPC calls the least backoff is how long one attempt to connect may take, handshake
-  // included: a busy machine needs more than an instant.
-  arguments.SetInt(GRPC_ARG_MIN_RECONNECT_BACKOFF_MS, 5000);
-  // A server that was started again is found again within a second.
-  arguments.SetInt(GRPC_ARG_INITIAL_RECONNECT_BACKOFF_MS, 100);
-  arguments.SetInt(GRPC_ARG_MAX_RECONNECT_BACKOFF_MS, 1000);
-  arguments.SetInt(GRPC_ARG_ENABLE_HTTP_PROXY, 0);
-  return grpc::CreateCustomChannel(address, grpc::InsecureChannelCredentials(), arguments);
-}
-
-// Most of gRPC's status codes are absl's, with the same numbers.
-absl::Status SentenceFor(const grpc::Status& status, const std::string& address,
-                         absl::Duration timeout) {
-  switch (status.error_code()) {
-    case grpc::StatusCode::OK:
-      return absl::OkStatus();
-    case grpc::StatusCode::UNAVAILABLE:
-      return absl::UnavailableError(absl::StrCat("no server answers at ", address,
-                                                 "; start silhouette-server or give --server"));
-    case grpc::StatusCode::DEADLINE_EXCEEDED:
-      return absl::DeadlineExceededError(
-          absl::StrCat("the server at ", address, " did not answer within ",
-                       absl::FormatDuration(timeout), "; ask for less at once or allow more time"));
-    case grpc::StatusCode::UNIMPLEMENTED:
-      return absl::UnimplementedError(
-          absl::StrCat("the server at ", address, " does not know this call (",
-                       status.error_message(), "); use a silhouette-server of this version"));
-    default:
-      return absl::Status(static_cast<absl::StatusCode>(status.error_code()),
-                          absl::StrCat("the server at ", address, ": ", status.error_message()));
-  }
-}
-
-absl::Status Malformed(const std::string& address, absl::string_view what) {
-  return absl::InternalError(absl::StrCat("the answer of the server at ", address,
-                                          " cannot be used: ", what,
-                                          "; use a silhouette-server of this version"));
-}
-
-// A verdict whose clearance was asked for has one, unless it is unknown.
-absl::Status RequireClearance(const Verdict& verdict, const std::string& address) {
-  if (verdict.state == State::kUnknown) return absl::OkStatus();
-  if (!verdict.clearance) {
-    return absl::UnimplementedError(
-        absl::StrCat("the server at ", address,
-                     " tells no clearances; use a silhouette-server of this version"));
-  }
-  if (!(*verdict.clearance >= 0)) return Malformed(address, "a clearance is not 0 or more");
-  return absl::OkStatus();
-}
-
-// `bits` bits as words; nothing if the bytes are not just as many as they take. The bits beyond are
-// taken away.
-std::optional<std::vector<uint64_t>> WordsFrom(const std::string& bytes, size_t bits) {
-  static_assert(std::endian::native == std::endian::little);
-  if (bytes.size() != (bits + 7) / 8) return std::nullopt;
-  std::vector<uint64_t> words((bits + 63) / 64, 0);
-  std::memcpy(words.data(), bytes.data(), bytes.size());
-  if (bits % 64 != 0) words.back() &= (uint64_t{1} << (bits % 64)) - 1;
-  return words;
-}
-
-}  // namespace
-
-// A channel and its stubs; thread-safe as they are.
-class Client::Connection {
- public:
-  explicit Connection(const std::string& address)
-      : address_(address),
-        channel_(ChannelTo(address)),
-        collisions_(v1::CollisionService::NewStub(channel_)),
-        scenes_(v1::SceneService::NewStub(channel_)),
-        databases_(v1::DatabaseService::NewStub(channel_)) {}
-
-  const std::string& address() const { return address_; }
-  v1::CollisionService::Stub& collisions() const { return *collisions_; }
-  v1::SceneService::Stub& scenes() const { return *scenes_; }
-  v1::DatabaseService::Stub& databases() const { return *databases_; }
-
-  // One unary call.
-  template <typename Stub, typename Request, typename Response>
-  absl::Status Call(Stub& stub,
-                    grpc::Status (Stub::*method)(grpc::ClientContext*, const Request&, Response*),
-                    const Request& request, absl::Duration timeout, Response& response) const {
-    grpc::ClientContext context;
-    context.set_deadline(absl::ToChronoTime(absl::Now() + timeout));
-    return SentenceFor((stub.*method)(&context, request, &response), address_, timeout);
-  }
-
- private:
-  const std::string address_;
-  const std::shared_ptr<grpc::Channel> channel_;
-  const std::unique_ptr<v1::CollisionService::Stub> collisions_;
-  const std::unique_ptr<v1::SceneService::Stub> scenes_;
-  const std::unique_ptr<v1::DatabaseService::Stub> databases_;
-};
 
 Client::Client(std::shared_ptr<const Connection> connection, absl::Duration timeout)
     : connection_(std::move(connection)), timeout_(timeout) {}
@@ -157,29 +33,13 @@ const std::string& Client::address() const { return connection_->address(); }
 absl::StatusOr<ConfigurationChecks> Client::CheckConfigurations(
     std::span<const Configuration> configurations, const Policy& policy, Evidence evidence,
     Clearance clearance) const {
-  v1::CheckConfigurationsRequest request;
-  for (const Configuration& q : configurations) *request.add_configurations() = ToMessage(q);
-  *request.mutable_policy() = ToMessage(policy);
-  request.set_omit_evidence(evidence == Evidence::kOmit);
-  request.set_include_clearance(clearance == Clearance::kMeasure);
   v1::CheckConfigurationsResponse response;
   const Clock::time_point asked = Clock::now();
-  const absl::Status status =
-      connection_->Call(connection_->collisions(), &v1::CollisionService::Stub::CheckConfigurations,
-                        request, timeout_, response);
+  const absl::Status status = connection_->Call(
+      connection_->collisions(), &v1::CollisionService::Stub::CheckConfigurations,
+      QuestionOf(configurations, policy, evidence, clearance), timeout_, response);
   if (!status.ok()) return status;
-  if (static_cast<size_t>(response.verdicts_size()) != configurations.size()) {
-    return Malformed(address(), absl::StrCat(response.verdicts_size(), " verdicts for ",
-                                             configurations.size(), " configurations"));
-  }
-  ConfigurationChecks checks{.basis = FromMessage(response.basis(), asked), .verdicts = {}};
-  for (const v1::Verdict& verdict : response.verdicts()) {
-    checks.verdicts.push_back(FromMessage(verdict, checks.basis));
-    if (clearance == Clearance::kOmit) continue;
-    const absl::Status measured = RequireClearance(checks.verdicts.back(), address());
-    if (!measured.ok()) return measured;
-  }
-  return checks;
+  return AnswerFrom(response, configurations.size(), clearance, asked, address());
 }
 
 absl::StatusOr<NumberChecks> Client::CheckNumbers(std::span<const uint32_t> numbers,
@@ -194,61 +54,19 @@ absl::StatusOr<NumberChecks> Client::CheckNumbers(std::span<const uint32_t> numb
       connection_->Call(connection_->collisions(), &v1::CollisionService::Stub::CheckConfigurations,
                         request, timeout_, response);
   if (!status.ok()) return status;
-  auto free = WordsFrom(response.free(), numbers.size());
-  auto occupied = WordsFrom(response.occupied(), numbers.size());
-  if (!free || !occupied) {
-    return Malformed(address(),
-                     absl::StrCat("not a verdict for each of ", numbers.size(), " numbers"));
-  }
-  NumberChecks checks{.basis = FromMessage(response.basis(), asked),
-                      .unknown_reason = FromMessage(response.unknown_reason()),
-                      .size = numbers.size(),
-                      .free = *std::move(free),
-                      .occupied = *std::move(occupied)};
-  // What is called both, or rests on nothing, is not known.
-  const bool rests = checks.basis.scene_id != 0 && response.unknown_reason() == 0;
-  for (size_t i = 0; i < checks.free.size(); ++i) {
-    const uint64_t known = rests ? checks.free[i] ^ checks.occupied[i] : 0;
-    checks.free[i] &= known;
-    checks.occupied[i] &= known;
-  }
-  return checks;
+  return NumbersFrom(response, numbers.size(), asked, address());
 }
 
 absl::StatusOr<PathCheck> Client::CheckPath(std::span<const Configuration> waypoints,
                                             const Policy& policy, Clearance clearance) const {
   if (waypoints.empty()) return absl::InvalidArgumentError("a path has at least one waypoint");
-  v1::CheckPathRequest request;
-  for (const Configuration& q : waypoints) *request.add_waypoints() = ToMessage(q);
-  *request.mutable_policy() = ToMessage(policy);
-  request.set_include_clearance(clearance == Clearance::kMeasure);
   v1::CheckPathResponse response;
   const Clock::time_point asked = Clock::now();
   const absl::Status status =
-      connection_->Call(connection_->collisions(), &v1::CollisionService::Stub::CheckPath, request,
-                        timeout_, response);
+      connection_->Call(connection_->collisions(), &v1::CollisionService::Stub::CheckPath,
+                        QuestionOf(waypoints, policy, clearance), timeout_, response);
   if (!status.ok()) return status;
-  PathCheck check{.basis = FromMessage(response.basis(), asked),
-                  .verdict = {},
-                  .segment = response.segment(),
-                  .fraction = response.fraction(),
-                  .configuration = {response.configuration().positions().begin(),
-                                    response.configuration().positions().end()},
-                  .checked = response.checked()};
-  check.verdict = FromMessage(response.verdict(), check.basis);
-  if (clearance == Clearance::kOmit) return check;
-  const absl::Status measured = RequireClearance(check.verdict, address());
-  if (!measured.ok()) return measured;
-  if (!check.verdict.free()) return check;
-  if (!response.has_narrowest()) {
-    return Malformed(address(), "it does not say where the clearance is smallest");
-  }
-  const v1::PathPlace& place = response.narrowest();
-  check.narrowest = {.segment = place.segment(),
-                     .fraction = place.fraction(),
-                     .configuration = {place.configuration().positions().begin(),
-                                       place.configuration().positions().end()}};
-  return check;
+  return AnswerFrom(response, clearance, asked, address());
 }
 
 absl::StatusOr<ConfigurationSpace> Client::GetConfigurationSpace(
@@ -286,7 +104,7 @@ absl::StatusOr<ConfigurationSpace> Client::GetConfigurationSpace(
   if (!fault.ok()) context.TryCancel();
   const grpc::Status finished = reader->Finish();
   if (!fault.ok()) return Malformed(address(), fault.message());
-  if (!finished.ok()) return SentenceFor(finished, address(), timeout_);
+  if (!finished.ok()) return connection_->SentenceFor(finished, timeout_);
   if (!grid.ok()) return Malformed(address(), grid.status().message());
   try {
     return ConfigurationSpace(*std::move(grid), basis, std::move(received), left_out);

@@ -37,10 +37,7 @@ namespace silhouette::client {
 
 inline constexpr char kDefaultAddress[] = "127.0.0.1:50051";
 
-// Whether verdicts come with what each view says: longer replies.
-enum class Evidence { kPerView, kOmit };
-// Whether verdicts come with clearances: they take time to measure.
-enum class Clearance { kOmit, kMeasure };
+class Connection;
 
 // Any number of threads may use a client at once. Copies share the connection.
 class Client {
@@ -109,7 +106,6 @@ class Client {
   absl::StatusOr<Database> GetDatabase() const;
 
  private:
-  class Connection;
   Client(std::shared_ptr<const Connection> connection, absl::Duration timeout);
 
   std::shared_ptr<const Connection> connection_;

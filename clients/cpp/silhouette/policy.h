@@ -1,4 +1,5 @@
-// How verdicts are to be made. What is not set takes the server's default.
+// How verdicts are to be made, and what is to be told of them. What is not set in a policy takes
+// the server's default.
 #pragma once
 
 #include <optional>
@@ -32,5 +33,10 @@ struct Policy {
   // Likewise: whether error pixels on its epipolar lines make a pixel an obstacle.
   std::optional<bool> errors_convict = std::nullopt;
 };
+
+// Whether verdicts come with what each view says: longer replies.
+enum class Evidence { kPerView, kOmit };
+// Whether verdicts come with clearances: they take time to measure.
+enum class Clearance { kOmit, kMeasure };
 
 }  // namespace silhouette::client

@@ -1,0 +1,131 @@
+#include "clients/cpp/check_answers.h"
+
+#include <bit>
+#include <cstring>
+#include <optional>
+#include <utility>
+#include <vector>
+
+#include "absl/strings/str_cat.h"
+#include "clients/cpp/connection.h"
+#include "clients/cpp/messages.h"
+
+namespace silhouette::client {
+namespace {
+
+// A verdict whose clearance was asked for has one, unless it is unknown.
+absl::Status RequireClearance(const Verdict& verdict, const std::string& address) {
+  if (verdict.state == State::kUnknown) return absl::OkStatus();
+  if (!verdict.clearance) {
+    return absl::UnimplementedError(
+        absl::StrCat("the server at ", address,
+                     " tells no clearances; use a silhouette-server of this version"));
+  }
+  if (!(*verdict.clearance >= 0)) return Malformed(address, "a clearance is not 0 or more");
+  return absl::OkStatus();
+}
+
+// `bits` bits as words; nothing if the bytes are not just as many as they take. The bits beyond are
+// taken away.
+std::optional<std::vector<uint64_t>> WordsFrom(const std::string& bytes, size_t bits) {
+  static_assert(std::endian::native == std::endian::little);
+  if (bytes.size() != (bits + 7) / 8) return std::nullopt;
+  std::vector<uint64_t> words((bits + 63) / 64, 0);
+  std::memcpy(words.data(), bytes.data(), bytes.size());
+  if (bits % 64 != 0) words.back() &= (uint64_t{1} << (bits % 64)) - 1;
+  return words;
+}
+
+Configuration ConfigurationFrom(const v1::Configuration& message) {
+  return {message.positions().begin(), message.positions().end()};
+}
+
+}  // namespace
+
+v1::CheckConfigurationsRequest QuestionOf(std::span<const Configuration> configurations,
+                                          const Policy& policy, Evidence evidence,
+                                          Clearance clearance) {
+  v1::CheckConfigurationsRequest request;
+  for (const Configuration& q : configurations) *request.add_configurations() = ToMessage(q);
+  *request.mutable_policy() = ToMessage(policy);
+  request.set_omit_evidence(evidence == Evidence::kOmit);
+  request.set_include_clearance(clearance == Clearance::kMeasure);
+  return request;
+}
+
+v1::CheckPathRequest QuestionOf(std::span<const Configuration> waypoints, const Policy& policy,
+                                Clearance clearance) {
+  v1::CheckPathRequest request;
+  for (const Configuration& q : waypoints) *request.add_waypoints() = ToMessage(q);
+  *request.mutable_policy() = ToMessage(policy);
+  request.set_include_clearance(clearance == Clearance::kMeasure);
+  return request;
+}
+
+absl::StatusOr<ConfigurationChecks> AnswerFrom(const v1::CheckConfigurationsResponse& response,
+                                               size_t configurations, Clearance clearance,
+                                               std::chrono::steady_clock::time_point asked,
+                                               const std::string& address) {
+  if (static_cast<size_t>(response.verdicts_size()) != configurations) {
+    return Malformed(address, absl::StrCat(response.verdicts_size(), " verdicts for ",
+                                           configurations, " configurations"));
+  }
+  ConfigurationChecks checks{.basis = FromMessage(response.basis(), asked), .verdicts = {}};
+  for (const v1::Verdict& verdict : response.verdicts()) {
+    checks.verdicts.push_back(FromMessage(verdict, checks.basis));
+    if (clearance == Clearance::kOmit) continue;
+    const absl::Status measured = RequireClearance(checks.verdicts.back(), address);
+    if (!measured.ok()) return measured;
+  }
+  return checks;
+}
+
+absl::StatusOr<NumberChecks> NumbersFrom(const v1::CheckConfigurationsResponse& response,
+                                         size_t numbers,
+                                         std::chrono::steady_clock::time_point asked,
+                                         const std::string& address) {
+  auto free = WordsFrom(response.free(), numbers);
+  auto occupied = WordsFrom(response.occupied(), numbers);
+  if (!free || !occupied) {
+    return Malformed(address, absl::StrCat("not a verdict for each of ", numbers, " numbers"));
+  }
+  NumberChecks checks{.basis = FromMessage(response.basis(), asked),
+                      .unknown_reason = FromMessage(response.unknown_reason()),
+                      .size = numbers,
+                      .free = *std::move(free),
+                      .occupied = *std::move(occupied)};
+  // What is called both, or rests on nothing, is not known.
+  const bool rests = checks.basis.scene_id != 0 && response.unknown_reason() == 0;
+  for (size_t i = 0; i < checks.free.size(); ++i) {
+    const uint64_t known = rests ? checks.free[i] ^ checks.occupied[i] : 0;
+    checks.free[i] &= known;
+    checks.occupied[i] &= known;
+  }
+  return checks;
+}
+
+absl::StatusOr<PathCheck> AnswerFrom(const v1::CheckPathResponse& response, Clearance clearance,
+                                     std::chrono::steady_clock::time_point asked,
+                                     const std::string& address) {
+  PathCheck check{.basis = FromMessage(response.basis(), asked),
+                  .verdict = {},
+                  .segment = response.segment(),
+                  .fraction = response.fraction(),
+                  .configuration = ConfigurationFrom(response.configuration()),
+                  .checked = response.checked()};
+  check.verdict = FromMessage(response.verdict(), check.basis);
+  if (clearance == Clearance::kOmit) return check;
+  const absl::Status measured = RequireClearance(check.verdict, address);
+  if (!measured.ok()) return measured;
+  if (!check.verdict.free()) return check;
+  if (!response.has_narrowest()) {
+    return Malformed(address, "it does not say where the clearance is smallest");
+  }
+  const v1::PathPlace& place = response.narrowest();
+  check.narrowest = {.segment = place.segment(),
+                     .fraction = place.fraction(),
+                     .configuration = ConfigurationFrom(place.configuration())};
+  return check;
+}
+
+}  // namespace silhouette::client

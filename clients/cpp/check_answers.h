@@ -1,0 +1,35 @@
+// Questions of the collision service, and what their answers must be to be handed out.
+#pragma once
+
+#include <chrono>
+#include <span>
+#include <string>
+
+#include "absl/status/statusor.h"
+#include "silhouette/answers.h"
+#include "silhouette/client.h"
+#include "silhouette/v1/collision_service.pb.h"
+
+namespace silhouette::client {
+
+v1::CheckConfigurationsRequest QuestionOf(std::span<const Configuration> configurations,
+                                          const Policy& policy, Evidence evidence,
+                                          Clearance clearance);
+v1::CheckPathRequest QuestionOf(std::span<const Configuration> waypoints, const Policy& policy,
+                                Clearance clearance);
+
+// `address`: of the server, for errors; `asked`: when the question was sent. Internal if the answer
+// cannot be one to this question, Unimplemented if it lacks clearances.
+absl::StatusOr<ConfigurationChecks> AnswerFrom(const v1::CheckConfigurationsResponse& response,
+                                               size_t configurations, Clearance clearance,
+                                               std::chrono::steady_clock::time_point asked,
+                                               const std::string& address);
+absl::StatusOr<NumberChecks> NumbersFrom(const v1::CheckConfigurationsResponse& response,
+                                         size_t numbers,
+                                         std::chrono::steady_clock::time_point asked,
+                                         const std::string& address);
+absl::StatusOr<PathCheck> AnswerFrom(const v1::CheckPathResponse& response, Clearance clearance,
+                                     std::chrono::steady_clock::time_point asked,
+                                     const std::string& address);
+
+}  // namespace silhouette::client

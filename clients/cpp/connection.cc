@@ -1,0 +1,81 @@
+#include "clients/cpp/connection.h"
+
+#include <grpcpp/grpcpp.h>
+
+#include <string_view>
+
+#include "absl/strings/numbers.h"
+#include "absl/strings/str_cat.h"
+#include "silhouette/client.h"
+
+namespace silhouette::client {
+namespace {
+
+std::shared_ptr<grpc::Channel> ChannelTo(const std::string& address) {
+  grpc::ChannelArguments arguments;
+  arguments.SetMaxReceiveMessageSize(-1);
+  // What gRPC calls the least backoff is how long one attempt to connect may take, handshake
+  // included: a busy machine needs more than an instant.
+  arguments.SetInt(GRPC_ARG_MIN_RECONNECT_BACKOFF_MS, 5000);
+  // A server that was started again is found again within a second.
+  arguments.SetInt(GRPC_ARG_INITIAL_RECONNECT_BACKOFF_MS, 100);
+  arguments.SetInt(GRPC_ARG_MAX_RECONNECT_BACKOFF_MS, 1000);
+  arguments.SetInt(GRPC_ARG_ENABLE_HTTP_PROXY, 0);
+  return grpc::CreateCustomChannel(address, grpc::InsecureChannelCredentials(), arguments);
+}
+
+}  // namespace
+
+absl::Status RequireAddress(const std::string& address) {
+  constexpr std::string_view kUnix = "unix:";
+  if (address.starts_with(kUnix)) {
+    if (address.size() > kUnix.size()) return absl::OkStatus();
+  } else {
+    const size_t colon = address.rfind(':');
+    int port = 0;
+    if (colon != std::string::npos && colon > 0 &&
+        absl::SimpleAtoi(address.substr(colon + 1), &port) && port > 0 && port < 65536) {
+      return absl::OkStatus();
+    }
+  }
+  return absl::InvalidArgumentError(
+      absl::StrCat("'", address, "' is no address of a server; write host:port, as ",
+                   kDefaultAddress, ", or unix:path"));
+}
+
+absl::Status Malformed(const std::string& address, absl::string_view what) {
+  return absl::InternalError(absl::StrCat("the answer of the server at ", address,
+                                          " cannot be used: ", what,
+                                          "; use a silhouette-server of this version"));
+}
+
+Connection::Connection(const std::string& address)
+    : address_(address),
+      channel_(ChannelTo(address)),
+      collisions_(v1::CollisionService::NewStub(channel_)),
+      scenes_(v1::SceneService::NewStub(channel_)),
+      databases_(v1::DatabaseService::NewStub(channel_)) {}
+
+// Most of gRPC's status codes are absl's, with the same numbers.
+absl::Status Connection::SentenceFor(const grpc::Status& status, absl::Duration timeout) const {
+  switch (status.error_code()) {
+    case grpc::StatusCode::OK:
+      return absl::OkStatus();
+    case grpc::StatusCode::UNAVAILABLE:
+      return absl::UnavailableError(absl::StrCat("no server answers at ", address_,
+                                                 "; start silhouette-server or give --server"));
+    case grpc::StatusCode::DEADLINE_EXCEEDED:
+      return absl::DeadlineExceededError(
+          absl::StrCat("the server at ", address_, " did not answer within ",
+                       absl::FormatDuration(timeout), "; ask for less at once or allow more time"));
+    case grpc::StatusCode::UNIMPLEMENTED:
+      return absl::UnimplementedError(
+          absl::StrCat("the server at ", address_, " does not know this call (",
+                       status.error_message(), "); use a silhouette-server of this version"));
+    default:
+      return absl::Status(static_cast<absl::StatusCode>(status.error_code()),
+                          absl::StrCat("the server at ", address_, ": ", status.error_message()));
+  }
+}
+
+}  // namespace silhouette::client
