@@ -15,10 +15,6 @@ absl::Time FromMessage(const google::protobuf::Timestamp& time) {
   return absl::FromUnixSeconds(time.seconds()) + absl::Nanoseconds(time.nanos());
 }
 
-absl::Duration FromMessage(const google::protobuf::Duration& duration) {
-  return absl::Seconds(duration.seconds()) + absl::Nanoseconds(duration.nanos());
-}
-
 google::protobuf::Timestamp ToMessage(absl::Time time) {
   google::protobuf::Timestamp message;
   const int64_t seconds = absl::ToUnixSeconds(time);
@@ -158,6 +154,10 @@ google::protobuf::Duration ToMessage(absl::Duration duration) {
   message.set_seconds(absl::IDivDuration(duration, absl::Seconds(1), &rest));
   message.set_nanos(static_cast<int32_t>(absl::ToInt64Nanoseconds(rest)));
   return message;
+}
+
+absl::Duration FromMessage(const google::protobuf::Duration& duration) {
+  return absl::Seconds(duration.seconds()) + absl::Nanoseconds(duration.nanos());
 }
 
 Basis FromMessage(const v1::Basis& basis, std::chrono::steady_clock::time_point asked) {

@@ -22,7 +22,9 @@ v1::Policy ToMessage(const Policy& policy);
 v1::ViewImage ToMessage(const ViewImage& image);
 v1::RegionPixels ToMessage(const RegionPixels& pixels);
 google::protobuf::Duration ToMessage(absl::Duration duration);
+absl::Duration FromMessage(const google::protobuf::Duration& duration);
 
+// `asked`: when the question was sent, or a time before which the answer was not made.
 Basis FromMessage(const v1::Basis& basis, std::chrono::steady_clock::time_point asked);
 // A verdict that calls itself free without a scene is unknown.
 Verdict FromMessage(const v1::Verdict& verdict, const Basis& basis);

@@ -67,6 +67,23 @@ Words WordsFor(Reason reason) {
     case Reason::kMapClosed:
       return {"map closed",
               "the server stopped, or serves another database: open the shared map again"};
+    case Reason::kNoUpdate:
+      return {"no update", "nothing has come from the server yet: wait for the first update"};
+    case Reason::kConnectionLost:
+      return {"connection lost", "there is no connection to the server: it is tried again"};
+    case Reason::kUpdateTooOld:
+      return {"update too old",
+              "the scene of the last update is older than max_age: publish scenes more often, or "
+              "see whether the network stalls"};
+    case Reason::kUpdateExpired:
+      return {"update expired",
+              "the server does not vouch for its last update any longer, and none has followed"};
+    case Reason::kUpdateMalformed:
+      return {"update malformed",
+              "what the server sent cannot be used: use a silhouette-server of this version"};
+    case Reason::kAgeUnknown:
+      return {"age unknown",
+              "how old the scene is cannot be told, for the server did not tell its clock"};
   }
   return {"unspecified", "the server gave no reason that is known here"};
 }

@@ -20,16 +20,16 @@ using Handler = std::function<grpc::Status(grpc::ServerContext&, const Request&,
 struct FakeServer final : v1::CollisionService::Service,
                           v1::SceneService::Service,
                           v1::DatabaseService::Service {
-  // Listens on a free port of 127.0.0.1.
-  FakeServer() {
+  // Listens at `at`, or on a free port of 127.0.0.1.
+  explicit FakeServer(const std::string& at = "127.0.0.1:0") {
     grpc::ServerBuilder builder;
     int port = 0;
-    builder.AddListeningPort("127.0.0.1:0", grpc::InsecureServerCredentials(), &port);
+    builder.AddListeningPort(at, grpc::InsecureServerCredentials(), &port);
     builder.RegisterService(static_cast<v1::CollisionService::Service*>(this));
     builder.RegisterService(static_cast<v1::SceneService::Service*>(this));
     builder.RegisterService(static_cast<v1::DatabaseService::Service*>(this));
     server = builder.BuildAndStart();
-    address = "127.0.0.1:" + std::to_string(port);
+    address = at.starts_with("unix:") ? at : "127.0.0.1:" + std::to_string(port);
   }
   ~FakeServer() override { Stop(); }
 
@@ -64,6 +64,21 @@ struct FakeServer final : v1::CollisionService::Service,
       grpc::ServerWriter<v1::GetConfigurationSpaceResponse>* writer) override {
     return Answer(configuration_space, context, request, writer);
   }
+  grpc::Status WatchConfigurationSpace(
+      grpc::ServerContext* context, const v1::WatchConfigurationSpaceRequest* request,
+      grpc::ServerWriter<v1::WatchConfigurationSpaceResponse>* writer) override {
+    return Answer(watch_space, context, request, writer);
+  }
+  grpc::Status WatchPath(grpc::ServerContext* context, const v1::CheckPathRequest* request,
+                         grpc::ServerWriter<v1::WatchPathResponse>* writer) override {
+    return Answer(watch_path, context, request, writer);
+  }
+  grpc::Status StreamChecks(grpc::ServerContext* context,
+                            grpc::ServerReaderWriter<v1::StreamChecksResponse,
+                                                     v1::StreamChecksRequest>* stream) override {
+    if (!stream_checks) return {grpc::StatusCode::UNIMPLEMENTED, "not in this fake"};
+    return stream_checks(*context, *stream);
+  }
   grpc::Status PublishScene(grpc::ServerContext* context, const v1::PublishSceneRequest* request,
                             v1::PublishSceneResponse* response) override {
     return Answer(publish_scene, context, request, response);
@@ -82,6 +97,14 @@ struct FakeServer final : v1::CollisionService::Service,
   Handler<v1::ExplainRequest, v1::ExplainResponse> explain;
   Handler<v1::GetConfigurationSpaceRequest, grpc::ServerWriter<v1::GetConfigurationSpaceResponse>>
       configuration_space;
+  Handler<v1::WatchConfigurationSpaceRequest,
+          grpc::ServerWriter<v1::WatchConfigurationSpaceResponse>>
+      watch_space;
+  Handler<v1::CheckPathRequest, grpc::ServerWriter<v1::WatchPathResponse>> watch_path;
+  std::function<grpc::Status(
+      grpc::ServerContext&,
+      grpc::ServerReaderWriter<v1::StreamChecksResponse, v1::StreamChecksRequest>&)>
+      stream_checks;
   Handler<v1::PublishSceneRequest, v1::PublishSceneResponse> publish_scene;
   Handler<v1::GetSceneRequest, v1::GetSceneResponse> get_scene;
   Handler<v1::GetDatabaseRequest, v1::GetDatabaseResponse> get_database;

@@ -24,7 +24,8 @@ struct Basis {
   absl::Duration scene_age = absl::InfiniteDuration();
   // Names of the allowed regions without which verdicts from the scene might be others.
   std::vector<std::string> regions = {};
-  // When the question was sent.
+  // When the question was sent; of what a stream brings unasked, the earliest time at which it can
+  // have been made.
   std::chrono::steady_clock::time_point asked = {};
 
   // Age of the oldest image now: never less than it really is, for the way of the question counts

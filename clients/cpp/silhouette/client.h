@@ -106,6 +106,7 @@ class Client {
   absl::StatusOr<Database> GetDatabase() const;
 
  private:
+  friend class LocalSpace;
   Client(std::shared_ptr<const Connection> connection, absl::Duration timeout);
 
   std::shared_ptr<const Connection> connection_;

@@ -37,6 +37,12 @@ enum class Reason : uint8_t {
   kNotInMap = 200,
   kBetweenGridPoints = 201,
   kMapClosed = 202,
+  kNoUpdate = 203,
+  kConnectionLost = 204,
+  kUpdateTooOld = 205,
+  kUpdateExpired = 206,
+  kUpdateMalformed = 207,
+  kAgeUnknown = 208,
 };
 
 // "free", "occupied", "unknown".

@@ -1,0 +1,230 @@
+#include "silhouette/local_space.h"
+
+#include <algorithm>
+#include <chrono>
+#include <condition_variable>
+#include <mutex>
+#include <optional>
+#include <stdexcept>
+#include <thread>
+#include <utility>
+
+#include "clients/cpp/cancellation.h"
+#include "clients/cpp/connection.h"
+#include "clients/cpp/messages.h"
+#include "clients/cpp/published.h"
+#include "clients/cpp/server_clock.h"
+#include "clients/cpp/space_assembly.h"
+#include "clients/cpp/space_snapshot.h"
+
+namespace silhouette::client {
+namespace {
+
+using Clock = std::chrono::steady_clock;
+using Content = SpaceSnapshot::Content;
+
+// Between attempts to connect: at first, and at most.
+constexpr std::chrono::milliseconds kShortestPause{100};
+constexpr std::chrono::milliseconds kLongestPause{2000};
+
+std::shared_ptr<const SpaceSnapshot> SnapshotOf(Content content) {
+  return std::make_shared<const SpaceSnapshot>(std::make_unique<const Content>(std::move(content)));
+}
+
+}  // namespace
+
+class LocalSpace::Impl {
+ public:
+  Impl(std::shared_ptr<const Connection> connection, absl::Duration timeout,
+       LocalSpaceOptions options)
+      : connection_(std::move(connection)),
+        timeout_(timeout),
+        options_(std::move(options)),
+        published_(SnapshotOf({})) {
+    if (options_.max_age <= absl::ZeroDuration()) {
+      throw std::invalid_argument("max_age of a local space must be positive");
+    }
+    thread_ = std::jthread([this](const std::stop_token& stop) { Run(stop); });
+  }
+
+  ~Impl() {
+    thread_.request_stop();
+    cancellation_.Cancel();
+  }
+
+  const Published<SpaceSnapshot>& published() const { return published_; }
+
+  std::shared_ptr<const SpaceSnapshot> Wait(uint64_t after, absl::Duration timeout) const {
+    std::unique_lock lock(mutex_);
+    const absl::Duration bounded = std::clamp(timeout, absl::ZeroDuration(), absl::Hours(24));
+    changed_.wait_for(lock, absl::ToChronoNanoseconds(bounded),
+                      [&] { return newest_.number > after; });
+    return published_.Get();
+  }
+
+  LocalSpaceStatus status() const {
+    const std::lock_guard lock(mutex_);
+    return status_;
+  }
+
+ private:
+  void Run(const std::stop_token& stop) {
+    std::chrono::milliseconds pause = kShortestPause;
+    while (!stop.stop_requested()) {
+      const uint64_t before = status().updates;
+      Reason reason = Reason::kConnectionLost;
+      const absl::Status ended = Subscribe(reason);
+      if (stop.stop_requested()) return;
+      Lose(ended, reason);
+      pause = status().updates > before ? kShortestPause : std::min(2 * pause, kLongestPause);
+      std::unique_lock lock(mutex_);
+      changed_.wait_for(lock, stop, pause, [] { return false; });
+    }
+  }
+
+  // One stream, to its end: why it ended. `reason`: what that is to those who ask for verdicts.
+  absl::Status Subscribe(Reason& reason) {
+    {
+      const std::lock_guard lock(mutex_);
+      ++status_.attempts;
+    }
+    v1::WatchConfigurationSpaceRequest request;
+    *request.mutable_policy() = ToMessage(options_.policy);
+    request.mutable_tiles()->Add(options_.tiles.begin(), options_.tiles.end());
+    grpc::ClientContext context;
+    const Cancellation::Call call(cancellation_, context);
+    const auto reader = connection_->collisions().WatchConfigurationSpace(&context, request);
+    const absl::Status fault = ReadUpdates(*reader, reason);
+    if (!fault.ok()) context.TryCancel();
+    const grpc::Status finished = reader->Finish();
+    if (!fault.ok()) return fault;
+    if (!finished.ok()) return connection_->SentenceFor(finished, timeout_);
+    return absl::UnavailableError("the server at " + connection_->address() +
+                                  " ended the subscription");
+  }
+
+  // OK when nothing more can be read.
+  absl::Status ReadUpdates(grpc::ClientReader<v1::WatchConfigurationSpaceResponse>& reader,
+                           Reason& reason) {
+    SpaceAssembly assembly;
+    ServerClock clock(connection_, timeout_, cancellation_);
+    std::optional<OffGridRule> rule;
+    uint64_t rule_generation = 0;
+    v1::WatchConfigurationSpaceResponse part;
+    while (reader.Read(&part)) {
+      const Clock::time_point received = Clock::now();
+      absl::StatusOr<std::optional<SpaceUpdate>> update = assembly.Add(part);
+      if (!update.ok()) {
+        reason = Reason::kUpdateMalformed;
+        return Malformed(connection_->address(), update.status().message());
+      }
+      if (!*update) continue;
+      const absl::StatusOr<Clock::time_point> made = clock.MadeAt((*update)->basis, received);
+      if (!made.ok()) {
+        reason = Reason::kAgeUnknown;
+        return made.status();
+      }
+      const uint64_t generation = (*update)->basis.database_generation();
+      if (generation != rule_generation) rule.reset();
+      Take(**update, *made, rule);
+      if (rule) continue;
+      rule = AskForRule(generation);
+      rule_generation = generation;
+      if (rule) Publish([&](Content& content) { content.rule = rule; });
+    }
+    return absl::OkStatus();
+  }
+
+  void Take(const SpaceUpdate& update, Clock::time_point made,
+            const std::optional<OffGridRule>& rule) {
+    Publish([&](Content& content) {
+      const uint64_t number = content.number + 1;
+      content = {.basis = FromMessage(update.basis, made),
+                 .map = update.map,
+                 .unknown = update.unknown,
+                 .validity = {},
+                 .rule = rule,
+                 .number = number,
+                 .skipped_scenes = update.skipped_scenes,
+                 .tiles_changed = update.tiles_changed};
+      content.validity = ValidityOf(content.basis, update.valid_for, options_.max_age);
+      status_.connected = true;
+      status_.problem = absl::OkStatus();
+      ++status_.updates;
+      status_.skipped_scenes += update.skipped_scenes;
+    });
+  }
+
+  void Lose(const absl::Status& problem, Reason reason) {
+    Publish([&](Content& content) {
+      // Failing again says nothing new.
+      if (status_.connected || content.unknown != reason) ++content.number;
+      content.unknown = reason;
+      status_.connected = false;
+      status_.problem = problem;
+    });
+  }
+
+  // `change(content)` makes the next snapshot from the newest.
+  template <typename Change>
+  void Publish(const Change& change) {
+    {
+      const std::lock_guard lock(mutex_);
+      change(newest_);
+      published_.Replace(SnapshotOf(newest_));
+    }
+    changed_.notify_all();
+  }
+
+  // What the server makes of configurations off the grid, with this generation of the database.
+  std::optional<OffGridRule> AskForRule(uint64_t generation) {
+    grpc::ClientContext context;
+    const Cancellation::Call call(cancellation_, context);
+    v1::GetDatabaseResponse response;
+    const absl::Status status = connection_->Call(
+        context, connection_->databases(), &v1::DatabaseService::Stub::GetDatabase,
+        v1::GetDatabaseRequest(), std::min(timeout_, absl::Seconds(1)), response);
+    if (!status.ok()) return std::nullopt;
+    const absl::StatusOr<Database> database = FromMessage(response);
+    if (!database.ok() || database->generation != generation) return std::nullopt;
+    return OffGridRuleOf(Effective(options_.policy, database->default_policy),
+                         static_cast<int>(database->views.size()));
+  }
+
+  const std::shared_ptr<const Connection> connection_;
+  const absl::Duration timeout_;
+  const LocalSpaceOptions options_;
+  Cancellation cancellation_;
+  mutable std::mutex mutex_;
+  mutable std::condition_variable_any changed_;
+  Content newest_;  // what is published
+  LocalSpaceStatus status_;
+  Published<SpaceSnapshot> published_;
+  std::jthread thread_;  // last: it uses the others
+};
+
+LocalSpace::LocalSpace(const Client& client, LocalSpaceOptions options)
+    : impl_(std::make_unique<Impl>(client.connection_, client.timeout_, std::move(options))) {}
+LocalSpace::~LocalSpace() = default;
+
+State LocalSpace::StateAt(ConfigurationNumber number) const {
+  return impl_->published().With(
+      [number](const SpaceSnapshot& snapshot) { return snapshot.StateAt(number); });
+}
+
+Verdict LocalSpace::Check(std::span<const double> configuration) const {
+  return Snapshot()->Check(configuration);
+}
+
+std::shared_ptr<const SpaceSnapshot> LocalSpace::Snapshot() const {
+  return impl_->published().Get();
+}
+
+std::shared_ptr<const SpaceSnapshot> LocalSpace::WaitForUpdate(uint64_t after,
+                                                               absl::Duration timeout) const {
+  return impl_->Wait(after, timeout);
+}
+
+LocalSpaceStatus LocalSpace::status() const { return impl_->status(); }
+
+}  // namespace silhouette::client

@@ -1,0 +1,72 @@
+#include "clients/cpp/server_clock.h"
+
+#include <algorithm>
+#include <optional>
+#include <utility>
+
+#include "absl/strings/str_cat.h"
+#include "clients/cpp/messages.h"
+
+namespace silhouette::client {
+namespace {
+
+using Clock = std::chrono::steady_clock;
+
+constexpr absl::Duration kLongestRoundTrip = absl::Seconds(1);
+constexpr Clock::duration kBetweenRoundTrips = std::chrono::seconds(1);
+
+}  // namespace
+
+ServerClock::ServerClock(std::shared_ptr<const Connection> connection, absl::Duration timeout,
+                         Cancellation& cancellation)
+    : connection_(std::move(connection)),
+      timeout_(std::min(timeout, kLongestRoundTrip)),
+      cancellation_(cancellation) {}
+
+absl::Status ServerClock::Measure() {
+  grpc::ClientContext context;
+  const Cancellation::Call call(cancellation_, context);
+  v1::CheckConfigurationsResponse response;
+  const Clock::time_point asked = Clock::now();
+  const absl::Status status = connection_->Call(
+      context, connection_->collisions(), &v1::CollisionService::Stub::CheckConfigurations,
+      v1::CheckConfigurationsRequest(), timeout_, response);
+  const Clock::time_point answered = Clock::now();
+  // A slow server is not asked the more.
+  next_ = answered + std::max(kBetweenRoundTrips, 4 * (answered - asked));
+  if (!status.ok()) return status;
+  if (!response.basis().has_server_clock()) {
+    return absl::UnimplementedError(absl::StrCat("the server at ", connection_->address(),
+                                                 " does not tell its clock, so that nobody knows "
+                                                 "how old its messages are; use a "
+                                                 "silhouette-server of this version"));
+  }
+  time_.Observe(asked, answered, FromMessage(response.basis().server_clock()));
+  return absl::OkStatus();
+}
+
+absl::StatusOr<ServerTime::Time> ServerClock::MadeAt(const v1::Basis& basis,
+                                                     ServerTime::Time received) {
+  absl::Status measured;
+  if (Clock::now() >= next_) measured = Measure();
+  if (measured.code() == absl::StatusCode::kUnimplemented) return measured;
+  if (!basis.has_server_clock()) {
+    return absl::UnimplementedError(absl::StrCat("the server at ", connection_->address(),
+                                                 " does not tell when it made its messages; use a "
+                                                 "silhouette-server of this version"));
+  }
+  const absl::Duration made = FromMessage(basis.server_clock());
+  std::optional<ServerTime::Time> earliest = time_.Earliest(made, received);
+  if (!earliest) {
+    if (measured.ok()) measured = Measure();
+    if (!measured.ok()) return measured;
+    earliest = time_.Earliest(made, received);
+  }
+  if (!earliest) {
+    return absl::UnavailableError(
+        absl::StrCat("the clock of the server at ", connection_->address(), " does not fit"));
+  }
+  return *earliest;
+}
+
+}  // namespace silhouette::client

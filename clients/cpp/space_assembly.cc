@@ -1,0 +1,85 @@
+#include "clients/cpp/space_assembly.h"
+
+#include <utility>
+
+#include "absl/strings/str_cat.h"
+#include "clients/cpp/messages.h"
+
+namespace silhouette::client {
+
+absl::StatusOr<std::optional<SpaceUpdate>> SpaceAssembly::Add(
+    const v1::WatchConfigurationSpaceResponse& part) {
+  const bool first = !begun_.has_value();
+  absl::Status status;
+  if (first) {
+    status = Begin(part);
+  } else if (part.has_basis() || part.has_grid() || part.whole()) {
+    status = absl::InternalError("an update begins before the one before it has ended");
+  }
+  if (!status.ok()) return status;
+  if (begun_->unknown && part.tiles_size() > 0) {
+    return absl::InternalError("an update that makes everything unknown has tiles");
+  }
+  for (const v1::ConfigurationSpaceTile& tile : part.tiles()) {
+    status = Take(tile);
+    if (!status.ok()) return status;
+  }
+  if (!part.last_part()) return std::nullopt;
+  last_ = std::move(map_);
+  generation_ = begun_->basis.database_generation();
+  begun_->map = last_;
+  return std::exchange(begun_, std::nullopt);
+}
+
+absl::Status SpaceAssembly::Begin(const v1::WatchConfigurationSpaceResponse& first) {
+  if (!first.has_basis()) return absl::InternalError("an update does not say what it rests on");
+  if (first.whole() != first.has_grid()) {
+    return absl::InternalError("a grid belongs to an update that is whole, and to no other");
+  }
+  SpaceUpdate update{.basis = first.basis(), .skipped_scenes = first.skipped_scenes()};
+  if (first.basis().scene_id() == 0) update.unknown = Reason::kNoScene;
+  if (first.unknown_reason() != 0) update.unknown = FromMessage(first.unknown_reason());
+  if (!update.unknown && !first.has_valid_for()) {
+    return absl::InternalError("an update does not say how long it is valid");
+  }
+  update.valid_for = FromMessage(first.valid_for());
+  if (first.whole()) {
+    absl::StatusOr<ConfigurationGrid> grid = FromMessage(first.grid());
+    if (!grid.ok()) return grid.status();
+    if (grid->tiles() > SpaceMap::kMostTiles) {
+      return absl::ResourceExhaustedError(absl::StrCat("the grid has ", grid->tiles(),
+                                                       " tiles; at most ", SpaceMap::kMostTiles,
+                                                       " can be held"));
+    }
+    map_ = std::make_shared<SpaceMap>(SpaceMap{.grid = *std::move(grid), .tiles = {}});
+    map_->tiles.resize(map_->grid.tiles());
+  } else if (last_ == nullptr) {
+    return absl::InternalError("the first update is not whole");
+  } else if (first.basis().database_generation() != generation_) {
+    return absl::InternalError("the database changed, and the update is not whole");
+  } else {
+    map_ = std::make_shared<SpaceMap>(*last_);
+  }
+  came_.assign(map_->tiles.size(), false);
+  begun_ = std::move(update);
+  return absl::OkStatus();
+}
+
+absl::Status SpaceAssembly::Take(const v1::ConfigurationSpaceTile& message) {
+  absl::StatusOr<ConfigurationSpaceTile> tile = FromMessage(message);
+  if (!tile.ok()) return tile.status();
+  if (tile->tile >= came_.size()) {
+    return absl::InternalError(
+        absl::StrCat("tile ", tile->tile, " is beyond the grid's ", came_.size()));
+  }
+  if (came_[tile->tile]) {
+    return absl::InternalError(absl::StrCat("tile ", tile->tile, " comes twice in an update"));
+  }
+  came_[tile->tile] = true;
+  MakeConsistent(map_->grid, *tile);
+  map_->tiles[tile->tile] = std::make_shared<const ConfigurationSpaceTile>(*tile);
+  ++begun_->tiles_changed;
+  return absl::OkStatus();
+}
+
+}  // namespace silhouette::client

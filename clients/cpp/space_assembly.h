@@ -1,0 +1,50 @@
+// Puts the parts of WatchConfigurationSpace together.
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <optional>
+#include <vector>
+
+#include "absl/status/status.h"
+#include "absl/status/statusor.h"
+#include "absl/time/time.h"
+#include "clients/cpp/space_map.h"
+#include "silhouette/answers.h"
+#include "silhouette/v1/collision_service.pb.h"
+
+namespace silhouette::client {
+
+// An update of which all parts are there.
+struct SpaceUpdate {
+  v1::Basis basis = {};
+  // Why every configuration is unknown; kUnspecified if the reason is not known here.
+  std::optional<Reason> unknown = std::nullopt;
+  // Counted from when it was made.
+  absl::Duration valid_for = absl::ZeroDuration();
+  uint64_t skipped_scenes = 0;
+  uint64_t tiles_changed = 0;
+  // What it leads to, whatever `unknown` says.
+  std::shared_ptr<const SpaceMap> map = nullptr;
+};
+
+// One stream, from its first part on. Not thread-safe.
+class SpaceAssembly {
+ public:
+  // The update that `part` completes, if it does. Internal, with the words of what is wrong, for
+  // parts that cannot follow one another or cannot be at all; then nothing of the stream counts any
+  // more. ResourceExhausted for a grid that is too large to be held.
+  absl::StatusOr<std::optional<SpaceUpdate>> Add(const v1::WatchConfigurationSpaceResponse& part);
+
+ private:
+  absl::Status Begin(const v1::WatchConfigurationSpaceResponse& first);
+  absl::Status Take(const v1::ConfigurationSpaceTile& message);
+
+  std::optional<SpaceUpdate> begun_;      // an update whose last part has not come
+  std::shared_ptr<SpaceMap> map_;         // what it makes
+  std::vector<bool> came_;                // which tiles came with it
+  std::shared_ptr<const SpaceMap> last_;  // what the last complete update made
+  uint64_t generation_ = 0;               // of its database
+};
+
+}  // namespace silhouette::client

@@ -1,0 +1,37 @@
+#include "clients/cpp/space_map.h"
+
+#include <bit>
+
+namespace silhouette::client {
+namespace {
+
+uint64_t CountBits(const TileBits& bits) {
+  uint64_t count = 0;
+  for (uint64_t word : bits) count += static_cast<uint64_t>(std::popcount(word));
+  return count;
+}
+
+}  // namespace
+
+void MakeConsistent(const ConfigurationGrid& grid, ConfigurationSpaceTile& tile) {
+  for (size_t word = 0; word < tile.free.size(); ++word) {
+    const uint64_t both = tile.free[word] & tile.occupied[word];
+    tile.free[word] &= ~both;
+    tile.occupied[word] &= ~both;
+  }
+  const ConfigurationNumber first = tile.tile * kTileSize;
+  if (grid.Contains(first + kTileSize - 1)) return;  // a tile with its last place has all of them
+  for (uint64_t place = 0; place < kTileSize; ++place) {
+    if (grid.Contains(first + place)) continue;
+    const uint64_t others = ~(uint64_t{1} << (place % 64));
+    tile.free[place / 64] &= others;
+    tile.occupied[place / 64] &= others;
+  }
+}
+
+void Count(const ConfigurationSpaceTile& tile, StateCounts& counts) {
+  counts.free += CountBits(tile.free);
+  counts.occupied += CountBits(tile.occupied);
+}
+
+}  // namespace silhouette::client

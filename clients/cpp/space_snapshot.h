@@ -1,0 +1,37 @@
+// What a SpaceSnapshot is made of.
+#pragma once
+
+#include <chrono>
+#include <memory>
+#include <optional>
+
+#include "absl/time/time.h"
+#include "clients/cpp/off_grid.h"
+#include "clients/cpp/space_map.h"
+#include "silhouette/space_snapshot.h"
+
+namespace silhouette::client {
+
+// Until when something may be relied on, and why not afterwards.
+struct Validity {
+  std::chrono::steady_clock::time_point until = std::chrono::steady_clock::time_point::min();
+  Reason then = Reason::kUpdateExpired;
+};
+
+// Of what was not made before `basis.asked` and is valid for `valid_for` from when it was made on,
+// but no longer than until the scene is `max_age` old.
+Validity ValidityOf(const Basis& basis, absl::Duration valid_for, absl::Duration max_age);
+
+struct SpaceSnapshot::Content {
+  Basis basis = {};
+  std::shared_ptr<const SpaceMap> map = nullptr;
+  std::optional<Reason> unknown = Reason::kNoUpdate;
+  Validity validity = {};
+  // Nothing: not known, so that only configurations on the grid can be told of.
+  std::optional<OffGridRule> rule = std::nullopt;
+  uint64_t number = 0;
+  uint64_t skipped_scenes = 0;
+  uint64_t tiles_changed = 0;
+};
+
+}  // namespace silhouette::client
