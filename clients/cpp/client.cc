@@ -8,8 +8,10 @@
 #include <utility>
 
 #include "clients/cpp/check_answers.h"
+#include "clients/cpp/check_stream.h"
 #include "clients/cpp/connection.h"
 #include "clients/cpp/messages.h"
+#include "clients/cpp/path_watch.h"
 
 namespace silhouette::client {
 
@@ -67,6 +69,17 @@ absl::StatusOr<PathCheck> Client::CheckPath(std::span<const Configuration> waypo
                         QuestionOf(waypoints, policy, clearance), timeout_, response);
   if (!status.ok()) return status;
   return AnswerFrom(response, clearance, asked, address());
+}
+
+absl::StatusOr<PathWatch> Client::WatchPath(std::span<const Configuration> waypoints,
+                                            const Policy& policy, Clearance clearance) const {
+  if (waypoints.empty()) return absl::InvalidArgumentError("a path has at least one waypoint");
+  return PathWatch(std::make_unique<PathWatch::Impl>(
+      connection_, timeout_, QuestionOf(waypoints, policy, clearance), clearance));
+}
+
+CheckStream Client::StreamChecks() const {
+  return CheckStream(std::make_unique<CheckStream::Impl>(connection_));
 }
 
 absl::StatusOr<ConfigurationSpace> Client::GetConfigurationSpace(

@@ -26,8 +26,10 @@
 #include "absl/status/statusor.h"
 #include "absl/time/time.h"
 #include "silhouette/answers.h"
+#include "silhouette/check_stream.h"
 #include "silhouette/configuration_space.h"
 #include "silhouette/database.h"
+#include "silhouette/path_watch.h"
 #include "silhouette/policy.h"
 #include "silhouette/region.h"
 #include "silhouette/scene.h"
@@ -74,6 +76,14 @@ class Client {
   absl::StatusOr<PathCheck> CheckPath(std::span<const Configuration> waypoints,
                                       const Policy& policy = {},
                                       Clearance clearance = Clearance::kOmit) const;
+
+  // The same, answered anew with every scene; needs a server that can.
+  absl::StatusOr<PathWatch> WatchPath(std::span<const Configuration> waypoints,
+                                      const Policy& policy = {},
+                                      Clearance clearance = Clearance::kOmit) const;
+
+  // Checks over one call, without waiting for each answer; needs a server that can.
+  CheckStream StreamChecks() const;
 
   // The verdicts of all configurations, or of the given tiles only. `max_time`: how long the server
   // may work on them, not negative; what is not done by then is left out, and unknown.

@@ -1,0 +1,108 @@
+#include "clients/cpp/path_watch.h"
+
+#include <algorithm>
+#include <utility>
+
+#include "absl/strings/str_cat.h"
+#include "clients/cpp/check_answers.h"
+#include "clients/cpp/messages.h"
+#include "clients/cpp/space_snapshot.h"
+
+namespace silhouette::client {
+
+namespace {
+
+using Clock = std::chrono::steady_clock;
+
+constexpr absl::Duration kVeryLong = absl::Hours(24 * 3650);
+
+}  // namespace
+
+bool PathUpdate::FreeNow() const { return check.verdict.free() && Clock::now() < valid_until; }
+
+PathWatch::PathWatch(std::unique_ptr<Impl> impl) : impl_(std::move(impl)) {}
+PathWatch::~PathWatch() = default;
+PathWatch::PathWatch(PathWatch&&) noexcept = default;
+PathWatch& PathWatch::operator=(PathWatch&&) noexcept = default;
+absl::StatusOr<PathUpdate> PathWatch::Next(absl::Duration timeout) { return impl_->Next(timeout); }
+void PathWatch::Cancel() { impl_->Cancel(); }
+
+PathWatch::Impl::Impl(std::shared_ptr<const Connection> connection, absl::Duration timeout,
+                      v1::CheckPathRequest request, Clearance clearance)
+    : connection_(std::move(connection)),
+      timeout_(timeout),
+      request_(std::move(request)),
+      clearance_(clearance) {
+  thread_ = std::jthread([this] {
+    const absl::Status ended = Run();
+    {
+      const std::lock_guard lock(mutex_);
+      ended_ = cancellation_.cancelled() ? absl::CancelledError("the watch was cancelled") : ended;
+    }
+    changed_.notify_all();
+  });
+}
+
+void PathWatch::Impl::Cancel() { cancellation_.Cancel(); }
+
+absl::StatusOr<PathUpdate> PathWatch::Impl::Next(absl::Duration timeout) {
+  const absl::Duration bounded = std::clamp(timeout, absl::ZeroDuration(), kVeryLong);
+  const Clock::time_point deadline = Clock::now() + absl::ToChronoNanoseconds(bounded);
+  std::unique_lock lock(mutex_);
+  if (!changed_.wait_until(lock, deadline, [this] { return newest_ || ended_; })) {
+    return absl::DeadlineExceededError(
+        absl::StrCat("no new verdict on the path came within ", absl::FormatDuration(timeout)));
+  }
+  // What came before the end is not news any more.
+  if (ended_) return *ended_;
+  returned_scene_ = newest_->check.basis.scene_id;
+  return *std::exchange(newest_, std::nullopt);
+}
+
+absl::Status PathWatch::Impl::Run() {
+  grpc::ClientContext context;
+  const Cancellation::Call call(cancellation_, context);
+  const auto reader = connection_->collisions().WatchPath(&context, request_);
+  ServerClock clock(connection_, timeout_, cancellation_);
+  absl::Status fault;
+  v1::WatchPathResponse response;
+  while (fault.ok() && reader->Read(&response)) fault = Take(response, clock);
+  if (!fault.ok()) context.TryCancel();
+  const grpc::Status finished = reader->Finish();
+  if (!fault.ok()) return fault;
+  if (!finished.ok()) return connection_->SentenceFor(finished, timeout_);
+  return absl::UnavailableError(
+      absl::StrCat("the server at ", connection_->address(), " ended the watch"));
+}
+
+absl::Status PathWatch::Impl::Take(const v1::WatchPathResponse& response, ServerClock& clock) {
+  const Clock::time_point received = Clock::now();
+  const v1::Basis& basis = response.check().basis();
+  const absl::StatusOr<Clock::time_point> made = clock.MadeAt(basis, received);
+  if (!made.ok()) return made.status();
+  absl::StatusOr<PathCheck> check =
+      AnswerFrom(response.check(), clearance_, *made, connection_->address());
+  if (!check.ok()) return check.status();
+  if (check->verdict.free() && !response.has_valid_for()) {
+    return Malformed(connection_->address(), "it does not say how long it is valid");
+  }
+  const Validity validity =
+      ValidityOf(check->basis, FromMessage(response.valid_for()), absl::InfiniteDuration());
+  PathUpdate update{.check = *std::move(check),
+                    .valid_until = validity.until,
+                    .skipped_scenes = response.skipped_scenes()};
+  {
+    const std::lock_guard lock(mutex_);
+    if (newest_) {
+      // The one that is there will not be returned.
+      const uint64_t scene = newest_->check.basis.scene_id;
+      const bool skipped = scene != returned_scene_ && scene != update.check.basis.scene_id;
+      update.skipped_scenes += newest_->skipped_scenes + (skipped ? 1 : 0);
+    }
+    newest_ = std::move(update);
+  }
+  changed_.notify_all();
+  return absl::OkStatus();
+}
+
+}  // namespace silhouette::client
