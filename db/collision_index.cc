@@ -64,16 +64,22 @@ struct CollisionIndex::Entry {
   mutable TileState state = TileState::kMissing;
 };
 
-CollisionIndex::CollisionIndex(Snapshot snapshot) : snapshot_(std::move(snapshot)) {
-  for (const MaskSize size : snapshot_.impl_->state->mask_sizes) trees_.emplace_back(size);
+CollisionIndex::CollisionIndex(std::shared_ptr<const Snapshot> snapshot)
+    : snapshot_(std::move(snapshot)) {
+  for (const MaskSize size : snapshot_->impl_->state->mask_sizes) trees_.emplace_back(size);
 }
 
 CollisionIndex::~CollisionIndex() = default;
 
 absl::StatusOr<std::shared_ptr<const CollisionIndex>> CollisionIndex::Open(Snapshot snapshot) {
+  return Open(std::make_shared<const Snapshot>(std::move(snapshot)));
+}
+
+absl::StatusOr<std::shared_ptr<const CollisionIndex>> CollisionIndex::Open(
+    std::shared_ptr<const Snapshot> snapshot) {
   std::shared_ptr<CollisionIndex> index(new CollisionIndex(std::move(snapshot)));
   absl::StatusOr<std::unique_ptr<const File>> file =
-      File::Map(index->snapshot_.impl_->environment());
+      File::Map(index->snapshot_->impl_->environment());
   if (!file.ok()) return file.status();
   index->file_ = *std::move(file);
   if (absl::Status status = index->ReadHeads(); !status.ok()) return status;
@@ -89,10 +95,10 @@ CollisionIndex::Entry& CollisionIndex::EntryOf(uint64_t tile) {
 
 // Takes down what is stored for which tile.
 absl::Status CollisionIndex::ReadHeads() {
-  Environment& environment = snapshot_.impl_->environment();
+  Environment& environment = snapshot_->impl_->environment();
   const std::optional<MDB_dbi> database = environment.FindCollisionIndex();
   if (!database) return absl::OkStatus();
-  MDB_txn* transaction = snapshot_.impl_->transaction.get();
+  MDB_txn* transaction = snapshot_->impl_->transaction.get();
   const auto hold = environment.HoldMap();
   MDB_stat stat;
   MDB_cursor* cursor = nullptr;
@@ -105,7 +111,7 @@ absl::Status CollisionIndex::ReadHeads() {
   for (code = mdb_cursor_get(cursor, &key, &shown, MDB_FIRST); code == 0;
        code = mdb_cursor_get(cursor, &key, &shown, MDB_NEXT)) {
     const std::optional<uint64_t> tile = schema::DecodeKey(FromVal(key));
-    if (!tile || *tile >= snapshot_.impl_->state->grid.tiles()) continue;
+    if (!tile || *tile >= snapshot_->impl_->state->grid.tiles()) continue;
     Entry& entry = EntryOf(*tile);
     entry.header = TileHeaderIn(FromVal(shown)).value_or(TileHeader());
     entry.value = file_->Find(FromVal(shown), stat.ms_psize);
@@ -116,12 +122,12 @@ absl::Status CollisionIndex::ReadHeads() {
 }
 
 absl::Status CollisionIndex::ReadDigests() {
-  Environment& environment = snapshot_.impl_->environment();
-  MDB_txn* transaction = snapshot_.impl_->transaction.get();
+  Environment& environment = snapshot_->impl_->environment();
+  MDB_txn* transaction = snapshot_->impl_->transaction.get();
   for (uint64_t tile = 0;; ++tile) {
     const auto next = NextTileWithRecords(environment, transaction, tile);
     if (!next.ok()) return next.status();
-    if (!*next || **next >= snapshot_.impl_->state->grid.tiles()) return absl::OkStatus();
+    if (!*next || **next >= snapshot_->impl_->state->grid.tiles()) return absl::OkStatus();
     tile = **next;
     Entry& entry = EntryOf(tile);
     // Where there is no index, it does not matter.

@@ -53,13 +53,16 @@ class CollisionIndex {
   // Takes the state of `snapshot`. Reads the head of every tile and of every record: some 0.1 s per
   // million records, once the file is in memory. A database without an index is no error.
   static absl::StatusOr<std::shared_ptr<const CollisionIndex>> Open(Snapshot snapshot);
+  // The same of a snapshot that others hold as well.
+  static absl::StatusOr<std::shared_ptr<const CollisionIndex>> Open(
+      std::shared_ptr<const Snapshot> snapshot);
   ~CollisionIndex();
   CollisionIndex(const CollisionIndex&) = delete;
   CollisionIndex& operator=(const CollisionIndex&) = delete;
 
   // The state: for one thread at a time, as every snapshot.
-  const Snapshot& snapshot() const { return snapshot_; }
-  uint64_t generation() const { return snapshot_.generation(); }
+  const Snapshot& snapshot() const { return *snapshot_; }
+  uint64_t generation() const { return snapshot_->generation(); }
 
   // One per view: those of the indices of all tiles.
   std::span<const PixelTree> trees() const { return trees_; }
@@ -85,14 +88,14 @@ class CollisionIndex {
   class File;
   struct Entry;
 
-  explicit CollisionIndex(Snapshot snapshot);
+  explicit CollisionIndex(std::shared_ptr<const Snapshot> snapshot);
   absl::Status ReadHeads();
   absl::Status ReadDigests();
   Entry& EntryOf(uint64_t tile);
   const Entry* Checked(uint64_t tile) const;
   void Check(uint64_t tile, const Entry& entry) const;
 
-  const Snapshot snapshot_;
+  const std::shared_ptr<const Snapshot> snapshot_;
   std::vector<PixelTree> trees_;
   std::unique_ptr<const File> file_;
   std::map<uint64_t, std::unique_ptr<Entry>> tiles_;

@@ -14,6 +14,23 @@
 namespace silhouette {
 namespace {
 
+// The head of a page: its number (u64), 2 bytes, flags (u16), 4 bytes.
+constexpr size_t kPageHead = 16;
+constexpr uint16_t kLeaf = 0x02;
+constexpr uint16_t kOverflow = 0x04;
+constexpr uint64_t kMostPages = uint64_t{1} << 47;
+struct PageHead {
+  static PageHead At(const char* page) {
+    PageHead head;
+    std::memcpy(&head.number, page, sizeof(head.number));
+    std::memcpy(&head.flags, page + 10, sizeof(head.flags));
+    return head;
+  }
+
+  uint64_t number = 0;
+  uint16_t flags = 0;
+};
+
 constexpr size_t kMapStep = size_t{1} << 20;
 
 }  // namespace
@@ -46,18 +63,19 @@ absl::Status LmdbError(int code, const std::string& what) {
 }
 
 std::optional<uint64_t> OffsetInFile(std::string_view shown, size_t page_size) {
-  // The number (u64), 2 bytes, flags (u16), 4 bytes.
-  constexpr size_t kHead = 16;
-  constexpr size_t kFlags = 10;
-  constexpr uint16_t kOverflow = 0x04;
-  constexpr uint64_t kMostPages = uint64_t{1} << 47;
-  const char* page = shown.data() - kHead;
-  uint64_t number = 0;
-  uint16_t flags = 0;
-  std::memcpy(&number, page, sizeof(number));
-  std::memcpy(&flags, page + kFlags, sizeof(flags));
-  if (flags != kOverflow || number >= kMostPages) return std::nullopt;
-  return number * page_size + kHead;
+  const PageHead head = PageHead::At(shown.data() - kPageHead);
+  if (head.flags != kOverflow || head.number >= kMostPages) return std::nullopt;
+  return head.number * page_size + kPageHead;
+}
+
+std::optional<uint64_t> PlaceInFile(std::string_view shown, size_t page_size) {
+  if (page_size > static_cast<size_t>(sysconf(_SC_PAGESIZE))) return std::nullopt;
+  const size_t in_page = reinterpret_cast<uintptr_t>(shown.data()) % page_size;
+  if (in_page < kPageHead) return std::nullopt;
+  const PageHead head = PageHead::At(shown.data() - in_page);
+  if (head.flags != kLeaf && head.flags != kOverflow) return std::nullopt;
+  if (head.number >= kMostPages) return std::nullopt;
+  return head.number * page_size + in_page;
 }
 
 ReadTransaction::ReadTransaction(std::shared_ptr<Environment> environment, MDB_txn* transaction)

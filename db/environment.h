@@ -35,6 +35,10 @@ inline std::string_view FromVal(const MDB_val& value) {
 // own, whose head of 16 bytes has their number. Nothing if the value does not lie so.
 std::optional<uint64_t> OffsetInFile(std::string_view shown, size_t page_size);
 
+// The same for any value, large or not. Nothing, too, if the file's pages are larger than this
+// machine's: LMDB's map is not aligned to them.
+std::optional<uint64_t> PlaceInFile(std::string_view shown, size_t page_size);
+
 class Environment;
 
 // A read transaction. Pages that it may need are not reused while it is active.

@@ -46,9 +46,11 @@ absl::StatusOr<std::vector<RawRecord>> ReadChunk(Environment& environment, MDB_t
                                                  const KeyRange& keys) {
   std::vector<RawRecord> chunk;
   size_t bytes = 0;
+  MDB_stat stat;
+  mdb_env_stat(environment.get(), &stat);
   const absl::Status status =
       Visit(environment, transaction, keys, [&](std::string_view key, std::string_view value) {
-        chunk.push_back({std::string(key), std::string(value)});
+        chunk.push_back({std::string(key), std::string(value), PlaceInFile(value, stat.ms_psize)});
         bytes += key.size() + value.size();
         return bytes < kChunkBytes;
       });

@@ -15,6 +15,8 @@ namespace silhouette {
 struct RawRecord {
   std::string key;
   std::string value;
+  // Where in the data file the value begins (PlaceInFile).
+  std::optional<uint64_t> place;
 };
 
 // The keys of a tile: after `after` (empty: from the first) and before `end`.

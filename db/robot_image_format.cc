@@ -3,7 +3,9 @@
 #include <lz4.h>
 #include <xxhash.h>
 
+#include <algorithm>
 #include <bit>
+#include <cstring>
 #include <optional>
 #include <stdexcept>
 #include <utility>
@@ -32,12 +34,10 @@ void AppendDoubles(std::string& bytes, std::span<const double> values) {
   for (double value : values) schema::AppendU64(bytes, std::bit_cast<uint64_t>(value));
 }
 
-// Takes `count` values from the front of `bytes`.
-std::vector<double> TakeDoubles(std::string_view& bytes, size_t count) {
-  std::vector<double> values(count);
-  for (double& value : values) {
-    value = std::bit_cast<double>(schema::ReadU64(bytes.data()));
-    bytes.remove_prefix(8);
+std::vector<double> DoublesIn(std::string_view bytes) {
+  std::vector<double> values(bytes.size() / 8);
+  for (size_t i = 0; i < values.size(); ++i) {
+    values[i] = std::bit_cast<double>(schema::ReadU64(bytes.data() + 8 * i));
   }
   return values;
 }
@@ -53,18 +53,71 @@ std::optional<std::string> Compressed(const std::string& bytes) {
   return block;
 }
 
-// `coded` without its codec; nothing if that does not give `size` bytes.
-std::optional<std::string> Decoded(uint8_t codec, std::string_view coded, size_t size) {
-  if (codec == kRaw) {
-    if (coded.size() != size) return std::nullopt;
-    return std::string(coded);
+// A value in its parts, which point into it.
+struct Parts {
+  bool excluded = false;
+  uint8_t codec = kRaw;
+  int64_t captured = 0;  // nanoseconds
+  std::string_view commanded;
+  std::string_view measured;
+  std::string_view coded;
+};
+
+// Takes `value` apart. Null, or what is wrong with it.
+const char* TakeApart(ConfigurationNumber number, std::string_view value, Parts& parts) {
+  if (value.size() < kHeaderSize) return "its value is too short";
+  if (schema::ReadU64(value.data()) != Checksum(number, value)) {
+    return "its checksum does not hold";
   }
-  if (codec != kLz4) return std::nullopt;
-  std::string bytes(size, '\0');
-  const int got = LZ4_decompress_safe(coded.data(), bytes.data(), static_cast<int>(coded.size()),
-                                      static_cast<int>(size));
-  if (got != static_cast<int>(size)) return std::nullopt;
-  return bytes;
+  const auto byte = [&](size_t i) { return static_cast<uint8_t>(value[i]); };
+  if ((byte(8) & ~kExcludedFlag) != 0) return "its flags are unknown";
+  parts.excluded = (byte(8) & kExcludedFlag) != 0;
+  parts.codec = byte(9);
+  parts.captured = static_cast<int64_t>(schema::ReadU64(value.data() + 16));
+  const size_t commanded = size_t{8} * byte(10);
+  const size_t measured = size_t{8} * byte(11);
+  const std::string_view rest = value.substr(kHeaderSize);
+  if (rest.size() < commanded + measured) return "its joint values are cut off";
+  parts.commanded = rest.substr(0, commanded);
+  parts.measured = rest.substr(commanded, measured);
+  parts.coded = rest.substr(commanded + measured);
+  if (parts.excluded && !parts.coded.empty()) return "it is excluded and yet has masks";
+  return nullptr;
+}
+
+// Writes what `coded` is without its codec; false if that does not just fill `bytes`.
+bool Decode(uint8_t codec, std::string_view coded, std::span<char> bytes) {
+  if (codec == kRaw) {
+    if (coded.size() != bytes.size()) return false;
+    std::memcpy(bytes.data(), coded.data(), coded.size());
+    return true;
+  }
+  if (codec != kLz4) return false;
+  const auto size = static_cast<int>(bytes.size());
+  return LZ4_decompress_safe(coded.data(), bytes.data(), static_cast<int>(coded.size()), size) ==
+         size;
+}
+
+size_t BytesOf(std::span<const MaskSize> mask_sizes) {
+  size_t size = 0;
+  for (const MaskSize mask_size : mask_sizes) size += mask_size.bytes();
+  return size;
+}
+
+// The words of a mask from its form on disk; false if a bit beyond the last pixel is set.
+bool ToWords(MaskSize size, const char* bytes, uint64_t* words) {
+  const size_t count = size.words();
+  words[count - 1] = 0;
+  if constexpr (std::endian::native == std::endian::little) {
+    std::memcpy(words, bytes, size.bytes());
+  } else {
+    std::fill_n(words, count, 0);
+    for (size_t i = 0; i < size.bytes(); ++i) {
+      words[i / 8] |= static_cast<uint64_t>(static_cast<uint8_t>(bytes[i])) << (8 * (i % 8));
+    }
+  }
+  const size_t used = size.pixels() % 64;
+  return used == 0 || words[count - 1] >> used == 0;
 }
 
 }  // namespace
@@ -93,31 +146,20 @@ std::string EncodeRobotImage(const RobotImage& image) {
 
 absl::StatusOr<RobotImage> DecodeRobotImage(ConfigurationNumber number, std::string_view value,
                                             std::span<const MaskSize> mask_sizes) {
-  if (value.size() < kHeaderSize) return Damaged(number, "its value is too short");
-  if (schema::ReadU64(value.data()) != Checksum(number, value)) {
-    return Damaged(number, "its checksum does not hold");
-  }
-  const auto byte = [&](size_t i) { return static_cast<uint8_t>(value[i]); };
-  if ((byte(8) & ~kExcludedFlag) != 0) return Damaged(number, "its flags are unknown");
+  Parts parts;
+  if (const char* how = TakeApart(number, value, parts)) return Damaged(number, how);
   RobotImage image;
   image.number = number;
-  image.excluded = (byte(8) & kExcludedFlag) != 0;
-  image.captured = absl::FromUnixNanos(static_cast<int64_t>(schema::ReadU64(value.data() + 16)));
-  std::string_view rest = value.substr(kHeaderSize);
-  if (rest.size() < size_t{8} * (byte(10) + byte(11))) {
-    return Damaged(number, "its joint values are cut off");
+  image.excluded = parts.excluded;
+  image.captured = absl::FromUnixNanos(parts.captured);
+  image.commanded = DoublesIn(parts.commanded);
+  image.measured = DoublesIn(parts.measured);
+  if (image.excluded) return image;
+  std::string bytes(BytesOf(mask_sizes), '\0');
+  if (!Decode(parts.codec, parts.coded, bytes)) {
+    return Damaged(number, "its masks do not fit the views");
   }
-  image.commanded = TakeDoubles(rest, byte(10));
-  image.measured = TakeDoubles(rest, byte(11));
-  if (image.excluded) {
-    if (!rest.empty()) return Damaged(number, "it is excluded and yet has masks");
-    return image;
-  }
-  size_t size = 0;
-  for (MaskSize mask_size : mask_sizes) size += mask_size.bytes();
-  const std::optional<std::string> bytes = Decoded(byte(9), rest, size);
-  if (!bytes) return Damaged(number, "its masks do not fit the views");
-  std::span<const uint8_t> left(reinterpret_cast<const uint8_t*>(bytes->data()), bytes->size());
+  std::span<const uint8_t> left(reinterpret_cast<const uint8_t*>(bytes.data()), bytes.size());
   try {
     for (MaskSize mask_size : mask_sizes) {
       image.masks.push_back(Mask::FromBytes(mask_size, left.first(mask_size.bytes())));
@@ -127,6 +169,24 @@ absl::StatusOr<RobotImage> DecodeRobotImage(ConfigurationNumber number, std::str
     return Damaged(number, error.what());
   }
   return image;
+}
+
+StoredMasks DecodeMasks(ConfigurationNumber number, std::string_view value,
+                        std::span<const MaskSize> mask_sizes, std::span<uint64_t> words) {
+  Parts parts;
+  if (TakeApart(number, value, parts) != nullptr) return StoredMasks::kDamaged;
+  if (parts.excluded) return StoredMasks::kExcluded;
+  thread_local std::string bytes;
+  bytes.resize(BytesOf(mask_sizes));
+  if (!Decode(parts.codec, parts.coded, bytes)) return StoredMasks::kDamaged;
+  const char* from = bytes.data();
+  uint64_t* to = words.data();
+  for (const MaskSize size : mask_sizes) {
+    if (!ToWords(size, from, to)) return StoredMasks::kDamaged;
+    from += size.bytes();
+    to += size.words();
+  }
+  return StoredMasks::kPresent;
 }
 
 }  // namespace silhouette

@@ -17,6 +17,7 @@
 // under another key fails its checksum.
 #pragma once
 
+#include <cstdint>
 #include <span>
 #include <string>
 #include <string_view>
@@ -35,5 +36,18 @@ std::string EncodeRobotImage(const RobotImage& image);
 // DataLoss, naming the number, if the checksum does not hold or the content does not fit.
 absl::StatusOr<RobotImage> DecodeRobotImage(ConfigurationNumber number, std::string_view value,
                                             std::span<const MaskSize> mask_sizes);
+
+// What a record says of a configuration's masks.
+enum class StoredMasks {
+  kDamaged,   // nothing: DecodeRobotImage gives DataLoss
+  kExcluded,  // there are none
+  kPresent,
+};
+
+// The masks of the record in `value`, without anything else of it: the words of all views, one
+// after another, for which `words` has just the room. Only kPresent leaves something useful there.
+// Allocates nothing but memory that a thread keeps.
+StoredMasks DecodeMasks(ConfigurationNumber number, std::string_view value,
+                        std::span<const MaskSize> mask_sizes, std::span<uint64_t> words);
 
 }  // namespace silhouette

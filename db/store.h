@@ -102,6 +102,7 @@ class Snapshot {
  private:
   friend class Database;
   friend class CollisionIndex;
+  friend class RecordWalk;
   struct Impl;
   explicit Snapshot(std::unique_ptr<Impl> impl);
   std::unique_ptr<Impl> impl_;

@@ -57,7 +57,7 @@ std::optional<double> ClearanceMeter::Measure(std::span<const double> q, const V
                                               std::span<ViewEvidence> evidence) const {
   for (ViewEvidence& view : evidence) view.distance.reset();
   if (verdict.state() == State::kUnknown) return std::nullopt;
-  const std::optional<RobotImages> robot = RobotImagesAt(q);
+  const std::optional<RobotImages> robot = test_.TestRobotImages(q);
   if (!robot) return std::nullopt;
   const std::vector<uint32_t> to_planes = ToPlanes(*robot);
   for (size_t view = 0; view < evidence.size(); ++view) {
@@ -69,7 +69,7 @@ std::optional<double> ClearanceMeter::Measure(std::span<const double> q, const V
 
 size_t ClearanceMeter::CountExceeded(std::span<const double> q,
                                      std::span<const uint32_t> levels) const {
-  const std::optional<RobotImages> robot = RobotImagesAt(q);
+  const std::optional<RobotImages> robot = test_.TestRobotImages(q);
   if (!robot) return 0;
   const auto first_not_below = [&](uint32_t squared) {
     return std::ranges::lower_bound(levels, squared);
@@ -93,26 +93,15 @@ void ClearanceMeter::Narrow(const TestedPlace& place,
   if (place.verdict.state() == State::kUnknown || (smallest && smallest->squared == 0)) return;
   uint32_t squared = 0;
   if (place.verdict.free()) {
-    const std::optional<RobotImages> robot = RobotImagesAt(place.configuration);
-    if (!robot) return;
-    squared = Squared(*robot, smallest ? smallest->squared : kInfinite);
+    // One that cannot be read any more may be anywhere.
+    const std::optional<RobotImages> robot = test_.TestRobotImages(place.configuration);
+    if (robot) squared = Squared(*robot, smallest ? smallest->squared : kInfinite);
   }
   if (smallest && squared >= smallest->squared) return;
   smallest = PathClearance{squared,
                            place.segment,
                            place.fraction,
                            {place.configuration.begin(), place.configuration.end()}};
-}
-
-std::optional<ClearanceMeter::RobotImages> ClearanceMeter::RobotImagesAt(
-    std::span<const double> q) const {
-  RobotImages robot;
-  for (size_t view = 0; view < obstacle_images_.size(); ++view) {
-    std::optional<Mask> image = test_.TestRobotImage(static_cast<int>(view), q);
-    if (!image) return std::nullopt;
-    robot.push_back(*std::move(image));
-  }
-  return robot;
 }
 
 uint32_t ClearanceMeter::Squared(const RobotImages& robot, uint32_t limit) const {

@@ -93,7 +93,6 @@ class ClearanceMeter {
   bool OccupiedAlongLines(std::span<const DistanceImage> from_robot, uint32_t squared) const;
   // Per view the squared distance to the plane that decides, 0 if the view is missing.
   std::vector<uint32_t> ToPlanes(const RobotImages& robot) const;
-  std::optional<RobotImages> RobotImagesAt(std::span<const double> q) const;
   uint32_t MinViewsSmallest(std::vector<uint32_t> squared) const;
 
   const CollisionTest& test_;

@@ -10,26 +10,6 @@
 namespace silhouette {
 namespace {
 
-// The test robot image in one view: the union of the robot images at the corners.
-class TestRobotWords {
- public:
-  TestRobotWords(const RobotImageTable& table, int view,
-                 std::span<const ConfigurationNumber> corners)
-      : count_(corners.size()) {
-    for (size_t i = 0; i < count_; ++i) images_[i] = table.image(view, corners[i]).data();
-  }
-
-  uint64_t operator[](size_t word) const {
-    uint64_t bits = images_[0][word];
-    for (size_t i = 1; i < count_; ++i) bits |= images_[i][word];
-    return bits;
-  }
-
- private:
-  std::array<const uint64_t*, 1 << kMaxJoints> images_;
-  size_t count_;
-};
-
 // What lies inside the test robot image.
 struct Look {
   bool shown = false;     // of the plane that shows obstacles
@@ -37,7 +17,7 @@ struct Look {
   bool hiding = false;    // unknown or error pixels
 };
 
-Look LookAt(const ObstacleImage& image, MaskWords shown_by, const TestRobotWords& robot) {
+Look LookAt(const ObstacleImage& image, MaskWords shown_by, const TestRobot::View& robot) {
   const MaskWords obstacle = image.obstacle().words();
   const MaskWords unknown = image.unknown().words();
   const MaskWords error = image.error().words();
@@ -57,16 +37,14 @@ Look LookAt(const ObstacleImage& image, MaskWords shown_by, const TestRobotWords
 class IntersectionWords {
  public:
   std::span<const SearchedImage> Fill(const RobotImageTable& table, const ObstacleImages& images,
-                                      std::span<const ConfigurationNumber> corners) {
-    size_t needed = 0;
-    for (const MaskSize size : table.mask_sizes()) needed += 3 * size.words();
-    words_.resize(needed);
+                                      const TestRobot& test_robot) {
+    words_.resize(3 * table.words());
     images_.assign(images.size(), {});
     uint64_t* at = words_.data();
     for (int view = 0; view < table.views(); ++view) {
       const std::optional<ObstacleImage>& image = images[static_cast<size_t>(view)];
       if (!image) continue;
-      const TestRobotWords robot(table, view, corners);
+      const TestRobot::View robot = test_robot.view(view);
       const auto cut = [&](const Mask& plane) {
         const MaskWords words = plane.words();
         for (size_t i = 0; i < words.size(); ++i) at[i] = words[i] & robot[i];
@@ -87,7 +65,7 @@ class IntersectionWords {
   std::vector<SearchedImage> images_;
 };
 
-ViewEvidence CountIn(const ObstacleImage& image, const TestRobotWords& robot) {
+ViewEvidence CountIn(const ObstacleImage& image, const TestRobot::View& robot) {
   const MaskWords obstacle = image.obstacle().words();
   const MaskWords unknown = image.unknown().words();
   const MaskWords error = image.error().words();
@@ -196,50 +174,41 @@ Verdict CollisionTest::Judge(Numbers corners, std::span<ViewEvidence> evidence) 
   }
   const Reason unusable = corners.empty() ? Reason::kOutsideGrid : Unusable(corners);
   if (unusable != Reason::kNone) return Verdict::Unknown(unusable);
+  thread_local TestRobot test_robot;
+  if (!test_robot.Take(table_, corners)) return Verdict::Unknown(Reason::kRobotImageCorrupt);
   int showing = missing_views_;
   bool hidden_possible = true;
   for (int view = 0; view < table_.views(); ++view) {
     if (!obstacle_images_[view]) continue;
     const ObstacleImage& image = *obstacle_images_[view];
-    const TestRobotWords robot(table_, view, corners);
+    const TestRobot::View robot = test_robot.view(view);
     const Look look = LookAt(image, ShownBy(view), robot);
     if (look.shown) ++showing;
     hidden_possible = hidden_possible && look.hiding && !look.obstacle;
     if (!evidence.empty()) evidence[view] = CountIn(image, robot);
   }
   if (possible_space_ != nullptr) {
-    if (SomethingPossible(corners)) return Verdict::Occupied(hidden_possible);
+    if (SomethingPossible(corners, test_robot)) return Verdict::Occupied(hidden_possible);
     if (missing_views_ > 0) return Verdict::Unknown(Reason::kViewMissing);
     return Verdict::Free(/*hidden_possible=*/false);
   }
   if (searched_bands_ != nullptr && showing < min_views_) {
-    showing = ShowingAlongLines(corners, showing);
+    showing = ShowingAlongLines(test_robot, showing);
   }
   if (showing >= min_views_) return Verdict::Occupied(hidden_possible);
   if (missing_views_ > 0) return Verdict::Unknown(Reason::kViewMissing, hidden_possible);
   return Verdict::Free(hidden_possible);
 }
 
-bool CollisionTest::SomethingPossible(Numbers corners) const {
-  thread_local std::vector<uint64_t> words;
+bool CollisionTest::SomethingPossible(Numbers corners, const TestRobot& test_robot) const {
+  thread_local std::vector<uint64_t> room;
   thread_local std::vector<MaskWords> robot;
+  room.resize(table_.words());
   robot.clear();
-  if (corners.size() == 1) {
-    for (int view = 0; view < table_.views(); ++view) {
-      robot.push_back(table_.image(view, corners[0]));
-    }
-  } else {
-    size_t needed = 0;
-    for (const MaskSize size : table_.mask_sizes()) needed += size.words();
-    words.resize(needed);
-    uint64_t* at = words.data();
-    for (int view = 0; view < table_.views(); ++view) {
-      const TestRobotWords in_view(table_, view, corners);
-      const size_t count = table_.mask_sizes()[static_cast<size_t>(view)].words();
-      for (size_t i = 0; i < count; ++i) at[i] = in_view[i];
-      robot.emplace_back(at, count);
-      at += count;
-    }
+  std::span<uint64_t> left = room;
+  for (int view = 0; view < table_.views(); ++view) {
+    robot.push_back(test_robot.Words(view, left));
+    left = left.subspan(robot.back().size());
   }
   PossibleSpace::MayTouch body;
   if (robot_may_touch_ && corners.size() == 1) {
@@ -251,12 +220,12 @@ bool CollisionTest::SomethingPossible(Numbers corners) const {
          (!voxels_decide_ || possible_space_->VoxelsMeet(robot, min_views_, body));
 }
 
-int CollisionTest::ShowingAlongLines(Numbers corners, int showing) const {
+int CollisionTest::ShowingAlongLines(const TestRobot& test_robot, int showing) const {
   // Where no view shows an obstacle, none can convict.
   if (showing == 0 && !errors_convict_) return 0;
   thread_local IntersectionWords intersection;
   thread_local LineSearch search;
-  search.Begin(*searched_bands_, intersection.Fill(table_, obstacle_images_, corners),
+  search.Begin(*searched_bands_, intersection.Fill(table_, obstacle_images_, test_robot),
                errors_convict_);
   return search.CountShowing(min_views_);
 }
@@ -284,7 +253,8 @@ PathVerdict CollisionTest::CheckPath(std::span<const Configuration> waypoints,
     if (tested) tested({q, static_cast<int>(segment), fraction, verdict});
     hidden_possible = hidden_possible || verdict.hidden_possible();
     if (verdict.free()) return false;
-    result.verdict = Check(q, evidence);
+    if (!evidence.empty()) Check(q, evidence);
+    result.verdict = verdict;  // not the second one: an image may be read now that was not before
     result.segment = static_cast<int>(segment);
     result.fraction = fraction;
     result.configuration = q;
@@ -311,15 +281,24 @@ PathVerdict CollisionTest::CheckPath(std::span<const Configuration> waypoints,
   return result;
 }
 
-bool CollisionTest::Occupied(ConfigurationNumber number) const {
-  if (possible_space_ != nullptr) return SomethingPossible({&number, 1});
+State CollisionTest::StateOf(ConfigurationNumber number) const {
+  thread_local TestRobot test_robot;
+  const Numbers corners(&number, 1);
+  if (!test_robot.Take(table_, corners)) return State::kUnknown;
+  return Occupied(corners, test_robot) ? State::kOccupied
+         : missing_views_ > 0          ? State::kUnknown
+                                       : State::kFree;
+}
+
+bool CollisionTest::Occupied(Numbers corners, const TestRobot& test_robot) const {
+  if (possible_space_ != nullptr) return SomethingPossible(corners, test_robot);
   int showing = missing_views_;
   for (int view = 0; view < table_.views() && showing < min_views_; ++view) {
     if (!obstacle_images_[view]) continue;
-    if (Intersects(ShownBy(view), table_.image(view, number))) ++showing;
+    if (Intersects(ShownBy(view), test_robot.Words(view, {}))) ++showing;
   }
   if (searched_bands_ != nullptr && showing < min_views_) {
-    showing = ShowingAlongLines({&number, 1}, showing);
+    showing = ShowingAlongLines(test_robot, showing);
   }
   return showing >= min_views_;
 }
@@ -330,26 +309,35 @@ TileVerdicts CollisionTest::CheckTile(uint64_t tile) const {
     const ConfigurationNumber number = tile * kTileSize + place;
     if (table_.state(number) != RobotImageState::kPresent) continue;
     const uint64_t bit = uint64_t{1} << (place % 64);
-    if (Occupied(number)) {
-      verdicts.occupied[place / 64] |= bit;
-    } else if (missing_views_ == 0) {
-      verdicts.free[place / 64] |= bit;
-    }
+    const State state = StateOf(number);
+    if (state == State::kOccupied) verdicts.occupied[place / 64] |= bit;
+    if (state == State::kFree) verdicts.free[place / 64] |= bit;
   }
   return verdicts;
 }
 
-std::optional<Mask> CollisionTest::TestRobotImage(int view, std::span<const double> q) const {
+std::optional<std::vector<Mask>> CollisionTest::TestRobotImages(std::span<const double> q) const {
   const std::optional<ConfigurationNumber> nearest = table_.grid().Nearest(q);
   const CellCorners cell = table_.grid().CornersAround(q);
   Numbers corners = cell.numbers();
   if (off_grid_ == OffGrid::kNearest && nearest) corners = {&*nearest, 1};
   if (corners.empty() || Unusable(corners) != Reason::kNone) return std::nullopt;
-  Mask robot = table_.ImageAsMask(view, corners[0]);
-  for (ConfigurationNumber corner : corners.subspan(1)) {
-    robot = robot | table_.ImageAsMask(view, corner);
+  TestRobot robot;
+  if (!robot.Take(table_, corners)) return std::nullopt;
+  std::vector<Mask> images;
+  for (int view = 0; view < table_.views(); ++view) {
+    const MaskSize size = table_.mask_sizes()[static_cast<size_t>(view)];
+    std::vector<uint64_t> room(size.words());
+    const MaskWords words = robot.Words(view, room);
+    images.push_back(Mask::FromWords(size, {words.begin(), words.end()}));
   }
-  return robot;
+  return images;
+}
+
+std::optional<Mask> CollisionTest::TestRobotImage(int view, std::span<const double> q) const {
+  std::optional<std::vector<Mask>> images = TestRobotImages(q);
+  if (!images) return std::nullopt;
+  return std::move((*images)[static_cast<size_t>(view)]);
 }
 
 }  // namespace silhouette

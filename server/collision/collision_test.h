@@ -24,6 +24,7 @@
 #include "server/collision/policy.h"
 #include "server/collision/possible_space.h"
 #include "server/collision/robot_image_table.h"
+#include "server/collision/test_robot.h"
 #include "server/collision/verdict.h"
 
 namespace silhouette {
@@ -109,8 +110,10 @@ class CollisionTest {
   int min_views() const { return min_views_; }
   const ConfigurationGrid& grid() const { return table_.grid(); }
 
-  // The test robot image of `q` in a view: what the verdict looked at. Nothing if a robot image
-  // that it takes is not there, or `q` is outside the grid.
+  // The test robot images of `q`, one per view: what the verdict looked at. Nothing if a robot
+  // image that it takes is not there or cannot be read, or `q` is outside the grid.
+  std::optional<std::vector<Mask>> TestRobotImages(std::span<const double> q) const;
+  // That of one view.
   std::optional<Mask> TestRobotImage(int view, std::span<const double> q) const;
 
  private:
@@ -120,13 +123,14 @@ class CollisionTest {
   void PrepareLines(const Policy& policy, const TestSupport& support);
   void CheckSpace(const Policy& policy, const TestSupport& support);
   // Whether something possible meets the robot at these corners.
-  bool SomethingPossible(Numbers corners) const;
-  // The verdict on a configuration that is present, as far as the views tell.
-  bool Occupied(ConfigurationNumber number) const;
+  bool SomethingPossible(Numbers corners, const TestRobot& test_robot) const;
+  // The verdict on a configuration that is present; unknown, too, if its image cannot be read.
+  State StateOf(ConfigurationNumber number) const;
+  bool Occupied(Numbers corner, const TestRobot& test_robot) const;
   Verdict Judge(Numbers corners, std::span<ViewEvidence> evidence) const;
   // How many of the views, of which `showing` have an obstacle pixel in the intersection image,
   // show an obstacle once the lines are searched; counts on only while it matters.
-  int ShowingAlongLines(Numbers corners, int showing) const;
+  int ShowingAlongLines(const TestRobot& test_robot, int showing) const;
   // The words that a view shows an obstacle by; the view is not missing.
   MaskWords ShownBy(int view) const {
     const auto i = static_cast<size_t>(view);

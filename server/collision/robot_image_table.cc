@@ -1,24 +1,24 @@
 #include "server/collision/robot_image_table.h"
 
+#include <algorithm>
 #include <stdexcept>
 #include <string>
 #include <utility>
 
 namespace silhouette {
 
-RobotImageTable::RobotImageTable(ConfigurationGrid grid, std::vector<MaskSize> mask_sizes,
-                                 uint64_t expected)
+RobotImageTable::RobotImageTable(ConfigurationGrid grid, std::vector<MaskSize> mask_sizes)
     : grid_(std::move(grid)), mask_sizes_(std::move(mask_sizes)), images_(mask_sizes_.size()) {
   if (mask_sizes_.empty()) throw std::invalid_argument("there must be at least one view");
   if (grid_.number_limit() >= kFirstMark) {
     throw std::invalid_argument("the grid has too many configurations to hold in memory");
   }
+  for (const MaskSize size : mask_sizes_) {
+    if (!size.valid()) throw std::invalid_argument("a view's mask size is not valid");
+    words_ += size.words();
+  }
   slots_.assign(grid_.number_limit(), kMissingMark);
   present_sets_.resize(grid_.tiles());
-  for (size_t view = 0; view < mask_sizes_.size(); ++view) {
-    if (!mask_sizes_[view].valid()) throw std::invalid_argument("a view's mask size is not valid");
-    images_[view].reserve(expected * mask_sizes_[view].words());
-  }
 }
 
 RobotImageState RobotImageTable::StateOfMark(uint32_t mark) {
@@ -30,6 +30,29 @@ RobotImageState RobotImageTable::StateOfMark(uint32_t mark) {
     default:
       return RobotImageState::kMissing;
   }
+}
+
+bool RobotImageTable::Read(ConfigurationNumber number, std::span<uint64_t> words) const {
+  if (!in_memory()) return reader_(number, words);
+  auto to = words.begin();
+  for (int view = 0; view < views(); ++view) to = std::ranges::copy(image(view, number), to).out;
+  return true;
+}
+
+std::vector<Mask> RobotImageTable::MasksOf(std::span<const uint64_t> words) const {
+  std::vector<Mask> masks;
+  for (const MaskSize size : mask_sizes_) {
+    const MaskWords own = words.first(size.words());
+    masks.push_back(Mask::FromWords(size, {own.begin(), own.end()}));
+    words = words.subspan(size.words());
+  }
+  return masks;
+}
+
+std::optional<std::vector<Mask>> RobotImageTable::Images(ConfigurationNumber number) const {
+  std::vector<uint64_t> words(words_);
+  if (!Read(number, words)) return std::nullopt;
+  return MasksOf(words);
 }
 
 Mask RobotImageTable::ImageAsMask(int view, ConfigurationNumber number) const {
@@ -51,17 +74,19 @@ uint64_t RobotImageTable::Count(RobotImageState state) const {
   return grid_.size() - present_ - excluded_ - corrupt_;
 }
 
-void RobotImageTable::FindPermanentPixels() {
-  for (size_t view = 0; view < mask_sizes_.size(); ++view) {
-    const size_t words = mask_sizes_[view].words();
-    const std::vector<uint64_t>& images = images_[view];
-    std::vector<uint64_t> common(words, 0);
-    if (present_ > 0) common.assign(images.begin(), images.begin() + static_cast<int64_t>(words));
-    for (size_t first = words; first < images.size(); first += words) {
-      for (size_t i = 0; i < words; ++i) common[i] &= images[first + i];
-    }
-    permanent_.push_back(Mask::FromWords(mask_sizes_[view], std::move(common)));
+RobotImageTable::Builder::Builder(ConfigurationGrid grid, std::vector<MaskSize> mask_sizes,
+                                  uint64_t expected)
+    : table_(std::move(grid), std::move(mask_sizes)), covered_(table_.words_, 0) {
+  for (size_t view = 0; view < table_.images_.size(); ++view) {
+    table_.images_[view].reserve(expected * table_.mask_sizes_[view].words());
   }
+}
+
+RobotImageTable::Builder::Builder(ConfigurationGrid grid, std::vector<MaskSize> mask_sizes,
+                                  Reader reader)
+    : table_(std::move(grid), std::move(mask_sizes)), covered_(table_.words_, 0) {
+  if (reader == nullptr) throw std::invalid_argument("there must be a reader");
+  table_.reader_ = std::move(reader);
 }
 
 void RobotImageTable::Builder::RequireNew(ConfigurationNumber number) const {
@@ -83,9 +108,33 @@ void RobotImageTable::Builder::Add(ConfigurationNumber number, std::span<const M
     throw std::invalid_argument("the masks of configuration " + std::to_string(number) +
                                 " do not fit the views");
   }
-  for (size_t view = 0; view < masks.size(); ++view) {
-    const MaskWords words = masks[view].words();
-    table_.images_[view].insert(table_.images_[view].end(), words.begin(), words.end());
+  std::vector<uint64_t> words;
+  words.reserve(table_.words_);
+  for (const Mask& mask : masks) {
+    words.insert(words.end(), mask.words().begin(), mask.words().end());
+  }
+  Add(number, words);
+}
+
+void RobotImageTable::Builder::Add(ConfigurationNumber number, std::span<const uint64_t> words) {
+  RequireNew(number);
+  if (words.size() != table_.words_) {
+    throw std::invalid_argument("the masks of configuration " + std::to_string(number) +
+                                " do not fit the views");
+  }
+  if (common_.empty()) common_.assign(words.begin(), words.end());
+  for (size_t i = 0; i < words.size(); ++i) {
+    common_[i] &= words[i];
+    covered_[i] |= words[i];
+  }
+  if (table_.in_memory()) {
+    std::span<const uint64_t> left = words;
+    for (size_t view = 0; view < table_.images_.size(); ++view) {
+      const size_t count = table_.mask_sizes_[view].words();
+      table_.images_[view].insert(table_.images_[view].end(), left.begin(),
+                                  left.begin() + static_cast<std::ptrdiff_t>(count));
+      left = left.subspan(count);
+    }
   }
   table_.slots_[number] = static_cast<uint32_t>(table_.present_++);
   table_.present_sets_[number / kTileSize].Insert(number % kTileSize);
@@ -104,7 +153,9 @@ void RobotImageTable::Builder::AddCorrupt(ConfigurationNumber number) {
 }
 
 RobotImageTable RobotImageTable::Builder::Build() && {
-  table_.FindPermanentPixels();
+  common_.resize(table_.words_, 0);
+  table_.permanent_ = table_.MasksOf(common_);
+  table_.covered_ = table_.MasksOf(covered_);
   return std::move(table_);
 }
 

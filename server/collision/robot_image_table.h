@@ -1,8 +1,11 @@
-// All robot images of one generation of a database, in memory: per view one contiguous block, in
-// the order of configuration numbers. Cannot be changed once built; read by any number of threads.
+// All robot images of one generation of a database. A table holds them in memory, per view one
+// contiguous block; or it reads them whenever they are needed, from where they are stored, and
+// holds but a few bytes for each. Cannot be changed once built; read by any number of threads.
 #pragma once
 
 #include <cstdint>
+#include <functional>
+#include <optional>
 #include <span>
 #include <utility>
 #include <vector>
@@ -23,10 +26,11 @@ enum class RobotImageState : uint8_t {
 
 class RobotImageTable {
  public:
-  // A table without any robot image. `mask_sizes`: one per view, at least one, all valid.
-  // `expected`: about how many images will be added, to reserve memory. Throws
-  // std::invalid_argument if this does not hold, or if the grid has more than 2^32 - 16 places.
   class Builder;
+
+  // Writes the words of a configuration's robot images into `words`, one view after another. False
+  // if that cannot be done, or not any more. Called by any number of threads.
+  using Reader = std::function<bool(ConfigurationNumber number, std::span<uint64_t> words)>;
 
   const ConfigurationGrid& grid() const { return grid_; }
   int views() const { return static_cast<int>(mask_sizes_.size()); }
@@ -37,7 +41,21 @@ class RobotImageTable {
     return slots_[number] < kFirstMark ? RobotImageState::kPresent : StateOfMark(slots_[number]);
   }
 
-  // The robot image of a configuration whose state is kPresent.
+  // Whether robot images are held in memory, and not read when they are needed.
+  bool in_memory() const { return reader_ == nullptr; }
+
+  // Words of a configuration's robot images in all views.
+  size_t words() const { return words_; }
+
+  // Copies or reads the robot images of a configuration whose state is kPresent into `words`, which
+  // has just the room, one view after another. False if they cannot be read: then nothing is known
+  // of them. Tables in memory always can.
+  bool Read(ConfigurationNumber number, std::span<uint64_t> words) const;
+
+  // The same as masks, one per view; nothing if they cannot be read.
+  std::optional<std::vector<Mask>> Images(ConfigurationNumber number) const;
+
+  // The robot image of a configuration whose state is kPresent, in a table in memory.
   MaskWords image(int view, ConfigurationNumber number) const {
     const size_t words = mask_sizes_[static_cast<size_t>(view)].words();
     return {images_[static_cast<size_t>(view)].data() + slots_[number] * words, words};
@@ -53,24 +71,30 @@ class RobotImageTable {
   // The pixels that the robot covers in every configuration that is present; none if there is no
   // such configuration.
   const Mask& permanent(int view) const { return permanent_[static_cast<size_t>(view)]; }
+  // The pixels that it covers in any of them.
+  const Mask& covered(int view) const { return covered_[static_cast<size_t>(view)]; }
 
  private:
-  // slots_ has for every number the place of its images in images_, or one of these marks.
+  // slots_ has for every number the place of its images in images_ (anything but a mark, where they
+  // are not held), or one of these marks.
   static constexpr uint32_t kFirstMark = 0xfffffff0;
   static constexpr uint32_t kMissingMark = 0xffffffff;
   static constexpr uint32_t kExcludedMark = 0xfffffffe;
   static constexpr uint32_t kCorruptMark = 0xfffffffd;
 
-  RobotImageTable(ConfigurationGrid grid, std::vector<MaskSize> mask_sizes, uint64_t expected);
+  RobotImageTable(ConfigurationGrid grid, std::vector<MaskSize> mask_sizes);
   static RobotImageState StateOfMark(uint32_t mark);
-  void FindPermanentPixels();
+  std::vector<Mask> MasksOf(std::span<const uint64_t> words) const;
 
   ConfigurationGrid grid_;
   std::vector<MaskSize> mask_sizes_;
+  size_t words_ = 0;
+  Reader reader_;  // null: images are in memory
   std::vector<uint32_t> slots_;
-  std::vector<std::vector<uint64_t>> images_;  // per view
+  std::vector<std::vector<uint64_t>> images_;  // per view, if in memory
   std::vector<PlaceSet> present_sets_;         // by tile
   std::vector<Mask> permanent_;
+  std::vector<Mask> covered_;
   uint64_t present_ = 0;
   uint64_t excluded_ = 0;
   uint64_t corrupt_ = 0;
@@ -78,12 +102,20 @@ class RobotImageTable {
 
 class RobotImageTable::Builder {
  public:
-  Builder(ConfigurationGrid grid, std::vector<MaskSize> mask_sizes, uint64_t expected = 0)
-      : table_(std::move(grid), std::move(mask_sizes), expected) {}
+  // A table in memory. `mask_sizes`: one per view, at least one, all valid. `expected`: about how
+  // many images will be added, to reserve memory. Throws std::invalid_argument if this does not
+  // hold, or if the grid has more than 2^32 - 16 places.
+  Builder(ConfigurationGrid grid, std::vector<MaskSize> mask_sizes, uint64_t expected = 0);
 
-  // Each configuration is added once, by one of these three. Throws std::invalid_argument for one
-  // that is outside the grid or added twice, and for masks that do not fit the views.
+  // A table that reads by `reader`, which must not be null. What is added is looked at and not
+  // kept.
+  Builder(ConfigurationGrid grid, std::vector<MaskSize> mask_sizes, Reader reader);
+
+  // Each configuration is added once, by one of these. Throws std::invalid_argument for one that is
+  // outside the grid or added twice, and for masks that do not fit the views.
   void Add(ConfigurationNumber number, std::span<const Mask> masks);
+  // The words of the masks, one view after another.
+  void Add(ConfigurationNumber number, std::span<const uint64_t> words);
   void AddExcluded(ConfigurationNumber number);
   void AddCorrupt(ConfigurationNumber number);
 
@@ -94,6 +126,9 @@ class RobotImageTable::Builder {
   void RequireNew(ConfigurationNumber number) const;
 
   RobotImageTable table_;
+  // The pixels that all, and that any of the images added cover, as they stand in an image.
+  std::vector<uint64_t> common_;
+  std::vector<uint64_t> covered_;
 };
 
 }  // namespace silhouette

@@ -135,13 +135,17 @@ TileVerdicts SpaceTest::CheckTile(uint64_t tile, const TileIndex& index) const {
   PlaceSet occupied = Occupied(index);
   PlaceSet open = planes_decide() ? PlaceSet() : Open(index);
   open &= present;
+  PlaceSet unread;
   for (size_t word = 0; word < PlaceSet::kWords; ++word) {
     for (uint64_t left = open.words[word]; left != 0; left &= left - 1) {
       const uint64_t place = 64 * word + static_cast<uint64_t>(std::countr_zero(left));
-      if (test_.Occupied(tile * kTileSize + place)) occupied.Insert(place);
+      const State state = test_.StateOf(tile * kTileSize + place);
+      if (state == State::kOccupied) occupied.Insert(place);
+      if (state == State::kUnknown) unread.Insert(place);
     }
   }
   occupied &= present;
+  present -= unread;
   TileVerdicts verdicts{.free = {}, .occupied = occupied.words};
   if (test_.missing_views_ == 0) {
     present -= occupied;

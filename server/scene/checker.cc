@@ -176,10 +176,9 @@ std::vector<std::string> Checker::RegionsAt(std::span<const double> q) const {
   }
   std::vector<std::string> names;
   if (served_.scene == nullptr || served_.scene->region_effects.empty()) return names;
-  std::vector<std::optional<Mask>> robot;
-  for (int view = 0; view < served_.database->views(); ++view) {
-    robot.push_back(TestRobotImage(view, q));
-  }
+  const auto images = test_ ? test_->TestRobotImages(q) : std::nullopt;
+  if (!images) return names;
+  const std::vector<std::optional<Mask>> robot(images->begin(), images->end());
   for (const RegionEffect& effect : served_.scene->region_effects) {
     if (effect.Touches(robot)) names.push_back(effect.name);
   }

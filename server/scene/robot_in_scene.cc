@@ -108,9 +108,7 @@ std::vector<RobotCover> CoversAt(const ServedDatabase& database, const Configura
          absl::StrCat("the robot is at ", place, ", outside the grid; move it back")});
     return {};
   }
-  for (ConfigurationNumber corner : corners.numbers()) {
-    const RobotImageState state = images.state(corner);
-    if (state == RobotImageState::kPresent) continue;
+  const auto add_defect = [&](ConfigurationNumber corner, RobotImageState state) {
     const std::string which =
         corners.count() == 1 ? "which"
                              : absl::StrCat("and next to it (",
@@ -118,18 +116,28 @@ std::vector<RobotCover> CoversAt(const ServedDatabase& database, const Configura
     defects.push_back(
         {Reason::kRobotImageOfSceneMissing,
          absl::StrCat("the robot is at ", place, ", ", which, " ", WhyUnusable(state))});
+  };
+  for (ConfigurationNumber corner : corners.numbers()) {
+    const RobotImageState state = images.state(corner);
+    if (state == RobotImageState::kPresent) continue;
+    add_defect(corner, state);
     return {};
   }
   std::vector<RobotCover> covers;
-  for (int view = 0; view < database.views(); ++view) {
-    const Mask first = images.ImageAsMask(view, corners.numbers().front());
-    RobotCover cover{first, first};
-    for (ConfigurationNumber corner : corners.numbers().subspan(1)) {
-      const Mask image = images.ImageAsMask(view, corner);
-      cover.anywhere = cover.anywhere | image;
-      cover.certain = cover.certain & image;
+  for (ConfigurationNumber corner : corners.numbers()) {
+    const std::optional<std::vector<Mask>> masks = images.Images(corner);
+    if (!masks) {
+      add_defect(corner, RobotImageState::kCorrupt);
+      return {};
     }
-    covers.push_back(std::move(cover));
+    for (size_t view = 0; view < masks->size(); ++view) {
+      const Mask& mask = (*masks)[view];
+      if (covers.size() == view) {
+        covers.push_back({mask, mask});
+      } else {
+        covers[view] = {covers[view].anywhere | mask, covers[view].certain & mask};
+      }
+    }
   }
   return covers;
 }

@@ -7,26 +7,68 @@
 #include "absl/status/status.h"
 #include "absl/strings/str_cat.h"
 #include "calib/calibration_message.h"
+#include "db/robot_images_in_place.h"
 
 namespace silhouette {
 namespace {
 
-absl::StatusOr<RobotImageTable> LoadRobotImages(const Database& database,
-                                                const Snapshot& snapshot) {
+void AddRecord(const MetRecord& record, RobotImageTable::Builder& builder) {
+  switch (record.masks) {
+    case StoredMasks::kPresent:
+      return builder.Add(record.number, record.words);
+    case StoredMasks::kExcluded:
+      return builder.AddExcluded(record.number);
+    case StoredMasks::kDamaged:
+      return builder.AddCorrupt(record.number);
+  }
+}
+
+bool FitMemory(const Database& database, uint64_t records, uint64_t memory) {
+  uint64_t bytes = 0;
+  for (const MaskSize size : database.mask_sizes()) bytes += size.words() * sizeof(uint64_t);
+  return records <= memory / bytes;
+}
+
+// Adds the records that are met to `builder`, and tells how far it is.
+VisitRecord AddingTo(RobotImageTable::Builder& builder, uint64_t records,
+                     const LoadSettings& settings) {
+  constexpr uint64_t kRecordsPerReport = 4096;
+  return [&builder, records, &settings, done = uint64_t{0}](const MetRecord& record) mutable {
+    AddRecord(record, builder);
+    const bool tell = ++done % kRecordsPerReport == 0 || done == records;
+    if (tell && settings.progress) settings.progress(done, records);
+  };
+}
+
+absl::StatusOr<RobotImageTable> LoadIntoMemory(const Database& database, const Snapshot& snapshot,
+                                               const LoadSettings& settings) {
   RobotImageTable::Builder builder(database.grid(), database.mask_sizes(), snapshot.size());
-  const absl::Status status =
-      snapshot.ForEach([&](ConfigurationNumber number, absl::StatusOr<RobotImage> image) {
-        if (!image.ok()) {
-          builder.AddCorrupt(number);
-        } else if (image->excluded) {
-          builder.AddExcluded(number);
-        } else {
-          builder.Add(number, image->masks);
-        }
-        return true;
-      });
+  const absl::Status status = ForEachMasks(snapshot, AddingTo(builder, snapshot.size(), settings));
   if (!status.ok()) return status;
   return std::move(builder).Build();
+}
+
+absl::StatusOr<RobotImageTable> LoadInPlace(const Database& database,
+                                            const std::shared_ptr<const Snapshot>& snapshot,
+                                            const LoadSettings& settings) {
+  // The table is begun before there is what it will read from.
+  const auto images = std::make_shared<std::shared_ptr<const RobotImagesInPlace>>();
+  RobotImageTable::Builder builder(database.grid(), database.mask_sizes(),
+                                   [images](ConfigurationNumber number, std::span<uint64_t> words) {
+                                     return (*images)->Read(number, words);
+                                   });
+  auto opened = RobotImagesInPlace::Open(snapshot, AddingTo(builder, snapshot->size(), settings));
+  if (!opened.ok()) return opened.status();
+  *images = *std::move(opened);
+  return std::move(builder).Build();
+}
+
+absl::StatusOr<RobotImageTable> LoadRobotImages(const Database& database,
+                                                const std::shared_ptr<const Snapshot>& snapshot,
+                                                const LoadSettings& settings) {
+  return FitMemory(database, snapshot->size(), settings.robot_image_memory)
+             ? LoadIntoMemory(database, *snapshot, settings)
+             : LoadInPlace(database, snapshot, settings);
 }
 
 absl::StatusOr<std::vector<Reference>> LoadReferences(const Database& database,
@@ -67,7 +109,8 @@ absl::StatusOr<std::optional<Calibration>> LoadCalibration(const Database& datab
 }
 
 // The index, if it has a tile that can be used. Only then its snapshot is kept.
-absl::StatusOr<std::shared_ptr<const CollisionIndex>> LoadIndex(Snapshot snapshot) {
+absl::StatusOr<std::shared_ptr<const CollisionIndex>> LoadIndex(
+    std::shared_ptr<const Snapshot> snapshot) {
   absl::StatusOr<std::shared_ptr<const CollisionIndex>> index =
       CollisionIndex::Open(std::move(snapshot));
   if (!index.ok()) return index;
@@ -104,11 +147,13 @@ ServedDatabase::ServedDatabase(storage::v1::CellDescription cell, uint64_t gener
 
 absl::StatusOr<std::shared_ptr<const ServedDatabase>> ServedDatabase::Load(
     const Database& database, const CalibrationSettings& settings,
-    const TreatmentSettings& treatment_settings, const std::optional<SoundCell>& sound) {
+    const TreatmentSettings& treatment_settings, const std::optional<SoundCell>& sound,
+    const LoadSettings& load) {
   try {
-    absl::StatusOr<Snapshot> snapshot = database.Read();
-    if (!snapshot.ok()) return snapshot.status();
-    absl::StatusOr<RobotImageTable> robot_images = LoadRobotImages(database, *snapshot);
+    absl::StatusOr<Snapshot> read = database.Read();
+    if (!read.ok()) return read.status();
+    const auto snapshot = std::make_shared<const Snapshot>(*std::move(read));
+    absl::StatusOr<RobotImageTable> robot_images = LoadRobotImages(database, snapshot, load);
     if (!robot_images.ok()) return robot_images.status();
     absl::StatusOr<std::vector<Reference>> references = LoadReferences(database, *snapshot);
     if (!references.ok()) return references.status();
@@ -126,13 +171,12 @@ absl::StatusOr<std::shared_ptr<const ServedDatabase>> ServedDatabase::Load(
       if (!made.ok()) return made.status();
       sound_basis = *std::move(made);
     }
-    const uint64_t generation = snapshot->generation();
-    auto index = LoadIndex(*std::move(snapshot));
+    auto index = LoadIndex(snapshot);
     if (!index.ok()) return index.status();
     return std::shared_ptr<const ServedDatabase>(
-        new ServedDatabase(database.cell(), generation, *std::move(robot_images), *std::move(index),
-                           *std::move(references), *std::move(calibration), std::move(bands),
-                           std::move(treatments), std::move(sound_basis)));
+        new ServedDatabase(database.cell(), snapshot->generation(), *std::move(robot_images),
+                           *std::move(index), *std::move(references), *std::move(calibration),
+                           std::move(bands), std::move(treatments), std::move(sound_basis)));
   } catch (const std::invalid_argument& error) {
     return absl::InvalidArgumentError(absl::StrCat("'", database.path(), "': ", error.what()));
   }

@@ -1,7 +1,9 @@
-// One generation of a database, in memory: what scenes are made with and verdicts rest on.
+// One generation of a database: what scenes are made with and verdicts rest on.
 #pragma once
 
 #include <cstdint>
+#include <functional>
+#include <limits>
 #include <memory>
 #include <optional>
 #include <string>
@@ -22,23 +24,34 @@
 
 namespace silhouette {
 
+struct LoadSettings {
+  // Bytes of robot images, uncompressed, that are held in memory. If all of the database's are
+  // more, none is: they are read from the database when they are needed.
+  uint64_t robot_image_memory = std::numeric_limits<uint64_t>::max();
+  // Called now and again while robot images are read, with how many of the records are done.
+  std::function<void(uint64_t done, uint64_t records)> progress = nullptr;
+};
+
 // Cannot be changed once loaded; used by any number of threads.
 class ServedDatabase {
  public:
-  // Reads all robot images, the reference images and the calibration, and opens the collision
+  // Reads all robot images once, the reference images and the calibration, and opens the collision
   // index. A record that fails its checksum is marked corrupt, so that nothing that takes it is
   // ever free. DataLoss: the database cannot be read as a whole, or its calibration is damaged.
-  // InvalidArgument: its grid is too large to hold in memory, its calibration is none (two cameras
+  // InvalidArgument: its grid has more places than a RobotImageTable can have, its calibration is
+  // none (two cameras
   // at one place, a matrix that is not of rank 2), the margin is negative, or `treatments`
   // (TreatmentsOf) or `sound` (SoundBasis::Make) cannot be. `sound`: what the sound presets are
   // served with, where the calibration has camera models; nothing: they are not served.
   static absl::StatusOr<std::shared_ptr<const ServedDatabase>> Load(
       const Database& database, const CalibrationSettings& settings = {},
       const TreatmentSettings& treatments = {},
-      const std::optional<SoundCell>& sound = std::nullopt);
+      const std::optional<SoundCell>& sound = std::nullopt, const LoadSettings& load = {});
 
   const storage::v1::CellDescription& cell() const { return cell_; }
   uint64_t generation() const { return generation_; }
+  // In memory, or read from the file of the database, of which they hold one state then, as the
+  // collision index does.
   const RobotImageTable& robot_images() const { return robot_images_; }
   const ConfigurationGrid& grid() const { return robot_images_.grid(); }
 

@@ -24,21 +24,9 @@ double EdgeOf(const SoundSettings& settings) {
 
 // The pixels that the robot covers in any, and in every configuration that is there.
 struct CoveredPixels {
-  CoveredPixels(const RobotImageTable& images, int view) {
-    const MaskSize size = images.mask_sizes()[static_cast<size_t>(view)];
-    const Mask full = ~Mask(size);
-    std::vector<uint64_t> some(size.words(), 0);
-    std::vector<uint64_t> all(full.words().begin(), full.words().end());
-    for (ConfigurationNumber number = 0; number < images.grid().tiles() * kTileSize; ++number) {
-      if (images.state(number) != RobotImageState::kPresent) continue;
-      const MaskWords image = images.image(view, number);
-      for (size_t i = 0; i < some.size(); ++i) {
-        some[i] |= image[i];
-        all[i] &= image[i];
-      }
-    }
-    any = Mask::FromWords(size, std::move(some));
-    every = Mask::FromWords(size, std::move(all));
+  CoveredPixels(const RobotImageTable& images, int view)
+      : any(images.covered(view)), every(images.permanent(view)) {
+    if (images.Count(RobotImageState::kPresent) == 0) every = ~any;
   }
 
   Mask any;

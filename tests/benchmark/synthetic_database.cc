@@ -83,9 +83,10 @@ uint64_t BytesInUse(const std::string& path) {
   return Required(database->GetUsage()).used_bytes;
 }
 
-std::shared_ptr<const ServedDatabase> LoadDatabase(const std::string& path) {
+std::shared_ptr<const ServedDatabase> LoadDatabase(const std::string& path,
+                                                   const LoadSettings& settings) {
   const auto database = Required(Database::Open(path, Database::Access::kRead));
-  return Required(ServedDatabase::Load(*database));
+  return Required(ServedDatabase::Load(*database, {}, {}, std::nullopt, settings));
 }
 
 Served ServedScene(const std::shared_ptr<const ServedDatabase>& database,

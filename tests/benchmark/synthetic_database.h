@@ -27,7 +27,8 @@ TimedBuild BuildIndex(const std::string& path);
 // Bytes of the database in use on disk.
 uint64_t BytesInUse(const std::string& path);
 
-std::shared_ptr<const ServedDatabase> LoadDatabase(const std::string& path);
+std::shared_ptr<const ServedDatabase> LoadDatabase(const std::string& path,
+                                                   const LoadSettings& settings = {});
 
 // A scene of the cell as a server has it, made of the masks that the views would give.
 Served ServedScene(const std::shared_ptr<const ServedDatabase>& database,

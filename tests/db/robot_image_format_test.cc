@@ -40,6 +40,59 @@ TEST(RobotImageFormat, RoundTripsWithAndWithoutCompression) {
   }
 }
 
+// DecodeMasks agrees with DecodeRobotImage on a value, whatever it is.
+void ExpectSameMasks(ConfigurationNumber number, const std::string& value,
+                     const std::vector<MaskSize>& sizes) {
+  const absl::StatusOr<RobotImage> image = DecodeRobotImage(number, value, sizes);
+  size_t room = 0;
+  for (const MaskSize size : sizes) room += size.words();
+  std::vector<uint64_t> words(room, ~uint64_t{0});
+  const StoredMasks masks = DecodeMasks(number, value, sizes, words);
+  if (!image.ok()) {
+    EXPECT_EQ(masks, StoredMasks::kDamaged);
+    return;
+  }
+  ASSERT_EQ(masks, image->excluded ? StoredMasks::kExcluded : StoredMasks::kPresent);
+  if (image->excluded) return;
+  std::vector<uint64_t> expected;
+  for (const Mask& mask : image->masks) {
+    expected.insert(expected.end(), mask.words().begin(), mask.words().end());
+  }
+  EXPECT_EQ(words, expected);
+}
+
+// `value` with the checksum that it needs.
+std::string Sealed(ConfigurationNumber number, std::string value) {
+  std::string checksum;
+  schema::AppendU64(checksum, XXH3_64bits_withSeed(value.data() + 8, value.size() - 8, number));
+  return value.replace(0, 8, checksum);
+}
+
+TEST(RobotImageFormat, MasksAloneAreThoseOfTheWholeRecord) {
+  const uint64_t seed = std::random_device()();
+  const ::testing::ScopedTrace trace(__FILE__, __LINE__, "seed " + std::to_string(seed));
+  std::mt19937_64 random(seed);
+  for (int i = 0; i < 500; ++i) {
+    RobotImage image = SomeImage(random, i % 2 == 0);
+    if (i % 10 == 0) {
+      image.excluded = true;
+      image.masks.clear();
+    }
+    const std::string value = EncodeRobotImage(image);
+    ExpectSameMasks(image.number, value, kSizes);
+    ExpectSameMasks(image.number + 1, value, kSizes);
+    ExpectSameMasks(image.number, value, {{64, 64}, {33, 21}});
+    ExpectSameMasks(image.number, value, {{64, 64}, {33, 20}, {1, 1}});
+    ExpectSameMasks(image.number, value.substr(0, random() % value.size()), kSizes);
+    // Content that makes no sense, under a checksum that holds.
+    std::string changed = value;
+    changed[8 + random() % (changed.size() - 8)] ^= static_cast<char>(1 << random() % 8);
+    ExpectSameMasks(image.number, Sealed(image.number, changed), kSizes);
+    if (!image.excluded) changed.back() = '\x80';  // beyond the last pixel, if not compressed
+    ExpectSameMasks(image.number, Sealed(image.number, changed), kSizes);
+  }
+}
+
 TEST(RobotImageFormat, HasTheDocumentedBytes) {
   RobotImage image;
   image.number = 5;

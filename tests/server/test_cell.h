@@ -233,10 +233,10 @@ inline void MakeDatabase(const std::string& path, const TestDatabase& test = {})
 // By default epipolar lines are as the calibration says, without margin.
 inline std::shared_ptr<const ServedDatabase> LoadDatabase(
     const std::string& path, const CalibrationSettings& settings = {.margin = 0},
-    const TreatmentSettings& treatments = {}) {
+    const TreatmentSettings& treatments = {}, const LoadSettings& load = {}) {
   const auto database = Database::Open(path, Database::Access::kRead);
   EXPECT_TRUE(database.ok()) << database.status();
-  auto served = ServedDatabase::Load(**database, settings, treatments);
+  auto served = ServedDatabase::Load(**database, settings, treatments, std::nullopt, load);
   EXPECT_TRUE(served.ok()) << served.status();
   return *std::move(served);
 }

@@ -62,4 +62,42 @@ inline ObstacleImages RandomObstacleImages(const std::vector<MaskSize>& sizes, d
   return images;
 }
 
+// Some configurations have no robot image, some are excluded, some corrupt, some images are empty.
+inline RobotImageTable TableWithGaps(const ConfigurationGrid& grid,
+                                     const std::vector<MaskSize>& sizes, std::mt19937& random) {
+  RobotImageTable::Builder builder(grid, sizes, grid.size());
+  std::vector<Mask> base;
+  for (const MaskSize size : sizes) base.push_back(RandomBox(size, random));
+  for (ConfigurationNumber number = 0; number < grid.number_limit(); ++number) {
+    if (!grid.Contains(number)) continue;
+    const auto chance = random() % 100;
+    if (chance == 0) continue;
+    if (chance == 1) {
+      builder.AddExcluded(number);
+    } else if (chance == 2) {
+      builder.AddCorrupt(number);
+    } else {
+      std::vector<Mask> masks;
+      for (size_t view = 0; view < sizes.size(); ++view) {
+        masks.push_back(RandomMask(sizes[view], chance % 5 == 0 ? 0 : 0.05, random));
+        if (chance % 3 != 0)
+          masks.back() = masks.back() | (base[view] & RandomBox(sizes[view], random));
+      }
+      builder.Add(number, masks);
+    }
+  }
+  return std::move(builder).Build();
+}
+
+inline ObstacleImages RandomBoxScene(const std::vector<MaskSize>& sizes, bool may_lack_views,
+                                     std::mt19937& random) {
+  ObstacleImages images;
+  for (const MaskSize size : sizes) {
+    const Mask scene = RandomMask(size, 0.03, random) | RandomBox(size, random);
+    images.push_back(ObstacleImage::FromScene(scene, RandomBox(size, random)));
+    if (may_lack_views && random() % 8 == 0) images.back().reset();
+  }
+  return images;
+}
+
 }  // namespace silhouette
