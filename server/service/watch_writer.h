@@ -40,7 +40,7 @@ class WatchWriter : public grpc::ServerWriteReactor<Response>,
   void Start() {
     self_ = this->shared_from_this();
     serving_.watches.Add(self_);
-    Tell(1);
+    Tell(0);  // the hub's first word is 1
   }
 
   void Tell(uint64_t version) final {
@@ -142,7 +142,7 @@ class WatchWriter : public grpc::ServerWriteReactor<Response>,
   std::mutex mutex_;
   Step step_ = Step::kWaiting;
   uint64_t told_ = 0;
-  uint64_t done_ = 0;
+  std::optional<uint64_t> done_;
   std::optional<grpc::Status> ending_;
 };
 

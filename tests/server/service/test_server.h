@@ -105,6 +105,22 @@ class TestServer {
     return scene->PublishScene(&context, request, &response);
   }
 
+  // Allows obstacles on the way of joint a at `a` (Block), in all views.
+  void Allow(const std::string& name, int a, absl::Duration duration) {
+    v1::AllowRegionRequest request;
+    request.set_name(name);
+    for (int view = 0; view < 3; ++view) {
+      v1::RegionPixels& pixels = *request.add_views();
+      pixels.set_view(kViewNames[static_cast<size_t>(view)]);
+      Set(Block(view, a), pixels.mutable_mask());
+    }
+    request.mutable_duration()->set_nanos(static_cast<int32_t>(absl::ToInt64Nanoseconds(duration)));
+    grpc::ClientContext context;
+    v1::AllowRegionResponse response;
+    const grpc::Status status = scene->AllowRegion(&context, request, &response);
+    EXPECT_TRUE(status.ok()) << status.error_message();
+  }
+
   v1::CheckConfigurationsResponse Check(const std::vector<Configuration>& configurations,
                                         const v1::Policy& policy = {}, bool clearance = false) {
     v1::CheckConfigurationsRequest request;
