@@ -60,6 +60,15 @@ absl::StatusOr<int> WriterLock::KeepWritersOut(const std::string& folder) {
   return file;
 }
 
+bool ReadersKeepWritersOut(const std::string& folder) {
+  const std::string readers = folder + "/" + schema::kLockFile;
+  const bool there = faccessat(AT_FDCWD, readers.c_str(), F_OK, AT_EACCESS) == 0;
+  const std::string& needed = there ? readers : folder;
+  if (faccessat(AT_FDCWD, needed.c_str(), R_OK | W_OK, AT_EACCESS) == 0) return false;
+  // Where nobody ever wrote, there is nothing to keep them out by.
+  return faccessat(AT_FDCWD, LockPath(folder).c_str(), F_OK, AT_EACCESS) == 0;
+}
+
 WriterLock::WriterLock(WriterLock&& other) noexcept : file_(std::exchange(other.file_, -1)) {}
 
 WriterLock::~WriterLock() {

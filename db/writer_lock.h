@@ -28,4 +28,9 @@ class WriterLock {
   int file_;
 };
 
+// Whether this process, as it may not write into the file that readers register themselves in
+// (schema::kLockFile), keeps writers out of the database in `folder` for as long as it has it open,
+// or a Snapshot of it.
+bool ReadersKeepWritersOut(const std::string& folder);
+
 }  // namespace silhouette

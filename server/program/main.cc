@@ -9,6 +9,7 @@
 #include <cstdlib>
 #include <iostream>
 #include <memory>
+#include <optional>
 #include <string>
 #include <thread>
 #include <vector>
@@ -18,6 +19,7 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_join.h"
 #include "db/store.h"
+#include "server/program/robot_image_memory.h"
 #include "server/program/treatments.h"
 #include "server/scene/served_database.h"
 #include "server/service/server.h"
@@ -33,8 +35,9 @@ constexpr absl::Duration kGrace = absl::Seconds(10);
 
 struct Options {
   std::string cell;
-  std::string database;  // empty: what the cell file says
-  std::string listen;    // empty: what the cell file says
+  std::string database;                        // empty: what the cell file says
+  std::string listen;                          // empty: what the cell file says
+  std::optional<uint64_t> robot_image_memory;  // nothing: what the cell file says
 };
 
 // The signals that the program waits for itself. Blocked before any thread is started, so that no
@@ -155,9 +158,11 @@ absl::StatusOr<std::shared_ptr<const ServedDatabase>> Load(const Cell& cell,
   if (!treatments.ok()) return treatments.status();
   const absl::StatusOr<std::optional<SoundCell>> sound = SoundCellOf(cell);
   if (!sound.ok()) return sound.status();
-  const auto served = ServedDatabase::Load(**database, cell.calibration, *treatments, *sound);
+  const LoadSettings load = LoadSettingsOf(cell);
+  const auto served = ServedDatabase::Load(**database, cell.calibration, *treatments, *sound, load);
   if (!served.ok()) return served;
   LogLoaded(**served, path);
+  LogRobotImages(**served, path, load);
   if (*sound) LogSound(**served);
   if (cell.choose_preset) return served;
   const absl::Status servable = (*served)->CanServe(cell.policy);
@@ -196,8 +201,9 @@ void WaitForEnd(const Cell& cell, const std::string& path, Server& server) {
 }
 
 int Run(const Options& options) {
-  const absl::StatusOr<Cell> cell = LoadCell(options.cell);
+  absl::StatusOr<Cell> cell = LoadCell(options.cell);
   if (!cell.ok()) return Report(kName, cell.status());
+  if (options.robot_image_memory) cell->server.robot_image_memory = options.robot_image_memory;
   const std::string path = options.database.empty() ? cell->database : options.database;
   if (path.empty()) {
     return Report(kName, absl::InvalidArgumentError(absl::StrCat(
@@ -246,6 +252,12 @@ int Main(int argc, char** argv) {
                  "The folder of the database; default: what the cell file says");
   app.add_option("--listen", options.listen,
                  "host:port (port 0: any free one) or unix:path; default: what the cell file says");
+  app.add_option(
+         "--robot-image-memory", options.robot_image_memory,
+         "The most that robot images may take in memory, e.g. 8GB; more than that stay in the\n"
+         "database and are read where they are needed. Default: what the cell file says")
+      ->transform(CLI::AsSizeValue(/*kb_is_1000=*/true))
+      ->type_name("SIZE");
   app.footer(
       "Prints one line to stdout, 'listening on ADDRESS', when it is ready; its log goes to\n"
       "stderr. SIGTERM and Ctrl-C let the calls in flight finish; SIGHUP reads the database anew.\n"

@@ -11,6 +11,7 @@
 #include <iostream>
 
 #include "db/store.h"
+#include "db/writer_lock.h"
 #include "tests/db/test_cell.h"
 
 namespace silhouette {
@@ -71,9 +72,11 @@ TEST(Database, WithoutPermissionToWriteCanBeRead) {
   const FreshFolder folder;
   ASSERT_EQ(chmod(folder.path().c_str(), 0755), 0);
   MakeDatabase(folder / "db");
+  EXPECT_FALSE(ReadersKeepWritersOut(folder / "db"));
   TakePermission(folder / "db");
   EXPECT_TRUE(HoldsForAnOrdinaryUser(
       [&] { return CanBeRead(folder / "db") && CannotBeWritten(folder / "db"); }));
+  EXPECT_TRUE(HoldsForAnOrdinaryUser([&] { return ReadersKeepWritersOut(folder / "db"); }));
   EXPECT_TRUE(HoldsForAnOrdinaryUser([&] {
     const absl::Status status = Database::Create(folder / "db/new", TestCell()).status();
     return Check(absl::IsFailedPrecondition(status), status.ToString());

@@ -88,6 +88,15 @@ TEST(Cell, TheCommentedSampleIsACellAndShowsTheDefaults) {
   EXPECT_EQ(cell->capture.forbidden_regions.size(), 1u);
 }
 
+TEST(Cell, RobotImageMemoryIsASizeOrLeftOpen) {
+  const std::string bare = kBareCell;
+  EXPECT_EQ(Load(bare)->server.robot_image_memory, std::nullopt);
+  EXPECT_EQ(Load(bare + "server: {robot_image_memory: 8 GB}\n")->server.robot_image_memory,
+            8'000'000'000u);
+  EXPECT_THAT(MessageOf(bare + "server: {robot_image_memory: much}\n"),
+              HasSubstr("robot_image_memory: a number of bytes is expected"));
+}
+
 TEST(Cell, SoundIsReadAndNeedsTheRobotsModel) {
   const std::string robots = std::string(SILHOUETTE_SOURCE_DIR) + "/capture/sim/robots/";
   const std::string cell_with = "name: x\nrobot:\n  urdf: " + robots +

@@ -71,6 +71,12 @@ TEST(StrictYaml, AnglesAndTimesTakeUnits) {
   EXPECT_DOUBLE_EQ(Parse("2 min").AsSeconds(), 120);
   EXPECT_THAT(ErrorOf([] { Parse("3 turns").AsAngle(); }), HasSubstr("an angle is expected"));
   EXPECT_THAT(ErrorOf([] { Parse("-1 s").AsSeconds(); }), HasSubstr("a time is expected"));
+  EXPECT_EQ(Parse("1.5 GB").AsBytes(), 1'500'000'000u);
+  EXPECT_EQ(Parse("2 KiB").AsBytes(), 2048u);
+  EXPECT_EQ(Parse("0").AsBytes(), 0u);
+  for (const char* wrong : {"-1", "8 gigs", "1e30", "nan", "[1]"}) {
+    EXPECT_THAT(ErrorOf([=] { Parse(wrong).AsBytes(); }), HasSubstr("a number of bytes"));
+  }
 }
 
 TEST(StrictYaml, ListsKeepTheirOrder) {

@@ -3,6 +3,7 @@
 #pragma once
 
 #include <Eigen/Geometry>
+#include <cstdint>
 #include <optional>
 #include <string>
 #include <vector>
@@ -47,6 +48,8 @@ using Workspace = Eigen::AlignedBox3d;
 struct ServerSettings {
   std::string listen = "127.0.0.1:50051";  // address:port, or unix:path
   SceneSettings scene;
+  // Bytes of robot images that memory may hold (LoadSettings); nothing: a share of what there is.
+  std::optional<uint64_t> robot_image_memory;
 };
 
 // Paths are absolute, or relative to the working directory; those in the file are relative to it.

@@ -271,6 +271,9 @@ ServerSettings ReadServer(const YamlNode& node) {
   if (const auto tolerance = map.Optional("fixed_joint_tolerance")) {
     server.scene.fixed_joint_tolerance = Positive(*tolerance, tolerance->AsAngle());
   }
+  if (const auto memory = map.Optional("robot_image_memory")) {
+    server.robot_image_memory = memory->AsBytes();
+  }
   map.Finish();
   return server;
 }

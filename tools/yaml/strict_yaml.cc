@@ -124,6 +124,23 @@ double YamlNode::AsSeconds() const {
   return *seconds;
 }
 
+uint64_t YamlNode::AsBytes() const {
+  constexpr double kMost = 1e18;
+  const std::string expected = "a number of bytes is expected, e.g. '8 GB'";
+  if (!node_.IsScalar()) Fail(expected);
+  const std::optional<double> bytes = NumberWithUnit(node_.Scalar(), {{"B", 1},
+                                                                      {"kB", 1e3},
+                                                                      {"MB", 1e6},
+                                                                      {"GB", 1e9},
+                                                                      {"TB", 1e12},
+                                                                      {"KiB", 0x1p10},
+                                                                      {"MiB", 0x1p20},
+                                                                      {"GiB", 0x1p30},
+                                                                      {"TiB", 0x1p40}});
+  if (!bytes || !(*bytes >= 0 && *bytes <= kMost)) Fail(expected);
+  return static_cast<uint64_t>(*bytes);
+}
+
 std::vector<YamlNode> YamlNode::Items(std::optional<size_t> count) const {
   if (!node_.IsSequence()) Fail("a list is expected");
   if (count && node_.size() != *count) {

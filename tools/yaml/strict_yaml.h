@@ -3,6 +3,7 @@
 #pragma once
 
 #include <yaml-cpp/yaml.h>
+#include <cstdint>
 
 #include <optional>
 #include <set>
@@ -48,6 +49,9 @@ class YamlNode {
 
   // A time span: "250 ms", "2 s", "1.5 min"; a number without a unit is seconds.
   double AsSeconds() const;
+
+  // A number of bytes, not negative: "8 GB", "500 MB", "2 GiB"; a number without a unit is bytes.
+  uint64_t AsBytes() const;
 
   // The items of a sequence; `count` items if given.
   std::vector<YamlNode> Items(std::optional<size_t> count = std::nullopt) const;

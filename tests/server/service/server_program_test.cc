@@ -168,6 +168,25 @@ TEST_F(ServerProgramTest, CellFileSaysDatabaseAndAddress) {
   EXPECT_EQ(DatabaseAt(program.Address()).configurations(), 40u);
 }
 
+TEST_F(ServerProgramTest, RobotImagesStayInTheDatabaseIfTheyTakeMoreMemoryThanTheyMay) {
+  const std::vector<std::string> start = {"--cell", cell,       "--database",
+                                          database, "--listen", "127.0.0.1:0"};
+  const auto log_of = [&](const std::vector<std::string>& more) {
+    std::vector<std::string> arguments = start;
+    arguments.insert(arguments.end(), more.begin(), more.end());
+    ServerProgram server(folder, arguments);
+    EXPECT_NE(server.Address(), "");
+    return server.Errors();
+  };
+  const std::string in_memory = "robot images: 0.00 GB, in memory";
+  const std::string in_place = "read from '" + database + "' where they are needed";
+  EXPECT_THAT(log_of({}), AllOf(HasSubstr(in_memory), Not(HasSubstr(in_place))));
+  EXPECT_THAT(log_of({"--robot-image-memory", "1kB"}), HasSubstr(in_place));
+  WriteFile(cell, std::string(kCell) + "server: {robot_image_memory: 0 B}\n");
+  EXPECT_THAT(log_of({}), HasSubstr(in_place));
+  EXPECT_THAT(log_of({"--robot-image-memory", "1GB"}), HasSubstr(in_memory));
+}
+
 TEST_F(ServerProgramTest, SighupReadsTheDatabaseAnew) {
   ServerProgram program(folder,
                         {"--cell", cell, "--database", database, "--listen", "127.0.0.1:0"});
