@@ -38,6 +38,7 @@ struct Options {
   std::string database;                        // empty: what the cell file says
   std::string listen;                          // empty: what the cell file says
   std::optional<uint64_t> robot_image_memory;  // nothing: what the cell file says
+  std::string shared_map;                      // empty: what the cell file says
 };
 
 // The signals that the program waits for itself. Blocked before any thread is started, so that no
@@ -221,12 +222,20 @@ int Run(const Options& options) {
   settings.scene = cell->server.scene;
   settings.segmentation = cell->segmentation;
   settings.worker_threads = static_cast<int>(std::max(2u, std::thread::hardware_concurrency()));
+  settings.shared_map = {
+      .file = options.shared_map.empty() ? cell->server.shared_map : options.shared_map,
+      .mode = cell->server.shared_map_mode};
+  const std::string shared_map = settings.shared_map.file;
   const std::string listen = options.listen.empty() ? cell->server.listen : options.listen;
   const absl::StatusOr<std::unique_ptr<Server>> server =
       Server::Start(listen, *std::move(database), std::move(settings));
   if (!server.ok()) return Report(kName, server.status());
   std::cout << "listening on " << (*server)->address() << std::endl;
   spdlog::info("serving cell '{}' on {}", cell->name, (*server)->address());
+  if (!shared_map.empty()) {
+    spdlog::info("sharing its configuration space in '{}', mode {:04o}", shared_map,
+                 cell->server.shared_map_mode);
+  }
 
   WaitForEnd(*cell, path, **server);
   spdlog::info("stopping; calls in flight may take {} more", absl::FormatDuration(kGrace));
@@ -258,12 +267,17 @@ int Main(int argc, char** argv) {
          "database and are read where they are needed. Default: what the cell file says")
       ->transform(CLI::AsSizeValue(/*kb_is_1000=*/true))
       ->type_name("SIZE");
+  app.add_option(
+      "--shared-map", options.shared_map,
+      "A file for the configuration space, which programs on this machine then look up in "
+      "memory; default: what the cell file says, else none");
   app.footer(
       "Prints one line to stdout, 'listening on ADDRESS', when it is ready; its log goes to\n"
       "stderr. SIGTERM and Ctrl-C let the calls in flight finish; SIGHUP reads the database anew.\n"
       "Whoever reaches the address can ask and publish scenes.\n\n"
       "Example:\n"
-      "  silhouette-server --cell cell.yaml --database cell.lmdb --listen 127.0.0.1:50051");
+      "  silhouette-server --cell cell.yaml --database cell.lmdb --listen 127.0.0.1:50051\n"
+      "  silhouette-server --cell cell.yaml --shared-map /dev/shm/silhouette-cell");
   return RunProgram(app, argc, argv, [&options] { return Run(options); });
 }
 

@@ -6,15 +6,30 @@
 #include <chrono>
 #include <exception>
 #include <memory>
+#include <utility>
 
 #include "server/scene/checker.h"
 
 namespace silhouette {
+namespace {
 
-MapKeeper::MapKeeper(const ServingSettings& settings, SceneStore& scenes, SpaceCache& spaces)
+using SteadyClock = std::chrono::steady_clock;
+
+constexpr absl::Duration kLeastShareTime = absl::Milliseconds(20);
+
+SteadyClock::time_point EndOf(absl::Duration time) {
+  return SteadyClock::now() + absl::ToChronoNanoseconds(time);
+}
+
+}  // namespace
+
+MapKeeper::MapKeeper(const ServingSettings& settings, SceneStore& scenes, SpaceCache& spaces,
+                     std::unique_ptr<SharedMapWriter> shared)
     : settings_(settings),
       scenes_(scenes),
       spaces_(spaces),
+      needed_(shared != nullptr || settings.map_time > absl::ZeroDuration()),
+      shared_(std::move(shared)),
       thread_([this](const std::stop_token& stop) { Run(stop); }) {}
 
 void MapKeeper::Tell(uint64_t version) {
@@ -38,30 +53,76 @@ void MapKeeper::Run(const std::stop_token& stop) {
   while (!stop.stop_requested()) {
     {
       std::unique_lock lock(mutex_);
-      if (!changed_.wait(lock, stop, [&] { return told_ != done; })) return;
+      if (!changed_.wait(lock, stop, [&] { return told_ != done; })) break;
       done = told_;
     }
     try {
-      WorkOut(done);
+      WorkOut(done, stop);
     } catch (const std::exception& error) {
       spdlog::error("internal error: {}", error.what());
     }
   }
+  shared_.reset();  // no update will follow
 }
 
-void MapKeeper::WorkOut(uint64_t version) {
-  using SteadyClock = std::chrono::steady_clock;
-  const auto end = SteadyClock::now() + absl::ToChronoNanoseconds(settings_.map_time);
+void MapKeeper::WorkOut(uint64_t version, const std::stop_token& stop) {
   const Moment now = settings_.clock();
   const Served served = scenes_.Newest(now);
-  if (BlockedReason(served, settings_.scene, now) != Reason::kNone) return;
   const Policy policy = DefaultPolicy(settings_, *served.database);
-  if (!served.database->CanServe(policy).ok()) return;
-  const std::shared_ptr<const ConfigurationSpace> space = spaces_.Get(served, policy);
-  for (uint64_t tile = 0; tile < space->tiles(); ++tile) {
-    if (SteadyClock::now() >= end || Outdated(version)) return;
-    if (space->looked_up(tile)) space->tile(tile);
+  Reason blocked = BlockedReason(served, settings_.scene, now);
+  if (blocked == Reason::kNone && !served.database->CanServe(policy).ok()) {
+    blocked = Reason::kInternal;
   }
+  if (blocked != Reason::kNone) return Share(served, policy, nullptr, blocked);
+  const auto outdated = [&] { return stop.stop_requested() || Outdated(version); };
+  std::shared_ptr<const ConfigurationSpace> space;
+  try {
+    space = spaces_.Get(served, policy);
+    absl::Duration time = settings_.map_time;
+    if (shared_ == nullptr) {
+      WorkOutTiles(*space, EndOf(time), /*singly=*/false, outdated);
+      return;
+    }
+    // The first time to the end: else scenes that come fast would keep the map from being shared.
+    time = std::max(time, kLeastShareTime);
+    bool whole = WorkOutTiles(*space, EndOf(time), /*singly=*/true, [] { return false; });
+    Share(served, policy, space.get(), blocked);
+    while (!whole && !outdated()) {
+      time *= 2;
+      whole = WorkOutTiles(*space, EndOf(time), /*singly=*/true, outdated);
+      Share(served, policy, space.get(), blocked);
+    }
+  } catch (const std::exception&) {
+    Share(served, policy, nullptr, Reason::kInternal);
+    throw;
+  }
+}
+
+bool MapKeeper::WorkOutTiles(const ConfigurationSpace& space, SteadyClock::time_point end,
+                             bool singly, const std::function<bool()>& stop) const {
+  bool left = false;
+  for (const bool now_singly : {false, true}) {
+    if (now_singly && (!left || !singly)) break;
+    for (uint64_t tile = 0; tile < space.tiles(); ++tile) {
+      if (space.ready(tile)) continue;
+      if (SteadyClock::now() >= end || stop()) return false;
+      if (now_singly || space.looked_up(tile)) {
+        space.tile(tile);
+      } else {
+        left = true;
+      }
+    }
+  }
+  return singly || !left;
+}
+
+void MapKeeper::Share(const Served& served, const Policy& policy, const ConfigurationSpace* space,
+                      Reason blocked) {
+  if (shared_ == nullptr) return;
+  const absl::Status status = shared_->Publish(served, policy, space, blocked);
+  std::string fault(status.message());
+  if (fault != share_fault_ && !status.ok()) spdlog::error("{}; it is closed", fault);
+  share_fault_ = std::move(fault);
 }
 
 }  // namespace silhouette

@@ -12,8 +12,9 @@
 
 namespace silhouette {
 
-Server::Server(std::shared_ptr<const ServedDatabase> database, ServingSettings settings)
-    : serving_(std::move(database), std::move(settings)),
+Server::Server(std::shared_ptr<const ServedDatabase> database, ServingSettings settings,
+               std::unique_ptr<SharedMapWriter> shared_map)
+    : serving_(std::move(database), std::move(settings), std::move(shared_map)),
       collision_service_(serving_),
       scene_service_(serving_),
       database_service_(serving_) {}
@@ -23,9 +24,17 @@ absl::StatusOr<std::unique_ptr<Server>> Server::Start(
     ServingSettings settings) {
   const absl::Status usable = CheckListenAddress(address);
   if (!usable.ok()) return usable;
+  std::unique_ptr<SharedMapWriter> shared_map;
+  if (!settings.shared_map.file.empty()) {
+    auto made = SharedMapWriter::Create(settings.shared_map, settings.scene.max_age, database,
+                                        DefaultPolicy(settings, *database));
+    if (!made.ok()) return made.status();
+    shared_map = *std::move(made);
+  }
   grpc::EnableDefaultHealthCheckService(true);
   grpc::reflection::InitProtoReflectionServerBuilderPlugin();
-  auto server = std::unique_ptr<Server>(new Server(std::move(database), std::move(settings)));
+  auto server = std::unique_ptr<Server>(
+      new Server(std::move(database), std::move(settings), std::move(shared_map)));
   grpc::ServerBuilder builder;
   int port = 0;
   builder.AddListeningPort(address, grpc::InsecureServerCredentials(), &port);

@@ -20,14 +20,16 @@
 namespace silhouette {
 
 struct Serving {
-  Serving(std::shared_ptr<const ServedDatabase> database, ServingSettings the_settings)
+  // `shared_map`: null if the settings name none.
+  Serving(std::shared_ptr<const ServedDatabase> database, ServingSettings the_settings,
+          std::unique_ptr<SharedMapWriter> shared_map)
       : settings(std::move(the_settings)),
         scenes(std::move(database)),
         region_log(scenes, settings.clock),
         watches(scenes, settings.scene, settings.clock),
-        map_keeper(std::make_shared<MapKeeper>(settings, scenes, spaces)),
+        map_keeper(std::make_shared<MapKeeper>(settings, scenes, spaces, std::move(shared_map))),
         workers(settings.worker_threads, settings.worker_queue) {
-    if (settings.map_time > absl::ZeroDuration()) watches.Add(map_keeper);
+    if (map_keeper->needed()) watches.Add(map_keeper);
   }
 
   const ServingSettings settings;

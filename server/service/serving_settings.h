@@ -9,6 +9,7 @@
 #include "server/scene/clock.h"
 #include "server/scene/scene_settings.h"
 #include "server/scene/served_database.h"
+#include "server/service/shared_map_file.h"
 
 namespace silhouette {
 
@@ -22,6 +23,9 @@ struct ServingSettings {
   // How long the map of the default policy is worked out after each scene, before anybody asks for
   // it. Zero: not at all.
   absl::Duration map_time = absl::Milliseconds(20);
+  // Where the map of the default policy is shared with clients on the same machine; the clock must
+  // then be SystemClock.
+  SharedMapSettings shared_map;
   int worker_threads = 2;
   // Tasks that may wait for a worker thread; more are turned away.
   size_t worker_queue = 256;

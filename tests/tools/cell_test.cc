@@ -145,6 +145,27 @@ TEST(Cell, PolicyAndCalibrationAreRead) {
   EXPECT_TRUE(Load(std::string(kBareCell) + "policy: {epipolar: obstacle}\n").ok());
 }
 
+TEST(Cell, SharedMapIsReadAndNobodyElseWritesToIt) {
+  const std::string cell_with =
+      "name: x\nrobot: {joints: [{name: a, lower: 0, upper: 1}]}\ngrid: {steps: {a: 4}}\n"
+      "views: [{name: top}]\nserver: {shared_map: ";
+  const absl::StatusOr<Cell> silent = Load(cell_with + "{file: /dev/shm/x}}");
+  ASSERT_TRUE(silent.ok()) << silent.status();
+  EXPECT_EQ(silent->server.shared_map, "/dev/shm/x");
+  EXPECT_EQ(silent->server.shared_map_mode, 0640u);
+  for (const char* mode : {"0604", "604", "\"0604\""}) {
+    const absl::StatusOr<Cell> cell = Load(cell_with + "{file: map, mode: " + mode + "}}");
+    ASSERT_TRUE(cell.ok()) << cell.status();
+    EXPECT_EQ(cell->server.shared_map_mode, 0604u);
+    EXPECT_THAT(cell->server.shared_map, testing::EndsWith("/map")) << "beside the cell file";
+  }
+  for (const char* mode : {"0660", "0602", "0755", "0440", "rw-r-----", "06400", "64"}) {
+    const absl::StatusOr<Cell> cell = Load(cell_with + "{file: map, mode: " + mode + "}}");
+    EXPECT_THAT(std::string(cell.status().message()), testing::HasSubstr("as \"0640\""));
+  }
+  EXPECT_FALSE(Load(cell_with + "{mode: 0640}}").ok()) << "it needs a file";
+}
+
 TEST(Cell, MaxMoveGridObeysTheLargestMovementAndSumDividesIt) {
   const std::string robots = std::string(SILHOUETTE_SOURCE_DIR) + "/capture/sim/robots/";
   const auto steps = [&](const std::string& rule) {

@@ -66,7 +66,7 @@ Cell ReadCell(const std::string& path) {
     if (cell.robot.urdf.empty()) sound_node->Fail("it needs the robot's model; state robot: urdf");
     cell.sound = ReadSound(*sound_node);
   }
-  if (server_node) cell.server = ReadServer(*server_node);
+  if (server_node) cell.server = ReadServer(*server_node, folder);
   return cell;
 }
 

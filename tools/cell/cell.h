@@ -50,6 +50,9 @@ struct ServerSettings {
   SceneSettings scene;
   // Bytes of robot images that memory may hold (LoadSettings); nothing: a share of what there is.
   std::optional<uint64_t> robot_image_memory;
+  // File of the shared map; empty: none. Its permissions, as chmod has them.
+  std::string shared_map;
+  unsigned shared_map_mode = 0640;
 };
 
 // Paths are absolute, or relative to the working directory; those in the file are relative to it.

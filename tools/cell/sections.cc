@@ -32,6 +32,17 @@ int AtLeast(YamlMap& map, const std::string& key, int default_value, int least) 
   return value;
 }
 
+// Permissions as chmod has them.
+unsigned ReadMode(const YamlNode& node) {
+  const std::string text = node.As<std::string>();
+  const std::string digits = text.size() == 4 && text[0] == '0' ? text.substr(1) : text;
+  // The owner reads and writes, others read or do not.
+  const bool possible = digits.size() == 3 && digits[0] == '6' &&
+                        digits.find_first_not_of("04", 1) == std::string::npos;
+  if (!possible) node.Fail("permissions that let nobody else write are expected, as \"0640\"");
+  return static_cast<unsigned>(std::stoul(digits, nullptr, 8));
+}
+
 MaskSize ReadMaskSize(const YamlNode& node) {
   const std::vector<int> sides = node.Values<int>(2);
   const MaskSize size{sides[0], sides[1]};
@@ -258,7 +269,7 @@ SoundSettings ReadSound(const YamlNode& node) {
   return settings;
 }
 
-ServerSettings ReadServer(const YamlNode& node) {
+ServerSettings ReadServer(const YamlNode& node, const std::filesystem::path& folder) {
   YamlMap map(node);
   ServerSettings server;
   server.listen = map.Get<std::string>("listen", server.listen);
@@ -273,6 +284,12 @@ ServerSettings ReadServer(const YamlNode& node) {
   }
   if (const auto memory = map.Optional("robot_image_memory")) {
     server.robot_image_memory = memory->AsBytes();
+  }
+  if (const auto shared = map.Optional("shared_map")) {
+    YamlMap shared_map(*shared);
+    server.shared_map = ResolvePath(folder, shared_map.Get<std::string>("file"));
+    if (const auto mode = shared_map.Optional("mode")) server.shared_map_mode = ReadMode(*mode);
+    shared_map.Finish();
   }
   map.Finish();
   return server;

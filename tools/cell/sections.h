@@ -39,6 +39,6 @@ struct PolicySettings {
 PolicySettings ReadPolicy(const YamlNode& node, int views);
 CalibrationSettings ReadCalibration(const YamlNode& node);
 SoundSettings ReadSound(const YamlNode& node);
-ServerSettings ReadServer(const YamlNode& node);
+ServerSettings ReadServer(const YamlNode& node, const std::filesystem::path& folder);
 
 }  // namespace silhouette
