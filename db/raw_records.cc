@@ -36,6 +36,13 @@ absl::Status Visit(Environment& environment, MDB_txn* transaction, const KeyRang
   return code == 0 || code == MDB_NOTFOUND ? absl::OkStatus() : environment.ReadError(code);
 }
 
+size_t PageSize(Environment& environment) {
+  const auto hold = environment.HoldMap();
+  MDB_stat stat;
+  mdb_env_stat(environment.get(), &stat);
+  return stat.ms_psize;
+}
+
 }  // namespace
 
 KeyRange KeysOfTile(uint64_t tile) {
@@ -46,11 +53,10 @@ absl::StatusOr<std::vector<RawRecord>> ReadChunk(Environment& environment, MDB_t
                                                  const KeyRange& keys) {
   std::vector<RawRecord> chunk;
   size_t bytes = 0;
-  MDB_stat stat;
-  mdb_env_stat(environment.get(), &stat);
+  const size_t page_size = PageSize(environment);
   const absl::Status status =
       Visit(environment, transaction, keys, [&](std::string_view key, std::string_view value) {
-        chunk.push_back({std::string(key), std::string(value), PlaceInFile(value, stat.ms_psize)});
+        chunk.push_back({std::string(key), std::string(value), PlaceInFile(value, page_size)});
         bytes += key.size() + value.size();
         return bytes < kChunkBytes;
       });

@@ -266,7 +266,7 @@ int Main(int argc, char** argv) {
          "The most that robot images may take in memory, e.g. 8GB; more than that stay in the\n"
          "database and are read where they are needed. Default: what the cell file says")
       ->transform(CLI::AsSizeValue(/*kb_is_1000=*/true))
-      ->type_name("SIZE");
+      ->option_text("SIZE");
   app.add_option(
       "--shared-map", options.shared_map,
       "A file for the configuration space, which programs on this machine then look up in "
