@@ -11,16 +11,18 @@
 #include "clients/cpp/messages.h"
 
 namespace silhouette::client {
+
+absl::Status NoClearances(const std::string& address) {
+  return absl::UnimplementedError(absl::StrCat(
+      "the server at ", address, " tells no clearances; use a silhouette-server of this version"));
+}
+
 namespace {
 
 // A verdict whose clearance was asked for has one, unless it is unknown.
 absl::Status RequireClearance(const Verdict& verdict, const std::string& address) {
   if (verdict.state == State::kUnknown) return absl::OkStatus();
-  if (!verdict.clearance) {
-    return absl::UnimplementedError(
-        absl::StrCat("the server at ", address,
-                     " tells no clearances; use a silhouette-server of this version"));
-  }
+  if (!verdict.clearance) return NoClearances(address);
   if (!(*verdict.clearance >= 0)) return Malformed(address, "a clearance is not 0 or more");
   return absl::OkStatus();
 }

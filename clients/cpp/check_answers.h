@@ -32,4 +32,7 @@ absl::StatusOr<PathCheck> AnswerFrom(const v1::CheckPathResponse& response, Clea
                                      std::chrono::steady_clock::time_point asked,
                                      const std::string& address);
 
+// Clearances were asked for and the server tells none: it is older than this library.
+absl::Status NoClearances(const std::string& address);
+
 }  // namespace silhouette::client

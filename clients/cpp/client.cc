@@ -83,9 +83,10 @@ CheckStream Client::StreamChecks() const {
 }
 
 absl::StatusOr<ConfigurationSpace> Client::GetConfigurationSpace(
-    const Policy& policy, std::span<const uint64_t> tiles,
-    std::optional<absl::Duration> max_time) const {
+    const Policy& policy, std::span<const uint64_t> tiles, std::optional<absl::Duration> max_time,
+    std::span<const double> clearance_levels) const {
   v1::GetConfigurationSpaceRequest request;
+  request.mutable_clearance_levels()->Add(clearance_levels.begin(), clearance_levels.end());
   if (max_time) *request.mutable_max_time() = ToMessage(*max_time);
   *request.mutable_policy() = ToMessage(policy);
   request.mutable_tiles()->Add(tiles.begin(), tiles.end());
@@ -98,6 +99,7 @@ absl::StatusOr<ConfigurationSpace> Client::GetConfigurationSpace(
   absl::StatusOr<ConfigurationGrid> grid = absl::InternalError("it has no grid");
   std::vector<ConfigurationSpaceTile> received;
   uint64_t left_out = 0;
+  bool tells_levels = true;
   absl::Status fault;
   v1::GetConfigurationSpaceResponse part;
   for (bool first = true; fault.ok() && reader->Read(&part); first = false) {
@@ -108,10 +110,11 @@ absl::StatusOr<ConfigurationSpace> Client::GetConfigurationSpace(
       fault = grid.status();
     }
     for (const v1::ConfigurationSpaceTile& message : part.tiles()) {
-      const absl::StatusOr<ConfigurationSpaceTile> tile = FromMessage(message);
+      absl::StatusOr<ConfigurationSpaceTile> tile = FromMessage(message);
       fault.Update(tile.status());
       if (!fault.ok()) break;
-      received.push_back(*tile);
+      tells_levels = tells_levels && (clearance_levels.empty() || !tile->above.empty());
+      received.push_back(*std::move(tile));
     }
   }
   if (!fault.ok()) context.TryCancel();
@@ -119,8 +122,10 @@ absl::StatusOr<ConfigurationSpace> Client::GetConfigurationSpace(
   if (!fault.ok()) return Malformed(address(), fault.message());
   if (!finished.ok()) return connection_->SentenceFor(finished, timeout_);
   if (!grid.ok()) return Malformed(address(), grid.status().message());
+  if (!tells_levels) return NoClearances(address());
   try {
-    return ConfigurationSpace(*std::move(grid), basis, std::move(received), left_out);
+    return ConfigurationSpace(*std::move(grid), basis, std::move(received), left_out,
+                              {clearance_levels.begin(), clearance_levels.end()});
   } catch (const std::invalid_argument& error) {
     return Malformed(address(), error.what());
   }

@@ -230,7 +230,13 @@ absl::StatusOr<ConfigurationSpaceTile> FromMessage(const v1::ConfigurationSpaceT
   if (!free.ok()) return free.status();
   const absl::StatusOr<TileBits> occupied = BitsFrom(message.occupied(), message.tile());
   if (!occupied.ok()) return occupied.status();
-  return ConfigurationSpaceTile{.tile = message.tile(), .free = *free, .occupied = *occupied};
+  ConfigurationSpaceTile tile{.tile = message.tile(), .free = *free, .occupied = *occupied};
+  for (const std::string& bytes : message.clearances()) {
+    const absl::StatusOr<TileBits> above = BitsFrom(bytes, message.tile());
+    if (!above.ok()) return above.status();
+    tile.above.push_back(*above);
+  }
+  return tile;
 }
 
 absl::StatusOr<Scene> FromMessage(const v1::Scene& message) {

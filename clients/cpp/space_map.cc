@@ -3,15 +3,12 @@
 #include <bit>
 
 namespace silhouette::client {
-namespace {
 
 uint64_t CountBits(const TileBits& bits) {
   uint64_t count = 0;
   for (uint64_t word : bits) count += static_cast<uint64_t>(std::popcount(word));
   return count;
 }
-
-}  // namespace
 
 void MakeConsistent(const ConfigurationGrid& grid, ConfigurationSpaceTile& tile) {
   for (size_t word = 0; word < tile.free.size(); ++word) {

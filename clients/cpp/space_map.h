@@ -19,6 +19,9 @@ inline State StateIn(const ConfigurationSpaceTile& tile, uint64_t place) {
   return State::kUnknown;
 }
 
+// How many places are set.
+uint64_t CountBits(const TileBits& bits);
+
 // Adds its free and occupied places to `counts`.
 void Count(const ConfigurationSpaceTile& tile, StateCounts& counts);
 

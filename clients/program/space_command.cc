@@ -20,6 +20,7 @@ struct Arguments {
   std::string out;
   std::string picture;
   std::string max_time;
+  std::vector<double> clearance_levels;
   PolicyOptions policy;
 };
 
@@ -27,12 +28,16 @@ void WriteCsv(const client::ConfigurationSpace& space, std::ostream& out) {
   const ConfigurationGrid& grid = space.grid();
   out << "number";
   for (const GridJoint& joint : grid.joints()) out << ',' << joint.name;
-  out << ",state\n";
+  const bool levels = !space.clearance_levels().empty();
+  out << (levels ? ",state,clearance_above\n" : ",state\n");
   for (ConfigurationNumber number = 0; number < grid.number_limit(); ++number) {
     if (!grid.Contains(number)) continue;
     out << number;
     for (double value : grid.At(number)) out << absl::StreamFormat(",%.17g", value);
-    out << ',' << NameOf(space.StateAt(number)) << '\n';
+    out << ',' << NameOf(space.StateAt(number));
+    const std::optional<double> exceeds = space.ClearanceAt(number).exceeds;
+    if (levels) out << ',' << (exceeds ? absl::StrFormat("%.17g", *exceeds) : "");
+    out << '\n';
   }
 }
 
@@ -48,11 +53,14 @@ void WriteJson(const client::ConfigurationSpace& space, std::ostream& out) {
   bool first = true;
   for (ConfigurationNumber number = 0; number < grid.number_limit(); ++number) {
     if (!grid.Contains(number)) continue;
-    out << (first ? "\n" : ",\n")
-        << Json{{"number", number},
-                {"configuration", grid.At(number)},
-                {"state", NameOf(space.StateAt(number))}}
-               .dump();
+    Json entry{{"number", number},
+               {"configuration", grid.At(number)},
+               {"state", NameOf(space.StateAt(number))}};
+    if (!space.clearance_levels().empty()) {
+      const std::optional<double> exceeds = space.ClearanceAt(number).exceeds;
+      entry["clearance_above"] = exceeds ? Json(*exceeds) : Json();
+    }
+    out << (first ? "\n" : ",\n") << entry.dump();
     first = false;
   }
   out << "\n]}\n";
@@ -68,7 +76,9 @@ absl::Status WriteSpace(const client::ConfigurationSpace& space, const std::stri
 }
 
 absl::Status WritePicture(const client::ConfigurationSpace& space, const std::string& path) {
-  const auto chart = ChartOf(space, "Configuration space");
+  const bool levels = !space.clearance_levels().empty();
+  const auto chart =
+      ChartOf(space, levels ? "Configuration space, clearance" : "Configuration space");
   if (!chart.ok()) return chart.status();
   return WritePng(path, Draw(*chart));
 }
@@ -84,6 +94,27 @@ absl::StatusOr<client::Verdict> FirstUnknown(const Client& client,
   const auto checks = client.CheckConfigurations({space.grid().At(number)}, policy);
   if (!checks.ok()) return checks.status();
   return checks->verdicts[0];
+}
+
+Json JsonOfLevels(const client::ConfigurationSpace& space) {
+  Json levels = Json::array();
+  const std::vector<uint64_t> counts = space.CountAbove();
+  for (size_t i = 0; i < counts.size(); ++i) {
+    levels.push_back({{"above", space.clearance_levels()[i]}, {"configurations", counts[i]}});
+  }
+  return levels;
+}
+
+std::string TableOfLevels(const client::ConfigurationSpace& space) {
+  std::vector<std::vector<std::string>> rows;
+  const std::vector<uint64_t> counts = space.CountAbove();
+  for (size_t i = 0; i < counts.size(); ++i) {
+    rows.push_back(
+        {absl::StrCat("free with a clearance above ", space.clearance_levels()[i], " px:"),
+         absl::StrCat(counts[i]),
+         absl::StrFormat("(%.1f %%)", Percent(counts[i], space.grid().size()))});
+  }
+  return Table(rows);
 }
 
 absl::StatusOr<ExitCode> FetchSpace(const Session& session, const Arguments& arguments) {
@@ -102,7 +133,8 @@ absl::StatusOr<ExitCode> FetchSpace(const Session& session, const Arguments& arg
   if (!client.ok()) return client.status();
   const client::Policy policy = arguments.policy.policy();
   const auto start = std::chrono::steady_clock::now();
-  const auto space = client->GetConfigurationSpace(policy, {}, max_time);
+  const auto space =
+      client->GetConfigurationSpace(policy, {}, max_time, arguments.clearance_levels);
   const std::chrono::duration<double, std::milli> taken = std::chrono::steady_clock::now() - start;
   if (!space.ok()) return space.status();
   absl::Status status;
@@ -125,6 +157,7 @@ absl::StatusOr<ExitCode> FetchSpace(const Session& session, const Arguments& arg
                  {"tiles_left_out", space->tiles_left_out()},
                  {"unknown_reason", told ? Json(NameOf(unknown->reason)) : Json()},
                  {"space_ms", taken.count()}});
+    if (!arguments.clearance_levels.empty()) json["clearance_levels"] = JsonOfLevels(*space);
     Print(json);
     return kDone;
   }
@@ -132,6 +165,7 @@ absl::StatusOr<ExitCode> FetchSpace(const Session& session, const Arguments& arg
       "%d configurations: %d free (%.1f %%), %d occupied (%.1f %%), %d unknown (%.1f %%)\n", all,
       counts.free, Percent(counts.free, all), counts.occupied, Percent(counts.occupied, all),
       counts.unknown, Percent(counts.unknown, all));
+  std::cout << TableOfLevels(*space);
   if (space->tiles_left_out() > 0) {
     std::cout << absl::StreamFormat(
         "unknown, as the time was over: what is in %d of %d tiles; ask again for more of them\n",
@@ -154,9 +188,16 @@ void AddSpaceCommand(CLI::App& program, Session& session, Run& run) {
   command->add_option("--picture", arguments->picture, "Draw it as a PNG, for grids of two joints");
   command->add_option("--max-time", arguments->max_time,
                       "How long the server may work, e.g. 20ms; what is not done is unknown");
+  command
+      ->add_option("--clearance", arguments->clearance_levels,
+                   "Tell, too, which free configurations have more clearance than each of these "
+                   "levels, in mask pixels, ascending: --clearance 1,2,4,8")
+      ->delimiter(',');
   AddFormatOption(*command, session.format);
   AddPolicyOptions(*command, arguments->policy);
-  command->footer("Example:\n  silhouette space --out space.csv --picture space.png");
+  command->footer(
+      "Example:\n  silhouette space --out space.csv --picture space.png\n"
+      "  silhouette space --clearance 1,2,4,8 --picture clearance.png");
   command->callback([arguments, &session, &run] {
     run = [arguments, &session] { return FetchSpace(session, *arguments); };
   });

@@ -6,6 +6,7 @@
 #include <numbers>
 
 #include "absl/strings/str_cat.h"
+#include "tools/picture/palette.h"
 
 namespace silhouette {
 namespace {
@@ -63,6 +64,52 @@ ChartPoint PointFrom(const ConfigurationGrid& grid, const Configuration& q,
   return {values[0], values[1]};
 }
 
+// From kTight (share 0) to kFree (share 1).
+Colour ShadeOf(double share) {
+  const auto between = [&](uint8_t tight, uint8_t free) {
+    return static_cast<uint8_t>(std::lround(tight + share * (free - tight)));
+  };
+  return {between(palette::kTight.red, palette::kFree.red),
+          between(palette::kTight.green, palette::kFree.green),
+          between(palette::kTight.blue, palette::kFree.blue)};
+}
+
+// Free cells that exceed no level come after unknown and occupied ones, then those that exceed the
+// first, and so on.
+constexpr uint8_t kUnknownClass = 0;
+constexpr uint8_t kOccupiedClass = 1;
+constexpr uint8_t kFirstFreeClass = 2;
+
+std::vector<LegendEntry> ClearanceClasses(const client::ConfigurationSpace& space) {
+  const std::vector<double>& levels = space.clearance_levels();
+  // The shades are for those levels that are exceeded.
+  const std::vector<uint64_t> above = space.CountAbove();
+  const auto exceeded = std::ranges::count_if(above, [](uint64_t count) { return count > 0; });
+  std::vector<LegendEntry> classes = {
+      {palette::kUnknown, "unknown"},
+      {palette::kOccupied, "occupied"},
+      {palette::kTight, absl::StrCat("free, clearance up to ", levels.front(), " px")}};
+  for (size_t i = 0; i < levels.size(); ++i) {
+    classes.push_back(
+        {ShadeOf(std::min(1.0, static_cast<double>(i + 1) / static_cast<double>(exceeded))),
+         absl::StrCat("above ", levels[i], " px")});
+  }
+  return classes;
+}
+
+uint8_t ClearanceClassOf(const client::ClearanceBound& bound, const std::vector<double>& levels) {
+  if (bound.state == client::State::kUnknown) return kUnknownClass;
+  if (bound.state == client::State::kOccupied) return kOccupiedClass;
+  if (!bound.exceeds) return kFirstFreeClass;
+  const auto level = std::ranges::find(levels, *bound.exceeds);
+  return static_cast<uint8_t>(kFirstFreeClass + 1 + (level - levels.begin()));
+}
+
+uint8_t ClassOf(client::State state) {
+  if (state == client::State::kUnknown) return kUnknownCell;
+  return state == client::State::kFree ? kFreeCell : kOccupiedCell;
+}
+
 }  // namespace
 
 absl::StatusOr<ConfigurationChart> ChartOf(const client::ConfigurationSpace& space,
@@ -77,13 +124,13 @@ absl::StatusOr<ConfigurationChart> ChartOf(const client::ConfigurationSpace& spa
   chart.title = title;
   chart.x = AxisOf(grid.joints()[0]);
   chart.y = AxisOf(grid.joints()[1]);
-  chart.classes = ConfigurationClasses();
+  const std::vector<double>& levels = space.clearance_levels();
+  chart.classes = levels.empty() ? ConfigurationClasses() : ClearanceClasses(space);
   for (int y = 0; y < chart.y.cells; ++y) {
     for (int x = 0; x < chart.x.cells; ++x) {
-      const client::State state = space.StateAt(grid.NumberOf({x, y}));
-      chart.cells.push_back(state == client::State::kFree       ? kFreeCell
-                            : state == client::State::kOccupied ? kOccupiedCell
-                                                                : kUnknownCell);
+      const ConfigurationNumber number = grid.NumberOf({x, y});
+      chart.cells.push_back(levels.empty() ? ClassOf(space.StateAt(number))
+                                           : ClearanceClassOf(space.ClearanceAt(number), levels));
     }
   }
   return chart;

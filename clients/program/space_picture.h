@@ -10,7 +10,8 @@
 
 namespace silhouette {
 
-// InvalidArgument if the grid has not two joints. Axes in degrees.
+// InvalidArgument if the grid has not two joints. Axes in degrees. With clearance levels free cells
+// are shaded by the greatest that they exceed.
 absl::StatusOr<ConfigurationChart> ChartOf(const client::ConfigurationSpace& space,
                                            const std::string& title);
 

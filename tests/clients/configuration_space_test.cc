@@ -4,7 +4,9 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <optional>
 #include <random>
+#include <stdexcept>
 
 #include "silhouette/client.h"
 #include "tests/clients/fake_server.h"
@@ -47,13 +49,16 @@ void AddTile(Part& part, uint64_t number, bool free) {
 }
 
 absl::StatusOr<ConfigurationSpace> Fetch(const std::vector<Part>& parts,
-                                         const grpc::Status& end = grpc::Status::OK) {
+                                         const grpc::Status& end = grpc::Status::OK,
+                                         const std::vector<double>& levels = {}) {
   FakeServer server;
   server.configuration_space = [&](auto&, auto&, grpc::ServerWriter<Part>& writer) {
     for (const Part& part : parts) writer.Write(part);
     return end;
   };
-  return Client::Connect(server.address).value().GetConfigurationSpace();
+  return Client::Connect(server.address)
+      .value()
+      .GetConfigurationSpace({}, {}, std::nullopt, levels);
 }
 
 TEST(ConfigurationSpace, IsReadAsItWasSent) {
@@ -195,6 +200,86 @@ TEST(ConfigurationSpace, AsksForTheTilesThatAreWanted) {
                   .ok());
   EXPECT_THAT(seen.tiles(), testing::ElementsAre(1, 3));
   EXPECT_EQ(seen.policy().preset(), "paper");
+}
+
+// Sets of bytes whose first byte is the given one, the others none.
+std::string Bits(unsigned first) {
+  std::string bytes(512, '\0');
+  bytes[0] = static_cast<char>(first);
+  return bytes;
+}
+
+// Places 0 to 3 are free, 4 is occupied; the levels are said to have these places above them.
+Part PartWithLevels(const std::vector<unsigned>& above) {
+  Part part = FirstPart();
+  v1::ConfigurationSpaceTile& tile = *part.add_tiles();
+  tile.set_free(Bits(0b01111));
+  tile.set_occupied(Bits(0b10000));
+  for (const unsigned places : above) tile.add_clearances(Bits(places));
+  return part;
+}
+
+TEST(ClearanceLevels, TellTheGreatestThatIsExceeded) {
+  const auto space =
+      Fetch({PartWithLevels({0b1110, 0b1100, 0b1000})}, grpc::Status::OK, {1, 2.5, 8});
+  ASSERT_TRUE(space.ok()) << space.status();
+  EXPECT_THAT(space->clearance_levels(), testing::ElementsAre(1, 2.5, 8));
+  const ClearanceBound none{.state = State::kFree, .exceeds = std::nullopt};
+  EXPECT_EQ(space->ClearanceAt(0), none);
+  EXPECT_EQ(space->ClearanceAt(1), (ClearanceBound{State::kFree, 1}));
+  EXPECT_EQ(space->ClearanceAt(2), (ClearanceBound{State::kFree, 2.5}));
+  EXPECT_EQ(space->ClearanceAt(3), (ClearanceBound{State::kFree, 8}));
+  EXPECT_EQ(space->ClearanceAt(4), (ClearanceBound{State::kOccupied, std::nullopt}));
+  for (const ConfigurationNumber unknown : {ConfigurationNumber{5}, kTileSize, 1000 * kTileSize}) {
+    EXPECT_EQ(space->ClearanceAt(unknown), (ClearanceBound{State::kUnknown, std::nullopt}));
+  }
+  EXPECT_THAT(space->CountAbove(), testing::ElementsAre(3, 2, 1));
+}
+
+TEST(ClearanceLevels, OnlyWhatIsFreeAndAboveAllLowerOnesIsAbove) {
+  const auto space = Fetch({PartWithLevels({0b110011, 0b101})}, grpc::Status::OK, {1, 2});
+  ASSERT_TRUE(space.ok()) << space.status();
+  EXPECT_EQ(space->ClearanceAt(0).exceeds, 2);
+  EXPECT_EQ(space->ClearanceAt(1).exceeds, 1);
+  EXPECT_EQ(space->ClearanceAt(2), (ClearanceBound{State::kFree, std::nullopt}));
+  EXPECT_EQ(space->ClearanceAt(4), (ClearanceBound{State::kOccupied, std::nullopt}));
+  EXPECT_EQ(space->ClearanceAt(5), (ClearanceBound{State::kUnknown, std::nullopt}));
+  EXPECT_THAT(space->CountAbove(), testing::ElementsAre(2, 1));
+}
+
+TEST(ClearanceLevels, WithoutASceneThereAreNone) {
+  Part part = PartWithLevels({0b1111});
+  part.clear_basis();
+  const auto space = Fetch({part}, grpc::Status::OK, {1});
+  ASSERT_TRUE(space.ok()) << space.status();
+  EXPECT_EQ(space->ClearanceAt(0), (ClearanceBound{State::kUnknown, std::nullopt}));
+  EXPECT_THAT(space->CountAbove(), testing::ElementsAre(0));
+}
+
+TEST(ClearanceLevels, OfAServerThatDoesNotTellThemAreAnError) {
+  const absl::Status status = Fetch({PartWithLevels({})}, grpc::Status::OK, {1, 2}).status();
+  EXPECT_EQ(status.code(), absl::StatusCode::kUnimplemented);
+  EXPECT_THAT(std::string(status.message()), HasSubstr("tells no clearances"));
+}
+
+TEST(ClearanceLevels, MalformedAnswerIsAnError) {
+  const auto fails = [](const Part& part, const std::string& what) {
+    const absl::Status status = Fetch({part}, grpc::Status::OK, {1, 2}).status();
+    EXPECT_EQ(status.code(), absl::StatusCode::kInternal);
+    EXPECT_THAT(std::string(status.message()), HasSubstr(what));
+  };
+  fails(PartWithLevels({1}), "tile 0 tells of 1 clearance levels instead of 2");
+  fails(PartWithLevels({7, 3, 1}), "tile 0 tells of 3 clearance levels instead of 2");
+  Part short_bits = PartWithLevels({3, 1});
+  short_bits.mutable_tiles(0)->mutable_clearances(1)->pop_back();
+  fails(short_bits, "tile 0 has 511 bytes");
+  EXPECT_EQ(Fetch({PartWithLevels({1})}).status().code(), absl::StatusCode::kInternal)
+      << "nobody asked";
+}
+
+TEST(ClearanceLevels, ThatDoNotAscendAreNoConfigurationSpace) {
+  EXPECT_THROW(ConfigurationSpace(Grid(), {.scene_id = 1}, {}, 0, {2, 1}), std::invalid_argument);
+  EXPECT_THROW(ConfigurationSpace(Grid(), {.scene_id = 1}, {}, 0, {1, 1}), std::invalid_argument);
 }
 
 }  // namespace

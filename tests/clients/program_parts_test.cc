@@ -11,6 +11,7 @@
 #include "clients/program/space_picture.h"
 #include "clients/program/truth.h"
 #include "tests/clients/shell.h"
+#include "tools/picture/palette.h"
 
 namespace silhouette {
 namespace {
@@ -194,6 +195,32 @@ TEST(SpacePicture, HasACellPerConfigurationInItsState) {
   EXPECT_EQ(chart->x.label, "a");
   EXPECT_NEAR(chart->x.last, 2 * 180 / kPi, 1e-9);
   EXPECT_THAT(chart->cells, ElementsAre(0, 0, 0, 0, 0, kOccupiedCell, 0, 0, 0));
+}
+
+TEST(SpacePicture, FreeCellsAreShadedByTheLevelThatTheyExceed) {
+  const ConfigurationGrid grid({{.name = "a", .lower = 0, .upper = 3, .steps = 4},
+                                {.name = "b", .lower = 0, .upper = 0, .steps = 1}},
+                               {64, 64});
+  client::ConfigurationSpaceTile tile;
+  tile.above.resize(2);
+  // (0, 0) is unknown, the others exceed none, one and both of the levels.
+  for (int a = 1; a < 4; ++a) {
+    const ConfigurationNumber number = grid.NumberOf({a, 0});
+    const uint64_t bit = uint64_t{1} << (number % 64);
+    tile.free[number / 64] |= bit;
+    if (a > 1) tile.above[0][number / 64] |= bit;
+    if (a > 2) tile.above[1][number / 64] |= bit;
+  }
+  const auto chart =
+      ChartOf(ConfigurationSpace(grid, {.scene_id = 1}, {tile}, 0, {1, 2.5}), "title");
+  ASSERT_TRUE(chart.ok());
+  EXPECT_THAT(chart->cells, ElementsAre(0, 2, 3, 4));
+  std::vector<std::string> texts;
+  for (const LegendEntry& entry : chart->classes) texts.push_back(entry.text);
+  EXPECT_THAT(texts, ElementsAre("unknown", "occupied", "free, clearance up to 1 px", "above 1 px",
+                                 "above 2.5 px"));
+  EXPECT_EQ(chart->classes[2].colour, palette::kTight);
+  EXPECT_EQ(chart->classes[4].colour, palette::kFree);
 }
 
 TEST(SpacePicture, NeedsTwoJoints) {

@@ -185,6 +185,49 @@ TEST_F(Silhouette, SpaceHasTheVerdictOfEveryConfiguration) {
   EXPECT_THAT(wrong.err, HasSubstr(".json or .csv"));
 }
 
+TEST_F(Silhouette, SpaceTellsClearancesInLevels) {
+  PublishWall();
+  const std::string files = " --out space.json --picture space.png";
+  const json counts = RunJson("space --clearance 0,1,2.5" + files, 0);
+  const json space = json::parse(ContentOf(cell_.shell().folder() / "space.json"));
+  std::string list;
+  for (const json& entry : space["configurations"]) {
+    const json& q = entry["configuration"];
+    list += q[0].dump() + "," + q[1].dump() + "\n";
+  }
+  WriteFile(cell_.shell().folder() / "list.txt", list);
+  const json checks = RunJson("check --file list.txt --clearance", 1)["configurations"];
+  ASSERT_EQ(checks.size(), 121u);
+  const std::vector<double> levels = {0, 1, 2.5};
+  std::vector<int> above(3, 0);
+  for (size_t at = 0; at < checks.size(); ++at) {
+    json expected;
+    for (size_t i = 0; i < levels.size(); ++i) {
+      if (checks[at]["clearance"] <= levels[i]) continue;
+      expected = levels[i];
+      ++above[i];
+    }
+    EXPECT_EQ(space["configurations"][at]["clearance_above"], expected) << checks[at];
+  }
+  EXPECT_GT(above[2], 0);
+  EXPECT_LT(above[2], above[1]);
+  for (size_t i = 0; i < levels.size(); ++i) {
+    EXPECT_EQ(counts["clearance_levels"][i],
+              (json{{"above", levels[i]}, {"configurations", above[i]}}));
+  }
+  EXPECT_GT(cv::imread((cell_.shell().folder() / "space.png").string()).cols, 100);
+  EXPECT_FALSE(RunJson("space", 0).contains("clearance_levels"));
+  EXPECT_THAT(cell_.Run("space --clearance 1,2.5 --out space.csv").out,
+              HasSubstr("free with a clearance above 2.5 px:  " + std::to_string(above[2])));
+  EXPECT_THAT(ContentOf(cell_.shell().folder() / "space.csv"),
+              AllOf(HasSubstr(",state,clearance_above\n"), HasSubstr(",free,2.5\n"),
+                    HasSubstr(",occupied,\n")));
+  const Ended wrong = cell_.Run("space --clearance 2,1");
+  EXPECT_EQ(wrong.exit_code, 2);
+  EXPECT_THAT(wrong.err, HasSubstr("clearance levels must ascend"));
+  EXPECT_EQ(cell_.Run("space --clearance much").exit_code, 2);
+}
+
 TEST_F(Silhouette, SpaceThatTheServerHadNoTimeForIsUnknown) {
   PublishWall();
   const Ended ended = cell_.Run("space --max-time 0s");

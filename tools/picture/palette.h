@@ -32,6 +32,7 @@ inline constexpr Colour kIgnored{130, 130, 130};
 // The configuration space.
 inline constexpr Colour kFree{247, 247, 247};
 inline constexpr Colour kOccupied{140, 140, 140};
+inline constexpr Colour kTight{230, 159, 0};  // free with the least clearance; more fades to kFree
 inline constexpr Colour kTruth{213, 94, 0};
 inline constexpr Colour kPath{0, 114, 178};
 inline constexpr Colour kStart{0, 158, 115};

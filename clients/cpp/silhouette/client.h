@@ -87,9 +87,12 @@ class Client {
 
   // The verdicts of all configurations, or of the given tiles only. `max_time`: how long the server
   // may work on them, not negative; what is not done by then is left out, and unknown.
+  // `clearance_levels`: up to 16, in pixels of the masks, ascending, finite, 0 or more; with any,
+  // which of them the clearance of each configuration exceeds. That may take long.
   absl::StatusOr<ConfigurationSpace> GetConfigurationSpace(
       const Policy& policy = {}, std::span<const uint64_t> tiles = {},
-      std::optional<absl::Duration> max_time = std::nullopt) const;
+      std::optional<absl::Duration> max_time = std::nullopt,
+      std::span<const double> clearance_levels = {}) const;
 
   // One verdict with its pictures.
   absl::StatusOr<Explanation> Explain(const Configuration& configuration,

@@ -4,6 +4,7 @@
 
 #include <array>
 #include <cstdint>
+#include <optional>
 #include <unordered_map>
 #include <vector>
 
@@ -20,6 +21,8 @@ struct ConfigurationSpaceTile {
   uint64_t tile = 0;
   TileBits free{};
   TileBits occupied{};
+  // Per clearance level that was asked for: those of `free` that have more clearance.
+  std::vector<TileBits> above{};
 };
 
 struct StateCounts {
@@ -28,15 +31,28 @@ struct StateCounts {
   uint64_t unknown = 0;
 };
 
+// What is known of the clearance (docs/concepts.md) of a configuration.
+struct ClearanceBound {
+  // Only a free one has any.
+  State state = State::kUnknown;
+  // The greatest of the levels that were asked for that its clearance exceeds: a lower bound of it.
+  // Nothing if it exceeds none of them, or is not free.
+  std::optional<double> exceeds;
+
+  bool operator==(const ClearanceBound&) const = default;
+};
+
 // Says what was true of the scene it names, not what is true now: ask basis().Age() before relying
 // on it. A value that cannot be changed; any number of threads may read it.
 class ConfigurationSpace {
  public:
   // Configurations of a tile that is not among `tiles` are unknown, so are those that a tile calls
-  // both free and occupied, and all if `basis` has no scene. Throws std::invalid_argument for a
-  // tile beyond the grid and one that comes twice.
+  // both free and occupied, and all if `basis` has no scene. `clearance_levels`: in pixels of the
+  // masks, ascending; what is above one without being free and above all lower ones is not. Throws
+  // std::invalid_argument for a tile beyond the grid, one that comes twice, one that does not tell
+  // of just these levels, and for levels that do not ascend.
   ConfigurationSpace(ConfigurationGrid grid, Basis basis, std::vector<ConfigurationSpaceTile> tiles,
-                     uint64_t tiles_left_out = 0);
+                     uint64_t tiles_left_out = 0, std::vector<double> clearance_levels = {});
 
   const ConfigurationGrid& grid() const { return grid_; }
   const Basis& basis() const { return basis_; }
@@ -51,11 +67,21 @@ class ConfigurationSpace {
   // Over all configurations of the grid.
   StateCounts Count() const;
 
+  // Those that were asked for.
+  const std::vector<double>& clearance_levels() const { return clearance_levels_; }
+
+  // Unknown also for a number that no configuration of the grid has.
+  ClearanceBound ClearanceAt(ConfigurationNumber number) const;
+
+  // Per level, how many configurations are free and have more clearance.
+  std::vector<uint64_t> CountAbove() const;
+
  private:
   ConfigurationGrid grid_;
   Basis basis_;
   std::vector<ConfigurationSpaceTile> tiles_;
   uint64_t tiles_left_out_ = 0;
+  std::vector<double> clearance_levels_;
   std::unordered_map<uint64_t, size_t> places_;  // tile -> index into tiles_
 };
 
