@@ -220,6 +220,7 @@ int Run(const Options& options) {
   settings.policy = cell->policy;
   settings.choose_preset = cell->choose_preset;
   settings.scene = cell->server.scene;
+  settings.map_time = cell->server.map_time;
   settings.segmentation = cell->segmentation;
   settings.worker_threads = static_cast<int>(std::max(2u, std::thread::hardware_concurrency()));
   settings.shared_map = {

@@ -48,6 +48,8 @@ using Workspace = Eigen::AlignedBox3d;
 struct ServerSettings {
   std::string listen = "127.0.0.1:50051";  // address:port, or unix:path
   SceneSettings scene;
+  // How long the map of the default policy is worked out after each scene, before anybody asks.
+  absl::Duration map_time = absl::Milliseconds(20);
   // Bytes of robot images that memory may hold (LoadSettings); nothing: a share of what there is.
   std::optional<uint64_t> robot_image_memory;
   // File of the shared map; empty: none. Its permissions, as chmod has them.

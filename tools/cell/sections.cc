@@ -275,6 +275,7 @@ ServerSettings ReadServer(const YamlNode& node, const std::filesystem::path& fol
   server.listen = map.Get<std::string>("listen", server.listen);
   server.scene.max_age = Time(map, "max_age", server.scene.max_age);
   server.scene.max_skew = Time(map, "max_skew", server.scene.max_skew);
+  server.map_time = Time(map, "map_time", server.map_time);
   if (const auto share = map.Optional("max_core_error")) {
     server.scene.max_core_error = NotNegative(*share, share->As<double>());
     if (server.scene.max_core_error > 1) share->Fail("a share of 0 to 1 is expected");
