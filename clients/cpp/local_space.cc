@@ -212,8 +212,10 @@ State LocalSpace::StateAt(ConfigurationNumber number) const {
       [number](const SpaceSnapshot& snapshot) { return snapshot.StateAt(number); });
 }
 
-Verdict LocalSpace::Check(std::span<const double> configuration) const {
-  return Snapshot()->Check(configuration);
+Verdict LocalSpace::Check(std::span<const double> q, Basis* basis) const {
+  const std::shared_ptr<const SpaceSnapshot> snapshot = Snapshot();
+  if (basis != nullptr) *basis = snapshot->basis();
+  return snapshot->Check(q);
 }
 
 std::shared_ptr<const SpaceSnapshot> LocalSpace::Snapshot() const {

@@ -1,8 +1,8 @@
 #include "clients/cpp/space_snapshot.h"
 
 #include <algorithm>
-#include <stdexcept>
 #include <utility>
+#include <vector>
 
 namespace silhouette::client {
 
@@ -26,7 +26,7 @@ uint64_t SpaceSnapshot::number() const { return content_->number; }
 uint64_t SpaceSnapshot::skipped_scenes() const { return content_->skipped_scenes; }
 uint64_t SpaceSnapshot::tiles_changed() const { return content_->tiles_changed; }
 
-std::optional<Reason> SpaceSnapshot::unknown() const {
+std::optional<Reason> SpaceSnapshot::unknown_reason() const {
   if (content_->unknown || content_->map == nullptr) {
     return content_->unknown.value_or(Reason::kNoUpdate);
   }
@@ -50,38 +50,58 @@ State SpaceSnapshot::StateAt(ConfigurationNumber number) const {
   return Clock::now() < content.validity.until ? state : State::kUnknown;
 }
 
-void SpaceSnapshot::StatesAt(std::span<const ConfigurationNumber> numbers,
-                             std::span<State> states) const {
-  if (numbers.size() != states.size()) {
-    throw std::invalid_argument("as many states as numbers are asked for");
+Verdict SpaceSnapshot::InMap(std::span<const double> q) const {
+  const SpaceMap* map = content_->map.get();
+  if (map == nullptr) return {};
+  Verdict verdict = CheckInMap(map->grid, content_->rule.value_or(OffGridRule()), q,
+                               [map](ConfigurationNumber number) { return map->StateAt(number); });
+  // Without the rule, the corners around it say nothing.
+  if (!content_->rule && map->grid.CornersAround(q).count() > 1) {
+    verdict = {.reason = Reason::kBetweenGridPoints};
   }
-  std::ranges::fill(states, State::kUnknown);
-  if (unknown()) return;
-  std::ranges::transform(numbers, states.begin(), [this](ConfigurationNumber number) {
-    return content_->map->StateAt(number);
-  });
-  if (unknown()) std::ranges::fill(states, State::kUnknown);
+  verdict.regions = content_->basis.regions;
+  return verdict;
 }
 
-Verdict SpaceSnapshot::Check(std::span<const double> configuration) const {
-  Verdict verdict;
-  if (const SpaceMap* map = content_->map.get()) {
-    verdict = CheckInMap(map->grid, content_->rule.value_or(OffGridRule()), configuration,
-                         [map](ConfigurationNumber number) { return map->StateAt(number); });
-    // Without the rule, the corners around it say nothing.
-    if (!content_->rule && map->grid.CornersAround(configuration).count() > 1) {
-      verdict = {.reason = Reason::kBetweenGridPoints};
-    }
-    verdict.regions = content_->basis.regions;
-  }
-  if (const std::optional<Reason> reason = unknown()) return {.reason = *reason};
+Verdict SpaceSnapshot::Check(std::span<const double> q) const {
+  Verdict verdict = InMap(q);
+  if (const std::optional<Reason> reason = unknown_reason()) return {.reason = *reason};
   return verdict;
+}
+
+ConfigurationChecks SpaceSnapshot::CheckConfigurations(
+    std::span<const Configuration> configurations) const {
+  ConfigurationChecks checks{.basis = content_->basis, .verdicts = {}};
+  for (const Configuration& q : configurations) checks.verdicts.push_back(InMap(q));
+  if (const std::optional<Reason> reason = unknown_reason()) {
+    checks.verdicts.assign(configurations.size(), {.reason = *reason});
+  }
+  return checks;
+}
+
+NumberChecks SpaceSnapshot::CheckNumbers(std::span<const uint32_t> numbers) const {
+  const std::vector<uint64_t> none((numbers.size() + 63) / 64, 0);
+  NumberChecks checks{
+      .basis = content_->basis, .size = numbers.size(), .free = none, .occupied = none};
+  if (content_->map != nullptr) {
+    for (size_t i = 0; i < numbers.size(); ++i) {
+      const State state = content_->map->StateAt(numbers[i]);
+      checks.free[i / 64] |= uint64_t{state == State::kFree} << (i % 64);
+      checks.occupied[i / 64] |= uint64_t{state == State::kOccupied} << (i % 64);
+    }
+  }
+  if (const std::optional<Reason> reason = unknown_reason()) {
+    checks.unknown_reason = *reason;
+    std::ranges::fill(checks.free, 0);
+    std::ranges::fill(checks.occupied, 0);
+  }
+  return checks;
 }
 
 StateCounts SpaceSnapshot::Count() const {
   StateCounts counts;
   if (content_->map == nullptr) return counts;
-  if (!unknown()) {
+  if (!unknown_reason()) {
     for (const auto& tile : content_->map->tiles) {
       if (tile != nullptr) client::Count(*tile, counts);
     }

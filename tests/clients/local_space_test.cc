@@ -28,7 +28,7 @@ Client ClientOf(const WatchedServer& server) {
 // Waits until all is unknown for `reason`; whether that came.
 bool TurnsUnknown(const LocalSpace& space, Reason reason) {
   for (int i = 0; i < 2000; ++i) {
-    if (space.Snapshot()->unknown() == reason) return true;
+    if (space.unknown_reason() == reason) return true;
     std::this_thread::sleep_for(std::chrono::milliseconds(5));
   }
   return false;
@@ -36,16 +36,21 @@ bool TurnsUnknown(const LocalSpace& space, Reason reason) {
 
 // Nothing is free, for this reason.
 void ExpectUnknown(const LocalSpace& space, Reason reason) {
-  EXPECT_EQ(space.Snapshot()->unknown(), reason);
+  EXPECT_EQ(space.unknown_reason(), reason);
   EXPECT_EQ(space.StateAt(kFreePlace), State::kUnknown);
   EXPECT_EQ(space.StateAt(kOccupiedPlace), State::kUnknown);
   const Verdict verdict = space.Check({0, 5});
   EXPECT_EQ(verdict.state, State::kUnknown);
   EXPECT_EQ(verdict.reason, reason);
   EXPECT_EQ(space.Snapshot()->Count().free, 0u);
-  std::vector<State> states(1, State::kFree);
-  space.Snapshot()->StatesAt(std::vector{kFreePlace}, states);
-  EXPECT_THAT(states, ElementsAre(State::kUnknown));
+  const NumberChecks numbers = space.CheckNumbers(std::vector{uint32_t{kFreePlace}});
+  EXPECT_EQ(numbers.StateOf(0), State::kUnknown);
+  EXPECT_EQ(numbers.unknown_reason, reason);
+  const std::vector<Configuration> q = {{0, 5}, {0, 6}};
+  for (const Verdict& each : space.CheckConfigurations(q).verdicts) {
+    EXPECT_EQ(each.state, State::kUnknown);
+    EXPECT_EQ(each.reason, reason);
+  }
 }
 
 TEST(LocalSpace, BeforeTheFirstUpdateEverythingIsUnknown) {
@@ -70,7 +75,7 @@ TEST(LocalSpace, AnswersAsTheServerDid) {
   server.Send(FirstUpdate(basis));
   const auto snapshot = space.WaitForUpdate(0, kLong);
   EXPECT_EQ(snapshot->number(), 1u);
-  EXPECT_EQ(snapshot->unknown(), std::nullopt);
+  EXPECT_EQ(snapshot->unknown_reason(), std::nullopt);
   EXPECT_EQ(snapshot->basis().scene_id, 3u);
   EXPECT_GE(snapshot->basis().Age(), absl::Milliseconds(20));
   EXPECT_EQ(*snapshot->grid(), WatchedGrid());
@@ -78,15 +83,25 @@ TEST(LocalSpace, AnswersAsTheServerDid) {
   EXPECT_EQ(space.StateAt(kOccupiedPlace), State::kOccupied);
   EXPECT_EQ(space.StateAt(kNotSent), State::kUnknown);
   EXPECT_EQ(space.StateAt(~uint64_t{0}), State::kUnknown);
-  std::vector<State> states(3);
-  snapshot->StatesAt(std::vector{kFreePlace, kOccupiedPlace, kNotSent}, states);
-  EXPECT_THAT(states, ElementsAre(State::kFree, State::kOccupied, State::kUnknown));
+  const NumberChecks numbers = space.CheckNumbers(
+      std::vector{uint32_t{kFreePlace}, uint32_t{kOccupiedPlace}, uint32_t{kNotSent}});
+  EXPECT_EQ(numbers.basis.scene_id, 3u);
+  EXPECT_EQ(numbers.StateOf(0), State::kFree);
+  EXPECT_EQ(numbers.StateOf(1), State::kOccupied);
+  EXPECT_EQ(numbers.StateOf(2), State::kUnknown);
+  const ConfigurationChecks checks =
+      space.CheckConfigurations(std::vector<Configuration>{{0, 5}, {0, 64}});
+  EXPECT_EQ(checks.basis.scene_id, 3u);
+  EXPECT_TRUE(checks.verdicts.at(0).free());
+  EXPECT_EQ(checks.verdicts.at(1).state, State::kOccupied);
   const StateCounts counts = snapshot->Count();
   EXPECT_EQ(counts.free, kTileSize + 36 * 64);
   EXPECT_EQ(counts.occupied, 64u * 36);
   EXPECT_EQ(counts.free + counts.occupied + counts.unknown, 10'000u);
-  const Verdict verdict = space.Check({0, 5});
+  Basis basis_of_check;
+  const Verdict verdict = space.Check({0, 5}, &basis_of_check);
   EXPECT_TRUE(verdict.free());
+  EXPECT_EQ(basis_of_check.scene_id, 3u);
   EXPECT_THAT(verdict.regions, ElementsAre("part"));
   EXPECT_EQ(space.Check({99, 99}).reason, Reason::kNotInMap);
   EXPECT_EQ(space.Check({99, 100}).reason, Reason::kOutsideGrid);
@@ -129,7 +144,7 @@ TEST(LocalSpace, StalledStreamTurnsUnknownAtMaxAge) {
   ExpectUnknown(space, Reason::kUpdateTooOld);
   EXPECT_TRUE(space.status().connected);
   server.Send(Update(BasisOf(4)));
-  EXPECT_EQ(space.WaitForUpdate(snapshot->number(), kLong)->unknown(), std::nullopt);
+  EXPECT_EQ(space.WaitForUpdate(snapshot->number(), kLong)->unknown_reason(), std::nullopt);
 }
 
 TEST(LocalSpace, AgeOfTheSceneWhenTheUpdateWasMadeCounts) {
@@ -201,7 +216,7 @@ TEST(LocalSpace, LostStreamIsUnknownAtOnceAndWatchedAgain) {
   EXPECT_TRUE(space.IsFree(kFreePlace));
   server.End(grpc::Status(grpc::StatusCode::UNAVAILABLE, "the server stops"));
   const auto lost = space.WaitForUpdate(before->number(), kLong);
-  EXPECT_EQ(lost->unknown(), Reason::kConnectionLost);
+  EXPECT_EQ(lost->unknown_reason(), Reason::kConnectionLost);
   ExpectUnknown(space, Reason::kConnectionLost);
   ASSERT_TRUE(server.WaitForStreams(2));
   EXPECT_EQ(space.status().problem.code(), absl::StatusCode::kUnavailable);
@@ -369,7 +384,7 @@ TEST(LocalSpace, EndsAtOnceWhateverItWaitsFor) {
     std::this_thread::sleep_for(std::chrono::milliseconds(50));
   }
   const LocalSpace nobody_there(Client::Connect("127.0.0.1:1").value());
-  EXPECT_EQ(nobody_there.WaitForUpdate(0, kLong)->unknown(), Reason::kConnectionLost);
+  EXPECT_EQ(nobody_there.WaitForUpdate(0, kLong)->unknown_reason(), Reason::kConnectionLost);
 }
 
 TEST(LocalSpace, MaxAgeMustBePositive) {

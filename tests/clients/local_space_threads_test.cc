@@ -53,7 +53,7 @@ TEST(LocalSpaceThreads, ASnapshotIsOfOneScene) {
                          {.max_age = absl::Minutes(1)});
   server.Send(FirstUpdate(BasisOf(1)));
   const auto first = space.WaitForUpdate(0, absl::Seconds(20));
-  ASSERT_EQ(first->unknown(), std::nullopt);
+  ASSERT_EQ(first->unknown_reason(), std::nullopt);
   constexpr uint64_t kLast = 150;
   std::atomic<int> mixed = 0;
   std::vector<std::jthread> readers;

@@ -14,6 +14,7 @@
 #include <cstdint>
 #include <initializer_list>
 #include <memory>
+#include <optional>
 #include <span>
 #include <vector>
 
@@ -70,13 +71,23 @@ class LocalSpace {
   LocalSpace(const LocalSpace&) = delete;
   LocalSpace& operator=(const LocalSpace&) = delete;
 
-  // As SpaceSnapshot has them, of the newest snapshot.
+  // As SpaceSnapshot has them, of the newest snapshot. `basis`: if not null, gets what the verdict
+  // rests on.
   State StateAt(ConfigurationNumber number) const;
   bool IsFree(ConfigurationNumber number) const { return StateAt(number) == State::kFree; }
-  Verdict Check(std::span<const double> configuration) const;
-  Verdict Check(std::initializer_list<double> configuration) const {
-    return Check(std::span(configuration.begin(), configuration.size()));
+  Verdict Check(std::span<const double> q, Basis* basis = nullptr) const;
+  Verdict Check(std::initializer_list<double> q, Basis* basis = nullptr) const {
+    return Check(std::span(q.begin(), q.size()), basis);
   }
+  ConfigurationChecks CheckConfigurations(std::span<const Configuration> configurations) const {
+    return Snapshot()->CheckConfigurations(configurations);
+  }
+  NumberChecks CheckNumbers(std::span<const uint32_t> numbers) const {
+    return Snapshot()->CheckNumbers(numbers);
+  }
+  Basis basis() const { return Snapshot()->basis(); }
+  absl::Duration Age() const { return Snapshot()->Age(); }
+  std::optional<Reason> unknown_reason() const { return Snapshot()->unknown_reason(); }
 
   // The newest. Never null; goes on being what it is when newer ones come or the stream is lost, so
   // that it may be relied on until its usable_until().

@@ -3,10 +3,12 @@
 
 #include <chrono>
 #include <cstdint>
+#include <initializer_list>
 #include <memory>
 #include <optional>
 #include <span>
 
+#include "absl/time/time.h"
 #include "silhouette/answers.h"
 #include "silhouette/configuration_grid.h"
 #include "silhouette/configuration_space.h"
@@ -26,9 +28,10 @@ class SpaceSnapshot : public std::enable_shared_from_this<SpaceSnapshot> {
 
   // The scene, and how old it is: never less than it really is.
   const Basis& basis() const;
+  absl::Duration Age() const { return basis().Age(); }
 
   // Why nothing is known of any configuration at this moment; nothing if verdicts may be relied on.
-  std::optional<Reason> unknown() const;
+  std::optional<Reason> unknown_reason() const;
 
   // When that time ends, if it has not ended already.
   std::chrono::steady_clock::time_point usable_until() const;
@@ -40,13 +43,17 @@ class SpaceSnapshot : public std::enable_shared_from_this<SpaceSnapshot> {
   State StateAt(ConfigurationNumber number) const;
   bool IsFree(ConfigurationNumber number) const { return StateAt(number) == State::kFree; }
 
-  // The states of many at once, looking at the clock once: `states` has the length of `numbers`.
-  void StatesAt(std::span<const ConfigurationNumber> numbers, std::span<State> states) const;
-
   // The verdict on a configuration, on the grid or off it: what the server would say, or unknown
-  // with the reason. Without evidence; names all allowed regions that touched the scene; whether an
-  // obstacle may hide is not told.
-  Verdict Check(std::span<const double> configuration) const;
+  // with the reason (off the grid the map may not be enough: kBetweenGridPoints). Without evidence;
+  // names all allowed regions that touched the scene; whether an obstacle may hide is not told.
+  Verdict Check(std::span<const double> q) const;
+  Verdict Check(std::initializer_list<double> q) const {
+    return Check(std::span(q.begin(), q.size()));
+  }
+
+  // Many at once, looking at the clock once.
+  ConfigurationChecks CheckConfigurations(std::span<const Configuration> configurations) const;
+  NumberChecks CheckNumbers(std::span<const uint32_t> numbers) const;
 
   // Over all configurations of the grid, at this moment; zeros without a grid.
   StateCounts Count() const;
@@ -59,6 +66,9 @@ class SpaceSnapshot : public std::enable_shared_from_this<SpaceSnapshot> {
   uint64_t tiles_changed() const;
 
  private:
+  // What the map says, whatever the time.
+  Verdict InMap(std::span<const double> q) const;
+
   const std::unique_ptr<const Content> content_;
 };
 
