@@ -7,6 +7,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
+#include "clients/program/check_lines.h"
 #include "clients/program/commands.h"
 #include "clients/program/configuration_text.h"
 #include "clients/program/output.h"
@@ -22,10 +23,13 @@ struct Arguments {
   PolicyOptions policy;
   client::Clearance clearance = client::Clearance::kOmit;
   int repeat = 0;
+  bool stream = false;
+
+  AngleUnit unit() const { return degrees ? AngleUnit::kDegrees : AngleUnit::kRadians; }
 };
 
 absl::StatusOr<std::vector<Configuration>> ConfigurationsOf(const Arguments& arguments) {
-  const AngleUnit unit = arguments.degrees ? AngleUnit::kDegrees : AngleUnit::kRadians;
+  const AngleUnit unit = arguments.unit();
   std::vector<Configuration> configurations;
   for (const std::string& text : arguments.configurations) {
     configurations.push_back(ParseConfiguration(text, unit));
@@ -97,6 +101,9 @@ void PrintJson(const std::vector<Configuration>& configurations,
 }
 
 absl::StatusOr<ExitCode> Check(const Session& session, const Arguments& arguments) {
+  if (arguments.stream) {
+    return CheckLines(session, arguments.unit(), arguments.policy.policy(), arguments.clearance);
+  }
   const auto configurations = ConfigurationsOf(arguments);
   if (!configurations.ok()) return configurations.status();
   const absl::StatusOr<Client> client = session.Connect();
@@ -129,13 +136,20 @@ void AddCheckCommand(CLI::App& program, Session& session, Run& run) {
       ->add_option("--repeat", arguments->repeat,
                    "Ask this many times more and tell how long an answer takes")
       ->check(CLI::NonNegativeNumber);
+  command
+      ->add_flag("--stream", arguments->stream,
+                 "Read them from stdin, one a line, and answer each at once, over one call")
+      ->excludes("configurations", "--file", "--repeat");
   AddFormatOption(*command, session.format);
   AddPolicyOptions(*command, arguments->policy);
   command->footer(
-      "Exit code 0 if all are free, 1 if not.\n\n"
+      "Exit code 0 if all are free, 1 if not. With --stream a line for each, with --format json "
+      "an\n"
+      "object on each.\n\n"
       "Example:\n"
       "  silhouette check 0.1,0.2 30deg,-10deg --clearance\n"
-      "  silhouette check --degrees 30,-10 --repeat 1000 --format json");
+      "  silhouette check --degrees 30,-10 --repeat 1000 --format json\n"
+      "  my-planner | silhouette check --stream");
   command->callback([arguments, &session, &run] {
     run = [arguments, &session] { return Check(session, *arguments); };
   });

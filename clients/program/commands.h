@@ -16,6 +16,7 @@ using Run = std::function<absl::StatusOr<ExitCode>()>;
 void AddCheckCommand(CLI::App& program, Session& session, Run& run);
 void AddPathCommand(CLI::App& program, Session& session, Run& run);
 void AddSpaceCommand(CLI::App& program, Session& session, Run& run);
+void AddWatchCommand(CLI::App& program, Session& session, Run& run);
 void AddPlanCommand(CLI::App& program, Session& session, Run& run);
 void AddExplainCommand(CLI::App& program, Session& session, Run& run);
 // Below `region`.

@@ -4,6 +4,7 @@
 #include <iterator>
 #include <nlohmann/json.hpp>
 #include <stdexcept>
+#include <utility>
 
 #include "absl/strings/ascii.h"
 #include "absl/strings/str_cat.h"
@@ -38,17 +39,44 @@ absl::StatusOr<std::vector<Configuration>> ReadConfigurations(const std::string&
   int line_number = 0;
   for (const absl::string_view line : absl::StrSplit(*text, '\n')) {
     ++line_number;
-    const absl::string_view content =
-        absl::StripAsciiWhitespace(line.substr(0, std::min(line.find('#'), line.size())));
-    if (content.empty()) continue;
     try {
-      configurations.push_back(
-          ParseParts(absl::StrSplit(content, absl::ByAnyChar(", \t"), absl::SkipEmpty()), unit));
+      std::optional<Configuration> configuration = ParseLine(line, unit);
+      if (configuration) configurations.push_back(*std::move(configuration));
     } catch (const std::invalid_argument& error) {
       return absl::InvalidArgumentError(absl::StrCat(file, ":", line_number, ": ", error.what()));
     }
   }
   return configurations;
+}
+
+std::optional<Configuration> ParseLine(absl::string_view line, AngleUnit unit) {
+  const absl::string_view content =
+      absl::StripAsciiWhitespace(line.substr(0, std::min(line.find('#'), line.size())));
+  if (content.empty()) return std::nullopt;
+  return ParseParts(absl::StrSplit(content, absl::ByAnyChar(", \t"), absl::SkipEmpty()), unit);
+}
+
+void AddPathArguments(CLI::App& command, PathArguments& arguments) {
+  command.add_option("waypoints", arguments.waypoints,
+                     "Configurations: joint values with commas between them");
+  command.add_option("--file", arguments.file,
+                     "A JSON file with configurations under the key \"waypoints\", as plan writes "
+                     "it; -: stdin");
+  command.add_flag("--degrees", arguments.degrees, "Values without a unit are degrees");
+}
+
+absl::StatusOr<std::vector<Configuration>> WaypointsOf(const PathArguments& arguments) {
+  if (arguments.waypoints.empty() == arguments.file.empty()) {
+    return absl::InvalidArgumentError(
+        "give waypoints, e.g. 0.1,0.2 0.3,0.2, or a path with --file FILE, and not both");
+  }
+  if (!arguments.file.empty()) return ReadWaypoints(arguments.file);
+  std::vector<Configuration> waypoints;
+  for (const std::string& text : arguments.waypoints) {
+    waypoints.push_back(
+        ParseConfiguration(text, arguments.degrees ? AngleUnit::kDegrees : AngleUnit::kRadians));
+  }
+  return waypoints;
 }
 
 absl::StatusOr<std::vector<Configuration>> ReadWaypoints(const std::string& file) {

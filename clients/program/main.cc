@@ -33,6 +33,7 @@ int Main(int argc, char** argv) {
   AddCheckCommand(app, session, run);
   AddPathCommand(app, session, run);
   AddSpaceCommand(app, session, run);
+  AddWatchCommand(app, session, run);
   CLI::App* scene = app.add_subcommand("scene", "What the cameras see: publish it, or look at it");
   scene->require_subcommand(1);
   scene->fallthrough();

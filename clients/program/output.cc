@@ -7,6 +7,7 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
 #include "absl/strings/str_join.h"
+#include "clients/program/configuration_text.h"
 #include "tools/program/progress.h"
 
 namespace silhouette {
@@ -61,6 +62,15 @@ std::string Spoken(const client::Basis& basis) {
   return words;
 }
 
+std::string Spoken(const client::PathCheck& check) {
+  if (check.verdict.free()) {
+    return absl::StrCat(Spoken(check.verdict), ": ", check.checked, " places checked");
+  }
+  return absl::StrFormat("not free at %s, %.0f %% on the way from waypoint %d: %s",
+                         Spoken(check.configuration), 100 * check.fraction, check.segment,
+                         Spoken(check.verdict));
+}
+
 Json JsonOf(const client::Verdict& verdict, client::Clearance clearance) {
   const bool unknown = verdict.state == client::State::kUnknown;
   const bool measured = clearance == client::Clearance::kMeasure;
@@ -89,6 +99,23 @@ Json JsonOf(const client::Basis& basis) {
           {"scene_age_s", scene ? Json(absl::ToDoubleSeconds(basis.Age())) : Json()},
           {"database_generation", basis.database_generation},
           {"scene_regions", basis.regions}};
+}
+
+Json JsonOf(const client::PathCheck& check, client::Clearance clearance) {
+  Json json = JsonOf(check.basis);
+  json.update(JsonOf(check.verdict, clearance));
+  json["checked"] = check.checked;
+  if (!check.verdict.free()) {
+    json["segment"] = check.segment;
+    json["fraction"] = check.fraction;
+    json["configuration"] = check.configuration;
+  }
+  if (check.narrowest) {
+    json["narrowest"] = {{"segment", check.narrowest->segment},
+                         {"fraction", check.narrowest->fraction},
+                         {"configuration", check.narrowest->configuration}};
+  }
+  return json;
 }
 
 std::string Table(const std::vector<std::vector<std::string>>& rows) {

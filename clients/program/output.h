@@ -24,6 +24,9 @@ std::string Spoken(const client::Verdict& verdict);
 // "scene 3, 120 ms old, database generation 7", "no scene".
 std::string Spoken(const client::Basis& basis);
 
+// "free: 41 places checked", "not free at 0.1,0.2, 40 % on the way from waypoint 1: occupied".
+std::string Spoken(const client::PathCheck& check);
+
 // {"state", "reason" (null if not unknown), "hidden_possible", "regions", "views": [...]}; with
 // "clearance" (null if unknown) after the reason, and in each view the "distance", if it was asked
 // for.
@@ -31,6 +34,9 @@ Json JsonOf(const client::Verdict& verdict, client::Clearance clearance = client
 // {"scene_id", "scene_time", "scene_age_s", "database_generation", "scene_regions"}; null where
 // there is no scene.
 Json JsonOf(const client::Basis& basis);
+
+// The basis, the verdict, "checked", and where it is not free, or narrowest.
+Json JsonOf(const client::PathCheck& check, client::Clearance clearance);
 
 // A table of text: the first column to the left, the others to the right.
 std::string Table(const std::vector<std::vector<std::string>>& rows);

@@ -12,35 +12,13 @@ namespace silhouette {
 namespace {
 
 struct Arguments {
-  std::vector<std::string> waypoints;
-  std::string file;
-  bool degrees = false;
+  PathArguments path;
   PolicyOptions policy;
   client::Clearance clearance = client::Clearance::kOmit;
 };
 
-absl::StatusOr<std::vector<Configuration>> WaypointsOf(const Arguments& arguments) {
-  if (arguments.waypoints.empty() == arguments.file.empty()) {
-    return absl::InvalidArgumentError(
-        "give waypoints, e.g. 0.1,0.2 0.3,0.2, or a path with --file FILE, and not both");
-  }
-  if (!arguments.file.empty()) return ReadWaypoints(arguments.file);
-  std::vector<Configuration> waypoints;
-  for (const std::string& text : arguments.waypoints) {
-    waypoints.push_back(
-        ParseConfiguration(text, arguments.degrees ? AngleUnit::kDegrees : AngleUnit::kRadians));
-  }
-  return waypoints;
-}
-
 void PrintText(const client::PathCheck& check) {
-  if (check.verdict.free()) {
-    std::cout << Spoken(check.verdict) << ": " << check.checked << " places checked\n";
-  } else {
-    std::cout << absl::StrFormat("not free at %s, %.0f %% on the way from waypoint %d: %s\n",
-                                 Spoken(check.configuration), 100 * check.fraction, check.segment,
-                                 Spoken(check.verdict));
-  }
+  std::cout << Spoken(check) << '\n';
   if (check.narrowest) {
     std::cout << absl::StrFormat("narrowest at %s, %.0f %% on the way from waypoint %d\n",
                                  Spoken(check.narrowest->configuration),
@@ -49,31 +27,14 @@ void PrintText(const client::PathCheck& check) {
   std::cout << Spoken(check.basis) << '\n';
 }
 
-void PrintJson(const client::PathCheck& check, client::Clearance clearance) {
-  Json json = JsonOf(check.basis);
-  json.update(JsonOf(check.verdict, clearance));
-  json["checked"] = check.checked;
-  if (!check.verdict.free()) {
-    json["segment"] = check.segment;
-    json["fraction"] = check.fraction;
-    json["configuration"] = check.configuration;
-  }
-  if (check.narrowest) {
-    json["narrowest"] = {{"segment", check.narrowest->segment},
-                         {"fraction", check.narrowest->fraction},
-                         {"configuration", check.narrowest->configuration}};
-  }
-  Print(json);
-}
-
 absl::StatusOr<ExitCode> CheckPath(const Session& session, const Arguments& arguments) {
-  const auto waypoints = WaypointsOf(arguments);
+  const auto waypoints = WaypointsOf(arguments.path);
   if (!waypoints.ok()) return waypoints.status();
   const absl::StatusOr<Client> client = session.Connect();
   if (!client.ok()) return client.status();
   const auto check = client->CheckPath(*waypoints, arguments.policy.policy(), arguments.clearance);
   if (!check.ok()) return check.status();
-  session.json() ? PrintJson(*check, arguments.clearance) : PrintText(*check);
+  session.json() ? Print(JsonOf(*check, arguments.clearance)) : PrintText(*check);
   return check->verdict.free() ? kDone : kNo;
 }
 
@@ -83,12 +44,7 @@ void AddPathCommand(CLI::App& program, Session& session, Run& run) {
   CLI::App* command =
       program.add_subcommand("path", "Tell whether a path is free, or where it is not first");
   auto arguments = std::make_shared<Arguments>();
-  command->add_option("waypoints", arguments->waypoints,
-                      "Configurations: joint values with commas between them");
-  command->add_option("--file", arguments->file,
-                      "A JSON file with configurations under the key \"waypoints\", as plan writes "
-                      "it; -: stdin");
-  command->add_flag("--degrees", arguments->degrees, "Values without a unit are degrees");
+  AddPathArguments(*command, arguments->path);
   AddClearanceFlag(*command, arguments->clearance);
   AddFormatOption(*command, session.format);
   AddPolicyOptions(*command, arguments->policy);
