@@ -2,20 +2,19 @@
 // that does nothing.
 #include <benchmark/benchmark.h>
 #include <google/protobuf/empty.pb.h>
-#include <grpcpp/create_channel.h>
 #include <grpcpp/impl/codegen/client_unary_call.h>
 #include <grpcpp/impl/codegen/rpc_method.h>
 
+#include <chrono>
 #include <map>
 #include <memory>
-#include <stdexcept>
 #include <string>
 #include <vector>
 
-#include "server/service/server.h"
+#include "silhouette/client.h"
 #include "silhouette/v1/collision_service.grpc.pb.h"
-#include "silhouette/v1/scene_service.grpc.pb.h"
 #include "tests/benchmark/large_cells.h"
+#include "tests/benchmark/running_server.h"
 #include "tests/benchmark/synthetic_database.h"
 #include "tests/benchmark/timing.h"
 
@@ -23,10 +22,6 @@ namespace silhouette::benchmarks {
 namespace {
 
 constexpr int kCalls = 2'000;
-
-void Require(bool ok, const std::string& what) {
-  if (!ok) throw std::runtime_error(what);
-}
 
 const SyntheticCell& ServedCell() {
   static const SyntheticCell cell({.steps = StepsOfSize3k()});
@@ -40,57 +35,14 @@ std::shared_ptr<const ServedDatabase> LoadServedCell() {
   return LoadDatabase(path);
 }
 
-// A server with a scene that does not grow old, and a channel to it.
-class RunningServer {
- public:
-  explicit RunningServer(const std::string& address) {
-    static const std::shared_ptr<const ServedDatabase> database = LoadServedCell();
-    ServingSettings settings;
-    settings.scene.max_age = absl::Hours(24);
-    auto started = Server::Start(address, database, settings);
-    Require(started.ok(), std::string(started.status().message()));
-    server_ = *std::move(started);
-    channel_ = grpc::CreateChannel(server_->address(), grpc::InsecureChannelCredentials());
-    Publish(MakeScene(ServedCell(), SceneKind::kPerson, 1));
-  }
-
-  const std::shared_ptr<grpc::Channel>& channel() const { return channel_; }
-
- private:
-  void Publish(const BenchmarkScene& scene) {
-    v1::PublishSceneRequest request;
-    for (size_t joint = 0; joint < scene.robot.size(); ++joint) {
-      v1::JointPosition& added = *request.add_joints();
-      added.set_name(ServedCell().grid().joints()[joint].name);
-      added.set_position(scene.robot[joint]);
-    }
-    for (int view = 0; view < kViews; ++view) {
-      v1::ViewImage& added = *request.add_views();
-      added.set_view("view_" + std::to_string(view + 1));
-      const ObstacleImage& image = *scene.images[static_cast<size_t>(view)];
-      const Mask foreground = image.obstacle() | image.unknown();
-      added.mutable_scene_mask()->set_width(foreground.width());
-      added.mutable_scene_mask()->set_height(foreground.height());
-      added.mutable_scene_mask()->set_bits(foreground.ToBytes());
-    }
-    grpc::ClientContext context;
-    v1::PublishSceneResponse response;
-    const grpc::Status status =
-        v1::SceneService::NewStub(channel_)->PublishScene(&context, request, &response);
-    Require(status.ok(), status.error_message());
-  }
-
-  std::unique_ptr<Server> server_;
-  std::shared_ptr<grpc::Channel> channel_;
-};
-
 enum class Transport { kTcp, kUnix };
 
 const RunningServer& ServerOver(Transport transport) {
+  static const std::shared_ptr<const ServedDatabase> database = LoadServedCell();
   static std::map<Transport, RunningServer> servers;
   const std::string address =
       transport == Transport::kTcp ? "127.0.0.1:0" : "unix:" + TemporaryFolder() + "/socket";
-  return servers.try_emplace(transport, address).first->second;
+  return servers.try_emplace(transport, address, ServedCell(), database).first->second;
 }
 
 // `count` random configurations of the grid.
@@ -174,6 +126,36 @@ void Batch(benchmark::State& state, Transport transport) {
       benchmark::Counter(kConfigurations, benchmark::Counter::kIsIterationInvariantRate);
 }
 
+// StreamChecks with one configuration a question, as the client library has it: 64 under way.
+void Stream(benchmark::State& state, Transport transport) {
+  constexpr uint64_t kQuestions = 10'000;
+  constexpr uint64_t kUnderWay = 64;
+  const Client client = Client::Connect(ServerOver(transport).address()).value();
+  std::vector<Configuration> configurations;
+  for (const ConfigurationNumber number : RandomNumbers(ServedCell().grid(), kQuestions)) {
+    configurations.push_back(ServedCell().grid().At(number));
+  }
+  client::CheckStream stream = client.StreamChecks();
+  bool decided = true;
+  double seconds = 0;
+  for (auto _ : state) {
+    const auto begin = std::chrono::steady_clock::now();
+    uint64_t sent = 0;
+    for (uint64_t received = 0; received < kQuestions && decided; ++received) {
+      for (; sent < kQuestions && sent < received + kUnderWay; ++sent) {
+        decided = stream.Send(sent, {configurations[sent]}).ok() && decided;
+      }
+      const auto answer = stream.Receive();
+      decided = decided && answer.ok() && answer->checks.ok() &&
+                answer->checks->verdicts[0].state != client::State::kUnknown;
+    }
+    seconds += std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
+  }
+  if (!decided) state.SkipWithError("a check failed");
+  state.counters["per_question_ns"] =
+      seconds * 1e9 / static_cast<double>(kQuestions) / static_cast<double>(state.iterations());
+}
+
 const bool kRegistered = [] {
   for (const auto& [transport, name] :
        {std::pair(Transport::kTcp, "/tcp"), std::pair(Transport::kUnix, "/unix")}) {
@@ -184,6 +166,7 @@ const bool kRegistered = [] {
     };
     add("grpc_empty_call", EmptyCall)->UseManualTime();
     add("grpc_unary", Unary)->UseManualTime();
+    add("grpc_stream", Stream)->UseRealTime();
     add("grpc_batch", PackedBatch)->UseRealTime();
     add("grpc_batch_joint_values", Batch)->UseRealTime();
   }

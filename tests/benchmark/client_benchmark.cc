@@ -1,0 +1,87 @@
+// The map in the client: LocalSpace, subscribed to a server in this process.
+#include <benchmark/benchmark.h>
+
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "silhouette/client.h"
+#include "silhouette/local_space.h"
+#include "tests/benchmark/large_cells.h"
+#include "tests/benchmark/running_server.h"
+#include "tests/benchmark/timing.h"
+
+namespace silhouette::benchmarks {
+namespace {
+
+// Of 1 M configurations, with a scene in it that does not grow old.
+const LocalSpace& Space() {
+  static const RunningServer server("unix:" + TemporaryFolder() + "/local", TheCellOf1M().cell,
+                                    TheCellOf1M().database);
+  static const LocalSpace space(Client::Connect(server.address()).value(),
+                                {.max_age = absl::Hours(1)});
+  for (uint64_t seen = 0; space.unknown_reason().has_value();) {
+    const auto snapshot = space.WaitForUpdate(seen, absl::Minutes(1));
+    Require(snapshot->number() != seen, "no update of the configuration space comes");
+    seen = snapshot->number();
+  }
+  return space;
+}
+
+// 16 checks by `map`, each of which waits for the answer of the one before.
+template <typename Map>
+void InTurn(benchmark::State& state, const Map& map) {
+  constexpr int kCount = 20'000;
+  constexpr int kParts = 16;
+  const std::vector<ConfigurationNumber> numbers = RandomNumbers(GridOf1M(), kCount * kParts);
+  uint64_t zero = 0;
+  benchmark::DoNotOptimize(zero);
+  bool decided = true;
+  MeasureShortCalls(
+      state, kCount,
+      [&](int i) {
+        const ConfigurationNumber* first = &numbers[static_cast<size_t>(i) * kParts];
+        client::State answer = client::State::kUnknown;
+        for (int part = 0; part < kParts; ++part) {
+          answer = map.StateAt(first[part] + (static_cast<uint64_t>(answer) & zero));
+        }
+        decided = answer != client::State::kUnknown && decided;
+      },
+      kParts);
+  if (!decided) state.SkipWithError("a check was not decided");
+}
+
+// Each check by itself.
+void Single(benchmark::State& state) {
+  constexpr int kCount = 100'000;
+  const LocalSpace& space = Space();
+  const std::vector<ConfigurationNumber> numbers = RandomNumbers(GridOf1M(), kCount);
+  MeasureShortCalls(state, kCount, [&](int i) {
+    benchmark::DoNotOptimize(space.StateAt(numbers[static_cast<size_t>(i)]));
+  });
+}
+
+void Batch(benchmark::State& state) {
+  constexpr int kCount = 1'000'000;
+  const std::vector<ConfigurationNumber> numbers = RandomNumbers(GridOf1M(), kCount);
+  const std::vector<uint32_t> packed(numbers.begin(), numbers.end());
+  const LocalSpace& space = Space();
+  for (auto _ : state) benchmark::DoNotOptimize(space.CheckNumbers(packed));
+  state.counters["per_second"] =
+      benchmark::Counter(kCount, benchmark::Counter::kIsIterationInvariantRate);
+}
+
+const bool kRegistered = [] {
+  benchmark::RegisterBenchmark("local_client/in_turn", [](benchmark::State& state) {
+    InTurn(state, Space());
+  })->UseManualTime();
+  benchmark::RegisterBenchmark("local_client/snapshot", [](benchmark::State& state) {
+    InTurn(state, *Space().Snapshot());
+  })->UseManualTime();
+  benchmark::RegisterBenchmark("local_client/single", Single)->UseManualTime();
+  benchmark::RegisterBenchmark("local_client/batch", Batch)->Unit(benchmark::kMillisecond);
+  return true;
+}();
+
+}  // namespace
+}  // namespace silhouette::benchmarks
