@@ -2,6 +2,7 @@
 #include <algorithm>
 #include <chrono>
 #include <cmath>
+#include <functional>
 #include <iostream>
 #include <memory>
 
@@ -12,6 +13,7 @@
 #include "clients/program/configuration_text.h"
 #include "clients/program/output.h"
 #include "clients/program/policy_options.h"
+#include "silhouette/shared_space.h"
 
 namespace silhouette {
 namespace {
@@ -24,9 +26,12 @@ struct Arguments {
   client::Clearance clearance = client::Clearance::kOmit;
   int repeat = 0;
   bool stream = false;
+  std::string shared_map;  // empty: the server is asked
 
   AngleUnit unit() const { return degrees ? AngleUnit::kDegrees : AngleUnit::kRadians; }
 };
+
+using Ask = std::function<absl::StatusOr<client::ConfigurationChecks>()>;
 
 absl::StatusOr<std::vector<Configuration>> ConfigurationsOf(const Arguments& arguments) {
   const AngleUnit unit = arguments.unit();
@@ -45,16 +50,42 @@ absl::StatusOr<std::vector<Configuration>> ConfigurationsOf(const Arguments& arg
   return configurations;
 }
 
+// Checks in the way that the arguments say.
+absl::StatusOr<Ask> AskOf(const Session& session, const Arguments& arguments,
+                          const std::vector<Configuration>& configurations) {
+  if (arguments.shared_map.empty()) {
+    const absl::StatusOr<Client> client = session.Connect();
+    if (!client.ok()) return client.status();
+    return [client = *client, policy = arguments.policy.policy(), clearance = arguments.clearance,
+            &configurations] {
+      return client.CheckConfigurations(configurations, policy, client::Evidence::kPerView,
+                                        clearance);
+    };
+  }
+  if (arguments.policy.given() || arguments.clearance == client::Clearance::kMeasure) {
+    return absl::InvalidArgumentError(
+        "--shared-map has verdicts under the server's policy and no clearances: leave out the "
+        "options of the policy and --clearance, or ask the server");
+  }
+  const auto space = client::SharedSpace::Open(arguments.shared_map);
+  if (!space.ok()) return space.status();
+  const auto dimensions = static_cast<size_t>(space->grid().dimensions());
+  for (const Configuration& q : configurations) {
+    if (q.size() == dimensions) continue;
+    return absl::InvalidArgumentError(absl::StrCat(
+        "a configuration has ", q.size(), " values, and the grid has ", dimensions, " joints"));
+  }
+  return [space = *space, &configurations]() -> absl::StatusOr<client::ConfigurationChecks> {
+    return space.CheckConfigurations(configurations);
+  };
+}
+
 // How long each of the checks of --repeat took, in microseconds, sorted; fewer after Ctrl-C.
-absl::StatusOr<std::vector<double>> Measure(const Client& client,
-                                            const std::vector<Configuration>& configurations,
-                                            const Arguments& arguments) {
-  const client::Policy policy = arguments.policy.policy();
+absl::StatusOr<std::vector<double>> Measure(const Ask& ask, int repeat) {
   std::vector<double> times;
-  for (int i = 0; i < arguments.repeat && !StopRequested(); ++i) {
+  for (int i = 0; i < repeat && !StopRequested(); ++i) {
     const auto start = std::chrono::steady_clock::now();
-    const auto checks = client.CheckConfigurations(configurations, policy,
-                                                   client::Evidence::kPerView, arguments.clearance);
+    const auto checks = ask();
     if (!checks.ok()) return checks.status();
     times.push_back(
         std::chrono::duration<double, std::micro>(std::chrono::steady_clock::now() - start)
@@ -62,6 +93,10 @@ absl::StatusOr<std::vector<double>> Measure(const Client& client,
   }
   std::sort(times.begin(), times.end());
   return times;
+}
+
+std::string Microseconds(double time) {
+  return time < 100 ? absl::StrFormat("%.2f us", time) : absl::StrFormat("%.0f us", time);
 }
 
 // The least of the sorted times that at least this share of them does not exceed.
@@ -77,8 +112,9 @@ void PrintText(const std::vector<Configuration>& configurations,
   }
   std::cout << Spoken(checks.basis) << '\n';
   if (times.empty()) return;
-  std::cout << absl::StrFormat("%d checks: p50 %.0f us, p99 %.0f us\n", times.size(),
-                               Quantile(times, 0.5), Quantile(times, 0.99));
+  std::cout << absl::StrFormat("%d checks: p50 %s, p99 %s\n", times.size(),
+                               Microseconds(Quantile(times, 0.5)),
+                               Microseconds(Quantile(times, 0.99)));
 }
 
 void PrintJson(const std::vector<Configuration>& configurations,
@@ -106,13 +142,12 @@ absl::StatusOr<ExitCode> Check(const Session& session, const Arguments& argument
   }
   const auto configurations = ConfigurationsOf(arguments);
   if (!configurations.ok()) return configurations.status();
-  const absl::StatusOr<Client> client = session.Connect();
-  if (!client.ok()) return client.status();
-  const auto checks = client->CheckConfigurations(*configurations, arguments.policy.policy(),
-                                                  client::Evidence::kPerView, arguments.clearance);
+  const absl::StatusOr<Ask> ask = AskOf(session, arguments, *configurations);
+  if (!ask.ok()) return ask.status();
+  const auto checks = (*ask)();
   if (!checks.ok()) return checks.status();
   CatchStopSignals();
-  const auto times = Measure(*client, *configurations, arguments);
+  const auto times = Measure(*ask, arguments.repeat);
   if (!times.ok()) return times.status();
   if (session.json()) {
     PrintJson(*configurations, *checks, arguments.clearance, *times);
@@ -140,6 +175,10 @@ void AddCheckCommand(CLI::App& program, Session& session, Run& run) {
       ->add_flag("--stream", arguments->stream,
                  "Read them from stdin, one a line, and answer each at once, over one call")
       ->excludes("configurations", "--file", "--repeat");
+  command
+      ->add_option("--shared-map", arguments->shared_map,
+                   "Look into the shared map of a server on this machine instead of asking it")
+      ->excludes("--stream");
   AddFormatOption(*command, session.format);
   AddPolicyOptions(*command, arguments->policy);
   command->footer(
@@ -149,7 +188,8 @@ void AddCheckCommand(CLI::App& program, Session& session, Run& run) {
       "Example:\n"
       "  silhouette check 0.1,0.2 30deg,-10deg --clearance\n"
       "  silhouette check --degrees 30,-10 --repeat 1000 --format json\n"
-      "  my-planner | silhouette check --stream");
+      "  my-planner | silhouette check --stream\n"
+      "  silhouette check 0.1,0.2 --shared-map /dev/shm/silhouette-cell");
   command->callback([arguments, &session, &run] {
     run = [arguments, &session] { return Check(session, *arguments); };
   });

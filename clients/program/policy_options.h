@@ -20,6 +20,9 @@ struct PolicyOptions {
   std::string off_grid;
 
   client::Policy policy() const;
+  // Whether anything is said.
+  bool given() const { return *this != PolicyOptions{}; }
+  bool operator==(const PolicyOptions&) const = default;
 };
 
 void AddPolicyOptions(CLI::App& command, PolicyOptions& options);

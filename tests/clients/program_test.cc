@@ -5,6 +5,7 @@
 #include <memory>
 #include <nlohmann/json.hpp>
 #include <opencv2/imgcodecs.hpp>
+#include <thread>
 
 #include "tests/clients/fake_server.h"
 #include "tests/clients/small_served_cell.h"
@@ -80,6 +81,38 @@ TEST_F(Silhouette, CheckTellsFreeAndOccupiedByExitCode) {
   EXPECT_EQ(answer["checks"], 5);
   EXPECT_GT(answer["check_p50_us"], 0);
   EXPECT_GE(answer["check_p99_us"], answer["check_p50_us"]);
+}
+
+TEST(SilhouetteProgram, CheckLooksIntoTheSharedMapAndAsksNobody) {
+  SmallServedCell cell("  shared_map: {file: map}\n");
+  const std::string shared = " --shared-map map";
+  EXPECT_THAT(cell.Run("check 0,0" + shared).out, HasSubstr("unknown: no scene"));
+  ASSERT_EQ(cell.Publish(kWall, kWall).exit_code, 0);
+  // The map follows the scene.
+  for (int i = 0; i < 500 && cell.Run("check 0,0" + shared).exit_code != 0; ++i) {
+    std::this_thread::sleep_for(std::chrono::milliseconds(10));
+  }
+  for (const std::string q : {"0,0", "0.6,0.2", "0.3,0.9", "1,1"}) {
+    const Ended asked = cell.Run("check " + q);
+    const Ended looked = cell.Run("--server unix:nobody check " + q + shared + " --repeat 3");
+    EXPECT_EQ(looked.exit_code, asked.exit_code) << q;
+    EXPECT_THAT(looked.out, HasSubstr("scene 1"));
+  }
+  const Ended between = cell.Run("check 0.05,0" + shared);
+  EXPECT_EQ(between.exit_code, 0) << "one of two views convicts: " << between.out;
+  const Ended outside = cell.Run("check 3,0" + shared);
+  EXPECT_EQ(outside.exit_code, 1);
+  EXPECT_THAT(outside.out, HasSubstr("outside the grid"));
+  for (const std::string option : {"--clearance", "--min-views 1", "--off-grid cell"}) {
+    const Ended ended = cell.Run("check 0,0 " + option + shared);
+    EXPECT_EQ(ended.exit_code, 2);
+    EXPECT_THAT(ended.err, HasSubstr("the server's policy"));
+  }
+  EXPECT_EQ(cell.Run("check 0,0,0" + shared).exit_code, 2);
+  cell.StopServer();
+  const Ended gone = cell.Run("check 0,0" + shared);
+  EXPECT_EQ(gone.exit_code, 2);
+  EXPECT_THAT(gone.err, HasSubstr("there is no shared map 'map'"));
 }
 
 TEST_F(Silhouette, CheckReadsConfigurationsInDegreesAndFromAFile) {

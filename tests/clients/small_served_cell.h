@@ -81,9 +81,10 @@ class Process {
 // Imports the cell, serves it on a free port and runs programs against it.
 class SmallServedCell {
  public:
-  SmallServedCell() {
+  // `server`: lines for the section `server` of the cell file.
+  explicit SmallServedCell(const std::string& server = "") {
     const std::filesystem::path folder = shell_.folder();
-    WriteFile(folder / "cell.yaml", kCell);
+    WriteFile(folder / "cell.yaml", kCell + server);
     std::string csv = "x,y,left,right\n";
     for (int x = 0; x < kSteps; ++x) {
       for (int y = 0; y < kSteps; ++y) {
