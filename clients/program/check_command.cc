@@ -182,9 +182,8 @@ void AddCheckCommand(CLI::App& program, Session& session, Run& run) {
   AddFormatOption(*command, session.format);
   AddPolicyOptions(*command, arguments->policy);
   command->footer(
-      "Exit code 0 if all are free, 1 if not. With --stream a line for each, with --format json "
-      "an\n"
-      "object on each.\n\n"
+      "Exit code 0 if all are free, 1 if not. With --stream a line for each, with --format json\n"
+      "an object on each.\n\n"
       "Example:\n"
       "  silhouette check 0.1,0.2 30deg,-10deg --clearance\n"
       "  silhouette check --degrees 30,-10 --repeat 1000 --format json\n"
