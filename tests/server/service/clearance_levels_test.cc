@@ -3,11 +3,8 @@
 #include <gtest/gtest.h>
 
 #include <limits>
-#include <thread>
 #include <vector>
 
-#include "server/service/clearance_cache.h"
-#include "server/service/space_cache.h"
 #include "tests/server/service/test_server.h"
 
 namespace silhouette {
@@ -42,9 +39,14 @@ int ExpectAsMeasuredSingly(TestServer& server, const v1::Policy& policy = {}) {
   int above = 0;
   const ConfigurationGrid grid = *GridOf(TestCell());
   const v1::ConfigurationSpaceTile tile = TileOf(server, policy);
+  std::vector<Configuration> all;
+  for (int a = 0; a < 5; ++a) {
+    for (int b = 0; b < 8; ++b) all.push_back(At(a, b));
+  }
+  const v1::CheckConfigurationsResponse checks = server.Check(all, policy, true);
   for (int a = 0; a < 5; ++a) {
     for (int b = 0; b < 8; ++b) {
-      const v1::Verdict verdict = server.Check({At(a, b)}, policy, true).verdicts(0);
+      const v1::Verdict& verdict = checks.verdicts(8 * a + b);
       const bool free = verdict.state() == v1::Verdict::STATE_FREE;
       const ConfigurationNumber number = grid.NumberOf({a, b});
       EXPECT_EQ(BitOf(tile.free(), number), free);
@@ -183,68 +185,6 @@ TEST(ClearanceLevels, ThatCannotBeAreRefused) {
   std::vector<double> many;
   for (int i = 0; i < 17; ++i) many.push_back(i);
   EXPECT_EQ(message_for(many), "clearance_levels: there are 17; ask for at most 16");
-}
-
-// A scene as a server has it.
-Served ServedScene(const std::shared_ptr<const ServedDatabase>& database, uint64_t id) {
-  const Moment now{absl::FromUnixSeconds(1'000'000), absl::Seconds(50)};
-  absl::StatusOr<Scene> scene = MakeScene(*database, SceneWithHighBlock(3), {}, {}, now);
-  EXPECT_TRUE(scene.ok()) << scene.status();
-  scene->id = id;
-  return {database, std::make_shared<const Scene>(*std::move(scene)), Reason::kNone};
-}
-
-struct ClearanceCacheTest : ::testing::Test {
-  std::shared_ptr<const ServedDatabase> database = NewDatabase();
-  const Served served = ServedScene(database, 1);
-  SpaceCache spaces;
-
-  std::shared_ptr<const ClearanceSpace> Get(ClearanceCache& cache, const Served& of,
-                                            const std::vector<double>& levels) {
-    return cache.Get(of, {}, spaces.Get(of, {}), levels);
-  }
-};
-
-TEST_F(ClearanceCacheTest, TheSameLevelsOfTheSameSceneAreShared) {
-  ClearanceCache cache;
-  const auto space = Get(cache, served, {1, 2});
-  EXPECT_NE(Get(cache, served, {1}), space);
-  EXPECT_EQ(Get(cache, served, {1, 2}), space);
-  EXPECT_NE(cache.Get(served, {.min_views = 1}, spaces.Get(served, {.min_views = 1}), {1, 2}),
-            space);
-  const Served newer = ServedScene(database, 2);
-  EXPECT_NE(Get(cache, newer, {1, 2}), space);
-  EXPECT_EQ(space.use_count(), 1) << "the older scene's is not kept";
-}
-
-TEST_F(ClearanceCacheTest, MemoryIsBounded) {
-  ClearanceCache cache(3 * 512);  // the grid has one tile
-  const auto first = Get(cache, served, {1});
-  const auto second = Get(cache, served, {1, 2});
-  EXPECT_EQ(Get(cache, served, {1}), first);
-  Get(cache, served, {3});
-  EXPECT_EQ(Get(cache, served, {1}), first) << "both are small";
-  EXPECT_NE(Get(cache, served, {1, 2}), second) << "nobody asked for it for long";
-  const auto large = Get(cache, served, {1, 2, 3, 4});
-  EXPECT_EQ(Get(cache, served, {1, 2, 3, 4}), large) << "the last one is kept whatever its size";
-}
-
-TEST_F(ClearanceCacheTest, ManyThreadsSeeTheSameTiles) {
-  ClearanceCache cache;
-  const auto alone = Get(cache, served, kLevels);
-  const std::vector<PlaceSet> expected(alone->tile(0).begin(), alone->tile(0).end());
-  for (int round = 0; round < 20; ++round) {
-    const Served again = ServedScene(database, 2 + static_cast<uint64_t>(round));
-    std::vector<std::jthread> threads;
-    for (int i = 0; i < 4; ++i) {
-      threads.emplace_back([&] {
-        const auto space = Get(cache, again, kLevels);
-        const std::span<const PlaceSet> tile = space->tile(0);
-        EXPECT_TRUE(std::ranges::equal(tile, expected));
-        EXPECT_TRUE(space->ready(0));
-      });
-    }
-  }
 }
 
 }  // namespace
