@@ -51,6 +51,15 @@ CheckStream::Impl::~Impl() {
   call_.reset();
 }
 
+void CheckStream::Impl::Cancel() {
+  cancellation_.Cancel();
+  {
+    const std::lock_guard lock(mutex_);
+    if (begun_ || ended_) return;  // the end of the call tells
+  }
+  End(absl::CancelledError());
+}
+
 void CheckStream::Impl::Begin() {
   stream_ = connection_->collisions().StreamChecks(&context_);
   reader_ = std::jthread([this] { End(ReadAnswers()); });
@@ -72,6 +81,7 @@ absl::Status CheckStream::Impl::Send(const v1::StreamChecksRequest& question) {
   if (!path) {
     sent.configurations = static_cast<size_t>(question.configurations().configurations_size());
   }
+  bool first = false;
   {
     const std::lock_guard lock(mutex_);
     if (ended_) return *ended_;
@@ -80,8 +90,9 @@ absl::Status CheckStream::Impl::Send(const v1::StreamChecksRequest& question) {
           "there are ", kMostUnanswered, " questions whose answers were not received"));
     }
     unanswered_.push_back(sent);
+    first = !std::exchange(begun_, true);
   }
-  if (stream_ == nullptr) Begin();
+  if (first) Begin();
   if (stream_->Write(question)) return absl::OkStatus();
   // Why it failed, the reader finds out.
   std::unique_lock lock(mutex_);

@@ -24,7 +24,7 @@ class CheckStream::Impl {
   absl::Status Send(const v1::StreamChecksRequest& question);
   void EndQuestions();
   absl::StatusOr<StreamedAnswer> Receive();
-  void Cancel() { cancellation_.Cancel(); }
+  void Cancel();
 
  private:
   // A question that was sent.
@@ -52,6 +52,7 @@ class CheckStream::Impl {
 
   std::mutex mutex_;
   std::condition_variable changed_;
+  bool begun_ = false;  // there is a call, or will be at once
   std::deque<Question> unanswered_;
   std::deque<StreamedAnswer> answers_;  // that were not received
   std::optional<absl::Status> ended_;

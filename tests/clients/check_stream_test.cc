@@ -226,6 +226,13 @@ TEST(CheckStream, CancelEndsItFromAnotherThread) {
   });
   EXPECT_EQ(stream.Receive().status().code(), absl::StatusCode::kCancelled);
   EXPECT_EQ(stream.Send(2, {{1.0}}).code(), absl::StatusCode::kCancelled);
+  CheckStream not_begun = StreamTo(server);
+  std::jthread another([&not_begun] {
+    std::this_thread::sleep_for(std::chrono::milliseconds(50));
+    not_begun.Cancel();
+  });
+  EXPECT_EQ(not_begun.Receive().status().code(), absl::StatusCode::kCancelled);
+  EXPECT_EQ(not_begun.Send(1, {{1.0}}).code(), absl::StatusCode::kCancelled);
   CheckStream never_used = StreamTo(server);
   never_used.EndQuestions();
   EXPECT_EQ(never_used.Receive().status().code(), absl::StatusCode::kOutOfRange);
