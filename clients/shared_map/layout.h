@@ -5,15 +5,15 @@
 // otherwise, times are signed nanoseconds. Its first page, 4096 bytes, is the head:
 //
 //   word 0      "silhmap" and a zero byte
-//        1      format version, 1
-//        2      size of the file in bytes
-//        3      number of tiles of the grid
-//        4, 5   offset in bytes and size in bytes of the description
-//        6, 7   offset in bytes of buffer 0, and from it to buffer 1
-//        8, 9   the machine's boot, the 16 bytes of /proc/sys/kernel/random/boot_id in their order
-//        10     the time namespace, the number of the file /proc/self/ns/time; 0: the kernel has
-//        none 16     0, or the map is closed: 1: the server stopped; 2: another file takes its
-//        place 17     number of the newest update, 0: none yet. Buffer number % 2 has it.
+//   word 1      format version, 1
+//   word 2      size of the file in bytes
+//   word 3      number of tiles of the grid
+//   word 4, 5   offset in bytes and size in bytes of the description
+//   word 6, 7   offset in bytes of buffer 0, and from it to buffer 1
+//   word 8, 9   the machine's boot: the 16 bytes of /proc/sys/kernel/random/boot_id in their order
+//   word 10     the time namespace: the number of the file /proc/self/ns/time; 0: there is none
+//   word 16     0, or the map is closed: 1: the server stopped; 2: another file takes its place
+//   word 17     number of the newest update, 0: none yet. Buffer number % 2 has it.
 //
 // The description is a serialised silhouette.v1.GetDatabaseResponse: the grid, the views, the
 // generation of the database, and as default_policy the policy that the states are of. Words 0 to
@@ -22,14 +22,14 @@
 // A buffer begins on a page:
 //
 //   word 0      2 u: it has update u, whole; odd: an update is being written
-//        1      why all states are unknown, silhouette.v1.Verdict.Reason; 0: they are not
-//        2      the scene's id; 0: there is none
-//        3      when the scene's oldest image was taken, by CLOCK_MONOTONIC (signed)
-//        4      until when the states may be relied on, that instant included, likewise (signed)
-//        5      why they are unknown after that
-//        6      when the oldest image was taken, by the clock of whoever took it, since 1970
-//        (signed) 7      size in bytes of the names of the allowed regions behind the states 8 ..
-//        those names, one a line, no more than 4160 bytes
+//   word 1      why all states are unknown, silhouette.v1.Verdict.Reason; 0: they are not
+//   word 2      the scene's id; 0: there is none
+//   word 3      when the scene's oldest image was taken, by CLOCK_MONOTONIC
+//   word 4      until when the states may be relied on, that instant included, likewise
+//   word 5      why they are unknown after that
+//   word 6      when the oldest image was taken, by the clock of whoever took it, since 1970
+//   word 7      size in bytes of the names of the allowed regions behind the states
+//   word 8 ..   those names, one a line, no more than 4160 bytes
 //   byte 8192   the states: two words for every 64 places, in the order of their numbers. Bit
 //               i % 64 of word 2 (i / 64) is set if the configuration i is free, of the word after
 //               that if it is occupied; neither: unknown, or absent from the grid.
