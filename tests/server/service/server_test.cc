@@ -6,8 +6,11 @@
 #include <gtest/gtest.h>
 
 #include <atomic>
+#include <condition_variable>
 #include <future>
 #include <latch>
+#include <mutex>
+#include <set>
 #include <thread>
 
 #include "server/service/listen_address.h"
@@ -96,17 +99,24 @@ TEST(ServerThreads, ReloadUnderLoadNeverMixesGenerations) {
   checker.join();
 }
 
-// A clock that, once armed, holds everybody who asks until it is released.
+// A clock that, once armed, holds every call that asks until it is released. The server's own
+// threads, which watch for changes and work maps out, are not held: they asked before any call.
 class HoldingClock {
  public:
   Clock Around(Clock inner) {
     return [this, inner] {
-      if (armed_) {
-        held_.count_down();
+      if (IsHeld()) {
+        if (!held_once_.exchange(true)) held_.count_down();
         release_.wait();
       }
       return inner();
     };
+  }
+  // Before the first call.
+  void WaitForTheServersOwnThreads() {
+    std::unique_lock lock(mutex_);
+    asked_.wait(lock, [this] { return own_.size() == 2; });
+    known_ = true;
   }
   void Arm() { armed_ = true; }
   void WaitUntilSomebodyIsHeld() { held_.wait(); }
@@ -116,7 +126,19 @@ class HoldingClock {
   }
 
  private:
+  bool IsHeld() {
+    const std::lock_guard lock(mutex_);
+    if (!known_) own_.insert(std::this_thread::get_id());
+    asked_.notify_all();
+    return armed_ && !own_.contains(std::this_thread::get_id());
+  }
+
+  std::mutex mutex_;
+  std::condition_variable asked_;
+  std::set<std::thread::id> own_;
+  bool known_ = false;
   std::atomic<bool> armed_ = false;
+  std::atomic<bool> held_once_ = false;
   std::latch held_{1};
   std::latch release_{1};
 };
@@ -124,6 +146,7 @@ class HoldingClock {
 TEST(ServerThreads, StopFinishesTheCallThatIsInFlight) {
   HoldingClock holding;
   TestServer server(NewDatabase(), {}, [&](Clock inner) { return holding.Around(inner); });
+  holding.WaitForTheServersOwnThreads();
   server.Publish(EmptyCellScene());
   holding.Arm();
   auto answer = std::async(std::launch::async, [&] { return server.Path({At(0, 0), At(1, 0)}); });
@@ -149,6 +172,7 @@ TEST(ServerThreads, StopFinishesTheCallThatIsInFlight) {
 TEST(ServerThreads, StopCancelsWhatTakesLongerThanItsGrace) {
   HoldingClock holding;
   TestServer server(NewDatabase(), {}, [&](Clock inner) { return holding.Around(inner); });
+  holding.WaitForTheServersOwnThreads();
   server.Publish(EmptyCellScene());
   holding.Arm();
   auto answer = std::async(std::launch::async, [&] {
