@@ -26,7 +26,7 @@ namespace silhouette {
 grpc::Status ToGrpc(const absl::Status& status);
 absl::Status FromGrpc(const grpc::Status& status);
 
-// From messages. InvalidArgument names the field.
+// From messages (requests.cc). InvalidArgument names the field.
 
 // What the policy of a request leaves open is taken from `defaults`.
 absl::StatusOr<Policy> PolicyFrom(const v1::Policy& message, const Policy& defaults, int views);
@@ -41,7 +41,7 @@ absl::StatusOr<std::vector<std::optional<Mask>>> RegionPixelsFrom(
 // Infinite for what is beyond any region's life.
 absl::Duration DurationFrom(const google::protobuf::Duration& message);
 
-// Into messages.
+// Into messages (messages.cc).
 
 v1::Verdict::Reason ToMessage(Reason reason);
 void ToMessage(absl::Duration duration, google::protobuf::Duration* message);

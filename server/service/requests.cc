@@ -1,0 +1,224 @@
+#include "server/service/messages.h"
+
+#include <stdexcept>
+#include <string>
+#include <utility>
+
+#include "absl/strings/str_cat.h"
+#include "absl/strings/str_join.h"
+
+namespace silhouette {
+namespace {
+
+absl::Status InField(const std::string& field, const std::string& message) {
+  return absl::InvalidArgumentError(absl::StrCat(field, ": ", message));
+}
+
+absl::StatusOr<absl::Time> TimeFrom(const google::protobuf::Timestamp& message,
+                                    const std::string& field) {
+  constexpr int64_t kYear10000 = 253'402'300'800;
+  if (message.seconds() < 0 || message.seconds() >= kYear10000 || message.nanos() < 0 ||
+      message.nanos() > 999'999'999) {
+    return InField(field, "it is not a time after 1970");
+  }
+  return absl::FromUnixSeconds(message.seconds()) + absl::Nanoseconds(message.nanos());
+}
+
+absl::StatusOr<Mask> MaskFrom(const v1::Mask& message, const std::string& field) {
+  const std::string& bits = message.bits();
+  try {
+    return Mask::FromBytes({message.width(), message.height()},
+                           {reinterpret_cast<const uint8_t*>(bits.data()), bits.size()});
+  } catch (const std::invalid_argument& error) {
+    return InField(field, error.what());
+  }
+}
+
+absl::StatusOr<ViewInput> ViewInputFrom(const v1::ViewImage& message, const std::string& field) {
+  ViewInput input;
+  input.view = message.view();
+  if (message.has_capture_time()) {
+    const absl::StatusOr<absl::Time> time =
+        TimeFrom(message.capture_time(), absl::StrCat(field, ".capture_time"));
+    if (!time.ok()) return time.status();
+    input.captured = *time;
+  }
+  switch (message.image_case()) {
+    case v1::ViewImage::kSceneMask: {
+      absl::StatusOr<Mask> mask =
+          MaskFrom(message.scene_mask(), absl::StrCat(field, ".scene_mask"));
+      if (!mask.ok()) return mask.status();
+      input.image = SceneMask{*std::move(mask)};
+      return input;
+    }
+    case v1::ViewImage::kObstacleMask: {
+      absl::StatusOr<Mask> mask =
+          MaskFrom(message.obstacle_mask(), absl::StrCat(field, ".obstacle_mask"));
+      if (!mask.ok()) return mask.status();
+      input.image = ObstacleMask{*std::move(mask)};
+      return input;
+    }
+    case v1::ViewImage::kCameraImage:
+      input.image = EncodedImage{message.camera_image()};
+      return input;
+    case v1::ViewImage::IMAGE_NOT_SET:
+      break;
+  }
+  return InField(field, "give one of scene_mask, camera_image and obstacle_mask");
+}
+
+absl::StatusOr<Mask> PixelsFrom(const v1::RegionPixels& message, MaskSize size,
+                                const std::string& field) {
+  if (message.has_polygon()) {
+    std::vector<std::pair<double, double>> corners;
+    for (const v1::Point& corner : message.polygon().corners()) {
+      corners.emplace_back(corner.x(), corner.y());
+    }
+    absl::StatusOr<Mask> mask = PixelsInPolygon(size, corners);
+    if (mask.ok()) return mask;
+    return InField(field + ".polygon", std::string(mask.status().message()));
+  }
+  if (!message.has_mask()) return InField(field, "give one of mask and polygon");
+  absl::StatusOr<Mask> mask = MaskFrom(message.mask(), field + ".mask");
+  if (!mask.ok() || mask->size() == size) return mask;
+  return InField(field + ".mask", absl::StrCat("it is ", mask->width(), "x", mask->height(),
+                                               ", and should be ", size.width, "x", size.height));
+}
+
+std::string NamesOfPresets() {
+  return absl::StrJoin(AllPresets(), ", ", [](std::string* out, Preset preset) {
+    absl::StrAppend(out, "'", NameOf(preset), "'");
+  });
+}
+
+absl::Status SetOffGrid(const v1::Policy& message, Policy& policy) {
+  switch (message.off_grid()) {
+    case v1::OFF_GRID_UNSPECIFIED:
+      return absl::OkStatus();
+    case v1::OFF_GRID_CELL:
+      policy.off_grid = OffGrid::kCell;
+      return absl::OkStatus();
+    case v1::OFF_GRID_NEAREST:
+      policy.off_grid = OffGrid::kNearest;
+      return absl::OkStatus();
+    default:
+      return InField("policy.off_grid", "this server does not know the value");
+  }
+}
+
+// How lines are searched.
+absl::Status SetLines(const v1::Policy& message, Policy& policy) {
+  constexpr char kCalibratedOnly[] = "it goes with the presets 'calibrated' and 'paper-calibrated'";
+  const bool calibrated = IsCalibrated(policy.preset);
+  if (message.has_errors_convict()) {
+    if (!calibrated) return InField("policy.errors_convict", kCalibratedOnly);
+    policy.errors_convict = message.errors_convict();
+  }
+  if (message.epipolar() == v1::EPIPOLAR_UNSPECIFIED) return absl::OkStatus();
+  if (!calibrated) return InField("policy.epipolar", kCalibratedOnly);
+  switch (message.epipolar()) {
+    case v1::EPIPOLAR_INTERSECTION:
+      policy.epipolar = EpipolarDomain::kIntersection;
+      return absl::OkStatus();
+    case v1::EPIPOLAR_OBSTACLE:
+      policy.epipolar = EpipolarDomain::kObstacle;
+      return absl::OkStatus();
+    default:
+      return InField("policy.epipolar", "this server does not know the value");
+  }
+}
+
+}  // namespace
+
+grpc::Status ToGrpc(const absl::Status& status) {
+  if (status.ok()) return grpc::Status::OK;
+  return grpc::Status(static_cast<grpc::StatusCode>(status.code()), std::string(status.message()));
+}
+
+absl::Status FromGrpc(const grpc::Status& status) {
+  return absl::Status(static_cast<absl::StatusCode>(status.error_code()), status.error_message());
+}
+
+absl::StatusOr<Policy> PolicyFrom(const v1::Policy& message, const Policy& defaults, int views) {
+  Policy policy = defaults;
+  if (!message.preset().empty()) {
+    const std::optional<Preset> preset = PresetFromName(message.preset());
+    if (!preset) {
+      return InField("policy.preset", absl::StrCat("'", message.preset(),
+                                                   "' is unknown; known are ", NamesOfPresets()));
+    }
+    policy.preset = *preset;
+    // What the server says of its default preset went with it.
+    policy.min_views.reset();
+    policy.epipolar.reset();
+    policy.errors_convict.reset();
+  }
+  if (message.has_max_occluded_views()) {
+    if (policy.preset != Preset::kUncalibrated) {
+      return InField("policy.max_occluded_views", "it goes with the preset 'uncalibrated'");
+    }
+    policy.max_occluded_views = message.max_occluded_views();
+    policy.min_views.reset();
+  }
+  if (message.has_min_views()) policy.min_views = message.min_views();
+  if (absl::Status status = SetLines(message, policy); !status.ok()) return status;
+  if (absl::Status status = SetOffGrid(message, policy); !status.ok()) return status;
+  try {
+    MinViews(policy, views);
+  } catch (const std::invalid_argument& error) {
+    return InField("policy", error.what());
+  }
+  return policy;
+}
+
+absl::StatusOr<Configuration> ConfigurationFrom(const v1::Configuration& message,
+                                                const ConfigurationGrid& grid,
+                                                const std::string& field) {
+  if (message.positions_size() == grid.dimensions()) {
+    return Configuration(message.positions().begin(), message.positions().end());
+  }
+  std::string joints;
+  for (const GridJoint& joint : grid.joints()) {
+    absl::StrAppend(&joints, joints.empty() ? "" : ", ", joint.name);
+  }
+  return InField(field, absl::StrCat("it has ", message.positions_size(),
+                                     " positions and takes one for each of ", joints));
+}
+
+absl::StatusOr<SceneInput> SceneInputFrom(const v1::PublishSceneRequest& message) {
+  SceneInput input;
+  for (const v1::JointPosition& joint : message.joints()) {
+    input.joints.push_back({joint.name(), joint.position()});
+  }
+  for (int i = 0; i < message.views_size(); ++i) {
+    const std::string field = absl::StrCat("views[", i, "] '", message.views(i).view(), "'");
+    absl::StatusOr<ViewInput> view = ViewInputFrom(message.views(i), field);
+    if (!view.ok()) return view.status();
+    input.views.push_back(*std::move(view));
+  }
+  return input;
+}
+
+absl::StatusOr<std::vector<std::optional<Mask>>> RegionPixelsFrom(
+    const v1::AllowRegionRequest& message, const ServedDatabase& database) {
+  std::vector<std::optional<Mask>> pixels(static_cast<size_t>(database.views()));
+  for (int i = 0; i < message.views_size(); ++i) {
+    const v1::RegionPixels& given = message.views(i);
+    const std::string field = absl::StrCat("views[", i, "] '", given.view(), "'");
+    const std::optional<int> view = database.ViewOf(given.view());
+    if (!view) return InField(field, "the cell has no such view");
+    std::optional<Mask>& known = pixels[static_cast<size_t>(*view)];
+    if (known) return InField(field, "the view is given twice");
+    absl::StatusOr<Mask> mask =
+        PixelsFrom(given, database.robot_images().mask_sizes()[static_cast<size_t>(*view)], field);
+    if (!mask.ok()) return mask.status();
+    known = *std::move(mask);
+  }
+  return pixels;
+}
+
+absl::Duration DurationFrom(const google::protobuf::Duration& message) {
+  return absl::Seconds(message.seconds()) + absl::Nanoseconds(message.nanos());
+}
+
+}  // namespace silhouette
