@@ -79,6 +79,9 @@ class AllowedRegions {
 
   void Clear();
 
+  // Those allowed and not revoked; the end of some may have come.
+  const std::shared_ptr<const RegionSet>& set() const { return set_; }
+
   // Those whose end has not come.
   std::shared_ptr<const RegionSet> InForce(const Moment& now);
 

@@ -95,6 +95,17 @@ std::shared_ptr<const ServedDatabase> SceneStore::database() const {
   return database_;
 }
 
+bool SceneStore::Revoked(const RegionSet& regions) const {
+  const std::lock_guard lock(mutex_);
+  const RegionSet& now = *regions_.set();
+  if (regions.revision == now.revision) return false;
+  return !std::ranges::all_of(regions.regions, [&](const AllowedRegion& region) {
+    return std::ranges::any_of(now.regions, [&](const AllowedRegion& other) {
+      return other.name == region.name && other.pixels == region.pixels;
+    });
+  });
+}
+
 void SceneStore::NoteChange() {
   ++changes_;
   changed_.notify_all();

@@ -64,6 +64,10 @@ class SceneStore {
   uint64_t WaitForChange(uint64_t seen, std::chrono::milliseconds longest,
                          const std::stop_token& stop);
 
+  // Whether one of the regions is in force no more, or has other pixels now. (Whether its time is
+  // over is another question: BlockedReason.)
+  bool Revoked(const RegionSet& regions) const;
+
   // A scene as it was published, by its id, 0 for the newest; null if there is none, or no longer.
   SharedScene Find(uint64_t id) const;
 

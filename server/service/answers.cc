@@ -119,8 +119,15 @@ Reason Conclude(const Serving& serving, const Served& served, const Policy& poli
                 v1::Basis* basis, absl::Duration* valid_for) {
   const Moment now = serving.settings.clock();
   ToMessage(served, policy, now, basis);
-  if (valid_for != nullptr) *valid_for = ValidFor(served, serving.settings.scene, now);
-  return BlockedReason(served, serving.settings.scene, now);
+  Reason blocked = BlockedReason(served, serving.settings.scene, now);
+  if (blocked == Reason::kNone && serving.scenes.Revoked(*served.regions)) {
+    blocked = Reason::kRegionEnded;
+  }
+  if (valid_for != nullptr) {
+    *valid_for = blocked == Reason::kNone ? ValidFor(served, serving.settings.scene, now)
+                                          : absl::ZeroDuration();
+  }
+  return blocked;
 }
 
 Verdict Final(const Verdict& verdict, Reason blocked) {
@@ -132,9 +139,10 @@ bool AnsweredAtOnce(const Serving& serving, const v1::CheckConfigurationsRequest
       request.configurations_size() > kFewChecks) {
     return false;
   }
+  const std::shared_ptr<const ServedDatabase> database = serving.scenes.database();
+  if (!database->robot_images().in_memory() && !request.configurations().empty()) return false;
   // Under the sound presets even a few checks may take longer than look-ups.
-  const absl::StatusOr<Policy> policy =
-      PolicyFor(serving, request.policy(), *serving.scenes.database());
+  const absl::StatusOr<Policy> policy = PolicyFor(serving, request.policy(), *database);
   return !policy.ok() || !IsSound(policy->preset);
 }
 

@@ -27,8 +27,8 @@ absl::StatusOr<Policy> PolicyFor(const Serving& serving, const v1::Policy& messa
 absl::StatusOr<Checker> CheckerFor(Serving& serving, const v1::Policy& policy);
 
 // Tells what the answer rests on. Returns why it must not say free after all: the scene may have
-// become too old, or an allowed region ended, while the answer was made. `valid_for`, if not null,
-// gets how long that stays so.
+// become too old, or an allowed region ended or revoked, while the answer was made. `valid_for`, if
+// not null, gets how long that stays so.
 Reason Conclude(const Serving& serving, const Served& served, const Policy& policy,
                 v1::Basis* basis, absl::Duration* valid_for = nullptr);
 

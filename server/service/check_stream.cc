@@ -15,30 +15,20 @@ void CheckStream::End() {
                             "the server stops; ask again when it is back");
   {
     const std::lock_guard lock(mutex_);
-    if (step_ == Step::kAnswering) {
-      ending_ = status;
-      return;
-    }
-  }
-  Over(status);
-}
-
-void CheckStream::Over(const grpc::Status& status) {
-  {
-    const std::lock_guard lock(mutex_);
-    if (step_ == Step::kOver) return;
+    if (step_ == Step::kAnswering) ending_ = status;
+    if (step_ != Step::kReading) return;
     step_ = Step::kOver;
   }
   Finish(status);
 }
 
 void CheckStream::OnReadDone(bool ok) {
-  if (!ok) return Over(grpc::Status::OK);  // the caller asks no more
   {
     const std::lock_guard lock(mutex_);
     if (step_ == Step::kOver) return;
-    step_ = Step::kAnswering;
+    step_ = ok ? Step::kAnswering : Step::kOver;
   }
+  if (!ok) return Finish(grpc::Status::OK);  // the caller asks no more
   const bool at_once =
       question_.has_configurations() && AnsweredAtOnce(serving_, question_.configurations());
   if (at_once) return Work([this] { return AnswerQuestion(); });
@@ -73,14 +63,14 @@ void CheckStream::Work(const std::function<grpc::Status()>& answer) {
 
 void CheckStream::OnWriteDone(bool ok) {
   std::unique_lock lock(mutex_);
-  step_ = Step::kReading;
   if (ok && !ending_) {
+    step_ = Step::kReading;
     StartRead(&question_);
     return;
   }
-  const grpc::Status status = ok ? *ending_ : grpc::Status::CANCELLED;  // nobody listens any more
+  step_ = Step::kOver;
   lock.unlock();
-  Over(status);
+  Finish(ok ? *ending_ : grpc::Status::CANCELLED);  // not ok: nobody listens any more
 }
 
 void CheckStream::OnDone() {

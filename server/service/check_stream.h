@@ -31,6 +31,7 @@ class CheckStream final
   void End() override;
 
  private:
+  // Whoever makes it kOver, from kReading or at the end of kAnswering, finishes the call.
   enum class Step { kReading, kAnswering, kOver };
 
   void OnReadDone(bool ok) override;
@@ -41,8 +42,6 @@ class CheckStream final
   grpc::Status AnswerQuestion();
   // Sends what `answer` leaves in answer_, or its error.
   void Work(const std::function<grpc::Status()>& answer);
-  // Ends the call, unless it is over.
-  void Over(const grpc::Status& status);
 
   Serving& serving_;
   grpc::CallbackServerContext* const context_;

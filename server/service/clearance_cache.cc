@@ -28,6 +28,7 @@ std::shared_ptr<const ClearanceSpace> ClearanceCache::Get(
                                 return bytes > bytes_;
                               }),
                  entries_.end());
+  if (entries_.size() > kEntries) entries_.pop_back();
   return entries_.front().space;
 }
 

@@ -19,7 +19,8 @@ class ClearanceCache {
 
   // `verdicts`: the map of the scene under the policy; tiles are worked out when they are asked
   // for. Throws as ClearanceSpace does. May be called from any thread. Those that were asked for
-  // last are kept as far as memory allows, the last one in any case, and only those of one scene.
+  // last are kept, a few, as far as memory allows, the last one in any case, and only those of one
+  // scene.
   std::shared_ptr<const ClearanceSpace> Get(
       const Served& served, const Policy& policy,
       const std::shared_ptr<const ConfigurationSpace>& verdicts, const std::vector<double>& levels);
@@ -29,6 +30,8 @@ class ClearanceCache {
     SharedScene scene;
     std::shared_ptr<const ClearanceSpace> space;
   };
+
+  static constexpr size_t kEntries = 16;
 
   const uint64_t bytes_;
   std::mutex mutex_;

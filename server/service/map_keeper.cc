@@ -86,10 +86,16 @@ void MapKeeper::WorkOut(uint64_t version, const std::stop_token& stop) {
     // The first time to the end: else scenes that come fast would keep the map from being shared.
     time = std::max(time, kLeastShareTime);
     bool whole = WorkOutTiles(*space, EndOf(time), /*singly=*/true, [] { return false; });
+    // What has been withdrawn meanwhile is not told any more: the next change is known already.
+    const auto withdrawn = [&] {
+      return scenes_.database() != served.database || scenes_.Revoked(*served.regions);
+    };
+    if (withdrawn()) return;
     Share(served, policy, space.get(), blocked);
     while (!whole && !outdated()) {
       time *= 2;
       whole = WorkOutTiles(*space, EndOf(time), /*singly=*/true, outdated);
+      if (withdrawn()) return;
       Share(served, policy, space.get(), blocked);
     }
   } catch (const std::exception&) {

@@ -28,6 +28,7 @@ struct Serving {
         region_log(scenes, settings.clock),
         watches(scenes, settings.scene, settings.clock),
         map_keeper(std::make_shared<MapKeeper>(settings, scenes, spaces, std::move(shared_map))),
+        watch_workers(settings.worker_threads, settings.worker_queue),
         workers(settings.worker_threads, settings.worker_queue) {
     if (map_keeper->needed()) watches.Add(map_keeper);
   }
@@ -39,7 +40,9 @@ struct Serving {
   ClearanceCache clearances;
   WatchHub watches;
   std::shared_ptr<MapKeeper> map_keeper;
-  WorkerPool workers;  // last: its tasks use the others
+  // Their tasks use the others. Watches have their own, so that they do not hold up scenes.
+  WorkerPool watch_workers;
+  WorkerPool workers;
 };
 
 // Finishes a call with what `work` returns, at once.

@@ -26,6 +26,10 @@ struct ServingSettings {
   // Where the map of the default policy is shared with clients on the same machine; the clock must
   // then be SystemClock.
   SharedMapSettings shared_map;
+  // A watch whose caller does not take an update for so long is ended: it keeps the update's scene
+  // and database alive.
+  absl::Duration longest_write = absl::Seconds(30);
+  // For calls, and as many for watches.
   int worker_threads = 2;
   // Tasks that may wait for a worker thread; more are turned away.
   size_t worker_queue = 256;

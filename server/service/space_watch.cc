@@ -27,6 +27,7 @@ absl::StatusOr<bool> SpaceWatch::Prepare() {
   v1::WatchConfigurationSpaceResponse first;
   absl::Duration valid_for;
   const Reason blocked = Conclude(serving(), served, *policy, first.mutable_basis(), &valid_for);
+  if (serving().scenes.database() != served.database) return Prepare();  // it was replaced
   const WatchedState state(served, blocked);
   if (state == told_of_) return false;
   if (state.database != told_of_.database) {

@@ -57,10 +57,10 @@ void WatchHub::Run(const std::stop_token& stop) {
   while (!stop.stop_requested()) {
     try {
       Look();
-      seen = scenes_.WaitForChange(seen, kPeriod, stop);
     } catch (const std::exception& error) {
       spdlog::error("internal error: {}", error.what());
     }
+    seen = scenes_.WaitForChange(seen, kPeriod, stop);
   }
 }
 

@@ -5,6 +5,7 @@
 #include <grpcpp/support/server_callback.h>
 
 #include <algorithm>
+#include <chrono>
 #include <cstdint>
 #include <memory>
 #include <mutex>
@@ -27,6 +28,8 @@ inline uint64_t ScenesSkipped(uint64_t last, uint64_t now) {
 // has been taken by the transport: a caller who reads slowly holds back nobody, and has at most one
 // update waiting. The next one is of the newest scene then.
 //
+// Who does not take a part for ServingSettings::longest_write is cut off.
+//
 // Keeps itself alive until the call is over.
 template <typename Response>
 class WatchWriter : public grpc::ServerWriteReactor<Response>,
@@ -46,6 +49,7 @@ class WatchWriter : public grpc::ServerWriteReactor<Response>,
   void Tell(uint64_t version) final {
     std::unique_lock lock(mutex_);
     told_ = std::max(told_, version);
+    if (step_ == Step::kWriting && Clock::now() > write_end_) context_->TryCancel();
     GoOn(lock);
   }
 
@@ -65,6 +69,7 @@ class WatchWriter : public grpc::ServerWriteReactor<Response>,
   bool cancelled() const { return context_->IsCancelled(); }
 
  private:
+  using Clock = std::chrono::steady_clock;
   enum class Step { kWaiting, kWorking, kWriting, kOver };
 
   // What the call is to end with; it goes on until it waits.
@@ -84,7 +89,7 @@ class WatchWriter : public grpc::ServerWriteReactor<Response>,
     } else if (told_ != done_) {
       // If too much waits already, the hub's next word comes soon.
       const bool accepted =
-          serving_.workers.Run([self = this->shared_from_this()] { self->Work(); });
+          serving_.watch_workers.Run([self = this->shared_from_this()] { self->Work(); });
       if (accepted) step_ = Step::kWorking;
     }
   }
@@ -107,11 +112,12 @@ class WatchWriter : public grpc::ServerWriteReactor<Response>,
     step_ = Step::kWaiting;
     if (!something || ending_) return GoOn(lock);
     step_ = Step::kWriting;
-    lock.unlock();
-    Write();
+    Write(lock);
   }
 
-  void Write() {
+  void Write(std::unique_lock<std::mutex>& lock) {
+    write_end_ = Clock::now() + absl::ToChronoNanoseconds(serving_.settings.longest_write);
+    lock.unlock();
     message_.Clear();
     more_ = NextPart(message_);
     this->StartWrite(&message_);
@@ -120,10 +126,7 @@ class WatchWriter : public grpc::ServerWriteReactor<Response>,
   void OnWriteDone(bool ok) final {
     std::unique_lock lock(mutex_);
     if (!ok && !ending_) ending_ = grpc::Status::CANCELLED;  // nobody listens any more
-    if (more_ && !ending_) {
-      lock.unlock();
-      return Write();
-    }
+    if (more_ && !ending_) return Write(lock);
     step_ = Step::kWaiting;
     GoOn(lock);
   }
@@ -141,6 +144,7 @@ class WatchWriter : public grpc::ServerWriteReactor<Response>,
   bool more_ = false;
   std::mutex mutex_;
   Step step_ = Step::kWaiting;
+  Clock::time_point write_end_;
   uint64_t told_ = 0;
   std::optional<uint64_t> done_;
   std::optional<grpc::Status> ending_;

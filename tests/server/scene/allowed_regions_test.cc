@@ -201,6 +201,21 @@ TEST_F(AllowedRegionTest, ThatEndsWhileAVerdictIsMadeTakesItBack) {
             Reason::kRegionEnded);
 }
 
+TEST_F(AllowedRegionTest, ThatWasRevokedOrMovedIsKnownToBe) {
+  ASSERT_TRUE(Allow("part", BlockPixels(3), absl::Seconds(10)).ok());
+  const auto taken = store_.Newest(kNow).regions;
+  EXPECT_FALSE(store_.Revoked(*taken));
+  ASSERT_TRUE(Allow("other", BlockPixels(1), absl::Seconds(10)).ok());
+  ASSERT_TRUE(Allow("part", BlockPixels(3), absl::Seconds(20)).ok());
+  EXPECT_FALSE(store_.Revoked(*taken)) << "it only lasts longer";
+  ASSERT_TRUE(Allow("part", BlockPixels(3, 2), absl::Seconds(20)).ok());
+  EXPECT_TRUE(store_.Revoked(*taken));
+  const auto moved = store_.Newest(kNow).regions;
+  EXPECT_FALSE(store_.Revoked(*moved));
+  EXPECT_TRUE(store_.Revoke("part", kNow));
+  EXPECT_TRUE(store_.Revoked(*moved));
+}
+
 TEST_F(AllowedRegionTest, IsNamedForEveryPathThatLeadsThroughIt) {
   Publish(SceneWithBlock(3));
   ASSERT_TRUE(Allow("part", BlockPixels(3), absl::Seconds(10)).ok());

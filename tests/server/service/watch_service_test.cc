@@ -5,6 +5,7 @@
 #include <map>
 #include <thread>
 
+#include "server/service/answers.h"
 #include "tests/server/service/test_server.h"
 #include "tests/server/service/watching.h"
 
@@ -203,6 +204,28 @@ TEST_F(WatchServiceTest, PathWithoutWaypointsEndsTheCall) {
   EXPECT_EQ(status.error_message(), "waypoints: a path has at least one");
 }
 
+TEST(Conclude, RegionRevokedWhileAnAnswerIsMadeTakesItBack) {
+  const auto database = NewDatabase();
+  TestClock clock;
+  ServingSettings settings;
+  settings.clock = clock.clock();
+  Serving serving(database, settings, nullptr);
+  absl::StatusOr<Scene> scene = MakeScene(*database, SceneWithBlock(3), {}, {}, clock.clock()());
+  ASSERT_TRUE(serving.scenes.Publish(*std::move(scene), database).ok());
+  std::vector<std::optional<Mask>> pixels;
+  for (int view = 0; view < 3; ++view) pixels.emplace_back(Block(view, 3));
+  const Moment now = clock.clock()();
+  ASSERT_TRUE(serving.scenes.Allow("part", pixels, absl::Milliseconds(500), now, database).ok());
+  const Served served = serving.scenes.Newest(now);
+  v1::Basis basis;
+  absl::Duration valid_for;
+  EXPECT_EQ(Conclude(serving, served, {}, &basis, &valid_for), Reason::kNone);
+  EXPECT_EQ(valid_for, absl::Milliseconds(500));
+  ASSERT_TRUE(serving.scenes.Revoke("part", now));
+  EXPECT_EQ(Conclude(serving, served, {}, &basis, &valid_for), Reason::kRegionEnded);
+  EXPECT_EQ(valid_for, absl::ZeroDuration());
+}
+
 // A database of which a block changes 1024 tiles: updates of a megabyte, more than a transport
 // takes unread.
 std::shared_ptr<const ServedDatabase> LargeDatabase() {
@@ -263,6 +286,22 @@ TEST(WatchBackPressure, SlowReaderSkipsToTheNewestSceneAndHoldsBackNobody) {
   }
   EXPECT_EQ(slow.free(), quick.free());
   EXPECT_GT(skipped, kScenes / 2);
+}
+
+TEST(WatchBackPressure, WhoTakesNothingIsCutOff) {
+  const auto database = LargeDatabase();
+  ServingSettings settings;
+  settings.longest_write = absl::Milliseconds(200);
+  TestServer server(database, settings);
+  server.Publish(InLargeDatabase(database->grid(), EmptyCellScene()));
+  SpaceWatching stalled(server);
+  stalled.Next();
+  for (int i = 0; i < 10; ++i) {
+    const SceneInput input = i % 2 == 0 ? SceneWithBlock(3) : EmptyCellScene();
+    server.Publish(InLargeDatabase(database->grid(), input));
+    std::this_thread::sleep_for(std::chrono::milliseconds(60));
+  }
+  EXPECT_EQ(stalled.Finish().error_code(), grpc::StatusCode::CANCELLED);
 }
 
 }  // namespace

@@ -75,6 +75,7 @@ TEST(WatchThreads, CallersComeAndGoWhileTheServerStops) {
         SpaceWatching space(server);
         PathWatching path(server, {At(0, 0), At(4, 0)});
         Asking asking(server);
+        asking.SendIfItCan(1, At(0, 0));
         if (i % 2 == 0) space.Cancel();
         const grpc::StatusCode code = space.Finish().error_code();
         EXPECT_TRUE(code == grpc::StatusCode::UNAVAILABLE || code == grpc::StatusCode::CANCELLED)

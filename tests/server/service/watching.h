@@ -97,6 +97,13 @@ class Asking {
     Set(q, request.mutable_configurations()->add_configurations());
     Send(request);
   }
+  // The server may be gone.
+  void SendIfItCan(uint64_t id, const Configuration& q) {
+    v1::StreamChecksRequest request;
+    request.set_id(id);
+    Set(q, request.mutable_configurations()->add_configurations());
+    stream_->Write(request);
+  }
   void Send(const v1::StreamChecksRequest& request) { EXPECT_TRUE(stream_->Write(request)); }
 
   v1::StreamChecksResponse Next() {
