@@ -25,9 +25,9 @@ namespace silhouette {
 // ServingSettings::map_time, tile by tile, where that is a look into the index. The rest, and other
 // policies, when they are asked for. Has a thread of its own.
 //
-// A shared map is told of every change as soon as that time is over, at the latest: configurations
-// that are not worked out then are unknown in it. It gets the rest while nothing newer comes, for
-// nobody else asks for it.
+// A shared map is told of every change as soon as that time is over, at the latest, and the tile
+// that is being tested singly then: configurations that are not worked out are unknown in it. It
+// gets the rest while nothing newer comes, for nobody else asks for it.
 class MapKeeper final : public Watcher {
  public:
   // All must outlive it. `shared`: null if there is no shared map.
