@@ -10,7 +10,9 @@ std::optional<int> MinViews(const Policy& policy, int views) {
   if (policy.min_views) return policy.min_views;
   if (views < 1) return std::nullopt;
   if (policy.preset != "uncalibrated") return views;
-  return std::max(1, views - std::min(policy.max_occluded_views.value_or(1), views));
+  // Not told: the server has a value of its own, whatever its default preset is.
+  if (!policy.max_occluded_views) return std::nullopt;
+  return std::max(1, views - std::min(*policy.max_occluded_views, views));
 }
 
 // Whether a view that shows no obstacle at any corner shows none at all of them together, as long

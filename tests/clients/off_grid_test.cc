@@ -25,7 +25,7 @@ client::State Same(State state) {
 // The policy as the server tells it.
 client::Policy Told(const Policy& policy) {
   client::Policy told{.preset = NameOf(policy.preset), .min_views = policy.min_views};
-  if (policy.preset == Preset::kUncalibrated && !policy.min_views) {
+  if (policy.preset == Preset::kUncalibrated) {
     told.max_occluded_views = policy.max_occluded_views;
   }
   told.off_grid =
@@ -85,9 +85,8 @@ struct Counts {
   int undecided = 0;
 };
 
-void ExpectTheServersWordOrUnknown(const CollisionTest& test, const Policy& policy, int views,
+void ExpectTheServersWordOrUnknown(const CollisionTest& test, const client::OffGridRule& rule,
                                    std::mt19937& random, Counts& counts) {
-  const client::OffGridRule rule = client::OffGridRuleOf(Told(policy), views);
   const auto state_at = [&](ConfigurationNumber number) {
     return Same(test.Check(number).state());
   };
@@ -137,13 +136,40 @@ TEST(OffGrid, MapSaysWhatTheServerSaysOrUnknown) {
                           .off_grid = off_grid};
             if (round % 3 != 0) policy.min_views = 1 + static_cast<int>(random() % 2) % views;
             const CollisionTest test(table, images, policy, {.bands = &bands});
-            ExpectTheServersWordOrUnknown(test, policy, views, random, counts);
+            const client::OffGridRule rule = client::OffGridRuleOf(Told(policy), views);
+            ExpectTheServersWordOrUnknown(test, rule, random, counts);
           }
         }
       }
     }
   }
   EXPECT_GT(counts.free_between, 100);
+  EXPECT_GT(counts.occupied_between, 100);
+  EXPECT_GT(counts.undecided, 100);
+}
+
+TEST(OffGrid, HowManyViewsMayHideAnObstacleIsNotGuessedWhereARequestNamesThePreset) {
+  const unsigned seed = std::random_device()();
+  std::cout << "seed " << seed << std::endl;
+  std::mt19937 random(seed);
+  Counts counts;
+  for (int round = 0; round < 400; ++round) {
+    const std::vector<MaskSize> sizes = RandomSizes(2, random);
+    const RobotImageTable table = TableWithGaps(sizes, random);
+    const ObstacleImages images = RandomObstacleImages(sizes, 0.03, random);
+    for (const Policy& defaults :
+         {Policy{.preset = Preset::kCalibrated, .max_occluded_views = 0},
+          Policy{.preset = Preset::kUncalibrated, .min_views = 1, .max_occluded_views = 0}}) {
+      // What the server makes of it.
+      Policy policy = defaults;
+      policy.preset = Preset::kUncalibrated;
+      policy.min_views.reset();
+      const client::OffGridRule rule = client::OffGridRuleOf(
+          client::Effective({.preset = "uncalibrated"}, Told(defaults)), /*views=*/2);
+      EXPECT_FALSE(rule.free_corners_suffice);
+      ExpectTheServersWordOrUnknown(CollisionTest(table, images, policy), rule, random, counts);
+    }
+  }
   EXPECT_GT(counts.occupied_between, 100);
   EXPECT_GT(counts.undecided, 100);
 }
@@ -158,7 +184,8 @@ TEST(OffGrid, FreeCornersSufficeWhereOneViewConvicts) {
   EXPECT_TRUE(suffice({.preset = "paper"}, 1));
   EXPECT_TRUE(suffice({.preset = "calibrated", .min_views = 1}, 4));
   EXPECT_TRUE(suffice({.preset = "paper-calibrated", .min_views = 1}, 4));
-  EXPECT_FALSE(suffice({.preset = "uncalibrated"}, 4));
+  EXPECT_FALSE(suffice({.preset = "uncalibrated", .max_occluded_views = 1}, 4));
+  EXPECT_FALSE(suffice({.preset = "uncalibrated", .min_views = 2, .max_occluded_views = 3}, 4));
   EXPECT_FALSE(suffice({.preset = "uncalibrated", .min_views = 2}, 4));
   EXPECT_FALSE(suffice({.preset = "paper"}, 4));
   EXPECT_FALSE(suffice({.preset = "calibrated", .min_views = 1, .errors_convict = true}, 4));
@@ -169,6 +196,7 @@ TEST(OffGrid, FreeCornersSufficeWhereOneViewConvicts) {
   EXPECT_FALSE(suffice({.preset = "of tomorrow", .min_views = 1}, 4));
   EXPECT_FALSE(suffice({}, 4));
   EXPECT_FALSE(suffice({.preset = "paper"}, 0));
+  EXPECT_FALSE(suffice({.preset = "uncalibrated"}, 2));
 }
 
 TEST(OffGrid, ReasonsSayWhyAMapIsNotEnough) {

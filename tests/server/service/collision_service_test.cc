@@ -386,5 +386,17 @@ TEST(GetDatabase, TellsWhatIsServed) {
   EXPECT_EQ(response.default_policy().off_grid(), v1::OFF_GRID_NEAREST);
 }
 
+TEST(GetDatabase, TellsHowManyViewsMayHideAnObstacleBesideMinViews) {
+  ServingSettings settings;
+  settings.policy = {.min_views = 1, .max_occluded_views = 0};
+  TestServer server(NewDatabase(), settings);
+  grpc::ClientContext context;
+  v1::GetDatabaseResponse response;
+  ASSERT_TRUE(server.database_service->GetDatabase(&context, {}, &response).ok());
+  EXPECT_EQ(response.default_policy().min_views(), 1);
+  EXPECT_TRUE(response.default_policy().has_max_occluded_views());
+  EXPECT_EQ(response.default_policy().max_occluded_views(), 0);
+}
+
 }  // namespace
 }  // namespace silhouette
