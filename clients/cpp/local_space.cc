@@ -109,7 +109,6 @@ class LocalSpace::Impl {
     SpaceAssembly assembly;
     ServerClock clock(connection_, timeout_, cancellation_);
     std::optional<OffGridRule> rule;
-    uint64_t rule_generation = 0;
     v1::WatchConfigurationSpaceResponse part;
     while (reader.Read(&part)) {
       const Clock::time_point received = Clock::now();
@@ -124,12 +123,10 @@ class LocalSpace::Impl {
         reason = Reason::kAgeUnknown;
         return made.status();
       }
-      const uint64_t generation = (*update)->basis.database_generation();
-      if (generation != rule_generation) rule.reset();
+      if ((*update)->whole) rule.reset();
       Take(**update, *made, rule);
       if (rule) continue;
-      rule = AskForRule(generation);
-      rule_generation = generation;
+      rule = AskForRule((*update)->basis.database_generation());
       if (rule) Publish([&](Content& content) { content.rule = rule; });
     }
     return absl::OkStatus();

@@ -36,7 +36,8 @@ absl::Status SpaceAssembly::Begin(const v1::WatchConfigurationSpaceResponse& fir
   if (first.whole() != first.has_grid()) {
     return absl::InternalError("a grid belongs to an update that is whole, and to no other");
   }
-  SpaceUpdate update{.basis = first.basis(), .skipped_scenes = first.skipped_scenes()};
+  SpaceUpdate update{
+      .basis = first.basis(), .whole = first.whole(), .skipped_scenes = first.skipped_scenes()};
   if (first.basis().scene_id() == 0) update.unknown = Reason::kNoScene;
   if (first.unknown_reason() != 0) update.unknown = FromMessage(first.unknown_reason());
   if (!update.unknown && !first.has_valid_for()) {

@@ -22,6 +22,8 @@ struct SpaceUpdate {
   std::optional<Reason> unknown = std::nullopt;
   // Counted from when it was made.
   absl::Duration valid_for = absl::ZeroDuration();
+  // The first of a stream, or the first of another database, which may have the same generation.
+  bool whole = false;
   uint64_t skipped_scenes = 0;
   uint64_t tiles_changed = 0;
   // What it leads to, whatever `unknown` says.

@@ -4,6 +4,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <atomic>
 #include <thread>
 
 #include "tests/clients/watched_space.h"
@@ -355,6 +356,42 @@ TEST(LocalSpace, OffTheGridAnswersByTheServersRule) {
   EXPECT_TRUE(cell.Check({0.5, 5.5}).free());
   EXPECT_EQ(cell.Check({0.5, 63.5}).state, State::kOccupied) << "a corner is";
   EXPECT_EQ(cell.Snapshot()->number(), 1u);
+}
+
+TEST(LocalSpace, OffTheGridAnotherDatabaseOfTheSameGenerationHasARuleOfItsOwn) {
+  WatchedServer server;
+  std::atomic<int> min_views = 1;
+  std::atomic<int> asked = 0;
+  server.fake.get_database = [&](auto&, auto&, v1::GetDatabaseResponse& response) {
+    ++asked;
+    response.set_generation(7);
+    Set(WatchedGrid(), response.mutable_grid());
+    response.add_views();
+    response.add_views();
+    response.mutable_default_policy()->set_preset("uncalibrated");
+    response.mutable_default_policy()->set_min_views(min_views);
+    response.mutable_default_policy()->set_off_grid(v1::OFF_GRID_CELL);
+    return grpc::Status::OK;
+  };
+  const LocalSpace space(ClientOf(server));
+  server.Send(FirstUpdate(BasisOf(3)));
+  space.WaitForUpdate(0, kLong);
+  for (int i = 0; i < 1000 && !space.Check({0.5, 5.5}).free(); ++i) {
+    std::this_thread::sleep_for(std::chrono::milliseconds(5));  // until it has asked for the rule
+  }
+  EXPECT_TRUE(space.Check({0.5, 5.5}).free());
+  server.Send(Update(BasisOf(4)));
+  space.WaitForUpdate(1, kLong);
+  EXPECT_TRUE(space.Check({0.5, 5.5}).free()) << "of the same database";
+  min_views = 2;
+  server.Send(FirstUpdate(BasisOf(5)));
+  space.WaitForUpdate(2, kLong);
+  EXPECT_EQ(space.Check({0.5, 5.5}).reason, Reason::kBetweenGridPoints);
+  for (int i = 0; i < 1000 && asked < 2; ++i) {
+    std::this_thread::sleep_for(std::chrono::milliseconds(5));
+  }
+  EXPECT_EQ(asked, 2);
+  EXPECT_EQ(space.Check({0.5, 5.5}).reason, Reason::kBetweenGridPoints);
 }
 
 TEST(LocalSpace, OffTheGridNothingIsKnownWithoutTheServersRule) {

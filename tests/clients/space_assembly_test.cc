@@ -46,6 +46,7 @@ TEST(SpaceAssembly, IsReadAsItWasSent) {
   EXPECT_EQ(update.valid_for, absl::Minutes(1));
   EXPECT_EQ(update.skipped_scenes, 2u);
   EXPECT_EQ(update.tiles_changed, 3u);
+  EXPECT_TRUE(update.whole);
   EXPECT_EQ(update.map->grid, WatchedGrid());
   EXPECT_EQ(update.map->StateAt(kInTile[0]), State::kFree);
   EXPECT_EQ(update.map->StateAt(kInTile[1]), State::kOccupied);
@@ -75,6 +76,7 @@ TEST(SpaceAssembly, LaterUpdateChangesOnlyTheTilesThatItSends) {
   SpacePart part = Update(BasisOf(6));
   AddTile(part, 0, false);
   const SpaceUpdate after = Complete(assembly, part);
+  EXPECT_FALSE(after.whole);
   EXPECT_EQ(after.map->StateAt(kInTile[0]), State::kOccupied);
   EXPECT_EQ(after.map->StateAt(kInTile[2]), State::kFree);
   EXPECT_EQ(before.map->StateAt(kInTile[0]), State::kFree) << "a map never changes";
