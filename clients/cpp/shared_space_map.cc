@@ -28,11 +28,12 @@ SharedSpace::Map::Map(std::string path, std::unique_ptr<SharedMapFile> file, abs
       max_age_(absl::ToInt64Nanoseconds(max_age)) {}
 
 absl::Status SharedSpace::Map::Describe() {
-  if (reader_.clock() != shared_map::ClockId::Ours()) {
+  if (!reader_.clock().SameAs(shared_map::ClockId::Ours())) {
     return absl::FailedPreconditionError(absl::StrCat(
         "nothing tells how old the shared map '", path_,
-        "' is: it was written before this machine was last started, on another machine, or in "
-        "another time namespace; start silhouette-server anew, beside this program"));
+        "' is: it was written before this machine was last started, on another machine, in another "
+        "time namespace, or where /proc/sys/kernel/random/boot_id cannot be read; start "
+        "silhouette-server anew, beside this program"));
   }
   const auto damaged = [&] {
     return absl::InvalidArgumentError(

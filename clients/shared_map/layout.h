@@ -10,7 +10,8 @@
 //   word 3      number of tiles of the grid
 //   word 4, 5   offset in bytes and size in bytes of the description
 //   word 6, 7   offset in bytes of buffer 0, and from it to buffer 1
-//   word 8, 9   the machine's boot: the 16 bytes of /proc/sys/kernel/random/boot_id in their order
+//   word 8, 9   the machine's boot: the 16 bytes of /proc/sys/kernel/random/boot_id in their order;
+//               all zero: it is not known, and no reader can tell how old the states are
 //   word 10     the time namespace: the number of the file /proc/self/ns/time; 0: there is none
 //   word 16     0, or the map is closed: 1: the server stopped; 2: another file takes its place
 //   word 17     number of the newest update, 0: none yet. Buffer number % 2 has it.
@@ -110,13 +111,18 @@ struct Layout {
   bool operator==(const Layout&) const = default;
 };
 
-// Whose instants CLOCK_MONOTONIC counts: those of two processes can be compared if this is equal.
+// Whose instants CLOCK_MONOTONIC counts.
 struct ClockId {
   uint64_t boot[2] = {0, 0};
   uint64_t time_namespace = 0;
 
-  // Of this process. All zero where the kernel does not tell.
+  // Of this process. The boot is zero where the kernel does not tell.
   static ClockId Ours();
+
+  // Whether instants of the two can be compared: they are equal, and of a boot that is known.
+  bool SameAs(const ClockId& other) const {
+    return *this == other && (boot[0] != 0 || boot[1] != 0);
+  }
 
   bool operator==(const ClockId&) const = default;
 };

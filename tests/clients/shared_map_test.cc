@@ -331,6 +331,19 @@ TEST(SharedMap, ClockOfThisMachineIsKnown) {
   const ClockId ours = ClockId::Ours();
   EXPECT_EQ(ours, ClockId::Ours());
   EXPECT_NE(ours.boot[0] | ours.boot[1], 0u);
+  EXPECT_TRUE(ours.SameAs(ClockId::Ours()));
+}
+
+TEST(SharedMap, ClockOfAnUnknownBootIsTheSameAsNoOther) {
+  const ClockId unknown{.boot = {0, 0}, .time_namespace = 9};
+  EXPECT_FALSE(unknown.SameAs(unknown));
+  EXPECT_FALSE(ClockId{}.SameAs(ClockId{}));
+  EXPECT_FALSE(unknown.SameAs(kClock));
+  EXPECT_FALSE(kClock.SameAs(unknown));
+  EXPECT_TRUE(kClock.SameAs(kClock));
+  const ClockId half{.boot = {0, 8}, .time_namespace = 9};
+  EXPECT_TRUE(half.SameAs(half));
+  EXPECT_FALSE(half.SameAs(kClock));
 }
 
 }  // namespace

@@ -210,6 +210,11 @@ TEST_F(SharedMapFileTest, DamagedIsRefused) {
     EXPECT_EQ(status.code(), absl::StatusCode::kFailedPrecondition);
     EXPECT_THAT(std::string(status.message()), HasSubstr("nothing tells how old"));
   }
+  const absl::Status nowhere = broken([&] {
+    for (const size_t word : {8, 9, 10}) Poke(word, 0);
+  });
+  EXPECT_EQ(nowhere.code(), absl::StatusCode::kFailedPrecondition);
+  EXPECT_THAT(std::string(nowhere.message()), HasSubstr("boot_id cannot be read"));
   const auto cut = [&](off_t size) {
     return broken([&] { ASSERT_EQ(truncate(file_.c_str(), size), 0); });
   };
