@@ -43,10 +43,11 @@ Verdict SharedSpace::Check(std::span<const double> q, Basis* basis) const {
   std::string names;
   const Map::Look look = map_->Newest([&](const Map::Update& update) {
     verdict = map_->VerdictIn(update, q);
-    if (basis != nullptr) names = update.names();
+    names = update.names();
   });
   if (basis != nullptr) *basis = map_->BasisOf(look, names);
   if (!look.usable()) return {.reason = look.unknown};
+  verdict.regions = Map::RegionsIn(names);
   return verdict;
 }
 
@@ -61,7 +62,9 @@ ConfigurationChecks SharedSpace::CheckConfigurations(
   });
   if (!look.usable()) {
     checks.verdicts.assign(configurations.size(), Verdict{.reason = look.unknown});
+    return checks;
   }
+  for (Verdict& verdict : checks.verdicts) verdict.regions = checks.basis.regions;
   return checks;
 }
 

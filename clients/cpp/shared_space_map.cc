@@ -79,8 +79,12 @@ Basis SharedSpace::Map::BasisOf(const Look& look, const std::string& names) cons
   basis.scene_id = look.stamp.scene;
   basis.scene_time = absl::FromUnixNanos(look.stamp.scene_time);
   basis.scene_age = absl::Nanoseconds(look.now) - absl::Nanoseconds(look.stamp.taken);
-  basis.regions = absl::StrSplit(names, '\n', absl::SkipEmpty());
+  basis.regions = RegionsIn(names);
   return basis;
+}
+
+std::vector<std::string> SharedSpace::Map::RegionsIn(const std::string& names) {
+  return absl::StrSplit(names, '\n', absl::SkipEmpty());
 }
 
 }  // namespace silhouette::client

@@ -93,6 +93,8 @@ class SharedSpace::Map {
   KeptStates Copied(const Update& update) const;
 
   Basis BasisOf(const Look& look, const std::string& names) const;
+  // `names`: of an Update.
+  static std::vector<std::string> RegionsIn(const std::string& names);
 
   // The state of a configuration; `states`: an Update, or KeptStates.
   template <typename States>

@@ -249,18 +249,26 @@ TEST_F(SharedMapTest, EndsWithAnAllowedRegion) {
   std::vector<std::optional<Mask>> pixels;
   for (int view = 0; view < 3; ++view) pixels.emplace_back(Block(view, 3));
   client::Basis basis;
+  client::Verdict verdict;
+  client::ConfigurationChecks checks;
   ASSERT_TRUE(WaitUntil([&] {
     const auto allowed = publisher.store().Allow("part", pixels, absl::Milliseconds(400),
                                                  SystemClock(), publisher.store().database());
     EXPECT_TRUE(allowed.ok()) << allowed.status();
     publisher.Tell();
-    return space.Check(At(3, 4), &basis).free();
+    verdict = space.Check(At(3, 4), &basis);
+    checks = space.CheckConfigurations(std::vector<Configuration>{At(3, 4)});
+    return verdict.free() && checks.verdicts[0].free();
   }));
   EXPECT_THAT(basis.regions, ElementsAre("part"));
+  EXPECT_THAT(verdict.regions, ElementsAre("part"));
+  EXPECT_THAT(checks.verdicts[0].regions, ElementsAre("part"));
   ASSERT_TRUE(WaitUntil([&] { return !space.Check(At(3, 4)).free(); }));
   EXPECT_EQ(space.unknown_reason(), client::Reason::kRegionEnded);
   publisher.Tell();
-  EXPECT_EQ(space.Check(At(3, 4), &basis).state, client::State::kOccupied);
+  verdict = space.Check(At(3, 4), &basis);
+  EXPECT_EQ(verdict.state, client::State::kOccupied);
+  EXPECT_THAT(verdict.regions, IsEmpty());
   EXPECT_THAT(basis.regions, IsEmpty());
 }
 
