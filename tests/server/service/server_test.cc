@@ -279,5 +279,30 @@ TEST(Server, ReflectsItsServices) {
   }
 }
 
+TEST(ServerStreams, SilentOneLastsWhileItsClientAsksForSignsOfLife) {
+  TestServer server(NewDatabase());
+  grpc::ChannelArguments arguments;
+  arguments.SetInt(GRPC_ARG_KEEPALIVE_TIME_MS, 200);  // gRPC makes a second of it
+  arguments.SetInt(GRPC_ARG_HTTP2_MAX_PINGS_WITHOUT_DATA, 0);
+  const auto collision = v1::CollisionService::NewStub(grpc::CreateCustomChannel(
+      server.server->address(), grpc::InsecureChannelCredentials(), arguments));
+  grpc::ClientContext context;
+  const auto stream = collision->StreamChecks(&context);
+  v1::StreamChecksRequest question;
+  Set(At(0, 0), question.mutable_configurations()->add_configurations());
+  v1::StreamChecksResponse answer;
+  ASSERT_TRUE(stream->Write(question));
+  ASSERT_TRUE(stream->Read(&answer));
+  std::thread asks_later([&] {
+    std::this_thread::sleep_for(std::chrono::seconds(6));
+    stream->Write(question);
+    stream->WritesDone();
+  });
+  EXPECT_TRUE(stream->Read(&answer));
+  asks_later.join();
+  const grpc::Status end = stream->Finish();
+  EXPECT_TRUE(end.ok()) << end.error_message();
+}
+
 }  // namespace
 }  // namespace silhouette
