@@ -4,6 +4,7 @@
 #include <grpcpp/health_check_service_interface.h>
 #include <grpcpp/server_builder.h>
 
+#include <algorithm>
 #include <chrono>
 #include <utility>
 
@@ -79,7 +80,9 @@ void Server::ReplaceDatabase(std::shared_ptr<const ServedDatabase> database) {
 void Server::Stop(absl::Duration grace) {
   server_->GetHealthCheckService()->SetServingStatus(false);
   serving_.watches.Close();
-  server_->Shutdown(std::chrono::system_clock::now() + absl::ToChronoNanoseconds(grace));
+  // No moment of the clock is further away than that.
+  const absl::Duration bounded = std::min(grace, absl::Hours(24));
+  server_->Shutdown(std::chrono::system_clock::now() + absl::ToChronoNanoseconds(bounded));
   server_->Wait();
   server_.reset();
 }

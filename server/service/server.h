@@ -36,7 +36,7 @@ class Server {
   void ReplaceDatabase(std::shared_ptr<const ServedDatabase> database);
 
   // Takes no more calls and waits for those in flight; what is not finished after `grace` is
-  // cancelled. May be called once.
+  // cancelled, after a day at the latest. May be called once.
   void Stop(absl::Duration grace);
 
  private:
