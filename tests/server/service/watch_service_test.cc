@@ -291,7 +291,7 @@ TEST(WatchBackPressure, SlowReaderSkipsToTheNewestSceneAndHoldsBackNobody) {
 TEST(WatchBackPressure, WhoTakesNothingIsCutOff) {
   const auto database = LargeDatabase();
   ServingSettings settings;
-  settings.longest_write = absl::Milliseconds(200);
+  settings.longest_write = absl::Seconds(2);
   TestServer server(database, settings);
   server.Publish(InLargeDatabase(database->grid(), EmptyCellScene()));
   SpaceWatching stalled(server);
@@ -301,6 +301,7 @@ TEST(WatchBackPressure, WhoTakesNothingIsCutOff) {
     server.Publish(InLargeDatabase(database->grid(), input));
     std::this_thread::sleep_for(std::chrono::milliseconds(60));
   }
+  std::this_thread::sleep_for(std::chrono::seconds(3));
   EXPECT_EQ(stalled.Finish().error_code(), grpc::StatusCode::CANCELLED);
 }
 
