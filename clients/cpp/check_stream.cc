@@ -85,11 +85,12 @@ absl::Status CheckStream::Impl::Send(const v1::StreamChecksRequest& question) {
   {
     const std::lock_guard lock(mutex_);
     if (ended_) return *ended_;
-    if (unanswered_.size() + answers_.size() >= kMostUnanswered) {
+    if (not_received_ >= kMostUnanswered) {
       return absl::ResourceExhaustedError(absl::StrCat(
           "there are ", kMostUnanswered, " questions whose answers were not received"));
     }
     unanswered_.push_back(sent);
+    ++not_received_;
     first = !std::exchange(begun_, true);
   }
   if (first) Begin();
@@ -114,6 +115,7 @@ absl::StatusOr<StreamedAnswer> CheckStream::Impl::Receive() {
   if (answers_.empty()) return *ended_;
   StreamedAnswer answer = std::move(answers_.front());
   answers_.pop_front();
+  --not_received_;
   return answer;
 }
 

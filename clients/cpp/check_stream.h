@@ -55,6 +55,7 @@ class CheckStream::Impl {
   bool begun_ = false;  // there is a call, or will be at once
   std::deque<Question> unanswered_;
   std::deque<StreamedAnswer> answers_;  // that were not received
+  size_t not_received_ = 0;             // questions, answered or not
   std::optional<absl::Status> ended_;
   std::jthread reader_;  // last: it uses the others
 };

@@ -135,9 +135,9 @@ absl::Status WatchPathOnce(const Client& client, const std::vector<Configuration
       const client::PathCheck& check = update->check;
       Json json = JsonOf(check, arguments.clearance);
       json["skipped_scenes"] = update->skipped_scenes;
-      lines.PrintUpdate(absl::StrCat(Spoken(check.basis), ": ", Spoken(check),
-                                     Skipped(update->skipped_scenes)),
-                        json);
+      lines.PrintUpdate(
+          absl::StrCat(Spoken(check.basis), ": ", Spoken(check), Skipped(update->skipped_scenes)),
+          json);
       relied_on = check.verdict.free() ? std::optional(*update) : std::nullopt;
     } else if (!absl::IsDeadlineExceeded(update.status())) {
       return update.status();
