@@ -23,6 +23,14 @@ const std::map<std::string, Layer>& Layers() {
       {"mask", {{}, {}}},
       {"camera", {{}, {"Eigen"}}},
       {"calibration", {{"camera", "proto_storage", "yaml"}, {"Eigen", "yaml-cpp"}}},
+      {"tags", {{"yaml"}, {"Eigen", "yaml-cpp"}}},
+      {"board_print", {{"tags"}, {"apriltag", "cairo"}}},
+      {"detection", {{"tags", "camera"}, {"Eigen", "opencv2", "apriltag"}}},
+      {"intrinsics",
+       {{"tags", "camera", "calibration", "proto_storage", "yaml"},
+        {"Eigen", "opencv2", "mrcal", "yaml-cpp"}}},
+      {"poses", {{"tags", "camera", "kinematics", "yaml"}, {"Eigen", "opencv2", "ceres"}}},
+      {"fundamental", {{"tags", "camera", "yaml"}, {"Eigen", "opencv2", "ceres"}}},
       {"kinematics", {{}, {"Eigen", "urdf_parser", "urdf_model", "assimp"}}},
       {"index", {{"mask"}, {}}},
       {"store", {{"mask", "index", "proto_storage"}, {"lmdb.h", "lz4.h", "xxhash.h"}}},
@@ -38,7 +46,9 @@ const std::map<std::string, Layer>& Layers() {
       {"devices", {{"mask"}, {}}},
       {"capture",
        {{"devices", "mask", "store", "proto_storage", "segmentation", "kinematics"}, {"opencv2"}}},
-      {"sim", {{"devices", "camera", "kinematics", "mask", "yaml"}, {"Eigen", "embree3", "fcl"}}},
+      {"sim",
+       {{"devices", "camera", "kinematics", "mask", "yaml", "tags"},
+        {"Eigen", "embree3", "fcl", "apriltag"}}},
       {"shared_map", {{}, {}}},
       {"client", {{"mask", "proto", "shared_map"}, {"grpcpp", "grpc"}}},
       {"planners", {{"mask"}, {}}},
@@ -65,8 +75,9 @@ const std::map<std::string, Layer>& Layers() {
 // Libraries that only the layers named above may include. Everything else (the standard library,
 // absl, nlohmann) is for all but the pure core.
 const std::set<std::string> kHeavy = {
-    "Eigen", "urdf_parser", "urdf_model", "lmdb.h", "lz4.h", "xxhash.h", "opencv2",  "grpcpp",
-    "grpc",  "spdlog",      "embree3",    "assimp", "fcl",   "CLI",      "yaml-cpp", "prometheus"};
+    "Eigen",    "urdf_parser", "urdf_model", "lmdb.h",  "lz4.h",  "xxhash.h", "opencv2",
+    "grpcpp",   "grpc",        "spdlog",     "embree3", "assimp", "fcl",      "CLI",
+    "yaml-cpp", "prometheus",  "apriltag",   "cairo",   "mrcal",  "ceres"};
 const std::set<std::string> kPureCore = {"mask", "index", "camera", "collision", "shared_map"};
 
 // The layer of a file, by its path from the project's root; "" for a program, which sits on top of
@@ -83,6 +94,13 @@ std::string LayerOf(const std::string& path) {
       {"calib/calibration_", "calibration"},
       {"calib/epipolar_", "camera"},
       {"calib/pixels_per_metre.", "camera"},
+      {"calib/tags/", "tags"},
+      {"calib/board_print/", "board_print"},
+      {"calib/detection/", "detection"},
+      {"calib/intrinsics/", "intrinsics"},
+      {"calib/poses/", "poses"},
+      {"calib/fundamental/", "fundamental"},
+      {"calib/program/", ""},
       {"calib/", "kinematics"},
       {"server/collision/", "collision"},
       {"server/scene/", "scene"},

@@ -1,0 +1,12 @@
+// The commands of silhouette-calibrate. Each adds itself to the program and sets `run` when it is
+// chosen.
+#pragma once
+
+#include <CLI/CLI.hpp>
+#include <functional>
+
+namespace silhouette {
+
+using Run = std::function<int()>;
+
+}  // namespace silhouette

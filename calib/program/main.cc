@@ -1,0 +1,17 @@
+// silhouette-calibrate: from images of AprilTags to cameras one can trust.
+#include <CLI/CLI.hpp>
+
+#include "calib/program/commands.h"
+#include "tools/program/program.h"
+
+int main(int argc, char** argv) {
+  CLI::App app("Finds lenses, poses and fundamental matrices of a cell's cameras from AprilTags.",
+               "silhouette-calibrate");
+  app.require_subcommand(1);
+  app.footer(
+      "Exit codes: 0 done, 1 the answer is no or the check failed, 2 a mistake in the arguments or "
+      "files,\n"
+      "3 the world failed.");
+  silhouette::Run run;
+  return silhouette::RunProgram(app, argc, argv, [&] { return run(); });
+}

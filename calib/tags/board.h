@@ -1,0 +1,49 @@
+// Board: AprilTags in a grid on a plane, or a single tag. A plain value once it is made.
+//
+// The board's frame is that of its print: the origin at the top left corner of the first tag, x to
+// the right, y down, z into the paper; metres. A tag's corners are those that detection finds - for
+// the families with a ring of data around the border (tagStandard41h12, ...) the border's outer
+// edge, not the print's - in AprilTag's order: bottom left, bottom right, top right, top left.
+#pragma once
+
+#include <Eigen/Core>
+#include <array>
+#include <cstddef>
+#include <string>
+
+namespace silhouette {
+
+using TagCorners = std::array<Eigen::Vector3d, 4>;
+
+struct BoardDescription {
+  std::string name;                         // what messages and files call it
+  std::string family = "tagStandard41h12";  // the AprilTag library's name of it
+  int rows = 1;                             // of tags
+  int columns = 1;
+  double tag_size = 0;  // from corner to corner, metres
+  double gap = 0;       // between corners of neighbours; 0 for a single tag
+  int first_id = 0;     // ids go row by row from here
+};
+
+class Board {
+ public:
+  // Throws std::invalid_argument: no name, no row or column, a size that is not positive, several
+  // tags without a gap, a negative id.
+  explicit Board(BoardDescription description);
+
+  const BoardDescription& description() const { return description_; }
+  int tags() const { return description_.rows * description_.columns; }
+
+  bool HasTag(int id) const;
+  // Throws std::out_of_range if the board does not have the tag.
+  TagCorners CornersOf(int id) const;
+
+  // Whether all corners together are one regular lattice, 2 * rows by 2 * columns, as mrcal wants
+  // them.
+  bool IsLattice() const;
+
+ private:
+  BoardDescription description_;
+};
+
+}  // namespace silhouette
