@@ -1,10 +1,16 @@
 #include "calib/tags/board.h"
 
 #include <cmath>
+#include <limits>
 #include <stdexcept>
 #include <utility>
 
 namespace silhouette {
+namespace {
+
+constexpr int kMostTags = 1'000'000;
+
+}  // namespace
 
 Board::Board(BoardDescription description) : description_(std::move(description)) {
   const BoardDescription& d = description_;
@@ -14,10 +20,12 @@ Board::Board(BoardDescription description) : description_(std::move(description)
   require(!d.name.empty(), "a board needs a name");
   require(!d.family.empty(), "a board needs a tag family");
   require(d.rows > 0 && d.columns > 0, "there must be at least one row and one column of tags");
+  require(d.rows <= kMostTags / d.columns, "there are too many tags");
   require(std::isfinite(d.tag_size) && d.tag_size > 0, "tag_size must be positive");
   require(tags() == 1 || (std::isfinite(d.gap) && d.gap > 0),
           "the gap between tags must be positive");
   require(d.first_id >= 0, "first_id must not be negative");
+  require(d.first_id <= std::numeric_limits<int>::max() - kMostTags, "first_id is too large");
 }
 
 bool Board::HasTag(int id) const {

@@ -28,7 +28,7 @@ struct BoardDescription {
 class Board {
  public:
   // Throws std::invalid_argument: no name, no row or column, a size that is not positive, several
-  // tags without a gap, a negative id.
+  // tags without a gap, more than a million tags, a negative or immense id.
   explicit Board(BoardDescription description);
 
   const BoardDescription& description() const { return description_; }

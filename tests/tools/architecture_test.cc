@@ -23,7 +23,7 @@ const std::map<std::string, Layer>& Layers() {
       {"mask", {{}, {}}},
       {"camera", {{}, {"Eigen"}}},
       {"calibration", {{"camera", "proto_storage", "yaml"}, {"Eigen", "yaml-cpp"}}},
-      {"tags", {{"yaml"}, {"Eigen", "yaml-cpp"}}},
+      {"tags", {{"yaml"}, {"Eigen", "yaml-cpp", "apriltag"}}},
       {"board_print", {{"tags"}, {"apriltag", "cairo"}}},
       {"detection", {{"tags", "camera"}, {"Eigen", "opencv2", "apriltag"}}},
       {"intrinsics",
