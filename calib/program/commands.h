@@ -9,4 +9,6 @@ namespace silhouette {
 
 using Run = std::function<int()>;
 
+void AddBoardCommand(CLI::App& program, Run& run);
+
 }  // namespace silhouette

@@ -13,5 +13,6 @@ int main(int argc, char** argv) {
       "files,\n"
       "3 the world failed.");
   silhouette::Run run;
+  silhouette::AddBoardCommand(app, run);
   return silhouette::RunProgram(app, argc, argv, [&] { return run(); });
 }
