@@ -3,7 +3,6 @@
 #include <gtest/gtest.h>
 
 #include <map>
-#include <thread>
 
 #include "server/service/answers.h"
 #include "tests/server/service/test_server.h"
@@ -224,85 +223,6 @@ TEST(Conclude, RegionRevokedWhileAnAnswerIsMadeTakesItBack) {
   ASSERT_TRUE(serving.scenes.Revoke("part", now));
   EXPECT_EQ(Conclude(serving, served, {}, &basis, &valid_for), Reason::kRegionEnded);
   EXPECT_EQ(valid_for, absl::ZeroDuration());
-}
-
-// A database of which a block changes 1024 tiles: updates of a megabyte, more than a transport
-// takes unread.
-std::shared_ptr<const ServedDatabase> LargeDatabase() {
-  storage::v1::CellDescription cell = TestCell();
-  for (storage::v1::GridJoint& joint : *cell.mutable_grid_joints()) joint.set_steps(2048);
-  const FreshFolder folder;
-  const std::string path = folder / "db";
-  {
-    const auto database = Database::Create(path, cell);
-    EXPECT_TRUE(database.ok()) << database.status();
-    auto writer = (*database)->Write("test");
-    for (uint64_t tile = 0; tile < (*database)->grid().tiles(); ++tile) {
-      RobotImage image;
-      image.number = tile * kTileSize;
-      for (int view = 0; view < 3; ++view) image.masks.push_back(RobotMask(view, 3, 0));
-      EXPECT_TRUE(writer->Put(image).ok());
-    }
-    // Where the robot stands.
-    RobotImage standing = TestRobotImage((*database)->grid(), 0, 0);
-    standing.number = (*database)->grid().NumberOf({1, 1});
-    EXPECT_TRUE(writer->Put(standing).ok());
-    EXPECT_TRUE(writer->Commit().ok());
-  }
-  BuildIndex(path);
-  return LoadDatabase(path);
-}
-
-// The robot stands at grid point (1, 1) of that database.
-SceneInput InLargeDatabase(const ConfigurationGrid& grid, SceneInput input) {
-  input.joints = JointsAt(grid.At(grid.NumberOf({1, 1})));
-  return input;
-}
-
-TEST(WatchBackPressure, SlowReaderSkipsToTheNewestSceneAndHoldsBackNobody) {
-  const auto database = LargeDatabase();
-  TestServer server(database);
-  const SceneInput empty = InLargeDatabase(database->grid(), EmptyCellScene());
-  const SceneInput block = InLargeDatabase(database->grid(), SceneWithBlock(3));
-  server.Publish(empty);
-  SpaceWatching slow(server);
-  SpaceWatching quick(server);
-  slow.Next();
-  quick.Next();
-  constexpr uint64_t kScenes = 40;
-  for (uint64_t scene = 2; scene <= kScenes; ++scene) {
-    server.Publish(scene % 2 == 0 ? block : empty);
-    const SpaceUpdate update = quick.Next();
-    EXPECT_EQ(update.first.basis().scene_id(), scene);
-    EXPECT_EQ(update.tiles, database->grid().tiles());
-  }
-  uint64_t told = 1;
-  uint64_t skipped = 0;
-  while (told + skipped < kScenes) {
-    const SpaceUpdate update = slow.Next();
-    ++told;
-    skipped += update.first.skipped_scenes();
-    EXPECT_EQ(update.first.basis().scene_id(), told + skipped);
-  }
-  EXPECT_EQ(slow.free(), quick.free());
-  EXPECT_GT(skipped, kScenes / 2);
-}
-
-TEST(WatchBackPressure, WhoTakesNothingIsCutOff) {
-  const auto database = LargeDatabase();
-  ServingSettings settings;
-  settings.longest_write = absl::Seconds(2);
-  TestServer server(database, settings);
-  server.Publish(InLargeDatabase(database->grid(), EmptyCellScene()));
-  SpaceWatching stalled(server);
-  stalled.Next();
-  for (int i = 0; i < 10; ++i) {
-    const SceneInput input = i % 2 == 0 ? SceneWithBlock(3) : EmptyCellScene();
-    server.Publish(InLargeDatabase(database->grid(), input));
-    std::this_thread::sleep_for(std::chrono::milliseconds(60));
-  }
-  std::this_thread::sleep_for(std::chrono::seconds(3));
-  EXPECT_EQ(stalled.Finish().error_code(), grpc::StatusCode::CANCELLED);
 }
 
 }  // namespace
