@@ -5,8 +5,9 @@
 #include <atomic>
 #include <cmath>
 #include <limits>
-#include <optional>
 #include <thread>
+
+#include "capture/sim/pixel_bounds.h"
 
 namespace silhouette {
 namespace {
@@ -23,45 +24,6 @@ std::vector<size_t> FramesOf(std::span<const BodyPart> parts) {
   for (const BodyPart& part : parts) frames.push_back(part.frame);
   return frames;
 }
-
-// Corners of a box and the middles of its edges, faces and itself: distortion bends edges.
-std::array<Eigen::Vector3d, 27> PointsOf(const Eigen::AlignedBox3d& box) {
-  std::array<Eigen::Vector3d, 27> points;
-  for (int i = 0; i < 27; ++i) {
-    const Eigen::Vector3d share(i % 3 / 2.0, i / 3 % 3 / 2.0, i / 9 / 2.0);
-    points[static_cast<size_t>(i)] = box.min() + share.cwiseProduct(box.sizes());
-  }
-  return points;
-}
-
-// The image's pixels around projected points; nothing if a point has no projection.
-class PixelBounds {
- public:
-  void Add(const std::optional<Eigen::Vector2d>& pixel) {
-    if (pixel)
-      box_.extend(*pixel);
-    else
-      whole_ = true;
-  }
-  // The bounds with a margin for what lies between the points, cut to the image.
-  void Cut(int width, int height, int& left, int& right, int& top, int& bottom) const {
-    left = top = 0;
-    right = width;
-    bottom = height;
-    if (whole_) return;
-    const Eigen::Vector2d margin = 0.02 * box_.sizes() + Eigen::Vector2d(2, 2);
-    const Eigen::Vector2d lower = (box_.min() - margin).cwiseMax(0);
-    const Eigen::Vector2d upper = (box_.max() + margin).cwiseMax(0);
-    left = static_cast<int>(std::min<double>(lower.x(), width));
-    top = static_cast<int>(std::min<double>(lower.y(), height));
-    right = static_cast<int>(std::min<double>(upper.x() + 1, width));
-    bottom = static_cast<int>(std::min<double>(upper.y() + 1, height));
-  }
-
- private:
-  Eigen::AlignedBox2d box_;
-  bool whole_ = false;
-};
 
 }  // namespace
 
@@ -80,15 +42,16 @@ struct Renderer::RowWork {
 };
 
 Renderer::Renderer(const SimulationSettings& settings, std::span<const BodyPart> robot)
-    : settings_(settings), robot_frames_(FramesOf(robot)) {
+    : settings_(settings), boards_(settings), robot_frames_(FramesOf(robot)) {
   for (const SimulatedCamera& camera : settings.cameras) {
     backgrounds_.push_back(MakeBackground(camera.model, settings));
   }
   scene_.Add(robot);
+  scene_.Add(boards_.Plates());
 }
 
 void Renderer::SetObstacles(std::span<const BodyPart> obstacles) {
-  scene_.RemoveFrom(robot_frames_.size());
+  scene_.RemoveFrom(first_obstacle());
   obstacle_frames_ = FramesOf(obstacles);
   scene_.Add(obstacles);
 }
@@ -103,10 +66,18 @@ void Renderer::Place(size_t first, std::span<const size_t> frames, const Poses* 
   }
 }
 
-void Renderer::Render(std::span<const size_t> cameras, const Poses* robot, const Poses& obstacles,
-                      const RowSink& sink) {
+void Renderer::Render(std::span<const size_t> cameras, const Poses* robot,
+                      std::span<const std::optional<Eigen::Isometry3d>> boards,
+                      const Poses& obstacles, const RowSink& sink) {
   Place(0, robot_frames_, robot);
-  Place(robot_frames_.size(), obstacle_frames_, &obstacles);
+  for (size_t b = 0; b < boards.size(); ++b) {
+    if (boards[b]) {
+      scene_.Place(first_board() + b, *boards[b]);
+    } else {
+      scene_.Hide(first_board() + b);
+    }
+  }
+  Place(first_obstacle(), obstacle_frames_, &obstacles);
   scene_.Commit();
 
   struct Piece {
@@ -157,7 +128,8 @@ std::vector<Renderer::Rectangle> Renderer::TouchedRectangles(size_t camera) cons
       shadow.Add(model.Project(point - light * (std::max(point.z() - floor, 0.0) / light.z())));
     }
     for (const bool is_shadow : {false, true}) {
-      Rectangle r{.shadow = is_shadow};
+      Rectangle r{.shadow = is_shadow,
+                  .board = !is_shadow && part >= first_board() && part < first_obstacle()};
       (is_shadow ? shadow : body).Cut(width, height, r.left, r.right, r.top, r.bottom);
       if (r.left < r.right && r.top < r.bottom) rectangles.push_back(r);
     }
@@ -185,6 +157,7 @@ void Renderer::RenderRow(size_t camera, int y, std::span<const Rectangle> rectan
   if (!any) return;
   TraceBodies(camera, y, work);
   TraceShadows(work);
+  TraceBoards(camera, y, rectangles, work);
 }
 
 void Renderer::TraceBodies(size_t camera, int y, RowWork& work) const {
@@ -289,6 +262,21 @@ void Renderer::TraceShadows(RowWork& work) const {
       const RowWork::Shaded& shaded = work.shaded[first + i];
       work.row[shaded.x] = packet.tfar[i] < 0 ? shaded.shadowed : shaded.lit;
     }
+  }
+}
+
+void Renderer::TraceBoards(size_t camera, int y, std::span<const Rectangle> rectangles,
+                           RowWork& work) const {
+  for (const Rectangle& r : rectangles) {
+    if (!r.board || y < r.top || y >= r.bottom) continue;
+    boards_.Trace({.scene = &scene_,
+                   .first_part = first_board(),
+                   .background = &backgrounds_[camera],
+                   .camera = camera,
+                   .y = y,
+                   .left = r.left,
+                   .right = r.right},
+                  work.row);
   }
 }
 

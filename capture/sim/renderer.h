@@ -1,12 +1,15 @@
 // Renderer: what the cameras of the simulated cell see, before the sensor. Lambert shading, one
-// directed light with shadows, one ray through every pixel's centre.
+// directed light with shadows, one ray through every pixel's centre; pixels that show boards of
+// tags are averaged over their area.
 #pragma once
 
 #include <functional>
+#include <optional>
 #include <span>
 #include <vector>
 
 #include "capture/sim/background.h"
+#include "capture/sim/board_tracer.h"
 #include "capture/sim/body_part.h"
 #include "capture/sim/ray_scene.h"
 #include "capture/sim/simulation.h"
@@ -27,8 +30,10 @@ class Renderer {
 
   // Renders the images of `cameras` (indices of settings.cameras), with both cores where there are
   // two. `sink` is called once for every row, from several threads, in no order.
-  // `robot`: poses of the links, nullptr: the robot is not in the cell. `obstacles`: their poses.
-  void Render(std::span<const size_t> cameras, const Poses* robot, const Poses& obstacles,
+  // `robot`: poses of the links, nullptr: the robot is not in the cell. `boards`: the poses of
+  // settings.boards, nothing: it is not in the cell. `obstacles`: their poses.
+  void Render(std::span<const size_t> cameras, const Poses* robot,
+              std::span<const std::optional<Eigen::Isometry3d>> boards, const Poses& obstacles,
               const RowSink& sink);
 
  private:
@@ -39,6 +44,7 @@ class Renderer {
     int top = 0;
     int bottom = 0;
     bool shadow = false;  // by a shadow on the floor; else by the part itself
+    bool board = false;   // by a board itself
   };
   // Per thread, reused from row to row.
   struct RowWork;
@@ -48,11 +54,17 @@ class Renderer {
   void RenderRow(size_t camera, int y, std::span<const Rectangle> rectangles, RowWork& work) const;
   void TraceBodies(size_t camera, int y, RowWork& work) const;
   void TraceShadows(RowWork& work) const;
+  void TraceBoards(size_t camera, int y, std::span<const Rectangle> rectangles,
+                   RowWork& work) const;
+
+  size_t first_board() const { return robot_frames_.size(); }
+  size_t first_obstacle() const { return first_board() + settings_.boards.size(); }
 
   const SimulationSettings settings_;
   std::vector<Background> backgrounds_;  // by camera
-  RayScene scene_;                       // the robot's parts first, then the obstacles'
-  std::vector<size_t> robot_frames_;     // by part
+  BoardTracer boards_;
+  RayScene scene_;                    // the robot's parts, then the boards, then the obstacles
+  std::vector<size_t> robot_frames_;  // by part
   std::vector<size_t> obstacle_frames_;
 };
 

@@ -9,6 +9,7 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_join.h"
 #include "absl/time/clock.h"
+#include "capture/sim/blur.h"
 
 namespace silhouette {
 namespace {
@@ -19,6 +20,14 @@ std::vector<double> RestPositions(const RobotModel& robot) {
     positions.push_back(std::clamp(0.0, joint.lower, joint.upper));
   }
   return positions;
+}
+
+// Index of the link of that name.
+std::optional<size_t> LinkIndex(const RobotModel& robot, const std::string& name) {
+  for (size_t i = 0; i < robot.links().size(); ++i) {
+    if (robot.links()[i].name == name) return i;
+  }
+  return std::nullopt;
 }
 
 std::vector<std::string> JointNames(const RobotModel& robot) {
@@ -34,7 +43,18 @@ SimulatedCell::SimulatedCell(RobotModel robot, SimulationSettings settings)
       settings_(std::move(settings)),
       sensor_(settings_),
       renderer_(settings_, RobotParts(robot_)),
-      positions_(RestPositions(robot_)) {}
+      positions_(RestPositions(robot_)),
+      holds_(settings_.boards.size()) {
+  for (const SimulatedBoard& board : settings_.boards) {
+    if (board.link.empty() || LinkIndex(robot_, board.link)) continue;
+    throw std::invalid_argument(absl::StrCat(
+        "the board '", board.board.description().name, "' is on the link '", board.link,
+        "', which the robot does not have; its links are ",
+        absl::StrJoin(robot_.links(), ", ", [](std::string* out, const RobotLink& link) {
+          absl::StrAppend(out, link.name);
+        })));
+  }
+}
 
 absl::StatusOr<std::shared_ptr<SimulatedCell>> SimulatedCell::Load(
     const std::string& simulation, const std::string& urdf,
@@ -43,7 +63,11 @@ absl::StatusOr<std::shared_ptr<SimulatedCell>> SimulatedCell::Load(
   if (!settings.ok()) return settings.status();
   absl::StatusOr<RobotModel> robot = RobotModel::FromUrdf(urdf, package_paths);
   if (!robot.ok()) return robot.status();
-  return std::make_shared<SimulatedCell>(*std::move(robot), *std::move(settings));
+  try {
+    return std::make_shared<SimulatedCell>(*std::move(robot), *std::move(settings));
+  } catch (const std::invalid_argument& error) {
+    return absl::InvalidArgumentError(absl::StrCat(simulation, ": ", error.what()));
+  }
 }
 
 std::vector<double> SimulatedCell::positions() const {
@@ -69,6 +93,47 @@ void SimulatedCell::SetObstacles(std::vector<Obstacle> obstacles) {
   const std::lock_guard lock(mutex_);
   obstacles_ = std::move(obstacles);
   renderer_.SetObstacles(ObstacleParts(obstacles_));
+}
+
+void SimulatedCell::ShowAllBoards(bool show) {
+  const std::lock_guard lock(mutex_);
+  all_boards_ = show;
+}
+
+void SimulatedCell::HoldBoard(const std::string& name,
+                              const std::optional<Eigen::Isometry3d>& world_from_board) {
+  for (size_t b = 0; b < settings_.boards.size(); ++b) {
+    if (settings_.boards[b].board.description().name != name) continue;
+    const std::lock_guard lock(mutex_);
+    holds_[b] = {.held = true, .pose = world_from_board};
+    return;
+  }
+  throw std::invalid_argument(absl::StrCat("the simulation has no board '", name, "'"));
+}
+
+std::vector<std::optional<Eigen::Isometry3d>> SimulatedCell::BoardPoses() const {
+  const std::lock_guard lock(mutex_);
+  return BoardPosesWith(robot_.LinkPoses(positions_));
+}
+
+std::vector<std::optional<Eigen::Isometry3d>> SimulatedCell::BoardPosesWith(
+    const Poses& links) const {
+  std::vector<std::optional<Eigen::Isometry3d>> poses;
+  for (size_t b = 0; b < holds_.size(); ++b) {
+    const SimulatedBoard& board = settings_.boards[b];
+    if (holds_[b].held) {
+      poses.push_back(holds_[b].pose);
+    } else if (!board.pose || (!board.always && !all_boards_)) {
+      poses.push_back(std::nullopt);
+    } else if (board.link.empty()) {
+      poses.push_back(board.pose);
+    } else if (robot_present_) {
+      poses.push_back(links[LinkIndex(robot_, board.link).value()] * *board.pose);
+    } else {
+      poses.push_back(std::nullopt);
+    }
+  }
+  return poses;
 }
 
 double SimulatedCell::time() const {
@@ -99,14 +164,35 @@ std::vector<CameraImage> SimulatedCell::TakeImages(std::span<const size_t> camer
     image.pixels.resize(static_cast<size_t>(image.width) * static_cast<size_t>(image.height));
   }
   const double gain = sensor_.Gain(time_);
+  const auto expose = [&](size_t camera, int y, std::span<const float> row) {
+    const size_t first = static_cast<size_t>(y) * row.size();
+    const std::span pixels(by_camera[camera].pixels);
+    sensor_.Expose(row, gain, frame_, camera, y, pixels.subspan(first, row.size()));
+  };
+  // With blur a row needs its neighbours.
+  std::vector<std::vector<float>> sharp(settings_.cameras.size());
+  const auto keep = [&](size_t camera, int y, std::span<const float> row) {
+    std::copy(row.begin(), row.end(),
+              sharp[camera].begin() + static_cast<ptrdiff_t>(y) * std::ssize(row));
+  };
+  const bool blurred = settings_.blur > 0;
+  if (blurred) {
+    for (size_t camera : cameras) sharp[camera].resize(by_camera[camera].pixels.size());
+  }
   const Poses robot = robot_.LinkPoses(positions_);
-  renderer_.Render(cameras, robot_present_ ? &robot : nullptr, ObstaclePoses(obstacles_, time_),
-                   [&](size_t camera, int y, std::span<const float> row) {
-                     const size_t first = static_cast<size_t>(y) * row.size();
-                     const std::span pixels(by_camera[camera].pixels);
-                     sensor_.Expose(row, gain, frame_, camera, y,
-                                    pixels.subspan(first, row.size()));
-                   });
+  renderer_.Render(cameras, robot_present_ ? &robot : nullptr, BoardPosesWith(robot),
+                   ObstaclePoses(obstacles_, time_),
+                   blurred ? Renderer::RowSink(keep) : Renderer::RowSink(expose));
+  if (blurred) {
+    for (size_t camera : cameras) {
+      const CameraImage& image = by_camera[camera];
+      Blur(sharp[camera], image.width, settings_.blur);
+      for (int y = 0; y < image.height; ++y) {
+        const auto width = static_cast<size_t>(image.width);
+        expose(camera, y, std::span(sharp[camera]).subspan(static_cast<size_t>(y) * width, width));
+      }
+    }
+  }
   ++frame_;
   time_ += settings_.frame_interval;
   std::vector<CameraImage> images;

@@ -5,6 +5,7 @@
 #include <condition_variable>
 #include <memory>
 #include <mutex>
+#include <optional>
 #include <span>
 #include <string>
 #include <vector>
@@ -24,7 +25,8 @@ namespace silhouette {
 // frame_interval.
 class SimulatedCell {
  public:
-  // All joints at 0, or at the limit nearest to it; no obstacles.
+  // All joints at 0, or at the limit nearest to it; no obstacles. Throws std::invalid_argument if a
+  // board is on a link that the robot does not have.
   SimulatedCell(RobotModel robot, SimulationSettings settings);
 
   // Reads simulation.yaml and the robot's URDF.
@@ -46,6 +48,15 @@ class SimulatedCell {
 
   void SetObstacles(std::vector<Obstacle> obstacles);
 
+  // Whether boards that are there only for calibration (SimulatedBoard::always) are in the cell; at
+  // first they are not.
+  void ShowAllBoards(bool show);
+  // Holds a board somewhere, whatever the settings say of its place; nothing: takes it away. Throws
+  // std::invalid_argument if there is no board of the name.
+  void HoldBoard(const std::string& name, const std::optional<Eigen::Isometry3d>& world_from_board);
+  // Where the boards of settings().boards are, in the world; nothing: not in the cell.
+  std::vector<std::optional<Eigen::Isometry3d>> BoardPoses() const;
+
   double time() const;
   void SetTime(double seconds);
 
@@ -56,6 +67,14 @@ class SimulatedCell {
   std::vector<CameraImage> TakeImages(std::span<const size_t> cameras);
 
  private:
+  // What HoldBoard said of a board, if anything.
+  struct Hold {
+    bool held = false;
+    std::optional<Eigen::Isometry3d> pose;
+  };
+
+  std::vector<std::optional<Eigen::Isometry3d>> BoardPosesWith(const Poses& links) const;
+
   const RobotModel robot_;
   const SimulationSettings settings_;
   const ImageSensor sensor_;
@@ -64,6 +83,8 @@ class SimulatedCell {
   Renderer renderer_;
   std::vector<double> positions_;
   bool robot_present_ = true;
+  bool all_boards_ = false;
+  std::vector<Hold> holds_;  // by board
   std::vector<Obstacle> obstacles_;
   double time_ = 0;
   uint64_t frame_ = 0;

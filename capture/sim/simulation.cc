@@ -12,6 +12,8 @@
 namespace silhouette {
 namespace {
 
+constexpr double kMostBlur = 20;  // pixels
+
 Eigen::Isometry3d ReadPose(YamlMap& map) {
   const Eigen::Vector3d position = ReadVector(map.Required("position"));
   const auto look_at = map.Optional("look_at");
@@ -140,6 +142,11 @@ SimulationSettings ReadSimulation(const YamlNode& node) {
   settings.cameras = ReadCameras(cameras);
   if (const auto light = map.Optional("light")) settings.light = ReadLight(*light);
   if (const auto room = map.Optional("room")) settings.room = ReadRoom(*room);
+  if (const auto boards = map.Optional("boards")) settings.boards = ReadBoards(*boards);
+  if (const auto blur = map.Optional("blur")) {
+    settings.blur = ReadNotNegative(*blur);
+    if (settings.blur > kMostBlur) blur->Fail("a blur of at most 20 pixels is expected");
+  }
   if (const auto noise = map.Optional("noise")) settings.noise_sigma = ReadNotNegative(*noise);
   if (const auto drift = map.Optional("drift")) {
     YamlMap drift_map(*drift);

@@ -11,6 +11,7 @@
 #include "absl/status/statusor.h"
 #include "absl/time/time.h"
 #include "calib/camera_model.h"
+#include "capture/sim/simulated_board.h"
 
 namespace silhouette {
 
@@ -40,6 +41,8 @@ struct SimulationSettings {
   std::vector<SimulatedCamera> cameras;
   Light light;
   Room room;
+  std::vector<SimulatedBoard> boards;
+  double blur = 0;               // standard deviation of the lens' blur, pixels
   double noise_sigma = 1.5;      // grey levels, of every pixel on its own
   double drift_amplitude = 0.0;  // share of the brightness
   double drift_period = 600;     // seconds of simulated time

@@ -1,5 +1,6 @@
 #include "capture/sim/yaml_values.h"
 
+#include <cmath>
 #include <vector>
 
 namespace silhouette {
@@ -9,11 +10,20 @@ Eigen::Vector3d ReadVector(const YamlNode& node) {
   return {values[0], values[1], values[2]};
 }
 
+Eigen::Quaterniond RotationOf(const Eigen::Vector3d& roll_pitch_yaw) {
+  return Eigen::AngleAxisd(roll_pitch_yaw[2], Eigen::Vector3d::UnitZ()) *
+         Eigen::AngleAxisd(roll_pitch_yaw[1], Eigen::Vector3d::UnitY()) *
+         Eigen::AngleAxisd(roll_pitch_yaw[0], Eigen::Vector3d::UnitX());
+}
+
+Eigen::Vector3d RollPitchYawOf(const Eigen::Matrix3d& r) {
+  return {std::atan2(r(2, 1), r(2, 2)), std::atan2(-r(2, 0), std::hypot(r(0, 0), r(1, 0))),
+          std::atan2(r(1, 0), r(0, 0))};
+}
+
 Eigen::Quaterniond ReadRotation(const YamlNode& node) {
   const std::vector<YamlNode> angles = node.Items(3);
-  return Eigen::AngleAxisd(angles[2].AsAngle(), Eigen::Vector3d::UnitZ()) *
-         Eigen::AngleAxisd(angles[1].AsAngle(), Eigen::Vector3d::UnitY()) *
-         Eigen::AngleAxisd(angles[0].AsAngle(), Eigen::Vector3d::UnitX());
+  return RotationOf({angles[0].AsAngle(), angles[1].AsAngle(), angles[2].AsAngle()});
 }
 
 double ReadPositive(const YamlNode& node) {

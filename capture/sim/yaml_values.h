@@ -10,7 +10,12 @@ namespace silhouette {
 // [x, y, z]
 Eigen::Vector3d ReadVector(const YamlNode& node);
 
-// [roll, pitch, yaw]: angles about the fixed axes x, then y, then z, as in URDF.
+// The rotation by roll, pitch and yaw: angles about the fixed axes x, then y, then z, as in URDF.
+Eigen::Quaterniond RotationOf(const Eigen::Vector3d& roll_pitch_yaw);
+// The other way round; pitch from -90 to 90 degrees.
+Eigen::Vector3d RollPitchYawOf(const Eigen::Matrix3d& rotation);
+
+// [roll, pitch, yaw], as RotationOf.
 Eigen::Quaterniond ReadRotation(const YamlNode& node);
 
 // A number greater than 0.

@@ -251,6 +251,34 @@ TEST_F(SimProgram, CalibrationWritesTheTrueCameraOfEveryView) {
   }
 }
 
+TEST_F(SimProgram, CalibrationTellsWhereTheBoardsAre) {
+  const fs::path out = folder_ / "truth";
+  ASSERT_EQ(Run("calibration --cell " + (folder_ / "cell.yaml").string() + " --out " + out.string())
+                .exit_code,
+            0);
+  EXPECT_THAT(ReadAll(out / "board_poses.yaml"),
+              AllOf(HasSubstr("- name: \"flange\"\n  frame: \"flange\"\n"),
+                    HasSubstr("quaternion: [1, 0, 0, ")));
+}
+
+TEST_F(SimProgram, BoardsAreShownWhenAskedFor) {
+  const std::string robot = "--configuration 0.5,1.2 --out ";
+  const auto render = [&](const std::string& name, const std::string& options) {
+    const fs::path out = folder_ / name;
+    EXPECT_EQ(RunInCell("render", robot + out.string() + options).exit_code, 0);
+    return ReadAll(out / "left.png");
+  };
+  const std::string bare = render("bare", "");
+  EXPECT_NE(render("all", " --all-boards"), bare);
+  EXPECT_NE(render("held", " --hold hand=0.3,1.2,1.2,-60deg,0,200deg"), bare);
+  const Outcome unknown =
+      RunInCell("render", robot + (folder_ / "x").string() + " --hold door=0,0,0,0,0,0");
+  EXPECT_EQ(unknown.exit_code, 2);
+  EXPECT_THAT(unknown.err, HasSubstr("no board 'door'"));
+  EXPECT_EQ(RunInCell("render", robot + (folder_ / "x").string() + " --hold hand=1,2").exit_code,
+            2);
+}
+
 TEST_F(SimProgram, CalibrationOfACellWithoutSimulationIsAMistake) {
   WriteFile(folder_ / "bare.yaml",
             "name: bare\nrobot: {joints: [{name: a, lower: 0, upper: 1}]}\n"

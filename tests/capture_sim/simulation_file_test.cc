@@ -59,6 +59,64 @@ TEST(SimulationFile, RotationIsTheCamerasOwn) {
   EXPECT_FALSE(settings->cameras[0].model.Project({3, -2, 1}).has_value());
 }
 
+class SimulationFileBoards : public testing::Test {
+ protected:
+  SimulationFileBoards() {
+    WriteFile(folder_ / "boards.yaml",
+              "- {name: wall, rows: 2, columns: 3, tag_size: 0.1, gap: 0.1}\n"
+              "- {name: flange, family: tag36h11, tag_size: 0.2}\n");
+  }
+  absl::StatusOr<SimulationSettings> LoadWith(const std::string& boards) const {
+    return LoadSimulation(WriteFile(
+        folder_ / "simulation.yaml",
+        OneCamera("    look_at: [0, 0, 0]\n    focal_length: 300\n") + "boards:\n" + boards));
+  }
+  std::string ErrorWith(const std::string& boards) const {
+    const auto settings = LoadWith(boards);
+    return settings.ok() ? "no error" : std::string(settings.status().message());
+  }
+  const std::filesystem::path folder_ = FreshFolder();
+};
+
+TEST_F(SimulationFileBoards, AreThoseOfTheBoardsFileWithTheirPlaces) {
+  const auto settings = LoadWith(
+      "  - {file: boards.yaml, name: wall, position: [1, 2, 3], margin: 0.02}\n"
+      "  - {file: boards.yaml, name: flange, link: tool, position: [0, 0, 0.1],\n"
+      "     rotation: [180 deg, 0, 0], always: false}\n");
+  ASSERT_TRUE(settings.ok()) << settings.status();
+  ASSERT_EQ(settings->boards.size(), 2u);
+  EXPECT_EQ(settings->boards[0].board.tags(), 6);
+  EXPECT_EQ(settings->boards[0].margin, 0.02);
+  EXPECT_EQ(settings->boards[0].link, "");
+  EXPECT_TRUE(settings->boards[0].always);
+  EXPECT_TRUE(settings->boards[0].pose->translation().isApprox(Eigen::Vector3d(1, 2, 3)));
+  EXPECT_EQ(settings->boards[1].link, "tool");
+  EXPECT_FALSE(settings->boards[1].always);
+  EXPECT_TRUE((*settings->boards[1].pose * Eigen::Vector3d(0.1, 0.2, 0.3))
+                  .isApprox(Eigen::Vector3d(0.1, -0.2, -0.2)));
+}
+
+TEST_F(SimulationFileBoards, HeldBoardHasNoPlace) {
+  const auto settings = LoadWith("  - {file: boards.yaml, name: wall, held: true}\n");
+  ASSERT_TRUE(settings.ok()) << settings.status();
+  EXPECT_FALSE(settings->boards[0].pose.has_value());
+}
+
+TEST_F(SimulationFileBoards, MistakesAreTold) {
+  EXPECT_THAT(ErrorWith("  - {file: boards.yaml, name: door, held: true}\n"),
+              AllOf(HasSubstr("simulation.yaml:8"), HasSubstr("'wall' and 'flange'")));
+  EXPECT_THAT(ErrorWith("  - {file: nowhere.yaml, name: wall, held: true}\n"),
+              HasSubstr("nowhere.yaml' does not exist"));
+  EXPECT_THAT(ErrorWith("  - {file: boards.yaml, name: wall}\n"), HasSubstr("'position'"));
+  EXPECT_THAT(ErrorWith("  - {file: boards.yaml, name: wall, held: true, link: tool}\n"),
+              HasSubstr("neither 'rotation' nor 'link'"));
+  EXPECT_THAT(ErrorWith("  - {file: boards.yaml, name: wall, held: true}\n"
+                        "  - {file: boards.yaml, name: wall, position: [0, 0, 0]}\n"),
+              HasSubstr("wall"));
+  EXPECT_THAT(ErrorOf(OneCamera("    look_at: [0, 0, 0]\n    focal_length: 300\nblur: 30\n")),
+              HasSubstr("at most 20 pixels"));
+}
+
 TEST(SimulationFile, MistakesAreToldWithFileAndLine) {
   const std::string look = "    look_at: [0, 0, 1]\n";
   const std::string focal = "    focal_length: 300\n";

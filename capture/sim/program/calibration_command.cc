@@ -5,10 +5,13 @@
 #include <nlohmann/json.hpp>
 #include <system_error>
 
+#include "absl/strings/str_cat.h"
+#include "absl/strings/str_format.h"
 #include "calib/calibration_camera_file.h"
 #include "calib/calibration_message.h"
 #include "capture/sim/program/commands.h"
 #include "capture/sim/program/workplace.h"
+#include "capture/sim/yaml_values.h"
 #include "tools/picture/files.h"
 #include "tools/program/program.h"
 
@@ -17,14 +20,42 @@ namespace {
 
 namespace fs = std::filesystem;
 
+constexpr char kBoardPosesFile[] = "board_poses.yaml";
+
 struct Arguments {
   std::string cell;
   std::string out;
   std::string format = "text";
 };
 
-// Writes a file per simulated view; returns their paths.
-absl::StatusOr<std::vector<std::string>> WriteCameras(const Arguments& arguments) {
+// Where the boards are, so that a person can compare.
+std::string BoardPosesText(const SimulationSettings& settings) {
+  std::string text =
+      "# Where the simulated cell's boards are: the frame of each board in the one named, metres;\n"
+      "# rotation: roll, pitch, yaw in radians; quaternion: x, y, z, w. The same rotation twice.\n";
+  for (const SimulatedBoard& board : settings.boards) {
+    if (!board.pose) continue;
+    const Eigen::Vector3d t = board.pose->translation();
+    const Eigen::Vector3d r = RollPitchYawOf(board.pose->linear());
+    const Eigen::Quaterniond q(board.pose->linear());
+    absl::StrAppend(&text, "- name: ", nlohmann::json(board.board.description().name).dump(),
+                    "\n  frame: ", nlohmann::json(board.link.empty() ? "base" : board.link).dump(),
+                    absl::StrFormat("\n  position: [%.17g, %.17g, %.17g]", t.x(), t.y(), t.z()),
+                    absl::StrFormat("\n  rotation: [%.17g, %.17g, %.17g]", r.x(), r.y(), r.z()),
+                    absl::StrFormat("\n  quaternion: [%.17g, %.17g, %.17g, %.17g]\n", q.x(), q.y(),
+                                    q.z(), q.w()));
+  }
+  return text;
+}
+
+// The files written.
+struct Written {
+  std::vector<std::string> cameras;
+  std::string boards;  // empty: there are none
+};
+
+// Writes a file per simulated view, and one for the boards if there are any.
+absl::StatusOr<Written> WriteTruth(const Arguments& arguments) {
   const absl::StatusOr<Cell> cell = LoadCell(arguments.cell);
   if (!cell.ok()) return cell.status();
   if (cell->simulation.empty()) {
@@ -40,26 +71,35 @@ absl::StatusOr<std::vector<std::string>> WriteCameras(const Arguments& arguments
     return absl::FailedPreconditionError("the folder '" + arguments.out +
                                          "' cannot be made: " + error.message());
   }
-  std::vector<std::string> paths;
+  Written written;
   for (const SimulatedView& view : *views) {
     const absl::StatusOr<size_t> camera = CameraOf(*settings, view);
     if (!camera.ok()) return camera.status();
-    paths.push_back((fs::path(arguments.out) / CameraFileName(view.name)).string());
-    const absl::Status written = WriteWholeFile(
-        paths.back(), CameraFileText(MessageOf(settings->cameras[*camera].model), view.name));
-    if (!written.ok()) return written;
+    written.cameras.push_back((fs::path(arguments.out) / CameraFileName(view.name)).string());
+    const absl::Status status =
+        WriteWholeFile(written.cameras.back(),
+                       CameraFileText(MessageOf(settings->cameras[*camera].model), view.name));
+    if (!status.ok()) return status;
   }
-  return paths;
+  if (!settings->boards.empty()) {
+    written.boards = (fs::path(arguments.out) / kBoardPosesFile).string();
+    const absl::Status status = WriteWholeFile(written.boards, BoardPosesText(*settings));
+    if (!status.ok()) return status;
+  }
+  return written;
 }
 
 int RunCalibration(const Arguments& arguments) {
-  const auto paths = WriteCameras(arguments);
-  if (!paths.ok()) return Report("silhouette-sim", paths.status());
+  const auto written = WriteTruth(arguments);
+  if (!written.ok()) return Report("silhouette-sim", written.status());
   if (arguments.format == "json") {
-    std::cout << nlohmann::ordered_json{{"cameras", *paths}}.dump(2) << '\n';
+    nlohmann::ordered_json json{{"cameras", written->cameras}};
+    if (!written->boards.empty()) json["boards"] = written->boards;
+    std::cout << json.dump(2) << '\n';
     return kDone;
   }
-  for (const std::string& path : *paths) std::cout << "wrote " << path << '\n';
+  for (const std::string& path : written->cameras) std::cout << "wrote " << path << '\n';
+  if (!written->boards.empty()) std::cout << "wrote " << written->boards << '\n';
   return kDone;
 }
 
@@ -68,7 +108,8 @@ int RunCalibration(const Arguments& arguments) {
 void AddCalibrationCommand(CLI::App& program, Run& run) {
   CLI::App* command = program.add_subcommand(
       "calibration",
-      "Write the true camera models of the simulated views, a .cameramodel per view");
+      "Write the true camera models of the simulated views, a .cameramodel per view,\n"
+      "and the true poses of its boards of tags, board_poses.yaml");
   auto arguments = std::make_shared<Arguments>();
   command->add_option("--cell", arguments->cell, "The cell's file, cell.yaml")->required();
   command->add_option("--out", arguments->out, "The folder to write to")->required();

@@ -11,6 +11,7 @@
 #include "capture/sim/program/commands.h"
 #include "capture/sim/program/workplace.h"
 #include "capture/sim/simulated_cell.h"
+#include "capture/sim/yaml_values.h"
 #include "tools/picture/files.h"
 #include "tools/picture/picture.h"
 #include "tools/program/joint_values.h"
@@ -26,6 +27,8 @@ struct Arguments {
   std::string configuration;
   std::vector<std::string> joints;
   bool without_robot = false;
+  bool all_boards = false;
+  std::vector<std::string> held;
   uint64_t frame = 0;
   std::string out;
 };
@@ -65,6 +68,23 @@ absl::StatusOr<std::vector<double>> PositionsOf(const RobotModel& robot,
     numbers.push_back(value);
   }
   return robot.Positions(names, numbers);
+}
+
+struct HeldBoard {
+  std::string name;
+  Eigen::Isometry3d world_from_board;
+};
+
+absl::StatusOr<HeldBoard> ParseHeldBoard(const std::string& text) {
+  const size_t sign = text.find('=');
+  if (sign != std::string::npos) {
+    const std::vector<double> v = ParseConfiguration(text.substr(sign + 1));
+    if (v.size() == 6) {
+      return HeldBoard{text.substr(0, sign),
+                       Eigen::Translation3d(v[0], v[1], v[2]) * RotationOf({v[3], v[4], v[5]})};
+    }
+  }
+  return absl::InvalidArgumentError("--hold " + text + ": name=x,y,z,roll,pitch,yaw is expected");
 }
 
 absl::Status WriteImages(const std::string& folder, const std::vector<std::string>& views,
@@ -119,6 +139,12 @@ absl::Status Render(const Arguments& arguments) {
   }
   simulated->SetRobotPresent(!arguments.without_robot);
   simulated->SetObstacles(std::move(workplace->obstacles));
+  simulated->ShowAllBoards(arguments.all_boards);
+  for (const std::string& text : arguments.held) {
+    const auto held = ParseHeldBoard(text);
+    if (!held.ok()) return held.status();
+    simulated->HoldBoard(held->name, held->world_from_board);
+  }
   simulated->SetTime(arguments.workplace.time);
   simulated->SetFrame(arguments.frame);
   const auto images = (*rig)->Grab();
@@ -152,6 +178,13 @@ void AddRenderCommand(CLI::App& program, Run& run) {
                    "name=value: where a single joint stands; may be given several times")
       ->allow_extra_args(false);
   command->add_flag("--without-robot", arguments->without_robot, "Take the robot out of the cell");
+  command->add_flag("--all-boards", arguments->all_boards,
+                    "Show the boards, too, that are in the cell only for calibration");
+  command
+      ->add_option("--hold", arguments->held,
+                   "name=x,y,z,roll,pitch,yaw: hold a board of tags there, e.g. "
+                   "wall=1,0,0.5,90deg,0,0; may be given several times")
+      ->allow_extra_args(false);
   command->add_option("--frame", arguments->frame, "Number of the image; the noise depends on it")
       ->capture_default_str();
   command->add_option("--out", arguments->out, "The folder to write to")->required();
