@@ -31,6 +31,15 @@ function(silhouette_library name)
   target_include_directories(silhouette_${name} PUBLIC $<BUILD_INTERFACE:${PROJECT_SOURCE_DIR}>)
 endfunction()
 
+# silhouette_cold(NAME)
+# Code that takes longer to compile than to run, such as the commands of programs: with sanitizers it
+# is not optimised.
+function(silhouette_cold name)
+  if(SILHOUETTE_SANITIZE)
+    target_compile_options(${name} PRIVATE -O0)
+  endif()
+endfunction()
+
 # All programs.
 add_custom_target(programs)
 
@@ -40,6 +49,7 @@ function(silhouette_program name)
   cmake_parse_arguments(PARSE_ARGV 1 arg "" "" "SOURCES;LIBRARIES")
   add_executable(${name} ${arg_SOURCES})
   target_link_libraries(${name} PRIVATE ${arg_LIBRARIES} silhouette_options)
+  silhouette_cold(${name})
   add_dependencies(programs ${name})
   install(TARGETS ${name} RUNTIME DESTINATION ${CMAKE_INSTALL_BINDIR} COMPONENT programs)
 endfunction()
