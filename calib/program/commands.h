@@ -10,5 +10,6 @@ namespace silhouette {
 using Run = std::function<int()>;
 
 void AddBoardCommand(CLI::App& program, Run& run);
+void AddFundamentalCommand(CLI::App& program, Run& run);
 
 }  // namespace silhouette

@@ -1,0 +1,32 @@
+#include "calib/fundamental/line_distances.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "calib/fundamental/epipolar_geometry.h"
+
+namespace silhouette {
+
+void LineDistanceSum::Add(const Eigen::Matrix3d& f, const Correspondence& corner) {
+  const EpipolarDistance distance = DistanceBetween(f, corner.a, corner.b);
+  distances_.push_back(distance.in_a);
+  distances_.push_back(distance.in_b);
+  const Eigen::Matrix3d of_masks = ScaledTo(f, a_.image, a_.mask, b_.image, b_.mask);
+  margin_ = std::max(margin_, NeededMargin(of_masks, ScaledTo(corner.a, a_.image, a_.mask),
+                                           ScaledTo(corner.b, b_.image, b_.mask)));
+}
+
+LineDistances LineDistanceSum::Result() const {
+  LineDistances result{.corners = static_cast<int>(distances_.size() / 2), .margin = margin_};
+  if (distances_.empty()) return result;
+  std::vector<double> sorted = distances_;
+  std::sort(sorted.begin(), sorted.end());
+  double squares = 0;
+  for (const double distance : sorted) squares += distance * distance;
+  result.rms = std::sqrt(squares / static_cast<double>(sorted.size()));
+  result.median = sorted[sorted.size() / 2];
+  result.worst = sorted.back();
+  return result;
+}
+
+}  // namespace silhouette
