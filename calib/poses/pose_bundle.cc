@@ -1,0 +1,337 @@
+#include "calib/poses/pose_bundle.h"
+
+#include <ceres/autodiff_cost_function.h>
+#include <ceres/loss_function.h>
+#include <ceres/problem.h>
+#include <ceres/rotation.h>
+#include <ceres/solver.h>
+
+#include <array>
+#include <cmath>
+#include <limits>
+#include <map>
+#include <optional>
+
+#include "calib/poses/pose_bundle_jacobian.h"
+
+namespace silhouette {
+namespace {
+
+constexpr double kSizeSigma = 0.2;
+
+// A pose is sought as reference * motion, the motion a rotation vector and a translation.
+using Motion = std::array<double, 6>;
+
+struct Frame {
+  Eigen::Quaterniond rotation;
+  Eigen::Vector3d translation;
+};
+
+Frame FrameOf(const Eigen::Isometry3d& pose) {
+  return {Eigen::Quaterniond(pose.linear()).normalized(), pose.translation()};
+}
+
+template <typename T>
+using Vector3 = Eigen::Matrix<T, 3, 1>;
+
+// reference * motion * point
+template <typename T>
+Vector3<T> Apply(const Frame& reference, const T* motion, const Vector3<T>& point) {
+  Vector3<T> moved;
+  ceres::AngleAxisRotatePoint(motion, point.data(), moved.data());
+  moved += Eigen::Map<const Vector3<T>>(motion + 3);
+  return reference.rotation.cast<T>() * moved + reference.translation.cast<T>();
+}
+
+// (reference * motion)^-1 * point
+template <typename T>
+Vector3<T> ApplyInverse(const Frame& reference, const T* motion, const Vector3<T>& point) {
+  const Vector3<T> moved =
+      reference.rotation.conjugate().cast<T>() * (point - reference.translation.cast<T>()) -
+      Eigen::Map<const Vector3<T>>(motion + 3);
+  const T back[3] = {-motion[0], -motion[1], -motion[2]};
+  Vector3<T> result;
+  ceres::AngleAxisRotatePoint(back, moved.data(), result.data());
+  return result;
+}
+
+// As CameraModel::Project, for the camera's frame. False behind the camera.
+template <typename T>
+bool Project(const CameraIntrinsics& lens, const Vector3<T>& point, T* pixel) {
+  if (!(point.z() > T(1e-6))) return false;
+  const auto& d = lens.distortion;
+  const T x = point.x() / point.z();
+  const T y = point.y() / point.z();
+  const T r2 = x * x + y * y;
+  const T radial = (T(1) + r2 * (d[0] + r2 * (d[1] + r2 * d[4]))) /
+                   (T(1) + r2 * (d[5] + r2 * (d[6] + r2 * d[7])));
+  pixel[0] = lens.fx * (x * radial + 2 * d[2] * x * y + d[3] * (r2 + T(2) * x * x)) + lens.cx;
+  pixel[1] = lens.fy * (y * radial + d[2] * (r2 + T(2) * y * y) + 2 * d[3] * x * y) + lens.cy;
+  return true;
+}
+
+// The residual of a corner, in sigmas. What is constant of a corner's chain.
+struct CornerCost {
+  const CameraIntrinsics& lens;
+  const BundleCorner& corner;
+  Frame camera;
+  Frame flange;
+  Frame board;
+
+  // Blocks: camera, board, size.
+  template <typename T>
+  bool operator()(const T* camera_motion, const T* board_motion, const T* size, T* residual) const {
+    return Finish(camera_motion, InWorld(board_motion, size), residual);
+  }
+
+  // Blocks: camera, board, size, flange.
+  template <typename T>
+  bool operator()(const T* camera_motion, const T* board_motion, const T* size,
+                  const T* flange_motion, T* residual) const {
+    const Vector3<T> point = InWorld(board_motion, size);
+    return Finish(camera_motion,
+                  corner.camera_on_flange ? ApplyInverse(flange, flange_motion, point)
+                                          : Apply(flange, flange_motion, point),
+                  residual);
+  }
+
+ private:
+  template <typename T>
+  Vector3<T> InWorld(const T* board_motion, const T* size) const {
+    return Apply<T>(board, board_motion, corner.point.cast<T>() * size[0]);
+  }
+  template <typename T>
+  bool Finish(const T* camera_motion, const Vector3<T>& point, T* residual) const {
+    if (!Project(lens, Apply(camera, camera_motion, point), residual)) return false;
+    residual[0] = (residual[0] - corner.pixel.x()) / corner.sigma;
+    residual[1] = (residual[1] - corner.pixel.y()) / corner.sigma;
+    return true;
+  }
+};
+
+struct MotionPrior {
+  double rotation_sigma;
+  double position_sigma;
+
+  template <typename T>
+  bool operator()(const T* motion, T* residual) const {
+    for (int i = 0; i < 3; ++i) {
+      residual[i] = motion[i] / rotation_sigma;
+      residual[i + 3] = motion[i + 3] / position_sigma;
+    }
+    return true;
+  }
+};
+
+struct SizePrior {
+  template <typename T>
+  bool operator()(const T* size, T* residual) const {
+    residual[0] = (size[0] - T(1)) / kSizeSigma;
+    return true;
+  }
+};
+
+Eigen::Isometry3d IsometryOf(const Motion& motion) {
+  const Eigen::Vector3d rotation(motion[0], motion[1], motion[2]);
+  Eigen::Isometry3d pose = Eigen::Isometry3d::Identity();
+  if (const double angle = rotation.norm(); angle > 0) {
+    pose.linear() = Eigen::AngleAxisd(angle, rotation / angle).toRotationMatrix();
+  }
+  pose.translation() = Eigen::Vector3d(motion[3], motion[4], motion[5]);
+  return pose;
+}
+
+Motion MotionOf(const Eigen::Isometry3d& pose) {
+  const Eigen::AngleAxisd turn(pose.linear());
+  const Eigen::Vector3d rotation = turn.angle() * turn.axis();
+  return {rotation.x(),           rotation.y(),           rotation.z(),
+          pose.translation().x(), pose.translation().y(), pose.translation().z()};
+}
+
+// A Bundle as a Ceres problem. Poses with a prior refer to what was measured, others to where they
+// are.
+class CeresBundle {
+ public:
+  CeresBundle(Bundle& bundle, double robust) : bundle_(bundle), sizes_(bundle.sizes) {
+    for (auto* poses : Kinds()) {
+      for (BundlePose& pose : *poses) places_[&pose] = motions_.size(), motions_.push_back({});
+    }
+    for (auto* poses : Kinds()) {
+      for (BundlePose& pose : *poses) {
+        const Eigen::Isometry3d& reference = pose.has_prior ? pose.measured : pose.pose;
+        motions_[places_[&pose]] = MotionOf(reference.inverse() * pose.pose);
+      }
+    }
+    for (BundleCorner& corner : bundle.corners) {
+      if (corner.used) AddCorner(corner, robust);
+    }
+    AddPriors(robust);
+  }
+
+  bool Solve() {
+    if (problem_.NumResidualBlocks() == 0) return false;
+    ceres::Solver::Options options;
+    options.linear_solver_type = ceres::SPARSE_NORMAL_CHOLESKY;
+    options.max_num_iterations = 100;
+    options.function_tolerance = 1e-12;
+    options.parameter_tolerance = 1e-12;
+    options.logging_type = ceres::SILENT;
+    ceres::Solver::Summary summary;
+    ceres::Solve(options, &problem_, &summary);
+    if (!summary.IsSolutionUsable()) return false;
+    for (auto* poses : Kinds()) {
+      for (BundlePose& pose : *poses) {
+        const Eigen::Isometry3d reference = pose.has_prior ? pose.measured : pose.pose;
+        pose.pose = reference * IsometryOf(motions_[places_[&pose]]);
+        pose.pose.linear() = Eigen::Quaterniond(pose.pose.linear()).normalized().matrix();
+      }
+    }
+    bundle_.sizes = sizes_;
+    return true;
+  }
+
+  std::optional<BundleJacobian> Jacobian();
+
+ private:
+  std::array<std::vector<BundlePose>*, 3> Kinds() {
+    return {&bundle_.cameras, &bundle_.flanges, &bundle_.board_poses};
+  }
+
+  double* MotionOfPose(BundlePose& pose) {
+    double* motion = motions_[places_[&pose]].data();
+    if (!problem_.HasParameterBlock(motion)) {
+      problem_.AddParameterBlock(motion, 6);
+      if (pose.constant) problem_.SetParameterBlockConstant(motion);
+    }
+    return motion;
+  }
+
+  static Frame ReferenceOf(const BundlePose& pose) {
+    return FrameOf(pose.has_prior ? pose.measured : pose.pose);
+  }
+
+  static ceres::LossFunction* LossOf(double robust) {
+    return robust > 0 ? new ceres::CauchyLoss(robust) : nullptr;
+  }
+
+  void AddCorner(const BundleCorner& corner, double robust) {
+    BundlePose& camera = bundle_.cameras[corner.camera];
+    BundlePose& board = bundle_.board_poses[corner.board_pose];
+    BundlePose* flange = corner.flange >= 0 ? &bundle_.flanges[corner.flange] : nullptr;
+    auto* cost = new CornerCost{bundle_.lenses[corner.camera], corner, ReferenceOf(camera),
+                                flange ? ReferenceOf(*flange) : Frame{}, ReferenceOf(board)};
+    double* size = &sizes_[corner.size];
+    if (flange) {
+      problem_.AddResidualBlock(new ceres::AutoDiffCostFunction<CornerCost, 2, 6, 6, 1, 6>(cost),
+                                LossOf(robust), MotionOfPose(camera), MotionOfPose(board), size,
+                                MotionOfPose(*flange));
+    } else {
+      problem_.AddResidualBlock(new ceres::AutoDiffCostFunction<CornerCost, 2, 6, 6, 1>(cost),
+                                LossOf(robust), MotionOfPose(camera), MotionOfPose(board), size);
+    }
+    corners_of_size_[corner.size] += 1;
+  }
+
+  void AddPriors(double robust) {
+    for (auto* poses : Kinds()) {
+      for (BundlePose& pose : *poses) {
+        double* motion = motions_[places_[&pose]].data();
+        if (!pose.has_prior || pose.constant || !problem_.HasParameterBlock(motion)) continue;
+        problem_.AddResidualBlock(new ceres::AutoDiffCostFunction<MotionPrior, 6, 6>(
+                                      new MotionPrior{pose.rotation_sigma, pose.position_sigma}),
+                                  LossOf(2 * robust), motion);
+      }
+    }
+    for (const auto& [size, count] : corners_of_size_) {
+      double* value = &sizes_[size];
+      if (bundle_.free_sizes) {
+        problem_.AddResidualBlock(new ceres::AutoDiffCostFunction<SizePrior, 1, 1>(new SizePrior),
+                                  nullptr, value);
+      } else {
+        problem_.SetParameterBlockConstant(value);
+      }
+    }
+  }
+
+  Bundle& bundle_;
+  ceres::Problem problem_;
+  std::map<const BundlePose*, size_t> places_;
+  std::vector<Motion> motions_;
+  std::vector<double> sizes_;
+  std::map<int, int> corners_of_size_;
+};
+
+std::optional<BundleJacobian> CeresBundle::Jacobian() {
+  BundleJacobian result;
+  ceres::Problem::EvaluateOptions options;
+  options.apply_loss_function = false;
+  int columns = 0;
+  for (auto* poses : Kinds()) {
+    for (BundlePose& pose : *poses) {
+      double* motion = motions_[places_[&pose]].data();
+      if (!problem_.HasParameterBlock(motion) || pose.constant) continue;
+      result.blocks.push_back({.pose = &pose, .column = columns});
+      options.parameter_blocks.push_back(motion);
+      columns += 6;
+    }
+  }
+  for (const auto& [size, count] : corners_of_size_) {
+    if (!bundle_.free_sizes) continue;
+    result.blocks.push_back({.size = size, .column = columns});
+    options.parameter_blocks.push_back(&sizes_[size]);
+    columns += 1;
+  }
+  ceres::CRSMatrix crs;
+  double cost = 0;
+  if (columns == 0 || !problem_.Evaluate(options, &cost, nullptr, nullptr, &crs)) {
+    return std::nullopt;
+  }
+  result.chi2 = 2 * cost;
+  result.jacobian = Eigen::Map<const Eigen::SparseMatrix<double, Eigen::RowMajor>>(
+      crs.num_rows, crs.num_cols, static_cast<int>(crs.values.size()), crs.rows.data(),
+      crs.cols.data(), crs.values.data());
+  return result;
+}
+
+}  // namespace
+
+Eigen::Matrix<double, 6, 1> BundlePose::PriorResidual() const {
+  const Motion motion = MotionOf(measured.inverse() * pose);
+  Eigen::Matrix<double, 6, 1> residual;
+  for (int i = 0; i < 3; ++i) {
+    residual[i] = motion[i] / rotation_sigma;
+    residual[i + 3] = motion[i + 3] / position_sigma;
+  }
+  return residual;
+}
+
+void FindResiduals(Bundle& bundle) {
+  for (BundleCorner& corner : bundle.corners) {
+    Eigen::Isometry3d link = Eigen::Isometry3d::Identity();
+    if (corner.flange >= 0) link = bundle.flanges[corner.flange].pose;
+    if (corner.camera_on_flange) link = link.inverse();
+    const Eigen::Vector3d point = bundle.cameras[corner.camera].pose * link *
+                                  bundle.board_poses[corner.board_pose].pose *
+                                  (bundle.sizes[corner.size] * corner.point);
+    Eigen::Vector2d pixel;
+    const bool seen = Project(bundle.lenses[corner.camera], Vector3<double>(point), pixel.data());
+    corner.residual = seen ? Eigen::Vector2d(pixel - corner.pixel)
+                           : Eigen::Vector2d::Constant(std::numeric_limits<double>::infinity());
+  }
+}
+
+bool Adjust(Bundle& bundle, double robust) {
+  FindResiduals(bundle);
+  for (BundleCorner& corner : bundle.corners) {
+    corner.used = corner.used && corner.residual.allFinite();
+  }
+  const bool solved = CeresBundle(bundle, robust).Solve();
+  FindResiduals(bundle);
+  return solved;
+}
+
+std::optional<BundleJacobian> JacobianOf(Bundle& bundle) {
+  return CeresBundle(bundle, 0).Jacobian();
+}
+
+}  // namespace silhouette

@@ -1,0 +1,80 @@
+// The bundle: all poses of a network at once, by least squares over the corners' residuals. Ceres
+// is known to its source file only.
+#pragma once
+
+#include <Eigen/Core>
+#include <Eigen/Geometry>
+#include <cstddef>
+#include <string>
+#include <vector>
+
+#include "calib/camera_model.h"
+#include "calib/poses/pose_solution.h"
+
+namespace silhouette {
+
+// A pose to be found. With sigmas it was measured, and is drawn to `measured`.
+struct BundlePose {
+  std::string name;  // for messages
+  Eigen::Isometry3d pose = Eigen::Isometry3d::Identity();
+  bool has_prior = false;
+  Eigen::Isometry3d measured = Eigen::Isometry3d::Identity();
+  double position_sigma = 0;
+  double rotation_sigma = 0;
+  bool constant = false;
+  PoseCovariance covariance = PoseCovariance::Zero();  // see FindCovariances
+
+  // measured^-1 * pose as rotation vector and translation, each in its sigma.
+  Eigen::Matrix<double, 6, 1> PriorResidual() const;
+};
+
+struct BundleCorner {
+  int camera = 0;
+  int flange = -1;                // none
+  bool camera_on_flange = false;  // the flange's pose is taken inverted
+  int board_pose = 0;
+  int size = 0;           // index of the board's size factor
+  Eigen::Vector3d point;  // in the board's frame
+  Eigen::Vector2d pixel;
+  double sigma = 1;  // pixels
+  size_t look = 0;   // in the network
+  size_t place = 0;  // in the look
+  bool used = true;
+  Eigen::Vector2d residual = Eigen::Vector2d::Zero();  // pixels, after Adjust
+};
+
+struct Bundle {
+  std::vector<CameraIntrinsics> lenses;  // one per camera
+  std::vector<BundlePose> cameras;
+  std::vector<BundlePose> flanges;
+  std::vector<BundlePose> board_poses;
+  std::vector<double> sizes;        // factors on the boards' points
+  std::vector<double> size_sigmas;  // see FindCovariances
+  bool free_sizes = false;          // find them too; drawn to 1 by a sigma of 20 %
+  std::vector<BundleCorner> corners;
+};
+
+// Moves the poses to the least sum of squares over the used corners and the priors. `robust`: the
+// residual, in sigmas, from which a corner (and a prior) counts for less and less; 0: all count
+// fully. Returns false if no corner can be evaluated or the solver fails.
+bool Adjust(Bundle& bundle, double robust);
+
+// Fills the residuals of all corners, used or not; infinite behind the camera.
+void FindResiduals(Bundle& bundle);
+
+// What the data determine, at a minimum that Adjust found.
+struct BundleStatistics {
+  std::string undetermined;  // what the data do not determine; empty: all is
+  double chi2 = 0;
+  int dof = 0;
+  // Sums of squares and their expectation, of corners and of the flanges' priors.
+  double corner_chi2 = 0;
+  double corner_redundancy = 0;
+  double flange_chi2 = 0;
+  double flange_redundancy = 0;
+};
+
+// Fills the covariances of cameras, of flanges and board poses, and the size sigmas.
+BundleStatistics FindCovariances(Bundle& bundle);
+
+}  // namespace silhouette

@@ -1,0 +1,238 @@
+#include "calib/poses/pose_doubts.h"
+
+#include <algorithm>
+#include <cmath>
+#include <functional>
+#include <optional>
+#include <set>
+
+#include "absl/strings/str_cat.h"
+#include "absl/strings/str_format.h"
+#include "calib/poses/hand_eye.h"
+#include "calib/poses/words.h"
+
+namespace silhouette {
+namespace {
+
+// A fit is doubted from here on, in what the sigmas explain; and is refused from the other on.
+constexpr double kDoubted = 4;
+constexpr double kRefused = 15;
+// A guess must make the median residual this many times smaller.
+constexpr double kFarBetter = 4;
+
+struct Guess {
+  std::string says;  // the end of a sentence
+  std::function<std::optional<PoseProblem>(const PoseProblem&)> change;
+};
+
+using RobotChange = std::function<Eigen::Isometry3d(const Eigen::Isometry3d&)>;
+
+Guess GuessOfPoses(std::string says, RobotChange change) {
+  return {std::move(says), [change = std::move(change)](PoseProblem problem) {
+            for (RobotPose& pose : problem.robot_poses) {
+              pose.base_from_flange = change(pose.base_from_flange);
+            }
+            return std::optional(std::move(problem));
+          }};
+}
+
+// Every frame has the robot's pose of the frame `by` places later.
+std::optional<PoseProblem> Shifted(PoseProblem problem, int by) {
+  const std::vector<RobotPose> poses = problem.robot_poses;
+  problem.robot_poses.clear();
+  std::set<std::string> frames;
+  for (int i = 0; i < static_cast<int>(poses.size()); ++i) {
+    const int other = i + by;
+    if (other < 0 || other >= static_cast<int>(poses.size())) continue;
+    problem.robot_poses.push_back({poses[i].frame, poses[other].base_from_flange});
+    frames.insert(poses[i].frame);
+  }
+  std::erase_if(problem.sightings,
+                [&](const TagSighting& seen) { return !frames.contains(seen.frame); });
+  return problem;
+}
+
+PoseProblem Resized(PoseProblem problem, double size) {
+  for (PoseBoard& board : problem.boards) {
+    BoardDescription description = board.board.description();
+    description.tag_size *= size;
+    description.gap *= size;
+    board.board = Board(std::move(description));
+  }
+  return problem;
+}
+
+// With the columns of every board counted from the other side.
+std::optional<PoseProblem> MirroredBoards(PoseProblem problem) {
+  bool changed = false;
+  for (TagSighting& seen : problem.sightings) {
+    for (const PoseBoard& board : problem.boards) {
+      const BoardDescription& d = board.board.description();
+      if (d.family != seen.family || !board.board.HasTag(seen.tag) || d.columns == 1) continue;
+      const int place = seen.tag - d.first_id;
+      const int column = place % d.columns;
+      seen.tag = d.first_id + place - column + (d.columns - 1 - column);
+      changed = true;
+      break;
+    }
+  }
+  return changed ? std::optional(std::move(problem)) : std::nullopt;
+}
+
+Eigen::Isometry3d WithMillimetres(Eigen::Isometry3d pose) {
+  pose.translation() /= 1000;
+  return pose;
+}
+
+// The pose that was meant if the four numbers of its quaternion were w, x, y, z.
+Eigen::Isometry3d WithWFirst(Eigen::Isometry3d pose) {
+  const Eigen::Vector4d read = Eigen::Quaterniond(pose.linear()).coeffs();  // x, y, z, w
+  // A rotation has two quaternions of opposite sign; both give the same rotation here too.
+  pose.linear() = Eigen::Quaterniond(read[0], read[1], read[2], read[3]).matrix();
+  return pose;
+}
+
+const std::vector<Guess>& Guesses() {
+  static const std::vector<Guess> guesses = {
+      {"frames and robot poses are shifted by one: with each frame's pose taken from the frame "
+       "after it they fit; number them anew",
+       [](const PoseProblem& problem) { return Shifted(problem, 1); }},
+      {"frames and robot poses are shifted by one: with each frame's pose taken from the frame "
+       "before it they fit; number them anew",
+       [](const PoseProblem& problem) { return Shifted(problem, -1); }},
+      GuessOfPoses("the robot's positions are in millimetres; give metres", WithMillimetres),
+      GuessOfPoses("the quaternions of the robot's poses are in the order w, x, y, z; give x, y, "
+                   "z, w",
+                   WithWFirst),
+      GuessOfPoses("the robot's poses are inverted (flange_from_base); give base_from_flange",
+                   [](const Eigen::Isometry3d& pose) { return pose.inverse(); }),
+      {"a board is mirrored: with its columns counted from the other side it fits; print or "
+       "describe it anew",
+       MirroredBoards},
+  };
+  return guesses;
+}
+
+// The problem with one view alone, so that others neither help nor harm.
+PoseProblem OfView(const PoseProblem& problem, const std::string& view) {
+  PoseProblem alone = problem;
+  std::erase_if(alone.views, [&](const PoseView& other) { return other.name != view; });
+  std::erase_if(alone.sightings, [&](const TagSighting& seen) { return seen.view != view; });
+  return alone;
+}
+
+// The median residual in pixels; nothing if there is no solution.
+std::optional<double> MedianOfFit(const PoseProblem& problem) {
+  const absl::StatusOr<PoseFit> fit = FitWithExactRobot(problem);
+  if (!fit.ok()) return std::nullopt;
+  return *std::max_element(fit->median_px.begin(), fit->median_px.end());
+}
+
+// The boards' size by closed form from the robot's motion; nothing if it does not tell.
+std::optional<double> SizeByMotion(const PoseFit& fit) {
+  std::vector<LinkedLook> looks;
+  for (const Look& look : fit.network.looks) {
+    if (look.flange >= 0 && !look.candidates.empty() &&
+        look.board_pose == fit.network.looks.front().board_pose) {
+      looks.push_back({&look, fit.network.LinkOf(look)});
+    }
+  }
+  const absl::StatusOr<HandEye> solution = SolveHandEye(fit.network.lenses.front(), looks);
+  if (!solution.ok() || !(solution->size > 0.02 && solution->size < 50)) return std::nullopt;
+  return solution->size;
+}
+
+std::string SizeText(const BoardDescription& board, double size) {
+  return absl::StrFormat("%.4g mm, not %.4g mm", 1000 * board.tag_size * size,
+                         1000 * board.tag_size);
+}
+
+absl::Status TryGuesses(const PoseProblem& problem, const std::string& view, double median) {
+  const PoseProblem alone = OfView(problem, view);
+  const absl::StatusOr<PoseFit> fit = FitWithExactRobot(alone);
+  // Alone it may fit, or not be connected: then the fault is not in what it saw.
+  if (fit.ok() && fit->median_px.front() < median / kFarBetter) return absl::OkStatus();
+  const double alone_median = fit.ok() ? std::min(median, fit->median_px.front()) : median;
+  std::optional<double> least;
+  std::string says;
+  for (const Guess& guess : Guesses()) {
+    const std::optional<PoseProblem> changed = guess.change(alone);
+    if (!changed) continue;
+    const std::optional<double> guessed = MedianOfFit(*changed);
+    if (guessed && (!least || *guessed < *least)) {
+      least = guessed;
+      says = guess.says;
+    }
+  }
+  if (const std::optional<double> size = fit.ok() ? SizeByMotion(*fit) : std::nullopt) {
+    const std::optional<double> guessed = MedianOfFit(Resized(alone, *size));
+    if (guessed && (!least || *guessed < *least)) {
+      least = guessed;
+      const int board = fit->network.board_poses[fit->network.looks.front().board_pose].board;
+      const BoardDescription& d = fit->network.boards[board].board.description();
+      says = absl::StrCat("the tags of board '", d.name, "' measure ", SizeText(d, *size),
+                          ", by the robot's motion; measure the print, or look whether the robot's "
+                          "positions are in metres");
+    }
+  }
+  if (!least || *least > alone_median / kFarBetter) return absl::OkStatus();
+  return absl::FailedPreconditionError(
+      absl::StrFormat("view '%s': corners are off by %.2f px (median); it looks as if %s (then "
+                      "%.2f px)",
+                      view, alone_median, says, *least));
+}
+
+}  // namespace
+
+absl::Status CheckFit(const PoseProblem& problem, const PoseFit& fit) {
+  const auto excess = [&](size_t view) { return fit.median_px[view] / fit.expected_px[view]; };
+  std::vector<size_t> doubted;
+  for (size_t i = 0; i < fit.network.views.size(); ++i) {
+    if (std::isfinite(fit.expected_px[i]) && !(excess(i) < kDoubted)) doubted.push_back(i);
+  }
+  std::sort(doubted.begin(), doubted.end(),
+            [&](size_t a, size_t b) { return excess(a) > excess(b); });
+  for (const size_t view : doubted) {
+    absl::Status tried = TryGuesses(problem, problem.views[view].name, fit.median_px[view]);
+    if (!tried.ok()) return tried;
+  }
+  if (doubted.empty() || excess(doubted.front()) < kRefused) return absl::OkStatus();
+  const size_t worst = doubted.front();
+  return absl::FailedPreconditionError(absl::StrFormat(
+      "the data contradict each other: corners of view '%s' are off by %.2f px (median) where "
+      "%.2f px are expected; see whether its lens, the boards' description, the robot's poses and "
+      "the frames' names belong together",
+      problem.views[worst].name, fit.median_px[worst], fit.expected_px[worst]));
+}
+
+absl::Status CheckSizes(const PoseNetwork& network, const Bundle& bundle,
+                        std::vector<std::string>& warnings) {
+  constexpr double kCertain = 5;  // sigmas
+  constexpr double kRefusedSize = 0.01;
+  constexpr double kMentionedSize = 0.001;
+  Bundle sized = bundle;
+  sized.free_sizes = true;
+  if (!Adjust(sized, 0)) return absl::OkStatus();
+  const BundleStatistics statistics = FindCovariances(sized);
+  if (!statistics.undetermined.empty() || statistics.dof <= 0) return absl::OkStatus();
+  const double excess = std::max(1.0, std::sqrt(statistics.chi2 / statistics.dof));
+  for (size_t i = 0; i < sized.sizes.size(); ++i) {
+    const double off = std::abs(sized.sizes[i] - 1);
+    if (!(sized.size_sigmas[i] > 0) || off < kMentionedSize ||
+        off < kCertain * excess * sized.size_sigmas[i]) {
+      continue;
+    }
+    const BoardDescription& board = network.boards[i].board.description();
+    const std::string measure = absl::StrCat("the tags of board '", board.name, "' measure ",
+                                             SizeText(board, sized.sizes[i]));
+    if (off > kRefusedSize) {
+      return absl::FailedPreconditionError(
+          absl::StrCat("by all else that is known ", measure, "; measure the print"));
+    }
+    warnings.push_back(
+        absl::StrCat("by all else that is known ", measure, "; measure the print if it matters"));
+  }
+  return absl::OkStatus();
+}
+
+}  // namespace silhouette

@@ -1,0 +1,166 @@
+#include "calib/poses/pose_fit.h"
+
+#include <algorithm>
+#include <cmath>
+#include <map>
+
+#include "absl/status/status.h"
+#include "absl/strings/str_cat.h"
+#include "absl/strings/str_join.h"
+#include "calib/poses/pose_seeds.h"
+#include "calib/poses/words.h"
+
+namespace silhouette {
+namespace {
+
+constexpr double kRobust = 3;  // sigmas
+
+const std::string& NameOf(const PoseNetwork& network, const BoardPose& board_pose) {
+  return network.boards[board_pose.board].board.description().name;
+}
+
+// Loose boards that one view saw in a frame say nothing of the view's pose.
+std::vector<bool> TellingLooks(const PoseNetwork& network) {
+  std::map<int, int> looks_of_board;
+  for (const Look& look : network.looks) ++looks_of_board[look.board_pose];
+  std::vector<bool> telling;
+  for (const Look& look : network.looks) {
+    const BoardPose& board = network.board_poses[look.board_pose];
+    const bool loose = network.boards[board.board].place == BoardPlace::kLoose;
+    telling.push_back(board.pose && network.camera_poses[look.view] &&
+                      !(loose && looks_of_board[look.board_pose] == 1));
+  }
+  return telling;
+}
+
+void AddPoses(const PoseNetwork& network, const RobotNoise& noise, Bundle& bundle) {
+  for (size_t i = 0; i < network.views.size(); ++i) {
+    bundle.lenses.push_back(network.views[i].lens);
+    bundle.cameras.push_back({.name = absl::StrCat("view '", network.views[i].name, "'"),
+                              .pose = *network.camera_poses[i]});
+  }
+  for (const RobotPose& robot : network.robot_poses) {
+    bundle.flanges.push_back({.name = absl::StrCat("the flange in frame '", robot.frame, "'"),
+                              .pose = robot.base_from_flange,
+                              .has_prior = true,
+                              .measured = robot.base_from_flange,
+                              .position_sigma = noise.position_sigma,
+                              .rotation_sigma = noise.rotation_sigma,
+                              .constant = true});
+  }
+  for (const BoardPose& board_pose : network.board_poses) {
+    const PoseBoard& board = network.boards[board_pose.board];
+    BundlePose pose{.name = absl::StrCat("the board '", NameOf(network, board_pose), "'")};
+    if (board_pose.pose) pose.pose = *board_pose.pose;
+    if (board.place == BoardPlace::kSurveyed) {
+      pose.has_prior = true;
+      pose.measured = board.base_from_board;
+      pose.position_sigma = board.position_sigma;
+      pose.rotation_sigma = board.rotation_sigma;
+    }
+    bundle.board_poses.push_back(std::move(pose));
+  }
+  bundle.sizes.assign(network.boards.size(), 1);
+  bundle.size_sigmas.assign(network.boards.size(), 0);
+}
+
+Bundle BundleOf(const PoseNetwork& network, const RobotNoise& noise) {
+  Bundle bundle;
+  AddPoses(network, noise, bundle);
+  const std::vector<bool> telling = TellingLooks(network);
+  for (size_t i = 0; i < network.looks.size(); ++i) {
+    if (!telling[i]) continue;
+    const Look& look = network.looks[i];
+    for (size_t k = 0; k < look.corners.size(); ++k) {
+      bundle.corners.push_back({.camera = look.view,
+                                .flange = look.flange,
+                                .camera_on_flange = network.views[look.view].on_flange,
+                                .board_pose = look.board_pose,
+                                .size = network.board_poses[look.board_pose].board,
+                                .point = look.corners[k].point,
+                                .pixel = look.corners[k].pixel,
+                                .sigma = look.corners[k].sigma,
+                                .look = i,
+                                .place = k});
+    }
+  }
+  return bundle;
+}
+
+// The length of a residual that corner noise and the robot's noise together explain.
+double ExpectedError(const PoseNetwork& network, const BundleCorner& corner,
+                     const RobotNoise& noise) {
+  double robot = 0;
+  if (corner.flange >= 0) {
+    const Look& look = network.looks[corner.look];
+    const Eigen::Isometry3d& board = *network.board_poses[look.board_pose].pose;
+    const Eigen::Vector3d seen =
+        *network.camera_poses[look.view] * network.LinkOf(look) * board * corner.point;
+    const double lever = corner.camera_on_flange ? seen.norm() : (board * corner.point).norm();
+    const double per_metre = network.views[look.view].lens.fx / std::max(1e-3, seen.z());
+    robot = per_metre * std::hypot(noise.position_sigma, noise.rotation_sigma * lever);
+  }
+  return 1.18 * std::hypot(corner.sigma, robot);  // the median length of a plane normal vector
+}
+
+void FindMedians(const RobotNoise& noise, PoseFit& fit) {
+  const size_t views = fit.network.views.size();
+  std::vector<std::vector<double>> lengths(views);
+  std::vector<std::vector<double>> expected(views);
+  for (const BundleCorner& corner : fit.bundle.corners) {
+    lengths[corner.camera].push_back(corner.residual.norm());
+    expected[corner.camera].push_back(ExpectedError(fit.network, corner, noise));
+  }
+  for (size_t i = 0; i < views; ++i) {
+    fit.median_px.push_back(MedianOf(std::move(lengths[i])));
+    fit.expected_px.push_back(MedianOf(std::move(expected[i])));
+  }
+}
+
+// Whether anything at all ties something to the robot's base.
+bool HasBase(const PoseNetwork& network) {
+  return std::any_of(network.looks.begin(), network.looks.end(), [&](const Look& look) {
+    const int board = network.board_poses[look.board_pose].board;
+    return look.flange >= 0 || network.boards[board].place == BoardPlace::kSurveyed;
+  });
+}
+
+}  // namespace
+
+bool AdjustStepwise(Bundle& bundle, double robust) {
+  // The first residuals are those of the seeds: many sigmas, as the solver could not see else.
+  double scale = 1e9;
+  for (int i = 0; i < 8; ++i) {
+    std::vector<double> sigmas;
+    for (const BundleCorner& corner : bundle.corners) {
+      if (corner.residual.allFinite()) sigmas.push_back(corner.residual.norm() / corner.sigma);
+    }
+    const double next = std::max(robust, 1.5 * MedianOf(std::move(sigmas)));
+    if (i > 0 && next > 0.8 * scale) return true;
+    scale = next;
+    if (!Adjust(bundle, scale)) return false;
+  }
+  return true;
+}
+
+absl::StatusOr<PoseFit> FitWithExactRobot(const PoseProblem& problem) {
+  absl::StatusOr<PoseNetwork> network = NetworkOf(problem);
+  if (!network.ok()) return network.status();
+  if (!HasBase(*network)) {
+    return absl::FailedPreconditionError(
+        "nothing says where the robot's base is: only boards were seen whose place is not known; "
+        "put one on the flange and give the robot's poses, or survey one");
+  }
+  FindCandidates(*network);
+  const std::vector<std::string> reasons = SeedPoses(*network);
+  if (!reasons.empty()) return absl::FailedPreconditionError(absl::StrJoin(reasons, "; "));
+  PoseFit fit{.network = *std::move(network), .bundle{}, .median_px{}, .expected_px{}};
+  fit.bundle = BundleOf(fit.network, problem.robot_noise);
+  FindResiduals(fit.bundle);
+  // Where it fails the residuals stay large, which is what counts.
+  AdjustStepwise(fit.bundle, kRobust);
+  FindMedians(problem.robot_noise, fit);
+  return fit;
+}
+
+}  // namespace silhouette

@@ -1,0 +1,61 @@
+// What is known before the cameras' poses are: lenses, boards, what was seen of them, and where the
+// robot stood.
+//
+// A pose `a_from_b` takes points in b to points in a. `base` is the robot's base frame, `flange`
+// that of the link that carries the board or the camera. Metres, radians, pixels.
+#pragma once
+
+#include <Eigen/Geometry>
+#include <string>
+#include <vector>
+
+#include "calib/camera_model.h"
+#include "calib/tags/board.h"
+#include "calib/tags/tag_sighting.h"
+
+namespace silhouette {
+
+struct PoseView {
+  std::string name;
+  CameraIntrinsics lens;   // held fixed
+  bool on_flange = false;  // eye-in-hand: the camera rides on the flange
+};
+
+enum class BoardPlace {
+  kLoose,     // anywhere, in every frame elsewhere: ties views that see it at once
+  kFlange,    // fixed to the flange, it is not known where
+  kStanding,  // stands still in the cell through all frames, it is not known where
+  kSurveyed,  // stands still in the cell, and was measured
+};
+
+struct PoseBoard {
+  Board board;
+  BoardPlace place = BoardPlace::kLoose;
+  // Where it is by the survey, and the survey's standard deviations, per axis; kSurveyed only.
+  Eigen::Isometry3d base_from_board = Eigen::Isometry3d::Identity();
+  double position_sigma = 1e-3;
+  double rotation_sigma = 1e-2;
+};
+
+// Where the robot says that its flange was when a frame was taken.
+struct RobotPose {
+  std::string frame;
+  Eigen::Isometry3d base_from_flange = Eigen::Isometry3d::Identity();
+};
+
+// How exactly the robot goes where it says: standard deviations per axis.
+struct RobotNoise {
+  double position_sigma = 0.2e-3;
+  double rotation_sigma = 0.02 * 3.14159265358979323846 / 180;
+};
+
+struct PoseProblem {
+  std::vector<PoseView> views;
+  std::vector<PoseBoard> boards;
+  std::vector<TagSighting> sightings;
+  std::vector<RobotPose> robot_poses;  // in the order in which they were driven to
+  RobotNoise robot_noise;
+  bool robot_exact = false;  // takes the robot at its word; for comparison only
+};
+
+}  // namespace silhouette

@@ -1,0 +1,227 @@
+#include "calib/poses/pose_report.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <map>
+#include <set>
+
+#include "absl/strings/str_cat.h"
+#include "absl/strings/str_format.h"
+#include "calib/poses/words.h"
+
+namespace silhouette {
+namespace {
+
+constexpr double kDegree = 3.14159265358979323846 / 180;
+
+struct Count {
+  int used = 0;
+  int left_out = 0;
+  double sum = 0;  // of squares, pixels
+  double longest = 0;
+
+  void Add(const BundleCorner& corner) {
+    if (!corner.used) {
+      ++left_out;
+      return;
+    }
+    ++used;
+    sum += corner.residual.squaredNorm();
+    longest = std::max(longest, corner.residual.norm());
+  }
+  double RmsPerAxis() const { return used > 0 ? std::sqrt(sum / (2 * used)) : 0; }
+};
+
+// Where boards were seen, in the world of a view: the base, or the flange for a view on it.
+Eigen::AlignedBox3d SeenSpace(const PoseFit& fit, bool on_flange) {
+  Eigen::AlignedBox3d box;
+  for (const BundleCorner& corner : fit.bundle.corners) {
+    if (!corner.used || corner.camera_on_flange != on_flange) continue;
+    Eigen::Isometry3d link = Eigen::Isometry3d::Identity();
+    if (corner.flange >= 0) link = fit.bundle.flanges[corner.flange].pose;
+    if (corner.camera_on_flange) link = link.inverse();
+    box.extend(link * fit.bundle.board_poses[corner.board_pose].pose * corner.point);
+  }
+  return box;
+}
+
+void FindWorkspaceSigma(const Eigen::AlignedBox3d& box, SolvedView& view) {
+  constexpr int kSteps = 4;
+  if (box.isEmpty()) return;
+  double sum = 0;
+  for (int i = 0; i <= kSteps; ++i) {
+    for (int j = 0; j <= kSteps; ++j) {
+      for (int k = 0; k <= kSteps; ++k) {
+        const Eigen::Vector3d share = Eigen::Vector3d(i, j, k) / kSteps;
+        const double sigma =
+            PointSigma(view.covariance, box.min() + share.cwiseProduct(box.sizes()));
+        sum += sigma * sigma;
+        view.workspace_sigma_worst = std::max(view.workspace_sigma_worst, sigma);
+      }
+    }
+  }
+  view.workspace_sigma = std::sqrt(sum / std::pow(kSteps + 1, 3));
+}
+
+void AddViews(const PoseFit& fit, PoseSolution& solution) {
+  std::vector<Count> counts(fit.bundle.cameras.size());
+  for (const BundleCorner& corner : fit.bundle.corners) counts[corner.camera].Add(corner);
+  const Eigen::AlignedBox3d in_base = SeenSpace(fit, false);
+  const Eigen::AlignedBox3d in_flange = SeenSpace(fit, true);
+  for (size_t i = 0; i < counts.size(); ++i) {
+    const PoseView& view = fit.network.views[i];
+    SolvedView solved{.name = view.name,
+                      .on_flange = view.on_flange,
+                      .camera_pose = fit.bundle.cameras[i].pose,
+                      .covariance = fit.bundle.cameras[i].covariance,
+                      .corners = counts[i].used,
+                      .outliers = counts[i].left_out,
+                      .rms_px = counts[i].RmsPerAxis(),
+                      .worst_px = counts[i].longest};
+    FindWorkspaceSigma(view.on_flange ? in_flange : in_base, solved);
+    solution.views.push_back(std::move(solved));
+  }
+}
+
+void AddBoards(const PoseFit& fit, PoseSolution& solution) {
+  for (size_t i = 0; i < fit.network.board_poses.size(); ++i) {
+    const BundlePose& pose = fit.bundle.board_poses[i];
+    const PoseBoard& board = fit.network.boards[fit.network.board_poses[i].board];
+    if (board.place == BoardPlace::kLoose || pose.covariance.isZero(0)) continue;
+    solution.boards.push_back({.name = board.board.description().name,
+                               .place = board.place,
+                               .pose = pose.pose,
+                               .covariance = pose.covariance});
+  }
+}
+
+void AddFrames(const PoseFit& fit, const std::vector<bool>& robot_outliers,
+               PoseSolution& solution) {
+  std::map<std::string, size_t> places;
+  std::vector<Count> counts;
+  for (const BundleCorner& corner : fit.bundle.corners) {
+    const std::string& frame = fit.network.looks[corner.look].frame;
+    const auto [place, added] = places.emplace(frame, solution.frames.size());
+    if (added) {
+      solution.frames.push_back({.name = frame});
+      counts.emplace_back();
+    }
+    counts[place->second].Add(corner);
+    if (corner.flange < 0) continue;
+    const BundlePose& flange = fit.bundle.flanges[corner.flange];
+    const Eigen::Isometry3d motion = flange.measured.inverse() * flange.pose;
+    SolvedFrame& solved = solution.frames[place->second];
+    solved.robot_offset = motion.translation().norm();
+    solved.robot_rotation = Eigen::AngleAxisd(motion.linear()).angle();
+    solved.robot_outlier = robot_outliers[corner.flange];
+  }
+  for (size_t i = 0; i < counts.size(); ++i) {
+    solution.frames[i].corners = counts[i].used;
+    solution.frames[i].outliers = counts[i].left_out;
+    solution.frames[i].rms_px = counts[i].RmsPerAxis();
+  }
+}
+
+void AddResiduals(const PoseFit& fit, PoseSolution& solution) {
+  for (const BundleCorner& corner : fit.bundle.corners) {
+    const LookCorner& seen = fit.network.looks[corner.look].corners[corner.place];
+    solution.residuals.push_back({.sighting = seen.sighting,
+                                  .corner = seen.corner,
+                                  .residual = corner.residual,
+                                  .outlier = !corner.used});
+  }
+}
+
+void WarnOfFrames(PoseSolution& solution) {
+  std::vector<std::string> corners;
+  std::vector<std::string> robot;
+  for (const SolvedFrame& frame : solution.frames) {
+    if (frame.outliers > 0) {
+      corners.push_back(absl::StrCat("'", frame.name, "' (", frame.outliers, ")"));
+    }
+    if (frame.robot_outlier) {
+      robot.push_back(absl::StrFormat("'%s' (%.2f mm, %.3f deg)", frame.name,
+                                      1000 * frame.robot_offset, frame.robot_rotation / kDegree));
+    }
+  }
+  if (!corners.empty()) {
+    solution.warnings.push_back(
+        absl::StrCat("corners that do not fit were left out, in the frames ", FewOf(corners)));
+  }
+  if (!robot.empty()) {
+    solution.warnings.push_back(
+        absl::StrCat("the robot stood elsewhere than it said, and its pose was left out, in the "
+                     "frames ",
+                     FewOf(robot)));
+  }
+}
+
+void WarnOfNoise(const PoseFit& fit, const NoiseFactors& factors, PoseSolution& solution) {
+  if (factors.image > 2) {
+    solution.warnings.push_back(
+        absl::StrFormat("corners are off by %.1f times the sigma that their file states; the "
+                        "lenses may be wrong, or the sigma",
+                        factors.image));
+  }
+  if (factors.robot > 1.5) {
+    const BundlePose& flange = fit.bundle.flanges.front();  // enlarged already
+    solution.warnings.push_back(absl::StrFormat(
+        "the robot's poses are off by %.1f times the sigma stated; --robot-sigma %.2gmm,%.2gdeg "
+        "would be right",
+        factors.robot, 1000 * flange.position_sigma, flange.rotation_sigma / kDegree));
+  }
+}
+
+void WarnOfWeakness(const PoseFit& fit, PoseSolution& solution) {
+  constexpr int kFewFrames = 10;
+  constexpr double kWeak = 3e-3;
+  std::set<int> flanges;
+  for (const BundleCorner& corner : fit.bundle.corners) {
+    if (corner.flange >= 0) flanges.insert(corner.flange);
+  }
+  if (!flanges.empty() && flanges.size() < kFewFrames) {
+    solution.warnings.push_back(
+        absl::StrCat("only ", flanges.size(),
+                     " poses of the robot took part; twenty and more make good cameras, and show "
+                     "mistakes"));
+  }
+  for (const SolvedView& view : solution.views) {
+    if (view.workspace_sigma_worst > kWeak) {
+      solution.warnings.push_back(absl::StrFormat(
+          "view '%s' is known poorly: points of the workspace may be off by %.1f mm (1 sigma); add "
+          "poses all over the workspace, turned about two axes",
+          view.name, 1000 * view.workspace_sigma_worst));
+    }
+  }
+}
+
+}  // namespace
+
+double PointSigma(const PoseCovariance& covariance, const Eigen::Vector3d& point) {
+  Eigen::Matrix<double, 3, 6> motion;
+  motion << 0, point.z(), -point.y(), 1, 0, 0,  //
+      -point.z(), 0, point.x(), 0, 1, 0,        //
+      point.y(), -point.x(), 0, 0, 0, 1;
+  return std::sqrt(std::max(0.0, (motion * covariance * motion.transpose()).trace()));
+}
+
+PoseSolution SolutionOf(const PoseFit& fit, const std::vector<bool>& robot_outliers,
+                        const BundleStatistics& statistics, const NoiseFactors& factors) {
+  PoseSolution solution;
+  solution.chi2_per_dof = factors.chi2_per_dof;
+  solution.dof = statistics.dof;
+  solution.image_noise_factor = factors.image;
+  solution.robot_noise_factor = factors.robot;
+  solution.warnings = fit.network.warnings;
+  AddViews(fit, solution);
+  AddBoards(fit, solution);
+  AddFrames(fit, robot_outliers, solution);
+  AddResiduals(fit, solution);
+  WarnOfFrames(solution);
+  WarnOfNoise(fit, factors, solution);
+  WarnOfWeakness(fit, solution);
+  return solution;
+}
+
+}  // namespace silhouette

@@ -1,0 +1,191 @@
+// A made-up cell whose truth is known: cameras around a workspace of 1.5 m, boards, a robot that
+// does not stand quite where it says, and corners with noise.
+#pragma once
+
+#include <Eigen/Geometry>
+#include <cmath>
+#include <random>
+#include <string>
+#include <vector>
+
+#include "calib/poses/pose_problem.h"
+
+namespace silhouette {
+
+inline constexpr double kRigDegree = 3.14159265358979323846 / 180;
+
+// camera_from_base of a camera at `place` that looks at `at`; the base's z is up in the image.
+inline Eigen::Isometry3d Looking(const Eigen::Vector3d& place, const Eigen::Vector3d& at) {
+  const Eigen::Vector3d z = (at - place).normalized();
+  const Eigen::Vector3d x = z.cross(Eigen::Vector3d::UnitZ()).normalized();
+  Eigen::Matrix3d base_from_camera;
+  base_from_camera << x, z.cross(x), z;
+  Eigen::Isometry3d pose = Eigen::Isometry3d::Identity();
+  pose.linear() = base_from_camera.transpose();
+  pose.translation() = -pose.linear() * place;
+  return pose;
+}
+
+class PoseRig {
+ public:
+  explicit PoseRig(unsigned seed, int cameras = 4) : random_(seed) {
+    for (int i = 0; i < cameras; ++i) {
+      const double around = (45 + 90 * i) * kRigDegree;
+      const Eigen::Vector3d place(2.2 * std::cos(around), 2.2 * std::sin(around), 1.9);
+      Add("camera" + std::to_string(i), Looking(place, {0, 0, 0.7}), false);
+    }
+  }
+
+  double corner_sigma = 0.05;  // pixels
+  PoseProblem problem;
+  std::vector<Eigen::Isometry3d> camera_poses;  // true ones, as in SolvedView
+  std::vector<Eigen::Isometry3d> board_poses;   // true ones, of boards that are not loose
+
+  double Normal(double sigma) { return std::normal_distribution<double>(0, sigma)(random_); }
+  double Uniform(double from, double to) {
+    return std::uniform_real_distribution<double>(from, to)(random_);
+  }
+
+  Eigen::Isometry3d SmallMotion(double position_sigma, double rotation_sigma) {
+    const Eigen::Vector3d turn(Normal(rotation_sigma), Normal(rotation_sigma),
+                               Normal(rotation_sigma));
+    Eigen::Isometry3d motion = Eigen::Isometry3d::Identity();
+    if (turn.norm() > 0) {
+      motion.linear() = Eigen::AngleAxisd(turn.norm(), turn.normalized()).matrix();
+    }
+    motion.translation() =
+        Eigen::Vector3d(Normal(position_sigma), Normal(position_sigma), Normal(position_sigma));
+    return motion;
+  }
+
+  void Add(const std::string& name, const Eigen::Isometry3d& pose, bool on_flange) {
+    problem.views.push_back({.name = name,
+                             .lens = {.width = 1280,
+                                      .height = 960,
+                                      .fx = 905,
+                                      .fy = 907,
+                                      .cx = 643,
+                                      .cy = 475,
+                                      .distortion = {-0.12, 0.03, 0.0005, -0.0004}},
+                             .on_flange = on_flange});
+    camera_poses.push_back(pose);
+  }
+
+  // `pose`: where the board really is, flange_from_board or base_from_board.
+  void AddBoard(const std::string& name, BoardPlace place, const Eigen::Isometry3d& pose,
+                double tag_size = 0.12, int rows = 1, int columns = 1) {
+    PoseBoard board{.board = Board({.name = name,
+                                    .rows = rows,
+                                    .columns = columns,
+                                    .tag_size = tag_size,
+                                    .gap = rows * columns > 1 ? 0.4 * tag_size : 0.0,
+                                    .first_id = next_tag_}),
+                    .place = place};
+    next_tag_ += rows * columns;
+    if (place == BoardPlace::kSurveyed) {
+      board.base_from_board = pose * SmallMotion(board.position_sigma, board.rotation_sigma);
+    }
+    problem.boards.push_back(board);
+    board_poses.push_back(pose);
+  }
+
+  // The board on the flange as in all tests: a little aside, facing along the flange's z.
+  void AddFlangeBoard(double tag_size = 0.12) {
+    Eigen::Isometry3d pose = Eigen::Isometry3d::Identity();
+    pose.translation() = Eigen::Vector3d(0.02, -0.05, 0.08);
+    pose.linear() = (Eigen::AngleAxisd(0.3, Eigen::Vector3d::UnitZ()) *
+                     Eigen::AngleAxisd(3.14159265358979 - 0.1, Eigen::Vector3d::UnitX()))
+                        .matrix();
+    AddBoard("flange", BoardPlace::kFlange, pose, tag_size);
+  }
+
+  // A flange pose in the workspace whose z axis looks at `at`, not exactly.
+  Eigen::Isometry3d RandomFlange(const Eigen::Vector3d& at, double tilt = 25 * kRigDegree) {
+    Eigen::Isometry3d pose = Eigen::Isometry3d::Identity();
+    pose.translation() =
+        Eigen::Vector3d(Uniform(-0.6, 0.6), Uniform(-0.6, 0.6), Uniform(0.3, 1.2));
+    const Eigen::Vector3d z = (at - pose.translation()).normalized();
+    const Eigen::Vector3d x = z.unitOrthogonal();
+    pose.linear() << x, z.cross(x), z;
+    pose.linear() =
+        (pose.linear() * Eigen::AngleAxisd(Uniform(-3, 3), Eigen::Vector3d::UnitZ()) *
+         Eigen::AngleAxisd(Uniform(-tilt, tilt), Eigen::Vector3d::UnitX()) *
+         Eigen::AngleAxisd(Uniform(-tilt, tilt), Eigen::Vector3d::UnitY()))
+            .matrix();
+    return pose;
+  }
+
+  // Frames whose flange looks up, a little towards one camera after the other, so that most views
+  // see its board; and everything seen in them.
+  void Drive(int frames) {
+    for (int i = 0; i < frames; ++i) {
+      const PoseView& view = problem.views[i % problem.views.size()];
+      const Eigen::Vector3d at =
+          view.on_flange ? Eigen::Vector3d(Uniform(-0.3, 0.3), Uniform(-0.3, 0.3), 0)
+                         : Eigen::Vector3d(Uniform(-1, 1), Uniform(-1, 1), 2.5);
+      Take("frame" + std::to_string(1000 + i), RandomFlange(at));
+    }
+  }
+
+  // One frame with the flange at `base_from_flange`, which the robot says with its noise.
+  void Take(const std::string& frame, const Eigen::Isometry3d& base_from_flange) {
+    const RobotNoise& noise = problem.robot_noise;
+    problem.robot_poses.push_back(
+        {frame, base_from_flange * SmallMotion(noise.position_sigma, noise.rotation_sigma)});
+    for (size_t i = 0; i < problem.boards.size(); ++i) {
+      if (problem.boards[i].place == BoardPlace::kLoose) continue;
+      const bool moves = problem.boards[i].place == BoardPlace::kFlange;
+      See(frame, i, moves ? base_from_flange * board_poses[i] : board_poses[i], base_from_flange);
+    }
+  }
+
+  // What all views see of a board at `base_from_board`.
+  void See(const std::string& frame, size_t board, const Eigen::Isometry3d& base_from_board,
+           const Eigen::Isometry3d& base_from_flange = Eigen::Isometry3d::Identity()) {
+    for (size_t view = 0; view < problem.views.size(); ++view) {
+      Eigen::Isometry3d camera_from_base = camera_poses[view];
+      if (problem.views[view].on_flange) camera_from_base = camera_from_base * base_from_flange.inverse();
+      SeeBy(frame, view, board, camera_from_base * base_from_board);
+    }
+  }
+
+ private:
+  void SeeBy(const std::string& frame, size_t view, size_t board,
+             const Eigen::Isometry3d& camera_from_board) {
+    const Eigen::Vector3d ahead = camera_from_board.linear().col(2);
+    const BoardDescription& d = problem.boards[board].board.description();
+    const CameraModel camera(problem.views[view].lens, camera_from_board);
+    for (int tag = d.first_id; tag < d.first_id + problem.boards[board].board.tags(); ++tag) {
+      TagSighting seen{.frame = frame,
+                       .view = problem.views[view].name,
+                       .family = d.family,
+                       .tag = tag,
+                       .sigma = corner_sigma};
+      const TagCorners points = problem.boards[board].board.CornersOf(tag);
+      bool visible = true;
+      for (int i = 0; i < 4; ++i) {
+        const auto pixel = camera.Project(points[i]);
+        visible = visible && pixel && camera.Contains(*pixel) &&
+                  ahead.dot((camera_from_board * points[i]).normalized()) > 0.35;
+        if (!visible) break;
+        seen.corners[i] = *pixel + Eigen::Vector2d(Normal(corner_sigma), Normal(corner_sigma));
+      }
+      if (visible) problem.sightings.push_back(seen);
+    }
+  }
+
+  std::mt19937 random_;
+  int next_tag_ = 0;
+};
+
+// What a solved pose is off: measured^-1 * true as rotation vector and translation.
+inline Eigen::Matrix<double, 6, 1> PoseError(const Eigen::Isometry3d& solved,
+                                             const Eigen::Isometry3d& truth) {
+  const Eigen::Isometry3d motion = truth.inverse() * solved;
+  const Eigen::AngleAxisd turn(motion.linear());
+  Eigen::Matrix<double, 6, 1> error;
+  error << turn.angle() * turn.axis(), motion.translation();
+  return error;
+}
+
+}  // namespace silhouette
