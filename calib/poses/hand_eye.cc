@@ -18,7 +18,9 @@ namespace silhouette {
 namespace {
 
 constexpr double kDegree = 3.14159265358979323846 / 180;
-constexpr int kSamples = 300;
+constexpr int kSamples = 200;
+constexpr int kLeastSamples = 30;
+constexpr double kGoodEnough = 2;  // pixels: a seed that needs no further samples
 // The turn about the second axis, root mean square over pairs of poses, from which two axes count.
 constexpr double kLeastTurn = 1.5 * kDegree;
 // Candidates that are turned by more against the solution do not take part in refining it.
@@ -211,6 +213,7 @@ absl::StatusOr<HandEye> SolveHandEye(const CameraModel& lens,
     }
     const std::optional<HandEye> solution = SolveFrom(lens, looks, chosen);
     if (solution && (!best || solution->median_px < best->median_px)) best = solution;
+    if (best && best->median_px < kGoodEnough && i >= kLeastSamples) break;
   }
   if (!best) {
     return absl::FailedPreconditionError("but no pose of the camera explains three of its frames");

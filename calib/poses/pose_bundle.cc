@@ -18,6 +18,8 @@ namespace silhouette {
 namespace {
 
 constexpr double kSizeSigma = 0.2;
+// A prior's six residuals count for less and less from here, in sigmas, where corners do.
+constexpr double kRobustPrior = 6;
 
 // A pose is sought as reference * motion, the motion a rotation vector and a translation.
 using Motion = std::array<double, 6>;
@@ -55,7 +57,10 @@ Vector3<T> ApplyInverse(const Frame& reference, const T* motion, const Vector3<T
   return result;
 }
 
-// As CameraModel::Project, for the camera's frame. False behind the camera.
+// Of r^2 at z = 1: further out (85 degrees) no lens of this model sees.
+constexpr double kLargestRadius2 = 144;
+
+// As CameraModel::Project, for the camera's frame. False behind the camera and far aside.
 template <typename T>
 bool Project(const CameraIntrinsics& lens, const Vector3<T>& point, T* pixel) {
   if (!(point.z() > T(1e-6))) return false;
@@ -63,6 +68,7 @@ bool Project(const CameraIntrinsics& lens, const Vector3<T>& point, T* pixel) {
   const T x = point.x() / point.z();
   const T y = point.y() / point.z();
   const T r2 = x * x + y * y;
+  if (!(r2 < T(kLargestRadius2))) return false;
   const T radial = (T(1) + r2 * (d[0] + r2 * (d[1] + r2 * d[4]))) /
                    (T(1) + r2 * (d[5] + r2 * (d[6] + r2 * d[7])));
   pixel[0] = lens.fx * (x * radial + 2 * d[2] * x * y + d[3] * (r2 + T(2) * x * x)) + lens.cx;
@@ -239,7 +245,7 @@ class CeresBundle {
         if (!pose.has_prior || pose.constant || !problem_.HasParameterBlock(motion)) continue;
         problem_.AddResidualBlock(new ceres::AutoDiffCostFunction<MotionPrior, 6, 6>(
                                       new MotionPrior{pose.rotation_sigma, pose.position_sigma}),
-                                  LossOf(2 * robust), motion);
+                                  LossOf(robust > 0 ? kRobustPrior : 0), motion);
       }
     }
     for (const auto& [size, count] : corners_of_size_) {

@@ -55,8 +55,8 @@ struct Bundle {
 };
 
 // Moves the poses to the least sum of squares over the used corners and the priors. `robust`: the
-// residual, in sigmas, from which a corner (and a prior) counts for less and less; 0: all count
-// fully. Returns false if no corner can be evaluated or the solver fails.
+// residual, in sigmas, from which a corner counts for less and less, as priors then do from six
+// sigmas; 0: all count fully. Returns false if no corner can be evaluated or the solver fails.
 bool Adjust(Bundle& bundle, double robust);
 
 // Fills the residuals of all corners, used or not; infinite behind the camera.

@@ -15,6 +15,7 @@ namespace silhouette {
 namespace {
 
 constexpr double kRobust = 3;          // sigmas
+constexpr double kFirstRobust = 60;    // sigmas
 constexpr double kCornerOutlier = 5;   // sigmas, of a residual's length
 constexpr double kRobotOutlier = 6;    // sigmas, of a pose's six residuals together
 constexpr double kMostOutliers = 0.4;  // share
@@ -156,7 +157,9 @@ absl::StatusOr<PoseSolution> CalibratePoses(const PoseProblem& problem) {
   if (absl::Status checked = CheckFit(problem, *fit); !checked.ok()) return checked;
   Bundle& bundle = fit->bundle;
   for (BundlePose& flange : bundle.flanges) flange.constant = problem.robot_exact;
-  if (!AdjustStepwise(bundle, kRobust)) {
+  // Flanges that the robot stated wrongly follow their corners first; then single corners that are
+  // wrong lose their pull.
+  if (!Adjust(bundle, kFirstRobust) || !AdjustStepwise(bundle, kRobust)) {
     return absl::FailedPreconditionError("no poses were found that explain what was seen");
   }
   std::vector<bool> robot_outliers(bundle.flanges.size(), false);

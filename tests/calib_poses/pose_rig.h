@@ -102,16 +102,14 @@ class PoseRig {
   // A flange pose in the workspace whose z axis looks at `at`, not exactly.
   Eigen::Isometry3d RandomFlange(const Eigen::Vector3d& at, double tilt = 25 * kRigDegree) {
     Eigen::Isometry3d pose = Eigen::Isometry3d::Identity();
-    pose.translation() =
-        Eigen::Vector3d(Uniform(-0.6, 0.6), Uniform(-0.6, 0.6), Uniform(0.3, 1.2));
+    pose.translation() = Eigen::Vector3d(Uniform(-0.6, 0.6), Uniform(-0.6, 0.6), Uniform(0.3, 1.2));
     const Eigen::Vector3d z = (at - pose.translation()).normalized();
     const Eigen::Vector3d x = z.unitOrthogonal();
     pose.linear() << x, z.cross(x), z;
-    pose.linear() =
-        (pose.linear() * Eigen::AngleAxisd(Uniform(-3, 3), Eigen::Vector3d::UnitZ()) *
-         Eigen::AngleAxisd(Uniform(-tilt, tilt), Eigen::Vector3d::UnitX()) *
-         Eigen::AngleAxisd(Uniform(-tilt, tilt), Eigen::Vector3d::UnitY()))
-            .matrix();
+    pose.linear() = (pose.linear() * Eigen::AngleAxisd(Uniform(-3, 3), Eigen::Vector3d::UnitZ()) *
+                     Eigen::AngleAxisd(Uniform(-tilt, tilt), Eigen::Vector3d::UnitX()) *
+                     Eigen::AngleAxisd(Uniform(-tilt, tilt), Eigen::Vector3d::UnitY()))
+                        .matrix();
     return pose;
   }
 
@@ -120,9 +118,9 @@ class PoseRig {
   void Drive(int frames) {
     for (int i = 0; i < frames; ++i) {
       const PoseView& view = problem.views[i % problem.views.size()];
-      const Eigen::Vector3d at =
-          view.on_flange ? Eigen::Vector3d(Uniform(-0.3, 0.3), Uniform(-0.3, 0.3), 0)
-                         : Eigen::Vector3d(Uniform(-1, 1), Uniform(-1, 1), 2.5);
+      const Eigen::Vector3d at = view.on_flange
+                                     ? Eigen::Vector3d(Uniform(-0.3, 0.3), Uniform(-0.3, 0.3), 0)
+                                     : Eigen::Vector3d(Uniform(-1, 1), Uniform(-1, 1), 2.5);
       Take("frame" + std::to_string(1000 + i), RandomFlange(at));
     }
   }
@@ -144,7 +142,8 @@ class PoseRig {
            const Eigen::Isometry3d& base_from_flange = Eigen::Isometry3d::Identity()) {
     for (size_t view = 0; view < problem.views.size(); ++view) {
       Eigen::Isometry3d camera_from_base = camera_poses[view];
-      if (problem.views[view].on_flange) camera_from_base = camera_from_base * base_from_flange.inverse();
+      if (problem.views[view].on_flange)
+        camera_from_base = camera_from_base * base_from_flange.inverse();
       SeeBy(frame, view, board, camera_from_base * base_from_board);
     }
   }
