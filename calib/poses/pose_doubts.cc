@@ -79,11 +79,6 @@ std::optional<PoseProblem> MirroredBoards(PoseProblem problem) {
   return changed ? std::optional(std::move(problem)) : std::nullopt;
 }
 
-Eigen::Isometry3d WithMillimetres(Eigen::Isometry3d pose) {
-  pose.translation() /= 1000;
-  return pose;
-}
-
 // The pose that was meant if the four numbers of its quaternion were w, x, y, z.
 Eigen::Isometry3d WithWFirst(Eigen::Isometry3d pose) {
   const Eigen::Vector4d read = Eigen::Quaterniond(pose.linear()).coeffs();  // x, y, z, w
@@ -100,7 +95,6 @@ const std::vector<Guess>& Guesses() {
       {"frames and robot poses are shifted by one: with each frame's pose taken from the frame "
        "before it they fit; number them anew",
        [](const PoseProblem& problem) { return Shifted(problem, -1); }},
-      GuessOfPoses("the robot's positions are in millimetres; give metres", WithMillimetres),
       GuessOfPoses("the quaternions of the robot's poses are in the order w, x, y, z; give x, y, "
                    "z, w",
                    WithWFirst),

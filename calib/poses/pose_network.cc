@@ -11,6 +11,7 @@
 
 #include "absl/status/status.h"
 #include "absl/strings/str_cat.h"
+#include "absl/strings/str_format.h"
 #include "calib/poses/words.h"
 
 namespace silhouette {
@@ -21,6 +22,9 @@ struct Names {
   std::map<std::string, int> views;
   std::map<std::string, int> robot_poses;
 };
+
+// No robot reaches as far, so that its positions must be in millimetres.
+constexpr double kFarthestFlange = 50;  // metres
 
 absl::Status CheckRobotPoses(const PoseProblem& problem, Names& names) {
   for (const RobotPose& pose : problem.robot_poses) {
@@ -34,6 +38,12 @@ absl::Status CheckRobotPoses(const PoseProblem& problem, Names& names) {
         !(rotation * rotation.transpose()).isIdentity(1e-6)) {
       return absl::InvalidArgumentError(
           absl::StrCat("the robot's pose of frame '", pose.frame, "' is not one"));
+    }
+    if (pose.base_from_flange.translation().norm() > kFarthestFlange) {
+      return absl::FailedPreconditionError(absl::StrFormat(
+          "the robot's pose of frame '%s' is %.0f m from its base; it looks as if positions are in "
+          "millimetres; give metres",
+          pose.frame, pose.base_from_flange.translation().norm()));
     }
   }
   return absl::OkStatus();
