@@ -12,6 +12,7 @@
 #include "absl/status/status.h"
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
+#include "calib/poses/pose_problem_checks.h"
 #include "calib/poses/words.h"
 
 namespace silhouette {
@@ -23,77 +24,15 @@ struct Names {
   std::map<std::string, int> robot_poses;
 };
 
-// No robot reaches as far, so that its positions must be in millimetres.
-constexpr double kFarthestFlange = 50;  // metres
-
-absl::Status CheckRobotPoses(const PoseProblem& problem, Names& names) {
-  for (const RobotPose& pose : problem.robot_poses) {
-    const int place = static_cast<int>(names.robot_poses.size());
-    if (!names.robot_poses.emplace(pose.frame, place).second) {
-      return absl::InvalidArgumentError(
-          absl::StrCat("frame '", pose.frame, "' has two poses of the robot; leave one"));
-    }
-    const Eigen::Matrix3d rotation = pose.base_from_flange.linear();
-    if (!pose.base_from_flange.matrix().allFinite() ||
-        !(rotation * rotation.transpose()).isIdentity(1e-6)) {
-      return absl::InvalidArgumentError(
-          absl::StrCat("the robot's pose of frame '", pose.frame, "' is not one"));
-    }
-    if (pose.base_from_flange.translation().norm() > kFarthestFlange) {
-      return absl::FailedPreconditionError(absl::StrFormat(
-          "the robot's pose of frame '%s' is %.0f m from its base; it looks as if positions are in "
-          "millimetres; give metres",
-          pose.frame, pose.base_from_flange.translation().norm()));
-    }
-  }
-  return absl::OkStatus();
-}
-
-absl::StatusOr<Names> NamesOf(const PoseProblem& problem) {
+Names NamesOf(const PoseProblem& problem) {
   Names names;
   for (const PoseView& view : problem.views) {
-    const int place = static_cast<int>(names.views.size());
-    if (!names.views.emplace(view.name, place).second) {
-      return absl::InvalidArgumentError(absl::StrCat("view '", view.name, "' is there twice"));
-    }
+    names.views.emplace(view.name, static_cast<int>(names.views.size()));
   }
-  std::map<std::pair<std::string, int>, std::string> tags;
-  std::set<std::string> boards;
-  for (const PoseBoard& board : problem.boards) {
-    const BoardDescription& d = board.board.description();
-    if (!boards.insert(d.name).second) {
-      return absl::InvalidArgumentError(absl::StrCat("board '", d.name, "' is there twice"));
-    }
-    if (board.place == BoardPlace::kSurveyed &&
-        (!(board.position_sigma > 0) || !(board.rotation_sigma > 0))) {
-      return absl::InvalidArgumentError(
-          absl::StrCat("the survey of board '", d.name, "' must have positive sigmas"));
-    }
-    for (int tag = d.first_id; tag < d.first_id + board.board.tags(); ++tag) {
-      const auto [other, added] = tags.emplace(std::pair(d.family, tag), d.name);
-      if (!added) {
-        return absl::InvalidArgumentError(absl::StrCat("tag ", tag, " (", d.family,
-                                                       ") is on the boards '", other->second,
-                                                       "' and '", d.name, "'"));
-      }
-    }
+  for (const RobotPose& pose : problem.robot_poses) {
+    names.robot_poses.emplace(pose.frame, static_cast<int>(names.robot_poses.size()));
   }
-  const RobotNoise& noise = problem.robot_noise;
-  if (!(noise.position_sigma > 0) || !(noise.rotation_sigma > 0)) {
-    return absl::InvalidArgumentError("the robot's sigmas must be positive");
-  }
-  const absl::Status checked = CheckRobotPoses(problem, names);
-  if (!checked.ok()) return checked;
   return names;
-}
-
-absl::Status CheckSighting(const TagSighting& seen) {
-  const bool finite = std::all_of(seen.corners.begin(), seen.corners.end(),
-                                  [](const Eigen::Vector2d& corner) { return corner.allFinite(); });
-  if (finite && seen.sigma > 0 && std::isfinite(seen.sigma)) return absl::OkStatus();
-  return absl::InvalidArgumentError(absl::StrCat("frame '", seen.frame, "', view '", seen.view,
-                                                 "', tag ", seen.tag,
-                                                 ": corners must be finite and sigma positive"));
 }
 
 // The index of the board that has the tag; -1 if none has.
@@ -106,78 +45,37 @@ int BoardOf(const std::vector<PoseBoard>& boards, const TagSighting& seen) {
   return -1;
 }
 
-// Whether a tag's corners go round as in an image that is not mirrored.
-bool GoesRoundRightly(const std::array<Eigen::Vector2d, 4>& corners) {
-  double twice_area = 0;
-  for (size_t i = 0; i < 4; ++i) {
-    const Eigen::Vector2d& a = corners[i];
-    const Eigen::Vector2d& b = corners[(i + 1) % 4];
-    twice_area += a.x() * b.y() - b.x() * a.y();
-  }
-  return twice_area < 0;  // bottom left, bottom right, top right; y goes down
-}
-
-absl::Status CheckMirrored(const PoseProblem& problem) {
-  std::map<std::string, std::pair<int, int>> wrong_of_all;
-  for (const TagSighting& seen : problem.sightings) {
-    auto& [wrong, all] = wrong_of_all[seen.view];
-    wrong += GoesRoundRightly(seen.corners) ? 0 : 1;
-    all += 1;
-  }
-  for (const auto& [view, counts] : wrong_of_all) {
-    if (counts.first > 0.5 * counts.second) {
-      return absl::FailedPreconditionError(
-          absl::StrCat("view '", view, "': the tags' corners go round the wrong way in ",
-                       counts.first, " of ", counts.second,
-                       " sightings, so the images or the tags are mirrored, or the corners are not "
-                       "in the order bottom left, bottom right, top right, top left"));
-    }
-  }
-  return absl::OkStatus();
-}
-
 // Sorts sightings into looks.
 class LookSorter {
  public:
   LookSorter(const PoseProblem& problem, const Names& names, PoseNetwork& network)
       : problem_(problem), names_(names), network_(network) {}
 
-  absl::Status Add(size_t sighting) {
+  void Add(size_t sighting) {
     const TagSighting& seen = problem_.sightings[sighting];
-    if (absl::Status checked = CheckSighting(seen); !checked.ok()) return checked;
-    const auto view = names_.views.find(seen.view);
-    if (view == names_.views.end()) {
-      return absl::InvalidArgumentError(absl::StrCat("tags were seen by view '", seen.view,
-                                                     "', of which there is no camera model"));
-    }
-    if (!tags_.insert({seen.frame, seen.view, seen.family, seen.tag}).second) {
-      return absl::InvalidArgumentError(absl::StrCat("frame '", seen.frame, "', view '", seen.view,
-                                                     "' has tag ", seen.tag,
-                                                     " twice; a frame must be one image"));
-    }
+    const int view = names_.views.at(seen.view);
     const int board = BoardOf(problem_.boards, seen);
     if (board < 0) {
       strangers_.insert(absl::StrCat(seen.tag, " (", seen.family, ")"));
-      return absl::OkStatus();
+      return;
     }
-    const bool camera_moves = problem_.views[view->second].on_flange;
+    const bool camera_moves = problem_.views[view].on_flange;
     const bool board_moves = problem_.boards[board].place == BoardPlace::kFlange;
     if (camera_moves && board_moves) {
       on_the_same_.insert(seen.view);
-      return absl::OkStatus();
+      return;
     }
     int flange = -1;
     if (camera_moves || board_moves) {
       const auto pose = names_.robot_poses.find(seen.frame);
       if (pose == names_.robot_poses.end()) {
         without_pose_.insert(seen.frame);
-        return absl::OkStatus();
+        return;
       }
       flange = pose->second;
       with_pose_ = true;
     }
-    AddCorners(sighting, LookOf(seen.frame, view->second, board, flange), board);
-    return absl::OkStatus();
+    AddCorners(sighting, LookOf(seen.frame, view, board, flange), board);
   }
 
   absl::Status Finish() {
@@ -247,7 +145,6 @@ class LookSorter {
   const PoseProblem& problem_;
   const Names& names_;
   PoseNetwork& network_;
-  std::set<std::tuple<std::string, std::string, std::string, int>> tags_;
   std::map<std::tuple<std::string, int, int>, size_t> looks_;
   std::map<std::pair<std::string, int>, int> board_poses_;
   std::set<std::string> strangers_;
@@ -265,10 +162,7 @@ Eigen::Isometry3d PoseNetwork::LinkOf(const Look& look) const {
 }
 
 absl::StatusOr<PoseNetwork> NetworkOf(const PoseProblem& problem) {
-  const absl::StatusOr<Names> names = NamesOf(problem);
-  if (!names.ok()) return names.status();
-  if (problem.views.empty()) return absl::InvalidArgumentError("there is no view");
-  if (problem.sightings.empty()) return absl::FailedPreconditionError("no tag was seen");
+  if (absl::Status checked = CheckProblem(problem); !checked.ok()) return checked;
   PoseNetwork network;
   network.views = problem.views;
   network.boards = problem.boards;
@@ -281,12 +175,10 @@ absl::StatusOr<PoseNetwork> NetworkOf(const PoseProblem& problem) {
       return absl::InvalidArgumentError(absl::StrCat("view '", view.name, "': ", error.what()));
     }
   }
-  LookSorter sorter(problem, *names, network);
-  for (size_t i = 0; i < problem.sightings.size(); ++i) {
-    if (absl::Status added = sorter.Add(i); !added.ok()) return added;
-  }
+  const Names names = NamesOf(problem);
+  LookSorter sorter(problem, names, network);
+  for (size_t i = 0; i < problem.sightings.size(); ++i) sorter.Add(i);
   if (absl::Status finished = sorter.Finish(); !finished.ok()) return finished;
-  if (absl::Status checked = CheckMirrored(problem); !checked.ok()) return checked;
   return network;
 }
 

@@ -1,0 +1,152 @@
+#include "calib/poses/pose_problem_checks.h"
+
+#include <algorithm>
+#include <cmath>
+#include <map>
+#include <set>
+#include <string>
+#include <tuple>
+#include <utility>
+
+#include "absl/strings/str_cat.h"
+#include "absl/strings/str_format.h"
+
+namespace silhouette {
+namespace {
+
+// No robot reaches as far, so that its positions must be in millimetres.
+constexpr double kFarthestFlange = 50;  // metres
+
+absl::Status CheckRobotPoses(const PoseProblem& problem) {
+  std::set<std::string> frames;
+  for (const RobotPose& pose : problem.robot_poses) {
+    if (!frames.insert(pose.frame).second) {
+      return absl::InvalidArgumentError(
+          absl::StrCat("frame '", pose.frame, "' has two poses of the robot; leave one"));
+    }
+    const Eigen::Matrix3d rotation = pose.base_from_flange.linear();
+    if (!pose.base_from_flange.matrix().allFinite() ||
+        !(rotation * rotation.transpose()).isIdentity(1e-6)) {
+      return absl::InvalidArgumentError(
+          absl::StrCat("the robot's pose of frame '", pose.frame, "' is not one"));
+    }
+    if (pose.base_from_flange.translation().norm() > kFarthestFlange) {
+      return absl::FailedPreconditionError(absl::StrFormat(
+          "the robot's pose of frame '%s' is %.0f m from its base; it looks as if positions are in "
+          "millimetres; give metres",
+          pose.frame, pose.base_from_flange.translation().norm()));
+    }
+  }
+  return absl::OkStatus();
+}
+
+absl::Status CheckViews(const PoseProblem& problem) {
+  std::set<std::string> views;
+  for (const PoseView& view : problem.views) {
+    if (!views.insert(view.name).second) {
+      return absl::InvalidArgumentError(absl::StrCat("view '", view.name, "' is there twice"));
+    }
+  }
+  return absl::OkStatus();
+}
+
+absl::Status CheckBoardsOf(const PoseProblem& problem) {
+  std::map<std::pair<std::string, int>, std::string> tags;
+  std::set<std::string> boards;
+  for (const PoseBoard& board : problem.boards) {
+    const BoardDescription& d = board.board.description();
+    if (!boards.insert(d.name).second) {
+      return absl::InvalidArgumentError(absl::StrCat("board '", d.name, "' is there twice"));
+    }
+    if (board.place == BoardPlace::kSurveyed &&
+        (!(board.position_sigma > 0) || !(board.rotation_sigma > 0))) {
+      return absl::InvalidArgumentError(
+          absl::StrCat("the survey of board '", d.name, "' must have positive sigmas"));
+    }
+    for (int tag = d.first_id; tag < d.first_id + board.board.tags(); ++tag) {
+      const auto [other, added] = tags.emplace(std::pair(d.family, tag), d.name);
+      if (!added) {
+        return absl::InvalidArgumentError(absl::StrCat("tag ", tag, " (", d.family,
+                                                       ") is on the boards '", other->second,
+                                                       "' and '", d.name, "'"));
+      }
+    }
+  }
+  return absl::OkStatus();
+}
+
+absl::Status CheckSighting(const TagSighting& seen) {
+  const bool finite = std::all_of(seen.corners.begin(), seen.corners.end(),
+                                  [](const Eigen::Vector2d& corner) { return corner.allFinite(); });
+  if (finite && seen.sigma > 0 && std::isfinite(seen.sigma)) return absl::OkStatus();
+  return absl::InvalidArgumentError(absl::StrCat("frame '", seen.frame, "', view '", seen.view,
+                                                 "', tag ", seen.tag,
+                                                 ": corners must be finite and sigma positive"));
+}
+
+absl::Status CheckSightings(const PoseProblem& problem) {
+  std::set<std::string> views;
+  for (const PoseView& view : problem.views) views.insert(view.name);
+  std::set<std::tuple<std::string, std::string, std::string, int>> tags;
+  for (const TagSighting& seen : problem.sightings) {
+    if (absl::Status checked = CheckSighting(seen); !checked.ok()) return checked;
+    if (!views.contains(seen.view)) {
+      return absl::InvalidArgumentError(absl::StrCat("tags were seen by view '", seen.view,
+                                                     "', of which there is no camera model"));
+    }
+    if (!tags.insert({seen.frame, seen.view, seen.family, seen.tag}).second) {
+      return absl::InvalidArgumentError(absl::StrCat("frame '", seen.frame, "', view '", seen.view,
+                                                     "' has tag ", seen.tag,
+                                                     " twice; a frame must be one image"));
+    }
+  }
+  return absl::OkStatus();
+}
+
+// Whether a tag's corners go round as in an image that is not mirrored.
+bool GoesRoundRightly(const std::array<Eigen::Vector2d, 4>& corners) {
+  double twice_area = 0;
+  for (size_t i = 0; i < 4; ++i) {
+    const Eigen::Vector2d& a = corners[i];
+    const Eigen::Vector2d& b = corners[(i + 1) % 4];
+    twice_area += a.x() * b.y() - b.x() * a.y();
+  }
+  return twice_area < 0;  // bottom left, bottom right, top right; y goes down
+}
+
+absl::Status CheckMirrored(const PoseProblem& problem) {
+  std::map<std::string, std::pair<int, int>> wrong_of_all;
+  for (const TagSighting& seen : problem.sightings) {
+    auto& [wrong, all] = wrong_of_all[seen.view];
+    wrong += GoesRoundRightly(seen.corners) ? 0 : 1;
+    all += 1;
+  }
+  for (const auto& [view, counts] : wrong_of_all) {
+    if (counts.first > 0.5 * counts.second) {
+      return absl::FailedPreconditionError(
+          absl::StrCat("view '", view, "': the tags' corners go round the wrong way in ",
+                       counts.first, " of ", counts.second,
+                       " sightings, so the images or the tags are mirrored, or the corners are not "
+                       "in the order bottom left, bottom right, top right, top left"));
+    }
+  }
+  return absl::OkStatus();
+}
+
+}  // namespace
+
+absl::Status CheckProblem(const PoseProblem& problem) {
+  if (problem.views.empty()) return absl::InvalidArgumentError("there is no view");
+  if (problem.sightings.empty()) return absl::FailedPreconditionError("no tag was seen");
+  const RobotNoise& noise = problem.robot_noise;
+  if (!(noise.position_sigma > 0) || !(noise.rotation_sigma > 0)) {
+    return absl::InvalidArgumentError("the robot's sigmas must be positive");
+  }
+  for (const auto check :
+       {CheckViews, CheckBoardsOf, CheckRobotPoses, CheckSightings, CheckMirrored}) {
+    if (absl::Status checked = check(problem); !checked.ok()) return checked;
+  }
+  return absl::OkStatus();
+}
+
+}  // namespace silhouette
