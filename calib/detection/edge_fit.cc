@@ -1,0 +1,208 @@
+#include "calib/detection/edge_fit.h"
+
+#include <Eigen/Cholesky>
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+#include <vector>
+
+namespace silhouette {
+namespace {
+
+// The unknowns of a fit: the edge's shape, its blur, and the mean grey value and half the contrast,
+// both of which may change linearly along the edge.
+enum Unknown { kShape0, kShape1, kShape2, kBlur, kMean0, kMean1, kHalf0, kHalf1, kUnknowns };
+using Unknowns = Eigen::Matrix<double, kUnknowns, 1>;
+using Normal = Eigen::Matrix<double, kUnknowns, kUnknowns>;
+
+constexpr int kLeastPixels = 40;
+constexpr double kLeastContrast = 10;  // grey levels
+constexpr double kLeastBlur = 0.2;
+constexpr double kMostBlur = 3;
+constexpr int kMostSteps = 30;
+
+struct Sample {
+  double along;
+  double aside;  // from the straight line through the ends, undistorted pixels
+  double grey;
+};
+
+}  // namespace
+
+Edge::Edge(const Eigen::Vector2d& from, const Eigen::Vector2d& to)
+    : middle_((from + to) / 2), tangent_((to - from).normalized()), half_((to - from).norm() / 2) {}
+
+Eigen::Vector2d Edge::Gradient(const Eigen::Vector2d& at) const {
+  const double slope = (shape_[1] + 2 * shape_[2] * Along(at)) / half_;
+  return normal() - slope * tangent_;
+}
+
+double Edge::Variance(double along) const {
+  const Eigen::Vector3d powers(1, along, along * along);
+  return powers.dot(covariance_ * powers);
+}
+
+class EdgeFitter {
+ public:
+  EdgeFitter(const cv::Mat& image, const Lens& lens, const EdgeFitSettings& settings)
+      : image_(image), lens_(lens), settings_(settings) {}
+
+  std::optional<Edge> Fit(Edge edge) const {
+    const auto middle = lens_.Distorted(edge.middle_);
+    if (!middle) return std::nullopt;
+    // Pixels per undistorted pixel across the edge.
+    const double scale =
+        1 / (lens_.UndistortedPerPixel(*middle).transpose() * edge.normal()).norm();
+    const std::vector<Sample> samples = SamplesBeside(edge, scale);
+    if (samples.size() < kLeastPixels || !Solve(samples, scale, edge)) return std::nullopt;
+    return edge;
+  }
+
+ private:
+  std::vector<Sample> SamplesBeside(const Edge& edge, double scale) const {
+    std::vector<Sample> samples;
+    const Eigen::Vector2d half = edge.tangent_ * edge.half_;
+    const auto from = lens_.Distorted(edge.middle_ - half);
+    const auto to = lens_.Distorted(edge.middle_ + half);
+    const auto middle = lens_.Distorted(edge.middle_);
+    if (!from || !to || !middle) return samples;
+    const Edge chord(*from, *to);
+    // Where the lens bends the edge, the chord is as far away from it as its middle bows out.
+    const double reach = settings_.reach + 1 + std::abs(chord.Distance(*middle));
+    const double most = 1 - settings_.end_gap / edge.half_;
+    const auto first = [&](double a, double b) {
+      return std::max(0, static_cast<int>(std::floor(std::min(a, b) - reach)));
+    };
+    const auto last = [&](double a, double b, int size) {
+      return std::min(size - 1, static_cast<int>(std::ceil(std::max(a, b) + reach)));
+    };
+    for (int y = first(from->y(), to->y()); y <= last(from->y(), to->y(), image_.rows); ++y) {
+      for (int x = first(from->x(), to->x()); x <= last(from->x(), to->x(), image_.cols); ++x) {
+        const Eigen::Vector2d pixel(x, y);
+        if (std::abs(chord.Distance(pixel)) > reach) continue;
+        const auto at = lens_.Undistorted(pixel);
+        if (!at) continue;
+        const double along = edge.Along(*at);
+        if (std::abs(along) > most) continue;
+        if (std::abs(edge.Distance(*at)) * scale > settings_.reach) continue;
+        samples.push_back({along, edge.normal().dot(*at - edge.middle_),
+                           static_cast<double>(image_.at<uint8_t>(y, x))});
+      }
+    }
+    return samples;
+  }
+
+  // The residual of a sample and, on request, its derivatives.
+  static double Residual(const Sample& sample, const Unknowns& u, double scale, Unknowns* row) {
+    const double t = sample.along;
+    const double away = scale * (sample.aside - u[kShape0] - t * (u[kShape1] + t * u[kShape2]));
+    const double z = away / u[kBlur];
+    const double step = std::erf(z / std::numbers::sqrt2);
+    const double half = u[kHalf0] + t * u[kHalf1];
+    if (row != nullptr) {
+      const double slope =
+          half * 2 * std::numbers::inv_sqrtpi / std::numbers::sqrt2 * std::exp(-z * z / 2);
+      const double by_shape = -slope * scale / u[kBlur];
+      *row << by_shape, by_shape * t, by_shape * t * t, -slope * z / u[kBlur], 1, t, step, t * step;
+    }
+    return sample.grey - (u[kMean0] + t * u[kMean1] + half * step);
+  }
+
+  static double Cost(const std::vector<Sample>& samples, const Unknowns& u, double scale) {
+    double cost = 0;
+    for (const Sample& sample : samples) {
+      const double residual = Residual(sample, u, scale, nullptr);
+      cost += residual * residual;
+    }
+    return cost;
+  }
+
+  Unknowns Start(const std::vector<Sample>& samples, const Edge& edge) const {
+    double sum[2] = {};
+    int count[2] = {};
+    for (const Sample& sample : samples) {
+      const double away = sample.aside - edge.Offset(sample.along);
+      if (std::abs(away) < 1) continue;
+      sum[away > 0] += sample.grey;
+      ++count[away > 0];
+    }
+    const double low = count[0] > 0 ? sum[0] / count[0] : 0;
+    const double high = count[1] > 0 ? sum[1] / count[1] : 0;
+    Unknowns u = Unknowns::Zero();
+    u.head<3>() = edge.shape_;
+    u[kBlur] = edge.blur_;
+    u[kMean0] = (low + high) / 2;
+    u[kHalf0] = (high - low) / 2;
+    return u;
+  }
+
+  // Levenberg-Marquardt.
+  bool Solve(const std::vector<Sample>& samples, double scale, Edge& edge) const {
+    Unknowns u = Start(samples, edge);
+    if (std::abs(u[kHalf0]) < kLeastContrast / 2) return false;
+    double cost = Cost(samples, u, scale);
+    double damping = 1e-3;
+    bool settled = false;
+    Normal normal;
+    for (int step = 0; step < kMostSteps && !settled; ++step) {
+      Unknowns gradient;
+      Accumulate(samples, u, scale, normal, gradient);
+      Normal damped = normal;
+      damped.diagonal() *= 1 + damping;
+      Unknowns next = u + damped.ldlt().solve(gradient);
+      next[kBlur] = std::clamp(next[kBlur], kLeastBlur, kMostBlur);
+      const double next_cost = Cost(samples, next, scale);
+      if (!(next_cost <= cost)) {  // NaN too
+        damping *= 10;
+        if (damping > 1e6) return false;
+        continue;
+      }
+      settled = (next - u).head<3>().norm() < 1e-5 && cost - next_cost <= 1e-6 * cost;
+      damping = std::max(1e-9, damping / 10);
+      u = next;
+      cost = next_cost;
+    }
+    if (!settled || std::abs(u[kHalf0]) < kLeastContrast / 2) return false;
+    Unknowns gradient;
+    Accumulate(samples, u, scale, normal, gradient);
+    const int unknowns = settings_.curved ? kUnknowns : kUnknowns - 1;
+    const double variance = cost / static_cast<double>(samples.size() - unknowns);
+    const Normal covariance = variance * normal.ldlt().solve(Normal::Identity());
+    edge.shape_ = u.head<3>();
+    edge.covariance_ = covariance.topLeftCorner<3, 3>();
+    if (!settings_.curved) {
+      edge.covariance_.row(kShape2).setZero();
+      edge.covariance_.col(kShape2).setZero();
+    }
+    edge.blur_ = u[kBlur];
+    edge.contrast_ = 2 * std::abs(u[kHalf0]);
+    edge.noise_ = std::sqrt(variance);
+    return edge.covariance_.allFinite();
+  }
+
+  void Accumulate(const std::vector<Sample>& samples, const Unknowns& u, double scale,
+                  Normal& normal, Unknowns& gradient) const {
+    normal.setZero();
+    gradient.setZero();
+    Unknowns row;
+    for (const Sample& sample : samples) {
+      const double residual = Residual(sample, u, scale, &row);
+      if (!settings_.curved) row[kShape2] = 0;
+      normal.noalias() += row * row.transpose();
+      gradient += residual * row;
+    }
+    if (!settings_.curved) normal(kShape2, kShape2) = 1;
+  }
+
+  const cv::Mat& image_;
+  const Lens& lens_;
+  const EdgeFitSettings& settings_;
+};
+
+std::optional<Edge> FitEdge(const cv::Mat& image, const Lens& lens, const Eigen::Vector2d& from,
+                            const Eigen::Vector2d& to, const EdgeFitSettings& settings) {
+  if (!((to - from).norm() > 2 * settings.end_gap)) return std::nullopt;
+  return EdgeFitter(image, lens, settings).Fit(Edge(from, to));
+}
+
+}  // namespace silhouette

@@ -1,0 +1,123 @@
+#include "calib/detection/tag_detector.h"
+
+#include <apriltag/apriltag.h>
+
+#include <algorithm>
+#include <cmath>
+#include <map>
+#include <stdexcept>
+#include <tuple>
+
+#include "calib/tags/tag_family.h"
+
+namespace silhouette {
+namespace {
+
+// Narrower modules are too much mixed with each other to be told apart by their edges.
+constexpr double kLeastModuleInBlurs = 3.5;
+constexpr double kUsualBlur = 0.7;  // pixels, where no edge tells
+
+double MeanSide(const PixelCorners& corners) {
+  double sum = 0;
+  for (int i = 0; i < 4; ++i) sum += (corners[i] - corners[(i + 1) % 4]).norm();
+  return sum / 4;
+}
+
+double ShortestSide(const PixelCorners& corners) {
+  double shortest = 1e9;
+  for (int i = 0; i < 4; ++i) {
+    shortest = std::min(shortest, (corners[i] - corners[(i + 1) % 4]).norm());
+  }
+  return shortest;
+}
+
+// The library puts the top left pixel's corner at the origin, not its centre.
+PixelCorners CornersOf(const apriltag_detection_t& detection) {
+  PixelCorners corners;
+  for (int i = 0; i < 4; ++i) corners[i] = {detection.p[i][0] - 0.5, detection.p[i][1] - 0.5};
+  return corners;
+}
+
+// Families in which tags differ by so few bits that a wrong one is soon taken for right are read
+// without correction; correcting two bits would take gigabytes for the largest.
+int CorrectedBits(const apriltag_family_t& family) { return family.h >= 9 ? 1 : 0; }
+
+// The error of the library's own corners, as measured on rendered tags: the next modules' grey
+// draws them out, the more so the less a module is wider than the blur; on large tags the lens
+// bends the edges that it takes for straight.
+double LibrarySigma(double size, double module, double blur) {
+  const double ratio = module / blur;
+  return std::hypot(0.05, 1.6 / (ratio * ratio), 0.0011 * size);
+}
+
+double Median(std::vector<double> values, double if_none) {
+  if (values.empty()) return if_none;
+  const auto middle = values.begin() + static_cast<ptrdiff_t>(values.size() / 2);
+  std::nth_element(values.begin(), middle, values.end());
+  return *middle;
+}
+
+}  // namespace
+
+struct TagDetector::Library {
+  std::vector<AprilTagFamily> families;
+  std::map<const apriltag_family_t*, TagFamily> descriptions;
+  apriltag_detector_t* detector = apriltag_detector_create();
+
+  ~Library() { apriltag_detector_destroy(detector); }
+};
+
+TagDetector::TagDetector(const std::vector<std::string>& families)
+    : library_(std::make_unique<Library>()) {
+  if (families.empty()) throw std::invalid_argument("no tag family is to be looked for");
+  for (const std::string& name : families) {
+    const TagFamily family(name);
+    AprilTagFamily& added = library_->families.emplace_back(family.Library());
+    library_->descriptions.emplace(added.get(), family);
+    apriltag_detector_add_family_bits(library_->detector, added.get(), CorrectedBits(*added));
+  }
+  library_->detector->quad_decimate = 1;
+}
+
+TagDetector::~TagDetector() = default;
+TagDetector::TagDetector(TagDetector&&) noexcept = default;
+TagDetector& TagDetector::operator=(TagDetector&&) noexcept = default;
+
+std::vector<DetectedTag> TagDetector::Detect(const cv::Mat& image, const Lens& lens) {
+  if (image.type() != CV_8UC1) throw std::invalid_argument("tags are looked for in grey images");
+  image_u8_t view{image.cols, image.rows, static_cast<int>(image.step), image.data};
+  zarray_t* detections = apriltag_detector_detect(library_->detector, &view);
+  std::vector<DetectedTag> tags;
+  std::vector<double> modules;
+  std::vector<double> blurs;
+  for (int i = 0; i < zarray_size(detections); ++i) {
+    apriltag_detection_t* detection = nullptr;
+    zarray_get(detections, i, &detection);
+    const TagFamily& family = library_->descriptions.at(detection->family);
+    DetectedTag tag{
+        .family = family.name(), .tag = detection->id, .corners = CornersOf(*detection)};
+    tag.size = MeanSide(tag.corners);
+    modules.push_back(ShortestSide(tag.corners) / family.width_at_border());
+    if (const auto fitted = FitCorners(image, lens, tag.corners, modules.back())) {
+      blurs.push_back(fitted->blur);
+      if (modules.back() > kLeastModuleInBlurs * fitted->blur) {
+        tag.fitted = true;
+        tag.corners = fitted->corners;
+        tag.sigma = fitted->sigma;
+        tag.blur = fitted->blur;
+      }
+    }
+    tags.push_back(std::move(tag));
+  }
+  apriltag_detections_destroy(detections);
+  const double blur = Median(blurs, kUsualBlur);
+  for (size_t i = 0; i < tags.size(); ++i) {
+    if (!tags[i].fitted) tags[i].sigma = LibrarySigma(tags[i].size, modules[i], blur);
+  }
+  std::sort(tags.begin(), tags.end(), [](const DetectedTag& a, const DetectedTag& b) {
+    return std::tie(a.family, a.tag) < std::tie(b.family, b.tag);
+  });
+  return tags;
+}
+
+}  // namespace silhouette
