@@ -1,0 +1,236 @@
+#include "calib/intrinsics/lens_judgement.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <limits>
+#include <map>
+#include <numbers>
+#include <set>
+
+#include "absl/strings/str_cat.h"
+#include "absl/strings/str_format.h"
+#include "absl/strings/str_join.h"
+
+namespace silhouette {
+namespace {
+
+constexpr double kTilted = 15;          // degrees: a board that tells something of the focal length
+constexpr double kWorstFit = 2;         // rms of the residuals, pixels: more is no fit at all
+constexpr double kMostOutliers = 0.25;  // the same, as a share of the corners
+constexpr int kFieldsX = 8;             // in which coverage is counted
+constexpr int kFieldsY = 6;
+
+// What a camera saw.
+struct Seen {
+  std::vector<double> distances;
+  std::vector<double> tilts;  // of the boards against the image plane, degrees
+};
+
+double Median(std::vector<double> values) {
+  if (values.empty()) return 0;
+  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
+  std::nth_element(values.begin(), middle, values.end());
+  return *middle;
+}
+
+std::vector<Seen> SeenBy(const LensSolution& solution) {
+  std::map<std::pair<std::string, std::string>, std::vector<const SolvedBoard*>> boards;
+  for (const SolvedBoard& board : solution.boards) {
+    boards[{board.frame, board.board}].push_back(&board);
+  }
+  std::set<std::tuple<size_t, std::string, std::string>> images;
+  for (const CornerResidual& r : solution.residuals) images.insert({r.camera, r.frame, r.board});
+  std::vector<Seen> seen(solution.cameras.size());
+  for (const auto& [camera, frame, name] : images) {
+    for (const SolvedBoard* board : boards[{frame, name}]) {
+      const SolvedCamera& solved = solution.cameras[camera];
+      if (board->group != solved.group) continue;
+      const Eigen::Isometry3d pose = solved.camera_from_reference * board->reference_from_board;
+      seen[camera].distances.push_back(pose.translation().norm());
+      const double cosine = std::min(1.0, std::abs(pose.linear()(2, 2)));
+      seen[camera].tilts.push_back(std::acos(cosine) * 180 / std::numbers::pi);
+      break;
+    }
+  }
+  return seen;
+}
+
+void AddStatistics(LensSolution& solution) {
+  std::vector<double> squares(solution.cameras.size(), 0);
+  std::vector<std::set<std::string>> frames(solution.cameras.size());
+  std::vector<std::set<int>> fields(solution.cameras.size());
+  for (const CornerResidual& r : solution.residuals) {
+    SolvedCamera& camera = solution.cameras[r.camera];
+    frames[r.camera].insert(r.frame);
+    if (r.outlier) {
+      ++camera.outliers;
+      continue;
+    }
+    ++camera.corners;
+    squares[r.camera] += r.residual.squaredNorm();
+    const auto field = [](double at, int size, int count) {
+      return std::clamp(static_cast<int>((at + 0.5) / size * count), 0, count - 1);
+    };
+    fields[r.camera].insert(field(r.seen.x(), camera.width, kFieldsX) +
+                            kFieldsX * field(r.seen.y(), camera.height, kFieldsY));
+  }
+  for (size_t i = 0; i < solution.cameras.size(); ++i) {
+    SolvedCamera& camera = solution.cameras[i];
+    camera.images = static_cast<int>(frames[i].size());
+    camera.rms = camera.corners > 0 ? std::sqrt(squares[i] / (2.0 * camera.corners)) : 0;
+    camera.covered = static_cast<double>(fields[i].size()) / (kFieldsX * kFieldsY);
+  }
+}
+
+// The largest standard deviation along the image's rim; infinity if the lens shows nothing in most
+// of it.
+double EdgeSigma(const LensSolution& solution, size_t i) {
+  const SolvedCamera& camera = solution.cameras[i];
+  constexpr int kSteps = 8;
+  double worst = 0;
+  int known = 0;
+  int all = 0;
+  for (int step = 0; step < kSteps; ++step) {
+    const double x = (camera.width - 1.0) * step / kSteps;
+    const double y = (camera.height - 1.0) * step / kSteps;
+    for (const Eigen::Vector2d& pixel :
+         {Eigen::Vector2d(x, 0), Eigen::Vector2d(camera.width - 1 - x, camera.height - 1),
+          Eigen::Vector2d(camera.width - 1, y), Eigen::Vector2d(0, camera.height - 1 - y)}) {
+      ++all;
+      const auto sigma = ProjectionSigma(solution, i, pixel, camera.distance);
+      if (!sigma || !std::isfinite(*sigma)) continue;
+      ++known;
+      worst = std::max(worst, *sigma);
+    }
+  }
+  return 2 * known > all ? worst : std::numeric_limits<double>::infinity();
+}
+
+double FocalLengthSigma(const LensSolution& solution, size_t i) {
+  const SolvedCamera& camera = solution.cameras[i];
+  const LensGroup& group = solution.groups[camera.group];
+  const LensCovariance& c = group.covariance;
+  const auto place = static_cast<size_t>(std::find(group.cameras.begin(), group.cameras.end(), i) -
+                                         group.cameras.begin());
+  // Another parameter of this model can stand for the focal length.
+  if (camera.lens_model == "LENSMODEL_CAHVOR") return 0;
+  if (c.first_intrinsic != 0 || c.intrinsics[place] < 0) return 0;
+  double worst = 0;
+  for (int axis = 0; axis < 2; ++axis) {
+    const int at = c.intrinsics[place] + axis;
+    worst = std::max(worst, std::sqrt(std::max(0.0, c.covariance(at, at))) /
+                                std::abs(camera.intrinsics[static_cast<size_t>(axis)]));
+  }
+  return worst;
+}
+
+std::string Percent(double share) { return absl::StrFormat("%.0f %%", 100 * share); }
+
+// What the images of a camera lack, most telling first; empty if nothing obvious.
+std::vector<std::string> Lacks(const SolvedCamera& camera, const Seen& seen) {
+  std::vector<std::string> lacks;
+  const auto tilted = std::count_if(seen.tilts.begin(), seen.tilts.end(),
+                                    [](double tilt) { return tilt > kTilted; });
+  if (static_cast<double>(tilted) < 0.25 * static_cast<double>(seen.tilts.size())) {
+    lacks.push_back(absl::StrFormat(
+        "too few tilts: in only %d of %d images is the board tilted by more than %.0f degrees "
+        "(tilt it by 20 to 45 degrees, in all directions)",
+        tilted, seen.tilts.size(), kTilted));
+  }
+  if (camera.covered < 0.6) {
+    lacks.push_back(absl::StrCat("corners were seen in only ", Percent(camera.covered),
+                                 " of the image (bring the board to its rim and corners)"));
+  }
+  if (camera.images < 15) {
+    lacks.push_back(absl::StrCat("there are only ", camera.images, " images (take 20 to 40)"));
+  }
+  return lacks;
+}
+
+std::string Because(const std::vector<std::string>& lacks) {
+  if (lacks.empty()) return "; take more images, with larger and more tilted boards";
+  return absl::StrCat("; ", absl::StrJoin(lacks, "; "));
+}
+
+absl::Status JudgeCamera(const LensSettings& settings, const Seen& seen, SolvedCamera& camera,
+                         std::vector<std::string>& warnings) {
+  const std::string view = absl::StrCat("view '", camera.name, "': ");
+  const int all = camera.corners + camera.outliers;
+  if (!(camera.rms <= kWorstFit) || camera.outliers > kMostOutliers * all) {
+    return absl::InvalidArgumentError(
+        absl::StrFormat("%sno lens fits its images: %d of %d corners had to be left out, the "
+                        "others are off by %.2g "
+                        "px; the images may be of several sizes, zoom or focus settings, blurred, "
+                        "or the board is not "
+                        "flat or not as described",
+                        view, camera.outliers, all, camera.rms));
+  }
+  const std::vector<std::string> lacks = Lacks(camera, seen);
+  if (!(camera.focal_length_sigma <= settings.most_uncertain_focal_length)) {
+    return absl::FailedPreconditionError(
+        absl::StrFormat("%sthe focal length is known only to %.2g %%%s", view,
+                        100 * camera.focal_length_sigma, Because(lacks)));
+  }
+  if (!(camera.edge_sigma <= settings.most_uncertain)) {
+    const std::string by = std::isfinite(camera.edge_sigma)
+                               ? absl::StrFormat("is uncertain by %.2g px", camera.edge_sigma)
+                               : "is not determined";
+    return absl::FailedPreconditionError(
+        absl::StrCat(view, "the lens ", by, " at the image's rim", Because(lacks)));
+  }
+  for (const std::string& lack : lacks) warnings.push_back(view + lack);
+  if (camera.outliers > 0.03 * all) {
+    warnings.push_back(
+        absl::StrCat(view, camera.outliers, " of ", all,
+                     " corners do not fit and were left out; look at the residuals"));
+  }
+  return absl::OkStatus();
+}
+
+}  // namespace
+
+absl::Status JudgeLenses(const std::vector<LensCamera>& cameras, const LensSettings& settings,
+                         LensSolution& solution) {
+  AddStatistics(solution);
+  const std::vector<Seen> seen = SeenBy(solution);
+  for (size_t i = 0; i < cameras.size(); ++i) {
+    SolvedCamera& camera = solution.cameras[i];
+    camera.distance = Median(seen[i].distances);
+    if (camera.corners == 0) {
+      return absl::InvalidArgumentError(absl::StrCat(
+          "view '", camera.name, "': none of its corners fits; the lens or the board is another"));
+    }
+    if (cameras[i].fixed) continue;
+    const Eigen::Vector2d middle((camera.width - 1) / 2.0, (camera.height - 1) / 2.0);
+    camera.focal_length_sigma = FocalLengthSigma(solution, i);
+    camera.centre_sigma = ProjectionSigma(solution, i, middle, camera.distance)
+                              .value_or(std::numeric_limits<double>::infinity());
+    camera.edge_sigma = EdgeSigma(solution, i);
+    const absl::Status judged = JudgeCamera(settings, seen[i], camera, solution.warnings);
+    if (!judged.ok()) return judged;
+  }
+  for (const LensGroup& group : solution.groups) {
+    if (group.noise > 3) {
+      solution.warnings.push_back(
+          absl::StrFormat("the corners are %.1f times as far off as their sigma says: the lens "
+                          "model may not fit, the "
+                          "board may not be flat or not of the size stated, or images are blurred",
+                          group.noise));
+    }
+  }
+  if (solution.groups.size() > 1) {
+    std::vector<std::string> names;
+    for (const LensGroup& group : solution.groups) {
+      names.push_back(absl::StrJoin(group.cameras, ", ", [&](std::string* out, size_t camera) {
+        absl::StrAppend(out, "'", cameras[camera].name, "'");
+      }));
+    }
+    solution.warnings.push_back(absl::StrCat("no board was seen at once by ",
+                                             absl::StrJoin(names, " and by "),
+                                             ": how these stand to each other is not known"));
+  }
+  return absl::OkStatus();
+}
+
+}  // namespace silhouette

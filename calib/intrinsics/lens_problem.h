@@ -1,0 +1,92 @@
+// LensProblem: cameras that look at boards, as mrcal takes them, and what mrcal does with them.
+//
+// A board is a lattice of `width` x `height` corner points, `spacing` apart, in the plane z = 0 of
+// its frame, point (i, j) at (i * spacing, j * spacing, 0); it may be bent (`warp`). Each placing
+// of a board is a pose of its own. The reference is the frame of the first camera. Pixels and
+// metres. mrcal keeps state of its own: one call at a time.
+#pragma once
+
+#include <Eigen/Geometry>
+#include <array>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "absl/status/status.h"
+#include "absl/status/statusor.h"
+#include "calib/intrinsics/lens_projection.h"
+
+namespace silhouette {
+
+// Weights of corners that do not count.
+inline constexpr double kNoCorner = -1;
+inline constexpr double kOutlier = -2;
+
+struct LensProblem {
+  struct Observation {
+    int camera = 0;
+    int board = 0;  // which placing
+  };
+
+  std::string lens_model;  // mrcal's name, of all cameras
+  std::vector<std::array<int, 2>> image_sizes;
+  std::vector<std::vector<double>> intrinsics;  // of each camera, as the lens model has them
+  std::vector<Eigen::Isometry3d> camera_from_reference;  // the first is the identity
+  std::vector<Eigen::Isometry3d> reference_from_board;
+  // How far the board's middle stands out of the plane through its corners, by the bend along its
+  // width and along its height.
+  Eigen::Vector2d warp = Eigen::Vector2d::Zero();
+
+  double spacing = 0;
+  int width = 0;
+  int height = 0;
+  std::vector<Observation> observations;  // by placing
+  // width * height for each observation, row by row: pixel x, pixel y, weight.
+  std::vector<Eigen::Vector3d> corners;
+
+  size_t CornersPerBoard() const {
+    return static_cast<size_t>(width) * static_cast<size_t>(height);
+  }
+};
+
+// What a solve may change.
+struct FreeParts {
+  bool core = false;        // focal lengths and principal points
+  bool distortion = false;  // the other parameters of the lenses
+  bool poses = true;        // of the cameras and boards
+  bool warp = false;
+  // Pulls the distortion towards none and the principal point to the image's middle, weakly.
+  bool regularisation = false;
+};
+
+// Makes the weighted squares of the distances between corners and their projections as small as can
+// be. Internal if mrcal fails.
+absl::Status Solve(LensProblem& problem, const FreeParts& free);
+
+// Projection minus measurement, unweighted, of each of problem.corners; NaN where there is none.
+std::vector<Eigen::Vector2d> Residuals(const LensProblem& problem);
+
+using LongMatrix = Eigen::Matrix<long double, Eigen::Dynamic, Eigen::Dynamic>;
+using LongMatrix6 = Eigen::Matrix<long double, 6, 6>;
+
+// The derivatives of all weighted residuals by the state that a solve may change, summed up as the
+// normal equations need them: the state is `shared` (lenses, cameras, warp), then 6 of each
+// placing. The terms of a rational lens are so much alike that their squares would be lost in a
+// double.
+struct NormalEquations {
+  LongMatrix shared;               // shared x shared
+  std::vector<LongMatrix6> board;  // of each placing
+  std::vector<LongMatrix> mixed;   // shared x 6, of each placing
+  // Where in `shared` the parameters are; -1: held fixed.
+  std::vector<int> intrinsics;  // of each camera
+  int first_intrinsic = 0;      // which of the lens's parameters stands there
+  int free_intrinsics = 0;      // and how many follow, with it
+  std::vector<int> pose;        // of each camera: rotation vector, translation
+  int measurements = 0;         // residuals that count, two of a corner
+  int states = 0;
+  double squares = 0;  // sum of the squared weighted residuals
+};
+absl::StatusOr<NormalEquations> NormalEquationsOf(const LensProblem& problem,
+                                                  const FreeParts& free);
+
+}  // namespace silhouette

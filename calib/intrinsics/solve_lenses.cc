@@ -1,0 +1,254 @@
+#include "calib/intrinsics/solve_lenses.h"
+
+#include <Eigen/Eigenvalues>
+#include <algorithm>
+#include <cmath>
+#include <set>
+
+#include "absl/status/status.h"
+#include "absl/strings/str_cat.h"
+#include "calib/intrinsics/board_views.h"
+#include "calib/intrinsics/camera_ties.h"
+#include "calib/intrinsics/lens_judgement.h"
+#include "calib/intrinsics/lens_stages.h"
+#include "calib/intrinsics/single_camera.h"
+
+namespace silhouette {
+namespace {
+
+absl::Status CheckCameras(const std::vector<LensCamera>& cameras) {
+  if (cameras.empty()) return absl::InvalidArgumentError("there is no camera to solve for");
+  std::set<std::string> names;
+  for (const LensCamera& camera : cameras) {
+    if (!names.insert(camera.name).second) {
+      return absl::InvalidArgumentError(
+          absl::StrCat("the view '", camera.name, "' is given twice"));
+    }
+    if (camera.width <= 0 || camera.height <= 0) {
+      return absl::InvalidArgumentError(
+          absl::StrCat("view '", camera.name, "': its images need a size"));
+    }
+    if (camera.fixed.has_value() != cameras[0].fixed.has_value()) {
+      return absl::InvalidArgumentError(
+          absl::StrCat("the lens of '", camera.fixed ? cameras[0].name : camera.name,
+                       "' is not given; fix the lenses of all views or of none"));
+    }
+    if (camera.fixed &&
+        (camera.fixed->width != camera.width || camera.fixed->height != camera.height)) {
+      return absl::InvalidArgumentError(absl::StrCat(
+          "view '", camera.name, "': its lens is given for images of ", camera.fixed->width, "x",
+          camera.fixed->height, " pixels, not of ", camera.width, "x", camera.height));
+    }
+  }
+  return absl::OkStatus();
+}
+
+double MedianSigma(const std::vector<PosedView>& views) {
+  std::vector<double> sigmas;
+  for (const PosedView& view : views) {
+    for (const Eigen::Vector3d& corner : view.view->corners) {
+      if (corner.z() > 0) sigmas.push_back(1 / corner.z());
+    }
+  }
+  const auto middle = sigmas.begin() + static_cast<std::ptrdiff_t>(sigmas.size() / 2);
+  std::nth_element(sigmas.begin(), middle, sigmas.end());
+  return *middle;
+}
+
+// All that a group's solve needs to know of where its parts come from.
+struct GroupProblem {
+  LensProblem problem;
+  std::vector<const BoardView*> views;  // of each observation
+};
+
+GroupProblem ProblemOf(size_t group, const std::vector<LensCamera>& cameras,
+                       const std::vector<SingleCamera>& singles,
+                       const std::vector<PosedView>& views, const CameraTies& ties,
+                       const Lattice& lattice, double sigma, const LensSettings& settings) {
+  GroupProblem out;
+  LensProblem& problem = out.problem;
+  const std::vector<size_t>& members = ties.groups[group];
+  problem.lens_model = LensModelOf(cameras[0], settings);
+  problem.spacing = lattice.spacing;
+  problem.width = lattice.width;
+  problem.height = lattice.height;
+  for (const size_t camera : members) {
+    problem.image_sizes.push_back({cameras[camera].width, cameras[camera].height});
+    problem.intrinsics.push_back(singles[camera].intrinsics);
+    problem.camera_from_reference.push_back(ties.camera_from_reference[camera]);
+  }
+  for (const Placing& placing : ties.placings) {
+    if (placing.group != group) continue;
+    for (const size_t i : placing.views) {
+      const BoardView& view = *views[i].view;
+      const auto place = std::find(members.begin(), members.end(), view.camera) - members.begin();
+      problem.observations.push_back(
+          {.camera = static_cast<int>(place),
+           .board = static_cast<int>(problem.reference_from_board.size())});
+      for (const Eigen::Vector3d& corner : view.corners) {
+        problem.corners.emplace_back(corner.x(), corner.y(),
+                                     corner.z() > 0 ? sigma * corner.z() : kNoCorner);
+      }
+      out.views.push_back(&view);
+    }
+    problem.reference_from_board.push_back(placing.reference_from_board);
+  }
+  return out;
+}
+
+void AddResiduals(const GroupProblem& group, const std::vector<Board>& boards,
+                  LensSolution& solution) {
+  const LensProblem& problem = group.problem;
+  const std::vector<Eigen::Vector2d> residuals = Residuals(problem);
+  for (size_t o = 0; o < group.views.size(); ++o) {
+    const BoardView& view = *group.views[o];
+    const Board& board = boards[view.board];
+    for (int place = 0; place < board.tags(); ++place) {
+      for (int corner = 0; corner < 4; ++corner) {
+        const size_t at = o * problem.CornersPerBoard() + LatticeIndex(board, place, corner);
+        if (problem.corners[at].z() == kNoCorner) continue;
+        solution.residuals.push_back({.frame = view.frame,
+                                      .camera = view.camera,
+                                      .board = board.description().name,
+                                      .tag = board.description().first_id + place,
+                                      .corner = corner,
+                                      .seen = problem.corners[at].head<2>(),
+                                      .residual = residuals[at],
+                                      .outlier = problem.corners[at].z() == kOutlier});
+      }
+    }
+  }
+}
+
+SolvedCamera CameraOf(const LensCamera& camera, const LensProblem& problem, size_t place,
+                      size_t group) {
+  SolvedCamera solved{.name = camera.name,
+                      .width = camera.width,
+                      .height = camera.height,
+                      .lens_model = problem.lens_model,
+                      .intrinsics = problem.intrinsics[place],
+                      .group = group,
+                      .camera_from_reference = problem.camera_from_reference[place]};
+  const auto& p = solved.intrinsics;
+  const bool held = solved.lens_model == "LENSMODEL_PINHOLE" ||
+                    (solved.lens_model.starts_with("LENSMODEL_OPENCV") && p.size() <= 12);
+  if (held) {
+    CameraIntrinsics intrinsics{.width = camera.width,
+                                .height = camera.height,
+                                .fx = p[0],
+                                .fy = p[1],
+                                .cx = p[2],
+                                .cy = p[3]};
+    std::copy(p.begin() + 4, p.end(), intrinsics.distortion.begin());
+    solved.model.emplace(intrinsics, solved.camera_from_reference);
+  }
+  return solved;
+}
+
+// Solves one group and adds it to the solution.
+absl::Status AddGroup(GroupProblem& group, const std::vector<LensCamera>& cameras,
+                      const std::vector<Board>& boards, const std::vector<size_t>& members,
+                      double sigma, const LensSettings& settings, LensSolution& solution) {
+  LensProblem& problem = group.problem;
+  const bool fixed = cameras[0].fixed.has_value();
+  std::set<size_t> used;
+  for (const BoardView* view : group.views) used.insert(view->board);
+  // A tag by itself can be bent in no way that one could see.
+  const bool warp = settings.board_warp && used.size() == 1 && problem.CornersPerBoard() > 4;
+  const absl::Status solved = SolveExactly(problem, fixed, warp, sigma, settings);
+  if (!solved.ok()) return solved;
+  absl::StatusOr<LensCovariance> covariance = CovarianceOf(problem, LastStep(problem, fixed, warp));
+  if (!covariance.ok()) return covariance.status();
+  const size_t place = solution.groups.size();
+  LensGroup result{.cameras = members,
+                   .noise = std::sqrt(covariance->chi_squared) / sigma,
+                   .covariance = *std::move(covariance)};
+  if (warp) result.warp = problem.warp;
+  solution.groups.push_back(std::move(result));
+  for (size_t i = 0; i < members.size(); ++i) {
+    solution.cameras[members[i]] = CameraOf(cameras[members[i]], problem, i, place);
+  }
+  std::set<int> listed;
+  for (size_t o = 0; o < group.views.size(); ++o) {
+    const int board = problem.observations[o].board;
+    if (!listed.insert(board).second) continue;
+    solution.boards.push_back(
+        {.frame = group.views[o]->frame,
+         .board = boards[group.views[o]->board].description().name,
+         .group = place,
+         .reference_from_board = problem.reference_from_board[static_cast<size_t>(board)]});
+  }
+  AddResiduals(group, boards, solution);
+  return absl::OkStatus();
+}
+
+}  // namespace
+
+absl::StatusOr<LensSolution> SolveLenses(const std::vector<LensCamera>& cameras,
+                                         const std::vector<Board>& boards,
+                                         const std::vector<TagSighting>& sightings,
+                                         const LensSettings& settings) {
+  const absl::Status sound = CheckCameras(cameras);
+  if (!sound.ok()) return sound;
+  const absl::StatusOr<int> parameters = LensParameters(settings.lens_model);
+  if (!parameters.ok()) return parameters.status();
+  const absl::StatusOr<BoardViews> gathered = GatherBoardViews(cameras, boards, sightings);
+  if (!gathered.ok()) return gathered.status();
+
+  LensSolution solution;
+  solution.warnings = gathered->warnings;
+  std::vector<SingleCamera> singles;
+  std::vector<PosedView> views;
+  for (size_t i = 0; i < cameras.size(); ++i) {
+    std::vector<const BoardView*> own;
+    for (const BoardView& view : gathered->views) {
+      if (view.camera == i) own.push_back(&view);
+    }
+    absl::StatusOr<SingleCamera> single = SolveAlone(cameras[i], own, gathered->lattice, settings);
+    if (!single.ok()) return single.status();
+    views.insert(views.end(), single->views.begin(), single->views.end());
+    solution.warnings.insert(solution.warnings.end(), single->warnings.begin(),
+                             single->warnings.end());
+    singles.push_back(*std::move(single));
+  }
+  const absl::StatusOr<CameraTies> ties = TieCameras(cameras, views);
+  if (!ties.ok()) return ties.status();
+  solution.warnings.insert(solution.warnings.end(), ties->warnings.begin(), ties->warnings.end());
+  solution.cameras.resize(cameras.size());
+  const double sigma = MedianSigma(views);
+  for (size_t g = 0; g < ties->groups.size(); ++g) {
+    GroupProblem group =
+        ProblemOf(g, cameras, singles, views, *ties, gathered->lattice, sigma, settings);
+    const absl::Status added =
+        AddGroup(group, cameras, boards, ties->groups[g], sigma, settings, solution);
+    if (!added.ok()) return added;
+  }
+  const absl::Status judged = JudgeLenses(cameras, settings, solution);
+  if (!judged.ok()) return judged;
+  return solution;
+}
+
+std::optional<Eigen::Matrix2d> ProjectionCovariance(const LensSolution& solution, size_t camera,
+                                                    const Eigen::Vector3d& point_in_reference) {
+  const SolvedCamera& solved = solution.cameras[camera];
+  const LensGroup& group = solution.groups[solved.group];
+  const auto place =
+      std::find(group.cameras.begin(), group.cameras.end(), camera) - group.cameras.begin();
+  return CovarianceOfProjection(group.covariance, static_cast<size_t>(place), solved.lens_model,
+                                solved.intrinsics, solved.camera_from_reference,
+                                point_in_reference);
+}
+
+std::optional<double> ProjectionSigma(const LensSolution& solution, size_t camera,
+                                      const Eigen::Vector2d& pixel, double distance) {
+  const SolvedCamera& solved = solution.cameras[camera];
+  const auto ray = UnprojectByLens(solved.lens_model, solved.intrinsics, pixel);
+  if (!ray) return std::nullopt;
+  const auto covariance = ProjectionCovariance(
+      solution, camera, solved.camera_from_reference.inverse() * (distance * *ray));
+  if (!covariance) return std::nullopt;
+  const Eigen::SelfAdjointEigenSolver<Eigen::Matrix2d> eigen(*covariance);
+  return std::sqrt(std::max(0.0, eigen.eigenvalues()[1]));
+}
+
+}  // namespace silhouette

@@ -1,0 +1,118 @@
+// SolveLenses: the lenses of cameras from what they saw of boards, and how cameras and boards
+// stood.
+//
+// All cameras that saw boards together are solved for in one bundle adjustment by mrcal; their
+// common frame, the `reference`, is the frame of the first of them. What does not determine the
+// lenses well enough is refused, with the reason and the mend. Pixels (integers at pixel centres)
+// and metres. mrcal keeps state of its own: one call at a time.
+#pragma once
+
+#include <Eigen/Geometry>
+#include <map>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "absl/status/statusor.h"
+#include "calib/camera_model.h"
+#include "calib/intrinsics/lens_covariance.h"
+#include "calib/tags/board.h"
+#include "calib/tags/tag_sighting.h"
+
+namespace silhouette {
+
+struct LensCamera {
+  std::string name;  // TagSighting::view
+  int width = 0;     // of its images, pixels
+  int height = 0;
+  // Known already: held fixed, only poses are found. Either of all cameras or of none.
+  std::optional<CameraIntrinsics> fixed = std::nullopt;
+};
+
+struct LensSettings {
+  std::string lens_model = "LENSMODEL_OPENCV8";  // by mrcal's name
+  // Whether the board may be bent. Of several boards none is: they would share one bend.
+  bool board_warp = true;
+  // Corners whose residual is longer than this many standard deviations are left out, unless it is
+  // within this many of the sightings' own sigma.
+  double outlier_sigmas = 4.5;
+  int least_images = 6;  // of each camera
+  // The least well known place of the image may be predicted no worse (standard deviation, pixels).
+  double most_uncertain = 2.0;
+  // The share of the focal length that its standard deviation may be.
+  double most_uncertain_focal_length = 0.01;
+};
+
+struct SolvedCamera {
+  std::string name;
+  int width = 0;
+  int height = 0;
+  std::string lens_model;
+  std::vector<double> intrinsics;  // as mrcal has them for the lens model
+  size_t group = 0;                // which of LensSolution::groups
+  Eigen::Isometry3d camera_from_reference = Eigen::Isometry3d::Identity();
+  // The same for LENSMODEL_PINHOLE and OPENCV4 to OPENCV8; the world is the reference.
+  std::optional<CameraModel> model = std::nullopt;
+  int images = 0;
+  int corners = 0;  // without the outliers
+  int outliers = 0;
+  double rms = 0;       // of the residuals per axis, without outliers
+  double covered = 0;   // share of the image's 8 x 6 fields in which a corner was seen
+  double distance = 0;  // median of its boards' distances
+  // Standard deviations; 0 where the lens is held fixed.
+  double focal_length_sigma = 0;  // as a share of the focal length; 0 too if the model has none
+  double centre_sigma = 0;  // of the projection of a point at `distance`, in the worst direction
+  double edge_sigma = 0;    // the largest of those along the rim of the image
+};
+
+struct LensGroup {
+  std::vector<size_t> cameras;  // the first one's frame is the reference
+  // The bend of the board along its width and height, metres; nothing if it was taken for flat.
+  std::optional<Eigen::Vector2d> warp = std::nullopt;
+  double noise = 1;  // residuals' standard deviation over that which the sightings state
+  LensCovariance covariance = {};
+};
+
+struct SolvedBoard {
+  std::string frame;
+  std::string board;
+  size_t group = 0;
+  Eigen::Isometry3d reference_from_board = Eigen::Isometry3d::Identity();
+};
+
+struct CornerResidual {
+  std::string frame;
+  size_t camera = 0;
+  std::string board;
+  int tag = 0;
+  int corner = 0;
+  Eigen::Vector2d seen = Eigen::Vector2d::Zero();      // pixels
+  Eigen::Vector2d residual = Eigen::Vector2d::Zero();  // projected minus seen
+  bool outlier = false;
+};
+
+struct LensSolution {
+  std::vector<SolvedCamera> cameras;  // in the order given
+  std::vector<LensGroup> groups;      // more than one: nothing ties those cameras together
+  std::vector<SolvedBoard> boards;
+  std::vector<CornerResidual> residuals;
+  std::vector<std::string> warnings;  // one sentence each
+};
+
+// InvalidArgument: the input contradicts itself or is not what it says (messages name the thing and
+// the mend). FailedPrecondition: the sightings do not determine the lenses. Internal: mrcal failed.
+absl::StatusOr<LensSolution> SolveLenses(const std::vector<LensCamera>& cameras,
+                                         const std::vector<Board>& boards,
+                                         const std::vector<TagSighting>& sightings,
+                                         const LensSettings& settings = {});
+
+// The covariance of where a camera sees a point of the reference, pixels. The frame is held by the
+// boards, not by the first camera: what would move cameras and boards alike is no error. Nothing if
+// the camera cannot see the point.
+std::optional<Eigen::Matrix2d> ProjectionCovariance(const LensSolution& solution, size_t camera,
+                                                    const Eigen::Vector3d& point_in_reference);
+// The standard deviation in the worst direction, for the point that a pixel sees at `distance`.
+std::optional<double> ProjectionSigma(const LensSolution& solution, size_t camera,
+                                      const Eigen::Vector2d& pixel, double distance);
+
+}  // namespace silhouette
