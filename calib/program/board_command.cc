@@ -168,12 +168,12 @@ void AddBoardCommand(CLI::App& program, Run& run) {
   command
       ->add_option("--tag-size", a->tag_size,
                    "Millimetres from corner to corner of a tag (30; flange 40; floor 100)")
-      ->check(CLI::PositiveNumber);
+      ->check(PositiveNumber());
   auto* gap = command
                   ->add_option("--gap", a->gap,
                                "Millimetres between the corners of neighbours; as large as a "
                                "tag if not said, so that all corners are one lattice")
-                  ->check(CLI::PositiveNumber);
+                  ->check(PositiveNumber());
   command->add_option("--first-id", a->first_id, "Id of the first tag")->capture_default_str();
   auto* flange = command->add_flag("--flange", a->flange,
                                    "One tag for the robot's flange, with the flange's frame");

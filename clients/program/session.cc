@@ -1,5 +1,7 @@
 #include "clients/program/session.h"
 
+#include "tools/program/program.h"
+
 namespace silhouette {
 
 absl::StatusOr<Client> Session::Connect() const {
@@ -12,7 +14,7 @@ void AddServerOptions(CLI::App& program, Session& session) {
       ->envname("SILHOUETTE_SERVER")
       ->capture_default_str();
   program.add_option("--timeout", session.timeout, "Seconds that the server may take to answer")
-      ->check(CLI::PositiveNumber)
+      ->check(PositiveNumber())
       ->capture_default_str();
 }
 

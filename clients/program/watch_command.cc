@@ -14,6 +14,7 @@
 #include "clients/program/region_text.h"
 #include "silhouette/local_space.h"
 #include "silhouette/path_watch.h"
+#include "tools/program/program.h"
 
 namespace silhouette {
 namespace {
@@ -195,7 +196,7 @@ void AddWatchCommand(CLI::App& program, Session& session, Run& run) {
                    "How old a scene may be until all is unknown, e.g. 300ms; not for a path")
       ->capture_default_str();
   command->add_option("--count", arguments->count, "End after so many updates")
-      ->check(CLI::PositiveNumber);
+      ->check(PositiveNumber());
   command->add_flag("--no-retry", arguments->no_retry,
                     "End with exit code 3 when the server is lost, instead of trying again");
   AddClearanceFlag(*command, arguments->clearance);

@@ -5,6 +5,7 @@
 
 #include <csignal>
 #include <stdexcept>
+#include <string>
 #include <vector>
 
 #include "tools/program/progress.h"
@@ -38,6 +39,23 @@ TEST(Program, WrongCommandLineIsOneSentenceAndTheUsersMistake) {
   const std::string message = testing::internal::GetCapturedStderr();
   EXPECT_THAT(message, HasSubstr("tester: "));
   EXPECT_THAT(message, HasSubstr("--wrong"));
+}
+
+TEST(Program, NumbersAboveZeroAreTold) {
+  CLI::App app("", "tester");
+  double size = 0;
+  app.add_option("--size", size)->check(PositiveNumber());
+  for (const std::string wrong : {"20mm", "0", "-1", "nan"}) {
+    const std::vector<std::string> words = {"tester", "--size", wrong};
+    std::vector<const char*> argv;
+    for (const std::string& word : words) argv.push_back(word.c_str());
+    try {
+      app.parse(static_cast<int>(argv.size()), argv.data());
+      ADD_FAILURE() << wrong;
+    } catch (const CLI::ParseError& error) {
+      EXPECT_EQ(std::string(error.what()), "--size: '" + wrong + "' is not a number above zero");
+    }
+  }
 }
 
 TEST(Program, VersionGoesToStandardOutput) {

@@ -277,7 +277,7 @@ void AddCellCommand(CLI::App& program, Run& run) {
       ->add_option("--least-obstacle", arguments->serve.least_obstacle,
                    "Radius in metres of the least obstacle, for the sound presets; default: the\n"
                    "cell's own, and without one there are no sound presets")
-      ->check(CLI::PositiveNumber);
+      ->check(PositiveNumber());
   command->add_option("--seed", arguments->seed, "Chance that is the same every time")
       ->capture_default_str();
   command->add_option("--out", arguments->out, "Folder for tables and pictures");

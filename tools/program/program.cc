@@ -63,6 +63,16 @@ int RunProgram(CLI::App& app, int argc, char** argv, const std::function<int()>&
   }
 }
 
+CLI::Validator PositiveNumber() {
+  return CLI::Validator(
+      [](const std::string& text) {
+        double number = 0;
+        if (CLI::detail::lexical_cast(text, number) && number > 0) return std::string();
+        return "'" + text + "' is not a number above zero";
+      },
+      "POSITIVE");
+}
+
 void AddFormatOption(CLI::App& command, std::string& format) {
   command.add_option("--format", format, "Output for people or for scripts")
       ->check(CLI::IsMember({"text", "json"}))

@@ -28,6 +28,9 @@ ExitCode Report(const std::string& program, const absl::Status& status);
 // `run` is one sentence too: std::invalid_argument kUserMistake, any other kWorldFailed.
 int RunProgram(CLI::App& app, int argc, char** argv, const std::function<int()>& run);
 
+// Takes numbers above zero: option->check(PositiveNumber()).
+CLI::Validator PositiveNumber();
+
 // Adds --format text|json to `command`.
 void AddFormatOption(CLI::App& command, std::string& format);
 
