@@ -78,7 +78,7 @@ class PoseRig {
                                     .rows = rows,
                                     .columns = columns,
                                     .tag_size = tag_size,
-                                    .gap = rows * columns > 1 ? 0.4 * tag_size : 0.0,
+                                    .gap = rows * columns > 1 ? tag_size : 0.0,
                                     .first_id = next_tag_}),
                     .place = place};
     next_tag_ += rows * columns;

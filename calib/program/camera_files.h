@@ -1,0 +1,26 @@
+// Folders of camera models, VIEW.cameramodel.
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "absl/status/status.h"
+#include "absl/status/statusor.h"
+#include "calib/camera_model.h"
+
+namespace silhouette {
+
+struct NamedCamera {
+  std::string view;
+  CameraModel camera;
+};
+
+// By the views' names. NotFound: no such folder, or no camera model in it; InvalidArgument with
+// file and line: not a camera model.
+absl::StatusOr<std::vector<NamedCamera>> ReadCameraFolder(const std::string& folder);
+
+// Makes the folder if it is not there. Returns the file's path.
+absl::StatusOr<std::string> WriteCameraFile(const std::string& folder, const std::string& view,
+                                            const CameraModel& camera);
+
+}  // namespace silhouette
