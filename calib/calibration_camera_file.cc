@@ -98,22 +98,33 @@ std::string CameraFileName(const std::string& view) {
   return name + kCameraFileExtension;
 }
 
-std::string CameraFileText(const storage::v1::CameraModel& camera, const std::string& view) {
-  const auto number = [](std::string* out, double value) {
-    absl::StrAppendFormat(out, "%.17g", value);
+std::string CameraFileText(const CameraFileFields& camera, const std::string& view) {
+  const auto numbers = [](const std::vector<double>& values) {
+    return absl::StrJoin(values, ", ", [](std::string* out, double value) {
+      absl::StrAppendFormat(out, "%.17g", value);
+    });
   };
-  std::string intrinsics =
-      absl::StrJoin({camera.fx(), camera.fy(), camera.cx(), camera.cy()}, ", ", number);
-  for (double k : camera.distortion()) absl::StrAppendFormat(&intrinsics, ", %.17g", k);
   return absl::StrCat(
       "# Camera model of the view ", CameraFileName(view), "\n{\n    'lensmodel':  '",
-      NameOfLensModel(camera.distortion_size()),
-      "',\n\n    # fx, fy, cx, cy and the distortion; pixels\n    'intrinsics': [ ", intrinsics,
+      camera.lens_model,
+      "',\n\n    # fx, fy, cx, cy and the distortion; pixels\n    'intrinsics': [ ",
+      numbers(camera.intrinsics),
       " ],\n\n    # rotation vector and translation from the world to the camera; radians, metres\n"
       "    'extrinsics': [ ",
-      absl::StrJoin(camera.rotation(), ", ", number), ", ",
-      absl::StrJoin(camera.translation(), ", ", number), " ],\n\n    'imagersize': [ ",
-      camera.image_width(), ", ", camera.image_height(), " ]\n}\n");
+      numbers(camera.rotation), ", ", numbers(camera.translation), " ],\n\n    'imagersize': [ ",
+      camera.image_width, ", ", camera.image_height, " ]\n}\n");
+}
+
+std::string CameraFileText(const storage::v1::CameraModel& camera, const std::string& view) {
+  CameraFileFields fields{.lens_model = NameOfLensModel(camera.distortion_size()),
+                          .intrinsics = {camera.fx(), camera.fy(), camera.cx(), camera.cy()},
+                          .rotation = {camera.rotation().begin(), camera.rotation().end()},
+                          .translation = {camera.translation().begin(), camera.translation().end()},
+                          .image_width = camera.image_width(),
+                          .image_height = camera.image_height()};
+  fields.intrinsics.insert(fields.intrinsics.end(), camera.distortion().begin(),
+                           camera.distortion().end());
+  return CameraFileText(fields, view);
 }
 
 absl::StatusOr<storage::v1::CameraModel> CameraFromText(const std::string& text,

@@ -10,6 +10,7 @@
 #pragma once
 
 #include <string>
+#include <vector>
 
 #include "absl/status/statusor.h"
 #include "silhouette/storage/v1/storage.pb.h"
@@ -23,6 +24,17 @@ inline constexpr char kCameraFileExtension[] = ".cameramodel";
 std::string CameraFileName(const std::string& view);
 
 std::string CameraFileText(const storage::v1::CameraModel& camera, const std::string& view);
+
+// The same for any lens model of mrcal's, by its name and with the parameters it has.
+struct CameraFileFields {
+  std::string lens_model;
+  std::vector<double> intrinsics;
+  std::vector<double> rotation;  // vector, radians
+  std::vector<double> translation;
+  int image_width = 0;
+  int image_height = 0;
+};
+std::string CameraFileText(const CameraFileFields& camera, const std::string& view);
 
 // `file`: what messages call it. InvalidArgument with file and line: not such a file, a key that is
 // missing, another lens model, too few or too many numbers.
