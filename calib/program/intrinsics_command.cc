@@ -60,8 +60,8 @@ absl::StatusOr<std::optional<PixelSize>> SizeOf(const Arguments& arguments,
   for (const std::string& given : arguments.image_sizes) {
     const size_t sign = given.rfind('=');
     if (sign != std::string::npos && given.substr(0, sign) != view) continue;
-    const absl::StatusOr<PixelSize> read = SizeFromText(
-        sign == std::string::npos ? given : given.substr(sign + 1), "--image-size");
+    const absl::StatusOr<PixelSize> read =
+        SizeFromText(sign == std::string::npos ? given : given.substr(sign + 1), "--image-size");
     if (!read.ok()) return read.status();
     // One for all is what the others are not.
     if (sign != std::string::npos || !size) size = *read;
@@ -93,8 +93,7 @@ int Convert(const Arguments& arguments) {
     return Report(kProgram, made);
   }
   const std::string file = (fs::path(arguments.out) / CameraFileName(view)).string();
-  const absl::Status written =
-      WriteWholeFile(file, CameraFileText(MessageOf(read->camera), view));
+  const absl::Status written = WriteWholeFile(file, CameraFileText(MessageOf(read->camera), view));
   if (!written.ok()) return Report(kProgram, written);
   const CameraIntrinsics& k = read->camera.intrinsics();
   if (arguments.format == "json") {
@@ -158,8 +157,7 @@ absl::Status AddCamera(const Arguments& arguments, const std::string& view, Inpu
     camera.height = (*size)->height;
   } else {
     return absl::InvalidArgumentError(absl::StrCat("give the size of the images of the view '",
-                                                   view, "', as --image-size ", view,
-                                                   "=1280x960"));
+                                                   view, "', as --image-size ", view, "=1280x960"));
   }
   input.cameras.push_back(camera);
   return absl::OkStatus();
@@ -245,7 +243,8 @@ int RunIntrinsics(Arguments arguments) {
 
 void AddIntrinsicsCommand(CLI::App& program, Run& run) {
   CLI::App* command = program.add_subcommand(
-      "intrinsics", "Find the cameras' lenses from images of boards, or read them from other files");
+      "intrinsics",
+      "Find the cameras' lenses from images of boards, or read them from other files");
   auto a = std::make_shared<Arguments>();
   command->add_option("--corners", a->corners, "The corners that `detect` found, CSV");
   command->add_option("--boards", a->boards, "The boards that were seen, YAML");

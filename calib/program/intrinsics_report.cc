@@ -12,9 +12,9 @@ namespace silhouette {
 namespace {
 
 std::string Line(const SolvedCamera& camera, size_t name) {
-  const std::string start = absl::StrFormat(
-      "%-*s  %6d  %7d  %8d  %6.3f  ", static_cast<int>(name), camera.name, camera.images,
-      camera.corners, camera.outliers, camera.rms);
+  const std::string start =
+      absl::StrFormat("%-*s  %6d  %7d  %8d  %6.3f  ", static_cast<int>(name), camera.name,
+                      camera.images, camera.corners, camera.outliers, camera.rms);
   const std::string lens =
       absl::StrFormat("%8.2f %8.2f  ", camera.intrinsics[0], camera.intrinsics[1]);
   if (camera.edge_sigma == 0) return absl::StrCat(start, lens, "given\n");
@@ -32,20 +32,20 @@ std::string LensReportText(const LensSolution& solution, const std::vector<std::
       "%-*s  images  corners  left out  rms px   focal lengths px  centre    edge   seen\n",
       static_cast<int>(name), "view");
   for (const SolvedCamera& camera : solution.cameras) text += Line(camera, name);
-  text +=
-      "centre, edge: standard deviation of a projection there, px, at the boards' distance\n";
+  text += "centre, edge: standard deviation of a projection there, px, at the boards' distance\n";
   for (const LensGroup& group : solution.groups) {
     if (solution.groups.size() > 1) {
-      absl::StrAppend(&text, absl::StrJoin(group.cameras, ", ", [&](std::string* out, size_t i) {
-                        out->append(solution.cameras[i].name);
-                      }),
-                      ": ");
+      absl::StrAppend(
+          &text,
+          absl::StrJoin(group.cameras, ", ",
+                        [&](std::string* out, size_t i) { out->append(solution.cameras[i].name); }),
+          ": ");
     }
     absl::StrAppendFormat(&text, "residuals are %.2f times what the corners' sigma says",
                           group.noise);
     if (group.warp) {
       absl::StrAppendFormat(&text, "; the board is bent by %.2f mm along, %.2f mm across",
-                            1000 * group.warp->x(), 1000 * group.warp->y());
+                            1000 * std::abs(group.warp->x()), 1000 * std::abs(group.warp->y()));
     }
     text += "\n";
   }

@@ -76,21 +76,20 @@ Picture ResidualPicture(const LensSolution& solution, size_t camera) {
   DrawResiduals(image, solution, camera, scale, false);
   DrawResiduals(image, solution, camera, scale, true);
 
-  const std::vector<LegendEntry> legend = {
-      {palette::kRobot, "residual, 100 times as long"},
-      {palette::kObstacle, "left out"},
-      {Colour{200, 200, 200}, "corners seen: many"},
-      {Colour{240, 240, 240}, "few"},
-      {palette::kPaper, "none"}};
+  const std::vector<LegendEntry> legend = {{palette::kRobot, "residual, 100 times as long"},
+                                           {palette::kObstacle, "left out"},
+                                           {Colour{200, 200, 200}, "corners seen: many"},
+                                           {Colour{240, 240, 240}, "few"},
+                                           {palette::kPaper, "none"}};
   const int foot = LegendHeight(legend, image.cols) + kLine;
   const int head = 3 * kLine;
   Picture sheet = BlankPicture(image.cols + 2 * kMargin, image.rows + 2 * kMargin + head + foot);
   DrawText(sheet, "Residuals of " + solved.name, {kMargin, kMargin + 8}, {.height = 20});
   DrawText(sheet,
-           absl::StrFormat("%d images, %d corners, %d left out; rms %.3f px per axis; %.0f %% of the "
-                           "image seen",
-                           solved.images, solved.corners, solved.outliers, solved.rms,
-                           100 * solved.covered),
+           absl::StrFormat(
+               "%d images, %d corners, %d left out; rms %.3f px per axis; %.0f %% of the "
+               "image seen",
+               solved.images, solved.corners, solved.outliers, solved.rms, 100 * solved.covered),
            {kMargin, kMargin + 8 + kLine}, {});
   const cv::Rect place(kMargin, kMargin + head - kLine / 2, image.cols, image.rows);
   image.copyTo(sheet(place));
