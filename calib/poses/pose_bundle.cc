@@ -44,7 +44,8 @@ Motion MotionOf(const Eigen::Isometry3d& pose) {
 // are.
 class CeresBundle {
  public:
-  CeresBundle(Bundle& bundle, double robust) : bundle_(bundle), sizes_(bundle.sizes) {
+  CeresBundle(Bundle& bundle, double robust)
+      : bundle_(bundle), robust_(robust), sizes_(bundle.sizes) {
     for (auto* poses : Kinds()) {
       for (BundlePose& pose : *poses) places_[&pose] = motions_.size(), motions_.push_back({});
     }
@@ -55,9 +56,9 @@ class CeresBundle {
       }
     }
     for (BundleCorner& corner : bundle.corners) {
-      if (corner.used) AddCorner(corner, robust);
+      if (corner.used) AddCorner(corner);
     }
-    AddPriors(robust);
+    AddPriors();
   }
 
   bool Solve() {
@@ -65,8 +66,8 @@ class CeresBundle {
     ceres::Solver::Options options;
     options.linear_solver_type = ceres::SPARSE_NORMAL_CHOLESKY;
     options.max_num_iterations = 100;
-    options.function_tolerance = 1e-12;
-    options.parameter_tolerance = 1e-12;
+    options.function_tolerance = robust_ > 0 ? 1e-6 : 1e-12;
+    options.parameter_tolerance = robust_ > 0 ? 1e-8 : 1e-12;
     options.logging_type = ceres::SILENT;
     ceres::Solver::Summary summary;
     ceres::Solve(options, &problem_, &summary);
@@ -106,7 +107,7 @@ class CeresBundle {
     return robust > 0 ? new ceres::CauchyLoss(robust) : nullptr;
   }
 
-  void AddCorner(const BundleCorner& corner, double robust) {
+  void AddCorner(const BundleCorner& corner) {
     BundlePose& camera = bundle_.cameras[corner.camera];
     BundlePose& board = bundle_.board_poses[corner.board_pose];
     BundlePose* flange = corner.flange >= 0 ? &bundle_.flanges[corner.flange] : nullptr;
@@ -115,23 +116,25 @@ class CeresBundle {
     double* size = &sizes_[corner.size];
     if (flange) {
       problem_.AddResidualBlock(new ceres::AutoDiffCostFunction<CornerCost, 2, 6, 6, 1, 6>(cost),
-                                LossOf(robust), MotionOfPose(camera), MotionOfPose(board), size,
+                                LossOf(robust_), MotionOfPose(camera), MotionOfPose(board), size,
                                 MotionOfPose(*flange));
     } else {
       problem_.AddResidualBlock(new ceres::AutoDiffCostFunction<CornerCost, 2, 6, 6, 1>(cost),
-                                LossOf(robust), MotionOfPose(camera), MotionOfPose(board), size);
+                                LossOf(robust_), MotionOfPose(camera), MotionOfPose(board), size);
     }
     corners_of_size_[corner.size] += 1;
   }
 
-  void AddPriors(double robust) {
+  void AddPriors() {
     for (auto* poses : Kinds()) {
       for (BundlePose& pose : *poses) {
         double* motion = motions_[places_[&pose]].data();
-        if (!pose.has_prior || pose.constant || !problem_.HasParameterBlock(motion)) continue;
+        if (!pose.has_prior || pose.left_out || pose.constant ||
+            !problem_.HasParameterBlock(motion))
+          continue;
         problem_.AddResidualBlock(new ceres::AutoDiffCostFunction<MotionPrior, 6, 6>(
                                       new MotionPrior{pose.rotation_sigma, pose.position_sigma}),
-                                  LossOf(robust > 0 ? kRobustPrior : 0), motion);
+                                  LossOf(robust_ > 0 ? kRobustPrior : 0), motion);
       }
     }
     for (const auto& [size, count] : corners_of_size_) {
@@ -146,6 +149,7 @@ class CeresBundle {
   }
 
   Bundle& bundle_;
+  const double robust_;
   ceres::Problem problem_;
   std::map<const BundlePose*, size_t> places_;
   std::vector<Motion> motions_;

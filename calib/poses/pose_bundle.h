@@ -21,6 +21,7 @@ struct BundlePose {
   Eigen::Isometry3d measured = Eigen::Isometry3d::Identity();
   double position_sigma = 0;
   double rotation_sigma = 0;
+  bool left_out = false;  // the measurement is wrong and does not count
   bool constant = false;
   PoseCovariance covariance = PoseCovariance::Zero();  // see FindCovariances
 
@@ -67,11 +68,13 @@ struct BundleStatistics {
   std::string undetermined;  // what the data do not determine; empty: all is
   double chi2 = 0;
   int dof = 0;
-  // Sums of squares and their expectation, of corners and of the flanges' priors.
+  // Sums of squares and their expectation, of corners and of the priors of flanges and boards.
   double corner_chi2 = 0;
   double corner_redundancy = 0;
   double flange_chi2 = 0;
   double flange_redundancy = 0;
+  double survey_chi2 = 0;
+  double survey_redundancy = 0;
 };
 
 // Fills the covariances of cameras, of flanges and board poses, and the size sigmas.

@@ -24,7 +24,7 @@ std::string NameAt(const std::vector<BundleBlock>& blocks, Eigen::Index column) 
 // The priors' sum of squares, and its expectation.
 void SumPriors(const std::vector<BundlePose>& poses, double& chi2, double& redundancy) {
   for (const BundlePose& pose : poses) {
-    if (!pose.has_prior || pose.constant || pose.covariance.isZero(0)) continue;
+    if (!pose.has_prior || pose.left_out || pose.constant || pose.covariance.isZero(0)) continue;
     chi2 += pose.PriorResidual().squaredNorm();
     for (int i = 0; i < 6; ++i) {
       const double sigma = i < 3 ? pose.rotation_sigma : pose.position_sigma;
@@ -83,12 +83,11 @@ BundleStatistics FindCovariances(Bundle& bundle) {
       bundle.size_sigmas[block.size] = std::sqrt(covariance(0, 0));
     }
   }
-  double board_chi2 = 0;
-  double board_redundancy = 0;
   SumPriors(bundle.flanges, statistics.flange_chi2, statistics.flange_redundancy);
-  SumPriors(bundle.board_poses, board_chi2, board_redundancy);
-  statistics.corner_chi2 = statistics.chi2 - statistics.flange_chi2 - board_chi2;
-  statistics.corner_redundancy = statistics.dof - statistics.flange_redundancy - board_redundancy;
+  SumPriors(bundle.board_poses, statistics.survey_chi2, statistics.survey_redundancy);
+  statistics.corner_chi2 = statistics.chi2 - statistics.flange_chi2 - statistics.survey_chi2;
+  statistics.corner_redundancy =
+      statistics.dof - statistics.flange_redundancy - statistics.survey_redundancy;
   return statistics;
 }
 

@@ -133,6 +133,33 @@ absl::Status CheckMirrored(const PoseProblem& problem) {
   return absl::OkStatus();
 }
 
+// Something moves between frames, so that no corner comes twice at exactly the same place.
+absl::Status CheckSameImages(const PoseProblem& problem) {
+  std::map<std::string, bool> on_flange;
+  for (const PoseView& view : problem.views) on_flange[view.name] = view.on_flange;
+  std::map<std::tuple<std::string, std::string, int, double, double>, std::string> frames;
+  for (const TagSighting& seen : problem.sightings) {
+    const bool moves =
+        on_flange[seen.view] ||
+        std::any_of(problem.boards.begin(), problem.boards.end(), [&](const PoseBoard& board) {
+          return board.place == BoardPlace::kFlange &&
+                 board.board.description().family == seen.family && board.board.HasTag(seen.tag);
+        });
+    if (!moves) continue;
+    const auto [other, added] = frames.emplace(
+        std::tuple(seen.view, seen.family, seen.tag, seen.corners[0].x(), seen.corners[0].y()),
+        seen.frame);
+    if (!added) {
+      return absl::FailedPreconditionError(
+          absl::StrCat("view '", seen.view, "' has the same image in the frames '", other->second,
+                       "' and '", seen.frame,
+                       "'; leave out the one that does not belong to its "
+                       "pose of the robot"));
+    }
+  }
+  return absl::OkStatus();
+}
+
 }  // namespace
 
 absl::Status CheckProblem(const PoseProblem& problem) {
@@ -142,8 +169,8 @@ absl::Status CheckProblem(const PoseProblem& problem) {
   if (!(noise.position_sigma > 0) || !(noise.rotation_sigma > 0)) {
     return absl::InvalidArgumentError("the robot's sigmas must be positive");
   }
-  for (const auto check :
-       {CheckViews, CheckBoardsOf, CheckRobotPoses, CheckSightings, CheckMirrored}) {
+  for (const auto check : {CheckViews, CheckBoardsOf, CheckRobotPoses, CheckSightings,
+                           CheckSameImages, CheckMirrored}) {
     if (absl::Status checked = check(problem); !checked.ok()) return checked;
   }
   return absl::OkStatus();

@@ -89,15 +89,19 @@ void AddBoards(const PoseFit& fit, PoseSolution& solution) {
     const BundlePose& pose = fit.bundle.board_poses[i];
     const PoseBoard& board = fit.network.boards[fit.network.board_poses[i].board];
     if (board.place == BoardPlace::kLoose || pose.covariance.isZero(0)) continue;
+    Eigen::Isometry3d survey = Eigen::Isometry3d::Identity();
+    if (pose.has_prior) survey = pose.measured.inverse() * pose.pose;
     solution.boards.push_back({.name = board.board.description().name,
                                .place = board.place,
                                .pose = pose.pose,
-                               .covariance = pose.covariance});
+                               .covariance = pose.covariance,
+                               .survey_offset = survey.translation().norm(),
+                               .survey_rotation = Eigen::AngleAxisd(survey.linear()).angle(),
+                               .survey_outlier = pose.left_out});
   }
 }
 
-void AddFrames(const PoseFit& fit, const std::vector<bool>& robot_outliers,
-               PoseSolution& solution) {
+void AddFrames(const PoseFit& fit, PoseSolution& solution) {
   std::map<std::string, size_t> places;
   std::vector<Count> counts;
   for (const BundleCorner& corner : fit.bundle.corners) {
@@ -114,7 +118,7 @@ void AddFrames(const PoseFit& fit, const std::vector<bool>& robot_outliers,
     SolvedFrame& solved = solution.frames[place->second];
     solved.robot_offset = motion.translation().norm();
     solved.robot_rotation = Eigen::AngleAxisd(motion.linear()).angle();
-    solved.robot_outlier = robot_outliers[corner.flange];
+    solved.robot_outlier = flange.left_out;
   }
   for (size_t i = 0; i < counts.size(); ++i) {
     solution.frames[i].corners = counts[i].used;
@@ -154,6 +158,23 @@ void WarnOfFrames(PoseSolution& solution) {
         absl::StrCat("the robot stood elsewhere than it said, and its pose was left out, in the "
                      "frames ",
                      FewOf(robot)));
+  }
+}
+
+void WarnOfSurvey(const NoiseFactors& factors, PoseSolution& solution) {
+  std::vector<std::string> boards;
+  for (const SolvedBoard& board : solution.boards) {
+    if (!board.survey_outlier) continue;
+    boards.push_back(absl::StrFormat("'%s' (%.1f mm, %.2f deg)", board.name,
+                                     1000 * board.survey_offset, board.survey_rotation / kDegree));
+  }
+  if (!boards.empty()) {
+    solution.warnings.push_back(absl::StrCat(
+        "boards stand elsewhere than the survey says, which was left out: ", FewOf(boards)));
+  }
+  if (factors.survey > 1.5) {
+    solution.warnings.push_back(absl::StrFormat(
+        "surveyed boards are off by %.1f times the sigma stated in the survey", factors.survey));
   }
 }
 
@@ -206,19 +227,21 @@ double PointSigma(const PoseCovariance& covariance, const Eigen::Vector3d& point
   return std::sqrt(std::max(0.0, (motion * covariance * motion.transpose()).trace()));
 }
 
-PoseSolution SolutionOf(const PoseFit& fit, const std::vector<bool>& robot_outliers,
-                        const BundleStatistics& statistics, const NoiseFactors& factors) {
+PoseSolution SolutionOf(const PoseFit& fit, const BundleStatistics& statistics,
+                        const NoiseFactors& factors) {
   PoseSolution solution;
   solution.chi2_per_dof = factors.chi2_per_dof;
   solution.dof = statistics.dof;
   solution.image_noise_factor = factors.image;
   solution.robot_noise_factor = factors.robot;
+  solution.survey_noise_factor = factors.survey;
   solution.warnings = fit.network.warnings;
   AddViews(fit, solution);
   AddBoards(fit, solution);
-  AddFrames(fit, robot_outliers, solution);
+  AddFrames(fit, solution);
   AddResiduals(fit, solution);
   WarnOfFrames(solution);
+  WarnOfSurvey(factors, solution);
   WarnOfNoise(fit, factors, solution);
   WarnOfWeakness(fit, solution);
   return solution;

@@ -1,8 +1,6 @@
 // A solved bundle as a PoseSolution.
 #pragma once
 
-#include <vector>
-
 #include "calib/poses/pose_bundle.h"
 #include "calib/poses/pose_fit.h"
 #include "calib/poses/pose_solution.h"
@@ -13,11 +11,12 @@ namespace silhouette {
 struct NoiseFactors {
   double image = 0;
   double robot = 0;         // 0: not known
+  double survey = 0;        // 0: not known
   double chi2_per_dof = 0;  // with the sigmas as stated
 };
 
-// `robot_outliers`: one per pose of the robot. The bundle's covariances must have been found.
-PoseSolution SolutionOf(const PoseFit& fit, const std::vector<bool>& robot_outliers,
-                        const BundleStatistics& statistics, const NoiseFactors& factors);
+// The bundle's covariances must have been found.
+PoseSolution SolutionOf(const PoseFit& fit, const BundleStatistics& statistics,
+                        const NoiseFactors& factors);
 
 }  // namespace silhouette

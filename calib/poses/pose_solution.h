@@ -36,6 +36,10 @@ struct SolvedBoard {
   // flange_from_board for kFlange, else base_from_board.
   Eigen::Isometry3d pose = Eigen::Isometry3d::Identity();
   PoseCovariance covariance = PoseCovariance::Zero();
+  // By how much a surveyed board stands elsewhere than was said: metres and radians.
+  double survey_offset = 0;
+  double survey_rotation = 0;
+  bool survey_outlier = false;  // the survey of this board was left out
 };
 
 struct SolvedFrame {
@@ -63,10 +67,11 @@ struct PoseSolution {
   std::vector<CornerResidual> residuals;
   double chi2_per_dof = 0;
   int dof = 0;
-  // How many times the stated sigma the errors look: of the corners, and of the robot (0 without
-  // robot poses). Covariances are already enlarged by what exceeds 1.
+  // How many times the stated sigma the errors look: of the corners, of the robot and of the survey
+  // (0 where there is none). Covariances are already enlarged by what exceeds 1.
   double image_noise_factor = 0;
   double robot_noise_factor = 0;
+  double survey_noise_factor = 0;
   std::vector<std::string> warnings;  // one sentence each
 };
 

@@ -81,6 +81,11 @@ Json JsonOf(const SolvedBoard& board) {
       JsonOf(board.pose);
   json["position_sigma_mm"] = std::sqrt(board.covariance.bottomRightCorner<3, 3>().trace()) / kMm;
   json["rotation_sigma_deg"] = RotationSigma(board.covariance) / kDegree;
+  if (board.place == BoardPlace::kSurveyed) {
+    json["survey_offset_mm"] = board.survey_offset / kMm;
+    json["survey_rotation_deg"] = board.survey_rotation / kDegree;
+    json["survey_outlier"] = board.survey_outlier;
+  }
   return json;
 }
 
@@ -112,6 +117,7 @@ Json PosesJson(const PoseSolution& solution) {
                {"dof", solution.dof},
                {"image_noise_factor", solution.image_noise_factor},
                {"robot_noise_factor", solution.robot_noise_factor},
+               {"survey_noise_factor", solution.survey_noise_factor},
                {"views", Json::array()},
                {"boards", Json::array()},
                {"frames", Json::array()},

@@ -3,6 +3,8 @@
 #include <gtest/gtest.h>
 
 #include <string>
+#include <utility>
+#include <vector>
 
 #include "calib/poses/pose_calibration.h"
 #include "tests/calib_poses/pose_rig.h"
@@ -206,6 +208,56 @@ TEST(PoseRefusals, ARobotLessExactThanStatedIsToldAndReckonedWith) {
   ASSERT_TRUE(solution.ok()) << solution.status();
   EXPECT_NEAR(solution->robot_noise_factor, 4, 0.8);
   EXPECT_THAT(solution->warnings, Contains(HasSubstr("--robot-sigma")));
+}
+
+// Five floor tags, surveyed, and views that see nothing else.
+PoseRig SurveyRig(unsigned seed) {
+  PoseRig rig(seed);
+  for (const auto& [x, y] : {std::pair(-0.7, -0.7), std::pair(0.7, -0.6), std::pair(0.6, 0.7),
+                             std::pair(-0.6, 0.6), std::pair(0.0, 0.1)}) {
+    Eigen::Isometry3d pose = Eigen::Isometry3d::Identity();
+    pose.linear() = Eigen::AngleAxisd(3.14159, Eigen::Vector3d::UnitX()).matrix();
+    pose.translation() = Eigen::Vector3d(x, y, 0.2 * (1 + x));
+    rig.AddBoard("floor" + std::to_string(rig.problem.boards.size()), BoardPlace::kSurveyed, pose,
+                 0.15);
+  }
+  return rig;
+}
+
+TEST(PoseRefusals, ASurveyedPlaceThatIsWrongIsLeftOutAndNamed) {
+  PoseRig rig = SurveyRig(12);
+  rig.Take("one", Eigen::Isometry3d::Identity());
+  rig.problem.boards[2].base_from_board.translation().x() += 0.05;
+  const absl::StatusOr<PoseSolution> solution = CalibratePoses(rig.problem);
+  ASSERT_TRUE(solution.ok()) << solution.status();
+  EXPECT_THAT(solution->warnings,
+              Contains(AllOf(HasSubstr("boards stand elsewhere"), HasSubstr("'floor2'"))));
+  for (size_t i = 0; i < solution->views.size(); ++i) {
+    EXPECT_LT(PoseError(solution->views[i].camera_pose, rig.camera_poses[i]).tail<3>().norm(),
+              8e-3);
+  }
+}
+
+TEST(PoseRefusals, ASurveyInAnotherFrameThanTheRobotsIsRefused) {
+  PoseRig rig = SurveyRig(13);
+  rig.AddFlangeBoard();
+  rig.Drive(20);
+  EXPECT_EQ(Refusal(rig.problem), "");
+  for (PoseBoard& board : rig.problem.boards) board.base_from_board.translation().y() += 0.05;
+  EXPECT_THAT(Refusal(rig.problem), HasSubstr("the survey contradicts"));
+}
+
+TEST(PoseRefusals, TheSameImageTwiceIsTold) {
+  PoseRig rig = FlangeRig();
+  for (size_t i = 0; i < rig.problem.sightings.size(); ++i) {
+    TagSighting copy = rig.problem.sightings[i];
+    if (copy.frame != "frame1004") continue;
+    copy.frame = "frame1099";
+    rig.problem.sightings.push_back(copy);
+  }
+  rig.problem.robot_poses.push_back({"frame1099", rig.problem.robot_poses[5].base_from_flange});
+  EXPECT_THAT(Refusal(rig.problem),
+              AllOf(HasSubstr("same image"), HasSubstr("frame1004"), HasSubstr("frame1099")));
 }
 
 TEST(PoseRefusals, FramesWithoutAPoseOfTheRobotAreNamed) {
