@@ -7,6 +7,7 @@
 #include <opencv2/calib3d.hpp>
 
 #include "absl/strings/str_cat.h"
+#include "calib/intrinsics/median.h"
 
 namespace silhouette {
 namespace {
@@ -20,18 +21,21 @@ using Order = std::function<int(int row, int column, int rows, int columns)>;
 
 struct Mistake {
   const char* says;
+  bool exchanged;  // rows and columns
   Order order;
 };
 
 const std::vector<Mistake>& Mistakes() {
   static const std::vector<Mistake> mistakes = {
-      {"its ids run from right to left: the print or the images are mirrored",
+      {"its ids run from right to left: the print or the images are mirrored", false,
        [](int row, int column, int, int columns) { return row * columns + columns - 1 - column; }},
-      {"its ids run from bottom to top: the print or the images are mirrored",
+      {"its ids run from bottom to top: the print or the images are mirrored", false,
        [](int row, int column, int rows, int columns) {
          return (rows - 1 - row) * columns + column;
        }},
-      {"its ids run column by column: rows and columns seem to be exchanged",
+      {"its rows and columns seem to be exchanged", true,
+       [](int row, int column, int, int columns) { return row * columns + column; }},
+      {"its ids run down the columns, not along the rows", false,
        [](int row, int column, int rows, int) { return column * rows + row; }},
   };
   return mistakes;
@@ -39,15 +43,18 @@ const std::vector<Mistake>& Mistakes() {
 
 // rms of the distances from the best homography over the mean side of the tags, if they lay in
 // `order`; nothing if too few were seen.
-std::optional<double> Misfit(const Board& board, const BoardView& view, const Order& order) {
+std::optional<double> Misfit(const Board& board, const BoardView& view, const Order& order,
+                             bool exchanged) {
   const BoardDescription& d = board.description();
+  const int rows = exchanged ? d.columns : d.rows;
+  const int columns = exchanged ? d.rows : d.columns;
   const double pitch = d.tag_size + d.gap;
   std::vector<cv::Point2d> on_board;
   std::vector<cv::Point2d> seen;
   double sides = 0;
-  for (int row = 0; row < d.rows; ++row) {
-    for (int column = 0; column < d.columns; ++column) {
-      const int place = order(row, column, d.rows, d.columns);
+  for (int row = 0; row < rows; ++row) {
+    for (int column = 0; column < columns; ++column) {
+      const int place = order(row, column, rows, columns);
       std::array<Eigen::Vector3d, 4> pixels;
       const TagCorners corners = board.CornersOf(d.first_id);
       for (int corner = 0; corner < 4; ++corner) {
@@ -76,17 +83,11 @@ std::optional<double> Misfit(const Board& board, const BoardView& view, const Or
   return std::sqrt(squares / static_cast<double>(seen.size())) / (sides / tags);
 }
 
-double Median(std::vector<double> values) {
-  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
-  std::nth_element(values.begin(), middle, values.end());
-  return *middle;
-}
-
 std::optional<double> MedianMisfit(const Board& board, const std::vector<const BoardView*>& views,
-                                   const Order& order) {
+                                   const Order& order, bool exchanged = false) {
   std::vector<double> misfits;
   for (const BoardView* view : views) {
-    if (const auto misfit = Misfit(board, *view, order)) misfits.push_back(*misfit);
+    if (const auto misfit = Misfit(board, *view, order, exchanged)) misfits.push_back(*misfit);
   }
   if (misfits.empty()) return std::nullopt;
   return Median(std::move(misfits));
@@ -139,7 +140,7 @@ absl::Status CheckBoardShapes(const std::vector<LensCamera>& cameras,
     const auto misfit = MedianMisfit(board, group, as_described);
     if (!misfit || *misfit < kLargestMisfit) continue;
     for (const Mistake& mistake : Mistakes()) {
-      const auto other = MedianMisfit(board, group, mistake.order);
+      const auto other = MedianMisfit(board, group, mistake.order, mistake.exchanged);
       if (other && *other < kLargestMisfit) {
         return absl::InvalidArgumentError(
             absl::StrCat(where, mistake.says, "; print the board anew, or describe it as it is"));

@@ -11,6 +11,7 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
 #include "absl/strings/str_join.h"
+#include "calib/intrinsics/median.h"
 
 namespace silhouette {
 namespace {
@@ -18,7 +19,8 @@ namespace {
 constexpr double kTilted = 15;          // degrees: a board that tells something of the focal length
 constexpr double kWorstFit = 2;         // rms of the residuals, pixels: more is no fit at all
 constexpr double kMostOutliers = 0.25;  // the same, as a share of the corners
-constexpr int kFieldsX = 8;             // in which coverage is counted
+constexpr double kWellCovered = 0.9;
+constexpr int kFieldsX = 8;  // in which coverage is counted
 constexpr int kFieldsY = 6;
 
 // What a camera saw.
@@ -26,13 +28,6 @@ struct Seen {
   std::vector<double> distances;
   std::vector<double> tilts;  // of the boards against the image plane, degrees
 };
-
-double Median(std::vector<double> values) {
-  if (values.empty()) return 0;
-  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
-  std::nth_element(values.begin(), middle, values.end());
-  return *middle;
-}
 
 std::vector<Seen> SeenBy(const LensSolution& solution) {
   std::map<std::pair<std::string, std::string>, std::vector<const SolvedBoard*>> boards;
@@ -83,28 +78,43 @@ void AddStatistics(LensSolution& solution) {
   }
 }
 
+// Places along the rim of a camera's image.
+std::vector<Eigen::Vector2d> Rim(const SolvedCamera& camera) {
+  constexpr int kSteps = 8;
+  const double right = camera.width - 1;
+  const double bottom = camera.height - 1;
+  std::vector<Eigen::Vector2d> rim;
+  for (int step = 0; step < kSteps; ++step) {
+    const double x = right * step / kSteps;
+    const double y = bottom * step / kSteps;
+    rim.insert(rim.end(), {{x, 0}, {right - x, bottom}, {right, y}, {0, bottom - y}});
+  }
+  return rim;
+}
+
 // The largest standard deviation along the image's rim; infinity if the lens shows nothing in most
 // of it.
 double EdgeSigma(const LensSolution& solution, size_t i) {
   const SolvedCamera& camera = solution.cameras[i];
-  constexpr int kSteps = 8;
+  const std::vector<Eigen::Vector2d> rim = Rim(camera);
   double worst = 0;
-  int known = 0;
-  int all = 0;
-  for (int step = 0; step < kSteps; ++step) {
-    const double x = (camera.width - 1.0) * step / kSteps;
-    const double y = (camera.height - 1.0) * step / kSteps;
-    for (const Eigen::Vector2d& pixel :
-         {Eigen::Vector2d(x, 0), Eigen::Vector2d(camera.width - 1 - x, camera.height - 1),
-          Eigen::Vector2d(camera.width - 1, y), Eigen::Vector2d(0, camera.height - 1 - y)}) {
-      ++all;
-      const auto sigma = ProjectionSigma(solution, i, pixel, camera.distance);
-      if (!sigma || !std::isfinite(*sigma)) continue;
-      ++known;
-      worst = std::max(worst, *sigma);
-    }
+  size_t known = 0;
+  for (const Eigen::Vector2d& pixel : rim) {
+    const auto sigma = ProjectionSigma(solution, i, pixel, camera.distance);
+    if (!sigma || !std::isfinite(*sigma)) continue;
+    ++known;
+    worst = std::max(worst, *sigma);
   }
-  return 2 * known > all ? worst : std::numeric_limits<double>::infinity();
+  return 2 * known > rim.size() ? worst : std::numeric_limits<double>::infinity();
+}
+
+// Places of the rim in which the camera sees nothing, as the distortion folds over before them.
+int PlacesBeyondTheFold(const SolvedCamera& camera) {
+  if (!camera.model) return 0;
+  const std::vector<Eigen::Vector2d> rim = Rim(camera);
+  return static_cast<int>(std::count_if(rim.begin(), rim.end(), [&](const Eigen::Vector2d& pixel) {
+    return !camera.model->Ray(pixel).has_value();
+  }));
 }
 
 double FocalLengthSigma(const LensSolution& solution, size_t i) {
@@ -128,7 +138,8 @@ double FocalLengthSigma(const LensSolution& solution, size_t i) {
 std::string Percent(double share) { return absl::StrFormat("%.0f %%", 100 * share); }
 
 // What the images of a camera lack, most telling first; empty if nothing obvious.
-std::vector<std::string> Lacks(const SolvedCamera& camera, const Seen& seen) {
+std::vector<std::string> Lacks(const SolvedCamera& camera, const Seen& seen,
+                               double enough_covered = 0.6) {
   std::vector<std::string> lacks;
   const auto tilted = std::count_if(seen.tilts.begin(), seen.tilts.end(),
                                     [](double tilt) { return tilt > kTilted; });
@@ -138,7 +149,7 @@ std::vector<std::string> Lacks(const SolvedCamera& camera, const Seen& seen) {
         "(tilt it by 20 to 45 degrees, in all directions)",
         tilted, seen.tilts.size(), kTilted));
   }
-  if (camera.covered < 0.6) {
+  if (camera.covered < enough_covered) {
     lacks.push_back(absl::StrCat("corners were seen in only ", Percent(camera.covered),
                                  " of the image (bring the board to its rim and corners)"));
   }
@@ -176,8 +187,13 @@ absl::Status JudgeCamera(const LensSettings& settings, const Seen& seen, SolvedC
     const std::string by = std::isfinite(camera.edge_sigma)
                                ? absl::StrFormat("is uncertain by %.2g px", camera.edge_sigma)
                                : "is not determined";
-    return absl::FailedPreconditionError(
-        absl::StrCat(view, "the lens ", by, " at the image's rim", Because(lacks)));
+    return absl::FailedPreconditionError(absl::StrCat(view, "the lens ", by, " at the image's rim",
+                                                      Because(Lacks(camera, seen, kWellCovered))));
+  }
+  if (const int folded = PlacesBeyondTheFold(camera); folded > 0) {
+    warnings.push_back(absl::StrCat(view, "the lens model folds over within the image (at ", folded,
+                                    " of 32 places of its rim no ray is known); corners nearer to "
+                                    "the rim would help, or another --model"));
   }
   for (const std::string& lack : lacks) warnings.push_back(view + lack);
   if (camera.outliers > 0.03 * all) {

@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "calib/intrinsics/median.h"
+
 namespace silhouette {
 namespace {
 
@@ -16,13 +18,6 @@ constexpr double kMedianLength = 1.1774;
 bool IsWellDetermined(const LensProblem& problem) {
   const size_t parameters = problem.intrinsics[0].size();
   return problem.lens_model.starts_with("LENSMODEL_OPENCV") ? parameters <= 9 : parameters == 4;
-}
-
-double Median(std::vector<double> values) {
-  if (values.empty()) return 0;
-  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
-  std::nth_element(values.begin(), middle, values.end());
-  return *middle;
 }
 
 // Lengths of the residuals, weighted by `weights`; negative where there is no corner.

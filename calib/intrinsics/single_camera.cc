@@ -7,6 +7,7 @@
 #include "absl/strings/str_format.h"
 #include "calib/intrinsics/lens_seeds.h"
 #include "calib/intrinsics/lens_stages.h"
+#include "calib/intrinsics/median.h"
 
 namespace silhouette {
 namespace {
@@ -15,12 +16,6 @@ namespace {
 constexpr double kMisfit = 8;
 // Shares of a camera's images that may misfit.
 constexpr double kMostMisfits = 0.25;
-
-double Median(std::vector<double> values) {
-  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
-  std::nth_element(values.begin(), middle, values.end());
-  return *middle;
-}
 
 // The corners as a lens without distortion of focal length 1 would see them.
 std::vector<Eigen::Vector3d> Straightened(const std::vector<Eigen::Vector3d>& corners,
@@ -107,6 +102,8 @@ absl::StatusOr<SingleCamera> SolveAlone(const LensCamera& camera,
     result.intrinsics = {k.fx, k.fy, k.cx, k.cy};
     result.intrinsics.insert(result.intrinsics.end(), k.distortion.begin(), k.distortion.end());
     result.views = Posed(camera, views, lattice, result.intrinsics);
+    enough = CheckCount(camera, result.views.size(), settings);
+    if (!enough.ok()) return enough;
     return result;
   }
   const double focal_length = GuessFocalLength(views, lattice, camera.width, camera.height);

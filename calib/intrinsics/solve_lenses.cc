@@ -11,6 +11,7 @@
 #include "calib/intrinsics/camera_ties.h"
 #include "calib/intrinsics/lens_judgement.h"
 #include "calib/intrinsics/lens_stages.h"
+#include "calib/intrinsics/median.h"
 #include "calib/intrinsics/single_camera.h"
 
 namespace silhouette {
@@ -50,9 +51,7 @@ double MedianSigma(const std::vector<PosedView>& views) {
       if (corner.z() > 0) sigmas.push_back(1 / corner.z());
     }
   }
-  const auto middle = sigmas.begin() + static_cast<std::ptrdiff_t>(sigmas.size() / 2);
-  std::nth_element(sigmas.begin(), middle, sigmas.end());
-  return *middle;
+  return Median(std::move(sigmas));
 }
 
 // All that a group's solve needs to know of where its parts come from.

@@ -265,6 +265,11 @@ void AddIntrinsicsCommand(CLI::App& program, Run& run) {
   command->add_option("--least-images", a->settings.least_images, "Images a camera must have")
       ->check(CLI::Range(3, 100000))
       ->capture_default_str();
+  command
+      ->add_option("--most-uncertain", a->settings.most_uncertain,
+                   "Refuse a lens less certain at the image's rim (standard deviation, pixels)")
+      ->check(CLI::PositiveNumber)
+      ->capture_default_str();
   command->add_option("--draw", a->draw, "A folder for a picture of each camera's residuals");
   command
       ->add_option("--from", a->from,

@@ -53,7 +53,44 @@ struct Errors {
   int points = 0;
 };
 
-// How far the projections of points of the workspace are off, and what was predicted.
+// Adds how far the projection of a point is off, and what was predicted.
+void AddError(const CameraModel& camera, size_t c, const Eigen::Vector3d& in_world,
+              const LensSolution& solution, const Eigen::Isometry3d& reference_from_world,
+              Errors& errors) {
+  const auto is = camera.Project(in_world);
+  if (!is || !camera.Contains(*is)) return;
+  const Eigen::Vector3d in_reference = reference_from_world * in_world;
+  const auto solved = solution.cameras[c].model->Project(in_reference);
+  const auto covariance = ProjectionCovariance(solution, c, in_reference);
+  if (!solved || !covariance) {
+    ADD_FAILURE() << "camera " << c << " does not see a point that it saw";
+    return;
+  }
+  const Eigen::Vector2d off = *solved - *is;
+  errors.squares += off.squaredNorm();
+  errors.chi_squared += off.dot(covariance->ldlt().solve(off));
+  ++errors.points;
+}
+
+// Over the rim of the images, much of which no board reached.
+Errors RimErrors(const std::vector<CameraModel>& cameras, const Truth& truth,
+                 const LensSolution& solution, const Board& board) {
+  const Eigen::Isometry3d reference_from_world = ReferenceFromWorld(truth, solution, board);
+  Errors errors;
+  for (size_t c = 0; c < cameras.size(); ++c) {
+    for (const double x : {0, 426, 853, 1279}) {
+      for (const double y : {0, 959}) {
+        const auto ray = cameras[c].Ray({x, y});
+        if (!ray) continue;
+        AddError(cameras[c], c, cameras[c].Centre() + solution.cameras[c].distance * *ray, solution,
+                 reference_from_world, errors);
+      }
+    }
+  }
+  return errors;
+}
+
+// Over points of the workspace.
 Errors WorkspaceErrors(const std::vector<CameraModel>& cameras, const Truth& truth,
                        const LensSolution& solution, const Board& board, std::mt19937& random) {
   const Eigen::Isometry3d reference_from_world = ReferenceFromWorld(truth, solution, board);
@@ -63,19 +100,7 @@ Errors WorkspaceErrors(const std::vector<CameraModel>& cameras, const Truth& tru
     const Eigen::Vector3d in_world =
         0.5 * Eigen::Vector3d(unit(random), 0.75 * unit(random), 0.4 * unit(random));
     for (size_t c = 0; c < cameras.size(); ++c) {
-      const auto is = cameras[c].Project(in_world);
-      if (!is || !cameras[c].Contains(*is)) continue;
-      const Eigen::Vector3d in_reference = reference_from_world * in_world;
-      const auto solved = solution.cameras[c].model->Project(in_reference);
-      const auto covariance = ProjectionCovariance(solution, c, in_reference);
-      if (!solved || !covariance) {
-        ADD_FAILURE() << "camera " << c << " does not see a point that it saw";
-        continue;
-      }
-      const Eigen::Vector2d off = *solved - *is;
-      errors.squares += off.squaredNorm();
-      errors.chi_squared += off.dot(covariance->ldlt().solve(off));
-      ++errors.points;
+      AddError(cameras[c], c, in_world, solution, reference_from_world, errors);
     }
   }
   return errors;
@@ -104,6 +129,7 @@ TEST(SolveLenses, PredictsHowFarProjectionsAreOff) {
   double chi_squared = 0;
   double squares = 0;
   int points = 0;
+  Errors rim;
   for (unsigned seed = 1; seed <= kRuns; ++seed) {
     std::mt19937 random(seed);
     const Session session = Look(cameras, board, {.frames = 40}, random);
@@ -116,7 +142,13 @@ TEST(SolveLenses, PredictsHowFarProjectionsAreOff) {
     chi_squared += errors.chi_squared;
     squares += errors.squares;
     points += errors.points;
+    const Errors at_rim = RimErrors(cameras, session.truth, *solution, board);
+    rim.chi_squared += at_rim.chi_squared;
+    rim.points += at_rim.points;
   }
+  std::cout << "at the images' rims: chi2/dof " << rim.chi_squared / (2 * rim.points) << "\n";
+  EXPECT_GT(rim.chi_squared / (2 * rim.points), 0.6);
+  EXPECT_LT(rim.chi_squared / (2 * rim.points), 1.6);
   EXPECT_GT(chi_squared / (2 * points), 0.8);
   EXPECT_LT(chi_squared / (2 * points), 1.25);
   EXPECT_LT(std::sqrt(squares / (2 * points)), 0.02);

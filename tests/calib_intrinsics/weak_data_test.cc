@@ -91,6 +91,8 @@ TEST_F(WeakData, ABoardWhoseIdsRunTheOtherWay) {
 TEST_F(WeakData, ABoardDescribedWrongly) {
   const auto sightings = Look({.frames = 8});
   board_ = Board({.name = "board", .rows = 4, .columns = 3, .tag_size = 0.08, .gap = 0.08});
+  ExpectRefused(sightings, kInvalid, "its rows and columns seem to be exchanged");
+  board_ = Board({.name = "board", .rows = 5, .columns = 2, .tag_size = 0.08, .gap = 0.08});
   ExpectRefused(sightings, kInvalid, "its tags do not lie as the description says");
 }
 
