@@ -118,6 +118,7 @@ class CollisionTest {
 
  private:
   friend class SpaceTest;
+  friend class CellTest;
   using Numbers = std::span<const ConfigurationNumber>;
 
   void PrepareLines(const Policy& policy, const TestSupport& support);

@@ -11,6 +11,23 @@ Nodes RootOf(const PixelTree& tree) {
   return {{static_cast<uint32_t>(tree.root() / 64), uint64_t{1} << (tree.root() % 64)}};
 }
 
+// `reached`: place j has what is in j + 1 of the sets so far, or more.
+void AddVote(const PlaceSet& touching, std::span<PlaceSet> reached) {
+  for (size_t j = reached.size() - 1; j > 0; --j) {
+    PlaceSet both = reached[j - 1];
+    both &= touching;
+    reached[j] |= both;
+  }
+  reached[0] |= touching;
+}
+
+// Memory of the thread, empty sets.
+std::span<PlaceSet> NoVotes(size_t needed) {
+  thread_local std::vector<PlaceSet> reached;
+  reached.assign(needed, PlaceSet());
+  return reached;
+}
+
 }  // namespace
 
 PlaneVotes::PlaneVotes(std::span<const PixelTree> trees, const CollisionImages& planes,
@@ -24,6 +41,7 @@ PlaneVotes::PlaneVotes(std::span<const PixelTree> trees, const CollisionImages& 
     }
     View& view = views_.emplace_back();
     view.view = static_cast<int>(i);
+    view.plane = *planes[i];
     view.cover = trees[i].Cover(*planes[i]);
     view.beyond = !beyond.empty() && beyond[i];
     if (view.beyond) view.root = RootOf(trees[i]);
@@ -38,27 +56,42 @@ PlaceSet PlaneVotes::Touching(const TileIndex& index) const {
     return !view.beyond && !index.AnyTouches(view.view, view.cover);
   }));
   if (views_.size() - silent < needed) return {};
-  // Place j: what touches in j + 1 of the views so far, or more.
-  thread_local std::vector<PlaceSet> reached;
-  reached.assign(needed, PlaceSet());
-  for (const View& view : views_) {
-    PlaceSet touching;
-    index.AddTouching(view.view, view.cover, touching);
-    if (view.beyond) {
-      PlaceSet seen;
-      index.AddTouching(view.view, view.root, seen);
-      PlaceSet unseen = index.present();
-      unseen -= seen;
-      touching |= unseen;
-    }
-    for (size_t j = needed - 1; j > 0; --j) {
-      PlaceSet both = reached[j - 1];
-      both &= touching;
-      reached[j] |= both;
-    }
-    reached[0] |= touching;
-  }
-  return reached[needed - 1];
+  const std::span<PlaceSet> reached = NoVotes(needed);
+  for (size_t i = 0; i < views_.size(); ++i) AddVote(TouchingIn(i, index), reached);
+  return reached.back();
+}
+
+PlaceSet PlaneVotes::TouchingIn(size_t i, const TileIndex& index) const {
+  const View& view = views_[i];
+  PlaceSet touching;
+  index.AddTouching(view.view, view.cover, touching);
+  if (!view.beyond) return touching;
+  PlaceSet seen;
+  index.AddTouching(view.view, view.root, seen);
+  PlaceSet unseen = index.present();
+  unseen -= seen;
+  touching |= unseen;
+  return touching;
+}
+
+bool PlaneVotes::TouchesIn(size_t i, MaskWords robot_image) const {
+  if (Intersects(views_[i].plane.words(), robot_image)) return true;
+  return views_[i].beyond &&
+         std::ranges::all_of(robot_image, [](uint64_t word) { return word == 0; });
+}
+
+PlaceSet PlaneVotes::InEnough(std::span<const PlaceSet> touching) const {
+  PlaceSet all;
+  all.words.fill(~uint64_t{0});
+  if (needed_ <= 0) return all;
+  if (touching.size() < static_cast<size_t>(needed_)) return {};
+  const std::span<PlaceSet> reached = NoVotes(static_cast<size_t>(needed_));
+  for (const PlaceSet& each : touching) AddVote(each, reached);
+  return reached.back();
+}
+
+bool PlaneVotes::beyond() const {
+  return std::ranges::any_of(views_, [](const View& view) { return view.beyond; });
 }
 
 SpaceTest::SpaceTest(const CollisionTest& test, std::span<const PixelTree> trees) : test_(test) {

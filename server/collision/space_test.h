@@ -29,9 +29,22 @@ class PlaneVotes {
   // The configurations that touch in enough views.
   PlaceSet Touching(const TileIndex& index) const;
 
+  // The same in parts, for i = 0 .. views() - 1, the views that do not count as touched anyway:
+  // those that touch in view i, ...
+  size_t views() const { return views_.size(); }
+  PlaceSet TouchingIn(size_t i, const TileIndex& index) const;
+  // ... or whether one does that has this robot image there, ...
+  bool TouchesIn(size_t i, MaskWords robot_image) const;
+  int view(size_t i) const { return views_[i].view; }
+  // ... and what is enough of these sets, one per i. No view need be touched: all.
+  PlaceSet InEnough(std::span<const PlaceSet> touching) const;
+  // Whether an empty robot image counts as touching in any view.
+  bool beyond() const;
+
  private:
   struct View {
     int view = 0;
+    Mask plane;
     Nodes cover;
     bool beyond = false;
     Nodes root;
@@ -58,6 +71,7 @@ class SpaceTest {
   PlaceSet Open(const TileIndex& index) const;
 
  private:
+  friend class CellTest;
   void BoundLines(std::span<const PixelTree> trees);
   void BoundPossibleSpace(std::span<const PixelTree> trees);
   PlaceSet Occupied(const TileIndex& index) const;

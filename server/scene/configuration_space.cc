@@ -7,6 +7,14 @@
 #include "server/scene/checker.h"
 
 namespace silhouette {
+namespace {
+
+std::vector<PixelTree> TreesOf(const ServedDatabase& database) {
+  const RobotImageTable& table = database.robot_images();
+  return {table.mask_sizes().begin(), table.mask_sizes().end()};
+}
+
+}  // namespace
 
 ConfigurationSpace::ConfigurationSpace(Served served, const Policy& policy)
     : served_(std::move(served)) {
@@ -63,6 +71,35 @@ void ConfigurationSpace::States(std::span<const uint32_t> numbers, std::span<uin
     free[word] = is_free;
     occupied[word] = is_occupied;
   }
+}
+
+ConfigurationSpace::Cells::Cells(const CollisionTest& collision_test,
+                                 const ServedDatabase& database)
+    : trees(TreesOf(database)), test(collision_test, trees), free(test, [&database](uint64_t tile) {
+        return database.index() != nullptr ? database.index()->Tile(tile) : nullptr;
+      }) {}
+
+bool ConfigurationSpace::WorkOutCells(std::span<const uint64_t> tiles,
+                                      const std::function<bool()>& stop) const {
+  if (!test_) return true;
+  std::call_once(cells_once_, [this] {
+    cells_ = std::make_unique<Cells>(*test_, *served_.database);
+    cells_made_.store(true, std::memory_order_release);
+  });
+  return cells_->free.WorkOut(tiles, stop);
+}
+
+bool ConfigurationSpace::cells_ready(uint64_t tile) const {
+  return !test_ || (cells_made_.load(std::memory_order_acquire) && cells_->free.ready(tile));
+}
+
+const PlaceSet& ConfigurationSpace::free_cells(uint64_t tile) const {
+  static const PlaceSet none;
+  return test_ && cells_ready(tile) ? cells_->free.tile(tile) : none;
+}
+
+bool ConfigurationSpace::cells_exact() const {
+  return cells_made_.load(std::memory_order_acquire) && cells_->free.exact();
 }
 
 }  // namespace silhouette

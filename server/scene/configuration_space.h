@@ -13,6 +13,7 @@
 
 #include "db/configuration_grid.h"
 #include "server/collision/collision_test.h"
+#include "server/collision/free_cells.h"
 #include "server/collision/policy.h"
 #include "server/collision/space_test.h"
 #include "server/collision/verdict.h"
@@ -60,7 +61,26 @@ class ConfigurationSpace {
   void States(std::span<const uint32_t> numbers, std::span<uint64_t> free,
               std::span<uint64_t> occupied) const;
 
+  // Which grid cells are free off the grid (OffGrid::kCell), as cell_test.h has it: what the whole
+  // map takes again, and only if it is asked for. As FreeCells::WorkOut; `tiles` and others are
+  // worked out, and the sets of cells_ready ones can be looked at.
+  bool WorkOutCells(std::span<const uint64_t> tiles, const std::function<bool()>& stop) const;
+  bool cells_ready(uint64_t tile) const;
+  // The cells that begin at the configurations of a tile; none of one that is not ready.
+  const PlaceSet& free_cells(uint64_t tile) const;
+  // Whether a cell that is not among them, in a tile that is ready, is occupied at every place that
+  // takes all of its corners, if the states of all these are known.
+  bool cells_exact() const;
+
  private:
+  // By itself, as it is made when cells are first asked for.
+  struct Cells {
+    Cells(const CollisionTest& test, const ServedDatabase& database);
+    std::vector<PixelTree> trees;
+    SpaceTest test;
+    FreeCells free;
+  };
+
   void WorkOut(uint64_t tile) const;
 
   Served served_;
@@ -70,6 +90,9 @@ class ConfigurationSpace {
   mutable std::vector<TileVerdicts> tiles_;
   std::unique_ptr<std::atomic<bool>[]> ready_;
   std::unique_ptr<std::once_flag[]> once_;
+  mutable std::once_flag cells_once_;
+  mutable std::atomic<bool> cells_made_ = false;
+  mutable std::unique_ptr<Cells> cells_;
 };
 
 }  // namespace silhouette

@@ -1,0 +1,122 @@
+#include "server/collision/free_cells.h"
+
+#include <algorithm>
+#include <utility>
+
+namespace silhouette {
+
+FreeCells::FreeCells(const SpaceTest& test, IndexOf index_of)
+    : test_(test), index_of_(std::move(index_of)) {
+  const ConfigurationGrid& grid = test_.grid();
+  for (int joint = 0; joint < grid.dimensions(); ++joint) joints_.emplace_back(grid, joint);
+  while (across_ + 1 < joints_.size() && joints_[across_].tiles() == 1) ++across_;
+  slab_tiles_ = joints_[across_].stride();
+  left_ = joints_[across_].tiles();
+  tiles_.resize(grid.tiles());
+  ready_ = std::make_unique<std::atomic<bool>[]>(grid.tiles());
+}
+
+bool FreeCells::WorkOut(std::span<const uint64_t> tiles, const std::function<bool()>& stop) {
+  for (const uint64_t tile : tiles) {
+    if (test_.none_free()) ready_[tile].store(true, std::memory_order_release);
+    while (!ready(tile)) {
+      if (stop()) return false;
+      const std::lock_guard lock(mutex_);
+      if (!ready(tile)) Step(tile / slab_tiles_);
+    }
+  }
+  return true;
+}
+
+void FreeCells::Step(uint64_t slab) {
+  if (working_ == kNone) working_ = slab;
+  const JointStep& joint = joints_[across_];
+  const uint64_t after = working_ + 1 < joint.tiles() ? working_ + 1 : 0;
+  Slab& held = Hold(working_, after);
+  if (!Prepared(held)) return;
+  Slab& next = Hold(after, working_);
+  const bool takes_next = after != 0 || joint.wraps();
+  if (takes_next && !Prepared(next)) return;
+  Finish(held, next, finished_);
+  if (++finished_ < slab_tiles_) return;
+  working_ = kNone;
+  finished_ = 0;
+  if (--left_ > 0) return;
+  slabs_ = {};
+  scratch_ = {};
+}
+
+FreeCells::Slab& FreeCells::Hold(uint64_t number, uint64_t other) {
+  for (Slab& slab : slabs_) {
+    if (slab.number == number) return slab;
+  }
+  Slab& slab = slabs_[0].number == other && other != kNone ? slabs_[1] : slabs_[0];
+  slab.number = number;
+  slab.looked_up = 0;
+  slab.spread = 0;
+  return slab;
+}
+
+bool FreeCells::Prepared(Slab& slab) {
+  const size_t sets = test_.sets();
+  if (slab.looked_up < slab_tiles_) {
+    slab.sets.resize(slab_tiles_ * sets);
+    slab.something.resize(slab_tiles_ * sets);
+    const uint64_t tile = slab.number * slab_tiles_ + slab.looked_up;
+    const size_t first = slab.looked_up * sets;
+    const std::span<PlaceSet> looked_up = std::span(slab.sets).subspan(first, sets);
+    if (!test_.LookUp(tile, index_of_(tile), looked_up)) all_read_.store(false);
+    for (size_t i = 0; i < sets; ++i) slab.something[first + i] = looked_up[i].Empty() ? 0 : 1;
+    ++slab.looked_up;
+    return false;
+  }
+  while (slab.spread < static_cast<int>(joints_.size())) {
+    const auto joint = static_cast<size_t>(slab.spread++);
+    if (joint == across_) continue;
+    Spread(slab, joints_[joint]);
+    return false;
+  }
+  return true;
+}
+
+void FreeCells::Spread(Slab& slab, const JointStep& joint) {
+  const size_t sets = test_.sets();
+  const uint64_t last = joint.tiles() - 1;
+  for (uint64_t begin = 0; begin < slab_tiles_; ++begin) {
+    if (joint.PlaceOf(begin) != 0) continue;
+    for (size_t i = 0; i < sets; ++i) {
+      const size_t row = begin * sets + i;
+      const size_t step = joint.stride() * sets;
+      const PlaceSet first = slab.sets[row];
+      const uint8_t first_something = slab.something[row];
+      for (uint64_t at = 0; at <= last; ++at) {
+        const size_t here = row + at * step;
+        const bool more = at < last;
+        uint8_t& something = slab.something[here];
+        something |= more ? slab.something[here + step] : joint.wraps() ? first_something : 0;
+        if (something == 0) continue;
+        joint.AddPlacesBefore(at, more ? slab.sets[here + step] : first, slab.sets[here]);
+      }
+    }
+  }
+}
+
+void FreeCells::Finish(const Slab& slab, const Slab& next, uint64_t at) {
+  const size_t sets = test_.sets();
+  scratch_.resize(sets);
+  const JointStep& joint = joints_[across_];
+  for (size_t i = 0; i < sets; ++i) {
+    const size_t place = at * sets + i;
+    scratch_[i] = slab.sets[place];
+    if (slab.something[place] == 0 && (next.something.empty() || next.something[place] == 0)) {
+      continue;
+    }
+    joint.AddPlacesBefore(slab.number, next.sets.empty() ? scratch_[i] : next.sets[place],
+                          scratch_[i]);
+  }
+  const uint64_t tile = slab.number * slab_tiles_ + at;
+  tiles_[tile] = test_.Free(scratch_);
+  ready_[tile].store(true, std::memory_order_release);
+}
+
+}  // namespace silhouette
