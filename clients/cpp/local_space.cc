@@ -91,6 +91,7 @@ class LocalSpace::Impl {
     v1::WatchConfigurationSpaceRequest request;
     *request.mutable_policy() = ToMessage(options_.policy);
     request.mutable_tiles()->Add(options_.tiles.begin(), options_.tiles.end());
+    request.set_include_cells(options_.policy.off_grid != OffGrid::kNearest);
     grpc::ClientContext context;
     const Cancellation::Call call(cancellation_, context);
     const auto reader = connection_->collisions().WatchConfigurationSpace(&context, request);

@@ -236,6 +236,11 @@ absl::StatusOr<ConfigurationSpaceTile> FromMessage(const v1::ConfigurationSpaceT
     if (!above.ok()) return above.status();
     tile.above.push_back(*above);
   }
+  if (!message.free_cells().empty()) {
+    const absl::StatusOr<TileBits> free_cells = BitsFrom(message.free_cells(), message.tile());
+    if (!free_cells.ok()) return free_cells.status();
+    tile.free_cells = *free_cells;
+  }
   return tile;
 }
 

@@ -65,9 +65,12 @@ Reason SharedSpace::Map::WhyUnknown(Outcome outcome, const Look& look) const {
 KeptStates SharedSpace::Map::Copied(const Update& update) const {
   KeptStates states;
   states.words.resize(reader_.tiles() * shared_map::kWordsPerTile);
-  for (uint64_t i = 0; i < states.words.size() / 2; ++i) {
-    states.words[2 * i] = update.free(i);
-    states.words[2 * i + 1] = update.occupied(i);
+  states.told = update.cells();
+  for (uint64_t i = 0; i < states.words.size() / shared_map::kWordsPerPlaces; ++i) {
+    uint64_t* words = &states.words[shared_map::kWordsPerPlaces * i];
+    words[0] = update.free(i);
+    words[1] = update.occupied(i);
+    words[2] = update.free_cells(i);
   }
   return states;
 }

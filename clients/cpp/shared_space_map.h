@@ -21,8 +21,11 @@ static_assert(kTileSize == shared_map::kPlacesPerTile);
 // All states of one update, kept.
 struct KeptStates {
   std::vector<uint64_t> words;
-  uint64_t free(uint64_t i) const { return words[2 * i]; }
-  uint64_t occupied(uint64_t i) const { return words[2 * i + 1]; }
+  shared_map::Cells told = shared_map::Cells::kNothing;
+  uint64_t free(uint64_t i) const { return words[shared_map::kWordsPerPlaces * i]; }
+  uint64_t occupied(uint64_t i) const { return words[shared_map::kWordsPerPlaces * i + 1]; }
+  uint64_t free_cells(uint64_t i) const { return words[shared_map::kWordsPerPlaces * i + 2]; }
+  shared_map::Cells cells() const { return told; }
 };
 
 class SharedSpace::Map {
@@ -106,11 +109,24 @@ class SharedSpace::Map {
     return free ? State::kFree : State::kOccupied;
   }
 
+  // What is told of the grid cell that begins at one, likewise.
+  template <typename States>
+  CellState CellIn(const States& states, ConfigurationNumber number) const {
+    const shared_map::Cells cells = states.cells();
+    const bool exact = cells == shared_map::Cells::kExact;
+    if (number / kTileSize >= reader_.tiles()) return CellState::kNotTold;
+    if (!exact && cells != shared_map::Cells::kSomeFree) return CellState::kNotTold;
+    if ((states.free_cells(number / 64) >> (number % 64) & 1) != 0) return CellState::kFree;
+    return exact ? CellState::kOccupied : CellState::kNotTold;
+  }
+
   // The verdict on a configuration, likewise.
   template <typename States>
   Verdict VerdictIn(const States& states, std::span<const double> q) const {
-    return CheckInMap(database_->grid, rule_, q,
-                      [&](ConfigurationNumber number) { return StateIn(states, number); });
+    return CheckInMap(
+        database_->grid, rule_, q,
+        [&](ConfigurationNumber number) { return StateIn(states, number); },
+        [&](ConfigurationNumber number) { return CellIn(states, number); });
   }
 
  private:

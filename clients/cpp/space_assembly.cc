@@ -61,6 +61,7 @@ absl::Status SpaceAssembly::Begin(const v1::WatchConfigurationSpaceResponse& fir
   } else {
     map_ = std::make_shared<SpaceMap>(*last_);
   }
+  map_->cells_exact = first.cells_exact();
   came_.assign(map_->tiles.size(), false);
   begun_ = std::move(update);
   return absl::OkStatus();

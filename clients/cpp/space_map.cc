@@ -17,12 +17,16 @@ void MakeConsistent(const ConfigurationGrid& grid, ConfigurationSpaceTile& tile)
     tile.occupied[word] &= ~both;
   }
   const ConfigurationNumber first = tile.tile * kTileSize;
-  if (grid.Contains(first + kTileSize - 1)) return;  // a tile with its last place has all of them
-  for (uint64_t place = 0; place < kTileSize; ++place) {
+  // A tile with its last place has all of them.
+  const bool all = grid.Contains(first + kTileSize - 1);
+  for (uint64_t place = 0; !all && place < kTileSize; ++place) {
     if (grid.Contains(first + place)) continue;
     const uint64_t others = ~(uint64_t{1} << (place % 64));
     tile.free[place / 64] &= others;
     tile.occupied[place / 64] &= others;
+  }
+  for (size_t word = 0; tile.free_cells && word < tile.free.size(); ++word) {
+    (*tile.free_cells)[word] &= tile.free[word];
   }
 }
 

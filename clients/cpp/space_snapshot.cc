@@ -53,8 +53,10 @@ State SpaceSnapshot::StateAt(ConfigurationNumber number) const {
 Verdict SpaceSnapshot::InMap(std::span<const double> q) const {
   const SpaceMap* map = content_->map.get();
   if (map == nullptr) return {};
-  Verdict verdict = CheckInMap(map->grid, content_->rule.value_or(OffGridRule()), q,
-                               [map](ConfigurationNumber number) { return map->StateAt(number); });
+  Verdict verdict = CheckInMap(
+      map->grid, content_->rule.value_or(OffGridRule()), q,
+      [map](ConfigurationNumber number) { return map->StateAt(number); },
+      [map](ConfigurationNumber number) { return map->CellAt(number); });
   // Without the rule, the corners around it say nothing.
   if (!content_->rule && map->grid.CornersAround(q).count() > 1) {
     verdict = {.reason = Reason::kBetweenGridPoints};

@@ -62,8 +62,8 @@ Words WordsFor(Reason reason) {
     case Reason::kBetweenGridPoints:
       return {
           "between grid points",
-          "the corners of its grid cell are free, which proves nothing of what lies between them: "
-          "ask the server"};
+          "the corners of its grid cell are free, which proves nothing of what lies between them, and "
+          "the map does not tell that the cell is: ask the server"};
     case Reason::kMapClosed:
       return {"map closed",
               "the server stopped, or serves another database: open the shared map again"};

@@ -5,7 +5,7 @@
 // otherwise, times are signed nanoseconds. Its first page, 4096 bytes, is the head:
 //
 //   word 0      "silhmap" and a zero byte
-//   word 1      format version, 1
+//   word 1      format version, 2
 //   word 2      size of the file in bytes
 //   word 3      number of tiles of the grid
 //   word 4, 5   offset in bytes and size in bytes of the description
@@ -31,9 +31,16 @@
 //   word 6      when the oldest image was taken, by the clock of whoever took it, since 1970
 //   word 7      size in bytes of the names of the allowed regions behind the states
 //   word 8 ..   those names, one a line, no more than 4160 bytes
-//   byte 8192   the states: two words for every 64 places, in the order of their numbers. Bit
-//               i % 64 of word 2 (i / 64) is set if the configuration i is free, of the word after
-//               that if it is occupied; neither: unknown, or absent from the grid.
+//   word 528    what is told of grid cells. 0: nothing; 1: some that are free; 2: just those that
+//               are, and a configuration that takes all corners of another one, all of which are
+//               free or occupied, is occupied
+//   byte 8192   the states: three words for every 64 places, in the order of their numbers. Bit
+//               i % 64 of word 3 (i / 64) is set if the configuration i is free, of the word after
+//               that if it is occupied; neither: unknown, or absent from the grid. Of the third
+//               word it is set if the grid cell that begins at i is free: the box from there to the
+//               next value along every joint, round the turn on a continuous joint, and without
+//               extent along another joint that has its last value there. Then every configuration
+//               in the cell is free, its rim included.
 //
 // The server stores an update in the buffer that the newest one is not in: word 0 becomes odd, the
 // rest is written, word 0 becomes 2 u, then the head names u. A reader takes the newest buffer,
@@ -56,7 +63,7 @@ static_assert(std::endian::native == std::endian::little,
 
 // "silhmap" and a zero byte.
 inline constexpr uint64_t kMagic = 0x0070616d686c6973;
-inline constexpr uint64_t kFormatVersion = 1;
+inline constexpr uint64_t kFormatVersion = 2;
 inline constexpr size_t kPage = 4096;
 inline constexpr size_t kBuffers = 2;
 inline constexpr size_t kPlacesPerTile = 4096;
@@ -88,10 +95,16 @@ enum : size_t {
   kBufferSceneTime = 6,
   kBufferNamesBytes = 7,
   kBufferNames = 8,
+  kBufferCells = 528,
 };
 inline constexpr size_t kMostNamesBytes = 4160;
 inline constexpr size_t kStatesOffset = 8192;
-inline constexpr size_t kWordsPerTile = 2 * kPlacesPerTile / 64;
+inline constexpr size_t kWordsPerPlaces = 3;  // for 64 of them
+inline constexpr size_t kWordsPerTile = kWordsPerPlaces * kPlacesPerTile / 64;
+static_assert(kBufferNames * sizeof(uint64_t) + kMostNamesBytes == kBufferCells * sizeof(uint64_t));
+
+// What is told of grid cells.
+enum class Cells : uint64_t { kNothing = 0, kSomeFree = 1, kExact = 2 };
 
 enum class Closed : uint64_t { kNo = 0, kStopped = 1, kReplaced = 2 };
 
@@ -135,6 +148,7 @@ struct Stamp {
   int64_t valid_until = 0;
   uint64_t reason_after = 0;
   int64_t scene_time = 0;
+  Cells cells = Cells::kNothing;
 
   bool operator==(const Stamp&) const = default;
 };

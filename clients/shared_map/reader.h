@@ -35,13 +35,19 @@ class Reader {
               .taken = static_cast<int64_t>(Load(words_[kBufferTaken])),
               .valid_until = static_cast<int64_t>(Load(words_[kBufferValidUntil])),
               .reason_after = Load(words_[kBufferReasonAfter]),
-              .scene_time = static_cast<int64_t>(Load(words_[kBufferSceneTime]))};
+              .scene_time = static_cast<int64_t>(Load(words_[kBufferSceneTime])),
+              .cells = static_cast<Cells>(Load(words_[kBufferCells]))};
     }
     // Of the allowed regions, one a line.
     std::string names() const;
     // The states of places 64 i to 64 i + 63, a bit each; i is less than 64 times tiles().
-    uint64_t free(uint64_t i) const { return Load(words_[kStates + 2 * i]); }
-    uint64_t occupied(uint64_t i) const { return Load(words_[kStates + 2 * i + 1]); }
+    uint64_t free(uint64_t i) const { return Load(words_[kStates + kWordsPerPlaces * i]); }
+    uint64_t occupied(uint64_t i) const { return Load(words_[kStates + kWordsPerPlaces * i + 1]); }
+    // Likewise of the cells that begin there, as far as cells() tells of any.
+    uint64_t free_cells(uint64_t i) const {
+      return Load(words_[kStates + kWordsPerPlaces * i + 2]);
+    }
+    Cells cells() const { return static_cast<Cells>(Load(words_[kBufferCells])); }
 
    private:
     friend class Reader;

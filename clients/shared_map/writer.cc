@@ -74,14 +74,17 @@ void Writer::Publish(const Stamp& stamp, std::string_view names, const Tiles& ti
   Update(buffer[kBufferValidUntil], static_cast<uint64_t>(stamp.valid_until));
   Update(buffer[kBufferReasonAfter], stamp.reason_after);
   Update(buffer[kBufferSceneTime], static_cast<uint64_t>(stamp.scene_time));
+  Update(buffer[kBufferCells], static_cast<uint64_t>(stamp.cells));
   UpdateNames(buffer, names);
+  const bool cells = stamp.cells != Cells::kNothing;
   uint64_t* states = buffer + kStatesOffset / sizeof(uint64_t);
   for (uint64_t tile = 0; tiles && tile < layout_.tiles; ++tile) {
     const TileStates of_tile = tiles(tile);
     for (size_t i = 0; i < of_tile.free.size(); ++i) {
       Update(states[0], of_tile.free[i]);
       Update(states[1], of_tile.occupied[i]);
-      states += 2;
+      Update(states[2], cells ? of_tile.free_cells[i] : 0);
+      states += kWordsPerPlaces;
     }
   }
   Store(buffer[kBufferSequence], 2 * update);

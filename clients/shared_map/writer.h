@@ -18,6 +18,8 @@ class Writer {
   struct TileStates {
     std::span<const uint64_t, kPlacesPerTile / 64> free;
     std::span<const uint64_t, kPlacesPerTile / 64> occupied;
+    // Of the cells that begin there; not looked at where the stamp tells nothing of cells.
+    std::span<const uint64_t, kPlacesPerTile / 64> free_cells;
   };
   using Tiles = std::function<TileStates(uint64_t tile)>;
 

@@ -48,25 +48,33 @@ CollisionService::GetConfigurationSpace(grpc::CallbackServerContext* context,
     std::shared_ptr<const ConfigurationSpace> space;
     std::shared_ptr<const ClearanceSpace> clearances;
     v1::GetConfigurationSpaceResponse first;
+    const bool cells = TellsCells(request->include_cells(), *policy);
     if (served.scene != nullptr) {
       space = serving_.spaces.Get(served, *policy);
       if (!levels->empty()) clearances = serving_.clearances.Get(served, *policy, space, *levels);
       const auto ready = [&](uint64_t tile) {
-        return space->ready(tile) && (clearances == nullptr || clearances->ready(tile));
+        return space->ready(tile) && (clearances == nullptr || clearances->ready(tile)) &&
+               (!cells || space->cells_ready(tile));
+      };
+      const auto stop = [&] {
+        return context->IsCancelled() || std::chrono::steady_clock::now() >= *deadline;
       };
       for (const uint64_t tile : *tiles) {
-        if (context->IsCancelled() || std::chrono::steady_clock::now() >= *deadline) break;
+        if (stop()) break;
         space->tile(tile);
         if (clearances != nullptr) clearances->tile(tile);
       }
+      if (cells) space->WorkOutCells(*tiles, stop);
       if (context->IsCancelled()) return grpc::Status::CANCELLED;
       first.set_tiles_left_out(std::erase_if(*tiles, [&](uint64_t tile) { return !ready(tile); }));
     }
     const Reason blocked = Conclude(serving_, served, *policy, first.mutable_basis());
     ToMessage(served.database->grid(), first.mutable_grid());
     first.set_unknown_reason(ToMessage(blocked));
+    first.set_cells_exact(cells && space != nullptr && space->cells_exact());
     if (blocked != Reason::kNone) tiles->clear();
-    writer->Send(std::move(first), std::move(space), std::move(clearances), *std::move(tiles));
+    writer->Send(std::move(first), std::move(space), std::move(clearances), cells,
+                 *std::move(tiles));
     return grpc::Status::OK;
   };
   const bool accepted = serving_.workers.Run([context, writer, work] {

@@ -6,7 +6,9 @@
 #include <chrono>
 #include <exception>
 #include <memory>
+#include <numeric>
 #include <utility>
+#include <vector>
 
 #include "server/scene/checker.h"
 
@@ -83,9 +85,15 @@ void MapKeeper::WorkOut(uint64_t version, const std::stop_token& stop) {
       WorkOutTiles(*space, EndOf(time), /*singly=*/false, outdated);
       return;
     }
+    const bool cells = policy.off_grid == OffGrid::kCell;
+    const auto work_out = [&](const std::function<bool()>& until) {
+      const SteadyClock::time_point end = EndOf(time);
+      return WorkOutTiles(*space, end, /*singly=*/true, until) &&
+             (!cells || WorkOutCells(*space, end, until));
+    };
     // The first time to the end: else scenes that come fast would keep the map from being shared.
     time = std::max(time, kLeastShareTime);
-    bool whole = WorkOutTiles(*space, EndOf(time), /*singly=*/true, [] { return false; });
+    bool whole = work_out([] { return false; });
     // What has been withdrawn meanwhile is not told any more: the next change is known already.
     const auto withdrawn = [&] {
       return scenes_.database() != served.database || scenes_.Revoked(*served.regions);
@@ -94,7 +102,7 @@ void MapKeeper::WorkOut(uint64_t version, const std::stop_token& stop) {
     Share(served, policy, space.get(), blocked);
     while (!whole && !outdated()) {
       time *= 2;
-      whole = WorkOutTiles(*space, EndOf(time), /*singly=*/true, outdated);
+      whole = work_out(outdated);
       if (withdrawn()) return;
       Share(served, policy, space.get(), blocked);
     }
@@ -120,6 +128,13 @@ bool MapKeeper::WorkOutTiles(const ConfigurationSpace& space, SteadyClock::time_
     }
   }
   return singly || !left;
+}
+
+bool MapKeeper::WorkOutCells(const ConfigurationSpace& space, SteadyClock::time_point end,
+                             const std::function<bool()>& stop) const {
+  std::vector<uint64_t> tiles(space.tiles());
+  std::iota(tiles.begin(), tiles.end(), uint64_t{0});
+  return space.WorkOutCells(tiles, [&] { return SteadyClock::now() >= end || stop(); });
 }
 
 void MapKeeper::Share(const Served& served, const Policy& policy, const ConfigurationSpace* space,

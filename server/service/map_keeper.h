@@ -27,7 +27,8 @@ namespace silhouette {
 //
 // A shared map is told of every change as soon as that time is over, at the latest, and the tile
 // that is being tested singly then: configurations that are not worked out are unknown in it. It
-// gets the rest while nothing newer comes, for nobody else asks for it.
+// gets the rest while nothing newer comes, for nobody else asks for it. The free cells of the grid
+// come after the tiles, within the same times, where the policy looks at cells.
 class MapKeeper final : public Watcher {
  public:
   // All must outlive it. `shared`: null if there is no shared map.
@@ -47,6 +48,9 @@ class MapKeeper final : public Watcher {
   // is left.
   bool WorkOutTiles(const ConfigurationSpace& space, std::chrono::steady_clock::time_point end,
                     bool singly, const std::function<bool()>& stop) const;
+  // The same with the free cells of all tiles.
+  bool WorkOutCells(const ConfigurationSpace& space, std::chrono::steady_clock::time_point end,
+                    const std::function<bool()>& stop) const;
   // Tells the shared map, if there is one.
   void Share(const Served& served, const Policy& policy, const ConfigurationSpace* space,
              Reason blocked);

@@ -66,6 +66,14 @@ shared_map::Stamp SharedMapWriter::StampOf(const Served& served, Reason blocked)
   return stamp;
 }
 
+shared_map::Cells SharedMapWriter::CellsOf(const ConfigurationSpace& space, const Policy& policy) {
+  if (policy.off_grid != OffGrid::kCell) return shared_map::Cells::kNothing;
+  for (uint64_t tile = 0; tile < space.tiles(); ++tile) {
+    if (!space.cells_ready(tile)) return shared_map::Cells::kNothing;
+  }
+  return space.cells_exact() ? shared_map::Cells::kExact : shared_map::Cells::kSomeFree;
+}
+
 absl::Status SharedMapWriter::Publish(const Served& served, const Policy& policy,
                                       const ConfigurationSpace* space, Reason blocked) {
   if (database_.lock() != served.database || !writer_) {
@@ -80,10 +88,12 @@ absl::Status SharedMapWriter::Publish(const Served& served, const Policy& policy
   static const TileVerdicts unknown;
   const auto states = [space](uint64_t tile) -> shared_map::Writer::TileStates {
     const TileVerdicts& verdicts = space->ready(tile) ? space->tile(tile) : unknown;
-    return {verdicts.free, verdicts.occupied};
+    return {verdicts.free, verdicts.occupied, space->free_cells(tile).words};
   };
+  shared_map::Stamp stamp = StampOf(served, blocked);
+  if (blocked == Reason::kNone) stamp.cells = CellsOf(*space, policy);
   writer_->Publish(
-      StampOf(served, blocked), absl::StrJoin(RegionsIn(served, policy), "\n"),
+      stamp, absl::StrJoin(RegionsIn(served, policy), "\n"),
       blocked == Reason::kNone ? shared_map::Writer::Tiles(states) : shared_map::Writer::Tiles());
   return absl::OkStatus();
 }

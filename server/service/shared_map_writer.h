@@ -31,6 +31,7 @@ class SharedMapWriter {
 
   // What is so from now on. `blocked`: why all is unknown (BlockedReason), else kNone, and then
   // `space` is the map of served.scene under `policy`; tiles of it that are not ready are unknown.
+  // Cells are told of if those of all tiles are ready, and the policy looks at any.
   // Another database than before gets a file of its own, and readers of the one before are told; if
   // it cannot be made they are told all the same, and the next call tries again. Moments must be of
   // SystemClock.
@@ -43,6 +44,7 @@ class SharedMapWriter {
 
   absl::Status Begin(const std::shared_ptr<const ServedDatabase>& database, const Policy& policy);
   void Close(shared_map::Closed why);
+  static shared_map::Cells CellsOf(const ConfigurationSpace& space, const Policy& policy);
   shared_map::Stamp StampOf(const Served& served, Reason blocked) const;
 
   const SharedMapSettings settings_;

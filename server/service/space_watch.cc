@@ -16,12 +16,16 @@ absl::StatusOr<bool> SpaceWatch::Prepare() {
   const absl::StatusOr<std::vector<uint64_t>> tiles =
       TilesFrom(request_.tiles(), served.database->grid());
   if (!tiles.ok()) return tiles.status();
+  const bool cells = TellsCells(request_.include_cells(), *policy);
   std::shared_ptr<const ConfigurationSpace> space;
   if (served.scene != nullptr) {
     space = serving().spaces.Get(served, *policy);
     for (const uint64_t tile : *tiles) {
       if (cancelled()) return absl::CancelledError();
       space->tile(tile);
+    }
+    if (cells && !space->WorkOutCells(*tiles, [this] { return cancelled(); })) {
+      return absl::CancelledError();
     }
   }
   v1::WatchConfigurationSpaceResponse first;
@@ -30,7 +34,7 @@ absl::StatusOr<bool> SpaceWatch::Prepare() {
   if (serving().scenes.database() != served.database) return Prepare();  // it was replaced
   const WatchedState state(served, blocked);
   if (state == told_of_) return false;
-  if (state.database != told_of_.database) {
+  if (state.database != told_of_.database || cells != cells_) {
     first.set_whole(true);
     ToMessage(served.database->grid(), first.mutable_grid());
     sent_ = nullptr;
@@ -40,12 +44,16 @@ absl::StatusOr<bool> SpaceWatch::Prepare() {
   first.set_skipped_scenes(ScenesSkipped(last_scene_, state.scene));
   changed_.clear();
   if (blocked == Reason::kNone) {
+    first.set_cells_exact(cells && space->cells_exact());
     std::ranges::copy_if(*tiles, std::back_inserter(changed_), [&](uint64_t tile) {
-      return space->tile(tile) != (sent_ == nullptr ? TileVerdicts() : sent_->tile(tile));
+      if (sent_ == nullptr) return space->tile(tile) != TileVerdicts();
+      return space->tile(tile) != sent_->tile(tile) ||
+             (cells && space->free_cells(tile) != sent_->free_cells(tile));
     });
     sent_ = std::move(space);
   }
   told_of_ = state;
+  cells_ = cells;
   last_scene_ = std::max(last_scene_, state.scene);
   first_ = std::move(first);
   next_ = 0;
@@ -55,8 +63,11 @@ absl::StatusOr<bool> SpaceWatch::Prepare() {
 bool SpaceWatch::NextPart(v1::WatchConfigurationSpaceResponse& part) {
   if (next_ == 0) part = std::move(first_);
   const size_t end = std::min(changed_.size(), next_ + kTilesPerPart);
-  for (; next_ < end; ++next_)
-    ToMessage(changed_[next_], sent_->tile(changed_[next_]), part.add_tiles());
+  for (; next_ < end; ++next_) {
+    v1::ConfigurationSpaceTile& tile = *part.add_tiles();
+    ToMessage(changed_[next_], sent_->tile(changed_[next_]), &tile);
+    if (cells_) AddCells(changed_[next_], *sent_, &tile);
+  }
   part.set_last_part(next_ == changed_.size());
   return !part.last_part();
 }

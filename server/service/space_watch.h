@@ -14,7 +14,7 @@ namespace silhouette {
 
 class SpaceWatch final : public WatchWriter<v1::WatchConfigurationSpaceResponse> {
  public:
-  // Tiles in one part: about half a megabyte.
+  // Tiles in one part: about half a megabyte, somewhat more with free cells.
   static constexpr size_t kTilesPerPart = 512;
 
   SpaceWatch(Serving& serving, grpc::CallbackServerContext* context,
@@ -30,6 +30,7 @@ class SpaceWatch final : public WatchWriter<v1::WatchConfigurationSpaceResponse>
   WatchedState told_of_;
   uint64_t last_scene_ = 0;
   std::shared_ptr<const ConfigurationSpace> sent_;
+  bool cells_ = false;  // with free cells
   // The update that is being sent.
   v1::WatchConfigurationSpaceResponse first_;
   std::vector<uint64_t> changed_;

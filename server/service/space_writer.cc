@@ -45,6 +45,10 @@ void ToMessage(uint64_t tile, const TileVerdicts& verdicts, v1::ConfigurationSpa
   message->set_occupied(PackedBits(verdicts.occupied, kTileSize));
 }
 
+void AddCells(uint64_t tile, const ConfigurationSpace& space, v1::ConfigurationSpaceTile* message) {
+  message->set_free_cells(PackedBits(space.free_cells(tile).words, kTileSize));
+}
+
 absl::StatusOr<Deadline> DeadlineOf(const v1::GetConfigurationSpaceRequest& request) {
   if (!request.has_max_time()) return Deadline::max();
   const absl::Duration time =
@@ -75,11 +79,12 @@ absl::StatusOr<std::vector<double>> ClearanceLevelsFrom(
 
 void SpaceWriter::Send(v1::GetConfigurationSpaceResponse first,
                        std::shared_ptr<const ConfigurationSpace> space,
-                       std::shared_ptr<const ClearanceSpace> clearances,
+                       std::shared_ptr<const ClearanceSpace> clearances, bool cells,
                        std::vector<uint64_t> tiles) {
   message_ = std::move(first);
   space_ = std::move(space);
   clearances_ = std::move(clearances);
+  cells_ = cells;
   tiles_ = std::move(tiles);
   SendNext();
 }
@@ -96,11 +101,13 @@ void SpaceWriter::OnWriteDone(bool ok) {
 }
 
 void SpaceWriter::SendNext() {
-  const size_t levels = clearances_ != nullptr ? clearances_->levels().size() : 0;
-  const size_t end = std::min(tiles_.size(), next_ + 2 * kTilesPerMessage / (2 + levels));
+  const size_t more =
+      (clearances_ != nullptr ? clearances_->levels().size() : 0) + (cells_ ? 1 : 0);
+  const size_t end = std::min(tiles_.size(), next_ + 2 * kTilesPerMessage / (2 + more));
   for (; next_ < end; ++next_) {
     v1::ConfigurationSpaceTile& tile = *message_.add_tiles();
     ToMessage(tiles_[next_], space_->tile(tiles_[next_]), &tile);
+    if (cells_) AddCells(tiles_[next_], *space_, &tile);
     if (clearances_ == nullptr) continue;
     for (const PlaceSet& above : clearances_->tile(tiles_[next_])) {
       tile.add_clearances(PackedBits(above.words, kTileSize));

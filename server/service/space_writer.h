@@ -29,6 +29,13 @@ absl::StatusOr<std::vector<uint64_t>> TilesFrom(
 
 void ToMessage(uint64_t tile, const TileVerdicts& verdicts, v1::ConfigurationSpaceTile* message);
 
+// Whether free cells are told to who asks for them (`asked`): only off the grid do they matter.
+inline bool TellsCells(bool asked, const Policy& policy) {
+  return asked && policy.off_grid == OffGrid::kCell;
+}
+// Those of a tile, which are ready.
+void AddCells(uint64_t tile, const ConfigurationSpace& space, v1::ConfigurationSpaceTile* message);
+
 // When the time that the request gives is over, if it begins now; never, if it gives none.
 // InvalidArgument if the time is negative.
 using Deadline = std::chrono::steady_clock::time_point;
@@ -44,14 +51,17 @@ absl::StatusOr<std::vector<double>> ClearanceLevelsFrom(
 // once.
 class SpaceWriter final : public grpc::ServerWriteReactor<v1::GetConfigurationSpaceResponse> {
  public:
-  // Tiles in one message: about half a megabyte. Fewer with clearances, so that it stays at that.
+  // Tiles in one message: about half a megabyte. Fewer with clearances or cells, so that it stays
+  // at that.
   static constexpr int kTilesPerMessage = 512;
 
   // Sends `tiles` of `space`, which are all ready, after a first message that is `first`; with them
-  // those of `clearances`, ready as well, if it is not null.
+  // those of `clearances`, ready as well, if it is not null, and with `cells` the free cells,
+  // ready, too.
   void Send(v1::GetConfigurationSpaceResponse first,
             std::shared_ptr<const ConfigurationSpace> space,
-            std::shared_ptr<const ClearanceSpace> clearances, std::vector<uint64_t> tiles);
+            std::shared_ptr<const ClearanceSpace> clearances, bool cells,
+            std::vector<uint64_t> tiles);
 
   void OnWriteDone(bool ok) override;
   void OnDone() override { delete this; }
@@ -62,6 +72,7 @@ class SpaceWriter final : public grpc::ServerWriteReactor<v1::GetConfigurationSp
   v1::GetConfigurationSpaceResponse message_;
   std::shared_ptr<const ConfigurationSpace> space_;
   std::shared_ptr<const ClearanceSpace> clearances_;
+  bool cells_ = false;
   std::vector<uint64_t> tiles_;
   size_t next_ = 0;
 };

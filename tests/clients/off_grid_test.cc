@@ -6,9 +6,10 @@
 #include <cmath>
 #include <iostream>
 #include <numbers>
+#include <numeric>
 #include <random>
 
-#include "server/collision/collision_test.h"
+#include "server/collision/free_cells.h"
 #include "tests/server/collision/random_cell.h"
 #include "tests/server/collision/random_geometry.h"
 
@@ -85,14 +86,32 @@ struct Counts {
   int undecided = 0;
 };
 
-void ExpectTheServersWordOrUnknown(const CollisionTest& test, const client::OffGridRule& rule,
+// As a map tells of them.
+auto CellsOf(const FreeCells& cells) {
+  return [&cells](ConfigurationNumber number) {
+    if (cells.tile(number / kTileSize).Contains(number % kTileSize)) {
+      return client::CellState::kFree;
+    }
+    return cells.exact() ? client::CellState::kOccupied : client::CellState::kNotTold;
+  };
+}
+
+void ExpectTheServersWordOrUnknown(const CollisionTest& test, const std::vector<PixelTree>& trees,
+                                   const client::OffGridRule& rule, bool with_cells,
                                    std::mt19937& random, Counts& counts) {
+  const SpaceTest space(test, trees);
+  FreeCells cells(space, [](uint64_t) { return nullptr; });
+  std::vector<uint64_t> tiles(Grid().tiles());
+  std::iota(tiles.begin(), tiles.end(), uint64_t{0});
+  ASSERT_TRUE(!with_cells || cells.WorkOut(tiles, [] { return false; }));
   const auto state_at = [&](ConfigurationNumber number) {
     return Same(test.Check(number).state());
   };
   for (int i = 0; i < 60; ++i) {
     const Configuration q = RandomConfiguration(random);
-    const client::Verdict verdict = client::CheckInMap(Grid(), rule, q, state_at);
+    const client::Verdict verdict =
+        with_cells ? client::CheckInMap(Grid(), rule, q, state_at, CellsOf(cells))
+                   : client::CheckInMap(Grid(), rule, q, state_at, client::kNoCells);
     const Verdict server = test.Check(q);
     const bool between = Grid().CornersAround(q).count() > 1;
     if (verdict.state != client::State::kUnknown) {
@@ -107,6 +126,9 @@ void ExpectTheServersWordOrUnknown(const CollisionTest& test, const client::OffG
     if (verdict.reason == client::Reason::kBetweenGridPoints) {
       ++counts.undecided;
       EXPECT_FALSE(rule.free_corners_suffice);
+      // What is between grid points along all joints is decided.
+      EXPECT_FALSE(with_cells && cells.exact() &&
+                   client::AreWholeCell(Grid(), Grid().CornersAround(q)));
     }
     EXPECT_TRUE(between || server.state() == State::kUnknown);
   }
@@ -117,6 +139,7 @@ TEST(OffGrid, MapSaysWhatTheServerSaysOrUnknown) {
   std::cout << "seed " << seed << std::endl;
   std::mt19937 random(seed);
   Counts counts;
+  Counts with_cells;
   for (int round = 0; round < 40; ++round) {
     const int views = 1 + round % 4;
     const std::vector<MaskSize> sizes = RandomSizes(views, random);
@@ -137,7 +160,10 @@ TEST(OffGrid, MapSaysWhatTheServerSaysOrUnknown) {
             if (round % 3 != 0) policy.min_views = 1 + static_cast<int>(random() % 2) % views;
             const CollisionTest test(table, images, policy, {.bands = &bands});
             const client::OffGridRule rule = client::OffGridRuleOf(Told(policy), views);
-            ExpectTheServersWordOrUnknown(test, rule, random, counts);
+            ExpectTheServersWordOrUnknown(test, {sizes.begin(), sizes.end()}, rule, false, random,
+                                          counts);
+            ExpectTheServersWordOrUnknown(test, {sizes.begin(), sizes.end()}, rule, true, random,
+                                          with_cells);
           }
         }
       }
@@ -146,6 +172,8 @@ TEST(OffGrid, MapSaysWhatTheServerSaysOrUnknown) {
   EXPECT_GT(counts.free_between, 100);
   EXPECT_GT(counts.occupied_between, 100);
   EXPECT_GT(counts.undecided, 100);
+  EXPECT_GT(with_cells.free_between, counts.free_between + 100);
+  EXPECT_LT(with_cells.undecided, counts.undecided);
 }
 
 TEST(OffGrid, HowManyViewsMayHideAnObstacleIsNotGuessedWhereARequestNamesThePreset) {
@@ -167,7 +195,9 @@ TEST(OffGrid, HowManyViewsMayHideAnObstacleIsNotGuessedWhereARequestNamesThePres
       const client::OffGridRule rule = client::OffGridRuleOf(
           client::Effective({.preset = "uncalibrated"}, Told(defaults)), /*views=*/2);
       EXPECT_FALSE(rule.free_corners_suffice);
-      ExpectTheServersWordOrUnknown(CollisionTest(table, images, policy), rule, random, counts);
+      const CollisionTest test(table, images, policy);
+      ExpectTheServersWordOrUnknown(test, {sizes.begin(), sizes.end()}, rule, false, random,
+                                    counts);
     }
   }
   EXPECT_GT(counts.occupied_between, 100);
@@ -207,18 +237,23 @@ TEST(OffGrid, ReasonsSayWhyAMapIsNotEnough) {
   Configuration off = on;
   off[0] += 0.25;
   const auto reason = [](const client::Verdict& verdict) { return verdict.reason; };
-  EXPECT_TRUE(client::CheckInMap(Grid(), cell, on, all(client::State::kFree)).free());
-  EXPECT_TRUE(client::CheckInMap(Grid(), nearest, off, all(client::State::kFree)).free());
-  EXPECT_EQ(reason(client::CheckInMap(Grid(), cell, off, all(client::State::kFree))),
-            client::Reason::kBetweenGridPoints);
-  EXPECT_EQ(reason(client::CheckInMap(Grid(), cell, on, all(client::State::kUnknown))),
-            client::Reason::kNotInMap);
-  EXPECT_EQ(reason(client::CheckInMap(Grid(), nearest, off, all(client::State::kUnknown))),
+  EXPECT_TRUE(
+      client::CheckInMap(Grid(), cell, on, all(client::State::kFree), client::kNoCells).free());
+  EXPECT_TRUE(
+      client::CheckInMap(Grid(), nearest, off, all(client::State::kFree), client::kNoCells).free());
+  EXPECT_EQ(
+      reason(client::CheckInMap(Grid(), cell, off, all(client::State::kFree), client::kNoCells)),
+      client::Reason::kBetweenGridPoints);
+  EXPECT_EQ(
+      reason(client::CheckInMap(Grid(), cell, on, all(client::State::kUnknown), client::kNoCells)),
+      client::Reason::kNotInMap);
+  EXPECT_EQ(reason(client::CheckInMap(Grid(), nearest, off, all(client::State::kUnknown),
+                                      client::kNoCells)),
             client::Reason::kNotInMap);
   for (const Configuration& outside : {Configuration{-0.1, 0, 0}, {1, kNaN, 0}, {1, 0}, {}}) {
     for (const client::OffGridRule& rule : {cell, nearest}) {
       const client::Verdict verdict =
-          client::CheckInMap(Grid(), rule, outside, all(client::State::kFree));
+          client::CheckInMap(Grid(), rule, outside, all(client::State::kFree), client::kNoCells);
       EXPECT_EQ(verdict.state, client::State::kUnknown);
       EXPECT_EQ(verdict.reason, client::Reason::kOutsideGrid);
     }

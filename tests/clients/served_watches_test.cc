@@ -2,6 +2,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <cmath>
 #include <random>
 #include <thread>
 #include <vector>
@@ -47,7 +48,9 @@ TEST(ServedLocalSpace, SaysWhatTheServerSaysOrUnknown) {
   const unsigned seed = std::random_device()();
   SCOPED_TRACE("seed " + std::to_string(seed));
   std::mt19937 random(seed);
-  RunningServer running(absl::Minutes(10), {.missing = {{2, 3}}, .index = true});
+  RunningServer running(absl::Minutes(10), {.missing = {{2, 3}}, .index = random() % 2 == 0});
+  int free_between = 0;
+  int undecided = 0;
   const Client client = running.client();
   for (const Policy& policy :
        {Policy{}, Policy{.preset = "paper"}, Policy{.preset = "uncalibrated", .min_views = 1},
@@ -59,7 +62,7 @@ TEST(ServedLocalSpace, SaysWhatTheServerSaysOrUnknown) {
                                                          1 + static_cast<int>(random() % 3)))
                                  .id();
       const bool nearest = policy.off_grid.has_value();
-      ASSERT_TRUE(Follows(space, scene, nearest)) << space.status().problem;
+      ASSERT_TRUE(Follows(space, scene, /*off_grid=*/true)) << space.status().problem;
       const auto snapshot = space.Snapshot();
       std::vector<Configuration> places;
       for (int a = 0; a < 5; ++a) {
@@ -67,7 +70,8 @@ TEST(ServedLocalSpace, SaysWhatTheServerSaysOrUnknown) {
       }
       const size_t on_grid = places.size();
       for (int i = 0; i < 300; ++i) {
-        places.push_back({std::uniform_real_distribution<double>(-0.2, 4.2)(random),
+        const double a = std::uniform_real_distribution<double>(-0.2, 4.2)(random);
+        places.push_back({i % 4 == 0 ? std::floor(a) : a,
                           std::uniform_real_distribution<double>(-4, 4)(random)});
       }
       const auto server = client.CheckConfigurations(places, policy);
@@ -75,12 +79,21 @@ TEST(ServedLocalSpace, SaysWhatTheServerSaysOrUnknown) {
       ASSERT_EQ(server->basis.scene_id, scene);
       for (size_t i = 0; i < places.size(); ++i) {
         const Verdict here = snapshot->Check(places[i]);
-        if (here.state == State::kUnknown && i >= on_grid && !nearest) continue;
+        const double a = places[i][0];
+        if (here.reason == Reason::kBetweenGridPoints) {
+          // Decided, but on a grid value along a joint.
+          EXPECT_TRUE(i >= on_grid && !nearest && a == std::floor(a)) << a << ", " << places[i][1];
+          ++undecided;
+          continue;
+        }
+        if (i >= on_grid && !nearest && here.free()) ++free_between;
         ASSERT_EQ(here.state, server->verdicts[i].state)
             << places[i][0] << ", " << places[i][1] << ": " << Describe(here.reason);
       }
     }
   }
+  EXPECT_GT(free_between, 100);
+  EXPECT_LT(undecided, free_between);
 }
 
 TEST(ServedLocalSpace, TurnsUnknownWithTheSceneAndNamesTheServersReason) {

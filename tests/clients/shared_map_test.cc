@@ -25,7 +25,7 @@ constexpr uint64_t kPairs = kTiles * kPlacesPerTile / 64;
 const std::string kDescription = "what it is of";
 const ClockId kClock{.boot = {7, 8}, .time_namespace = 9};
 
-// The states of update u: all bits of each word are the same, and tell u from its neighbours.
+// The states of update u: all words of a kind are the same, and tell u from its neighbours.
 uint64_t FreeWord(uint64_t u) { return u * 0x9e3779b97f4a7c15; }
 
 Stamp StampOf(uint64_t u) {
@@ -34,7 +34,8 @@ Stamp StampOf(uint64_t u) {
           .taken = -static_cast<int64_t>(u),
           .valid_until = static_cast<int64_t>(2 * u),
           .reason_after = u % 3,
-          .scene_time = static_cast<int64_t>(3 * u)};
+          .scene_time = static_cast<int64_t>(3 * u),
+          .cells = static_cast<Cells>(u % 3)};
 }
 
 struct Memory {
@@ -45,10 +46,12 @@ struct Memory {
   void Publish(uint64_t u) {
     Half free;
     Half occupied;
+    Half free_cells;
+    free_cells.fill(FreeWord(u) & FreeWord(u + 1));
     free.fill(FreeWord(u));
     occupied.fill(~FreeWord(u));
     writer->Publish(StampOf(u), "region " + std::to_string(u), [&](uint64_t) {
-      return Writer::TileStates{free, occupied};
+      return Writer::TileStates{free, occupied, free_cells};
     });
   }
 
@@ -66,10 +69,11 @@ struct Seen {
   bool Whole() const {
     if (stamp != StampOf(stamp.scene)) return false;
     if (names != "region " + std::to_string(stamp.scene)) return false;
-    for (size_t i = 0; i < states.size(); i += 2) {
-      if (states[i] != FreeWord(stamp.scene) || states[i + 1] != ~FreeWord(stamp.scene)) {
-        return false;
-      }
+    const uint64_t u = stamp.scene;
+    const uint64_t cells = u % 3 == 0 ? 0 : FreeWord(u) & FreeWord(u + 1);
+    for (size_t i = 0; i < states.size(); i += 3) {
+      if (states[i] != FreeWord(u) || states[i + 1] != ~FreeWord(u)) return false;
+      if (states[i + 2] != cells) return false;
     }
     return true;
   }
@@ -80,6 +84,7 @@ Seen SeenIn(const Reader::Update& update) {
   for (uint64_t i = 0; i < kPairs; ++i) {
     seen.states.push_back(update.free(i));
     seen.states.push_back(update.occupied(i));
+    seen.states.push_back(update.free_cells(i));
   }
   return seen;
 }
@@ -113,14 +118,14 @@ TEST(SharedMap, WordsLieWhereTheFormatSays) {
   };
   EXPECT_EQ(bytes(0, 8), std::string("silhmap\0", 8));
   const std::vector<uint64_t>& head = memory.words;
-  EXPECT_EQ(head[1], 1u);
+  EXPECT_EQ(head[1], 2u);
   EXPECT_EQ(head[2], head.size() * 8);
   EXPECT_EQ(head[3], kTiles);
   EXPECT_EQ(head[4], 4096u);
   EXPECT_EQ(head[5], kDescription.size());
   EXPECT_EQ(bytes(4096, kDescription.size()), kDescription);
   EXPECT_EQ(head[6], 8192u);
-  EXPECT_EQ(head[7], 8192u + kTiles * 1024 + 1024);  // whole pages
+  EXPECT_EQ(head[7], 8192u + kTiles * 1536 + 3584);  // whole pages
   EXPECT_EQ(head[8], 7u);
   EXPECT_EQ(head[9], 8u);
   EXPECT_EQ(head[10], 9u);
@@ -136,6 +141,10 @@ TEST(SharedMap, WordsLieWhereTheFormatSays) {
   EXPECT_EQ(buffer[6], 18u);
   EXPECT_EQ(buffer[7], 8u);
   EXPECT_EQ(bytes(8192 + 64, 8), "region 6");
+  EXPECT_EQ(buffer[528], 0u) << "nothing is told of cells";
+  EXPECT_EQ(buffer[head[7] / 8 + 528], 2u);
+  EXPECT_EQ(buffer[(8192 + head[7]) / 8 + 2], FreeWord(5) & FreeWord(6));
+  EXPECT_EQ(buffer[8192 / 8 + 2], 0u);
   EXPECT_EQ(buffer[8192 / 8], FreeWord(6));
   EXPECT_EQ(buffer[8192 / 8 + 1], ~FreeWord(6));
   EXPECT_EQ(buffer[head[7] / 8], 2u) << "update 1 is in the other one";
@@ -224,7 +233,7 @@ TEST(SharedMap, UpdateThatFailsHalfwayIsNeverSeen) {
   }();
   const auto fails = [&](uint64_t tile) -> Writer::TileStates {
     if (tile == 1) throw std::runtime_error("no");
-    return {ones, ones};
+    return {ones, ones, ones};
   };
   EXPECT_THROW(memory.writer->Publish(StampOf(2), "", fails), std::runtime_error);
   Seen seen;
@@ -292,10 +301,10 @@ TEST(SharedMap, WhatIsNoSharedMapIsRefused) {
     EXPECT_EQ(FaultOf(words.first(words_left)),
               "is a damaged shared map: its size is not what its head says");
   }
-  memory.words[kHeadVersion] = 2;
+  memory.words[kHeadVersion] = 3;
   EXPECT_EQ(
       FaultOf(words),
-      "is a shared map of format 2, and this program reads format 1: use programs of the same "
+      "is a shared map of format 3, and this program reads format 2: use programs of the same "
       "version");
 }
 

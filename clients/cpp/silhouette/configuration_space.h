@@ -23,6 +23,9 @@ struct ConfigurationSpaceTile {
   TileBits occupied{};
   // Per clearance level that was asked for: those of `free` that have more clearance.
   std::vector<TileBits> above{};
+  // The configurations whose grid cell, from there to the next value along every joint, is free
+  // throughout; nothing if that was not told.
+  std::optional<TileBits> free_cells = std::nullopt;
 };
 
 struct StateCounts {

@@ -44,8 +44,9 @@ class SpaceSnapshot : public std::enable_shared_from_this<SpaceSnapshot> {
   bool IsFree(ConfigurationNumber number) const { return StateAt(number) == State::kFree; }
 
   // The verdict on a configuration, on the grid or off it: what the server would say, or unknown
-  // with the reason (off the grid the map may not be enough: kBetweenGridPoints). Without evidence;
-  // names all allowed regions that touched the scene; whether an obstacle may hide is not told.
+  // with the reason (off the grid the map may not be enough: kBetweenGridPoints; docs/concepts.md
+  // tells where it is). Without evidence; names all allowed regions that touched the scene; whether
+  // an obstacle may hide is not told.
   Verdict Check(std::span<const double> q) const;
   Verdict Check(std::initializer_list<double> q) const {
     return Check(std::span(q.begin(), q.size()));

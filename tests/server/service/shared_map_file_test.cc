@@ -58,8 +58,8 @@ class Source {
     writer->Publish(
         {.scene = scene, .taken = now, .valid_until = now + absl::ToInt64Nanoseconds(valid)}, "",
         [&](uint64_t) -> shared_map::Writer::TileStates {
-          if (scene % 2 == 0) return {all, none};
-          return {none, all};
+          if (scene % 2 == 0) return {all, none, none};
+          return {none, all, none};
         });
   }
 

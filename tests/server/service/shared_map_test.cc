@@ -3,6 +3,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <cmath>
 #include <filesystem>
 #include <functional>
 #include <iostream>
@@ -29,9 +30,15 @@ client::State Same(State state) {
   return state == State::kOccupied ? client::State::kOccupied : client::State::kUnknown;
 }
 
-std::shared_ptr<const ConfigurationSpace> SpaceOf(const Served& served, const Policy& policy) {
+std::shared_ptr<const ConfigurationSpace> SpaceOf(const Served& served, const Policy& policy,
+                                                  bool cells) {
   auto space = std::make_shared<const ConfigurationSpace>(served, policy);
-  for (uint64_t tile = 0; tile < space->tiles(); ++tile) space->tile(tile);
+  std::vector<uint64_t> tiles;
+  for (uint64_t tile = 0; tile < space->tiles(); ++tile) {
+    space->tile(tile);
+    tiles.push_back(tile);
+  }
+  if (cells) space->WorkOutCells(tiles, [] { return false; });
   return space;
 }
 
@@ -63,11 +70,12 @@ class Publisher {
     const Served served = store_.Newest(now);
     const Reason blocked = BlockedReason(served, settings_, now);
     std::shared_ptr<const ConfigurationSpace> space;
-    if (blocked == Reason::kNone) space = SpaceOf(served, policy_);
+    if (blocked == Reason::kNone) space = SpaceOf(served, policy_, cells);
     const absl::Status told = writer_->Publish(served, policy_, space.get(), blocked);
     EXPECT_TRUE(told.ok()) << told;
   }
 
+  bool cells = true;  // worked out, too
   SceneStore& store() { return store_; }
   Checker CheckerNow() {
     const Moment now = SystemClock();
@@ -143,20 +151,27 @@ TEST_F(SharedMapTest, SaysWhatTheServerSays) {
   }
 }
 
-TEST_F(SharedMapTest, OffTheGridIsWhatTheServerSaysOrUnknown) {
+class SharedMapOffTheGrid : public SharedMapTest, public ::testing::WithParamInterface<bool> {};
+INSTANTIATE_TEST_SUITE_P(WithCellsOrWithout, SharedMapOffTheGrid, ::testing::Bool());
+
+TEST_P(SharedMapOffTheGrid, IsWhatTheServerSaysOrUnknown) {
+  const bool cells = GetParam();
   const unsigned seed = std::random_device()();
   std::cout << "seed " << seed << std::endl;
   std::mt19937 random(seed);
   std::uniform_real_distribution<double> a(-0.5, 4.5);
   std::uniform_real_distribution<double> b(-4, 4);
-  Publisher publisher(file_);
+  Publisher publisher(file_, kLong, {}, NewDatabase({.missing = {{4, 5}}}));
   const SharedSpace space = Open();
+  publisher.cells = cells;
   publisher.Scene(SceneWithBlock(2));
   const Checker checker = publisher.CheckerNow();
   std::vector<Configuration> configurations;
   for (int i = 0; i < 300; ++i) configurations.push_back({a(random), b(random)});
+  for (int i = 0; i < 100; ++i) configurations.push_back({std::floor(a(random)), b(random)});
   const client::ConfigurationChecks checks = space.CheckConfigurations(configurations);
   ASSERT_EQ(checks.verdicts.size(), configurations.size());
+  int free = 0;
   int occupied = 0;
   int asked = 0;
   for (size_t i = 0; i < configurations.size(); ++i) {
@@ -170,10 +185,17 @@ TEST_F(SharedMapTest, OffTheGridIsWhatTheServerSaysOrUnknown) {
     EXPECT_EQ(verdict.reason == client::Reason::kOutsideGrid,
               server.reason() == Reason::kOutsideGrid);
     if (verdict.state == client::State::kOccupied) ++occupied;
-    if (verdict.reason == client::Reason::kBetweenGridPoints) ++asked;
+    if (verdict.state == client::State::kFree) ++free;
+    if (verdict.reason == client::Reason::kBetweenGridPoints) {
+      ++asked;
+      EXPECT_TRUE(!cells || configurations[i][0] == std::floor(configurations[i][0]));
+    }
   }
   EXPECT_GT(occupied, 10);
-  EXPECT_GT(asked, 10);
+  EXPECT_EQ(free > 10, cells);
+  if (!cells) {
+    EXPECT_GT(asked, 10);
+  }
 }
 
 TEST_F(SharedMapTest, IsUnknownBeforeTheFirstScene) {
