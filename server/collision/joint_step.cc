@@ -1,32 +1,47 @@
 #include "server/collision/joint_step.h"
 
 #include <algorithm>
+#include <array>
 
 namespace silhouette {
 namespace {
 
 constexpr size_t kWords = PlaceSet::kWords;
 
-// Adds to `out`, within `mask`, the places `by` before those of `in`.
+using Words = std::array<uint64_t, kWords>;
+
+// Adds to `out` what is in `mask` of the places `by` before those of `in`. All loops are over
+// memory that is the function's own: they become vectors.
 void AddShiftedDown(const PlaceSet& in, uint64_t by, const PlaceSet& mask, PlaceSet& out) {
-  alignas(64) uint64_t padded[2 * kWords + 1] = {};
+  alignas(64) uint64_t padded[kWords + kWords / 2 + 1];
   std::copy(in.words.begin(), in.words.end(), padded);
+  std::fill(std::begin(padded) + kWords, std::end(padded), 0);
   const uint64_t* from = padded + by / 64;
-  const uint64_t bits = by % 64;
-  for (size_t i = 0; i < kWords; ++i) {
-    out.words[i] |= (from[i] >> bits | from[i + 1] << 1 << (63 - bits)) & mask.words[i];
+  const auto bits = static_cast<int>(by % 64);
+  alignas(64) Words shifted;
+  for (size_t i = 0; i < kWords; ++i) shifted[i] = from[i] >> bits;
+  if (bits != 0) {
+    for (size_t i = 0; i < kWords; ++i) shifted[i] |= from[i + 1] << (64 - bits);
   }
+  for (size_t i = 0; i < kWords; ++i) shifted[i] &= mask.words[i];
+  for (size_t i = 0; i < kWords; ++i) out.words[i] |= shifted[i];
 }
 
 // The same, places behind them.
 void AddShiftedUp(const PlaceSet& in, uint64_t by, const PlaceSet& mask, PlaceSet& out) {
-  alignas(64) uint64_t padded[2 * kWords + 1] = {};
-  std::copy(in.words.begin(), in.words.end(), padded + kWords + 1);
-  const uint64_t* from = padded + kWords + 1 - by / 64;
-  const uint64_t bits = by % 64;
-  for (size_t i = 0; i < kWords; ++i) {
-    out.words[i] |= (from[i] << bits | *(from + i - 1) >> 1 >> (63 - bits)) & mask.words[i];
+  alignas(64) uint64_t padded[2 * kWords + 8];
+  std::fill(std::begin(padded), std::begin(padded) + kWords + 8, 0);
+  std::copy(in.words.begin(), in.words.end(), padded + kWords + 8);
+  const uint64_t* from = padded + kWords + 8 - by / 64;
+  const auto bits = static_cast<int>(by % 64);
+  alignas(64) Words shifted;
+  for (size_t i = 0; i < kWords; ++i) shifted[i] = from[i] << bits;
+  if (bits != 0) {
+    const uint64_t* before = from - 1;
+    for (size_t i = 0; i < kWords; ++i) shifted[i] |= before[i] >> (64 - bits);
   }
+  for (size_t i = 0; i < kWords; ++i) shifted[i] &= mask.words[i];
+  for (size_t i = 0; i < kWords; ++i) out.words[i] |= shifted[i];
 }
 
 }  // namespace

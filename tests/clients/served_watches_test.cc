@@ -109,6 +109,7 @@ TEST(ServedLocalSpace, TurnsUnknownWithTheSceneAndNamesTheServersReason) {
     }
   }
   EXPECT_EQ(snapshot->unknown_reason(), Reason::kSceneStale);
+  EXPECT_EQ(snapshot->Check({0.4, 0.1}).reason, Reason::kSceneStale) << "between grid points";
   EXPECT_GE(snapshot->Age(), absl::Milliseconds(300));
 }
 
@@ -118,11 +119,14 @@ TEST(ServedLocalSpace, ServerThatStopsLeavesNothingKnown) {
   const LocalSpace space(running.client(), {.max_age = absl::Minutes(1)});
   ASSERT_TRUE(Follows(space, 1));
   EXPECT_TRUE(space.Check(At(0, 0)).free());
+  ASSERT_TRUE(Follows(space, 1, /*off_grid=*/true));
+  EXPECT_TRUE(space.Check({0.4, 0.1}).free());
   running.server.server.reset();
   for (int i = 0; i < 4000 && space.unknown_reason() != Reason::kConnectionLost; ++i) {
     std::this_thread::sleep_for(std::chrono::milliseconds(5));
   }
   EXPECT_EQ(space.Check(At(0, 0)).reason, Reason::kConnectionLost);
+  EXPECT_EQ(space.Check({0.4, 0.1}).reason, Reason::kConnectionLost);
 }
 
 TEST(ServedLocalSpace, PolicyThatCannotBeServedIsNamed) {

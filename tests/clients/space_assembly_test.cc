@@ -54,6 +54,31 @@ TEST(SpaceAssembly, IsReadAsItWasSent) {
   EXPECT_EQ(update.map->StateAt(WatchedGrid().number_limit()), State::kUnknown);
 }
 
+TEST(SpaceAssembly, CellsAreFreeOnlyWhereTheyAreToldToBe) {
+  SpacePart part = FirstUpdate(BasisOf(5));
+  part.mutable_tiles(0)->set_free_cells(std::string(1, '\x01') + std::string(511, '\0'));
+  part.mutable_tiles(1)->set_free_cells(std::string(512, '\xff'));  // none begins at a free one
+  SpaceAssembly assembly;
+  SpaceUpdate update = Complete(assembly, part);
+  EXPECT_EQ(update.map->CellAt(0), CellState::kFree);
+  EXPECT_EQ(update.map->CellAt(1), CellState::kNotTold);
+  EXPECT_EQ(update.map->CellAt(kInTile[1]), CellState::kNotTold);
+  EXPECT_EQ(update.map->CellAt(kInTile[2]), CellState::kNotTold) << "an older server";
+  EXPECT_EQ(update.map->CellAt(kInTile[3]), CellState::kNotTold) << "was not sent";
+  EXPECT_EQ(update.map->CellAt(WatchedGrid().number_limit()), CellState::kNotTold);
+  part = Update(BasisOf(6));
+  part.set_cells_exact(true);
+  update = Complete(assembly, part);
+  EXPECT_EQ(update.map->CellAt(0), CellState::kFree);
+  EXPECT_EQ(update.map->CellAt(1), CellState::kOccupied);
+  EXPECT_EQ(update.map->CellAt(kInTile[2]), CellState::kNotTold);
+  EXPECT_EQ(Complete(assembly, Update(BasisOf(7))).map->CellAt(1), CellState::kNotTold);
+  SpacePart broken = Update(BasisOf(8));
+  AddTile(broken, 0, true);
+  broken.mutable_tiles(0)->set_free_cells("short");
+  EXPECT_FALSE(assembly.Add(broken).ok());
+}
+
 TEST(SpaceAssembly, CountsWhenItsLastPartIsThere) {
   SpacePart first = FirstUpdate(BasisOf(5));
   first.set_last_part(false);

@@ -234,13 +234,14 @@ TEST_F(SharedMapTest, IsUnknownOnceTheSceneIsOlderThanTheServerAllows) {
   const SharedSpace space = Open();
   ASSERT_TRUE(WaitUntil([&] {
     publisher.Scene(EmptyCellScene());
-    return space.Check({0, 0}).free();
+    return space.Check({0, 0}).free() && space.Check({0.4, 0.1}).free();
   }));
   // Nobody tells the reader.
   ASSERT_TRUE(WaitUntil([&] { return !space.Check({0, 0}).free(); }));
   EXPECT_GE(space.Age(), absl::Milliseconds(400));
   EXPECT_EQ(space.unknown_reason(), client::Reason::kSceneStale);
   EXPECT_EQ(space.StateAt(0), client::State::kUnknown);
+  EXPECT_EQ(space.Check({0.4, 0.1}).reason, client::Reason::kSceneStale) << "between grid points";
 }
 
 TEST_F(SharedMapTest, IsUnknownOnceTheSceneIsOlderThanTheReaderAllows) {

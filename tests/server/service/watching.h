@@ -34,7 +34,11 @@ class SpaceWatching {
       if (::testing::Test::HasFailure()) return update;
       if (first) update.first = part;
       if (first && part.whole()) free_.clear();
-      for (const v1::ConfigurationSpaceTile& tile : part.tiles()) free_[tile.tile()] = tile.free();
+      if (first && part.whole()) free_cells_.clear();
+      for (const v1::ConfigurationSpaceTile& tile : part.tiles()) {
+        free_[tile.tile()] = tile.free();
+        free_cells_[tile.tile()] = tile.free_cells();
+      }
       update.tiles += static_cast<uint64_t>(part.tiles_size());
       first = false;
     } while (!part.last_part());
@@ -43,6 +47,9 @@ class SpaceWatching {
 
   // The bits of the free configurations, by tile.
   const std::map<uint64_t, std::string>& free() const { return free_; }
+
+  // Those of the cells that are free; empty if they are not told.
+  const std::map<uint64_t, std::string>& free_cells() const { return free_cells_; }
 
   void Cancel() { context_.TryCancel(); }
 
@@ -58,6 +65,7 @@ class SpaceWatching {
   grpc::ClientContext context_;
   std::unique_ptr<grpc::ClientReader<v1::WatchConfigurationSpaceResponse>> reader_;
   std::map<uint64_t, std::string> free_;
+  std::map<uint64_t, std::string> free_cells_;
 };
 
 class PathWatching {
