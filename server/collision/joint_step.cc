@@ -1,47 +1,44 @@
 #include "server/collision/joint_step.h"
 
-#include <algorithm>
-#include <array>
+#include <bit>
 
 namespace silhouette {
 namespace {
 
 constexpr size_t kWords = PlaceSet::kWords;
 
-using Words = std::array<uint64_t, kWords>;
-
-// Adds to `out` what is in `mask` of the places `by` before those of `in`. All loops are over
-// memory that is the function's own: they become vectors.
-void AddShiftedDown(const PlaceSet& in, uint64_t by, const PlaceSet& mask, PlaceSet& out) {
-  alignas(64) uint64_t padded[kWords + kWords / 2 + 1];
-  std::copy(in.words.begin(), in.words.end(), padded);
-  std::fill(std::begin(padded) + kWords, std::end(padded), 0);
-  const uint64_t* from = padded + by / 64;
+// Adds to `set` what is in `mask` of the places `by` before its own. Upwards: what is read has not
+// been changed yet.
+void AddShiftedDown(uint64_t by, const PlaceSet& mask, PlaceSet& set) {
+  uint64_t* words = set.words.data();
+  const size_t skip = by / 64;
   const auto bits = static_cast<int>(by % 64);
-  alignas(64) Words shifted;
-  for (size_t i = 0; i < kWords; ++i) shifted[i] = from[i] >> bits;
-  if (bits != 0) {
-    for (size_t i = 0; i < kWords; ++i) shifted[i] |= from[i + 1] << (64 - bits);
+  if (bits == 0) {
+    for (size_t i = 0; i + skip < kWords; ++i) words[i] |= words[i + skip] & mask.words[i];
+    return;
   }
-  for (size_t i = 0; i < kWords; ++i) shifted[i] &= mask.words[i];
-  for (size_t i = 0; i < kWords; ++i) out.words[i] |= shifted[i];
+  size_t i = 0;
+  for (; i + skip + 1 < kWords; ++i) {
+    words[i] |= (words[i + skip] >> bits | words[i + skip + 1] << (64 - bits)) & mask.words[i];
+  }
+  words[i] |= words[i + skip] >> bits & mask.words[i];
 }
 
-// The same, places behind them.
-void AddShiftedUp(const PlaceSet& in, uint64_t by, const PlaceSet& mask, PlaceSet& out) {
-  alignas(64) uint64_t padded[2 * kWords + 8];
-  std::fill(std::begin(padded), std::begin(padded) + kWords + 8, 0);
-  std::copy(in.words.begin(), in.words.end(), padded + kWords + 8);
-  const uint64_t* from = padded + kWords + 8 - by / 64;
+// The same of places behind those of another set.
+void AddShiftedUp(const PlaceSet& other, uint64_t by, const PlaceSet& mask, PlaceSet& set) {
+  const uint64_t* from = other.words.data();
+  uint64_t* words = set.words.data() + by / 64;
+  const uint64_t* masks = mask.words.data() + by / 64;
+  const size_t count = kWords - by / 64;
   const auto bits = static_cast<int>(by % 64);
-  alignas(64) Words shifted;
-  for (size_t i = 0; i < kWords; ++i) shifted[i] = from[i] << bits;
-  if (bits != 0) {
-    const uint64_t* before = from - 1;
-    for (size_t i = 0; i < kWords; ++i) shifted[i] |= before[i] >> (64 - bits);
+  words[0] |= from[0] << bits & masks[0];
+  if (bits == 0) {
+    for (size_t i = 1; i < count; ++i) words[i] |= from[i] & masks[i];
+  } else {
+    for (size_t i = 1; i < count; ++i) {
+      words[i] |= (from[i] << bits | from[i - 1] >> (64 - bits)) & masks[i];
+    }
   }
-  for (size_t i = 0; i < kWords; ++i) shifted[i] &= mask.words[i];
-  for (size_t i = 0; i < kWords; ++i) out.words[i] |= shifted[i];
 }
 
 }  // namespace
@@ -66,10 +63,12 @@ JointStep::JointStep(const ConfigurationGrid& grid, int joint) {
 // In a tile that has values 0 to `last` of the joint; `goes_on`: another follows on the last one.
 JointStep::Way JointStep::WayWhere(uint64_t last, bool goes_on) const {
   Way way;
+  const int step_bits = std::countr_zero(step_);
   for (uint64_t place = 0; place < kTileSize; ++place) {
-    const uint64_t value = place / step_ % edge_;
-    if (value < last) way.within.Insert(place);
-    if (value == last && goes_on) way.across.Insert(place);
+    const uint64_t value = (place >> step_bits) & (edge_ - 1);
+    const uint64_t bit = uint64_t{1} << (place % 64);
+    way.within.words[place / 64] |= value < last ? bit : 0;
+    way.across.words[place / 64] |= value == last && goes_on ? bit : 0;
   }
   way.some_within = !way.within.Empty();
   way.some_across = !way.across.Empty();
@@ -79,9 +78,8 @@ JointStep::Way JointStep::WayWhere(uint64_t last, bool goes_on) const {
 
 void JointStep::AddPlacesBefore(uint64_t at, const PlaceSet& next, PlaceSet& set) const {
   const Way& way = at + 1 == tiles_ ? last_ : inner_;
-  const PlaceSet own = set;
+  if (way.some_within) AddShiftedDown(step_, way.within, set);
   if (way.some_across) AddShiftedUp(next, way.back, way.across, set);
-  if (way.some_within) AddShiftedDown(own, step_, way.within, set);
 }
 
 }  // namespace silhouette

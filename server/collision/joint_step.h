@@ -26,7 +26,8 @@ class JointStep {
   // step further is in `set`, or in `next`, the set of the tile after it. The last value of a
   // joint that wraps is followed by the first: `next` of the last tile is that of the first one.
   // That of a joint that does not wrap is followed by nothing: `next` is not looked at then. Of
-  // places beyond the grid's rim nothing is told. Neither allocates nor needs `next` to be another.
+  // places beyond the grid's rim nothing is told. `next` is another object than `set`, unless it is
+  // not looked at. Never allocates.
   void AddPlacesBefore(uint64_t at, const PlaceSet& next, PlaceSet& set) const;
 
  private:

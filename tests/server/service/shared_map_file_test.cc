@@ -203,7 +203,7 @@ TEST_F(SharedMapFileTest, DamagedIsRefused) {
       EXPECT_EQ(poked(word, value).code(), absl::StatusCode::kInvalidArgument) << word;
     }
   }
-  EXPECT_THAT(std::string(poked(1, 2).message()), HasSubstr("is a shared map of format 2"));
+  EXPECT_THAT(std::string(poked(1, 3).message()), HasSubstr("is a shared map of format 3"));
   EXPECT_THAT(std::string(poked(512, ~uint64_t{0}).message()), HasSubstr("what it is of"));
   for (const size_t word : {8, 9, 10}) {
     const absl::Status status = poked(word, 12345);
