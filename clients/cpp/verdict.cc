@@ -60,10 +60,10 @@ Words WordsFor(Reason reason) {
           "the map has no verdict on the configuration, for want of a usable robot image or of a "
           "view: ask the server for the reason"};
     case Reason::kBetweenGridPoints:
-      return {
-          "between grid points",
-          "the corners of its grid cell are free, which proves nothing of what lies between them, and "
-          "the map does not tell that the cell is: ask the server"};
+      return {"between grid points",
+              "the corners of its grid cell are free, which proves nothing of what lies between "
+              "them, and "
+              "the map does not tell that the cell is: ask the server"};
     case Reason::kMapClosed:
       return {"map closed",
               "the server stopped, or serves another database: open the shared map again"};

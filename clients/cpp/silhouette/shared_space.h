@@ -63,7 +63,8 @@ class SharedSpace {
 
   // The verdict on any configuration, without evidence and hidden_possible: never free or occupied
   // where the server would not say the same. Off the grid the map may not be enough
-  // (kBetweenGridPoints; docs/concepts.md tells where it is). `basis`: if not null, gets what the verdict rests on.
+  // (kBetweenGridPoints; docs/concepts.md tells where it is). `basis`: if not null, gets what the
+  // verdict rests on.
   Verdict Check(std::span<const double> q, Basis* basis = nullptr) const;
   Verdict Check(std::initializer_list<double> q, Basis* basis = nullptr) const {
     return Check(std::span(q.begin(), q.size()), basis);
