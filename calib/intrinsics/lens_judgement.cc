@@ -30,15 +30,15 @@ struct Seen {
 };
 
 std::vector<Seen> SeenBy(const LensSolution& solution) {
-  std::map<std::pair<std::string, std::string>, std::vector<const SolvedBoard*>> boards;
-  for (const SolvedBoard& board : solution.boards) {
+  std::map<std::pair<std::string, std::string>, std::vector<const LensBoard*>> boards;
+  for (const LensBoard& board : solution.boards) {
     boards[{board.frame, board.board}].push_back(&board);
   }
   std::set<std::tuple<size_t, std::string, std::string>> images;
-  for (const CornerResidual& r : solution.residuals) images.insert({r.camera, r.frame, r.board});
+  for (const LensResidual& r : solution.residuals) images.insert({r.camera, r.frame, r.board});
   std::vector<Seen> seen(solution.cameras.size());
   for (const auto& [camera, frame, name] : images) {
-    for (const SolvedBoard* board : boards[{frame, name}]) {
+    for (const LensBoard* board : boards[{frame, name}]) {
       const SolvedCamera& solved = solution.cameras[camera];
       if (board->group != solved.group) continue;
       const Eigen::Isometry3d pose = solved.camera_from_reference * board->reference_from_board;
@@ -55,7 +55,7 @@ void AddStatistics(LensSolution& solution) {
   std::vector<double> squares(solution.cameras.size(), 0);
   std::vector<std::set<std::string>> frames(solution.cameras.size());
   std::vector<std::set<int>> fields(solution.cameras.size());
-  for (const CornerResidual& r : solution.residuals) {
+  for (const LensResidual& r : solution.residuals) {
     SolvedCamera& camera = solution.cameras[r.camera];
     frames[r.camera].insert(r.frame);
     if (r.outlier) {

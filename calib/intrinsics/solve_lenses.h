@@ -73,14 +73,14 @@ struct LensGroup {
   LensCovariance covariance = {};
 };
 
-struct SolvedBoard {
+struct LensBoard {
   std::string frame;
   std::string board;
   size_t group = 0;
   Eigen::Isometry3d reference_from_board = Eigen::Isometry3d::Identity();
 };
 
-struct CornerResidual {
+struct LensResidual {
   std::string frame;
   size_t camera = 0;
   std::string board;
@@ -94,8 +94,8 @@ struct CornerResidual {
 struct LensSolution {
   std::vector<SolvedCamera> cameras;  // in the order given
   std::vector<LensGroup> groups;      // more than one: nothing ties those cameras together
-  std::vector<SolvedBoard> boards;
-  std::vector<CornerResidual> residuals;
+  std::vector<LensBoard> boards;
+  std::vector<LensResidual> residuals;
   std::vector<std::string> warnings;  // one sentence each
 };
 

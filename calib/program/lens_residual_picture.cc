@@ -26,7 +26,7 @@ cv::Scalar Bgr(Colour colour) {
 void DrawCoverage(Picture& image, const LensSolution& solution, size_t camera) {
   const SolvedCamera& solved = solution.cameras[camera];
   std::array<int, kFieldsX * kFieldsY> counts{};
-  for (const CornerResidual& r : solution.residuals) {
+  for (const LensResidual& r : solution.residuals) {
     if (r.camera != camera || r.outlier) continue;
     const auto field = [](double at, int size, int fields) {
       return std::clamp(static_cast<int>((at + 0.5) / size * fields), 0, fields - 1);
@@ -56,7 +56,7 @@ void DrawResiduals(Picture& image, const LensSolution& solution, size_t camera, 
     const Eigen::Vector2d bounded = drawn.cwiseMax(-1e6).cwiseMin(1e6);
     return cv::Point(cvRound(bounded.x()), cvRound(bounded.y()));
   };
-  for (const CornerResidual& r : solution.residuals) {
+  for (const LensResidual& r : solution.residuals) {
     if (r.camera != camera || r.outlier != outliers || !r.residual.allFinite()) continue;
     const cv::Scalar colour = Bgr(outliers ? palette::kObstacle : palette::kRobot);
     const Eigen::Vector2d end = r.seen + kLonger * r.residual;

@@ -35,7 +35,7 @@ Eigen::Isometry3d ReferenceFromWorld(const Truth& truth, const LensSolution& sol
   Eigen::Matrix3Xd in_world(3, 4 * solution.boards.size());
   Eigen::Matrix3Xd in_reference(3, 4 * solution.boards.size());
   Eigen::Index at = 0;
-  for (const SolvedBoard& solved : solution.boards) {
+  for (const LensBoard& solved : solution.boards) {
     for (const int i : {0, lattice.width - 1}) {
       for (const int j : {0, lattice.height - 1}) {
         const Eigen::Vector3d corner(i * lattice.spacing, j * lattice.spacing, 0);
@@ -222,7 +222,7 @@ TEST(SolveLenses, LeavesOutCornersThatDoNotFitAndNoOthers) {
   ASSERT_TRUE(solution.ok()) << solution.status();
   size_t found = 0;
   size_t others = 0;
-  for (const CornerResidual& r : solution->residuals) {
+  for (const LensResidual& r : solution->residuals) {
     if (!r.outlier) continue;
     const bool is = planted.contains({r.frame, CameraName(r.camera), r.tag, r.corner});
     ++(is ? found : others);

@@ -12,6 +12,7 @@ using Run = std::function<int()>;
 void AddHiddenCommand(CLI::App& program, Run& run);
 void AddPaperCommand(CLI::App& program, Run& run);
 void AddCellCommand(CLI::App& program, Run& run);
+void AddCalibrationCommand(CLI::App& program, Run& run);
 void AddPlacementCommand(CLI::App& program, Run& run);
 
 }  // namespace silhouette

@@ -13,12 +13,14 @@ int main(int argc, char** argv) {
       "  silhouette-experiments hidden --cell cell.yaml --out out\n"
       "  silhouette-experiments paper --experiments figure7\n"
       "  silhouette-experiments cell --cell cell.yaml --database cell.lmdb --out out\n"
+      "  silhouette-experiments calibration --runs 10\n"
       "  silhouette-experiments placement --cell cell.yaml --places places.yaml --out out\n\n"
       "Exit codes: 0 done, 2 a mistake in the arguments or files, 3 the world failed.");
   silhouette::Run run;
   silhouette::AddHiddenCommand(app, run);
   silhouette::AddPaperCommand(app, run);
   silhouette::AddCellCommand(app, run);
+  silhouette::AddCalibrationCommand(app, run);
   silhouette::AddPlacementCommand(app, run);
   return silhouette::RunProgram(app, argc, argv, [&] { return run(); });
 }
