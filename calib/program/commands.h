@@ -10,6 +10,7 @@ namespace silhouette {
 using Run = std::function<int()>;
 
 void AddBoardCommand(CLI::App& program, Run& run);
+void AddDetectCommand(CLI::App& program, Run& run);
 void AddIntrinsicsCommand(CLI::App& program, Run& run);
 void AddPosesCommand(CLI::App& program, Run& run);
 void AddFundamentalCommand(CLI::App& program, Run& run);

@@ -14,6 +14,7 @@ int main(int argc, char** argv) {
       "3 the world failed.");
   silhouette::Run run;
   silhouette::AddBoardCommand(app, run);
+  silhouette::AddDetectCommand(app, run);
   silhouette::AddIntrinsicsCommand(app, run);
   silhouette::AddPosesCommand(app, run);
   silhouette::AddFundamentalCommand(app, run);

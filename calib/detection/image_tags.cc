@@ -1,0 +1,150 @@
+#include "calib/detection/image_tags.h"
+
+#include <algorithm>
+#include <cmath>
+#include <map>
+#include <opencv2/core.hpp>
+#include <set>
+#include <utility>
+
+namespace silhouette {
+namespace {
+
+constexpr double kRim = 4;          // pixels
+constexpr double kSamePlace = 0.5;  // pixels
+
+uint64_t DigestOf(const cv::Mat& image) {
+  uint64_t digest = 0xcbf29ce484222325;  // FNV-1a
+  for (int y = 0; y < image.rows; ++y) {
+    const uint8_t* row = image.ptr<uint8_t>(y);
+    for (int x = 0; x < image.cols; ++x) digest = (digest ^ row[x]) * 0x100000001b3;
+  }
+  return digest;
+}
+
+const Board* BoardOf(const DetectedTag& tag, std::span<const Board> boards) {
+  for (const Board& board : boards) {
+    if (board.description().family == tag.family && board.HasTag(tag.tag)) return &board;
+  }
+  return nullptr;
+}
+
+bool AtRim(const DetectedTag& tag, const cv::Size& size) {
+  for (const Eigen::Vector2d& corner : tag.corners) {
+    if (corner.minCoeff() < kRim || corner.x() > size.width - 1 - kRim ||
+        corner.y() > size.height - 1 - kRim) {
+      return true;
+    }
+  }
+  return false;
+}
+
+bool ShowsBoardsMirrored(TagDetector& detector, const cv::Mat& image,
+                         std::span<const Board> boards) {
+  cv::Mat mirrored;
+  cv::flip(image, mirrored, 1);
+  const std::vector<DetectedTag> tags = detector.Detect(mirrored);
+  return std::any_of(tags.begin(), tags.end(),
+                     [&](const DetectedTag& tag) { return BoardOf(tag, boards) != nullptr; });
+}
+
+}  // namespace
+
+double ImageTags::MeanSize() const {
+  double sum = 0;
+  for (const DetectedTag& tag : tags) sum += tag.size;
+  return tags.empty() ? 0 : sum / static_cast<double>(tags.size());
+}
+
+double ImageTags::MedianBlur() const {
+  std::vector<double> blurs;
+  for (const DetectedTag& tag : tags) {
+    if (tag.fitted) blurs.push_back(tag.blur);
+  }
+  if (blurs.empty()) return 0;
+  const auto middle = blurs.begin() + static_cast<ptrdiff_t>(blurs.size() / 2);
+  std::nth_element(blurs.begin(), middle, blurs.end());
+  return *middle;
+}
+
+double ImageTags::TypicalSigma() const {
+  double sum = 0;
+  for (const DetectedTag& tag : tags) sum += tag.sigma * tag.sigma;
+  return tags.empty() ? 0 : std::sqrt(sum / static_cast<double>(tags.size()));
+}
+
+ImageTags FindTags(TagDetector& detector, const cv::Mat& image, const Lens& lens,
+                   std::span<const Board> boards) {
+  ImageTags found;
+  found.size = image.size();
+  found.digest = DigestOf(image);
+  std::map<std::pair<std::string, int>, int> times;
+  std::set<const Board*> seen;
+  std::vector<DetectedTag> all = detector.Detect(image, lens);
+  for (const DetectedTag& tag : all) ++times[{tag.family, tag.tag}];
+  for (DetectedTag& tag : all) {
+    const Board* board = BoardOf(tag, boards);
+    if (board == nullptr) {
+      found.foreign.push_back(std::move(tag));
+    } else if (times[{tag.family, tag.tag}] > 1) {
+      found.ambiguous.push_back(std::move(tag));
+    } else {
+      if (seen.insert(board).second) found.expected += board->tags();
+      found.at_rim += AtRim(tag, found.size) ? 1 : 0;
+      found.tags.push_back(std::move(tag));
+    }
+  }
+  if (all.empty()) found.mirrored = ShowsBoardsMirrored(detector, image, boards);
+  return found;
+}
+
+std::vector<TagSighting> SightingsOf(const ImageTags& image) {
+  std::vector<TagSighting> sightings;
+  for (const DetectedTag& tag : image.tags) {
+    sightings.push_back({.frame = image.frame,
+                         .view = image.view,
+                         .family = tag.family,
+                         .tag = tag.tag,
+                         .corners = tag.corners,
+                         .sigma = tag.sigma});
+  }
+  return sightings;
+}
+
+bool ShowTheSame(const ImageTags& a, const ImageTags& b) {
+  if (a.view != b.view || a.tags.empty() || a.tags.size() != b.tags.size()) return false;
+  for (size_t i = 0; i < a.tags.size(); ++i) {
+    if (a.tags[i].family != b.tags[i].family || a.tags[i].tag != b.tags[i].tag) return false;
+    for (int k = 0; k < 4; ++k) {
+      if ((a.tags[i].corners[k] - b.tags[i].corners[k]).norm() > kSamePlace) return false;
+    }
+  }
+  return true;
+}
+
+void Coverage::Add(const ImageTags& image) {
+  size_ = image.size;
+  for (const DetectedTag& tag : image.tags) {
+    corners_.insert(corners_.end(), tag.corners.begin(), tag.corners.end());
+  }
+}
+
+int Coverage::Count(int column, int row) const {
+  int count = 0;
+  for (const Eigen::Vector2d& corner : corners_) {
+    const int x = static_cast<int>((corner.x() + 0.5) * kColumns / size_.width);
+    const int y = static_cast<int>((corner.y() + 0.5) * kRows / size_.height);
+    count += std::clamp(x, 0, kColumns - 1) == column && std::clamp(y, 0, kRows - 1) == row;
+  }
+  return count;
+}
+
+double Coverage::Share() const {
+  int covered = 0;
+  for (int row = 0; row < kRows; ++row) {
+    for (int column = 0; column < kColumns; ++column) covered += Count(column, row) > 0 ? 1 : 0;
+  }
+  return static_cast<double>(covered) / (kColumns * kRows);
+}
+
+}  // namespace silhouette
