@@ -16,9 +16,11 @@ constexpr double kMostMoved = 1.5;  // pixels, of a corner by the fit
 // The second round looks at the pixels that lie evenly beside what the first has found.
 constexpr int kRounds = 2;
 constexpr double kFirstBlur = 0.8;
+// The fits take what of the next modules is within reach for noise, and doubt themselves too much.
+constexpr double kOfFit = 0.88;
 // What no edge's fit knows of: grey values that do not follow the model, and, the less a module is
 // wider than the blur, the next modules' grey. Measured on rendered tags.
-constexpr double kLeastSigma = 0.004;
+constexpr double kLeastSigma = 0.003;
 constexpr double kNeighbourSigma = 0.11;
 constexpr double kNeighbourRatio = 3.9;
 
@@ -93,7 +95,7 @@ std::optional<FittedCorners> FitCorners(const cv::Mat& image, const Lens& lens,
     fitted.sigma = std::sqrt(variance);
   }
   const double neighbours = kNeighbourSigma * std::pow(kNeighbourRatio * fitted.blur / module, 5);
-  fitted.sigma = std::hypot(fitted.sigma, neighbours, kLeastSigma);
+  fitted.sigma = std::hypot(kOfFit * fitted.sigma, neighbours, kLeastSigma);
   return fitted;
 }
 

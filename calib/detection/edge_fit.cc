@@ -15,11 +15,25 @@ enum Unknown { kShape0, kShape1, kShape2, kBlur, kMean0, kMean1, kHalf0, kHalf1,
 using Unknowns = Eigen::Matrix<double, kUnknowns, 1>;
 using Normal = Eigen::Matrix<double, kUnknowns, kUnknowns>;
 
-constexpr int kLeastPixels = 40;
+constexpr int kLeastPixels = 20;
 constexpr double kLeastContrast = 10;  // grey levels
-constexpr double kLeastBlur = 0.2;
+constexpr double kLeastBlur = 0.15;    // pixels, before the pixels' own width is added
 constexpr double kMostBlur = 3;
-constexpr int kMostSteps = 30;
+constexpr double kFirstBlur = 0.6;
+constexpr int kMostSteps = 50;
+constexpr double kMostDamping = 1e6;
+constexpr double kMostNoise = 0.2;  // about the fit, as a share of the contrast
+
+constexpr double kHalfPixel = 0.5;
+constexpr double kPixelBlur = 0.2887;  // standard deviation of a pixel's width
+
+// The integral of a step from -1 to 1 that is blurred by `blur`. A pixel shows a step's mean over
+// its width.
+double StepIntegral(double x, double blur) {
+  const double z = x / blur;
+  return x * std::erf(z / std::numbers::sqrt2) +
+         blur * std::numbers::sqrt2 * std::numbers::inv_sqrtpi * std::exp(-z * z / 2);
+}
 
 struct Sample {
   double along;
@@ -96,14 +110,21 @@ class EdgeFitter {
   static double Residual(const Sample& sample, const Unknowns& u, double scale, Unknowns* row) {
     const double t = sample.along;
     const double away = scale * (sample.aside - u[kShape0] - t * (u[kShape1] + t * u[kShape2]));
-    const double z = away / u[kBlur];
-    const double step = std::erf(z / std::numbers::sqrt2);
+    const double step =
+        (StepIntegral(away + kHalfPixel, u[kBlur]) - StepIntegral(away - kHalfPixel, u[kBlur])) /
+        (2 * kHalfPixel);
     const double half = u[kHalf0] + t * u[kHalf1];
     if (row != nullptr) {
-      const double slope =
-          half * 2 * std::numbers::inv_sqrtpi / std::numbers::sqrt2 * std::exp(-z * z / 2);
-      const double by_shape = -slope * scale / u[kBlur];
-      *row << by_shape, by_shape * t, by_shape * t * t, -slope * z / u[kBlur], 1, t, step, t * step;
+      const double before = (away - kHalfPixel) / u[kBlur];
+      const double after = (away + kHalfPixel) / u[kBlur];
+      const double by_away =
+          half * (std::erf(after / std::numbers::sqrt2) - std::erf(before / std::numbers::sqrt2)) /
+          (2 * kHalfPixel);
+      const double by_blur = half * std::numbers::sqrt2 * std::numbers::inv_sqrtpi *
+                             (std::exp(-after * after / 2) - std::exp(-before * before / 2)) /
+                             (2 * kHalfPixel);
+      const double by_shape = -by_away * scale;
+      *row << by_shape, by_shape * t, by_shape * t * t, by_blur, 1, t, step, t * step;
     }
     return sample.grey - (u[kMean0] + t * u[kMean1] + half * step);
   }
@@ -130,7 +151,7 @@ class EdgeFitter {
     const double high = count[1] > 0 ? sum[1] / count[1] : 0;
     Unknowns u = Unknowns::Zero();
     u.head<3>() = edge.shape_;
-    u[kBlur] = edge.blur_;
+    u[kBlur] = kFirstBlur;
     u[kMean0] = (low + high) / 2;
     u[kHalf0] = (high - low) / 2;
     return u;
@@ -147,6 +168,13 @@ class EdgeFitter {
     for (int step = 0; step < kMostSteps && !settled; ++step) {
       Unknowns gradient;
       Accumulate(samples, u, scale, normal, gradient);
+      // A blur that wants to be less than the least stays there, and the others go on without it.
+      if (u[kBlur] <= kLeastBlur && gradient[kBlur] < 0) {
+        normal.row(kBlur).setZero();
+        normal.col(kBlur).setZero();
+        normal(kBlur, kBlur) = 1;
+        gradient[kBlur] = 0;
+      }
       Normal damped = normal;
       damped.diagonal() *= 1 + damping;
       Unknowns next = u + damped.ldlt().solve(gradient);
@@ -154,7 +182,7 @@ class EdgeFitter {
       const double next_cost = Cost(samples, next, scale);
       if (!(next_cost <= cost)) {  // NaN too
         damping *= 10;
-        if (damping > 1e6) return false;
+        settled = damping > kMostDamping;  // no step, however small, makes it better
         continue;
       }
       settled = (next - u).head<3>().norm() < 1e-5 && cost - next_cost <= 1e-6 * cost;
@@ -174,10 +202,10 @@ class EdgeFitter {
       edge.covariance_.row(kShape2).setZero();
       edge.covariance_.col(kShape2).setZero();
     }
-    edge.blur_ = u[kBlur];
+    edge.blur_ = std::hypot(u[kBlur], kPixelBlur);
     edge.contrast_ = 2 * std::abs(u[kHalf0]);
     edge.noise_ = std::sqrt(variance);
-    return edge.covariance_.allFinite();
+    return edge.covariance_.allFinite() && edge.noise_ < kMostNoise * edge.contrast_;
   }
 
   void Accumulate(const std::vector<Sample>& samples, const Unknowns& u, double scale,

@@ -31,7 +31,7 @@ class Edge {
   const Eigen::Vector2d& middle() const { return middle_; }
   const Eigen::Vector2d& tangent() const { return tangent_; }
   Eigen::Vector2d normal() const { return {-tangent_.y(), tangent_.x()}; }
-  double blur() const { return blur_; }          // standard deviation of its blur, pixels
+  double blur() const { return blur_; }  // standard deviation of its blur, with a pixel's own width
   double contrast() const { return contrast_; }  // grey levels from one side to the other
   double noise() const { return noise_; }        // of a grey value about the fit
 
@@ -43,7 +43,7 @@ class Edge {
   double half_;
   Eigen::Vector3d shape_ = Eigen::Vector3d::Zero();  // of Offset: constant, linear, quadratic
   Eigen::Matrix3d covariance_ = Eigen::Matrix3d::Zero();
-  double blur_ = 0.8;
+  double blur_ = 0;
   double contrast_ = 0;
   double noise_ = 0;
 };

@@ -3,7 +3,6 @@
 #pragma once
 
 #include <Eigen/Geometry>
-#include <array>
 #include <cmath>
 #include <numbers>
 #include <opencv2/core.hpp>
@@ -69,24 +68,32 @@ class RenderedBoard {
   }
 
  private:
-  // 1 on white, 0 on black.
-  double WhiteAt(double x, double y) const {
+  // Which module of which tag is at a point of the board, as a number; -1: paper.
+  int ModuleAt(const Eigen::Vector2d& at) const {
     const BoardDescription& d = board_.description();
     const double pitch = d.tag_size + d.gap;
     const double print = d.tag_size + 2 * rim_;
-    const double left = x + rim_;
-    const double top = y + rim_;
-    const int column = pitch > 0 && d.columns > 1 ? static_cast<int>(std::floor(left / pitch)) : 0;
-    const int row = pitch > 0 && d.rows > 1 ? static_cast<int>(std::floor(top / pitch)) : 0;
-    if (column < 0 || row < 0 || column >= d.columns || row >= d.rows) return 1;
+    const double left = at.x() + rim_;
+    const double top = at.y() + rim_;
+    const int column = d.columns > 1 ? static_cast<int>(std::floor(left / pitch)) : 0;
+    const int row = d.rows > 1 ? static_cast<int>(std::floor(top / pitch)) : 0;
+    if (column < 0 || row < 0 || column >= d.columns || row >= d.rows) return -1;
     const double in_x = left - column * pitch;
     const double in_y = top - row * pitch;
-    if (in_x < 0 || in_y < 0 || in_x >= print || in_y >= print) return 1;
-    const TagModules& tag = modules_[static_cast<size_t>(row) * d.columns + column];
-    return tag.White(std::min(tag.width - 1, static_cast<int>(in_x / module_)),
-                     std::min(tag.width - 1, static_cast<int>(in_y / module_)))
-               ? 1
-               : 0;
+    if (in_x < 0 || in_y < 0 || in_x >= print || in_y >= print) return -1;
+    const int tag = row * d.columns + column;
+    const int width = modules_[tag].width;
+    const int module_x = std::min(width - 1, static_cast<int>(in_x / module_));
+    const int module_y = std::min(width - 1, static_cast<int>(in_y / module_));
+    return (tag * width + module_y) * width + module_x;
+  }
+
+  // 1 on white, 0 on black.
+  double WhiteOf(int module) const {
+    if (module < 0) return 1;
+    const int width = modules_.front().width;
+    const TagModules& tag = modules_[module / (width * width)];
+    return tag.white[module % (width * width)] ? 1 : 0;
   }
 
   void Draw(const RenderSettings& settings, std::mt19937_64& random) {
@@ -108,12 +115,11 @@ class RenderedBoard {
     }();
     // A pixel is sampled at the points of a sequence that spreads evenly along all directions, and
     // at their mirror images, so that their mean is the pixel's centre.
-    constexpr int kSamples = 64;
-    std::array<cv::Vec2d, kSamples> places;
-    for (int i = 0; i < kSamples; i += 2) {
+    std::vector<cv::Vec2d> places(400);
+    for (size_t i = 0; i < places.size(); i += 2) {
       double whole = 0;
-      places[i] = {std::modf(0.5 + i * 0.7548776662466927, &whole),
-                   std::modf(0.5 + i * 0.5698402909980532, &whole)};
+      places[i] = {std::modf(0.5 + static_cast<double>(i) * 0.7548776662466927, &whole),
+                   std::modf(0.5 + static_cast<double>(i) * 0.5698402909980532, &whole)};
       places[i + 1] = cv::Vec2d(1, 1) - places[i];
     }
     cv::Mat_<float> grey(k.height, k.width);
@@ -123,15 +129,19 @@ class RenderedBoard {
         const cv::Vec2d right = rays(y, x + 1) - origin;
         const cv::Vec2d down = rays(y + 1, x) - origin;
         const cv::Vec2d twist = rays(y + 1, x + 1) - rays(y + 1, x) - right;
-        double white = 0;
-        for (const cv::Vec2d& place : places) {
-          const cv::Vec2d ray =
-              origin + place[0] * right + place[1] * down + place[0] * place[1] * twist;
+        const auto module_at = [&](double a, double b) {
+          const cv::Vec2d ray = origin + a * right + b * down + a * b * twist;
           const Eigen::Vector3d at = board_from_ray * Eigen::Vector3d(ray[0], ray[1], 1);
-          white += WhiteAt(at.x() / at.z(), at.y() / at.z());
+          return ModuleAt({at.x() / at.z(), at.y() / at.z()});
+        };
+        const int first = module_at(0, 0);
+        double white = WhiteOf(first);
+        if (module_at(1, 0) != first || module_at(0, 1) != first || module_at(1, 1) != first) {
+          white = 0;
+          for (const cv::Vec2d& place : places) white += WhiteOf(module_at(place[0], place[1]));
+          white /= static_cast<double>(places.size());
         }
-        grey(y, x) = static_cast<float>(settings.black +
-                                        (settings.white - settings.black) * white / kSamples);
+        grey(y, x) = static_cast<float>(settings.black + (settings.white - settings.black) * white);
       }
     }
     if (settings.blur > 0) cv::GaussianBlur(grey, grey, {}, settings.blur, settings.blur);

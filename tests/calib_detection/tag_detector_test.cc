@@ -57,7 +57,8 @@ Errors ErrorsOf(const Case& test) {
                                  {.blur = test.blur}, random);
     double squares = 0;
     const auto tags = detector.Detect(rendered.image(), test.with_lens ? Lens(k) : Lens());
-    EXPECT_EQ(tags.size(), static_cast<size_t>(board.tags()));
+    // Of very small ones some may be missed.
+    EXPECT_GE(tags.size(), (test.size < 20 ? 0.5 : 1) * board.tags());
     for (const DetectedTag& tag : tags) {
       EXPECT_TRUE(board.HasTag(tag.tag)) << tag.tag;
       if (!board.HasTag(tag.tag)) continue;
@@ -83,7 +84,7 @@ TEST(TagDetector, CornersOfLargeTagsAreGoodToHundredthsOfAPixel) {
   EXPECT_LT(errors.rms[errors.rms.size() / 2], 0.012);
   EXPECT_LT(errors.rms.back(), 0.02);
   EXPECT_LT(errors.worst, 0.06);
-  EXPECT_GT(errors.chi2, 0.6);
+  EXPECT_GT(errors.chi2, 0.5);
   EXPECT_LT(errors.chi2, 1.6);
 }
 
@@ -92,26 +93,27 @@ TEST(TagDetector, CornersAreNearlyAsGoodOfACameraThatNothingIsKnownOf) {
   EXPECT_EQ(errors.fitted, errors.tags);
   EXPECT_LT(errors.rms[errors.rms.size() / 2], 0.018);
   EXPECT_LT(errors.rms.back(), 0.03);
-  EXPECT_GT(errors.chi2, 0.6);
+  EXPECT_GT(errors.chi2, 0.5);
   EXPECT_LT(errors.chi2, 1.6);
 }
 
 TEST(TagDetector, OtherFamiliesAndBlurStayWithinTheirSigma) {
-  for (const Case& test : {Case{.family = "tag36h11", .images = 3}, Case{.blur = 1.2, .images = 3},
-                           Case{.rows = 2, .columns = 3, .size = 30, .images = 2}}) {
+  for (const Case& test :
+       {Case{.family = "tag36h11", .images = 3}, Case{.blur = 1.2, .images = 3},
+        Case{.blur = 0, .images = 3}, Case{.rows = 2, .columns = 3, .size = 30, .images = 2}}) {
     SCOPED_TRACE(testing::Message() << test.family << " " << test.blur << " " << test.size);
     const Errors errors = ErrorsOf(test);
     EXPECT_EQ(errors.fitted, errors.tags);
     EXPECT_LT(errors.rms.back(), 0.03);
-    EXPECT_GT(errors.chi2, 0.4);
+    EXPECT_GT(errors.chi2, 0.3);
     EXPECT_LT(errors.chi2, 1.6);
   }
 }
 
 TEST(TagDetector, SmallTagsKeepTheLibrarysCornersAndALargeSigma) {
-  const Errors errors = ErrorsOf({.rows = 3, .columns = 5, .size = 14, .images = 2});
+  const Errors errors = ErrorsOf({.rows = 3, .columns = 5, .size = 12, .blur = 0.8, .images = 2});
   EXPECT_EQ(errors.fitted, 0u);
-  EXPECT_LT(errors.rms.back(), 0.15);
+  EXPECT_LT(errors.rms.back(), 0.2);
   EXPECT_GT(errors.chi2, 0.2);
   EXPECT_LT(errors.chi2, 1.5);
 }
