@@ -215,4 +215,26 @@ TEST(Architecture, ForbiddenArrowIsFound) {
   EXPECT_EQ(Fault("db/mask.cc", "mask", "vector"), "");
 }
 
+// The compiler does not tell, the linker takes either.
+TEST(Architecture, NoTypeIsDefinedInTwoHeaders) {
+  static const std::regex space(R"(^namespace ([\w:]+) \{)");
+  static const std::regex definition(
+      R"(^(?:struct|class|enum class) (\w+)(?: final)?(?: : [^;]*)? \{)");
+  const fs::path root = SILHOUETTE_SOURCE_DIR;
+  std::map<std::string, std::string> headers;  // by the type
+  for (const std::string& path : SourceFiles(root)) {
+    if (!path.ends_with(".h")) continue;
+    std::string around;
+    std::ifstream in(root / path);
+    for (std::string line; std::getline(in, line);) {
+      std::smatch match;
+      if (std::regex_search(line, match, space)) around = match[1];
+      if (!std::regex_search(line, match, definition)) continue;
+      const auto [first, is_new] = headers.emplace(around + "::" + match[1].str(), path);
+      EXPECT_TRUE(is_new) << first->first << " is in " << first->second << " and in " << path;
+    }
+  }
+  EXPECT_GT(headers.size(), 100u);
+}
+
 }  // namespace
