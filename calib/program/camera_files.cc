@@ -44,7 +44,7 @@ absl::StatusOr<CameraModel> ReadCamera(const std::string& file) {
 
 }  // namespace
 
-absl::StatusOr<std::vector<NamedCamera>> ReadCameraFolder(const std::string& folder) {
+absl::StatusOr<std::vector<CameraFile>> ReadCameraFolder(const std::string& folder) {
   std::vector<fs::path> files;
   std::error_code error;
   for (const auto& entry : fs::directory_iterator(folder, error)) {
@@ -59,7 +59,7 @@ absl::StatusOr<std::vector<NamedCamera>> ReadCameraFolder(const std::string& fol
                                             ") in '", folder, "'"));
   }
   std::sort(files.begin(), files.end());
-  std::vector<NamedCamera> cameras;
+  std::vector<CameraFile> cameras;
   for (const fs::path& file : files) {
     const absl::StatusOr<CameraModel> camera = ReadCamera(file.string());
     if (!camera.ok()) return camera.status();

@@ -10,14 +10,14 @@
 
 namespace silhouette {
 
-struct NamedCamera {
+struct CameraFile {
   std::string view;
   CameraModel camera;
 };
 
 // By the views' names. NotFound: no such folder, or no camera model in it; InvalidArgument with
 // file and line: not a camera model.
-absl::StatusOr<std::vector<NamedCamera>> ReadCameraFolder(const std::string& folder);
+absl::StatusOr<std::vector<CameraFile>> ReadCameraFolder(const std::string& folder);
 
 // Makes the folder if it is not there. Returns the file's path.
 absl::StatusOr<std::string> WriteCameraFile(const std::string& folder, const std::string& view,

@@ -140,10 +140,10 @@ absl::StatusOr<std::vector<RobotPose>> ReadRobotPoses(const PoseSources& sources
 }
 
 absl::Status ReadViews(const PoseSources& sources, PoseProblem& problem) {
-  const absl::StatusOr<std::vector<NamedCamera>> cameras = ReadCameraFolder(sources.cameras);
+  const absl::StatusOr<std::vector<CameraFile>> cameras = ReadCameraFolder(sources.cameras);
   if (!cameras.ok()) return cameras.status();
   bool found = sources.eye_in_hand.empty();
-  for (const NamedCamera& named : *cameras) {
+  for (const CameraFile& named : *cameras) {
     const bool on_flange = named.view == sources.eye_in_hand;
     found = found || on_flange;
     problem.views.push_back(
