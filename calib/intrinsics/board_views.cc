@@ -14,6 +14,9 @@
 namespace silhouette {
 namespace {
 
+// A corner may lie so far outside its image, as a share of the longer side.
+constexpr double kBeyondRim = 0.02;
+
 // Nothing if no board has the tag.
 std::optional<size_t> BoardOf(const std::vector<Board>& boards, const TagSighting& sighting) {
   for (size_t i = 0; i < boards.size(); ++i) {
@@ -34,6 +37,18 @@ absl::StatusOr<size_t> CameraOf(const std::vector<LensCamera>& cameras,
                    "', but the size of its images is not given; give it, or leave the view out"));
 }
 
+// How far a corner lies outside the image; 0 inside.
+double Outside(const LensCamera& camera, const Eigen::Vector2d& corner) {
+  return std::max({0.0, -0.5 - corner.x(), -0.5 - corner.y(), corner.x() - camera.width + 0.5,
+                   corner.y() - camera.height + 0.5});
+}
+
+// Detection may put the corner of a tag that the image's rim cuts a little beyond it.
+bool IsCutByRim(const LensCamera& camera, const TagSighting& sighting) {
+  return std::any_of(sighting.corners.begin(), sighting.corners.end(),
+                     [&](const Eigen::Vector2d& corner) { return Outside(camera, corner) > 0; });
+}
+
 absl::Status CheckSighting(const LensCamera& camera, const TagSighting& sighting) {
   const std::string where =
       absl::StrCat("view '", sighting.view, "', frame '", sighting.frame, "', tag ", sighting.tag);
@@ -44,8 +59,7 @@ absl::Status CheckSighting(const LensCamera& camera, const TagSighting& sighting
     if (!corner.allFinite()) {
       return absl::InvalidArgumentError(absl::StrCat(where, ": a corner is not finite"));
     }
-    if (corner.x() < -0.5 || corner.y() < -0.5 || corner.x() > camera.width - 0.5 ||
-        corner.y() > camera.height - 0.5) {
+    if (Outside(camera, corner) > kBeyondRim * std::max(camera.width, camera.height)) {
       return absl::InvalidArgumentError(absl::StrFormat(
           "%s: the corner (%.1f, %.1f) lies outside the image of %d x %d pixels; give the size of "
           "the images from which the corners are, and take images of one size for each camera",
@@ -143,6 +157,7 @@ absl::StatusOr<BoardViews> GatherBoardViews(const std::vector<LensCamera>& camer
     if (!camera.ok()) return camera.status();
     const absl::Status sound = CheckSighting(cameras[*camera], sighting);
     if (!sound.ok()) return sound;
+    if (IsCutByRim(cameras[*camera], sighting)) continue;
     seen.push_back({*camera, *board, &sighting});
     seen_boards.insert(*board);
   }

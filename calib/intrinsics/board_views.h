@@ -38,7 +38,7 @@ struct BoardViews {
 
 // InvalidArgument: no sighting of these boards, a board that is no lattice, boards of different
 // lattices, a camera without an image size, a corner outside the image, a tag twice in an image,
-// mirrored images or boards.
+// mirrored images or boards. Tags with a corner just beyond the image's rim are left out.
 absl::StatusOr<BoardViews> GatherBoardViews(const std::vector<LensCamera>& cameras,
                                             const std::vector<Board>& boards,
                                             const std::vector<TagSighting>& sightings);

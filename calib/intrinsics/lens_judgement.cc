@@ -160,7 +160,9 @@ std::vector<std::string> Lacks(const SolvedCamera& camera, const Seen& seen,
 }
 
 std::string Because(const std::vector<std::string>& lacks) {
-  if (lacks.empty()) return "; take more images, with larger and more tilted boards";
+  if (lacks.empty()) {
+    return "; take more images, with larger and more tilted boards, up to the image's corners";
+  }
   return absl::StrCat("; ", absl::StrJoin(lacks, "; "));
 }
 

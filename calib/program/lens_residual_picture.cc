@@ -14,13 +14,18 @@ namespace {
 
 constexpr int kFieldsX = 24;
 constexpr int kFieldsY = 18;
-constexpr double kLonger = 100;  // than they are
 constexpr double kWidth = 1100;  // of the drawn image
 constexpr int kMargin = 20;
 constexpr int kLine = 22;
 
 cv::Scalar Bgr(Colour colour) {
   return {double(colour.blue), double(colour.green), double(colour.red)};
+}
+
+// How many times as long as they are residuals are drawn.
+int LongerBy(const SolvedCamera& camera) {
+  if (camera.rms < 0.03) return 500;
+  return camera.rms < 0.4 ? 100 : 10;
 }
 
 void DrawCoverage(Picture& image, const LensSolution& solution, size_t camera) {
@@ -50,6 +55,7 @@ void DrawCoverage(Picture& image, const LensSolution& solution, size_t camera) {
 
 void DrawResiduals(Picture& image, const LensSolution& solution, size_t camera, double scale,
                    bool outliers) {
+  const double longer = LongerBy(solution.cameras[camera]);
   constexpr int kShift = 4;  // fractional bits of drawn coordinates
   const auto fixed = [&](const Eigen::Vector2d& at) {
     const Eigen::Vector2d drawn = (at + Eigen::Vector2d(0.5, 0.5)) * scale * (1 << kShift);
@@ -59,7 +65,7 @@ void DrawResiduals(Picture& image, const LensSolution& solution, size_t camera, 
   for (const LensResidual& r : solution.residuals) {
     if (r.camera != camera || r.outlier != outliers || !r.residual.allFinite()) continue;
     const cv::Scalar colour = Bgr(outliers ? palette::kObstacle : palette::kRobot);
-    const Eigen::Vector2d end = r.seen + kLonger * r.residual;
+    const Eigen::Vector2d end = r.seen + longer * r.residual;
     cv::line(image, fixed(r.seen), fixed(end), colour, 1, cv::LINE_AA, kShift);
     cv::circle(image, fixed(r.seen), (outliers ? 3 : 1) << kShift, colour, cv::FILLED, cv::LINE_AA,
                kShift);
@@ -76,11 +82,13 @@ Picture ResidualPicture(const LensSolution& solution, size_t camera) {
   DrawResiduals(image, solution, camera, scale, false);
   DrawResiduals(image, solution, camera, scale, true);
 
-  const std::vector<LegendEntry> legend = {{palette::kRobot, "residual, 100 times as long"},
-                                           {palette::kObstacle, "left out"},
-                                           {Colour{200, 200, 200}, "corners seen: many"},
-                                           {Colour{240, 240, 240}, "few"},
-                                           {palette::kPaper, "none"}};
+  const int longer = LongerBy(solved);
+  const std::vector<LegendEntry> legend = {
+      {palette::kRobot, absl::StrFormat("residual, %d times as long", longer)},
+      {palette::kObstacle, "left out"},
+      {Colour{200, 200, 200}, "corners seen: many"},
+      {Colour{240, 240, 240}, "few"},
+      {palette::kPaper, "none"}};
   const int foot = LegendHeight(legend, image.cols) + kLine;
   const int head = 3 * kLine;
   Picture sheet = BlankPicture(image.cols + 2 * kMargin, image.rows + 2 * kMargin + head + foot);
@@ -96,12 +104,14 @@ Picture ResidualPicture(const LensSolution& solution, size_t camera) {
   cv::rectangle(sheet, cv::Rect(place.x - 1, place.y - 1, place.width + 2, place.height + 2),
                 Bgr(palette::kFaint), 1);
   DrawLegend(sheet, legend, kMargin, place.y + place.height + 8, image.cols / 4 * 3);
-  // How long half a pixel is.
-  const int length = cvRound(0.5 * kLonger * scale);
+  // A measure of what the lines' lengths say, pixels.
+  const double measure = 50.0 / longer;
+  const int length = cvRound(measure * longer * scale);
   const int y = place.y + place.height + 8 + kLine / 2;
   const int right = kMargin + image.cols;
   cv::line(sheet, {right - length, y}, {right, y}, Bgr(palette::kInk), 2);
-  DrawText(sheet, "0.5 px", {right - length - 8, y}, {.across = Align::kEnd});
+  DrawText(sheet, absl::StrFormat("%g px", measure), {right - length - 8, y},
+           {.across = Align::kEnd});
   return sheet;
 }
 

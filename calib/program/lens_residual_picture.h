@@ -7,8 +7,8 @@
 
 namespace silhouette {
 
-// Each residual as a line from its corner to where it was projected, 100 times as long; fields of
-// the image are darker the more corners they have, and white without any.
+// Each residual as a line from its corner to where it was projected, 10, 100 or 500 times as long;
+// fields of the image are darker the more corners they have, and white without any.
 Picture ResidualPicture(const LensSolution& solution, size_t camera);
 
 }  // namespace silhouette

@@ -66,6 +66,14 @@ TEST_F(WeakData, CornersOutsideTheImage) {
   ExpectRefused(sightings, kInvalid, "lies outside the image of 1280 x 960 pixels");
 }
 
+TEST_F(WeakData, ATagThatTheRimCutsIsLeftOut) {
+  auto sightings = Look({.frames = 15});
+  sightings[5].corners[0].x() = 1282;
+  const auto solution = Solve(sightings);
+  ASSERT_TRUE(solution.ok()) << solution.status();
+  EXPECT_EQ(solution->residuals.size(), 4 * (sightings.size() - 1));
+}
+
 TEST_F(WeakData, ATagTwiceInAnImage) {
   auto sightings = Look({.frames = 8});
   sightings.push_back(sightings[3]);
