@@ -38,7 +38,7 @@ absl::StatusOr<cv::Mat> ReadImage(const std::string& path) {
 // Looks at all images with all processors. The first mistake ends it.
 class FileDetection {
  public:
-  FileDetection(const std::vector<SessionImage>& images, const DetectSettings& settings,
+  FileDetection(const std::vector<ListedImage>& images, const DetectSettings& settings,
                 DetectSession& session)
       : images_(images),
         settings_(settings),
@@ -70,13 +70,13 @@ class FileDetection {
     }
   }
 
-  absl::StatusOr<ImageTags> LookAt(const SessionImage& file, TagDetector& detector) const {
+  absl::StatusOr<ImageTags> LookAt(const ListedImage& file, TagDetector& detector) const {
     const absl::StatusOr<cv::Mat> image = ReadImage(file.path);
     if (!image.ok()) return image.status();
     return Look(settings_, detector, *image, file.view, file.frame);
   }
 
-  const std::vector<SessionImage>& images_;
+  const std::vector<ListedImage>& images_;
   const DetectSettings& settings_;
   std::atomic<size_t> next_ = 0;
   std::mutex mutex_;  // guards all below
@@ -88,7 +88,7 @@ class FileDetection {
 
 // For those who gave the wrong boards: whose tags the first images show, of the families that are
 // not among `looked_for`. Empty if of none.
-std::string OtherFamilies(const std::vector<SessionImage>& images,
+std::string OtherFamilies(const std::vector<ListedImage>& images,
                           const std::vector<std::string>& looked_for) {
   constexpr size_t kImages = 3;
   constexpr int kMostTags = 10000;  // larger families take seconds to prepare, and are rare
@@ -111,7 +111,7 @@ std::string OtherFamilies(const std::vector<SessionImage>& images,
 
 // NotFound, with the likely reason, if nothing was seen.
 absl::Status CheckThatTagsWereSeen(const DetectSession& session,
-                                   const std::vector<SessionImage>& images,
+                                   const std::vector<ListedImage>& images,
                                    const std::vector<std::string>& families) {
   const absl::Status status = session.CheckThatTagsWereSeen();
   const bool reason_known = std::any_of(
@@ -126,10 +126,10 @@ absl::Status CheckThatTagsWereSeen(const DetectSession& session,
 }
 
 absl::Status DetectInFiles(const DetectArguments& arguments, DetectSession& session) {
-  const absl::StatusOr<std::vector<SessionImage>> images = ListImages(arguments.images);
+  const absl::StatusOr<std::vector<ListedImage>> images = ListImages(arguments.images);
   if (!images.ok()) return images.status();
   std::vector<std::string> views;
-  for (const SessionImage& image : *images) {
+  for (const ListedImage& image : *images) {
     if (views.empty() || views.back() != image.view) views.push_back(image.view);
   }
   const absl::StatusOr<DetectSettings> settings = LoadDetectSettings(arguments, views);

@@ -70,8 +70,8 @@ std::string FrameOf(const std::string& path, const std::string& pattern) {
 
 }  // namespace
 
-absl::StatusOr<std::vector<SessionImage>> ListImages(const std::vector<std::string>& patterns) {
-  std::vector<SessionImage> images;
+absl::StatusOr<std::vector<ListedImage>> ListImages(const std::vector<std::string>& patterns) {
+  std::vector<ListedImage> images;
   std::set<std::string> views;
   std::map<std::string, std::string> view_of_path;
   for (const std::string& argument : patterns) {

@@ -8,7 +8,7 @@
 
 namespace silhouette {
 
-struct SessionImage {
+struct ListedImage {
   std::string view;
   std::string frame;
   std::string path;
@@ -18,6 +18,6 @@ struct SessionImage {
 // The frame is what the pattern's * matches (several: joined with _), without one the file's name
 // without extension. In the order of views as given, then of paths. InvalidArgument, saying the
 // mend: no such pattern, a view twice, no image, a file or a frame of a view twice.
-absl::StatusOr<std::vector<SessionImage>> ListImages(const std::vector<std::string>& patterns);
+absl::StatusOr<std::vector<ListedImage>> ListImages(const std::vector<std::string>& patterns);
 
 }  // namespace silhouette
