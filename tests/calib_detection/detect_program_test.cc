@@ -115,6 +115,44 @@ TEST_F(DetectProgram, CopiesAreLeftOutAndWhatDidNotMoveIsTold) {
   EXPECT_EQ(sightings->size(), 6u);
 }
 
+TEST_F(DetectProgram, LiveSetsAreKeptAndNotOverwritten) {
+  const std::string demo = std::string(SILHOUETTE_SOURCE_DIR) + "/capture/sim/cells/demo/";
+  const std::string live = "--cell " + demo + "cell.yaml --boards " + demo +
+                           "boards.yaml --count 2 --interval 0 --save images --format json";
+  ASSERT_EQ(Run(live), 0) << err_;
+  EXPECT_THAT(err_, HasSubstr("set 2: "));
+  const auto json = nlohmann::json::parse(out_);
+  EXPECT_EQ(json["images"].size(), 8u);
+  EXPECT_GE(json["sightings"], 8);
+  const auto sightings = SightingsFromText(ReadAll(folder_ / "corners.csv"), "corners.csv");
+  ASSERT_TRUE(sightings.ok()) << sightings.status();
+  EXPECT_EQ(sightings->back().frame, "0002");
+  EXPECT_FALSE(cv::imread((folder_ / "images/top/0002.png").string()).empty());
+  EXPECT_EQ(Run(live), 2);
+  EXPECT_THAT(err_, HasSubstr("--overwrite"));
+}
+
+TEST_F(DetectProgram, KnownLensesMakeCornersBetter) {
+  const RenderedBoard rendered = Rendered(1);
+  const CameraIntrinsics& k = rendered.intrinsics();
+  std::ostringstream camera;
+  camera.precision(17);
+  camera << "{ 'lensmodel': 'LENSMODEL_OPENCV4', 'intrinsics': [" << k.fx << ", " << k.fy << ", "
+         << k.cx << ", " << k.cy << ", " << k.distortion[0] << ", 0, 0, 0],\n"
+         << "'extrinsics': [0, 0, 0, 0, 0, 0], 'imagersize': [" << k.width << ", " << k.height
+         << "] }\n";
+  WriteAll(folder_ / "left.cameramodel", camera.str());
+  WriteImage("left/1.png", rendered.image());
+  ASSERT_EQ(Run("--images left=left --boards boards.yaml --cameras . --format json"), 0) << err_;
+  const double with = nlohmann::json::parse(out_)["images"][0]["sigma"];
+  ASSERT_EQ(Run("--images left=left --boards boards.yaml --format json"), 0) << err_;
+  const double without = nlohmann::json::parse(out_)["images"][0]["sigma"];
+  EXPECT_LT(with, 0.85 * without);
+  WriteImage("left/1.png", Rendered(1, {}, 260).image());
+  EXPECT_EQ(Run("--images left=left --boards boards.yaml --cameras ."), 2);
+  EXPECT_THAT(err_, HasSubstr("its camera model is for 240x180"));
+}
+
 TEST_F(DetectProgram, MixedSizesAreRefused) {
   WriteImage("left/1.png", Rendered(1).image());
   WriteImage("left/2.png", Rendered(2, {}, 260).image());
