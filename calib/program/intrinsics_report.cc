@@ -32,7 +32,12 @@ std::string LensReportText(const LensSolution& solution, const std::vector<std::
       "%-*s  images  corners  left out  rms px   focal lengths px  centre    edge   seen\n",
       static_cast<int>(name), "view");
   for (const SolvedCamera& camera : solution.cameras) text += Line(camera, name);
-  text += "centre, edge: standard deviation of a projection there, px, at the boards' distance\n";
+  const bool predicted =
+      std::any_of(solution.cameras.begin(), solution.cameras.end(),
+                  [](const SolvedCamera& camera) { return camera.edge_sigma > 0; });
+  if (predicted) {
+    text += "centre, edge: standard deviation of a projection there, px, at the boards' distance\n";
+  }
   for (const LensGroup& group : solution.groups) {
     if (solution.groups.size() > 1) {
       absl::StrAppend(
