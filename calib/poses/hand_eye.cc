@@ -9,6 +9,7 @@
 #include <opencv2/core/eigen.hpp>
 #include <optional>
 #include <random>
+#include <utility>
 
 #include "absl/status/status.h"
 #include "absl/strings/str_cat.h"

@@ -2,6 +2,9 @@
 // data fit far better with it.
 #pragma once
 
+#include <string>
+#include <vector>
+
 #include "absl/status/status.h"
 #include "calib/poses/pose_fit.h"
 

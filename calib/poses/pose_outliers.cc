@@ -1,6 +1,7 @@
 #include "calib/poses/pose_outliers.h"
 
 #include <algorithm>
+#include <utility>
 #include <vector>
 
 #include "absl/strings/str_cat.h"

@@ -7,6 +7,7 @@
 #include <opencv2/calib3d.hpp>
 #include <opencv2/core/eigen.hpp>
 #include <set>
+#include <utility>
 
 #include "absl/strings/str_cat.h"
 #include "calib/poses/hand_eye.h"
@@ -219,7 +220,10 @@ class Seeder {
   std::string ReasonOf(int view) const {
     const std::string& name = network_.views[view].name;
     if (!looks_of_view_.contains(view)) {
-      return absl::StrCat("view '", name, "' has no usable sighting of a board");
+      return absl::StrCat(
+          "view '", name,
+          "' has no usable sighting of a board; if it is not to be solved, leave its "
+          "camera model out");
     }
     const auto failure = failures_.find(view);
     if (failure != failures_.end()) return failure->second;

@@ -1,5 +1,6 @@
 #include "calib/program/joint_files.h"
 
+#include <algorithm>
 #include <cmath>
 #include <map>
 #include <stdexcept>
@@ -103,6 +104,10 @@ absl::StatusOr<std::vector<RobotPose>> RobotPosesOfJoints(const std::string& tex
                                                           const JointFileSettings& settings) {
   const absl::StatusOr<size_t> flange = FlangeLink(robot, settings.flange_link);
   if (!flange.ok()) return flange.status();
+  if (text.empty()) {
+    return absl::InvalidArgumentError(absl::StrCat(
+        file, ": the file is empty; its first line is frame and the names of the joints"));
+  }
   std::vector<std::string> columns = {"frame"};
   for (const std::string& name : HeaderOf(text)) {
     if (name != "frame") columns.push_back(name);
