@@ -225,7 +225,7 @@ absl::Status JudgeLenses(const std::vector<LensCamera>& cameras, const LensSetti
     camera.centre_sigma = ProjectionSigma(solution, i, middle, camera.distance)
                               .value_or(std::numeric_limits<double>::infinity());
     camera.edge_sigma = EdgeSigma(solution, i);
-    const absl::Status judged = JudgeCamera(settings, seen[i], camera, solution.warnings);
+    absl::Status judged = JudgeCamera(settings, seen[i], camera, solution.warnings);
     if (!judged.ok()) return judged;
   }
   for (const LensGroup& group : solution.groups) {

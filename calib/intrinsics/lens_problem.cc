@@ -7,15 +7,12 @@ extern "C" {
 
 #include <algorithm>
 #include <cmath>
-#include <cstring>
 #include <limits>
 
 #include "absl/strings/str_cat.h"
 
 namespace silhouette {
 namespace {
-
-static_assert(sizeof(mrcal_point3_t) == sizeof(Eigen::Vector3d));
 
 mrcal_pose_t MrcalPose(const Eigen::Isometry3d& pose) {
   const Eigen::Vector3d r = RotationVectorOf(pose);
@@ -85,9 +82,10 @@ absl::StatusOr<Arguments> ArgumentsOf(const LensProblem& problem, const FreePart
     a.observations.push_back(
         {.icam = {.intrinsics = o.camera, .extrinsics = o.camera - 1}, .iframe = o.board});
   }
-  a.corners.resize(problem.corners.size());
-  std::memcpy(a.corners.data(), problem.corners.data(),
-              problem.corners.size() * sizeof(mrcal_point3_t));
+  a.corners.reserve(problem.corners.size());
+  for (const Eigen::Vector3d& c : problem.corners) {
+    a.corners.push_back({.xyz = {c.x(), c.y(), c.z()}});
+  }
   for (const auto& size : problem.image_sizes) {
     a.image_sizes.insert(a.image_sizes.end(), size.begin(), size.end());
   }

@@ -20,8 +20,10 @@ std::optional<PosedBoard> Pose(const std::vector<Eigen::Vector3d>& corners, cons
   for (size_t i = 0; i < corners.size(); ++i) {
     if (!(corners[i].z() > 0)) continue;
     const auto width = static_cast<size_t>(lattice.width);
-    on_board.emplace_back(lattice.spacing * static_cast<double>(i % width),
-                          lattice.spacing * static_cast<double>(i / width), 0);
+    const size_t row = i / width;
+    const size_t column = i % width;
+    on_board.emplace_back(lattice.spacing * static_cast<double>(column),
+                          lattice.spacing * static_cast<double>(row), 0);
     seen.emplace_back(corners[i].x(), corners[i].y());
   }
   if (seen.size() < 4) return std::nullopt;

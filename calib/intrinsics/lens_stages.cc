@@ -62,7 +62,7 @@ absl::Status SolveForSplineSeed(LensProblem& problem) {
   plain.lens_model = "LENSMODEL_STEREOGRAPHIC";
   for (auto& each : plain.intrinsics) each.resize(4);
   for (const bool core : {false, true}) {
-    const absl::Status solved = Solve(plain, {.core = core});
+    absl::Status solved = Solve(plain, {.core = core});
     if (!solved.ok()) return solved;
   }
   for (size_t i = 0; i < problem.intrinsics.size(); ++i) {
@@ -86,13 +86,13 @@ std::vector<double> PlainLens(int parameters, double focal_length, const Eigen::
 
 absl::Status SolveRoughly(LensProblem& problem) {
   if (IsSplined(problem.lens_model)) {
-    const absl::Status seeded = SolveForSplineSeed(problem);
+    absl::Status seeded = SolveForSplineSeed(problem);
     if (!seeded.ok()) return seeded;
   }
   for (const FreeParts& step :
        {FreeParts{}, FreeParts{.core = true, .regularisation = true},
         FreeParts{.core = true, .distortion = true, .regularisation = true}}) {
-    const absl::Status solved = Solve(problem, step);
+    absl::Status solved = Solve(problem, step);
     if (!solved.ok()) return solved;
   }
   return absl::OkStatus();
