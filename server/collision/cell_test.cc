@@ -28,13 +28,45 @@ void CellTest::ForAllVotes(const Each& each) const {
   for (const PlaneVotes& votes : test_.witnesses_) each(votes);
 }
 
-bool CellTest::LookUp(uint64_t tile, const TileIndex* index, std::span<PlaceSet> sets) const {
+uint64_t CellTest::MayTouch(const TileIndex* index) const {
+  if (index == nullptr || sets_ > 65) return ~uint64_t{0};
+  uint64_t may_touch = 0;
+  uint64_t bit = 1;
+  ForAllVotes([&](const PlaneVotes& votes) {
+    for (size_t i = 0; i < votes.views(); ++i, bit <<= 1) {
+      if (votes.AnyTouchesIn(i, *index)) may_touch |= bit;
+    }
+  });
+  return may_touch;
+}
+
+bool CellTest::MayBeOccupied(uint64_t may_touch) const {
+  if (sets_ > 65) return true;
+  const auto next = [&may_touch](const PlaneVotes& votes) {
+    int touching = 0;
+    for (size_t i = 0; i < votes.views(); ++i, may_touch >>= 1) touching += may_touch & 1 ? 1 : 0;
+    return votes.IsEnough(touching);
+  };
+  bool occupied = false;
+  for (const PlaneVotes& votes : test_.occupied_) occupied |= next(votes);
+  bool possible = false;
+  for (const PlaneVotes& votes : test_.possible_) possible |= next(votes);
+  for (const PlaneVotes& votes : test_.witnesses_) possible &= next(votes);
+  return occupied || possible;
+}
+
+bool CellTest::LookUp(uint64_t tile, const TileIndex* index, bool judged_only,
+                      std::span<PlaceSet> sets) const {
   const PlaceSet& present = table().present(tile);
   for (size_t word = 0; word < PlaceSet::kWords; ++word) {
     const uint64_t known = index != nullptr ? index->present().words[word] : ~uint64_t{0};
     sets[0].words[word] = ~(present.words[word] & known);
   }
   if (index == nullptr) return LookAtImages(tile, sets);
+  if (judged_only) {
+    std::fill(sets.begin() + 1, sets.end(), PlaceSet());
+    return true;
+  }
   size_t at = 1;
   ForAllVotes([&](const PlaneVotes& votes) {
     for (size_t i = 0; i < votes.views(); ++i) sets[at++] = votes.TouchingIn(i, *index);

@@ -45,11 +45,19 @@ class CellTest {
   // How many sets there are for a tile.
   size_t sets() const { return sets_; }
 
+  // In which of the sets but the first there may be any of a tile: bit i - 1 for set i. `index` as
+  // for LookUp. More than 64 cannot be told apart: all.
+  uint64_t MayTouch(const TileIndex* index) const;
+  // Whether a cell can be other than free for what its corners touch, if they are in tiles of which
+  // these sets may have any.
+  bool MayBeOccupied(uint64_t may_touch) const;
+
   // Makes `sets`, sets() of them, those of the tile: the configurations that cannot be judged, and
   // those that touch something in some view. `index`: that of the tile, of robot images that are
   // those of the test's table; null: they are looked at one by one. False if one of them could not
-  // be read.
-  bool LookUp(uint64_t tile, const TileIndex* index, std::span<PlaceSet> sets) const;
+  // be read. `judged_only`: it is enough to tell which cannot be judged, if the index tells that.
+  bool LookUp(uint64_t tile, const TileIndex* index, bool judged_only,
+              std::span<PlaceSet> sets) const;
 
   // The cells that are free. `sets`: as LookUp makes them, of all corners of each cell together
   // (JointStep).

@@ -28,7 +28,46 @@ bool FreeCells::WorkOut(std::span<const uint64_t> tiles, const std::function<boo
   return true;
 }
 
+bool FreeCells::Surveyed() {
+  if (!needed_.empty()) return true;
+  constexpr size_t kAtOnce = 64;
+  const size_t end = std::min(tiles_.size(), may_touch_.size() + kAtOnce);
+  may_touch_.reserve(tiles_.size());
+  while (may_touch_.size() < end) {
+    may_touch_.push_back(test_.MayTouch(index_of_(may_touch_.size())));
+  }
+  if (end < tiles_.size()) return false;
+  for (const JointStep& joint : joints_) {
+    const uint64_t last = (joint.tiles() - 1) * joint.stride();
+    for (uint64_t begin = 0; begin < tiles_.size(); ++begin) {
+      if (joint.PlaceOf(begin) != 0) continue;
+      const uint64_t first = joint.wraps() ? may_touch_[begin] : 0;
+      for (uint64_t at = 0; at < last; at += joint.stride()) {
+        may_touch_[begin + at] |= may_touch_[begin + at + joint.stride()];
+      }
+      may_touch_[begin + last] |= first;
+    }
+  }
+  std::vector<uint8_t> needed;
+  for (const uint64_t may_touch : may_touch_) needed.push_back(test_.MayBeOccupied(may_touch));
+  for (const JointStep& joint : joints_) {
+    const uint64_t last = (joint.tiles() - 1) * joint.stride();
+    for (uint64_t begin = 0; begin < tiles_.size(); ++begin) {
+      if (joint.PlaceOf(begin) != 0) continue;
+      const uint8_t round = joint.wraps() ? needed[begin + last] : uint8_t{0};
+      for (uint64_t at = last; at > 0; at -= joint.stride()) {
+        needed[begin + at] |= needed[begin + at - joint.stride()];
+      }
+      needed[begin] |= round;
+    }
+  }
+  needed_ = std::move(needed);
+  may_touch_ = {};
+  return false;
+}
+
 void FreeCells::Step(uint64_t slab) {
+  if (!Surveyed()) return;
   if (working_ == kNone) working_ = slab;
   const JointStep& joint = joints_[across_];
   const uint64_t after = working_ + 1 < joint.tiles() ? working_ + 1 : 0;
@@ -65,7 +104,8 @@ bool FreeCells::Prepared(Slab& slab) {
     const uint64_t tile = slab.number * slab_tiles_ + slab.looked_up;
     const size_t first = slab.looked_up * sets;
     const std::span<PlaceSet> looked_up = std::span(slab.sets).subspan(first, sets);
-    if (!test_.LookUp(tile, index_of_(tile), looked_up)) all_read_.store(false);
+    const bool judged_only = needed_[tile] == 0;
+    if (!test_.LookUp(tile, index_of_(tile), judged_only, looked_up)) all_read_.store(false);
     for (size_t i = 0; i < sets; ++i) slab.something[first + i] = looked_up[i].Empty() ? 0 : 1;
     ++slab.looked_up;
     return false;

@@ -50,6 +50,9 @@ class FreeCells {
 
   // A part of the work on the slab that is worked on, or on `slab` if none is.
   void Step(uint64_t slab);
+  // Finds out which tiles have a configuration that is the corner of a cell that may be occupied.
+  // False as long as it is not done.
+  bool Surveyed();
   Slab& Hold(uint64_t number, uint64_t other);
   // Whether the slab's sets are those of the corners along all joints but the one across slabs;
   // else does a part of it.
@@ -71,6 +74,9 @@ class FreeCells {
   uint64_t working_ = kNone;
   uint64_t finished_ = 0;  // tiles of it
   uint64_t left_ = 0;      // slabs
+  // Per tile, what there may be in it, and in the tiles behind it; whether it is needed for that.
+  std::vector<uint64_t> may_touch_;
+  std::vector<uint8_t> needed_;
   std::array<Slab, 2> slabs_;
   std::vector<PlaceSet> scratch_;
 };

@@ -74,6 +74,10 @@ PlaceSet PlaneVotes::TouchingIn(size_t i, const TileIndex& index) const {
   return touching;
 }
 
+bool PlaneVotes::AnyTouchesIn(size_t i, const TileIndex& index) const {
+  return views_[i].beyond || index.AnyTouches(views_[i].view, views_[i].cover);
+}
+
 bool PlaneVotes::TouchesIn(size_t i, MaskWords robot_image) const {
   if (Intersects(views_[i].plane.words(), robot_image)) return true;
   return views_[i].beyond &&

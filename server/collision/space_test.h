@@ -38,6 +38,9 @@ class PlaneVotes {
   int view(size_t i) const { return views_[i].view; }
   // ... and what is enough of these sets, one per i. No view need be touched: all.
   PlaceSet InEnough(std::span<const PlaceSet> touching) const;
+  // The same of whole tiles: whether any touches there, and whether that many views are enough.
+  bool AnyTouchesIn(size_t i, const TileIndex& index) const;
+  bool IsEnough(int touching) const { return touching >= needed_; }
   // Whether an empty robot image counts as touching in any view.
   bool beyond() const;
 
