@@ -8,27 +8,17 @@
 #include "absl/status/status.h"
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
-#include "tools/yaml/strict_yaml.h"
+#include "calib/calibration_matrix_yaml.h"
 
 namespace silhouette {
 namespace {
-
-int ViewOf(const YamlNode& node, const storage::v1::CellDescription& cell) {
-  const std::string name = node.As<std::string>();
-  std::vector<std::string> views;
-  for (int i = 0; i < cell.views_size(); ++i) {
-    if (cell.views(i).name() == name) return i;
-    views.push_back(cell.views(i).name());
-  }
-  node.Fail(absl::StrCat("there is no view '", name, "'; the views are ", ListOfWords(views)));
-}
 
 storage::v1::FundamentalMatrix ReadMatrix(const YamlNode& node,
                                           const storage::v1::CellDescription& cell) {
   YamlMap map(node);
   storage::v1::FundamentalMatrix matrix;
-  matrix.set_view_a(ViewOf(map.Required("view_a"), cell));
-  matrix.set_view_b(ViewOf(map.Required("view_b"), cell));
+  matrix.set_view_a(ViewByName(map.Required("view_a"), cell));
+  matrix.set_view_b(ViewByName(map.Required("view_b"), cell));
   for (const YamlNode& row : map.Required("F").Items(3)) {
     for (const double value : row.Values<double>(3)) matrix.add_f(value);
   }
@@ -39,11 +29,29 @@ storage::v1::FundamentalMatrix ReadMatrix(const YamlNode& node,
   return matrix;
 }
 
-storage::v1::Calibration ReadMatrices(const YamlNode& root,
-                                      const storage::v1::CellDescription& cell) {
+std::string Quoted(const std::string& name) {
+  YAML::Emitter text;
+  text << YAML::DoubleQuoted << name;
+  return text.c_str();
+}
+
+}  // namespace
+
+int ViewByName(const YamlNode& node, const storage::v1::CellDescription& cell) {
+  const std::string name = node.As<std::string>();
+  std::vector<std::string> views;
+  for (int i = 0; i < cell.views_size(); ++i) {
+    if (cell.views(i).name() == name) return i;
+    views.push_back(cell.views(i).name());
+  }
+  node.Fail(absl::StrCat("there is no view '", name, "'; the views are ", ListOfWords(views)));
+}
+
+storage::v1::Calibration MatricesFromYaml(const YamlNode& list,
+                                          const storage::v1::CellDescription& cell) {
   storage::v1::Calibration calibration;
   std::set<std::pair<int, int>> pairs;
-  for (const YamlNode& item : root.Items()) {
+  for (const YamlNode& item : list.Items()) {
     storage::v1::FundamentalMatrix matrix = ReadMatrix(item, cell);
     if (!pairs.insert(std::minmax({matrix.view_a(), matrix.view_b()})).second) {
       item.Fail(absl::StrCat("views '", cell.views(matrix.view_a()).name(), "' and '",
@@ -52,17 +60,9 @@ storage::v1::Calibration ReadMatrices(const YamlNode& root,
     }
     *calibration.add_fundamental_matrices() = std::move(matrix);
   }
-  if (calibration.fundamental_matrices().empty()) root.Fail("there is no fundamental matrix");
+  if (calibration.fundamental_matrices().empty()) list.Fail("there is no fundamental matrix");
   return calibration;
 }
-
-std::string Quoted(const std::string& name) {
-  YAML::Emitter text;
-  text << YAML::DoubleQuoted << name;
-  return text.c_str();
-}
-
-}  // namespace
 
 std::string MatrixFileText(const storage::v1::Calibration& calibration,
                            const storage::v1::CellDescription& cell) {
@@ -82,7 +82,7 @@ std::string MatrixFileText(const storage::v1::Calibration& calibration,
 absl::StatusOr<storage::v1::Calibration> MatricesFromText(
     const std::string& text, const std::string& file, const storage::v1::CellDescription& cell) {
   try {
-    return ReadMatrices(YamlNode::FromText(text, file), cell);
+    return MatricesFromYaml(YamlNode::FromText(text, file), cell);
   } catch (const YamlError& error) {
     return absl::InvalidArgumentError(error.what());
   }

@@ -53,6 +53,16 @@ absl::StatusOr<CameraModel> CameraFrom(const storage::v1::CameraModel& message) 
   }
 }
 
+std::string FingerprintOf(const storage::v1::Calibration& message) {
+  storage::v1::Calibration bare = message;
+  bare.clear_record();
+  uint64_t hash = 0xcbf29ce484222325;  // FNV-1a
+  for (const char c : bare.SerializeAsString()) {
+    hash = (hash ^ static_cast<unsigned char>(c)) * 0x100000001b3;
+  }
+  return absl::StrCat(absl::Hex(hash, absl::kZeroPad16));
+}
+
 absl::StatusOr<Calibration> CalibrationFrom(const storage::v1::Calibration& message) {
   Calibration calibration;
   for (int i = 0; i < message.cameras_size(); ++i) {

@@ -1,6 +1,8 @@
 // The calibration as the database stores it, and as the collision test uses it.
 #pragma once
 
+#include <string>
+
 #include "absl/status/statusor.h"
 #include "calib/calibration.h"
 #include "silhouette/storage/v1/storage.pb.h"
@@ -16,5 +18,9 @@ absl::StatusOr<CameraModel> CameraFrom(const storage::v1::CameraModel& message);
 
 // A calibration that CheckCalibration (db/store.h) lets pass. InvalidArgument if a camera is none.
 absl::StatusOr<Calibration> CalibrationFrom(const storage::v1::Calibration& message);
+
+// Tells calibrations apart: equal for the same cameras or matrices, whatever their record says. 16
+// hexadecimal digits.
+std::string FingerprintOf(const storage::v1::Calibration& message);
 
 }  // namespace silhouette

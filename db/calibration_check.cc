@@ -69,6 +69,22 @@ absl::Status CheckMatrices(const storage::v1::Calibration& calibration,
   return absl::OkStatus();
 }
 
+absl::Status CheckTags(const storage::v1::CalibrationRecord& record,
+                       const storage::v1::CellDescription& cell) {
+  for (const storage::v1::FixedTag& tag : record.fixed_tags()) {
+    if (tag.view() < 0 || tag.view() >= cell.views_size()) {
+      return absl::InvalidArgumentError("a fixed tag is not of one of the views");
+    }
+    if (tag.corners_size() != 8 || !AllFinite(tag.corners()) || !(tag.sigma() > 0) ||
+        !std::isfinite(tag.sigma())) {
+      return absl::InvalidArgumentError(
+          absl::StrCat("view '", cell.views(tag.view()).name(), "', fixed tag ", tag.tag(),
+                       ": a tag has four finite corners, and a sigma that is positive"));
+    }
+  }
+  return absl::OkStatus();
+}
+
 }  // namespace
 
 absl::Status CheckCalibration(const storage::v1::Calibration& calibration,
@@ -77,6 +93,7 @@ absl::Status CheckCalibration(const storage::v1::Calibration& calibration,
     return absl::InvalidArgumentError(
         "a calibration has either camera models or fundamental matrices");
   }
+  if (absl::Status status = CheckTags(calibration.record(), cell); !status.ok()) return status;
   if (calibration.cameras().empty()) return CheckMatrices(calibration, cell);
   if (calibration.cameras_size() != cell.views_size()) {
     return absl::InvalidArgumentError(absl::StrCat("there are ", calibration.cameras_size(),

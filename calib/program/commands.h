@@ -14,5 +14,6 @@ void AddDetectCommand(CLI::App& program, Run& run);
 void AddIntrinsicsCommand(CLI::App& program, Run& run);
 void AddPosesCommand(CLI::App& program, Run& run);
 void AddFundamentalCommand(CLI::App& program, Run& run);
+void AddCheckCommand(CLI::App& program, Run& run);
 
 }  // namespace silhouette

@@ -9,9 +9,9 @@
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
-#include "calib/calibration_matrix_file.h"
 #include "calib/program/band_pictures.h"
 #include "calib/program/commands.h"
+#include "calib/program/fundamental_output.h"
 #include "calib/program/fundamental_pairs.h"
 #include "calib/tags/sighting_file.h"
 #include "server/scene/calibration_settings.h"
@@ -29,6 +29,8 @@ struct Arguments {
   PairSettings settings;
   bool skip_refused = false;
   std::string out;
+  std::string calibration;
+  std::string fixed_tags;
   std::string draw;
   std::vector<std::string> images;
   std::string frame;
@@ -46,6 +48,12 @@ struct Found {
   }
 };
 
+absl::StatusOr<std::vector<TagSighting>> ReadSightings(const std::string& file) {
+  const absl::StatusOr<std::string> text = ReadWholeFile(file);
+  if (!text.ok()) return text.status();
+  return SightingsFromText(*text, file);
+}
+
 absl::StatusOr<Found> Find(const Arguments& arguments) {
   if (arguments.corners.empty() && arguments.sources.cameras.empty()) {
     return absl::InvalidArgumentError(
@@ -54,10 +62,7 @@ absl::StatusOr<Found> Find(const Arguments& arguments) {
   }
   Found found;
   if (!arguments.corners.empty()) {
-    const absl::StatusOr<std::string> text = ReadWholeFile(arguments.corners);
-    if (!text.ok()) return text.status();
-    absl::StatusOr<std::vector<TagSighting>> sightings =
-        SightingsFromText(*text, arguments.corners);
+    absl::StatusOr<std::vector<TagSighting>> sightings = ReadSightings(arguments.corners);
     if (!sightings.ok()) return sightings.status();
     found.sightings = *std::move(sightings);
   }
@@ -81,23 +86,6 @@ Calibration CalibrationOf(const Found& found, bool of_models) {
     }
   }
   return calibration;
-}
-
-absl::Status WriteMatrices(const Arguments& arguments, const Found& found) {
-  storage::v1::CellDescription cell;
-  for (const PairedView& view : found.views) cell.add_views()->set_name(view.name);
-  storage::v1::Calibration calibration;
-  for (const PairResult& pair : found.pairs) {
-    if (pair.unseen || pair.refusal) continue;
-    storage::v1::FundamentalMatrix& matrix = *calibration.add_fundamental_matrices();
-    matrix.set_view_a(pair.a);
-    matrix.set_view_b(pair.b);
-    for (int i = 0; i < 9; ++i) matrix.add_f(pair.f_of_masks(i / 3, i % 3));
-  }
-  if (calibration.fundamental_matrices().empty()) {
-    return absl::FailedPreconditionError("no pair of views has a matrix; nothing is written");
-  }
-  return WriteWholeFile(arguments.out, MatrixFileText(calibration, cell));
 }
 
 // The frame in which most corners were seen.
@@ -179,10 +167,20 @@ absl::StatusOr<ExitCode> Work(const Arguments& arguments) {
     written = *std::move(drawn);
   }
   const bool refused = found->AnyRefused() && !arguments.skip_refused;
+  const FoundCalibration calibration{
+      .views = found->views, .pairs = found->pairs, .cameras = arguments.sources.cameras};
   if (!arguments.out.empty() && !refused) {
-    const absl::Status status = WriteMatrices(arguments, *found);
+    const absl::Status status = WriteMatrices(calibration, arguments.out);
     if (!status.ok()) return status;
     written.push_back(arguments.out);
+  }
+  if (!arguments.calibration.empty() && (!refused || of_models)) {
+    absl::StatusOr<std::vector<TagSighting>> fixed = std::vector<TagSighting>();
+    if (!arguments.fixed_tags.empty()) fixed = ReadSightings(arguments.fixed_tags);
+    if (!fixed.ok()) return fixed.status();
+    const absl::Status status = WriteSession(calibration, *fixed, arguments.calibration);
+    if (!status.ok()) return status;
+    written.push_back(arguments.calibration);
   }
   if (arguments.format == "json") {
     nlohmann::ordered_json json = PairsJson(found->views, found->pairs);
@@ -222,6 +220,15 @@ void AddFundamentalCommand(CLI::App& program, Run& run) {
   command->add_option("--mask-size", a.sources.mask_size,
                       "WIDTHxHEIGHT of all views' masks, where no cell says it");
   command->add_option("--out", a.out, "YAML file of matrices for silhouette-db calibration import");
+  command->add_option(
+      "--calibration", a.calibration,
+      "calibration.yaml to write for silhouette-db calibration import: the cameras, "
+      "else the matrices, with their figures of merit");
+  command
+      ->add_option("--fixed-tags", a.fixed_tags,
+                   "Corners (CSV) of tags that stay in the cell, for --calibration; by them "
+                   "'check' sees whether a camera moved")
+      ->needs("--calibration");
   command
       ->add_option("--max-margin", a.settings.most_margin,
                    "Margin in mask pixels that a matrix may need: 'calibration.margin' of the "

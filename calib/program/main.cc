@@ -18,5 +18,6 @@ int main(int argc, char** argv) {
   silhouette::AddIntrinsicsCommand(app, run);
   silhouette::AddPosesCommand(app, run);
   silhouette::AddFundamentalCommand(app, run);
+  silhouette::AddCheckCommand(app, run);
   return silhouette::RunProgram(app, argc, argv, [&] { return run(); });
 }

@@ -242,6 +242,7 @@ absl::StatusOr<ExitCode> Show(const Options& options) {
   const CalibrationReport report{.database = *opened->database,
                                  .generation = opened->snapshot.generation(),
                                  .calibration = tested->calibration,
+                                 .record = (*stored)->record(),
                                  .margin = options.margin,
                                  .contradictions = tested->contradictions};
   if (options.format == "json") {
@@ -267,7 +268,7 @@ void AddImportTo(CLI::App& parent, Work& work) {
   command
       ->add_option("files", options->inputs,
                    "A folder of camera models, or one per view: FILE, named VIEW.cameramodel, or "
-                   "VIEW=FILE; or one YAML file of fundamental matrices")
+                   "VIEW=FILE; or one YAML file: calibration.yaml, or fundamental matrices")
       ->required();
   command->add_flag("--force", options->force, "Import it even if it contradicts the robot images");
   AddMargin(*command, *options);
@@ -278,6 +279,7 @@ void AddImportTo(CLI::App& parent, Work& work) {
       "numbers] * 3]}\n"
       "with x_b' F x_a = 0 in mask pixels, integers at pixel centres.\n"
       "Examples:\n"
+      "  silhouette-db calibration import cell.lmdb cameras/calibration.yaml\n"
       "  silhouette-db calibration import cell.lmdb cameras/\n"
       "  silhouette-db calibration import cell.lmdb top=a.cameramodel left=b.cameramodel\n"
       "  silhouette-db calibration import cell.lmdb matrices.yaml");

@@ -10,6 +10,7 @@
 #include "absl/strings/str_join.h"
 #include "calib/calibration_camera_file.h"
 #include "calib/calibration_matrix_file.h"
+#include "calib/calibration_session_file.h"
 #include "calib/epipolar_angles.h"
 #include "db/store.h"
 #include "tools/picture/files.h"
@@ -77,10 +78,43 @@ absl::StatusOr<std::vector<std::string>> FilesByView(const std::vector<std::stri
   return files;
 }
 
+absl::Status AddCameras(const std::vector<std::string>& files,
+                        storage::v1::Calibration& calibration) {
+  for (const std::string& file : files) {
+    const absl::StatusOr<std::string> text = ReadWholeFile(file);
+    if (!text.ok()) return text.status();
+    absl::StatusOr<storage::v1::CameraModel> camera = CameraFromText(*text, file);
+    if (!camera.ok()) return camera.status();
+    *calibration.add_cameras() = *std::move(camera);
+  }
+  return absl::OkStatus();
+}
+
+// Of calibration.yaml, with the cameras that it names, or of a file of matrices.
+absl::StatusOr<storage::v1::Calibration> ReadYaml(const std::string& file,
+                                                  const CellDescription& cell) {
+  const absl::StatusOr<std::string> text = ReadWholeFile(file);
+  if (!text.ok()) return text.status();
+  if (!IsSessionFile(*text)) return MatricesFromText(*text, file, cell);
+  absl::StatusOr<CalibrationSession> session = SessionFromText(*text, file, cell);
+  if (!session.ok()) return session.status();
+  if (session->camera_files.empty()) return std::move(session->calibration);
+  // The cameras are the calibration; the pairs follow from them.
+  session->calibration.clear_fundamental_matrices();
+  for (std::string& camera : session->camera_files) {
+    camera = (fs::path(file).parent_path() / camera).string();
+  }
+  const absl::Status added = AddCameras(session->camera_files, session->calibration);
+  if (!added.ok()) return added;
+  return std::move(session->calibration);
+}
+
 absl::StatusOr<storage::v1::Calibration> ReadCameras(const std::vector<std::string>& inputs,
                                                      const CellDescription& cell) {
   std::vector<std::string> named = inputs;
   if (inputs.size() == 1 && fs::is_directory(inputs[0])) {
+    const std::string session = (fs::path(inputs[0]) / kSessionFileName).string();
+    if (fs::exists(session)) return ReadYaml(session, cell);
     named.clear();
     for (const storage::v1::View& view : cell.views()) {
       named.push_back((fs::path(inputs[0]) / CameraFileName(view.name())).string());
@@ -89,13 +123,7 @@ absl::StatusOr<storage::v1::Calibration> ReadCameras(const std::vector<std::stri
   const absl::StatusOr<std::vector<std::string>> files = FilesByView(named, cell);
   if (!files.ok()) return files.status();
   storage::v1::Calibration calibration;
-  for (const std::string& file : *files) {
-    const absl::StatusOr<std::string> text = ReadWholeFile(file);
-    if (!text.ok()) return text.status();
-    absl::StatusOr<storage::v1::CameraModel> camera = CameraFromText(*text, file);
-    if (!camera.ok()) return camera.status();
-    *calibration.add_cameras() = *std::move(camera);
-  }
+  if (absl::Status added = AddCameras(*files, calibration); !added.ok()) return added;
   return calibration;
 }
 
@@ -113,9 +141,7 @@ absl::StatusOr<storage::v1::Calibration> ReadCalibration(const std::vector<std::
                                                          const CellDescription& cell) {
   absl::StatusOr<storage::v1::Calibration> calibration;
   if (inputs.size() == 1 && IsYaml(inputs[0])) {
-    const absl::StatusOr<std::string> text = ReadWholeFile(inputs[0]);
-    if (!text.ok()) return text.status();
-    calibration = MatricesFromText(*text, inputs[0], cell);
+    calibration = ReadYaml(inputs[0], cell);
   } else {
     calibration = ReadCameras(inputs, cell);
   }
@@ -151,7 +177,8 @@ absl::StatusOr<std::vector<std::string>> WriteCalibration(
     const std::string& out) {
   std::vector<std::pair<std::string, std::string>> files;  // path, text
   if (calibration.cameras().empty()) {
-    files.emplace_back(out, MatrixFileText(calibration, cell));
+    files.emplace_back(out, calibration.has_record() ? SessionFileText({calibration, {}}, cell)
+                                                     : MatrixFileText(calibration, cell));
   } else {
     std::error_code error;
     fs::create_directories(out, error);
@@ -164,6 +191,13 @@ absl::StatusOr<std::vector<std::string>> WriteCalibration(
     const std::string& view = cell.views(i).name();
     files.emplace_back((fs::path(out) / CameraFileName(view)).string(),
                        CameraFileText(calibration.cameras(i), view));
+  }
+  if (calibration.has_record() && !calibration.cameras().empty()) {
+    CalibrationSession session{.calibration = calibration, .camera_files = {}};
+    for (const auto& file : files) {
+      session.camera_files.push_back(fs::path(file.first).filename().string());
+    }
+    files.emplace_back((fs::path(out) / kSessionFileName).string(), SessionFileText(session, cell));
   }
   std::vector<std::string> paths;
   for (const auto& [path, text] : files) {

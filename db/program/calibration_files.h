@@ -11,10 +11,10 @@
 
 namespace silhouette {
 
-// `inputs` is one YAML file of fundamental matrices, one folder of camera models, or one camera
-// model per view: FILE, named after its view, or VIEW=FILE. InvalidArgument or NotFound, naming
-// file and view, for what is missing, unknown, there twice, not of its format or not for the views
-// of `cell`.
+// `inputs` is calibration.yaml (calib/calibration_session_file.h) or the folder that has it, one
+// YAML file of fundamental matrices, one folder of camera models, or one camera model per view:
+// FILE, named after its view, or VIEW=FILE. InvalidArgument or NotFound, naming file and view, for
+// what is missing, unknown, there twice, not of its format or not for the views of `cell`.
 absl::StatusOr<storage::v1::Calibration> ReadCalibration(const std::vector<std::string>& inputs,
                                                          const storage::v1::CellDescription& cell);
 
@@ -23,7 +23,8 @@ absl::StatusOr<storage::v1::Calibration> ReadCalibration(const std::vector<std::
 absl::Status CheckLines(const Calibration& calibration, const storage::v1::CellDescription& cell);
 
 // Writes what ReadCalibration reads: cameras into the folder `out`, one file per view, matrices
-// into the file `out`. Returns the files' paths. AlreadyExists if a file is there.
+// into the file `out`; with calibration.yaml, or as such, where there is a record. Returns the
+// files' paths. AlreadyExists if a file is there.
 absl::StatusOr<std::vector<std::string>> WriteCalibration(
     const storage::v1::Calibration& calibration, const storage::v1::CellDescription& cell,
     const std::string& out);

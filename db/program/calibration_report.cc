@@ -9,6 +9,7 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
 #include "absl/strings/str_join.h"
+#include "db/program/calibration_record.h"
 #include "db/program/common.h"
 
 namespace silhouette {
@@ -234,6 +235,7 @@ void PrintText(const CalibrationReport& report) {
   std::cout << absl::StreamFormat(
       "database     %s, generation %d\ncalibration  %s\n", report.database.path(),
       report.generation, report.calibration.cameras.empty() ? "fundamental matrices" : "cameras");
+  PrintText(report.record);
   PrintViews(report);
   for (const PairFacts& pair : PairsOf(report)) PrintPair(report, pair);
   std::cout << "\nat worst " << ContradictionText(report.contradictions, report.database.cell())
@@ -249,6 +251,7 @@ void PrintJson(const CalibrationReport& report) {
               {"configurations", report.contradictions.configurations},
               {"views", ViewsJson(report)},
               {"pairs", json::array()}};
+  if (report.record.ByteSizeLong() > 0) out["record"] = JsonOf(report.record, cell);
   const PairContradictions* worst = report.contradictions.worst();
   out["worst_contradicting_share"] = worst != nullptr ? json(worst->share()) : json(nullptr);
   for (const PairFacts& facts : PairsOf(report)) {

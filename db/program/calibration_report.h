@@ -27,6 +27,7 @@ struct CalibrationReport {
   const Database& database;
   uint64_t generation = 0;
   const Calibration& calibration;
+  const storage::v1::CalibrationRecord& record;
   double margin = 0;
   const Contradictions& contradictions;
 };

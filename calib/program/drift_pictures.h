@@ -1,0 +1,12 @@
+// Pictures of how a camera moved.
+#pragma once
+
+#include "calib/program/tag_drift.h"
+#include "tools/picture/picture.h"
+
+namespace silhouette {
+
+// Arrows from where corners were to where they are, lengthened so that they can be seen.
+Picture PaintDrift(const ViewDrift& drift, const ViewSizes& sizes, double limit_mask);
+
+}  // namespace silhouette
