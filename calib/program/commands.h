@@ -15,5 +15,6 @@ void AddIntrinsicsCommand(CLI::App& program, Run& run);
 void AddPosesCommand(CLI::App& program, Run& run);
 void AddFundamentalCommand(CLI::App& program, Run& run);
 void AddCheckCommand(CLI::App& program, Run& run);
+void AddRunCommand(CLI::App& program, Run& run);
 
 }  // namespace silhouette

@@ -19,5 +19,6 @@ int main(int argc, char** argv) {
   silhouette::AddPosesCommand(app, run);
   silhouette::AddFundamentalCommand(app, run);
   silhouette::AddCheckCommand(app, run);
+  silhouette::AddRunCommand(app, run);
   return silhouette::RunProgram(app, argc, argv, [&] { return run(); });
 }

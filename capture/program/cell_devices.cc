@@ -52,6 +52,25 @@ absl::StatusOr<std::unique_ptr<CameraRig>> MakeCameras(const Cell& cell,
   return std::unique_ptr<CameraRig>(*std::move(rig));
 }
 
+// The simulated cell of a cell that names devices which there are.
+absl::StatusOr<std::shared_ptr<SimulatedCell>> SimulationOf(const Cell& cell) {
+  if (cell.robot.driver.empty()) {
+    return Mistake(cell, "nobody moves the robot; put 'driver: sim' into 'robot'");
+  }
+  if (cell.robot.driver != kSim) {
+    return Mistake(cell, absl::StrCat("the robot has the driver '", cell.robot.driver,
+                                      "', which is not known; known is 'sim'"));
+  }
+  if (absl::Status status = CheckSources(cell); !status.ok()) return status;
+  return LoadSimulatedCell(cell);
+}
+
+absl::StatusOr<CellDevices> DevicesOf(const Cell& cell, std::shared_ptr<SimulatedCell> simulation) {
+  auto cameras = MakeCameras(cell, simulation);
+  if (!cameras.ok()) return cameras.status();
+  return CellDevices{std::make_unique<SimulatedRobot>(std::move(simulation)), *std::move(cameras)};
+}
+
 // Puts the robot where somebody would have driven it before a capture.
 absl::Status PlaceRobot(const Cell& cell, const Travel& travel, Robot& robot) {
   for (const ConfigurationNumber number : travel.Serpentine()) {
@@ -66,21 +85,19 @@ absl::Status PlaceRobot(const Cell& cell, const Travel& travel, Robot& robot) {
 }  // namespace
 
 absl::StatusOr<CellDevices> OpenDevices(const Cell& cell, const Travel& travel) {
-  if (cell.robot.driver.empty()) {
-    return Mistake(cell, "nobody moves the robot; put 'driver: sim' into 'robot'");
-  }
-  if (cell.robot.driver != kSim) {
-    return Mistake(cell, absl::StrCat("the robot has the driver '", cell.robot.driver,
-                                      "', which is not known; known is 'sim'"));
-  }
-  if (absl::Status status = CheckSources(cell); !status.ok()) return status;
-  auto simulation = LoadSimulatedCell(cell);
+  auto simulation = SimulationOf(cell);
   if (!simulation.ok()) return simulation.status();
-  auto cameras = MakeCameras(cell, *simulation);
-  if (!cameras.ok()) return cameras.status();
-  auto robot = std::make_unique<SimulatedRobot>(*std::move(simulation));
-  if (absl::Status status = PlaceRobot(cell, travel, *robot); !status.ok()) return status;
-  return CellDevices{std::move(robot), *std::move(cameras)};
+  auto devices = DevicesOf(cell, *std::move(simulation));
+  if (!devices.ok()) return devices.status();
+  if (absl::Status status = PlaceRobot(cell, travel, *devices->robot); !status.ok()) return status;
+  return devices;
+}
+
+absl::StatusOr<CellDevices> OpenDevicesForCalibration(const Cell& cell) {
+  auto simulation = SimulationOf(cell);
+  if (!simulation.ok()) return simulation.status();
+  (*simulation)->ShowAllBoards(true);
+  return DevicesOf(cell, *std::move(simulation));
 }
 
 absl::StatusOr<std::unique_ptr<CameraRig>> OpenCamerasOfEmptyCell(const Cell& cell) {

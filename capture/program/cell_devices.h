@@ -23,4 +23,8 @@ absl::StatusOr<CellDevices> OpenDevices(const Cell& cell, const Travel& travel);
 // For reference images: the cameras alone. A simulated cell is empty.
 absl::StatusOr<std::unique_ptr<CameraRig>> OpenCamerasOfEmptyCell(const Cell& cell);
 
+// For calibration: as for captures, but a simulated robot stays where it is, and boards that are in
+// the simulated cell only for calibration are in it.
+absl::StatusOr<CellDevices> OpenDevicesForCalibration(const Cell& cell);
+
 }  // namespace silhouette

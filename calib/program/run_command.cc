@@ -1,0 +1,204 @@
+// silhouette-calibrate run
+#include <algorithm>
+#include <filesystem>
+#include <iostream>
+#include <memory>
+#include <numbers>
+
+#include "absl/strings/str_cat.h"
+#include "calib/intrinsics/solve_lenses.h"
+#include "calib/poses/pose_calibration.h"
+#include "calib/program/camera_files.h"
+#include "calib/program/commands.h"
+#include "calib/program/poses_inputs.h"
+#include "calib/program/poses_results.h"
+#include "calib/program/run_session.h"
+#include "calib/program/run_settings.h"
+#include "capture/program/cell_devices.h"
+#include "tools/picture/files.h"
+#include "tools/program/program.h"
+
+namespace silhouette {
+namespace {
+
+namespace fs = std::filesystem;
+
+struct Arguments {
+  RunArguments session;
+  bool resume = false;
+  std::string robot_sigma;
+  bool draw = false;
+  std::string format = "text";
+};
+
+std::string InFolder(const Arguments& arguments, const std::string& name) {
+  return (fs::path(arguments.session.out) / name).string();
+}
+
+// How to go on by hand with what is in the folder.
+std::string PosesCommand(const Arguments& arguments) {
+  return absl::StrCat("silhouette-calibrate poses --corners ", InFolder(arguments, "corners.csv"),
+                      " --robot-poses ", InFolder(arguments, "robot_poses.csv"), " --boards ",
+                      arguments.session.boards, " --cameras ", arguments.session.cameras,
+                      " --flange-board ", arguments.session.flange_board, " --out ",
+                      InFolder(arguments, "cameras"));
+}
+
+// The lenses from the images of boards, to the folder `lenses`.
+absl::Status FindLenses(const Cell& cell, const SessionSettings& settings,
+                        const SessionRecord& record, const std::string& folder) {
+  std::vector<LensCamera> cameras;
+  for (const ViewSettings& view : cell.views) {
+    cameras.push_back({.name = view.name, .width = view.image_width, .height = view.image_height});
+  }
+  const auto solution = SolveLenses(cameras, settings.boards, record.sightings);
+  if (!solution.ok()) {
+    return absl::Status(
+        solution.status().code(),
+        absl::StrCat("the lenses: ", solution.status().message(), "; or give them (--cameras)"));
+  }
+  for (const SolvedCamera& camera : solution->cameras) {
+    const auto written = WriteCameraFile(folder, camera.name, *camera.model);
+    if (!written.ok()) return written.status();
+  }
+  return absl::OkStatus();
+}
+
+absl::StatusOr<ExitCode> Solve(const Arguments& arguments, const std::string& lenses) {
+  PoseSources sources;
+  sources.corners = InFolder(arguments, "corners.csv");
+  sources.boards = arguments.session.boards;
+  sources.cameras = lenses;
+  sources.robot_poses = InFolder(arguments, "robot_poses.csv");
+  sources.flange_board = arguments.session.flange_board;
+  sources.robot_sigma = arguments.robot_sigma;
+  const absl::StatusOr<PoseProblem> problem = ReadPoseProblem(sources);
+  if (!problem.ok()) return problem.status();
+  const absl::StatusOr<PoseSolution> solution = CalibratePoses(*problem);
+  if (absl::IsFailedPrecondition(solution.status())) {
+    std::cerr << "silhouette-calibrate: " << solution.status().message() << std::endl;
+    return kNo;
+  }
+  if (!solution.ok()) return solution.status();
+  const auto files =
+      WritePoses(InFolder(arguments, "cameras"), *problem, *solution, arguments.draw);
+  if (!files.ok()) return files.status();
+  if (arguments.format == "json") {
+    nlohmann::ordered_json json = PosesJson(*solution);
+    json["files"] = *files;
+    std::cout << json.dump(2) << '\n';
+    return kDone;
+  }
+  PrintPoses(*solution);
+  for (const std::string& file : *files) std::cout << "wrote " << file << '\n';
+  return kDone;
+}
+
+absl::StatusOr<ExitCode> Work(Arguments arguments) {
+  CatchStopSignals();
+  const absl::StatusOr<Cell> cell = LoadCell(arguments.session.cell);
+  if (!cell.ok()) return cell.status();
+  if (cell->robot.urdf.empty()) {
+    return absl::InvalidArgumentError(cell->file + ": the robot needs a 'urdf' for this");
+  }
+  const auto robot = RobotModel::FromUrdf(cell->robot.urdf, cell->robot.package_paths);
+  if (!robot.ok()) return robot.status();
+  auto settings = SettingsOf(arguments.session, *cell, *robot);
+  if (!settings.ok()) return settings.status();
+  arguments.session.flange_board = settings->flange_board;
+  std::error_code error;
+  fs::create_directories(settings->folder, error);
+  if (error) {
+    return absl::FailedPreconditionError(
+        absl::StrCat("the folder '", settings->folder, "' cannot be made: ", error.message()));
+  }
+  auto record = ReadRecord(settings->folder, *robot);
+  if (!record.ok()) return record.status();
+  if (!arguments.resume && !record->frames.empty()) {
+    return absl::AlreadyExistsError(
+        absl::StrCat("'", settings->folder, "' has ", record->frames.size(),
+                     " frames of a session; go on with it (--resume), or name another folder"));
+  }
+  const auto devices = OpenDevicesForCalibration(*cell);
+  if (!devices.ok()) return devices.status();
+  const absl::Status recorded =
+      RecordSession(*cell, *robot, *settings, *devices->robot, *devices->cameras, *record);
+  if (absl::IsAborted(recorded) && StopRequested()) {
+    std::cerr << "silhouette-calibrate: stopped after " << record->frames.size()
+              << " frames; nothing is lost. Go on with the same command and --resume";
+    if (!arguments.session.cameras.empty()) {
+      std::cerr << ", or\nsolve with what there is: " << PosesCommand(arguments);
+    }
+    std::cerr << std::endl;
+    return kWorldFailed;
+  }
+  if (!recorded.ok()) return recorded;
+  std::string lenses = arguments.session.cameras;
+  if (lenses.empty()) {
+    lenses = InFolder(arguments, "lenses");
+    const absl::Status found = FindLenses(*cell, *settings, *record, lenses);
+    if (absl::IsFailedPrecondition(found)) {
+      std::cerr << "silhouette-calibrate: " << found.message() << std::endl;
+      return kNo;
+    }
+    if (!found.ok()) return found;
+  }
+  return Solve(arguments, lenses);
+}
+
+void AddOptions(CLI::App& command, Arguments& a) {
+  command.add_option("--cell", a.session.cell, "The cell's file, cell.yaml")->required();
+  command.add_option("--boards", a.session.boards, "The boards (YAML)")->required();
+  command.add_option("--out", a.session.out, "Folder for all that comes of it")->required();
+  command.add_option("--flange-board", a.session.flange_board,
+                     "The board on the flange; default: 'flange', or the only one");
+  command.add_option("--flange-link", a.session.flange_link,
+                     "The link that carries it; default: 'flange', else the last");
+  command.add_option("--cameras", a.session.cameras,
+                     "Folder of camera models, VIEW.cameramodel, for their lenses; without it "
+                     "they are found from the boards");
+  command.add_option("--frames", a.session.frames, "How many sets of images that show the board")
+      ->check(CLI::Range(3, 10000))
+      ->capture_default_str();
+  command
+      .add_option("--joint", a.session.joints,
+                  "name=lower:upper: a joint that may be moved, and how far; default: those of the "
+                  "grid in its range,\nthe last three up to 60 deg from where they stand")
+      ->allow_extra_args(false);
+  command.add_option("--floor", a.session.floor,
+                     "Height in the robot's base that nothing goes below, metres; default: the "
+                     "workspace's, else 0");
+  command.add_option(
+      "--poses", a.session.poses,
+      "Drive to these poses instead (CSV: a column per joint of the robot; radians)");
+  command.add_option("--seed", a.session.seed, "Of the choice of poses")->capture_default_str();
+  command.add_option("--robot-sigma", a.robot_sigma,
+                     "How exactly the robot goes where it says, per axis; default: 0.2mm,0.02deg");
+  command.add_flag("--resume", a.resume, "Go on with the session in the folder");
+  command.add_flag("--draw", a.draw, "Pictures of the residuals too");
+  AddFormatOption(command, a.format);
+}
+
+}  // namespace
+
+void AddRunCommand(CLI::App& program, Run& run) {
+  CLI::App* command = program.add_subcommand(
+      "run", "A whole session on a cell: drives the robot, takes images, solves");
+  auto arguments = std::make_shared<Arguments>();
+  AddOptions(*command, *arguments);
+  command->footer(
+      "The robot moves. Joint limits, forbidden regions and the floor are heeded, but not what "
+      "else stands in the cell,\nnor the robot itself: watch it, and give it room with --joint.\n"
+      "Exit code 1: the images give no calibration that one could trust; the reason is said.\n\n"
+      "Example:\n"
+      "  silhouette-calibrate run --cell cell.yaml --boards boards.yaml --out session\n"
+      "  silhouette-db calibration import cell.lmdb session/cameras");
+  command->callback([arguments, &run] {
+    run = [arguments]() -> int {
+      const absl::StatusOr<ExitCode> code = Work(*arguments);
+      return code.ok() ? *code : Report("silhouette-calibrate", code.status());
+    };
+  });
+}
+
+}  // namespace silhouette
