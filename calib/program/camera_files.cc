@@ -15,9 +15,10 @@ namespace {
 
 namespace fs = std::filesystem;
 
-// The view that CameraFileName made a file's name of.
-std::string ViewOfFile(const fs::path& file) {
-  const std::string name = file.stem().string();
+}  // namespace
+
+std::string ViewOfCameraFile(const std::string& path) {
+  const std::string name = fs::path(path).stem().string();
   std::string view;
   for (size_t i = 0; i < name.size(); ++i) {
     int code = 0;
@@ -32,7 +33,7 @@ std::string ViewOfFile(const fs::path& file) {
   return view;
 }
 
-absl::StatusOr<CameraModel> ReadCamera(const std::string& file) {
+absl::StatusOr<CameraModel> ReadCameraFile(const std::string& file) {
   const absl::StatusOr<std::string> text = ReadWholeFile(file);
   if (!text.ok()) return text.status();
   const absl::StatusOr<storage::v1::CameraModel> message = CameraFromText(*text, file);
@@ -41,8 +42,6 @@ absl::StatusOr<CameraModel> ReadCamera(const std::string& file) {
   if (camera.ok()) return camera;
   return absl::Status(camera.status().code(), absl::StrCat(file, ": ", camera.status().message()));
 }
-
-}  // namespace
 
 absl::StatusOr<std::vector<CameraFile>> ReadCameraFolder(const std::string& folder) {
   std::vector<fs::path> files;
@@ -61,9 +60,9 @@ absl::StatusOr<std::vector<CameraFile>> ReadCameraFolder(const std::string& fold
   std::sort(files.begin(), files.end());
   std::vector<CameraFile> cameras;
   for (const fs::path& file : files) {
-    const absl::StatusOr<CameraModel> camera = ReadCamera(file.string());
+    const absl::StatusOr<CameraModel> camera = ReadCameraFile(file.string());
     if (!camera.ok()) return camera.status();
-    cameras.push_back({ViewOfFile(file), *camera});
+    cameras.push_back({ViewOfCameraFile(file.string()), *camera});
   }
   return cameras;
 }

@@ -15,6 +15,12 @@ struct CameraFile {
   CameraModel camera;
 };
 
+// The view that CameraFileName made a file's name of.
+std::string ViewOfCameraFile(const std::string& path);
+
+// NotFound: no such file; InvalidArgument with file and line: not a camera model.
+absl::StatusOr<CameraModel> ReadCameraFile(const std::string& file);
+
 // By the views' names. NotFound: no such folder, or no camera model in it; InvalidArgument with
 // file and line: not a camera model.
 absl::StatusOr<std::vector<CameraFile>> ReadCameraFolder(const std::string& folder);

@@ -13,6 +13,7 @@
 #include "calib/calibration_camera_file.h"
 #include "calib/calibration_message.h"
 #include "calib/fundamental/correspondences.h"
+#include "calib/program/camera_files.h"
 #include "tools/cell/cell.h"
 #include "tools/picture/files.h"
 
@@ -21,38 +22,12 @@ namespace {
 
 namespace fs = std::filesystem;
 
-// The view that CameraFileName made a file's name of.
-std::string ViewOfFile(const fs::path& file) {
-  const std::string name = file.stem().string();
-  std::string view;
-  for (size_t i = 0; i < name.size(); ++i) {
-    int code = 0;
-    if (name[i] == '%' && i + 2 < name.size() &&
-        absl::SimpleHexAtoi(name.substr(i + 1, 2), &code)) {
-      view += static_cast<char>(code);
-      i += 2;
-    } else {
-      view += name[i];
-    }
-  }
-  return view;
-}
-
-absl::StatusOr<CameraModel> ReadCamera(const std::string& file) {
-  const absl::StatusOr<std::string> text = ReadWholeFile(file);
-  if (!text.ok()) return text.status();
-  const absl::StatusOr<storage::v1::CameraModel> message = CameraFromText(*text, file);
-  if (!message.ok()) return message.status();
-  absl::StatusOr<CameraModel> camera = CameraFrom(*message);
-  if (camera.ok()) return camera;
-  return absl::Status(camera.status().code(), absl::StrCat(file, ": ", camera.status().message()));
-}
-
 absl::StatusOr<std::vector<std::string>> NamesOfCameras(const std::string& folder) {
   std::vector<std::string> names;
   std::error_code error;
   for (const auto& entry : fs::directory_iterator(folder, error)) {
-    if (entry.path().extension() == kCameraFileExtension) names.push_back(ViewOfFile(entry.path()));
+    if (entry.path().extension() == kCameraFileExtension)
+      names.push_back(ViewOfCameraFile(entry.path().string()));
   }
   if (error) {
     return absl::NotFoundError(
@@ -91,7 +66,7 @@ bool Same(PixelSize one, PixelSize other) {
 
 absl::Status TakeCamera(const std::string& folder, PairedView& view) {
   const std::string file = (fs::path(folder) / CameraFileName(view.name)).string();
-  absl::StatusOr<CameraModel> camera = ReadCamera(file);
+  absl::StatusOr<CameraModel> camera = ReadCameraFile(file);
   if (!camera.ok()) return camera.status();
   const PixelSize size{camera->intrinsics().width, camera->intrinsics().height};
   if (view.sizes.image.width > 0 && !Same(view.sizes.image, size)) {
