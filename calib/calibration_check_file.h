@@ -1,4 +1,4 @@
-// What `silhouette-calibrate check` found, as a JSON file:
+// What `silhouette-calibrate check` found, as a JSON file that a server is given:
 //
 //   {"check": 1, "time": "2026-11-21T21:00:00Z", "calibration": "0123456789abcdef",
 //    "limit_mask_px": 0.25, "holds": false,

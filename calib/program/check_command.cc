@@ -129,7 +129,8 @@ void AddCheckCommand(CLI::App& program, Run& run) {
       ->add_option("--limit", a.request.limit, "How much a camera may have moved, in mask pixels")
       ->check(CLI::PositiveNumber)
       ->capture_default_str();
-  command->add_option("--out", a.out, "JSON file of the result");
+  command->add_option("--out", a.out,
+                      "JSON file of the result, for silhouette-server --calibration-check");
   command->add_option("--draw", a.draw, "Folder for a picture per view");
   AddFormatOption(*command, a.format);
   command->footer(

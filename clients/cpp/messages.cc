@@ -172,7 +172,8 @@ Basis FromMessage(const v1::Basis& basis, std::chrono::steady_clock::time_point 
 }
 
 Reason FromMessage(v1::Verdict::Reason reason) {
-  if (reason < v1::Verdict::REASON_UNSPECIFIED || reason > v1::Verdict::REASON_REGION_ENDED) {
+  if (reason < v1::Verdict::REASON_UNSPECIFIED ||
+      reason > v1::Verdict::REASON_CALIBRATION_DOUBTFUL) {
     return Reason::kUnspecified;
   }
   return static_cast<Reason>(reason);

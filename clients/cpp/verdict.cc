@@ -54,6 +54,10 @@ Words WordsFor(Reason reason) {
               "the margin in pixels"};
     case Reason::kRegionEnded:
       return {"region ended", "an allowed region ended while the answer was made: ask again"};
+    case Reason::kCalibrationDoubtful:
+      return {"calibration doubtful",
+              "a camera moved, or nobody checked lately whether one did (silhouette-calibrate "
+              "check): calibrate anew, or ask for the preset uncalibrated"};
     case Reason::kNotInMap:
       return {
           "not in map",

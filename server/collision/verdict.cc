@@ -40,6 +40,8 @@ std::string NameOf(Reason reason) {
       return "margin unknown";
     case Reason::kRegionEnded:
       return "region ended";
+    case Reason::kCalibrationDoubtful:
+      return "calibration doubtful";
   }
   return "internal";
 }

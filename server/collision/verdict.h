@@ -32,6 +32,7 @@ enum class Reason : uint8_t {
   kInternal = 14,
   kMarginUnknown = 15,
   kRegionEnded = 16,
+  kCalibrationDoubtful = 17,
 };
 
 // "scene stale" and the like, for logs and messages.

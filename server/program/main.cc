@@ -19,6 +19,7 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_join.h"
 #include "db/store.h"
+#include "server/program/calibration_watch.h"
 #include "server/program/robot_image_memory.h"
 #include "server/program/treatments.h"
 #include "server/scene/served_database.h"
@@ -39,6 +40,7 @@ struct Options {
   std::string listen;                          // empty: what the cell file says
   std::optional<uint64_t> robot_image_memory;  // nothing: what the cell file says
   std::string shared_map;                      // empty: what the cell file says
+  std::string calibration_check;               // empty: what the cell file says
 };
 
 // The signals that the program waits for itself. Blocked before any thread is started, so that no
@@ -226,11 +228,23 @@ int Run(const Options& options) {
   settings.shared_map = {
       .file = options.shared_map.empty() ? cell->server.shared_map : options.shared_map,
       .mode = cell->server.shared_map_mode};
+  const CalibrationWatchSettings check{.file = options.calibration_check.empty()
+                                                   ? cell->server.calibration_check
+                                                   : options.calibration_check,
+                                       .max_age = cell->server.calibration_check_max_age};
+  if (!check.file.empty()) {
+    settings.trust = std::make_shared<const CalibrationTrust>(ReadTrust(check, SystemClock()));
+  }
   const std::string shared_map = settings.shared_map.file;
   const std::string listen = options.listen.empty() ? cell->server.listen : options.listen;
   const absl::StatusOr<std::unique_ptr<Server>> server =
       Server::Start(listen, *std::move(database), std::move(settings));
   if (!server.ok()) return Report(kName, server.status());
+  std::optional<CalibrationWatch> calibration_watch;
+  if (!check.file.empty()) {
+    calibration_watch.emplace(check, SystemClock,
+                              [&server](auto trust) { (*server)->SetTrust(std::move(trust)); });
+  }
   std::cout << "listening on " << (*server)->address() << std::endl;
   spdlog::info("serving cell '{}' on {}", cell->name, (*server)->address());
   if (!shared_map.empty()) {
@@ -239,6 +253,7 @@ int Run(const Options& options) {
   }
 
   WaitForEnd(*cell, path, **server);
+  calibration_watch.reset();
   spdlog::info("stopping; calls in flight may take {} more", absl::FormatDuration(kGrace));
   // A second signal ends the program at once.
   sigset_t ending = AwaitedSignals();
@@ -272,6 +287,11 @@ int Main(int argc, char** argv) {
       "--shared-map", options.shared_map,
       "A file for the configuration space, which programs on this machine then look up in "
       "memory; default: what the cell file says, else none");
+  app.add_option(
+      "--calibration-check", options.calibration_check,
+      "What 'silhouette-calibrate check --out' wrote, followed as it changes: while it is\n"
+      "not known that no camera moved, presets that rest on the calibration are unknown.\n"
+      "Default: what the cell file says, else the calibration is taken to hold");
   app.footer(
       "Prints one line to stdout, 'listening on ADDRESS', when it is ready; its log goes to\n"
       "stderr. SIGTERM and Ctrl-C let the calls in flight finish; SIGHUP reads the database anew.\n"

@@ -21,11 +21,34 @@ Reason BlockedReason(const Served& served, const SceneSettings& settings, const 
   return scene.Blocked();
 }
 
-absl::Duration ValidFor(const Served& served, const SceneSettings& settings, const Moment& now) {
-  if (BlockedReason(served, settings, now) != Reason::kNone) return absl::ZeroDuration();
+bool RestsOnCalibration(const Policy& policy) {
+  return IsCalibrated(policy.preset) || IsSound(policy.preset);
+}
+
+Reason CalibrationReason(const Served& served, const Moment& now) {
+  if (served.trust == nullptr) return Reason::kNone;
+  const CalibrationTrust& trust = *served.trust;
+  const bool known = trust.holds && now.running < trust.until &&
+                     trust.fingerprint == served.database->calibration_fingerprint();
+  return known ? Reason::kNone : Reason::kCalibrationDoubtful;
+}
+
+Reason BlockedReason(const Served& served, const Policy& policy, const SceneSettings& settings,
+                     const Moment& now) {
+  const Reason blocked = BlockedReason(served, settings, now);
+  if (blocked != Reason::kNone || !RestsOnCalibration(policy)) return blocked;
+  return CalibrationReason(served, now);
+}
+
+absl::Duration ValidFor(const Served& served, const Policy& policy, const SceneSettings& settings,
+                        const Moment& now) {
+  if (BlockedReason(served, policy, settings, now) != Reason::kNone) return absl::ZeroDuration();
   absl::Duration valid = settings.max_age - served.scene->AgeAt(now);
   for (const AllowedRegion& region : served.regions->regions) {
     valid = std::min(valid, region.end - now.running);
+  }
+  if (served.trust != nullptr && RestsOnCalibration(policy)) {
+    valid = std::min(valid, served.trust->until - now.running);
   }
   return valid;
 }
@@ -82,7 +105,9 @@ const DistanceImages& DistancesFor(const Served& served, const Policy& policy,
 
 Checker::Checker(Served served, const Policy& policy, const SceneSettings& settings,
                  const Moment& now)
-    : served_(std::move(served)), policy_(policy), blocked_(BlockedReason(served_, settings, now)) {
+    : served_(std::move(served)),
+      policy_(policy),
+      blocked_(BlockedReason(served_, policy, settings, now)) {
   RequireServable(served_, policy);
   if (served_.scene == nullptr || blocked_ == Reason::kGenerationMismatch) return;
   test_.emplace(served_.database->robot_images(), served_.scene->obstacle_images, policy,

@@ -81,12 +81,27 @@ TestSupport SupportFor(const Served& served, const Policy& policy);
 const DistanceImages& DistancesFor(const Served& served, const Policy& policy,
                                    const TestSupport& support);
 
-// Why no verdict can rest on `served` at the moment `now`; kNone if verdicts can be made.
+// Whether verdicts under the policy rest on the calibration.
+bool RestsOnCalibration(const Policy& policy);
+
+// kCalibrationDoubtful if the calibration is checked, and not known to hold at the moment `now`;
+// kNone else.
+Reason CalibrationReason(const Served& served, const Moment& now);
+
+// Why no verdict can rest on `served` at the moment `now`, whatever the policy; kNone if some can
+// be made.
 Reason BlockedReason(const Served& served, const SceneSettings& settings, const Moment& now);
 
+// The same for verdicts under `policy`: besides, CalibrationReason where they rest on the
+// calibration.
+Reason BlockedReason(const Served& served, const Policy& policy, const SceneSettings& settings,
+                     const Moment& now);
+
 // How long from the moment `now` on that stays so if nothing new comes: then the scene is too old,
-// or an allowed region ends. Zero if no verdict can rest on it.
-absl::Duration ValidFor(const Served& served, const SceneSettings& settings, const Moment& now);
+// an allowed region ends, or the check of the calibration is too old. Zero if no verdict can rest
+// on it.
+absl::Duration ValidFor(const Served& served, const Policy& policy, const SceneSettings& settings,
+                        const Moment& now);
 
 // The names of the allowed regions without which verdicts under the policy might be others: those
 // that took any pixel of the scene away; all in force, if the policy looks at space instead.

@@ -62,10 +62,10 @@ Served SceneStore::Newest(const Moment& now) {
   const std::lock_guard lock(mutex_);
   const std::shared_ptr<const RegionSet> regions = regions_.InForce(now);
   if (!scenes_.empty()) {
-    return {database_, WithRegions(scenes_.back(), *regions), Reason::kNone, regions};
+    return {database_, WithRegions(scenes_.back(), *regions), Reason::kNone, regions, trust_};
   }
   return {database_, nullptr, database_replaced_ ? Reason::kGenerationMismatch : Reason::kNoScene,
-          regions};
+          regions, trust_};
 }
 
 absl::StatusOr<AllowedRegion> SceneStore::Allow(
@@ -88,6 +88,17 @@ bool SceneStore::Revoke(const std::string& name, const Moment& now) {
 std::vector<AllowedRegion> SceneStore::TakeEnded(const Moment& now) {
   const std::lock_guard lock(mutex_);
   return regions_.TakeEnded(now);
+}
+
+void SceneStore::SetTrust(std::shared_ptr<const CalibrationTrust> trust) {
+  const std::lock_guard lock(mutex_);
+  trust_ = std::move(trust);
+  NoteChange();
+}
+
+std::shared_ptr<const CalibrationTrust> SceneStore::trust() const {
+  const std::lock_guard lock(mutex_);
+  return trust_;
 }
 
 std::shared_ptr<const ServedDatabase> SceneStore::database() const {

@@ -10,6 +10,7 @@
 #include <stop_token>
 
 #include "absl/status/statusor.h"
+#include "server/scene/calibration_trust.h"
 #include "server/scene/scene.h"
 #include "server/scene/served_database.h"
 
@@ -25,6 +26,8 @@ struct Served {
   Reason without_scene = Reason::kNoScene;
   // The allowed regions in force; never null.
   std::shared_ptr<const RegionSet> regions = std::make_shared<const RegionSet>();
+  // Null: the calibration is not checked, and is taken to hold.
+  std::shared_ptr<const CalibrationTrust> trust = nullptr;
 };
 
 class SceneStore {
@@ -41,6 +44,10 @@ class SceneStore {
   // Serves another generation. All scenes are dropped: they were made with the old robot images. So
   // are all allowed regions.
   void ReplaceDatabase(std::shared_ptr<const ServedDatabase> database);
+
+  // What is known from now on of whether the calibration holds; null: it is not checked.
+  void SetTrust(std::shared_ptr<const CalibrationTrust> trust);
+  std::shared_ptr<const CalibrationTrust> trust() const;
 
   // What is served now.
   std::shared_ptr<const ServedDatabase> database() const;
@@ -83,6 +90,7 @@ class SceneStore {
   std::shared_ptr<const ServedDatabase> database_;
   std::deque<SharedScene> scenes_;  // oldest first
   AllowedRegions regions_;
+  std::shared_ptr<const CalibrationTrust> trust_;
   // The newest scene as the regions of a revision leave it.
   SharedScene with_regions_;
   uint64_t with_regions_of_scene_ = 0;

@@ -173,10 +173,13 @@ absl::StatusOr<std::shared_ptr<const ServedDatabase>> ServedDatabase::Load(
     }
     auto index = LoadIndex(snapshot);
     if (!index.ok()) return index.status();
-    return std::shared_ptr<const ServedDatabase>(
+    std::shared_ptr<ServedDatabase> served(
         new ServedDatabase(database.cell(), snapshot->generation(), *std::move(robot_images),
                            *std::move(index), *std::move(references), *std::move(calibration),
                            std::move(bands), std::move(treatments), std::move(sound_basis)));
+    const auto stored = snapshot->Calibration();
+    if (stored.ok() && *stored) served->calibration_fingerprint_ = FingerprintOf(**stored);
+    return served;
   } catch (const std::invalid_argument& error) {
     return absl::InvalidArgumentError(absl::StrCat("'", database.path(), "': ", error.what()));
   }

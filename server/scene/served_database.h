@@ -70,6 +70,9 @@ class ServedDatabase {
   // The reference image of a view; has_references() must hold.
   const Reference& reference(int view) const { return references_[static_cast<size_t>(view)]; }
 
+  // Which calibration it is (FingerprintOf in calib/calibration_message.h); empty where there is none.
+  const std::string& calibration_fingerprint() const { return calibration_fingerprint_; }
+
   // The calibration, and the epipolar lines that follow from it; null where there is none.
   const Calibration* calibration() const { return calibration_ ? &*calibration_ : nullptr; }
   const EpipolarBands* bands() const { return bands_ ? &*bands_ : nullptr; }
@@ -104,6 +107,7 @@ class ServedDatabase {
   std::shared_ptr<const CollisionIndex> index_;
   std::vector<Reference> references_;
   std::optional<Calibration> calibration_;
+  std::string calibration_fingerprint_;
   std::optional<EpipolarBands> bands_;
   ViewTreatments treatments_;
   std::shared_ptr<const SoundBasis> sound_;

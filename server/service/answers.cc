@@ -119,12 +119,15 @@ Reason Conclude(const Serving& serving, const Served& served, const Policy& poli
                 v1::Basis* basis, absl::Duration* valid_for) {
   const Moment now = serving.settings.clock();
   ToMessage(served, policy, now, basis);
-  Reason blocked = BlockedReason(served, serving.settings.scene, now);
+  // What has become known of the calibration meanwhile counts, too.
+  Served of_now = served;
+  of_now.trust = serving.scenes.trust();
+  Reason blocked = BlockedReason(of_now, policy, serving.settings.scene, now);
   if (blocked == Reason::kNone && serving.scenes.Revoked(*served.regions)) {
     blocked = Reason::kRegionEnded;
   }
   if (valid_for != nullptr) {
-    *valid_for = blocked == Reason::kNone ? ValidFor(served, serving.settings.scene, now)
+    *valid_for = blocked == Reason::kNone ? ValidFor(of_now, policy, serving.settings.scene, now)
                                           : absl::ZeroDuration();
   }
   return blocked;

@@ -1,5 +1,6 @@
 #include "server/service/database_service.h"
 
+#include "server/scene/checker.h"
 #include "server/service/messages.h"
 
 namespace silhouette {
@@ -10,6 +11,17 @@ grpc::ServerUnaryReactor* DatabaseService::GetDatabase(grpc::CallbackServerConte
   return AnswerHere(context, [this, response] {
     const std::shared_ptr<const ServedDatabase> database = serving_.scenes.database();
     ToMessage(*database, DefaultPolicy(serving_.settings, *database), response);
+    if (const auto trust = serving_.scenes.trust()) {
+      Served served;
+      served.database = database;
+      served.trust = trust;
+      const bool holds = CalibrationReason(served, serving_.settings.clock()) == Reason::kNone;
+      v1::CalibrationCheck& check = *response->mutable_calibration_check();
+      check.set_holds(holds);
+      check.set_message(trust->holds && !holds
+                            ? "the check is too old, or of another calibration: " + trust->message
+                            : trust->message);
+    }
     return grpc::Status::OK;
   });
 }

@@ -71,7 +71,7 @@ void MapKeeper::WorkOut(uint64_t version, const std::stop_token& stop) {
   const Moment now = settings_.clock();
   const Served served = scenes_.Newest(now);
   const Policy policy = DefaultPolicy(settings_, *served.database);
-  Reason blocked = BlockedReason(served, settings_.scene, now);
+  Reason blocked = BlockedReason(served, policy, settings_.scene, now);
   if (blocked == Reason::kNone && !served.database->CanServe(policy).ok()) {
     blocked = Reason::kInternal;
   }
@@ -96,7 +96,8 @@ void MapKeeper::WorkOut(uint64_t version, const std::stop_token& stop) {
     bool whole = work_out([] { return false; });
     // What has been withdrawn meanwhile is not told any more: the next change is known already.
     const auto withdrawn = [&] {
-      return scenes_.database() != served.database || scenes_.Revoked(*served.regions);
+      return scenes_.database() != served.database || scenes_.trust() != served.trust ||
+             scenes_.Revoked(*served.regions);
     };
     if (withdrawn()) return;
     Share(served, policy, space.get(), blocked);

@@ -11,7 +11,8 @@ namespace silhouette {
 absl::StatusOr<bool> PathWatch::Prepare() {
   const Moment now = serving().settings.clock();
   const Served served = serving().scenes.Newest(now);
-  const WatchedState state(served, BlockedReason(served, serving().settings.scene, now));
+  const WatchedState state(served, BlockedReason(served, serving().settings.scene, now),
+                           CalibrationReason(served, now));
   if (state == told_of_) return false;
   v1::WatchPathResponse update;
   absl::Duration valid_for;

@@ -77,6 +77,12 @@ void Server::ReplaceDatabase(std::shared_ptr<const ServedDatabase> database) {
   serving_.scenes.ReplaceDatabase(std::move(database));
 }
 
+void Server::SetTrust(std::shared_ptr<const CalibrationTrust> trust) {
+  const bool holds = trust == nullptr || trust->holds;
+  serving_.scenes.SetTrust(std::move(trust));
+  server_->GetHealthCheckService()->SetServingStatus("silhouette.v1.Calibration", holds);
+}
+
 void Server::Stop(absl::Duration grace) {
   server_->GetHealthCheckService()->SetServingStatus(false);
   serving_.watches.Close();

@@ -35,6 +35,10 @@ class Server {
   // Serves another generation; verdicts are unknown until the next scene.
   void ReplaceDatabase(std::shared_ptr<const ServedDatabase> database);
 
+  // What is known from now on of whether the calibration holds; null: it is not checked. The health
+  // service tells it as "silhouette.v1.Calibration".
+  void SetTrust(std::shared_ptr<const CalibrationTrust> trust);
+
   // Takes no more calls and waits for those in flight; what is not finished after `grace` is
   // cancelled, after a day at the latest. May be called once.
   void Stop(absl::Duration grace);

@@ -30,6 +30,7 @@ struct Serving {
         map_keeper(std::make_shared<MapKeeper>(settings, scenes, spaces, std::move(shared_map))),
         watch_workers(settings.worker_threads, settings.worker_queue),
         workers(settings.worker_threads, settings.worker_queue) {
+    scenes.SetTrust(settings.trust);
     if (map_keeper->needed()) watches.Add(map_keeper);
   }
 

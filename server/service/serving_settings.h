@@ -2,10 +2,12 @@
 #pragma once
 
 #include <cstddef>
+#include <memory>
 
 #include "absl/time/time.h"
 #include "capture/segmentation/settings.h"
 #include "server/collision/policy.h"
+#include "server/scene/calibration_trust.h"
 #include "server/scene/clock.h"
 #include "server/scene/scene_settings.h"
 #include "server/scene/served_database.h"
@@ -29,6 +31,8 @@ struct ServingSettings {
   // A watch whose caller does not take an update for so long is ended: it keeps the update's scene
   // and database alive.
   absl::Duration longest_write = absl::Seconds(30);
+  // What is known at first of whether the calibration holds; null: it is not checked.
+  std::shared_ptr<const CalibrationTrust> trust;
   // For calls, and as many for watches.
   int worker_threads = 2;
   // Tasks that may wait for a worker thread; more are turned away.

@@ -46,7 +46,8 @@ absl::Status SharedMapWriter::Begin(const std::shared_ptr<const ServedDatabase>&
   return absl::OkStatus();
 }
 
-shared_map::Stamp SharedMapWriter::StampOf(const Served& served, Reason blocked) const {
+shared_map::Stamp SharedMapWriter::StampOf(const Served& served, const Policy& policy,
+                                           Reason blocked) const {
   shared_map::Stamp stamp{.reason = static_cast<uint64_t>(blocked)};
   if (served.scene == nullptr) return stamp;
   const Scene& scene = *served.scene;
@@ -62,6 +63,14 @@ shared_map::Stamp SharedMapWriter::StampOf(const Served& served, Reason blocked)
     if (last >= stamp.valid_until) continue;
     stamp.valid_until = last;
     stamp.reason_after = static_cast<uint64_t>(Reason::kRegionEnded);
+  }
+  if (served.trust != nullptr && RestsOnCalibration(policy) &&
+      served.trust->until != absl::InfiniteDuration()) {
+    const int64_t last = absl::ToInt64Nanoseconds(served.trust->until) - 1;
+    if (last < stamp.valid_until) {
+      stamp.valid_until = last;
+      stamp.reason_after = static_cast<uint64_t>(Reason::kCalibrationDoubtful);
+    }
   }
   return stamp;
 }
@@ -90,7 +99,7 @@ absl::Status SharedMapWriter::Publish(const Served& served, const Policy& policy
     const TileVerdicts& verdicts = space->ready(tile) ? space->tile(tile) : unknown;
     return {verdicts.free, verdicts.occupied, space->free_cells(tile).words};
   };
-  shared_map::Stamp stamp = StampOf(served, blocked);
+  shared_map::Stamp stamp = StampOf(served, policy, blocked);
   if (blocked == Reason::kNone) stamp.cells = CellsOf(*space, policy);
   writer_->Publish(
       stamp, absl::StrJoin(RegionsIn(served, policy), "\n"),

@@ -45,7 +45,7 @@ class SharedMapWriter {
   absl::Status Begin(const std::shared_ptr<const ServedDatabase>& database, const Policy& policy);
   void Close(shared_map::Closed why);
   static shared_map::Cells CellsOf(const ConfigurationSpace& space, const Policy& policy);
-  shared_map::Stamp StampOf(const Served& served, Reason blocked) const;
+  shared_map::Stamp StampOf(const Served& served, const Policy& policy, Reason blocked) const;
 
   const SharedMapSettings settings_;
   const absl::Duration max_age_;

@@ -7,11 +7,13 @@
 
 namespace silhouette {
 
-WatchedState::WatchedState(const Served& served, Reason the_reason)
+WatchedState::WatchedState(const Served& served, Reason the_reason, Reason of_calibration)
     : database(served.database),
       scene(served.scene == nullptr ? 0 : served.scene->id),
       regions(served.regions->revision),
-      blocked(the_reason) {}
+      blocked(the_reason),
+      calibration(of_calibration),
+      trust(served.trust) {}
 
 WatchHub::WatchHub(SceneStore& scenes, SceneSettings settings, Clock clock)
     : scenes_(scenes),
@@ -67,7 +69,7 @@ void WatchHub::Run(const std::stop_token& stop) {
 void WatchHub::Look() {
   const Moment now = clock_();
   const Served served = scenes_.Newest(now);
-  WatchedState state(served, BlockedReason(served, settings_, now));
+  WatchedState state(served, BlockedReason(served, settings_, now), CalibrationReason(served, now));
   if (state != state_) {
     state_ = std::move(state);
     ++version_;

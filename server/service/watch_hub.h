@@ -18,8 +18,9 @@ namespace silhouette {
 // What answers rest on: equal states give equal answers.
 struct WatchedState {
   WatchedState() = default;
-  // `blocked`: BlockedReason (checker.h) of `served`.
-  WatchedState(const Served& served, Reason blocked);
+  // `blocked`: BlockedReason (checker.h) of `served`; `calibration`: its CalibrationReason, where
+  // `blocked` leaves it out.
+  WatchedState(const Served& served, Reason blocked, Reason calibration = Reason::kNone);
 
   bool operator==(const WatchedState&) const = default;
 
@@ -27,6 +28,8 @@ struct WatchedState {
   uint64_t scene = 0;  // its id; 0: none
   uint64_t regions = 0;
   Reason blocked = Reason::kNone;
+  Reason calibration = Reason::kNone;
+  std::shared_ptr<const CalibrationTrust> trust;
 };
 
 // Somebody who waits. Both functions are called by any thread, and return at once.
@@ -43,7 +46,8 @@ class Watcher {
 };
 
 // What answers rest on changes with a scene, an allowed region that begins or ends, another
-// database, and when the newest scene becomes too old. Looks with a thread of its own.
+// database, a check of the calibration, and when the newest scene or check becomes too old. Looks
+// with a thread of its own.
 class WatchHub {
  public:
   // `scenes` must outlive it.

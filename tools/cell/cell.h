@@ -55,6 +55,9 @@ struct ServerSettings {
   // File of the shared map; empty: none. Its permissions, as chmod has them.
   std::string shared_map;
   unsigned shared_map_mode = 0640;
+  // File of the newest check of the calibration; empty: it is taken to hold. Older checks are none.
+  std::string calibration_check;
+  absl::Duration calibration_check_max_age = absl::InfiniteDuration();
 };
 
 // Paths are absolute, or relative to the working directory; those in the file are relative to it.

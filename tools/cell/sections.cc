@@ -292,6 +292,14 @@ ServerSettings ReadServer(const YamlNode& node, const std::filesystem::path& fol
     if (const auto mode = shared_map.Optional("mode")) server.shared_map_mode = ReadMode(*mode);
     shared_map.Finish();
   }
+  if (const auto checked = map.Optional("calibration_check")) {
+    YamlMap check(*checked);
+    server.calibration_check = ResolvePath(folder, check.Get<std::string>("file"));
+    if (const auto age = check.Optional("max_age")) {
+      server.calibration_check_max_age = absl::Seconds(Positive(*age, age->AsSeconds()));
+    }
+    check.Finish();
+  }
   map.Finish();
   return server;
 }

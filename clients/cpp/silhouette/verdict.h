@@ -34,6 +34,7 @@ enum class Reason : uint8_t {
   kInternal = 14,
   kMarginUnknown = 15,
   kRegionEnded = 16,
+  kCalibrationDoubtful = 17,
   kNotInMap = 200,
   kBetweenGridPoints = 201,
   kMapClosed = 202,

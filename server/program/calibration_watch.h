@@ -1,0 +1,43 @@
+// Follows the file of the newest check of the calibration (silhouette-calibrate check --out).
+#pragma once
+
+#include <functional>
+#include <memory>
+#include <string>
+#include <thread>
+
+#include "server/scene/calibration_trust.h"
+#include "server/scene/clock.h"
+
+namespace silhouette {
+
+struct CalibrationWatchSettings {
+  std::string file;
+  // A check that is older is none.
+  absl::Duration max_age = absl::InfiniteDuration();
+};
+
+// What the file says at the moment `now`. One that cannot be read, is none, is from the future or
+// too old, or in which a view moved or was not checked: does not hold, and why.
+CalibrationTrust ReadTrust(const CalibrationWatchSettings& settings, const Moment& now);
+
+// Reads the file every half second, and tells what it says: at once, in the constructor, and
+// whenever its content has changed. The calls come from the constructor and a thread of its own.
+class CalibrationWatch {
+ public:
+  using Tell = std::function<void(std::shared_ptr<const CalibrationTrust>)>;
+
+  CalibrationWatch(CalibrationWatchSettings settings, Clock clock, Tell tell);
+
+ private:
+  void Look();
+
+  const CalibrationWatchSettings settings_;
+  const Clock clock_;
+  const Tell tell_;
+  std::string told_of_;  // the file's content, or why it could not be read
+  bool told_ = false;
+  std::jthread thread_;  // last: it uses the others
+};
+
+}  // namespace silhouette

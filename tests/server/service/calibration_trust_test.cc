@@ -1,0 +1,153 @@
+// A calibration that is checked: while it is not known to hold, nothing that rests on it is free,
+// whichever way one asks; what does not rest on it is served as before.
+#include <gmock/gmock.h>
+#include <grpcpp/health_check_service_interface.h>
+#include <gtest/gtest.h>
+
+#include "tests/server/service/test_server.h"
+#include "tests/server/service/watching.h"
+
+namespace silhouette {
+namespace {
+
+using ::testing::HasSubstr;
+
+struct CalibrationTrustTest : ::testing::Test {
+  std::shared_ptr<const ServedDatabase> database = NewDatabase({.calibration = TestCalibration()});
+  TestServer server{database, Settings(Holding())};
+
+  CalibrationTrust Holding() const {
+    CalibrationTrust trust;
+    trust.holds = true;
+    trust.fingerprint = database->calibration_fingerprint();
+    trust.message = "no view moved";
+    return trust;
+  }
+  CalibrationTrust Drifted() const {
+    CalibrationTrust trust = Holding();
+    trust.holds = false;
+    trust.message = "view 'left' moved by 12 px";
+    return trust;
+  }
+  static ServingSettings Settings(const CalibrationTrust& trust) {
+    ServingSettings settings;
+    settings.policy.preset = Preset::kCalibrated;
+    settings.trust = std::make_shared<const CalibrationTrust>(trust);
+    return settings;
+  }
+  void Tell(const CalibrationTrust& trust) {
+    server.server->SetTrust(std::make_shared<const CalibrationTrust>(trust));
+  }
+  v1::CalibrationCheck Told() {
+    grpc::ClientContext context;
+    v1::GetDatabaseResponse response;
+    EXPECT_TRUE(server.database_service->GetDatabase(&context, {}, &response).ok());
+    EXPECT_TRUE(response.has_calibration_check());
+    return response.calibration_check();
+  }
+
+  static v1::Policy Uncalibrated() {
+    v1::Policy policy;
+    policy.set_preset("uncalibrated");
+    return policy;
+  }
+
+  // Under the default policy, in every way that one can ask.
+  void ExpectOnlyDoubt() {
+    constexpr auto kDoubt = v1::Verdict::REASON_CALIBRATION_DOUBTFUL;
+    for (int a = 0; a < 5; ++a) {
+      const v1::Verdict verdict = server.CheckOne(At(a, 0));
+      EXPECT_EQ(verdict.state(), v1::Verdict::STATE_UNKNOWN);
+      EXPECT_EQ(verdict.reason(), kDoubt);
+    }
+    EXPECT_EQ(server.Path({At(0, 0), At(1, 0)}).verdict().reason(), kDoubt);
+    EXPECT_EQ(server.Path({At(0, 0), At(1, 0)}, true).verdict().reason(), kDoubt);
+    EXPECT_EQ(server.Explain(At(1, 0)).verdict().reason(), kDoubt);
+    EXPECT_EQ(server.CheckNumbers({0, 1, 2}).unknown_reason(), kDoubt);
+    EXPECT_EQ(server.CheckNumbers({0, 1, 2}).free(), std::string(1, '\0'));
+    const auto space = server.Space();
+    ASSERT_EQ(space.size(), 1u);
+    EXPECT_EQ(space[0].unknown_reason(), kDoubt);
+    EXPECT_EQ(space[0].tiles_size(), 0);
+    EXPECT_EQ(server.CheckOne(At(1, 0), Uncalibrated()).state(), v1::Verdict::STATE_FREE);
+    EXPECT_FALSE(Told().holds());
+  }
+};
+
+TEST_F(CalibrationTrustTest, ThatHoldsIsServed) {
+  server.Publish(EmptyCellScene());
+  EXPECT_EQ(server.CheckOne(At(1, 0)).state(), v1::Verdict::STATE_FREE);
+  EXPECT_TRUE(Told().holds());
+}
+
+TEST_F(CalibrationTrustTest, ThatIsNotCheckedIsServedAndSaysNothing) {
+  server.server->SetTrust(nullptr);
+  server.Publish(EmptyCellScene());
+  EXPECT_EQ(server.CheckOne(At(1, 0)).state(), v1::Verdict::STATE_FREE);
+  grpc::ClientContext context;
+  v1::GetDatabaseResponse response;
+  ASSERT_TRUE(server.database_service->GetDatabase(&context, {}, &response).ok());
+  EXPECT_FALSE(response.has_calibration_check());
+}
+
+TEST_F(CalibrationTrustTest, ACameraThatMovedIsNeverFree) {
+  server.Publish(EmptyCellScene());
+  Tell(Drifted());
+  ExpectOnlyDoubt();
+  EXPECT_EQ(Told().message(), "view 'left' moved by 12 px");
+  Tell(Holding());
+  EXPECT_EQ(server.CheckOne(At(1, 0)).state(), v1::Verdict::STATE_FREE);
+}
+
+TEST_F(CalibrationTrustTest, ACheckOfAnotherCalibrationIsNeverFree) {
+  server.Publish(EmptyCellScene());
+  CalibrationTrust trust = Holding();
+  trust.fingerprint = "0000000000000000";
+  Tell(trust);
+  ExpectOnlyDoubt();
+  EXPECT_THAT(Told().message(), HasSubstr("of another calibration"));
+  trust.fingerprint.clear();
+  Tell(trust);
+  ExpectOnlyDoubt();
+}
+
+TEST_F(CalibrationTrustTest, ACheckThatIsTooOldIsNeverFree) {
+  CalibrationTrust trust = Holding();
+  trust.until = absl::Seconds(10);
+  Tell(trust);
+  server.clock.Advance(absl::Milliseconds(9'999));
+  server.Publish(EmptyCellScene());
+  EXPECT_EQ(server.CheckOne(At(1, 0)).state(), v1::Verdict::STATE_FREE);
+  server.clock.Advance(absl::Milliseconds(1));
+  ExpectOnlyDoubt();
+}
+
+TEST_F(CalibrationTrustTest, WhatWatchersWereToldIsTakenBack) {
+  server.Publish(EmptyCellScene());
+  SpaceWatching watching(server);
+  SpaceUpdate update = watching.Next();
+  while (update.first.unknown_reason() != v1::Verdict::REASON_UNSPECIFIED) update = watching.Next();
+  EXPECT_GT(update.tiles, 0u);
+  Tell(Drifted());
+  update = watching.Next();
+  EXPECT_EQ(update.first.unknown_reason(), v1::Verdict::REASON_CALIBRATION_DOUBTFUL);
+  EXPECT_EQ(update.first.valid_for().seconds(), 0);
+  EXPECT_EQ(update.first.valid_for().nanos(), 0);
+  Tell(Holding());
+  update = watching.Next();
+  EXPECT_EQ(update.first.unknown_reason(), v1::Verdict::REASON_UNSPECIFIED);
+}
+
+TEST_F(CalibrationTrustTest, VerdictsAreValidNoLongerThanTheCheck) {
+  CalibrationTrust trust = Holding();
+  trust.until = absl::Milliseconds(300);
+  Tell(trust);
+  server.Publish(EmptyCellScene());
+  SpaceWatching watching(server);
+  SpaceUpdate update = watching.Next();
+  while (update.first.unknown_reason() != v1::Verdict::REASON_UNSPECIFIED) update = watching.Next();
+  EXPECT_EQ(update.first.valid_for().nanos(), 300'000'000);
+}
+
+}  // namespace
+}  // namespace silhouette
