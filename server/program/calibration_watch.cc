@@ -63,11 +63,10 @@ CalibrationWatch::CalibrationWatch(CalibrationWatchSettings settings, Clock cloc
 
 void CalibrationWatch::Look() {
   const absl::StatusOr<std::string> text = ReadWholeFile(settings_.file);
-  std::string content = text.ok() ? "+" + *text : "-" + text.status().ToString();
-  if (told_ && content == told_of_) return;
-  told_of_ = std::move(content);
-  told_ = true;
   auto trust = std::make_shared<const CalibrationTrust>(TrustFrom(text, settings_, clock_()));
+  std::string said = absl::StrCat(trust->message, "\n", text.value_or(""));
+  if (said == told_) return;
+  told_ = std::move(said);
   if (trust->holds) {
     spdlog::info("calibration: {}", trust->message);
   } else {

@@ -22,7 +22,8 @@ struct CalibrationWatchSettings {
 CalibrationTrust ReadTrust(const CalibrationWatchSettings& settings, const Moment& now);
 
 // Reads the file every half second, and tells what it says: at once, in the constructor, and
-// whenever its content has changed. The calls come from the constructor and a thread of its own.
+// whenever its content or what follows from it has changed; that a check becomes too old is not
+// told (CalibrationTrust::until). The calls come from the constructor and a thread of its own.
 class CalibrationWatch {
  public:
   using Tell = std::function<void(std::shared_ptr<const CalibrationTrust>)>;
@@ -35,8 +36,7 @@ class CalibrationWatch {
   const CalibrationWatchSettings settings_;
   const Clock clock_;
   const Tell tell_;
-  std::string told_of_;  // the file's content, or why it could not be read
-  bool told_ = false;
+  std::string told_;     // in words, and the file's content
   std::jthread thread_;  // last: it uses the others
 };
 

@@ -5,6 +5,7 @@
 #include <grpcpp/server_builder.h>
 
 #include <algorithm>
+#include <atomic>
 #include <chrono>
 #include <utility>
 
@@ -12,6 +13,35 @@
 #include "server/service/listen_address.h"
 
 namespace silhouette {
+namespace {
+
+// Tells the health service whether the calibration is known to hold.
+class CalibrationHealth : public Watcher {
+ public:
+  // Tells at once. Both must outlive the watching.
+  CalibrationHealth(Serving& serving, grpc::HealthCheckServiceInterface& health)
+      : serving_(serving), health_(health) {
+    Say();
+  }
+
+  void Tell(uint64_t version) override {
+    if (told_.exchange(version) != version) Say();
+  }
+  void End() override {}
+
+ private:
+  void Say() {
+    const Moment now = serving_.settings.clock();
+    const bool holds = CalibrationReason(serving_.scenes.Newest(now), now) == Reason::kNone;
+    health_.SetServingStatus("silhouette.v1.Calibration", holds);
+  }
+
+  Serving& serving_;
+  grpc::HealthCheckServiceInterface& health_;
+  std::atomic<uint64_t> told_ = 0;
+};
+
+}  // namespace
 
 Server::Server(std::shared_ptr<const ServedDatabase> database, ServingSettings settings,
                std::unique_ptr<SharedMapWriter> shared_map)
@@ -66,6 +96,10 @@ absl::StatusOr<std::unique_ptr<Server>> Server::Start(
         v1::DatabaseService::service_full_name()}) {
     health->SetServingStatus(name, true);
   }
+  if (server->serving_.settings.trust != nullptr) {
+    server->calibration_health_ = std::make_shared<CalibrationHealth>(server->serving_, *health);
+    server->serving_.watches.Add(server->calibration_health_);
+  }
   return server;
 }
 
@@ -78,14 +112,12 @@ void Server::ReplaceDatabase(std::shared_ptr<const ServedDatabase> database) {
 }
 
 void Server::SetTrust(std::shared_ptr<const CalibrationTrust> trust) {
-  const bool holds = trust == nullptr || trust->holds;
   serving_.scenes.SetTrust(std::move(trust));
-  server_->GetHealthCheckService()->SetServingStatus("silhouette.v1.Calibration", holds);
 }
 
 void Server::Stop(absl::Duration grace) {
-  server_->GetHealthCheckService()->SetServingStatus(false);
   serving_.watches.Close();
+  server_->GetHealthCheckService()->SetServingStatus(false);
   // No moment of the clock is further away than that.
   const absl::Duration bounded = std::min(grace, absl::Hours(24));
   server_->Shutdown(std::chrono::system_clock::now() + absl::ToChronoNanoseconds(bounded));

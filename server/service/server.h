@@ -1,4 +1,6 @@
-// The server: three services, health and reflection on one address.
+// The server: three services, health and reflection on one address. The health service tells as
+// "silhouette.v1.Calibration" whether the calibration is known to hold (CalibrationReason), if that
+// is checked from the start; what changes it is told a moment later.
 #pragma once
 
 #include <grpcpp/server.h>
@@ -35,8 +37,7 @@ class Server {
   // Serves another generation; verdicts are unknown until the next scene.
   void ReplaceDatabase(std::shared_ptr<const ServedDatabase> database);
 
-  // What is known from now on of whether the calibration holds; null: it is not checked. The health
-  // service tells it as "silhouette.v1.Calibration".
+  // What is known from now on of whether the calibration holds; null: it is not checked.
   void SetTrust(std::shared_ptr<const CalibrationTrust> trust);
 
   // Takes no more calls and waits for those in flight; what is not finished after `grace` is
@@ -53,6 +54,7 @@ class Server {
   DatabaseService database_service_;
   std::string address_;
   std::unique_ptr<grpc::Server> server_;
+  std::shared_ptr<Watcher> calibration_health_;  // null: the calibration is not checked
 };
 
 }  // namespace silhouette

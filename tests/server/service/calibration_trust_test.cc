@@ -1,9 +1,12 @@
 // A calibration that is checked: while it is not known to hold, nothing that rests on it is free,
 // whichever way one asks; what does not rest on it is served as before.
 #include <gmock/gmock.h>
-#include <grpcpp/health_check_service_interface.h>
 #include <gtest/gtest.h>
 
+#include <chrono>
+#include <thread>
+
+#include "tests/server/service/raw_call.h"
 #include "tests/server/service/test_server.h"
 #include "tests/server/service/watching.h"
 
@@ -44,6 +47,18 @@ struct CalibrationTrustTest : ::testing::Test {
     EXPECT_TRUE(server.database_service->GetDatabase(&context, {}, &response).ok());
     EXPECT_TRUE(response.has_calibration_check());
     return response.calibration_check();
+  }
+
+  // Waits until the health service says so of the calibration.
+  void AwaitHealth(bool serving) {
+    const std::string wanted = serving ? "\x08\x01" : "\x08\x02";
+    const auto end = std::chrono::steady_clock::now() + std::chrono::seconds(60);
+    std::string said;
+    while (said != wanted && std::chrono::steady_clock::now() < end) {
+      std::this_thread::sleep_for(std::chrono::milliseconds(5));
+      said = HealthOf(server.channel, "silhouette.v1.Calibration");
+    }
+    EXPECT_EQ(said, wanted);
   }
 
   static v1::Policy Uncalibrated() {
@@ -120,6 +135,22 @@ TEST_F(CalibrationTrustTest, ACheckThatIsTooOldIsNeverFree) {
   EXPECT_EQ(server.CheckOne(At(1, 0)).state(), v1::Verdict::STATE_FREE);
   server.clock.Advance(absl::Milliseconds(1));
   ExpectOnlyDoubt();
+}
+
+TEST_F(CalibrationTrustTest, ItsHealthFollowsTheCheckTheTimeAndTheDatabase) {
+  EXPECT_EQ(HealthOf(server.channel, "silhouette.v1.Calibration"), "\x08\x01") << "at once";
+  Tell(Drifted());
+  AwaitHealth(false);
+  CalibrationTrust trust = Holding();
+  trust.until = absl::Seconds(10);
+  Tell(trust);
+  AwaitHealth(true);
+  server.clock.Advance(absl::Seconds(10));
+  AwaitHealth(false);
+  Tell(Holding());
+  AwaitHealth(true);
+  server.server->ReplaceDatabase(NewDatabase());
+  AwaitHealth(false);
 }
 
 TEST_F(CalibrationTrustTest, WhatWatchersWereToldIsTakenBack) {

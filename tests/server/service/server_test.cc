@@ -2,7 +2,6 @@
 #include "server/service/server.h"
 
 #include <gmock/gmock.h>
-#include <grpcpp/generic/generic_stub.h>
 #include <gtest/gtest.h>
 
 #include <atomic>
@@ -14,6 +13,7 @@
 #include <thread>
 
 #include "server/service/listen_address.h"
+#include "tests/server/service/raw_call.h"
 #include "tests/server/service/test_server.h"
 
 namespace silhouette {
@@ -230,41 +230,11 @@ TEST(ListenAddress, WhatIsNoneIsRefused) {
   EXPECT_TRUE(CheckListenAddress("127.0.0.1:0").ok());
 }
 
-// The health and reflection services speak gRPC's own protocols; their messages are small enough to
-// be written by hand.
-std::string RawCall(const std::shared_ptr<grpc::Channel>& channel, const std::string& method,
-                    const std::string& request) {
-  grpc::ClientContext context;
-  grpc::CompletionQueue queue;
-  grpc::GenericStub stub(channel);
-  const auto call = stub.PrepareCall(&context, method, &queue);
-  void* tag = nullptr;
-  bool ok = false;
-  call->StartCall(nullptr);
-  queue.Next(&tag, &ok);
-  const grpc::Slice slice(request);
-  call->WriteLast(grpc::ByteBuffer(&slice, 1), {}, nullptr);
-  queue.Next(&tag, &ok);
-  grpc::ByteBuffer response;
-  call->Read(&response, nullptr);
-  queue.Next(&tag, &ok);
-  grpc::Status status;
-  call->Finish(&status, nullptr);
-  queue.Next(&tag, &ok);
-  EXPECT_TRUE(status.ok()) << status.error_message();
-  grpc::Slice bytes;
-  response.TrySingleSlice(&bytes);
-  return {reinterpret_cast<const char*>(bytes.begin()), bytes.size()};
-}
-
 TEST(Server, AnswersHealthChecksForEveryService) {
   TestServer server(NewDatabase());
   for (const std::string name : {"", "silhouette.v1.CollisionService", "silhouette.v1.SceneService",
                                  "silhouette.v1.DatabaseService"}) {
-    const std::string request =
-        name.empty() ? "" : std::string("\x0a") + static_cast<char>(name.size()) + name;
-    EXPECT_EQ(RawCall(server.channel, "/grpc.health.v1.Health/Check", request), "\x08\x01")
-        << "SERVING";
+    EXPECT_EQ(HealthOf(server.channel, name), "\x08\x01") << "SERVING";
   }
 }
 
