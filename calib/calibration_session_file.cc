@@ -153,7 +153,9 @@ std::string SessionFileText(const CalibrationSession& session, const CellDescrip
     absl::StrAppend(&text, "}\n");
   }
   if (!session.calibration.fundamental_matrices().empty()) {
-    absl::StrAppend(&text, "pairs:\n", MatrixFileText(session.calibration, cell));
+    absl::StrAppend(&text, "pairs:",
+                    session.camera_files.empty() ? "" : "  # for information; undistorted pixels",
+                    "\n", MatrixFileText(session.calibration, cell));
   }
   absl::StrAppend(&text, FiguresText(record));
   if (!record.warnings().empty()) absl::StrAppend(&text, "warnings:\n");

@@ -16,7 +16,8 @@
 //     - {view: top, family: tagStandard41h12, tag: 7, sigma: 0.02,
 //        corners: [[10, 20], [30, 20], [30, 0], [10, 0]]}
 //
-// With cameras these are the calibration and the pairs are for information; without, the pairs are.
+// With cameras these are the calibration and the pairs are for information, true of pixels of
+// undistorted images; without, the pairs are the calibration.
 // Only `calibration` and `views` must be there, and cameras or pairs. Numbers are written so that
 // reading gives the same ones.
 #pragma once

@@ -10,8 +10,8 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
 #include "calib/program/band_pictures.h"
+#include "calib/program/calibration_output.h"
 #include "calib/program/commands.h"
-#include "calib/program/fundamental_output.h"
 #include "calib/program/fundamental_pairs.h"
 #include "calib/tags/sighting_file.h"
 #include "server/scene/calibration_settings.h"
@@ -156,6 +156,23 @@ absl::StatusOr<std::vector<std::string>> DrawBands(const Arguments& arguments, c
   return written;
 }
 
+// calibration.yaml; what an earlier one says of the same cameras stays.
+absl::Status WriteRecord(const Arguments& arguments, const FoundCalibration& found) {
+  std::optional<storage::v1::CalibrationRecord> record = RecordOfFile(found, arguments.calibration);
+  if (!record) {
+    record.emplace();
+    record->set_program(absl::StrCat("silhouette-calibrate fundamental, ",
+                                     found.cameras.empty() ? "weak calibration" : "camera models"));
+  }
+  if (!arguments.fixed_tags.empty()) {
+    const auto fixed = ReadSightings(arguments.fixed_tags);
+    if (!fixed.ok()) return fixed.status();
+    const absl::Status set = SetFixedTags(found, *fixed, *record);
+    if (!set.ok()) return set;
+  }
+  return WriteCalibrationFile(found, *std::move(record), arguments.calibration);
+}
+
 absl::StatusOr<ExitCode> Work(const Arguments& arguments) {
   const absl::StatusOr<Found> found = Find(arguments);
   if (!found.ok()) return found.status();
@@ -175,10 +192,7 @@ absl::StatusOr<ExitCode> Work(const Arguments& arguments) {
     written.push_back(arguments.out);
   }
   if (!arguments.calibration.empty() && (!refused || of_models)) {
-    absl::StatusOr<std::vector<TagSighting>> fixed = std::vector<TagSighting>();
-    if (!arguments.fixed_tags.empty()) fixed = ReadSightings(arguments.fixed_tags);
-    if (!fixed.ok()) return fixed.status();
-    const absl::Status status = WriteSession(calibration, *fixed, arguments.calibration);
+    const absl::Status status = WriteRecord(arguments, calibration);
     if (!status.ok()) return status;
     written.push_back(arguments.calibration);
   }
@@ -223,7 +237,8 @@ void AddFundamentalCommand(CLI::App& program, Run& run) {
   command->add_option(
       "--calibration", a.calibration,
       "calibration.yaml to write for silhouette-db calibration import: the cameras, "
-      "else the matrices, with their figures of merit");
+      "else the matrices, with their figures of merit; what the one that is there says of these "
+      "cameras stays");
   command
       ->add_option("--fixed-tags", a.fixed_tags,
                    "Corners (CSV) of tags that stay in the cell, for --calibration; by them "

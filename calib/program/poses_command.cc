@@ -16,6 +16,7 @@ namespace {
 struct Arguments {
   PoseSources sources;
   bool degrees = false;
+  std::string mask_size;
   std::string out;
   bool draw = false;
   std::string format = "text";
@@ -38,6 +39,8 @@ absl::StatusOr<ExitCode> Work(const Arguments& arguments) {
   if (arguments.degrees) sources.joint_unit = AngleUnit::kDegrees;
   const absl::StatusOr<PoseProblem> problem = ReadPoseProblem(sources);
   if (!problem.ok()) return problem.status();
+  const auto masks = MaskSizesFrom(sources.cell, arguments.mask_size, *problem);
+  if (!masks.ok()) return masks.status();
   const auto start = std::chrono::steady_clock::now();
   const absl::StatusOr<PoseSolution> solution = CalibratePoses(*problem);
   const std::chrono::duration<double> taken = std::chrono::steady_clock::now() - start;
@@ -52,7 +55,9 @@ absl::StatusOr<ExitCode> Work(const Arguments& arguments) {
     return kNo;
   }
   if (!solution.ok()) return solution.status();
-  const auto files = WritePoses(arguments.out, *problem, *solution, arguments.draw);
+  const auto files =
+      WritePoses(arguments.out, *problem, *solution,
+                 {.command = "poses", .lenses = sources.cameras, .masks = *masks}, arguments.draw);
   if (!files.ok()) return files.status();
   if (arguments.format == "json") {
     nlohmann::ordered_json json = PosesJson(*solution);
@@ -81,8 +86,9 @@ void AddSources(CLI::App& command, PoseSources& s, bool& degrees) {
                                  "Instead: its joint values (CSV: frame and the joints' names)")
                      ->excludes(poses);
   command.add_flag("--degrees", degrees, "Joint values without a unit are degrees")->needs(joints);
-  command.add_option("--cell", s.cell, "cell.yaml, whose robot's URDF tells where the flange is")
-      ->needs(joints);
+  command.add_option("--cell", s.cell,
+                     "cell.yaml: its robot's URDF tells where the flange is, its views how large "
+                     "masks are");
   command.add_option("--urdf", s.urdf, "Instead: the robot's URDF")
       ->needs(joints)
       ->excludes("--cell");
@@ -109,7 +115,12 @@ void AddPosesCommand(CLI::App& program, Run& run) {
   auto arguments = std::make_shared<Arguments>();
   Arguments& a = *arguments;
   AddSources(*command, a.sources, a.degrees);
-  command->add_option("--out", a.out, "Folder for camera models, poses.json and residuals.csv")
+  command->add_option("--mask-size", a.mask_size,
+                      "WIDTHxHEIGHT of all views' masks, where no cell says it, for the matrices "
+                      "in calibration.yaml");
+  command
+      ->add_option("--out", a.out,
+                   "Folder for camera models, calibration.yaml, poses.json and residuals.csv")
       ->required();
   command->add_flag("--draw", a.draw, "Pictures of the residuals too, residuals_VIEW.png");
   AddFormatOption(*command, a.format);

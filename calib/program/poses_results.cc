@@ -154,13 +154,19 @@ void PrintPoses(const PoseSolution& solution) {
 
 absl::StatusOr<std::vector<std::string>> WritePoses(const std::string& folder,
                                                     const PoseProblem& problem,
-                                                    const PoseSolution& solution, bool draw) {
+                                                    const PoseSolution& solution,
+                                                    const PoseProvenance& provenance, bool draw) {
   std::vector<std::string> files;
   for (size_t i = 0; i < solution.views.size(); ++i) {
     const SolvedView& view = solution.views[i];
     const absl::StatusOr<std::string> file =
         WriteCameraFile(folder, view.on_flange ? view.name + ".flange" : view.name,
                         CameraModel(problem.views[i].lens, view.camera_pose));
+    if (!file.ok()) return file.status();
+    files.push_back(*file);
+  }
+  if (HasViews(solution)) {
+    const auto file = WritePoseCalibration(folder, problem, solution, provenance);
     if (!file.ok()) return file.status();
     files.push_back(*file);
   }

@@ -8,6 +8,7 @@
 #include "absl/status/statusor.h"
 #include "calib/poses/pose_problem.h"
 #include "calib/poses/pose_solution.h"
+#include "calib/program/poses_calibration.h"
 
 namespace silhouette {
 
@@ -17,11 +18,13 @@ nlohmann::ordered_json PosesJson(const PoseSolution& solution);
 
 void PrintPoses(const PoseSolution& solution);
 
-// Camera models with their poses, poses.json and residuals.csv in `folder`, which is made. A camera
-// on the flange has its pose there, and its file is called VIEW.flange.cameramodel, so that nobody
-// takes it for one in the base. With `draw` residuals_VIEW.png too. Returns the files.
+// Camera models with their poses, calibration.yaml, poses.json and residuals.csv in `folder`, which
+// is made. A camera on the flange has its pose there, and its file is called
+// VIEW.flange.cameramodel, so that nobody takes it for one in the base; calibration.yaml is of the
+// others. With `draw` residuals_VIEW.png too. Returns the files.
 absl::StatusOr<std::vector<std::string>> WritePoses(const std::string& folder,
                                                     const PoseProblem& problem,
-                                                    const PoseSolution& solution, bool draw);
+                                                    const PoseSolution& solution,
+                                                    const PoseProvenance& provenance, bool draw);
 
 }  // namespace silhouette

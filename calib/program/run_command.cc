@@ -64,7 +64,8 @@ absl::Status FindLenses(const Cell& cell, const SessionSettings& settings,
   return absl::OkStatus();
 }
 
-absl::StatusOr<ExitCode> Solve(const Arguments& arguments, const std::string& lenses) {
+absl::StatusOr<ExitCode> Solve(const Arguments& arguments, const Cell& cell,
+                               const std::string& lenses) {
   PoseSources sources;
   sources.corners = InFolder(arguments, "corners.csv");
   sources.boards = arguments.session.boards;
@@ -81,7 +82,8 @@ absl::StatusOr<ExitCode> Solve(const Arguments& arguments, const std::string& le
   }
   if (!solution.ok()) return solution.status();
   const auto files =
-      WritePoses(InFolder(arguments, "cameras"), *problem, *solution, arguments.draw);
+      WritePoses(InFolder(arguments, "cameras"), *problem, *solution,
+                 {.command = "run", .lenses = lenses, .masks = MaskSizesOf(cell)}, arguments.draw);
   if (!files.ok()) return files.status();
   if (arguments.format == "json") {
     nlohmann::ordered_json json = PosesJson(*solution);
@@ -143,7 +145,7 @@ absl::StatusOr<ExitCode> Work(Arguments arguments) {
     }
     if (!found.ok()) return found;
   }
-  return Solve(arguments, lenses);
+  return Solve(arguments, *cell, lenses);
 }
 
 void AddOptions(CLI::App& command, Arguments& a) {

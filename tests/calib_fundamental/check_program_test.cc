@@ -6,6 +6,7 @@
 #include <nlohmann/json.hpp>
 #include <opencv2/imgcodecs.hpp>
 
+#include "absl/strings/str_cat.h"
 #include "calib/calibration_camera_file.h"
 #include "calib/calibration_check_file.h"
 #include "calib/calibration_message.h"
@@ -107,6 +108,22 @@ TEST_F(CheckProgram, TheDatabaseKeepsWhereTheCalibrationComesFrom) {
   // Out and in again: the same.
   ASSERT_EQ(Db("export db out").exit_code, 0);
   EXPECT_THAT(Db("import db out").out, HasSubstr("nothing is changed"));
+}
+
+TEST_F(CheckProgram, WhatIsKnownOfTheCamerasStaysWhenFixedTagsAreAdded) {
+  const std::string file = shell_.folder() / "cameras" / "calibration.yaml";
+  WriteFile(file, absl::StrCat("calibration: 1\ntime: long ago\nprogram: somebody\nviews:\n",
+                               "  - {name: ", cameras_[0].view, ", camera: ",
+                               CameraFileName(cameras_[0].view), "}\n  - {name: ", cameras_[1].view,
+                               ", camera: ", CameraFileName(cameras_[1].view),
+                               "}\nfigures:\n  - {name: chi2_per_dof, value: 1.25}\n"));
+  Import();
+  const json record = json::parse(Db("show db --format json").out)["record"];
+  EXPECT_EQ(record["program"], "somebody");
+  EXPECT_EQ(record["time"], "long ago");
+  EXPECT_EQ(record["figures"][0]["value"], 1.25);
+  EXPECT_EQ(record["figures"][1]["name"], "bow");
+  EXPECT_GE(record["fixed_tags"].size(), 8u);
 }
 
 TEST_F(CheckProgram, CamerasThatStandStillHold) {

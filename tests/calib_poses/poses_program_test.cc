@@ -16,6 +16,7 @@
 #include "absl/strings/str_replace.h"
 #include "calib/calibration_camera_file.h"
 #include "calib/calibration_message.h"
+#include "calib/calibration_session_file.h"
 #include "calib/poses/robot_pose_file.h"
 #include "calib/robot_model.h"
 #include "calib/tags/board_file.h"
@@ -30,6 +31,7 @@ namespace fs = std::filesystem;
 using nlohmann::json;
 using testing::AllOf;
 using testing::HasSubstr;
+using testing::Not;
 
 constexpr char kUrdf[] = SILHOUETTE_SOURCE_DIR "/capture/sim/robots/rx130.urdf";
 constexpr char kFiles[] = "poses --corners corners.csv --boards boards.yaml --cameras lenses ";
@@ -90,7 +92,9 @@ TEST_F(CalibratePosesProgram, WritesCamerasInTheBaseFromPosesOfTheRobot) {
   WriteRig(rig);
   Write("poses.csv", RobotPoseFileText(rig.problem.robot_poses));
   const Outcome outcome = Run(absl::StrCat(
-      kFiles, "--robot-poses poses.csv --flange-board flange --out cameras --draw --format json"));
+      kFiles,
+      "--robot-poses poses.csv --flange-board flange --out cameras --draw --format json "
+      "--mask-size 64x48"));
   ASSERT_EQ(outcome.exit_code, 0) << outcome.errors;
   const json result = json::parse(outcome.output);
   EXPECT_NEAR(result["chi2_per_dof"].get<double>(), 1, 0.25);
@@ -108,6 +112,40 @@ TEST_F(CalibratePosesProgram, WritesCamerasInTheBaseFromPosesOfTheRobot) {
   EXPECT_TRUE(fs::exists(folder_ / "cameras/poses.json"));
   EXPECT_THAT(TextOf(folder_ / "cameras/residuals.csv"), HasSubstr("frame,view,family"));
   EXPECT_FALSE(cv::imread((folder_ / "cameras/residuals_camera0.png").string()).empty());
+
+  // All of it for the database, in calibration.yaml.
+  storage::v1::CellDescription cell;
+  for (const PoseView& view : rig.problem.views) cell.add_views()->set_name(view.name);
+  const auto session = SessionFromText(TextOf(folder_ / "cameras/calibration.yaml"), "", cell);
+  ASSERT_TRUE(session.ok()) << session.status();
+  EXPECT_EQ(session->camera_files[2], "camera2.cameramodel");
+  const storage::v1::CalibrationRecord& record = session->calibration.record();
+  EXPECT_EQ(
+      record.program(),
+      "silhouette-calibrate poses: 20 frames, board 'flange' on the flange; lenses of lenses");
+  const auto figure = [&](const std::string& name, const std::string& of) {
+    for (const auto& each : record.figures()) {
+      if (each.name() == name && each.of() == of) return each.value();
+    }
+    return -1.0;
+  };
+  EXPECT_EQ(figure("chi2_per_dof", ""), result["chi2_per_dof"]);
+  EXPECT_EQ(figure("workspace_sigma", "camera1"), result["views"][1]["workspace_sigma_mm"]);
+  EXPECT_NEAR(figure("epipolar_rms", "camera0 - camera2"), 0.05, 0.03);
+  ASSERT_EQ(session->calibration.fundamental_matrices_size(), 6);
+  for (const storage::v1::FundamentalMatrix& pair : session->calibration.fundamental_matrices()) {
+    Eigen::Matrix3d f;
+    for (int i = 0; i < 9; ++i) f(i / 3, i % 3) = pair.f(i);
+    const auto seen = [&](int view) {
+      const auto i = static_cast<size_t>(view);
+      CameraIntrinsics lens = rig.problem.views[i].lens;
+      lens.distortion = {};
+      const CameraModel camera = CameraModel(lens, rig.camera_poses[i]).ScaledTo(64, 48);
+      return camera.Project({0.2, -0.1, 0.8})->homogeneous().eval();
+    };
+    const Eigen::Vector3d line = f * seen(pair.view_a());
+    EXPECT_LT(std::abs(line.dot(seen(pair.view_b()))) / line.head<2>().norm(), 0.01);
+  }
 }
 
 // Joint values of frames all over the workspace, and what was seen with the robot near them.
@@ -185,6 +223,8 @@ TEST_F(CalibratePosesProgram, EyeInHandAndSurveyedBoardsAreTakenTogether) {
   EXPECT_LT(PoseError(camera.camera_from_world(), hand).tail<3>().norm(), 1e-3);
   const CameraModel fixed = Camera("cameras/camera1.cameramodel");
   EXPECT_LT(PoseError(fixed.camera_from_world(), rig.camera_poses[1]).tail<3>().norm(), 5e-3);
+  EXPECT_THAT(TextOf(folder_ / "cameras/calibration.yaml"),
+              AllOf(HasSubstr("camera1.cameramodel"), Not(HasSubstr("hand"))));
 }
 
 TEST_F(CalibratePosesProgram, MistakesAreOneSentenceAndNothingIsWritten) {
