@@ -82,6 +82,7 @@ void PrintJson(const Checked& checked) {
 }
 
 absl::StatusOr<ExitCode> Work(const Arguments& arguments) {
+  CatchStopSignals();
   const absl::StatusOr<Checked> checked = CheckViews(arguments.request);
   if (!checked.ok()) return checked.status();
   if (!arguments.out.empty()) {
@@ -123,8 +124,24 @@ void AddCheckCommand(CLI::App& program, Run& run) {
                       "Folder with an image of now of every view, VIEW.png: the silhouette of the "
                       "parked robot is compared with its robot image");
   command->add_option("--number", a.request.number,
-                      "The configuration in which the robot is parked, for --images");
-  command->add_option("--cell", a.request.cell, "The cell's file, for --images");
+                      "The configuration in which the robot is parked, for --images or --live");
+  auto* cell =
+      command->add_option("--cell", a.request.cell, "The cell's file, for --images and --live");
+  auto* live = command
+                   ->add_flag("--live", a.request.live,
+                              "Take the images from the cell's cameras: for the tags of --boards, "
+                              "and for the parked robot with --number")
+                   ->needs(cell)
+                   ->excludes("--corners")
+                   ->excludes("--images");
+  command
+      ->add_option("--boards", a.request.boards,
+                   "Live: the boards (YAML) whose tags stay in the cell; several files")
+      ->needs(live);
+  command->add_option("--sets", a.request.sets, "Live: of so many images of a view the mean")
+      ->needs(live)
+      ->check(CLI::Range(1, 1000))
+      ->capture_default_str();
   command
       ->add_option("--limit", a.request.limit, "How much a camera may have moved, in mask pixels")
       ->check(CLI::PositiveNumber)
@@ -134,11 +151,14 @@ void AddCheckCommand(CLI::App& program, Run& run) {
   command->add_option("--draw", a.draw, "Folder for a picture per view");
   AddFormatOption(*command, a.format);
   command->footer(
-      "By --corners, --images or both; then the greater motion counts.\n"
+      "By tags, by the silhouette of the robot, or both; then the greater motion counts.\n"
       "Exit code 1 if a camera moved by more than the limit, or could not be checked.\n"
       "Example:\n"
       "  silhouette-calibrate check --database cell.lmdb --corners now.csv --out check.json\n"
-      "  silhouette-calibrate check --database cell.lmdb --cell cell.yaml --images now --number 0");
+      "  silhouette-calibrate check --database cell.lmdb --cell cell.yaml --images now --number 0\n"
+      "  silhouette-calibrate check --database cell.lmdb --cell cell.yaml --live --boards "
+      "floor.yaml "
+      "--out check.json");
   command->callback([arguments, &run] {
     run = [arguments]() -> int {
       const absl::StatusOr<ExitCode> code = Work(*arguments);

@@ -1,34 +1,17 @@
 #include "calib/program/check_views.h"
 
-#include <filesystem>
-#include <opencv2/imgcodecs.hpp>
-
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_join.h"
 #include "absl/time/clock.h"
 #include "calib/calibration_message.h"
 #include "calib/program/silhouette_drift.h"
-#include "calib/tags/sighting_file.h"
 #include "db/store.h"
 #include "tools/cell/cell.h"
-#include "tools/picture/files.h"
 
 namespace silhouette {
 namespace {
 
-namespace fs = std::filesystem;
-
 using Sightings = std::map<SeenTag, TagSighting>;
-
-absl::StatusOr<Sightings> ReadMeans(const std::string& file) {
-  const absl::StatusOr<std::string> text = ReadWholeFile(file);
-  if (!text.ok()) return text.status();
-  const absl::StatusOr<std::vector<TagSighting>> sightings = SightingsFromText(*text, file);
-  if (!sightings.ok()) return sightings.status();
-  absl::StatusOr<Sightings> means = MeanSightings(*sightings);
-  if (means.ok()) return means;
-  return absl::Status(means.status().code(), absl::StrCat(file, ": ", means.status().message()));
-}
 
 // As the calibration's record has them.
 Sightings FixedTagsOf(const storage::v1::CalibrationRecord& record,
@@ -61,7 +44,7 @@ CheckedView Summary(const ViewDrift& drift, double limit) {
 absl::StatusOr<Sightings> TagsOfThen(const CheckRequest& request,
                                      const storage::v1::Calibration& stored,
                                      const storage::v1::CellDescription& cell) {
-  if (!request.reference.empty()) return ReadMeans(request.reference);
+  if (!request.reference.empty()) return ReadMeanSightings(request.reference);
   Sightings before = FixedTagsOf(stored.record(), cell);
   if (!before.empty()) return before;
   return absl::FailedPreconditionError(
@@ -73,42 +56,55 @@ absl::StatusOr<Sightings> TagsOfThen(const CheckRequest& request,
 absl::StatusOr<std::vector<ViewDrift>> ByTags(const CheckRequest& request,
                                               const storage::v1::Calibration& stored,
                                               const storage::v1::CellDescription& cell,
-                                              const std::vector<ViewSizes>& sizes) {
+                                              const std::vector<ViewSizes>& sizes,
+                                              const Sightings& after) {
   const absl::StatusOr<Sightings> before = TagsOfThen(request, stored, cell);
   if (!before.ok()) return before.status();
-  const absl::StatusOr<Sightings> after = ReadMeans(request.corners);
-  if (!after.ok()) return after.status();
   std::vector<ViewDrift> drifts;
   for (int i = 0; i < cell.views_size(); ++i) {
     drifts.push_back(
-        DriftByTags(cell.views(i).name(), sizes[static_cast<size_t>(i)], *before, *after));
+        DriftByTags(cell.views(i).name(), sizes[static_cast<size_t>(i)], *before, after));
   }
   return drifts;
 }
 
-// The cell file's segmentation, if it is that of the database.
-absl::StatusOr<SegmentationSettings> SegmentationFor(const CheckRequest& request,
-                                                     const storage::v1::CellDescription& cell) {
-  const absl::StatusOr<Cell> file = LoadCell(request.cell);
-  if (!file.ok()) return file.status();
+// The cell file, if it is of the database.
+absl::StatusOr<Cell> CellFor(const CheckRequest& request,
+                             const storage::v1::CellDescription& cell) {
+  absl::StatusOr<Cell> file = LoadCell(request.cell);
+  if (!file.ok()) return file;
   const std::vector<std::string> differences =
       Differences(DescriptionOf(*file), "the cell file", cell, "the database");
-  if (differences.empty()) return file->segmentation;
+  if (differences.empty()) return file;
   return absl::FailedPreconditionError(absl::StrCat("the database '", request.database,
                                                     "' does not fit the cell file '", request.cell,
                                                     "': ", absl::StrJoin(differences, "; ")));
 }
 
+absl::StatusOr<CellNow> NowOf(const CheckRequest& request,
+                              const storage::v1::CellDescription& description) {
+  if (!request.live) return ReadNow(request.corners, request.images, description);
+  const absl::StatusOr<Cell> cell = CellFor(request, description);
+  if (!cell.ok()) return cell.status();
+  LiveLook look{.boards = request.boards, .parked = std::nullopt, .sets = request.sets};
+  if (request.number) {
+    if (!cell->grid.Contains(*request.number)) {
+      return absl::NotFoundError(absl::StrCat(
+          "no configuration has the number ", *request.number,
+          "; 'silhouette-db show --at' tells that of the one nearest to joint values"));
+    }
+    look.parked = cell->grid.At(*request.number);
+  }
+  return LookNow(look, *cell);
+}
+
 absl::StatusOr<std::vector<ViewDrift>> BySilhouettes(const CheckRequest& request,
                                                      const Snapshot& snapshot,
                                                      const storage::v1::CellDescription& cell,
-                                                     const std::vector<ViewSizes>& sizes) {
-  if (!request.number || request.cell.empty()) {
-    return absl::InvalidArgumentError(
-        "--images needs --number, the configuration in which the robot is parked, and --cell");
-  }
-  const absl::StatusOr<SegmentationSettings> segmentation = SegmentationFor(request, cell);
-  if (!segmentation.ok()) return segmentation.status();
+                                                     const std::vector<ViewSizes>& sizes,
+                                                     const std::vector<cv::Mat>& images) {
+  const absl::StatusOr<Cell> file = CellFor(request, cell);
+  if (!file.ok()) return file.status();
   const auto robot = snapshot.Find(*request.number);
   if (!robot.ok()) return robot.status();
   if (!*robot || (*robot)->excluded) {
@@ -123,25 +119,28 @@ absl::StatusOr<std::vector<ViewDrift>> BySilhouettes(const CheckRequest& request
   std::vector<ViewDrift> drifts;
   for (int i = 0; i < cell.views_size(); ++i) {
     const std::string& name = cell.views(i).name();
-    const std::string file = (fs::path(request.images) / (name + ".png")).string();
-    const cv::Mat image = cv::imread(file, cv::IMREAD_COLOR);
-    if (image.empty()) return absl::NotFoundError(absl::StrCat("'", file, "' is no image"));
+    const cv::Mat& image = images[static_cast<size_t>(i)];
     const storage::v1::Reference& png = (*references)->views(i);
     const absl::StatusOr<Reference> reference = Reference::FromPng(png.mean_png(), png.noise_png());
     if (!reference.ok()) return reference.status();
     if (image.size() != reference->size()) {
       return absl::InvalidArgumentError(
-          absl::StrCat("'", file, "' is not of the size of the reference image of '", name, "'"));
+          absl::StrCat("the image of '", name, "' is not of the size of its reference image"));
     }
     drifts.push_back(DriftBySilhouette(name, sizes[static_cast<size_t>(i)], image, *reference,
-                                       *segmentation, (*robot)->masks[static_cast<size_t>(i)]));
+                                       file->segmentation,
+                                       (*robot)->masks[static_cast<size_t>(i)]));
   }
   return drifts;
 }
 
-// Of two ways to look at one view.
-ViewDrift Worse(const ViewDrift& one, const ViewDrift& other) {
-  if (!one.checked || !other.checked) return one.checked ? other : one;
+// Of two ways to look at one view: a motion that one sees is told, whatever the other could see.
+ViewDrift Worse(const ViewDrift& one, const ViewDrift& other, double limit) {
+  if (!one.checked || !other.checked) {
+    const ViewDrift& seen = one.checked ? one : other;
+    const ViewDrift& unseen = one.checked ? other : one;
+    return seen.checked && seen.moved_mask > limit ? seen : unseen;
+  }
   return one.moved_mask >= other.moved_mask ? one : other;
 }
 
@@ -159,13 +158,27 @@ absl::StatusOr<std::vector<ViewSizes>> SizesOf(const storage::v1::CellDescriptio
   return sizes;
 }
 
+absl::Status CheckAsked(const CheckRequest& request) {
+  if (request.live && request.boards.empty() && !request.number) {
+    return absl::InvalidArgumentError(
+        "--live needs --boards, those whose tags stay in the cell, or --number, the configuration "
+        "in which the robot is parked");
+  }
+  if (!request.live && request.corners.empty() && request.images.empty()) {
+    return absl::InvalidArgumentError(
+        "give --corners, tags as they are seen now, or --images of the parked robot, or --live");
+  }
+  if (!request.images.empty() && (!request.number || request.cell.empty())) {
+    return absl::InvalidArgumentError(
+        "--images needs --number, the configuration in which the robot is parked, and --cell");
+  }
+  return absl::OkStatus();
+}
+
 }  // namespace
 
 absl::StatusOr<Checked> CheckViews(const CheckRequest& request) {
-  if (request.corners.empty() && request.images.empty()) {
-    return absl::InvalidArgumentError(
-        "give --corners, tags as they are seen now, or --images of the parked robot");
-  }
+  if (absl::Status asked = CheckAsked(request); !asked.ok()) return asked;
   const auto database = Database::Open(request.database, Database::Access::kRead);
   if (!database.ok()) return database.status();
   const absl::StatusOr<Snapshot> snapshot = (*database)->Read();
@@ -186,19 +199,21 @@ absl::StatusOr<Checked> CheckViews(const CheckRequest& request) {
   checked.check.time = absl::Now();
   checked.check.calibration = FingerprintOf(**stored);
   checked.check.limit_mask_px = request.limit;
-  if (!request.corners.empty()) {
-    auto drifts = ByTags(request, **stored, cell, checked.sizes);
+  const absl::StatusOr<CellNow> now = NowOf(request, cell);
+  if (!now.ok()) return now.status();
+  if (now->tags) {
+    auto drifts = ByTags(request, **stored, cell, checked.sizes, *now->tags);
     if (!drifts.ok()) return drifts.status();
     checked.drifts = *std::move(drifts);
   }
-  if (!request.images.empty()) {
-    auto drifts = BySilhouettes(request, *snapshot, cell, checked.sizes);
+  if (!now->images.empty()) {
+    auto drifts = BySilhouettes(request, *snapshot, cell, checked.sizes, now->images);
     if (!drifts.ok()) return drifts.status();
     for (size_t i = 0; i < drifts->size(); ++i) {
-      if (request.corners.empty()) {
+      if (!now->tags) {
         checked.drifts.push_back((*drifts)[i]);
       } else {
-        checked.drifts[i] = Worse(checked.drifts[i], (*drifts)[i]);
+        checked.drifts[i] = Worse(checked.drifts[i], (*drifts)[i], request.limit);
       }
     }
   }

@@ -7,6 +7,7 @@
 
 #include "absl/status/statusor.h"
 #include "calib/calibration_check_file.h"
+#include "calib/program/check_now.h"
 #include "calib/program/tag_drift.h"
 #include "db/configuration_grid.h"
 #include "server/scene/calibration_settings.h"
@@ -20,6 +21,11 @@ struct CheckRequest {
   std::string images;     // folder with VIEW.png; empty: not by silhouettes
   std::optional<ConfigurationNumber> number;
   std::string cell;  // cell.yaml, whose segmentation makes the masks
+  // Instead of files of now, what the cell's cameras see: tags of `boards`, and with `number` the
+  // silhouettes.
+  bool live = false;
+  std::vector<std::string> boards;
+  int sets = LiveLook{}.sets;
   // Mask pixels: what the server's margin leaves for moves, if the calibration itself errs by no
   // more than 0.05. Cameras that all moved by m need a margin of m.
   double limit = CalibrationSettings{}.margin - 0.05;
@@ -32,7 +38,8 @@ struct Checked {
 };
 
 // A view that is checked in both ways is told by the one that says it moved more; one that could
-// not be checked in a way that was asked for is not checked. The errors tell what is missing.
+// not be checked in a way that was asked for is not checked, unless the other way says that it
+// moved by more than the limit. The errors tell what is missing.
 absl::StatusOr<Checked> CheckViews(const CheckRequest& request);
 
 }  // namespace silhouette

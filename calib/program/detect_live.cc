@@ -9,7 +9,7 @@
 #include "calib/program/detect_report.h"
 #include "calib/program/detect_settings.h"
 #include "capture/cell_cameras.h"
-#include "capture/sim/simulated_cell.h"
+#include "capture/program/cell_devices.h"
 #include "tools/cell/cell.h"
 #include "tools/picture/picture.h"
 #include "tools/program/program.h"
@@ -18,30 +18,6 @@ namespace silhouette {
 namespace {
 
 namespace fs = std::filesystem;
-
-// The cameras as they see the cell now; of a simulated cell with the boards for calibration.
-absl::StatusOr<std::unique_ptr<CameraRig>> OpenCameras(const Cell& cell) {
-  std::vector<SimulatedView> views;
-  for (const ViewSettings& view : cell.views) {
-    if (view.source != "sim") {
-      return absl::InvalidArgumentError(
-          absl::StrCat(cell.file, ": the view '", view.name,
-                       "' has no source of images that is known; known is 'sim'. Take the images "
-                       "otherwise and give them with --images"));
-    }
-    views.push_back({view.name, view.image_width, view.image_height});
-  }
-  if (cell.simulation.empty() || cell.robot.urdf.empty()) {
-    return absl::InvalidArgumentError(absl::StrCat(
-        cell.file, ": the simulated cell needs the keys 'simulation' and, in 'robot', 'urdf'"));
-  }
-  auto simulated = SimulatedCell::Load(cell.simulation, cell.robot.urdf, cell.robot.package_paths);
-  if (!simulated.ok()) return simulated.status();
-  (*simulated)->ShowAllBoards(true);
-  auto rig = SimulatedCameraRig::Create(*std::move(simulated), views);
-  if (!rig.ok()) return rig.status();
-  return std::unique_ptr<CameraRig>(*std::move(rig));
-}
 
 // One set after the other.
 class LiveDetection {
@@ -127,7 +103,7 @@ absl::Status DetectLive(const DetectArguments& arguments, DetectSession& session
   }
   const auto cell = LoadCell(arguments.cell);
   if (!cell.ok()) return cell.status();
-  auto rig = OpenCameras(*cell);
+  auto rig = OpenCamerasOfCell(*cell, true);
   if (!rig.ok()) return rig.status();
   auto cameras = CellCameras::Create(DescriptionOf(*cell), **rig);
   if (!cameras.ok()) return cameras.status();

@@ -71,13 +71,17 @@ absl::StatusOr<CellDevices> DevicesOf(const Cell& cell, std::shared_ptr<Simulate
   return CellDevices{std::make_unique<SimulatedRobot>(std::move(simulation)), *std::move(cameras)};
 }
 
+absl::Status Park(const Cell& cell, const Configuration& configuration, Robot& robot) {
+  absl::StatusOr<CellRobot> cell_robot = CellRobot::Create(DescriptionOf(cell), robot);
+  if (!cell_robot.ok()) return cell_robot.status();
+  return cell_robot->MoveTo(configuration);
+}
+
 // Puts the robot where somebody would have driven it before a capture.
 absl::Status PlaceRobot(const Cell& cell, const Travel& travel, Robot& robot) {
   for (const ConfigurationNumber number : travel.Serpentine()) {
     if (travel.Forbidden(number)) continue;
-    absl::StatusOr<CellRobot> cell_robot = CellRobot::Create(DescriptionOf(cell), robot);
-    if (!cell_robot.ok()) return cell_robot.status();
-    return cell_robot->MoveTo(travel.grid().At(number));
+    return Park(cell, travel.grid().At(number), robot);
   }
   return absl::OkStatus();
 }
@@ -105,6 +109,19 @@ absl::StatusOr<std::unique_ptr<CameraRig>> OpenCamerasOfEmptyCell(const Cell& ce
   auto simulation = LoadSimulatedCell(cell);
   if (!simulation.ok()) return simulation.status();
   (*simulation)->SetRobotPresent(false);
+  return MakeCameras(cell, *std::move(simulation));
+}
+
+absl::StatusOr<std::unique_ptr<CameraRig>> OpenCamerasOfCell(
+    const Cell& cell, bool all_boards, const std::optional<Configuration>& parked) {
+  if (absl::Status status = CheckSources(cell); !status.ok()) return status;
+  auto simulation = LoadSimulatedCell(cell);
+  if (!simulation.ok()) return simulation.status();
+  (*simulation)->ShowAllBoards(all_boards);
+  if (parked) {
+    SimulatedRobot robot(*simulation);
+    if (absl::Status status = Park(cell, *parked, robot); !status.ok()) return status;
+  }
   return MakeCameras(cell, *std::move(simulation));
 }
 

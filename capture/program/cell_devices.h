@@ -2,10 +2,12 @@
 #pragma once
 
 #include <memory>
+#include <optional>
 
 #include "absl/status/statusor.h"
 #include "capture/devices.h"
 #include "capture/travel.h"
+#include "db/configuration_grid.h"
 #include "tools/cell/cell.h"
 
 namespace silhouette {
@@ -26,5 +28,10 @@ absl::StatusOr<std::unique_ptr<CameraRig>> OpenCamerasOfEmptyCell(const Cell& ce
 // For calibration: as for captures, but a simulated robot stays where it is, and boards that are in
 // the simulated cell only for calibration are in it.
 absl::StatusOr<CellDevices> OpenDevicesForCalibration(const Cell& cell);
+
+// The cameras alone, of the cell as it is. Of a simulated cell: boards that are in it only for
+// calibration are there if `all_boards`, and the robot stands at `parked`, or as at the start.
+absl::StatusOr<std::unique_ptr<CameraRig>> OpenCamerasOfCell(
+    const Cell& cell, bool all_boards, const std::optional<Configuration>& parked = std::nullopt);
 
 }  // namespace silhouette
