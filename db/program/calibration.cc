@@ -14,16 +14,12 @@
 #include "db/program/calibration_report.h"
 #include "db/program/commands.h"
 #include "db/program/common.h"
+#include "db/program/tested_calibration.h"
 #include "server/scene/calibration_settings.h"
 
 namespace silhouette {
 namespace {
 
-// Robot images that a calibration is put to the test by.
-constexpr size_t kSamples = 400;
-// Share of the robot's pixels that may contradict: rims that differencing lost, never a calibration
-// that is worth having.
-constexpr double kMostContradicting = 0.001;
 constexpr char kTakenUp[] = "a running silhouette-server takes it up on SIGHUP";
 
 struct Options {
@@ -46,28 +42,6 @@ std::string KindOf(const storage::v1::Calibration& calibration) {
   return absl::StrCat(calibration.fundamental_matrices_size(), " fundamental matrices");
 }
 
-// The bands, and what the robot images say of them.
-struct Tested {
-  Calibration calibration;
-  EpipolarBands bands;
-  std::vector<ConfigurationNumber> samples;
-  Contradictions contradictions;
-};
-
-absl::StatusOr<Tested> Test(const Database& database, const Snapshot& snapshot,
-                            const storage::v1::Calibration& stored, double margin) {
-  absl::StatusOr<Calibration> calibration = CalibrationFrom(stored);
-  if (!calibration.ok()) return calibration.status();
-  if (absl::Status status = CheckLines(*calibration, database.cell()); !status.ok()) return status;
-  EpipolarBands bands(*calibration, database.mask_sizes(), margin);
-  absl::StatusOr<std::vector<ConfigurationNumber>> samples =
-      SampledConfigurations(database, snapshot, kSamples);
-  if (!samples.ok()) return samples.status();
-  absl::StatusOr<Contradictions> found = FindContradictions(snapshot, bands, *samples);
-  if (!found.ok()) return found.status();
-  return Tested{*std::move(calibration), std::move(bands), *std::move(samples), *std::move(found)};
-}
-
 absl::StatusOr<ExitCode> Import(const Options& options) {
   CatchStopSignals();
   const absl::StatusOr<std::unique_ptr<Database>> opened =
@@ -80,15 +54,13 @@ absl::StatusOr<ExitCode> Import(const Options& options) {
   {
     const absl::StatusOr<Snapshot> snapshot = database.Read();
     if (!snapshot.ok()) return snapshot.status();
-    const auto tested = Test(database, *snapshot, *calibration, options.margin);
+    const auto tested = TestCalibration(database, *snapshot, *calibration, options.margin);
     if (!tested.ok()) return tested.status();
     said = ContradictionText(tested->contradictions, database.cell());
-    const PairContradictions* worst = tested->contradictions.worst();
-    if (worst != nullptr && worst->share() > kMostContradicting && !options.force) {
-      return absl::FailedPreconditionError(absl::StrFormat(
-          "the calibration contradicts the robot images: %s, where at most %.4g %% may; is it of "
-          "these cameras, as they stood at the capture? --force imports it all the same",
-          said, 100 * kMostContradicting));
+    const absl::Status fits = CheckContradictions(tested->contradictions, database.cell());
+    if (!fits.ok() && !options.force) {
+      return absl::Status(fits.code(),
+                          absl::StrCat(fits.message(), " --force imports it all the same"));
     }
     // A damaged one is replaced like any other.
     const auto stored = snapshot->Calibration();
@@ -177,7 +149,7 @@ absl::StatusOr<std::vector<MaskPixel>> PixelsOf(const std::vector<std::string>& 
 // The configuration that the picture shows: the asked one, else the one that contradicts most
 // pixels of the view, else any in which the robot is seen.
 absl::StatusOr<RobotImage> RobotToShow(const OpenedDatabase& opened, const Options& options,
-                                       const Tested& tested, int view) {
+                                       const TestedCalibration& tested, int view) {
   std::vector<ConfigurationNumber> candidates;
   uint64_t most = 0;
   for (const PairContradictions& pair : tested.contradictions.pairs) {
@@ -200,7 +172,7 @@ absl::StatusOr<RobotImage> RobotToShow(const OpenedDatabase& opened, const Optio
 }
 
 absl::Status WritePicture(const OpenedDatabase& opened, const Options& options,
-                          const Tested& tested) {
+                          const TestedCalibration& tested) {
   const absl::StatusOr<int> view = ViewOf(opened.database->cell(), options.view);
   if (!view.ok()) return view.status();
   const MaskSize size = opened.database->mask_sizes()[static_cast<size_t>(*view)];
@@ -233,7 +205,8 @@ absl::StatusOr<ExitCode> Show(const Options& options) {
   const auto stored = Stored(*opened);
   if (!stored.ok()) return stored.status();
   if (!*stored) return kNo;
-  const auto tested = Test(*opened->database, opened->snapshot, **stored, options.margin);
+  const auto tested =
+      TestCalibration(*opened->database, opened->snapshot, **stored, options.margin);
   if (!tested.ok()) return tested.status();
   if (!options.picture.empty()) {
     const absl::Status status = WritePicture(*opened, options, *tested);

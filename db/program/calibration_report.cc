@@ -11,6 +11,7 @@
 #include "absl/strings/str_join.h"
 #include "db/program/calibration_record.h"
 #include "db/program/common.h"
+#include "db/program/tested_calibration.h"
 
 namespace silhouette {
 namespace {
@@ -216,19 +217,6 @@ Eigen::Matrix3d FundamentalMatrixOf(const CameraModel& a, const CameraModel& b) 
   const Eigen::Matrix3d f =
       CameraMatrix(b).inverse().transpose() * cross * b_from_a.linear() * CameraMatrix(a).inverse();
   return f / f.norm();
-}
-
-std::string ContradictionText(const Contradictions& found,
-                              const storage::v1::CellDescription& cell) {
-  if (found.configurations == 0) return "there are no robot images to test the calibration with";
-  const PairContradictions* worst = found.worst();
-  if (worst == nullptr) {
-    return "the robot images cannot test the calibration: the robot reaches the rim of every view";
-  }
-  return absl::StrFormat(
-      "%.4g %% of %d robot pixels of '%s' contradict '%s' (%d configurations looked at)",
-      100 * worst->share(), worst->pixels, cell.views(worst->view).name(),
-      cell.views(worst->other).name(), worst->configurations);
 }
 
 void PrintText(const CalibrationReport& report) {

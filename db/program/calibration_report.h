@@ -2,7 +2,6 @@
 #pragma once
 
 #include <optional>
-#include <string>
 #include <vector>
 
 #include "calib/calibration.h"
@@ -34,10 +33,5 @@ struct CalibrationReport {
 
 void PrintText(const CalibrationReport& report);
 void PrintJson(const CalibrationReport& report);
-
-// "0.031 % of 12345 robot pixels of 'top' contradict 'left'", the worst pair; or that nothing could
-// be looked at.
-std::string ContradictionText(const Contradictions& found,
-                              const storage::v1::CellDescription& cell);
 
 }  // namespace silhouette

@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <numeric>
 
-#include "db/program/common.h"
+#include "absl/status/status.h"
 #include "tools/program/program.h"
 #include "tools/program/progress.h"
 
@@ -129,7 +129,7 @@ absl::StatusOr<Contradictions> FindContradictions(
   }
   Progress progress("check", configurations.size(), "configurations");
   for (const ConfigurationNumber number : configurations) {
-    if (StopRequested()) return Stopped("run it again");
+    if (StopRequested()) return absl::CancelledError("stopped; run it again");
     const auto image = snapshot.Find(number);
     if (!image.ok() && !absl::IsDataLoss(image.status())) return image.status();
     if (!image.ok() || !*image || (*image)->excluded) continue;

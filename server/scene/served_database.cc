@@ -157,7 +157,8 @@ absl::StatusOr<std::shared_ptr<const ServedDatabase>> ServedDatabase::Load(
     if (!robot_images.ok()) return robot_images.status();
     absl::StatusOr<std::vector<Reference>> references = LoadReferences(database, *snapshot);
     if (!references.ok()) return references.status();
-    absl::StatusOr<std::optional<Calibration>> calibration = LoadCalibration(database, *snapshot);
+    absl::StatusOr<std::optional<Calibration>> calibration = load.calibration;
+    if (!load.calibration) calibration = LoadCalibration(database, *snapshot);
     if (!calibration.ok()) return calibration.status();
     std::optional<EpipolarBands> bands;
     if (*calibration) bands.emplace(**calibration, database.mask_sizes(), settings.margin);

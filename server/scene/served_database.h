@@ -30,6 +30,8 @@ struct LoadSettings {
   uint64_t robot_image_memory = std::numeric_limits<uint64_t>::max();
   // Called now and again while robot images are read, with how many of the records are done.
   std::function<void(uint64_t done, uint64_t records)> progress = nullptr;
+  // In place of the database's own, for experiments: nothing tells that it is not of these cameras.
+  std::optional<Calibration> calibration = std::nullopt;
 };
 
 // Cannot be changed once loaded; used by any number of threads.

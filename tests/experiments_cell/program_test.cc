@@ -3,8 +3,11 @@
 #include <gtest/gtest.h>
 
 #include <cstdlib>
+#include <filesystem>
 #include <nlohmann/json.hpp>
 #include <set>
+#include <string>
+#include <vector>
 
 #include "tests/capture/program_cell.h"
 
@@ -24,6 +27,15 @@ class CellExperimentProgram : public testing::Test {
     return {.exit_code = WIFEXITED(status) ? WEXITSTATUS(status) : -1,
             .out = ReadText(files_ / "o"),
             .err = ReadText(files_ / "e")};
+  }
+
+  // The files of a folder of camera models.
+  static std::vector<std::string> ViewsOf(const std::string& folder) {
+    std::vector<std::string> files;
+    for (const auto& entry : std::filesystem::directory_iterator(folder)) {
+      if (entry.path().extension() == ".cameramodel") files.push_back(entry.path().string());
+    }
+    return files;
   }
 
   ProgramCell files_;
@@ -49,6 +61,43 @@ TEST_F(CellExperimentProgram, CapturesMeasuresExplainsAndDraws) {
     EXPECT_FALSE(ReadText(files_ / "out/" + file).empty()) << file;
   }
   EXPECT_EQ(Run(options).out, first.out) << "the same seed, the same answer";
+}
+
+TEST_F(CellExperimentProgram, CalibrationThatWasFoundIsComparedWithTheTrueOneUnlessItContradicts) {
+  const std::string options = "--scenes 2 --hidden 0 --off-grid 0 --pictures 0 --format json";
+  const Outcome alone = Run(options);
+  ASSERT_EQ(alone.exit_code, 0) << alone.err;
+  const std::string cameras = files_ / "cameras";
+  const std::string save =
+      absl::StrCat("'", SILHOUETTE_BIN_DIR, "/silhouette-db' calibration export '",
+                   files_.database(), "' '", cameras, "' >/dev/null");
+  ASSERT_EQ(std::system(save.c_str()), 0);
+  const std::string found = options + " --calibration '" + cameras + "'";
+  const Outcome both = Run(found + " --out '" + files_ / "out" + "'");
+  ASSERT_EQ(both.exit_code, 0) << both.err;
+  auto rows = nlohmann::json::parse(both.out);
+  int compared = 0;
+  for (auto& row : rows) {
+    if (!row.contains("loss")) continue;
+    ++compared;
+    // It is the true one.
+    for (const auto& [name, value] : row["loss"].items()) EXPECT_EQ(value, 0) << name;
+    row.erase("loss");
+    row.erase("found");
+  }
+  EXPECT_GT(compared, 0);
+  EXPECT_EQ(rows, nlohmann::json::parse(alone.out));
+  EXPECT_FALSE(ReadText(files_ / "out/found-random-scenes.csv").empty());
+
+  const std::vector<std::string> views = ViewsOf(cameras);
+  ASSERT_EQ(views.size(), 2u);
+  std::filesystem::rename(views[0], views[0] + ".kept");
+  EXPECT_EQ(Run(found).exit_code, 2) << "a view has no camera";
+  std::filesystem::copy(views[1], views[0]);
+  std::filesystem::rename(views[0] + ".kept", views[1]);
+  const Outcome exchanged = Run(found);
+  EXPECT_EQ(exchanged.exit_code, 2);
+  EXPECT_THAT(exchanged.err, HasSubstr("contradicts the robot images"));
 }
 
 TEST_F(CellExperimentProgram, MistakesAreOneSentenceAndExitCodeTwo) {

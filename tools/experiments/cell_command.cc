@@ -1,17 +1,16 @@
 // silhouette-experiments cell
-#include <algorithm>
 #include <filesystem>
 #include <iostream>
 #include <memory>
 #include <optional>
 
 #include "absl/strings/str_cat.h"
-#include "absl/strings/str_format.h"
 #include "tools/experiments/cell/hidden_scene.h"
-#include "tools/experiments/cell/missing_picture.h"
-#include "tools/experiments/cell/report.h"
+#include "tools/experiments/cell/loss.h"
+#include "tools/experiments/cell/policies.h"
+#include "tools/experiments/cell_results.h"
 #include "tools/experiments/commands.h"
-#include "tools/picture/files.h"
+#include "tools/experiments/found_calibration.h"
 #include "tools/program/program.h"
 #include "tools/program/progress.h"
 
@@ -28,6 +27,7 @@ constexpr double kHandRadius = 0.04;
 struct Arguments {
   std::string cell;
   std::string database;
+  std::string calibration;
   std::string out;
   std::string format = "text";
   std::vector<std::string> presets;
@@ -38,38 +38,6 @@ struct Arguments {
   uint64_t seed = 1;
   ServeSettings serve;
 };
-
-// An experiment and what came of it.
-struct Experiment {
-  std::string name;
-  SceneSource source;
-  std::vector<SceneRecord> records;
-};
-
-// The presets asked for, by default all that the database can serve, with the thresholds that they
-// can have: n - 1 and n of n views.
-absl::StatusOr<std::vector<Policy>> PoliciesFor(const std::vector<std::string>& presets,
-                                                const ServedDatabase& database) {
-  const int views = database.views();
-  std::vector<Policy> policies;
-  for (const Preset preset : AllPresets()) {
-    const bool named = std::ranges::count(presets, NameOf(preset)) > 0;
-    if (!presets.empty() && !named) continue;
-    if (absl::Status status = database.CanServe({.preset = preset}); !status.ok()) {
-      if (named) return status;
-      continue;
-    }
-    for (const int min_views : {views - 1, views}) {
-      if (min_views == 0) continue;
-      // Without a calibration the two presets differ in nothing else.
-      if (preset == Preset::kUncalibrated && min_views == views && views > 1) continue;
-      if (preset == Preset::kPaper && min_views < views) continue;
-      if (IsSound(preset) && min_views < views) continue;
-      policies.push_back({.preset = preset, .min_views = min_views});
-    }
-  }
-  return policies;
-}
 
 absl::StatusOr<std::unique_ptr<Database>> OpenDatabase(const Arguments& arguments,
                                                        const SimulatedWorkplace& workplace) {
@@ -90,18 +58,50 @@ absl::StatusOr<std::unique_ptr<Database>> OpenDatabase(const Arguments& argument
   return workplace.OpenOrCapture(path, observer);
 }
 
-// False if a stop was asked for.
-absl::StatusOr<bool> RunScenes(const TrialSetting& setting, Explainer& explainer, int count,
-                               Experiment& experiment) {
+// The database served with one calibration, and what is tested with it.
+struct Side {
+  std::shared_ptr<const ServedDatabase> served;
+  std::unique_ptr<const TrialSetting> setting;
+};
+
+// `found`: only presets that need a calibration.
+absl::StatusOr<Side> Serve(const Arguments& arguments, const SimulatedWorkplace& workplace,
+                           const Database& database, const std::optional<Calibration>& calibration,
+                           bool found) {
+  ServeSettings settings = arguments.serve;
+  settings.calibration = calibration;
+  const auto served = workplace.Serve(database, settings);
+  if (!served.ok()) return served.status();
+  if (!(*served)->margins_known().ok()) return (*served)->margins_known();
+  auto policies = PoliciesFor(arguments.presets, **served);
+  if (!policies.ok()) return policies.status();
+  std::erase_if(*policies, [&](const Policy& policy) {
+    return found && !IsCalibrated(policy.preset) && !IsSound(policy.preset);
+  });
+  if (policies->empty()) {
+    return absl::InvalidArgumentError(
+        "none of the presets asked for needs a calibration; leave --calibration out");
+  }
+  const TrialSetting setting{.workplace = workplace,
+                             .database = **served,
+                             .policies = *std::move(policies),
+                             .off_grid_tests = arguments.off_grid,
+                             .seed = arguments.seed};
+  return Side{*served, std::make_unique<const TrialSetting>(setting)};
+}
+
+// Cancelled if a stop was asked for.
+absl::Status RunScenes(Explainer& explainer, int count, Experiment& experiment) {
   Progress progress(experiment.name, static_cast<uint64_t>(count), "scenes");
   for (int i = 0; i < count; ++i) {
-    if (StopRequested()) return false;
-    absl::StatusOr<SceneRecord> record = RunScene(setting, explainer, experiment.source, i);
+    if (StopRequested()) return absl::CancelledError();
+    absl::StatusOr<SceneRecord> record =
+        RunScene(*experiment.setting, explainer, experiment.source, i);
     if (!record.ok()) return record.status();
     experiment.records.push_back(*std::move(record));
     progress.Update(static_cast<uint64_t>(i) + 1);
   }
-  return true;
+  return absl::OkStatus();
 }
 
 // Scenes with a hidden obstacle, as many as are found.
@@ -122,48 +122,76 @@ std::vector<RandomScene> HiddenScenes(const SimulatedWorkplace& workplace,
   return scenes;
 }
 
-// Writes the pictures; their names by record and missing configuration.
-absl::StatusOr<std::vector<std::vector<std::string>>> WritePictures(const TrialSetting& setting,
-                                                                    const Experiment& experiment,
-                                                                    const Arguments& arguments) {
-  std::vector<std::vector<std::string>> names;
-  for (const SceneRecord& record : experiment.records) names.emplace_back(record.missing.size());
-  const auto count = static_cast<size_t>(arguments.pictures);
-  const std::vector<Chosen> chosen = ChooseForPictures(experiment.records, count);
-  if (chosen.empty()) return names;
-  Progress progress("pictures", chosen.size(), "pictures");
-  for (size_t i = 0; i < chosen.size() && !StopRequested(); ++i) {
-    const SceneRecord& record = experiment.records[chosen[i].record];
-    const auto viewed = View(setting, experiment.source(record.number), record.number);
-    if (!viewed.ok()) return viewed.status();
-    std::string& name = names[chosen[i].record][chosen[i].missing];
-    name = absl::StrFormat("%s-%03d-%d.png", experiment.name, record.number, chosen[i].missing);
-    const Picture picture = Draw(setting, *viewed, record.missing[chosen[i].missing]);
-    absl::Status status = WritePng(absl::StrCat(arguments.out, "/", name), picture);
-    if (!status.ok()) return status;
-    progress.Update(i + 1);
+// All scenes with one calibration. `prefix`: of the experiments' names in files. Adds what came of
+// them to `done`. The rows.
+absl::StatusOr<std::vector<Row>> RunAll(const Arguments& arguments, const TrialSetting& setting,
+                                        const std::vector<RandomScene>& hidden,
+                                        const std::string& prefix, std::vector<Experiment>& done) {
+  const SimulatedWorkplace& workplace = setting.workplace;
+  const Eigen::AlignedBox3d box = SweptBox(workplace);
+  Explainer explainer(setting);
+  std::vector<Row> rows;
+  for (const std::string name : {"random", "hidden"}) {
+    const bool random = name == "random";
+    const int count = random ? arguments.scenes : static_cast<int>(hidden.size());
+    if (count == 0) continue;
+    const SceneSource source = [&workplace, &hidden, box, random,
+                                seed = arguments.seed](int number) {
+      return random ? MakeRandomScene(workplace, box, seed, number)
+                    : hidden[static_cast<size_t>(number)];
+    };
+    Experiment& experiment = done.emplace_back(Experiment{prefix + name, &setting, source, {}});
+    if (absl::Status status = RunScenes(explainer, count, experiment); !status.ok()) return status;
+    const std::vector<Row> some = RowsOf(name, setting, experiment.records);
+    rows.insert(rows.end(), some.begin(), some.end());
   }
-  return names;
+  return rows;
 }
 
-absl::Status WriteResults(const TrialSetting& setting, const std::vector<Row>& rows,
-                          const std::vector<Experiment>& experiments, const Arguments& arguments) {
-  if (arguments.out.empty()) return absl::OkStatus();
-  const auto write = [&](const std::string& name, const std::string& text) {
-    return WriteWholeFile(absl::StrCat(arguments.out, "/", name), text);
-  };
-  absl::Status status = write("table.csv", CsvOf(rows));
-  for (const Experiment& experiment : experiments) {
-    if (experiment.records.empty()) continue;
-    if (!status.ok()) return status;
-    status = write(experiment.name + "-scenes.csv", ScenesCsvOf(setting, experiment.records));
-    if (!status.ok()) return status;
-    const auto pictures = WritePictures(setting, experiment, arguments);
-    if (!pictures.ok()) return pictures.status();
-    status = write(experiment.name + "-missing.csv",
-                   MissingCsvOf(setting, experiment.records, *pictures));
+absl::StatusOr<ExitCode> Test(const Arguments& arguments, const SimulatedWorkplace& workplace,
+                              const Database& database) {
+  std::optional<Calibration> calibration;
+  if (!arguments.calibration.empty()) {
+    auto found =
+        FoundCalibration(arguments.calibration, database, workplace.cell().calibration.margin);
+    if (!found.ok()) return found.status();
+    calibration = *std::move(found);
   }
-  return status;
+  // What was found is compared with the truth, whatever the database has.
+  std::optional<Calibration> compared_with;
+  if (calibration) compared_with = workplace.TrueCalibration();
+  const auto truth = Serve(arguments, workplace, database, compared_with, false);
+  if (!truth.ok()) return truth.status();
+  std::optional<Side> found;
+  if (calibration) {
+    auto side = Serve(arguments, workplace, database, calibration, true);
+    if (!side.ok()) return side.status();
+    found = *std::move(side);
+  }
+  const std::vector<RandomScene> hidden = HiddenScenes(workplace, arguments);
+  std::vector<Experiment> experiments;
+  const auto rows = RunAll(arguments, *truth->setting, hidden, "", experiments);
+  if (!rows.ok()) return rows.status();
+  std::vector<Comparison> comparisons;
+  if (found) {
+    const auto others = RunAll(arguments, *found->setting, hidden, "found-", experiments);
+    if (!others.ok()) return others.status();
+    comparisons = Compare(*rows, *others);
+  }
+  if (arguments.format == "json") {
+    std::cout << JsonOf(*rows, comparisons).dump(2) << std::endl;
+  } else {
+    std::cout << TableOf(*rows) << "\n";
+    if (found) std::cout << LossTableOf(comparisons) << "\n";
+    std::cout << "seed " << arguments.seed << std::endl;
+  }
+  absl::Status status = WriteResult(arguments.out, "table.csv", CsvOf(*rows));
+  if (!status.ok()) return status;
+  if (found) status = WriteResult(arguments.out, "loss.csv", LossCsvOf(comparisons));
+  if (!status.ok()) return status;
+  status = WriteExperiments(experiments, arguments.out, static_cast<size_t>(arguments.pictures));
+  if (!status.ok()) return status;
+  return kDone;
 }
 
 absl::StatusOr<ExitCode> Measure(const Arguments& arguments) {
@@ -184,49 +212,12 @@ absl::StatusOr<ExitCode> Measure(const Arguments& arguments) {
     return kNo;
   }
   if (!database.ok()) return database.status();
-  const auto served = workplace->Serve(**database, arguments.serve);
-  if (!served.ok()) return served.status();
-  if (!(*served)->margins_known().ok()) return (*served)->margins_known();
-  auto policies = PoliciesFor(arguments.presets, **served);
-  if (!policies.ok()) return policies.status();
-  const TrialSetting setting{.workplace = *workplace,
-                             .database = **served,
-                             .policies = *std::move(policies),
-                             .off_grid_tests = arguments.off_grid,
-                             .seed = arguments.seed};
-  const Eigen::AlignedBox3d box = SweptBox(*workplace);
-  const std::vector<RandomScene> hidden = HiddenScenes(*workplace, arguments);
-  std::vector<Experiment> experiments;
-  experiments.push_back(
-      {"random",
-       [&](int number) { return MakeRandomScene(*workplace, box, arguments.seed, number); },
-       {}});
-  experiments.push_back(
-      {"hidden", [&](int number) { return hidden[static_cast<size_t>(number)]; }, {}});
-  Explainer explainer(setting);
-  std::vector<Row> rows;
-  for (Experiment& experiment : experiments) {
-    const int count =
-        experiment.name == "random" ? arguments.scenes : static_cast<int>(hidden.size());
-    if (count == 0) continue;
-    const absl::StatusOr<bool> finished = RunScenes(setting, explainer, count, experiment);
-    if (!finished.ok()) return finished.status();
-    if (!*finished) {
-      std::cerr << "stopped; start it again, the database is there" << std::endl;
-      return kNo;
-    }
-    const std::vector<Row> some = RowsOf(experiment.name, setting, experiment.records);
-    rows.insert(rows.end(), some.begin(), some.end());
+  const auto code = Test(arguments, *workplace, **database);
+  if (absl::IsCancelled(code.status())) {
+    std::cerr << "stopped; start it again, the database is there" << std::endl;
+    return kNo;
   }
-  if (arguments.format == "json") {
-    std::cout << JsonOf(rows).dump(2) << std::endl;
-  } else {
-    std::cout << TableOf(rows) << "\nseed " << arguments.seed << std::endl;
-  }
-  if (absl::Status status = WriteResults(setting, rows, experiments, arguments); !status.ok()) {
-    return status;
-  }
-  return kDone;
+  return code;
 }
 
 }  // namespace
@@ -241,8 +232,11 @@ void AddCellCommand(CLI::App& program, Run& run) {
       "Example:\n"
       "  silhouette-experiments cell --cell capture/sim/cells/demo/cell.yaml \\\n"
       "      --database out/demo.lmdb --out out/cell\n"
+      "  silhouette-experiments cell --cell capture/sim/cells/demo/cell.yaml \\\n"
+      "      --database out/demo.lmdb --calibration session/cameras\n"
       "Writes to --out: table.csv, EXPERIMENT-scenes.csv (every scene), EXPERIMENT-missing.csv\n"
-      "(every missing configuration with its cause and sentence) and pictures of the worst.");
+      "(every missing configuration with its cause and sentence) and pictures of the worst; with\n"
+      "--calibration loss.csv, and the same of found-EXPERIMENT.");
   auto arguments = std::make_shared<Arguments>();
   const auto count = CLI::Range(0, 1000000);
   command->add_option("--cell", arguments->cell, "The cell's file, cell.yaml, of a simulated cell")
@@ -250,6 +244,11 @@ void AddCellCommand(CLI::App& program, Run& run) {
   command->add_option("--database", arguments->database,
                       "The database's folder; what it lacks is captured first.\n"
                       "Default: the one that the cell's file names");
+  command->add_option(
+      "--calibration", arguments->calibration,
+      "A calibration that was found: calibration.yaml, matrices, or a folder of\n"
+      "camera models. The presets that need one are tested with it as well as with\n"
+      "the true cameras, on the same scenes, and the difference is told");
   command->add_option("--scenes", arguments->scenes, "Scenes by chance")
       ->check(count)
       ->capture_default_str();

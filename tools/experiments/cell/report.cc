@@ -42,8 +42,7 @@ std::string ExperimentTable(std::span<const Row> rows) {
     absl::StrAppendFormat(&text, "%-17s %5d %-8s %10d %8.2f %% %10.2f %% %9.4f %% %8d\n",
                           NameOf(row.policy.preset), row.min_views, NameOf(row.where),
                           row.tally.tested, Percent(row.tally.occupied, row.tally.tested),
-                          Percent(row.tally.additional, row.tally.tested),
-                          Percent(row.tally.missing, row.tally.tested), row.tally.missing);
+                          AdditionalPercent(row), MissingPercent(row), row.tally.missing);
   }
   return text + CausesTable(rows);
 }
@@ -54,6 +53,10 @@ std::string PolicyColumns(const TrialSetting& setting, size_t policy) {
 }
 
 }  // namespace
+
+double AdditionalPercent(const Row& row) { return Percent(row.tally.additional, row.tally.tested); }
+
+double MissingPercent(const Row& row) { return Percent(row.tally.missing, row.tally.tested); }
 
 std::string NameOf(Where where) { return where == kOnGrid ? "on_grid" : "off_grid"; }
 
@@ -112,8 +115,8 @@ nlohmann::ordered_json JsonOf(std::span<const Row> rows) {
                     {"refused_scenes", row.refused},
                     {"tested", row.tally.tested},
                     {"occupied_percent", Percent(row.tally.occupied, row.tally.tested)},
-                    {"additional_percent", Percent(row.tally.additional, row.tally.tested)},
-                    {"missing_percent", Percent(row.tally.missing, row.tally.tested)},
+                    {"additional_percent", AdditionalPercent(row)},
+                    {"missing_percent", MissingPercent(row)},
                     {"missing_count", row.tally.missing},
                     {"causes", causes}});
   }
@@ -129,9 +132,8 @@ std::string CsvOf(std::span<const Row> rows) {
   for (const Row& row : rows) {
     absl::StrAppend(&text, row.experiment, ",", NameOf(row.policy.preset), ",", row.min_views, ",",
                     NameOf(row.where), ",", row.scenes, ",", row.refused, ",", row.tally.tested,
-                    ",", Percent(row.tally.occupied, row.tally.tested), ",",
-                    Percent(row.tally.additional, row.tally.tested), ",",
-                    Percent(row.tally.missing, row.tally.tested), ",", row.tally.missing);
+                    ",", Percent(row.tally.occupied, row.tally.tested), ",", AdditionalPercent(row),
+                    ",", MissingPercent(row), ",", row.tally.missing);
     for (const uint64_t count : row.causes) absl::StrAppend(&text, ",", count);
     text += '\n';
   }

@@ -24,6 +24,10 @@ struct Row {
   std::array<uint64_t, kCauses> causes{};  // of the missing configurations
 };
 
+// Of the configurations tested.
+double AdditionalPercent(const Row& row);
+double MissingPercent(const Row& row);
+
 // In the order of the policies, on the grid first.
 std::vector<Row> RowsOf(const std::string& experiment, const TrialSetting& setting,
                         const std::vector<SceneRecord>& records);

@@ -181,7 +181,8 @@ absl::StatusOr<std::shared_ptr<const ServedDatabase>> SimulatedWorkplace::Serve(
   }
   const auto sound = SoundCellOf(cell);
   if (!sound.ok()) return sound.status();
-  return ServedDatabase::Load(database, cell_.calibration, treatments, *sound);
+  return ServedDatabase::Load(database, cell_.calibration, treatments, *sound,
+                              {.calibration = settings.calibration});
 }
 
 }  // namespace silhouette::cell_experiment

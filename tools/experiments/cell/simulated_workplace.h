@@ -24,6 +24,8 @@ struct ServeSettings {
   std::optional<double> margin;
   // Metres; in place of the cell's own. The model is then taken for all there is of the robot.
   std::optional<double> least_obstacle;
+  // In place of the database's.
+  std::optional<Calibration> calibration;
 };
 
 // Cannot be changed once loaded, but for the state of `simulation`.
