@@ -16,5 +16,6 @@ void AddPosesCommand(CLI::App& program, Run& run);
 void AddFundamentalCommand(CLI::App& program, Run& run);
 void AddCheckCommand(CLI::App& program, Run& run);
 void AddRunCommand(CLI::App& program, Run& run);
+void AddReportCommand(CLI::App& program, Run& run);
 
 }  // namespace silhouette

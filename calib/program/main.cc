@@ -20,5 +20,6 @@ int main(int argc, char** argv) {
   silhouette::AddFundamentalCommand(app, run);
   silhouette::AddCheckCommand(app, run);
   silhouette::AddRunCommand(app, run);
+  silhouette::AddReportCommand(app, run);
   return silhouette::RunProgram(app, argc, argv, [&] { return run(); });
 }

@@ -1,0 +1,21 @@
+// What `silhouette-calibrate report` says and writes.
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "absl/status/statusor.h"
+#include "calib/program/poses_inputs.h"
+#include "calib/report/quality_report.h"
+
+namespace silhouette {
+
+void PrintReport(const QualityReport& report);
+
+// The page, and the JSON; an empty name: not. Returns the files.
+absl::StatusOr<std::vector<std::string>> WriteReport(const QualityReport& report,
+                                                     const PoseSources& sources,
+                                                     const std::string& page,
+                                                     const std::string& json);
+
+}  // namespace silhouette

@@ -1,0 +1,38 @@
+// What a calibration says of corners that it did not know.
+#pragma once
+
+#include <Eigen/Core>
+#include <cstddef>
+#include <set>
+#include <utility>
+#include <vector>
+
+#include "calib/poses/pose_problem.h"
+#include "calib/poses/pose_solution.h"
+
+namespace silhouette {
+
+// Corners by the places of their sighting in the problem and in the tag.
+using CornerSet = std::set<std::pair<size_t, int>>;
+
+struct HeldOutCorner {
+  size_t sighting = 0;  // in the problem
+  int corner = 0;
+  Eigen::Vector2d residual = Eigen::Vector2d::Zero();  // computed minus seen, pixels
+  double expected = 0;                                 // variance per axis
+};
+
+struct HeldOutTask {
+  const PoseProblem& problem;     // all of it
+  const PoseSolution& full;       // of all of it: which poses of the robot are wrong
+  const CornerSet& outliers;      // corners that count for nothing
+  const PoseSolution& training;   // by the rest
+  std::vector<size_t> sightings;  // that `training` did not know
+};
+
+// Image by image: where a frame's flange or loose board is, the robot or the survey says with the
+// frame's other views, never the image itself. Corners of which neither does are left out, and
+// those of frames whose pose of the robot is wrong.
+std::vector<HeldOutCorner> PredictHeldOut(const HeldOutTask& task);
+
+}  // namespace silhouette

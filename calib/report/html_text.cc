@@ -1,0 +1,31 @@
+#include "calib/report/html_text.h"
+
+#include "absl/strings/str_format.h"
+#include "absl/strings/str_replace.h"
+
+namespace silhouette {
+
+std::string Escaped(const std::string& text) {
+  return absl::StrReplaceAll(
+      text, {{"&", "&amp;"}, {"<", "&lt;"}, {">", "&gt;"}, {"\"", "&quot;"}, {"'", "&#39;"}});
+}
+
+std::string PixelText(double px) {
+  return px < 1 ? absl::StrFormat("%.3f", px) : absl::StrFormat("%.2f", px);
+}
+
+const char* ClassOf(Grade grade) {
+  switch (grade) {
+    case Grade::kGood:
+      return "good";
+    case Grade::kFair:
+      return "fair";
+    case Grade::kBad:
+      return "bad";
+    case Grade::kUnknown:
+      break;
+  }
+  return "unknown";
+}
+
+}  // namespace silhouette

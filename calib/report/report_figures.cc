@@ -1,0 +1,248 @@
+#include "calib/report/report_figures.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <map>
+
+#include "absl/strings/str_cat.h"
+#include "absl/strings/str_format.h"
+#include "calib/report/html_text.h"
+#include "calib/report/pixel_sum.h"
+#include "calib/report/report_judgement.h"
+
+namespace silhouette {
+namespace {
+
+constexpr double kWidth = 360;       // of a view's map, in units of the figure
+constexpr double kLegend = 26;       // height below it
+constexpr double kTypical = 13;      // length of a root-mean-square residual
+constexpr size_t kMostArrows = 700;  // that are drawn
+
+double HeightOf(const ReportView& view) { return kWidth * view.height / view.width; }
+
+std::string Begin(const ReportView& view, const std::string& says) {
+  return absl::StrFormat(
+      "<svg class=\"map\" viewBox=\"0 0 %.0f %.1f\" role=\"img\" aria-label=\"%s\">\n"
+      "<rect class=\"field\" x=\"0\" y=\"0\" width=\"%.0f\" height=\"%.1f\"/>\n",
+      kWidth, HeightOf(view) + kLegend, Escaped(says), kWidth, HeightOf(view));
+}
+
+std::string Frame(const ReportView& view) {
+  return absl::StrFormat(
+      "<rect class=\"frame\" x=\"0.5\" y=\"0.5\" width=\"%.1f\" height=\"%.1f\"/>\n", kWidth - 1,
+      HeightOf(view) - 1);
+}
+
+// From a light to a dark shade of a colour.
+std::string Shade(double share, const std::array<int, 3>& dark) {
+  const double s = 0.08 + 0.92 * std::clamp(share, 0.0, 1.0);
+  const auto mix = [&](int colour) {
+    return static_cast<int>(std::lround(255 + s * (colour - 255)));
+  };
+  return absl::StrFormat("#%02x%02x%02x", mix(dark[0]), mix(dark[1]), mix(dark[2]));
+}
+constexpr std::array<int, 3> kBlue = {0, 88, 150};
+constexpr std::array<int, 3> kRed = {178, 58, 20};
+
+// The fields of a map, each as `fill` paints it; empty: not at all.
+template <typename Fill>
+std::string Fields(const ReportView& view, const Fill& fill) {
+  std::string svg;
+  const double width = kWidth / view.map.columns;
+  const double height = HeightOf(view) / view.map.rows;
+  for (size_t i = 0; i < view.map.cells.size(); ++i) {
+    const std::string paint = fill(view.map.cells[i]);
+    if (paint.empty()) continue;
+    const auto column = static_cast<int>(i) % view.map.columns;
+    const auto row = static_cast<int>(i) / view.map.columns;
+    absl::StrAppendFormat(&svg,
+                          "<rect x=\"%.2f\" y=\"%.2f\" width=\"%.2f\" height=\"%.2f\" %s</rect>\n",
+                          column * width, row * height, width, height, paint);
+  }
+  return svg;
+}
+
+// A row of shades with what the lightest and the darkest mean.
+std::string ShadeLegend(const ReportView& view, const std::array<int, 3>& dark,
+                        const std::string& least, const std::string& most) {
+  const double y = HeightOf(view) + 9;
+  std::string svg = absl::StrFormat("<text x=\"0\" y=\"%.1f\">%s</text>\n", y + 11, least);
+  for (int i = 0; i < 10; ++i) {
+    absl::StrAppendFormat(&svg,
+                          "<rect x=\"%d\" y=\"%.1f\" width=\"10\" height=\"13\" fill=\"%s\"/>\n",
+                          62 + 10 * i, y, Shade(i / 9.0, dark));
+  }
+  absl::StrAppendFormat(&svg, "<text x=\"168\" y=\"%.1f\">%s</text>\n", y + 11, most);
+  return svg;
+}
+
+// The largest of 1, 2 and 5 times a power of ten that is not above `value`.
+double RoundBelow(double value) {
+  const double power = std::pow(10, std::floor(std::log10(value)));
+  for (const double step : {5.0, 2.0}) {
+    if (step * power <= value) return step * power;
+  }
+  return power;
+}
+
+std::string Arrow(const ReportView& view, const ReportCorner& corner, double magnify) {
+  const double shrink = kWidth / view.width;
+  const Eigen::Vector2d from = shrink * (corner.pixel.array() + 0.5).matrix();
+  Eigen::Vector2d line = magnify * corner.held_out.value_or(corner.fit);
+  if (!line.allFinite()) line.setZero();
+  line *= std::min(1.0, 6 * kTypical / std::max(1e-9, line.norm()));
+  const char* kind = corner.outlier ? " class=\"out\"" : "";
+  return absl::StrFormat(
+      "<path%s d=\"M%.1f %.1fl%.1f %.1f\"/><circle%s cx=\"%.1f\" cy=\"%.1f\" r=\"1.4\"/>\n", kind,
+      from.x(), from.y(), line.x(), line.y(), kind, from.x(), from.y());
+}
+
+}  // namespace
+
+std::string ResidualFigure(const ReportView& view) {
+  PixelSum sum;
+  for (const ReportCorner& corner : view.points) {
+    if (!corner.outlier) sum.Add(corner.held_out.value_or(corner.fit));
+  }
+  const double magnify = kTypical / std::max(1e-4, sum.Rms());
+  std::string svg = Begin(view, "residuals of corners");
+  absl::StrAppend(&svg, "<g class=\"arrows\">\n");
+  const size_t step = view.points.size() / kMostArrows + 1;
+  for (size_t i = 0; i < view.points.size(); ++i) {
+    if (i % step == 0 || view.points[i].outlier) {
+      absl::StrAppend(&svg, Arrow(view, view.points[i], magnify));
+    }
+  }
+  const double bar = RoundBelow(70 / magnify);
+  const double y = HeightOf(view) + 16;
+  absl::StrAppendFormat(&svg,
+                        "</g>\n%s<path class=\"bar\" d=\"M1 %.1fh%.1f\"/><text x=\"%.1f\" "
+                        "y=\"%.1f\">%g px</text>\n",
+                        Frame(view), y, bar * magnify, bar * magnify + 9, y + 4, bar);
+  if (step > 1) {
+    absl::StrAppendFormat(&svg,
+                          "<text x=\"%.0f\" y=\"%.1f\" class=\"right\">1 of %d corners</text>\n",
+                          kWidth, y + 4, step);
+  }
+  return absl::StrCat(svg, "</svg>\n");
+}
+
+std::string CoverageFigure(const ReportView& view) {
+  int most = 1;
+  bool missed = false;
+  for (const MapCell& cell : view.map.cells) {
+    most = std::max(most, cell.corners);
+    missed = missed || (cell.points > 0 && cell.corners == 0);
+  }
+  std::string svg = Begin(view, "where corners were seen");
+  absl::StrAppend(&svg, Fields(view, [&](const MapCell& cell) -> std::string {
+    if (cell.corners > 0) {
+      return absl::StrFormat("fill=\"%s\"><title>%d corners</title>",
+                             Shade(std::log(1.0 + cell.corners) / std::log(1.0 + most), kBlue),
+                             cell.corners);
+    }
+    if (cell.points > 0) return "class=\"missed\"><title>workspace, no corners</title>";
+    return "";
+  }));
+  absl::StrAppend(&svg, Frame(view), ShadeLegend(view, kBlue, "1 corner", absl::StrCat(most)));
+  if (missed) {
+    const double y = HeightOf(view) + 9;
+    absl::StrAppendFormat(&svg,
+                          "<rect class=\"missed\" x=\"214\" y=\"%.1f\" width=\"13\" "
+                          "height=\"13\"/><text x=\"232\" y=\"%.1f\">workspace only</text>\n",
+                          y, y + 11);
+  }
+  return absl::StrCat(svg, "</svg>\n");
+}
+
+std::string PredictionFigure(const ReportView& view) {
+  double least = 1e9;
+  double most = 0;
+  for (const MapCell& cell : view.map.cells) {
+    if (cell.points == 0) continue;
+    least = std::min(least, cell.predicted_px);
+    most = std::max(most, cell.predicted_px);
+  }
+  if (most == 0) return "";
+  std::string svg = Begin(view, "predicted error of points of the workspace");
+  absl::StrAppend(&svg, Fields(view, [&](const MapCell& cell) -> std::string {
+    if (cell.points == 0) return "";
+    return absl::StrFormat("fill=\"%s\"><title>%s px</title>",
+                           Shade((cell.predicted_px - least) / std::max(1e-9, most - least), kRed),
+                           PixelText(cell.predicted_px));
+  }));
+  return absl::StrCat(svg, Frame(view),
+                      ShadeLegend(view, kRed, absl::StrCat(PixelText(least), " px"),
+                                  absl::StrCat(PixelText(most), " px")),
+                      "</svg>\n");
+}
+
+std::string ImageFigure(const QualityReport& report) {
+  constexpr double kLeft = 110;
+  constexpr double kRow = 20;
+  const double column = std::clamp(900.0 / std::max<size_t>(1, report.frames.size()), 4.0, 26.0);
+  std::map<std::string, size_t> rows;
+  std::map<std::string, size_t> columns;
+  for (const ReportView& view : report.views) rows.emplace(view.name, rows.size());
+  for (const ReportFrame& frame : report.frames) columns.emplace(frame.name, columns.size());
+  const double width = kLeft + column * static_cast<double>(columns.size()) + 2;
+  const double height = kRow * static_cast<double>(rows.size() + 1) + 22;
+  std::string svg = absl::StrFormat(
+      "<svg class=\"images\" viewBox=\"0 0 %.0f %.0f\" style=\"max-width:%.0fpx\" role=\"img\" "
+      "aria-label=\"all images\">\n",
+      width, height, width);
+  for (const auto& [name, row] : rows) {
+    absl::StrAppendFormat(&svg, "<text x=\"0\" y=\"%.1f\">%s</text>\n",
+                          kRow * static_cast<double>(row) + 14, Escaped(name));
+  }
+  const auto cell = [&](size_t row, size_t place, const std::string& kind, bool left_out,
+                        const std::string& says) {
+    const double x = kLeft + column * static_cast<double>(place);
+    const double y = kRow * static_cast<double>(row);
+    absl::StrAppendFormat(&svg,
+                          "<g><title>%s</title><rect class=\"%s\" x=\"%.1f\" y=\"%.1f\" "
+                          "width=\"%.1f\" height=\"%.1f\"/>",
+                          Escaped(says), kind, x, y + 1, column - 1, kRow - 3);
+    if (left_out) {
+      absl::StrAppendFormat(&svg, "<circle class=\"mark\" cx=\"%.1f\" cy=\"%.1f\" r=\"3\"/>",
+                            x + (column - 1) / 2, y + kRow / 2);
+    }
+    absl::StrAppend(&svg, "</g>\n");
+  };
+  for (const ReportImage& image : report.images) {
+    std::string says =
+        absl::StrFormat("frame %s, view %s: %d corners, %d left out, fit %s px", image.frame,
+                        image.view, image.corners, image.outliers, PixelText(image.fit_px));
+    if (image.held_out.corners > 0) {
+      absl::StrAppend(&says, ", held out ", PixelText(image.held_out.px), " px where ",
+                      PixelText(image.held_out.expected_px), " were to be expected");
+    }
+    cell(rows.at(image.view), columns.at(image.frame), ClassOf(GradeOf(image.held_out)),
+         image.outliers > 0, says);
+  }
+  bool robot = false;
+  for (const ReportFrame& frame : report.frames) {
+    if (!frame.robot) continue;
+    robot = true;
+    cell(
+        rows.size(), columns.at(frame.name), frame.robot_outlier ? "bad" : "good",
+        frame.robot_outlier,
+        absl::StrFormat("frame %s: the flange stood %.2f mm and %.3f deg from where the robot said",
+                        frame.name, frame.robot_mm, frame.robot_deg));
+  }
+  if (robot) {
+    absl::StrAppendFormat(&svg, "<text x=\"0\" y=\"%.1f\">robot pose</text>\n",
+                          kRow * static_cast<double>(rows.size()) + 14);
+  }
+  if (!report.frames.empty()) {
+    absl::StrAppendFormat(&svg,
+                          "<text x=\"%.0f\" y=\"%.1f\">frame %s</text><text x=\"%.0f\" y=\"%.1f\" "
+                          "class=\"right\">%s</text>\n",
+                          kLeft, height - 5, Escaped(report.frames.front().name), width, height - 5,
+                          Escaped(report.frames.back().name));
+  }
+  return absl::StrCat(svg, "</svg>\n");
+}
+
+}  // namespace silhouette
