@@ -15,6 +15,7 @@
 #include "calib/poses/words.h"
 #include "calib/report/held_out.h"
 #include "calib/report/image_map.h"
+#include "calib/report/left_out_parts.h"
 #include "calib/report/pair_distances.h"
 #include "calib/report/pixel_sum.h"
 #include "calib/report/problem_parts.h"
@@ -25,39 +26,6 @@
 
 namespace silhouette {
 namespace {
-
-// A calibration without one group, and what it knows nothing of.
-struct Part {
-  PoseSolution solution;
-  std::vector<size_t> left_out;  // sightings
-};
-
-std::vector<Part> PartsOf(const PoseProblem& problem, const SightingGroups& groups,
-                          QualityReport& report) {
-  std::vector<Part> parts;
-  std::vector<std::string> failed;
-  for (int group = 0; group < groups.count; ++group) {
-    absl::StatusOr<PoseSolution> solution = CalibratePoses(Without(problem, groups, group));
-    if (!solution.ok()) {
-      failed.emplace_back(solution.status().message());
-      continue;
-    }
-    Part part{.solution = *std::move(solution), .left_out{}};
-    for (size_t i = 0; i < groups.group.size(); ++i) {
-      if (groups.group[i] == group) part.left_out.push_back(i);
-    }
-    parts.push_back(std::move(part));
-  }
-  if (!failed.empty()) {
-    report.warnings.push_back(absl::StrCat(
-        "there is no calibration if ", failed.size() == 1 ? "one" : absl::StrCat(failed.size()),
-        " of ", groups.count, " groups of ", groups.by == HeldOutBy::kFrames ? "frames" : "boards",
-        " is left out: ", failed.front()));
-  }
-  report.held_out_by = parts.empty() ? HeldOutBy::kNothing : groups.by;
-  report.groups = static_cast<int>(parts.size());
-  return parts;
-}
 
 class Maker {
  public:
@@ -222,7 +190,7 @@ class Maker {
     std::vector<PixelSum> expected(report_.images.size());
     std::vector<PixelSum> found_by_view(report_.views.size());
     std::vector<PixelSum> expected_by_view(report_.views.size());
-    for (const Part& part : PartsOf(problem_, groups, report_)) {
+    for (const LeftOutPart& part : SolveWithoutEach(problem_, groups, report_)) {
       const HeldOutTask task{problem_, solution_, outliers_, part.solution, part.left_out};
       for (const HeldOutCorner& corner : PredictHeldOut(task)) {
         const size_t image = images_.at(ImageOf(corner.sighting));

@@ -125,12 +125,13 @@ std::string ReachText(const ReportView& view, bool solved) {
 }  // namespace
 
 std::string SummaryTiles(const QualityReport& report) {
-  return absl::StrCat("<div class=\"tiles\">\n", HeldOutTile(report), LineTile(report),
-                      PredictionTile(report), RepeatabilityTile(report),
-                      Tile("&chi;&sup2; per degree of freedom", GradeOfChi2(report.chi2_per_dof),
-                           absl::StrFormat("%.2f", report.chi2_per_dof), "",
-                           absl::StrFormat("1 if the stated sigmas are right; of %d", report.dof)),
-                      "</div>\n");
+  return absl::StrCat(
+      "<div class=\"tiles\">\n", HeldOutTile(report), LineTile(report), PredictionTile(report),
+      RepeatabilityTile(report),
+      Tile("&chi;&sup2; per degree of freedom", GradeOfChi2(report.chi2_per_dof),
+           absl::StrFormat("%.2f", report.chi2_per_dof), "",
+           absl::StrFormat("1 if sigmas are right; %d degrees of freedom", report.dof)),
+      "</div>\n");
 }
 
 std::string ViewTable(const QualityReport& report) {

@@ -227,6 +227,36 @@ TEST_F(CalibratePosesProgram, EyeInHandAndSurveyedBoardsAreTakenTogether) {
               AllOf(HasSubstr("camera1.cameramodel"), Not(HasSubstr("hand"))));
 }
 
+TEST_F(CalibratePosesProgram, ReportJudgesWhatPosesTakes) {
+  PoseRig rig(8, 2);
+  rig.AddFlangeBoard();
+  rig.Drive(16);
+  WriteRig(rig);
+  Write("poses.csv", RobotPoseFileText(rig.problem.robot_poses));
+  const std::string report = absl::StrReplaceAll(kFiles, {{"poses ", "report "}}) +
+                             "--robot-poses poses.csv --flange-board flange --groups 3 ";
+  const Outcome good =
+      Run(absl::StrCat(report, "--urdf ", kUrdf, " --out good.html --json good.json"));
+  ASSERT_EQ(good.exit_code, 0) << good.errors;
+  EXPECT_THAT(good.output, AllOf(HasSubstr("camera1"), HasSubstr("wrote good.html")));
+  EXPECT_THAT(TextOf(folder_ / "good.html"), HasSubstr("<h1>Calibration report</h1>"));
+  const json result = json::parse(TextOf(folder_ / "good.json"));
+  EXPECT_EQ(result["groups"], 3);
+  EXPECT_THAT(result["workspace"].get<std::string>(), HasSubstr("by its model"));
+  EXPECT_GT(result["views"][0]["predicted"]["points"], 100);
+  EXPECT_EQ(Run(report + "--workspace=-1:1,0:1").exit_code, 2);
+  for (TagSighting& seen : rig.problem.sightings) {
+    if (seen.view == "camera1") {
+      for (Eigen::Vector2d& corner : seen.corners) corner.x() = 1279 - corner.x();
+    }
+  }
+  Write("corners.csv", SightingFileText(rig.problem.sightings));
+  const Outcome refused = Run(report + "--out bad.html");
+  EXPECT_EQ(refused.exit_code, 1);
+  EXPECT_THAT(refused.errors, HasSubstr("mirrored"));
+  EXPECT_THAT(TextOf(folder_ / "bad.html"), HasSubstr("No calibration: "));
+}
+
 TEST_F(CalibratePosesProgram, MistakesAreOneSentenceAndNothingIsWritten) {
   PoseRig rig(7);
   rig.AddFlangeBoard();
