@@ -6,8 +6,6 @@
 #include "calib/program/commands.h"
 #include "calib/program/poses_options.h"
 #include "calib/program/report_files.h"
-#include "calib/program/report_workspace.h"
-#include "calib/report/make_report.h"
 #include "calib/report/report_json.h"
 #include "tools/program/program.h"
 
@@ -28,12 +26,8 @@ absl::StatusOr<ExitCode> Work(const Arguments& arguments) {
   const PoseSources sources = WithUnit(arguments.sources, arguments.degrees);
   const absl::StatusOr<PoseProblem> problem = ReadPoseProblem(sources);
   if (!problem.ok()) return problem.status();
-  absl::StatusOr<WorkspacePoints> workspace = WorkspacePointsOf(sources, arguments.workspace);
-  if (!workspace.ok()) return workspace.status();
   absl::StatusOr<QualityReport> report =
-      MakeReport(*problem, {.workspace = std::move(workspace->points),
-                            .workspace_name = std::move(workspace->name),
-                            .groups = arguments.groups});
+      ReportOn(*problem, sources, arguments.workspace, arguments.groups);
   if (!report.ok()) return report.status();
   const bool refused = !report->refusal.empty();
   if (refused) {

@@ -7,6 +7,8 @@
 #include "absl/strings/str_format.h"
 #include "absl/time/clock.h"
 #include "absl/time/time.h"
+#include "calib/program/report_workspace.h"
+#include "calib/report/make_report.h"
 #include "calib/report/report_html.h"
 #include "calib/report/report_json.h"
 #include "tools/picture/files.h"
@@ -35,6 +37,15 @@ std::string HeldOutText(const HeldOutError& error) {
 }
 
 }  // namespace
+
+absl::StatusOr<QualityReport> ReportOn(const PoseProblem& problem, const PoseSources& sources,
+                                       const std::string& workspace_box, int groups) {
+  absl::StatusOr<WorkspacePoints> workspace = WorkspacePointsOf(sources, workspace_box);
+  if (!workspace.ok()) return workspace.status();
+  return MakeReport(problem, {.workspace = std::move(workspace->points),
+                              .workspace_name = std::move(workspace->name),
+                              .groups = groups});
+}
 
 void PrintReport(const QualityReport& report) {
   if (report.refusal.empty()) {

@@ -10,6 +10,10 @@
 
 namespace silhouette {
 
+// As MakeReport, over the workspace that WorkspacePointsOf tells; their errors.
+absl::StatusOr<QualityReport> ReportOn(const PoseProblem& problem, const PoseSources& sources,
+                                       const std::string& workspace_box = "", int groups = 8);
+
 void PrintReport(const QualityReport& report);
 
 // The page, and the JSON; an empty name: not. Returns the files.

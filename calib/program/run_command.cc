@@ -12,6 +12,7 @@
 #include "calib/program/commands.h"
 #include "calib/program/poses_inputs.h"
 #include "calib/program/poses_results.h"
+#include "calib/program/report_files.h"
 #include "calib/program/run_session.h"
 #include "calib/program/run_settings.h"
 #include "capture/program/cell_devices.h"
@@ -64,6 +65,18 @@ absl::Status FindLenses(const Cell& cell, const SessionSettings& settings,
   return absl::OkStatus();
 }
 
+// report.html in the session's folder; returns its path.
+absl::StatusOr<std::string> WriteSessionReport(const Arguments& arguments,
+                                               const PoseProblem& problem,
+                                               const PoseSources& sources) {
+  const absl::StatusOr<QualityReport> report = ReportOn(problem, sources);
+  if (!report.ok()) return report.status();
+  const std::string page = InFolder(arguments, "report.html");
+  const auto written = WriteReport(*report, sources, page, "");
+  if (!written.ok()) return written.status();
+  return page;
+}
+
 absl::StatusOr<ExitCode> Solve(const Arguments& arguments, const Cell& cell,
                                const std::string& lenses) {
   PoseSources sources;
@@ -73,18 +86,25 @@ absl::StatusOr<ExitCode> Solve(const Arguments& arguments, const Cell& cell,
   sources.robot_poses = InFolder(arguments, "robot_poses.csv");
   sources.flange_board = arguments.session.flange_board;
   sources.robot_sigma = arguments.robot_sigma;
+  sources.cell = arguments.session.cell;  // for the report's workspace
   const absl::StatusOr<PoseProblem> problem = ReadPoseProblem(sources);
   if (!problem.ok()) return problem.status();
   const absl::StatusOr<PoseSolution> solution = CalibratePoses(*problem);
   if (absl::IsFailedPrecondition(solution.status())) {
     std::cerr << "silhouette-calibrate: " << solution.status().message() << std::endl;
+    const auto page = WriteSessionReport(arguments, *problem, sources);
+    if (!page.ok()) return page.status();
+    std::cerr << "what was seen is shown in " << *page << std::endl;
     return kNo;
   }
   if (!solution.ok()) return solution.status();
-  const auto files =
+  auto files =
       WritePoses(InFolder(arguments, "cameras"), *problem, *solution,
                  {.command = "run", .lenses = lenses, .masks = MaskSizesOf(cell)}, arguments.draw);
   if (!files.ok()) return files.status();
+  const auto page = WriteSessionReport(arguments, *problem, sources);
+  if (!page.ok()) return page.status();
+  files->push_back(*page);
   if (arguments.format == "json") {
     nlohmann::ordered_json json = PosesJson(*solution);
     json["files"] = *files;

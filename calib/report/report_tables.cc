@@ -14,7 +14,9 @@ namespace {
 
 constexpr char kNone[] = "<span class=\"soft\">&ndash;</span>";
 
-std::string Dot(Grade grade) { return absl::StrFormat("<i class=\"dot %s\"></i>", ClassOf(grade)); }
+std::string Dot(Grade grade) {
+  return absl::StrFormat("<i class=\"dot %s\" title=\"%s\"></i>", ClassOf(grade), ClassOf(grade));
+}
 
 std::string Cell(const std::string& html) { return absl::StrCat("<td>", html, "</td>"); }
 

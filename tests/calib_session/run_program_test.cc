@@ -68,6 +68,7 @@ TEST_F(CalibrateRun, FindsTheCamerasOfTheSimulatedCell) {
   const std::string calibration = ReadAll(fs::path(session()) / "cameras/calibration.yaml");
   EXPECT_THAT(calibration, HasSubstr("silhouette-calibrate run: 16 frames, board 'flange'"));
   EXPECT_THAT(calibration, HasSubstr("view_a: "));
+  EXPECT_THAT(ReadAll(fs::path(session()) / "report.html"), HasSubstr("Held-out corners"));
   // What was recorded is enough to solve without a cell; a second session does not overwrite it.
   EXPECT_TRUE(fs::exists(fs::path(session()) / "images/top/0001.png"));
   EXPECT_EQ(RunSession("--frames 16"), 2);
