@@ -48,7 +48,7 @@ std::vector<TagSighting> GoodSightings(const PoseProblem& problem, const PoseSol
 }
 
 CalibrationRecord RecordOf(const PoseSolution& solution, const PoseProvenance& provenance) {
-  CalibrationRecord record;
+  CalibrationRecord record = provenance.record;
   std::string boards;
   for (const SolvedBoard& board : solution.boards) {
     if (board.place == BoardPlace::kFlange) {

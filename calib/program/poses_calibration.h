@@ -10,6 +10,7 @@
 #include "calib/epipolar_angles.h"
 #include "calib/poses/pose_problem.h"
 #include "calib/poses/pose_solution.h"
+#include "silhouette/storage/v1/storage.pb.h"
 #include "tools/cell/cell.h"
 
 namespace silhouette {
@@ -28,6 +29,8 @@ struct PoseProvenance {
   std::string command;  // of silhouette-calibrate
   std::string lenses;   // where they are from
   MaskSizes masks;      // there are matrices if those of all views are known
+  // Figures and warnings of what came before the poses.
+  storage::v1::CalibrationRecord record = {};
 };
 
 // Whether any camera is in the base frame: only those are views of a cell.

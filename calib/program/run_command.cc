@@ -3,16 +3,17 @@
 #include <filesystem>
 #include <iostream>
 #include <memory>
-#include <numbers>
+#include <optional>
+#include <utility>
 
 #include "absl/strings/str_cat.h"
-#include "calib/intrinsics/solve_lenses.h"
 #include "calib/poses/pose_calibration.h"
-#include "calib/program/camera_files.h"
 #include "calib/program/commands.h"
+#include "calib/program/intrinsics_report.h"
 #include "calib/program/poses_inputs.h"
 #include "calib/program/poses_results.h"
 #include "calib/program/report_files.h"
+#include "calib/program/run_lenses.h"
 #include "calib/program/run_session.h"
 #include "calib/program/run_settings.h"
 #include "capture/program/cell_devices.h"
@@ -36,6 +37,8 @@ std::string InFolder(const Arguments& arguments, const std::string& name) {
   return (fs::path(arguments.session.out) / name).string();
 }
 
+std::string LensFolder(const Arguments& arguments) { return InFolder(arguments, "lenses"); }
+
 // How to go on by hand with what is in the folder.
 std::string PosesCommand(const Arguments& arguments) {
   return absl::StrCat("silhouette-calibrate poses --corners ", InFolder(arguments, "corners.csv"),
@@ -43,26 +46,6 @@ std::string PosesCommand(const Arguments& arguments) {
                       arguments.session.boards, " --cameras ", arguments.session.cameras,
                       " --flange-board ", arguments.session.flange_board, " --out ",
                       InFolder(arguments, "cameras"));
-}
-
-// The lenses from the images of boards, to the folder `lenses`.
-absl::Status FindLenses(const Cell& cell, const SessionSettings& settings,
-                        const SessionRecord& record, const std::string& folder) {
-  std::vector<LensCamera> cameras;
-  for (const ViewSettings& view : cell.views) {
-    cameras.push_back({.name = view.name, .width = view.image_width, .height = view.image_height});
-  }
-  const auto solution = SolveLenses(cameras, settings.boards, record.sightings);
-  if (!solution.ok()) {
-    return absl::Status(
-        solution.status().code(),
-        absl::StrCat("the lenses: ", solution.status().message(), "; or give them (--cameras)"));
-  }
-  for (const SolvedCamera& camera : solution->cameras) {
-    const auto written = WriteCameraFile(folder, camera.name, *camera.model);
-    if (!written.ok()) return written.status();
-  }
-  return absl::OkStatus();
 }
 
 // report.html in the session's folder; returns its path.
@@ -77,8 +60,10 @@ absl::StatusOr<std::string> WriteSessionReport(const Arguments& arguments,
   return page;
 }
 
+// `found`: the lenses, where they were not given.
 absl::StatusOr<ExitCode> Solve(const Arguments& arguments, const Cell& cell,
-                               const std::string& lenses) {
+                               const std::optional<FoundLenses>& found) {
+  const std::string lenses = found ? LensFolder(arguments) : arguments.session.cameras;
   PoseSources sources;
   sources.corners = InFolder(arguments, "corners.csv");
   sources.boards = arguments.session.boards;
@@ -98,15 +83,19 @@ absl::StatusOr<ExitCode> Solve(const Arguments& arguments, const Cell& cell,
     return kNo;
   }
   if (!solution.ok()) return solution.status();
+  PoseProvenance provenance{.command = "run", .lenses = lenses, .masks = MaskSizesOf(cell)};
+  if (found) provenance.record = RecordOf(found->solution);
   auto files =
-      WritePoses(InFolder(arguments, "cameras"), *problem, *solution,
-                 {.command = "run", .lenses = lenses, .masks = MaskSizesOf(cell)}, arguments.draw);
+      WritePoses(InFolder(arguments, "cameras"), *problem, *solution, provenance, arguments.draw);
   if (!files.ok()) return files.status();
   const auto page = WriteSessionReport(arguments, *problem, sources);
   if (!page.ok()) return page.status();
   files->push_back(*page);
   if (arguments.format == "json") {
     nlohmann::ordered_json json = PosesJson(*solution);
+    if (found) {
+      json["lenses"] = nlohmann::ordered_json::parse(LensReportJson(found->solution, found->files));
+    }
     json["files"] = *files;
     std::cout << json.dump(2) << '\n';
     return kDone;
@@ -114,6 +103,23 @@ absl::StatusOr<ExitCode> Solve(const Arguments& arguments, const Cell& cell,
   PrintPoses(*solution);
   for (const std::string& file : *files) std::cout << "wrote " << file << '\n';
   return kDone;
+}
+
+// After a session that did not come to its end.
+absl::StatusOr<ExitCode> TellHowToGoOn(const Arguments& arguments, const absl::Status& why,
+                                       size_t frames) {
+  const bool stopped = absl::IsCancelled(why);
+  if (!stopped && frames == 0) return why;
+  const ExitCode code = stopped ? kNo : Report("silhouette-calibrate", why);
+  std::cerr << "silhouette-calibrate: "
+            << (stopped ? absl::StrCat("stopped, and so is the robot; ", frames, " frames are kept")
+                        : absl::StrCat(frames, " frames are kept"))
+            << ". Go on with the same command and --resume";
+  if (!arguments.session.cameras.empty() && frames > 0) {
+    std::cerr << ", or\nsolve with what there is: " << PosesCommand(arguments);
+  }
+  std::cerr << std::endl;
+  return code;
 }
 
 absl::StatusOr<ExitCode> Work(Arguments arguments) {
@@ -145,27 +151,24 @@ absl::StatusOr<ExitCode> Work(Arguments arguments) {
   if (!devices.ok()) return devices.status();
   const absl::Status recorded =
       RecordSession(*cell, *robot, *settings, *devices->robot, *devices->cameras, *record);
-  if (absl::IsAborted(recorded) && StopRequested()) {
-    std::cerr << "silhouette-calibrate: stopped after " << record->frames.size()
-              << " frames; nothing is lost. Go on with the same command and --resume";
-    if (!arguments.session.cameras.empty()) {
-      std::cerr << ", or\nsolve with what there is: " << PosesCommand(arguments);
-    }
-    std::cerr << std::endl;
-    return kWorldFailed;
-  }
-  if (!recorded.ok()) return recorded;
-  std::string lenses = arguments.session.cameras;
-  if (lenses.empty()) {
-    lenses = InFolder(arguments, "lenses");
-    const absl::Status found = FindLenses(*cell, *settings, *record, lenses);
-    if (absl::IsFailedPrecondition(found)) {
-      std::cerr << "silhouette-calibrate: " << found.message() << std::endl;
+  if (!recorded.ok()) return TellHowToGoOn(arguments, recorded, record->frames.size());
+  std::optional<FoundLenses> found;
+  if (arguments.session.cameras.empty()) {
+    auto lenses = FindLenses(*cell, settings->boards, *record, LensFolder(arguments));
+    if (absl::IsFailedPrecondition(lenses.status())) {
+      std::cerr
+          << "silhouette-calibrate: " << lenses.status().message()
+          << "\nThe images are kept: take more (--resume and a greater --frames; --joint gives "
+             "the robot more room),\nor find the lenses with boards held by hand "
+             "(intrinsics) and give them: --resume --cameras FOLDER"
+          << std::endl;
       return kNo;
     }
-    if (!found.ok()) return found;
+    if (!lenses.ok()) return lenses.status();
+    found = *std::move(lenses);
+    if (arguments.format != "json") std::cout << LensReportText(found->solution, found->files);
   }
-  return Solve(arguments, *cell, lenses);
+  return Solve(arguments, *cell, found);
 }
 
 void AddOptions(CLI::App& command, Arguments& a) {

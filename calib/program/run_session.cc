@@ -2,9 +2,12 @@
 
 #include <algorithm>
 #include <filesystem>
+#include <iostream>
 #include <map>
 #include <opencv2/imgproc.hpp>
 #include <set>
+#include <stop_token>
+#include <thread>
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
@@ -23,6 +26,9 @@ namespace fs = std::filesystem;
 
 // Poses in vain, for each frame that is wanted, before giving up.
 constexpr size_t kMostInVain = 6;
+
+// So much later at most the robot is told to stop.
+constexpr absl::Duration kGuardPeriod = absl::Milliseconds(10);
 
 absl::Status WriteImages(const std::string& folder, const std::string& frame,
                          const std::vector<std::string>& views,
@@ -89,6 +95,7 @@ class Recorder {
       }
       ordered.push_back(positions[*joint]);
     }
+    const std::jthread guard([this](const std::stop_token& arrived) { StopIfAsked(arrived); });
     absl::Status moved = driver_.MoveTo(ordered);
     absl::SleepFor(cell_.capture.settle);
     return moved;
@@ -127,6 +134,18 @@ class Recorder {
   }
 
  private:
+  // Stops the robot if the user asks for it before it has arrived. Tells it again and again, as it
+  // may just be about to set off.
+  void StopIfAsked(const std::stop_token& arrived) {
+    bool complained = false;
+    for (; !arrived.stop_requested(); absl::SleepFor(kGuardPeriod)) {
+      const absl::Status stopped = StopRequested() ? driver_.Stop() : absl::OkStatus();
+      if (stopped.ok() || complained) continue;
+      std::cerr << "the robot could not be told to stop: " << stopped.message() << std::endl;
+      complained = true;
+    }
+  }
+
   static std::vector<std::string> Families(const std::vector<Board>& boards) {
     std::set<std::string> families;
     for (const Board& board : boards) families.insert(board.description().family);
@@ -203,7 +222,7 @@ absl::Status RecordSession(const Cell& cell, const RobotModel& robot,
   // Listed poses keep their numbers: a frame is the line of the list.
   size_t next = listed && !record.frames.empty() ? std::stoul(record.frames.back()) : 0;
   while (listed ? next < wanted : record.frames.size() < wanted) {
-    if (StopRequested()) return absl::AbortedError("stopped");
+    if (StopRequested()) return absl::CancelledError("stopped");
     const absl::StatusOr<PosePlan::Positions> here = recorder.Measure();
     if (!here.ok()) return here.status();
     std::optional<PosePlan::Positions> goal;
@@ -225,7 +244,7 @@ absl::Status RecordSession(const Cell& cell, const RobotModel& robot,
     }
     ++next;
     if (absl::Status moved = recorder.MoveTo(*goal); !moved.ok()) {
-      return StopRequested() ? absl::AbortedError("stopped") : moved;
+      return StopRequested() ? absl::CancelledError("stopped") : moved;
     }
     const std::string frame = FrameName(listed ? next : record.frames.size() + 1);
     const auto views = recorder.Look(frame, record);

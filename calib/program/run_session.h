@@ -34,8 +34,9 @@ struct SessionSettings {
 };
 
 // Goes on with `record` until it has as many frames as it shall, or all given poses were driven to.
-// Aborted: stopped by a signal; what was recorded is on the disk. FailedPrecondition: no pose that
-// is allowed, or the cameras see too little of the board. Otherwise the devices' errors.
+// Cancelled: a signal came, and the robot was told to stop. What was recorded is on the disk.
+// FailedPrecondition: no pose that is allowed, or the cameras see too little of the board.
+// Otherwise the devices' errors.
 absl::Status RecordSession(const Cell& cell, const RobotModel& robot,
                            const SessionSettings& settings, Robot& driver, CameraRig& cameras,
                            SessionRecord& record);

@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 #include <sys/wait.h>
 
+#include <chrono>
 #include <cstdlib>
 #include <fstream>
 #include <sstream>
@@ -84,6 +85,76 @@ TEST_F(CalibrateRun, GoesOnWithWhatThereIs) {
   const std::string after = ReadAll(fs::path(session()) / "joints.csv");
   EXPECT_EQ(after.substr(0, before.size()), before);
   EXPECT_THAT(after, HasSubstr("\n0005,"));
+}
+
+// One camera near a robot that carries a larger board.
+class CalibrateRunWithoutLenses : public CalibrateRun {
+ protected:
+  void WriteCell(const std::string& simulation) {
+    WriteFile(folder_ / "boards.yaml",
+              "- {name: flange, family: tagStandard41h12, rows: 3, columns: 4, tag_size: 0.09, "
+              "gap: 0.09, first_id: 0}\n");
+    WriteFile(folder_ / "simulation.yaml", R"(
+cameras:
+  left: {image_size: [480, 360], position: [0.6, 2.9, 1.3], look_at: [0.6, 0, 0.9],
+         field_of_view: 44 deg, distortion: [-0.06, 0.01, 0, 0.0005, 0]}
+room: {lower: [-4.5, -4.5, 0], upper: [4.5, 4.5, 5], brightness: 0.34, texture: 0.05}
+boards:
+  - {file: boards.yaml, name: flange, margin: 0.01, link: flange, position: [-0.3, 0.2, 0.1],
+     rotation: [180 deg, 0, 0], always: false}
+noise: 1.5
+)" + simulation);
+    WriteFile(folder_ / "cell.yaml", R"(name: near
+simulation: simulation.yaml
+robot:
+  driver: sim
+  urdf: )" + std::string(SILHOUETTE_SOURCE_DIR) +
+                                         R"(/capture/sim/robots/rx130.urdf
+  joints:
+    - {name: joint_1, lower: -150 deg, upper: 150 deg}
+    - {name: joint_3, lower: -120 deg, upper: 110 deg}
+  fixed: {joint_2: 40 deg, joint_4: 0, joint_5: 20 deg, joint_6: 0}
+grid: {max_move: 0.35}
+views: [{name: left, source: sim, image_size: [480, 360], mask_size: [64, 64]}]
+capture: {settle: 0}
+)");
+  }
+  std::string Command(const std::string& options) {
+    const std::string folder = folder_.string();
+    return "run --cell " + folder + "/cell.yaml --boards " + folder + "/boards.yaml --out " +
+           session() + " " + options;
+  }
+};
+
+TEST_F(CalibrateRunWithoutLenses, FindsThemFromTheBoardOnTheFlange) {
+  WriteCell("");
+  // Too few to know a lens by: the images stay, and more can be added.
+  EXPECT_EQ(Run("silhouette-calibrate", Command("--frames 4")), 1);
+  EXPECT_THAT(err(), HasSubstr("--resume"));
+  ASSERT_EQ(Run("silhouette-calibrate", Command("--frames 18 --resume")), 0) << err();
+  const fs::path file = fs::path(session()) / "cameras/left.cameramodel";
+  const auto message = CameraFromText(ReadAll(file), file.string());
+  ASSERT_TRUE(message.ok()) << message.status();
+  const CameraModel found = CameraFrom(*message).value();
+  const CameraModel truth =
+      LoadSimulation((folder_ / "simulation.yaml").string())->cameras[0].model;
+  for (const Eigen::Vector3d& point : {Eigen::Vector3d(0.8, 0, 0.8), {0.2, 0.4, 1.2}}) {
+    EXPECT_LT((*found.Project(point) - *truth.Project(point)).norm(), 0.5);
+  }
+  EXPECT_THAT(ReadAll(fs::path(session()) / "cameras/calibration.yaml"),
+              HasSubstr("lens_rim_sigma"));
+}
+
+TEST_F(CalibrateRunWithoutLenses, CtrlCStopsTheRobotAndSaysHowToGoOn) {
+  WriteCell("joint_speed: 0.01\n");  // minutes to the first pose
+  const std::string command = std::string("timeout -s INT 2 ") + SILHOUETTE_BIN_DIR +
+                              "/silhouette-calibrate " + Command("") + " 2>" +
+                              (folder_ / "err").string() + "; exit $?";
+  const auto start = std::chrono::steady_clock::now();
+  ASSERT_TRUE(WIFEXITED(std::system(command.c_str())));
+  EXPECT_LT(std::chrono::steady_clock::now() - start, std::chrono::seconds(30));
+  EXPECT_THAT(err(), HasSubstr("stopped, and so is the robot; 0 frames are kept. Go on with the "
+                               "same command and --resume"));
 }
 
 TEST_F(CalibrateRun, MistakesAreTold) {

@@ -1,0 +1,52 @@
+#include "calib/program/run_lenses.h"
+
+#include <utility>
+
+#include "absl/strings/str_cat.h"
+#include "calib/program/camera_files.h"
+
+namespace silhouette {
+
+absl::StatusOr<FoundLenses> FindLenses(const Cell& cell, const std::vector<Board>& boards,
+                                       const SessionRecord& record, const std::string& folder) {
+  std::vector<LensCamera> cameras;
+  for (const ViewSettings& view : cell.views) {
+    cameras.push_back({.name = view.name, .width = view.image_width, .height = view.image_height});
+  }
+  absl::StatusOr<LensSolution> solution = SolveLenses(cameras, boards, record.sightings);
+  if (!solution.ok()) {
+    return absl::Status(solution.status().code(),
+                        absl::StrCat("the lenses: ", solution.status().message()));
+  }
+  // That no board ties cameras together is no matter: the robot does.
+  if (solution->groups.size() > 1) solution->warnings.pop_back();
+  FoundLenses found{.solution = *std::move(solution), .files = {}};
+  for (const SolvedCamera& camera : found.solution.cameras) {
+    const auto written = WriteCameraFile(folder, camera.name, *camera.model);
+    if (!written.ok()) return written.status();
+    found.files.push_back(*written);
+  }
+  return found;
+}
+
+storage::v1::CalibrationRecord RecordOf(const LensSolution& solution) {
+  storage::v1::CalibrationRecord record;
+  for (const SolvedCamera& camera : solution.cameras) {
+    const auto add = [&](const char* name, double value, const char* unit) {
+      storage::v1::CalibrationFigure& figure = *record.add_figures();
+      figure.set_name(name);
+      figure.set_of(camera.name);
+      figure.set_value(value);
+      figure.set_unit(unit);
+    };
+    add("lens_images", camera.images, "");
+    add("lens_centre_sigma", camera.centre_sigma, "px");
+    add("lens_rim_sigma", camera.edge_sigma, "px");
+  }
+  for (const std::string& warning : solution.warnings) {
+    record.add_warnings(absl::StrCat("lenses: ", warning));
+  }
+  return record;
+}
+
+}  // namespace silhouette
