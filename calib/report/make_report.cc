@@ -79,31 +79,28 @@ class Maker {
 
   // All corners of the sightings where there is no solution, else those of its residuals.
   void AddImages() {
-    std::vector<std::set<std::string>> frames(report_.views.size());
     for (const std::string& frame : FramesInOrder(problem_)) {
       frame_places_.emplace(frame, report_.frames.size());
       report_.frames.push_back({.name = frame});
     }
     std::map<std::pair<size_t, size_t>, size_t> images;  // by frame and view
-    for (size_t i = 0; i < problem_.sightings.size(); ++i) {
-      images.emplace(ImageOf(i), 0);
-      frames[ViewOf(i)].insert(problem_.sightings[i].frame);
-    }
+    for (size_t i = 0; i < problem_.sightings.size(); ++i) images.emplace(ImageOf(i), 0);
     for (auto& [place, index] : images) {
       index = report_.images.size();
       report_.images.push_back(
           {.frame = report_.frames[place.first].name, .view = report_.views[place.second].name});
     }
     images_ = std::move(images);
-    for (size_t v = 0; v < frames.size(); ++v) {
-      report_.views[v].frames = static_cast<int>(frames[v].size());
-    }
     if (!report_.refusal.empty()) {
       for (size_t i = 0; i < problem_.sightings.size(); ++i) {
         for (int corner = 0; corner < 4; ++corner) AddCorner({i, corner, {0, 0}, false});
       }
     }
     for (const CornerResidual& corner : solution_.residuals) AddCorner(corner);
+    for (const auto& [place, index] : images_) {
+      const ReportImage& image = report_.images[index];
+      if (image.corners + image.outliers > 0) ++report_.views[place.second].frames;
+    }
     FinishFit();
   }
 

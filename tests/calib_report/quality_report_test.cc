@@ -29,10 +29,10 @@ PoseRig FlangeRig(unsigned seed, int cameras = 4, int frames = 30) {
   return rig;
 }
 
-// Four groups: they are quicker than eight.
+// Three groups: they are quicker than eight.
 QualityReport ReportOf(const PoseProblem& problem,
                        const ReportSettings& settings = {
-                           .workspace{}, .workspace_name{}, .groups = 4}) {
+                           .workspace{}, .workspace_name{}, .groups = 3}) {
   absl::StatusOr<QualityReport> report = MakeReport(problem, settings);
   EXPECT_TRUE(report.ok()) << report.status();
   return report.ok() ? *std::move(report) : QualityReport{};
