@@ -37,8 +37,6 @@ std::string InFolder(const Arguments& arguments, const std::string& name) {
   return (fs::path(arguments.session.out) / name).string();
 }
 
-std::string LensFolder(const Arguments& arguments) { return InFolder(arguments, "lenses"); }
-
 // How to go on by hand with what is in the folder.
 std::string PosesCommand(const Arguments& arguments) {
   return absl::StrCat("silhouette-calibrate poses --corners ", InFolder(arguments, "corners.csv"),
@@ -63,7 +61,7 @@ absl::StatusOr<std::string> WriteSessionReport(const Arguments& arguments,
 // `found`: the lenses, where they were not given.
 absl::StatusOr<ExitCode> Solve(const Arguments& arguments, const Cell& cell,
                                const std::optional<FoundLenses>& found) {
-  const std::string lenses = found ? LensFolder(arguments) : arguments.session.cameras;
+  const std::string lenses = found ? LensFolder(arguments.session.out) : arguments.session.cameras;
   PoseSources sources;
   sources.corners = InFolder(arguments, "corners.csv");
   sources.boards = arguments.session.boards;
@@ -154,7 +152,7 @@ absl::StatusOr<ExitCode> Work(Arguments arguments) {
   if (!recorded.ok()) return TellHowToGoOn(arguments, recorded, record->frames.size());
   std::optional<FoundLenses> found;
   if (arguments.session.cameras.empty()) {
-    auto lenses = FindLenses(*cell, settings->boards, *record, LensFolder(arguments));
+    auto lenses = FindLenses(*cell, *robot, *settings, *record);
     if (absl::IsFailedPrecondition(lenses.status())) {
       std::cerr
           << "silhouette-calibrate: " << lenses.status().message()

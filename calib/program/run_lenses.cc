@@ -1,28 +1,56 @@
 #include "calib/program/run_lenses.h"
 
+#include <filesystem>
 #include <utility>
 
 #include "absl/strings/str_cat.h"
 #include "calib/program/camera_files.h"
+#include "calib/program/run_tags.h"
 
 namespace silhouette {
 
-absl::StatusOr<FoundLenses> FindLenses(const Cell& cell, const std::vector<Board>& boards,
-                                       const SessionRecord& record, const std::string& folder) {
+namespace {
+
+absl::StatusOr<LensSolution> Solve(const Cell& cell, const SessionSettings& settings,
+                                   const SessionRecord& record) {
   std::vector<LensCamera> cameras;
   for (const ViewSettings& view : cell.views) {
     cameras.push_back({.name = view.name, .width = view.image_width, .height = view.image_height});
   }
-  absl::StatusOr<LensSolution> solution = SolveLenses(cameras, boards, record.sightings);
-  if (!solution.ok()) {
-    return absl::Status(solution.status().code(),
-                        absl::StrCat("the lenses: ", solution.status().message()));
+  absl::StatusOr<LensSolution> solution = SolveLenses(cameras, settings.boards, record.sightings);
+  if (solution.ok()) return solution;
+  return absl::Status(solution.status().code(),
+                      absl::StrCat("the lenses: ", solution.status().message()));
+}
+
+}  // namespace
+
+std::string LensFolder(const std::string& session) {
+  return (std::filesystem::path(session) / "lenses").string();
+}
+
+absl::StatusOr<FoundLenses> FindLenses(const Cell& cell, const RobotModel& robot,
+                                       const SessionSettings& settings, SessionRecord& record) {
+  absl::StatusOr<LensSolution> solution = Solve(cell, settings, record);
+  if (!solution.ok()) return solution.status();
+  std::vector<std::string> views;
+  std::vector<CameraIntrinsics> lenses;
+  for (const SolvedCamera& camera : solution->cameras) {
+    views.push_back(camera.name);
+    lenses.push_back(camera.model->intrinsics());
   }
+  auto better = DetectAgain(settings.folder, record.frames, views, lenses, settings.boards);
+  if (!better.ok()) return better.status();
+  record.sightings = *std::move(better);
+  const absl::Status kept = WriteRecord(settings.folder, robot, record);
+  if (!kept.ok()) return kept;
+  solution = Solve(cell, settings, record);
+  if (!solution.ok()) return solution.status();
   // That no board ties cameras together is no matter: the robot does.
   if (solution->groups.size() > 1) solution->warnings.pop_back();
   FoundLenses found{.solution = *std::move(solution), .files = {}};
   for (const SolvedCamera& camera : found.solution.cameras) {
-    const auto written = WriteCameraFile(folder, camera.name, *camera.model);
+    const auto written = WriteCameraFile(LensFolder(settings.folder), camera.name, *camera.model);
     if (!written.ok()) return written.status();
     found.files.push_back(*written);
   }

@@ -7,6 +7,7 @@
 #include "absl/status/statusor.h"
 #include "calib/intrinsics/solve_lenses.h"
 #include "calib/program/run_record.h"
+#include "calib/program/run_session.h"
 #include "silhouette/storage/v1/storage.pb.h"
 #include "tools/cell/cell.h"
 
@@ -17,10 +18,14 @@ struct FoundLenses {
   std::vector<std::string> files;
 };
 
-// From what the images show of the boards; writes camera models to `folder`, which is made. The
-// errors are SolveLenses', those of writing besides.
-absl::StatusOr<FoundLenses> FindLenses(const Cell& cell, const std::vector<Board>& boards,
-                                       const SessionRecord& record, const std::string& folder);
+// From what the images show of the boards, at which it looks twice: corners are better once the
+// lenses are known. The better ones take their place in `record` and its file; camera models go to
+// the folder `lenses` of the session's. The errors are SolveLenses', those of files besides.
+absl::StatusOr<FoundLenses> FindLenses(const Cell& cell, const RobotModel& robot,
+                                       const SessionSettings& settings, SessionRecord& record);
+
+// The folder of the camera models.
+std::string LensFolder(const std::string& session);
 
 // How well they are known, and what was warned of, for calibration.yaml.
 storage::v1::CalibrationRecord RecordOf(const LensSolution& solution);

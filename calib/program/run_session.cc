@@ -4,7 +4,7 @@
 #include <filesystem>
 #include <iostream>
 #include <map>
-#include <opencv2/imgproc.hpp>
+#include <opencv2/core/mat.hpp>
 #include <set>
 #include <stop_token>
 #include <thread>
@@ -12,7 +12,7 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
 #include "absl/time/clock.h"
-#include "calib/detection/tag_detector.h"
+#include "calib/program/run_tags.h"
 #include "capture/forbidden_regions.h"
 #include "tools/picture/files.h"
 #include "tools/picture/picture.h"
@@ -46,19 +46,8 @@ absl::Status WriteImages(const std::string& folder, const std::string& frame,
   return absl::OkStatus();
 }
 
-cv::Mat GreyOf(CameraImage& image) {
-  const cv::Mat pixels(image.height, image.width, image.channels == 1 ? CV_8UC1 : CV_8UC3,
-                       image.pixels.data());
-  if (image.channels == 1) return pixels;
-  cv::Mat grey;
-  cv::cvtColor(pixels, grey, cv::COLOR_BGR2GRAY);
-  return grey;
-}
-
-bool OnABoard(const std::vector<Board>& boards, const DetectedTag& tag) {
-  return std::any_of(boards.begin(), boards.end(), [&](const Board& board) {
-    return board.description().family == tag.family && board.HasTag(tag.tag);
-  });
+cv::Mat MatOf(CameraImage& image) {
+  return {image.height, image.width, image.channels == 1 ? CV_8UC1 : CV_8UC3, image.pixels.data()};
 }
 
 // A robot at work: knows its grid joints for the forbidden regions.
@@ -71,11 +60,11 @@ class Recorder {
         settings_(settings),
         driver_(driver),
         cameras_(cameras),
-        detector_(Families(settings.boards)) {
-    for (const Board& board : settings.boards) {
-      if (board.description().name == settings.flange_board) flange_board_.push_back(board);
-    }
-  }
+        detector_(FamiliesOf(settings.boards)),
+        flange_board_(
+            std::find_if(settings.boards.begin(), settings.boards.end(), [&](const Board& board) {
+              return board.description().name == settings.flange_board;
+            })) {}
 
   // Where the robot stands, in the order of the model's joints.
   absl::StatusOr<PosePlan::Positions> Measure() {
@@ -112,12 +101,12 @@ class Recorder {
     for (size_t v = 0; v < images->size(); ++v) {
       const std::string& view = cameras_.views()[v];
       const Lens lens = settings_.lenses.empty() ? Lens() : Lens(settings_.lenses[v]);
-      bool seen = false;
-      for (const DetectedTag& tag : detector_.Detect(GreyOf((*images)[v]), lens)) {
-        if (!OnABoard(settings_.boards, tag)) continue;
-        seen |= OnABoard(flange_board_, tag);
-        sightings.push_back({frame, view, tag.family, tag.tag, tag.corners, tag.sigma});
-      }
+      const std::vector<TagSighting> found =
+          TagsIn(MatOf((*images)[v]), view, frame, settings_.boards, lens, detector_);
+      sightings.insert(sightings.end(), found.begin(), found.end());
+      const bool seen = std::any_of(found.begin(), found.end(), [&](const TagSighting& tag) {
+        return flange_board_->description().family == tag.family && flange_board_->HasTag(tag.tag);
+      });
       if (seen) views.push_back(view);
     }
     if (views.empty()) return views;
@@ -146,19 +135,13 @@ class Recorder {
     }
   }
 
-  static std::vector<std::string> Families(const std::vector<Board>& boards) {
-    std::set<std::string> families;
-    for (const Board& board : boards) families.insert(board.description().family);
-    return {families.begin(), families.end()};
-  }
-
   const Cell& cell_;
   const RobotModel& robot_;
   const SessionSettings& settings_;
   Robot& driver_;
   CameraRig& cameras_;
   TagDetector detector_;
-  std::vector<Board> flange_board_;
+  const std::vector<Board>::const_iterator flange_board_;
 };
 
 std::string FrameName(size_t number) { return absl::StrFormat("%04d", number); }

@@ -131,7 +131,7 @@ TEST_F(CalibrateRunWithoutLenses, FindsThemFromTheBoardOnTheFlange) {
   // Too few to know a lens by: the images stay, and more can be added.
   EXPECT_EQ(Run("silhouette-calibrate", Command("--frames 4")), 1);
   EXPECT_THAT(err(), HasSubstr("--resume"));
-  ASSERT_EQ(Run("silhouette-calibrate", Command("--frames 18 --resume")), 0) << err();
+  ASSERT_EQ(Run("silhouette-calibrate", Command("--frames 14 --resume")), 0) << err();
   const fs::path file = fs::path(session()) / "cameras/left.cameramodel";
   const auto message = CameraFromText(ReadAll(file), file.string());
   ASSERT_TRUE(message.ok()) << message.status();
