@@ -181,7 +181,8 @@ std::string PredictionFigure(const ReportView& view) {
 std::string ImageFigure(const QualityReport& report) {
   constexpr double kLeft = 110;
   constexpr double kRow = 20;
-  const double column = std::clamp(900.0 / std::max<size_t>(1, report.frames.size()), 4.0, 26.0);
+  const double column =
+      std::clamp(900.0 / std::max(1.0, static_cast<double>(report.frames.size())), 4.0, 26.0);
   std::map<std::string, size_t> rows;
   std::map<std::string, size_t> columns;
   for (const ReportView& view : report.views) rows.emplace(view.name, rows.size());
