@@ -90,7 +90,12 @@ absl::StatusOr<CellNow> ReadNow(const std::string& corners, const std::string& i
 
 absl::StatusOr<CellNow> LookNow(const LiveLook& look, const Cell& cell) {
   auto rig = OpenCamerasOfCell(cell, false, look.parked);
-  if (!rig.ok()) return rig.status();
+  if (!rig.ok()) {
+    return absl::Status(rig.status().code(),
+                        absl::StrCat(rig.status().message(),
+                                     "; or take the images otherwise and give them (--images, or "
+                                     "--corners of them)"));
+  }
   auto cameras = CellCameras::Create(DescriptionOf(cell), **rig);
   if (!cameras.ok()) return cameras.status();
   CellNow now;

@@ -104,7 +104,11 @@ absl::Status DetectLive(const DetectArguments& arguments, DetectSession& session
   const auto cell = LoadCell(arguments.cell);
   if (!cell.ok()) return cell.status();
   auto rig = OpenCamerasOfCell(*cell, true);
-  if (!rig.ok()) return rig.status();
+  if (!rig.ok()) {
+    return absl::Status(rig.status().code(),
+                        absl::StrCat(rig.status().message(),
+                                     "; or take the images otherwise and give them (--images)"));
+  }
   auto cameras = CellCameras::Create(DescriptionOf(*cell), **rig);
   if (!cameras.ok()) return cameras.status();
   std::vector<std::string> views;
