@@ -108,7 +108,7 @@ absl::StatusOr<LensCovariance> CovarianceOf(const LensProblem& problem, const Fr
   return result;
 }
 
-std::optional<Eigen::Matrix2d> CovarianceOfProjection(
+std::optional<Eigen::Matrix<double, 2, Eigen::Dynamic>> DerivativeOfProjection(
     const LensCovariance& covariance, size_t camera, const std::string& lens_model,
     const std::vector<double>& intrinsics, const Eigen::Isometry3d& camera_from_reference,
     const Eigen::Vector3d& point) {
@@ -128,7 +128,7 @@ std::optional<Eigen::Matrix2d> CovarianceOfProjection(
   }
   derivative.rightCols(6) =
       lens.by_point * camera_from_reference.linear() * DerivativeByMotion(point);
-  return derivative * covariance.covariance * derivative.transpose();
+  return derivative;
 }
 
 }  // namespace silhouette

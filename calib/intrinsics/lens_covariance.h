@@ -25,8 +25,9 @@ struct LensCovariance {
 // factor: that is found from the residuals. FailedPrecondition: the state is not determined.
 absl::StatusOr<LensCovariance> CovarianceOf(const LensProblem& problem, const FreeParts& free);
 
-// Of the projection of a point in the reference. Nothing if there is no projection.
-std::optional<Eigen::Matrix2d> CovarianceOfProjection(
+// How the projection of a point in the reference moves with the state that `covariance` is of.
+// Nothing if there is no projection.
+std::optional<Eigen::Matrix<double, 2, Eigen::Dynamic>> DerivativeOfProjection(
     const LensCovariance& covariance, size_t camera, const std::string& lens_model,
     const std::vector<double>& intrinsics, const Eigen::Isometry3d& camera_from_reference,
     const Eigen::Vector3d& point);

@@ -229,11 +229,19 @@ absl::StatusOr<LensSolution> SolveLenses(const std::vector<LensCamera>& cameras,
 
 std::optional<Eigen::Matrix2d> ProjectionCovariance(const LensSolution& solution, size_t camera,
                                                     const Eigen::Vector3d& point_in_reference) {
+  const auto derivative = ProjectionDerivative(solution, camera, point_in_reference);
+  if (!derivative) return std::nullopt;
+  const LensGroup& group = solution.groups[solution.cameras[camera].group];
+  return *derivative * group.covariance.covariance * derivative->transpose();
+}
+
+std::optional<Eigen::Matrix<double, 2, Eigen::Dynamic>> ProjectionDerivative(
+    const LensSolution& solution, size_t camera, const Eigen::Vector3d& point_in_reference) {
   const SolvedCamera& solved = solution.cameras[camera];
   const LensGroup& group = solution.groups[solved.group];
   const auto place =
       std::find(group.cameras.begin(), group.cameras.end(), camera) - group.cameras.begin();
-  return CovarianceOfProjection(group.covariance, static_cast<size_t>(place), solved.lens_model,
+  return DerivativeOfProjection(group.covariance, static_cast<size_t>(place), solved.lens_model,
                                 solved.intrinsics, solved.camera_from_reference,
                                 point_in_reference);
 }

@@ -111,6 +111,10 @@ absl::StatusOr<LensSolution> SolveLenses(const std::vector<LensCamera>& cameras,
 // the camera cannot see the point.
 std::optional<Eigen::Matrix2d> ProjectionCovariance(const LensSolution& solution, size_t camera,
                                                     const Eigen::Vector3d& point_in_reference);
+// How that projection moves with the state of LensGroup::covariance, of the camera's group: with it
+// the errors of many points, which have the same causes, can be judged together.
+std::optional<Eigen::Matrix<double, 2, Eigen::Dynamic>> ProjectionDerivative(
+    const LensSolution& solution, size_t camera, const Eigen::Vector3d& point_in_reference);
 // The standard deviation in the worst direction, for the point that a pixel sees at `distance`.
 std::optional<double> ProjectionSigma(const LensSolution& solution, size_t camera,
                                       const Eigen::Vector2d& pixel, double distance);

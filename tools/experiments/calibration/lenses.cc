@@ -1,10 +1,11 @@
-#include <Eigen/LU>
+#include <Eigen/Geometry>
 #include <algorithm>
 #include <chrono>
 #include <cmath>
 #include <optional>
 
 #include "calib/intrinsics/solve_lenses.h"
+#include "tools/experiments/calibration/joint_errors.h"
 #include "tools/experiments/calibration/lines.h"
 #include "tools/experiments/calibration/rig.h"
 #include "tools/experiments/calibration/trials.h"
@@ -15,19 +16,23 @@ namespace {
 constexpr size_t kBoards = 80;
 constexpr double kCornerNoise = 0.1;  // pixels per axis
 
-// The frame of the solution, from the boards' true places in the world: the motion that takes these
-// to where the solution has them.
+// The frame of the solution, from the boards' true places in the world: the motion that takes their
+// outermost corners to where the solution has them, as the predicted uncertainty has it.
 Eigen::Isometry3d ReferenceFromWorld(const LensSolution& solution, const BoardFrames& truth,
                                      const Board& board) {
+  const BoardDescription& measures = board.description();
+  const double pitch = measures.tag_size + measures.gap;
+  const double right = (measures.columns - 1) * pitch + measures.tag_size;
+  const double bottom = (measures.rows - 1) * pitch + measures.tag_size;
+  const std::vector<Eigen::Vector3d> outermost{
+      {0, 0, 0}, {right, 0, 0}, {0, bottom, 0}, {right, bottom, 0}};
   std::vector<Eigen::Vector3d> in_world;
   std::vector<Eigen::Vector3d> in_reference;
   for (const LensBoard& solved : solution.boards) {
     const auto frame = static_cast<size_t>(std::stoi(solved.frame)) - 1;
-    for (int tag = board.description().first_id; board.HasTag(tag); ++tag) {
-      for (const Eigen::Vector3d& corner : board.CornersOf(tag)) {
-        in_world.push_back(truth.world_from_board[frame] * corner);
-        in_reference.push_back(solved.reference_from_board * corner);
-      }
+    for (const Eigen::Vector3d& corner : outermost) {
+      in_world.push_back(truth.world_from_board[frame] * corner);
+      in_reference.push_back(solved.reference_from_board * corner);
     }
   }
   const auto columns = static_cast<Eigen::Index>(in_world.size());
@@ -40,13 +45,14 @@ Eigen::Isometry3d ReferenceFromWorld(const LensSolution& solution, const BoardFr
 
 struct ProjectionErrors {
   RootMeanSquare pixels;
-  RootMeanSquare normalised;  // per axis, in standard deviations
+  ChiSquared predicted;
 };
 
 // How far the projections of workspace points are off, and how far that was to be expected.
 ProjectionErrors ErrorsOf(const Rig& rig, const LensSolution& solution,
                           const Eigen::Isometry3d& reference_from_world) {
   ProjectionErrors errors;
+  JointErrors joint;
   for (size_t c = 0; c < rig.cameras.size(); ++c) {
     const CameraModel& truth = rig.cameras[c].model;
     for (const Eigen::Vector3d& point : PointsOfWorkspace(rig)) {
@@ -54,14 +60,15 @@ ProjectionErrors ErrorsOf(const Rig& rig, const LensSolution& solution,
       if (!expected || !truth.Contains(*expected)) continue;
       const Eigen::Vector3d in_reference = reference_from_world * point;
       const auto pixel = solution.cameras[c].model->Project(in_reference);
-      const auto covariance = ProjectionCovariance(solution, c, in_reference);
+      const auto derivative = ProjectionDerivative(solution, c, in_reference);
       // A point that the calibrated camera does not see is as wrong as can be.
       const Eigen::Vector2d error =
           pixel ? *pixel - *expected : Eigen::Vector2d(truth.intrinsics().width, 0);
       errors.pixels.Add(error.squaredNorm(), 1);
-      if (covariance) errors.normalised.Add(error.dot(covariance->inverse() * error), 2);
+      if (derivative) joint.Add(*derivative, error);
     }
   }
+  errors.predicted = joint.Against(solution.groups[0].covariance.covariance);
   return errors;
 }
 
@@ -76,7 +83,7 @@ absl::StatusOr<Figures> MeasureLenses(uint64_t seed, int calibrations) {
     cameras.push_back({.name = camera.view, .width = lens.width, .height = lens.height});
   }
   Figures figures;
-  RootMeanSquare normalised;
+  ChiSquared predicted;
   for (int i = 0; i < calibrations; ++i) {
     const BoardFrames frames =
         DrawSession(rig, kBoards, kCornerNoise, seed + static_cast<uint64_t>(i) * 15485863);
@@ -87,16 +94,17 @@ absl::StatusOr<Figures> MeasureLenses(uint64_t seed, int calibrations) {
     if (solution->groups.size() != 1) return absl::InternalError("the cameras were not tied");
     const ProjectionErrors errors =
         ErrorsOf(rig, *solution, ReferenceFromWorld(*solution, frames, board));
-    normalised.Add(errors.normalised);
+    predicted.Add(errors.predicted);
     figures["workspace_px"] = std::max(figures["workspace_px"], errors.pixels.Result());
     figures["seconds"] = std::max(figures["seconds"], spent.count());
     if (i > 0) continue;
     std::vector<CameraModel> models;
     for (const SolvedCamera& camera : solution->cameras) models.push_back(*camera.model);
     MeasureLines(rig, models, seed, figures);
+    MeasureWeakLines(rig, kBoards, kCornerNoise, seed, figures);
     MeasureBands(rig, models, seed, figures);
   }
-  figures["chi2_per_dof"] = normalised.Result() * normalised.Result();
+  figures["chi2_per_dof"] = predicted.PerFreedom();
   return figures;
 }
 

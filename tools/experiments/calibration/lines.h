@@ -16,6 +16,11 @@ namespace silhouette::calibration_experiment {
 void MeasureLines(const Rig& rig, const std::vector<CameraModel>& models, uint64_t seed,
                   Figures& figures);
 
+// Adds weak_epipolar_px: the same for matrices straight from the corners of a session of `boards`
+// places with noise of `sigma` pixels, by cameras like those of the rig whose lenses do not bow
+// lines. Pairs of views with too few corners for any matrix are left out.
+void MeasureWeakLines(const Rig& rig, size_t boards, double sigma, uint64_t seed, Figures& figures);
+
 // Adds band_misses: points of the workspace whose true pixels, in masks, the bands say do not show
 // the same.
 void MeasureBands(const Rig& rig, const std::vector<CameraModel>& models, uint64_t seed,

@@ -15,9 +15,9 @@ Figures MeasureCorners(uint64_t seed);
 // roundtrip_px: camera models to text and back.
 absl::StatusOr<Figures> MeasureRoundTrip(uint64_t seed);
 
-// workspace_px, chi2_per_dof, epipolar_px, band_misses, seconds: four cameras and 80 boards,
-// calibrated several times with other places of the boards and other noise. chi2_per_dof is over
-// all, workspace_px and seconds are the greatest, the others those of the first.
+// workspace_px, chi2_per_dof, epipolar_px, weak_epipolar_px, band_misses, seconds: four cameras and
+// 80 boards, calibrated several times with other places of the boards and other noise. chi2_per_dof
+// is over all, workspace_px and seconds are the greatest, the others those of the first.
 absl::StatusOr<Figures> MeasureLenses(uint64_t seed, int calibrations);
 
 // flange_mm, flange_deg, workspace_mm: a tag on the flange in 30 poses.
