@@ -20,6 +20,8 @@ struct LineDistances {
   double rms = 0;
   double median = 0;
   double worst = 0;
+  // What rms would be if the matrix were exact: from what the corners are said to be wrong by.
+  double noise = 0;
   // By how many mask pixels all squares must be widened so that the worst corner's pixels meet
   // (CalibrationSettings::margin in server/scene).
   double margin = 0;
@@ -39,6 +41,7 @@ class LineDistanceSum {
   ViewSizes a_;
   ViewSizes b_;
   std::vector<double> distances_;  // two per corner
+  double noise_squares_ = 0;       // expected of them
   double margin_ = 0;
 };
 

@@ -69,6 +69,7 @@ void AddPairs(const FoundCalibration& found, storage::v1::CalibrationRecord& rec
     };
     const bool weak = pair.weak && pair.f.norm() > 0;
     if (weak) set("epipolar_rms_held_out", pair.weak->held_out.rms, "px");
+    if (weak) set("epipolar_rms_of_noise", pair.weak->held_out.noise, "px");
     if (weak) set("margin", pair.margin, "mask px");
     if (pair.distances) set("epipolar_rms", pair.distances->rms, "px");
     if (pair.bow) set("bow", pair.bow->curve, "px");

@@ -57,6 +57,7 @@ ordered_json MatrixJson(const Eigen::Matrix3d& f) {
 ordered_json DistancesJson(const LineDistances& distances) {
   return {{"corners", distances.corners},
           {"rms_px", distances.rms},
+          {"noise_px", distances.noise},
           {"median_px", distances.median},
           {"worst_px", distances.worst}};
 }
@@ -93,8 +94,10 @@ ordered_json PairJson(const std::vector<PairedView>& views, const PairResult& pa
 }
 
 std::string DistancesText(const LineDistances& distances) {
-  return absl::StrFormat("%d corners, %.3f px rms from their lines, median %.3f, worst %.2f",
-                         distances.corners, distances.rms, distances.median, distances.worst);
+  return absl::StrFormat(
+      "%d corners, %.3f px rms from their lines (%.3f by the corners' own sigma), median %.3f, "
+      "worst %.2f",
+      distances.corners, distances.rms, distances.noise, distances.median, distances.worst);
 }
 
 std::string PairText(const PairResult& pair) {

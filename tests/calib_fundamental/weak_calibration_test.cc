@@ -3,6 +3,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <cmath>
 #include <random>
 
 #include "calib/fundamental/epipolar_geometry.h"
@@ -43,6 +44,9 @@ TEST(WeakCalibration, HeldOutCornersLieOnTheLinesToWithinTheirNoise) {
     ASSERT_FALSE(found.refusal) << *found.refusal;
     EXPECT_LE(found.held_out.rms, 0.05) << "seed " << seed;
     EXPECT_TRUE(found.frames_held_out);
+    // Nearly all of it is the corners' own noise, in both images.
+    EXPECT_NEAR(found.held_out.noise, std::sqrt(2) * 0.03, 0.005) << "seed " << seed;
+    EXPECT_NEAR(found.held_out.rms / found.held_out.noise, 1, 0.1) << "seed " << seed;
     EXPECT_NEAR(found.spread, 1, 0.1);
     EXPECT_LT(found.margin, 0.1);
     EXPECT_NEAR(found.f.determinant(), 0, 1e-15);
