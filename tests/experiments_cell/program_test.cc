@@ -108,6 +108,7 @@ TEST_F(CellExperimentProgram, MistakesAreOneSentenceAndExitCodeTwo) {
   };
   expect_mistake("--presets fast", "fast");
   expect_mistake("--margin -1", "margin");
+  expect_mistake("--calibration nowhere", "'nowhere' is not there");
   files_.WriteCell({{"simulation: simulation.yaml\n", ""}, {"driver: sim", "driver: none"}});
   expect_mistake("--scenes 1", "cell.yaml");
 }
