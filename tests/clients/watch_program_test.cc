@@ -1,7 +1,9 @@
 // `silhouette watch` and `silhouette check --stream` against the real server, as a user runs them.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
+#include <sys/stat.h>
 
+#include <map>
 #include <memory>
 #include <nlohmann/json.hpp>
 #include <sstream>
@@ -116,14 +118,23 @@ TEST_F(SilhouetteWatch, SaysWhenTheSceneBecomesTooOld) {
 
 TEST_F(SilhouetteWatch, EndsCleanlyWithCtrlC) {
   Publish(kNothing);
-  const std::string program = SILHOUETTE_BIN_DIR "/silhouette";
-  for (const std::string what : {"watch", "watch 0,0 1,0", "check --stream"}) {
-    const Ended ended =
-        cell_.shell().Run("sleep 1.2 | SILHOUETTE_SERVER=" + cell_.address() +
-                          " timeout --preserve-status -s INT 1 " + program + " " + what);
-    EXPECT_EQ(ended.exit_code, 0) << what << ": " << ended.err;
-    EXPECT_THAT(ended.err, IsEmpty()) << what;
+  const std::string questions = cell_.shell().folder() / "questions";
+  ASSERT_EQ(mkfifo(questions.c_str(), 0600), 0);
+  // Open for reading, too: opening waits for nobody, and the program's input does not end.
+  const int asked = open(questions.c_str(), O_RDWR);
+  ASSERT_EQ(write(asked, "0,0\n", 4), 4);
+  const std::map<std::string, std::string> arguments = {
+      {"space.txt", "watch"},
+      {"path.txt", "watch 0,0 1,0"},
+      {"checks.txt", "check --stream <" + questions}};
+  for (const auto& [output, what] : arguments) {
+    const auto program = Start(what, output);
+    ASSERT_TRUE(HasLines(output, 1)) << what;
+    const std::string before = ContentOf(cell_.shell().folder() / output);
+    EXPECT_EQ(program->End(SIGINT), 0) << what;
+    EXPECT_EQ(ContentOf(cell_.shell().folder() / output), before) << what;
   }
+  close(asked);
 }
 
 TEST_F(SilhouetteWatch, LostServerIsToldAndTriedAgainOrEndsIt) {
