@@ -72,7 +72,8 @@ class ServedDatabase {
   // The reference image of a view; has_references() must hold.
   const Reference& reference(int view) const { return references_[static_cast<size_t>(view)]; }
 
-  // Which calibration it is (FingerprintOf in calib/calibration_message.h); empty where there is none.
+  // Which calibration it is (FingerprintOf in calib/calibration_message.h); empty where there is
+  // none.
   const std::string& calibration_fingerprint() const { return calibration_fingerprint_; }
 
   // The calibration, and the epipolar lines that follow from it; null where there is none.
