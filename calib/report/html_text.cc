@@ -14,18 +14,4 @@ std::string PixelText(double px) {
   return px < 1 ? absl::StrFormat("%.3f", px) : absl::StrFormat("%.2f", px);
 }
 
-const char* ClassOf(Grade grade) {
-  switch (grade) {
-    case Grade::kGood:
-      return "good";
-    case Grade::kFair:
-      return "fair";
-    case Grade::kBad:
-      return "bad";
-    case Grade::kUnknown:
-      break;
-  }
-  return "unknown";
-}
-
 }  // namespace silhouette

@@ -219,7 +219,7 @@ std::string ImageFigure(const QualityReport& report) {
       absl::StrAppend(&says, ", held out ", PixelText(image.held_out.px), " px where ",
                       PixelText(image.held_out.expected_px), " were to be expected");
     }
-    cell(rows.at(image.view), columns.at(image.frame), ClassOf(GradeOf(image.held_out)),
+    cell(rows.at(image.view), columns.at(image.frame), NameOf(GradeOf(image.held_out)),
          image.outliers > 0, says);
   }
   bool robot = false;

@@ -20,7 +20,7 @@ std::string Verdict(const QualityReport& report) {
     says = warnings == 1 ? "One warning" : absl::StrCat(warnings, " warnings");
   }
   std::string html = absl::StrFormat("<div class=\"verdict %s\"><strong>%s</strong>\n",
-                                     ClassOf(GradeOf(report)), says);
+                                     NameOf(GradeOf(report)), says);
   if (warnings > 0) {
     absl::StrAppend(&html, "<ul>\n");
     for (const std::string& warning : report.warnings) {
@@ -40,7 +40,7 @@ std::string ViewCard(const ReportView& view) {
   return absl::StrCat(
       absl::StrFormat("<div class=\"card\"><h3><i class=\"dot %s\"></i>%s <small class=\"soft\">%d "
                       "x %d pixels</small></h3>\n<div class=\"maps\">\n",
-                      ClassOf(GradeOf(view)), Escaped(view.name), view.width, view.height),
+                      NameOf(GradeOf(view)), Escaped(view.name), view.width, view.height),
       Figure(view.held_out.corners > 0 ? "Residuals of held-out corners" : "Residuals of the fit",
              ResidualFigure(view)),
       Figure("Where corners were seen", CoverageFigure(view)),

@@ -7,20 +7,6 @@ namespace {
 
 using Json = nlohmann::ordered_json;
 
-const char* NameOf(Grade grade) {
-  switch (grade) {
-    case Grade::kGood:
-      return "good";
-    case Grade::kFair:
-      return "fair";
-    case Grade::kBad:
-      return "bad";
-    case Grade::kUnknown:
-      break;
-  }
-  return "unknown";
-}
-
 const char* NameOf(HeldOutBy by) {
   switch (by) {
     case HeldOutBy::kFrames:

@@ -151,6 +151,20 @@ class Warnings {
 
 }  // namespace
 
+const char* NameOf(Grade grade) {
+  switch (grade) {
+    case Grade::kGood:
+      return "good";
+    case Grade::kFair:
+      return "fair";
+    case Grade::kBad:
+      return "bad";
+    case Grade::kUnknown:
+      break;
+  }
+  return "unknown";
+}
+
 Grade GradeOf(const HeldOutError& error) {
   if (error.corners == 0) return Grade::kUnknown;
   return GradeOfRatio(error.px, error.expected_px, 1.4, 2);

@@ -9,6 +9,9 @@ namespace silhouette {
 
 enum class Grade { kUnknown, kGood, kFair, kBad };
 
+// In a word, which is also the class of the page's style: good, fair, bad or unknown.
+const char* NameOf(Grade grade);
+
 Grade GradeOf(const HeldOutError& error);
 Grade GradeOf(const Repeatability& repeatability, const PredictedError& predicted);
 Grade GradeOf(const HalvesDifference& halves);

@@ -15,7 +15,7 @@ namespace {
 constexpr char kNone[] = "<span class=\"soft\">&ndash;</span>";
 
 std::string Dot(Grade grade) {
-  return absl::StrFormat("<i class=\"dot %s\" title=\"%s\"></i>", ClassOf(grade), ClassOf(grade));
+  return absl::StrFormat("<i class=\"dot %s\" title=\"%s\"></i>", NameOf(grade), NameOf(grade));
 }
 
 std::string Cell(const std::string& html) { return absl::StrCat("<td>", html, "</td>"); }
@@ -25,7 +25,7 @@ std::string Tile(const std::string& name, Grade grade, const std::string& value,
   return absl::StrFormat(
       "<div class=\"tile %s\"><div class=\"name\">%s</div><div class=\"value\">%s "
       "<small>%s</small></div><div class=\"more\">%s</div></div>\n",
-      ClassOf(grade), name, value, unit, more);
+      NameOf(grade), name, value, unit, more);
 }
 
 // The view of the worst grade, and among such of the largest `value`; null if none has one.

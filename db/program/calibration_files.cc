@@ -49,6 +49,9 @@ absl::StatusOr<ViewFile> ViewFileOf(const std::string& input, const CellDescript
       return ViewFile{i, input};
     }
   }
+  if (!absl::StrContains(input, '=') && !fs::exists(input)) {
+    return absl::NotFoundError(absl::StrCat("the calibration '", input, "' is not there"));
+  }
   return absl::InvalidArgumentError(
       absl::StrCat("'", input, "' is not named after a view of the database, which has ",
                    ViewsOf(cell), "; say VIEW=FILE"));

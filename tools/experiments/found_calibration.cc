@@ -1,9 +1,7 @@
 #include "tools/experiments/found_calibration.h"
 
-#include <filesystem>
 #include <utility>
 
-#include "absl/strings/str_cat.h"
 #include "db/program/calibration_files.h"
 #include "db/program/tested_calibration.h"
 
@@ -11,9 +9,6 @@ namespace silhouette {
 
 absl::StatusOr<Calibration> FoundCalibration(const std::string& path, const Database& database,
                                              double margin) {
-  if (!std::filesystem::exists(path)) {
-    return absl::NotFoundError(absl::StrCat("the calibration '", path, "' is not there"));
-  }
   const auto stored = ReadCalibration({path}, database.cell());
   if (!stored.ok()) return stored.status();
   const absl::StatusOr<Snapshot> snapshot = database.Read();
