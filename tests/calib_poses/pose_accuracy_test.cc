@@ -151,13 +151,7 @@ TEST(PoseAccuracy, BoardsSeenTogetherTieViewsThatDoNotSeeTheFlange) {
     std::erase_if(rig.problem.sightings, [](const TagSighting& seen) {
       return seen.view == "camera2" || seen.view == "camera3";
     });
-    Eigen::Isometry3d over = Eigen::Isometry3d::Identity();
-    over.linear() = Eigen::AngleAxisd(3.14159, Eigen::Vector3d::UnitX()).matrix();
-    for (int i = 0; i < 15; ++i) {
-      Eigen::Isometry3d pose = over * rig.SmallMotion(0.3, 0.2);
-      pose.translation().z() = rig.Uniform(0.3, 1.1);
-      rig.See("held" + std::to_string(i), 1, pose);
-    }
+    rig.Hold(1, 15);
     const absl::StatusOr<PoseSolution> solution = CalibratePoses(rig.problem);
     ASSERT_TRUE(solution.ok()) << "seed " << seed << ": " << solution.status();
     errors.Add(rig, *solution);

@@ -137,6 +137,17 @@ class PoseRig {
     }
   }
 
+  // The board is held into the cell, facing the cameras above, in so many frames of its own.
+  void Hold(size_t board, int frames) {
+    Eigen::Isometry3d over = Eigen::Isometry3d::Identity();
+    over.linear() = Eigen::AngleAxisd(3.14159, Eigen::Vector3d::UnitX()).matrix();
+    for (int i = 0; i < frames; ++i) {
+      Eigen::Isometry3d pose = over * SmallMotion(0.3, 0.2);
+      pose.translation().z() = Uniform(0.3, 1.1);
+      See("held" + std::to_string(i), board, pose);
+    }
+  }
+
   // What all views see of a board at `base_from_board`.
   void See(const std::string& frame, size_t board, const Eigen::Isometry3d& base_from_board,
            const Eigen::Isometry3d& base_from_flange = Eigen::Isometry3d::Identity()) {

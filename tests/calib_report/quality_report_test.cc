@@ -207,13 +207,7 @@ TEST(QualityReport, BoardsInTheHandAreHeldOutByTheOtherViews) {
   std::erase_if(rig.problem.sightings, [](const TagSighting& seen) {
     return seen.view == "camera2" || seen.view == "camera3";
   });
-  Eigen::Isometry3d over = Eigen::Isometry3d::Identity();
-  over.linear() = Eigen::AngleAxisd(3.14159, Eigen::Vector3d::UnitX()).matrix();
-  for (int i = 0; i < 16; ++i) {
-    Eigen::Isometry3d pose = over * rig.SmallMotion(0.3, 0.2);
-    pose.translation().z() = rig.Uniform(0.3, 1.1);
-    rig.See("held" + std::to_string(i), 1, pose);
-  }
+  rig.Hold(1, 16);
   const QualityReport report = ReportOf(rig.problem);
   EXPECT_GT(report.views[2].held_out.corners, 100);
   EXPECT_LT(report.views[2].held_out.px, 2 * report.views[2].held_out.expected_px);
