@@ -3,18 +3,15 @@
 #pragma once
 
 #include <string>
-#include <vector>
 
 #include "absl/status/statusor.h"
 #include "capture/capture_observer.h"
 #include "capture/capture_plan.h"
 #include "capture/capture_report.h"
 #include "capture/capture_settings.h"
-#include "capture/cell_cameras.h"
-#include "capture/cell_robot.h"
 #include "capture/devices.h"
-#include "capture/segmentation/reference.h"
 #include "capture/segmentation/settings.h"
+#include "capture/session/session_parts.h"
 #include "capture/travel.h"
 #include "db/store.h"
 
@@ -45,19 +42,9 @@ class CaptureSession {
                     const CaptureObserver& observer = {});
 
  private:
-  class Runner;
+  explicit CaptureSession(SessionParts parts);
 
-  CaptureSession(Database& database, const Travel& travel, CellRobot robot, CellCameras cameras,
-                 std::vector<Reference> references, CaptureSettings settings,
-                 SegmentationSettings segmentation);
-
-  Database* database_;
-  const Travel* travel_;
-  CellRobot robot_;
-  CellCameras cameras_;
-  std::vector<Reference> references_;
-  CaptureSettings settings_;
-  SegmentationSettings segmentation_;
+  SessionParts parts_;
 };
 
 }  // namespace silhouette
