@@ -12,7 +12,7 @@
 #include "calib/program/detect_settings.h"
 #include "calib/tags/sighting_file.h"
 #include "capture/cell_cameras.h"
-#include "capture/program/cell_devices.h"
+#include "capture/open_devices/cell_devices.h"
 #include "tools/picture/files.h"
 #include "tools/program/program.h"
 

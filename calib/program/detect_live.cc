@@ -9,7 +9,7 @@
 #include "calib/program/detect_report.h"
 #include "calib/program/detect_settings.h"
 #include "capture/cell_cameras.h"
-#include "capture/program/cell_devices.h"
+#include "capture/open_devices/cell_devices.h"
 #include "tools/cell/cell.h"
 #include "tools/picture/picture.h"
 #include "tools/program/program.h"

@@ -16,7 +16,7 @@
 #include "calib/program/run_lenses.h"
 #include "calib/program/run_session.h"
 #include "calib/program/run_settings.h"
-#include "capture/program/cell_devices.h"
+#include "capture/open_devices/cell_devices.h"
 #include "tools/picture/files.h"
 #include "tools/program/program.h"
 

@@ -6,7 +6,7 @@
 #include <vector>
 
 #include "absl/strings/str_format.h"
-#include "capture/program/cell_devices.h"
+#include "capture/open_devices/cell_devices.h"
 #include "capture/program/commands.h"
 #include "capture/program/opened_cell.h"
 #include "capture/reference_images.h"

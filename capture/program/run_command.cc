@@ -8,7 +8,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "capture/capture_session.h"
-#include "capture/program/cell_devices.h"
+#include "capture/open_devices/cell_devices.h"
 #include "capture/program/commands.h"
 #include "capture/program/opened_cell.h"
 #include "capture/program/report.h"

@@ -1,4 +1,4 @@
-// The robot and the cameras that the cell's file names.
+// The robot and the cameras that a cell's file names, together.
 #pragma once
 
 #include <memory>

@@ -1,0 +1,84 @@
+// The section `views` of cell.yaml: the stationary cameras.
+#include <algorithm>
+#include <cmath>
+#include <map>
+#include <set>
+#include <stdexcept>
+
+#include "tools/cell/sections.h"
+
+namespace silhouette {
+namespace {
+
+MaskSize ReadMaskSize(const YamlNode& node) {
+  const std::vector<int> sides = node.Values<int>(2);
+  const MaskSize size{sides[0], sides[1]};
+  if (!size.valid()) node.Fail("each side of a mask is 1 to 1024 pixels");
+  return size;
+}
+
+ViewSettings ReadView(const YamlNode& node, const Margin& margin,
+                      const std::filesystem::path& folder) {
+  YamlMap map(node);
+  ViewSettings view;
+  view.name = map.Get<std::string>("name");
+  if (view.name.empty()) node.Fail("a view needs a name");
+  view.source = map.Get<std::string>("source", "");
+  const auto mask_size = map.Optional("mask_size");
+  view.mask_size = mask_size ? ReadMaskSize(*mask_size) : MaskSize{64, 64};
+  const auto image_size = map.Optional("image_size");
+  const auto own_margin = map.Optional("margin");
+  view.margin = own_margin ? ReadMargin(*own_margin) : margin;
+  const std::string ignore = map.Get<std::string>("ignore", "");
+  if (!ignore.empty()) view.ignore = ResolvePath(folder, ignore);
+  map.Finish();
+  if (!image_size) {
+    if (!view.source.empty()) node.Fail("a view with a source needs its image_size");
+    view.image_width = view.mask_size.width;
+    view.image_height = view.mask_size.height;
+    return view;
+  }
+  const std::vector<int> sides = image_size->Values<int>(2);
+  view.image_width = sides[0];
+  view.image_height = sides[1];
+  if (view.image_width < view.mask_size.width || view.image_height < view.mask_size.height) {
+    image_size->Fail("the image must not be smaller than its mask");
+  }
+  return view;
+}
+
+}  // namespace
+
+Margin ReadMargin(const YamlNode& node) {
+  const std::string text = node.As<std::string>();
+  size_t end = 0;
+  double number = -1;
+  try {
+    number = std::stod(text, &end);
+  } catch (const std::exception&) {
+    end = 0;
+  }
+  const std::string unit = text.substr(std::min(text.size(), text.find_first_not_of(' ', end)));
+  const std::map<std::string, double> metres = {{"m", 1}, {"cm", 1e-2}, {"mm", 1e-3}};
+  if (end > 0 && number >= 0 && std::isfinite(number)) {
+    if (unit == "px") return {.pixels = number};
+    if (metres.contains(unit)) return {.metres = number * metres.at(unit)};
+  }
+  node.Fail("a margin with its unit is expected, as in '2 px' or '5 cm'");
+}
+
+std::vector<ViewSettings> ReadViews(const YamlNode& node, const Margin& margin,
+                                    const std::filesystem::path& folder) {
+  std::vector<ViewSettings> views;
+  std::set<std::string> names;
+  for (const YamlNode& item : node.Items()) {
+    views.push_back(ReadView(item, margin, folder));
+    if (!names.insert(views.back().name).second) {
+      item.Fail("there is another view called '" + views.back().name + "'");
+    }
+  }
+  if (views.empty()) node.Fail("a cell has at least one view");
+  return views;
+}
+
+}  // namespace silhouette
