@@ -41,6 +41,30 @@ int64_t Covered(const uint8_t* row, const Span& span, int64_t whole) {
   return covered + (row[span.last] != 0 ? span.last_length : 0);
 }
 
+// Sets the mask pixels whose spans hold any foreground at all.
+std::vector<uint64_t> Touched(const cv::Mat& foreground, MaskSize size,
+                              const std::vector<Span>& columns, const std::vector<Span>& rows) {
+  std::vector<uint64_t> words(size.words());
+  std::vector<uint8_t> any(static_cast<size_t>(foreground.cols));  // of the rows of a mask pixel
+  size_t bit = 0;
+  for (const Span& row : rows) {
+    std::fill(any.begin(), any.end(), uint8_t{0});
+    for (int y = row.first; y <= row.last; ++y) {
+      const uint8_t* __restrict pixels = foreground.ptr<uint8_t>(y);
+      uint8_t* __restrict into = any.data();
+      for (int x = 0; x < foreground.cols; ++x) into[x] = static_cast<uint8_t>(into[x] | pixels[x]);
+    }
+    for (const Span& column : columns) {
+      const auto begin = any.begin() + column.first;
+      const bool set =
+          std::any_of(begin, any.begin() + column.last + 1, [](uint8_t p) { return p; });
+      words[bit / 64] |= uint64_t{set} << (bit % 64);
+      ++bit;
+    }
+  }
+  return words;
+}
+
 }  // namespace
 
 Mask DownSample(const cv::Mat& foreground, MaskSize size, double min_cover) {
@@ -53,6 +77,7 @@ Mask DownSample(const cv::Mat& foreground, MaskSize size, double min_cover) {
   }
   const std::vector<Span> columns = Spans(foreground.cols, size.width);
   const std::vector<Span> rows = Spans(foreground.rows, size.height);
+  if (min_cover == 0) return Mask::FromWords(size, Touched(foreground, size, columns, rows));
   const double least = min_cover * foreground.cols * foreground.rows;
 
   std::vector<uint64_t> words(size.words());

@@ -23,19 +23,53 @@ class PlainSegmentation {
                 std::vector<bool>(static_cast<size_t>(image.cols)));
     for (int y = 0; y < image.rows; ++y) {
       for (int x = 0; x < image.cols; ++x) {
-        const double mean = reference.mean().at<uint16_t>(y, x) / 256.0;
-        const double noise = reference.noise().at<uint16_t>(y, x) / 256.0;
-        const double difference = std::abs(image.at<uint8_t>(y, x) - mean);
-        plane[size_t(y)][size_t(x)] =
-            difference > settings.noise_factor * noise && difference > settings.min_difference;
+        const double difference = std::abs(Difference(image, reference, x, y));
+        plane[size_t(y)][size_t(x)] = difference > settings.noise_factor * Noise(reference, x, y) &&
+                                      difference > settings.min_difference;
       }
     }
+    plane = WithFaint(plane, image, reference, settings);
     plane = plain.Dilate(plain.Erode(plane));
     plane = plain.Erode(plain.Dilate(plane));
     return plain.WithoutBlobsBelow(plane, settings.min_blob_pixels);
   }
 
  private:
+  // In grey levels; the mean is cut off to 128ths of one.
+  static double Difference(const cv::Mat& image, const Reference& reference, int x, int y) {
+    return image.at<uint8_t>(y, x) - reference.mean().at<uint16_t>(y, x) / 2 / 128.0;
+  }
+  static double Noise(const Reference& reference, int x, int y) {
+    return reference.noise().at<uint16_t>(y, x) / 256.0;
+  }
+
+  static Plane WithFaint(const Plane& plane, const cv::Mat& image, const Reference& reference,
+                         const SegmentationSettings& settings) {
+    Plane result = plane;
+    if (settings.faint_difference == 0) return result;
+    for (int y = 0; y < image.rows; ++y) {
+      for (int x = 0; x < image.cols; ++x) {
+        double sum = 0;
+        double noise = 0;
+        int count = 0;
+        for (int v = std::max(y - 2, 0); v <= std::min(y + 2, image.rows - 1); ++v) {
+          for (int u = std::max(x - 2, 0); u <= std::min(x + 2, image.cols - 1); ++u) {
+            if (plane[size_t(v)][size_t(u)]) continue;
+            sum += Difference(image, reference, u, v);
+            noise += Noise(reference, u, v);
+            ++count;
+          }
+        }
+        if (count < 13 || !(std::abs(sum) > settings.faint_difference * count)) continue;
+        // |mean| > noise_factor * mean noise / sqrt(count), squared.
+        if (sum * sum * count > std::pow(settings.noise_factor * noise, 2)) {
+          result[size_t(y)][size_t(x)] = true;
+        }
+      }
+    }
+    return result;
+  }
+
   PlainSegmentation(int width, int height, int radius)
       : width_(width), height_(height), radius_(radius) {}
 
@@ -112,7 +146,7 @@ TEST(Foreground, AgreesWithAPlainSegmentation) {
     const cv::Mat image = Expose(light, 1, 6, random);  // so noisy that specks are left to clean up
     const SegmentationSettings settings{.noise_factor = up_to(32) / 4.0,  // exact in any precision
                                         .min_difference = static_cast<double>(up_to(20)),
-                                        .faint_difference = 0,
+                                        .faint_difference = up_to(3) * up_to(8) / 4.0,
                                         .follow_brightness = false,
                                         .clean_up_radius = up_to(4),
                                         .min_blob_pixels = up_to(30)};
