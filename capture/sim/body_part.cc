@@ -2,16 +2,9 @@
 
 #include <utility>
 
+#include "capture/sim/yaml_values.h"
+
 namespace silhouette {
-namespace {
-
-// What a grey camera sees of a colour.
-double Luminance(const Eigen::Vector3d& colour) {
-  return colour.dot(Eigen::Vector3d(0.299, 0.587, 0.114));
-}
-
-}  // namespace
-
 std::vector<BodyPart> RobotParts(const RobotModel& robot) {
   std::vector<BodyPart> parts;
   for (size_t link = 0; link < robot.links().size(); ++link) {
@@ -21,7 +14,10 @@ std::vector<BodyPart> RobotParts(const RobotModel& robot) {
       for (Eigen::Vector3d& vertex : part.mesh.vertices) {
         vertex = geometry.link_from_shape * vertex;
       }
-      if (geometry.colour) part.brightness = Luminance(*geometry.colour);
+      if (geometry.colour) {
+        part.brightness = Luminance(*geometry.colour);
+        part.tint = TintOf(*geometry.colour);
+      }
       parts.push_back(std::move(part));
     }
   }
@@ -34,7 +30,8 @@ std::vector<BodyPart> ObstacleParts(std::span<const Obstacle> obstacles) {
     parts.push_back({.name = obstacles[i].name,
                      .frame = i,
                      .mesh = obstacles[i].mesh,
-                     .brightness = obstacles[i].brightness});
+                     .brightness = obstacles[i].brightness,
+                     .tint = obstacles[i].tint});
   }
   return parts;
 }

@@ -21,6 +21,8 @@ struct BodyPart {
   size_t frame = 0;         // index of the link or obstacle whose pose the part follows
   TriangleMesh mesh;        // in that frame
   double brightness = 0.7;  // share of the light that it throws back, 0..1
+  // Red, green and blue, each as a multiple of the brightness.
+  Eigen::Vector3d tint = Eigen::Vector3d::Ones();
 };
 
 // One part per piece of the links' geometry; the frames are the model's links.

@@ -30,26 +30,53 @@ std::vector<float> NormalNumbers(uint64_t seed, double sigma) {
   return numbers;
 }
 
+// From -1 to 1.
+double Signed(uint64_t scattered) { return static_cast<double>(scattered >> 11) * 0x1p-52 - 1; }
+
+uint8_t GreyLevel(float level) {
+  return static_cast<uint8_t>(std::clamp(level + 0.5F, 0.0F, 255.0F));
+}
+
 }  // namespace
 
 ImageSensor::ImageSensor(const SimulationSettings& settings)
-    : drift_amplitude_(settings.drift_amplitude),
-      drift_period_(settings.drift_period),
-      seed_(settings.seed),
-      noise_(NormalNumbers(settings.seed, settings.noise_sigma)) {}
+    : settings_(settings), noise_(NormalNumbers(settings.seed, settings.noise_sigma)) {}
 
-double ImageSensor::Gain(double time) const {
-  return 1 + drift_amplitude_ * std::sin(2 * std::numbers::pi * time / drift_period_);
+ImageSensor::Gain ImageSensor::GainAt(double time, uint64_t frame, size_t camera) const {
+  const double drift = std::sin(2 * std::numbers::pi * time / settings_.drift_period);
+  const uint64_t image = Scatter(settings_.seed ^ Scatter(frame ^ Scatter(~uint64_t{camera})));
+  const double middle =
+      1 + settings_.drift_amplitude * drift + settings_.flicker_amplitude * Signed(image);
+  const double slope =
+      settings_.drift_slope * drift + settings_.flicker_slope * Signed(Scatter(image));
+  return {.middle = settings_.exposure * middle, .slope = settings_.exposure * slope};
 }
 
-void ImageSensor::Expose(std::span<const float> row, double gain, uint64_t frame, size_t camera,
-                         int y, std::span<uint8_t> pixels) const {
-  const auto factor = static_cast<float>(gain);
-  size_t place =
-      Scatter(seed_ ^ Scatter(frame ^ Scatter(camera ^ Scatter(static_cast<uint64_t>(y)))));
+void ImageSensor::Expose(std::span<const float> row, const Gain& gain, const Place& place,
+                         std::span<uint8_t> pixels, size_t channels) const {
+  const uint64_t camera = Scatter(place.camera ^ Scatter(static_cast<uint64_t>(place.y)));
+  const size_t start = Scatter(settings_.seed ^ Scatter(place.frame ^ camera));
+  const double step = 2 * gain.slope / static_cast<double>(std::max<size_t>(row.size(), 2) - 1);
   for (size_t x = 0; x < row.size(); ++x) {
-    const float level = factor * row[x] + noise_[(place + x) % kNoiseNumbers];
-    pixels[x] = static_cast<uint8_t>(std::clamp(level + 0.5F, 0.0F, 255.0F));
+    const auto factor =
+        static_cast<float>(gain.middle - gain.slope + step * static_cast<double>(x));
+    pixels[x] = GreyLevel(factor * row[x] + noise_[(start + x) % kNoiseNumbers]);
+  }
+  if (settings_.unsteady_share > 0) AddJumps(place, channels, pixels);
+}
+
+void ImageSensor::AddJumps(const Place& place, size_t channels, std::span<uint8_t> pixels) const {
+  const uint64_t row = Scatter(settings_.seed ^ Scatter(place.camera)) + uint64_t(place.y) * 65536;
+  for (size_t x = 0; x < pixels.size(); x += channels) {
+    const uint64_t pixel = Scatter(row + x);
+    if (std::abs(Signed(pixel)) >= settings_.unsteady_share) continue;
+    // It is where it should be in two of three images.
+    const uint64_t now = Scatter(pixel ^ Scatter(place.frame));
+    if (now % 3 != 0) continue;
+    const auto jump = static_cast<float>(settings_.unsteady_jump * Signed(Scatter(now)));
+    for (size_t c = 0; c < channels; ++c) {
+      pixels[x + c] = GreyLevel(static_cast<float>(pixels[x + c]) + jump);
+    }
   }
 }
 

@@ -1,4 +1,5 @@
-// The sensor behind the simulated lens: noise, slow drift of the brightness, grey levels.
+// The sensor behind the simulated lens: exposure, light that drifts and flickers, noise, pixels
+// that jump, grey levels.
 #pragma once
 
 #include <cstdint>
@@ -14,18 +15,30 @@ class ImageSensor {
  public:
   explicit ImageSensor(const SimulationSettings& settings);
 
-  // The factor of all grey levels at a simulated time, in seconds.
-  double Gain(double time) const;
+  // The factor of all grey levels: `middle` in the middle of the image, growing by `slope` towards
+  // the right edge and falling as much towards the left one.
+  struct Gain {
+    double middle = 1;
+    double slope = 0;
+  };
+  // Of a camera's image at a simulated time, in seconds.
+  Gain GainAt(double time, uint64_t frame, size_t camera) const;
 
-  // Turns a rendered row into `pixels`, of the same length. The noise depends on nothing but the
-  // seed, `frame`, `camera` and `y`.
-  void Expose(std::span<const float> row, double gain, uint64_t frame, size_t camera, int y,
-              std::span<uint8_t> pixels) const;
+  // Which row of which image it is.
+  struct Place {
+    uint64_t frame = 0;
+    size_t camera = 0;
+    int y = 0;
+  };
+  // Turns a rendered row into `pixels`, of the same length: `channels` values per pixel. Noise and
+  // jumps depend on nothing but the seed and the place.
+  void Expose(std::span<const float> row, const Gain& gain, const Place& place,
+              std::span<uint8_t> pixels, size_t channels = 1) const;
 
  private:
-  const double drift_amplitude_;
-  const double drift_period_;
-  const uint64_t seed_;
+  void AddJumps(const Place& place, size_t channels, std::span<uint8_t> pixels) const;
+
+  const SimulationSettings settings_;
   // Normally distributed numbers; every row takes a run of them from a place of its own.
   std::vector<float> noise_;
 };

@@ -80,6 +80,12 @@ Obstacle ReadObstacle(const YamlNode& node, const std::string& folder) {
   if (const auto brightness = map.Optional("brightness")) {
     obstacle.brightness = ReadShare(*brightness);
   }
+  if (const auto colour = map.Optional("colour")) {
+    if (map.Optional("brightness")) colour->Fail("give either a colour or a brightness");
+    const Eigen::Vector3d value = ReadColour(*colour);
+    obstacle.brightness = Luminance(value);
+    obstacle.tint = TintOf(value);
+  }
   if (const auto velocity = map.Optional("velocity")) obstacle.velocity = ReadVector(*velocity);
   if (const auto waypoints = map.Optional("waypoints")) {
     if (!obstacle.velocity.isZero()) waypoints->Fail("give either a velocity or waypoints");

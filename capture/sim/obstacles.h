@@ -25,6 +25,8 @@ struct Obstacle {
   TriangleMesh mesh;  // closed, in the obstacle's own frame
   Eigen::Isometry3d world_from_obstacle = Eigen::Isometry3d::Identity();  // at time 0
   double brightness = 0.1;  // share of the light that it throws back, 0..1
+  // Red, green and blue, each as a multiple of the brightness.
+  Eigen::Vector3d tint = Eigen::Vector3d::Ones();
   // It moves by `velocity` (metres per second) or, if there are any, along `waypoints`, whose times
   // grow.
   Eigen::Vector3d velocity = Eigen::Vector3d::Zero();

@@ -48,6 +48,7 @@ size_t RayScene::Add(std::span<const BodyPart> parts) {
     Part part;
     part.mesh = MeshScene(device_.get(), body.mesh);
     part.brightness = static_cast<float>(body.brightness);
+    part.tint = body.tint.cast<float>();
     for (const Eigen::Vector3d& vertex : body.mesh.vertices) part.box.extend(vertex);
     part.instance = rtcNewGeometry(device_.get(), RTC_GEOMETRY_TYPE_INSTANCE);
     rtcSetGeometryInstancedScene(part.instance, part.mesh.get());

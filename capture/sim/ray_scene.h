@@ -45,6 +45,7 @@ class RayScene {
   size_t parts() const { return parts_.size(); }
   bool visible(size_t part) const { return parts_[part].visible; }
   float brightness(size_t part) const { return parts_[part].brightness; }
+  const Eigen::Vector3f& tint(size_t part) const { return parts_[part].tint; }
   const Eigen::Isometry3d& world_from_part(size_t part) const {
     return parts_[part].world_from_part;
   }
@@ -58,6 +59,7 @@ class RayScene {
     Eigen::AlignedBox3d box;
     Eigen::Isometry3d world_from_part = Eigen::Isometry3d::Identity();
     float brightness = 0;
+    Eigen::Vector3f tint = Eigen::Vector3f::Ones();
     bool visible = true;
   };
 

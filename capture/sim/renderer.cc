@@ -34,9 +34,12 @@ struct Renderer::RowWork {
     Eigen::Vector3f point;
     float lit;
     float shadowed;
+    bool floor;
   };
 
   std::vector<float> row;
+  std::vector<Seen> seen;
+  std::vector<Eigen::Vector3f> tints;
   std::vector<uint8_t> touched;
   std::vector<Shaded> shaded;
 };
@@ -100,7 +103,7 @@ void Renderer::Render(std::span<const size_t> cameras, const Poses* robot,
       const int height = settings_.cameras[camera].model.intrinsics().height;
       for (int y = top; y < std::min(top + kRowsAtOnce, height); ++y) {
         RenderRow(camera, y, rectangles[camera], work);
-        sink(camera, y, work.row);
+        sink(camera, y, {.levels = work.row, .seen = work.seen, .tints = work.tints});
       }
     }
   };
@@ -109,6 +112,11 @@ void Renderer::Render(std::span<const size_t> cameras, const Poses* robot,
       std::min({size_t{std::thread::hardware_concurrency()}, kMostThreads, pieces.size()});
   for (size_t i = 1; i < threads; ++i) helpers.emplace_back(work_off);
   work_off();
+}
+
+Seen Renderer::KindOf(size_t part) const {
+  if (part >= first_obstacle()) return Seen::kObstacle;
+  return part >= first_board() ? Seen::kBoard : Seen::kRobot;
 }
 
 std::vector<Renderer::Rectangle> Renderer::TouchedRectangles(size_t camera) const {
@@ -144,6 +152,8 @@ void Renderer::RenderRow(size_t camera, int y, std::span<const Rectangle> rectan
   const size_t first = static_cast<size_t>(y) * width;
   const auto lit = background.lit.begin() + static_cast<ptrdiff_t>(first);
   work.row.assign(lit, lit + static_cast<ptrdiff_t>(width));
+  work.seen.assign(width, Seen::kRoom);
+  work.tints.assign(width, settings_.room.tint.cast<float>());
   work.touched.assign(width, 0);
   work.shaded.clear();
   bool any = false;
@@ -172,7 +182,7 @@ void Renderer::TraceBodies(size_t camera, int y, RowWork& work) const {
     if ((work.touched[x] & kFloorShadow) == 0 || background.receives_shadow[pixel] == 0) return;
     const float reach = background.distance[pixel] - kLift;
     work.shaded.push_back({x, centre + reach * background.ray[pixel], background.lit[pixel],
-                           background.shadowed[pixel]});
+                           background.shadowed[pixel], true});
   };
   const auto shade_part = [&](size_t x, size_t part, Eigen::Vector3f normal, float distance) {
     const Eigen::Vector3f ray = background.ray[first + x];
@@ -183,9 +193,12 @@ void Renderer::TraceBodies(size_t camera, int y, RowWork& work) const {
     const auto level = [&](bool in_shadow) {
       return brightness * static_cast<float>(Illumination(settings_.light, cosine, in_shadow));
     };
+    work.seen[x] = KindOf(part);
+    work.tints[x] = scene_.tint(part);
     work.row[x] = level(true);
     if (cosine <= 0) return;
-    work.shaded.push_back({x, centre + distance * ray + kLift * normal, level(false), level(true)});
+    work.shaded.push_back(
+        {x, centre + distance * ray + kLift * normal, level(false), level(true), false});
   };
 
   RTCIntersectContext context;
@@ -260,7 +273,9 @@ void Renderer::TraceShadows(RowWork& work) const {
     rtcOccluded8(valid.data(), scene_.scene(), &context, &packet);
     for (size_t i = 0; i < count; ++i) {
       const RowWork::Shaded& shaded = work.shaded[first + i];
-      work.row[shaded.x] = packet.tfar[i] < 0 ? shaded.shadowed : shaded.lit;
+      const bool in_shadow = packet.tfar[i] < 0;
+      work.row[shaded.x] = in_shadow ? shaded.shadowed : shaded.lit;
+      if (in_shadow && shaded.floor) work.seen[shaded.x] = Seen::kShadow;
     }
   }
 }

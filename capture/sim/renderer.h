@@ -3,6 +3,7 @@
 // tags are averaged over their area.
 #pragma once
 
+#include <cstdint>
 #include <functional>
 #include <optional>
 #include <span>
@@ -16,6 +17,15 @@
 
 namespace silhouette {
 
+// What a pixel shows.
+enum class Seen : uint8_t {
+  kRoom,
+  kShadow,  // on the floor
+  kRobot,
+  kBoard,
+  kObstacle,
+};
+
 // Not thread-safe.
 class Renderer {
  public:
@@ -25,8 +35,14 @@ class Renderer {
   // Replaces all obstacles.
   void SetObstacles(std::span<const BodyPart> obstacles);
 
-  // Takes a rendered row: the index of its camera, its y and its grey levels, 0..255 and beyond.
-  using RowSink = std::function<void(size_t camera, int y, std::span<const float> row)>;
+  // A rendered row. Without boards one ray through the pixel's centre decides what it shows.
+  struct Row {
+    std::span<const float> levels;  // grey levels, 0..255 and beyond
+    std::span<const Seen> seen;
+    std::span<const Eigen::Vector3f> tints;  // red, green, blue, as multiples of the grey level
+  };
+  // Takes a row of a camera, told by its index.
+  using RowSink = std::function<void(size_t camera, int y, const Row& row)>;
 
   // Renders the images of `cameras` (indices of settings.cameras), with both cores where there are
   // two. `sink` is called once for every row, from several threads, in no order.
@@ -57,6 +73,7 @@ class Renderer {
   void TraceBoards(size_t camera, int y, std::span<const Rectangle> rectangles,
                    RowWork& work) const;
 
+  Seen KindOf(size_t part) const;
   size_t first_board() const { return robot_frames_.size(); }
   size_t first_obstacle() const { return first_board() + settings_.boards.size(); }
 

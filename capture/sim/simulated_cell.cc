@@ -36,6 +36,32 @@ std::vector<std::string> JointNames(const RobotModel& robot) {
   return names;
 }
 
+using Plane = std::vector<float>;
+
+// A channel of a pixel: grey, or blue, green, red.
+float LevelOf(const Renderer::Row& row, size_t x, size_t channel, size_t channels) {
+  if (channels == 1) return row.levels[x];
+  return row.levels[x] * row.tints[x][2 - static_cast<Eigen::Index>(channel)];
+}
+
+std::vector<float> Coloured(const Renderer::Row& row) {
+  std::vector<float> levels;
+  for (size_t x = 0; x < row.levels.size(); ++x) {
+    for (size_t c = 0; c < 3; ++c) levels.push_back(LevelOf(row, x, c, 3));
+  }
+  return levels;
+}
+
+// Row `y` of planes of the same width, pixel by pixel.
+std::vector<float> Interleaved(const std::vector<Plane>& planes, size_t width, int y) {
+  std::vector<float> levels;
+  const size_t first = static_cast<size_t>(y) * width;
+  for (size_t x = 0; x < width; ++x) {
+    for (const Plane& plane : planes) levels.push_back(plane[first + x]);
+  }
+  return levels;
+}
+
 }  // namespace
 
 SimulatedCell::SimulatedCell(RobotModel robot, SimulationSettings settings)
@@ -151,51 +177,78 @@ void SimulatedCell::SetFrame(uint64_t frame) {
   frame_ = frame;
 }
 
+void SimulatedCell::Render(std::span<const size_t> cameras, const Renderer::RowSink& sink) {
+  const Poses robot = robot_.LinkPoses(positions_);
+  renderer_.Render(cameras, robot_present_ ? &robot : nullptr, BoardPosesWith(robot),
+                   ObstaclePoses(obstacles_, time_), sink);
+}
+
 std::vector<CameraImage> SimulatedCell::TakeImages(std::span<const size_t> cameras) {
   const std::lock_guard lock(mutex_);
   const absl::Time now = absl::Now();
   std::vector<CameraImage> by_camera(settings_.cameras.size());
+  std::vector<ImageSensor::Gain> gains(settings_.cameras.size());
+  // With blur a row needs its neighbours.
+  const bool blurred = settings_.blur > 0;
+  std::vector<std::vector<Plane>> sharp(settings_.cameras.size());  // by camera and channel
   for (size_t camera : cameras) {
     const CameraIntrinsics& intrinsics = settings_.cameras[camera].model.intrinsics();
     CameraImage& image = by_camera[camera];
     image.width = intrinsics.width;
     image.height = intrinsics.height;
+    image.channels = settings_.cameras[camera].colour ? 3 : 1;
     image.captured = now;
-    image.pixels.resize(static_cast<size_t>(image.width) * static_cast<size_t>(image.height));
+    const size_t pixels = static_cast<size_t>(image.width) * static_cast<size_t>(image.height);
+    image.pixels.resize(pixels * static_cast<size_t>(image.channels));
+    gains[camera] = sensor_.GainAt(time_, frame_, camera);
+    if (blurred) sharp[camera].assign(static_cast<size_t>(image.channels), Plane(pixels));
   }
-  const double gain = sensor_.Gain(time_);
   const auto expose = [&](size_t camera, int y, std::span<const float> row) {
-    const size_t first = static_cast<size_t>(y) * row.size();
     const std::span pixels(by_camera[camera].pixels);
-    sensor_.Expose(row, gain, frame_, camera, y, pixels.subspan(first, row.size()));
+    sensor_.Expose(row, gains[camera], {.frame = frame_, .camera = camera, .y = y},
+                   pixels.subspan(static_cast<size_t>(y) * row.size(), row.size()),
+                   static_cast<size_t>(by_camera[camera].channels));
   };
-  // With blur a row needs its neighbours.
-  std::vector<std::vector<float>> sharp(settings_.cameras.size());
-  const auto keep = [&](size_t camera, int y, std::span<const float> row) {
-    std::copy(row.begin(), row.end(),
-              sharp[camera].begin() + static_cast<ptrdiff_t>(y) * std::ssize(row));
-  };
-  const bool blurred = settings_.blur > 0;
-  if (blurred) {
-    for (size_t camera : cameras) sharp[camera].resize(by_camera[camera].pixels.size());
-  }
-  const Poses robot = robot_.LinkPoses(positions_);
-  renderer_.Render(cameras, robot_present_ ? &robot : nullptr, BoardPosesWith(robot),
-                   ObstaclePoses(obstacles_, time_),
-                   blurred ? Renderer::RowSink(keep) : Renderer::RowSink(expose));
+  Render(cameras, [&](size_t camera, int y, const Renderer::Row& row) {
+    const auto channels = static_cast<size_t>(by_camera[camera].channels);
+    if (!blurred && channels == 1) return expose(camera, y, row.levels);
+    if (!blurred) return expose(camera, y, Coloured(row));
+    const size_t first = static_cast<size_t>(y) * row.levels.size();
+    for (size_t c = 0; c < channels; ++c) {
+      for (size_t x = 0; x < row.levels.size(); ++x) {
+        sharp[camera][c][first + x] = LevelOf(row, x, c, channels);
+      }
+    }
+  });
   if (blurred) {
     for (size_t camera : cameras) {
       const CameraImage& image = by_camera[camera];
-      Blur(sharp[camera], image.width, settings_.blur);
+      for (Plane& plane : sharp[camera]) Blur(plane, image.width, settings_.blur);
       for (int y = 0; y < image.height; ++y) {
-        const auto width = static_cast<size_t>(image.width);
-        expose(camera, y, std::span(sharp[camera]).subspan(static_cast<size_t>(y) * width, width));
+        expose(camera, y, Interleaved(sharp[camera], static_cast<size_t>(image.width), y));
       }
     }
   }
   ++frame_;
   time_ += settings_.frame_interval;
   std::vector<CameraImage> images;
+  for (size_t camera : cameras) images.push_back(by_camera[camera]);
+  return images;
+}
+
+std::vector<std::vector<Seen>> SimulatedCell::TrueImages(std::span<const size_t> cameras) {
+  const std::lock_guard lock(mutex_);
+  std::vector<std::vector<Seen>> by_camera(settings_.cameras.size());
+  for (size_t camera : cameras) {
+    const CameraIntrinsics& intrinsics = settings_.cameras[camera].model.intrinsics();
+    by_camera[camera].resize(static_cast<size_t>(intrinsics.width) *
+                             static_cast<size_t>(intrinsics.height));
+  }
+  Render(cameras, [&](size_t camera, int y, const Renderer::Row& row) {
+    std::copy(row.seen.begin(), row.seen.end(),
+              by_camera[camera].begin() + static_cast<ptrdiff_t>(y) * std::ssize(row.seen));
+  });
+  std::vector<std::vector<Seen>> images;
   for (size_t camera : cameras) images.push_back(by_camera[camera]);
   return images;
 }

@@ -66,6 +66,10 @@ class SimulatedCell {
   // One simultaneous set: an image for each of `cameras`, indices of settings().cameras.
   std::vector<CameraImage> TakeImages(std::span<const size_t> cameras);
 
+  // What the images show: for each of `cameras`, what is seen in the middle of every pixel, row by
+  // row. Neither time nor the number of the next set go on.
+  std::vector<std::vector<Seen>> TrueImages(std::span<const size_t> cameras);
+
  private:
   // What HoldBoard said of a board, if anything.
   struct Hold {
@@ -74,6 +78,7 @@ class SimulatedCell {
   };
 
   std::vector<std::optional<Eigen::Isometry3d>> BoardPosesWith(const Poses& links) const;
+  void Render(std::span<const size_t> cameras, const Renderer::RowSink& sink);
 
   const RobotModel robot_;
   const SimulationSettings settings_;

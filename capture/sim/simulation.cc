@@ -83,6 +83,8 @@ SimulatedCamera ReadCamera(const std::string& name, const YamlNode& node) {
   }
   if (const auto distortion = map.Optional("distortion")) ReadDistortion(*distortion, intrinsics);
   const Eigen::Isometry3d camera_from_world = ReadPose(map);
+  const auto colour = map.Optional("colour");
+  const bool coloured = colour && colour->As<bool>();
   map.Finish();
   const CameraModel model(intrinsics, camera_from_world);
   for (int corner = 0; corner < 4; ++corner) {
@@ -90,7 +92,7 @@ SimulatedCamera ReadCamera(const std::string& name, const YamlNode& node) {
       node.Fail("the distortion folds back before it reaches the image's corners");
     }
   }
-  return {name, model};
+  return {name, model, coloured};
 }
 
 std::vector<SimulatedCamera> ReadCameras(const YamlNode& node) {
@@ -128,6 +130,7 @@ Room ReadRoom(const YamlNode& node) {
   if (const auto upper = map.Optional("upper")) room.upper = ReadVector(*upper);
   if (const auto brightness = map.Optional("brightness")) room.brightness = ReadShare(*brightness);
   if (const auto texture = map.Optional("texture")) room.texture = ReadShare(*texture);
+  if (const auto colour = map.Optional("colour")) room.tint = ReadTint(*colour);
   map.Finish();
   if (!((room.upper - room.lower).minCoeff() > 0)) {
     node.Fail("'upper' must be greater than 'lower' along every axis");
@@ -151,10 +154,30 @@ SimulationSettings ReadSimulation(const YamlNode& node) {
   if (const auto drift = map.Optional("drift")) {
     YamlMap drift_map(*drift);
     settings.drift_amplitude = ReadShare(drift_map.Required("amplitude"));
+    if (const auto slope = drift_map.Optional("slope")) settings.drift_slope = ReadShare(*slope);
     const YamlNode period = drift_map.Required("period");
     settings.drift_period = period.AsSeconds();
     if (!(settings.drift_period > 0)) period.Fail("a time greater than 0 is expected");
     drift_map.Finish();
+  }
+  if (const auto exposure = map.Optional("exposure")) {
+    settings.exposure = ReadPositive(*exposure);
+  }
+  if (const auto flicker = map.Optional("flicker")) {
+    YamlMap flicker_map(*flicker);
+    settings.flicker_amplitude = ReadShare(flicker_map.Required("amplitude"));
+    if (const auto slope = flicker_map.Optional("slope")) {
+      settings.flicker_slope = ReadShare(*slope);
+    }
+    flicker_map.Finish();
+  }
+  if (const auto unsteady = map.Optional("unsteady_pixels")) {
+    YamlMap unsteady_map(*unsteady);
+    settings.unsteady_share = ReadShare(unsteady_map.Required("share"));
+    if (const auto jump = unsteady_map.Optional("jump")) {
+      settings.unsteady_jump = ReadNotNegative(*jump);
+    }
+    unsteady_map.Finish();
   }
   if (const auto seed = map.Optional("seed")) {
     const int value = seed->As<int>();

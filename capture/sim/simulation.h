@@ -20,6 +20,7 @@ inline constexpr size_t kMaxSimulatedCameras = 8;
 struct SimulatedCamera {
   std::string name;
   CameraModel model;
+  bool colour = false;  // whether its images are blue, green, red, not grey
 };
 
 struct Light {
@@ -35,6 +36,8 @@ struct Room {
   Eigen::Vector3d upper{4, 4, 5};
   double brightness = 0.28;  // share of the light that floor and walls throw back
   double texture = 0.05;     // how much that varies from place to place
+  // Red, green and blue, each as a multiple of the brightness.
+  Eigen::Vector3d tint = Eigen::Vector3d::Ones();
 };
 
 struct SimulationSettings {
@@ -43,9 +46,15 @@ struct SimulationSettings {
   Room room;
   std::vector<SimulatedBoard> boards;
   double blur = 0;               // standard deviation of the lens' blur, pixels
+  double exposure = 1;           // factor of all grey levels; what is above 255 is saturated
   double noise_sigma = 1.5;      // grey levels, of every pixel on its own
   double drift_amplitude = 0.0;  // share of the brightness
   double drift_period = 600;     // seconds of simulated time
+  double drift_slope = 0.0;      // the same at the image's right edge, less at the left one
+  double flicker_amplitude = 0;  // largest random change of an image's brightness, share
+  double flicker_slope = 0;      // the same at the right edge, against the left one
+  double unsteady_share = 0;     // share of the pixels that jump from image to image
+  double unsteady_jump = 40;     // by so many grey levels at the most
   uint64_t seed = 1;             // noise and texture
   double frame_interval = 0.04;  // simulated seconds from one set of images to the next
   double joint_speed = 0;        // radians or metres a second in real time; 0: the robot jumps

@@ -44,4 +44,27 @@ double ReadShare(const YamlNode& node) {
   return value;
 }
 
+Eigen::Vector3d ReadColour(const YamlNode& node) {
+  const Eigen::Vector3d colour = ReadVector(node);
+  if (!(colour.minCoeff() >= 0 && colour.maxCoeff() <= 1)) {
+    node.Fail("red, green and blue are expected, each from 0 to 1");
+  }
+  return colour;
+}
+
+Eigen::Vector3d ReadTint(const YamlNode& node) {
+  const Eigen::Vector3d colour = ReadColour(node);
+  if (!(Luminance(colour) > 0)) node.Fail("a colour that is not black is expected");
+  return TintOf(colour);
+}
+
+double Luminance(const Eigen::Vector3d& colour) {
+  return colour.dot(Eigen::Vector3d(0.299, 0.587, 0.114));
+}
+
+Eigen::Vector3d TintOf(const Eigen::Vector3d& colour) {
+  const double luminance = Luminance(colour);
+  return luminance > 0 ? Eigen::Vector3d(colour / luminance) : Eigen::Vector3d::Ones();
+}
+
 }  // namespace silhouette

@@ -27,4 +27,14 @@ double ReadNotNegative(const YamlNode& node);
 // A number from 0 to 1.
 double ReadShare(const YamlNode& node);
 
+// [red, green, blue], each from 0 to 1.
+Eigen::Vector3d ReadColour(const YamlNode& node);
+// The same, as multiples of its luminance; a colour that is not black.
+Eigen::Vector3d ReadTint(const YamlNode& node);
+
+// What a grey camera sees of a colour: red, green, blue.
+double Luminance(const Eigen::Vector3d& colour);
+// The colour as multiples of its luminance; of black: grey.
+Eigen::Vector3d TintOf(const Eigen::Vector3d& colour);
+
 }  // namespace silhouette

@@ -1,10 +1,12 @@
 // What the simulated cameras see.
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <random>
 
 #include "capture/sim/contact.h"
+#include "capture/sim/yaml_values.h"
 #include "tests/capture_sim/small_cell.h"
 
 namespace silhouette {
@@ -183,6 +185,114 @@ TEST_F(SimulatedImage, BrightnessDriftsWithTime) {
   const double now = mean(0);
   EXPECT_NEAR(mean(25) / now, 1.2, 0.02);
   EXPECT_NEAR(mean(75) / now, 0.8, 0.02);
+}
+
+TEST_F(SimulatedImage, ColourHasTheGreyImagesLuminance) {
+  SimulationSettings settings = SmallSimulation();
+  settings.room.tint = TintOf({0.4, 0.5, 0.3});
+  Obstacle box = BoxAt("box", {0.5, 0.5, 0.5}, {1, 0.6, 0.4});
+  box.brightness = 0.3;
+  box.tint = TintOf({0.5, 0.2, 0.1});
+  for (const double blur : {0.0, 1.0}) {
+    settings.blur = blur;
+    settings.cameras[kTop].colour = false;
+    SimulatedCell grey(ThreeJointRobot(), settings);
+    settings.cameras[kTop].colour = true;
+    SimulatedCell coloured(ThreeJointRobot(), settings);
+    for (SimulatedCell* cell : {&grey, &coloured}) cell->SetObstacles({box});
+    const CameraImage expected = Take(grey)[kTop];
+    const CameraImage image = Take(coloured)[kTop];
+    ASSERT_EQ(image.channels, 3);
+    bool red = false;
+    for (size_t i = 0; i < expected.pixels.size(); ++i) {
+      const uint8_t* pixel = &image.pixels[3 * i];
+      EXPECT_NEAR(0.114 * pixel[0] + 0.587 * pixel[1] + 0.299 * pixel[2], expected.pixels[i], 1.1);
+      red |= pixel[2] > 2 * pixel[1];
+    }
+    EXPECT_TRUE(red) << "the box";
+  }
+}
+
+TEST_F(SimulatedImage, TruthTellsWhatIsSeen) {
+  SimulatedCell cell(ThreeJointRobot(), SmallSimulation());
+  const std::vector<size_t> views{kTop, kFront};
+  cell.SetRobotPresent(false);
+  const auto empty = cell.TakeImages(views);
+  for (const std::vector<Seen>& view : cell.TrueImages(views)) {
+    EXPECT_EQ(static_cast<size_t>(std::count(view.begin(), view.end(), Seen::kRoom)), view.size());
+  }
+  cell.SetRobotPresent(true);
+  cell.SetObstacles({BoxAt("box", {0.5, 0.5, 0.5}, {1, 0.6, 1})});
+  const auto truth = cell.TrueImages(views);
+  const auto images = cell.TakeImages(views);
+  for (const size_t view : views) {
+    for (const Seen seen : {Seen::kRobot, Seen::kObstacle}) {
+      EXPECT_GT(std::count(truth[view].begin(), truth[view].end(), seen), 20) << "view " << view;
+    }
+    for (size_t i = 0; i < truth[view].size(); ++i) {
+      const int change = images[view].pixels[i] - empty[view].pixels[i];
+      if (truth[view][i] == Seen::kRoom) {
+        EXPECT_EQ(change, 0);
+      }
+      if (truth[view][i] == Seen::kShadow) {
+        EXPECT_LT(change, 0);
+      }
+    }
+  }
+  EXPECT_GT(std::count(truth[kTop].begin(), truth[kTop].end(), Seen::kShadow), 20);
+}
+
+TEST_F(SimulatedImage, ExposureSaturates) {
+  SimulationSettings settings = SmallSimulation();
+  settings.exposure = 20;
+  SimulatedCell cell(ThreeJointRobot(), settings);
+  const CameraImage image = Take(cell)[kTop];
+  const auto white = std::count(image.pixels.begin(), image.pixels.end(), 255);
+  EXPECT_GT(white, 0.8 * static_cast<double>(image.pixels.size()));
+}
+
+TEST_F(SimulatedImage, FlickerChangesImagesByChance) {
+  SimulationSettings settings = SmallSimulation();
+  settings.flicker_amplitude = 0.1;
+  settings.flicker_slope = 0.1;
+  SimulatedCell cell(ThreeJointRobot(), settings);
+  SimulationSettings steady = SmallSimulation();
+  SimulatedCell same(ThreeJointRobot(), steady);
+  const std::vector<size_t> views{kTop, kFront};
+  const CameraImage expected = same.TakeImages(views)[kTop];
+  double least = 2;
+  double most = 0;
+  for (int i = 0; i < 20; ++i) {
+    const CameraImage image = cell.TakeImages(views)[kTop];
+    for (const size_t x : {size_t{0}, size_t{159}}) {
+      const double ratio = static_cast<double>(image.pixels[x]) / expected.pixels[x];
+      EXPECT_NEAR(ratio, 1, 0.2 + 0.02);
+      least = std::min(least, ratio);
+      most = std::max(most, ratio);
+    }
+  }
+  EXPECT_LT(least, 0.95);
+  EXPECT_GT(most, 1.05);
+}
+
+TEST_F(SimulatedImage, UnsteadyPixelsJumpAndTheOthersDoNot) {
+  SimulationSettings settings = SmallSimulation();
+  settings.unsteady_share = 0.02;
+  SimulatedCell cell(ThreeJointRobot(), settings);
+  SimulatedCell steady(ThreeJointRobot(), SmallSimulation());
+  const std::vector<size_t> views{kTop};
+  const CameraImage expected = steady.TakeImages(views)[0];
+  std::vector<int> jumps(expected.pixels.size());
+  for (int i = 0; i < 30; ++i) {
+    const CameraImage image = cell.TakeImages(views)[0];
+    for (size_t p = 0; p < jumps.size(); ++p) {
+      jumps[p] += image.pixels[p] != expected.pixels[p] ? 1 : 0;
+    }
+  }
+  const auto unsteady =
+      jumps.size() - static_cast<size_t>(std::count(jumps.begin(), jumps.end(), 0));
+  EXPECT_NEAR(static_cast<double>(unsteady) / static_cast<double>(jumps.size()), 0.02, 0.005);
+  EXPECT_LT(*std::max_element(jumps.begin(), jumps.end()), 25);
 }
 
 }  // namespace

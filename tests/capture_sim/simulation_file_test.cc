@@ -138,5 +138,25 @@ TEST(SimulationFile, MistakesAreToldWithFileAndLine) {
   EXPECT_THAT(ErrorOf("cameras: [\n"), HasSubstr("simulation.yaml:"));
 }
 
+TEST(SimulationFile, EffectsOfLightAndSensorAreRead) {
+  const auto settings =
+      Load(OneCamera("    look_at: [0, 0, 0.5]\n    field_of_view: 60 deg\n    colour: true\n") +
+           "room: {colour: [0.2, 0.4, 0.4]}\nexposure: 1.5\n"
+           "drift: {amplitude: 0.1, period: 1 min, slope: 0.2}\n"
+           "flicker: {amplitude: 0.03, slope: 0.04}\nunsteady_pixels: {share: 0.001, jump: 30}\n");
+  ASSERT_TRUE(settings.ok()) << settings.status();
+  EXPECT_TRUE(settings->cameras[0].colour);
+  EXPECT_NEAR(settings->room.tint.y() / settings->room.tint.x(), 2, 1e-9);
+  EXPECT_EQ(settings->exposure, 1.5);
+  EXPECT_EQ(settings->drift_slope, 0.2);
+  EXPECT_EQ(settings->flicker_amplitude, 0.03);
+  EXPECT_EQ(settings->flicker_slope, 0.04);
+  EXPECT_EQ(settings->unsteady_share, 0.001);
+  EXPECT_EQ(settings->unsteady_jump, 30);
+  EXPECT_THAT(ErrorOf(OneCamera("    look_at: [0, 0, 0.5]\n    field_of_view: 60 deg\n") +
+                      "room: {colour: [0, 0, 0]}\n"),
+              HasSubstr("not black"));
+}
+
 }  // namespace
 }  // namespace silhouette

@@ -28,15 +28,15 @@ std::vector<uint8_t> Photographer::Take(const Eigen::Isometry3d& world_from_boar
   std::vector<float> sharp(width * static_cast<size_t>(lens.height));
   const std::vector<std::optional<Eigen::Isometry3d>> boards{world_from_board};
   renderer_.Render(std::vector<size_t>{0}, nullptr, boards, {},
-                   [&](size_t, int y, std::span<const float> row) {
-                     std::copy(row.begin(), row.end(),
-                               sharp.begin() + static_cast<ptrdiff_t>(y) * std::ssize(row));
+                   [&](size_t, int y, const Renderer::Row& row) {
+                     std::copy(row.levels.begin(), row.levels.end(),
+                               sharp.begin() + static_cast<ptrdiff_t>(y) * std::ssize(row.levels));
                    });
   Blur(sharp, lens.width, settings_.blur);
   std::vector<uint8_t> pixels(sharp.size());
   for (int y = 0; y < lens.height; ++y) {
     const size_t first = static_cast<size_t>(y) * width;
-    sensor_.Expose(std::span(sharp).subspan(first, width), 1, frame_, 0, y,
+    sensor_.Expose(std::span(sharp).subspan(first, width), {}, {.frame = frame_, .y = y},
                    std::span(pixels).subspan(first, width));
   }
   ++frame_;
