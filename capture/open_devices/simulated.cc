@@ -11,7 +11,7 @@ bool HasSimulatedRobot(const Cell& cell) { return cell.robot.driver == kSimulate
 
 bool HasSimulatedCamera(const Cell& cell) {
   return std::any_of(cell.views.begin(), cell.views.end(),
-                     [](const ViewSettings& view) { return view.source == kSimulated; });
+                     [](const ViewSettings& view) { return IsSimulated(view.source); });
 }
 
 absl::StatusOr<std::shared_ptr<SimulatedCell>> LoadSimulatedCell(const Cell& cell) {

@@ -9,7 +9,7 @@
 
 namespace silhouette {
 
-// The driver of a robot and the source of a view that the simulated cell stands behind.
+// The driver of a robot that the simulated cell stands behind.
 inline constexpr char kSimulated[] = "sim";
 
 bool HasSimulatedRobot(const Cell& cell);

@@ -6,6 +6,7 @@
 #include <fstream>
 #include <numbers>
 #include <regex>
+#include <variant>
 
 #include "tests/test_folder.h"
 
@@ -86,6 +87,65 @@ TEST(Cell, TheCommentedSampleIsACellAndShowsTheDefaults) {
   EXPECT_EQ(cell->server.scene.max_skew, SceneSettings{}.max_skew);
   EXPECT_EQ(cell->server.scene.max_core_error, SceneSettings{}.max_core_error);
   EXPECT_EQ(cell->capture.forbidden_regions.size(), 1u);
+}
+
+// A view with this source.
+std::string WithSource(const std::string& source) {
+  return Changed("{name: top}", "{name: top, image_size: [640, 480], source: " + source + "}");
+}
+
+TEST(Cell, EverySourceInTheCommentedSampleIsOne) {
+  std::ifstream in(std::string(SILHOUETTE_SOURCE_DIR) + "/docs/cell.yaml");
+  size_t kinds = 0;
+  for (std::string line; std::getline(in, line);) {
+    static const std::regex sample(R"(^ *# source: (\{.*\})$)");
+    std::smatch match;
+    if (!std::regex_match(line, match, sample)) continue;
+    const absl::StatusOr<Cell> cell = Load(WithSource(match[1]));
+    ASSERT_TRUE(cell.ok()) << cell.status();
+    EXPECT_TRUE(HasImages(cell->views[0].source));
+    ++kinds;
+  }
+  EXPECT_GE(kinds, std::variant_size_v<ImageSource> - 2) << "all but none and sim";
+}
+
+TEST(Cell, SourcesAreReadInShortAndWithTheirSettings) {
+  EXPECT_FALSE(HasImages(Load(kBareCell)->views[0].source));
+  EXPECT_TRUE(IsSimulated(Load(WithSource("sim"))->views[0].source));
+  auto cell = Load(WithSource("{v4l2: /dev/video3}"));
+  ASSERT_TRUE(cell.ok()) << cell.status();
+  V4l2Source camera = std::get<V4l2Source>(cell->views[0].source);
+  EXPECT_EQ(camera.device, "/dev/video3");
+  EXPECT_EQ(camera.exposure, std::nullopt);
+  EXPECT_EQ(camera.latency, absl::Milliseconds(100));
+  cell = Load(WithSource("{v4l2: {device: /dev/video3, exposure: 4 ms, gain: 2.5, latency: 0}}"));
+  ASSERT_TRUE(cell.ok()) << cell.status();
+  camera = std::get<V4l2Source>(cell->views[0].source);
+  EXPECT_EQ(camera.exposure, absl::Milliseconds(4));
+  EXPECT_EQ(camera.gain, 2.5);
+  EXPECT_EQ(camera.latency, absl::ZeroDuration());
+  cell = Load(WithSource("{folder: images}"));
+  ASSERT_TRUE(cell.ok()) << cell.status();
+  EXPECT_EQ(std::get<FolderSource>(cell->views[0].source).folder,
+            (TestFolder() / "images").string());
+}
+
+TEST(Cell, MistakesInSourcesAreToldWithTheMend) {
+  const auto message = [](const std::string& source) {
+    return std::string(Load(WithSource(source)).status().message());
+  };
+  EXPECT_THAT(message("usb"), HasSubstr("the source 'usb' is not known; a source is 'sim', or"));
+  EXPECT_THAT(message("{v4l: /dev/video0}"), HasSubstr("did you mean 'v4l2'?"));
+  EXPECT_THAT(message("{v4l2: {device: /dev/video0, exposre: 5}}"),
+              HasSubstr("did you mean 'exposure'?"));
+  EXPECT_THAT(message("{v4l2: {exposure: 5 ms}}"), HasSubstr("'device' is missing"));
+  EXPECT_THAT(message("{v4l2: /dev/video0, rtsp: \"rtsp://x\"}"), HasSubstr("one source"));
+  EXPECT_THAT(message("{rtsp: \"http://x\"}"), HasSubstr("begins with 'rtsp://'"));
+  EXPECT_THAT(message("{v4l2: {device: /dev/video0, latency: 3 s}}"),
+              HasSubstr("'timeout' must be longer than its 'latency'"));
+  EXPECT_THAT(message("{v4l2: {device: /dev/video0, timeout: 0}}"), HasSubstr("a time above 0"));
+  EXPECT_THAT(MessageOf(Changed("{name: top}", "{name: top, source: sim}")),
+              HasSubstr("needs its image_size"));
 }
 
 TEST(Cell, RobotImageMemoryIsASizeOrLeftOpen) {

@@ -72,7 +72,7 @@ Cell ReadCell(const std::string& path) {
 
 bool HasSources(const Cell& cell) {
   for (const ViewSettings& view : cell.views) {
-    if (!view.source.empty()) return true;
+    if (HasImages(view.source)) return true;
   }
   return false;
 }

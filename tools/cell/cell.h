@@ -12,6 +12,7 @@
 #include "absl/status/statusor.h"
 #include "calib/fixed_joint.h"
 #include "capture/capture_settings.h"
+#include "capture/drivers/camera_settings.h"
 #include "capture/segmentation/settings.h"
 #include "db/configuration_grid.h"
 #include "db/mask.h"
@@ -34,7 +35,7 @@ struct RobotSettings {
 
 struct ViewSettings {
   std::string name;
-  std::string source;  // "sim", or empty: masks come from elsewhere
+  ImageSource source;
   int image_width = 0;
   int image_height = 0;
   MaskSize mask_size;

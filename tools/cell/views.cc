@@ -23,7 +23,9 @@ ViewSettings ReadView(const YamlNode& node, const Margin& margin,
   ViewSettings view;
   view.name = map.Get<std::string>("name");
   if (view.name.empty()) node.Fail("a view needs a name");
-  view.source = map.Get<std::string>("source", "");
+  if (const auto source = map.Optional("source")) {
+    view.source = ReadImageSource(*source, folder);
+  }
   const auto mask_size = map.Optional("mask_size");
   view.mask_size = mask_size ? ReadMaskSize(*mask_size) : MaskSize{64, 64};
   const auto image_size = map.Optional("image_size");
@@ -33,7 +35,7 @@ ViewSettings ReadView(const YamlNode& node, const Margin& margin,
   if (!ignore.empty()) view.ignore = ResolvePath(folder, ignore);
   map.Finish();
   if (!image_size) {
-    if (!view.source.empty()) node.Fail("a view with a source needs its image_size");
+    if (HasImages(view.source)) node.Fail("a view with a source needs its image_size");
     view.image_width = view.mask_size.width;
     view.image_height = view.mask_size.height;
     return view;

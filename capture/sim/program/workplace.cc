@@ -58,7 +58,7 @@ absl::StatusOr<Workplace> LoadWorkplace(const WorkplaceArguments& arguments) {
 absl::StatusOr<std::vector<SimulatedView>> SimulatedViews(const Cell& cell) {
   std::vector<SimulatedView> views;
   for (const ViewSettings& view : cell.views) {
-    if (view.source == "sim") views.push_back({view.name, view.image_width, view.image_height});
+    if (IsSimulated(view.source)) views.push_back({view.name, view.image_width, view.image_height});
   }
   if (views.empty()) {
     return absl::InvalidArgumentError(cell.file + ": no view has the source 'sim'");

@@ -27,7 +27,7 @@ absl::Status CheckSimulated(const Cell& cell) {
                        "' has pixels to ignore, which the experiment does ",
                        "not know; take 'ignore' out of it"));
     }
-    if (view.source == "sim") continue;
+    if (IsSimulated(view.source)) continue;
     return absl::InvalidArgumentError(absl::StrCat(
         cell.file, ": the view '", view.name, "' is not simulated; put 'source: sim' into it"));
   }

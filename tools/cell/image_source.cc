@@ -1,0 +1,121 @@
+// The key `source` of a view in cell.yaml: where its images come from.
+#include <cmath>
+#include <utility>
+
+#include "capture/drivers/camera_settings.h"
+#include "tools/cell/sections.h"
+
+namespace silhouette {
+namespace {
+
+constexpr char kKinds[] =
+    "'sim', or what it is with its settings: v4l2, rtsp, video or folder, as in {v4l2: "
+    "/dev/video0}";
+
+absl::Duration ReadTime(YamlMap& map, const std::string& key, absl::Duration default_value) {
+  const auto node = map.Optional(key);
+  return node ? absl::Seconds(node->AsSeconds()) : default_value;
+}
+
+absl::Duration ReadTimeout(YamlMap& map, absl::Duration default_value) {
+  const absl::Duration timeout = ReadTime(map, "timeout", default_value);
+  if (timeout <= absl::ZeroDuration() || timeout > absl::Minutes(10)) {
+    map.Required("timeout").Fail("a time above 0, of at most 10 minutes, is expected");
+  }
+  return timeout;
+}
+
+// Of a source whose images are not there yet when they are asked for.
+template <typename Source>
+void ReadTimes(YamlMap& map, Source& source) {
+  source.latency = ReadTime(map, "latency", source.latency);
+  source.timeout = ReadTimeout(map, source.timeout);
+  if (source.latency >= source.timeout) {
+    map.node().Fail("its 'timeout' must be longer than its 'latency'");
+  }
+}
+
+template <typename Source>
+void ReadExposure(YamlMap& map, Source& source) {
+  if (const auto exposure = map.Optional("exposure")) {
+    source.exposure = absl::Seconds(exposure->AsSeconds());
+    if (*source.exposure <= absl::ZeroDuration()) exposure->Fail("a time above 0 is expected");
+  }
+  if (const auto gain = map.Optional("gain")) {
+    source.gain = gain->As<double>();
+    if (!std::isfinite(*source.gain)) gain->Fail("a number is expected");
+  }
+}
+
+std::string NotEmpty(const YamlNode& node) {
+  std::string text = node.As<std::string>();
+  if (text.empty()) node.Fail("a text that is not empty is expected");
+  return text;
+}
+
+// A source in short, as in {v4l2: /dev/video0}, or with its settings, of which `key` is the main
+// one: then `read` reads the rest.
+template <typename Read>
+std::string ReadMain(const YamlNode& node, const std::string& key, const Read& read) {
+  if (node.IsScalar()) return NotEmpty(node);
+  YamlMap map(node);
+  std::string main = NotEmpty(map.Required(key));
+  read(map);
+  map.Finish();
+  return main;
+}
+
+V4l2Source ReadV4l2(const YamlNode& node) {
+  V4l2Source source;
+  source.device = ReadMain(node, "device", [&](YamlMap& map) {
+    ReadExposure(map, source);
+    ReadTimes(map, source);
+  });
+  return source;
+}
+
+RtspSource ReadRtsp(const YamlNode& node) {
+  RtspSource source;
+  source.url = ReadMain(node, "url", [&](YamlMap& map) { ReadTimes(map, source); });
+  if (!source.url.starts_with("rtsp://") && !source.url.starts_with("rtsps://")) {
+    node.Fail("an address that begins with 'rtsp://' is expected");
+  }
+  return source;
+}
+
+VideoSource ReadVideo(const YamlNode& node, const std::filesystem::path& folder) {
+  VideoSource source;
+  source.file = ResolvePath(folder, ReadMain(node, "file", [&](YamlMap& map) {
+                              source.repeat = map.Get<bool>("repeat", false);
+                            }));
+  return source;
+}
+
+FolderSource ReadFolder(const YamlNode& node, const std::filesystem::path& folder) {
+  FolderSource source;
+  source.folder = ResolvePath(folder, ReadMain(node, "path", [&](YamlMap& map) {
+                                source.repeat = map.Get<bool>("repeat", false);
+                              }));
+  return source;
+}
+
+}  // namespace
+
+ImageSource ReadImageSource(const YamlNode& node, const std::filesystem::path& folder) {
+  if (node.IsScalar()) {
+    const std::string word = node.As<std::string>();
+    if (word == "sim") return SimulatedSource{};
+    node.Fail("the source '" + word + "' is not known; a source is " + kKinds);
+  }
+  YamlMap map(node);
+  std::vector<ImageSource> sources;
+  if (const auto at = map.Optional("v4l2")) sources.emplace_back(ReadV4l2(*at));
+  if (const auto at = map.Optional("rtsp")) sources.emplace_back(ReadRtsp(*at));
+  if (const auto at = map.Optional("video")) sources.emplace_back(ReadVideo(*at, folder));
+  if (const auto at = map.Optional("folder")) sources.emplace_back(ReadFolder(*at, folder));
+  map.Finish();
+  if (sources.size() != 1) node.Fail(std::string("one source is expected: ") + kKinds);
+  return std::move(sources.front());
+}
+
+}  // namespace silhouette
