@@ -6,6 +6,7 @@
 #pragma once
 
 #include <cstdint>
+#include <iterator>
 #include <span>
 #include <string>
 #include <vector>
@@ -60,6 +61,14 @@ class CameraRig {
   // Triggers all cameras at once and returns one image per view. Unavailable or DeadlineExceeded,
   // naming the view, if one does not deliver: a set is complete or it is an error.
   virtual absl::StatusOr<std::vector<CameraImage>> Grab() = 0;
+
+  // The same view by view, for who can use a set that is not complete: per view its image, or why
+  // there is none. Cameras that can only tell of the whole set give its error to every view.
+  virtual std::vector<absl::StatusOr<CameraImage>> GrabEach() {
+    absl::StatusOr<std::vector<CameraImage>> set = Grab();
+    if (!set.ok()) return {views().size(), absl::StatusOr<CameraImage>(set.status())};
+    return {std::make_move_iterator(set->begin()), std::make_move_iterator(set->end())};
+  }
 };
 
 }  // namespace silhouette

@@ -14,6 +14,8 @@
 namespace silhouette {
 namespace {
 
+using SteadyClock = std::chrono::steady_clock;
+
 std::vector<double> RestPositions(const RobotModel& robot) {
   std::vector<double> positions;
   for (const RobotJoint& joint : robot.joints()) {
@@ -116,6 +118,7 @@ void SimulatedCell::SetRobotPresent(bool present) {
 }
 
 void SimulatedCell::SetObstacles(std::vector<Obstacle> obstacles) {
+  const std::lock_guard renderer_lock(renderer_mutex_);
   const std::lock_guard lock(mutex_);
   obstacles_ = std::move(obstacles);
   renderer_.SetObstacles(ObstacleParts(obstacles_));
@@ -164,12 +167,23 @@ std::vector<std::optional<Eigen::Isometry3d>> SimulatedCell::BoardPosesWith(
 
 double SimulatedCell::time() const {
   const std::lock_guard lock(mutex_);
-  return time_;
+  return Now();
+}
+
+double SimulatedCell::Now() const {
+  if (!real_time_) return time_;
+  return time_ + std::chrono::duration<double>(SteadyClock::now() - *real_time_).count();
+}
+
+void SimulatedCell::RunInRealTime() {
+  const std::lock_guard lock(mutex_);
+  real_time_ = SteadyClock::now();
 }
 
 void SimulatedCell::SetTime(double seconds) {
   const std::lock_guard lock(mutex_);
   time_ = seconds;
+  if (real_time_) real_time_ = SteadyClock::now();
 }
 
 void SimulatedCell::SetFrame(uint64_t frame) {
@@ -177,15 +191,33 @@ void SimulatedCell::SetFrame(uint64_t frame) {
   frame_ = frame;
 }
 
-void SimulatedCell::Render(std::span<const size_t> cameras, const Renderer::RowSink& sink) {
-  const Poses robot = robot_.LinkPoses(positions_);
-  renderer_.Render(cameras, robot_present_ ? &robot : nullptr, BoardPosesWith(robot),
-                   ObstaclePoses(obstacles_, time_), sink);
+SimulatedCell::Instant SimulatedCell::InstantNow(bool go_on) {
+  const std::lock_guard lock(mutex_);
+  Instant instant{.captured = absl::Now(),
+                  .time = Now(),
+                  .frame = frame_,
+                  .robot = robot_.LinkPoses(positions_),
+                  .robot_present = robot_present_,
+                  .boards = {},
+                  .obstacles = {}};
+  instant.boards = BoardPosesWith(instant.robot);
+  instant.obstacles = ObstaclePoses(obstacles_, instant.time);
+  if (go_on) {
+    ++frame_;
+    if (!real_time_) time_ += settings_.frame_interval;
+  }
+  return instant;
+}
+
+void SimulatedCell::Render(std::span<const size_t> cameras, const Instant& instant,
+                           const Renderer::RowSink& sink) {
+  renderer_.Render(cameras, instant.robot_present ? &instant.robot : nullptr, instant.boards,
+                   instant.obstacles, sink);
 }
 
 std::vector<CameraImage> SimulatedCell::TakeImages(std::span<const size_t> cameras) {
-  const std::lock_guard lock(mutex_);
-  const absl::Time now = absl::Now();
+  const std::lock_guard lock(renderer_mutex_);
+  const Instant instant = InstantNow(/*go_on=*/true);
   std::vector<CameraImage> by_camera(settings_.cameras.size());
   std::vector<ImageSensor::Gain> gains(settings_.cameras.size());
   // With blur a row needs its neighbours.
@@ -197,19 +229,19 @@ std::vector<CameraImage> SimulatedCell::TakeImages(std::span<const size_t> camer
     image.width = intrinsics.width;
     image.height = intrinsics.height;
     image.channels = settings_.cameras[camera].colour ? 3 : 1;
-    image.captured = now;
+    image.captured = instant.captured;
     const size_t pixels = static_cast<size_t>(image.width) * static_cast<size_t>(image.height);
     image.pixels.resize(pixels * static_cast<size_t>(image.channels));
-    gains[camera] = sensor_.GainAt(time_, frame_, camera);
+    gains[camera] = sensor_.GainAt(instant.time, instant.frame, camera);
     if (blurred) sharp[camera].assign(static_cast<size_t>(image.channels), Plane(pixels));
   }
   const auto expose = [&](size_t camera, int y, std::span<const float> row) {
     const std::span pixels(by_camera[camera].pixels);
-    sensor_.Expose(row, gains[camera], {.frame = frame_, .camera = camera, .y = y},
+    sensor_.Expose(row, gains[camera], {.frame = instant.frame, .camera = camera, .y = y},
                    pixels.subspan(static_cast<size_t>(y) * row.size(), row.size()),
                    static_cast<size_t>(by_camera[camera].channels));
   };
-  Render(cameras, [&](size_t camera, int y, const Renderer::Row& row) {
+  Render(cameras, instant, [&](size_t camera, int y, const Renderer::Row& row) {
     const auto channels = static_cast<size_t>(by_camera[camera].channels);
     if (!blurred && channels == 1) return expose(camera, y, row.levels);
     if (!blurred) return expose(camera, y, Coloured(row));
@@ -229,22 +261,20 @@ std::vector<CameraImage> SimulatedCell::TakeImages(std::span<const size_t> camer
       }
     }
   }
-  ++frame_;
-  time_ += settings_.frame_interval;
   std::vector<CameraImage> images;
   for (size_t camera : cameras) images.push_back(by_camera[camera]);
   return images;
 }
 
 std::vector<std::vector<Seen>> SimulatedCell::TrueImages(std::span<const size_t> cameras) {
-  const std::lock_guard lock(mutex_);
+  const std::lock_guard lock(renderer_mutex_);
   std::vector<std::vector<Seen>> by_camera(settings_.cameras.size());
   for (size_t camera : cameras) {
     const CameraIntrinsics& intrinsics = settings_.cameras[camera].model.intrinsics();
     by_camera[camera].resize(static_cast<size_t>(intrinsics.width) *
                              static_cast<size_t>(intrinsics.height));
   }
-  Render(cameras, [&](size_t camera, int y, const Renderer::Row& row) {
+  Render(cameras, InstantNow(/*go_on=*/false), [&](size_t camera, int y, const Renderer::Row& row) {
     std::copy(row.seen.begin(), row.seen.end(),
               by_camera[camera].begin() + static_cast<ptrdiff_t>(y) * std::ssize(row.seen));
   });

@@ -2,6 +2,7 @@
 // capture speaks to them as to a real cell.
 #pragma once
 
+#include <chrono>
 #include <condition_variable>
 #include <memory>
 #include <mutex>
@@ -22,7 +23,7 @@
 namespace silhouette {
 
 // Thread-safe. Time is simulated: seconds, 0 at the start; every set of images takes it forward by
-// frame_interval.
+// frame_interval, unless it runs in real time. A set of images shows one instant, its capture time.
 class SimulatedCell {
  public:
   // All joints at 0, or at the limit nearest to it; no obstacles. Throws std::invalid_argument if a
@@ -59,6 +60,8 @@ class SimulatedCell {
 
   double time() const;
   void SetTime(double seconds);
+  // From now on time passes as it does for everybody, and images do not take it forward.
+  void RunInRealTime();
 
   // The number of the next set of images; noise depends on it.
   void SetFrame(uint64_t frame);
@@ -78,20 +81,40 @@ class SimulatedCell {
   };
 
   std::vector<std::optional<Eigen::Isometry3d>> BoardPosesWith(const Poses& links) const;
-  void Render(std::span<const size_t> cameras, const Renderer::RowSink& sink);
+  // The cell as images show it.
+  struct Instant {
+    absl::Time captured;
+    double time = 0;
+    uint64_t frame = 0;
+    Poses robot;
+    bool robot_present = true;
+    std::vector<std::optional<Eigen::Isometry3d>> boards;
+    Poses obstacles;
+  };
+  // Takes time and the number of the next set forward, if `go_on`.
+  Instant InstantNow(bool go_on);
+  // With the renderer's mutex held.
+  void Render(std::span<const size_t> cameras, const Instant& instant,
+              const Renderer::RowSink& sink);
+  double Now() const;  // with the mutex held
 
   const RobotModel robot_;
   const SimulationSettings settings_;
   const ImageSensor sensor_;
 
-  mutable std::mutex mutex_;  // guards all below
+  // Taken before the other mutex, where both are: the robot moves on while images are rendered.
+  std::mutex renderer_mutex_;
   Renderer renderer_;
+
+  mutable std::mutex mutex_;  // guards all below
   std::vector<double> positions_;
   bool robot_present_ = true;
   bool all_boards_ = false;
   std::vector<Hold> holds_;  // by board
   std::vector<Obstacle> obstacles_;
   double time_ = 0;
+  // When time_ was set, if time passes by itself.
+  std::optional<std::chrono::steady_clock::time_point> real_time_;
   uint64_t frame_ = 0;
 };
 

@@ -122,7 +122,26 @@ void MakeObstacleImages(const std::vector<RobotCover>& covers,
   }
 }
 
-void FindDefects(const ServedDatabase& database, const SceneSettings& settings, Scene& scene) {
+// Where the robot is, as far as the input says so.
+absl::StatusOr<RobotInScene> RobotOf(const ServedDatabase& database, const SceneInput& input,
+                                     const SceneSettings& settings) {
+  if (!input.joints.empty() || input.without_joints.empty()) {
+    return FindRobot(database, input.joints, settings.fixed_joint_tolerance);
+  }
+  return RobotInScene{
+      .covers = {},
+      .defects = {{Reason::kRobotPositionUnknown,
+                   absl::StrCat("where the robot was is not known: ", input.without_joints)}}};
+}
+
+std::string WhyMissing(const SceneInput& input, const std::string& view) {
+  const auto why = input.without_views.find(view);
+  return why == input.without_views.end() ? "publish the images of all views together"
+                                          : why->second;
+}
+
+void FindDefects(const ServedDatabase& database, const SceneSettings& settings,
+                 const SceneInput& input, Scene& scene) {
   if (!database.margins_known().ok()) {
     scene.defects.push_back(
         {Reason::kMarginUnknown, std::string(database.margins_known().message())});
@@ -138,10 +157,9 @@ void FindDefects(const ServedDatabase& database, const SceneSettings& settings, 
     const std::optional<SceneView>& seen = scene.views[static_cast<size_t>(view)];
     const std::string name = absl::StrCat("view '", database.view_name(view), "' ");
     if (!seen) {
-      scene.defects.push_back(
-          {Reason::kViewMissing, absl::StrCat(name,
-                                              "is missing and counts as showing an obstacle; "
-                                              "publish the images of all views together")});
+      scene.defects.push_back({Reason::kViewMissing,
+                               absl::StrCat(name, "is missing and counts as showing an obstacle; ",
+                                            WhyMissing(input, database.view_name(view)))});
     } else if (seen->core_error_pixels >
                settings.max_core_error * static_cast<double>(seen->foreground.size().pixels())) {
       scene.defects.push_back(
@@ -175,8 +193,7 @@ absl::StatusOr<Scene> MakeScene(const ServedDatabase& database, const SceneInput
   scene.views.resize(views);
   scene.obstacle_images.resize(views);
   scene.without_margins.resize(views);
-  absl::StatusOr<RobotInScene> robot =
-      FindRobot(database, input.joints, settings.fixed_joint_tolerance);
+  absl::StatusOr<RobotInScene> robot = RobotOf(database, input, settings);
   if (!robot.ok()) return robot.status();
   std::vector<const ViewInput*> inputs(views);
   scene.oldest = absl::InfiniteFuture();
@@ -191,7 +208,7 @@ absl::StatusOr<Scene> MakeScene(const ServedDatabase& database, const SceneInput
   }
   scene.defects = std::move(robot->defects);
   MakeObstacleImages(robot->covers, inputs, scene);
-  FindDefects(database, settings, scene);
+  FindDefects(database, settings, input, scene);
   return scene;
 }
 

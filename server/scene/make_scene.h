@@ -1,6 +1,7 @@
 // From what cameras and robot told to a scene.
 #pragma once
 
+#include <map>
 #include <optional>
 #include <string>
 #include <variant>
@@ -42,6 +43,10 @@ struct ViewInput {
 struct SceneInput {
   std::vector<JointPosition> joints;
   std::vector<ViewInput> views;
+  // Why there are no joints, where that is known; they are then not asked for.
+  std::string without_joints = "";
+  // Why a view is not among `views`, by its name, where that is known.
+  std::map<std::string, std::string> without_views = {};
 };
 
 // Makes a scene of images that arrived at the moment `arrived`. What is wrong with the state of the

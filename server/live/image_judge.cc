@@ -1,0 +1,63 @@
+#include "server/live/image_judge.h"
+
+#include <algorithm>
+
+#include "absl/strings/str_cat.h"
+#include "server/scene/make_scene.h"
+
+namespace silhouette {
+namespace {
+
+// By how much two readings of both clocks may differ.
+constexpr absl::Duration kJitter = absl::Microseconds(100);
+
+}  // namespace
+
+ImageJudge::ImageJudge(const storage::v1::CellDescription& cell, absl::Duration max_age)
+    : max_age_(max_age) {
+  for (const storage::v1::View& view : cell.views()) {
+    views_.push_back({.width = view.image_width(), .height = view.image_height()});
+  }
+}
+
+absl::Status ImageJudge::Judge(size_t view, const CameraImage& image, const Moment& arrived) {
+  View& known = views_[view];
+  if (image.width != known.width || image.height != known.height) {
+    return absl::FailedPreconditionError(absl::StrCat("it gave an image of ", image.width, " x ",
+                                                      image.height, " pixels; the cell says ",
+                                                      known.width, " x ", known.height));
+  }
+  const size_t bytes = static_cast<size_t>(image.width) * static_cast<size_t>(image.height) *
+                       static_cast<size_t>(image.channels == 3 ? 3 : 1);
+  if ((image.channels != 1 && image.channels != 3) || image.pixels.size() != bytes) {
+    return absl::InternalError(
+        absl::StrCat("it gave ", image.pixels.size(), " bytes, which is no image"));
+  }
+  if (image.captured > arrived.time + kClockTolerance) {
+    return absl::OutOfRangeError(
+        absl::StrCat("its image is stamped ", absl::FormatDuration(image.captured - arrived.time),
+                     " in the future; let the clocks of camera and server agree"));
+  }
+  if (arrived.time - image.captured > max_age_) {
+    return absl::DeadlineExceededError(
+        absl::StrCat("its image was taken ", absl::FormatDuration(arrived.time - image.captured),
+                     " ago, longer than max_age, ", absl::FormatDuration(max_age_)));
+  }
+  const absl::Duration taken = arrived.running - (arrived.time - image.captured);
+  if (taken < known.newest - kJitter) {
+    return absl::AbortedError(absl::StrCat("its image was taken ",
+                                           absl::FormatDuration(known.newest - taken),
+                                           " before one that came earlier"));
+  }
+  news_ = news_ || taken > known.newest + kJitter;
+  known.newest = std::max(taken, known.newest);
+  return absl::OkStatus();
+}
+
+bool ImageJudge::TakeNews() {
+  const bool news = news_;
+  news_ = false;
+  return news;
+}
+
+}  // namespace silhouette

@@ -1,0 +1,65 @@
+// Where the robot was lately, and so where it was when images were taken.
+#pragma once
+
+#include <condition_variable>
+#include <mutex>
+#include <span>
+#include <vector>
+
+#include "absl/status/status.h"
+#include "absl/status/statusor.h"
+#include "absl/time/time.h"
+
+namespace silhouette {
+
+// Times are those of a clock that never steps back (Moment::running). Thread-safe.
+class JointHistory {
+ public:
+  struct Settings {
+    // How far from the images joints may have been told, before and after.
+    absl::Duration gap = absl::Milliseconds(100);
+    // The most that a joint may move around the images.
+    double max_movement = 0.01;
+  };
+
+  // `continuous`: per joint, whether full turns do not count.
+  JointHistory(Settings settings, std::vector<bool> continuous);
+
+  // The robot was asked at `asked` and had answered by `answered`: it was at `positions` at some
+  // instant in between. In ascending order; positions of the wrong number or not finite are an
+  // error. What is too old to be asked for is forgotten.
+  absl::Status Add(absl::Duration asked, absl::Duration answered,
+                   std::span<const double> positions);
+
+  // The robot did not answer; `why` is one sentence. Until the next Add() nobody waits for it.
+  void Fail(const absl::Status& why);
+
+  // Where the robot was from `first` to `last`: in the middle of all that it told from just before
+  // to just after. Waits until it has told, at most so long. Aborted: it moved too much.
+  // Unavailable, DeadlineExceeded, or what Fail() was told: it did not tell near enough before or
+  // after.
+  absl::StatusOr<std::vector<double>> Between(absl::Duration first, absl::Duration last,
+                                              absl::Duration longest) const;
+
+ private:
+  struct Sample {
+    absl::Duration asked;
+    absl::Duration answered;
+    std::vector<double> positions;
+  };
+
+  // The samples from just before `first` to just after `last`, with the mutex held. Unavailable:
+  // there is none before that is near enough; DeadlineExceeded: none after.
+  absl::StatusOr<std::span<const Sample>> Around(absl::Duration first, absl::Duration last) const;
+  // Aborted: they lie too far apart.
+  absl::StatusOr<std::vector<double>> MiddleOf(std::span<const Sample> samples) const;
+
+  const Settings settings_;
+  const std::vector<bool> continuous_;
+  mutable std::mutex mutex_;
+  mutable std::condition_variable changed_;
+  std::vector<Sample> samples_;  // oldest first
+  absl::Status fault_;           // of the newest question
+};
+
+}  // namespace silhouette

@@ -1,0 +1,232 @@
+#include "server/live/live_loop.h"
+
+#include <spdlog/spdlog.h>
+
+#include <algorithm>
+#include <opencv2/core.hpp>
+#include <string>
+#include <utility>
+
+#include "absl/strings/str_cat.h"
+#include "absl/strings/str_join.h"
+#include "capture/cell_robot.h"
+#include "capture/segmentation/difference.h"
+#include "server/live/parallel.h"
+
+namespace silhouette {
+namespace {
+
+// Whether asking again may help.
+bool MayRecover(const absl::Status& status) {
+  return absl::IsUnavailable(status) || absl::IsDeadlineExceeded(status);
+}
+
+absl::StatusOr<std::vector<size_t>> PlacesOf(const storage::v1::CellDescription& cell,
+                                             const std::vector<std::string>& known) {
+  std::vector<size_t> places;
+  for (const storage::v1::View& view : cell.views()) {
+    const auto place = std::ranges::find(known, view.name());
+    if (place == known.end()) {
+      return absl::InvalidArgumentError(absl::StrCat("there is no camera for the view '",
+                                                     view.name(), "'; there are ",
+                                                     absl::StrJoin(known, ", ")));
+    }
+    places.push_back(static_cast<size_t>(place - known.begin()));
+  }
+  return places;
+}
+
+// The scene image of a view; `image` is as the cell says (ImageJudge).
+absl::StatusOr<Mask> ForegroundOf(const CameraImage& image, const ServedDatabase& database,
+                                  int view, const SegmentationSettings& segmentation) {
+  try {
+    const cv::Mat pixels(image.height, image.width, image.channels == 3 ? CV_8UC3 : CV_8UC1,
+                         const_cast<uint8_t*>(image.pixels.data()));
+    return Difference(pixels, database.reference(view), segmentation,
+                      database.robot_images().mask_sizes()[static_cast<size_t>(view)]);
+  } catch (const std::exception& error) {
+    return absl::InternalError(error.what());
+  }
+}
+
+}  // namespace
+
+LiveLoop::LiveLoop(const LiveConfig& config, LiveScenes scenes, std::shared_ptr<LiveRecord> record,
+                   const storage::v1::CellDescription& cell)
+    : config_(config),
+      scenes_(std::move(scenes)),
+      record_(std::move(record)),
+      cell_(cell),
+      judge_(cell, config.scene.max_age) {}
+
+absl::StatusOr<std::unique_ptr<LiveLoop>> LiveLoop::Start(const LiveConfig& config,
+                                                          LiveDevices devices, LiveScenes scenes,
+                                                          std::shared_ptr<LiveRecord> record) {
+  const std::shared_ptr<const ServedDatabase> database = scenes.database();
+  if (!database->has_references()) {
+    return absl::FailedPreconditionError(
+        "the database has no reference images to difference camera images with; take them with "
+        "'silhouette-capture reference'");
+  }
+  std::unique_ptr<LiveLoop> loop(
+      new LiveLoop(config, std::move(scenes), std::move(record), database->cell()));
+  loop->open_cameras_ = std::move(devices.open_cameras);
+  if (absl::Status opened = loop->OpenCameras(); !opened.ok()) {
+    if (!MayRecover(opened)) return opened;
+    loop->record_->NoteLostSet(opened);
+  }
+  absl::StatusOr<std::unique_ptr<Robot>> robot = devices.open_robot();
+  if (robot.ok()) {
+    if (auto fits = CellRobot::Create(loop->cell_, **robot); !fits.ok()) return fits.status();
+  } else if (MayRecover(robot.status())) {
+    loop->record_->NoteJointsError(robot.status());
+    robot = nullptr;
+  } else {
+    return robot.status();
+  }
+  loop->joints_.emplace(loop->cell_, config.live, config.clock, std::move(devices.open_robot),
+                        *std::move(robot), *loop->record_);
+  loop->thread_ = std::jthread([&live = *loop](const std::stop_token& stop) { live.Run(stop); });
+  return loop;
+}
+
+LiveLoop::~LiveLoop() {
+  if (!thread_.joinable()) return;
+  thread_.request_stop();
+  thread_.join();
+  spdlog::info("acquisition stopped: {}", Spoken(record_->Status()));
+}
+
+absl::Status LiveLoop::OpenCameras() {
+  absl::StatusOr<std::unique_ptr<CameraRig>> opened = open_cameras_();
+  if (!opened.ok()) return opened.status();
+  absl::StatusOr<std::vector<size_t>> places = PlacesOf(cell_, (*opened)->views());
+  if (!places.ok()) return places.status();
+  cameras_ = *std::move(opened);
+  places_ = *std::move(places);
+  return absl::OkStatus();
+}
+
+void LiveLoop::Run(const std::stop_token& stop) {
+  const LiveSettings& live = config_.live;
+  Backoff backoff(live.first_retry, live.longest_retry);
+  absl::Duration last_good = config_.clock().running;
+  absl::Duration last_report = last_good;
+  while (!stop.stop_requested()) {
+    const absl::Duration begun = config_.clock().running;
+    absl::Status taken;
+    try {
+      taken = TakeSet();
+    } catch (const std::exception& error) {
+      taken = absl::InternalError(absl::StrCat("internal error: ", error.what()));
+    }
+    const absl::Duration now = config_.clock().running;
+    if (now - last_report >= live.report_interval) {
+      spdlog::info("acquisition: {}", Spoken(record_->Status()));
+      last_report = now;
+    }
+    if (taken.ok()) {
+      last_good = now;
+      backoff.Reset();
+      Pause(stop, live.interval - (now - begun));
+      continue;
+    }
+    record_->NoteLostSet(taken);
+    if (now - last_good > live.reopen_after) {
+      cameras_.reset();
+      last_good = now;
+    }
+    Pause(stop, backoff.Next());
+  }
+}
+
+absl::Status LiveLoop::TakeSet() {
+  if (cameras_ == nullptr) {
+    if (absl::Status opened = OpenCameras(); !opened.ok()) return opened;
+  }
+  std::vector<absl::StatusOr<CameraImage>> grabbed = cameras_->GrabEach();
+  const Moment arrived = config_.clock();
+  if (grabbed.size() != cameras_->views().size()) {
+    return absl::InternalError(absl::StrCat("the cameras gave ", grabbed.size(), " images for ",
+                                            cameras_->views().size(), " views"));
+  }
+  SceneInput input;
+  const auto images = UsableImages(std::move(grabbed), arrived, input);
+  if (std::ranges::none_of(images, [](const auto& image) { return image.has_value(); })) {
+    return absl::UnavailableError(
+        absl::StrCat("no image can be used: ", input.without_views.begin()->second));
+  }
+  if (!judge_.TakeNews()) return absl::OkStatus();
+  // What is wrong from here on is no fault of the cameras.
+  if (absl::Status published = Publish(images, arrived, std::move(input)); !published.ok()) {
+    record_->NoteLostSet(published);
+  }
+  return absl::OkStatus();
+}
+
+std::vector<std::optional<CameraImage>> LiveLoop::UsableImages(
+    std::vector<absl::StatusOr<CameraImage>> grabbed, const Moment& arrived, SceneInput& input) {
+  std::vector<std::optional<CameraImage>> images(places_.size());
+  for (size_t view = 0; view < places_.size(); ++view) {
+    absl::StatusOr<CameraImage>& image = grabbed[places_[view]];
+    absl::Status status = image.status();
+    if (image.ok()) status = judge_.Judge(view, *image, arrived);
+    if (status.ok()) {
+      record_->NoteImage(view, image->captured, arrived);
+      images[view] = *std::move(image);
+    } else {
+      record_->NoteImageError(view, status);
+      input.without_views[cell_.views(static_cast<int>(view)).name()] =
+          std::string(status.message());
+    }
+  }
+  return images;
+}
+
+absl::Status LiveLoop::Publish(const std::vector<std::optional<CameraImage>>& images,
+                               const Moment& arrived, SceneInput input) {
+  const std::shared_ptr<const ServedDatabase> database = scenes_.database();
+  if (!database->has_references()) {
+    return absl::FailedPreconditionError("the database has no reference images any more");
+  }
+  std::vector<absl::StatusOr<Mask>> masks(images.size(), absl::StatusOr<Mask>(Mask()));
+  ForEachAtOnce(images.size(), config_.live.threads, [&](size_t view) {
+    if (!images[view]) return;
+    masks[view] =
+        ForegroundOf(*images[view], *database, static_cast<int>(view), config_.segmentation);
+  });
+  record_->NoteMasks(arrived);
+  absl::Time oldest = arrived.time;
+  absl::Time newest = absl::InfinitePast();
+  for (size_t view = 0; view < images.size(); ++view) {
+    if (!images[view]) continue;
+    if (!masks[view].ok()) return masks[view].status();
+    const absl::Time captured = images[view]->captured;
+    oldest = std::min(oldest, captured);
+    newest = std::max(newest, captured);
+    input.views.push_back({.view = database->view_name(static_cast<int>(view)),
+                           .captured = captured,
+                           .image = SceneMask{*std::move(masks[view])}});
+  }
+  // By the clock that never steps back; no image was taken after it arrived.
+  const auto running = [&](absl::Time captured) {
+    return arrived.running - std::max(arrived.time - captured, absl::ZeroDuration());
+  };
+  absl::StatusOr<std::vector<JointPosition>> joints =
+      joints_->Between(running(oldest), running(newest));
+  record_->NoteJoined(joints.status());
+  if (joints.ok()) {
+    input.joints = *std::move(joints);
+  } else {
+    input.without_joints = std::string(joints.status().message());
+  }
+  absl::StatusOr<Scene> scene =
+      MakeScene(*database, input, config_.scene, config_.segmentation, arrived);
+  if (!scene.ok()) return scene.status();
+  const absl::StatusOr<SharedScene> published = scenes_.publish(*std::move(scene), database);
+  if (!published.ok()) return published.status();
+  record_->NoteScene(arrived);
+  return absl::OkStatus();
+}
+
+}  // namespace silhouette

@@ -1,0 +1,90 @@
+// The server's own acquisition: images of all cameras, joined to the robot's joints, become scenes.
+#pragma once
+
+#include <functional>
+#include <memory>
+#include <optional>
+#include <thread>
+#include <vector>
+
+#include "absl/status/status.h"
+#include "absl/status/statusor.h"
+#include "absl/time/time.h"
+#include "capture/devices.h"
+#include "capture/segmentation/settings.h"
+#include "server/live/image_judge.h"
+#include "server/live/joint_poller.h"
+#include "server/live/live_record.h"
+#include "server/live/live_settings.h"
+#include "server/live/pause.h"
+#include "server/scene/make_scene.h"
+#include "server/scene/scene.h"
+#include "server/scene/served_database.h"
+
+namespace silhouette {
+
+using OpenCamerasFunction = std::function<absl::StatusOr<std::unique_ptr<CameraRig>>()>;
+
+// Opens the devices; called again when they have failed for long.
+struct LiveDevices {
+  OpenCamerasFunction open_cameras;
+  OpenRobotFunction open_robot;
+};
+
+// Where scenes go: what SceneStore has, whoever stands before it.
+struct LiveScenes {
+  std::function<std::shared_ptr<const ServedDatabase>()> database;
+  std::function<absl::StatusOr<SharedScene>(Scene, const std::shared_ptr<const ServedDatabase>&)>
+      publish;
+};
+
+struct LiveConfig {
+  LiveSettings live;
+  SceneSettings scene;
+  SegmentationSettings segmentation;
+  Clock clock = SystemClock;
+};
+
+// One thread takes images, another asks the robot. Nothing that a device does ends them: what is
+// wrong is recorded, and scenes lack what did not come and are never free, or none is made and the
+// newest becomes too old.
+class LiveLoop {
+ public:
+  // Opens the devices and starts. Devices that cannot be reached (Unavailable, DeadlineExceeded)
+  // are tried again later. Any other error of theirs is returned; InvalidArgument, if devices and
+  // cell do not fit; FailedPrecondition, if the database has no reference images.
+  static absl::StatusOr<std::unique_ptr<LiveLoop>> Start(const LiveConfig& config,
+                                                         LiveDevices devices, LiveScenes scenes,
+                                                         std::shared_ptr<LiveRecord> record);
+
+  // Stops: waits for what the devices are doing, and writes to the log how it went.
+  ~LiveLoop();
+
+ private:
+  LiveLoop(const LiveConfig& config, LiveScenes scenes, std::shared_ptr<LiveRecord> record,
+           const storage::v1::CellDescription& cell);
+
+  void Run(const std::stop_token& stop);
+  // One set of images; an error if none of its images can be had.
+  absl::Status TakeSet();
+  absl::Status OpenCameras();
+  // The images of the views that can be used, by view of the cell; nothing for the others, which
+  // `input` says the reasons of.
+  std::vector<std::optional<CameraImage>> UsableImages(
+      std::vector<absl::StatusOr<CameraImage>> grabbed, const Moment& arrived, SceneInput& input);
+  absl::Status Publish(const std::vector<std::optional<CameraImage>>& images, const Moment& arrived,
+                       SceneInput input);
+
+  const LiveConfig config_;
+  const LiveScenes scenes_;
+  const std::shared_ptr<LiveRecord> record_;
+  const storage::v1::CellDescription cell_;
+  OpenCamerasFunction open_cameras_;
+  std::unique_ptr<CameraRig> cameras_;  // null: to be opened
+  std::vector<size_t> places_;          // in the rig, by view of the cell
+  ImageJudge judge_;
+  std::optional<JointPoller> joints_;
+  std::jthread thread_;  // last: it uses the others
+};
+
+}  // namespace silhouette

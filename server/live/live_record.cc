@@ -1,0 +1,177 @@
+#include "server/live/live_record.h"
+
+#include <spdlog/spdlog.h>
+
+#include <algorithm>
+#include <utility>
+
+#include "absl/strings/str_cat.h"
+#include "absl/strings/str_format.h"
+
+namespace silhouette {
+namespace {
+
+std::string Spoken(const LatencyFigures& figures) {
+  if (figures.count == 0) return "none yet";
+  return absl::StrFormat("median %.1f ms, 99 of 100 within %.1f ms",
+                         absl::ToDoubleMilliseconds(figures.median),
+                         absl::ToDoubleMilliseconds(figures.p99));
+}
+
+// `view`: empty for the robot.
+std::string TitleOf(const std::string& view) {
+  return view.empty() ? "robot" : absl::StrCat("camera '", view, "'");
+}
+
+}  // namespace
+
+std::string Spoken(const LiveStatus& status) {
+  std::string text = absl::StrCat(status.scenes, " scenes, ", status.lost_sets,
+                                  " lost sets of images; from the last pixel to the scene: ",
+                                  Spoken(status.to_scene), "; to the map: ", Spoken(status.to_map));
+  std::vector<DeviceStatus> devices = status.cameras;
+  devices.push_back(status.robot);
+  for (const DeviceStatus& device : devices) {
+    if (device.serving) continue;
+    absl::StrAppend(&text, "; ", TitleOf(device.name), " does not serve");
+    if (!device.last_error.empty()) absl::StrAppend(&text, ": ", device.last_error);
+  }
+  return text;
+}
+
+LiveRecord::LiveRecord(const std::vector<std::string>& views, absl::Duration max_age, Clock clock)
+    : max_age_(max_age), clock_(std::move(clock)), started_(clock_().time) {
+  for (const std::string& view : views) cameras_.push_back({.name = view, .last = std::nullopt});
+}
+
+void LiveRecord::Say(FaultLog& log, const std::string& what, const absl::Status& status,
+                     const Moment& now) {
+  const std::optional<absl::Status> said = log.Note(status, now.running);
+  if (!said) return;
+  if (said->ok()) {
+    spdlog::info("{} is good again", what);
+  } else {
+    spdlog::warn("{}: {}", what, std::string(said->message()));
+  }
+}
+
+void LiveRecord::NoteGood(Device& device, absl::Time taken, const Moment& arrived) {
+  ++device.good;
+  device.last = taken;
+  device.arrived = arrived;
+  device.fault = absl::OkStatus();
+  Say(device.log, TitleOf(device.name), device.fault, arrived);
+}
+
+void LiveRecord::NoteError(Device& device, const absl::Status& error) {
+  const Moment now = clock_();
+  ++device.errors;
+  device.fault = error;
+  device.last_error = std::string(error.message());
+  device.last_error_time = now.time;
+  Say(device.log, TitleOf(device.name), error, now);
+}
+
+void LiveRecord::NoteImage(size_t view, absl::Time captured, const Moment& arrived) {
+  const std::lock_guard lock(mutex_);
+  NoteGood(cameras_[view], captured, arrived);
+}
+
+void LiveRecord::NoteImageError(size_t view, const absl::Status& error) {
+  const std::lock_guard lock(mutex_);
+  NoteError(cameras_[view], error);
+}
+
+void LiveRecord::NoteJoints(const Moment& answered) {
+  const std::lock_guard lock(mutex_);
+  NoteGood(robot_, answered.time, answered);
+}
+
+void LiveRecord::NoteJointsError(const absl::Status& error) {
+  const std::lock_guard lock(mutex_);
+  NoteError(robot_, error);
+}
+
+void LiveRecord::NoteJoined(const absl::Status& status) {
+  const std::lock_guard lock(mutex_);
+  joined_ = status;
+  // A robot that moves is no fault.
+  const bool moves = absl::IsAborted(status);
+  Say(join_log_, "scenes without joints", moves ? absl::OkStatus() : status, clock_());
+}
+
+void LiveRecord::NoteMasks(const Moment& arrived) {
+  const std::lock_guard lock(mutex_);
+  to_masks_.Add(clock_().running - arrived.running);
+}
+
+void LiveRecord::NoteScene(const Moment& arrived) {
+  const std::lock_guard lock(mutex_);
+  const Moment now = clock_();
+  to_scene_.Add(now.running - arrived.running);
+  ++scenes_;
+  fault_ = absl::OkStatus();
+  Say(set_log_, "acquisition", fault_, now);
+}
+
+void LiveRecord::NoteLostSet(const absl::Status& error) {
+  const std::lock_guard lock(mutex_);
+  ++lost_sets_;
+  fault_ = error;
+  Say(set_log_, "acquisition", error, clock_());
+}
+
+void LiveRecord::NoteMap(const Moment& arrived) {
+  const std::lock_guard lock(mutex_);
+  to_map_.Add(clock_().running - arrived.running);
+}
+
+DeviceStatus LiveRecord::StatusOf(const Device& device, const Moment& now) const {
+  DeviceStatus status{.name = device.name,
+                      .serving = false,
+                      .good = device.good,
+                      .errors = device.errors,
+                      .last = device.last,
+                      .age = std::nullopt,
+                      .fault = std::string(device.fault.message()),
+                      .last_error = device.last_error,
+                      .last_error_time = device.last_error_time};
+  if (device.last) {
+    // After its arrival only the running clock counts.
+    status.age = std::max(device.arrived.time - *device.last, absl::ZeroDuration()) +
+                 (now.running - device.arrived.running);
+    status.serving = *status.age <= max_age_;
+  }
+  return status;
+}
+
+LiveStatus LiveRecord::WithoutLatencies() const {
+  const Moment now = clock_();
+  LiveStatus status;
+  status.started = started_;
+  status.scenes = scenes_;
+  status.lost_sets = lost_sets_;
+  status.fault = std::string(fault_.message());
+  for (const Device& camera : cameras_) status.cameras.push_back(StatusOf(camera, now));
+  status.robot = StatusOf(robot_, now);
+  if (status.robot.fault.empty()) status.robot.fault = std::string(joined_.message());
+  status.serving = status.robot.serving &&
+                   std::ranges::all_of(status.cameras, [](const auto& c) { return c.serving; });
+  return status;
+}
+
+LiveStatus LiveRecord::StatusOfDevices() const {
+  const std::lock_guard lock(mutex_);
+  return WithoutLatencies();
+}
+
+LiveStatus LiveRecord::Status() const {
+  const std::lock_guard lock(mutex_);
+  LiveStatus status = WithoutLatencies();
+  status.to_masks = to_masks_.Figures();
+  status.to_scene = to_scene_.Figures();
+  status.to_map = to_map_.Figures();
+  return status;
+}
+
+}  // namespace silhouette

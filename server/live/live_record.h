@@ -1,0 +1,123 @@
+// How the server's own acquisition goes: counts, ages, faults and latencies.
+#pragma once
+
+#include <cstdint>
+#include <mutex>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "absl/status/status.h"
+#include "absl/time/time.h"
+#include "server/live/fault_log.h"
+#include "server/live/latency_record.h"
+#include "server/scene/clock.h"
+
+namespace silhouette {
+
+// Of a camera, or of the robot.
+struct DeviceStatus {
+  // The view; empty: the robot.
+  std::string name;
+  // Whether what it gave last is no older than max_age.
+  bool serving = false;
+  // How often it gave something that could be used, and how often not.
+  uint64_t good = 0;
+  uint64_t errors = 0;
+  // When what it gave last was taken, and how long ago that is; nothing: it gave nothing yet.
+  std::optional<absl::Time> last;
+  std::optional<absl::Duration> age;
+  // Why it gave nothing that could be used when it was asked last; empty if it did.
+  std::string fault;
+  // Of its newest error, gone or not; empty: there was none.
+  std::string last_error;
+  absl::Time last_error_time;
+};
+
+struct LiveStatus {
+  // Whether all cameras and the robot are.
+  bool serving = false;
+  absl::Time started;
+  uint64_t scenes = 0;
+  // Sets of images of which no scene was made.
+  uint64_t lost_sets = 0;
+  // Why the newest set is no scene; empty if it is.
+  std::string fault;
+  std::vector<DeviceStatus> cameras;  // by view
+  DeviceStatus robot;
+  // From the last pixel of a set: until its images are differenced, its scene is published, and its
+  // map is worked out, where the map was worked out without being asked for (map_time).
+  LatencyFigures to_masks;
+  LatencyFigures to_scene;
+  LatencyFigures to_map;
+};
+
+// One line for the log.
+std::string Spoken(const LiveStatus& status);
+
+// Thread-safe. Writes a line to the log when a device or the acquisition as a whole fails in
+// another way than before, and when it has recovered.
+class LiveRecord {
+ public:
+  // `views`: their names. `max_age`: of SceneSettings.
+  LiveRecord(const std::vector<std::string>& views, absl::Duration max_age, Clock clock);
+
+  // What a view gave: an image taken at `captured` that arrived at `arrived`, or an error.
+  void NoteImage(size_t view, absl::Time captured, const Moment& arrived);
+  void NoteImageError(size_t view, const absl::Status& error);
+  // The same of the robot's joints.
+  void NoteJoints(const Moment& answered);
+  void NoteJointsError(const absl::Status& error);
+  // Why the newest scene is without joints; OK if it is not.
+  void NoteJoined(const absl::Status& status);
+
+  // A set of images that arrived at `arrived` is differenced now; is a scene now; or is none.
+  void NoteMasks(const Moment& arrived);
+  void NoteScene(const Moment& arrived);
+  void NoteLostSet(const absl::Status& error);
+  // The map of the scene that arrived at `arrived` is worked out now.
+  void NoteMap(const Moment& arrived);
+
+  LiveStatus Status() const;
+  // The same without latencies, which take longer to work out.
+  LiveStatus StatusOfDevices() const;
+
+ private:
+  struct Device {
+    std::string name;
+    uint64_t good = 0;
+    uint64_t errors = 0;
+    std::optional<absl::Time> last;
+    Moment arrived = {};  // of the last
+    absl::Status fault = absl::OkStatus();
+    std::string last_error = {};
+    absl::Time last_error_time = {};
+    FaultLog log = {};
+  };
+
+  // With the mutex held.
+  void NoteGood(Device& device, absl::Time taken, const Moment& arrived);
+  void NoteError(Device& device, const absl::Status& error);
+  static void Say(FaultLog& log, const std::string& what, const absl::Status& status,
+                  const Moment& now);
+  DeviceStatus StatusOf(const Device& device, const Moment& now) const;
+  LiveStatus WithoutLatencies() const;
+
+  const absl::Duration max_age_;
+  const Clock clock_;
+  const absl::Time started_;
+  mutable std::mutex mutex_;
+  std::vector<Device> cameras_;
+  Device robot_;
+  absl::Status joined_;
+  FaultLog join_log_;
+  uint64_t scenes_ = 0;
+  uint64_t lost_sets_ = 0;
+  absl::Status fault_;
+  FaultLog set_log_;
+  LatencyRecord to_masks_;
+  LatencyRecord to_scene_;
+  LatencyRecord to_map_;
+};
+
+}  // namespace silhouette

@@ -1,0 +1,28 @@
+// How the server takes images itself.
+#pragma once
+
+#include "absl/time/time.h"
+
+namespace silhouette {
+
+struct LiveSettings {
+  // Least time from one set of images to the next.
+  absl::Duration interval = absl::Milliseconds(20);
+  // How often the robot is asked for its joints.
+  absl::Duration joints_interval = absl::Milliseconds(5);
+  // How far from the images joints may have been told, before and after.
+  absl::Duration joints_gap = absl::Milliseconds(100);
+  // The most that a joint may move around the images: radians, metres.
+  double max_joint_movement = 0.01;
+  // How long after an error a device is asked again: doubled from the first to the longest.
+  absl::Duration first_retry = absl::Milliseconds(50);
+  absl::Duration longest_retry = absl::Seconds(2);
+  // Devices that gave nothing but errors for so long are closed and opened anew.
+  absl::Duration reopen_after = absl::Seconds(5);
+  // How often the log tells how it goes.
+  absl::Duration report_interval = absl::Minutes(1);
+  // Images that are differenced at once.
+  int threads = 2;
+};
+
+}  // namespace silhouette
