@@ -3,8 +3,10 @@
 #include <memory>
 #include <nlohmann/json.hpp>
 #include <optional>
+#include <string>
 #include <vector>
 
+#include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
 #include "capture/open_devices/cell_devices.h"
 #include "capture/program/commands.h"
@@ -19,8 +21,32 @@ constexpr char kProgram[] = "silhouette-capture reference";
 // Mean noise, in grey levels, that no camera has by itself.
 constexpr double kMostNoise = 8;
 
-double MeanNoise(const Reference& reference) {
-  return cv::mean(reference.noise())[0] / Reference::kGreyLevel;
+// More of the image than this, and the light or the exposure should be looked at.
+constexpr double kMostSaturated = 0.005;
+constexpr double kMostUnsteady = 0.01;
+
+double Share(int pixels, const Reference& reference) {
+  return static_cast<double>(pixels) / reference.size().area();
+}
+
+// What the person in front of the cell should know of a view; empty: nothing.
+std::string RemarksOn(const Reference& reference) {
+  const Reference::Figures figures = reference.Describe();
+  std::string remarks;
+  if (figures.mean_noise > kMostNoise) {
+    absl::StrAppend(&remarks, "  - did something move? Then take them again");
+  }
+  if (Share(figures.saturated, reference) > kMostSaturated) {
+    absl::StrAppend(&remarks,
+                    absl::StrFormat("  - %.1f %% of the pixels are as bright as can be and "
+                                    "show nothing that is brighter; shorten the exposure",
+                                    100 * Share(figures.saturated, reference)));
+  }
+  if (Share(figures.unsteady, reference) > kMostUnsteady) {
+    absl::StrAppend(&remarks, absl::StrFormat("  - %.1f %% of the pixels flicker and show little",
+                                              100 * Share(figures.unsteady, reference)));
+  }
+  return remarks;
 }
 
 void PrintText(const CellArguments& arguments, const CellFile& file, uint64_t robot_images,
@@ -30,11 +56,9 @@ void PrintText(const CellArguments& arguments, const CellFile& file, uint64_t ro
   std::cout << "view                  image       noise, grey levels\n";
   for (size_t v = 0; v < references.size(); ++v) {
     const cv::Size size = references[v].size();
-    std::cout << absl::StreamFormat(
-        "  %-18s  %-10s  %.2f%s\n", file.cell.views[v].name,
-        absl::StrFormat("%dx%d", size.width, size.height), MeanNoise(references[v]),
-        MeanNoise(references[v]) > kMostNoise ? "  - did something move? Then take them again"
-                                              : "");
+    std::cout << absl::StreamFormat("  %-18s  %-10s  %.2f%s\n", file.cell.views[v].name,
+                                    absl::StrFormat("%dx%d", size.width, size.height),
+                                    references[v].Describe().mean_noise, RemarksOn(references[v]));
   }
   if (robot_images > 0) {
     std::cout << absl::StreamFormat(
@@ -51,8 +75,12 @@ void PrintJson(const CellArguments& arguments, const CellFile& file,
                          {"views", nlohmann::json::array()},
                          {"next", arguments.Command("run")}};
   for (size_t v = 0; v < references.size(); ++v) {
-    json["views"].push_back(
-        {{"name", file.cell.views[v].name}, {"noise", MeanNoise(references[v])}});
+    const Reference::Figures figures = references[v].Describe();
+    json["views"].push_back({{"name", file.cell.views[v].name},
+                             {"colour", references[v].channels() == 3},
+                             {"noise", figures.mean_noise},
+                             {"saturated", Share(figures.saturated, references[v])},
+                             {"unsteady", Share(figures.unsteady, references[v])}});
   }
   std::cout << json.dump(2) << std::endl;
 }

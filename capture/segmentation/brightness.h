@@ -4,14 +4,24 @@
 #include <opencv2/core.hpp>
 
 #include "capture/segmentation/reference.h"
+#include "capture/segmentation/slow_light.h"
 
 namespace silhouette {
 
-// The factor by which the reference's grey levels are multiplied to explain as many pixels of
-// `grey` as possible within their noise; robot and obstacles, which no factor explains, have no
-// part in it. 1 if too few pixels are bright enough to tell, or if the image is not even half or
-// more than twice as bright: that is no drift of the light. `grey`: 8-bit grey, of the reference's
-// size.
-double BrightnessGain(const cv::Mat& grey, const Reference& reference);
+// What the reference's grey levels have become: multiplied by `gain`, then `offset` grey levels
+// more.
+struct Brightness {
+  double gain = 1;
+  double offset = 0;
+};
+
+// That which explains as many pixels of `image` as possible within their noise; robot and
+// obstacles, which it does not explain, have no part in it. The offset - stray light, a camera's
+// black level - is 0 unless it explains clearly more than a gain alone. Gain 1 and offset 0 if too
+// few pixels are bright enough to tell, or if the image is not even half or more than twice as
+// bright: that is no drift of the light. `slow_light` is taken out before. `image`: 8-bit, of the
+// reference's size and channels.
+Brightness BrightnessOf(const cv::Mat& image, const Reference& reference,
+                        const SlowLight& slow_light = {});
 
 }  // namespace silhouette

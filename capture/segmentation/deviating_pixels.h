@@ -4,28 +4,35 @@
 #include <cstdint>
 #include <opencv2/core.hpp>
 
+#include "capture/segmentation/brightness.h"
 #include "capture/segmentation/reference.h"
 #include "capture/segmentation/settings.h"
+#include "capture/segmentation/slow_light.h"
 
 namespace silhouette {
 
 // Differences are counted in these parts of a grey level, so that all of them fit into 16 bits.
 inline constexpr int kDifferenceUnit = 128;
 
-// By which the reference's mean is multiplied, in 32768ths.
-inline constexpr int kGainUnit = 32768;
+// By what the reference's mean is multiplied to be expected in an image, in 32768ths.
 uint16_t GainUnits(double gain);
 
-// 255 where `grey` deviates, else 0. With all numbers in kDifferenceUnit-ths of a grey level, and
-// `units` = GainUnits(gain):
-//   the difference is 128 * grey - min(mean * units / 65536 rounded down, 128 * 255);
-//   a pixel deviates if |difference| is more than noise_factor standard deviations of its noise and
-//   more than min_difference;
-//   or if, of the kFaintSide x kFaintSide pixels around it, more than half lie in the image and do
-//   not deviate by themselves, and the mean of their differences is more than faint_difference and
-//   more than noise_factor times their mean noise over the root of their number.
-// `grey`: 8-bit, one channel, of the reference's size. The settings are taken to be valid.
-cv::Mat DeviatingPixels(const cv::Mat& grey, const Reference& reference, double gain,
+// 255 where `image` deviates, else 0. With all numbers in kDifferenceUnit-ths of a grey level:
+//   the difference is 128 * level - expected, where expected is mean * units / 65536, rounded down,
+//   and the offset, within 0 and 128 * 255, `units` being GainUnits() of the gain times the slow
+//   light's factor; if the reference's pixel is saturated, it is 0 at the most: how bright the
+//   pixel really is, nobody knows; a pixel deviates if |difference| is more than noise_factor
+//   standard deviations of its noise and more than min_difference, in any channel, or if it is
+//   undefined; or if, of the faint_side x faint_side pixels around it, more than half lie in the
+//   image and do not deviate by themselves, and in some channel
+//   - the mean of their differences is more than faint_difference and more than noise_factor times
+//     their mean noise over the root of their number, or
+//   - the mean of their squared differences, beyond the mean of their squared noise, is more than
+//     texture_difference squared and more than noise_factor times its own standard deviation for
+//     normally distributed noise.
+// `image`: 8-bit, of the reference's size and channels. The settings are taken to be valid.
+cv::Mat DeviatingPixels(const cv::Mat& image, const Reference& reference,
+                        const Brightness& brightness, const SlowLight& slow_light,
                         const SegmentationSettings& settings);
 
 }  // namespace silhouette

@@ -22,6 +22,11 @@ void Validate(const SegmentationSettings& settings) {
   not_negative(settings.noise_factor, "noise_factor");
   not_negative(settings.min_difference, "min_difference");
   not_negative(settings.faint_difference, "faint_difference");
+  not_negative(settings.texture_difference, "texture_difference");
+  if (settings.faint_side < 3 || settings.faint_side > SegmentationSettings::kMostFaintSide ||
+      settings.faint_side % 2 == 0) {
+    throw std::invalid_argument("segmentation: faint_side must be an odd number from 3 to 15");
+  }
   not_negative(settings.clean_up_radius, "clean_up_radius");
   not_negative(settings.min_blob_pixels, "min_blob_pixels");
 }
@@ -37,24 +42,31 @@ void CleanUp(cv::Mat& foreground, int radius) {
 }  // namespace
 
 cv::Mat Foreground(const cv::Mat& image, const Reference& reference,
-                   const SegmentationSettings& settings) {
+                   const SegmentationSettings& settings, const SlowLight& slow_light) {
   Validate(settings);
-  const cv::Mat grey = Grey(image);
+  const cv::Mat grey = reference.channels() == 1 ? Grey(image) : image;
   if (grey.size() != reference.size()) {
     throw std::invalid_argument(absl::StrCat("the camera image has ", grey.cols, " x ", grey.rows,
                                              " pixels, its reference ", reference.size().width,
                                              " x ", reference.size().height));
   }
-  const double gain = settings.follow_brightness ? BrightnessGain(grey, reference) : 1;
-  cv::Mat foreground = DeviatingPixels(grey, reference, gain, settings);
+  if (grey.type() == CV_8UC1 && reference.channels() == 3) {
+    return Foreground(grey, reference.AsGrey(), settings, slow_light);
+  }
+  const Brightness brightness =
+      settings.follow_brightness ? BrightnessOf(grey, reference, slow_light) : Brightness{};
+  cv::Mat foreground = DeviatingPixels(grey, reference, brightness, slow_light, settings);
   CleanUp(foreground, settings.clean_up_radius);
   DropSmallAreas(foreground, settings.min_blob_pixels);
+  if (!reference.undefined().empty()) foreground |= reference.undefined();
   return foreground;
 }
 
 Mask Difference(const cv::Mat& image, const Reference& reference,
-                const SegmentationSettings& settings, MaskSize mask_size) {
-  return DownSample(Foreground(image, reference, settings), mask_size, settings.min_cover);
+                const SegmentationSettings& settings, MaskSize mask_size,
+                const SlowLight& slow_light) {
+  return DownSample(Foreground(image, reference, settings, slow_light), mask_size,
+                    settings.min_cover);
 }
 
 }  // namespace silhouette

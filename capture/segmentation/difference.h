@@ -5,21 +5,26 @@
 
 #include "capture/segmentation/reference.h"
 #include "capture/segmentation/settings.h"
+#include "capture/segmentation/slow_light.h"
 #include "db/mask.h"
 
 namespace silhouette {
 
 // Where `image` (grey, or blue, green, red) differs from the reference: an 8-bit image, 255 where
 // foreground, else 0. In turn: the brightness of the whole image is followed, every pixel is judged
-// by its own noise, specks and pinholes are cleaned up, small areas are dropped. Areas are
+// by its own noise, specks and pinholes are cleaned up, small areas are dropped. A reference
+// without colour sees the image in grey, and a grey image is compared with what is grey of the
+// reference. Pixels without a reference are foreground always: nothing is known of them. Areas are
 // connected over edges and corners; beyond the image's rim nothing is known and nothing is cleaned
-// up. Throws std::invalid_argument if the image is not of the reference's size, or a setting is not
-// what its comment says.
+// up. `slow_light`: what the light has slowly become since the reference was made. Throws
+// std::invalid_argument if the image is not of the reference's size, or a setting is not what its
+// comment says.
 cv::Mat Foreground(const cv::Mat& image, const Reference& reference,
-                   const SegmentationSettings& settings);
+                   const SegmentationSettings& settings, const SlowLight& slow_light = {});
 
 // Foreground() as a mask of `mask_size`, by DownSample() with the settings' min_cover.
 Mask Difference(const cv::Mat& image, const Reference& reference,
-                const SegmentationSettings& settings, MaskSize mask_size);
+                const SegmentationSettings& settings, MaskSize mask_size,
+                const SlowLight& slow_light = {});
 
 }  // namespace silhouette

@@ -16,10 +16,14 @@ namespace {
 
 // As many images' worth of trust has the noise that is typical of the whole image.
 constexpr double kTypicalNoiseWeight = 8;
+// A pixel's noise is at least its largest deviation over this.
+constexpr double kJump = 4;
+constexpr double kUnsteady = 4;  // times the typical noise
 
 // The variance of which most pixels' sample variances, of `degrees` degrees of freedom, are
 // samples.
-double TypicalVariance(const cv::Mat& variance, double degrees) {
+double TypicalVariance(const cv::Mat& variances, double degrees) {
+  const cv::Mat variance = variances.reshape(1);
   std::vector<float> sorted(variance.begin<float>(), variance.end<float>());
   const auto middle = sorted.begin() + static_cast<std::ptrdiff_t>(sorted.size() / 2);
   std::nth_element(sorted.begin(), middle, sorted.end());
@@ -40,49 +44,69 @@ absl::StatusOr<cv::Mat> DecodePng(const std::string& png, const std::string& nam
     const cv::Mat bytes(1, static_cast<int>(png.size()), CV_8UC1, const_cast<char*>(png.data()));
     try {
       cv::Mat image = cv::imdecode(bytes, cv::IMREAD_UNCHANGED);
-      if (image.type() == CV_16UC1 && !image.empty()) return image;
+      if ((image.type() == CV_16UC1 || image.type() == CV_16UC3) && !image.empty()) return image;
     } catch (const cv::Exception&) {
       // Told below.
     }
   }
   return absl::InvalidArgumentError(
-      absl::StrCat("the reference's ", name, " is not a 16-bit grey PNG image"));
+      absl::StrCat("the reference's ", name, " is not a 16-bit PNG image"));
+}
+
+void CheckImage(const cv::Mat& image) {
+  if (image.empty()) throw std::invalid_argument("the camera image is empty");
+  if (image.type() != CV_8UC1 && image.type() != CV_8UC3) {
+    throw std::invalid_argument(
+        "a camera image has 8 bits per channel, and one channel (grey) or three (blue, green, "
+        "red)");
+  }
+}
+
+// 255 where all channels of the noise are undefined; empty if that is nowhere.
+cv::Mat UndefinedPixels(const cv::Mat& noise) {
+  cv::Mat undefined;
+  cv::Mat first;
+  cv::extractChannel(noise, first, 0);
+  cv::compare(first, int{Reference::kUndefined}, undefined, cv::CMP_EQ);
+  return cv::countNonZero(undefined) > 0 ? undefined : cv::Mat();
 }
 
 }  // namespace
 
 cv::Mat Grey(const cv::Mat& image) {
-  if (image.empty()) throw std::invalid_argument("the camera image is empty");
-  if (image.type() == CV_8UC1) return image;
-  if (image.type() != CV_8UC3) {
-    throw std::invalid_argument(
-        "a camera image has 8 bits per channel, and one channel (grey) or three (blue, green, "
-        "red)");
-  }
+  CheckImage(image);
+  if (image.channels() == 1) return image;
   cv::Mat grey;
   cv::cvtColor(image, grey, cv::COLOR_BGR2GRAY);
   return grey;
 }
 
 Reference::Reference(cv::Mat mean, cv::Mat noise)
-    : mean_(std::move(mean)), noise_(std::move(noise)) {}
+    : mean_(std::move(mean)), noise_(std::move(noise)), undefined_(UndefinedPixels(noise_)) {}
 
 Reference Reference::FromImages(std::span<const cv::Mat> images) {
   if (images.size() < 2) {
     throw std::invalid_argument("a reference needs at least two images: its noise is measured");
   }
   const cv::Size size = images.front().size();
-  cv::Mat sum = cv::Mat::zeros(size, CV_64FC1);
-  cv::Mat sum_of_squares = cv::Mat::zeros(size, CV_64FC1);
+  const int channels = images.front().channels();
+  CheckImage(images.front());
+  cv::Mat sum = cv::Mat::zeros(size, CV_64FC(channels));
+  cv::Mat sum_of_squares = sum.clone();
+  cv::Mat least = images.front().clone();
+  cv::Mat greatest = images.front().clone();
   for (const cv::Mat& image : images) {
-    const cv::Mat grey = Grey(image);
-    if (grey.size() != size) {
+    CheckImage(image);
+    if (image.size() != size || image.channels() != channels) {
       throw std::invalid_argument(
-          absl::StrCat("the images of a reference differ in size: ", size.width, " x ", size.height,
-                       " and ", grey.cols, " x ", grey.rows));
+          absl::StrCat("the images of a reference differ in size or colour: ", size.width, " x ",
+                       size.height, ", channels ", channels, ", and ", image.cols, " x ",
+                       image.rows, ", channels ", image.channels()));
     }
-    cv::accumulate(grey, sum);
-    cv::accumulateSquare(grey, sum_of_squares);
+    cv::accumulate(image, sum);
+    cv::accumulateSquare(image, sum_of_squares);
+    cv::min(least, image, least);
+    cv::max(greatest, image, greatest);
   }
   const auto count = static_cast<double>(images.size());
   const cv::Mat squares = sum_of_squares - sum.mul(sum, 1 / count);
@@ -90,10 +114,18 @@ Reference Reference::FromImages(std::span<const cv::Mat> images) {
   squares.convertTo(variance, CV_32F, 1 / (count - 1));
   variance = cv::max(variance, 0);
   const double typical = TypicalVariance(variance, count - 1);
-  variance =
-      (variance * (count - 1) + kTypicalNoiseWeight * typical) / (count - 1 + kTypicalNoiseWeight);
+  variance.convertTo(variance, CV_32F, (count - 1) / (count - 1 + kTypicalNoiseWeight),
+                     kTypicalNoiseWeight * typical / (count - 1 + kTypicalNoiseWeight));
   cv::Mat deviation;
   cv::sqrt(variance, deviation);
+  cv::Mat middle;
+  sum.convertTo(middle, CV_32F, 1 / count);
+  cv::Mat above;
+  cv::Mat below;
+  cv::subtract(greatest, middle, above, cv::noArray(), CV_32F);
+  cv::subtract(middle, least, below, cv::noArray(), CV_32F);
+  const cv::Mat jump = cv::max(above, below) / kJump;
+  deviation = cv::max(deviation, jump);
 
   cv::Mat mean;
   cv::Mat noise;
@@ -108,10 +140,60 @@ absl::StatusOr<Reference> Reference::FromPng(const std::string& mean_png,
   if (!mean.ok()) return mean.status();
   absl::StatusOr<cv::Mat> noise = DecodePng(noise_png, "noise");
   if (!noise.ok()) return noise.status();
-  if (mean->size() != noise->size()) {
-    return absl::InvalidArgumentError("the reference's mean and noise differ in size");
+  if (mean->size() != noise->size() || mean->channels() != noise->channels()) {
+    return absl::InvalidArgumentError("the reference's mean and noise differ in size or channels");
   }
   return Reference(*std::move(mean), *std::move(noise));
+}
+
+Reference::Figures Reference::Describe() const {
+  std::vector<uint16_t> sorted;
+  Figures figures;
+  const int channels = this->channels();
+  for (int y = 0; y < noise_.rows; ++y) {
+    const auto* noise = noise_.ptr<uint16_t>(y);
+    for (int x = 0; x < noise_.cols * channels; ++x) {
+      if (noise[x] != kUndefined) sorted.push_back(noise[x]);
+    }
+  }
+  figures.undefined = undefined_.empty() ? 0 : cv::countNonZero(undefined_);
+  if (sorted.empty()) return figures;
+  double sum = 0;
+  for (const uint16_t noise : sorted) sum += noise;
+  figures.mean_noise = sum / kGreyLevel / static_cast<double>(sorted.size());
+  const auto middle = sorted.begin() + static_cast<std::ptrdiff_t>(sorted.size() / 2);
+  std::nth_element(sorted.begin(), middle, sorted.end());
+  const double unsteady = kUnsteady * std::max<double>(*middle, kGreyLevel / 4.0);
+  for (int y = 0; y < noise_.rows; ++y) {
+    const auto* noise = noise_.ptr<uint16_t>(y);
+    const auto* mean = mean_.ptr<uint16_t>(y);
+    for (int x = 0; x < noise_.cols * channels; x += channels) {
+      if (noise[x] == kUndefined) continue;
+      figures.unsteady += *std::max_element(noise + x, noise + x + channels) > unsteady ? 1 : 0;
+      const bool saturated =
+          *std::max_element(mean + x, mean + x + channels) >= kSaturated * kGreyLevel;
+      figures.saturated += saturated ? 1 : 0;
+    }
+  }
+  return figures;
+}
+
+Reference Reference::AsGrey() const {
+  if (channels() == 1) return *this;
+  const cv::Matx13f weights(0.114F, 0.587F, 0.299F);
+  cv::Mat mean;
+  cv::transform(mean_, mean, weights);
+  // As if the channels were noisy each on its own; less noise than that would be too sure.
+  cv::Mat real;
+  noise_.convertTo(real, CV_32F);
+  cv::Mat variance;
+  cv::transform(real.mul(real), variance,
+                cv::Matx13f(0.114F * 0.114F, 0.587F * 0.587F, 0.299F * 0.299F));
+  cv::sqrt(variance, variance);
+  cv::Mat noise;
+  variance.convertTo(noise, CV_16U);
+  if (!undefined_.empty()) noise.setTo(cv::Scalar(kUndefined), undefined_);
+  return Reference(std::move(mean), std::move(noise));
 }
 
 std::string Reference::MeanPng() const { return EncodePng(mean_); }

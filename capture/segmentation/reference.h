@@ -1,6 +1,7 @@
 // Reference: the empty cell in one view, as the mean and the noise of every pixel.
 #pragma once
 
+#include <cstdint>
 #include <opencv2/core.hpp>
 #include <span>
 #include <string>
@@ -20,24 +21,46 @@ class Reference {
  public:
   // One grey level, in the units of mean() and noise().
   static constexpr int kGreyLevel = 256;
+  // The noise of a pixel of which nothing is known, in all its channels.
+  static constexpr uint16_t kUndefined = 65535;
+  // Pixels whose mean is at least so many grey levels may be brighter than can be told.
+  static constexpr int kSaturated = 250;
 
-  // From at least two images of the empty cell, of one size, grey or blue, green, red. A pixel's
-  // noise is its standard deviation over the images, drawn towards the typical one of the whole
-  // image as far as few images leave it uncertain. Throws std::invalid_argument.
+  // From at least two images of the empty cell, of one size; all grey, or all blue, green, red. A
+  // pixel's noise is its standard deviation over the images, drawn towards the typical one of the
+  // whole image as far as few images leave it uncertain; of a pixel that jumps now and then, at
+  // least a quarter of its largest deviation. Throws std::invalid_argument.
   static Reference FromImages(std::span<const cv::Mat> images);
 
-  // From what MeanPng() and NoisePng() gave. InvalidArgument if one is not a 16-bit grey PNG, or
-  // their sizes differ.
+  // From what MeanPng() and NoisePng() gave. InvalidArgument if one is not a 16-bit PNG with grey
+  // or colour, or they differ in size or channels.
   static absl::StatusOr<Reference> FromPng(const std::string& mean_png,
                                            const std::string& noise_png);
 
   cv::Size size() const { return mean_.size(); }
-  // 16-bit, one channel: mean grey level and its standard deviation, times kGreyLevel. Not to be
+  // 1: grey; 3: blue, green, red.
+  int channels() const { return mean_.channels(); }
+  // 16-bit, of channels(): mean grey level and its standard deviation, times kGreyLevel. Not to be
   // written to.
   const cv::Mat& mean() const { return mean_; }
   const cv::Mat& noise() const { return noise_; }
 
-  // 16-bit grey PNG images of mean() and noise(): lossless.
+  // 255 where a pixel is undefined: 8-bit, one channel; empty if none is.
+  const cv::Mat& undefined() const { return undefined_; }
+  // How many pixels are undefined, how many are saturated in some channel, and how many are
+  // unsteady: have some noise of more than four times the typical one.
+  struct Figures {
+    int undefined = 0;
+    int saturated = 0;
+    int unsteady = 0;
+    double mean_noise = 0;  // grey levels, of all pixels that are defined
+  };
+  Figures Describe() const;
+
+  // The same for a grey camera image; itself if it is grey.
+  Reference AsGrey() const;
+
+  // 16-bit PNG images of mean() and noise(): lossless.
   std::string MeanPng() const;
   std::string NoisePng() const;
 
@@ -46,6 +69,7 @@ class Reference {
 
   cv::Mat mean_;
   cv::Mat noise_;
+  cv::Mat undefined_;
 };
 
 }  // namespace silhouette

@@ -19,9 +19,12 @@ std::string Number(double value) {
 std::string Describe(const SegmentationSettings& settings) {
   std::string text;
   absl::StrAppend(&text, "clean_up_radius: ", settings.clean_up_radius, "\n");
-  // Databases from before there was such a thing say nothing of it.
+  const SegmentationSettings usual;
   if (settings.faint_difference > 0) {
     absl::StrAppend(&text, "faint_difference: ", Number(settings.faint_difference), "\n");
+  }
+  if (settings.faint_side != usual.faint_side) {
+    absl::StrAppend(&text, "faint_side: ", settings.faint_side, "\n");
   }
   absl::StrAppend(&text, "follow_brightness: ", settings.follow_brightness ? "true" : "false",
                   "\n");
@@ -29,6 +32,9 @@ std::string Describe(const SegmentationSettings& settings) {
   absl::StrAppend(&text, "min_cover: ", Number(settings.min_cover), "\n");
   absl::StrAppend(&text, "min_difference: ", Number(settings.min_difference), "\n");
   absl::StrAppend(&text, "noise_factor: ", Number(settings.noise_factor), "\n");
+  if (settings.texture_difference > 0) {
+    absl::StrAppend(&text, "texture_difference: ", Number(settings.texture_difference), "\n");
+  }
   return text;
 }
 

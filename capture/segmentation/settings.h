@@ -8,14 +8,21 @@ namespace silhouette {
 
 struct SegmentationSettings {
   // A pixel is foreground if it differs from the reference by more than `noise_factor` standard
-  // deviations of its own noise, and by more than `min_difference` grey levels (0..255).
+  // deviations of its own noise, and by more than `min_difference` grey levels (0..255), in any
+  // channel.
   double noise_factor = 6;
   double min_difference = 8;
-  // Where single pixels say nothing, the mean difference over the kFaintSide x kFaintSide pixels
+  // Where single pixels say nothing, the mean difference over the faint_side x faint_side pixels
   // around says foreground if it is more than this many grey levels, and more than `noise_factor`
   // standard deviations of that mean: obstacles nearly as bright as what is behind them; 0: no.
   double faint_difference = 3;
-  static constexpr int kFaintSide = 5;
+  // Likewise if their root mean square difference, beyond what is noise, is more than this many
+  // grey levels: obstacles as bright as what is behind them in the mean, but not its texture; 0:
+  // no.
+  double texture_difference = 0;
+  // Odd, 3 to kMostFaintSide.
+  int faint_side = 5;
+  static constexpr int kMostFaintSide = 15;
   // Whether a change of the whole image's brightness is taken out first.
   bool follow_brightness = true;
   // Radius, in camera pixels, of the opening that removes specks and of the closing that fills
@@ -29,7 +36,8 @@ struct SegmentationSettings {
   bool operator==(const SegmentationSettings&) const = default;
 };
 
-// One `key: value` a line in alphabetical order, as the database keeps it.
+// One `key: value` a line in alphabetical order, as the database keeps it. Keys that came later
+// than the first databases are left out where they change nothing.
 std::string Describe(const SegmentationSettings& settings);
 
 }  // namespace silhouette

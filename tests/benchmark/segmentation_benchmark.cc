@@ -25,7 +25,7 @@ class FloatingDifference {
   }
 
   cv::Mat Foreground(const cv::Mat& image) const {
-    const cv::Mat brighter = mean_ * BrightnessGain(image, reference_);
+    const cv::Mat brighter = mean_ * BrightnessOf(image, reference_).gain;
     const cv::Mat expected = cv::min(brighter, 255);
     cv::Mat difference;
     cv::subtract(image, expected, difference, cv::noArray(), CV_32F);
@@ -41,7 +41,7 @@ class FloatingDifference {
 
  private:
   void AddFaint(const cv::Mat& difference, cv::Mat& foreground) const {
-    constexpr int kSide = SegmentationSettings::kFaintSide;
+    const int kSide = settings_.faint_side;
     const cv::Mat open = foreground == 0;
     cv::Mat sum = cv::Mat::zeros(difference.size(), CV_32FC1);
     cv::Mat noise = sum.clone();

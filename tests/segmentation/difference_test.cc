@@ -23,9 +23,13 @@ class PlainSegmentation {
                 std::vector<bool>(static_cast<size_t>(image.cols)));
     for (int y = 0; y < image.rows; ++y) {
       for (int x = 0; x < image.cols; ++x) {
-        const double difference = std::abs(Difference(image, reference, x, y));
-        plane[size_t(y)][size_t(x)] = difference > settings.noise_factor * Noise(reference, x, y) &&
-                                      difference > settings.min_difference;
+        bool deviates = false;
+        for (int c = 0; c < image.channels(); ++c) {
+          const double difference = std::abs(Difference(image, reference, x, y, c)) / 128.0;
+          deviates |= difference > settings.noise_factor * Noise(reference, x, y, c) / 256.0 &&
+                      difference > settings.min_difference;
+        }
+        plane[size_t(y)][size_t(x)] = deviates;
       }
     }
     plane = WithFaint(plane, image, reference, settings);
@@ -35,39 +39,58 @@ class PlainSegmentation {
   }
 
  private:
-  // In grey levels; the mean is cut off to 128ths of one.
-  static double Difference(const cv::Mat& image, const Reference& reference, int x, int y) {
-    return image.at<uint8_t>(y, x) - reference.mean().at<uint16_t>(y, x) / 2 / 128.0;
+  // In 128ths of a grey level; the mean is cut off to such.
+  static int Difference(const cv::Mat& image, const Reference& reference, int x, int y, int c) {
+    const int i = x * image.channels() + c;
+    const int mean = reference.mean().ptr<uint16_t>(y)[i];
+    const int difference = image.ptr<uint8_t>(y)[i] * 128 - mean / 2;
+    return mean >= 250 * 256 ? std::min(difference, 0) : difference;
   }
-  static double Noise(const Reference& reference, int x, int y) {
-    return reference.noise().at<uint16_t>(y, x) / 256.0;
+  // In 256ths of a grey level.
+  static int Noise(const Reference& reference, int x, int y, int c) {
+    return reference.noise().ptr<uint16_t>(y)[x * reference.channels() + c];
   }
 
   static Plane WithFaint(const Plane& plane, const cv::Mat& image, const Reference& reference,
                          const SegmentationSettings& settings) {
     Plane result = plane;
-    if (settings.faint_difference == 0) return result;
     for (int y = 0; y < image.rows; ++y) {
       for (int x = 0; x < image.cols; ++x) {
-        double sum = 0;
-        double noise = 0;
-        int count = 0;
-        for (int v = std::max(y - 2, 0); v <= std::min(y + 2, image.rows - 1); ++v) {
-          for (int u = std::max(x - 2, 0); u <= std::min(x + 2, image.cols - 1); ++u) {
-            if (plane[size_t(v)][size_t(u)]) continue;
-            sum += Difference(image, reference, u, v);
-            noise += Noise(reference, u, v);
-            ++count;
+        for (int c = 0; c < image.channels(); ++c) {
+          if (IsFaint(plane, image, reference, settings, x, y, c)) {
+            result[size_t(y)][size_t(x)] = true;
           }
-        }
-        if (count < 13 || !(std::abs(sum) > settings.faint_difference * count)) continue;
-        // |mean| > noise_factor * mean noise / sqrt(count), squared.
-        if (sum * sum * count > std::pow(settings.noise_factor * noise, 2)) {
-          result[size_t(y)][size_t(x)] = true;
         }
       }
     }
     return result;
+  }
+
+  static bool IsFaint(const Plane& plane, const cv::Mat& image, const Reference& reference,
+                      const SegmentationSettings& settings, int x, int y, int c) {
+    const int reach = settings.faint_side / 2;
+    double sum = 0, noise = 0, squares = 0, variance = 0, count = 0;
+    for (int v = std::max(y - reach, 0); v <= std::min(y + reach, image.rows - 1); ++v) {
+      for (int u = std::max(x - reach, 0); u <= std::min(x + reach, image.cols - 1); ++u) {
+        if (plane[size_t(v)][size_t(u)]) continue;
+        const int difference = Difference(image, reference, u, v, c);
+        sum += difference / 128.0;
+        noise += Noise(reference, u, v, c) / 256.0;
+        squares += std::pow((std::abs(difference) / 8) / 16.0, 2);
+        variance += std::pow((Noise(reference, u, v, c) / 16) / 16.0, 2);
+        ++count;
+      }
+    }
+    if (count < settings.faint_side * settings.faint_side / 2.0) return false;
+    // |mean| > noise_factor * mean noise / sqrt(count), squared.
+    if (settings.faint_difference > 0 && std::abs(sum) > settings.faint_difference * count &&
+        sum * sum * count > std::pow(settings.noise_factor * noise, 2)) {
+      return true;
+    }
+    const double beyond = squares - variance;
+    return settings.texture_difference > 0 &&
+           beyond > std::pow(settings.texture_difference, 2) * count &&
+           beyond * beyond * count > 2 * std::pow(settings.noise_factor * variance, 2);
   }
 
   PlainSegmentation(int width, int height, int radius)
@@ -136,17 +159,31 @@ TEST(Foreground, AgreesWithAPlainSegmentation) {
   for (int round = 0; round < 40; ++round) {
     const cv::Size size(20 + up_to(60), 20 + up_to(60));
     const cv::Mat cell = EmptyCell(size);
-    const Reference reference =
-        Reference::FromImages(ExposeSeries(cell, 2 + up_to(10), up_to(30) / 10.0, random));
+    const int channels = round % 2 == 0 ? 1 : 3;
+    const auto expose = [&](const cv::Mat& light, double sigma) {
+      std::vector<cv::Mat> planes;
+      for (int c = 0; c < channels; ++c) {
+        planes.push_back(Expose(light, 1 + 0.35 * c, sigma, random));
+      }
+      cv::Mat image;
+      cv::merge(planes, image);
+      return image;
+    };
+    std::vector<cv::Mat> images;
+    const double noise = up_to(30) / 10.0;
+    for (int i = 2 + up_to(10); i > 0; --i) images.push_back(expose(cell, noise));
+    const Reference reference = Reference::FromImages(images);
     cv::Mat light = cell.clone();
     for (int i = up_to(6); i > 0; --i) {
       const cv::Rect box(up_to(size.width), up_to(size.height), 1 + up_to(12), 1 + up_to(12));
       cv::rectangle(light, box, cv::Scalar(up_to(256)), cv::FILLED);
     }
-    const cv::Mat image = Expose(light, 1, 6, random);  // so noisy that specks are left to clean up
+    const cv::Mat image = expose(light, 6);  // so noisy that specks are left to clean up
     const SegmentationSettings settings{.noise_factor = up_to(32) / 4.0,  // exact in any precision
                                         .min_difference = static_cast<double>(up_to(20)),
                                         .faint_difference = up_to(3) * up_to(8) / 4.0,
+                                        .texture_difference = up_to(3) * up_to(8) / 4.0,
+                                        .faint_side = 3 + 2 * up_to(7),
                                         .follow_brightness = false,
                                         .clean_up_radius = up_to(4),
                                         .min_blob_pixels = up_to(30)};
@@ -239,7 +276,7 @@ TEST(Difference, WhatIsPlainlyVisibleDoesNotSpreadByTheMean) {
   EXPECT_EQ(cv::countNonZero(foreground), cv::countNonZero(foreground(box)));
 }
 
-TEST(BrightnessGain, IsNotBiasedByWhatStandsInTheCell) {
+TEST(Brightness, IsNotBiasedByWhatStandsInTheCell) {
   const uint64_t seed = std::random_device{}();
   SCOPED_TRACE(testing::Message() << "seed " << seed);
   std::mt19937_64 random(seed);
@@ -250,19 +287,85 @@ TEST(BrightnessGain, IsNotBiasedByWhatStandsInTheCell) {
       for (const int level : {20, 130, 200}) {
         cv::Mat light = cell.clone();
         cv::rectangle(light, cv::Rect(0, 0, width, 240), cv::Scalar(level), cv::FILLED);
-        EXPECT_NEAR(BrightnessGain(Expose(light, gain, 2, random), reference), gain, 0.01)
+        EXPECT_NEAR(BrightnessOf(Expose(light, gain, 2, random), reference).gain, gain, 0.01)
             << width << " columns of level " << level;
       }
     }
   }
 }
 
-TEST(BrightnessGain, LightSwitchedOffIsNoDrift) {
+TEST(Brightness, StrayLightIsAnOffset) {
+  const uint64_t seed = std::random_device{}();
+  SCOPED_TRACE(testing::Message() << "seed " << seed);
+  std::mt19937_64 random(seed);
+  const cv::Mat cell = EmptyCell({320, 240});
+  const Reference reference = Reference::FromImages(ExposeSeries(cell, 20, 1.5, random));
+  for (const double offset : {-15.0, 0.0, 12.0, 20.0}) {
+    cv::Mat light = 0.9 * cell + offset;
+    cv::rectangle(light, cv::Rect(40, 0, 120, 200), cv::Scalar(200), cv::FILLED);
+    const cv::Mat image = Expose(light, 1, 1.5, random);
+    const Brightness brightness = BrightnessOf(image, reference);
+    EXPECT_NEAR(brightness.gain, 0.9, 0.01) << offset;
+    EXPECT_NEAR(brightness.offset, offset, 1) << offset;
+    const cv::Mat empty = Foreground(Expose(0.9 * cell + offset, 1, 1.5, random), reference, {});
+    EXPECT_EQ(cv::countNonZero(empty), 0) << offset;
+  }
+}
+
+TEST(Difference, SaturatedPixelsSayNothingByBeingBrighterThanExpected) {
+  std::mt19937_64 random(8);
+  cv::Mat cell = EmptyCell({160, 120});
+  const cv::Rect window(60, 40, 50, 40);
+  cell(window) = 320;  // more than the camera can show
+  const Reference reference = Reference::FromImages(ExposeSeries(cell, 20, 1.5, random));
+  EXPECT_NEAR(reference.Describe().saturated, window.area(), 2);
+  for (const double gain : {0.85, 1.0, 1.1}) {  // at the least still saturated
+    EXPECT_TRUE(Difference(Expose(cell, gain, 1.5, random), reference, {}, {32, 32}).Empty());
+  }
+  cv::Mat light = cell.clone();
+  light(cv::Rect(70, 50, 20, 20)) = 180;
+  const Mask mask = Difference(Expose(light, 0.85, 1.5, random), reference, {}, {16, 12});
+  EXPECT_EQ(mask.Count(), 4u);
+}
+
+TEST(Difference, TextureThatIsNotTheCellsIsFound) {
+  const uint64_t seed = std::random_device{}();
+  SCOPED_TRACE(testing::Message() << "seed " << seed);
+  std::mt19937_64 random(seed);
+  cv::Mat cell(120, 160, CV_64FC1);
+  std::normal_distribution<double> texture(100, 4);
+  for (auto it = cell.begin<double>(); it != cell.end<double>(); ++it) *it = texture(random);
+  const Reference reference = Reference::FromImages(ExposeSeries(cell, 20, 1.5, random));
+  const SegmentationSettings settings{.texture_difference = 2};
+  EXPECT_EQ(cv::countNonZero(Foreground(Expose(cell, 1, 1.5, random), reference, settings)), 0);
+  cv::Mat light = cell.clone();
+  const cv::Rect board(50, 30, 60, 50);
+  light(board) = 100;
+  const cv::Mat image = Expose(light, 1, 1.5, random);
+  EXPECT_GT(cv::countNonZero(Foreground(image, reference, settings)(board)), 0.95 * board.area());
+  EXPECT_LT(cv::countNonZero(Foreground(image, reference, {})(board)), 0.7 * board.area());
+}
+
+TEST(Difference, ColourIsSeenWhereGreyIsTheSame) {
+  const cv::Mat cell(60, 80, CV_8UC3, cv::Scalar(100, 100, 100));
+  const Reference colour = Reference::FromImages(std::vector<cv::Mat>{cell, cell});
+  cv::Mat image = cell.clone();
+  const cv::Rect box(20, 20, 20, 15);
+  image(box) = cv::Scalar(100, 90, 120);                                       // as grey: 100.1
+  EXPECT_GE(cv::countNonZero(Foreground(image, colour, {})), box.area() - 4);  // corners
+  EXPECT_EQ(cv::countNonZero(Foreground(image, colour.AsGrey(), {})), 0);
+  // A camera that gives grey all at once.
+  EXPECT_EQ(cv::countNonZero(Foreground(Grey(image), colour, {})), 0);
+  cv::rectangle(image, box, cv::Scalar(130, 130, 130), cv::FILLED);
+  EXPECT_GE(cv::countNonZero(Foreground(Grey(image), colour, {})), box.area() - 4);
+}
+
+TEST(Brightness, LightSwitchedOffIsNoDrift) {
   std::mt19937_64 random(6);
   const cv::Mat cell = EmptyCell({160, 120});
   const Reference reference = Reference::FromImages(ExposeSeries(cell, 10, 2, random));
   const cv::Mat dark = Expose(cell, 0.1, 2, random);
-  EXPECT_EQ(BrightnessGain(dark, reference), 1);
+  EXPECT_EQ(BrightnessOf(dark, reference).gain, 1);
   EXPECT_EQ(Difference(dark, reference, {}, {32, 32}).Count(), 32u * 32u);
 }
 
@@ -287,7 +390,8 @@ TEST(Difference, ImpossibleSettingsAreRefused) {
   using Settings = SegmentationSettings;
   for (const Settings& settings :
        {Settings{.noise_factor = -1}, Settings{.min_difference = std::nan("")},
-        Settings{.faint_difference = -1}, Settings{.clean_up_radius = -1},
+        Settings{.faint_difference = -1}, Settings{.texture_difference = -1},
+        Settings{.faint_side = 4}, Settings{.faint_side = 17}, Settings{.clean_up_radius = -1},
         Settings{.min_blob_pixels = -1}, Settings{.min_cover = 1}}) {
     EXPECT_THROW(Difference(empty, reference, settings, {8, 8}), std::invalid_argument)
         << Describe(settings);
@@ -298,6 +402,10 @@ TEST(SegmentationSettings, DescriptionIsSortedAndComplete) {
   EXPECT_EQ(Describe({}),
             "clean_up_radius: 1\nfaint_difference: 3\nfollow_brightness: true\n"
             "min_blob_pixels: 12\nmin_cover: 0\nmin_difference: 8\nnoise_factor: 6\n");
+  EXPECT_EQ(Describe({.texture_difference = 1.5, .faint_side = 9}),
+            "clean_up_radius: 1\nfaint_difference: 3\nfaint_side: 9\nfollow_brightness: true\n"
+            "min_blob_pixels: 12\nmin_cover: 0\nmin_difference: 8\nnoise_factor: 6\n"
+            "texture_difference: 1.5\n");
   EXPECT_EQ(Describe({.noise_factor = 1.0 / 3,
                       .faint_difference = 0,
                       .follow_brightness = false,

@@ -46,11 +46,46 @@ TEST(Reference, FlickeringPixelHasItsOwnNoise) {
   EXPECT_LT(reference.noise().at<uint16_t>(7, 10), 3 * Reference::kGreyLevel);
 }
 
-TEST(Reference, ColourImagesCountAsGrey) {
-  cv::Mat colour(4, 4, CV_8UC3, cv::Scalar(10, 100, 200));  // blue, green, red
+TEST(Reference, PixelThatJumpedOnceIsAllowedTo) {
+  std::mt19937_64 random(2);
+  std::vector<cv::Mat> images = ExposeSeries(EmptyCell({64, 48}), 100, 1.0, random);
+  const int level = images[0].at<uint8_t>(7, 9);
+  images[40].at<uint8_t>(7, 9) = static_cast<uint8_t>(level + 40);
+  const Reference reference = Reference::FromImages(images);
+  EXPECT_GT(6 * reference.noise().at<uint16_t>(7, 9), 45 * Reference::kGreyLevel);
+  EXPECT_EQ(reference.Describe().unsteady, 1);
+}
+
+TEST(Reference, ColourIsKept) {
+  const cv::Mat colour(4, 4, CV_8UC3, cv::Scalar(10, 100, 200));  // blue, green, red
   const Reference reference = Reference::FromImages(std::vector<cv::Mat>{colour, colour});
-  // 0.114 * 10 + 0.587 * 100 + 0.299 * 200
-  EXPECT_EQ(reference.mean().at<uint16_t>(0, 0), 120 * Reference::kGreyLevel);
+  EXPECT_EQ(reference.channels(), 3);
+  EXPECT_EQ((reference.mean().at<cv::Vec<uint16_t, 3>>(0, 0)),
+            (cv::Vec<uint16_t, 3>(2560, 25600, 51200)));
+  const auto read = Reference::FromPng(reference.MeanPng(), reference.NoisePng());
+  ASSERT_TRUE(read.ok()) << read.status();
+  EXPECT_TRUE(SamePixels(read->mean(), reference.mean()));
+  EXPECT_FALSE(Reference::FromPng(reference.MeanPng(), reference.AsGrey().NoisePng()).ok());
+}
+
+TEST(Reference, AsGreyIsTheReferenceOfGreyImages) {
+  std::mt19937_64 random(3);
+  const cv::Mat cell = EmptyCell({64, 48});
+  std::vector<cv::Mat> colour;
+  std::vector<cv::Mat> grey;
+  for (int i = 0; i < 60; ++i) {
+    cv::Mat image;
+    cv::merge(std::vector<cv::Mat>{Expose(cell, 0.8, 2, random), Expose(cell, 1, 2, random),
+                                   Expose(cell, 1.2, 2, random)},
+              image);
+    grey.push_back(Grey(image));
+    colour.push_back(std::move(image));
+  }
+  const Reference expected = Reference::FromImages(grey);
+  const Reference reference = Reference::FromImages(colour).AsGrey();
+  EXPECT_LT(cv::norm(reference.mean(), expected.mean(), cv::NORM_INF), 0.6 * Reference::kGreyLevel);
+  EXPECT_NEAR(cv::mean(reference.noise())[0], cv::mean(expected.noise())[0],
+              0.1 * Reference::kGreyLevel);
 }
 
 TEST(Reference, StoredReferenceIsTheSameToTheBit) {
@@ -86,6 +121,8 @@ TEST(Reference, UnfitImagesAreRefused) {
   EXPECT_THROW(Reference::FromImages(Images{}), std::invalid_argument);
   EXPECT_THROW(Reference::FromImages(Images{image}), std::invalid_argument);
   EXPECT_THROW(Reference::FromImages(Images{image, cv::Mat()}), std::invalid_argument);
+  EXPECT_THROW(Reference::FromImages(Images{image, cv::Mat(4, 4, CV_8UC3, cv::Scalar(1))}),
+               std::invalid_argument);
   EXPECT_THROW(Reference::FromImages(Images{image, cv::Mat(4, 5, CV_8UC1, cv::Scalar(1))}),
                std::invalid_argument);
   EXPECT_THROW(Reference::FromImages(Images{image, cv::Mat(4, 4, CV_16UC1, cv::Scalar(1))}),

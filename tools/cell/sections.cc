@@ -129,6 +129,11 @@ SegmentationSettings ReadSegmentation(const YamlNode& node) {
   settings.noise_factor = number("noise_factor", settings.noise_factor);
   settings.min_difference = number("min_difference", settings.min_difference);
   settings.faint_difference = number("faint_difference", settings.faint_difference);
+  settings.texture_difference = number("texture_difference", settings.texture_difference);
+  settings.faint_side = AtLeast(map, "faint_side", settings.faint_side, 3);
+  if (settings.faint_side > SegmentationSettings::kMostFaintSide || settings.faint_side % 2 == 0) {
+    map.Required("faint_side").Fail("an odd number from 3 to 15 is expected");
+  }
   settings.follow_brightness = map.Get<bool>("follow_brightness", settings.follow_brightness);
   settings.clean_up_radius = AtLeast(map, "clean_up_radius", settings.clean_up_radius, 0);
   settings.min_blob_pixels = AtLeast(map, "min_blob_pixels", settings.min_blob_pixels, 0);

@@ -126,11 +126,13 @@ double Explainer::DifferenceAt(const ViewedScene& viewed, size_t view,
   const auto pixel = cameras_[view].Project(point);
   const int x = std::clamp(PixelOf(pixel->x()), 0, image.width - 1);
   const int y = std::clamp(PixelOf(pixel->y()), 0, image.height - 1);
-  const Reference& reference = setting_.database.reference(static_cast<int>(view));
+  const Reference reference = setting_.database.reference(static_cast<int>(view)).AsGrey();
   const Picture colours = PictureOfPixels(image.width, image.height, image.channels, image.pixels);
   const cv::Mat grey = Grey(colours);
-  const double expected =
-      BrightnessGain(grey, reference) * reference.mean().at<uint16_t>(y, x) / Reference::kGreyLevel;
+  const Brightness light = BrightnessOf(grey, reference);
+  const double mean =
+      static_cast<double>(reference.mean().at<uint16_t>(y, x)) / Reference::kGreyLevel;
+  const double expected = light.gain * mean + light.offset;
   return grey.at<uint8_t>(y, x) - expected;
 }
 

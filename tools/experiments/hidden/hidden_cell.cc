@@ -17,7 +17,7 @@ constexpr double kBodyStep = 0.015;  // metres
 constexpr char kProgram[] = "silhouette-experiments hidden";
 
 cv::Mat MatOf(CameraImage& image) {
-  return {image.height, image.width, CV_8UC1, image.pixels.data()};
+  return {image.height, image.width, image.channels == 1 ? CV_8UC1 : CV_8UC3, image.pixels.data()};
 }
 
 absl::StatusOr<std::vector<Reference>> Decoded(const storage::v1::References& stored) {

@@ -1,0 +1,49 @@
+// SlowLight: what slow changes of the light - the sun that moves on, lamps that age - have made of
+// the reference's brightness, place by place.
+#pragma once
+
+#include <opencv2/core.hpp>
+#include <span>
+#include <vector>
+
+#include "capture/segmentation/reference.h"
+
+namespace silhouette {
+
+// A coarse grid of factors over the image, between which it is interpolated. It follows the light
+// only where nothing but the empty cell is seen, only slowly, and only within limits: what stands
+// in the cell is never learnt away, however long it stands there. Immutable: learning gives a new
+// one.
+class SlowLight {
+ public:
+  static constexpr int kColumns = 8;
+  static constexpr int kRows = 6;
+  // Most that a factor changes within a second, and that it may be away from 1.
+  static constexpr double kRate = 0.005;
+  static constexpr double kMost = 0.4;
+
+  // As at the reference: 1 everywhere.
+  SlowLight() = default;
+
+  // Whether it is 1 everywhere.
+  bool none() const { return factors_.empty(); }
+  // The factor of the grey levels of pixel (x, y) in an image of `size`.
+  double At(double x, double y, cv::Size size) const;
+  // The factors of a row of pixels, by the same.
+  void Row(int y, cv::Size size, std::span<float> factors) const;
+
+  // The light after an image that was taken `seconds` after the one before. `foreground` is what
+  // Foreground() made of it: foreground and what is near it teaches nothing, nor do saturated, dark
+  // and undefined pixels. Where too little is left, the light changes as it does elsewhere: by the
+  // plane through the other places' factors; if there are too few of these, not at all. What the
+  // whole image's brightness has become is left out: that is followed in every image. Throws
+  // std::invalid_argument if image, reference and foreground differ in size, or the first two in
+  // channels.
+  SlowLight Learn(const cv::Mat& image, const Reference& reference, const cv::Mat& foreground,
+                  double seconds) const;
+
+ private:
+  std::vector<double> factors_;  // row by row; empty: 1
+};
+
+}  // namespace silhouette

@@ -1,0 +1,120 @@
+#include "capture/segmentation/slow_light.h"
+
+#include <gtest/gtest.h>
+
+#include <opencv2/imgproc.hpp>
+#include <stdexcept>
+#include <utility>
+
+#include "capture/segmentation/difference.h"
+#include "tests/segmentation/images.h"
+
+namespace silhouette {
+namespace {
+
+const cv::Size kSize(320, 240);
+
+// `light` as the sun makes it: brighter towards the right edge by `slope`, darker towards the left.
+cv::Mat Sloped(const cv::Mat& light, double slope) {
+  cv::Mat sloped = light.clone();
+  for (int x = 0; x < light.cols; ++x)
+    sloped.col(x) *= 1 + slope * (2.0 * x / (light.cols - 1) - 1);
+  return sloped;
+}
+
+class SlowLightTest : public testing::Test {
+ protected:
+  // An hour with an image every ten seconds. `at(time)`, 0 to 1, is what the camera sees.
+  template <typename LightAt>
+  SlowLight LearnForAnHour(LightAt at) {
+    SlowLight light;
+    for (int i = 0; i <= 360; ++i) {
+      const cv::Mat image = Expose(at(i / 360.0), 1, 1.5, random_);
+      light = light.Learn(image, reference_, Foreground(image, reference_, {}, light), 10);
+    }
+    return light;
+  }
+  int ForegroundPixels(const cv::Mat& light, const SlowLight& slow_light) {
+    return cv::countNonZero(Foreground(Expose(light, 1, 1.5, random_), reference_, {}, slow_light));
+  }
+
+  const uint64_t seed_ = std::random_device{}();
+  const testing::ScopedTrace trace_{__FILE__, __LINE__, testing::Message() << "seed " << seed_};
+  std::mt19937_64 random_{seed_};
+  const cv::Mat cell_ = EmptyCell(kSize);
+  const Reference reference_ = Reference::FromImages(ExposeSeries(cell_, 20, 1.5, random_));
+};
+
+TEST_F(SlowLightTest, SomeoneStandingStillForAnHourStaysForeground) {
+  const cv::Rect person(140, 60, 40, 150);
+  for (const int level : {20, 88, 112, 230}) {  // two nearly as grey as the cell
+    const auto with_person = [&](double time) {
+      cv::Mat light = Sloped(cell_, 0.2 * time);
+      cv::rectangle(light, person, cv::Scalar(level), cv::FILLED);
+      return light;
+    };
+    const cv::Mat first = Foreground(Expose(with_person(0), 1, 1.5, random_), reference_, {});
+    const SlowLight light = LearnForAnHour(with_person);
+    const cv::Mat last = Foreground(Expose(with_person(1), 1, 1.5, random_), reference_, {}, light);
+    const int before = cv::countNonZero(first(person));
+    ASSERT_GT(before, 0.4 * person.area()) << level;
+    EXPECT_GT(cv::countNonZero(last(person)), 0.97 * before) << level;
+    // And the cell beside is background, though the light is another.
+    EXPECT_LT(cv::countNonZero(last) - cv::countNonZero(last(person)), 100) << level;
+    // As is the cell when the person has gone: the light there changed as it did around.
+    EXPECT_LT(ForegroundPixels(Sloped(cell_, 0.2), light), 150) << level;
+  }
+}
+
+TEST_F(SlowLightTest, LightThatChangesSlowlyAndUnevenlyIsFollowed) {
+  const auto sun = [&](double time) { return Sloped(cell_, 0.25 * time); };
+  EXPECT_GT(ForegroundPixels(sun(1), {}), 5000);
+  const SlowLight light = LearnForAnHour(sun);
+  EXPECT_LT(ForegroundPixels(sun(1), light), 50);
+  EXPECT_NEAR(light.At(300, 120, kSize) / light.At(20, 120, kSize), 1.22 / 0.78, 0.06);
+}
+
+TEST_F(SlowLightTest, NothingIsLearntFromALampThatIsSwitchedOn) {
+  SlowLight light;
+  const cv::Mat image = Expose(Sloped(cell_, 0.3), 1, 1.5, random_);
+  for (int i = 0; i < 10; ++i) {
+    light = light.Learn(image, reference_, Foreground(image, reference_, {}, light), 0.1);
+  }
+  for (const int x : {10, 160, 310}) {
+    EXPECT_NEAR(light.At(x, 120, kSize), 1, 10 * 0.1 * SlowLight::kRate + 1e-9);
+  }
+}
+
+TEST_F(SlowLightTest, FactorsStayWithinTheirLimits) {
+  SlowLight light;
+  const cv::Mat none = cv::Mat::zeros(kSize, CV_8UC1);
+  const cv::Mat image = Expose(Sloped(cell_, 0.9), 1, 1.5, random_);
+  for (int i = 0; i < 5; ++i) light = light.Learn(image, reference_, none, 1e6);
+  for (int x = 0; x < kSize.width; ++x) {
+    // Beyond the outermost tiles' middles the lines go on by half a tile.
+    EXPECT_LE(std::abs(light.At(x, 0, kSize) - 1), 2 * SlowLight::kMost);
+  }
+}
+
+TEST_F(SlowLightTest, RowIsWhatItsPixelsAre) {
+  const SlowLight light = LearnForAnHour([&](double time) { return Sloped(cell_, 0.2 * time); });
+  for (const cv::Size size : {kSize, cv::Size(37, 11), cv::Size(5, 3)}) {
+    std::vector<float> row(static_cast<size_t>(size.width));
+    for (int y = 0; y < size.height; ++y) {
+      light.Row(y, size, row);
+      for (int x = 0; x < size.width; ++x) {
+        ASSERT_NEAR(row[static_cast<size_t>(x)], light.At(x, y, size), 1e-4) << size << x;
+      }
+    }
+  }
+}
+
+TEST_F(SlowLightTest, UnlikeSizesAreRefused) {
+  const cv::Mat image(kSize, CV_8UC1, cv::Scalar(1));
+  const cv::Mat other(10, 10, CV_8UC1, cv::Scalar(1));
+  EXPECT_THROW(SlowLight().Learn(other, reference_, image, 1), std::invalid_argument);
+  EXPECT_THROW(SlowLight().Learn(image, reference_, other, 1), std::invalid_argument);
+}
+
+}  // namespace
+}  // namespace silhouette
