@@ -22,12 +22,20 @@ struct ForbiddenRegion {
 struct CaptureSettings {
   // How long to wait after the robot has arrived before the images are taken.
   absl::Duration settle = absl::Milliseconds(200);
+  // How long it may take the robot to settle beyond that.
+  absl::Duration settle_timeout = absl::Seconds(2);
+  // So many sets of images one after the other must be alike before the last of them is taken; 1:
+  // they are not compared.
+  int still_images = 2;
   // Largest deviation between a commanded and a measured joint value: radians, metres.
   double joint_tolerance = 0.002;
   // Images of the empty cell that a reference is made from.
   int reference_images = 20;
-  // Fastest joint motion, radians or metres per second; what a dry run reckons with.
+  // Speed of the fastest joint on a way, radians or metres per second; what the robot is told, and
+  // what a dry run reckons with.
   double joint_speed = 0.5;
+  // How much longer than twice its time a way may take.
+  absl::Duration arrival_timeout = absl::Seconds(5);
   // How long a captured configuration may stay unwritten.
   absl::Duration commit_interval = absl::Seconds(1);
   std::vector<ForbiddenRegion> forbidden_regions;

@@ -10,7 +10,7 @@
 
 namespace silhouette {
 
-// InvalidArgument, saying what to put where, if the file names no driver, or one that is not known.
+// InvalidArgument, saying what to put where, if the file names no driver.
 absl::Status CheckRobot(const Cell& cell);
 
 // `simulation` is used by a simulated robot only; null if there is none. Errors: those of

@@ -2,12 +2,15 @@
 
 #include <algorithm>
 #include <string>
+#include <variant>
 
 #include "absl/strings/str_cat.h"
 
 namespace silhouette {
 
-bool HasSimulatedRobot(const Cell& cell) { return cell.robot.driver == kSimulated; }
+bool HasSimulatedRobot(const Cell& cell) {
+  return std::holds_alternative<SimulatedRobotDriver>(cell.robot.driver);
+}
 
 bool HasSimulatedCamera(const Cell& cell) {
   return std::any_of(cell.views.begin(), cell.views.end(),

@@ -9,9 +9,6 @@
 
 namespace silhouette {
 
-// The driver of a robot that the simulated cell stands behind.
-inline constexpr char kSimulated[] = "sim";
-
 bool HasSimulatedRobot(const Cell& cell);
 bool HasSimulatedCamera(const Cell& cell);
 

@@ -6,8 +6,15 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
 #include "absl/time/clock.h"
+#include "capture/session/still_images.h"
 
 namespace silhouette {
+namespace {
+
+constexpr int kLeastAttempts = 2;
+constexpr absl::Duration kLeastWait = absl::Milliseconds(1);
+
+}  // namespace
 
 absl::StatusOr<Visit> Visitor::Go(ConfigurationNumber number) {
   absl::StatusOr<std::vector<Configuration>> route;
@@ -34,31 +41,68 @@ absl::StatusOr<Visit> Visitor::Go(ConfigurationNumber number) {
 }
 
 absl::StatusOr<Visit> Visitor::TakeImages(ConfigurationNumber number) {
+  const absl::Duration settle = parts_.settings.settle;
+  absl::SleepFor(settle);
+  const absl::Time end = absl::Now() + parts_.settings.settle_timeout;
+  alike_ = 0;
+  for (int attempt = 1;; ++attempt) {
+    absl::StatusOr<Visit> visit = Look(number);
+    if (!visit.ok() || visit->outcome == Visit::Outcome::kTaken) return visit;
+    if (visit->why.empty()) continue;  // alike so far: the next, whatever the time
+    // Some robots take longer to settle.
+    if (attempt >= kLeastAttempts && absl::Now() >= end) return visit;
+    absl::SleepFor(std::max(settle, kLeastWait));
+  }
+}
+
+absl::StatusOr<Visit> Visitor::Look(ConfigurationNumber number) {
   const std::vector<double> commanded = parts_.robot.Commanded(parts_.travel->grid().At(number));
   const double tolerance = parts_.settings.joint_tolerance;
   Visit visit;
-  for (int attempt = 0; attempt < 2; ++attempt) {  // some robots take longer to settle
-    absl::SleepFor(parts_.settings.settle);
-    absl::StatusOr<std::vector<double>> measured = parts_.robot.Measure();
-    if (!measured.ok()) return measured.status();
-    visit.measured = *std::move(measured);
-    visit.deviation = parts_.robot.Deviation(commanded, visit.measured);
-    if (visit.deviation <= tolerance) break;
-  }
+  absl::StatusOr<std::vector<double>> measured = parts_.robot.Measure();
+  if (!measured.ok()) return measured.status();
+  visit.measured = *std::move(measured);
+  visit.deviation = parts_.robot.Deviation(commanded, visit.measured);
   if (visit.deviation > tolerance) return Missed(number, visit.deviation);
   absl::StatusOr<ImageSet> images = parts_.cameras.Grab(say_);
   if (!images.ok()) return images.status();
   visit.images = *std::move(images);
   const absl::StatusOr<std::vector<double>> after = parts_.robot.Measure();
   if (!after.ok()) return after.status();
+  const double moved = parts_.robot.Deviation(visit.measured, *after);
+  if (moved > tolerance) {
+    return absl::AbortedError(absl::StrFormat(
+        "configuration %d: the robot moved by %.4f while its images were taken", number, moved));
+  }
   visit.deviation = std::max(visit.deviation, parts_.robot.Deviation(commanded, *after));
   if (visit.deviation > tolerance) return Missed(number, visit.deviation);
+  if (const std::optional<std::string> view = ChangedView(visit.images)) {
+    visit.why = absl::StrFormat(
+        "configuration %d: the images of the view '%s' still change though the robot stands still",
+        number, *view);
+    return visit;
+  }
+  if (alike_ < parts_.settings.still_images) return visit;
   visit.outcome = Visit::Outcome::kTaken;
   at_ = number;
   return visit;
 }
 
-Visit Visitor::Missed(ConfigurationNumber number, double deviation) const {
+std::optional<std::string> Visitor::ChangedView(const ImageSet& images) {
+  const std::vector<cv::Mat> before = std::exchange(before_, images.images);
+  ++alike_;
+  for (size_t v = 0; alike_ > 1 && v < before.size(); ++v) {
+    if (!ImagesDiffer(before[v], images.images[v], parts_.references[v], parts_.segmentation)) {
+      continue;
+    }
+    alike_ = 1;
+    return parts_.database->cell().views(static_cast<int>(v)).name();
+  }
+  return std::nullopt;
+}
+
+Visit Visitor::Missed(ConfigurationNumber number, double deviation) {
+  alike_ = 0;
   Visit visit;
   visit.why = absl::StrFormat("configuration %d: a joint is off by %.4f, more than %.4f", number,
                               deviation, parts_.settings.joint_tolerance);

@@ -36,18 +36,27 @@ class Visitor {
   Visitor(SessionParts& parts, std::function<void(const std::string&)> say)
       : parts_(parts), say_(std::move(say)) {}
 
-  // An error is a device's, or says that the robot stands where it must not; the robot may be
-  // anywhere then, and the next visit begins with asking it.
+  // An error is a device's, or says that the robot stands where it must not, or moved when it
+  // should stand; the robot may be anywhere then, and the next visit begins with asking it.
   absl::StatusOr<Visit> Go(ConfigurationNumber number);
 
  private:
+  // Until measurements and images say that the robot has settled, or for settle_timeout.
   absl::StatusOr<Visit> TakeImages(ConfigurationNumber number);
-  Visit Missed(ConfigurationNumber number, double deviation) const;
+  // Measures, takes one set of images, measures. Without `why` unless kTaken: all is well, but more
+  // sets are needed.
+  absl::StatusOr<Visit> Look(ConfigurationNumber number);
+  // A view whose image is not that of the set before.
+  std::optional<std::string> ChangedView(const ImageSet& images);
+  Visit Missed(ConfigurationNumber number, double deviation);
 
   SessionParts& parts_;
   const std::function<void(const std::string&)> say_;
   // Where the robot stands; nothing if that is not known for sure.
   std::optional<ConfigurationNumber> at_;
+  // So many sets of images one after the other are alike, of which `before_` is the last.
+  int alike_ = 0;
+  std::vector<cv::Mat> before_;
 };
 
 }  // namespace silhouette

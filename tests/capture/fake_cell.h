@@ -25,6 +25,8 @@ namespace silhouette {
 inline CaptureSettings QuickSettings() {
   CaptureSettings settings;
   settings.settle = absl::ZeroDuration();
+  settings.settle_timeout = absl::ZeroDuration();
+  settings.still_images = 1;
   settings.reference_images = 3;
   return settings;
 }

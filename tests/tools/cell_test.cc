@@ -80,7 +80,10 @@ TEST(Cell, TheCommentedSampleIsACellAndShowsTheDefaults) {
   EXPECT_TRUE(cell->choose_preset);
   EXPECT_EQ(cell->calibration.margin, CalibrationSettings{}.margin);
   EXPECT_EQ(cell->capture.settle, CaptureSettings{}.settle);
+  EXPECT_EQ(cell->capture.settle_timeout, CaptureSettings{}.settle_timeout);
+  EXPECT_EQ(cell->capture.still_images, CaptureSettings{}.still_images);
   EXPECT_EQ(cell->capture.joint_speed, CaptureSettings{}.joint_speed);
+  EXPECT_EQ(cell->capture.arrival_timeout, CaptureSettings{}.arrival_timeout);
   EXPECT_EQ(cell->capture.reference_images, CaptureSettings{}.reference_images);
   EXPECT_EQ(cell->server.listen, ServerSettings{}.listen);
   EXPECT_EQ(cell->server.scene.max_age, SceneSettings{}.max_age);
@@ -146,6 +149,47 @@ TEST(Cell, MistakesInSourcesAreToldWithTheMend) {
   EXPECT_THAT(message("{v4l2: {device: /dev/video0, timeout: 0}}"), HasSubstr("a time above 0"));
   EXPECT_THAT(MessageOf(Changed("{name: top}", "{name: top, source: sim}")),
               HasSubstr("needs its image_size"));
+}
+
+// kBareCell with a driver.
+std::string Driven(const std::string& driver) {
+  return Changed("robot:\n", "robot:\n  driver: " + driver + "\n");
+}
+
+TEST(Cell, RobotIsDrivenByNobodyOrAsTheFileSays) {
+  EXPECT_TRUE(std::holds_alternative<std::monostate>(Load(kBareCell)->robot.driver));
+  EXPECT_TRUE(std::holds_alternative<SimulatedRobotDriver>(Load(Driven("sim"))->robot.driver));
+  const auto least =
+      Load(Driven("{simple_message: {host: robot, byte_order: big, joints: [b, a, c]}}"));
+  ASSERT_TRUE(least.ok()) << least.status();
+  const auto& settings = std::get<SimpleMessageSettings>(least->robot.driver);
+  EXPECT_EQ(settings.host, "robot");
+  EXPECT_EQ(settings.motion_port, 11000);
+  EXPECT_EQ(settings.state_port, 11002);
+  EXPECT_EQ(settings.byte_order, simple_message::ByteOrder::kBig);
+  EXPECT_THAT(settings.joints, ElementsAre("b", "a", "c"));
+  EXPECT_EQ(settings.trajectory, SimpleMessageSettings::Trajectory::kStreaming);
+  const auto all = Load(
+      Driven("{simple_message: {host: robot, byte_order: little, joints: [a, b, c], motion_port: 1,"
+             " state_port: 2, trajectory: download, velocity: 0.5, timeout: 250 ms}}"));
+  ASSERT_TRUE(all.ok()) << all.status();
+  EXPECT_EQ(std::get<SimpleMessageSettings>(all->robot.driver).velocity, 0.5);
+  EXPECT_EQ(std::get<SimpleMessageSettings>(all->robot.driver).timeout, absl::Milliseconds(250));
+}
+
+TEST(Cell, WrongDriverIsToldWithTheMend) {
+  EXPECT_THAT(MessageOf(Driven("staubli")), HasSubstr("'staubli' is not known; known are 'sim'"));
+  EXPECT_THAT(MessageOf(Driven("simple_message")), HasSubstr("say at least"));
+  const auto with = [](const std::string& settings) {
+    return MessageOf(Driven("{simple_message: {host: robot, " + settings + "}}"));
+  };
+  EXPECT_THAT(with("joints: [a]"), HasSubstr("byte_order"));
+  EXPECT_THAT(with("byte_order: middle, joints: [a]"), HasSubstr("'big' or 'little'"));
+  EXPECT_THAT(with("byte_order: big"), HasSubstr("joints"));
+  EXPECT_THAT(with("byte_order: big, joints: [a, a]"), HasSubstr("named twice"));
+  EXPECT_THAT(with("byte_order: big, joints: [a], state_port: 0"), HasSubstr("a port of 1"));
+  EXPECT_THAT(with("byte_order: big, joints: [a], velocity: 2"), HasSubstr("a share above 0"));
+  EXPECT_THAT(with("byte_order: big, joints: [a], prot: 1"), HasSubstr("unknown key 'prot'"));
 }
 
 TEST(Cell, RobotImageMemoryIsASizeOrLeftOpen) {

@@ -13,6 +13,7 @@
 #include "calib/fixed_joint.h"
 #include "capture/capture_settings.h"
 #include "capture/drivers/camera_settings.h"
+#include "capture/drivers/robot_driver_settings.h"
 #include "capture/segmentation/settings.h"
 #include "db/configuration_grid.h"
 #include "db/mask.h"
@@ -28,7 +29,7 @@ namespace silhouette {
 struct RobotSettings {
   std::string urdf;                        // path; empty: bare joints
   std::vector<std::string> package_paths;  // roots that package:// paths are resolved against
-  std::string driver;                      // "sim", or empty: none
+  RobotDriver driver;
   // How far, in metres, tool and payload reach beyond the model's last link.
   double payload_radius = 0;
 };

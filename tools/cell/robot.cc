@@ -5,6 +5,8 @@
 #include <numbers>
 #include <utility>
 
+#include "tools/cell/robot_driver.h"
+
 namespace silhouette {
 namespace {
 
@@ -84,7 +86,7 @@ std::vector<FixedJoint> ReadFixedJoints(const std::optional<YamlNode>& node,
 RobotSection ReadRobot(const YamlNode& node, const std::filesystem::path& folder) {
   YamlMap map(node);
   RobotSection robot;
-  robot.settings.driver = map.Get<std::string>("driver", "");
+  if (const auto driver = map.Optional("driver")) robot.settings.driver = ReadRobotDriver(*driver);
   const auto urdf = map.Optional("urdf");
   if (const auto paths = map.Optional("package_paths")) {
     for (const std::string& path : paths->Values<std::string>()) {

@@ -99,6 +99,8 @@ CaptureSettings ReadCapture(const YamlNode& node, const ConfigurationGrid& grid)
   YamlMap map(node);
   CaptureSettings capture;
   capture.settle = Time(map, "settle", capture.settle);
+  capture.settle_timeout = Time(map, "settle_timeout", capture.settle_timeout);
+  capture.still_images = AtLeast(map, "still_images", capture.still_images, 1);
   capture.commit_interval = Time(map, "commit_interval", capture.commit_interval);
   if (capture.commit_interval > absl::Seconds(2)) {
     map.Required("commit_interval").Fail("at most 2 s, so that little work is at risk");
@@ -108,6 +110,9 @@ CaptureSettings ReadCapture(const YamlNode& node, const ConfigurationGrid& grid)
   }
   if (const auto speed = map.Optional("joint_speed")) {
     capture.joint_speed = Positive(*speed, speed->AsAngle());
+  }
+  if (const auto timeout = map.Optional("arrival_timeout")) {
+    capture.arrival_timeout = absl::Seconds(Positive(*timeout, timeout->AsSeconds()));
   }
   capture.reference_images = AtLeast(map, "reference_images", capture.reference_images, 2);
   if (const auto regions = map.Optional("forbidden_regions")) {

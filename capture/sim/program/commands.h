@@ -10,6 +10,7 @@ using Run = std::function<int()>;
 
 void AddRenderCommand(CLI::App& program, Run& run);
 void AddContactCommand(CLI::App& program, Run& run);
+void AddServeCommand(CLI::App& program, Run& run);
 void AddTruthCommand(CLI::App& program, Run& run);
 void AddPathCommand(CLI::App& program, Run& run);
 void AddCalibrationCommand(CLI::App& program, Run& run);

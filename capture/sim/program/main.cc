@@ -5,7 +5,7 @@
 #include "tools/program/program.h"
 
 int main(int argc, char** argv) {
-  CLI::App app("Pictures and truth of the simulated cell that a cell.yaml names.",
+  CLI::App app("Pictures, truth and devices of the simulated cell that a cell.yaml names.",
                "silhouette-sim");
   app.require_subcommand(1);
   app.footer(
@@ -16,13 +16,15 @@ int main(int argc, char** argv) {
       "0.5,-30deg\n"
       "  silhouette-sim truth --cell cell.yaml --scene obstacles.yaml --out truth.csv\n"
       "  silhouette-sim path --cell cell.yaml --scene obstacles.yaml --path path.json\n"
-      "  silhouette-sim calibration --cell cell.yaml --out cameras\n\n"
+      "  silhouette-sim calibration --cell cell.yaml --out cameras\n"
+      "  silhouette-sim serve --cell cell.yaml --robot simple_message\n\n"
       "Exit codes: 0 done, 1 the robot touches an obstacle, 2 a mistake in the arguments or "
       "files,\n"
       "3 the world failed.");
   silhouette::Run run;
   silhouette::AddRenderCommand(app, run);
   silhouette::AddContactCommand(app, run);
+  silhouette::AddServeCommand(app, run);
   silhouette::AddTruthCommand(app, run);
   silhouette::AddPathCommand(app, run);
   silhouette::AddCalibrationCommand(app, run);

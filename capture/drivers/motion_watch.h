@@ -1,0 +1,110 @@
+// MotionWatch: whether a robot that was told to go somewhere goes there, judged by nothing but what
+// it says of where it is.
+#pragma once
+
+#include <deque>
+#include <optional>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "absl/status/status.h"
+#include "absl/time/time.h"
+
+namespace silhouette {
+
+// What one message of a robot says of it.
+struct RobotFeedback {
+  std::vector<double> positions = {};  // in the robot's order; radians, metres
+  // Whether it moves, if it says so.
+  std::optional<bool> moving = {};
+  // Why it can go nowhere now, e.g. "emergency stop"; empty: it can.
+  std::string fault = {};
+  // Why it would not set off now, though it may be well, e.g. "the drives are off"; empty: it
+  // would.
+  std::string not_ready = {};
+};
+
+struct MotionLimits {
+  // Speed of the fastest joint on a way, radians or metres per second: the distance by the time.
+  double joint_speed = 0.5;
+  // Largest deviation from the goal, and from where it stands when it should stand: radians,
+  // metres.
+  double tolerance = 0.002;
+  // How much longer than twice its time a way may take, and how long a robot on its way may stand.
+  absl::Duration patience = absl::Seconds(5);
+  // Longest time without a message.
+  absl::Duration silence = absl::Seconds(1);
+};
+
+// Throws std::invalid_argument, naming it, if one is not above 0.
+void CheckLimits(const MotionLimits& limits);
+
+// The positions of the last moments: does it stand still?
+class Stillness {
+ public:
+  // How long positions must not change: shorter than that nobody knows.
+  static constexpr absl::Duration kMoment = absl::Milliseconds(80);
+
+  // `tolerance`: a change below its half is none.
+  explicit Stillness(double tolerance) : change_(tolerance / 2) {}
+
+  void Add(absl::Time when, const std::vector<double>& positions);
+  // Whether they have not changed for kMoment; false as long as that is not known.
+  bool still() const;
+  // Whether they have changed within the last kMoment.
+  bool moving() const;
+
+ private:
+  struct Sample {
+    absl::Time when;
+    std::vector<double> positions;
+  };
+  double Change() const;
+
+  double change_;
+  std::deque<Sample> samples_;
+};
+
+// One way of a robot. Not thread-safe.
+class MotionWatch {
+ public:
+  // `names` of the joints, for messages. All of one size; sent at `begin`.
+  MotionWatch(std::vector<std::string> names, std::vector<double> start, std::vector<double> goal,
+              const MotionLimits& limits, absl::Time begin);
+
+  // How long the way should take if the joints move at joint_speed.
+  absl::Duration duration() const { return duration_; }
+
+  // A message came. Aborted: the robot must be stopped, for the reason that the status says: a
+  // fault, no positions, much too fast, or a joint that leaves the range between start and goal.
+  absl::Status Tell(absl::Time now, const RobotFeedback& feedback);
+  // Asked now and then. DeadlineExceeded: the robot does not arrive; it must be stopped.
+  absl::Status CheckTime(absl::Time now) const;
+  // Whether it is where it should be, and stands still.
+  bool arrived() const { return arrived_; }
+
+ private:
+  std::string WhereItIs() const;
+
+  const std::vector<std::string> names_;
+  const std::vector<double> start_;
+  const std::vector<double> goal_;
+  const MotionLimits limits_;
+  const absl::Time begin_;
+  absl::Duration duration_;
+  Stillness stillness_;
+  std::vector<double> progress_;  // where it was at last_progress_
+  std::vector<double> newest_;
+  absl::Time last_progress_;
+  bool arrived_ = false;
+};
+
+// The joint that deviates most.
+struct JointDeviation {
+  size_t joint = 0;
+  double deviation = 0;  // infinite if one is not a number
+};
+JointDeviation GreatestDeviation(std::span<const double> from, std::span<const double> to);
+
+}  // namespace silhouette

@@ -1,0 +1,39 @@
+// What cell.yaml says of the robot's driver.
+#pragma once
+
+#include <string>
+#include <variant>
+#include <vector>
+
+#include "absl/time/time.h"
+#include "capture/drivers/simple_message.h"
+
+namespace silhouette {
+
+// The robot of the simulated cell.
+struct SimulatedRobotDriver {};
+
+// A controller that speaks ROS-Industrial's simple_message.
+struct SimpleMessageSettings {
+  enum class Trajectory {
+    kStreaming,  // a way is one point, of sequence number 0
+    kDownload,   // a way is a start and an end, executed when the end has been sent
+  };
+
+  std::string host = {};
+  int motion_port = 11000;
+  int state_port = 11002;
+  simple_message::ByteOrder byte_order = simple_message::ByteOrder::kLittle;
+  std::vector<std::string> joints =
+      {};  // in the controller's order, at most simple_message::kMostJoints
+  Trajectory trajectory = Trajectory::kStreaming;
+  // Share of the joints' greatest speed, for controllers that do not go by the time of a way.
+  double velocity = 0.1;
+  // Longest time without a message or an answer.
+  absl::Duration timeout = absl::Seconds(1);
+};
+
+// Who moves the robot; first: nobody.
+using RobotDriver = std::variant<std::monostate, SimulatedRobotDriver, SimpleMessageSettings>;
+
+}  // namespace silhouette

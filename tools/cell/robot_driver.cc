@@ -1,0 +1,93 @@
+#include "tools/cell/robot_driver.h"
+
+#include <set>
+#include <string>
+#include <vector>
+
+namespace silhouette {
+namespace {
+
+// What a driver is called in the file.
+constexpr char kSim[] = "sim";
+constexpr char kSimpleMessage[] = "simple_message";
+
+// Whether the word is the first of the two that it may be.
+bool IsFirst(const YamlNode& node, const std::string& first, const std::string& second) {
+  const std::string word = node.As<std::string>();
+  if (word != first && word != second) node.Fail("'" + first + "' or '" + second + "' is expected");
+  return word == first;
+}
+
+int Port(YamlMap& map, const std::string& key, int default_value) {
+  const auto node = map.Optional(key);
+  if (!node) return default_value;
+  const int port = node->As<int>();
+  if (port < 1 || port > 65535) node->Fail("a port of 1 to 65535 is expected");
+  return port;
+}
+
+absl::Duration Timeout(YamlMap& map, absl::Duration default_value) {
+  const auto node = map.Optional("timeout");
+  if (!node) return default_value;
+  const double seconds = node->AsSeconds();
+  if (!(seconds > 0)) node->Fail("a time greater than 0 is expected");
+  return absl::Seconds(seconds);
+}
+
+std::vector<std::string> Joints(const YamlNode& node) {
+  std::vector<std::string> joints = node.Values<std::string>();
+  if (joints.empty() || joints.size() > simple_message::kMostJoints) {
+    node.Fail("the names of 1 to " + std::to_string(simple_message::kMostJoints) +
+              " joints are expected");
+  }
+  if (std::set<std::string>(joints.begin(), joints.end()).size() != joints.size()) {
+    node.Fail("a joint is named twice");
+  }
+  return joints;
+}
+
+SimpleMessageSettings ReadSimpleMessage(const YamlNode& node) {
+  YamlMap map(node);
+  SimpleMessageSettings settings;
+  settings.host = map.Get<std::string>("host");
+  settings.motion_port = Port(map, "motion_port", settings.motion_port);
+  settings.state_port = Port(map, "state_port", settings.state_port);
+  if (IsFirst(map.Required("byte_order"), "big", "little")) {
+    settings.byte_order = simple_message::ByteOrder::kBig;
+  }
+  settings.joints = Joints(map.Required("joints"));
+  if (const auto trajectory = map.Optional("trajectory")) {
+    if (IsFirst(*trajectory, "download", "streaming")) {
+      settings.trajectory = SimpleMessageSettings::Trajectory::kDownload;
+    }
+  }
+  if (const auto velocity = map.Optional("velocity")) {
+    settings.velocity = velocity->As<double>();
+    if (!(settings.velocity > 0 && settings.velocity <= 1)) {
+      velocity->Fail("a share above 0 and up to 1 is expected");
+    }
+  }
+  settings.timeout = Timeout(map, settings.timeout);
+  map.Finish();
+  return settings;
+}
+
+}  // namespace
+
+RobotDriver ReadRobotDriver(const YamlNode& node) {
+  const std::string known = "known are 'sim' and 'simple_message: {...}'";
+  if (!node.IsMap()) {
+    const std::string name = node.As<std::string>();
+    if (name == kSim) return SimulatedRobotDriver{};
+    if (name == kSimpleMessage)
+      node.Fail("say at least 'simple_message: {host, byte_order, joints}'");
+    node.Fail("the driver '" + name + "' is not known; " + known);
+  }
+  YamlMap map(node);
+  const std::vector<std::string> keys = map.Keys();
+  if (keys.size() != 1) node.Fail("one driver is expected; " + known);
+  if (keys[0] == kSimpleMessage) return ReadSimpleMessage(map.Required(kSimpleMessage));
+  node.Fail("the driver '" + keys[0] + "' is not known; " + known);
+}
+
+}  // namespace silhouette
