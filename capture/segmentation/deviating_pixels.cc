@@ -17,6 +17,7 @@ constexpr float kNoiseUnit = static_cast<float>(kDifferenceUnit) / Reference::kG
 // Squares are those of 16ths of a grey level, of 64 grey levels at the most.
 constexpr float kSquareUnit = 16;
 constexpr int kMostSquared = 1023;
+constexpr int kUnsteady = 3;  // times the typical noise
 
 struct Limits {
   float noise_factor;  // for noise in the reference's units
@@ -25,9 +26,11 @@ struct Limits {
   float squared_factor;   // of noise_factor, for squares
   float texture_squared;  // in squares' units
   int offset;             // in kDifferenceUnit
+  int steady;             // squares of noisier values tell nothing; in the reference's units
 };
 
-Limits LimitsOf(const SegmentationSettings& settings, const Brightness& brightness) {
+Limits LimitsOf(const SegmentationSettings& settings, const Brightness& brightness,
+                const Reference& reference) {
   const auto factor = static_cast<float>(settings.noise_factor);
   const auto texture = static_cast<float>(settings.texture_difference) * kSquareUnit;
   return {.noise_factor = factor * kNoiseUnit,
@@ -35,7 +38,8 @@ Limits LimitsOf(const SegmentationSettings& settings, const Brightness& brightne
           .faint = static_cast<float>(settings.faint_difference) * kDifferenceUnit,
           .squared_factor = 2 * factor * factor,
           .texture_squared = texture * texture,
-          .offset = static_cast<int>(std::lround(brightness.offset * kDifferenceUnit))};
+          .offset = static_cast<int>(std::lround(brightness.offset * kDifferenceUnit)),
+          .steady = std::max(kUnsteady * reference.typical_noise(), Reference::kGreyLevel)};
 }
 
 // What the values that do not deviate by themselves contribute to sums over their surroundings.
@@ -86,7 +90,7 @@ void UniteChannels(std::vector<uint8_t>& deviates, int pixels, uint8_t* __restri
 }
 
 void KeepOpen(const uint8_t* __restrict deviates, const uint16_t* __restrict noise, int values,
-              bool squares, OpenRow& row) {
+              bool squares, int steady, OpenRow& row) {
   int16_t* __restrict difference = row.difference.data();
   uint16_t* __restrict open_noise = row.noise.data();
   uint8_t* __restrict open = row.open.data();
@@ -102,8 +106,9 @@ void KeepOpen(const uint8_t* __restrict deviates, const uint16_t* __restrict noi
   for (int i = 0; i < values; ++i) {
     const int32_t size = std::min(std::abs(static_cast<int32_t>(difference[i])) >> 3, kMostSquared);
     const int32_t own = std::min(static_cast<int32_t>(open_noise[i]) >> 4, kMostSquared);
-    square[i] = size * size;
-    variance[i] = own * own;
+    const int32_t counts = open_noise[i] <= steady ? 1 : 0;
+    square[i] = counts * size * size;
+    variance[i] = counts * own * own;
   }
 }
 
@@ -275,7 +280,7 @@ cv::Mat DeviatingPixels(const cv::Mat& image, const Reference& reference,
   const int reach = side / 2;
   const bool squares = settings.texture_difference > 0;
   const bool means = squares || settings.faint_difference > 0;
-  const Limits limits = LimitsOf(settings, brightness);
+  const Limits limits = LimitsOf(settings, brightness, reference);
   Gains gains(image.size(), channels, brightness.gain, slow_light);
   cv::Mat foreground(image.size(), CV_8UC1, cv::Scalar(0));
   // Row y is y % side.
@@ -300,7 +305,7 @@ cv::Mat DeviatingPixels(const cv::Mat& image, const Reference& reference,
       JudgeValues(row.difference.data(), noise, limits, values, deviates.data());
       mark(y);
       if (means) {
-        KeepOpen(deviates.data(), noise, values, squares, row);
+        KeepOpen(deviates.data(), noise, values, squares, limits.steady, row);
         sums.Add<1>(row, squares);
       }
     }

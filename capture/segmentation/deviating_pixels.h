@@ -29,7 +29,8 @@ uint16_t GainUnits(double gain);
 //     their mean noise over the root of their number, or
 //   - the mean of their squared differences, beyond the mean of their squared noise, is more than
 //     texture_difference squared and more than noise_factor times its own standard deviation for
-//     normally distributed noise.
+//     normally distributed noise; what has more than three times the typical noise of the
+//     reference, and more than a grey level, counts as 0 in both.
 // `image`: 8-bit, of the reference's size and channels. The settings are taken to be valid.
 cv::Mat DeviatingPixels(const cv::Mat& image, const Reference& reference,
                         const Brightness& brightness, const SlowLight& slow_light,

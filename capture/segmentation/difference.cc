@@ -8,6 +8,7 @@
 #include "capture/segmentation/brightness.h"
 #include "capture/segmentation/deviating_pixels.h"
 #include "capture/segmentation/down_sampling.h"
+#include "capture/segmentation/shadows.h"
 #include "capture/segmentation/small_areas.h"
 
 namespace silhouette {
@@ -56,6 +57,9 @@ cv::Mat Foreground(const cv::Mat& image, const Reference& reference,
   const Brightness brightness =
       settings.follow_brightness ? BrightnessOf(grey, reference, slow_light) : Brightness{};
   cv::Mat foreground = DeviatingPixels(grey, reference, brightness, slow_light, settings);
+  if (settings.shadows == Shadows::kIgnore) {
+    DropShadows(grey, reference, brightness, slow_light, foreground);
+  }
   CleanUp(foreground, settings.clean_up_radius);
   DropSmallAreas(foreground, settings.min_blob_pixels);
   if (!reference.undefined().empty()) foreground |= reference.undefined();

@@ -71,6 +71,24 @@ cv::Mat UndefinedPixels(const cv::Mat& noise) {
   return cv::countNonZero(undefined) > 0 ? undefined : cv::Mat();
 }
 
+// Of some thousand values that are spread over the image.
+int MedianNoise(const cv::Mat& noise) {
+  const cv::Mat values = noise.reshape(1);
+  const int step =
+      std::max(1, static_cast<int>(std::sqrt(static_cast<double>(values.total()) / 4000)));
+  std::vector<uint16_t> sorted;
+  for (int y = step / 2; y < values.rows; y += step) {
+    for (int x = step / 2; x < values.cols; x += step) {
+      const uint16_t value = values.at<uint16_t>(y, x);
+      if (value != Reference::kUndefined) sorted.push_back(value);
+    }
+  }
+  if (sorted.empty()) return 0;
+  const auto middle = sorted.begin() + static_cast<std::ptrdiff_t>(sorted.size() / 2);
+  std::nth_element(sorted.begin(), middle, sorted.end());
+  return *middle;
+}
+
 }  // namespace
 
 cv::Mat Grey(const cv::Mat& image) {
@@ -82,7 +100,10 @@ cv::Mat Grey(const cv::Mat& image) {
 }
 
 Reference::Reference(cv::Mat mean, cv::Mat noise)
-    : mean_(std::move(mean)), noise_(std::move(noise)), undefined_(UndefinedPixels(noise_)) {}
+    : mean_(std::move(mean)),
+      noise_(std::move(noise)),
+      undefined_(UndefinedPixels(noise_)),
+      typical_noise_(MedianNoise(noise_)) {}
 
 Reference Reference::FromImages(std::span<const cv::Mat> images) {
   if (images.size() < 2) {

@@ -45,6 +45,9 @@ class Reference {
   const cv::Mat& mean() const { return mean_; }
   const cv::Mat& noise() const { return noise_; }
 
+  // Median of the noise of some thousand values, times kGreyLevel.
+  int typical_noise() const { return typical_noise_; }
+
   // 255 where a pixel is undefined: 8-bit, one channel; empty if none is.
   const cv::Mat& undefined() const { return undefined_; }
   // How many pixels are undefined, how many are saturated in some channel, and how many are
@@ -70,6 +73,7 @@ class Reference {
   cv::Mat mean_;
   cv::Mat noise_;
   cv::Mat undefined_;
+  int typical_noise_ = 0;
 };
 
 }  // namespace silhouette

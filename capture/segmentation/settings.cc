@@ -32,6 +32,7 @@ std::string Describe(const SegmentationSettings& settings) {
   absl::StrAppend(&text, "min_cover: ", Number(settings.min_cover), "\n");
   absl::StrAppend(&text, "min_difference: ", Number(settings.min_difference), "\n");
   absl::StrAppend(&text, "noise_factor: ", Number(settings.noise_factor), "\n");
+  if (settings.shadows != usual.shadows) absl::StrAppend(&text, "shadows: ignore\n");
   if (settings.texture_difference > 0) {
     absl::StrAppend(&text, "texture_difference: ", Number(settings.texture_difference), "\n");
   }

@@ -6,6 +6,9 @@
 
 namespace silhouette {
 
+// What a shadow on the empty cell is.
+enum class Shadows { kForeground, kIgnore };
+
 struct SegmentationSettings {
   // A pixel is foreground if it differs from the reference by more than `noise_factor` standard
   // deviations of its own noise, and by more than `min_difference` grey levels (0..255), in any
@@ -32,6 +35,8 @@ struct SegmentationSettings {
   int min_blob_pixels = 12;
   // A mask pixel is foreground if more than this share of the camera pixels under it is; 0: any.
   double min_cover = 0;
+  // With kIgnore, DropShadows() takes shadows out before the clean-up.
+  Shadows shadows = Shadows::kForeground;
 
   bool operator==(const SegmentationSettings&) const = default;
 };

@@ -76,9 +76,10 @@ class PlainSegmentation {
         const int difference = Difference(image, reference, u, v, c);
         sum += difference / 128.0;
         noise += Noise(reference, u, v, c) / 256.0;
+        ++count;
+        if (Noise(reference, u, v, c) > std::max(3 * reference.typical_noise(), 256)) continue;
         squares += std::pow((std::abs(difference) / 8) / 16.0, 2);
         variance += std::pow((Noise(reference, u, v, c) / 16) / 16.0, 2);
-        ++count;
       }
     }
     if (count < settings.faint_side * settings.faint_side / 2.0) return false;
@@ -346,6 +347,70 @@ TEST(Difference, TextureThatIsNotTheCellsIsFound) {
   EXPECT_LT(cv::countNonZero(Foreground(image, reference, {})(board)), 0.7 * board.area());
 }
 
+class ShadowsTest : public testing::Test {
+ protected:
+  static cv::Mat TexturedCell(std::mt19937_64& random) {
+    cv::Mat cell(120, 160, CV_64FC1);
+    std::normal_distribution<double> texture(120, 6);
+    for (auto it = cell.begin<double>(); it != cell.end<double>(); ++it) *it = texture(random);
+    return cell;
+  }
+  int Found(const cv::Mat& light) {
+    return cv::countNonZero(
+        Foreground(Expose(light, 1, 1.5, random_), reference_, kIgnoring)(box_));
+  }
+
+  static constexpr SegmentationSettings kIgnoring{.shadows = Shadows::kIgnore};
+  const uint64_t seed_ = std::random_device{}();
+  const testing::ScopedTrace trace_{__FILE__, __LINE__, testing::Message() << "seed " << seed_};
+  std::mt19937_64 random_{seed_};
+  const cv::Mat cell_ = TexturedCell(random_);
+  const Reference reference_ = Reference::FromImages(ExposeSeries(cell_, 20, 1.5, random_));
+  const cv::Rect box_{50, 30, 60, 50};
+};
+
+TEST_F(ShadowsTest, ShadowOnTextureIsIgnoredIfAskedFor) {
+  for (const double factor : {0.5, 0.7, 0.85}) {
+    cv::Mat light = cell_.clone();
+    light(box_) *= factor;
+    EXPECT_EQ(Found(light), 0) << factor;
+    const cv::Mat foreground = Foreground(Expose(light, 1, 1.5, random_), reference_, {});
+    EXPECT_GT(cv::countNonZero(foreground(box_)), 0.95 * box_.area()) << factor;
+  }
+}
+
+TEST_F(ShadowsTest, DarkThingsAreNoShadows) {
+  for (const double level : {20, 60, 84, 102}) {
+    cv::Mat light = cell_.clone();
+    light(box_) = level;
+    EXPECT_GT(Found(light), 0.95 * box_.area()) << "of one colour, " << level;
+    if (level > 90) continue;  // nearly the cell's own
+    std::normal_distribution<double> texture(level, 6);
+    for (int y = box_.y; y < box_.br().y; ++y) {
+      for (int x = box_.x; x < box_.br().x; ++x) light.at<double>(y, x) = texture(random_);
+    }
+    EXPECT_GT(Found(light), 0.95 * box_.area()) << "with a texture of its own, " << level;
+  }
+}
+
+TEST_F(ShadowsTest, ThingInItsOwnShadowIsFound) {
+  cv::Mat light = cell_.clone();
+  light(cv::Rect(20, 20, 120, 80)) *= 0.7;
+  light(box_) = 85;  // as dark as the shadow around it
+  const cv::Mat foreground = Foreground(Expose(light, 1, 1.5, random_), reference_, kIgnoring);
+  EXPECT_GT(cv::countNonZero(foreground(box_)), 0.8 * box_.area());
+  EXPECT_LT(cv::countNonZero(foreground) - cv::countNonZero(foreground(box_)), 300);
+}
+
+TEST_F(ShadowsTest, WithoutTextureAShadowStaysForeground) {
+  const cv::Mat plain(120, 160, CV_64FC1, cv::Scalar(120));
+  const Reference reference = Reference::FromImages(ExposeSeries(plain, 20, 1.5, random_));
+  cv::Mat light = plain.clone();
+  light(box_) *= 0.7;
+  const cv::Mat foreground = Foreground(Expose(light, 1, 1.5, random_), reference, kIgnoring);
+  EXPECT_GT(cv::countNonZero(foreground(box_)), 0.95 * box_.area());
+}
+
 TEST(Difference, ColourIsSeenWhereGreyIsTheSame) {
   const cv::Mat cell(60, 80, CV_8UC3, cv::Scalar(100, 100, 100));
   const Reference colour = Reference::FromImages(std::vector<cv::Mat>{cell, cell});
@@ -402,10 +467,10 @@ TEST(SegmentationSettings, DescriptionIsSortedAndComplete) {
   EXPECT_EQ(Describe({}),
             "clean_up_radius: 1\nfaint_difference: 3\nfollow_brightness: true\n"
             "min_blob_pixels: 12\nmin_cover: 0\nmin_difference: 8\nnoise_factor: 6\n");
-  EXPECT_EQ(Describe({.texture_difference = 1.5, .faint_side = 9}),
+  EXPECT_EQ(Describe({.texture_difference = 1.5, .faint_side = 9, .shadows = Shadows::kIgnore}),
             "clean_up_radius: 1\nfaint_difference: 3\nfaint_side: 9\nfollow_brightness: true\n"
             "min_blob_pixels: 12\nmin_cover: 0\nmin_difference: 8\nnoise_factor: 6\n"
-            "texture_difference: 1.5\n");
+            "shadows: ignore\ntexture_difference: 1.5\n");
   EXPECT_EQ(Describe({.noise_factor = 1.0 / 3,
                       .faint_difference = 0,
                       .follow_brightness = false,

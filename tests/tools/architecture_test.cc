@@ -77,6 +77,8 @@ const std::map<std::string, Layer>& Layers() {
        {{"mask", "store", "proto_storage", "camera", "calibration", "kinematics", "devices",
          "capture", "segmentation", "sim", "collision", "scene", "cell", "picture"},
         {"Eigen", "opencv2"}}},
+      {"segmentation_experiment",
+       {{"mask", "kinematics", "devices", "segmentation", "sim", "picture"}, {"Eigen", "opencv2"}}},
       {"paper_experiment",
        {{"mask", "camera", "collision", "yaml", "picture"}, {"Eigen", "opencv2"}}},
   };
@@ -147,6 +149,7 @@ std::string LayerOf(const std::string& path) {
       {"tools/experiments/placement/", "placement"},
       {"tools/experiments/cell/", "cell_experiment"},
       {"tools/experiments/paper/", "paper_experiment"},
+      {"tools/experiments/segmentation/", "segmentation_experiment"},
       {"tools/experiments/", ""},
   };
   for (const auto& [prefix, layer] : places) {

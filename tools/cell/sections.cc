@@ -144,6 +144,14 @@ SegmentationSettings ReadSegmentation(const YamlNode& node) {
   settings.min_blob_pixels = AtLeast(map, "min_blob_pixels", settings.min_blob_pixels, 0);
   settings.min_cover = number("min_cover", settings.min_cover);
   if (settings.min_cover >= 1) map.Required("min_cover").Fail("a share below 1 is expected");
+  if (const auto shadows = map.Optional("shadows")) {
+    const auto value = shadows->As<std::string>();
+    if (value == "ignore") {
+      settings.shadows = Shadows::kIgnore;
+    } else if (value != "foreground") {
+      shadows->Fail("'foreground' or 'ignore' is expected");
+    }
+  }
   map.Finish();
   return settings;
 }

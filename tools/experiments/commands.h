@@ -14,5 +14,6 @@ void AddPaperCommand(CLI::App& program, Run& run);
 void AddCellCommand(CLI::App& program, Run& run);
 void AddCalibrationCommand(CLI::App& program, Run& run);
 void AddPlacementCommand(CLI::App& program, Run& run);
+void AddSegmentationCommand(CLI::App& program, Run& run);
 
 }  // namespace silhouette

@@ -14,7 +14,8 @@ int main(int argc, char** argv) {
       "  silhouette-experiments paper --experiments figure7\n"
       "  silhouette-experiments cell --cell cell.yaml --database cell.lmdb --out out\n"
       "  silhouette-experiments calibration --runs 10\n"
-      "  silhouette-experiments placement --cell cell.yaml --places places.yaml --out out\n\n"
+      "  silhouette-experiments placement --cell cell.yaml --places places.yaml --out out\n"
+      "  silhouette-experiments segmentation --cell cell.yaml --scenes 20\n\n"
       "Exit codes: 0 done, 2 a mistake in the arguments or files, 3 the world failed.");
   silhouette::Run run;
   silhouette::AddHiddenCommand(app, run);
@@ -22,5 +23,6 @@ int main(int argc, char** argv) {
   silhouette::AddCellCommand(app, run);
   silhouette::AddCalibrationCommand(app, run);
   silhouette::AddPlacementCommand(app, run);
+  silhouette::AddSegmentationCommand(app, run);
   return silhouette::RunProgram(app, argc, argv, [&] { return run(); });
 }

@@ -1,0 +1,23 @@
+// Shadows: places where the cell is evenly darker, and still looks like the cell.
+#pragma once
+
+#include <opencv2/core.hpp>
+
+#include "capture/segmentation/brightness.h"
+#include "capture/segmentation/reference.h"
+#include "capture/segmentation/slow_light.h"
+
+namespace silhouette {
+
+// Takes out of `foreground` what is a shadow on the empty cell. A pixel is, if over the foreground
+// around it that is darker than expected
+// - the image is what is expected times one factor, the same in all channels, up to noise; and
+// - that is far more probable than a surface of one colour: the cell's own texture is seen.
+// Shadows on what has no texture stay foreground: a flat grey thing before a flat grey wall looks
+// the same. Among such pixels - where they are half of the foreground around, at least - those
+// belong to the shadow that are no darker than it and no brighter than expected. `foreground`:
+// 8-bit, 255 or 0, of the image's size.
+void DropShadows(const cv::Mat& image, const Reference& reference, const Brightness& brightness,
+                 const SlowLight& slow_light, cv::Mat& foreground);
+
+}  // namespace silhouette
