@@ -45,35 +45,43 @@ CameraSet::CameraSet(std::vector<std::string> views,
       places_(PlacesOf(views_, sources_)),
       counts_(views_.size()) {}
 
-absl::StatusOr<std::vector<CameraImage>> CameraSet::Grab() {
-  absl::Status first;  // the error that is told
+std::vector<absl::StatusOr<CameraImage>> CameraSet::GrabEach() {
+  std::vector<absl::StatusOr<CameraImage>> images(views_.size());
+  const auto fail = [&](size_t source, const absl::Status& status) {
+    const absl::Status told = Failed(source, status);
+    for (const size_t view : places_[source]) images[view] = told;
+  };
   std::vector<bool> asked(sources_.size());
   const absl::Time begin = absl::Now();
   for (size_t s = 0; s < sources_.size(); ++s) {
     const absl::Status status = sources_[s]->Trigger();
     asked[s] = status.ok();
-    if (!status.ok()) first.Update(Failed(s, status));
+    if (!status.ok()) fail(s, status);
   }
-  std::vector<CameraImage> images(views_.size());
   for (size_t s = 0; s < sources_.size(); ++s) {  // even if one failed: nothing may be left over
     if (!asked[s]) continue;
     auto taken = sources_[s]->Wait(begin + sources_[s]->timeout());
     if (!taken.ok()) {
-      first.Update(Failed(s, taken.status()));
-      continue;
-    }
-    if (taken->size() != places_[s].size()) {
-      first.Update(
-          Failed(s, absl::InternalError(absl::StrCat("it gave ", taken->size(),
-                                                     " images instead of ", places_[s].size()))));
-      continue;
-    }
-    for (size_t i = 0; i < taken->size(); ++i) {
-      images[places_[s][i]] = std::move((*taken)[i]);
-      ++counts_[places_[s][i]].taken;
+      fail(s, taken.status());
+    } else if (taken->size() != places_[s].size()) {
+      fail(s, absl::InternalError(absl::StrCat("it gave ", taken->size(), " images instead of ",
+                                               places_[s].size())));
+    } else {
+      for (size_t i = 0; i < taken->size(); ++i) {
+        images[places_[s][i]] = std::move((*taken)[i]);
+        ++counts_[places_[s][i]].taken;
+      }
     }
   }
-  if (!first.ok()) return first;
+  return images;
+}
+
+absl::StatusOr<std::vector<CameraImage>> CameraSet::Grab() {
+  std::vector<CameraImage> images;
+  for (absl::StatusOr<CameraImage>& image : GrabEach()) {
+    if (!image.ok()) return image.status();
+    images.push_back(*std::move(image));
+  }
   return images;
 }
 

@@ -31,10 +31,14 @@ class CameraSet : public CameraRig {
   // of a set that failed is ever part of a later one.
   absl::StatusOr<std::vector<CameraImage>> Grab() override;
 
+  // The same, with the images that came and, for every other view, why its own did not.
+  std::vector<absl::StatusOr<CameraImage>> GrabEach() override;
+
   // In the order of views().
   const std::vector<ViewCounts>& counts() const { return counts_; }
 
  private:
+  // What is told of a source that failed: the views count it.
   absl::Status Failed(size_t source, const absl::Status& status);
 
   const std::vector<std::string> views_;

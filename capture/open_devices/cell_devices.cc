@@ -2,10 +2,12 @@
 
 #include <utility>
 
+#include "absl/strings/str_cat.h"
 #include "capture/cell_robot.h"
 #include "capture/open_devices/open_cameras.h"
 #include "capture/open_devices/open_robot.h"
 #include "capture/open_devices/simulated.h"
+#include "capture/sim/obstacles.h"
 
 namespace silhouette {
 namespace {
@@ -65,6 +67,29 @@ absl::StatusOr<CellDevices> OpenDevices(const Cell& cell, const Travel& travel) 
     if (absl::Status status = PlaceRobot(cell, travel, *simulation); !status.ok()) return status;
   }
   return DevicesOf(cell, *simulation);
+}
+
+absl::StatusOr<CellOpeners> OpenersOf(const Cell& cell, const Travel& travel,
+                                      const std::string& obstacles) {
+  const auto loaded = SimulationOf(cell);
+  if (!loaded.ok()) return loaded.status();
+  const Simulation& simulation = *loaded;
+  if (simulation == nullptr && !obstacles.empty()) {
+    return CellMistake(cell, absl::StrCat("'", obstacles,
+                                          "' is of obstacles in the simulated cell, and no device "
+                                          "of this cell is simulated"));
+  }
+  if (simulation != nullptr) {
+    if (absl::Status status = PlaceRobot(cell, travel, simulation); !status.ok()) return status;
+    if (!obstacles.empty()) {
+      auto there = LoadObstacles(obstacles);
+      if (!there.ok()) return there.status();
+      simulation->SetObstacles(*std::move(there));
+    }
+    simulation->RunInRealTime();
+  }
+  return CellOpeners{.robot = [cell, simulation] { return OpenRobot(cell, simulation); },
+                     .cameras = [cell, simulation] { return OpenCameras(cell, simulation); }};
 }
 
 absl::StatusOr<CellDevices> OpenDevicesForCalibration(const Cell& cell) {

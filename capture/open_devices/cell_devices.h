@@ -1,8 +1,10 @@
 // The robot and the cameras that a cell's file names, together.
 #pragma once
 
+#include <functional>
 #include <memory>
 #include <optional>
+#include <string>
 
 #include "absl/status/statusor.h"
 #include "capture/devices.h"
@@ -21,6 +23,19 @@ struct CellDevices {
 // of a view, or what they need is missing. A simulated robot stands at the first configuration that
 // is not forbidden.
 absl::StatusOr<CellDevices> OpenDevices(const Cell& cell, const Travel& travel);
+
+// Opens each device, as often as it is called.
+struct CellOpeners {
+  std::function<absl::StatusOr<std::unique_ptr<Robot>>()> robot;
+  std::function<absl::StatusOr<std::unique_ptr<CameraRig>>()> cameras;
+};
+
+// For a server that takes images itself. InvalidArgument as for captures; devices that are not
+// simulated are only opened by the functions. All simulated devices are of one cell, in which time
+// is real, the robot stands as for a capture, and `obstacles`, a file (capture/sim/obstacles.h),
+// are; empty: none.
+absl::StatusOr<CellOpeners> OpenersOf(const Cell& cell, const Travel& travel,
+                                      const std::string& obstacles);
 
 // For reference images: the cameras alone. A simulated cell is empty.
 absl::StatusOr<std::unique_ptr<CameraRig>> OpenCamerasOfEmptyCell(const Cell& cell);

@@ -11,10 +11,6 @@
 namespace silhouette::client {
 namespace {
 
-absl::Time FromMessage(const google::protobuf::Timestamp& time) {
-  return absl::FromUnixSeconds(time.seconds()) + absl::Nanoseconds(time.nanos());
-}
-
 google::protobuf::Timestamp ToMessage(absl::Time time) {
   google::protobuf::Timestamp message;
   const int64_t seconds = absl::ToUnixSeconds(time);
@@ -53,7 +49,7 @@ Policy FromMessage(const v1::Policy& message) {
 
 SceneView FromMessage(const v1::SceneView& message) {
   SceneView view{.view = message.view(),
-                 .capture_time = FromMessage(message.capture_time()),
+                 .capture_time = client::FromMessage(message.capture_time()),
                  .foreground_pixels = message.foreground_pixels(),
                  .obstacle_pixels = message.obstacle_pixels(),
                  .unknown_pixels = message.unknown_pixels(),
@@ -154,6 +150,10 @@ google::protobuf::Duration ToMessage(absl::Duration duration) {
   message.set_seconds(absl::IDivDuration(duration, absl::Seconds(1), &rest));
   message.set_nanos(static_cast<int32_t>(absl::ToInt64Nanoseconds(rest)));
   return message;
+}
+
+absl::Time FromMessage(const google::protobuf::Timestamp& time) {
+  return absl::FromUnixSeconds(time.seconds()) + absl::Nanoseconds(time.nanos());
 }
 
 absl::Duration FromMessage(const google::protobuf::Duration& duration) {

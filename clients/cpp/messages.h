@@ -23,6 +23,7 @@ v1::ViewImage ToMessage(const ViewImage& image);
 v1::RegionPixels ToMessage(const RegionPixels& pixels);
 google::protobuf::Duration ToMessage(absl::Duration duration);
 absl::Duration FromMessage(const google::protobuf::Duration& duration);
+absl::Time FromMessage(const google::protobuf::Timestamp& time);
 
 // `asked`: when the question was sent, or a time before which the answer was not made.
 Basis FromMessage(const v1::Basis& basis, std::chrono::steady_clock::time_point asked);

@@ -25,6 +25,7 @@ void AddRegionRevokeCommand(CLI::App& region, Session& session, Run& run);
 void AddRegionListCommand(CLI::App& region, Session& session, Run& run);
 // Below `scene`.
 void AddScenePublishCommand(CLI::App& scene, Session& session, Run& run);
+void AddSceneLiveCommand(CLI::App& scene, Session& session, Run& run);
 void AddSceneShowCommand(CLI::App& scene, Session& session, Run& run);
 
 }  // namespace silhouette

@@ -20,6 +20,7 @@
 #include "absl/strings/str_join.h"
 #include "db/store.h"
 #include "server/program/calibration_watch.h"
+#include "server/program/live.h"
 #include "server/program/robot_image_memory.h"
 #include "server/program/treatments.h"
 #include "server/scene/served_database.h"
@@ -41,6 +42,9 @@ struct Options {
   std::optional<uint64_t> robot_image_memory;  // nothing: what the cell file says
   std::string shared_map;                      // empty: what the cell file says
   std::string calibration_check;               // empty: what the cell file says
+  std::string metrics;                         // empty: what the cell file says
+  bool live = false;
+  std::string obstacles;  // in the simulated cell; empty: none
 };
 
 // The signals that the program waits for itself. Blocked before any thread is started, so that no
@@ -235,6 +239,9 @@ int Run(const Options& options) {
   if (!check.file.empty()) {
     settings.trust = std::make_shared<const CalibrationTrust>(ReadTrust(check, SystemClock()));
   }
+  settings.metrics = options.metrics.empty() ? cell->server.metrics : options.metrics;
+  if (options.live) settings.live = NewLiveRecord(*cell);
+  const std::shared_ptr<LiveRecord> live_record = settings.live;
   const std::string shared_map = settings.shared_map.file;
   const std::string listen = options.listen.empty() ? cell->server.listen : options.listen;
   const absl::StatusOr<std::unique_ptr<Server>> server =
@@ -245,14 +252,24 @@ int Run(const Options& options) {
     calibration_watch.emplace(check, SystemClock,
                               [&server](auto trust) { (*server)->SetTrust(std::move(trust)); });
   }
+  std::unique_ptr<LiveLoop> live;
+  if (options.live) {
+    auto started = StartLive(*cell, options.obstacles, live_record, **server);
+    if (!started.ok()) return Report(kName, started.status());
+    live = *std::move(started);
+  }
   std::cout << "listening on " << (*server)->address() << std::endl;
   spdlog::info("serving cell '{}' on {}", cell->name, (*server)->address());
+  if (!(*server)->metrics_address().empty()) {
+    spdlog::info("metrics at http://{}/metrics", (*server)->metrics_address());
+  }
   if (!shared_map.empty()) {
     spdlog::info("sharing its configuration space in '{}', mode {:04o}", shared_map,
                  cell->server.shared_map_mode);
   }
 
   WaitForEnd(*cell, path, **server);
+  live.reset();
   calibration_watch.reset();
   spdlog::info("stopping; calls in flight may take {} more", absl::FormatDuration(kGrace));
   // A second signal ends the program at once.
@@ -292,13 +309,23 @@ int Main(int argc, char** argv) {
       "What 'silhouette-calibrate check --out' wrote, followed as it changes: while it is\n"
       "not known that no camera moved, presets that rest on the calibration are unknown.\n"
       "Default: what the cell file says, else the calibration is taken to hold");
+  app.add_flag("--live", options.live,
+               "Take the images of the cell's cameras and the joints of its robot here, and make\n"
+               "the scenes of them; then nobody else may publish scenes");
+  app.add_option("--metrics", options.metrics,
+                 "host:port where metrics are told to Prometheus, at /metrics; default: what the "
+                 "cell file says, else nowhere");
+  app.add_option("--simulated-obstacles", options.obstacles,
+                 "With --live and a simulated cell: a file of the obstacles in it")
+      ->needs("--live");
   app.footer(
       "Prints one line to stdout, 'listening on ADDRESS', when it is ready; its log goes to\n"
       "stderr. SIGTERM and Ctrl-C let the calls in flight finish; SIGHUP reads the database anew.\n"
       "Whoever reaches the address can ask and publish scenes.\n\n"
       "Example:\n"
       "  silhouette-server --cell cell.yaml --database cell.lmdb --listen 127.0.0.1:50051\n"
-      "  silhouette-server --cell cell.yaml --shared-map /dev/shm/silhouette-cell");
+      "  silhouette-server --cell cell.yaml --shared-map /dev/shm/silhouette-cell\n"
+      "  silhouette-server --cell cell.yaml --live --metrics 127.0.0.1:9464");
   return RunProgram(app, argc, argv, [&options] { return Run(options); });
 }
 

@@ -3,6 +3,7 @@
 #include <spdlog/spdlog.h>
 
 #include <algorithm>
+#include <bit>
 #include <cmath>
 #include <set>
 #include <span>
@@ -60,6 +61,21 @@ Finding CheckOne(const Checker& checker, const Configuration& q, std::span<ViewE
   }
 }
 
+uint64_t CountBits(std::span<const uint64_t> bits) {
+  uint64_t count = 0;
+  for (const uint64_t word : bits) count += static_cast<uint64_t>(std::popcount(word));
+  return count;
+}
+
+// `blocked`: why all are unknown; kNone: for reasons that are not told.
+void CountVerdicts(std::span<const uint64_t> free, std::span<const uint64_t> occupied,
+                   uint64_t configurations, Reason blocked, VerdictCounts& counts) {
+  const uint64_t known[] = {CountBits(free), CountBits(occupied)};
+  counts.Add(State::kFree, Reason::kNone, known[0]);
+  counts.Add(State::kOccupied, Reason::kNone, known[1]);
+  counts.Add(State::kUnknown, blocked, configurations - known[0] - known[1]);
+}
+
 // An answer by numbers.
 grpc::Status AnswerNumbers(Serving& serving, const v1::CheckConfigurationsRequest& request,
                            v1::CheckConfigurationsResponse* response) {
@@ -90,6 +106,7 @@ grpc::Status AnswerNumbers(Serving& serving, const v1::CheckConfigurationsReques
     std::ranges::fill(free, 0);
     std::ranges::fill(occupied, 0);
   }
+  CountVerdicts(free, occupied, count, blocked, serving.verdicts);
   response->set_unknown_reason(ToMessage(blocked));
   response->set_free(PackedBits(free, count));
   response->set_occupied(PackedBits(occupied, count));
@@ -173,9 +190,10 @@ grpc::Status Answer(Serving& serving, const v1::CheckConfigurationsRequest& requ
   const Reason blocked =
       Conclude(serving, checker->served(), checker->policy(), response->mutable_basis());
   for (size_t i = 0; i < findings.size(); ++i) {
-    ToMessage(Final(findings[i].verdict, blocked), evidence_of(i),
-              checker->RegionsAt((*configurations)[i]), findings[i].clearance, database,
-              response->add_verdicts());
+    const Verdict verdict = Final(findings[i].verdict, blocked);
+    serving.verdicts.Add(verdict);
+    ToMessage(verdict, evidence_of(i), checker->RegionsAt((*configurations)[i]),
+              findings[i].clearance, database, response->add_verdicts());
   }
   return grpc::Status::OK;
 }
@@ -204,6 +222,7 @@ grpc::Status Answer(Serving& serving, const v1::CheckPathRequest& request,
   const Reason blocked =
       Conclude(serving, checker->served(), checker->policy(), response->mutable_basis(), valid_for);
   const Verdict verdict = Final(path.verdict, blocked);
+  serving.verdicts.Add(verdict);
   if (path.verdict.free()) evidence.clear();
   const std::vector<std::string> regions(touched.begin(), touched.end());
   std::optional<double> clearance;

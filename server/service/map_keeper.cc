@@ -82,7 +82,7 @@ void MapKeeper::WorkOut(uint64_t version, const std::stop_token& stop) {
     space = spaces_.Get(served, policy);
     absl::Duration time = settings_.map_time;
     if (shared_ == nullptr) {
-      WorkOutTiles(*space, EndOf(time), /*singly=*/false, outdated);
+      if (WorkOutTiles(*space, EndOf(time), /*singly=*/false, outdated)) NoteMap(*served.scene);
       return;
     }
     const bool cells = policy.off_grid == OffGrid::kCell;
@@ -101,11 +101,13 @@ void MapKeeper::WorkOut(uint64_t version, const std::stop_token& stop) {
     };
     if (withdrawn()) return;
     Share(served, policy, space.get(), blocked);
+    if (whole) NoteMap(*served.scene);
     while (!whole && !outdated()) {
       time *= 2;
       whole = work_out(outdated);
       if (withdrawn()) return;
       Share(served, policy, space.get(), blocked);
+      if (whole) NoteMap(*served.scene);
     }
   } catch (const std::exception&) {
     Share(served, policy, nullptr, Reason::kInternal);
@@ -136,6 +138,12 @@ bool MapKeeper::WorkOutCells(const ConfigurationSpace& space, SteadyClock::time_
   std::vector<uint64_t> tiles(space.tiles());
   std::iota(tiles.begin(), tiles.end(), uint64_t{0});
   return space.WorkOutCells(tiles, [&] { return SteadyClock::now() >= end || stop(); });
+}
+
+void MapKeeper::NoteMap(const Scene& scene) {
+  if (noted_map_ == scene.id) return;
+  noted_map_ = scene.id;
+  if (settings_.live != nullptr) settings_.live->NoteMap(scene.arrived);
 }
 
 void MapKeeper::Share(const Served& served, const Policy& policy, const ConfigurationSpace* space,

@@ -51,6 +51,8 @@ class MapKeeper final : public Watcher {
   // The same with the free cells of all tiles.
   bool WorkOutCells(const ConfigurationSpace& space, std::chrono::steady_clock::time_point end,
                     const std::function<bool()>& stop) const;
+  // The map of a scene is worked out, and shared if maps are.
+  void NoteMap(const Scene& scene);
   // Tells the shared map, if there is one.
   void Share(const Served& served, const Policy& policy, const ConfigurationSpace* space,
              Reason blocked);
@@ -66,7 +68,8 @@ class MapKeeper final : public Watcher {
   // Used by the thread alone.
   std::unique_ptr<SharedMapWriter> shared_;
   std::string share_fault_;
-  std::jthread thread_;  // last: it uses the others
+  uint64_t noted_map_ = 0;  // the scene
+  std::jthread thread_;     // last: it uses the others
 };
 
 }  // namespace silhouette

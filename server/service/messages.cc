@@ -9,13 +9,6 @@
 namespace silhouette {
 namespace {
 
-void SetTime(absl::Time time, google::protobuf::Timestamp* message) {
-  const int64_t seconds = absl::ToUnixSeconds(time);
-  message->set_seconds(seconds);
-  message->set_nanos(
-      static_cast<int32_t>(absl::ToInt64Nanoseconds(time - absl::FromUnixSeconds(seconds))));
-}
-
 v1::Verdict::State ToMessage(State state) {
   switch (state) {
     case State::kFree:
@@ -29,6 +22,13 @@ v1::Verdict::State ToMessage(State state) {
 }
 
 }  // namespace
+
+void ToMessage(absl::Time time, google::protobuf::Timestamp* message) {
+  const int64_t seconds = absl::ToUnixSeconds(time);
+  message->set_seconds(seconds);
+  message->set_nanos(
+      static_cast<int32_t>(absl::ToInt64Nanoseconds(time - absl::FromUnixSeconds(seconds))));
+}
 
 void ToMessage(absl::Duration duration, google::protobuf::Duration* message) {
   absl::Duration rest;
@@ -105,7 +105,7 @@ void ToMessage(const Served& served, const Policy& policy, const Moment& now, v1
   ToMessage(now.running, message->mutable_server_clock());
   if (served.scene == nullptr) return;
   message->set_scene_id(served.scene->id);
-  SetTime(served.scene->oldest, message->mutable_scene_time());
+  ToMessage(served.scene->oldest, message->mutable_scene_time());
   ToMessage(served.scene->AgeAt(now), message->mutable_scene_age());
   for (const std::string& name : RegionsIn(served, policy)) message->add_regions(name);
 }
@@ -120,14 +120,14 @@ void ToMessage(const AllowedRegion& region, const ServedDatabase& database, cons
     ToMessage(*region.pixels[view], pixels.mutable_mask());
   }
   ToMessage(region.end - now.running, message->mutable_remaining());
-  SetTime(region.end_time, message->mutable_end_time());
+  ToMessage(region.end_time, message->mutable_end_time());
 }
 
 void ToMessage(const Scene& scene, bool include_planes, const SceneSettings& settings,
                const Moment& now, v1::Scene* message) {
   message->set_id(scene.id);
   message->set_database_generation(scene.generation);
-  SetTime(scene.oldest, message->mutable_time());
+  ToMessage(scene.oldest, message->mutable_time());
   ToMessage(scene.skew(), message->mutable_skew());
   for (const JointPosition& joint : scene.joints) {
     v1::JointPosition& added = *message->add_joints();
@@ -139,7 +139,7 @@ void ToMessage(const Scene& scene, bool include_planes, const SceneSettings& set
     const SceneView& seen = *scene.views[i];
     v1::SceneView& view = *message->add_views();
     view.set_view(seen.name);
-    SetTime(seen.captured, view.mutable_capture_time());
+    ToMessage(seen.captured, view.mutable_capture_time());
     view.set_foreground_pixels(static_cast<uint32_t>(seen.foreground.Count()));
     view.set_core_error_pixels(seen.core_error_pixels);
     view.set_margin(seen.margin);

@@ -14,6 +14,7 @@
 #include "server/collision/clearance.h"
 #include "server/collision/policy.h"
 #include "server/collision/verdict.h"
+#include "server/live/live_record.h"
 #include "server/scene/make_scene.h"
 #include "server/scene/scene.h"
 #include "server/scene/scene_store.h"
@@ -44,6 +45,7 @@ absl::Duration DurationFrom(const google::protobuf::Duration& message);
 // Into messages (messages.cc).
 
 v1::Verdict::Reason ToMessage(Reason reason);
+void ToMessage(absl::Time time, google::protobuf::Timestamp* message);
 void ToMessage(absl::Duration duration, google::protobuf::Duration* message);
 // `evidence`: empty, or one per view of the database. `regions`: names of allowed regions.
 // `clearance`: in pixels, if it is to be told; it is not for an unknown verdict.
@@ -61,6 +63,7 @@ void ToMessage(const AllowedRegion& region, const ServedDatabase& database, cons
 // Staleness at the moment `now` is told among the scene's defects.
 void ToMessage(const Scene& scene, bool include_planes, const SceneSettings& settings,
                const Moment& now, v1::Scene* message);
+void ToMessage(const LiveStatus& status, v1::Acquisition* message);
 void ToMessage(const ServedDatabase& database, const Policy& default_policy,
                v1::GetDatabaseResponse* message);
 

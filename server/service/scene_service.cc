@@ -26,35 +26,17 @@ std::string PixelCounts(const AllowedRegion& region, const ServedDatabase& datab
 
 }  // namespace
 
-void SceneService::LogDefects(const Scene& scene) {
-  std::set<Reason> reasons;
-  std::string messages;
-  for (const SceneDefect& defect : scene.defects) {
-    reasons.insert(defect.reason);
-    absl::StrAppend(&messages, messages.empty() ? "" : "; ", defect.message);
-  }
-  const std::lock_guard lock(mutex_);
-  if (scene.id < logged_scene_) return;  // overtaken by a newer one
-  logged_scene_ = scene.id;
-  if (reasons == logged_reasons_) return;
-  if (reasons.empty()) {
-    spdlog::info("scene {} is good again", scene.id);
-  } else {
-    spdlog::warn("scene {} is not good: {}", scene.id, messages);
-  }
-  logged_reasons_ = std::move(reasons);
-}
-
-void SceneService::PrepareSpace(const ServedDatabase& database, const Scene& scene) const {
-  if (!IsSound(DefaultPolicy(serving_.settings, database).preset)) return;
-  if (database.sound() == nullptr || scene.Blocked() != Reason::kNone) return;
-  scene.possible_space.Get(database.sound(), scene.obstacle_images, scene.joints, {});
-}
-
 grpc::ServerUnaryReactor* SceneService::PublishScene(grpc::CallbackServerContext* context,
                                                      const v1::PublishSceneRequest* request,
                                                      v1::PublishSceneResponse* response) {
   const Moment arrived = serving_.settings.clock();
+  if (serving_.settings.live != nullptr) {
+    return AnswerHere(context, [] {
+      return grpc::Status(grpc::StatusCode::FAILED_PRECONDITION,
+                          "the server takes images of the cell itself (--live), and scenes of two "
+                          "sources must not mix; start it without --live to publish scenes");
+    });
+  }
   return AnswerOnWorker(serving_, context, [this, request, response, arrived]() -> grpc::Status {
     const ServingSettings& settings = serving_.settings;
     const absl::StatusOr<SceneInput> input = SceneInputFrom(*request);
@@ -64,10 +46,8 @@ grpc::ServerUnaryReactor* SceneService::PublishScene(grpc::CallbackServerContext
         MakeScene(*database, *input, settings.scene, settings.segmentation, arrived);
     if (!scene.ok()) return ToGrpc(scene.status());
     const absl::StatusOr<SharedScene> published =
-        serving_.scenes.Publish(*std::move(scene), database);
+        serving_.publisher.Publish(*std::move(scene), database);
     if (!published.ok()) return ToGrpc(published.status());
-    LogDefects(**published);
-    PrepareSpace(*database, **published);
     ToMessage(**published, /*include_planes=*/false, settings.scene, settings.clock(),
               response->mutable_scene());
     return grpc::Status::OK;
@@ -91,6 +71,19 @@ grpc::ServerUnaryReactor* SceneService::GetScene(grpc::CallbackServerContext* co
   };
   return request->include_planes() ? AnswerOnWorker(serving_, context, work)
                                    : AnswerHere(context, work);
+}
+
+grpc::ServerUnaryReactor* SceneService::GetAcquisition(grpc::CallbackServerContext* context,
+                                                       const v1::GetAcquisitionRequest*,
+                                                       v1::GetAcquisitionResponse* response) {
+  return AnswerHere(context, [this, response]() -> grpc::Status {
+    if (serving_.settings.live == nullptr) {
+      return {grpc::StatusCode::FAILED_PRECONDITION,
+              "the server does not take images of the cell itself; start it with --live"};
+    }
+    ToMessage(serving_.settings.live->Status(), response->mutable_acquisition());
+    return grpc::Status::OK;
+  });
 }
 
 grpc::ServerUnaryReactor* SceneService::AllowRegion(grpc::CallbackServerContext* context,

@@ -1,9 +1,6 @@
 // SceneService: what the owner of the cameras calls.
 #pragma once
 
-#include <mutex>
-#include <set>
-
 #include "server/service/serving.h"
 #include "silhouette/v1/scene_service.grpc.pb.h"
 
@@ -19,6 +16,9 @@ class SceneService final : public v1::SceneService::CallbackService {
   grpc::ServerUnaryReactor* GetScene(grpc::CallbackServerContext* context,
                                      const v1::GetSceneRequest* request,
                                      v1::GetSceneResponse* response) override;
+  grpc::ServerUnaryReactor* GetAcquisition(grpc::CallbackServerContext* context,
+                                           const v1::GetAcquisitionRequest* request,
+                                           v1::GetAcquisitionResponse* response) override;
   grpc::ServerUnaryReactor* AllowRegion(grpc::CallbackServerContext* context,
                                         const v1::AllowRegionRequest* request,
                                         v1::AllowRegionResponse* response) override;
@@ -30,15 +30,7 @@ class SceneService final : public v1::SceneService::CallbackService {
                                                v1::ListAllowedRegionsResponse* response) override;
 
  private:
-  // One line in the log whenever the scenes' defects change.
-  void LogDefects(const Scene& scene);
-  // Finds the scene's possible space, if verdicts rest on it by default: so that no check waits.
-  void PrepareSpace(const ServedDatabase& database, const Scene& scene) const;
-
   Serving& serving_;
-  std::mutex mutex_;
-  uint64_t logged_scene_ = 0;
-  std::set<Reason> logged_reasons_;
 };
 
 }  // namespace silhouette

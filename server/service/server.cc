@@ -7,6 +7,9 @@
 #include <algorithm>
 #include <atomic>
 #include <chrono>
+#include <map>
+#include <mutex>
+#include <string>
 #include <utility>
 
 #include "absl/strings/str_cat.h"
@@ -41,6 +44,38 @@ class CalibrationHealth : public Watcher {
   std::atomic<uint64_t> told_ = 0;
 };
 
+// Tells the health service how the server's own acquisition goes.
+class LiveHealth : public Watcher {
+ public:
+  // Tells at once. `health` must outlive the watching.
+  LiveHealth(std::shared_ptr<const LiveRecord> record, grpc::HealthCheckServiceInterface& health)
+      : record_(std::move(record)), health_(health) {
+    Tell(0);
+  }
+
+  void Tell(uint64_t) override {
+    const std::lock_guard lock(mutex_);
+    const LiveStatus status = record_->StatusOfDevices();
+    Say("silhouette.v1.Acquisition", status.serving);
+    for (const DeviceStatus& camera : status.cameras) {
+      Say(absl::StrCat("silhouette.v1.Camera/", camera.name), camera.serving);
+    }
+  }
+  void End() override {}
+
+ private:
+  void Say(const std::string& service, bool serving) {
+    const auto [told, is_new] = told_.emplace(service, serving);
+    if (!is_new && std::exchange(told->second, serving) == serving) return;
+    health_.SetServingStatus(service, serving);
+  }
+
+  const std::shared_ptr<const LiveRecord> record_;
+  grpc::HealthCheckServiceInterface& health_;
+  std::mutex mutex_;
+  std::map<std::string, bool> told_;
+};
+
 }  // namespace
 
 Server::Server(std::shared_ptr<const ServedDatabase> database, ServingSettings settings,
@@ -66,6 +101,11 @@ absl::StatusOr<std::unique_ptr<Server>> Server::Start(
   grpc::reflection::InitProtoReflectionServerBuilderPlugin();
   auto server = std::unique_ptr<Server>(
       new Server(std::move(database), std::move(settings), std::move(shared_map)));
+  if (!server->serving_.settings.metrics.empty()) {
+    auto metrics = Metrics::Start(server->serving_.settings.metrics, server->serving_);
+    if (!metrics.ok()) return metrics.status();
+    server->metrics_ = *std::move(metrics);
+  }
   grpc::ServerBuilder builder;
   int port = 0;
   builder.AddListeningPort(address, grpc::InsecureServerCredentials(), &port);
@@ -100,7 +140,16 @@ absl::StatusOr<std::unique_ptr<Server>> Server::Start(
     server->calibration_health_ = std::make_shared<CalibrationHealth>(server->serving_, *health);
     server->serving_.watches.Add(server->calibration_health_);
   }
+  if (server->serving_.settings.live != nullptr) {
+    server->live_health_ = std::make_shared<LiveHealth>(server->serving_.settings.live, *health);
+    server->serving_.watches.Add(server->live_health_);
+  }
   return server;
+}
+
+const std::string& Server::metrics_address() const {
+  static const std::string none;
+  return metrics_ == nullptr ? none : metrics_->address();
 }
 
 Server::~Server() {

@@ -1,17 +1,21 @@
 // The server: three services, health and reflection on one address. The health service tells as
 // "silhouette.v1.Calibration" whether the calibration is known to hold (CalibrationReason), if that
-// is checked from the start; what changes it is told a moment later.
+// is checked from the start; what changes it is told a moment later. So is what LiveStatus says of
+// the server's own acquisition, if there is one, as "silhouette.v1.Acquisition", and of its cameras
+// as "silhouette.v1.Camera/NAME".
 #pragma once
 
 #include <grpcpp/server.h>
 
 #include <memory>
 #include <string>
+#include <utility>
 
 #include "absl/status/statusor.h"
 #include "absl/time/time.h"
 #include "server/service/collision_service.h"
 #include "server/service/database_service.h"
+#include "server/service/metrics.h"
 #include "server/service/scene_service.h"
 #include "server/service/serving.h"
 
@@ -23,7 +27,7 @@ class Server {
   static constexpr int kMaxRequestBytes = 64 << 20;
 
   // Starts to listen; see CheckListenAddress for `address` and the errors, and SharedMapFile for
-  // those of a shared map.
+  // those of a shared map, Metrics for those of metrics.
   static absl::StatusOr<std::unique_ptr<Server>> Start(
       const std::string& address, std::shared_ptr<const ServedDatabase> database,
       ServingSettings settings);
@@ -33,9 +37,21 @@ class Server {
 
   // The address that is listened on, with the port that was chosen.
   const std::string& address() const { return address_; }
+  // The same of metrics; empty: they are not told.
+  const std::string& metrics_address() const;
 
   // Serves another generation; verdicts are unknown until the next scene.
   void ReplaceDatabase(std::shared_ptr<const ServedDatabase> database);
+
+  // What is served now.
+  std::shared_ptr<const ServedDatabase> database() const { return serving_.scenes.database(); }
+
+  // Publishes a scene made in this process, as PublishScene does. Errors: those of
+  // SceneStore::Publish. Thread-safe, until Stop().
+  absl::StatusOr<SharedScene> Publish(Scene scene,
+                                      const std::shared_ptr<const ServedDatabase>& database) {
+    return serving_.publisher.Publish(std::move(scene), database);
+  }
 
   // What is known from now on of whether the calibration holds; null: it is not checked.
   void SetTrust(std::shared_ptr<const CalibrationTrust> trust);
@@ -53,8 +69,10 @@ class Server {
   SceneService scene_service_;
   DatabaseService database_service_;
   std::string address_;
+  std::unique_ptr<Metrics> metrics_;  // null: they are not told
   std::unique_ptr<grpc::Server> server_;
   std::shared_ptr<Watcher> calibration_health_;  // null: the calibration is not checked
+  std::shared_ptr<Watcher> live_health_;         // null: there is no acquisition
 };
 
 }  // namespace silhouette

@@ -12,8 +12,10 @@
 #include "server/service/clearance_cache.h"
 #include "server/service/map_keeper.h"
 #include "server/service/region_log.h"
+#include "server/service/scene_publisher.h"
 #include "server/service/serving_settings.h"
 #include "server/service/space_cache.h"
+#include "server/service/verdict_counts.h"
 #include "server/service/watch_hub.h"
 #include "server/service/worker_pool.h"
 
@@ -25,6 +27,7 @@ struct Serving {
           std::unique_ptr<SharedMapWriter> shared_map)
       : settings(std::move(the_settings)),
         scenes(std::move(database)),
+        publisher(settings, scenes),
         region_log(scenes, settings.clock),
         watches(scenes, settings.scene, settings.clock),
         map_keeper(std::make_shared<MapKeeper>(settings, scenes, spaces, std::move(shared_map))),
@@ -36,11 +39,13 @@ struct Serving {
 
   const ServingSettings settings;
   SceneStore scenes;
+  ScenePublisher publisher;
   RegionLog region_log;
   SpaceCache spaces;
   ClearanceCache clearances;
   WatchHub watches;
   std::shared_ptr<MapKeeper> map_keeper;
+  VerdictCounts verdicts;
   // Their tasks use the others. Watches have their own, so that they do not hold up scenes.
   WorkerPool watch_workers;
   WorkerPool workers;

@@ -3,10 +3,12 @@
 
 #include <cstddef>
 #include <memory>
+#include <string>
 
 #include "absl/time/time.h"
 #include "capture/segmentation/settings.h"
 #include "server/collision/policy.h"
+#include "server/live/live_record.h"
 #include "server/scene/calibration_trust.h"
 #include "server/scene/clock.h"
 #include "server/scene/scene_settings.h"
@@ -33,6 +35,11 @@ struct ServingSettings {
   absl::Duration longest_write = absl::Seconds(30);
   // What is known at first of whether the calibration holds; null: it is not checked.
   std::shared_ptr<const CalibrationTrust> trust;
+  // Of the server's own acquisition, if it takes images itself; then nobody else may publish
+  // scenes.
+  std::shared_ptr<LiveRecord> live;
+  // host:port where metrics are told; empty: nowhere.
+  std::string metrics;
   // For calls, and as many for watches.
   int worker_threads = 2;
   // Tasks that may wait for a worker thread; more are turned away.

@@ -124,6 +124,15 @@ TEST_F(CameraSetTest, AllThatWereTriggeredAreWaitedForEvenIfOneFails) {
   EXPECT_EQ(set_->counts()[2].lost, 1u);
 }
 
+TEST_F(CameraSetTest, EachViewHasItsImageOrWhyThereIsNone) {
+  front_->on_wait = absl::DeadlineExceededError("no image within 2s");
+  const auto images = set_->GrabEach();
+  ASSERT_EQ(images.size(), 3u);
+  EXPECT_EQ(images[0]->pixels[0], 11);
+  EXPECT_TRUE(absl::IsDeadlineExceeded(images[1].status()));
+  EXPECT_EQ(images[2]->pixels[0], 10);
+}
+
 TEST_F(CameraSetTest, SourceThatGivesTooFewImagesIsAnError) {
   pair_->short_of_one = true;
   EXPECT_THAT(set_->Grab().status().message(), HasSubstr("1 images instead of 2"));

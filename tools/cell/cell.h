@@ -18,6 +18,7 @@
 #include "db/configuration_grid.h"
 #include "db/mask.h"
 #include "server/collision/policy.h"
+#include "server/live/live_settings.h"
 #include "server/scene/calibration_settings.h"
 #include "server/scene/scene_settings.h"
 #include "server/scene/sound_settings.h"
@@ -60,6 +61,9 @@ struct ServerSettings {
   // File of the newest check of the calibration; empty: it is taken to hold. Older checks are none.
   std::string calibration_check;
   absl::Duration calibration_check_max_age = absl::InfiniteDuration();
+  // How images are taken, where the server takes them itself.
+  LiveSettings live;
+  std::string metrics;  // address:port where metrics are told; empty: nowhere
 };
 
 // Paths are absolute, or relative to the working directory; those in the file are relative to it.

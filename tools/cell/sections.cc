@@ -80,6 +80,21 @@ bool OneOf(const YamlNode& node, const std::string& first, const std::string& se
   return word == first;
 }
 
+// `live`: what the keys that are not stated are.
+LiveSettings ReadLive(const YamlNode& node, LiveSettings live) {
+  YamlMap map(node);
+  live.interval = Time(map, "interval", live.interval);
+  const auto positive_time = [&](const std::string& key, absl::Duration& time) {
+    const auto value = map.Optional(key);
+    if (value) time = absl::Seconds(Positive(*value, value->AsSeconds()));
+  };
+  positive_time("joints_interval", live.joints_interval);
+  positive_time("joints_gap", live.joints_gap);
+  positive_time("reopen_after", live.reopen_after);
+  map.Finish();
+  return live;
+}
+
 }  // namespace
 
 Workspace ReadWorkspace(const YamlNode& node) {
@@ -247,6 +262,11 @@ ServerSettings ReadServer(const YamlNode& node, const std::filesystem::path& fol
     }
     check.Finish();
   }
+  if (const auto movement = map.Optional("max_joint_movement")) {
+    server.live.max_joint_movement = Positive(*movement, movement->AsAngle());
+  }
+  if (const auto live = map.Optional("live")) server.live = ReadLive(*live, server.live);
+  server.metrics = map.Get<std::string>("metrics", server.metrics);
   map.Finish();
   return server;
 }

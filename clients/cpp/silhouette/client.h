@@ -25,6 +25,7 @@
 
 #include "absl/status/statusor.h"
 #include "absl/time/time.h"
+#include "silhouette/acquisition.h"
 #include "silhouette/answers.h"
 #include "silhouette/check_stream.h"
 #include "silhouette/configuration_space.h"
@@ -105,6 +106,9 @@ class Client {
 
   // A scene by its id, 0 for the newest; `with_planes` asks for the masks too.
   absl::StatusOr<Scene> GetScene(uint64_t id = 0, bool with_planes = false) const;
+
+  // How the server's own acquisition goes. FailedPrecondition if it does not take images itself.
+  absl::StatusOr<Acquisition> GetAcquisition() const;
 
   // Puts an allowed region into force, in place of the one of its name: in `views` obstacle pixels
   // are unknown for `duration`, ten minutes at most.

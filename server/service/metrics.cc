@@ -1,0 +1,186 @@
+#include "server/service/metrics.h"
+
+#include <prometheus/collectable.h>
+#include <prometheus/exposer.h>
+#include <prometheus/metric_family.h>
+
+#include <exception>
+#include <limits>
+#include <utility>
+#include <vector>
+
+#include "absl/strings/str_cat.h"
+#include "server/service/listen_address.h"
+#include "server/service/serving.h"
+
+namespace silhouette {
+namespace {
+
+using prometheus::ClientMetric;
+using prometheus::MetricFamily;
+using prometheus::MetricType;
+using Labels = std::vector<ClientMetric::Label>;
+
+class Families {
+ public:
+  void Counter(const std::string& name, const std::string& help, uint64_t value,
+               Labels labels = {}) {
+    ClientMetric metric;
+    metric.label = std::move(labels);
+    metric.counter.value = static_cast<double>(value);
+    Add(name, help, MetricType::Counter, std::move(metric));
+  }
+  void Gauge(const std::string& name, const std::string& help, double value, Labels labels = {}) {
+    ClientMetric metric;
+    metric.label = std::move(labels);
+    metric.gauge.value = value;
+    Add(name, help, MetricType::Gauge, std::move(metric));
+  }
+  void Histogram(const std::string& name, const std::string& help, const LatencyFigures& figures,
+                 Labels labels) {
+    ClientMetric metric;
+    metric.label = std::move(labels);
+    metric.histogram.sample_count = figures.count;
+    metric.histogram.sample_sum = absl::ToDoubleSeconds(figures.sum);
+    for (size_t i = 0; i < figures.within.size(); ++i) {
+      metric.histogram.bucket.push_back(
+          {.cumulative_count = figures.within[i], .upper_bound = LatencyRecord::kBounds[i]});
+    }
+    metric.histogram.bucket.push_back({.cumulative_count = figures.count,
+                                       .upper_bound = std::numeric_limits<double>::infinity()});
+    Add(name, help, MetricType::Histogram, std::move(metric));
+  }
+
+  std::vector<MetricFamily> Take() { return std::move(families_); }
+
+ private:
+  // Metrics of one name come one after the other.
+  void Add(const std::string& name, const std::string& help, MetricType type, ClientMetric metric) {
+    if (families_.empty() || families_.back().name != name) {
+      families_.push_back({.name = name, .help = help, .type = type, .metric = {}});
+    }
+    families_.back().metric.push_back(std::move(metric));
+  }
+
+  std::vector<MetricFamily> families_;
+};
+
+void TellScene(const Serving& serving, Families& to) {
+  to.Gauge("silhouette_database_generation", "Generation of the database that is served",
+           static_cast<double>(serving.scenes.database()->generation()));
+  const SharedScene scene = serving.scenes.Find(0);
+  if (scene == nullptr) return;
+  to.Counter("silhouette_scenes_total", "Scenes published since the server started", scene->id);
+  to.Gauge("silhouette_scene_age_seconds", "Age of the oldest image of the newest scene",
+           absl::ToDoubleSeconds(scene->AgeAt(serving.settings.clock())));
+  to.Gauge("silhouette_scene_defects", "Reasons why the newest scene makes nothing free",
+           static_cast<double>(scene->defects.size()));
+}
+
+void TellVerdicts(const Serving& serving, Families& to) {
+  serving.verdicts.ForEach([&](State state, Reason reason, uint64_t verdicts) {
+    Labels labels = {{.name = "verdict", .value = NameOf(state)}};
+    if (reason != Reason::kNone) labels.push_back({.name = "reason", .value = NameOf(reason)});
+    to.Counter("silhouette_verdicts_total", "Verdicts told on configurations and paths", verdicts,
+               std::move(labels));
+  });
+}
+
+void TellAcquisition(const LiveStatus& status, Families& to) {
+  const auto of = [](const DeviceStatus& camera) {
+    return Labels{{.name = "view", .value = camera.name}};
+  };
+  to.Counter("silhouette_live_scenes_total", "Scenes made of the server's own images",
+             status.scenes);
+  to.Counter("silhouette_live_lost_sets_total", "Sets of images of which no scene was made",
+             status.lost_sets);
+  for (const DeviceStatus& camera : status.cameras) {
+    to.Counter("silhouette_live_images_total", "Images taken into a scene", camera.good,
+               of(camera));
+  }
+  for (const DeviceStatus& camera : status.cameras) {
+    to.Counter("silhouette_live_image_errors_total", "Times that a camera gave no usable image",
+               camera.errors, of(camera));
+  }
+  for (const DeviceStatus& camera : status.cameras) {
+    if (!camera.age) continue;
+    to.Gauge("silhouette_live_image_age_seconds", "Age of the newest image",
+             absl::ToDoubleSeconds(*camera.age), of(camera));
+  }
+  for (const DeviceStatus& camera : status.cameras) {
+    to.Gauge("silhouette_live_camera_serving", "Whether the newest image is young enough",
+             camera.serving ? 1 : 0, of(camera));
+  }
+  const DeviceStatus& robot = status.robot;
+  to.Counter("silhouette_live_joints_total", "Times that the robot told its joints", robot.good);
+  to.Counter("silhouette_live_joints_errors_total", "Times that it did not", robot.errors);
+  if (robot.age) {
+    to.Gauge("silhouette_live_joints_age_seconds", "Since the robot told its joints",
+             absl::ToDoubleSeconds(*robot.age));
+  }
+  const std::string latency = "silhouette_live_latency_seconds";
+  const std::string help = "From the last pixel of a set of images to what is made of it";
+  to.Histogram(latency, help, status.to_masks, {{.name = "to", .value = "masks"}});
+  to.Histogram(latency, help, status.to_scene, {{.name = "to", .value = "scene"}});
+  to.Histogram(latency, help, status.to_map, {{.name = "to", .value = "map"}});
+}
+
+class Collected : public prometheus::Collectable {
+ public:
+  explicit Collected(const Serving& serving) : serving_(serving) {}
+
+  std::vector<MetricFamily> Collect() const override {
+    Families families;
+    TellScene(serving_, families);
+    TellVerdicts(serving_, families);
+    if (serving_.settings.live != nullptr) {
+      TellAcquisition(serving_.settings.live->Status(), families);
+    }
+    return families.Take();
+  }
+
+ private:
+  const Serving& serving_;
+};
+
+}  // namespace
+
+struct Metrics::Http {
+  Http(const std::string& address, const Serving& serving)
+      : collected(std::make_shared<Collected>(serving)), exposer(address, 1) {
+    exposer.RegisterCollectable(collected);
+  }
+
+  std::shared_ptr<Collected> collected;
+  prometheus::Exposer exposer;
+};
+
+Metrics::Metrics(std::unique_ptr<Http> http, std::string address)
+    : http_(std::move(http)), address_(std::move(address)) {}
+
+Metrics::~Metrics() = default;
+
+absl::StatusOr<std::unique_ptr<Metrics>> Metrics::Start(const std::string& address,
+                                                        const Serving& serving) {
+  if (address.starts_with("unix:")) {
+    return absl::InvalidArgumentError(absl::StrCat(
+        "metrics address '", address, "': Prometheus asks over TCP; say 127.0.0.1:9464"));
+  }
+  if (absl::Status usable = CheckListenAddress(address); !usable.ok()) {
+    return absl::Status(usable.code(), absl::StrCat("metrics: ", usable.message()));
+  }
+  try {
+    auto http = std::make_unique<Http>(address, serving);
+    const std::vector<int> ports = http->exposer.GetListeningPorts();
+    const std::string host = address.substr(0, address.rfind(':') + 1);
+    return std::unique_ptr<Metrics>(
+        new Metrics(std::move(http), absl::StrCat(host, ports.empty() ? 0 : ports.front())));
+  } catch (const std::exception& error) {
+    return absl::FailedPreconditionError(absl::StrCat("metrics: cannot listen on ", address, " (",
+                                                      error.what(),
+                                                      "); say a host as a number, as "
+                                                      "127.0.0.1:9464"));
+  }
+}
+
+}  // namespace silhouette
