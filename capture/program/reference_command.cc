@@ -12,6 +12,7 @@
 #include "capture/program/commands.h"
 #include "capture/program/opened_cell.h"
 #include "capture/reference_images.h"
+#include "capture/references_with_robot.h"
 #include "tools/program/progress.h"
 
 namespace silhouette {
@@ -35,6 +36,13 @@ std::string RemarksOn(const Reference& reference) {
   std::string remarks;
   if (figures.mean_noise > kMostNoise) {
     absl::StrAppend(&remarks, "  - did something move? Then take them again");
+  }
+  if (figures.undefined > 0) {
+    absl::StrAppend(
+        &remarks,
+        absl::StrFormat("  - %d pixels (%.1f %%) never showed the cell without the robot; "
+                        "they count as covered by it, always",
+                        figures.undefined, 100 * Share(figures.undefined, reference)));
   }
   if (Share(figures.saturated, reference) > kMostSaturated) {
     absl::StrAppend(&remarks,
@@ -79,30 +87,60 @@ void PrintJson(const CellArguments& arguments, const CellFile& file,
     json["views"].push_back({{"name", file.cell.views[v].name},
                              {"colour", references[v].channels() == 3},
                              {"noise", figures.mean_noise},
+                             {"undefined", Share(figures.undefined, references[v])},
                              {"saturated", Share(figures.saturated, references[v])},
                              {"unsteady", Share(figures.unsteady, references[v])}});
   }
   std::cout << json.dump(2) << std::endl;
 }
 
-absl::StatusOr<ExitCode> Run(const CellArguments& arguments) {
+struct ReferenceArguments {
+  CellArguments cell;
+  bool with_robot = false;
+  int images = 0;  // 0: as the cell's file says; with the robot kImagesWithRobot
+};
+
+constexpr int kImagesWithRobot = 40;
+
+using Taken = absl::StatusOr<storage::v1::References>;
+
+Taken TakeOfEmptyCell(const CellFile& file, Database& database, int count,
+                      const CaptureObserver& observer) {
+  const auto rig = OpenCamerasOfEmptyCell(file.cell);
+  if (!rig.ok()) return rig.status();
+  auto cameras = CellCameras::Create(database.cell(), **rig);
+  if (!cameras.ok()) return cameras.status();
+  return TakeReferences(*cameras, count, observer);
+}
+
+Taken TakeWithRobot(const CellFile& file, Database& database, int count,
+                    const CaptureObserver& observer) {
+  const Travel travel(file.cell.grid, file.cell.capture.forbidden_regions);
+  const auto devices = OpenDevices(file.cell, travel);
+  if (!devices.ok()) return devices.status();
+  return TakeReferencesWithRobot(database, travel, *devices->robot, *devices->cameras,
+                                 file.cell.capture, count, observer);
+}
+
+absl::StatusOr<ExitCode> Run(const ReferenceArguments& options) {
+  const CellArguments& arguments = options.cell;
   absl::StatusOr<CellFile> file = OpenCellFile(arguments);
   if (!file.ok()) return file.status();
-  auto rig = OpenCamerasOfEmptyCell(file->cell);
-  if (!rig.ok()) return rig.status();
   auto database = OpenOrCreateDatabase(*file);
   if (!database.ok()) return database.status();
-  auto cameras = CellCameras::Create((*database)->cell(), **rig);
-  if (!cameras.ok()) return cameras.status();
+  int& count = file->cell.capture.reference_images;
+  if (options.with_robot) count = kImagesWithRobot;
+  if (options.images > 0) count = options.images;
 
   CatchStopSignals();
   std::optional<Progress> progress;
-  progress.emplace("reference images", file->cell.capture.reference_images, "sets");
+  progress.emplace("reference images", count, "sets");
   CaptureObserver observer;
   observer.progress = [&](uint64_t done) { progress->Update(done); };
   observer.say = [&](const std::string& line) { progress->Say(line); };
   observer.stop_requested = StopRequested;
-  const auto taken = TakeReferences(*cameras, file->cell.capture.reference_images, observer);
+  const Taken taken = options.with_robot ? TakeWithRobot(*file, **database, count, observer)
+                                         : TakeOfEmptyCell(*file, **database, count, observer);
   progress.reset();
   if (absl::IsCancelled(taken.status())) {
     std::cerr << taken.status().message() << "; take them with: " << arguments.Command("reference")
@@ -131,10 +169,20 @@ void AddReference(CLI::App& app, Work& work) {
       "reference",
       "Takes the reference images: what the cameras see of the cell without the robot.\n"
       "Makes the database if it is not there. A simulated robot is taken out of the cell;\n"
-      "take a real one out of all views yourself.");
-  command->footer("Example:\n  silhouette-capture reference --cell cell.yaml --database cell.lmdb");
-  const auto arguments = std::make_shared<CellArguments>();
-  AddCellOptions(*command, *arguments);
+      "take a real one out of all views yourself. Where it cannot leave: --with-robot.");
+  command->footer(
+      "Example:\n  silhouette-capture reference --cell cell.yaml --database cell.lmdb\n"
+      "  silhouette-capture reference --cell cell.yaml --with-robot --images 60");
+  const auto arguments = std::make_shared<ReferenceArguments>();
+  AddCellOptions(*command, arguments->cell);
+  command->add_flag("--with-robot", arguments->with_robot,
+                    "Drive the robot to configurations spread over the grid, one set of images at "
+                    "each, and\ntake what is seen where it is not");
+  command
+      ->add_option("--images", arguments->images,
+                   "Sets of images (default: reference_images of the cell's file; 40 with the "
+                   "robot)")
+      ->check(CLI::Range(2, 10000));
   command->callback([arguments, &work] { work = [arguments] { return Run(*arguments); }; });
 }
 

@@ -32,6 +32,16 @@ class Reference {
   // least a quarter of its largest deviation. Throws std::invalid_argument.
   static Reference FromImages(std::span<const cv::Mat> images);
 
+  // From images with the robot in them, at configurations well spread over the grid, for cells that
+  // the robot cannot leave. `covered`, by image: 8-bit, not 0 where the robot may be; empty: not
+  // known. Of every pixel only the images count in which it is not covered: their median and the
+  // noise of those near it. A pixel is undefined if they are fewer than kFewestUncovered, or if not
+  // at least three of five are near the median. A part of the robot that never moves cannot be told
+  // from the cell unless `covered` shows it. Throws std::invalid_argument as FromImages does.
+  static constexpr int kFewestUncovered = 5;
+  static Reference FromImagesWithRobot(std::span<const cv::Mat> images,
+                                       std::span<const cv::Mat> covered);
+
   // From what MeanPng() and NoisePng() gave. InvalidArgument if one is not a 16-bit PNG with grey
   // or colour, or they differ in size or channels.
   static absl::StatusOr<Reference> FromPng(const std::string& mean_png,

@@ -6,6 +6,7 @@
 #include <opencv2/imgcodecs.hpp>
 #include <stdexcept>
 
+#include "capture/segmentation/difference.h"
 #include "tests/segmentation/images.h"
 
 namespace silhouette {
@@ -86,6 +87,72 @@ TEST(Reference, AsGreyIsTheReferenceOfGreyImages) {
   EXPECT_LT(cv::norm(reference.mean(), expected.mean(), cv::NORM_INF), 0.6 * Reference::kGreyLevel);
   EXPECT_NEAR(cv::mean(reference.noise())[0], cv::mean(expected.noise())[0],
               0.1 * Reference::kGreyLevel);
+}
+
+class ReferenceWithRobot : public testing::Test {
+ protected:
+  // A bright arm sweeps over the cell; its base stands in the corner, always.
+  ReferenceWithRobot() {
+    for (int i = 0; i < 16; ++i) {
+      cv::Mat light = cell_.clone();
+      cv::Mat covered = cv::Mat::zeros(light.size(), CV_8UC1);
+      for (const cv::Rect& part : {cv::Rect(6 * i, 0, 20, 60), base_}) {
+        light(part) = 220;
+        covered(part) = 255;
+      }
+      images_.push_back(Expose(light, 1, 1.5, random_));
+      covered_.push_back(covered);
+    }
+  }
+  std::mt19937_64 random_{9};
+  const cv::Rect base_{100, 60, 20, 20};
+  const cv::Mat cell_ = EmptyCell({120, 80});
+  std::vector<cv::Mat> images_;
+  std::vector<cv::Mat> covered_;
+};
+
+TEST_F(ReferenceWithRobot, ShowsTheCellWhereTheRobotIsNot) {
+  const std::vector<cv::Mat> unknown(images_.size());
+  for (const std::vector<cv::Mat>& covered : {covered_, unknown}) {
+    const Reference reference = Reference::FromImagesWithRobot(images_, covered);
+    for (int y = 0; y < 80; ++y) {
+      for (int x = 0; x < 120; ++x) {
+        if (base_.contains({x, y})) continue;
+        ASSERT_NEAR(reference.mean().at<uint16_t>(y, x) / 256.0, cell_.at<double>(y, x), 3)
+            << x << ", " << y;
+      }
+    }
+    EXPECT_NEAR(reference.Describe().mean_noise, 1.5, 0.4);
+  }
+}
+
+TEST_F(ReferenceWithRobot, PixelThatIsAlwaysCoveredIsForegroundForEver) {
+  const Reference reference = Reference::FromImagesWithRobot(images_, covered_);
+  EXPECT_EQ(reference.Describe().undefined, base_.area());
+  const auto stored = Reference::FromPng(reference.MeanPng(), reference.NoisePng());
+  ASSERT_TRUE(stored.ok());
+  for (const cv::Mat& light : {cell_, cv::Mat(cv::Mat::zeros(80, 120, CV_64FC1))}) {
+    const cv::Mat foreground = Foreground(Expose(light, 1, 1.5, random_), *stored, {});
+    EXPECT_EQ(cv::countNonZero(foreground(base_)), base_.area());
+  }
+  EXPECT_EQ(cv::countNonZero(Foreground(Expose(cell_, 1, 1.5, random_), *stored, {})),
+            base_.area());
+}
+
+TEST_F(ReferenceWithRobot, PixelThatShowsMoreThanOneThingIsUndefined) {
+  for (size_t i = 0; i < images_.size(); ++i) {
+    images_[i].at<uint8_t>(70, 5) = static_cast<uint8_t>(15 * i);
+  }
+  const std::vector<cv::Mat> unknown(images_.size());
+  const Reference reference = Reference::FromImagesWithRobot(images_, unknown);
+  EXPECT_TRUE(reference.Describe().undefined <= 1);
+  EXPECT_GT(reference.noise().at<uint16_t>(70, 5), 40 * Reference::kGreyLevel);
+}
+
+TEST_F(ReferenceWithRobot, TooFewImagesAreRefused) {
+  images_.resize(4);
+  covered_.resize(4);
+  EXPECT_THROW(Reference::FromImagesWithRobot(images_, covered_), std::invalid_argument);
 }
 
 TEST(Reference, StoredReferenceIsTheSameToTheBit) {
