@@ -1,13 +1,16 @@
 #include "tests/benchmark/synthetic_database.h"
 
+#include <random>
 #include <stdexcept>
 #include <utility>
 #include <vector>
 
 #include "absl/status/status.h"
 #include "absl/time/clock.h"
+#include "capture/segmentation/reference.h"
 #include "db/store.h"
 #include "server/scene/make_scene.h"
+#include "tests/segmentation/images.h"
 
 namespace silhouette::benchmarks {
 namespace {
@@ -21,8 +24,6 @@ T Required(absl::StatusOr<T> value) {
   Require(value.status());
   return *std::move(value);
 }
-
-std::string ViewName(int view) { return "view_" + std::to_string(view + 1); }
 
 storage::v1::CellDescription DescriptionOf(const SyntheticCell& cell) {
   storage::v1::CellDescription description;
@@ -38,6 +39,8 @@ storage::v1::CellDescription DescriptionOf(const SyntheticCell& cell) {
   for (int view = 0; view < kViews; ++view) {
     storage::v1::View& added = *description.add_views();
     added.set_name(ViewName(view));
+    added.set_image_width(EmptyCellPicture().cols);
+    added.set_image_height(EmptyCellPicture().rows);
     added.set_mask_width(cell.mask_size().width);
     added.set_mask_height(cell.mask_size().height);
   }
@@ -57,7 +60,28 @@ RobotImage ImageOf(const SyntheticCell& cell, const TileMasks& tile, uint64_t pl
   return image;
 }
 
+storage::v1::References References() {
+  std::mt19937_64 random(1);
+  const Reference reference =
+      Reference::FromImages(ExposeSeries(EmptyCellPicture(), 20, 1.5, random));
+  storage::v1::References references;
+  for (int view = 0; view < kViews; ++view) {
+    storage::v1::Reference& added = *references.add_views();
+    added.set_mean_png(reference.MeanPng());
+    added.set_noise_png(reference.NoisePng());
+    added.set_images(20);
+  }
+  return references;
+}
+
 }  // namespace
+
+std::string ViewName(int view) { return "view_" + std::to_string(view + 1); }
+
+cv::Mat EmptyCellPicture() {
+  static const cv::Mat picture = EmptyCell({640, 480});
+  return picture;
+}
 
 void WriteDatabase(const SyntheticCell& cell, const std::string& path) {
   const auto database = Required(Database::Create(path, DescriptionOf(cell)));
@@ -68,6 +92,7 @@ void WriteDatabase(const SyntheticCell& cell, const std::string& path) {
     }
   });
   Require(writer.Commit());
+  Require(database->SetReferences(References(), "silhouette-bench"));
 }
 
 TimedBuild BuildIndex(const std::string& path) {

@@ -3,6 +3,7 @@
 #pragma once
 
 #include <memory>
+#include <opencv2/core.hpp>
 #include <string>
 
 #include "db/collision_index.h"
@@ -13,8 +14,14 @@
 
 namespace silhouette::benchmarks {
 
-// Makes a database with all robot images of the cell in the new folder `path`; about 5 us per
-// configuration. Views are called view_1 to view_4.
+// What the views of the cells are called, 0 to 3: view_1 to view_4.
+std::string ViewName(int view);
+
+// What every view of the cells sees without robot and obstacles: 640 x 480, grey levels as doubles.
+cv::Mat EmptyCellPicture();
+
+// Makes a database with all robot images of the cell, and reference images, in the new folder
+// `path`; about 5 us per configuration.
 void WriteDatabase(const SyntheticCell& cell, const std::string& path);
 
 // Builds its collision index in two threads.
