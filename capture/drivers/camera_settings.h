@@ -10,8 +10,35 @@
 
 namespace silhouette {
 
+// What makes a camera take an image.
+enum class CameraTrigger {
+  kSoftware,  // a command to each camera, all in a row
+  kHardware,  // a pulse on a line of the camera
+  kFree,      // nothing: the camera takes images all the time
+};
+
 // The camera of the view's name in the simulated cell.
 struct SimulatedSource {};
+
+// A GigE Vision or USB3 Vision camera.
+struct GenicamSource {
+  enum class Bus { kGigE, kUsb3 };
+  Bus bus = Bus::kGigE;
+  // One of them is stated; an address only of a GigE camera.
+  std::string serial = {};
+  std::string address = {};
+  CameraTrigger trigger = CameraTrigger::kSoftware;
+  std::string line = "Line1";  // of the hardware trigger
+  // Nothing: as the camera has them; in no case are they automatic.
+  std::optional<absl::Duration> exposure = std::nullopt;
+  std::optional<double> gain = std::nullopt;  // in the camera's unit
+  bool colour = false;                        // colour pixels if it has any; else grey ones
+  // GigE: bytes of a packet; nothing: the largest that gets through.
+  std::optional<int> packet_size = std::nullopt;
+  // The longest that an image is under way; counts unless images are triggered by software.
+  absl::Duration latency = absl::Milliseconds(100);
+  absl::Duration timeout = absl::Seconds(2);
+};
 
 // A camera with a Linux driver of its own.
 struct V4l2Source {
@@ -43,9 +70,16 @@ struct FolderSource {
   bool repeat = false;
 };
 
+// A camera of somebody's own CameraDriverService.
+struct GrpcSource {
+  std::string address;  // host:port, or unix:path
+  std::string camera;   // its name there
+  absl::Duration timeout = absl::Seconds(5);
+};
+
 // std::monostate: there is none, masks come from elsewhere.
-using ImageSource = std::variant<std::monostate, SimulatedSource, V4l2Source, RtspSource,
-                                 VideoSource, FolderSource>;
+using ImageSource = std::variant<std::monostate, SimulatedSource, GenicamSource, V4l2Source,
+                                 RtspSource, VideoSource, FolderSource, GrpcSource>;
 
 inline bool IsSimulated(const ImageSource& source) {
   return std::holds_alternative<SimulatedSource>(source);

@@ -11,8 +11,8 @@
 
 namespace silhouette {
 
-// Need not be thread-safe. Trigger() and Wait() take turns. Messages do not name the view of a
-// source that has only one: whoever asks knows it.
+// Need not be thread-safe, but may be destroyed by another thread. Trigger() and Wait() take turns.
+// Messages do not name the view of a source that has only one: whoever asks knows it.
 class CameraSource {
  public:
   virtual ~CameraSource() = default;

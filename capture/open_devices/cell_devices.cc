@@ -99,14 +99,14 @@ absl::StatusOr<CellDevices> OpenDevicesForCalibration(const Cell& cell) {
   return DevicesOf(cell, *simulation);
 }
 
-absl::StatusOr<std::unique_ptr<CameraRig>> OpenCamerasOfEmptyCell(const Cell& cell) {
+absl::StatusOr<std::unique_ptr<CameraSet>> OpenCamerasOfEmptyCell(const Cell& cell) {
   const auto simulation = SimulationOfCameras(cell);
   if (!simulation.ok()) return simulation.status();
   if (*simulation != nullptr) (*simulation)->SetRobotPresent(false);
   return OpenCameras(cell, *simulation);
 }
 
-absl::StatusOr<std::unique_ptr<CameraRig>> OpenCamerasOfCell(
+absl::StatusOr<std::unique_ptr<CameraSet>> OpenCamerasOfCell(
     const Cell& cell, bool all_boards, const std::optional<Configuration>& parked) {
   const auto simulation = SimulationOfCameras(cell);
   if (!simulation.ok()) return simulation.status();

@@ -8,6 +8,7 @@
 
 #include "absl/status/statusor.h"
 #include "capture/devices.h"
+#include "capture/drivers/camera_set.h"
 #include "capture/travel.h"
 #include "db/configuration_grid.h"
 #include "tools/cell/cell.h"
@@ -16,7 +17,7 @@ namespace silhouette {
 
 struct CellDevices {
   std::unique_ptr<Robot> robot;
-  std::unique_ptr<CameraRig> cameras;
+  std::unique_ptr<CameraSet> cameras;
 };
 
 // For captures. InvalidArgument, saying what to put where, if the file names no driver, no source
@@ -38,7 +39,7 @@ absl::StatusOr<CellOpeners> OpenersOf(const Cell& cell, const Travel& travel,
                                       const std::string& obstacles);
 
 // For reference images: the cameras alone. A simulated cell is empty.
-absl::StatusOr<std::unique_ptr<CameraRig>> OpenCamerasOfEmptyCell(const Cell& cell);
+absl::StatusOr<std::unique_ptr<CameraSet>> OpenCamerasOfEmptyCell(const Cell& cell);
 
 // For calibration: as for captures, but a simulated robot stays where it is, and boards that are in
 // the simulated cell only for calibration are in it.
@@ -46,7 +47,7 @@ absl::StatusOr<CellDevices> OpenDevicesForCalibration(const Cell& cell);
 
 // The cameras alone, of the cell as it is. Of a simulated cell: boards that are in it only for
 // calibration are there if `all_boards`, and the robot stands at `parked`, or as at the start.
-absl::StatusOr<std::unique_ptr<CameraRig>> OpenCamerasOfCell(
+absl::StatusOr<std::unique_ptr<CameraSet>> OpenCamerasOfCell(
     const Cell& cell, bool all_boards, const std::optional<Configuration>& parked = std::nullopt);
 
 }  // namespace silhouette

@@ -1,11 +1,15 @@
 #include "capture/open_devices/open_cameras.h"
 
+#include <algorithm>
+#include <map>
 #include <utility>
 #include <variant>
 #include <vector>
 
 #include "absl/strings/str_cat.h"
+#include "capture/drivers/aravis_camera.h"
 #include "capture/drivers/camera_set.h"
+#include "capture/drivers/grpc_camera.h"
 #include "capture/drivers/opencv_camera.h"
 
 namespace silhouette {
@@ -38,10 +42,13 @@ absl::StatusOr<std::unique_ptr<CameraRig>> OpenSimulated(
 
 using OpenedSource = absl::StatusOr<std::unique_ptr<CameraSource>>;
 
-// Opens the source of one view; those that several views share are not its business.
+// Opens the source of one view; null: one that views share.
 struct SourceOpener {
   const ViewSettings& view;
 
+  OpenedSource operator()(const GenicamSource& source) const {
+    return OpenGenicamCamera(view.name, view.image_width, view.image_height, source);
+  }
   OpenedSource operator()(const V4l2Source& source) const {
     return OpenV4l2Camera(view.name, view.image_width, view.image_height, source);
   }
@@ -52,9 +59,41 @@ struct SourceOpener {
   OpenedSource operator()(const FolderSource& source) const {
     return OpenFolder(view.name, source);
   }
+  OpenedSource operator()(const GrpcSource&) const { return nullptr; }
   OpenedSource operator()(const SimulatedSource&) const { return nullptr; }
   OpenedSource operator()(const std::monostate&) const { return nullptr; }
 };
+
+// What only one view can have, as text; empty: nothing.
+std::string OwnDevice(const ImageSource& source) {
+  if (const auto* camera = std::get_if<GenicamSource>(&source)) {
+    return camera->serial + camera->address;
+  }
+  const auto* camera = std::get_if<V4l2Source>(&source);
+  return camera == nullptr ? "" : camera->device;
+}
+
+// The camera drivers of the cell, each with all of its views.
+absl::Status OpenDrivers(const Cell& cell, std::vector<std::unique_ptr<CameraSource>>& sources) {
+  struct Driver {
+    std::vector<GrpcView> views;
+    absl::Duration timeout;
+  };
+  std::map<std::string, Driver> drivers;  // by address
+  for (const ViewSettings& view : cell.views) {
+    const auto* source = std::get_if<GrpcSource>(&view.source);
+    if (source == nullptr) continue;
+    Driver& driver = drivers[source->address];
+    driver.views.push_back({view.name, source->camera, view.image_width, view.image_height});
+    driver.timeout = std::max(driver.timeout, source->timeout);
+  }
+  for (const auto& [address, driver] : drivers) {
+    OpenedSource opened = OpenGrpcCameras(address, driver.views, driver.timeout);
+    if (!opened.ok()) return opened.status();
+    sources.push_back(*std::move(opened));
+  }
+  return absl::OkStatus();
+}
 
 absl::Status OfView(const ViewSettings& view, const absl::Status& status) {
   return absl::Status(status.code(),
@@ -64,16 +103,23 @@ absl::Status OfView(const ViewSettings& view, const absl::Status& status) {
 }  // namespace
 
 absl::Status CheckCameras(const Cell& cell) {
+  std::map<std::string, std::string> views;  // by the device that is theirs
   for (const ViewSettings& view : cell.views) {
-    if (HasImages(view.source)) continue;
-    return CellMistake(cell, absl::StrCat("the view '", view.name,
-                                          "' has no source of images; put 'source: sim' into it, "
-                                          "or what its camera is (docs/cell.yaml)"));
+    if (!HasImages(view.source)) {
+      return CellMistake(cell, absl::StrCat("the view '", view.name,
+                                            "' has no source of images; put 'source: sim' into it, "
+                                            "or what its camera is (docs/cell.yaml)"));
+    }
+    const std::string device = OwnDevice(view.source);
+    const auto [other, is_new] = views.emplace(device, view.name);
+    if (is_new || device.empty()) continue;
+    return CellMistake(cell, absl::StrCat("the views '", other->second, "' and '", view.name,
+                                          "' have the same camera, ", device));
   }
   return absl::OkStatus();
 }
 
-absl::StatusOr<std::unique_ptr<CameraRig>> OpenCameras(const Cell& cell,
+absl::StatusOr<std::unique_ptr<CameraSet>> OpenCameras(const Cell& cell,
                                                        std::shared_ptr<SimulatedCell> simulation) {
   if (absl::Status status = CheckCameras(cell); !status.ok()) return status;
   std::vector<std::unique_ptr<CameraSource>> sources;
@@ -82,6 +128,7 @@ absl::StatusOr<std::unique_ptr<CameraRig>> OpenCameras(const Cell& cell,
     if (!simulated.ok()) return simulated.status();
     sources.push_back(std::make_unique<SimulatedCameras>(*std::move(simulated)));
   }
+  if (absl::Status status = OpenDrivers(cell, sources); !status.ok()) return status;
   std::vector<std::string> views;
   for (const ViewSettings& view : cell.views) {
     views.push_back(view.name);

@@ -5,18 +5,18 @@
 
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
-#include "capture/devices.h"
+#include "capture/drivers/camera_set.h"
 #include "capture/open_devices/simulated.h"
 
 namespace silhouette {
 
-// InvalidArgument, saying what to put where, if a view has no source of images, or one that is not
-// known.
+// InvalidArgument, saying what to put where, if a view has no source of images, or two
+// have the same camera.
 absl::Status CheckCameras(const Cell& cell);
 
 // `simulation` is used by simulated cameras only; null if there are none. Errors: those of
 // CheckCameras, and those of a camera that cannot be opened, naming its view.
-absl::StatusOr<std::unique_ptr<CameraRig>> OpenCameras(const Cell& cell,
+absl::StatusOr<std::unique_ptr<CameraSet>> OpenCameras(const Cell& cell,
                                                        std::shared_ptr<SimulatedCell> simulation);
 
 }  // namespace silhouette

@@ -11,12 +11,13 @@ int main(int argc, char** argv) {
   app.require_subcommand(1);
   app.footer(
       "Examples:\n"
+      "  silhouette-capture cameras                      which cameras there are\n"
       "  silhouette-capture reference --cell cell.yaml   images of the empty cell, first of all\n"
       "  silhouette-capture run --cell cell.yaml --dry-run\n"
       "  silhouette-capture run --cell cell.yaml         again after any interruption\n"
       "  silhouette-capture status --cell cell.yaml");
   Work work;
-  for (const auto add : {AddReference, AddRun, AddStatus}) add(app, work);
+  for (const auto add : {AddCameras, AddReference, AddRun, AddStatus}) add(app, work);
   // Images are small: handing their parts to other threads costs more than it saves.
   cv::setNumThreads(1);
   return RunProgram(app, argc, argv, [&]() -> int {

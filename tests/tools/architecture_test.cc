@@ -52,6 +52,9 @@ const std::map<std::string, Layer>& Layers() {
       {"devices", {{"mask"}, {}}},
       {"drivers", {{"devices"}, {}}},
       {"opencv_camera", {{"drivers", "devices"}, {"opencv2"}}},
+      {"aravis_camera", {{"drivers", "devices", "opencv_camera"}, {"arv.h", "opencv2"}}},
+      {"grpc_camera", {{"drivers", "devices", "opencv_camera", "proto"}, {"grpcpp", "opencv2"}}},
+      {"served_cameras", {{"devices", "sim", "proto"}, {"arv.h", "gst", "grpcpp"}}},
       {"capture",
        {{"devices", "mask", "store", "proto_storage", "segmentation", "kinematics"}, {"opencv2"}}},
       {"sim",
@@ -72,7 +75,9 @@ const std::map<std::string, Layer>& Layers() {
          "drivers", "kinematics", "yaml"},
         {"yaml-cpp", "Eigen"}}},
       {"open_devices",
-       {{"devices", "mask", "capture", "sim", "cell", "drivers", "opencv_camera"}, {}}},
+       {{"devices", "mask", "capture", "sim", "cell", "drivers", "opencv_camera", "aravis_camera",
+         "grpc_camera"},
+        {}}},
       {"cell_experiment",
        {{"mask", "store", "proto_storage", "camera", "calibration", "kinematics", "devices",
          "capture", "segmentation", "sim", "collision", "scene", "cell", "picture"},
@@ -88,9 +93,10 @@ const std::map<std::string, Layer>& Layers() {
 // Libraries that only the layers named above may include. Everything else (the standard library,
 // absl, nlohmann) is for all but the pure core.
 const std::set<std::string> kHeavy = {
-    "Eigen",    "urdf_parser", "urdf_model", "lmdb.h",  "lz4.h",  "xxhash.h", "opencv2",
-    "grpcpp",   "grpc",        "spdlog",     "embree3", "assimp", "fcl",      "CLI",
-    "yaml-cpp", "prometheus",  "apriltag",   "cairo",   "mrcal",  "ceres"};
+    "Eigen",   "urdf_parser", "urdf_model", "lmdb.h",     "lz4.h",    "xxhash.h",
+    "opencv2", "grpcpp",      "grpc",       "spdlog",     "embree3",  "assimp",
+    "fcl",     "CLI",         "yaml-cpp",   "prometheus", "apriltag", "cairo",
+    "mrcal",   "ceres",       "arv.h",      "gst"};
 const std::set<std::string> kPureCore = {"mask", "index", "camera", "collision", "shared_map"};
 
 // The layer of a file, by its path from the project's root; "" for a program, which sits on top of
@@ -123,12 +129,18 @@ std::string LayerOf(const std::string& path) {
       {"server/service/", "service"},
       {"server/program/", ""},
       {"capture/devices.h", "devices"},
+      {"capture/drivers/aravis_", "aravis_camera"},
+      {"capture/drivers/grpc_camera.", "grpc_camera"},
       {"capture/drivers/opencv_", "opencv_camera"},
       {"capture/drivers/recorded_camera.", "opencv_camera"},
       {"capture/drivers/stream_camera.", "opencv_camera"},
       {"capture/drivers/", "drivers"},
       {"capture/segmentation/", "segmentation"},
       {"capture/sim/program/", ""},
+      {"capture/sim/served/served_views.", "served_cameras"},
+      {"capture/sim/served/gige_cameras.", "served_cameras"},
+      {"capture/sim/served/rtsp_cameras.", "served_cameras"},
+      {"capture/sim/served/grpc_cameras.", "served_cameras"},
       {"capture/sim/served/", "served"},
       {"capture/sim/", "sim"},
       {"capture/open_devices/", "open_devices"},

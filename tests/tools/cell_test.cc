@@ -133,11 +133,35 @@ TEST(Cell, SourcesAreReadInShortAndWithTheirSettings) {
             (TestFolder() / "images").string());
 }
 
+TEST(Cell, CamerasOfABusAreReadWithTheirTrigger) {
+  auto cell = Load(WithSource("{gige: {serial: abc}}"));
+  ASSERT_TRUE(cell.ok()) << cell.status();
+  GenicamSource camera = std::get<GenicamSource>(cell->views[0].source);
+  EXPECT_EQ(camera.serial, "abc");
+  EXPECT_EQ(camera.trigger, CameraTrigger::kSoftware);
+  EXPECT_FALSE(camera.colour);
+  cell = Load(WithSource("{usb3: {serial: 7, trigger: hardware, line: Line3, latency: 40 ms}}"));
+  ASSERT_TRUE(cell.ok()) << cell.status();
+  camera = std::get<GenicamSource>(cell->views[0].source);
+  EXPECT_EQ(camera.bus, GenicamSource::Bus::kUsb3);
+  EXPECT_EQ(camera.serial, "7");
+  EXPECT_EQ(camera.line, "Line3");
+  EXPECT_EQ(camera.latency, absl::Milliseconds(40));
+  cell = Load(WithSource("{grpc: \"localhost:1\"}"));
+  ASSERT_TRUE(cell.ok()) << cell.status();
+  EXPECT_EQ(std::get<GrpcSource>(cell->views[0].source).camera, "top") << "the view's name";
+}
+
 TEST(Cell, MistakesInSourcesAreToldWithTheMend) {
   const auto message = [](const std::string& source) {
     return std::string(Load(WithSource(source)).status().message());
   };
   EXPECT_THAT(message("usb"), HasSubstr("the source 'usb' is not known; a source is 'sim', or"));
+  EXPECT_THAT(message("{gige: {exposure: 1 ms}}"), HasSubstr("'serial' or its 'address'"));
+  EXPECT_THAT(message("{usb3: {address: 10.0.0.1}}"), HasSubstr("unknown key 'address'"));
+  EXPECT_THAT(message("{gige: {serial: a, trigger: soft}}"), HasSubstr("'software', 'hardware'"));
+  EXPECT_THAT(message("{gige: {serial: a, line: Line2}}"), HasSubstr("unknown key 'line'"));
+  EXPECT_THAT(message("{gige: {serial: a, packet_size: 20}}"), HasSubstr("576 to 16384"));
   EXPECT_THAT(message("{v4l: /dev/video0}"), HasSubstr("did you mean 'v4l2'?"));
   EXPECT_THAT(message("{v4l2: {device: /dev/video0, exposre: 5}}"),
               HasSubstr("did you mean 'exposure'?"));

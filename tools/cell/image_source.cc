@@ -9,8 +9,8 @@ namespace silhouette {
 namespace {
 
 constexpr char kKinds[] =
-    "'sim', or what it is with its settings: v4l2, rtsp, video or folder, as in {v4l2: "
-    "/dev/video0}";
+    "'sim', or what it is with its settings: gige, usb3, v4l2, rtsp, video, folder or grpc, as in "
+    "{gige: {serial: \"12345\"}}";
 
 absl::Duration ReadTime(YamlMap& map, const std::string& key, absl::Duration default_value) {
   const auto node = map.Optional(key);
@@ -65,6 +65,46 @@ std::string ReadMain(const YamlNode& node, const std::string& key, const Read& r
   return main;
 }
 
+GenicamSource ReadGenicam(const YamlNode& node, GenicamSource::Bus bus) {
+  YamlMap map(node);
+  GenicamSource source;
+  source.bus = bus;
+  const bool gige = bus == GenicamSource::Bus::kGigE;
+  if (const auto serial = map.Optional("serial")) source.serial = NotEmpty(*serial);
+  if (gige) {
+    if (const auto address = map.Optional("address")) source.address = NotEmpty(*address);
+    if (const auto size = map.Optional("packet_size")) {
+      source.packet_size = size->As<int>();
+      if (*source.packet_size < 576 || *source.packet_size > 16384) {
+        size->Fail("576 to 16384 bytes are expected");
+      }
+    }
+  }
+  const auto trigger = map.Optional("trigger");
+  const std::string word = trigger ? trigger->As<std::string>() : "software";
+  if (word == "hardware") {
+    source.trigger = CameraTrigger::kHardware;
+    if (const auto line = map.Optional("line")) source.line = NotEmpty(*line);
+  } else if (word == "free") {
+    source.trigger = CameraTrigger::kFree;
+  } else if (word != "software") {
+    trigger->Fail("'software', 'hardware' or 'free' is expected");
+  }
+  ReadExposure(map, source);
+  source.colour = map.Get<bool>("colour", source.colour);
+  if (source.trigger == CameraTrigger::kSoftware) {
+    source.timeout = ReadTimeout(map, source.timeout);
+  } else {
+    ReadTimes(map, source);
+  }
+  map.Finish();
+  if (source.serial.empty() == source.address.empty()) {
+    node.Fail(gige ? "either its 'serial' or its 'address' is expected"
+                   : "the key 'serial' is missing");
+  }
+  return source;
+}
+
 V4l2Source ReadV4l2(const YamlNode& node) {
   V4l2Source source;
   source.device = ReadMain(node, "device", [&](YamlMap& map) {
@@ -99,9 +139,20 @@ FolderSource ReadFolder(const YamlNode& node, const std::filesystem::path& folde
   return source;
 }
 
+GrpcSource ReadGrpc(const YamlNode& node, const std::string& view) {
+  GrpcSource source;
+  source.camera = view;
+  source.address = ReadMain(node, "address", [&](YamlMap& map) {
+    if (const auto camera = map.Optional("camera")) source.camera = NotEmpty(*camera);
+    source.timeout = ReadTimeout(map, source.timeout);
+  });
+  return source;
+}
+
 }  // namespace
 
-ImageSource ReadImageSource(const YamlNode& node, const std::filesystem::path& folder) {
+ImageSource ReadImageSource(const YamlNode& node, const std::string& view,
+                            const std::filesystem::path& folder) {
   if (node.IsScalar()) {
     const std::string word = node.As<std::string>();
     if (word == "sim") return SimulatedSource{};
@@ -109,10 +160,17 @@ ImageSource ReadImageSource(const YamlNode& node, const std::filesystem::path& f
   }
   YamlMap map(node);
   std::vector<ImageSource> sources;
+  if (const auto at = map.Optional("gige")) {
+    sources.emplace_back(ReadGenicam(*at, GenicamSource::Bus::kGigE));
+  }
+  if (const auto at = map.Optional("usb3")) {
+    sources.emplace_back(ReadGenicam(*at, GenicamSource::Bus::kUsb3));
+  }
   if (const auto at = map.Optional("v4l2")) sources.emplace_back(ReadV4l2(*at));
   if (const auto at = map.Optional("rtsp")) sources.emplace_back(ReadRtsp(*at));
   if (const auto at = map.Optional("video")) sources.emplace_back(ReadVideo(*at, folder));
   if (const auto at = map.Optional("folder")) sources.emplace_back(ReadFolder(*at, folder));
+  if (const auto at = map.Optional("grpc")) sources.emplace_back(ReadGrpc(*at, view));
   map.Finish();
   if (sources.size() != 1) node.Fail(std::string("one source is expected: ") + kKinds);
   return std::move(sources.front());

@@ -22,8 +22,9 @@ struct RobotAndGrid {
 RobotAndGrid ReadRobotAndGrid(const YamlNode& robot, const YamlNode& grid,
                               const std::filesystem::path& folder);
 
-// Where the images of a view come from.
-ImageSource ReadImageSource(const YamlNode& node, const std::filesystem::path& folder);
+// Where the images of the view `view` come from.
+ImageSource ReadImageSource(const YamlNode& node, const std::string& view,
+                            const std::filesystem::path& folder);
 // "2 px", "5 cm"
 Margin ReadMargin(const YamlNode& node);
 Workspace ReadWorkspace(const YamlNode& node);

@@ -24,7 +24,7 @@ ViewSettings ReadView(const YamlNode& node, const Margin& margin,
   view.name = map.Get<std::string>("name");
   if (view.name.empty()) node.Fail("a view needs a name");
   if (const auto source = map.Optional("source")) {
-    view.source = ReadImageSource(*source, folder);
+    view.source = ReadImageSource(*source, view.name, folder);
   }
   const auto mask_size = map.Optional("mask_size");
   view.mask_size = mask_size ? ReadMaskSize(*mask_size) : MaskSize{64, 64};

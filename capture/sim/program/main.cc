@@ -17,7 +17,7 @@ int main(int argc, char** argv) {
       "  silhouette-sim truth --cell cell.yaml --scene obstacles.yaml --out truth.csv\n"
       "  silhouette-sim path --cell cell.yaml --scene obstacles.yaml --path path.json\n"
       "  silhouette-sim calibration --cell cell.yaml --out cameras\n"
-      "  silhouette-sim serve --cell cell.yaml --robot simple_message\n\n"
+      "  silhouette-sim serve --cell cell.yaml --robot simple_message --cameras rtsp\n\n"
       "Exit codes: 0 done, 1 the robot touches an obstacle, 2 a mistake in the arguments or "
       "files,\n"
       "3 the world failed.");

@@ -12,6 +12,7 @@
 #include "absl/time/clock.h"
 #include "absl/time/time.h"
 #include "capture/sim/program/commands.h"
+#include "capture/sim/program/serve_cameras.h"
 #include "capture/sim/program/workplace.h"
 #include "capture/sim/served/simple_message_server.h"
 #include "capture/sim/served/simulated_controller.h"
@@ -29,6 +30,8 @@ struct Arguments {
   WorkplaceArguments workplace;
   std::string robot;
   std::string robot_address;
+  std::string cameras;
+  int camera_port = 0;
   bool without_robot = false;
 };
 
@@ -110,6 +113,9 @@ absl::Status Serve(const Arguments& arguments) {
   if (workplace->cell.simulation.empty()) {
     return absl::InvalidArgumentError(workplace->cell.file + ": the key 'simulation' is missing");
   }
+  if (arguments.robot.empty() && arguments.cameras.empty()) {
+    return absl::InvalidArgumentError("say what to serve, with --robot, --cameras or both");
+  }
   const auto address = AddressOf(arguments.robot_address);
   if (!address.ok()) return address.status();
   auto settings = LoadSimulation(workplace->cell.simulation);
@@ -126,6 +132,13 @@ absl::Status Serve(const Arguments& arguments) {
     if (!started.ok()) return started.status();
     robot = *std::move(started);
     served["robot"] = robot->told;
+  }
+  std::optional<ServedCameras> cameras;
+  if (!arguments.cameras.empty()) {
+    auto started = ServeCameras(*workplace, arguments.cameras, arguments.camera_port, simulation);
+    if (!started.ok()) return started.status();
+    cameras = *std::move(started);
+    served["cameras"] = cameras->told;
   }
   if (arguments.workplace.json()) {
     std::cout << served.dump() << std::endl;
@@ -152,17 +165,29 @@ void AddServeCommand(CLI::App& program, Run& run) {
   command
       ->add_option("--robot", arguments->robot,
                    "What the robot's controller speaks: simple_message (ROS-Industrial)")
-      ->check(CLI::IsMember({kSimpleMessage}))
-      ->required();
+      ->check(CLI::IsMember({kSimpleMessage}));
   command->add_option(
       "--robot-address", arguments->robot_address,
       "Where it listens, e.g. 127.0.0.1:11000: simple_message there for motion and two ports\n"
       "further for the state; port 0: free ones. Default: 127.0.0.1, the ports of the cell's file");
+  command
+      ->add_option(
+          "--cameras", arguments->cameras,
+          "What the cameras are, one for each view: gige (GigE Vision, at 127.0.0.1,\n"
+          "127.0.0.2 and so on, the views' names their serial numbers), rtsp (streams) or\n"
+          "grpc (a CameraDriverService)")
+      ->check(CLI::IsMember(kCameraKinds));
+  command
+      ->add_option("--camera-port", arguments->camera_port,
+                   "Where rtsp and grpc listen at 127.0.0.1; 0: a free port")
+      ->check(CLI::Range(0, 65535))
+      ->capture_default_str();
   command->add_flag("--without-robot", arguments->without_robot,
                     "Take the robot out of the images, as for reference images");
   command->footer(
-      "Example:\n"
-      "  silhouette-sim serve --cell cell.yaml --robot simple_message --robot-address 127.0.0.1:0");
+      "Examples:\n"
+      "  silhouette-sim serve --cell cell.yaml --robot simple_message --robot-address 127.0.0.1:0\n"
+      "  silhouette-sim serve --cell cell.yaml --robot simple_message --cameras gige");
   command->callback([arguments, &run] {
     run = [arguments]() -> int {
       const absl::Status status = Serve(*arguments);

@@ -1,0 +1,99 @@
+#include "capture/sim/served/gige_cameras.h"
+
+#include <arv.h>
+
+#include <algorithm>
+#include <cstring>
+#include <utility>
+
+#include "absl/strings/str_cat.h"
+
+namespace silhouette {
+namespace {
+
+// GigE Vision's bootstrap registers have room for so many characters of a serial number.
+constexpr size_t kLongestSerial = 15;
+// A trigger waits for the next multiple of it.
+constexpr guint32 kFramePeriodMicroseconds = 10'000;
+
+struct Unref {
+  void operator()(gpointer object) const { g_object_unref(object); }
+};
+
+// What a camera's thread needs to make an image.
+struct Filling {
+  ServedViews* views;
+  size_t view;
+  size_t bytes;
+};
+
+// Called by the camera's thread, which answers no command meanwhile.
+void Fill(ArvBuffer* buffer, void* data, guint32 /*exposure*/, guint32 /*gain*/, ArvPixelFormat) {
+  const auto* filling = static_cast<const Filling*>(data);
+  size_t unused = 0;
+  // The buffer's bytes: it has room for the image that its registers describe.
+  auto* pixels = static_cast<uint8_t*>(const_cast<void*>(arv_buffer_get_data(buffer, &unused)));
+  const std::vector<uint8_t> grey = GreyPixels(filling->views->Take(filling->view));
+  std::copy_n(grey.begin(), std::min(grey.size(), filling->bytes), pixels);
+}
+
+class ArvGigeCameras : public GigeCameras {
+ public:
+  absl::Status Add(ServedViews& views, size_t view) {
+    const SimulatedView& shown = views.views()[view];
+    const std::string address = absl::StrCat("127.0.0.", view + 1);
+    std::unique_ptr<ArvGvFakeCamera, Unref> camera(
+        arv_gv_fake_camera_new(address.c_str(), shown.name.c_str()));
+    if (camera == nullptr || !arv_gv_fake_camera_is_running(camera.get())) {
+      return absl::FailedPreconditionError(absl::StrCat(
+          "no GigE Vision camera can be at ", address, "; give the machine the address with 'ip ",
+          "address add ", address, "/8 dev lo', and end what else is at its port 3956"));
+    }
+    ArvFakeCamera* registers = arv_gv_fake_camera_get_fake_camera(camera.get());
+    const auto width = static_cast<guint32>(shown.image_width);
+    const auto height = static_cast<guint32>(shown.image_height);
+    arv_fake_camera_write_register(registers, ARV_FAKE_CAMERA_REGISTER_SENSOR_WIDTH, width);
+    arv_fake_camera_write_register(registers, ARV_FAKE_CAMERA_REGISTER_SENSOR_HEIGHT, height);
+    arv_fake_camera_write_register(registers, ARV_FAKE_CAMERA_REGISTER_WIDTH, width);
+    arv_fake_camera_write_register(registers, ARV_FAKE_CAMERA_REGISTER_HEIGHT, height);
+    arv_fake_camera_write_register(registers, ARV_FAKE_CAMERA_REGISTER_ACQUISITION_FRAME_PERIOD_US,
+                                   kFramePeriodMicroseconds);
+    fillings_.push_back(std::make_unique<Filling>(
+        Filling{&views, view, static_cast<size_t>(width) * static_cast<size_t>(height)}));
+    arv_fake_camera_set_fill_pattern(registers, Fill, fillings_.back().get());
+    cameras_.push_back(std::move(camera));
+    addresses_.push_back(address);
+    return absl::OkStatus();
+  }
+
+  void LosePackets(double share) override {
+    for (const auto& camera : cameras_) {
+      g_object_set(camera.get(), "gvsp-lost-ratio", share, nullptr);
+    }
+  }
+
+  std::vector<std::string> addresses() const override { return addresses_; }
+
+ private:
+  std::vector<std::string> addresses_;
+  std::vector<std::unique_ptr<Filling>> fillings_;  // outlive the cameras
+  std::vector<std::unique_ptr<ArvGvFakeCamera, Unref>> cameras_;
+};
+
+}  // namespace
+
+absl::StatusOr<std::unique_ptr<GigeCameras>> GigeCameras::Start(ServedViews& views) {
+  auto cameras = std::make_unique<ArvGigeCameras>();
+  for (size_t v = 0; v < views.views().size(); ++v) {
+    const std::string& name = views.views()[v].name;
+    if (name.size() > kLongestSerial) {
+      return absl::InvalidArgumentError(
+          absl::StrCat("the view '", name, "' cannot be a GigE Vision camera: its name is the ",
+                       "serial number, which has at most ", kLongestSerial, " characters"));
+    }
+    if (absl::Status status = cameras->Add(views, v); !status.ok()) return status;
+  }
+  return cameras;
+}
+
+}  // namespace silhouette

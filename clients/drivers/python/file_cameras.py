@@ -1,0 +1,79 @@
+#!/usr/bin/env python3
+"""A CameraDriverService in Python: each camera shows a file, as it is when it is asked for.
+
+An example to begin a driver of your own with: replace the class FileCamera. In cell.yaml:
+
+    source: {grpc: "127.0.0.1:50060"}
+
+    protoc -I proto --python_out=build/python --grpc_out=build/python \\
+        --plugin=protoc-gen-grpc=$(which grpc_python_plugin) proto/silhouette/v1/camera_driver.proto
+    PYTHONPATH=build/python /usr/bin/python3 file_cameras.py --size 640x480 top=top.png front=front.png
+"""
+
+import argparse
+from concurrent import futures
+
+import grpc
+from silhouette.v1 import camera_driver_pb2, camera_driver_pb2_grpc
+
+
+class FileCamera:
+    """Replace its two methods by what your camera's library does."""
+
+    def __init__(self, path):
+        self.path = path
+
+    def trigger(self):
+        """Asks for an image and does not wait for it."""
+
+    def wait(self):
+        """The image that was asked for, as the bytes of a PNG or JPEG file."""
+        with open(self.path, "rb") as file:
+            return file.read()
+
+
+class CameraDriver(camera_driver_pb2_grpc.CameraDriverServiceServicer):
+    def __init__(self, cameras, width, height):
+        self.cameras = cameras
+        self.size = {"width": width, "height": height}
+
+    def GetCameras(self, request, context):
+        return camera_driver_pb2.GetCamerasResponse(
+            cameras=[camera_driver_pb2.DriverCamera(name=name, **self.size) for name in self.cameras])
+
+    def Grab(self, request, context):
+        for name in request.cameras:
+            if name not in self.cameras:
+                context.abort(grpc.StatusCode.NOT_FOUND, f"there is no camera '{name}'")
+        response = camera_driver_pb2.GrabResponse()
+        for name in request.cameras:  # all of them, before any is waited for
+            self.cameras[name].trigger()
+        for name in request.cameras:
+            try:
+                response.images.add(encoded=self.cameras[name].wait())
+            except OSError as error:
+                context.abort(grpc.StatusCode.UNAVAILABLE, f"the camera '{name}': {error}")
+        # Without a capture_time the beginning of the call counts. State it if your camera knows:
+        # response.images[0].capture_time.FromNanoseconds(time.time_ns())
+        return response
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("cameras", nargs="+", help="name=file, e.g. top=top.png")
+    parser.add_argument("--size", required=True, help="of the images, e.g. 640x480")
+    parser.add_argument("--port", type=int, default=50060, help="at 127.0.0.1; 0: a free one")
+    arguments = parser.parse_args()
+    width, height = map(int, arguments.size.split("x"))
+    cameras = {name: FileCamera(path) for name, path in (c.split("=", 1) for c in arguments.cameras)}
+    server = grpc.server(futures.ThreadPoolExecutor(max_workers=2))
+    camera_driver_pb2_grpc.add_CameraDriverServiceServicer_to_server(
+        CameraDriver(cameras, width, height), server)
+    port = server.add_insecure_port(f"127.0.0.1:{arguments.port}")
+    server.start()
+    print(f"serving {', '.join(cameras)} at 127.0.0.1:{port}", flush=True)
+    server.wait_for_termination()
+
+
+if __name__ == "__main__":
+    main()

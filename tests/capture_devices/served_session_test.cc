@@ -1,0 +1,129 @@
+// A session of silhouette-capture over GigE Vision cameras, as its user runs it.
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <poll.h>
+
+#include <csignal>
+#include <filesystem>
+#include <nlohmann/json.hpp>
+
+#include "tests/capture/program_cell.h"
+#include "tests/capture_devices/own_network.h"
+
+namespace silhouette {
+namespace {
+
+using testing::AllOf;
+using testing::HasSubstr;
+using testing::SizeIs;
+
+// Before there are any threads.
+const bool kOwnNetwork = EnterOwnNetwork(2);
+
+// silhouette-sim serve, for as long as it lives.
+class Served {
+ public:
+  Served(const std::string& cell, const std::vector<std::string>& more) {
+    const std::string program = std::string(SILHOUETTE_BIN_DIR) + "/silhouette-sim";
+    std::vector<std::string> words = {program, "serve", "--cell", cell, "--format", "json"};
+    words.insert(words.end(), more.begin(), more.end());
+    std::vector<char*> argv;
+    for (std::string& word : words) argv.push_back(word.data());
+    argv.push_back(nullptr);
+    int ends[2];
+    EXPECT_EQ(pipe(ends), 0);
+    child_ = fork();
+    if (child_ == 0) {
+      dup2(ends[1], STDOUT_FILENO);
+      close(ends[0]);
+      execv(program.c_str(), argv.data());
+      _exit(127);
+    }
+    close(ends[1]);
+    // It says where its devices are as soon as they can be reached.
+    std::string line;
+    for (char c = 0; read(ends[0], &c, 1) == 1 && c != '\n';) line += c;
+    close(ends[0]);
+    told_ = nlohmann::json::parse(line, nullptr, /*allow_exceptions=*/false);
+    EXPECT_FALSE(told_.is_discarded()) << line;
+  }
+  ~Served() { End(); }
+
+  const nlohmann::json& told() const { return told_; }
+
+  void End() {
+    if (child_ == 0) return;
+    kill(child_, SIGKILL);
+    waitpid(child_, nullptr, 0);
+    child_ = 0;
+  }
+
+ private:
+  pid_t child_ = 0;
+  nlohmann::json told_;
+};
+
+class ServedSession : public testing::Test {
+ protected:
+  void SetUp() override {
+    if (!kOwnNetwork) GTEST_SKIP() << "the system lets a test have no network of its own";
+    cell_.WriteCell({{"name: top, source: sim", "name: top, source: {gige: {serial: top}}"},
+                     {"name: front, source: sim", "name: front, source: {gige: {serial: front}}"},
+                     {"settle: 5 ms", "settle: 30 ms"}});
+  }
+
+  void TakeReferences() {
+    const Served empty(cell_.cell(), {"--cameras", "gige", "--without-robot"});
+    cell_.TakeReferences();
+  }
+
+  // Waits until the database has at least `records`.
+  void WaitForRecords(uint64_t records) const {
+    for (int i = 0; i < 6000 && cell_.Records() < records; ++i) {
+      absl::SleepFor(absl::Milliseconds(5));
+    }
+  }
+
+  ProgramCell cell_;
+};
+
+TEST_F(ServedSession, CamerasAreListedAndShowTheCell) {
+  const Served served(cell_.cell(), {"--cameras", "gige"});
+  EXPECT_EQ(served.told()["cameras"][1]["serial"], "front");
+  EXPECT_EQ(served.told()["cameras"][1]["address"], "127.0.0.2");
+  const Outcome outcome = cell_.Run({"cameras", "--cell", cell_.cell(), "--out", cell_ / "pictures",
+                                     "--sets", "5", "--format", "json"});
+  ASSERT_EQ(outcome.exit_code, 0) << outcome.err;
+  const auto json = nlohmann::json::parse(outcome.out);
+  EXPECT_EQ(json["found"][0]["serial"], "front");
+  EXPECT_EQ(json["found"][1]["serial"], "top");
+  EXPECT_EQ(json["complete"], 5);
+  for (const auto& view : json["views"]) {
+    EXPECT_EQ(view["taken"], 5);
+    EXPECT_EQ(view["width"], 160);
+    EXPECT_TRUE(std::filesystem::exists(view["picture"].get<std::string>()));
+  }
+  EXPECT_TRUE(std::filesystem::exists(cell_ / "pictures/all.png"));
+}
+
+TEST_F(ServedSession, EndsSafelyWhenTheCamerasGoAwayAndGoesOnWhenTheyAreBack) {
+  TakeReferences();
+  Served served(cell_.cell(), {"--cameras", "gige"});
+  const pid_t run = cell_.Start(cell_.Arguments("run"));
+  WaitForRecords(3);
+  served.End();
+  const Outcome outcome = cell_.Wait(run);
+  EXPECT_EQ(outcome.exit_code, 3);
+  EXPECT_THAT(outcome.err, AllOf(HasSubstr("the camera of the view 'top': "),
+                                 HasSubstr("what was captured is stored; go on with: ")));
+  const uint64_t stored = cell_.Records();
+  EXPECT_GE(stored, 3u);
+  EXPECT_LT(stored, 45u);
+  const Served again(cell_.cell(), {"--cameras", "gige"});
+  const Outcome rest = cell_.Run(cell_.Arguments("run"));
+  EXPECT_EQ(rest.exit_code, 0) << rest.err;
+  EXPECT_THAT(cell_.Content(), SizeIs(45));
+}
+
+}  // namespace
+}  // namespace silhouette
