@@ -63,13 +63,22 @@ class Served {
   nlohmann::json told_;
 };
 
+// How many pixels differ.
+size_t Differing(const Mask& a, const Mask& b) { return ((a - b) | (b - a)).Count(); }
+
 class ServedSession : public testing::Test {
  protected:
   void SetUp() override {
     if (!kOwnNetwork) GTEST_SKIP() << "the system lets a test have no network of its own";
-    cell_.WriteCell({{"name: top, source: sim", "name: top, source: {gige: {serial: top}}"},
-                     {"name: front, source: sim", "name: front, source: {gige: {serial: front}}"},
-                     {"settle: 5 ms", "settle: 30 ms"}});
+    WriteCell({});
+  }
+
+  void WriteCell(std::vector<std::pair<std::string, std::string>> more) {
+    more.insert(more.end(),
+                {{"name: top, source: sim", "name: top, source: {gige: {serial: top}}"},
+                 {"name: front, source: sim", "name: front, source: {gige: {serial: front}}"},
+                 {"settle: 5 ms", "settle: 30 ms\n  joint_speed: 20"}});
+    cell_.WriteCell(more);
   }
 
   void TakeReferences() {
@@ -104,6 +113,27 @@ TEST_F(ServedSession, CamerasAreListedAndShowTheCell) {
     EXPECT_TRUE(std::filesystem::exists(view["picture"].get<std::string>()));
   }
   EXPECT_TRUE(std::filesystem::exists(cell_ / "pictures/all.png"));
+}
+
+TEST_F(ServedSession, RobotAndCamerasOfTheNetworkGiveTheRobotImagesOfTheCell) {
+  const ProgramCell in_process;
+  in_process.CaptureAll();
+  const auto expected = in_process.Content();
+  WriteCell({{"driver: sim",
+              "driver: {simple_message: {host: 127.0.0.1, byte_order: little, joints: [joint_1, "
+              "joint_2, joint_3, joint_4, joint_5, joint_6]}}"}});
+  TakeReferences();
+  const Served served(cell_.cell(), {"--cameras", "gige", "--robot", "simple_message"});
+  const Outcome outcome = cell_.Run(cell_.Arguments("run"));
+  ASSERT_EQ(outcome.exit_code, 0) << outcome.err;
+  const auto content = cell_.Content();
+  ASSERT_EQ(content.size(), expected.size());
+  for (const auto& [number, image] : content) {
+    for (size_t v = 0; v < image.masks.size(); ++v) {
+      // The joints' values come as numbers of 32 bits.
+      EXPECT_LE(Differing(image.masks[v], expected.at(number).masks[v]), 3u) << number << ", " << v;
+    }
+  }
 }
 
 TEST_F(ServedSession, EndsSafelyWhenTheCamerasGoAwayAndGoesOnWhenTheyAreBack) {
