@@ -33,7 +33,23 @@ struct SimpleMessageSettings {
   absl::Duration timeout = absl::Seconds(1);
 };
 
+// Somebody's driver behind the RobotDriverService of proto/silhouette/v1/robot_driver.proto.
+struct GrpcRobotSettings {
+  std::string address = {};  // host:port, or unix:path
+  // Longest time without an answer.
+  absl::Duration timeout = absl::Seconds(1);
+};
+
+// A person moves the robot where he is told to.
+struct ManualRobotSettings {
+  // He types where it is; else he may just confirm that it is where it should be.
+  bool typed = false;
+  // Or what its joints are read from; first: nothing.
+  std::variant<std::monostate, SimpleMessageSettings, GrpcRobotSettings> read = {};
+};
+
 // Who moves the robot; first: nobody.
-using RobotDriver = std::variant<std::monostate, SimulatedRobotDriver, SimpleMessageSettings>;
+using RobotDriver = std::variant<std::monostate, SimulatedRobotDriver, SimpleMessageSettings,
+                                 GrpcRobotSettings, ManualRobotSettings>;
 
 }  // namespace silhouette

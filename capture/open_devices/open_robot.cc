@@ -1,11 +1,18 @@
 #include "capture/open_devices/open_robot.h"
 
+#include <algorithm>
+#include <string>
 #include <utility>
 #include <variant>
+#include <vector>
 
 #include "absl/strings/str_cat.h"
+#include "calib/robot_model.h"
 #include "capture/drivers/feedback_robot.h"
+#include "capture/drivers/grpc_robot_link.h"
+#include "capture/drivers/manual_robot.h"
 #include "capture/drivers/simple_message_link.h"
+#include "capture/drivers/terminal_operator.h"
 
 namespace silhouette {
 namespace {
@@ -26,6 +33,23 @@ absl::StatusOr<std::unique_ptr<Robot>> FeedbackRobotOf(absl::StatusOr<Link> link
   return std::make_unique<FeedbackRobot>(*std::move(link), limits);
 }
 
+// The joints of a robot that is told by a person: of its model, else those that the file names.
+absl::StatusOr<std::vector<ManualJoint>> ManualJointsOf(const Cell& cell) {
+  std::vector<ManualJoint> joints;
+  if (cell.robot.urdf.empty()) {
+    for (const GridJoint& joint : cell.grid.joints()) joints.push_back({.name = joint.name});
+    for (const FixedJoint& joint : cell.fixed_joints) joints.push_back({.name = joint.name});
+    return joints;
+  }
+  const absl::StatusOr<RobotModel> model =
+      RobotModel::FromUrdf(cell.robot.urdf, cell.robot.package_paths);
+  if (!model.ok()) return model.status();
+  for (const RobotJoint& joint : model->joints()) {
+    joints.push_back({.name = joint.name, .prismatic = joint.type == JointType::kPrismatic});
+  }
+  return joints;
+}
+
 // Opens each kind of robot.
 struct Opener {
   using Result = absl::StatusOr<std::unique_ptr<Robot>>;
@@ -43,6 +67,28 @@ struct Opener {
   }
   Result operator()(const SimpleMessageSettings& settings) const {
     return FeedbackRobotOf(SimpleMessageLink::Connect(settings), LimitsOf(cell, settings.timeout));
+  }
+  Result operator()(const GrpcRobotSettings& settings) const {
+    return FeedbackRobotOf(ConnectGrpcRobot(settings), LimitsOf(cell, settings.timeout));
+  }
+  Result operator()(const ManualRobotSettings& settings) const {
+    absl::StatusOr<std::vector<ManualJoint>> joints = ManualJointsOf(cell);
+    if (!joints.ok()) return joints.status();
+    if (std::holds_alternative<std::monostate>(settings.read)) {
+      return std::make_unique<ManualRobot>(
+          *std::move(joints), OperatorAtTerminal(),
+          settings.typed ? ManualRobot::Reading::kTyped : ManualRobot::Reading::kConfirmed);
+    }
+    auto reader = std::visit(*this, settings.read);
+    if (!reader.ok()) return reader.status();
+    std::vector<ManualJoint> in_its_order;
+    for (const std::string& name : (*reader)->joints()) {
+      const auto joint = std::find_if(joints->begin(), joints->end(),
+                                      [&](const ManualJoint& known) { return known.name == name; });
+      in_its_order.push_back(joint == joints->end() ? ManualJoint{.name = name} : *joint);
+    }
+    return std::make_unique<ManualRobot>(std::move(in_its_order), OperatorAtTerminal(),
+                                         *std::move(reader), cell.capture.joint_tolerance);
   }
 };
 

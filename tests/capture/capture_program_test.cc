@@ -183,7 +183,7 @@ TEST_F(CaptureProgram, CellWithoutDevicesIsToldWhatToPutWhere) {
   cell_.WriteCell({{"  driver: sim\n", ""}});
   ExpectMistake(cell_.Run(cell_.Arguments("run")), "put 'driver: sim' into 'robot'");
   cell_.WriteCell({{"driver: sim", "driver: staubli"}});
-  ExpectMistake(cell_.Run(cell_.Arguments("run")), "known are 'sim' and 'simple_message: {...}'");
+  ExpectMistake(cell_.Run(cell_.Arguments("run")), "known are 'sim', 'manual', 'simple_message");
   cell_.WriteCell({{"name: front, source: sim", "name: front"}});
   ExpectMistake(cell_.Run(cell_.Arguments("run")),
                 "the view 'front' has no source of images; put 'source: sim' into it");

@@ -201,6 +201,26 @@ TEST(Cell, RobotIsDrivenByNobodyOrAsTheFileSays) {
   EXPECT_EQ(std::get<SimpleMessageSettings>(all->robot.driver).timeout, absl::Milliseconds(250));
 }
 
+TEST(Cell, RobotIsMovedByHandOrBySomebodysDriver) {
+  auto cell = Load(Driven("manual"));
+  ASSERT_TRUE(cell.ok()) << cell.status();
+  EXPECT_FALSE(std::get<ManualRobotSettings>(cell->robot.driver).typed);
+  cell = Load(Driven("{manual: {joints: typed}}"));
+  ASSERT_TRUE(cell.ok()) << cell.status();
+  EXPECT_TRUE(std::get<ManualRobotSettings>(cell->robot.driver).typed);
+  cell = Load(Driven("{manual: {read: {grpc: {address: \"a:1\"}}}}"));
+  ASSERT_TRUE(cell.ok()) << cell.status();
+  const auto& manual = std::get<ManualRobotSettings>(cell->robot.driver);
+  EXPECT_EQ(std::get<GrpcRobotSettings>(manual.read).address, "a:1");
+  cell = Load(Driven("{grpc: {address: \"robot:50061\", timeout: 2 s}}"));
+  ASSERT_TRUE(cell.ok()) << cell.status();
+  EXPECT_EQ(std::get<GrpcRobotSettings>(cell->robot.driver).timeout, absl::Seconds(2));
+  EXPECT_THAT(MessageOf(Driven("grpc")), HasSubstr("say 'grpc: {address"));
+  EXPECT_THAT(MessageOf(Driven("{grpc: {}}")), HasSubstr("address"));
+  EXPECT_THAT(MessageOf(Driven("{manual: {read: {}}}")), HasSubstr("is expected"));
+  EXPECT_THAT(MessageOf(Driven("{manual: {joints: guessed}}")), HasSubstr("'typed' or"));
+}
+
 TEST(Cell, WrongDriverIsToldWithTheMend) {
   EXPECT_THAT(MessageOf(Driven("staubli")), HasSubstr("'staubli' is not known; known are 'sim'"));
   EXPECT_THAT(MessageOf(Driven("simple_message")), HasSubstr("say at least"));

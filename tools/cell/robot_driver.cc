@@ -10,6 +10,8 @@ namespace {
 // What a driver is called in the file.
 constexpr char kSim[] = "sim";
 constexpr char kSimpleMessage[] = "simple_message";
+constexpr char kGrpc[] = "grpc";
+constexpr char kManual[] = "manual";
 
 // Whether the word is the first of the two that it may be.
 bool IsFirst(const YamlNode& node, const std::string& first, const std::string& second) {
@@ -72,13 +74,45 @@ SimpleMessageSettings ReadSimpleMessage(const YamlNode& node) {
   return settings;
 }
 
+GrpcRobotSettings ReadGrpc(const YamlNode& node) {
+  YamlMap map(node);
+  GrpcRobotSettings settings;
+  settings.address = map.Get<std::string>("address");
+  settings.timeout = Timeout(map, settings.timeout);
+  map.Finish();
+  return settings;
+}
+
+ManualRobotSettings ReadManual(const YamlNode& node) {
+  YamlMap map(node);
+  ManualRobotSettings settings;
+  const auto joints = map.Optional("joints");
+  if (joints) settings.typed = IsFirst(*joints, "typed", "confirmed");
+  const auto read = map.Optional("read");
+  map.Finish();
+  if (!read) return settings;
+  if (joints) joints->Fail("it goes with no 'read', by which the joints are read");
+  YamlMap reader(*read);
+  const auto simple_message = reader.Optional(kSimpleMessage);
+  const auto grpc = reader.Optional(kGrpc);
+  reader.Finish();
+  if (simple_message.has_value() == grpc.has_value()) {
+    read->Fail("'simple_message: {...}' or 'grpc: {...}' is expected");
+  }
+  if (simple_message) settings.read = ReadSimpleMessage(*simple_message);
+  if (grpc) settings.read = ReadGrpc(*grpc);
+  return settings;
+}
+
 }  // namespace
 
 RobotDriver ReadRobotDriver(const YamlNode& node) {
-  const std::string known = "known are 'sim' and 'simple_message: {...}'";
+  const std::string known = "known are 'sim', 'manual', 'simple_message: {...}' and 'grpc: {...}'";
   if (!node.IsMap()) {
     const std::string name = node.As<std::string>();
     if (name == kSim) return SimulatedRobotDriver{};
+    if (name == kManual) return ManualRobotSettings{};
+    if (name == kGrpc) node.Fail("say 'grpc: {address: HOST:PORT}'");
     if (name == kSimpleMessage)
       node.Fail("say at least 'simple_message: {host, byte_order, joints}'");
     node.Fail("the driver '" + name + "' is not known; " + known);
@@ -87,6 +121,8 @@ RobotDriver ReadRobotDriver(const YamlNode& node) {
   const std::vector<std::string> keys = map.Keys();
   if (keys.size() != 1) node.Fail("one driver is expected; " + known);
   if (keys[0] == kSimpleMessage) return ReadSimpleMessage(map.Required(kSimpleMessage));
+  if (keys[0] == kGrpc) return ReadGrpc(map.Required(kGrpc));
+  if (keys[0] == kManual) return ReadManual(map.Required(kManual));
   node.Fail("the driver '" + keys[0] + "' is not known; " + known);
 }
 

@@ -14,6 +14,7 @@
 #include "capture/sim/program/commands.h"
 #include "capture/sim/program/serve_cameras.h"
 #include "capture/sim/program/workplace.h"
+#include "capture/sim/served/grpc_robot_server.h"
 #include "capture/sim/served/simple_message_server.h"
 #include "capture/sim/served/simulated_controller.h"
 #include "capture/travel.h"
@@ -25,6 +26,8 @@ namespace {
 
 constexpr char kProgram[] = "silhouette-sim serve";
 constexpr char kSimpleMessage[] = "simple_message";
+constexpr char kGrpc[] = "grpc";
+constexpr int kGrpcPort = 50061;
 
 struct Arguments {
   WorkplaceArguments workplace;
@@ -59,7 +62,9 @@ absl::StatusOr<Address> AddressOf(const std::string& text) {
 // The robot of a cell as a controller on the network.
 struct ServedRobot {
   std::unique_ptr<SimulatedController> controller;
-  std::unique_ptr<SimpleMessageServer> server;  // ends before the controller
+  // One of them; ends before the controller.
+  std::unique_ptr<SimpleMessageServer> simple_message;
+  std::unique_ptr<GrpcRobotServer> grpc;
   nlohmann::ordered_json told;
 };
 
@@ -84,14 +89,28 @@ absl::StatusOr<ServedRobot> ServeSimpleMessage(const Workplace& workplace, const
                                             : 0;
   auto server = SimpleMessageServer::Start(*robot.controller, settings);
   if (!server.ok()) return server.status();
-  robot.server = *std::move(server);
+  robot.simple_message = *std::move(server);
   robot.told = {
       {"driver", kSimpleMessage},
       {"host", settings.host},
-      {"motion_port", robot.server->motion_port()},
-      {"state_port", robot.server->state_port()},
+      {"motion_port", robot.simple_message->motion_port()},
+      {"state_port", robot.simple_message->state_port()},
       {"byte_order", named.byte_order == simple_message::ByteOrder::kBig ? "big" : "little"},
       {"joints", robot.controller->joints()}};
+  return robot;
+}
+
+absl::StatusOr<ServedRobot> ServeGrpc(const Address& address,
+                                      const std::shared_ptr<SimulatedCell>& simulation) {
+  ServedRobot robot;
+  robot.controller = std::make_unique<SimulatedController>(simulation);
+  auto server = GrpcRobotServer::Start(
+      *robot.controller, absl::StrCat(address.host, ":", address.port.value_or(kGrpcPort)));
+  if (!server.ok()) return server.status();
+  robot.grpc = *std::move(server);
+  robot.told = {{"driver", kGrpc},
+                {"address", robot.grpc->address()},
+                {"joints", robot.controller->joints()}};
   return robot;
 }
 
@@ -127,8 +146,9 @@ absl::Status Serve(const Arguments& arguments) {
 
   nlohmann::ordered_json served;
   std::optional<ServedRobot> robot;
-  if (arguments.robot == kSimpleMessage) {
-    auto started = ServeSimpleMessage(*workplace, *address, simulation);
+  if (!arguments.robot.empty()) {
+    auto started = arguments.robot == kGrpc ? ServeGrpc(*address, simulation)
+                                            : ServeSimpleMessage(*workplace, *address, simulation);
     if (!started.ok()) return started.status();
     robot = *std::move(started);
     served["robot"] = robot->told;
@@ -164,12 +184,14 @@ void AddServeCommand(CLI::App& program, Run& run) {
   AddWorkplaceOptions(*command, arguments->workplace, false);
   command
       ->add_option("--robot", arguments->robot,
-                   "What the robot's controller speaks: simple_message (ROS-Industrial)")
-      ->check(CLI::IsMember({kSimpleMessage}));
+                   "What the robot's controller speaks: simple_message (ROS-Industrial), or\n"
+                   "grpc (RobotDriverService)")
+      ->check(CLI::IsMember({kSimpleMessage, kGrpc}));
   command->add_option(
       "--robot-address", arguments->robot_address,
       "Where it listens, e.g. 127.0.0.1:11000: simple_message there for motion and two ports\n"
-      "further for the state; port 0: free ones. Default: 127.0.0.1, the ports of the cell's file");
+      "further for the state; port 0: free ones. Default: 127.0.0.1, and the ports of the cell's\n"
+      "file, or 50061 for grpc");
   command
       ->add_option(
           "--cameras", arguments->cameras,
