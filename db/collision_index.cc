@@ -96,7 +96,7 @@ CollisionIndex::Entry& CollisionIndex::EntryOf(uint64_t tile) {
 // Takes down what is stored for which tile.
 absl::Status CollisionIndex::ReadHeads() {
   Environment& environment = snapshot_->impl_->environment();
-  const std::optional<MDB_dbi> database = environment.FindCollisionIndex();
+  const std::optional<MDB_dbi> database = environment.Find(OptionalSubDatabase::kCollisionIndex);
   if (!database) return absl::OkStatus();
   MDB_txn* transaction = snapshot_->impl_->transaction.get();
   const auto hold = environment.HoldMap();

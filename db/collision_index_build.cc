@@ -303,7 +303,8 @@ absl::StatusOr<IndexBuildReport> IndexBuild::Run(Database& database,
     return absl::FailedPreconditionError(
         absl::StrCat("database '", state.path, "' is open for reading only"));
   }
-  const absl::StatusOr<MDB_dbi> collision_index = state.environment->MakeCollisionIndex();
+  const absl::StatusOr<MDB_dbi> collision_index =
+      state.environment->Make(OptionalSubDatabase::kCollisionIndex);
   if (!collision_index.ok()) return collision_index.status();
   IndexBuild build(state, options, *collision_index);
   if (absl::Status status = build.FindTiles(); !status.ok()) return status;

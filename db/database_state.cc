@@ -56,6 +56,14 @@ absl::StatusOr<storage::v1::ProvenanceLog> ReadProvenance(const Environment& env
   return log;
 }
 
+absl::Status AddProvenance(const Environment& environment, WriteTransaction& transaction,
+                           const storage::v1::Provenance& entry) {
+  absl::StatusOr<storage::v1::ProvenanceLog> log = ReadProvenance(environment, transaction.get());
+  if (!log.ok()) return log.status();
+  *log->add_entries() = entry;
+  return WriteMeta(environment, transaction, schema::kProvenanceKey, log->SerializeAsString());
+}
+
 storage::v1::Provenance NewProvenance(absl::Time time, const std::string& program,
                                       uint64_t robot_images) {
   storage::v1::Provenance entry;
@@ -65,6 +73,36 @@ storage::v1::Provenance NewProvenance(absl::Time time, const std::string& progra
   entry.set_program(program);
   entry.set_robot_images(robot_images);
   return entry;
+}
+
+absl::Status CheckFits(const DatabaseState& state, const RobotImage& image) {
+  const std::string name = absl::StrCat("robot image ", image.number);
+  if (!state.grid.Contains(image.number)) {
+    return absl::InvalidArgumentError(name + ": the grid has no configuration of this number");
+  }
+  const size_t views = image.excluded ? 0 : state.mask_sizes.size();
+  if (image.masks.size() != views) {
+    return absl::InvalidArgumentError(
+        absl::StrCat(name, ": it has ", image.masks.size(), " masks and should have ", views));
+  }
+  for (size_t i = 0; i < views; ++i) {
+    const MaskSize expected = state.mask_sizes[i];
+    const MaskSize actual = image.masks[i].size();
+    if (actual != expected) {
+      return absl::InvalidArgumentError(absl::StrCat(
+          name, ": view '", state.cell.views(static_cast<int>(i)).name(), "' has masks of ",
+          expected.width, "x", expected.height, ", not ", actual.width, "x", actual.height));
+    }
+  }
+  const size_t joints =
+      static_cast<size_t>(state.grid.dimensions() + state.cell.fixed_joints_size());
+  for (const auto* values : {&image.commanded, &image.measured}) {
+    if (!values->empty() && values->size() != joints) {
+      return absl::InvalidArgumentError(absl::StrCat(
+          name, ": it has ", values->size(), " joint values, the cell has ", joints, " joints"));
+    }
+  }
+  return absl::OkStatus();
 }
 
 }  // namespace silhouette

@@ -33,6 +33,9 @@ struct DatabaseState {
   std::atomic<bool> has_writer = false;
 };
 
+// Whether a record fits the cell; InvalidArgument as RobotImageWriter::Put says.
+absl::Status CheckFits(const DatabaseState& state, const RobotImage& image);
+
 // The payload of `key` in `meta`; nothing if there is none. DataLoss if its checksum does not hold.
 // The caller holds the map.
 absl::StatusOr<std::optional<std::string>> ReadMeta(const Environment& environment,
@@ -49,6 +52,9 @@ absl::Status RaiseGeneration(const Environment& environment, WriteTransaction& t
 
 absl::StatusOr<storage::v1::ProvenanceLog> ReadProvenance(const Environment& environment,
                                                           MDB_txn* transaction);
+
+absl::Status AddProvenance(const Environment& environment, WriteTransaction& transaction,
+                           const storage::v1::Provenance& entry);
 
 storage::v1::Provenance NewProvenance(absl::Time time, const std::string& program,
                                       uint64_t robot_images);

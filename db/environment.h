@@ -6,6 +6,7 @@
 
 #include <lmdb.h>
 
+#include <array>
 #include <atomic>
 #include <functional>
 #include <memory>
@@ -84,6 +85,10 @@ class WriteTransaction {
   bool map_full_ = false;
 };
 
+// Sub-databases that may be absent.
+enum class OptionalSubDatabase : uint8_t { kCollisionIndex, kRawImages };
+inline constexpr size_t kOptionalSubDatabases = 2;
+
 class Environment : public std::enable_shared_from_this<Environment> {
  public:
   using Change = std::function<absl::Status(WriteTransaction&)>;
@@ -106,11 +111,11 @@ class Environment : public std::enable_shared_from_this<Environment> {
   MDB_dbi meta() const { return meta_; }
   MDB_dbi robot_images() const { return robot_images_; }
 
-  // The sub-database `collision_index`; nothing while there is none. A transaction that was begun
-  // before this was first called may not know it: EINVAL.
-  std::optional<MDB_dbi> FindCollisionIndex();
-  // Makes it if it is not there. Only for the holder of the WriterLock.
-  absl::StatusOr<MDB_dbi> MakeCollisionIndex();
+  // Nothing while there is none. A transaction that was begun before this was first called may not
+  // know it: EINVAL.
+  std::optional<MDB_dbi> Find(OptionalSubDatabase which);
+  // Makes it if it is not there. Only for the holder of the WriterLock; not within Update().
+  absl::StatusOr<MDB_dbi> Make(OptionalSubDatabase which);
 
   // Whether permissions allow nothing but reading.
   bool read_only() const { return read_only_; }
@@ -153,8 +158,8 @@ class Environment : public std::enable_shared_from_this<Environment> {
   int readers_guard_ = -1;  // keeps writers out where a reader cannot register itself
   MDB_dbi meta_ = 0;
   MDB_dbi robot_images_ = 0;
-  std::atomic<MDB_dbi> collision_index_ = 0;  // 0: not opened yet
-  std::mutex collision_index_mutex_;
+  std::array<std::atomic<MDB_dbi>, kOptionalSubDatabases> optional_ = {};  // 0: not opened yet
+  std::mutex optional_mutex_;
   std::mutex update_mutex_;
   std::shared_mutex map_mutex_;
 };

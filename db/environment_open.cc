@@ -86,6 +86,11 @@ absl::Status CheckHead(const std::string& path) {
   return absl::OkStatus();
 }
 
+const char* NameOf(OptionalSubDatabase which) {
+  return which == OptionalSubDatabase::kCollisionIndex ? schema::kCollisionIndex
+                                                       : schema::kRawImages;
+}
+
 }  // namespace
 
 absl::StatusOr<std::shared_ptr<Environment>> Environment::Create(const std::string& folder,
@@ -222,38 +227,39 @@ absl::Status Environment::OpenSubDatabases() {
   return code == 0 ? absl::OkStatus() : ReadError(code);
 }
 
-std::optional<MDB_dbi> Environment::FindCollisionIndex() {
-  if (const MDB_dbi open = collision_index_; open != 0) return open;
+std::optional<MDB_dbi> Environment::Find(OptionalSubDatabase which) {
+  std::atomic<MDB_dbi>& opened = optional_[static_cast<size_t>(which)];
+  if (const MDB_dbi open = opened; open != 0) return open;
   // LMDB wants sub-databases to be opened by one transaction at a time.
-  const std::lock_guard lock(collision_index_mutex_);
-  if (const MDB_dbi open = collision_index_; open != 0) return open;
+  const std::lock_guard lock(optional_mutex_);
+  if (const MDB_dbi open = opened; open != 0) return open;
   MDB_txn* transaction = nullptr;
   if (BeginReading(&transaction) != 0) return std::nullopt;
   const MapHold hold = HoldMap();
   MDB_dbi database = 0;
   unsigned flags = 0;
-  if (mdb_dbi_open(transaction, schema::kCollisionIndex, 0, &database) != 0 ||
+  if (mdb_dbi_open(transaction, NameOf(which), 0, &database) != 0 ||
       mdb_dbi_flags(transaction, database, &flags) != 0 || flags != 0) {
     mdb_txn_abort(transaction);
     return std::nullopt;
   }
   if (mdb_txn_commit(transaction) != 0) return std::nullopt;
-  collision_index_ = database;
+  opened = database;
   return database;
 }
 
-absl::StatusOr<MDB_dbi> Environment::MakeCollisionIndex() {
-  if (const std::optional<MDB_dbi> found = FindCollisionIndex()) return *found;
-  const std::lock_guard lock(collision_index_mutex_);
+absl::StatusOr<MDB_dbi> Environment::Make(OptionalSubDatabase which) {
+  if (const std::optional<MDB_dbi> found = Find(which)) return *found;
+  const std::lock_guard lock(optional_mutex_);
   MDB_dbi database = 0;
   absl::Status status = Update(0, [&](WriteTransaction& transaction) -> absl::Status {
-    const absl::StatusOr<MDB_dbi> made = transaction.MakeSubDatabase(schema::kCollisionIndex);
+    const absl::StatusOr<MDB_dbi> made = transaction.MakeSubDatabase(NameOf(which));
     if (!made.ok()) return made.status();
     database = *made;
     return absl::OkStatus();
   });
   if (!status.ok()) return status;
-  collision_index_ = database;
+  optional_[static_cast<size_t>(which)] = database;
   return database;
 }
 

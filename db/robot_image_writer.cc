@@ -1,3 +1,4 @@
+#include <algorithm>
 #include <map>
 #include <utility>
 
@@ -5,6 +6,7 @@
 #include "absl/strings/str_cat.h"
 #include "absl/time/clock.h"
 #include "db/database_state.h"
+#include "db/raw_image_format.h"
 #include "db/robot_image_format.h"
 #include "db/schema.h"
 
@@ -13,34 +15,57 @@ namespace {
 
 constexpr size_t kBatchBytes = size_t{32} << 20;
 
-absl::Status CheckFits(const DatabaseState& state, const RobotImage& image) {
-  const std::string name = absl::StrCat("robot image ", image.number);
-  if (!state.grid.Contains(image.number)) {
-    return absl::InvalidArgumentError(name + ": the grid has no configuration of this number");
+// What waits to be written of a configuration.
+struct Waiting {
+  std::string value;
+  absl::Time captured;
+  std::vector<std::string> raw_images;  // none, or one per view
+
+  size_t bytes() const {
+    size_t bytes = value.size();
+    for (const std::string& image : raw_images) bytes += image.size();
+    return bytes;
   }
-  const size_t views = image.excluded ? 0 : state.mask_sizes.size();
-  if (image.masks.size() != views) {
-    return absl::InvalidArgumentError(
-        absl::StrCat(name, ": it has ", image.masks.size(), " masks and should have ", views));
-  }
-  for (size_t i = 0; i < views; ++i) {
-    const MaskSize expected = state.mask_sizes[i];
-    const MaskSize actual = image.masks[i].size();
-    if (actual != expected) {
-      return absl::InvalidArgumentError(absl::StrCat(
-          name, ": view '", state.cell.views(static_cast<int>(i)).name(), "' has masks of ",
-          expected.width, "x", expected.height, ", not ", actual.width, "x", actual.height));
+};
+
+// Writes the raw images of a record, or removes those that it has.
+absl::Status WriteRawImages(WriteTransaction& transaction, MDB_dbi raw_images, int views,
+                            ConfigurationNumber number, const Waiting& waiting,
+                            uint64_t references) {
+  for (size_t view = 0; view < static_cast<size_t>(views); ++view) {
+    const RawImageKey key = EncodeRawImageKey(number, view);
+    const std::string_view key_view(key.data(), key.size());
+    absl::Status status;
+    if (waiting.raw_images.empty()) {
+      status = transaction.Delete(raw_images, key_view);
+    } else {
+      const RawImage image{
+          .captured = waiting.captured, .references = references, .png = waiting.raw_images[view]};
+      status = transaction.Put(raw_images, key_view, EncodeRawImage(number, view, image));
     }
-  }
-  const size_t joints =
-      static_cast<size_t>(state.grid.dimensions() + state.cell.fixed_joints_size());
-  for (const auto* values : {&image.commanded, &image.measured}) {
-    if (!values->empty() && values->size() != joints) {
-      return absl::InvalidArgumentError(absl::StrCat(
-          name, ": it has ", values->size(), " joint values, the cell has ", joints, " joints"));
-    }
+    if (!status.ok()) return status;
   }
   return absl::OkStatus();
+}
+
+// Keeps the present reference images beside raw images that were taken with them. Returns their id;
+// 0 without any.
+absl::StatusOr<uint64_t> KeepReferences(WriteTransaction& transaction, MDB_dbi raw_images) {
+  const Environment& environment = transaction.environment();
+  const auto payload = ReadMeta(environment, transaction.get(), schema::kReferencesKey);
+  if (!payload.ok()) return payload.status();
+  if (!*payload) return uint64_t{0};
+  const uint64_t id = IdOfReferences(**payload);
+  const RawImageKey key = EncodeReferencesKey(id);
+  MDB_val key_val = ToVal({key.data(), key.size()});
+  MDB_val value;
+  const int code = mdb_get(transaction.get(), raw_images, &key_val, &value);
+  if (code == 0) return id;
+  if (code != MDB_NOTFOUND) return environment.ReadError(code);
+  absl::Status status =
+      transaction.Put(raw_images, {key.data(), key.size()}, schema::SealMeta(**payload));
+  if (!status.ok()) return status;
+  return id;
 }
 
 }  // namespace
@@ -60,8 +85,7 @@ struct RobotImageWriter::Impl {
   // Looks up what is stored; holds no state between uses.
   ReadTransaction lookup;
 
-  // The values to be written.
-  std::map<ConfigurationNumber, std::string> batch;
+  std::map<ConfigurationNumber, Waiting> batch;
   size_t batch_bytes = 0;
   const absl::Time started = absl::Now();
   absl::Time last_commit = started;
@@ -70,7 +94,10 @@ struct RobotImageWriter::Impl {
   std::optional<int> provenance_entry;
 
   absl::StatusOr<bool> IsStored(ConfigurationNumber number);
+  absl::Status Add(const RobotImage& image, bool replace, std::vector<std::string> raw_images);
+  bool has_raw_images() const;
   absl::Status WriteBatch(WriteTransaction& transaction) const;
+  absl::Status WriteAllRawImages(WriteTransaction& transaction) const;
   absl::StatusOr<int> WriteProvenance(WriteTransaction& transaction) const;
 };
 
@@ -101,14 +128,34 @@ absl::Status RobotImageWriter::Impl::WriteBatch(WriteTransaction& transaction) c
   mdb_cursor_close(cursor);
   if (code != 0 && code != MDB_NOTFOUND) return environment.WriteError(code);
 
-  for (const auto& [number, image] : batch) {
+  for (const auto& [number, waiting] : batch) {
     const schema::NumberKey key = schema::EncodeKey(number);
     const unsigned flags = !last || number > *last ? MDB_APPEND : 0;
     absl::Status status =
-        transaction.Put(environment.robot_images(), {key.data(), key.size()}, image, flags);
+        transaction.Put(environment.robot_images(), {key.data(), key.size()}, waiting.value, flags);
+    if (!status.ok()) return status;
+  }
+  return WriteAllRawImages(transaction);
+}
+
+absl::Status RobotImageWriter::Impl::WriteAllRawImages(WriteTransaction& transaction) const {
+  const std::optional<MDB_dbi> raw_images =
+      state->environment->Find(OptionalSubDatabase::kRawImages);
+  if (!raw_images) return absl::OkStatus();
+  absl::StatusOr<uint64_t> references = uint64_t{0};
+  if (has_raw_images()) references = KeepReferences(transaction, *raw_images);
+  if (!references.ok()) return references.status();
+  for (const auto& [number, waiting] : batch) {
+    absl::Status status = WriteRawImages(transaction, *raw_images, state->cell.views_size(), number,
+                                         waiting, *references);
     if (!status.ok()) return status;
   }
   return absl::OkStatus();
+}
+
+bool RobotImageWriter::Impl::has_raw_images() const {
+  return std::ranges::any_of(batch,
+                             [](const auto& entry) { return !entry.second.raw_images.empty(); });
 }
 
 // Returns the place of this session's entry.
@@ -147,21 +194,38 @@ absl::StatusOr<RobotImageWriter> Database::Write(const std::string& program,
       std::make_unique<RobotImageWriter::Impl>(state_, program, max_delay, *std::move(lookup)));
 }
 
-absl::Status RobotImageWriter::Put(const RobotImage& image, bool replace) {
-  if (absl::Status status = CheckFits(*impl_->state, image); !status.ok()) return status;
-  const auto waiting = impl_->batch.find(image.number);
+absl::Status RobotImageWriter::Impl::Add(const RobotImage& image, bool replace,
+                                         std::vector<std::string> raw_images) {
+  if (absl::Status status = CheckFits(*state, image); !status.ok()) return status;
+  if (!raw_images.empty() && raw_images.size() != image.masks.size()) {
+    return absl::InvalidArgumentError(absl::StrCat("robot image ", image.number, ": it has ",
+                                                   raw_images.size(), " raw images for ",
+                                                   image.masks.size(), " masks"));
+  }
+  const auto present = batch.find(image.number);
   if (!replace) {
-    absl::StatusOr<bool> stored = impl_->IsStored(image.number);
+    absl::StatusOr<bool> stored = IsStored(image.number);
     if (!stored.ok()) return stored.status();
-    if (*stored || waiting != impl_->batch.end()) {
+    if (*stored || present != batch.end()) {
       return absl::AlreadyExistsError(
           absl::StrCat("configuration ", image.number, " has a robot image already"));
     }
   }
-  if (waiting != impl_->batch.end()) impl_->batch_bytes -= waiting->second.size();
-  std::string& value = impl_->batch[image.number];
-  value = EncodeRobotImage(image);
-  impl_->batch_bytes += value.size();
+  if (present != batch.end()) batch_bytes -= present->second.bytes();
+  Waiting& waiting = batch[image.number];
+  waiting = {EncodeRobotImage(image), image.captured, std::move(raw_images)};
+  batch_bytes += waiting.bytes();
+  return absl::OkStatus();
+}
+
+absl::Status RobotImageWriter::Put(const RobotImage& image, bool replace) {
+  return Put(image, replace, {});
+}
+
+absl::Status RobotImageWriter::Put(const RobotImage& image, bool replace,
+                                   std::vector<std::string> raw_images) {
+  absl::Status status = impl_->Add(image, replace, std::move(raw_images));
+  if (!status.ok()) return status;
   const bool due = absl::Now() - impl_->last_commit >= impl_->max_delay;
   return due || impl_->batch_bytes >= kBatchBytes ? Commit() : absl::OkStatus();
 }
@@ -169,6 +233,10 @@ absl::Status RobotImageWriter::Put(const RobotImage& image, bool replace) {
 absl::Status RobotImageWriter::Commit() {
   Environment& environment = *impl_->state->environment;
   if (!impl_->batch.empty()) {
+    if (impl_->has_raw_images()) {
+      const auto made = environment.Make(OptionalSubDatabase::kRawImages);
+      if (!made.ok()) return made.status();
+    }
     int provenance_entry = 0;
     absl::Status status =
         environment.Update(impl_->batch_bytes, [&](WriteTransaction& transaction) -> absl::Status {

@@ -5,10 +5,11 @@
 //   "format"      "silhouette " and the format version as decimal ASCII; nothing else
 //   the others    checksum (u64), payload. The checksum is XXH3-64 of the payload, seed 0.
 //                 "cell": CellDescription; "references": References; "calibration": Calibration;
-//                 "provenance": ProvenanceLog; "generation": u64, one more in every committed
-//                 change but those of `collision_index`.
+//                 "provenance": ProvenanceLog; "capture": CaptureHistory; "generation": u64, one
+//                 more in every committed change but those of `collision_index`.
 // Sub-database `robot_images`: configuration number (u64, big-endian) -> db/robot_image_format.h.
 // Sub-database `collision_index`, which may be absent: tile (u64, big-endian) -> db/tile_value.h.
+// Sub-database `raw_images`, which may be absent: db/raw_image_format.h.
 //
 // Integers are little-endian unless said otherwise.
 #pragma once
@@ -33,6 +34,7 @@ inline constexpr char kWriterFile[] = "writer.lock";
 inline constexpr char kMeta[] = "meta";
 inline constexpr char kRobotImages[] = "robot_images";
 inline constexpr char kCollisionIndex[] = "collision_index";
+inline constexpr char kRawImages[] = "raw_images";
 // How many sub-databases an environment may have, those of later versions included.
 inline constexpr unsigned kMaxSubDatabases = 16;
 
@@ -41,6 +43,7 @@ inline constexpr std::string_view kCellKey = "cell";
 inline constexpr std::string_view kReferencesKey = "references";
 inline constexpr std::string_view kCalibrationKey = "calibration";
 inline constexpr std::string_view kProvenanceKey = "provenance";
+inline constexpr std::string_view kCaptureKey = "capture";
 inline constexpr std::string_view kGenerationKey = "generation";
 
 // The value of "format" that this version writes.

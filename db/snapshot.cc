@@ -27,7 +27,9 @@ Snapshot& Snapshot::operator=(Snapshot&&) noexcept = default;
 
 absl::StatusOr<Snapshot> Database::Read() const {
   Environment& environment = *state_->environment;
-  environment.FindCollisionIndex();  // so that the transaction knows it
+  // So that the transaction knows them.
+  environment.Find(OptionalSubDatabase::kCollisionIndex);
+  environment.Find(OptionalSubDatabase::kRawImages);
   absl::StatusOr<ReadTransaction> transaction = environment.Read();
   if (!transaction.ok()) return transaction.status();
   const auto hold = environment.HoldMap();

@@ -188,11 +188,9 @@ absl::Status Database::ChangeMeta(std::string_view key, const std::optional<std:
   return state_->environment->Update(new_bytes, [&](WriteTransaction& transaction) {
     absl::Status status = payload ? WriteMeta(environment, transaction, key, *payload)
                                   : transaction.Delete(environment.meta(), key);
-    if (!status.ok()) return status;
-    absl::StatusOr<storage::v1::ProvenanceLog> log = ReadProvenance(environment, transaction.get());
-    if (!log.ok()) return log.status();
-    *log->add_entries() = NewProvenance(absl::Now(), program, 0);
-    status = WriteMeta(environment, transaction, schema::kProvenanceKey, log->SerializeAsString());
+    if (status.ok() && !program.empty()) {
+      status = AddProvenance(environment, transaction, NewProvenance(absl::Now(), program, 0));
+    }
     if (!status.ok()) return status;
     return RaiseGeneration(environment, transaction);
   });
@@ -206,6 +204,10 @@ absl::Status Database::SetReferences(const storage::v1::References& references,
                                                    " views"));
   }
   return ChangeMeta(schema::kReferencesKey, references.SerializeAsString(), program);
+}
+
+absl::Status Database::SetCaptureHistory(const storage::v1::CaptureHistory& history) {
+  return ChangeMeta(schema::kCaptureKey, history.SerializeAsString(), "");
 }
 
 absl::Status Database::SetCalibration(const storage::v1::Calibration& calibration,
@@ -249,7 +251,9 @@ absl::StatusOr<Database::Usage> Database::GetUsage() const {
   constexpr MDB_dbi kSubDatabases = 1;
   std::vector<MDB_dbi> databases = {kFreePages, kSubDatabases, environment.meta(),
                                     environment.robot_images()};
-  if (const auto index = environment.FindCollisionIndex()) databases.push_back(*index);
+  for (const auto which : {OptionalSubDatabase::kCollisionIndex, OptionalSubDatabase::kRawImages}) {
+    if (const auto database = environment.Find(which)) databases.push_back(*database);
+  }
   absl::StatusOr<ReadTransaction> transaction = environment.Read();
   if (!transaction.ok()) return transaction.status();
   const auto hold = environment.HoldMap();
@@ -258,8 +262,12 @@ absl::StatusOr<Database::Usage> Database::GetUsage() const {
     MDB_stat stat;
     const int code = mdb_stat(transaction->get(), database, &stat);
     if (code != 0) return environment.ReadError(code);
-    usage.used_bytes += stat.ms_psize * (uint64_t{stat.ms_branch_pages} + stat.ms_leaf_pages +
-                                         stat.ms_overflow_pages);
+    const uint64_t bytes = stat.ms_psize * (uint64_t{stat.ms_branch_pages} + stat.ms_leaf_pages +
+                                            stat.ms_overflow_pages);
+    usage.used_bytes += bytes;
+    if (database == environment.Find(OptionalSubDatabase::kRawImages)) {
+      usage.raw_image_bytes = bytes;
+    }
   }
   std::error_code error;
   usage.file_bytes = fs::file_size(fs::path(path()) / schema::kDataFile, error);

@@ -38,6 +38,16 @@ struct RobotImage {
   bool operator==(const RobotImage&) const = default;
 };
 
+// The camera image that a mask was made from.
+struct RawImage {
+  absl::Time captured = absl::UnixEpoch();
+  // Which reference images the mask was made with, as Snapshot::ReferencesOf knows them.
+  uint64_t references = 0;
+  std::string png;  // a PNG file
+
+  bool operator==(const RawImage&) const = default;
+};
+
 // The grid that a description speaks of; InvalidArgument if it describes none.
 absl::StatusOr<ConfigurationGrid> GridOf(const storage::v1::CellDescription& cell);
 
@@ -96,6 +106,19 @@ class Snapshot {
   // the cell.
   absl::StatusOr<std::optional<storage::v1::Calibration>> Calibration() const;
 
+  // The raw image of a configuration in a view, by its place in the cell's views; nothing if there
+  // is none. DataLoss if it is damaged.
+  absl::StatusOr<std::optional<RawImage>> FindRawImage(ConfigurationNumber number, int view) const;
+
+  // The configurations that have raw images, in order.
+  absl::StatusOr<std::vector<ConfigurationNumber>> RawImageNumbers() const;
+
+  // The reference images that raw images speak of, whatever was set since. NotFound; DataLoss.
+  absl::StatusOr<storage::v1::References> ReferencesOf(uint64_t id) const;
+
+  // What capture sessions noticed about the cell; empty if they did not yet.
+  absl::StatusOr<storage::v1::CaptureHistory> CaptureHistory() const;
+
   // Who wrote into the database, oldest first.
   absl::StatusOr<storage::v1::ProvenanceLog> Provenance() const;
 
@@ -125,6 +148,10 @@ class RobotImageWriter {
   // since the last commit, or the batch is 32 MiB large. Every other error is that commit's; the
   // record is in the batch then, and Commit() tries again.
   absl::Status Put(const RobotImage& image, bool replace = false);
+
+  // The same with its raw images, PNG files, one per view (InvalidArgument if not), which are
+  // written with it, all or none. The other Put() removes those that it has.
+  absl::Status Put(const RobotImage& image, bool replace, std::vector<std::string> raw_images);
 
   // Writes the batch durably. ResourceExhausted if the disk is full; the batch is kept, so a second
   // call tries again.
@@ -182,6 +209,16 @@ class Database {
   // Removes it. Needs kWrite. NotFound if there is none.
   absl::Status RemoveCalibration(const std::string& program);
 
+  // Replaces what capture sessions noticed. Leaves no entry in the provenance log. Needs kWrite.
+  absl::Status SetCaptureHistory(const storage::v1::CaptureHistory& history);
+
+  // Replaces the masks of all records that are not excluded, and the settings that the cell's
+  // description says they were made with, in one change. Raw images stay. InvalidArgument as Put,
+  // and unless `images` has just the configurations of those records. Needs kWrite, no writer, and
+  // no other thread that uses this Database.
+  absl::Status ReplaceMasks(const std::string& segmentation, const std::vector<RobotImage>& images,
+                            const std::string& program);
+
   // Writes a copy without unused pages into the new folder `path`. AlreadyExists if there is a
   // database; ResourceExhausted if the disk is full, with nothing left of the copy.
   absl::Status Compact(const std::string& path) const;
@@ -190,13 +227,15 @@ class Database {
   struct Usage {
     uint64_t file_bytes = 0;
     uint64_t used_bytes = 0;
+    uint64_t raw_image_bytes = 0;  // of these, for raw images
   };
   absl::StatusOr<Usage> GetUsage() const;
 
  private:
   friend class IndexBuild;
 
-  // Writes `payload` under `key` in `meta`, or removes the key, as one change of `program`'s.
+  // Writes `payload` under `key` in `meta`, or removes the key, as one change of `program`'s;
+  // empty: nobody's.
   absl::Status ChangeMeta(std::string_view key, const std::optional<std::string>& payload,
                           const std::string& program);
 
