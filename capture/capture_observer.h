@@ -7,12 +7,25 @@
 
 namespace silhouette {
 
+// What to do when the cell is no longer as it was.
+enum class AfterAlarm {
+  kEnd,         // the session; it can be gone on with
+  kCheckAgain,  // somebody has mended it
+  kGoOn,        // what is captured stays suspect
+};
+
 struct CaptureObserver {
   // Configurations, or sets of reference images, that are done with.
   std::function<void(uint64_t done)> progress = [](uint64_t) {};
   // Something worth a line happened.
   std::function<void(const std::string& line)> say = [](const std::string&) {};
-  // Asked between two of them.
+  // Something worth a line in the log, and no more.
+  std::function<void(const std::string& line)> note = [](const std::string&) {};
+  // Asked when the sentinels no longer match, and why; the robot stands still meanwhile.
+  std::function<AfterAlarm(const std::string& why)> alarm = [](const std::string&) {
+    return AfterAlarm::kEnd;
+  };
+  // Asked between two configurations or sets, and while a lost device is waited for.
   std::function<bool()> stop_requested = [] { return false; };
 };
 

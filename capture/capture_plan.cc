@@ -101,8 +101,9 @@ absl::StatusOr<CapturePlan> PlanCapture(const storage::v1::CellDescription& cell
       if (record == StoredRecord::kNone) continue;
       ++captured_in_region;
       region = travel.regions().At(travel.grid().At(number)).value();
-    } else if (record == StoredRecord::kNone || record == StoredRecord::kExcluded ||
-               (*listed)[number]) {
+    } else if (selection.kind != CaptureSelection::Kind::kNothing &&
+               (record == StoredRecord::kNone || record == StoredRecord::kExcluded ||
+                (*listed)[number])) {
       plan.captures.push_back(number);
     } else {
       ++plan.kept;
@@ -114,6 +115,8 @@ absl::StatusOr<CapturePlan> PlanCapture(const storage::v1::CellDescription& cell
                      "that is forbidden now ('", region, "')"));
   }
   plan.parts = travel.parts();
+  plan.check_sentinels = selection.kind == CaptureSelection::Kind::kNothing;
+  plan.new_sentinels = selection.new_sentinels || selection.kind == CaptureSelection::Kind::kAll;
   plan.duration = TravelDuration(travel, settings, plan.captures) +
                   static_cast<int64_t>(plan.captures.size()) * (settings.settle + kImageTime);
   plan.bytes =

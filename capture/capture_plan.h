@@ -18,9 +18,13 @@ struct CaptureSelection {
     kMissing,  // what has no robot image, or was excluded and no longer is
     kListed,   // those in `listed`, anew
     kAll,      // everything, anew
+    kNothing,  // only the sentinels are visited
   };
   Kind kind = Kind::kMissing;
   std::vector<ConfigurationNumber> listed = {};
+  // Whether the sentinels are captured anew and how they look now is how they are to look; so it is
+  // with kAll.
+  bool new_sentinels = false;
   // Whether robot images that lie in a forbidden region now are replaced by excluded records.
   bool exclude_captured = false;
 };
@@ -30,11 +34,15 @@ struct CapturePlan {
   std::vector<ConfigurationNumber> captures;
   // In forbidden regions and not stored as excluded yet.
   std::vector<ConfigurationNumber> exclusions;
+  // Whether sentinels that are known are forgotten; whether they are visited though there is
+  // nothing to capture.
+  bool new_sentinels = false;
+  bool check_sentinels = false;
   // Configurations whose records stay as they are.
   uint64_t kept = 0;
   // Estimates. The robot's way to the first configuration is not known.
   absl::Duration duration;
-  uint64_t bytes = 0;  // that the database grows by, at most
+  uint64_t bytes = 0;  // that the database grows by, at most, raw images left out
   // Into how many parts the forbidden regions cut the grid. The robot captures the one it stands
   // in.
   int parts = 1;

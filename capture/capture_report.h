@@ -38,12 +38,21 @@ struct CaptureReport {
   // Configurations to which there is no way around the forbidden regions.
   uint64_t unreachable = 0;
 
+  // What no longer matched when the sentinels were visited last; empty: all did.
+  std::string alarm;
+  uint64_t sentinel_checks = 0;
+  // Robot images in the database that were captured while the cell may have been changed.
+  uint64_t suspect = 0;
+  // How long lost devices were waited for, and how often.
+  uint64_t losses = 0;
+  absl::Duration waited;
+
   std::vector<ViewQuality> views;
   // Largest deviation of a joint at a configuration that was captured: radians, metres.
   double max_deviation = 0;
   absl::Duration duration;
 
-  bool complete() const { return status.ok() && captured == planned; }
+  bool complete() const { return status.ok() && alarm.empty() && captured == planned; }
 };
 
 // Whether a pixel at the image's border is set.

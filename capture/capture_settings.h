@@ -1,6 +1,7 @@
 // What a capture session is told about a cell.
 #pragma once
 
+#include <cstdint>
 #include <string>
 #include <vector>
 
@@ -17,6 +18,17 @@ struct ForbiddenRegion {
   };
   std::string name;
   std::vector<Range> ranges;
+};
+
+// Of which configurations the camera images are kept beside the masks.
+enum class RawImages { kNone, kSentinels, kAll };
+
+// Configurations that a session visits again and again, to see whether the cell is as it was.
+struct SentinelSettings {
+  int count = 3;  // 0: none
+  absl::Duration every = absl::Minutes(10);
+  // By how many camera pixels a view may seem to have moved.
+  double most_shift = 1;
 };
 
 struct CaptureSettings {
@@ -39,6 +51,12 @@ struct CaptureSettings {
   // How long a captured configuration may stay unwritten.
   absl::Duration commit_interval = absl::Seconds(1);
   std::vector<ForbiddenRegion> forbidden_regions;
+  RawImages raw_images = RawImages::kSentinels;
+  SentinelSettings sentinels;
+  // How long a lost camera or robot is waited for.
+  absl::Duration retry = absl::Minutes(5);
+  // Bytes of the disk that a session leaves free: with less it ends.
+  uint64_t keep_free = 200'000'000;
 };
 
 }  // namespace silhouette

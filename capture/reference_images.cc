@@ -48,10 +48,18 @@ absl::StatusOr<std::vector<Reference>> ReadReferences(const Database& database) 
   if (!stored->has_value()) {
     return absl::NotFoundError("there are no reference images of the empty cell yet");
   }
-  const auto& views = database.cell().views();
+  return ReferencesIn(**stored, database.cell());
+}
+
+absl::StatusOr<std::vector<Reference>> ReferencesIn(const storage::v1::References& stored,
+                                                    const storage::v1::CellDescription& cell) {
+  const auto& views = cell.views();
+  if (stored.views_size() != views.size()) {
+    return absl::DataLossError("there are reference images for another number of views");
+  }
   std::vector<Reference> references;
   for (int v = 0; v < views.size(); ++v) {
-    const storage::v1::Reference& view = (*stored)->views(v);
+    const storage::v1::Reference& view = stored.views(v);
     absl::StatusOr<Reference> reference = Reference::FromPng(view.mean_png(), view.noise_png());
     if (!reference.ok()) {
       return absl::DataLossError(absl::StrCat("view '", views[v].name(),

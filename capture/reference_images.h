@@ -21,4 +21,8 @@ absl::StatusOr<storage::v1::References> TakeReferences(CellCameras& cameras, int
 // size of its view's camera image.
 absl::StatusOr<std::vector<Reference>> ReadReferences(const Database& database);
 
+// The same of others that a database kept.
+absl::StatusOr<std::vector<Reference>> ReferencesIn(const storage::v1::References& stored,
+                                                    const storage::v1::CellDescription& cell);
+
 }  // namespace silhouette

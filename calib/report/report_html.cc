@@ -2,11 +2,10 @@
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
-#include "calib/report/html_text.h"
 #include "calib/report/report_figures.h"
 #include "calib/report/report_judgement.h"
-#include "calib/report/report_style.h"
 #include "calib/report/report_tables.h"
+#include "tools/page/page.h"
 
 namespace silhouette {
 namespace {
@@ -122,25 +121,17 @@ std::string Meanings(const QualityReport& report) {
 std::string ReportHtml(const QualityReport& report,
                        const std::vector<std::pair<std::string, std::string>>& origin) {
   const bool solved = report.refusal.empty();
-  std::string html = absl::StrCat(
-      "<!DOCTYPE html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n"
-      "<meta name=\"viewport\" content=\"width=device-width\">\n"
-      "<title>Calibration report</title>\n<style>",
-      kReportStyle,
-      "</style>\n</head>\n<body>\n<main>\n<h1>Calibration report</h1>\n<div class=\"origin\">");
-  for (const auto& [name, value] : origin) {
-    absl::StrAppend(&html, "<span>", Escaped(name), " <b>", Escaped(value), "</b></span>\n");
-  }
-  absl::StrAppend(&html, "</div>\n", Verdict(report));
+  std::string html = Verdict(report);
   if (solved) absl::StrAppend(&html, SummaryTiles(report));
   absl::StrAppend(&html, "<h2>Cameras</h2>\n<div class=\"card\">\n", ViewTable(report), "</div>\n");
-  if (!solved) return absl::StrCat(html, CoverageCard(report), "</main>\n</body>\n</html>\n");
+  if (!solved) return Page("Calibration report", origin, html + CoverageCard(report));
   for (const ReportView& view : report.views) absl::StrAppend(&html, ViewCard(view));
   if (!report.pairs.empty()) {
     absl::StrAppend(&html, "<h2>Epipolar lines</h2>\n<div class=\"card\">\n", PairTable(report),
                     "</div>\n");
   }
-  return absl::StrCat(html, ImagesCard(report), Meanings(report), "</main>\n</body>\n</html>\n");
+  absl::StrAppend(&html, ImagesCard(report), Meanings(report));
+  return Page("Calibration report", origin, html);
 }
 
 }  // namespace silhouette

@@ -8,6 +8,7 @@
 #include "absl/strings/str_format.h"
 #include "calib/report/html_text.h"
 #include "calib/report/report_judgement.h"
+#include "tools/page/page.h"
 
 namespace silhouette {
 namespace {

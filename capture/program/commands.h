@@ -15,6 +15,8 @@ using Work = std::function<absl::StatusOr<ExitCode>()>;
 // Each adds its subcommand to `app` and, when it is chosen, sets `work`.
 void AddCameras(CLI::App& app, Work& work);
 void AddReference(CLI::App& app, Work& work);
+void AddRemask(CLI::App& app, Work& work);
+void AddReport(CLI::App& app, Work& work);
 void AddRun(CLI::App& app, Work& work);
 void AddStatus(CLI::App& app, Work& work);
 

@@ -15,9 +15,12 @@ int main(int argc, char** argv) {
       "  silhouette-capture reference --cell cell.yaml   images of the empty cell, first of all\n"
       "  silhouette-capture run --cell cell.yaml --dry-run\n"
       "  silhouette-capture run --cell cell.yaml         again after any interruption\n"
-      "  silhouette-capture status --cell cell.yaml");
+      "  silhouette-capture status --cell cell.yaml\n"
+      "  silhouette-capture report --cell cell.yaml --out report");
   Work work;
-  for (const auto add : {AddCameras, AddReference, AddRun, AddStatus}) add(app, work);
+  for (const auto add : {AddCameras, AddReference, AddRun, AddStatus, AddReport, AddRemask}) {
+    add(app, work);
+  }
   // Images are small: handing their parts to other threads costs more than it saves.
   cv::setNumThreads(1);
   return RunProgram(app, argc, argv, [&]() -> int {

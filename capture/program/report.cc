@@ -2,6 +2,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
+#include "absl/time/clock.h"
 #include "tools/program/progress.h"
 
 namespace silhouette {
@@ -18,13 +19,30 @@ double PerSecond(const CaptureReport& report) {
 
 std::string State(const CaptureReport& report) {
   if (!report.status.ok()) return "failed";
+  if (!report.alarm.empty()) return "paused";
   if (report.stopped) return "stopped";
   return report.complete() ? "complete" : "incomplete";
 }
 
 }  // namespace
 
-std::string PlanText(const CapturePlan& plan, std::optional<uint64_t> available) {
+bool Room::Suffices(const CapturePlan& plan) const {
+  return !available || *available >= plan.bytes + raw_bytes + keep_free;
+}
+
+std::string TooLittleRoom(const CapturePlan& plan, const Room& room) {
+  return absl::StrFormat(
+      "the disk has %s free; up to %s are needed%s, and %s are to stay free (keep_free): make "
+      "room, "
+      "or expect the session to end before the disk is full",
+      Megabytes(room.available.value_or(0)), Megabytes(plan.bytes + room.raw_bytes),
+      room.raw_bytes > 0
+          ? absl::StrFormat(", about %s of it for raw images", Megabytes(room.raw_bytes))
+          : "",
+      Megabytes(room.keep_free));
+}
+
+std::string PlanText(const CapturePlan& plan, const Room& room) {
   std::string text =
       absl::StrFormat("to capture         %d configurations\n", plan.captures.size());
   if (!plan.exclusions.empty()) {
@@ -32,11 +50,16 @@ std::string PlanText(const CapturePlan& plan, std::optional<uint64_t> available)
                           plan.exclusions.size());
   }
   absl::StrAppendFormat(&text, "there already      %d\n", plan.kept);
-  absl::StrAppendFormat(&text, "time               about %s\n", Spoken(plan.duration));
+  const absl::Time now = absl::Now();
+  absl::StrAppendFormat(&text, "time               about %s; begun now, done about %s\n",
+                        Spoken(plan.duration), ClockTime(now + plan.duration, now));
   absl::StrAppendFormat(&text, "room on disk       at most %s", Megabytes(plan.bytes));
-  if (available) absl::StrAppendFormat(&text, "; %s are free", Megabytes(*available));
+  if (room.available) absl::StrAppendFormat(&text, "; %s are free", Megabytes(*room.available));
   text += "\n";
-  if (available && *available < plan.bytes) text += "the disk may become full; make room first\n";
+  if (room.raw_bytes > 0) {
+    absl::StrAppendFormat(&text, "for raw images     about %s more\n", Megabytes(room.raw_bytes));
+  }
+  if (!room.Suffices(plan)) absl::StrAppend(&text, TooLittleRoom(plan, room), "\n");
   if (plan.parts > 1) {
     absl::StrAppendFormat(&text,
                           "the forbidden regions cut the grid into %d parts; the robot captures "
@@ -46,15 +69,18 @@ std::string PlanText(const CapturePlan& plan, std::optional<uint64_t> available)
   return text;
 }
 
-nlohmann::json PlanJson(const CapturePlan& plan, std::optional<uint64_t> available) {
+nlohmann::json PlanJson(const CapturePlan& plan, const Room& room) {
   nlohmann::json json = {{"dry_run", true},
                          {"configurations", plan.captures.size()},
                          {"exclusions", plan.exclusions.size()},
                          {"kept", plan.kept},
                          {"seconds", absl::ToDoubleSeconds(plan.duration)},
+                         {"end", absl::FormatTime(absl::Now() + plan.duration)},
                          {"bytes", plan.bytes},
+                         {"raw_image_bytes", room.raw_bytes},
+                         {"fits_on_disk", room.Suffices(plan)},
                          {"parts", plan.parts}};
-  if (available) json["available_bytes"] = *available;
+  if (room.available) json["available_bytes"] = *room.available;
   return json;
 }
 
@@ -69,6 +95,12 @@ std::string ReportText(const CaptureReport& report) {
   count("excluded", report.excluded, "in forbidden regions");
   count("failed", report.failed, "where the robot was not within joint_tolerance");
   count("unreachable", report.unreachable, "to which no way leads around the forbidden regions");
+  count("sentinels", report.sentinel_checks, "visits to all of them");
+  count("suspect", report.suspect, "captured while the cell may have been changed");
+  if (report.losses > 0) {
+    absl::StrAppendFormat(&text, "waited             %s for lost devices, %d times\n",
+                          Spoken(report.waited), report.losses);
+  }
   if (report.captured == 0) return text;
   absl::StrAppendFormat(&text, "largest deviation  %.5f rad or m\n", report.max_deviation);
   text += "view                mean area  robot not seen  touching the border\n";
@@ -82,6 +114,11 @@ std::string ReportText(const CaptureReport& report) {
 nlohmann::json ReportJson(const CaptureReport& report) {
   nlohmann::json json = {{"state", State(report)},
                          {"message", std::string(report.status.message())},
+                         {"alarm", report.alarm},
+                         {"sentinel_checks", report.sentinel_checks},
+                         {"suspect", report.suspect},
+                         {"losses", report.losses},
+                         {"waited_seconds", absl::ToDoubleSeconds(report.waited)},
                          {"configurations", report.planned},
                          {"captured", report.captured},
                          {"excluded", report.excluded},

@@ -11,9 +11,20 @@
 
 namespace silhouette {
 
-// `available`: bytes free on the database's disk; nothing if that is not known.
-std::string PlanText(const CapturePlan& plan, std::optional<uint64_t> available);
-nlohmann::json PlanJson(const CapturePlan& plan, std::optional<uint64_t> available);
+// What a plan needs of the disk, and what there is.
+struct Room {
+  uint64_t raw_bytes = 0;             // about, for raw images
+  std::optional<uint64_t> available;  // nothing if that is not known
+  uint64_t keep_free = 0;
+
+  // Whether `plan` is sure to fit, as far as is known.
+  bool Suffices(const CapturePlan& plan) const;
+};
+
+std::string PlanText(const CapturePlan& plan, const Room& room);
+nlohmann::json PlanJson(const CapturePlan& plan, const Room& room);
+// Why a plan does not fit on the disk, and the mend.
+std::string TooLittleRoom(const CapturePlan& plan, const Room& room);
 
 std::string ReportText(const CaptureReport& report);
 nlohmann::json ReportJson(const CaptureReport& report);

@@ -1,19 +1,20 @@
 // silhouette-capture run: captures what is missing, or is to be captured anew.
-#include <filesystem>
 #include <iostream>
 #include <memory>
 #include <optional>
-#include <set>
-#include <vector>
 
 #include "absl/strings/str_cat.h"
+#include "absl/strings/str_format.h"
+#include "absl/time/clock.h"
 #include "capture/capture_session.h"
 #include "capture/open_devices/cell_devices.h"
 #include "capture/program/commands.h"
 #include "capture/program/opened_cell.h"
 #include "capture/program/report.h"
+#include "capture/program/run_observer.h"
+#include "capture/program/run_plan.h"
+#include "capture/program/session_log.h"
 #include "db/collision_index.h"
-#include "db/outliers.h"
 #include "tools/program/progress.h"
 
 namespace silhouette {
@@ -21,89 +22,67 @@ namespace {
 
 struct Options {
   CellArguments cell;
-  std::string only = "missing";
+  PlanArguments plan;
   bool dry_run = false;
-  bool exclude_captured = false;
   bool no_index = false;
+  std::string log;  // empty: beside the database
 };
-
-// Robot images that a new capture may mend: one that touches the border stays as it is.
-absl::StatusOr<std::vector<ConfigurationNumber>> Outliers(const Database& database) {
-  const auto snapshot = database.Read();
-  if (!snapshot.ok()) return snapshot.status();
-  const auto outliers = FindOutliers(*snapshot, database.grid());
-  if (!outliers.ok()) return outliers.status();
-  std::set<ConfigurationNumber> numbers;
-  for (const Outlier& outlier : *outliers) {
-    if (outlier.reason != OutlierReason::kTouchesBorder) numbers.insert(outlier.number);
-  }
-  return std::vector<ConfigurationNumber>(numbers.begin(), numbers.end());
-}
-
-// `database` may be null: there is none yet.
-absl::StatusOr<CapturePlan> MakePlan(const Options& options, const Cell& cell, const Travel& travel,
-                                     const Database* database) {
-  CaptureSelection selection{.exclude_captured = options.exclude_captured};
-  std::vector<StoredRecord> records = NoRecords(travel.grid());
-  if (options.only == "all") selection.kind = CaptureSelection::Kind::kAll;
-  if (database != nullptr) {
-    auto stored = ReadRecords(*database);
-    if (!stored.ok()) return stored.status();
-    records = *std::move(stored);
-  }
-  if (options.only == "outliers" && database != nullptr) {
-    auto outliers = Outliers(*database);
-    if (!outliers.ok()) return outliers.status();
-    selection.kind = CaptureSelection::Kind::kListed;
-    selection.listed = *std::move(outliers);
-  }
-  auto plan = PlanCapture(DescriptionOf(cell), travel, records, cell.capture, selection);
-  if (absl::IsFailedPrecondition(plan.status())) {
-    return absl::FailedPreconditionError(absl::StrCat(
-        plan.status().message(), "; change the region, or drop these robot images and have the ",
-        "configurations excluded: ", options.cell.Command("run"), " --exclude-captured"));
-  }
-  return plan;
-}
-
-// Bytes that are free where the folder is, or will be.
-std::optional<uint64_t> AvailableBytes(std::filesystem::path folder) {
-  std::error_code error;
-  folder = std::filesystem::absolute(folder, error);
-  while (!std::filesystem::exists(folder, error) && folder.has_relative_path()) {
-    folder = folder.parent_path();
-  }
-  const auto space = std::filesystem::space(folder, error);
-  if (error) return std::nullopt;
-  return space.available;
-}
 
 absl::StatusOr<ExitCode> DryRun(const Options& options, const CellFile& file,
                                 const Travel& travel) {
   const auto database = OpenDatabase(file, Database::Access::kRead);
   if (!database.ok() && !absl::IsNotFound(database.status())) return database.status();
-  const auto plan = MakePlan(options, file.cell, travel, database.ok() ? database->get() : nullptr);
+  const Database* stored = database.ok() ? database->get() : nullptr;
+  const auto plan = MakePlan(options.plan, options.cell, file.cell, travel, stored);
   if (!plan.ok()) return plan.status();
-  const std::optional<uint64_t> available = AvailableBytes(file.database);
+  const Room room = RoomFor(*plan, file, stored);
   if (options.cell.json()) {
-    std::cout << PlanJson(*plan, available).dump(2) << std::endl;
+    std::cout << PlanJson(*plan, room).dump(2) << std::endl;
   } else {
-    std::cout << PlanText(*plan, available) << "nothing was moved or stored" << std::endl;
+    std::cout << PlanText(*plan, room) << "nothing was moved or stored" << std::endl;
   }
   return kDone;
 }
 
-CaptureReport CaptureWithProgress(CaptureSession& session, const CapturePlan& plan) {
+// What the log says of a session before it begins.
+void WriteBegin(const Options& options, const CellFile& file, const CapturePlan& plan,
+                const Room& room, SessionLog& log) {
+  const CaptureSettings& settings = file.cell.capture;
+  const absl::Time now = absl::Now();
+  log.Write(absl::StrFormat("session begins: cell '%s', database %s, --only %s", file.cell.name,
+                            file.database, options.plan.only));
+  log.Write(absl::StrFormat(
+      "%d configurations to capture, %d there already; about %s, done about %s",
+      plan.captures.size(), plan.kept, Spoken(plan.duration), ClockTime(now + plan.duration, now)));
+  log.Write(absl::StrFormat(
+      "settle %s, joint_tolerance %g, %d sentinels every %s, retry %s, keep_free %.0f MB",
+      absl::FormatDuration(settings.settle), settings.joint_tolerance, settings.sentinels.count,
+      absl::FormatDuration(settings.sentinels.every), absl::FormatDuration(settings.retry),
+      static_cast<double>(settings.keep_free) / 1e6));
+  if (!room.Suffices(plan)) log.Write(TooLittleRoom(plan, room));
+}
+
+void WriteEnd(const CaptureReport& report, SessionLog& log) {
+  std::string end = "session ends";
+  if (!report.status.ok()) {
+    absl::StrAppend(&end, ": ", report.status.message());
+  } else if (!report.alarm.empty()) {
+    absl::StrAppend(&end, ": the cell is not as it was");
+  } else if (report.stopped) {
+    end += ": somebody stopped it";
+  }
+  absl::StrAppendFormat(&end, "; captured %d of %d configurations in %s", report.captured,
+                        report.planned, Spoken(report.duration));
+  if (report.failed > 0) absl::StrAppendFormat(&end, ", %d failed", report.failed);
+  if (report.suspect > 0) absl::StrAppendFormat(&end, ", %d are suspect", report.suspect);
+  log.Write(end);
+}
+
+CaptureReport CaptureWithProgress(CaptureSession& session, const CapturePlan& plan,
+                                  SessionLog& log) {
   CatchStopSignals();
-  std::optional<Progress> progress;
-  if (!plan.captures.empty()) progress.emplace("capturing", plan.captures.size(), "configurations");
-  CaptureObserver observer;
-  observer.progress = [&](uint64_t done) { progress->Update(done); };
-  observer.say = [&](const std::string& line) {
-    progress ? progress->Say(line) : void(std::cerr << line << std::endl);
-  };
-  observer.stop_requested = StopRequested;
-  return session.Run(plan, "silhouette-capture run", observer);
+  RunObserver observer(plan.captures.size(), log);
+  return session.Run(plan, "silhouette-capture run", observer.Observer());
 }
 
 // The collision index of what is stored. Nothing if it is not wanted, or the capture was ended:
@@ -111,7 +90,9 @@ CaptureReport CaptureWithProgress(CaptureSession& session, const CapturePlan& pl
 std::optional<absl::StatusOr<IndexBuildReport>> BuildIndex(const Options& options,
                                                            const CaptureReport& report,
                                                            Database& database) {
-  if (options.no_index || !report.status.ok() || report.stopped) return std::nullopt;
+  if (options.no_index || !report.status.ok() || report.stopped || !report.alarm.empty()) {
+    return std::nullopt;
+  }
   std::optional<Progress> progress;
   const auto tell = [&](uint64_t done, uint64_t tiles) {
     if (!progress && tiles > 0) progress.emplace("collision index", tiles, "tiles");
@@ -130,19 +111,45 @@ ExitCode TellIndex(const absl::StatusOr<IndexBuildReport>& index, const std::str
   return code;
 }
 
+void TellSuspects(const Options& options, const CaptureReport& report) {
+  if (report.suspect == 0) return;
+  std::cerr << report.suspect
+            << " robot images were captured while the cell may have been changed; when it is as it "
+               "was, capture them anew with: "
+            << options.cell.Command("run") << " --only suspect" << std::endl;
+}
+
+ExitCode TellAlarm(const Options& options, const CaptureReport& report) {
+  const std::string run = options.cell.Command("run");
+  std::cerr << "paused: " << report.alarm << "\n"
+            << "put it back, and look whether it matches with: " << run << " --only sentinels\n"
+            << "or let it be, take the reference images and all robot images anew: "
+            << options.cell.Command("reference") << " && " << run << " --only all" << std::endl;
+  TellSuspects(options, report);
+  if (report.captured < report.planned) {
+    std::cerr << report.planned - report.captured << " configurations are left; go on with: " << run
+              << std::endl;
+  }
+  return kNo;
+}
+
 // Prints the report, what went wrong and how to go on.
 ExitCode Tell(const Options& options, const std::string& database, const CaptureReport& report,
-              const std::optional<absl::StatusOr<IndexBuildReport>>& index) {
+              const SessionLog& log, const std::optional<absl::StatusOr<IndexBuildReport>>& index) {
   std::string again = options.cell.Command("run");
-  if (options.only != "missing") absl::StrAppend(&again, " --only ", options.only);
-  const char* from_the_first = options.only == "all" ? " (begins with the first again)" : "";
+  const std::string& only = options.plan.only;
+  if (only != "missing") absl::StrAppend(&again, " --only ", only);
+  const char* from_the_first = only == "all" ? " (begins with the first again)" : "";
   if (options.cell.json()) {
     nlohmann::json json = ReportJson(report);
     if (!report.complete()) json["next"] = again;
+    if (report.suspect > 0) json["repair"] = options.cell.Command("run") + " --only suspect";
+    json["log"] = log.file();
     if (index && index->ok()) json["collision_index"] = IndexJson(**index);
     std::cout << json.dump(2) << std::endl;
   } else {
     std::cout << ReportText(report);
+    if (!log.file().empty()) std::cout << "log                " << log.file() << "\n";
     if (index && index->ok()) std::cout << IndexText(**index);
     std::cout << std::flush;
   }
@@ -153,6 +160,7 @@ ExitCode Tell(const Options& options, const std::string& database, const Capture
               << std::endl;
     return code;
   }
+  if (!report.alarm.empty()) return TellAlarm(options, report);
   if (report.stopped) {
     std::cerr << "stopped, " << left << " configurations are left; go on with: " << again
               << from_the_first << std::endl;
@@ -164,7 +172,8 @@ ExitCode Tell(const Options& options, const std::string& database, const Capture
               << options.cell.Command("run") << std::endl;
     return index_code == kDone ? kNo : index_code;
   }
-  return index_code;
+  if (report.suspect > 0) TellSuspects(options, report);
+  return report.suspect > 0 && index_code == kDone ? kNo : index_code;
 }
 
 absl::StatusOr<ExitCode> Run(const Options& options) {
@@ -190,10 +199,17 @@ absl::StatusOr<ExitCode> Run(const Options& options) {
     return absl::NotFoundError(absl::StrCat(session.status().message(), take_references));
   }
   if (!session.ok()) return session.status();
-  const auto plan = MakePlan(options, file->cell, travel, database->get());
+  const auto plan = MakePlan(options.plan, options.cell, file->cell, travel, database->get());
   if (!plan.ok()) return plan.status();
-  const CaptureReport report = CaptureWithProgress(*session, *plan);
-  return Tell(options, file->database, report, BuildIndex(options, report, **database));
+  absl::StatusOr<SessionLog> log =
+      SessionLog::Open(options.log.empty() ? DefaultLogFile(file->database) : options.log);
+  if (!log.ok()) return log.status();
+  const Room room = RoomFor(*plan, *file, database->get());
+  if (!room.Suffices(*plan)) std::cerr << TooLittleRoom(*plan, room) << std::endl;
+  WriteBegin(options, *file, *plan, room, *log);
+  const CaptureReport report = CaptureWithProgress(*session, *plan, *log);
+  WriteEnd(report, *log);
+  return Tell(options, file->database, report, *log, BuildIndex(options, report, **database));
 }
 
 }  // namespace
@@ -209,20 +225,29 @@ void AddRun(CLI::App& app, Work& work) {
       "Examples:\n"
       "  silhouette-capture run --cell cell.yaml --database cell.lmdb\n"
       "  silhouette-capture run --cell cell.yaml --only outliers\n"
-      "Exit codes: 0 all is captured; 1 stopped, or some configurations could not be captured;\n"
-      "2 a mistake in what was asked; 3 a device or the disk failed.");
+      "  silhouette-capture run --cell cell.yaml --only sentinels    (is the cell as it was?)\n"
+      "Exit codes: 0 all is captured; 1 stopped, the cell is not as it was, or some "
+      "configurations\n"
+      "could not be captured; 2 a mistake in what was asked; 3 a device or the disk failed.");
   const auto options = std::make_shared<Options>();
   AddCellOptions(*command, options->cell);
   command
-      ->add_option("--only", options->only,
+      ->add_option("--only", options->plan.only,
                    "What is captured: missing; outliers: also, anew, what is damaged, empty or\n"
-                   "unlike its neighbours; all: everything anew")
-      ->check(CLI::IsMember({"missing", "outliers", "all"}))
+                   "unlike its neighbours; suspect: also, anew, what was captured while the cell\n"
+                   "may have been changed; 17,4711: also, anew, these configurations; all:\n"
+                   "everything anew; sentinels: nothing, they are only visited")
+      ->check(CLI::Validator([](const std::string& only) { return CheckOnly(only); }, ""))
       ->capture_default_str();
   command->add_flag("--dry-run", options->dry_run,
                     "Say how many configurations, how long, how much room; move nothing");
-  command->add_flag("--exclude-captured", options->exclude_captured,
+  command->add_flag("--exclude-captured", options->plan.exclude_captured,
                     "Drop robot images in regions that are forbidden by now");
+  command->add_flag("--new-sentinels", options->plan.new_sentinels,
+                    "Capture the sentinels anew first: as they look now is how they are to look");
+  command->add_option("--log", options->log,
+                      "The file that the session's story is appended to; default: the database's "
+                      "name\nand .log");
   command->add_flag("--no-index", options->no_index,
                     "Leave the collision index out; silhouette-db index builds it");
   command->callback([options, &work] { work = [options] { return Run(*options); }; });

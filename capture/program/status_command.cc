@@ -8,6 +8,7 @@
 #include "capture/capture_plan.h"
 #include "capture/program/commands.h"
 #include "capture/program/opened_cell.h"
+#include "capture/session/history.h"
 
 namespace silhouette {
 namespace {
@@ -19,8 +20,9 @@ struct Standing {
   uint64_t captured = 0;
   uint64_t excluded = 0;
   uint64_t damaged = 0;
+  uint64_t suspect = 0;  // of the captured ones
   uint64_t missing() const { return configurations - captured - excluded - damaged; }
-  bool complete() const { return references > 0 && missing() == 0 && damaged == 0; }
+  bool complete() const { return references > 0 && missing() == 0 && damaged == 0 && suspect == 0; }
 };
 
 absl::StatusOr<Standing> Look(const CellFile& file) {
@@ -43,6 +45,9 @@ absl::StatusOr<Standing> Look(const CellFile& file) {
   standing.captured = count(StoredRecord::kCaptured);
   standing.excluded = count(StoredRecord::kExcluded);
   standing.damaged = count(StoredRecord::kDamaged);
+  const auto suspects = SuspectNumbers(*snapshot);
+  if (!suspects.ok()) return suspects.status();
+  standing.suspect = suspects->size();
   return standing;
 }
 
@@ -50,6 +55,7 @@ absl::StatusOr<Standing> Look(const CellFile& file) {
 std::string Next(const CellArguments& arguments, const Standing& standing) {
   if (standing.references == 0) return arguments.Command("reference");
   if (standing.missing() > 0) return arguments.Command("run");
+  if (standing.suspect > 0) return arguments.Command("run") + " --only suspect";
   if (standing.damaged > 0) return arguments.Command("run") + " --only outliers";
   return "";
 }
@@ -66,6 +72,10 @@ void PrintText(const CellFile& file, const Standing& standing, const std::string
       "configurations     %d: %d captured, %d excluded, %d damaged, %d missing\n",
       standing.configurations, standing.captured, standing.excluded, standing.damaged,
       standing.missing());
+  if (standing.suspect > 0) {
+    std::cout << absl::StreamFormat(
+        "suspect            %d, captured while the cell may have been changed\n", standing.suspect);
+  }
   std::cout << (next.empty() ? std::string("all is captured") : "next: " + next) << std::endl;
 }
 
@@ -79,6 +89,7 @@ void PrintJson(const CellFile& file, const Standing& standing, const std::string
                                {"excluded", standing.excluded},
                                {"damaged", standing.damaged},
                                {"missing", standing.missing()},
+                               {"suspect", standing.suspect},
                                {"complete", standing.complete()},
                                {"next", next}};
   std::cout << json.dump(2) << std::endl;

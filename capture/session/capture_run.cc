@@ -1,12 +1,19 @@
 #include "capture/session/capture_run.h"
 
 #include <algorithm>
+#include <filesystem>
+#include <set>
+#include <system_error>
 #include <utility>
 
 #include "absl/strings/str_cat.h"
+#include "absl/strings/str_format.h"
 #include "absl/time/clock.h"
 #include "capture/capture_session.h"
 #include "capture/segmentation/difference.h"
+#include "capture/session/history.h"
+#include "capture/session/patience.h"
+#include "capture/session/raw_archive.h"
 
 namespace silhouette {
 
@@ -34,8 +41,23 @@ CaptureReport CaptureRun::Go() {
   // Exclusions are written first.
   report_.excluded = std::min<uint64_t>(writer_.committed(), plan_.exclusions.size());
   report_.captured = writer_.committed() - report_.excluded;
+  absl::Status suspects = CountSuspects();
+  if (report_.status.ok()) report_.status = suspects;
   report_.duration = absl::Now() - begin;
   return std::move(report_);
+}
+
+absl::Status CaptureRun::CountSuspects() {
+  if (going_on_) {
+    absl::Status status = sentinels_->Suspect(absl::Now(), "captured although it did not match");
+    if (!status.ok()) return status;
+  }
+  const auto snapshot = parts_.database->Read();
+  if (!snapshot.ok()) return snapshot.status();
+  const auto suspects = SuspectNumbers(*snapshot);
+  if (!suspects.ok()) return suspects.status();
+  report_.suspect = suspects->size();
+  return absl::OkStatus();
 }
 
 absl::Status CaptureRun::Exclude() {
@@ -51,30 +73,126 @@ absl::Status CaptureRun::Exclude() {
 }
 
 absl::Status CaptureRun::CaptureAll() {
-  uint64_t done = 0;
+  absl::StatusOr<Sentinels> sentinels = Sentinels::Open(parts_, plan_);
+  if (!sentinels.ok()) return sentinels.status();
+  sentinels_ = *std::move(sentinels);
+  if (plan_.captures.empty() && !plan_.check_sentinels) return absl::OkStatus();
+  const std::vector<ConfigurationNumber> first = sentinels_->ToCapture();
+  absl::StatusOr<bool> go_on = true;
+  if (sentinels_->Known()) go_on = CheckSentinels();
+  if (!go_on.ok() || !*go_on) return go_on.status();
+  first_sights_ = true;
+  go_on = CaptureInTurn(first);
+  first_sights_ = false;
+  if (!go_on.ok() || !*go_on) return go_on.status();
+  if (!first.empty()) {
+    if (absl::Status status = sentinels_->Remember(); !status.ok()) return status;
+  }
+  const std::set<ConfigurationNumber> there(first.begin(), first.end());
+  std::vector<ConfigurationNumber> rest;
   for (const ConfigurationNumber number : plan_.captures) {
+    if (!there.contains(number)) rest.push_back(number);
+  }
+  go_on = CaptureInTurn(rest);
+  if (!go_on.ok() || !*go_on) return go_on.status();
+  return unchecked_ && sentinels_->Known() ? CheckSentinels().status() : absl::OkStatus();
+}
+
+absl::StatusOr<bool> CaptureRun::CaptureInTurn(const std::vector<ConfigurationNumber>& numbers) {
+  for (const ConfigurationNumber number : numbers) {
     if (observer_.stop_requested()) {
       report_.stopped = true;
-      return absl::OkStatus();
+      return false;
     }
     const absl::Time begin = absl::Now();
+    if (!first_sights_ && sentinels_->Due(begin)) {
+      const absl::StatusOr<bool> go_on = CheckSentinels();
+      if (!go_on.ok() || !*go_on) return go_on;
+    }
     if (absl::Status status = CommitIfDue(begin); !status.ok()) return status;
     if (absl::Status status = CaptureOne(number); !status.ok()) return status;
     last_cycle_ = absl::Now() - begin;
-    observer_.progress(++done);
+    observer_.progress(++done_);
   }
-  return absl::OkStatus();
+  return true;
+}
+
+absl::StatusOr<bool> CaptureRun::CheckSentinels() {
+  for (bool again = false;; again = true) {
+    // Nothing is at risk while the robot goes there, or somebody thinks.
+    if (absl::Status status = writer_.Commit(); !status.ok()) return status;
+    const absl::StatusOr<std::string> alarm =
+        sentinels_->Check([this](ConfigurationNumber number) { return VisitPatiently(number); });
+    if (!alarm.ok()) return StopRobot(alarm.status());
+    ++report_.sentinel_checks;
+    unchecked_ = false;
+    report_.alarm = *alarm;
+    if (alarm->empty()) {
+      observer_.note(absl::StrCat("sentinels visited: ", sentinels_->summary()));
+      if (again) observer_.say("the cell is as it was");
+      return true;
+    }
+    if (going_on_) {
+      observer_.note(absl::StrCat("sentinels visited, still: ", *alarm));
+      return true;
+    }
+    static_cast<void>(StopRobot(absl::OkStatus()));
+    observer_.say(*alarm);
+    if (!again) {
+      absl::Status status = sentinels_->Suspect(absl::Now(), *alarm);
+      if (!status.ok()) return status;
+    }
+    switch (observer_.alarm(*alarm)) {
+      case AfterAlarm::kEnd:
+        return false;
+      case AfterAlarm::kCheckAgain:
+        break;
+      case AfterAlarm::kGoOn:
+        going_on_ = true;
+        return true;
+    }
+  }
+}
+
+absl::StatusOr<Visit> CaptureRun::VisitPatiently(ConfigurationNumber number) {
+  absl::StatusOr<Visit> visit;
+  absl::Status status = WithPatience(
+      parts_.settings.retry,
+      [&] {
+        visit = visitor_.Go(number);
+        return visit.status();
+      },
+      [&] {
+        static_cast<void>(StopRobot(absl::OkStatus()));
+        // What comes of it is told by the next commit.
+        static_cast<void>(writer_.Commit());
+      },
+      observer_, report_);
+  if (!status.ok()) return status;
+  return visit;
 }
 
 // The writer commits at the next Put(); not later than commit_interval after the last commit.
 absl::Status CaptureRun::CommitIfDue(absl::Time now) {
   if (now + last_cycle_ - last_commit_ < parts_.settings.commit_interval) return absl::OkStatus();
   last_commit_ = now;
-  return writer_.Commit();
+  if (absl::Status status = writer_.Commit(); !status.ok()) return status;
+  return CheckDisk();
+}
+
+absl::Status CaptureRun::CheckDisk() const {
+  std::error_code error;
+  const auto space = std::filesystem::space(parts_.database->path(), error);
+  if (error || space.available >= parts_.settings.keep_free) return absl::OkStatus();
+  return absl::ResourceExhaustedError(absl::StrFormat(
+      "the disk of '%s' has only %.1f MB left, less than the %.1f MB that are to stay free "
+      "(keep_free); make room",
+      parts_.database->path(), static_cast<double>(space.available) / 1e6,
+      static_cast<double>(parts_.settings.keep_free) / 1e6));
 }
 
 absl::Status CaptureRun::CaptureOne(ConfigurationNumber number) {
-  const absl::StatusOr<Visit> visit = visitor_.Go(number);
+  const absl::StatusOr<Visit> visit = VisitPatiently(number);
   if (!visit.ok()) return StopRobot(visit.status());
   switch (visit->outcome) {
     case Visit::Outcome::kTaken:
@@ -112,7 +230,14 @@ absl::Status CaptureRun::Store(ConfigurationNumber number, const Visit& visit) {
                                      parts_.segmentation, parts_.database->mask_sizes()[v]));
     report_.views[v].Add(image.masks.back());
   }
-  return writer_.Put(image, /*replace=*/true);
+  unchecked_ = true;
+  if (first_sights_) sentinels_->Captured(number, visit, image.masks);
+  const bool keep =
+      parts_.settings.raw_images == RawImages::kAll ||
+      (parts_.settings.raw_images == RawImages::kSentinels &&
+       std::ranges::find(sentinels_->numbers(), number) != sentinels_->numbers().end());
+  return writer_.Put(image, /*replace=*/true,
+                     keep ? RawImagesOf(visit.images) : std::vector<std::string>());
 }
 
 absl::Status CaptureRun::StopRobot(const absl::Status& why) {

@@ -2,12 +2,16 @@
 #pragma once
 
 #include <cstdint>
+#include <optional>
+#include <vector>
 
 #include "absl/status/status.h"
+#include "absl/status/statusor.h"
 #include "absl/time/time.h"
 #include "capture/capture_observer.h"
 #include "capture/capture_plan.h"
 #include "capture/capture_report.h"
+#include "capture/session/sentinels.h"
 #include "capture/session/session_parts.h"
 #include "capture/session/visitor.h"
 
@@ -24,9 +28,18 @@ class CaptureRun {
 
  private:
   absl::Status Exclude();
+  absl::Status CountSuspects();
+  // The sentinels that are not known yet, then what is planned, with visits to the sentinels
+  // before, between and after.
   absl::Status CaptureAll();
+  // Whether to go on: nobody asked for a stop.
+  absl::StatusOr<bool> CaptureInTurn(const std::vector<ConfigurationNumber>& numbers);
+  // Whether to go on: all is as it was, or somebody says so.
+  absl::StatusOr<bool> CheckSentinels();
+  absl::StatusOr<Visit> VisitPatiently(ConfigurationNumber number);
   // Commits now unless the next configuration will be done before it is due.
   absl::Status CommitIfDue(absl::Time now);
+  absl::Status CheckDisk() const;
   // Not OK: the session ends. So do the others.
   absl::Status CaptureOne(ConfigurationNumber number);
   absl::Status CountMiss(const Visit& visit);
@@ -39,7 +52,12 @@ class CaptureRun {
   const CapturePlan& plan_;
   const CaptureObserver& observer_;
   Visitor visitor_;
+  std::optional<Sentinels> sentinels_;
   CaptureReport report_;
+  uint64_t done_ = 0;
+  bool first_sights_ = false;  // the sentinels are being captured
+  bool unchecked_ = false;     // something was captured since the sentinels were visited
+  bool going_on_ = false;      // although they did not match
   int failures_in_a_row_ = 0;
   absl::Time last_commit_;
   absl::Duration last_cycle_;

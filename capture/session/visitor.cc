@@ -65,6 +65,9 @@ absl::StatusOr<Visit> Visitor::Look(ConfigurationNumber number) {
   visit.deviation = parts_.robot.Deviation(commanded, visit.measured);
   if (visit.deviation > tolerance) return Missed(number, visit.deviation);
   absl::StatusOr<ImageSet> images = parts_.cameras.Grab(say_);
+  if (absl::IsDeadlineExceeded(images.status())) {
+    return absl::UnavailableError(images.status().message());
+  }
   if (!images.ok()) return images.status();
   visit.images = *std::move(images);
   const absl::StatusOr<std::vector<double>> after = parts_.robot.Measure();

@@ -38,6 +38,7 @@ class Visitor {
 
   // An error is a device's, or says that the robot stands where it must not, or moved when it
   // should stand; the robot may be anywhere then, and the next visit begins with asking it.
+  // Unavailable: a device is lost, and may come back.
   absl::StatusOr<Visit> Go(ConfigurationNumber number);
 
  private:

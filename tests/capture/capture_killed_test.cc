@@ -22,12 +22,15 @@ TEST(KilledCapture, ResumedHoldsWhatAnUninterruptedOneHolds) {
   const uint64_t seed = std::random_device{}();
   SCOPED_TRACE(testing::Message() << "seed " << seed);
   std::mt19937_64 random(seed);
+  const std::pair<std::string, std::string> keep_images = {"keep_free: 0 B",
+                                                           "raw_images: all\n  keep_free: 0 B"};
   const ProgramCell whole;
   whole.CaptureAll();
   const auto expected = whole.Content();
   ASSERT_THAT(expected, SizeIs(45));
 
-  const ProgramCell cell;
+  ProgramCell cell;
+  cell.WriteCell({keep_images});
   cell.TakeReferences();
   int kills = 0;
   for (uint64_t stored = 0; kills < 12 && stored < 40; ++kills) {
@@ -42,11 +45,13 @@ TEST(KilledCapture, ResumedHoldsWhatAnUninterruptedOneHolds) {
     stored = now;
     // What is there is whole and right.
     for (const auto& [number, image] : cell.Content()) EXPECT_EQ(image, expected.at(number));
+    EXPECT_EQ(cell.RawImages(), now);
   }
   EXPECT_GE(kills, 2);
   const Outcome last = cell.Run(cell.Arguments("run"));
   EXPECT_EQ(last.exit_code, 0) << last.err;
   EXPECT_EQ(cell.Content(), expected) << kills << " kills";
+  EXPECT_EQ(cell.RawImages(), 45u);
 }
 
 TEST(StoppedCapture, EndsCleanlyAndSaysHowToGoOn) {

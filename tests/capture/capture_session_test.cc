@@ -50,9 +50,7 @@ TEST_F(CaptureSessionTest, ReportTellsTheQualityOfEachView) {
   cell_.rig.on_grab = [](size_t grab, std::vector<CameraImage>& images) {
     if (grab <= 4) {  // no robot in "front"
       for (size_t i = 0; i < images[1].pixels.size(); ++i) {
-        const size_t x = i % 80;
-        const size_t y = i / 80;
-        images[1].pixels[i] = static_cast<uint8_t>(60 + (x * 7 + y * 3) % 40);
+        images[1].pixels[i] = FakeBackground(i % 80, i / 80);
       }
     }
     return absl::OkStatus();

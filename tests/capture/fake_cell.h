@@ -28,6 +28,9 @@ inline CaptureSettings QuickSettings() {
   settings.settle_timeout = absl::ZeroDuration();
   settings.still_images = 1;
   settings.reference_images = 3;
+  settings.sentinels.count = 0;
+  settings.retry = absl::ZeroDuration();
+  settings.keep_free = 0;
   return settings;
 }
 
@@ -97,6 +100,13 @@ class FakeRobot : public Robot {
   std::function<absl::Status(RobotState&)> on_state;
 };
 
+// The grey level of the cell behind the robot.
+inline uint8_t FakeBackground(size_t x, size_t y) {
+  uint64_t mixed = (x * 0x9E3779B97F4A7C15u) ^ (y * 0xC2B2AE3D27D4EB4Fu);
+  mixed = (mixed ^ (mixed >> 29)) * 0xBF58476D1CE4E5B9u;
+  return static_cast<uint8_t>(60 + (mixed >> 40) % 40);
+}
+
 // Draws the robot as a box whose place depends on the joints. "top" comes before "front".
 class FakeRig : public CameraRig {
  public:
@@ -127,7 +137,8 @@ class FakeRig : public CameraRig {
     for (int y = 0; y < height; ++y) {
       for (int x = 0; x < width; ++x) {
         const bool robot = robot_present && x >= left && x < left + 9 && y >= top && y < top + 20;
-        image.pixels.push_back(robot ? 220 : static_cast<uint8_t>(60 + (x * 7 + y * 3) % 40));
+        image.pixels.push_back(
+            robot ? 220 : FakeBackground(static_cast<size_t>(x), static_cast<size_t>(y)));
       }
     }
     return image;

@@ -74,7 +74,8 @@ class ProgramCell {
         "capture:\n"
         "  settle: 5 ms\n"
         "  reference_images: 3\n"
-        "  commit_interval: 20 ms\n");
+        "  commit_interval: 20 ms\n"
+        "  keep_free: 0 B\n");
     for (const auto& [from, to] : changes) {
       ASSERT_NE(text.find(from), std::string::npos) << from;
       text = absl::StrReplaceAll(text, {{from, to}});
@@ -140,6 +141,15 @@ class ProgramCell {
   uint64_t Records() const {
     const auto database = Database::Open(this->database(), Database::Access::kRead);
     return database.ok() ? (*database)->Read()->size() : 0;
+  }
+
+  // Number of configurations whose camera images are stored, too.
+  uint64_t RawImages() const {
+    const auto database = Database::Open(this->database(), Database::Access::kRead);
+    if (!database.ok()) return 0;
+    const auto numbers = (*database)->Read()->RawImageNumbers();
+    EXPECT_TRUE(numbers.ok()) << numbers.status();
+    return numbers.ok() ? numbers->size() : 0;
   }
 
   // All records without their times.

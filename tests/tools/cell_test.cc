@@ -85,6 +85,12 @@ TEST(Cell, TheCommentedSampleIsACellAndShowsTheDefaults) {
   EXPECT_EQ(cell->capture.joint_speed, CaptureSettings{}.joint_speed);
   EXPECT_EQ(cell->capture.arrival_timeout, CaptureSettings{}.arrival_timeout);
   EXPECT_EQ(cell->capture.reference_images, CaptureSettings{}.reference_images);
+  EXPECT_EQ(cell->capture.raw_images, CaptureSettings{}.raw_images);
+  EXPECT_EQ(cell->capture.sentinels.count, SentinelSettings{}.count);
+  EXPECT_EQ(cell->capture.sentinels.every, SentinelSettings{}.every);
+  EXPECT_EQ(cell->capture.sentinels.most_shift, SentinelSettings{}.most_shift);
+  EXPECT_EQ(cell->capture.retry, CaptureSettings{}.retry);
+  EXPECT_EQ(cell->capture.keep_free, CaptureSettings{}.keep_free);
   EXPECT_EQ(cell->server.listen, ServerSettings{}.listen);
   EXPECT_EQ(cell->server.scene.max_age, SceneSettings{}.max_age);
   EXPECT_EQ(cell->server.scene.max_skew, SceneSettings{}.max_skew);
@@ -367,6 +373,10 @@ TEST(Cell, MistakesAreToldWithLineAndMend) {
               HasSubstr("'d' is not a joint of the grid"));
   EXPECT_THAT(MessageOf(std::string(kBareCell) + "capture: {commit_interval: 5 s}\n"),
               HasSubstr("at most 2 s"));
+  EXPECT_THAT(MessageOf(std::string(kBareCell) + "capture: {raw_images: some}\n"),
+              HasSubstr("capture.raw_images: 'none', 'sentinels' or 'all' is expected"));
+  EXPECT_THAT(MessageOf(std::string(kBareCell) + "capture: {sentinels: {most_shift: 2}}\n"),
+              HasSubstr("most_shift: a number of pixels is expected, as in '1 px'"));
 }
 
 TEST(Cell, JointsThatTheModelLacksOrThatAreNotNamedAreTold) {

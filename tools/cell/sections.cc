@@ -95,6 +95,39 @@ LiveSettings ReadLive(const YamlNode& node, LiveSettings live) {
   return live;
 }
 
+RawImages ReadRawImages(const YamlNode& node) {
+  const std::string word = node.As<std::string>();
+  if (word == "none") return RawImages::kNone;
+  if (word == "sentinels") return RawImages::kSentinels;
+  if (word != "all") node.Fail("'none', 'sentinels' or 'all' is expected");
+  return RawImages::kAll;
+}
+
+// "1 px"
+double ReadPixels(const YamlNode& node) {
+  const std::string text = node.As<std::string>();
+  size_t end = 0;
+  double pixels = 0;
+  try {
+    pixels = std::stod(text, &end);
+  } catch (const std::exception&) {
+    node.Fail("a number of pixels is expected, as in '1 px'");
+  }
+  const std::string unit = text.substr(std::min(text.find_first_not_of(' ', end), text.size()));
+  if (unit != "px") node.Fail("a number of pixels is expected, as in '1 px'");
+  return Positive(node, pixels);
+}
+
+SentinelSettings ReadSentinels(const YamlNode& node) {
+  YamlMap map(node);
+  SentinelSettings sentinels;
+  sentinels.count = AtLeast(map, "count", sentinels.count, 0);
+  sentinels.every = Time(map, "every", sentinels.every);
+  if (const auto shift = map.Optional("most_shift")) sentinels.most_shift = ReadPixels(*shift);
+  map.Finish();
+  return sentinels;
+}
+
 }  // namespace
 
 Workspace ReadWorkspace(const YamlNode& node) {
@@ -135,6 +168,14 @@ CaptureSettings ReadCapture(const YamlNode& node, const ConfigurationGrid& grid)
       capture.forbidden_regions.push_back(ReadForbiddenRegion(region, grid));
     }
   }
+  if (const auto raw_images = map.Optional("raw_images")) {
+    capture.raw_images = ReadRawImages(*raw_images);
+  }
+  if (const auto sentinels = map.Optional("sentinels")) {
+    capture.sentinels = ReadSentinels(*sentinels);
+  }
+  capture.retry = Time(map, "retry", capture.retry);
+  if (const auto keep_free = map.Optional("keep_free")) capture.keep_free = keep_free->AsBytes();
   map.Finish();
   return capture;
 }

@@ -16,6 +16,8 @@ namespace {
 constexpr absl::Duration kRedraw = absl::Milliseconds(100);
 constexpr absl::Duration kPlainLine = absl::Seconds(5);
 constexpr int kBarWidth = 24;
+// Who waits so long looks at the clock.
+constexpr absl::Duration kClockFrom = absl::Minutes(2);
 
 }  // namespace
 
@@ -56,7 +58,9 @@ std::string Progress::Line(uint64_t done, absl::Time now) const {
   }
   line += absl::StrFormat("%d of %d %s (%.0f %%)", done, total_, unit_, 100 * share);
   if (done > 0 && done < total_) {
-    line += ", " + Spoken(spent * ((1 - share) / share)) + " left";
+    const absl::Duration left = spent * ((1 - share) / share);
+    line += ", " + Spoken(left) + " left";
+    if (left >= kClockFrom) line += ", done about " + ClockTime(now + left, now);
   } else {
     line += ", " + Spoken(spent);
   }
@@ -70,6 +74,14 @@ void Progress::Draw(const std::string& line) {
     std::cerr << line << std::endl;
   }
   drawn_ = true;
+}
+
+std::string ClockTime(absl::Time time, absl::Time now) {
+  const absl::TimeZone here = absl::LocalTimeZone();
+  const char* format = "%a %H:%M";
+  if (absl::ToCivilDay(time, here) == absl::ToCivilDay(now, here)) format = "%H:%M";
+  if (time - now > absl::Hours(6 * 24)) format = "%Y-%m-%d %H:%M";
+  return absl::FormatTime(format, time, here);
 }
 
 std::string Spoken(absl::Duration duration) {

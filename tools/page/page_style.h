@@ -1,9 +1,9 @@
-// The style of the report's page.
+// The style of all reports that are pages.
 #pragma once
 
 namespace silhouette {
 
-inline constexpr char kReportStyle[] = R"(
+inline constexpr char kPageStyle[] = R"(
 :root { --good: #1b8a5a; --fair: #d99000; --bad: #c8420f; --unknown: #a9b0b8; --ink: #20262d;
   --soft: #5d6873; --line: #dfe4e8; }
 * { box-sizing: border-box; }

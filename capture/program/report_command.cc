@@ -1,0 +1,61 @@
+// silhouette-capture report: what became of a capture, as a page with pictures.
+#include <iostream>
+#include <memory>
+
+#include "capture/program/commands.h"
+#include "capture/program/opened_cell.h"
+#include "capture/program/session_log.h"
+#include "capture/program/session_page.h"
+#include "capture/program/session_report.h"
+
+namespace silhouette {
+namespace {
+
+struct Options {
+  CellArguments cell;
+  std::string out;
+  std::string log;
+};
+
+absl::StatusOr<ExitCode> Run(const Options& options) {
+  const absl::StatusOr<CellFile> file = OpenCellFile(options.cell);
+  if (!file.ok()) return file.status();
+  const auto database = OpenDatabase(*file, Database::Access::kRead);
+  if (!database.ok()) return database.status();
+  const auto facts = WriteSessionReport(
+      options.cell, file->cell.name, **database,
+      options.log.empty() ? DefaultLogFile(file->database) : options.log, options.out);
+  if (!facts.ok()) return facts.status();
+  if (options.cell.json()) {
+    std::cout << SessionJson(*facts, (*database)->cell()).dump(2) << std::endl;
+  } else {
+    std::cout << VerdictOf(*facts) << "\nreport: " << options.out << "/report.html\n";
+    for (const std::string& command : facts->repair) std::cout << "repair: " << command << "\n";
+    std::cout << std::flush;
+  }
+  return facts->good() ? kDone : kNo;
+}
+
+}  // namespace
+
+void AddReport(CLI::App& app, Work& work) {
+  CLI::App* command = app.add_subcommand(
+      "report",
+      "Writes what became of a capture, as a page with pictures (report.html) and for programs\n"
+      "(report.json): coverage, every view's quality, how well the sentinels repeated, outliers, "
+      "what\n"
+      "is suspect, the log's story, and the commands to repair it. Reads only; may be asked while "
+      "a\n"
+      "capture goes on. Exit code 0: there is nothing to repair; 1: there is.");
+  command->footer(
+      "Example:\n  silhouette-capture report --cell cell.yaml --database cell.lmdb --out report");
+  const auto options = std::make_shared<Options>();
+  AddCellOptions(*command, options->cell);
+  command->add_option("--out", options->out, "The folder for the report; made if it is not there")
+      ->required();
+  command->add_option("--log", options->log,
+                      "The sessions' log; default: the database's name and .log");
+  command->callback([options, &work] { work = [options] { return Run(*options); }; });
+}
+
+}  // namespace silhouette

@@ -1,0 +1,20 @@
+// Writes the report of a database's capture sessions.
+#pragma once
+
+#include <string>
+
+#include "absl/status/statusor.h"
+#include "capture/program/opened_cell.h"
+#include "capture/program/session_facts.h"
+#include "db/store.h"
+
+namespace silhouette {
+
+// Writes report.html, report.json and the pictures into `folder`, which is made if it is not there.
+// `log`: the story's file. Errors: those of reading the database and of writing files.
+absl::StatusOr<SessionFacts> WriteSessionReport(const CellArguments& arguments,
+                                                const std::string& cell_name,
+                                                const Database& database, const std::string& log,
+                                                const std::string& folder);
+
+}  // namespace silhouette

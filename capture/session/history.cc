@@ -1,0 +1,101 @@
+#include "capture/session/history.h"
+
+#include <algorithm>
+#include <cmath>
+#include <utility>
+
+namespace silhouette {
+
+void SetTime(absl::Time time, google::protobuf::Timestamp& stamp) {
+  if (time == absl::InfinitePast()) time = absl::UnixEpoch();
+  const int64_t nanoseconds = absl::ToUnixNanos(time);
+  stamp.set_seconds(nanoseconds / 1'000'000'000);
+  stamp.set_nanos(static_cast<int32_t>(nanoseconds % 1'000'000'000));
+}
+
+absl::Time TimeOf(const google::protobuf::Timestamp& stamp) {
+  return absl::FromUnixSeconds(stamp.seconds()) + absl::Nanoseconds(stamp.nanos());
+}
+
+absl::Status ChangeHistory(Database& database,
+                           const std::function<void(storage::v1::CaptureHistory&)>& change) {
+  storage::v1::CaptureHistory history;
+  {
+    const auto snapshot = database.Read();
+    if (!snapshot.ok()) return snapshot.status();
+    auto read = snapshot->CaptureHistory();
+    if (!read.ok()) return read.status();
+    history = *std::move(read);
+  }
+  change(history);
+  return database.SetCaptureHistory(history);
+}
+
+absl::Time LastGoodCheck(const storage::v1::CaptureHistory& history) {
+  absl::Time last = absl::InfinitePast();
+  for (const storage::v1::SentinelCheck& check : history.checks()) {
+    if (check.alarm().empty()) last = std::max(last, TimeOf(check.time()));
+  }
+  return last;
+}
+
+absl::StatusOr<std::vector<ConfigurationNumber>> SuspectNumbers(const Snapshot& snapshot) {
+  const auto history = snapshot.CaptureHistory();
+  if (!history.ok()) return history.status();
+  std::vector<ConfigurationNumber> numbers;
+  if (history->suspects().empty()) return numbers;
+  const auto suspect = [&](absl::Time captured) {
+    return std::ranges::any_of(history->suspects(), [&](const storage::v1::SuspectSpan& span) {
+      return captured > TimeOf(span.after()) && captured <= TimeOf(span.until());
+    });
+  };
+  const absl::Status status =
+      snapshot.ForEach([&](ConfigurationNumber number, const absl::StatusOr<RobotImage>& image) {
+        if (image.ok() && !image->excluded && suspect(image->captured)) numbers.push_back(number);
+        return true;
+      });
+  // What is damaged is told by others.
+  if (!status.ok() && !absl::IsDataLoss(status)) return status;
+  return numbers;
+}
+
+Repeatability RepeatabilityOf(const storage::v1::CaptureHistory& history,
+                              const storage::v1::CellDescription& cell) {
+  Repeatability result;
+  std::vector<int> with_shift(static_cast<size_t>(cell.views_size()), 0);
+  for (const storage::v1::View& view : cell.views()) result.views.push_back({.name = view.name()});
+  int sights = 0;
+  for (const storage::v1::SentinelCheck& check : history.checks()) {
+    ++(check.alarm().empty() ? result.checks : result.alarms);
+    if (!check.alarm().empty()) continue;
+    for (const storage::v1::SentinelSight& sight : check.sights()) {
+      if (sight.view() < 0 || sight.view() >= cell.views_size()) continue;
+      ViewRepeatability& view = result.views[static_cast<size_t>(sight.view())];
+      const double shift = std::hypot(sight.shift_x(), sight.shift_y());
+      if (std::isfinite(shift)) {
+        ++with_shift[static_cast<size_t>(sight.view())];
+        view.shift += shift * shift;
+        view.greatest_shift = std::max(view.greatest_shift, shift);
+      }
+      view.mask_pixels += sight.mask_pixels();
+      view.most_mask_pixels = std::max(view.most_mask_pixels, sight.mask_pixels());
+      view.least_gain = view.sights == 0 ? sight.gain() : std::min(view.least_gain, sight.gain());
+      view.greatest_gain =
+          view.sights == 0 ? sight.gain() : std::max(view.greatest_gain, sight.gain());
+      ++view.sights;
+      ++sights;
+      result.joint += sight.joint_deviation() * sight.joint_deviation();
+      result.greatest_joint = std::max(result.greatest_joint, sight.joint_deviation());
+    }
+  }
+  for (size_t v = 0; v < result.views.size(); ++v) {
+    ViewRepeatability& view = result.views[v];
+    if (view.sights > 0) view.mask_pixels /= view.sights;
+    view.shift = with_shift[v] > 0 ? std::sqrt(view.shift / with_shift[v]) : NAN;
+    if (with_shift[v] == 0) view.greatest_shift = NAN;
+  }
+  if (sights > 0) result.joint = std::sqrt(result.joint / sights);
+  return result;
+}
+
+}  // namespace silhouette

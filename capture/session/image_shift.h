@@ -1,0 +1,31 @@
+// By how many pixels an image has moved since another was taken.
+#pragma once
+
+#include <opencv2/core.hpp>
+#include <optional>
+
+namespace silhouette {
+
+// To the right and down; a positive x says that what `now` shows lies further to the right.
+struct ImageShift {
+  double x = 0;
+  double y = 0;
+  double error = 0;  // standard error of either, by what is left unexplained
+
+  double length() const;
+};
+
+// Where there is something to see in `first`: at least half a grey level of contrast on the whole,
+// and an error below a quarter of a pixel. Phase correlation finds the shift, least squares over
+// what does not stick out refine it; a shift is believed only if it explains the image better than
+// none. `first`, `now`: 8-bit grey of one size, with `gain` the factor from one to the other's
+// brightness; `region`: 8-bit, not 0 where pixels count.
+std::optional<ImageShift> ShiftBetween(const cv::Mat& first, const cv::Mat& now,
+                                       const cv::Mat& region, double gain);
+
+// The largest shift of the whole region and of its quarters: that tells a camera that turned about
+// its axis, too. Nothing if none of them can be told.
+std::optional<ImageShift> LargestShift(const cv::Mat& first, const cv::Mat& now,
+                                       const cv::Mat& region, double gain);
+
+}  // namespace silhouette

@@ -1,0 +1,226 @@
+#include "capture/session/sentinels.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <set>
+#include <utility>
+
+#include "absl/strings/str_cat.h"
+#include "absl/strings/str_format.h"
+#include "absl/strings/str_join.h"
+#include "absl/time/clock.h"
+#include "capture/segmentation/difference.h"
+#include "capture/session/history.h"
+#include "capture/session/raw_archive.h"
+
+namespace silhouette {
+namespace {
+
+// Of very many checks the oldest are forgotten.
+constexpr int kMostChecks = 2000;
+constexpr double kNotToBeTold = std::numeric_limits<double>::quiet_NaN();
+
+// How far apart two configurations are, every joint's range taken as one.
+double Apart(const ConfigurationGrid& grid, const Configuration& a, const Configuration& b) {
+  double square = 0;
+  for (size_t j = 0; j < a.size(); ++j) {
+    const GridJoint& joint = grid.joints()[j];
+    const double range = std::max(joint.upper - joint.lower, 1e-9);
+    square += (a[j] - b[j]) * (a[j] - b[j]) / (range * range);
+  }
+  return std::sqrt(square);
+}
+
+}  // namespace
+
+std::vector<ConfigurationNumber> WellSpread(const ConfigurationGrid& grid,
+                                            const std::vector<ConfigurationNumber>& among,
+                                            int count) {
+  std::vector<ConfigurationNumber> chosen;
+  if (among.empty() || count <= 0) return chosen;
+  std::vector<double> nearest(among.size(), INFINITY);
+  size_t next = 0;
+  while (chosen.size() < std::min(among.size(), static_cast<size_t>(count))) {
+    chosen.push_back(among[next]);
+    const Configuration at = grid.At(among[next]);
+    for (size_t i = 0; i < among.size(); ++i) {
+      nearest[i] = std::min(nearest[i], Apart(grid, at, grid.At(among[i])));
+    }
+    next = static_cast<size_t>(
+        std::distance(nearest.begin(), std::max_element(nearest.begin(), nearest.end())));
+  }
+  return chosen;
+}
+
+absl::StatusOr<Sentinels> Sentinels::Open(SessionParts& parts, const CapturePlan& plan) {
+  Sentinels sentinels(parts);
+  const int count = parts.settings.sentinels.count;
+  if (count == 0) return sentinels;
+  const auto snapshot = parts.database->Read();
+  if (!snapshot.ok()) return snapshot.status();
+  const auto history = snapshot->CaptureHistory();
+  if (!history.ok()) return history.status();
+  for (const ConfigurationNumber number : history->sentinels()) {
+    if (parts.travel->grid().Contains(number) && !parts.travel->Forbidden(number)) {
+      sentinels.numbers_.push_back(number);
+    }
+  }
+  const bool anew = plan.new_sentinels || sentinels.numbers_.size() != static_cast<size_t>(count);
+  if (anew && !plan.captures.empty()) {
+    sentinels.numbers_ = WellSpread(parts.travel->grid(), plan.captures, count);
+  }
+  const std::set<ConfigurationNumber> planned(plan.captures.begin(), plan.captures.end());
+  absl::Status status = sentinels.ReadFirsts(*snapshot, planned);
+  if (!status.ok()) return status;
+  for (const ConfigurationNumber number : sentinels.numbers_) {
+    if (!sentinels.firsts_.contains(number) && planned.contains(number)) {
+      sentinels.to_capture_.push_back(number);
+    }
+  }
+  if (!plan.new_sentinels) {
+    sentinels.last_good_ = std::max(sentinels.last_good_, LastGoodCheck(*history));
+  }
+  return sentinels;
+}
+
+// But of those that are captured (anew).
+absl::Status Sentinels::ReadFirsts(const Snapshot& snapshot,
+                                   const std::set<ConfigurationNumber>& planned) {
+  for (const ConfigurationNumber number : numbers_) {
+    if (planned.contains(number)) continue;
+    const auto image = snapshot.Find(number);
+    if (!image.ok() || !image->has_value() || (*image)->excluded) continue;
+    First first;
+    first.measured = (*image)->measured;
+    first.captured = (*image)->captured;
+    for (size_t v = 0; v < (*image)->masks.size(); ++v) {
+      const auto raw = snapshot.FindRawImage(number, static_cast<int>(v));
+      cv::Mat grey;
+      if (raw.ok() && raw->has_value()) grey = ImageInPng((*raw)->png);
+      if (!grey.empty()) grey = Grey(grey);
+      if (grey.size() != parts_->references[v].size()) grey.release();
+      first.views.push_back({grey, (*image)->masks[v]});
+    }
+    last_good_ = std::max(last_good_, first.captured);
+    firsts_[number] = std::move(first);
+  }
+  return absl::OkStatus();
+}
+
+void Sentinels::Captured(ConfigurationNumber number, const Visit& visit,
+                         const std::vector<Mask>& masks) {
+  First first{.views = {}, .measured = visit.measured, .captured = visit.images.captured};
+  for (size_t v = 0; v < masks.size(); ++v) {
+    first.views.push_back({Grey(visit.images.images[v]).clone(), masks[v]});
+  }
+  firsts_[number] = std::move(first);
+  last_good_ = std::max(last_good_, visit.images.captured);
+  last_check_ = absl::Now();
+}
+
+bool Sentinels::Due(absl::Time now) const {
+  return Known() && now - last_check_ >= parts_->settings.sentinels.every;
+}
+
+std::vector<SentinelImage> Sentinels::Look(const ImageSet& images) const {
+  std::vector<SentinelImage> views;
+  for (size_t v = 0; v < images.images.size(); ++v) {
+    views.push_back({Grey(images.images[v]),
+                     Difference(images.images[v], parts_->references[v], parts_->segmentation,
+                                parts_->database->mask_sizes()[v])});
+  }
+  return views;
+}
+
+void Sentinels::Note(ConfigurationNumber number, First& first, const Visit& visit,
+                     storage::v1::SentinelCheck& check, std::vector<std::string>& complaints) {
+  std::vector<SentinelImage> now = Look(visit.images);
+  for (size_t v = 0; v < now.size(); ++v) {
+    const Sight sight = Compare(first.views[v], now[v], parts_->references[v]);
+    storage::v1::SentinelSight& noted = *check.add_sights();
+    noted.set_number(number);
+    noted.set_view(static_cast<int>(v));
+    noted.set_shift_x(sight.background ? sight.background->x : kNotToBeTold);
+    noted.set_shift_y(sight.background ? sight.background->y : kNotToBeTold);
+    noted.set_robot_x(sight.robot ? sight.robot->x : kNotToBeTold);
+    noted.set_robot_y(sight.robot ? sight.robot->y : kNotToBeTold);
+    noted.set_gain(sight.gain);
+    noted.set_mask_pixels(sight.mask_pixels);
+    noted.set_core_pixels(sight.core_pixels);
+    noted.set_joint_deviation(
+        first.measured.empty() ? 0 : parts_->robot.Deviation(first.measured, visit.measured));
+    const std::string complaint = Complaint(sight, parts_->settings.sentinels.most_shift);
+    if (!complaint.empty()) {
+      complaints.push_back(absl::StrCat("view '",
+                                        parts_->database->cell().views(static_cast<int>(v)).name(),
+                                        "' ", complaint, " (configuration ", number, ")"));
+    }
+    // Where no image was kept this is the first.
+    if (first.views[v].grey.empty()) first.views[v].grey = now[v].grey.clone();
+  }
+}
+
+std::string Sentinels::Summarise(const storage::v1::SentinelCheck& check) const {
+  double shift = 0;
+  int pixels = 0;
+  double gain = 1;
+  for (const storage::v1::SentinelSight& sight : check.sights()) {
+    const double length = std::hypot(sight.shift_x(), sight.shift_y());
+    if (std::isfinite(length)) shift = std::max(shift, length);
+    pixels = std::max(pixels, sight.mask_pixels());
+    if (std::abs(std::log(sight.gain())) > std::abs(std::log(gain))) gain = sight.gain();
+  }
+  return absl::StrFormat(
+      "largest shift %.2f camera pixels, most mask pixels that differ %d, brightness %.3f times",
+      shift, pixels, gain);
+}
+
+absl::StatusOr<std::string> Sentinels::Check(const Go& go) {
+  storage::v1::SentinelCheck check;
+  std::vector<std::string> complaints;
+  absl::Time begin = absl::InfiniteFuture();
+  for (const ConfigurationNumber number : numbers_) {
+    const auto first = firsts_.find(number);
+    if (first == firsts_.end()) continue;
+    const absl::StatusOr<Visit> visit = go(number);
+    if (!visit.ok()) return visit.status();
+    if (visit->outcome != Visit::Outcome::kTaken) continue;
+    begin = std::min(begin, visit->images.captured);
+    Note(number, first->second, *visit, check, complaints);
+  }
+  last_check_ = absl::Now();
+  if (check.sights().empty()) {
+    summary_ = "no sentinel could be reached";
+    return std::string();
+  }
+  SetTime(begin, *check.mutable_time());
+  check.set_alarm(absl::StrJoin(complaints, "; "));
+  summary_ = Summarise(check);
+  if (complaints.empty()) last_good_ = begin;
+  const std::string alarm = check.alarm();
+  absl::Status status = ChangeHistory(*parts_->database, [&](storage::v1::CaptureHistory& history) {
+    history.mutable_checks()->Add(std::move(check));
+    const int surplus = history.checks_size() - kMostChecks;
+    if (surplus > 0) history.mutable_checks()->DeleteSubrange(0, surplus);
+  });
+  if (!status.ok()) return status;
+  return alarm;
+}
+
+absl::Status Sentinels::Remember() {
+  return ChangeHistory(*parts_->database, [&](storage::v1::CaptureHistory& history) {
+    history.mutable_sentinels()->Assign(numbers_.begin(), numbers_.end());
+  });
+}
+
+absl::Status Sentinels::Suspect(absl::Time until, const std::string& why) {
+  return ChangeHistory(*parts_->database, [&](storage::v1::CaptureHistory& history) {
+    storage::v1::SuspectSpan& span = *history.add_suspects();
+    SetTime(last_good_, *span.mutable_after());
+    SetTime(until, *span.mutable_until());
+    span.set_why(why);
+  });
+}
+
+}  // namespace silhouette

@@ -1,0 +1,87 @@
+// Sentinels: a few configurations that a session visits again and again. If one no longer looks as
+// it did at first, a camera, the light or the robot has changed, and what was captured since the
+// last time is suspect.
+#pragma once
+
+#include <functional>
+#include <map>
+#include <set>
+#include <string>
+#include <vector>
+
+#include "absl/status/status.h"
+#include "absl/status/statusor.h"
+#include "absl/time/time.h"
+#include "capture/capture_plan.h"
+#include "capture/session/sentinel_sight.h"
+#include "capture/session/session_parts.h"
+#include "capture/session/visitor.h"
+
+namespace silhouette {
+
+// `count` of the configurations `among`, the first of them first, each as far from the others as
+// can be; fewer if there are not so many.
+std::vector<ConfigurationNumber> WellSpread(const ConfigurationGrid& grid,
+                                            const std::vector<ConfigurationNumber>& among,
+                                            int count);
+
+class Sentinels {
+ public:
+  using Go = std::function<absl::StatusOr<Visit>(ConfigurationNumber)>;
+
+  // Those that the database knows, else new ones out of what `plan` captures. `parts` must outlive
+  // it.
+  static absl::StatusOr<Sentinels> Open(SessionParts& parts, const CapturePlan& plan);
+
+  // In the order of visits.
+  const std::vector<ConfigurationNumber>& numbers() const { return numbers_; }
+
+  // Sentinels that `plan` captures, for the first time or anew: before everything else.
+  std::vector<ConfigurationNumber> ToCapture() const { return to_capture_; }
+
+  // Tells how a sentinel out of ToCapture() looks, which was just captured.
+  void Captured(ConfigurationNumber number, const Visit& visit, const std::vector<Mask>& masks);
+
+  // Keeps in the database which they are, once their robot images are there.
+  absl::Status Remember();
+
+  // Whether there is something to compare with, and whether it is time.
+  bool Known() const { return !firsts_.empty(); }
+  bool Due(absl::Time now) const;
+
+  // Visits all that are known, compares, and keeps in the database what came out. In plain words
+  // what no longer matches, empty: all does. Errors: those of `go` and of the database. A sentinel
+  // that the robot cannot get to is left out.
+  absl::StatusOr<std::string> Check(const Go& go);
+
+  // Marks what was captured since the last check that found nothing, up to `until`, as suspect.
+  absl::Status Suspect(absl::Time until, const std::string& why);
+
+  // What the last check saw, in a sentence.
+  const std::string& summary() const { return summary_; }
+
+ private:
+  // How a sentinel looked at first.
+  struct First {
+    std::vector<SentinelImage> views;
+    std::vector<double> measured;
+    absl::Time captured;
+  };
+
+  explicit Sentinels(SessionParts& parts) : parts_(&parts) {}
+  absl::Status ReadFirsts(const Snapshot& snapshot, const std::set<ConfigurationNumber>& planned);
+  std::vector<SentinelImage> Look(const ImageSet& images) const;
+  void Note(ConfigurationNumber number, First& first, const Visit& visit,
+            storage::v1::SentinelCheck& check, std::vector<std::string>& complaints);
+  std::string Summarise(const storage::v1::SentinelCheck& check) const;
+
+  SessionParts* parts_;
+  std::vector<ConfigurationNumber> numbers_;
+  std::vector<ConfigurationNumber> to_capture_;
+  std::map<ConfigurationNumber, First> firsts_;
+  absl::Time last_check_ = absl::InfinitePast();
+  absl::Time last_good_ = absl::InfinitePast();
+  std::string summary_;
+};
+
+}  // namespace silhouette

@@ -1,0 +1,173 @@
+// silhouette-capture over more than one session: sentinels, remask, report, log.
+#include <gmock/gmock.h>
+
+#include <cmath>
+#include <filesystem>
+#include <nlohmann/json.hpp>
+#include <numbers>
+#include <regex>
+
+#include "tests/capture/program_cell.h"
+
+namespace silhouette {
+namespace {
+
+using testing::HasSubstr;
+using testing::IsEmpty;
+using testing::SizeIs;
+
+nlohmann::json Json(const std::string& text) {
+  return nlohmann::json::parse(text, nullptr, /*allow_exceptions=*/false);
+}
+
+const std::pair<std::string, std::string> kKeepImages = {"keep_free: 0 B",
+                                                         "raw_images: all\n  keep_free: 0 B"};
+// The same with other settings for masks.
+const std::pair<std::string, std::string> kKeepImagesAndHalfCovered = {
+    "keep_free: 0 B",
+    "raw_images: all\n  keep_free: 0 B\nsegmentation: {min_cover: 0.5, min_difference: 20}"};
+
+TEST(CaptureSessions, CameraThatWasTurnedOvernightIsNamedWithItsPixels) {
+  ProgramCell cell;
+  cell.CaptureAll();
+  Outcome outcome = cell.Run(cell.Arguments("run", {"--only", "sentinels"}));
+  EXPECT_EQ(outcome.exit_code, 0) << outcome.err;
+  // The camera looks 10 cm beside what it looked at, 5.2 m away: to its right.
+  std::string simulation = ReadText(cell / "simulation.yaml");
+  const std::string front = "position: [5.2, 0, 1.3], look_at: [0, 0, 1]";
+  ASSERT_NE(simulation.find(front), std::string::npos);
+  simulation =
+      absl::StrReplaceAll(simulation, {{front, "position: [5.2, 0, 1.3], look_at: [0, 0.1, 1]"}});
+  WriteText(cell / "simulation.yaml", simulation);
+  const double focal_length = 80 / std::tan(25 * std::numbers::pi / 180);
+  const double truth = focal_length * 0.1 / 5.2;
+
+  outcome = cell.Run(cell.Arguments("run", {"--only", "sentinels", "--format", "json"}));
+  EXPECT_EQ(outcome.exit_code, 1) << outcome.err;
+  EXPECT_EQ(Json(outcome.out)["state"], "paused");
+  const std::string alarm = Json(outcome.out)["alarm"];
+  std::smatch said;
+  ASSERT_TRUE(std::regex_search(
+      alarm, said, std::regex("view 'front' moved by [0-9.]+ px \\(([0-9.]+) px to the left")))
+      << alarm;
+  EXPECT_NEAR(std::stod(said[1]), truth, 0.15) << alarm;
+  EXPECT_EQ(alarm.find("'top'"), std::string::npos) << alarm;
+  EXPECT_THAT(outcome.err, HasSubstr("--only sentinels"));
+
+  const std::string log = ReadText(cell.database() + ".log");
+  EXPECT_THAT(log, HasSubstr("session begins: cell 'small'"));
+  EXPECT_THAT(log, HasSubstr("session ends; captured 45 of 45 configurations"));
+  EXPECT_THAT(log, HasSubstr("the session pauses and the robot stands still: view 'front' moved"));
+  EXPECT_THAT(log, HasSubstr("session ends: the cell is not as it was"));
+
+  outcome = cell.Run(cell.Arguments("report", {"--out", cell / "report"}));
+  const std::string page = ReadText(cell / "report/report.html");
+  EXPECT_THAT(page, HasSubstr("moved by"));
+  EXPECT_THAT(page, HasSubstr("data:image/png;base64,"));
+  EXPECT_TRUE(std::filesystem::exists(cell / "report/history.png"));
+  const nlohmann::json report = Json(ReadText(cell / "report/report.json"));
+  EXPECT_THAT(report["alarms"], SizeIs(1));
+  EXPECT_EQ(report["captured"], 45);
+  EXPECT_EQ(report["sentinel_checks"], 2);
+}
+
+TEST(CaptureSessions, WhatIsSuspectIsNamedAndMended) {
+  ProgramCell cell;
+  cell.WriteCell({{"settle: 5 ms", "settle: 30 ms"}});
+  cell.TakeReferences();
+  const pid_t run = cell.Start(cell.Arguments("run"));
+  for (int i = 0; i < 3000 && cell.Records() < 8; ++i) absl::SleepFor(absl::Milliseconds(5));
+  kill(run, SIGKILL);
+  cell.Wait(run);
+  const uint64_t before = cell.Records();
+  ASSERT_LT(before, 45u);
+  const std::string simulation = ReadText(cell / "simulation.yaml");
+  WriteText(cell / "simulation.yaml",
+            absl::StrReplaceAll(simulation, {{"[5.2, 0, 1.3], look_at: [0, 0, 1]",
+                                              "[5.2, 0, 1.3], look_at: [0, 0, 1.2]"}}));
+  Outcome outcome = cell.Run(cell.Arguments("run"));
+  EXPECT_EQ(outcome.exit_code, 1) << outcome.err;
+  EXPECT_THAT(outcome.err, HasSubstr("view 'front' moved by"));
+  EXPECT_THAT(outcome.err, HasSubstr("--only suspect"));
+  EXPECT_EQ(cell.Records(), before);
+  outcome = cell.Run(cell.Arguments("status", {"--format", "json"}));
+  // All but the sentinels, which were captured first.
+  EXPECT_EQ(Json(outcome.out)["suspect"], before - 3);
+  // The camera is put back.
+  WriteText(cell / "simulation.yaml", simulation);
+  outcome = cell.Run(cell.Arguments("run", {"--only", "suspect", "--format", "json"}));
+  EXPECT_EQ(outcome.exit_code, 0) << outcome.err;
+  EXPECT_EQ(Json(outcome.out)["captured"], 45 - 3);
+  outcome = cell.Run(cell.Arguments("report", {"--out", cell / "report", "--format", "json"}));
+  EXPECT_EQ(outcome.exit_code, Json(outcome.out)["repair"].empty() ? 0 : 1);
+  EXPECT_THAT(Json(outcome.out)["suspect"], IsEmpty());
+}
+
+TEST(CaptureSessions, RemaskedHoldsWhatACaptureWithTheSameSettingsHolds) {
+  ProgramCell other;
+  other.WriteCell({kKeepImagesAndHalfCovered});
+  other.CaptureAll();
+  ProgramCell cell;
+  cell.WriteCell({kKeepImages});
+  cell.CaptureAll();
+  const auto before = cell.Content();
+  ASSERT_NE(before, other.Content());
+  cell.WriteCell({kKeepImagesAndHalfCovered});
+
+  // Into another database, from which everything else stays away.
+  Outcome outcome = cell.Run(cell.Arguments("remask", {"--into", cell / "other.lmdb"}));
+  EXPECT_EQ(outcome.exit_code, 0) << outcome.err;
+  EXPECT_EQ(cell.Content(), before);
+  EXPECT_FALSE(std::filesystem::exists(cell / "other.lmdb.part"));
+  outcome = cell.Run({"status", "--cell", cell.cell(), "--database", cell / "other.lmdb"});
+  EXPECT_EQ(outcome.exit_code, 0) << outcome.out << outcome.err;
+
+  // In its place.
+  outcome = cell.Run(cell.Arguments("remask", {"--format", "json"}));
+  EXPECT_EQ(outcome.exit_code, 0) << outcome.err;
+  EXPECT_EQ(cell.Content(), other.Content());
+  const nlohmann::json report = Json(outcome.out);
+  EXPECT_EQ(report["configurations"], 45);
+  int64_t change = 0;
+  for (const auto& [number, image] : before) {
+    change += static_cast<int64_t>(other.Content().at(number).masks[1].Count()) -
+              static_cast<int64_t>(image.masks[1].Count());
+  }
+  EXPECT_EQ(report["views"][1]["pixels_added"].get<int64_t>() -
+                report["views"][1]["pixels_removed"].get<int64_t>(),
+            change);
+  // It belongs to the cell file now; a capture has nothing to do.
+  EXPECT_EQ(cell.Run(cell.Arguments("run")).exit_code, 0);
+  EXPECT_EQ(cell.RawImages(), 45u);
+}
+
+TEST(CaptureSessions, MasksWithoutImagesCannotBeMadeAnew) {
+  ProgramCell cell;
+  cell.CaptureAll();
+  const auto before = cell.Content();
+  cell.WriteCell({kKeepImagesAndHalfCovered});
+  const Outcome outcome = cell.Run(cell.Arguments("remask"));
+  EXPECT_EQ(outcome.exit_code, 2);
+  EXPECT_THAT(outcome.err, HasSubstr("42 of 45 robot images have no raw images"));
+  EXPECT_THAT(outcome.err, HasSubstr("raw_images: all"));
+  EXPECT_EQ(cell.Content(), before);
+}
+
+TEST(CaptureSessions, DryRunTellsTheRoomForImagesAndWhenItEnds) {
+  ProgramCell cell;
+  cell.WriteCell({kKeepImages});
+  cell.TakeReferences();
+  const Outcome dry = cell.Run(cell.Arguments("run", {"--dry-run", "--format", "json"}));
+  EXPECT_EQ(dry.exit_code, 0) << dry.err;
+  const double estimate = Json(dry.out)["raw_image_bytes"];
+  EXPECT_TRUE(Json(dry.out)["fits_on_disk"]);
+  EXPECT_THAT(cell.Run(cell.Arguments("run", {"--dry-run"})).out, HasSubstr("done about"));
+  EXPECT_EQ(cell.Run(cell.Arguments("run")).exit_code, 0);
+  const auto database = Database::Open(cell.database(), Database::Access::kRead);
+  const auto truth = static_cast<double>((*database)->GetUsage()->raw_image_bytes);
+  EXPECT_GT(estimate, 0.4 * truth);
+  EXPECT_LT(estimate, 1.5 * truth);
+}
+
+}  // namespace
+}  // namespace silhouette
