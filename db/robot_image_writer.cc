@@ -96,8 +96,9 @@ struct RobotImageWriter::Impl {
   absl::StatusOr<bool> IsStored(ConfigurationNumber number);
   absl::Status Add(const RobotImage& image, bool replace, std::vector<std::string> raw_images);
   bool has_raw_images() const;
-  absl::Status WriteBatch(WriteTransaction& transaction) const;
-  absl::Status WriteAllRawImages(WriteTransaction& transaction) const;
+  // `raw_images`: the sub-database, if there is one.
+  absl::Status WriteBatch(WriteTransaction& transaction, std::optional<MDB_dbi> raw_images) const;
+  absl::Status WriteAllRawImages(WriteTransaction& transaction, MDB_dbi raw_images) const;
   absl::StatusOr<int> WriteProvenance(WriteTransaction& transaction) const;
 };
 
@@ -114,7 +115,8 @@ absl::StatusOr<bool> RobotImageWriter::Impl::IsStored(ConfigurationNumber number
   return code == 0;
 }
 
-absl::Status RobotImageWriter::Impl::WriteBatch(WriteTransaction& transaction) const {
+absl::Status RobotImageWriter::Impl::WriteBatch(WriteTransaction& transaction,
+                                                std::optional<MDB_dbi> raw_images) const {
   const Environment& environment = *state->environment;
   // What comes after all that is stored fills its pages; what is put between splits them in halves.
   MDB_cursor* cursor = nullptr;
@@ -135,18 +137,16 @@ absl::Status RobotImageWriter::Impl::WriteBatch(WriteTransaction& transaction) c
         transaction.Put(environment.robot_images(), {key.data(), key.size()}, waiting.value, flags);
     if (!status.ok()) return status;
   }
-  return WriteAllRawImages(transaction);
+  return raw_images ? WriteAllRawImages(transaction, *raw_images) : absl::OkStatus();
 }
 
-absl::Status RobotImageWriter::Impl::WriteAllRawImages(WriteTransaction& transaction) const {
-  const std::optional<MDB_dbi> raw_images =
-      state->environment->Find(OptionalSubDatabase::kRawImages);
-  if (!raw_images) return absl::OkStatus();
+absl::Status RobotImageWriter::Impl::WriteAllRawImages(WriteTransaction& transaction,
+                                                       MDB_dbi raw_images) const {
   absl::StatusOr<uint64_t> references = uint64_t{0};
-  if (has_raw_images()) references = KeepReferences(transaction, *raw_images);
+  if (has_raw_images()) references = KeepReferences(transaction, raw_images);
   if (!references.ok()) return references.status();
   for (const auto& [number, waiting] : batch) {
-    absl::Status status = WriteRawImages(transaction, *raw_images, state->cell.views_size(), number,
+    absl::Status status = WriteRawImages(transaction, raw_images, state->cell.views_size(), number,
                                          waiting, *references);
     if (!status.ok()) return status;
   }
@@ -233,14 +233,18 @@ absl::Status RobotImageWriter::Put(const RobotImage& image, bool replace,
 absl::Status RobotImageWriter::Commit() {
   Environment& environment = *impl_->state->environment;
   if (!impl_->batch.empty()) {
-    if (impl_->has_raw_images()) {
+    // Before the transaction, which could not open it.
+    std::optional<MDB_dbi> raw_images = environment.Find(OptionalSubDatabase::kRawImages);
+    if (!raw_images && impl_->has_raw_images()) {
       const auto made = environment.Make(OptionalSubDatabase::kRawImages);
       if (!made.ok()) return made.status();
+      raw_images = *made;
     }
     int provenance_entry = 0;
     absl::Status status =
         environment.Update(impl_->batch_bytes, [&](WriteTransaction& transaction) -> absl::Status {
-          if (absl::Status written = impl_->WriteBatch(transaction); !written.ok()) return written;
+          if (absl::Status written = impl_->WriteBatch(transaction, raw_images); !written.ok())
+            return written;
           const absl::StatusOr<int> place = impl_->WriteProvenance(transaction);
           if (!place.ok()) return place.status();
           provenance_entry = *place;

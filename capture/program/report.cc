@@ -95,7 +95,7 @@ std::string ReportText(const CaptureReport& report) {
   count("excluded", report.excluded, "in forbidden regions");
   count("failed", report.failed, "where the robot was not within joint_tolerance");
   count("unreachable", report.unreachable, "to which no way leads around the forbidden regions");
-  count("sentinels", report.sentinel_checks, "visits to all of them");
+  count("sentinels", report.sentinel_checks, "times visited");
   count("suspect", report.suspect, "captured while the cell may have been changed");
   if (report.losses > 0) {
     absl::StrAppendFormat(&text, "waited             %s for lost devices, %d times\n",

@@ -22,14 +22,16 @@ absl::StatusOr<ExitCode> Run(const Options& options) {
   if (!file.ok()) return file.status();
   const auto database = OpenDatabase(*file, Database::Access::kRead);
   if (!database.ok()) return database.status();
+  const std::string folder =
+      options.out.empty() ? DefaultReportFolder(file->database) : options.out;
   const auto facts = WriteSessionReport(
       options.cell, file->cell.name, **database,
-      options.log.empty() ? DefaultLogFile(file->database) : options.log, options.out);
+      options.log.empty() ? DefaultLogFile(file->database) : options.log, folder);
   if (!facts.ok()) return facts.status();
   if (options.cell.json()) {
     std::cout << SessionJson(*facts, (*database)->cell()).dump(2) << std::endl;
   } else {
-    std::cout << VerdictOf(*facts) << "\nreport: " << options.out << "/report.html\n";
+    std::cout << VerdictOf(*facts) << "\nreport: " << folder << "/report.html\n";
     for (const std::string& command : facts->repair) std::cout << "repair: " << command << "\n";
     std::cout << std::flush;
   }
@@ -51,8 +53,8 @@ void AddReport(CLI::App& app, Work& work) {
       "Example:\n  silhouette-capture report --cell cell.yaml --database cell.lmdb --out report");
   const auto options = std::make_shared<Options>();
   AddCellOptions(*command, options->cell);
-  command->add_option("--out", options->out, "The folder for the report; made if it is not there")
-      ->required();
+  command->add_option("--out", options->out,
+                      "The folder for the report; default: the database's name and .report");
   command->add_option("--log", options->log,
                       "The sessions' log; default: the database's name and .log");
   command->callback([options, &work] { work = [options] { return Run(*options); }; });

@@ -14,6 +14,8 @@
 #include "capture/program/run_observer.h"
 #include "capture/program/run_plan.h"
 #include "capture/program/session_log.h"
+#include "capture/program/session_page.h"
+#include "capture/program/session_report.h"
 #include "db/collision_index.h"
 #include "tools/program/progress.h"
 
@@ -25,7 +27,9 @@ struct Options {
   PlanArguments plan;
   bool dry_run = false;
   bool no_index = false;
-  std::string log;  // empty: beside the database
+  std::string log;     // empty: beside the database
+  std::string report;  // likewise
+  bool no_report = false;
 };
 
 absl::StatusOr<ExitCode> DryRun(const Options& options, const CellFile& file,
@@ -121,8 +125,7 @@ void TellSuspects(const Options& options, const CaptureReport& report) {
 
 ExitCode TellAlarm(const Options& options, const CaptureReport& report) {
   const std::string run = options.cell.Command("run");
-  std::cerr << "paused: " << report.alarm << "\n"
-            << "put it back, and look whether it matches with: " << run << " --only sentinels\n"
+  std::cerr << "put it back, and look whether it matches with: " << run << " --only sentinels\n"
             << "or let it be, take the reference images and all robot images anew: "
             << options.cell.Command("reference") << " && " << run << " --only all" << std::endl;
   TellSuspects(options, report);
@@ -176,6 +179,20 @@ ExitCode Tell(const Options& options, const std::string& database, const Capture
   return report.suspect > 0 && index_code == kDone ? kNo : index_code;
 }
 
+// The report of all that is stored by now. That it cannot be written changes nothing else.
+void WriteReport(const Options& options, const CellFile& file, const Database& database,
+                 const CaptureReport& report, const SessionLog& log) {
+  if (options.no_report || (report.captured == 0 && report.sentinel_checks == 0)) return;
+  const std::string folder =
+      options.report.empty() ? DefaultReportFolder(file.database) : options.report;
+  const auto facts = WriteSessionReport(options.cell, file.cell.name, database, log.file(), folder);
+  if (!facts.ok()) {
+    std::cerr << "the report could not be written: " << facts.status().message() << std::endl;
+    return;
+  }
+  std::cerr << VerdictOf(*facts) << "; report: " << folder << "/report.html" << std::endl;
+}
+
 absl::StatusOr<ExitCode> Run(const Options& options) {
   const absl::StatusOr<CellFile> file = OpenCellFile(options.cell);
   if (!file.ok()) return file.status();
@@ -209,7 +226,10 @@ absl::StatusOr<ExitCode> Run(const Options& options) {
   WriteBegin(options, *file, *plan, room, *log);
   const CaptureReport report = CaptureWithProgress(*session, *plan, *log);
   WriteEnd(report, *log);
-  return Tell(options, file->database, report, *log, BuildIndex(options, report, **database));
+  const auto index = BuildIndex(options, report, **database);
+  const ExitCode code = Tell(options, file->database, report, *log, index);
+  WriteReport(options, *file, **database, report, *log);
+  return code;
 }
 
 }  // namespace
@@ -250,6 +270,11 @@ void AddRun(CLI::App& app, Work& work) {
                       "name\nand .log");
   command->add_flag("--no-index", options->no_index,
                     "Leave the collision index out; silhouette-db index builds it");
+  command->add_option("--report", options->report,
+                      "The folder that the report is written into at the end; default: the "
+                      "database's\nname and .report");
+  command->add_flag("--no-report", options->no_report,
+                    "Leave the report out; silhouette-capture report writes it");
   command->callback([options, &work] { work = [options] { return Run(*options); }; });
 }
 

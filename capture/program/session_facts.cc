@@ -44,12 +44,12 @@ void ReadStory(const std::string& log, SessionFacts& facts) {
 std::vector<std::string> RepairOf(const CellArguments& arguments, const SessionFacts& facts) {
   std::vector<std::string> repair;
   const std::string run = arguments.Command("run");
-  if (!facts.suspects.empty()) {
-    repair.push_back(run + " --only sentinels");
-    repair.push_back(run + " --only suspect");
-  }
+  if (!facts.suspects.empty() || facts.alarmed()) repair.push_back(run + " --only sentinels");
+  if (!facts.suspects.empty()) repair.push_back(run + " --only suspect");
   if (facts.mendable() > 0) repair.push_back(run + " --only outliers");
-  if (facts.statistics.missing > 0 && repair.empty()) repair.push_back(run);
+  if (facts.statistics.missing > 0 && facts.suspects.empty() && facts.mendable() == 0) {
+    repair.push_back(run);
+  }
   return repair;
 }
 

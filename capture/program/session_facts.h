@@ -36,6 +36,10 @@ struct SessionFacts {
   uint64_t configurations() const {
     return statistics.captured + statistics.excluded + statistics.damaged + statistics.missing;
   }
+  // Whether the sentinels did not match when they were visited last.
+  bool alarmed() const {
+    return !history.checks().empty() && !history.checks().rbegin()->alarm().empty();
+  }
   // Outliers that a new capture may mend.
   uint64_t mendable() const;
   bool good() const { return repair.empty(); }

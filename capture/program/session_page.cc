@@ -157,6 +157,8 @@ std::string VerdictOf(const SessionFacts& facts) {
   add(facts.mendable(), "outliers");
   add(facts.statistics.missing, "missing");
   std::string text;
+  if (parts.empty())
+    return "All is captured, but the cell was not as it had been when last looked at";
   for (size_t i = 0; i < parts.size(); ++i) {
     absl::StrAppend(&text, i == 0 ? "" : i + 1 == parts.size() ? " and " : ", ", parts[i]);
   }

@@ -44,6 +44,12 @@ absl::Status WriteAll(const std::string& folder, const std::string& page, const 
 
 }  // namespace
 
+std::string DefaultReportFolder(const std::string& database) {
+  std::string folder = database;
+  while (folder.size() > 1 && folder.back() == '/') folder.pop_back();
+  return folder + ".report";
+}
+
 absl::StatusOr<SessionFacts> WriteSessionReport(const CellArguments& arguments,
                                                 const std::string& cell_name,
                                                 const Database& database, const std::string& log,

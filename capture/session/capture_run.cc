@@ -123,12 +123,17 @@ absl::StatusOr<bool> CaptureRun::CheckSentinels() {
     if (absl::Status status = writer_.Commit(); !status.ok()) return status;
     const absl::StatusOr<std::string> alarm =
         sentinels_->Check([this](ConfigurationNumber number) { return VisitPatiently(number); });
+    if (StoppedWaiting(alarm.status())) {
+      report_.stopped = true;
+      return false;
+    }
     if (!alarm.ok()) return StopRobot(alarm.status());
     ++report_.sentinel_checks;
     unchecked_ = false;
     report_.alarm = *alarm;
     if (alarm->empty()) {
-      observer_.note(absl::StrCat("sentinels visited: ", sentinels_->summary()));
+      const std::string line = absl::StrCat("sentinels visited: ", sentinels_->summary());
+      plan_.check_sentinels ? observer_.say(line) : observer_.note(line);
       if (again) observer_.say("the cell is as it was");
       return true;
     }
@@ -152,6 +157,10 @@ absl::StatusOr<bool> CaptureRun::CheckSentinels() {
         return true;
     }
   }
+}
+
+bool CaptureRun::StoppedWaiting(const absl::Status& status) const {
+  return absl::IsUnavailable(status) && observer_.stop_requested();
 }
 
 absl::StatusOr<Visit> CaptureRun::VisitPatiently(ConfigurationNumber number) {
@@ -193,6 +202,7 @@ absl::Status CaptureRun::CheckDisk() const {
 
 absl::Status CaptureRun::CaptureOne(ConfigurationNumber number) {
   const absl::StatusOr<Visit> visit = VisitPatiently(number);
+  if (StoppedWaiting(visit.status())) return absl::OkStatus();
   if (!visit.ok()) return StopRobot(visit.status());
   switch (visit->outcome) {
     case Visit::Outcome::kTaken:

@@ -37,6 +37,8 @@ class CaptureRun {
   // Whether to go on: all is as it was, or somebody says so.
   absl::StatusOr<bool> CheckSentinels();
   absl::StatusOr<Visit> VisitPatiently(ConfigurationNumber number);
+  // Whether VisitPatiently ended because somebody did not want to wait for a lost device.
+  bool StoppedWaiting(const absl::Status& status) const;
   // Commits now unless the next configuration will be done before it is due.
   absl::Status CommitIfDue(absl::Time now);
   absl::Status CheckDisk() const;

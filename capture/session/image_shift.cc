@@ -193,7 +193,8 @@ std::optional<ImageShift> LargestShift(const cv::Mat& first, const cv::Mat& now,
     const cv::Rect part(corner, half);
     const auto shift = ShiftBetween(first(part), now(part), region(part), gain);
     if (!shift) continue;
-    if (!largest || shift->length() > largest->length() + 3 * shift->error) largest = shift;
+    // What turns or is seen aslant does not move alike everywhere.
+    if (!largest || shift->length() > 1.5 * largest->length() + 3 * shift->error) largest = shift;
   }
   return largest;
 }

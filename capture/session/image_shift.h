@@ -23,8 +23,8 @@ struct ImageShift {
 std::optional<ImageShift> ShiftBetween(const cv::Mat& first, const cv::Mat& now,
                                        const cv::Mat& region, double gain);
 
-// The largest shift of the whole region and of its quarters: that tells a camera that turned about
-// its axis, too. Nothing if none of them can be told.
+// The shift of the whole region, or that of one of its quarters if that is clearly larger: that
+// tells a camera that turned about its axis, too. Nothing if none of them can be told.
 std::optional<ImageShift> LargestShift(const cv::Mat& first, const cv::Mat& now,
                                        const cv::Mat& region, double gain);
 

@@ -16,12 +16,13 @@ std::string Png(const cv::Mat& image) {
 // An image as the camera takes it of the empty cell.
 cv::Mat Likely(const Reference& reference) {
   cv::RNG random(1);
-  cv::Mat noise(reference.size(), CV_32FC1);
+  cv::Mat noise(reference.size(), CV_32FC(reference.channels()));
   random.fill(noise, cv::RNG::NORMAL, 0, 1);
   cv::Mat mean;
   cv::Mat sigma;
   reference.mean().convertTo(mean, CV_32F, 1.0 / Reference::kGreyLevel);
   reference.noise().convertTo(sigma, CV_32F, 1.0 / Reference::kGreyLevel);
+  cv::min(sigma, 20.0, sigma);  // of pixels of which nothing is known it is without bounds
   cv::Mat image;
   cv::Mat(mean + noise.mul(sigma)).convertTo(image, CV_8U);
   return image;

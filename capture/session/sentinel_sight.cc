@@ -56,7 +56,8 @@ Sight Compare(const SentinelImage& first, const SentinelImage& now, const Refere
   const cv::Mat mask = MatOf(first.mask);
   CompareMasks(mask, MatOf(now.mask), sight);
   if (first.grey.empty()) return sight;
-  sight.gain = BrightnessGain(now.grey, reference) / BrightnessGain(first.grey, reference);
+  const Reference grey = reference.AsGrey();
+  sight.gain = BrightnessOf(now.grey, grey).gain / BrightnessOf(first.grey, grey).gain;
   cv::Mat robot;
   cv::resize(mask, robot, first.grey.size(), 0, 0, cv::INTER_NEAREST);
   robot = Grown(robot, 4);

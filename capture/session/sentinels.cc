@@ -134,7 +134,7 @@ std::vector<SentinelImage> Sentinels::Look(const ImageSet& images) const {
 }
 
 void Sentinels::Note(ConfigurationNumber number, First& first, const Visit& visit,
-                     storage::v1::SentinelCheck& check, std::vector<std::string>& complaints) {
+                     storage::v1::SentinelCheck& check, std::vector<Complaints>& complaints) {
   std::vector<SentinelImage> now = Look(visit.images);
   for (size_t v = 0; v < now.size(); ++v) {
     const Sight sight = Compare(first.views[v], now[v], parts_->references[v]);
@@ -151,14 +151,25 @@ void Sentinels::Note(ConfigurationNumber number, First& first, const Visit& visi
     noted.set_joint_deviation(
         first.measured.empty() ? 0 : parts_->robot.Deviation(first.measured, visit.measured));
     const std::string complaint = Complaint(sight, parts_->settings.sentinels.most_shift);
-    if (!complaint.empty()) {
-      complaints.push_back(absl::StrCat("view '",
-                                        parts_->database->cell().views(static_cast<int>(v)).name(),
-                                        "' ", complaint, " (configuration ", number, ")"));
-    }
+    if (!complaint.empty() && complaints[v].count++ == 0) complaints[v].first = complaint;
     // Where no image was kept this is the first.
     if (first.views[v].grey.empty()) first.views[v].grey = now[v].grey.clone();
   }
+}
+
+std::string Sentinels::Alarm(const std::vector<Complaints>& complaints, int visited) const {
+  std::vector<std::string> parts;
+  for (size_t v = 0; v < complaints.size(); ++v) {
+    if (complaints[v].count == 0) continue;
+    std::string part =
+        absl::StrCat("view '", parts_->database->cell().views(static_cast<int>(v)).name(), "' ",
+                     complaints[v].first);
+    if (complaints[v].count < visited) {
+      absl::StrAppend(&part, " (seen at ", complaints[v].count, " of ", visited, " sentinels)");
+    }
+    parts.push_back(std::move(part));
+  }
+  return absl::StrJoin(parts, "; ");
 }
 
 std::string Sentinels::Summarise(const storage::v1::SentinelCheck& check) const {
@@ -178,7 +189,8 @@ std::string Sentinels::Summarise(const storage::v1::SentinelCheck& check) const 
 
 absl::StatusOr<std::string> Sentinels::Check(const Go& go) {
   storage::v1::SentinelCheck check;
-  std::vector<std::string> complaints;
+  std::vector<Complaints> complaints(parts_->references.size());
+  int visited = 0;
   absl::Time begin = absl::InfiniteFuture();
   for (const ConfigurationNumber number : numbers_) {
     const auto first = firsts_.find(number);
@@ -186,6 +198,7 @@ absl::StatusOr<std::string> Sentinels::Check(const Go& go) {
     const absl::StatusOr<Visit> visit = go(number);
     if (!visit.ok()) return visit.status();
     if (visit->outcome != Visit::Outcome::kTaken) continue;
+    ++visited;
     begin = std::min(begin, visit->images.captured);
     Note(number, first->second, *visit, check, complaints);
   }
@@ -195,10 +208,10 @@ absl::StatusOr<std::string> Sentinels::Check(const Go& go) {
     return std::string();
   }
   SetTime(begin, *check.mutable_time());
-  check.set_alarm(absl::StrJoin(complaints, "; "));
+  const std::string alarm = Alarm(complaints, visited);
+  check.set_alarm(alarm);
   summary_ = Summarise(check);
-  if (complaints.empty()) last_good_ = begin;
-  const std::string alarm = check.alarm();
+  if (alarm.empty()) last_good_ = begin;
   absl::Status status = ChangeHistory(*parts_->database, [&](storage::v1::CaptureHistory& history) {
     history.mutable_checks()->Add(std::move(check));
     const int surplus = history.checks_size() - kMostChecks;

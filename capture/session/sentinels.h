@@ -71,8 +71,14 @@ class Sentinels {
   explicit Sentinels(SessionParts& parts) : parts_(&parts) {}
   absl::Status ReadFirsts(const Snapshot& snapshot, const std::set<ConfigurationNumber>& planned);
   std::vector<SentinelImage> Look(const ImageSet& images) const;
+  // What is said against a view: at how many sentinels, and the first of it.
+  struct Complaints {
+    int count = 0;
+    std::string first;
+  };
   void Note(ConfigurationNumber number, First& first, const Visit& visit,
-            storage::v1::SentinelCheck& check, std::vector<std::string>& complaints);
+            storage::v1::SentinelCheck& check, std::vector<Complaints>& complaints);
+  std::string Alarm(const std::vector<Complaints>& complaints, int visited) const;
   std::string Summarise(const storage::v1::SentinelCheck& check) const;
 
   SessionParts* parts_;

@@ -1,6 +1,7 @@
 // silhouette-db verify: whether everything is there and can be read.
 #include <iostream>
 #include <memory>
+#include <set>
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_join.h"
@@ -24,6 +25,7 @@ struct Findings {
   uint64_t excluded = 0;
   uint64_t damaged = 0;
   uint64_t missing = 0;
+  uint64_t raw_images = 0;  // configurations that have them
   CollisionIndexSummary index;
   std::vector<std::string> faults;
 };
@@ -56,6 +58,35 @@ absl::Status ReadRecords(const ConfigurationGrid& grid, const CollisionIndex& in
     return absl::OkStatus();
   }
   return status;
+}
+
+// Reads every camera image that was kept, and looks for the reference images that go with them.
+absl::Status ReadRawImages(const storage::v1::CellDescription& cell, const Snapshot& snapshot,
+                           Findings& findings) {
+  const auto numbers = snapshot.RawImageNumbers();
+  if (!numbers.ok()) return numbers.status();
+  findings.raw_images = numbers->size();
+  std::set<uint64_t> references;
+  for (const ConfigurationNumber number : *numbers) {
+    if (StopRequested()) return Stopped("verify reads the database from its beginning each time");
+    for (int view = 0; view < cell.views_size(); ++view) {
+      const auto image = snapshot.FindRawImage(number, view);
+      if (!image.ok()) {
+        findings.faults.emplace_back(image.status().message());
+      } else if (!image->has_value()) {
+        findings.faults.push_back(absl::StrCat("configuration ", number,
+                                               " has no raw image in the view '",
+                                               cell.views(view).name(), "', but in others"));
+      } else {
+        references.insert((*image)->references);
+      }
+    }
+  }
+  for (const uint64_t id : references) {
+    const auto kept = snapshot.ReferencesOf(id);
+    if (!kept.ok()) findings.faults.emplace_back(kept.status().message());
+  }
+  return absl::OkStatus();
 }
 
 // A tile whose index is stale or missing is no fault: nothing uses it.
@@ -108,6 +139,8 @@ absl::StatusOr<ExitCode> Verify(const Options& options) {
   CheckIndex(**index, findings);
   absl::Status status = ReadRecords(database.grid(), **index, findings);
   if (!status.ok()) return status;
+  status = ReadRawImages(database.cell(), snapshot, findings);
+  if (!status.ok()) return status;
   CheckCompleteness(database.grid(), snapshot, options.allow_missing, findings);
   if (options.format == "json") {
     std::cout << nlohmann::json{{"ok", findings.faults.empty()},
@@ -115,6 +148,7 @@ absl::StatusOr<ExitCode> Verify(const Options& options) {
                                 {"excluded", findings.excluded},
                                 {"damaged", findings.damaged},
                                 {"missing", findings.missing},
+                                {"raw_images", findings.raw_images},
                                 {"faults", findings.faults},
                                 {"collision_index", StateJson(findings.index)}}
                      .dump(2)
@@ -122,6 +156,9 @@ absl::StatusOr<ExitCode> Verify(const Options& options) {
   } else {
     for (const std::string& fault : findings.faults) std::cout << fault << "\n";
     std::cout << "collision index: " << StateText(findings.index, options.database) << "\n";
+    if (findings.raw_images > 0) {
+      std::cout << "raw images: of " << findings.raw_images << " configurations\n";
+    }
     std::cout << absl::StrCat(findings.captured, " captured, ", findings.excluded, " excluded, ",
                               findings.damaged, " damaged, ", findings.missing,
                               " missing: ", findings.faults.empty() ? "sound" : "not sound")

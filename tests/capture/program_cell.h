@@ -74,8 +74,8 @@ class ProgramCell {
         "capture:\n"
         "  settle: 5 ms\n"
         "  reference_images: 3\n"
-        "  commit_interval: 20 ms\n"
-        "  keep_free: 0 B\n");
+        "  keep_free: 0 B\n"
+        "  commit_interval: 20 ms\n");
     for (const auto& [from, to] : changes) {
       ASSERT_NE(text.find(from), std::string::npos) << from;
       text = absl::StrReplaceAll(text, {{from, to}});

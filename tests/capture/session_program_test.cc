@@ -20,12 +20,13 @@ nlohmann::json Json(const std::string& text) {
   return nlohmann::json::parse(text, nullptr, /*allow_exceptions=*/false);
 }
 
-const std::pair<std::string, std::string> kKeepImages = {"keep_free: 0 B",
-                                                         "raw_images: all\n  keep_free: 0 B"};
+const std::pair<std::string, std::string> kKeepImages = {
+    "commit_interval: 20 ms", "commit_interval: 20 ms\n  raw_images: all"};
 // The same with other settings for masks.
 const std::pair<std::string, std::string> kKeepImagesAndHalfCovered = {
-    "keep_free: 0 B",
-    "raw_images: all\n  keep_free: 0 B\nsegmentation: {min_cover: 0.5, min_difference: 20}"};
+    "commit_interval: 20 ms",
+    "commit_interval: 20 ms\n  raw_images: all\nsegmentation: {min_cover: 0.5, min_difference: "
+    "20}"};
 
 TEST(CaptureSessions, CameraThatWasTurnedOvernightIsNamedWithItsPixels) {
   ProgramCell cell;
@@ -40,7 +41,9 @@ TEST(CaptureSessions, CameraThatWasTurnedOvernightIsNamedWithItsPixels) {
       absl::StrReplaceAll(simulation, {{front, "position: [5.2, 0, 1.3], look_at: [0, 0.1, 1]"}});
   WriteText(cell / "simulation.yaml", simulation);
   const double focal_length = 80 / std::tan(25 * std::numbers::pi / 180);
-  const double truth = focal_length * 0.1 / 5.2;
+  // What is x pixels beside the image's middle moves by 1 + x^2 / f^2 times as much.
+  const double truth =
+      focal_length * 0.1 / 5.2 * (1 + 80 * 80 / 3.0 / (focal_length * focal_length));
 
   outcome = cell.Run(cell.Arguments("run", {"--only", "sentinels", "--format", "json"}));
   EXPECT_EQ(outcome.exit_code, 1) << outcome.err;
@@ -60,7 +63,10 @@ TEST(CaptureSessions, CameraThatWasTurnedOvernightIsNamedWithItsPixels) {
   EXPECT_THAT(log, HasSubstr("the session pauses and the robot stands still: view 'front' moved"));
   EXPECT_THAT(log, HasSubstr("session ends: the cell is not as it was"));
 
+  // The session left a report, too.
+  EXPECT_TRUE(std::filesystem::exists(cell.database() + ".report/report.html"));
   outcome = cell.Run(cell.Arguments("report", {"--out", cell / "report"}));
+  EXPECT_EQ(outcome.exit_code, 1) << outcome.out;
   const std::string page = ReadText(cell / "report/report.html");
   EXPECT_THAT(page, HasSubstr("moved by"));
   EXPECT_THAT(page, HasSubstr("data:image/png;base64,"));

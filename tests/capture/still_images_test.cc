@@ -46,9 +46,9 @@ TEST(StillImages, OnlyWhatMovedDiffersInColour) { ExpectJudged(CV_8UC3); }
 TEST(StillImages, OtherSizesAreRefused) {
   cv::RNG random(1);
   const std::vector<cv::Mat> empty = {NoisyImage(random, CV_8UC1), NoisyImage(random, CV_8UC1)};
-  EXPECT_THROW(ImagesDiffer(empty[0], cv::Mat::zeros(5, 5, CV_8UC1), Reference::FromImages(empty),
-                            {}),
-               std::invalid_argument);
+  EXPECT_THROW(
+      ImagesDiffer(empty[0], cv::Mat::zeros(5, 5, CV_8UC1), Reference::FromImages(empty), {}),
+      std::invalid_argument);
 }
 
 }  // namespace

@@ -102,6 +102,13 @@ TEST_F(RawImagesTest, GoWithTheRobotImageThatTheyBelongTo) {
   EXPECT_THAT(*database_->Read()->RawImageNumbers(), IsEmpty());
 }
 
+TEST_F(RawImagesTest, GoAlsoWhereNobodyLookedAtThemBefore) {
+  Write(Captured(*database_, 7), {"a", "b"});
+  Reopen();
+  Write(Captured(*database_, 7, 4), {});
+  EXPECT_FALSE(database_->Read()->FindRawImage(7, 0)->has_value());
+}
+
 TEST_F(RawImagesTest, ThatAreNotOnePerViewAreRefused) {
   auto writer = database_->Write("test");
   const absl::Status status = writer->Put(Captured(*database_, 7), true, {"only one"});
