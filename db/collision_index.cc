@@ -96,9 +96,10 @@ CollisionIndex::Entry& CollisionIndex::EntryOf(uint64_t tile) {
 // Takes down what is stored for which tile.
 absl::Status CollisionIndex::ReadHeads() {
   Environment& environment = snapshot_->impl_->environment();
-  const std::optional<MDB_dbi> database = environment.Find(OptionalSubDatabase::kCollisionIndex);
+  const std::optional<MDB_dbi> database =
+      environment.Find(snapshot_->impl_->state->places.collision_index);
   if (!database) return absl::OkStatus();
-  MDB_txn* transaction = snapshot_->impl_->transaction.get();
+  MDB_txn* transaction = snapshot_->impl_->transaction();
   const auto hold = environment.HoldMap();
   MDB_stat stat;
   MDB_cursor* cursor = nullptr;
@@ -122,10 +123,9 @@ absl::Status CollisionIndex::ReadHeads() {
 }
 
 absl::Status CollisionIndex::ReadDigests() {
-  Environment& environment = snapshot_->impl_->environment();
-  MDB_txn* transaction = snapshot_->impl_->transaction.get();
+  const RecordSource records = snapshot_->impl_->records();
   for (uint64_t tile = 0;; ++tile) {
-    const auto next = NextTileWithRecords(environment, transaction, tile);
+    const auto next = NextTileWithRecords(records, tile);
     if (!next.ok()) return next.status();
     if (!*next || **next >= snapshot_->impl_->state->grid.tiles()) return absl::OkStatus();
     tile = **next;
@@ -135,7 +135,7 @@ absl::Status CollisionIndex::ReadDigests() {
       entry.digest = 0;
       continue;
     }
-    const auto digest = DigestOfTile(environment, transaction, tile);
+    const auto digest = DigestOfTile(records, tile);
     if (!digest.ok()) return digest.status();
     entry.digest = *digest;
   }

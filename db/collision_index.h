@@ -129,12 +129,13 @@ struct IndexBuildReport {
   bool stopped = false;
 };
 
-// Builds the index of every tile that is not fresh, or was built from records that could not be
-// read. Other writers of the same Database may go on meanwhile: a tile is built from one state, and
-// is stale if its records change. What is committed stays whatever happens afterwards, so it can be
-// stopped and begun again. Memory: per thread the index of a tile, and three times the buffer.
-// Needs kWrite. The generation stays what it is.
-// ResourceExhausted: the disk is full, or the index of a tile is too large to be stored (4 GiB).
+// Builds the index of every tile of the set that is not fresh, or was built from records that could
+// not be read; of the default set's database, then of all other sets. Other writers of the same
+// Database may go on meanwhile: a tile is built from one state, and is stale if its records change.
+// What is committed stays whatever happens afterwards, so it can be stopped and begun again.
+// Memory: per thread the index of a tile, and three times the buffer. Needs kWrite. The generation
+// stays what it is. ResourceExhausted: the disk is full, or the index of a tile is too large to be
+// stored (4 GiB).
 absl::StatusOr<IndexBuildReport> BuildCollisionIndex(Database& database,
                                                      const IndexBuildOptions& options = {});
 

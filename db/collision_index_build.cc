@@ -71,6 +71,7 @@ class IndexBuild {
   std::optional<uint64_t> TakeTile();
   bool Deliver(absl::StatusOr<Outcome> outcome);
   void Stop();
+  absl::Status Build(IndexBuildReport& report);
   absl::Status WriteTiles(IndexBuildReport& report);
   absl::Status Write(const std::vector<Outcome>& outcomes);
 
@@ -82,6 +83,7 @@ class IndexBuild {
   size_t mask_bytes_ = 0;
   size_t page_size_ = 0;
   std::vector<uint64_t> tiles_;
+  bool stopped_early_ = false;  // because nobody wants it any more
 
   std::mutex mutex_;
   std::condition_variable changed_;
@@ -101,7 +103,7 @@ absl::Status IndexBuild::FindTiles() {
   std::set<uint64_t> tiles;
   const uint64_t limit = state_.grid.tiles();
   for (uint64_t tile = 0; tile < limit; ++tile) {
-    const auto next = NextTileWithRecords(environment_, transaction->get(), tile);
+    const auto next = NextTileWithRecords({state_, transaction->get()}, tile);
     if (!next.ok()) return next.status();
     if (!*next || **next >= limit) break;
     tile = **next;
@@ -180,8 +182,7 @@ absl::StatusOr<Outcome> IndexBuild::TreatTile(uint64_t tile, MDB_txn* transactio
                                               TileIndexBuilder& builder) const {
   Outcome outcome;
   outcome.tile = tile;
-  const absl::StatusOr<std::optional<uint64_t>> digest =
-      DigestOfTile(environment_, transaction, tile);
+  const absl::StatusOr<std::optional<uint64_t>> digest = DigestOfTile({state_, transaction}, tile);
   if (!digest.ok()) return digest.status();
   if (!*digest) {
     outcome.kind = Outcome::kRemoved;
@@ -222,7 +223,7 @@ absl::StatusOr<Outcome> IndexBuild::BuildTile(uint64_t tile, MDB_txn* transactio
   RecordDigest digest;
   std::vector<MaskWords> images(trees_.size());
   for (KeyRange keys = KeysOfTile(tile);;) {
-    const auto chunk = ReadChunk(environment_, transaction, keys);
+    const auto chunk = ReadChunk({state_, transaction}, keys);
     if (!chunk.ok()) return chunk.status();
     if (chunk->empty()) break;
     for (const RawRecord& record : *chunk) {
@@ -231,7 +232,7 @@ absl::StatusOr<Outcome> IndexBuild::BuildTile(uint64_t tile, MDB_txn* transactio
       digest.Add(record.key, record.value);
       if (!state_.grid.Contains(*number)) continue;
       const absl::StatusOr<RobotImage> image =
-          DecodeRobotImage(*number, record.value, state_.mask_sizes);
+          DecodeRobotImage(*number, record.value, state_.mask_sizes, record.base);
       if (!image.ok()) ++outcome.unreadable;
       if (!image.ok() || image->excluded) continue;
       for (size_t view = 0; view < images.size(); ++view) images[view] = image->masks[view].words();
@@ -292,38 +293,61 @@ absl::Status IndexBuild::WriteTiles(IndexBuildReport& report) {
       report.bytes += outcome.value.size();
       report.mask_bytes += outcome.robot_images * mask_bytes_;
     }
-    if (options_.progress && !options_.progress(report.done, report.tiles)) Stop();
+    if (options_.progress && !options_.progress(report.done, report.tiles)) {
+      stopped_early_ = true;
+      Stop();
+    }
   }
+}
+
+absl::Status IndexBuild::Build(IndexBuildReport& report) {
+  std::vector<std::jthread> threads;
+  building_ = static_cast<size_t>(std::max(options_.threads, 1));
+  for (size_t i = building_; i > 0; --i) {
+    threads.emplace_back([this] {
+      BuildTiles();
+      const std::lock_guard lock(mutex_);
+      --building_;
+      changed_.notify_all();
+    });
+  }
+  // Before the threads are waited for, whatever happens.
+  const absl::Cleanup stop = [this] { Stop(); };
+  return WriteTiles(report);
 }
 
 absl::StatusOr<IndexBuildReport> IndexBuild::Run(Database& database,
                                                  const IndexBuildOptions& options) {
-  const DatabaseState& state = *database.state_;
-  if (!state.writer_lock) {
+  if (!database.state_->writer_lock) {
     return absl::FailedPreconditionError(
-        absl::StrCat("database '", state.path, "' is open for reading only"));
+        absl::StrCat("database '", database.path(), "' is open for reading only"));
   }
-  const absl::StatusOr<MDB_dbi> collision_index =
-      state.environment->Make(OptionalSubDatabase::kCollisionIndex);
-  if (!collision_index.ok()) return collision_index.status();
-  IndexBuild build(state, options, *collision_index);
-  if (absl::Status status = build.FindTiles(); !status.ok()) return status;
+  std::vector<std::string> names = {database.set()};
+  if (database.state_->places.is_default()) {
+    absl::StatusOr<std::vector<std::string>> all = database.Sets();
+    if (!all.ok()) return all.status();
+    names = *std::move(all);
+  }
+  std::vector<std::unique_ptr<Database>> sets;
+  std::vector<std::unique_ptr<IndexBuild>> builds;
   IndexBuildReport report;
-  report.tiles = build.tiles_.size();
-  if (options.progress && !options.progress(0, report.tiles)) build.Stop();
-  std::vector<std::jthread> threads;
-  build.building_ = static_cast<size_t>(std::max(options.threads, 1));
-  for (size_t i = build.building_; i > 0; --i) {
-    threads.emplace_back([&build] {
-      build.BuildTiles();
-      const std::lock_guard lock(build.mutex_);
-      --build.building_;
-      build.changed_.notify_all();
-    });
+  for (const std::string& name : names) {
+    absl::StatusOr<std::unique_ptr<Database>> set = database.OpenSet(name);
+    if (!set.ok()) return set.status();
+    const DatabaseState& state = *(*set)->state_;
+    const auto collision_index = state.environment->Make(state.places.collision_index);
+    if (!collision_index.ok()) return collision_index.status();
+    sets.push_back(*std::move(set));
+    builds.emplace_back(new IndexBuild(state, options, *collision_index));
+    if (absl::Status status = builds.back()->FindTiles(); !status.ok()) return status;
+    report.tiles += builds.back()->tiles_.size();
   }
-  // Before the threads are waited for, whatever happens.
-  const absl::Cleanup stop = [&build] { build.Stop(); };
-  if (absl::Status status = build.WriteTiles(report); !status.ok()) return status;
+  bool stopped = options.progress && !options.progress(0, report.tiles);
+  for (const std::unique_ptr<IndexBuild>& build : builds) {
+    if (stopped) break;
+    if (absl::Status status = build->Build(report); !status.ok()) return status;
+    stopped = build->stopped_early_;
+  }
   report.stopped = report.done < report.tiles;
   return report;
 }

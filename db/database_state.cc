@@ -56,6 +56,35 @@ absl::StatusOr<storage::v1::ProvenanceLog> ReadProvenance(const Environment& env
   return log;
 }
 
+absl::StatusOr<std::vector<std::string>> ReadSets(const Environment& environment,
+                                                  MDB_txn* transaction) {
+  const auto payload = ReadMeta(environment, transaction, schema::kSetsKey);
+  if (!payload.ok()) return payload.status();
+  storage::v1::RobotImageSets sets;
+  if (*payload && !sets.ParseFromString(**payload)) return Damaged(environment, schema::kSetsKey);
+  std::vector<std::string> names = {schema::kDefaultSet};
+  names.insert(names.end(), sets.names().begin(), sets.names().end());
+  return names;
+}
+
+absl::StatusOr<std::vector<MDB_dbi>> FurtherSets(Environment& environment) {
+  std::vector<std::string> names;
+  {
+    const absl::StatusOr<ReadTransaction> transaction = environment.Read();
+    if (!transaction.ok()) return transaction.status();
+    const auto hold = environment.HoldMap();
+    absl::StatusOr<std::vector<std::string>> read = ReadSets(environment, transaction->get());
+    if (!read.ok()) return read.status();
+    names.assign(read->begin() + 1, read->end());
+  }
+  std::vector<MDB_dbi> found;
+  for (const std::string& name : names) {
+    const auto images = environment.Find(schema::PlacesOfSet(name).robot_images);
+    if (images) found.push_back(*images);
+  }
+  return found;
+}
+
 absl::Status AddProvenance(const Environment& environment, WriteTransaction& transaction,
                            const storage::v1::Provenance& entry) {
   absl::StatusOr<storage::v1::ProvenanceLog> log = ReadProvenance(environment, transaction.get());

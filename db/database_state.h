@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "db/environment.h"
+#include "db/schema.h"
 #include "db/store.h"
 #include "db/writer_lock.h"
 
@@ -22,16 +23,38 @@ struct DatabaseState {
         cell(std::move(description)),
         grid(std::move(configurations)),
         mask_sizes(std::move(sizes)) {}
+  // The same database with the robot images of another set, which lie in `images`.
+  DatabaseState(const DatabaseState& other, schema::SetPlaces set, MDB_dbi images)
+      : path(other.path),
+        cell(other.cell),
+        grid(other.grid),
+        mask_sizes(other.mask_sizes),
+        writer_lock(other.writer_lock),
+        environment(other.environment),
+        has_writer(other.has_writer),
+        places(std::move(set)),
+        robot_images(images) {}
 
   const std::string path;
   storage::v1::CellDescription cell;
   const ConfigurationGrid grid;
   const std::vector<MaskSize> mask_sizes;
   // After the lock, so that the environment is closed first.
-  std::optional<WriterLock> writer_lock;
+  std::shared_ptr<const WriterLock> writer_lock;  // null: open for reading only
   std::shared_ptr<Environment> environment;
-  std::atomic<bool> has_writer = false;
+  // Of all sets: one at a time.
+  std::shared_ptr<std::atomic<bool>> has_writer = std::make_shared<std::atomic<bool>>(false);
+  // Of the set.
+  schema::SetPlaces places = schema::PlacesOfSet(schema::kDefaultSet);
+  MDB_dbi robot_images = 0;
 };
+
+// The names of the sets, the default one first. The caller holds the map.
+absl::StatusOr<std::vector<std::string>> ReadSets(const Environment& environment,
+                                                  MDB_txn* transaction);
+
+// The robot images of the further sets that there are.
+absl::StatusOr<std::vector<MDB_dbi>> FurtherSets(Environment& environment);
 
 // Whether a record fits the cell; InvalidArgument as RobotImageWriter::Put says.
 absl::Status CheckFits(const DatabaseState& state, const RobotImage& image);

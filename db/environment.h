@@ -6,9 +6,8 @@
 
 #include <lmdb.h>
 
-#include <array>
-#include <atomic>
 #include <functional>
+#include <map>
 #include <memory>
 #include <mutex>
 #include <optional>
@@ -85,10 +84,6 @@ class WriteTransaction {
   bool map_full_ = false;
 };
 
-// Sub-databases that may be absent.
-enum class OptionalSubDatabase : uint8_t { kCollisionIndex, kRawImages };
-inline constexpr size_t kOptionalSubDatabases = 2;
-
 class Environment : public std::enable_shared_from_this<Environment> {
  public:
   using Change = std::function<absl::Status(WriteTransaction&)>;
@@ -109,13 +104,14 @@ class Environment : public std::enable_shared_from_this<Environment> {
   const std::string& folder() const { return folder_; }
   MDB_env* get() const { return environment_; }
   MDB_dbi meta() const { return meta_; }
+  // Of the default set.
   MDB_dbi robot_images() const { return robot_images_; }
 
-  // Nothing while there is none. A transaction that was begun before this was first called may not
-  // know it: EINVAL.
-  std::optional<MDB_dbi> Find(OptionalSubDatabase which);
+  // Another sub-database, by its name; nothing while there is none. A transaction that was begun
+  // before this was first called may not know it: EINVAL. Not while the map is held.
+  std::optional<MDB_dbi> Find(const std::string& name);
   // Makes it if it is not there. Only for the holder of the WriterLock; not within Update().
-  absl::StatusOr<MDB_dbi> Make(OptionalSubDatabase which);
+  absl::StatusOr<MDB_dbi> Make(const std::string& name);
 
   // Whether permissions allow nothing but reading.
   bool read_only() const { return read_only_; }
@@ -158,8 +154,8 @@ class Environment : public std::enable_shared_from_this<Environment> {
   int readers_guard_ = -1;  // keeps writers out where a reader cannot register itself
   MDB_dbi meta_ = 0;
   MDB_dbi robot_images_ = 0;
-  std::array<std::atomic<MDB_dbi>, kOptionalSubDatabases> optional_ = {};  // 0: not opened yet
-  std::mutex optional_mutex_;
+  std::map<std::string, MDB_dbi> opened_;  // by Find and Make
+  std::mutex opened_mutex_;
   std::mutex update_mutex_;
   std::shared_mutex map_mutex_;
 };

@@ -86,11 +86,6 @@ absl::Status CheckHead(const std::string& path) {
   return absl::OkStatus();
 }
 
-const char* NameOf(OptionalSubDatabase which) {
-  return which == OptionalSubDatabase::kCollisionIndex ? schema::kCollisionIndex
-                                                       : schema::kRawImages;
-}
-
 }  // namespace
 
 absl::StatusOr<std::shared_ptr<Environment>> Environment::Create(const std::string& folder,
@@ -227,39 +222,37 @@ absl::Status Environment::OpenSubDatabases() {
   return code == 0 ? absl::OkStatus() : ReadError(code);
 }
 
-std::optional<MDB_dbi> Environment::Find(OptionalSubDatabase which) {
-  std::atomic<MDB_dbi>& opened = optional_[static_cast<size_t>(which)];
-  if (const MDB_dbi open = opened; open != 0) return open;
+std::optional<MDB_dbi> Environment::Find(const std::string& name) {
   // LMDB wants sub-databases to be opened by one transaction at a time.
-  const std::lock_guard lock(optional_mutex_);
-  if (const MDB_dbi open = opened; open != 0) return open;
+  const std::lock_guard lock(opened_mutex_);
+  if (const auto open = opened_.find(name); open != opened_.end()) return open->second;
   MDB_txn* transaction = nullptr;
   if (BeginReading(&transaction) != 0) return std::nullopt;
   const MapHold hold = HoldMap();
   MDB_dbi database = 0;
   unsigned flags = 0;
-  if (mdb_dbi_open(transaction, NameOf(which), 0, &database) != 0 ||
+  if (mdb_dbi_open(transaction, name.c_str(), 0, &database) != 0 ||
       mdb_dbi_flags(transaction, database, &flags) != 0 || flags != 0) {
     mdb_txn_abort(transaction);
     return std::nullopt;
   }
   if (mdb_txn_commit(transaction) != 0) return std::nullopt;
-  opened = database;
+  opened_[name] = database;
   return database;
 }
 
-absl::StatusOr<MDB_dbi> Environment::Make(OptionalSubDatabase which) {
-  if (const std::optional<MDB_dbi> found = Find(which)) return *found;
-  const std::lock_guard lock(optional_mutex_);
+absl::StatusOr<MDB_dbi> Environment::Make(const std::string& name) {
+  if (const std::optional<MDB_dbi> found = Find(name)) return *found;
+  const std::lock_guard lock(opened_mutex_);
   MDB_dbi database = 0;
   absl::Status status = Update(0, [&](WriteTransaction& transaction) -> absl::Status {
-    const absl::StatusOr<MDB_dbi> made = transaction.MakeSubDatabase(NameOf(which));
+    const absl::StatusOr<MDB_dbi> made = transaction.MakeSubDatabase(name.c_str());
     if (!made.ok()) return made.status();
     database = *made;
     return absl::OkStatus();
   });
   if (!status.ok()) return status;
-  optional_[static_cast<size_t>(which)] = database;
+  opened_[name] = database;
   return database;
 }
 

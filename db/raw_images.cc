@@ -54,14 +54,14 @@ absl::Status CheckComplete(const Environment& environment, const WriteTransactio
 absl::StatusOr<std::optional<RawImage>> Snapshot::FindRawImage(ConfigurationNumber number,
                                                                int view) const {
   Environment& environment = impl_->environment();
-  const auto raw_images = environment.Find(OptionalSubDatabase::kRawImages);
+  const auto raw_images = environment.Find(impl_->state->places.raw_images);
   if (!raw_images) return std::optional<RawImage>();
   const auto hold = environment.HoldMap();
   const auto place = static_cast<uint64_t>(view);
   const RawImageKey key = EncodeRawImageKey(number, place);
   MDB_val key_val = ToVal(ViewOf(key));
   MDB_val value;
-  const int code = mdb_get(impl_->transaction.get(), *raw_images, &key_val, &value);
+  const int code = mdb_get(impl_->transaction(), *raw_images, &key_val, &value);
   // EINVAL: the snapshot is of before there were any.
   if (code == MDB_NOTFOUND || code == EINVAL) return std::optional<RawImage>();
   if (code != 0) return environment.ReadError(code);
@@ -73,11 +73,11 @@ absl::StatusOr<std::optional<RawImage>> Snapshot::FindRawImage(ConfigurationNumb
 absl::StatusOr<std::vector<ConfigurationNumber>> Snapshot::RawImageNumbers() const {
   Environment& environment = impl_->environment();
   std::vector<ConfigurationNumber> numbers;
-  const auto raw_images = environment.Find(OptionalSubDatabase::kRawImages);
+  const auto raw_images = environment.Find(impl_->state->places.raw_images);
   if (!raw_images) return numbers;
   const auto hold = environment.HoldMap();
   MDB_cursor* cursor = nullptr;
-  int code = mdb_cursor_open(impl_->transaction.get(), *raw_images, &cursor);
+  int code = mdb_cursor_open(impl_->transaction(), *raw_images, &cursor);
   if (code == EINVAL) return numbers;
   if (code != 0) return environment.ReadError(code);
   MDB_val key;
@@ -98,12 +98,12 @@ absl::StatusOr<std::vector<ConfigurationNumber>> Snapshot::RawImageNumbers() con
 
 absl::StatusOr<storage::v1::References> Snapshot::ReferencesOf(uint64_t id) const {
   Environment& environment = impl_->environment();
-  const auto raw_images = environment.Find(OptionalSubDatabase::kRawImages);
+  const auto raw_images = environment.Find(impl_->state->places.raw_images);
   const RawImageKey key = EncodeReferencesKey(id);
   MDB_val key_val = ToVal(ViewOf(key));
   MDB_val value;
   const auto hold = environment.HoldMap();
-  if (!raw_images || mdb_get(impl_->transaction.get(), *raw_images, &key_val, &value) != 0) {
+  if (!raw_images || mdb_get(impl_->transaction(), *raw_images, &key_val, &value) != 0) {
     return absl::NotFoundError(
         absl::StrCat("database '", impl_->state->path,
                      "' does not have the reference images that its raw images were taken with"));
@@ -121,7 +121,7 @@ absl::StatusOr<storage::v1::References> Snapshot::ReferencesOf(uint64_t id) cons
 absl::StatusOr<storage::v1::CaptureHistory> Snapshot::CaptureHistory() const {
   const auto hold = impl_->environment().HoldMap();
   const auto payload =
-      ReadMeta(impl_->environment(), impl_->transaction.get(), schema::kCaptureKey);
+      ReadMeta(impl_->environment(), impl_->transaction(), impl_->state->places.capture_key);
   if (!payload.ok()) return payload.status();
   storage::v1::CaptureHistory history;
   if (*payload && !history.ParseFromString(**payload)) {
@@ -145,6 +145,13 @@ absl::Status Database::ReplaceMasks(const std::string& segmentation,
     std::string& value = values[image.number];
     value = EncodeRobotImage(image);
     bytes += value.size();
+  }
+  const absl::StatusOr<std::vector<std::string>> sets = Sets();
+  if (!sets.ok()) return sets.status();
+  if (sets->size() > 1) {
+    return absl::FailedPreconditionError(absl::StrCat(
+        "database '", path(), "' has several sets, whose masks must all be made with the same ",
+        "settings: make the masks of each anew in a database of its own"));
   }
   storage::v1::CellDescription description = cell();
   description.set_segmentation(segmentation);

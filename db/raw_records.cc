@@ -2,6 +2,7 @@
 
 #include <functional>
 
+#include "db/robot_image_format.h"
 #include "db/schema.h"
 #include "db/tile_value.h"
 
@@ -16,11 +17,12 @@ std::string KeyOf(ConfigurationNumber number) {
 }
 
 // Calls `visit` for the records of a range until it returns false.
-absl::Status Visit(Environment& environment, MDB_txn* transaction, const KeyRange& keys,
+absl::Status Visit(const RecordSource& source, const KeyRange& keys,
                    const std::function<bool(std::string_view, std::string_view)>& visit) {
+  Environment& environment = source.environment;
   const auto hold = environment.HoldMap();
   MDB_cursor* cursor = nullptr;
-  int code = mdb_cursor_open(transaction, environment.robot_images(), &cursor);
+  int code = mdb_cursor_open(source.transaction, source.records, &cursor);
   if (code != 0) return environment.ReadError(code);
   MDB_val key = ToVal(keys.after);
   MDB_val value;
@@ -49,42 +51,59 @@ KeyRange KeysOfTile(uint64_t tile) {
   return {tile == 0 ? "" : KeyOf(tile * kTileSize - 1), KeyOf((tile + 1) * kTileSize)};
 }
 
-absl::StatusOr<std::vector<RawRecord>> ReadChunk(Environment& environment, MDB_txn* transaction,
-                                                 const KeyRange& keys) {
+std::string_view BaseOf(const RecordSource& source, ConfigurationNumber number,
+                        std::string_view value) {
+  if (!source.base || !NeedsBase(value)) return {};
+  const schema::NumberKey key = schema::EncodeKey(number);
+  MDB_val key_val = ToVal({key.data(), key.size()});
+  MDB_val base;
+  if (mdb_get(source.transaction, *source.base, &key_val, &base) != 0) return {};
+  return FromVal(base);
+}
+
+absl::StatusOr<std::vector<RawRecord>> ReadChunk(const RecordSource& source, const KeyRange& keys) {
   std::vector<RawRecord> chunk;
   size_t bytes = 0;
-  const size_t page_size = PageSize(environment);
+  const size_t page_size = PageSize(source.environment);
   const absl::Status status =
-      Visit(environment, transaction, keys, [&](std::string_view key, std::string_view value) {
-        chunk.push_back({std::string(key), std::string(value), PlaceInFile(value, page_size)});
-        bytes += key.size() + value.size();
+      Visit(source, keys, [&](std::string_view key, std::string_view value) {
+        RawRecord& record = chunk.emplace_back();
+        record.key = key;
+        record.value = value;
+        record.place = PlaceInFile(value, page_size);
+        const std::optional<ConfigurationNumber> number = schema::DecodeKey(key);
+        const std::string_view base = number ? BaseOf(source, *number, value) : "";
+        if (!base.empty()) {
+          record.base = base;
+          record.base_place = PlaceInFile(base, page_size);
+        }
+        bytes += key.size() + value.size() + base.size();
         return bytes < kChunkBytes;
       });
   if (!status.ok()) return status;
   return chunk;
 }
 
-absl::StatusOr<std::optional<uint64_t>> NextTileWithRecords(Environment& environment,
-                                                            MDB_txn* transaction, uint64_t tile) {
+absl::StatusOr<std::optional<uint64_t>> NextTileWithRecords(const RecordSource& source,
+                                                            uint64_t tile) {
   std::optional<uint64_t> next;
-  const absl::Status status = Visit(environment, transaction, {KeysOfTile(tile).after, ""},
-                                    [&](std::string_view key, std::string_view) {
-                                      const std::optional<uint64_t> number = schema::DecodeKey(key);
-                                      if (number) next = *number / kTileSize;
-                                      return !number;
-                                    });
+  const absl::Status status =
+      Visit(source, {KeysOfTile(tile).after, ""}, [&](std::string_view key, std::string_view) {
+        const std::optional<uint64_t> number = schema::DecodeKey(key);
+        if (number) next = *number / kTileSize;
+        return !number;
+      });
   if (!status.ok()) return status;
   return next;
 }
 
-absl::StatusOr<std::optional<uint64_t>> DigestOfTile(Environment& environment, MDB_txn* transaction,
-                                                     uint64_t tile) {
+absl::StatusOr<std::optional<uint64_t>> DigestOfTile(const RecordSource& source, uint64_t tile) {
   RecordDigest digest;
-  const absl::Status status = Visit(environment, transaction, KeysOfTile(tile),
-                                    [&](std::string_view key, std::string_view value) {
-                                      if (schema::DecodeKey(key)) digest.Add(key, value);
-                                      return true;
-                                    });
+  const absl::Status status =
+      Visit(source, KeysOfTile(tile), [&](std::string_view key, std::string_view value) {
+        if (schema::DecodeKey(key)) digest.Add(key, value);
+        return true;
+      });
   if (!status.ok()) return status;
   return digest.empty() ? std::nullopt : std::optional<uint64_t>(digest.Get());
 }

@@ -19,7 +19,7 @@ namespace {
 constexpr size_t kChecksumSize = 8;
 constexpr size_t kHeaderSize = 24;
 constexpr uint8_t kExcludedFlag = 1;
-enum Codec : uint8_t { kRaw = 0, kLz4 = 1 };
+enum Codec : uint8_t { kRaw = 0, kLz4 = 1, kShared = 2 };
 
 uint64_t Checksum(ConfigurationNumber number, std::string_view value) {
   const std::string_view content = value.substr(kChecksumSize);
@@ -98,10 +98,43 @@ bool Decode(uint8_t codec, std::string_view coded, std::span<char> bytes) {
          size;
 }
 
+// The same for a value that may be shared with `base`.
+bool DecodeParts(ConfigurationNumber number, const Parts& parts, std::string_view base,
+                 std::span<char> bytes) {
+  if (parts.codec != kShared) return Decode(parts.codec, parts.coded, bytes);
+  Parts base_parts;
+  if (parts.coded.size() < kChecksumSize || TakeApart(number, base, base_parts) != nullptr ||
+      base.substr(0, kChecksumSize) != parts.coded.substr(0, kChecksumSize) ||
+      base_parts.excluded || base_parts.codec == kShared) {
+    return false;
+  }
+  thread_local std::string base_bytes;
+  base_bytes.resize(bytes.size());
+  if (!Decode(base_parts.codec, base_parts.coded, base_bytes) ||
+      !Decode(kLz4, parts.coded.substr(kChecksumSize), bytes)) {
+    return false;
+  }
+  std::ranges::transform(bytes, base_bytes, bytes.begin(),
+                         [](char a, char b) { return static_cast<char>(a ^ b); });
+  return true;
+}
+
 size_t BytesOf(std::span<const MaskSize> mask_sizes) {
   size_t size = 0;
   for (const MaskSize mask_size : mask_sizes) size += mask_size.bytes();
   return size;
+}
+
+// The same record with another codec of its masks.
+std::string Recoded(ConfigurationNumber number, std::string_view value, const Parts& parts,
+                    Codec codec, std::string_view coded) {
+  std::string recoded(value.substr(0, value.size() - parts.coded.size()));
+  recoded[9] = static_cast<char>(codec);
+  recoded += coded;
+  std::string checksum;
+  schema::AppendU64(checksum, Checksum(number, recoded));
+  recoded.replace(0, kChecksumSize, checksum);
+  return recoded;
 }
 
 // The words of a mask from its form on disk; false if a bit beyond the last pixel is set.
@@ -144,8 +177,46 @@ std::string EncodeRobotImage(const RobotImage& image) {
   return value;
 }
 
+bool NeedsBase(std::string_view value) {
+  return value.size() >= kHeaderSize && static_cast<uint8_t>(value[9]) == kShared;
+}
+
+std::optional<std::string> SharedValue(ConfigurationNumber number, std::string_view value,
+                                       std::string_view base,
+                                       std::span<const MaskSize> mask_sizes) {
+  Parts parts;
+  Parts base_parts;
+  if (TakeApart(number, value, parts) != nullptr || parts.excluded || NeedsBase(value) ||
+      TakeApart(number, base, base_parts) != nullptr || base_parts.excluded || NeedsBase(base)) {
+    return std::nullopt;
+  }
+  std::string bytes(BytesOf(mask_sizes), '\0');
+  std::string base_bytes(bytes.size(), '\0');
+  if (!Decode(parts.codec, parts.coded, bytes) ||
+      !Decode(base_parts.codec, base_parts.coded, base_bytes)) {
+    return std::nullopt;
+  }
+  for (size_t i = 0; i < bytes.size(); ++i) bytes[i] = static_cast<char>(bytes[i] ^ base_bytes[i]);
+  const std::optional<std::string> block = Compressed(bytes);
+  if (!block || kChecksumSize + block->size() >= parts.coded.size()) return std::nullopt;
+  return Recoded(number, value, parts, kShared,
+                 std::string(base.substr(0, kChecksumSize)) + *block);
+}
+
+std::optional<std::string> OwnValue(ConfigurationNumber number, std::string_view value,
+                                    std::string_view base, std::span<const MaskSize> mask_sizes) {
+  Parts parts;
+  if (TakeApart(number, value, parts) != nullptr || parts.codec != kShared) return std::nullopt;
+  std::string bytes(BytesOf(mask_sizes), '\0');
+  if (!DecodeParts(number, parts, base, bytes)) return std::nullopt;
+  const std::optional<std::string> compressed = Compressed(bytes);
+  return compressed ? Recoded(number, value, parts, kLz4, *compressed)
+                    : Recoded(number, value, parts, kRaw, bytes);
+}
+
 absl::StatusOr<RobotImage> DecodeRobotImage(ConfigurationNumber number, std::string_view value,
-                                            std::span<const MaskSize> mask_sizes) {
+                                            std::span<const MaskSize> mask_sizes,
+                                            std::string_view base) {
   Parts parts;
   if (const char* how = TakeApart(number, value, parts)) return Damaged(number, how);
   RobotImage image;
@@ -156,8 +227,11 @@ absl::StatusOr<RobotImage> DecodeRobotImage(ConfigurationNumber number, std::str
   image.measured = DoublesIn(parts.measured);
   if (image.excluded) return image;
   std::string bytes(BytesOf(mask_sizes), '\0');
-  if (!Decode(parts.codec, parts.coded, bytes)) {
-    return Damaged(number, "its masks do not fit the views");
+  if (!DecodeParts(number, parts, base, bytes)) {
+    return Damaged(number, parts.codec == kShared
+                               ? "the record of the default set that it rests on is not there, or "
+                                 "another"
+                               : "its masks do not fit the views");
   }
   std::span<const uint8_t> left(reinterpret_cast<const uint8_t*>(bytes.data()), bytes.size());
   try {
@@ -172,13 +246,14 @@ absl::StatusOr<RobotImage> DecodeRobotImage(ConfigurationNumber number, std::str
 }
 
 StoredMasks DecodeMasks(ConfigurationNumber number, std::string_view value,
-                        std::span<const MaskSize> mask_sizes, std::span<uint64_t> words) {
+                        std::span<const MaskSize> mask_sizes, std::span<uint64_t> words,
+                        std::string_view base) {
   Parts parts;
   if (TakeApart(number, value, parts) != nullptr) return StoredMasks::kDamaged;
   if (parts.excluded) return StoredMasks::kExcluded;
   thread_local std::string bytes;
   bytes.resize(BytesOf(mask_sizes));
-  if (!Decode(parts.codec, parts.coded, bytes)) return StoredMasks::kDamaged;
+  if (!DecodeParts(number, parts, base, bytes)) return StoredMasks::kDamaged;
   const char* from = bytes.data();
   uint64_t* to = words.data();
   for (const MaskSize size : mask_sizes) {

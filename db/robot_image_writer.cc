@@ -68,6 +68,33 @@ absl::StatusOr<uint64_t> KeepReferences(WriteTransaction& transaction, MDB_dbi r
   return id;
 }
 
+// The value under a key; empty if there is none.
+std::string_view Stored(const WriteTransaction& transaction, MDB_dbi database,
+                        std::string_view key) {
+  MDB_val key_val = ToVal(key);
+  MDB_val value;
+  if (mdb_get(transaction.get(), database, &key_val, &value) != 0) return {};
+  return FromVal(value);
+}
+
+// Stores the records of further sets that rest on a record of the default set on their own, before
+// that is replaced.
+absl::Status KeepDependents(WriteTransaction& transaction, const DatabaseState& state,
+                            const std::vector<MDB_dbi>& further_sets, ConfigurationNumber number) {
+  const schema::NumberKey key = schema::EncodeKey(number);
+  const std::string_view key_view(key.data(), key.size());
+  for (const MDB_dbi images : further_sets) {
+    const std::string_view value = Stored(transaction, images, key_view);
+    if (!NeedsBase(value)) continue;
+    const std::optional<std::string> own = OwnValue(
+        number, value, Stored(transaction, state.robot_images, key_view), state.mask_sizes);
+    if (!own) continue;  // it cannot be read as it is
+    absl::Status status = transaction.Put(images, key_view, *own);
+    if (!status.ok()) return status;
+  }
+  return absl::OkStatus();
+}
+
 }  // namespace
 
 struct RobotImageWriter::Impl {
@@ -77,7 +104,7 @@ struct RobotImageWriter::Impl {
         program(std::move(program_name)),
         max_delay(delay),
         lookup(std::move(idle_lookup)) {}
-  ~Impl() { state->has_writer = false; }
+  ~Impl() { *state->has_writer = false; }
 
   const std::shared_ptr<DatabaseState> state;
   const std::string program;
@@ -96,8 +123,10 @@ struct RobotImageWriter::Impl {
   absl::StatusOr<bool> IsStored(ConfigurationNumber number);
   absl::Status Add(const RobotImage& image, bool replace, std::vector<std::string> raw_images);
   bool has_raw_images() const;
-  // `raw_images`: the sub-database, if there is one.
-  absl::Status WriteBatch(WriteTransaction& transaction, std::optional<MDB_dbi> raw_images) const;
+  // `dependents`: the robot images of further sets, if this is the default one; `raw_images`: the
+  // sub-database, if there is one.
+  absl::Status WriteBatch(WriteTransaction& transaction, const std::vector<MDB_dbi>& dependents,
+                          std::optional<MDB_dbi> raw_images) const;
   absl::Status WriteAllRawImages(WriteTransaction& transaction, MDB_dbi raw_images) const;
   absl::StatusOr<int> WriteProvenance(WriteTransaction& transaction) const;
 };
@@ -110,21 +139,22 @@ absl::StatusOr<bool> RobotImageWriter::Impl::IsStored(ConfigurationNumber number
   const schema::NumberKey key = schema::EncodeKey(number);
   MDB_val key_val = ToVal({key.data(), key.size()});
   MDB_val value;
-  const int code = mdb_get(lookup.get(), environment.robot_images(), &key_val, &value);
+  const int code = mdb_get(lookup.get(), state->robot_images, &key_val, &value);
   if (code != 0 && code != MDB_NOTFOUND) return environment.ReadError(code);
   return code == 0;
 }
 
 absl::Status RobotImageWriter::Impl::WriteBatch(WriteTransaction& transaction,
+                                                const std::vector<MDB_dbi>& dependents,
                                                 std::optional<MDB_dbi> raw_images) const {
   const Environment& environment = *state->environment;
   // What comes after all that is stored fills its pages; what is put between splits them in halves.
   MDB_cursor* cursor = nullptr;
-  int code = mdb_cursor_open(transaction.get(), environment.robot_images(), &cursor);
+  int code = mdb_cursor_open(transaction.get(), state->robot_images, &cursor);
   if (code != 0) return environment.WriteError(code);
   MDB_val key_val;
-  MDB_val value;
-  code = mdb_cursor_get(cursor, &key_val, &value, MDB_LAST);
+  MDB_val last_value;
+  code = mdb_cursor_get(cursor, &key_val, &last_value, MDB_LAST);
   std::optional<ConfigurationNumber> last;
   if (code == 0) last = schema::DecodeKey(FromVal(key_val));
   mdb_cursor_close(cursor);
@@ -133,8 +163,18 @@ absl::Status RobotImageWriter::Impl::WriteBatch(WriteTransaction& transaction,
   for (const auto& [number, waiting] : batch) {
     const schema::NumberKey key = schema::EncodeKey(number);
     const unsigned flags = !last || number > *last ? MDB_APPEND : 0;
-    absl::Status status =
-        transaction.Put(environment.robot_images(), {key.data(), key.size()}, waiting.value, flags);
+    const std::string_view key_view(key.data(), key.size());
+    std::string_view value = waiting.value;
+    absl::Status status;
+    std::optional<std::string> shared;
+    if (state->places.is_default()) {
+      status = KeepDependents(transaction, *state, dependents, number);
+    } else {
+      shared = SharedValue(number, value, Stored(transaction, environment.robot_images(), key_view),
+                           state->mask_sizes);
+      if (shared) value = *shared;
+    }
+    if (status.ok()) status = transaction.Put(state->robot_images, key_view, value, flags);
     if (!status.ok()) return status;
   }
   return raw_images ? WriteAllRawImages(transaction, *raw_images) : absl::OkStatus();
@@ -166,6 +206,7 @@ absl::StatusOr<int> RobotImageWriter::Impl::WriteProvenance(WriteTransaction& tr
   const int place = provenance_entry.value_or(log->entries_size());
   if (place == log->entries_size()) log->add_entries();
   *log->mutable_entries(place) = NewProvenance(started, program, committed + batch.size());
+  if (!state->places.is_default()) log->mutable_entries(place)->set_set(state->places.name);
   absl::Status status =
       WriteMeta(environment, transaction, schema::kProvenanceKey, log->SerializeAsString());
   if (!status.ok()) return status;
@@ -186,7 +227,7 @@ absl::StatusOr<RobotImageWriter> Database::Write(const std::string& program,
   absl::StatusOr<ReadTransaction> lookup = state_->environment->Read();
   if (!lookup.ok()) return lookup.status();
   lookup->Reset();
-  if (state_->has_writer.exchange(true)) {
+  if (state_->has_writer->exchange(true)) {
     return absl::FailedPreconditionError(
         absl::StrCat("database '", path(), "' has a writer already"));
   }
@@ -234,17 +275,23 @@ absl::Status RobotImageWriter::Commit() {
   Environment& environment = *impl_->state->environment;
   if (!impl_->batch.empty()) {
     // Before the transaction, which could not open it.
-    std::optional<MDB_dbi> raw_images = environment.Find(OptionalSubDatabase::kRawImages);
+    std::optional<MDB_dbi> raw_images = environment.Find(impl_->state->places.raw_images);
     if (!raw_images && impl_->has_raw_images()) {
-      const auto made = environment.Make(OptionalSubDatabase::kRawImages);
+      const auto made = environment.Make(impl_->state->places.raw_images);
       if (!made.ok()) return made.status();
       raw_images = *made;
+    }
+    std::vector<MDB_dbi> dependents;
+    if (impl_->state->places.is_default()) {
+      absl::StatusOr<std::vector<MDB_dbi>> found = FurtherSets(environment);
+      if (!found.ok()) return found.status();
+      dependents = *std::move(found);
     }
     int provenance_entry = 0;
     absl::Status status =
         environment.Update(impl_->batch_bytes, [&](WriteTransaction& transaction) -> absl::Status {
-          if (absl::Status written = impl_->WriteBatch(transaction, raw_images); !written.ok())
-            return written;
+          absl::Status written = impl_->WriteBatch(transaction, dependents, raw_images);
+          if (!written.ok()) return written;
           const absl::StatusOr<int> place = impl_->WriteProvenance(transaction);
           if (!place.ok()) return place.status();
           provenance_entry = *place;

@@ -42,7 +42,7 @@ class RecordWalk {
     words_.resize(room);
     KeyRange keys;
     for (;;) {
-      const auto chunk = ReadChunk(snapshot_.environment(), snapshot_.transaction.get(), keys);
+      const auto chunk = ReadChunk(snapshot_.records(), keys);
       if (!chunk.ok()) return chunk.status();
       if (chunk->empty()) return absl::OkStatus();
       for (const RawRecord& record : *chunk) {
@@ -62,7 +62,7 @@ class RecordWalk {
                                               "' has a robot image under a damaged key"));
     }
     const StoredMasks masks =
-        DecodeMasks(*number, record.value, snapshot_.state->mask_sizes, words_);
+        DecodeMasks(*number, record.value, snapshot_.state->mask_sizes, words_, record.base);
     return visit(record, {*number, masks, words_});
   }
 
@@ -89,6 +89,7 @@ absl::StatusOr<std::shared_ptr<const RobotImagesInPlace>> RobotImagesInPlace::Op
   std::shared_ptr<RobotImagesInPlace> images(new RobotImagesInPlace(std::move(snapshot)));
   images->mask_sizes_ = state.mask_sizes;
   images->tiles_.resize(state.grid.tiles());
+  images->bases_.resize(state.grid.tiles());
   mdb_filehandle_t file = -1;
   if (const int code = mdb_env_get_fd(state.environment->get(), &file); code != 0) {
     return state.environment->ReadError(code);
@@ -96,14 +97,17 @@ absl::StatusOr<std::shared_ptr<const RobotImagesInPlace>> RobotImagesInPlace::Op
   images->file_ = file;
   const absl::Status status =
       walk.Go([&](const RawRecord& raw, const MetRecord& record) -> absl::Status {
-        if (!raw.place) {
+        if (!raw.place || (!raw.base.empty() && !raw.base_place)) {
           return absl::FailedPreconditionError(absl::StrCat(
               "the robot images of '", state.path,
               "' cannot be read in place on this machine, whose pages are smaller than the file's; "
               "let them have more memory"));
         }
         if (record.masks == StoredMasks::kPresent) {
-          images->Note(record.number, *raw.place, raw.value.size());
+          Note(images->tiles_, record.number, *raw.place, raw.value.size());
+          if (raw.base_place) {
+            Note(images->bases_, record.number, *raw.base_place, raw.base.size());
+          }
         }
         visit(record);
         return absl::OkStatus();
@@ -112,8 +116,9 @@ absl::StatusOr<std::shared_ptr<const RobotImagesInPlace>> RobotImagesInPlace::Op
   return images;
 }
 
-void RobotImagesInPlace::Note(ConfigurationNumber number, uint64_t offset, size_t size) {
-  Tile& tile = tiles_[number / kTileSize];
+void RobotImagesInPlace::Note(Tiles& tiles, ConfigurationNumber number, uint64_t offset,
+                              size_t size) {
+  Tile& tile = tiles[number / kTileSize];
   if (tile.sizes.empty()) {
     tile.offsets.assign(kTileSize, 0);
     tile.sizes.assign(kTileSize, 0);
@@ -122,15 +127,26 @@ void RobotImagesInPlace::Note(ConfigurationNumber number, uint64_t offset, size_
   tile.sizes[number % kTileSize] = static_cast<uint32_t>(size);  // LMDB's values are no larger
 }
 
-bool RobotImagesInPlace::Read(ConfigurationNumber number, std::span<uint64_t> words) const {
+bool RobotImagesInPlace::ReadValue(const Tiles& tiles, ConfigurationNumber number,
+                                   std::string& value) const {
   const uint64_t at = number / kTileSize;
-  if (at >= tiles_.size() || tiles_[at].sizes.empty()) return false;
-  const uint32_t size = tiles_[at].sizes[number % kTileSize];
+  if (at >= tiles.size() || tiles[at].sizes.empty()) return false;
+  const uint32_t size = tiles[at].sizes[number % kTileSize];
   if (size == 0) return false;
-  thread_local std::string value;
   value.resize(size);
-  return ReadAt(file_, tiles_[at].offsets[number % kTileSize], value) &&
-         DecodeMasks(number, value, mask_sizes_, words) == StoredMasks::kPresent;
+  return ReadAt(file_, tiles[at].offsets[number % kTileSize], value);
+}
+
+bool RobotImagesInPlace::Read(ConfigurationNumber number, std::span<uint64_t> words) const {
+  thread_local std::string value;
+  thread_local std::string base;
+  if (!ReadValue(tiles_, number, value)) return false;
+  if (!NeedsBase(value)) {
+    base.clear();
+  } else if (!ReadValue(bases_, number, base)) {
+    return false;
+  }
+  return DecodeMasks(number, value, mask_sizes_, words, base) == StoredMasks::kPresent;
 }
 
 }  // namespace silhouette

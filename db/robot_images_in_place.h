@@ -6,6 +6,7 @@
 #include <functional>
 #include <memory>
 #include <span>
+#include <string>
 #include <vector>
 
 #include "absl/status/status.h"
@@ -57,14 +58,18 @@ class RobotImagesInPlace {
     std::vector<uint64_t> offsets;
     std::vector<uint32_t> sizes;
   };
+  using Tiles = std::vector<Tile>;
 
   explicit RobotImagesInPlace(std::shared_ptr<const Snapshot> snapshot);
-  void Note(ConfigurationNumber number, uint64_t offset, size_t size);
+  static void Note(Tiles& tiles, ConfigurationNumber number, uint64_t offset, size_t size);
+  // False if there is nothing of the number, or it cannot be read.
+  bool ReadValue(const Tiles& tiles, ConfigurationNumber number, std::string& value) const;
 
   const std::shared_ptr<const Snapshot> snapshot_;
   std::vector<MaskSize> mask_sizes_;
   int file_ = -1;
-  std::vector<Tile> tiles_;
+  Tiles tiles_;
+  Tiles bases_;  // of those that rest on others
 };
 
 }  // namespace silhouette

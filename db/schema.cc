@@ -2,6 +2,8 @@
 
 #include <xxhash.h>
 
+#include <algorithm>
+
 #include "absl/strings/numbers.h"
 #include "absl/strings/str_cat.h"
 #include "absl/strings/strip.h"
@@ -12,6 +14,21 @@ namespace {
 constexpr char kFormatPrefix[] = "silhouette ";
 
 }  // namespace
+
+SetPlaces PlacesOfSet(const std::string& name) {
+  const std::string behind = name == kDefaultSet ? "" : "/" + name;
+  return {.name = name,
+          .robot_images = kRobotImages + behind,
+          .collision_index = kCollisionIndex + behind,
+          .raw_images = kRawImages + behind,
+          .capture_key = std::string(kCaptureKey) + behind};
+}
+
+bool IsSetName(std::string_view name) {
+  return !name.empty() && name.size() <= 32 && std::ranges::all_of(name, [](char c) {
+    return (c >= 'a' && c <= 'z') || (c >= '0' && c <= '9') || c == '_' || c == '-';
+  });
+}
 
 std::string FormatValue() { return absl::StrCat(kFormatPrefix, kFormatVersion); }
 

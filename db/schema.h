@@ -5,11 +5,14 @@
 //   "format"      "silhouette " and the format version as decimal ASCII; nothing else
 //   the others    checksum (u64), payload. The checksum is XXH3-64 of the payload, seed 0.
 //                 "cell": CellDescription; "references": References; "calibration": Calibration;
-//                 "provenance": ProvenanceLog; "capture": CaptureHistory; "generation": u64, one
+//                 "provenance": ProvenanceLog; "capture": CaptureHistory; "sets": RobotImageSets,
+//                 absent while there is but the default set; "generation": u64, one
 //                 more in every committed change but those of `collision_index`.
 // Sub-database `robot_images`: configuration number (u64, big-endian) -> db/robot_image_format.h.
 // Sub-database `collision_index`, which may be absent: tile (u64, big-endian) -> db/tile_value.h.
 // Sub-database `raw_images`, which may be absent: db/raw_image_format.h.
+// They are those of the default set. The set NAME has `robot_images/NAME`, `collision_index/NAME`
+// and `raw_images/NAME`, and the key "capture/NAME" (PlacesOfSet).
 //
 // Integers are little-endian unless said otherwise.
 #pragma once
@@ -35,8 +38,28 @@ inline constexpr char kMeta[] = "meta";
 inline constexpr char kRobotImages[] = "robot_images";
 inline constexpr char kCollisionIndex[] = "collision_index";
 inline constexpr char kRawImages[] = "raw_images";
-// How many sub-databases an environment may have, those of later versions included.
-inline constexpr unsigned kMaxSubDatabases = 16;
+// How many sub-databases a process may have open, those of later versions included: some for all
+// sets, and some for each.
+inline constexpr unsigned kMaxSubDatabases = 96;
+
+// The set that every database has; at most so many sets, this one included.
+inline constexpr char kDefaultSet[] = "default";
+inline constexpr size_t kMaxSets = 16;
+
+// Where the records of a set and what belongs to them lie.
+struct SetPlaces {
+  std::string name;
+  std::string robot_images;
+  std::string collision_index;
+  std::string raw_images;
+  std::string capture_key;
+
+  bool is_default() const { return name == kDefaultSet; }
+};
+SetPlaces PlacesOfSet(const std::string& name);
+
+// Whether a set may have this name: 1 to 32 of a-z, 0-9, '_' and '-'.
+bool IsSetName(std::string_view name);
 
 inline constexpr std::string_view kFormatKey = "format";
 inline constexpr std::string_view kCellKey = "cell";
@@ -44,6 +67,7 @@ inline constexpr std::string_view kReferencesKey = "references";
 inline constexpr std::string_view kCalibrationKey = "calibration";
 inline constexpr std::string_view kProvenanceKey = "provenance";
 inline constexpr std::string_view kCaptureKey = "capture";
+inline constexpr std::string_view kSetsKey = "sets";
 inline constexpr std::string_view kGenerationKey = "generation";
 
 // The value of "format" that this version writes.

@@ -11,11 +11,17 @@ namespace silhouette {
 namespace {
 
 // Reads the value of a configuration's key: 0, MDB_NOTFOUND or an error. The caller holds the map.
-int Get(const ReadTransaction& transaction, const Environment& environment,
-        ConfigurationNumber number, MDB_val& value) {
+int Get(const RecordSource& source, ConfigurationNumber number, MDB_val& value) {
   const schema::NumberKey key = schema::EncodeKey(number);
   MDB_val key_val = ToVal({key.data(), key.size()});
-  return mdb_get(transaction.get(), environment.robot_images(), &key_val, &value);
+  return mdb_get(source.transaction, source.records, &key_val, &value);
+}
+
+// So that a transaction that is begun afterwards knows them.
+void OpenSubDatabases(const DatabaseState& state) {
+  state.environment->Find(schema::kCollisionIndex);
+  state.environment->Find(state.places.collision_index);
+  state.environment->Find(state.places.raw_images);
 }
 
 }  // namespace
@@ -26,20 +32,55 @@ Snapshot::Snapshot(Snapshot&&) noexcept = default;
 Snapshot& Snapshot::operator=(Snapshot&&) noexcept = default;
 
 absl::StatusOr<Snapshot> Database::Read() const {
-  Environment& environment = *state_->environment;
-  // So that the transaction knows them.
-  environment.Find(OptionalSubDatabase::kCollisionIndex);
-  environment.Find(OptionalSubDatabase::kRawImages);
-  absl::StatusOr<ReadTransaction> transaction = environment.Read();
+  OpenSubDatabases(*state_);
+  absl::StatusOr<ReadTransaction> transaction = state_->environment->Read();
   if (!transaction.ok()) return transaction.status();
+  return StateOf(std::make_shared<const ReadTransaction>(*std::move(transaction)));
+}
+
+absl::StatusOr<Snapshot> Database::StateOf(std::shared_ptr<const ReadTransaction> held) const {
+  Environment& environment = *state_->environment;
   const auto hold = environment.HoldMap();
-  const absl::StatusOr<uint64_t> generation = ReadGeneration(environment, transaction->get());
+  const absl::StatusOr<uint64_t> generation = ReadGeneration(environment, held->get());
   if (!generation.ok()) return generation.status();
   MDB_stat images;
-  const int code = mdb_stat(transaction->get(), environment.robot_images(), &images);
+  const int code = mdb_stat(held->get(), state_->robot_images, &images);
   if (code != 0) return environment.ReadError(code);
   return Snapshot(std::make_unique<Snapshot::Impl>(
-      Snapshot::Impl{state_, std::move(*transaction), *generation, images.ms_entries}));
+      Snapshot::Impl{state_, std::move(held), *generation, images.ms_entries}));
+}
+
+absl::StatusOr<std::vector<SetState>> Database::ReadSets() const {
+  constexpr int kAttempts = 100;
+  for (int attempt = 0; attempt < kAttempts; ++attempt) {
+    const absl::StatusOr<std::vector<std::string>> names = Sets();
+    if (!names.ok()) return names.status();
+    std::vector<std::unique_ptr<Database>> sets;
+    for (const std::string& name : *names) {
+      absl::StatusOr<std::unique_ptr<Database>> set = OpenSet(name);
+      if (!set.ok()) break;
+      OpenSubDatabases(*(*set)->state_);
+      sets.push_back(*std::move(set));
+    }
+    absl::StatusOr<ReadTransaction> transaction = state_->environment->Read();
+    if (!transaction.ok()) return transaction.status();
+    const auto held = std::make_shared<const ReadTransaction>(*std::move(transaction));
+    {
+      const auto hold = state_->environment->HoldMap();
+      const auto present = silhouette::ReadSets(*state_->environment, held->get());
+      if (!present.ok()) return present.status();
+      if (*present != *names || sets.size() != names->size()) continue;  // changed meanwhile
+    }
+    std::vector<SetState> states;
+    for (std::unique_ptr<Database>& set : sets) {
+      absl::StatusOr<Snapshot> snapshot = set->StateOf(held);
+      if (!snapshot.ok()) return snapshot.status();
+      states.push_back({std::move(set), *std::move(snapshot)});
+    }
+    return states;
+  }
+  return absl::UnavailableError(
+      absl::StrCat("the sets of database '", path(), "' change all the time; try again"));
 }
 
 uint64_t Snapshot::generation() const { return impl_->generation; }
@@ -49,11 +90,12 @@ uint64_t Snapshot::size() const { return impl_->size; }
 absl::StatusOr<std::optional<RobotImage>> Snapshot::Find(ConfigurationNumber number) const {
   const auto hold = impl_->environment().HoldMap();
   MDB_val value;
-  const int code = Get(impl_->transaction, impl_->environment(), number, value);
+  const int code = Get(impl_->records(), number, value);
   if (code == MDB_NOTFOUND) return std::optional<RobotImage>();
   if (code != 0) return impl_->environment().ReadError(code);
   absl::StatusOr<RobotImage> image =
-      DecodeRobotImage(number, FromVal(value), impl_->state->mask_sizes);
+      DecodeRobotImage(number, FromVal(value), impl_->state->mask_sizes,
+                       BaseOf(impl_->records(), number, FromVal(value)));
   if (!image.ok()) return image.status();
   return std::optional<RobotImage>(*std::move(image));
 }
@@ -61,7 +103,7 @@ absl::StatusOr<std::optional<RobotImage>> Snapshot::Find(ConfigurationNumber num
 absl::StatusOr<bool> Snapshot::Contains(ConfigurationNumber number) const {
   const auto hold = impl_->environment().HoldMap();
   MDB_val value;
-  const int code = Get(impl_->transaction, impl_->environment(), number, value);
+  const int code = Get(impl_->records(), number, value);
   if (code != 0 && code != MDB_NOTFOUND) return impl_->environment().ReadError(code);
   return code == 0;
 }
@@ -71,8 +113,7 @@ absl::Status Snapshot::ForEach(
   absl::Status damage;
   KeyRange keys;
   for (;;) {
-    const absl::StatusOr<std::vector<RawRecord>> chunk =
-        ReadChunk(impl_->environment(), impl_->transaction.get(), keys);
+    const absl::StatusOr<std::vector<RawRecord>> chunk = ReadChunk(impl_->records(), keys);
     if (!chunk.ok()) return chunk.status();
     if (chunk->empty()) return damage;
     for (const RawRecord& record : *chunk) {
@@ -80,8 +121,8 @@ absl::Status Snapshot::ForEach(
       if (!number || !impl_->state->grid.Contains(*number)) {
         damage = absl::DataLossError(absl::StrCat("database '", impl_->state->path,
                                                   "' has a robot image under a damaged key"));
-      } else if (!visit(*number,
-                        DecodeRobotImage(*number, record.value, impl_->state->mask_sizes))) {
+      } else if (!visit(*number, DecodeRobotImage(*number, record.value, impl_->state->mask_sizes,
+                                                  record.base))) {
         return damage;
       }
     }
@@ -91,8 +132,7 @@ absl::Status Snapshot::ForEach(
 
 absl::StatusOr<std::optional<storage::v1::References>> Snapshot::References() const {
   const auto hold = impl_->environment().HoldMap();
-  const auto payload =
-      ReadMeta(impl_->environment(), impl_->transaction.get(), schema::kReferencesKey);
+  const auto payload = ReadMeta(impl_->environment(), impl_->transaction(), schema::kReferencesKey);
   if (!payload.ok()) return payload.status();
   std::optional<storage::v1::References> references;
   if (*payload && !references.emplace().ParseFromString(**payload)) {
@@ -105,7 +145,7 @@ absl::StatusOr<std::optional<storage::v1::References>> Snapshot::References() co
 absl::StatusOr<std::optional<storage::v1::Calibration>> Snapshot::Calibration() const {
   const auto hold = impl_->environment().HoldMap();
   const auto payload =
-      ReadMeta(impl_->environment(), impl_->transaction.get(), schema::kCalibrationKey);
+      ReadMeta(impl_->environment(), impl_->transaction(), schema::kCalibrationKey);
   if (!payload.ok()) return payload.status();
   std::optional<storage::v1::Calibration> calibration;
   if (*payload && (!calibration.emplace().ParseFromString(**payload) ||
@@ -119,7 +159,7 @@ absl::StatusOr<std::optional<storage::v1::Calibration>> Snapshot::Calibration() 
 
 absl::StatusOr<storage::v1::ProvenanceLog> Snapshot::Provenance() const {
   const auto hold = impl_->environment().HoldMap();
-  return ReadProvenance(impl_->environment(), impl_->transaction.get());
+  return ReadProvenance(impl_->environment(), impl_->transaction());
 }
 
 }  // namespace silhouette

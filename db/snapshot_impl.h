@@ -5,16 +5,20 @@
 #include <memory>
 
 #include "db/database_state.h"
+#include "db/raw_records.h"
 
 namespace silhouette {
 
 struct Snapshot::Impl {
   std::shared_ptr<const DatabaseState> state;
-  ReadTransaction transaction;
+  // That of the snapshots of other sets, too, that were taken together (Database::ReadSets).
+  std::shared_ptr<const ReadTransaction> held;
   uint64_t generation = 0;
   uint64_t size = 0;
 
   Environment& environment() const { return *state->environment; }
+  MDB_txn* transaction() const { return held->get(); }
+  RecordSource records() const { return {*state, transaction()}; }
 };
 
 }  // namespace silhouette

@@ -134,7 +134,8 @@ absl::StatusOr<std::unique_ptr<Database>> Database::Create(const std::string& pa
     RemoveFiles(path);
     return environment.status();
   }
-  (*state)->writer_lock.emplace(*std::move(lock));
+  (*state)->writer_lock = std::make_shared<const WriterLock>(*std::move(lock));
+  (*state)->robot_images = (*environment)->robot_images();
   (*state)->environment = *std::move(environment);
   return std::unique_ptr<Database>(new Database(*std::move(state)));
 }
@@ -167,7 +168,8 @@ absl::StatusOr<std::unique_ptr<Database>> Database::Open(const std::string& path
     return absl::DataLossError(
         absl::StrCat("database '", path, "': its description of the cell is damaged"));
   }
-  if (lock) (*state)->writer_lock.emplace(*std::move(lock));
+  if (lock) (*state)->writer_lock = std::make_shared<const WriterLock>(*std::move(lock));
+  (*state)->robot_images = (*environment)->robot_images();
   (*state)->environment = *std::move(environment);
   return std::unique_ptr<Database>(new Database(*std::move(state)));
 }
@@ -207,7 +209,7 @@ absl::Status Database::SetReferences(const storage::v1::References& references,
 }
 
 absl::Status Database::SetCaptureHistory(const storage::v1::CaptureHistory& history) {
-  return ChangeMeta(schema::kCaptureKey, history.SerializeAsString(), "");
+  return ChangeMeta(state_->places.capture_key, history.SerializeAsString(), "");
 }
 
 absl::Status Database::SetCalibration(const storage::v1::Calibration& calibration,
@@ -249,26 +251,48 @@ absl::StatusOr<Database::Usage> Database::GetUsage() const {
   Environment& environment = *state_->environment;
   constexpr MDB_dbi kFreePages = 0;
   constexpr MDB_dbi kSubDatabases = 1;
-  std::vector<MDB_dbi> databases = {kFreePages, kSubDatabases, environment.meta(),
-                                    environment.robot_images()};
-  for (const auto which : {OptionalSubDatabase::kCollisionIndex, OptionalSubDatabase::kRawImages}) {
-    if (const auto database = environment.Find(which)) databases.push_back(*database);
+  const absl::StatusOr<std::vector<std::string>> names = Sets();
+  if (!names.ok()) return names.status();
+  struct Places {
+    std::optional<MDB_dbi> images;
+    std::optional<MDB_dbi> index;
+    std::optional<MDB_dbi> raw_images;
+  };
+  std::vector<Places> places;
+  for (const std::string& name : *names) {
+    const schema::SetPlaces of_set = schema::PlacesOfSet(name);
+    places.push_back({environment.Find(of_set.robot_images),
+                      environment.Find(of_set.collision_index),
+                      environment.Find(of_set.raw_images)});
   }
   absl::StatusOr<ReadTransaction> transaction = environment.Read();
   if (!transaction.ok()) return transaction.status();
   const auto hold = environment.HoldMap();
   Usage usage;
-  for (MDB_dbi database : databases) {
+  absl::Status status;
+  // The bytes of a sub-database, and how many entries it has.
+  const auto add = [&](std::optional<MDB_dbi> database, uint64_t* entries) {
     MDB_stat stat;
-    const int code = mdb_stat(transaction->get(), database, &stat);
-    if (code != 0) return environment.ReadError(code);
-    const uint64_t bytes = stat.ms_psize * (uint64_t{stat.ms_branch_pages} + stat.ms_leaf_pages +
-                                            stat.ms_overflow_pages);
-    usage.used_bytes += bytes;
-    if (database == environment.Find(OptionalSubDatabase::kRawImages)) {
-      usage.raw_image_bytes = bytes;
-    }
+    const int code = database ? mdb_stat(transaction->get(), *database, &stat) : MDB_NOTFOUND;
+    if (code == MDB_NOTFOUND || code == EINVAL) return uint64_t{0};  // there is none, or was none
+    if (code != 0) status.Update(environment.ReadError(code));
+    const uint64_t pages =
+        uint64_t{stat.ms_branch_pages} + stat.ms_leaf_pages + stat.ms_overflow_pages;
+    if (entries != nullptr) *entries = stat.ms_entries;
+    usage.used_bytes += stat.ms_psize * pages;
+    return stat.ms_psize * pages;
+  };
+  for (const MDB_dbi database : {kFreePages, kSubDatabases, environment.meta()}) {
+    add(database, nullptr);
   }
+  for (size_t i = 0; i < places.size(); ++i) {
+    Usage::Set& set = usage.sets.emplace_back();
+    set.name = (*names)[i];
+    set.record_bytes = add(places[i].images, &set.records);
+    set.index_bytes = add(places[i].index, nullptr);
+    usage.raw_image_bytes += add(places[i].raw_images, nullptr);
+  }
+  if (!status.ok()) return status;
   std::error_code error;
   usage.file_bytes = fs::file_size(fs::path(path()) / schema::kDataFile, error);
   if (error) {

@@ -71,7 +71,9 @@ absl::Status CheckCalibration(const storage::v1::Calibration& calibration,
                               const storage::v1::CellDescription& cell);
 
 struct DatabaseState;
+struct SetState;
 class IndexBuild;
+class ReadTransaction;
 
 // One consistent state of the database. Holds a read transaction: keep it no longer than needed
 // while a capture writes, for its pages cannot be reused until then. May outlive its Database.
@@ -126,7 +128,7 @@ class Snapshot {
   friend class Database;
   friend class CollisionIndex;
   friend class RecordWalk;
-  struct Impl;
+  struct Impl;  // db/snapshot_impl.h
   explicit Snapshot(std::unique_ptr<Impl> impl);
   std::unique_ptr<Impl> impl_;
 };
@@ -167,6 +169,10 @@ class RobotImageWriter {
   std::unique_ptr<Impl> impl_;
 };
 
+// A database has one or several sets of robot images: those of the robot with its gripper open,
+// with it closed, with a part. They share all but robot images, raw images, their collision index
+// and what capture sessions noticed. A Database speaks of one of them, that of Open() and Create()
+// of the set `default`, which every database has; OpenSet() gives the others.
 class Database {
  public:
   enum class Access { kRead, kWrite };
@@ -191,12 +197,38 @@ class Database {
   const ConfigurationGrid& grid() const;
   const std::vector<MaskSize>& mask_sizes() const;
 
+  // The name of the set.
+  const std::string& set() const;
+
+  // The names of all sets, the default one first, then in the order in which they were made.
+  absl::StatusOr<std::vector<std::string>> Sets() const;
+
+  // Another set of this database, with the access that this has. NotFound, naming those that there
+  // are.
+  absl::StatusOr<std::unique_ptr<Database>> OpenSet(const std::string& name) const;
+
+  // Makes a set without robot images. `program` goes into the provenance log. Needs kWrite.
+  // InvalidArgument: no set may have the name (schema::IsSetName). AlreadyExists.
+  // FailedPrecondition: there are as many sets as there may be.
+  absl::StatusOr<std::unique_ptr<Database>> CreateSet(const std::string& name,
+                                                      const std::string& program);
+
+  // Removes a set with all that is its own. Needs kWrite, and no writer. NotFound; InvalidArgument:
+  // the default set.
+  absl::Status RemoveSet(const std::string& name, const std::string& program);
+
   // The state at this moment.
   absl::StatusOr<Snapshot> Read() const;
 
+  // One state of all sets, in the order of Sets(). The snapshots share one transaction: one thread
+  // at a time may use any of them.
+  absl::StatusOr<std::vector<SetState>> ReadSets() const;
+
   // A writer of robot images; `program` goes into the provenance log. `max_delay`: how long records
   // are collected; a caller that pauses between two Put() calls does Commit() first. Needs kWrite.
-  // FailedPrecondition while there is another writer of this database.
+  // FailedPrecondition while there is another writer of this database, of whatever set.
+  // Robot images of a further set are stored by their difference from those of the default set
+  // where that is smaller. Whoever replaces the latter keeps the former, in the same change.
   absl::StatusOr<RobotImageWriter> Write(const std::string& program,
                                          absl::Duration max_delay = absl::Seconds(1));
 
@@ -214,8 +246,8 @@ class Database {
 
   // Replaces the masks of all records that are not excluded, and the settings that the cell's
   // description says they were made with, in one change. Raw images stay. InvalidArgument as Put,
-  // and unless `images` has just the configurations of those records. Needs kWrite, no writer, and
-  // no other thread that uses this Database.
+  // and unless `images` has just the configurations of those records. FailedPrecondition: there are
+  // several sets. Needs kWrite, no writer, and no other thread that uses this Database.
   absl::Status ReplaceMasks(const std::string& segmentation, const std::vector<RobotImage>& images,
                             const std::string& program);
 
@@ -228,6 +260,13 @@ class Database {
     uint64_t file_bytes = 0;
     uint64_t used_bytes = 0;
     uint64_t raw_image_bytes = 0;  // of these, for raw images
+    struct Set {
+      std::string name;
+      uint64_t records = 0;
+      uint64_t record_bytes = 0;
+      uint64_t index_bytes = 0;
+    };
+    std::vector<Set> sets;
   };
   absl::StatusOr<Usage> GetUsage() const;
 
@@ -239,8 +278,18 @@ class Database {
   absl::Status ChangeMeta(std::string_view key, const std::optional<std::string>& payload,
                           const std::string& program);
 
+  // Changes the list of sets beside the default one, as one change.
+  absl::Status ChangeSets(const std::vector<std::string>& names, const std::string& program);
+  absl::StatusOr<Snapshot> StateOf(std::shared_ptr<const ReadTransaction> held) const;
+
   explicit Database(std::shared_ptr<DatabaseState> state);
   std::shared_ptr<DatabaseState> state_;
+};
+
+// A set in one state.
+struct SetState {
+  std::unique_ptr<Database> database;
+  Snapshot snapshot;
 };
 
 }  // namespace silhouette

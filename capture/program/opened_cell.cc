@@ -23,6 +23,10 @@ std::string ForShell(const std::string& word) {
 std::string CellArguments::Command(const std::string& subcommand) const {
   std::string command = absl::StrCat("silhouette-capture ", subcommand, " --cell ", ForShell(cell));
   if (!database.empty()) absl::StrAppend(&command, " --database ", ForShell(database));
+  // Reference images are of all sets.
+  if (set != schema::kDefaultSet && subcommand != "reference") {
+    absl::StrAppend(&command, " --set ", ForShell(set));
+  }
   return command;
 }
 
@@ -31,6 +35,14 @@ void AddCellOptions(CLI::App& command, CellArguments& arguments) {
   command.add_option("--database", arguments.database,
                      "The database's folder; default: the one that the cell's file names");
   AddFormatOption(command, arguments.format);
+}
+
+void AddSetOption(CLI::App& command, CellArguments& arguments) {
+  command
+      .add_option("--set", arguments.set,
+                  "The set of robot images: of the robot with this tool, this part, its gripper\n"
+                  "open or closed")
+      ->capture_default_str();
 }
 
 absl::StatusOr<CellFile> OpenCellFile(const CellArguments& arguments) {
@@ -42,7 +54,7 @@ absl::StatusOr<CellFile> OpenCellFile(const CellArguments& arguments) {
         absl::StrCat("say where the database is: --database FOLDER, or 'database: FOLDER' in '",
                      arguments.cell, "'"));
   }
-  return CellFile{*std::move(cell), database};
+  return CellFile{*std::move(cell), database, arguments.set};
 }
 
 absl::StatusOr<std::unique_ptr<Database>> OpenDatabase(const CellFile& file,
@@ -57,7 +69,9 @@ absl::StatusOr<std::unique_ptr<Database>> OpenDatabase(const CellFile& file,
                      file.cell.file, "': ", absl::StrJoin(differences, "; "),
                      ". Choose another database, or change the cell file back"));
   }
-  return database;
+  absl::StatusOr<std::unique_ptr<Database>> set = (*database)->OpenSet(file.set);
+  if (!absl::IsNotFound(set.status()) || access == Database::Access::kRead) return set;
+  return (*database)->CreateSet(file.set, "silhouette-capture run --set " + file.set);
 }
 
 absl::StatusOr<std::unique_ptr<Database>> OpenOrCreateDatabase(const CellFile& file) {

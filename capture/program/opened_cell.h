@@ -6,6 +6,7 @@
 #include <string>
 
 #include "absl/status/statusor.h"
+#include "db/schema.h"
 #include "db/store.h"
 #include "tools/cell/cell.h"
 
@@ -15,6 +16,7 @@ namespace silhouette {
 struct CellArguments {
   std::string cell;
   std::string database;
+  std::string set = schema::kDefaultSet;  // of robot images
   std::string format = "text";
 
   bool json() const { return format == "json"; }
@@ -25,17 +27,20 @@ struct CellArguments {
 
 // Adds --cell, --database and --format.
 void AddCellOptions(CLI::App& command, CellArguments& arguments);
+// Adds --set.
+void AddSetOption(CLI::App& command, CellArguments& arguments);
 
 struct CellFile {
   Cell cell;
   std::string database;  // the folder: that of the arguments, else that of the file
+  std::string set;
 };
 
 // InvalidArgument if the file is not valid, or nobody says where the database is.
 absl::StatusOr<CellFile> OpenCellFile(const CellArguments& arguments);
 
 // The database, if it is that of the cell; else FailedPrecondition says in what they differ.
-// NotFound: there is none yet.
+// NotFound: there is none yet, or it has no such set; for writing the set is made.
 absl::StatusOr<std::unique_ptr<Database>> OpenDatabase(const CellFile& file,
                                                        Database::Access access);
 

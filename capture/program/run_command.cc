@@ -224,6 +224,11 @@ absl::StatusOr<ExitCode> Run(const Options& options) {
   const Room room = RoomFor(*plan, *file, database->get());
   if (!room.Suffices(*plan)) std::cerr << TooLittleRoom(*plan, room) << std::endl;
   WriteBegin(options, *file, *plan, room, *log);
+  if ((*database)->set() != schema::kDefaultSet) {
+    std::cerr << "set '" << (*database)->set()
+              << "': the robot must carry the tool and the part of this set, and nothing else"
+              << std::endl;
+  }
   const CaptureReport report = CaptureWithProgress(*session, *plan, *log);
   WriteEnd(report, *log);
   const auto index = BuildIndex(options, report, **database);
@@ -246,11 +251,13 @@ void AddRun(CLI::App& app, Work& work) {
       "  silhouette-capture run --cell cell.yaml --database cell.lmdb\n"
       "  silhouette-capture run --cell cell.yaml --only outliers\n"
       "  silhouette-capture run --cell cell.yaml --only sentinels    (is the cell as it was?)\n"
+      "  silhouette-capture run --cell cell.yaml --set gripper-open\n"
       "Exit codes: 0 all is captured; 1 stopped, the cell is not as it was, or some "
       "configurations\n"
       "could not be captured; 2 a mistake in what was asked; 3 a device or the disk failed.");
   const auto options = std::make_shared<Options>();
   AddCellOptions(*command, options->cell);
+  AddSetOption(*command, options->cell);
   command
       ->add_option("--only", options->plan.only,
                    "What is captured: missing; outliers: also, anew, what is damaged, empty or\n"

@@ -28,7 +28,14 @@ struct Standing {
 absl::StatusOr<Standing> Look(const CellFile& file) {
   Standing standing;
   standing.configurations = file.cell.grid.size();
-  const auto database = OpenDatabase(file, Database::Access::kRead);
+  auto database = OpenDatabase(file, Database::Access::kRead);
+  const bool no_set = absl::IsNotFound(database.status()) && file.set != schema::kDefaultSet;
+  if (no_set) {
+    // The reference images are of all sets.
+    CellFile others = file;
+    others.set = schema::kDefaultSet;
+    database = OpenDatabase(others, Database::Access::kRead);
+  }
   if (absl::IsNotFound(database.status())) return standing;
   if (!database.ok()) return database.status();
   standing.database = true;
@@ -37,6 +44,7 @@ absl::StatusOr<Standing> Look(const CellFile& file) {
   const auto references = snapshot->References();
   if (!references.ok()) return references.status();
   if (references->has_value()) standing.references = std::max(1, (*references)->views(0).images());
+  if (no_set) return standing;
   const auto records = ReadRecords(**database);
   if (!records.ok()) return records.status();
   const auto count = [&](StoredRecord kind) {
@@ -61,8 +69,9 @@ std::string Next(const CellArguments& arguments, const Standing& standing) {
 }
 
 void PrintText(const CellFile& file, const Standing& standing, const std::string& next) {
-  std::cout << absl::StreamFormat("cell '%s', database %s%s\n", file.cell.name, file.database,
-                                  standing.database ? "" : " (not there yet)");
+  std::cout << absl::StreamFormat("cell '%s', database %s%s%s\n", file.cell.name, file.database,
+                                  standing.database ? "" : " (not there yet)",
+                                  file.set == schema::kDefaultSet ? "" : ", set " + file.set);
   if (standing.references > 0) {
     std::cout << absl::StreamFormat("reference images   %d per view\n", standing.references);
   } else {
@@ -83,6 +92,7 @@ void PrintJson(const CellFile& file, const Standing& standing, const std::string
   const nlohmann::json json = {{"cell", file.cell.name},
                                {"database", file.database},
                                {"database_exists", standing.database},
+                               {"set", file.set},
                                {"reference_images", standing.references},
                                {"configurations", standing.configurations},
                                {"captured", standing.captured},
@@ -119,6 +129,7 @@ void AddStatus(CLI::App& app, Work& work) {
   command->footer("Example:\n  silhouette-capture status --cell cell.yaml --database cell.lmdb");
   const auto arguments = std::make_shared<CellArguments>();
   AddCellOptions(*command, *arguments);
+  AddSetOption(*command, *arguments);
   command->callback([arguments, &work] { work = [arguments] { return Run(*arguments); }; });
 }
 

@@ -43,9 +43,10 @@ absl::StatusOr<FixedValue> ParseFixed(const ConfigurationGrid& grid, const std::
 
 }  // namespace
 
-absl::StatusOr<OpenedDatabase> OpenForReading(const std::string& path) {
+absl::StatusOr<OpenedDatabase> OpenForReading(const std::string& path, const std::string& set) {
   absl::StatusOr<std::unique_ptr<Database>> database =
       Database::Open(path, Database::Access::kRead);
+  if (database.ok()) database = (*database)->OpenSet(set);
   if (!database.ok()) return database.status();
   absl::StatusOr<Snapshot> snapshot = (*database)->Read();
   if (!snapshot.ok()) return snapshot.status();
@@ -54,6 +55,10 @@ absl::StatusOr<OpenedDatabase> OpenForReading(const std::string& path) {
 
 void AddDatabaseArgument(CLI::App& command, std::string& database) {
   command.add_option("database,--database", database, "Folder of the database")->required();
+}
+
+void AddSetOption(CLI::App& command, std::string& set) {
+  command.add_option("--set", set, "The set of robot images, by its name")->capture_default_str();
 }
 
 std::string JointText(const ConfigurationGrid& grid, ConfigurationNumber number) {
@@ -140,6 +145,29 @@ absl::StatusOr<Slice> SliceOf(const ConfigurationGrid& grid, const std::vector<s
   }
   slice.others = absl::StrJoin(others, ", ");
   return slice;
+}
+
+std::string SetsText(const Database::Usage& usage, const ConfigurationGrid& grid) {
+  std::string text = "sets                              recorded     records       index\n";
+  for (const Database::Usage::Set& set : usage.sets) {
+    absl::StrAppendFormat(
+        &text, "  %-32s %6.1f %%  %6.1f MiB  %6.1f MiB\n", set.name,
+        100.0 * static_cast<double>(set.records) / static_cast<double>(grid.size()),
+        static_cast<double>(set.record_bytes) / (1 << 20),
+        static_cast<double>(set.index_bytes) / (1 << 20));
+  }
+  return text;
+}
+
+nlohmann::json SetsJson(const Database::Usage& usage) {
+  nlohmann::json sets = nlohmann::json::array();
+  for (const Database::Usage::Set& set : usage.sets) {
+    sets.push_back({{"name", set.name},
+                    {"records", set.records},
+                    {"record_bytes", set.record_bytes},
+                    {"index_bytes", set.index_bytes}});
+  }
+  return sets;
 }
 
 absl::Status Stopped(const std::string& how_to_go_on) {

@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "absl/status/statusor.h"
+#include "db/schema.h"
 #include "db/store.h"
 #include "tools/picture/chart.h"
 
@@ -19,10 +20,15 @@ struct OpenedDatabase {
   std::unique_ptr<Database> database;
   Snapshot snapshot;
 };
-absl::StatusOr<OpenedDatabase> OpenForReading(const std::string& path);
+// `set`: of robot images.
+absl::StatusOr<OpenedDatabase> OpenForReading(const std::string& path,
+                                              const std::string& set = schema::kDefaultSet);
 
 // Adds the database's folder, as the first argument or as --database.
 void AddDatabaseArgument(CLI::App& command, std::string& database);
+
+// Adds --set, the set of robot images that a subcommand speaks of.
+void AddSetOption(CLI::App& command, std::string& set);
 
 // "axis_1 = 0.5, axis_2 = -1.25": joint values as people read them.
 std::string JointText(const ConfigurationGrid& grid, ConfigurationNumber number);
@@ -52,6 +58,10 @@ struct Slice {
 // none, a joint named twice, or a value outside the grid.
 absl::StatusOr<Slice> SliceOf(const ConfigurationGrid& grid, const std::vector<std::string>& along,
                               const std::vector<std::string>& fixed);
+
+// The sets of a database, a line each, with their sizes; and as an array.
+std::string SetsText(const Database::Usage& usage, const ConfigurationGrid& grid);
+nlohmann::json SetsJson(const Database::Usage& usage);
 
 // Cancelled, after Ctrl-C.
 absl::Status Stopped(const std::string& how_to_go_on);

@@ -14,6 +14,7 @@ constexpr int kMostSlices = 24;
 
 struct Options {
   std::string database;
+  std::string set = schema::kDefaultSet;
   std::string format = "text";
   std::string picture;
 };
@@ -120,7 +121,7 @@ absl::StatusOr<Picture> Paint(const ConfigurationGrid& grid, const std::vector<u
 }
 
 absl::StatusOr<ExitCode> Coverage(const Options& options) {
-  const absl::StatusOr<OpenedDatabase> opened = OpenForReading(options.database);
+  const absl::StatusOr<OpenedDatabase> opened = OpenForReading(options.database, options.set);
   if (!opened.ok()) return opened.status();
   const ConfigurationGrid& grid = opened->database->grid();
   const absl::StatusOr<std::vector<uint8_t>> states = StatesOf(*opened);
@@ -161,6 +162,7 @@ void AddCoverage(CLI::App& app, Work& work) {
   auto options = std::make_shared<Options>();
   CLI::App* command = app.add_subcommand("coverage", "Which configurations are in a database");
   AddDatabaseArgument(*command, options->database);
+  AddSetOption(*command, options->set);
   command->add_option("--picture", options->picture,
                       "Write a picture of them to this PNG file; for 1 to 3 joints that move");
   AddFormatOption(*command, options->format);

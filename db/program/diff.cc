@@ -15,6 +15,8 @@ constexpr uint64_t kShown = 20;
 
 struct Options {
   std::string first;
+  std::string set = schema::kDefaultSet;
+  std::string second_set;
   std::string second;
   bool masks_only = false;
 };
@@ -135,9 +137,10 @@ absl::Status CompareCalibrations(const OpenedDatabase& first, const OpenedDataba
 }
 
 absl::StatusOr<ExitCode> Diff(const Options& options) {
-  const absl::StatusOr<OpenedDatabase> first = OpenForReading(options.first);
+  const absl::StatusOr<OpenedDatabase> first = OpenForReading(options.first, options.set);
   if (!first.ok()) return first.status();
-  const absl::StatusOr<OpenedDatabase> second = OpenForReading(options.second);
+  const absl::StatusOr<OpenedDatabase> second =
+      OpenForReading(options.second, options.second_set.empty() ? options.set : options.second_set);
   if (!second.ok()) return second.status();
   CatchStopSignals();
   Printer printer;
@@ -167,9 +170,14 @@ void AddDiff(CLI::App& app, Work& work) {
       app.add_subcommand("diff", "In what two databases differ; exit code 1 if they do");
   command->add_option("first", options->first, "Folder of a database")->required();
   command->add_option("second", options->second, "Folder of another")->required();
+  AddSetOption(*command, options->set);
+  command->add_option("--second-set", options->second_set,
+                      "That of the other database, if it has another name; both may be one");
   command->add_flag("--masks-only", options->masks_only,
                     "Neither capture times, joint values, reference images nor calibration count");
-  command->footer("Example:\n  silhouette-db diff --masks-only monday.lmdb tuesday.lmdb");
+  command->footer(
+      "Example:\n  silhouette-db diff --masks-only monday.lmdb tuesday.lmdb\n"
+      "  silhouette-db diff --masks-only cell.lmdb cell.lmdb --second-set gripper-open");
   command->callback([&work, options] { work = [options] { return Diff(*options); }; });
 }
 

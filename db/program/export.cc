@@ -20,6 +20,7 @@ namespace fs = std::filesystem;
 
 struct Options {
   std::string database;
+  std::string set = schema::kDefaultSet;
   std::string folder;
 };
 
@@ -111,7 +112,7 @@ class Exporter {
 };
 
 absl::StatusOr<ExitCode> Export(const Options& options) {
-  const absl::StatusOr<OpenedDatabase> opened = OpenForReading(options.database);
+  const absl::StatusOr<OpenedDatabase> opened = OpenForReading(options.database, options.set);
   if (!opened.ok()) return opened.status();
   CatchStopSignals();
   Exporter exporter(*opened->database, options.folder);
@@ -157,6 +158,7 @@ void AddExport(CLI::App& app, Work& work) {
   CLI::App* command = app.add_subcommand(
       "export", "Writes a database as a CSV table and PNG masks, for other programs or `import`");
   AddDatabaseArgument(*command, options->database);
+  AddSetOption(*command, options->set);
   command->add_option("folder,--folder", options->folder, "New folder")->required();
   command->footer("Example:\n  silhouette-db export cell.lmdb masks/");
   command->callback([&work, options] { work = [options] { return Export(*options); }; });

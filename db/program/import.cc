@@ -23,6 +23,7 @@ constexpr uint64_t kMostFaults = 20;
 
 struct Options {
   std::string folder;
+  std::string set = schema::kDefaultSet;
   std::string cell;
   std::string database;
   bool replace = false;
@@ -157,9 +158,14 @@ absl::StatusOr<ExitCode> Import(const Options& options) {
   if (!references.ok()) return references.status();
 
   CatchStopSignals();
-  const absl::StatusOr<std::unique_ptr<Database>> database = OpenOrCreate(path, *cell);
-  if (!database.ok()) return database.status();
   const std::string program = absl::StrCat("silhouette-db import ", options.folder);
+  absl::StatusOr<std::unique_ptr<Database>> database = OpenOrCreate(path, *cell);
+  if (database.ok() && options.set != schema::kDefaultSet) {
+    absl::StatusOr<std::unique_ptr<Database>> set = (*database)->OpenSet(options.set);
+    if (absl::IsNotFound(set.status())) set = (*database)->CreateSet(options.set, program);
+    database = std::move(set);
+  }
+  if (!database.ok()) return database.status();
   absl::StatusOr<RobotImageWriter> writer = (*database)->Write(program);
   if (!writer.ok()) return writer.status();
   Importer importer(csv, **database, *writer, options.replace);
@@ -204,6 +210,8 @@ void AddImport(CLI::App& app, Work& work) {
   command->add_option(
       "--database", options->database,
       "Folder of the database, made if it is not there; by default the cell file's");
+  command->add_option("--set", options->set, "The set of robot images; made if it is not there")
+      ->capture_default_str();
   command->add_flag("--replace", options->replace,
                     "Records that are there already are replaced, instead of compared");
   command->footer(

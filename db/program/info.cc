@@ -75,12 +75,14 @@ void PrintText(const Database& database, const Facts& facts) {
                                     absl::StrFormat("%dx%d", view.mask_width(), view.mask_height()),
                                     image);
   }
+  std::cout << "\n" << SetsText(facts.usage, grid);
   if (!facts.provenance.entries().empty()) {
     std::cout << "\nwritten by                robot images\n";
   }
   for (const auto& entry : facts.provenance.entries()) {
-    std::cout << absl::StreamFormat("  %s %12d  %s\n", TimeOf(entry), entry.robot_images(),
-                                    entry.program());
+    std::cout << absl::StreamFormat("  %s %12d  %s%s\n", TimeOf(entry), entry.robot_images(),
+                                    entry.program(),
+                                    entry.set().empty() ? "" : ", set '" + entry.set() + "'");
   }
 }
 
@@ -99,6 +101,7 @@ void PrintJson(const Database& database, const Facts& facts) {
                          {"file_bytes", facts.usage.file_bytes},
                          {"used_bytes", facts.usage.used_bytes},
                          {"segmentation", cell.segmentation()},
+                         {"sets", SetsJson(facts.usage)},
                          {"grid_joints", nlohmann::json::array()},
                          {"fixed_joints", nlohmann::json::object()},
                          {"views", nlohmann::json::array()},
@@ -123,6 +126,7 @@ void PrintJson(const Database& database, const Facts& facts) {
   for (const auto& entry : facts.provenance.entries()) {
     json["provenance"].push_back({{"time", TimeOf(entry)},
                                   {"program", entry.program()},
+                                  {"set", entry.set().empty() ? schema::kDefaultSet : entry.set()},
                                   {"robot_images", entry.robot_images()}});
   }
   std::cout << json.dump(2) << std::endl;

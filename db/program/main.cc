@@ -11,8 +11,8 @@ int main(int argc, char** argv) {
       "  silhouette-db verify cell.lmdb\n"
       "  silhouette-db COMMAND --help");
   Work work;
-  for (const auto add : {AddInfo, AddVerify, AddCoverage, AddShow, AddSheet, AddStats, AddExport,
-                         AddImport, AddIndex, AddCompact, AddDiff, AddCalibration}) {
+  for (const auto add : {AddInfo, AddVerify, AddCoverage, AddShow, AddSheet, AddSets, AddStats,
+                         AddExport, AddImport, AddIndex, AddCompact, AddDiff, AddCalibration}) {
     add(app, work);
   }
   return RunProgram(app, argc, argv, [&]() -> int {

@@ -17,6 +17,7 @@ constexpr int kTileSide = 128;  // about, in pixels
 
 struct Options {
   std::string database;
+  std::string set = schema::kDefaultSet;
   std::vector<std::string> along;
   std::vector<std::string> fixed;
   std::string view;
@@ -97,7 +98,7 @@ std::string TitleOf(const Database& database, const Slice& slice, int view) {
 }
 
 absl::StatusOr<ExitCode> Sheet(const Options& options) {
-  const absl::StatusOr<OpenedDatabase> opened = OpenForReading(options.database);
+  const absl::StatusOr<OpenedDatabase> opened = OpenForReading(options.database, options.set);
   if (!opened.ok()) return opened.status();
   const Database& database = *opened->database;
   const ConfigurationGrid& grid = database.grid();
@@ -138,6 +139,7 @@ void AddSheet(CLI::App& app, Work& work) {
   auto options = std::make_shared<Options>();
   CLI::App* command = app.add_subcommand("sheet", "The masks along one or two joints on one sheet");
   AddDatabaseArgument(*command, options->database);
+  AddSetOption(*command, options->set);
   command->add_option("--picture", options->picture, "The PNG file to write")->required();
   command
       ->add_option("--along", options->along,

@@ -14,6 +14,7 @@ namespace {
 
 struct Options {
   std::string database;
+  std::string set = schema::kDefaultSet;
   std::string format = "text";
   std::optional<ConfigurationNumber> number;
   std::vector<double> at;
@@ -90,7 +91,7 @@ Picture Paint(const Database& database, const RobotImage& image) {
 }
 
 absl::StatusOr<ExitCode> Show(const Options& options) {
-  const absl::StatusOr<OpenedDatabase> opened = OpenForReading(options.database);
+  const absl::StatusOr<OpenedDatabase> opened = OpenForReading(options.database, options.set);
   if (!opened.ok()) return opened.status();
   const Database& database = *opened->database;
   const absl::StatusOr<ConfigurationNumber> number = Choose(database.grid(), options);
@@ -120,6 +121,7 @@ void AddShow(CLI::App& app, Work& work) {
   auto options = std::make_shared<Options>();
   CLI::App* command = app.add_subcommand("show", "The record of one configuration");
   AddDatabaseArgument(*command, options->database);
+  AddSetOption(*command, options->set);
   CLI::Option_group* choice = command->add_option_group("choice", "Which configuration");
   choice->add_option("--number", options->number, "Its number");
   choice->add_option(

@@ -19,6 +19,7 @@ constexpr size_t kShownOutliers = 20;
 
 struct Options {
   std::string database;
+  std::string set = schema::kDefaultSet;
   std::string format = "text";
   std::string picture;
 };
@@ -113,7 +114,7 @@ Picture Paint(const Database& database, const DatabaseStatistics& statistics) {
 }
 
 absl::StatusOr<ExitCode> Stats(const Options& options) {
-  const absl::StatusOr<OpenedDatabase> opened = OpenForReading(options.database);
+  const absl::StatusOr<OpenedDatabase> opened = OpenForReading(options.database, options.set);
   if (!opened.ok()) return opened.status();
   const Database& database = *opened->database;
   CatchStopSignals();
@@ -152,6 +153,7 @@ void AddStats(CLI::App& app, Work& work) {
   CLI::App* command =
       app.add_subcommand("stats", "The robot's area per view, what it always covers, outliers");
   AddDatabaseArgument(*command, options->database);
+  AddSetOption(*command, options->set);
   command->add_option("--picture", options->picture,
                       "Write what the robot covers always and ever to this PNG file");
   AddFormatOption(*command, options->format);

@@ -20,7 +20,9 @@ struct Options {
   bool allow_missing = false;
 };
 
+// Of a set, or of all.
 struct Findings {
+  std::string set;
   uint64_t captured = 0;
   uint64_t excluded = 0;
   uint64_t damaged = 0;
@@ -28,6 +30,15 @@ struct Findings {
   uint64_t raw_images = 0;  // configurations that have them
   CollisionIndexSummary index;
   std::vector<std::string> faults;
+
+  void Add(const Findings& other) {
+    captured += other.captured;
+    excluded += other.excluded;
+    damaged += other.damaged;
+    missing += other.missing;
+    raw_images += other.raw_images;
+    faults.insert(faults.end(), other.faults.begin(), other.faults.end());
+  }
 };
 
 // Reads every record, and compares the collision index with them.
@@ -126,45 +137,84 @@ void CheckMeta(const storage::v1::CellDescription& cell, const Snapshot& snapsho
   if (!provenance.ok()) findings.faults.emplace_back(provenance.status().message());
 }
 
-absl::StatusOr<ExitCode> Verify(const Options& options) {
-  absl::StatusOr<OpenedDatabase> opened = OpenForReading(options.database);
+absl::StatusOr<Findings> VerifySet(const Options& options, const std::string& name) {
+  absl::StatusOr<OpenedDatabase> opened = OpenForReading(options.database, name);
   if (!opened.ok()) return opened.status();
   const Database& database = *opened->database;
-  CatchStopSignals();
   const auto index = CollisionIndex::Open(std::move(opened->snapshot));
   if (!index.ok()) return index.status();
   const Snapshot& snapshot = (*index)->snapshot();
   Findings findings;
-  CheckMeta(database.cell(), snapshot, findings);
+  findings.set = name;
+  const bool further = name != schema::kDefaultSet;
+  if (!further) CheckMeta(database.cell(), snapshot, findings);
   CheckIndex(**index, findings);
   absl::Status status = ReadRecords(database.grid(), **index, findings);
   if (!status.ok()) return status;
   status = ReadRawImages(database.cell(), snapshot, findings);
   if (!status.ok()) return status;
   CheckCompleteness(database.grid(), snapshot, options.allow_missing, findings);
-  if (options.format == "json") {
-    std::cout << nlohmann::json{{"ok", findings.faults.empty()},
-                                {"captured", findings.captured},
-                                {"excluded", findings.excluded},
-                                {"damaged", findings.damaged},
-                                {"missing", findings.missing},
-                                {"raw_images", findings.raw_images},
-                                {"faults", findings.faults},
-                                {"collision_index", StateJson(findings.index)}}
-                     .dump(2)
-              << std::endl;
-  } else {
-    for (const std::string& fault : findings.faults) std::cout << fault << "\n";
-    std::cout << "collision index: " << StateText(findings.index, options.database) << "\n";
+  for (std::string& fault : findings.faults) {
+    if (further) fault = absl::StrCat("set '", name, "': ", fault);
+  }
+  return findings;
+}
+
+nlohmann::json JsonOf(const Findings& findings) {
+  return {{"captured", findings.captured},     {"excluded", findings.excluded},
+          {"damaged", findings.damaged},       {"missing", findings.missing},
+          {"raw_images", findings.raw_images}, {"collision_index", StateJson(findings.index)}};
+}
+
+void PrintJson(const std::vector<Findings>& sets, const Findings& sum) {
+  nlohmann::json json = JsonOf(sum);
+  json["ok"] = sum.faults.empty();
+  json["faults"] = sum.faults;
+  json["collision_index"] = StateJson(sets.front().index);
+  json["sets"] = nlohmann::json::array();
+  for (const Findings& findings : sets) {
+    nlohmann::json set = JsonOf(findings);
+    set["name"] = findings.set;
+    json["sets"].push_back(std::move(set));
+  }
+  std::cout << json.dump(2) << std::endl;
+}
+
+void PrintText(const Options& options, const std::vector<Findings>& sets, const Findings& sum) {
+  for (const std::string& fault : sum.faults) std::cout << fault << "\n";
+  for (const Findings& findings : sets) {
+    const std::string of = sets.size() == 1 ? "" : absl::StrCat("set '", findings.set, "': ");
+    std::cout << of << "collision index: " << StateText(findings.index, options.database) << "\n";
     if (findings.raw_images > 0) {
-      std::cout << "raw images: of " << findings.raw_images << " configurations\n";
+      std::cout << of << "raw images: of " << findings.raw_images << " configurations\n";
     }
-    std::cout << absl::StrCat(findings.captured, " captured, ", findings.excluded, " excluded, ",
-                              findings.damaged, " damaged, ", findings.missing,
+    std::cout << absl::StrCat(of, findings.captured, " captured, ", findings.excluded,
+                              " excluded, ", findings.damaged, " damaged, ", findings.missing,
                               " missing: ", findings.faults.empty() ? "sound" : "not sound")
               << std::endl;
   }
-  return findings.faults.empty() ? kDone : kNo;
+}
+
+absl::StatusOr<ExitCode> Verify(const Options& options) {
+  const absl::StatusOr<OpenedDatabase> opened = OpenForReading(options.database);
+  if (!opened.ok()) return opened.status();
+  const absl::StatusOr<std::vector<std::string>> names = opened->database->Sets();
+  if (!names.ok()) return names.status();
+  CatchStopSignals();
+  std::vector<Findings> sets;
+  Findings sum;
+  for (const std::string& name : *names) {
+    absl::StatusOr<Findings> findings = VerifySet(options, name);
+    if (!findings.ok()) return findings.status();
+    sum.Add(*findings);
+    sets.push_back(*std::move(findings));
+  }
+  if (options.format == "json") {
+    PrintJson(sets, sum);
+  } else {
+    PrintText(options, sets, sum);
+  }
+  return sum.faults.empty() ? kDone : kNo;
 }
 
 }  // namespace

@@ -172,7 +172,7 @@ TEST(CollisionIndex, OfAnotherTileIsDamaged) {
   MakeIndexedDatabase(folder / "db");
   const auto database = Database::Open(folder / "db", Access::kWrite);
   const auto environment = Environment::Open(folder / "db");
-  const auto index = *(*environment)->Find(OptionalSubDatabase::kCollisionIndex);
+  const auto index = *(*environment)->Find(schema::kCollisionIndex);
   const auto key = [](uint64_t tile) {
     const schema::NumberKey bytes = schema::EncodeKey(tile);
     return std::string(bytes.data(), bytes.size());

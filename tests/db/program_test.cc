@@ -160,7 +160,7 @@ TEST_F(SilhouetteDb, IndexThatIsDamagedOrNotThatOfItsRobotImagesIsFoundByVerify)
     EXPECT_EQ(Run("index db --all").exit_code, 0);
     const auto database = Database::Open(folder_ / "db", Database::Access::kWrite);
     const auto environment = Environment::Open(folder_ / "db");
-    const MDB_dbi index = *(*environment)->Find(OptionalSubDatabase::kCollisionIndex);
+    const MDB_dbi index = *(*environment)->Find(schema::kCollisionIndex);
     const schema::NumberKey key = schema::EncodeKey(0);
     const auto write = [&](WriteTransaction& transaction) {
       MDB_val key_val = ToVal({key.data(), key.size()});
