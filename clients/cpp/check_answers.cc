@@ -17,6 +17,17 @@ absl::Status NoClearances(const std::string& address) {
       "the server at ", address, " tells no clearances; use a silhouette-server of this version"));
 }
 
+absl::Status NoSets(const std::string& address) {
+  return absl::UnimplementedError(absl::StrCat("the server at ", address,
+                                               " knows no sets of robot images; use a "
+                                               "silhouette-server of this version"));
+}
+
+absl::Status RequireSet(const std::string& set, const v1::Basis& basis,
+                        const std::string& address) {
+  return set.empty() || basis.set() == set ? absl::OkStatus() : NoSets(address);
+}
+
 namespace {
 
 // A verdict whose clearance was asked for has one, unless it is unknown.

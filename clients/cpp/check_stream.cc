@@ -28,7 +28,7 @@ absl::Status CheckStream::Send(uint64_t id, std::span<const Configuration> confi
   v1::StreamChecksRequest question;
   question.set_id(id);
   *question.mutable_configurations() = QuestionOf(configurations, policy, evidence, clearance);
-  return impl_->Send(question);
+  return impl_->Send(std::move(question));
 }
 
 absl::Status CheckStream::SendPath(uint64_t id, std::span<const Configuration> waypoints,
@@ -37,11 +37,11 @@ absl::Status CheckStream::SendPath(uint64_t id, std::span<const Configuration> w
   v1::StreamChecksRequest question;
   question.set_id(id);
   *question.mutable_path() = QuestionOf(waypoints, policy, clearance);
-  return impl_->Send(question);
+  return impl_->Send(std::move(question));
 }
 
-CheckStream::Impl::Impl(std::shared_ptr<const Connection> connection)
-    : connection_(std::move(connection)) {
+CheckStream::Impl::Impl(std::shared_ptr<const Connection> connection, std::string set)
+    : connection_(std::move(connection)), set_(std::move(set)) {
   call_.emplace(cancellation_, context_);
 }
 
@@ -65,11 +65,16 @@ void CheckStream::Impl::Begin() {
   reader_ = std::jthread([this] { End(ReadAnswers()); });
 }
 
-absl::Status CheckStream::Impl::Send(const v1::StreamChecksRequest& question) {
+absl::Status CheckStream::Impl::Send(v1::StreamChecksRequest question) {
   if (questions_ended_) {
     return absl::FailedPreconditionError("nothing can be asked after EndQuestions()");
   }
   const bool path = question.has_path();
+  if (path) {
+    question.mutable_path()->set_set(set_);
+  } else {
+    question.mutable_configurations()->set_set(set_);
+  }
   const auto clearance_of = [](const auto& request) {
     return request.include_clearance() ? Clearance::kMeasure : Clearance::kOmit;
   };
@@ -161,6 +166,11 @@ absl::StatusOr<StreamedAnswer> CheckStream::Impl::AnswerTo(
   }
   StreamedAnswer answer{.id = question.id, .checks = NotAsked(), .path = NotAsked()};
   absl::Status error;
+  if (response.has_configurations() || response.has_path()) {
+    error = RequireSet(
+        set_, response.has_path() ? response.path().basis() : response.configurations().basis(),
+        address);
+  }
   if (response.has_error()) {
     const auto code = static_cast<grpc::StatusCode>(response.error().code());
     if (code == grpc::StatusCode::OK) return Malformed(address, "an error is none");

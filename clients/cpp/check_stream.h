@@ -7,6 +7,7 @@
 #include <memory>
 #include <mutex>
 #include <optional>
+#include <string>
 #include <thread>
 
 #include "clients/cpp/cancellation.h"
@@ -18,10 +19,10 @@ namespace silhouette::client {
 
 class CheckStream::Impl {
  public:
-  explicit Impl(std::shared_ptr<const Connection> connection);
+  Impl(std::shared_ptr<const Connection> connection, std::string set);
   ~Impl();
 
-  absl::Status Send(const v1::StreamChecksRequest& question);
+  absl::Status Send(v1::StreamChecksRequest question);
   void EndQuestions();
   absl::StatusOr<StreamedAnswer> Receive();
   void Cancel();
@@ -43,6 +44,7 @@ class CheckStream::Impl {
   void End(const absl::Status& status);
 
   const std::shared_ptr<const Connection> connection_;
+  const std::string set_;
   Cancellation cancellation_;
   grpc::ClientContext context_;
   std::optional<Cancellation::Call> call_;

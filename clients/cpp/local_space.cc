@@ -6,10 +6,12 @@
 #include <mutex>
 #include <optional>
 #include <stdexcept>
+#include <string>
 #include <thread>
 #include <utility>
 
 #include "clients/cpp/cancellation.h"
+#include "clients/cpp/check_answers.h"
 #include "clients/cpp/connection.h"
 #include "clients/cpp/messages.h"
 #include "clients/cpp/published.h"
@@ -35,10 +37,11 @@ std::shared_ptr<const SpaceSnapshot> SnapshotOf(Content content) {
 
 class LocalSpace::Impl {
  public:
-  Impl(std::shared_ptr<const Connection> connection, absl::Duration timeout,
+  Impl(std::shared_ptr<const Connection> connection, absl::Duration timeout, std::string set,
        LocalSpaceOptions options)
       : connection_(std::move(connection)),
         timeout_(timeout),
+        set_(std::move(set)),
         options_(std::move(options)),
         published_(SnapshotOf({})) {
     if (options_.max_age <= absl::ZeroDuration()) {
@@ -90,6 +93,7 @@ class LocalSpace::Impl {
     }
     v1::WatchConfigurationSpaceRequest request;
     *request.mutable_policy() = ToMessage(options_.policy);
+    request.set_set(set_);
     request.mutable_tiles()->Add(options_.tiles.begin(), options_.tiles.end());
     request.set_include_cells(options_.policy.off_grid != OffGrid::kNearest);
     grpc::ClientContext context;
@@ -119,6 +123,11 @@ class LocalSpace::Impl {
         return Malformed(connection_->address(), update.status().message());
       }
       if (!*update) continue;
+      const absl::Status of_set = RequireSet(set_, (*update)->basis, connection_->address());
+      if (!of_set.ok()) {
+        reason = Reason::kUpdateMalformed;
+        return of_set;
+      }
       const absl::StatusOr<Clock::time_point> made = clock.MadeAt((*update)->basis, received);
       if (!made.ok()) {
         reason = Reason::kAgeUnknown;
@@ -191,6 +200,7 @@ class LocalSpace::Impl {
 
   const std::shared_ptr<const Connection> connection_;
   const absl::Duration timeout_;
+  const std::string set_;
   const LocalSpaceOptions options_;
   Cancellation cancellation_;
   mutable std::mutex mutex_;
@@ -202,7 +212,8 @@ class LocalSpace::Impl {
 };
 
 LocalSpace::LocalSpace(const Client& client, LocalSpaceOptions options)
-    : impl_(std::make_unique<Impl>(client.connection_, client.timeout_, std::move(options))) {}
+    : impl_(std::make_unique<Impl>(client.connection_, client.timeout_, client.set_,
+                                   std::move(options))) {}
 LocalSpace::~LocalSpace() = default;
 
 State LocalSpace::StateAt(ConfigurationNumber number) const {

@@ -58,6 +58,10 @@ Words WordsFor(Reason reason) {
       return {"calibration doubtful",
               "a camera moved, or nobody checked lately whether one did (silhouette-calibrate "
               "check): calibrate anew, or ask for the preset uncalibrated"};
+    case Reason::kSetUnknown:
+      return {"set unknown",
+              "the scene names a set of robot images that the database does not have: capture it, "
+              "or publish scenes with one that it has"};
     case Reason::kNotInMap:
       return {
           "not in map",

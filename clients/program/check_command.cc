@@ -62,10 +62,12 @@ absl::StatusOr<Ask> AskOf(const Session& session, const Arguments& arguments,
                                         clearance);
     };
   }
-  if (arguments.policy.given() || arguments.clearance == client::Clearance::kMeasure) {
+  if (arguments.policy.given() || arguments.clearance == client::Clearance::kMeasure ||
+      !session.set.empty()) {
     return absl::InvalidArgumentError(
-        "--shared-map has verdicts under the server's policy and no clearances: leave out the "
-        "options of the policy and --clearance, or ask the server");
+        "--shared-map has verdicts under the server's policy and with the scene's set, and no "
+        "clearances: leave out the options of the policy, --set and --clearance, or ask the "
+        "server");
   }
   const auto space = client::SharedSpace::Open(arguments.shared_map);
   if (!space.ok()) return space.status();
@@ -181,6 +183,7 @@ void AddCheckCommand(CLI::App& program, Session& session, Run& run) {
       ->excludes("--stream");
   AddFormatOption(*command, session.format);
   AddPolicyOptions(*command, arguments->policy);
+  AddSetOption(*command, session);
   command->footer(
       "Exit code 0 if all are free, 1 if not. With --stream a line for each, with --format json\n"
       "an object on each.\n\n"

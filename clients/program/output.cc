@@ -56,6 +56,12 @@ std::string Spoken(const client::Basis& basis) {
   }
   std::string words = absl::StrCat("scene ", basis.scene_id, ", ", Spoken(basis.Age()),
                                    " old, database generation ", basis.database_generation);
+  if (basis.set != basis.scene_set) {
+    absl::StrAppend(&words, ", tested with set ", basis.set, ", the scene has set ",
+                    basis.scene_set);
+  } else if (!basis.set.empty() && basis.set != "default") {
+    absl::StrAppend(&words, ", set ", basis.set);
+  }
   if (!basis.regions.empty()) {
     absl::StrAppend(&words, ", obstacles allowed in ", Quoted(basis.regions));
   }
@@ -98,6 +104,8 @@ Json JsonOf(const client::Basis& basis) {
           {"scene_time", scene ? Json(Spoken(basis.scene_time)) : Json()},
           {"scene_age_s", scene ? Json(absl::ToDoubleSeconds(basis.Age())) : Json()},
           {"database_generation", basis.database_generation},
+          {"set", basis.set},
+          {"scene_set", scene ? Json(basis.scene_set) : Json()},
           {"scene_regions", basis.regions}};
 }
 

@@ -5,7 +5,9 @@
 namespace silhouette {
 
 absl::StatusOr<Client> Session::Connect() const {
-  return Client::Connect(server, absl::Seconds(timeout));
+  const absl::StatusOr<Client> client = Client::Connect(server, absl::Seconds(timeout));
+  if (!client.ok()) return client;
+  return client->WithSet(set);
 }
 
 void AddServerOptions(CLI::App& program, Session& session) {
@@ -16,6 +18,12 @@ void AddServerOptions(CLI::App& program, Session& session) {
   program.add_option("--timeout", session.timeout, "Seconds that the server may take to answer")
       ->check(PositiveNumber())
       ->capture_default_str();
+}
+
+void AddSetOption(CLI::App& command, Session& session) {
+  command.add_option("--set", session.set,
+                     "The set of robot images that is tested: with this tool, this part. Default: "
+                     "that of the scene");
 }
 
 }  // namespace silhouette

@@ -42,6 +42,8 @@ std::string NameOf(Reason reason) {
       return "region ended";
     case Reason::kCalibrationDoubtful:
       return "calibration doubtful";
+    case Reason::kSetUnknown:
+      return "set unknown";
   }
   return "internal";
 }

@@ -108,6 +108,23 @@ void LogLoaded(const ServedDatabase& database, const std::string& path) {
   }
 }
 
+// Of a set beside the default one.
+void LogSet(const ServedDatabase& set) {
+  const RobotImageTable& images = set.robot_images();
+  spdlog::info("set '{}': {} captured, {} excluded", set.set(),
+               images.Count(RobotImageState::kPresent), images.Count(RobotImageState::kExcluded));
+  const uint64_t unknown =
+      images.Count(RobotImageState::kMissing) + images.Count(RobotImageState::kCorrupt);
+  if (unknown > 0) {
+    spdlog::warn("set '{}': {} without a usable robot image: unknown until captured", set.set(),
+                 Counted(unknown, "configuration"));
+  }
+  if (const uint64_t without = TilesWithoutIndex(set); without > 0) {
+    spdlog::warn("set '{}': {} without a collision index; run 'silhouette-db index' and reload",
+                 set.set(), Counted(without, "tile"));
+  }
+}
+
 absl::Status MarginsKnown(const Cell& cell, const ServedDatabase& database) {
   const absl::Status& known = database.margins_known();
   if (known.ok()) return known;
@@ -170,6 +187,10 @@ absl::StatusOr<std::shared_ptr<const ServedDatabase>> Load(const Cell& cell,
   if (!served.ok()) return served;
   LogLoaded(**served, path);
   LogRobotImages(**served, path, load);
+  for (const std::string& name : (*served)->sets()) {
+    const ServedDatabase* set = (*served)->Set(name);
+    if (set != served->get()) LogSet(*set);
+  }
   if (*sound) LogSound(**served);
   if (cell.choose_preset) return served;
   const absl::Status servable = (*served)->CanServe(cell.policy);

@@ -90,7 +90,11 @@ TestSupport SupportFor(const Served& served, const Policy& policy) {
     support.possible_space =
         &served.scene->possible_space.Get(served.database->sound(), served.scene->obstacle_images,
                                           served.scene->joints, AllowedPixels(served));
-    support.robot_may_touch = served.database->sound()->RobotMayTouch(served.scene->joints);
+    // It takes links that stand as in the scene for what touches nothing. With another tool or part
+    // than in the scene that is not known.
+    if (served.database->set() == served.scene->set) {
+      support.robot_may_touch = served.database->sound()->RobotMayTouch(served.scene->joints);
+    }
   }
   return support;
 }

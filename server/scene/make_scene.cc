@@ -179,9 +179,11 @@ absl::Status InField(const absl::Status& status, size_t i, const ViewInput& inpu
 
 }  // namespace
 
-absl::StatusOr<Scene> MakeScene(const ServedDatabase& database, const SceneInput& input,
+absl::StatusOr<Scene> MakeScene(const ServedDatabase& whole, const SceneInput& input,
                                 const SceneSettings& settings,
                                 const SegmentationSettings& segmentation, const Moment& arrived) {
+  const ServedDatabase* set = whole.Set(input.set);
+  const ServedDatabase& database = set != nullptr ? *set : whole;
   if (input.views.empty()) {
     return absl::InvalidArgumentError("views: a scene has an image of at least one view");
   }
@@ -190,6 +192,7 @@ absl::StatusOr<Scene> MakeScene(const ServedDatabase& database, const SceneInput
   scene.generation = database.generation();
   scene.arrived = arrived;
   scene.joints = input.joints;
+  scene.set = set != nullptr ? set->set() : input.set;
   scene.views.resize(views);
   scene.obstacle_images.resize(views);
   scene.without_margins.resize(views);
@@ -205,6 +208,14 @@ absl::StatusOr<Scene> MakeScene(const ServedDatabase& database, const SceneInput
     const absl::Time captured = view.captured.value_or(arrived.time);
     scene.oldest = std::min(scene.oldest, captured);
     scene.newest = std::max(scene.newest, captured);
+  }
+  if (set == nullptr) {
+    robot->covers.clear();
+    robot->defects.insert(
+        robot->defects.begin(),
+        {Reason::kSetUnknown,
+         absl::StrCat("the database has no set of robot images '", input.set, "'; capture it, or ",
+                      "publish the scene with one of ", absl::StrJoin(whole.sets(), ", "))});
   }
   scene.defects = std::move(robot->defects);
   MakeObstacleImages(robot->covers, inputs, scene);

@@ -47,15 +47,19 @@ struct SceneInput {
   std::string without_joints = "";
   // Why a view is not among `views`, by its name, where that is known.
   std::map<std::string, std::string> without_views = {};
+  // The set of robot images that shows the robot as it is: its tool, the part that it carries.
+  // Empty: the default set.
+  std::string set = "";
 };
 
-// Makes a scene of images that arrived at the moment `arrived`. What is wrong with the state of the
+// Makes a scene of images that arrived at the moment `arrived`. `whole`: the database with all of
+// its sets. What is wrong with the state of the
 // cell becomes a defect of the scene; InvalidArgument, naming the field, is for input that says
 // nothing of the cell: no view at all, an unknown view or joint or one that is told twice, a mask
 // or an image of the wrong size, an image that cannot be decoded, a time in the future, a joint
 // value that is not finite. FailedPrecondition: a camera image, and the database has no reference
 // images.
-absl::StatusOr<Scene> MakeScene(const ServedDatabase& database, const SceneInput& input,
+absl::StatusOr<Scene> MakeScene(const ServedDatabase& whole, const SceneInput& input,
                                 const SceneSettings& settings,
                                 const SegmentationSettings& segmentation, const Moment& arrived);
 

@@ -12,6 +12,7 @@
 
 #include "absl/time/time.h"
 #include "db/mask.h"
+#include "db/schema.h"
 #include "server/collision/clearance.h"
 #include "server/collision/collision_test.h"
 #include "server/collision/verdict.h"
@@ -90,6 +91,8 @@ struct Scene {
   // Generation of the database that it was made with.
   uint64_t generation = 0;
   std::vector<JointPosition> joints;
+  // Which set of robot images shows the robot as it is in the scene, by its name.
+  std::string set = schema::kDefaultSet;
   // One per view of the database; nothing where the scene lacks the view.
   std::vector<std::optional<SceneView>> views;
   // As `views`; nothing also where the robot image at the scene's robot position is not known.

@@ -5,8 +5,23 @@
 
 #include "absl/status/status.h"
 #include "absl/strings/str_cat.h"
+#include "absl/strings/str_join.h"
 
 namespace silhouette {
+
+absl::StatusOr<Served> WithSet(Served served, const std::string& name) {
+  if (served.whole == nullptr) served.whole = served.database;
+  const std::string& wanted = name.empty() && served.scene != nullptr ? served.scene->set : name;
+  std::shared_ptr<const ServedDatabase> set = ServedDatabase::SetOf(served.whole, wanted);
+  if (set != nullptr) {
+    served.database = std::move(set);
+  } else if (!name.empty()) {
+    return absl::InvalidArgumentError(absl::StrCat("set: the database has no set '", name,
+                                                   "'; its sets are ",
+                                                   absl::StrJoin(served.whole->sets(), ", ")));
+  }
+  return served;
+}
 
 SceneStore::SceneStore(std::shared_ptr<const ServedDatabase> database, size_t kept)
     : kept_(std::max<size_t>(kept, 1)), database_(std::move(database)) {}
@@ -62,10 +77,11 @@ Served SceneStore::Newest(const Moment& now) {
   const std::lock_guard lock(mutex_);
   const std::shared_ptr<const RegionSet> regions = regions_.InForce(now);
   if (!scenes_.empty()) {
-    return {database_, WithRegions(scenes_.back(), *regions), Reason::kNone, regions, trust_};
+    return {database_, WithRegions(scenes_.back(), *regions), Reason::kNone, regions, trust_,
+            database_};
   }
   return {database_, nullptr, database_replaced_ ? Reason::kGenerationMismatch : Reason::kNoScene,
-          regions, trust_};
+          regions,   trust_,  database_};
 }
 
 absl::StatusOr<AllowedRegion> SceneStore::Allow(

@@ -19,6 +19,7 @@ namespace silhouette {
 // What a request rests on, taken in one step: the newest scene and its database stay as they are as
 // long as the request holds them.
 struct Served {
+  // With the robot images of one of its sets: the default one, or what WithSet chose.
   std::shared_ptr<const ServedDatabase> database;
   // Null: there is none. Where allowed regions are in force, the scene as they leave it.
   SharedScene scene;
@@ -28,7 +29,14 @@ struct Served {
   std::shared_ptr<const RegionSet> regions = std::make_shared<const RegionSet>();
   // Null: the calibration is not checked, and is taken to hold.
   std::shared_ptr<const CalibrationTrust> trust = nullptr;
+  // The database with all of its sets; null: it is `database`.
+  std::shared_ptr<const ServedDatabase> whole = nullptr;
 };
+
+// The same with the robot images of the set `name`; empty: of that which the scene names, as far as
+// the database has it (a scene that names another has a defect). InvalidArgument: the database has
+// no set of this name.
+absl::StatusOr<Served> WithSet(Served served, const std::string& name);
 
 class SceneStore {
  public:

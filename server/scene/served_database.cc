@@ -23,10 +23,11 @@ void AddRecord(const MetRecord& record, RobotImageTable::Builder& builder) {
   }
 }
 
-bool FitMemory(const Database& database, uint64_t records, uint64_t memory) {
+// Of the robot images of a configuration.
+uint64_t BytesOfRecord(const Database& database) {
   uint64_t bytes = 0;
   for (const MaskSize size : database.mask_sizes()) bytes += size.words() * sizeof(uint64_t);
-  return records <= memory / bytes;
+  return bytes;
 }
 
 // Adds the records that are met to `builder`, and tells how far it is.
@@ -65,10 +66,13 @@ absl::StatusOr<RobotImageTable> LoadInPlace(const Database& database,
 
 absl::StatusOr<RobotImageTable> LoadRobotImages(const Database& database,
                                                 const std::shared_ptr<const Snapshot>& snapshot,
-                                                const LoadSettings& settings) {
-  return FitMemory(database, snapshot->size(), settings.robot_image_memory)
-             ? LoadIntoMemory(database, *snapshot, settings)
-             : LoadInPlace(database, snapshot, settings);
+                                                LoadSettings& settings) {
+  const uint64_t bytes = BytesOfRecord(database);
+  if (snapshot->size() > settings.robot_image_memory / bytes) {
+    return LoadInPlace(database, snapshot, settings);
+  }
+  settings.robot_image_memory -= snapshot->size() * bytes;
+  return LoadIntoMemory(database, *snapshot, settings);
 }
 
 absl::StatusOr<std::vector<Reference>> LoadReferences(const Database& database,
@@ -128,62 +132,111 @@ std::vector<std::string> NamesOfViews(const storage::v1::CellDescription& cell) 
 
 }  // namespace
 
-ServedDatabase::ServedDatabase(storage::v1::CellDescription cell, uint64_t generation,
-                               RobotImageTable robot_images,
+ServedDatabase::ServedDatabase(std::string set, const Common& common, RobotImageTable robot_images,
                                std::shared_ptr<const CollisionIndex> index,
-                               std::vector<Reference> references,
-                               std::optional<Calibration> calibration,
-                               std::optional<EpipolarBands> bands, ViewTreatments treatments,
                                std::shared_ptr<const SoundBasis> sound)
-    : cell_(std::move(cell)),
-      generation_(generation),
+    : set_(std::move(set)),
+      cell_(common.cell),
+      generation_(common.generation),
       robot_images_(std::move(robot_images)),
       index_(std::move(index)),
-      references_(std::move(references)),
-      calibration_(std::move(calibration)),
-      bands_(std::move(bands)),
-      treatments_(std::move(treatments)),
+      references_(common.references),
+      calibration_(common.calibration),
+      calibration_fingerprint_(common.calibration_fingerprint),
+      bands_(common.bands),
+      treatments_(common.treatments),
       sound_(std::move(sound)) {}
+
+absl::StatusOr<ServedDatabase::Common> ServedDatabase::LoadCommon(
+    const Database& database, const Snapshot& snapshot, const CalibrationSettings& settings,
+    const TreatmentSettings& treatments, const LoadSettings& load) {
+  Common common;
+  common.cell = database.cell();
+  common.generation = snapshot.generation();
+  absl::StatusOr<std::vector<Reference>> references = LoadReferences(database, snapshot);
+  if (!references.ok()) return references.status();
+  common.references = *std::move(references);
+  absl::StatusOr<std::optional<Calibration>> calibration = load.calibration;
+  if (!load.calibration) calibration = LoadCalibration(database, snapshot);
+  if (!calibration.ok()) return calibration.status();
+  common.calibration = *std::move(calibration);
+  const Calibration* known = common.calibration ? &*common.calibration : nullptr;
+  if (known != nullptr) {
+    common.bands =
+        std::make_shared<const EpipolarBands>(*known, database.mask_sizes(), settings.margin);
+  }
+  common.treatments =
+      TreatmentsOf(treatments, known, NamesOfViews(database.cell()), database.mask_sizes());
+  const auto stored = snapshot.Calibration();
+  if (stored.ok() && *stored) common.calibration_fingerprint = FingerprintOf(**stored);
+  return common;
+}
+
+absl::StatusOr<std::shared_ptr<ServedDatabase>> ServedDatabase::LoadSet(
+    const Database& database, std::shared_ptr<const Snapshot> snapshot, const Common& common,
+    const CalibrationSettings& settings, const std::optional<SoundCell>& sound,
+    LoadSettings& load) {
+  absl::StatusOr<RobotImageTable> robot_images = LoadRobotImages(database, snapshot, load);
+  if (!robot_images.ok()) return robot_images.status();
+  std::shared_ptr<const SoundBasis> sound_basis;
+  if (sound && common.calibration && !common.calibration->cameras.empty()) {
+    auto made = SoundBasis::Make(*sound, database.cell(), *robot_images, *common.calibration,
+                                 settings.margin);
+    if (!made.ok()) return made.status();
+    sound_basis = *std::move(made);
+  }
+  auto index = LoadIndex(std::move(snapshot));
+  if (!index.ok()) return index.status();
+  return std::shared_ptr<ServedDatabase>(new ServedDatabase(
+      database.set(), common, *std::move(robot_images), *std::move(index), std::move(sound_basis)));
+}
 
 absl::StatusOr<std::shared_ptr<const ServedDatabase>> ServedDatabase::Load(
     const Database& database, const CalibrationSettings& settings,
-    const TreatmentSettings& treatment_settings, const std::optional<SoundCell>& sound,
+    const TreatmentSettings& treatments, const std::optional<SoundCell>& sound,
     const LoadSettings& load) {
   try {
-    absl::StatusOr<Snapshot> read = database.Read();
-    if (!read.ok()) return read.status();
-    const auto snapshot = std::make_shared<const Snapshot>(*std::move(read));
-    absl::StatusOr<RobotImageTable> robot_images = LoadRobotImages(database, snapshot, load);
-    if (!robot_images.ok()) return robot_images.status();
-    absl::StatusOr<std::vector<Reference>> references = LoadReferences(database, *snapshot);
-    if (!references.ok()) return references.status();
-    absl::StatusOr<std::optional<Calibration>> calibration = load.calibration;
-    if (!load.calibration) calibration = LoadCalibration(database, *snapshot);
-    if (!calibration.ok()) return calibration.status();
-    std::optional<EpipolarBands> bands;
-    if (*calibration) bands.emplace(**calibration, database.mask_sizes(), settings.margin);
-    ViewTreatments treatments =
-        TreatmentsOf(treatment_settings, *calibration ? &**calibration : nullptr,
-                     NamesOfViews(database.cell()), database.mask_sizes());
-    std::shared_ptr<const SoundBasis> sound_basis;
-    if (sound && *calibration && !(*calibration)->cameras.empty()) {
-      auto made =
-          SoundBasis::Make(*sound, database.cell(), *robot_images, **calibration, settings.margin);
-      if (!made.ok()) return made.status();
-      sound_basis = *std::move(made);
+    absl::StatusOr<std::vector<SetState>> sets = database.ReadSets();
+    if (!sets.ok()) return sets.status();
+    const absl::StatusOr<Common> common =
+        LoadCommon(database, sets->front().snapshot, settings, treatments, load);
+    if (!common.ok()) return common.status();
+    LoadSettings left = load;
+    std::shared_ptr<ServedDatabase> whole;
+    for (SetState& set : *sets) {
+      auto served =
+          LoadSet(*set.database, std::make_shared<const Snapshot>(std::move(set.snapshot)), *common,
+                  settings, sound, left);
+      if (!served.ok()) return served.status();
+      if (whole == nullptr) {
+        whole = *std::move(served);
+      } else {
+        whole->further_sets_.emplace((*served)->set(), *std::move(served));
+      }
     }
-    auto index = LoadIndex(snapshot);
-    if (!index.ok()) return index.status();
-    std::shared_ptr<ServedDatabase> served(
-        new ServedDatabase(database.cell(), snapshot->generation(), *std::move(robot_images),
-                           *std::move(index), *std::move(references), *std::move(calibration),
-                           std::move(bands), std::move(treatments), std::move(sound_basis)));
-    const auto stored = snapshot->Calibration();
-    if (stored.ok() && *stored) served->calibration_fingerprint_ = FingerprintOf(**stored);
-    return served;
+    return whole;
   } catch (const std::invalid_argument& error) {
     return absl::InvalidArgumentError(absl::StrCat("'", database.path(), "': ", error.what()));
   }
+}
+
+std::vector<std::string> ServedDatabase::sets() const {
+  std::vector<std::string> names = {set_};
+  for (const auto& [name, set] : further_sets_) names.push_back(name);
+  return names;
+}
+
+std::shared_ptr<const ServedDatabase> ServedDatabase::SetOf(
+    const std::shared_ptr<const ServedDatabase>& whole, const std::string& name) {
+  if (name.empty() || name == whole->set_) return whole;
+  const auto found = whole->further_sets_.find(name);
+  return found == whole->further_sets_.end() ? nullptr : found->second;
+}
+
+const ServedDatabase* ServedDatabase::Set(const std::string& name) const {
+  if (name.empty() || name == set_) return this;
+  const auto found = further_sets_.find(name);
+  return found == further_sets_.end() ? nullptr : found->second.get();
 }
 
 absl::Status ServedDatabase::CanServeSound(Preset preset) const {

@@ -1,9 +1,11 @@
-// One generation of a database: what scenes are made with and verdicts rest on.
+// One generation of a database: what scenes are made with and verdicts rest on. A database has one
+// set of robot images or several; what is loaded is the default set, which has the others.
 #pragma once
 
 #include <cstdint>
 #include <functional>
 #include <limits>
+#include <map>
 #include <memory>
 #include <optional>
 #include <string>
@@ -25,8 +27,9 @@
 namespace silhouette {
 
 struct LoadSettings {
-  // Bytes of robot images, uncompressed, that are held in memory. If all of the database's are
-  // more, none is: they are read from the database when they are needed.
+  // Bytes of robot images, uncompressed, that are held in memory. If all of a set's are more, or
+  // than the sets before it left, none of it is: they are read from the database when they are
+  // needed.
   uint64_t robot_image_memory = std::numeric_limits<uint64_t>::max();
   // Called now and again while robot images are read, with how many of the records are done.
   std::function<void(uint64_t done, uint64_t records)> progress = nullptr;
@@ -37,18 +40,28 @@ struct LoadSettings {
 // Cannot be changed once loaded; used by any number of threads.
 class ServedDatabase {
  public:
-  // Reads all robot images once, the reference images and the calibration, and opens the collision
-  // index. A record that fails its checksum is marked corrupt, so that nothing that takes it is
-  // ever free. DataLoss: the database cannot be read as a whole, or its calibration is damaged.
-  // InvalidArgument: its grid has more places than a RobotImageTable can have, its calibration is
-  // none (two cameras
-  // at one place, a matrix that is not of rank 2), the margin is negative, or `treatments`
-  // (TreatmentsOf) or `sound` (SoundBasis::Make) cannot be. `sound`: what the sound presets are
-  // served with, where the calibration has camera models; nothing: they are not served.
+  // Reads all robot images of all sets once, in one state of the database, the reference images and
+  // the calibration, and opens the collision index. A record that fails its checksum is marked
+  // corrupt, so that nothing that takes it is ever free. DataLoss: the database cannot be read as a
+  // whole, or its calibration is damaged. InvalidArgument: its grid has more places than a
+  // RobotImageTable can have, its calibration is none (two cameras at one place, a matrix that is
+  // not of rank 2), the margin is negative, or `treatments` (TreatmentsOf) or `sound`
+  // (SoundBasis::Make) cannot be. `sound`: what the sound presets are served with, where the
+  // calibration has camera models; nothing: they are not served.
   static absl::StatusOr<std::shared_ptr<const ServedDatabase>> Load(
       const Database& database, const CalibrationSettings& settings = {},
       const TreatmentSettings& treatments = {},
       const std::optional<SoundCell>& sound = std::nullopt, const LoadSettings& load = {});
+
+  // The name of the set.
+  const std::string& set() const { return set_; }
+  // The names of all sets of the database, if this is the default one: this first.
+  std::vector<std::string> sets() const;
+  // The same generation with another set's robot images, collision index and sound presets; `name`
+  // may be empty for the default set. Null if there is none.
+  static std::shared_ptr<const ServedDatabase> SetOf(
+      const std::shared_ptr<const ServedDatabase>& whole, const std::string& name);
+  const ServedDatabase* Set(const std::string& name) const;
 
   const storage::v1::CellDescription& cell() const { return cell_; }
   uint64_t generation() const { return generation_; }
@@ -78,7 +91,7 @@ class ServedDatabase {
 
   // The calibration, and the epipolar lines that follow from it; null where there is none.
   const Calibration* calibration() const { return calibration_ ? &*calibration_ : nullptr; }
-  const EpipolarBands* bands() const { return bands_ ? &*bands_ : nullptr; }
+  const EpipolarBands* bands() const { return bands_.get(); }
 
   const ViewTreatment& treatment(int view) const {
     return treatments_.views[static_cast<size_t>(view)];
@@ -98,12 +111,32 @@ class ServedDatabase {
  private:
   absl::Status CanServeSound(Preset preset) const;
 
-  ServedDatabase(storage::v1::CellDescription cell, uint64_t generation,
-                 RobotImageTable robot_images, std::shared_ptr<const CollisionIndex> index,
-                 std::vector<Reference> references, std::optional<Calibration> calibration,
-                 std::optional<EpipolarBands> bands, ViewTreatments treatments,
+  // What all sets share.
+  struct Common {
+    storage::v1::CellDescription cell;
+    uint64_t generation = 0;
+    std::vector<Reference> references;
+    std::optional<Calibration> calibration;
+    std::string calibration_fingerprint;
+    std::shared_ptr<const EpipolarBands> bands;
+    ViewTreatments treatments;
+  };
+  static absl::StatusOr<Common> LoadCommon(const Database& database, const Snapshot& snapshot,
+                                           const CalibrationSettings& settings,
+                                           const TreatmentSettings& treatments,
+                                           const LoadSettings& load);
+  // `load`: what memory the set may take; gets what it leaves.
+  static absl::StatusOr<std::shared_ptr<ServedDatabase>> LoadSet(
+      const Database& database, std::shared_ptr<const Snapshot> snapshot, const Common& common,
+      const CalibrationSettings& settings, const std::optional<SoundCell>& sound,
+      LoadSettings& load);
+
+  ServedDatabase(std::string set, const Common& common, RobotImageTable robot_images,
+                 std::shared_ptr<const CollisionIndex> index,
                  std::shared_ptr<const SoundBasis> sound);
 
+  std::string set_;
+  std::map<std::string, std::shared_ptr<const ServedDatabase>> further_sets_;
   storage::v1::CellDescription cell_;
   uint64_t generation_ = 0;
   RobotImageTable robot_images_;
@@ -111,7 +144,7 @@ class ServedDatabase {
   std::vector<Reference> references_;
   std::optional<Calibration> calibration_;
   std::string calibration_fingerprint_;
-  std::optional<EpipolarBands> bands_;
+  std::shared_ptr<const EpipolarBands> bands_;
   ViewTreatments treatments_;
   std::shared_ptr<const SoundBasis> sound_;
 };

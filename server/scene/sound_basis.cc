@@ -166,11 +166,16 @@ const PossibleSpace& ScenePossibleSpace::Get(const std::shared_ptr<const SoundBa
                                              const ObstacleImages& images,
                                              std::span<const JointPosition> joints,
                                              std::span<const std::optional<Mask>> allowed) const {
-  std::call_once(once_, [&] {
-    basis_ = basis;
-    space_.emplace(basis->space(), images, basis->RobotAt(joints), allowed);
+  Entry* entry = nullptr;
+  {
+    const std::lock_guard lock(mutex_);
+    const auto found = std::ranges::find(entries_, basis, &Entry::basis);
+    entry = found != entries_.end() ? &*found : &entries_.emplace_back(basis);
+  }
+  std::call_once(entry->once, [&] {
+    entry->space.emplace(basis->space(), images, basis->RobotAt(joints), allowed);
   });
-  return *space_;
+  return *entry->space;
 }
 
 }  // namespace silhouette

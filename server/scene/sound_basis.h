@@ -4,11 +4,13 @@
 
 #include <cstdint>
 #include <functional>
+#include <list>
 #include <memory>
 #include <mutex>
 #include <optional>
 #include <span>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "absl/status/statusor.h"
@@ -81,16 +83,21 @@ class ScenePossibleSpace {
   ScenePossibleSpace(const ScenePossibleSpace&) {}
   ScenePossibleSpace& operator=(const ScenePossibleSpace&) = delete;
 
-  // All arguments belong to the scene, and are always the same. `joints`, of the robot;
-  // `allowed`: see PossibleSpace.
+  // `basis`: of one of the sets of the scene's database. The other arguments belong to the scene,
+  // and are always the same. `joints`, of the robot; `allowed`: see PossibleSpace.
   const PossibleSpace& Get(const std::shared_ptr<const SoundBasis>& basis,
                            const ObstacleImages& images, std::span<const JointPosition> joints,
                            std::span<const std::optional<Mask>> allowed) const;
 
  private:
-  mutable std::once_flag once_;
-  mutable std::shared_ptr<const SoundBasis> basis_;
-  mutable std::optional<PossibleSpace> space_;
+  struct Entry {
+    explicit Entry(std::shared_ptr<const SoundBasis> the_basis) : basis(std::move(the_basis)) {}
+    const std::shared_ptr<const SoundBasis> basis;
+    std::once_flag once;
+    std::optional<PossibleSpace> space;
+  };
+  mutable std::mutex mutex_;
+  mutable std::list<Entry> entries_;  // a set each
 };
 
 }  // namespace silhouette

@@ -92,7 +92,10 @@ grpc::Status AnswerNumbers(Serving& serving, const v1::CheckConfigurationsReques
         absl::InvalidArgumentError(absl::StrCat("numbers: there are ", request.numbers_size(),
                                                 "; ask for at most ", kMaxNumbers, " at once")));
   }
-  const Served served = serving.scenes.Newest(serving.settings.clock());
+  const absl::StatusOr<Served> found =
+      WithSet(serving.scenes.Newest(serving.settings.clock()), request.set());
+  if (!found.ok()) return ToGrpc(found.status());
+  const Served& served = *found;
   const absl::StatusOr<Policy> policy = PolicyFor(serving, request.policy(), *served.database);
   if (!policy.ok()) return ToGrpc(policy.status());
   const auto count = static_cast<size_t>(request.numbers_size());
@@ -124,12 +127,14 @@ absl::StatusOr<Policy> PolicyFor(const Serving& serving, const v1::Policy& messa
   return policy;
 }
 
-absl::StatusOr<Checker> CheckerFor(Serving& serving, const v1::Policy& message) {
+absl::StatusOr<Checker> CheckerFor(Serving& serving, const v1::Policy& message,
+                                   const std::string& set) {
   const Moment now = serving.settings.clock();
-  Served served = serving.scenes.Newest(now);
-  const absl::StatusOr<Policy> policy = PolicyFor(serving, message, *served.database);
+  absl::StatusOr<Served> served = WithSet(serving.scenes.Newest(now), set);
+  if (!served.ok()) return served.status();
+  const absl::StatusOr<Policy> policy = PolicyFor(serving, message, *served->database);
   if (!policy.ok()) return policy.status();
-  return Checker(std::move(served), *policy, serving.settings.scene, now);
+  return Checker(*std::move(served), *policy, serving.settings.scene, now);
 }
 
 Reason Conclude(const Serving& serving, const Served& served, const Policy& policy,
@@ -159,7 +164,11 @@ bool AnsweredAtOnce(const Serving& serving, const v1::CheckConfigurationsRequest
       request.configurations_size() > kFewChecks) {
     return false;
   }
-  const std::shared_ptr<const ServedDatabase> database = serving.scenes.database();
+  const std::shared_ptr<const ServedDatabase> whole = serving.scenes.database();
+  const SharedScene scene = serving.scenes.Find(0);
+  const bool as_scene = request.set().empty() && scene != nullptr;
+  const ServedDatabase* database = whole->Set(as_scene ? scene->set : request.set());
+  if (database == nullptr) return true;
   if (!database->robot_images().in_memory() && !request.configurations().empty()) return false;
   // Under the sound presets even a few checks may take longer than look-ups.
   const absl::StatusOr<Policy> policy = PolicyFor(serving, request.policy(), *database);
@@ -170,7 +179,7 @@ grpc::Status Answer(Serving& serving, const v1::CheckConfigurationsRequest& requ
                     const std::function<bool()>& cancelled,
                     v1::CheckConfigurationsResponse* response) {
   if (!request.numbers().empty()) return AnswerNumbers(serving, request, response);
-  const absl::StatusOr<Checker> checker = CheckerFor(serving, request.policy());
+  const absl::StatusOr<Checker> checker = CheckerFor(serving, request.policy(), request.set());
   if (!checker.ok()) return ToGrpc(checker.status());
   const ServedDatabase& database = *checker->served().database;
   const auto configurations = ConfigurationsFrom(request.configurations(), database.grid(),
@@ -200,7 +209,7 @@ grpc::Status Answer(Serving& serving, const v1::CheckConfigurationsRequest& requ
 
 grpc::Status Answer(Serving& serving, const v1::CheckPathRequest& request,
                     v1::CheckPathResponse* response, absl::Duration* valid_for) {
-  const absl::StatusOr<Checker> checker = CheckerFor(serving, request.policy());
+  const absl::StatusOr<Checker> checker = CheckerFor(serving, request.policy(), request.set());
   if (!checker.ok()) return ToGrpc(checker.status());
   const ServedDatabase& database = *checker->served().database;
   const auto waypoints =
@@ -240,7 +249,7 @@ grpc::Status Answer(Serving& serving, const v1::CheckPathRequest& request,
 
 grpc::Status Answer(Serving& serving, const v1::ExplainRequest& request,
                     v1::ExplainResponse* response) {
-  const absl::StatusOr<Checker> checker = CheckerFor(serving, request.policy());
+  const absl::StatusOr<Checker> checker = CheckerFor(serving, request.policy(), request.set());
   if (!checker.ok()) return ToGrpc(checker.status());
   const ServedDatabase& database = *checker->served().database;
   const absl::StatusOr<Configuration> q =

@@ -4,6 +4,7 @@
 #include <grpcpp/support/status.h>
 
 #include <functional>
+#include <string>
 
 #include "absl/status/statusor.h"
 #include "absl/time/time.h"
@@ -23,8 +24,9 @@ inline constexpr double kMaxPlaces = 1e6;
 absl::StatusOr<Policy> PolicyFor(const Serving& serving, const v1::Policy& message,
                                  const ServedDatabase& database);
 
-// The world at this moment under the policy of a request.
-absl::StatusOr<Checker> CheckerFor(Serving& serving, const v1::Policy& policy);
+// The world at this moment under the policy of a request and with the set that it names (WithSet).
+absl::StatusOr<Checker> CheckerFor(Serving& serving, const v1::Policy& policy,
+                                   const std::string& set);
 
 // Tells what the answer rests on. Returns why it must not say free after all: the scene may have
 // become too old, or an allowed region ended or revoked, while the answer was made. `valid_for`, if

@@ -37,7 +37,10 @@ CollisionService::GetConfigurationSpace(grpc::CallbackServerContext* context,
   const auto work = [this, context, request, writer]() -> grpc::Status {
     const absl::StatusOr<Deadline> deadline = DeadlineOf(*request);
     if (!deadline.ok()) return ToGrpc(deadline.status());
-    const Served served = serving_.scenes.Newest(serving_.settings.clock());
+    const absl::StatusOr<Served> found =
+        WithSet(serving_.scenes.Newest(serving_.settings.clock()), request->set());
+    if (!found.ok()) return ToGrpc(found.status());
+    const Served& served = *found;
     const absl::StatusOr<Policy> policy = PolicyFor(serving_, request->policy(), *served.database);
     if (!policy.ok()) return ToGrpc(policy.status());
     absl::StatusOr<std::vector<uint64_t>> tiles =

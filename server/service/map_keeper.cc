@@ -7,6 +7,8 @@
 #include <exception>
 #include <memory>
 #include <numeric>
+#include <stdexcept>
+#include <string>
 #include <utility>
 #include <vector>
 
@@ -69,7 +71,9 @@ void MapKeeper::Run(const std::stop_token& stop) {
 
 void MapKeeper::WorkOut(uint64_t version, const std::stop_token& stop) {
   const Moment now = settings_.clock();
-  const Served served = scenes_.Newest(now);
+  const absl::StatusOr<Served> found = WithSet(scenes_.Newest(now), /*name=*/"");
+  if (!found.ok()) throw std::runtime_error(std::string(found.status().message()));
+  const Served& served = *found;
   const Policy policy = DefaultPolicy(settings_, *served.database);
   Reason blocked = BlockedReason(served, policy, settings_.scene, now);
   if (blocked == Reason::kNone && !served.database->CanServe(policy).ok()) {
@@ -96,7 +100,7 @@ void MapKeeper::WorkOut(uint64_t version, const std::stop_token& stop) {
     bool whole = work_out([] { return false; });
     // What has been withdrawn meanwhile is not told any more: the next change is known already.
     const auto withdrawn = [&] {
-      return scenes_.database() != served.database || scenes_.trust() != served.trust ||
+      return scenes_.database() != served.whole || scenes_.trust() != served.trust ||
              scenes_.Revoked(*served.regions);
     };
     if (withdrawn()) return;

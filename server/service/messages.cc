@@ -102,9 +102,11 @@ void ToMessage(const Mask& mask, v1::Mask* message) {
 
 void ToMessage(const Served& served, const Policy& policy, const Moment& now, v1::Basis* message) {
   message->set_database_generation(served.database->generation());
+  message->set_set(served.database->set());
   ToMessage(now.running, message->mutable_server_clock());
   if (served.scene == nullptr) return;
   message->set_scene_id(served.scene->id);
+  message->set_scene_set(served.scene->set);
   ToMessage(served.scene->oldest, message->mutable_scene_time());
   ToMessage(served.scene->AgeAt(now), message->mutable_scene_age());
   for (const std::string& name : RegionsIn(served, policy)) message->add_regions(name);
@@ -127,6 +129,7 @@ void ToMessage(const Scene& scene, bool include_planes, const SceneSettings& set
                const Moment& now, v1::Scene* message) {
   message->set_id(scene.id);
   message->set_database_generation(scene.generation);
+  message->set_set(scene.set);
   ToMessage(scene.oldest, message->mutable_time());
   ToMessage(scene.skew(), message->mutable_skew());
   for (const JointPosition& joint : scene.joints) {
@@ -200,6 +203,14 @@ void ToMessage(const ServedDatabase& database, const Policy& default_policy,
   message->set_captured(images.Count(RobotImageState::kPresent));
   message->set_excluded(images.Count(RobotImageState::kExcluded));
   message->set_corrupt(images.Count(RobotImageState::kCorrupt));
+  for (const std::string& name : database.sets()) {
+    const RobotImageTable& of_set = database.Set(name)->robot_images();
+    v1::RobotImageSet& set = *message->add_sets();
+    set.set_name(name);
+    set.set_captured(of_set.Count(RobotImageState::kPresent));
+    set.set_excluded(of_set.Count(RobotImageState::kExcluded));
+    set.set_corrupt(of_set.Count(RobotImageState::kCorrupt));
+  }
   ToMessage(default_policy, message->mutable_default_policy());
   message->set_calibrated(database.bands() != nullptr);
   for (const Preset preset : AllPresets()) {

@@ -28,10 +28,11 @@ void ScenePublisher::LogDefects(const Scene& scene) {
   logged_reasons_ = std::move(reasons);
 }
 
-void ScenePublisher::PrepareSpace(const ServedDatabase& database, const Scene& scene) const {
-  if (!IsSound(DefaultPolicy(settings_, database).preset)) return;
-  if (database.sound() == nullptr || scene.Blocked() != Reason::kNone) return;
-  scene.possible_space.Get(database.sound(), scene.obstacle_images, scene.joints, {});
+void ScenePublisher::PrepareSpace(const ServedDatabase& whole, const Scene& scene) const {
+  if (!IsSound(DefaultPolicy(settings_, whole).preset)) return;
+  const ServedDatabase* set = whole.Set(scene.set);
+  if (set == nullptr || set->sound() == nullptr || scene.Blocked() != Reason::kNone) return;
+  scene.possible_space.Get(set->sound(), scene.obstacle_images, scene.joints, {});
 }
 
 absl::StatusOr<SharedScene> ScenePublisher::Publish(

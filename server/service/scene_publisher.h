@@ -26,7 +26,7 @@ class ScenePublisher {
  private:
   void LogDefects(const Scene& scene);
   // Finds the scene's possible space, if verdicts rest on it by default: so that no check waits.
-  void PrepareSpace(const ServedDatabase& database, const Scene& scene) const;
+  void PrepareSpace(const ServedDatabase& whole, const Scene& scene) const;
 
   const ServingSettings& settings_;
   SceneStore& scenes_;

@@ -85,8 +85,11 @@ shared_map::Cells SharedMapWriter::CellsOf(const ConfigurationSpace& space, cons
 
 absl::Status SharedMapWriter::Publish(const Served& served, const Policy& policy,
                                       const ConfigurationSpace* space, Reason blocked) {
-  if (database_.lock() != served.database || !writer_) {
-    if (absl::Status begun = Begin(served.database, policy); !begun.ok()) {
+  // The sets have the same grid: a scene with another set changes but the states.
+  const std::shared_ptr<const ServedDatabase>& whole =
+      served.whole != nullptr ? served.whole : served.database;
+  if (database_.lock() != whole || !writer_) {
+    if (absl::Status begun = Begin(whole, policy); !begun.ok()) {
       Close(shared_map::Closed::kReplaced);
       return begun;
     }

@@ -17,14 +17,18 @@ Policy OnGrid(const Policy& policy, int views) {
 
 }  // namespace
 
-std::shared_ptr<SpaceCache::Entry> SpaceCache::EntryFor(const SharedScene& scene,
+std::shared_ptr<SpaceCache::Entry> SpaceCache::EntryFor(const Served& served,
                                                         const Policy& policy) {
+  const SharedScene& scene = served.scene;
   const std::lock_guard lock(mutex_);
   for (const std::shared_ptr<Entry>& entry : entries_) {
-    if (entry->scene == scene && entry->policy == policy) return entry;
+    if (entry->scene == scene && entry->database == served.database && entry->policy == policy) {
+      return entry;
+    }
   }
   auto made = std::make_shared<Entry>();
   made->scene = scene;
+  made->database = served.database;
   made->policy = policy;
   // Who was overtaken by a newer scene does not take its maps away.
   if (!entries_.empty() && entries_.front()->scene->id > scene->id) return made;
@@ -37,8 +41,7 @@ std::shared_ptr<SpaceCache::Entry> SpaceCache::EntryFor(const SharedScene& scene
 
 std::shared_ptr<const ConfigurationSpace> SpaceCache::Get(const Served& served,
                                                           const Policy& policy) {
-  const std::shared_ptr<Entry> entry =
-      EntryFor(served.scene, OnGrid(policy, served.database->views()));
+  const std::shared_ptr<Entry> entry = EntryFor(served, OnGrid(policy, served.database->views()));
   const std::lock_guard lock(entry->mutex);
   if (entry->space == nullptr) {
     entry->space = std::make_shared<const ConfigurationSpace>(served, policy);

@@ -1,4 +1,5 @@
-// The configuration-space maps of the newest scene, one per policy, shared by everybody who asks.
+// The configuration-space maps of the newest scene, one per policy and set of robot images, shared
+// by everybody who asks.
 #pragma once
 
 #include <list>
@@ -15,20 +16,21 @@ class SpaceCache {
  public:
   // The map of the scene under the policy. The first call prepares the test, others wait for it;
   // tiles are worked out when they are asked for. Throws as ConfigurationSpace does. May be called
-  // from any thread. The maps of the few policies that were asked for last are kept, and only those
-  // of one scene.
+  // from any thread. The maps of the few policies and sets that were asked for last are kept, and
+  // only those of one scene.
   std::shared_ptr<const ConfigurationSpace> Get(const Served& served, const Policy& policy);
 
  private:
   struct Entry {
     SharedScene scene;
+    std::shared_ptr<const ServedDatabase> database;
     Policy policy;
     std::mutex mutex;  // held while it is made
     std::shared_ptr<const ConfigurationSpace> space;
   };
   static constexpr size_t kEntries = 4;
 
-  std::shared_ptr<Entry> EntryFor(const SharedScene& scene, const Policy& policy);
+  std::shared_ptr<Entry> EntryFor(const Served& served, const Policy& policy);
 
   std::mutex mutex_;
   std::list<std::shared_ptr<Entry>> entries_;  // newest first

@@ -10,7 +10,10 @@
 namespace silhouette {
 
 absl::StatusOr<bool> SpaceWatch::Prepare() {
-  const Served served = serving().scenes.Newest(serving().settings.clock());
+  const absl::StatusOr<Served> found =
+      WithSet(serving().scenes.Newest(serving().settings.clock()), request_.set());
+  if (!found.ok()) return found.status();
+  const Served& served = *found;
   const absl::StatusOr<Policy> policy = PolicyFor(serving(), request_.policy(), *served.database);
   if (!policy.ok()) return policy.status();
   const absl::StatusOr<std::vector<uint64_t>> tiles =
@@ -31,7 +34,7 @@ absl::StatusOr<bool> SpaceWatch::Prepare() {
   v1::WatchConfigurationSpaceResponse first;
   absl::Duration valid_for;
   const Reason blocked = Conclude(serving(), served, *policy, first.mutable_basis(), &valid_for);
-  if (serving().scenes.database() != served.database) return Prepare();  // it was replaced
+  if (serving().scenes.database() != served.whole) return Prepare();  // it was replaced
   const WatchedState state(served, blocked);
   if (state == told_of_) return false;
   if (state.database != told_of_.database || cells != cells_) {

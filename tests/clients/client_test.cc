@@ -250,6 +250,48 @@ auto ClearancesOf(double free) {
   };
 }
 
+// A verdict of another set than was asked for must not be taken for one of it.
+TEST(Sets, OfAServerThatDoesNotKnowThemAreAnErrorAndNoVerdict) {
+  FakeServer server;
+  server.check_configurations = VerdictsOf({v1::Verdict::STATE_FREE});
+  server.check_path = [](grpc::ServerContext&, const v1::CheckPathRequest&,
+                         v1::CheckPathResponse& response) {
+    *response.mutable_basis() = GoodBasis();
+    response.mutable_verdict()->set_state(v1::Verdict::STATE_FREE);
+    return grpc::Status::OK;
+  };
+  server.publish_scene = [](grpc::ServerContext&, const v1::PublishSceneRequest&,
+                            v1::PublishSceneResponse&) { return grpc::Status::OK; };
+  const Client client = ClientOf(server).WithSet("tool");
+  for (const absl::Status& status :
+       {client.CheckConfigurations(kOne).status(), client.CheckPath(kOne).status(),
+        client.PublishScene({}, {}).status()}) {
+    EXPECT_EQ(status.code(), absl::StatusCode::kUnimplemented) << status;
+    EXPECT_THAT(status.message(), HasSubstr("knows no sets of robot images"));
+  }
+  EXPECT_TRUE(ClientOf(server).CheckConfigurations(kOne)->verdicts[0].free());
+}
+
+TEST(Sets, GoWithEveryQuestionAndComeBackWithTheAnswer) {
+  FakeServer server;
+  server.check_configurations = [](grpc::ServerContext&,
+                                   const v1::CheckConfigurationsRequest& request,
+                                   v1::CheckConfigurationsResponse& response) {
+    EXPECT_EQ(request.set(), "tool");
+    *response.mutable_basis() = GoodBasis();
+    response.mutable_basis()->set_set(request.set());
+    response.mutable_basis()->set_scene_set("default");
+    response.add_verdicts()->set_state(v1::Verdict::STATE_FREE);
+    return grpc::Status::OK;
+  };
+  const auto checks =
+      ClientOf(server).WithSet("tool").WithTimeout(absl::Seconds(19)).CheckConfigurations(kOne);
+  ASSERT_TRUE(checks.ok()) << checks.status();
+  EXPECT_EQ(checks->basis.set, "tool");
+  EXPECT_EQ(checks->basis.scene_set, "default");
+  EXPECT_TRUE(checks->verdicts[0].free());
+}
+
 TEST(Clearance, IsToldOfWhatIsFreeOrOccupiedIfAskedFor) {
   FakeServer server;
   server.check_configurations = ClearancesOf(2.5);

@@ -54,6 +54,13 @@ class Client {
   // The same connection with another time for each call.
   Client WithTimeout(absl::Duration timeout) const;
 
+  // The same connection for a robot with this set of robot images: with this tool, this part.
+  // Configurations and paths are tested with it, whatever set the scene is of, and so is a
+  // LocalSpace; scenes are published as of the robot with it. Empty: configurations are tested with
+  // the set of the scene, and scenes are of the default set. InvalidArgument of the calls: the
+  // database has no such set; Unimplemented: the server knows no sets.
+  Client WithSet(std::string set) const;
+
   const std::string& address() const;
 
   // Verdicts for configurations, in the order asked.
@@ -124,10 +131,11 @@ class Client {
 
  private:
   friend class LocalSpace;
-  Client(std::shared_ptr<const Connection> connection, absl::Duration timeout);
+  Client(std::shared_ptr<const Connection> connection, absl::Duration timeout, std::string set);
 
   std::shared_ptr<const Connection> connection_;
   absl::Duration timeout_;
+  std::string set_;
 };
 
 }  // namespace silhouette::client

@@ -1,0 +1,201 @@
+// Sets of robot images: scenes and checks with each of them.
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <random>
+
+#include "server/scene/checker.h"
+#include "server/scene/configuration_space.h"
+#include "tests/server/tool_set.h"
+
+namespace silhouette {
+namespace {
+
+using ::testing::ElementsAre;
+using ::testing::HasSubstr;
+
+const Moment kNow{absl::FromUnixSeconds(1'000'000), absl::Seconds(50)};
+
+std::shared_ptr<const Scene> SceneOf(const ServedDatabase& whole, const SceneInput& input) {
+  absl::StatusOr<Scene> scene = MakeScene(whole, input, {}, {}, kNow);
+  EXPECT_TRUE(scene.ok()) << scene.status();
+  scene->id = 1;
+  return std::make_shared<const Scene>(*std::move(scene));
+}
+
+// What a request for the set `name` rests on.
+Served ServedWith(const std::shared_ptr<const ServedDatabase>& whole,
+                  const std::shared_ptr<const Scene>& scene, const std::string& name) {
+  Served served{whole, scene, Reason::kNone};
+  const absl::StatusOr<Served> with_set = WithSet(served, name);
+  EXPECT_TRUE(with_set.ok()) << with_set.status();
+  return *with_set;
+}
+
+// That both say the same of every configuration, on and off the grid and as a map.
+void ExpectSame(const Served& one, const Served& other, const Policy& policy,
+                std::mt19937& random) {
+  const Checker a(one, policy, {}, kNow);
+  const Checker b(other, policy, {}, kNow);
+  const ConfigurationGrid& grid = one.database->grid();
+  const ConfigurationSpace map_a(one, policy);
+  const ConfigurationSpace map_b(other, policy);
+  for (ConfigurationNumber number = 0; number < grid.number_limit(); ++number) {
+    ASSERT_EQ(map_a.state(number), map_b.state(number)) << number;
+    if (!grid.Contains(number)) continue;
+    ASSERT_EQ(a.Check(grid.At(number)), b.Check(grid.At(number)));
+  }
+  std::uniform_real_distribution<double> share(0, 1);
+  for (int i = 0; i < 20; ++i) {
+    const Configuration q = {4 * share(random), std::numbers::pi * (2 * share(random) - 1)};
+    const Configuration to = {4 * share(random), std::numbers::pi * (2 * share(random) - 1)};
+    ASSERT_EQ(a.Check(q), b.Check(q));
+    const std::vector<Configuration> path = {q, to};
+    ASSERT_EQ(a.CheckPath(path).verdict, b.CheckPath(path).verdict);
+  }
+}
+
+struct SceneSets : ::testing::TestWithParam<bool> {
+  FreshFolder folder;
+  // With both sets; with the default set's images alone; with the tool's alone, as default.
+  std::shared_ptr<const ServedDatabase> both;
+  std::shared_ptr<const ServedDatabase> plain;
+  std::shared_ptr<const ServedDatabase> tool;
+
+  void SetUp() override {
+    for (const char* name : {"both", "plain", "tool"}) {
+      MakeDatabase(folder / name, {.calibration = TestCalibration()});
+    }
+    AddTools(folder / "both");
+    {
+      const auto database = Database::Open(folder / "tool", Database::Access::kWrite);
+      ASSERT_TRUE(database.ok());
+      PutTools(**database);
+    }
+    if (GetParam()) {
+      for (const char* name : {"both", "plain", "tool"}) BuildIndex(folder / name);
+    }
+    both = LoadDatabase(folder / "both");
+    plain = LoadDatabase(folder / "plain");
+    tool = LoadDatabase(folder / "tool");
+  }
+};
+
+// A scene and checks with the set X say what a database says that has X as its only set.
+TEST_P(SceneSets, AnswerAsADatabaseOfTheirOwn) {
+  ASSERT_THAT(both->sets(), ElementsAre("default", kTool));
+  const unsigned seed = std::random_device{}();
+  SCOPED_TRACE("seed " + std::to_string(seed));
+  std::mt19937 random(seed);
+  for (int round = 0; round < 12; ++round) {
+    const int a = static_cast<int>(random() % 4);
+    const int b = static_cast<int>(random() % 8);
+    const int block = static_cast<int>(random() % 5);
+    const SceneInput without_tool = SceneWithBlock(block, 3, a, b);
+    const SceneInput with_tool = ToolScene(a, b, block);
+    SceneInput of_own = with_tool;
+    of_own.set = "";
+    for (const Preset preset :
+         {Preset::kUncalibrated, Preset::kPaper, Preset::kCalibrated, Preset::kPaperCalibrated}) {
+      const Policy policy{.preset = preset};
+      const auto tool_scene = SceneOf(*both, with_tool);
+      const auto plain_scene = SceneOf(*both, without_tool);
+      ExpectSame(ServedWith(both, tool_scene, ""), ServedWith(tool, SceneOf(*tool, of_own), ""),
+                 policy, random);
+      ExpectSame(ServedWith(both, plain_scene, ""),
+                 ServedWith(plain, SceneOf(*plain, without_tool), ""), policy, random);
+      // With another set than the scene's: its obstacle images, the other's robot images.
+      auto for_tool = std::make_shared<Scene>(*SceneOf(*plain, without_tool));
+      for_tool->generation = tool->generation();
+      ExpectSame(ServedWith(both, plain_scene, kTool), ServedWith(tool, for_tool, ""), policy,
+                 random);
+      auto for_plain = std::make_shared<Scene>(*SceneOf(*tool, of_own));
+      for_plain->generation = plain->generation();
+      ExpectSame(ServedWith(both, tool_scene, "default"), ServedWith(plain, for_plain, ""), policy,
+                 random);
+    }
+  }
+}
+
+TEST_P(SceneSets, TellTheToolFromAnObstacleInTheirOwnScenesOnly) {
+  SceneInput input = ToolScene(0, 0, 4);
+  const auto right = SceneOf(*both, input);
+  EXPECT_EQ(right->set, kTool);
+  input.set = "";
+  const auto wrong = SceneOf(*both, input);
+  EXPECT_EQ(wrong->set, "default");
+  const Mask only_tool = ToolMask(0, 0, 0) - RobotMask(0, 0, 0);
+  ASSERT_FALSE(only_tool.Empty());
+  EXPECT_FALSE(Intersects(right->obstacle_images[0]->obstacle().words(), only_tool.words()));
+  EXPECT_TRUE(Intersects(wrong->obstacle_images[0]->obstacle().words(), only_tool.words()));
+}
+
+TEST_P(SceneSets, AnUnknownSetOfASceneIsNeverFree) {
+  SceneInput input = EmptyCellScene();
+  input.set = "none";
+  const auto scene = SceneOf(*both, input);
+  EXPECT_EQ(scene->Blocked(), Reason::kSetUnknown);
+  EXPECT_THAT(scene->defects[0].message, HasSubstr("'none'"));
+  for (const char* set : {"", "default", kTool}) {
+    const Served served = ServedWith(both, scene, set);
+    const Checker checker(served, {}, {}, kNow);
+    EXPECT_EQ(checker.Check(At(3, 3)).reason(), Reason::kSetUnknown);
+    const ConfigurationSpace space(served, {});
+    for (ConfigurationNumber number = 0; number < kTileSize; ++number) {
+      EXPECT_EQ(space.state(number), State::kUnknown);
+    }
+  }
+}
+
+TEST_P(SceneSets, AnUnknownSetOfACheckIsRefused) {
+  const absl::Status status = WithSet({both, SceneOf(*both, EmptyCellScene())}, "none").status();
+  EXPECT_EQ(status.code(), absl::StatusCode::kInvalidArgument);
+  EXPECT_THAT(status.message(), HasSubstr("no set 'none'; its sets are default, tool"));
+}
+
+INSTANTIATE_TEST_SUITE_P(WithAndWithoutIndex, SceneSets, ::testing::Bool(),
+                         [](const auto& with) { return with.param ? "Index" : "NoIndex"; });
+
+// What memory holds or not makes no difference.
+TEST(SceneSetsInPlace, AnswerAsInMemory) {
+  const FreshFolder folder;
+  MakeDatabase(folder / "db", {.index = true});
+  AddTools(folder / "db");
+  const auto held = LoadDatabase(folder / "db");
+  const auto in_place = LoadDatabase(folder / "db", {.margin = 0}, {}, {.robot_image_memory = 0});
+  ASSERT_FALSE(in_place->Set(kTool)->robot_images().in_memory());
+  std::mt19937 random(1);
+  for (int block = 0; block < 5; ++block) {
+    const SceneInput input = ToolScene(0, 3, block);
+    ExpectSame(ServedWith(held, SceneOf(*held, input), ""),
+               ServedWith(in_place, SceneOf(*in_place, input), ""), {}, random);
+  }
+}
+
+// A record of the default set gets lost: what rests on it is corrupt in the other set, never free.
+TEST(SceneSetsDamaged, ALostBaseIsNeverFree) {
+  const FreshFolder folder;
+  MakeDatabase(folder / "db");
+  AddTools(folder / "db");
+  {
+    // The same image in both sets is stored once.
+    const auto database = Database::Open(folder / "db", Database::Access::kWrite);
+    const auto set = (*database)->OpenSet(kTool);
+    auto writer = (*set)->Write("test");
+    ASSERT_TRUE(writer->Put(TestRobotImage((*set)->grid(), 2, 3), /*replace=*/true).ok());
+    ASSERT_TRUE(writer->Commit().ok());
+  }
+  const auto before = LoadDatabase(folder / "db");
+  ASSERT_EQ(before->Set(kTool)->robot_images().state(before->grid().NumberOf({2, 3})),
+            RobotImageState::kPresent);
+  DamageRecord(folder / "db", TestRobotImage(before->grid(), 2, 3));
+  const auto database = LoadDatabase(folder / "db");
+  const ConfigurationNumber number = database->grid().NumberOf({2, 3});
+  EXPECT_EQ(database->robot_images().state(number), RobotImageState::kCorrupt);
+  EXPECT_EQ(database->Set(kTool)->robot_images().state(number), RobotImageState::kCorrupt);
+  const Served served = ServedWith(database, SceneOf(*database, ToolScene(0, 0, 4)), "");
+  EXPECT_EQ(Checker(served, {}, {}, kNow).Check(At(2, 3)).reason(), Reason::kRobotImageCorrupt);
+}
+
+}  // namespace
+}  // namespace silhouette

@@ -1,0 +1,161 @@
+// Sets of robot images over gRPC.
+#include "tests/server/service/test_server.h"
+#include "tests/server/tool_set.h"
+
+namespace silhouette {
+namespace {
+
+using ::testing::HasSubstr;
+
+std::shared_ptr<const ServedDatabase> BothSets(bool index = true) {
+  const FreshFolder folder;
+  MakeDatabase(folder / "db");
+  AddTools(folder / "db");
+  if (index) BuildIndex(folder / "db");
+  return LoadDatabase(folder / "db");
+}
+
+// Where the tool alone touches a block: joint a at 1, the tool at 2.
+const Configuration kToolTouches = At(1, 1);
+constexpr int kBlock = 2;
+
+v1::CheckConfigurationsResponse CheckWith(TestServer& server, const std::string& set,
+                                          bool by_number) {
+  v1::CheckConfigurationsRequest request;
+  request.set_set(set);
+  if (by_number) {
+    request.add_numbers(static_cast<uint32_t>(GridOf(TestCell())->NumberOf({1, 1})));
+  } else {
+    Set(kToolTouches, request.add_configurations());
+  }
+  v1::CheckConfigurationsResponse response;
+  const grpc::Status status = server.Call(request, &response);
+  EXPECT_TRUE(status.ok()) << status.error_message();
+  return response;
+}
+
+// As the calls that look configurations up in a map say it, and as the others do.
+bool FreeWith(TestServer& server, const std::string& set) {
+  const auto one = CheckWith(server, set, /*by_number=*/false);
+  const auto by_number = CheckWith(server, set, /*by_number=*/true);
+  const std::string expected = set.empty() ? one.basis().scene_set() : set;
+  EXPECT_EQ(one.basis().set(), expected);
+  EXPECT_EQ(by_number.basis().set(), expected);
+  v1::CheckPathRequest path;
+  path.set_set(set);
+  Set(kToolTouches, path.add_waypoints());
+  v1::CheckPathResponse path_response;
+  EXPECT_TRUE(server.Call(path, &path_response).ok());
+  v1::ExplainRequest explain;
+  explain.set_set(set);
+  Set(kToolTouches, explain.mutable_configuration());
+  v1::ExplainResponse explained;
+  EXPECT_TRUE(server.Call(explain, &explained).ok());
+  v1::GetConfigurationSpaceRequest space;
+  space.set_set(set);
+  const auto parts = server.Space(space);
+  EXPECT_EQ(parts[0].basis().set(), expected);
+  const auto number = GridOf(TestCell())->NumberOf({1, 1});
+  const bool in_space = (parts[0].tiles(0).free()[number / 8] >> (number % 8) & 1) != 0;
+
+  const bool free = one.verdicts(0).state() == v1::Verdict::STATE_FREE;
+  EXPECT_EQ(free, (by_number.free()[0] & 1) != 0);
+  EXPECT_EQ(free, path_response.verdict().state() == v1::Verdict::STATE_FREE);
+  EXPECT_EQ(free, explained.verdict().state() == v1::Verdict::STATE_FREE);
+  EXPECT_EQ(free, in_space);
+  return free;
+}
+
+// In whatever order sets are asked for: no map of one is taken for that of another.
+TEST(SetsService, EachRequestIsAnsweredWithItsSet) {
+  TestServer server(BothSets());
+  for (int round = 0; round < 2; ++round) {
+    const v1::Scene plain = server.Publish(SceneWithBlock(kBlock));
+    EXPECT_EQ(plain.set(), "default");
+    EXPECT_TRUE(FreeWith(server, ""));
+    EXPECT_FALSE(FreeWith(server, kTool));
+    EXPECT_TRUE(FreeWith(server, "default"));
+    const v1::Scene tool = server.Publish(ToolScene(0, 0, kBlock));
+    EXPECT_EQ(tool.set(), kTool);
+    EXPECT_EQ(tool.defects_size(), 0);
+    EXPECT_FALSE(FreeWith(server, ""));
+    EXPECT_TRUE(FreeWith(server, "default"));
+    EXPECT_FALSE(FreeWith(server, kTool));
+  }
+}
+
+TEST(SetsService, ASetThatIsNotThereIsRefusedWithTheNamesOfThoseThatAre) {
+  TestServer server(BothSets());
+  server.Publish(EmptyCellScene());
+  v1::CheckConfigurationsRequest request;
+  request.set_set("none");
+  Set(At(1, 1), request.add_configurations());
+  v1::CheckConfigurationsResponse response;
+  const grpc::Status status = server.Call(request, &response);
+  EXPECT_EQ(status.error_code(), grpc::StatusCode::INVALID_ARGUMENT);
+  EXPECT_THAT(status.error_message(), HasSubstr("its sets are default, tool"));
+  v1::CheckPathRequest path;
+  path.set_set("none");
+  Set(At(1, 1), path.add_waypoints());
+  v1::CheckPathResponse path_response;
+  EXPECT_EQ(server.Call(path, &path_response).error_code(), grpc::StatusCode::INVALID_ARGUMENT);
+  v1::GetConfigurationSpaceRequest space;
+  space.set_set("none");
+  std::vector<v1::GetConfigurationSpaceResponse> parts;
+  EXPECT_EQ(server.Call(space, &parts).error_code(), grpc::StatusCode::INVALID_ARGUMENT);
+}
+
+TEST(SetsService, ASceneOfAnUnknownSetIsTakenAndNeverFree) {
+  TestServer server(BothSets());
+  SceneInput input = EmptyCellScene();
+  input.set = "none";
+  const v1::Scene scene = server.Publish(input);
+  ASSERT_GE(scene.defects_size(), 1);
+  EXPECT_EQ(scene.defects(0).reason(), v1::Verdict::REASON_SET_UNKNOWN);
+  const v1::Verdict verdict = server.CheckOne(At(3, 3));
+  EXPECT_EQ(verdict.state(), v1::Verdict::STATE_UNKNOWN);
+  EXPECT_EQ(verdict.reason(), v1::Verdict::REASON_SET_UNKNOWN);
+  const auto parts = server.Space();
+  EXPECT_EQ(parts[0].unknown_reason(), v1::Verdict::REASON_SET_UNKNOWN);
+  EXPECT_EQ(parts[0].tiles_size(), 0);
+}
+
+TEST(SetsService, TheDatabaseTellsItsSets) {
+  TestServer server(BothSets(/*index=*/false));
+  grpc::ClientContext context;
+  v1::GetDatabaseResponse response;
+  ASSERT_TRUE(server.database_service->GetDatabase(&context, {}, &response).ok());
+  ASSERT_EQ(response.sets_size(), 2);
+  EXPECT_EQ(response.sets(0).name(), "default");
+  EXPECT_EQ(response.sets(1).name(), kTool);
+  EXPECT_EQ(response.sets(1).captured(), 40u);
+}
+
+// Who watches without naming a set sees the map of the set that the newest scene has.
+TEST(SetsService, AWatchFollowsTheSetOfTheScene) {
+  TestServer server(BothSets());
+  server.Publish(SceneWithBlock(kBlock));
+  grpc::ClientContext context;
+  const auto reader = server.collision->WatchConfigurationSpace(&context, {});
+  v1::WatchConfigurationSpaceResponse update;
+  const auto number = GridOf(TestCell())->NumberOf({1, 1});
+  const auto free = [&] {
+    return update.tiles_size() > 0 && (update.tiles(0).free()[number / 8] >> (number % 8) & 1) != 0;
+  };
+  ASSERT_TRUE(reader->Read(&update));
+  EXPECT_TRUE(update.whole());
+  EXPECT_EQ(update.basis().set(), "default");
+  EXPECT_TRUE(free());
+  const v1::Scene scene = server.Publish(ToolScene(0, 0, kBlock));
+  do {
+    ASSERT_TRUE(reader->Read(&update));
+  } while (update.basis().scene_id() != scene.id());
+  EXPECT_TRUE(update.whole());
+  EXPECT_EQ(update.basis().set(), kTool);
+  ASSERT_EQ(update.tiles_size(), 1);
+  EXPECT_FALSE(free());
+  context.TryCancel();
+}
+
+}  // namespace
+}  // namespace silhouette
