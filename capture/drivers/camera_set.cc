@@ -54,17 +54,15 @@ CameraSet::~CameraSet() {
   }
 }
 
-std::vector<absl::StatusOr<CameraImage>> CameraSet::Take(bool even_if_one_fails,
-                                                         absl::Status& first) {
+std::vector<absl::StatusOr<CameraImage>> CameraSet::GrabEach() {
   std::vector<absl::StatusOr<CameraImage>> images(views_.size());
   const auto fail = [&](size_t source, const absl::Status& status) {
     const absl::Status told = Failed(source, status);
     for (const size_t view : places_[source]) images[view] = told;
-    first.Update(told);
   };
   std::vector<bool> asked(sources_.size());
   const absl::Time begin = absl::Now();
-  for (size_t s = 0; s < sources_.size() && (even_if_one_fails || first.ok()); ++s) {
+  for (size_t s = 0; s < sources_.size(); ++s) {
     const absl::Status status = sources_[s]->Trigger();
     asked[s] = status.ok();
     if (!status.ok()) fail(s, status);
@@ -87,17 +85,12 @@ std::vector<absl::StatusOr<CameraImage>> CameraSet::Take(bool even_if_one_fails,
   return images;
 }
 
-std::vector<absl::StatusOr<CameraImage>> CameraSet::GrabEach() {
-  absl::Status first;
-  return Take(/*even_if_one_fails=*/true, first);
-}
-
 absl::StatusOr<std::vector<CameraImage>> CameraSet::Grab() {
-  absl::Status first;
-  std::vector<absl::StatusOr<CameraImage>> taken = Take(/*even_if_one_fails=*/false, first);
-  if (!first.ok()) return first;
   std::vector<CameraImage> images;
-  for (absl::StatusOr<CameraImage>& image : taken) images.push_back(*std::move(image));
+  for (absl::StatusOr<CameraImage>& image : GrabEach()) {
+    if (!image.ok()) return image.status();
+    images.push_back(*std::move(image));
+  }
   return images;
 }
 

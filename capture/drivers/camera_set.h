@@ -27,22 +27,18 @@ class CameraSet : public CameraRig {
 
   const std::vector<std::string>& views() const override { return views_; }
 
-  // Triggers all sources, one right after the other, up to one that fails; then waits for those
-  // that were triggered. The set is complete or an error that names the view: DeadlineExceeded or
-  // Unavailable if asking again may help. No image of a set that failed is ever part of a later
-  // one.
+  // Triggers all sources, one right after the other, then waits for all. The set is complete or an
+  // error that names the view: DeadlineExceeded or Unavailable if asking again may help. No image
+  // of a set that failed is ever part of a later one.
   absl::StatusOr<std::vector<CameraImage>> Grab() override;
 
-  // Triggers all, whichever fails, and gives the images that came and, for every other view, why
-  // its own did not.
+  // The same, with the images that came and, for every other view, why its own did not.
   std::vector<absl::StatusOr<CameraImage>> GrabEach() override;
 
   // In the order of views().
   const std::vector<ViewCounts>& counts() const { return counts_; }
 
  private:
-  // The images of all views, or why there is none. `first` gets the error that came first.
-  std::vector<absl::StatusOr<CameraImage>> Take(bool even_if_one_fails, absl::Status& first);
   // What is told of a source that failed: the views count it.
   absl::Status Failed(size_t source, const absl::Status& status);
 
