@@ -11,6 +11,7 @@
 #include "absl/strings/str_join.h"
 #include "capture/cell_robot.h"
 #include "capture/segmentation/difference.h"
+#include "capture/segmentation/down_sampling.h"
 #include "server/live/parallel.h"
 
 namespace silhouette {
@@ -36,14 +37,29 @@ absl::StatusOr<std::vector<size_t>> PlacesOf(const storage::v1::CellDescription&
   return places;
 }
 
-// The scene image of a view; `image` is as the cell says (ImageJudge).
+// How often a view's slow light learns, and how long ago the image before may have been taken.
+constexpr absl::Duration kLearnInterval = absl::Seconds(1);
+constexpr absl::Duration kLongestGap = absl::Seconds(10);
+
+// The scene image of a view; `image` is as the cell says (ImageJudge). `light` learns from it, if
+// `since`, the time since it did so, is long enough; it is then set to 0.
 absl::StatusOr<Mask> ForegroundOf(const CameraImage& image, const ServedDatabase& database,
-                                  int view, const SegmentationSettings& segmentation) {
+                                  int view, const SegmentationSettings& segmentation,
+                                  SlowLight& light, absl::Duration& since) {
   try {
     const cv::Mat pixels(image.height, image.width, image.channels == 3 ? CV_8UC3 : CV_8UC1,
                          const_cast<uint8_t*>(image.pixels.data()));
-    return Difference(pixels, database.reference(view), segmentation,
-                      database.robot_images().mask_sizes()[static_cast<size_t>(view)]);
+    const Reference& reference = database.reference(view);
+    const cv::Mat foreground = Foreground(pixels, reference, segmentation, light);
+    const cv::Mat seen = reference.channels() == 1 ? Grey(pixels) : pixels;
+    if (segmentation.follow_brightness && since >= kLearnInterval &&
+        seen.channels() == reference.channels()) {
+      const absl::Duration gap = std::min(since, kLongestGap);
+      light = light.Learn(seen, reference, foreground, absl::ToDoubleSeconds(gap));
+      since = absl::ZeroDuration();
+    }
+    return DownSample(foreground, database.robot_images().mask_sizes()[static_cast<size_t>(view)],
+                      segmentation.min_cover);
   } catch (const std::exception& error) {
     return absl::InternalError(error.what());
   }
@@ -189,11 +205,19 @@ absl::Status LiveLoop::Publish(const std::vector<std::optional<CameraImage>>& im
   if (!database->has_references()) {
     return absl::FailedPreconditionError("the database has no reference images any more");
   }
+  if (light_of_ != database) {
+    light_of_ = database;
+    lights_.assign(images.size(), {});
+    lights_learnt_ = arrived.running;
+    since_learnt_.assign(images.size(), absl::ZeroDuration());
+  }
+  for (absl::Duration& since : since_learnt_) since += arrived.running - lights_learnt_;
+  lights_learnt_ = arrived.running;
   std::vector<absl::StatusOr<Mask>> masks(images.size(), absl::StatusOr<Mask>(Mask()));
   ForEachAtOnce(images.size(), config_.live.threads, [&](size_t view) {
     if (!images[view]) return;
-    masks[view] =
-        ForegroundOf(*images[view], *database, static_cast<int>(view), config_.segmentation);
+    masks[view] = ForegroundOf(*images[view], *database, static_cast<int>(view),
+                               config_.segmentation, lights_[view], since_learnt_[view]);
   });
   record_->NoteMasks(arrived);
   absl::Time oldest = arrived.time;

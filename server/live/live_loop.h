@@ -12,6 +12,7 @@
 #include "absl/time/time.h"
 #include "capture/devices.h"
 #include "capture/segmentation/settings.h"
+#include "capture/segmentation/slow_light.h"
 #include "server/live/image_judge.h"
 #include "server/live/joint_poller.h"
 #include "server/live/live_record.h"
@@ -83,6 +84,12 @@ class LiveLoop {
   std::unique_ptr<CameraRig> cameras_;  // null: to be opened
   std::vector<size_t> places_;          // in the rig, by view of the cell
   ImageJudge judge_;
+  // What the light has slowly become, by view, since the references of this database were made;
+  // begun anew with another database.
+  std::shared_ptr<const ServedDatabase> light_of_;
+  std::vector<SlowLight> lights_;
+  std::vector<absl::Duration> since_learnt_;
+  absl::Duration lights_learnt_;  // running clock of the newest image set
   std::optional<JointPoller> joints_;
   std::jthread thread_;  // last: it uses the others
 };
