@@ -44,14 +44,16 @@ class Lines {
   Lines(bool json, int count) : json_(json), left_(count) {}
 
   void PrintUpdate(const std::string& text, const Json& json) {
-    last_news_.reset();
+    had_news_ = false;
     Print(text, json);
     if (left_ > 0 && --left_ == 0) enough_ = true;
   }
 
   // News of the connection, or of time: why nothing is known any more. Not twice the same.
   void PrintNews(client::Reason reason, const std::string& text, const Json& json) {
-    if (std::exchange(last_news_, reason) != reason) Print(text, json);
+    if (std::exchange(had_news_, true) && last_news_ == reason) return;
+    last_news_ = reason;
+    Print(text, json);
   }
 
   // Whether all that was asked for is printed, or the user has had enough.
@@ -65,7 +67,8 @@ class Lines {
   const bool json_;
   int left_;
   bool enough_ = false;
-  std::optional<client::Reason> last_news_;
+  bool had_news_ = false;  // since the last update; the last was:
+  client::Reason last_news_ = client::Reason::kUnspecified;
 };
 
 std::string Skipped(uint64_t scenes) {
