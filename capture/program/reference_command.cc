@@ -1,4 +1,5 @@
 // silhouette-capture reference: takes the images of the empty cell.
+#include <functional>
 #include <iostream>
 #include <memory>
 #include <nlohmann/json.hpp>
@@ -104,28 +105,38 @@ constexpr int kImagesWithRobot = 40;
 
 using Taken = absl::StatusOr<storage::v1::References>;
 
-Taken TakeOfEmptyCell(const CellFile& file, Database& database, int count,
-                      const CaptureObserver& observer) {
-  const auto rig = OpenCamerasOfEmptyCell(file.cell);
-  if (!rig.ok()) return rig.status();
-  auto cameras = CellCameras::Create(database.cell(), **rig);
-  if (!cameras.ok()) return cameras.status();
-  return TakeReferences(*cameras, count, observer);
+// Takes so many sets of images with devices that are open.
+using Take = std::function<Taken(Database& database, int count, const CaptureObserver& observer)>;
+
+absl::StatusOr<Take> OpenEmptyCell(const Cell& cell) {
+  auto opened = OpenCamerasOfEmptyCell(cell);
+  if (!opened.ok()) return opened.status();
+  const std::shared_ptr<CameraRig> rig = *std::move(opened);
+  return [rig](Database& database, int count, const CaptureObserver& observer) -> Taken {
+    auto cameras = CellCameras::Create(database.cell(), *rig);
+    if (!cameras.ok()) return cameras.status();
+    return TakeReferences(*cameras, count, observer);
+  };
 }
 
-Taken TakeWithRobot(const CellFile& file, Database& database, int count,
-                    const CaptureObserver& observer) {
-  const Travel travel(file.cell.grid, file.cell.capture.forbidden_regions);
-  const auto devices = OpenDevices(file.cell, travel);
-  if (!devices.ok()) return devices.status();
-  return TakeReferencesWithRobot(database, travel, *devices->robot, *devices->cameras,
-                                 file.cell.capture, count, observer);
+absl::StatusOr<Take> OpenCellWithRobot(const Cell& cell) {
+  const auto travel = std::make_shared<const Travel>(cell.grid, cell.capture.forbidden_regions);
+  auto opened = OpenDevices(cell, *travel);
+  if (!opened.ok()) return opened.status();
+  const auto devices = std::make_shared<CellDevices>(*std::move(opened));
+  return [travel, devices, settings = cell.capture](Database& database, int count,
+                                                    const CaptureObserver& observer) {
+    return TakeReferencesWithRobot(database, *travel, *devices->robot, *devices->cameras, settings,
+                                   count, observer);
+  };
 }
 
 absl::StatusOr<ExitCode> Run(const ReferenceArguments& options) {
   const CellArguments& arguments = options.cell;
   absl::StatusOr<CellFile> file = OpenCellFile(arguments);
   if (!file.ok()) return file.status();
+  const auto take = options.with_robot ? OpenCellWithRobot(file->cell) : OpenEmptyCell(file->cell);
+  if (!take.ok()) return take.status();
   auto database = OpenOrCreateDatabase(*file);
   if (!database.ok()) return database.status();
   int& count = file->cell.capture.reference_images;
@@ -139,8 +150,7 @@ absl::StatusOr<ExitCode> Run(const ReferenceArguments& options) {
   observer.progress = [&](uint64_t done) { progress->Update(done); };
   observer.say = [&](const std::string& line) { progress->Say(line); };
   observer.stop_requested = StopRequested;
-  const Taken taken = options.with_robot ? TakeWithRobot(*file, **database, count, observer)
-                                         : TakeOfEmptyCell(*file, **database, count, observer);
+  const Taken taken = (*take)(**database, count, observer);
   progress.reset();
   if (absl::IsCancelled(taken.status())) {
     std::cerr << taken.status().message() << "; take them with: " << arguments.Command("reference")

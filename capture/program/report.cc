@@ -26,11 +26,11 @@ std::string State(const CaptureReport& report) {
 
 }  // namespace
 
-bool Room::Suffices(const CapturePlan& plan) const {
+bool DiskRoom::Suffices(const CapturePlan& plan) const {
   return !available || *available >= plan.bytes + raw_bytes + keep_free;
 }
 
-std::string TooLittleRoom(const CapturePlan& plan, const Room& room) {
+std::string TooLittleRoom(const CapturePlan& plan, const DiskRoom& room) {
   return absl::StrFormat(
       "the disk has %s free; up to %s are needed%s, and %s are to stay free (keep_free): make "
       "room, "
@@ -42,7 +42,7 @@ std::string TooLittleRoom(const CapturePlan& plan, const Room& room) {
       Megabytes(room.keep_free));
 }
 
-std::string PlanText(const CapturePlan& plan, const Room& room) {
+std::string PlanText(const CapturePlan& plan, const DiskRoom& room) {
   std::string text =
       absl::StrFormat("to capture         %d configurations\n", plan.captures.size());
   if (!plan.exclusions.empty()) {
@@ -69,7 +69,7 @@ std::string PlanText(const CapturePlan& plan, const Room& room) {
   return text;
 }
 
-nlohmann::json PlanJson(const CapturePlan& plan, const Room& room) {
+nlohmann::json PlanJson(const CapturePlan& plan, const DiskRoom& room) {
   nlohmann::json json = {{"dry_run", true},
                          {"configurations", plan.captures.size()},
                          {"exclusions", plan.exclusions.size()},

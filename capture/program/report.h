@@ -12,7 +12,7 @@
 namespace silhouette {
 
 // What a plan needs of the disk, and what there is.
-struct Room {
+struct DiskRoom {
   uint64_t raw_bytes = 0;             // about, for raw images
   std::optional<uint64_t> available;  // nothing if that is not known
   uint64_t keep_free = 0;
@@ -21,10 +21,10 @@ struct Room {
   bool Suffices(const CapturePlan& plan) const;
 };
 
-std::string PlanText(const CapturePlan& plan, const Room& room);
-nlohmann::json PlanJson(const CapturePlan& plan, const Room& room);
+std::string PlanText(const CapturePlan& plan, const DiskRoom& room);
+nlohmann::json PlanJson(const CapturePlan& plan, const DiskRoom& room);
 // Why a plan does not fit on the disk, and the mend.
-std::string TooLittleRoom(const CapturePlan& plan, const Room& room);
+std::string TooLittleRoom(const CapturePlan& plan, const DiskRoom& room);
 
 std::string ReportText(const CaptureReport& report);
 nlohmann::json ReportJson(const CaptureReport& report);

@@ -39,7 +39,7 @@ absl::StatusOr<ExitCode> DryRun(const Options& options, const CellFile& file,
   const Database* stored = database.ok() ? database->get() : nullptr;
   const auto plan = MakePlan(options.plan, options.cell, file.cell, travel, stored);
   if (!plan.ok()) return plan.status();
-  const Room room = RoomFor(*plan, file, stored);
+  const DiskRoom room = RoomFor(*plan, file, stored);
   if (options.cell.json()) {
     std::cout << PlanJson(*plan, room).dump(2) << std::endl;
   } else {
@@ -50,7 +50,7 @@ absl::StatusOr<ExitCode> DryRun(const Options& options, const CellFile& file,
 
 // What the log says of a session before it begins.
 void WriteBegin(const Options& options, const CellFile& file, const CapturePlan& plan,
-                const Room& room, SessionLog& log) {
+                const DiskRoom& room, SessionLog& log) {
   const CaptureSettings& settings = file.cell.capture;
   const absl::Time now = absl::Now();
   log.Write(absl::StrFormat("session begins: cell '%s', database %s, --only %s", file.cell.name,
@@ -221,7 +221,7 @@ absl::StatusOr<ExitCode> Run(const Options& options) {
   absl::StatusOr<SessionLog> log =
       SessionLog::Open(options.log.empty() ? DefaultLogFile(file->database) : options.log);
   if (!log.ok()) return log.status();
-  const Room room = RoomFor(*plan, *file, database->get());
+  const DiskRoom room = RoomFor(*plan, *file, database->get());
   if (!room.Suffices(*plan)) std::cerr << TooLittleRoom(*plan, room) << std::endl;
   WriteBegin(options, *file, *plan, room, *log);
   if ((*database)->set() != schema::kDefaultSet) {

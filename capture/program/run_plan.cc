@@ -122,8 +122,9 @@ absl::StatusOr<CapturePlan> MakePlan(const PlanArguments& arguments,
   return plan;
 }
 
-Room RoomFor(const CapturePlan& plan, const CellFile& file, const Database* database) {
-  Room room{.raw_bytes = 0, .available = std::nullopt, .keep_free = file.cell.capture.keep_free};
+DiskRoom RoomFor(const CapturePlan& plan, const CellFile& file, const Database* database) {
+  DiskRoom room{
+      .raw_bytes = 0, .available = std::nullopt, .keep_free = file.cell.capture.keep_free};
   const CaptureSettings& settings = file.cell.capture;
   uint64_t images = plan.captures.size();
   if (settings.raw_images == RawImages::kNone) images = 0;

@@ -28,6 +28,6 @@ absl::StatusOr<CapturePlan> MakePlan(const PlanArguments& arguments,
                                      const Travel& travel, const Database* database);
 
 // What a plan needs of the disk, and what there is.
-Room RoomFor(const CapturePlan& plan, const CellFile& file, const Database* database);
+DiskRoom RoomFor(const CapturePlan& plan, const CellFile& file, const Database* database);
 
 }  // namespace silhouette

@@ -25,7 +25,7 @@ struct SessionFacts {
   std::vector<ConfigurationNumber> suspects;
   std::vector<Standing> standings;  // by number
   storage::v1::CaptureHistory history;
-  Repeatability repeatability;
+  CaptureRepeatability repeatability;
   uint64_t raw_images = 0;  // configurations that have them
   // The newest lines of the log, and how many there are.
   std::vector<std::string> story;

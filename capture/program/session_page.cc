@@ -31,7 +31,7 @@ std::string Tile(const char* grade, const std::string& name, const std::string& 
 
 std::string Tiles(const SessionFacts& facts) {
   const DatabaseStatistics& all = facts.statistics;
-  const Repeatability& repeat = facts.repeatability;
+  const CaptureRepeatability& repeat = facts.repeatability;
   double shift = 0;
   for (const ViewRepeatability& view : repeat.views) {
     if (std::isfinite(view.greatest_shift)) shift = std::max(shift, view.greatest_shift);
@@ -86,7 +86,7 @@ std::string ViewTable(const SessionFacts& facts, const storage::v1::CellDescript
 }
 
 std::string RepeatabilityTable(const SessionFacts& facts) {
-  const Repeatability& repeat = facts.repeatability;
+  const CaptureRepeatability& repeat = facts.repeatability;
   if (repeat.checks + repeat.alarms == 0) {
     return "<h2>Repeatability</h2>\n<div class=\"card\">The sentinels were not visited "
            "yet.</div>\n";

@@ -59,9 +59,9 @@ absl::StatusOr<std::vector<ConfigurationNumber>> SuspectNumbers(const Snapshot& 
   return numbers;
 }
 
-Repeatability RepeatabilityOf(const storage::v1::CaptureHistory& history,
-                              const storage::v1::CellDescription& cell) {
-  Repeatability result;
+CaptureRepeatability RepeatabilityOf(const storage::v1::CaptureHistory& history,
+                                     const storage::v1::CellDescription& cell) {
+  CaptureRepeatability result;
   std::vector<int> with_shift(static_cast<size_t>(cell.views_size()), 0);
   for (const storage::v1::View& view : cell.views()) result.views.push_back({.name = view.name()});
   int sights = 0;

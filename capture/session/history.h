@@ -41,7 +41,7 @@ struct ViewRepeatability {
   double greatest_gain = 1;
 };
 
-struct Repeatability {
+struct CaptureRepeatability {
   int checks = 0;
   int alarms = 0;
   // Root mean square and largest of the joint that differed most from where it was at first.
@@ -50,7 +50,7 @@ struct Repeatability {
   std::vector<ViewRepeatability> views;
 };
 
-Repeatability RepeatabilityOf(const storage::v1::CaptureHistory& history,
-                              const storage::v1::CellDescription& cell);
+CaptureRepeatability RepeatabilityOf(const storage::v1::CaptureHistory& history,
+                                     const storage::v1::CellDescription& cell);
 
 }  // namespace silhouette

@@ -165,9 +165,7 @@ TEST_F(CaptureProgram, DatabaseOfAnotherCellIsRefusedWithTheDifference) {
     ExpectMistake(cell_.Run(cell_.Arguments(command)),
                   "joint 'joint_3': steps is 6 in the cell file, 5 in the database");
   }
-  cell_.WriteCell({{"  settle: 5 ms\n", "  settle: 5 ms\nsegmentation: {noise_factor: 5}\n"},
-                   {"  reference_images: 3\n", ""},
-                   {"  commit_interval: 20 ms\n", ""}});
+  cell_.WriteCell({{"capture:\n", "segmentation: {noise_factor: 5}\ncapture:\n"}});
   ExpectMistake(cell_.Run(cell_.Arguments("run")), "noise_factor");
 }
 

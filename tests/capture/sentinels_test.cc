@@ -86,7 +86,7 @@ TEST_F(SentinelsTest, AreVisitedAtIntervalsAndAtTheEnd) {
   EXPECT_EQ(report.suspect, 0u);
   const auto history = cell_.database->Read()->CaptureHistory();
   EXPECT_EQ(history->checks_size(), 29);
-  const Repeatability repeatability = RepeatabilityOf(*history, cell_.database->cell());
+  const CaptureRepeatability repeatability = RepeatabilityOf(*history, cell_.database->cell());
   EXPECT_EQ(repeatability.checks, 29);
   EXPECT_EQ(repeatability.views[0].sights, 2 * 29);
   EXPECT_LT(repeatability.views[0].greatest_shift, 0.05);
