@@ -35,25 +35,20 @@ function(silhouette_library name)
   target_include_directories(silhouette_${name} PUBLIC $<BUILD_INTERFACE:${PROJECT_SOURCE_DIR}>)
 endfunction()
 
-# silhouette_cold(NAME)
-# Code that takes longer to compile than to run, such as the commands of programs: with sanitizers it
-# is not optimised.
-function(silhouette_cold name)
-  if(SILHOUETTE_SANITIZE)
-    target_compile_options(${name} PRIVATE -O0)
-  endif()
-endfunction()
-
 # All programs.
 add_custom_target(programs)
 
 # silhouette_program(NAME SOURCES main.cc ... LIBRARIES targets)
-# A program build/<preset>/bin/NAME that is installed with the project.
+# A program build/<preset>/bin/NAME that is installed with the project. With sanitizers it is built
+# only if asked for: its commands are half of all there is to compile, and call what the tests of
+# the libraries look into.
 function(silhouette_program name)
   cmake_parse_arguments(PARSE_ARGV 1 arg "" "" "SOURCES;LIBRARIES")
   add_executable(${name} ${arg_SOURCES})
   target_link_libraries(${name} PRIVATE ${arg_LIBRARIES} silhouette_options)
-  silhouette_cold(${name})
+  if(SILHOUETTE_SANITIZE)
+    set_target_properties(${name} PROPERTIES EXCLUDE_FROM_ALL ON)
+  endif()
   add_dependencies(programs ${name})
   install(TARGETS ${name} RUNTIME DESTINATION ${CMAKE_INSTALL_BINDIR} COMPONENT programs)
 endfunction()
@@ -64,9 +59,13 @@ add_custom_target(thread_tests)
 # silhouette_test(NAME SOURCES a_test.cc ... LIBRARIES targets
 #                 [LABELS labels] [TIMEOUT seconds] [DEPENDS targets])
 # A GoogleTest program whose tests CTest lists one by one. The label `threads` puts it into the
-# thread-sanitizer run. DEPENDS names the programs that the tests start.
+# thread-sanitizer run. DEPENDS names the programs that the tests start; with sanitizers there are
+# no such tests.
 function(silhouette_test name)
   cmake_parse_arguments(PARSE_ARGV 1 arg "" "TIMEOUT" "SOURCES;LIBRARIES;LABELS;DEPENDS")
+  if(arg_DEPENDS AND SILHOUETTE_SANITIZE)
+    return()
+  endif()
   add_executable(${name} ${arg_SOURCES})
   set_target_properties(${name} PROPERTIES
     RUNTIME_OUTPUT_DIRECTORY ${PROJECT_BINARY_DIR}/tests)
