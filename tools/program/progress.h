@@ -38,8 +38,8 @@ class Progress {
   bool drawn_ = false;
 };
 
-// A moment as people say it, in local time: "06:12", "Mon 06:12" if it is not today, with the date if
-// it is more than six days away.
+// A moment as people say it, in local time: "06:12", "Mon 06:12" if it is not today, with the date
+// if it is more than six days away.
 std::string ClockTime(absl::Time time, absl::Time now);
 
 // "1 h 12 min", "3 min 20 s", "4.2 s": a duration as people say it.
