@@ -97,7 +97,7 @@ TEST_F(GigeCamera, TriggeredTogetherShowTheCellAsItIsThen) {
 TEST_F(GigeCamera, RunningFreeNeverShowsTheTimeBefore) {
   const auto set = Open(names_, [](GenicamSource& source) {
     source.trigger = CameraTrigger::kFree;
-    source.latency = absl::Milliseconds(300);
+    source.latency = absl::Seconds(1);
   });
   for (int i = 0; i < 3; ++i) {
     Turn(0.5 * i);
