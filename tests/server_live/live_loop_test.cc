@@ -3,6 +3,7 @@
 
 #include <gmock/gmock.h>
 
+#include "tests/server/tool_set.h"
 #include "tests/server_live/live_cell.h"
 
 namespace silhouette {
@@ -21,6 +22,21 @@ TEST_F(LiveLoopTest, ImagesAndJointsBecomeScenesAgainAndAgain) {
   EXPECT_GT(later->oldest, first->oldest);
   EXPECT_TRUE(record->Status().serving);
   EXPECT_GE(record->Status().to_scene.count, 3u);
+}
+
+TEST_F(LiveLoopTest, WhichOfSeveralSetsShowsTheRobotIsNotGuessed) {
+  const FreshFolder folder;
+  MakeDatabase(folder / "db", {.references = true});
+  AddTools(folder / "db");
+  const std::shared_ptr<const ServedDatabase> two_sets = LoadDatabase(folder / "db");
+  // A database that gets a second set while scenes are made of it.
+  ASSERT_TRUE(Start().ok());
+  GoodScene();
+  scenes.ReplaceDatabase(two_sets);
+  WaitUntil([&] { return record->Status().lost_sets > 0; }, "a set of images without a scene");
+  EXPECT_EQ(Newest(), nullptr);
+  loop.reset();
+  EXPECT_THAT(std::string(Start().message()), HasSubstr("nobody says which of them"));
 }
 
 TEST_F(LiveLoopTest, WhatStandsInTheCellIsInTheNextScene) {
