@@ -12,7 +12,6 @@
 #include "capture/cell_robot.h"
 #include "capture/segmentation/difference.h"
 #include "capture/segmentation/down_sampling.h"
-#include "server/live/parallel.h"
 
 namespace silhouette {
 namespace {
@@ -84,7 +83,8 @@ LiveLoop::LiveLoop(const LiveConfig& config, LiveScenes scenes, std::shared_ptr<
       scenes_(std::move(scenes)),
       record_(std::move(record)),
       cell_(cell),
-      judge_(cell, config.scene.max_age) {}
+      judge_(cell, config.scene.max_age),
+      helpers_(config.live.threads) {}
 
 absl::StatusOr<std::unique_ptr<LiveLoop>> LiveLoop::Start(const LiveConfig& config,
                                                           LiveDevices devices, LiveScenes scenes,
@@ -227,7 +227,7 @@ absl::Status LiveLoop::Publish(const std::vector<std::optional<CameraImage>>& im
   for (absl::Duration& since : since_learnt_) since += arrived.running - lights_learnt_;
   lights_learnt_ = arrived.running;
   std::vector<absl::StatusOr<Mask>> masks(images.size(), absl::StatusOr<Mask>(Mask()));
-  ForEachAtOnce(images.size(), config_.live.threads, [&](size_t view) {
+  helpers_.ForEach(images.size(), [&](size_t view) {
     if (!images[view]) return;
     masks[view] = ForegroundOf(*images[view], *database, static_cast<int>(view),
                                config_.segmentation, lights_[view], since_learnt_[view]);

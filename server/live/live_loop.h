@@ -13,6 +13,7 @@
 #include "capture/devices.h"
 #include "capture/segmentation/settings.h"
 #include "capture/segmentation/slow_light.h"
+#include "server/live/helpers.h"
 #include "server/live/image_judge.h"
 #include "server/live/joint_poller.h"
 #include "server/live/live_record.h"
@@ -91,6 +92,7 @@ class LiveLoop {
   std::vector<SlowLight> lights_;
   std::vector<absl::Duration> since_learnt_;
   absl::Duration lights_learnt_;  // running clock of the newest image set
+  Helpers helpers_;
   std::optional<JointPoller> joints_;
   std::jthread thread_;  // last: it uses the others
 };

@@ -5,8 +5,8 @@
 #include <vector>
 
 #include "server/live/fault_log.h"
+#include "server/live/helpers.h"
 #include "server/live/latency_record.h"
-#include "server/live/parallel.h"
 #include "server/live/pause.h"
 
 namespace silhouette {
@@ -132,13 +132,16 @@ TEST(Backoff, WaitsTwiceAsLongEachTimeUpToTheLongest) {
   EXPECT_EQ(backoff.Next(), absl::Milliseconds(50));
 }
 
-TEST(ForEachAtOnce, DoesEachOnceWhateverTheNumberOfThreads) {
+TEST(Helpers, DoEachOnceAgainAndAgainWhateverTheirNumber) {
   for (const int threads : {0, 1, 2, 9}) {
+    Helpers helpers(threads);
     std::vector<int> done(5);
-    ForEachAtOnce(done.size(), threads, [&](size_t i) { ++done[i]; });
-    EXPECT_EQ(done, std::vector<int>(5, 1)) << threads;
+    for (int round = 1; round <= 200; ++round) {
+      helpers.ForEach(done.size(), [&](size_t i) { ++done[i]; });
+      ASSERT_EQ(done, std::vector<int>(5, round)) << threads;
+    }
+    helpers.ForEach(0, [](size_t) { FAIL(); });
   }
-  ForEachAtOnce(0, 2, [](size_t) { FAIL(); });
 }
 
 }  // namespace
