@@ -69,12 +69,7 @@ absl::StatusOr<std::vector<CameraFile>> ReadCameraFolder(const std::string& fold
 
 absl::StatusOr<std::string> WriteCameraFile(const std::string& folder, const std::string& view,
                                             const CameraModel& camera) {
-  std::error_code error;
-  fs::create_directories(folder, error);
-  if (error) {
-    return absl::FailedPreconditionError(
-        absl::StrCat("the folder '", folder, "' cannot be made: ", error.message()));
-  }
+  if (absl::Status made = MakeFolder(folder); !made.ok()) return made;
   const std::string path = (fs::path(folder) / CameraFileName(view)).string();
   const absl::Status written = WriteWholeFile(path, CameraFileText(MessageOf(camera), view));
   if (!written.ok()) return written;

@@ -27,12 +27,7 @@ struct Arguments {
 };
 
 absl::Status Draw(const std::string& folder, const Checked& checked) {
-  std::error_code error;
-  fs::create_directories(folder, error);
-  if (error) {
-    return absl::FailedPreconditionError(
-        absl::StrCat("the folder '", folder, "' cannot be made: ", error.message()));
-  }
+  if (absl::Status made = MakeFolder(folder); !made.ok()) return made;
   for (size_t i = 0; i < checked.drifts.size(); ++i) {
     const ViewDrift& drift = checked.drifts[i];
     const std::string file = (fs::path(folder) / absl::StrCat("check_", drift.view, ".png"));

@@ -55,16 +55,6 @@ absl::Status LoadLens(const std::string& folder, const std::string& view,
   return absl::OkStatus();
 }
 
-absl::Status MakeFolder(const fs::path& folder) {
-  std::error_code error;
-  fs::create_directories(folder, error);
-  if (error) {
-    return absl::FailedPreconditionError(
-        absl::StrCat("cannot make the folder '", folder.string(), "': ", error.message()));
-  }
-  return absl::OkStatus();
-}
-
 }  // namespace
 
 absl::StatusOr<DetectSettings> LoadDetectSettings(const DetectArguments& arguments,
@@ -77,7 +67,7 @@ absl::StatusOr<DetectSettings> LoadDetectSettings(const DetectArguments& argumen
       status = LoadLens(arguments.cameras, view, settings);
     }
     if (status.ok() && !settings.draw.empty()) {
-      status = MakeFolder(fs::path(settings.draw) / FileName(view));
+      status = MakeFolder((fs::path(settings.draw) / FileName(view)).string());
     }
   }
   if (!status.ok()) return status;

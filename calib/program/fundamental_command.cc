@@ -127,12 +127,7 @@ absl::StatusOr<std::vector<std::string>> DrawBands(const Arguments& arguments, c
                                                    bool of_models) {
   absl::StatusOr<std::map<std::string, Picture>> images = ReadImages(arguments, found);
   if (!images.ok()) return images.status();
-  std::error_code error;
-  fs::create_directories(arguments.draw, error);
-  if (error) {
-    return absl::FailedPreconditionError(
-        absl::StrCat("the folder '", arguments.draw, "' cannot be made: ", error.message()));
-  }
+  if (absl::Status made = MakeFolder(arguments.draw); !made.ok()) return made;
   const Calibration calibration = CalibrationOf(found, of_models);
   // An image shows one frame.
   const bool any_frame = arguments.images.empty() || !arguments.frame.empty();

@@ -45,14 +45,6 @@ struct Arguments {
   std::string format = "text";
 };
 
-absl::Status MakeFolder(const std::string& folder) {
-  std::error_code error;
-  fs::create_directories(folder, error);
-  if (!error) return absl::OkStatus();
-  return absl::FailedPreconditionError(
-      absl::StrCat("the folder '", folder, "' cannot be made: ", error.message()));
-}
-
 // The size that is given for a view; nothing if none is.
 absl::StatusOr<std::optional<PixelSize>> SizeOf(const Arguments& arguments,
                                                 const std::string& view) {

@@ -132,12 +132,7 @@ absl::StatusOr<ExitCode> Work(Arguments arguments) {
   auto settings = SettingsOf(arguments.session, *cell, *robot);
   if (!settings.ok()) return settings.status();
   arguments.session.flange_board = settings->flange_board;
-  std::error_code error;
-  fs::create_directories(settings->folder, error);
-  if (error) {
-    return absl::FailedPreconditionError(
-        absl::StrCat("the folder '", settings->folder, "' cannot be made: ", error.message()));
-  }
+  if (absl::Status made = MakeFolder(settings->folder); !made.ok()) return made;
   auto record = ReadRecord(settings->folder, *robot);
   if (!record.ok()) return record.status();
   if (!arguments.resume && !record->frames.empty()) {

@@ -18,6 +18,7 @@
 #include "capture/drivers/v4l2_devices.h"
 #include "capture/open_devices/cell_devices.h"
 #include "capture/program/commands.h"
+#include "tools/picture/files.h"
 #include "tools/picture/picture.h"
 #include "tools/picture/sheet.h"
 
@@ -87,12 +88,7 @@ double MeanLevel(const CameraImage& image) {
 
 // A PNG per view and a sheet of all.
 absl::Status WritePictures(const std::string& folder, const Taken& taken) {
-  std::error_code error;
-  fs::create_directories(folder, error);
-  if (error) {
-    return absl::FailedPreconditionError(
-        absl::StrCat("the folder '", folder, "' cannot be made: ", error.message()));
-  }
+  if (absl::Status made = MakeFolder(folder); !made.ok()) return made;
   std::vector<CaptionedPicture> pictures;
   for (size_t v = 0; v < taken.images.size(); ++v) {
     const CameraImage& image = taken.images[v];

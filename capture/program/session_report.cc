@@ -1,9 +1,7 @@
 #include "capture/program/session_report.h"
 
-#include <filesystem>
 #include <optional>
 
-#include "absl/strings/str_cat.h"
 #include "absl/time/clock.h"
 #include "capture/program/session_page.h"
 #include "capture/program/session_pictures.h"
@@ -54,12 +52,7 @@ absl::StatusOr<SessionFacts> WriteSessionReport(const CellArguments& arguments,
                                                 const std::string& cell_name,
                                                 const Database& database, const std::string& log,
                                                 const std::string& folder) {
-  std::error_code error;
-  std::filesystem::create_directories(folder, error);
-  if (error) {
-    return absl::FailedPreconditionError(
-        absl::StrCat("folder '", folder, "' cannot be made: ", error.message()));
-  }
+  if (absl::Status made = MakeFolder(folder); !made.ok()) return made;
   const auto snapshot = database.Read();
   if (!snapshot.ok()) return snapshot.status();
   auto facts = GatherFacts(arguments, database, *snapshot, log);

@@ -51,12 +51,7 @@ Picture LargePicture(const std::string& png) {
 
 // A file per image, and all of them on one sheet.
 absl::Status WriteImages(const client::Explanation& explanation, const std::string& folder) {
-  std::error_code error;
-  fs::create_directories(folder, error);
-  if (error) {
-    return absl::FailedPreconditionError(
-        absl::StrCat("the folder '", folder, "' cannot be made: ", error.message()));
-  }
+  if (absl::Status made = MakeFolder(folder); !made.ok()) return made;
   std::vector<CaptionedPicture> sheet;
   for (const client::ViewPictures& view : explanation.views) {
     for (const auto& [name, png] : ImagesOf(view)) {

@@ -183,12 +183,7 @@ absl::StatusOr<std::vector<std::string>> WriteCalibration(
     files.emplace_back(out, calibration.has_record() ? SessionFileText({calibration, {}}, cell)
                                                      : MatrixFileText(calibration, cell));
   } else {
-    std::error_code error;
-    fs::create_directories(out, error);
-    if (error) {
-      return absl::FailedPreconditionError(
-          absl::StrCat("folder '", out, "' cannot be made: ", error.message()));
-    }
+    if (absl::Status made = MakeFolder(out); !made.ok()) return made;
   }
   for (int i = 0; i < calibration.cameras_size(); ++i) {
     const std::string& view = cell.views(i).name();

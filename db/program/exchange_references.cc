@@ -48,10 +48,7 @@ absl::StatusOr<storage::v1::Reference> ReadReference(const std::string& folder,
 
 absl::Status ExportReferences(const std::string& folder, const storage::v1::CellDescription& cell,
                               const storage::v1::References& references) {
-  std::error_code error;
-  fs::create_directories(fs::path(folder) / "references", error);
-  if (error)
-    return absl::FailedPreconditionError(absl::StrCat("'", folder, "': ", error.message()));
+  if (absl::Status made = MakeFolder(absl::StrCat(folder, "/references")); !made.ok()) return made;
   std::string table = absl::StrCat(kHeader, "\n");
   for (int i = 0; i < references.views_size(); ++i) {
     const storage::v1::Reference& reference = references.views(i);

@@ -10,6 +10,7 @@
 #include "db/program/commands.h"
 #include "db/program/common.h"
 #include "db/program/exchange.h"
+#include "tools/picture/files.h"
 #include "tools/picture/mask_png.h"
 #include "tools/program/progress.h"
 
@@ -27,12 +28,8 @@ struct Options {
 std::string Number(double value) { return absl::StrFormat("%.17g", value); }
 
 absl::Status PrepareFolder(const std::string& folder) {
+  if (absl::Status made = MakeFolder(folder); !made.ok()) return made;
   std::error_code error;
-  fs::create_directories(folder, error);
-  if (error) {
-    return absl::FailedPreconditionError(
-        absl::StrCat("folder '", folder, "' cannot be made: ", error.message()));
-  }
   if (!fs::is_empty(folder, error) || error) {
     return absl::FailedPreconditionError(
         absl::StrCat("folder '", folder, "' is not empty; give a new one"));
@@ -89,9 +86,8 @@ class Exporter {
     const std::string place = absl::StrFormat(
         "masks/%s/%d", PathPart(database_.cell().views(view).name()), number / kTileSize);
     if (made_.insert(place).second) {
-      std::error_code error;
-      fs::create_directories(fs::path(folder_) / place, error);
-      if (error) return absl::InternalError(absl::StrCat("'", place, "': ", error.message()));
+      if (absl::Status made = MakeFolder(absl::StrCat(folder_, "/", place)); !made.ok())
+        return made;
     }
     const std::string path = absl::StrFormat("%s/%d.png", place, number);
     const absl::Status status = WriteMaskPng(folder_ + "/" + path, mask);

@@ -128,7 +128,7 @@ TEST_F(PaperCommand, MistakesAreOneSentence) {
   EXPECT_EQ(Run("--rigs C").exit_code, 2);
   const Outcome no_folder = Run("--out " + (folder_ / "out").string());
   EXPECT_EQ(no_folder.exit_code, 2);
-  EXPECT_THAT(no_folder.err, HasSubstr("cannot make the folder"));
+  EXPECT_THAT(no_folder.err, HasSubstr("cannot be made"));
   EXPECT_EQ(Run("--settings " + (folder_ / "nowhere.yaml").string()).exit_code, 2);
 }
 

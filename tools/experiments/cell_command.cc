@@ -1,5 +1,4 @@
 // silhouette-experiments cell
-#include <filesystem>
 #include <iostream>
 #include <memory>
 #include <optional>
@@ -11,6 +10,7 @@
 #include "tools/experiments/cell_results.h"
 #include "tools/experiments/commands.h"
 #include "tools/experiments/found_calibration.h"
+#include "tools/picture/files.h"
 #include "tools/program/program.h"
 #include "tools/program/progress.h"
 
@@ -198,12 +198,7 @@ absl::StatusOr<ExitCode> Measure(const Arguments& arguments) {
   const auto workplace = SimulatedWorkplace::Load(arguments.cell);
   if (!workplace.ok()) return workplace.status();
   if (!arguments.out.empty()) {
-    std::error_code error;
-    std::filesystem::create_directories(arguments.out, error);
-    if (error) {
-      return absl::InvalidArgumentError(
-          absl::StrCat("cannot make the folder '", arguments.out, "': ", error.message()));
-    }
+    if (absl::Status made = MakeFolder(arguments.out); !made.ok()) return made;
   }
   CatchStopSignals();
   const auto database = OpenDatabase(arguments, *workplace);

@@ -12,6 +12,7 @@
 #include "tools/experiments/commands.h"
 #include "tools/experiments/hidden/picture.h"
 #include "tools/experiments/hidden/study.h"
+#include "tools/picture/files.h"
 #include "tools/program/program.h"
 #include "tools/program/progress.h"
 
@@ -135,13 +136,7 @@ nlohmann::ordered_json JsonOf(const std::vector<Row>& rows) {
 
 int RunHidden(const Arguments& arguments) {
   if (!arguments.out.empty()) {
-    std::error_code error;
-    fs::create_directories(arguments.out, error);
-    if (error) {
-      return Report(kName,
-                    absl::FailedPreconditionError(absl::StrCat(
-                        "the folder '", arguments.out, "' cannot be made: ", error.message())));
-    }
+    if (absl::Status made = MakeFolder(arguments.out); !made.ok()) return Report(kName, made);
   }
   const absl::StatusOr<std::vector<Row>> rows = Measure(arguments);
   if (!rows.ok()) return Report(kName, rows.status());

@@ -1,6 +1,5 @@
 // silhouette-experiments paper
 #include <algorithm>
-#include <filesystem>
 #include <iostream>
 #include <map>
 #include <memory>
@@ -110,14 +109,6 @@ nlohmann::ordered_json JsonOfBoth(const std::vector<Row>& rows,
   nlohmann::ordered_json all = JsonOf(rows);
   for (nlohmann::ordered_json& row : JsonOf(methods)) all.push_back(std::move(row));
   return all;
-}
-
-absl::Status MakeFolder(const std::string& folder) {
-  std::error_code error;
-  std::filesystem::create_directories(folder, error);
-  if (!error) return absl::OkStatus();
-  return absl::FailedPreconditionError(
-      absl::StrCat("cannot make the folder '", folder, "': ", error.message()));
 }
 
 // What --out asks for.

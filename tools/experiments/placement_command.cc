@@ -15,6 +15,7 @@
 #include "tools/experiments/placement/map.h"
 #include "tools/experiments/placement/places.h"
 #include "tools/experiments/placement/trials.h"
+#include "tools/picture/files.h"
 #include "tools/program/program.h"
 #include "tools/program/progress.h"
 
@@ -217,12 +218,7 @@ void PrintText(const Result& result) {
 
 int RunPlacement(const Arguments& arguments) {
   if (!arguments.out.empty()) {
-    std::error_code error;
-    std::filesystem::create_directories(arguments.out, error);
-    if (error) {
-      return Report(kName, absl::FailedPreconditionError(absl::StrCat(
-                               "cannot make the folder '", arguments.out, "': ", error.message())));
-    }
+    if (absl::Status made = MakeFolder(arguments.out); !made.ok()) return Report(kName, made);
   }
   const absl::StatusOr<Result> result = Choose(arguments);
   if (!result.ok()) return Report(kName, result.status());

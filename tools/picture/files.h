@@ -15,4 +15,8 @@ absl::StatusOr<std::string> ReadWholeFile(const std::string& path);
 // Overwrites. Besides the errors above: ResourceExhausted if the disk is full.
 absl::Status WriteWholeFile(const std::string& path, std::string_view bytes);
 
+// Makes the folder and those that it is in, as far as they are not there. FailedPrecondition if
+// that cannot be.
+absl::Status MakeFolder(const std::string& path);
+
 }  // namespace silhouette

@@ -5,7 +5,6 @@
 #include <nlohmann/json.hpp>
 #include <system_error>
 
-#include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
 #include "calib/calibration_camera_file.h"
 #include "calib/calibration_message.h"
@@ -65,12 +64,7 @@ absl::StatusOr<Written> WriteTruth(const Arguments& arguments) {
   if (!views.ok()) return views.status();
   const auto settings = LoadSimulation(cell->simulation);
   if (!settings.ok()) return settings.status();
-  std::error_code error;
-  fs::create_directories(arguments.out, error);
-  if (error) {
-    return absl::FailedPreconditionError("the folder '" + arguments.out +
-                                         "' cannot be made: " + error.message());
-  }
+  if (absl::Status made = MakeFolder(arguments.out); !made.ok()) return made;
   Written written;
   for (const SimulatedView& view : *views) {
     const absl::StatusOr<size_t> camera = CameraOf(*settings, view);

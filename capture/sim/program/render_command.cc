@@ -6,7 +6,6 @@
 #include <nlohmann/json.hpp>
 #include <system_error>
 
-#include "absl/strings/str_cat.h"
 #include "absl/time/time.h"
 #include "capture/sim/program/commands.h"
 #include "capture/sim/program/workplace.h"
@@ -90,12 +89,7 @@ absl::StatusOr<HeldBoard> ParseHeldBoard(const std::string& text) {
 absl::Status WriteImages(const std::string& folder, const std::vector<std::string>& views,
                          const std::vector<CameraImage>& images,
                          const std::map<std::string, double>& joints) {
-  std::error_code error;
-  fs::create_directories(folder, error);
-  if (error) {
-    return absl::FailedPreconditionError("the folder '" + folder +
-                                         "' cannot be made: " + error.message());
-  }
+  if (absl::Status made = MakeFolder(folder); !made.ok()) return made;
   nlohmann::ordered_json index{
       {"time", absl::FormatTime(absl::RFC3339_full, images.front().captured, absl::UTCTimeZone())},
       {"joints", joints},
