@@ -55,6 +55,8 @@ struct CaptureSettings {
   SentinelSettings sentinels;
   // How long a lost camera or robot is waited for.
   absl::Duration retry = absl::Minutes(5);
+  // Whether a robot that was lost moves on by itself when it is back; else somebody is asked.
+  bool continue_after_reconnect = false;
   // Bytes of the disk that a session leaves free: with less it ends.
   uint64_t keep_free = 200'000'000;
 };

@@ -7,6 +7,7 @@
 #include <string>
 
 #include "absl/strings/str_cat.h"
+#include "absl/strings/str_format.h"
 #include "absl/strings/str_join.h"
 
 namespace silhouette {
@@ -15,7 +16,7 @@ absl::StatusOr<CellRobot> CellRobot::Create(const storage::v1::CellDescription& 
                                             Robot& robot) {
   CellRobot result(robot);
   const std::vector<std::string>& known = robot.joints();
-  std::vector<std::string> names;
+  std::vector<std::string>& names = result.names_;
   for (const storage::v1::GridJoint& joint : cell.grid_joints()) {
     names.push_back(joint.name());
     result.continuous_.push_back(joint.continuous());
@@ -70,19 +71,32 @@ absl::StatusOr<std::vector<double>> CellRobot::Measure() {
   return values;
 }
 
+double CellRobot::DeviationOf(size_t joint, const std::vector<double>& commanded,
+                              const std::vector<double>& measured) const {
+  double deviation = measured[joint] - commanded[joint];
+  if (joint < continuous_.size() && continuous_[joint]) {
+    deviation = std::remainder(deviation, 2 * std::numbers::pi);
+  }
+  return std::isfinite(deviation) ? std::abs(deviation) : INFINITY;
+}
+
 double CellRobot::Deviation(const std::vector<double>& commanded,
                             const std::vector<double>& measured) const {
   double greatest = 0;
   for (size_t i = 0; i < commanded.size(); ++i) {
-    double deviation = measured[i] - commanded[i];
-    if (i < continuous_.size() && continuous_[i]) {
-      deviation = std::remainder(deviation, 2 * std::numbers::pi);
-    }
-    // A value that is not a number deviates most of all.
-    if (!std::isfinite(deviation)) return INFINITY;
-    greatest = std::max(greatest, std::abs(deviation));
+    greatest = std::max(greatest, DeviationOf(i, commanded, measured));
   }
   return greatest;
+}
+
+std::string CellRobot::WhichDeviates(const std::vector<double>& commanded,
+                                     const std::vector<double>& measured) const {
+  size_t most = 0;
+  for (size_t i = 1; i < commanded.size(); ++i) {
+    if (DeviationOf(i, commanded, measured) > DeviationOf(most, commanded, measured)) most = i;
+  }
+  return absl::StrFormat("the joint '%s' is at %.4f instead of %.4f", names_[most], measured[most],
+                         commanded[most]);
 }
 
 }  // namespace silhouette

@@ -2,6 +2,7 @@
 // fixed.
 #pragma once
 
+#include <string>
 #include <vector>
 
 #include "absl/status/status.h"
@@ -30,6 +31,10 @@ class CellRobot {
   // has joints.
   absl::StatusOr<std::vector<double>> Measure();
 
+  // Of the joint that deviates most: "the joint 'wrist' is at 0.31 instead of 0.25".
+  std::string WhichDeviates(const std::vector<double>& commanded,
+                            const std::vector<double>& measured) const;
+
   // The largest deviation of a joint: radians, metres. On a continuous joint of the grid full turns
   // do not count.
   double Deviation(const std::vector<double>& commanded, const std::vector<double>& measured) const;
@@ -39,7 +44,12 @@ class CellRobot {
  private:
   explicit CellRobot(Robot& robot) : robot_(&robot) {}
 
+  // Of a joint by its place; infinite for a value that is not a number.
+  double DeviationOf(size_t joint, const std::vector<double>& commanded,
+                     const std::vector<double>& measured) const;
+
   Robot* robot_;
+  std::vector<std::string> names_;
   std::vector<bool> continuous_;  // per grid joint
   std::vector<double> fixed_;
   std::vector<size_t> place_;  // per joint of the database: its place among the robot's

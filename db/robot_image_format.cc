@@ -245,6 +245,15 @@ absl::StatusOr<RobotImage> DecodeRobotImage(ConfigurationNumber number, std::str
   return image;
 }
 
+void ReadMeasured(std::string_view value, std::vector<double>& measured) {
+  const size_t commanded = static_cast<uint8_t>(value[10]);
+  measured.resize(static_cast<uint8_t>(value[11]));
+  for (size_t i = 0; i < measured.size(); ++i) {
+    measured[i] =
+        std::bit_cast<double>(schema::ReadU64(value.data() + kHeaderSize + 8 * (commanded + i)));
+  }
+}
+
 StoredMasks DecodeMasks(ConfigurationNumber number, std::string_view value,
                         std::span<const MaskSize> mask_sizes, std::span<uint64_t> words,
                         std::string_view base) {

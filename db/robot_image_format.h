@@ -26,6 +26,7 @@
 #include <span>
 #include <string>
 #include <string_view>
+#include <vector>
 
 #include "absl/status/statusor.h"
 #include "db/mask.h"
@@ -55,6 +56,9 @@ std::optional<std::string> OwnValue(ConfigurationNumber number, std::string_view
 absl::StatusOr<RobotImage> DecodeRobotImage(ConfigurationNumber number, std::string_view value,
                                             std::span<const MaskSize> mask_sizes,
                                             std::string_view base = {});
+
+// The measured joint values of the record in `value`, which can be decoded.
+void ReadMeasured(std::string_view value, std::vector<double>& measured);
 
 // What a record says of a configuration's masks.
 enum class StoredMasks {

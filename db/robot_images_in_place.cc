@@ -63,11 +63,14 @@ class RecordWalk {
     }
     const StoredMasks masks =
         DecodeMasks(*number, record.value, snapshot_.state->mask_sizes, words_, record.base);
-    return visit(record, {*number, masks, words_});
+    measured_.clear();
+    if (masks == StoredMasks::kPresent) ReadMeasured(record.value, measured_);
+    return visit(record, {*number, masks, words_, measured_});
   }
 
   Snapshot::Impl& snapshot_;
   std::vector<uint64_t> words_;
+  std::vector<double> measured_;
 };
 
 absl::Status ForEachMasks(const Snapshot& snapshot, const VisitRecord& visit) {

@@ -17,12 +17,13 @@
 
 namespace silhouette {
 
-// A record as it is met. `words`: those of all its masks, one view after another, if `masks` is
-// kPresent; valid until the next record.
+// A record as it is met. If `masks` is kPresent, `words` are those of all its masks, one view after
+// another, and `measured` is RobotImage::measured; both valid until the next record.
 struct MetRecord {
   ConfigurationNumber number = 0;
   StoredMasks masks = StoredMasks::kDamaged;
   std::span<const uint64_t> words;
+  std::span<const double> measured;
 };
 using VisitRecord = std::function<void(const MetRecord&)>;
 

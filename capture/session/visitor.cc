@@ -17,11 +17,28 @@ constexpr absl::Duration kLeastWait = absl::Milliseconds(1);
 }  // namespace
 
 absl::StatusOr<Visit> Visitor::Go(ConfigurationNumber number) {
+  robot_lost_ = false;
+  return GoTo(number);
+}
+
+absl::StatusOr<std::vector<double>> Visitor::Measure() {
+  absl::StatusOr<std::vector<double>> measured = parts_.robot.Measure();
+  robot_lost_ = absl::IsUnavailable(measured.status());
+  return measured;
+}
+
+absl::Status Visitor::MoveTo(const Configuration& place) {
+  absl::Status status = parts_.robot.MoveTo(place);
+  robot_lost_ = absl::IsUnavailable(status);
+  return status;
+}
+
+absl::StatusOr<Visit> Visitor::GoTo(ConfigurationNumber number) {
   absl::StatusOr<std::vector<Configuration>> route;
   if (at_) {
     route = parts_.travel->Route(*at_, number);
   } else {
-    absl::StatusOr<std::vector<double>> here = parts_.robot.Measure();
+    absl::StatusOr<std::vector<double>> here = Measure();
     if (!here.ok()) return here.status();
     here->resize(static_cast<size_t>(parts_.travel->grid().dimensions()));
     route = parts_.travel->RouteFrom(*here, number);
@@ -35,7 +52,7 @@ absl::StatusOr<Visit> Visitor::Go(ConfigurationNumber number) {
   }
   at_.reset();
   for (const Configuration& place : *route) {
-    if (absl::Status status = parts_.robot.MoveTo(place); !status.ok()) return status;
+    if (absl::Status status = MoveTo(place); !status.ok()) return status;
   }
   return TakeImages(number);
 }
@@ -59,18 +76,18 @@ absl::StatusOr<Visit> Visitor::Look(ConfigurationNumber number) {
   const std::vector<double> commanded = parts_.robot.Commanded(parts_.travel->grid().At(number));
   const double tolerance = parts_.settings.joint_tolerance;
   Visit visit;
-  absl::StatusOr<std::vector<double>> measured = parts_.robot.Measure();
+  absl::StatusOr<std::vector<double>> measured = Measure();
   if (!measured.ok()) return measured.status();
   visit.measured = *std::move(measured);
   visit.deviation = parts_.robot.Deviation(commanded, visit.measured);
-  if (visit.deviation > tolerance) return Missed(number, visit.deviation);
+  if (visit.deviation > tolerance) return Missed(number, commanded, visit.measured);
   absl::StatusOr<ImageSet> images = parts_.cameras.Grab(say_);
   if (absl::IsDeadlineExceeded(images.status())) {
     return absl::UnavailableError(images.status().message());
   }
   if (!images.ok()) return images.status();
   visit.images = *std::move(images);
-  const absl::StatusOr<std::vector<double>> after = parts_.robot.Measure();
+  const absl::StatusOr<std::vector<double>> after = Measure();
   if (!after.ok()) return after.status();
   const double moved = parts_.robot.Deviation(visit.measured, *after);
   if (moved > tolerance) {
@@ -78,7 +95,7 @@ absl::StatusOr<Visit> Visitor::Look(ConfigurationNumber number) {
         "configuration %d: the robot moved by %.4f while its images were taken", number, moved));
   }
   visit.deviation = std::max(visit.deviation, parts_.robot.Deviation(commanded, *after));
-  if (visit.deviation > tolerance) return Missed(number, visit.deviation);
+  if (visit.deviation > tolerance) return Missed(number, commanded, *after);
   if (const std::optional<std::string> view = ChangedView(visit.images)) {
     visit.why = absl::StrFormat(
         "configuration %d: the images of the view '%s' still change though the robot stands still",
@@ -104,12 +121,14 @@ std::optional<std::string> Visitor::ChangedView(const ImageSet& images) {
   return std::nullopt;
 }
 
-Visit Visitor::Missed(ConfigurationNumber number, double deviation) {
+Visit Visitor::Missed(ConfigurationNumber number, const std::vector<double>& commanded,
+                      const std::vector<double>& measured) {
   alike_ = 0;
   Visit visit;
-  visit.why = absl::StrFormat("configuration %d: a joint is off by %.4f, more than %.4f", number,
-                              deviation, parts_.settings.joint_tolerance);
-  visit.deviation = deviation;
+  visit.deviation = parts_.robot.Deviation(commanded, measured);
+  visit.why = absl::StrFormat("configuration %d: %s, off by %.4f, more than %.4f", number,
+                              parts_.robot.WhichDeviates(commanded, measured), visit.deviation,
+                              parts_.settings.joint_tolerance);
   return visit;
 }
 

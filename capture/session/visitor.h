@@ -41,7 +41,14 @@ class Visitor {
   // Unavailable: a device is lost, and may come back.
   absl::StatusOr<Visit> Go(ConfigurationNumber number);
 
+  // Whether Go() ended the last time because the robot was lost.
+  bool robot_lost() const { return robot_lost_; }
+
  private:
+  absl::StatusOr<Visit> GoTo(ConfigurationNumber number);
+  // Where the robot's joints are. It and MoveTo() notice that the robot is lost.
+  absl::StatusOr<std::vector<double>> Measure();
+  absl::Status MoveTo(const Configuration& place);
   // Until measurements and images say that the robot has settled, or for settle_timeout.
   absl::StatusOr<Visit> TakeImages(ConfigurationNumber number);
   // Measures, takes one set of images, measures. Without `why` unless kTaken: all is well, but more
@@ -49,12 +56,15 @@ class Visitor {
   absl::StatusOr<Visit> Look(ConfigurationNumber number);
   // A view whose image is not that of the set before.
   std::optional<std::string> ChangedView(const ImageSet& images);
-  Visit Missed(ConfigurationNumber number, double deviation);
+  // The joints are not where they were commanded.
+  Visit Missed(ConfigurationNumber number, const std::vector<double>& commanded,
+               const std::vector<double>& measured);
 
   SessionParts& parts_;
   const std::function<void(const std::string&)> say_;
   // Where the robot stands; nothing if that is not known for sure.
   std::optional<ConfigurationNumber> at_;
+  bool robot_lost_ = false;
   // So many sets of images one after the other are alike, of which `before_` is the last.
   int alike_ = 0;
   std::vector<cv::Mat> before_;

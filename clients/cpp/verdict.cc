@@ -26,7 +26,9 @@ Words WordsFor(Reason reason) {
               "the robot's present configuration was not told, or is outside the grid"};
     case Reason::kFixedJointMoved:
       return {"fixed joint moved",
-              "a joint outside the grid is not where it stood when the robot images were captured"};
+              "a joint outside the grid is not where it stood when the robot images were captured, "
+              "or did not stand where the cell has it then: the scene's defects and 'silhouette-db "
+              "verify' say which"};
     case Reason::kRobotImageOfSceneMissing:
       return {"robot image of scene missing",
               "there is no usable robot image for the robot's present configuration"};

@@ -1,10 +1,12 @@
 // silhouette-db verify: whether everything is there and can be read.
 #include <iostream>
 #include <memory>
+#include <optional>
 #include <set>
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_join.h"
+#include "db/fixed_joints.h"
 #include "db/program/commands.h"
 #include "db/program/common.h"
 #include "db/program/index_check.h"
@@ -18,6 +20,7 @@ struct Options {
   std::string database;
   std::string format = "text";
   bool allow_missing = false;
+  double fixed_joint_tolerance = 0.005;
 };
 
 // Of a set, or of all.
@@ -27,6 +30,8 @@ struct Findings {
   uint64_t excluded = 0;
   uint64_t damaged = 0;
   uint64_t missing = 0;
+  uint64_t elsewhere = 0;  // captured with a fixed joint elsewhere
+  std::vector<FixedJointRange> fixed_joints;
   uint64_t raw_images = 0;  // configurations that have them
   CollisionIndexSummary index;
   std::vector<std::string> faults;
@@ -36,14 +41,50 @@ struct Findings {
     excluded += other.excluded;
     damaged += other.damaged;
     missing += other.missing;
+    elsewhere += other.elsewhere;
     raw_images += other.raw_images;
     faults.insert(faults.end(), other.faults.begin(), other.faults.end());
   }
 };
 
+// Where the fixed joints stood when the robot images were captured.
+class FixedJointCheck {
+ public:
+  FixedJointCheck(const storage::v1::CellDescription& cell, double tolerance)
+      : ranges_(cell), tolerance_(tolerance) {}
+
+  void Take(const RobotImage& image) {
+    if (image.excluded) return;
+    ranges_.Add(image.measured);
+    const std::optional<std::string> elsewhere = ranges_.Elsewhere(image.measured, tolerance_);
+    if (!elsewhere) return;
+    if (count_++ == 0) first_ = *elsewhere;
+    if (numbers_.size() < kMostNumbers) numbers_.push_back(image.number);
+  }
+
+  void Tell(Findings& findings) const {
+    findings.fixed_joints = ranges_.ranges();
+    findings.elsewhere = count_;
+    if (count_ == 0) return;
+    findings.faults.push_back(absl::StrCat(
+        count_, " robot images were captured with a fixed joint elsewhere, the first with ", first_,
+        ", and are not used; move it back, and capture them anew: silhouette-capture run --only ",
+        count_ > kMostNumbers ? "all" : absl::StrJoin(numbers_, ",")));
+  }
+
+ private:
+  static constexpr size_t kMostNumbers = 20;
+
+  FixedJointRanges ranges_;
+  const double tolerance_;
+  uint64_t count_ = 0;
+  std::string first_;
+  std::vector<ConfigurationNumber> numbers_;
+};
+
 // Reads every record, and compares the collision index with them.
 absl::Status ReadRecords(const ConfigurationGrid& grid, const CollisionIndex& index,
-                         Findings& findings) {
+                         FixedJointCheck& fixed_joints, Findings& findings) {
   Progress progress("verify", index.snapshot().size(), "records");
   IndexCheck index_check(index);
   uint64_t done = 0;
@@ -54,6 +95,7 @@ absl::Status ReadRecords(const ConfigurationGrid& grid, const CollisionIndex& in
           absl::StrCat(image.status().message(), " (", JointText(grid, number), ")"));
     } else {
       image->excluded ? ++findings.excluded : ++findings.captured;
+      fixed_joints.Take(*image);
     }
     index_check.Take(number, image);
     progress.Update(++done);
@@ -62,6 +104,7 @@ absl::Status ReadRecords(const ConfigurationGrid& grid, const CollisionIndex& in
   const absl::Status status = index.snapshot().ForEach(visit);
   if (StopRequested()) return Stopped("verify reads the database from its beginning each time");
   index_check.Finish();
+  fixed_joints.Tell(findings);
   findings.faults.insert(findings.faults.end(), index_check.faults().begin(),
                          index_check.faults().end());
   if (absl::IsDataLoss(status)) {
@@ -149,7 +192,8 @@ absl::StatusOr<Findings> VerifySet(const Options& options, const std::string& na
   const bool further = name != schema::kDefaultSet;
   if (!further) CheckMeta(database.cell(), snapshot, findings);
   CheckIndex(**index, findings);
-  absl::Status status = ReadRecords(database.grid(), **index, findings);
+  FixedJointCheck fixed_joints(database.cell(), options.fixed_joint_tolerance);
+  absl::Status status = ReadRecords(database.grid(), **index, fixed_joints, findings);
   if (!status.ok()) return status;
   status = ReadRawImages(database.cell(), snapshot, findings);
   if (!status.ok()) return status;
@@ -161,9 +205,22 @@ absl::StatusOr<Findings> VerifySet(const Options& options, const std::string& na
 }
 
 nlohmann::json JsonOf(const Findings& findings) {
-  return {{"captured", findings.captured},     {"excluded", findings.excluded},
-          {"damaged", findings.damaged},       {"missing", findings.missing},
-          {"raw_images", findings.raw_images}, {"collision_index", StateJson(findings.index)}};
+  return {{"captured", findings.captured},
+          {"excluded", findings.excluded},
+          {"damaged", findings.damaged},
+          {"missing", findings.missing},
+          {"elsewhere", findings.elsewhere},
+          {"raw_images", findings.raw_images},
+          {"collision_index", StateJson(findings.index)}};
+}
+
+nlohmann::json JsonOf(const std::vector<FixedJointRange>& joints) {
+  nlohmann::json json = nlohmann::json::object();
+  for (const FixedJointRange& joint : joints) {
+    json[joint.name] = {
+        {"position", joint.position}, {"lowest", joint.lowest}, {"highest", joint.highest}};
+  }
+  return json;
 }
 
 void PrintJson(const std::vector<Findings>& sets, const Findings& sum) {
@@ -175,6 +232,7 @@ void PrintJson(const std::vector<Findings>& sets, const Findings& sum) {
   for (const Findings& findings : sets) {
     nlohmann::json set = JsonOf(findings);
     set["name"] = findings.set;
+    set["fixed_joints"] = JsonOf(findings.fixed_joints);
     json["sets"].push_back(std::move(set));
   }
   std::cout << json.dump(2) << std::endl;
@@ -185,6 +243,11 @@ void PrintText(const Options& options, const std::vector<Findings>& sets, const 
   for (const Findings& findings : sets) {
     const std::string of = sets.size() == 1 ? "" : absl::StrCat("set '", findings.set, "': ");
     std::cout << of << "collision index: " << StateText(findings.index, options.database) << "\n";
+    for (const FixedJointRange& joint : findings.fixed_joints) {
+      if (joint.lowest == joint.highest) continue;
+      std::cout << absl::StrCat(of, "fixed joint '", joint.name, "': captured at ", joint.lowest,
+                                " to ", joint.highest, "\n");
+    }
     if (findings.raw_images > 0) {
       std::cout << of << "raw images: of " << findings.raw_images << " configurations\n";
     }
@@ -223,11 +286,17 @@ void AddVerify(CLI::App& app, Work& work) {
   auto options = std::make_shared<Options>();
   CLI::App* command = app.add_subcommand(
       "verify",
-      "Reads everything, checks checksums, completeness, and the collision index against the\n"
-      "robot images; exit code 1 if not sound");
+      "Reads everything, checks checksums, completeness, where fixed joints stood, and the\n"
+      "collision index against the robot images; exit code 1 if not sound");
   AddDatabaseArgument(*command, options->database);
   command->add_flag("--allow-missing", options->allow_missing,
                     "Configurations without a record are no fault");
+  command
+      ->add_option("--fixed-joint-tolerance", options->fixed_joint_tolerance,
+                   "How far a joint outside the grid may have been from where the cell has it;\n"
+                   "radians, metres: fixed_joint_tolerance of the cell file")
+      ->check(CLI::PositiveNumber)
+      ->capture_default_str();
   AddFormatOption(*command, options->format);
   command->footer("Example:\n  silhouette-db verify cell.lmdb");
   command->callback([&work, options] { work = [options] { return Verify(*options); }; });

@@ -155,13 +155,16 @@ void CollisionTest::PrepareLines(const Policy& policy, const TestSupport& suppor
 Reason CollisionTest::Unusable(Numbers corners) const {
   bool missing = false;
   bool corrupt = false;
+  bool elsewhere = false;
   for (ConfigurationNumber corner : corners) {
     const RobotImageState state = table_.state(corner);
     if (state == RobotImageState::kExcluded) return Reason::kExcluded;
     missing = missing || state == RobotImageState::kMissing;
     corrupt = corrupt || state == RobotImageState::kCorrupt;
+    elsewhere = elsewhere || state == RobotImageState::kElsewhere;
   }
   if (corrupt) return Reason::kRobotImageCorrupt;
+  if (elsewhere) return Reason::kFixedJointMoved;
   return missing ? Reason::kRobotImageMissing : Reason::kNone;
 }
 

@@ -27,6 +27,8 @@ RobotImageState RobotImageTable::StateOfMark(uint32_t mark) {
       return RobotImageState::kExcluded;
     case kCorruptMark:
       return RobotImageState::kCorrupt;
+    case kElsewhereMark:
+      return RobotImageState::kElsewhere;
     default:
       return RobotImageState::kMissing;
   }
@@ -68,10 +70,12 @@ uint64_t RobotImageTable::Count(RobotImageState state) const {
       return excluded_;
     case RobotImageState::kCorrupt:
       return corrupt_;
+    case RobotImageState::kElsewhere:
+      return elsewhere_;
     case RobotImageState::kMissing:
       break;
   }
-  return grid_.size() - present_ - excluded_ - corrupt_;
+  return grid_.size() - present_ - excluded_ - corrupt_ - elsewhere_;
 }
 
 RobotImageTable::Builder::Builder(ConfigurationGrid grid, std::vector<MaskSize> mask_sizes,
@@ -150,6 +154,12 @@ void RobotImageTable::Builder::AddCorrupt(ConfigurationNumber number) {
   RequireNew(number);
   table_.slots_[number] = kCorruptMark;
   ++table_.corrupt_;
+}
+
+void RobotImageTable::Builder::AddElsewhere(ConfigurationNumber number) {
+  RequireNew(number);
+  table_.slots_[number] = kElsewhereMark;
+  ++table_.elsewhere_;
 }
 
 RobotImageTable RobotImageTable::Builder::Build() && {

@@ -20,8 +20,9 @@ namespace silhouette {
 enum class RobotImageState : uint8_t {
   kMissing = 0,  // nothing was captured; also a number that no configuration has
   kPresent,
-  kExcluded,  // in a region the robot must never enter
-  kCorrupt,   // a record that fails its checksum
+  kExcluded,   // in a region the robot must never enter
+  kCorrupt,    // a record that fails its checksum
+  kElsewhere,  // captured while a joint outside the grid was not where the cell has it
 };
 
 class RobotImageTable {
@@ -81,6 +82,7 @@ class RobotImageTable {
   static constexpr uint32_t kMissingMark = 0xffffffff;
   static constexpr uint32_t kExcludedMark = 0xfffffffe;
   static constexpr uint32_t kCorruptMark = 0xfffffffd;
+  static constexpr uint32_t kElsewhereMark = 0xfffffffc;
 
   RobotImageTable(ConfigurationGrid grid, std::vector<MaskSize> mask_sizes);
   static RobotImageState StateOfMark(uint32_t mark);
@@ -98,6 +100,7 @@ class RobotImageTable {
   uint64_t present_ = 0;
   uint64_t excluded_ = 0;
   uint64_t corrupt_ = 0;
+  uint64_t elsewhere_ = 0;
 };
 
 class RobotImageTable::Builder {
@@ -118,6 +121,7 @@ class RobotImageTable::Builder {
   void Add(ConfigurationNumber number, std::span<const uint64_t> words);
   void AddExcluded(ConfigurationNumber number);
   void AddCorrupt(ConfigurationNumber number);
+  void AddElsewhere(ConfigurationNumber number);
 
   // The finished table; the builder is empty afterwards.
   RobotImageTable Build() &&;

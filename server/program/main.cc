@@ -70,6 +70,16 @@ uint64_t TilesWithoutIndex(const ServedDatabase& database) {
   return without;
 }
 
+void LogElsewhere(const ServedDatabase& set, const std::string& of) {
+  const uint64_t count = set.robot_images().Count(RobotImageState::kElsewhere);
+  if (count == 0) return;
+  spdlog::warn(
+      "{}{} with a robot image that was captured with a fixed joint elsewhere, as {}: unknown "
+      "until "
+      "captured anew; 'silhouette-db verify' tells which",
+      of, Counted(count, "configuration"), set.elsewhere());
+}
+
 void LogLoaded(const ServedDatabase& database, const std::string& path) {
   const RobotImageTable& images = database.robot_images();
   spdlog::info("loaded '{}', generation {}: {}, {} captured, {} excluded", path,
@@ -83,6 +93,7 @@ void LogLoaded(const ServedDatabase& database, const std::string& path) {
     spdlog::warn("{} with a robot image that fails its checksum: unknown until captured anew",
                  Counted(corrupt, "configuration"));
   }
+  LogElsewhere(database, "");
   if (const uint64_t without = TilesWithoutIndex(database); without > 0) {
     spdlog::warn(
         "{} of {} without a collision index that fits the robot images: the configuration space "
@@ -119,6 +130,7 @@ void LogSet(const ServedDatabase& set) {
     spdlog::warn("set '{}': {} without a usable robot image: unknown until captured", set.set(),
                  Counted(unknown, "configuration"));
   }
+  LogElsewhere(set, absl::StrCat("set '", set.set(), "': "));
   if (const uint64_t without = TilesWithoutIndex(set); without > 0) {
     spdlog::warn("set '{}': {} without a collision index; run 'silhouette-db index' and reload",
                  set.set(), Counted(without, "tile"));

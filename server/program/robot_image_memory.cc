@@ -56,12 +56,14 @@ uint64_t AvailableMemory() {
 
 LoadSettings LoadSettingsOf(const Cell& cell) {
   return {.robot_image_memory = cell.server.robot_image_memory.value_or(AvailableMemory() / 5 * 2),
-          .progress = [last = absl::Now()](uint64_t done, uint64_t records) mutable {
-            const absl::Time now = absl::Now();
-            if (now - last < kBetweenReports) return;
-            last = now;
-            spdlog::info("read {} of {} robot images", done, records);
-          }};
+          .progress =
+              [last = absl::Now()](uint64_t done, uint64_t records) mutable {
+                const absl::Time now = absl::Now();
+                if (now - last < kBetweenReports) return;
+                last = now;
+                spdlog::info("read {} of {} robot images", done, records);
+              },
+          .fixed_joint_tolerance = cell.server.scene.fixed_joint_tolerance};
 }
 
 void LogRobotImages(const ServedDatabase& database, const std::string& path,

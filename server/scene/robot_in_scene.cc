@@ -45,23 +45,28 @@ absl::StatusOr<Positions> PositionsByName(const storage::v1::CellDescription& ce
   return positions;
 }
 
-void CheckFixedJoints(const storage::v1::CellDescription& cell, const Positions& positions,
-                      double tolerance, std::vector<SceneDefect>& defects) {
-  for (const auto& joint : cell.fixed_joints()) {
-    const auto told = positions.find(joint.name());
+// "0.5", or "0.499 to 0.502".
+std::string PlacesOf(const FixedJointRange& joint) {
+  if (joint.lowest == joint.highest) return absl::StrCat(joint.lowest);
+  return absl::StrCat(joint.lowest, " to ", joint.highest);
+}
+
+void CheckFixedJoints(const ServedDatabase& database, const Positions& positions, double tolerance,
+                      std::vector<SceneDefect>& defects) {
+  for (const FixedJointRange& joint : database.fixed_joints()) {
+    const auto told = positions.find(joint.name);
     if (told == positions.end()) {
       defects.push_back({Reason::kFixedJointMoved,
-                         absl::StrCat("joint '", joint.name(),
-                                      "' was not told; publish its "
-                                      "position, for the robot images hold only where it stood at "
-                                      "capture")});
-    } else if (!(std::abs(told->second - joint.position()) <= tolerance)) {
+                         absl::StrCat("joint '", joint.name,
+                                      "' was not told; publish its position, for the robot images "
+                                      "hold only where it stood at capture")});
+    } else if (!(std::abs(told->second - joint.lowest) <= tolerance &&
+                 std::abs(told->second - joint.highest) <= tolerance)) {
       defects.push_back(
-          {Reason::kFixedJointMoved, absl::StrCat("joint '", joint.name(), "' is at ", told->second,
-                                                  "; move it to ", joint.position(),
-                                                  ", where it stood when the "
-                                                  "robot images were captured (tolerance ",
-                                                  tolerance, ")")});
+          {Reason::kFixedJointMoved,
+           absl::StrCat("joint '", joint.name, "' is at ", told->second, "; move it to ",
+                        joint.position, ": the robot images were captured with it at ",
+                        PlacesOf(joint), " (tolerance ", tolerance, ")")});
     }
   }
 }
@@ -85,12 +90,15 @@ std::optional<Configuration> GridConfiguration(const ConfigurationGrid& grid,
   return q;
 }
 
-const char* WhyUnusable(RobotImageState state) {
+std::string WhyUnusable(const ServedDatabase& database, RobotImageState state) {
   switch (state) {
     case RobotImageState::kExcluded:
       return "lies in a region the robot must never enter";
     case RobotImageState::kCorrupt:
       return "has a robot image that fails its checksum; capture it anew";
+    case RobotImageState::kElsewhere:
+      return absl::StrCat("has a robot image that was captured with a fixed joint elsewhere, as ",
+                          database.elsewhere(), "; 'silhouette-db verify' tells; capture it anew");
     default:
       return "has no robot image; capture it";
   }
@@ -108,14 +116,17 @@ std::vector<RobotCover> CoversAt(const ServedDatabase& database, const Configura
          absl::StrCat("the robot is at ", place, ", outside the grid; move it back")});
     return {};
   }
+  const auto reason_of = [](RobotImageState state) {
+    return state == RobotImageState::kElsewhere ? Reason::kFixedJointMoved
+                                                : Reason::kRobotImageOfSceneMissing;
+  };
   const auto add_defect = [&](ConfigurationNumber corner, RobotImageState state) {
     const std::string which =
         corners.count() == 1 ? "which"
                              : absl::StrCat("and next to it (",
                                             absl::StrJoin(database.grid().At(corner), ", "), ")");
-    defects.push_back(
-        {Reason::kRobotImageOfSceneMissing,
-         absl::StrCat("the robot is at ", place, ", ", which, " ", WhyUnusable(state))});
+    defects.push_back({reason_of(state), absl::StrCat("the robot is at ", place, ", ", which, " ",
+                                                      WhyUnusable(database, state))});
   };
   for (ConfigurationNumber corner : corners.numbers()) {
     const RobotImageState state = images.state(corner);
@@ -153,7 +164,7 @@ absl::StatusOr<RobotInScene> FindRobot(const ServedDatabase& database,
   const std::optional<Configuration> q =
       GridConfiguration(database.grid(), *positions, robot.defects);
   if (q) robot.covers = CoversAt(database, *q, robot.defects);
-  CheckFixedJoints(database.cell(), *positions, fixed_joint_tolerance, robot.defects);
+  CheckFixedJoints(database, *positions, fixed_joint_tolerance, robot.defects);
   return robot;
 }
 

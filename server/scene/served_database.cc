@@ -12,10 +12,30 @@
 namespace silhouette {
 namespace {
 
-void AddRecord(const MetRecord& record, RobotImageTable::Builder& builder) {
+// Where fixed joints stood when a set was captured.
+struct FixedJointsOfSet {
+  FixedJointRanges& used;  // of all sets, as far as they are used
+  double tolerance = 0;
+  std::string elsewhere;  // ServedDatabase::elsewhere()
+};
+
+void AddImage(const MetRecord& record, FixedJointsOfSet& joints,
+              RobotImageTable::Builder& builder) {
+  const std::optional<std::string> elsewhere =
+      joints.used.Elsewhere(record.measured, joints.tolerance);
+  if (!elsewhere) {
+    joints.used.Add(record.measured);
+    return builder.Add(record.number, record.words);
+  }
+  if (joints.elsewhere.empty()) joints.elsewhere = *elsewhere;
+  builder.AddElsewhere(record.number);
+}
+
+void AddRecord(const MetRecord& record, FixedJointsOfSet& joints,
+               RobotImageTable::Builder& builder) {
   switch (record.masks) {
     case StoredMasks::kPresent:
-      return builder.Add(record.number, record.words);
+      return AddImage(record, joints, builder);
     case StoredMasks::kExcluded:
       return builder.AddExcluded(record.number);
     case StoredMasks::kDamaged:
@@ -31,34 +51,39 @@ uint64_t BytesOfRecord(const Database& database) {
 }
 
 // Adds the records that are met to `builder`, and tells how far it is.
-VisitRecord AddingTo(RobotImageTable::Builder& builder, uint64_t records,
+VisitRecord AddingTo(RobotImageTable::Builder& builder, FixedJointsOfSet& joints, uint64_t records,
                      const LoadSettings& settings) {
   constexpr uint64_t kRecordsPerReport = 4096;
-  return [&builder, records, &settings, done = uint64_t{0}](const MetRecord& record) mutable {
-    AddRecord(record, builder);
-    const bool tell = ++done % kRecordsPerReport == 0 || done == records;
-    if (tell && settings.progress) settings.progress(done, records);
-  };
+  return
+      [&builder, &joints, records, &settings, done = uint64_t{0}](const MetRecord& record) mutable {
+        AddRecord(record, joints, builder);
+        const bool tell = ++done % kRecordsPerReport == 0 || done == records;
+        if (tell && settings.progress) settings.progress(done, records);
+      };
 }
 
 absl::StatusOr<RobotImageTable> LoadIntoMemory(const Database& database, const Snapshot& snapshot,
-                                               const LoadSettings& settings) {
+                                               const LoadSettings& settings,
+                                               FixedJointsOfSet& joints) {
   RobotImageTable::Builder builder(database.grid(), database.mask_sizes(), snapshot.size());
-  const absl::Status status = ForEachMasks(snapshot, AddingTo(builder, snapshot.size(), settings));
+  const absl::Status status =
+      ForEachMasks(snapshot, AddingTo(builder, joints, snapshot.size(), settings));
   if (!status.ok()) return status;
   return std::move(builder).Build();
 }
 
 absl::StatusOr<RobotImageTable> LoadInPlace(const Database& database,
                                             const std::shared_ptr<const Snapshot>& snapshot,
-                                            const LoadSettings& settings) {
+                                            const LoadSettings& settings,
+                                            FixedJointsOfSet& joints) {
   // The table is begun before there is what it will read from.
   const auto images = std::make_shared<std::shared_ptr<const RobotImagesInPlace>>();
   RobotImageTable::Builder builder(database.grid(), database.mask_sizes(),
                                    [images](ConfigurationNumber number, std::span<uint64_t> words) {
                                      return (*images)->Read(number, words);
                                    });
-  auto opened = RobotImagesInPlace::Open(snapshot, AddingTo(builder, snapshot->size(), settings));
+  auto opened =
+      RobotImagesInPlace::Open(snapshot, AddingTo(builder, joints, snapshot->size(), settings));
   if (!opened.ok()) return opened.status();
   *images = *std::move(opened);
   return std::move(builder).Build();
@@ -66,13 +91,13 @@ absl::StatusOr<RobotImageTable> LoadInPlace(const Database& database,
 
 absl::StatusOr<RobotImageTable> LoadRobotImages(const Database& database,
                                                 const std::shared_ptr<const Snapshot>& snapshot,
-                                                LoadSettings& settings) {
+                                                LoadSettings& settings, FixedJointsOfSet& joints) {
   const uint64_t bytes = BytesOfRecord(database);
   if (snapshot->size() > settings.robot_image_memory / bytes) {
-    return LoadInPlace(database, snapshot, settings);
+    return LoadInPlace(database, snapshot, settings, joints);
   }
   settings.robot_image_memory -= snapshot->size() * bytes;
-  return LoadIntoMemory(database, *snapshot, settings);
+  return LoadIntoMemory(database, *snapshot, settings, joints);
 }
 
 absl::StatusOr<std::vector<Reference>> LoadReferences(const Database& database,
@@ -133,12 +158,14 @@ std::vector<std::string> NamesOfViews(const storage::v1::CellDescription& cell) 
 }  // namespace
 
 ServedDatabase::ServedDatabase(std::string set, const Common& common, RobotImageTable robot_images,
-                               std::shared_ptr<const CollisionIndex> index,
+                               std::string elsewhere, std::shared_ptr<const CollisionIndex> index,
                                std::shared_ptr<const SoundBasis> sound)
     : set_(std::move(set)),
       cell_(common.cell),
       generation_(common.generation),
       robot_images_(std::move(robot_images)),
+      fixed_joints_(common.fixed_joints),
+      elsewhere_(std::move(elsewhere)),
       index_(std::move(index)),
       references_(common.references),
       calibration_(common.calibration),
@@ -153,6 +180,7 @@ absl::StatusOr<ServedDatabase::Common> ServedDatabase::LoadCommon(
   Common common;
   common.cell = database.cell();
   common.generation = snapshot.generation();
+  common.fixed_joints = std::make_shared<FixedJointRanges>(common.cell);
   absl::StatusOr<std::vector<Reference>> references = LoadReferences(database, snapshot);
   if (!references.ok()) return references.status();
   common.references = *std::move(references);
@@ -176,7 +204,8 @@ absl::StatusOr<std::shared_ptr<ServedDatabase>> ServedDatabase::LoadSet(
     const Database& database, std::shared_ptr<const Snapshot> snapshot, const Common& common,
     const CalibrationSettings& settings, const std::optional<SoundCell>& sound,
     LoadSettings& load) {
-  absl::StatusOr<RobotImageTable> robot_images = LoadRobotImages(database, snapshot, load);
+  FixedJointsOfSet joints{*common.fixed_joints, load.fixed_joint_tolerance, ""};
+  absl::StatusOr<RobotImageTable> robot_images = LoadRobotImages(database, snapshot, load, joints);
   if (!robot_images.ok()) return robot_images.status();
   std::shared_ptr<const SoundBasis> sound_basis;
   if (sound && common.calibration && !common.calibration->cameras.empty()) {
@@ -187,8 +216,9 @@ absl::StatusOr<std::shared_ptr<ServedDatabase>> ServedDatabase::LoadSet(
   }
   auto index = LoadIndex(std::move(snapshot));
   if (!index.ok()) return index.status();
-  return std::shared_ptr<ServedDatabase>(new ServedDatabase(
-      database.set(), common, *std::move(robot_images), *std::move(index), std::move(sound_basis)));
+  return std::shared_ptr<ServedDatabase>(
+      new ServedDatabase(database.set(), common, *std::move(robot_images),
+                         std::move(joints.elsewhere), *std::move(index), std::move(sound_basis)));
 }
 
 absl::StatusOr<std::shared_ptr<const ServedDatabase>> ServedDatabase::Load(

@@ -16,6 +16,7 @@
 #include "calib/calibration.h"
 #include "capture/segmentation/reference.h"
 #include "db/collision_index.h"
+#include "db/fixed_joints.h"
 #include "db/store.h"
 #include "server/collision/epipolar_bands.h"
 #include "server/collision/policy.h"
@@ -33,6 +34,9 @@ struct LoadSettings {
   uint64_t robot_image_memory = std::numeric_limits<uint64_t>::max();
   // Called now and again while robot images are read, with how many of the records are done.
   std::function<void(uint64_t done, uint64_t records)> progress = nullptr;
+  // Largest deviation of a fixed joint, when a robot image was captured, from where the cell has
+  // it: radians, metres. A robot image with a larger one is not used.
+  double fixed_joint_tolerance = 0.005;
   // In place of the database's own, for experiments: nothing tells that it is not of these cameras.
   std::optional<Calibration> calibration = std::nullopt;
 };
@@ -42,7 +46,8 @@ class ServedDatabase {
  public:
   // Reads all robot images of all sets once, in one state of the database, the reference images and
   // the calibration, and opens the collision index. A record that fails its checksum is marked
-  // corrupt, so that nothing that takes it is ever free. DataLoss: the database cannot be read as a
+  // corrupt, one that was captured with a fixed joint elsewhere as such, so that nothing that takes
+  // it is ever free. DataLoss: the database cannot be read as a
   // whole, or its calibration is damaged. InvalidArgument: its grid has more places than a
   // RobotImageTable can have, its calibration is none (two cameras at one place, a matrix that is
   // not of rank 2), the margin is negative, or `treatments` (TreatmentsOf) or `sound`
@@ -74,6 +79,13 @@ class ServedDatabase {
   const std::string& view_name(int view) const { return cell_.views(view).name(); }
   // The view of this name; nothing if there is none.
   std::optional<int> ViewOf(const std::string& name) const;
+
+  // Where the fixed joints stood when the robot images that are used were captured, those of all
+  // sets, in the cell's order: within fixed_joint_tolerance of where the cell has them.
+  const std::vector<FixedJointRange>& fixed_joints() const { return fixed_joints_->ranges(); }
+  // What was elsewhere when the first robot image of the set that is not used was captured
+  // (FixedJointRanges::Elsewhere); empty: all are used.
+  const std::string& elsewhere() const { return elsewhere_; }
 
   // The collision index; null if there is none that can be used. It lies in the file of the
   // database, of which it holds one state (db/collision_index.h). The configurations of a tile that
@@ -120,6 +132,7 @@ class ServedDatabase {
     std::string calibration_fingerprint;
     std::shared_ptr<const EpipolarBands> bands;
     ViewTreatments treatments;
+    std::shared_ptr<FixedJointRanges> fixed_joints;  // gets what is met as sets are loaded
   };
   static absl::StatusOr<Common> LoadCommon(const Database& database, const Snapshot& snapshot,
                                            const CalibrationSettings& settings,
@@ -132,7 +145,7 @@ class ServedDatabase {
       LoadSettings& load);
 
   ServedDatabase(std::string set, const Common& common, RobotImageTable robot_images,
-                 std::shared_ptr<const CollisionIndex> index,
+                 std::string elsewhere, std::shared_ptr<const CollisionIndex> index,
                  std::shared_ptr<const SoundBasis> sound);
 
   std::string set_;
@@ -140,6 +153,8 @@ class ServedDatabase {
   storage::v1::CellDescription cell_;
   uint64_t generation_ = 0;
   RobotImageTable robot_images_;
+  std::shared_ptr<const FixedJointRanges> fixed_joints_;
+  std::string elsewhere_;
   std::shared_ptr<const CollisionIndex> index_;
   std::vector<Reference> references_;
   std::optional<Calibration> calibration_;

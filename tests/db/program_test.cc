@@ -116,6 +116,36 @@ TEST_F(SilhouetteDb, InfoTellsWhatADatabaseHolds) {
   EXPECT_EQ(info["references"], true);
 }
 
+TEST_F(SilhouetteDb, VerifyTellsRobotImagesCapturedWithAFixedJointElsewhere) {
+  MakeDatabase("db");
+  EXPECT_EQ(Run("verify db").exit_code, 0);
+  {
+    const auto database = Database::Open(folder_ / "db", Database::Access::kWrite);
+    auto writer = (*database)->Write("test");
+    for (const double position : {0.26, 0.2501}) {
+      const ConfigurationNumber number = NumberAt(2, position > 0.255 ? 1 : 2);
+      RobotImage image = TestImage(**database, number);
+      image.excluded = false;
+      image.masks = {Mask({64, 64}), Mask({33, 20})};
+      image.measured = {0, 0, position};
+      image.commanded = {0, 0, 0.25};
+      ASSERT_TRUE(writer->Put(image, /*replace=*/true).ok());
+    }
+    ASSERT_TRUE(writer->Commit().ok());
+  }
+  const Outcome text = Run("verify db");
+  EXPECT_EQ(text.exit_code, 1);
+  EXPECT_THAT(text.output,
+              AllOf(HasSubstr("1 robot images were captured with a fixed joint elsewhere, the "
+                              "first with joint 'axis_3' at 0.26 instead of 0.25"),
+                    HasSubstr(absl::StrCat("--only ", NumberAt(2, 1), "\n")),
+                    HasSubstr("fixed joint 'axis_3': captured at 0.25 to 0.26\n")));
+  const json found = json::parse(Run("verify db --format json").output);
+  EXPECT_EQ(found["elsewhere"], 1);
+  EXPECT_EQ(found["sets"][0]["fixed_joints"]["axis_3"]["highest"], 0.26);
+  EXPECT_EQ(Run("verify db --fixed-joint-tolerance 0.02").exit_code, 0);
+}
+
 TEST_F(SilhouetteDb, IndexIsBuiltToldAndVerified) {
   MakeDatabase("db");
   EXPECT_THAT(Run("info db").output,

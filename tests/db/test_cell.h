@@ -108,6 +108,10 @@ inline RobotImage TestImage(const Database& database, ConfigurationNumber number
   if (random() % 4 != 0) {
     for (size_t j = 0; j < joints; ++j) image.commanded.push_back(normal(random));
     for (size_t j = 0; j < joints; ++j) image.measured.push_back(normal(random));
+    for (int j = 0; j < database.cell().fixed_joints_size(); ++j) {
+      image.measured[static_cast<size_t>(database.grid().dimensions() + j)] =
+          database.cell().fixed_joints(j).position();
+    }
   }
   return image;
 }

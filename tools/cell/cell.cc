@@ -1,9 +1,11 @@
 #include "tools/cell/cell.h"
 
 #include <filesystem>
+#include <optional>
 #include <stdexcept>
 #include <utility>
 
+#include "absl/strings/str_cat.h"
 #include "calib/reach.h"
 #include "calib/robot_model.h"
 #include "tools/cell/sections.h"
@@ -11,6 +13,16 @@
 
 namespace silhouette {
 namespace {
+
+// The server must be able to use what a capture takes.
+void CheckTolerances(const Cell& cell, const std::optional<YamlNode>& section) {
+  const double most = cell.server.scene.fixed_joint_tolerance;
+  if (cell.fixed_joints.empty() || cell.capture.joint_tolerance <= most || !section) return;
+  section->Fail(absl::StrCat(
+      "joint_tolerance, ", cell.capture.joint_tolerance, ", is more than the server's ",
+      "fixed_joint_tolerance, ", most, ": robot images would be captured with fixed joints where ",
+      "the server does not use them; state a larger fixed_joint_tolerance, too"));
+}
 
 Cell ReadCell(const std::string& path) {
   const std::filesystem::path folder = std::filesystem::path(path).parent_path();
@@ -67,6 +79,7 @@ Cell ReadCell(const std::string& path) {
     cell.sound = ReadSound(*sound_node);
   }
   if (server_node) cell.server = ReadServer(*server_node, folder);
+  CheckTolerances(cell, capture_node ? capture_node : server_node);
   return cell;
 }
 
