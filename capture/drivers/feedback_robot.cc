@@ -51,8 +51,13 @@ absl::Status FeedbackRobot::CheckHold(const RobotFeedback& feedback) const {
 
 void FeedbackRobot::OnFeedback(const RobotFeedback& feedback) {
   const std::lock_guard lock(mutex_);
+  const absl::Time now = absl::Now();
+  if (newest_ && !silence_told_ && now - newest_time_ > limits_.silence) {
+    untold_gap_ = now - newest_time_;
+  }
+  silence_told_ = false;
   newest_ = feedback;
-  newest_time_ = absl::Now();
+  newest_time_ = now;
   link_failure_ = absl::OkStatus();
   if (feedback.positions.size() == names_.size()) {
     stillness_.Add(newest_time_, feedback.positions);
@@ -90,21 +95,30 @@ void FeedbackRobot::StopWhenAlarmed() {
   }
 }
 
-absl::Status FeedbackRobot::Silence(absl::Time now) const {
+absl::Status FeedbackRobot::Silence(absl::Time now) {
+  const auto spoken = [](absl::Duration silence) {
+    return absl::FormatDuration(absl::Trunc(silence, absl::Milliseconds(10)));
+  };
+  const bool silent = now - newest_time_ > limits_.silence;
+  silence_told_ = silence_told_ || silent;
   if (!link_failure_.ok()) return link_failure_;
-  if (now - newest_time_ <= limits_.silence) return absl::OkStatus();
+  if (silent) {
+    return absl::UnavailableError(absl::StrCat("the robot has not told for ",
+                                               spoken(now - newest_time_),
+                                               " where it is; the connection to it is lost"));
+  }
+  const absl::Duration gap = std::exchange(untold_gap_, absl::ZeroDuration());
+  if (gap == absl::ZeroDuration()) return absl::OkStatus();
   return absl::UnavailableError(
-      absl::StrCat("the robot has not told for ",
-                   absl::FormatDuration(absl::Trunc(now - newest_time_, absl::Milliseconds(10))),
-                   " where it is; the connection to it is lost"));
+      absl::StrCat("the connection to the robot was lost: it did not tell ", "for ", spoken(gap),
+                   " where it is"));
 }
 
 absl::StatusOr<RobotFeedback> FeedbackRobot::Newest(std::unique_lock<std::mutex>& lock) {
   changed_.wait_for(lock, absl::ToChronoMilliseconds(limits_.silence),
                     [&] { return newest_.has_value() || !link_failure_.ok(); });
   if (!alarm_.ok()) return alarm_;
-  if (!link_failure_.ok()) return link_failure_;
-  if (!newest_) {
+  if (link_failure_.ok() && !newest_) {
     return absl::UnavailableError(absl::StrCat(
         "the robot did not tell within ", absl::FormatDuration(limits_.silence), " where it is"));
   }

@@ -39,7 +39,9 @@ class FeedbackRobot : public Robot {
   // feedback was doubtful. FailedPrecondition: it is not ready, e.g. in emergency stop.
   absl::Status MoveTo(std::span<const double> positions) override;
 
-  // The newest feedback; waits for the first. Unavailable: there is none that is new enough.
+  // The newest feedback; waits for the first. Unavailable: there is none that is new enough, or
+  // there was none for too long since the last call, of which one call, of this or MoveTo(), is
+  // told.
   absl::StatusOr<RobotState> State() override;
 
   absl::Status Stop() override;
@@ -52,7 +54,7 @@ class FeedbackRobot : public Robot {
 
   // With mutex_ held.
   absl::StatusOr<RobotFeedback> Newest(std::unique_lock<std::mutex>& lock);
-  absl::Status Silence(absl::Time now) const;
+  absl::Status Silence(absl::Time now);
   absl::Status CheckHold(const RobotFeedback& feedback) const;
   absl::Status WaitForArrival(std::unique_lock<std::mutex>& lock);
 
@@ -63,6 +65,8 @@ class FeedbackRobot : public Robot {
   std::condition_variable changed_;
   std::optional<RobotFeedback> newest_;
   absl::Time newest_time_;
+  absl::Duration untold_gap_;  // a silence that is over and that nobody was told of; 0: none
+  bool silence_told_ = false;  // of the one that goes on
   Stillness stillness_;
   absl::Status link_failure_;        // the last one; OK again with the next feedback
   std::optional<MotionWatch> move_;  // under way

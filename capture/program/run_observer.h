@@ -22,8 +22,9 @@ class RunObserver {
 
  private:
   void Say(const std::string& line);
-  // Asks who sits there; nobody does: end.
-  AfterAlarm Ask(const std::string& why);
+  // Both ask who sits there; nobody does: end.
+  AfterAlarm AskAfterAlarm(const std::string& why);
+  bool AskWhetherRobotMayMove();
 
   const uint64_t total_;
   SessionLog& log_;

@@ -163,12 +163,28 @@ bool CaptureRun::StoppedWaiting(const absl::Status& status) const {
   return absl::IsUnavailable(status) && observer_.stop_requested();
 }
 
+absl::StatusOr<Visit> CaptureRun::VisitOnce(ConfigurationNumber number) {
+  if (robot_lost_) {
+    const absl::Status back = parts_.robot.Measure().status();
+    if (!back.ok()) return back;
+    if (!observer_.robot_may_move()) {
+      return absl::AbortedError(
+          "the robot was lost and is back, and does not move on by itself: somebody may be with it "
+          "(continue_after_reconnect)");
+    }
+    robot_lost_ = false;
+  }
+  absl::StatusOr<Visit> visit = visitor_.Go(number);
+  robot_lost_ = visitor_.robot_lost() && !parts_.settings.continue_after_reconnect;
+  return visit;
+}
+
 absl::StatusOr<Visit> CaptureRun::VisitPatiently(ConfigurationNumber number) {
   absl::StatusOr<Visit> visit;
   absl::Status status = WithPatience(
       parts_.settings.retry,
       [&] {
-        visit = visitor_.Go(number);
+        visit = VisitOnce(number);
         return visit.status();
       },
       [&] {

@@ -36,7 +36,10 @@ class CaptureRun {
   absl::StatusOr<bool> CaptureInTurn(const std::vector<ConfigurationNumber>& numbers);
   // Whether to go on: all is as it was, or somebody says so.
   absl::StatusOr<bool> CheckSentinels();
+  // Waits for lost devices.
   absl::StatusOr<Visit> VisitPatiently(ConfigurationNumber number);
+  // Once. A robot that was lost does not move before somebody says that it may.
+  absl::StatusOr<Visit> VisitOnce(ConfigurationNumber number);
   // Whether VisitPatiently ended because somebody did not want to wait for a lost device.
   bool StoppedWaiting(const absl::Status& status) const;
   // Commits now unless the next configuration will be done before it is due.
@@ -60,6 +63,7 @@ class CaptureRun {
   bool first_sights_ = false;  // the sentinels are being captured
   bool unchecked_ = false;     // something was captured since the sentinels were visited
   bool going_on_ = false;      // although they did not match
+  bool robot_lost_ = false;    // and must not move by itself
   int failures_in_a_row_ = 0;
   absl::Time last_commit_;
   absl::Duration last_cycle_;

@@ -276,9 +276,74 @@ TEST_F(SentinelsTest, LostCameraIsWaitedFor) {
   EXPECT_THAT(said_.back(), HasSubstr("it is back, after"));
 }
 
+// Loses the robot once, after ten configurations.
+struct LostRobotTest : SentinelsTest {
+  void SetUp() override {
+    cell_.settings.retry = absl::Milliseconds(500);
+    cell_.robot.on_state = [this](RobotState&) {
+      if (done_ != 10 || told_ == 2) return absl::OkStatus();
+      if (++told_ == 2) moves_at_return_ = cell_.robot.moves.size();
+      return absl::UnavailableError("the robot's controller does not answer");
+    };
+  }
+
+  int told_ = 0;  // how often it was away
+  size_t moves_at_return_ = 0;
+};
+
+TEST_F(LostRobotTest, DoesNotMoveOnUnlessSomebodySaysSo) {
+  const CaptureReport report = cell_.Capture({}, observer_);
+  EXPECT_TRUE(absl::IsAborted(report.status)) << report.status;
+  EXPECT_THAT(report.status.message(),
+              HasSubstr("the robot was lost and is back, and does not move"));
+  EXPECT_EQ(report.captured, 10u);
+  EXPECT_EQ(cell_.robot.moves.size(), moves_at_return_);
+  EXPECT_GE(cell_.robot.stops, 1);
+  // The same command goes on.
+  EXPECT_EQ(cell_.Capture({}, observer_).captured, 20u);
+}
+
+TEST_F(LostRobotTest, MovesOnWhenSomebodySaysSo) {
+  int asked = 0;
+  observer_.robot_may_move = [&] {
+    EXPECT_EQ(cell_.robot.moves.size(), moves_at_return_);
+    return ++asked == 1;
+  };
+  const CaptureReport report = cell_.Capture({}, observer_);
+  EXPECT_TRUE(report.complete()) << report.status;
+  EXPECT_EQ(asked, 1);
+  EXPECT_EQ(report.losses, 1u);
+}
+
+TEST_F(LostRobotTest, MovesOnByItselfWhereTheCellSaysSo) {
+  cell_.settings.continue_after_reconnect = true;
+  observer_.robot_may_move = [] {
+    ADD_FAILURE() << "nobody is to be asked";
+    return false;
+  };
+  const CaptureReport report = cell_.Capture({}, observer_);
+  EXPECT_TRUE(report.complete()) << report.status;
+}
+
+TEST_F(LostRobotTest, WhileACameraIsWaitedForIsAskedForToo) {
+  size_t lost = 0;
+  cell_.rig.on_grab = [&](size_t, std::vector<CameraImage>&) {
+    const bool gone = done_ == 10 && ++lost <= CellCameras::kAttempts;
+    return gone ? absl::UnavailableError("view 'top' is gone") : absl::OkStatus();
+  };
+  cell_.robot.on_state = [&](RobotState&) {
+    const bool gone = lost == CellCameras::kAttempts && ++told_ == 1;
+    return gone ? absl::UnavailableError("the robot's controller does not answer")
+                : absl::OkStatus();
+  };
+  const CaptureReport report = cell_.Capture({}, observer_);
+  EXPECT_TRUE(absl::IsAborted(report.status)) << report.status;
+  EXPECT_EQ(report.captured, 10u);
+}
+
 TEST_F(SentinelsTest, RobotThatDoesNotComeBackEndsTheSessionSafely) {
   cell_.settings.retry = absl::Milliseconds(300);
-  cell_.robot.on_move = [this](size_t) {
+  cell_.robot.on_state = [this](RobotState&) {
     return done_ >= 10 ? absl::UnavailableError("the robot's controller does not answer")
                        : absl::OkStatus();
   };

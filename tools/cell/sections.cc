@@ -175,6 +175,8 @@ CaptureSettings ReadCapture(const YamlNode& node, const ConfigurationGrid& grid)
     capture.sentinels = ReadSentinels(*sentinels);
   }
   capture.retry = Time(map, "retry", capture.retry);
+  capture.continue_after_reconnect =
+      map.Get<bool>("continue_after_reconnect", capture.continue_after_reconnect);
   if (const auto keep_free = map.Optional("keep_free")) capture.keep_free = keep_free->AsBytes();
   map.Finish();
   return capture;
