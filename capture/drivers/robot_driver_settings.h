@@ -27,6 +27,11 @@ struct SimpleMessageSettings {
   std::vector<std::string> joints =
       {};  // in the controller's order, at most simple_message::kMostJoints
   Trajectory trajectory = Trajectory::kStreaming;
+  enum class PointMessage {
+    kSimple,  // JOINT_TRAJ_PT
+    kFull,    // JOINT_TRAJ_PT_FULL
+  };
+  PointMessage point = PointMessage::kSimple;  // which message points are sent with
   // Share of the joints' greatest speed, for controllers that do not go by the time of a way.
   double velocity = 0.1;
   // Longest time without a message or an answer.

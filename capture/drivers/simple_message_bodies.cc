@@ -1,60 +1,79 @@
 #include "capture/drivers/simple_message_bodies.h"
 
 #include <bit>
+#include <concepts>
 #include <stdexcept>
+#include <tuple>
+#include <type_traits>
 
 #include "absl/strings/str_cat.h"
 
 namespace silhouette::simple_message {
 namespace {
 
-class Writer {
- public:
-  explicit Writer(int32_t type, int32_t comm) : message_{.type = type, .comm = comm} {}
+// A body, to be read or to be written.
+template <typename Value, typename Body>
+concept Some = std::same_as<std::remove_const_t<Value>, Body>;
 
-  Writer& Put(int32_t value) {
-    message_.body.push_back(std::bit_cast<uint32_t>(value));
-    return *this;
-  }
-  Writer& Put(float value) {
-    message_.body.push_back(std::bit_cast<uint32_t>(value));
-    return *this;
-  }
-  Writer& Put(TriState value) { return Put(static_cast<int32_t>(value)); }
-  Writer& Put(const JointValues& values) {
-    for (const float value : values) Put(value);
-    return *this;
-  }
-  Message Done() { return std::move(message_); }
+// The fields of each body, in the order of their bytes.
+auto FieldsOf(Some<JointTrajPt> auto& body) {
+  return std::tie(body.sequence, body.positions, body.velocity, body.duration);
+}
+auto FieldsOf(Some<JointTrajPtFull> auto& body) {
+  return std::tie(body.robot_id, body.sequence, body.valid_fields, body.time, body.positions,
+                  body.velocities, body.accelerations);
+}
+auto FieldsOf(Some<JointPosition> auto& body) { return std::tie(body.sequence, body.positions); }
+auto FieldsOf(Some<JointFeedback> auto& body) {
+  return std::tie(body.robot_id, body.valid_fields, body.time, body.positions, body.velocities,
+                  body.accelerations);
+}
+auto FieldsOf(Some<RobotStatus> auto& body) {
+  return std::tie(body.drives_powered, body.e_stopped, body.error_code, body.in_error,
+                  body.in_motion, body.mode, body.motion_possible);
+}
 
- private:
-  Message message_;
-};
+// A field of one word.
+template <typename Field>
+void Put(const Field& field, std::vector<uint32_t>& words) {
+  words.push_back(std::bit_cast<uint32_t>(field));
+}
+void Put(const JointValues& values, std::vector<uint32_t>& words) {
+  for (const float value : values) Put(value, words);
+}
 
-// Reads the words of a body that is long enough.
-class Reader {
- public:
-  explicit Reader(const Message& message) : words_(message.body) {}
+// Each takes its words from the front.
+template <typename Field>
+void Take(std::span<const uint32_t>& words, Field& field) {
+  field = std::bit_cast<Field>(words.front());
+  words = words.subspan(1);
+}
+void Take(std::span<const uint32_t>& words, TriState& state) {
+  int32_t value = 0;
+  Take(words, value);
+  state = value == 0 || value == 1 ? static_cast<TriState>(value) : TriState::kUnknown;
+}
+void Take(std::span<const uint32_t>& words, JointValues& values) {
+  for (float& value : values) Take(words, value);
+}
 
-  int32_t Int() { return std::bit_cast<int32_t>(words_[at_++]); }
-  float Real() { return std::bit_cast<float>(words_[at_++]); }
-  TriState State() {
-    const int32_t value = Int();
-    return value == 0 || value == 1 ? static_cast<TriState>(value) : TriState::kUnknown;
-  }
-  JointValues Values() {
-    JointValues values{};
-    for (float& value : values) value = Real();
-    return values;
-  }
+template <typename Body>
+Message MessageOf(const Body& body, int32_t type, int32_t comm) {
+  Message message{.type = type, .comm = comm};
+  std::apply([&](const auto&... fields) { (Put(fields, message.body), ...); }, FieldsOf(body));
+  return message;
+}
 
- private:
-  std::span<const uint32_t> words_;
-  size_t at_ = 0;
-};
-
-bool Is(const Message& message, int32_t type, size_t words) {
-  return message.type == type && message.body.size() == words;
+template <typename Body>
+std::optional<Body> BodyOf(const Message& message, int32_t type) {
+  Body body;
+  const size_t words =
+      std::apply([](const auto&... fields) { return ((sizeof(fields) / sizeof(uint32_t)) + ...); },
+                 FieldsOf(body));
+  if (message.type != type || message.body.size() != words) return std::nullopt;
+  std::span<const uint32_t> left = message.body;
+  std::apply([&](auto&... fields) { (Take(left, fields), ...); }, FieldsOf(body));
+  return body;
 }
 
 }  // namespace
@@ -70,40 +89,18 @@ JointValues ValuesOf(std::span<const double> positions) {
 }
 
 Message ToMessage(const JointTrajPt& point) {
-  return Writer(kJointTrajPt, kServiceRequest)
-      .Put(point.sequence)
-      .Put(point.positions)
-      .Put(point.velocity)
-      .Put(point.duration)
-      .Done();
+  return MessageOf(point, kJointTrajPt, kServiceRequest);
 }
-
+Message ToMessage(const JointTrajPtFull& point) {
+  return MessageOf(point, kJointTrajPtFull, kServiceRequest);
+}
 Message ToMessage(const JointPosition& position) {
-  return Writer(kJointPosition, kTopic).Put(position.sequence).Put(position.positions).Done();
+  return MessageOf(position, kJointPosition, kTopic);
 }
-
 Message ToMessage(const JointFeedback& feedback) {
-  return Writer(kJointFeedback, kTopic)
-      .Put(feedback.robot_id)
-      .Put(feedback.valid_fields)
-      .Put(feedback.time)
-      .Put(feedback.positions)
-      .Put(feedback.velocities)
-      .Put(feedback.accelerations)
-      .Done();
+  return MessageOf(feedback, kJointFeedback, kTopic);
 }
-
-Message ToMessage(const RobotStatus& status) {
-  return Writer(kStatus, kTopic)
-      .Put(status.drives_powered)
-      .Put(status.e_stopped)
-      .Put(status.error_code)
-      .Put(status.in_error)
-      .Put(status.in_motion)
-      .Put(status.mode)
-      .Put(status.motion_possible)
-      .Done();
-}
+Message ToMessage(const RobotStatus& status) { return MessageOf(status, kStatus, kTopic); }
 
 Message ReplyTo(const Message& request, bool success) {
   // Some clients expect a body of the joints' length.
@@ -114,50 +111,19 @@ Message ReplyTo(const Message& request, bool success) {
 }
 
 std::optional<JointTrajPt> AsJointTrajPt(const Message& message) {
-  if (!Is(message, kJointTrajPt, kMostJoints + 3)) return std::nullopt;
-  Reader reader(message);
-  JointTrajPt point;
-  point.sequence = reader.Int();
-  point.positions = reader.Values();
-  point.velocity = reader.Real();
-  point.duration = reader.Real();
-  return point;
+  return BodyOf<JointTrajPt>(message, kJointTrajPt);
 }
-
+std::optional<JointTrajPtFull> AsJointTrajPtFull(const Message& message) {
+  return BodyOf<JointTrajPtFull>(message, kJointTrajPtFull);
+}
 std::optional<JointPosition> AsJointPosition(const Message& message) {
-  if (!Is(message, kJointPosition, kMostJoints + 1)) return std::nullopt;
-  Reader reader(message);
-  JointPosition position;
-  position.sequence = reader.Int();
-  position.positions = reader.Values();
-  return position;
+  return BodyOf<JointPosition>(message, kJointPosition);
 }
-
 std::optional<JointFeedback> AsJointFeedback(const Message& message) {
-  if (!Is(message, kJointFeedback, 3 * kMostJoints + 3)) return std::nullopt;
-  Reader reader(message);
-  JointFeedback feedback;
-  feedback.robot_id = reader.Int();
-  feedback.valid_fields = reader.Int();
-  feedback.time = reader.Real();
-  feedback.positions = reader.Values();
-  feedback.velocities = reader.Values();
-  feedback.accelerations = reader.Values();
-  return feedback;
+  return BodyOf<JointFeedback>(message, kJointFeedback);
 }
-
 std::optional<RobotStatus> AsRobotStatus(const Message& message) {
-  if (!Is(message, kStatus, 7)) return std::nullopt;
-  Reader reader(message);
-  RobotStatus status;
-  status.drives_powered = reader.State();
-  status.e_stopped = reader.State();
-  status.error_code = reader.Int();
-  status.in_error = reader.State();
-  status.in_motion = reader.State();
-  status.mode = reader.Int();
-  status.motion_possible = reader.State();
-  return status;
+  return BodyOf<RobotStatus>(message, kStatus);
 }
 
 }  // namespace silhouette::simple_message

@@ -33,6 +33,24 @@ struct JointTrajPt {
   bool operator==(const JointTrajPt&) const = default;
 };
 
+// JOINT_TRAJ_PT_FULL: be there, so fast, at that time of the trajectory. A trajectory begins where
+// the robot is, at time 0.
+struct JointTrajPtFull {
+  static constexpr int32_t kTimeValid = 1;
+  static constexpr int32_t kPositionsValid = 2;
+  static constexpr int32_t kVelocitiesValid = 4;
+
+  int32_t robot_id = 0;  // the group of joints
+  int32_t sequence = 0;
+  int32_t valid_fields = 0;
+  float time = 0;
+  JointValues positions{};
+  JointValues velocities{};
+  JointValues accelerations{};
+
+  bool operator==(const JointTrajPtFull&) const = default;
+};
+
 // JOINT_POSITION: where the robot is.
 struct JointPosition {
   int32_t sequence = 0;
@@ -72,7 +90,8 @@ struct RobotStatus {
   bool operator==(const RobotStatus&) const = default;
 };
 
-Message ToMessage(const JointTrajPt& point);  // a request
+Message ToMessage(const JointTrajPt& point);      // a request
+Message ToMessage(const JointTrajPtFull& point);  // likewise
 Message ToMessage(const JointPosition& position);
 Message ToMessage(const JointFeedback& feedback);
 Message ToMessage(const RobotStatus& status);
@@ -81,6 +100,7 @@ Message ReplyTo(const Message& request, bool success);
 
 // Nothing if the message is of another type, or its body has not the type's length.
 std::optional<JointTrajPt> AsJointTrajPt(const Message& message);
+std::optional<JointTrajPtFull> AsJointTrajPtFull(const Message& message);
 std::optional<JointPosition> AsJointPosition(const Message& message);
 std::optional<JointFeedback> AsJointFeedback(const Message& message);
 // A value that stands for no state is read as kUnknown.

@@ -14,6 +14,8 @@
 namespace silhouette {
 
 using simple_message::JointTrajPt;
+using simple_message::JointTrajPtFull;
+using simple_message::JointValues;
 using simple_message::Message;
 using simple_message::MessageReader;
 using simple_message::TriState;
@@ -21,6 +23,9 @@ using simple_message::TriState;
 namespace {
 
 constexpr absl::Duration kTryAgain = absl::Seconds(1);
+// How much longer a way takes that begins and ends at rest, with the same greatest speed, than one
+// of that speed all along: its course in time is a cubic.
+constexpr double kFromRestToRest = 1.5;
 
 absl::Status In(const std::string& address, const absl::Status& status) {
   return absl::Status(status.code(),
@@ -84,28 +89,45 @@ void SimpleMessageLink::Wake() {
   [[maybe_unused]] const ssize_t written = write(wake_.get(), &one, sizeof(one));
 }
 
+Message SimpleMessageLink::PointOf(int32_t sequence, const JointValues& positions,
+                                   absl::Duration time) const {
+  if (!full()) {
+    return ToMessage(JointTrajPt{.sequence = sequence,
+                                 .positions = positions,
+                                 .velocity = static_cast<float>(settings_.velocity),
+                                 .duration = static_cast<float>(absl::ToDoubleSeconds(time))});
+  }
+  // At rest: the velocities are 0.
+  return ToMessage(JointTrajPtFull{
+      .sequence = sequence,
+      .valid_fields = JointTrajPtFull::kTimeValid | JointTrajPtFull::kPositionsValid |
+                      JointTrajPtFull::kVelocitiesValid,
+      .time = static_cast<float>(absl::ToDoubleSeconds(kFromRestToRest * time)),
+      .positions = positions});
+}
+
 absl::Status SimpleMessageLink::Move(std::span<const double> goal, absl::Duration duration) {
-  JointTrajPt point{.sequence = 0,
-                    .positions = simple_message::ValuesOf(goal),
-                    .velocity = static_cast<float>(settings_.velocity),
-                    .duration = static_cast<float>(absl::ToDoubleSeconds(duration))};
-  if (settings_.trajectory == SimpleMessageSettings::Trajectory::kDownload) {
-    JointTrajPt start{.sequence = simple_message::kStartDownload, .velocity = point.velocity};
+  const bool download = settings_.trajectory == SimpleMessageSettings::Trajectory::kDownload;
+  int32_t sequence = 0;
+  if (download || full()) {
+    JointValues here;
     {
       const std::lock_guard lock(mutex_);
-      start.positions = simple_message::ValuesOf(positions_);
+      here = simple_message::ValuesOf(positions_);
     }
-    if (absl::Status status = Request(start, "move"); !status.ok()) return status;
-    point.sequence = simple_message::kEndDownload;
+    const int32_t first = download ? simple_message::kStartDownload : sequence++;
+    absl::Status status = Request(PointOf(first, here, absl::ZeroDuration()), "move");
+    if (!status.ok()) return status;
   }
-  return Request(point, "move");
+  if (download) sequence = simple_message::kEndDownload;
+  return Request(PointOf(sequence, simple_message::ValuesOf(goal), duration), "move");
 }
 
 absl::Status SimpleMessageLink::Stop() {
-  return Request({.sequence = simple_message::kStopTrajectory}, "stop");
+  return Request(PointOf(simple_message::kStopTrajectory, {}, absl::ZeroDuration()), "stop");
 }
 
-absl::Status SimpleMessageLink::Request(const JointTrajPt& point, const std::string& what) {
+absl::Status SimpleMessageLink::Request(const Message& request, const std::string& what) {
   const std::string address = AddressOf(settings_.host, settings_.motion_port);
   std::unique_lock lock(mutex_);
   if (!motion_.valid()) {
@@ -119,7 +141,7 @@ absl::Status SimpleMessageLink::Request(const JointTrajPt& point, const std::str
     results_.clear();
     Wake();
   }
-  const std::vector<uint8_t> bytes = Encode(ToMessage(point), settings_.byte_order);
+  const std::vector<uint8_t> bytes = Encode(request, settings_.byte_order);
   if (absl::Status status = SendAll(motion_, bytes, settings_.timeout); !status.ok()) {
     motion_ = FileDescriptor();
     return In(address, status);

@@ -25,9 +25,9 @@
 namespace silhouette {
 
 // The state comes as JOINT_POSITION or JOINT_FEEDBACK (of the first group), and STATUS. Motion is
-// told with JOINT_TRAJ_PT. The motion connection is made when it is needed first, and again after
-// it was lost, for a robot that must be stopped; that of the state is made again every now and
-// then.
+// told with JOINT_TRAJ_PT or JOINT_TRAJ_PT_FULL. The motion connection is made when it is needed
+// first, and again after it was lost, for a robot that must be stopped; that of the state is made
+// again every now and then.
 class SimpleMessageLink : public ControllerLink {
  public:
   // Connects to the state's port. Unavailable, InvalidArgument: ConnectTcp's. Throws
@@ -45,8 +45,13 @@ class SimpleMessageLink : public ControllerLink {
  private:
   SimpleMessageLink(SimpleMessageSettings settings, FileDescriptor state, FileDescriptor wake);
 
-  // Sends a point and waits for its answer. `what` it asks for, for messages.
-  absl::Status Request(const simple_message::JointTrajPt& point, const std::string& what);
+  bool full() const { return settings_.point == SimpleMessageSettings::PointMessage::kFull; }
+  // A point in the message that the controller takes, so long after the trajectory's begin.
+  simple_message::Message PointOf(int32_t sequence, const simple_message::JointValues& positions,
+                                  absl::Duration time) const;
+
+  // Sends a request and waits for its answer. `what` it asks for, for messages.
+  absl::Status Request(const simple_message::Message& request, const std::string& what);
 
   // The thread that reads from both connections.
   void Read();

@@ -53,6 +53,26 @@ class SimpleMessageRobotTest : public testing::Test {
     return std::make_unique<FeedbackRobot>(*std::move(link), limits);
   }
 
+  // A robot of such a controller moves there and back.
+  void ExpectArrives(ByteOrder order, SimpleMessageSettings::PointMessage point,
+                     SimpleMessageSettings::Trajectory trajectory) {
+    Serve({.byte_order = order, .joint_feedback = order == ByteOrder::kBig});
+    settings_.point = point;
+    settings_.trajectory = trajectory;
+    const auto robot = Connect();
+    EXPECT_THAT(robot->joints(), ElementsAre("turn", "bend", "slide"));
+    for (const std::vector<double>& goal : {kThere, kHere}) {
+      const absl::Status status = robot->MoveTo(goal);
+      ASSERT_TRUE(status.ok()) << status;
+      EXPECT_THAT(controller_.state().positions, Pointwise(IsNear(), goal));
+      const auto state = robot->State();
+      ASSERT_TRUE(state.ok()) << state.status();
+      EXPECT_THAT(state->positions, Pointwise(IsNear(), goal));
+      EXPECT_FALSE(state->moving);
+    }
+    EXPECT_EQ(controller_.stops(), 0);
+  }
+
   // The robot is told to go, and it goes wrong: that is said, and it is told to stop.
   void ExpectStopped(absl::StatusCode code, const std::string& why, MotionLimits limits = kLimits) {
     const auto robot = Connect(limits);
@@ -88,22 +108,24 @@ class SimpleMessageRobotTest : public testing::Test {
 TEST_F(SimpleMessageRobotTest, ArrivesInBothByteOrdersWithBothMessagesAndBothKindsOfTrajectory) {
   for (const ByteOrder order : {ByteOrder::kLittle, ByteOrder::kBig}) {
     const bool big = order == ByteOrder::kBig;
-    Serve({.byte_order = order, .joint_feedback = big});
-    settings_.trajectory = big ? SimpleMessageSettings::Trajectory::kDownload
-                               : SimpleMessageSettings::Trajectory::kStreaming;
-    const auto robot = Connect();
-    EXPECT_THAT(robot->joints(), ElementsAre("turn", "bend", "slide"));
-    for (const std::vector<double>& goal : {kThere, kHere}) {
-      const absl::Status status = robot->MoveTo(goal);
-      ASSERT_TRUE(status.ok()) << status;
-      EXPECT_THAT(controller_.state().positions, Pointwise(IsNear(), goal));
-      const auto state = robot->State();
-      ASSERT_TRUE(state.ok()) << state.status();
-      EXPECT_THAT(state->positions, Pointwise(IsNear(), goal));
-      EXPECT_FALSE(state->moving);
-    }
-    EXPECT_EQ(controller_.stops(), 0);
+    ExpectArrives(order, SimpleMessageSettings::PointMessage::kSimple,
+                  big ? SimpleMessageSettings::Trajectory::kDownload
+                      : SimpleMessageSettings::Trajectory::kStreaming);
   }
+}
+
+TEST_F(SimpleMessageRobotTest, ArrivesWithFullPointsInBothKindsOfTrajectory) {
+  for (const auto trajectory : {SimpleMessageSettings::Trajectory::kDownload,
+                                SimpleMessageSettings::Trajectory::kStreaming}) {
+    ExpectArrives(ByteOrder::kLittle, SimpleMessageSettings::PointMessage::kFull, trajectory);
+  }
+}
+
+TEST_F(SimpleMessageRobotTest, FullPointsAreStoppedOnTheWay) {
+  settings_.point = SimpleMessageSettings::PointMessage::kFull;
+  controller_.SetFault(ControllerFault::kStopsHalfWay);
+  ExpectStopped(absl::StatusCode::kDeadlineExceeded, "did not arrive", kHasty);
+  ExpectWorks();
 }
 
 TEST_F(SimpleMessageRobotTest, WrongByteOrderIsSaidWithWhereToChangeIt) {
@@ -208,6 +230,21 @@ TEST_F(SimpleMessageRobotTest, SilenceOnTheWayStopsTheRobot) {
   }
   Serve({});
   ExpectWorks();
+}
+
+TEST_F(SimpleMessageRobotTest, SilenceThatNobodyNoticedIsToldOnce) {
+  const auto robot = Connect({.joint_speed = 4, .silence = absl::Milliseconds(300)});
+  ASSERT_TRUE(Eventually([&] { return robot->State().ok(); }));
+  server_->SetFault(ConnectionFault::kSilent);
+  absl::SleepFor(absl::Milliseconds(600));
+  server_->SetFault(ConnectionFault::kNone);
+  absl::SleepFor(absl::Milliseconds(100));
+  const absl::Status lost = robot->MoveTo(kThere);
+  EXPECT_TRUE(absl::IsUnavailable(lost)) << lost;
+  EXPECT_THAT(lost.message(), HasSubstr("lost"));
+  EXPECT_THAT(controller_.state().positions, Pointwise(IsNear(), kHere));
+  EXPECT_TRUE(Eventually([&] { return robot->State().ok(); }));
+  EXPECT_TRUE(Eventually([&] { return robot->MoveTo(kThere).ok(); }));
 }
 
 TEST_F(SimpleMessageRobotTest, StopFromAnotherThreadEndsTheMove) {

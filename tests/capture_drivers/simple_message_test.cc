@@ -4,6 +4,7 @@
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
+#include <bit>
 
 #include <limits>
 #include <random>
@@ -51,6 +52,28 @@ TEST(SimpleMessage, TrajectoryPointIsThatOfTheDescription) {
   EXPECT_FLOAT_EQ(point->velocity, 0.1F);
   EXPECT_FLOAT_EQ(point->duration, 5);
   EXPECT_EQ(Encode(ToMessage(*point), ByteOrder::kBig), Bytes(kTrajectoryPoint));
+}
+
+TEST(SimpleMessage, FullTrajectoryPointHasItsFieldsInTheOrderOfTheDescription) {
+  JointTrajPtFull point{.robot_id = 1, .sequence = 2, .valid_fields = 15, .time = 4};
+  for (size_t j = 0; j < kMostJoints; ++j) {
+    point.positions[j] = static_cast<float>(100 + j);
+    point.velocities[j] = static_cast<float>(200 + j);
+    point.accelerations[j] = static_cast<float>(300 + j);
+  }
+  const Message message = ToMessage(point);
+  EXPECT_EQ(message.type, 14);
+  EXPECT_EQ(message.comm, kServiceRequest);
+  ASSERT_EQ(message.body.size(), 34u);
+  EXPECT_EQ(message.body[0], 1u);
+  EXPECT_EQ(message.body[1], 2u);
+  EXPECT_EQ(message.body[2], 15u);
+  for (size_t i = 3; i < 34; ++i) {
+    const size_t j = i - 4;
+    const size_t expected = i == 3 ? 4 : 100 * (1 + j / kMostJoints) + j % kMostJoints;
+    EXPECT_EQ(std::bit_cast<float>(message.body[i]), static_cast<float>(expected)) << i;
+  }
+  EXPECT_EQ(AsJointTrajPtFull(message), point);
 }
 
 TEST(SimpleMessage, StatusIsThatOfTheDescription) {
@@ -154,13 +177,14 @@ TEST(SimpleMessage, LengthsThatCannotBeAreRefused) {
 }
 
 TEST(SimpleMessage, BodiesOfTheWrongLengthAreNone) {
-  for (Message message : {ToMessage(JointTrajPt{}), ToMessage(JointPosition{}),
-                          ToMessage(JointFeedback{}), ToMessage(RobotStatus{})}) {
+  for (Message message :
+       {ToMessage(JointTrajPt{}), ToMessage(JointTrajPtFull{}), ToMessage(JointPosition{}),
+        ToMessage(JointFeedback{}), ToMessage(RobotStatus{})}) {
     for (const size_t words : {size_t{0}, message.body.size() - 1, message.body.size() + 1}) {
       Message wrong = message;
       wrong.body.resize(words);
-      EXPECT_FALSE(AsJointTrajPt(wrong) || AsJointPosition(wrong) || AsJointFeedback(wrong) ||
-                   AsRobotStatus(wrong));
+      EXPECT_FALSE(AsJointTrajPt(wrong) || AsJointTrajPtFull(wrong) || AsJointPosition(wrong) ||
+                   AsJointFeedback(wrong) || AsRobotStatus(wrong));
     }
   }
 }

@@ -199,10 +199,13 @@ TEST(Cell, RobotIsDrivenByNobodyOrAsTheFileSays) {
   EXPECT_EQ(settings.byte_order, simple_message::ByteOrder::kBig);
   EXPECT_THAT(settings.joints, ElementsAre("b", "a", "c"));
   EXPECT_EQ(settings.trajectory, SimpleMessageSettings::Trajectory::kStreaming);
-  const auto all = Load(
-      Driven("{simple_message: {host: robot, byte_order: little, joints: [a, b, c], motion_port: 1,"
-             " state_port: 2, trajectory: download, velocity: 0.5, timeout: 250 ms}}"));
+  EXPECT_EQ(settings.point, SimpleMessageSettings::PointMessage::kSimple);
+  const auto all = Load(Driven(
+      "{simple_message: {host: robot, byte_order: little, joints: [a, b, c], motion_port: 1,"
+      " state_port: 2, trajectory: download, message: full, velocity: 0.5, timeout: 250 ms}}"));
   ASSERT_TRUE(all.ok()) << all.status();
+  EXPECT_EQ(std::get<SimpleMessageSettings>(all->robot.driver).point,
+            SimpleMessageSettings::PointMessage::kFull);
   EXPECT_EQ(std::get<SimpleMessageSettings>(all->robot.driver).velocity, 0.5);
   EXPECT_EQ(std::get<SimpleMessageSettings>(all->robot.driver).timeout, absl::Milliseconds(250));
 }
@@ -235,6 +238,7 @@ TEST(Cell, WrongDriverIsToldWithTheMend) {
   };
   EXPECT_THAT(with("joints: [a]"), HasSubstr("byte_order"));
   EXPECT_THAT(with("byte_order: middle, joints: [a]"), HasSubstr("'big' or 'little'"));
+  EXPECT_THAT(with("byte_order: big, joints: [a], message: long"), HasSubstr("'full' or"));
   EXPECT_THAT(with("byte_order: big"), HasSubstr("joints"));
   EXPECT_THAT(with("byte_order: big, joints: [a, a]"), HasSubstr("named twice"));
   EXPECT_THAT(with("byte_order: big, joints: [a], state_port: 0"), HasSubstr("a port of 1"));
@@ -358,6 +362,12 @@ TEST(Cell, MistakesAreToldWithLineAndMend) {
   EXPECT_THAT(MessageOf(Changed("{name: a, lower: 0, ", "{name: a, ")),
               HasSubstr("'lower' is missing"));
   EXPECT_THAT(MessageOf(Changed("{c: 0.5}", "{a: 0.5}")), HasSubstr("moves; it cannot be fixed"));
+  EXPECT_THAT(MessageOf(std::string(kBareCell) + "capture: {joint_tolerance: 0.01}\n"),
+              HasSubstr("capture: joint_tolerance, 0.01, is more than the server's "
+                        "fixed_joint_tolerance, 0.005"));
+  EXPECT_TRUE(Load(std::string(kBareCell) + "capture: {joint_tolerance: 0.01}\n" +
+                   "server: {fixed_joint_tolerance: 0.01}\n")
+                  .ok());
   EXPECT_THAT(MessageOf(std::string(kBareCell) + "policy: {min_views: 3}\n"),
               HasSubstr("min_views"));
   EXPECT_THAT(MessageOf(std::string(kBareCell) + "policy: {preset: brave}\n"),

@@ -63,6 +63,11 @@ SimpleMessageSettings ReadSimpleMessage(const YamlNode& node) {
       settings.trajectory = SimpleMessageSettings::Trajectory::kDownload;
     }
   }
+  if (const auto message = map.Optional("message")) {
+    if (IsFirst(*message, "full", "simple")) {
+      settings.point = SimpleMessageSettings::PointMessage::kFull;
+    }
+  }
   if (const auto velocity = map.Optional("velocity")) {
     settings.velocity = velocity->As<double>();
     if (!(settings.velocity > 0 && settings.velocity <= 1)) {

@@ -4,6 +4,7 @@
 #include <sys/socket.h>
 
 #include <algorithm>
+#include <cmath>
 #include <utility>
 
 #include "absl/time/clock.h"
@@ -11,12 +12,16 @@
 namespace silhouette {
 
 using simple_message::JointTrajPt;
+using simple_message::JointTrajPtFull;
+using simple_message::JointValues;
 using simple_message::Message;
 using simple_message::TriState;
 
 namespace {
 
 constexpr absl::Duration kSendTimeout = absl::Seconds(1);
+// How far a trajectory may begin from where the robot is: radians, metres.
+constexpr double kStartTolerance = 1e-4;
 
 TriState StateOf(bool on) { return on ? TriState::kOn : TriState::kOff; }
 
@@ -122,12 +127,22 @@ bool SimpleMessageServer::Serve(Client& client) {
     if (!message->has_value()) return true;
     const Message& request = **message;
     if (request.comm != simple_message::kServiceRequest) continue;
-    const std::optional<JointTrajPt> point = AsJointTrajPt(request);
-    const Message reply = ReplyTo(request, point && Execute(*point));
+    const Message reply = ReplyTo(request, Execute(request));
     if (!SendAll(client.socket, Encode(reply, settings_.byte_order), kSendTimeout).ok()) {
       return false;
     }
   }
+}
+
+std::vector<double> SimpleMessageServer::JointsIn(const JointValues& positions) const {
+  return {positions.begin(),
+          positions.begin() + static_cast<ptrdiff_t>(controller_.joints().size())};
+}
+
+bool SimpleMessageServer::Execute(const Message& request) {
+  if (const std::optional<JointTrajPt> point = AsJointTrajPt(request)) return Execute(*point);
+  const std::optional<JointTrajPtFull> full = AsJointTrajPtFull(request);
+  return full && Execute(*full);
 }
 
 bool SimpleMessageServer::Execute(const JointTrajPt& point) {
@@ -137,10 +152,30 @@ bool SimpleMessageServer::Execute(const JointTrajPt& point) {
   }
   if (point.sequence == simple_message::kStartDownload) return true;  // where it is
   if (point.sequence != 0 && point.sequence != simple_message::kEndDownload) return false;
-  const size_t joints = controller_.joints().size();
-  const std::vector<double> goal(point.positions.begin(),
-                                 point.positions.begin() + static_cast<ptrdiff_t>(joints));
-  return controller_.Move(goal, absl::Seconds(point.duration)).ok();
+  return controller_.Move(JointsIn(point.positions), absl::Seconds(point.duration)).ok();
+}
+
+// As controllers do that take such points: a trajectory begins at rest where the robot is.
+bool SimpleMessageServer::Execute(const JointTrajPtFull& point) {
+  if (point.sequence == simple_message::kStopTrajectory) {
+    controller_.Stop();
+    return true;
+  }
+  constexpr int32_t kNeeded = JointTrajPtFull::kTimeValid | JointTrajPtFull::kPositionsValid |
+                              JointTrajPtFull::kVelocitiesValid;
+  if (point.robot_id != 0 || (point.valid_fields & kNeeded) != kNeeded) return false;
+  const std::vector<double> joints = JointsIn(point.positions);
+  const bool begins = point.sequence == 0 || point.sequence == simple_message::kStartDownload;
+  if (begins) {
+    const std::vector<double> here = controller_.state().positions;
+    const bool there = std::ranges::equal(
+        joints, here, [](double a, double b) { return std::abs(a - b) <= kStartTolerance; });
+    full_begun_ = there && point.time == 0 && point.velocities == JointValues{};
+    return full_begun_;
+  }
+  if (!full_begun_ || point.time <= 0) return false;
+  full_begun_ = false;
+  return controller_.Move(joints, absl::Seconds(point.time)).ok();
 }
 
 }  // namespace silhouette

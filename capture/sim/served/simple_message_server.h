@@ -65,7 +65,12 @@ class SimpleMessageServer {
   std::vector<uint8_t> StateBytes() const;
   // False: the client is gone.
   bool Serve(Client& client);
+  // Whether a request is done or under way.
+  bool Execute(const simple_message::Message& request);
   bool Execute(const simple_message::JointTrajPt& point);
+  bool Execute(const simple_message::JointTrajPtFull& point);
+  // Where the robot is told to be.
+  std::vector<double> JointsIn(const simple_message::JointValues& positions) const;
 
   SimulatedController& controller_;
   const SimpleMessageServerSettings settings_;
@@ -78,6 +83,7 @@ class SimpleMessageServer {
   std::vector<Client> motion_clients_;
   std::vector<Client> state_clients_;
   bool half_sent_ = false;
+  bool full_begun_ = false;  // a trajectory of full points has its start
 
   std::thread thread_;
 };
