@@ -137,6 +137,37 @@ TEST(SoundTest, NeverMissesWithParallelCameras) { NeverMisses(ThreeParallelCamer
 
 TEST(SoundTest, NeverMissesWhereAViewDoesNotSeeAll) { NeverMisses(CamerasThatDoNotSeeAll(), 12); }
 
+// The scene is of one set of robot images, the check of another: of an arm that carries something,
+// or does not. What it carries is not in the model.
+TEST(SoundTest, NeverMissesWithAnotherSetThanTheScenes) {
+  const unsigned seed = std::random_device{}();
+  SCOPED_TRACE(::testing::Message() << "seed " << seed);
+  std::mt19937 random(seed);
+  const SphereWorld bare(ThreeCameras(), kRho, kVoxel);
+  const SphereWorld carrying(ThreeCameras(), kRho, kVoxel, 0.13);
+  int64_t touching = 0;
+  for (int scene = 0; scene < 12; ++scene) {
+    const SphereWorld& seen = scene % 2 == 0 ? bare : carrying;
+    const SphereWorld& tested = scene % 2 == 0 ? carrying : bare;
+    const ConfigurationNumber present = RandomConfiguration(random);
+    const Balls obstacles = RandomObstacles(seen.Robot(present), random);
+    const ObstacleImages images = seen.See(obstacles, present);
+    const PossibleSpace possible(tested.space, images, tested.Body(present));
+    ExpectHolds(possible, obstacles, random);
+    const CollisionTest planes(tested.table, images, {.preset = Preset::kSoundPlanes},
+                               Without(possible));
+    const CollisionTest voxels(tested.table, images, {.preset = Preset::kSound}, Without(possible));
+    for (ConfigurationNumber number : SphereWorld::Configurations()) {
+      EXPECT_LE(planes.Check(number).free(), voxels.Check(number).free());
+      if (!Touch(tested.Robot(number), obstacles)) continue;
+      ++touching;
+      EXPECT_EQ(planes.Check(number).state(), State::kOccupied) << "scene " << scene;
+      EXPECT_EQ(voxels.Check(number).state(), State::kOccupied) << "scene " << scene;
+    }
+  }
+  EXPECT_GT(touching, 0);
+}
+
 // Two cameras that look from about the same side, and a ball behind the robot.
 struct Hiding {
   Hiding()

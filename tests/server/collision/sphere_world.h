@@ -157,9 +157,13 @@ inline const Eigen::AlignedBox3d kArmBox{Vector3d(-0.8, -0.8, -0.5), Vector3d(0.
 struct SphereWorld {
   static constexpr int kSteps = 20;
 
-  explicit SphereWorld(std::vector<BallCamera> the_cameras, double rho, double voxel)
+  // `carried`: radius of what the arm holds beside its outer link, and its model knows nothing of;
+  // 0: it holds nothing.
+  explicit SphereWorld(std::vector<BallCamera> the_cameras, double rho, double voxel,
+                       double carried = 0)
       : cameras(std::move(the_cameras)),
-        table(Capture(cameras)),
+        load(carried),
+        table(Capture(cameras, carried)),
         space(kArmBox, rho, Views(), voxel) {}
 
   static ConfigurationGrid Grid() {
@@ -170,6 +174,13 @@ struct SphereWorld {
     const Configuration q = Grid().At(number);
     return ArmAt(q[0], q[1]);
   }
+  // The arm and what it carries.
+  static Balls Robot(ConfigurationNumber number, double carried) {
+    Balls robot = Arm(number);
+    if (carried > 0) robot.push_back({robot[6].centre, carried});
+    return robot;
+  }
+  Balls Robot(ConfigurationNumber number) const { return Robot(number, load); }
   static std::vector<ConfigurationNumber> Configurations() {
     const ConfigurationGrid grid = Grid();
     std::vector<ConfigurationNumber> numbers;
@@ -178,13 +189,13 @@ struct SphereWorld {
     }
     return numbers;
   }
-  static RobotImageTable Capture(const std::vector<BallCamera>& cameras) {
+  static RobotImageTable Capture(const std::vector<BallCamera>& cameras, double carried) {
     std::vector<MaskSize> sizes;
     for (const BallCamera& camera : cameras) sizes.push_back(camera.size());
     RobotImageTable::Builder builder(Grid(), sizes);
     for (ConfigurationNumber number : Configurations()) {
       std::vector<Mask> masks;
-      for (const BallCamera& camera : cameras) masks.push_back(camera.See(Arm(number)));
+      for (const BallCamera& camera : cameras) masks.push_back(camera.See(Robot(number, carried)));
       builder.Add(number, masks);
     }
     return std::move(builder).Build();
@@ -218,6 +229,7 @@ struct SphereWorld {
   }
 
   std::vector<BallCamera> cameras;
+  double load;
   RobotImageTable table;
   VoxelSpace space;
 };
