@@ -27,7 +27,33 @@ AcquiredDevice DeviceFrom(const Message& message) {
   return device;
 }
 
+RobotSet RobotSetFrom(const v1::RobotSet& message) {
+  return {.set = message.set(), .changing = message.changing(), .unknown = message.unknown()};
+}
+
+absl::StatusOr<SetChange> Change(const Connection& connection, const v1::ChangeSetRequest& request,
+                                 absl::Duration timeout) {
+  v1::ChangeSetResponse response;
+  const absl::Status status = connection.Call(
+      connection.scenes(), &v1::SceneService::Stub::ChangeSet, request, timeout, response);
+  if (!status.ok()) return status;
+  return SetChange{.robot_set = RobotSetFrom(response.robot_set()),
+                   .last_scene_before = response.last_scene_before()};
+}
+
 }  // namespace
+
+absl::StatusOr<SetChange> Client::BeginSetChange() const {
+  v1::ChangeSetRequest request;
+  request.set_changing(true);
+  return Change(*connection_, request, timeout_);
+}
+
+absl::StatusOr<SetChange> Client::ChangeSet(const std::string& set) const {
+  v1::ChangeSetRequest request;
+  request.set_set(set);
+  return Change(*connection_, request, timeout_);
+}
 
 absl::StatusOr<Acquisition> Client::GetAcquisition() const {
   v1::GetAcquisitionResponse response;
@@ -44,7 +70,8 @@ absl::StatusOr<Acquisition> Client::GetAcquisition() const {
                           .cameras = {},
                           .robot = DeviceFrom(message.robot()),
                           .to_scene = LatencyFrom(message.to_scene()),
-                          .to_map = LatencyFrom(message.to_map())};
+                          .to_map = LatencyFrom(message.to_map()),
+                          .robot_set = RobotSetFrom(message.robot_set())};
   for (const v1::AcquiredCamera& camera : message.cameras()) {
     AcquiredDevice& added = acquisition.cameras.emplace_back(DeviceFrom(camera));
     added.view = camera.view();

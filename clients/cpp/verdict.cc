@@ -62,8 +62,8 @@ Words WordsFor(Reason reason) {
               "check): calibrate anew, or ask for the preset uncalibrated"};
     case Reason::kSetUnknown:
       return {"set unknown",
-              "the scene names a set of robot images that the database does not have: capture it, "
-              "or publish scenes with one that it has"};
+              "it is not known which of the database's sets of robot images shows the robot: look "
+              "at the scene's defects (silhouette scene show)"};
     case Reason::kNotInMap:
       return {
           "not in map",

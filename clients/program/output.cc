@@ -56,7 +56,9 @@ std::string Spoken(const client::Basis& basis) {
   }
   std::string words = absl::StrCat("scene ", basis.scene_id, ", ", Spoken(basis.Age()),
                                    " old, database generation ", basis.database_generation);
-  if (basis.set != basis.scene_set) {
+  if (!basis.set.empty() && basis.scene_set.empty()) {
+    absl::StrAppend(&words, ", the scene's set is not known");
+  } else if (basis.set != basis.scene_set) {
     absl::StrAppend(&words, ", tested with set ", basis.set, ", the scene has set ",
                     basis.scene_set);
   } else if (!basis.set.empty() && basis.set != "default") {
@@ -105,7 +107,7 @@ Json JsonOf(const client::Basis& basis) {
           {"scene_age_s", scene ? Json(absl::ToDoubleSeconds(basis.Age())) : Json()},
           {"database_generation", basis.database_generation},
           {"set", basis.set},
-          {"scene_set", scene ? Json(basis.scene_set) : Json()},
+          {"scene_set", basis.scene_set.empty() ? Json() : Json(basis.scene_set)},
           {"scene_regions", basis.regions}};
 }
 
@@ -124,6 +126,12 @@ Json JsonOf(const client::PathCheck& check, client::Clearance clearance) {
                          {"configuration", check.narrowest->configuration}};
   }
   return json;
+}
+
+Json JsonOf(const client::RobotSet& set) {
+  return {{"set", set.set.empty() ? Json(nullptr) : Json(set.set)},
+          {"changing", set.changing},
+          {"unknown", set.unknown.empty() ? Json(nullptr) : Json(set.unknown)}};
 }
 
 std::string Table(const std::vector<std::vector<std::string>>& rows) {

@@ -6,6 +6,7 @@
 
 #include "absl/status/status.h"
 #include "absl/time/time.h"
+#include "silhouette/acquisition.h"
 #include "silhouette/answers.h"
 #include "silhouette/client.h"
 #include "silhouette/scene.h"
@@ -37,6 +38,9 @@ Json JsonOf(const client::Basis& basis);
 
 // The basis, the verdict, "checked", and where it is not free, or narrowest.
 Json JsonOf(const client::PathCheck& check, client::Clearance clearance);
+
+// {"set", "changing", "unknown"}; null where the set, or why it is unknown, is empty.
+Json JsonOf(const client::RobotSet& set);
 
 // A table of text: the first column to the left, the others to the right.
 std::string Table(const std::vector<std::vector<std::string>>& rows);

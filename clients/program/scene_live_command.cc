@@ -45,6 +45,7 @@ Json JsonOf(const client::Acquisition& acquisition) {
     json["cameras"].push_back(JsonOf(camera));
   }
   json["robot"] = JsonOf(acquisition.robot);
+  json["robot_set"] = silhouette::JsonOf(acquisition.robot_set);
   json["to_scene"] = JsonOf(acquisition.to_scene);
   json["to_map"] = JsonOf(acquisition.to_map);
   return json;
@@ -78,6 +79,9 @@ std::string TextOf(const client::Acquisition& acquisition) {
   std::vector<std::vector<std::string>> rows = {{"device", "serving", "good", "errors", "age"}};
   for (const client::AcquiredDevice& device : devices) rows.push_back(RowOf(device));
   absl::StrAppend(&text, Table(rows));
+  const client::RobotSet& set = acquisition.robot_set;
+  if (!set.set.empty()) absl::StrAppend(&text, "the robot's set: ", set.set, "\n");
+  if (!set.unknown.empty()) absl::StrAppend(&text, "not free: ", set.unknown, "\n");
   if (!acquisition.fault.empty()) absl::StrAppend(&text, "no scene: ", acquisition.fault, "\n");
   for (const client::AcquiredDevice& device : devices) {
     if (!device.fault.empty()) absl::StrAppend(&text, TitleOf(device), ": ", device.fault, "\n");

@@ -36,15 +36,11 @@ absl::StatusOr<std::vector<size_t>> PlacesOf(const storage::v1::CellDescription&
   return places;
 }
 
-// Nobody tells the loop which tool or part the robot carries: with the wrong set of robot images
-// what it hides could pass for free.
-absl::Status CheckOneSet(const ServedDatabase& database) {
-  const std::vector<std::string> sets = database.sets();
-  if (sets.size() <= 1) return absl::OkStatus();
-  return absl::FailedPreconditionError(absl::StrCat(
-      "the database has the sets of robot images ", absl::StrJoin(sets, ", "),
-      ", and nobody says which of them shows the robot in images that the server takes itself; "
-      "serve it without --live and publish scenes that name their set"));
+absl::Status CheckSet(const ServedDatabase& database, const std::string& set) {
+  if (set.empty() || database.Set(set) != nullptr) return absl::OkStatus();
+  return absl::InvalidArgumentError(
+      absl::StrCat("server: live: set: the database has no set of robot images '", set,
+                   "'; it has ", absl::StrJoin(database.sets(), ", ")));
 }
 
 // How often a view's slow light learns, and how long ago the image before may have been taken.
@@ -95,7 +91,7 @@ absl::StatusOr<std::unique_ptr<LiveLoop>> LiveLoop::Start(const LiveConfig& conf
         "the database has no reference images to difference camera images with; take them with "
         "'silhouette-capture reference'");
   }
-  if (absl::Status one_set = CheckOneSet(*database); !one_set.ok()) return one_set;
+  if (absl::Status known = CheckSet(*database, config.live.set); !known.ok()) return known;
   std::unique_ptr<LiveLoop> loop(
       new LiveLoop(config, std::move(scenes), std::move(record), database->cell()));
   loop->open_cameras_ = std::move(devices.open_cameras);
@@ -217,7 +213,6 @@ absl::Status LiveLoop::Publish(const std::vector<std::optional<CameraImage>>& im
   if (!database->has_references()) {
     return absl::FailedPreconditionError("the database has no reference images any more");
   }
-  if (absl::Status one_set = CheckOneSet(*database); !one_set.ok()) return one_set;
   if (light_of_ != database) {
     light_of_ = database;
     lights_.assign(images.size(), {});
@@ -256,6 +251,13 @@ absl::Status LiveLoop::Publish(const std::vector<std::optional<CameraImage>>& im
     input.joints = *std::move(joints);
   } else {
     input.without_joints = std::string(joints.status().message());
+  }
+  const absl::StatusOr<std::string> set =
+      record_->known_set().Of(running(oldest), database->sets());
+  if (set.ok()) {
+    input.set = *set;
+  } else {
+    input.without_set = std::string(set.status().message());
   }
   absl::StatusOr<Scene> scene =
       MakeScene(*database, input, config_.scene, config_.segmentation, arrived);

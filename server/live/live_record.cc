@@ -39,8 +39,12 @@ std::string Spoken(const LiveStatus& status) {
   return text;
 }
 
-LiveRecord::LiveRecord(const std::vector<std::string>& views, absl::Duration max_age, Clock clock)
-    : max_age_(max_age), clock_(std::move(clock)), started_(clock_().time) {
+LiveRecord::LiveRecord(const std::vector<std::string>& views, absl::Duration max_age, Clock clock,
+                       KnownSet known_set)
+    : max_age_(max_age),
+      clock_(std::move(clock)),
+      started_(clock_().time),
+      known_set_(std::move(known_set)) {
   for (const std::string& view : views) cameras_.push_back({.name = view, .last = std::nullopt});
 }
 
@@ -124,6 +128,26 @@ void LiveRecord::NoteLostSet(const absl::Status& error) {
 void LiveRecord::NoteMap(const Moment& arrived) {
   const std::lock_guard lock(mutex_);
   to_map_.Add(clock_().running - arrived.running);
+}
+
+bool LiveRecord::TellSet(const std::string& set, absl::Duration now) {
+  const std::lock_guard lock(mutex_);
+  return known_set_.Tell(set, now);
+}
+
+bool LiveRecord::TellSetChanging() {
+  const std::lock_guard lock(mutex_);
+  return known_set_.TellChanging();
+}
+
+void LiveRecord::NoteSets(const std::vector<std::string>& sets) {
+  const std::lock_guard lock(mutex_);
+  known_set_.NoteSets(sets);
+}
+
+KnownSet LiveRecord::known_set() const {
+  const std::lock_guard lock(mutex_);
+  return known_set_;
 }
 
 DeviceStatus LiveRecord::StatusOf(const Device& device, const Moment& now) const {

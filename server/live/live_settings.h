@@ -1,11 +1,16 @@
 // How the server takes images itself.
 #pragma once
 
+#include <string>
+
 #include "absl/time/time.h"
 
 namespace silhouette {
 
 struct LiveSettings {
+  // The set of robot images that shows the robot when the server starts; empty: it has to be told,
+  // where the database has several.
+  std::string set = "";
   // Least time from one set of images to the next.
   absl::Duration interval = absl::Milliseconds(20);
   // How often the robot is asked for its joints.

@@ -140,6 +140,12 @@ std::string WhyMissing(const SceneInput& input, const std::string& view) {
                                           : why->second;
 }
 
+std::string WhyNoSet(const ServedDatabase& whole, const SceneInput& input) {
+  if (!input.without_set.empty()) return input.without_set;
+  return absl::StrCat("the database has no set of robot images '", input.set, "'; capture it, or ",
+                      "publish the scene with one of ", absl::StrJoin(whole.sets(), ", "));
+}
+
 void FindDefects(const ServedDatabase& database, const SceneSettings& settings,
                  const SceneInput& input, Scene& scene) {
   if (!database.margins_known().ok()) {
@@ -182,7 +188,7 @@ absl::Status InField(const absl::Status& status, size_t i, const ViewInput& inpu
 absl::StatusOr<Scene> MakeScene(const ServedDatabase& whole, const SceneInput& input,
                                 const SceneSettings& settings,
                                 const SegmentationSettings& segmentation, const Moment& arrived) {
-  const ServedDatabase* set = whole.Set(input.set);
+  const ServedDatabase* set = input.without_set.empty() ? whole.Set(input.set) : nullptr;
   const ServedDatabase& database = set != nullptr ? *set : whole;
   if (input.views.empty()) {
     return absl::InvalidArgumentError("views: a scene has an image of at least one view");
@@ -192,7 +198,7 @@ absl::StatusOr<Scene> MakeScene(const ServedDatabase& whole, const SceneInput& i
   scene.generation = database.generation();
   scene.arrived = arrived;
   scene.joints = input.joints;
-  scene.set = set != nullptr ? set->set() : input.set;
+  scene.set = set != nullptr ? set->set() : input.without_set.empty() ? input.set : "";
   scene.views.resize(views);
   scene.obstacle_images.resize(views);
   scene.without_margins.resize(views);
@@ -211,11 +217,7 @@ absl::StatusOr<Scene> MakeScene(const ServedDatabase& whole, const SceneInput& i
   }
   if (set == nullptr) {
     robot->covers.clear();
-    robot->defects.insert(
-        robot->defects.begin(),
-        {Reason::kSetUnknown,
-         absl::StrCat("the database has no set of robot images '", input.set, "'; capture it, or ",
-                      "publish the scene with one of ", absl::StrJoin(whole.sets(), ", "))});
+    robot->defects.insert(robot->defects.begin(), {Reason::kSetUnknown, WhyNoSet(whole, input)});
   }
   scene.defects = std::move(robot->defects);
   MakeObstacleImages(robot->covers, inputs, scene);

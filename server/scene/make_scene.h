@@ -50,6 +50,8 @@ struct SceneInput {
   // The set of robot images that shows the robot as it is: its tool, the part that it carries.
   // Empty: the default set.
   std::string set = "";
+  // Why that is not known: one sentence; `set` is then not asked for.
+  std::string without_set = "";
 };
 
 // Makes a scene of images that arrived at the moment `arrived`. `whole`: the database with all of

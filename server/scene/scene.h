@@ -91,7 +91,8 @@ struct Scene {
   // Generation of the database that it was made with.
   uint64_t generation = 0;
   std::vector<JointPosition> joints;
-  // Which set of robot images shows the robot as it is in the scene, by its name.
+  // Which set of robot images shows the robot as it is in the scene, by its name; empty: it is not
+  // known, which is a defect.
   std::string set = schema::kDefaultSet;
   // One per view of the database; nothing where the scene lacks the view.
   std::vector<std::optional<SceneView>> views;

@@ -8,6 +8,18 @@
 #include "absl/strings/str_join.h"
 
 namespace silhouette {
+namespace {
+
+// What is left of a scene if it is not known what the robot looks like in it.
+void ForgetSet(Scene& scene, const std::string& why) {
+  scene.set.clear();
+  std::ranges::fill(scene.obstacle_images, std::nullopt);
+  std::ranges::fill(scene.without_margins, std::nullopt);
+  std::erase_if(scene.defects, [](const auto& d) { return d.reason == Reason::kSetUnknown; });
+  scene.defects.insert(scene.defects.begin(), {Reason::kSetUnknown, why});
+}
+
+}  // namespace
 
 absl::StatusOr<Served> WithSet(Served served, const std::string& name) {
   if (served.whole == nullptr) served.whole = served.database;
@@ -38,11 +50,35 @@ absl::StatusOr<SharedScene> SceneStore::Publish(
         absl::StrCat("the images are ", absl::FormatDuration(scenes_.back()->oldest - scene.oldest),
                      " older than those of scene ", scenes_.back()->id, ", which is served"));
   }
+  return Add(std::move(scene));
+}
+
+SharedScene SceneStore::Add(Scene scene) {
+  if (IsWithdrawn(scene)) ForgetSet(scene, why_withdrawn_);
   scene.id = ++last_id_;
   scenes_.push_back(std::make_shared<const Scene>(std::move(scene)));
   if (scenes_.size() > kept_) scenes_.pop_front();
   NoteChange();
   return scenes_.back();
+}
+
+void SceneStore::Withdraw(const std::string& why, const Moment& now) {
+  const std::lock_guard lock(mutex_);
+  withdrawn_until_ = std::max(withdrawn_until_, now.running);
+  why_withdrawn_ = why;
+  if (!scenes_.empty()) Add(*scenes_.back());
+  NoteChange();
+  last_withdrawn_ = last_id_;
+}
+
+uint64_t SceneStore::last_withdrawn() const {
+  const std::lock_guard lock(mutex_);
+  return last_withdrawn_;
+}
+
+bool SceneStore::Withdrawn(const Scene& scene) const {
+  const std::lock_guard lock(mutex_);
+  return IsWithdrawn(scene);
 }
 
 void SceneStore::ReplaceDatabase(std::shared_ptr<const ServedDatabase> database) {

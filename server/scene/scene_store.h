@@ -49,6 +49,15 @@ class SceneStore {
   absl::StatusOr<SharedScene> Publish(Scene scene,
                                       const std::shared_ptr<const ServedDatabase>& database);
 
+  // From now on nothing rests on a scene that arrived at the moment `now` or before, published
+  // already or not, for the robot looks other than in it: it has the defect kSetUnknown with the
+  // message `why`, no set and no obstacle images. The newest scene is published anew as such.
+  void Withdraw(const std::string& why, const Moment& now);
+  // The id of the scene that was the newest after that; 0: there was none, or none is withdrawn.
+  uint64_t last_withdrawn() const;
+  // Whether the scene is withdrawn by now.
+  bool Withdrawn(const Scene& scene) const;
+
   // Serves another generation. All scenes are dropped: they were made with the old robot images. So
   // are all allowed regions.
   void ReplaceDatabase(std::shared_ptr<const ServedDatabase> database);
@@ -89,6 +98,8 @@ class SceneStore {
  private:
   // Called with the mutex held.
   void NoteChange();
+  SharedScene Add(Scene scene);
+  bool IsWithdrawn(const Scene& scene) const { return scene.arrived.running <= withdrawn_until_; }
   SharedScene WithRegions(const SharedScene& scene, const RegionSet& regions);
 
   const size_t kept_;
@@ -103,6 +114,9 @@ class SceneStore {
   SharedScene with_regions_;
   uint64_t with_regions_of_scene_ = 0;
   uint64_t with_regions_of_revision_ = 0;
+  absl::Duration withdrawn_until_ = -absl::InfiniteDuration();
+  std::string why_withdrawn_;
+  uint64_t last_withdrawn_ = 0;
   bool database_replaced_ = false;
   uint64_t last_id_ = 0;
 };

@@ -46,4 +46,14 @@ void ToMessage(const LiveStatus& status, v1::Acquisition* message) {
   LatencyToMessage(status.to_map, message->mutable_to_map());
 }
 
+void ToMessage(const KnownSet& known, const std::vector<std::string>& sets, v1::RobotSet* message) {
+  const absl::StatusOr<std::string> set = known.OfLaterImages(sets);
+  if (set.ok()) {
+    message->set_set(*set);
+  } else {
+    message->set_unknown(std::string(set.status().message()));
+  }
+  message->set_changing(known.changing());
+}
+
 }  // namespace silhouette

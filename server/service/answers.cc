@@ -148,6 +148,9 @@ Reason Conclude(const Serving& serving, const Served& served, const Policy& poli
   if (blocked == Reason::kNone && serving.scenes.Revoked(*served.regions)) {
     blocked = Reason::kRegionEnded;
   }
+  if (blocked == Reason::kNone && serving.scenes.Withdrawn(*served.scene)) {
+    blocked = Reason::kSetUnknown;
+  }
   if (valid_for != nullptr) {
     *valid_for = blocked == Reason::kNone ? ValidFor(of_now, policy, serving.settings.scene, now)
                                           : absl::ZeroDuration();

@@ -101,7 +101,7 @@ void MapKeeper::WorkOut(uint64_t version, const std::stop_token& stop) {
     // What has been withdrawn meanwhile is not told any more: the next change is known already.
     const auto withdrawn = [&] {
       return scenes_.database() != served.whole || scenes_.trust() != served.trust ||
-             scenes_.Revoked(*served.regions);
+             scenes_.Revoked(*served.regions) || scenes_.Withdrawn(*served.scene);
     };
     if (withdrawn()) return;
     Share(served, policy, space.get(), blocked);

@@ -2,10 +2,12 @@
 
 #include <spdlog/spdlog.h>
 
+#include <algorithm>
 #include <string>
 #include <utility>
 
 #include "absl/strings/str_cat.h"
+#include "absl/strings/str_join.h"
 #include "server/scene/make_scene.h"
 #include "server/service/messages.h"
 
@@ -22,6 +24,27 @@ std::string PixelCounts(const AllowedRegion& region, const ServedDatabase& datab
                     database.view_name(static_cast<int>(view)), "'");
   }
   return counts;
+}
+
+absl::Status CheckChange(const v1::ChangeSetRequest& request,
+                         const std::vector<std::string>& sets) {
+  if (request.changing() != request.set().empty()) {
+    return absl::InvalidArgumentError(
+        "tell either the set that the robot has, or that it is changing");
+  }
+  if (request.changing() || std::ranges::find(sets, request.set()) != sets.end()) {
+    return absl::OkStatus();
+  }
+  return absl::InvalidArgumentError(absl::StrCat("set: the database has no set '", request.set(),
+                                                 "'; its sets are ", absl::StrJoin(sets, ", ")));
+}
+
+// Of scenes that are older than what is known now.
+std::string WhyWithdrawn(const KnownSet& known, const std::vector<std::string>& sets) {
+  const absl::StatusOr<std::string> set = known.OfLaterImages(sets);
+  if (!set.ok()) return std::string(set.status().message());
+  return absl::StrCat("the scene is of before it was told that the robot has the set '", *set,
+                      "'; wait for the next");
 }
 
 }  // namespace
@@ -82,6 +105,36 @@ grpc::ServerUnaryReactor* SceneService::GetAcquisition(grpc::CallbackServerConte
               "the server does not take images of the cell itself; start it with --live"};
     }
     ToMessage(serving_.settings.live->Status(), response->mutable_acquisition());
+    ToMessage(serving_.settings.live->known_set(), serving_.scenes.database()->sets(),
+              response->mutable_acquisition()->mutable_robot_set());
+    return grpc::Status::OK;
+  });
+}
+
+grpc::ServerUnaryReactor* SceneService::ChangeSet(grpc::CallbackServerContext* context,
+                                                  const v1::ChangeSetRequest* request,
+                                                  v1::ChangeSetResponse* response) {
+  const Moment arrived = serving_.settings.clock();
+  return AnswerHere(context, [=, this]() -> grpc::Status {
+    const std::shared_ptr<LiveRecord>& live = serving_.settings.live;
+    if (live == nullptr) {
+      return {grpc::StatusCode::FAILED_PRECONDITION,
+              "the server does not take images of the cell itself (--live); publish scenes that "
+              "name their set"};
+    }
+    const std::vector<std::string> sets = serving_.scenes.database()->sets();
+    if (const absl::Status valid = CheckChange(*request, sets); !valid.ok()) return ToGrpc(valid);
+    const std::lock_guard lock(changing_set_);
+    const bool is_new = request->changing() ? live->TellSetChanging()
+                                            : live->TellSet(request->set(), arrived.running);
+    const KnownSet known = live->known_set();
+    if (is_new) {
+      serving_.scenes.Withdraw(WhyWithdrawn(known, sets), serving_.settings.clock());
+      spdlog::info("{} tells that the robot's set {}", context->peer(),
+                   request->changing() ? "is changing" : "is '" + request->set() + "'");
+    }
+    ToMessage(known, sets, response->mutable_robot_set());
+    response->set_last_scene_before(serving_.scenes.last_withdrawn());
     return grpc::Status::OK;
   });
 }

@@ -1,6 +1,8 @@
 // SceneService: what the owner of the cameras calls.
 #pragma once
 
+#include <mutex>
+
 #include "server/service/serving.h"
 #include "silhouette/v1/scene_service.grpc.pb.h"
 
@@ -19,6 +21,9 @@ class SceneService final : public v1::SceneService::CallbackService {
   grpc::ServerUnaryReactor* GetAcquisition(grpc::CallbackServerContext* context,
                                            const v1::GetAcquisitionRequest* request,
                                            v1::GetAcquisitionResponse* response) override;
+  grpc::ServerUnaryReactor* ChangeSet(grpc::CallbackServerContext* context,
+                                      const v1::ChangeSetRequest* request,
+                                      v1::ChangeSetResponse* response) override;
   grpc::ServerUnaryReactor* AllowRegion(grpc::CallbackServerContext* context,
                                         const v1::AllowRegionRequest* request,
                                         v1::AllowRegionResponse* response) override;
@@ -31,6 +36,7 @@ class SceneService final : public v1::SceneService::CallbackService {
 
  private:
   Serving& serving_;
+  std::mutex changing_set_;  // held while a change is told, until scenes of before are withdrawn
 };
 
 }  // namespace silhouette

@@ -157,6 +157,7 @@ Server::~Server() {
 }
 
 void Server::ReplaceDatabase(std::shared_ptr<const ServedDatabase> database) {
+  if (serving_.settings.live != nullptr) serving_.settings.live->NoteSets(database->sets());
   serving_.scenes.ReplaceDatabase(std::move(database));
 }
 

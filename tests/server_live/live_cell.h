@@ -16,7 +16,7 @@
 #include "server/live/live_loop.h"
 #include "server/scene/checker.h"
 #include "server/scene/scene_store.h"
-#include "tests/server/test_cell.h"
+#include "tests/server/tool_set.h"
 
 namespace silhouette {
 
@@ -25,6 +25,7 @@ struct LiveScript {
   std::mutex mutex;
   // Where the robot stands: grid point (a, 0); `joints` is what it tells, in the order lift, b, a.
   int robot_a = 0;
+  bool tool = false;  // of tests/server/tool_set.h
   std::vector<double> joints = {0.5, At(0, 0)[1], At(0, 0)[0]};
   double joint_drift = 0;  // added to joint a with every answer
   absl::Status robot_error = absl::OkStatus();
@@ -43,7 +44,8 @@ struct LiveScript {
 
 inline CameraImage ImageOfView(int view, const LiveScript& script) {
   const int block = script.blocks[static_cast<size_t>(view)];
-  Mask foreground = RobotMask(view, script.robot_a, 0);
+  Mask foreground =
+      script.tool ? ToolMask(view, script.robot_a, 0) : RobotMask(view, script.robot_a, 0);
   if (block >= 0) foreground = foreground | Block(view, block);
   const cv::Mat picture = CameraPicture(view, foreground);
   return {.width = picture.cols,
@@ -134,7 +136,9 @@ struct LiveCellTest : ::testing::Test {
   }
 
   absl::Status Start() {
-    record = std::make_shared<LiveRecord>(kViewNames, config.scene.max_age, config.clock);
+    const std::string& set = config.live.set;
+    record = std::make_shared<LiveRecord>(kViewNames, config.scene.max_age, config.clock,
+                                          set.empty() ? KnownSet() : KnownSet(set));
     auto started = LiveLoop::Start(config, Devices(),
                                    {.database = [this] { return scenes.database(); },
                                     .publish =
@@ -144,6 +148,13 @@ struct LiveCellTest : ::testing::Test {
                                    record);
     if (started.ok()) loop = *std::move(started);
     return started.status();
+  }
+
+  // What a server does when it is told; empty: the set is changing.
+  void Tell(const std::string& set) {
+    const Moment now = SystemClock();
+    EXPECT_TRUE(set.empty() ? record->TellSetChanging() : record->TellSet(set, now.running));
+    scenes.Withdraw("told", SystemClock());
   }
 
   template <typename Change>

@@ -3,7 +3,6 @@
 
 #include <gmock/gmock.h>
 
-#include "tests/server/tool_set.h"
 #include "tests/server_live/live_cell.h"
 
 namespace silhouette {
@@ -24,19 +23,89 @@ TEST_F(LiveLoopTest, ImagesAndJointsBecomeScenesAgainAndAgain) {
   EXPECT_GE(record->Status().to_scene.count, 3u);
 }
 
-TEST_F(LiveLoopTest, WhichOfSeveralSetsShowsTheRobotIsNotGuessed) {
+std::shared_ptr<const ServedDatabase> WithTools() {
   const FreshFolder folder;
   MakeDatabase(folder / "db", {.references = true});
   AddTools(folder / "db");
-  const std::shared_ptr<const ServedDatabase> two_sets = LoadDatabase(folder / "db");
-  // A database that gets a second set while scenes are made of it.
+  return LoadDatabase(folder / "db");
+}
+
+TEST_F(LiveLoopTest, WhichOfSeveralSetsShowsTheRobotIsNotGuessed) {
+  scenes.ReplaceDatabase(WithTools());
+  ASSERT_TRUE(Start().ok());
+  const SharedScene scene = SceneWithDefect(Reason::kSetUnknown, "nobody has told");
+  EXPECT_EQ(FreeBy(scene), 0);
+  EXPECT_EQ(scene->set, "");
+  EXPECT_EQ(scene->views.size(), 3u) << "what cameras saw is told all the same";
+  EXPECT_TRUE(record->Status().serving);
+  Tell("default");
+  EXPECT_EQ(GoodScene()->set, "default");
+}
+
+TEST_F(LiveLoopTest, DatabaseThatGetsASecondSetHasToBeTold) {
+  ASSERT_TRUE(Start().ok());
+  EXPECT_EQ(GoodScene()->set, "default");
+  const auto both = WithTools();
+  record->NoteSets(both->sets());
+  scenes.ReplaceDatabase(both);
+  SceneWithDefect(Reason::kSetUnknown, "nobody has told");
+}
+
+TEST_F(LiveLoopTest, SetOfTheStartIsThatOfTheFirstScene) {
+  scenes.ReplaceDatabase(WithTools());
+  config.live.set = kTool;
+  Script([](LiveScript& to) { to.tool = true; });
+  ASSERT_TRUE(Start().ok());
+  const SharedScene first = NextScene("any", [](const Scene&) { return true; });
+  EXPECT_EQ(first->set, kTool);
+  EXPECT_EQ(GoodScene()->obstacle_images[0]->obstacle().Count(), 0u) << "the tool is no obstacle";
+  loop.reset();
+  config.live.set = "none";
+  const absl::Status refused = Start();
+  EXPECT_EQ(refused.code(), absl::StatusCode::kInvalidArgument);
+  EXPECT_THAT(std::string(refused.message()), HasSubstr("'none'; it has default, tool"));
+}
+
+// The images show the tool, or do not, from the instant on at which that is told.
+TEST_F(LiveLoopTest, ScenesHaveTheSetThatShowsTheRobotOrNone) {
+  scenes.ReplaceDatabase(WithTools());
+  config.live.set = "default";
   ASSERT_TRUE(Start().ok());
   GoodScene();
-  scenes.ReplaceDatabase(two_sets);
-  WaitUntil([&] { return record->Status().lost_sets > 0; }, "a set of images without a scene");
-  EXPECT_EQ(Newest(), nullptr);
-  loop.reset();
-  EXPECT_THAT(std::string(Start().message()), HasSubstr("nobody says which of them"));
+  for (const bool tool : {true, false, true}) {
+    Tell("");
+    const SharedScene changing = Newest();
+    EXPECT_EQ(FreeBy(changing), 0);
+    SceneWithDefect(Reason::kSetUnknown, "being changed");
+    Script([&](LiveScript& to) { to.tool = tool; });
+    const absl::Time told = absl::Now();
+    Tell(tool ? kTool : "default");
+    const uint64_t last = scenes.last_withdrawn();
+    const SharedScene good = GoodScene();
+    EXPECT_EQ(good->set, tool ? kTool : "default");
+    EXPECT_GT(good->id, last);
+    EXPECT_GE(good->oldest, told + kClockTolerance);
+    EXPECT_EQ(good->obstacle_images[0]->obstacle().Count(), 0u);
+    for (uint64_t id = changing->id; id < good->id; ++id) {
+      const SharedScene between = scenes.Find(id);
+      if (between == nullptr) continue;
+      EXPECT_EQ(between->Blocked(), Reason::kSetUnknown) << id;
+    }
+  }
+}
+
+TEST_F(LiveLoopTest, CameraWhoseClockIsAheadGivesNoNewSetToAnOldImage) {
+  scenes.ReplaceDatabase(WithTools());
+  config.live.set = "default";
+  Script([](LiveScript& to) { to.stamps.assign(3, absl::Milliseconds(90)); });
+  ASSERT_TRUE(Start().ok());
+  GoodScene();
+  const absl::Time told = absl::Now();
+  Tell(kTool);
+  Script([](LiveScript& to) { to.tool = true; });
+  const SharedScene first =
+      NextScene("one of the tool", [](const Scene& scene) { return scene.set == kTool; });
+  EXPECT_GE(first->oldest - absl::Milliseconds(90), told) << "by a clock that is right";
 }
 
 TEST_F(LiveLoopTest, WhatStandsInTheCellIsInTheNextScene) {

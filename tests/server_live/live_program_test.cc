@@ -4,6 +4,7 @@
 
 #include <chrono>
 #include <csignal>
+#include <filesystem>
 #include <nlohmann/json.hpp>
 #include <thread>
 
@@ -46,7 +47,7 @@ struct LiveProgramTest : ::testing::Test {
   void StartOnly(const std::string& more, const std::string& file = cell->cell()) {
     const std::string command =
         absl::StrCat("exec '", SILHOUETTE_BIN_DIR, "/silhouette-server' --cell '", file,
-                     "' --database '", cell->database(), "' --listen 127.0.0.1:0 ", more, " >'",
+                     "' --database '", database, "' --listen 127.0.0.1:0 ", more, " >'",
                      *cell / "server.out", "' 2>'", *cell / "server.err", "'");
     WriteText(*cell / "server.out", "");
     server = fork();
@@ -100,6 +101,7 @@ struct LiveProgramTest : ::testing::Test {
 
   static ProgramCell* cell;
   pid_t server = -1;
+  std::string database = cell->database();
   std::string address;
 };
 
@@ -152,6 +154,38 @@ TEST_F(LiveProgramTest, MistakesAreToldInOneSentence) {
   EXPECT_THAT(refused("--simulated-obstacles x.yaml"), HasSubstr("--live"));
   EXPECT_THAT(refused("--live --simulated-obstacles x.yaml"), HasSubstr("x.yaml"));
   EXPECT_THAT(refused("--live --metrics nowhere"), HasSubstr("127.0.0.1"));
+}
+
+TEST_F(LiveProgramTest, TheSetIsToldByTheProgram) {
+  database = *cell / "two.lmdb";
+  std::filesystem::copy(cell->database(), database, std::filesystem::copy_options::recursive);
+  const Outcome captured =
+      cell->Run({"run", "--cell", cell->cell(), "--database", database, "--set", "same"});
+  ASSERT_EQ(captured.exit_code, 0) << captured.err;
+  Start("--live");
+  const json before = AwaitStatus([](const json& now) { return now["scenes"] > 0; });
+  EXPECT_EQ(before["robot_set"]["set"], nullptr);
+  EXPECT_EQ(Ask("check 0,0").exit_code, 1);
+  EXPECT_THAT(Ask("scene show").out, HasSubstr("nobody has told which set"));
+
+  const json changing = json::parse(Ask("scene set --changing --format json").out, nullptr, false);
+  EXPECT_EQ(changing["changing"], true);
+  EXPECT_THAT(Ask("scene live").out, HasSubstr("not free: the robot's set"));
+  EXPECT_THAT(Ask("scene set same").out, HasSubstr("the robot has the set same, in scenes after "));
+  AwaitStatus([](const json& now) { return now["robot_set"]["set"] == "same"; });
+  json scene;
+  for (int i = 0; i < 600 && scene["set"] != "same"; ++i) {
+    scene = json::parse(Ask("scene show --format json").out, nullptr, false);
+  }
+  EXPECT_EQ(scene["set"], "same");
+  EXPECT_GT(json::parse(Ask("space --format json").out, nullptr, false)["free"], 0);
+
+  EXPECT_EQ(Ask("scene set").exit_code, 2);
+  const Outcome unknown = Ask("scene set none");
+  EXPECT_EQ(unknown.exit_code, 2);
+  EXPECT_THAT(unknown.err, HasSubstr("its sets are default, same"));
+  EXPECT_EQ(End(SIGTERM), 0);
+  EXPECT_THAT(Log(), HasSubstr("tells that the robot's set is 'same'"));
 }
 
 TEST_F(LiveProgramTest, WithoutLiveThereIsNoAcquisition) {

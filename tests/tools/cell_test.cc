@@ -255,6 +255,12 @@ TEST(Cell, RobotImageMemoryIsASizeOrLeftOpen) {
               HasSubstr("robot_image_memory: a number of bytes is expected"));
 }
 
+TEST(Cell, SetOfTheLiveRobotIsStatedOrLeftOpen) {
+  const std::string bare = kBareCell;
+  EXPECT_EQ(Load(bare)->server.live.set, "");
+  EXPECT_EQ(Load(bare + "server: {live: {set: gripper-open}}\n")->server.live.set, "gripper-open");
+}
+
 TEST(Cell, SoundIsReadAndNeedsTheRobotsModel) {
   const std::string robots = std::string(SILHOUETTE_SOURCE_DIR) + "/capture/sim/robots/";
   const std::string cell_with = "name: x\nrobot:\n  urdf: " + robots +

@@ -83,6 +83,7 @@ bool OneOf(const YamlNode& node, const std::string& first, const std::string& se
 // `live`: what the keys that are not stated are.
 LiveSettings ReadLive(const YamlNode& node, LiveSettings live) {
   YamlMap map(node);
+  live.set = map.Get<std::string>("set", live.set);
   live.interval = Time(map, "interval", live.interval);
   const auto positive_time = [&](const std::string& key, absl::Duration& time) {
     const auto value = map.Optional(key);

@@ -117,6 +117,15 @@ class Client {
   // How the server's own acquisition goes. FailedPrecondition if it does not take images itself.
   absl::StatusOr<Acquisition> GetAcquisition() const;
 
+  // Tell a server that takes images itself which set of robot images shows the robot: before the
+  // gripper closes, or a part or tool is taken or left, that the set is changing; afterwards which
+  // it is. From then on nothing that rests on images of before is free, nor while it is changing.
+  // May be told again. InvalidArgument: the database has no such set. FailedPrecondition: the
+  // server does not take images itself; publish scenes that name their set. After any other error
+  // it is not known whether it was told: tell it again.
+  absl::StatusOr<SetChange> BeginSetChange() const;
+  absl::StatusOr<SetChange> ChangeSet(const std::string& set) const;
+
   // Puts an allowed region into force, in place of the one of its name: in `views` obstacle pixels
   // are unknown for `duration`, ten minutes at most.
   absl::StatusOr<AllowedRegion> AllowRegion(const std::string& name,

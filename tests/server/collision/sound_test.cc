@@ -146,7 +146,7 @@ TEST(SoundTest, NeverMissesWithAnotherSetThanTheScenes) {
   const SphereWorld bare(ThreeCameras(), kRho, kVoxel);
   const SphereWorld carrying(ThreeCameras(), kRho, kVoxel, 0.13);
   int64_t touching = 0;
-  for (int scene = 0; scene < 12; ++scene) {
+  for (int scene = 0; scene < 6; ++scene) {
     const SphereWorld& seen = scene % 2 == 0 ? bare : carrying;
     const SphereWorld& tested = scene % 2 == 0 ? carrying : bare;
     const ConfigurationNumber present = RandomConfiguration(random);

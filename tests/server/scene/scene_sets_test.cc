@@ -4,8 +4,10 @@
 
 #include <random>
 
+#include "absl/strings/substitute.h"
 #include "server/scene/checker.h"
 #include "server/scene/configuration_space.h"
+#include "tests/server/collision/sphere_world.h"
 #include "tests/server/tool_set.h"
 
 namespace silhouette {
@@ -153,8 +155,74 @@ TEST_P(SceneSets, AnUnknownSetOfACheckIsRefused) {
   EXPECT_THAT(status.message(), HasSubstr("no set 'none'; its sets are default, tool"));
 }
 
+TEST_P(SceneSets, ASceneOfWhichTheSetIsNotKnownIsNeverFree) {
+  SceneInput input = EmptyCellScene();
+  input.without_set = "nobody has told";
+  const auto scene = SceneOf(*both, input);
+  EXPECT_EQ(scene->set, "");
+  EXPECT_EQ(scene->Blocked(), Reason::kSetUnknown);
+  EXPECT_EQ(scene->defects[0].message, "nobody has told");
+  EXPECT_EQ(scene->views.size(), 3u);
+  for (const char* set : {"", "default", kTool}) {
+    const Checker checker(ServedWith(both, scene, set), {}, {}, kNow);
+    EXPECT_EQ(checker.Check(At(3, 3)).reason(), Reason::kSetUnknown);
+  }
+}
+
 INSTANTIATE_TEST_SUITE_P(WithAndWithoutIndex, SceneSets, ::testing::Bool(),
                          [](const auto& with) { return with.param ? "Index" : "NoIndex"; });
+
+// A database of both sets that the sound presets can be served with, by cameras somewhere.
+std::shared_ptr<const ServedDatabase> SoundDatabase(const FreshFolder& folder) {
+  MakeDatabase(folder / "db");
+  AddTools(folder / "db");
+  const char* joint =
+      R"(<joint name="$0" type="prismatic"><parent link="$1"/><child link="$0_end"/>
+         <axis xyz="1 0 0"/><limit lower="-4" upper="4" effort="1" velocity="1"/></joint>
+         <link name="$0_end"><collision><geometry><sphere radius="0.1"/></geometry></collision>
+         </link>)";
+  std::ofstream(folder / "robot.urdf")
+      << R"(<robot name="robot"><link name="base"/>)" << absl::Substitute(joint, "lift", "base")
+      << absl::Substitute(joint, "a", "lift_end") << absl::Substitute(joint, "b", "a_end")
+      << "</robot>";
+  auto robot = RobotModel::FromUrdf(folder / "robot.urdf");
+  EXPECT_TRUE(robot.ok()) << robot.status();
+  Calibration calibration;
+  for (const MaskSize& size : kViewSizes) {
+    const double x = 5.0 + static_cast<double>(calibration.cameras.size());
+    calibration.cameras.push_back(
+        testing::LookingAt({x, 0, 0}, {0, 0, 0}, {size.width * kScale, size.height * kScale}, 0.6));
+  }
+  const SoundCell sound{
+      .settings = {.least_obstacle = 0.3, .voxel_edge = 0.2, .whole_model = true},
+      .workspace = Eigen::AlignedBox3d(Eigen::Vector3d(-1, -1, -1), Eigen::Vector3d(1, 1, 1)),
+      .payload_radius = 0.1,
+      .robot = std::make_shared<const RobotModel>(*std::move(robot))};
+  const auto database = Database::Open(folder / "db", Database::Access::kRead);
+  EXPECT_TRUE(database.ok()) << database.status();
+  auto served =
+      ServedDatabase::Load(**database, {}, {}, sound, LoadSettings{.calibration = calibration});
+  EXPECT_TRUE(served.ok()) << served.status();
+  return *std::move(served);
+}
+
+// Links that stand as in the scene touch nothing, as they do now - unless they carry something
+// else.
+TEST(SoundSets, WhatStandsAsInTheSceneMayTouchWithAnotherSet) {
+  const FreshFolder folder;
+  const auto both = SoundDatabase(folder);
+  for (const std::string scene_set : {"default", kTool}) {
+    SceneInput input = scene_set == kTool ? ToolScene(0, 0, 4) : EmptyCellScene();
+    const auto scene = SceneOf(*both, input);
+    for (const std::string set : {"default", kTool}) {
+      const Served served = ServedWith(both, scene, set);
+      const TestSupport support = SupportFor(served, {.preset = Preset::kSound});
+      EXPECT_EQ(support.robot_may_touch != nullptr, set == scene_set) << scene_set << ", " << set;
+      EXPECT_EQ(&support.possible_space->space(), &served.database->sound()->space())
+          << "where that set's robot reaches";
+    }
+  }
+}
 
 // What memory holds or not makes no difference.
 TEST(SceneSetsInPlace, AnswerAsInMemory) {

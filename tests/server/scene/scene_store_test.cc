@@ -2,6 +2,7 @@
 
 #include <gmock/gmock.h>
 
+#include "server/scene/checker.h"
 #include "tests/server/test_cell.h"
 
 namespace silhouette {
@@ -53,6 +54,47 @@ TEST(SceneStore, OlderImagesThanThoseServedAreRefused) {
             "the images are 3ms older than those of scene 1, which is served");
   EXPECT_EQ(store.Newest(kNow).scene->id, 1u);
   EXPECT_TRUE(store.Publish(SceneOf(*database, kStart), database).ok()) << "equally old";
+}
+
+Scene SceneThatArrived(const ServedDatabase& database, const Moment& arrived) {
+  return *MakeScene(database, EmptyCellScene(), {}, {}, arrived);
+}
+
+TEST(SceneStore, WithdrawnSceneIsServedAnewAndNeverFree) {
+  const auto database = NewDatabase();
+  SceneStore store(database);
+  store.Withdraw("nothing yet", {kStart, absl::Seconds(1)});
+  EXPECT_EQ(store.last_withdrawn(), 0u);
+  ASSERT_TRUE(store.Publish(SceneThatArrived(*database, kNow), database).ok());
+  const Served before = store.Newest(kNow);
+  EXPECT_TRUE(Checker(before, {}, {}, kNow).Check(At(3, 3)).free());
+  EXPECT_FALSE(store.Withdrawn(*before.scene));
+  store.Withdraw("it has another tool", kNow);
+  EXPECT_TRUE(store.Withdrawn(*before.scene)) << "for answers that are under way";
+  EXPECT_EQ(store.last_withdrawn(), 2u);
+  const Served after = store.Newest(kNow);
+  EXPECT_EQ(after.scene->id, 2u);
+  EXPECT_EQ(after.scene->set, "");
+  ASSERT_EQ(after.scene->defects.size(), 1u);
+  EXPECT_EQ(after.scene->defects[0].message, "it has another tool");
+  EXPECT_EQ(Checker(after, {}, {}, kNow).Check(At(3, 3)).reason(), Reason::kSetUnknown);
+  store.Withdraw("and another", kNow);
+  ASSERT_EQ(store.Newest(kNow).scene->defects.size(), 1u);
+  EXPECT_EQ(store.Newest(kNow).scene->defects[0].message, "and another");
+}
+
+TEST(SceneStore, SceneThatArrivedBeforeItWasWithdrawnComesWithdrawn) {
+  const auto database = NewDatabase();
+  SceneStore store(database);
+  const Moment later{kNow.time + absl::Seconds(1), kNow.running + absl::Seconds(1)};
+  store.Withdraw("it has another tool", kNow);
+  const auto late = store.Publish(SceneThatArrived(*database, kNow), database);
+  ASSERT_TRUE(late.ok()) << late.status();
+  EXPECT_EQ((*late)->Blocked(), Reason::kSetUnknown);
+  const auto next = store.Publish(SceneThatArrived(*database, later), database);
+  ASSERT_TRUE(next.ok()) << next.status();
+  EXPECT_EQ((*next)->Blocked(), Reason::kNone);
+  EXPECT_TRUE(Checker(store.Newest(later), {}, {}, later).Check(At(3, 3)).free());
 }
 
 TEST(SceneStore, AfterAChangeOfTheDatabaseNoOldSceneIsServed) {
