@@ -2,6 +2,7 @@
 
 #include <cmath>
 #include <stdexcept>
+#include <utility>
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_join.h"
@@ -42,6 +43,14 @@ std::optional<size_t> RobotModel::JointIndex(const std::string& name) const {
     if (joints_[i].name == name) return i;
   }
   return std::nullopt;
+}
+
+RobotModel RobotModel::WithBody(size_t link, LinkGeometry body) const {
+  RobotModel model = *this;
+  RobotLink& of = model.links_.at(link);
+  (of.visual.empty() && !of.collision.empty() ? of.collision : of.visual)
+      .push_back(std::move(body));
+  return model;
 }
 
 std::vector<Eigen::Isometry3d> RobotModel::LinkPoses(std::span<const double> positions) const {

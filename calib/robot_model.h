@@ -88,6 +88,9 @@ class RobotModel {
   // Every link stands after its parent; the first is the base.
   const std::vector<RobotLink>& links() const { return links_; }
 
+  // The same robot with one more body on a link, by its index in links().
+  RobotModel WithBody(size_t link, LinkGeometry body) const;
+
   // `base_from_link` of every link, in the order of links(). `positions`: one value per joint, in
   // the order of joints(); limits are not looked at. Throws std::invalid_argument if there are more
   // or fewer values.

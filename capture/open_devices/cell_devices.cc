@@ -21,7 +21,7 @@ absl::StatusOr<Simulation> SimulationOfCameras(const Cell& cell) {
   return LoadSimulatedCell(cell);
 }
 
-absl::StatusOr<Simulation> SimulationOf(const Cell& cell) {
+absl::StatusOr<Simulation> SimulationOf(const Cell& cell, const std::string& set = kBareSet) {
   if (absl::Status status = CheckRobot(cell); !status.ok()) return status;
   if (absl::Status status = CheckCameras(cell); !status.ok()) return status;
   const bool robot = HasSimulatedRobot(cell);
@@ -31,7 +31,7 @@ absl::StatusOr<Simulation> SimulationOf(const Cell& cell) {
                        "'driver: sim' into 'robot', or have silhouette-sim serve the cameras, too");
   }
   if (!robot) return nullptr;
-  return LoadSimulatedCell(cell);
+  return LoadSimulatedCell(cell, set);
 }
 
 absl::StatusOr<CellDevices> DevicesOf(const Cell& cell, const Simulation& simulation) {
@@ -60,8 +60,9 @@ absl::Status PlaceRobot(const Cell& cell, const Travel& travel, const Simulation
 
 }  // namespace
 
-absl::StatusOr<CellDevices> OpenDevices(const Cell& cell, const Travel& travel) {
-  const auto simulation = SimulationOf(cell);
+absl::StatusOr<CellDevices> OpenDevices(const Cell& cell, const Travel& travel,
+                                        const std::string& set) {
+  const auto simulation = SimulationOf(cell, set);
   if (!simulation.ok()) return simulation.status();
   if (*simulation != nullptr) {
     if (absl::Status status = PlaceRobot(cell, travel, *simulation); !status.ok()) return status;

@@ -17,14 +17,15 @@ bool HasSimulatedCamera(const Cell& cell) {
                      [](const ViewSettings& view) { return IsSimulated(view.source); });
 }
 
-absl::StatusOr<std::shared_ptr<SimulatedCell>> LoadSimulatedCell(const Cell& cell) {
+absl::StatusOr<std::shared_ptr<SimulatedCell>> LoadSimulatedCell(const Cell& cell,
+                                                                 const std::string& set) {
   if (cell.simulation.empty()) {
     return CellMistake(cell, "the simulated cell needs the key 'simulation' with its file");
   }
   if (cell.robot.urdf.empty()) {
     return CellMistake(cell, "the simulated robot needs the key 'urdf' in 'robot'");
   }
-  return SimulatedCell::Load(cell.simulation, cell.robot.urdf, cell.robot.package_paths);
+  return SimulatedCell::Load(cell.simulation, cell.robot.urdf, cell.robot.package_paths, set);
 }
 
 absl::Status CellMistake(const Cell& cell, const std::string& what) {

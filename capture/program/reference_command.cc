@@ -14,6 +14,7 @@
 #include "capture/program/opened_cell.h"
 #include "capture/reference_images.h"
 #include "capture/references_with_robot.h"
+#include "db/schema.h"
 #include "tools/program/progress.h"
 
 namespace silhouette {
@@ -121,7 +122,7 @@ absl::StatusOr<Take> OpenEmptyCell(const Cell& cell) {
 
 absl::StatusOr<Take> OpenCellWithRobot(const Cell& cell) {
   const auto travel = std::make_shared<const Travel>(cell.grid, cell.capture.forbidden_regions);
-  auto opened = OpenDevices(cell, *travel);
+  auto opened = OpenDevices(cell, *travel, schema::kDefaultSet);
   if (!opened.ok()) return opened.status();
   const auto devices = std::make_shared<CellDevices>(*std::move(opened));
   return [travel, devices, settings = cell.capture](Database& database, int count,

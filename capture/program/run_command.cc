@@ -199,7 +199,7 @@ absl::StatusOr<ExitCode> Run(const Options& options) {
   const Travel travel(file->cell.grid, file->cell.capture.forbidden_regions);
   if (options.dry_run) return DryRun(options, *file, travel);
 
-  const auto devices = OpenDevices(file->cell, travel);
+  const auto devices = OpenDevices(file->cell, travel, file->set);
   if (!devices.ok()) return devices.status();
   const std::string take_references =
       absl::StrCat("; take them first with: ", options.cell.Command("reference"));

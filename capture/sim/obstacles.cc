@@ -2,48 +2,15 @@
 
 #include <algorithm>
 #include <filesystem>
-#include <optional>
 #include <set>
 #include <utility>
 
-#include "calib/mesh_file.h"
+#include "capture/sim/placed_shape.h"
 #include "capture/sim/yaml_values.h"
 #include "tools/yaml/strict_yaml.h"
 
 namespace silhouette {
 namespace {
-
-TriangleMesh ReadMesh(YamlMap& shape, const std::string& folder) {
-  const YamlNode file = shape.Required("file");
-  const auto scale = shape.Optional("scale");
-  const std::filesystem::path path = std::filesystem::path(folder) / file.As<std::string>();
-  absl::StatusOr<TriangleMesh> mesh =
-      LoadMesh(path.string(), scale ? ReadVector(*scale) : Eigen::Vector3d::Ones());
-  if (!mesh.ok()) file.Fail(std::string(mesh.status().message()));
-  return *std::move(mesh);
-}
-
-TriangleMesh ReadShape(const std::string& kind, const YamlNode& node, const std::string& folder) {
-  YamlMap shape(node);
-  TriangleMesh mesh;
-  const auto length = [&](const char* key) { return ReadPositive(shape.Required(key)); };
-  if (kind == "box") {
-    const YamlNode size = shape.Required("size");
-    const Eigen::Vector3d edges = ReadVector(size);
-    if (!(edges.minCoeff() > 0)) size.Fail("three lengths greater than 0 are expected");
-    mesh = BoxMesh(edges);
-  } else if (kind == "sphere") {
-    mesh = SphereMesh(length("radius"));
-  } else if (kind == "mesh") {
-    mesh = ReadMesh(shape, folder);
-  } else {
-    const double radius = length("radius");
-    mesh = kind == "capsule" ? CapsuleMesh(radius, length("length"))
-                             : CylinderMesh(radius, length("length"));
-  }
-  shape.Finish();
-  return mesh;
-}
 
 std::vector<Waypoint> ReadWaypoints(const YamlNode& node) {
   std::vector<Waypoint> waypoints;
@@ -64,35 +31,17 @@ Obstacle ReadObstacle(const YamlNode& node, const std::string& folder) {
   YamlMap map(node);
   Obstacle obstacle;
   obstacle.name = map.Get<std::string>("name");
-  std::optional<std::string> kind;
-  for (const char* candidate : {"box", "sphere", "capsule", "cylinder", "mesh"}) {
-    const auto shape = map.Optional(candidate);
-    if (!shape) continue;
-    if (kind) shape->Fail("an obstacle has one shape, this one is a " + *kind + " already");
-    kind = candidate;
-    obstacle.mesh = ReadShape(candidate, *shape, folder);
-  }
-  const YamlNode position = map.Required("position");
-  const auto rotation = map.Optional("rotation");
-  obstacle.world_from_obstacle =
-      Eigen::Translation3d(ReadVector(position)) *
-      (rotation ? ReadRotation(*rotation) : Eigen::Quaterniond::Identity());
-  if (const auto brightness = map.Optional("brightness")) {
-    obstacle.brightness = ReadShare(*brightness);
-  }
-  if (const auto colour = map.Optional("colour")) {
-    if (map.Optional("brightness")) colour->Fail("give either a colour or a brightness");
-    const Eigen::Vector3d value = ReadColour(*colour);
-    obstacle.brightness = Luminance(value);
-    obstacle.tint = TintOf(value);
-  }
+  PlacedShape placed = ReadPlacedShape(map, "an obstacle", folder);
+  obstacle.mesh = std::move(placed.mesh);
+  obstacle.world_from_obstacle = placed.pose;
+  obstacle.brightness = placed.brightness;
+  obstacle.tint = placed.tint;
   if (const auto velocity = map.Optional("velocity")) obstacle.velocity = ReadVector(*velocity);
   if (const auto waypoints = map.Optional("waypoints")) {
     if (!obstacle.velocity.isZero()) waypoints->Fail("give either a velocity or waypoints");
     obstacle.waypoints = ReadWaypoints(*waypoints);
   }
   map.Finish();
-  if (!kind) node.Fail("a shape is missing: box, sphere, capsule, cylinder or mesh");
   return obstacle;
 }
 

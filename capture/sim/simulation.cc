@@ -146,6 +146,7 @@ SimulationSettings ReadSimulation(const YamlNode& node) {
   if (const auto light = map.Optional("light")) settings.light = ReadLight(*light);
   if (const auto room = map.Optional("room")) settings.room = ReadRoom(*room);
   if (const auto boards = map.Optional("boards")) settings.boards = ReadBoards(*boards);
+  if (const auto parts = map.Optional("parts")) settings.parts = ReadCarriedParts(*parts);
   if (const auto blur = map.Optional("blur")) {
     settings.blur = ReadNotNegative(*blur);
     if (settings.blur > kMostBlur) blur->Fail("a blur of at most 20 pixels is expected");

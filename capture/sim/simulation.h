@@ -11,6 +11,7 @@
 #include "absl/status/statusor.h"
 #include "absl/time/time.h"
 #include "calib/camera_model.h"
+#include "capture/sim/carried_part.h"
 #include "capture/sim/simulated_board.h"
 
 namespace silhouette {
@@ -45,6 +46,7 @@ struct SimulationSettings {
   Light light;
   Room room;
   std::vector<SimulatedBoard> boards;
+  CarriedParts parts;
   double blur = 0;               // standard deviation of the lens' blur, pixels
   double exposure = 1;           // factor of all grey levels; what is above 255 is saturated
   double noise_sigma = 1.5;      // grey levels, of every pixel on its own

@@ -116,6 +116,17 @@ TEST_F(SimProgram, ContactTellsEachConfiguration) {
   EXPECT_EQ(json["configurations"][1]["distance"], 0);
 }
 
+TEST_F(SimProgram, ContactKnowsWhatTheRobotCarries) {
+  // The demo's part reaches 19 cm beyond the tool's frame; nothing of the tool does.
+  const std::string values = "--format json --configuration -1.5,0";
+  const auto bare = nlohmann::json::parse(RunInCell("contact", values).out);
+  const auto part = nlohmann::json::parse(RunInCell("contact", values + " --set with-part").out);
+  EXPECT_NE(part["configurations"][0]["distance"], bare["configurations"][0]["distance"]);
+  const Outcome unknown = RunInCell("contact", values + " --set none");
+  EXPECT_EQ(unknown.exit_code, 2);
+  EXPECT_THAT(unknown.err, HasSubstr("in the set 'none', only in 'with-part'"));
+}
+
 TEST_F(SimProgram, ContactSeesMovingObstaclesAtTheTime) {
   WriteFile(folder_ / "scene.yaml",
             "obstacles:\n  - {name: cart, box: {size: [0.2, 0.2, 2]}, position: [0.9, -5, 1], "

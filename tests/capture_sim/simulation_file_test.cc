@@ -1,10 +1,13 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <numbers>
 
+#include "capture/sim/body_part.h"
 #include "capture/sim/simulation.h"
 #include "tests/calib/urdf_files.h"
+#include "tests/capture_sim/small_cell.h"
 
 namespace silhouette {
 namespace {
@@ -57,6 +60,57 @@ TEST(SimulationFile, RotationIsTheCamerasOwn) {
   ASSERT_TRUE(settings.ok()) << settings.status();
   EXPECT_TRUE(settings->cameras[0].model.Project({3, 2, 1}).has_value());
   EXPECT_FALSE(settings->cameras[0].model.Project({3, -2, 1}).has_value());
+}
+
+class SimulationFileParts : public testing::Test {
+ protected:
+  absl::StatusOr<SimulationSettings> LoadWith(const std::string& parts) const {
+    return LoadSimulation(WriteFile(
+        folder_ / "simulation.yaml",
+        OneCamera("    look_at: [0, 0, 0]\n    focal_length: 300\n") + "parts:\n" + parts));
+  }
+  const std::filesystem::path folder_ = FreshFolder();
+};
+
+TEST_F(SimulationFileParts, AreOnTheirLinksInTheirSetAlone) {
+  const auto settings = LoadWith(
+      "  box: [{link: forearm, box: {size: [0.1, 0.2, 0.3]}, position: [0, 0, 0.5],\n"
+      "         colour: [0.2, 0.4, 0.6]}]\n"
+      "  open: []\n");
+  ASSERT_TRUE(settings.ok()) << settings.status();
+  const RobotModel robot = ThreeJointRobot();
+  const auto bodies = [&](const std::string& set) {
+    const auto carrying = Carrying(robot, settings->parts, set);
+    EXPECT_TRUE(carrying.ok()) << carrying.status();
+    return RobotParts(*carrying);
+  };
+  EXPECT_EQ(bodies("default").size(), RobotParts(robot).size());
+  EXPECT_EQ(bodies("open").size(), RobotParts(robot).size());
+  std::vector<BodyPart> more = bodies("box");
+  ASSERT_EQ(more.size(), RobotParts(robot).size() + 1);
+  const auto box = std::ranges::find_if(more, [](const BodyPart& part) {
+    return part.name == "forearm" && part.mesh.vertices.size() == 8 &&
+           std::abs(part.mesh.vertices[0].z() - 0.5) < 0.151;
+  });
+  ASSERT_NE(box, more.end());
+  EXPECT_TRUE((box->brightness * box->tint).isApprox(Eigen::Vector3d(0.2, 0.4, 0.6)));
+}
+
+TEST_F(SimulationFileParts, MistakesAreTold) {
+  const auto error = [&](const std::string& parts, const std::string& set) {
+    const auto settings = LoadWith(parts);
+    if (!settings.ok()) return std::string(settings.status().message());
+    return std::string(Carrying(ThreeJointRobot(), settings->parts, set).status().message());
+  };
+  const std::string sphere = "sphere: {radius: 0.1}, position: [0, 0, 0]";
+  EXPECT_EQ(error("  a: [{link: forearm, " + sphere + "}]\n", "a"), "");
+  EXPECT_THAT(error("  a: [{link: hand, " + sphere + "}]\n", "a"),
+              HasSubstr("on the link 'hand', which the robot does not have"));
+  EXPECT_THAT(error("  a: [{link: forearm, " + sphere + "}]\n", "b"),
+              HasSubstr("in the set 'b', only in 'a'; state 'b: []'"));
+  EXPECT_THAT(error("  a: [{link: forearm, position: [0, 0, 0]}]\n", "a"),
+              HasSubstr("a shape is missing"));
+  EXPECT_THAT(error("  a: [{" + sphere + "}]\n", "a"), HasSubstr("link"));
 }
 
 class SimulationFileBoards : public testing::Test {

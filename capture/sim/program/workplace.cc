@@ -15,6 +15,11 @@ void AddWorkplaceOptions(CLI::App& command, WorkplaceArguments& arguments, bool 
       ->required(scene_required);
   command.add_option("--time", arguments.time, "When to look at moving obstacles, in seconds")
       ->capture_default_str();
+  command
+      .add_option("--set", arguments.set,
+                  "What the robot carries: that of this set of robot images ('parts' of the "
+                  "simulation)")
+      ->capture_default_str();
   AddFormatOption(command, arguments.format);
 }
 
@@ -48,6 +53,15 @@ absl::StatusOr<Workplace> LoadWorkplace(const WorkplaceArguments& arguments) {
   absl::StatusOr<RobotModel> robot =
       RobotModel::FromUrdf(cell->robot.urdf, cell->robot.package_paths);
   if (!robot.ok()) return robot.status();
+  if (!cell->simulation.empty()) {
+    const auto settings = LoadSimulation(cell->simulation);
+    if (!settings.ok()) return settings.status();
+    robot = Carrying(*robot, settings->parts, arguments.set);
+    if (!robot.ok()) {
+      return absl::InvalidArgumentError(
+          absl::StrCat(cell->simulation, ": ", robot.status().message()));
+    }
+  }
   absl::StatusOr<std::vector<Obstacle>> obstacles = std::vector<Obstacle>();
   if (!arguments.scene.empty()) obstacles = LoadObstacles(arguments.scene);
   if (!obstacles.ok()) return obstacles.status();

@@ -21,17 +21,18 @@ struct WorkplaceArguments {
   std::string cell;
   std::string scene;
   double time = 0;
+  std::string set = kBareSet;
   std::string format = "text";
 
   bool json() const { return format == "json"; }
 };
 
-// Adds --cell, --scene, --time and --format.
+// Adds --cell, --scene, --time, --set and --format.
 void AddWorkplaceOptions(CLI::App& command, WorkplaceArguments& arguments, bool scene_required);
 
 struct Workplace {
   Cell cell;
-  RobotModel robot;
+  RobotModel robot;  // with what it carries
   std::vector<Obstacle> obstacles;
   Poses obstacle_poses;  // at the time asked for
 

@@ -1,0 +1,36 @@
+// What the simulated robot carries, by the set of robot images: the section `parts` of
+// simulation.yaml.
+#pragma once
+
+#include <map>
+#include <string>
+#include <vector>
+
+#include "absl/status/statusor.h"
+#include "calib/robot_model.h"
+#include "capture/sim/placed_shape.h"
+#include "tools/yaml/strict_yaml.h"
+
+namespace silhouette {
+
+struct CarriedPart {
+  std::string link;   // of the robot
+  PlacedShape shape;  // its pose is in the link's frame
+};
+
+// By the name of the set.
+using CarriedParts = std::map<std::string, std::vector<CarriedPart>>;
+
+// The set of a robot that carries nothing, where the file says nothing else of it.
+inline constexpr char kBareSet[] = "default";
+
+// Paths of meshes are relative to the file. Throws YamlError.
+CarriedParts ReadCarriedParts(const YamlNode& node);
+
+// The robot with what it carries, for pictures and truth alike. Where there are no parts at all, it
+// is the same for every set. InvalidArgument: there are some, but none for `set`; a part is on a
+// link that the robot does not have.
+absl::StatusOr<RobotModel> Carrying(const RobotModel& robot, const CarriedParts& parts,
+                                    const std::string& set);
+
+}  // namespace silhouette
