@@ -244,12 +244,12 @@ class Database {
   // Replaces what capture sessions noticed. Leaves no entry in the provenance log. Needs kWrite.
   absl::Status SetCaptureHistory(const storage::v1::CaptureHistory& history);
 
-  // Replaces the masks of all records that are not excluded, and the settings that the cell's
-  // description says they were made with, in one change. Raw images stay. InvalidArgument as Put,
-  // and unless `images` has just the configurations of those records. FailedPrecondition: there are
-  // several sets. Needs kWrite, no writer, and no other thread that uses this Database.
-  absl::Status ReplaceMasks(const std::string& segmentation, const std::vector<RobotImage>& images,
-                            const std::string& program);
+  // Replaces the records of all sets by those of another database, and the settings that the cell's
+  // description says their masks were made with, in one change. Raw images stay. InvalidArgument,
+  // saying why: `made` has not the same grid, views and mask sizes, or not just the sets, the
+  // records and the excluded ones among them that there are. Needs kWrite and no writer, and is
+  // asked of the default set while no other thread uses any set of this database.
+  absl::Status ReplaceMasks(const Database& made, const std::string& program);
 
   // Writes a copy without unused pages into the new folder `path`. AlreadyExists if there is a
   // database; ResourceExhausted if the disk is full, with nothing left of the copy.

@@ -6,6 +6,7 @@
 #include <optional>
 #include <thread>
 
+#include "absl/cleanup/cleanup.h"
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
 #include "absl/strings/str_join.h"
@@ -48,11 +49,22 @@ absl::StatusOr<std::unique_ptr<Database>> Open(const CellFile& file, bool into) 
                    into ? "" : ". Masks of another size go into another database: --into FOLDER"));
 }
 
-absl::StatusOr<Remasked> MakeMasks(const Options& options, const CellFile& file,
-                                   const Database& database) {
+// An empty database beside the place where it, or its masks, will be. What an earlier attempt left
+// there goes.
+absl::StatusOr<std::unique_ptr<Database>> MakeBeside(const std::string& folder,
+                                                     storage::v1::CellDescription description,
+                                                     const Cell& cell, const Database& source) {
+  std::error_code ignored;
+  std::filesystem::remove_all(folder, ignored);
+  description.set_segmentation(Describe(cell.segmentation));
+  *description.mutable_tile_edges() = source.cell().tile_edges();
+  return Database::Create(folder, description);
+}
+
+absl::StatusOr<std::vector<RemaskedSet>> MakeMasks(const Options& options, const CellFile& file,
+                                                   const Database& database, Database& into) {
   RemaskOptions remask;
   remask.segmentation = file.cell.segmentation;
-  for (const ViewSettings& view : file.cell.views) remask.mask_sizes.push_back(view.mask_size);
   remask.leave_out = options.leave_out;
   remask.threads = static_cast<int>(std::max(1U, std::thread::hardware_concurrency()));
   std::optional<Progress> progress;
@@ -61,13 +73,12 @@ absl::StatusOr<Remasked> MakeMasks(const Options& options, const CellFile& file,
     if (progress) progress->Update(done);
     return !StopRequested();
   };
-  auto made = Remask(database, remask);
+  auto made = Remask(database, remask, kProgram, into);
   if (absl::IsFailedPrecondition(made.status())) {
     return absl::FailedPreconditionError(
         absl::StrCat(made.status().message(),
                      "; images are kept with 'raw_images: all' of 'capture' in the cell file. Put "
-                     "those that can "
-                     "be made into another database: --into FOLDER --leave-out"));
+                     "those that can be made into another database: --into FOLDER --leave-out"));
   }
   return made;
 }
@@ -77,63 +88,118 @@ absl::Status BuildIndex(const Options& options, Database& database) {
   return BuildCollisionIndex(database).status();
 }
 
-// A new database beside the place where it will be, and there once it is whole.
-absl::Status WriteInto(const Options& options, const CellFile& file, const Database& source,
-                       const Remasked& made) {
-  const std::string part = options.into + ".part";
-  std::error_code error;
-  std::filesystem::remove_all(part, error);
-  auto database = Database::Create(part, DescriptionOf(file.cell));
-  if (!database.ok()) return database.status();
+absl::Status CopyReferences(const Database& source, Database& into) {
   const auto references = source.Read()->References();
   if (!references.ok()) return references.status();
-  if (references->has_value()) {
-    absl::Status status = (*database)->SetReferences(**references, kProgram);
-    if (!status.ok()) return status;
-  }
-  {
-    auto writer = (*database)->Write(kProgram);
-    if (!writer.ok()) return writer.status();
-    for (const RobotImage& image : made.images) {
-      if (absl::Status status = writer->Put(image, true); !status.ok()) return status;
-    }
-    if (absl::Status status = writer->Commit(); !status.ok()) return status;
-  }
+  if (!references->has_value()) return absl::OkStatus();
+  return into.SetReferences(**references, kProgram);
+}
+
+// Into a new database, which is there once it is whole.
+absl::StatusOr<std::vector<RemaskedSet>> RemaskInto(const Options& options, const CellFile& file) {
+  const auto source = Open(file, /*into=*/true);
+  if (!source.ok()) return source.status();
+  const std::string part = options.into + ".part";
+  auto database = MakeBeside(part, DescriptionOf(file.cell), file.cell, **source);
+  if (!database.ok()) return database.status();
+  absl::Cleanup remove = [&] {
+    std::error_code ignored;
+    std::filesystem::remove_all(part, ignored);
+  };
+  if (absl::Status status = CopyReferences(**source, **database); !status.ok()) return status;
+  auto made = MakeMasks(options, file, **source, **database);
+  if (!made.ok()) return made;
   if (absl::Status status = BuildIndex(options, **database); !status.ok()) return status;
   database->reset();
+  std::move(remove).Cancel();
+  std::error_code error;
   std::filesystem::rename(part, options.into, error);
-  if (!error) return absl::OkStatus();
+  if (!error) return made;
   return absl::InternalError(
       absl::StrCat("'", part, "' cannot be renamed to '", options.into, "': ", error.message()));
 }
 
-void PrintText(const std::string& where, const Remasked& made) {
-  std::cout << absl::StreamFormat("masks made anew    %d configurations, in %s\n",
-                                  made.images.size() - made.excluded, where);
-  if (made.excluded > 0) std::cout << absl::StreamFormat("excluded           %d\n", made.excluded);
-  if (made.left_out > 0) {
-    std::cout << absl::StreamFormat("left out           %d, without raw images\n", made.left_out);
+// In their place: made in a database beside it, then exchanged in one change.
+absl::StatusOr<std::vector<RemaskedSet>> RemaskInPlace(const Options& options,
+                                                       const CellFile& file) {
+  const auto database = Open(file, /*into=*/false);
+  if (!database.ok()) return database.status();
+  std::string beside = file.database;
+  while (beside.size() > 1 && beside.back() == '/') beside.pop_back();
+  beside += ".remask";
+  auto masks = MakeBeside(beside, (*database)->cell(), file.cell, **database);
+  if (!masks.ok()) return masks.status();
+  const absl::Cleanup remove = [&] {
+    masks->reset();
+    std::error_code ignored;
+    std::filesystem::remove_all(beside, ignored);
+  };
+  auto made = MakeMasks(options, file, **database, **masks);
+  if (!made.ok()) return made;
+  if (absl::Status status = (*database)->ReplaceMasks(**masks, kProgram); !status.ok()) {
+    return status;
   }
-  std::cout << "view                masks changed   pixels before        added      removed\n";
-  for (const ViewChange& view : made.views) {
-    std::cout << absl::StreamFormat("  %-16s  %13d   %13d   %10d   %10d\n", view.name, view.images,
-                                    view.before, view.added, view.removed);
+  if (absl::Status status = BuildIndex(options, **database); !status.ok()) return status;
+  return made;
+}
+
+void PrintText(const std::string& where, const std::vector<RemaskedSet>& made) {
+  for (const RemaskedSet& set : made) {
+    if (made.size() > 1) std::cout << absl::StreamFormat("set '%s'\n", set.name);
+    std::cout << absl::StreamFormat("masks made anew    %d configurations, in %s\n",
+                                    set.configurations, where);
+    if (set.excluded > 0) std::cout << absl::StreamFormat("excluded           %d\n", set.excluded);
+    if (set.left_out > 0) {
+      std::cout << absl::StreamFormat("left out           %d, without raw images\n", set.left_out);
+    }
+    std::cout << "view                masks changed   pixels before        added      removed\n";
+    for (const ViewChange& view : set.views) {
+      std::cout << absl::StreamFormat("  %-16s  %13d   %13d   %10d   %10d\n", view.name,
+                                      view.images, view.before, view.added, view.removed);
+    }
   }
   std::cout << std::flush;
 }
 
-void PrintJson(const std::string& where, const Remasked& made) {
-  nlohmann::json json = {{"database", where},
-                         {"configurations", made.images.size() - made.excluded},
-                         {"excluded", made.excluded},
-                         {"left_out", made.left_out},
+nlohmann::json Json(const RemaskedSet& set) {
+  nlohmann::json json = {{"configurations", set.configurations},
+                         {"excluded", set.excluded},
+                         {"left_out", set.left_out},
                          {"views", nlohmann::json::array()}};
-  for (const ViewChange& view : made.views) {
+  for (const ViewChange& view : set.views) {
     json["views"].push_back({{"name", view.name},
                              {"masks_changed", view.images},
                              {"pixels_before", view.before},
                              {"pixels_added", view.added},
                              {"pixels_removed", view.removed}});
+  }
+  return json;
+}
+
+RemaskedSet Together(const std::vector<RemaskedSet>& sets) {
+  RemaskedSet sum;
+  for (const RemaskedSet& set : sets) {
+    sum.configurations += set.configurations;
+    sum.excluded += set.excluded;
+    sum.left_out += set.left_out;
+    sum.views.resize(set.views.size());
+    for (size_t v = 0; v < set.views.size(); ++v) {
+      sum.views[v].name = set.views[v].name;
+      sum.views[v].images += set.views[v].images;
+      sum.views[v].added += set.views[v].added;
+      sum.views[v].removed += set.views[v].removed;
+      sum.views[v].before += set.views[v].before;
+    }
+  }
+  return sum;
+}
+
+void PrintJson(const std::string& where, const std::vector<RemaskedSet>& made) {
+  nlohmann::json json = Json(Together(made));
+  json["database"] = where;
+  for (const RemaskedSet& set : made) {
+    json["sets"].push_back(Json(set));
+    json["sets"].back()["name"] = set.name;
   }
   std::cout << json.dump(2) << std::endl;
 }
@@ -150,27 +216,13 @@ absl::StatusOr<ExitCode> Run(const Options& options) {
     return absl::AlreadyExistsError(
         absl::StrCat("there is '", options.into, "' already; name a new folder"));
   }
-  const auto database = Open(*file, into);
-  if (!database.ok()) return database.status();
   CatchStopSignals();
-  const auto made = MakeMasks(options, *file, **database);
+  const auto made = into ? RemaskInto(options, *file) : RemaskInPlace(options, *file);
   if (absl::IsCancelled(made.status())) {
     std::cerr << made.status().message() << std::endl;
     return kNo;
   }
   if (!made.ok()) return made.status();
-  absl::Status status;
-  if (into) {
-    status = WriteInto(options, *file, **database, *made);
-  } else {
-    std::vector<RobotImage> images;
-    for (const RobotImage& image : made->images) {
-      if (!image.excluded) images.push_back(image);
-    }
-    status = (*database)->ReplaceMasks(Describe(file->cell.segmentation), images, kProgram);
-    if (status.ok()) status = BuildIndex(options, **database);
-  }
-  if (!status.ok()) return status;
   const std::string& where = into ? options.into : file->database;
   options.cell.json() ? PrintJson(where, *made) : PrintText(where, *made);
   return kDone;
@@ -181,11 +233,13 @@ absl::StatusOr<ExitCode> Run(const Options& options) {
 void AddRemask(CLI::App& app, Work& work) {
   CLI::App* command = app.add_subcommand(
       "remask",
-      "Makes all masks anew from the camera images that were kept (capture: {raw_images: all}), "
-      "with\n"
-      "the segmentation settings of the cell file; the robot does not move. All masks change at "
-      "once,\n"
-      "or none: stopped or killed, it leaves the database as it was. Says how many pixels "
+      "Makes all masks of all sets anew from the camera images that were kept (capture:\n"
+      "{raw_images: all}), with the segmentation settings of the cell file; the robot does not "
+      "move.\n"
+      "All masks change at once, or none: stopped or killed, it leaves the database as it was. "
+      "They "
+      "are\n"
+      "made in a folder beside it (NAME.remask), which needs room meanwhile. Says how many pixels\n"
       "changed.");
   command->footer(
       "Examples:\n"

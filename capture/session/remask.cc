@@ -4,19 +4,20 @@
 #include <atomic>
 #include <map>
 #include <mutex>
-#include <optional>
 #include <stdexcept>
 #include <thread>
 #include <utility>
 
 #include "absl/strings/str_cat.h"
-#include "absl/time/clock.h"
 #include "capture/reference_images.h"
 #include "capture/segmentation/difference.h"
 #include "capture/session/raw_archive.h"
+#include "db/schema.h"
 
 namespace silhouette {
 namespace {
+
+constexpr size_t kBatch = 128;
 
 // Reference images by their id, read once.
 class KeptReferences {
@@ -39,88 +40,6 @@ class KeptReferences {
   std::map<uint64_t, std::vector<Reference>> references_;
 };
 
-class Work {
- public:
-  Work(const Database& database, const RemaskOptions& options, std::vector<RobotImage>& images)
-      : database_(database), options_(options), images_(images) {}
-
-  absl::Status Run() {
-    std::vector<std::jthread> threads;
-    running_ = std::max(options_.threads, 1);
-    for (int i = running_; i > 0; --i) threads.emplace_back([this] { MakeMasks(); });
-    while (running_ > 0) {
-      absl::SleepFor(absl::Milliseconds(20));
-      if (options_.progress && !options_.progress(done_, images_.size())) {
-        Fail(absl::CancelledError("stopped; nothing was changed"));
-      }
-    }
-    threads.clear();
-    const std::lock_guard lock(mutex_);
-    return status_;
-  }
-
- private:
-  void MakeMasks() {
-    const auto snapshot = database_.Read();
-    if (!snapshot.ok()) Fail(snapshot.status());
-    while (!failed_) {
-      const size_t next = next_++;
-      if (next >= images_.size()) break;
-      if (!images_[next].excluded) {
-        try {
-          absl::Status status = Make(*snapshot, images_[next]);
-          if (!status.ok()) Fail(std::move(status));
-        } catch (const std::invalid_argument& error) {
-          Fail(absl::InvalidArgumentError(error.what()));
-        }
-      }
-      ++done_;
-    }
-    --running_;
-  }
-
-  absl::Status Make(const Snapshot& snapshot, RobotImage& image) {
-    std::vector<Mask> masks;
-    for (int v = 0; v < database_.cell().views_size(); ++v) {
-      const auto raw = snapshot.FindRawImage(image.number, v);
-      if (!raw.ok()) return raw.status();
-      if (!raw->has_value()) return Unreadable(image.number, v);
-      const auto references = references_.Get(snapshot, database_.cell(), (*raw)->references);
-      if (!references.ok()) return references.status();
-      const cv::Mat picture = ImageInPng((*raw)->png);
-      const Reference& reference = (**references)[static_cast<size_t>(v)];
-      if (picture.size() != reference.size()) return Unreadable(image.number, v);
-      masks.push_back(Difference(picture, reference, options_.segmentation,
-                                 options_.mask_sizes[static_cast<size_t>(v)]));
-    }
-    image.masks = std::move(masks);
-    return absl::OkStatus();
-  }
-
-  absl::Status Unreadable(ConfigurationNumber number, int view) const {
-    return absl::DataLossError(absl::StrCat("the raw image of configuration ", number,
-                                            " in the view '", database_.cell().views(view).name(),
-                                            "' cannot be read; capture it anew"));
-  }
-
-  void Fail(absl::Status status) {
-    const std::lock_guard lock(mutex_);
-    status_.Update(status);
-    failed_ = true;
-  }
-
-  const Database& database_;
-  const RemaskOptions& options_;
-  std::vector<RobotImage>& images_;
-  KeptReferences references_;
-  std::atomic<size_t> next_ = 0;
-  std::atomic<uint64_t> done_ = 0;
-  std::atomic<int> running_ = 0;
-  std::atomic<bool> failed_ = false;
-  std::mutex mutex_;
-  absl::Status status_;  // guarded by mutex_
-};
-
 void Count(const Mask& before, const Mask& after, ViewChange& change) {
   if (before.size() != after.size()) return;
   change.before += before.Count();
@@ -134,51 +53,188 @@ void Count(const Mask& before, const Mask& after, ViewChange& change) {
   }
 }
 
-// What is to be made anew, and what is excluded.
-absl::Status ReadRecords(const Snapshot& snapshot, const RemaskOptions& options, Remasked& result) {
-  const auto numbers = snapshot.RawImageNumbers();
-  if (!numbers.ok()) return numbers.status();
-  const auto visit = [&](ConfigurationNumber number, absl::StatusOr<RobotImage> image) {
-    const bool has_raw = std::binary_search(numbers->begin(), numbers->end(), number);
-    const bool excluded = image.ok() && image->excluded;
-    if (!has_raw && !excluded) {
-      ++result.left_out;
-    } else if (image.ok()) {
-      result.excluded += excluded ? 1 : 0;
-      result.images.push_back(*std::move(image));
-    } else {
-      ++result.left_out;
+// The work on one set.
+class SetRemask {
+ public:
+  SetRemask(const Database& database, const RemaskOptions& options)
+      : database_(database), options_(options) {
+    result_.name = database.set();
+    for (const storage::v1::View& view : database.cell().views()) {
+      result_.views.push_back({.name = view.name()});
     }
-    return true;
-  };
-  const absl::Status status = snapshot.ForEach(visit);
-  if (!status.ok() && !absl::IsDataLoss(status)) return status;
-  if (result.left_out == 0 || options.leave_out) return absl::OkStatus();
-  return absl::FailedPreconditionError(
-      absl::StrCat(result.left_out, " of ", result.left_out + result.images.size(),
-                   " robot images have no raw images that can be read: their masks cannot be made "
-                   "anew"));
+  }
+
+  const RemaskedSet& result() const { return result_; }
+  uint64_t records() const { return result_.configurations + result_.excluded; }
+
+  // Finds out what is to be made.
+  absl::Status CountRecords() {
+    const auto snapshot = database_.Read();
+    if (!snapshot.ok()) return snapshot.status();
+    auto numbers = snapshot->RawImageNumbers();
+    if (!numbers.ok()) return numbers.status();
+    with_raw_images_ = *std::move(numbers);
+    return snapshot->ForEach([&](ConfigurationNumber, const absl::StatusOr<RobotImage>& image) {
+      if (!IsMade(image)) {
+        ++result_.left_out;
+      } else {
+        ++(image->excluded ? result_.excluded : result_.configurations);
+      }
+      return true;
+    });
+  }
+
+  // `tell`: with how many more records are done; false stops.
+  absl::Status Write(Database& into, const std::string& program,
+                     const std::function<bool(uint64_t)>& tell) {
+    const auto snapshot = database_.Read();
+    if (!snapshot.ok()) return snapshot.status();
+    auto writer = into.Write(program);
+    if (!writer.ok()) return writer.status();
+    std::vector<RobotImage> batch;
+    absl::Status status;
+    const auto finish = [&] {
+      status.Update(MakeBatch(into.mask_sizes(), batch, *writer));
+      if (status.ok() && !tell(batch.size())) {
+        status = absl::CancelledError("stopped; nothing was changed");
+      }
+      batch.clear();
+      return status.ok();
+    };
+    const absl::Status read =
+        snapshot->ForEach([&](ConfigurationNumber, absl::StatusOr<RobotImage> image) {
+          if (IsMade(image)) batch.push_back(*std::move(image));
+          return batch.size() < kBatch || finish();
+        });
+    if (!read.ok()) return read;
+    if (status.ok()) finish();
+    return status.ok() ? writer->Commit() : status;
+  }
+
+ private:
+  bool IsMade(const absl::StatusOr<RobotImage>& image) const {
+    return image.ok() &&
+           (image->excluded || std::ranges::binary_search(with_raw_images_, image->number));
+  }
+
+  absl::Status MakeBatch(const std::vector<MaskSize>& sizes, std::vector<RobotImage>& batch,
+                         RobotImageWriter& writer) {
+    std::vector<std::vector<Mask>> masks(batch.size());
+    std::atomic<size_t> next = 0;
+    std::mutex mutex;
+    absl::Status status;  // guarded by the mutex
+    const auto work = [&] {
+      const absl::Status made = MakeMasks(sizes, batch, next, masks);
+      if (made.ok()) return;
+      next = batch.size();
+      const std::lock_guard lock(mutex);
+      status.Update(made);
+    };
+    {
+      std::vector<std::jthread> threads;
+      for (int i = std::max(options_.threads, 1); i > 0; --i) threads.emplace_back(work);
+    }
+    for (size_t i = 0; i < batch.size() && status.ok(); ++i) {
+      if (!batch[i].excluded) {
+        for (size_t v = 0; v < masks[i].size(); ++v) {
+          Count(batch[i].masks[v], masks[i][v], result_.views[v]);
+        }
+        batch[i].masks = std::move(masks[i]);
+      }
+      status = writer.Put(batch[i], /*replace=*/true);
+    }
+    return status;
+  }
+
+  // Takes one robot image after another of those that are left.
+  absl::Status MakeMasks(const std::vector<MaskSize>& sizes, const std::vector<RobotImage>& batch,
+                         std::atomic<size_t>& next, std::vector<std::vector<Mask>>& masks) {
+    const auto snapshot = database_.Read();
+    if (!snapshot.ok()) return snapshot.status();
+    for (size_t i = next++; i < batch.size(); i = next++) {
+      if (batch[i].excluded) continue;
+      try {
+        absl::Status status = Make(*snapshot, batch[i].number, sizes, masks[i]);
+        if (!status.ok()) return status;
+      } catch (const std::invalid_argument& error) {
+        return absl::InvalidArgumentError(error.what());
+      }
+    }
+    return absl::OkStatus();
+  }
+
+  absl::Status Make(const Snapshot& snapshot, ConfigurationNumber number,
+                    const std::vector<MaskSize>& sizes, std::vector<Mask>& masks) {
+    for (int v = 0; v < database_.cell().views_size(); ++v) {
+      const auto raw = snapshot.FindRawImage(number, v);
+      if (!raw.ok()) return raw.status();
+      if (!raw->has_value()) return Unreadable(number, v);
+      const auto references = references_.Get(snapshot, database_.cell(), (*raw)->references);
+      if (!references.ok()) return references.status();
+      const cv::Mat picture = ImageInPng((*raw)->png);
+      const Reference& reference = (**references)[static_cast<size_t>(v)];
+      if (picture.size() != reference.size()) return Unreadable(number, v);
+      masks.push_back(
+          Difference(picture, reference, options_.segmentation, sizes[static_cast<size_t>(v)]));
+    }
+    return absl::OkStatus();
+  }
+
+  absl::Status Unreadable(ConfigurationNumber number, int view) const {
+    return absl::DataLossError(absl::StrCat("the raw image of configuration ", number,
+                                            " in the view '", database_.cell().views(view).name(),
+                                            "' cannot be read; capture it anew"));
+  }
+
+  const Database& database_;
+  const RemaskOptions& options_;
+  std::vector<ConfigurationNumber> with_raw_images_;
+  KeptReferences references_;
+  RemaskedSet result_;
+};
+
+absl::Status CheckLeftOut(const RemaskedSet& set) {
+  if (set.left_out == 0) return absl::OkStatus();
+  return absl::FailedPreconditionError(absl::StrCat(
+      set.left_out, " of ", set.left_out + set.configurations + set.excluded, " robot images",
+      set.name == schema::kDefaultSet ? "" : absl::StrCat(" of the set '", set.name, "'"),
+      " have no raw images that can be read: their masks cannot be made anew"));
 }
 
 }  // namespace
 
-absl::StatusOr<Remasked> Remask(const Database& database, const RemaskOptions& options) {
-  const auto snapshot = database.Read();
-  if (!snapshot.ok()) return snapshot.status();
-  Remasked result;
-  if (absl::Status status = ReadRecords(*snapshot, options, result); !status.ok()) return status;
-  const std::vector<RobotImage> before = result.images;
-  absl::Status status = Work(database, options, result.images).Run();
-  if (!status.ok()) return status;
-  for (const storage::v1::View& view : database.cell().views()) {
-    result.views.push_back({.name = view.name()});
+absl::StatusOr<std::vector<RemaskedSet>> Remask(const Database& database,
+                                                const RemaskOptions& options,
+                                                const std::string& program, Database& into) {
+  const auto names = database.Sets();
+  if (!names.ok()) return names.status();
+  std::vector<std::unique_ptr<Database>> sets;
+  std::vector<std::unique_ptr<SetRemask>> works;
+  uint64_t total = 0;
+  for (const std::string& name : *names) {
+    auto set = database.OpenSet(name);
+    if (!set.ok()) return set.status();
+    sets.push_back(*std::move(set));
+    works.push_back(std::make_unique<SetRemask>(*sets.back(), options));
+    if (absl::Status status = works.back()->CountRecords(); !status.ok()) return status;
+    const absl::Status complete = CheckLeftOut(works.back()->result());
+    if (!complete.ok() && !options.leave_out) return complete;
+    total += works.back()->records();
   }
-  for (size_t i = 0; i < before.size(); ++i) {
-    for (size_t v = 0; v < before[i].masks.size(); ++v) {
-      Count(before[i].masks[v], result.images[i].masks[v], result.views[v]);
-    }
+  uint64_t done = 0;
+  const auto tell = [&](uint64_t more) {
+    done += more;
+    return !options.progress || options.progress(done, total);
+  };
+  std::vector<RemaskedSet> results;
+  for (const auto& work : works) {
+    auto place = into.OpenSet(work->result().name);
+    if (absl::IsNotFound(place.status())) place = into.CreateSet(work->result().name, program);
+    if (!place.ok()) return place.status();
+    if (absl::Status status = work->Write(**place, program, tell); !status.ok()) return status;
+    results.push_back(work->result());
   }
-  return result;
+  return results;
 }
 
 }  // namespace silhouette

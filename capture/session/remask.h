@@ -15,8 +15,6 @@ namespace silhouette {
 
 struct RemaskOptions {
   SegmentationSettings segmentation;
-  // One per view.
-  std::vector<MaskSize> mask_sizes;
   // Whether robot images without raw images are left out, rather than refused.
   bool leave_out = false;
   int threads = 2;
@@ -33,17 +31,23 @@ struct ViewChange {
   uint64_t before = 0;  // pixels that there were
 };
 
-struct Remasked {
-  // All records, those that are excluded as well, in order.
-  std::vector<RobotImage> images;
+// What was made of a set.
+struct RemaskedSet {
+  std::string name;
+  uint64_t configurations = 0;  // whose masks were made
   uint64_t excluded = 0;
   uint64_t left_out = 0;
   std::vector<ViewChange> views;
 };
 
+// Makes the masks of all sets and writes them into `into`, a new database of the same grid and
+// views, with masks of whatever sizes it has; sets that it lacks are made. `program`: for its
+// provenance log. What is excluded is excluded there. Memory: some hundred robot images at a time.
 // FailedPrecondition, with their number, if robot images have no raw images and are not to be left
 // out; DataLoss if one cannot be read; Cancelled if `progress` said so; InvalidArgument if a
-// setting is not valid. Nobody writes into the database meanwhile.
-absl::StatusOr<Remasked> Remask(const Database& database, const RemaskOptions& options);
+// setting is not valid; errors of writing. Nobody writes into `database` meanwhile.
+absl::StatusOr<std::vector<RemaskedSet>> Remask(const Database& database,
+                                                const RemaskOptions& options,
+                                                const std::string& program, Database& into);
 
 }  // namespace silhouette

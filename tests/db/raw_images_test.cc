@@ -53,8 +53,21 @@ class RawImagesTest : public testing::Test {
     ASSERT_TRUE(writer->Commit().ok());
   }
 
+  // A database of the same cell with these images, whose masks were made with other settings.
+  std::unique_ptr<Database> Made(const std::vector<RobotImage>& images) {
+    storage::v1::CellDescription cell = database_->cell();
+    cell.set_segmentation("x: 1\n");
+    auto made = Database::Create(absl::StrCat(folder_ / "made-", ++made_), cell);
+    EXPECT_TRUE(made.ok()) << made.status();
+    auto writer = (*made)->Write("test");
+    for (const RobotImage& image : images) EXPECT_TRUE(writer->Put(image).ok());
+    EXPECT_TRUE(writer->Commit().ok());
+    return *std::move(made);
+  }
+
   const FreshFolder folder_;
   std::unique_ptr<Database> database_;
+  int made_ = 0;
 };
 
 TEST_F(RawImagesTest, AreThereAfterReopeningWithTheReferencesTheyWereTakenWith) {
@@ -136,11 +149,20 @@ TEST_F(RawImagesTest, MasksAreReplacedAllAtOnceAndTheSettingsWithThem) {
   excluded.excluded = true;
   Write(excluded, {});
   auto before = database_->Read();
-  // Not all of them: nothing changes.
-  const absl::Status status = database_->ReplaceMasks("x: 1\n", {anew[0], anew[1]}, "test");
-  EXPECT_THAT(status.message(), HasSubstr("configuration 9 has no new masks"));
-  EXPECT_EQ(database_->Read()->generation(), before->generation());
-  ASSERT_TRUE(database_->ReplaceMasks("x: 1\n", anew, "test remask").ok());
+  // Not all of them, too many, or masks of what is excluded: nothing changes.
+  const std::vector<std::vector<RobotImage>> wrong = {
+      {},
+      {anew[0], anew[1], excluded},
+      {anew[0], anew[1], anew[2]},
+      {anew[0], anew[1], anew[2], excluded, Captured(*database_, 12)},
+      {anew[0], anew[1], anew[2], Captured(*database_, 11)}};
+  for (const std::vector<RobotImage>& images : wrong) {
+    const absl::Status status = database_->ReplaceMasks(*Made(images), "test");
+    EXPECT_TRUE(absl::IsInvalidArgument(status)) << status;
+    EXPECT_EQ(database_->Read()->generation(), before->generation());
+  }
+  const auto made = Made({anew[0], anew[1], anew[2], excluded});
+  ASSERT_TRUE(database_->ReplaceMasks(*made, "test remask").ok());
   EXPECT_GT(database_->Read()->generation(), before->generation());
   // Who looked before sees what was before.
   EXPECT_EQ(**before->Find(3), Captured(*database_, 3));

@@ -334,6 +334,28 @@ TEST(Sets, OutliveTheDatabaseTheyAreOf) {
             absl::StatusCode::kFailedPrecondition);
 }
 
+TEST(Sets, MasksOfAllAreReplacedAtOnce) {
+  const FreshFolder folder;
+  const auto database = MakeDatabase(folder / "db");
+  const auto set = MakeSet(*database);
+  const std::vector<RobotImage> plain = Images(*database, 3);
+  PutAll(*database, plain);
+  PutAll(*set, WithTools(plain, 1));
+  storage::v1::CellDescription cell = database->cell();
+  cell.set_segmentation("x: 1\n");
+  const auto made = *Database::Create(folder / "made", cell);
+  PutAll(*made, WithTools(plain, 2));
+  EXPECT_TRUE(absl::IsInvalidArgument(database->ReplaceMasks(*made, "test")));  // no such set
+  const auto made_set = MakeSet(*made);
+  PutAll(*made_set, WithTools(plain, 4));
+  const auto before = database->ReadSets();
+  ASSERT_TRUE(database->ReplaceMasks(*made, "test").ok());
+  EXPECT_EQ(ContentOf(*database), AsContent(WithTools(plain, 2)));
+  EXPECT_EQ(ContentOf(*set), AsContent(WithTools(plain, 4)));
+  EXPECT_EQ(**(*before)[1].snapshot.Find(plain[3].number), WithTools(plain, 1)[3]);
+  EXPECT_GT(SharedRecords(folder / "db", kTool), 0);
+}
+
 TEST(Sets, AreInACompactCopy) {
   const FreshFolder folder;
   const auto database = MakeDatabase(folder / "db");
