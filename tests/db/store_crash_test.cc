@@ -9,6 +9,7 @@
 #include <chrono>
 #include <fstream>
 #include <iostream>
+#include <map>
 #include <thread>
 
 #include "absl/cleanup/cleanup.h"
@@ -93,6 +94,91 @@ TEST(RobotImageWriter, KilledAtAnyInstantKeepsWhatItAcknowledgedAndNothingHalf) 
     }
   }
   std::cout << killed << " writers killed" << std::endl;
+}
+
+constexpr char kTool[] = "tool";
+
+// The robot with something on its hand.
+RobotImage WithTool(RobotImage image) {
+  for (Mask& mask : image.masks) {
+    mask = Mask::FromPredicate(
+        mask.size(), [&](int x, int y) { return mask.at(x, y) != (x / 3 == 2 && y / 3 == 1); });
+  }
+  return image;
+}
+
+// In a child process: replaces all records of the default set, on which those of the other rest, by
+// versions from `version` on, and acknowledges every version that is wholly committed.
+[[noreturn]] void ReplaceUntilKilled(const std::string& path, int acknowledge, uint64_t version,
+                                     uint64_t seed) {
+  std::mt19937_64 random(seed);
+  const auto opened = Database::Open(path, Access::kWrite);
+  if (!opened.ok()) _exit(10);
+  for (;; ++version) {
+    auto writer = (*opened)->Write("killed", absl::Hours(1));
+    if (!writer.ok()) _exit(11);
+    for (const ConfigurationNumber number : AllNumbers((*opened)->grid())) {
+      if (!writer->Put(TestImage(**opened, number, version), true).ok()) _exit(12);
+      if (random() % 40 == 0 && !writer->Commit().ok()) _exit(13);
+    }
+    if (!writer->Commit().ok()) _exit(14);
+    if (write(acknowledge, &version, sizeof(version)) != sizeof(version)) _exit(15);
+  }
+}
+
+TEST(RobotImageWriter, KilledWhileItReplacesWhatOtherSetsRestOnLeavesAllSetsWhole) {
+  const FreshFolder folder;
+  const std::string path = folder / "db";
+  const uint64_t seed = std::random_device()();
+  std::cout << "seed " << seed << std::endl;
+  std::mt19937_64 random(seed);
+  // The records of the set are made with version 0 of the default set's, and never written again.
+  std::map<ConfigurationNumber, RobotImage> tools;
+  {
+    const auto database = Database::Create(path, TestCell());
+    ASSERT_TRUE(database.ok()) << database.status();
+    const auto set = (*database)->CreateSet(kTool, "test");
+    for (Database* each : {database->get(), set->get()}) {
+      auto writer = each->Write("test", absl::Hours(1));
+      for (const ConfigurationNumber number : AllNumbers(each->grid())) {
+        RobotImage image = TestImage(*each, number, 0);
+        if (each != database->get()) tools[number] = image = WithTool(image);
+        ASSERT_TRUE(writer->Put(image).ok());
+      }
+      ASSERT_TRUE(writer->Commit().ok());
+    }
+  }
+  uint64_t whole = 0;  // the version that was acknowledged last
+  for (int round = 0; round < 15; ++round) {
+    int pipe_ends[2];
+    ASSERT_EQ(pipe(pipe_ends), 0);
+    const pid_t child = fork();
+    if (child == 0) ReplaceUntilKilled(path, pipe_ends[1], whole + 1, random());
+    close(pipe_ends[1]);
+    std::this_thread::sleep_for(std::chrono::microseconds(random() % 60'000));
+    kill(child, SIGKILL);
+    uint64_t version = 0;
+    while (read(pipe_ends[0], &version, sizeof(version)) == sizeof(version)) whole = version;
+    close(pipe_ends[0]);
+    int status = 0;
+    ASSERT_EQ(waitpid(child, &status, 0), child);
+    ASSERT_TRUE(WIFSIGNALED(status)) << WEXITSTATUS(status);
+
+    const auto database = Database::Open(path, Access::kRead);
+    ASSERT_TRUE(database.ok()) << database.status();
+    const auto states = (*database)->ReadSets();
+    ASSERT_TRUE(states.ok()) << states.status();
+    for (const ConfigurationNumber number : AllNumbers((*database)->grid())) {
+      const auto plain = (*states)[0].snapshot.Find(number);
+      ASSERT_TRUE(plain.ok()) << plain.status();
+      EXPECT_TRUE(**plain == TestImage(**database, number, whole) ||
+                  **plain == TestImage(**database, number, whole + 1))
+          << number;
+      const auto tool = (*states)[1].snapshot.Find(number);
+      ASSERT_TRUE(tool.ok()) << tool.status();
+      EXPECT_EQ(**tool, tools[number]);
+    }
+  }
 }
 
 TEST(Database, InterruptedWhileBeingMadeIsNoneAndCanBeMadeAgain) {
