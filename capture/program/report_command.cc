@@ -23,7 +23,7 @@ absl::StatusOr<ExitCode> Run(const Options& options) {
   const auto database = OpenDatabase(*file, Database::Access::kRead);
   if (!database.ok()) return database.status();
   const std::string folder =
-      options.out.empty() ? DefaultReportFolder(file->database) : options.out;
+      options.out.empty() ? DefaultReportFolder(file->database, file->set) : options.out;
   const auto facts = WriteSessionReport(
       options.cell, file->cell.name, **database,
       options.log.empty() ? DefaultLogFile(file->database) : options.log, folder);
@@ -50,11 +50,16 @@ void AddReport(CLI::App& app, Work& work) {
       "a\n"
       "capture goes on. Exit code 0: there is nothing to repair; 1: there is.");
   command->footer(
-      "Example:\n  silhouette-capture report --cell cell.yaml --database cell.lmdb --out report");
+      "Examples:\n"
+      "  silhouette-capture report --cell cell.yaml --database cell.lmdb --out report\n"
+      "  silhouette-capture report --cell cell.yaml --set gripper-open");
   const auto options = std::make_shared<Options>();
   AddCellOptions(*command, options->cell);
-  command->add_option("--out", options->out,
-                      "The folder for the report; default: the database's name and .report");
+  AddSetOption(*command, options->cell);
+  command->add_option(
+      "--out", options->out,
+      "The folder for the report; default: the database's name, that of a further set,\n"
+      "and .report");
   command->add_option("--log", options->log,
                       "The sessions' log; default: the database's name and .log");
   command->callback([options, &work] { work = [options] { return Run(*options); }; });

@@ -53,8 +53,9 @@ void WriteBegin(const Options& options, const CellFile& file, const CapturePlan&
                 const DiskRoom& room, SessionLog& log) {
   const CaptureSettings& settings = file.cell.capture;
   const absl::Time now = absl::Now();
-  log.Write(absl::StrFormat("session begins: cell '%s', database %s, --only %s", file.cell.name,
-                            file.database, options.plan.only));
+  log.Write(absl::StrFormat(
+      "session begins: cell '%s', database %s%s, --only %s", file.cell.name, file.database,
+      file.set == schema::kDefaultSet ? "" : ", set '" + file.set + "'", options.plan.only));
   log.Write(absl::StrFormat(
       "%d configurations to capture, %d there already; about %s, done about %s",
       plan.captures.size(), plan.kept, Spoken(plan.duration), ClockTime(now + plan.duration, now)));
@@ -184,7 +185,7 @@ void WriteReport(const Options& options, const CellFile& file, const Database& d
                  const CaptureReport& report, const SessionLog& log) {
   if (options.no_report || (report.captured == 0 && report.sentinel_checks == 0)) return;
   const std::string folder =
-      options.report.empty() ? DefaultReportFolder(file.database) : options.report;
+      options.report.empty() ? DefaultReportFolder(file.database, file.set) : options.report;
   const auto facts = WriteSessionReport(options.cell, file.cell.name, database, log.file(), folder);
   if (!facts.ok()) {
     std::cerr << "the report could not be written: " << facts.status().message() << std::endl;
@@ -279,7 +280,7 @@ void AddRun(CLI::App& app, Work& work) {
                     "Leave the collision index out; silhouette-db index builds it");
   command->add_option("--report", options->report,
                       "The folder that the report is written into at the end; default: the "
-                      "database's\nname and .report");
+                      "database's\nname, that of a further set, and .report");
   command->add_flag("--no-report", options->no_report,
                     "Leave the report out; silhouette-capture report writes it");
   command->callback([options, &work] { work = [options] { return Run(*options); }; });

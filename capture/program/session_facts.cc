@@ -5,6 +5,7 @@
 #include <set>
 
 #include "absl/strings/str_cat.h"
+#include "capture/capture_plan.h"
 
 namespace silhouette {
 namespace {
@@ -30,6 +31,40 @@ std::vector<Standing> StandingsOf(const Database& database, const Snapshot& snap
     standings[number] = std::max(standings[number], Standing::kSuspect);
   }
   return standings;
+}
+
+absl::StatusOr<SetFacts> FactsOf(const Database& set) {
+  SetFacts facts;
+  facts.name = set.set();
+  const auto records = ReadRecords(set);
+  if (!records.ok()) return records.status();
+  const auto count = [&](StoredRecord kind) {
+    return static_cast<uint64_t>(std::ranges::count(*records, kind));
+  };
+  facts.captured = count(StoredRecord::kCaptured);
+  facts.excluded = count(StoredRecord::kExcluded);
+  facts.damaged = count(StoredRecord::kDamaged);
+  facts.missing = set.grid().size() - facts.captured - facts.excluded - facts.damaged;
+  const auto snapshot = set.Read();
+  if (!snapshot.ok()) return snapshot.status();
+  const auto suspects = SuspectNumbers(*snapshot);
+  if (!suspects.ok()) return suspects.status();
+  facts.suspect = suspects->size();
+  return facts;
+}
+
+absl::StatusOr<std::vector<SetFacts>> FactsOfSets(const Database& database) {
+  const auto names = database.Sets();
+  if (!names.ok()) return names.status();
+  std::vector<SetFacts> sets;
+  for (const std::string& name : *names) {
+    const auto set = database.OpenSet(name);
+    if (!set.ok()) return set.status();
+    auto facts = FactsOf(**set);
+    if (!facts.ok()) return facts.status();
+    sets.push_back(*std::move(facts));
+  }
+  return sets;
 }
 
 void ReadStory(const std::string& log, SessionFacts& facts) {
@@ -66,6 +101,10 @@ uint64_t SessionFacts::mendable() const {
 absl::StatusOr<SessionFacts> GatherFacts(const CellArguments& arguments, const Database& database,
                                          const Snapshot& snapshot, const std::string& log) {
   SessionFacts facts;
+  facts.set = database.set();
+  auto sets = FactsOfSets(database);
+  if (!sets.ok()) return sets.status();
+  facts.sets = *std::move(sets);
   auto statistics = StatisticsOf(snapshot, database.grid(), database.mask_sizes());
   if (!statistics.ok()) return statistics.status();
   facts.statistics = *std::move(statistics);

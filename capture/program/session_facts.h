@@ -17,7 +17,20 @@ namespace silhouette {
 // What is told of a configuration; the worst counts.
 enum class Standing : uint8_t { kCaptured, kExcluded, kOutlier, kSuspect, kDamaged, kMissing };
 
+// How complete a set of robot images is.
+struct SetFacts {
+  std::string name;
+  uint64_t captured = 0;
+  uint64_t excluded = 0;
+  uint64_t damaged = 0;
+  uint64_t missing = 0;
+  uint64_t suspect = 0;
+};
+
+// Of one set of robot images, but for `sets`.
 struct SessionFacts {
+  std::string set;
+  std::vector<SetFacts> sets;  // all that the database has
   DatabaseStatistics statistics;
   // Robot images that touch the border, per view.
   std::vector<uint64_t> touching;
@@ -45,7 +58,7 @@ struct SessionFacts {
   bool good() const { return repair.empty(); }
 };
 
-// Reads all records. `log`: a file, which need not be there.
+// Reads all records of all sets. `log`: a file, which need not be there.
 absl::StatusOr<SessionFacts> GatherFacts(const CellArguments& arguments, const Database& database,
                                          const Snapshot& snapshot, const std::string& log);
 

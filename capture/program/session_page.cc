@@ -67,6 +67,23 @@ std::string Verdict(const SessionFacts& facts) {
   return html + "</div>\n";
 }
 
+// Nothing where there is but one.
+std::string SetTable(const SessionFacts& facts) {
+  if (facts.sets.size() < 2) return "";
+  std::string html =
+      "<h2>Sets of robot images</h2>\n<div class=\"card\"><table>\n" +
+      Row({"set", "captured", "excluded", "damaged", "missing", "suspect", "this report"}, "th");
+  for (const SetFacts& set : facts.sets) {
+    html += Row({set.name, absl::StrCat(set.captured), absl::StrCat(set.excluded),
+                 absl::StrCat(set.damaged), absl::StrCat(set.missing), absl::StrCat(set.suspect),
+                 set.name == facts.set ? "is of this set" : ""},
+                "td");
+  }
+  return html +
+         "</table>\n<p class=\"soft\">silhouette-capture report --set NAME has the others.</p>"
+         "</div>\n";
+}
+
 std::string ViewTable(const SessionFacts& facts, const storage::v1::CellDescription& cell) {
   std::string html = "<h2>Views</h2>\n<div class=\"card\"><table>\n" +
                      Row({"view", "least area, mask pixels", "mean area", "greatest area",
@@ -174,6 +191,7 @@ std::string SessionPage(const SessionFacts& facts, const storage::v1::CellDescri
            PngFigure(pictures.coverage,
                      "Over two joints; where a cell stands for several configurations, the worst",
                      "coverage of the configuration space"));
+  html += SetTable(facts);
   html += ViewTable(facts, cell);
   html += RepeatabilityTable(facts);
   if (pictures.history) {
@@ -194,7 +212,9 @@ std::string SessionPage(const SessionFacts& facts, const storage::v1::CellDescri
 }
 
 nlohmann::json SessionJson(const SessionFacts& facts, const storage::v1::CellDescription& cell) {
-  nlohmann::json json = {{"verdict", VerdictOf(facts)},
+  nlohmann::json json = {{"set", facts.set},
+                         {"sets", nlohmann::json::array()},
+                         {"verdict", VerdictOf(facts)},
                          {"good", facts.good()},
                          {"configurations", facts.configurations()},
                          {"captured", facts.statistics.captured},
@@ -210,6 +230,14 @@ nlohmann::json SessionJson(const SessionFacts& facts, const storage::v1::CellDes
                          {"joint_rms", facts.repeatability.joint},
                          {"joint_greatest", facts.repeatability.greatest_joint},
                          {"repair", facts.repair}};
+  for (const SetFacts& set : facts.sets) {
+    json["sets"].push_back({{"name", set.name},
+                            {"captured", set.captured},
+                            {"excluded", set.excluded},
+                            {"damaged", set.damaged},
+                            {"missing", set.missing},
+                            {"suspect", set.suspect}});
+  }
   for (const Outlier& outlier : facts.outliers) {
     json["outliers"].push_back(
         {{"configuration", outlier.number},

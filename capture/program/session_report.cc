@@ -42,10 +42,10 @@ absl::Status WriteAll(const std::string& folder, const std::string& page, const 
 
 }  // namespace
 
-std::string DefaultReportFolder(const std::string& database) {
+std::string DefaultReportFolder(const std::string& database, const std::string& set) {
   std::string folder = database;
   while (folder.size() > 1 && folder.back() == '/') folder.pop_back();
-  return folder + ".report";
+  return folder + (set == schema::kDefaultSet ? "" : "." + set) + ".report";
 }
 
 absl::StatusOr<SessionFacts> WriteSessionReport(const CellArguments& arguments,
@@ -60,9 +60,11 @@ absl::StatusOr<SessionFacts> WriteSessionReport(const CellArguments& arguments,
   const auto pictures = Paint(database, *snapshot, *facts);
   if (!pictures.ok()) return pictures.status();
   const std::string now = absl::FormatTime("%Y-%m-%d %H:%M", absl::Now(), absl::LocalTimeZone());
-  const std::string page =
-      SessionPage(*facts, database.cell(),
-                  {{"cell", cell_name}, {"database", database.path()}, {"made", now}}, *pictures);
+  std::vector<std::pair<std::string, std::string>> origin = {{"cell", cell_name},
+                                                             {"database", database.path()}};
+  if (facts->sets.size() > 1) origin.emplace_back("set", facts->set);
+  origin.emplace_back("made", now);
+  const std::string page = SessionPage(*facts, database.cell(), origin, *pictures);
   absl::Status status =
       WriteAll(folder, page, SessionJson(*facts, database.cell()).dump(2) + "\n", *pictures);
   if (!status.ok()) return status;

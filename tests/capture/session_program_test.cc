@@ -147,6 +147,74 @@ TEST(CaptureSessions, RemaskedHoldsWhatACaptureWithTheSameSettingsHolds) {
   EXPECT_EQ(cell.RawImages(), 45u);
 }
 
+// A part that the simulated robot carries in the set `with-part`.
+void AddPart(const ProgramCell& cell) {
+  WriteText(
+      cell / "simulation.yaml",
+      ReadText(cell / "simulation.yaml") +
+          "parts:\n"
+          "  with-part: [{link: tool, box: {size: [0.4, 0.2, 0.2]}, position: [0, 0, 0.2]}]\n");
+}
+
+TEST(CaptureSessions, AllSetsAreRemaskedAndReported) {
+  ProgramCell other;
+  ProgramCell cell;
+  for (const auto& [each, keep] :
+       {std::pair(&other, kKeepImagesAndHalfCovered), std::pair(&cell, kKeepImages)}) {
+    AddPart(*each);
+    each->WriteCell({keep});
+    each->CaptureAll();
+    const Outcome outcome = each->Run(each->Arguments("run", {"--set", "with-part"}));
+    ASSERT_EQ(outcome.exit_code, 0) << outcome.err;
+  }
+  const auto before = cell.Content("with-part");
+  ASSERT_NE(before, cell.Content());
+  ASSERT_NE(before, other.Content("with-part"));
+
+  Outcome outcome = cell.Run(cell.Arguments("report", {"--set", "with-part", "--format", "json"}));
+  EXPECT_EQ(outcome.exit_code, Json(outcome.out)["repair"].empty() ? 0 : 1) << outcome.err;
+  EXPECT_EQ(Json(outcome.out)["set"], "with-part");
+  EXPECT_THAT(Json(outcome.out)["sets"], SizeIs(2));
+  EXPECT_EQ(Json(outcome.out)["sets"][1]["captured"], 45);
+  const std::string page = ReadText(cell.database() + ".with-part.report/report.html");
+  EXPECT_THAT(page, HasSubstr("Sets of robot images"));
+  EXPECT_NE(page, ReadText(cell.database() + ".report/report.html"));
+
+  cell.WriteCell({kKeepImagesAndHalfCovered});
+  const std::string into = cell / "other.lmdb";
+  outcome = cell.Run(cell.Arguments("remask", {"--into", into}));
+  EXPECT_EQ(outcome.exit_code, 0) << outcome.err;
+  EXPECT_EQ(cell.Content("with-part"), before);
+  outcome = cell.Run({"status", "--cell", cell.cell(), "--database", into, "--set", "with-part"});
+  EXPECT_EQ(outcome.exit_code, 0) << outcome.out << outcome.err;
+  outcome = cell.Run(cell.Arguments("remask", {"--format", "json"}));
+  EXPECT_EQ(outcome.exit_code, 0) << outcome.err;
+  EXPECT_EQ(cell.Content(), other.Content());
+  EXPECT_EQ(cell.Content("with-part"), other.Content("with-part"));
+  EXPECT_EQ(Json(outcome.out)["configurations"], 90);
+  EXPECT_EQ(Json(outcome.out)["sets"][1]["name"], "with-part");
+  EXPECT_FALSE(std::filesystem::exists(cell.database() + ".remask"));
+}
+
+TEST(CaptureSessions, RemaskThatIsKilledLeavesTheDatabaseAsItWasAndCanBeBegunAgain) {
+  ProgramCell cell;
+  cell.WriteCell({kKeepImages});
+  cell.CaptureAll();
+  const auto before = cell.Content();
+  cell.WriteCell({kKeepImagesAndHalfCovered});
+  const pid_t remask = cell.Start(cell.Arguments("remask"));
+  while (!std::filesystem::exists(cell.database() + ".remask/data.mdb")) {
+    absl::SleepFor(absl::Milliseconds(1));
+  }
+  kill(remask, SIGKILL);
+  cell.Wait(remask);
+  ASSERT_EQ(cell.Content(), before);
+  const Outcome outcome = cell.Run(cell.Arguments("remask"));
+  EXPECT_EQ(outcome.exit_code, 0) << outcome.err;
+  EXPECT_NE(cell.Content(), before);
+  EXPECT_FALSE(std::filesystem::exists(cell.database() + ".remask"));
+}
+
 TEST(CaptureSessions, MasksWithoutImagesCannotBeMadeAnew) {
   ProgramCell cell;
   cell.CaptureAll();
