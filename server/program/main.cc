@@ -122,8 +122,9 @@ void LogLoaded(const ServedDatabase& database, const std::string& path) {
 // Of a set beside the default one.
 void LogSet(const ServedDatabase& set) {
   const RobotImageTable& images = set.robot_images();
-  spdlog::info("set '{}': {} captured, {} excluded", set.set(),
-               images.Count(RobotImageState::kPresent), images.Count(RobotImageState::kExcluded));
+  spdlog::info("set '{}': {} captured, {} excluded; {}", set.set(),
+               images.Count(RobotImageState::kPresent), images.Count(RobotImageState::kExcluded),
+               images.in_memory() ? "in memory" : "read from the database where they are needed");
   const uint64_t unknown =
       images.Count(RobotImageState::kMissing) + images.Count(RobotImageState::kCorrupt);
   if (unknown > 0) {

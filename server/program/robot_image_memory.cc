@@ -56,6 +56,7 @@ uint64_t AvailableMemory() {
 
 LoadSettings LoadSettingsOf(const Cell& cell) {
   return {.robot_image_memory = cell.server.robot_image_memory.value_or(AvailableMemory() / 5 * 2),
+          .further_sets_in_memory = cell.server.further_sets_in_memory,
           .progress =
               [last = absl::Now()](uint64_t done, uint64_t records) mutable {
                 const absl::Time now = absl::Now();

@@ -8,6 +8,7 @@
 #include "absl/strings/str_cat.h"
 #include "calib/calibration_message.h"
 #include "db/robot_images_in_place.h"
+#include "db/schema.h"
 
 namespace silhouette {
 namespace {
@@ -93,7 +94,9 @@ absl::StatusOr<RobotImageTable> LoadRobotImages(const Database& database,
                                                 const std::shared_ptr<const Snapshot>& snapshot,
                                                 LoadSettings& settings, FixedJointsOfSet& joints) {
   const uint64_t bytes = BytesOfRecord(database);
-  if (snapshot->size() > settings.robot_image_memory / bytes) {
+  const bool further = database.set() != schema::kDefaultSet;
+  if ((further && !settings.further_sets_in_memory) ||
+      snapshot->size() > settings.robot_image_memory / bytes) {
     return LoadInPlace(database, snapshot, settings, joints);
   }
   settings.robot_image_memory -= snapshot->size() * bytes;

@@ -32,6 +32,8 @@ struct LoadSettings {
   // than the sets before it left, none of it is: they are read from the database when they are
   // needed.
   uint64_t robot_image_memory = std::numeric_limits<uint64_t>::max();
+  // Whether sets beside the default one are held at all.
+  bool further_sets_in_memory = false;
   // Called now and again while robot images are read, with how many of the records are done.
   std::function<void(uint64_t done, uint64_t records)> progress = nullptr;
   // Largest deviation of a fixed joint, when a robot image was captured, from where the cell has

@@ -261,6 +261,13 @@ TEST(Cell, SetOfTheLiveRobotIsStatedOrLeftOpen) {
   EXPECT_EQ(Load(bare + "server: {live: {set: gripper-open}}\n")->server.live.set, "gripper-open");
 }
 
+TEST(Cell, FurtherSetsAreInMemoryOnlyWhereAskedFor) {
+  const std::string bare = kBareCell;
+  EXPECT_FALSE(Load(bare)->server.further_sets_in_memory);
+  EXPECT_TRUE(
+      Load(bare + "server: {further_sets_in_memory: true}\n")->server.further_sets_in_memory);
+}
+
 TEST(Cell, SoundIsReadAndNeedsTheRobotsModel) {
   const std::string robots = std::string(SILHOUETTE_SOURCE_DIR) + "/capture/sim/robots/";
   const std::string cell_with = "name: x\nrobot:\n  urdf: " + robots +

@@ -292,6 +292,8 @@ ServerSettings ReadServer(const YamlNode& node, const std::filesystem::path& fol
   if (const auto memory = map.Optional("robot_image_memory")) {
     server.robot_image_memory = memory->AsBytes();
   }
+  server.further_sets_in_memory =
+      map.Get<bool>("further_sets_in_memory", server.further_sets_in_memory);
   if (const auto shared = map.Optional("shared_map")) {
     YamlMap shared_map(*shared);
     server.shared_map = ResolvePath(folder, shared_map.Get<std::string>("file"));

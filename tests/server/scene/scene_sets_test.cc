@@ -229,8 +229,11 @@ TEST(SceneSetsInPlace, AnswerAsInMemory) {
   const FreshFolder folder;
   MakeDatabase(folder / "db", {.index = true});
   AddTools(folder / "db");
-  const auto held = LoadDatabase(folder / "db");
+  const auto held =
+      LoadDatabase(folder / "db", {.margin = 0}, {}, {.further_sets_in_memory = true});
+  ASSERT_TRUE(held->Set(kTool)->robot_images().in_memory());
   const auto in_place = LoadDatabase(folder / "db", {.margin = 0}, {}, {.robot_image_memory = 0});
+  ASSERT_FALSE(in_place->robot_images().in_memory());
   ASSERT_FALSE(in_place->Set(kTool)->robot_images().in_memory());
   std::mt19937 random(1);
   for (int block = 0; block < 5; ++block) {
@@ -238,6 +241,22 @@ TEST(SceneSetsInPlace, AnswerAsInMemory) {
     ExpectSame(ServedWith(held, SceneOf(*held, input), ""),
                ServedWith(in_place, SceneOf(*in_place, input), ""), {}, random);
   }
+}
+
+TEST(SceneSetsInPlace, FurtherSetsCostNoMemoryUnlessTheyMay) {
+  const FreshFolder folder;
+  MakeDatabase(folder / "db");
+  AddTools(folder / "db");
+  const auto usual = LoadDatabase(folder / "db");
+  EXPECT_TRUE(usual->robot_images().in_memory());
+  EXPECT_FALSE(usual->Set(kTool)->robot_images().in_memory());
+  // What the default set leaves is not enough.
+  const uint64_t one_set = 40 * usual->robot_images().words() * sizeof(uint64_t);
+  const auto no_room =
+      LoadDatabase(folder / "db", {.margin = 0}, {},
+                   {.robot_image_memory = 2 * one_set - 1, .further_sets_in_memory = true});
+  EXPECT_TRUE(no_room->robot_images().in_memory());
+  EXPECT_FALSE(no_room->Set(kTool)->robot_images().in_memory());
 }
 
 // A record of the default set gets lost: what rests on it is corrupt in the other set, never free.
