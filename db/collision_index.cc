@@ -56,10 +56,13 @@ struct CollisionIndex::Entry {
   std::optional<TileHeader> header;
   std::optional<std::string_view> value;
   uint64_t bytes = 0;
+  // That of the default set which it rests on (TileHeader::base), if there is one.
+  std::optional<std::string_view> base_value;
   // Of the tile's records; nothing if it has none.
   std::optional<uint64_t> digest;
 
   mutable std::once_flag checked;
+  mutable std::optional<TileIndex> base;
   mutable std::optional<TileIndex> index;
   mutable TileState state = TileState::kMissing;
 };
@@ -83,6 +86,7 @@ absl::StatusOr<std::shared_ptr<const CollisionIndex>> CollisionIndex::Open(
   if (!file.ok()) return file.status();
   index->file_ = *std::move(file);
   if (absl::Status status = index->ReadHeads(); !status.ok()) return status;
+  if (absl::Status status = index->ReadBases(); !status.ok()) return status;
   if (absl::Status status = index->ReadDigests(); !status.ok()) return status;
   return index;
 }
@@ -122,6 +126,27 @@ absl::Status CollisionIndex::ReadHeads() {
   return code == MDB_NOTFOUND ? absl::OkStatus() : environment.ReadError(code);
 }
 
+// Takes down where the default set's values are that those of this set rest on.
+absl::Status CollisionIndex::ReadBases() {
+  Environment& environment = snapshot_->impl_->environment();
+  const std::optional<MDB_dbi> database = environment.Find(schema::kCollisionIndex);
+  const auto hold = environment.HoldMap();
+  MDB_stat stat;
+  mdb_env_stat(environment.get(), &stat);
+  for (auto& [tile, entry] : tiles_) {
+    if (!database || !entry->header || entry->header->base == 0) continue;
+    const schema::NumberKey key = schema::EncodeKey(tile);
+    MDB_val key_val = ToVal({key.data(), key.size()});
+    MDB_val shown;
+    const int code = mdb_get(snapshot_->impl_->transaction(), *database, &key_val, &shown);
+    if (code == MDB_NOTFOUND || code == EINVAL) continue;
+    if (code != 0) return environment.ReadError(code);
+    if (shown.mv_size < kTileValueHeader) continue;
+    entry->base_value = file_->Find(FromVal(shown), stat.ms_psize);
+  }
+  return absl::OkStatus();
+}
+
 absl::Status CollisionIndex::ReadDigests() {
   const RecordSource records = snapshot_->impl_->records();
   for (uint64_t tile = 0;; ++tile) {
@@ -146,16 +171,25 @@ void CollisionIndex::Check(uint64_t tile, const Entry& entry) const {
     entry.state = TileState::kMissing;
   } else if (!entry.value || !TileValueHolds(tile, *entry.value)) {
     entry.state = TileState::kDamaged;
-  } else if (entry.digest != entry.header->digest) {
+  } else if (entry.digest != entry.header->digest || !HasBase(entry)) {
     entry.state = TileState::kStale;
+  } else if (entry.base_value && !TileValueHolds(tile, *entry.base_value)) {
+    entry.state = TileState::kDamaged;
   } else {
     try {
-      entry.index.emplace(TileIndexIn(*entry.value), trees_);
+      if (entry.base_value) entry.base.emplace(TileIndexIn(*entry.base_value), trees_);
+      entry.index.emplace(TileIndexIn(*entry.value), trees_, entry.base ? &*entry.base : nullptr);
       entry.state = TileState::kFresh;
     } catch (const std::invalid_argument&) {
       entry.state = TileState::kDamaged;
     }
   }
+}
+
+// Whether the default set has what the tile rests on, if it rests on anything.
+bool CollisionIndex::HasBase(const Entry& entry) {
+  return entry.header->base == 0 ||
+         (entry.base_value && TileChecksumIn(*entry.base_value) == entry.header->base);
 }
 
 // Null if there is nothing of the tile.
@@ -170,6 +204,11 @@ const CollisionIndex::Entry* CollisionIndex::Checked(uint64_t tile) const {
 const TileIndex* CollisionIndex::Tile(uint64_t tile) const {
   const Entry* entry = Checked(tile);
   return entry != nullptr && entry->index ? &*entry->index : nullptr;
+}
+
+const TileIndex* CollisionIndex::Base(uint64_t tile) const {
+  const Entry* entry = Checked(tile);
+  return entry != nullptr && entry->index && entry->base ? &*entry->base : nullptr;
 }
 
 std::span<const std::byte> CollisionIndex::Bytes(uint64_t tile) const {
@@ -198,6 +237,7 @@ CollisionIndexSummary CollisionIndex::Summary() const {
       case TileState::kFresh:
         ++summary.fresh;
         summary.unreadable += entry->header->unreadable;
+        summary.by_difference += entry->base ? 1 : 0;
         break;
       case TileState::kStale:
         ++summary.stale;

@@ -2,8 +2,8 @@
 #include <bit>
 #include <cstring>
 #include <stdexcept>
-#include <type_traits>
 
+#include "db/index/tile_bytes.h"
 #include "db/index/tile_index.h"
 
 namespace silhouette {
@@ -20,16 +20,6 @@ void Transpose(uint64_t* words) {
     }
   }
 }
-
-template <typename T>
-void Append(std::vector<std::byte>& bytes, const T& value) {
-  static_assert(std::is_trivially_copyable_v<T>);
-  const size_t at = bytes.size();
-  bytes.resize(at + sizeof(T));
-  std::memcpy(bytes.data() + at, &value, sizeof(T));
-}
-
-void FillUp(std::vector<std::byte>& bytes) { bytes.resize((bytes.size() + 63) / 64 * 64); }
 
 }  // namespace
 

@@ -266,6 +266,62 @@ TEST(Sets, HaveACollisionIndexEach) {
   ExpectIndexHoldsTheRobotImages(*set);
 }
 
+// A further set's index is told by its differences from the default set's.
+TEST(Sets, IndexThatRestsOnTheDefaultSetsIsNeverReadWithAnother) {
+  const FreshFolder folder;
+  const auto database = MakeDatabase(folder / "db");
+  const auto set = MakeSet(*database);
+  const std::vector<RobotImage> plain = Images(*database, 6);
+  PutAll(*database, plain);
+  PutAll(*set, WithTools(plain, 5));
+  ASSERT_TRUE(BuildCollisionIndex(*database).ok());
+  const CollisionIndexSummary before = OpenIndex(*set)->Summary();
+  EXPECT_EQ(before.by_difference, before.tiles);
+  EXPECT_LT(before.bytes, OpenIndex(*database)->Summary().bytes);
+  EXPECT_EQ(OpenIndex(*database)->Summary().by_difference, 0);
+  // Whatever becomes of the default set's value: another content, damage, none.
+  const auto environment = *Environment::Open(folder / "db");
+  const auto values = *environment->Find(schema::PlacesOfSet("default").collision_index);
+  const schema::NumberKey key = schema::EncodeKey(0);
+  const std::string_view key_view(key.data(), key.size());
+  std::string stored;
+  {
+    const auto transaction = environment->Read();
+    MDB_val key_val = ToVal(key_view);
+    MDB_val value;
+    ASSERT_EQ(mdb_get(transaction->get(), values, &key_val, &value), 0);
+    stored = FromVal(value);
+  }
+  const auto state_with = [&](const std::string& value) {
+    EXPECT_TRUE(environment
+                    ->Update(value.size(),
+                             [&](WriteTransaction& transaction) {
+                               return value.empty() ? transaction.Delete(values, key_view)
+                                                    : transaction.Put(values, key_view, value);
+                             })
+                    .ok());
+    ExpectIndexHoldsTheRobotImages(*set, false);
+    return OpenIndex(*set)->State(0);
+  };
+  EXPECT_EQ(state_with(stored), TileState::kFresh);
+  for (const size_t at : {size_t{0}, size_t{9}, stored.size() / 2}) {
+    std::string damaged = stored;
+    damaged[at] = static_cast<char>(damaged[at] ^ 1);
+    EXPECT_EQ(state_with(damaged), at == 0 ? TileState::kStale : TileState::kDamaged);
+  }
+  EXPECT_EQ(state_with(""), TileState::kStale);
+  EXPECT_EQ(state_with(stored), TileState::kFresh);
+  // The default set's tile is built anew from other records: the other's is stale until it is, too.
+  PutAll(*database, {TestImage(*database, plain[3].number, 77)}, true);
+  IndexBuildOptions one_tile;
+  one_tile.progress = [](uint64_t done, uint64_t) { return done == 0; };
+  ASSERT_TRUE(BuildCollisionIndex(*database, one_tile).ok());
+  EXPECT_EQ(OpenIndex(*database)->State(0), TileState::kFresh);
+  EXPECT_EQ(OpenIndex(*set)->State(0), TileState::kStale);
+  ASSERT_TRUE(BuildCollisionIndex(*database).ok());
+  ExpectIndexHoldsTheRobotImages(*set);
+}
+
 TEST(Sets, HaveNamesThatAreOnesAndAreAtMostSoMany) {
   const FreshFolder folder;
   const auto database = MakeDatabase(folder / "db");
