@@ -80,7 +80,11 @@ void LogRobotImages(const ServedDatabase& database, const std::string& path,
         "they are needed",
         Gigabytes(bytes), Gigabytes(settings.robot_image_memory), path);
   }
-  if ((images.in_memory() && database.index() == nullptr) || !ReadersKeepWritersOut(path)) return;
+  const bool reads_on = std::ranges::any_of(database.sets(), [&](const std::string& name) {
+    const ServedDatabase& set = *database.Set(name);
+    return !set.robot_images().in_memory() || set.index() != nullptr;
+  });
+  if (!reads_on || !ReadersKeepWritersOut(path)) return;
   spdlog::warn(
       "without permission to write '{}/{}' nobody can write into the database while it is served: "
       "no capture, no index; give this process that permission, or stop it before",
