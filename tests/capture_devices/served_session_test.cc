@@ -1,14 +1,13 @@
 // A session of silhouette-capture over GigE Vision cameras, as its user runs it.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
-#include <poll.h>
 
-#include <csignal>
 #include <filesystem>
 #include <nlohmann/json.hpp>
 
 #include "tests/capture/program_cell.h"
 #include "tests/capture_devices/own_network.h"
+#include "tests/capture_devices/served_process.h"
 
 namespace silhouette {
 namespace {
@@ -19,49 +18,6 @@ using testing::SizeIs;
 
 // Before there are any threads.
 const bool kOwnNetwork = EnterOwnNetwork(2);
-
-// silhouette-sim serve, for as long as it lives.
-class Served {
- public:
-  Served(const std::string& cell, const std::vector<std::string>& more) {
-    const std::string program = std::string(SILHOUETTE_BIN_DIR) + "/silhouette-sim";
-    std::vector<std::string> words = {program, "serve", "--cell", cell, "--format", "json"};
-    words.insert(words.end(), more.begin(), more.end());
-    std::vector<char*> argv;
-    for (std::string& word : words) argv.push_back(word.data());
-    argv.push_back(nullptr);
-    int ends[2];
-    EXPECT_EQ(pipe(ends), 0);
-    child_ = fork();
-    if (child_ == 0) {
-      dup2(ends[1], STDOUT_FILENO);
-      close(ends[0]);
-      execv(program.c_str(), argv.data());
-      _exit(127);
-    }
-    close(ends[1]);
-    // It says where its devices are as soon as they can be reached.
-    std::string line;
-    for (char c = 0; read(ends[0], &c, 1) == 1 && c != '\n';) line += c;
-    close(ends[0]);
-    told_ = nlohmann::json::parse(line, nullptr, /*allow_exceptions=*/false);
-    EXPECT_FALSE(told_.is_discarded()) << line;
-  }
-  ~Served() { End(); }
-
-  const nlohmann::json& told() const { return told_; }
-
-  void End() {
-    if (child_ == 0) return;
-    kill(child_, SIGKILL);
-    waitpid(child_, nullptr, 0);
-    child_ = 0;
-  }
-
- private:
-  pid_t child_ = 0;
-  nlohmann::json told_;
-};
 
 // How many pixels differ.
 size_t Differing(const Mask& a, const Mask& b) { return ((a - b) | (b - a)).Count(); }

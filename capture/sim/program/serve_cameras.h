@@ -1,6 +1,7 @@
 // The cameras of `silhouette-sim serve`.
 #pragma once
 
+#include <functional>
 #include <memory>
 #include <nlohmann/json.hpp>
 #include <string>
@@ -20,7 +21,11 @@ inline const std::vector<std::string> kCameraKinds = {"gige", "grpc", "rtsp"};
 struct ServedCameras {
   std::unique_ptr<ServedViews> views;
   std::shared_ptr<void> server;  // ends before the views
-  nlohmann::ordered_json told;   // where they are
+  // Makes the server anew, where it was.
+  std::function<absl::StatusOr<std::shared_ptr<void>>()> start;
+  // Lets `server` lose packets (GigeCameras::LosePackets); null but for gige.
+  void (*lose_packets)(void* server, double share) = nullptr;
+  nlohmann::ordered_json told = nlohmann::ordered_json::array();  // where they are
 };
 
 // All views of the cell's file, whatever it says of their sources; `kind` of kCameraKinds. Port: of

@@ -3,20 +3,14 @@
 #include <memory>
 #include <nlohmann/json.hpp>
 #include <optional>
-#include <thread>
-#include <variant>
 
-#include "absl/strings/numbers.h"
-#include "absl/strings/str_cat.h"
-#include "absl/strings/str_join.h"
 #include "absl/time/clock.h"
 #include "absl/time/time.h"
 #include "capture/sim/program/commands.h"
 #include "capture/sim/program/serve_cameras.h"
+#include "capture/sim/program/serve_faults.h"
+#include "capture/sim/program/serve_robot.h"
 #include "capture/sim/program/workplace.h"
-#include "capture/sim/served/grpc_robot_server.h"
-#include "capture/sim/served/simple_message_server.h"
-#include "capture/sim/served/simulated_controller.h"
 #include "capture/travel.h"
 #include "tools/program/joint_values.h"
 #include "tools/program/program.h"
@@ -25,9 +19,7 @@ namespace silhouette {
 namespace {
 
 constexpr char kProgram[] = "silhouette-sim serve";
-constexpr char kSimpleMessage[] = "simple_message";
-constexpr char kGrpc[] = "grpc";
-constexpr int kGrpcPort = 50061;
+constexpr absl::Duration kTick = absl::Milliseconds(20);
 
 struct Arguments {
   WorkplaceArguments workplace;
@@ -36,83 +28,8 @@ struct Arguments {
   std::string cameras;
   int camera_port = 0;
   bool without_robot = false;
+  FaultArguments faults;
 };
-
-// "host:port", or "host".
-struct Address {
-  std::string host = "127.0.0.1";
-  std::optional<int> port;
-};
-
-absl::StatusOr<Address> AddressOf(const std::string& text) {
-  Address address;
-  if (text.empty()) return address;
-  const size_t colon = text.rfind(':');
-  address.host = text.substr(0, colon);
-  if (colon == std::string::npos) return address;
-  int port = 0;
-  if (!absl::SimpleAtoi(text.substr(colon + 1), &port) || port < 0 || port > 65533) {
-    return absl::InvalidArgumentError(
-        absl::StrCat("'", text, "' is no address; give one such as 127.0.0.1:11000"));
-  }
-  address.port = port;
-  return address;
-}
-
-// The robot of a cell as a controller on the network.
-struct ServedRobot {
-  std::unique_ptr<SimulatedController> controller;
-  // One of them; ends before the controller.
-  std::unique_ptr<SimpleMessageServer> simple_message;
-  std::unique_ptr<GrpcRobotServer> grpc;
-  nlohmann::ordered_json told;
-};
-
-// The ports of a port: that of motion, and the one two further for the state.
-absl::StatusOr<ServedRobot> ServeSimpleMessage(const Workplace& workplace, const Address& address,
-                                               const std::shared_ptr<SimulatedCell>& simulation) {
-  SimpleMessageSettings named;
-  if (const auto* driver = std::get_if<SimpleMessageSettings>(&workplace.cell.robot.driver)) {
-    named = *driver;
-  }
-  ServedRobot robot;
-  robot.controller = std::make_unique<SimulatedController>(simulation);
-  if (!named.joints.empty() && named.joints != robot.controller->joints()) {
-    return absl::InvalidArgumentError(absl::StrCat(
-        workplace.cell.file, ": the simulated controller has the joints ",
-        absl::StrJoin(robot.controller->joints(), ", "), "; name them so in 'simple_message'"));
-  }
-  SimpleMessageServerSettings settings{.host = address.host, .byte_order = named.byte_order};
-  settings.motion_port = address.port.value_or(named.motion_port);
-  settings.state_port = !address.port       ? named.state_port
-                        : *address.port > 0 ? *address.port + 2
-                                            : 0;
-  auto server = SimpleMessageServer::Start(*robot.controller, settings);
-  if (!server.ok()) return server.status();
-  robot.simple_message = *std::move(server);
-  robot.told = {
-      {"driver", kSimpleMessage},
-      {"host", settings.host},
-      {"motion_port", robot.simple_message->motion_port()},
-      {"state_port", robot.simple_message->state_port()},
-      {"byte_order", named.byte_order == simple_message::ByteOrder::kBig ? "big" : "little"},
-      {"joints", robot.controller->joints()}};
-  return robot;
-}
-
-absl::StatusOr<ServedRobot> ServeGrpc(const Address& address,
-                                      const std::shared_ptr<SimulatedCell>& simulation) {
-  ServedRobot robot;
-  robot.controller = std::make_unique<SimulatedController>(simulation);
-  auto server = GrpcRobotServer::Start(
-      *robot.controller, absl::StrCat(address.host, ":", address.port.value_or(kGrpcPort)));
-  if (!server.ok()) return server.status();
-  robot.grpc = *std::move(server);
-  robot.told = {{"driver", kGrpc},
-                {"address", robot.grpc->address()},
-                {"joints", robot.controller->joints()}};
-  return robot;
-}
 
 // Where a robot stands before a capture: the first configuration that it may be in.
 absl::Status PlaceRobot(const Workplace& workplace, SimulatedCell& simulation) {
@@ -135,8 +52,6 @@ absl::Status Serve(const Arguments& arguments) {
   if (arguments.robot.empty() && arguments.cameras.empty()) {
     return absl::InvalidArgumentError("say what to serve, with --robot, --cameras or both");
   }
-  const auto address = AddressOf(arguments.robot_address);
-  if (!address.ok()) return address.status();
   auto settings = LoadSimulation(workplace->cell.simulation);
   if (!settings.ok()) return settings.status();
   const auto simulation = std::make_shared<SimulatedCell>(workplace->robot, *std::move(settings));
@@ -147,8 +62,7 @@ absl::Status Serve(const Arguments& arguments) {
   nlohmann::ordered_json served;
   std::optional<ServedRobot> robot;
   if (!arguments.robot.empty()) {
-    auto started = arguments.robot == kGrpc ? ServeGrpc(*address, simulation)
-                                            : ServeSimpleMessage(*workplace, *address, simulation);
+    auto started = ServeRobot(*workplace, arguments.robot, arguments.robot_address, simulation);
     if (!started.ok()) return started.status();
     robot = *std::move(started);
     served["robot"] = robot->told;
@@ -160,6 +74,9 @@ absl::Status Serve(const Arguments& arguments) {
     cameras = *std::move(started);
     served["cameras"] = cameras->told;
   }
+  auto faults =
+      FaultsOf(arguments.faults, robot ? &*robot : nullptr, cameras ? &*cameras : nullptr);
+  if (!faults.ok()) return faults.status();
   if (arguments.workplace.json()) {
     std::cout << served.dump() << std::endl;
   } else {
@@ -169,8 +86,43 @@ absl::Status Serve(const Arguments& arguments) {
     std::cout << "ready; Ctrl-C ends it" << std::endl;
   }
   CatchStopSignals();
-  while (!StopRequested()) absl::SleepFor(absl::Milliseconds(50));
+  while (!StopRequested()) {
+    for (ServedFault& fault : *faults) {
+      if (absl::Status status = fault.Step(absl::Now()); !status.ok()) return status;
+    }
+    absl::SleepFor(kTick);
+  }
   return absl::OkStatus();
+}
+
+void AddFaultOptions(CLI::App& command, FaultArguments& faults) {
+  command
+      .add_option(
+          "--robot-fault", faults.robot,
+          "What goes wrong with the robot: stays, it is told to move and does not set off;\n"
+          "half-way, it stops on its way; drifts, it moves though nobody told it to;\n"
+          "e-stop, on its way; lost, its connection")
+      ->check(CLI::IsMember(kRobotFaults));
+  command
+      .add_option("--after-moves", faults.after_moves,
+                  "When the robot was told so many times to move")
+      ->check(CLI::NonNegativeNumber)
+      ->capture_default_str();
+  command
+      .add_option("--camera-fault", faults.cameras,
+                  "What goes wrong with the cameras: lost, their connection; drops, they lose\n"
+                  "packets and so images (gige); freezes, they send the same image again and again")
+      ->check(CLI::IsMember(kCameraFaults));
+  command
+      .add_option("--after-images", faults.after_images,
+                  "When they have taken so many sets of images")
+      ->check(CLI::NonNegativeNumber)
+      ->capture_default_str();
+  command
+      .add_option("--fault-time", faults.seconds,
+                  "How long the faults last, in seconds; 0: for good")
+      ->check(CLI::NonNegativeNumber)
+      ->capture_default_str();
 }
 
 }  // namespace
@@ -186,7 +138,7 @@ void AddServeCommand(CLI::App& program, Run& run) {
       ->add_option("--robot", arguments->robot,
                    "What the robot's controller speaks: simple_message (ROS-Industrial), or\n"
                    "grpc (RobotDriverService)")
-      ->check(CLI::IsMember({kSimpleMessage, kGrpc}));
+      ->check(CLI::IsMember(kRobotKinds));
   command->add_option(
       "--robot-address", arguments->robot_address,
       "Where it listens, e.g. 127.0.0.1:11000: simple_message there for motion and two ports\n"
@@ -206,10 +158,13 @@ void AddServeCommand(CLI::App& program, Run& run) {
       ->capture_default_str();
   command->add_flag("--without-robot", arguments->without_robot,
                     "Take the robot out of the images, as for reference images");
+  AddFaultOptions(*command, arguments->faults);
   command->footer(
       "Examples:\n"
       "  silhouette-sim serve --cell cell.yaml --robot simple_message --robot-address 127.0.0.1:0\n"
-      "  silhouette-sim serve --cell cell.yaml --robot simple_message --cameras gige");
+      "  silhouette-sim serve --cell cell.yaml --robot simple_message --cameras gige\n"
+      "  silhouette-sim serve --cell cell.yaml --robot grpc --robot-fault lost --after-moves 20 "
+      "--fault-time 10");
   command->callback([arguments, &run] {
     run = [arguments]() -> int {
       const absl::Status status = Serve(*arguments);

@@ -34,17 +34,40 @@ CameraImage ServedViews::Take(size_t view) {
   const std::lock_guard lock(mutex_);
   const bool together = !set_.empty() && !taken_[view] && absl::Now() - made_ < kTogether &&
                         cell_->positions() == positions_;
-  if (!together) {
-    positions_ = cell_->positions();
-    set_ = cell_->TakeImages(cameras_);
-    made_ = absl::Now();
-    taken_.assign(views_.size(), false);
-  }
+  if (!together) TakeSet();
   taken_[view] = true;
   return set_[view];
 }
 
-std::vector<CameraImage> ServedViews::TakeAll() { return cell_->TakeImages(cameras_); }
+void ServedViews::TakeSet() {
+  taken_.assign(views_.size(), false);
+  if (frozen_ && !set_.empty()) return;
+  positions_ = cell_->positions();
+  set_ = cell_->TakeImages(cameras_);
+  made_ = absl::Now();
+  ++sets_;
+}
+
+std::vector<CameraImage> ServedViews::TakeAll() {
+  const std::lock_guard lock(mutex_);
+  TakeSet();
+  taken_.assign(views_.size(), true);
+  std::vector<CameraImage> images = set_;
+  if (frozen_) {
+    for (CameraImage& image : images) image.captured = absl::Now();
+  }
+  return images;
+}
+
+void ServedViews::Freeze(bool frozen) {
+  const std::lock_guard lock(mutex_);
+  frozen_ = frozen;
+}
+
+uint64_t ServedViews::sets() const {
+  const std::lock_guard lock(mutex_);
+  return sets_;
+}
 
 std::vector<uint8_t> GreyPixels(CameraImage image) {
   if (image.channels == 1) return std::move(image.pixels);

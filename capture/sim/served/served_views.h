@@ -31,6 +31,12 @@ class ServedViews {
   // One image of each.
   std::vector<CameraImage> TakeAll();
 
+  // While it is frozen, the images are those of the last set, again and again.
+  void Freeze(bool frozen);
+
+  // How many sets of images were taken.
+  uint64_t sets() const;
+
  private:
   ServedViews(std::shared_ptr<SimulatedCell> cell, std::vector<SimulatedView> views,
               std::vector<size_t> cameras);
@@ -39,11 +45,16 @@ class ServedViews {
   const std::vector<SimulatedView> views_;
   const std::vector<size_t> cameras_;  // by view
 
-  std::mutex mutex_;  // guards all below
+  // With mutex_ held: takes a set of images, unless it is frozen.
+  void TakeSet();
+
+  mutable std::mutex mutex_;  // guards all below
   std::vector<CameraImage> set_;
   std::vector<bool> taken_;        // by view: whether its image of the set was given out
   std::vector<double> positions_;  // of the robot in the set
   absl::Time made_ = absl::InfinitePast();
+  bool frozen_ = false;
+  uint64_t sets_ = 0;
 };
 
 // A byte per pixel, of a grey or coloured image.

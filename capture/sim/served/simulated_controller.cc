@@ -55,6 +55,7 @@ absl::Status SimulatedController::Move(std::span<const double> goal, absl::Durat
   const auto positions = robot_.Positions(joints_, goal);
   if (!positions.ok()) return positions.status();
   const std::lock_guard lock(mutex_);
+  ++moves_;
   if (e_stopped_) return absl::FailedPreconditionError("emergency stop");
   if (fault_ == ControllerFault::kDrifts) return absl::OkStatus();
   way_ = {.start = positions_, .goal = *positions, .begin = absl::Now(), .duration = duration};
@@ -91,6 +92,11 @@ void SimulatedController::SetFault(ControllerFault fault) {
   way_.goal[0] += kDrift;
   moving_ = true;
   changed_.notify_all();
+}
+
+int SimulatedController::moves() const {
+  const std::lock_guard lock(mutex_);
+  return moves_;
 }
 
 int SimulatedController::stops() const {

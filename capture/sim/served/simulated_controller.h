@@ -56,7 +56,8 @@ class SimulatedController {
   void Stop();
 
   void SetFault(ControllerFault fault);
-  // How often it was told to stop.
+  // How often it was told to move, and to stop.
+  int moves() const;
   int stops() const;
 
  private:
@@ -85,6 +86,7 @@ class SimulatedController {
   Way way_;
   ControllerFault fault_ = ControllerFault::kNone;
   bool e_stopped_ = false;
+  int moves_ = 0;
   int stops_ = 0;
   bool ending_ = false;
 
