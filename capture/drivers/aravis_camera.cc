@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <atomic>
+#include <mutex>
 #include <opencv2/imgproc.hpp>
 #include <utility>
 
@@ -64,9 +65,15 @@ class GenicamCamera : public CameraSource {
 
   ~GenicamCamera() override { Close(); }
 
-  absl::Status Open() {
+  bool ready() const override { return camera_ != nullptr && !lost_; }
+
+  absl::Status Open() override {
+    Close();
     auto camera = FindDevice(source_);
     if (!camera.ok()) return camera.status();
+    static std::mutex
+        one_at_a_time;  // Aravis' parts that devices share are not for several threads
+    const std::lock_guard lock(one_at_a_time);
     absl::Status status = SetUpDevice(camera->get(), width_, height_, source_);
     if (!status.ok()) return status;
     auto stream = MakeStream(camera->get());
@@ -85,13 +92,9 @@ class GenicamCamera : public CameraSource {
   absl::Duration timeout() const override { return source_.timeout; }
 
   absl::Status Trigger() override {
-    if (lost_) Close();
+    if (!ready()) return Lost();
     absl::Status status;
-    if (camera_ == nullptr) {
-      status = Open();
-    } else if (overdue_) {
-      status = Restart();
-    }
+    if (overdue_) status = Restart();
     if (!status.ok()) return status;
     while (ArvBuffer* old = arv_stream_try_pop_buffer(stream_.get())) {
       arv_stream_push_buffer(stream_.get(), old);

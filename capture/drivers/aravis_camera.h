@@ -29,8 +29,8 @@ std::vector<FoundCamera> FindGenicamCameras();
 // it takes.
 //
 // Triggered by software an image's `captured` is the time just before the trigger was sent; else it
-// is `latency` before the image's first packet came. When the connection is lost, the next
-// Trigger() tries to make it again, with all settings.
+// is `latency` before the image's first packet came. When the connection is lost, Open()
+// makes it again, with all settings.
 absl::StatusOr<std::unique_ptr<CameraSource>> OpenGenicamCamera(const std::string& view, int width,
                                                                 int height,
                                                                 const GenicamSource& source);

@@ -1,6 +1,7 @@
 #include "capture/drivers/aravis_device.h"
 
 #include <algorithm>
+#include <array>
 #include <mutex>
 #include <set>
 #include <string>
@@ -27,28 +28,73 @@ const char* ProtocolOf(GenicamSource::Bus bus) {
 
 std::string Text(const char* text) { return text == nullptr ? "" : text; }
 
-// Aravis' name of the camera, from those found when all were called the last time.
-std::string DeviceId(const GenicamSource& source) {
+// Guards Aravis' list of cameras.
+std::mutex list_mutex;
+
+// The address of a GigE camera, Aravis' name of any other, from those found when all were called
+// the last time; empty: it was not among them.
+std::string PlaceOf(const GenicamSource& source) {
+  const std::lock_guard lock(list_mutex);
   for (unsigned i = 0; i < arv_get_n_devices(); ++i) {
     if (Text(arv_get_device_serial_nbr(i)) == source.serial &&
         Text(arv_get_device_protocol(i)) == ProtocolOf(source.bus)) {
-      return Text(arv_get_device_id(i));
+      return Text(source.bus == GenicamSource::Bus::kGigE ? arv_get_device_address(i)
+                                                          : arv_get_device_id(i));
     }
   }
   return "";
 }
 
-// Calls all cameras, if nobody did so just now: several that are lost need be looked for only once.
+// Calls all cameras, unless somebody begins to do so while this waits for its turn: several that
+// are lost need not be looked for one by one.
 void CallAllCameras() {
-  static std::mutex mutex;
-  static absl::Time last = absl::InfinitePast();
-  const std::lock_guard lock(mutex);
-  if (absl::Now() - last < absl::Milliseconds(500)) return;
+  static absl::Time begun = absl::InfinitePast();
+  const absl::Time wanted = absl::Now();
+  const std::lock_guard lock(list_mutex);
+  if (begun > wanted) return;
+  begun = absl::Now();
   arv_update_device_list();
-  last = absl::Now();
+}
+
+// Whether there is a GigE camera at the address: asked by GigE Vision's discovery message (its
+// control protocol, GVCP), sent to it alone. Aravis opens one camera after the other and waits
+// seconds for each that is not there; this may be asked for many at the same time.
+bool Answers(GInetAddress* address) {
+  constexpr guint16 kControlPort = 3956;
+  constexpr std::array<char, 8> kDiscovery = {0x42, 0x01, 0, 0x02, 0, 0, 0, 0x01};
+  constexpr gint64 kWaitMicroseconds = 300'000;
+  constexpr int kAttempts = 3;
+  const std::unique_ptr<GSocketAddress, Unref> camera(
+      g_inet_socket_address_new(address, kControlPort));
+  const std::unique_ptr<GSocket, Unref> socket(g_socket_new(
+      g_inet_address_get_family(address), G_SOCKET_TYPE_DATAGRAM, G_SOCKET_PROTOCOL_UDP, nullptr));
+  if (socket == nullptr || !g_socket_connect(socket.get(), camera.get(), nullptr, nullptr)) {
+    return false;
+  }
+  for (int attempt = 0; attempt < kAttempts; ++attempt) {
+    g_socket_send(socket.get(), kDiscovery.data(), kDiscovery.size(), nullptr, nullptr);
+    if (!g_socket_condition_timed_wait(socket.get(), G_IO_IN, kWaitMicroseconds, nullptr,
+                                       nullptr)) {
+      continue;
+    }
+    char answer[1024];
+    if (g_socket_receive(socket.get(), answer, sizeof(answer), nullptr, nullptr) > 0) return true;
+    absl::SleepFor(absl::Microseconds(kWaitMicroseconds));  // refused; its machine may be starting
+  }
+  return false;
+}
+
+// `place`: PlaceOf(), or an address of the cell's file.
+absl::StatusOr<ArvCamera*> NewCamera(const std::string& place) {
+  const std::unique_ptr<GInetAddress, Unref> address(g_inet_address_new_from_string(place.c_str()));
+  if (address != nullptr && !Answers(address.get())) {
+    return absl::UnavailableError("nothing is heard from it");
+  }
+  return Ask(kGone, arv_camera_new, place.c_str());
 }
 
 absl::Status NotFound(const GenicamSource& source) {
+  const std::lock_guard lock(list_mutex);
   std::vector<std::string> others;
   for (unsigned i = 0; i < arv_get_n_devices(); ++i) {
     if (Text(arv_get_device_protocol(i)) == ProtocolOf(source.bus)) {
@@ -184,6 +230,7 @@ absl::Status SetPackets(ArvCamera* camera, const GenicamSource& source) {
 }  // namespace
 
 std::vector<FoundCamera> FindGenicamCameras() {
+  const std::lock_guard lock(list_mutex);
   arv_update_device_list();
   std::vector<FoundCamera> found;
   for (unsigned i = 0; i < arv_get_n_devices(); ++i) {
@@ -206,14 +253,14 @@ std::vector<FoundCamera> FindGenicamCameras() {
 absl::StatusOr<CameraHandle> FindDevice(const GenicamSource& source) {
   std::string id = source.address;
   if (id.empty()) {
-    id = DeviceId(source);
+    id = PlaceOf(source);
     if (id.empty()) {
       CallAllCameras();
-      id = DeviceId(source);
+      id = PlaceOf(source);
     }
     if (id.empty()) return NotFound(source);
   }
-  const auto camera = Ask(kGone, arv_camera_new, id.c_str());
+  const auto camera = NewCamera(id);
   if (!camera.ok() || *camera == nullptr) {
     if (source.address.empty()) CallAllCameras();  // the next attempt finds it elsewhere
     return absl::UnavailableError(

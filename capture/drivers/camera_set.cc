@@ -54,21 +54,46 @@ CameraSet::~CameraSet() {
   }
 }
 
+std::vector<absl::Status> CameraSet::TriggerAll() {
+  std::vector<absl::Status> asked(sources_.size());
+  // A source that is not there may take seconds to say so: several do so at the same time.
+  std::vector<std::future<void>> slow;
+  const auto at_the_same_time = [&](size_t s, absl::Status (CameraSource::*act)()) {
+    slow.push_back(std::async(std::launch::async,
+                              [this, s, act, &asked] { asked[s] = (*sources_[s].*act)(); }));
+  };
+  for (size_t s = 0; s < sources_.size(); ++s) {
+    if (!sources_[s]->ready()) at_the_same_time(s, &CameraSource::Open);
+  }
+  for (std::future<void>& opened : slow) opened.get();
+  slow.clear();
+  bool all_there = true;
+  for (size_t s = 0; s < sources_.size(); ++s) {
+    if (!asked[s].ok()) continue;
+    if (all_there) {
+      asked[s] = sources_[s]->Trigger();
+      all_there = asked[s].ok();
+    } else {
+      at_the_same_time(s, &CameraSource::Trigger);
+    }
+  }
+  for (std::future<void>& triggered : slow) triggered.get();
+  return asked;
+}
+
 std::vector<absl::StatusOr<CameraImage>> CameraSet::GrabEach() {
   std::vector<absl::StatusOr<CameraImage>> images(views_.size());
   const auto fail = [&](size_t source, const absl::Status& status) {
     const absl::Status told = Failed(source, status);
     for (const size_t view : places_[source]) images[view] = told;
   };
-  std::vector<bool> asked(sources_.size());
+  const std::vector<absl::Status> asked = TriggerAll();
   const absl::Time begin = absl::Now();
-  for (size_t s = 0; s < sources_.size(); ++s) {
-    const absl::Status status = sources_[s]->Trigger();
-    asked[s] = status.ok();
-    if (!status.ok()) fail(s, status);
-  }
   for (size_t s = 0; s < sources_.size(); ++s) {  // even if one failed: nothing may be left over
-    if (!asked[s]) continue;
+    if (!asked[s].ok()) {
+      fail(s, asked[s]);
+      continue;
+    }
     auto taken = sources_[s]->Wait(begin + sources_[s]->timeout());
     if (!taken.ok()) {
       fail(s, taken.status());

@@ -27,9 +27,10 @@ class CameraSet : public CameraRig {
 
   const std::vector<std::string>& views() const override { return views_; }
 
-  // Triggers all sources, one right after the other, then waits for all. The set is complete or an
-  // error that names the view: DeadlineExceeded or Unavailable if asking again may help. No image
-  // of a set that failed is ever part of a later one.
+  // Reaches devices that were lost, then triggers all sources, one right after the other, then
+  // waits for all. The set is complete or an error that names the view: DeadlineExceeded or
+  // Unavailable if asking again may help. No image of a set that failed is ever part of a later
+  // one.
   absl::StatusOr<std::vector<CameraImage>> Grab() override;
 
   // The same, with the images that came and, for every other view, why its own did not.
@@ -39,6 +40,11 @@ class CameraSet : public CameraRig {
   const std::vector<ViewCounts>& counts() const { return counts_; }
 
  private:
+  // By source, whether it was triggered: all that are there, one right after the other, once
+  // devices that were lost have been reached again. After the first that fails the rest at the same
+  // time.
+  std::vector<absl::Status> TriggerAll();
+
   // What is told of a source that failed: the views count it.
   absl::Status Failed(size_t source, const absl::Status& status);
 

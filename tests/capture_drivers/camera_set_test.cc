@@ -3,7 +3,10 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <chrono>
+#include <condition_variable>
 #include <functional>
+#include <mutex>
 #include <utility>
 
 #include "absl/time/clock.h"
@@ -13,6 +16,7 @@ namespace {
 
 using testing::ElementsAre;
 using testing::HasSubstr;
+using testing::IsEmpty;
 
 CameraImage ImageOf(uint8_t level, absl::Time captured = absl::UnixEpoch()) {
   return {.width = 1, .height = 1, .channels = 1, .pixels = {level}, .captured = captured};
@@ -28,6 +32,13 @@ class FakeSource : public CameraSource {
 
   const std::vector<std::string>& views() const override { return views_; }
   absl::Duration timeout() const override { return absl::Seconds(2); }
+
+  bool ready() const override { return there; }
+  absl::Status Open() override {
+    const absl::Status status = on_open ? on_open() : absl::OkStatus();
+    there = status.ok();
+    return status;
+  }
 
   absl::Status Trigger() override {
     log_->push_back("trigger " + views_.front());
@@ -47,6 +58,8 @@ class FakeSource : public CameraSource {
     return images;
   }
 
+  bool there = true;
+  std::function<absl::Status()> on_open;  // called by any thread
   int triggers = 0;
   bool short_of_one = false;
   absl::Status on_trigger;
@@ -131,6 +144,38 @@ TEST_F(CameraSetTest, EachViewHasItsImageOrWhyThereIsNone) {
   EXPECT_EQ(images[0]->pixels[0], 11);
   EXPECT_TRUE(absl::IsDeadlineExceeded(images[1].status()));
   EXPECT_EQ(images[2]->pixels[0], 10);
+}
+
+TEST_F(CameraSetTest, LostSourcesAreOpenedAtTheSameTimeBeforeAnyIsTriggered) {
+  std::mutex mutex;
+  std::condition_variable came;
+  int inside = 0;
+  const auto meet = [&] {
+    std::unique_lock lock(mutex);
+    ++inside;
+    came.notify_all();
+    return came.wait_for(lock, std::chrono::minutes(1), [&] { return inside == 2; })
+               ? absl::OkStatus()
+               : absl::UnavailableError("the other was not opened meanwhile");
+  };
+  for (FakeSource* source : {pair_, front_}) {
+    source->there = false;
+    source->on_open = [this, meet] {
+      EXPECT_THAT(log_, IsEmpty());
+      return meet();
+    };
+  }
+  const auto images = set_->Grab();
+  ASSERT_TRUE(images.ok()) << images.status();
+  EXPECT_THAT(log_, ElementsAre("trigger left", "trigger front", "wait left", "wait front"));
+}
+
+TEST_F(CameraSetTest, SourceThatStaysAwayIsNotTriggered) {
+  front_->there = false;
+  front_->on_open = [] { return absl::UnavailableError("it does not answer"); };
+  EXPECT_EQ(set_->Grab().status().message(), "the camera of the view 'front': it does not answer");
+  EXPECT_THAT(log_, ElementsAre("trigger left", "wait left"));
+  EXPECT_EQ(set_->counts()[1].lost, 1u);
 }
 
 TEST_F(CameraSetTest, SourceThatGivesTooFewImagesIsAnError) {
