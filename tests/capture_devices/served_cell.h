@@ -21,20 +21,26 @@ class ServedCell : public testing::Test {
   static constexpr int kWidth = 160;
   static constexpr int kHeight = 120;
 
-  ServedCell() {
+  // `colour`: the cameras have colour, and the room a strong tint.
+  explicit ServedCell(bool colour = false) {
+    const std::string of_camera = colour ? ", colour: true}\n" : "}\n";
+    const std::string of_room = colour ? ", colour: [1, 0.6, 0.3]}\n" : "}\n";
     const std::string file = (FreshFolder() / "simulation.yaml").string();
-    std::ofstream(file)
-        << "cameras:\n"
-           "  top: {image_size: [160, 120], position: [0, 0, 5.4], look_at: [0, 0, 1],\n"
-           "        up: [0, 1, 0], field_of_view: 58 deg}\n"
-           "  front: {image_size: [160, 120], position: [5.2, 0, 1.3], look_at: [0, 0, 1],\n"
-           "          field_of_view: 50 deg}\n"
-           "  left: {image_size: [160, 120], position: [0, 5.2, 1.3], look_at: [0, 0, 1],\n"
-           "         field_of_view: 50 deg}\n"
-           "  back: {image_size: [160, 120], position: [-5.2, 0, 1.3], look_at: [0, 0, 1],\n"
-           "         field_of_view: 50 deg}\n"
-           "room: {lower: [-6, -6, 0], upper: [6, 6, 6]}\n"
-           "noise: 0\n";
+    std::ofstream text(file);
+    text << "cameras:\n"
+            "  top: {image_size: [160, 120], position: [0, 0, 5.4], look_at: [0, 0, 1],\n"
+            "        up: [0, 1, 0], field_of_view: 58 deg"
+         << of_camera
+         << "  front: {image_size: [160, 120], position: [5.2, 0, 1.3], look_at: [0, 0, 1],\n"
+            "          field_of_view: 50 deg"
+         << of_camera
+         << "  left: {image_size: [160, 120], position: [0, 5.2, 1.3], look_at: [0, 0, 1],\n"
+            "         field_of_view: 50 deg"
+         << of_camera
+         << "  back: {image_size: [160, 120], position: [-5.2, 0, 1.3], look_at: [0, 0, 1],\n"
+            "         field_of_view: 50 deg"
+         << of_camera << "room: {lower: [-6, -6, 0], upper: [6, 6, 6]" << of_room << "noise: 0\n";
+    text.close();
     auto cell = SimulatedCell::Load(
         file, std::string(SILHOUETTE_SOURCE_DIR) + "/capture/sim/robots/rx130.urdf", {});
     EXPECT_TRUE(cell.ok()) << cell.status();
