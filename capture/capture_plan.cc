@@ -118,7 +118,8 @@ absl::StatusOr<CapturePlan> PlanCapture(const storage::v1::CellDescription& cell
   plan.check_sentinels = selection.kind == CaptureSelection::Kind::kNothing;
   plan.new_sentinels = selection.new_sentinels || selection.kind == CaptureSelection::Kind::kAll;
   plan.duration = TravelDuration(travel, settings, plan.captures) +
-                  static_cast<int64_t>(plan.captures.size()) * (settings.settle + kImageTime);
+                  static_cast<int64_t>(plan.captures.size()) *
+                      (settings.settle + settings.still_images * kImageTime);
   plan.bytes =
       plan.captures.size() * BytesPerRecord(cell, *mask_sizes) + plan.exclusions.size() * 128;
   return plan;

@@ -101,6 +101,17 @@ TEST(PlanCapture, DurationIsTravelSettlingAndImages) {
   EXPECT_LT(rest, absl::Seconds(5));
 }
 
+TEST(PlanCapture, DurationCountsAllSetsOfStillImages) {
+  std::vector<absl::Duration> durations;
+  for (const int sets : {1, 2, 3}) {
+    CaptureSettings settings = QuickSettings();
+    settings.still_images = sets;
+    durations.push_back(FakeCell(FakeDescription(), settings).Plan()->duration);
+  }
+  EXPECT_GT(durations[1], durations[0]);
+  EXPECT_EQ(durations[2] - durations[1], durations[1] - durations[0]);
+}
+
 TEST(PlanCapture, RoomOnDiskSuffices) {
   FakeCell cell(FakeDescription(40, 30));
   cell.TakeReferences();
