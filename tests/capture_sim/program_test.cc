@@ -117,11 +117,16 @@ TEST_F(SimProgram, ContactTellsEachConfiguration) {
 }
 
 TEST_F(SimProgram, ContactKnowsWhatTheRobotCarries) {
-  // The demo's part reaches 19 cm beyond the tool's frame; nothing of the tool does.
-  const std::string values = "--format json --configuration -1.5,0";
-  const auto bare = nlohmann::json::parse(RunInCell("contact", values).out);
-  const auto part = nlohmann::json::parse(RunInCell("contact", values + " --set with-part").out);
-  EXPECT_NE(part["configurations"][0]["distance"], bare["configurations"][0]["distance"]);
+  // Beyond the arm's reach: the tool is nearest, and with the part that is.
+  WriteFile(folder_ / "scene.yaml",
+            "obstacles:\n  - {name: box, box: {size: [0.2, 0.2, 2]}, position: [2.5, 0, 1]}\n");
+  const std::string values = "--format json --configuration 0,0.5";
+  const auto bare = nlohmann::json::parse(RunInCell("contact", values).out)["configurations"][0];
+  const auto part = nlohmann::json::parse(
+      RunInCell("contact", values + " --set with-part").out)["configurations"][0];
+  EXPECT_EQ(bare["link"], "tool");
+  EXPECT_EQ(part["link"], "tool");
+  EXPECT_LT(part["distance"].get<double>(), bare["distance"].get<double>() - 0.01);
   const Outcome unknown = RunInCell("contact", values + " --set none");
   EXPECT_EQ(unknown.exit_code, 2);
   EXPECT_THAT(unknown.err, HasSubstr("in the set 'none', only in 'with-part'"));
