@@ -1,4 +1,5 @@
 // A server that takes images itself is told which set of robot images shows the robot.
+#include "server/service/answers.h"
 #include "silhouette/client.h"
 #include "silhouette/shared_space.h"
 #include "tests/server/service/test_server.h"
@@ -109,6 +110,20 @@ TEST_F(ChangeSetServiceTest, NothingOfBeforeIsFreeFromTheCallOn) {
   const v1::ChangeSetResponse again = Tell(server, kTool);
   EXPECT_EQ(again.last_scene_before(), told.last_scene_before());
   EXPECT_EQ(server.CheckOne(At(4, 1)).state(), v1::Verdict::STATE_FREE) << "nothing changed";
+}
+
+TEST_F(ChangeSetServiceTest, AnAnswerThatIsUnderWayIsNotFree) {
+  Serving serving(database, settings, nullptr);
+  const Scene scene = *MakeScene(*database, EmptyCellScene(), {}, {}, SystemClock());
+  ASSERT_TRUE(serving.publisher.Publish(scene, database).ok());
+  const Served begun = serving.scenes.Newest(SystemClock());
+  v1::Basis basis;
+  absl::Duration valid_for;
+  EXPECT_EQ(Conclude(serving, begun, {}, &basis, &valid_for), Reason::kNone);
+  EXPECT_GT(valid_for, absl::ZeroDuration());
+  serving.scenes.Withdraw("it has another tool", SystemClock());
+  EXPECT_EQ(Conclude(serving, begun, {}, &basis, &valid_for), Reason::kSetUnknown);
+  EXPECT_EQ(valid_for, absl::ZeroDuration());
 }
 
 TEST_F(ChangeSetServiceTest, AcquisitionAndMetricsTellWhatClientsTold) {
