@@ -104,7 +104,6 @@ class GenicamCamera : public CameraSource {
     status = Call(kGone, arv_camera_software_trigger, camera_.get());
     if (status.ok()) return status;
     lost_ = true;
-    Close();
     return Lost();
   }
 
@@ -112,10 +111,7 @@ class GenicamCamera : public CameraSource {
     for (;;) {
       const absl::Duration left = deadline - absl::Now();
       if (left <= absl::ZeroDuration()) break;
-      if (lost_) {
-        Close();
-        return Lost();
-      }
+      if (lost_) return Lost();
       ArvBuffer* buffer = arv_stream_timeout_pop_buffer(
           stream_.get(), static_cast<guint64>(absl::ToInt64Microseconds(std::min(left, kLook))));
       if (buffer == nullptr) continue;
@@ -169,10 +165,10 @@ class GenicamCamera : public CameraSource {
     overdue_ = false;
     if (status.ok()) return status;
     lost_ = true;
-    Close();
     return Lost();
   }
 
+  // Takes seconds if the camera does not answer any more: so not before it is opened again.
   void Close() {
     if (camera_ == nullptr) return;
     if (!lost_) arv_camera_stop_acquisition(camera_.get(), nullptr);

@@ -45,13 +45,13 @@ std::string PlaceOf(const GenicamSource& source) {
   return "";
 }
 
-// Calls all cameras, unless somebody begins to do so while this waits for its turn: several that
-// are lost need not be looked for one by one.
-void CallAllCameras() {
+// Calls all cameras, unless somebody began to do so at about the moment `wanted` or later: several
+// that are lost need not be looked for one by one.
+void CallAllCameras(absl::Time wanted) {
+  constexpr absl::Duration kTogether = absl::Milliseconds(100);
   static absl::Time begun = absl::InfinitePast();
-  const absl::Time wanted = absl::Now();
   const std::lock_guard lock(list_mutex);
-  if (begun > wanted) return;
+  if (begun > wanted - kTogether) return;
   begun = absl::Now();
   arv_update_device_list();
 }
@@ -251,18 +251,19 @@ std::vector<FoundCamera> FindGenicamCameras() {
 }
 
 absl::StatusOr<CameraHandle> FindDevice(const GenicamSource& source) {
+  const absl::Time wanted = absl::Now();
   std::string id = source.address;
   if (id.empty()) {
     id = PlaceOf(source);
     if (id.empty()) {
-      CallAllCameras();
+      CallAllCameras(wanted);
       id = PlaceOf(source);
     }
     if (id.empty()) return NotFound(source);
   }
   const auto camera = NewCamera(id);
   if (!camera.ok() || *camera == nullptr) {
-    if (source.address.empty()) CallAllCameras();  // the next attempt finds it elsewhere
+    if (source.address.empty()) CallAllCameras(wanted);  // the next attempt finds it elsewhere
     return absl::UnavailableError(
         absl::StrCat("the camera ", id, " does not answer",
                      camera.ok() ? "" : absl::StrCat(": ", camera.status().message())));
