@@ -57,13 +57,10 @@ struct Written {
 absl::StatusOr<Written> WriteTruth(const Arguments& arguments) {
   const absl::StatusOr<Cell> cell = LoadCell(arguments.cell);
   if (!cell.ok()) return cell.status();
-  if (cell->simulation.empty()) {
-    return absl::InvalidArgumentError(cell->file + ": the key 'simulation' is missing");
-  }
+  const auto settings = SimulationOf(*cell);
+  if (!settings.ok()) return settings.status();
   const auto views = SimulatedViews(*cell);
   if (!views.ok()) return views.status();
-  const auto settings = LoadSimulation(cell->simulation);
-  if (!settings.ok()) return settings.status();
   if (absl::Status made = MakeFolder(arguments.out); !made.ok()) return made;
   Written written;
   for (const SimulatedView& view : *views) {

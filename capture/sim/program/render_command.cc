@@ -109,9 +109,8 @@ absl::Status Render(const Arguments& arguments) {
   absl::StatusOr<Workplace> workplace = LoadWorkplace(arguments.workplace);
   if (!workplace.ok()) return workplace.status();
   const Cell& cell = workplace->cell;
-  if (cell.simulation.empty()) {
-    return absl::InvalidArgumentError(cell.file + ": the key 'simulation' is missing");
-  }
+  auto settings = SimulationOf(cell);
+  if (!settings.ok()) return settings.status();
   std::map<std::string, double> joints;
   if (!arguments.without_robot || !arguments.configuration.empty() || !arguments.joints.empty()) {
     const auto values = JointValues(arguments, *workplace);
@@ -120,8 +119,6 @@ absl::Status Render(const Arguments& arguments) {
   }
   const auto views = SimulatedViews(cell);
   if (!views.ok()) return views.status();
-  auto settings = LoadSimulation(cell.simulation);
-  if (!settings.ok()) return settings.status();
 
   const auto simulated = std::make_shared<SimulatedCell>(workplace->robot, *std::move(settings));
   const auto rig = SimulatedCameraRig::Create(simulated, *views);

@@ -46,13 +46,10 @@ absl::Status PlaceRobot(const Workplace& workplace, SimulatedCell& simulation) {
 absl::Status Serve(const Arguments& arguments) {
   absl::StatusOr<Workplace> workplace = LoadWorkplace(arguments.workplace);
   if (!workplace.ok()) return workplace.status();
-  if (workplace->cell.simulation.empty()) {
-    return absl::InvalidArgumentError(workplace->cell.file + ": the key 'simulation' is missing");
-  }
   if (arguments.robot.empty() && arguments.cameras.empty()) {
     return absl::InvalidArgumentError("say what to serve, with --robot, --cameras or both");
   }
-  auto settings = LoadSimulation(workplace->cell.simulation);
+  auto settings = SimulationOf(workplace->cell);
   if (!settings.ok()) return settings.status();
   const auto simulation = std::make_shared<SimulatedCell>(workplace->robot, *std::move(settings));
   simulation->SetRobotPresent(!arguments.without_robot);

@@ -69,6 +69,11 @@ absl::StatusOr<Workplace> LoadWorkplace(const WorkplaceArguments& arguments) {
   return Workplace{*std::move(cell), *std::move(robot), *std::move(obstacles), std::move(poses)};
 }
 
+absl::StatusOr<SimulationSettings> SimulationOf(const Cell& cell) {
+  if (!cell.simulation.empty()) return LoadSimulation(cell.simulation);
+  return absl::InvalidArgumentError(cell.file + ": the key 'simulation' is missing");
+}
+
 absl::StatusOr<std::vector<SimulatedView>> SimulatedViews(const Cell& cell) {
   std::vector<SimulatedView> views;
   for (const ViewSettings& view : cell.views) {

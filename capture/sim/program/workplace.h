@@ -43,6 +43,9 @@ struct Workplace {
 
 absl::StatusOr<Workplace> LoadWorkplace(const WorkplaceArguments& arguments);
 
+// The simulation that the cell names; InvalidArgument if it names none, else LoadSimulation()'s.
+absl::StatusOr<SimulationSettings> SimulationOf(const Cell& cell);
+
 // The views of the cell that the simulation takes images for; InvalidArgument if there is none.
 absl::StatusOr<std::vector<SimulatedView>> SimulatedViews(const Cell& cell);
 
