@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdint>
-#include <span>
 #include <vector>
 
 namespace silhouette {
@@ -20,24 +19,25 @@ constexpr double kGreatestOffset = 30;  // grey levels
 // An offset must explain so many times the pixels that a gain alone does.
 constexpr double kOffsetsWorth = 1.05;
 
-struct Sample {
-  float grey = 0;
-  float mean = 0;
-  float tolerance = 0;
+// One beside the other, for the compiler to vectorise what is done with all of them.
+struct Samples {
+  std::vector<float> grey;
+  std::vector<float> mean;
+  std::vector<float> tolerance;
 
-  bool ExplainedBy(float gain, float offset = 0) const {
-    return std::abs(grey - gain * mean - offset) <= tolerance;
+  size_t size() const { return grey.size(); }
+  bool ExplainedBy(size_t i, float gain, float offset = 0) const {
+    return std::abs(grey[i] - gain * mean[i] - offset) <= tolerance[i];
   }
 };
 
 // Channels count as pixels of their own.
-std::vector<Sample> TakeSamples(const cv::Mat& image, const Reference& reference,
-                                const SlowLight& slow_light) {
+Samples TakeSamples(const cv::Mat& image, const Reference& reference, const SlowLight& slow_light) {
   constexpr float kUnit = 1.0F / Reference::kGreyLevel;
   const int stride =
       std::max(1, static_cast<int>(std::sqrt(static_cast<double>(image.total()) / kSamples)));
   const int channels = image.channels();
-  std::vector<Sample> samples;
+  Samples samples;
   for (int y = stride / 2; y < image.rows; y += stride) {
     const auto* levels = image.ptr<uint8_t>(y);
     const auto* mean = reference.mean().ptr<uint16_t>(y);
@@ -46,21 +46,20 @@ std::vector<Sample> TakeSamples(const cv::Mat& image, const Reference& reference
       const int i = x * channels + x / stride % channels;
       if (noise[i] == Reference::kUndefined) continue;
       const auto slow = static_cast<float>(slow_light.At(x, y, image.size()));
-      const Sample sample{.grey = static_cast<float>(levels[i]),
-                          .mean = slow * kUnit * static_cast<float>(mean[i]),
-                          .tolerance = std::max(1.0F, 3 * kUnit * static_cast<float>(noise[i]))};
-      if (sample.mean >= kDarkest && sample.mean <= kBrightest && sample.grey <= kBrightest) {
-        samples.push_back(sample);
-      }
+      const float expected = slow * kUnit * static_cast<float>(mean[i]);
+      if (!(expected >= kDarkest && expected <= kBrightest && levels[i] <= kBrightest)) continue;
+      samples.grey.push_back(levels[i]);
+      samples.mean.push_back(expected);
+      samples.tolerance.push_back(std::max(1.0F, 3 * kUnit * static_cast<float>(noise[i])));
     }
   }
   return samples;
 }
 
 // Gains that single pixels speak for, densest where many agree; 1 comes first.
-std::vector<float> Candidates(std::span<const Sample> samples) {
+std::vector<float> Candidates(const Samples& samples) {
   std::vector<float> gains;
-  for (const Sample& sample : samples) gains.push_back(sample.grey / sample.mean);
+  for (size_t i = 0; i < samples.size(); ++i) gains.push_back(samples.grey[i] / samples.mean[i]);
   std::sort(gains.begin(), gains.end());
   std::vector<float> candidates = {1};
   for (int i = 0; i < kCandidates; ++i) {
@@ -71,37 +70,43 @@ std::vector<float> Candidates(std::span<const Sample> samples) {
 }
 
 // The gain of least squares over the samples that `gain` explains.
-float Refine(std::span<const Sample> samples, float gain) {
+float Refine(const Samples& samples, float gain) {
   double product = 0;
   double square = 0;
-  for (const Sample& sample : samples) {
-    if (!sample.ExplainedBy(gain)) continue;
-    product += sample.grey * sample.mean;
-    square += sample.mean * sample.mean;
+  for (size_t i = 0; i < samples.size(); ++i) {
+    if (!samples.ExplainedBy(i, gain)) continue;
+    product += samples.grey[i] * samples.mean[i];
+    square += samples.mean[i] * samples.mean[i];
   }
   return square > 0 ? static_cast<float>(product / square) : gain;
 }
 
-std::ptrdiff_t Explained(std::span<const Sample> samples, const Brightness& light) {
-  return std::count_if(samples.begin(), samples.end(), [&](const Sample& sample) {
-    return sample.ExplainedBy(static_cast<float>(light.gain), static_cast<float>(light.offset));
-  });
+int Explained(const Samples& samples, const Brightness& light) {
+  const auto gain = static_cast<float>(light.gain);
+  const auto offset = static_cast<float>(light.offset);
+  int explained = 0;
+  for (size_t i = 0; i < samples.size(); ++i) {
+    explained += samples.ExplainedBy(i, gain, offset) ? 1 : 0;
+  }
+  return explained;
 }
 
 // The line of least squares through the samples that lie near one: begins with the gain that two
 // quantiles of the pixels speak for.
-Brightness WithOffset(std::span<const Sample> samples, Brightness light) {
+Brightness WithOffset(const Samples& samples, Brightness light) {
   for (int i = 0; i < 5; ++i) {
     const float wide = i < 3 ? 3 : 1;  // so much further away than their tolerance may they lie
     double n = 0, x = 0, y = 0, xx = 0, xy = 0;
-    for (const Sample& sample : samples) {
-      const double expected = light.gain * sample.mean + light.offset;
-      if (std::abs(sample.grey - expected) > wide * sample.tolerance) continue;
+    for (size_t s = 0; s < samples.size(); ++s) {
+      const float mean = samples.mean[s];
+      const float grey = samples.grey[s];
+      const double expected = light.gain * mean + light.offset;
+      if (std::abs(grey - expected) > wide * samples.tolerance[s]) continue;
       n += 1;
-      x += sample.mean;
-      y += sample.grey;
-      xx += sample.mean * sample.mean;
-      xy += sample.mean * sample.grey;
+      x += mean;
+      y += grey;
+      xx += mean * mean;
+      xy += mean * grey;
     }
     const double spread = n * xx - x * x;
     if (n < kFewest || !(spread > n * n)) return {};  // all alike: nothing to tell them apart by
@@ -115,13 +120,13 @@ Brightness WithOffset(std::span<const Sample> samples, Brightness light) {
 
 Brightness BrightnessOf(const cv::Mat& image, const Reference& reference,
                         const SlowLight& slow_light) {
-  const std::vector<Sample> samples = TakeSamples(image, reference, slow_light);
+  const Samples samples = TakeSamples(image, reference, slow_light);
   if (samples.size() < kFewest) return {};
   Brightness best;
-  std::ptrdiff_t most = -1;
+  int most = -1;
   for (float gain : Candidates(samples)) {
     const Brightness light{.gain = gain};
-    const auto explained = Explained(samples, light);
+    const int explained = Explained(samples, light);
     if (explained > most) {
       most = explained;
       best = light;

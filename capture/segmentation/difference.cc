@@ -6,6 +6,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "capture/segmentation/brightness.h"
+#include "capture/segmentation/closeness.h"
 #include "capture/segmentation/deviating_pixels.h"
 #include "capture/segmentation/down_sampling.h"
 #include "capture/segmentation/shadows.h"
@@ -40,10 +41,9 @@ void CleanUp(cv::Mat& foreground, int radius) {
   cv::morphologyEx(foreground, foreground, cv::MORPH_CLOSE, disc);
 }
 
-}  // namespace
-
-cv::Mat Foreground(const cv::Mat& image, const Reference& reference,
-                   const SegmentationSettings& settings, const SlowLight& slow_light) {
+// Foreground(); `steps`, unless null, is told the steps.
+cv::Mat Find(const cv::Mat& image, const Reference& reference, const SegmentationSettings& settings,
+             const SlowLight& slow_light, ForegroundSteps* steps) {
   Validate(settings);
   const cv::Mat grey = reference.channels() == 1 ? Grey(image) : image;
   if (grey.size() != reference.size()) {
@@ -52,18 +52,38 @@ cv::Mat Foreground(const cv::Mat& image, const Reference& reference,
                                              " x ", reference.size().height));
   }
   if (grey.type() == CV_8UC1 && reference.channels() == 3) {
-    return Foreground(grey, reference.AsGrey(), settings, slow_light);
+    return Find(grey, reference.AsGrey(), settings, slow_light, steps);
   }
   const Brightness brightness =
       settings.follow_brightness ? BrightnessOf(grey, reference, slow_light) : Brightness{};
   cv::Mat foreground = DeviatingPixels(grey, reference, brightness, slow_light, settings);
+  if (steps != nullptr) {
+    steps->over_limit = DifferenceOverLimit(grey, reference, brightness, settings);
+    steps->deviating = foreground.clone();
+  }
   if (settings.shadows == Shadows::kIgnore) {
     DropShadows(grey, reference, brightness, slow_light, foreground);
   }
+  if (steps != nullptr) steps->no_shadow = foreground.clone();
   CleanUp(foreground, settings.clean_up_radius);
   DropSmallAreas(foreground, settings.min_blob_pixels);
   if (!reference.undefined().empty()) foreground |= reference.undefined();
+  if (steps != nullptr) steps->foreground = foreground;
   return foreground;
+}
+
+}  // namespace
+
+cv::Mat Foreground(const cv::Mat& image, const Reference& reference,
+                   const SegmentationSettings& settings, const SlowLight& slow_light) {
+  return Find(image, reference, settings, slow_light, nullptr);
+}
+
+ForegroundSteps StepsToForeground(const cv::Mat& image, const Reference& reference,
+                                  const SegmentationSettings& settings) {
+  ForegroundSteps steps;
+  Find(image, reference, settings, {}, &steps);
+  return steps;
 }
 
 Mask Difference(const cv::Mat& image, const Reference& reference,

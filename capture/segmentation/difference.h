@@ -22,6 +22,19 @@ namespace silhouette {
 cv::Mat Foreground(const cv::Mat& image, const Reference& reference,
                    const SegmentationSettings& settings, const SlowLight& slow_light = {});
 
+// What becomes of an image on the way to its foreground. All images are 8-bit, 255 or 0.
+struct ForegroundSteps {
+  cv::Mat deviating;   // what differs, by itself or with what is around
+  cv::Mat no_shadow;   // of that, what is no shadow
+  cv::Mat foreground;  // what is left after the clean-up
+  // By how much of its limit each pixel differs, DifferenceOverLimit() of closeness.h.
+  cv::Mat over_limit;
+};
+
+// Foreground() with its steps; slower.
+ForegroundSteps StepsToForeground(const cv::Mat& image, const Reference& reference,
+                                  const SegmentationSettings& settings);
+
 // Foreground() as a mask of `mask_size`, by DownSample() with the settings' min_cover.
 Mask Difference(const cv::Mat& image, const Reference& reference,
                 const SegmentationSettings& settings, MaskSize mask_size,

@@ -135,8 +135,9 @@ Reference Reference::FromImages(std::span<const cv::Mat> images) {
   squares.convertTo(variance, CV_32F, 1 / (count - 1));
   variance = cv::max(variance, 0);
   const double typical = TypicalVariance(variance, count - 1);
-  variance.convertTo(variance, CV_32F, (count - 1) / (count - 1 + kTypicalNoiseWeight),
-                     kTypicalNoiseWeight * typical / (count - 1 + kTypicalNoiseWeight));
+  // An image differs from the mean by its own noise, and by what is left of it in the mean.
+  const double wide = (1 + 1 / count) / (count - 1 + kTypicalNoiseWeight);
+  variance.convertTo(variance, CV_32F, wide * (count - 1), wide * kTypicalNoiseWeight * typical);
   cv::Mat deviation;
   cv::sqrt(variance, deviation);
   cv::Mat middle;

@@ -27,9 +27,10 @@ class Reference {
   static constexpr int kSaturated = 250;
 
   // From at least two images of the empty cell, of one size; all grey, or all blue, green, red. A
-  // pixel's noise is its standard deviation over the images, drawn towards the typical one of the
-  // whole image as far as few images leave it uncertain; of a pixel that jumps now and then, at
-  // least a quarter of its largest deviation. Throws std::invalid_argument.
+  // pixel's noise is that by which a further image differs from the mean: its standard deviation
+  // over the images, drawn towards the typical one of the whole image as far as few images leave it
+  // uncertain, and what few images leave in the mean; of a pixel that jumps now and then, at least
+  // a quarter of its largest deviation. Throws std::invalid_argument.
   static Reference FromImages(std::span<const cv::Mat> images);
 
   // From images with the robot in them, at configurations well spread over the grid, for cells that

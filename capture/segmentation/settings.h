@@ -18,13 +18,13 @@ struct SegmentationSettings {
   // Where single pixels say nothing, the mean difference over the faint_side x faint_side pixels
   // around says foreground if it is more than this many grey levels, and more than `noise_factor`
   // standard deviations of that mean: obstacles nearly as bright as what is behind them; 0: no.
-  double faint_difference = 3;
+  double faint_difference = 2;
   // Likewise if their root mean square difference, beyond what is noise, is more than this many
   // grey levels: obstacles as bright as what is behind them in the mean, but not its texture; 0:
   // no.
-  double texture_difference = 0;
+  double texture_difference = 2;
   // Odd, 3 to kMostFaintSide.
-  int faint_side = 5;
+  int faint_side = 9;
   static constexpr int kMostFaintSide = 15;
   // Whether a change of the whole image's brightness is taken out first.
   bool follow_brightness = true;
@@ -42,7 +42,16 @@ struct SegmentationSettings {
 };
 
 // One `key: value` a line in alphabetical order, as the database keeps it. Keys that came later
-// than the first databases are left out where they change nothing.
+// than the first databases are left out where they say what LeftOutOfDescriptions() does, or change
+// nothing.
 std::string Describe(const SegmentationSettings& settings);
+
+// What a key means that a description leaves out. Never to be changed: databases rest on it. Keys
+// that no description leaves out have their defaults.
+SegmentationSettings LeftOutOfDescriptions();
+
+// The settings as they are written into a cell file, on one line, without what is a default:
+// "segmentation: {faint_side: 11, min_difference: 6}".
+std::string CellFileLine(const SegmentationSettings& settings);
 
 }  // namespace silhouette

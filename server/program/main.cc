@@ -26,6 +26,7 @@
 #include "server/scene/served_database.h"
 #include "server/service/server.h"
 #include "tools/cell/cell.h"
+#include "tools/cell/segmentation_text.h"
 #include "tools/program/program.h"
 
 namespace silhouette {
@@ -189,6 +190,7 @@ absl::StatusOr<std::shared_ptr<const ServedDatabase>> Load(const Cell& cell,
     return absl::FailedPreconditionError(
         absl::StrCat("the database '", path, "' does not fit the cell file '", cell.file,
                      "': ", absl::StrJoin(differences, "; "),
+                     SegmentationAdvice(cell.segmentation, (*database)->cell()),
                      "; serve the cell file that the database was captured with, or capture anew"));
   }
   const absl::StatusOr<TreatmentSettings> treatments = TreatmentSettingsOf(cell);

@@ -1,6 +1,7 @@
 // From a camera image of 640 x 480 to a mask of 64 x 64, a robot and a person in the cell.
 #include <benchmark/benchmark.h>
 
+#include <cmath>
 #include <opencv2/imgproc.hpp>
 #include <random>
 #include <vector>
@@ -41,23 +42,26 @@ class FloatingDifference {
 
  private:
   void AddFaint(const cv::Mat& difference, cv::Mat& foreground) const {
-    const int kSide = settings_.faint_side;
+    const int side = settings_.faint_side;
     const cv::Mat open = foreground == 0;
-    cv::Mat sum = cv::Mat::zeros(difference.size(), CV_32FC1);
-    cv::Mat noise = sum.clone();
-    cv::Mat count = sum.clone();
-    difference.copyTo(sum, open);
-    noise_.copyTo(noise, open);
-    count.setTo(1, open);
-    for (cv::Mat* each : {&sum, &noise, &count}) {
-      cv::boxFilter(*each, *each, CV_32F, {kSide, kSide}, {-1, -1}, false, cv::BORDER_CONSTANT);
-    }
+    const auto around = [&](const cv::Mat& values) {
+      cv::Mat sum = cv::Mat::zeros(difference.size(), CV_32FC1);
+      values.copyTo(sum, open);
+      cv::boxFilter(sum, sum, CV_32F, {side, side}, {-1, -1}, false, cv::BORDER_CONSTANT);
+      return sum;
+    };
+    const cv::Mat count = around(cv::Mat(difference.size(), CV_32FC1, cv::Scalar(1)));
     cv::Mat root;
     cv::sqrt(count, root);
-    const cv::Mat noisy = noise * settings_.noise_factor / root;
-    const cv::Mat least = count * settings_.faint_difference;
-    const cv::Mat allowed = cv::max(noisy, least);
-    foreground |= (cv::abs(sum) > allowed) & (count > kSide * kSide / 2);
+    const cv::Mat noisy = around(noise_) * settings_.noise_factor / root;
+    const cv::Mat allowed = cv::max(noisy, count * settings_.faint_difference);
+    const cv::Mat variance = around(noise_.mul(noise_));
+    const cv::Mat beyond = around(difference.mul(difference)) - variance;
+    const cv::Mat uncertain = variance * (std::sqrt(2.0) * settings_.noise_factor) / root;
+    const double texture = settings_.texture_difference * settings_.texture_difference;
+    const cv::Mat enough = count > side * side / 2;
+    foreground |= (cv::abs(around(difference)) > allowed) & enough;
+    foreground |= (beyond > cv::max(uncertain, count * texture)) & enough;
   }
 
   cv::Mat WithoutSmallAreas(const cv::Mat& foreground) const {

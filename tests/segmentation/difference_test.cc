@@ -262,9 +262,12 @@ TEST(Difference, FaintObstacleIsFoundByItsMean) {
   const cv::Mat foreground = Foreground(image, reference, {});
   EXPECT_GT(cv::countNonZero(foreground(box)), 0.9 * box.area());
   // It spreads by no more than half of what the mean is taken over.
-  const cv::Rect around(box.x - 3, box.y - 3, box.width + 6, box.height + 6);
+  const int reach = SegmentationSettings{}.faint_side / 2 + 1;  // and a pixel of the clean-up
+  const cv::Rect around(box.x - reach, box.y - reach, box.width + 2 * reach,
+                        box.height + 2 * reach);
   EXPECT_EQ(cv::countNonZero(foreground), cv::countNonZero(foreground(around)));
-  EXPECT_EQ(cv::countNonZero(Foreground(image, reference, {.faint_difference = 0})), 0);
+  const SegmentationSettings alone{.faint_difference = 0, .texture_difference = 0};
+  EXPECT_EQ(cv::countNonZero(Foreground(image, reference, alone)), 0);
 }
 
 TEST(Difference, WhatIsPlainlyVisibleDoesNotSpreadByTheMean) {
@@ -344,7 +347,8 @@ TEST(Difference, TextureThatIsNotTheCellsIsFound) {
   light(board) = 100;
   const cv::Mat image = Expose(light, 1, 1.5, random);
   EXPECT_GT(cv::countNonZero(Foreground(image, reference, settings)(board)), 0.95 * board.area());
-  EXPECT_LT(cv::countNonZero(Foreground(image, reference, {})(board)), 0.7 * board.area());
+  const SegmentationSettings without{.texture_difference = 0};
+  EXPECT_LT(cv::countNonZero(Foreground(image, reference, without)(board)), 0.7 * board.area());
 }
 
 class ShadowsTest : public testing::Test {
@@ -465,18 +469,38 @@ TEST(Difference, ImpossibleSettingsAreRefused) {
 
 TEST(SegmentationSettings, DescriptionIsSortedAndComplete) {
   EXPECT_EQ(Describe({}),
+            "clean_up_radius: 1\nfaint_difference: 2\nfaint_side: 9\nfollow_brightness: true\n"
+            "min_blob_pixels: 12\nmin_cover: 0\nmin_difference: 8\nnoise_factor: 6\n"
+            "texture_difference: 2\n");
+  EXPECT_EQ(Describe({.faint_difference = 4, .faint_side = 3, .shadows = Shadows::kIgnore}),
+            "clean_up_radius: 1\nfaint_difference: 4\nfaint_side: 3\nfollow_brightness: true\n"
+            "min_blob_pixels: 12\nmin_cover: 0\nmin_difference: 8\nnoise_factor: 6\n"
+            "shadows: ignore\ntexture_difference: 2\n");
+}
+
+// As databases have them that were made when these were the defaults, or before there were such
+// keys.
+TEST(SegmentationSettings, DescriptionsOfEarlierDatabasesSayWhatTheySaid) {
+  EXPECT_EQ(Describe({.faint_difference = 3, .texture_difference = 0, .faint_side = 5}),
             "clean_up_radius: 1\nfaint_difference: 3\nfollow_brightness: true\n"
             "min_blob_pixels: 12\nmin_cover: 0\nmin_difference: 8\nnoise_factor: 6\n");
-  EXPECT_EQ(Describe({.texture_difference = 1.5, .faint_side = 9, .shadows = Shadows::kIgnore}),
+  EXPECT_EQ(Describe({.faint_difference = 3, .texture_difference = 1.5, .faint_side = 9}),
             "clean_up_radius: 1\nfaint_difference: 3\nfaint_side: 9\nfollow_brightness: true\n"
             "min_blob_pixels: 12\nmin_cover: 0\nmin_difference: 8\nnoise_factor: 6\n"
-            "shadows: ignore\ntexture_difference: 1.5\n");
+            "texture_difference: 1.5\n");
   EXPECT_EQ(Describe({.noise_factor = 1.0 / 3,
                       .faint_difference = 0,
+                      .texture_difference = 0,
                       .follow_brightness = false,
                       .min_cover = 0.1}),
             "clean_up_radius: 1\nfollow_brightness: false\nmin_blob_pixels: 12\nmin_cover: 0.1\n"
             "min_difference: 8\nnoise_factor: 0.3333333333333333\n");
+}
+
+TEST(SegmentationSettings, CellFileLineHasWhatIsNoDefault) {
+  EXPECT_EQ(CellFileLine({}), "segmentation: {}");
+  EXPECT_EQ(CellFileLine({.texture_difference = 0, .shadows = Shadows::kIgnore}),
+            "segmentation: {shadows: ignore, texture_difference: 0}");
 }
 
 }  // namespace

@@ -105,16 +105,17 @@ class ScriptedRobot : public Robot {
 
 struct LiveCellTest : ::testing::Test {
   LiveScript script;
-  LiveConfig config{.live = {.interval = absl::Milliseconds(5),
-                             .joints_interval = absl::Milliseconds(2),
-                             .joints_gap = absl::Seconds(2),
-                             .max_joint_movement = 0.01,
-                             .first_retry = absl::Milliseconds(5),
-                             .longest_retry = absl::Milliseconds(20)},
-                    .scene = {.max_age = absl::Seconds(3), .max_skew = absl::Milliseconds(500)},
-                    // Masks as they were drawn.
-                    .segmentation = {.faint_difference = 0, .clean_up_radius = 0},
-                    .clock = SystemClock};
+  LiveConfig config{
+      .live = {.interval = absl::Milliseconds(5),
+               .joints_interval = absl::Milliseconds(2),
+               .joints_gap = absl::Seconds(2),
+               .max_joint_movement = 0.01,
+               .first_retry = absl::Milliseconds(5),
+               .longest_retry = absl::Milliseconds(20)},
+      .scene = {.max_age = absl::Seconds(3), .max_skew = absl::Milliseconds(500)},
+      // Masks as they were drawn.
+      .segmentation = {.faint_difference = 0, .texture_difference = 0, .clean_up_radius = 0},
+      .clock = SystemClock};
   std::shared_ptr<const ServedDatabase> database = NewDatabase({.references = true});
   SceneStore scenes{database};
   std::shared_ptr<LiveRecord> record;

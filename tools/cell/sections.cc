@@ -183,9 +183,9 @@ CaptureSettings ReadCapture(const YamlNode& node, const ConfigurationGrid& grid)
   return capture;
 }
 
-SegmentationSettings ReadSegmentation(const YamlNode& node) {
+SegmentationSettings ReadSegmentation(const YamlNode& node, const SegmentationSettings& usual) {
   YamlMap map(node);
-  SegmentationSettings settings;
+  SegmentationSettings settings = usual;
   const auto number = [&](const std::string& key, double default_value) {
     const auto value = map.Optional(key);
     return value ? NotNegative(*value, value->As<double>()) : default_value;
@@ -205,11 +205,10 @@ SegmentationSettings ReadSegmentation(const YamlNode& node) {
   if (settings.min_cover >= 1) map.Required("min_cover").Fail("a share below 1 is expected");
   if (const auto shadows = map.Optional("shadows")) {
     const auto value = shadows->As<std::string>();
-    if (value == "ignore") {
-      settings.shadows = Shadows::kIgnore;
-    } else if (value != "foreground") {
+    if (value != "foreground" && value != "ignore") {
       shadows->Fail("'foreground' or 'ignore' is expected");
     }
+    settings.shadows = value == "ignore" ? Shadows::kIgnore : Shadows::kForeground;
   }
   map.Finish();
   return settings;

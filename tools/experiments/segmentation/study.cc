@@ -209,10 +209,9 @@ std::vector<Condition> Conditions() {
 }
 
 std::vector<Method> Methods() {
-  SegmentationSettings fine{.faint_difference = 1.5, .texture_difference = 1.5, .faint_side = 9};
-  SegmentationSettings without_shadows = fine;
-  without_shadows.shadows = Shadows::kIgnore;
-  return {{"default", {}}, {"fine", fine}, {"fine, shadows: ignore", without_shadows}};
+  return {{"default", {}},
+          {"coarse", {.faint_difference = 3, .texture_difference = 0, .faint_side = 5}},
+          {"default, shadows: ignore", {.shadows = Shadows::kIgnore}}};
 }
 
 std::vector<Figures> Measure(const Workplace& workplace, const Condition& condition,
