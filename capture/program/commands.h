@@ -19,5 +19,6 @@ void AddRemask(CLI::App& app, Work& work);
 void AddReport(CLI::App& app, Work& work);
 void AddRun(CLI::App& app, Work& work);
 void AddStatus(CLI::App& app, Work& work);
+void AddTune(CLI::App& app, Work& work);
 
 }  // namespace silhouette

@@ -16,9 +16,11 @@ int main(int argc, char** argv) {
       "  silhouette-capture run --cell cell.yaml --dry-run\n"
       "  silhouette-capture run --cell cell.yaml         again after any interruption\n"
       "  silhouette-capture status --cell cell.yaml\n"
-      "  silhouette-capture report --cell cell.yaml --out report");
+      "  silhouette-capture report --cell cell.yaml --out report\n"
+      "  silhouette-capture tune --cell cell.yaml --try 'faint_side: 7'");
   Work work;
-  for (const auto add : {AddCameras, AddReference, AddRun, AddStatus, AddReport, AddRemask}) {
+  for (const auto add :
+       {AddCameras, AddReference, AddRun, AddStatus, AddReport, AddRemask, AddTune}) {
     add(app, work);
   }
   // Images are small: handing their parts to other threads costs more than it saves.

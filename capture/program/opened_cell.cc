@@ -1,10 +1,12 @@
 #include "capture/program/opened_cell.h"
 
+#include <algorithm>
 #include <vector>
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_join.h"
 #include "absl/strings/str_replace.h"
+#include "tools/cell/segmentation_text.h"
 #include "tools/program/program.h"
 
 namespace silhouette {
@@ -67,11 +69,40 @@ absl::StatusOr<std::unique_ptr<Database>> OpenDatabase(const CellFile& file,
     return absl::FailedPreconditionError(
         absl::StrCat("the database '", file.database, "' does not belong to the cell of '",
                      file.cell.file, "': ", absl::StrJoin(differences, "; "),
+                     SegmentationAdvice(file.cell.segmentation, (*database)->cell()),
                      ". Choose another database, or change the cell file back"));
   }
   absl::StatusOr<std::unique_ptr<Database>> set = (*database)->OpenSet(file.set);
   if (!absl::IsNotFound(set.status()) || access == Database::Access::kRead) return set;
   return (*database)->CreateSet(file.set, "silhouette-capture run --set " + file.set);
+}
+
+absl::StatusOr<std::unique_ptr<Database>> OpenDatabaseOfOtherMasks(const CellFile& file,
+                                                                   Database::Access access,
+                                                                   bool other_masks) {
+  auto database = Database::Open(file.database, access);
+  if (!database.ok()) return database.status();
+  storage::v1::CellDescription wanted = DescriptionOf(file.cell);
+  wanted.set_segmentation("");
+  const storage::v1::CellDescription& stored = (*database)->cell();
+  for (int v = 0; other_masks && v < std::min(wanted.views_size(), stored.views_size()); ++v) {
+    wanted.mutable_views(v)->set_mask_width(stored.views(v).mask_width());
+    wanted.mutable_views(v)->set_mask_height(stored.views(v).mask_height());
+  }
+  const auto differences = Differences(wanted, "the cell file", stored, "the database");
+  if (differences.empty()) return database;
+  return absl::FailedPreconditionError(
+      absl::StrCat("the database '", file.database, "' does not belong to the cell of '",
+                   file.cell.file, "': ", absl::StrJoin(differences, "; "),
+                   other_masks || access == Database::Access::kRead
+                       ? ""
+                       : ". Masks of another size go into another database: --into FOLDER"));
+}
+
+std::string BesideDatabase(const std::string& database, const std::string& ending) {
+  std::string folder = database;
+  while (folder.size() > 1 && folder.back() == '/') folder.pop_back();
+  return folder + ending;
 }
 
 absl::StatusOr<std::unique_ptr<Database>> OpenOrCreateDatabase(const CellFile& file) {

@@ -44,6 +44,15 @@ absl::StatusOr<CellFile> OpenCellFile(const CellArguments& arguments);
 absl::StatusOr<std::unique_ptr<Database>> OpenDatabase(const CellFile& file,
                                                        Database::Access access);
 
+// The same, but the database may have been made with other segmentation settings; with
+// `other_masks`, also with masks of other sizes. The default set.
+absl::StatusOr<std::unique_ptr<Database>> OpenDatabaseOfOtherMasks(const CellFile& file,
+                                                                   Database::Access access,
+                                                                   bool other_masks);
+
+// The database's folder with another ending, for what is kept beside it.
+std::string BesideDatabase(const std::string& database, const std::string& ending);
+
 // For writing; made if it is not there.
 absl::StatusOr<std::unique_ptr<Database>> OpenOrCreateDatabase(const CellFile& file);
 

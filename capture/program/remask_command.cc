@@ -9,7 +9,6 @@
 #include "absl/cleanup/cleanup.h"
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
-#include "absl/strings/str_join.h"
 #include "capture/program/commands.h"
 #include "capture/program/opened_cell.h"
 #include "capture/session/remask.h"
@@ -27,27 +26,6 @@ struct Options {
   bool leave_out = false;
   bool no_index = false;
 };
-
-// The database, if it is that of the cell but for the settings of masks; with `into`, also but for
-// their sizes.
-absl::StatusOr<std::unique_ptr<Database>> Open(const CellFile& file, bool into) {
-  auto database =
-      Database::Open(file.database, into ? Database::Access::kRead : Database::Access::kWrite);
-  if (!database.ok()) return database.status();
-  storage::v1::CellDescription wanted = DescriptionOf(file.cell);
-  wanted.set_segmentation("");
-  const storage::v1::CellDescription& stored = (*database)->cell();
-  for (int v = 0; into && v < std::min(wanted.views_size(), stored.views_size()); ++v) {
-    wanted.mutable_views(v)->set_mask_width(stored.views(v).mask_width());
-    wanted.mutable_views(v)->set_mask_height(stored.views(v).mask_height());
-  }
-  const auto differences = Differences(wanted, "the cell file", stored, "the database");
-  if (differences.empty()) return database;
-  return absl::FailedPreconditionError(
-      absl::StrCat("the database '", file.database, "' does not belong to the cell of '",
-                   file.cell.file, "': ", absl::StrJoin(differences, "; "),
-                   into ? "" : ". Masks of another size go into another database: --into FOLDER"));
-}
 
 // An empty database beside the place where it, or its masks, will be. What an earlier attempt left
 // there goes.
@@ -97,7 +75,7 @@ absl::Status CopyReferences(const Database& source, Database& into) {
 
 // Into a new database, which is there once it is whole.
 absl::StatusOr<std::vector<RemaskedSet>> RemaskInto(const Options& options, const CellFile& file) {
-  const auto source = Open(file, /*into=*/true);
+  const auto source = OpenDatabaseOfOtherMasks(file, Database::Access::kRead, true);
   if (!source.ok()) return source.status();
   const std::string part = options.into + ".part";
   auto database = MakeBeside(part, DescriptionOf(file.cell), file.cell, **source);
@@ -122,7 +100,7 @@ absl::StatusOr<std::vector<RemaskedSet>> RemaskInto(const Options& options, cons
 // In their place: made in a database beside it, then exchanged in one change.
 absl::StatusOr<std::vector<RemaskedSet>> RemaskInPlace(const Options& options,
                                                        const CellFile& file) {
-  const auto database = Open(file, /*into=*/false);
+  const auto database = OpenDatabaseOfOtherMasks(file, Database::Access::kWrite, false);
   if (!database.ok()) return database.status();
   std::string beside = file.database;
   while (beside.size() > 1 && beside.back() == '/') beside.pop_back();

@@ -2,6 +2,7 @@
 
 #include <optional>
 
+#include "absl/strings/str_cat.h"
 #include "absl/time/clock.h"
 #include "capture/program/session_page.h"
 #include "capture/program/session_pictures.h"
@@ -43,9 +44,8 @@ absl::Status WriteAll(const std::string& folder, const std::string& page, const 
 }  // namespace
 
 std::string DefaultReportFolder(const std::string& database, const std::string& set) {
-  std::string folder = database;
-  while (folder.size() > 1 && folder.back() == '/') folder.pop_back();
-  return folder + (set == schema::kDefaultSet ? "" : "." + set) + ".report";
+  return BesideDatabase(database,
+                        absl::StrCat(set == schema::kDefaultSet ? "" : "." + set, ".report"));
 }
 
 absl::StatusOr<SessionFacts> WriteSessionReport(const CellArguments& arguments,
