@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdint>
+#include <numeric>
 #include <opencv2/imgproc.hpp>
 #include <optional>
 #include <stdexcept>
@@ -16,6 +17,9 @@ constexpr int kTiles = SlowLight::kColumns * SlowLight::kRows;
 constexpr int kStride = 3;       // every so many pixels are looked at, along both axes
 constexpr double kEnough = 0.2;  // share of a tile's pixels that tell its factor
 constexpr int kFewestTiles = 8;  // that tell how the light changes elsewhere
+// A single image's noise moves a factor as little as the time since the one before is shorter than
+// that.
+constexpr double kSmoothingSeconds = 20;
 constexpr uint16_t kDarkest = 12 * Reference::kGreyLevel;
 constexpr uint16_t kBrightest = 240 * Reference::kGreyLevel;
 
@@ -153,13 +157,20 @@ SlowLight SlowLight::Learn(const cv::Mat& image, const Reference& reference,
   const Plane plane(seen);
   SlowLight next;
   next.factors_ = none() ? std::vector<double>(kTiles, 1) : factors_;
-  const double most = kRate * std::max(seconds, 0.0);
+  std::vector<double> targets = next.factors_;
   for (int tile = 0; tile < kTiles; ++tile) {
     const auto i = static_cast<size_t>(tile);
-    if (!seen[i] && !plane.known()) continue;
+    if (seen[i] || plane.known()) targets[i] = seen[i] ? *seen[i] : plane.At(tile);
+  }
+  // A factor of all tiles together is the whole image's brightness. Were it not taken out, noise
+  // would carry it away with the time.
+  const double all = std::accumulate(targets.begin(), targets.end(), 0.0) / kTiles;
+  const double time = std::max(seconds, 0.0);
+  const double most = kRate * time;
+  const double weight = 1 - std::exp(-time / kSmoothingSeconds);
+  for (size_t i = 0; i < targets.size(); ++i) {
     double& factor = next.factors_[i];
-    const double target = seen[i] ? *seen[i] : plane.At(tile);
-    factor += std::clamp(target - factor, -most, most);
+    factor += std::clamp(weight * (targets[i] / all - factor), -most, most);
     factor = std::clamp(factor, 1 - kMost, 1 + kMost);
   }
   return next;

@@ -36,7 +36,8 @@ class SlowLight {
   // Foreground() made of it: foreground and what is near it teaches nothing, nor do saturated, dark
   // and undefined pixels. Where too little is left, the light changes as it does elsewhere: by the
   // plane through the other places' factors; if there are too few of these, not at all. What the
-  // whole image's brightness has become is left out: that is followed in every image. Throws
+  // whole image's brightness has become is left out, so that the factors are 1 on the average: that
+  // is followed in every image. The time constant of learning is 20 s. Throws
   // std::invalid_argument if image, reference and foreground differ in size, or the first two in
   // channels.
   SlowLight Learn(const cv::Mat& image, const Reference& reference, const cv::Mat& foreground,
