@@ -70,7 +70,8 @@ TEST_F(SlowLightTest, SomeoneStandingStillForAnHourStaysForeground) {
     cv::Mat beside = last.clone();
     beside(reached).setTo(0);
     EXPECT_LT(cv::countNonZero(beside), 200) << level;
-    // As is nearly all of the cell when the person has gone: the light there changed as it did around.
+    // As is nearly all of the cell when the person has gone: the light there changed as it did
+    // around.
     EXPECT_LT(ForegroundPixels(Sloped(cell_, 0.2), light), 0.2 * person.area()) << level;
   }
 }
