@@ -5,6 +5,7 @@
 #include <cstdlib>
 
 #include "capture/segmentation/deviating_pixels.h"
+#include "capture/segmentation/wider_vectors.h"
 
 namespace silhouette {
 namespace {
@@ -32,9 +33,10 @@ DeviationLimits LimitsOf(const SegmentationSettings& settings, const Brightness&
           .steady = std::max(kUnsteady * reference.typical_noise(), Reference::kGreyLevel)};
 }
 
-void FindDifferences(const uint8_t* __restrict image, const uint16_t* __restrict mean,
-                     const uint16_t* __restrict gain, int offset, int values,
-                     int16_t* __restrict difference) {
+SILHOUETTE_WIDER_VECTORS void FindDifferences(const uint8_t* __restrict image,
+                                              const uint16_t* __restrict mean,
+                                              const uint16_t* __restrict gain, int offset,
+                                              int values, int16_t* __restrict difference) {
   constexpr uint16_t kSaturated = Reference::kSaturated * Reference::kGreyLevel;
   // What is expected is within 0 and kBrightest: so much may it be before the offset is added.
   const auto least = static_cast<uint16_t>(std::clamp(-offset, 0, 65535));
@@ -49,8 +51,10 @@ void FindDifferences(const uint8_t* __restrict image, const uint16_t* __restrict
   }
 }
 
-void JudgeValues(const int16_t* __restrict difference, const uint16_t* __restrict noise,
-                 const DeviationLimits& limits, int values, uint8_t* __restrict deviates) {
+SILHOUETTE_WIDER_VECTORS void JudgeValues(const int16_t* __restrict difference,
+                                          const uint16_t* __restrict noise,
+                                          const DeviationLimits& limits, int values,
+                                          uint8_t* __restrict deviates) {
   const float factor = limits.noise_factor;
   const float least = limits.least;
   for (int i = 0; i < values; ++i) {
@@ -61,8 +65,9 @@ void JudgeValues(const int16_t* __restrict difference, const uint16_t* __restric
   }
 }
 
-void KeepOpen(const uint8_t* __restrict deviates, const uint16_t* __restrict noise, int values,
-              bool squares, int steady, OpenRow& row) {
+SILHOUETTE_WIDER_VECTORS void KeepOpen(const uint8_t* __restrict deviates,
+                                       const uint16_t* __restrict noise, int values, bool squares,
+                                       int steady, OpenRow& row) {
   int16_t* __restrict difference = row.difference.data();
   uint32_t* __restrict counted = row.counted.data();
   for (int i = 0; i < values; ++i) {

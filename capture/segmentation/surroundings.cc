@@ -2,12 +2,14 @@
 
 #include <cstdlib>
 
+#include "capture/segmentation/wider_vectors.h"
+
 namespace silhouette {
 namespace {
 
 template <typename Value, typename Sum>
-void Add(const Value* __restrict in, const Value* __restrict out, size_t values,
-         Sum* __restrict sums) {
+[[gnu::always_inline]] inline void AddAll(const Value* __restrict in, const Value* __restrict out,
+                                          size_t values, Sum* __restrict sums) {
   if (in != nullptr && out != nullptr) {
     for (size_t i = 0; i < values; ++i) sums[i] += static_cast<Sum>(in[i] - out[i]);
   } else if (in != nullptr) {
@@ -17,8 +19,22 @@ void Add(const Value* __restrict in, const Value* __restrict out, size_t values,
   }
 }
 
+SILHOUETTE_WIDER_VECTORS void Add(const int16_t* in, const int16_t* out, size_t values,
+                                  int32_t* sums) {
+  AddAll(in, out, values, sums);
+}
+SILHOUETTE_WIDER_VECTORS void Add(const int32_t* in, const int32_t* out, size_t values,
+                                  int32_t* sums) {
+  AddAll(in, out, values, sums);
+}
+SILHOUETTE_WIDER_VECTORS void Add(const uint32_t* in, const uint32_t* out, size_t values,
+                                  uint32_t* sums) {
+  AddAll(in, out, values, sums);
+}
+
 template <int kSide, typename Sum>
-void SumAcross(const Sum* __restrict columns, int channels, int values, Sum* __restrict sums) {
+[[gnu::always_inline]] inline void SumSide(const Sum* __restrict columns, int channels, int values,
+                                           Sum* __restrict sums) {
   for (int i = 0; i < values; ++i) {
     Sum sum = 0;
     for (int k = 0; k < kSide; ++k) sum += columns[i + k * channels];
@@ -27,24 +43,34 @@ void SumAcross(const Sum* __restrict columns, int channels, int values, Sum* __r
 }
 
 template <typename Sum>
-void SumAcross(int reach, const Sum* columns, int channels, int values, Sum* sums) {
+[[gnu::always_inline]] inline void SumSides(int reach, const Sum* columns, int channels, int values,
+                                            Sum* sums) {
   static_assert(SegmentationSettings::kMostFaintSide == 15);
   switch (reach) {
     case 1:
-      return SumAcross<3>(columns, channels, values, sums);
+      return SumSide<3>(columns, channels, values, sums);
     case 2:
-      return SumAcross<5>(columns, channels, values, sums);
+      return SumSide<5>(columns, channels, values, sums);
     case 3:
-      return SumAcross<7>(columns, channels, values, sums);
+      return SumSide<7>(columns, channels, values, sums);
     case 4:
-      return SumAcross<9>(columns, channels, values, sums);
+      return SumSide<9>(columns, channels, values, sums);
     case 5:
-      return SumAcross<11>(columns, channels, values, sums);
+      return SumSide<11>(columns, channels, values, sums);
     case 6:
-      return SumAcross<13>(columns, channels, values, sums);
+      return SumSide<13>(columns, channels, values, sums);
     default:
-      return SumAcross<15>(columns, channels, values, sums);
+      return SumSide<15>(columns, channels, values, sums);
   }
+}
+
+SILHOUETTE_WIDER_VECTORS void SumAcross(int reach, const int32_t* columns, int channels, int values,
+                                        int32_t* sums) {
+  SumSides(reach, columns, channels, values, sums);
+}
+SILHOUETTE_WIDER_VECTORS void SumAcross(int reach, const uint32_t* columns, int channels,
+                                        int values, uint32_t* sums) {
+  SumSides(reach, columns, channels, values, sums);
 }
 
 int32_t NumberIn(uint32_t counted) { return static_cast<int32_t>(counted >> OpenRow::kNoiseBits); }
@@ -52,8 +78,10 @@ int32_t NoiseIn(uint32_t counted) {
   return static_cast<int32_t>(counted & ((1U << OpenRow::kNoiseBits) - 1));
 }
 
-void JudgeMeans(const int32_t* __restrict differences, const uint32_t* __restrict counted,
-                const DeviationLimits& limits, int side, int values, uint8_t* __restrict deviates) {
+SILHOUETTE_WIDER_VECTORS void JudgeMeans(const int32_t* __restrict differences,
+                                         const uint32_t* __restrict counted,
+                                         const DeviationLimits& limits, int side, int values,
+                                         uint8_t* __restrict deviates) {
   const float fewest = static_cast<float>(side * side) / 2;  // fewer values than that tell nothing
   const float factor = limits.noise_factor;
   const float least = limits.faint > 0 ? limits.faint : 1e9F;  // a limit of 0 is none
@@ -68,9 +96,11 @@ void JudgeMeans(const int32_t* __restrict differences, const uint32_t* __restric
   }
 }
 
-void JudgeSquares(const int32_t* __restrict squares, const int32_t* __restrict variances,
-                  const uint32_t* __restrict counted, const DeviationLimits& limits, int side,
-                  int values, uint8_t* __restrict deviates) {
+SILHOUETTE_WIDER_VECTORS void JudgeSquares(const int32_t* __restrict squares,
+                                           const int32_t* __restrict variances,
+                                           const uint32_t* __restrict counted,
+                                           const DeviationLimits& limits, int side, int values,
+                                           uint8_t* __restrict deviates) {
   const float fewest = static_cast<float>(side * side) / 2;
   const float factor = limits.squared_factor;
   const float least = limits.texture_squared;
