@@ -22,7 +22,7 @@ struct SegmentationSettings {
   // Likewise if their root mean square difference, beyond what is noise, is more than this many
   // grey levels: obstacles as bright as what is behind them in the mean, but not its texture; 0:
   // no.
-  double texture_difference = 2;
+  double texture_difference = 2.25;
   // Odd, 3 to kMostFaintSide.
   int faint_side = 9;
   static constexpr int kMostFaintSide = 15;

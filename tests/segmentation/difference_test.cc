@@ -471,11 +471,11 @@ TEST(SegmentationSettings, DescriptionIsSortedAndComplete) {
   EXPECT_EQ(Describe({}),
             "clean_up_radius: 1\nfaint_difference: 2\nfaint_side: 9\nfollow_brightness: true\n"
             "min_blob_pixels: 12\nmin_cover: 0\nmin_difference: 8\nnoise_factor: 6\n"
-            "texture_difference: 2\n");
+            "texture_difference: 2.25\n");
   EXPECT_EQ(Describe({.faint_difference = 4, .faint_side = 3, .shadows = Shadows::kIgnore}),
             "clean_up_radius: 1\nfaint_difference: 4\nfaint_side: 3\nfollow_brightness: true\n"
             "min_blob_pixels: 12\nmin_cover: 0\nmin_difference: 8\nnoise_factor: 6\n"
-            "shadows: ignore\ntexture_difference: 2\n");
+            "shadows: ignore\ntexture_difference: 2.25\n");
 }
 
 // As databases have them that were made when these were the defaults, or before there were such
