@@ -1,9 +1,13 @@
 # Every library comes from Debian's packages; tools/packages.txt is the list.
 find_package(Threads REQUIRED)
-find_package(PkgConfig REQUIRED)
 find_package(absl REQUIRED)
 find_package(Protobuf REQUIRED)
 find_package(gRPC REQUIRED)
+if(SILHOUETTE_PARTS STREQUAL "client")
+  return()
+endif()
+
+find_package(PkgConfig REQUIRED)
 find_package(spdlog REQUIRED)
 find_package(prometheus-cpp REQUIRED CONFIG)
 find_package(CLI11 REQUIRED)

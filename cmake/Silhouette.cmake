@@ -1,12 +1,31 @@
-# The vocabulary of the build: silhouette_library, silhouette_program, silhouette_test.
+# The vocabulary of the build: silhouette_folders, silhouette_library, silhouette_program,
+# silhouette_tests. A folder is a target and holds all of its sources; the target of db/mask is
+# silhouette::db_mask.
 
 set(SILHOUETTE_SANITIZE "" CACHE STRING "Sanitizers to build with, as -fsanitize= takes them")
 
 add_library(silhouette_options INTERFACE)
 target_compile_options(silhouette_options INTERFACE
-  -Wall -Wextra -Wpedantic -Wshadow -Wnon-virtual-dtor -Woverloaded-virtual -Wundef -Werror)
+  -Wall -Wextra -Wpedantic -Wshadow -Wnon-virtual-dtor -Woverloaded-virtual -Wundef)
+if(CMAKE_UNITY_BUILD)
+  # GCC takes a source that a unity source includes for a header, and an anonymous namespace in a
+  # header for a mistake.
+  target_compile_options(silhouette_options INTERFACE -Wno-subobject-linkage)
+endif()
 target_include_directories(silhouette_options INTERFACE ${PROJECT_SOURCE_DIR})
 target_link_libraries(silhouette_options INTERFACE Threads::Threads)
+
+# What was compiled before, in this or another tree, is not compiled again.
+find_program(CCACHE ccache)
+if(CCACHE AND NOT CMAKE_CXX_COMPILER_LAUNCHER)
+  set(CMAKE_CXX_COMPILER_LAUNCHER ${CCACHE})
+endif()
+# lld links in a ninth of the default linker's time.
+find_program(LLD ld.lld)
+if(LLD)
+  add_link_options(-fuse-ld=lld)
+endif()
+
 if(SILHOUETTE_SANITIZE)
   add_compile_options(-fsanitize=${SILHOUETTE_SANITIZE} -fno-omit-frame-pointer)
   add_link_options(-fsanitize=${SILHOUETTE_SANITIZE})
@@ -14,22 +33,60 @@ if(SILHOUETTE_SANITIZE)
   add_compile_options(-Wno-maybe-uninitialized)
   if(SILHOUETTE_SANITIZE MATCHES "undefined")
     # Left out is what doubles the time to compile and what the address sanitizer or the processor
-    # tells of all the same, when it happens: null pointers and objects that are too small.
+    # reports all the same, when it happens: null pointers and objects that are too small.
     add_compile_options(-fno-sanitize-recover=undefined
       -fno-sanitize=null,alignment,vptr,object-size,nonnull-attribute,returns-nonnull-attribute
       -fno-sanitize=pointer-overflow)
   endif()
 endif()
 
-# silhouette_library(NAME SOURCES a.cc b.cc [PUBLIC targets] [PRIVATE targets])
-# A static library silhouette_NAME, alias silhouette::NAME. Its headers are included by their path
-# from the project's root. Which targets may be linked is said in docs/architecture.md and checked
-# by tests/architecture_test.
-function(silhouette_library name)
-  cmake_parse_arguments(PARSE_ARGV 1 arg "" "" "SOURCES;PUBLIC;PRIVATE")
-  add_library(silhouette_${name} STATIC ${arg_SOURCES})
+# silhouette_folders(FOLDER ...)
+# Adds the folders, and all below them, that have a CMakeLists.txt.
+function(silhouette_folders)
+  foreach(folder IN LISTS ARGN)
+    file(GLOB_RECURSE lists RELATIVE ${CMAKE_CURRENT_SOURCE_DIR} CONFIGURE_DEPENDS
+      ${folder}/CMakeLists.txt)
+    list(FILTER lists EXCLUDE REGEX "/example/")
+    if(SILHOUETTE_SANITIZE)
+      list(FILTER lists EXCLUDE REGEX "experiments")
+    endif()
+    list(SORT lists)
+    foreach(list IN LISTS lists)
+      cmake_path(GET list PARENT_PATH place)
+      add_subdirectory(${place})
+    endforeach()
+  endforeach()
+endfunction()
+
+# The target's name, folder and sources, in the caller's variables `name`, `folder` and `sources`.
+macro(silhouette_folder)
+  file(RELATIVE_PATH folder ${PROJECT_SOURCE_DIR} ${CMAKE_CURRENT_SOURCE_DIR})
+  string(REGEX REPLACE "[/-]" "_" name ${folder})
+  file(GLOB sources CONFIGURE_DEPENDS *.cc)
+endmacro()
+
+# Notes what a folder links, for docs/architecture.md and the test of the arrows.
+function(silhouette_note_links folder name)
+  set_property(GLOBAL APPEND PROPERTY SILHOUETTE_LINKS "${folder} ${name} ${ARGN}")
+endfunction()
+
+# silhouette_library([SOURCES more.cc ...] [PUBLIC targets] [PRIVATE targets])
+# A static library of all sources in this folder. Its headers are included by their path from the
+# project's root. A folder without sources is a library of headers alone.
+function(silhouette_library)
+  cmake_parse_arguments(PARSE_ARGV 0 arg "" "" "SOURCES;PUBLIC;PRIVATE")
+  silhouette_folder()
+  silhouette_note_links(${folder} ${name} ${arg_PUBLIC} ${arg_PRIVATE})
+  if(NOT sources)
+    add_library(silhouette_${name} INTERFACE)
+    add_library(silhouette::${name} ALIAS silhouette_${name})
+    target_link_libraries(silhouette_${name} INTERFACE ${arg_PUBLIC})
+    return()
+  endif()
+  add_library(silhouette_${name} STATIC ${sources} ${arg_SOURCES})
   add_library(silhouette::${name} ALIAS silhouette_${name})
-  set_target_properties(silhouette_${name} PROPERTIES POSITION_INDEPENDENT_CODE ON)
+  set_target_properties(silhouette_${name} PROPERTIES
+    POSITION_INDEPENDENT_CODE ON UNITY_BUILD_BATCH_SIZE 0)
   target_link_libraries(silhouette_${name}
     PUBLIC ${arg_PUBLIC} PRIVATE ${arg_PRIVATE} $<BUILD_INTERFACE:silhouette_options>)
   target_include_directories(silhouette_${name} PUBLIC $<BUILD_INTERFACE:${PROJECT_SOURCE_DIR}>)
@@ -38,55 +95,68 @@ endfunction()
 # All programs.
 add_custom_target(programs)
 
-# silhouette_program(NAME SOURCES main.cc ... LIBRARIES targets)
-# A program build/<preset>/bin/NAME that is installed with the project. With sanitizers it is built
-# only if asked for: its commands are half of all there is to compile, and call what the tests of
-# the libraries look into.
-function(silhouette_program name)
-  cmake_parse_arguments(PARSE_ARGV 1 arg "" "" "SOURCES;LIBRARIES")
-  add_executable(${name} ${arg_SOURCES})
-  target_link_libraries(${name} PRIVATE ${arg_LIBRARIES} silhouette_options)
+# silhouette_program(LIBRARIES targets)
+# A program build/<preset>/bin/<folder's name> that is installed with the project. With sanitizers it is built
+# only if asked for: the libraries that it calls have tests of their own.
+function(silhouette_program)
+  cmake_parse_arguments(PARSE_ARGV 0 arg "" "" "LIBRARIES")
+  silhouette_folder()
+  cmake_path(GET folder FILENAME program)
+  silhouette_note_links(${folder} ${program} ${arg_LIBRARIES})
+  add_executable(${program} ${sources})
+  set_target_properties(${program} PROPERTIES UNITY_BUILD_BATCH_SIZE 0)
+  target_link_libraries(${program} PRIVATE ${arg_LIBRARIES} silhouette_options)
   if(SILHOUETTE_SANITIZE)
-    set_target_properties(${name} PROPERTIES EXCLUDE_FROM_ALL ON)
+    set_target_properties(${program} PROPERTIES EXCLUDE_FROM_ALL ON)
   endif()
-  add_dependencies(programs ${name})
-  install(TARGETS ${name} RUNTIME DESTINATION ${CMAKE_INSTALL_BINDIR} COMPONENT programs)
+  add_dependencies(programs ${program})
+  install(TARGETS ${program} RUNTIME DESTINATION ${CMAKE_INSTALL_BINDIR} COMPONENT programs)
 endfunction()
 
-# All tests of the label `threads`: what the thread-sanitizer run builds.
-add_custom_target(thread_tests)
-
-# silhouette_test(NAME SOURCES a_test.cc ... LIBRARIES targets
-#                 [LABELS labels] [TIMEOUT seconds] [DEPENDS targets])
-# A GoogleTest program whose tests CTest lists one by one. The label `threads` puts it into the
-# thread-sanitizer run. DEPENDS names the programs that the tests start; with sanitizers there are
-# no such tests.
-function(silhouette_test name)
-  cmake_parse_arguments(PARSE_ARGV 1 arg "" "TIMEOUT" "SOURCES;LIBRARIES;LABELS;DEPENDS")
-  if(arg_DEPENDS AND SILHOUETTE_SANITIZE)
+# silhouette_tests([LIBRARIES targets] [THREADS a_test.cc ...] [SOURCES more.cc ...] [LABELS labels]
+#                  [TIMEOUT seconds] [DEPENDS programs])
+# One GoogleTest program of all sources in this folder, whose tests CTest lists one by one. THREADS
+# names the sources that run in several threads: the thread sanitizer's build has only these.
+# DEPENDS names the programs that the tests start; with sanitizers there are no such tests.
+function(silhouette_tests)
+  cmake_parse_arguments(PARSE_ARGV 0 arg "" "TIMEOUT" "LIBRARIES;THREADS;SOURCES;LABELS;DEPENDS")
+  silhouette_folder()
+  list(APPEND sources ${arg_SOURCES})
+  if(SILHOUETTE_SANITIZE STREQUAL "thread")
+    set(sources ${arg_THREADS})
+  endif()
+  if(NOT sources OR (arg_DEPENDS AND SILHOUETTE_SANITIZE))
     return()
   endif()
-  add_executable(${name} ${arg_SOURCES})
-  set_target_properties(${name} PROPERTIES
-    RUNTIME_OUTPUT_DIRECTORY ${PROJECT_BINARY_DIR}/tests)
-  target_link_libraries(${name} PRIVATE
+  string(REPLACE "tests_" "" name ${name})
+  set(test ${name}_test)
+  add_executable(${test} ${sources})
+  set_target_properties(${test} PROPERTIES
+    RUNTIME_OUTPUT_DIRECTORY ${PROJECT_BINARY_DIR}/tests UNITY_BUILD_BATCH_SIZE 0)
+  target_link_libraries(${test} PRIVATE
     ${arg_LIBRARIES} GTest::gmock GTest::gtest GTest::gtest_main silhouette_options)
-  target_compile_definitions(${name} PRIVATE
+  target_compile_definitions(${test} PRIVATE
     SILHOUETTE_SOURCE_DIR="${PROJECT_SOURCE_DIR}"
+    SILHOUETTE_BUILD_DIR="${PROJECT_BINARY_DIR}"
     SILHOUETTE_BIN_DIR="${CMAKE_RUNTIME_OUTPUT_DIRECTORY}")
   if(arg_DEPENDS)
-    add_dependencies(${name} ${arg_DEPENDS})
-  endif()
-  if("threads" IN_LIST arg_LABELS)
-    add_dependencies(thread_tests ${name})
+    add_dependencies(${test} ${arg_DEPENDS})
   endif()
   if(NOT arg_TIMEOUT)
-    set(arg_TIMEOUT 120)
+    set(arg_TIMEOUT 300)
   endif()
   # A property without a value would take the next one's name for it.
   set(properties TIMEOUT ${arg_TIMEOUT})
   if(arg_LABELS)
     list(APPEND properties LABELS "${arg_LABELS}")
   endif()
-  gtest_discover_tests(${name} DISCOVERY_TIMEOUT 60 PROPERTIES ${properties})
+  gtest_discover_tests(${test} DISCOVERY_TIMEOUT 60 PROPERTIES ${properties})
+endfunction()
+
+# Writes the link graph as architecture.txt: a line a target, its folder, its name and what it
+# links, in the order of the rooms. tests/tools/architecture reads it.
+function(silhouette_write_architecture)
+  get_property(links GLOBAL PROPERTY SILHOUETTE_LINKS)
+  list(JOIN links "\n" text)
+  file(WRITE ${PROJECT_BINARY_DIR}/architecture.txt "${text}\n")
 endfunction()

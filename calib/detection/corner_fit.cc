@@ -15,7 +15,7 @@ constexpr double kReachInModules = 0.55;
 constexpr double kMostMoved = 1.5;  // pixels, of a corner by the fit
 // The second round looks at the pixels that lie evenly beside what the first has found.
 constexpr int kRounds = 2;
-constexpr double kFirstBlur = 0.8;
+constexpr double kCornerFitFirstBlur = 0.8;
 // The fits take what of the next modules is within reach for noise, and doubt themselves too much.
 constexpr double kOfFit = 0.88;
 // What no edge's fit knows of: grey values that do not follow the model, and, the less a module is
@@ -74,7 +74,7 @@ std::optional<FittedCorners> FitCorners(const cv::Mat& image, const Lens& lens,
     undistorted[i] = *at;
   }
   FittedCorners fitted;
-  fitted.blur = kFirstBlur;
+  fitted.blur = kCornerFitFirstBlur;
   for (int round = 0; round < kRounds; ++round) {
     const auto edges = FitEdges(image, lens, undistorted, module, fitted.blur);
     if (!edges) return std::nullopt;

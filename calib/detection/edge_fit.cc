@@ -19,7 +19,7 @@ constexpr int kLeastPixels = 20;
 constexpr double kLeastContrast = 10;  // grey levels
 constexpr double kLeastBlur = 0.15;    // pixels, before the pixels' own width is added
 constexpr double kMostBlur = 3;
-constexpr double kFirstBlur = 0.6;
+constexpr double kEdgeFitFirstBlur = 0.6;
 constexpr int kMostSteps = 50;
 constexpr double kMostDamping = 1e6;
 constexpr double kMostNoise = 0.2;  // about the fit, as a share of the contrast
@@ -151,7 +151,7 @@ class EdgeFitter {
     const double high = count[1] > 0 ? sum[1] / count[1] : 0;
     Unknowns u = Unknowns::Zero();
     u.head<3>() = edge.shape_;
-    u[kBlur] = kFirstBlur;
+    u[kBlur] = kEdgeFitFirstBlur;
     u[kMean0] = (low + high) / 2;
     u[kHalf0] = (high - low) / 2;
     return u;

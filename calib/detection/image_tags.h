@@ -8,9 +8,9 @@
 #include <string>
 #include <vector>
 
+#include "calib/boards/board.h"
+#include "calib/boards/tag_sighting.h"
 #include "calib/detection/tag_detector.h"
-#include "calib/tags/board.h"
-#include "calib/tags/tag_sighting.h"
 
 namespace silhouette {
 

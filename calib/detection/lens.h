@@ -5,7 +5,7 @@
 #include <Eigen/Core>
 #include <optional>
 
-#include "calib/camera_model.h"
+#include "calib/camera/camera_model.h"
 
 namespace silhouette {
 

@@ -8,7 +8,7 @@
 #include <stdexcept>
 #include <tuple>
 
-#include "calib/tags/tag_family.h"
+#include "calib/boards/tag_family.h"
 
 namespace silhouette {
 namespace {

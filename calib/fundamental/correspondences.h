@@ -6,7 +6,7 @@
 #include <string>
 #include <vector>
 
-#include "calib/tags/tag_sighting.h"
+#include "calib/boards/tag_sighting.h"
 
 namespace silhouette {
 

@@ -6,7 +6,7 @@
 #include <string>
 #include <vector>
 
-#include "calib/epipolar_angles.h"
+#include "calib/camera/epipolar_angles.h"
 #include "calib/fundamental/correspondences.h"
 
 namespace silhouette {

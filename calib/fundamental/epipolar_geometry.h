@@ -4,8 +4,8 @@
 
 #include <Eigen/Core>
 
-#include "calib/camera_model.h"
-#include "calib/epipolar_angles.h"
+#include "calib/camera/camera_model.h"
+#include "calib/camera/epipolar_angles.h"
 
 namespace silhouette {
 
@@ -33,7 +33,7 @@ EpipolarDistance DistanceBetween(const Eigen::Matrix3d& f, const Eigen::Vector2d
 
 // By how many pixels the squares of all pixels, in both images, must be widened on all sides so
 // that two pixels that show these points are sure to meet (AnglesBetween in
-// calib/epipolar_angles.h).
+// calib/camera/epipolar_angles.h).
 double NeededMargin(const Eigen::Matrix3d& f, const Eigen::Vector2d& a, const Eigen::Vector2d& b);
 
 // Sampson's distance, signed, in units of the points' standard deviations (pixels per axis): of

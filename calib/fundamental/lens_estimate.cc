@@ -40,7 +40,7 @@ class Lens {
   double bend_;
 };
 
-struct Distances {
+struct LensEstimateDistances {
   using Scalar = double;
   enum { InputsAtCompileTime = Eigen::Dynamic, ValuesAtCompileTime = Eigen::Dynamic };
   using InputType = Eigen::VectorXd;
@@ -106,12 +106,13 @@ LensEstimate EstimateLenses(const Eigen::Matrix3d& f, std::span<const Correspond
                             const ViewSizes& a, const ViewSizes& b) {
   const MatrixChart chart(f, NormalisingOf(corners, &Correspondence::a),
                           NormalisingOf(corners, &Correspondence::b));
-  Eigen::NumericalDiff<Distances> distances(Distances{chart, corners, a.image, b.image});
+  Eigen::NumericalDiff<LensEstimateDistances> distances(
+      LensEstimateDistances{chart, corners, a.image, b.image});
   Eigen::VectorXd p = Eigen::VectorXd::Zero(kMatrixFreedoms + 2);
   Eigen::VectorXd left(distances.values());
   distances(p, left);
   const double without = left.squaredNorm();
-  Eigen::LevenbergMarquardt<Eigen::NumericalDiff<Distances>> minimiser(distances);
+  Eigen::LevenbergMarquardt<Eigen::NumericalDiff<LensEstimateDistances>> minimiser(distances);
   minimiser.parameters.maxfev = 600;
   minimiser.minimize(p);
   distances(p, left);

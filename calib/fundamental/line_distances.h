@@ -3,7 +3,7 @@
 
 #include <vector>
 
-#include "calib/epipolar_angles.h"
+#include "calib/camera/epipolar_angles.h"
 #include "calib/fundamental/correspondences.h"
 
 namespace silhouette {

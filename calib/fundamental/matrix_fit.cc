@@ -16,7 +16,7 @@ namespace {
 using Freedoms = MatrixChart::Freedoms;
 
 // Sampson's distances of all corners, as Eigen's minimiser asks for them.
-struct Distances {
+struct MatrixFitDistances {
   using Scalar = double;
   enum { InputsAtCompileTime = Eigen::Dynamic, ValuesAtCompileTime = Eigen::Dynamic };
   using InputType = Eigen::VectorXd;
@@ -101,9 +101,9 @@ Eigen::Matrix3d EightPoints(std::span<const Correspondence> corners) {
 MatrixFit Refined(const Eigen::Matrix3d& start, std::span<const Correspondence> corners) {
   const MatrixChart chart(start, NormalisingOf(corners, &Correspondence::a),
                           NormalisingOf(corners, &Correspondence::b));
-  Distances distances{chart, corners};
+  MatrixFitDistances distances{chart, corners};
   Freedoms p = Freedoms::Zero(kMatrixFreedoms);
-  Eigen::LevenbergMarquardt<Distances> minimiser(distances);
+  Eigen::LevenbergMarquardt<MatrixFitDistances> minimiser(distances);
   minimiser.parameters.maxfev = 200;
   minimiser.minimize(p);
 

@@ -1,7 +1,7 @@
 // Fundamental matrices of cameras whose models are known, and what lenses take from them.
 #pragma once
 
-#include "calib/camera_model.h"
+#include "calib/camera/camera_model.h"
 #include "calib/fundamental/line_distances.h"
 
 namespace silhouette {

@@ -26,8 +26,8 @@ double RoughLimit(const Correspondence& c) {
   return std::max(kRough, kRoughPixels / std::max(c.sigma_a, c.sigma_b));
 }
 
-std::vector<Correspondence> Chosen(std::span<const Correspondence> corners,
-                                   const std::vector<bool>& which) {
+std::vector<Correspondence> RobustFitChosen(std::span<const Correspondence> corners,
+                                            const std::vector<bool>& which) {
   std::vector<Correspondence> chosen;
   for (size_t i = 0; i < corners.size(); ++i) {
     if (which[i]) chosen.push_back(corners[i]);
@@ -83,7 +83,8 @@ std::vector<bool> Agreeing(std::span<const Correspondence> corners, uint32_t see
     Eigen::Matrix3d f = EightPoints(Sample(corners, random));
     if (!f.allFinite() || !(Cost(corners, f) < least)) continue;
     // A matrix of all that agree is better than that of eight of them.
-    const std::vector<Correspondence> agreeing = Chosen(corners, Within(corners, f, RoughLimit));
+    const std::vector<Correspondence> agreeing =
+        RobustFitChosen(corners, Within(corners, f, RoughLimit));
     if (agreeing.size() < kSample) continue;
     const Eigen::Matrix3d of_all = EightPoints(agreeing);
     if (Cost(corners, of_all) < Cost(corners, f)) f = of_all;
@@ -115,9 +116,9 @@ std::optional<RobustFit> FitMatrix(std::span<const Correspondence> corners, uint
   result.fits = Agreeing(corners, seed);
   if (2 * CountOf(result.fits) < static_cast<int>(corners.size())) return std::nullopt;
   result.roughly = result.fits;
-  Eigen::Matrix3d start = EightPoints(Chosen(corners, result.fits));
+  Eigen::Matrix3d start = EightPoints(RobustFitChosen(corners, result.fits));
   for (int round = 0; round < kRounds; ++round) {
-    result.fit = Refined(start, Chosen(corners, result.fits));
+    result.fit = Refined(start, RobustFitChosen(corners, result.fits));
     start = result.fit.f;
     if (!start.allFinite()) return std::nullopt;
     const double limit = kBelieved * std::max(1.0, MedianSpread(corners, start));

@@ -27,7 +27,8 @@ std::string Number(double value) {
   return text.data();
 }
 
-std::vector<Correspondence> Chosen(const ViewPair& pair, const std::vector<bool>& which) {
+std::vector<Correspondence> WeakCalibrationChosen(const ViewPair& pair,
+                                                  const std::vector<bool>& which) {
   std::vector<Correspondence> chosen;
   for (size_t i = 0; i < pair.corners.size(); ++i) {
     if (which[i]) chosen.push_back(pair.corners[i]);
@@ -187,7 +188,7 @@ WeakCalibration CalibrateWeakly(const ViewPair& pair, const ViewSizes& a, const 
   }
   result.outliers = static_cast<int>(pair.corners.size()) - found->believed;
   result.spread = found->spread;
-  const std::vector<Correspondence> believed = Chosen(pair, found->fits);
+  const std::vector<Correspondence> believed = WeakCalibrationChosen(pair, found->fits);
   result.frames_held_out = PlacesOf(pair) >= kPlacesForFrames;
   const auto held_out = HeldOut(pair, believed, result.frames_held_out, a, b);
   if (OnOnePlane(believed) || !held_out) {
@@ -203,7 +204,7 @@ WeakCalibration CalibrateWeakly(const ViewPair& pair, const ViewSizes& a, const 
   result.f_of_masks = of_masks.f / of_masks.f.norm();
   result.predicted_margin =
       kDeviations * std::max(1.0, found->spread) * GreatestDeviation(of_masks, a.mask, b.mask);
-  result.lenses = EstimateLenses(result.f, Chosen(pair, found->roughly), a, b);
+  result.lenses = EstimateLenses(result.f, WeakCalibrationChosen(pair, found->roughly), a, b);
   result.bowed = result.lenses.gain > kBowed;
   result.margin = std::max(result.predicted_margin, result.held_out.margin) +
                   (result.bowed ? result.lenses.margin : 0);

@@ -27,8 +27,8 @@ std::optional<size_t> BoardOf(const std::vector<Board>& boards, const TagSightin
   return std::nullopt;
 }
 
-absl::StatusOr<size_t> CameraOf(const std::vector<LensCamera>& cameras,
-                                const TagSighting& sighting) {
+absl::StatusOr<size_t> BoardViewsCameraOf(const std::vector<LensCamera>& cameras,
+                                          const TagSighting& sighting) {
   for (size_t i = 0; i < cameras.size(); ++i) {
     if (cameras[i].name == sighting.view) return i;
   }
@@ -153,7 +153,7 @@ absl::StatusOr<BoardViews> GatherBoardViews(const std::vector<LensCamera>& camer
   for (const TagSighting& sighting : sightings) {
     const std::optional<size_t> board = BoardOf(boards, sighting);
     if (!board) continue;
-    const absl::StatusOr<size_t> camera = CameraOf(cameras, sighting);
+    const absl::StatusOr<size_t> camera = BoardViewsCameraOf(cameras, sighting);
     if (!camera.ok()) return camera.status();
     const absl::Status sound = CheckSighting(cameras[*camera], sighting);
     if (!sound.ok()) return sound;

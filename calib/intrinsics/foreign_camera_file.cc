@@ -7,9 +7,9 @@
 #include "absl/status/status.h"
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_join.h"
-#include "calib/calibration_camera_file.h"
-#include "calib/calibration_message.h"
-#include "tools/yaml/strict_yaml.h"
+#include "calib/files/calibration_camera_file.h"
+#include "calib/files/calibration_message.h"
+#include "common/yaml/strict_yaml.h"
 
 namespace silhouette {
 namespace {

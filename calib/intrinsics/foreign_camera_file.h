@@ -1,6 +1,6 @@
 // Camera files of other programs. The formats are told by their keys:
 //
-//   mrcal     .cameramodel (calib/calibration_camera_file.h); the only one whose pose is kept
+//   mrcal     .cameramodel (calib/files/calibration_camera_file.h); the only one whose pose is kept
 //   OpenCV    YAML of cv::FileStorage: camera_matrix, distortion_coefficients, image_width, ...
 //   ROS       camera_info as YAML: distortion_model plumb_bob or rational_polynomial; K and D too
 //   Kalibr    camchain: cam0, cam1, ...: camera_model pinhole, distortion_model radtan or none
@@ -13,7 +13,7 @@
 #include <string>
 
 #include "absl/status/statusor.h"
-#include "calib/camera_model.h"
+#include "calib/camera/camera_model.h"
 
 namespace silhouette {
 

@@ -1,6 +1,6 @@
 #include "calib/intrinsics/lens_file.h"
 
-#include "calib/calibration_camera_file.h"
+#include "calib/files/calibration_camera_file.h"
 
 namespace silhouette {
 

@@ -51,9 +51,9 @@ std::vector<PosedView> Posed(const LensCamera& camera, const std::vector<const B
   return posed;
 }
 
-LensProblem ProblemOf(const LensCamera& camera, const std::vector<PosedView>& views,
-                      const Lattice& lattice, const std::vector<double>& intrinsics,
-                      const LensSettings& settings) {
+LensProblem SingleCameraProblemOf(const LensCamera& camera, const std::vector<PosedView>& views,
+                                  const Lattice& lattice, const std::vector<double>& intrinsics,
+                                  const LensSettings& settings) {
   LensProblem problem;
   problem.lens_model = LensModelOf(camera, settings);
   problem.image_sizes = {{camera.width, camera.height}};
@@ -115,7 +115,7 @@ absl::StatusOr<SingleCamera> SolveAlone(const LensCamera& camera,
   while (true) {
     enough = CheckCount(camera, result.views.size(), settings);
     if (!enough.ok()) return enough;
-    LensProblem problem = ProblemOf(camera, result.views, lattice, seed, settings);
+    LensProblem problem = SingleCameraProblemOf(camera, result.views, lattice, seed, settings);
     const absl::Status solved = SolveRoughly(problem);
     if (!solved.ok()) return solved;
     result.intrinsics = problem.intrinsics[0];

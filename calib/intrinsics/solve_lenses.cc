@@ -60,10 +60,11 @@ struct GroupProblem {
   std::vector<const BoardView*> views;  // of each observation
 };
 
-GroupProblem ProblemOf(size_t group, const std::vector<LensCamera>& cameras,
-                       const std::vector<SingleCamera>& singles,
-                       const std::vector<PosedView>& views, const CameraTies& ties,
-                       const Lattice& lattice, double sigma, const LensSettings& settings) {
+GroupProblem SolveLensesProblemOf(size_t group, const std::vector<LensCamera>& cameras,
+                                  const std::vector<SingleCamera>& singles,
+                                  const std::vector<PosedView>& views, const CameraTies& ties,
+                                  const Lattice& lattice, double sigma,
+                                  const LensSettings& settings) {
   GroupProblem out;
   LensProblem& problem = out.problem;
   const std::vector<size_t>& members = ties.groups[group];
@@ -119,8 +120,8 @@ void AddResiduals(const GroupProblem& group, const std::vector<Board>& boards,
   }
 }
 
-SolvedCamera CameraOf(const LensCamera& camera, const LensProblem& problem, size_t place,
-                      size_t group) {
+SolvedCamera SolveLensesCameraOf(const LensCamera& camera, const LensProblem& problem, size_t place,
+                                 size_t group) {
   SolvedCamera solved{.name = camera.name,
                       .width = camera.width,
                       .height = camera.height,
@@ -165,7 +166,7 @@ absl::Status AddGroup(GroupProblem& group, const std::vector<LensCamera>& camera
   if (warp) result.warp = problem.warp;
   solution.groups.push_back(std::move(result));
   for (size_t i = 0; i < members.size(); ++i) {
-    solution.cameras[members[i]] = CameraOf(cameras[members[i]], problem, i, place);
+    solution.cameras[members[i]] = SolveLensesCameraOf(cameras[members[i]], problem, i, place);
   }
   std::set<int> listed;
   for (size_t o = 0; o < group.views.size(); ++o) {
@@ -217,7 +218,7 @@ absl::StatusOr<LensSolution> SolveLenses(const std::vector<LensCamera>& cameras,
   const double sigma = MedianSigma(views);
   for (size_t g = 0; g < ties->groups.size(); ++g) {
     GroupProblem group =
-        ProblemOf(g, cameras, singles, views, *ties, gathered->lattice, sigma, settings);
+        SolveLensesProblemOf(g, cameras, singles, views, *ties, gathered->lattice, sigma, settings);
     const absl::Status added =
         AddGroup(group, cameras, boards, ties->groups[g], sigma, settings, solution);
     if (!added.ok()) return added;

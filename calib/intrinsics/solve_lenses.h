@@ -14,10 +14,10 @@
 #include <vector>
 
 #include "absl/status/statusor.h"
-#include "calib/camera_model.h"
+#include "calib/boards/board.h"
+#include "calib/boards/tag_sighting.h"
+#include "calib/camera/camera_model.h"
 #include "calib/intrinsics/lens_covariance.h"
-#include "calib/tags/board.h"
-#include "calib/tags/tag_sighting.h"
 
 namespace silhouette {
 

@@ -18,14 +18,14 @@
 namespace silhouette {
 namespace {
 
-constexpr double kDegree = 3.14159265358979323846 / 180;
+constexpr double kHandEyeDegree = 3.14159265358979323846 / 180;
 constexpr int kSamples = 200;
 constexpr int kLeastSamples = 30;
 constexpr double kGoodEnough = 2;  // pixels: a seed that needs no further samples
 // The turn about the second axis, root mean square over pairs of poses, from which two axes count.
-constexpr double kLeastTurn = 1.5 * kDegree;
+constexpr double kLeastTurn = 1.5 * kHandEyeDegree;
 // Candidates that are turned by more against the solution do not take part in refining it.
-constexpr double kLargestMisfit = 10 * kDegree;
+constexpr double kLargestMisfit = 10 * kHandEyeDegree;
 
 // A look with the candidate that is taken for it.
 struct Chosen {

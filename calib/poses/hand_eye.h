@@ -6,7 +6,7 @@
 #include <vector>
 
 #include "absl/status/statusor.h"
-#include "calib/camera_model.h"
+#include "calib/camera/camera_model.h"
 #include "calib/poses/pose_network.h"
 
 namespace silhouette {

@@ -8,7 +8,7 @@
 #include <string>
 #include <vector>
 
-#include "calib/camera_model.h"
+#include "calib/camera/camera_model.h"
 #include "calib/poses/pose_solution.h"
 
 namespace silhouette {

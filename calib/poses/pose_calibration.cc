@@ -15,8 +15,8 @@
 namespace silhouette {
 namespace {
 
-constexpr double kRobust = 3;        // sigmas
-constexpr double kFirstRobust = 60;  // sigmas
+constexpr double kPoseCalibrationRobust = 3;  // sigmas
+constexpr double kFirstRobust = 60;           // sigmas
 // A noise that exceeds what was stated by this much is taken for what it is.
 constexpr double kNoiseExcess = 1.3;
 
@@ -121,7 +121,7 @@ absl::StatusOr<PoseSolution> CalibratePoses(const PoseProblem& problem) {
   for (BundlePose& flange : bundle.flanges) flange.constant = problem.robot_exact;
   // Flanges that the robot stated wrongly follow their corners first; then single corners that are
   // wrong lose their pull.
-  if (!Adjust(bundle, kFirstRobust) || !AdjustStepwise(bundle, kRobust)) {
+  if (!Adjust(bundle, kFirstRobust) || !AdjustStepwise(bundle, kPoseCalibrationRobust)) {
     return absl::FailedPreconditionError("no poses were found that explain what was seen");
   }
   for (int i = 0; i < 5 && MarkOutliers(bundle); ++i) {

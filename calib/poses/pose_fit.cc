@@ -14,7 +14,7 @@
 namespace silhouette {
 namespace {
 
-constexpr double kRobust = 3;  // sigmas
+constexpr double kPoseFitRobust = 3;  // sigmas
 
 const std::string& NameOf(const PoseNetwork& network, const BoardPose& board_pose) {
   return network.boards[board_pose.board].board.description().name;
@@ -159,7 +159,7 @@ absl::StatusOr<PoseFit> FitWithExactRobot(const PoseProblem& problem) {
   fit.bundle = BundleOf(fit.network, problem.robot_noise);
   FindResiduals(fit.bundle);
   // Where it fails the residuals stay large, which is what counts.
-  AdjustStepwise(fit.bundle, kRobust);
+  AdjustStepwise(fit.bundle, kPoseFitRobust);
   FindMedians(problem.robot_noise, fit);
   return fit;
 }

@@ -15,7 +15,7 @@ namespace silhouette {
 namespace {
 
 // No robot reaches as far, so that its positions must be in millimetres.
-constexpr double kFarthestFlange = 50;  // metres
+constexpr double kPoseProblemChecksFarthestFlange = 50;  // metres
 
 absl::Status CheckRobotPoses(const PoseProblem& problem) {
   std::set<std::string> frames;
@@ -30,7 +30,7 @@ absl::Status CheckRobotPoses(const PoseProblem& problem) {
       return absl::InvalidArgumentError(
           absl::StrCat("the robot's pose of frame '", pose.frame, "' is not one"));
     }
-    if (pose.base_from_flange.translation().norm() > kFarthestFlange) {
+    if (pose.base_from_flange.translation().norm() > kPoseProblemChecksFarthestFlange) {
       return absl::FailedPreconditionError(absl::StrFormat(
           "the robot's pose of frame '%s' is %.0f m from its base; it looks as if positions are in "
           "millimetres; give metres",

@@ -14,7 +14,7 @@
 namespace silhouette {
 namespace {
 
-constexpr double kDegree = 3.14159265358979323846 / 180;
+constexpr double kPoseReportDegree = 3.14159265358979323846 / 180;
 
 struct Count {
   int used = 0;
@@ -147,7 +147,8 @@ void WarnOfFrames(PoseSolution& solution) {
     }
     if (frame.robot_outlier) {
       robot.push_back(absl::StrFormat("'%s' (%.2f mm, %.3f deg)", frame.name,
-                                      1000 * frame.robot_offset, frame.robot_rotation / kDegree));
+                                      1000 * frame.robot_offset,
+                                      frame.robot_rotation / kPoseReportDegree));
     }
   }
   if (!corners.empty()) {
@@ -167,7 +168,8 @@ void WarnOfSurvey(const NoiseFactors& factors, PoseSolution& solution) {
   for (const SolvedBoard& board : solution.boards) {
     if (!board.survey_outlier) continue;
     boards.push_back(absl::StrFormat("'%s' (%.1f mm, %.2f deg)", board.name,
-                                     1000 * board.survey_offset, board.survey_rotation / kDegree));
+                                     1000 * board.survey_offset,
+                                     board.survey_rotation / kPoseReportDegree));
   }
   if (!boards.empty()) {
     solution.warnings.push_back(absl::StrCat(
@@ -191,7 +193,7 @@ void WarnOfNoise(const PoseFit& fit, const NoiseFactors& factors, PoseSolution& 
     solution.warnings.push_back(absl::StrFormat(
         "the robot's poses are off by %.1f times the sigma stated; --robot-sigma %.2gmm,%.2gdeg "
         "would be right",
-        factors.robot, 1000 * flange.position_sigma, flange.rotation_sigma / kDegree));
+        factors.robot, 1000 * flange.position_sigma, flange.rotation_sigma / kPoseReportDegree));
   }
 }
 

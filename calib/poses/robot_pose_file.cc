@@ -8,12 +8,12 @@
 #include "absl/status/status.h"
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
-#include "calib/tags/csv.h"
+#include "calib/boards/csv.h"
 
 namespace silhouette {
 namespace {
 
-constexpr double kFarthestFlange = 50;  // metres; what is further away is in millimetres
+constexpr double kRobotPoseFarthestFlange = 50;  // metres; what is further away is in millimetres
 
 const std::vector<std::string>& Columns() {
   static const std::vector<std::string> columns = {"frame", "tx", "ty", "tz",
@@ -35,7 +35,7 @@ absl::StatusOr<RobotPose> PoseOf(const CsvRow& row) {
   RobotPose pose{.frame = row.Text(0)};
   if (pose.frame.empty()) return Mistake(row, "the frame has no name");
   const Eigen::Vector3d position(values[0], values[1], values[2]);
-  if (position.norm() > kFarthestFlange) {
+  if (position.norm() > kRobotPoseFarthestFlange) {
     return Mistake(row,
                    absl::StrFormat("the flange is %.0f m from the robot's base; positions look "
                                    "like millimetres, give metres",

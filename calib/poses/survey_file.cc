@@ -4,7 +4,7 @@
 #include <set>
 
 #include "absl/status/status.h"
-#include "tools/yaml/strict_yaml.h"
+#include "common/yaml/strict_yaml.h"
 
 namespace silhouette {
 namespace {

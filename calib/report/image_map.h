@@ -3,7 +3,7 @@
 
 #include <vector>
 
-#include "calib/camera_model.h"
+#include "calib/camera/camera_model.h"
 #include "calib/poses/pose_solution.h"
 #include "calib/report/quality_report.h"
 

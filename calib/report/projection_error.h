@@ -6,7 +6,7 @@
 #include <span>
 #include <vector>
 
-#include "calib/camera_model.h"
+#include "calib/camera/camera_model.h"
 #include "calib/poses/pose_solution.h"
 
 namespace silhouette {

@@ -10,7 +10,7 @@
 #include "calib/report/html_text.h"
 #include "calib/report/pixel_sum.h"
 #include "calib/report/report_judgement.h"
-#include "tools/page/page.h"
+#include "common/page/page.h"
 
 namespace silhouette {
 namespace {

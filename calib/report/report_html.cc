@@ -5,7 +5,7 @@
 #include "calib/report/report_figures.h"
 #include "calib/report/report_judgement.h"
 #include "calib/report/report_tables.h"
-#include "tools/page/page.h"
+#include "common/page/page.h"
 
 namespace silhouette {
 namespace {

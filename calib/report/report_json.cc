@@ -7,7 +7,7 @@ namespace {
 
 using Json = nlohmann::ordered_json;
 
-const char* NameOf(HeldOutBy by) {
+const char* ReportJsonNameOf(HeldOutBy by) {
   switch (by) {
     case HeldOutBy::kFrames:
       return "frames";
@@ -121,7 +121,7 @@ Json ReportJson(const QualityReport& report) {
                {"image_noise_factor", FactorOf(report.image_noise_factor)},
                {"robot_noise_factor", FactorOf(report.robot_noise_factor)},
                {"survey_noise_factor", FactorOf(report.survey_noise_factor)},
-               {"held_out_by", NameOf(report.held_out_by)},
+               {"held_out_by", ReportJsonNameOf(report.held_out_by)},
                {"groups", report.groups},
                {"workspace", report.workspace}};
   for (const char* key : {"views", "pairs", "images", "frames"}) json[key] = Json::array();

@@ -8,7 +8,7 @@
 #include "absl/strings/str_format.h"
 #include "calib/report/html_text.h"
 #include "calib/report/report_judgement.h"
-#include "tools/page/page.h"
+#include "common/page/page.h"
 
 namespace silhouette {
 namespace {

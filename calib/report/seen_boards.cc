@@ -17,7 +17,7 @@ std::map<std::string, Eigen::Isometry3d> BoardsByName(const PoseSolution& soluti
   return poses;
 }
 
-const std::string& NameOf(const PoseNetwork& network, const Look& look) {
+const std::string& SeenBoardsNameOf(const PoseNetwork& network, const Look& look) {
   return network.boards[network.board_poses[look.board_pose].board].board.description().name;
 }
 
@@ -35,7 +35,7 @@ std::vector<Eigen::Vector3d> SpaceOfBoards(const PoseNetwork& network, const Pos
   const std::map<std::string, Eigen::Isometry3d> boards = BoardsByName(solution);
   Eigen::AlignedBox3d box;
   for (const Look& look : network.looks) {
-    const auto board = boards.find(NameOf(network, look));
+    const auto board = boards.find(SeenBoardsNameOf(network, look));
     if (network.views[look.view].on_flange != on_flange || board == boards.end()) continue;
     for (const LookCorner& corner : look.corners) {
       box.extend(network.LinkOf(look) * board->second * corner.point);
@@ -85,7 +85,7 @@ std::vector<std::string> FramesThatFitAnother(const PoseNetwork& network,
   const std::map<std::string, Eigen::Isometry3d> boards = BoardsByName(solution);
   std::set<std::string> found;
   for (const Look& look : network.looks) {
-    const auto board = boards.find(NameOf(network, look));
+    const auto board = boards.find(SeenBoardsNameOf(network, look));
     const int other = look.flange + by;
     if (look.flange < 0 || other < 0 || other >= static_cast<int>(network.robot_poses.size()) ||
         board == boards.end() || look.candidates.empty() || !wrong.contains(look.frame)) {

@@ -8,11 +8,12 @@
 namespace silhouette {
 namespace {
 
-constexpr int kSamples = 2000;      // about so many pixels tell the gain
-constexpr size_t kFewest = 50;      // fewer tell nothing
-constexpr int kCandidates = 40;     // gains that are tried
-constexpr double kDarkest = 12;     // grey levels; darker pixels hardly change with the light
-constexpr double kBrightest = 250;  // brighter ones may have been cut off
+constexpr int kSamples = 2000;   // about so many pixels tell the gain
+constexpr size_t kFewest = 50;   // fewer tell nothing
+constexpr int kCandidates = 40;  // gains that are tried
+constexpr double kBrightnessDarkest =
+    12;  // grey levels; darker pixels hardly change with the light
+constexpr double kBrightnessBrightest = 250;  // brighter ones may have been cut off
 constexpr double kLeastGain = 0.5;
 constexpr double kGreatestGain = 2;
 constexpr double kGreatestOffset = 30;  // grey levels
@@ -47,7 +48,9 @@ Samples TakeSamples(const cv::Mat& image, const Reference& reference, const Slow
       if (noise[i] == Reference::kUndefined) continue;
       const auto slow = static_cast<float>(slow_light.At(x, y, image.size()));
       const float expected = slow * kUnit * static_cast<float>(mean[i]);
-      if (!(expected >= kDarkest && expected <= kBrightest && levels[i] <= kBrightest)) continue;
+      if (!(expected >= kBrightnessDarkest && expected <= kBrightnessBrightest &&
+            levels[i] <= kBrightnessBrightest))
+        continue;
       samples.grey.push_back(levels[i]);
       samples.mean.push_back(expected);
       samples.tolerance.push_back(std::max(1.0F, 3 * kUnit * static_cast<float>(noise[i])));

@@ -10,8 +10,9 @@ namespace {
 
 constexpr double kUnit = 1.0 / Reference::kGreyLevel;
 constexpr double kTiny = 1e-6;
-constexpr double kMostSquared = 64;  // grey levels; more counts as that in squares
-constexpr double kUnsteady = 3;      // times the typical noise: squares of noisier pixels are none
+constexpr double kClosenessMostSquared = 64;  // grey levels; more counts as that in squares
+constexpr double kClosenessUnsteady =
+    3;  // times the typical noise: squares of noisier pixels are none
 
 // One channel as floating-point grey levels.
 struct Channel {
@@ -84,7 +85,7 @@ cv::Mat MeanOverLimit(const Channel& channel, const Around& around,
 cv::Mat TextureOverLimit(const Channel& channel, const Around& around, double steady,
                          const SegmentationSettings& settings) {
   const auto square = [&](const cv::Mat& values) {
-    cv::Mat squared = cv::min(cv::abs(values), kMostSquared);
+    cv::Mat squared = cv::min(cv::abs(values), kClosenessMostSquared);
     squared = squared.mul(squared);
     squared.setTo(0, channel.noise > steady);
     return around.Mean(squared);
@@ -109,7 +110,7 @@ cv::Mat DifferenceOverLimit(const cv::Mat& image, const Reference& reference,
   }
   if (!reference.undefined().empty()) over.setTo(kFarBeyond, reference.undefined());
   const Around around(over <= 1, settings.faint_side);
-  const double steady = std::max(kUnsteady * reference.typical_noise() * kUnit, 1.0);
+  const double steady = std::max(kClosenessUnsteady * reference.typical_noise() * kUnit, 1.0);
   for (const Channel& channel : channels) {
     cv::Mat faint = cv::Mat::zeros(image.size(), CV_32FC1);
     if (settings.faint_difference > 0) faint = MeanOverLimit(channel, around, settings);

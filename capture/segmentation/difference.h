@@ -6,7 +6,7 @@
 #include "capture/segmentation/reference.h"
 #include "capture/segmentation/settings.h"
 #include "capture/segmentation/slow_light.h"
-#include "db/mask.h"
+#include "db/mask/mask.h"
 
 namespace silhouette {
 

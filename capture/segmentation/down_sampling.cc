@@ -35,7 +35,7 @@ std::vector<Span> Spans(int camera_pixels, int mask_pixels) {
 }
 
 // The foreground's length within a span of a row.
-int64_t Covered(const uint8_t* row, const Span& span, int64_t whole) {
+int64_t DownSamplingCovered(const uint8_t* row, const Span& span, int64_t whole) {
   int64_t covered = row[span.first] != 0 ? span.first_length : 0;
   for (int x = span.first + 1; x < span.last; ++x) covered += row[x] != 0 ? whole : 0;
   return covered + (row[span.last] != 0 ? span.last_length : 0);
@@ -91,7 +91,7 @@ Mask DownSample(const cv::Mat& foreground, MaskSize size, double min_cover) {
                                                 : size.height;
       const auto* pixels = foreground.ptr<uint8_t>(row);
       for (size_t x = 0; x < columns.size(); ++x) {
-        areas[x] += length * Covered(pixels, columns[x], size.width);
+        areas[x] += length * DownSamplingCovered(pixels, columns[x], size.width);
       }
     }
     for (size_t x = 0; x < columns.size(); ++x) {

@@ -3,7 +3,7 @@
 
 #include <opencv2/core.hpp>
 
-#include "db/mask.h"
+#include "db/mask/mask.h"
 
 namespace silhouette {
 

@@ -10,13 +10,13 @@
 namespace silhouette {
 namespace {
 
-constexpr int kBrightest = 255 * kDifferenceUnit;  // a camera shows nothing brighter
+constexpr int kOpenValuesBrightest = 255 * kDifferenceUnit;  // a camera shows nothing brighter
 // From the reference's units to kDifferenceUnit-ths.
 constexpr float kNoiseUnit = static_cast<float>(kDifferenceUnit) / Reference::kGreyLevel;
 // Squares are those of 16ths of a grey level, of 64 grey levels at the most.
 constexpr float kSquareUnit = 16;
-constexpr int16_t kMostSquared = 1023;
-constexpr int kUnsteady = 3;  // times the typical noise
+constexpr int16_t kOpenValuesMostSquared = 1023;
+constexpr int kOpenValuesUnsteady = 3;  // times the typical noise
 
 }  // namespace
 
@@ -24,13 +24,14 @@ DeviationLimits LimitsOf(const SegmentationSettings& settings, const Brightness&
                          const Reference& reference) {
   const auto factor = static_cast<float>(settings.noise_factor);
   const auto texture = static_cast<float>(settings.texture_difference) * kSquareUnit;
-  return {.noise_factor = factor * kNoiseUnit,
-          .least = static_cast<float>(settings.min_difference) * kDifferenceUnit,
-          .faint = static_cast<float>(settings.faint_difference) * kDifferenceUnit,
-          .squared_factor = 2 * factor * factor,
-          .texture_squared = texture * texture,
-          .offset = static_cast<int>(std::lround(brightness.offset * kDifferenceUnit)),
-          .steady = std::max(kUnsteady * reference.typical_noise(), Reference::kGreyLevel)};
+  return {
+      .noise_factor = factor * kNoiseUnit,
+      .least = static_cast<float>(settings.min_difference) * kDifferenceUnit,
+      .faint = static_cast<float>(settings.faint_difference) * kDifferenceUnit,
+      .squared_factor = 2 * factor * factor,
+      .texture_squared = texture * texture,
+      .offset = static_cast<int>(std::lround(brightness.offset * kDifferenceUnit)),
+      .steady = std::max(kOpenValuesUnsteady * reference.typical_noise(), Reference::kGreyLevel)};
 }
 
 SILHOUETTE_WIDER_VECTORS void FindDifferences(const uint8_t* __restrict image,
@@ -38,9 +39,10 @@ SILHOUETTE_WIDER_VECTORS void FindDifferences(const uint8_t* __restrict image,
                                               const uint16_t* __restrict gain, int offset,
                                               int values, int16_t* __restrict difference) {
   constexpr uint16_t kSaturated = Reference::kSaturated * Reference::kGreyLevel;
-  // What is expected is within 0 and kBrightest: so much may it be before the offset is added.
+  // What is expected is within 0 and kOpenValuesBrightest: so much may it be before the offset is
+  // added.
   const auto least = static_cast<uint16_t>(std::clamp(-offset, 0, 65535));
-  const auto most = static_cast<uint16_t>(std::clamp(kBrightest - offset, 0, 65535));
+  const auto most = static_cast<uint16_t>(std::clamp(kOpenValuesBrightest - offset, 0, 65535));
   const auto more = static_cast<uint16_t>(offset);
   for (int i = 0; i < values; ++i) {
     const auto scaled = static_cast<uint16_t>((static_cast<uint32_t>(mean[i]) * gain[i]) >> 16);
@@ -83,8 +85,9 @@ SILHOUETTE_WIDER_VECTORS void KeepOpen(const uint8_t* __restrict deviates,
     const auto keep = static_cast<int16_t>(counts ? -1 : 0);
     const auto size = static_cast<int16_t>(std::abs(difference[i]) >> 3);
     const auto own = static_cast<int16_t>(noise[i] >> 4);
-    const auto difference_size = static_cast<int16_t>(std::min(size, kMostSquared) & keep);
-    const auto noise_size = static_cast<int16_t>(std::min(own, kMostSquared) & keep);
+    const auto difference_size =
+        static_cast<int16_t>(std::min(size, kOpenValuesMostSquared) & keep);
+    const auto noise_size = static_cast<int16_t>(std::min(own, kOpenValuesMostSquared) & keep);
     square[i] = int32_t{difference_size} * difference_size;
     variance[i] = int32_t{noise_size} * noise_size;
   }

@@ -18,7 +18,7 @@ namespace {
 constexpr double kTypicalNoiseWeight = 8;
 // A pixel's noise is at least its largest deviation over this.
 constexpr double kJump = 4;
-constexpr double kUnsteady = 4;  // times the typical noise
+constexpr double kReferenceUnsteady = 4;  // times the typical noise
 
 // The variance of which most pixels' sample variances, of `degrees` degrees of freedom, are
 // samples.
@@ -185,7 +185,7 @@ Reference::Figures Reference::Describe() const {
   figures.mean_noise = sum / kGreyLevel / static_cast<double>(sorted.size());
   const auto middle = sorted.begin() + static_cast<std::ptrdiff_t>(sorted.size() / 2);
   std::nth_element(sorted.begin(), middle, sorted.end());
-  const double unsteady = kUnsteady * std::max<double>(*middle, kGreyLevel / 4.0);
+  const double unsteady = kReferenceUnsteady * std::max<double>(*middle, kGreyLevel / 4.0);
   for (int y = 0; y < noise_.rows; ++y) {
     const auto* noise = noise_.ptr<uint16_t>(y);
     const auto* mean = mean_.ptr<uint16_t>(y);

@@ -14,7 +14,8 @@ namespace {
 // typical deviation of the pixel's values, are something else than the cell.
 constexpr double kNear = 6;
 constexpr double kNearDeviations = 4;
-constexpr double kEnough = 0.6;              // share of the values that must be near the median
+constexpr double kReferenceWithRobotEnough =
+    0.6;                                     // share of the values that must be near the median
 constexpr double kTypicalWeight = 8;         // as many images' worth of trust has the typical noise
 constexpr double kNormalDeviation = 1.4826;  // times the median deviation
 
@@ -49,7 +50,7 @@ Seen SeenOf(std::vector<double>& values) {
     if (std::abs(value - median) <= near) seen.squares += (value - seen.mean) * (value - seen.mean);
   }
   seen.known = seen.count >= Reference::kFewestUncovered &&
-               seen.count >= kEnough * static_cast<double>(values.size());
+               seen.count >= kReferenceWithRobotEnough * static_cast<double>(values.size());
   return seen;
 }
 

@@ -9,8 +9,8 @@
 namespace silhouette {
 namespace {
 
-constexpr int kSide = 9;          // of the surroundings that are looked at
-constexpr float kDarkest = 0.3F;  // a shadow leaves so much of the light
+constexpr int kSide = 9;                 // of the surroundings that are looked at
+constexpr float kShadowsDarkest = 0.3F;  // a shadow leaves so much of the light
 constexpr float kFaintest = 0.99F;
 // Residuals may be so many standard deviations above what noise alone makes.
 constexpr float kResidual = 5;
@@ -19,7 +19,7 @@ constexpr float kModelError = 0.006F;
 // By how much, in noise variances, one colour must fit worse than the cell's texture.
 constexpr float kEvidence = 20;
 constexpr int kRounds = 4;  // in which pixels between such join them
-constexpr double kEnough =
+constexpr double kShadowsEnough =
     0.4;  // share of the foreground around that is certain, for pixels between
 constexpr float kTolerance = 4;  // standard deviations, of single pixels beside a shadow
 
@@ -92,7 +92,7 @@ bool IsCandidate(const Expected& expected, int x, int channels) {
     if (!expected.Usable(i)) return false;
     const float level = expected.Level(x, i);
     const float slack = kTolerance * expected.Noise(i);
-    if (expected.Seen(i) > level + slack || expected.Seen(i) < kDarkest * level - slack) {
+    if (expected.Seen(i) > level + slack || expected.Seen(i) < kShadowsDarkest * level - slack) {
       return false;
     }
   }
@@ -141,7 +141,7 @@ cv::Mat CertainFactors(Terms& terms) {
       const float count = terms.count.at<float>(y, x);
       if (terms.candidate.at<uint8_t>(y, x) == 0 || count < kSide * kSide / 3.0F) continue;
       const float factor = terms.ie.at<float>(y, x) / terms.ee.at<float>(y, x);
-      if (factor < kDarkest || factor > kFaintest) continue;
+      if (factor < kShadowsDarkest || factor > kFaintest) continue;
       const float ii = terms.ii.at<float>(y, x);
       // What is left of the image by either explanation.
       const float shadow = ii - factor * terms.ie.at<float>(y, x);
@@ -167,7 +167,7 @@ cv::Mat Among(const cv::Mat& factors, const cv::Mat& foreground) {
   foreground.convertTo(all, CV_32F);
   SumAround(certain);
   SumAround(all);
-  return certain >= kEnough * all;
+  return certain >= kShadowsEnough * all;
 }
 
 // The least factor of a certain shadow within reach; 2: there is none.

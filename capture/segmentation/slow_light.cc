@@ -14,14 +14,14 @@ namespace silhouette {
 namespace {
 
 constexpr int kTiles = SlowLight::kColumns * SlowLight::kRows;
-constexpr int kStride = 3;       // every so many pixels are looked at, along both axes
-constexpr double kEnough = 0.2;  // share of a tile's pixels that tell its factor
-constexpr int kFewestTiles = 8;  // that tell how the light changes elsewhere
+constexpr int kStride = 3;                // every so many pixels are looked at, along both axes
+constexpr double kSlowLightEnough = 0.2;  // share of a tile's pixels that tell its factor
+constexpr int kFewestTiles = 8;           // that tell how the light changes elsewhere
 // A single image's noise moves a factor as little as the time since the one before is shorter than
 // that.
 constexpr double kSmoothingSeconds = 20;
-constexpr uint16_t kDarkest = 12 * Reference::kGreyLevel;
-constexpr uint16_t kBrightest = 240 * Reference::kGreyLevel;
+constexpr uint16_t kSlowLightDarkest = 12 * Reference::kGreyLevel;
+constexpr uint16_t kSlowLightBrightest = 240 * Reference::kGreyLevel;
 
 // A place along one axis, on the line through the middles of two neighbouring tiles; beyond the
 // outermost middles the lines go on.
@@ -85,8 +85,8 @@ std::vector<std::optional<double>> FactorsSeen(const cv::Mat& image, const Refer
       ++looked_at[tile];
       if (hidden[x] != 0) continue;
       const int i = x * channels + x / kStride % channels;
-      if (mean[i] < kDarkest || mean[i] > kBrightest || noise[i] == Reference::kUndefined ||
-          levels[i] >= Reference::kSaturated) {
+      if (mean[i] < kSlowLightDarkest || mean[i] > kSlowLightBrightest ||
+          noise[i] == Reference::kUndefined || levels[i] >= Reference::kSaturated) {
         continue;
       }
       ratios[tile].push_back((levels[i] - brightness.offset) * Reference::kGreyLevel /
@@ -96,7 +96,8 @@ std::vector<std::optional<double>> FactorsSeen(const cv::Mat& image, const Refer
   std::vector<std::optional<double>> factors(kTiles);
   for (size_t tile = 0; tile < kTiles; ++tile) {
     std::vector<double>& seen = ratios[tile];
-    if (static_cast<double>(seen.size()) < kEnough * looked_at[tile] || seen.size() < 10) continue;
+    if (static_cast<double>(seen.size()) < kSlowLightEnough * looked_at[tile] || seen.size() < 10)
+      continue;
     const auto middle = seen.begin() + static_cast<std::ptrdiff_t>(seen.size() / 2);
     std::nth_element(seen.begin(), middle, seen.end());
     factors[tile] = *middle;
@@ -105,7 +106,7 @@ std::vector<std::optional<double>> FactorsSeen(const cv::Mat& image, const Refer
 }
 
 // The foreground with what is near it.
-cv::Mat Covered(const cv::Mat& foreground) {
+cv::Mat SlowLightCovered(const cv::Mat& foreground) {
   const int reach =
       std::min(foreground.cols / SlowLight::kColumns, foreground.rows / SlowLight::kRows) / 4;
   cv::Mat covered;
@@ -153,7 +154,7 @@ SlowLight SlowLight::Learn(const cv::Mat& image, const Reference& reference,
   }
   const Brightness brightness = BrightnessOf(image, reference, *this);
   std::vector<std::optional<double>> seen =
-      FactorsSeen(image, reference, Covered(foreground), brightness);
+      FactorsSeen(image, reference, SlowLightCovered(foreground), brightness);
   const Plane plane(seen);
   SlowLight next;
   next.factors_ = none() ? std::vector<double>(kTiles, 1) : factors_;

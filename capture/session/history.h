@@ -8,7 +8,7 @@
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
 #include "absl/time/time.h"
-#include "db/store.h"
+#include "db/store/store.h"
 
 namespace silhouette {
 

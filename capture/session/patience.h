@@ -6,8 +6,8 @@
 
 #include "absl/status/status.h"
 #include "absl/time/time.h"
-#include "capture/capture_observer.h"
-#include "capture/capture_report.h"
+#include "capture/session/capture_observer.h"
+#include "capture/session/capture_report.h"
 
 namespace silhouette {
 

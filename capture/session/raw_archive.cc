@@ -2,7 +2,7 @@
 
 #include <opencv2/imgcodecs.hpp>
 
-#include "capture/reference_images.h"
+#include "capture/session/reference_images.h"
 
 namespace silhouette {
 namespace {

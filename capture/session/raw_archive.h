@@ -7,9 +7,9 @@
 #include <vector>
 
 #include "absl/status/statusor.h"
-#include "capture/capture_settings.h"
-#include "capture/cell_cameras.h"
-#include "db/store.h"
+#include "capture/session/capture_settings.h"
+#include "capture/session/cell_cameras.h"
+#include "db/store/store.h"
 
 namespace silhouette {
 

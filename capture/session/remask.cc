@@ -9,10 +9,10 @@
 #include <utility>
 
 #include "absl/strings/str_cat.h"
-#include "capture/reference_images.h"
 #include "capture/segmentation/difference.h"
 #include "capture/session/raw_archive.h"
-#include "db/schema.h"
+#include "capture/session/reference_images.h"
+#include "db/store/schema.h"
 
 namespace silhouette {
 namespace {

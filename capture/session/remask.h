@@ -9,7 +9,7 @@
 
 #include "absl/status/statusor.h"
 #include "capture/segmentation/settings.h"
-#include "db/store.h"
+#include "db/store/store.h"
 
 namespace silhouette {
 

@@ -7,7 +7,7 @@
 
 #include "capture/segmentation/reference.h"
 #include "capture/session/image_shift.h"
-#include "db/mask.h"
+#include "db/mask/mask.h"
 
 namespace silhouette {
 

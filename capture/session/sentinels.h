@@ -12,7 +12,7 @@
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
 #include "absl/time/time.h"
-#include "capture/capture_plan.h"
+#include "capture/session/capture_plan.h"
 #include "capture/session/sentinel_sight.h"
 #include "capture/session/session_parts.h"
 #include "capture/session/visitor.h"

@@ -3,13 +3,13 @@
 
 #include <vector>
 
-#include "capture/capture_settings.h"
-#include "capture/cell_cameras.h"
-#include "capture/cell_robot.h"
 #include "capture/segmentation/reference.h"
 #include "capture/segmentation/settings.h"
-#include "capture/travel.h"
-#include "db/store.h"
+#include "capture/session/capture_settings.h"
+#include "capture/session/cell_cameras.h"
+#include "capture/session/cell_robot.h"
+#include "capture/session/travel.h"
+#include "db/store/store.h"
 
 namespace silhouette {
 

@@ -9,9 +9,9 @@
 #include <vector>
 
 #include "absl/status/statusor.h"
-#include "capture/cell_cameras.h"
+#include "capture/session/cell_cameras.h"
 #include "capture/session/session_parts.h"
-#include "db/configuration_grid.h"
+#include "db/mask/configuration_grid.h"
 
 namespace silhouette {
 

@@ -5,8 +5,8 @@
 #include <array>
 #include <vector>
 
-#include "calib/tags/board.h"
-#include "calib/tags/tag_family.h"
+#include "calib/boards/board.h"
+#include "calib/boards/tag_family.h"
 
 namespace silhouette {
 

@@ -11,7 +11,8 @@ namespace {
 
 constexpr float kPaper = 0.9F;  // share of the light that is thrown back
 constexpr float kInk = 0.05F;
-constexpr float kLift = 1e-4F;  // metres off a surface, so that it does not shadow itself
+constexpr float kBoardTracerLift =
+    1e-4F;  // metres off a surface, so that it does not shadow itself
 constexpr int kNothing = -1;
 constexpr size_t kRays = 64;  // through a pixel that shows more than one thing
 
@@ -157,7 +158,7 @@ class BoardTracer::Work {
   // The share of the light that a surface at `point` gets; `normal` towards the camera.
   float LightAt(const Eigen::Vector3f& point, const Eigen::Vector3f& normal) {
     const double cosine = -normal.dot(light_.direction.cast<float>());
-    const bool shadow = cosine <= 0 || InShadow(point + kLift * normal);
+    const bool shadow = cosine <= 0 || InShadow(point + kBoardTracerLift * normal);
     return static_cast<float>(Illumination(light_, cosine, shadow));
   }
 
@@ -209,7 +210,7 @@ class BoardTracer::Work {
         static_cast<size_t>(tracer_.settings_.cameras[pixels_.camera].model.intrinsics().width);
     const size_t pixel = static_cast<size_t>(pixels_.y) * width + x;
     if (background.receives_shadow[pixel] == 0) return background.lit[pixel];
-    const float reach = background.distance[pixel] - kLift;
+    const float reach = background.distance[pixel] - kBoardTracerLift;
     const bool shadow = InShadow(centre_.cast<float>() + reach * background.ray[pixel]);
     return shadow ? background.shadowed[pixel] : background.lit[pixel];
   }

@@ -7,8 +7,8 @@
 #include <string>
 #include <vector>
 
-#include "calib/robot_model.h"
-#include "calib/triangle_mesh.h"
+#include "calib/robot/robot_model.h"
+#include "calib/robot/triangle_mesh.h"
 #include "capture/sim/obstacles.h"
 
 namespace silhouette {

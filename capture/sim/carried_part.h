@@ -7,9 +7,9 @@
 #include <vector>
 
 #include "absl/status/statusor.h"
-#include "calib/robot_model.h"
+#include "calib/robot/robot_model.h"
 #include "capture/sim/placed_shape.h"
-#include "tools/yaml/strict_yaml.h"
+#include "common/yaml/strict_yaml.h"
 
 namespace silhouette {
 

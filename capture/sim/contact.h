@@ -7,7 +7,7 @@
 #include <string>
 #include <vector>
 
-#include "calib/robot_model.h"
+#include "calib/robot/robot_model.h"
 #include "capture/sim/body_part.h"
 #include "capture/sim/obstacles.h"
 

@@ -5,7 +5,7 @@
 #include <numbers>
 #include <string>
 
-#include "calib/reach.h"
+#include "calib/robot/reach.h"
 
 namespace silhouette {
 

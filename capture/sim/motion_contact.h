@@ -6,7 +6,7 @@
 #include <vector>
 
 #include "absl/status/statusor.h"
-#include "calib/robot_model.h"
+#include "calib/robot/robot_model.h"
 #include "capture/sim/contact.h"
 
 namespace silhouette {

@@ -9,7 +9,7 @@
 #include <vector>
 
 #include "absl/status/statusor.h"
-#include "calib/triangle_mesh.h"
+#include "calib/robot/triangle_mesh.h"
 
 namespace silhouette {
 

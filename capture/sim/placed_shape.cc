@@ -4,7 +4,7 @@
 #include <optional>
 #include <utility>
 
-#include "calib/mesh_file.h"
+#include "calib/robot/mesh_file.h"
 #include "capture/sim/yaml_values.h"
 
 namespace silhouette {

@@ -4,8 +4,8 @@
 #include <Eigen/Geometry>
 #include <string>
 
-#include "calib/triangle_mesh.h"
-#include "tools/yaml/strict_yaml.h"
+#include "calib/robot/triangle_mesh.h"
+#include "common/yaml/strict_yaml.h"
 
 namespace silhouette {
 

@@ -6,8 +6,8 @@
 #include <string>
 #include <vector>
 
-#include "calib/tags/board.h"
-#include "tools/yaml/strict_yaml.h"
+#include "calib/boards/board.h"
+#include "common/yaml/strict_yaml.h"
 
 namespace silhouette {
 

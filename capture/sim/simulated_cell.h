@@ -13,8 +13,8 @@
 
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
-#include "calib/robot_model.h"
-#include "capture/devices.h"
+#include "calib/robot/robot_model.h"
+#include "capture/devices/devices.h"
 #include "capture/sim/image_sensor.h"
 #include "capture/sim/obstacles.h"
 #include "capture/sim/renderer.h"

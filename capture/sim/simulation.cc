@@ -7,7 +7,7 @@
 #include <stdexcept>
 
 #include "capture/sim/yaml_values.h"
-#include "tools/yaml/strict_yaml.h"
+#include "common/yaml/strict_yaml.h"
 
 namespace silhouette {
 namespace {

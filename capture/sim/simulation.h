@@ -10,7 +10,7 @@
 
 #include "absl/status/statusor.h"
 #include "absl/time/time.h"
-#include "calib/camera_model.h"
+#include "calib/camera/camera_model.h"
 #include "capture/sim/carried_part.h"
 #include "capture/sim/simulated_board.h"
 

@@ -8,9 +8,9 @@
 #include <string>
 #include <vector>
 
-#include "calib/camera_model.h"
-#include "calib/tags/board.h"
-#include "calib/tags/tag_sighting.h"
+#include "calib/boards/board.h"
+#include "calib/boards/tag_sighting.h"
+#include "calib/camera/camera_model.h"
 #include "capture/sim/chance.h"
 
 namespace silhouette {

@@ -3,7 +3,7 @@
 
 #include <Eigen/Geometry>
 
-#include "tools/yaml/strict_yaml.h"
+#include "common/yaml/strict_yaml.h"
 
 namespace silhouette {
 

@@ -9,7 +9,7 @@
 namespace silhouette::client {
 namespace {
 
-using Clock = std::chrono::steady_clock;
+using CheckStreamClock = std::chrono::steady_clock;
 
 absl::Status NotAsked() { return absl::FailedPreconditionError("the question was another one"); }
 
@@ -82,7 +82,7 @@ absl::Status CheckStream::Impl::Send(v1::StreamChecksRequest question) {
       .id = question.id(),
       .configurations = std::nullopt,
       .clearance = path ? clearance_of(question.path()) : clearance_of(question.configurations()),
-      .asked = Clock::now()};
+      .asked = CheckStreamClock::now()};
   if (!path) {
     sent.configurations = static_cast<size_t>(question.configurations().configurations_size());
   }

@@ -2,22 +2,22 @@
 #   cmake --install build/release --component client --prefix DIR
 # Then find_package(silhouette) gives silhouette::client and what it needs.
 #
-# All headers are included as <silhouette/...>: db/mask.h and db/configuration_grid.h stand in the
+# All headers are included as <silhouette/...>: db/mask/mask.h and db/mask/configuration_grid.h stand in the
 # place of the headers that forward to them in the source tree.
 set(package_dir ${CMAKE_INSTALL_LIBDIR}/cmake/silhouette)
 
-foreach(target IN ITEMS mask proto shared_map client)
-  set_target_properties(silhouette_${target} PROPERTIES EXPORT_NAME ${target})
+foreach(target IN ITEMS db_mask proto clients_shared_map clients_cpp)
   install(TARGETS silhouette_${target} EXPORT silhouette
     ARCHIVE DESTINATION ${CMAKE_INSTALL_LIBDIR} COMPONENT client
     INCLUDES DESTINATION ${CMAKE_INSTALL_INCLUDEDIR})
 endforeach()
+set_target_properties(silhouette_clients_cpp PROPERTIES EXPORT_NAME client)
 
 install(DIRECTORY silhouette/ DESTINATION ${CMAKE_INSTALL_INCLUDEDIR}/silhouette COMPONENT client
   FILES_MATCHING PATTERN "*.h"
   PATTERN mask.h EXCLUDE
   PATTERN configuration_grid.h EXCLUDE)
-install(FILES ${PROJECT_SOURCE_DIR}/db/mask.h ${PROJECT_SOURCE_DIR}/db/configuration_grid.h
+install(FILES ${PROJECT_SOURCE_DIR}/db/mask/mask.h ${PROJECT_SOURCE_DIR}/db/mask/configuration_grid.h
   DESTINATION ${CMAKE_INSTALL_INCLUDEDIR}/silhouette COMPONENT client)
 install(DIRECTORY ${PROJECT_BINARY_DIR}/generated/silhouette/v1
   DESTINATION ${CMAKE_INSTALL_INCLUDEDIR}/silhouette COMPONENT client

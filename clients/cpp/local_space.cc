@@ -22,7 +22,7 @@
 namespace silhouette::client {
 namespace {
 
-using Clock = std::chrono::steady_clock;
+using LocalSpaceClock = std::chrono::steady_clock;
 using Content = SpaceSnapshot::Content;
 
 // Between attempts to connect: at first, and at most.
@@ -116,7 +116,7 @@ class LocalSpace::Impl {
     std::optional<OffGridRule> rule;
     v1::WatchConfigurationSpaceResponse part;
     while (reader.Read(&part)) {
-      const Clock::time_point received = Clock::now();
+      const LocalSpaceClock::time_point received = LocalSpaceClock::now();
       absl::StatusOr<std::optional<SpaceUpdate>> update = assembly.Add(part);
       if (!update.ok()) {
         reason = Reason::kUpdateMalformed;
@@ -128,7 +128,8 @@ class LocalSpace::Impl {
         reason = Reason::kUpdateMalformed;
         return of_set;
       }
-      const absl::StatusOr<Clock::time_point> made = clock.MadeAt((*update)->basis, received);
+      const absl::StatusOr<LocalSpaceClock::time_point> made =
+          clock.MadeAt((*update)->basis, received);
       if (!made.ok()) {
         reason = Reason::kAgeUnknown;
         return made.status();
@@ -142,7 +143,7 @@ class LocalSpace::Impl {
     return absl::OkStatus();
   }
 
-  void Take(const SpaceUpdate& update, Clock::time_point made,
+  void Take(const SpaceUpdate& update, LocalSpaceClock::time_point made,
             const std::optional<OffGridRule>& rule) {
     Publish([&](Content& content) {
       const uint64_t number = content.number + 1;

@@ -12,13 +12,15 @@ namespace silhouette::client {
 
 namespace {
 
-using Clock = std::chrono::steady_clock;
+using PathWatchClock = std::chrono::steady_clock;
 
-constexpr absl::Duration kVeryLong = absl::Hours(24 * 3650);
+constexpr absl::Duration kPathWatchVeryLong = absl::Hours(24 * 3650);
 
 }  // namespace
 
-bool PathUpdate::FreeNow() const { return check.verdict.free() && Clock::now() < valid_until; }
+bool PathUpdate::FreeNow() const {
+  return check.verdict.free() && PathWatchClock::now() < valid_until;
+}
 
 PathWatch::PathWatch(std::unique_ptr<Impl> impl) : impl_(std::move(impl)) {}
 PathWatch::~PathWatch() = default;
@@ -46,8 +48,9 @@ PathWatch::Impl::Impl(std::shared_ptr<const Connection> connection, absl::Durati
 void PathWatch::Impl::Cancel() { cancellation_.Cancel(); }
 
 absl::StatusOr<PathUpdate> PathWatch::Impl::Next(absl::Duration timeout) {
-  const absl::Duration bounded = std::clamp(timeout, absl::ZeroDuration(), kVeryLong);
-  const Clock::time_point deadline = Clock::now() + absl::ToChronoNanoseconds(bounded);
+  const absl::Duration bounded = std::clamp(timeout, absl::ZeroDuration(), kPathWatchVeryLong);
+  const PathWatchClock::time_point deadline =
+      PathWatchClock::now() + absl::ToChronoNanoseconds(bounded);
   std::unique_lock lock(mutex_);
   if (!changed_.wait_until(lock, deadline, [this] { return newest_ || ended_; })) {
     return absl::DeadlineExceededError(
@@ -76,11 +79,11 @@ absl::Status PathWatch::Impl::Run() {
 }
 
 absl::Status PathWatch::Impl::Take(const v1::WatchPathResponse& response, ServerClock& clock) {
-  const Clock::time_point received = Clock::now();
+  const PathWatchClock::time_point received = PathWatchClock::now();
   const v1::Basis& basis = response.check().basis();
   const absl::Status of_set = RequireSet(request_.set(), basis, connection_->address());
   if (!of_set.ok()) return of_set;
-  const absl::StatusOr<Clock::time_point> made = clock.MadeAt(basis, received);
+  const absl::StatusOr<PathWatchClock::time_point> made = clock.MadeAt(basis, received);
   if (!made.ok()) return made.status();
   absl::StatusOr<PathCheck> check =
       AnswerFrom(response.check(), clearance_, *made, connection_->address());

@@ -10,10 +10,10 @@
 namespace silhouette::client {
 namespace {
 
-using Clock = std::chrono::steady_clock;
+using ServerClockClock = std::chrono::steady_clock;
 
 constexpr absl::Duration kLongestRoundTrip = absl::Seconds(1);
-constexpr Clock::duration kBetweenRoundTrips = std::chrono::seconds(1);
+constexpr ServerClockClock::duration kBetweenRoundTrips = std::chrono::seconds(1);
 
 }  // namespace
 
@@ -27,11 +27,11 @@ absl::Status ServerClock::Measure() {
   grpc::ClientContext context;
   const Cancellation::Call call(cancellation_, context);
   v1::CheckConfigurationsResponse response;
-  const Clock::time_point asked = Clock::now();
+  const ServerClockClock::time_point asked = ServerClockClock::now();
   const absl::Status status = connection_->Call(
       context, connection_->collisions(), &v1::CollisionService::Stub::CheckConfigurations,
       v1::CheckConfigurationsRequest(), timeout_, response);
-  const Clock::time_point answered = Clock::now();
+  const ServerClockClock::time_point answered = ServerClockClock::now();
   // A slow server is not asked the more.
   next_ = answered + std::max(kBetweenRoundTrips, 4 * (answered - asked));
   if (!status.ok()) return status;
@@ -48,7 +48,7 @@ absl::Status ServerClock::Measure() {
 absl::StatusOr<ServerTime::Time> ServerClock::MadeAt(const v1::Basis& basis,
                                                      ServerTime::Time received) {
   absl::Status measured;
-  if (Clock::now() >= next_) measured = Measure();
+  if (ServerClockClock::now() >= next_) measured = Measure();
   if (measured.code() == absl::StatusCode::kUnimplemented) return measured;
   if (!basis.has_server_clock()) {
     return absl::UnimplementedError(absl::StrCat("the server at ", connection_->address(),

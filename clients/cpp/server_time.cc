@@ -6,7 +6,7 @@ namespace silhouette::client {
 namespace {
 
 // What is older is told to be so old: durations beyond cannot be reckoned with.
-constexpr absl::Duration kVeryLong = absl::Hours(24 * 36500);
+constexpr absl::Duration kServerTimeVeryLong = absl::Hours(24 * 36500);
 
 absl::Duration SinceEpoch(ServerTime::Time time) {
   return absl::FromChrono(time.time_since_epoch());
@@ -30,8 +30,8 @@ std::optional<ServerTime::Time> ServerTime::Earliest(absl::Duration server_clock
     return std::nullopt;
   }
   // Rounded up, as all of it.
-  return received -
-         (absl::ToChronoNanoseconds(std::min(waited, kVeryLong)) + std::chrono::nanoseconds(1));
+  return received - (absl::ToChronoNanoseconds(std::min(waited, kServerTimeVeryLong)) +
+                     std::chrono::nanoseconds(1));
 }
 
 }  // namespace silhouette::client

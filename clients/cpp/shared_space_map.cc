@@ -14,7 +14,7 @@ using Outcome = shared_map::Reader::Outcome;
 // A reason that is not known here is one all the same: `otherwise`.
 Reason ReasonOf(uint64_t word, Reason otherwise) {
   if (word == 0 || word > static_cast<uint64_t>(v1::Verdict::Reason_MAX)) return otherwise;
-  const Reason reason = FromMessage(static_cast<v1::Verdict::Reason>(word));
+  const Reason reason = client::FromMessage(static_cast<v1::Verdict::Reason>(word));
   return reason == Reason::kUnspecified ? otherwise : reason;
 }
 

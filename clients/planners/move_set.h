@@ -7,7 +7,7 @@
 #include <vector>
 
 #include "clients/planners/wave_propagation.h"
-#include "db/configuration_grid.h"
+#include "db/mask/configuration_grid.h"
 
 namespace silhouette {
 

@@ -9,7 +9,7 @@
 
 #include "clients/planners/move_set.h"
 #include "clients/planners/wave_propagation.h"
-#include "db/configuration_grid.h"
+#include "db/mask/configuration_grid.h"
 
 namespace silhouette {
 

@@ -10,7 +10,7 @@
 #include <string>
 #include <vector>
 
-#include "db/configuration_grid.h"
+#include "db/mask/configuration_grid.h"
 
 namespace silhouette {
 

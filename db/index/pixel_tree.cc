@@ -8,7 +8,9 @@
 namespace silhouette {
 namespace {
 
-bool At(std::span<const uint64_t> bits, size_t i) { return (bits[i / 64] >> (i % 64) & 1) != 0; }
+bool PixelTreeAt(std::span<const uint64_t> bits, size_t i) {
+  return (bits[i / 64] >> (i % 64) & 1) != 0;
+}
 void Insert(std::span<uint64_t> bits, size_t i) { bits[i / 64] |= uint64_t{1} << (i % 64); }
 void Remove(std::span<uint64_t> bits, size_t i) { bits[i / 64] &= ~(uint64_t{1} << (i % 64)); }
 
@@ -37,11 +39,12 @@ Nodes PixelTree::Cover(const Mask& mask) const {
       for (int x = 0; x < here.width; ++x) {
         const int right = std::min(2 * x + 1, below.width - 1);
         const int bottom = std::min(2 * y + 1, below.height - 1);
-        // At the rim some of them are the same.
+        // PixelTreeAt the rim some of them are the same.
         const std::array<size_t, 4> children = {
             NodeOf(level - 1, 2 * x, 2 * y), NodeOf(level - 1, right, 2 * y),
             NodeOf(level - 1, 2 * x, bottom), NodeOf(level - 1, right, bottom)};
-        if (!std::ranges::all_of(children, [&](size_t child) { return At(bits, child); })) continue;
+        if (!std::ranges::all_of(children, [&](size_t child) { return PixelTreeAt(bits, child); }))
+          continue;
         Insert(bits, NodeOf(level, x, y));
         for (const size_t child : children) Remove(bits, child);
         any = true;

@@ -9,7 +9,7 @@
 #include <cstdint>
 #include <vector>
 
-#include "db/mask.h"
+#include "db/mask/mask.h"
 
 namespace silhouette {
 

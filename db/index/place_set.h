@@ -7,7 +7,7 @@
 #include <span>
 #include <vector>
 
-#include "db/configuration_grid.h"
+#include "db/mask/configuration_grid.h"
 
 namespace silhouette {
 

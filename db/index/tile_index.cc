@@ -16,7 +16,7 @@ static_assert(std::endian::native == std::endian::little, "the index is read in 
 
 // `count` values of a type at an offset, if they are within the bytes and aligned.
 template <typename T>
-std::span<const T> At(std::span<const std::byte> bytes, uint64_t offset, uint64_t count) {
+std::span<const T> TileIndexAt(std::span<const std::byte> bytes, uint64_t offset, uint64_t count) {
   if (offset % 8 != 0 || offset > bytes.size() || count > (bytes.size() - offset) / sizeof(T)) {
     Malformed();
   }
@@ -40,10 +40,10 @@ TileIndex::TileIndex(std::span<const std::byte> bytes, std::span<const PixelTree
   if (reinterpret_cast<uintptr_t>(bytes.data()) % 8 != 0) Malformed();
   if (base != nullptr && base->base_ != nullptr) Malformed();
   const uint64_t views = trees.size() | (base != nullptr ? kTellsDifferences : 0);
-  if (At<uint64_t>(bytes, 0, 1)[0] != views) Malformed();
-  const auto offsets = At<uint64_t>(bytes, 8, trees.size());
+  if (TileIndexAt<uint64_t>(bytes, 0, 1)[0] != views) Malformed();
+  const auto offsets = TileIndexAt<uint64_t>(bytes, 8, trees.size());
   const uint64_t present_at = RoundedUp(8 + 8 * trees.size());
-  present_ = At<PlaceSet>(bytes, present_at, 1).data();
+  present_ = TileIndexAt<PlaceSet>(bytes, present_at, 1).data();
   views_.reserve(trees.size());
   for (size_t view = 0; view < trees.size(); ++view) {
     views_.push_back(ViewIn(bytes, offsets[view], trees[view]));
@@ -52,10 +52,10 @@ TileIndex::TileIndex(std::span<const std::byte> bytes, std::span<const PixelTree
 
 TileIndex::View TileIndex::ViewIn(std::span<const std::byte> bytes, uint64_t offset,
                                   const PixelTree& tree) const {
-  const auto counts = At<uint64_t>(bytes, offset, 2);
+  const auto counts = TileIndexAt<uint64_t>(bytes, offset, 2);
   if (counts[0] != tree.words() || offset % 64 != 0) Malformed();
   View view;
-  view.words = At<Word>(bytes, offset + 16, counts[0]);
+  view.words = TileIndexAt<Word>(bytes, offset + 16, counts[0]);
   uint64_t sets = 0;
   for (const Word& word : view.words) {
     if (word.before != sets || (word.some & word.all) != 0) Malformed();
@@ -64,10 +64,10 @@ TileIndex::View TileIndex::ViewIn(std::span<const std::byte> bytes, uint64_t off
   if (sets != counts[1]) Malformed();
   const uint64_t words_end = offset + 16 + counts[0] * sizeof(Word);
   if (base_ == nullptr) {
-    view.sets = At<PlaceSet>(bytes, RoundedUp(words_end), sets).data()->words.data();
+    view.sets = TileIndexAt<PlaceSet>(bytes, RoundedUp(words_end), sets).data()->words.data();
     return view;
   }
-  view.differences = At<uint64_t>(bytes, words_end, sets);
+  view.differences = TileIndexAt<uint64_t>(bytes, words_end, sets);
   uint64_t lines = 0;
   for (const uint64_t difference : view.differences) {
     if (difference >> kLines != lines) Malformed();

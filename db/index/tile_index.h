@@ -36,7 +36,7 @@
 
 #include "db/index/pixel_tree.h"
 #include "db/index/place_set.h"
-#include "db/mask.h"
+#include "db/mask/mask.h"
 
 namespace silhouette {
 

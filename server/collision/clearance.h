@@ -1,11 +1,11 @@
 // Clearance: by how many pixels the robot images of a configuration could grow, in all views at
 // once, before it were occupied.
 //
-// Growing is that of Grown (db/mask.h). A configuration that is free is not occupied with robot
-// images grown by any radius up to its clearance - nor is any other whose robot images lie within
-// those - and is with any greater radius. Where planes of the scene decide, growing these instead
-// comes to the same: the clearance is the min_views-th smallest of the distances, in the views,
-// between the test robot image and the nearest pixel that shows an obstacle.
+// Growing is that of Grown (db/mask/mask.h). A configuration that is free is not occupied with
+// robot images grown by any radius up to its clearance - nor is any other whose robot images lie
+// within those - and is with any greater radius. Where planes of the scene decide, growing these
+// instead comes to the same: the clearance is the min_views-th smallest of the distances, in the
+// views, between the test robot image and the nearest pixel that shows an obstacle.
 //
 //   uncalibrated presets   exact; to obstacle pixels
 //   calibrated, in the obstacle images   exact; to pixels that show an obstacle once resolved
@@ -27,8 +27,8 @@
 #include <span>
 #include <vector>
 
+#include "server/collision/collision_checker.h"
 #include "server/collision/collision_images.h"
-#include "server/collision/collision_test.h"
 #include "server/collision/distance_image.h"
 #include "server/collision/policy.h"
 #include "server/collision/verdict.h"

@@ -5,7 +5,7 @@
 #include <optional>
 #include <vector>
 
-#include "db/mask.h"
+#include "db/mask/mask.h"
 #include "server/collision/epipolar_bands.h"
 #include "server/collision/intersection_image.h"
 #include "server/collision/obstacle_image.h"

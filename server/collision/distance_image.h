@@ -1,7 +1,7 @@
 // How far every pixel of a view is from the set pixels of a plane.
 //
-// Distances are those of Grown (db/mask.h), between the squares of pixels, in pixels: 0 for set
-// pixels and their eight neighbours. They are kept squared, as whole numbers, and so are exact.
+// Distances are those of Grown (db/mask/mask.h), between the squares of pixels, in pixels: 0 for
+// set pixels and their eight neighbours. They are kept squared, as whole numbers, and so are exact.
 #pragma once
 
 #include <cstdint>
@@ -9,7 +9,7 @@
 #include <span>
 #include <vector>
 
-#include "db/mask.h"
+#include "db/mask/mask.h"
 
 namespace silhouette {
 

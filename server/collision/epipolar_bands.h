@@ -1,9 +1,9 @@
 // Epipolar bands between all pairs of views, as the calibrated test needs them: for every pixel of
 // a view, which pixels of another may show the same point.
 //
-// Per pair of views the epipolar-plane angles (calib/epipolar_angles.h) are cut into bins; a pixel
-// covers one run of bins, or two where its interval passes the end of the period. Two pixels may
-// show the same point if they share a bin. There are as many bins as the pixels' intervals have
+// Per pair of views the epipolar-plane angles (calib/camera/epipolar_angles.h) are cut into bins; a
+// pixel covers one run of bins, or two where its interval passes the end of the period. Two pixels
+// may show the same point if they share a bin. There are as many bins as the pixels' intervals have
 // different ends, which loses nothing, but at most kMaxBins: beyond that the runs are rounded
 // outward. Cannot be changed once made; used by any number of threads.
 #pragma once
@@ -14,9 +14,9 @@
 #include <span>
 #include <vector>
 
-#include "calib/calibration.h"
-#include "calib/epipolar_angles.h"
-#include "db/mask.h"
+#include "calib/camera/calibration.h"
+#include "calib/camera/epipolar_angles.h"
+#include "db/mask/mask.h"
 
 namespace silhouette {
 
@@ -34,8 +34,8 @@ class EpipolarBands {
 
   // A pair of views that the calibration does not speak of has one bin, which all pixels share: any
   // two of them may show the same point. `mask_sizes`: one per view. `margin`: pixels, as in
-  // calib/epipolar_angles.h. Throws std::invalid_argument if there are cameras, but not one per
-  // view, if a fundamental matrix names a view that is not there or a pair comes twice, and as
+  // calib/camera/epipolar_angles.h. Throws std::invalid_argument if there are cameras, but not one
+  // per view, if a fundamental matrix names a view that is not there or a pair comes twice, and as
   // AnglesBetween does.
   EpipolarBands(const Calibration& calibration, std::span<const MaskSize> mask_sizes,
                 double margin = 0);
@@ -52,8 +52,8 @@ class EpipolarBands {
     return PairOf(view, other).runs[view < other ? 0 : 1];
   }
 
-  // Whether pixel `p` of `view` and pixel `q` of `other`, numbered as in db/mask.h, may show the
-  // same point.
+  // Whether pixel `p` of `view` and pixel `q` of `other`, numbered as in db/mask/mask.h, may show
+  // the same point.
   bool Meet(int view, int p, int other, int q) const;
 
  private:

@@ -11,7 +11,7 @@
 #include <span>
 #include <vector>
 
-#include "server/collision/cell_test.h"
+#include "server/collision/cell_checker.h"
 #include "server/collision/joint_step.h"
 
 namespace silhouette {

@@ -6,7 +6,7 @@
 // Checks need no pictures, only whether and how much: CollisionTest finds that without making any.
 #pragma once
 
-#include "db/mask.h"
+#include "db/mask/mask.h"
 #include "server/collision/obstacle_image.h"
 
 namespace silhouette {

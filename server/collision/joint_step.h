@@ -3,8 +3,8 @@
 
 #include <cstdint>
 
-#include "db/configuration_grid.h"
 #include "db/index/place_set.h"
+#include "db/mask/configuration_grid.h"
 
 namespace silhouette {
 

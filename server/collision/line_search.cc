@@ -17,7 +17,7 @@ uint64_t BitsIn(Run run, size_t word) {
   return bits;
 }
 
-void Set(std::vector<uint64_t>& bins, const Runs& runs) {
+void LineSearchSet(std::vector<uint64_t>& bins, const Runs& runs) {
   for (const Run& run : runs) {
     if (run.begin == run.end) continue;
     for (size_t word = run.begin / 64u; word <= (run.end - 1) / 64u; ++word) {
@@ -26,7 +26,7 @@ void Set(std::vector<uint64_t>& bins, const Runs& runs) {
   }
 }
 
-bool AnySet(const std::vector<uint64_t>& bins, const Runs& runs) {
+bool LineSearchAnySet(const std::vector<uint64_t>& bins, const Runs& runs) {
   for (const Run& run : runs) {
     if (run.begin == run.end) continue;
     for (size_t word = run.begin / 64u; word <= (run.end - 1) / 64u; ++word) {
@@ -36,7 +36,7 @@ bool AnySet(const std::vector<uint64_t>& bins, const Runs& runs) {
   return false;
 }
 
-bool Nothing(MaskWords words) {
+bool LineSearchNothing(MaskWords words) {
   return std::all_of(words.begin(), words.end(), [](uint64_t word) { return word == 0; });
 }
 
@@ -76,8 +76,8 @@ bool LineSearch::Paint(int view) {
       for (; bits != 0; bits &= bits - 1) {
         const auto bit = static_cast<size_t>(std::countr_zero(bits));
         const Runs& run = runs[word * 64 + bit];
-        Set(line.something, run);
-        if ((convicting >> bit & 1) != 0) Set(line.convicting, run);
+        LineSearchSet(line.something, run);
+        if ((convicting >> bit & 1) != 0) LineSearchSet(line.convicting, run);
       }
       convicts = convicts || convicting != 0;
     }
@@ -94,8 +94,8 @@ bool LineSearch::IsObstacle(size_t pixel) const {
       convicted = true;
       continue;
     }
-    if (!AnySet(line.something, line.runs[pixel])) return false;
-    convicted = convicted || AnySet(line.convicting, line.runs[pixel]);
+    if (!LineSearchAnySet(line.something, line.runs[pixel])) return false;
+    convicted = convicted || LineSearchAnySet(line.convicting, line.runs[pixel]);
   }
   return convicted;
 }
@@ -115,13 +115,13 @@ int LineSearch::CountShowing(int enough) {
   int showing = 0;
   int undecided = 0;
   for (const SearchedImage& image : images_) {
-    ++(image.missing() || !Nothing(image.obstacle) ? showing : undecided);
+    ++(image.missing() || !LineSearchNothing(image.obstacle) ? showing : undecided);
   }
   // Where no view shows an obstacle, none can convict.
   if (showing == 0 && !errors_convict_) return 0;
   for (size_t view = 0; view < images_.size(); ++view) {
     const SearchedImage& image = images_[view];
-    if (image.missing() || !Nothing(image.obstacle)) continue;
+    if (image.missing() || !LineSearchNothing(image.obstacle)) continue;
     if (showing >= enough || showing + undecided < enough) break;
     --undecided;
     if (AnyObstacle(static_cast<int>(view))) ++showing;

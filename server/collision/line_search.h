@@ -16,7 +16,7 @@
 #include <span>
 #include <vector>
 
-#include "db/mask.h"
+#include "db/mask/mask.h"
 #include "server/collision/epipolar_bands.h"
 
 namespace silhouette {

@@ -13,7 +13,7 @@
 namespace silhouette {
 namespace {
 
-constexpr int kEdge = VoxelGrid::kBlockEdge;
+constexpr int kPossibleSpaceEdge = VoxelGrid::kBlockEdge;
 // Parts no longer than this, in voxels, are not split.
 constexpr int kShortestPart = 3;
 constexpr uint64_t kLowestBits = 0x0101010101010101;
@@ -25,7 +25,7 @@ unsigned BitOfBytes(uint64_t bytes, int bit) {
 
 uint64_t Gather(const uint8_t* table, const uint32_t* indices) {
   uint64_t bytes = 0;
-  for (int i = 0; i < kEdge; ++i) bytes |= uint64_t{table[indices[i]]} << (8 * i);
+  for (int i = 0; i < kPossibleSpaceEdge; ++i) bytes |= uint64_t{table[indices[i]]} << (8 * i);
   return bytes;
 }
 
@@ -67,7 +67,7 @@ bool AnyCommon(MaskWords a, MaskWords b, int image_width, const PixelRectangle& 
   return false;
 }
 
-bool Nothing(MaskWords words) {
+bool PossibleSpaceNothing(MaskWords words) {
   return std::all_of(words.begin(), words.end(), [](uint64_t word) { return word == 0; });
 }
 
@@ -78,7 +78,8 @@ bool MayReachBeyond(MaskWords words, MaskSize size) {
     return AnyCommon(words, words, size.width, pixels);
   };
   return any({0, 0, size.width, 1}) || any({0, size.height - 1, size.width, 1}) ||
-         any({0, 0, 1, size.height}) || any({size.width - 1, 0, 1, size.height}) || Nothing(words);
+         any({0, 0, 1, size.height}) || any({size.width - 1, 0, 1, size.height}) ||
+         PossibleSpaceNothing(words);
 }
 
 Mask Rim(MaskSize size) {
@@ -88,7 +89,7 @@ Mask Rim(MaskSize size) {
 }
 
 // Sets pixels of an image.
-void Set(std::span<uint64_t> words, int image_width, const PixelRectangle& pixels) {
+void PossibleSpaceSet(std::span<uint64_t> words, int image_width, const PixelRectangle& pixels) {
   for (int y = 0; y < pixels.height; ++y) {
     int bit = (pixels.y + y) * image_width + pixels.x;
     for (int left = pixels.width; left > 0;) {
@@ -116,7 +117,7 @@ class PartPlanes {
       const VoxelSpace::Look& look = space_.look(static_cast<int>(view));
       const PixelRectangle pixels = look.Rectangle(look.touched[place]);
       if (!pixels.whole) beyond_[view] = true;
-      Set(words_[view], look.mask_size.width, pixels);
+      PossibleSpaceSet(words_[view], look.mask_size.width, pixels);
     }
   }
 
@@ -176,8 +177,8 @@ class RobotQuery {
 };
 
 bool AnyInBlock(const VoxelSet& set, const VoxelSpace::Block& block) {
-  for (int z = block.z * kEdge; z < (block.z + 1) * kEdge; ++z) {
-    for (int y = block.y * kEdge; y < (block.y + 1) * kEdge; ++y) {
+  for (int z = block.z * kPossibleSpaceEdge; z < (block.z + 1) * kPossibleSpaceEdge; ++z) {
+    for (int y = block.y * kPossibleSpaceEdge; y < (block.y + 1) * kPossibleSpaceEdge; ++y) {
       if (set.RowOfBlock(block.x, y, z) != 0) return true;
     }
   }
@@ -235,7 +236,8 @@ RobotVoxels VoxelsOfRobot(const VoxelSpace& space,
     }
   };
   for (const VoxelSpace::Block& block : space.active()) {
-    visit(visit, block.x * kEdge, block.y * kEdge, block.z * kEdge, kEdge);
+    visit(visit, block.x * kPossibleSpaceEdge, block.y * kPossibleSpaceEdge,
+          block.z * kPossibleSpaceEdge, kPossibleSpaceEdge);
   }
   return robot;
 }
@@ -269,14 +271,15 @@ PossibleSpace::PossibleSpace(const VoxelSpace& space, const ObstacleImages& imag
     }
     if (!live) continue;
     size_t place = slot * VoxelGrid::kBlockVoxels;
-    for (int row = 0; row < kEdge * kEdge; ++row, place += kEdge) {
+    for (int row = 0; row < kPossibleSpaceEdge * kPossibleSpaceEdge;
+         ++row, place += kPossibleSpaceEdge) {
       uint64_t bytes = ~uint64_t{0};
       for (size_t view = 0; view < views && BitOfBytes(bytes, 0) != 0; ++view) {
         bytes &= Gather(tables[view].touched(),
                         space.look(static_cast<int>(view)).touched.data() + place);
       }
-      const int y = block.y * kEdge + row % kEdge;
-      const int z = block.z * kEdge + row / kEdge;
+      const int y = block.y * kPossibleSpaceEdge + row % kPossibleSpaceEdge;
+      const int z = block.z * kPossibleSpaceEdge + row / kPossibleSpaceEdge;
       const unsigned bits = BitOfBytes(bytes, 0) & ~row_of(robot.inside, block.x, y, z);
       if (bits == 0) continue;
       const unsigned seen = space.seen().RowOfBlock(block.x, y, z);
@@ -370,11 +373,11 @@ bool PossibleSpace::BodyTouches(const VoxelSet& voxels, std::span<const int> blo
   for (int slot : blocks) {
     const VoxelSpace::Block& block = space_.active()[static_cast<size_t>(slot)];
     if (!body(space_.BoxOf(block))) continue;
-    for (int row = 0; row < kEdge * kEdge; ++row) {
-      const int y = block.y * kEdge + row % kEdge;
-      const int z = block.z * kEdge + row / kEdge;
+    for (int row = 0; row < kPossibleSpaceEdge * kPossibleSpaceEdge; ++row) {
+      const int y = block.y * kPossibleSpaceEdge + row % kPossibleSpaceEdge;
+      const int z = block.z * kPossibleSpaceEdge + row / kPossibleSpaceEdge;
       for (unsigned left = voxels.RowOfBlock(block.x, y, z); left != 0; left &= left - 1) {
-        const int x = block.x * kEdge + std::countr_zero(left);
+        const int x = block.x * kPossibleSpaceEdge + std::countr_zero(left);
         if (body(space_.grid().Box(x, y, z))) return true;
       }
     }
@@ -390,7 +393,7 @@ bool PossibleSpace::PlanesMeet(std::span<const MaskWords> robot, int min_views,
     for (size_t view = 0; view < robot.size() && missed <= may_miss; ++view) {
       const std::optional<Mask>& plane = part.planes[view];
       if (!plane || Intersects(plane->words(), robot[view])) continue;
-      if (!part.beyond[view] || !Nothing(robot[view])) ++missed;
+      if (!part.beyond[view] || !PossibleSpaceNothing(robot[view])) ++missed;
     }
     return missed <= may_miss;
   });
@@ -405,15 +408,15 @@ bool PossibleSpace::VoxelsMeet(std::span<const MaskWords> robot, int min_views,
     const VoxelSpace::Block& block = space_.active()[static_cast<size_t>(slot)];
     if (!query.MeetsBlock(static_cast<size_t>(slot))) continue;
     if (body && !body(space_.BoxOf(block))) continue;
-    for (int row = 0; row < kEdge * kEdge; ++row) {
-      const int y = block.y * kEdge + row % kEdge;
-      const int z = block.z * kEdge + row / kEdge;
+    for (int row = 0; row < kPossibleSpaceEdge * kPossibleSpaceEdge; ++row) {
+      const int y = block.y * kPossibleSpaceEdge + row % kPossibleSpaceEdge;
+      const int z = block.z * kPossibleSpaceEdge + row / kPossibleSpaceEdge;
       for (unsigned left = remaining_.RowOfBlock(block.x, y, z); left != 0; left &= left - 1) {
         const int x = std::countr_zero(left);
         const size_t place = static_cast<size_t>(slot) * VoxelGrid::kBlockVoxels +
-                             static_cast<size_t>(row * kEdge + x);
+                             static_cast<size_t>(row * kPossibleSpaceEdge + x);
         if (!query.MeetsVoxel(place)) continue;
-        if (!body || body(space_.grid().Box(block.x * kEdge + x, y, z))) return true;
+        if (!body || body(space_.grid().Box(block.x * kPossibleSpaceEdge + x, y, z))) return true;
       }
     }
   }

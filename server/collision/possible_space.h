@@ -19,7 +19,7 @@
 #include <span>
 #include <vector>
 
-#include "db/mask.h"
+#include "db/mask/mask.h"
 #include "server/collision/collision_images.h"
 #include "server/collision/voxel_grid.h"
 #include "server/collision/voxel_parts.h"

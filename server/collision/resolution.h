@@ -9,7 +9,7 @@
 #include <Eigen/Geometry>
 #include <span>
 
-#include "calib/camera_model.h"
+#include "calib/camera/camera_model.h"
 
 namespace silhouette {
 

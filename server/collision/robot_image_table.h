@@ -10,9 +10,9 @@
 #include <utility>
 #include <vector>
 
-#include "db/configuration_grid.h"
 #include "db/index/place_set.h"
-#include "db/mask.h"
+#include "db/mask/configuration_grid.h"
+#include "db/mask/mask.h"
 
 namespace silhouette {
 

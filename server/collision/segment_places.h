@@ -11,7 +11,7 @@
 #include <optional>
 #include <span>
 
-#include "db/configuration_grid.h"
+#include "db/mask/configuration_grid.h"
 #include "server/collision/policy.h"
 
 namespace silhouette {

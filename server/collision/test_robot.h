@@ -7,8 +7,8 @@
 #include <span>
 #include <vector>
 
-#include "db/configuration_grid.h"
-#include "db/mask.h"
+#include "db/mask/configuration_grid.h"
+#include "db/mask/mask.h"
 #include "server/collision/robot_image_table.h"
 
 namespace silhouette {

@@ -9,7 +9,7 @@
 namespace silhouette {
 namespace {
 
-constexpr double kRounding = 1e-9;  // share of an edge
+constexpr double kVoxelGridRounding = 1e-9;  // share of an edge
 
 // `row` and its neighbours up to `reach` places to either side; words, bit 0 first.
 void Widen(std::span<const uint64_t> row, int reach, std::span<uint64_t> wide) {
@@ -26,7 +26,7 @@ void Widen(std::span<const uint64_t> row, int reach, std::span<uint64_t> wide) {
   }
 }
 
-bool Nothing(std::span<const uint64_t> words) {
+bool VoxelGridNothing(std::span<const uint64_t> words) {
   return std::all_of(words.begin(), words.end(), [](uint64_t word) { return word == 0; });
 }
 
@@ -50,7 +50,7 @@ VoxelGrid::VoxelGrid(const Eigen::AlignedBox3d& box, double edge) : lower_(box.m
   }
   double voxels = 1;
   for (int axis = 0; axis < 3; ++axis) {
-    const double wanted = std::ceil(box.sizes()[axis] / edge - kRounding) / kBlockEdge;
+    const double wanted = std::ceil(box.sizes()[axis] / edge - kVoxelGridRounding) / kBlockEdge;
     const double size = std::max(1.0, std::ceil(wanted)) * kBlockEdge;
     voxels *= size;
     if (voxels > 0x1p31) throw std::invalid_argument("there are too many voxels: make them larger");
@@ -70,11 +70,11 @@ int64_t VoxelSet::Count() const {
   return count;
 }
 
-bool VoxelSet::Empty() const { return Nothing(words_); }
+bool VoxelSet::Empty() const { return VoxelGridNothing(words_); }
 
 VoxelSet MetByBalls(const VoxelSet& centres, const VoxelGrid& grid, double radius) {
   VoxelSet met(grid);
-  const double edges = radius / grid.edge() + kRounding;
+  const double edges = radius / grid.edge() + kVoxelGridRounding;
   const int reach = ReachAlongX(edges, 0, 0);
   const size_t words = centres.row_words();
   const uint64_t last =
@@ -91,7 +91,7 @@ VoxelSet MetByBalls(const VoxelSet& centres, const VoxelGrid& grid, double radiu
   for (int z = 0; z < grid.size(2); ++z) {
     for (int y = 0; y < grid.size(1); ++y) {
       const std::span<const uint64_t> row = centres.row(y, z);
-      if (Nothing(row)) continue;
+      if (VoxelGridNothing(row)) continue;
       std::copy(row.begin(), row.end(), widened(0).begin());
       for (int by = 1; by <= reach; ++by) {
         Widen(widened(by - 1), 1, widened(by));

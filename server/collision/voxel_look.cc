@@ -10,9 +10,9 @@ namespace {
 using Eigen::Vector2d;
 using Eigen::Vector3d;
 
-constexpr int kEdge = VoxelGrid::kBlockEdge;
+constexpr int kVoxelLookEdge = VoxelGrid::kBlockEdge;
 // Rounding of coordinates, in pixels.
-constexpr double kRounding = 1e-6;
+constexpr double kVoxelLookRounding = 1e-6;
 // Certain pixels farther than this from the centre's are not asked for.
 constexpr int kShapeReach = 15;
 
@@ -95,15 +95,16 @@ void VoxelLooker::ProjectCorners(const VoxelSpace::Block& block) {
   for (int z = 0; z < kCorners; ++z) {
     for (int y = 0; y < kCorners; ++y) {
       for (int x = 0; x < kCorners; ++x) {
-        corners_[static_cast<size_t>((z * kCorners + y) * kCorners + x)] = view_.project(
-            grid_.Corner(block.x * kEdge + x, block.y * kEdge + y, block.z * kEdge + z));
+        corners_[static_cast<size_t>((z * kCorners + y) * kCorners + x)] =
+            view_.project(grid_.Corner(block.x * kVoxelLookEdge + x, block.y * kVoxelLookEdge + y,
+                                       block.z * kVoxelLookEdge + z));
       }
     }
   }
   // How far the image of a voxel's edge is from straight: a sixteenth of the bend over half a block
   // is that over a voxel, of which an eighth would do.
   bulge_ = 0;
-  constexpr int kHalf = kEdge / 2;
+  constexpr int kHalf = kVoxelLookEdge / 2;
   const auto bend = [&](int x, int y, int z, int dx, int dy, int dz) {
     const auto &before = Corner(x - dx, y - dy, z - dz), &at = Corner(x, y, z),
                &behind = Corner(x + dx, y + dy, z + dz);
@@ -144,17 +145,18 @@ PixelRectangle VoxelLooker::Pixels(const std::optional<PlaneBox>& image) const {
   const auto pixel = [](double coordinate, int pixels) {
     return static_cast<int>(std::clamp(std::floor(coordinate + 0.5), -1.0, double(pixels)));
   };
-  const int left = std::max(pixel(from.x() - kRounding, size.width), 0);
-  const int top = std::max(pixel(from.y() - kRounding, size.height), 0);
-  const int right = std::min(pixel(to.x() + kRounding, size.width), size.width - 1);
-  const int bottom = std::min(pixel(to.y() + kRounding, size.height), size.height - 1);
+  const int left = std::max(pixel(from.x() - kVoxelLookRounding, size.width), 0);
+  const int top = std::max(pixel(from.y() - kVoxelLookRounding, size.height), 0);
+  const int right = std::min(pixel(to.x() + kVoxelLookRounding, size.width), size.width - 1);
+  const int bottom = std::min(pixel(to.y() + kVoxelLookRounding, size.height), size.height - 1);
   if (left > right || top > bottom) return {};
   return {.x = left,
           .y = top,
           .width = right - left + 1,
           .height = bottom - top + 1,
-          .whole = from.x() >= -0.5 - kRounding && from.y() >= -0.5 - kRounding &&
-                   to.x() <= end.x() + kRounding && to.y() <= end.y() + kRounding};
+          .whole = from.x() >= -0.5 - kVoxelLookRounding && from.y() >= -0.5 - kVoxelLookRounding &&
+                   to.x() <= end.x() + kVoxelLookRounding &&
+                   to.y() <= end.y() + kVoxelLookRounding};
 }
 
 uint32_t VoxelLooker::TouchedIndex(const PixelRectangle& pixels) {
@@ -169,8 +171,8 @@ uint32_t VoxelLooker::TouchedIndex(const PixelRectangle& pixels) {
 std::optional<Vector2d> VoxelLooker::BallAxes(const VoxelSpace::Block& block) const {
   Vector2d least = Vector2d::Constant(std::numeric_limits<double>::infinity());
   const auto take = [&](double x, double y, double z) {
-    const Vector3d at = grid_.Corner(0, 0, 0) +
-                        grid_.edge() * kEdge * Vector3d(block.x + x, block.y + y, block.z + z);
+    const Vector3d at = grid_.Corner(0, 0, 0) + grid_.edge() * kVoxelLookEdge *
+                                                    Vector3d(block.x + x, block.y + y, block.z + z);
     const std::optional<Vector2d> axes = EllipseIn(view_, at, least_obstacle_);
     if (axes) least = least.cwiseMin(*axes);
     return axes.has_value();
@@ -180,7 +182,7 @@ std::optional<Vector2d> VoxelLooker::BallAxes(const VoxelSpace::Block& block) co
     if (!take(corner & 1, corner >> 1 & 1, corner >> 2 & 1)) return std::nullopt;
   }
   if (!take(0.5, 0.5, 0.5)) return std::nullopt;
-  const Vector2d axes = least - view_.margin - Vector2d::Constant(bulge_ + kRounding);
+  const Vector2d axes = least - view_.margin - Vector2d::Constant(bulge_ + kVoxelLookRounding);
   if (!(axes.minCoeff() > 0)) return std::nullopt;
   return axes;
 }
@@ -213,7 +215,7 @@ uint32_t VoxelLooker::CertainIndex(const PlaneBox& centres, const Vector2d& axes
 
 PixelRectangle VoxelLooker::BlockRectangle(const VoxelSpace::Block& block) {
   ProjectCorners(block);
-  return Pixels(Image(0, 0, 0, kEdge));
+  return Pixels(Image(0, 0, 0, kVoxelLookEdge));
 }
 
 void VoxelLooker::Append(const VoxelSpace::Block& block) {
@@ -224,9 +226,9 @@ void VoxelLooker::Append(const VoxelSpace::Block& block) {
   int top = MaskSize::kMaxSide;
   int right = 0;
   int bottom = 0;
-  for (int z = 0; z < kEdge; ++z) {
-    for (int y = 0; y < kEdge; ++y) {
-      for (int x = 0; x < kEdge; ++x) {
+  for (int z = 0; z < kVoxelLookEdge; ++z) {
+    for (int y = 0; y < kVoxelLookEdge; ++y) {
+      for (int x = 0; x < kVoxelLookEdge; ++x) {
         const std::optional<PlaneBox> image = Image(x, y, z, 1);
         const PixelRectangle pixels = Pixels(image);
         look_.touched.push_back(TouchedIndex(pixels));

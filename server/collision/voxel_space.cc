@@ -9,7 +9,7 @@
 namespace silhouette {
 namespace {
 
-constexpr int kEdge = VoxelGrid::kBlockEdge;
+constexpr int kVoxelSpaceEdge = VoxelGrid::kBlockEdge;
 constexpr double kTouching = 1e-6;  // share of an edge
 
 Eigen::AlignedBox3d WithRoom(const Eigen::AlignedBox3d& box, double room) {
@@ -30,7 +30,7 @@ VoxelGrid GridOf(const Eigen::AlignedBox3d& workspace, double rho, std::optional
   return VoxelGrid(WithRoom(workspace, room), length);
 }
 
-bool AnySet(const Mask& mask, const PixelRectangle& pixels) {
+bool VoxelSpaceAnySet(const Mask& mask, const PixelRectangle& pixels) {
   for (int y = pixels.y; y < pixels.y + pixels.height; ++y) {
     for (int x = pixels.x; x < pixels.x + pixels.width; ++x) {
       if (mask.at(x, y)) return true;
@@ -44,9 +44,10 @@ bool AnySet(const Mask& mask, const PixelRectangle& pixels) {
 bool MayLeaveImage(const Mask& swept) {
   if (swept.Empty()) return true;
   const MaskSize size = swept.size();
-  return AnySet(swept, {0, 0, size.width, 1}) || AnySet(swept, {0, 0, 1, size.height}) ||
-         AnySet(swept, {0, size.height - 1, size.width, 1}) ||
-         AnySet(swept, {size.width - 1, 0, 1, size.height});
+  return VoxelSpaceAnySet(swept, {0, 0, size.width, 1}) ||
+         VoxelSpaceAnySet(swept, {0, 0, 1, size.height}) ||
+         VoxelSpaceAnySet(swept, {0, size.height - 1, size.width, 1}) ||
+         VoxelSpaceAnySet(swept, {size.width - 1, 0, 1, size.height});
 }
 
 }  // namespace
@@ -82,7 +83,7 @@ void VoxelSpace::FindActiveBlocks(std::span<const VoxelView> views,
                                   const Eigen::AlignedBox3d& workspace) {
   // Blocks as voxels: those that may hold a reached voxel, and those around them.
   const VoxelGrid blocks({grid_.lower(), grid_.Corner(grid_.size(0), grid_.size(1), grid_.size(2))},
-                         kEdge * grid_.edge());
+                         kVoxelSpaceEdge * grid_.edge());
   VoxelSet reached(blocks);
   std::vector<VoxelLooker> lookers;
   std::vector<bool> leaves;
@@ -96,7 +97,7 @@ void VoxelSpace::FindActiveBlocks(std::span<const VoxelView> views,
       const Mask& swept = views[view].swept;
       if (swept.size() == MaskSize{}) continue;
       const PixelRectangle pixels = lookers[view].BlockRectangle(block);
-      if (!AnySet(swept, pixels) && (pixels.whole || !leaves[view])) return false;
+      if (!VoxelSpaceAnySet(swept, pixels) && (pixels.whole || !leaves[view])) return false;
     }
     return true;
   };
@@ -134,29 +135,32 @@ void VoxelSpace::FindReached(std::span<const VoxelView> views,
     for (size_t view = 0; view < views.size(); ++view) {
       const PixelRectangle pixels = looks_[view].Rectangle(looks_[view].touched[place]);
       if (pixels.whole) seen_.Insert(x, y, z);
-      if (views[view].permanent.size() != MaskSize{} && AnySet(views[view].permanent, pixels)) {
+      if (views[view].permanent.size() != MaskSize{} &&
+          VoxelSpaceAnySet(views[view].permanent, pixels)) {
         always_covered_[view].Insert(x, y, z);
       }
       const Mask& swept = views[view].swept;
       if (!reached || swept.size() == MaskSize{}) continue;
-      reached = AnySet(swept, pixels) || (!pixels.whole && leaves[view]);
+      reached = VoxelSpaceAnySet(swept, pixels) || (!pixels.whole && leaves[view]);
     }
     if (reached) reached_.Insert(x, y, z);
   };
   size_t place = 0;
   for (const Block& block : active_) {
     for (int i = 0; i < VoxelGrid::kBlockVoxels; ++i, ++place) {
-      visit(block.x * kEdge + i % kEdge, block.y * kEdge + i / kEdge % kEdge,
-            block.z * kEdge + i / (kEdge * kEdge), place);
+      visit(block.x * kVoxelSpaceEdge + i % kVoxelSpaceEdge,
+            block.y * kVoxelSpaceEdge + i / kVoxelSpaceEdge % kVoxelSpaceEdge,
+            block.z * kVoxelSpaceEdge + i / (kVoxelSpaceEdge * kVoxelSpaceEdge), place);
     }
   }
 }
 
 Eigen::AlignedBox3d VoxelSpace::BoxOf(const Block& block) const {
-  const int x = kEdge * block.x;
-  const int y = kEdge * block.y;
-  const int z = kEdge * block.z;
-  return {grid_.Corner(x, y, z), grid_.Corner(x + kEdge, y + kEdge, z + kEdge)};
+  const int x = kVoxelSpaceEdge * block.x;
+  const int y = kVoxelSpaceEdge * block.y;
+  const int z = kVoxelSpaceEdge * block.z;
+  return {grid_.Corner(x, y, z),
+          grid_.Corner(x + kVoxelSpaceEdge, y + kVoxelSpaceEdge, z + kVoxelSpaceEdge)};
 }
 
 PixelRectangle VoxelSpace::Look::Rectangle(uint32_t touched_index) const {
@@ -168,10 +172,13 @@ PixelRectangle VoxelSpace::Look::Rectangle(uint32_t touched_index) const {
 }
 
 std::optional<size_t> VoxelSpace::PlaceOf(int x, int y, int z) const {
-  const int32_t slot = slots_[static_cast<size_t>(grid_.BlockAt(x / kEdge, y / kEdge, z / kEdge))];
+  const int32_t slot = slots_[static_cast<size_t>(
+      grid_.BlockAt(x / kVoxelSpaceEdge, y / kVoxelSpaceEdge, z / kVoxelSpaceEdge))];
   if (slot < 0) return std::nullopt;
   return static_cast<size_t>(slot) * VoxelGrid::kBlockVoxels +
-         static_cast<size_t>((z % kEdge * kEdge + y % kEdge) * kEdge + x % kEdge);
+         static_cast<size_t>((z % kVoxelSpaceEdge * kVoxelSpaceEdge + y % kVoxelSpaceEdge) *
+                                 kVoxelSpaceEdge +
+                             x % kVoxelSpaceEdge);
 }
 
 PixelRectangle VoxelSpace::Touched(int view, int x, int y, int z) const {

@@ -19,7 +19,7 @@
 #include <utility>
 #include <vector>
 
-#include "db/mask.h"
+#include "db/mask/mask.h"
 #include "server/collision/voxel_grid.h"
 
 namespace silhouette {

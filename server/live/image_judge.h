@@ -6,7 +6,7 @@
 
 #include "absl/status/status.h"
 #include "absl/time/time.h"
-#include "capture/devices.h"
+#include "capture/devices/devices.h"
 #include "server/scene/clock.h"
 #include "silhouette/storage/v1/storage.pb.h"
 

@@ -5,7 +5,7 @@
 #include <utility>
 
 #include "absl/strings/str_cat.h"
-#include "capture/cell_robot.h"
+#include "capture/session/cell_robot.h"
 #include "server/live/pause.h"
 
 namespace silhouette {

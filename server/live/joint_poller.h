@@ -7,7 +7,7 @@
 #include <vector>
 
 #include "absl/status/statusor.h"
-#include "capture/devices.h"
+#include "capture/devices/devices.h"
 #include "server/live/joint_history.h"
 #include "server/live/live_record.h"
 #include "server/live/live_settings.h"

@@ -9,9 +9,9 @@
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_join.h"
-#include "capture/cell_robot.h"
 #include "capture/segmentation/difference.h"
 #include "capture/segmentation/down_sampling.h"
+#include "capture/session/cell_robot.h"
 
 namespace silhouette {
 namespace {

@@ -10,7 +10,7 @@
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
 #include "absl/time/time.h"
-#include "capture/devices.h"
+#include "capture/devices/devices.h"
 #include "capture/segmentation/settings.h"
 #include "capture/segmentation/slow_light.h"
 #include "server/live/helpers.h"

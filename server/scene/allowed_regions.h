@@ -16,7 +16,7 @@
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
 #include "absl/time/time.h"
-#include "db/mask.h"
+#include "db/mask/mask.h"
 #include "server/collision/collision_images.h"
 #include "server/scene/clock.h"
 

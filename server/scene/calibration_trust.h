@@ -10,7 +10,7 @@ namespace silhouette {
 
 struct CalibrationTrust {
   bool holds = false;
-  // The calibration that was checked (FingerprintOf in calib/calibration_message.h). It tells
+  // The calibration that was checked (FingerprintOf in calib/files/calibration_message.h). It tells
   // nothing of another.
   std::string fingerprint;
   // The moment of the running clock (clock.h) from which on the check is too old.

@@ -7,9 +7,9 @@
 #include <string>
 #include <vector>
 
-#include "db/configuration_grid.h"
+#include "db/mask/configuration_grid.h"
 #include "server/collision/clearance.h"
-#include "server/collision/collision_test.h"
+#include "server/collision/collision_checker.h"
 #include "server/collision/policy.h"
 #include "server/collision/verdict.h"
 #include "server/scene/clock.h"

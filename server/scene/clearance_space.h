@@ -12,8 +12,8 @@
 
 #include "db/index/place_set.h"
 #include "server/collision/clearance.h"
-#include "server/collision/collision_test.h"
-#include "server/collision/level_test.h"
+#include "server/collision/collision_checker.h"
+#include "server/collision/level_checker.h"
 #include "server/collision/policy.h"
 #include "server/scene/configuration_space.h"
 #include "server/scene/scene_store.h"

@@ -11,11 +11,11 @@
 #include <span>
 #include <vector>
 
-#include "db/configuration_grid.h"
-#include "server/collision/collision_test.h"
+#include "db/mask/configuration_grid.h"
+#include "server/collision/collision_checker.h"
 #include "server/collision/free_cells.h"
 #include "server/collision/policy.h"
-#include "server/collision/space_test.h"
+#include "server/collision/space_checker.h"
 #include "server/collision/verdict.h"
 #include "server/scene/scene_store.h"
 

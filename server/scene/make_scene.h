@@ -10,7 +10,7 @@
 #include "absl/status/statusor.h"
 #include "absl/time/time.h"
 #include "capture/segmentation/settings.h"
-#include "db/mask.h"
+#include "db/mask/mask.h"
 #include "server/scene/clock.h"
 #include "server/scene/scene.h"
 #include "server/scene/scene_settings.h"

@@ -5,8 +5,8 @@
 #include <vector>
 
 #include "absl/status/statusor.h"
-#include "db/configuration_grid.h"
-#include "db/mask.h"
+#include "db/mask/configuration_grid.h"
+#include "db/mask/mask.h"
 #include "server/scene/scene.h"
 #include "server/scene/served_database.h"
 

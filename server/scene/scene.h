@@ -11,10 +11,10 @@
 #include <vector>
 
 #include "absl/time/time.h"
-#include "db/mask.h"
-#include "db/schema.h"
+#include "db/mask/mask.h"
+#include "db/store/schema.h"
 #include "server/collision/clearance.h"
-#include "server/collision/collision_test.h"
+#include "server/collision/collision_checker.h"
 #include "server/collision/verdict.h"
 #include "server/scene/allowed_regions.h"
 #include "server/scene/clock.h"

@@ -6,9 +6,9 @@
 
 #include "absl/status/status.h"
 #include "absl/strings/str_cat.h"
-#include "calib/calibration_message.h"
-#include "db/robot_images_in_place.h"
-#include "db/schema.h"
+#include "calib/files/calibration_message.h"
+#include "db/store/robot_images_in_place.h"
+#include "db/store/schema.h"
 
 namespace silhouette {
 namespace {

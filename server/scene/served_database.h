@@ -13,11 +13,11 @@
 
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
-#include "calib/calibration.h"
+#include "calib/camera/calibration.h"
 #include "capture/segmentation/reference.h"
-#include "db/collision_index.h"
-#include "db/fixed_joints.h"
-#include "db/store.h"
+#include "db/store/collision_index.h"
+#include "db/store/fixed_joints.h"
+#include "db/store/store.h"
 #include "server/collision/epipolar_bands.h"
 #include "server/collision/policy.h"
 #include "server/collision/robot_image_table.h"
@@ -90,8 +90,8 @@ class ServedDatabase {
   const std::string& elsewhere() const { return elsewhere_; }
 
   // The collision index; null if there is none that can be used. It lies in the file of the
-  // database, of which it holds one state (db/collision_index.h). The configurations of a tile that
-  // it lacks are tested one by one.
+  // database, of which it holds one state (db/store/collision_index.h). The configurations of a
+  // tile that it lacks are tested one by one.
   const CollisionIndex* index() const { return index_.get(); }
 
   // Whether camera images can be differenced.
@@ -99,8 +99,8 @@ class ServedDatabase {
   // The reference image of a view; has_references() must hold.
   const Reference& reference(int view) const { return references_[static_cast<size_t>(view)]; }
 
-  // Which calibration it is (FingerprintOf in calib/calibration_message.h); empty where there is
-  // none.
+  // Which calibration it is (FingerprintOf in calib/files/calibration_message.h); empty where there
+  // is none.
   const std::string& calibration_fingerprint() const { return calibration_fingerprint_; }
 
   // The calibration, and the epipolar lines that follow from it; null where there is none.

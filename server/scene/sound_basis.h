@@ -14,9 +14,9 @@
 #include <vector>
 
 #include "absl/status/statusor.h"
-#include "calib/calibration.h"
-#include "calib/robot_body.h"
-#include "db/configuration_grid.h"
+#include "calib/camera/calibration.h"
+#include "calib/robot/robot_body.h"
+#include "db/mask/configuration_grid.h"
 #include "server/collision/possible_space.h"
 #include "server/collision/robot_image_table.h"
 #include "server/collision/voxel_space.h"

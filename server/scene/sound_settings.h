@@ -5,7 +5,7 @@
 #include <memory>
 #include <optional>
 
-#include "calib/robot_model.h"
+#include "calib/robot/robot_model.h"
 
 namespace silhouette {
 

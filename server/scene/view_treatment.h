@@ -9,8 +9,8 @@
 #include <vector>
 
 #include "absl/status/status.h"
-#include "calib/calibration.h"
-#include "db/mask.h"
+#include "calib/camera/calibration.h"
+#include "db/mask/mask.h"
 
 namespace silhouette {
 

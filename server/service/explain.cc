@@ -2,9 +2,9 @@
 
 #include <optional>
 
+#include "common/picture/picture.h"
 #include "server/collision/collision_images.h"
 #include "server/collision/intersection_image.h"
-#include "tools/picture/picture.h"
 
 namespace silhouette {
 namespace {

@@ -11,7 +11,7 @@
 #include <vector>
 
 #include "absl/status/statusor.h"
-#include "db/configuration_grid.h"
+#include "db/mask/configuration_grid.h"
 #include "server/scene/clearance_space.h"
 #include "server/scene/configuration_space.h"
 #include "silhouette/v1/collision_service.pb.h"

@@ -8,7 +8,7 @@
 #include <cstdint>
 #include <span>
 
-#include "db/mask.h"
+#include "db/mask/mask.h"
 
 namespace silhouette::benchmarks {
 

@@ -26,7 +26,7 @@ std::unique_ptr<const ConfigurationSpace> CellsOf(const Served& served) {
 }
 
 // Whether the middle of some cells is what the checker says of it.
-bool IsRight(const ConfigurationSpace& space, const Served& served) {
+bool CellsIsRight(const ConfigurationSpace& space, const Served& served) {
   const Checker checker(served, Policy{}, {.max_age = absl::InfiniteDuration()},
                         served.scene->arrived);
   const ConfigurationGrid& grid = GridOf1M();
@@ -56,13 +56,13 @@ void SceneToCells(benchmark::State& state, SceneKind kind) {
   MeasureScenes(state, scenes.size(), Caches::kWarm,
                 [&](size_t i) { benchmark::DoNotOptimize(CellsOf(scenes[i])); });
   const std::unique_ptr<const ConfigurationSpace> space = CellsOf(scenes.back());
-  if (!space->cells_exact() || !IsRight(*space, scenes.back())) {
+  if (!space->cells_exact() || !CellsIsRight(*space, scenes.back())) {
     state.SkipWithError("a cell is wrong");
   }
   state.counters["free_share"] = FreeShare(*space);
 }
 
-const bool kRegistered = [] {
+const bool kCellsRegistered = [] {
   for (const SceneKind kind : kSceneKinds) {
     benchmark::RegisterBenchmark(("cells_1m/" + NameOf(kind)).c_str(), SceneToCells, kind)
         ->UseManualTime()

@@ -30,7 +30,7 @@ const LocalSpace& Space() {
 
 // 16 checks by `map`, each of which waits for the answer of the one before.
 template <typename Map>
-void InTurn(benchmark::State& state, const Map& map) {
+void ClientInTurn(benchmark::State& state, const Map& map) {
   constexpr int kCount = 20'000;
   constexpr int kParts = 16;
   const std::vector<ConfigurationNumber> numbers = RandomNumbers(GridOf1M(), kCount * kParts);
@@ -61,7 +61,7 @@ void Single(benchmark::State& state) {
   });
 }
 
-void Batch(benchmark::State& state) {
+void ClientBatch(benchmark::State& state) {
   constexpr int kCount = 1'000'000;
   const std::vector<ConfigurationNumber> numbers = RandomNumbers(GridOf1M(), kCount);
   const std::vector<uint32_t> packed(numbers.begin(), numbers.end());
@@ -71,15 +71,15 @@ void Batch(benchmark::State& state) {
       benchmark::Counter(kCount, benchmark::Counter::kIsIterationInvariantRate);
 }
 
-const bool kRegistered = [] {
+const bool kClientRegistered = [] {
   benchmark::RegisterBenchmark("local_client/in_turn", [](benchmark::State& state) {
-    InTurn(state, Space());
+    ClientInTurn(state, Space());
   })->UseManualTime();
   benchmark::RegisterBenchmark("local_client/snapshot", [](benchmark::State& state) {
-    InTurn(state, *Space().Snapshot());
+    ClientInTurn(state, *Space().Snapshot());
   })->UseManualTime();
   benchmark::RegisterBenchmark("local_client/single", Single)->UseManualTime();
-  benchmark::RegisterBenchmark("local_client/batch", Batch)->Unit(benchmark::kMillisecond);
+  benchmark::RegisterBenchmark("local_client/batch", ClientBatch)->Unit(benchmark::kMillisecond);
   return true;
 }();
 

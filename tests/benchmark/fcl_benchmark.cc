@@ -125,7 +125,7 @@ class FclCheck {
 };
 
 // Over all scenes of a kind.
-void Check(benchmark::State& state, SceneKind kind) {
+void FclCheck(benchmark::State& state, SceneKind kind) {
   constexpr int kChecks = 250;  // per scene
   const SyntheticCell& cell = TheCellOf1M().cell;
   std::vector<std::unique_ptr<FclCheck>> checks;
@@ -179,7 +179,7 @@ void DepthUpdate(benchmark::State& state, SceneKind kind) {
 
 void Register(SceneKind kind) {
   const std::string name = NameOf(kind);
-  benchmark::RegisterBenchmark(("fcl_octomap_check/" + name).c_str(), Check, kind)
+  benchmark::RegisterBenchmark(("fcl_octomap_check/" + name).c_str(), FclCheck, kind)
       ->UseManualTime()
       ->Unit(benchmark::kMillisecond);
   benchmark::RegisterBenchmark(("octomap_new_tree/" + name).c_str(), NewTree, kind)
@@ -190,7 +190,7 @@ void Register(SceneKind kind) {
       ->Unit(benchmark::kMillisecond);
 }
 
-const bool kRegistered = [] {
+const bool kFclRegistered = [] {
   for (const SceneKind kind : kSceneKinds) Register(kind);
   return true;
 }();

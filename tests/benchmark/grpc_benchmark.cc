@@ -110,7 +110,7 @@ void PackedBatch(benchmark::State& state, Transport transport) {
 }
 
 // CheckConfigurations with many, by their joint values.
-void Batch(benchmark::State& state, Transport transport) {
+void GrpcBatch(benchmark::State& state, Transport transport) {
   constexpr int kConfigurations = 10'000;
   const auto stub = v1::CollisionService::NewStub(ServerOver(transport).channel());
   const v1::CheckConfigurationsRequest request = RequestOf(kConfigurations);
@@ -156,7 +156,7 @@ void Stream(benchmark::State& state, Transport transport) {
       seconds * 1e9 / static_cast<double>(kQuestions) / static_cast<double>(state.iterations());
 }
 
-const bool kRegistered = [] {
+const bool kGrpcRegistered = [] {
   for (const auto& [transport, name] :
        {std::pair(Transport::kTcp, "/tcp"), std::pair(Transport::kUnix, "/unix")}) {
     const auto add = [&, over = transport, suffix = std::string(name)](
@@ -168,7 +168,7 @@ const bool kRegistered = [] {
     add("grpc_unary", Unary)->UseManualTime();
     add("grpc_stream", Stream)->UseRealTime();
     add("grpc_batch", PackedBatch)->UseRealTime();
-    add("grpc_batch_joint_values", Batch)->UseRealTime();
+    add("grpc_batch_joint_values", GrpcBatch)->UseRealTime();
   }
   return true;
 }();

@@ -6,7 +6,7 @@
 #include <string>
 #include <vector>
 
-#include "server/collision/space_test.h"
+#include "server/collision/space_checker.h"
 #include "tests/benchmark/indexed_cell.h"
 #include "tests/benchmark/large_cells.h"
 #include "tests/benchmark/timing.h"
@@ -81,7 +81,7 @@ void SceneToPlanes(benchmark::State& state, const CellSettings& settings, SceneK
   state.counters["configurations"] = static_cast<double>(cell.grid().size());
 }
 
-const bool kRegistered = [] {
+const bool kIndexRegistered = [] {
   benchmark::RegisterBenchmark("index_build_1m", Build)
       ->UseManualTime()
       ->Iterations(1)

@@ -27,7 +27,7 @@ std::unique_ptr<const ClearanceSpace> LevelsOf(Served served) {
 }
 
 // Whether every 97th tile is what the meter measures singly.
-bool IsRight(const ClearanceSpace& levels, const Served& served) {
+bool LevelsIsRight(const ClearanceSpace& levels, const Served& served) {
   const Checker checker(served, Policy{}, {.max_age = absl::InfiniteDuration()},
                         served.scene->arrived);
   const auto meter = checker.Clearances();
@@ -46,10 +46,11 @@ void SceneToLevels(benchmark::State& state, SceneKind kind) {
   const std::vector<Served>& scenes = ServedScenesOf1M(kind);
   MeasureScenes(state, scenes.size(), Caches::kWarm,
                 [&](size_t i) { benchmark::DoNotOptimize(LevelsOf(scenes[i])); });
-  if (!IsRight(*LevelsOf(scenes.back()), scenes.back())) state.SkipWithError("a level is wrong");
+  if (!LevelsIsRight(*LevelsOf(scenes.back()), scenes.back()))
+    state.SkipWithError("a level is wrong");
 }
 
-const bool kRegistered = [] {
+const bool kLevelsRegistered = [] {
   for (const SceneKind kind : kSceneKinds) {
     benchmark::RegisterBenchmark(("levels_1m/" + NameOf(kind)).c_str(), SceneToLevels, kind)
         ->UseManualTime()

@@ -20,7 +20,7 @@
 #include "server/service/server.h"
 #include "tests/benchmark/large_cells.h"
 #include "tests/benchmark/timing.h"
-#include "tests/segmentation/images.h"
+#include "tests/capture/segmentation/images.h"
 
 namespace silhouette::benchmarks {
 namespace {
@@ -162,7 +162,7 @@ void Live(benchmark::State& state) {
 }
 
 // The same in one thread, nothing between.
-void InTurn(benchmark::State& state) {
+void LiveInTurn(benchmark::State& state) {
   ThePictures();
   const auto& database = TheCellOf1M().database;
   MeasureScenes(state, kScenesPerKind, Caches::kWarm, [&](size_t scene) {
@@ -184,7 +184,7 @@ void InTurn(benchmark::State& state) {
   });
 }
 
-BENCHMARK(InTurn)->Name("live_in_turn")->UseManualTime();
+BENCHMARK(LiveInTurn)->Name("live_in_turn")->UseManualTime();
 BENCHMARK(Live)->Name("live_latency")->UseManualTime()->Iterations(1);
 
 }  // namespace

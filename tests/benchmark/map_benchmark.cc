@@ -28,7 +28,7 @@ const ConfigurationSpace& PersonMap() {
 }
 
 // Whether every 97th tile is what the collision test says of the masks.
-bool IsRight(const ConfigurationSpace& map, const Served& served) {
+bool MapIsRight(const ConfigurationSpace& map, const Served& served) {
   const CollisionTest test(TableOf1M(), served.scene->obstacle_images, Policy{});
   for (uint64_t tile = 0; tile < map.tiles(); tile += 97) {
     if (map.tile(tile) != test.CheckTile(tile)) return false;
@@ -49,12 +49,12 @@ void SceneToMap(benchmark::State& state, SceneKind kind, Caches caches) {
   MeasureScenes(state, scenes.size(), caches,
                 [&](size_t i) { benchmark::DoNotOptimize(MapOf(scenes[i])); });
   const std::unique_ptr<const ConfigurationSpace> map = MapOf(scenes.back());
-  if (!IsRight(*map, scenes.back())) state.SkipWithError("a map is wrong");
+  if (!MapIsRight(*map, scenes.back())) state.SkipWithError("a map is wrong");
   state.counters["occupied_share"] = OccupiedShare(*map);
 }
 
 // Each check by itself.
-void Check(benchmark::State& state, Caches caches) {
+void MapCheck(benchmark::State& state, Caches caches) {
   const int count = caches == Caches::kWarm ? 100'000 : 320;
   const ConfigurationSpace& map = PersonMap();
   const std::vector<ConfigurationNumber> numbers = RandomNumbers(GridOf1M(), count);
@@ -69,7 +69,7 @@ void Check(benchmark::State& state, Caches caches) {
 }
 
 // 16 checks, each of which waits for the answer of the one before.
-void CheckInTurn(benchmark::State& state) {
+void MapCheckInTurn(benchmark::State& state) {
   constexpr int kCount = 20'000;
   constexpr int kParts = 16;
   const ConfigurationSpace& map = PersonMap();
@@ -93,7 +93,7 @@ std::vector<uint32_t> Packed(const std::vector<ConfigurationNumber>& numbers) {
   return {numbers.begin(), numbers.end()};
 }
 
-void Batch(benchmark::State& state) {
+void MapBatch(benchmark::State& state) {
   constexpr int kCount = 1'000'000;
   const ConfigurationSpace& map = PersonMap();
   const std::vector<uint32_t> numbers = Packed(RandomNumbers(GridOf1M(), kCount));
@@ -108,7 +108,7 @@ void Batch(benchmark::State& state) {
 }
 
 // One verdict of all, as a planner asks it of an edge.
-void Edge(benchmark::State& state) {
+void MapEdge(benchmark::State& state) {
   constexpr int kEdges = 20'000;
   const ConfigurationSpace& map = PersonMap();
   const std::vector<ConfigurationNumber> numbers = RandomEdges(GridOf1M(), kEdges);
@@ -120,7 +120,7 @@ void Edge(benchmark::State& state) {
   });
 }
 
-const bool kRegistered = [] {
+const bool kMapRegistered = [] {
   const auto add = [](const std::string& name, auto... what) {
     return benchmark::RegisterBenchmark(name.c_str(), what...)->UseManualTime();
   };
@@ -131,11 +131,11 @@ const bool kRegistered = [] {
         ->Unit(benchmark::kMillisecond)
         ->Iterations(5);
   }
-  add("map_check", Check, Caches::kWarm);
-  add("map_check/in_turn", CheckInTurn);
-  add("map_check/swept", Check, Caches::kSwept)->Iterations(1);
-  add("map_edge_32", Edge);
-  benchmark::RegisterBenchmark("map_batch", Batch)->Unit(benchmark::kMillisecond);
+  add("map_check", MapCheck, Caches::kWarm);
+  add("map_check/in_turn", MapCheckInTurn);
+  add("map_check/swept", MapCheck, Caches::kSwept)->Iterations(1);
+  add("map_edge_32", MapEdge);
+  benchmark::RegisterBenchmark("map_batch", MapBatch)->Unit(benchmark::kMillisecond);
   return true;
 }();
 

@@ -8,7 +8,7 @@
 #include <utility>
 #include <vector>
 
-#include "server/collision/collision_test.h"
+#include "server/collision/collision_checker.h"
 #include "tests/benchmark/large_cells.h"
 #include "tests/benchmark/timing.h"
 
@@ -23,7 +23,7 @@ CollisionTest TestOf(SceneKind kind, Masks masks = Masks::kInMemory) {
   return CollisionTest(database->robot_images(), ScenesOf1M(kind)[0].images, Policy{});
 }
 
-void Check(benchmark::State& state, SceneKind kind, Caches caches, Masks masks) {
+void MasksCheck(benchmark::State& state, SceneKind kind, Caches caches, Masks masks) {
   const int count = caches == Caches::kWarm ? 100'000 : 320;
   const CollisionTest test = TestOf(kind, masks);
   const std::vector<ConfigurationNumber> numbers = RandomNumbers(GridOf1M(), count);
@@ -33,7 +33,7 @@ void Check(benchmark::State& state, SceneKind kind, Caches caches, Masks masks) 
       caches);
 }
 
-void Batch(benchmark::State& state, SceneKind kind) {
+void MasksBatch(benchmark::State& state, SceneKind kind) {
   constexpr int kCount = 1'000'000;
   const CollisionTest test = TestOf(kind);
   const std::vector<ConfigurationNumber> numbers = RandomNumbers(GridOf1M(), kCount);
@@ -46,7 +46,7 @@ void Batch(benchmark::State& state, SceneKind kind) {
       benchmark::Counter(kCount, benchmark::Counter::kIsIterationInvariantRate);
 }
 
-void Edge(benchmark::State& state, SceneKind kind, Masks masks) {
+void MasksEdge(benchmark::State& state, SceneKind kind, Masks masks) {
   constexpr int kEdges = 10'000;
   const CollisionTest test = TestOf(kind, masks);
   const std::vector<ConfigurationNumber> numbers = RandomEdges(GridOf1M(), kEdges);
@@ -92,7 +92,7 @@ void Path(benchmark::State& state, SceneKind kind, Masks masks) {
   });
 }
 
-const bool kRegistered = [] {
+const bool kMasksRegistered = [] {
   for (const auto& [name, masks] :
        {std::pair("", Masks::kInMemory), std::pair("_in_place", Masks::kInPlace)}) {
     const auto add = [name = std::string(name)](const char* what, auto function,
@@ -101,19 +101,19 @@ const bool kRegistered = [] {
                                           SceneKind::kPerson, arguments...)
           ->UseManualTime();
     };
-    add("masks_check", Check, Caches::kWarm, masks);
-    add("masks_edge_32", Edge, masks);
+    add("masks_check", MasksCheck, Caches::kWarm, masks);
+    add("masks_edge_32", MasksEdge, masks);
     add("masks_off_grid", OffGrid, masks);
     add("masks_path", Path, masks);
   }
   return true;
 }();
 
-BENCHMARK_CAPTURE(Check, person_swept, SceneKind::kPerson, Caches::kSwept, Masks::kInMemory)
+BENCHMARK_CAPTURE(MasksCheck, person_swept, SceneKind::kPerson, Caches::kSwept, Masks::kInMemory)
     ->Name("masks_check/person_swept")
     ->UseManualTime()
     ->Iterations(1);
-BENCHMARK_CAPTURE(Batch, person, SceneKind::kPerson)
+BENCHMARK_CAPTURE(MasksBatch, person, SceneKind::kPerson)
     ->Name("masks_batch/person")
     ->Unit(benchmark::kMillisecond);
 

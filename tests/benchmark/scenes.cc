@@ -66,7 +66,7 @@ std::vector<Capsule> Clutter(Random& random) {
   return things;
 }
 
-std::vector<Capsule> Obstacles(SceneKind kind, Random& random) {
+std::vector<Capsule> ScenesObstacles(SceneKind kind, Random& random) {
   switch (kind) {
     case SceneKind::kPerson:
       return Person(random);
@@ -95,7 +95,7 @@ std::string NameOf(SceneKind kind) {
 BenchmarkScene MakeScene(const SyntheticCell& cell, SceneKind kind, uint64_t seed) {
   Random random(seed);
   BenchmarkScene scene;
-  scene.obstacles = Obstacles(kind, random);
+  scene.obstacles = ScenesObstacles(kind, random);
   for (const GridJoint& joint : cell.grid().joints()) {
     scene.robot.push_back(Between(random, joint.lower, joint.upper));
   }

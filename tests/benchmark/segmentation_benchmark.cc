@@ -10,7 +10,7 @@
 #include "capture/segmentation/difference.h"
 #include "capture/segmentation/down_sampling.h"
 #include "tests/benchmark/timing.h"
-#include "tests/segmentation/images.h"
+#include "tests/capture/segmentation/images.h"
 
 namespace silhouette::benchmarks {
 namespace {

@@ -68,7 +68,7 @@ Shared& TheShared() {
 }
 
 // As map_check and map_check/in_turn.
-void Check(benchmark::State& state) {
+void SharedMapCheck(benchmark::State& state) {
   constexpr int kCount = 100'000;
   const client::SharedSpace& space = TheShared().space();
   const std::vector<ConfigurationNumber> numbers = RandomNumbers(GridOf1M(), kCount);
@@ -78,7 +78,7 @@ void Check(benchmark::State& state) {
   if (!TheShared().IsRight(0)) state.SkipWithError("the shared map is wrong");
 }
 
-void CheckInTurn(benchmark::State& state) {
+void SharedMapCheckInTurn(benchmark::State& state) {
   constexpr int kCount = 20'000;
   constexpr int kParts = 16;
   const client::SharedSpace& space = TheShared().space();
@@ -112,7 +112,7 @@ void CheckConfiguration(benchmark::State& state) {
   });
 }
 
-void Batch(benchmark::State& state) {
+void SharedMapBatch(benchmark::State& state) {
   constexpr int kCount = 1'000'000;
   const client::SharedSpace& space = TheShared().space();
   const std::vector<ConfigurationNumber> numbers = RandomNumbers(GridOf1M(), kCount);
@@ -130,14 +130,14 @@ void Publish(benchmark::State& state) {
   shared.Publish(0);
 }
 
-const bool kRegistered = [] {
+const bool kSharedMapRegistered = [] {
   const auto add = [](const std::string& name, auto what) {
     return benchmark::RegisterBenchmark(name.c_str(), what)->UseManualTime();
   };
-  add("shared_map_check", Check);
-  add("shared_map_check/in_turn", CheckInTurn);
+  add("shared_map_check", SharedMapCheck);
+  add("shared_map_check/in_turn", SharedMapCheckInTurn);
   add("shared_map_check/configuration", CheckConfiguration);
-  benchmark::RegisterBenchmark("shared_map_batch", Batch)->Unit(benchmark::kMillisecond);
+  benchmark::RegisterBenchmark("shared_map_batch", SharedMapBatch)->Unit(benchmark::kMillisecond);
   add("shared_map_publish", Publish);
   return true;
 }();

@@ -31,7 +31,7 @@ Balls Robot() {
 }
 
 // A person's trunk and arm, and a box of the size of a hand.
-Balls Obstacles() {
+Balls SoundObstacles() {
   Balls obstacles;
   for (int i = 0; i < 8; ++i) obstacles.push_back({Vector3d(-0.55, 0.5, -0.8 + 0.2 * i), 0.18});
   for (int i = 0; i < 6; ++i) obstacles.push_back({Vector3d(-0.4 + 0.08 * i, 0.4, 0.3), 0.06});
@@ -47,7 +47,7 @@ struct Scene {
       const BallCamera camera(LookingAt(from, {0, 0, 0}, {pixels, pixels}, 0.95, -0.1));
       views.push_back({camera.size(), camera.project(), Vector2d::Zero(), Mask()});
       const Mask robot = camera.See(Robot());
-      images.push_back(ObstacleImage::FromScene(camera.See(Obstacles()) | robot, robot));
+      images.push_back(ObstacleImage::FromScene(camera.See(SoundObstacles()) | robot, robot));
     }
     space = std::make_unique<VoxelSpace>(
         Eigen::AlignedBox3d(Vector3d::Constant(-1), Vector3d::Constant(1)), kRho, views, kEdge);

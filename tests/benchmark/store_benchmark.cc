@@ -7,8 +7,8 @@
 #include <string_view>
 #include <vector>
 
-#include "db/schema.h"
-#include "db/store.h"
+#include "db/store/schema.h"
+#include "db/store/store.h"
 #include "tests/benchmark/large_cells.h"
 #include "tests/benchmark/synthetic_database.h"
 #include "tests/benchmark/timing.h"
@@ -68,7 +68,7 @@ class PlainRead {
   bool ok_ = false;
 };
 
-uint64_t UnionOf(std::string_view bytes) {
+uint64_t StoreUnionOf(std::string_view bytes) {
   uint64_t all = 0;
   for (; bytes.size() >= sizeof(uint64_t); bytes.remove_prefix(sizeof(uint64_t))) {
     uint64_t word = 0;
@@ -90,7 +90,7 @@ void Get(benchmark::State& state) {
   MeasureCalls(state, kGets, [&](int i) {
     const std::string_view value = read.Get(numbers[static_cast<size_t>(i)]);
     bytes += value.size();
-    benchmark::DoNotOptimize(UnionOf(value));
+    benchmark::DoNotOptimize(StoreUnionOf(value));
   });
   if (bytes == 0) state.SkipWithError("no record was found");
   state.counters["record_bytes"] =

@@ -5,7 +5,7 @@
 #include <algorithm>
 #include <vector>
 
-#include "server/collision/collision_test.h"
+#include "server/collision/collision_checker.h"
 #include "tests/benchmark/large_cells.h"
 #include "tests/benchmark/timing.h"
 
@@ -39,7 +39,7 @@ uint64_t Touching(const uint64_t* __restrict masks, const uint64_t* __restrict p
 }
 
 SILHOUETTE_FOR_EVERY_PROCESSOR
-uint64_t UnionOf(const uint64_t* __restrict words, size_t count) {
+uint64_t StreamingUnionOf(const uint64_t* __restrict words, size_t count) {
   uint64_t bits[32] = {};
   for (size_t i = 0; i + 32 <= count; i += 32) {
     for (size_t j = 0; j < 32; ++j) bits[j] |= words[i + j];
@@ -77,8 +77,8 @@ void StreamAllMasks(const RobotImageTable& table, const ObstacleImages& images,
 }
 
 // Whether the map is what the collision test says of every 97th tile.
-bool IsRight(const RobotImageTable& table, const ObstacleImages& images,
-             const std::vector<uint64_t>& occupied) {
+bool StreamingIsRight(const RobotImageTable& table, const ObstacleImages& images,
+                      const std::vector<uint64_t>& occupied) {
   const CollisionTest test(table, images, Policy{});
   for (uint64_t tile = 0; tile < table.grid().tiles(); tile += 97) {
     const TileVerdicts verdicts = test.CheckTile(tile);
@@ -100,7 +100,7 @@ void StreamingAllMasks(benchmark::State& state, SceneKind kind) {
   const std::vector<BenchmarkScene>& scenes = ScenesOf1M(kind);
   MeasureScenes(state, scenes.size(), Caches::kWarm,
                 [&](size_t i) { StreamAllMasks(table, scenes[i].images, occupied); });
-  if (!IsRight(table, scenes.back().images, occupied)) {
+  if (!StreamingIsRight(table, scenes.back().images, occupied)) {
     state.SkipWithError("the map is wrong");
   }
   state.counters["gigabytes"] =
@@ -115,7 +115,7 @@ void MemoryRead(benchmark::State& state) {
   for (auto _ : state) {
     const uint64_t begin = Ticks();
     for (int view = 0; view < kViews; ++view) {
-      benchmark::DoNotOptimize(UnionOf(MasksOf(table, view), words));
+      benchmark::DoNotOptimize(StreamingUnionOf(MasksOf(table, view), words));
     }
     const double time = static_cast<double>(Ticks() - begin) * TickLength();
     samples.Add(time);

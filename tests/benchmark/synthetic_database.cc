@@ -8,9 +8,9 @@
 #include "absl/status/status.h"
 #include "absl/time/clock.h"
 #include "capture/segmentation/reference.h"
-#include "db/store.h"
+#include "db/store/store.h"
 #include "server/scene/make_scene.h"
-#include "tests/segmentation/images.h"
+#include "tests/capture/segmentation/images.h"
 
 namespace silhouette::benchmarks {
 namespace {

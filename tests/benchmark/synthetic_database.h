@@ -6,7 +6,7 @@
 #include <opencv2/core.hpp>
 #include <string>
 
-#include "db/collision_index.h"
+#include "db/store/collision_index.h"
 #include "server/scene/scene_store.h"
 #include "server/scene/served_database.h"
 #include "tests/benchmark/scenes.h"

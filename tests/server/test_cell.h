@@ -21,9 +21,9 @@
 
 #include "absl/strings/str_cat.h"
 #include "capture/segmentation/reference.h"
-#include "db/collision_index.h"
-#include "db/robot_image_format.h"
-#include "db/store.h"
+#include "db/store/collision_index.h"
+#include "db/store/robot_image_format.h"
+#include "db/store/store.h"
 #include "server/scene/make_scene.h"
 #include "server/scene/served_database.h"
 

@@ -6,10 +6,10 @@
 #include <utility>
 
 #include "absl/strings/str_cat.h"
-#include "calib/reach.h"
-#include "calib/robot_model.h"
+#include "calib/robot/reach.h"
+#include "calib/robot/robot_model.h"
+#include "common/yaml/strict_yaml.h"
 #include "tools/cell/sections.h"
-#include "tools/yaml/strict_yaml.h"
 
 namespace silhouette {
 namespace {

@@ -2,7 +2,7 @@
 #include <optional>
 #include <utility>
 
-#include "calib/reach.h"
+#include "calib/robot/reach.h"
 #include "tools/cell/robot.h"
 #include "tools/cell/sections.h"
 

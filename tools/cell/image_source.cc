@@ -2,7 +2,7 @@
 #include <cmath>
 #include <utility>
 
-#include "capture/drivers/camera_settings.h"
+#include "capture/devices/camera_settings.h"
 #include "tools/cell/sections.h"
 
 namespace silhouette {
@@ -139,7 +139,7 @@ FolderSource ReadFolder(const YamlNode& node, const std::filesystem::path& folde
   return source;
 }
 
-GrpcSource ReadGrpc(const YamlNode& node, const std::string& view) {
+GrpcSource ImageSourceReadGrpc(const YamlNode& node, const std::string& view) {
   GrpcSource source;
   source.camera = view;
   source.address = ReadMain(node, "address", [&](YamlMap& map) {
@@ -170,7 +170,7 @@ ImageSource ReadImageSource(const YamlNode& node, const std::string& view,
   if (const auto at = map.Optional("rtsp")) sources.emplace_back(ReadRtsp(*at));
   if (const auto at = map.Optional("video")) sources.emplace_back(ReadVideo(*at, folder));
   if (const auto at = map.Optional("folder")) sources.emplace_back(ReadFolder(*at, folder));
-  if (const auto at = map.Optional("grpc")) sources.emplace_back(ReadGrpc(*at, view));
+  if (const auto at = map.Optional("grpc")) sources.emplace_back(ImageSourceReadGrpc(*at, view));
   map.Finish();
   if (sources.size() != 1) node.Fail(std::string("one source is expected: ") + kKinds);
   return std::move(sources.front());

@@ -6,7 +6,7 @@
 #include <string>
 #include <vector>
 
-#include "calib/robot_model.h"
+#include "calib/robot/robot_model.h"
 #include "tools/cell/sections.h"
 
 namespace silhouette {

@@ -79,7 +79,7 @@ SimpleMessageSettings ReadSimpleMessage(const YamlNode& node) {
   return settings;
 }
 
-GrpcRobotSettings ReadGrpc(const YamlNode& node) {
+GrpcRobotSettings RobotDriverReadGrpc(const YamlNode& node) {
   YamlMap map(node);
   GrpcRobotSettings settings;
   settings.address = map.Get<std::string>("address");
@@ -105,7 +105,7 @@ ManualRobotSettings ReadManual(const YamlNode& node) {
     read->Fail("'simple_message: {...}' or 'grpc: {...}' is expected");
   }
   if (simple_message) settings.read = ReadSimpleMessage(*simple_message);
-  if (grpc) settings.read = ReadGrpc(*grpc);
+  if (grpc) settings.read = RobotDriverReadGrpc(*grpc);
   return settings;
 }
 
@@ -126,7 +126,7 @@ RobotDriver ReadRobotDriver(const YamlNode& node) {
   const std::vector<std::string> keys = map.Keys();
   if (keys.size() != 1) node.Fail("one driver is expected; " + known);
   if (keys[0] == kSimpleMessage) return ReadSimpleMessage(map.Required(kSimpleMessage));
-  if (keys[0] == kGrpc) return ReadGrpc(map.Required(kGrpc));
+  if (keys[0] == kGrpc) return RobotDriverReadGrpc(map.Required(kGrpc));
   if (keys[0] == kManual) return ReadManual(map.Required(kManual));
   node.Fail("the driver '" + keys[0] + "' is not known; " + known);
 }

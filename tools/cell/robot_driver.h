@@ -1,8 +1,8 @@
 // The key `driver` in the section `robot` of cell.yaml: who moves the robot.
 #pragma once
 
-#include "capture/drivers/robot_driver_settings.h"
-#include "tools/yaml/strict_yaml.h"
+#include "capture/devices/robot_driver_settings.h"
+#include "common/yaml/strict_yaml.h"
 
 namespace silhouette {
 

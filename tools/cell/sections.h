@@ -5,8 +5,8 @@
 #include <string>
 #include <vector>
 
+#include "common/yaml/strict_yaml.h"
 #include "tools/cell/cell.h"
-#include "tools/yaml/strict_yaml.h"
 
 namespace silhouette {
 

@@ -17,7 +17,7 @@ constexpr size_t kLongestSerial = 15;
 // A trigger waits for the next multiple of it.
 constexpr guint32 kFramePeriodMicroseconds = 10'000;
 
-struct Unref {
+struct GigeCamerasUnref {
   void operator()(gpointer object) const { g_object_unref(object); }
 };
 
@@ -85,7 +85,7 @@ class ArvGigeCameras : public GigeCameras {
   absl::Status Add(ServedViews& views, size_t view, const std::string& genicam) {
     const SimulatedView& shown = views.views()[view];
     const std::string address = absl::StrCat("127.0.0.", view + 1);
-    std::unique_ptr<ArvGvFakeCamera, Unref> camera(arv_gv_fake_camera_new_full(
+    std::unique_ptr<ArvGvFakeCamera, GigeCamerasUnref> camera(arv_gv_fake_camera_new_full(
         address.c_str(), shown.name.c_str(), genicam.empty() ? nullptr : genicam.c_str()));
     if (camera == nullptr || !arv_gv_fake_camera_is_running(camera.get())) {
       return absl::FailedPreconditionError(absl::StrCat(
@@ -120,7 +120,7 @@ class ArvGigeCameras : public GigeCameras {
  private:
   std::vector<std::string> addresses_;
   std::vector<std::unique_ptr<Filling>> fillings_;  // outlive the cameras
-  std::vector<std::unique_ptr<ArvGvFakeCamera, Unref>> cameras_;
+  std::vector<std::unique_ptr<ArvGvFakeCamera, GigeCamerasUnref>> cameras_;
 };
 
 }  // namespace

@@ -13,9 +13,9 @@
 namespace silhouette {
 namespace {
 
-class Service : public v1::CameraDriverService::Service {
+class GrpcCamerasService : public v1::CameraDriverService::Service {
  public:
-  explicit Service(ServedViews& views) : views_(&views) {}
+  explicit GrpcCamerasService(ServedViews& views) : views_(&views) {}
 
   grpc::Status GetCameras(grpc::ServerContext*, const v1::GetCamerasRequest*,
                           v1::GetCamerasResponse* response) override {
@@ -86,7 +86,7 @@ class ServedGrpcCameras : public GrpcCameras {
   const std::string& address() const override { return address_; }
 
  private:
-  Service service_;
+  GrpcCamerasService service_;
   std::unique_ptr<grpc::Server> server_;
   std::string address_;
 };

@@ -14,13 +14,13 @@
 namespace silhouette {
 namespace {
 
-constexpr std::chrono::milliseconds kTick{5};
+constexpr std::chrono::milliseconds kGrpcRobotServerTick{5};
 // How long calls in flight may take when the server ends.
 constexpr std::chrono::milliseconds kGrace{200};
 
-class Service : public v1::RobotDriverService::Service {
+class GrpcRobotServerService : public v1::RobotDriverService::Service {
  public:
-  explicit Service(SimulatedController& controller) : controller_(controller) {}
+  explicit GrpcRobotServerService(SimulatedController& controller) : controller_(controller) {}
 
   grpc::Status GetRobot(grpc::ServerContext*, const v1::GetRobotRequest*,
                         v1::GetRobotResponse* response) override {
@@ -51,7 +51,7 @@ class Service : public v1::RobotDriverService::Service {
         controller_.Stop();
         return {grpc::StatusCode::CANCELLED, "the robot was stopped"};
       }
-      std::this_thread::sleep_for(kTick);
+      std::this_thread::sleep_for(kGrpcRobotServerTick);
     }
     return grpc::Status::OK;
   }
@@ -87,7 +87,7 @@ class GrpcRobotServer::Impl {
   const std::string& address() const { return address_; }
 
  private:
-  Service service_;
+  GrpcRobotServerService service_;
   std::string address_;
   std::unique_ptr<grpc::Server> server_;
 };

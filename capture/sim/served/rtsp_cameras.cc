@@ -21,7 +21,7 @@ constexpr char kPipeline[] =
     " ! videoconvert ! video/x-raw,format=I420 ! jpegenc quality=97"
     " ! rtpjpegpay name=pay0 pt=26 )";
 
-struct Unref {
+struct RtspCamerasUnref {
   void operator()(gpointer object) const { g_object_unref(object); }
 };
 
@@ -158,7 +158,7 @@ class GstRtspCameras : public RtspCameras {
   std::vector<StreamHandle> streams_;
   GMainContext* const context_;
   GMainLoop* const loop_;
-  std::unique_ptr<GstRTSPServer, Unref> server_;
+  std::unique_ptr<GstRTSPServer, RtspCamerasUnref> server_;
   std::vector<std::string> urls_;
   std::thread thread_;
 };

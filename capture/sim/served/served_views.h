@@ -10,7 +10,7 @@
 
 #include "absl/status/statusor.h"
 #include "absl/time/time.h"
-#include "capture/devices.h"
+#include "capture/devices/devices.h"
 #include "capture/sim/simulated_cell.h"
 
 namespace silhouette {

@@ -1,5 +1,5 @@
 // SimpleMessageServer: a simulated controller behind ROS-Industrial's simple_message, as
-// capture/drivers/simple_message_link.h speaks to it.
+// capture/drivers/robots/simple_message_link.h speaks to it.
 #pragma once
 
 #include <atomic>
@@ -12,9 +12,9 @@
 
 #include "absl/status/statusor.h"
 #include "absl/time/time.h"
-#include "capture/drivers/simple_message.h"
-#include "capture/drivers/simple_message_bodies.h"
-#include "capture/drivers/tcp_socket.h"
+#include "capture/drivers/robots/simple_message.h"
+#include "capture/drivers/robots/simple_message_bodies.h"
+#include "capture/drivers/robots/tcp_socket.h"
 #include "capture/sim/served/simulated_controller.h"
 
 namespace silhouette {

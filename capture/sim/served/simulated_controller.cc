@@ -11,7 +11,7 @@
 namespace silhouette {
 namespace {
 
-constexpr std::chrono::milliseconds kTick{2};
+constexpr std::chrono::milliseconds kSimulatedControllerTick{2};
 // How a robot drifts: its first joint, radians or metres in this time.
 constexpr double kDrift = 1;
 constexpr absl::Duration kDriftTime = absl::Seconds(4);
@@ -123,7 +123,7 @@ void SimulatedController::Run() {
   while (!ending_) {
     changed_.wait(lock, [&] { return moving_ || ending_; });
     if (moving_) Step();
-    changed_.wait_for(lock, kTick, [&] { return ending_; });
+    changed_.wait_for(lock, kSimulatedControllerTick, [&] { return ending_; });
   }
 }
 

@@ -13,7 +13,7 @@
 
 #include "absl/status/status.h"
 #include "absl/time/time.h"
-#include "calib/robot_model.h"
+#include "calib/robot/robot_model.h"
 #include "capture/sim/simulated_cell.h"
 
 namespace silhouette {

@@ -2,4 +2,4 @@
 // itself stands here.
 #pragma once
 
-#include "db/configuration_grid.h"
+#include "db/mask/configuration_grid.h"

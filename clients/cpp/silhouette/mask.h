@@ -2,4 +2,4 @@
 // itself stands here.
 #pragma once
 
-#include "db/mask.h"
+#include "db/mask/mask.h"

@@ -4,7 +4,7 @@
 #include <stdexcept>
 #include <string>
 
-#include "server/collision/collision_test.h"
+#include "server/collision/collision_checker.h"
 #include "tests/server/collision/random_cell.h"
 #include "tests/server/collision/random_geometry.h"
 
@@ -183,8 +183,8 @@ bool IsObstacle(const ObstacleImages& images, const EpipolarBands& bands, int vi
   return convicted;
 }
 
-State Reference(const ObstacleImages& images, const std::vector<Mask>& test_robot,
-                const EpipolarBands& bands, const Policy& policy) {
+State CalibratedReference(const ObstacleImages& images, const std::vector<Mask>& test_robot,
+                          const EpipolarBands& bands, const Policy& policy) {
   const bool cut = EpipolarDomainOf(policy) == EpipolarDomain::kIntersection;
   const auto seen = [&](int view, int x, int y) {
     return cut && !test_robot[view].at(x, y) ? 'B' : PixelOf(*images[view], x, y);
@@ -234,7 +234,7 @@ TEST_F(CalibratedTest, AgreesWithTheReferenceOnRandomImagesMatricesAndPolicies) 
     for (const Policy& policy : CalibratedPolicies(views)) {
       const CollisionTest test(table, images, policy, {.bands = &bands});
       const Verdict verdict = test.Check(ConfigurationNumber{0});
-      ASSERT_EQ(verdict.state(), Reference(images, test_robot, bands, policy))
+      ASSERT_EQ(verdict.state(), CalibratedReference(images, test_robot, bands, policy))
           << NameOf(policy.preset) << ", round " << round;
       const TileVerdicts tile = test.CheckTile(0);
       ASSERT_EQ(tile.free[0] & 1, verdict.free() ? 1u : 0u);

@@ -17,19 +17,19 @@
 namespace silhouette {
 namespace {
 
-constexpr double kInfinity = std::numeric_limits<double>::infinity();
+constexpr double kClearanceInfinity = std::numeric_limits<double>::infinity();
 constexpr double kLittle = 1e-9;
 constexpr double kBeyondAnyImage = 100;
 
-ConfigurationGrid SmallGrid() {
+ConfigurationGrid ClearanceSmallGrid() {
   return ConfigurationGrid(
       {{.name = "a", .lower = 0, .upper = 2, .steps = 3},
        {.name = "b", .lower = 0, .upper = 2 * std::numbers::pi, .steps = 4, .continuous = true}});
 }
 
 // Few pixels each, so that there is room between them.
-RobotImageTable SparseTable(const std::vector<MaskSize>& sizes, std::mt19937& random) {
-  const ConfigurationGrid grid = SmallGrid();
+RobotImageTable ClearanceSparseTable(const std::vector<MaskSize>& sizes, std::mt19937& random) {
+  const ConfigurationGrid grid = ClearanceSmallGrid();
   RobotImageTable::Builder builder(grid, sizes);
   for (ConfigurationNumber number = 0; number < grid.number_limit(); ++number) {
     if (!grid.Contains(number)) continue;
@@ -63,7 +63,7 @@ struct MeasuredCell {
   MeasuredCell(const Policy& the_policy, int views, std::mt19937& random)
       : policy(the_policy),
         sizes(RandomSizes(views, random)),
-        table(SparseTable(sizes, random)),
+        table(ClearanceSparseTable(sizes, random)),
         images(RandomImages(sizes, random)),
         bands(RandomCalibration(views, 0.2, random), sizes) {
     if (random() % 5 == 0) images[random() % images.size()].reset();
@@ -153,11 +153,11 @@ TEST_F(Clearances, RobotImagesMayGrowByTheClearanceAndByNoMore) {
       }
       ++free;
       if (*clearance == 0) ++touching;
-      if (*clearance == kInfinity) ++infinite;
+      if (*clearance == kClearanceInfinity) ++infinite;
       const double most = std::min(*clearance, kBeyondAnyImage);
       const RobotImageTable grown = GrownTable(cell.table, most);
       EXPECT_EQ(cell.Test(grown).Check(q).state(), State::kFree) << *clearance;
-      if (*clearance == kInfinity) continue;
+      if (*clearance == kClearanceInfinity) continue;
       const RobotImageTable more = GrownTable(cell.table, *clearance + kLittle);
       EXPECT_EQ(cell.Test(more).Check(q).state(), State::kOccupied) << *clearance;
     }
@@ -179,7 +179,7 @@ TEST_F(Clearances, SmallestOnAPathIsThatOfThePlacesTested) {
     std::vector<Configuration> waypoints;
     for (int i = AnyOf(1, 3); i > 0; --i) waypoints.push_back(RandomConfiguration());
     std::optional<PathClearance> smallest;
-    double least = kInfinity;
+    double least = kClearanceInfinity;
     std::optional<std::pair<int, double>> first_place;
     const PathVerdict path = test.CheckPath(waypoints, {}, [&](const TestedPlace& place) {
       meter.Narrow(place, smallest);
@@ -208,8 +208,8 @@ TEST_F(Clearances, SmallestOnAPathIsThatOfThePlacesTested) {
 
 // One row of pixels a view; the robot is the first pixel, an obstacle is `places[view]` pixels on,
 // nowhere if that is 0.
-struct Row {
-  explicit Row(const std::vector<int>& places) : sizes(places.size(), MaskSize{20, 1}) {
+struct ClearanceRow {
+  explicit ClearanceRow(const std::vector<int>& places) : sizes(places.size(), MaskSize{20, 1}) {
     for (const int place : places) {
       images.push_back(ObstacleImage::FromObstacles(
           Mask::FromPredicate({20, 1}, [&](int x, int) { return place > 0 && x == place; }),
@@ -236,28 +236,28 @@ struct Row {
 };
 
 TEST(Clearance, IsTheDistanceInThatViewThatWouldMakeItOccupied) {
-  const Row row({6, 3, 0});
+  const ClearanceRow row({6, 3, 0});
   EXPECT_EQ(row.Clearance(1), 2);
   EXPECT_EQ(row.Clearance(2), 5);
-  EXPECT_EQ(row.Clearance(3), kInfinity) << "a view shows no obstacle at all";
+  EXPECT_EQ(row.Clearance(3), kClearanceInfinity) << "a view shows no obstacle at all";
 }
 
 TEST(Clearance, OfAFreeConfigurationThatTouchesAnObstacleIsNone) {
-  EXPECT_EQ(Row({1}).Clearance(1), 0);
-  EXPECT_EQ(Row({2}).Clearance(1), 1);
+  EXPECT_EQ(ClearanceRow({1}).Clearance(1), 0);
+  EXPECT_EQ(ClearanceRow({2}).Clearance(1), 1);
 }
 
 TEST(Clearance, TellsTheDistanceInEveryView) {
-  Row row({6, 3, 0});
+  ClearanceRow row({6, 3, 0});
   std::vector<ViewEvidence> evidence(3);
   row.Clearance(1, evidence);
   EXPECT_EQ(evidence[0].distance, 5);
   EXPECT_EQ(evidence[1].distance, 2);
-  EXPECT_EQ(evidence[2].distance, kInfinity);
+  EXPECT_EQ(evidence[2].distance, kClearanceInfinity);
 }
 
 TEST(Clearance, MissingViewIsNoReasonToTellOne) {
-  Row row({6, 3, 0});
+  ClearanceRow row({6, 3, 0});
   row.images[2].reset();
   std::vector<ViewEvidence> evidence(3);
   EXPECT_EQ(row.Clearance(2, evidence), std::nullopt) << "the verdict is unknown";
@@ -268,14 +268,14 @@ TEST(Clearance, MissingViewIsNoReasonToTellOne) {
 }
 
 TEST(Clearance, UnknownPixelsDoNotMakeItSmaller) {
-  Row row({6});
+  ClearanceRow row({6});
   const Mask robot = Mask::FromPredicate({20, 1}, [](int x, int) { return x < 4; });
   row.images[0] = ObstacleImage::FromScene(row.images[0]->obstacle() | robot, robot);
   EXPECT_EQ(row.Clearance(1), 5);
 }
 
 TEST(Clearance, DistancesOfAnotherSceneAreRefused) {
-  const Row row({6, 3});
+  const ClearanceRow row({6, 3});
   const Policy policy;
   const CollisionTest test(*row.table, row.images, policy);
   EXPECT_THROW(ClearanceMeter(test, row.images, policy, {}, {}), std::invalid_argument);
@@ -302,7 +302,8 @@ struct GrownRobot {
 };
 
 // Whether a robot image meets a part whose planes are grown in enough views.
-bool Meets(const PossibleSpace::Part& part, double level, const GrownRobot& robot, int min_views) {
+bool ClearanceMeets(const PossibleSpace::Part& part, double level, const GrownRobot& robot,
+                    int min_views) {
   int met = 0;
   for (size_t view = 0; view < part.planes.size(); ++view) {
     const bool outside = part.beyond[view] && robot.masks[view].Empty();
@@ -351,7 +352,7 @@ TEST_F(SoundClearances, PlanesOfPossibleSpaceAreMetByAnyMoreAndSoundIsNot) {
         EXPECT_FALSE(planes_meet && (!sound || possible.VoxelsMeet(robot.words, min_views)));
         if (sound) continue;
         ++planes_free;
-        if (clearance == kInfinity) continue;
+        if (clearance == kClearanceInfinity) continue;
         ++finite;
         const GrownRobot larger(world.table, number, clearance + kLittle);
         EXPECT_TRUE(possible.PlanesMeet(larger.words, min_views)) << clearance;
@@ -359,7 +360,7 @@ TEST_F(SoundClearances, PlanesOfPossibleSpaceAreMetByAnyMoreAndSoundIsNot) {
         for (const double level : {0.0, clearance, clearance + kLittle, 1.0 * AnyOf(1, 9)}) {
           EXPECT_EQ(std::any_of(possible.parts().begin(), possible.parts().end(),
                                 [&](const PossibleSpace::Part& part) {
-                                  return Meets(part, level, as_it_is, min_views);
+                                  return ClearanceMeets(part, level, as_it_is, min_views);
                                 }),
                     clearance < level);
         }

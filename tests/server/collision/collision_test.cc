@@ -1,4 +1,4 @@
-#include "server/collision/collision_test.h"
+#include "server/collision/collision_checker.h"
 
 #include <gtest/gtest.h>
 
@@ -10,7 +10,7 @@
 namespace silhouette {
 namespace {
 
-ConfigurationGrid SmallGrid() {
+ConfigurationGrid CollisionSmallGrid() {
   return ConfigurationGrid(
       {{.name = "a", .lower = -1, .upper = 1, .steps = 5},
        {.name = "b", .lower = 0, .upper = 6.283185307179586, .steps = 6, .continuous = true}});
@@ -40,9 +40,9 @@ using TileTest = Seeded;
 using MissingViewTest = Seeded;
 
 // The uncalibrated test pixel by pixel, straight from Tables 1 and 2.
-Verdict Reference(const std::vector<Mask>& scene, const std::vector<Mask>& robot,
-                  const std::vector<Mask>& test_robot, int min_views,
-                  std::vector<ViewEvidence>& evidence) {
+Verdict CollisionReference(const std::vector<Mask>& scene, const std::vector<Mask>& robot,
+                           const std::vector<Mask>& test_robot, int min_views,
+                           std::vector<ViewEvidence>& evidence) {
   int showing = 0;
   int hiding = 0;
   for (size_t v = 0; v < scene.size(); ++v) {
@@ -84,7 +84,7 @@ TEST_F(CollisionTestAgainstReference, AgreesOnRandomMasksForEveryPolicy) {
       const CollisionTest test(table, obstacle_images, policy);
       std::vector<ViewEvidence> expected_evidence(views), evidence(views);
       const Verdict expected =
-          Reference(scene, robot, test_robot, MinViews(policy, views), expected_evidence);
+          CollisionReference(scene, robot, test_robot, MinViews(policy, views), expected_evidence);
       EXPECT_EQ(test.Check(ConfigurationNumber{0}, evidence), expected);
       EXPECT_EQ(evidence, expected_evidence);
       EXPECT_EQ(test.Check(ConfigurationNumber{0}), expected) << "without evidence";
@@ -98,7 +98,7 @@ TEST_F(CollisionTestAgainstReference, AgreesOnRandomMasksForEveryPolicy) {
 }
 
 TEST_F(CollisionTestAgainstReference, ViewsShowWhatTheirCollisionImagesShow) {
-  const ConfigurationGrid grid = SmallGrid();
+  const ConfigurationGrid grid = CollisionSmallGrid();
   const std::vector<MaskSize> sizes = RandomSizes(1, random);
   const RobotImageTable table = RandomTable(grid, sizes, 0.05, random);
   const ObstacleImages images = RandomObstacleImages(sizes, 0.3, random);
@@ -111,7 +111,7 @@ TEST_F(CollisionTestAgainstReference, ViewsShowWhatTheirCollisionImagesShow) {
 }
 
 TEST_F(OffGridTest, CellIsTheUnionOfTheCornersPerView) {
-  const ConfigurationGrid grid = SmallGrid();
+  const ConfigurationGrid grid = CollisionSmallGrid();
   const std::vector<MaskSize> sizes = RandomSizes(3, random);
   const RobotImageTable table = RandomTable(grid, sizes, 0.03, random);
   const ObstacleImages images = RandomObstacleImages(sizes, 0.3, random);
@@ -146,7 +146,7 @@ TEST_F(OffGridTest, CellIsTheUnionOfTheCornersPerView) {
 }
 
 TEST_F(OffGridTest, NearestIsTheNearestGridPoint) {
-  const ConfigurationGrid grid = SmallGrid();
+  const ConfigurationGrid grid = CollisionSmallGrid();
   const std::vector<MaskSize> sizes = RandomSizes(2, random);
   const RobotImageTable table = RandomTable(grid, sizes, 0.05, random);
   const ObstacleImages images = RandomObstacleImages(sizes, 0.3, random);
@@ -160,7 +160,7 @@ TEST_F(OffGridTest, NearestIsTheNearestGridPoint) {
 }
 
 TEST(CollisionTest, ConfigurationOutsideTheGridIsNeverFree) {
-  const ConfigurationGrid grid = SmallGrid();
+  const ConfigurationGrid grid = CollisionSmallGrid();
   const std::vector<MaskSize> sizes = {{4, 4}};
   std::mt19937 random(1);
   const RobotImageTable table = RandomTable(grid, sizes, 0.5, random);
@@ -205,7 +205,7 @@ TEST(CollisionTest, CellWithAnUnusableCornerIsNeverFree) {
 }
 
 TEST_F(MissingViewTest, CountsAsShowingAnObstacleAndIsNeverFree) {
-  const ConfigurationGrid grid = SmallGrid();
+  const ConfigurationGrid grid = CollisionSmallGrid();
   const int views = 3;
   std::array<int, 3> seen{};
   for (int round = 0; round < 20; ++round) {
@@ -310,7 +310,7 @@ TEST_F(TileTest, WholeSpaceEqualsSingleChecks) {
 
 TEST(CollisionTest, WhatDoesNotFitTheTableIsRefused) {
   std::mt19937 random(1);
-  const ConfigurationGrid grid = SmallGrid();
+  const ConfigurationGrid grid = CollisionSmallGrid();
   const RobotImageTable table = RandomTable(grid, {{4, 4}, {5, 5}}, 0.5, random);
   EXPECT_THROW(CollisionTest(table, {}, {}), std::invalid_argument);
   const ObstacleImages turned = RandomObstacleImages({{5, 5}, {4, 4}}, 0.5, random);

@@ -12,7 +12,7 @@
 namespace silhouette {
 namespace {
 
-constexpr double kInfinity = std::numeric_limits<double>::infinity();
+constexpr double kDistanceImageInfinity = std::numeric_limits<double>::infinity();
 
 uint32_t SquaredAt(const DistanceImage& image, int x, int y) {
   const Mask pixel = Mask::FromPredicate(
@@ -40,7 +40,7 @@ TEST(DistanceImage, LeastOfSeveralPixelsIsThatOfTheNearest) {
 TEST(DistanceImage, EmptyPlaneIsInfinitelyFarAway) {
   const DistanceImage image{Mask({5, 5})};
   EXPECT_EQ(SquaredAt(image, 2, 2), DistanceImage::kInfinite);
-  EXPECT_EQ(PixelsOf(DistanceImage::kInfinite), kInfinity);
+  EXPECT_EQ(PixelsOf(DistanceImage::kInfinite), kDistanceImageInfinity);
   EXPECT_TRUE(image.Within(1000).Empty());
 }
 

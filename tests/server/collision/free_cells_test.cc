@@ -28,7 +28,7 @@ class FreeCellsTest : public ::testing::Test {
 };
 
 // What the tests of one run met with, to show that they met with everything.
-struct Met {
+struct FreeCellsMet {
   uint64_t free = 0;
   uint64_t occupied = 0;
   uint64_t occupied_between_free = 0;
@@ -61,7 +61,7 @@ Configuration PlaceIn(const ConfigurationGrid& grid, const GridIndex& low, bool 
 
 // Some places of `count` cells, by their bits and by the test itself.
 void ExpectTrue(const CollisionTest& test, const FreeCells& cells, int count, std::mt19937& random,
-                Met& met) {
+                FreeCellsMet& met) {
   const ConfigurationGrid& grid = test.grid();
   for (int i = 0; i < count; ++i) {
     GridIndex low{};
@@ -100,8 +100,8 @@ void ExpectTrue(const CollisionTest& test, const FreeCells& cells, int count, st
 }
 
 TEST_F(FreeCellsTest, FreeOnesAreFreeThroughoutAndWherePlanesDecideTheOthersAreNot) {
-  Met planes;
-  Met lines;
+  FreeCellsMet planes;
+  FreeCellsMet lines;
   for (int round = 0; round < 120; ++round) {
     const ConfigurationGrid grid = RandomGrid(1 + round % 6, random_);
     const int views = 1 + static_cast<int>(random_() % 4);
@@ -151,7 +151,7 @@ TEST_F(FreeCellsTest, UnderSoundPresetsFreeOnesAreFreeThroughout) {
   const IndexOfTable index(world.table);
   const std::vector<ConfigurationNumber> all = SphereWorld::Configurations();
   std::uniform_real_distribution<double> place(-0.75, 0.75);
-  Met met;
+  FreeCellsMet met;
   for (int round = 0; round < 8; ++round) {
     const ConfigurationNumber present = all[random_() % all.size()];
     Balls obstacles;

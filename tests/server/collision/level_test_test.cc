@@ -1,5 +1,5 @@
 // Clearance levels of whole tiles: the same as clearances measured one by one.
-#include "server/collision/level_test.h"
+#include "server/collision/level_checker.h"
 
 #include <gtest/gtest.h>
 
@@ -12,7 +12,7 @@
 #include <random>
 #include <stdexcept>
 
-#include "server/collision/space_test.h"
+#include "server/collision/space_checker.h"
 #include "tests/server/collision/index_of_table.h"
 #include "tests/server/collision/random_cell.h"
 #include "tests/server/collision/random_geometry.h"
@@ -30,7 +30,7 @@ class LevelTestTest : public ::testing::Test {
 };
 
 // What the tests of one run met with, to show that they met with everything.
-struct Met {
+struct LevelTestMet {
   uint64_t above = 0;
   uint64_t not_above = 0;
   uint64_t at_a_level = 0;
@@ -66,8 +66,8 @@ std::vector<double> LevelsAmong(const std::vector<std::optional<double>>& cleara
   return levels;
 }
 
-void ExpectSame(const CollisionTest& test, const ClearanceMeter& meter, const IndexOfTable& index,
-                std::mt19937& random, Met& met) {
+void LevelTestExpectSame(const CollisionTest& test, const ClearanceMeter& meter,
+                         const IndexOfTable& index, std::mt19937& random, LevelTestMet& met) {
   for (uint64_t tile = 0; tile < test.grid().tiles(); ++tile) {
     const PlaceSet free{test.CheckTile(tile).free};
     const auto clearances = ClearancesOf(test, meter, tile, free);
@@ -92,7 +92,7 @@ void ExpectSame(const CollisionTest& test, const ClearanceMeter& meter, const In
   }
 }
 
-void ExpectEverythingMet(const Met& met) {
+void ExpectEverythingMet(const LevelTestMet& met) {
   EXPECT_GT(met.above, 0u);
   EXPECT_GT(met.not_above, 0u);
   EXPECT_GT(met.at_a_level, 0u);
@@ -100,8 +100,8 @@ void ExpectEverythingMet(const Met& met) {
 }
 
 // Few pixels each, so that there is room between them; some configurations have no robot image.
-RobotImageTable SparseTable(const ConfigurationGrid& grid, const std::vector<MaskSize>& sizes,
-                            std::mt19937& random) {
+RobotImageTable LevelTestSparseTable(const ConfigurationGrid& grid,
+                                     const std::vector<MaskSize>& sizes, std::mt19937& random) {
   RobotImageTable::Builder builder(grid, sizes, grid.size());
   for (ConfigurationNumber number = 0; number < grid.number_limit(); ++number) {
     if (!grid.Contains(number) || random() % 50 == 0) continue;
@@ -116,8 +116,8 @@ RobotImageTable SparseTable(const ConfigurationGrid& grid, const std::vector<Mas
   return std::move(builder).Build();
 }
 
-ObstacleImages RandomScene(const std::vector<MaskSize>& sizes, bool may_lack_a_view,
-                           std::mt19937& random) {
+ObstacleImages LevelTestRandomScene(const std::vector<MaskSize>& sizes, bool may_lack_a_view,
+                                    std::mt19937& random) {
   const double foreground = random() % 2 == 0 ? 0.01 : 0.05;
   const double robot = random() % 2 == 0 ? 0.05 : 0.2;
   ObstacleImages images;
@@ -132,18 +132,18 @@ ObstacleImages RandomScene(const std::vector<MaskSize>& sizes, bool may_lack_a_v
 TEST_F(LevelTestTest, EveryPresetOfPlanesAndLinesIsTheSameAsMeasuredOneByOne) {
   const ConfigurationGrid grid({{.name = "a", .lower = 0, .upper = 1, .steps = 70},
                                 {.name = "b", .lower = 0, .upper = 1, .steps = 5}});
-  Met met;
-  Met of_lines;
+  LevelTestMet met;
+  LevelTestMet of_lines;
   for (int round = 0; round < 12; ++round) {
     const int views = 1 + round % 4;
     std::vector<MaskSize> sizes;
     for (int view = 0; view < views; ++view) {
       sizes.push_back({6 + static_cast<int>(random_() % 14), 6 + static_cast<int>(random_() % 14)});
     }
-    const RobotImageTable table = SparseTable(grid, sizes, random_);
+    const RobotImageTable table = LevelTestSparseTable(grid, sizes, random_);
     const IndexOfTable index(table);
     const EpipolarBands bands(RandomCalibration(views, 0.1, random_), sizes, 0.3);
-    const ObstacleImages images = RandomScene(sizes, round % 6 == 5, random_);
+    const ObstacleImages images = LevelTestRandomScene(sizes, round % 6 == 5, random_);
     const DistanceImages to_obstacles = DistancesTo(ObstaclePlanes(images));
     for (const Preset preset :
          {Preset::kUncalibrated, Preset::kPaper, Preset::kCalibrated, Preset::kPaperCalibrated}) {
@@ -159,7 +159,8 @@ TEST_F(LevelTestTest, EveryPresetOfPlanesAndLinesIsTheSameAsMeasuredOneByOne) {
                 ? DistancesTo(ResolvedObstacleImages(images, bands, errors_convict))
                 : to_obstacles;
         const ClearanceMeter meter(test, images, policy, support, distances);
-        ASSERT_NO_FATAL_FAILURE(ExpectSame(test, meter, index, random_, lines ? of_lines : met))
+        ASSERT_NO_FATAL_FAILURE(
+            LevelTestExpectSame(test, meter, index, random_, lines ? of_lines : met))
             << NameOf(preset) << ", " << *policy.min_views << " of " << views << " views";
       }
     }
@@ -180,7 +181,7 @@ TEST_F(LevelTestTest, SoundPresetsAreTheSameAsMeasuredOneByOne) {
   const IndexOfTable index(world.table);
   const std::vector<ConfigurationNumber> all = SphereWorld::Configurations();
   std::uniform_real_distribution<double> place(-0.8, 0.8);
-  Met met;
+  LevelTestMet met;
   for (int round = 0; round < 5; ++round) {
     const ConfigurationNumber present = all[random_() % all.size()];
     const Balls obstacles{{{place(random_), place(random_), 0.5 * place(random_)}, 0.15}};
@@ -192,7 +193,8 @@ TEST_F(LevelTestTest, SoundPresetsAreTheSameAsMeasuredOneByOne) {
       const Policy policy{.preset = preset, .min_views = 2 + round % 2};
       const CollisionTest test(world.table, images, policy, support);
       const ClearanceMeter meter(test, images, policy, support, distances);
-      ASSERT_NO_FATAL_FAILURE(ExpectSame(test, meter, index, random_, met)) << NameOf(preset);
+      ASSERT_NO_FATAL_FAILURE(LevelTestExpectSame(test, meter, index, random_, met))
+          << NameOf(preset);
     }
   }
   EXPECT_GT(met.above, 0u);
@@ -200,8 +202,8 @@ TEST_F(LevelTestTest, SoundPresetsAreTheSameAsMeasuredOneByOne) {
 }
 
 // One row of pixels; configuration i has the robot in pixel i, the obstacle is pixel 10.
-struct Row {
-  Row() {
+struct LevelTestRow {
+  LevelTestRow() {
     RobotImageTable::Builder builder(
         ConfigurationGrid({{.name = "a", .lower = 0, .upper = 1, .steps = 10}}), {{20, 1}});
     for (int i = 0; i < 10; ++i) {
@@ -224,7 +226,7 @@ struct Row {
 };
 
 TEST(ClearanceLevels, ClearanceThatIsTheLevelIsNotAbove) {
-  const Row row;
+  const LevelTestRow row;
   const IndexOfTable index(*row.table);
   const std::vector<double> levels = {0, 2, 8.5, 9};
   const auto above = LevelTest(*row.meter, levels, index.trees())
@@ -236,7 +238,7 @@ TEST(ClearanceLevels, ClearanceThatIsTheLevelIsNotAbove) {
 }
 
 TEST(ClearanceLevels, OnlyConfigurationsThatAreFreeAreAbove) {
-  const Row row;
+  const LevelTestRow row;
   const IndexOfTable index(*row.table);
   const std::vector<double> levels = {1};
   PlaceSet free;
@@ -248,7 +250,7 @@ TEST(ClearanceLevels, OnlyConfigurationsThatAreFreeAreAbove) {
 }
 
 TEST(ClearanceLevels, ThatCannotBeAreRefused) {
-  const Row row;
+  const LevelTestRow row;
   const double infinity = std::numeric_limits<double>::infinity();
   const std::vector<std::vector<double>> refused = {{},     {-1},       {1, 1},
                                                     {2, 1}, {infinity}, {std::nan("")}};

@@ -5,7 +5,7 @@
 #include <numbers>
 #include <stdexcept>
 
-#include "server/collision/collision_test.h"
+#include "server/collision/collision_checker.h"
 #include "server/collision/segment_places.h"
 #include "tests/server/collision/random_cell.h"
 

@@ -16,7 +16,7 @@ using testing::LookingAt;
 using testing::Vector2d;
 using testing::Vector3d;
 
-constexpr double kRho = 0.07;
+constexpr double kPossibleSpaceRho = 0.07;
 
 VoxelSpace SomeSpace() {
   std::vector<VoxelView> views;
@@ -26,7 +26,8 @@ VoxelSpace SomeSpace() {
         BallCamera(Vector3d(-1, 0.4, -0.7), 40)}) {
     views.push_back({camera.size(), camera.project(), Vector2d(0.1, 0.2), Mask()});
   }
-  return VoxelSpace({Vector3d(-0.4, -0.4, -0.3), Vector3d(0.4, 0.4, 0.3)}, kRho, views);
+  return VoxelSpace({Vector3d(-0.4, -0.4, -0.3), Vector3d(0.4, 0.4, 0.3)}, kPossibleSpaceRho,
+                    views);
 }
 
 Mask RandomBlobs(MaskSize size, int blobs, std::mt19937& random) {
@@ -52,8 +53,9 @@ bool Touches(const Mask& mask, const PixelRectangle& pixels) {
   return false;
 }
 
-struct RandomScene {
-  RandomScene(const VoxelSpace& space, std::mt19937& random, bool missing_view, bool any_allowed) {
+struct PossibleSpaceRandomScene {
+  PossibleSpaceRandomScene(const VoxelSpace& space, std::mt19937& random, bool missing_view,
+                           bool any_allowed) {
     for (int view = 0; view < space.views(); ++view) {
       const MaskSize size = space.mask_size(view);
       const Mask robot = RandomBlobs(size, 3, random);
@@ -76,7 +78,7 @@ struct RandomScene {
 };
 
 // The definition.
-VoxelSet Reference(const VoxelSpace& space, const RandomScene& scene) {
+VoxelSet PossibleSpaceReference(const VoxelSpace& space, const PossibleSpaceRandomScene& scene) {
   const VoxelGrid& grid = space.grid();
   VoxelSet possible(grid), centres(grid), plain(grid), taken(grid);
   const RobotVoxels robot = scene.Robot(space);
@@ -112,7 +114,7 @@ VoxelSet Reference(const VoxelSpace& space, const RandomScene& scene) {
       }
     }
   }
-  VoxelSet remaining = MetByBalls(centres, grid, kRho);
+  VoxelSet remaining = MetByBalls(centres, grid, kPossibleSpaceRho);
   for (size_t i = 0; i < remaining.words().size(); ++i) {
     remaining.words()[i] = ((remaining.words()[i] & possible.words()[i]) | plain.words()[i]) &
                            space.reached().words()[i] & ~taken.words()[i];
@@ -127,17 +129,17 @@ TEST(PossibleSpace, IsTheReferencesOnRandomImages) {
   const VoxelSpace space = SomeSpace();
   int64_t remaining = 0;
   for (int i = 0; i < 8; ++i) {
-    const RandomScene scene(space, random, i % 4 == 3, i % 2 == 1);
+    const PossibleSpaceRandomScene scene(space, random, i % 4 == 3, i % 2 == 1);
     const PossibleSpace possible(space, scene.images, scene.Robot(space), scene.allowed);
-    EXPECT_TRUE(possible.remaining() == Reference(space, scene)) << "scene " << i;
+    EXPECT_TRUE(possible.remaining() == PossibleSpaceReference(space, scene)) << "scene " << i;
     remaining += possible.remaining().Count();
   }
   EXPECT_GT(remaining, 0);
 }
 
 // Whether a voxel meets a robot in all but `may_miss` views.
-bool Meets(const PossibleSpace& possible, const ObstacleImages& images,
-           const std::vector<Mask>& robot, int x, int y, int z, int may_miss) {
+bool PossibleSpaceMeets(const PossibleSpace& possible, const ObstacleImages& images,
+                        const std::vector<Mask>& robot, int x, int y, int z, int may_miss) {
   int missed = 0;
   for (size_t view = 0; view < robot.size(); ++view) {
     if (!images[view]) continue;
@@ -165,7 +167,7 @@ TEST(PossibleSpace, AnswersForTestRobotsAsItsVoxelsDo) {
   int met = 0;
   int unmet = 0;
   for (int i = 0; i < 40; ++i) {
-    const RandomScene scene(space, random, i % 8 == 7, false);
+    const PossibleSpaceRandomScene scene(space, random, i % 8 == 7, false);
     const PossibleSpace possible(space, scene.images, scene.Robot(space));
     std::vector<Mask> robot;
     std::vector<MaskWords> words;
@@ -180,7 +182,7 @@ TEST(PossibleSpace, AnswersForTestRobotsAsItsVoxelsDo) {
         const int y = static_cast<int>(v / grid.size(0) % grid.size(1));
         const int z = static_cast<int>(v / grid.size(0) / grid.size(1));
         expected = possible.remaining().at(x, y, z) &&
-                   Meets(possible, scene.images, robot, x, y, z, 3 - min_views);
+                   PossibleSpaceMeets(possible, scene.images, robot, x, y, z, 3 - min_views);
       }
       EXPECT_EQ(possible.VoxelsMeet(words, min_views), expected) << "scene " << i;
       // Planes say at least what voxels say.
@@ -197,7 +199,7 @@ TEST(PossibleSpace, AnswersForTestRobotsAsItsVoxelsDo) {
 TEST(PossibleSpace, RefusesWhatDoesNotFit) {
   const VoxelSpace space = SomeSpace();
   std::mt19937 random(1);
-  const RandomScene scene(space, random, false, false);
+  const PossibleSpaceRandomScene scene(space, random, false, false);
   const std::vector<std::optional<Mask>> two(2);
   EXPECT_THROW(PossibleSpace(space, ObstacleImages(2), {}), std::invalid_argument);
   EXPECT_THROW(PossibleSpace(space, scene.images, {}, two), std::invalid_argument);

@@ -6,7 +6,7 @@
 #include <utility>
 #include <vector>
 
-#include "server/collision/collision_test.h"
+#include "server/collision/collision_checker.h"
 
 namespace silhouette {
 

@@ -4,7 +4,7 @@
 #include <Eigen/Dense>
 #include <random>
 
-#include "calib/calibration.h"
+#include "calib/camera/calibration.h"
 
 namespace silhouette {
 

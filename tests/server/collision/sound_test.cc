@@ -15,7 +15,7 @@ using testing::SphereWorld;
 using testing::Vector2d;
 using testing::Vector3d;
 
-constexpr double kRho = 0.06;
+constexpr double kSoundRho = 0.06;
 constexpr double kVoxel = 0.02;
 
 std::vector<BallCamera> ThreeCameras() {
@@ -44,7 +44,7 @@ ConfigurationNumber RandomConfiguration(std::mt19937& random) {
 // One to four obstacles of at least the least size, none of which touches the robot.
 Balls RandomObstacles(const Balls& robot, std::mt19937& random) {
   std::uniform_real_distribution<double> place(-0.75, 0.75);
-  std::uniform_real_distribution<double> radius(kRho, 0.15);
+  std::uniform_real_distribution<double> radius(kSoundRho, 0.15);
   Balls obstacles;
   const int count = std::uniform_int_distribution<int>(1, 4)(random);
   while (static_cast<int>(obstacles.size()) < count) {
@@ -99,7 +99,7 @@ void NeverMisses(std::vector<BallCamera> cameras, int scenes) {
   const unsigned seed = std::random_device{}();
   SCOPED_TRACE(::testing::Message() << "seed " << seed);
   std::mt19937 random(seed);
-  const SphereWorld world(std::move(cameras), kRho, kVoxel);
+  const SphereWorld world(std::move(cameras), kSoundRho, kVoxel);
   int64_t touching = 0;
   for (int scene = 0; scene < scenes; ++scene) {
     const ConfigurationNumber present = RandomConfiguration(random);
@@ -143,8 +143,8 @@ TEST(SoundTest, NeverMissesWithAnotherSetThanTheScenes) {
   const unsigned seed = std::random_device{}();
   SCOPED_TRACE(::testing::Message() << "seed " << seed);
   std::mt19937 random(seed);
-  const SphereWorld bare(ThreeCameras(), kRho, kVoxel);
-  const SphereWorld carrying(ThreeCameras(), kRho, kVoxel, 0.13);
+  const SphereWorld bare(ThreeCameras(), kSoundRho, kVoxel);
+  const SphereWorld carrying(ThreeCameras(), kSoundRho, kVoxel, 0.13);
   int64_t touching = 0;
   for (int scene = 0; scene < 6; ++scene) {
     const SphereWorld& seen = scene % 2 == 0 ? bare : carrying;
@@ -229,7 +229,7 @@ TEST(SoundTest, FindsNothingInAnEmptyCell) {
 }
 
 TEST(SoundTest, KnowingNothingOfTheBodyOnlyBlocksMore) {
-  const SphereWorld world(ThreeParallelCameras(), kRho, kVoxel);
+  const SphereWorld world(ThreeParallelCameras(), kSoundRho, kVoxel);
   const ConfigurationNumber present = SphereWorld::Configurations()[57];
   const Balls obstacles{{Vector3d(0.4, -0.4, 0.1), 0.1}};
   const ObstacleImages images = world.See(obstacles, present);
@@ -242,7 +242,7 @@ TEST(SoundTest, KnowingNothingOfTheBodyOnlyBlocksMore) {
 }
 
 TEST(SoundTest, KeepsWhatAllViewsSeeHoweverSmallItIs) {
-  const SphereWorld world(ThreeCameras(), kRho, kVoxel);
+  const SphereWorld world(ThreeCameras(), kSoundRho, kVoxel);
   const ConfigurationNumber present = *SphereWorld::Grid().Nearest(std::vector<double>{0.0, 0.0});
   const Balls finger{{Vector3d(-0.3, -0.3, 0.05), 0.01}};
   const ObstacleImages images = world.See(finger, present);
@@ -277,7 +277,7 @@ TEST(SoundTest, AFreeConfigurationHidesNothing) {
 // Beside the base, in its silhouette, there is always room for something: its pixels are met at any
 // configuration. What the body can reach decides.
 TEST(SoundTest, WhatTheRobotAlwaysCoversDoesNotBlockAllIfItsBodyIsKnown) {
-  const SphereWorld world(ThreeParallelCameras(), kRho, kVoxel);
+  const SphereWorld world(ThreeParallelCameras(), kSoundRho, kVoxel);
   const ConfigurationNumber present = *SphereWorld::Grid().Nearest(std::vector<double>{0.0, 0.0});
   const Balls obstacles{{Vector3d(-0.02, -0.15, 0), 0.07}};
   const ObstacleImages images = world.See(obstacles, present);
@@ -295,7 +295,7 @@ TEST(SoundTest, WhatTheRobotAlwaysCoversDoesNotBlockAllIfItsBodyIsKnown) {
 }
 
 TEST(SoundTest, AMissingViewIsNeverFree) {
-  const SphereWorld world(ThreeParallelCameras(), kRho, kVoxel);
+  const SphereWorld world(ThreeParallelCameras(), kSoundRho, kVoxel);
   const ConfigurationNumber present = SphereWorld::Configurations()[11];
   const Balls obstacles{{Vector3d(0.4, -0.4, 0.1), 0.1}};
   for (size_t missing = 0; missing < 3; ++missing) {
@@ -318,7 +318,7 @@ TEST(SoundTest, AMissingViewIsNeverFree) {
 }
 
 TEST(SoundTest, TilesAreWhatSingleChecksAre) {
-  const SphereWorld world(ThreeCameras(), kRho, kVoxel);
+  const SphereWorld world(ThreeCameras(), kSoundRho, kVoxel);
   const ConfigurationNumber present = SphereWorld::Configurations()[123];
   std::mt19937 random(3);
   const Balls obstacles = RandomObstacles(SphereWorld::Arm(present), random);
@@ -342,7 +342,7 @@ TEST(SoundTest, TilesAreWhatSingleChecksAre) {
 }
 
 TEST(SoundTest, OffTheGridACellIsTheUnionOfItsCorners) {
-  const SphereWorld world(ThreeCameras(), kRho, kVoxel);
+  const SphereWorld world(ThreeCameras(), kSoundRho, kVoxel);
   const ConfigurationNumber present = SphereWorld::Configurations()[123];
   const Balls obstacles{{Vector3d(0.45, -0.3, 0.05), 0.1}};
   const ObstacleImages images = world.See(obstacles, present);
@@ -362,7 +362,7 @@ TEST(SoundTest, OffTheGridACellIsTheUnionOfItsCorners) {
 }
 
 TEST(SoundTest, AnAllowedRegionTakesAwayWhatLiesInItInAllViews) {
-  const SphereWorld world(ThreeCameras(), kRho, kVoxel);
+  const SphereWorld world(ThreeCameras(), kSoundRho, kVoxel);
   const ConfigurationNumber present = *SphereWorld::Grid().Nearest(std::vector<double>{0.0, 0.0});
   const Balls part{{Vector3d(-0.3, -0.3, 0.05), 0.08}};
   const ObstacleImages images = world.See(part, present);

@@ -1,5 +1,5 @@
 // Whole tiles by the collision index: the same verdicts as one configuration at a time.
-#include "server/collision/space_test.h"
+#include "server/collision/space_checker.h"
 
 #include <gtest/gtest.h>
 
@@ -24,7 +24,7 @@ class SpaceTestTest : public ::testing::Test {
 };
 
 // What the tests of one run met with, to show that they met with everything.
-struct Met {
+struct SpaceTestMet {
   uint64_t free = 0;
   uint64_t occupied = 0;
   uint64_t open = 0;
@@ -37,8 +37,8 @@ uint64_t Count(const PlaceSet& set) {
   return count;
 }
 
-void ExpectSame(const CollisionTest& test, const RobotImageTable& table, const IndexOfTable& index,
-                Met& met) {
+void SpaceTestExpectSame(const CollisionTest& test, const RobotImageTable& table,
+                         const IndexOfTable& index, SpaceTestMet& met) {
   const SpaceTest space(test, index.trees());
   for (uint64_t tile = 0; tile < table.grid().tiles(); ++tile) {
     const TileVerdicts verdicts = space.CheckTile(tile, index.tile(tile));
@@ -52,7 +52,7 @@ void ExpectSame(const CollisionTest& test, const RobotImageTable& table, const I
 }
 
 TEST_F(SpaceTestTest, EveryPresetOfPlanesAndLinesIsTheSameAsOneByOne) {
-  Met met;
+  SpaceTestMet met;
   for (int round = 0; round < 40; ++round) {
     const int views = 1 + round % 5;
     const std::vector<MaskSize> sizes = RandomSizes(views, random_);
@@ -69,7 +69,7 @@ TEST_F(SpaceTestTest, EveryPresetOfPlanesAndLinesIsTheSameAsOneByOne) {
           const Policy policy{
               .preset = preset, .min_views = min_views, .errors_convict = errors_convict};
           const CollisionTest test(table, images, policy, {.bands = &bands});
-          ASSERT_NO_FATAL_FAILURE(ExpectSame(test, table, index, met))
+          ASSERT_NO_FATAL_FAILURE(SpaceTestExpectSame(test, table, index, met))
               << NameOf(preset) << ", " << min_views << " of " << views << " views";
         }
       }
@@ -92,7 +92,7 @@ TEST_F(SpaceTestTest, SoundPresetsAreTheSameAsOneByOne) {
   const IndexOfTable index(world.table);
   const std::vector<ConfigurationNumber> all = SphereWorld::Configurations();
   std::uniform_real_distribution<double> place(-0.75, 0.75);
-  Met met;
+  SpaceTestMet met;
   for (int round = 0; round < 6; ++round) {
     const ConfigurationNumber present = all[random_() % all.size()];
     Balls obstacles;
@@ -111,7 +111,8 @@ TEST_F(SpaceTestTest, SoundPresetsAreTheSameAsOneByOne) {
           };
         }
         const CollisionTest test(world.table, images, {.preset = preset}, support);
-        ASSERT_NO_FATAL_FAILURE(ExpectSame(test, world.table, index, met)) << NameOf(preset);
+        ASSERT_NO_FATAL_FAILURE(SpaceTestExpectSame(test, world.table, index, met))
+            << NameOf(preset);
       }
     }
   }

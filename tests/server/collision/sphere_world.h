@@ -12,10 +12,10 @@
 #include <utility>
 #include <vector>
 
-#include "calib/camera_model.h"
-#include "db/configuration_grid.h"
-#include "db/mask.h"
-#include "server/collision/collision_test.h"
+#include "calib/camera/camera_model.h"
+#include "db/mask/configuration_grid.h"
+#include "db/mask/mask.h"
+#include "server/collision/collision_checker.h"
 #include "server/collision/possible_space.h"
 
 namespace silhouette::testing {

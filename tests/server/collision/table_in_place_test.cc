@@ -5,8 +5,8 @@
 #include <vector>
 
 #include "server/collision/clearance.h"
-#include "server/collision/collision_test.h"
-#include "server/collision/space_test.h"
+#include "server/collision/collision_checker.h"
+#include "server/collision/space_checker.h"
 #include "tests/server/collision/index_of_table.h"
 #include "tests/server/collision/random_geometry.h"
 #include "tests/server/collision/sphere_world.h"

@@ -16,10 +16,10 @@ using ::testing::ElementsAre;
 using ::testing::HasSubstr;
 using ::testing::IsEmpty;
 
-Moment After(absl::Duration duration) {
+Moment AllowedRegionsAfter(absl::Duration duration) {
   return {absl::FromUnixSeconds(1'000'000) + duration, absl::Seconds(50) + duration};
 }
-const Moment kNow = After(absl::ZeroDuration());
+const Moment kAllowedRegionsNow = AllowedRegionsAfter(absl::ZeroDuration());
 
 std::vector<std::optional<Mask>> BlockPixels(int a, int views = 3) {
   std::vector<std::optional<Mask>> pixels(3);
@@ -29,18 +29,18 @@ std::vector<std::optional<Mask>> BlockPixels(int a, int views = 3) {
 
 class AllowedRegionTest : public testing::Test {
  protected:
-  void Publish(const SceneInput& input, const Moment& now = kNow) {
+  void Publish(const SceneInput& input, const Moment& now = kAllowedRegionsNow) {
     absl::StatusOr<Scene> scene = MakeScene(*database_, input, {}, {}, now);
     ASSERT_TRUE(scene.ok()) << scene.status();
     ASSERT_TRUE(store_.Publish(*std::move(scene), database_).ok());
   }
 
   absl::Status Allow(const std::string& name, std::vector<std::optional<Mask>> pixels,
-                     absl::Duration duration, const Moment& now = kNow) {
+                     absl::Duration duration, const Moment& now = kAllowedRegionsNow) {
     return store_.Allow(name, std::move(pixels), duration, now, database_).status();
   }
 
-  Checker CheckerAt(const Moment& now = kNow, const Policy& policy = {}) {
+  Checker CheckerAt(const Moment& now = kAllowedRegionsNow, const Policy& policy = {}) {
     return Checker(store_.Newest(now), policy, {.max_age = absl::Hours(1)}, now);
   }
 
@@ -75,16 +75,17 @@ TEST_F(AllowedRegionTest, ObstacleBesideItIsStillFound) {
 TEST_F(AllowedRegionTest, IsNotInForceFromItsEndOn) {
   Publish(SceneWithBlock(3));
   ASSERT_TRUE(Allow("part", BlockPixels(3), absl::Seconds(10)).ok());
-  EXPECT_TRUE(CheckerAt(After(absl::Milliseconds(9999))).Check(At(3, 0)).free());
-  EXPECT_EQ(CheckerAt(After(absl::Seconds(10))).Check(At(3, 0)).state(), State::kOccupied);
-  EXPECT_THAT(store_.Newest(After(absl::Seconds(10))).regions->regions, IsEmpty());
+  EXPECT_TRUE(CheckerAt(AllowedRegionsAfter(absl::Milliseconds(9999))).Check(At(3, 0)).free());
+  EXPECT_EQ(CheckerAt(AllowedRegionsAfter(absl::Seconds(10))).Check(At(3, 0)).state(),
+            State::kOccupied);
+  EXPECT_THAT(store_.Newest(AllowedRegionsAfter(absl::Seconds(10))).regions->regions, IsEmpty());
 }
 
 TEST_F(AllowedRegionTest, WallClockThatStepsBackDoesNotProlongIt) {
   Publish(SceneWithBlock(3));
   ASSERT_TRUE(Allow("part", BlockPixels(3), absl::Seconds(10)).ok());
-  Moment later = After(absl::Seconds(11));
-  later.time = kNow.time - absl::Hours(1);
+  Moment later = AllowedRegionsAfter(absl::Seconds(11));
+  later.time = kAllowedRegionsNow.time - absl::Hours(1);
   EXPECT_THAT(store_.Newest(later).regions->regions, IsEmpty());
 }
 
@@ -95,10 +96,10 @@ TEST_F(AllowedRegionTest, IsReplacedByOneOfItsNameAndRevoked) {
   EXPECT_EQ(CheckerAt().Check(At(3, 0)).state(), State::kOccupied);
   ASSERT_TRUE(Allow("part", BlockPixels(3), absl::Seconds(10)).ok());
   EXPECT_TRUE(CheckerAt().Check(At(3, 0)).free());
-  EXPECT_FALSE(store_.Revoke("other", kNow));
-  EXPECT_TRUE(store_.Revoke("part", kNow));
+  EXPECT_FALSE(store_.Revoke("other", kAllowedRegionsNow));
+  EXPECT_TRUE(store_.Revoke("part", kAllowedRegionsNow));
   EXPECT_EQ(CheckerAt().Check(At(3, 0)).state(), State::kOccupied);
-  EXPECT_FALSE(store_.Revoke("part", kNow));
+  EXPECT_FALSE(store_.Revoke("part", kAllowedRegionsNow));
 }
 
 TEST_F(AllowedRegionTest, HoldsForScenesThatComeLaterToo) {
@@ -125,8 +126,8 @@ TEST_F(AllowedRegionTest, MakesNothingFreeThatIsUnknown) {
   lacking.views.pop_back();
   Publish(lacking);
   EXPECT_FALSE(CheckerAt().Check(At(3, 0)).free());
-  Publish(SceneWithBlock(3), After(absl::Seconds(1)));
-  const Moment stale = After(absl::Minutes(2));
+  Publish(SceneWithBlock(3), AllowedRegionsAfter(absl::Seconds(1)));
+  const Moment stale = AllowedRegionsAfter(absl::Minutes(2));
   EXPECT_EQ(Checker(store_.Newest(stale), {}, {}, stale).Check(At(3, 0)).reason(),
             Reason::kSceneStale);
 }
@@ -134,7 +135,7 @@ TEST_F(AllowedRegionTest, MakesNothingFreeThatIsUnknown) {
 TEST_F(AllowedRegionTest, GoesWithItsDatabase) {
   ASSERT_TRUE(Allow("part", BlockPixels(3), absl::Seconds(10)).ok());
   store_.ReplaceDatabase(NewDatabase());
-  EXPECT_THAT(store_.Newest(kNow).regions->regions, IsEmpty());
+  EXPECT_THAT(store_.Newest(kAllowedRegionsNow).regions->regions, IsEmpty());
   EXPECT_TRUE(absl::IsAborted(Allow("part", BlockPixels(3), absl::Seconds(10))));
 }
 
@@ -155,7 +156,9 @@ TEST_F(AllowedRegionTest, WhatCannotBeARegionIsRefused) {
     ASSERT_TRUE(Allow("region " + std::to_string(i), BlockPixels(3), absl::Seconds(1)).ok());
   }
   EXPECT_TRUE(absl::IsResourceExhausted(Allow("one more", BlockPixels(3), absl::Seconds(1))));
-  EXPECT_TRUE(Allow("one more", BlockPixels(3), absl::Seconds(1), After(absl::Seconds(2))).ok())
+  EXPECT_TRUE(
+      Allow("one more", BlockPixels(3), absl::Seconds(1), AllowedRegionsAfter(absl::Seconds(2)))
+          .ok())
       << "the others have ended";
 }
 
@@ -166,19 +169,22 @@ struct RegionWithMargin : testing::Test {
   SceneStore store{database};
 
   void SetUp() override {
-    absl::StatusOr<Scene> scene = MakeScene(*database, SceneWithHighBlock(3), {}, {}, kNow);
+    absl::StatusOr<Scene> scene =
+        MakeScene(*database, SceneWithHighBlock(3), {}, {}, kAllowedRegionsNow);
     ASSERT_TRUE(store.Publish(*std::move(scene), database).ok());
   }
   Checker CheckerWithRegionAround(int a) {
     std::vector<std::optional<Mask>> pixels;
     for (int view = 0; view < 3; ++view) pixels.emplace_back(HighBlock(view, a));
-    EXPECT_TRUE(store.Allow("part", pixels, absl::Seconds(10), kNow, database).ok());
-    return Checker(store.Newest(kNow), {}, {}, kNow);
+    EXPECT_TRUE(store.Allow("part", pixels, absl::Seconds(10), kAllowedRegionsNow, database).ok());
+    return Checker(store.Newest(kAllowedRegionsNow), {}, {}, kAllowedRegionsNow);
   }
 };
 
 TEST_F(RegionWithMargin, TakesTheMarginOfItsPartAwayAndIsNamedThere) {
-  ASSERT_EQ(Checker(store.Newest(kNow), {}, {}, kNow).Check(At(2, 7)).state(), State::kOccupied);
+  ASSERT_EQ(
+      Checker(store.Newest(kAllowedRegionsNow), {}, {}, kAllowedRegionsNow).Check(At(2, 7)).state(),
+      State::kOccupied);
   const Checker checker = CheckerWithRegionAround(3);
   EXPECT_TRUE(checker.Check(At(2, 7)).free()) << "beside the part";
   EXPECT_THAT(checker.RegionsAt(At(2, 7)), ElementsAre("part"));
@@ -196,23 +202,24 @@ TEST_F(AllowedRegionTest, ThatEndsWhileAVerdictIsMadeTakesItBack) {
   ASSERT_TRUE(Allow("part", BlockPixels(3), absl::Seconds(10)).ok());
   const Checker checker = CheckerAt();
   const SceneSettings settings{.max_age = absl::Hours(1)};
-  EXPECT_EQ(BlockedReason(checker.served(), settings, After(absl::Seconds(9))), Reason::kNone);
-  EXPECT_EQ(BlockedReason(checker.served(), settings, After(absl::Seconds(10))),
+  EXPECT_EQ(BlockedReason(checker.served(), settings, AllowedRegionsAfter(absl::Seconds(9))),
+            Reason::kNone);
+  EXPECT_EQ(BlockedReason(checker.served(), settings, AllowedRegionsAfter(absl::Seconds(10))),
             Reason::kRegionEnded);
 }
 
 TEST_F(AllowedRegionTest, ThatWasRevokedOrMovedIsKnownToBe) {
   ASSERT_TRUE(Allow("part", BlockPixels(3), absl::Seconds(10)).ok());
-  const auto taken = store_.Newest(kNow).regions;
+  const auto taken = store_.Newest(kAllowedRegionsNow).regions;
   EXPECT_FALSE(store_.Revoked(*taken));
   ASSERT_TRUE(Allow("other", BlockPixels(1), absl::Seconds(10)).ok());
   ASSERT_TRUE(Allow("part", BlockPixels(3), absl::Seconds(20)).ok());
   EXPECT_FALSE(store_.Revoked(*taken)) << "it only lasts longer";
   ASSERT_TRUE(Allow("part", BlockPixels(3, 2), absl::Seconds(20)).ok());
   EXPECT_TRUE(store_.Revoked(*taken));
-  const auto moved = store_.Newest(kNow).regions;
+  const auto moved = store_.Newest(kAllowedRegionsNow).regions;
   EXPECT_FALSE(store_.Revoked(*moved));
-  EXPECT_TRUE(store_.Revoke("part", kNow));
+  EXPECT_TRUE(store_.Revoke("part", kAllowedRegionsNow));
   EXPECT_TRUE(store_.Revoked(*moved));
 }
 
@@ -232,12 +239,13 @@ TEST_F(AllowedRegionTest, IsNamedForEveryPathThatLeadsThroughIt) {
 TEST_F(AllowedRegionTest, WhatHasEndedIsToldOnce) {
   ASSERT_TRUE(Allow("short", BlockPixels(3), absl::Seconds(1)).ok());
   ASSERT_TRUE(Allow("long", BlockPixels(3), absl::Seconds(10)).ok());
-  EXPECT_THAT(store_.TakeEnded(kNow), IsEmpty());
-  store_.Newest(After(absl::Seconds(2)));
-  EXPECT_THAT(store_.TakeEnded(After(absl::Seconds(3))),
+  EXPECT_THAT(store_.TakeEnded(kAllowedRegionsNow), IsEmpty());
+  store_.Newest(AllowedRegionsAfter(absl::Seconds(2)));
+  EXPECT_THAT(store_.TakeEnded(AllowedRegionsAfter(absl::Seconds(3))),
               ElementsAre(testing::Field(&AllowedRegion::name, "short")));
-  store_.Revoke("long", After(absl::Seconds(3)));
-  EXPECT_THAT(store_.TakeEnded(After(absl::Seconds(20))), IsEmpty()) << "revoked, not ended";
+  store_.Revoke("long", AllowedRegionsAfter(absl::Seconds(3)));
+  EXPECT_THAT(store_.TakeEnded(AllowedRegionsAfter(absl::Seconds(20))), IsEmpty())
+      << "revoked, not ended";
 }
 
 TEST(PixelsInPolygon, AreThoseWhoseCentresItHolds) {

@@ -13,9 +13,11 @@
 namespace silhouette {
 namespace {
 
-const Moment kNow{absl::FromUnixSeconds(1'000'000), absl::Seconds(50)};
+const Moment kCheckerNow{absl::FromUnixSeconds(1'000'000), absl::Seconds(50)};
 
-Moment After(absl::Duration duration) { return {kNow.time + duration, kNow.running + duration}; }
+Moment CheckerAfter(absl::Duration duration) {
+  return {kCheckerNow.time + duration, kCheckerNow.running + duration};
+}
 
 struct CheckerTest : ::testing::Test {
   std::shared_ptr<const ServedDatabase> database =
@@ -23,12 +25,12 @@ struct CheckerTest : ::testing::Test {
   SceneSettings settings;
 
   Served ServedScene(const SceneInput& input, uint64_t id = 1) const {
-    absl::StatusOr<Scene> scene = MakeScene(*database, input, settings, {}, kNow);
+    absl::StatusOr<Scene> scene = MakeScene(*database, input, settings, {}, kCheckerNow);
     EXPECT_TRUE(scene.ok()) << scene.status();
     scene->id = id;
     return {database, std::make_shared<const Scene>(*std::move(scene)), Reason::kNone};
   }
-  Checker CheckerOf(const SceneInput& input, const Moment& now = kNow,
+  Checker CheckerOf(const SceneInput& input, const Moment& now = kCheckerNow,
                     const Policy& policy = {}) const {
     return Checker(ServedScene(input), policy, settings, now);
   }
@@ -59,34 +61,34 @@ TEST_F(CheckerTest, GoodSceneGivesFreeAndOccupied) {
 }
 
 TEST_F(CheckerTest, NoSceneYetIsNeverFree) {
-  const Checker checker({database, nullptr, Reason::kNoScene}, {}, settings, kNow);
+  const Checker checker({database, nullptr, Reason::kNoScene}, {}, settings, kCheckerNow);
   ExpectNothingFree(checker, Reason::kNoScene);
   EXPECT_EQ(checker.TestRobotImage(0, At(0, 0)), std::nullopt);
 }
 
 TEST_F(CheckerTest, SceneOlderThanMaxAgeIsNeverFree) {
   settings.max_age = absl::Seconds(2);
-  EXPECT_TRUE(CheckerOf(EmptyCellScene(), After(absl::Seconds(2))).Check(At(1, 0)).free());
-  ExpectNothingFree(CheckerOf(EmptyCellScene(), After(absl::Milliseconds(2001))),
+  EXPECT_TRUE(CheckerOf(EmptyCellScene(), CheckerAfter(absl::Seconds(2))).Check(At(1, 0)).free());
+  ExpectNothingFree(CheckerOf(EmptyCellScene(), CheckerAfter(absl::Milliseconds(2001))),
                     Reason::kSceneStale);
 }
 
 TEST_F(CheckerTest, SceneThatArrivedOldIsNeverFree) {
   SceneInput input = EmptyCellScene();
-  for (ViewInput& view : input.views) view.captured = kNow.time - absl::Seconds(3);
+  for (ViewInput& view : input.views) view.captured = kCheckerNow.time - absl::Seconds(3);
   const Checker checker = CheckerOf(input);
-  EXPECT_EQ(checker.served().scene->AgeAt(kNow), absl::Seconds(3));
+  EXPECT_EQ(checker.served().scene->AgeAt(kCheckerNow), absl::Seconds(3));
   ExpectNothingFree(checker, Reason::kSceneStale);
 }
 
 TEST_F(CheckerTest, WallClockThatStepsBackMakesNoSceneYoung) {
-  const Moment now{kNow.time - absl::Hours(1), kNow.running + absl::Seconds(5)};
+  const Moment now{kCheckerNow.time - absl::Hours(1), kCheckerNow.running + absl::Seconds(5)};
   ExpectNothingFree(CheckerOf(EmptyCellScene(), now), Reason::kSceneStale);
 }
 
 TEST_F(CheckerTest, ViewsFurtherApartThanMaxSkewAreNeverFree) {
   SceneInput input = EmptyCellScene();
-  input.views[0].captured = kNow.time - absl::Milliseconds(60);
+  input.views[0].captured = kCheckerNow.time - absl::Milliseconds(60);
   ExpectNothingFree(CheckerOf(input), Reason::kSceneSkewed);
 }
 
@@ -95,7 +97,7 @@ TEST_F(CheckerTest, ViewMissingFromTheSceneIsNeverFree) {
   input.views.erase(input.views.begin());
   for (int occluded = 0; occluded < 3; ++occluded) {
     const Policy policy{.max_occluded_views = occluded};
-    const Checker checker = CheckerOf(input, kNow, policy);
+    const Checker checker = CheckerOf(input, kCheckerNow, policy);
     for (int a = 0; a < 5; ++a) EXPECT_FALSE(checker.Check(At(a, 0)).free());
     EXPECT_EQ(checker.Check(At(3, 0)).state(), State::kOccupied);
     if (occluded < 2) {
@@ -143,9 +145,10 @@ TEST_F(CheckerTest, SceneOfAnotherGenerationIsNeverFree) {
   Scene scene = *served.scene;
   ++scene.generation;
   served.scene = std::make_shared<const Scene>(scene);
-  ExpectNothingFree(Checker(served, {}, settings, kNow), Reason::kGenerationMismatch);
-  ExpectNothingFree(Checker({database, nullptr, Reason::kGenerationMismatch}, {}, settings, kNow),
-                    Reason::kGenerationMismatch);
+  ExpectNothingFree(Checker(served, {}, settings, kCheckerNow), Reason::kGenerationMismatch);
+  ExpectNothingFree(
+      Checker({database, nullptr, Reason::kGenerationMismatch}, {}, settings, kCheckerNow),
+      Reason::kGenerationMismatch);
 }
 
 TEST_F(CheckerTest, ConfigurationOutsideTheGridIsNeverFree) {
@@ -244,9 +247,10 @@ TEST_F(CheckerTest, AllTilesOfABlockedSceneAreUnknown) {
 }
 
 TEST_F(CheckerTest, PolicyThatCannotBeIsRefused) {
-  EXPECT_THROW(CheckerOf(EmptyCellScene(), kNow, {.min_views = 4}), std::invalid_argument);
-  EXPECT_THROW(Checker({database, nullptr, Reason::kNoScene}, {.min_views = 0}, settings, kNow),
-               std::invalid_argument);
+  EXPECT_THROW(CheckerOf(EmptyCellScene(), kCheckerNow, {.min_views = 4}), std::invalid_argument);
+  EXPECT_THROW(
+      Checker({database, nullptr, Reason::kNoScene}, {.min_views = 0}, settings, kCheckerNow),
+      std::invalid_argument);
 }
 
 }  // namespace

@@ -17,7 +17,7 @@ using ::testing::ElementsAre;
 using ::testing::HasSubstr;
 using ::testing::IsEmpty;
 
-const Moment kNow{absl::FromUnixSeconds(1'000'000), absl::Seconds(50)};
+const Moment kFixedJointsNow{absl::FromUnixSeconds(1'000'000), absl::Seconds(50)};
 
 // Where "lift", which the cell has at 0.5, was when the image of grid point (a, b) was captured.
 using LiftAt = std::function<double(int a, int b)>;
@@ -66,7 +66,7 @@ struct FixedJointsTest : ::testing::TestWithParam<Variant> {
   }
 
   static Scene SceneOf(const ServedDatabase& database, const SceneInput& input) {
-    absl::StatusOr<Scene> scene = MakeScene(database, input, {}, {}, kNow);
+    absl::StatusOr<Scene> scene = MakeScene(database, input, {}, {}, kFixedJointsNow);
     EXPECT_TRUE(scene.ok()) << scene.status();
     scene->id = 1;
     return *std::move(scene);
@@ -121,7 +121,7 @@ TEST_P(FixedJointsTest, SceneWhereAllImagesStoodButNotTheCellIsNeverFree) {
   const auto database = Make([](int, int) { return 0.8; });
   EXPECT_EQ(database->elsewhere(), "joint 'lift' at 0.8 instead of 0.5");
   for (const double lift : {0.5, 0.8}) {
-    const Checker checker(ServedWith(database, SceneWithLift(lift), ""), {}, {}, kNow);
+    const Checker checker(ServedWith(database, SceneWithLift(lift), ""), {}, {}, kFixedJointsNow);
     for (int a = 0; a < 5; ++a) {
       for (int b = 0; b < 8; ++b) {
         EXPECT_EQ(checker.Check(At(a, b)), Verdict::Unknown(Reason::kFixedJointMoved));
@@ -140,12 +140,12 @@ TEST_P(FixedJointsTest, RobotImageOfTheSceneCapturedElsewhereIsNamedWithBothValu
 TEST_P(FixedJointsTest, SetCapturedElsewhereIsNeverFreeAndHarmsNoOther) {
   const auto database = Make([](int, int) { return 0.5; }, [](int, int) { return 0.9; });
   EXPECT_EQ(database->Set(kTool)->elsewhere(), "joint 'lift' at 0.9 instead of 0.5");
-  const Checker plain(ServedWith(database, EmptyCellScene(), ""), {}, {}, kNow);
-  const Checker tool(ServedWith(database, EmptyCellScene(), kTool), {}, {}, kNow);
+  const Checker plain(ServedWith(database, EmptyCellScene(), ""), {}, {}, kFixedJointsNow);
+  const Checker tool(ServedWith(database, EmptyCellScene(), kTool), {}, {}, kFixedJointsNow);
   SceneInput with_tool = ToolScene(0, 0, 3);
-  const Checker tool_there(ServedWith(database, with_tool, ""), {}, {}, kNow);
+  const Checker tool_there(ServedWith(database, with_tool, ""), {}, {}, kFixedJointsNow);
   with_tool.joints[2].position = 0.9;
-  const Checker lift_there(ServedWith(database, with_tool, ""), {}, {}, kNow);
+  const Checker lift_there(ServedWith(database, with_tool, ""), {}, {}, kFixedJointsNow);
   for (int a = 0; a < 5; ++a) {
     for (int b = 0; b < 8; ++b) {
       EXPECT_TRUE(plain.Check(At(a, b)).free());
@@ -183,8 +183,8 @@ TEST_P(FixedJointsTest, ImagesCapturedElsewhereAreAsGoodAsMissing) {
     const SceneInput input = SceneWithBlock(static_cast<int>(random() % 5));
     const Served served = ServedWith(database, input, "");
     const Served expected = ServedWith(NewDatabase(without), input, "");
-    const Checker checker(served, {}, {}, kNow);
-    const Checker reference(expected, {}, {}, kNow);
+    const Checker checker(served, {}, {}, kFixedJointsNow);
+    const Checker reference(expected, {}, {}, kFixedJointsNow);
     const ConfigurationSpace map(served, {});
     const ConfigurationSpace reference_map(expected, {});
     EXPECT_EQ(database->robot_images().Count(RobotImageState::kElsewhere), without.missing.size());

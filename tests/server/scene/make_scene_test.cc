@@ -13,11 +13,11 @@ using ::testing::ElementsAre;
 using ::testing::HasSubstr;
 using ::testing::IsEmpty;
 
-const Moment kNow{absl::FromUnixSeconds(1'000'000), absl::Seconds(50)};
+const Moment kMakeSceneNow{absl::FromUnixSeconds(1'000'000), absl::Seconds(50)};
 
 absl::StatusOr<Scene> Make(const ServedDatabase& database, const SceneInput& input,
                            const SceneSettings& settings = {}) {
-  return MakeScene(database, input, settings, {}, kNow);
+  return MakeScene(database, input, settings, {}, kMakeSceneNow);
 }
 
 std::vector<Reason> ReasonsOf(const Scene& scene) {
@@ -56,7 +56,7 @@ TEST_F(MakeSceneTest, OfAnEmptyCellHasOnlyUnknownPixelsAndNoDefects) {
     EXPECT_EQ(scene->obstacle_images[view]->unknown(), RobotMask(view, 0, 0));
   }
   EXPECT_EQ(scene->generation, database->generation());
-  EXPECT_EQ(scene->oldest, kNow.time);
+  EXPECT_EQ(scene->oldest, kMakeSceneNow.time);
 }
 
 TEST_F(MakeSceneTest, KeepsObstaclesApartFromTheRobot) {
@@ -97,7 +97,8 @@ TEST_F(MakeSceneTest, DifferencesCameraImagesWithTheReference) {
   const Mask seen = RobotMask(0, 0, 0) | Block(0, 3);
   input.views[0].image = EncodedImage{PngOf(CameraPicture(0, seen))};
   // Without the clean-up, which rounds corners, the mask is what was painted.
-  const absl::StatusOr<Scene> scene = MakeScene(*database, input, {}, {.clean_up_radius = 0}, kNow);
+  const absl::StatusOr<Scene> scene =
+      MakeScene(*database, input, {}, {.clean_up_radius = 0}, kMakeSceneNow);
   ASSERT_TRUE(scene.ok()) << scene.status();
   EXPECT_EQ(scene->views[0]->foreground, seen);
   EXPECT_EQ(scene->obstacle_images[0]->obstacle(), Block(0, 3));
@@ -129,9 +130,9 @@ TEST_F(MakeSceneTest, WithoutAViewIsDefectButDoesNotBlock) {
 }
 
 TEST_F(MakeSceneTest, WithImagesFurtherApartThanMaxSkewIsDefect) {
-  input.views[1].captured = kNow.time - absl::Milliseconds(51);
+  input.views[1].captured = kMakeSceneNow.time - absl::Milliseconds(51);
   EXPECT_EQ(TheDefect(), Reason::kSceneSkewed);
-  input.views[1].captured = kNow.time - absl::Milliseconds(50);
+  input.views[1].captured = kMakeSceneNow.time - absl::Milliseconds(50);
   EXPECT_THAT(Make(*database, input)->defects, IsEmpty());
 }
 
@@ -191,7 +192,7 @@ TEST_F(MakeSceneTest, WithTooLargeAnAreaOfCoreErrorsIsDefect) {
 TEST_F(MakeSceneTest, WithSeveralDefectsTellsThemAll) {
   input.joints.clear();
   input.views.pop_back();
-  input.views[0].captured = kNow.time - absl::Seconds(1);
+  input.views[0].captured = kMakeSceneNow.time - absl::Seconds(1);
   const absl::StatusOr<Scene> scene = Make(*database, input);
   EXPECT_THAT(ReasonsOf(*scene),
               ElementsAre(Reason::kRobotPositionUnknown, Reason::kFixedJointMoved,
@@ -246,9 +247,9 @@ TEST_F(MakeSceneTest, RefusesCameraImagesWithoutReferences) {
 }
 
 TEST_F(MakeSceneTest, RefusesATimeInTheFutureByMoreThanTheTolerance) {
-  input.views[0].captured = kNow.time + kClockTolerance + absl::Nanoseconds(1);
+  input.views[0].captured = kMakeSceneNow.time + kClockTolerance + absl::Nanoseconds(1);
   EXPECT_THAT(Refusal(), HasSubstr("in the future"));
-  for (ViewInput& view : input.views) view.captured = kNow.time + kClockTolerance;
+  for (ViewInput& view : input.views) view.captured = kMakeSceneNow.time + kClockTolerance;
   EXPECT_TRUE(Make(*database, input).ok());
 }
 

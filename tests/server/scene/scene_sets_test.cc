@@ -16,10 +16,11 @@ namespace {
 using ::testing::ElementsAre;
 using ::testing::HasSubstr;
 
-const Moment kNow{absl::FromUnixSeconds(1'000'000), absl::Seconds(50)};
+const Moment kSceneSetsNow{absl::FromUnixSeconds(1'000'000), absl::Seconds(50)};
 
-std::shared_ptr<const Scene> SceneOf(const ServedDatabase& whole, const SceneInput& input) {
-  absl::StatusOr<Scene> scene = MakeScene(whole, input, {}, {}, kNow);
+std::shared_ptr<const Scene> SceneSetsSceneOf(const ServedDatabase& whole,
+                                              const SceneInput& input) {
+  absl::StatusOr<Scene> scene = MakeScene(whole, input, {}, {}, kSceneSetsNow);
   EXPECT_TRUE(scene.ok()) << scene.status();
   scene->id = 1;
   return std::make_shared<const Scene>(*std::move(scene));
@@ -37,8 +38,8 @@ Served ServedWith(const std::shared_ptr<const ServedDatabase>& whole,
 // That both say the same of every configuration, on and off the grid and as a map.
 void ExpectSame(const Served& one, const Served& other, const Policy& policy,
                 std::mt19937& random) {
-  const Checker a(one, policy, {}, kNow);
-  const Checker b(other, policy, {}, kNow);
+  const Checker a(one, policy, {}, kSceneSetsNow);
+  const Checker b(other, policy, {}, kSceneSetsNow);
   const ConfigurationGrid& grid = one.database->grid();
   const ConfigurationSpace map_a(one, policy);
   const ConfigurationSpace map_b(other, policy);
@@ -100,18 +101,18 @@ TEST_P(SceneSets, AnswerAsADatabaseOfTheirOwn) {
     for (const Preset preset :
          {Preset::kUncalibrated, Preset::kPaper, Preset::kCalibrated, Preset::kPaperCalibrated}) {
       const Policy policy{.preset = preset};
-      const auto tool_scene = SceneOf(*both, with_tool);
-      const auto plain_scene = SceneOf(*both, without_tool);
-      ExpectSame(ServedWith(both, tool_scene, ""), ServedWith(tool, SceneOf(*tool, of_own), ""),
-                 policy, random);
+      const auto tool_scene = SceneSetsSceneOf(*both, with_tool);
+      const auto plain_scene = SceneSetsSceneOf(*both, without_tool);
+      ExpectSame(ServedWith(both, tool_scene, ""),
+                 ServedWith(tool, SceneSetsSceneOf(*tool, of_own), ""), policy, random);
       ExpectSame(ServedWith(both, plain_scene, ""),
-                 ServedWith(plain, SceneOf(*plain, without_tool), ""), policy, random);
+                 ServedWith(plain, SceneSetsSceneOf(*plain, without_tool), ""), policy, random);
       // With another set than the scene's: its obstacle images, the other's robot images.
-      auto for_tool = std::make_shared<Scene>(*SceneOf(*plain, without_tool));
+      auto for_tool = std::make_shared<Scene>(*SceneSetsSceneOf(*plain, without_tool));
       for_tool->generation = tool->generation();
       ExpectSame(ServedWith(both, plain_scene, kTool), ServedWith(tool, for_tool, ""), policy,
                  random);
-      auto for_plain = std::make_shared<Scene>(*SceneOf(*tool, of_own));
+      auto for_plain = std::make_shared<Scene>(*SceneSetsSceneOf(*tool, of_own));
       for_plain->generation = plain->generation();
       ExpectSame(ServedWith(both, tool_scene, "default"), ServedWith(plain, for_plain, ""), policy,
                  random);
@@ -121,10 +122,10 @@ TEST_P(SceneSets, AnswerAsADatabaseOfTheirOwn) {
 
 TEST_P(SceneSets, TellTheToolFromAnObstacleInTheirOwnScenesOnly) {
   SceneInput input = ToolScene(0, 0, 4);
-  const auto right = SceneOf(*both, input);
+  const auto right = SceneSetsSceneOf(*both, input);
   EXPECT_EQ(right->set, kTool);
   input.set = "";
-  const auto wrong = SceneOf(*both, input);
+  const auto wrong = SceneSetsSceneOf(*both, input);
   EXPECT_EQ(wrong->set, "default");
   const Mask only_tool = ToolMask(0, 0, 0) - RobotMask(0, 0, 0);
   ASSERT_FALSE(only_tool.Empty());
@@ -135,12 +136,12 @@ TEST_P(SceneSets, TellTheToolFromAnObstacleInTheirOwnScenesOnly) {
 TEST_P(SceneSets, AnUnknownSetOfASceneIsNeverFree) {
   SceneInput input = EmptyCellScene();
   input.set = "none";
-  const auto scene = SceneOf(*both, input);
+  const auto scene = SceneSetsSceneOf(*both, input);
   EXPECT_EQ(scene->Blocked(), Reason::kSetUnknown);
   EXPECT_THAT(scene->defects[0].message, HasSubstr("'none'"));
   for (const char* set : {"", "default", kTool}) {
     const Served served = ServedWith(both, scene, set);
-    const Checker checker(served, {}, {}, kNow);
+    const Checker checker(served, {}, {}, kSceneSetsNow);
     EXPECT_EQ(checker.Check(At(3, 3)).reason(), Reason::kSetUnknown);
     const ConfigurationSpace space(served, {});
     for (ConfigurationNumber number = 0; number < kTileSize; ++number) {
@@ -150,7 +151,8 @@ TEST_P(SceneSets, AnUnknownSetOfASceneIsNeverFree) {
 }
 
 TEST_P(SceneSets, AnUnknownSetOfACheckIsRefused) {
-  const absl::Status status = WithSet({both, SceneOf(*both, EmptyCellScene())}, "none").status();
+  const absl::Status status =
+      WithSet({both, SceneSetsSceneOf(*both, EmptyCellScene())}, "none").status();
   EXPECT_EQ(status.code(), absl::StatusCode::kInvalidArgument);
   EXPECT_THAT(status.message(), HasSubstr("no set 'none'; its sets are default, tool"));
 }
@@ -158,13 +160,13 @@ TEST_P(SceneSets, AnUnknownSetOfACheckIsRefused) {
 TEST_P(SceneSets, ASceneOfWhichTheSetIsNotKnownIsNeverFree) {
   SceneInput input = EmptyCellScene();
   input.without_set = "nobody has told";
-  const auto scene = SceneOf(*both, input);
+  const auto scene = SceneSetsSceneOf(*both, input);
   EXPECT_EQ(scene->set, "");
   EXPECT_EQ(scene->Blocked(), Reason::kSetUnknown);
   EXPECT_EQ(scene->defects[0].message, "nobody has told");
   EXPECT_EQ(scene->views.size(), 3u);
   for (const char* set : {"", "default", kTool}) {
-    const Checker checker(ServedWith(both, scene, set), {}, {}, kNow);
+    const Checker checker(ServedWith(both, scene, set), {}, {}, kSceneSetsNow);
     EXPECT_EQ(checker.Check(At(3, 3)).reason(), Reason::kSetUnknown);
   }
 }
@@ -213,7 +215,7 @@ TEST(SoundSets, WhatStandsAsInTheSceneMayTouchWithAnotherSet) {
   const auto both = SoundDatabase(folder);
   for (const std::string scene_set : {"default", kTool}) {
     SceneInput input = scene_set == kTool ? ToolScene(0, 0, 4) : EmptyCellScene();
-    const auto scene = SceneOf(*both, input);
+    const auto scene = SceneSetsSceneOf(*both, input);
     for (const std::string set : {"default", kTool}) {
       const Served served = ServedWith(both, scene, set);
       const TestSupport support = SupportFor(served, {.preset = Preset::kSound});
@@ -238,8 +240,8 @@ TEST(SceneSetsInPlace, AnswerAsInMemory) {
   std::mt19937 random(1);
   for (int block = 0; block < 5; ++block) {
     const SceneInput input = ToolScene(0, 3, block);
-    ExpectSame(ServedWith(held, SceneOf(*held, input), ""),
-               ServedWith(in_place, SceneOf(*in_place, input), ""), {}, random);
+    ExpectSame(ServedWith(held, SceneSetsSceneOf(*held, input), ""),
+               ServedWith(in_place, SceneSetsSceneOf(*in_place, input), ""), {}, random);
   }
 }
 
@@ -280,8 +282,9 @@ TEST(SceneSetsDamaged, ALostBaseIsNeverFree) {
   const ConfigurationNumber number = database->grid().NumberOf({2, 3});
   EXPECT_EQ(database->robot_images().state(number), RobotImageState::kCorrupt);
   EXPECT_EQ(database->Set(kTool)->robot_images().state(number), RobotImageState::kCorrupt);
-  const Served served = ServedWith(database, SceneOf(*database, ToolScene(0, 0, 4)), "");
-  EXPECT_EQ(Checker(served, {}, {}, kNow).Check(At(2, 3)).reason(), Reason::kRobotImageCorrupt);
+  const Served served = ServedWith(database, SceneSetsSceneOf(*database, ToolScene(0, 0, 4)), "");
+  EXPECT_EQ(Checker(served, {}, {}, kSceneSetsNow).Check(At(2, 3)).reason(),
+            Reason::kRobotImageCorrupt);
 }
 
 }  // namespace

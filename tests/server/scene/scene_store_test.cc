@@ -10,21 +10,21 @@ namespace {
 
 using ::testing::HasSubstr;
 
-Scene SceneOf(const ServedDatabase& database, absl::Time captured) {
+Scene SceneStoreSceneOf(const ServedDatabase& database, absl::Time captured) {
   SceneInput input = EmptyCellScene();
   for (ViewInput& view : input.views) view.captured = captured;
   return *MakeScene(database, input, {}, {}, {captured, absl::ZeroDuration()});
 }
 
 const absl::Time kStart = absl::FromUnixSeconds(1'000'000);
-const Moment kNow{kStart, absl::Seconds(50)};
+const Moment kSceneStoreNow{kStart, absl::Seconds(50)};
 
 TEST(SceneStore, HasNoSceneAtFirst) {
   const auto database = NewDatabase();
   SceneStore store(database);
-  EXPECT_EQ(store.Newest(kNow).scene, nullptr);
-  EXPECT_EQ(store.Newest(kNow).database, database);
-  EXPECT_EQ(store.Newest(kNow).without_scene, Reason::kNoScene);
+  EXPECT_EQ(store.Newest(kSceneStoreNow).scene, nullptr);
+  EXPECT_EQ(store.Newest(kSceneStoreNow).database, database);
+  EXPECT_EQ(store.Newest(kSceneStoreNow).without_scene, Reason::kNoScene);
   EXPECT_EQ(store.Find(0), nullptr);
 }
 
@@ -33,10 +33,10 @@ TEST(SceneStore, CountsScenesUpAndKeepsSoMany) {
   SceneStore store(database, 3);
   for (uint64_t id = 1; id <= 5; ++id) {
     const auto scene =
-        store.Publish(SceneOf(*database, kStart + id * absl::Milliseconds(10)), database);
+        store.Publish(SceneStoreSceneOf(*database, kStart + id * absl::Milliseconds(10)), database);
     ASSERT_TRUE(scene.ok()) << scene.status();
     EXPECT_EQ((*scene)->id, id);
-    EXPECT_EQ(store.Newest(kNow).scene, *scene);
+    EXPECT_EQ(store.Newest(kSceneStoreNow).scene, *scene);
     EXPECT_EQ(store.Find(0), *scene);
   }
   EXPECT_EQ(store.Find(2), nullptr);
@@ -47,13 +47,14 @@ TEST(SceneStore, CountsScenesUpAndKeepsSoMany) {
 TEST(SceneStore, OlderImagesThanThoseServedAreRefused) {
   const auto database = NewDatabase();
   SceneStore store(database);
-  ASSERT_TRUE(store.Publish(SceneOf(*database, kStart), database).ok());
-  const auto older = store.Publish(SceneOf(*database, kStart - absl::Milliseconds(3)), database);
+  ASSERT_TRUE(store.Publish(SceneStoreSceneOf(*database, kStart), database).ok());
+  const auto older =
+      store.Publish(SceneStoreSceneOf(*database, kStart - absl::Milliseconds(3)), database);
   EXPECT_TRUE(absl::IsFailedPrecondition(older.status()));
   EXPECT_EQ(older.status().message(),
             "the images are 3ms older than those of scene 1, which is served");
-  EXPECT_EQ(store.Newest(kNow).scene->id, 1u);
-  EXPECT_TRUE(store.Publish(SceneOf(*database, kStart), database).ok()) << "equally old";
+  EXPECT_EQ(store.Newest(kSceneStoreNow).scene->id, 1u);
+  EXPECT_TRUE(store.Publish(SceneStoreSceneOf(*database, kStart), database).ok()) << "equally old";
 }
 
 Scene SceneThatArrived(const ServedDatabase& database, const Moment& arrived) {
@@ -65,30 +66,31 @@ TEST(SceneStore, WithdrawnSceneIsServedAnewAndNeverFree) {
   SceneStore store(database);
   store.Withdraw("nothing yet", {kStart, absl::Seconds(1)});
   EXPECT_EQ(store.last_withdrawn(), 0u);
-  ASSERT_TRUE(store.Publish(SceneThatArrived(*database, kNow), database).ok());
-  const Served before = store.Newest(kNow);
-  EXPECT_TRUE(Checker(before, {}, {}, kNow).Check(At(3, 3)).free());
+  ASSERT_TRUE(store.Publish(SceneThatArrived(*database, kSceneStoreNow), database).ok());
+  const Served before = store.Newest(kSceneStoreNow);
+  EXPECT_TRUE(Checker(before, {}, {}, kSceneStoreNow).Check(At(3, 3)).free());
   EXPECT_FALSE(store.Withdrawn(*before.scene));
-  store.Withdraw("it has another tool", kNow);
+  store.Withdraw("it has another tool", kSceneStoreNow);
   EXPECT_TRUE(store.Withdrawn(*before.scene)) << "for answers that are under way";
   EXPECT_EQ(store.last_withdrawn(), 2u);
-  const Served after = store.Newest(kNow);
+  const Served after = store.Newest(kSceneStoreNow);
   EXPECT_EQ(after.scene->id, 2u);
   EXPECT_EQ(after.scene->set, "");
   ASSERT_EQ(after.scene->defects.size(), 1u);
   EXPECT_EQ(after.scene->defects[0].message, "it has another tool");
-  EXPECT_EQ(Checker(after, {}, {}, kNow).Check(At(3, 3)).reason(), Reason::kSetUnknown);
-  store.Withdraw("and another", kNow);
-  ASSERT_EQ(store.Newest(kNow).scene->defects.size(), 1u);
-  EXPECT_EQ(store.Newest(kNow).scene->defects[0].message, "and another");
+  EXPECT_EQ(Checker(after, {}, {}, kSceneStoreNow).Check(At(3, 3)).reason(), Reason::kSetUnknown);
+  store.Withdraw("and another", kSceneStoreNow);
+  ASSERT_EQ(store.Newest(kSceneStoreNow).scene->defects.size(), 1u);
+  EXPECT_EQ(store.Newest(kSceneStoreNow).scene->defects[0].message, "and another");
 }
 
 TEST(SceneStore, SceneThatArrivedBeforeItWasWithdrawnComesWithdrawn) {
   const auto database = NewDatabase();
   SceneStore store(database);
-  const Moment later{kNow.time + absl::Seconds(1), kNow.running + absl::Seconds(1)};
-  store.Withdraw("it has another tool", kNow);
-  const auto late = store.Publish(SceneThatArrived(*database, kNow), database);
+  const Moment later{kSceneStoreNow.time + absl::Seconds(1),
+                     kSceneStoreNow.running + absl::Seconds(1)};
+  store.Withdraw("it has another tool", kSceneStoreNow);
+  const auto late = store.Publish(SceneThatArrived(*database, kSceneStoreNow), database);
   ASSERT_TRUE(late.ok()) << late.status();
   EXPECT_EQ((*late)->Blocked(), Reason::kSetUnknown);
   const auto next = store.Publish(SceneThatArrived(*database, later), database);
@@ -100,27 +102,27 @@ TEST(SceneStore, SceneThatArrivedBeforeItWasWithdrawnComesWithdrawn) {
 TEST(SceneStore, AfterAChangeOfTheDatabaseNoOldSceneIsServed) {
   const auto database = NewDatabase();
   SceneStore store(database);
-  ASSERT_TRUE(store.Publish(SceneOf(*database, kStart), database).ok());
-  const Served before = store.Newest(kNow);
+  ASSERT_TRUE(store.Publish(SceneStoreSceneOf(*database, kStart), database).ok());
+  const Served before = store.Newest(kSceneStoreNow);
   const auto next = NewDatabase({.missing = {{0, 1}}});
   store.ReplaceDatabase(next);
-  EXPECT_EQ(store.Newest(kNow).scene, nullptr);
-  EXPECT_EQ(store.Newest(kNow).database, next);
-  EXPECT_EQ(store.Newest(kNow).without_scene, Reason::kGenerationMismatch);
+  EXPECT_EQ(store.Newest(kSceneStoreNow).scene, nullptr);
+  EXPECT_EQ(store.Newest(kSceneStoreNow).database, next);
+  EXPECT_EQ(store.Newest(kSceneStoreNow).without_scene, Reason::kGenerationMismatch);
   EXPECT_EQ(store.Find(1), nullptr);
   EXPECT_EQ(before.scene->id, 1u) << "a request under way keeps what it began with";
-  const auto late = store.Publish(SceneOf(*database, kStart), database);
+  const auto late = store.Publish(SceneStoreSceneOf(*database, kStart), database);
   EXPECT_TRUE(absl::IsAborted(late.status())) << "made with the old robot images";
-  const auto scene = store.Publish(SceneOf(*next, kStart), next);
+  const auto scene = store.Publish(SceneStoreSceneOf(*next, kStart), next);
   ASSERT_TRUE(scene.ok());
   EXPECT_EQ((*scene)->id, 2u) << "ids are not used again";
-  EXPECT_EQ(store.Newest(kNow).without_scene, Reason::kNone);
+  EXPECT_EQ(store.Newest(kSceneStoreNow).without_scene, Reason::kNone);
 }
 
 TEST(SceneStore, ChangeOfTheDatabaseBeforeTheFirstSceneIsStillNoScene) {
   SceneStore store(NewDatabase());
   store.ReplaceDatabase(NewDatabase());
-  EXPECT_EQ(store.Newest(kNow).without_scene, Reason::kNoScene);
+  EXPECT_EQ(store.Newest(kSceneStoreNow).without_scene, Reason::kNoScene);
 }
 
 }  // namespace

@@ -13,7 +13,7 @@ namespace silhouette {
 namespace {
 
 const LoadSettings kInPlace{.robot_image_memory = 0};
-const Moment kNow{absl::FromUnixSeconds(1'000'000), absl::Seconds(50)};
+const Moment kServedInPlaceNow{absl::FromUnixSeconds(1'000'000), absl::Seconds(50)};
 
 struct ServedInPlace : ::testing::TestWithParam<bool> {
   FreshFolder folder;
@@ -26,7 +26,7 @@ struct ServedInPlace : ::testing::TestWithParam<bool> {
 
   static Served ServedScene(const std::shared_ptr<const ServedDatabase>& database,
                             const SceneInput& input) {
-    absl::StatusOr<Scene> scene = MakeScene(*database, input, {}, {}, kNow);
+    absl::StatusOr<Scene> scene = MakeScene(*database, input, {}, {}, kServedInPlaceNow);
     EXPECT_TRUE(scene.ok()) << scene.status();
     scene->id = 1;
     return {database, std::make_shared<const Scene>(*std::move(scene)), Reason::kNone};
@@ -61,8 +61,8 @@ TEST_P(ServedInPlace, AnswersAsFromMemory) {
     }
     const Policy policy{.preset = AllPresets()[random() % 4],
                         .off_grid = random() % 2 == 0 ? OffGrid::kCell : OffGrid::kNearest};
-    const Checker held(served[0], policy, {}, kNow);
-    const Checker read(served[1], policy, {}, kNow);
+    const Checker held(served[0], policy, {}, kServedInPlaceNow);
+    const Checker read(served[1], policy, {}, kServedInPlaceNow);
     for (int i = 0; i < 50; ++i) {
       const auto any = [&] { return std::uniform_real_distribution(0.0, 4.0)(random); };
       const Configuration q = i % 2 == 0 ? At(static_cast<int>(random() % 5), random() % 8)
@@ -89,7 +89,7 @@ TEST_F(ServedInPlaceDamaged, RecordDamagedWhileItIsServedIsUnknownAndCorrupt) {
   const auto database = Load()[1];
   const SceneInput input = EmptyCellScene();
   const Served served = ServedScene(database, input);
-  const Checker checker(served, {}, {}, kNow);
+  const Checker checker(served, {}, {}, kServedInPlaceNow);
   ASSERT_TRUE(checker.Check(At(2, 3)).free());
   DamageRecord(path, TestRobotImage(database->grid(), 2, 3));
   EXPECT_EQ(checker.Check(At(2, 3)), Verdict::Unknown(Reason::kRobotImageCorrupt));
@@ -97,7 +97,8 @@ TEST_F(ServedInPlaceDamaged, RecordDamagedWhileItIsServedIsUnknownAndCorrupt) {
             Verdict::Unknown(Reason::kRobotImageCorrupt));
   EXPECT_TRUE(checker.Check(At(1, 3)).free());
   // Where the robot stands now is not known either.
-  const absl::StatusOr<Scene> scene = MakeScene(*database, EmptyCellScene(2, 3), {}, {}, kNow);
+  const absl::StatusOr<Scene> scene =
+      MakeScene(*database, EmptyCellScene(2, 3), {}, {}, kServedInPlaceNow);
   ASSERT_TRUE(scene.ok()) << scene.status();
   EXPECT_EQ(scene->Blocked(), Reason::kRobotImageOfSceneMissing);
 }

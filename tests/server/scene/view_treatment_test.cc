@@ -16,7 +16,7 @@ namespace {
 using ::testing::AllOf;
 using ::testing::HasSubstr;
 
-const Moment kNow{absl::FromUnixSeconds(1'000'000), absl::Seconds(50)};
+const Moment kViewTreatmentNow{absl::FromUnixSeconds(1'000'000), absl::Seconds(50)};
 const std::vector<std::string> kNames = {"left"};
 const std::vector<MaskSize> kSizes = {{64, 48}};
 
@@ -111,11 +111,11 @@ TEST(TreatmentsOf, SettingsThatCannotBeThrow) {
 
 Checker CheckerOf(const std::shared_ptr<const ServedDatabase>& database, const SceneInput& input,
                   const Policy& policy = {}) {
-  absl::StatusOr<Scene> scene = MakeScene(*database, input, {}, {}, kNow);
+  absl::StatusOr<Scene> scene = MakeScene(*database, input, {}, {}, kViewTreatmentNow);
   EXPECT_TRUE(scene.ok()) << scene.status();
   SceneStore store(database);
   EXPECT_TRUE(store.Publish(*std::move(scene), database).ok());
-  return Checker(store.Newest(kNow), policy, {}, kNow);
+  return Checker(store.Newest(kViewTreatmentNow), policy, {}, kViewTreatmentNow);
 }
 
 TEST(Margin, TurnsANearMissOccupied) {
@@ -176,7 +176,8 @@ TEST(IgnoredPixels, ThatShowBackgroundWhereTheRobotIsAreNoAlarm) {
   EXPECT_TRUE(CheckerOf(NewDatabase(), EmptyCellScene(2, 7)).Check(At(0, 0)).free());
   const SceneSettings strict{.max_core_error = 0};
   const Mask wide = RobotMask(0, 2, 7);
-  const auto scene = MakeScene(*NewDatabase({}, {}, Ignoring(0, wide)), input, strict, {}, kNow);
+  const auto scene =
+      MakeScene(*NewDatabase({}, {}, Ignoring(0, wide)), input, strict, {}, kViewTreatmentNow);
   ASSERT_TRUE(scene.ok()) << scene.status();
   EXPECT_TRUE(scene->obstacle_images[0]->error().Empty());
   EXPECT_EQ(scene->views[0]->core_error_pixels, 0u);

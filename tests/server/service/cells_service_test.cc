@@ -7,7 +7,7 @@ namespace {
 
 using Cells = std::map<uint64_t, std::string>;
 
-v1::WatchConfigurationSpaceRequest Asking(bool cells, bool nearest = false) {
+v1::WatchConfigurationSpaceRequest CellsServiceAsking(bool cells, bool nearest = false) {
   v1::WatchConfigurationSpaceRequest request;
   request.set_include_cells(cells);
   if (nearest) request.mutable_policy()->set_off_grid(v1::OFF_GRID_NEAREST);
@@ -42,13 +42,13 @@ class CellsServiceTest : public ::testing::Test {
 
 TEST_F(CellsServiceTest, AreToldOnlyToWhoAsksAndOnlyWhereTheyMatter) {
   server.Publish(SceneWithBlock(3));
-  SpaceWatching plain(server, Asking(false));
-  SpaceWatching nearest(server, Asking(true, /*nearest=*/true));
+  SpaceWatching plain(server, CellsServiceAsking(false));
+  SpaceWatching nearest(server, CellsServiceAsking(true, /*nearest=*/true));
   for (SpaceWatching* watching : {&plain, &nearest}) {
     EXPECT_FALSE(watching->Next().first.cells_exact());
     for (const auto& [tile, bits] : watching->free_cells()) EXPECT_EQ(bits, "") << tile;
   }
-  SpaceWatching with(server, Asking(true));
+  SpaceWatching with(server, CellsServiceAsking(true));
   EXPECT_TRUE(with.Next().first.cells_exact());
   EXPECT_EQ(with.free(), plain.free());
   bool exact = false;
@@ -69,7 +69,7 @@ TEST_F(CellsServiceTest, TileOfWhichOnlyCellsChangedIsSent) {
     apart.views[view].image = SceneMask{RobotMask(view, 0, 0) | Block(view, block)};
   }
   server.Publish(EmptyCellScene());
-  SpaceWatching watching(server, Asking(true));
+  SpaceWatching watching(server, CellsServiceAsking(true));
   watching.Next();
   const auto free = watching.free();
   EXPECT_TRUE(IsFree(database->grid(), watching.free_cells(), 2));

@@ -12,8 +12,8 @@ namespace {
 
 const std::vector<double> kLevels = {0, 0.5, 1, 1.3, 2, 3, 1000};
 
-v1::GetConfigurationSpaceRequest Asking(const std::vector<double>& levels,
-                                        const v1::Policy& policy = {}) {
+v1::GetConfigurationSpaceRequest ClearanceLevelsAsking(const std::vector<double>& levels,
+                                                       const v1::Policy& policy = {}) {
   v1::GetConfigurationSpaceRequest request;
   *request.mutable_policy() = policy;
   request.mutable_clearance_levels()->Add(levels.begin(), levels.end());
@@ -26,7 +26,7 @@ bool BitOf(const std::string& bytes, ConfigurationNumber number) {
 
 // A grid with fewer than 4096 configurations has one tile.
 v1::ConfigurationSpaceTile TileOf(TestServer& server, const v1::Policy& policy = {}) {
-  const auto messages = server.Space(Asking(kLevels, policy));
+  const auto messages = server.Space(ClearanceLevelsAsking(kLevels, policy));
   EXPECT_EQ(messages.size(), 1u);
   EXPECT_EQ(messages.at(0).tiles_size(), 1);
   EXPECT_EQ(messages.at(0).tiles(0).clearances_size(), static_cast<int>(kLevels.size()));
@@ -146,10 +146,10 @@ TEST(ClearanceLevels, AreNotToldIfNobodyAsks) {
 
 TEST(ClearanceLevels, OfASceneThatCannotBeRestedOnAreNotSent) {
   TestServer server(NewDatabase());
-  EXPECT_EQ(server.Space(Asking(kLevels))[0].tiles_size(), 0) << "no scene";
+  EXPECT_EQ(server.Space(ClearanceLevelsAsking(kLevels))[0].tiles_size(), 0) << "no scene";
   server.Publish(SceneWithHighBlock(3));
   server.clock.Advance(absl::Hours(1));
-  const auto stale = server.Space(Asking(kLevels));
+  const auto stale = server.Space(ClearanceLevelsAsking(kLevels));
   EXPECT_EQ(stale[0].tiles_size(), 0);
   EXPECT_EQ(stale[0].unknown_reason(), v1::Verdict::REASON_SCENE_STALE);
 }
@@ -158,7 +158,7 @@ TEST(ClearanceLevels, TilesWithoutThemWhenTheTimeIsOverAreLeftOut) {
   TestServer server(NewDatabase());
   server.Publish(SceneWithHighBlock(3));
   ASSERT_EQ(server.Space()[0].tiles_size(), 1) << "the verdicts are there";
-  v1::GetConfigurationSpaceRequest request = Asking(kLevels);
+  v1::GetConfigurationSpaceRequest request = ClearanceLevelsAsking(kLevels);
   request.mutable_max_time();
   const auto messages = server.Space(request);
   EXPECT_EQ(messages[0].tiles_size(), 0);
@@ -171,7 +171,7 @@ TEST(ClearanceLevels, ThatCannotBeAreRefused) {
   TestServer server(NewDatabase());
   const auto message_for = [&](const std::vector<double>& levels) {
     std::vector<v1::GetConfigurationSpaceResponse> messages;
-    const grpc::Status status = server.Call(Asking(levels), &messages);
+    const grpc::Status status = server.Call(ClearanceLevelsAsking(levels), &messages);
     EXPECT_EQ(status.error_code(), grpc::StatusCode::INVALID_ARGUMENT);
     return status.error_message();
   };

@@ -3,10 +3,10 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include "common/picture/palette.h"
 #include "server/service/answers.h"
 #include "server/service/space_writer.h"
 #include "tests/server/service/test_server.h"
-#include "tools/picture/palette.h"
 
 namespace silhouette {
 namespace {

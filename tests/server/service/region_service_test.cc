@@ -4,8 +4,8 @@
 
 #include <opencv2/imgcodecs.hpp>
 
+#include "common/picture/palette.h"
 #include "tests/server/service/test_server.h"
-#include "tools/picture/palette.h"
 
 namespace silhouette {
 namespace {

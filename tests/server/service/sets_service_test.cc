@@ -7,7 +7,7 @@ namespace {
 
 using ::testing::HasSubstr;
 
-std::shared_ptr<const ServedDatabase> BothSets(bool index = true) {
+std::shared_ptr<const ServedDatabase> SetsServiceBothSets(bool index = true) {
   const FreshFolder folder;
   MakeDatabase(folder / "db");
   AddTools(folder / "db");
@@ -16,8 +16,8 @@ std::shared_ptr<const ServedDatabase> BothSets(bool index = true) {
 }
 
 // Where the tool alone touches a block: joint a at 1, the tool at 2.
-const Configuration kToolTouches = At(1, 1);
-constexpr int kBlock = 2;
+const Configuration kSetsServiceToolTouches = At(1, 1);
+constexpr int kSetsServiceBlock = 2;
 
 v1::CheckConfigurationsResponse CheckWith(TestServer& server, const std::string& set,
                                           bool by_number) {
@@ -26,7 +26,7 @@ v1::CheckConfigurationsResponse CheckWith(TestServer& server, const std::string&
   if (by_number) {
     request.add_numbers(static_cast<uint32_t>(GridOf(TestCell())->NumberOf({1, 1})));
   } else {
-    Set(kToolTouches, request.add_configurations());
+    Set(kSetsServiceToolTouches, request.add_configurations());
   }
   v1::CheckConfigurationsResponse response;
   const grpc::Status status = server.Call(request, &response);
@@ -43,12 +43,12 @@ bool FreeWith(TestServer& server, const std::string& set) {
   EXPECT_EQ(by_number.basis().set(), expected);
   v1::CheckPathRequest path;
   path.set_set(set);
-  Set(kToolTouches, path.add_waypoints());
+  Set(kSetsServiceToolTouches, path.add_waypoints());
   v1::CheckPathResponse path_response;
   EXPECT_TRUE(server.Call(path, &path_response).ok());
   v1::ExplainRequest explain;
   explain.set_set(set);
-  Set(kToolTouches, explain.mutable_configuration());
+  Set(kSetsServiceToolTouches, explain.mutable_configuration());
   v1::ExplainResponse explained;
   EXPECT_TRUE(server.Call(explain, &explained).ok());
   v1::GetConfigurationSpaceRequest space;
@@ -68,14 +68,14 @@ bool FreeWith(TestServer& server, const std::string& set) {
 
 // In whatever order sets are asked for: no map of one is taken for that of another.
 TEST(SetsService, EachRequestIsAnsweredWithItsSet) {
-  TestServer server(BothSets());
+  TestServer server(SetsServiceBothSets());
   for (int round = 0; round < 2; ++round) {
-    const v1::Scene plain = server.Publish(SceneWithBlock(kBlock));
+    const v1::Scene plain = server.Publish(SceneWithBlock(kSetsServiceBlock));
     EXPECT_EQ(plain.set(), "default");
     EXPECT_TRUE(FreeWith(server, ""));
     EXPECT_FALSE(FreeWith(server, kTool));
     EXPECT_TRUE(FreeWith(server, "default"));
-    const v1::Scene tool = server.Publish(ToolScene(0, 0, kBlock));
+    const v1::Scene tool = server.Publish(ToolScene(0, 0, kSetsServiceBlock));
     EXPECT_EQ(tool.set(), kTool);
     EXPECT_EQ(tool.defects_size(), 0);
     EXPECT_FALSE(FreeWith(server, ""));
@@ -85,7 +85,7 @@ TEST(SetsService, EachRequestIsAnsweredWithItsSet) {
 }
 
 TEST(SetsService, ASetThatIsNotThereIsRefusedWithTheNamesOfThoseThatAre) {
-  TestServer server(BothSets());
+  TestServer server(SetsServiceBothSets());
   server.Publish(EmptyCellScene());
   v1::CheckConfigurationsRequest request;
   request.set_set("none");
@@ -106,7 +106,7 @@ TEST(SetsService, ASetThatIsNotThereIsRefusedWithTheNamesOfThoseThatAre) {
 }
 
 TEST(SetsService, ASceneOfAnUnknownSetIsTakenAndNeverFree) {
-  TestServer server(BothSets());
+  TestServer server(SetsServiceBothSets());
   SceneInput input = EmptyCellScene();
   input.set = "none";
   const v1::Scene scene = server.Publish(input);
@@ -121,7 +121,7 @@ TEST(SetsService, ASceneOfAnUnknownSetIsTakenAndNeverFree) {
 }
 
 TEST(SetsService, TheDatabaseTellsItsSets) {
-  TestServer server(BothSets(/*index=*/false));
+  TestServer server(SetsServiceBothSets(/*index=*/false));
   grpc::ClientContext context;
   v1::GetDatabaseResponse response;
   ASSERT_TRUE(server.database_service->GetDatabase(&context, {}, &response).ok());
@@ -133,8 +133,8 @@ TEST(SetsService, TheDatabaseTellsItsSets) {
 
 // Who watches without naming a set sees the map of the set that the newest scene has.
 TEST(SetsService, AWatchFollowsTheSetOfTheScene) {
-  TestServer server(BothSets());
-  server.Publish(SceneWithBlock(kBlock));
+  TestServer server(SetsServiceBothSets());
+  server.Publish(SceneWithBlock(kSetsServiceBlock));
   grpc::ClientContext context;
   const auto reader = server.collision->WatchConfigurationSpace(&context, {});
   v1::WatchConfigurationSpaceResponse update;
@@ -146,7 +146,7 @@ TEST(SetsService, AWatchFollowsTheSetOfTheScene) {
   EXPECT_TRUE(update.whole());
   EXPECT_EQ(update.basis().set(), "default");
   EXPECT_TRUE(free());
-  const v1::Scene scene = server.Publish(ToolScene(0, 0, kBlock));
+  const v1::Scene scene = server.Publish(ToolScene(0, 0, kSetsServiceBlock));
   do {
     ASSERT_TRUE(reader->Read(&update));
   } while (update.basis().scene_id() != scene.id());

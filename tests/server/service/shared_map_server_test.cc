@@ -17,7 +17,7 @@ using ::testing::ElementsAre;
 using ::testing::HasSubstr;
 using ::testing::IsEmpty;
 
-bool WaitUntil(const std::function<bool()>& condition) {
+bool SharedMapServerWaitUntil(const std::function<bool()>& condition) {
   for (int i = 0; i < 2000; ++i) {
     if (condition()) return true;
     absl::SleepFor(absl::Milliseconds(5));
@@ -42,7 +42,7 @@ struct SharedMapServer : ::testing::Test {
   }
   // Waits until the map speaks of this scene and knows all of it.
   static bool Has(const SharedSpace& space, uint64_t scene, uint64_t unknown = 0) {
-    return WaitUntil([&] {
+    return SharedMapServerWaitUntil([&] {
       const client::ConfigurationSpace copy = space.Copy();
       return copy.basis().scene_id == scene && copy.Count().unknown == unknown;
     });
@@ -74,8 +74,8 @@ TEST_F(SharedMapServer, EverySceneReachesTheMap) {
   SceneInput moved = EmptyCellScene();
   moved.joints[2].position = 0.7;
   server.Publish(moved);
-  EXPECT_TRUE(
-      WaitUntil([&] { return space.unknown_reason() == client::Reason::kFixedJointMoved; }));
+  EXPECT_TRUE(SharedMapServerWaitUntil(
+      [&] { return space.unknown_reason() == client::Reason::kFixedJointMoved; }));
 }
 
 TEST_F(SharedMapServer, ConfigurationsThatAreTestedSinglyBecomeKnownToo) {
@@ -115,15 +115,15 @@ TEST_F(SharedMapServer, AllowedRegionsReachTheMap) {
   grpc::ClientContext allow;
   ASSERT_TRUE(server.scene->AllowRegion(&allow, request, &allowed).ok());
   client::Basis basis;
-  EXPECT_TRUE(WaitUntil([&] { return space.Check(At(3, 4), &basis).free(); }));
+  EXPECT_TRUE(SharedMapServerWaitUntil([&] { return space.Check(At(3, 4), &basis).free(); }));
   EXPECT_THAT(basis.regions, ElementsAre("part"));
   v1::RevokeRegionRequest revoke;
   revoke.set_name("part");
   v1::RevokeRegionResponse revoked;
   grpc::ClientContext context;
   ASSERT_TRUE(server.scene->RevokeRegion(&context, revoke, &revoked).ok());
-  EXPECT_TRUE(
-      WaitUntil([&] { return space.Check(At(3, 4), &basis).state == client::State::kOccupied; }));
+  EXPECT_TRUE(SharedMapServerWaitUntil(
+      [&] { return space.Check(At(3, 4), &basis).state == client::State::kOccupied; }));
   EXPECT_THAT(basis.regions, IsEmpty());
 }
 
@@ -133,10 +133,11 @@ TEST_F(SharedMapServer, AnotherDatabaseClosesTheMap) {
   server.Publish(EmptyCellScene());
   ASSERT_TRUE(Has(space, 1));
   server.server->ReplaceDatabase(NewDatabase());
-  EXPECT_TRUE(WaitUntil([&] { return space.unknown_reason() == client::Reason::kMapClosed; }));
+  EXPECT_TRUE(SharedMapServerWaitUntil(
+      [&] { return space.unknown_reason() == client::Reason::kMapClosed; }));
   const SharedSpace next = space.Reopen().value();
-  EXPECT_TRUE(
-      WaitUntil([&] { return next.unknown_reason() == client::Reason::kGenerationMismatch; }));
+  EXPECT_TRUE(SharedMapServerWaitUntil(
+      [&] { return next.unknown_reason() == client::Reason::kGenerationMismatch; }));
   server.Publish(EmptyCellScene());
   EXPECT_TRUE(Has(next, 2));
 }
@@ -147,8 +148,9 @@ TEST_F(SharedMapServer, StopClosesTheMapAndRemovesTheFile) {
   server.Publish(EmptyCellScene());
   ASSERT_TRUE(Has(space, 1));
   server.server->Stop(absl::Seconds(1));
-  EXPECT_TRUE(WaitUntil([&] { return space.unknown_reason() == client::Reason::kMapClosed; }));
-  EXPECT_TRUE(WaitUntil([&] { return !std::filesystem::exists(file); }));
+  EXPECT_TRUE(SharedMapServerWaitUntil(
+      [&] { return space.unknown_reason() == client::Reason::kMapClosed; }));
+  EXPECT_TRUE(SharedMapServerWaitUntil([&] { return !std::filesystem::exists(file); }));
 }
 
 TEST_F(SharedMapServer, FileThatCannotBeMadeIsToldAtTheStart) {

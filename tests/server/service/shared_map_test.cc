@@ -102,7 +102,7 @@ class SharedMapTest : public ::testing::Test {
   const std::string file_ = folder_ / "map";
 };
 
-bool WaitUntil(const std::function<bool()>& condition) {
+bool SharedMapWaitUntil(const std::function<bool()>& condition) {
   for (int i = 0; i < 1000; ++i) {
     if (condition()) return true;
     absl::SleepFor(absl::Milliseconds(10));
@@ -232,12 +232,12 @@ TEST_F(SharedMapTest, IsUnknownWhereTheSceneCannotBeRestedOn) {
 TEST_F(SharedMapTest, IsUnknownOnceTheSceneIsOlderThanTheServerAllows) {
   Publisher publisher(file_, absl::Milliseconds(400));
   const SharedSpace space = Open();
-  ASSERT_TRUE(WaitUntil([&] {
+  ASSERT_TRUE(SharedMapWaitUntil([&] {
     publisher.Scene(EmptyCellScene());
     return space.Check({0, 0}).free() && space.Check({0.4, 0.1}).free();
   }));
   // Nobody tells the reader.
-  ASSERT_TRUE(WaitUntil([&] { return !space.Check({0, 0}).free(); }));
+  ASSERT_TRUE(SharedMapWaitUntil([&] { return !space.Check({0, 0}).free(); }));
   EXPECT_GE(space.Age(), absl::Milliseconds(400));
   EXPECT_EQ(space.unknown_reason(), client::Reason::kSceneStale);
   EXPECT_EQ(space.StateAt(0), client::State::kUnknown);
@@ -254,12 +254,12 @@ TEST_F(SharedMapTest, IsUnknownOnceTheSceneIsOlderThanTheReaderAllows) {
     publisher.Scene(EmptyCellScene());
     return strict.Check({0, 0}).free();
   };
-  ASSERT_TRUE(WaitUntil(is_free_at_first));
-  ASSERT_TRUE(WaitUntil([&] { return !strict.Check({0, 0}).free(); }));
+  ASSERT_TRUE(SharedMapWaitUntil(is_free_at_first));
+  ASSERT_TRUE(SharedMapWaitUntil([&] { return !strict.Check({0, 0}).free(); }));
   EXPECT_GE(strict.Age(), absl::Milliseconds(400));
   EXPECT_EQ(strict.Check({0, 0}).reason, client::Reason::kSceneStale);
   EXPECT_TRUE(lenient.Check({0, 0}).free());
-  EXPECT_TRUE(WaitUntil(is_free_at_first)) << "it goes on with the next scene";
+  EXPECT_TRUE(SharedMapWaitUntil(is_free_at_first)) << "it goes on with the next scene";
   EXPECT_EQ(SharedSpace::Open(file_, -absl::Seconds(1)).status().code(),
             absl::StatusCode::kInvalidArgument);
 }
@@ -274,7 +274,7 @@ TEST_F(SharedMapTest, EndsWithAnAllowedRegion) {
   client::Basis basis;
   client::Verdict verdict;
   client::ConfigurationChecks checks;
-  ASSERT_TRUE(WaitUntil([&] {
+  ASSERT_TRUE(SharedMapWaitUntil([&] {
     const auto allowed = publisher.store().Allow("part", pixels, absl::Milliseconds(400),
                                                  SystemClock(), publisher.store().database());
     EXPECT_TRUE(allowed.ok()) << allowed.status();
@@ -286,7 +286,7 @@ TEST_F(SharedMapTest, EndsWithAnAllowedRegion) {
   EXPECT_THAT(basis.regions, ElementsAre("part"));
   EXPECT_THAT(verdict.regions, ElementsAre("part"));
   EXPECT_THAT(checks.verdicts[0].regions, ElementsAre("part"));
-  ASSERT_TRUE(WaitUntil([&] { return !space.Check(At(3, 4)).free(); }));
+  ASSERT_TRUE(SharedMapWaitUntil([&] { return !space.Check(At(3, 4)).free(); }));
   EXPECT_EQ(space.unknown_reason(), client::Reason::kRegionEnded);
   publisher.Tell();
   verdict = space.Check(At(3, 4), &basis);

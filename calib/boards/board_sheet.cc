@@ -1,0 +1,148 @@
+#include "calib/boards/board_sheet.h"
+
+#include <algorithm>
+#include <cmath>
+#include <optional>
+#include <stdexcept>
+
+#include "absl/strings/str_cat.h"
+#include "absl/strings/str_format.h"
+#include "calib/boards/board_file.h"
+#include "calib/boards/sheet_measures.h"
+#include "calib/boards/tag_family.h"
+
+namespace silhouette {
+namespace {
+
+constexpr double kMmPerMetre = 1000;
+constexpr double kLeastTag = 3;  // mm; a smaller one is not worth proposing
+
+struct Extent {
+  double width = 0;
+  double height = 0;
+};
+
+// The tags' print, with `scale` applied to tag and gap.
+Extent PrintExtent(const Board& board, double scale = 1) {
+  const BoardDescription& d = board.description();
+  const double pitch = (d.tag_size + d.gap) * kMmPerMetre;
+  const double last = d.tag_size * kMmPerMetre + 2 * PrintRim(board);
+  return {scale * ((d.columns - 1) * pitch + last), scale * ((d.rows - 1) * pitch + last)};
+}
+
+Extent OutlineExtent(const Board& board, SheetKind kind, double scale = 1) {
+  const SheetMeasures measures = MeasuresOf(kind);
+  const Extent print = PrintExtent(board, scale);
+  return {print.width + 2 * measures.band, print.height + 2 * measures.band + measures.caption};
+}
+
+// How many pieces of `outline` stand side by side in `room`.
+int Pieces(double outline, double room) {
+  return std::max(0, static_cast<int>((room + kBetweenPieces + 1e-9) / (outline + kBetweenPieces)));
+}
+
+Extent Room(const Paper& paper) {
+  return {paper.width - 2 * kPageMargin, paper.height - 2 * kPageMargin - kFooter};
+}
+
+int PiecesOn(const Paper& paper, const Extent& outline) {
+  return Pieces(outline.width, Room(paper).width) * Pieces(outline.height, Room(paper).height);
+}
+
+std::optional<Paper> FirstFitting(const std::vector<Paper>& papers, const Extent& outline,
+                                  int pieces) {
+  for (const Paper& paper : papers) {
+    if (PiecesOn(paper, outline) >= pieces) return paper;
+  }
+  return std::nullopt;
+}
+
+std::string WithDigits(double mm) { return absl::StrFormat("%.0f", std::ceil(mm)); }
+
+// Why the board does not fit, and what would.
+[[noreturn]] void RefuseSize(const Board& board, SheetKind kind, int per_page,
+                             const std::vector<Paper>& papers) {
+  const BoardDescription& d = board.description();
+  const Extent outline = OutlineExtent(board, kind);
+  const Paper& largest = papers.back();
+  std::string message = absl::StrCat(
+      "board '", d.name, "' (", d.rows, " x ", d.columns, " tags of ", d.tag_size * kMmPerMetre,
+      " mm) needs ", WithDigits(outline.width), " x ", WithDigits(outline.height), " mm",
+      per_page > 1 ? absl::StrCat(" for each of ", per_page, " a page") : "", ", but ",
+      largest.name, " has room for ", std::floor(Room(largest).width), " x ",
+      std::floor(Room(largest).height), " mm beside margins and notes; take ");
+  if (const std::optional<Paper> paper = FirstFitting(AutomaticPapers(), outline, per_page)) {
+    absl::StrAppend(&message, "--paper '", paper->name, "', ");
+  }
+  double tag = 0;  // the largest that fits, in steps of half a millimetre
+  for (double size = 0.5; size < d.tag_size * kMmPerMetre; size += 0.5) {
+    const Extent smaller = OutlineExtent(board, kind, size / (d.tag_size * kMmPerMetre));
+    if (FirstFitting(papers, smaller, per_page)) tag = size;
+  }
+  if (tag >= kLeastTag) {
+    absl::StrAppend(&message, "--tag-size ", tag, d.gap > 0 ? " (the gap in proportion)" : "",
+                    " or less, ");
+  }
+  absl::StrAppend(&message, "or ", per_page > 1 ? "fewer tags a page" : "fewer rows and columns");
+  throw std::invalid_argument(message);
+}
+
+void RequireSingleTags(const std::vector<Board>& boards, SheetKind kind) {
+  if (boards.empty()) throw std::invalid_argument("there is no board to be printed");
+  if (kind == SheetKind::kBoard) return;
+  for (const Board& board : boards) {
+    if (board.tags() != 1) {
+      throw std::invalid_argument("board '" + board.description().name +
+                                  "' has several tags; flange and floor tags are single ones");
+    }
+  }
+}
+
+PlacedBoard Place(const Board& board, SheetKind kind, PagePoint corner) {
+  const Extent outline = OutlineExtent(board, kind);
+  const double inset = MeasuresOf(kind).band + PrintRim(board);
+  return {board,
+          {corner.x + inset, corner.y + inset},
+          {corner.x, corner.y, outline.width, outline.height}};
+}
+
+}  // namespace
+
+double PrintRim(const Board& board) {
+  const TagFamily family(board.description().family);
+  const double module = board.description().tag_size * kMmPerMetre / family.width_at_border();
+  return module * (family.total_width() - family.width_at_border()) / 2;
+}
+
+std::vector<BoardSheet> LayOutSheets(const std::vector<Board>& boards, SheetKind kind, int per_page,
+                                     const std::vector<Paper>& papers) {
+  RequireSingleTags(boards, kind);
+  if (const absl::Status status = CheckBoards(boards); !status.ok()) {
+    throw std::invalid_argument(std::string(status.message()));
+  }
+  if (per_page < 1) throw std::invalid_argument("there must be at least one tag a page");
+  if (papers.empty()) throw std::invalid_argument("there is no paper");
+  Extent outline;
+  for (const Board& board : boards) {
+    const Extent one = OutlineExtent(board, kind);
+    outline = {std::max(outline.width, one.width), std::max(outline.height, one.height)};
+  }
+  per_page = std::min(per_page, static_cast<int>(boards.size()));
+  const std::optional<Paper> paper = FirstFitting(papers, outline, per_page);
+  if (!paper) RefuseSize(boards.front(), kind, per_page, papers);
+
+  const int columns = std::min(Pieces(outline.width, Room(*paper).width), per_page);
+  const double width = columns * (outline.width + kBetweenPieces) - kBetweenPieces;
+  const double left = (paper->width - width) / 2;
+  std::vector<BoardSheet> sheets;
+  for (size_t i = 0; i < boards.size(); ++i) {
+    const int place = static_cast<int>(i) % per_page;
+    if (place == 0) sheets.push_back({kind, *paper, {}});
+    const PagePoint corner{left + (place % columns) * (outline.width + kBetweenPieces),
+                           kPageMargin + (place / columns) * (outline.height + kBetweenPieces)};
+    sheets.back().boards.push_back(Place(boards[i], kind, corner));
+  }
+  return sheets;
+}
+
+}  // namespace silhouette

@@ -1,0 +1,151 @@
+#include "calib/boards/csv.h"
+
+#include <algorithm>
+#include <charconv>
+#include <cmath>
+#include <optional>
+
+#include "absl/strings/ascii.h"
+#include "absl/strings/numbers.h"
+#include "absl/strings/str_cat.h"
+#include "absl/strings/str_join.h"
+#include "absl/strings/str_replace.h"
+#include "absl/strings/str_split.h"
+#include "absl/strings/strip.h"
+#include "common/yaml/strict_yaml.h"
+
+namespace silhouette {
+namespace {
+
+// The fields of a line; nothing if a quote is open or text follows a closed one.
+std::optional<std::vector<std::string>> Fields(absl::string_view line) {
+  std::vector<std::string> fields(1);
+  bool quoted = false;
+  bool closed = false;
+  for (size_t i = 0; i < line.size(); ++i) {
+    const char c = line[i];
+    if (quoted) {
+      if (c != '"') {
+        fields.back() += c;
+      } else if (i + 1 < line.size() && line[i + 1] == '"') {
+        fields.back() += c;
+        ++i;
+      } else {
+        quoted = false;
+        closed = true;
+      }
+    } else if (c == ',') {
+      fields.emplace_back();
+      closed = false;
+    } else if (c == '"' && absl::StripAsciiWhitespace(fields.back()).empty() && !closed) {
+      fields.back().clear();
+      quoted = true;
+    } else if (!closed) {
+      fields.back() += c;
+    } else if (!absl::ascii_isspace(static_cast<unsigned char>(c))) {
+      return std::nullopt;
+    }
+  }
+  if (quoted) return std::nullopt;
+  return fields;
+}
+
+// For each wanted column its place in the header.
+absl::StatusOr<std::vector<size_t>> Places(const std::vector<std::string>& header,
+                                           const std::vector<std::string>& columns,
+                                           const std::string& place) {
+  std::vector<size_t> places(columns.size(), header.size());
+  for (size_t i = 0; i < header.size(); ++i) {
+    const std::string name(absl::StripAsciiWhitespace(header[i]));
+    const size_t column = std::find(columns.begin(), columns.end(), name) - columns.begin();
+    if (column == columns.size()) {
+      const std::string near = NearestWord(name, columns);
+      return absl::InvalidArgumentError(
+          absl::StrCat(place, ": unknown column '", name, "'",
+                       near.empty() ? "" : absl::StrCat(", did you mean '", near, "'?"),
+                       "; the first line is ", absl::StrJoin(columns, ",")));
+    }
+    if (places[column] != header.size()) {
+      return absl::InvalidArgumentError(
+          absl::StrCat(place, ": the column '", name, "' is there twice"));
+    }
+    places[column] = i;
+  }
+  for (size_t column = 0; column < columns.size(); ++column) {
+    if (places[column] == header.size()) {
+      return absl::InvalidArgumentError(absl::StrCat(place, ": the column '", columns[column],
+                                                     "' is missing; the first line is ",
+                                                     absl::StrJoin(columns, ",")));
+    }
+  }
+  return places;
+}
+
+}  // namespace
+
+absl::StatusOr<double> CsvRow::Number(size_t column) const {
+  double value = 0;
+  if (!absl::SimpleAtod(Text(column), &value) || !std::isfinite(value)) {
+    return absl::InvalidArgumentError(
+        absl::StrCat(place_, ": '", Text(column), "' is not a finite number"));
+  }
+  return value;
+}
+
+absl::StatusOr<int> CsvRow::Integer(size_t column) const {
+  int value = 0;
+  if (!absl::SimpleAtoi(Text(column), &value)) {
+    return absl::InvalidArgumentError(
+        absl::StrCat(place_, ": '", Text(column), "' is not a whole number"));
+  }
+  return value;
+}
+
+absl::StatusOr<std::vector<CsvRow>> CsvRows(const std::string& text, const std::string& file,
+                                            const std::vector<std::string>& columns) {
+  std::vector<CsvRow> rows;
+  std::optional<std::vector<size_t>> places;
+  int number = 0;
+  for (absl::string_view line : absl::StrSplit(text, '\n')) {
+    const std::string place = absl::StrCat(file, ":", ++number);
+    if (number == 1) absl::ConsumePrefix(&line, "\xEF\xBB\xBF");  // a byte-order mark
+    if (absl::StripAsciiWhitespace(line).empty()) continue;
+    absl::ConsumeSuffix(&line, "\r");
+    std::optional<std::vector<std::string>> fields = Fields(line);
+    if (!fields) {
+      return absl::InvalidArgumentError(absl::StrCat(place, ": the double quotes do not match"));
+    }
+    if (!places) {
+      absl::StatusOr<std::vector<size_t>> found = Places(*fields, columns, place);
+      if (!found.ok()) return found.status();
+      places = *std::move(found);
+      continue;
+    }
+    if (fields->size() != columns.size()) {
+      return absl::InvalidArgumentError(
+          absl::StrCat(place, ": ", fields->size(), " fields, ", columns.size(),
+                       " are expected: ", absl::StrJoin(columns, ",")));
+    }
+    std::vector<std::string> ordered;
+    for (const size_t from : *places) ordered.push_back(std::move((*fields)[from]));
+    rows.emplace_back(place, std::move(ordered));
+  }
+  if (!places) {
+    return absl::InvalidArgumentError(
+        absl::StrCat(file, ": the file is empty; its first line is ", absl::StrJoin(columns, ",")));
+  }
+  return rows;
+}
+
+std::string CsvField(absl::string_view text) {
+  const bool spaced = absl::StripAsciiWhitespace(text).size() != text.size();
+  if (!spaced && text.find_first_of(",\"\r\n") == absl::string_view::npos) return std::string(text);
+  return absl::StrCat("\"", absl::StrReplaceAll(text, {{"\"", "\"\""}}), "\"");
+}
+
+std::string CsvNumber(double value) {
+  char digits[32];
+  return {digits, std::to_chars(digits, digits + sizeof(digits), value).ptr};
+}
+
+}  // namespace silhouette

@@ -1,0 +1,137 @@
+#include "calib/boards/sighting_file.h"
+
+#include <cmath>
+#include <map>
+#include <stdexcept>
+#include <tuple>
+
+#include "absl/strings/str_cat.h"
+#include "calib/boards/csv.h"
+
+namespace silhouette {
+namespace {
+
+const std::vector<std::string>& Columns() {
+  static const std::vector<std::string> columns = {"frame",  "view", "family", "tag",
+                                                   "corner", "x",    "y",      "sigma"};
+  return columns;
+}
+
+// A sighting whose corners are still being read.
+struct Partial {
+  std::string place;  // of its first line
+  size_t index = 0;   // in the result
+  std::array<bool, 4> seen{};
+};
+
+struct CornerLine {
+  TagSighting tag;  // without corners
+  int corner = 0;
+  Eigen::Vector2d at;
+};
+
+absl::Status Mistake(const CsvRow& row, const std::string& what) {
+  return absl::InvalidArgumentError(absl::StrCat(row.place(), ": ", what));
+}
+
+absl::StatusOr<CornerLine> ReadLine(const CsvRow& row) {
+  const absl::StatusOr<int> tag = row.Integer(3);
+  const absl::StatusOr<int> corner = row.Integer(4);
+  const absl::StatusOr<double> x = row.Number(5);
+  const absl::StatusOr<double> y = row.Number(6);
+  const absl::StatusOr<double> sigma = row.Number(7);
+  for (const absl::Status& status :
+       {tag.status(), corner.status(), x.status(), y.status(), sigma.status()}) {
+    if (!status.ok()) return status;
+  }
+  for (int column = 0; column < 3; ++column) {
+    if (row.Text(column).empty()) return Mistake(row, "the " + Columns()[column] + " is empty");
+  }
+  if (*tag < 0) return Mistake(row, absl::StrCat("tag ", *tag, ": ids are not negative"));
+  if (*corner < 0 || *corner > 3) {
+    return Mistake(row, absl::StrCat("corner ", *corner, ": corners are 0 to 3"));
+  }
+  if (*sigma <= 0) {
+    return Mistake(row, absl::StrCat("sigma ", *sigma, ": it must be positive, in pixels"));
+  }
+  return CornerLine{.tag = {.frame = row.Text(0),
+                            .view = row.Text(1),
+                            .family = row.Text(2),
+                            .tag = *tag,
+                            .sigma = *sigma},
+                    .corner = *corner,
+                    .at = {*x, *y}};
+}
+
+std::string Name(const TagSighting& s) {
+  return absl::StrCat("tag ", s.tag, " of ", s.family, " in frame '", s.frame, "' of view '",
+                      s.view, "'");
+}
+
+// What `sighting` has that a file cannot give back; empty if nothing.
+std::string SightingFault(const TagSighting& sighting) {
+  for (const std::string& name : {sighting.frame, sighting.view, sighting.family}) {
+    if (name.empty()) return "a frame, view or family without a name";
+    if (name.find_first_of("\r\n") != std::string::npos) return "a line break in a name";
+  }
+  if (sighting.tag < 0) return "a negative id";
+  for (const Eigen::Vector2d& corner : sighting.corners) {
+    if (!corner.allFinite()) return "a corner that is not finite";
+  }
+  if (!std::isfinite(sighting.sigma) || sighting.sigma <= 0) return "a sigma that is not positive";
+  return "";
+}
+
+}  // namespace
+
+std::string SightingFileText(std::span<const TagSighting> sightings) {
+  std::string text = "frame,view,family,tag,corner,x,y,sigma\n";
+  for (const TagSighting& s : sightings) {
+    if (const std::string fault = SightingFault(s); !fault.empty()) {
+      throw std::invalid_argument(Name(s) + " has " + fault);
+    }
+    for (int corner = 0; corner < 4; ++corner) {
+      absl::StrAppend(&text, CsvField(s.frame), ",", CsvField(s.view), ",", CsvField(s.family), ",",
+                      s.tag, ",", corner, ",", CsvNumber(s.corners[corner].x()), ",",
+                      CsvNumber(s.corners[corner].y()), ",", CsvNumber(s.sigma), "\n");
+    }
+  }
+  return text;
+}
+
+absl::StatusOr<std::vector<TagSighting>> SightingsFromText(const std::string& text,
+                                                           const std::string& file) {
+  const absl::StatusOr<std::vector<CsvRow>> rows = CsvRows(text, file, Columns());
+  if (!rows.ok()) return rows.status();
+  std::vector<TagSighting> sightings;
+  std::map<std::tuple<std::string, std::string, std::string, int>, Partial> partials;
+  for (const CsvRow& row : *rows) {
+    const absl::StatusOr<CornerLine> line = ReadLine(row);
+    if (!line.ok()) return line.status();
+    const TagSighting& tag = line->tag;
+    const auto [found, first] = partials.try_emplace({tag.frame, tag.view, tag.family, tag.tag},
+                                                     Partial{row.place(), sightings.size(), {}});
+    if (first) sightings.push_back(tag);
+    Partial& partial = found->second;
+    TagSighting& sighting = sightings[partial.index];
+    if (partial.seen[line->corner]) {
+      return Mistake(row, absl::StrCat("corner ", line->corner, " of ", Name(tag),
+                                       " is there twice; the tag begins at ", partial.place));
+    }
+    if (sighting.sigma != tag.sigma) {
+      return Mistake(row, Name(tag) + " has corners of different sigma; a tag has one");
+    }
+    partial.seen[line->corner] = true;
+    sighting.corners[line->corner] = line->at;
+  }
+  for (const auto& [key, partial] : partials) {
+    for (int corner = 0; corner < 4; ++corner) {
+      if (partial.seen[corner]) continue;
+      return absl::InvalidArgumentError(absl::StrCat(
+          partial.place, ": ", Name(sightings[partial.index]), " has no corner ", corner));
+    }
+  }
+  return sightings;
+}
+
+}  // namespace silhouette

@@ -1,0 +1,189 @@
+#include "calib/files/calibration_session_file.h"
+
+#include <utility>
+
+#include "absl/status/status.h"
+#include "absl/strings/str_cat.h"
+#include "absl/strings/str_format.h"
+#include "calib/files/calibration_matrix_file.h"
+#include "calib/files/calibration_matrix_yaml.h"
+#include "common/yaml/strict_yaml.h"
+
+namespace silhouette {
+namespace {
+
+using storage::v1::CalibrationFigure;
+using storage::v1::CalibrationRecord;
+using storage::v1::CellDescription;
+using storage::v1::FixedTag;
+
+constexpr int kCalibrationSessionVersion = 1;
+
+std::string CalibrationSessionQuoted(const std::string& text) {
+  YAML::Emitter quoted;
+  quoted << YAML::DoubleQuoted << text;
+  return quoted.c_str();
+}
+
+std::string FiguresText(const CalibrationRecord& record) {
+  if (record.figures().empty()) return "";
+  std::string text = "figures:\n";
+  for (const CalibrationFigure& figure : record.figures()) {
+    absl::StrAppend(&text, "  - {name: ", CalibrationSessionQuoted(figure.name()));
+    if (!figure.of().empty())
+      absl::StrAppend(&text, ", of: ", CalibrationSessionQuoted(figure.of()));
+    absl::StrAppendFormat(&text, ", value: %.17g", figure.value());
+    if (!figure.unit().empty())
+      absl::StrAppend(&text, ", unit: ", CalibrationSessionQuoted(figure.unit()));
+    absl::StrAppend(&text, "}\n");
+  }
+  return text;
+}
+
+std::string TagsText(const CalibrationRecord& record, const CellDescription& cell) {
+  if (record.fixed_tags().empty()) return "";
+  std::string text = "fixed_tags:\n";
+  for (const FixedTag& tag : record.fixed_tags()) {
+    absl::StrAppend(&text, "  - {view: ", CalibrationSessionQuoted(cell.views(tag.view()).name()),
+                    ", family: ", CalibrationSessionQuoted(tag.family()), ", tag: ", tag.tag());
+    absl::StrAppendFormat(&text, ", sigma: %.17g,\n     corners: [", tag.sigma());
+    for (int i = 0; i < 8; i += 2) {
+      absl::StrAppendFormat(&text, "%s[%.17g, %.17g]", i == 0 ? "" : ", ", tag.corners(i),
+                            tag.corners(i + 1));
+    }
+    absl::StrAppend(&text, "]}\n");
+  }
+  return text;
+}
+
+// The file of a camera per view, "" where there is none.
+std::vector<std::string> ReadViews(const YamlNode& node, const CellDescription& cell) {
+  std::vector<std::string> files(static_cast<size_t>(cell.views_size()));
+  std::vector<bool> there(files.size());
+  bool some = false;
+  for (const YamlNode& item : node.Items()) {
+    YamlMap map(item);
+    const YamlNode name = map.Required("name");
+    const auto view = static_cast<size_t>(ViewByName(name, cell));
+    if (there[view]) name.Fail("the view is there twice");
+    there[view] = true;
+    files[view] = map.Get<std::string>("camera", "");
+    some = some || !files[view].empty();
+    map.Finish();
+  }
+  for (size_t view = 0; view < files.size(); ++view) {
+    const std::string& name = cell.views(static_cast<int>(view)).name();
+    if (!there[view]) node.Fail(absl::StrCat("the view '", name, "' of the cell is missing"));
+    if (some && files[view].empty()) {
+      node.Fail(absl::StrCat("the view '", name, "' has no camera, but others have"));
+    }
+  }
+  if (!some) files.clear();
+  return files;
+}
+
+CalibrationFigure ReadFigure(const YamlNode& node) {
+  YamlMap map(node);
+  CalibrationFigure figure;
+  figure.set_name(map.Get<std::string>("name"));
+  figure.set_of(map.Get<std::string>("of", ""));
+  figure.set_value(map.Get<double>("value"));
+  figure.set_unit(map.Get<std::string>("unit", ""));
+  map.Finish();
+  return figure;
+}
+
+FixedTag ReadTag(const YamlNode& node, const CellDescription& cell) {
+  YamlMap map(node);
+  FixedTag tag;
+  tag.set_view(ViewByName(map.Required("view"), cell));
+  tag.set_family(map.Get<std::string>("family"));
+  tag.set_tag(map.Get<int>("tag"));
+  tag.set_sigma(map.Get<double>("sigma"));
+  for (const YamlNode& corner : map.Required("corners").Items(4)) {
+    for (const double value : corner.Values<double>(2)) tag.add_corners(value);
+  }
+  map.Finish();
+  return tag;
+}
+
+CalibrationSession ReadSession(const YamlNode& root, const CellDescription& cell) {
+  YamlMap map(root);
+  const YamlNode version = map.Required("calibration");
+  if (version.As<int>() != kCalibrationSessionVersion) {
+    version.Fail(absl::StrCat("this is version ", version.As<int>(),
+                              " of the format; this program reads ", kCalibrationSessionVersion));
+  }
+  CalibrationSession session;
+  session.camera_files = ReadViews(map.Required("views"), cell);
+  if (const auto pairs = map.Optional("pairs")) {
+    session.calibration = MatricesFromYaml(*pairs, cell);
+  } else if (session.camera_files.empty()) {
+    root.Fail("there are neither cameras in 'views' nor 'pairs'");
+  }
+  CalibrationRecord& record = *session.calibration.mutable_record();
+  record.set_time(map.Get<std::string>("time", ""));
+  record.set_program(map.Get<std::string>("program", ""));
+  if (const auto figures = map.Optional("figures")) {
+    for (const YamlNode& item : figures->Items()) *record.add_figures() = ReadFigure(item);
+  }
+  if (const auto warnings = map.Optional("warnings")) {
+    for (const auto& text : warnings->Values<std::string>()) record.add_warnings(text);
+  }
+  if (const auto tags = map.Optional("fixed_tags")) {
+    for (const YamlNode& item : tags->Items()) *record.add_fixed_tags() = ReadTag(item, cell);
+  }
+  map.Finish();
+  return session;
+}
+
+}  // namespace
+
+std::string SessionFileText(const CalibrationSession& session, const CellDescription& cell) {
+  const CalibrationRecord& record = session.calibration.record();
+  std::string text = absl::StrCat("calibration: ", kCalibrationSessionVersion, "\n");
+  if (!record.time().empty())
+    absl::StrAppend(&text, "time: ", CalibrationSessionQuoted(record.time()), "\n");
+  if (!record.program().empty()) {
+    absl::StrAppend(&text, "program: ", CalibrationSessionQuoted(record.program()), "\n");
+  }
+  absl::StrAppend(&text, "views:\n");
+  for (int i = 0; i < cell.views_size(); ++i) {
+    absl::StrAppend(&text, "  - {name: ", CalibrationSessionQuoted(cell.views(i).name()));
+    if (!session.camera_files.empty()) {
+      absl::StrAppend(&text, ", camera: ",
+                      CalibrationSessionQuoted(session.camera_files[static_cast<size_t>(i)]));
+    }
+    absl::StrAppend(&text, "}\n");
+  }
+  if (!session.calibration.fundamental_matrices().empty()) {
+    absl::StrAppend(&text, "pairs:",
+                    session.camera_files.empty() ? "" : "  # for information; undistorted pixels",
+                    "\n", MatrixFileText(session.calibration, cell));
+  }
+  absl::StrAppend(&text, FiguresText(record));
+  if (!record.warnings().empty()) absl::StrAppend(&text, "warnings:\n");
+  for (const std::string& warning : record.warnings()) {
+    absl::StrAppend(&text, "  - ", CalibrationSessionQuoted(warning), "\n");
+  }
+  return absl::StrCat(text, TagsText(record, cell));
+}
+
+bool IsSessionFile(const std::string& text) {
+  try {
+    return YAML::Load(text).IsMap();
+  } catch (const YAML::Exception&) {
+    return false;
+  }
+}
+
+absl::StatusOr<CalibrationSession> SessionFromText(const std::string& text, const std::string& file,
+                                                   const CellDescription& cell) {
+  try {
+    return ReadSession(YamlNode::FromText(text, file), cell);
+  } catch (const YamlError& error) {
+    return absl::InvalidArgumentError(error.what());
+  }
+}
+
+}  // namespace silhouette

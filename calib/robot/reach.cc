@@ -1,0 +1,213 @@
+#include "calib/robot/reach.h"
+
+#include <algorithm>
+#include <cmath>
+#include <functional>
+#include <limits>
+#include <map>
+#include <numbers>
+#include <set>
+#include <utility>
+#include <vector>
+
+#include "absl/strings/str_cat.h"
+
+namespace silhouette {
+namespace {
+
+// Everything within `radius` of `point`, in the link's frame.
+struct Ball {
+  Eigen::Vector3d point;
+  double radius = 0;
+};
+
+// Distance of a point from the axis, point or plane that reach is measured from; grows by no more
+// than the length of the step when the point moves.
+using Distance = std::function<double(const Eigen::Vector3d&)>;
+
+// Balls whose convex hull holds the shape.
+struct BallsOfShape {
+  std::vector<Ball> operator()(const SphereShape& sphere) const {
+    return {{Eigen::Vector3d::Zero(), sphere.radius}};
+  }
+  std::vector<Ball> operator()(const CylinderShape& cylinder) const {
+    // The polygon around the true circle, not the one inscribed.
+    const double corner = cylinder.radius / std::cos(std::numbers::pi / kCircleCorners);
+    return BallsOf(CylinderMesh(corner, cylinder.length));
+  }
+  std::vector<Ball> operator()(const BoxShape& box) const { return BallsOf(BoxMesh(box.size)); }
+  std::vector<Ball> operator()(const MeshShape& mesh) const { return BallsOf(*mesh.mesh); }
+
+  static std::vector<Ball> BallsOf(const TriangleMesh& mesh) {
+    std::vector<Ball> balls;
+    for (const Eigen::Vector3d& vertex : mesh.vertices) balls.push_back({vertex, 0});
+    return balls;
+  }
+};
+
+class ReachFinder {
+ public:
+  ReachFinder(const RobotModel& robot, std::map<size_t, double> fixed, double payload_radius)
+      : robot_(robot), fixed_(std::move(fixed)), children_(robot.links().size()) {
+    for (size_t i = 1; i < robot.links().size(); ++i) {
+      children_[static_cast<size_t>(robot.links()[i].parent)].push_back(i);
+    }
+    for (size_t i = 0; i < robot.links().size(); ++i) {
+      const RobotLink& link = robot.links()[i];
+      std::vector<Ball> balls{{Eigen::Vector3d::Zero(), 0}};
+      for (const std::vector<LinkGeometry>* geometries : {&link.visual, &link.collision}) {
+        for (const LinkGeometry& geometry : *geometries) {
+          for (const Ball& ball : std::visit(BallsOfShape(), geometry.shape)) {
+            balls.push_back({geometry.link_from_shape * ball.point, ball.radius});
+          }
+        }
+      }
+      for (Ball& ball : balls) ball.radius += children_[i].empty() ? payload_radius : 0;
+      balls_.push_back(std::move(balls));
+    }
+  }
+
+  // Upper bound of `distance` over every point of `link` and of all links outboard of it.
+  double Farthest(size_t link, const Eigen::Isometry3d& frame_from_link,
+                  const Distance& distance) const {
+    double farthest = std::numeric_limits<double>::lowest();
+    for (const Ball& ball : balls_[link]) {
+      farthest = std::max(farthest, distance(frame_from_link * ball.point) + ball.radius);
+    }
+    for (size_t child : children_[link]) {
+      farthest = std::max(farthest, FarthestBeyond(child, frame_from_link, distance));
+    }
+    return farthest;
+  }
+
+ private:
+  double FarthestBeyond(size_t child, const Eigen::Isometry3d& frame_from_parent,
+                        const Distance& distance) const {
+    const RobotLink& link = robot_.links()[child];
+    const auto at = [&](JointType type, double position) {
+      return frame_from_parent * ParentFromLink(link, type, position);
+    };
+    if (link.joint < 0) {
+      return Farthest(child, frame_from_parent * link.parent_from_joint, distance);
+    }
+    const RobotJoint& joint = robot_.joints()[static_cast<size_t>(link.joint)];
+    const auto fixed = fixed_.find(static_cast<size_t>(link.joint));
+    if (fixed != fixed_.end()) return Farthest(child, at(joint.type, fixed->second), distance);
+    if (joint.type == JointType::kPrismatic) {
+      // Distances are convex along a line: the ends are the farthest.
+      return std::max(Farthest(child, at(joint.type, joint.lower), distance),
+                      Farthest(child, at(joint.type, joint.upper), distance));
+    }
+    // The joint's origin stands still, and no point ever gets farther from it than it is now.
+    const Distance from_origin = [](const Eigen::Vector3d& p) { return p.norm(); };
+    return distance(at(joint.type, 0).translation()) +
+           Farthest(child, Eigen::Isometry3d::Identity(), from_origin);
+  }
+
+  const RobotModel& robot_;
+  const std::map<size_t, double> fixed_;  // by index of the joint
+  std::vector<std::vector<size_t>> children_;
+  std::vector<std::vector<Ball>> balls_;  // by link
+};
+
+absl::Status NoSuchJoint(const RobotModel& robot, const std::string& name) {
+  return absl::InvalidArgumentError(
+      absl::StrCat("the robot '", robot.name(), "' has no joint '", name, "'"));
+}
+
+// Whether link `outer` is `inner` or hangs on it.
+bool IsOutboard(const RobotModel& robot, size_t inner, size_t outer) {
+  for (int link = static_cast<int>(outer); link >= 0;
+       link = robot.links()[static_cast<size_t>(link)].parent) {
+    if (static_cast<size_t>(link) == inner) return true;
+  }
+  return false;
+}
+
+// The joints that move, and where the others stand; by index.
+struct Told {
+  std::set<size_t> joints;
+  std::map<size_t, double> positions;
+};
+
+absl::StatusOr<Told> Find(const RobotModel& robot, std::span<const std::string> moving,
+                          std::span<const FixedJoint> fixed) {
+  Told told;
+  for (const std::string& name : moving) {
+    const std::optional<size_t> found = robot.JointIndex(name);
+    if (!found) return NoSuchJoint(robot, name);
+    told.joints.insert(*found);
+  }
+  for (const FixedJoint& at : fixed) {
+    const std::optional<size_t> found = robot.JointIndex(at.name);
+    if (!found) return NoSuchJoint(robot, at.name);
+    told.joints.insert(*found);
+    told.positions[*found] = at.position;
+  }
+  return told;
+}
+
+// Every joint outboard of link `first` moves or has a position.
+absl::Status RequireAllTold(const RobotModel& robot, size_t first, const Told& told) {
+  for (size_t link = first + 1; link < robot.links().size(); ++link) {
+    const int outboard = robot.links()[link].joint;
+    if (outboard >= 0 && IsOutboard(robot, first, link) &&
+        !told.joints.contains(static_cast<size_t>(outboard))) {
+      return absl::InvalidArgumentError(
+          absl::StrCat("joint '", robot.joints()[static_cast<size_t>(outboard)].name,
+                       "' neither moves nor has a fixed position"));
+    }
+  }
+  return absl::OkStatus();
+}
+
+absl::Status RequireRadius(double payload_radius) {
+  if (payload_radius >= 0) return absl::OkStatus();
+  return absl::InvalidArgumentError("the payload's radius must not be below 0");
+}
+
+}  // namespace
+
+absl::StatusOr<double> Reach(const RobotModel& robot, const std::string& joint,
+                             std::span<const std::string> moving, std::span<const FixedJoint> fixed,
+                             double payload_radius) {
+  if (absl::Status status = RequireRadius(payload_radius); !status.ok()) return status;
+  const std::optional<size_t> index = robot.JointIndex(joint);
+  if (!index) return NoSuchJoint(robot, joint);
+  if (robot.joints()[*index].type == JointType::kPrismatic) {
+    return absl::InvalidArgumentError("joint '" + joint + "' is prismatic: it has no reach");
+  }
+  const absl::StatusOr<Told> told = Find(robot, moving, fixed);
+  if (!told.ok()) return told.status();
+  size_t first = 0;
+  while (robot.links()[first].joint != static_cast<int>(*index)) ++first;
+  if (absl::Status status = RequireAllTold(robot, first, *told); !status.ok()) return status;
+
+  const Eigen::Vector3d axis = robot.links()[first].axis;
+  const Distance from_axis = [&](const Eigen::Vector3d& p) { return axis.cross(p).norm(); };
+  return ReachFinder(robot, told->positions, payload_radius)
+      .Farthest(first, Eigen::Isometry3d::Identity(), from_axis);
+}
+
+absl::StatusOr<Eigen::AlignedBox3d> ReachBox(const RobotModel& robot,
+                                             std::span<const std::string> moving,
+                                             std::span<const FixedJoint> fixed,
+                                             double payload_radius) {
+  if (absl::Status status = RequireRadius(payload_radius); !status.ok()) return status;
+  const absl::StatusOr<Told> told = Find(robot, moving, fixed);
+  if (!told.ok()) return told.status();
+  if (absl::Status status = RequireAllTold(robot, 0, *told); !status.ok()) return status;
+  const ReachFinder finder(robot, told->positions, payload_radius);
+  const auto along = [&](const Eigen::Vector3d& direction) {
+    const Distance distance = [&](const Eigen::Vector3d& p) { return direction.dot(p); };
+    return finder.Farthest(0, Eigen::Isometry3d::Identity(), distance);
+  };
+  Eigen::AlignedBox3d box;
+  for (int axis = 0; axis < 3; ++axis) {
+    box.min()[axis] = -along(-Eigen::Vector3d::Unit(axis));
+    box.max()[axis] = along(Eigen::Vector3d::Unit(axis));
+  }
+  return box;
+}
+
+}  // namespace silhouette

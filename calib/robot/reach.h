@@ -1,0 +1,40 @@
+// Reach: how far the MaxMove discretisation must reckon a joint to move the robot's points.
+#pragma once
+
+#include <Eigen/Geometry>
+#include <span>
+#include <string>
+
+#include "absl/status/statusor.h"
+#include "calib/robot/fixed_joint.h"
+#include "calib/robot/robot_model.h"
+
+namespace silhouette {
+
+// r of joint `joint` (revolute or continuous) in metres: no point of the robot, tool or payload
+// outboard of the joint is ever farther from its axis, whatever values the joints `moving` take
+// within their limits while the others stand at `fixed`.
+//
+// It is the exact distance where no moving joint is outboard. Over outboard moving joints it is the
+// sum of the links' lengths, exact for an arm that can stretch straight out at right angles to the
+// axis, else larger than need be.
+//
+// `payload_radius`: how far, in metres, tool and payload reach beyond the outermost links; 0: the
+// model's geometry is all there is.
+//
+// InvalidArgument: `joint` is not in the model or is prismatic (its reach is of no use: its step is
+// delta itself), `payload_radius` is negative, `moving` or `fixed` name a joint that is not in the
+// model, or a joint outboard is in neither.
+absl::StatusOr<double> Reach(const RobotModel& robot, const std::string& joint,
+                             std::span<const std::string> moving, std::span<const FixedJoint> fixed,
+                             double payload_radius);
+
+// A box, in the base's frame, that the robot never leaves, tool, payload and the origins of its
+// links included; the arguments and errors are those of Reach. Exact where nothing moves; over
+// moving joints as large as if every link could stretch straight out in every direction.
+absl::StatusOr<Eigen::AlignedBox3d> ReachBox(const RobotModel& robot,
+                                             std::span<const std::string> moving,
+                                             std::span<const FixedJoint> fixed,
+                                             double payload_radius);
+
+}  // namespace silhouette

@@ -1,0 +1,81 @@
+// RobotBody: where a robot's body certainly is, and where it may be, at any joint values.
+#pragma once
+
+#include <Eigen/Geometry>
+#include <memory>
+#include <optional>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "calib/robot/distance_field.h"
+#include "calib/robot/robot_model.h"
+
+namespace silhouette {
+
+// The robot at some joint values. Refers to the body, which must outlive it. Points are in the
+// robot's base frame, metres.
+class PosedBody {
+ public:
+  // The distance of a point from the robot's surface, negative inside, or more: never less. The
+  // true robot has every point at which it is negative. `hint`: the link that was the nearest to
+  // some point near by, 0 to begin with; on return, to this one.
+  double AtMost(const Eigen::Vector3d& point, size_t& hint) const;
+
+  // Whether any point of the true robot, tool and payload included, may lie within `radius` of the
+  // point.
+  bool MayReach(const Eigen::Vector3d& point, double radius) const;
+
+  // The links, of the same body, that stand elsewhere than in `other`.
+  PosedBody MovedFrom(const PosedBody& other) const;
+
+ private:
+  friend class RobotBody;
+
+  struct Link {
+    const DistanceField* field = nullptr;  // null: a frame alone, which carries tool or payload
+    double payload_radius = 0;
+    Eigen::Vector3d origin;  // in the base frame
+    Eigen::Isometry3d link_from_base;
+    Eigen::AlignedBox3d box;  // in the base frame
+  };
+  std::vector<Link> links_;
+  double tolerance_ = 0;
+};
+
+// The closed shapes of a robot's links (RobotLink::body), with a distance field each. Cannot be
+// changed once made; used by any number of threads.
+class RobotBody {
+ public:
+  // Lengths in metres.
+  struct Settings {
+    // By how much a point of the true robot's surface may be away from the model's.
+    double tolerance = 0;
+    // How far tool and payload reach beyond the outermost links.
+    double payload_radius = 0;
+    // As DistanceField has them; distances beyond `range` are less exact.
+    double range = 0.1;
+    double step = 0.01;
+  };
+
+  // Throws std::invalid_argument if tolerance or payload_radius is negative, or range or step not
+  // positive.
+  RobotBody(const RobotModel& robot, const Settings& settings);
+
+  // Names of the links that have a shape whose mesh is not closed. It counts as nothing, for what
+  // is inside it cannot be told, and MayReach must not be asked.
+  const std::vector<std::string>& open_links() const { return open_links_; }
+
+  // The body with the joints at `positions`, in the order of the model's joints; as many, else
+  // std::invalid_argument is thrown.
+  PosedBody At(std::span<const double> positions) const;
+
+ private:
+  RobotModel robot_;
+  Settings settings_;
+  std::vector<std::optional<DistanceField>> fields_;  // by link
+  std::vector<double> payload_radii_;                 // by link
+  std::vector<std::string> open_links_;
+};
+
+}  // namespace silhouette

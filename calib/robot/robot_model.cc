@@ -1,0 +1,111 @@
+#include "calib/robot/robot_model.h"
+
+#include <cmath>
+#include <stdexcept>
+#include <utility>
+
+#include "absl/strings/str_cat.h"
+#include "absl/strings/str_join.h"
+
+namespace silhouette {
+namespace {
+
+constexpr double kLimitTolerance = 1e-6;
+
+struct TessellateShape {
+  TriangleMesh operator()(const BoxShape& box) const { return BoxMesh(box.size); }
+  TriangleMesh operator()(const CylinderShape& cylinder) const {
+    return CylinderMesh(cylinder.radius, cylinder.length);
+  }
+  TriangleMesh operator()(const SphereShape& sphere) const { return SphereMesh(sphere.radius); }
+  TriangleMesh operator()(const MeshShape& mesh) const { return *mesh.mesh; }
+};
+
+std::string NamesOf(const std::vector<RobotJoint>& joints) {
+  return absl::StrJoin(joints, ", ", [](std::string* out, const RobotJoint& joint) {
+    absl::StrAppend(out, "'", joint.name, "'");
+  });
+}
+
+}  // namespace
+
+TriangleMesh Tessellate(const Shape& shape) { return std::visit(TessellateShape(), shape); }
+
+Eigen::Isometry3d ParentFromLink(const RobotLink& link, JointType type, double position) {
+  if (type == JointType::kPrismatic) {
+    return link.parent_from_joint * Eigen::Translation3d(position * link.axis);
+  }
+  return link.parent_from_joint * Eigen::AngleAxisd(position, link.axis);
+}
+
+std::optional<size_t> RobotModel::JointIndex(const std::string& name) const {
+  for (size_t i = 0; i < joints_.size(); ++i) {
+    if (joints_[i].name == name) return i;
+  }
+  return std::nullopt;
+}
+
+RobotModel RobotModel::WithBody(size_t link, LinkGeometry body) const {
+  RobotModel model = *this;
+  RobotLink& of = model.links_.at(link);
+  (of.visual.empty() && !of.collision.empty() ? of.collision : of.visual)
+      .push_back(std::move(body));
+  return model;
+}
+
+std::vector<Eigen::Isometry3d> RobotModel::LinkPoses(std::span<const double> positions) const {
+  if (positions.size() != joints_.size()) {
+    throw std::invalid_argument(
+        absl::StrCat("the robot has ", joints_.size(), " joints, not ", positions.size()));
+  }
+  std::vector<Eigen::Isometry3d> base_from_link;
+  base_from_link.reserve(links_.size());
+  for (const RobotLink& link : links_) {
+    if (link.parent < 0) {
+      base_from_link.push_back(Eigen::Isometry3d::Identity());
+      continue;
+    }
+    const auto joint = static_cast<size_t>(link.joint);
+    const Eigen::Isometry3d parent_from_link =
+        link.joint < 0 ? link.parent_from_joint
+                       : ParentFromLink(link, joints_[joint].type, positions[joint]);
+    base_from_link.push_back(base_from_link[static_cast<size_t>(link.parent)] * parent_from_link);
+  }
+  return base_from_link;
+}
+
+absl::StatusOr<std::vector<double>> RobotModel::Positions(std::span<const std::string> names,
+                                                          std::span<const double> values) const {
+  if (names.size() != values.size()) throw std::invalid_argument("as many names as values");
+  std::vector<std::optional<double>> positions(joints_.size());
+  for (size_t i = 0; i < names.size(); ++i) {
+    const std::optional<size_t> index = JointIndex(names[i]);
+    if (!index) {
+      return absl::InvalidArgumentError(absl::StrCat("the robot '", name_, "' has no joint '",
+                                                     names[i], "'; it has ", NamesOf(joints_)));
+    }
+    const RobotJoint& joint = joints_[*index];
+    if (positions[*index]) {
+      return absl::InvalidArgumentError(absl::StrCat("joint '", names[i], "' is given twice"));
+    }
+    const bool inside =
+        values[i] >= joint.lower - kLimitTolerance && values[i] <= joint.upper + kLimitTolerance;
+    if (!std::isfinite(values[i]) || (joint.type != JointType::kContinuous && !inside)) {
+      return absl::InvalidArgumentError(absl::StrCat("joint '", joint.name, "' cannot stand at ",
+                                                     values[i], "; it moves from ", joint.lower,
+                                                     " to ", joint.upper));
+    }
+    positions[*index] = values[i];
+  }
+  std::vector<double> result;
+  for (size_t i = 0; i < joints_.size(); ++i) {
+    if (!positions[i]) {
+      return absl::InvalidArgumentError(
+          absl::StrCat("joint '", joints_[i].name, "' of the robot '", name_, "' has no position"));
+    }
+    result.push_back(*positions[i]);
+  }
+  return result;
+}
+
+}  // namespace silhouette

@@ -1,0 +1,118 @@
+// RobotModel: a robot as a URDF file describes it - the joints that move, the links' geometry, and
+// where the links are for given joint values.
+//
+// Frames: `base` is the root link's frame; a pose `a_from_b` takes points in b to points in a.
+// Lengths in metres, angles in radians. A model cannot be changed once made and can be read by any
+// number of threads.
+#pragma once
+
+#include <Eigen/Geometry>
+#include <memory>
+#include <optional>
+#include <span>
+#include <string>
+#include <variant>
+#include <vector>
+
+#include "absl/status/statusor.h"
+#include "calib/robot/triangle_mesh.h"
+
+namespace silhouette {
+
+enum class JointType { kRevolute, kContinuous, kPrismatic };
+
+// A joint that moves.
+struct RobotJoint {
+  std::string name;
+  JointType type = JointType::kRevolute;
+  double lower = 0;  // a continuous joint: -pi
+  double upper = 0;  // a continuous joint: pi
+};
+
+struct BoxShape {
+  Eigen::Vector3d size = Eigen::Vector3d::Zero();  // edge lengths
+};
+struct CylinderShape {  // about z
+  double radius = 0;
+  double length = 0;
+};
+struct SphereShape {
+  double radius = 0;
+};
+struct MeshShape {
+  std::string path;
+  std::shared_ptr<const TriangleMesh> mesh;  // scaled
+};
+using Shape = std::variant<BoxShape, CylinderShape, SphereShape, MeshShape>;
+
+// The triangles of a shape in its own frame.
+TriangleMesh Tessellate(const Shape& shape);
+
+struct LinkGeometry {
+  Shape shape;
+  Eigen::Isometry3d link_from_shape = Eigen::Isometry3d::Identity();
+  std::optional<Eigen::Vector3d> colour;  // red, green, blue, 0..1, where the file tells it
+};
+
+struct RobotLink {
+  std::string name;
+  std::vector<LinkGeometry> visual;
+  std::vector<LinkGeometry> collision;
+
+  // What the robot looks like and is: the visual geometry; a link without takes that for collision.
+  const std::vector<LinkGeometry>& body() const { return visual.empty() ? collision : visual; }
+
+  int parent = -1;  // index of the parent link; -1 for the base
+  int joint = -1;   // index of the moving joint in front of this link; -1 if it is fixed
+  Eigen::Isometry3d parent_from_joint = Eigen::Isometry3d::Identity();  // with the joint at 0
+  Eigen::Vector3d axis = Eigen::Vector3d::UnitZ();  // unit, in the joint's frame
+};
+
+class RobotModel {
+ public:
+  // Reads a URDF file and its meshes. `package://name/rest` is looked for as root/name/rest, and as
+  // root/rest where root itself is called name, in every root of `package_paths`; other mesh paths
+  // are relative to the file. NotFound: the file, a package or a mesh is not there.
+  // InvalidArgument: it is not URDF, or has a joint that mimics another, floats, is planar or has
+  // no valid limits. The message names what is meant and what would mend it.
+  static absl::StatusOr<RobotModel> FromUrdf(const std::string& path,
+                                             std::span<const std::string> package_paths = {});
+
+  const std::string& name() const { return name_; }
+
+  // Joints that move, from the base outward: the order of all joint values.
+  const std::vector<RobotJoint>& joints() const { return joints_; }
+  // Index in joints(); nothing if there is none of that name.
+  std::optional<size_t> JointIndex(const std::string& name) const;
+
+  // Every link stands after its parent; the first is the base.
+  const std::vector<RobotLink>& links() const { return links_; }
+
+  // The same robot with one more body on a link, by its index in links().
+  RobotModel WithBody(size_t link, LinkGeometry body) const;
+
+  // `base_from_link` of every link, in the order of links(). `positions`: one value per joint, in
+  // the order of joints(); limits are not looked at. Throws std::invalid_argument if there are more
+  // or fewer values.
+  std::vector<Eigen::Isometry3d> LinkPoses(std::span<const double> positions) const;
+
+  // Values in the order of joints(), looked up by name. InvalidArgument if a joint of the model has
+  // no value, a name is not a joint of the model (the nearest is named) or stands twice, or a value
+  // is beyond the joint's limits by more than a millionth. As many values as names, else
+  // std::invalid_argument is thrown.
+  absl::StatusOr<std::vector<double>> Positions(std::span<const std::string> names,
+                                                std::span<const double> values) const;
+
+ private:
+  friend class UrdfReader;
+  RobotModel() = default;
+
+  std::string name_;
+  std::vector<RobotJoint> joints_;
+  std::vector<RobotLink> links_;
+};
+
+// `parent_from_link` for a link whose joint stands at `position`.
+Eigen::Isometry3d ParentFromLink(const RobotLink& link, JointType type, double position);
+
+}  // namespace silhouette

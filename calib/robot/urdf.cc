@@ -1,0 +1,263 @@
+// RobotModel::FromUrdf.
+#include <console_bridge/console.h>
+#include <tinyxml.h>
+#include <urdf_model/model.h>
+#include <urdf_parser/urdf_parser.h>
+
+#include <cmath>
+#include <filesystem>
+#include <fstream>
+#include <mutex>
+#include <numbers>
+#include <sstream>
+#include <stdexcept>
+#include <utility>
+
+#include "absl/status/status.h"
+#include "absl/strings/str_cat.h"
+#include "absl/strings/str_join.h"
+#include "calib/robot/mesh_file.h"
+#include "calib/robot/robot_model.h"
+
+namespace silhouette {
+namespace {
+
+namespace fs = std::filesystem;
+
+// Carries a status out of the depth of a file.
+struct UrdfError {
+  absl::Status status;
+};
+
+// Keeps what urdfdom complains about instead of printing it. Its message handler is one for the
+// whole process, hence the lock.
+class Complaints : public console_bridge::OutputHandler {
+ public:
+  Complaints() : lock_(mutex()) { console_bridge::useOutputHandler(this); }
+  ~Complaints() override { console_bridge::restorePreviousOutputHandler(); }
+  Complaints(const Complaints&) = delete;
+  Complaints& operator=(const Complaints&) = delete;
+
+  void log(const std::string& text, console_bridge::LogLevel level, const char* /*file*/,
+           int /*line*/) override {
+    if (level >= console_bridge::CONSOLE_BRIDGE_LOG_ERROR && first_.empty()) first_ = text;
+  }
+  const std::string& first() const { return first_; }
+
+ private:
+  static std::mutex& mutex() {
+    static std::mutex mutex;
+    return mutex;
+  }
+  std::lock_guard<std::mutex> lock_;
+  std::string first_;
+};
+
+Eigen::Vector3d VectorOf(const urdf::Vector3& v) { return {v.x, v.y, v.z}; }
+
+Eigen::Isometry3d PoseOf(const urdf::Pose& pose) {
+  const urdf::Rotation& r = pose.rotation;
+  return Eigen::Translation3d(VectorOf(pose.position)) *
+         Eigen::Quaterniond(r.w, r.x, r.y, r.z).normalized();
+}
+
+std::string ReadText(const std::string& path) {
+  std::ifstream in(path);
+  if (!in || !fs::is_regular_file(path)) {
+    throw UrdfError{
+        absl::NotFoundError("the robot's file '" + path + "' does not exist or cannot be read")};
+  }
+  std::stringstream text;
+  text << in.rdbuf();
+  return text.str();
+}
+
+urdf::ModelInterfaceSharedPtr Parse(const std::string& path) {
+  const std::string text = ReadText(path);
+  TiXmlDocument document;
+  document.Parse(text.c_str());
+  if (document.Error()) {
+    throw UrdfError{absl::InvalidArgumentError(absl::StrCat(
+        path, ":", document.ErrorRow(), ": not well-formed XML: ", document.ErrorDesc()))};
+  }
+  Complaints complaints;
+  urdf::ModelInterfaceSharedPtr model = urdf::parseURDF(text);
+  if (model == nullptr || model->getRoot() == nullptr) {
+    throw UrdfError{absl::InvalidArgumentError(
+        path + ": not a valid URDF: " +
+        (complaints.first().empty() ? "there is no robot in it" : complaints.first()))};
+  }
+  return model;
+}
+
+}  // namespace
+
+class UrdfReader {
+ public:
+  UrdfReader(std::string path, std::span<const std::string> package_paths)
+      : path_(std::move(path)), package_paths_(package_paths) {}
+
+  RobotModel Read() {
+    const urdf::ModelInterfaceSharedPtr urdf = Parse(path_);
+    model_.name_ = urdf->getName();
+    AddLink(*urdf->getRoot(), -1);
+    return std::move(model_);
+  }
+
+ private:
+  [[noreturn]] void Fail(const std::string& message) const {
+    throw UrdfError{absl::InvalidArgumentError(path_ + ": " + message)};
+  }
+
+  void AddLink(const urdf::Link& urdf, int parent) {
+    RobotLink link;
+    link.name = urdf.name;
+    link.parent = parent;
+    if (parent >= 0) AddJoint(*urdf.parent_joint, link);
+    for (const auto& visual : urdf.visual_array) {
+      link.visual.push_back(Geometry(urdf.name, *visual));
+      if (visual->material != nullptr) {
+        const urdf::Color& colour = visual->material->color;
+        link.visual.back().colour = Eigen::Vector3d(colour.r, colour.g, colour.b);
+      }
+    }
+    for (const auto& collision : urdf.collision_array) {
+      link.collision.push_back(Geometry(urdf.name, *collision));
+    }
+    model_.links_.push_back(std::move(link));
+    const int index = static_cast<int>(model_.links_.size()) - 1;
+    for (const auto& child : urdf.child_links) AddLink(*child, index);
+  }
+
+  void AddJoint(const urdf::Joint& urdf, RobotLink& link) {
+    link.parent_from_joint = PoseOf(urdf.parent_to_joint_origin_transform);
+    if (urdf.type == urdf::Joint::FIXED) return;
+    RobotJoint joint;
+    joint.name = urdf.name;
+    if (urdf.mimic != nullptr) {
+      Fail("joint '" + urdf.name + "' mimics '" + urdf.mimic->joint_name +
+           "', which is not supported; make it a joint of its own or a fixed one");
+    }
+    switch (urdf.type) {
+      case urdf::Joint::REVOLUTE:
+        joint.type = JointType::kRevolute;
+        break;
+      case urdf::Joint::CONTINUOUS:
+        joint.type = JointType::kContinuous;
+        break;
+      case urdf::Joint::PRISMATIC:
+        joint.type = JointType::kPrismatic;
+        break;
+      default:
+        Fail("joint '" + urdf.name +
+             "' is of a type that is not supported; revolute, continuous, prismatic and fixed are");
+    }
+    ReadLimits(urdf, joint);
+    const Eigen::Vector3d axis = VectorOf(urdf.axis);
+    if (!(axis.norm() > 1e-9)) Fail("the axis of joint '" + urdf.name + "' has no direction");
+    link.axis = axis.normalized();
+    link.joint = static_cast<int>(model_.joints_.size());
+    model_.joints_.push_back(std::move(joint));
+  }
+
+  void ReadLimits(const urdf::Joint& urdf, RobotJoint& joint) const {
+    if (joint.type == JointType::kContinuous) {
+      joint.lower = -std::numbers::pi;
+      joint.upper = std::numbers::pi;
+      return;
+    }
+    if (urdf.limits == nullptr) Fail("joint '" + urdf.name + "' has no limits");
+    joint.lower = urdf.limits->lower;
+    joint.upper = urdf.limits->upper;
+    if (!std::isfinite(joint.lower) || !std::isfinite(joint.upper) || joint.lower > joint.upper) {
+      Fail("the lower limit of joint '" + urdf.name + "' exceeds its upper limit");
+    }
+  }
+
+  template <typename VisualOrCollision>
+  LinkGeometry Geometry(const std::string& link, const VisualOrCollision& urdf) const {
+    if (urdf.geometry == nullptr) Fail("link '" + link + "' has an element without geometry");
+    LinkGeometry geometry;
+    geometry.link_from_shape = PoseOf(urdf.origin);
+    geometry.shape = ShapeOf(link, *urdf.geometry);
+    return geometry;
+  }
+
+  Shape ShapeOf(const std::string& link, const urdf::Geometry& urdf) const {
+    switch (urdf.type) {
+      case urdf::Geometry::BOX:
+        return Checked(link, BoxShape{VectorOf(static_cast<const urdf::Box&>(urdf).dim)});
+      case urdf::Geometry::CYLINDER: {
+        const auto& cylinder = static_cast<const urdf::Cylinder&>(urdf);
+        return Checked(link, CylinderShape{cylinder.radius, cylinder.length});
+      }
+      case urdf::Geometry::SPHERE:
+        return Checked(link, SphereShape{static_cast<const urdf::Sphere&>(urdf).radius});
+      case urdf::Geometry::MESH:
+        return MeshOf(link, static_cast<const urdf::Mesh&>(urdf));
+    }
+    Fail("link '" + link + "' has a geometry of unknown type");
+  }
+
+  BoxShape Checked(const std::string& link, BoxShape box) const {
+    if (!(box.size.minCoeff() > 0)) Fail("a box of link '" + link + "' has no size");
+    return box;
+  }
+  CylinderShape Checked(const std::string& link, CylinderShape cylinder) const {
+    if (!(cylinder.radius > 0 && cylinder.length > 0)) {
+      Fail("a cylinder of link '" + link + "' has no size");
+    }
+    return cylinder;
+  }
+  SphereShape Checked(const std::string& link, SphereShape sphere) const {
+    if (!(sphere.radius > 0)) Fail("a sphere of link '" + link + "' has no size");
+    return sphere;
+  }
+
+  MeshShape MeshOf(const std::string& link, const urdf::Mesh& urdf) const {
+    const std::string path = Resolve(link, urdf.filename);
+    absl::StatusOr<TriangleMesh> mesh = LoadMesh(path, VectorOf(urdf.scale));
+    if (!mesh.ok()) {
+      throw UrdfError{
+          absl::Status(mesh.status().code(),
+                       absl::StrCat(path_, ": link '", link, "': ", mesh.status().message()))};
+    }
+    return MeshShape{path, std::make_shared<const TriangleMesh>(*std::move(mesh))};
+  }
+
+  std::string Resolve(const std::string& link, const std::string& name) const {
+    constexpr std::string_view kPackage = "package://";
+    constexpr std::string_view kFile = "file://";
+    if (name.starts_with(kFile)) return name.substr(kFile.size());
+    if (!name.starts_with(kPackage)) return (fs::path(path_).parent_path() / name).string();
+    const std::string rest = name.substr(kPackage.size());
+    const size_t slash = rest.find('/');
+    const std::string package = rest.substr(0, slash);
+    const std::string inside = slash == std::string::npos ? "" : rest.substr(slash + 1);
+    for (const fs::path root : package_paths_) {
+      if (fs::exists(root / rest)) return (root / rest).string();
+      const fs::path own = root.has_filename() ? root : root.parent_path();
+      if (own.filename() == package && fs::exists(root / inside)) return (root / inside).string();
+    }
+    throw UrdfError{absl::NotFoundError(
+        absl::StrCat(path_, ": link '", link, "': the mesh '", name,
+                     "' was not found; add the folder that holds the package '", package,
+                     "' to package_paths (now: ",
+                     package_paths_.empty() ? "none" : absl::StrJoin(package_paths_, ", "), ")"))};
+  }
+
+  const std::string path_;
+  const std::span<const std::string> package_paths_;
+  RobotModel model_;
+};
+
+absl::StatusOr<RobotModel> RobotModel::FromUrdf(const std::string& path,
+                                                std::span<const std::string> package_paths) {
+  try {
+    return UrdfReader(path, package_paths).Read();
+  } catch (const UrdfError& error) {
+    return error.status;
+  }
+}
+
+}  // namespace silhouette

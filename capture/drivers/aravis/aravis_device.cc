@@ -1,0 +1,307 @@
+#include "capture/drivers/aravis/aravis_device.h"
+
+#include <algorithm>
+#include <array>
+#include <mutex>
+#include <set>
+#include <string>
+#include <vector>
+
+#include "absl/strings/str_cat.h"
+#include "absl/strings/str_join.h"
+#include "absl/time/clock.h"
+#include "capture/drivers/aravis/aravis_camera.h"
+
+namespace silhouette {
+namespace {
+
+constexpr auto kRefused = absl::StatusCode::kFailedPrecondition;
+constexpr auto kAravisDeviceGone = absl::StatusCode::kUnavailable;
+// Of a stream. The kernel grants no more than net.core.rmem_max; images that wait in it longer than
+// it is large are incomplete.
+constexpr int kSocketBuffer = 4 << 20;
+constexpr int kBuffers = 8;
+
+const char* ProtocolOf(GenicamSource::Bus bus) {
+  return bus == GenicamSource::Bus::kGigE ? "GigEVision" : "USB3Vision";
+}
+
+std::string Text(const char* text) { return text == nullptr ? "" : text; }
+
+// Guards Aravis' list of cameras.
+std::mutex list_mutex;
+
+// The address of a GigE camera, Aravis' name of any other, from those found when all were called
+// the last time; empty: it was not among them.
+std::string PlaceOf(const GenicamSource& source) {
+  const std::lock_guard lock(list_mutex);
+  for (unsigned i = 0; i < arv_get_n_devices(); ++i) {
+    if (Text(arv_get_device_serial_nbr(i)) == source.serial &&
+        Text(arv_get_device_protocol(i)) == ProtocolOf(source.bus)) {
+      return Text(source.bus == GenicamSource::Bus::kGigE ? arv_get_device_address(i)
+                                                          : arv_get_device_id(i));
+    }
+  }
+  return "";
+}
+
+// Calls all cameras, unless somebody began to do so at about the moment `wanted` or later: several
+// that are lost need not be looked for one by one.
+void CallAllCameras(absl::Time wanted) {
+  constexpr absl::Duration kTogether = absl::Milliseconds(100);
+  static absl::Time begun = absl::InfinitePast();
+  const std::lock_guard lock(list_mutex);
+  if (begun > wanted - kTogether) return;
+  begun = absl::Now();
+  arv_update_device_list();
+}
+
+// Whether there is a GigE camera at the address: asked by GigE Vision's discovery message (its
+// control protocol, GVCP), sent to it alone. Aravis opens one camera after the other and waits
+// seconds for each that is not there; this may be asked for many at the same time.
+bool Answers(GInetAddress* address) {
+  constexpr guint16 kControlPort = 3956;
+  constexpr std::array<char, 8> kDiscovery = {0x42, 0x01, 0, 0x02, 0, 0, 0, 0x01};
+  constexpr gint64 kWaitMicroseconds = 300'000;
+  constexpr int kAttempts = 3;
+  const std::unique_ptr<GSocketAddress, Unref> camera(
+      g_inet_socket_address_new(address, kControlPort));
+  const std::unique_ptr<GSocket, Unref> socket(g_socket_new(
+      g_inet_address_get_family(address), G_SOCKET_TYPE_DATAGRAM, G_SOCKET_PROTOCOL_UDP, nullptr));
+  if (socket == nullptr || !g_socket_connect(socket.get(), camera.get(), nullptr, nullptr)) {
+    return false;
+  }
+  for (int attempt = 0; attempt < kAttempts; ++attempt) {
+    g_socket_send(socket.get(), kDiscovery.data(), kDiscovery.size(), nullptr, nullptr);
+    if (!g_socket_condition_timed_wait(socket.get(), G_IO_IN, kWaitMicroseconds, nullptr,
+                                       nullptr)) {
+      continue;
+    }
+    char answer[1024];
+    if (g_socket_receive(socket.get(), answer, sizeof(answer), nullptr, nullptr) > 0) return true;
+    absl::SleepFor(absl::Microseconds(kWaitMicroseconds));  // refused; its machine may be starting
+  }
+  return false;
+}
+
+// `place`: PlaceOf(), or an address of the cell's file.
+absl::StatusOr<ArvCamera*> NewCamera(const std::string& place) {
+  const std::unique_ptr<GInetAddress, Unref> address(g_inet_address_new_from_string(place.c_str()));
+  if (address != nullptr && !Answers(address.get())) {
+    return absl::UnavailableError("nothing is heard from it");
+  }
+  return Ask(kAravisDeviceGone, arv_camera_new, place.c_str());
+}
+
+absl::Status NotFound(const GenicamSource& source) {
+  const std::lock_guard lock(list_mutex);
+  std::vector<std::string> others;
+  for (unsigned i = 0; i < arv_get_n_devices(); ++i) {
+    if (Text(arv_get_device_protocol(i)) == ProtocolOf(source.bus)) {
+      others.push_back(Text(arv_get_device_serial_nbr(i)));
+    }
+  }
+  return absl::UnavailableError(absl::StrCat(
+      "no ", ProtocolOf(source.bus), " camera with the serial number '", source.serial,
+      "' answers; ",
+      others.empty() ? "none does" : absl::StrCat("those that do: ", absl::StrJoin(others, ", ")),
+      ". Check its power, cable and address"));
+}
+
+// The pixels that it can send and this program can read, the preferred first.
+std::vector<const char*> Preferred(bool colour) {
+  std::vector<const char*> formats = {"BGR8",     "BGR8Packed", "RGB8",     "RGB8Packed",
+                                      "BayerRG8", "BayerGR8",   "BayerGB8", "BayerBG8"};
+  formats.insert(colour ? formats.end() : formats.begin(), "Mono8");
+  return formats;
+}
+
+absl::Status SetPixels(ArvCamera* camera, const GenicamSource& source) {
+  guint count = 0;
+  auto names = Ask(kRefused, arv_camera_dup_available_pixel_formats_as_strings, camera, &count);
+  if (!names.ok()) return names.status();
+  const std::set<std::string> available(*names, *names + count);
+  g_free(*names);
+  for (const char* format : Preferred(source.colour)) {
+    if (!available.contains(format)) continue;
+    return Call(kRefused, arv_camera_set_pixel_format_from_string, camera, format);
+  }
+  return absl::FailedPreconditionError(
+      absl::StrCat("it sends none of the pixel formats Mono8, BGR8, RGB8, Bayer..8, only ",
+                   absl::StrJoin(available, ", ")));
+}
+
+absl::Status SetRegion(ArvCamera* camera, int width, int height) {
+  gint x = 0, y = 0, has_width = 0, has_height = 0;
+  absl::Status status =
+      Call(kRefused, arv_camera_get_region, camera, &x, &y, &has_width, &has_height);
+  if (!status.ok() || (has_width == width && has_height == height)) return status;
+  gint sensor_width = 0, sensor_height = 0;
+  status = Call(kRefused, arv_camera_get_sensor_size, camera, &sensor_width, &sensor_height);
+  if (!status.ok()) return status;
+  if (width > sensor_width || height > sensor_height) {
+    return absl::FailedPreconditionError(absl::StrCat("its sensor has ", sensor_width, " x ",
+                                                      sensor_height, " pixels; the cell says ",
+                                                      width, " x ", height));
+  }
+  status = Call(kRefused, arv_camera_set_region, camera, 0, 0, width, height);
+  if (!status.ok()) return status;
+  status = Call(kRefused, arv_camera_get_region, camera, &x, &y, &has_width, &has_height);
+  if (!status.ok() || (has_width == width && has_height == height)) return status;
+  return absl::FailedPreconditionError(absl::StrCat("it makes images of ", has_width, " x ",
+                                                    has_height, " of the ", width, " x ", height,
+                                                    " pixels that the cell says"));
+}
+
+absl::Status SetTrigger(ArvCamera* camera, const GenicamSource& source) {
+  absl::Status status =
+      Call(kRefused, arv_camera_set_acquisition_mode, camera, ARV_ACQUISITION_MODE_CONTINUOUS);
+  if (!status.ok()) return status;
+  switch (source.trigger) {
+    case CameraTrigger::kFree:
+      return Call(kRefused, arv_camera_clear_triggers, camera);
+    case CameraTrigger::kHardware:
+      status = Call(kRefused, arv_camera_set_trigger, camera, source.line.c_str());
+      break;
+    case CameraTrigger::kSoftware:
+      status = Call(kRefused, arv_camera_set_trigger, camera, "Software");
+      break;
+  }
+  if (status.ok()) return status;
+  return absl::FailedPreconditionError(
+      absl::StrCat("it takes no such trigger: ", status.message()));
+}
+
+// Exposure or gain: its bounds, in the camera's unit, and how it is set.
+struct Quantity {
+  const char* name;
+  void (*bounds)(ArvCamera*, double*, double*, GError**);
+  void (*set)(ArvCamera*, double, GError**);
+};
+
+absl::Status Set(ArvCamera* camera, const Quantity& quantity, double value) {
+  double least = 0, most = 0;
+  absl::Status status = Call(kRefused, quantity.bounds, camera, &least, &most);
+  if (!status.ok()) return status;
+  if (value < least || value > most) {
+    return absl::FailedPreconditionError(absl::StrCat(
+        quantity.name, " ", value, " is not possible; it takes ", least, " to ", most));
+  }
+  return Call(kRefused, quantity.set, camera, value);
+}
+
+// Nothing may change by itself.
+absl::Status FixExposure(ArvCamera* camera, const GenicamSource& source) {
+  absl::Status status;
+  if (arv_camera_is_exposure_auto_available(camera, nullptr)) {
+    status.Update(Call(kRefused, arv_camera_set_exposure_time_auto, camera, ARV_AUTO_OFF));
+  }
+  if (arv_camera_is_gain_auto_available(camera, nullptr)) {
+    status.Update(Call(kRefused, arv_camera_set_gain_auto, camera, ARV_AUTO_OFF));
+  }
+  for (const char* feature : {"BalanceWhiteAuto", "BlackLevelAuto", "GammaAuto"}) {
+    if (arv_camera_is_feature_available(camera, feature, nullptr)) {
+      status.Update(Call(kRefused, arv_camera_set_string, camera, feature, "Off"));
+    }
+  }
+  if (source.exposure) {
+    status.Update(Set(camera,
+                      {"the exposure, in microseconds,", arv_camera_get_exposure_time_bounds,
+                       arv_camera_set_exposure_time},
+                      absl::ToDoubleMicroseconds(*source.exposure)));
+  }
+  if (source.gain) {
+    status.Update(
+        Set(camera, {"the gain", arv_camera_get_gain_bounds, arv_camera_set_gain}, *source.gain));
+  }
+  return status;
+}
+
+absl::Status SetPackets(ArvCamera* camera, const GenicamSource& source) {
+  if (!arv_camera_is_gv_device(camera)) return absl::OkStatus();
+  // A packet socket needs rights of its own, and hears nothing on the loopback interface.
+  arv_camera_gv_set_stream_options(camera, ARV_GV_STREAM_OPTION_PACKET_SOCKET_DISABLED);
+  if (source.packet_size) {
+    return Call(kRefused, arv_camera_gv_set_packet_size, camera, *source.packet_size);
+  }
+  return Ask(kRefused, arv_camera_gv_auto_packet_size, camera).status();
+}
+
+}  // namespace
+
+std::vector<FoundCamera> FindGenicamCameras() {
+  const std::lock_guard lock(list_mutex);
+  arv_update_device_list();
+  std::vector<FoundCamera> found;
+  for (unsigned i = 0; i < arv_get_n_devices(); ++i) {
+    FoundCamera camera{.protocol = Text(arv_get_device_protocol(i)),
+                       .vendor = Text(arv_get_device_vendor(i)),
+                       .model = Text(arv_get_device_model(i)),
+                       .serial = Text(arv_get_device_serial_nbr(i)),
+                       .address = ""};
+    if (camera.protocol == ProtocolOf(GenicamSource::Bus::kGigE)) {
+      camera.address = Text(arv_get_device_address(i));
+    }
+    found.push_back(std::move(camera));
+  }
+  std::sort(found.begin(), found.end(), [](const FoundCamera& a, const FoundCamera& b) {
+    return std::tie(a.protocol, a.serial) < std::tie(b.protocol, b.serial);
+  });
+  return found;
+}
+
+absl::StatusOr<CameraHandle> FindDevice(const GenicamSource& source) {
+  const absl::Time wanted = absl::Now();
+  std::string id = source.address;
+  if (id.empty()) {
+    id = PlaceOf(source);
+    if (id.empty()) {
+      CallAllCameras(wanted);
+      id = PlaceOf(source);
+    }
+    if (id.empty()) return NotFound(source);
+  }
+  const auto camera = NewCamera(id);
+  if (!camera.ok() || *camera == nullptr) {
+    if (source.address.empty()) CallAllCameras(wanted);  // the next attempt finds it elsewhere
+    return absl::UnavailableError(
+        absl::StrCat("the camera ", id, " does not answer",
+                     camera.ok() ? "" : absl::StrCat(": ", camera.status().message())));
+  }
+  CameraHandle handle(*camera);
+  ArvDevice* device = arv_camera_get_device(handle.get());
+  if (ARV_IS_GV_DEVICE(device) && !arv_gv_device_is_controller(ARV_GV_DEVICE(device))) {
+    return absl::UnavailableError(absl::StrCat("another program controls the camera ", id,
+                                               "; end it, or wait until the camera gives it up"));
+  }
+  return handle;
+}
+
+absl::Status SetUpDevice(ArvCamera* camera, int width, int height, const GenicamSource& source) {
+  absl::Status status = SetPixels(camera, source);
+  if (status.ok()) status = SetRegion(camera, width, height);
+  if (status.ok()) status = SetTrigger(camera, source);
+  if (status.ok()) status = FixExposure(camera, source);
+  if (status.ok()) status = SetPackets(camera, source);
+  return status;
+}
+
+absl::StatusOr<StreamHandle> MakeStream(ArvCamera* camera) {
+  const auto payload = Ask(kRefused, arv_camera_get_payload, camera);
+  if (!payload.ok()) return payload.status();
+  const auto made = Ask(kAravisDeviceGone, arv_camera_create_stream, camera,
+                        static_cast<ArvStreamCallback>(nullptr), static_cast<void*>(nullptr));
+  if (!made.ok()) return made.status();
+  if (*made == nullptr) return absl::UnavailableError("it has no stream");
+  StreamHandle stream(*made);
+  if (ARV_IS_GV_STREAM(stream.get())) {
+    g_object_set(stream.get(), "socket-buffer", ARV_GV_STREAM_SOCKET_BUFFER_FIXED,
+                 "socket-buffer-size", kSocketBuffer, nullptr);
+  }
+  for (int i = 0; i < kBuffers; ++i) {
+    arv_stream_push_buffer(stream.get(), arv_buffer_new(*payload, nullptr));
+  }
+  return stream;
+}
+
+}  // namespace silhouette

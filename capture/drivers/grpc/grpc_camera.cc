@@ -1,0 +1,221 @@
+#include "capture/drivers/grpc/grpc_camera.h"
+
+#include <google/protobuf/util/time_util.h>
+#include <grpcpp/grpcpp.h>
+
+#include <algorithm>
+#include <opencv2/imgcodecs.hpp>
+#include <utility>
+
+#include "absl/strings/str_cat.h"
+#include "absl/strings/str_join.h"
+#include "absl/time/clock.h"
+#include "capture/drivers/opencv/opencv_image.h"
+#include "silhouette/v1/camera_driver.grpc.pb.h"
+
+namespace silhouette {
+namespace {
+
+// How far the clock of a driver's machine may be off.
+constexpr absl::Duration kClockTolerance = absl::Milliseconds(20);
+constexpr int kLargestMessage = 1 << 30;
+
+// A deadline for gRPC.
+std::chrono::system_clock::time_point Until(absl::Time deadline) {
+  return absl::ToChronoTime(deadline);
+}
+
+absl::Status GrpcCameraStatusOf(const grpc::Status& status, const std::string& address) {
+  if (status.ok()) return absl::OkStatus();
+  return absl::Status(static_cast<absl::StatusCode>(status.error_code()),
+                      absl::StrCat("the camera driver at ", address, ": ", status.error_message()));
+}
+
+// The pixels of an image as its message has them.
+absl::StatusOr<CameraImage> PixelsOf(const v1::DriverImage& message, absl::Time captured) {
+  if (message.has_raw()) {
+    const v1::RawImage& raw = message.raw();
+    const bool possible = raw.width() > 0 && raw.height() > 0 &&
+                          (raw.channels() == 1 || raw.channels() == 3) &&
+                          raw.pixels().size() == static_cast<size_t>(raw.width()) *
+                                                     static_cast<size_t>(raw.height()) *
+                                                     static_cast<size_t>(raw.channels());
+    if (!possible) {
+      return absl::DataLossError(absl::StrCat("an image of ", raw.width(), " x ", raw.height(),
+                                              " pixels with ", raw.channels(), " channels has ",
+                                              raw.pixels().size(), " bytes"));
+    }
+    return CameraImage{.width = raw.width(),
+                       .height = raw.height(),
+                       .channels = raw.channels(),
+                       .pixels = {raw.pixels().begin(), raw.pixels().end()},
+                       .captured = captured};
+  }
+  const std::string& bytes = message.encoded();
+  if (bytes.empty()) return absl::DataLossError("an image is empty");
+  // OpenCV does not write to what it is only to read.
+  const cv::Mat file(1, static_cast<int>(bytes.size()), CV_8UC1, const_cast<char*>(bytes.data()));
+  const cv::Mat image = cv::imdecode(file, cv::IMREAD_ANYCOLOR | cv::IMREAD_IGNORE_ORIENTATION);
+  if (image.empty()) return absl::DataLossError("an image is neither a PNG nor a JPEG");
+  return CameraImageOf(image, captured);
+}
+
+// When an image of a call from `begin` to `end` was taken.
+absl::StatusOr<absl::Time> CaptureTime(const v1::DriverImage& image, absl::Time begin,
+                                       absl::Time end) {
+  if (!image.has_capture_time()) return begin;
+  const absl::Time said = absl::FromUnixNanos(
+      google::protobuf::util::TimeUtil::TimestampToNanoseconds(image.capture_time()));
+  if (said < begin - kClockTolerance || said > end + kClockTolerance) {
+    const bool before = said < begin;
+    return absl::FailedPreconditionError(
+        absl::StrCat("an image says that it was taken ",
+                     absl::FormatDuration(before ? begin - said : said - end),
+                     before ? " before it was asked for" : " after it came",
+                     "; it is an old one, or the clocks of the two machines differ"));
+  }
+  return std::clamp(said, begin, end);
+}
+
+class GrpcCameras : public CameraSource {
+ public:
+  GrpcCameras(std::string address, const std::vector<GrpcView>& views, absl::Duration timeout)
+      : address_(std::move(address)), timeout_(timeout) {
+    grpc::ChannelArguments arguments;
+    arguments.SetMaxReceiveMessageSize(kLargestMessage);
+    // A driver that was started again is found again soon.
+    arguments.SetInt(GRPC_ARG_MAX_RECONNECT_BACKOFF_MS, 1000);
+    stub_ = v1::CameraDriverService::NewStub(
+        grpc::CreateCustomChannel(address_, grpc::InsecureChannelCredentials(), arguments));
+    for (const GrpcView& view : views) {
+      views_.push_back(view.view);
+      request_.add_cameras(view.camera);
+    }
+  }
+
+  ~GrpcCameras() override {
+    if (call_ != nullptr) {
+      call_->context.TryCancel();
+      Await(absl::InfiniteFuture());
+    }
+    queue_.Shutdown();
+    void* tag = nullptr;
+    bool ok = false;
+    while (queue_.Next(&tag, &ok)) {
+    }
+  }
+
+  // Whether the service has the cameras, with images of the views' size.
+  absl::Status Check(const std::vector<GrpcView>& views) {
+    grpc::ClientContext context;
+    context.set_deadline(Until(absl::Now() + timeout_));
+    v1::GetCamerasResponse response;
+    const absl::Status status = GrpcCameraStatusOf(
+        stub_->GetCameras(&context, v1::GetCamerasRequest(), &response), address_);
+    if (!status.ok()) return status;
+    for (const GrpcView& view : views) {
+      const auto& cameras = response.cameras();
+      const auto camera = std::find_if(cameras.begin(), cameras.end(), [&](const auto& candidate) {
+        return candidate.name() == view.camera;
+      });
+      if (camera == cameras.end()) {
+        return absl::NotFoundError(absl::StrCat(
+            "the camera driver at ", address_, " has no camera '", view.camera, "'; it has ",
+            cameras.empty() ? "none"
+                            : absl::StrJoin(cameras, ", ", [](std::string* out, const auto& one) {
+                                absl::StrAppend(out, one.name());
+                              })));
+      }
+      if (camera->width() != view.width || camera->height() != view.height) {
+        return absl::FailedPreconditionError(
+            absl::StrCat("the camera '", view.camera, "' of the driver at ", address_,
+                         " has images of ", camera->width(), " x ", camera->height(),
+                         " pixels; the cell says ", view.width, " x ", view.height));
+      }
+    }
+    return absl::OkStatus();
+  }
+
+  const std::vector<std::string>& views() const override { return views_; }
+  absl::Duration timeout() const override { return timeout_; }
+
+  absl::Status Trigger() override {
+    call_ = std::make_unique<Grab>();
+    call_->begin = absl::Now();
+    call_->context.set_deadline(Until(call_->begin + timeout_));
+    call_->reader = stub_->AsyncGrab(&call_->context, request_, &queue_);
+    call_->reader->Finish(&call_->response, &call_->status, call_.get());
+    return absl::OkStatus();
+  }
+
+  absl::StatusOr<std::vector<CameraImage>> Wait(absl::Time deadline) override {
+    if (!Await(deadline)) {
+      call_->context.TryCancel();
+      Await(absl::InfiniteFuture());
+    }
+    const absl::Time end = absl::Now();
+    const std::unique_ptr<Grab> call = std::move(call_);
+    const absl::Status status = GrpcCameraStatusOf(call->status, address_);
+    if (absl::IsDeadlineExceeded(status) || absl::IsCancelled(status)) {
+      return absl::DeadlineExceededError(absl::StrCat("no images from the camera driver at ",
+                                                      address_, " within ",
+                                                      absl::FormatDuration(timeout_)));
+    }
+    if (!status.ok()) return status;
+    if (call->response.images_size() != static_cast<int>(views_.size())) {
+      return Faulty(absl::DataLossError(absl::StrCat("it gave ", call->response.images_size(),
+                                                     " images instead of ", views_.size())));
+    }
+    std::vector<CameraImage> images;
+    for (const v1::DriverImage& message : call->response.images()) {
+      const auto captured = CaptureTime(message, call->begin, end);
+      if (!captured.ok()) return Faulty(captured.status());
+      auto image = PixelsOf(message, *captured);
+      if (!image.ok()) return Faulty(image.status());
+      images.push_back(*std::move(image));
+    }
+    return images;
+  }
+
+ private:
+  struct Grab {
+    grpc::ClientContext context;
+    absl::Time begin;
+    v1::GrabResponse response;
+    grpc::Status status;
+    std::unique_ptr<grpc::ClientAsyncResponseReader<v1::GrabResponse>> reader;
+  };
+
+  // Whether the call has ended by then.
+  bool Await(absl::Time deadline) {
+    void* tag = nullptr;
+    bool ok = false;
+    if (deadline == absl::InfiniteFuture()) return queue_.Next(&tag, &ok);
+    return queue_.AsyncNext(&tag, &ok, Until(deadline)) == grpc::CompletionQueue::GOT_EVENT;
+  }
+
+  absl::Status Faulty(const absl::Status& status) const {
+    return absl::Status(status.code(),
+                        absl::StrCat("the camera driver at ", address_, ": ", status.message()));
+  }
+
+  const std::string address_;
+  const absl::Duration timeout_;
+  std::vector<std::string> views_;
+  v1::GrabRequest request_;
+  std::unique_ptr<v1::CameraDriverService::Stub> stub_;
+  grpc::CompletionQueue queue_;
+  std::unique_ptr<Grab> call_;  // under way; null: none
+};
+
+}  // namespace
+
+absl::StatusOr<std::unique_ptr<CameraSource>> OpenGrpcCameras(const std::string& address,
+                                                              const std::vector<GrpcView>& views,
+                                                              absl::Duration timeout) {
+  auto cameras = std::make_unique<GrpcCameras>(address, views, timeout);
+  if (absl::Status status = cameras->Check(views); !status.ok()) return status;
+  return cameras;
+}
+
+}  // namespace silhouette

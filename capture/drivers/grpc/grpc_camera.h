@@ -1,0 +1,29 @@
+// Cameras behind somebody's own CameraDriverService (proto/silhouette/v1/camera_driver.proto).
+#pragma once
+
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "absl/status/statusor.h"
+#include "absl/time/time.h"
+#include "capture/devices/camera_source.h"
+
+namespace silhouette {
+
+// The view of the cell that a camera of the service takes images of.
+struct GrpcView {
+  std::string view;
+  std::string camera;  // its name there
+  int width = 0;
+  int height = 0;
+};
+
+// All of `views` are grabbed by one call, which takes `timeout` at most. Unavailable: nobody
+// answers at the address. NotFound: there is no such camera; FailedPrecondition: its images have
+// another size than the view says.
+absl::StatusOr<std::unique_ptr<CameraSource>> OpenGrpcCameras(const std::string& address,
+                                                              const std::vector<GrpcView>& views,
+                                                              absl::Duration timeout);
+
+}  // namespace silhouette

@@ -1,0 +1,16 @@
+// GrpcRobotLink: a robot behind the RobotDriverService of proto/silhouette/v1/robot_driver.proto.
+#pragma once
+
+#include <memory>
+
+#include "absl/status/statusor.h"
+#include "capture/devices/robot_driver_settings.h"
+#include "capture/drivers/robots/controller_link.h"
+
+namespace silhouette {
+
+// Connects and asks for the joints; feedback is what GetState says. Unavailable, DeadlineExceeded:
+// nobody answers at the address; otherwise the driver's error.
+absl::StatusOr<std::unique_ptr<ControllerLink>> ConnectGrpcRobot(const GrpcRobotSettings& settings);
+
+}  // namespace silhouette

@@ -1,0 +1,111 @@
+// Recordings: video files and folders of images.
+#include <algorithm>
+#include <filesystem>
+#include <functional>
+#include <opencv2/imgcodecs.hpp>
+#include <opencv2/videoio.hpp>
+#include <system_error>
+#include <utility>
+
+#include "absl/strings/str_cat.h"
+#include "absl/time/clock.h"
+#include "capture/drivers/opencv/opencv_camera.h"
+#include "capture/drivers/opencv/opencv_image.h"
+
+namespace silhouette {
+namespace {
+
+namespace fs = std::filesystem;
+
+class RecordedCamera : public CameraSource {
+ public:
+  // The next image; OutOfRange: there is none.
+  using Next = std::function<absl::StatusOr<cv::Mat>()>;
+
+  RecordedCamera(const std::string& view, Next next) : views_{view}, next_(std::move(next)) {}
+
+  const std::vector<std::string>& views() const override { return views_; }
+  absl::Duration timeout() const override { return absl::InfiniteDuration(); }
+
+  absl::Status Trigger() override {
+    asked_ = absl::Now();
+    return absl::OkStatus();
+  }
+
+  absl::StatusOr<std::vector<CameraImage>> Wait(absl::Time) override {
+    const absl::StatusOr<cv::Mat> image = next_();
+    if (!image.ok()) return image.status();
+    return std::vector<CameraImage>{CameraImageOf(*image, asked_)};
+  }
+
+ private:
+  const std::vector<std::string> views_;
+  const Next next_;
+  absl::Time asked_;
+};
+
+absl::Status AtItsEnd(const std::string& path) {
+  return absl::OutOfRangeError(
+      absl::StrCat(path, " has no more images; 'repeat: true' begins with its first again"));
+}
+
+}  // namespace
+
+absl::StatusOr<std::unique_ptr<CameraSource>> OpenVideo(const std::string& view,
+                                                        const VideoSource& source) {
+  std::error_code error;
+  if (!fs::exists(source.file, error)) {
+    return absl::NotFoundError(absl::StrCat("there is no video ", source.file));
+  }
+  const auto video = std::make_shared<cv::VideoCapture>(source.file, cv::CAP_FFMPEG);
+  cv::Mat first;
+  if (!video->isOpened() || !video->read(first)) {
+    return absl::InvalidArgumentError(
+        absl::StrCat(source.file, " is not a video that can be read"));
+  }
+  video->open(source.file, cv::CAP_FFMPEG);
+  const auto next = [video, source]() -> absl::StatusOr<cv::Mat> {
+    cv::Mat image;
+    if (video->read(image)) return image;
+    if (source.repeat && video->open(source.file, cv::CAP_FFMPEG) && video->read(image)) {
+      return image;
+    }
+    return AtItsEnd(source.file);
+  };
+  return std::make_unique<RecordedCamera>(view, next);
+}
+
+absl::StatusOr<std::unique_ptr<CameraSource>> OpenFolder(const std::string& view,
+                                                         const FolderSource& source) {
+  std::error_code error;
+  std::vector<std::string> files;
+  for (fs::directory_iterator at(source.folder, error), end; !error && at != end;
+       at.increment(error)) {
+    if (at->is_regular_file() && cv::haveImageReader(at->path().string())) {
+      files.push_back(at->path().string());
+    }
+  }
+  if (error) {
+    return absl::NotFoundError(
+        absl::StrCat("the folder ", source.folder, " cannot be read: ", error.message()));
+  }
+  if (files.empty()) {
+    return absl::InvalidArgumentError(absl::StrCat("the folder ", source.folder, " has no images"));
+  }
+  std::sort(files.begin(), files.end());
+  const auto next = [files, source, at = size_t{0}]() mutable -> absl::StatusOr<cv::Mat> {
+    if (at == files.size()) {
+      if (!source.repeat) return AtItsEnd(source.folder);
+      at = 0;
+    }
+    const std::string& file = files[at++];
+    // Grey stays grey, 16 bits become 8, the header's rotation is not followed.
+    cv::Mat image = cv::imread(file, cv::IMREAD_ANYCOLOR | cv::IMREAD_IGNORE_ORIENTATION);
+    if (image.empty())
+      return absl::InvalidArgumentError(file + " is not an image that can be read");
+    return image;
+  };
+  return std::make_unique<RecordedCamera>(view, next);
+}
+
+}  // namespace silhouette

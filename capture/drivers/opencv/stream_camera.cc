@@ -1,0 +1,229 @@
+// V4L2 cameras and RTSP streams: devices that send images all the time.
+#include <stdlib.h>
+
+#include <condition_variable>
+#include <cstdint>
+#include <filesystem>
+#include <functional>
+#include <mutex>
+#include <opencv2/videoio.hpp>
+#include <optional>
+#include <thread>
+#include <utility>
+
+#include "absl/strings/str_cat.h"
+#include "absl/time/clock.h"
+#include "capture/drivers/opencv/opencv_camera.h"
+#include "capture/drivers/opencv/opencv_image.h"
+
+namespace silhouette {
+namespace {
+
+// Between two attempts to open a stream again.
+constexpr std::chrono::milliseconds kReopenPause(500);
+
+class StreamCamera : public CameraSource {
+ public:
+  using Open = std::function<absl::Status(cv::VideoCapture&)>;
+
+  // `stream` is open; `open` opens it again.
+  StreamCamera(const std::string& view, cv::VideoCapture stream, Open open, absl::Duration latency,
+               absl::Duration timeout)
+      : views_{view},
+        latency_(latency),
+        timeout_(timeout),
+        stream_(std::move(stream)),
+        open_(std::move(open)),
+        reader_([this] { ReadAll(); }) {}
+
+  ~StreamCamera() override {
+    {
+      const std::lock_guard lock(mutex_);
+      stopping_ = true;
+    }
+    changed_.notify_all();
+    reader_.join();
+  }
+
+  const std::vector<std::string>& views() const override { return views_; }
+  absl::Duration timeout() const override { return timeout_; }
+
+  absl::Status Trigger() override {
+    const std::lock_guard lock(mutex_);
+    if (!error_.ok()) return error_;
+    asked_ = absl::Now();
+    image_.reset();
+    return absl::OkStatus();
+  }
+
+  absl::StatusOr<std::vector<CameraImage>> Wait(absl::Time deadline) override {
+    std::unique_lock lock(mutex_);
+    changed_.wait_until(lock, absl::ToChronoTime(deadline),
+                        [&] { return image_.has_value() || !error_.ok(); });
+    asked_.reset();
+    if (!error_.ok()) return error_;
+    if (!image_) {
+      return absl::DeadlineExceededError(
+          absl::StrCat("no image within ", absl::FormatDuration(timeout_)));
+    }
+    std::vector<CameraImage> images;
+    images.push_back(*std::exchange(image_, std::nullopt));
+    return images;
+  }
+
+ private:
+  void ReadAll() {
+    while (!stopping()) {
+      if (!stream_.grab()) {
+        Reopen();
+        continue;
+      }
+      const absl::Time arrived = absl::Now();
+      if (!Wanted(arrived)) continue;
+      cv::Mat image;
+      if (!stream_.retrieve(image) || image.depth() != CV_8U) continue;
+      const std::lock_guard lock(mutex_);
+      image_ = CameraImageOf(image, arrived - latency_);
+      changed_.notify_all();
+    }
+  }
+
+  bool stopping() {
+    const std::lock_guard lock(mutex_);
+    return stopping_;
+  }
+
+  // Whether an image that comes now may be the one that is waited for.
+  bool Wanted(absl::Time now) {
+    const std::lock_guard lock(mutex_);
+    return asked_ && !image_ && now >= *asked_ + latency_;
+  }
+
+  void Reopen() {
+    Tell(absl::UnavailableError("its images ended; it is being opened again"));
+    stream_.release();
+    for (;;) {
+      const absl::Status status = open_(stream_);
+      if (status.ok()) break;
+      Tell(status);
+      std::unique_lock lock(mutex_);
+      if (changed_.wait_for(lock, kReopenPause, [&] { return stopping_; })) return;
+    }
+    Tell(absl::OkStatus());
+  }
+
+  void Tell(const absl::Status& status) {
+    const std::lock_guard lock(mutex_);
+    error_ = status;
+    changed_.notify_all();
+  }
+
+  const std::vector<std::string> views_;
+  const absl::Duration latency_;
+  const absl::Duration timeout_;
+  cv::VideoCapture stream_;  // of the reader alone
+  const Open open_;
+
+  std::mutex mutex_;  // guards all below
+  std::condition_variable changed_;
+  bool stopping_ = false;
+  absl::Status error_;               // why there are no images just now
+  std::optional<absl::Time> asked_;  // since when an image is waited for
+  std::optional<CameraImage> image_;
+
+  std::thread reader_;  // last: it uses all the others
+};
+
+absl::StatusOr<std::unique_ptr<CameraSource>> OpenStream(const std::string& view,
+                                                         StreamCamera::Open open,
+                                                         absl::Duration latency,
+                                                         absl::Duration timeout) {
+  cv::VideoCapture stream;
+  if (absl::Status status = open(stream); !status.ok()) return status;
+  return std::make_unique<StreamCamera>(view, std::move(stream), std::move(open), latency, timeout);
+}
+
+// rtsp://user:password@host/path without what nobody else should read.
+std::string WithoutPassword(const std::string& url) {
+  const size_t begin = url.find("://") + 3;
+  const size_t at = url.find('@', begin);
+  return at == std::string::npos ? url : url.substr(0, begin) + url.substr(at + 1);
+}
+
+// FFmpeg would tell every attempt on stderr; what went wrong is told by statuses. A user who wants
+// to see it sets the variable.
+void QuietFfmpeg() {
+  static const int once = setenv("OPENCV_FFMPEG_LOGLEVEL", "-8", /*overwrite=*/0);
+  (void)once;
+}
+
+// Fixes exposure, gain and what else a camera may change by itself. Units: Linux, V4L2 controls;
+// the exposure counts 100 us, the automatic one is off with 1 (V4L2_EXPOSURE_MANUAL).
+absl::Status FixExposure(cv::VideoCapture& camera, const V4l2Source& source) {
+  camera.set(cv::CAP_PROP_AUTOFOCUS, 0);
+  camera.set(cv::CAP_PROP_AUTO_WB, 0);
+  const bool manual = camera.set(cv::CAP_PROP_AUTO_EXPOSURE, 1);
+  if (source.exposure) {
+    const double wanted = absl::ToDoubleMicroseconds(*source.exposure) / 100;
+    if (!manual || !camera.set(cv::CAP_PROP_EXPOSURE, wanted)) {
+      return absl::FailedPreconditionError(
+          absl::StrCat(source.device, " does not take the exposure ",
+                       absl::FormatDuration(*source.exposure), "; see v4l2-ctl --list-ctrls"));
+    }
+  }
+  if (source.gain && !camera.set(cv::CAP_PROP_GAIN, *source.gain)) {
+    return absl::FailedPreconditionError(absl::StrCat(source.device, " does not take the gain ",
+                                                      *source.gain, "; see v4l2-ctl --list-ctrls"));
+  }
+  return absl::OkStatus();
+}
+
+absl::Status OpenDevice(cv::VideoCapture& camera, int width, int height, const V4l2Source& source) {
+  if (!std::filesystem::exists(source.device)) {
+    return absl::NotFoundError(absl::StrCat("there is no device ", source.device,
+                                            "; 'ls /dev/video*' lists those there are"));
+  }
+  if (!camera.open(source.device, cv::CAP_V4L2)) {
+    return absl::UnavailableError(absl::StrCat(
+        source.device, " cannot be opened; does another program use it, and may you read it?"));
+  }
+  camera.set(cv::CAP_PROP_FRAME_WIDTH, width);
+  camera.set(cv::CAP_PROP_FRAME_HEIGHT, height);
+  const auto has_width = static_cast<int>(camera.get(cv::CAP_PROP_FRAME_WIDTH));
+  const auto has_height = static_cast<int>(camera.get(cv::CAP_PROP_FRAME_HEIGHT));
+  if (has_width != width || has_height != height) {
+    return absl::FailedPreconditionError(absl::StrCat(source.device, " has no images of ", width,
+                                                      " x ", height, "; it offers ", has_width,
+                                                      " x ", has_height, " instead"));
+  }
+  return FixExposure(camera, source);
+}
+
+}  // namespace
+
+absl::StatusOr<std::unique_ptr<CameraSource>> OpenV4l2Camera(const std::string& view, int width,
+                                                             int height, const V4l2Source& source) {
+  const auto open = [=](cv::VideoCapture& camera) {
+    return OpenDevice(camera, width, height, source);
+  };
+  return OpenStream(view, open, source.latency, source.timeout);
+}
+
+absl::StatusOr<std::unique_ptr<CameraSource>> OpenRtspCamera(const std::string& view,
+                                                             const RtspSource& source) {
+  QuietFfmpeg();
+  const auto open = [source](cv::VideoCapture& stream) -> absl::Status {
+    const auto timeout = static_cast<int>(absl::ToInt64Milliseconds(source.timeout));
+    if (stream.open(
+            source.url, cv::CAP_FFMPEG,
+            {cv::CAP_PROP_OPEN_TIMEOUT_MSEC, timeout, cv::CAP_PROP_READ_TIMEOUT_MSEC, timeout})) {
+      return absl::OkStatus();
+    }
+    return absl::UnavailableError(
+        absl::StrCat("no images come from ", WithoutPassword(source.url),
+                     "; check the address, the network and the camera's user and password"));
+  };
+  return OpenStream(view, open, source.latency, source.timeout);
+}
+
+}  // namespace silhouette

@@ -1,0 +1,204 @@
+#include "capture/drivers/robots/feedback_robot.h"
+
+#include <chrono>
+#include <cmath>
+#include <utility>
+
+#include "absl/strings/str_cat.h"
+#include "absl/strings/str_format.h"
+#include "absl/time/clock.h"
+
+namespace silhouette {
+namespace {
+
+constexpr std::chrono::milliseconds kTick{10};
+
+}  // namespace
+
+FeedbackRobot::FeedbackRobot(std::unique_ptr<ControllerLink> link, const MotionLimits& limits)
+    : limits_(limits),
+      names_(link->joints()),
+      stillness_(limits.tolerance),
+      link_(std::move(link)) {
+  CheckLimits(limits_);
+  guard_ = std::thread([this] { StopWhenAlarmed(); });
+  link_->Start({.feedback = [this](const RobotFeedback& feedback) { OnFeedback(feedback); },
+                .failed = [this](const absl::Status& why) { OnFailure(why); }});
+}
+
+FeedbackRobot::~FeedbackRobot() {
+  {
+    const std::lock_guard lock(mutex_);
+    ending_ = true;
+  }
+  changed_.notify_all();
+  guard_.join();
+  link_.reset();
+}
+
+absl::Status FeedbackRobot::CheckHold(const RobotFeedback& feedback) const {
+  if (!feedback.fault.empty()) {
+    return absl::AbortedError(absl::StrCat("the robot reports: ", feedback.fault));
+  }
+  if (feedback.positions.size() != hold_->size())
+    return absl::AbortedError("the robot told no positions");
+  const JointDeviation off = GreatestDeviation(*hold_, feedback.positions);
+  if (off.deviation <= limits_.tolerance) return absl::OkStatus();
+  return absl::AbortedError(
+      absl::StrFormat("the robot moves when it should stand still: '%s' has left its place by %.4f",
+                      names_[off.joint], off.deviation));
+}
+
+void FeedbackRobot::OnFeedback(const RobotFeedback& feedback) {
+  const std::lock_guard lock(mutex_);
+  const absl::Time now = absl::Now();
+  if (newest_ && !silence_told_ && now - newest_time_ > limits_.silence) {
+    untold_gap_ = now - newest_time_;
+  }
+  silence_told_ = false;
+  newest_ = feedback;
+  newest_time_ = now;
+  link_failure_ = absl::OkStatus();
+  if (feedback.positions.size() == names_.size()) {
+    stillness_.Add(newest_time_, feedback.positions);
+  }
+  if (move_) {
+    if (move_failure_.ok()) move_failure_ = move_->Tell(newest_time_, feedback);
+  } else if (hold_) {
+    alarm_ = CheckHold(feedback);
+    alarmed_ = !alarm_.ok();
+    if (alarmed_) hold_.reset();
+  }
+  changed_.notify_all();
+}
+
+void FeedbackRobot::OnFailure(const absl::Status& why) {
+  const std::lock_guard lock(mutex_);
+  link_failure_ = why;
+  if (move_ && move_failure_.ok()) move_failure_ = why;
+  changed_.notify_all();
+}
+
+void FeedbackRobot::StopWhenAlarmed() {
+  std::unique_lock lock(mutex_);
+  while (true) {
+    changed_.wait(lock, [&] { return alarmed_ || ending_; });
+    if (!alarmed_) return;
+    alarmed_ = false;
+    lock.unlock();
+    const absl::Status stopped = link_->Stop();
+    lock.lock();
+    if (!stopped.ok()) {
+      alarm_ = absl::AbortedError(
+          absl::StrCat(alarm_.message(), "; it could not be told to stop: ", stopped.message()));
+    }
+  }
+}
+
+absl::Status FeedbackRobot::Silence(absl::Time now) {
+  const auto spoken = [](absl::Duration silence) {
+    return absl::FormatDuration(absl::Trunc(silence, absl::Milliseconds(10)));
+  };
+  const bool silent = now - newest_time_ > limits_.silence;
+  silence_told_ = silence_told_ || silent;
+  if (!link_failure_.ok()) return link_failure_;
+  if (silent) {
+    return absl::UnavailableError(absl::StrCat("the robot has not told for ",
+                                               spoken(now - newest_time_),
+                                               " where it is; the connection to it is lost"));
+  }
+  const absl::Duration gap = std::exchange(untold_gap_, absl::ZeroDuration());
+  if (gap == absl::ZeroDuration()) return absl::OkStatus();
+  return absl::UnavailableError(
+      absl::StrCat("the connection to the robot was lost: it did not tell ", "for ", spoken(gap),
+                   " where it is"));
+}
+
+absl::StatusOr<RobotFeedback> FeedbackRobot::Newest(std::unique_lock<std::mutex>& lock) {
+  changed_.wait_for(lock, absl::ToChronoMilliseconds(limits_.silence),
+                    [&] { return newest_.has_value() || !link_failure_.ok(); });
+  if (!alarm_.ok()) return alarm_;
+  if (link_failure_.ok() && !newest_) {
+    return absl::UnavailableError(absl::StrCat(
+        "the robot did not tell within ", absl::FormatDuration(limits_.silence), " where it is"));
+  }
+  if (absl::Status status = Silence(absl::Now()); !status.ok()) return status;
+  return *newest_;
+}
+
+absl::Status FeedbackRobot::WaitForArrival(std::unique_lock<std::mutex>& lock) {
+  while (true) {
+    const absl::Time now = absl::Now();
+    if (!move_failure_.ok()) return move_failure_;
+    if (stop_asked_) return absl::AbortedError("the robot was stopped on the way");
+    if (absl::Status status = Silence(now); !status.ok()) return status;
+    if (move_->arrived()) return absl::OkStatus();
+    if (absl::Status status = move_->CheckTime(now); !status.ok()) return status;
+    changed_.wait_for(lock, kTick);
+  }
+}
+
+absl::Status FeedbackRobot::MoveTo(std::span<const double> positions) {
+  const std::vector<double> goal(positions.begin(), positions.end());
+  if (goal.size() != names_.size()) {
+    return absl::InvalidArgumentError(
+        absl::StrCat("the robot has ", names_.size(), " joints, not ", goal.size()));
+  }
+  for (size_t j = 0; j < goal.size(); ++j) {
+    if (!std::isfinite(goal[j])) {
+      return absl::InvalidArgumentError(absl::StrCat("no number for '", names_[j], "'"));
+    }
+  }
+  std::unique_lock lock(mutex_);
+  stop_asked_ = false;
+  const absl::StatusOr<RobotFeedback> start = Newest(lock);
+  if (!start.ok()) return start.status();
+  for (const std::string& hindrance : {start->fault, start->not_ready}) {
+    if (!hindrance.empty()) {
+      return absl::FailedPreconditionError(absl::StrCat("the robot cannot move: ", hindrance));
+    }
+  }
+  if (start->positions.size() != names_.size()) {
+    return absl::AbortedError("the robot told no positions");
+  }
+  hold_.reset();
+  move_failure_ = absl::OkStatus();
+  move_.emplace(names_, start->positions, goal, limits_, absl::Now());
+  const absl::Duration duration = move_->duration();
+  lock.unlock();
+  absl::Status status = link_->Move(goal, duration);
+  lock.lock();
+  if (status.ok()) status = WaitForArrival(lock);
+  move_.reset();
+  if (status.ok()) {
+    hold_ = newest_->positions;
+    return status;
+  }
+  lock.unlock();
+  if (const absl::Status stopped = link_->Stop(); !stopped.ok()) {
+    return absl::Status(status.code(),
+                        absl::StrCat(status.message(),
+                                     "; the robot could not be told to stop: ", stopped.message()));
+  }
+  return status;
+}
+
+absl::StatusOr<RobotState> FeedbackRobot::State() {
+  std::unique_lock lock(mutex_);
+  absl::StatusOr<RobotFeedback> newest = Newest(lock);
+  if (!newest.ok()) return newest.status();
+  return RobotState{.positions = std::move(newest->positions),
+                    .moving = newest->moving.value_or(false) || stillness_.moving()};
+}
+
+absl::Status FeedbackRobot::Stop() {
+  {
+    const std::lock_guard lock(mutex_);
+    stop_asked_ = true;
+    hold_.reset();
+  }
+  changed_.notify_all();
+  return link_->Stop();
+}
+
+}  // namespace silhouette

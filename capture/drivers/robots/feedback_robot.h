@@ -1,0 +1,85 @@
+// FeedbackRobot: a robot behind a ControllerLink. Nothing is assumed of where it is: it has arrived
+// when its feedback says so, and it is stopped when its feedback is doubtful - on its way and where
+// it stands.
+#pragma once
+
+#include <condition_variable>
+#include <memory>
+#include <mutex>
+#include <optional>
+#include <span>
+#include <string>
+#include <thread>
+#include <vector>
+
+#include "absl/status/status.h"
+#include "absl/status/statusor.h"
+#include "absl/time/time.h"
+#include "capture/devices/devices.h"
+#include "capture/drivers/robots/controller_link.h"
+#include "capture/drivers/robots/motion_watch.h"
+
+namespace silhouette {
+
+// Thread-safe; one MoveTo at a time.
+//
+// Where a move has ended the robot must stay: if it leaves that place by more than the tolerance
+// before the next one, or reports a fault, it is told to stop, and from then on every call but
+// Stop() is Aborted with the reason. Before the first move, and after a Stop(), it may be moved by
+// anybody.
+class FeedbackRobot : public Robot {
+ public:
+  // Throws std::invalid_argument for limits that are none.
+  FeedbackRobot(std::unique_ptr<ControllerLink> link, const MotionLimits& limits);
+  ~FeedbackRobot() override;
+
+  const std::vector<std::string>& joints() const override { return names_; }
+
+  // Beside the errors of Robot::MoveTo. Aborted: it was stopped on its way, by Stop() or since its
+  // feedback was doubtful. FailedPrecondition: it is not ready, e.g. in emergency stop.
+  absl::Status MoveTo(std::span<const double> positions) override;
+
+  // The newest feedback; waits for the first. Unavailable: there is none that is new enough, or
+  // there was none for too long since the last call, of which one call, of this or MoveTo(), is
+  // told.
+  absl::StatusOr<RobotState> State() override;
+
+  absl::Status Stop() override;
+
+ private:
+  void OnFeedback(const RobotFeedback& feedback);
+  void OnFailure(const absl::Status& why);
+  // Tells a robot to stop that gives reason to when nobody waits for it.
+  void StopWhenAlarmed();
+
+  // With mutex_ held.
+  absl::StatusOr<RobotFeedback> Newest(std::unique_lock<std::mutex>& lock);
+  absl::Status Silence(absl::Time now);
+  absl::Status CheckHold(const RobotFeedback& feedback) const;
+  absl::Status WaitForArrival(std::unique_lock<std::mutex>& lock);
+
+  const MotionLimits limits_;
+  const std::vector<std::string> names_;
+
+  std::mutex mutex_;  // guards all below but link_
+  std::condition_variable changed_;
+  std::optional<RobotFeedback> newest_;
+  absl::Time newest_time_;
+  absl::Duration untold_gap_;  // a silence that is over and that nobody was told of; 0: none
+  bool silence_told_ = false;  // of the one that goes on
+  Stillness stillness_;
+  absl::Status link_failure_;        // the last one; OK again with the next feedback
+  std::optional<MotionWatch> move_;  // under way
+  absl::Status move_failure_;
+  bool stop_asked_ = false;
+  std::optional<std::vector<double>> hold_;  // where it must stay
+  absl::Status alarm_;                       // why it may be used no more
+  bool alarmed_ = false;                     // the guard has to stop it
+  bool ending_ = false;
+
+  std::thread guard_;
+  // Tells until it is destroyed, which is first; what it tells is taken without it.
+  std::unique_ptr<ControllerLink> link_;
+};
+
+}  // namespace silhouette

@@ -1,0 +1,50 @@
+// CaptureSession: drives the robot through the configurations of a plan and stores its image in
+// every view.
+#pragma once
+
+#include <string>
+
+#include "absl/status/statusor.h"
+#include "capture/devices/devices.h"
+#include "capture/segmentation/settings.h"
+#include "capture/session/capture_observer.h"
+#include "capture/session/capture_plan.h"
+#include "capture/session/capture_report.h"
+#include "capture/session/capture_settings.h"
+#include "capture/session/session_parts.h"
+#include "capture/session/travel.h"
+#include "db/store/store.h"
+
+namespace silhouette {
+
+// What it is made from must outlive it.
+class CaptureSession {
+ public:
+  // So many configurations in a row that are not reached end a session.
+  static constexpr int kMostFailuresInARow = 3;
+
+  // `database` is open for writing, `travel` belongs to its grid. InvalidArgument: robot or cameras
+  // do not have the joints and views of the database's cell. FailedPrecondition: the database was
+  // made with other segmentation settings. NotFound, DataLoss: see ReadReferences().
+  static absl::StatusOr<CaptureSession> Create(Database& database, const Travel& travel,
+                                               Robot& robot, CameraRig& rig,
+                                               const CaptureSettings& settings,
+                                               const SegmentationSettings& segmentation);
+
+  // Captures what `plan` says. Whatever happens, what was captured until then is stored: the report
+  // says how much, and a plan made anew goes on from there. `program` goes into the provenance log.
+  //
+  // For each configuration: move (around forbidden regions), settle, measure, take a set of images,
+  // measure again, difference, store. A configuration where a joint is off by more than the
+  // tolerance is not stored; it counts as failed. A device's error ends the session and stops the
+  // robot.
+  CaptureReport Run(const CapturePlan& plan, const std::string& program,
+                    const CaptureObserver& observer = {});
+
+ private:
+  explicit CaptureSession(SessionParts parts);
+
+  SessionParts parts_;
+};
+
+}  // namespace silhouette

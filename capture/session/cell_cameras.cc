@@ -1,0 +1,67 @@
+#include "capture/session/cell_cameras.h"
+
+#include <algorithm>
+
+#include "absl/status/status.h"
+#include "absl/strings/str_cat.h"
+#include "absl/strings/str_join.h"
+
+namespace silhouette {
+
+absl::StatusOr<CellCameras> CellCameras::Create(const storage::v1::CellDescription& cell,
+                                                CameraRig& rig) {
+  CellCameras cameras(rig);
+  const std::vector<std::string>& known = rig.views();
+  for (const storage::v1::View& view : cell.views()) {
+    const auto place = std::find(known.begin(), known.end(), view.name());
+    if (place == known.end()) {
+      return absl::InvalidArgumentError(
+          absl::StrCat("there is no camera for the view '", view.name(), "'; there are ",
+                       known.empty() ? "none" : absl::StrJoin(known, ", ")));
+    }
+    cameras.views_.push_back({.name = view.name(),
+                              .place = static_cast<size_t>(place - known.begin()),
+                              .width = view.image_width(),
+                              .height = view.image_height()});
+  }
+  return cameras;
+}
+
+absl::StatusOr<ImageSet> CellCameras::Grab(const std::function<void(const std::string&)>& say) {
+  absl::StatusOr<std::vector<CameraImage>> grabbed;
+  for (int attempt = 1; attempt <= kAttempts; ++attempt) {
+    grabbed = rig_->Grab();
+    const absl::Status& status = grabbed.status();
+    if (!absl::IsUnavailable(status) && !absl::IsDeadlineExceeded(status)) break;
+    if (attempt < kAttempts) say(absl::StrCat("images asked for again: ", status.message()));
+  }
+  if (!grabbed.ok()) return grabbed.status();
+  if (grabbed->size() != rig_->views().size()) {
+    return absl::InternalError(absl::StrCat("the cameras gave ", grabbed->size(), " images for ",
+                                            rig_->views().size(), " views"));
+  }
+  ImageSet set{.images = {}, .captured = absl::InfiniteFuture()};
+  for (const View& view : views_) {
+    CameraImage& image = (*grabbed)[view.place];
+    if (image.width != view.width || image.height != view.height) {
+      return absl::FailedPreconditionError(absl::StrCat(
+          "the camera of the view '", view.name, "' gave an image of ", image.width, " x ",
+          image.height, " pixels; the cell says ", view.width, " x ", view.height));
+    }
+    const bool colour = image.channels == 3;
+    if ((!colour && image.channels != 1) ||
+        image.pixels.size() != static_cast<size_t>(image.width) *
+                                   static_cast<size_t>(image.height) *
+                                   static_cast<size_t>(image.channels)) {
+      return absl::InternalError(absl::StrCat("the camera of the view '", view.name, "' gave ",
+                                              image.pixels.size(), " bytes, which is no image"));
+    }
+    const cv::Mat pixels(image.height, image.width, colour ? CV_8UC3 : CV_8UC1,
+                         image.pixels.data());
+    set.images.push_back(pixels.clone());
+    set.captured = std::min(set.captured, image.captured);
+  }
+  return set;
+}
+
+}  // namespace silhouette

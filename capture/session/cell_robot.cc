@@ -1,0 +1,102 @@
+#include "capture/session/cell_robot.h"
+
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+#include <set>
+#include <string>
+
+#include "absl/strings/str_cat.h"
+#include "absl/strings/str_format.h"
+#include "absl/strings/str_join.h"
+
+namespace silhouette {
+
+absl::StatusOr<CellRobot> CellRobot::Create(const storage::v1::CellDescription& cell,
+                                            Robot& robot) {
+  CellRobot result(robot);
+  const std::vector<std::string>& known = robot.joints();
+  std::vector<std::string>& names = result.names_;
+  for (const storage::v1::GridJoint& joint : cell.grid_joints()) {
+    names.push_back(joint.name());
+    result.continuous_.push_back(joint.continuous());
+  }
+  for (const storage::v1::FixedJoint& joint : cell.fixed_joints()) {
+    names.push_back(joint.name());
+    result.fixed_.push_back(joint.position());
+  }
+  for (const std::string& name : names) {
+    const auto place = std::find(known.begin(), known.end(), name);
+    if (place == known.end()) {
+      return absl::InvalidArgumentError(absl::StrCat("the robot has no joint '", name,
+                                                     "' that the cell names; it has ",
+                                                     absl::StrJoin(known, ", ")));
+    }
+    result.place_.push_back(static_cast<size_t>(place - known.begin()));
+  }
+  for (const std::string& name : known) {
+    if (std::find(names.begin(), names.end(), name) == names.end()) {
+      return absl::InvalidArgumentError(
+          absl::StrCat("the robot's joint '", name,
+                       "' is not in the cell; say where it stands, in 'fixed' of the robot"));
+    }
+  }
+  return result;
+}
+
+std::vector<double> CellRobot::Commanded(const Configuration& configuration) const {
+  std::vector<double> values = configuration;
+  values.insert(values.end(), fixed_.begin(), fixed_.end());
+  return values;
+}
+
+absl::Status CellRobot::MoveTo(const Configuration& configuration) {
+  const std::vector<double> values = Commanded(configuration);
+  std::vector<double> positions(values.size());
+  for (size_t i = 0; i < values.size(); ++i) positions[place_[i]] = values[i];
+  return robot_->MoveTo(positions);
+}
+
+absl::StatusOr<std::vector<double>> CellRobot::Measure() {
+  absl::StatusOr<RobotState> state = robot_->State();
+  if (!state.ok()) return state.status();
+  if (state->positions.size() != place_.size()) {
+    return absl::InternalError(absl::StrCat("the robot told the positions of ",
+                                            state->positions.size(), " joints and has ",
+                                            place_.size()));
+  }
+  if (state->moving) return absl::AbortedError("the robot moves when it should stand still");
+  std::vector<double> values;
+  for (const size_t place : place_) values.push_back(state->positions[place]);
+  return values;
+}
+
+double CellRobot::DeviationOf(size_t joint, const std::vector<double>& commanded,
+                              const std::vector<double>& measured) const {
+  double deviation = measured[joint] - commanded[joint];
+  if (joint < continuous_.size() && continuous_[joint]) {
+    deviation = std::remainder(deviation, 2 * std::numbers::pi);
+  }
+  return std::isfinite(deviation) ? std::abs(deviation) : INFINITY;
+}
+
+double CellRobot::Deviation(const std::vector<double>& commanded,
+                            const std::vector<double>& measured) const {
+  double greatest = 0;
+  for (size_t i = 0; i < commanded.size(); ++i) {
+    greatest = std::max(greatest, DeviationOf(i, commanded, measured));
+  }
+  return greatest;
+}
+
+std::string CellRobot::WhichDeviates(const std::vector<double>& commanded,
+                                     const std::vector<double>& measured) const {
+  size_t most = 0;
+  for (size_t i = 1; i < commanded.size(); ++i) {
+    if (DeviationOf(i, commanded, measured) > DeviationOf(most, commanded, measured)) most = i;
+  }
+  return absl::StrFormat("the joint '%s' is at %.4f instead of %.4f", names_[most], measured[most],
+                         commanded[most]);
+}
+
+}  // namespace silhouette

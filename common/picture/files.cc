@@ -1,0 +1,64 @@
+#include "common/picture/files.h"
+
+#include <cerrno>
+#include <cstring>
+#include <filesystem>
+#include <fstream>
+#include <iterator>
+
+#include "absl/strings/str_cat.h"
+
+namespace silhouette {
+namespace {
+
+absl::Status FileError(int code, const std::string& path, const std::string& what) {
+  const std::string message = absl::StrCat("'", path, "' cannot be ", what, ": ", strerror(code));
+  switch (code) {
+    case ENOENT:
+    case ENOTDIR:
+      return absl::NotFoundError(message);
+    case EACCES:
+    case EPERM:
+    case EROFS:
+    case EISDIR:
+      return absl::FailedPreconditionError(message);
+    case ENOSPC:
+    case EDQUOT:
+      return absl::ResourceExhaustedError(message);
+    default:
+      return absl::InternalError(message);
+  }
+}
+
+}  // namespace
+
+absl::StatusOr<std::string> ReadWholeFile(const std::string& path) {
+  std::error_code ignored;
+  if (std::filesystem::is_directory(path, ignored)) return FileError(EISDIR, path, "read");
+  errno = 0;
+  std::ifstream file(path, std::ios::binary);
+  if (!file) return FileError(errno, path, "read");
+  std::string bytes{std::istreambuf_iterator<char>(file), {}};
+  if (file.bad()) return FileError(EIO, path, "read");
+  return bytes;
+}
+
+absl::Status WriteWholeFile(const std::string& path, std::string_view bytes) {
+  errno = 0;
+  std::ofstream file(path, std::ios::binary | std::ios::trunc);
+  if (!file) return FileError(errno, path, "written");
+  file.write(bytes.data(), static_cast<std::streamsize>(bytes.size()));
+  file.flush();
+  if (!file) return FileError(errno, path, "written");
+  return absl::OkStatus();
+}
+
+absl::Status MakeFolder(const std::string& path) {
+  std::error_code error;
+  std::filesystem::create_directories(path, error);
+  if (!error) return absl::OkStatus();
+  return absl::FailedPreconditionError(
+      absl::StrCat("the folder '", path, "' cannot be made: ", error.message()));
+}
+
+}  // namespace silhouette

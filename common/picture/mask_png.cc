@@ -1,0 +1,64 @@
+#include "common/picture/mask_png.h"
+
+#include <cerrno>
+#include <opencv2/imgcodecs.hpp>
+#include <vector>
+
+#include "absl/strings/str_cat.h"
+#include "common/picture/files.h"
+
+namespace silhouette {
+namespace {
+
+std::string SizeText(int width, int height) { return absl::StrCat(width, "x", height); }
+
+}  // namespace
+
+std::string EncodeMaskPng(const Mask& mask) {
+  cv::Mat grey(mask.height(), mask.width(), CV_8UC1);
+  for (int y = 0; y < grey.rows; ++y) {
+    for (int x = 0; x < grey.cols; ++x) grey.at<uint8_t>(y, x) = mask.at(x, y) ? 255 : 0;
+  }
+  std::vector<uint8_t> bytes;
+  cv::imencode(".png", grey, bytes);
+  return {bytes.begin(), bytes.end()};
+}
+
+absl::StatusOr<Mask> DecodeMaskPng(std::string_view bytes, std::optional<MaskSize> expected) {
+  cv::Mat grey;
+  if (!bytes.empty()) {
+    const cv::Mat input(1, static_cast<int>(bytes.size()), CV_8UC1,
+                        const_cast<char*>(bytes.data()));
+    try {
+      grey = cv::imdecode(input, cv::IMREAD_GRAYSCALE);
+    } catch (const cv::Exception&) {
+      grey.release();
+    }
+  }
+  if (grey.empty()) return absl::InvalidArgumentError("it is not an image");
+  const MaskSize size{grey.cols, grey.rows};
+  if (expected && size != *expected) {
+    return absl::InvalidArgumentError(absl::StrCat("it is ", SizeText(size.width, size.height),
+                                                   " pixels large and should be ",
+                                                   SizeText(expected->width, expected->height)));
+  }
+  if (!size.valid()) {
+    return absl::InvalidArgumentError(absl::StrCat("it is ", SizeText(size.width, size.height),
+                                                   " pixels large; a mask is at most 1024x1024"));
+  }
+  return Mask::FromPredicate(size, [&](int x, int y) { return grey.at<uint8_t>(y, x) >= 128; });
+}
+
+absl::StatusOr<Mask> ReadMaskPng(const std::string& path, std::optional<MaskSize> expected) {
+  const absl::StatusOr<std::string> bytes = ReadWholeFile(path);
+  if (!bytes.ok()) return bytes.status();
+  absl::StatusOr<Mask> mask = DecodeMaskPng(*bytes, expected);
+  if (mask.ok()) return mask;
+  return absl::InvalidArgumentError(absl::StrCat("'", path, "': ", mask.status().message()));
+}
+
+absl::Status WriteMaskPng(const std::string& path, const Mask& mask) {
+  return WriteWholeFile(path, EncodeMaskPng(mask));
+}
+
+}  // namespace silhouette

@@ -1,0 +1,78 @@
+#include "common/picture/text.h"
+
+#include <algorithm>
+#include <cmath>
+#include <opencv2/imgproc.hpp>
+
+namespace silhouette {
+namespace {
+
+constexpr int kFont = cv::FONT_HERSHEY_SIMPLEX;
+constexpr int kOversampling = 4;      // drawn larger and scaled down: smoother than drawn small
+constexpr double kCapHeight = 22.0;   // of the font at scale 1
+constexpr double kCapPerLine = 0.62;  // capitals take this share of a line's height
+
+double ScaleOf(int height) { return height * kCapPerLine / kCapHeight; }
+
+int ThicknessOf(int height) { return std::max(1, height * kOversampling / 13); }
+
+// The ink of a text, 0 to 255, tightly around it but for full line height.
+cv::Mat Ink(const std::string& text, int height) {
+  const int line = height * kOversampling;
+  const double scale = ScaleOf(line);
+  const int thickness = ThicknessOf(height);
+  int below = 0;
+  const cv::Size size = cv::getTextSize(text, kFont, scale, thickness, &below);
+  const int width = (size.width / kOversampling + 2) * kOversampling;
+  cv::Mat large(line, width, CV_8UC1, cv::Scalar(0));
+  const int baseline = static_cast<int>(std::lround(line * (0.46 + kCapPerLine / 2)));
+  cv::putText(large, text, {kOversampling, baseline}, kFont, scale, cv::Scalar(255), thickness,
+              cv::LINE_AA);
+  cv::Mat ink;
+  cv::resize(large, ink, {}, 1.0 / kOversampling, 1.0 / kOversampling, cv::INTER_AREA);
+  return ink;
+}
+
+}  // namespace
+
+int TextWidth(const std::string& text, int height) {
+  int below = 0;
+  return cv::getTextSize(text, kFont, ScaleOf(height * kOversampling), ThicknessOf(height), &below)
+                 .width /
+             kOversampling +
+         2;
+}
+
+std::string Shortened(const std::string& text, int width, int height) {
+  if (TextWidth(text, height) <= width) return text;
+  std::string kept = text;
+  while (!kept.empty() && TextWidth(kept + "...", height) > width) kept.pop_back();
+  return kept + "...";
+}
+
+void DrawText(Picture& picture, const std::string& text, cv::Point anchor, const TextStyle& style) {
+  if (text.empty()) return;
+  cv::Mat ink = Ink(text, style.height);
+  const int length = ink.cols;
+  if (style.upwards) cv::rotate(ink, ink, cv::ROTATE_90_COUNTERCLOCKWISE);
+  int before = 0;
+  if (style.across == Align::kMiddle) before = length / 2;
+  if (style.across == Align::kEnd) before = length;
+  const cv::Point corner =
+      style.upwards ? cv::Point(anchor.x - style.height / 2, anchor.y - (length - before))
+                    : cv::Point(anchor.x - before, anchor.y - style.height / 2);
+  const cv::Vec3d colour(style.colour.blue, style.colour.green, style.colour.red);
+  for (int y = 0; y < ink.rows; ++y) {
+    for (int x = 0; x < ink.cols; ++x) {
+      const cv::Point place(corner.x + x, corner.y + y);
+      if (!cv::Rect(0, 0, picture.cols, picture.rows).contains(place)) continue;
+      const double share = ink.at<uint8_t>(y, x) / 255.0;
+      cv::Vec3b& pixel = picture.at<cv::Vec3b>(place);
+      for (int c = 0; c < 3; ++c) {
+        pixel[c] = cv::saturate_cast<uint8_t>(share * colour[c] + (1 - share) * pixel[c]);
+      }
+    }
+  }
+}
+
+}  // namespace silhouette

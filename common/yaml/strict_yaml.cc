@@ -1,0 +1,233 @@
+#include "common/yaml/strict_yaml.h"
+
+#include <algorithm>
+#include <cmath>
+#include <map>
+#include <numbers>
+#include <numeric>
+#include <sstream>
+#include <utility>
+
+namespace silhouette {
+namespace {
+
+size_t EditDistance(const std::string& a, const std::string& b) {
+  std::vector<size_t> row(b.size() + 1);
+  std::iota(row.begin(), row.end(), size_t{0});
+  for (size_t i = 1; i <= a.size(); ++i) {
+    size_t diagonal = row[0];
+    row[0] = i;
+    for (size_t j = 1; j <= b.size(); ++j) {
+      const size_t substitution = diagonal + (a[i - 1] == b[j - 1] ? 0 : 1);
+      diagonal = row[j];
+      row[j] = std::min({row[j] + 1, row[j - 1] + 1, substitution});
+    }
+  }
+  return row.back();
+}
+
+// "<number> <unit>" with the unit's factor; a bare number has factor 1.
+std::optional<double> NumberWithUnit(const std::string& text,
+                                     const std::map<std::string, double>& units) {
+  std::istringstream in(text);
+  double number = 0;
+  std::string unit;
+  std::string rest;
+  if (!(in >> number) || !std::isfinite(number)) return std::nullopt;
+  if (!(in >> unit)) return number;
+  const auto factor = units.find(unit);
+  if (factor == units.end() || (in >> rest)) return std::nullopt;
+  return number * factor->second;
+}
+
+}  // namespace
+
+YamlNode::YamlNode(const YAML::Node& node, std::string file, std::string name)
+    : node_(node), file_(std::move(file)), name_(std::move(name)) {}
+
+YamlNode YamlNode::FromFile(const std::string& path) {
+  try {
+    YAML::Node node = YAML::LoadFile(path);
+    if (node.IsNull()) throw YamlError(path + ": the file is empty");
+    return {node, path, ""};
+  } catch (const YAML::BadFile&) {
+    throw YamlError(path + ": the file does not exist or cannot be read");
+  } catch (const YAML::ParserException& error) {
+    throw YamlError(path + ":" + std::to_string(error.mark.line + 1) + ": " + error.msg);
+  }
+}
+
+YamlNode YamlNode::FromText(const std::string& text, const std::string& file) {
+  try {
+    YAML::Node node = YAML::Load(text);
+    if (node.IsNull()) throw YamlError(file + ": the file is empty");
+    return {node, file, ""};
+  } catch (const YAML::ParserException& error) {
+    throw YamlError(file + ":" + std::to_string(error.mark.line + 1) + ": " + error.msg);
+  }
+}
+
+void YamlNode::Fail(const std::string& message) const {
+  std::string place = file_;
+  if (node_.IsDefined() && node_.Mark().line >= 0) {
+    place += ":" + std::to_string(node_.Mark().line + 1);
+  }
+  throw YamlError(place + ": " + (name_.empty() ? "" : name_ + ": ") + message);
+}
+
+template <>
+std::string YamlNode::As<std::string>() const {
+  if (!node_.IsScalar()) Fail("a text is expected");
+  return node_.Scalar();
+}
+
+template <>
+bool YamlNode::As<bool>() const {
+  bool value = false;
+  if (!node_.IsScalar() || !YAML::convert<bool>::decode(node_, value)) {
+    Fail("true or false is expected");
+  }
+  return value;
+}
+
+template <>
+int YamlNode::As<int>() const {
+  int value = 0;
+  if (!node_.IsScalar() || !YAML::convert<int>::decode(node_, value)) {
+    Fail("a whole number is expected");
+  }
+  return value;
+}
+
+template <>
+double YamlNode::As<double>() const {
+  double value = 0;
+  if (!node_.IsScalar() || !YAML::convert<double>::decode(node_, value) || !std::isfinite(value)) {
+    Fail("a number is expected");
+  }
+  return value;
+}
+
+double YamlNode::AsAngle() const {
+  if (!node_.IsScalar()) Fail("an angle is expected: radians, or e.g. '90 deg'");
+  const std::optional<double> angle =
+      NumberWithUnit(node_.Scalar(), {{"rad", 1}, {"deg", std::numbers::pi / 180}});
+  if (!angle) Fail("an angle is expected: radians, or e.g. '90 deg'");
+  return *angle;
+}
+
+double YamlNode::AsSeconds() const {
+  if (!node_.IsScalar()) Fail("a time is expected: seconds, or e.g. '250 ms'");
+  const std::optional<double> seconds =
+      NumberWithUnit(node_.Scalar(), {{"ms", 1e-3}, {"s", 1}, {"min", 60}, {"h", 3600}});
+  if (!seconds || *seconds < 0) Fail("a time is expected: seconds, or e.g. '250 ms'");
+  return *seconds;
+}
+
+uint64_t YamlNode::AsBytes() const {
+  constexpr double kMost = 1e18;
+  const std::string expected = "a number of bytes is expected, e.g. '8 GB'";
+  if (!node_.IsScalar()) Fail(expected);
+  const std::optional<double> bytes = NumberWithUnit(node_.Scalar(), {{"B", 1},
+                                                                      {"kB", 1e3},
+                                                                      {"MB", 1e6},
+                                                                      {"GB", 1e9},
+                                                                      {"TB", 1e12},
+                                                                      {"KiB", 0x1p10},
+                                                                      {"MiB", 0x1p20},
+                                                                      {"GiB", 0x1p30},
+                                                                      {"TiB", 0x1p40}});
+  if (!bytes || !(*bytes >= 0 && *bytes <= kMost)) Fail(expected);
+  return static_cast<uint64_t>(*bytes);
+}
+
+std::vector<YamlNode> YamlNode::Items(std::optional<size_t> count) const {
+  if (!node_.IsSequence()) Fail("a list is expected");
+  if (count && node_.size() != *count) {
+    Fail("a list of " + std::to_string(*count) + " is expected, not of " +
+         std::to_string(node_.size()));
+  }
+  std::vector<YamlNode> items;
+  for (size_t i = 0; i < node_.size(); ++i) {
+    items.emplace_back(node_[i], file_, name_ + "[" + std::to_string(i) + "]");
+  }
+  return items;
+}
+
+YamlMap::YamlMap(const YamlNode& node) : node_(node) {
+  if (!node.IsMap()) node.Fail("keys with values are expected");
+  std::set<std::string> seen;
+  for (const auto& entry : node.node_) {
+    const YamlNode key(entry.first, node.file_, node.name_);
+    if (!seen.insert(key.As<std::string>()).second) {
+      key.Fail("the key '" + key.As<std::string>() + "' stands there twice");
+    }
+  }
+}
+
+YamlNode YamlMap::Required(const std::string& key) {
+  const std::optional<YamlNode> value = Optional(key);
+  if (value) return *value;
+  // A key that nobody asks for and that differs by a slip of the pen is the better clue.
+  for (const auto& entry : node_.node_) {
+    const std::string there = entry.first.as<std::string>();
+    if (!asked_.contains(there) && 3 * EditDistance(there, key) <= key.size()) {
+      YamlNode(entry.first, node_.file_, node_.name_)
+          .Fail("unknown key '" + there + "'; did you mean '" + key + "'?");
+    }
+  }
+  node_.Fail("the key '" + key + "' is missing");
+}
+
+std::optional<YamlNode> YamlMap::Optional(const std::string& key) {
+  asked_.insert(key);
+  const YAML::Node value = std::as_const(node_.node_)[key];
+  if (!value.IsDefined() || value.IsNull()) return std::nullopt;
+  return YamlNode(value, node_.file_, node_.name_.empty() ? key : node_.name_ + "." + key);
+}
+
+std::vector<std::string> YamlMap::Keys() {
+  std::vector<std::string> keys;
+  for (const auto& entry : node_.node_) {
+    keys.push_back(entry.first.as<std::string>());
+    asked_.insert(keys.back());
+  }
+  return keys;
+}
+
+void YamlMap::Finish() const {
+  for (const auto& entry : node_.node_) {
+    const std::string key = entry.first.as<std::string>();
+    if (asked_.contains(key)) continue;
+    const std::vector<std::string> known(asked_.begin(), asked_.end());
+    const std::string nearest = NearestWord(key, known);
+    YamlNode(entry.first, node_.file_, node_.name_)
+        .Fail("unknown key '" + key + "'; " +
+              (nearest.empty() ? "known are " + ListOfWords(known)
+                               : "did you mean '" + nearest + "'?"));
+  }
+}
+
+std::string NearestWord(const std::string& word, const std::vector<std::string>& known) {
+  std::string nearest;
+  size_t least = std::max<size_t>(2, word.size() / 3) + 1;
+  for (const std::string& candidate : known) {
+    const size_t distance = EditDistance(word, candidate);
+    if (distance < least) {
+      least = distance;
+      nearest = candidate;
+    }
+  }
+  return nearest;
+}
+
+std::string ListOfWords(const std::vector<std::string>& words) {
+  std::string list;
+  for (size_t i = 0; i < words.size(); ++i) {
+    if (i > 0) list += i + 1 == words.size() ? " and " : ", ";
+    list += "'" + words[i] + "'";
+  }
+  return list;
+}
+
+}  // namespace silhouette

@@ -1,0 +1,257 @@
+#include "db/store/collision_index.h"
+
+#include <sys/mman.h>
+#include <sys/stat.h>
+
+#include <cerrno>
+#include <mutex>
+#include <optional>
+#include <stdexcept>
+#include <string_view>
+#include <utility>
+
+#include "db/store/raw_records.h"
+#include "db/store/schema.h"
+#include "db/store/snapshot_impl.h"
+#include "db/store/tile_value.h"
+
+namespace silhouette {
+// The data file, mapped for reading.
+class CollisionIndex::File {
+ public:
+  static absl::StatusOr<std::unique_ptr<const File>> Map(const Environment& environment) {
+    mdb_filehandle_t file = -1;
+    if (const int code = mdb_env_get_fd(environment.get(), &file); code != 0) {
+      return environment.ReadError(code);
+    }
+    struct stat status {};
+    if (fstat(file, &status) != 0) return environment.ReadError(errno);
+    const auto size = static_cast<size_t>(status.st_size);
+    void* map = mmap(nullptr, size, PROT_READ, MAP_SHARED, file, 0);
+    if (map == MAP_FAILED) return environment.ReadError(errno);
+    return std::unique_ptr<const File>(new File(static_cast<const char*>(map), size));
+  }
+  ~File() { munmap(const_cast<char*>(map_), size_); }
+  File(const File&) = delete;
+  File& operator=(const File&) = delete;
+
+  // A value where it lies in the file, which LMDB shows in its own map. Nothing if it does not.
+  std::optional<std::string_view> Find(std::string_view shown, size_t page_size) const {
+    const std::optional<uint64_t> offset = OffsetInFile(shown, page_size);
+    if (!offset || *offset > size_ || shown.size() > size_ - *offset) return std::nullopt;
+    const std::string_view value(map_ + *offset, shown.size());
+    if (value.substr(0, kTileValueHeader) != shown.substr(0, kTileValueHeader)) return std::nullopt;
+    return value;
+  }
+
+ private:
+  File(const char* map, size_t size) : map_(map), size_(size) {}
+
+  const char* const map_;
+  const size_t size_;
+};
+
+struct CollisionIndex::Entry {
+  // As stored: its header if there is a value; where it lies, if that makes sense.
+  std::optional<TileHeader> header;
+  std::optional<std::string_view> value;
+  uint64_t bytes = 0;
+  // That of the default set which it rests on (TileHeader::base), if there is one.
+  std::optional<std::string_view> base_value;
+  // Of the tile's records; nothing if it has none.
+  std::optional<uint64_t> digest;
+
+  mutable std::once_flag checked;
+  mutable std::optional<TileIndex> base;
+  mutable std::optional<TileIndex> index;
+  mutable TileState state = TileState::kMissing;
+};
+
+CollisionIndex::CollisionIndex(std::shared_ptr<const Snapshot> snapshot)
+    : snapshot_(std::move(snapshot)) {
+  for (const MaskSize size : snapshot_->impl_->state->mask_sizes) trees_.emplace_back(size);
+}
+
+CollisionIndex::~CollisionIndex() = default;
+
+absl::StatusOr<std::shared_ptr<const CollisionIndex>> CollisionIndex::Open(Snapshot snapshot) {
+  return Open(std::make_shared<const Snapshot>(std::move(snapshot)));
+}
+
+absl::StatusOr<std::shared_ptr<const CollisionIndex>> CollisionIndex::Open(
+    std::shared_ptr<const Snapshot> snapshot) {
+  std::shared_ptr<CollisionIndex> index(new CollisionIndex(std::move(snapshot)));
+  absl::StatusOr<std::unique_ptr<const File>> file =
+      File::Map(index->snapshot_->impl_->environment());
+  if (!file.ok()) return file.status();
+  index->file_ = *std::move(file);
+  if (absl::Status status = index->ReadHeads(); !status.ok()) return status;
+  if (absl::Status status = index->ReadBases(); !status.ok()) return status;
+  if (absl::Status status = index->ReadDigests(); !status.ok()) return status;
+  return index;
+}
+
+CollisionIndex::Entry& CollisionIndex::EntryOf(uint64_t tile) {
+  std::unique_ptr<Entry>& entry = tiles_[tile];
+  if (entry == nullptr) entry = std::make_unique<Entry>();
+  return *entry;
+}
+
+// Takes down what is stored for which tile.
+absl::Status CollisionIndex::ReadHeads() {
+  Environment& environment = snapshot_->impl_->environment();
+  const std::optional<MDB_dbi> database =
+      environment.Find(snapshot_->impl_->state->places.collision_index);
+  if (!database) return absl::OkStatus();
+  MDB_txn* transaction = snapshot_->impl_->transaction();
+  const auto hold = environment.HoldMap();
+  MDB_stat stat;
+  MDB_cursor* cursor = nullptr;
+  int code = mdb_cursor_open(transaction, *database, &cursor);
+  if (code == EINVAL) return absl::OkStatus();  // made after the snapshot
+  if (code != 0) return environment.ReadError(code);
+  mdb_env_stat(environment.get(), &stat);
+  MDB_val key;
+  MDB_val shown;
+  for (code = mdb_cursor_get(cursor, &key, &shown, MDB_FIRST); code == 0;
+       code = mdb_cursor_get(cursor, &key, &shown, MDB_NEXT)) {
+    const std::optional<uint64_t> tile = schema::DecodeKey(FromVal(key));
+    if (!tile || *tile >= snapshot_->impl_->state->grid.tiles()) continue;
+    Entry& entry = EntryOf(*tile);
+    entry.header = TileHeaderIn(FromVal(shown)).value_or(TileHeader());
+    entry.value = file_->Find(FromVal(shown), stat.ms_psize);
+    entry.bytes = shown.mv_size;
+  }
+  mdb_cursor_close(cursor);
+  return code == MDB_NOTFOUND ? absl::OkStatus() : environment.ReadError(code);
+}
+
+// Takes down where the default set's values are that those of this set rest on.
+absl::Status CollisionIndex::ReadBases() {
+  Environment& environment = snapshot_->impl_->environment();
+  const std::optional<MDB_dbi> database = environment.Find(schema::kCollisionIndex);
+  const auto hold = environment.HoldMap();
+  MDB_stat stat;
+  mdb_env_stat(environment.get(), &stat);
+  for (auto& [tile, entry] : tiles_) {
+    if (!database || !entry->header || entry->header->base == 0) continue;
+    const schema::NumberKey key = schema::EncodeKey(tile);
+    MDB_val key_val = ToVal({key.data(), key.size()});
+    MDB_val shown;
+    const int code = mdb_get(snapshot_->impl_->transaction(), *database, &key_val, &shown);
+    if (code == MDB_NOTFOUND || code == EINVAL) continue;
+    if (code != 0) return environment.ReadError(code);
+    if (shown.mv_size < kTileValueHeader) continue;
+    entry->base_value = file_->Find(FromVal(shown), stat.ms_psize);
+  }
+  return absl::OkStatus();
+}
+
+absl::Status CollisionIndex::ReadDigests() {
+  const RecordSource records = snapshot_->impl_->records();
+  for (uint64_t tile = 0;; ++tile) {
+    const auto next = NextTileWithRecords(records, tile);
+    if (!next.ok()) return next.status();
+    if (!*next || **next >= snapshot_->impl_->state->grid.tiles()) return absl::OkStatus();
+    tile = **next;
+    Entry& entry = EntryOf(tile);
+    // Where there is no index, it does not matter.
+    if (!entry.header) {
+      entry.digest = 0;
+      continue;
+    }
+    const auto digest = DigestOfTile(records, tile);
+    if (!digest.ok()) return digest.status();
+    entry.digest = *digest;
+  }
+}
+
+void CollisionIndex::Check(uint64_t tile, const Entry& entry) const {
+  if (!entry.header) {
+    entry.state = TileState::kMissing;
+  } else if (!entry.value || !TileValueHolds(tile, *entry.value)) {
+    entry.state = TileState::kDamaged;
+  } else if (entry.digest != entry.header->digest || !HasBase(entry)) {
+    entry.state = TileState::kStale;
+  } else if (entry.base_value && !TileValueHolds(tile, *entry.base_value)) {
+    entry.state = TileState::kDamaged;
+  } else {
+    try {
+      if (entry.base_value) entry.base.emplace(TileIndexIn(*entry.base_value), trees_);
+      entry.index.emplace(TileIndexIn(*entry.value), trees_, entry.base ? &*entry.base : nullptr);
+      entry.state = TileState::kFresh;
+    } catch (const std::invalid_argument&) {
+      entry.state = TileState::kDamaged;
+    }
+  }
+}
+
+// Whether the default set has what the tile rests on, if it rests on anything.
+bool CollisionIndex::HasBase(const Entry& entry) {
+  return entry.header->base == 0 ||
+         (entry.base_value && TileChecksumIn(*entry.base_value) == entry.header->base);
+}
+
+// Null if there is nothing of the tile.
+const CollisionIndex::Entry* CollisionIndex::Checked(uint64_t tile) const {
+  const auto found = tiles_.find(tile);
+  if (found == tiles_.end()) return nullptr;
+  const Entry& entry = *found->second;
+  std::call_once(entry.checked, [&] { Check(tile, entry); });
+  return &entry;
+}
+
+const TileIndex* CollisionIndex::Tile(uint64_t tile) const {
+  const Entry* entry = Checked(tile);
+  return entry != nullptr && entry->index ? &*entry->index : nullptr;
+}
+
+const TileIndex* CollisionIndex::Base(uint64_t tile) const {
+  const Entry* entry = Checked(tile);
+  return entry != nullptr && entry->index && entry->base ? &*entry->base : nullptr;
+}
+
+std::span<const std::byte> CollisionIndex::Bytes(uint64_t tile) const {
+  const Entry* entry = Checked(tile);
+  if (entry == nullptr || !entry->index) return {};
+  return TileIndexIn(*entry->value);
+}
+
+TileState CollisionIndex::State(uint64_t tile) const {
+  const Entry* entry = Checked(tile);
+  return entry == nullptr ? TileState::kNoRecords : entry->state;
+}
+
+std::vector<uint64_t> CollisionIndex::Tiles() const {
+  std::vector<uint64_t> tiles;
+  for (const auto& [tile, entry] : tiles_) tiles.push_back(tile);
+  return tiles;
+}
+
+CollisionIndexSummary CollisionIndex::Summary() const {
+  CollisionIndexSummary summary;
+  for (const auto& [tile, entry] : tiles_) {
+    ++summary.tiles;
+    summary.bytes += entry->bytes;
+    switch (State(tile)) {
+      case TileState::kFresh:
+        ++summary.fresh;
+        summary.unreadable += entry->header->unreadable;
+        summary.by_difference += entry->base ? 1 : 0;
+        break;
+      case TileState::kStale:
+        ++summary.stale;
+        break;
+      case TileState::kDamaged:
+        ++summary.damaged;
+        break;
+      case TileState::kMissing:
+      case TileState::kNoRecords:
+        ++summary.missing;
+        break;
+    }
+  }
+  return summary;
+}
+
+}  // namespace silhouette

@@ -1,0 +1,150 @@
+// The collision index of a database: reading it, and building it.
+//
+// It is made of the robot images and holds them transposed, tile by tile (db/index/tile_index.h).
+// Every tile carries a digest of the records that it was built from, so that a tile whose records
+// have changed since, by whatever program, is known as stale.
+#pragma once
+
+#include <cstdint>
+#include <functional>
+#include <map>
+#include <memory>
+#include <span>
+#include <vector>
+
+#include "absl/status/statusor.h"
+#include "db/index/pixel_tree.h"
+#include "db/index/tile_index.h"
+#include "db/store/store.h"
+
+namespace silhouette {
+
+// What there is of a tile. Only kFresh can be used.
+enum class TileState {
+  kMissing,    // it has records, but no index
+  kStale,      // its index was built from other records, or rests on another of the default set's
+  kDamaged,    // its index fails its checksum, or makes no sense
+  kNoRecords,  // there is nothing of it
+  kFresh,
+};
+
+struct CollisionIndexSummary {
+  // Tiles that have records or an index, and how many of them are in which state.
+  uint64_t tiles = 0;
+  uint64_t fresh = 0;
+  uint64_t stale = 0;
+  uint64_t missing = 0;
+  uint64_t damaged = 0;
+  // Records that could not be read when the fresh tiles were built: the index does not have them.
+  uint64_t unreadable = 0;
+  // Tiles of a further set that are told by their differences from the default set's.
+  uint64_t by_difference = 0;
+  // Size of the index, those of its tiles included that cannot be used.
+  uint64_t bytes = 0;
+};
+
+// The index in one state of the database, for any number of threads, with no copy of it: it is read
+// where it lies in the file, mapped for its own. The map of LMDB may grow meanwhile, in this
+// process and in others.
+//
+// While it lives, so does its snapshot: pages of that state are not reused. If a capture writes
+// meanwhile, the file grows by the pages that every commit writes anew (some 8, of 4 KiB) and by
+// the tiles of an index that is built then, until this is destroyed and the pages are used again.
+class CollisionIndex {
+ public:
+  // Takes the state of `snapshot`. Reads the head of every tile and of every record: some 0.1 s per
+  // million records, once the file is in memory. A database without an index is no error.
+  static absl::StatusOr<std::shared_ptr<const CollisionIndex>> Open(Snapshot snapshot);
+  // The same of a snapshot that others hold as well.
+  static absl::StatusOr<std::shared_ptr<const CollisionIndex>> Open(
+      std::shared_ptr<const Snapshot> snapshot);
+  ~CollisionIndex();
+  CollisionIndex(const CollisionIndex&) = delete;
+  CollisionIndex& operator=(const CollisionIndex&) = delete;
+
+  // The state: for one thread at a time, as every snapshot.
+  const Snapshot& snapshot() const { return *snapshot_; }
+  uint64_t generation() const { return snapshot_->generation(); }
+
+  // One per view: those of the indices of all tiles.
+  std::span<const PixelTree> trees() const { return trees_; }
+
+  // The index of a tile, in its place in the file; null if it is not fresh. Lives as long as this.
+  // The first call for a tile checks its checksum, which reads all of it; others allocate nothing.
+  const TileIndex* Tile(uint64_t tile) const;
+
+  // The bytes of Tile(tile), at an address that is a multiple of 64, perhaps followed by zeros;
+  // none if it is null.
+  std::span<const std::byte> Bytes(uint64_t tile) const;
+
+  // The index of the default set that Tile(tile) tells its differences from; null if it is null or
+  // tells none.
+  const TileIndex* Base(uint64_t tile) const;
+
+  // Checks the checksum as Tile() does.
+  TileState State(uint64_t tile) const;
+
+  // The tiles that have records or an index, in order.
+  std::vector<uint64_t> Tiles() const;
+
+  // Checks the checksums of all tiles.
+  CollisionIndexSummary Summary() const;
+
+ private:
+  class File;
+  struct Entry;
+
+  explicit CollisionIndex(std::shared_ptr<const Snapshot> snapshot);
+  absl::Status ReadHeads();
+  absl::Status ReadBases();
+  absl::Status ReadDigests();
+  Entry& EntryOf(uint64_t tile);
+  const Entry* Checked(uint64_t tile) const;
+  void Check(uint64_t tile, const Entry& entry) const;
+  static bool HasBase(const Entry& entry);
+
+  const std::shared_ptr<const Snapshot> snapshot_;
+  std::vector<PixelTree> trees_;
+  std::unique_ptr<const File> file_;
+  std::map<uint64_t, std::unique_ptr<Entry>> tiles_;
+};
+
+struct IndexBuildOptions {
+  // Builds the tiles that are fresh, too.
+  bool all = false;
+  int threads = 2;
+  // How many bytes of finished tiles may wait to be written (a tile may always); twice as much is
+  // being written.
+  size_t buffer = size_t{32} << 20;
+  // Called on the calling thread, before the first tile and then now and again, with how many of
+  // the tiles are done; false stops.
+  std::function<bool(uint64_t done, uint64_t tiles)> progress = nullptr;
+};
+
+struct IndexBuildReport {
+  // Tiles that have records or an index, and how many of them are done.
+  uint64_t tiles = 0;
+  uint64_t done = 0;
+  // Of these: built anew, or removed because there are no records any more. The others were fresh.
+  uint64_t built = 0;
+  uint64_t removed = 0;
+  // Of those built: robot images, records that could not be read, bytes of the index, and bytes
+  // that the masks take as they are.
+  uint64_t robot_images = 0;
+  uint64_t unreadable = 0;
+  uint64_t bytes = 0;
+  uint64_t mask_bytes = 0;
+  bool stopped = false;
+};
+
+// Builds the index of every tile of the set that is not fresh, or was built from records that could
+// not be read; of the default set's database, then of all other sets. Other writers of the same
+// Database may go on meanwhile: a tile is built from one state, and is stale if its records change.
+// What is committed stays whatever happens afterwards, so it can be stopped and begun again.
+// Memory: per thread the index of a tile, and three times the buffer. Needs kWrite. The generation
+// stays what it is. ResourceExhausted: the disk is full, or the index of a tile is too large to be
+// stored (4 GiB).
+absl::StatusOr<IndexBuildReport> BuildCollisionIndex(Database& database,
+                                                     const IndexBuildOptions& options = {});
+
+}  // namespace silhouette

@@ -1,0 +1,138 @@
+#include "db/store/database_state.h"
+
+#include "absl/strings/str_cat.h"
+#include "db/store/schema.h"
+
+namespace silhouette {
+namespace {
+
+absl::Status DatabaseStateDamaged(const Environment& environment, std::string_view key) {
+  return absl::DataLossError(absl::StrCat("database '", environment.folder(), "': its entry '",
+                                          std::string(key), "' is damaged"));
+}
+
+}  // namespace
+
+absl::StatusOr<std::optional<std::string>> ReadMeta(const Environment& environment,
+                                                    MDB_txn* transaction, std::string_view key) {
+  MDB_val key_val = ToVal(key);
+  MDB_val value;
+  const int code = mdb_get(transaction, environment.meta(), &key_val, &value);
+  if (code == MDB_NOTFOUND) return std::optional<std::string>();
+  if (code != 0) return environment.ReadError(code);
+  const std::optional<std::string_view> payload = schema::OpenMeta(FromVal(value));
+  if (!payload) return DatabaseStateDamaged(environment, key);
+  return std::optional<std::string>(*payload);
+}
+
+absl::Status WriteMeta(const Environment& environment, WriteTransaction& transaction,
+                       std::string_view key, std::string_view payload) {
+  return transaction.Put(environment.meta(), key, schema::SealMeta(payload));
+}
+
+absl::StatusOr<uint64_t> ReadGeneration(const Environment& environment, MDB_txn* transaction) {
+  const auto payload = ReadMeta(environment, transaction, schema::kGenerationKey);
+  if (!payload.ok()) return payload.status();
+  const std::optional<uint64_t> generation =
+      *payload ? schema::DecodeGeneration(**payload) : std::nullopt;
+  if (!generation) return DatabaseStateDamaged(environment, schema::kGenerationKey);
+  return *generation;
+}
+
+absl::Status RaiseGeneration(const Environment& environment, WriteTransaction& transaction) {
+  const absl::StatusOr<uint64_t> generation = ReadGeneration(environment, transaction.get());
+  if (!generation.ok()) return generation.status();
+  return WriteMeta(environment, transaction, schema::kGenerationKey,
+                   schema::EncodeGeneration(*generation + 1));
+}
+
+absl::StatusOr<storage::v1::ProvenanceLog> ReadProvenance(const Environment& environment,
+                                                          MDB_txn* transaction) {
+  const auto payload = ReadMeta(environment, transaction, schema::kProvenanceKey);
+  if (!payload.ok()) return payload.status();
+  storage::v1::ProvenanceLog log;
+  if (*payload && !log.ParseFromString(**payload))
+    return DatabaseStateDamaged(environment, schema::kProvenanceKey);
+  return log;
+}
+
+absl::StatusOr<std::vector<std::string>> ReadSets(const Environment& environment,
+                                                  MDB_txn* transaction) {
+  const auto payload = ReadMeta(environment, transaction, schema::kSetsKey);
+  if (!payload.ok()) return payload.status();
+  storage::v1::RobotImageSets sets;
+  if (*payload && !sets.ParseFromString(**payload))
+    return DatabaseStateDamaged(environment, schema::kSetsKey);
+  std::vector<std::string> names = {schema::kDefaultSet};
+  names.insert(names.end(), sets.names().begin(), sets.names().end());
+  return names;
+}
+
+absl::StatusOr<std::vector<MDB_dbi>> FurtherSets(Environment& environment) {
+  std::vector<std::string> names;
+  {
+    const absl::StatusOr<ReadTransaction> transaction = environment.Read();
+    if (!transaction.ok()) return transaction.status();
+    const auto hold = environment.HoldMap();
+    absl::StatusOr<std::vector<std::string>> read = ReadSets(environment, transaction->get());
+    if (!read.ok()) return read.status();
+    names.assign(read->begin() + 1, read->end());
+  }
+  std::vector<MDB_dbi> found;
+  for (const std::string& name : names) {
+    const auto images = environment.Find(schema::PlacesOfSet(name).robot_images);
+    if (images) found.push_back(*images);
+  }
+  return found;
+}
+
+absl::Status AddProvenance(const Environment& environment, WriteTransaction& transaction,
+                           const storage::v1::Provenance& entry) {
+  absl::StatusOr<storage::v1::ProvenanceLog> log = ReadProvenance(environment, transaction.get());
+  if (!log.ok()) return log.status();
+  *log->add_entries() = entry;
+  return WriteMeta(environment, transaction, schema::kProvenanceKey, log->SerializeAsString());
+}
+
+storage::v1::Provenance NewProvenance(absl::Time time, const std::string& program,
+                                      uint64_t robot_images) {
+  storage::v1::Provenance entry;
+  const int64_t nanoseconds = absl::ToUnixNanos(time);
+  entry.mutable_time()->set_seconds(nanoseconds / 1'000'000'000);
+  entry.mutable_time()->set_nanos(static_cast<int32_t>(nanoseconds % 1'000'000'000));
+  entry.set_program(program);
+  entry.set_robot_images(robot_images);
+  return entry;
+}
+
+absl::Status CheckFits(const DatabaseState& state, const RobotImage& image) {
+  const std::string name = absl::StrCat("robot image ", image.number);
+  if (!state.grid.Contains(image.number)) {
+    return absl::InvalidArgumentError(name + ": the grid has no configuration of this number");
+  }
+  const size_t views = image.excluded ? 0 : state.mask_sizes.size();
+  if (image.masks.size() != views) {
+    return absl::InvalidArgumentError(
+        absl::StrCat(name, ": it has ", image.masks.size(), " masks and should have ", views));
+  }
+  for (size_t i = 0; i < views; ++i) {
+    const MaskSize expected = state.mask_sizes[i];
+    const MaskSize actual = image.masks[i].size();
+    if (actual != expected) {
+      return absl::InvalidArgumentError(absl::StrCat(
+          name, ": view '", state.cell.views(static_cast<int>(i)).name(), "' has masks of ",
+          expected.width, "x", expected.height, ", not ", actual.width, "x", actual.height));
+    }
+  }
+  const size_t joints =
+      static_cast<size_t>(state.grid.dimensions() + state.cell.fixed_joints_size());
+  for (const auto* values : {&image.commanded, &image.measured}) {
+    if (!values->empty() && values->size() != joints) {
+      return absl::InvalidArgumentError(absl::StrCat(
+          name, ": it has ", values->size(), " joint values, the cell has ", joints, " joints"));
+    }
+  }
+  return absl::OkStatus();
+}
+
+}  // namespace silhouette

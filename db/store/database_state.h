@@ -1,0 +1,85 @@
+// What a Database and the snapshots and writers made from it share, and access to `meta`.
+#pragma once
+
+#include <atomic>
+#include <memory>
+#include <optional>
+#include <string>
+#include <string_view>
+#include <utility>
+#include <vector>
+
+#include "db/store/environment.h"
+#include "db/store/schema.h"
+#include "db/store/store.h"
+#include "db/store/writer_lock.h"
+
+namespace silhouette {
+
+struct DatabaseState {
+  DatabaseState(std::string folder, storage::v1::CellDescription description,
+                ConfigurationGrid configurations, std::vector<MaskSize> sizes)
+      : path(std::move(folder)),
+        cell(std::move(description)),
+        grid(std::move(configurations)),
+        mask_sizes(std::move(sizes)) {}
+  // The same database with the robot images of another set, which lie in `images`.
+  DatabaseState(const DatabaseState& other, schema::SetPlaces set, MDB_dbi images)
+      : path(other.path),
+        cell(other.cell),
+        grid(other.grid),
+        mask_sizes(other.mask_sizes),
+        writer_lock(other.writer_lock),
+        environment(other.environment),
+        has_writer(other.has_writer),
+        places(std::move(set)),
+        robot_images(images) {}
+
+  const std::string path;
+  storage::v1::CellDescription cell;
+  const ConfigurationGrid grid;
+  const std::vector<MaskSize> mask_sizes;
+  // After the lock, so that the environment is closed first.
+  std::shared_ptr<const WriterLock> writer_lock;  // null: open for reading only
+  std::shared_ptr<Environment> environment;
+  // Of all sets: one at a time.
+  std::shared_ptr<std::atomic<bool>> has_writer = std::make_shared<std::atomic<bool>>(false);
+  // Of the set.
+  schema::SetPlaces places = schema::PlacesOfSet(schema::kDefaultSet);
+  MDB_dbi robot_images = 0;
+};
+
+// The names of the sets, the default one first. The caller holds the map.
+absl::StatusOr<std::vector<std::string>> ReadSets(const Environment& environment,
+                                                  MDB_txn* transaction);
+
+// The robot images of the further sets that there are.
+absl::StatusOr<std::vector<MDB_dbi>> FurtherSets(Environment& environment);
+
+// Whether a record fits the cell; InvalidArgument as RobotImageWriter::Put says.
+absl::Status CheckFits(const DatabaseState& state, const RobotImage& image);
+
+// The payload of `key` in `meta`; nothing if there is none. DataLoss if its checksum does not hold.
+// The caller holds the map.
+absl::StatusOr<std::optional<std::string>> ReadMeta(const Environment& environment,
+                                                    MDB_txn* transaction, std::string_view key);
+
+absl::Status WriteMeta(const Environment& environment, WriteTransaction& transaction,
+                       std::string_view key, std::string_view payload);
+
+// The generation. DataLoss if there is none.
+absl::StatusOr<uint64_t> ReadGeneration(const Environment& environment, MDB_txn* transaction);
+
+// To be part of every change.
+absl::Status RaiseGeneration(const Environment& environment, WriteTransaction& transaction);
+
+absl::StatusOr<storage::v1::ProvenanceLog> ReadProvenance(const Environment& environment,
+                                                          MDB_txn* transaction);
+
+absl::Status AddProvenance(const Environment& environment, WriteTransaction& transaction,
+                           const storage::v1::Provenance& entry);
+
+storage::v1::Provenance NewProvenance(absl::Time time, const std::string& program,
+                                      uint64_t robot_images);
+
+}  // namespace silhouette

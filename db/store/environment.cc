@@ -1,0 +1,222 @@
+#include "db/store/environment.h"
+
+#include <sys/mman.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <cerrno>
+#include <cstring>
+#include <filesystem>
+#include <utility>
+
+#include "absl/strings/str_cat.h"
+
+namespace silhouette {
+namespace {
+
+// The head of a page: its number (u64), 2 bytes, flags (u16), 4 bytes.
+constexpr size_t kPageHead = 16;
+constexpr uint16_t kEnvironmentLeaf = 0x02;
+constexpr uint16_t kOverflow = 0x04;
+constexpr uint64_t kMostPages = uint64_t{1} << 47;
+struct PageHead {
+  static PageHead At(const char* page) {
+    PageHead head;
+    std::memcpy(&head.number, page, sizeof(head.number));
+    std::memcpy(&head.flags, page + 10, sizeof(head.flags));
+    return head;
+  }
+
+  uint64_t number = 0;
+  uint16_t flags = 0;
+};
+
+constexpr size_t kMapStep = size_t{1} << 20;
+
+}  // namespace
+
+absl::Status LmdbError(int code, const std::string& what) {
+  switch (code) {
+    case ENOSPC:
+    case EDQUOT:
+      return absl::ResourceExhaustedError(what + ": the disk is full; make room and try again");
+    case ENOMEM:
+    case MDB_READERS_FULL:
+    case MDB_MAP_FULL:
+      return absl::ResourceExhaustedError(absl::StrCat(what, ": ", mdb_strerror(code)));
+    case EACCES:
+    case EPERM:
+      return absl::FailedPreconditionError(what + ": no permission");
+    case EROFS:
+      return absl::FailedPreconditionError(what + ": the file system is read-only");
+    case MDB_CORRUPTED:
+    case MDB_PAGE_NOTFOUND:
+    case MDB_INVALID:
+      return absl::DataLossError(what + ": it is damaged");
+    case MDB_VERSION_MISMATCH:
+      return absl::FailedPreconditionError(what + ": another version of LMDB made it");
+    case MDB_PANIC:
+      return absl::DataLossError(what + ": an earlier error left it unusable; open it anew");
+    default:
+      return absl::InternalError(absl::StrCat(what, ": ", mdb_strerror(code)));
+  }
+}
+
+std::optional<uint64_t> OffsetInFile(std::string_view shown, size_t page_size) {
+  const PageHead head = PageHead::At(shown.data() - kPageHead);
+  if (head.flags != kOverflow || head.number >= kMostPages) return std::nullopt;
+  return head.number * page_size + kPageHead;
+}
+
+std::optional<uint64_t> PlaceInFile(std::string_view shown, size_t page_size) {
+  if (page_size > static_cast<size_t>(sysconf(_SC_PAGESIZE))) return std::nullopt;
+  const size_t in_page = reinterpret_cast<uintptr_t>(shown.data()) % page_size;
+  if (in_page < kPageHead) return std::nullopt;
+  const PageHead head = PageHead::At(shown.data() - in_page);
+  if (head.flags != kEnvironmentLeaf && head.flags != kOverflow) return std::nullopt;
+  if (head.number >= kMostPages) return std::nullopt;
+  return head.number * page_size + in_page;
+}
+
+ReadTransaction::ReadTransaction(std::shared_ptr<Environment> environment, MDB_txn* transaction)
+    : environment_(std::move(environment)), transaction_(transaction) {}
+
+ReadTransaction::ReadTransaction(ReadTransaction&& other) noexcept
+    : environment_(std::move(other.environment_)),
+      transaction_(std::exchange(other.transaction_, nullptr)) {}
+
+ReadTransaction& ReadTransaction::operator=(ReadTransaction&& other) noexcept {
+  std::swap(environment_, other.environment_);
+  std::swap(transaction_, other.transaction_);
+  return *this;
+}
+
+ReadTransaction::~ReadTransaction() {
+  if (transaction_ != nullptr) mdb_txn_abort(transaction_);
+}
+
+void ReadTransaction::Reset() { mdb_txn_reset(transaction_); }
+
+absl::Status ReadTransaction::Renew() {
+  Environment::MapHold hold = environment_->HoldMap();
+  const int code =
+      environment_->BeginPatiently([this] { return mdb_txn_renew(transaction_); }, hold);
+  return code == 0 ? absl::OkStatus() : environment_->ReadError(code);
+}
+
+absl::Status WriteTransaction::Put(MDB_dbi database, std::string_view key, std::string_view value,
+                                   unsigned flags) {
+  MDB_val key_val = ToVal(key);
+  MDB_val value_val = ToVal(value);
+  const int code = mdb_put(transaction_, database, &key_val, &value_val, flags);
+  map_full_ = map_full_ || code == MDB_MAP_FULL;
+  return code == 0 ? absl::OkStatus() : environment_.WriteError(code);
+}
+
+absl::Status WriteTransaction::Delete(MDB_dbi database, std::string_view key) {
+  MDB_val key_val = ToVal(key);
+  const int code = mdb_del(transaction_, database, &key_val, nullptr);
+  map_full_ = map_full_ || code == MDB_MAP_FULL;
+  return code == 0 || code == MDB_NOTFOUND ? absl::OkStatus() : environment_.WriteError(code);
+}
+
+absl::StatusOr<MDB_dbi> WriteTransaction::MakeSubDatabase(const char* name) {
+  MDB_dbi database = 0;
+  const int code = mdb_dbi_open(transaction_, name, MDB_CREATE, &database);
+  if (code != 0) return environment_.WriteError(code);
+  return database;
+}
+
+Environment::Environment(std::string folder) : folder_(std::move(folder)) {}
+
+Environment::~Environment() {
+  if (environment_ != nullptr) mdb_env_close(environment_);
+  if (readers_guard_ >= 0) close(readers_guard_);
+}
+
+absl::Status Environment::ReadError(int code) const {
+  return LmdbError(code, absl::StrCat("database '", folder_, "' cannot be read"));
+}
+
+absl::Status Environment::WriteError(int code) const {
+  // A disk that becomes full within a write cuts it short; LMDB calls that EIO.
+  std::error_code error;
+  if (code == EIO && std::filesystem::space(folder_, error).available < (1 << 16)) code = ENOSPC;
+  return LmdbError(code, absl::StrCat("database '", folder_, "' cannot be written"));
+}
+
+int Environment::BeginPatiently(const std::function<int()>& begin, MapHold& hold) {
+  int code = 0;
+  for (int attempt = 0; attempt < 10; ++attempt) {
+    code = begin();
+    if (code == MDB_MAP_RESIZED) {
+      hold.unlock();
+      const absl::Status status = Resize(0);
+      hold.lock();
+      if (!status.ok()) return code;
+    } else if (code == MDB_READERS_FULL) {
+      int dead = 0;
+      mdb_reader_check(environment_, &dead);
+      if (dead == 0) return code;
+    } else {
+      return code;
+    }
+  }
+  return code;
+}
+
+int Environment::BeginReading(MDB_txn** transaction) {
+  MapHold hold = HoldMap();
+  return BeginPatiently(
+      [&] { return mdb_txn_begin(environment_, nullptr, MDB_RDONLY, transaction); }, hold);
+}
+
+absl::StatusOr<ReadTransaction> Environment::Read() {
+  MDB_txn* transaction = nullptr;
+  if (const int code = BeginReading(&transaction); code != 0) return ReadError(code);
+  return ReadTransaction(shared_from_this(), transaction);
+}
+
+absl::Status Environment::Update(size_t new_bytes, const Change& change) {
+  const std::lock_guard one_at_a_time(update_mutex_);
+  for (;;) {
+    bool map_full = false;
+    absl::Status status = UpdateOnce(change, map_full);
+    if (!map_full) return status;
+    MDB_envinfo info;
+    mdb_env_info(environment_, &info);
+    const size_t wanted = std::max(2 * info.me_mapsize, info.me_mapsize + 4 * new_bytes);
+    status = Resize((wanted + kMapStep - 1) / kMapStep * kMapStep);
+    if (!status.ok()) return status;
+  }
+}
+
+absl::Status Environment::UpdateOnce(const Change& change, bool& map_full) {
+  MapHold hold = HoldMap();
+  MDB_txn* begun = nullptr;
+  int code = BeginPatiently([&] { return mdb_txn_begin(environment_, nullptr, 0, &begun); }, hold);
+  if (code != 0) return WriteError(code);
+  WriteTransaction transaction(*this, begun);
+  absl::Status status = change(transaction);
+  map_full = transaction.map_full_;
+  if (!status.ok()) {
+    mdb_txn_abort(begun);
+    return status;
+  }
+  code = mdb_txn_commit(begun);
+  map_full = code == MDB_MAP_FULL;
+  return code == 0 ? absl::OkStatus() : WriteError(code);
+}
+
+absl::Status Environment::Resize(size_t bytes) {
+  const std::unique_lock lock(map_mutex_);
+  // LMDB gives up the old map before it asks for the new one: see first that there is room.
+  void* probe = mmap(nullptr, std::max<size_t>(bytes, 1), PROT_NONE,
+                     MAP_PRIVATE | MAP_ANONYMOUS | MAP_NORESERVE, -1, 0);
+  if (probe == MAP_FAILED) return WriteError(errno);
+  munmap(probe, std::max<size_t>(bytes, 1));
+  const int code = mdb_env_set_mapsize(environment_, bytes);
+  return code == 0 ? absl::OkStatus() : WriteError(code);
+}
+
+}  // namespace silhouette

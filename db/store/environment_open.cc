@@ -1,0 +1,263 @@
+// Making and opening an environment: what must be known before LMDB may touch a folder.
+#include "db/store/environment.h"
+
+#include <fcntl.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include <cerrno>
+#include <condition_variable>
+#include <cstring>
+#include <map>
+#include <mutex>
+#include <optional>
+#include <system_error>
+#include <tuple>
+#include <utility>
+
+#include "absl/strings/str_cat.h"
+#include "db/store/page_check.h"
+#include "db/store/schema.h"
+#include "db/store/writer_lock.h"
+
+namespace silhouette {
+namespace {
+
+constexpr size_t kFirstMapBytes = size_t{64} << 20;
+constexpr off_t kLockFileBytes = 8192;
+constexpr uint32_t kLmdbMagic = 0xBEEFC0DE;
+constexpr size_t kMagicOffset = 16;
+constexpr size_t kPageSizeOffset = 40;
+
+// The environments that are open in this process, by their data file. The process is part of the
+// key because a forked child must not use its parent's.
+using FileId = std::tuple<pid_t, dev_t, ino_t>;
+struct Registry {
+  std::mutex mutex;
+  std::condition_variable closed;
+  std::map<FileId, std::weak_ptr<Environment>> open;
+};
+
+Registry& TheRegistry() {
+  static Registry& registry = *new Registry;
+  return registry;
+}
+
+std::string DataPath(const std::string& folder) { return folder + "/" + schema::kDataFile; }
+std::string EnvironmentOpenLockPath(const std::string& folder) {
+  return folder + "/" + schema::kLockFile;
+}
+
+bool IsPermission(int code) { return code == EACCES || code == EROFS || code == EPERM; }
+
+FileId IdOf(const struct stat& file) { return {getpid(), file.st_dev, file.st_ino}; }
+
+// Adds an opened environment; the registry's mutex is held.
+std::shared_ptr<Environment> Register(std::unique_ptr<Environment> environment, const FileId& id) {
+  std::shared_ptr<Environment> shared(environment.release(), [id](Environment* closing) {
+    delete closing;
+    Registry& registry = TheRegistry();
+    const std::lock_guard lock(registry.mutex);
+    registry.open.erase(id);
+    registry.closed.notify_all();
+  });
+  TheRegistry().open[id] = shared;
+  return shared;
+}
+
+// The head of a data file tells what it is before LMDB, which trusts it, is let near it.
+absl::Status CheckHead(const std::string& path) {
+  const int file = open(path.c_str(), O_RDONLY | O_CLOEXEC);
+  if (file < 0) return LmdbError(errno, absl::StrCat("'", path, "' cannot be read"));
+  char head[64] = {};
+  const ssize_t length = pread(file, head, sizeof(head), 0);
+  close(file);
+  if (length < 0) return LmdbError(errno, absl::StrCat("'", path, "' cannot be read"));
+  uint32_t magic = 0;
+  uint32_t page_size = 0;
+  std::memcpy(&magic, head + kMagicOffset, sizeof(magic));
+  std::memcpy(&page_size, head + kPageSizeOffset, sizeof(page_size));
+  if (length < static_cast<ssize_t>(sizeof(head)) || magic != kLmdbMagic) {
+    return absl::FailedPreconditionError(absl::StrCat(
+        "'", path, "' is not a database: it does not begin as an LMDB data file does"));
+  }
+  if (page_size < 512 || page_size > 32768 || (page_size & (page_size - 1)) != 0) {
+    return absl::DataLossError(
+        absl::StrCat("'", path, "' is damaged: its page size is ", page_size));
+  }
+  return absl::OkStatus();
+}
+
+}  // namespace
+
+absl::StatusOr<std::shared_ptr<Environment>> Environment::Create(const std::string& folder,
+                                                                 const Change& fill) {
+  const std::lock_guard lock(TheRegistry().mutex);
+  std::unique_ptr<Environment> environment(new Environment(folder));
+  if (absl::Status status = environment->OpenFiles(true); !status.ok()) return status;
+  absl::Status status = environment->Update(0, [&](WriteTransaction& transaction) -> absl::Status {
+    const absl::StatusOr<MDB_dbi> meta = transaction.MakeSubDatabase(schema::kMeta);
+    if (!meta.ok()) return meta.status();
+    const absl::StatusOr<MDB_dbi> images = transaction.MakeSubDatabase(schema::kRobotImages);
+    if (!images.ok()) return images.status();
+    environment->meta_ = *meta;
+    environment->robot_images_ = *images;
+    return fill(transaction);
+  });
+  if (!status.ok()) return status;
+  struct stat file {};
+  if (stat(DataPath(folder).c_str(), &file) != 0) return environment->ReadError(errno);
+  return Register(std::move(environment), IdOf(file));
+}
+
+absl::StatusOr<std::shared_ptr<Environment>> Environment::Open(const std::string& folder) {
+  const std::string data = DataPath(folder);
+  struct stat file {};
+  if (stat(data.c_str(), &file) != 0) {
+    if (errno == ENOENT || errno == ENOTDIR) {
+      return absl::NotFoundError(absl::StrCat("there is no database in '", folder, "'"));
+    }
+    return LmdbError(errno, absl::StrCat("'", data, "' cannot be read"));
+  }
+  if (file.st_size == 0) {
+    return absl::NotFoundError(
+        absl::StrCat("there is no database in '", folder, "': making it was interrupted"));
+  }
+  Registry& registry = TheRegistry();
+  std::unique_lock lock(registry.mutex);
+  for (;;) {
+    const auto found = registry.open.find(IdOf(file));
+    if (found == registry.open.end()) break;
+    if (std::shared_ptr<Environment> shared = found->second.lock()) return shared;
+    registry.closed.wait(lock);
+  }
+  if (absl::Status status = CheckHead(data); !status.ok()) return status;
+  std::unique_ptr<Environment> environment(new Environment(folder));
+  if (absl::Status status = environment->OpenFiles(false); !status.ok()) return status;
+  if (absl::Status status = environment->CheckState(); !status.ok()) return status;
+  if (absl::Status status = environment->OpenSubDatabases(); !status.ok()) return status;
+  return Register(std::move(environment), IdOf(file));
+}
+
+absl::Status Environment::OpenFiles(bool create) {
+  const absl::StatusOr<unsigned> flags = ChooseFlags();
+  if (!flags.ok()) return flags.status();
+  if (int code = mdb_env_create(&environment_); code != 0) return ReadError(code);
+  int code = mdb_env_set_maxdbs(environment_, schema::kMaxSubDatabases);
+  if (code == 0 && create) code = mdb_env_set_mapsize(environment_, kFirstMapBytes);
+  if (code == 0) code = mdb_env_open(environment_, folder_.c_str(), *flags, 0664);
+  if (code != 0) return create ? WriteError(code) : ReadError(code);
+  int dead = 0;
+  mdb_reader_check(environment_, &dead);
+  return absl::OkStatus();
+}
+
+absl::StatusOr<unsigned> Environment::ChooseFlags() {
+  const std::string data = DataPath(folder_);
+  read_only_ = faccessat(AT_FDCWD, data.c_str(), W_OK, AT_EACCESS) != 0 && IsPermission(errno);
+  const unsigned flags = MDB_NOTLS | (read_only_ ? MDB_RDONLY : 0);
+  const int lock =
+      open(EnvironmentOpenLockPath(folder_).c_str(), O_RDWR | O_CREAT | O_CLOEXEC, 0664);
+  if (lock < 0) {
+    if (!IsPermission(errno))
+      return LmdbError(errno, EnvironmentOpenLockPath(folder_) + " cannot be opened");
+    read_only_ = true;
+    const absl::StatusOr<int> guard = WriterLock::KeepWritersOut(folder_);
+    if (!guard.ok()) return guard.status();
+    readers_guard_ = *guard;
+    return flags | MDB_RDONLY | MDB_NOLOCK;
+  }
+  // LMDB writes into the lock file through a map, which on a full disk would end the process.
+  const bool full = fallocate(lock, 0, 0, kLockFileBytes) != 0 && errno == ENOSPC;
+  close(lock);
+  if (full) return ReadError(ENOSPC);
+  return flags;
+}
+
+// Looks at the present state's pages before LMDB does.
+absl::Status Environment::CheckState() {
+  mdb_filehandle_t file = -1;
+  if (int code = mdb_env_get_fd(environment_, &file); code != 0) return ReadError(code);
+  absl::Status status = absl::UnavailableError("not looked at yet");
+  for (int attempt = 0; attempt < 10 && absl::IsUnavailable(status); ++attempt) {
+    MDB_txn* transaction = nullptr;
+    if (const int code = BeginReading(&transaction); code != 0) return ReadError(code);
+    status = CheckPages(file, DataPath(folder_), mdb_txn_id(transaction));
+    mdb_txn_abort(transaction);
+  }
+  return status;
+}
+
+absl::Status Environment::OpenSubDatabases() {
+  const std::string not_ours =
+      absl::StrCat("'", DataPath(folder_), "' is an LMDB database, but not one of Silhouette's");
+  MDB_txn* transaction = nullptr;
+  int code = BeginReading(&transaction);
+  if (code != 0) return ReadError(code);
+  const auto end = [&](absl::Status status) {
+    mdb_txn_abort(transaction);
+    return status;
+  };
+  code = mdb_dbi_open(transaction, schema::kMeta, 0, &meta_);
+  if (code == MDB_NOTFOUND) {
+    MDB_stat main;
+    mdb_env_stat(environment_, &main);
+    if (main.ms_entries > 0) return end(absl::FailedPreconditionError(not_ours));
+    return end(absl::NotFoundError(
+        absl::StrCat("there is no database in '", folder_, "': making it was interrupted")));
+  }
+  if (code == MDB_INCOMPATIBLE) return end(absl::FailedPreconditionError(not_ours));
+  if (code != 0) return end(ReadError(code));
+  MDB_val key = ToVal(schema::kFormatKey);
+  MDB_val value;
+  code = mdb_get(transaction, meta_, &key, &value);
+  if (code == MDB_NOTFOUND) return end(absl::FailedPreconditionError(not_ours));
+  if (code != 0) return end(ReadError(code));
+  const std::optional<int> version = schema::FormatVersionIn(FromVal(value));
+  if (!version) return end(absl::FailedPreconditionError(not_ours));
+  if (*version != schema::kFormatVersion) {
+    return end(absl::FailedPreconditionError(absl::StrCat(
+        "database '", folder_, "' has format version ", *version, ", this program knows version ",
+        schema::kFormatVersion, "; use the programs of the version that made it")));
+  }
+  code = mdb_dbi_open(transaction, schema::kRobotImages, 0, &robot_images_);
+  if (code != 0) return end(ReadError(code == MDB_NOTFOUND ? MDB_CORRUPTED : code));
+  code = mdb_txn_commit(transaction);  // keeps the handles
+  return code == 0 ? absl::OkStatus() : ReadError(code);
+}
+
+std::optional<MDB_dbi> Environment::Find(const std::string& name) {
+  // LMDB wants sub-databases to be opened by one transaction at a time.
+  const std::lock_guard lock(opened_mutex_);
+  if (const auto open = opened_.find(name); open != opened_.end()) return open->second;
+  MDB_txn* transaction = nullptr;
+  if (BeginReading(&transaction) != 0) return std::nullopt;
+  const MapHold hold = HoldMap();
+  MDB_dbi database = 0;
+  unsigned flags = 0;
+  if (mdb_dbi_open(transaction, name.c_str(), 0, &database) != 0 ||
+      mdb_dbi_flags(transaction, database, &flags) != 0 || flags != 0) {
+    mdb_txn_abort(transaction);
+    return std::nullopt;
+  }
+  if (mdb_txn_commit(transaction) != 0) return std::nullopt;
+  opened_[name] = database;
+  return database;
+}
+
+absl::StatusOr<MDB_dbi> Environment::Make(const std::string& name) {
+  if (const std::optional<MDB_dbi> found = Find(name)) return *found;
+  const std::lock_guard lock(opened_mutex_);
+  MDB_dbi database = 0;
+  absl::Status status = Update(0, [&](WriteTransaction& transaction) -> absl::Status {
+    const absl::StatusOr<MDB_dbi> made = transaction.MakeSubDatabase(name.c_str());
+    if (!made.ok()) return made.status();
+    database = *made;
+    return absl::OkStatus();
+  });
+  if (!status.ok()) return status;
+  opened_[name] = database;
+  return database;
+}
+
+}  // namespace silhouette

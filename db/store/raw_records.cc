@@ -1,0 +1,112 @@
+#include "db/store/raw_records.h"
+
+#include <functional>
+
+#include "db/store/robot_image_format.h"
+#include "db/store/schema.h"
+#include "db/store/tile_value.h"
+
+namespace silhouette {
+namespace {
+
+constexpr size_t kChunkBytes = size_t{1} << 20;
+
+std::string RawRecordsKeyOf(ConfigurationNumber number) {
+  const schema::NumberKey key = schema::EncodeKey(number);
+  return {key.data(), key.size()};
+}
+
+// Calls `visit` for the records of a range until it returns false.
+absl::Status Visit(const RecordSource& source, const KeyRange& keys,
+                   const std::function<bool(std::string_view, std::string_view)>& visit) {
+  Environment& environment = source.environment;
+  const auto hold = environment.HoldMap();
+  MDB_cursor* cursor = nullptr;
+  int code = mdb_cursor_open(source.transaction, source.records, &cursor);
+  if (code != 0) return environment.ReadError(code);
+  MDB_val key = ToVal(keys.after);
+  MDB_val value;
+  code = mdb_cursor_get(cursor, &key, &value, keys.after.empty() ? MDB_FIRST : MDB_SET_RANGE);
+  if (code == 0 && FromVal(key) == keys.after) {
+    code = mdb_cursor_get(cursor, &key, &value, MDB_NEXT);
+  }
+  while (code == 0 && (keys.end.empty() || FromVal(key) < keys.end)) {
+    if (!visit(FromVal(key), FromVal(value))) break;
+    code = mdb_cursor_get(cursor, &key, &value, MDB_NEXT);
+  }
+  mdb_cursor_close(cursor);
+  return code == 0 || code == MDB_NOTFOUND ? absl::OkStatus() : environment.ReadError(code);
+}
+
+size_t PageSize(Environment& environment) {
+  const auto hold = environment.HoldMap();
+  MDB_stat stat;
+  mdb_env_stat(environment.get(), &stat);
+  return stat.ms_psize;
+}
+
+}  // namespace
+
+KeyRange KeysOfTile(uint64_t tile) {
+  return {tile == 0 ? "" : RawRecordsKeyOf(tile * kTileSize - 1),
+          RawRecordsKeyOf((tile + 1) * kTileSize)};
+}
+
+std::string_view BaseOf(const RecordSource& source, ConfigurationNumber number,
+                        std::string_view value) {
+  if (!source.base || !NeedsBase(value)) return {};
+  const schema::NumberKey key = schema::EncodeKey(number);
+  MDB_val key_val = ToVal({key.data(), key.size()});
+  MDB_val base;
+  if (mdb_get(source.transaction, *source.base, &key_val, &base) != 0) return {};
+  return FromVal(base);
+}
+
+absl::StatusOr<std::vector<RawRecord>> ReadChunk(const RecordSource& source, const KeyRange& keys) {
+  std::vector<RawRecord> chunk;
+  size_t bytes = 0;
+  const size_t page_size = PageSize(source.environment);
+  const absl::Status status =
+      Visit(source, keys, [&](std::string_view key, std::string_view value) {
+        RawRecord& record = chunk.emplace_back();
+        record.key = key;
+        record.value = value;
+        record.place = PlaceInFile(value, page_size);
+        const std::optional<ConfigurationNumber> number = schema::DecodeKey(key);
+        const std::string_view base = number ? BaseOf(source, *number, value) : "";
+        if (!base.empty()) {
+          record.base = base;
+          record.base_place = PlaceInFile(base, page_size);
+        }
+        bytes += key.size() + value.size() + base.size();
+        return bytes < kChunkBytes;
+      });
+  if (!status.ok()) return status;
+  return chunk;
+}
+
+absl::StatusOr<std::optional<uint64_t>> NextTileWithRecords(const RecordSource& source,
+                                                            uint64_t tile) {
+  std::optional<uint64_t> next;
+  const absl::Status status =
+      Visit(source, {KeysOfTile(tile).after, ""}, [&](std::string_view key, std::string_view) {
+        const std::optional<uint64_t> number = schema::DecodeKey(key);
+        if (number) next = *number / kTileSize;
+        return !number;
+      });
+  if (!status.ok()) return status;
+  return next;
+}
+
+absl::StatusOr<std::optional<uint64_t>> DigestOfTile(const RecordSource& source, uint64_t tile) {
+  RecordDigest digest;
+  const absl::Status status =
+      Visit(source, KeysOfTile(tile), [&](std::string_view key, std::string_view value) {
+        if (schema::DecodeKey(key)) digest.Add(key, value);
+        return true;
+      });
+  if (!status.ok()) return status;
+  return digest.empty() ? std::nullopt : std::optional<uint64_t>(digest.Get());
+}
+
+}  // namespace silhouette

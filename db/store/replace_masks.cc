@@ -1,0 +1,140 @@
+// Exchanging the masks of all sets for those of another database.
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "absl/cleanup/cleanup.h"
+#include "absl/strings/str_cat.h"
+#include "absl/time/clock.h"
+#include "db/store/database_state.h"
+#include "db/store/raw_records.h"
+#include "db/store/robot_image_format.h"
+#include "db/store/schema.h"
+#include "db/store/snapshot_impl.h"
+
+namespace silhouette {
+namespace {
+
+// The records of a set, one after another.
+class Records {
+ public:
+  explicit Records(const RecordSource& source) : source_(source) {}
+
+  // Null: there are no more. Valid until the next call.
+  absl::StatusOr<const RawRecord*> Next() {
+    if (next_ == chunk_.size()) {
+      absl::StatusOr<std::vector<RawRecord>> chunk = ReadChunk(source_, keys_);
+      if (!chunk.ok()) return chunk.status();
+      chunk_ = *std::move(chunk);
+      next_ = 0;
+      if (chunk_.empty()) return nullptr;
+      keys_.after = chunk_.back().key;
+    }
+    return &chunk_[next_++];
+  }
+
+ private:
+  const RecordSource source_;
+  KeyRange keys_;
+  std::vector<RawRecord> chunk_;
+  size_t next_ = 0;
+};
+
+// Whether a record can be read and is excluded.
+bool IsExcluded(const RawRecord& record, const std::vector<MaskSize>& mask_sizes) {
+  const std::optional<ConfigurationNumber> number = schema::DecodeKey(record.key);
+  if (!number) return false;
+  const auto image = DecodeRobotImage(*number, record.value, mask_sizes, record.base);
+  return image.ok() && image->excluded;
+}
+
+// InvalidArgument unless both have the same records, and the same of them are excluded.
+absl::Status CheckSameRecords(const RecordSource& stored, const RecordSource& made,
+                              const std::vector<MaskSize>& mask_sizes) {
+  Records ours(stored);
+  Records theirs(made);
+  for (;;) {
+    const auto one = ours.Next();
+    if (!one.ok()) return one.status();
+    const auto other = theirs.Next();
+    if (!other.ok()) return other.status();
+    if (*one == nullptr && *other == nullptr) return absl::OkStatus();
+    if (*one == nullptr || *other == nullptr || (*one)->key != (*other)->key ||
+        IsExcluded(**one, mask_sizes) != IsExcluded(**other, mask_sizes)) {
+      return absl::InvalidArgumentError(
+          "the new masks are not of just the configurations that have robot images");
+    }
+  }
+}
+
+// InvalidArgument unless the numbers and masks of one mean in the other what they mean in it.
+absl::Status CheckSameShape(const Database& stored, const Database& made) {
+  const auto edges = [](const Database& database) {
+    const auto& of = database.cell().tile_edges();
+    return std::vector<int>(of.begin(), of.end());
+  };
+  storage::v1::CellDescription wanted = stored.cell();
+  wanted.set_segmentation(made.cell().segmentation());
+  if (!Differences(wanted, "", made.cell(), "").empty() || edges(stored) != edges(made) ||
+      stored.Sets() != made.Sets()) {
+    return absl::InvalidArgumentError("the new masks are of another cell, or of other sets");
+  }
+  return absl::OkStatus();
+}
+
+}  // namespace
+
+absl::Status Database::ReplaceMasks(const Database& made, const std::string& program) {
+  if (!state_->writer_lock) {
+    return absl::FailedPreconditionError(
+        absl::StrCat("database '", path(), "' is open for reading only"));
+  }
+  if (absl::Status status = CheckSameShape(*this, made); !status.ok()) return status;
+  if (state_->has_writer->exchange(true)) {
+    return absl::FailedPreconditionError(
+        absl::StrCat("database '", path(), "' is being written into"));
+  }
+  const absl::Cleanup done = [this] { *state_->has_writer = false; };
+  const auto stored_sets = ReadSets();
+  if (!stored_sets.ok()) return stored_sets.status();
+  const auto made_sets = made.ReadSets();
+  if (!made_sets.ok()) return made_sets.status();
+  uint64_t records = 0;
+  for (size_t i = 0; i < stored_sets->size(); ++i) {
+    const Snapshot& stored = (*stored_sets)[i].snapshot;
+    absl::Status status = CheckSameRecords(
+        stored.impl_->records(), (*made_sets)[i].snapshot.impl_->records(), state_->mask_sizes);
+    if (!status.ok()) return status;
+    records += stored.size();
+  }
+  const absl::StatusOr<Usage> usage = made.GetUsage();
+  if (!usage.ok()) return usage.status();
+  storage::v1::CellDescription description = cell();
+  description.set_segmentation(made.cell().segmentation());
+  Environment& environment = *state_->environment;
+  const auto change = [&](WriteTransaction& transaction) -> absl::Status {
+    for (size_t i = 0; i < made_sets->size(); ++i) {
+      const MDB_dbi place = (*stored_sets)[i].database->state_->robot_images;
+      Records records_of_set((*made_sets)[i].snapshot.impl_->records());
+      for (;;) {
+        const auto record = records_of_set.Next();
+        if (!record.ok()) return record.status();
+        if (*record == nullptr) break;
+        absl::Status status = transaction.Put(place, (*record)->key, (*record)->value);
+        if (!status.ok()) return status;
+      }
+    }
+    absl::Status status =
+        WriteMeta(environment, transaction, schema::kCellKey, description.SerializeAsString());
+    if (status.ok()) {
+      status =
+          AddProvenance(environment, transaction, NewProvenance(absl::Now(), program, records));
+    }
+    return status.ok() ? RaiseGeneration(environment, transaction) : status;
+  };
+  const absl::Status status = environment.Update(usage->used_bytes, change);
+  if (status.ok()) state_->cell = description;
+  return status;
+}
+
+}  // namespace silhouette

@@ -1,0 +1,134 @@
+// The sets of a database: which there are, making and removing them.
+#include <algorithm>
+#include <utility>
+
+#include "absl/cleanup/cleanup.h"
+#include "absl/strings/str_cat.h"
+#include "absl/strings/str_join.h"
+#include "absl/time/clock.h"
+#include "db/store/database_state.h"
+#include "db/store/schema.h"
+#include "db/store/store.h"
+
+namespace silhouette {
+namespace {
+
+std::string RobotImageSetsQuoted(const std::string& name) { return "'" + name + "'"; }
+
+}  // namespace
+
+const std::string& Database::set() const { return state_->places.name; }
+
+absl::StatusOr<std::vector<std::string>> Database::Sets() const {
+  Environment& environment = *state_->environment;
+  const absl::StatusOr<ReadTransaction> transaction = environment.Read();
+  if (!transaction.ok()) return transaction.status();
+  const auto hold = environment.HoldMap();
+  return silhouette::ReadSets(environment, transaction->get());
+}
+
+absl::StatusOr<std::unique_ptr<Database>> Database::OpenSet(const std::string& name) const {
+  const absl::StatusOr<std::vector<std::string>> names = Sets();
+  if (!names.ok()) return names.status();
+  const schema::SetPlaces places = schema::PlacesOfSet(name);
+  const auto images = state_->environment->Find(places.robot_images);
+  if (std::ranges::find(*names, name) == names->end() || !images) {
+    return absl::NotFoundError(
+        absl::StrCat("database '", path(), "' has no set '", name, "'; its sets are ",
+                     absl::StrJoin(*names, ", ", [](std::string* out, const std::string& known) {
+                       absl::StrAppend(out, RobotImageSetsQuoted(known));
+                     })));
+  }
+  return std::unique_ptr<Database>(
+      new Database(std::make_shared<DatabaseState>(*state_, places, *images)));
+}
+
+absl::Status Database::ChangeSets(const std::vector<std::string>& names,
+                                  const std::string& program) {
+  storage::v1::RobotImageSets sets;
+  for (const std::string& name : names) {
+    if (name != schema::kDefaultSet) sets.add_names(name);
+  }
+  return ChangeMeta(schema::kSetsKey, sets.SerializeAsString(), program);
+}
+
+absl::StatusOr<std::unique_ptr<Database>> Database::CreateSet(const std::string& name,
+                                                              const std::string& program) {
+  if (!schema::IsSetName(name)) {
+    return absl::InvalidArgumentError(absl::StrCat(
+        "a set cannot be named '", name, "': a name has 1 to 32 of a-z, 0-9, '_' and '-'"));
+  }
+  if (!state_->writer_lock) {
+    return absl::FailedPreconditionError(
+        absl::StrCat("database '", path(), "' is open for reading only"));
+  }
+  absl::StatusOr<std::vector<std::string>> names = Sets();
+  if (!names.ok()) return names.status();
+  if (std::ranges::find(*names, name) != names->end()) {
+    return absl::AlreadyExistsError(
+        absl::StrCat("database '", path(), "' has a set '", name, "' already"));
+  }
+  if (names->size() >= schema::kMaxSets) {
+    return absl::FailedPreconditionError(
+        absl::StrCat("database '", path(), "' has ", names->size(),
+                     " sets, as many as there may be; remove one, or make another database"));
+  }
+  // Empty and of no set, if the change after it is not made.
+  const auto made = state_->environment->Make(schema::PlacesOfSet(name).robot_images);
+  if (!made.ok()) return made.status();
+  names->push_back(name);
+  if (absl::Status status = ChangeSets(*names, program); !status.ok()) return status;
+  return OpenSet(name);
+}
+
+absl::Status Database::RemoveSet(const std::string& name, const std::string& program) {
+  if (name == schema::kDefaultSet) {
+    return absl::InvalidArgumentError("the default set cannot be removed: others rest on it");
+  }
+  if (const auto set = OpenSet(name); !set.ok()) return set.status();
+  if (!state_->writer_lock) {
+    return absl::FailedPreconditionError(
+        absl::StrCat("database '", path(), "' is open for reading only"));
+  }
+  if (state_->has_writer->exchange(true)) {
+    return absl::FailedPreconditionError(
+        absl::StrCat("database '", path(), "' is being written into"));
+  }
+  const absl::Cleanup done = [this] { *state_->has_writer = false; };
+  const schema::SetPlaces places = schema::PlacesOfSet(name);
+  Environment& environment = *state_->environment;
+  std::vector<MDB_dbi> emptied;
+  for (const std::string& place :
+       {places.robot_images, places.collision_index, places.raw_images}) {
+    if (const auto database = environment.Find(place)) emptied.push_back(*database);
+  }
+  return environment.Update(0, [&](WriteTransaction& transaction) -> absl::Status {
+    const absl::StatusOr<std::vector<std::string>> names =
+        silhouette::ReadSets(environment, transaction.get());
+    if (!names.ok()) return names.status();
+    storage::v1::RobotImageSets left;
+    for (const std::string& other : *names) {
+      if (other != name && other != schema::kDefaultSet) left.add_names(other);
+    }
+    // The sub-databases stay, empty: others of this process may use them.
+    absl::Status status;
+    for (const MDB_dbi database : emptied) {
+      const int code = mdb_drop(transaction.get(), database, 0);
+      if (code != 0) status.Update(environment.WriteError(code));
+    }
+    if (status.ok()) {
+      status = WriteMeta(environment, transaction, schema::kSetsKey, left.SerializeAsString());
+    }
+    if (status.ok()) {
+      status = transaction.Delete(environment.meta(), places.capture_key);
+    }
+    if (status.ok()) {
+      storage::v1::Provenance entry = NewProvenance(absl::Now(), program, 0);
+      entry.set_set(name);
+      status = AddProvenance(environment, transaction, entry);
+    }
+    return status.ok() ? RaiseGeneration(environment, transaction) : status;
+  });
+}
+
+}  // namespace silhouette

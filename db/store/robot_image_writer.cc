@@ -1,0 +1,312 @@
+#include <algorithm>
+#include <map>
+#include <utility>
+
+#include "absl/cleanup/cleanup.h"
+#include "absl/strings/str_cat.h"
+#include "absl/time/clock.h"
+#include "db/store/database_state.h"
+#include "db/store/raw_image_format.h"
+#include "db/store/robot_image_format.h"
+#include "db/store/schema.h"
+
+namespace silhouette {
+namespace {
+
+constexpr size_t kBatchBytes = size_t{32} << 20;
+
+// What waits to be written of a configuration.
+struct Waiting {
+  std::string value;
+  absl::Time captured;
+  std::vector<std::string> raw_images;  // none, or one per view
+
+  size_t bytes() const {
+    size_t bytes = value.size();
+    for (const std::string& image : raw_images) bytes += image.size();
+    return bytes;
+  }
+};
+
+// Writes the raw images of a record, or removes those that it has.
+absl::Status WriteRawImages(WriteTransaction& transaction, MDB_dbi raw_images, int views,
+                            ConfigurationNumber number, const Waiting& waiting,
+                            uint64_t references) {
+  for (size_t view = 0; view < static_cast<size_t>(views); ++view) {
+    const RawImageKey key = EncodeRawImageKey(number, view);
+    const std::string_view key_view(key.data(), key.size());
+    absl::Status status;
+    if (waiting.raw_images.empty()) {
+      status = transaction.Delete(raw_images, key_view);
+    } else {
+      const RawImage image{
+          .captured = waiting.captured, .references = references, .png = waiting.raw_images[view]};
+      status = transaction.Put(raw_images, key_view, EncodeRawImage(number, view, image));
+    }
+    if (!status.ok()) return status;
+  }
+  return absl::OkStatus();
+}
+
+// Keeps the present reference images beside raw images that were taken with them. Returns their id;
+// 0 without any.
+absl::StatusOr<uint64_t> KeepReferences(WriteTransaction& transaction, MDB_dbi raw_images) {
+  const Environment& environment = transaction.environment();
+  const auto payload = ReadMeta(environment, transaction.get(), schema::kReferencesKey);
+  if (!payload.ok()) return payload.status();
+  if (!*payload) return uint64_t{0};
+  const uint64_t id = IdOfReferences(**payload);
+  const RawImageKey key = EncodeReferencesKey(id);
+  MDB_val key_val = ToVal({key.data(), key.size()});
+  MDB_val value;
+  const int code = mdb_get(transaction.get(), raw_images, &key_val, &value);
+  if (code == 0) return id;
+  if (code != MDB_NOTFOUND) return environment.ReadError(code);
+  absl::Status status =
+      transaction.Put(raw_images, {key.data(), key.size()}, schema::SealMeta(**payload));
+  if (!status.ok()) return status;
+  return id;
+}
+
+// The value under a key; empty if there is none.
+std::string_view Stored(const WriteTransaction& transaction, MDB_dbi database,
+                        std::string_view key) {
+  MDB_val key_val = ToVal(key);
+  MDB_val value;
+  if (mdb_get(transaction.get(), database, &key_val, &value) != 0) return {};
+  return FromVal(value);
+}
+
+// Stores the records of further sets that rest on a record of the default set on their own, before
+// that is replaced.
+absl::Status KeepDependents(WriteTransaction& transaction, const DatabaseState& state,
+                            const std::vector<MDB_dbi>& further_sets, ConfigurationNumber number) {
+  const schema::NumberKey key = schema::EncodeKey(number);
+  const std::string_view key_view(key.data(), key.size());
+  for (const MDB_dbi images : further_sets) {
+    const std::string_view value = Stored(transaction, images, key_view);
+    if (!NeedsBase(value)) continue;
+    const std::optional<std::string> own = OwnValue(
+        number, value, Stored(transaction, state.robot_images, key_view), state.mask_sizes);
+    if (!own) continue;  // it cannot be read as it is
+    absl::Status status = transaction.Put(images, key_view, *own);
+    if (!status.ok()) return status;
+  }
+  return absl::OkStatus();
+}
+
+}  // namespace
+
+struct RobotImageWriter::Impl {
+  Impl(std::shared_ptr<DatabaseState> database, std::string program_name, absl::Duration delay,
+       ReadTransaction idle_lookup)
+      : state(std::move(database)),
+        program(std::move(program_name)),
+        max_delay(delay),
+        lookup(std::move(idle_lookup)) {}
+  ~Impl() { *state->has_writer = false; }
+
+  const std::shared_ptr<DatabaseState> state;
+  const std::string program;
+  const absl::Duration max_delay;
+  // Looks up what is stored; holds no state between uses.
+  ReadTransaction lookup;
+
+  std::map<ConfigurationNumber, Waiting> batch;
+  size_t batch_bytes = 0;
+  const absl::Time started = absl::Now();
+  absl::Time last_commit = started;
+  uint64_t committed = 0;
+  // This session's place in the provenance log, once it has one.
+  std::optional<int> provenance_entry;
+
+  absl::StatusOr<bool> IsStored(ConfigurationNumber number);
+  absl::Status Add(const RobotImage& image, bool replace, std::vector<std::string> raw_images);
+  bool has_raw_images() const;
+  // `dependents`: the robot images of further sets, if this is the default one; `raw_images`: the
+  // sub-database, if there is one.
+  absl::Status WriteBatch(WriteTransaction& transaction, const std::vector<MDB_dbi>& dependents,
+                          std::optional<MDB_dbi> raw_images) const;
+  absl::Status WriteAllRawImages(WriteTransaction& transaction, MDB_dbi raw_images) const;
+  absl::StatusOr<int> WriteProvenance(WriteTransaction& transaction) const;
+};
+
+absl::StatusOr<bool> RobotImageWriter::Impl::IsStored(ConfigurationNumber number) {
+  Environment& environment = *state->environment;
+  if (absl::Status status = lookup.Renew(); !status.ok()) return status;
+  const absl::Cleanup reset = [this] { lookup.Reset(); };
+  const auto hold = environment.HoldMap();
+  const schema::NumberKey key = schema::EncodeKey(number);
+  MDB_val key_val = ToVal({key.data(), key.size()});
+  MDB_val value;
+  const int code = mdb_get(lookup.get(), state->robot_images, &key_val, &value);
+  if (code != 0 && code != MDB_NOTFOUND) return environment.ReadError(code);
+  return code == 0;
+}
+
+absl::Status RobotImageWriter::Impl::WriteBatch(WriteTransaction& transaction,
+                                                const std::vector<MDB_dbi>& dependents,
+                                                std::optional<MDB_dbi> raw_images) const {
+  const Environment& environment = *state->environment;
+  // What comes after all that is stored fills its pages; what is put between splits them in halves.
+  MDB_cursor* cursor = nullptr;
+  int code = mdb_cursor_open(transaction.get(), state->robot_images, &cursor);
+  if (code != 0) return environment.WriteError(code);
+  MDB_val key_val;
+  MDB_val last_value;
+  code = mdb_cursor_get(cursor, &key_val, &last_value, MDB_LAST);
+  std::optional<ConfigurationNumber> last;
+  if (code == 0) last = schema::DecodeKey(FromVal(key_val));
+  mdb_cursor_close(cursor);
+  if (code != 0 && code != MDB_NOTFOUND) return environment.WriteError(code);
+
+  for (const auto& [number, waiting] : batch) {
+    const schema::NumberKey key = schema::EncodeKey(number);
+    const unsigned flags = !last || number > *last ? MDB_APPEND : 0;
+    const std::string_view key_view(key.data(), key.size());
+    std::string_view value = waiting.value;
+    absl::Status status;
+    std::optional<std::string> shared;
+    if (state->places.is_default()) {
+      status = KeepDependents(transaction, *state, dependents, number);
+    } else {
+      shared = SharedValue(number, value, Stored(transaction, environment.robot_images(), key_view),
+                           state->mask_sizes);
+      if (shared) value = *shared;
+    }
+    if (status.ok()) status = transaction.Put(state->robot_images, key_view, value, flags);
+    if (!status.ok()) return status;
+  }
+  return raw_images ? WriteAllRawImages(transaction, *raw_images) : absl::OkStatus();
+}
+
+absl::Status RobotImageWriter::Impl::WriteAllRawImages(WriteTransaction& transaction,
+                                                       MDB_dbi raw_images) const {
+  absl::StatusOr<uint64_t> references = uint64_t{0};
+  if (has_raw_images()) references = KeepReferences(transaction, raw_images);
+  if (!references.ok()) return references.status();
+  for (const auto& [number, waiting] : batch) {
+    absl::Status status = WriteRawImages(transaction, raw_images, state->cell.views_size(), number,
+                                         waiting, *references);
+    if (!status.ok()) return status;
+  }
+  return absl::OkStatus();
+}
+
+bool RobotImageWriter::Impl::has_raw_images() const {
+  return std::ranges::any_of(batch,
+                             [](const auto& entry) { return !entry.second.raw_images.empty(); });
+}
+
+// Returns the place of this session's entry.
+absl::StatusOr<int> RobotImageWriter::Impl::WriteProvenance(WriteTransaction& transaction) const {
+  const Environment& environment = *state->environment;
+  absl::StatusOr<storage::v1::ProvenanceLog> log = ReadProvenance(environment, transaction.get());
+  if (!log.ok()) return log.status();
+  const int place = provenance_entry.value_or(log->entries_size());
+  if (place == log->entries_size()) log->add_entries();
+  *log->mutable_entries(place) = NewProvenance(started, program, committed + batch.size());
+  if (!state->places.is_default()) log->mutable_entries(place)->set_set(state->places.name);
+  absl::Status status =
+      WriteMeta(environment, transaction, schema::kProvenanceKey, log->SerializeAsString());
+  if (!status.ok()) return status;
+  return place;
+}
+
+RobotImageWriter::RobotImageWriter(std::unique_ptr<Impl> impl) : impl_(std::move(impl)) {}
+RobotImageWriter::~RobotImageWriter() = default;
+RobotImageWriter::RobotImageWriter(RobotImageWriter&&) noexcept = default;
+RobotImageWriter& RobotImageWriter::operator=(RobotImageWriter&&) noexcept = default;
+
+absl::StatusOr<RobotImageWriter> Database::Write(const std::string& program,
+                                                 absl::Duration max_delay) {
+  if (!state_->writer_lock) {
+    return absl::FailedPreconditionError(
+        absl::StrCat("database '", path(), "' is open for reading only"));
+  }
+  absl::StatusOr<ReadTransaction> lookup = state_->environment->Read();
+  if (!lookup.ok()) return lookup.status();
+  lookup->Reset();
+  if (state_->has_writer->exchange(true)) {
+    return absl::FailedPreconditionError(
+        absl::StrCat("database '", path(), "' has a writer already"));
+  }
+  return RobotImageWriter(
+      std::make_unique<RobotImageWriter::Impl>(state_, program, max_delay, *std::move(lookup)));
+}
+
+absl::Status RobotImageWriter::Impl::Add(const RobotImage& image, bool replace,
+                                         std::vector<std::string> raw_images) {
+  if (absl::Status status = CheckFits(*state, image); !status.ok()) return status;
+  if (!raw_images.empty() && raw_images.size() != image.masks.size()) {
+    return absl::InvalidArgumentError(absl::StrCat("robot image ", image.number, ": it has ",
+                                                   raw_images.size(), " raw images for ",
+                                                   image.masks.size(), " masks"));
+  }
+  const auto present = batch.find(image.number);
+  if (!replace) {
+    absl::StatusOr<bool> stored = IsStored(image.number);
+    if (!stored.ok()) return stored.status();
+    if (*stored || present != batch.end()) {
+      return absl::AlreadyExistsError(
+          absl::StrCat("configuration ", image.number, " has a robot image already"));
+    }
+  }
+  if (present != batch.end()) batch_bytes -= present->second.bytes();
+  Waiting& waiting = batch[image.number];
+  waiting = {EncodeRobotImage(image), image.captured, std::move(raw_images)};
+  batch_bytes += waiting.bytes();
+  return absl::OkStatus();
+}
+
+absl::Status RobotImageWriter::Put(const RobotImage& image, bool replace) {
+  return Put(image, replace, {});
+}
+
+absl::Status RobotImageWriter::Put(const RobotImage& image, bool replace,
+                                   std::vector<std::string> raw_images) {
+  absl::Status status = impl_->Add(image, replace, std::move(raw_images));
+  if (!status.ok()) return status;
+  const bool due = absl::Now() - impl_->last_commit >= impl_->max_delay;
+  return due || impl_->batch_bytes >= kBatchBytes ? Commit() : absl::OkStatus();
+}
+
+absl::Status RobotImageWriter::Commit() {
+  Environment& environment = *impl_->state->environment;
+  if (!impl_->batch.empty()) {
+    // Before the transaction, which could not open it.
+    std::optional<MDB_dbi> raw_images = environment.Find(impl_->state->places.raw_images);
+    if (!raw_images && impl_->has_raw_images()) {
+      const auto made = environment.Make(impl_->state->places.raw_images);
+      if (!made.ok()) return made.status();
+      raw_images = *made;
+    }
+    std::vector<MDB_dbi> dependents;
+    if (impl_->state->places.is_default()) {
+      absl::StatusOr<std::vector<MDB_dbi>> found = FurtherSets(environment);
+      if (!found.ok()) return found.status();
+      dependents = *std::move(found);
+    }
+    int provenance_entry = 0;
+    absl::Status status =
+        environment.Update(impl_->batch_bytes, [&](WriteTransaction& transaction) -> absl::Status {
+          absl::Status written = impl_->WriteBatch(transaction, dependents, raw_images);
+          if (!written.ok()) return written;
+          const absl::StatusOr<int> place = impl_->WriteProvenance(transaction);
+          if (!place.ok()) return place.status();
+          provenance_entry = *place;
+          return RaiseGeneration(environment, transaction);
+        });
+    if (!status.ok()) return status;
+    impl_->provenance_entry = provenance_entry;
+    impl_->committed += impl_->batch.size();
+    impl_->batch.clear();
+    impl_->batch_bytes = 0;
+  }
+  impl_->last_commit = absl::Now();
+  return absl::OkStatus();
+}
+
+uint64_t RobotImageWriter::committed() const { return impl_->committed; }
+
+}  // namespace silhouette

@@ -1,0 +1,97 @@
+// All permanent names and keys of the database, and the grammar of the values in `meta`.
+// docs/database_format.md describes them for outsiders.
+//
+// Sub-database `meta`: key (ASCII) -> value:
+//   "format"      "silhouette " and the format version as decimal ASCII; nothing else
+//   the others    checksum (u64), payload. The checksum is XXH3-64 of the payload, seed 0.
+//                 "cell": CellDescription; "references": References; "calibration": Calibration;
+//                 "provenance": ProvenanceLog; "capture": CaptureHistory; "sets": RobotImageSets,
+//                 absent while there is but the default set; "generation": u64, one
+//                 more in every committed change but those of `collision_index`.
+// Sub-database `robot_images`: configuration number (u64, big-endian) ->
+// db/store/robot_image_format.h. Sub-database `collision_index`, which may be absent: tile (u64,
+// big-endian) -> db/store/tile_value.h. Sub-database `raw_images`, which may be absent:
+// db/store/raw_image_format.h. They are those of the default set. The set NAME has
+// `robot_images/NAME`, `collision_index/NAME` and `raw_images/NAME`, and the key "capture/NAME"
+// (PlacesOfSet).
+//
+// Integers are little-endian unless said otherwise.
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <optional>
+#include <string>
+#include <string_view>
+
+#include "db/mask/configuration_grid.h"
+
+namespace silhouette::schema {
+
+inline constexpr int kFormatVersion = 1;
+
+inline constexpr char kDataFile[] = "data.mdb";
+inline constexpr char kLockFile[] = "lock.mdb";
+// Locked with flock() by the one process that writes; its text is that process's id.
+inline constexpr char kWriterFile[] = "writer.lock";
+
+inline constexpr char kMeta[] = "meta";
+inline constexpr char kRobotImages[] = "robot_images";
+inline constexpr char kCollisionIndex[] = "collision_index";
+inline constexpr char kRawImages[] = "raw_images";
+// How many sub-databases a process may have open, those of later versions included: some for all
+// sets, and some for each.
+inline constexpr unsigned kMaxSubDatabases = 96;
+
+// The set that every database has; at most so many sets, this one included.
+inline constexpr char kDefaultSet[] = "default";
+inline constexpr size_t kMaxSets = 16;
+
+// Where the records of a set and what belongs to them lie.
+struct SetPlaces {
+  std::string name;
+  std::string robot_images;
+  std::string collision_index;
+  std::string raw_images;
+  std::string capture_key;
+
+  bool is_default() const { return name == kDefaultSet; }
+};
+SetPlaces PlacesOfSet(const std::string& name);
+
+// Whether a set may have this name: 1 to 32 of a-z, 0-9, '_' and '-'.
+bool IsSetName(std::string_view name);
+
+inline constexpr std::string_view kFormatKey = "format";
+inline constexpr std::string_view kCellKey = "cell";
+inline constexpr std::string_view kReferencesKey = "references";
+inline constexpr std::string_view kCalibrationKey = "calibration";
+inline constexpr std::string_view kProvenanceKey = "provenance";
+inline constexpr std::string_view kCaptureKey = "capture";
+inline constexpr std::string_view kSetsKey = "sets";
+inline constexpr std::string_view kGenerationKey = "generation";
+
+// The value of "format" that this version writes.
+std::string FormatValue();
+
+// The format version that a value of "format" states; nothing if it is not one.
+std::optional<int> FormatVersionIn(std::string_view value);
+
+// A value of `meta` around its payload, and back. Nothing if the checksum does not hold.
+std::string SealMeta(std::string_view payload);
+std::optional<std::string_view> OpenMeta(std::string_view value);
+
+// The payload of "generation".
+std::string EncodeGeneration(uint64_t generation);
+std::optional<uint64_t> DecodeGeneration(std::string_view payload);
+
+// The key of a configuration in `robot_images`, or of a tile in `collision_index`.
+using NumberKey = std::array<char, 8>;
+NumberKey EncodeKey(uint64_t number);
+std::optional<uint64_t> DecodeKey(std::string_view key);
+
+// Little-endian integers in byte strings.
+void AppendU64(std::string& bytes, uint64_t value);
+uint64_t ReadU64(const char* bytes);
+
+}  // namespace silhouette::schema

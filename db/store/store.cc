@@ -1,0 +1,304 @@
+#include "db/store/store.h"
+
+#include <fcntl.h>
+#include <unistd.h>
+
+#include <cerrno>
+#include <filesystem>
+#include <set>
+#include <system_error>
+#include <utility>
+
+#include "absl/strings/str_cat.h"
+#include "absl/time/clock.h"
+#include "db/store/database_state.h"
+#include "db/store/schema.h"
+
+namespace silhouette {
+namespace {
+
+namespace fs = std::filesystem;
+using storage::v1::CellDescription;
+
+// What GridOf and MaskSizesOf do not check.
+absl::Status CheckNames(const CellDescription& cell) {
+  if (cell.views().empty()) return absl::InvalidArgumentError("a cell has at least one view");
+  std::set<std::string> views;
+  for (const storage::v1::View& view : cell.views()) {
+    if (view.name().empty()) return absl::InvalidArgumentError("a view has no name");
+    if (!views.insert(view.name()).second) {
+      return absl::InvalidArgumentError(absl::StrCat("view '", view.name(), "' is named twice"));
+    }
+  }
+  std::set<std::string> joints;
+  for (const storage::v1::GridJoint& joint : cell.grid_joints()) joints.insert(joint.name());
+  for (const storage::v1::FixedJoint& joint : cell.fixed_joints()) {
+    if (!joints.insert(joint.name()).second) {
+      return absl::InvalidArgumentError(absl::StrCat("joint '", joint.name(), "' is named twice"));
+    }
+  }
+  if (joints.size() > 255) return absl::InvalidArgumentError("a robot has at most 255 joints");
+  return absl::OkStatus();
+}
+
+// A state of which only path, cell, grid and mask sizes are set.
+absl::StatusOr<std::shared_ptr<DatabaseState>> Describe(const std::string& path,
+                                                        const CellDescription& cell) {
+  if (absl::Status status = CheckNames(cell); !status.ok()) return status;
+  absl::StatusOr<ConfigurationGrid> grid = GridOf(cell);
+  if (!grid.ok()) return grid.status();
+  absl::StatusOr<std::vector<MaskSize>> mask_sizes = MaskSizesOf(cell);
+  if (!mask_sizes.ok()) return mask_sizes.status();
+  auto state =
+      std::make_shared<DatabaseState>(path, cell, *std::move(grid), *std::move(mask_sizes));
+  state->cell.mutable_tile_edges()->Assign(state->grid.tile_edges().begin(),
+                                           state->grid.tile_edges().end());
+  return state;
+}
+
+// Makes the folder `path`, or sees that nothing is in it but what an interrupted Create() left.
+absl::Status PrepareFolder(const std::string& path) {
+  std::error_code error;
+  fs::create_directories(path, error);
+  if (error) {
+    return absl::FailedPreconditionError(
+        absl::StrCat("folder '", path, "' cannot be made: ", error.message()));
+  }
+  const std::set<std::string> ours = {schema::kDataFile, schema::kLockFile, schema::kWriterFile};
+  for (fs::directory_iterator entry(path, error); !error && entry != fs::directory_iterator();
+       entry.increment(error)) {
+    if (!ours.contains(entry->path().filename().string())) {
+      return absl::FailedPreconditionError(absl::StrCat(
+          "folder '", path, "' is not empty; a new database needs an empty or a new folder"));
+    }
+  }
+  if (error) {
+    return absl::FailedPreconditionError(
+        absl::StrCat("folder '", path, "' cannot be read: ", error.message()));
+  }
+  return absl::OkStatus();
+}
+
+void RemoveFiles(const std::string& path) {
+  std::error_code ignored;
+  fs::remove(fs::path(path) / schema::kDataFile, ignored);
+  fs::remove(fs::path(path) / schema::kLockFile, ignored);
+}
+
+// Sees that a file's content is on the disk; 0 or the errno.
+int Sync(const std::string& path) {
+  const int file = open(path.c_str(), O_RDONLY | O_CLOEXEC);
+  if (file < 0) return errno;
+  const int code = fsync(file) == 0 ? 0 : errno;
+  close(file);
+  return code;
+}
+
+absl::Status Fill(const Environment& environment, WriteTransaction& transaction,
+                  const CellDescription& cell) {
+  absl::Status status =
+      transaction.Put(environment.meta(), schema::kFormatKey, schema::FormatValue());
+  if (status.ok()) {
+    status = WriteMeta(environment, transaction, schema::kCellKey, cell.SerializeAsString());
+  }
+  if (status.ok()) {
+    status =
+        WriteMeta(environment, transaction, schema::kGenerationKey, schema::EncodeGeneration(1));
+  }
+  return status;
+}
+
+}  // namespace
+
+Database::Database(std::shared_ptr<DatabaseState> state) : state_(std::move(state)) {}
+Database::~Database() = default;
+
+absl::StatusOr<std::unique_ptr<Database>> Database::Create(const std::string& path,
+                                                           const CellDescription& cell) {
+  absl::StatusOr<std::shared_ptr<DatabaseState>> state = Describe(path, cell);
+  if (!state.ok()) return state.status();
+  if (absl::Status status = PrepareFolder(path); !status.ok()) return status;
+  absl::StatusOr<WriterLock> lock = WriterLock::Take(path);
+  if (!lock.ok()) return lock.status();
+  const absl::Status existing = Environment::Open(path).status();
+  if (existing.ok()) {
+    return absl::AlreadyExistsError(absl::StrCat("there is a database in '", path, "' already"));
+  }
+  if (!absl::IsNotFound(existing)) return existing;
+  RemoveFiles(path);
+  absl::StatusOr<std::shared_ptr<Environment>> environment =
+      Environment::Create(path, [&](WriteTransaction& transaction) {
+        return Fill(transaction.environment(), transaction, (*state)->cell);
+      });
+  if (!environment.ok()) {
+    RemoveFiles(path);
+    return environment.status();
+  }
+  (*state)->writer_lock = std::make_shared<const WriterLock>(*std::move(lock));
+  (*state)->robot_images = (*environment)->robot_images();
+  (*state)->environment = *std::move(environment);
+  return std::unique_ptr<Database>(new Database(*std::move(state)));
+}
+
+absl::StatusOr<std::unique_ptr<Database>> Database::Open(const std::string& path, Access access) {
+  absl::StatusOr<std::shared_ptr<Environment>> environment = Environment::Open(path);
+  if (!environment.ok()) return environment.status();
+  std::optional<WriterLock> lock;
+  if (access == Access::kWrite) {
+    if ((*environment)->read_only()) {
+      return absl::FailedPreconditionError(
+          absl::StrCat("database '", path, "' cannot be written: no permission"));
+    }
+    absl::StatusOr<WriterLock> taken = WriterLock::Take(path);
+    if (!taken.ok()) return taken.status();
+    lock.emplace(*std::move(taken));
+  }
+  absl::StatusOr<ReadTransaction> transaction = (*environment)->Read();
+  if (!transaction.ok()) return transaction.status();
+  absl::StatusOr<std::optional<std::string>> payload = std::optional<std::string>();
+  {
+    const auto hold = (*environment)->HoldMap();
+    payload = ReadMeta(**environment, transaction->get(), schema::kCellKey);
+  }
+  if (!payload.ok()) return payload.status();
+  CellDescription cell;
+  const bool parsed = *payload && cell.ParseFromString(**payload);
+  absl::StatusOr<std::shared_ptr<DatabaseState>> state = Describe(path, cell);
+  if (!parsed || !state.ok()) {
+    return absl::DataLossError(
+        absl::StrCat("database '", path, "': its description of the cell is damaged"));
+  }
+  if (lock) (*state)->writer_lock = std::make_shared<const WriterLock>(*std::move(lock));
+  (*state)->robot_images = (*environment)->robot_images();
+  (*state)->environment = *std::move(environment);
+  return std::unique_ptr<Database>(new Database(*std::move(state)));
+}
+
+const std::string& Database::path() const { return state_->path; }
+const CellDescription& Database::cell() const { return state_->cell; }
+const ConfigurationGrid& Database::grid() const { return state_->grid; }
+const std::vector<MaskSize>& Database::mask_sizes() const { return state_->mask_sizes; }
+
+absl::Status Database::ChangeMeta(std::string_view key, const std::optional<std::string>& payload,
+                                  const std::string& program) {
+  if (!state_->writer_lock) {
+    return absl::FailedPreconditionError(
+        absl::StrCat("database '", path(), "' is open for reading only"));
+  }
+  const Environment& environment = *state_->environment;
+  const size_t new_bytes = payload ? payload->size() : 0;
+  return state_->environment->Update(new_bytes, [&](WriteTransaction& transaction) {
+    absl::Status status = payload ? WriteMeta(environment, transaction, key, *payload)
+                                  : transaction.Delete(environment.meta(), key);
+    if (status.ok() && !program.empty()) {
+      status = AddProvenance(environment, transaction, NewProvenance(absl::Now(), program, 0));
+    }
+    if (!status.ok()) return status;
+    return RaiseGeneration(environment, transaction);
+  });
+}
+
+absl::Status Database::SetReferences(const storage::v1::References& references,
+                                     const std::string& program) {
+  if (references.views_size() != cell().views_size()) {
+    return absl::InvalidArgumentError(absl::StrCat("there are ", references.views_size(),
+                                                   " reference images for ", cell().views_size(),
+                                                   " views"));
+  }
+  return ChangeMeta(schema::kReferencesKey, references.SerializeAsString(), program);
+}
+
+absl::Status Database::SetCaptureHistory(const storage::v1::CaptureHistory& history) {
+  return ChangeMeta(state_->places.capture_key, history.SerializeAsString(), "");
+}
+
+absl::Status Database::SetCalibration(const storage::v1::Calibration& calibration,
+                                      const std::string& program) {
+  if (absl::Status status = CheckCalibration(calibration, cell()); !status.ok()) return status;
+  return ChangeMeta(schema::kCalibrationKey, calibration.SerializeAsString(), program);
+}
+
+absl::Status Database::RemoveCalibration(const std::string& program) {
+  const absl::StatusOr<Snapshot> snapshot = Read();
+  if (!snapshot.ok()) return snapshot.status();
+  const absl::StatusOr<std::optional<storage::v1::Calibration>> present = snapshot->Calibration();
+  if (present.ok() && !present->has_value()) {
+    return absl::NotFoundError(absl::StrCat("database '", path(), "' has no calibration"));
+  }
+  return ChangeMeta(schema::kCalibrationKey, std::nullopt, program);
+}
+
+absl::Status Database::Compact(const std::string& target) const {
+  if (absl::Status status = PrepareFolder(target); !status.ok()) return status;
+  if (fs::exists(fs::path(target) / schema::kDataFile)) {
+    return absl::AlreadyExistsError(absl::StrCat("there is a database in '", target, "' already"));
+  }
+  absl::StatusOr<WriterLock> lock = WriterLock::Take(target);
+  if (!lock.ok()) return lock.status();
+  int code = 0;
+  {
+    const auto hold = state_->environment->HoldMap();
+    code = mdb_env_copy2(state_->environment->get(), target.c_str(), MDB_CP_COMPACT);
+  }
+  if (code == 0) code = Sync(target + "/" + schema::kDataFile);
+  if (code == 0) return absl::OkStatus();
+  RemoveFiles(target);
+  return LmdbError(code,
+                   absl::StrCat("database '", path(), "' cannot be copied to '", target, "'"));
+}
+
+absl::StatusOr<Database::Usage> Database::GetUsage() const {
+  Environment& environment = *state_->environment;
+  constexpr MDB_dbi kFreePages = 0;
+  constexpr MDB_dbi kSubDatabases = 1;
+  const absl::StatusOr<std::vector<std::string>> names = Sets();
+  if (!names.ok()) return names.status();
+  struct Places {
+    std::optional<MDB_dbi> images;
+    std::optional<MDB_dbi> index;
+    std::optional<MDB_dbi> raw_images;
+  };
+  std::vector<Places> places;
+  for (const std::string& name : *names) {
+    const schema::SetPlaces of_set = schema::PlacesOfSet(name);
+    places.push_back({environment.Find(of_set.robot_images),
+                      environment.Find(of_set.collision_index),
+                      environment.Find(of_set.raw_images)});
+  }
+  absl::StatusOr<ReadTransaction> transaction = environment.Read();
+  if (!transaction.ok()) return transaction.status();
+  const auto hold = environment.HoldMap();
+  Usage usage;
+  absl::Status status;
+  // The bytes of a sub-database, and how many entries it has.
+  const auto add = [&](std::optional<MDB_dbi> database, uint64_t* entries) {
+    MDB_stat stat;
+    const int code = database ? mdb_stat(transaction->get(), *database, &stat) : MDB_NOTFOUND;
+    if (code == MDB_NOTFOUND || code == EINVAL) return uint64_t{0};  // there is none, or was none
+    if (code != 0) status.Update(environment.ReadError(code));
+    const uint64_t pages =
+        uint64_t{stat.ms_branch_pages} + stat.ms_leaf_pages + stat.ms_overflow_pages;
+    if (entries != nullptr) *entries = stat.ms_entries;
+    usage.used_bytes += stat.ms_psize * pages;
+    return stat.ms_psize * pages;
+  };
+  for (const MDB_dbi database : {kFreePages, kSubDatabases, environment.meta()}) {
+    add(database, nullptr);
+  }
+  for (size_t i = 0; i < places.size(); ++i) {
+    Usage::Set& set = usage.sets.emplace_back();
+    set.name = (*names)[i];
+    set.record_bytes = add(places[i].images, &set.records);
+    set.index_bytes = add(places[i].index, nullptr);
+    usage.raw_image_bytes += add(places[i].raw_images, nullptr);
+  }
+  if (!status.ok()) return status;
+  std::error_code error;
+  usage.file_bytes = fs::file_size(fs::path(path()) / schema::kDataFile, error);
+  if (error) {
+    return absl::InternalError(absl::StrCat("'", path(), "' cannot be read: ", error.message()));
+  }
+  return usage;
+}
+
+}  // namespace silhouette

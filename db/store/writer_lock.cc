@@ -1,0 +1,81 @@
+#include "db/store/writer_lock.h"
+
+#include <fcntl.h>
+#include <sys/file.h>
+#include <unistd.h>
+
+#include <cerrno>
+#include <utility>
+
+#include "absl/status/status.h"
+#include "absl/strings/numbers.h"
+#include "absl/strings/str_cat.h"
+#include "db/store/environment.h"
+#include "db/store/schema.h"
+
+namespace silhouette {
+namespace {
+
+std::string WriterLockLockPath(const std::string& folder) {
+  return folder + "/" + schema::kWriterFile;
+}
+
+std::string Holder(int file) {
+  char text[32] = {};
+  const ssize_t length = pread(file, text, sizeof(text) - 1, 0);
+  int pid = 0;
+  if (length <= 0 || !absl::SimpleAtoi(text, &pid)) return "another process";
+  if (pid == getpid()) return "this process already";
+  return absl::StrCat("another process (pid ", pid, ")");
+}
+
+}  // namespace
+
+absl::StatusOr<WriterLock> WriterLock::Take(const std::string& folder) {
+  const std::string what = absl::StrCat("database '", folder, "' cannot be written");
+  const int file = open(WriterLockLockPath(folder).c_str(), O_RDWR | O_CREAT | O_CLOEXEC, 0664);
+  if (file < 0) return LmdbError(errno, what);
+  WriterLock lock(file);
+  if (flock(file, LOCK_EX | LOCK_NB) != 0) {
+    if (errno != EWOULDBLOCK) return LmdbError(errno, what);
+    return absl::FailedPreconditionError(
+        absl::StrCat(what, ": ", Holder(file), " is writing to it; end that first"));
+  }
+  const std::string pid = absl::StrCat(getpid(), "\n");
+  if (ftruncate(file, 0) != 0 || pwrite(file, pid.data(), pid.size(), 0) < 0) {
+    return LmdbError(errno, what);
+  }
+  return lock;
+}
+
+absl::StatusOr<int> WriterLock::KeepWritersOut(const std::string& folder) {
+  const int file = open(WriterLockLockPath(folder).c_str(), O_RDONLY | O_CLOEXEC);
+  if (file < 0 && errno == ENOENT) return -1;
+  if (file < 0)
+    return LmdbError(errno, absl::StrCat("'", WriterLockLockPath(folder), "' cannot be read"));
+  if (flock(file, LOCK_SH | LOCK_NB) != 0) {
+    const std::string holder = Holder(file);
+    close(file);
+    return absl::FailedPreconditionError(absl::StrCat(
+        "database '", folder, "': ", holder, " is writing to it, and without permission to write '",
+        schema::kLockFile, "' it cannot be read meanwhile; wait, or get that permission"));
+  }
+  return file;
+}
+
+bool ReadersKeepWritersOut(const std::string& folder) {
+  const std::string readers = folder + "/" + schema::kLockFile;
+  const bool there = faccessat(AT_FDCWD, readers.c_str(), F_OK, AT_EACCESS) == 0;
+  const std::string& needed = there ? readers : folder;
+  if (faccessat(AT_FDCWD, needed.c_str(), R_OK | W_OK, AT_EACCESS) == 0) return false;
+  // Where nobody ever wrote, there is nothing to keep them out by.
+  return faccessat(AT_FDCWD, WriterLockLockPath(folder).c_str(), F_OK, AT_EACCESS) == 0;
+}
+
+WriterLock::WriterLock(WriterLock&& other) noexcept : file_(std::exchange(other.file_, -1)) {}
+
+WriterLock::~WriterLock() {
+  if (file_ >= 0) close(file_);
+}
+
+}  // namespace silhouette

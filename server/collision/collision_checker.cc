@@ -1,0 +1,346 @@
+#include "server/collision/collision_checker.h"
+
+#include <algorithm>
+#include <bit>
+#include <stdexcept>
+
+#include "server/collision/line_search.h"
+#include "server/collision/segment_places.h"
+
+namespace silhouette {
+namespace {
+
+// What lies inside the test robot image.
+struct Look {
+  bool shown = false;     // of the plane that shows obstacles
+  bool obstacle = false;  // obstacle pixels of the obstacle image
+  bool hiding = false;    // unknown or error pixels
+};
+
+Look LookAt(const ObstacleImage& image, MaskWords shown_by, const TestRobot::View& robot) {
+  const MaskWords obstacle = image.obstacle().words();
+  const MaskWords unknown = image.unknown().words();
+  const MaskWords error = image.error().words();
+  uint64_t shown_bits = 0;
+  uint64_t obstacle_bits = 0;
+  uint64_t hiding_bits = 0;
+  for (size_t i = 0; i < obstacle.size(); ++i) {
+    const uint64_t bits = robot[i];
+    shown_bits |= shown_by[i] & bits;
+    obstacle_bits |= obstacle[i] & bits;
+    hiding_bits |= (unknown[i] | error[i]) & bits;
+  }
+  return {shown_bits != 0, obstacle_bits != 0, hiding_bits != 0};
+}
+
+// The intersection images of one test configuration, in memory that is used again and again.
+class IntersectionWords {
+ public:
+  std::span<const SearchedImage> Fill(const RobotImageTable& table, const ObstacleImages& images,
+                                      const TestRobot& test_robot) {
+    words_.resize(3 * table.words());
+    images_.assign(images.size(), {});
+    uint64_t* at = words_.data();
+    for (int view = 0; view < table.views(); ++view) {
+      const std::optional<ObstacleImage>& image = images[static_cast<size_t>(view)];
+      if (!image) continue;
+      const TestRobot::View robot = test_robot.view(view);
+      const auto cut = [&](const Mask& plane) {
+        const MaskWords words = plane.words();
+        for (size_t i = 0; i < words.size(); ++i) at[i] = words[i] & robot[i];
+        const MaskWords result(at, words.size());
+        at += words.size();
+        return result;
+      };
+      SearchedImage& searched = images_[static_cast<size_t>(view)];
+      searched.obstacle = cut(image->obstacle());
+      searched.unknown = cut(image->unknown());
+      searched.error = cut(image->error());
+    }
+    return images_;
+  }
+
+ private:
+  std::vector<uint64_t> words_;
+  std::vector<SearchedImage> images_;
+};
+
+ViewEvidence CountIn(const ObstacleImage& image, const TestRobot::View& robot) {
+  const MaskWords obstacle = image.obstacle().words();
+  const MaskWords unknown = image.unknown().words();
+  const MaskWords error = image.error().words();
+  ViewEvidence evidence;
+  for (size_t i = 0; i < obstacle.size(); ++i) {
+    const uint64_t bits = robot[i];
+    evidence.obstacle_pixels += static_cast<uint32_t>(std::popcount(obstacle[i] & bits));
+    evidence.unknown_pixels += static_cast<uint32_t>(std::popcount(unknown[i] & bits));
+    evidence.error_pixels += static_cast<uint32_t>(std::popcount(error[i] & bits));
+  }
+  return evidence;
+}
+
+Configuration Between(std::span<const double> from, std::span<const double> to, double fraction) {
+  Configuration q(from.begin(), from.end());
+  for (size_t j = 0; j < q.size(); ++j) q[j] += fraction * (to[j] - from[j]);
+  return q;
+}
+
+}  // namespace
+
+CollisionTest::CollisionTest(const RobotImageTable& table, const ObstacleImages& obstacle_images,
+                             const Policy& policy, const TestSupport& support)
+    : table_(table),
+      obstacle_images_(obstacle_images),
+      min_views_(MinViews(policy, table.views())),
+      off_grid_(policy.off_grid) {
+  if (obstacle_images.size() != static_cast<size_t>(table.views())) {
+    throw std::invalid_argument("there must be one obstacle image per view");
+  }
+  for (int view = 0; view < table.views(); ++view) {
+    const std::optional<ObstacleImage>& image = obstacle_images[view];
+    if (!image) {
+      ++missing_views_;
+    } else if (image->size() != table.mask_sizes()[view]) {
+      throw std::invalid_argument("an obstacle image has not the size of its view's masks");
+    }
+  }
+  if (IsCalibrated(policy.preset)) PrepareLines(policy, support);
+  if (IsSound(policy.preset)) CheckSpace(policy, support);
+}
+
+void CollisionTest::CheckSpace(const Policy& policy, const TestSupport& support) {
+  if (support.possible_space == nullptr) {
+    throw std::invalid_argument("the preset '" + NameOf(policy.preset) +
+                                "' needs the space of possible obstacles");
+  }
+  const VoxelSpace& space = support.possible_space->space();
+  bool fits = space.views() == table_.views();
+  for (int view = 0; fits && view < space.views(); ++view) {
+    fits = space.mask_size(view) == table_.mask_sizes()[static_cast<size_t>(view)] &&
+           support.possible_space->sees(view) ==
+               obstacle_images_[static_cast<size_t>(view)].has_value();
+  }
+  if (!fits) throw std::invalid_argument("the space of possible obstacles is not the scene's");
+  possible_space_ = support.possible_space;
+  voxels_decide_ = policy.preset == Preset::kSound;
+  robot_may_touch_ = support.robot_may_touch;
+}
+
+void CollisionTest::PrepareLines(const Policy& policy, const TestSupport& support) {
+  if (support.bands == nullptr) {
+    throw std::invalid_argument("the preset '" + NameOf(policy.preset) + "' needs a calibration");
+  }
+  if (!std::ranges::equal(support.bands->mask_sizes(), table_.mask_sizes())) {
+    throw std::invalid_argument("the calibration does not fit the views");
+  }
+  errors_convict_ = ErrorsConvict(policy);
+  if (EpipolarDomainOf(policy) == EpipolarDomain::kIntersection) {
+    searched_bands_ = support.bands;
+    return;
+  }
+  resolved_ = support.resolved;
+  if (resolved_ == nullptr) {
+    own_resolved_ = ResolvedObstacleImages(obstacle_images_, *support.bands, errors_convict_);
+    return;
+  }
+  bool fits = resolved_->size() == obstacle_images_.size();
+  for (size_t view = 0; fits && view < resolved_->size(); ++view) {
+    const std::optional<Mask>& plane = (*resolved_)[view];
+    fits = plane.has_value() == obstacle_images_[view].has_value() &&
+           (!plane || plane->size() == table_.mask_sizes()[view]);
+  }
+  if (!fits) throw std::invalid_argument("the resolved images are not those of the scene");
+}
+
+Reason CollisionTest::Unusable(Numbers corners) const {
+  bool missing = false;
+  bool corrupt = false;
+  bool elsewhere = false;
+  for (ConfigurationNumber corner : corners) {
+    const RobotImageState state = table_.state(corner);
+    if (state == RobotImageState::kExcluded) return Reason::kExcluded;
+    missing = missing || state == RobotImageState::kMissing;
+    corrupt = corrupt || state == RobotImageState::kCorrupt;
+    elsewhere = elsewhere || state == RobotImageState::kElsewhere;
+  }
+  if (corrupt) return Reason::kRobotImageCorrupt;
+  if (elsewhere) return Reason::kFixedJointMoved;
+  return missing ? Reason::kRobotImageMissing : Reason::kNone;
+}
+
+Verdict CollisionTest::Judge(Numbers corners, std::span<ViewEvidence> evidence) const {
+  if (!evidence.empty() && evidence.size() != obstacle_images_.size()) {
+    throw std::invalid_argument("there must be one evidence per view, or none");
+  }
+  for (size_t view = 0; view < evidence.size(); ++view) {
+    evidence[view] = ViewEvidence{.missing = !obstacle_images_[view]};
+  }
+  const Reason unusable = corners.empty() ? Reason::kOutsideGrid : Unusable(corners);
+  if (unusable != Reason::kNone) return Verdict::Unknown(unusable);
+  thread_local TestRobot test_robot;
+  if (!test_robot.Take(table_, corners)) return Verdict::Unknown(Reason::kRobotImageCorrupt);
+  int showing = missing_views_;
+  bool hidden_possible = true;
+  for (int view = 0; view < table_.views(); ++view) {
+    if (!obstacle_images_[view]) continue;
+    const ObstacleImage& image = *obstacle_images_[view];
+    const TestRobot::View robot = test_robot.view(view);
+    const Look look = LookAt(image, ShownBy(view), robot);
+    if (look.shown) ++showing;
+    hidden_possible = hidden_possible && look.hiding && !look.obstacle;
+    if (!evidence.empty()) evidence[view] = CountIn(image, robot);
+  }
+  if (possible_space_ != nullptr) {
+    if (SomethingPossible(corners, test_robot)) return Verdict::Occupied(hidden_possible);
+    if (missing_views_ > 0) return Verdict::Unknown(Reason::kViewMissing);
+    return Verdict::Free(/*hidden_possible=*/false);
+  }
+  if (searched_bands_ != nullptr && showing < min_views_) {
+    showing = ShowingAlongLines(test_robot, showing);
+  }
+  if (showing >= min_views_) return Verdict::Occupied(hidden_possible);
+  if (missing_views_ > 0) return Verdict::Unknown(Reason::kViewMissing, hidden_possible);
+  return Verdict::Free(hidden_possible);
+}
+
+bool CollisionTest::SomethingPossible(Numbers corners, const TestRobot& test_robot) const {
+  thread_local std::vector<uint64_t> room;
+  thread_local std::vector<MaskWords> robot;
+  room.resize(table_.words());
+  robot.clear();
+  std::span<uint64_t> left = room;
+  for (int view = 0; view < table_.views(); ++view) {
+    robot.push_back(test_robot.Words(view, left));
+    left = left.subspan(robot.back().size());
+  }
+  PossibleSpace::MayTouch body;
+  if (robot_may_touch_ && corners.size() == 1) {
+    body = [this, number = corners[0]](const Eigen::AlignedBox3d& box) {
+      return robot_may_touch_(number, box);
+    };
+  }
+  return possible_space_->PlanesMeet(robot, min_views_, body) &&
+         (!voxels_decide_ || possible_space_->VoxelsMeet(robot, min_views_, body));
+}
+
+int CollisionTest::ShowingAlongLines(const TestRobot& test_robot, int showing) const {
+  // Where no view shows an obstacle, none can convict.
+  if (showing == 0 && !errors_convict_) return 0;
+  thread_local IntersectionWords intersection;
+  thread_local LineSearch search;
+  search.Begin(*searched_bands_, intersection.Fill(table_, obstacle_images_, test_robot),
+               errors_convict_);
+  return search.CountShowing(min_views_);
+}
+
+Verdict CollisionTest::Check(ConfigurationNumber number, std::span<ViewEvidence> evidence) const {
+  if (!table_.grid().Contains(number)) return Judge({}, evidence);
+  return Judge({&number, 1}, evidence);
+}
+
+Verdict CollisionTest::Check(std::span<const double> q, std::span<ViewEvidence> evidence) const {
+  if (off_grid_ == OffGrid::kCell) return Judge(table_.grid().CornersAround(q).numbers(), evidence);
+  const std::optional<ConfigurationNumber> nearest = table_.grid().Nearest(q);
+  return nearest ? Judge({&*nearest, 1}, evidence) : Judge({}, evidence);
+}
+
+PathVerdict CollisionTest::CheckPath(std::span<const Configuration> waypoints,
+                                     std::span<ViewEvidence> evidence, const Tested& tested) const {
+  if (waypoints.empty()) throw std::invalid_argument("a path has at least one waypoint");
+  PathVerdict result;
+  bool hidden_possible = false;
+  // Whether the path ends here, because this place is not free.
+  const auto stops_at = [&](const Configuration& q, size_t segment, double fraction) {
+    ++result.checked;
+    const Verdict verdict = Check(q);
+    if (tested) tested({q, static_cast<int>(segment), fraction, verdict});
+    hidden_possible = hidden_possible || verdict.hidden_possible();
+    if (verdict.free()) return false;
+    if (!evidence.empty()) Check(q, evidence);
+    result.verdict = verdict;  // not the second one: an image may be read now that was not before
+    result.segment = static_cast<int>(segment);
+    result.fraction = fraction;
+    result.configuration = q;
+    return true;
+  };
+  for (size_t i = 0; i < waypoints.size(); ++i) {
+    if (stops_at(waypoints[i], i, 0)) return result;
+    if (i + 1 == waypoints.size()) break;
+    const Configuration& to = waypoints[i + 1];
+    if (to.size() != waypoints[i].size()) continue;  // outside the grid, as its own turn will show
+    SegmentPlaces places(table_.grid(), waypoints[i], to, off_grid_);
+    if (!places.resolvable()) {
+      if (stops_at(to, i + 1, 0)) return result;
+      result.verdict = Verdict::Unknown(Reason::kOutsideGrid);  // too many turns away
+      result.segment = static_cast<int>(i + 1);
+      result.configuration = to;
+      return result;
+    }
+    while (const std::optional<double> place = places.Next()) {
+      if (stops_at(Between(waypoints[i], to, *place), i, *place)) return result;
+    }
+  }
+  result.verdict = Verdict::Free(hidden_possible);
+  return result;
+}
+
+State CollisionTest::StateOf(ConfigurationNumber number) const {
+  thread_local TestRobot test_robot;
+  const Numbers corners(&number, 1);
+  if (!test_robot.Take(table_, corners)) return State::kUnknown;
+  return Occupied(corners, test_robot) ? State::kOccupied
+         : missing_views_ > 0          ? State::kUnknown
+                                       : State::kFree;
+}
+
+bool CollisionTest::Occupied(Numbers corners, const TestRobot& test_robot) const {
+  if (possible_space_ != nullptr) return SomethingPossible(corners, test_robot);
+  int showing = missing_views_;
+  for (int view = 0; view < table_.views() && showing < min_views_; ++view) {
+    if (!obstacle_images_[view]) continue;
+    if (Intersects(ShownBy(view), test_robot.Words(view, {}))) ++showing;
+  }
+  if (searched_bands_ != nullptr && showing < min_views_) {
+    showing = ShowingAlongLines(test_robot, showing);
+  }
+  return showing >= min_views_;
+}
+
+TileVerdicts CollisionTest::CheckTile(uint64_t tile) const {
+  TileVerdicts verdicts;
+  for (uint64_t place = 0; place < kTileSize; ++place) {
+    const ConfigurationNumber number = tile * kTileSize + place;
+    if (table_.state(number) != RobotImageState::kPresent) continue;
+    const uint64_t bit = uint64_t{1} << (place % 64);
+    const State state = StateOf(number);
+    if (state == State::kOccupied) verdicts.occupied[place / 64] |= bit;
+    if (state == State::kFree) verdicts.free[place / 64] |= bit;
+  }
+  return verdicts;
+}
+
+std::optional<std::vector<Mask>> CollisionTest::TestRobotImages(std::span<const double> q) const {
+  const std::optional<ConfigurationNumber> nearest = table_.grid().Nearest(q);
+  const CellCorners cell = table_.grid().CornersAround(q);
+  Numbers corners = cell.numbers();
+  if (off_grid_ == OffGrid::kNearest && nearest) corners = {&*nearest, 1};
+  if (corners.empty() || Unusable(corners) != Reason::kNone) return std::nullopt;
+  TestRobot robot;
+  if (!robot.Take(table_, corners)) return std::nullopt;
+  std::vector<Mask> images;
+  for (int view = 0; view < table_.views(); ++view) {
+    const MaskSize size = table_.mask_sizes()[static_cast<size_t>(view)];
+    std::vector<uint64_t> room(size.words());
+    const MaskWords words = robot.Words(view, room);
+    images.push_back(Mask::FromWords(size, {words.begin(), words.end()}));
+  }
+  return images;
+}
+
+std::optional<Mask> CollisionTest::TestRobotImage(int view, std::span<const double> q) const {
+  std::optional<std::vector<Mask>> images = TestRobotImages(q);
+  if (!images) return std::nullopt;
+  return std::move((*images)[static_cast<size_t>(view)]);
+}
+
+}  // namespace silhouette

@@ -1,0 +1,162 @@
+// The collision test: verdicts on configurations, paths and the whole configuration space, from the
+// obstacle images of one scene and the robot images of one generation of the database.
+//
+// A view shows an obstacle if its collision image - the obstacle image inside the test robot image,
+// with unknown and error pixels resolved as the policy says - has an obstacle pixel (paper §3.3). A
+// configuration is occupied if at least min_views views (policy.h) show one. A view that the scene
+// lacks counts as showing one; a configuration is then occupied or unknown, never free.
+//
+// The sound presets ask instead whether an obstacle could be where the robot would be
+// (possible_space.h); a view shows what is possible there. A configuration that they find free has
+// no place for an obstacle of the least size, so that it is never hidden_possible.
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <functional>
+#include <optional>
+#include <span>
+#include <vector>
+
+#include "db/mask/configuration_grid.h"
+#include "server/collision/collision_images.h"
+#include "server/collision/epipolar_bands.h"
+#include "server/collision/policy.h"
+#include "server/collision/possible_space.h"
+#include "server/collision/robot_image_table.h"
+#include "server/collision/test_robot.h"
+#include "server/collision/verdict.h"
+
+namespace silhouette {
+
+// The verdicts of a tile: bit i % 64 of word i / 64 for place i. A place with neither bit is
+// unknown or absent from the grid.
+struct TileVerdicts {
+  std::array<uint64_t, kTileSize / 64> free{};
+  std::array<uint64_t, kTileSize / 64> occupied{};
+
+  bool operator==(const TileVerdicts&) const = default;
+};
+
+// The verdict on a path.
+struct PathVerdict {
+  // Free if all of the path is; hidden_possible() if it is for any place. Else the verdict at
+  // `configuration`, a place of the first part of the path that is not free.
+  Verdict verdict;
+  // Where that is: waypoint number and fraction of the way to the next one. Only if not free.
+  int segment = 0;
+  double fraction = 0;
+  Configuration configuration;
+  // Places tested, up to there.
+  int64_t checked = 0;
+};
+
+// A place of a path that was tested.
+struct TestedPlace {
+  std::span<const double> configuration;
+  // Waypoint number and fraction of the way to the next one.
+  int segment = 0;
+  double fraction = 0;
+  Verdict verdict;
+};
+
+// What a test rests on beside the obstacle images, as far as its policy needs it.
+struct TestSupport {
+  // Calibrated presets: the lines between the views.
+  const EpipolarBands* bands = nullptr;
+  // Calibrated presets with EpipolarDomain::kObstacle: ResolvedObstacleImages of the scene, if they
+  // are there already.
+  const CollisionImages* resolved = nullptr;
+  // Sound presets: where the scene's obstacles could be.
+  const PossibleSpace* possible_space = nullptr;
+  // Sound presets, if the model of the robot holds all there is of it, tool and payload: whether it
+  // may touch a box at a configuration. Links that are exactly where they are at present may be
+  // left out: what they touched then, they would touch now. Configurations off the grid are tested
+  // without.
+  std::function<bool(ConfigurationNumber, const Eigen::AlignedBox3d&)> robot_may_touch = nullptr;
+};
+
+// Refers to a table, to obstacle images and to its support, which must outlive it. May be used by
+// any number of threads; checks of configurations do not allocate, but for memory that a thread
+// keeps from its first check on.
+class CollisionTest {
+ public:
+  // Throws std::invalid_argument if there is not one obstacle image per view, if one has not the
+  // size of its view's masks, if the policy cannot be, or if `support` lacks what it needs.
+  CollisionTest(const RobotImageTable& table, const ObstacleImages& obstacle_images,
+                const Policy& policy, const TestSupport& support = {});
+
+  // All three: `evidence` is empty, or has one entry per view, which are filled in (all zero, but
+  // for missing views, where no robot image could be looked at).
+
+  // A configuration of the grid. A number that no configuration has is outside the grid.
+  Verdict Check(ConfigurationNumber number, std::span<ViewEvidence> evidence = {}) const;
+
+  // Any configuration: joint values in the order of the grid. Off the grid, Policy::off_grid says
+  // what stands for it; with OffGrid::kCell a view shows what it shows at any corner.
+  Verdict Check(std::span<const double> q, std::span<ViewEvidence> evidence = {}) const;
+
+  // The path through the waypoints, at least one (else std::invalid_argument), joint values
+  // interpolated linearly and without wrapping. Exact: see segment_places.h. `evidence` is filled
+  // in only if the path is not free. `tested`: if it is one, called with every place that is
+  // tested, in their order.
+  using Tested = std::function<void(const TestedPlace&)>;
+  PathVerdict CheckPath(std::span<const Configuration> waypoints,
+                        std::span<ViewEvidence> evidence = {}, const Tested& tested = {}) const;
+
+  // All configurations of a tile of the grid.
+  TileVerdicts CheckTile(uint64_t tile) const;
+
+  int min_views() const { return min_views_; }
+  const ConfigurationGrid& grid() const { return table_.grid(); }
+
+  // The test robot images of `q`, one per view: what the verdict looked at. Nothing if a robot
+  // image that it takes is not there or cannot be read, or `q` is outside the grid.
+  std::optional<std::vector<Mask>> TestRobotImages(std::span<const double> q) const;
+  // That of one view.
+  std::optional<Mask> TestRobotImage(int view, std::span<const double> q) const;
+
+ private:
+  friend class SpaceTest;
+  friend class CellTest;
+  using Numbers = std::span<const ConfigurationNumber>;
+
+  void PrepareLines(const Policy& policy, const TestSupport& support);
+  void CheckSpace(const Policy& policy, const TestSupport& support);
+  // Whether something possible meets the robot at these corners.
+  bool SomethingPossible(Numbers corners, const TestRobot& test_robot) const;
+  // The verdict on a configuration that is present; unknown, too, if its image cannot be read.
+  State StateOf(ConfigurationNumber number) const;
+  bool Occupied(Numbers corner, const TestRobot& test_robot) const;
+  Verdict Judge(Numbers corners, std::span<ViewEvidence> evidence) const;
+  // How many of the views, of which `showing` have an obstacle pixel in the intersection image,
+  // show an obstacle once the lines are searched; counts on only while it matters.
+  int ShowingAlongLines(const TestRobot& test_robot, int showing) const;
+  // The words that a view shows an obstacle by; the view is not missing.
+  MaskWords ShownBy(int view) const {
+    const auto i = static_cast<size_t>(view);
+    if (resolved_ != nullptr) return (*resolved_)[i]->words();
+    if (!own_resolved_.empty()) return own_resolved_[i]->words();
+    return obstacle_images_[i]->obstacle().words();
+  }
+  // Why the robot images at these corners cannot be used; kNone if they can.
+  Reason Unusable(Numbers corners) const;
+
+  const RobotImageTable& table_;
+  const ObstacleImages& obstacle_images_;
+  // Set if lines are searched in the intersection images.
+  const EpipolarBands* searched_bands_ = nullptr;
+  bool errors_convict_ = false;
+  // Set, one or the other, if lines are searched in the obstacle images.
+  const CollisionImages* resolved_ = nullptr;
+  CollisionImages own_resolved_;
+  // Set if the preset is a sound one.
+  const PossibleSpace* possible_space_ = nullptr;
+  std::function<bool(ConfigurationNumber, const Eigen::AlignedBox3d&)> robot_may_touch_;
+  bool voxels_decide_ = false;
+  int min_views_ = 1;
+  int missing_views_ = 0;
+  OffGrid off_grid_ = OffGrid::kCell;
+};
+
+}  // namespace silhouette

@@ -1,0 +1,102 @@
+// tools/benchmark, without its measuring: from what Google Benchmark tells to the rows.
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <sys/wait.h>
+
+#include <cstdlib>
+#include <fstream>
+#include <map>
+#include <nlohmann/json.hpp>
+#include <set>
+#include <sstream>
+#include <string>
+
+#include "tests/test_folder.h"
+
+namespace silhouette {
+namespace {
+
+using Json = nlohmann::json;
+using ::testing::HasSubstr;
+
+const std::string kSource = SILHOUETTE_SOURCE_DIR;
+
+std::string ContentOf(const std::filesystem::path& file) {
+  std::ifstream in(file);
+  return {std::istreambuf_iterator<char>(in), {}};
+}
+
+// Exit code of a command whose standard output goes to a file.
+int ExitCodeOf(const std::string& command, const std::filesystem::path& out) {
+  const int status = std::system((command + " >" + out.string() + " 2>&1").c_str());
+  return WEXITSTATUS(status);
+}
+
+Json Table() { return Json::parse(ContentOf(kSource + "/tests/benchmark/rows.json")); }
+
+TEST(BenchmarkScript, ComparesWhatRanAndLeavesOutWhatDidNot) {
+  const auto folder = FreshFolder();
+  std::ofstream(folder / "results.json") << R"({
+    "context": {"date": "today", "num_cpus": 2, "load_avg": [0.1]},
+    "benchmarks": [
+      {"name": "streaming_all_masks/person/manual_time", "median_ns": 60e6},
+      {"name": "scene_to_map_1m/person/manual_time", "median_ns": 0.5e6, "worst_ns": 1e6},
+      {"name": "grpc_batch/tcp/iterations:3/real_time", "per_second": 40e6},
+      {"name": "lmdb_get/manual_time", "error_occurred": true, "error_message": "no disk"}]})";
+  const std::string command = kSource + "/tools/benchmark --results " +
+                              (folder / "results.json").string() + " --out " + folder.string();
+  EXPECT_EQ(ExitCodeOf(command, folder / "log"), 1);
+  EXPECT_THAT(ContentOf(folder / "log"), HasSubstr("lmdb_get/manual_time: no disk"));
+
+  std::map<std::string, Json> rows;
+  for (const Json& row : Json::parse(ContentOf(folder / "ratios.json"))) {
+    for (const char* key : {"name", "value", "unit", "baseline", "ratio"}) {
+      EXPECT_TRUE(row.contains(key)) << row;
+    }
+    rows[row["name"]] = row;
+  }
+  ASSERT_EQ(rows.size(), 3u);
+  EXPECT_EQ(rows["scene_to_map_1m"]["value"], 0.5);
+  EXPECT_EQ(rows["scene_to_map_1m"]["unit"], "ms");
+  EXPECT_EQ(rows["scene_to_map_1m"]["baseline"], "streaming_all_masks");
+  EXPECT_EQ(rows["scene_to_map_1m"]["ratio"], 120);
+  EXPECT_EQ(rows["scene_to_map_1m"]["met"], true);
+  EXPECT_EQ(rows["grpc_batch"]["value"], 40);
+  EXPECT_EQ(rows["grpc_batch"]["met"], false);
+  EXPECT_TRUE(rows["streaming_all_masks"]["ratio"].is_null());
+  EXPECT_THAT(ContentOf(folder / "table.md"), HasSubstr("120 x `streaming_all_masks`"));
+}
+
+TEST(BenchmarkScript, EveryRowHasItsBenchmarkAndItsBaseline) {
+  const auto folder = FreshFolder();
+  ASSERT_EQ(
+      ExitCodeOf(SILHOUETTE_BIN_DIR "/silhouette-bench --benchmark_list_tests", folder / "list"),
+      0);
+  std::set<std::string> benchmarks;
+  std::istringstream lines(ContentOf(folder / "list"));
+  for (std::string line; std::getline(lines, line);) {
+    for (const char* added : {"/manual_time", "/real_time", "/iterations:"}) {
+      line = line.substr(0, line.find(added));
+    }
+    benchmarks.insert(line);
+  }
+  std::set<std::string> names;
+  for (const Json& row : Table()) EXPECT_TRUE(names.insert(row["name"]).second) << row["name"];
+  for (const Json& row : Table()) {
+    for (const Json& benchmark : row["of"]) EXPECT_EQ(benchmarks.count(benchmark), 1u) << benchmark;
+    EXPECT_TRUE(!row.contains("baseline") || names.contains(row["baseline"])) << row["name"];
+  }
+}
+
+TEST(BenchmarkScript, MistakesAreTheUsersAndHelpIsHelp) {
+  const auto folder = FreshFolder();
+  EXPECT_EQ(ExitCodeOf(kSource + "/tools/benchmark --fast", folder / "log"), 2);
+  EXPECT_THAT(ContentOf(folder / "log"), HasSubstr("unknown argument '--fast'"));
+  EXPECT_EQ(ExitCodeOf(kSource + "/tools/benchmark --results nowhere", folder / "log"), 2);
+  EXPECT_THAT(ContentOf(folder / "log"), HasSubstr("there is no 'nowhere'"));
+  EXPECT_EQ(ExitCodeOf(kSource + "/tools/benchmark --help", folder / "log"), 0);
+  EXPECT_THAT(ContentOf(folder / "log"), HasSubstr("--quick"));
+}
+
+}  // namespace
+}  // namespace silhouette

@@ -1,0 +1,139 @@
+#include "calib/boards/sighting_file.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <limits>
+#include <random>
+#include <stdexcept>
+
+#include "absl/strings/str_replace.h"
+
+namespace silhouette {
+namespace {
+
+using testing::AllOf;
+using testing::HasSubstr;
+using testing::StartsWith;
+
+constexpr char kSightingFileFile[] =
+    "frame,view,family,tag,corner,x,y,sigma\n"
+    "0001,left,tag36h11,5,0,10,20,0.02\n"
+    "0001,left,tag36h11,5,1,30,20,0.02\n"
+    "0001,left,tag36h11,5,2,30,5.5,0.02\n"
+    "0001,left,tag36h11,5,3,10,5.25,0.02\n";
+
+std::string SightingFileMessageFor(const std::string& text) {
+  const auto sightings = SightingsFromText(text, "corners.csv");
+  return sightings.ok() ? "" : std::string(sightings.status().message());
+}
+
+// The message for kSightingFileFile with `from` replaced.
+std::string MessageForChanged(const std::string& from, const std::string& to) {
+  const std::string text = absl::StrReplaceAll(kSightingFileFile, {{from, to}});
+  EXPECT_NE(text, kSightingFileFile);
+  return SightingFileMessageFor(text);
+}
+
+TEST(SightingFile, GivesSightings) {
+  const auto sightings = SightingsFromText(kSightingFileFile, "corners.csv");
+  ASSERT_TRUE(sightings.ok()) << sightings.status();
+  ASSERT_EQ(sightings->size(), 1u);
+  const TagSighting& tag = sightings->front();
+  EXPECT_EQ(tag.frame, "0001");
+  EXPECT_EQ(tag.view, "left");
+  EXPECT_EQ(tag.family, "tag36h11");
+  EXPECT_EQ(tag.tag, 5);
+  EXPECT_EQ(tag.corners[2], Eigen::Vector2d(30, 5.5));
+  EXPECT_EQ(tag.sigma, 0.02);
+}
+
+TEST(SightingFile, GivesBackWhatWasWrittenToTheLastBit) {
+  const auto seed = std::random_device()();
+  SCOPED_TRACE(testing::Message() << "seed " << seed);
+  std::mt19937_64 random(seed);
+  std::uniform_real_distribution<double> pixel(-5, 4000);
+  std::vector<TagSighting> written;
+  for (const char* frame : {"2", "1", "a,b", " \"quoted\" "}) {
+    for (int tag = 0; tag < 20; ++tag) {
+      TagSighting sighting{.frame = frame, .view = "v, 1", .family = "tag36h11", .tag = tag};
+      for (Eigen::Vector2d& corner : sighting.corners) corner = {pixel(random), pixel(random)};
+      sighting.sigma = pixel(random) + 6;
+      written.push_back(sighting);
+    }
+  }
+  const auto read = SightingsFromText(SightingFileText(written), "corners.csv");
+  ASSERT_TRUE(read.ok()) << read.status();
+  ASSERT_EQ(read->size(), written.size());
+  for (size_t i = 0; i < written.size(); ++i) {
+    EXPECT_EQ((*read)[i].frame, written[i].frame);
+    EXPECT_EQ((*read)[i].view, written[i].view);
+    EXPECT_EQ((*read)[i].family, written[i].family);
+    EXPECT_EQ((*read)[i].tag, written[i].tag);
+    EXPECT_EQ((*read)[i].corners, written[i].corners);
+    EXPECT_EQ((*read)[i].sigma, written[i].sigma);
+  }
+}
+
+TEST(SightingFile, TakesOtherOrdersAndLineEnds) {
+  const auto sightings = SightingsFromText(
+      "\xEF\xBB\xBFsigma,y,x,corner,tag,family,view,frame\r\n"
+      "0.02,4,3,3,5,t,v,f\r\n\r\n0.02,2,2,2,5,t,\"v\",f\r\n0.02,1,1,1,5,t,v,f\r\n"
+      "0.02,0,0,0,5,t,v,f",
+      "corners.csv");
+  ASSERT_TRUE(sightings.ok()) << sightings.status();
+  ASSERT_EQ(sightings->size(), 1u);
+  EXPECT_EQ(sightings->front().corners[3], Eigen::Vector2d(3, 4));
+}
+
+TEST(SightingFile, HeaderAloneIsNoSighting) {
+  EXPECT_EQ(SightingFileMessageFor("frame,view,family,tag,corner,x,y,sigma\n"), "");
+}
+
+TEST(SightingFile, MistakesAreToldWithTheLine) {
+  EXPECT_THAT(SightingFileMessageFor(""), HasSubstr("empty"));
+  EXPECT_THAT(MessageForChanged("sigma", "sgima"),
+              AllOf(StartsWith("corners.csv:1:"), HasSubstr("did you mean 'sigma'?")));
+  EXPECT_THAT(MessageForChanged("frame,", ""), HasSubstr("'frame' is missing"));
+  EXPECT_THAT(MessageForChanged("x,y", "x,x"), HasSubstr("'x' is there twice"));
+  EXPECT_THAT(MessageForChanged("30,5.5,0.02", "30,5.5"),
+              AllOf(StartsWith("corners.csv:4:"), HasSubstr("7 fields")));
+  EXPECT_THAT(MessageForChanged("5.25", "nan"),
+              AllOf(StartsWith("corners.csv:5:"), HasSubstr("not a finite number")));
+  EXPECT_THAT(MessageForChanged("5.25", "inf"), HasSubstr("not a finite number"));
+  EXPECT_THAT(MessageForChanged("5.25", "5,25"), HasSubstr("9 fields"));
+  EXPECT_THAT(MessageForChanged("5.25", "five"), HasSubstr("not a finite number"));
+  EXPECT_THAT(MessageForChanged("5.25,0.02", "5.25,0.03"), HasSubstr("different sigma"));
+  EXPECT_THAT(MessageForChanged("0.02", "0"), HasSubstr("sigma 0"));
+  EXPECT_THAT(MessageForChanged("5,3,10", "5,4,10"), HasSubstr("corners are 0 to 3"));
+  EXPECT_THAT(MessageForChanged("5,3,10", "-5,3,10"), HasSubstr("not negative"));
+  EXPECT_THAT(MessageForChanged("5,3,10", "5.5,3,10"), HasSubstr("not a whole number"));
+  EXPECT_THAT(MessageForChanged("left", "\"left"), HasSubstr("double quotes"));
+  EXPECT_THAT(MessageForChanged("left", ""), HasSubstr("the view is empty"));
+}
+
+TEST(SightingFile, RepeatedOrMissingCornersAreRefused) {
+  EXPECT_THAT(MessageForChanged("5,3,10", "5,2,10"),
+              AllOf(StartsWith("corners.csv:5:"), HasSubstr("corner 2 of tag 5 of tag36h11"),
+                    HasSubstr("twice"), HasSubstr("corners.csv:2")));
+  EXPECT_THAT(MessageForChanged("0001,left,tag36h11,5,3,10,5.25,0.02\n", ""),
+              AllOf(StartsWith("corners.csv:2:"), HasSubstr("has no corner 3")));
+}
+
+TEST(SightingFile, WhatCouldNotBeReadIsNotWritten) {
+  const TagSighting good{.frame = "f", .view = "v", .family = "t", .sigma = 1};
+  const auto refused = [&](auto change) {
+    TagSighting bad = good;
+    change(bad);
+    EXPECT_THROW(SightingFileText(std::vector{bad}), std::invalid_argument);
+  };
+  EXPECT_NO_THROW(SightingFileText(std::vector{good}));
+  refused([](TagSighting& s) { s.frame.clear(); });
+  refused([](TagSighting& s) { s.view = "a\nb"; });
+  refused([](TagSighting& s) { s.tag = -1; });
+  refused([](TagSighting& s) { s.sigma = 0; });
+  refused([](TagSighting& s) { s.corners[1].x() = std::numeric_limits<double>::quiet_NaN(); });
+}
+
+}  // namespace
+}  // namespace silhouette

@@ -1,0 +1,193 @@
+// Lenses written for mrcal, and camera files of other programs.
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+extern "C" {
+#include <mrcal/mrcal.h>
+}
+
+#include <fstream>
+#include <random>
+
+#include "calib/files/calibration_camera_file.h"
+#include "calib/files/calibration_message.h"
+#include "calib/intrinsics/foreign_camera_file.h"
+#include "calib/intrinsics/lens_file.h"
+#include "tests/calib/intrinsics/synthetic_boards.h"
+#include "tests/test_folder.h"
+
+namespace silhouette {
+namespace {
+
+using testing::AllOf;
+using testing::ElementsAre;
+using testing::HasSubstr;
+
+SolvedCamera Solved(const CameraModel& camera) {
+  const CameraIntrinsics& k = camera.intrinsics();
+  SolvedCamera solved{.name = "left",
+                      .width = k.width,
+                      .height = k.height,
+                      .lens_model = "LENSMODEL_OPENCV8",
+                      .intrinsics = {k.fx, k.fy, k.cx, k.cy},
+                      .camera_from_reference = camera.camera_from_world()};
+  solved.intrinsics.insert(solved.intrinsics.end(), k.distortion.begin(), k.distortion.end());
+  return solved;
+}
+
+TEST(LensFile, ComesBackToTheLastPartOfAPixel) {
+  const CameraModel camera = CamerasOnAnArc(3)[2];
+  const auto read = CameraFromForeignText(LensFileText(Solved(camera)), "left.cameramodel");
+  ASSERT_TRUE(read.ok()) << read.status();
+  EXPECT_EQ(read->format, "mrcal");
+  std::mt19937 random(31);
+  std::uniform_real_distribution<double> unit(-1, 1);
+  for (int i = 0; i < 200; ++i) {
+    const Eigen::Vector3d point = 0.5 * Eigen::Vector3d(unit(random), unit(random), unit(random));
+    EXPECT_LT((*camera.Project(point) - *read->camera.Project(point)).norm(), 1e-9);
+  }
+}
+
+TEST(LensFile, IsReadByMrcal) {
+  const CameraModel camera = CamerasOnAnArc(3)[2];
+  const SolvedCamera solved = Solved(camera);
+  const std::string path = FreshFolder() / "left.cameramodel";
+  std::ofstream(path) << LensFileText(solved);
+  mrcal_cameramodel_t* model = mrcal_read_cameramodel_file(path.c_str());
+  ASSERT_NE(model, nullptr);
+  EXPECT_EQ(model->lensmodel.type, MRCAL_LENSMODEL_OPENCV8);
+  EXPECT_EQ(model->imagersize[0], 1280u);
+  EXPECT_EQ(model->imagersize[1], 960u);
+  for (size_t i = 0; i < 12; ++i) EXPECT_EQ(model->intrinsics[i], solved.intrinsics[i]);
+  for (int i = 0; i < 3; ++i) {
+    EXPECT_EQ(model->rt_cam_ref[3 + i], camera.camera_from_world().translation()[i]);
+  }
+  mrcal_free_cameramodel(&model);
+}
+
+TEST(LensFile, HoldsAnyModelOfMrcal) {
+  SolvedCamera solved = Solved(CamerasOnAnArc(1)[0]);
+  solved.lens_model = "LENSMODEL_SPLINED_STEREOGRAPHIC_order=3_Nx=6_Ny=5_fov_x_deg=90";
+  solved.intrinsics.assign(4 + 2 * 6 * 5, 0.25);
+  const std::string text = LensFileText(solved);
+  mrcal_cameramodel_t* model = mrcal_read_cameramodel_string(text.c_str(), 0);
+  ASSERT_NE(model, nullptr);
+  EXPECT_EQ(mrcal_lensmodel_num_params(&model->lensmodel), 64);
+  EXPECT_EQ(model->intrinsics[63], 0.25);
+  mrcal_free_cameramodel(&model);
+}
+
+constexpr char kOpenCv[] = R"(%YAML:1.0
+---
+calibration_time: "Mon Mar  2 10:11:12 2026"
+image_width: 1280
+image_height: 960
+camera_matrix: !!opencv-matrix
+   rows: 3
+   cols: 3
+   dt: d
+   data: [ 9.05e+02, 0., 645.5, 0., 9.02e+02, 470.25, 0., 0., 1. ]
+distortion_coefficients: !!opencv-matrix
+   rows: 5
+   cols: 1
+   dt: d
+   data: [ -0.2, 0.08, 5e-4, -4e-4, -0.01 ]
+)";
+
+constexpr char kRos[] = R"(image_width: 640
+image_height: 480
+camera_name: narrow_stereo
+camera_matrix:
+  rows: 3
+  cols: 3
+  data: [500, 0, 320, 0, 501, 240, 0, 0, 1]
+distortion_model: rational_polynomial
+distortion_coefficients:
+  rows: 1
+  cols: 8
+  data: [0.1, 0.2, 0.003, 0.004, 0.5, 0.6, 0.7, 0.8]
+rectification_matrix:
+  rows: 3
+  cols: 3
+  data: [1, 0, 0, 0, 1, 0, 0, 0, 1]
+)";
+
+constexpr char kKalibr[] = R"(cam0:
+  cam_overlaps: [1]
+  camera_model: pinhole
+  distortion_coeffs: [-0.28, 0.07, 0.0002, 1.7e-05]
+  distortion_model: radtan
+  intrinsics: [458.6, 457.3, 367.2, 248.4]
+  resolution: [752, 480]
+  rostopic: /cam0/image_raw
+cam1:
+  camera_model: pinhole
+  distortion_coeffs: [0.1, 0.2, 0.3, 0.4]
+  distortion_model: equidistant
+  intrinsics: [457.6, 456.1, 379.9, 255.2]
+  resolution: [752, 480]
+)";
+
+TEST(ForeignCameraFile, OfOpenCvIsRead) {
+  const auto read = CameraFromForeignText(kOpenCv, "out.yml");
+  ASSERT_TRUE(read.ok()) << read.status();
+  const CameraIntrinsics& k = read->camera.intrinsics();
+  EXPECT_EQ(read->format, "OpenCV");
+  EXPECT_EQ(k.width, 1280);
+  EXPECT_EQ(k.height, 960);
+  EXPECT_EQ(k.fx, 905);
+  EXPECT_EQ(k.fy, 902);
+  EXPECT_EQ(k.cx, 645.5);
+  EXPECT_EQ(k.cy, 470.25);
+  EXPECT_THAT(k.distortion, ElementsAre(-0.2, 0.08, 5e-4, -4e-4, -0.01, 0, 0, 0));
+}
+
+TEST(ForeignCameraFile, OfRosIsReadInBothItsForms) {
+  const auto read = CameraFromForeignText(kRos, "left.yaml");
+  ASSERT_TRUE(read.ok()) << read.status();
+  EXPECT_EQ(read->format, "ROS");
+  EXPECT_EQ(read->camera.intrinsics().fy, 501);
+  EXPECT_THAT(read->camera.intrinsics().distortion,
+              ElementsAre(0.1, 0.2, 0.003, 0.004, 0.5, 0.6, 0.7, 0.8));
+  const auto message = CameraFromForeignText(
+      "height: 480\nwidth: 640\ndistortion_model: plumb_bob\nD: [0.1, 0, 0, 0, 0]\n"
+      "K: [500, 0, 320, 0, 501, 240, 0, 0, 1]\n",
+      "info.yaml");
+  ASSERT_TRUE(message.ok()) << message.status();
+  EXPECT_EQ(message->camera.intrinsics().distortion[0], 0.1);
+  EXPECT_EQ(message->camera.intrinsics().width, 640);
+}
+
+TEST(ForeignCameraFile, OfKalibrIsReadByTheCamerasName) {
+  const auto read = CameraFromForeignText(kKalibr, "camchain.yaml", {.camera = "cam0"});
+  ASSERT_TRUE(read.ok()) << read.status();
+  EXPECT_EQ(read->format, "Kalibr");
+  EXPECT_EQ(read->camera.intrinsics().cx, 367.2);
+  EXPECT_THAT(read->camera.intrinsics().distortion,
+              ElementsAre(-0.28, 0.07, 0.0002, 1.7e-05, 0, 0, 0, 0));
+}
+
+TEST(ForeignCameraFile, SaysWhatItDoesNotHold) {
+  const auto refusal = [](std::string text, const ForeignCameraOptions& options = {},
+                          const std::string& from = "", const std::string& to = "") {
+    if (!from.empty()) text.replace(text.find(from), from.size(), to);
+    const auto read = CameraFromForeignText(text, "c.yaml", options);
+    EXPECT_EQ(read.status().code(), absl::StatusCode::kInvalidArgument);
+    return std::string(read.status().message());
+  };
+  EXPECT_THAT(refusal(kKalibr, {.camera = "cam1"}),
+              AllOf(HasSubstr("c.yaml:12"), HasSubstr("'equidistant' is not held")));
+  EXPECT_THAT(refusal(kKalibr),
+              HasSubstr("say which camera is meant; there are 'cam0' and 'cam1'"));
+  EXPECT_THAT(refusal(kRos, {}, "rational_polynomial", "equidistant"),
+              HasSubstr("'equidistant' is not held"));
+  EXPECT_THAT(refusal(kOpenCv, {}, "image_width: 1280", ""), HasSubstr("images' size"));
+  EXPECT_THAT(refusal(kOpenCv, {.image_size = {{640, 480}}}), HasSubstr("not of 640x480"));
+  EXPECT_THAT(refusal(kOpenCv, {}, "[ -0.2,", "[ "), HasSubstr("c.yaml:"));
+  EXPECT_THAT(refusal(kRos, {}, "[500, 0,", "[500, 1.5,"), HasSubstr("no skew"));
+  EXPECT_THAT(refusal(kRos, {}, "[500, 0,", "[-500, 0,"), HasSubstr("focal length"));
+  EXPECT_THAT(refusal("a: 1\n"), HasSubstr("no camera is found in it"));
+}
+
+}  // namespace
+}  // namespace silhouette

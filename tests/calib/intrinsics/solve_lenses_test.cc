@@ -1,0 +1,294 @@
+// Lenses from synthetic sightings of boards.
+#include "calib/intrinsics/solve_lenses.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <Eigen/Cholesky>
+#include <iostream>
+#include <map>
+#include <random>
+#include <set>
+#include <tuple>
+
+#include "tests/calib/intrinsics/synthetic_boards.h"
+
+namespace silhouette {
+namespace {
+
+using testing::HasSubstr;
+
+// Where the boards' corners are in truth and in the solution, matched by frame.
+struct Truth {
+  std::map<std::string, Eigen::Isometry3d> world_from_board;  // by frame
+};
+
+// The motion from the world to the reference that fits best to where the boards stood.
+Eigen::Isometry3d ReferenceFromWorld(const Truth& truth, const LensSolution& solution,
+                                     const Board& board) {
+  const struct {
+    int width;
+    int height;
+    double spacing;
+  } lattice = {2 * board.description().columns, 2 * board.description().rows,
+               board.description().tag_size};
+  Eigen::Matrix3Xd in_world(3, 4 * solution.boards.size());
+  Eigen::Matrix3Xd in_reference(3, 4 * solution.boards.size());
+  Eigen::Index at = 0;
+  for (const LensBoard& solved : solution.boards) {
+    for (const int i : {0, lattice.width - 1}) {
+      for (const int j : {0, lattice.height - 1}) {
+        const Eigen::Vector3d corner(i * lattice.spacing, j * lattice.spacing, 0);
+        in_world.col(at) = truth.world_from_board.at(solved.frame) * corner;
+        in_reference.col(at++) = solved.reference_from_board * corner;
+      }
+    }
+  }
+  return Eigen::Isometry3d(Eigen::umeyama(in_world, in_reference, false));
+}
+
+struct Errors {
+  double squares = 0;  // of the projections' errors, pixels
+  double chi_squared = 0;
+  int points = 0;
+};
+
+// Adds how far the projection of a point is off, and what was predicted.
+void AddError(const CameraModel& camera, size_t c, const Eigen::Vector3d& in_world,
+              const LensSolution& solution, const Eigen::Isometry3d& reference_from_world,
+              Errors& errors) {
+  const auto is = camera.Project(in_world);
+  if (!is || !camera.Contains(*is)) return;
+  const Eigen::Vector3d in_reference = reference_from_world * in_world;
+  const auto solved = solution.cameras[c].model->Project(in_reference);
+  const auto covariance = ProjectionCovariance(solution, c, in_reference);
+  if (!solved || !covariance) {
+    ADD_FAILURE() << "camera " << c << " does not see a point that it saw";
+    return;
+  }
+  const Eigen::Vector2d off = *solved - *is;
+  errors.squares += off.squaredNorm();
+  errors.chi_squared += off.dot(covariance->ldlt().solve(off));
+  ++errors.points;
+}
+
+// Over the rim of the images, much of which no board reached.
+Errors RimErrors(const std::vector<CameraModel>& cameras, const Truth& truth,
+                 const LensSolution& solution, const Board& board) {
+  const Eigen::Isometry3d reference_from_world = ReferenceFromWorld(truth, solution, board);
+  Errors errors;
+  for (size_t c = 0; c < cameras.size(); ++c) {
+    for (const double x : {0, 426, 853, 1279}) {
+      for (const double y : {0, 959}) {
+        const auto ray = cameras[c].Ray({x, y});
+        if (!ray) continue;
+        AddError(cameras[c], c, cameras[c].Centre() + solution.cameras[c].distance * *ray, solution,
+                 reference_from_world, errors);
+      }
+    }
+  }
+  return errors;
+}
+
+// Over points of the workspace.
+Errors WorkspaceErrors(const std::vector<CameraModel>& cameras, const Truth& truth,
+                       const LensSolution& solution, const Board& board, std::mt19937& random) {
+  const Eigen::Isometry3d reference_from_world = ReferenceFromWorld(truth, solution, board);
+  std::uniform_real_distribution<double> unit(-1, 1);
+  Errors errors;
+  for (int i = 0; i < 60; ++i) {
+    const Eigen::Vector3d in_world =
+        0.5 * Eigen::Vector3d(unit(random), 0.75 * unit(random), 0.4 * unit(random));
+    for (size_t c = 0; c < cameras.size(); ++c) {
+      AddError(cameras[c], c, in_world, solution, reference_from_world, errors);
+    }
+  }
+  return errors;
+}
+
+struct Session {
+  Truth truth;
+  std::vector<TagSighting> sightings;
+};
+
+Session Look(const std::vector<CameraModel>& cameras, const Board& board, const BoardMotion& motion,
+             std::mt19937& random) {
+  Session session;
+  for (int frame = 0; frame < motion.frames; ++frame) {
+    const Eigen::Isometry3d pose = RandomBoardPose(random, board, motion);
+    session.truth.world_from_board[FrameName(frame)] = pose;
+    AddSightings(cameras, board, pose, FrameName(frame), motion.noise, random, session.sightings);
+  }
+  return session;
+}
+
+TEST(SolveLenses, PredictsHowFarProjectionsAreOff) {
+  const auto cameras = CamerasOnAnArc(4);
+  const Board board = LatticeBoard();
+  constexpr unsigned kRuns = 6;
+  double chi_squared = 0;
+  double squares = 0;
+  int points = 0;
+  Errors rim;
+  for (unsigned seed = 1; seed <= kRuns; ++seed) {
+    std::mt19937 random(seed);
+    const Session session = Look(cameras, board, {.frames = 40}, random);
+    const auto solution = SolveLenses(LensCamerasOf(cameras), {board}, session.sightings);
+    ASSERT_TRUE(solution.ok()) << "seed " << seed << ": " << solution.status();
+    EXPECT_NEAR(solution->groups[0].noise, 1, 0.03) << "seed " << seed;
+    const Errors errors = WorkspaceErrors(cameras, session.truth, *solution, board, random);
+    std::cout << "seed " << seed << ": chi2/dof " << errors.chi_squared / (2 * errors.points)
+              << ", rms per axis " << std::sqrt(errors.squares / (2 * errors.points)) << " px\n";
+    chi_squared += errors.chi_squared;
+    squares += errors.squares;
+    points += errors.points;
+    const Errors at_rim = RimErrors(cameras, session.truth, *solution, board);
+    rim.chi_squared += at_rim.chi_squared;
+    rim.points += at_rim.points;
+  }
+  std::cout << "at the images' rims: chi2/dof " << rim.chi_squared / (2 * rim.points) << "\n";
+  EXPECT_GT(rim.chi_squared / (2 * rim.points), 0.6);
+  EXPECT_LT(rim.chi_squared / (2 * rim.points), 1.6);
+  EXPECT_GT(chi_squared / (2 * points), 0.8);
+  EXPECT_LT(chi_squared / (2 * points), 1.25);
+  EXPECT_LT(std::sqrt(squares / (2 * points)), 0.02);
+}
+
+TEST(SolveLenses, TellsOfEachCameraWhatItSawAndHowWellItIsKnown) {
+  std::mt19937 random(11);
+  const auto cameras = CamerasOnAnArc(2);
+  const Session session = Look(cameras, LatticeBoard(), {.frames = 30}, random);
+  const auto solution = SolveLenses(LensCamerasOf(cameras), {LatticeBoard()}, session.sightings);
+  ASSERT_TRUE(solution.ok()) << solution.status();
+  EXPECT_EQ(solution->residuals.size(), 4 * session.sightings.size());
+  for (size_t i = 0; i < 2; ++i) {
+    const SolvedCamera& camera = solution->cameras[i];
+    EXPECT_EQ(camera.images, 30);
+    EXPECT_NEAR(camera.rms, 0.1, 0.01);
+    EXPECT_NEAR(camera.intrinsics[0] / cameras[i].intrinsics().fx, 1,
+                4 * camera.focal_length_sigma);
+    EXPECT_LT(camera.focal_length_sigma, 0.001);
+    EXPECT_GT(camera.covered, 0.6);
+    EXPECT_GT(camera.centre_sigma, 0);
+    EXPECT_GT(camera.edge_sigma, camera.centre_sigma);
+    EXPECT_LT(camera.edge_sigma, 2);
+  }
+  const Eigen::Isometry3d is =
+      cameras[1].camera_from_world() * cameras[0].camera_from_world().inverse();
+  const Eigen::Isometry3d off = is.inverse() * solution->cameras[1].camera_from_reference;
+  EXPECT_LT(off.translation().norm(), 0.003);
+  EXPECT_TRUE(solution->cameras[0].camera_from_reference.isApprox(Eigen::Isometry3d::Identity()));
+}
+
+TEST(SolveLenses, FindsTheBoardsBend) {
+  std::mt19937 random(12);
+  const auto cameras = CamerasOnAnArc(2);
+  const Board board = LatticeBoard();
+  // 2 mm along its width, as mrcal bends boards: 0 at the corners, most in the middle.
+  const double width = 0.08 * 7;
+  const auto bend = [&](const Eigen::Vector3d& at) {
+    return 0.002 * 4 * at.x() / width * (1 - at.x() / width);
+  };
+  std::vector<TagSighting> sightings;
+  for (int frame = 0; frame < 30; ++frame) {
+    AddSightings(cameras, board, RandomBoardPose(random, board, {}), FrameName(frame), 0.1, random,
+                 sightings, bend);
+  }
+  const auto solution = SolveLenses(LensCamerasOf(cameras), {board}, sightings);
+  ASSERT_TRUE(solution.ok()) << solution.status();
+  ASSERT_TRUE(solution->groups[0].warp.has_value());
+  EXPECT_NEAR(solution->groups[0].warp->x(), 0.002, 0.0001);
+  EXPECT_NEAR(solution->groups[0].warp->y(), 0, 0.0001);
+  EXPECT_NEAR(solution->cameras[0].rms, 0.1, 0.01);
+
+  const auto flat = SolveLenses(LensCamerasOf(cameras), {board}, sightings, {.board_warp = false});
+  ASSERT_TRUE(flat.ok()) << flat.status();
+  EXPECT_GT(flat->cameras[0].rms, 0.13);
+}
+
+TEST(SolveLenses, LeavesOutCornersThatDoNotFitAndNoOthers) {
+  std::mt19937 random(13);
+  const auto cameras = CamerasOnAnArc(2);
+  Session session = Look(cameras, LatticeBoard(), {.frames = 25}, random);
+  std::set<std::tuple<std::string, std::string, int, int>> planted;
+  for (size_t i = 0; i < session.sightings.size(); i += 13) {
+    TagSighting& sighting = session.sightings[i];
+    sighting.corners[i % 4] += Eigen::Vector2d(i % 2 == 0 ? 3 : -8, 2);
+    sighting.corners[i % 4].x() = std::clamp(sighting.corners[i % 4].x(), 0.0, 1279.0);
+    sighting.corners[i % 4].y() = std::clamp(sighting.corners[i % 4].y(), 0.0, 959.0);
+    planted.insert({sighting.frame, sighting.view, sighting.tag, static_cast<int>(i % 4)});
+  }
+  const auto solution = SolveLenses(LensCamerasOf(cameras), {LatticeBoard()}, session.sightings);
+  ASSERT_TRUE(solution.ok()) << solution.status();
+  size_t found = 0;
+  size_t others = 0;
+  for (const LensResidual& r : solution->residuals) {
+    if (!r.outlier) continue;
+    const bool is = planted.contains({r.frame, CameraName(r.camera), r.tag, r.corner});
+    ++(is ? found : others);
+  }
+  EXPECT_EQ(found, planted.size());
+  EXPECT_LE(others, 2u);
+  EXPECT_NEAR(solution->cameras[0].rms, 0.1, 0.01);
+}
+
+TEST(SolveLenses, LosesNoCornerOfNoiseFreeDataAndIsHardlyBiased) {
+  std::mt19937 random(14);
+  const auto cameras = CamerasOnAnArc(2);
+  const Board board = LatticeBoard();
+  const Session session = Look(cameras, board, {.frames = 25, .noise = 0}, random);
+  const auto solution = SolveLenses(LensCamerasOf(cameras), {board}, session.sightings);
+  ASSERT_TRUE(solution.ok()) << solution.status();
+  EXPECT_EQ(solution->cameras[0].outliers, 0);
+  const Errors errors = WorkspaceErrors(cameras, session.truth, *solution, board, random);
+  EXPECT_LT(std::sqrt(errors.squares / (2 * errors.points)), 0.003);
+}
+
+TEST(SolveLenses, KeepsLensesThatAreGiven) {
+  std::mt19937 random(15);
+  const auto cameras = CamerasOnAnArc(3);
+  const Board board = LatticeBoard();
+  const Session session = Look(cameras, board, {.frames = 8}, random);
+  std::vector<LensCamera> given = LensCamerasOf(cameras);
+  for (size_t i = 0; i < given.size(); ++i) given[i].fixed = cameras[i].intrinsics();
+  const auto solution = SolveLenses(given, {board}, session.sightings);
+  ASSERT_TRUE(solution.ok()) << solution.status();
+  for (size_t i = 0; i < cameras.size(); ++i) {
+    EXPECT_EQ(solution->cameras[i].model->intrinsics().fx, cameras[i].intrinsics().fx);
+    EXPECT_EQ(solution->cameras[i].model->intrinsics().distortion,
+              cameras[i].intrinsics().distortion);
+    const Eigen::Isometry3d is =
+        cameras[i].camera_from_world() * cameras[0].camera_from_world().inverse();
+    EXPECT_LT((is.inverse() * solution->cameras[i].camera_from_reference).translation().norm(),
+              0.001);
+  }
+  given[1].fixed.reset();
+  EXPECT_THAT(SolveLenses(given, {board}, session.sightings).status().message(),
+              HasSubstr("the lens of 'cam1' is not given"));
+}
+
+TEST(SolveLenses, SolvesForOtherLensModelsByName) {
+  std::mt19937 random(16);
+  const auto cameras = CamerasOnAnArc(1);
+  const Board board = LatticeBoard();
+  const Session session = Look(cameras, board, {.frames = 40}, random);
+  const auto solve = [&](const std::string& model) {
+    return SolveLenses(LensCamerasOf(cameras), {board}, session.sightings,
+                       {.lens_model = model, .most_uncertain = 10});
+  };
+  for (const char* model : {"LENSMODEL_OPENCV5", "LENSMODEL_OPENCV12", "LENSMODEL_CAHVOR",
+                            "LENSMODEL_SPLINED_STEREOGRAPHIC_order=3_Nx=8_Ny=6_fov_x_deg=90"}) {
+    const auto solution = solve(model);
+    ASSERT_TRUE(solution.ok()) << model << ": " << solution.status();
+    EXPECT_EQ(solution->cameras[0].lens_model, model);
+    EXPECT_NEAR(solution->cameras[0].rms, 0.1, 0.02) << model;
+    EXPECT_EQ(solution->cameras[0].model.has_value(), std::string(model) == "LENSMODEL_OPENCV5");
+  }
+  EXPECT_THAT(solve("OPENCV8").status().message(),
+              HasSubstr("no lens model is called 'OPENCV8'; there are LENSMODEL_PINHOLE"));
+  EXPECT_THAT(solve("LENSMODEL_CAHVORE_linearity=0.34").status().message(),
+              HasSubstr("cannot be solved for"));
+}
+
+}  // namespace
+}  // namespace silhouette

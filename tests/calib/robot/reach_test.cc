@@ -1,0 +1,132 @@
+#include "calib/robot/reach.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <random>
+
+#include "tests/calib/robot/urdf_files.h"
+
+namespace silhouette {
+namespace {
+
+using testing::HasSubstr;
+
+RobotModel ReachThreeJoints() {
+  return RobotModel::FromUrdf(WriteFile(FreshFolder() / "three.urdf", ThreeJointUrdf())).value();
+}
+
+TEST(Reach, IsExactOverFixedJoints) {
+  const RobotModel robot = ReachThreeJoints();
+  const std::vector<std::string> moving{"turn"};
+  // Bent straight up, slid out: the ball's far side is 0.5 + 0.05 from the axis of `turn`; the
+  // farthest corner of the upper arm's box is (0.5, 0.05).
+  const std::vector<FixedJoint> up{{"bend", -std::acos(0.0)}, {"slide", 0.2}};
+  EXPECT_NEAR(Reach(robot, "turn", moving, up, 0).value(), 0.55, 1e-9);
+  const std::vector<FixedJoint> out{{"bend", 0}, {"slide", 0.2}};
+  EXPECT_NEAR(Reach(robot, "turn", moving, out, 0).value(), 0.5 + 0.4 + 0.2 + 0.05, 1e-9);
+}
+
+TEST(Reach, OverMovingJointsIsTheArmStretchedOut) {
+  const RobotModel robot = ReachThreeJoints();
+  const std::vector<std::string> moving{"turn", "bend", "slide"};
+  EXPECT_NEAR(Reach(robot, "turn", moving, {}, 0).value(), 0.5 + 0.4 + 0.3 + 0.05, 1e-9);
+  EXPECT_NEAR(Reach(robot, "bend", moving, {}, 0).value(), 0.4 + 0.3 + 0.05, 1e-9);
+}
+
+TEST(Reach, PayloadReachesBeyondTheLastLink) {
+  const RobotModel robot = ReachThreeJoints();
+  const std::vector<std::string> moving{"bend"};
+  const std::vector<FixedJoint> fixed{{"turn", 0}, {"slide", 0}};
+  EXPECT_NEAR(Reach(robot, "bend", moving, fixed, 0.1).value(), 0.4 + 0.05 + 0.1, 1e-9);
+}
+
+TEST(Reach, NoConfigurationReachesFarther) {
+  const unsigned seed = std::random_device()();
+  SCOPED_TRACE("seed " + std::to_string(seed));
+  std::mt19937 random(seed);
+  const RobotModel robot = ReachThreeJoints();
+  const std::vector<std::string> names{"turn", "bend", "slide"};
+  for (int round = 0; round < 50; ++round) {
+    std::vector<double> positions;
+    for (const RobotJoint& joint : robot.joints()) {
+      positions.push_back(std::uniform_real_distribution(joint.lower, joint.upper)(random));
+    }
+    // Each of the outboard joints moves or stands still, as chance will have it.
+    std::vector<std::string> moving{"turn"};
+    std::vector<FixedJoint> fixed;
+    for (size_t j = 1; j < 3; ++j) {
+      if (random() % 2 == 0) {
+        moving.push_back(names[j]);
+      } else {
+        fixed.push_back({names[j], positions[j]});
+      }
+    }
+    const double reach = Reach(robot, "turn", moving, fixed, 0).value();
+    const auto base_from_link = robot.LinkPoses(positions);
+    for (size_t link = 1; link < robot.links().size(); ++link) {
+      for (const LinkGeometry& geometry : robot.links()[link].body()) {
+        for (const Eigen::Vector3d& vertex : Tessellate(geometry.shape).vertices) {
+          const Eigen::Vector3d point = base_from_link[link] * (geometry.link_from_shape * vertex);
+          EXPECT_LE(point.head<2>().norm(), reach + 1e-9);  // the axis of `turn` is z
+        }
+      }
+    }
+  }
+}
+
+TEST(ReachBox, HoldsTheRobotAtEveryConfigurationAndIsTightWhereNothingMoves) {
+  const unsigned seed = std::random_device()();
+  SCOPED_TRACE("seed " + std::to_string(seed));
+  std::mt19937 random(seed);
+  const RobotModel robot = ReachThreeJoints();
+  const std::vector<std::string> names{"turn", "bend", "slide"};
+  for (int round = 0; round < 50; ++round) {
+    std::vector<double> positions;
+    std::vector<std::string> moving;
+    std::vector<FixedJoint> fixed;
+    for (size_t j = 0; j < 3; ++j) {
+      const RobotJoint& joint = robot.joints()[j];
+      positions.push_back(std::uniform_real_distribution(joint.lower, joint.upper)(random));
+      if (round > 0 && random() % 2 == 0) {
+        moving.push_back(names[j]);
+      } else {
+        fixed.push_back({names[j], positions[j]});
+      }
+    }
+    const Eigen::AlignedBox3d box = ReachBox(robot, moving, fixed, 0).value();
+    Eigen::AlignedBox3d occupied;
+    const auto base_from_link = robot.LinkPoses(positions);
+    for (size_t link = 0; link < robot.links().size(); ++link) {
+      occupied.extend(base_from_link[link].translation());
+      for (const LinkGeometry& geometry : robot.links()[link].body()) {
+        for (const Eigen::Vector3d& vertex : Tessellate(geometry.shape).vertices) {
+          occupied.extend(base_from_link[link] * (geometry.link_from_shape * vertex));
+        }
+      }
+    }
+    const Eigen::Vector3d slack = Eigen::Vector3d::Constant(1e-9);
+    EXPECT_TRUE(Eigen::AlignedBox3d(box.min() - slack, box.max() + slack).contains(occupied));
+    if (moving.empty()) {
+      EXPECT_LT((box.sizes() - occupied.sizes()).norm(), 0.05);
+    }
+  }
+}
+
+TEST(Reach, MistakesAreNamed) {
+  const RobotModel robot = ReachThreeJoints();
+  const std::vector<std::string> moving{"turn"};
+  const auto error = [&](const std::string& joint, std::vector<FixedJoint> fixed) {
+    return std::string(Reach(robot, joint, moving, fixed, 0).status().message());
+  };
+  EXPECT_THAT(error("elbow", {}), HasSubstr("no joint 'elbow'"));
+  EXPECT_THAT(error("slide", {}), HasSubstr("prismatic"));
+  EXPECT_THAT(error("turn", {{"bend", 0}}), HasSubstr("'slide' neither moves"));
+  EXPECT_THAT(error("turn", {{"bend", 0}, {"wrist", 0}}), HasSubstr("no joint 'wrist'"));
+  EXPECT_THAT(std::string(ReachBox(robot, moving, {}, 0).status().message()),
+              HasSubstr("'bend' neither moves"));
+}
+
+}  // namespace
+}  // namespace silhouette

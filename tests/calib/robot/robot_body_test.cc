@@ -1,0 +1,229 @@
+// Where a robot's body certainly is: never more than there is of it.
+#include "calib/robot/robot_body.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <filesystem>
+#include <fstream>
+#include <numbers>
+#include <random>
+#include <stdexcept>
+
+#include "calib/robot/distance_field.h"
+#include "tests/test_folder.h"
+
+namespace silhouette {
+namespace {
+
+using Eigen::Vector3d;
+
+constexpr double kStep = 0.01;
+constexpr double kRange = 0.15;
+
+TriangleMesh Moved(TriangleMesh mesh, const Vector3d& by) {
+  for (Vector3d& vertex : mesh.vertices) vertex += by;
+  return mesh;
+}
+
+// Of a box with its middle at the origin.
+double DistanceOfBox(const Vector3d& size, const Vector3d& point) {
+  const Vector3d beyond = point.cwiseAbs() - size / 2;
+  return beyond.cwiseMax(0).norm() + std::min(beyond.maxCoeff(), 0.0);
+}
+
+Vector3d RandomPoint(std::mt19937& random, double reach) {
+  std::uniform_real_distribution<double> within(-reach, reach);
+  return {within(random), within(random), within(random)};
+}
+
+TEST(DistanceField, BoundsTheDistanceFromBothSides) {
+  const Vector3d size(0.3, 0.2, 0.1);
+  const DistanceField field(std::vector{BoxMesh(size)}, kRange, kStep);
+  std::mt19937 random(7);
+  int inside = 0;
+  for (int i = 0; i < 20000; ++i) {
+    const Vector3d point = RandomPoint(random, 0.3);
+    const double distance = DistanceOfBox(size, point);
+    ASSERT_GE(field.AtMost(point), distance - 1e-9) << "seed 7, " << point.transpose();
+    ASSERT_LE(field.AtLeast(point), std::max(distance, 0.0) + 1e-9) << point.transpose();
+    if (distance < kRange) {
+      ASSERT_LE(field.AtMost(point), distance + 2 * kStep) << point.transpose();
+      ASSERT_GE(field.AtLeast(point), std::min(distance, 0.0) - 2 * kStep) << point.transpose();
+      ASSERT_TRUE(distance <= 0 || field.AtLeast(point) >= distance - 2 * kStep);
+    }
+    if (field.AtMost(point) < 0) ++inside;
+  }
+  EXPECT_GT(inside, 300);
+}
+
+TEST(DistanceField, OfACylinderAgreesWithItsAxis) {
+  const double radius = 0.1;
+  const DistanceField field(std::vector{CylinderMesh(radius, 0.4)}, kRange, kStep);
+  const double flat = radius * (1 - std::cos(std::numbers::pi / kCircleCorners));
+  for (double away = 0; away < 0.2; away += 0.003) {
+    const double distance = field.AtMost({0.6 * away, 0.8 * away, 0.03});
+    EXPECT_GE(distance, away - radius - 1e-9);
+    EXPECT_LE(distance, away - radius + flat + 2 * kStep);
+  }
+}
+
+TEST(DistanceField, BodiesThatOverlapAreOne) {
+  const Vector3d size(0.2, 0.2, 0.2);
+  const std::vector meshes = {Moved(BoxMesh(size), {-0.08, 0, 0}),
+                              Moved(BoxMesh(size), {0.08, 0, 0})};
+  const DistanceField field(meshes, kRange, kStep);
+  EXPECT_LT(field.AtMost({0, 0, 0}), 0);
+  EXPECT_LT(field.AtMost({-0.15, 0.05, 0.05}), 0);
+  EXPECT_LT(field.AtMost({0.15, 0.05, 0.05}), 0);
+  EXPECT_GT(field.AtMost({0, 0.101, 0}), 0);
+}
+
+TEST(DistanceField, HollowIsOutside) {
+  TriangleMesh shell = BoxMesh({0.4, 0.4, 0.4});
+  TriangleMesh hollow = BoxMesh({0.2, 0.2, 0.2});
+  const auto first = static_cast<uint32_t>(shell.vertices.size());
+  shell.vertices.insert(shell.vertices.end(), hollow.vertices.begin(), hollow.vertices.end());
+  for (auto triangle : hollow.triangles) {
+    std::swap(triangle[0], triangle[1]);
+    for (uint32_t& vertex : triangle) vertex += first;
+    shell.triangles.push_back(triangle);
+  }
+  const DistanceField field(std::vector{shell}, kRange, kStep);
+  EXPECT_GT(field.AtMost({0, 0, 0}), 0.09);
+  EXPECT_LT(field.AtMost({0.15, 0, 0}), 0);
+}
+
+TEST(DistanceField, MeshThatIsTurnedInsideOutIsTheSameBody) {
+  TriangleMesh mesh = BoxMesh({0.2, 0.2, 0.2});
+  for (auto& triangle : mesh.triangles) std::swap(triangle[0], triangle[1]);
+  const DistanceField field(std::vector{mesh}, kRange, kStep);
+  EXPECT_LT(field.AtMost({0, 0, 0}), -0.07);
+  EXPECT_GT(field.AtMost({0.15, 0, 0}), 0);
+}
+
+TEST(DistanceField, MeshWithAHoleIsNotClosed) {
+  TriangleMesh mesh = SphereMesh(0.1);
+  EXPECT_TRUE(IsClosed(mesh));
+  // As STL has it: no vertex is shared.
+  TriangleMesh soup;
+  for (const auto& triangle : mesh.triangles) {
+    const auto at = static_cast<uint32_t>(soup.vertices.size());
+    for (uint32_t vertex : triangle) soup.vertices.push_back(mesh.vertices[vertex]);
+    soup.triangles.push_back({at, at + 1, at + 2});
+  }
+  EXPECT_TRUE(IsClosed(soup));
+  soup.triangles.pop_back();
+  EXPECT_FALSE(IsClosed(soup));
+  EXPECT_THROW(DistanceField(std::vector{soup}, kRange, kStep), std::invalid_argument);
+  EXPECT_FALSE(IsClosed({}));
+}
+
+TEST(DistanceField, NumbersThatCannotBeAreRefused) {
+  const std::vector meshes = {SphereMesh(0.1)};
+  EXPECT_THROW(DistanceField(meshes, 0, kStep), std::invalid_argument);
+  EXPECT_THROW(DistanceField(meshes, kRange, 0), std::invalid_argument);
+  EXPECT_THROW(DistanceField({}, kRange, kStep), std::invalid_argument);
+}
+
+double AtMost(const PosedBody& body, const Vector3d& point) {
+  size_t hint = 0;
+  return body.AtMost(point, hint);
+}
+
+class RobotBodyTest : public testing::Test {
+ protected:
+  static RobotModel Read(const std::string& urdf) {
+    const std::string path = (TestFolder() / "robot.urdf").string();
+    std::ofstream(path) << urdf;
+    return RobotModel::FromUrdf(path).value();
+  }
+
+  // A box on the floor and an arm that turns about z, one metre above it.
+  const RobotModel robot_ = Read(R"(<robot name="two">
+    <link name="foot">
+      <visual><geometry><box size="0.2 0.2 0.2"/></geometry></visual>
+      <collision><geometry><box size="2 2 2"/></geometry></collision>
+    </link>
+    <link name="arm">
+      <visual><origin xyz="0.3 0 0"/><geometry><box size="0.6 0.1 0.1"/></geometry></visual>
+    </link>
+    <joint name="turn" type="revolute">
+      <parent link="foot"/><child link="arm"/><origin xyz="0 0 1"/><axis xyz="0 0 1"/>
+      <limit lower="-3" upper="3" effort="1" velocity="1"/>
+    </joint></robot>)");
+};
+
+TEST_F(RobotBodyTest, FollowsTheJoints) {
+  const RobotBody body(robot_, {.range = kRange, .step = kStep});
+  EXPECT_TRUE(body.open_links().empty());
+  const Vector3d ahead(0.5, 0, 1);
+  const Vector3d aside(0, 0.5, 1);
+  const double quarter = std::numbers::pi / 2;
+  EXPECT_LT(AtMost(body.At(std::vector{0.0}), ahead), 0);
+  EXPECT_GT(AtMost(body.At(std::vector{0.0}), aside), 0);
+  EXPECT_LT(AtMost(body.At(std::vector{quarter}), aside), 0);
+  EXPECT_GT(AtMost(body.At(std::vector{quarter}), ahead), 0);
+  EXPECT_LT(AtMost(body.At(std::vector{quarter}), {0, 0, 0}), 0);
+  EXPECT_THROW(body.At(std::vector<double>{}), std::invalid_argument);
+}
+
+TEST_F(RobotBodyTest, CountsWhatTheRobotLooksLikeNotItsEnvelope) {
+  const RobotBody body(robot_, {.range = kRange, .step = kStep});
+  EXPECT_GT(AtMost(body.At(std::vector{0.0}), {0.5, 0.5, 0.5}), 0);
+}
+
+TEST_F(RobotBodyTest, IsNeverMoreThanTheModelLessItsTolerance) {
+  const double tolerance = 0.02;
+  const RobotBody body(robot_, {.tolerance = tolerance, .range = kRange, .step = kStep});
+  std::mt19937 random(11);
+  for (const double turn : {0.0, 0.7, -2.1}) {
+    const PosedBody posed = body.At(std::vector{turn});
+    const Eigen::AngleAxisd back(-turn, Vector3d::UnitZ());
+    for (int i = 0; i < 5000; ++i) {
+      const Vector3d point = Vector3d(0, 0, 0.5) + RandomPoint(random, 0.8);
+      const Vector3d in_arm = back * (point - Vector3d(0, 0, 1)) - Vector3d(0.3, 0, 0);
+      const double distance =
+          std::min(DistanceOfBox({0.2, 0.2, 0.2}, point), DistanceOfBox({0.6, 0.1, 0.1}, in_arm));
+      ASSERT_GE(AtMost(posed, point), distance + tolerance - 1e-9)
+          << "seed 11, " << point.transpose();
+      if (distance < 0.1) {
+        ASSERT_LE(AtMost(posed, point), distance + tolerance + 2 * kStep);
+      }
+      ASSERT_TRUE(posed.MayReach(point, std::max(distance, 0.0) - tolerance + 1e-9))
+          << point.transpose();
+      ASSERT_FALSE(distance > 0.1 && posed.MayReach(point, distance - tolerance - 0.1));
+    }
+  }
+}
+
+TEST_F(RobotBodyTest, MayReachAsFarAsItsPayload) {
+  const PosedBody bare = RobotBody(robot_, {.range = kRange, .step = kStep}).At(std::vector{0.0});
+  const RobotBody laden(robot_, {.payload_radius = 0.3, .range = kRange, .step = kStep});
+  const Vector3d beyond_arm(0.85, 0, 1);
+  const Vector3d beside_foot(0.35, 0, 0);
+  EXPECT_FALSE(bare.MayReach(beyond_arm, 0));
+  EXPECT_TRUE(laden.At(std::vector{0.0}).MayReach(beyond_arm, 0));
+  EXPECT_FALSE(laden.At(std::vector{0.0}).MayReach(beside_foot, 0)) << "the foot carries nothing";
+}
+
+TEST_F(RobotBodyTest, LinksThatStandStillHaveNotMoved) {
+  const RobotBody body(robot_, {.range = kRange, .step = kStep});
+  const PosedBody moved = body.At(std::vector{0.5}).MovedFrom(body.At(std::vector{0.0}));
+  EXPECT_FALSE(moved.MayReach({0, 0, 0}, 0)) << "the foot";
+  EXPECT_TRUE(moved.MayReach({0.3 * std::cos(0.5), 0.3 * std::sin(0.5), 1}, 0)) << "the arm";
+}
+
+TEST_F(RobotBodyTest, LinkThatIsNotClosedCountsAsNothing) {
+  const std::string folder = TestFolder().string();
+  std::ofstream(folder + "/open.obj") << "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\n"
+                                         "f 1 3 2\nf 1 2 4\nf 1 4 3\n";
+  const RobotModel robot = Read(R"(<robot name="open"><link name="lid">
+      <visual><geometry><mesh filename="open.obj"/></geometry></visual></link></robot>)");
+  const RobotBody body(robot, {.range = kRange, .step = kStep});
+  EXPECT_EQ(body.open_links(), std::vector<std::string>{"lid"});
+  EXPECT_GT(AtMost(body.At({}), {0.1, 0.1, 0.1}), 0);
+}
+
+}  // namespace
+}  // namespace silhouette

@@ -1,0 +1,204 @@
+#include "calib/robot/robot_model.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <numbers>
+
+#include "tests/calib/robot/urdf_files.h"
+
+namespace silhouette {
+namespace {
+
+using testing::AllOf;
+using testing::HasSubstr;
+
+RobotModel RobotModelThreeJoints() {
+  return RobotModel::FromUrdf(WriteFile(FreshFolder() / "three.urdf", ThreeJointUrdf())).value();
+}
+
+std::string ErrorOf(const std::string& urdf, std::vector<std::string> package_paths = {}) {
+  const auto model =
+      RobotModel::FromUrdf(WriteFile(FreshFolder() / "bad.urdf", urdf), package_paths);
+  return model.ok() ? "no error" : std::string(model.status().message());
+}
+
+std::string OneJoint(const std::string& joint) {
+  return "<robot name='r'>\n<link name='a'/>\n<link name='b'/>\n" + joint + "\n</robot>\n";
+}
+
+std::string WithMesh(const std::string& file) {
+  return "<robot name='r'><link name='a'><visual><geometry><mesh filename='" + file +
+         "' scale='2 2 0.5'/></geometry></visual></link></robot>";
+}
+
+TEST(RobotModel, JointsStandFromTheBaseOutward) {
+  const RobotModel robot = RobotModelThreeJoints();
+  ASSERT_EQ(robot.joints().size(), 3u);
+  EXPECT_EQ(robot.joints()[0].name, "turn");
+  EXPECT_EQ(robot.joints()[0].lower, -2);
+  EXPECT_EQ(robot.joints()[1].type, JointType::kContinuous);
+  EXPECT_DOUBLE_EQ(robot.joints()[1].upper, std::numbers::pi);
+  EXPECT_EQ(robot.joints()[2].type, JointType::kPrismatic);
+  EXPECT_EQ(robot.JointIndex("slide"), 2u);
+  EXPECT_FALSE(robot.JointIndex("base").has_value());
+}
+
+TEST(RobotModel, LinkPosesFollowTheJoints) {
+  const RobotModel robot = RobotModelThreeJoints();
+  const std::vector<double> positions{std::numbers::pi / 2, -std::numbers::pi / 2, 0.1};
+  const auto poses = robot.LinkPoses(positions);
+  ASSERT_EQ(poses.size(), 4u);
+  // Turned left, bent up: the forearm stands upright 0.5 m along y.
+  EXPECT_TRUE(poses[2].translation().isApprox(Eigen::Vector3d(0, 0.5, 1), 1e-12));
+  EXPECT_TRUE(poses[3].translation().isApprox(Eigen::Vector3d(0, 0.5, 1.5), 1e-12));
+  EXPECT_TRUE((poses[3].linear() * Eigen::Vector3d::UnitX()).isApprox(Eigen::Vector3d::UnitZ()));
+  EXPECT_THROW(robot.LinkPoses(std::vector<double>{0, 0}), std::invalid_argument);
+}
+
+TEST(RobotModel, BodyIsVisualElseCollisionGeometry) {
+  const RobotModel robot = RobotModelThreeJoints();
+  EXPECT_EQ(robot.links()[0].body().size(), 0u);
+  ASSERT_EQ(robot.links()[1].body().size(), 1u);
+  EXPECT_TRUE(std::holds_alternative<BoxShape>(robot.links()[1].body()[0].shape));
+  EXPECT_EQ(robot.links()[1].body()[0].colour, Eigen::Vector3d(1, 0.75, 0.5));
+  ASSERT_EQ(robot.links()[2].body().size(), 1u);
+  EXPECT_TRUE(std::holds_alternative<CylinderShape>(robot.links()[2].body()[0].shape));
+}
+
+TEST(RobotModel, PositionsAreLookedUpByNameAndChecked) {
+  const RobotModel robot = RobotModelThreeJoints();
+  const std::vector<std::string> names{"slide", "turn", "bend"};
+  const auto positions = robot.Positions(names, std::vector<double>{0.1, 0.2, 4});
+  ASSERT_TRUE(positions.ok()) << positions.status();
+  EXPECT_EQ(*positions, (std::vector<double>{0.2, 4, 0.1}));
+
+  const auto error = [&](std::vector<std::string> n, std::vector<double> v) {
+    return std::string(robot.Positions(n, v).status().message());
+  };
+  EXPECT_THAT(error({"slide", "turn"}, {0, 0}), HasSubstr("'bend'"));
+  EXPECT_THAT(error({"slide", "turn", "elbow"}, {0, 0, 0}),
+              AllOf(HasSubstr("no joint 'elbow'"), HasSubstr("'turn', 'bend', 'slide'")));
+  EXPECT_THAT(error({"turn", "turn", "bend"}, {0, 0, 0}), HasSubstr("twice"));
+  EXPECT_THAT(error(names, {0.1, 2.1, 0}), HasSubstr("'turn' cannot stand at 2.1"));
+}
+
+TEST(RobotModel, MeshesAreFoundScaledAndTriangulated) {
+  const auto folder = FreshFolder();
+  WriteFile(folder / "roots/arm_description/meshes/link.stl", TetrahedronStl());
+  const std::string urdf =
+      WriteFile(folder / "robot.urdf", WithMesh("package://arm_description/meshes/link.stl"));
+  for (const auto& root :
+       {folder / "roots", folder / "roots/arm_description", folder / "roots/arm_description/"}) {
+    const std::vector<std::string> roots{(folder / "elsewhere").string(), root.string()};
+    const auto robot = RobotModel::FromUrdf(urdf, roots);
+    ASSERT_TRUE(robot.ok()) << robot.status();
+    const TriangleMesh mesh = Tessellate(robot->links()[0].visual[0].shape);
+    EXPECT_EQ(mesh.triangles.size(), 4u);
+    EXPECT_EQ(mesh.vertices.size(), 4u);
+    Eigen::Vector3d upper = Eigen::Vector3d::Zero();
+    for (const auto& vertex : mesh.vertices) upper = upper.cwiseMax(vertex);
+    EXPECT_TRUE(upper.isApprox(Eigen::Vector3d(2, 2, 0.5)));
+  }
+  // Relative to the file.
+  const std::string relative =
+      WriteFile(folder / "b.urdf", WithMesh("roots/arm_description/meshes/link.stl"));
+  EXPECT_TRUE(RobotModel::FromUrdf(relative).ok());
+}
+
+TEST(RobotModel, ColladasUnitCountsAndItsUpAxisDoesNot) {
+  const auto folder = FreshFolder();
+  for (const std::string up : {"Y_UP", "Z_UP"}) {
+    WriteFile(folder / "link.dae", TriangleDae(up));
+    const auto robot = RobotModel::FromUrdf(WriteFile(
+        folder / "robot.urdf",
+        "<robot name='r'><link name='a'><visual><geometry><mesh filename='link.dae'/></geometry>"
+        "</visual></link></robot>"));
+    ASSERT_TRUE(robot.ok()) << robot.status();
+    const TriangleMesh mesh = Tessellate(robot->links()[0].visual[0].shape);
+    ASSERT_EQ(mesh.vertices.size(), 3u);
+    Eigen::Vector3d upper = Eigen::Vector3d::Zero();
+    for (const auto& vertex : mesh.vertices) upper = upper.cwiseMax(vertex);
+    EXPECT_TRUE(upper.isApprox(Eigen::Vector3d(1, 0, 2), 1e-6)) << up << ": " << upper.transpose();
+  }
+}
+
+TEST(RobotModel, MissingPackageIsNamedWithTheMend) {
+  EXPECT_THAT(ErrorOf(WithMesh("package://arm_description/link.stl"), {"/nowhere"}),
+              AllOf(HasSubstr("link 'a'"),
+                    HasSubstr("add the folder that holds the package 'arm_description' to "
+                              "package_paths (now: /nowhere)")));
+  EXPECT_THAT(ErrorOf(WithMesh("meshes/link.stl")), HasSubstr("meshes/link.stl' does not exist"));
+}
+
+TEST(RobotModel, BrokenMeshIsNamed) {
+  const auto folder = FreshFolder();
+  WriteFile(folder / "link.stl", "this is no mesh");
+  const auto robot = RobotModel::FromUrdf(WriteFile(folder / "robot.urdf", WithMesh("link.stl")));
+  EXPECT_EQ(robot.status().code(), absl::StatusCode::kInvalidArgument);
+  EXPECT_THAT(std::string(robot.status().message()),
+              AllOf(HasSubstr("link 'a'"), HasSubstr("link.stl")));
+}
+
+TEST(RobotModel, BadFilesAreOneSentence) {
+  const auto missing = RobotModel::FromUrdf("/nowhere/robot.urdf");
+  EXPECT_EQ(missing.status().code(), absl::StatusCode::kNotFound);
+  EXPECT_THAT(std::string(missing.status().message()), HasSubstr("/nowhere/robot.urdf"));
+  EXPECT_THAT(ErrorOf("<robot name='r'>\n<link name='a'>\n</robot>"),
+              HasSubstr("bad.urdf:3: not well-formed XML"));
+  EXPECT_THAT(ErrorOf("<world/>"), HasSubstr("not a valid URDF"));
+  EXPECT_THAT(ErrorOf(""), HasSubstr("bad.urdf"));
+  EXPECT_THAT(ErrorOf("<robot name='r'><link name='a'/><link name='a'/></robot>"),
+              HasSubstr("not unique"));
+}
+
+TEST(RobotModel, UnsupportedJointsAreNamed) {
+  const std::string links = "<parent link='a'/><child link='b'/>";
+  const std::string limit = "<limit lower='-1' upper='1' effort='1' velocity='1'/>";
+  EXPECT_THAT(ErrorOf(OneJoint("<joint name='j' type='revolute'>" + links + limit +
+                               "<mimic joint='k'/></joint>")),
+              HasSubstr("joint 'j' mimics 'k'"));
+  EXPECT_THAT(ErrorOf(OneJoint("<joint name='j' type='floating'>" + links + "</joint>")),
+              HasSubstr("joint 'j' is of a type that is not supported"));
+  EXPECT_THAT(ErrorOf(OneJoint("<joint name='j' type='revolute'>" + links +
+                               "<limit lower='1' upper='-1' effort='1' velocity='1'/></joint>")),
+              HasSubstr("lower limit of joint 'j'"));
+  EXPECT_THAT(ErrorOf(OneJoint("<joint name='j' type='continuous'>" + links +
+                               "<axis xyz='0 0 0'/></joint>")),
+              HasSubstr("axis of joint 'j'"));
+}
+
+TEST(RobotModel, ShapesWithoutSizeAreRefused) {
+  EXPECT_THAT(ErrorOf("<robot name='r'><link name='a'><visual><geometry><box size='1 0 1'/>"
+                      "</geometry></visual></link></robot>"),
+              HasSubstr("a box of link 'a' has no size"));
+}
+
+// Sum of the signed volumes of the tetrahedra between the origin and the triangles.
+double Volume(const TriangleMesh& mesh) {
+  double volume = 0;
+  for (const auto& [a, b, c] : mesh.triangles) {
+    volume += mesh.vertices[a].dot(mesh.vertices[b].cross(mesh.vertices[c])) / 6;
+  }
+  return volume;
+}
+
+TEST(TriangleMesh, PrimitivesAreClosedAndFaceOutward) {
+  const double pi = std::numbers::pi;
+  EXPECT_NEAR(Volume(BoxMesh({1, 2, 3})), 6, 1e-12);
+  EXPECT_NEAR(Volume(CylinderMesh(0.5, 2)) / (pi * 0.25 * 2), 1, 0.005);
+  EXPECT_NEAR(Volume(SphereMesh(0.5)) / (4 * pi / 3 * 0.125), 1, 0.01);
+  EXPECT_NEAR(Volume(CapsuleMesh(0.5, 2)) / (4 * pi / 3 * 0.125 + pi * 0.25 * 2), 1, 0.01);
+  for (const TriangleMesh& mesh :
+       {BoxMesh({1, 2, 3}), CylinderMesh(1, 1), SphereMesh(1), CapsuleMesh(1, 1)}) {
+    // Closed: the area vectors add up to nothing.
+    Eigen::Vector3d sum = Eigen::Vector3d::Zero();
+    for (const auto& [a, b, c] : mesh.triangles) {
+      sum += (mesh.vertices[b] - mesh.vertices[a]).cross(mesh.vertices[c] - mesh.vertices[a]);
+    }
+    EXPECT_LT(sum.norm(), 1e-12);
+  }
+}
+
+}  // namespace
+}  // namespace silhouette

@@ -1,0 +1,188 @@
+// A robot behind the RobotDriverService: that of the simulated cell, and the example in Python.
+#include <fcntl.h>
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <signal.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include <cmath>
+#include <functional>
+#include <future>
+#include <memory>
+#include <numbers>
+#include <string>
+
+#include "absl/strings/str_cat.h"
+#include "absl/time/clock.h"
+#include "capture/drivers/grpc/grpc_robot_link.h"
+#include "capture/drivers/robots/feedback_robot.h"
+#include "capture/sim/served/grpc_robot_server.h"
+#include "capture/sim/served/simulated_controller.h"
+#include "tests/capture/sim/small_cell.h"
+
+namespace silhouette {
+namespace {
+
+using testing::ElementsAre;
+using testing::HasSubstr;
+using testing::Pointwise;
+
+MATCHER(IsNear, "is near") { return std::abs(std::get<0>(arg) - std::get<1>(arg)) < 0.002; }
+
+const std::vector<double> kGrpcRobotThere = {0.5, -0.5, 0.1};
+const std::vector<double> kGrpcRobotHere = {0, 0, 0};
+// What a busy machine needs to answer.
+constexpr absl::Duration kTimeout = absl::Seconds(20);
+
+bool GrpcRobotEventually(const std::function<bool()>& happened) {
+  const absl::Time end = absl::Now() + absl::Seconds(20);
+  while (!happened() && absl::Now() < end) absl::SleepFor(absl::Milliseconds(5));
+  return happened();
+}
+
+std::unique_ptr<FeedbackRobot> Connect(const std::string& address, MotionLimits limits,
+                                       absl::Duration timeout = kTimeout) {
+  limits.silence = timeout;
+  auto link = ConnectGrpcRobot({.address = address, .timeout = timeout});
+  EXPECT_TRUE(link.ok()) << link.status();
+  return link.ok() ? std::make_unique<FeedbackRobot>(*std::move(link), limits) : nullptr;
+}
+
+class GrpcRobotTest : public testing::Test {
+ protected:
+  void SetUp() override { Serve(); }
+  void Serve() { server_ = *GrpcRobotServer::Start(controller_, "127.0.0.1:0"); }
+
+  SimulatedController controller_{ThreeJointRobot(), 0, kGrpcRobotHere,
+                                  [](std::span<const double>) {}};
+  std::unique_ptr<GrpcRobotServer> server_;
+};
+
+TEST_F(GrpcRobotTest, ArrivesAndTellsWhereItIs) {
+  const auto robot = Connect(server_->address(), {.joint_speed = 4});
+  EXPECT_THAT(robot->joints(), ElementsAre("turn", "bend", "slide"));
+  const absl::Status status = robot->MoveTo(kGrpcRobotThere);
+  ASSERT_TRUE(status.ok()) << status;
+  EXPECT_THAT(controller_.state().positions, Pointwise(IsNear(), kGrpcRobotThere));
+  EXPECT_THAT(robot->State()->positions, Pointwise(IsNear(), kGrpcRobotThere));
+  EXPECT_EQ(controller_.stops(), 0);
+}
+
+TEST_F(GrpcRobotTest, RobotThatMovesByItselfIsStoppedThoughNobodyAsks) {
+  const auto robot = Connect(server_->address(), {.joint_speed = 4});
+  ASSERT_TRUE(robot->MoveTo(kGrpcRobotThere).ok());
+  controller_.SetFault(ControllerFault::kDrifts);
+  ASSERT_TRUE(GrpcRobotEventually([&] { return controller_.stops() > 0; }));
+  EXPECT_TRUE(GrpcRobotEventually([&] { return !controller_.state().moving; }));
+  EXPECT_THAT(robot->State().status().message(), HasSubstr("moves when it should stand still"));
+}
+
+TEST_F(GrpcRobotTest, RobotThatStopsHalfWayIsStopped) {
+  controller_.SetFault(ControllerFault::kStopsHalfWay);
+  const auto robot =
+      Connect(server_->address(), {.joint_speed = 4, .patience = absl::Milliseconds(300)});
+  const absl::Status status = robot->MoveTo(kGrpcRobotThere);
+  EXPECT_TRUE(absl::IsDeadlineExceeded(status)) << status;
+  EXPECT_GT(controller_.stops(), 0);
+}
+
+TEST_F(GrpcRobotTest, WhatTheDriverRefusesIsSaidInItsWords) {
+  const auto robot = Connect(server_->address(), {.joint_speed = 4});
+  const absl::Status beyond = robot->MoveTo(std::vector<double>{2.5, 0, 0});
+  EXPECT_TRUE(absl::IsInvalidArgument(beyond)) << beyond;
+  EXPECT_THAT(beyond.message(), HasSubstr("'turn'"));
+  controller_.SetFault(ControllerFault::kEmergencyStop);
+  EXPECT_TRUE(GrpcRobotEventually([&] {
+    return robot->MoveTo(kGrpcRobotThere).message().find("emergency stop") != std::string::npos;
+  }));
+}
+
+TEST_F(GrpcRobotTest, DriverThatEndsOnTheWayStopsTheRobotAndTheNextOneGoesOn) {
+  auto robot = Connect(server_->address(), {.joint_speed = 0.05}, absl::Seconds(1));
+  std::future<absl::Status> move =
+      std::async(std::launch::async, [&] { return robot->MoveTo(kGrpcRobotThere); });
+  ASSERT_TRUE(GrpcRobotEventually([&] { return controller_.state().moving; }));
+  server_.reset();
+  EXPECT_TRUE(GrpcRobotEventually([&] { return !controller_.state().moving; }));
+  EXPECT_THAT(move.get().message(), HasSubstr("could not be told to stop"));
+  Serve();
+  robot = Connect(server_->address(), {.joint_speed = 4});
+  EXPECT_TRUE(robot->MoveTo(kGrpcRobotHere).ok());
+}
+
+TEST_F(GrpcRobotTest, NobodyThereIsSaidWithTheAddress) {
+  const std::string address = server_->address();
+  server_.reset();
+  const absl::Status status =
+      ConnectGrpcRobot({.address = address, .timeout = absl::Seconds(1)}).status();
+  EXPECT_TRUE(absl::IsUnavailable(status)) << status;
+  EXPECT_THAT(status.message(), HasSubstr(address));
+}
+
+// The example driver in a process of its own.
+class PythonDriver {
+ public:
+  PythonDriver() {
+    int out[2];
+    if (pipe(out) != 0) return;
+    const std::string program =
+        std::string(SILHOUETTE_SOURCE_DIR) + "/clients/drivers/python/robot_driver.py";
+    child_ = fork();
+    if (child_ == 0) {
+      dup2(out[1], STDOUT_FILENO);
+      close(out[0]);
+      execl(program.c_str(), program.c_str(), "--listen", "127.0.0.1:0", "--start",
+            "0,10,0,0,0,-90", nullptr);
+      _exit(127);
+    }
+    close(out[1]);
+    char letter = 0;
+    while (read(out[0], &letter, 1) == 1 && letter != '\n') line_ += letter;
+    close(out[0]);
+  }
+  ~PythonDriver() {
+    kill(child_, SIGTERM);
+    waitpid(child_, nullptr, 0);
+  }
+  std::string address() const { return line_.substr(line_.rfind(' ') + 1); }
+
+ private:
+  pid_t child_ = -1;
+  std::string line_;
+};
+
+TEST(PythonRobotDriver, IsDrivenAndStopped) {
+  const PythonDriver driver;
+  ASSERT_THAT(driver.address(), HasSubstr("127.0.0.1:"));
+  const auto robot = Connect(driver.address(), {.joint_speed = 4});
+  ASSERT_NE(robot, nullptr);
+  constexpr double kDegree = std::numbers::pi / 180;
+  EXPECT_THAT(robot->joints(),
+              ElementsAre("joint_1", "joint_2", "joint_3", "joint_4", "joint_5", "joint_6"));
+  EXPECT_THAT(robot->State()->positions,
+              Pointwise(IsNear(), std::vector<double>{0, 10 * kDegree, 0, 0, 0, -90 * kDegree}));
+  const std::vector<double> goal = {0.5, 0, 0, 0, 0.25, -1};
+  const absl::Status status = robot->MoveTo(goal);
+  ASSERT_TRUE(status.ok()) << status;
+  EXPECT_THAT(robot->State()->positions, Pointwise(IsNear(), goal));
+  EXPECT_THAT(robot->MoveTo(std::vector<double>{4, 0, 0, 0, 0, 0}).message(),
+              HasSubstr("joint_1 cannot go to 229.2 degrees"));
+
+  const auto slow = Connect(driver.address(), {.joint_speed = 0.05});
+  std::future<absl::Status> move =
+      std::async(std::launch::async, [&] { return slow->MoveTo(std::vector<double>(6, 0.0)); });
+  ASSERT_TRUE(GrpcRobotEventually([&] {
+    const auto state = slow->State();
+    return state.ok() && state->moving;
+  }));
+  EXPECT_TRUE(slow->Stop().ok());
+  EXPECT_TRUE(absl::IsAborted(move.get()));
+  EXPECT_TRUE(GrpcRobotEventually([&] {
+    const auto state = slow->State();
+    return state.ok() && !state->moving;
+  }));
+}
+
+}  // namespace
+}  // namespace silhouette

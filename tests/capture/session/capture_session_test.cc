@@ -1,0 +1,409 @@
+#include "capture/session/capture_session.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <set>
+#include <utility>
+
+#include "tests/capture/session/fake_cell.h"
+
+namespace silhouette {
+namespace {
+
+using testing::Each;
+using testing::HasSubstr;
+using testing::SizeIs;
+
+class CaptureSessionTest : public testing::Test {
+ protected:
+  void SetUp() override { cell_.TakeReferences(); }
+
+  FakeCell cell_;
+};
+
+TEST_F(CaptureSessionTest, StoresEveryConfigurationWithAllItsViews) {
+  const CaptureReport report = cell_.Capture();
+  ASSERT_TRUE(report.complete()) << report.status;
+  EXPECT_EQ(report.captured, 30u);
+  EXPECT_EQ(cell_.Commanded().size(), 30u);
+  const auto content = cell_.Content();
+  ASSERT_THAT(content, SizeIs(30));
+  for (const auto& [number, image] : content) {
+    const Configuration at = cell_.database->grid().At(number);
+    EXPECT_EQ(image.commanded, (std::vector<double>{at[0], at[1], 0.25}));
+    EXPECT_EQ(image.measured, image.commanded);
+    ASSERT_THAT(image.masks, SizeIs(2));
+    // The box begins at 20 * (turn + 1.3) camera pixels, of which "front" has 5 to a mask pixel.
+    const int left = static_cast<int>((at[0] + 1.3) * 20);
+    EXPECT_FALSE(image.masks[0].Empty());
+    for (int x = 0; x < 16; ++x) {
+      bool column = false;
+      for (int y = 0; y < 16; ++y) column |= image.masks[0].at(x, y);
+      EXPECT_EQ(column, 5 * x + 5 > left && 5 * x < left + 9) << "column " << x;
+    }
+  }
+}
+
+TEST_F(CaptureSessionTest, ReportTellsTheQualityOfEachView) {
+  cell_.rig.on_grab = [](size_t grab, std::vector<CameraImage>& images) {
+    if (grab <= 4) {  // no robot in "front"
+      for (size_t i = 0; i < images[1].pixels.size(); ++i) {
+        images[1].pixels[i] = FakeBackground(i % 80, i / 80);
+      }
+    }
+    return absl::OkStatus();
+  };
+  const CaptureReport report = cell_.Capture();
+  ASSERT_TRUE(report.complete()) << report.status;
+  ASSERT_THAT(report.views, SizeIs(2));
+  EXPECT_EQ(report.views[0].name, "front");
+  EXPECT_EQ(report.views[0].images, 30u);
+  EXPECT_EQ(report.views[0].empty, 4u);
+  EXPECT_EQ(report.views[1].empty, 0u);
+  // In "top" the box begins in the first row where lift is 0.
+  EXPECT_EQ(report.views[1].touching_border, 6u);
+  EXPECT_GT(report.views[1].mean_area(), 10);
+  EXPECT_EQ(report.max_deviation, 0);
+}
+
+TEST_F(CaptureSessionTest, SecondRunHasNothingToDo) {
+  ASSERT_TRUE(cell_.Capture().complete());
+  cell_.robot.moves.clear();
+  const CaptureReport report = cell_.Capture();
+  EXPECT_TRUE(report.complete());
+  EXPECT_EQ(report.planned, 0u);
+  EXPECT_EQ(report.kept, 30u);
+  EXPECT_TRUE(cell_.robot.moves.empty());
+}
+
+TEST_F(CaptureSessionTest, ListedConfigurationsAreReplaced) {
+  ASSERT_TRUE(cell_.Capture().complete());
+  const auto before = cell_.Content();
+  cell_.rig.robot_present = false;
+  const ConfigurationNumber anew = before.begin()->first;
+  const CaptureReport report =
+      cell_.Capture({.kind = CaptureSelection::Kind::kListed, .listed = {anew}});
+  ASSERT_TRUE(report.complete()) << report.status;
+  EXPECT_EQ(report.captured, 1u);
+  auto after = cell_.Content();
+  EXPECT_TRUE(after[anew].masks[0].Empty());
+  after[anew] = before.at(anew);
+  EXPECT_EQ(after, before);
+}
+
+TEST_F(CaptureSessionTest, RobotThatNeverArrivesEndsTheSessionWithWhatIsThere) {
+  cell_.robot.on_move = [](size_t move) {
+    return move == 12 ? absl::DeadlineExceededError("the robot did not arrive within 30 s")
+                      : absl::OkStatus();
+  };
+  const CaptureReport report = cell_.Capture();
+  EXPECT_TRUE(absl::IsDeadlineExceeded(report.status)) << report.status;
+  EXPECT_EQ(report.captured, 11u);
+  EXPECT_THAT(cell_.Content(), SizeIs(11));
+  EXPECT_EQ(cell_.robot.stops, 1);
+}
+
+TEST_F(CaptureSessionTest, RobotAtTheWrongPlaceIsNotStored) {
+  const auto order = cell_.travel->Serpentine();
+  size_t measured = 0;
+  cell_.robot.on_state = [&](RobotState& state) {
+    if (cell_.robot.moves.size() == 5) state.positions[1] += 0.01;
+    ++measured;
+    return absl::OkStatus();
+  };
+  std::vector<std::string> said;
+  CaptureObserver observer;
+  observer.say = [&](const std::string& line) { said.push_back(line); };
+  const CaptureReport report = cell_.Capture({}, observer);
+  EXPECT_TRUE(report.status.ok()) << report.status;
+  EXPECT_FALSE(report.complete());
+  EXPECT_EQ(report.failed, 1u);
+  EXPECT_EQ(report.captured, 29u);
+  EXPECT_FALSE(cell_.Content().contains(order[4]));
+  ASSERT_THAT(said, SizeIs(1));
+  EXPECT_THAT(said[0], HasSubstr("off by 0.0100, more than 0.0020"));
+  // The next run brings it.
+  cell_.robot.on_state = nullptr;
+  EXPECT_EQ(cell_.Capture().captured, 1u);
+  EXPECT_THAT(cell_.Content(), SizeIs(30));
+}
+
+TEST_F(CaptureSessionTest, FixedJointAtTheWrongPlaceIsNotStored) {
+  cell_.robot.on_state = [](RobotState& state) {
+    state.positions[0] += 0.1;  // wrist
+    return absl::OkStatus();
+  };
+  const CaptureReport report = cell_.Capture();
+  EXPECT_TRUE(absl::IsAborted(report.status)) << report.status;
+  EXPECT_THAT(report.status.message(),
+              AllOf(HasSubstr("3 times in a row"),
+                    HasSubstr("the joint 'wrist' is at 0.3500 instead of 0.2500")));
+  EXPECT_EQ(report.failed, 3u);
+  EXPECT_THAT(cell_.Content(), SizeIs(0));
+}
+
+TEST_F(CaptureSessionTest, RobotThatLeavesWhileImagesAreTakenStopsTheSession) {
+  bool push = false;
+  cell_.rig.on_grab = [&](size_t grab, std::vector<CameraImage>&) {
+    push = grab == 7;
+    return absl::OkStatus();
+  };
+  cell_.robot.on_state = [&](RobotState& state) {
+    if (push) state.positions[2] += 0.02;
+    return absl::OkStatus();
+  };
+  const CaptureReport report = cell_.Capture();
+  EXPECT_TRUE(absl::IsAborted(report.status)) << report.status;
+  EXPECT_THAT(report.status.message(), HasSubstr("moved by 0.0200 while its images were taken"));
+  EXPECT_EQ(report.captured, 6u);
+  EXPECT_EQ(cell_.robot.stops, 1);
+  // Resumed, all is captured.
+  push = false;
+  cell_.rig.on_grab = nullptr;
+  EXPECT_TRUE(cell_.Capture().complete());
+  EXPECT_THAT(cell_.Content(), SizeIs(30));
+}
+
+TEST_F(CaptureSessionTest, ImagesOfARobotThatSwingsAreNotTaken) {
+  // As the first set of every visit shows it, the robot is not yet where it is in the end.
+  cell_.settings.still_images = 2;
+  cell_.settings.settle_timeout = absl::Seconds(60);
+  size_t moves = 0;
+  cell_.rig.on_grab = [&](size_t, std::vector<CameraImage>& images) {
+    if (std::exchange(moves, cell_.robot.moves.size()) == moves) return absl::OkStatus();
+    std::rotate(images[0].pixels.begin(), images[0].pixels.begin() + 5, images[0].pixels.end());
+    return absl::OkStatus();
+  };
+  ASSERT_TRUE(cell_.Capture().complete());
+  const auto swinging = cell_.Content();
+  EXPECT_EQ(cell_.rig.grabs, 30u * 3) << "one that swings, two that are alike";
+
+  FakeCell still;
+  still.TakeReferences();
+  ASSERT_TRUE(still.Capture().complete());
+  EXPECT_EQ(swinging, still.Content());
+}
+
+TEST_F(CaptureSessionTest, RobotThatNeverSettlesIsLeftOutAndEndsTheSession) {
+  cell_.settings.still_images = 2;
+  cell_.rig.on_grab = [&](size_t grab, std::vector<CameraImage>& images) {
+    std::rotate(images[1].pixels.begin(),
+                images[1].pixels.begin() + static_cast<ptrdiff_t>(5 * (grab % 2)),
+                images[1].pixels.end());
+    return absl::OkStatus();
+  };
+  const CaptureReport report = cell_.Capture();
+  EXPECT_TRUE(absl::IsAborted(report.status)) << report.status;
+  EXPECT_THAT(report.status.message(), HasSubstr("the images of the view 'front' still change"));
+  EXPECT_EQ(report.failed, 3u);
+  EXPECT_EQ(report.captured, 0u);
+  EXPECT_EQ(cell_.robot.stops, 1);
+}
+
+TEST_F(CaptureSessionTest, SlowlySettlingRobotIsMeasuredTwice) {
+  int measurements = 0;
+  cell_.robot.on_state = [&](RobotState& state) {
+    // The first measurement is that before the first move.
+    if (++measurements == 2) state.positions[1] += 0.01;
+    return absl::OkStatus();
+  };
+  EXPECT_TRUE(cell_.Capture().complete());
+}
+
+TEST_F(CaptureSessionTest, MovingRobotEndsTheSession) {
+  cell_.robot.on_state = [&](RobotState& state) {
+    state.moving = cell_.robot.moves.size() == 3;
+    return absl::OkStatus();
+  };
+  const CaptureReport report = cell_.Capture();
+  EXPECT_TRUE(absl::IsAborted(report.status));
+  EXPECT_EQ(report.captured, 2u);
+}
+
+TEST_F(CaptureSessionTest, DroppedViewIsAskedForAgain) {
+  cell_.rig.on_grab = [](size_t grab, std::vector<CameraImage>&) {
+    return grab % 5 == 0 ? absl::UnavailableError("view 'top' gave no image") : absl::OkStatus();
+  };
+  EXPECT_TRUE(cell_.Capture().complete());
+}
+
+TEST_F(CaptureSessionTest, CameraThatIsGoneEndsTheSessionWithWhatIsThere) {
+  cell_.rig.on_grab = [](size_t grab, std::vector<CameraImage>&) {
+    return grab > 8 ? absl::UnavailableError("view 'top' gave no image") : absl::OkStatus();
+  };
+  const CaptureReport report = cell_.Capture();
+  EXPECT_TRUE(absl::IsUnavailable(report.status));
+  EXPECT_THAT(report.status.message(), HasSubstr("view 'top'"));
+  EXPECT_EQ(report.captured, 8u);
+  EXPECT_THAT(cell_.Content(), SizeIs(8));
+}
+
+TEST_F(CaptureSessionTest, ImageOfTheWrongSizeEndsTheSession) {
+  cell_.rig.on_grab = [](size_t grab, std::vector<CameraImage>& images) {
+    if (grab == 4) images[0] = {.width = 2, .height = 2, .pixels = std::vector<uint8_t>(4)};
+    return absl::OkStatus();
+  };
+  const CaptureReport report = cell_.Capture();
+  EXPECT_THAT(report.status.message(), HasSubstr("the view 'top' gave an image of 2 x 2"));
+  EXPECT_EQ(report.captured, 3u);
+}
+
+TEST_F(CaptureSessionTest, WhatWasCapturedIsWrittenBeforeASlowMove) {
+  uint64_t stored = 0;
+  cell_.robot.on_move = [&](size_t move) {
+    if (move == 2) absl::SleepFor(absl::Milliseconds(60));
+    if (move == 4) stored = cell_.database->Read()->size();
+    return absl::OkStatus();
+  };
+  cell_.settings.commit_interval = absl::Milliseconds(50);
+  ASSERT_TRUE(cell_.Capture().complete());
+  EXPECT_GE(stored, 2u);
+}
+
+TEST_F(CaptureSessionTest, ProgressCountsUpToTheEnd) {
+  std::vector<uint64_t> progress;
+  CaptureObserver observer;
+  observer.progress = [&](uint64_t done) { progress.push_back(done); };
+  ASSERT_TRUE(cell_.Capture({}, observer).complete());
+  ASSERT_THAT(progress, SizeIs(30));
+  for (size_t i = 0; i < progress.size(); ++i) EXPECT_EQ(progress[i], i + 1);
+}
+
+TEST(CaptureSession, NeedsReferenceImages) {
+  FakeCell cell;
+  EXPECT_TRUE(absl::IsNotFound(cell.Session().status()));
+}
+
+TEST(CaptureSession, NeedsTheDatabasesSegmentation) {
+  FakeCell cell;
+  cell.TakeReferences();
+  const auto session = CaptureSession::Create(*cell.database, *cell.travel, cell.robot, cell.rig,
+                                              cell.settings, {.noise_factor = 4});
+  EXPECT_TRUE(absl::IsFailedPrecondition(session.status()));
+  EXPECT_THAT(session.status().message(), HasSubstr("other segmentation settings"));
+}
+
+// Forbidden regions.
+
+class ForbiddenCellTest : public testing::Test {
+ protected:
+  // A wall from below through the middle of `turn`, and a corner.
+  static CaptureSettings Settings() {
+    CaptureSettings settings = QuickSettings();
+    settings.forbidden_regions = {
+        Region("wall", {{"turn", -0.25, 0.25}, {"lift", -1, 0.35}}),
+        Region("corner", {{"turn", 0.9, 2}, {"lift", 0.45, 2}}),
+    };
+    return settings;
+  }
+  void SetUp() override { cell_.TakeReferences(); }
+
+  // Also between the commanded positions; starts at `from`.
+  void ExpectNoRegionTouched(Configuration from) {
+    for (const Configuration& to : cell_.Commanded()) {
+      EXPECT_EQ(cell_.travel->regions().At(to), std::nullopt);
+      EXPECT_EQ(cell_.travel->regions().Between(from, to), std::nullopt)
+          << from[0] << ", " << from[1] << " to " << to[0] << ", " << to[1];
+      from = to;
+    }
+  }
+
+  FakeCell cell_{FakeDescription(11, 9), Settings()};
+};
+
+TEST_F(ForbiddenCellTest, IsNeverEnteredAndStoredAsExcluded) {
+  cell_.robot.at = {0.25, 0.2, -0.7};
+  const CaptureReport report = cell_.Capture();
+  ASSERT_TRUE(report.complete()) << report.status;
+  ExpectNoRegionTouched({-0.7, 0.2});
+  const auto content = cell_.Content();
+  ASSERT_THAT(content, SizeIs(99));
+  uint64_t excluded = 0;
+  for (const auto& [number, image] : content) {
+    const bool forbidden =
+        cell_.travel->regions().At(cell_.database->grid().At(number)).has_value();
+    EXPECT_EQ(image.excluded, forbidden);
+    EXPECT_THAT(image.masks, SizeIs(forbidden ? 0 : 2));
+    if (forbidden) ++excluded;
+  }
+  EXPECT_EQ(report.excluded, excluded);
+  EXPECT_EQ(excluded, 3u * 6u + 1u);
+}
+
+TEST_F(ForbiddenCellTest, IsNeverEnteredFromAnywhereNorOnTheWayToHoles) {
+  const uint64_t seed = std::random_device{}();
+  SCOPED_TRACE(testing::Message() << "seed " << seed);
+  std::mt19937_64 random(seed);
+  std::uniform_real_distribution<double> turn(-1.5, 1.5);
+  std::uniform_real_distribution<double> lift(-0.5, 1);
+  cell_.robot.at = {0.25, 0.5, 0};
+  ASSERT_TRUE(cell_.Capture().complete());
+  const auto all = cell_.Content();
+  for (int round = 0; round < 30; ++round) {
+    CaptureSelection selection{.kind = CaptureSelection::Kind::kListed};
+    for (const auto& [number, image] : all) {
+      if (!image.excluded && random() % 10 == 0) selection.listed.push_back(number);
+    }
+    const Configuration start = {turn(random), lift(random)};
+    cell_.robot.at = {0.25, start[1], start[0]};
+    cell_.robot.moves.clear();
+    const CaptureReport report = cell_.Capture(selection);
+    if (cell_.travel->regions().At(start) && !selection.listed.empty()) {
+      EXPECT_THAT(report.status.message(), HasSubstr("the robot stands in the forbidden region"));
+      EXPECT_TRUE(cell_.robot.moves.empty());
+      continue;
+    }
+    EXPECT_TRUE(report.status.ok()) << report.status;
+    EXPECT_EQ(report.captured + report.unreachable, report.planned);
+    ExpectNoRegionTouched(start);
+  }
+  EXPECT_EQ(cell_.Content(), all);
+}
+
+TEST_F(ForbiddenCellTest, AfterAWrongPlaceTheWayStartsWhereTheRobotReallyIs) {
+  bool lost = false;
+  Configuration from = {-0.7, 0.2};
+  cell_.robot.at = {0.25, from[1], from[0]};
+  cell_.robot.on_move = [&](size_t move) {
+    const std::vector<double>& goal = cell_.robot.moves.back();
+    const Configuration to = {goal[2], goal[1]};
+    EXPECT_EQ(cell_.travel->regions().Between(from, to), std::nullopt);
+    from = to;
+    lost = move == 20;
+    if (lost) from = {0.6, 0.1};  // on the other side of the wall
+    return absl::OkStatus();
+  };
+  cell_.robot.on_state = [&](RobotState& state) {
+    if (lost) state.positions = {0.25, 0.1, 0.6};
+    return absl::OkStatus();
+  };
+  const CaptureReport report = cell_.Capture();
+  EXPECT_TRUE(report.status.ok()) << report.status;
+  EXPECT_EQ(report.failed, 1u);
+  EXPECT_EQ(report.captured + 1, report.planned);
+}
+
+TEST(CaptureSession, ConfigurationsBehindARegionAreLeftOutAndCounted) {
+  CaptureSettings settings = QuickSettings();
+  settings.forbidden_regions = {Region("wall", {{"turn", -0.05, 0.05}})};  // between grid values
+  FakeCell cell(FakeDescription(), settings);
+  cell.TakeReferences();
+  cell.robot.at = {0.25, 0, -1};
+  std::vector<std::string> said;
+  CaptureObserver observer;
+  observer.say = [&](const std::string& line) { said.push_back(line); };
+  EXPECT_EQ(cell.Plan()->parts, 2);
+  const CaptureReport report = cell.Capture({}, observer);
+  EXPECT_TRUE(report.status.ok()) << report.status;
+  EXPECT_FALSE(report.complete());
+  EXPECT_EQ(report.captured, 15u);
+  EXPECT_EQ(report.unreachable, 15u);
+  ASSERT_THAT(said, SizeIs(1));
+  EXPECT_THAT(said[0], HasSubstr("no way around the forbidden region 'wall'"));
+  for (const Configuration& commanded : cell.Commanded()) EXPECT_LT(commanded[0], 0);
+}
+
+}  // namespace
+}  // namespace silhouette

@@ -1,0 +1,74 @@
+// The client library as its users get it: installed, found by CMake, built against, run.
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <filesystem>
+#include <string>
+
+#include "tests/clients/cpp/fake_server.h"
+#include "tests/clients/cpp/shell.h"
+
+namespace silhouette {
+namespace {
+
+using ::testing::HasSubstr;
+using ::testing::Not;
+
+const std::string kInstall =
+    SILHOUETTE_CMAKE " --install " SILHOUETTE_BUILD_DIR " --component client --prefix prefix";
+const std::string kConfigure =
+    SILHOUETTE_CMAKE " -G Ninja -S " SILHOUETTE_SOURCE_DIR
+                     "/clients/cpp/example -B build -DCMAKE_BUILD_TYPE=Debug "
+                     "-DCMAKE_PREFIX_PATH=$PWD/prefix -DCMAKE_CXX_COMPILER=" SILHOUETTE_CXX
+                     " '-DCMAKE_CXX_FLAGS=" SILHOUETTE_CXX_FLAGS "'";
+const std::string kBuild = SILHOUETTE_CMAKE " --build build";
+
+TEST(InstalledClient, IsFoundAndUsedByAProjectOfItsOwn) {
+  const Shell shell;
+  for (const std::string& command : {kInstall, kConfigure, kBuild}) {
+    const Ended ended = shell.Run(command);
+    ASSERT_EQ(ended.exit_code, 0) << ended.out << ended.err;
+  }
+  FakeServer server;
+  server.check_configurations = [](auto&, const v1::CheckConfigurationsRequest& request,
+                                   v1::CheckConfigurationsResponse& response) {
+    response.mutable_basis()->set_scene_id(1);
+    const bool free = request.configurations(0).positions(0) > 0;
+    response.add_verdicts()->set_state(free ? v1::Verdict::STATE_FREE
+                                            : v1::Verdict::STATE_OCCUPIED);
+    return grpc::Status::OK;
+  };
+  const std::string program = "build/may_i_go " + server.address;
+  const Ended free = shell.Run(program + " 0.5 0");
+  EXPECT_EQ(free.exit_code, 0);
+  EXPECT_EQ(free.out, "free\n");
+  const Ended occupied = shell.Run(program + " -0.5 0");
+  EXPECT_EQ(occupied.exit_code, 1);
+  EXPECT_EQ(occupied.out, "occupied\n");
+  server.Stop();
+  const Ended gone = shell.Run(program + " 0.5 0");
+  EXPECT_EQ(gone.exit_code, 3);
+  EXPECT_THAT(gone.err, HasSubstr("no server answers at " + server.address));
+  const Ended nothing_shared = shell.Run("build/may_i_go_here no-such-file 0.5 0");
+  EXPECT_EQ(nothing_shared.exit_code, 3);
+  EXPECT_THAT(nothing_shared.err, HasSubstr("there is no shared map 'no-such-file'"));
+}
+
+TEST(InstalledClient, HeadersIncludeOnlyWhatIsInstalled) {
+  const Shell shell;
+  const Ended install = shell.Run(kInstall);
+  ASSERT_EQ(install.exit_code, 0) << install.err;
+  int headers = 0;
+  const std::filesystem::path folder = shell.folder() / "prefix" / "include" / "silhouette";
+  for (const auto& entry : std::filesystem::directory_iterator(folder)) {
+    if (entry.path().extension() != ".h") continue;
+    ++headers;
+    for (const char* source : {"db/", "proto/", "clients/", "server/", "tools/"}) {
+      EXPECT_THAT(ContentOf(entry.path()), Not(HasSubstr(std::string("#include \"") + source)));
+    }
+  }
+  EXPECT_GE(headers, 11);
+}
+
+}  // namespace
+}  // namespace silhouette

@@ -1,0 +1,75 @@
+#include "common/picture/mask_png.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <iostream>
+#include <opencv2/imgcodecs.hpp>
+#include <random>
+
+#include "common/picture/files.h"
+#include "tests/test_folder.h"
+
+namespace silhouette {
+namespace {
+
+using testing::HasSubstr;
+
+std::string TempFile(const std::string& name) { return (TestFolder() / name).string(); }
+
+TEST(MaskPng, RoundTripsEverySize) {
+  const uint64_t seed = std::random_device()();
+  std::cout << "seed " << seed << std::endl;
+  std::mt19937_64 random(seed);
+  for (int i = 0; i < 100; ++i) {
+    const MaskSize size{1 + static_cast<int>(random() % 130), 1 + static_cast<int>(random() % 130)};
+    const Mask mask = Mask::FromPredicate(size, [&](int, int) { return random() % 3 == 0; });
+    const absl::StatusOr<Mask> decoded = DecodeMaskPng(EncodeMaskPng(mask), size);
+    ASSERT_TRUE(decoded.ok()) << decoded.status();
+    EXPECT_EQ(*decoded, mask);
+  }
+}
+
+TEST(MaskPng, TakesGreyAndColourFromTheMiddleUp) {
+  cv::Mat grey(1, 4, CV_8UC1);
+  for (int x = 0; x < 4; ++x) grey.at<uint8_t>(0, x) = static_cast<uint8_t>(126 + x);
+  const Mask expected = Mask::FromPredicate({4, 1}, [](int x, int) { return x >= 2; });
+  cv::Mat colour;
+  cv::merge(std::vector<cv::Mat>{grey, grey, grey}, colour);
+  for (const cv::Mat& image : {grey, colour}) {
+    std::vector<uint8_t> bytes;
+    cv::imencode(".png", image, bytes);
+    EXPECT_EQ(*DecodeMaskPng(std::string(bytes.begin(), bytes.end())), expected);
+  }
+}
+
+TEST(MaskPng, TellsWhatIsWrongWithAFile) {
+  const std::string path = TempFile("mask.png");
+  ASSERT_TRUE(WriteMaskPng(path, Mask({20, 10})).ok());
+  EXPECT_EQ(*ReadMaskPng(path, MaskSize{20, 10}), Mask({20, 10}));
+  EXPECT_EQ(
+      ReadMaskPng(path, MaskSize{10, 20}).status(),
+      absl::InvalidArgumentError("'" + path + "': it is 20x10 pixels large and should be 10x20"));
+  ASSERT_TRUE(WriteWholeFile(path, "no image").ok());
+  EXPECT_EQ(ReadMaskPng(path).status(),
+            absl::InvalidArgumentError("'" + path + "': it is not an image"));
+  ASSERT_TRUE(WriteWholeFile(path, "").ok());
+  EXPECT_EQ(ReadMaskPng(path).status().code(), absl::StatusCode::kInvalidArgument);
+  const absl::Status missing = ReadMaskPng(path + ".none").status();
+  EXPECT_EQ(missing.code(), absl::StatusCode::kNotFound);
+  EXPECT_THAT(missing.message(), HasSubstr(path + ".none' cannot be read: No such file"));
+  EXPECT_EQ(ReadMaskPng(testing::TempDir()).status().code(), absl::StatusCode::kFailedPrecondition);
+  EXPECT_EQ(WriteMaskPng(path + "/below/a/file.png", Mask({1, 1})).code(),
+            absl::StatusCode::kNotFound);
+  unlink(path.c_str());
+}
+
+TEST(MaskPng, RefusesWhatIsTooLargeForAMask) {
+  std::vector<uint8_t> bytes;
+  cv::imencode(".png", cv::Mat(1, 1025, CV_8UC1, cv::Scalar(0)), bytes);
+  const absl::Status status = DecodeMaskPng(std::string(bytes.begin(), bytes.end())).status();
+  EXPECT_THAT(status.message(), HasSubstr("1025x1 pixels large; a mask is at most 1024x1024"));
+}
+
+}  // namespace
+}  // namespace silhouette

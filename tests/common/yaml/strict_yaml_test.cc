@@ -1,0 +1,106 @@
+#include "common/yaml/strict_yaml.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <fstream>
+#include <functional>
+#include <numbers>
+
+#include "tests/test_folder.h"
+
+namespace silhouette {
+namespace {
+
+using ::testing::ElementsAre;
+using ::testing::EndsWith;
+using ::testing::HasSubstr;
+
+YamlNode Parse(const std::string& text) { return {YAML::Load(text), "file.yaml", ""}; }
+
+std::string ErrorOf(const std::function<void()>& action) {
+  try {
+    action();
+  } catch (const YamlError& error) {
+    return error.what();
+  }
+  return "";
+}
+
+TEST(StrictYaml, UnknownKeyIsNamedWithItsLineAndTheNearestKey) {
+  YamlMap map(Parse("name: a\n\nvews: 3\n"));
+  map.Get<std::string>("name");
+  map.Optional("views");
+  EXPECT_EQ(ErrorOf([&] { map.Finish(); }),
+            "file.yaml:3: unknown key 'vews'; did you mean 'views'?");
+}
+
+TEST(StrictYaml, UnknownKeyThatResemblesNoneListsTheKnownKeys) {
+  YamlMap map(Parse("colour: red"));
+  map.Optional("name");
+  map.Optional("grid");
+  EXPECT_THAT(ErrorOf([&] { map.Finish(); }), EndsWith("known are 'grid' and 'name'"));
+}
+
+TEST(StrictYaml, KeyThatStandsTwiceIsRefused) {
+  EXPECT_THAT(ErrorOf([] { YamlMap map(Parse("a: 1\na: 2\n")); }),
+              HasSubstr("file.yaml:2: the key 'a' stands there twice"));
+}
+
+TEST(StrictYaml, MissingKeyIsNamed) {
+  YamlMap map(Parse("a: 1"));
+  EXPECT_THAT(ErrorOf([&] { map.Required("b"); }), HasSubstr("the key 'b' is missing"));
+}
+
+TEST(StrictYaml, WrongKindOfValueIsRefused) {
+  EXPECT_THAT(ErrorOf([] { Parse("many").As<int>(); }), HasSubstr("a whole number is expected"));
+  EXPECT_THAT(ErrorOf([] { Parse("1.5").As<int>(); }), HasSubstr("a whole number is expected"));
+  EXPECT_THAT(ErrorOf([] { Parse(".nan").As<double>(); }), HasSubstr("a number is expected"));
+  EXPECT_THAT(ErrorOf([] { Parse("3").As<bool>(); }), HasSubstr("true or false is expected"));
+  EXPECT_THAT(ErrorOf([] { Parse("[1]").As<double>(); }), HasSubstr("a number is expected"));
+  EXPECT_THAT(ErrorOf([] { YamlMap map(Parse("[1]")); }), HasSubstr("keys with values"));
+  EXPECT_THAT(ErrorOf([] { Parse("a: 1").Items(); }), HasSubstr("a list is expected"));
+  EXPECT_THAT(ErrorOf([] { Parse("[1, 2]").Items(3); }), HasSubstr("a list of 3 is expected"));
+}
+
+TEST(StrictYaml, AnglesAndTimesTakeUnits) {
+  EXPECT_DOUBLE_EQ(Parse("1.5").AsAngle(), 1.5);
+  EXPECT_DOUBLE_EQ(Parse("180 deg").AsAngle(), std::numbers::pi);
+  EXPECT_DOUBLE_EQ(Parse("-2 rad").AsAngle(), -2);
+  EXPECT_DOUBLE_EQ(Parse("250 ms").AsSeconds(), 0.25);
+  EXPECT_DOUBLE_EQ(Parse("2 min").AsSeconds(), 120);
+  EXPECT_THAT(ErrorOf([] { Parse("3 turns").AsAngle(); }), HasSubstr("an angle is expected"));
+  EXPECT_THAT(ErrorOf([] { Parse("-1 s").AsSeconds(); }), HasSubstr("a time is expected"));
+  EXPECT_EQ(Parse("1.5 GB").AsBytes(), 1'500'000'000u);
+  EXPECT_EQ(Parse("2 KiB").AsBytes(), 2048u);
+  EXPECT_EQ(Parse("0").AsBytes(), 0u);
+  for (const char* wrong : {"-1", "8 gigs", "1e30", "nan", "[1]"}) {
+    EXPECT_THAT(ErrorOf([=] { Parse(wrong).AsBytes(); }), HasSubstr("a number of bytes"));
+  }
+}
+
+TEST(StrictYaml, ListsKeepTheirOrder) {
+  EXPECT_THAT(Parse("[3, 1, 2]").Values<int>(), ElementsAre(3, 1, 2));
+}
+
+TEST(StrictYaml, BrokenFileIsToldWithItsLine) {
+  const std::string path = (TestFolder() / "broken.yaml").string();
+  std::ofstream(path) << "a: 1\nb: [1, 2\nc: }\n";
+  EXPECT_THAT(ErrorOf([&] { YamlNode::FromFile(path); }), HasSubstr("broken.yaml:3: "));
+}
+
+TEST(StrictYaml, MissingAndEmptyFilesAreTold) {
+  EXPECT_THAT(ErrorOf([] { YamlNode::FromFile("/nowhere/cell.yaml"); }),
+              HasSubstr("/nowhere/cell.yaml: the file does not exist"));
+  const std::string path = (TestFolder() / "empty.yaml").string();
+  std::ofstream(path) << "# nothing\n";
+  EXPECT_THAT(ErrorOf([&] { YamlNode::FromFile(path); }), HasSubstr("the file is empty"));
+}
+
+TEST(StrictYaml, NearestWordIsEmptyWhereNothingIsNear) {
+  EXPECT_EQ(NearestWord("joint_1", {"axis_a", "joint_2"}), "joint_2");
+  EXPECT_EQ(NearestWord("zzz", {"name", "grid"}), "");
+}
+
+}  // namespace
+}  // namespace silhouette

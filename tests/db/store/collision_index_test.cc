@@ -1,0 +1,484 @@
+// The collision index in the database: what it holds, when it is stale, who may use it meanwhile.
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <sys/resource.h>
+#include <sys/wait.h>
+
+#include <atomic>
+#include <cstring>
+#include <iostream>
+#include <thread>
+
+#include "db/store/collision_index.h"
+#include "db/store/environment.h"
+#include "db/store/raw_records.h"
+#include "db/store/robot_image_format.h"
+#include "db/store/schema.h"
+#include "tests/db/store/index_checks.h"
+#include "tests/db/store/test_cell.h"
+
+namespace silhouette {
+namespace {
+
+using CollisionIndexAccess = Database::Access;
+using testing::ElementsAre;
+
+// A database with records for every `every`-th configuration of a grid of several tiles.
+std::unique_ptr<Database> CollisionIndexMakeDatabase(
+    const std::string& path, uint64_t every = 5,
+    const storage::v1::CellDescription& cell = TestCell(100, 140)) {
+  auto database = Database::Create(path, cell);
+  EXPECT_TRUE(database.ok()) << database.status();
+  auto writer = (*database)->Write("test", absl::Hours(1));
+  for (ConfigurationNumber number : AllNumbers((*database)->grid())) {
+    if (number % every != 0) continue;
+    EXPECT_TRUE(writer->Put(TestImage(**database, number)).ok());
+  }
+  EXPECT_TRUE(writer->Commit().ok());
+  return *std::move(database);
+}
+
+IndexBuildReport Build(Database& database, const IndexBuildOptions& options = {}) {
+  const auto report = BuildCollisionIndex(database, options);
+  EXPECT_TRUE(report.ok()) << report.status();
+  return *report;
+}
+
+void CollisionIndexPut(Database& database, const RobotImage& image, bool replace) {
+  auto writer = database.Write("test", absl::Hours(1));
+  ASSERT_TRUE(writer.ok()) << writer.status();
+  ASSERT_TRUE(writer->Put(image, replace).ok());
+  ASSERT_TRUE(writer->Commit().ok());
+}
+
+std::vector<uint64_t> TilesIn(const Database& database, TileState state) {
+  const auto index = OpenIndex(database);
+  std::vector<uint64_t> tiles;
+  for (const uint64_t tile : index->Tiles()) {
+    if (index->State(tile) == state) tiles.push_back(tile);
+  }
+  return tiles;
+}
+
+TEST(CollisionIndex, HoldsTheRobotImages) {
+  const FreshFolder folder;
+  const auto database = CollisionIndexMakeDatabase(folder / "db", 3);
+  const IndexBuildReport report = Build(*database);
+  EXPECT_GT(report.tiles, 3);
+  EXPECT_EQ(report.built, report.tiles);
+  EXPECT_FALSE(report.stopped);
+  ExpectIndexHoldsTheRobotImages(*database);
+  const CollisionIndexSummary summary = OpenIndex(*database)->Summary();
+  EXPECT_EQ(summary.fresh, summary.tiles);
+  EXPECT_EQ(summary.bytes, report.bytes);
+}
+
+class CollisionIndexOfMasks : public testing::TestWithParam<MaskSize> {};
+
+TEST_P(CollisionIndexOfMasks, HoldsTheRobotImagesAlignedToCacheLines) {
+  const FreshFolder folder;
+  storage::v1::CellDescription cell = TestCell(100, 140);
+  cell.mutable_views(0)->set_mask_width(GetParam().width);
+  cell.mutable_views(0)->set_mask_height(GetParam().height);
+  cell.mutable_views(1)->set_mask_width(1);
+  cell.mutable_views(1)->set_mask_height(1);
+  const auto database = CollisionIndexMakeDatabase(folder / "db", 313, cell);
+  Build(*database);
+  ExpectIndexHoldsTheRobotImages(*database);
+  const auto index = OpenIndex(*database);
+  for (const uint64_t tile : index->Tiles()) {
+    EXPECT_EQ(reinterpret_cast<uintptr_t>(index->Bytes(tile).data()) % 64, 0) << tile;
+  }
+}
+
+INSTANTIATE_TEST_SUITE_P(Sizes, CollisionIndexOfMasks,
+                         testing::Values(MaskSize{1, 1}, MaskSize{64, 64}, MaskSize{128, 96},
+                                         MaskSize{256, 192}, MaskSize{320, 240}),
+                         [](const auto& tested) {
+                           return std::to_string(tested.param.width) + "x" +
+                                  std::to_string(tested.param.height);
+                         });
+
+TEST(CollisionIndex, OfNoRobotImagesIsEmpty) {
+  const FreshFolder folder;
+  const auto database = Database::Create(folder / "db", TestCell());
+  for (int i = 0; i < 2; ++i) {
+    const auto index = OpenIndex(**database);
+    EXPECT_TRUE(index->Tiles().empty());
+    EXPECT_EQ(index->State(0), TileState::kNoRecords);
+    EXPECT_EQ(index->Tile(0), nullptr);
+    EXPECT_EQ(index->State(1'000'000), TileState::kNoRecords);
+    const IndexBuildReport report = Build(**database);
+    EXPECT_EQ(report.tiles, 0);
+    EXPECT_FALSE(report.stopped);
+  }
+}
+
+TEST(CollisionIndex, IsMissingInADatabaseThatHasNone) {
+  const FreshFolder folder;
+  const auto database = CollisionIndexMakeDatabase(folder / "db");
+  const auto index = OpenIndex(*database);
+  const CollisionIndexSummary summary = index->Summary();
+  EXPECT_GT(summary.tiles, 3);
+  EXPECT_EQ(summary.missing, summary.tiles);
+  for (const uint64_t tile : index->Tiles()) EXPECT_EQ(index->Tile(tile), nullptr);
+}
+
+TEST(CollisionIndex, NeedsTheRightToWriteToBeBuilt) {
+  const FreshFolder folder;
+  CollisionIndexMakeDatabase(folder / "db");
+  const auto database = Database::Open(folder / "db", CollisionIndexAccess::kRead);
+  EXPECT_EQ(BuildCollisionIndex(**database).status().code(), absl::StatusCode::kFailedPrecondition);
+}
+
+// What may happen to the records of a tile, by Silhouette and by other programs.
+struct Change {
+  std::string name;
+  std::function<void(Database&)> make;
+};
+
+// Writes below the store's own functions.
+void ChangeRaw(const std::string& path, const Environment::Change& change) {
+  const auto environment = Environment::Open(path);
+  ASSERT_TRUE(environment.ok());
+  ASSERT_TRUE((*environment)->Update(0, change).ok());
+}
+
+// In tile 1: there is a record, and there is none.
+constexpr ConfigurationNumber kThere = kTileSize + 5 - kTileSize % 5 + 5;
+constexpr ConfigurationNumber kNotThere = kThere + 1;
+
+std::string_view View(const schema::NumberKey& key) { return {key.data(), key.size()}; }
+
+class CollisionIndexAfter : public testing::TestWithParam<Change> {};
+
+TEST_P(CollisionIndexAfter, ChangeIsStaleInThatTileOnlyAndMendedByBuildingIt) {
+  const FreshFolder folder;
+  const auto database = CollisionIndexMakeDatabase(folder / "db");
+  ASSERT_TRUE(*database->Read()->Contains(kThere));
+  ASSERT_FALSE(*database->Read()->Contains(kNotThere));
+  Build(*database);
+  const auto before = OpenIndex(*database);
+  GetParam().make(*database);
+  EXPECT_THAT(TilesIn(*database, TileState::kStale), ElementsAre(1));
+  EXPECT_EQ(OpenIndex(*database)->Tile(1), nullptr);
+  EXPECT_NE(before->Tile(1), nullptr);  // of its own state
+  ExpectIndexHoldsTheRobotImages(*database, false);
+  EXPECT_EQ(Build(*database).built, 1);
+  ExpectIndexHoldsTheRobotImages(*database);
+  EXPECT_LE(Build(*database).built, 1);  // 1 where a record cannot be read
+}
+
+INSTANTIATE_TEST_SUITE_P(
+    Records, CollisionIndexAfter,
+    testing::Values(Change{"Replaced",
+                           [](Database& database) {
+                             RobotImage image = TestImage(database, kThere, 7);
+                             image.number = kThere;
+                             CollisionIndexPut(database, image, true);
+                           }},
+                    Change{"Added",
+                           [](Database& database) {
+                             CollisionIndexPut(database, TestImage(database, kNotThere), false);
+                           }},
+                    Change{"Excluded",
+                           [](Database& database) {
+                             RobotImage image;
+                             image.number = kNotThere;
+                             image.excluded = true;
+                             CollisionIndexPut(database, image, false);
+                           }},
+                    Change{"ReplacedUnannounced",
+                           [](Database& database) {
+                             ChangeRaw(database.path(), [&](WriteTransaction& transaction) {
+                               return transaction.Put(
+                                   transaction.environment().robot_images(),
+                                   View(schema::EncodeKey(kThere)),
+                                   EncodeRobotImage(TestImage(database, kThere, 9)));
+                             });
+                           }},
+                    Change{"DeletedUnannounced",
+                           [](Database& database) {
+                             ChangeRaw(database.path(), [](WriteTransaction& transaction) {
+                               return transaction.Delete(transaction.environment().robot_images(),
+                                                         View(schema::EncodeKey(kThere)));
+                             });
+                           }},
+                    Change{"SpoiltInItsChecksum",
+                           [](Database& database) {
+                             std::string value = EncodeRobotImage(TestImage(database, kThere));
+                             value[3] = static_cast<char>(value[3] ^ 16);
+                             ChangeRaw(database.path(), [&](WriteTransaction& transaction) {
+                               return transaction.Put(transaction.environment().robot_images(),
+                                                      View(schema::EncodeKey(kThere)), value);
+                             });
+                           }}),
+    [](const auto& tested) { return tested.param.name; });
+
+TEST(CollisionIndex, StaysFreshWhenOnlyTheCalibrationOrTheReferencesChange) {
+  const FreshFolder folder;
+  const auto database = CollisionIndexMakeDatabase(folder / "db");
+  Build(*database);
+  const uint64_t generation = database->Read()->generation();
+  storage::v1::References references;
+  references.add_views();
+  references.add_views();
+  ASSERT_TRUE(database->SetReferences(references, "test").ok());
+  storage::v1::Calibration calibration;
+  storage::v1::FundamentalMatrix* matrix = calibration.add_fundamental_matrices();
+  matrix->set_view_b(1);
+  for (int i = 0; i < 9; ++i) matrix->add_f(i == 5 ? 1 : i == 7 ? -1 : 0);
+  ASSERT_TRUE(database->SetCalibration(calibration, "test").ok());
+  EXPECT_EQ(database->Read()->generation(), generation + 2);
+  ExpectIndexHoldsTheRobotImages(*database);
+  EXPECT_EQ(Build(*database).built, 0);
+}
+
+TEST(CollisionIndex, BuildingDoesNotRaiseTheGeneration) {
+  const FreshFolder folder;
+  const auto database = CollisionIndexMakeDatabase(folder / "db");
+  const uint64_t generation = database->Read()->generation();
+  Build(*database);
+  EXPECT_EQ(database->Read()->generation(), generation);
+}
+
+TEST(CollisionIndex, BuildsAllTilesWhereAskedTo) {
+  const FreshFolder folder;
+  const auto database = CollisionIndexMakeDatabase(folder / "db");
+  const uint64_t tiles = Build(*database).built;
+  EXPECT_EQ(Build(*database).built, 0);
+  EXPECT_EQ(Build(*database, {.all = true}).built, tiles);
+  ExpectIndexHoldsTheRobotImages(*database);
+}
+
+TEST(CollisionIndex, OfATileThatLostItsRecordsIsRemoved) {
+  const FreshFolder folder;
+  const auto database = CollisionIndexMakeDatabase(folder / "db");
+  Build(*database);
+  ChangeRaw(database->path(), [&](WriteTransaction& transaction) {
+    absl::Status status;
+    for (ConfigurationNumber number = kTileSize; number < 2 * kTileSize; ++number) {
+      status.Update(transaction.Delete(transaction.environment().robot_images(),
+                                       View(schema::EncodeKey(number))));
+    }
+    return status;
+  });
+  EXPECT_EQ(OpenIndex(*database)->State(1), TileState::kStale);
+  EXPECT_EQ(Build(*database).removed, 1);
+  EXPECT_EQ(OpenIndex(*database)->State(1), TileState::kNoRecords);
+  ExpectIndexHoldsTheRobotImages(*database);
+}
+
+// A record that rots keeps its checksum, and gets it back when it is restored byte by byte.
+TEST(CollisionIndex, TakesInARecordThatCanBeReadAgain) {
+  const FreshFolder folder;
+  const auto database = CollisionIndexMakeDatabase(folder / "db");
+  RobotImage image = TestImage(*database, kThere);
+  for (uint64_t seed = 1; image.excluded; ++seed) image = TestImage(*database, kThere, seed);
+  const std::string sound = EncodeRobotImage(image);
+  const auto store = [&](const std::string& value) {
+    ChangeRaw(database->path(), [&](WriteTransaction& transaction) {
+      return transaction.Put(transaction.environment().robot_images(),
+                             View(schema::EncodeKey(kThere)), value);
+    });
+  };
+  std::string rotten = sound;
+  rotten.back() = static_cast<char>(rotten.back() ^ 1);
+  store(rotten);
+  EXPECT_EQ(Build(*database).unreadable, 1);
+  EXPECT_FALSE(OpenIndex(*database)->Tile(1)->present().Contains(kThere % kTileSize));
+  EXPECT_EQ(OpenIndex(*database)->Summary().unreadable, 1);
+  store(sound);
+  EXPECT_EQ(Build(*database).built, 1);
+  EXPECT_TRUE(OpenIndex(*database)->Tile(1)->present().Contains(kThere % kTileSize));
+  ExpectIndexHoldsTheRobotImages(*database);
+}
+
+TEST(CollisionIndex, StoppedBuildKeepsWhatIsBuiltAndGoesOn) {
+  const FreshFolder folder;
+  const auto database = CollisionIndexMakeDatabase(folder / "db");
+  std::vector<uint64_t> told;
+  const auto stop_soon = [&](uint64_t done, uint64_t) {
+    told.push_back(done);
+    return done == 0;
+  };
+  // A buffer of nothing: a tile at a time.
+  const auto first = Build(*database, {.threads = 1, .buffer = 0, .progress = stop_soon});
+  EXPECT_TRUE(first.stopped);
+  EXPECT_EQ(told.front(), 0);
+  EXPECT_GT(first.built, 0);
+  EXPECT_LT(first.built, first.tiles);
+  EXPECT_EQ(TilesIn(*database, TileState::kFresh).size(), first.built);
+  ExpectIndexHoldsTheRobotImages(*database, false);
+  const auto second = Build(*database);
+  EXPECT_EQ(second.built, first.tiles - first.built);
+  ExpectIndexHoldsTheRobotImages(*database);
+}
+
+// What is fresh is what the records are, while they change under the build.
+TEST(CollisionIndex, NeverClaimsRecordsThatItWasNotBuiltFrom) {
+  const FreshFolder folder;
+  const auto database = CollisionIndexMakeDatabase(folder / "db");
+  const uint64_t seed = std::random_device()();
+  std::cout << "seed " << seed << std::endl;
+  std::atomic<bool> done = false;
+  std::jthread changes([&] {
+    std::mt19937_64 random(seed);
+    const std::vector<ConfigurationNumber> numbers = AllNumbers(database->grid());
+    while (!done) {
+      const ConfigurationNumber number = numbers[random() % numbers.size()];
+      CollisionIndexPut(*database, TestImage(*database, number, random()), true);
+    }
+  });
+  for (int i = 0; i < 6; ++i) {
+    Build(*database, {.all = i % 2 == 0});
+    ExpectIndexHoldsTheRobotImages(*database, false);
+  }
+  done = true;
+  changes.join();
+  ExpectIndexHoldsTheRobotImages(*database, false);
+  Build(*database);
+  ExpectIndexHoldsTheRobotImages(*database);
+}
+
+TEST(CollisionIndex, IsReadByManyThreadsWhileTheMapGrowsAndTheIndexIsBuiltAnew) {
+  const FreshFolder folder;
+  const auto database = CollisionIndexMakeDatabase(folder / "db");
+  Build(*database);
+  const auto index = OpenIndex(*database);
+  const auto tiles = ReadTiles(index->snapshot());
+  const auto map_size = [&] {
+    MDB_envinfo info;
+    mdb_env_info((*Environment::Open(database->path()))->get(), &info);
+    return info.me_mapsize;
+  };
+  const size_t before = map_size();
+  std::atomic<bool> done = false;
+  std::vector<std::jthread> readers;
+  for (int i = 0; i < 3; ++i) {
+    readers.emplace_back([&] {
+      do {
+        for (const auto& [tile, images] : tiles) {
+          const TileIndex* held = index->Tile(tile);
+          ASSERT_NE(held, nullptr);
+          for (size_t j = 0; j < images.size(); j += 97) {
+            ASSERT_EQ(held->Image(0, images[j].number % kTileSize), images[j].masks[0]);
+          }
+        }
+      } while (!done);
+    });
+  }
+  // Every record anew, the index too, and much besides.
+  storage::v1::References references;
+  references.add_views();
+  references.add_views()->set_mean_png(std::string(size_t{30} << 20, 'x'));
+  for (uint64_t round = 1; map_size() == before; ++round) {
+    ASSERT_LT(round, 20);
+    for (const auto& [tile, images] : tiles) {
+      CollisionIndexPut(*database, TestImage(*database, tile * kTileSize, round), true);
+    }
+    ASSERT_TRUE(database->SetReferences(references, "test").ok());
+    EXPECT_EQ(Build(*database).built, tiles.size());
+  }
+  done = true;
+  readers.clear();
+  EXPECT_NE(map_size(), before);
+  for (const auto& [tile, images] : tiles) {
+    ExpectHolds(*index->Tile(tile), index->trees(), images);
+  }
+  ExpectIndexHoldsTheRobotImages(*database);
+}
+
+TEST(CollisionIndex, OutlivesItsDatabase) {
+  const FreshFolder folder;
+  auto database = CollisionIndexMakeDatabase(folder / "db");
+  Build(*database);
+  const auto index = OpenIndex(*database);
+  const auto tiles = ReadTiles(index->snapshot());
+  database.reset();
+  for (const auto& [tile, images] : tiles) {
+    ExpectHolds(*index->Tile(tile), index->trees(), images);
+  }
+}
+
+// Another process builds it in a database that this one has open.
+TEST(CollisionIndex, BuiltByAnotherProcessIsFoundByTheNextSnapshot) {
+  const FreshFolder folder;
+  CollisionIndexMakeDatabase(folder / "db");
+  int go[2];
+  ASSERT_EQ(pipe(go), 0);
+  const pid_t child = fork();
+  if (child == 0) {
+    char byte = 0;
+    if (read(go[0], &byte, 1) != 1) _exit(1);
+    const auto database = Database::Open(folder / "db", CollisionIndexAccess::kWrite);
+    _exit(database.ok() && BuildCollisionIndex(**database).ok() ? 0 : 2);
+  }
+  const auto database = Database::Open(folder / "db", CollisionIndexAccess::kRead);
+  ASSERT_TRUE(database.ok());
+  EXPECT_THAT(TilesIn(**database, TileState::kFresh), ElementsAre());
+  auto earlier = (*database)->Read();
+  ASSERT_EQ(write(go[1], "g", 1), 1);
+  int status = -1;
+  ASSERT_EQ(waitpid(child, &status, 0), child);
+  ASSERT_EQ(status, 0);
+  ExpectIndexHoldsTheRobotImages(**database);
+  const auto of_earlier = CollisionIndex::Open(*std::move(earlier));
+  ASSERT_TRUE(of_earlier.ok());
+  EXPECT_EQ((*of_earlier)->Summary().missing, (*of_earlier)->Summary().tiles);
+  close(go[0]);
+  close(go[1]);
+}
+
+TEST(CollisionIndex, IsCopiedByCompactAndCountedAsUsed) {
+  const FreshFolder folder;
+  const auto database = CollisionIndexMakeDatabase(folder / "db");
+  const uint64_t before = database->GetUsage()->used_bytes;
+  const IndexBuildReport report = Build(*database);
+  EXPECT_GE(database->GetUsage()->used_bytes, before + report.bytes);
+  ASSERT_TRUE(database->Compact(folder / "copy").ok());
+  const auto copy = Database::Open(folder / "copy", CollisionIndexAccess::kRead);
+  ASSERT_TRUE(copy.ok()) << copy.status();
+  ExpectIndexHoldsTheRobotImages(**copy);
+}
+
+// Records that are small, with an index that is large: what is held must not grow with it.
+TEST(CollisionIndex, IsBuiltInBoundedMemory) {
+#if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
+  GTEST_SKIP() << "a sanitizer takes memory of its own";
+#endif
+  const FreshFolder folder;
+  storage::v1::CellDescription cell = TestCell(600, 600);
+  std::mt19937_64 random(3);
+  const pid_t child = fork();
+  if (child == 0) {
+    auto database = Database::Create(folder / "db", cell);
+    auto writer = (*database)->Write("test", absl::Hours(1));
+    uint64_t tiles = 0;
+    for (uint64_t tile = 0; tile < (*database)->grid().tiles(); ++tile, ++tiles) {
+      for (uint64_t place = 0; place < 20; ++place) {
+        RobotImage image;
+        image.number = tile * kTileSize + place;
+        if (!(*database)->grid().Contains(image.number)) continue;
+        for (const MaskSize size : (*database)->mask_sizes()) {
+          image.masks.push_back(RandomMask(size, random, true));
+        }
+        if (!writer->Put(image).ok()) _exit(1);
+      }
+    }
+    if (!writer->Commit().ok()) _exit(2);
+    // The map of the file is no part of this; what the threads' heaps reserve is.
+    constexpr rlim_t kMost = rlim_t{96} << 20;
+    const rlimit limit{kMost, kMost};
+    if (setrlimit(RLIMIT_DATA, &limit) != 0) _exit(3);
+    const auto report = BuildCollisionIndex(**database, {.buffer = 1 << 20});
+    if (!report.ok() || report->built != tiles) _exit(4);
+    _exit(report->bytes > 2 * kMost ? 0 : 5);
+  }
+  int status = -1;
+  ASSERT_EQ(waitpid(child, &status, 0), child);
+  EXPECT_EQ(status, 0) << "exit code " << WEXITSTATUS(status);
+}
+
+}  // namespace
+}  // namespace silhouette

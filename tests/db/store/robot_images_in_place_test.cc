@@ -1,0 +1,219 @@
+#include "db/store/robot_images_in_place.h"
+
+#include <gtest/gtest.h>
+#include <unistd.h>
+
+#include <atomic>
+#include <fstream>
+#include <iterator>
+#include <map>
+#include <memory>
+#include <thread>
+
+#include "db/store/environment.h"
+#include "tests/db/store/test_cell.h"
+
+namespace silhouette {
+namespace {
+
+using RobotImagesInPlaceAccess = Database::Access;
+
+// Two views; with `large`, of so many pixels that most records need pages of their own.
+storage::v1::CellDescription Cell(bool large) {
+  storage::v1::CellDescription cell = TestCell();
+  if (!large) return cell;
+  cell.mutable_views(0)->set_mask_width(320);
+  cell.mutable_views(0)->set_mask_height(240);
+  return cell;
+}
+
+void RobotImagesInPlacePut(Database& database, const RobotImage& image, bool replace = false) {
+  auto writer = database.Write("test", absl::Hours(1));
+  ASSERT_TRUE(writer.ok() && writer->Put(image, replace).ok() && writer->Commit().ok());
+}
+
+std::unique_ptr<Database> RobotImagesInPlaceMakeDatabase(const std::string& path,
+                                                         bool large = false) {
+  auto database = *Database::Create(path, Cell(large));
+  auto writer = *database->Write("test", absl::Hours(1));
+  for (const ConfigurationNumber number : AllNumbers(database->grid())) {
+    if (number % 7 == 0) continue;
+    EXPECT_TRUE(writer.Put(TestImage(*database, number)).ok());
+  }
+  EXPECT_TRUE(writer.Commit().ok());
+  return database;
+}
+
+using Records = std::map<ConfigurationNumber, RobotImage>;
+
+Records ReadAll(const Database& database) {
+  Records records;
+  EXPECT_TRUE(database.Read()
+                  ->ForEach([&](ConfigurationNumber number, absl::StatusOr<RobotImage> image) {
+                    if (image.ok()) records[number] = *std::move(image);
+                    return true;
+                  })
+                  .ok());
+  return records;
+}
+
+std::vector<uint64_t> WordsOf(const RobotImage& image) {
+  std::vector<uint64_t> words;
+  for (const Mask& mask : image.masks) {
+    words.insert(words.end(), mask.words().begin(), mask.words().end());
+  }
+  return words;
+}
+
+size_t RoomFor(const Database& database) {
+  size_t words = 0;
+  for (const MaskSize size : database.mask_sizes()) words += size.words();
+  return words;
+}
+
+std::shared_ptr<const RobotImagesInPlace> OpenImages(const Database& database) {
+  auto images = RobotImagesInPlace::Open(std::make_shared<const Snapshot>(*database.Read()),
+                                         [](const MetRecord&) {});
+  EXPECT_TRUE(images.ok()) << images.status();
+  return *std::move(images);
+}
+
+void ExpectReads(const RobotImagesInPlace& images, const ConfigurationGrid& grid, size_t room,
+                 const Records& records) {
+  std::vector<uint64_t> words(room);
+  for (ConfigurationNumber number = 0; number < grid.number_limit() + kTileSize; ++number) {
+    const auto found = records.find(number);
+    const bool there = found != records.end() && !found->second.excluded;
+    ASSERT_EQ(images.Read(number, words), there) << number;
+    if (there) {
+      ASSERT_EQ(words, WordsOf(found->second)) << number;
+    }
+  }
+}
+
+class RobotImagesOfSize : public ::testing::TestWithParam<bool> {};
+
+TEST_P(RobotImagesOfSize, AreReadAsTheyAreStored) {
+  const FreshFolder folder;
+  const auto database = RobotImagesInPlaceMakeDatabase(folder / "db", GetParam());
+  const Records records = ReadAll(*database);
+  ExpectReads(*OpenImages(*database), database->grid(), RoomFor(*database), records);
+}
+
+TEST_P(RobotImagesOfSize, AreMetOnceInTheirOrder) {
+  const FreshFolder folder;
+  const auto database = RobotImagesInPlaceMakeDatabase(folder / "db", GetParam());
+  const Records records = ReadAll(*database);
+  std::vector<ConfigurationNumber> expected;
+  for (const auto& [number, image] : records) expected.push_back(number);
+  const auto snapshot = std::make_shared<const Snapshot>(*database->Read());
+  std::vector<ConfigurationNumber> met;
+  const VisitRecord visit = [&](const MetRecord& record) {
+    met.push_back(record.number);
+    const RobotImage& image = records.at(record.number);
+    ASSERT_EQ(record.masks, image.excluded ? StoredMasks::kExcluded : StoredMasks::kPresent);
+    if (image.excluded) return;
+    ASSERT_EQ(std::vector(record.words.begin(), record.words.end()), WordsOf(image));
+  };
+  ASSERT_TRUE(RobotImagesInPlace::Open(snapshot, visit).ok());
+  EXPECT_EQ(met, expected);
+  met.clear();
+  ASSERT_TRUE(ForEachMasks(*snapshot, visit).ok());
+  EXPECT_EQ(met, expected);
+}
+
+INSTANTIATE_TEST_SUITE_P(Records, RobotImagesOfSize, ::testing::Bool(),
+                         [](const auto& test) { return test.param ? "Large" : "Small"; });
+
+TEST(RobotImagesInPlace, StayThoseOfTheirStateForManyThreadsWhileTheMapGrows) {
+  const FreshFolder folder;
+  auto database = RobotImagesInPlaceMakeDatabase(folder / "db");
+  const Records records = ReadAll(*database);
+  const auto images = OpenImages(*database);
+  const size_t room = RoomFor(*database);
+  const auto map_size = [&] {
+    MDB_envinfo info;
+    mdb_env_info((*Environment::Open(database->path()))->get(), &info);
+    return info.me_mapsize;
+  };
+  const size_t before = map_size();
+  std::atomic<bool> done = false;
+  std::vector<std::jthread> readers;
+  for (int i = 0; i < 3; ++i) {
+    readers.emplace_back([&] {
+      do {
+        ASSERT_NO_FATAL_FAILURE(ExpectReads(*images, database->grid(), room, records));
+      } while (!done);
+    });
+  }
+  storage::v1::References references;
+  references.add_views();
+  references.add_views()->set_mean_png(std::string(size_t{30} << 20, 'x'));
+  for (uint64_t round = 1; map_size() == before; ++round) {
+    ASSERT_LT(round, 20);
+    for (const auto& [number, image] : records) {
+      if (number % 20 == 0)
+        RobotImagesInPlacePut(*database, TestImage(*database, number, round), true);
+    }
+    ASSERT_TRUE(database->SetReferences(references, "test").ok());
+  }
+  done = true;
+  readers.clear();
+  // And without the database.
+  const ConfigurationGrid grid = database->grid();
+  database.reset();
+  ExpectReads(*images, grid, room, records);
+}
+
+struct DamagedUnderTheReader : ::testing::Test {
+  FreshFolder folder;
+  std::unique_ptr<Database> database = RobotImagesInPlaceMakeDatabase(folder / "db");
+  const Records records = ReadAll(*database);
+  const std::shared_ptr<const RobotImagesInPlace> images = OpenImages(*database);
+  const std::string file = folder / "db/data.mdb";
+
+  // How many records can still be read; all of these are as they were.
+  size_t Readable() {
+    size_t readable = 0;
+    std::vector<uint64_t> words(RoomFor(*database));
+    for (const auto& [number, image] : records) {
+      if (!images->Read(number, words)) continue;
+      EXPECT_EQ(words, WordsOf(image)) << number;
+      ++readable;
+    }
+    return readable;
+  }
+};
+
+TEST_F(DamagedUnderTheReader, RecordIsNotReadOrAsItWas) {
+  const size_t all = Readable();
+  const uint64_t seed = std::random_device()();
+  const ::testing::ScopedTrace trace(__FILE__, __LINE__, "seed " + std::to_string(seed));
+  std::mt19937_64 random(seed);
+  std::fstream bytes(file, std::ios::in | std::ios::out | std::ios::binary);
+  bytes.seekg(0, std::ios::end);
+  const auto size = static_cast<uint64_t>(bytes.tellg());
+  for (int i = 0; i < 300; ++i) {
+    const auto place = static_cast<std::streamoff>(random() % size);
+    bytes.seekg(place);
+    const int byte = bytes.get();
+    bytes.seekp(place);
+    bytes.put(static_cast<char>(byte ^ (1 << random() % 8)));
+  }
+  bytes.close();
+  EXPECT_LT(Readable(), all);
+  EXPECT_GT(Readable(), 0u);
+}
+
+TEST_F(DamagedUnderTheReader, FileCutShortEndsNoProcess) {
+  const size_t all = Readable();
+  const auto size = std::filesystem::file_size(file);
+  ASSERT_EQ(truncate(file.c_str(), static_cast<off_t>(size / 2)), 0);
+  EXPECT_LT(Readable(), all);
+  ASSERT_EQ(truncate(file.c_str(), 0), 0);
+  EXPECT_EQ(Readable(), 0u);
+  ASSERT_EQ(truncate(file.c_str(), static_cast<off_t>(size)), 0);  // for those who close it
+}
+
+}  // namespace
+}  // namespace silhouette

@@ -1,0 +1,257 @@
+// Truncated, damaged and foreign files.
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <lmdb.h>
+
+#include <fstream>
+#include <iostream>
+
+#include "db/store/environment.h"
+#include "db/store/robot_image_format.h"
+#include "db/store/schema.h"
+#include "db/store/store.h"
+#include "tests/db/store/test_cell.h"
+
+namespace silhouette {
+namespace {
+
+using testing::HasSubstr;
+using StoreDamageAccess = Database::Access;
+
+std::string StoreDamageReadFile(const std::string& path) {
+  std::ifstream file(path, std::ios::binary);
+  return {std::istreambuf_iterator<char>(file), {}};
+}
+
+void StoreDamageWriteFile(const std::string& path, const std::string& bytes) {
+  std::ofstream(path, std::ios::binary) << bytes;
+}
+
+// A database with a record for every configuration.
+void MakeFullDatabase(const std::string& path) {
+  const auto database = Database::Create(path, TestCell());
+  ASSERT_TRUE(database.ok()) << database.status();
+  auto writer = (*database)->Write("test", absl::Hours(1));
+  for (ConfigurationNumber number : AllNumbers((*database)->grid())) {
+    ASSERT_TRUE(writer->Put(TestImage(**database, number)).ok());
+    if (number % 50 == 0) {
+      ASSERT_TRUE(writer->Commit().ok());
+    }
+  }
+  ASSERT_TRUE(writer->Commit().ok());
+}
+
+// An environment of LMDB's with one sub-database and one entry in it.
+void MakeLmdb(const std::string& path, const char* name, const std::string& key,
+              const std::string& value) {
+  std::filesystem::create_directories(path);
+  MDB_env* environment = nullptr;
+  MDB_txn* transaction = nullptr;
+  MDB_dbi database = 0;
+  ASSERT_EQ(mdb_env_create(&environment), 0);
+  ASSERT_EQ(mdb_env_set_maxdbs(environment, 4), 0);
+  ASSERT_EQ(mdb_env_open(environment, path.c_str(), 0, 0664), 0);
+  ASSERT_EQ(mdb_txn_begin(environment, nullptr, 0, &transaction), 0);
+  ASSERT_EQ(mdb_dbi_open(transaction, name, MDB_CREATE, &database), 0);
+  MDB_val key_val = ToVal(key);
+  MDB_val value_val = ToVal(value);
+  ASSERT_EQ(mdb_put(transaction, database, &key_val, &value_val, 0), 0);
+  ASSERT_EQ(mdb_txn_commit(transaction), 0);
+  mdb_env_close(environment);
+}
+
+TEST(Database, TruncatedAnywhereIsRefusedOrWhole) {
+  const FreshFolder folder;
+  MakeFullDatabase(folder / "db");
+  const std::string bytes = StoreDamageReadFile(folder / "db/data.mdb");
+  const uint64_t seed = std::random_device()();
+  std::cout << "seed " << seed << std::endl;
+  std::mt19937_64 random(seed);
+  std::vector<size_t> lengths = {0, 1, 15, 63, 64, 4095, 4096, 4200, 8191, 8192, bytes.size() - 1};
+  for (int i = 0; i < 100; ++i) lengths.push_back(random() % bytes.size());
+  int refused = 0;
+  for (size_t length : lengths) {
+    SCOPED_TRACE(length);
+    std::filesystem::create_directories(folder / "cut");
+    StoreDamageWriteFile(folder / "cut/data.mdb", bytes.substr(0, length));
+    const auto database = Database::Open(folder / "cut", StoreDamageAccess::kRead);
+    if (!database.ok()) {
+      ++refused;
+      EXPECT_THAT(database.status().message(), HasSubstr(folder / "cut"));
+      EXPECT_TRUE(absl::IsDataLoss(database.status()) || length < 64) << database.status();
+    } else {
+      const auto visit = [&](ConfigurationNumber number, absl::StatusOr<RobotImage> image) {
+        EXPECT_EQ(*image, TestImage(**database, number));
+        return true;
+      };
+      EXPECT_TRUE((*database)->Read()->ForEach(visit).ok());
+      EXPECT_EQ((*database)->Read()->size(), (*database)->grid().size());
+    }
+    std::filesystem::remove_all(folder / "cut");
+  }
+  // Some cuts lose only pages that the newest state does not use.
+  EXPECT_GT(refused, static_cast<int>(lengths.size()) / 2);
+}
+
+TEST(Database, WithADamagedRecordLosesOnlyThatRecord) {
+  const FreshFolder folder;
+  MakeFullDatabase(folder / "db");
+  std::string bytes = StoreDamageReadFile(folder / "db/data.mdb");
+  // A record with masks, found by its bytes, in the pages of earlier states too.
+  ConfigurationNumber victim = 0;
+  std::vector<size_t> places;
+  {
+    const auto database = Database::Open(folder / "db", StoreDamageAccess::kRead);
+    RobotImage image;
+    do {
+      image = TestImage(**database, ++victim);
+    } while (image.excluded);
+    const std::string value = EncodeRobotImage(image);
+    for (size_t at = bytes.find(value); at != std::string::npos; at = bytes.find(value, at + 1)) {
+      places.push_back(at);
+    }
+  }
+  ASSERT_FALSE(places.empty());
+  const auto flip = [&](size_t offset) {
+    for (size_t at : places) bytes[at + offset] = static_cast<char>(bytes[at + offset] ^ 4);
+  };
+  for (size_t offset : {0, 8, 20, 70}) {
+    flip(offset);
+    StoreDamageWriteFile(folder / "db/data.mdb", bytes);
+    const auto database = Database::Open(folder / "db", StoreDamageAccess::kRead);
+    ASSERT_TRUE(database.ok()) << database.status();
+    const auto snapshot = (*database)->Read();
+    EXPECT_EQ(snapshot->Find(victim).status().code(), absl::StatusCode::kDataLoss);
+    EXPECT_TRUE(*snapshot->Contains(victim));
+    int damaged = 0;
+    const auto visit = [&](ConfigurationNumber number, absl::StatusOr<RobotImage> image) {
+      if (!image.ok()) {
+        EXPECT_EQ(number, victim);
+        EXPECT_EQ(image.status().code(), absl::StatusCode::kDataLoss);
+        ++damaged;
+      } else {
+        EXPECT_EQ(*image, TestImage(**database, number));
+      }
+      return true;
+    };
+    EXPECT_TRUE(snapshot->ForEach(visit).ok());
+    EXPECT_EQ(damaged, 1);
+    flip(offset);
+  }
+}
+
+// Whatever happens to the file: what is read is right, or it is an error, and the process lives.
+TEST(Database, WithFlippedBitsAnywhereNeverGivesWrongRecords) {
+  const FreshFolder folder;
+  MakeFullDatabase(folder / "db");
+  const std::string sound = StoreDamageReadFile(folder / "db/data.mdb");
+  const uint64_t seed = std::random_device()();
+  std::cout << "seed " << seed << std::endl;
+  std::mt19937_64 random(seed);
+  int refused = 0;
+  int lost = 0;
+  std::filesystem::create_directories(folder / "spoilt");
+  for (int round = 0; round < 250; ++round) {
+    std::string bytes = sound;
+    for (int flips = 1 + static_cast<int>(random() % 4); flips > 0; --flips) {
+      // Half of them where pages and entries have their heads.
+      size_t place = random() % bytes.size();
+      if (random() % 2 == 0) place = place / 4096 * 4096 + random() % 64;
+      bytes[place] = static_cast<char>(bytes[place] ^ (1 << random() % 8));
+    }
+    StoreDamageWriteFile(folder / "spoilt/data.mdb", bytes);
+    const auto database = Database::Open(folder / "spoilt", StoreDamageAccess::kRead);
+    if (!database.ok()) {
+      ++refused;
+      continue;
+    }
+    const auto snapshot = (*database)->Read();
+    if (!snapshot.ok()) continue;
+    const auto visit = [&](ConfigurationNumber number, absl::StatusOr<RobotImage> image) {
+      if (image.ok()) {
+        EXPECT_EQ(*image, TestImage(**database, number));
+      } else {
+        ++lost;
+      }
+      return true;
+    };
+    (void)snapshot->ForEach(visit);
+    for (ConfigurationNumber number = 0; number < 50; ++number) {
+      const auto found = snapshot->Find(number);
+      if (found.ok() && *found) {
+        EXPECT_EQ(**found, TestImage(**database, number));
+      }
+    }
+  }
+  std::cout << refused << " refused, " << lost << " records lost" << std::endl;
+  EXPECT_GT(refused, 50);
+  EXPECT_GT(lost, 20);
+}
+
+TEST(Database, WithADamagedPageIsRefusedByName) {
+  const FreshFolder folder;
+  MakeFullDatabase(folder / "db");
+  std::string bytes = StoreDamageReadFile(folder / "db/data.mdb");
+  for (size_t page = 2 * 4096; page < bytes.size(); page += 4096) bytes[page] ^= 1;  // its number
+  StoreDamageWriteFile(folder / "db/data.mdb", bytes);
+  const absl::Status status = Database::Open(folder / "db", StoreDamageAccess::kRead).status();
+  EXPECT_EQ(status.code(), absl::StatusCode::kDataLoss);
+  EXPECT_THAT(status.message(), HasSubstr("data.mdb' is damaged: page "));
+  EXPECT_THAT(status.message(), HasSubstr("restore it from a copy"));
+}
+
+TEST(Database, WithADamagedDescriptionIsRefused) {
+  const FreshFolder folder;
+  MakeFullDatabase(folder / "db");
+  std::string bytes = StoreDamageReadFile(folder / "db/data.mdb");
+  for (size_t place = bytes.find("axis_1"); place != std::string::npos;
+       place = bytes.find("axis_1", place + 1)) {
+    bytes[place] = 'b';
+  }
+  StoreDamageWriteFile(folder / "db/data.mdb", bytes);
+  const absl::Status status = Database::Open(folder / "db", StoreDamageAccess::kRead).status();
+  EXPECT_EQ(status.code(), absl::StatusCode::kDataLoss) << status;
+  EXPECT_THAT(status.message(), HasSubstr("its entry 'cell' is damaged"));
+}
+
+TEST(Database, OfAnotherFormatVersionIsRefusedAndLeftAlone) {
+  const FreshFolder folder;
+  MakeLmdb(folder / "db", schema::kMeta, "format", "silhouette 2");
+  for (StoreDamageAccess access : {StoreDamageAccess::kRead, StoreDamageAccess::kWrite}) {
+    const absl::Status status = Database::Open(folder / "db", access).status();
+    EXPECT_EQ(status.code(), absl::StatusCode::kFailedPrecondition);
+    EXPECT_THAT(status.message(), HasSubstr("has format version 2, this program knows version 1"));
+  }
+  EXPECT_EQ(Database::Create(folder / "db", TestCell()).status().code(),
+            absl::StatusCode::kFailedPrecondition);
+}
+
+TEST(Database, OfAnotherProgramIsRefusedAndLeftAlone) {
+  const FreshFolder folder;
+  MakeLmdb(folder / "named", "something", "key", "value");
+  MakeLmdb(folder / "meta", schema::kMeta, "key", "value");
+  MakeLmdb(folder / "plain", nullptr, "meta", "value");
+  for (const char* name : {"named", "meta", "plain"}) {
+    const std::string before = StoreDamageReadFile(folder / name + "/data.mdb");
+    const absl::Status status = Database::Open(folder / name, StoreDamageAccess::kWrite).status();
+    EXPECT_EQ(status.code(), absl::StatusCode::kFailedPrecondition) << status;
+    EXPECT_THAT(status.message(), HasSubstr("is an LMDB database, but not one of Silhouette's"));
+    EXPECT_FALSE(Database::Create(folder / name, TestCell()).ok());
+    EXPECT_EQ(StoreDamageReadFile(folder / name + "/data.mdb"), before);
+  }
+}
+
+TEST(Database, OfNoKindAtAllIsRefused) {
+  const FreshFolder folder;
+  std::filesystem::create_directories(folder / "db");
+  StoreDamageWriteFile(folder / "db/data.mdb", std::string(20'000, 'x'));
+  const absl::Status status = Database::Open(folder / "db", StoreDamageAccess::kRead).status();
+  EXPECT_EQ(status.code(), absl::StatusCode::kFailedPrecondition) << status;
+  EXPECT_THAT(status.message(), HasSubstr("is not a database"));
+  StoreDamageWriteFile(folder / "file", "x");
+  EXPECT_EQ(Database::Open(folder / "file", StoreDamageAccess::kRead).status().code(),
+            absl::StatusCode::kNotFound);
+}
+
+}  // namespace
+}  // namespace silhouette

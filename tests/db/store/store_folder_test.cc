@@ -1,0 +1,136 @@
+// Folders without permission to write. Root may write everywhere, so the reader is a child process
+// that gives its rights away, and a read-only mount.
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <sys/mount.h>
+#include <sys/stat.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include <functional>
+#include <iostream>
+
+#include "db/store/store.h"
+#include "db/store/writer_lock.h"
+#include "tests/db/store/test_cell.h"
+
+namespace silhouette {
+namespace {
+
+using testing::HasSubstr;
+using StoreFolderAccess = Database::Access;
+
+constexpr uid_t kNobody = 65534;
+
+// Runs `body` in a child process without root's rights; it prints what it finds wrong.
+bool HoldsForAnOrdinaryUser(const std::function<bool()>& body) {
+  const pid_t child = fork();
+  if (child == 0) {
+    if (geteuid() == 0 && (setgid(kNobody) != 0 || setuid(kNobody) != 0)) _exit(2);
+    _exit(body() ? 0 : 1);
+  }
+  int status = 0;
+  waitpid(child, &status, 0);
+  return WIFEXITED(status) && WEXITSTATUS(status) == 0;
+}
+
+bool Check(bool holds, const std::string& what) {
+  if (!holds) std::cout << what << std::endl;
+  return holds;
+}
+
+void StoreFolderMakeDatabase(const std::string& path) {
+  const auto database = Database::Create(path, TestCell());
+  ASSERT_TRUE(database.ok()) << database.status();
+  auto writer = (*database)->Write("test");
+  ASSERT_TRUE(writer->Put(TestImage(**database, 1)).ok());
+  ASSERT_TRUE(writer->Commit().ok());
+}
+
+bool CanBeRead(const std::string& path) {
+  const auto database = Database::Open(path, StoreFolderAccess::kRead);
+  if (!database.ok()) return Check(false, database.status().ToString());
+  const auto snapshot = (*database)->Read();
+  if (!snapshot.ok()) return Check(false, snapshot.status().ToString());
+  const auto image = snapshot->Find(1);
+  return Check(image.ok() && **image == TestImage(**database, 1), "another image");
+}
+
+bool CannotBeWritten(const std::string& path) {
+  const absl::Status status = Database::Open(path, StoreFolderAccess::kWrite).status();
+  return Check(absl::IsFailedPrecondition(status), status.ToString());
+}
+
+void TakePermission(const std::string& path) {
+  for (const auto& entry : std::filesystem::directory_iterator(path)) {
+    ASSERT_EQ(chmod(entry.path().c_str(), 0444), 0);
+  }
+  ASSERT_EQ(chmod(path.c_str(), 0555), 0);
+}
+
+TEST(Database, WithoutPermissionToWriteCanBeRead) {
+  const FreshFolder folder;
+  ASSERT_EQ(chmod(folder.path().c_str(), 0755), 0);
+  StoreFolderMakeDatabase(folder / "db");
+  EXPECT_FALSE(ReadersKeepWritersOut(folder / "db"));
+  TakePermission(folder / "db");
+  EXPECT_TRUE(HoldsForAnOrdinaryUser(
+      [&] { return CanBeRead(folder / "db") && CannotBeWritten(folder / "db"); }));
+  EXPECT_TRUE(HoldsForAnOrdinaryUser([&] { return ReadersKeepWritersOut(folder / "db"); }));
+  EXPECT_TRUE(HoldsForAnOrdinaryUser([&] {
+    const absl::Status status = Database::Create(folder / "db/new", TestCell()).status();
+    return Check(absl::IsFailedPrecondition(status), status.ToString());
+  }));
+  chmod((folder / "db").c_str(), 0755);
+}
+
+TEST(Database, WithoutPermissionToRegisterIsNotReadWhileItIsWritten) {
+  if (geteuid() != 0) GTEST_SKIP() << "needs a second user, thus root";
+  const FreshFolder folder;
+  ASSERT_EQ(chmod(folder.path().c_str(), 0755), 0);
+  StoreFolderMakeDatabase(folder / "db");
+  TakePermission(folder / "db");
+  const auto writer = Database::Open(folder / "db", StoreFolderAccess::kWrite);
+  ASSERT_TRUE(writer.ok()) << writer.status();
+  const pid_t writing = getpid();
+  EXPECT_TRUE(HoldsForAnOrdinaryUser([&] {
+    const absl::Status status = Database::Open(folder / "db", StoreFolderAccess::kRead).status();
+    const std::string expected = absl::StrCat("another process (pid ", writing, ") is writing");
+    return Check(absl::IsFailedPrecondition(status) &&
+                     std::string(status.message()).find(expected) != std::string::npos,
+                 status.ToString());
+  }));
+}
+
+TEST(Database, WithoutPermissionToReadSaysSo) {
+  const FreshFolder folder;
+  ASSERT_EQ(chmod(folder.path().c_str(), 0755), 0);
+  StoreFolderMakeDatabase(folder / "db");
+  ASSERT_EQ(chmod((folder / "db/data.mdb").c_str(), 0), 0);
+  EXPECT_TRUE(HoldsForAnOrdinaryUser([&] {
+    const absl::Status status = Database::Open(folder / "db", StoreFolderAccess::kRead).status();
+    return Check(absl::IsFailedPrecondition(status) &&
+                     std::string(status.message()).find("no permission") != std::string::npos,
+                 status.ToString());
+  }));
+}
+
+TEST(Database, OnAReadOnlyFileSystemCanBeRead) {
+  const FreshFolder folder;
+  StoreFolderMakeDatabase(folder / "db");
+  const std::string mounted = folder / "mounted";
+  std::filesystem::create_directories(mounted);
+  if (mount(folder.path().c_str(), mounted.c_str(), nullptr, MS_BIND, nullptr) != 0) {
+    GTEST_SKIP() << "a folder cannot be mounted here: " << strerror(errno);
+  }
+  ASSERT_EQ(mount(nullptr, mounted.c_str(), nullptr, MS_BIND | MS_REMOUNT | MS_RDONLY, nullptr), 0);
+  EXPECT_TRUE(CanBeRead(mounted + "/db"));
+  EXPECT_TRUE(CannotBeWritten(mounted + "/db"));
+  const absl::Status status = Database::Create(mounted + "/new", TestCell()).status();
+  EXPECT_EQ(status.code(), absl::StatusCode::kFailedPrecondition) << status;
+  EXPECT_THAT(status.message(), HasSubstr("cannot be made"));
+  EXPECT_EQ(umount2(mounted.c_str(), MNT_DETACH), 0);
+}
+
+}  // namespace
+}  // namespace silhouette

@@ -1,0 +1,119 @@
+// Cells, robot images and folders for the tests of db/.
+#pragma once
+
+#include <gtest/gtest.h>
+#include <unistd.h>
+
+#include <atomic>
+#include <filesystem>
+#include <random>
+#include <string>
+#include <vector>
+
+#include "absl/strings/str_cat.h"
+#include "db/store/store.h"
+
+namespace silhouette {
+
+// A new empty folder; removed with all that is in it.
+class FreshFolder {
+ public:
+  FreshFolder() {
+    static std::atomic<int> count = 0;
+    path_ = absl::StrCat(testing::TempDir(), "/silhouette-", getpid(), "-", ++count);
+    std::filesystem::remove_all(path_);
+    std::filesystem::create_directories(path_);
+  }
+  ~FreshFolder() {
+    std::error_code ignored;
+    std::filesystem::remove_all(path_, ignored);
+  }
+  FreshFolder(const FreshFolder&) = delete;
+  FreshFolder& operator=(const FreshFolder&) = delete;
+
+  std::string operator/(const std::string& name) const { return path_ + "/" + name; }
+  const std::string& path() const { return path_; }
+
+ private:
+  std::string path_;
+};
+
+// Two grid joints, one fixed joint, views "left" of 64x64 and "top" of 33x20.
+inline storage::v1::CellDescription TestCell(int first_steps = 20, int second_steps = 30) {
+  storage::v1::CellDescription cell;
+  cell.set_name("test cell");
+  int place = 0;
+  for (int steps : {first_steps, second_steps}) {
+    storage::v1::GridJoint* joint = cell.add_grid_joints();
+    joint->set_name(absl::StrCat("axis_", ++place));
+    joint->set_lower(-1);
+    joint->set_upper(1.5);
+    joint->set_steps(steps);
+  }
+  storage::v1::FixedJoint* fixed = cell.add_fixed_joints();
+  fixed->set_name("axis_3");
+  fixed->set_position(0.25);
+  storage::v1::View* left = cell.add_views();
+  left->set_name("left");
+  left->set_image_width(640);
+  left->set_image_height(480);
+  left->set_mask_width(64);
+  left->set_mask_height(64);
+  storage::v1::View* top = cell.add_views();
+  top->set_name("top");
+  top->set_mask_width(33);
+  top->set_mask_height(20);
+  cell.set_segmentation("min_blob_pixels: 12\nnoise_factor: 6\n");
+  return cell;
+}
+
+inline std::vector<ConfigurationNumber> AllNumbers(const ConfigurationGrid& grid) {
+  std::vector<ConfigurationNumber> numbers;
+  for (ConfigurationNumber number = 0; number < grid.number_limit(); ++number) {
+    if (grid.Contains(number)) numbers.push_back(number);
+  }
+  return numbers;
+}
+
+// A box somewhere in the image; with `noisy`, every pixel at random, which does not compress.
+inline Mask RandomMask(MaskSize size, std::mt19937_64& random, bool noisy = false) {
+  const auto below = [&](int limit) { return static_cast<int>(random() % uint64_t(limit)); };
+  const int left = below(size.width);
+  const int top = below(size.height);
+  const int right = left + below(size.width);
+  const int bottom = top + below(size.height);
+  return Mask::FromPredicate(size, [&](int x, int y) {
+    if (noisy) return random() % 2 == 0;
+    return left <= x && x <= right && top <= y && y <= bottom;
+  });
+}
+
+// A robot image that depends on `seed` and the number only.
+inline RobotImage TestImage(const Database& database, ConfigurationNumber number,
+                            uint64_t seed = 0) {
+  std::mt19937_64 random(seed * 1'000'003 + number);
+  RobotImage image;
+  image.number = number;
+  image.captured = absl::FromUnixNanos(static_cast<int64_t>(random() >> 2));
+  image.excluded = random() % 10 == 0;
+  if (!image.excluded) {
+    const bool noisy = random() % 10 == 0;
+    for (MaskSize size : database.mask_sizes()) {
+      image.masks.push_back(RandomMask(size, random, noisy));
+    }
+  }
+  const size_t joints =
+      static_cast<size_t>(database.grid().dimensions() + database.cell().fixed_joints_size());
+  std::normal_distribution<double> normal;
+  if (random() % 4 != 0) {
+    for (size_t j = 0; j < joints; ++j) image.commanded.push_back(normal(random));
+    for (size_t j = 0; j < joints; ++j) image.measured.push_back(normal(random));
+    for (int j = 0; j < database.cell().fixed_joints_size(); ++j) {
+      image.measured[static_cast<size_t>(database.grid().dimensions() + j)] =
+          database.cell().fixed_joints(j).position();
+    }
+  }
+  return image;
+}
+
+}  // namespace silhouette

@@ -1,0 +1,184 @@
+// The loop with devices that fail: nothing is free, the reason is told, and it goes on.
+#include <gmock/gmock.h>
+
+#include <stdexcept>
+
+#include "tests/server/live/live_cell.h"
+
+namespace silhouette {
+namespace {
+
+using ::testing::HasSubstr;
+
+struct LiveFaultsTest : LiveCellTest {
+  // A view that lacks: nothing is free, the reason names view and cause; then all is well again.
+  void ViewIsMissingBecause(const std::string& cause) {
+    const SharedScene scene = SceneWithDefect(Reason::kViewMissing, cause);
+    EXPECT_THAT(DefectOf(*scene, Reason::kViewMissing)->message, HasSubstr("'right'"));
+    EXPECT_FALSE(scene->views[1]);
+    EXPECT_TRUE(scene->views[0]);
+    EXPECT_EQ(FreeBy(scene), 0);
+    const LiveStatus status = record->Status();
+    EXPECT_GT(status.cameras[1].errors, 0u);
+    EXPECT_THAT(status.cameras[1].last_error, HasSubstr(cause));
+    EXPECT_EQ(status.cameras[0].errors, 0u);
+  }
+  void RobotIsNowhereBecause(const std::string& cause) {
+    const SharedScene scene = SceneWithDefect(Reason::kRobotPositionUnknown, cause);
+    EXPECT_EQ(scene->Blocked(), Reason::kRobotPositionUnknown);
+    EXPECT_EQ(FreeBy(scene), 0);
+  }
+  void AllIsWellAgain() { EXPECT_GT(FreeBy(GoodScene()), 0); }
+};
+
+TEST_F(LiveFaultsTest, CameraThatFailsIsMissingAndNothingIsFree) {
+  ASSERT_TRUE(Start().ok());
+  AllIsWellAgain();
+  Script([](LiveScript& to) { to.camera_errors[1] = absl::UnavailableError("cable pulled"); });
+  ViewIsMissingBecause("cable pulled");
+  Script([](LiveScript& to) { to.camera_errors[1] = absl::OkStatus(); });
+  AllIsWellAgain();
+}
+
+TEST_F(LiveFaultsTest, ImageOfTheFutureIsMissing) {
+  Script([](LiveScript& to) { to.stamps[1] = absl::Hours(1); });
+  ASSERT_TRUE(Start().ok());
+  ViewIsMissingBecause("in the future");
+  Script([](LiveScript& to) { to.stamps[1] = absl::ZeroDuration(); });
+  AllIsWellAgain();
+}
+
+TEST_F(LiveFaultsTest, ImageThatComesTooLateIsMissing) {
+  Script([](LiveScript& to) { to.stamps[1] = -absl::Hours(1); });
+  ASSERT_TRUE(Start().ok());
+  ViewIsMissingBecause("longer than max_age");
+}
+
+TEST_F(LiveFaultsTest, ImagesOutOfOrderAreMissing) {
+  ASSERT_TRUE(Start().ok());
+  AllIsWellAgain();
+  Script([](LiveScript& to) { to.stamps[1] = -absl::Seconds(2); });
+  ViewIsMissingBecause("before one that came earlier");
+}
+
+TEST_F(LiveFaultsTest, ImageOfAnotherSizeIsMissing) {
+  Script([](LiveScript& to) {
+    to.change = [](std::vector<absl::StatusOr<CameraImage>>& images) { images[2]->width = 7; };
+  });
+  ASSERT_TRUE(Start().ok());
+  ViewIsMissingBecause("the cell says");
+}
+
+TEST_F(LiveFaultsTest, ImagesTooFarApartAreNeverFree) {
+  Script([](LiveScript& to) { to.stamps[1] = -absl::Seconds(1); });
+  ASSERT_TRUE(Start().ok());
+  const SharedScene scene =
+      NextScene("a scene that is no good for its skew",
+                [](const Scene& made) { return made.Blocked() == Reason::kSceneSkewed; });
+  EXPECT_EQ(FreeBy(scene), 0);
+}
+
+TEST_F(LiveFaultsTest, WhenNoCameraDeliversTheLastSceneBecomesTooOld) {
+  config.scene.max_age = absl::Milliseconds(300);
+  ASSERT_TRUE(Start().ok());
+  NextScene("a scene", [](const Scene&) { return true; });
+  Script([](LiveScript& to) {
+    to.camera_errors = {3, absl::UnavailableError("the switch is off")};
+  });
+  WaitUntil([&] { return CheckerNow(nullptr).blocked() == Reason::kSceneStale; }, "a stale scene");
+  EXPECT_EQ(FreeBy(nullptr), 0);
+  WaitUntil([&] { return !record->Status().serving; }, "not serving");
+  EXPECT_THAT(record->Status().fault, HasSubstr("the switch is off"));
+  EXPECT_GT(record->Status().lost_sets, 0u);
+  Script([](LiveScript& to) { to.camera_errors = {3, absl::OkStatus()}; });
+  WaitUntil([&] { return CheckerNow(nullptr).blocked() == Reason::kNone; }, "scenes again");
+}
+
+TEST_F(LiveFaultsTest, CamerasThatThrowOrGiveTooFewImagesEndNothing) {
+  ASSERT_TRUE(Start().ok());
+  AllIsWellAgain();
+  Script([](LiveScript& to) {
+    to.change = [](auto&) { throw std::runtime_error("the driver has a fault"); };
+  });
+  WaitUntil([&] { return !record->Status().fault.empty(); }, "a fault");
+  EXPECT_THAT(record->Status().fault, HasSubstr("the driver has a fault"));
+  Script([](LiveScript& to) { to.change = [](auto& images) { images.pop_back(); }; });
+  WaitUntil([&] { return record->Status().fault.find("for 3 views") != std::string::npos; },
+            "another fault");
+  Script([](LiveScript& to) { to.change = nullptr; });
+  WaitUntil([&] { return record->Status().fault.empty(); }, "no fault");
+  AllIsWellAgain();
+}
+
+TEST_F(LiveFaultsTest, RobotThatMovesIsNowhere) {
+  Script([](LiveScript& to) { to.joint_drift = 0.02; });
+  ASSERT_TRUE(Start().ok());
+  RobotIsNowhereBecause("max_joint_movement");
+  EXPECT_TRUE(record->Status().robot.serving) << "it tells its joints";
+  Script([](LiveScript& to) {
+    to.joint_drift = 0;
+    to.joints[2] = At(0, 0)[0];
+  });
+  AllIsWellAgain();
+}
+
+TEST_F(LiveFaultsTest, RobotThatIsLostIsNowhere) {
+  ASSERT_TRUE(Start().ok());
+  AllIsWellAgain();
+  Script([](LiveScript& to) { to.robot_error = absl::UnavailableError("controller is off"); });
+  RobotIsNowhereBecause("controller is off");
+  Script([](LiveScript& to) { to.robot_error = absl::OkStatus(); });
+  AllIsWellAgain();
+}
+
+TEST_F(LiveFaultsTest, RobotOutsideTheGridAndFixedJointThatMovedAreNeverFree) {
+  Script([](LiveScript& to) { to.joints[2] = 4.5; });
+  ASSERT_TRUE(Start().ok());
+  RobotIsNowhereBecause("outside the grid");
+  Script([](LiveScript& to) { to.joints = {0.6, At(0, 0)[1], At(0, 0)[0]}; });
+  EXPECT_EQ(FreeBy(SceneWithDefect(Reason::kFixedJointMoved)), 0);
+}
+
+TEST_F(LiveFaultsTest, DevicesThatCannotBeReachedAtTheStartAreOpenedLater) {
+  Script([](LiveScript& to) {
+    to.open_cameras = absl::UnavailableError("no camera answers");
+    to.open_robot = absl::DeadlineExceededError("the robot does not answer");
+  });
+  ASSERT_TRUE(Start().ok());
+  EXPECT_FALSE(record->Status().serving);
+  EXPECT_EQ(Newest(), nullptr);
+  Script([](LiveScript& to) { to.open_cameras = absl::OkStatus(); });
+  RobotIsNowhereBecause("the robot does not answer");
+  Script([](LiveScript& to) { to.open_robot = absl::OkStatus(); });
+  AllIsWellAgain();
+}
+
+TEST_F(LiveFaultsTest, DevicesThatFailForLongAreOpenedAnew) {
+  config.live.reopen_after = absl::Milliseconds(50);
+  ASSERT_TRUE(Start().ok());
+  AllIsWellAgain();
+  Script([](LiveScript& to) {
+    to.camera_errors = {3, absl::UnavailableError("gone")};
+    to.robot_error = absl::UnavailableError("gone");
+  });
+  WaitUntil(
+      [&] {
+        const std::lock_guard lock(script.mutex);
+        return script.cameras_opened >= 3 && script.robots_opened >= 3;
+      },
+      "devices opened anew");
+  Script([](LiveScript& to) {
+    to.camera_errors = {3, absl::OkStatus()};
+    to.robot_error = absl::OkStatus();
+  });
+  WaitUntil([&] { return record->Status().serving; }, "devices that serve again");
+  AllIsWellAgain();
+}
+
+TEST_F(LiveFaultsTest, WrongAddressIsTheUsersMistakeAndNotTriedAgain) {
+  Script([](LiveScript& to) { to.open_cameras = absl::InvalidArgumentError("no such camera"); });
+  EXPECT_EQ(Start(), absl::InvalidArgumentError("no such camera"));
+}
+
+}  // namespace
+}  // namespace silhouette

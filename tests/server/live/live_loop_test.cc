@@ -1,0 +1,200 @@
+// The loop with devices that work.
+#include "server/live/live_loop.h"
+
+#include <gmock/gmock.h>
+
+#include "tests/server/live/live_cell.h"
+
+namespace silhouette {
+namespace {
+
+using ::testing::HasSubstr;
+
+struct LiveLoopTest : LiveCellTest {};
+
+TEST_F(LiveLoopTest, ImagesAndJointsBecomeScenesAgainAndAgain) {
+  ASSERT_TRUE(Start().ok());
+  const SharedScene first = GoodScene();
+  EXPECT_GT(FreeBy(first), 0);
+  const SharedScene later =
+      NextScene("three more scenes", [&](const Scene& scene) { return scene.id >= first->id + 3; });
+  EXPECT_GT(later->oldest, first->oldest);
+  EXPECT_TRUE(record->Status().serving);
+  EXPECT_GE(record->Status().to_scene.count, 3u);
+}
+
+std::shared_ptr<const ServedDatabase> WithTools() {
+  const FreshFolder folder;
+  MakeDatabase(folder / "db", {.references = true});
+  AddTools(folder / "db");
+  return LoadDatabase(folder / "db");
+}
+
+TEST_F(LiveLoopTest, WhichOfSeveralSetsShowsTheRobotIsNotGuessed) {
+  scenes.ReplaceDatabase(WithTools());
+  ASSERT_TRUE(Start().ok());
+  const SharedScene scene = SceneWithDefect(Reason::kSetUnknown, "nobody has told");
+  EXPECT_EQ(FreeBy(scene), 0);
+  EXPECT_EQ(scene->set, "");
+  EXPECT_EQ(scene->views.size(), 3u) << "what cameras saw is told all the same";
+  EXPECT_TRUE(record->Status().serving);
+  Tell("default");
+  EXPECT_EQ(GoodScene()->set, "default");
+}
+
+TEST_F(LiveLoopTest, DatabaseThatGetsASecondSetHasToBeTold) {
+  ASSERT_TRUE(Start().ok());
+  EXPECT_EQ(GoodScene()->set, "default");
+  const auto both = WithTools();
+  record->NoteSets(both->sets());
+  scenes.ReplaceDatabase(both);
+  SceneWithDefect(Reason::kSetUnknown, "nobody has told");
+}
+
+TEST_F(LiveLoopTest, SetOfTheStartIsThatOfTheFirstScene) {
+  scenes.ReplaceDatabase(WithTools());
+  config.live.set = kTool;
+  Script([](LiveScript& to) { to.tool = true; });
+  ASSERT_TRUE(Start().ok());
+  const SharedScene first = NextScene("any", [](const Scene&) { return true; });
+  EXPECT_EQ(first->set, kTool);
+  EXPECT_EQ(GoodScene()->obstacle_images[0]->obstacle().Count(), 0u) << "the tool is no obstacle";
+  loop.reset();
+  config.live.set = "none";
+  const absl::Status refused = Start();
+  EXPECT_EQ(refused.code(), absl::StatusCode::kInvalidArgument);
+  EXPECT_THAT(std::string(refused.message()), HasSubstr("'none'; it has default, tool"));
+}
+
+// The images show the tool, or do not, from the instant on at which that is told.
+TEST_F(LiveLoopTest, ScenesHaveTheSetThatShowsTheRobotOrNone) {
+  scenes.ReplaceDatabase(WithTools());
+  config.live.set = "default";
+  ASSERT_TRUE(Start().ok());
+  GoodScene();
+  for (const bool tool : {true, false, true}) {
+    Tell("");
+    const SharedScene changing = Newest();
+    EXPECT_EQ(FreeBy(changing), 0);
+    SceneWithDefect(Reason::kSetUnknown, "being changed");
+    Script([&](LiveScript& to) { to.tool = tool; });
+    const absl::Time told = absl::Now();
+    Tell(tool ? kTool : "default");
+    const uint64_t last = scenes.last_withdrawn();
+    const SharedScene good = GoodScene();
+    EXPECT_EQ(good->set, tool ? kTool : "default");
+    EXPECT_GT(good->id, last);
+    EXPECT_GE(good->oldest, told + kClockTolerance);
+    EXPECT_EQ(good->obstacle_images[0]->obstacle().Count(), 0u);
+    for (uint64_t id = changing->id; id < good->id; ++id) {
+      const SharedScene between = scenes.Find(id);
+      if (between == nullptr) continue;
+      EXPECT_EQ(between->Blocked(), Reason::kSetUnknown) << id;
+    }
+  }
+}
+
+TEST_F(LiveLoopTest, CameraWhoseClockIsAheadGivesNoNewSetToAnOldImage) {
+  scenes.ReplaceDatabase(WithTools());
+  config.live.set = "default";
+  Script([](LiveScript& to) { to.stamps.assign(3, absl::Milliseconds(90)); });
+  ASSERT_TRUE(Start().ok());
+  GoodScene();
+  const absl::Time told = absl::Now();
+  Tell(kTool);
+  Script([](LiveScript& to) { to.tool = true; });
+  const SharedScene first =
+      NextScene("one of the tool", [](const Scene& scene) { return scene.set == kTool; });
+  EXPECT_GE(first->oldest - absl::Milliseconds(90), told) << "by a clock that is right";
+}
+
+TEST_F(LiveLoopTest, WhatStandsInTheCellIsInTheNextScene) {
+  ASSERT_TRUE(Start().ok());
+  EXPECT_TRUE(CheckerNow(GoodScene()).Check(At(3, 0)).free());
+  Script([](LiveScript& to) { to.blocks = {3, 3, 3}; });
+  const SharedScene blocked = NextScene("a scene with the block", [](const Scene& scene) {
+    return scene.obstacle_images[0] && scene.obstacle_images[0]->obstacle().Count() > 0;
+  });
+  EXPECT_EQ(CheckerNow(blocked).Check(At(3, 0)).state(), State::kOccupied);
+}
+
+TEST_F(LiveLoopTest, RobotIsWhereItSaysWhateverTheOrderOfItsJoints) {
+  Script([](LiveScript& to) {
+    to.robot_a = 2;
+    to.joints = {0.5, At(2, 0)[1], At(2, 0)[0]};
+  });
+  ASSERT_TRUE(Start().ok());
+  const SharedScene scene = GoodScene();
+  EXPECT_NEAR(scene->joints[0].position, At(2, 0)[0], 1e-12);
+  EXPECT_EQ(scene->obstacle_images[0]->obstacle().Count(), 0u) << "the robot is no obstacle";
+}
+
+TEST_F(LiveLoopTest, MapIsCountedFromTheArrivalOfTheImages) {
+  ASSERT_TRUE(Start().ok());
+  record->NoteMap(GoodScene()->arrived);
+  EXPECT_EQ(record->Status().to_map.count, 1u);
+  EXPECT_GT(record->Status().to_map.median, absl::ZeroDuration());
+}
+
+TEST_F(LiveLoopTest, SameImagesAgainAreNoNewScene) {
+  ASSERT_TRUE(Start().ok());
+  GoodScene();
+  Script([](LiveScript& to) {
+    to.change = [taken = absl::Now()](auto& images) {
+      for (auto& image : images) image->captured = taken;
+    };
+  });
+  const auto sets = [&] { return record->Status().cameras[0].good; };
+  const uint64_t before = sets();
+  WaitUntil([&] { return sets() >= before + 3; }, "three more sets");
+  const uint64_t id = Newest()->id;
+  WaitUntil([&] { return sets() >= before + 6; }, "six more sets");
+  EXPECT_EQ(Newest()->id, id);
+}
+
+TEST_F(LiveLoopTest, AnotherDatabaseIsServedFromTheNextSetOn) {
+  ASSERT_TRUE(Start().ok());
+  const uint64_t id = GoodScene()->id;
+  const auto other = NewDatabase({.missing = {{1, 1}}, .references = true});
+  scenes.ReplaceDatabase(other);
+  const SharedScene scene =
+      NextScene("a scene of it", [&](const Scene& made) { return made.id > id; });
+  EXPECT_EQ(scene->generation, other->generation());
+}
+
+TEST_F(LiveLoopTest, DatabaseWithoutReferencesStopsScenesUntilThereIsOneWithThem) {
+  ASSERT_TRUE(Start().ok());
+  GoodScene();
+  scenes.ReplaceDatabase(NewDatabase({.references = false}));
+  WaitUntil([&] { return record->Status().fault.find("no reference") != std::string::npos; },
+            "a fault of the database");
+  EXPECT_EQ(Newest(), nullptr);
+  scenes.ReplaceDatabase(database);
+  EXPECT_GT(FreeBy(GoodScene()), 0);
+}
+
+TEST_F(LiveLoopTest, ReferencesAreNeededFromTheStart) {
+  scenes.ReplaceDatabase(NewDatabase({.references = false}));
+  const absl::Status started = Start();
+  EXPECT_EQ(started.code(), absl::StatusCode::kFailedPrecondition);
+  EXPECT_THAT(std::string(started.message()), HasSubstr("silhouette-capture reference"));
+}
+
+TEST_F(LiveLoopTest, DevicesThatDoNotFitTheCellAreToldAtTheStart) {
+  struct OtherRobot : ScriptedRobot {
+    using ScriptedRobot::ScriptedRobot;
+    const std::vector<std::string>& joints() const override { return names; }
+    const std::vector<std::string> names = {"lift", "b", "c"};
+  };
+  LiveDevices devices = Devices();
+  devices.open_robot = [this] { return std::make_unique<OtherRobot>(script); };
+  record = std::make_shared<LiveRecord>(kViewNames, config.scene.max_age, config.clock);
+  const auto started = LiveLoop::Start(
+      config, devices, {.database = [this] { return scenes.database(); }, .publish = nullptr},
+      record);
+  EXPECT_EQ(started.status().code(), absl::StatusCode::kInvalidArgument);
+  EXPECT_THAT(std::string(started.status().message()), HasSubstr("no joint 'a'"));
+}
+
+}  // namespace
+}  // namespace silhouette

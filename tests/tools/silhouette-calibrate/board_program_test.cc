@@ -1,0 +1,104 @@
+// silhouette-calibrate board, as its users meet it.
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <sys/wait.h>
+
+#include <cstdlib>
+#include <filesystem>
+#include <fstream>
+#include <nlohmann/json.hpp>
+#include <sstream>
+
+#include "calib/boards/board_file.h"
+
+namespace silhouette {
+namespace {
+
+namespace fs = std::filesystem;
+using testing::HasSubstr;
+
+std::string BoardProgramReadAll(const fs::path& path) {
+  std::ifstream in(path);
+  std::stringstream text;
+  text << in.rdbuf();
+  return text.str();
+}
+
+class BoardProgram : public testing::Test {
+ protected:
+  void SetUp() override {
+    const auto* test = testing::UnitTest::GetInstance()->current_test_info();
+    folder_ = fs::path(testing::TempDir()) / (std::string("board_") + test->name());
+    fs::remove_all(folder_);
+    fs::create_directories(folder_);
+  }
+
+  // Of silhouette-calibrate board --out <folder>/wall; its output is then in out_ and err_.
+  int Run(const std::string& arguments) {
+    const std::string command = std::string(SILHOUETTE_BIN_DIR) + "/silhouette-calibrate board " +
+                                "--out " + (folder_ / "wall").string() + " " + arguments + " >" +
+                                (folder_ / "out").string() + " 2>" + (folder_ / "err").string();
+    const int status = std::system(command.c_str());
+    out_ = BoardProgramReadAll(folder_ / "out");
+    err_ = BoardProgramReadAll(folder_ / "err");
+    return WIFEXITED(status) ? WEXITSTATUS(status) : -1;
+  }
+
+  fs::path folder_;
+  std::string out_;
+  std::string err_;
+};
+
+TEST_F(BoardProgram, WritesPdfPngAndDescription) {
+  ASSERT_EQ(Run("--rows 2 --columns 3 --tag-size 30 --gap 25.5 --first-id 5 --format json"), 0)
+      << err_;
+  EXPECT_TRUE(BoardProgramReadAll(folder_ / "wall.pdf").starts_with("%PDF-"));
+  EXPECT_TRUE(BoardProgramReadAll(folder_ / "wall.png").starts_with("\x89PNG"));
+  const auto boards = BoardsFromText(BoardProgramReadAll(folder_ / "wall.yaml"), "wall.yaml");
+  ASSERT_TRUE(boards.ok()) << boards.status();
+  const BoardDescription& d = boards->front().description();
+  EXPECT_EQ(d.name, "wall");
+  EXPECT_EQ(d.rows, 2);
+  EXPECT_EQ(d.columns, 3);
+  EXPECT_EQ(d.tag_size, 0.03);
+  EXPECT_EQ(d.gap, 0.0255);
+  EXPECT_EQ(d.first_id, 5);
+  const auto json = nlohmann::json::parse(out_);
+  EXPECT_EQ(json["paper"], "A4");
+  EXPECT_EQ(json["lattice"], false);
+}
+
+TEST_F(BoardProgram, FloorTagsAreBoardsOfTheirOwn) {
+  ASSERT_EQ(Run("--floor 3 --first-id 200 --dpi 60"), 0) << err_;
+  const auto boards = BoardsFromText(BoardProgramReadAll(folder_ / "wall.yaml"), "wall.yaml");
+  ASSERT_TRUE(boards.ok()) << boards.status();
+  ASSERT_EQ(boards->size(), 3u);
+  EXPECT_EQ(boards->back().description().name, "wall-202");
+  EXPECT_TRUE(boards->back().HasTag(202));
+  EXPECT_TRUE(fs::exists(folder_ / "wall-3.png"));
+}
+
+TEST_F(BoardProgram, MistakesAreOneSentenceAndWriteNothing) {
+  EXPECT_EQ(Run("--family tag36h12"), 2);
+  EXPECT_THAT(err_, HasSubstr("did you mean 'tag36h11'?"));
+  EXPECT_EQ(Run("--first-id 2110"), 2);
+  EXPECT_THAT(err_, HasSubstr("0 to 2114"));
+  EXPECT_EQ(Run("--paper A5"), 2);
+  EXPECT_THAT(err_, HasSubstr("--paper 'A3 landscape'"));
+  EXPECT_EQ(Run("--flange --rows 2"), 2);
+  EXPECT_EQ(Run("--tag-size -4"), 2);
+  EXPECT_FALSE(fs::exists(folder_ / "wall.yaml"));
+}
+
+TEST_F(BoardProgram, MeasuredLengthsAreNotOverwritten) {
+  ASSERT_EQ(Run("--dpi 0"), 0) << err_;
+  EXPECT_FALSE(fs::exists(folder_ / "wall.png"));
+  EXPECT_EQ(Run("--dpi 0 --tag-size 25"), 2);
+  EXPECT_THAT(err_, HasSubstr("--overwrite"));
+  EXPECT_THAT(BoardProgramReadAll(folder_ / "wall.yaml"), HasSubstr("tag_size: 0.03"));
+  EXPECT_EQ(Run("--dpi 0 --tag-size 25 --overwrite"), 0);
+  EXPECT_THAT(BoardProgramReadAll(folder_ / "wall.yaml"), HasSubstr("tag_size: 0.025"));
+}
+
+}  // namespace
+}  // namespace silhouette

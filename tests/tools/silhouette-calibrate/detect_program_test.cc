@@ -1,0 +1,207 @@
+// silhouette-calibrate detect, as its users meet it.
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <sys/wait.h>
+
+#include <cstdlib>
+#include <filesystem>
+#include <fstream>
+#include <nlohmann/json.hpp>
+#include <opencv2/imgcodecs.hpp>
+#include <sstream>
+
+#include "calib/boards/board_file.h"
+#include "calib/boards/sighting_file.h"
+#include "tests/calib/detection/rendered_board.h"
+
+namespace silhouette {
+namespace {
+
+namespace fs = std::filesystem;
+using testing::AllOf;
+using testing::HasSubstr;
+
+std::string DetectProgramReadAll(const fs::path& path) {
+  std::ifstream in(path);
+  std::stringstream text;
+  text << in.rdbuf();
+  return text.str();
+}
+
+void WriteAll(const fs::path& path, const std::string& text) { std::ofstream(path) << text; }
+
+class DetectProgram : public testing::Test {
+ protected:
+  DetectProgram()
+      : board_({.name = "wall", .rows = 1, .columns = 2, .tag_size = 0.05, .gap = 0.05}) {}
+
+  void SetUp() override {
+    const auto* test = testing::UnitTest::GetInstance()->current_test_info();
+    folder_ = fs::path(testing::TempDir()) / (std::string("detect_") + test->name());
+    fs::remove_all(folder_);
+    for (const char* view : {"left", "right"}) fs::create_directories(folder_ / view);
+    WriteAll(folder_ / "boards.yaml", BoardFileText(std::vector{board_}));
+  }
+
+  // The board as `seed` has it.
+  RenderedBoard Rendered(int seed, const RenderSettings& settings = {}, int width = 240) const {
+    std::mt19937_64 random(seed);
+    const Eigen::Isometry3d pose = RandomPose(board_, 0.35, 0.3, random);
+    return RenderedBoard(board_, Intrinsics(width, 180, 300, -0.2), pose, settings, random);
+  }
+
+  void WriteImage(const std::string& name, const cv::Mat& image) const {
+    ASSERT_TRUE(cv::imwrite((folder_ / name).string(), image));
+  }
+
+  // Of silhouette-calibrate detect in the folder; its output is then in out_ and err_.
+  int Run(const std::string& arguments) {
+    const std::string command = "cd " + folder_.string() + " && " + SILHOUETTE_BIN_DIR +
+                                "/silhouette-calibrate detect --out corners.csv " + arguments +
+                                " >out 2>err";
+    const int status = std::system(command.c_str());
+    out_ = DetectProgramReadAll(folder_ / "out");
+    err_ = DetectProgramReadAll(folder_ / "err");
+    return WIFEXITED(status) ? WEXITSTATUS(status) : -1;
+  }
+
+  const Board board_;
+  fs::path folder_;
+  std::string out_;
+  std::string err_;
+};
+
+TEST_F(DetectProgram, WritesTheCornersOfAllViewsAndPictures) {
+  const RenderedBoard first = Rendered(1);
+  const RenderedBoard second = Rendered(2);
+  WriteImage("left/a_7.png", first.image());
+  WriteImage("right/a_7.png", second.image());
+  ASSERT_EQ(Run("--images 'left=left/a_*.png' --images right=right --boards boards.yaml "
+                "--draw seen --format json"),
+            0)
+      << err_;
+  const auto sightings =
+      SightingsFromText(DetectProgramReadAll(folder_ / "corners.csv"), "corners.csv");
+  ASSERT_TRUE(sightings.ok()) << sightings.status();
+  ASSERT_EQ(sightings->size(), 4u);
+  for (const TagSighting& sighting : *sightings) {
+    EXPECT_EQ(sighting.frame, sighting.view == "left" ? "7" : "a_7");
+    const RenderedBoard& rendered = sighting.view == "left" ? first : second;
+    for (int i = 0; i < 4; ++i) {
+      EXPECT_LT((sighting.corners[i] - rendered.Corner(sighting.tag, i)).norm(),
+                6 * sighting.sigma);
+    }
+  }
+  const auto json = nlohmann::json::parse(out_);
+  EXPECT_EQ(json["sightings"], 4);
+  EXPECT_EQ(json["images"][0]["expected"], 2);
+  EXPECT_EQ(json["images"][0]["fitted"], 2);
+  EXPECT_EQ(json["views"][1]["view"], "right");
+  for (const char* picture : {"seen/left/7.png", "seen/right/a_7.png", "seen/coverage-left.png"}) {
+    EXPECT_FALSE(cv::imread((folder_ / picture).string()).empty()) << picture;
+  }
+}
+
+TEST_F(DetectProgram, CopiesAreLeftOutAndWhatDidNotMoveIsTold) {
+  WriteImage("left/1.png", Rendered(1).image());
+  WriteImage("left/2.png", Rendered(1).image());
+  WriteImage("left/3.png", Rendered(1, {.noise = 3}).image());
+  WriteImage("left/4.png", Rendered(4, {.blur = 2}).image());
+  ASSERT_EQ(Run("--images left=left --boards boards.yaml"), 0) << err_;
+  EXPECT_THAT(out_, AllOf(HasSubstr("left/2.png is the same picture as frame '1'; left out"),
+                          HasSubstr("left/3.png shows the same as frame '1'"),
+                          HasSubstr("left/4.png is blurred")));
+  const auto sightings =
+      SightingsFromText(DetectProgramReadAll(folder_ / "corners.csv"), "corners.csv");
+  ASSERT_TRUE(sightings.ok()) << sightings.status();
+  EXPECT_EQ(sightings->size(), 6u);
+}
+
+TEST_F(DetectProgram, LiveSetsAreKeptAndNotOverwritten) {
+  const std::string demo = std::string(SILHOUETTE_SOURCE_DIR) + "/capture/sim/cells/demo/";
+  const std::string live = "--cell " + demo + "cell.yaml --boards " + demo +
+                           "boards.yaml --count 2 --interval 0 --save images --format json";
+  ASSERT_EQ(Run(live), 0) << err_;
+  EXPECT_THAT(err_, HasSubstr("set 2: "));
+  const auto json = nlohmann::json::parse(out_);
+  EXPECT_EQ(json["images"].size(), 8u);
+  EXPECT_GE(json["sightings"], 8);
+  const auto sightings =
+      SightingsFromText(DetectProgramReadAll(folder_ / "corners.csv"), "corners.csv");
+  ASSERT_TRUE(sightings.ok()) << sightings.status();
+  EXPECT_EQ(sightings->back().frame, "0002");
+  EXPECT_FALSE(cv::imread((folder_ / "images/top/0002.png").string()).empty());
+  EXPECT_EQ(Run(live), 2);
+  EXPECT_THAT(err_, HasSubstr("--overwrite"));
+}
+
+TEST_F(DetectProgram, KnownLensesMakeCornersBetter) {
+  const RenderedBoard rendered = Rendered(1);
+  const CameraIntrinsics& k = rendered.intrinsics();
+  std::ostringstream camera;
+  camera.precision(17);
+  camera << "{ 'lensmodel': 'LENSMODEL_OPENCV4', 'intrinsics': [" << k.fx << ", " << k.fy << ", "
+         << k.cx << ", " << k.cy << ", " << k.distortion[0] << ", 0, 0, 0],\n"
+         << "'extrinsics': [0, 0, 0, 0, 0, 0], 'imagersize': [" << k.width << ", " << k.height
+         << "] }\n";
+  WriteAll(folder_ / "left.cameramodel", camera.str());
+  WriteImage("left/1.png", rendered.image());
+  ASSERT_EQ(Run("--images left=left --boards boards.yaml --cameras . --format json"), 0) << err_;
+  const double with = nlohmann::json::parse(out_)["images"][0]["sigma"];
+  ASSERT_EQ(Run("--images left=left --boards boards.yaml --format json"), 0) << err_;
+  const double without = nlohmann::json::parse(out_)["images"][0]["sigma"];
+  EXPECT_LT(with, 0.85 * without);
+  WriteImage("left/1.png", Rendered(1, {}, 260).image());
+  EXPECT_EQ(Run("--images left=left --boards boards.yaml --cameras ."), 2);
+  EXPECT_THAT(err_, HasSubstr("its camera model is for 240x180"));
+}
+
+TEST_F(DetectProgram, MixedSizesAreRefused) {
+  WriteImage("left/1.png", Rendered(1).image());
+  WriteImage("left/2.png", Rendered(2, {}, 260).image());
+  EXPECT_EQ(Run("--images left=left --boards boards.yaml"), 2);
+  EXPECT_THAT(err_, AllOf(HasSubstr("240x180"), HasSubstr("260x180")));
+  EXPECT_FALSE(fs::exists(folder_ / "corners.csv"));
+}
+
+TEST_F(DetectProgram, OnePictureInTwoViewsIsRefused) {
+  WriteImage("left/1.png", Rendered(1).image());
+  WriteImage("right/1.png", Rendered(1).image());
+  EXPECT_EQ(Run("--images left=left --images right=right --boards boards.yaml"), 2);
+  EXPECT_THAT(err_, HasSubstr("are the same picture"));
+  EXPECT_EQ(Run("--images left=left --images right=left --boards boards.yaml"), 2);
+  EXPECT_THAT(err_, HasSubstr("is an image of view 'left' and of view 'right'"));
+}
+
+TEST_F(DetectProgram, MirroredOrForeignBoardsAreRefusedWithTheReason) {
+  WriteImage("left/1.png", Rendered(1, {.mirrored = true}).image());
+  EXPECT_EQ(Run("--images left=left --boards boards.yaml"), 2);
+  EXPECT_THAT(err_, HasSubstr("if they were mirrored"));
+  WriteImage("left/1.png", Rendered(1).image());
+  WriteAll(folder_ / "boards.yaml", "- {name: other, tag_size: 0.05, first_id: 70}\n");
+  EXPECT_EQ(Run("--images left=left --boards boards.yaml"), 2);
+  EXPECT_THAT(err_, HasSubstr("they show tagStandard41h12 0, 1; is --boards the right file?"));
+  WriteAll(folder_ / "boards.yaml", "- {name: other, family: tag36h11, tag_size: 0.05}\n");
+  EXPECT_EQ(Run("--images left=left --boards boards.yaml"), 2);
+  EXPECT_THAT(err_, HasSubstr("they show tags of tagStandard41h12"));
+}
+
+TEST_F(DetectProgram, MistakesAreOneSentence) {
+  WriteImage("left/1.png", Rendered(1).image());
+  EXPECT_EQ(Run("--boards boards.yaml"), 2);
+  EXPECT_EQ(Run("--images left --boards boards.yaml"), 2);
+  EXPECT_THAT(err_, HasSubstr("VIEW=PATTERN"));
+  EXPECT_EQ(Run("--images 'left=nowhere/*.png' --boards boards.yaml"), 2);
+  EXPECT_THAT(err_, HasSubstr("no image of view 'left' matches 'nowhere/*.png'"));
+  EXPECT_EQ(Run("--images left=left --boards none.yaml"), 2);
+  EXPECT_EQ(Run("--images left=left --boards boards.yaml boards.yaml"), 2);
+  EXPECT_THAT(err_, HasSubstr("two boards 'wall'"));
+  EXPECT_EQ(Run("--images left=left --boards boards.yaml --cameras ."), 2);
+  EXPECT_THAT(err_, HasSubstr("left.cameramodel"));
+  WriteAll(folder_ / "left/2.png", "no picture");
+  EXPECT_EQ(Run("--images left=left --boards boards.yaml"), 2);
+  EXPECT_THAT(err_, HasSubstr("'left/2.png' cannot be read as an image"));
+}
+
+}  // namespace
+}  // namespace silhouette

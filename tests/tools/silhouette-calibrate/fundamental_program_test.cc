@@ -1,0 +1,134 @@
+// silhouette-calibrate fundamental as a user runs it.
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <nlohmann/json.hpp>
+#include <opencv2/imgcodecs.hpp>
+
+#include "calib/boards/sighting_file.h"
+#include "calib/files/calibration_camera_file.h"
+#include "calib/files/calibration_matrix_file.h"
+#include "calib/files/calibration_message.h"
+#include "calib/fundamental/epipolar_geometry.h"
+#include "tests/calib/fundamental/seen_cell.h"
+#include "tests/clients/cpp/shell.h"
+
+namespace silhouette {
+namespace {
+
+using Json = nlohmann::json;
+using testing::HasSubstr;
+
+class FundamentalProgram : public testing::Test {
+ protected:
+  void WriteCell(double k1, size_t frames = 40) {
+    cameras_ = CellCameras(k1);
+    board_ = CarriedBoard(cameras_, frames, 3);
+    WriteFile(shell_.folder() / "corners.csv", SightingFileText(board_.sightings));
+    for (const NamedCamera& camera : cameras_) {
+      WriteFile(shell_.folder() / "cameras" / CameraFileName(camera.view),
+                CameraFileText(MessageOf(camera.model), camera.view));
+    }
+  }
+  Ended Run(const std::string& arguments) const {
+    return shell_.Run(std::string(SILHOUETTE_BIN_DIR) + "/silhouette-calibrate fundamental " +
+                      arguments);
+  }
+
+  Shell shell_;
+  std::vector<NamedCamera> cameras_;
+  BoardFrames board_;
+};
+
+constexpr char kWeak[] = "--corners corners.csv --image-size 640x480 --mask-size 64x64 ";
+
+TEST_F(FundamentalProgram, WritesMatricesThatTheDatabaseReads) {
+  WriteCell(0);
+  const Ended ended = Run(std::string(kWeak) + "--out matrices.yaml --format json");
+  ASSERT_EQ(ended.exit_code, 0) << ended.err;
+  const Json told = Json::parse(ended.out);
+  ASSERT_EQ(told["pairs"].size(), 6u);
+  for (const Json& pair : told["pairs"]) {
+    if (pair["corners"] < 1000) continue;
+    EXPECT_LT(pair["held_out"]["rms_px"], 0.06);
+    EXPECT_LT(pair["margin"], 0.1);
+  }
+  storage::v1::CellDescription cell;
+  for (const NamedCamera& camera : cameras_) cell.add_views()->set_name(camera.view);
+  const auto read =
+      MatricesFromText(ContentOf(shell_.folder() / "matrices.yaml"), "matrices.yaml", cell);
+  ASSERT_TRUE(read.ok()) << read.status();
+  const auto calibration = CalibrationFrom(*read);
+  ASSERT_TRUE(calibration.ok());
+  EXPECT_GE(calibration->fundamental_matrices.size(), 3u);
+  const Eigen::Vector3d point(0.2, 0.3, 1);
+  for (const FundamentalMatrix& matrix : calibration->fundamental_matrices) {
+    const auto pixel = [&](int view) {
+      return *cameras_[static_cast<size_t>(view)].model.ScaledTo(64, 64).Project(point);
+    };
+    EXPECT_LT(DistanceBetween(matrix.f, pixel(matrix.view_a), pixel(matrix.view_b)).in_b, 0.05);
+  }
+}
+
+TEST_F(FundamentalProgram, CameraModelsAreToldFromTheirCorners) {
+  WriteCell(-0.2);
+  const Ended ended =
+      Run("--cameras cameras --corners corners.csv --mask-size 64x64 --format json");
+  ASSERT_EQ(ended.exit_code, 0) << ended.err;
+  const Json told = Json::parse(ended.out);
+  for (const Json& pair : told["pairs"]) {
+    EXPECT_GT(pair["bow"]["curve_px"], 1);
+    EXPECT_GT(pair["bow"]["margin"], 0.25);
+    EXPECT_THAT(pair["refusal"], HasSubstr("import the camera models themselves"));
+    if (pair["corners"] == 0) continue;
+    EXPECT_LT(pair["distances"]["rms_px"], 0.06);
+  }
+}
+
+TEST_F(FundamentalProgram, WritesNoMatrixThatDistortionMakesWrong) {
+  WriteCell(-0.2);
+  for (const std::string source : {"--cameras cameras --mask-size 64x64 ", kWeak}) {
+    const Ended ended = Run(source + "--out matrices.yaml");
+    EXPECT_EQ(ended.exit_code, 1);
+    EXPECT_THAT(ended.out, HasSubstr("camera models"));
+    EXPECT_THAT(ended.err, HasSubstr("'matrices.yaml' is not written"));
+    EXPECT_FALSE(std::filesystem::exists(shell_.folder() / "matrices.yaml"));
+  }
+  EXPECT_EQ(Run("--cameras cameras --mask-size 64x64 --undistorted-images --out m.yaml").exit_code,
+            0);
+}
+
+TEST_F(FundamentalProgram, DrawsEveryPair) {
+  WriteCell(0, 12);
+  cv::imwrite(shell_.folder() / "north.png", cv::Mat(480, 640, CV_8UC3, cv::Scalar(90, 120, 60)));
+  const Ended ended =
+      Run("--cameras cameras --corners corners.csv --mask-size 64x64 --draw bands "
+          "--images . --frame 0003");
+  ASSERT_EQ(ended.exit_code, 0) << ended.err;
+  const cv::Mat picture = cv::imread(shell_.folder() / "bands" / "bands_east_north.png");
+  ASSERT_FALSE(picture.empty());
+  EXPECT_GT(picture.cols, 1100);
+  EXPECT_GT(picture.rows, 800);
+}
+
+TEST_F(FundamentalProgram, SaysWhatIsMissing) {
+  WriteCell(0, 5);
+  const auto expect = [&](const std::string& arguments, const std::string& said) {
+    const Ended ended = Run(arguments);
+    EXPECT_EQ(ended.exit_code, 2) << arguments;
+    EXPECT_THAT(ended.err, HasSubstr(said));
+  };
+  expect("", "give --corners");
+  expect("--corners corners.csv --mask-size 64x64", "how large the images of view");
+  expect("--corners corners.csv --image-size 640x480", "how large the masks of view");
+  expect("--corners corners.csv --image-size 640 --mask-size 64x64", "is not WIDTHxHEIGHT");
+  expect("--corners corners.csv --image-size 320x240 --mask-size 64x64", "sizes are mixed");
+  expect("--corners nothing.csv", "nothing.csv");
+  expect("--cameras nowhere --mask-size 64x64", "nowhere");
+  std::filesystem::rename(shell_.folder() / "cameras" / "east.cameramodel",
+                          shell_.folder() / "cameras" / "window.cameramodel");
+  expect("--cameras cameras --corners corners.csv --mask-size 64x64", "a view 'east' that is not");
+}
+
+}  // namespace
+}  // namespace silhouette

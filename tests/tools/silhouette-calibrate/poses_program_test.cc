@@ -1,0 +1,287 @@
+// silhouette-calibrate poses as a user runs it.
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <sys/wait.h>
+
+#include <cstdio>
+#include <cstdlib>
+#include <filesystem>
+#include <fstream>
+#include <nlohmann/json.hpp>
+#include <opencv2/imgcodecs.hpp>
+#include <sstream>
+
+#include "absl/strings/str_cat.h"
+#include "absl/strings/str_format.h"
+#include "absl/strings/str_replace.h"
+#include "calib/boards/board_file.h"
+#include "calib/boards/sighting_file.h"
+#include "calib/files/calibration_camera_file.h"
+#include "calib/files/calibration_message.h"
+#include "calib/files/calibration_session_file.h"
+#include "calib/poses/robot_pose_file.h"
+#include "calib/robot/robot_model.h"
+#include "tests/calib/poses/pose_rig.h"
+#include "tests/test_folder.h"
+
+namespace silhouette {
+namespace {
+
+namespace fs = std::filesystem;
+using Json = nlohmann::json;
+using testing::AllOf;
+using testing::HasSubstr;
+using testing::Not;
+
+constexpr char kUrdf[] = SILHOUETTE_SOURCE_DIR "/capture/sim/robots/rx130.urdf";
+constexpr char kFiles[] = "poses --corners corners.csv --boards boards.yaml --cameras lenses ";
+
+std::string PosesProgramTextOf(const fs::path& file) {
+  std::ostringstream text;
+  text << std::ifstream(file).rdbuf();
+  return text.str();
+}
+
+class CalibratePosesProgram : public testing::Test {
+ protected:
+  struct Outcome {
+    int exit_code = -1;
+    std::string output;
+    std::string errors;
+  };
+
+  void Write(const std::string& name, const std::string& text) const {
+    fs::create_directories((folder_ / name).parent_path());
+    std::ofstream(folder_ / name) << text;
+  }
+
+  // Everything but the robot.
+  void WriteRig(const PoseRig& rig) const {
+    Write("corners.csv", SightingFileText(rig.problem.sightings));
+    std::vector<Board> boards;
+    for (const PoseBoard& board : rig.problem.boards) boards.push_back(board.board);
+    Write("boards.yaml", BoardFileText(boards));
+    for (const PoseView& view : rig.problem.views) {
+      Write("lenses/" + CameraFileName(view.name),
+            CameraFileText(MessageOf(CameraModel(view.lens, Eigen::Isometry3d::Identity())),
+                           view.name));
+    }
+  }
+
+  Outcome Run(const std::string& arguments) const {
+    const std::string command =
+        absl::StrCat("cd ", folder_.string(), " && ", SILHOUETTE_BIN_DIR, "/silhouette-calibrate ",
+                     arguments, " >output.txt 2>errors.txt");
+    const int status = std::system(command.c_str());
+    return {.exit_code = WIFEXITED(status) ? WEXITSTATUS(status) : -1,
+            .output = PosesProgramTextOf(folder_ / "output.txt"),
+            .errors = PosesProgramTextOf(folder_ / "errors.txt")};
+  }
+
+  CameraModel Camera(const std::string& file) const {
+    return *CameraFrom(*CameraFromText(PosesProgramTextOf(folder_ / file), file));
+  }
+
+  const fs::path folder_ = FreshFolder();
+};
+
+TEST_F(CalibratePosesProgram, WritesCamerasInTheBaseFromPosesOfTheRobot) {
+  PoseRig rig(3);
+  rig.AddFlangeBoard();
+  rig.Drive(20);
+  WriteRig(rig);
+  Write("poses.csv", RobotPoseFileText(rig.problem.robot_poses));
+  const Outcome outcome = Run(absl::StrCat(
+      kFiles,
+      "--robot-poses poses.csv --flange-board flange --out cameras --draw --format json "
+      "--mask-size 64x48"));
+  ASSERT_EQ(outcome.exit_code, 0) << outcome.errors;
+  const Json result = Json::parse(outcome.output);
+  EXPECT_NEAR(result["chi2_per_dof"].get<double>(), 1, 0.25);
+  ASSERT_EQ(result["views"].size(), 4u);
+  EXPECT_LT(result["views"][0]["workspace_sigma_mm"], 0.6);
+  EXPECT_EQ(result["boards"][0]["name"], "flange");
+  EXPECT_EQ(result["frames"].size(), 20u);
+  for (size_t i = 0; i < rig.camera_poses.size(); ++i) {
+    const CameraModel camera = Camera(absl::StrCat("cameras/camera", i, ".cameramodel"));
+    const auto error = PoseError(camera.camera_from_world(), rig.camera_poses[i]);
+    EXPECT_LT(error.tail<3>().norm(), 2e-3);
+    EXPECT_LT(error.head<3>().norm(), 1e-3);
+    EXPECT_EQ(camera.intrinsics().distortion, rig.problem.views[i].lens.distortion);
+  }
+  EXPECT_TRUE(fs::exists(folder_ / "cameras/poses.json"));
+  EXPECT_THAT(PosesProgramTextOf(folder_ / "cameras/residuals.csv"),
+              HasSubstr("frame,view,family"));
+  EXPECT_FALSE(cv::imread((folder_ / "cameras/residuals_camera0.png").string()).empty());
+
+  // All of it for the database, in calibration.yaml.
+  storage::v1::CellDescription cell;
+  for (const PoseView& view : rig.problem.views) cell.add_views()->set_name(view.name);
+  const auto session =
+      SessionFromText(PosesProgramTextOf(folder_ / "cameras/calibration.yaml"), "", cell);
+  ASSERT_TRUE(session.ok()) << session.status();
+  EXPECT_EQ(session->camera_files[2], "camera2.cameramodel");
+  const storage::v1::CalibrationRecord& record = session->calibration.record();
+  EXPECT_EQ(
+      record.program(),
+      "silhouette-calibrate poses: 20 frames, board 'flange' on the flange; lenses of lenses");
+  const auto figure = [&](const std::string& name, const std::string& of) {
+    for (const auto& each : record.figures()) {
+      if (each.name() == name && each.of() == of) return each.value();
+    }
+    return -1.0;
+  };
+  EXPECT_EQ(figure("chi2_per_dof", ""), result["chi2_per_dof"]);
+  EXPECT_EQ(figure("workspace_sigma", "camera1"), result["views"][1]["workspace_sigma_mm"]);
+  EXPECT_NEAR(figure("epipolar_rms", "camera0 - camera2"), 0.05, 0.03);
+  ASSERT_EQ(session->calibration.fundamental_matrices_size(), 6);
+  for (const storage::v1::FundamentalMatrix& pair : session->calibration.fundamental_matrices()) {
+    Eigen::Matrix3d f;
+    for (int i = 0; i < 9; ++i) f(i / 3, i % 3) = pair.f(i);
+    const auto seen = [&](int view) {
+      const auto i = static_cast<size_t>(view);
+      CameraIntrinsics lens = rig.problem.views[i].lens;
+      lens.distortion = {};
+      const CameraModel camera = CameraModel(lens, rig.camera_poses[i]).ScaledTo(64, 48);
+      return camera.Project({0.2, -0.1, 0.8})->homogeneous().eval();
+    };
+    const Eigen::Vector3d line = f * seen(pair.view_a());
+    EXPECT_LT(std::abs(line.dot(seen(pair.view_b()))) / line.head<2>().norm(), 0.01);
+  }
+}
+
+// Joint values of frames all over the workspace, and what was seen with the robot near them.
+std::string JointText(PoseRig& rig, double unit) {
+  const RobotModel robot = *RobotModel::FromUrdf(kUrdf);
+  size_t flange = 0;
+  while (robot.links()[flange].name != "flange") ++flange;
+  std::string text = "frame,joint_1,joint_2,joint_3,joint_4,joint_5,joint_6\n";
+  for (int i = 0; i < 40; ++i) {
+    const std::vector<double> joints = {rig.Uniform(-2, 2),      rig.Uniform(-0.3, 0.6),
+                                        rig.Uniform(0.8, 1.6),   rig.Uniform(-1, 1),
+                                        rig.Uniform(-1.8, -0.9), rig.Uniform(-2, 2)};
+    const std::string frame = absl::StrCat("f", i);
+    const RobotNoise& noise = rig.problem.robot_noise;
+    rig.Take(frame, robot.LinkPoses(joints)[flange] *
+                        rig.SmallMotion(noise.position_sigma, noise.rotation_sigma));
+    text += frame;
+    for (const double joint : joints) absl::StrAppendFormat(&text, ",%.12g", joint / unit);
+    text += "\n";
+  }
+  return text;
+}
+
+TEST_F(CalibratePosesProgram, TakesJointValuesWithTheRobotsModel) {
+  PoseRig rig(4);
+  rig.AddFlangeBoard();
+  Write("joints.csv", JointText(rig, 1));
+  WriteRig(rig);
+  const std::string robot = absl::StrCat(" --urdf ", kUrdf, " --flange-board flange --out cameras");
+  const Outcome outcome = Run(absl::StrCat(kFiles, "--joints joints.csv", robot));
+  ASSERT_EQ(outcome.exit_code, 0) << outcome.errors;
+  EXPECT_THAT(outcome.output,
+              AllOf(HasSubstr("camera0"), HasSubstr("chi2/dof"), HasSubstr("wrote")));
+  for (size_t i = 0; i < rig.camera_poses.size(); ++i) {
+    const CameraModel camera = Camera(absl::StrCat("cameras/camera", i, ".cameramodel"));
+    EXPECT_LT(PoseError(camera.camera_from_world(), rig.camera_poses[i]).tail<3>().norm(), 2e-3);
+  }
+  const Outcome degrees = Run(absl::StrCat(kFiles, "--joints joints.csv --degrees", robot, "2"));
+  EXPECT_EQ(degrees.exit_code, 1);
+  EXPECT_THAT(degrees.errors, HasSubstr("in radians (without --degrees) they fit"));
+  EXPECT_FALSE(fs::exists(folder_ / "cameras2"));
+}
+
+TEST_F(CalibratePosesProgram, DegreesAreToldByTheirSize) {
+  PoseRig rig(5);
+  rig.AddFlangeBoard();
+  Write("joints.csv", JointText(rig, kRigDegree));
+  WriteRig(rig);
+  const Outcome outcome = Run(absl::StrCat(kFiles, "--joints joints.csv --urdf ", kUrdf,
+                                           " --flange-board flange --out cameras"));
+  EXPECT_EQ(outcome.exit_code, 2);
+  EXPECT_THAT(outcome.errors, AllOf(HasSubstr("joints.csv:2"), HasSubstr("--degrees")));
+}
+
+TEST_F(CalibratePosesProgram, EyeInHandAndSurveyedBoardsAreTakenTogether) {
+  PoseRig rig(6, 2);
+  Eigen::Isometry3d hand = Eigen::Isometry3d::Identity();
+  hand.translation() = Eigen::Vector3d(0.03, -0.06, -0.05);
+  rig.Add("hand", hand, true);
+  Eigen::Isometry3d table = Eigen::Isometry3d::Identity();
+  table.linear() = Eigen::AngleAxisd(3.14159265358979, Eigen::Vector3d::UnitX()).matrix();
+  table.translation() = Eigen::Vector3d(-0.2, 0.2, 0.05);
+  rig.AddBoard("table", BoardPlace::kSurveyed, table, 0.06, 3, 4);
+  for (int i = 0; i < 24; ++i) {
+    rig.Take(absl::StrCat("f", i), rig.RandomFlange({rig.Uniform(-0.3, 0.3), 0, 0}));
+  }
+  WriteRig(rig);
+  Write("poses.csv", RobotPoseFileText(rig.problem.robot_poses));
+  Write("survey.yaml",
+        "- {board: table, position: [-0.2, 0.2, 0.05], rotation: [180 deg, 0, 0]}\n");
+  const Outcome outcome = Run(absl::StrCat(
+      kFiles, "--robot-poses poses.csv --eye-in-hand hand --surveyed survey.yaml --out cameras"));
+  ASSERT_EQ(outcome.exit_code, 0) << outcome.errors;
+  const CameraModel camera = Camera("cameras/hand.flange.cameramodel");
+  EXPECT_LT(PoseError(camera.camera_from_world(), hand).tail<3>().norm(), 1e-3);
+  const CameraModel fixed = Camera("cameras/camera1.cameramodel");
+  EXPECT_LT(PoseError(fixed.camera_from_world(), rig.camera_poses[1]).tail<3>().norm(), 5e-3);
+  EXPECT_THAT(PosesProgramTextOf(folder_ / "cameras/calibration.yaml"),
+              AllOf(HasSubstr("camera1.cameramodel"), Not(HasSubstr("hand"))));
+}
+
+TEST_F(CalibratePosesProgram, ReportJudgesWhatPosesTakes) {
+  PoseRig rig(8, 2);
+  rig.AddFlangeBoard();
+  rig.Drive(16);
+  WriteRig(rig);
+  Write("poses.csv", RobotPoseFileText(rig.problem.robot_poses));
+  const std::string report = absl::StrReplaceAll(kFiles, {{"poses ", "report "}}) +
+                             "--robot-poses poses.csv --flange-board flange --groups 3 ";
+  const Outcome good =
+      Run(absl::StrCat(report, "--urdf ", kUrdf, " --out good.html --json good.json"));
+  ASSERT_EQ(good.exit_code, 0) << good.errors;
+  EXPECT_THAT(good.output, AllOf(HasSubstr("camera1"), HasSubstr("wrote good.html")));
+  EXPECT_THAT(PosesProgramTextOf(folder_ / "good.html"), HasSubstr("<h1>Calibration report</h1>"));
+  const Json result = Json::parse(PosesProgramTextOf(folder_ / "good.json"));
+  EXPECT_EQ(result["groups"], 3);
+  EXPECT_THAT(result["workspace"].get<std::string>(), HasSubstr("by its model"));
+  EXPECT_GT(result["views"][0]["predicted"]["points"], 100);
+  EXPECT_EQ(Run(report + "--workspace=-1:1,0:1").exit_code, 2);
+  for (TagSighting& seen : rig.problem.sightings) {
+    if (seen.view == "camera1") {
+      for (Eigen::Vector2d& corner : seen.corners) corner.x() = 1279 - corner.x();
+    }
+  }
+  Write("corners.csv", SightingFileText(rig.problem.sightings));
+  const Outcome refused = Run(report + "--out bad.html");
+  EXPECT_EQ(refused.exit_code, 1);
+  EXPECT_THAT(refused.errors, HasSubstr("mirrored"));
+  EXPECT_THAT(PosesProgramTextOf(folder_ / "bad.html"), HasSubstr("No calibration: "));
+}
+
+TEST_F(CalibratePosesProgram, MistakesAreOneSentenceAndNothingIsWritten) {
+  PoseRig rig(7);
+  rig.AddFlangeBoard();
+  rig.Drive(12);
+  WriteRig(rig);
+  Write("poses.csv", RobotPoseFileText(rig.problem.robot_poses));
+  const auto refused = [&](const std::string& arguments, int code, const std::string& says) {
+    const Outcome outcome = Run(absl::StrCat(kFiles, arguments, " --out cameras"));
+    EXPECT_EQ(outcome.exit_code, code) << arguments;
+    EXPECT_THAT(outcome.errors, HasSubstr(says));
+    EXPECT_FALSE(fs::exists(folder_ / "cameras"));
+  };
+  const std::string poses = "--robot-poses poses.csv --flange-board flange ";
+  refused("--robot-poses poses.csv --flange-board hand", 2, "there is no board 'hand'");
+  refused(poses + "--robot-sigma 0.2", 2, "0.2mm,0.02deg");
+  refused(poses + "--surveyed nowhere.yaml", 2, "nowhere.yaml");
+  refused(poses + "--joints joints.csv", 2, "joints");
+  refused("--robot-poses poses.csv", 1, "where the robot's base is");
+  refused("--flange-board flange", 1, "give the robot's poses");
+  Write("poses.csv", absl::StrReplaceAll(PosesProgramTextOf(folder_ / "poses.csv"),
+                                         {{"frame1001", "frame1000"}}));
+  refused(poses, 2, "poses.csv:3: frame 'frame1000' is there already");
+}
+
+}  // namespace
+}  // namespace silhouette

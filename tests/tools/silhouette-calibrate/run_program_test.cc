@@ -1,0 +1,179 @@
+// silhouette-calibrate run on the simulated cell of the demo.
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <sys/wait.h>
+
+#include <chrono>
+#include <cstdlib>
+#include <fstream>
+#include <sstream>
+
+#include "calib/files/calibration_camera_file.h"
+#include "calib/files/calibration_message.h"
+#include "capture/sim/simulation.h"
+#include "tests/calib/robot/urdf_files.h"
+
+namespace silhouette {
+namespace {
+
+namespace fs = std::filesystem;
+using testing::HasSubstr;
+
+std::string RunProgramReadAll(const fs::path& path) {
+  std::ifstream in(path);
+  std::stringstream text;
+  text << in.rdbuf();
+  return text.str();
+}
+
+const std::string kDemo = std::string(SILHOUETTE_SOURCE_DIR) + "/capture/sim/cells/demo";
+
+class CalibrateRun : public testing::Test {
+ protected:
+  int Run(const std::string& program, const std::string& arguments) {
+    const std::string command = std::string(SILHOUETTE_BIN_DIR) + "/" + program + " " + arguments +
+                                " >" + (folder_ / "out").string() + " 2>" +
+                                (folder_ / "err").string() + " </dev/null";
+    const int status = std::system(command.c_str());
+    return WIFEXITED(status) ? WEXITSTATUS(status) : -1;
+  }
+  int RunSession(const std::string& options) {
+    return Run("silhouette-calibrate", "run --cell " + kDemo + "/cell.yaml --boards " + kDemo +
+                                           "/boards.yaml --out " + session() + " " + options);
+  }
+  std::string Lenses() {
+    const std::string folder = (folder_ / "truth").string();
+    EXPECT_EQ(Run("silhouette-sim", "calibration --cell " + kDemo + "/cell.yaml --out " + folder),
+              0);
+    return folder;
+  }
+  std::string session() const { return (folder_ / "session").string(); }
+  std::string err() const { return RunProgramReadAll(folder_ / "err"); }
+
+  const fs::path folder_ = FreshFolder();
+};
+
+TEST_F(CalibrateRun, FindsTheCamerasOfTheSimulatedCell) {
+  ASSERT_EQ(RunSession("--frames 16 --cameras " + Lenses()), 0) << err();
+  const auto settings = LoadSimulation(kDemo + "/simulation.yaml");
+  ASSERT_TRUE(settings.ok());
+  for (const SimulatedCamera& truth : settings->cameras) {
+    const fs::path file = fs::path(session()) / "cameras" / (truth.name + ".cameramodel");
+    const auto message = CameraFromText(RunProgramReadAll(file), file.string());
+    ASSERT_TRUE(message.ok()) << message.status();
+    const CameraModel found = CameraFrom(*message).value();
+    for (const Eigen::Vector3d& point : {Eigen::Vector3d(0.8, 0, 0.8), {-0.4, 0.6, 1.2}}) {
+      EXPECT_LT((*found.Project(point) - *truth.model.Project(point)).norm(), 0.5) << truth.name;
+    }
+  }
+  const std::string calibration =
+      RunProgramReadAll(fs::path(session()) / "cameras/calibration.yaml");
+  EXPECT_THAT(calibration, HasSubstr("silhouette-calibrate run: 16 frames, board 'flange'"));
+  EXPECT_THAT(calibration, HasSubstr("view_a: "));
+  EXPECT_THAT(RunProgramReadAll(fs::path(session()) / "report.html"),
+              HasSubstr("Held-out corners"));
+  // What was recorded is enough to solve without a cell; a second session does not overwrite it.
+  EXPECT_TRUE(fs::exists(fs::path(session()) / "images/top/0001.png"));
+  EXPECT_EQ(RunSession("--frames 16"), 2);
+  EXPECT_THAT(err(), HasSubstr("--resume"));
+}
+
+TEST_F(CalibrateRun, GoesOnWithWhatThereIs) {
+  const std::string cameras = " --cameras " + Lenses();
+  RunSession("--frames 3" + cameras);
+  const std::string before = RunProgramReadAll(fs::path(session()) / "joints.csv");
+  ASSERT_FALSE(before.empty());
+  RunSession("--frames 5 --resume" + cameras);
+  const std::string after = RunProgramReadAll(fs::path(session()) / "joints.csv");
+  EXPECT_EQ(after.substr(0, before.size()), before);
+  EXPECT_THAT(after, HasSubstr("\n0005,"));
+}
+
+// One camera near a robot that carries a larger board.
+class CalibrateRunWithoutLenses : public CalibrateRun {
+ protected:
+  void WriteCell(const std::string& simulation) {
+    WriteFile(folder_ / "boards.yaml",
+              "- {name: flange, family: tagStandard41h12, rows: 3, columns: 4, tag_size: 0.09, "
+              "gap: 0.09, first_id: 0}\n");
+    WriteFile(folder_ / "simulation.yaml", R"(
+cameras:
+  left: {image_size: [480, 360], position: [0.6, 2.9, 1.3], look_at: [0.6, 0, 0.9],
+         field_of_view: 44 deg, distortion: [-0.06, 0.01, 0, 0.0005, 0]}
+room: {lower: [-4.5, -4.5, 0], upper: [4.5, 4.5, 5], brightness: 0.34, texture: 0.05}
+boards:
+  - {file: boards.yaml, name: flange, margin: 0.01, link: flange, position: [-0.3, 0.2, 0.1],
+     rotation: [180 deg, 0, 0], always: false}
+noise: 1.5
+)" + simulation);
+    WriteFile(folder_ / "cell.yaml", R"(name: near
+simulation: simulation.yaml
+robot:
+  driver: sim
+  urdf: )" + std::string(SILHOUETTE_SOURCE_DIR) +
+                                         R"(/capture/sim/robots/rx130.urdf
+  joints:
+    - {name: joint_1, lower: -150 deg, upper: 150 deg}
+    - {name: joint_3, lower: -120 deg, upper: 110 deg}
+  fixed: {joint_2: 40 deg, joint_4: 0, joint_5: 20 deg, joint_6: 0}
+grid: {max_move: 0.35}
+views: [{name: left, source: sim, image_size: [480, 360], mask_size: [64, 64]}]
+capture: {settle: 0}
+)");
+  }
+  std::string Command(const std::string& options) {
+    const std::string folder = folder_.string();
+    return "run --cell " + folder + "/cell.yaml --boards " + folder + "/boards.yaml --out " +
+           session() + " " + options;
+  }
+};
+
+TEST_F(CalibrateRunWithoutLenses, FindsThemFromTheBoardOnTheFlange) {
+  WriteCell("");
+  // Too few to know a lens by: the images stay, and more can be added.
+  EXPECT_EQ(Run("silhouette-calibrate", Command("--frames 4")), 1);
+  EXPECT_THAT(err(), HasSubstr("--resume"));
+  ASSERT_EQ(Run("silhouette-calibrate", Command("--frames 14 --resume")), 0) << err();
+  const fs::path file = fs::path(session()) / "cameras/left.cameramodel";
+  const auto message = CameraFromText(RunProgramReadAll(file), file.string());
+  ASSERT_TRUE(message.ok()) << message.status();
+  const CameraModel found = CameraFrom(*message).value();
+  const CameraModel truth =
+      LoadSimulation((folder_ / "simulation.yaml").string())->cameras[0].model;
+  for (const Eigen::Vector3d& point : {Eigen::Vector3d(0.8, 0, 0.8), {0.2, 0.4, 1.2}}) {
+    EXPECT_LT((*found.Project(point) - *truth.Project(point)).norm(), 0.5);
+  }
+  EXPECT_THAT(RunProgramReadAll(fs::path(session()) / "cameras/calibration.yaml"),
+              HasSubstr("lens_rim_sigma"));
+}
+
+TEST_F(CalibrateRunWithoutLenses, CtrlCStopsTheRobotAndSaysHowToGoOn) {
+  WriteCell("joint_speed: 0.01\n");  // minutes to the first pose
+  // The folder is made before the robot sets off.
+  const std::string command = std::string(SILHOUETTE_BIN_DIR) + "/silhouette-calibrate " +
+                              Command("") + " 2>" + (folder_ / "err").string() +
+                              " & p=$!; while kill -0 $p && [ ! -d " + session() +
+                              " ]; do sleep 0.1; done; sleep 0.5; kill -INT $p; wait $p";
+  const auto start = std::chrono::steady_clock::now();
+  const int status = std::system(command.c_str());
+  EXPECT_EQ(WEXITSTATUS(status), 1);
+  EXPECT_LT(std::chrono::steady_clock::now() - start, std::chrono::seconds(120));
+  EXPECT_THAT(err(), HasSubstr("stopped, and so is the robot; 0 frames are kept. Go on with the "
+                               "same command and --resume"));
+}
+
+TEST_F(CalibrateRun, MistakesAreTold) {
+  EXPECT_EQ(RunSession("--flange-board door"), 2);
+  EXPECT_THAT(err(), HasSubstr("'flange' and 'hand'"));
+  EXPECT_EQ(RunSession("--joint elbow=0:1"), 2);
+  EXPECT_THAT(err(), HasSubstr("no joint 'elbow'"));
+  EXPECT_EQ(RunSession("--floor 3"), 2);
+  EXPECT_THAT(err(), HasSubstr("no pose that the robot may be driven to"));
+  WriteFile(folder_ / "poses.csv",
+            "joint_1,joint_2,joint_3,joint_4,joint_5,joint_6\n9,0,0,0,0,0\n");
+  EXPECT_EQ(RunSession("--poses " + (folder_ / "poses.csv").string()), 2);
+  EXPECT_THAT(err(), HasSubstr("poses.csv:2"));
+}
+
+}  // namespace
+}  // namespace silhouette

@@ -1,0 +1,94 @@
+// silhouette-capture killed and stopped while it captures.
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <csignal>
+#include <random>
+
+#include "tests/capture/session/program_cell.h"
+
+namespace silhouette {
+namespace {
+
+using testing::HasSubstr;
+using testing::SizeIs;
+
+// Waits until `cell` has at least `records`; the capture goes on.
+void WaitForRecords(const ProgramCell& cell, uint64_t records) {
+  for (int i = 0; i < 3000 && cell.Records() < records; ++i) absl::SleepFor(absl::Milliseconds(5));
+}
+
+TEST(KilledCapture, ResumedHoldsWhatAnUninterruptedOneHolds) {
+  const uint64_t seed = std::random_device{}();
+  SCOPED_TRACE(testing::Message() << "seed " << seed);
+  std::mt19937_64 random(seed);
+  const std::pair<std::string, std::string> keep_images = {"keep_free: 0 B",
+                                                           "raw_images: all\n  keep_free: 0 B"};
+  const ProgramCell whole;
+  whole.CaptureAll();
+  const auto expected = whole.Content();
+  ASSERT_THAT(expected, SizeIs(45));
+
+  ProgramCell cell;
+  cell.WriteCell({keep_images});
+  cell.TakeReferences();
+  int kills = 0;
+  for (uint64_t stored = 0; kills < 12 && stored < 40; ++kills) {
+    const pid_t run = cell.Start(cell.Arguments("run"));
+    // Sometimes while it starts, mostly in the middle of the work.
+    if (random() % 4 != 0) WaitForRecords(cell, stored + 1);
+    absl::SleepFor(absl::Microseconds(random() % 60'000));
+    kill(run, SIGKILL);
+    cell.Wait(run);
+    const uint64_t now = cell.Records();
+    EXPECT_GE(now, stored);
+    stored = now;
+    // What is there is whole and right.
+    for (const auto& [number, image] : cell.Content()) EXPECT_EQ(image, expected.at(number));
+    EXPECT_EQ(cell.RawImages(), now);
+  }
+  EXPECT_GE(kills, 2);
+  const Outcome last = cell.Run(cell.Arguments("run"));
+  EXPECT_EQ(last.exit_code, 0) << last.err;
+  EXPECT_EQ(cell.Content(), expected) << kills << " kills";
+  EXPECT_EQ(cell.RawImages(), 45u);
+}
+
+TEST(StoppedCapture, EndsCleanlyAndSaysHowToGoOn) {
+  for (const int signal : {SIGINT, SIGTERM}) {
+    ProgramCell cell;
+    cell.WriteCell({{"settle: 5 ms", "settle: 50 ms"}});
+    cell.TakeReferences();
+    const pid_t run = cell.Start(cell.Arguments("run"));
+    WaitForRecords(cell, 3);
+    kill(run, signal);
+    const Outcome outcome = cell.Wait(run);
+    EXPECT_EQ(outcome.exit_code, 1) << outcome.err;
+    EXPECT_THAT(outcome.err, HasSubstr("stopped, "));
+    EXPECT_THAT(outcome.err, HasSubstr(absl::StrCat("go on with: silhouette-capture run --cell ",
+                                                    cell.cell(), " --database ", cell.database())));
+    EXPECT_THAT(outcome.out, HasSubstr(absl::StrCat("captured           ", cell.Records(),
+                                                    " of 45 configurations")));
+    EXPECT_LT(cell.Records(), 45u);
+  }
+}
+
+TEST(StoppedCapture, OfReferenceImagesStoresNone) {
+  ProgramCell cell;
+  cell.WriteCell({{"reference_images: 3", "reference_images: 100000"}});
+  const pid_t reference = cell.Start(cell.Arguments("reference"));
+  for (int i = 0; i < 1000 && !Database::Open(cell.database(), Database::Access::kRead).ok(); ++i) {
+    absl::SleepFor(absl::Milliseconds(5));
+  }
+  absl::SleepFor(absl::Milliseconds(100));
+  kill(reference, SIGINT);
+  const Outcome outcome = cell.Wait(reference);
+  EXPECT_EQ(outcome.exit_code, 1) << outcome.err;
+  EXPECT_THAT(outcome.err, HasSubstr("take them with: silhouette-capture reference"));
+  const auto database = Database::Open(cell.database(), Database::Access::kRead);
+  ASSERT_TRUE(database.ok()) << database.status();
+  EXPECT_FALSE((*database)->Read()->References()->has_value());
+}
+
+}  // namespace
+}  // namespace silhouette

@@ -1,0 +1,182 @@
+// Devices that silhouette-sim lets fail, and what silhouette-capture says and asks then, with and
+// without a terminal.
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <poll.h>
+#include <pty.h>
+
+#include "tests/capture/drivers/served_process.h"
+#include "tests/capture/session/program_cell.h"
+
+namespace silhouette {
+namespace {
+
+using testing::AllOf;
+using testing::HasSubstr;
+
+// silhouette-capture at a terminal.
+class AtTerminal {
+ public:
+  explicit AtTerminal(const std::vector<std::string>& arguments) {
+    const std::string program = std::string(SILHOUETTE_BIN_DIR) + "/silhouette-capture";
+    std::vector<std::string> words = {program};
+    words.insert(words.end(), arguments.begin(), arguments.end());
+    std::vector<char*> argv;
+    for (std::string& word : words) argv.push_back(word.data());
+    argv.push_back(nullptr);
+    child_ = forkpty(&terminal_, nullptr, nullptr, nullptr);
+    if (child_ == 0) {
+      execv(program.c_str(), argv.data());
+      _exit(127);
+    }
+  }
+  ~AtTerminal() {
+    kill(child_, SIGKILL);
+    if (!ended_) waitpid(child_, nullptr, 0);
+    close(terminal_);
+  }
+
+  // Reads until it has shown `text`, since what was read before; false: it ended.
+  bool Shows(const std::string& text) {
+    size_t from = shown_.size();
+    while (shown_.find(text, from) == std::string::npos) {
+      if (!ReadSome()) return false;
+    }
+    return true;
+  }
+
+  void Type(const std::string& text) const {
+    EXPECT_EQ(write(terminal_, text.data(), text.size()), static_cast<ssize_t>(text.size()));
+  }
+
+  int ExitCode() {
+    while (ReadSome()) {
+    }
+    int status = 0;
+    waitpid(child_, &status, 0);
+    ended_ = true;
+    return WIFEXITED(status) ? WEXITSTATUS(status) : -1;
+  }
+
+  const std::string& shown() const { return shown_; }
+
+ private:
+  bool ReadSome() {
+    pollfd ready{.fd = terminal_, .events = POLLIN, .revents = 0};
+    constexpr int kMilliseconds = 120'000;
+    if (poll(&ready, 1, kMilliseconds) <= 0) return false;
+    char bytes[4096];
+    const ssize_t length = read(terminal_, bytes, sizeof(bytes));
+    if (length <= 0) return false;  // EIO: it has ended
+    shown_.append(bytes, static_cast<size_t>(length));
+    return true;
+  }
+
+  int terminal_ = -1;
+  pid_t child_ = 0;
+  bool ended_ = false;
+  std::string shown_;
+};
+
+class Practice : public testing::Test {
+ protected:
+  void SetUp() override {
+    Serve({"--without-robot"});
+    cell_.TakeReferences();
+  }
+  void TearDown() override { served_.reset(); }
+
+  // Serves the cell's devices, with faults, and has the cell's file name them.
+  void Serve(const std::vector<std::string>& faults, const std::string& more = "") {
+    served_.reset();
+    cell_.WriteCell({kFewSteps});
+    std::vector<std::string> arguments = {"--robot",   "grpc", "--robot-address", "127.0.0.1:0",
+                                          "--cameras", "grpc", "--camera-port",   "0"};
+    arguments.insert(arguments.end(), faults.begin(), faults.end());
+    served_ = std::make_unique<Served>(cell_.cell(), arguments);
+    const std::string robot = served_->told()["robot"]["address"];
+    const std::string cameras = served_->told()["cameras"][0]["address"];
+    const std::string source = "source: {grpc: {address: \"" + cameras + "\"}}";
+    cell_.WriteCell({kFewSteps,
+                     {"driver: sim", "driver: {grpc: {address: \"" + robot + "\"}}"},
+                     {"name: top, source: sim", "name: top, " + source},
+                     {"name: front, source: sim", "name: front, " + source},
+                     {"settle: 5 ms", "settle: 5 ms\n  joint_speed: 20\n  retry: 10 s" + more}});
+  }
+
+  static std::vector<std::string> LostForAMoment() {
+    return {"--robot-fault", "lost", "--after-moves", "6", "--fault-time", "2"};
+  }
+
+  // 12 configurations.
+  const std::pair<std::string, std::string> kFewSteps = {"{joint_1: 9, joint_3: 5}",
+                                                         "{joint_1: 4, joint_3: 3}"};
+  static constexpr uint64_t kAll = 12;
+
+  ProgramCell cell_;
+  std::unique_ptr<Served> served_;
+};
+
+TEST_F(Practice, LostRobotEndsASessionThatNobodyWatchesAndTheNextGoesOn) {
+  Serve(LostForAMoment());
+  const Outcome lost = cell_.Run(cell_.Arguments("run"));
+  EXPECT_EQ(lost.exit_code, 3);
+  EXPECT_THAT(lost.err, AllOf(HasSubstr("the robot was lost and is back, and does not move on"),
+                              HasSubstr("what was captured is stored; go on with: ")));
+  EXPECT_LT(cell_.Records(), kAll);
+  const Outcome rest = cell_.Run(cell_.Arguments("run"));
+  EXPECT_EQ(rest.exit_code, 0) << rest.err;
+  EXPECT_EQ(cell_.Records(), kAll);
+}
+
+TEST_F(Practice, LostRobotMovesOnByItselfOnlyWhereTheCellSaysSo) {
+  Serve(LostForAMoment(), "\n  continue_after_reconnect: true");
+  const Outcome outcome = cell_.Run(cell_.Arguments("run"));
+  EXPECT_EQ(outcome.exit_code, 0) << outcome.err;
+  EXPECT_THAT(outcome.err, HasSubstr("it is back, after"));
+  EXPECT_EQ(cell_.Records(), kAll);
+}
+
+TEST_F(Practice, LostRobotIsAskedForAtATerminal) {
+  Serve(LostForAMoment());
+  AtTerminal run(cell_.Arguments("run"));
+  ASSERT_TRUE(run.Shows("g or e: ")) << run.shown();
+  EXPECT_THAT(run.shown(), HasSubstr("See that nobody is with it"));
+  const uint64_t before = cell_.Records();
+  run.Type("yes\n");
+  ASSERT_TRUE(run.Shows("g or e: ")) << run.shown();
+  EXPECT_EQ(cell_.Records(), before);
+  run.Type("g\n");
+  EXPECT_EQ(run.ExitCode(), 0) << run.shown();
+  EXPECT_EQ(cell_.Records(), kAll);
+}
+
+TEST_F(Practice, FrozenCamerasAreFoundByTheSentinelsAndAskedAboutAtATerminal) {
+  Serve({"--camera-fault", "freezes", "--after-images", "14"});
+  AtTerminal run(cell_.Arguments("run"));
+  ASSERT_TRUE(run.Shows("a, g or e: ")) << run.shown();
+  EXPECT_THAT(run.shown(), HasSubstr("The session pauses; the robot stands still"));
+  run.Type("a\n");
+  ASSERT_TRUE(run.Shows("a, g or e: ")) << run.shown();
+  run.Type("e\n");
+  EXPECT_EQ(run.ExitCode(), 1);
+  EXPECT_THAT(run.shown(), HasSubstr("--only suspect"));
+}
+
+TEST_F(Practice, InterruptIsAnAnswerToo) {
+  Serve({"--camera-fault", "freezes", "--after-images", "14"});
+  AtTerminal run(cell_.Arguments("run"));
+  ASSERT_TRUE(run.Shows("a, g or e: ")) << run.shown();
+  run.Type("\x03");
+  EXPECT_EQ(run.ExitCode(), 1) << run.shown();
+}
+
+TEST_F(Practice, FaultOfADeviceThatIsNotServedIsAMistake) {
+  const std::string command = absl::StrCat(SILHOUETTE_BIN_DIR, "/silhouette-sim serve --cell ",
+                                           cell_.cell(), " --cameras grpc ");
+  EXPECT_EQ(WEXITSTATUS(system((command + "--robot-fault lost 2>/dev/null").c_str())), 2);
+  EXPECT_EQ(WEXITSTATUS(system((command + "--camera-fault drops 2>/dev/null").c_str())), 2);
+}
+
+}  // namespace
+}  // namespace silhouette

@@ -1,0 +1,297 @@
+// silhouette-db calibration as a user runs it, on a cell whose cameras are known: a ball that two
+// cameras see.
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <sys/wait.h>
+
+#include <algorithm>
+#include <cstdio>
+#include <filesystem>
+#include <nlohmann/json.hpp>
+#include <opencv2/imgcodecs.hpp>
+
+#include "absl/strings/str_cat.h"
+#include "calib/camera/camera_model.h"
+#include "calib/files/calibration_camera_file.h"
+#include "calib/files/calibration_message.h"
+#include "common/picture/files.h"
+#include "tests/db/store/test_cell.h"
+
+namespace silhouette {
+namespace {
+
+using Json = nlohmann::json;
+using testing::AllOf;
+using testing::HasSubstr;
+
+struct CalibrationProgramOutcome {
+  int exit_code = -1;
+  std::string output;  // stdout
+  std::string errors;  // stderr
+};
+
+CameraModel LookingAt(const CameraIntrinsics& intrinsics, const Eigen::Vector3d& from,
+                      const Eigen::Vector3d& at, const Eigen::Vector3d& up) {
+  Eigen::Isometry3d camera_from_world = Eigen::Isometry3d::Identity();
+  const Eigen::Vector3d ahead = (at - from).normalized();
+  const Eigen::Vector3d right = ahead.cross(up).normalized();
+  camera_from_world.linear().row(0) = right;
+  camera_from_world.linear().row(1) = ahead.cross(right);
+  camera_from_world.linear().row(2) = ahead;
+  camera_from_world.translation() = -camera_from_world.linear() * from;
+  return CameraModel(intrinsics, camera_from_world);
+}
+
+// The cameras of TestCell's views "left", whose images it knows, and "top", whose it does not.
+std::vector<CameraModel> TrueCameras() {
+  const CameraIntrinsics left{
+      .width = 640, .height = 480, .fx = 600, .fy = 600, .cx = 315, .cy = 244};
+  const CameraIntrinsics top{
+      .width = 330, .height = 200, .fx = 280, .fy = 280, .cx = 164.5, .cy = 99.5};
+  const Eigen::Vector3d middle(0, 0, 0.5);
+  return {LookingAt(left, {0.3, -3, 0.8}, middle, {0, 0, 1}),
+          LookingAt(top, {0, 0.2, 4}, middle, {0, 1, 0})};
+}
+
+// A ball at `centre`, any-touch but for gaps between its points that are far below a pixel.
+Mask BallMask(const CameraModel& camera, MaskSize size, const Eigen::Vector3d& centre) {
+  constexpr double kRadius = 0.2;
+  constexpr int kSteps = 16;
+  const CameraModel scaled = camera.ScaledTo(size.width, size.height);
+  std::vector<bool> set(size.pixels());
+  for (int i = 0; i <= kSteps * kSteps * kSteps; ++i) {
+    const Eigen::Vector3d share =
+        Eigen::Vector3d(i % kSteps, i / kSteps % kSteps, i / kSteps / kSteps) * 2.0 / (kSteps - 1) -
+        Eigen::Vector3d::Ones();
+    if (share.norm() > 1) continue;
+    const auto pixel = scaled.Project(centre + kRadius * share);
+    if (!pixel) continue;
+    const int x = static_cast<int>(std::lround(pixel->x()));
+    const int y = static_cast<int>(std::lround(pixel->y()));
+    if (x < 0 || x >= size.width || y < 0 || y >= size.height) continue;
+    set[static_cast<size_t>(y * size.width + x)] = true;
+  }
+  return Mask::FromPredicate(
+      size, [&](int x, int y) { return set[static_cast<size_t>(y * size.width + x)]; });
+}
+
+class CalibrationProgram : public testing::Test {
+ protected:
+  void SetUp() override {
+    const auto database = Database::Create(folder_ / "db", TestCell(6, 5));
+    ASSERT_TRUE(database.ok()) << database.status();
+    auto writer = (*database)->Write("test");
+    const std::vector<CameraModel> cameras = TrueCameras();
+    for (const ConfigurationNumber number : AllNumbers((*database)->grid())) {
+      const Configuration q = (*database)->grid().At(number);
+      RobotImage image;
+      image.number = number;
+      for (size_t i = 0; i < cameras.size(); ++i) {
+        image.masks.push_back(BallMask(cameras[i], (*database)->mask_sizes()[i],
+                                       {0.3 * q[0], 0.1 * (q[1] - q[0]), 0.4 + 0.3 * q[1]}));
+      }
+      ASSERT_TRUE(writer->Put(image).ok());
+    }
+    ASSERT_TRUE(writer->Commit().ok());
+    WriteCameras("cameras", TrueCameras());
+  }
+
+  CalibrationProgramOutcome Run(const std::string& arguments) const {
+    const std::string command =
+        absl::StrCat("cd ", folder_.path(), " && ", SILHOUETTE_BIN_DIR,
+                     "/silhouette-db calibration ", arguments, " 2>errors.txt");
+    CalibrationProgramOutcome outcome;
+    FILE* pipe = popen(command.c_str(), "r");
+    char buffer[4096];
+    for (size_t n = 0; (n = fread(buffer, 1, sizeof(buffer), pipe)) > 0;) {
+      outcome.output.append(buffer, n);
+    }
+    const int status = pclose(pipe);
+    outcome.exit_code = WIFEXITED(status) ? WEXITSTATUS(status) : -1;
+    outcome.errors = Read("errors.txt");
+    return outcome;
+  }
+
+  void Write(const std::string& name, const std::string& text) const {
+    ASSERT_TRUE(WriteWholeFile(folder_ / name, text).ok());
+  }
+  std::string Read(const std::string& name) const { return *ReadWholeFile(folder_ / name); }
+
+  void WriteCameras(const std::string& name, const std::vector<CameraModel>& cameras) const {
+    std::filesystem::create_directories(folder_ / name);
+    const storage::v1::CellDescription cell = TestCell(6, 5);
+    for (int i = 0; i < cell.views_size(); ++i) {
+      Write(name + "/" + CameraFileName(cell.views(i).name()),
+            CameraFileText(MessageOf(cameras[static_cast<size_t>(i)]), cell.views(i).name()));
+    }
+  }
+
+  uint64_t Generation() const {
+    return (*Database::Open(folder_ / "db", Database::Access::kRead))->Read()->generation();
+  }
+
+  Json Shown() const { return Json::parse(Run("show db --format json").output); }
+
+  // The matrix that `show` tells, as a file of matrices from view_b to view_a: the transpose.
+  std::string MatrixFile(const Json& pair) const {
+    const Json& f = pair["F"];
+    Json turned = Json::array();
+    for (size_t row = 0; row < 3; ++row) turned.push_back({f[0][row], f[1][row], f[2][row]});
+    return Json{{{"view_a", pair["view_b"]}, {"view_b", pair["view_a"]}, {"F", turned}}}.dump();
+  }
+
+  const FreshFolder folder_;
+};
+
+TEST_F(CalibrationProgram, CamerasGoInAndComeOutAsTheyWere) {
+  const uint64_t before = Generation();
+  CalibrationProgramOutcome outcome = Run("import db cameras");
+  EXPECT_EQ(outcome.exit_code, 0) << outcome.errors;
+  EXPECT_THAT(outcome.output, AllOf(HasSubstr("2 camera models imported"), HasSubstr("SIGHUP")));
+  EXPECT_EQ(Generation(), before + 1);
+  ASSERT_EQ(Run("export db out").exit_code, 0);
+  for (const char* file : {"left.cameramodel", "top.cameramodel"}) {
+    EXPECT_EQ(Read(absl::StrCat("out/", file)), Read(absl::StrCat("cameras/", file)));
+  }
+  // The same again, said in other ways, is no change.
+  std::filesystem::rename(folder_ / "out/top.cameramodel", folder_ / "a file");
+  for (const char* same :
+       {"out/left.cameramodel 'top=a file'", "cameras/top.cameramodel left=out/left.cameramodel"}) {
+    outcome = Run(absl::StrCat("import db ", same));
+    EXPECT_EQ(outcome.exit_code, 0) << outcome.errors;
+    EXPECT_THAT(outcome.output, HasSubstr("already"));
+    EXPECT_EQ(Generation(), before + 1);
+  }
+  outcome = Run("export db out");
+  EXPECT_EQ(outcome.exit_code, 2);
+  EXPECT_THAT(outcome.errors, HasSubstr("'out/left.cameramodel' is there already"));
+}
+
+TEST_F(CalibrationProgram, TheMatricesThatItShowsServeAsWellAsTheCameras) {
+  ASSERT_EQ(Run("import db cameras").exit_code, 0);
+  const Json cameras = Shown();
+  ASSERT_EQ(cameras["pairs"].size(), 1);
+  EXPECT_EQ(cameras["pairs"][0]["F_without_distortion"], false);
+  Write("matrices.yaml", MatrixFile(cameras["pairs"][0]));
+  const CalibrationProgramOutcome outcome = Run("import db matrices.yaml");
+  ASSERT_EQ(outcome.exit_code, 0) << outcome.errors;
+  EXPECT_THAT(outcome.output, HasSubstr("1 fundamental matrices imported"));
+  const Json matrices = Shown();
+  EXPECT_EQ(matrices["kind"], "fundamental matrices");
+  EXPECT_EQ(matrices["pairs"][0]["F"], cameras["pairs"][0]["F"]);
+  EXPECT_EQ(matrices["worst_contradicting_share"], 0);
+  // Out and in again.
+  ASSERT_EQ(Run("export db again.yaml").exit_code, 0);
+  EXPECT_THAT(Run("import db again.yaml").output, HasSubstr("already"));
+}
+
+TEST_F(CalibrationProgram, ACalibrationThatTheRobotImagesContradictIsTakenOnlyByForce) {
+  std::vector<CameraModel> cameras = TrueCameras();
+  Eigen::Isometry3d moved = cameras[0].camera_from_world();
+  moved.translation().x() += 0.5;
+  cameras[0] = CameraModel(cameras[0].intrinsics(), moved);
+  WriteCameras("moved", cameras);
+  const uint64_t before = Generation();
+  const CalibrationProgramOutcome refused = Run("import db moved");
+  EXPECT_EQ(refused.exit_code, 2);
+  EXPECT_THAT(refused.errors,
+              AllOf(HasSubstr("contradicts the robot images: "), HasSubstr(" % of "),
+                    HasSubstr("robot pixels of '"), HasSubstr("--force")));
+  EXPECT_EQ(Generation(), before);
+  EXPECT_EQ(Run("show db").exit_code, 1);
+
+  EXPECT_EQ(Run("import db moved --force").exit_code, 0);
+  const Json shown = Shown();
+  EXPECT_GT(shown["worst_contradicting_share"], 0.05);
+  EXPECT_GT(shown["pairs"][0]["a_in_b"]["worst"]["contradicting"], 0);
+  // The true one is let in again.
+  EXPECT_EQ(Run("import db cameras").exit_code, 0);
+  EXPECT_EQ(Shown()["worst_contradicting_share"], 0);
+}
+
+TEST_F(CalibrationProgram, ShowTellsCamerasResolutionAndPairs) {
+  ASSERT_EQ(Run("import db cameras").exit_code, 0);
+  const Json shown = Shown();
+  EXPECT_EQ(shown["kind"], "cameras");
+  EXPECT_EQ(shown["configurations"], 30);
+  const Json& left = shown["views"][0];
+  EXPECT_NEAR(left["camera"]["position"][1].get<double>(), -3, 1e-9);
+  // 3.03 m away, and 10 image pixels of 1/600 each to a mask pixel across, 7.5 downward.
+  EXPECT_NEAR(left["metres_per_mask_pixel"].get<double>(), 3.03 * 10 / 600, 1e-3);
+  EXPECT_NEAR(shown["pairs"][0]["baseline"].get<double>(), std::sqrt(0.09 + 3.2 * 3.2 * 2), 1e-9);
+  const CalibrationProgramOutcome text = Run("show db");
+  EXPECT_EQ(text.exit_code, 0);
+  EXPECT_THAT(text.output, AllOf(HasSubstr("(0.300, -3.000, 0.800)"), HasSubstr("mm per pixel"),
+                                 HasSubstr("views left and top"), HasSubstr("baseline"),
+                                 HasSubstr("at worst 0 % of ")));
+}
+
+TEST_F(CalibrationProgram, ShowDrawsTheBandsOfPixels) {
+  ASSERT_EQ(Run("import db cameras").exit_code, 0);
+  EXPECT_EQ(Run("show db --picture bands.png").exit_code, 0);
+  EXPECT_FALSE(cv::imread(folder_ / "bands.png").empty());
+  EXPECT_EQ(
+      Run("show db --view top --pixel 3,4 --pixel 32,19 --number 0 --picture two.png").exit_code,
+      0);
+  EXPECT_FALSE(cv::imread(folder_ / "two.png").empty());
+  const auto refusal = [&](const std::string& options) {
+    const CalibrationProgramOutcome outcome = Run("show db --picture p.png " + options);
+    EXPECT_EQ(outcome.exit_code, 2);
+    return outcome.errors;
+  };
+  EXPECT_THAT(refusal("--view back"), HasSubstr("no view 'back'; the views are left, top"));
+  EXPECT_THAT(refusal("--pixel 64,0"), HasSubstr("'64,0' is not X,Y of a mask of 64x64 pixels"));
+  EXPECT_THAT(refusal("--number 4095"), HasSubstr("configuration 4095 has no robot images"));
+  EXPECT_THAT(refusal("--pixel 1,1 --pixel 1,2 --pixel 1,3 --pixel 1,4 --pixel 1,5"),
+              HasSubstr("at most 4 pixels"));
+}
+
+TEST_F(CalibrationProgram, RemovedItIsGone) {
+  EXPECT_EQ(Run("remove db").exit_code, 2);
+  ASSERT_EQ(Run("import db cameras").exit_code, 0);
+  EXPECT_EQ(Run("remove db").exit_code, 0);
+  const CalibrationProgramOutcome none = Run("export db out");
+  EXPECT_EQ(none.exit_code, 1);
+  EXPECT_THAT(none.errors, HasSubstr("'db' has no calibration; import one"));
+}
+
+TEST_F(CalibrationProgram, EveryMistakeIsOneSentenceAndChangesNothing) {
+  const uint64_t before = Generation();
+  const auto refusal = [&](const std::string& arguments) {
+    const CalibrationProgramOutcome outcome = Run(arguments);
+    EXPECT_EQ(outcome.exit_code, 2) << arguments;
+    EXPECT_EQ(std::count(outcome.errors.begin(), outcome.errors.end(), '\n'), 1) << outcome.errors;
+    return outcome.errors;
+  };
+  EXPECT_THAT(refusal("import none cameras"), HasSubstr("there is no database in 'none'"));
+  EXPECT_THAT(refusal("import db cameras/top.cameramodel"),
+              HasSubstr("view 'left' has no camera model; give left.cameramodel, too"));
+  EXPECT_THAT(refusal("import db cameras/top.cameramodel top=cameras/left.cameramodel"),
+              HasSubstr("view 'top' has two files"));
+  EXPECT_THAT(refusal("import db back=cameras/top.cameramodel cameras/left.cameramodel"),
+              AllOf(HasSubstr("'back=cameras/top.cameramodel'"), HasSubstr("left, top")));
+  std::filesystem::create_directories(folder_ / "empty");
+  EXPECT_THAT(refusal("import db empty"), HasSubstr("empty/left.cameramodel"));
+  // A model for images that the view does not have.
+  EXPECT_THAT(
+      refusal("import db left=cameras/top.cameramodel top=cameras/top.cameramodel"),
+      AllOf(HasSubstr("view 'left'"), HasSubstr("images of 330x200"), HasSubstr("640x480")));
+  WriteCameras("one_place", {TrueCameras()[0], TrueCameras()[0]});
+  EXPECT_THAT(refusal("import db one_place"),
+              HasSubstr("views 'left' and 'top': two cameras stand at the same place"));
+  const auto matrix = [&](const std::string& views, const std::string& f) {
+    Write("m.yaml", absl::StrCat("- {", views, ", F: ", f, "}\n"));
+    return refusal("import db m.yaml");
+  };
+  EXPECT_THAT(matrix("view_a: left, view_b: top", "[[1, 1, 1], [1, 1, 1], [1, 1, 1]]"),
+              HasSubstr("views 'left' and 'top': a fundamental matrix must be of rank 2"));
+  EXPECT_THAT(matrix("view_a: left, view_b: back", "[[0, 0, 1], [0, 0, 1], [1, 1, 1]]"),
+              AllOf(HasSubstr("m.yaml:1"), HasSubstr("no view 'back'")));
+  EXPECT_THAT(matrix("view_a: left, view_b: top", "[[0, 0, 1], [0, 0, 1]]"), HasSubstr("m.yaml:1"));
+  EXPECT_THAT(refusal("import db cameras --margin -1"), HasSubstr("--margin"));
+  EXPECT_EQ(Generation(), before);
+  EXPECT_EQ(Run("").exit_code, 2);
+}
+
+}  // namespace
+}  // namespace silhouette

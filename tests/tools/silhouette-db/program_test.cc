@@ -1,0 +1,505 @@
+// silhouette-db as a user runs it: what it prints, what it writes, how it ends.
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <sys/wait.h>
+
+#include <cstdio>
+#include <fstream>
+#include <nlohmann/json.hpp>
+#include <opencv2/imgcodecs.hpp>
+
+#include "absl/strings/str_cat.h"
+#include "absl/strings/str_replace.h"
+#include "common/picture/files.h"
+#include "common/picture/mask_png.h"
+#include "db/index/tile_index.h"
+#include "db/store/environment.h"
+#include "db/store/robot_image_format.h"
+#include "db/store/schema.h"
+#include "db/store/tile_value.h"
+#include "tests/db/store/test_cell.h"
+
+namespace silhouette {
+namespace {
+
+using Json = nlohmann::json;
+using testing::AllOf;
+using testing::HasSubstr;
+using testing::Not;
+
+struct ProgramOutcome {
+  int exit_code = -1;
+  std::string output;  // stdout
+  std::string errors;  // stderr
+};
+
+constexpr char kCell[] = R"(name: test cell
+robot:
+  joints:
+    - {name: axis_1, lower: -1, upper: 1.5}
+    - {name: axis_2, lower: -1, upper: 1.5}
+  fixed: {axis_3: 0.25}
+grid:
+  steps: {axis_1: 6, axis_2: 5}
+views:
+  - {name: left, image_size: [640, 480], mask_size: [64, 64]}
+  - {name: top, mask_size: [33, 20]}
+)";
+
+class SilhouetteDb : public testing::Test {
+ protected:
+  // Runs the program with `arguments`.
+  ProgramOutcome Run(const std::string& arguments) const {
+    const std::string command = absl::StrCat("cd ", folder_.path(), " && ", SILHOUETTE_BIN_DIR,
+                                             "/silhouette-db ", arguments, " 2>errors.txt");
+    ProgramOutcome outcome;
+    FILE* pipe = popen(command.c_str(), "r");
+    char buffer[4096];
+    for (size_t n = 0; (n = fread(buffer, 1, sizeof(buffer), pipe)) > 0;) {
+      outcome.output.append(buffer, n);
+    }
+    const int status = pclose(pipe);
+    outcome.exit_code = WIFEXITED(status) ? WEXITSTATUS(status) : -1;
+    outcome.errors = *ReadWholeFile(folder_ / "errors.txt");
+    return outcome;
+  }
+
+  void Write(const std::string& name, const std::string& text) const {
+    std::filesystem::create_directories(std::filesystem::path(folder_ / name).parent_path());
+    ASSERT_TRUE(WriteWholeFile(folder_ / name, text).ok());
+  }
+
+  std::string Read(const std::string& name) const { return *ReadWholeFile(folder_ / name); }
+
+  // A database of 6 x 5 configurations; those in `left_out` have no record.
+  void MakeDatabase(const std::string& name, uint64_t seed = 0,
+                    const std::vector<size_t>& left_out = {}) const {
+    const auto database = Database::Create(folder_ / name, TestCell(6, 5));
+    ASSERT_TRUE(database.ok()) << database.status();
+    auto writer = (*database)->Write("test");
+    const std::vector<ConfigurationNumber> numbers = AllNumbers((*database)->grid());
+    for (size_t i = 0; i < numbers.size(); ++i) {
+      if (std::find(left_out.begin(), left_out.end(), i) != left_out.end()) continue;
+      ASSERT_TRUE(writer->Put(TestImage(**database, numbers[i], seed)).ok());
+    }
+    ASSERT_TRUE(writer->Commit().ok());
+    storage::v1::References references;
+    for (int i = 0; i < 2; ++i) {
+      storage::v1::Reference* view = references.add_views();
+      view->set_mean_png(absl::StrCat("mean ", i));
+      view->set_noise_png(absl::StrCat("noise ", i));
+      view->set_images(20);
+      view->mutable_time()->set_seconds(1'700'000'000);
+      view->mutable_time()->set_nanos(5);
+    }
+    ASSERT_TRUE((*database)->SetReferences(references, "test").ok());
+  }
+
+  ConfigurationNumber NumberAt(int first, int second) const {
+    return GridOf(TestCell(6, 5))->NumberOf({first, second});
+  }
+
+  const FreshFolder folder_;
+};
+
+TEST_F(SilhouetteDb, InfoTellsWhatADatabaseHolds) {
+  MakeDatabase("db", 0, {3});
+  const ProgramOutcome text = Run("info db");
+  EXPECT_EQ(text.exit_code, 0);
+  EXPECT_THAT(text.output, AllOf(HasSubstr("test cell"), HasSubstr("29 of 30"), HasSubstr("axis_2"),
+                                 HasSubstr("axis_3"), HasSubstr("33x20")));
+  const Json info = Json::parse(Run("info --database db --format json").output);
+  EXPECT_EQ(info["records"], 29);
+  EXPECT_EQ(info["configurations"], 30);
+  EXPECT_EQ(info["views"][1]["mask_size"], Json::parse("[33, 20]"));
+  EXPECT_EQ(info["fixed_joints"]["axis_3"], 0.25);
+  EXPECT_EQ(info["references"], true);
+}
+
+TEST_F(SilhouetteDb, VerifyTellsRobotImagesCapturedWithAFixedJointElsewhere) {
+  MakeDatabase("db");
+  EXPECT_EQ(Run("verify db").exit_code, 0);
+  {
+    const auto database = Database::Open(folder_ / "db", Database::Access::kWrite);
+    auto writer = (*database)->Write("test");
+    for (const double position : {0.26, 0.2501}) {
+      const ConfigurationNumber number = NumberAt(2, position > 0.255 ? 1 : 2);
+      RobotImage image = TestImage(**database, number);
+      image.excluded = false;
+      image.masks = {Mask({64, 64}), Mask({33, 20})};
+      image.measured = {0, 0, position};
+      image.commanded = {0, 0, 0.25};
+      ASSERT_TRUE(writer->Put(image, /*replace=*/true).ok());
+    }
+    ASSERT_TRUE(writer->Commit().ok());
+  }
+  const ProgramOutcome text = Run("verify db");
+  EXPECT_EQ(text.exit_code, 1);
+  EXPECT_THAT(text.output,
+              AllOf(HasSubstr("1 robot images were captured with a fixed joint elsewhere, the "
+                              "first with joint 'axis_3' at 0.26 instead of 0.25"),
+                    HasSubstr(absl::StrCat("--only ", NumberAt(2, 1), "\n")),
+                    HasSubstr("fixed joint 'axis_3': captured at 0.25 to 0.26\n")));
+  const Json found = Json::parse(Run("verify db --format json").output);
+  EXPECT_EQ(found["elsewhere"], 1);
+  EXPECT_EQ(found["sets"][0]["fixed_joints"]["axis_3"]["highest"], 0.26);
+  EXPECT_EQ(Run("verify db --fixed-joint-tolerance 0.02").exit_code, 0);
+}
+
+TEST_F(SilhouetteDb, IndexIsBuiltToldAndVerified) {
+  MakeDatabase("db");
+  EXPECT_THAT(Run("info db").output,
+              HasSubstr("collision index none; build it with: silhouette-db index db\n"));
+  EXPECT_EQ(Json::parse(Run("info db --format json").output)["collision_index"]["state"], "none");
+  EXPECT_EQ(Run("verify db").exit_code, 0);
+
+  const ProgramOutcome built = Run("index db");
+  EXPECT_EQ(built.exit_code, 0) << built.errors;
+  EXPECT_THAT(built.output, AllOf(HasSubstr("1 built, 0 fresh already"), HasSubstr("% of their")));
+  EXPECT_THAT(Run("info db").output, HasSubstr("collision index fresh, 1 tiles"));
+  const Json again = Json::parse(Run("index db --format json").output);
+  EXPECT_EQ(again["built"], 0);
+  EXPECT_EQ(again["fresh_already"], 1);
+  EXPECT_EQ(again["complete"], true);
+  EXPECT_EQ(Json::parse(Run("index db --all --format json").output)["built"], 1);
+  const Json verified = Json::parse(Run("verify db --format json").output);
+  EXPECT_EQ(verified["ok"], true);
+  EXPECT_EQ(verified["collision_index"]["state"], "fresh");
+  EXPECT_EQ(verified["collision_index"]["fresh"], 1);
+
+  // A new record makes it stale, which is no fault of the database's.
+  {
+    const auto database = Database::Open(folder_ / "db", Database::Access::kWrite);
+    auto writer = (*database)->Write("test");
+    ASSERT_TRUE(writer->Put(TestImage(**database, NumberAt(2, 2), 5), true).ok());
+    ASSERT_TRUE(writer->Commit().ok());
+  }
+  const ProgramOutcome stale = Run("verify db");
+  EXPECT_EQ(stale.exit_code, 0);
+  EXPECT_THAT(stale.output,
+              HasSubstr("of 1 tiles 1 stale; build them with: silhouette-db index db"));
+  EXPECT_EQ(Json::parse(Run("info db --format json").output)["collision_index"]["state"], "stale");
+
+  EXPECT_EQ(Run("index nowhere").exit_code, 2);
+  EXPECT_THAT(Run("index --help").output, HasSubstr("Example:"));
+}
+
+TEST_F(SilhouetteDb, IndexThatIsDamagedOrNotThatOfItsRobotImagesIsFoundByVerify) {
+  MakeDatabase("db");
+  const auto spoil = [&](const auto& change) {
+    EXPECT_EQ(Run("index db --all").exit_code, 0);
+    const auto database = Database::Open(folder_ / "db", Database::Access::kWrite);
+    const auto environment = Environment::Open(folder_ / "db");
+    const MDB_dbi index = *(*environment)->Find(schema::kCollisionIndex);
+    const schema::NumberKey key = schema::EncodeKey(0);
+    const auto write = [&](WriteTransaction& transaction) {
+      MDB_val key_val = ToVal({key.data(), key.size()});
+      MDB_val stored;
+      EXPECT_EQ(mdb_get(transaction.get(), index, &key_val, &stored), 0);
+      return transaction.Put(index, {key.data(), key.size()}, change(std::string(FromVal(stored))));
+    };
+    ASSERT_TRUE((*environment)->Update(0, write).ok());
+  };
+  spoil([](std::string value) {
+    value.back() = 'x';
+    return value;
+  });
+  const ProgramOutcome damaged = Run("verify db");
+  EXPECT_EQ(damaged.exit_code, 1);
+  EXPECT_THAT(damaged.output, HasSubstr("the collision index of 1 tiles is damaged"));
+  EXPECT_THAT(Run("info db").output, HasSubstr("of 1 tiles 1 damaged; build them with"));
+
+  // What a faulty program could have written: sound in itself, but of other robot images.
+  spoil([&](const std::string& value) {
+    std::vector<PixelTree> trees = {PixelTree({64, 64}), PixelTree({33, 20})};
+    return EncodeTileValue(0, *TileHeaderIn(value), TileIndexBuilder(trees).Finish(), 4096);
+  });
+  EXPECT_THAT(Run("info db").output, HasSubstr("collision index fresh"));
+  const ProgramOutcome wrong = Run("verify db");
+  EXPECT_EQ(wrong.exit_code, 1);
+  EXPECT_THAT(wrong.output,
+              HasSubstr("the collision index of tile 0 is not that of its robot images"));
+}
+
+TEST_F(SilhouetteDb, VerifyIsContentWithACompleteDatabase) {
+  MakeDatabase("db");
+  const ProgramOutcome outcome = Run("verify db");
+  EXPECT_EQ(outcome.exit_code, 0);
+  EXPECT_THAT(outcome.output, AllOf(HasSubstr("0 damaged, 0 missing: sound")));
+}
+
+TEST_F(SilhouetteDb, VerifyTellsEachFaultInALine) {
+  MakeDatabase("db", 0, {3, 7});
+  ProgramOutcome outcome = Run("verify db");
+  EXPECT_EQ(outcome.exit_code, 1);
+  EXPECT_THAT(outcome.output, HasSubstr("2 of 30 configurations are missing, the first are "));
+  EXPECT_EQ(Run("verify --allow-missing db").exit_code, 0);
+
+  // Damage one record wherever it lies in the file.
+  std::string bytes = Read("db/data.mdb");
+  ConfigurationNumber victim = 0;
+  {
+    const auto database = Database::Open(folder_ / "db", Database::Access::kRead);
+    while (TestImage(**database, victim).excluded) ++victim;
+    const std::string value = EncodeRobotImage(TestImage(**database, victim));
+    size_t damaged = 0;
+    for (size_t at = bytes.find(value); at != std::string::npos; at = bytes.find(value, at + 1)) {
+      bytes[at + 30] = static_cast<char>(bytes[at + 30] ^ 1);
+      ++damaged;
+    }
+    ASSERT_GT(damaged, 0);
+  }
+  Write("db/data.mdb", bytes);
+  outcome = Run("verify db --format json");
+  EXPECT_EQ(outcome.exit_code, 1);
+  const Json findings = Json::parse(outcome.output);
+  EXPECT_EQ(findings["damaged"], 1);
+  EXPECT_EQ(findings["ok"], false);
+  ASSERT_EQ(findings["faults"].size(), 2);
+  EXPECT_THAT(findings["faults"][0].get<std::string>(),
+              HasSubstr(absl::StrCat("robot image ", victim, ": its checksum does not hold")));
+  EXPECT_EQ(Run(absl::StrCat("show db --number ", victim)).exit_code, 3);
+  EXPECT_EQ(Run("export db out").exit_code, 1);
+  EXPECT_EQ(Json::parse(Run("stats db --format json").output)["damaged"], 1);
+}
+
+TEST_F(SilhouetteDb, CoverageCountsAndPaints) {
+  MakeDatabase("db", 0, {3, 7});
+  const ProgramOutcome outcome = Run("coverage db --format json --picture coverage.png");
+  EXPECT_EQ(outcome.exit_code, 0);
+  const Json counts = Json::parse(outcome.output);
+  EXPECT_EQ(counts["missing"], 2);
+  EXPECT_EQ(counts["captured"].get<int>() + counts["excluded"].get<int>(), 28);
+  EXPECT_FALSE(cv::imread(folder_ / "coverage.png").empty());
+}
+
+TEST_F(SilhouetteDb, ShowFindsAConfigurationByNumberAndByJoints) {
+  MakeDatabase("db", 0, {0});
+  const ConfigurationNumber number = NumberAt(2, 3);
+  const ProgramOutcome by_joints = Run("show db --at 0.05 0.9 --format json --picture masks.png");
+  EXPECT_EQ(by_joints.exit_code, 0) << by_joints.errors;
+  const Json record = Json::parse(by_joints.output);
+  EXPECT_EQ(record["number"], number);
+  EXPECT_EQ(Run(absl::StrCat("show db --format json --number ", number)).output, by_joints.output);
+  const ProgramOutcome missing = Run("show db --number 0");
+  EXPECT_EQ(missing.exit_code, 1);
+  EXPECT_THAT(missing.errors, HasSubstr("is not in the database"));
+  EXPECT_THAT(Run("show db --at 0.05 9").errors, HasSubstr("(0.05, 9) is outside the grid"));
+  EXPECT_THAT(Run("show db --at 0.05").errors, HasSubstr("--at takes 2 values"));
+  EXPECT_EQ(Run("show db").exit_code, 2);
+  EXPECT_EQ(Run("show db --number 4095").exit_code, 2);
+}
+
+TEST_F(SilhouetteDb, SheetPaintsASlice) {
+  MakeDatabase("db");
+  EXPECT_EQ(Run("sheet db --picture both.png").exit_code, 0);
+  EXPECT_EQ(Run("sheet db --along axis_2 --fix axis_1=0.5 --picture one.png").exit_code, 0);
+  EXPECT_FALSE(cv::imread(folder_ / "both.png").empty());
+  EXPECT_FALSE(cv::imread(folder_ / "one.png").empty());
+  const auto refusal = [&](const std::string& options) {
+    const ProgramOutcome outcome = Run("sheet db --picture sheet.png " + options);
+    EXPECT_EQ(outcome.exit_code, 2);
+    return outcome.errors;
+  };
+  EXPECT_THAT(refusal("--along axis_9"), HasSubstr("no joint 'axis_9'; its joints are axis_1"));
+  EXPECT_THAT(refusal("--along axis_1 axis_1"), HasSubstr("'axis_1' is named twice"));
+  EXPECT_THAT(refusal("--along axis_1 --fix axis_2=7"), HasSubstr("7 is not within -1 to 1.5"));
+  EXPECT_THAT(refusal("--along axis_1 --fix axis_1=0"), HasSubstr("cannot be fixed"));
+  EXPECT_THAT(refusal("--view bottom"), HasSubstr("no view 'bottom'; the views are left, top"));
+}
+
+TEST_F(SilhouetteDb, StatsListsOutliersByNumber) {
+  const auto database = *Database::Create(folder_ / "db", TestCell(6, 5));
+  {
+    auto writer = database->Write("test");
+    for (ConfigurationNumber number : AllNumbers(database->grid())) {
+      RobotImage image;
+      image.number = number;
+      for (MaskSize size : database->mask_sizes()) {
+        image.masks.push_back(Mask::FromPredicate(
+            size, [](int x, int y) { return 5 < x && x < 15 && 5 < y && y < 15; }));
+      }
+      if (number == NumberAt(2, 2)) image.masks[1] = Mask(image.masks[1].size());
+      ASSERT_TRUE(writer->Put(image).ok());
+    }
+    ASSERT_TRUE(writer->Commit().ok());
+  }
+  const Json stats = Json::parse(Run("stats db --format json --picture covered.png").output);
+  ASSERT_EQ(stats["outliers"].size(), 1);
+  EXPECT_EQ(stats["outliers"][0]["number"], NumberAt(2, 2));
+  EXPECT_EQ(stats["outliers"][0]["reason"], "empty");
+  EXPECT_EQ(stats["outliers"][0]["view"], "top");
+  EXPECT_EQ(stats["views"][0]["permanent_pixels"], 81);
+  EXPECT_THAT(Run("stats db").output, HasSubstr("outliers  1"));
+}
+
+TEST_F(SilhouetteDb, ExportAndImportLoseNothing) {
+  MakeDatabase("db", 0, {3});
+  Write("cell.yaml", kCell);
+  EXPECT_EQ(Run("export db out").exit_code, 0);
+  const ProgramOutcome imported = Run("import --cell cell.yaml --database copy out");
+  EXPECT_EQ(imported.exit_code, 0) << imported.errors;
+  EXPECT_THAT(imported.output, HasSubstr("29 records imported into copy"));
+  const ProgramOutcome same = Run("diff db copy");
+  EXPECT_EQ(same.exit_code, 0) << same.output;
+  EXPECT_THAT(Run("export db out").errors, HasSubstr("folder 'out' is not empty"));
+}
+
+TEST_F(SilhouetteDb, ImportRunAgainGoesOn) {
+  MakeDatabase("db");
+  Write("cell.yaml", kCell);
+  ASSERT_EQ(Run("export db out").exit_code, 0);
+  const std::string table = Read("out/configurations.csv");
+  Write("out/configurations.csv", table.substr(0, table.find('\n', table.size() / 2) + 1));
+  EXPECT_EQ(Run("import --cell cell.yaml --database copy out").exit_code, 0);
+  EXPECT_EQ(Run("diff db copy").exit_code, 1);
+  Write("out/configurations.csv", table);
+  const ProgramOutcome again = Run("import --cell cell.yaml --database copy out");
+  EXPECT_EQ(again.exit_code, 0) << again.errors;
+  EXPECT_THAT(again.output, HasSubstr("were there already"));
+  EXPECT_EQ(Run("diff db copy").exit_code, 0);
+}
+
+TEST_F(SilhouetteDb, ImportTakesMasksMadeElsewhere) {
+  Write("cell.yaml", kCell);
+  const Mask left = Mask::FromPredicate({64, 64}, [](int x, int y) { return x == y; });
+  const Mask top = Mask::FromPredicate({33, 20}, [](int x, int) { return x == 4; });
+  Write("masks/l.png", EncodeMaskPng(left));
+  Write("masks/t.png", EncodeMaskPng(top));
+  Write("configurations.csv",
+        "\xef\xbb\xbf"
+        "top,axis_2,left,axis_1\r\nmasks/t.png,-1,\"masks/l.png\",-0.5\r\n\r\n,0.25,,-1\r\n");
+  const ProgramOutcome outcome = Run("import configurations.csv --cell cell.yaml --database db");
+  EXPECT_EQ(outcome.exit_code, 0) << outcome.errors;
+  const auto database = Database::Open(folder_ / "db", Database::Access::kRead);
+  const auto image = (*database)->Read()->Find(NumberAt(1, 0));
+  ASSERT_TRUE(image.ok() && image->has_value());
+  EXPECT_EQ((*image)->masks, (std::vector{left, top}));
+  EXPECT_FALSE((*image)->excluded);
+  EXPECT_TRUE((*image)->measured.empty());
+  EXPECT_TRUE((**(*database)->Read()->Find(NumberAt(0, 2))).excluded);
+  EXPECT_EQ((*database)->Read()->size(), 2);
+}
+
+TEST_F(SilhouetteDb, ImportTellsFileAndLineOfEachMistakeAndKeepsTheRest) {
+  Write("cell.yaml", kCell);
+  Write("l.png", EncodeMaskPng(Mask({64, 64})));
+  Write("t.png", EncodeMaskPng(Mask({33, 20})));
+  Write("text.png", "no image");
+  Write("configurations.csv",
+        "axis_1,axis_2,left,top\n"
+        "-1,-1,l.png,t.png\n"
+        "-0.9,-1,l.png,t.png\n"
+        "7,-1,l.png,t.png\n"
+        "x,-1,l.png,t.png\n"
+        "0,-1,t.png,t.png\n"
+        "0,-1,none.png,t.png\n"
+        "0,-1,text.png,t.png\n"
+        "0,-1,l.png,\n"
+        "0,-1,l.png\n"
+        "-1,-1,l.png,t.png\n"
+        "1.5,1.5,l.png,t.png\n");
+  const ProgramOutcome outcome = Run("import . --cell cell.yaml --database db");
+  EXPECT_EQ(outcome.exit_code, 2);
+  for (const char* message : {
+           "configurations.csv:3: joint 'axis_1': -0.9 is not on the grid; the nearest value is -1",
+           "configurations.csv:4: joint 'axis_1': 7 is outside -1 to 1.5",
+           "configurations.csv:5: joint 'axis_1': 'x' is not a number",
+           "configurations.csv:6: view 'left': './t.png': it is 33x20 pixels large and should be "
+           "64x64",
+           "configurations.csv:7: view 'left': './none.png' cannot be read: No such file",
+           "configurations.csv:8: view 'left': './text.png': it is not an image",
+           "configurations.csv:9: view 'top' has no mask; only an excluded configuration",
+           "configurations.csv:10: it has 3 cells, the header has 4",
+           "configurations.csv:11: the same configuration is in line 2",
+           "9 lines are wrong; mend them and run it again, what is imported stays",
+       }) {
+    EXPECT_THAT(outcome.errors, HasSubstr(message));
+  }
+  EXPECT_THAT(outcome.output, HasSubstr("2 records imported"));
+}
+
+TEST_F(SilhouetteDb, ImportTellsWrongColumnsBeforeItMakesADatabase) {
+  Write("cell.yaml", kCell);
+  const auto refusal = [&](const std::string& header) {
+    Write("configurations.csv", header + "\n");
+    const ProgramOutcome outcome = Run("import . --cell cell.yaml --database db");
+    EXPECT_EQ(outcome.exit_code, 2);
+    EXPECT_FALSE(std::filesystem::exists(folder_ / "db"));
+    return outcome.errors;
+  };
+  EXPECT_THAT(refusal("axis_1,axis_2,left"), HasSubstr("csv:1: column 'top' is missing"));
+  EXPECT_THAT(refusal("axis_1,left,top"), HasSubstr("csv:1: column 'axis_2' is missing"));
+  EXPECT_THAT(
+      refusal("axis_1,axis_2,left,top,colour"),
+      HasSubstr("csv:1: column 'colour' is neither a joint nor a view of cell 'test cell'"));
+  EXPECT_THAT(refusal("axis_1,axis_2,left,top,top"), HasSubstr("column 'top' is there twice"));
+  EXPECT_THAT(
+      refusal("axis_1,axis_2,left,top,measured:axis_1"),
+      HasSubstr("column 'measured:axis_2' is missing; it is there for all joints or for none"));
+}
+
+TEST_F(SilhouetteDb, ImportRefusesADatabaseOfAnotherCellAndOtherRecords) {
+  MakeDatabase("db");
+  Write("cell.yaml", kCell);
+  ASSERT_EQ(Run("export db out").exit_code, 0);
+  MakeDatabase("other", 1);
+  const ProgramOutcome outcome = Run("import out --cell cell.yaml --database other");
+  EXPECT_EQ(outcome.exit_code, 2);
+  EXPECT_THAT(outcome.errors, HasSubstr("the database has another record of this configuration"));
+  EXPECT_EQ(Run("import out --replace --cell cell.yaml --database other").exit_code, 0);
+  EXPECT_EQ(Run("diff db other").exit_code, 0);
+  Write("cell.yaml", absl::StrReplaceAll(kCell, {{"axis_1: 6", "axis_1: 7"}}));
+  const ProgramOutcome another = Run("import out --cell cell.yaml --database other");
+  EXPECT_EQ(another.exit_code, 2);
+  EXPECT_THAT(another.errors,
+              HasSubstr("joint 'axis_1': steps is 7 in the cell file, 6 in the database"));
+}
+
+TEST_F(SilhouetteDb, CompactCopiesEverything) {
+  MakeDatabase("db");
+  EXPECT_EQ(Run("compact db small").exit_code, 0);
+  EXPECT_EQ(Run("diff db small").exit_code, 0);
+  const ProgramOutcome again = Run("compact db small");
+  EXPECT_EQ(again.exit_code, 2);
+  EXPECT_THAT(again.errors, HasSubstr("there is a database in 'small' already"));
+}
+
+TEST_F(SilhouetteDb, DiffTellsWhatDiffers) {
+  MakeDatabase("a", 0, {3});
+  MakeDatabase("b", 0, {4});
+  const ProgramOutcome missing = Run("diff a b");
+  EXPECT_EQ(missing.exit_code, 1);
+  EXPECT_THAT(missing.output,
+              AllOf(HasSubstr("only in the first"), HasSubstr("only in the second")));
+  MakeDatabase("c", 1);
+  const ProgramOutcome other = Run("diff a c");
+  EXPECT_EQ(other.exit_code, 1);
+  EXPECT_THAT(other.output, AllOf(HasSubstr("pixels of view 'left'"), HasSubstr("capture time"),
+                                  HasSubstr("more differences")));
+  EXPECT_THAT(Run("diff --masks-only a c").output, Not(HasSubstr("capture time")));
+}
+
+TEST_F(SilhouetteDb, EverySubcommandTellsAMissingOrForeignDatabase) {
+  Write("foreign/data.mdb", std::string(10'000, 'x'));
+  for (const char* arguments :
+       {"info %", "verify %", "coverage %", "show % --number 1", "sheet % --picture s.png",
+        "stats %", "export % out", "compact % small", "diff % %"}) {
+    SCOPED_TRACE(arguments);
+    const ProgramOutcome missing = Run(absl::StrReplaceAll(arguments, {{"%", "none"}}));
+    EXPECT_EQ(missing.exit_code, 2);
+    EXPECT_EQ(missing.errors, "silhouette-db: there is no database in 'none'\n");
+    const ProgramOutcome foreign = Run(absl::StrReplaceAll(arguments, {{"%", "foreign"}}));
+    EXPECT_EQ(foreign.exit_code, 2);
+    EXPECT_THAT(foreign.errors, HasSubstr("'foreign/data.mdb' is not a database"));
+    const ProgramOutcome help =
+        Run(std::string(arguments).substr(0, std::string(arguments).find(' ')) + " --help");
+    EXPECT_EQ(help.exit_code, 0);
+    EXPECT_THAT(help.output, HasSubstr("Example:"));
+  }
+  EXPECT_EQ(Run("").exit_code, 2);
+  EXPECT_EQ(Run("nonsense").exit_code, 2);
+}
+
+}  // namespace
+}  // namespace silhouette

@@ -1,0 +1,115 @@
+// What `silhouette-experiments calibration` measures, and that a run meets its bars.
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <set>
+
+#include "tools/silhouette-experiments/calibration/figures.h"
+#include "tools/silhouette-experiments/calibration/joint_errors.h"
+#include "tools/silhouette-experiments/calibration/rig.h"
+#include "tools/silhouette-experiments/calibration/trials.h"
+
+namespace silhouette::calibration_experiment {
+namespace {
+
+const Bar& BarOf(const std::string& name) {
+  for (const Bar& bar : Bars()) {
+    if (bar.name == name) return bar;
+  }
+  throw std::out_of_range(name);
+}
+
+void ExpectWithinBars(const Figures& figures, const std::set<std::string>& names) {
+  for (const std::string& name : names) {
+    ASSERT_TRUE(figures.contains(name)) << name;
+    const double value = figures.at(name);
+    EXPECT_TRUE(Passes(BarOf(name), {.median = value, .worst = value})) << name << " " << value;
+  }
+}
+
+TEST(CalibrationFigures, MedianAndWorstAreOverTheRunsThatHaveTheFigure) {
+  const std::vector<Figures> runs{{{"corner_px", 0.02}}, {{"corner_px", 0.01}}, {}};
+  const Spread spread = SpreadOf(BarOf("corner_px"), runs);
+  EXPECT_DOUBLE_EQ(spread.median, 0.015);
+  EXPECT_DOUBLE_EQ(spread.worst, 0.02);
+}
+
+TEST(CalibrationFigures, WorstOfARatioIsFarthestFromOne) {
+  const Bar& bar = BarOf("chi2_per_dof");
+  EXPECT_DOUBLE_EQ(SpreadOf(bar, {{{"chi2_per_dof", 0.5}}, {{"chi2_per_dof", 1.2}}}).worst, 0.5);
+  EXPECT_DOUBLE_EQ(SpreadOf(bar, {{{"chi2_per_dof", 0.9}}, {{"chi2_per_dof", 1.2}}}).worst, 1.2);
+  EXPECT_FALSE(Passes(bar, {.median = 1, .worst = 0.5}));
+  EXPECT_TRUE(Passes(bar, {.median = 1, .worst = 0.9}));
+}
+
+TEST(JointErrors, ErrorsOfOneCauseCountOnce) {
+  // Two causes; ten pixels that all show the first, one of which shows the second as well.
+  Eigen::MatrixXd covariance = Eigen::MatrixXd::Zero(2, 2);
+  covariance.diagonal() << 4, 0.25;
+  JointErrors errors;
+  for (int pixel = 0; pixel < 10; ++pixel) {
+    Eigen::Matrix<double, 2, Eigen::Dynamic> derivative(2, 2);
+    derivative << 1, 0, 0, pixel == 0 ? 1 : 0;
+    // The first cause is off by three standard deviations, the second by one.
+    errors.Add(derivative, derivative * Eigen::Vector2d(6, 0.5));
+  }
+  const ChiSquared joint = errors.Against(covariance);
+  EXPECT_EQ(joint.freedom, 2);
+  EXPECT_NEAR(joint.squares, 9 + 1, 1e-9);
+  EXPECT_NEAR(joint.PerFreedom(), 5, 1e-9);
+}
+
+TEST(JointErrors, DirectionsThatHardlyMoveAnyPixelAreLeftOut) {
+  JointErrors errors;
+  Eigen::Matrix<double, 2, Eigen::Dynamic> derivative(2, 2);
+  derivative << 1, 0, 0, 1e-5;
+  errors.Add(derivative, {2, 1});  // far more than 1e-5 says; it is rounding
+  const ChiSquared joint = errors.Against(Eigen::MatrixXd::Identity(2, 2));
+  EXPECT_EQ(joint.freedom, 1);
+  EXPECT_NEAR(joint.squares, 4, 1e-9);
+}
+
+TEST(CalibrationRig, SessionShowsTheBoardAllOverEveryImage) {
+  const Rig rig = DrawRig(5);
+  const BoardFrames session = DrawSession(rig, 80, 0, 5);
+  EXPECT_EQ(session.frames.size(), 80u);
+  for (const NamedCamera& camera : rig.cameras) {
+    std::set<int> fields;  // of 6 x 4
+    for (const TagSighting& sighting : session.sightings) {
+      if (sighting.view != camera.view) continue;
+      for (const Eigen::Vector2d& corner : sighting.corners) {
+        fields.insert(static_cast<int>(corner.x() * 6 / 1280) +
+                      6 * static_cast<int>(corner.y() * 4 / 960));
+      }
+    }
+    EXPECT_EQ(fields.size(), 24u) << camera.view;
+  }
+}
+
+TEST(CalibrationTrials, CornersOfRenderedTagsAreFound) {
+  ExpectWithinBars(MeasureCorners(3), {"corner_px"});
+}
+
+TEST(CalibrationTrials, CameraFilesLoseNothing) {
+  const auto figures = MeasureRoundTrip(3);
+  ASSERT_TRUE(figures.ok()) << figures.status();
+  ExpectWithinBars(*figures, {"roundtrip_px"});
+}
+
+TEST(CalibrationTrials, LensesAreFound) {
+  const auto figures = MeasureLenses(3, 1);
+  ASSERT_TRUE(figures.ok()) << figures.status();
+  ExpectWithinBars(*figures, {"workspace_px", "epipolar_px", "weak_epipolar_px", "band_misses"});
+  // Of one calibration, some 60 degrees of freedom: three and a half standard deviations.
+  EXPECT_NEAR(figures->at("chi2_per_dof"), 1, 0.65);
+  EXPECT_GT(figures->at("seconds"), 0);
+}
+
+TEST(CalibrationTrials, CamerasAreFoundFromATagOnTheFlange) {
+  const auto figures = MeasureFlange(3);
+  ASSERT_TRUE(figures.ok()) << figures.status();
+  ExpectWithinBars(*figures, {"flange_mm", "flange_deg", "workspace_mm"});
+}
+
+}  // namespace
+}  // namespace silhouette::calibration_experiment

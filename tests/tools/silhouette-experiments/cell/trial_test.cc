@@ -1,0 +1,115 @@
+#include "tools/silhouette-experiments/cell/trial.h"
+
+#include <gtest/gtest.h>
+
+#include "tests/tools/silhouette-experiments/cell/small_workplace.h"
+#include "tools/silhouette-experiments/cell/explanation.h"
+#include "tools/silhouette-experiments/cell/study.h"
+
+namespace silhouette::cell_experiment {
+namespace {
+
+RandomScene SceneWith(const SmallWorkplace& small, std::vector<Obstacle> obstacles) {
+  RandomScene scene;
+  scene.obstacles = std::move(obstacles);
+  scene.robot = small.served().grid().At(0);
+  scene.robot_on_grid = true;
+  return scene;
+}
+
+TEST(CellTrial, OccupiedIsWhatTouchesExactly) {
+  const SmallWorkplace small;
+  const TrialSetting setting = small.Setting();
+  const auto viewed = View(setting, SceneWith(small, {WhiteBox({0.3, 0.3, 1}, {0.5, 0, 0.9})}), 0);
+  ASSERT_TRUE(viewed.ok()) << viewed.status();
+  const TrialResult result = Judge(setting, *viewed, 0);
+  ASSERT_EQ(result.blocked, Reason::kNone);
+
+  const ContactChecker contact(small.workplace().robot(), viewed->truth.obstacles);
+  const Poses obstacles = ObstaclePoses(viewed->truth.obstacles, 0);
+  uint64_t touching = 0;
+  for (ConfigurationNumber i = 0; i < small.served().grid().number_limit(); ++i) {
+    if (!small.served().grid().Contains(i)) continue;
+    const Poses links = small.workplace().LinkPoses(small.served().grid().At(i));
+    touching += contact.Check(links, obstacles).touching ? 1 : 0;
+  }
+  ASSERT_GT(touching, 0u);
+  for (const auto& tally : result.tallies) {
+    EXPECT_EQ(tally[kOnGrid].tested, small.served().grid().size());
+    EXPECT_EQ(tally[kOnGrid].occupied, touching);
+    EXPECT_EQ(tally[kOffGrid].tested, 50u);
+  }
+}
+
+TEST(CellTrial, WhatIsPlainlyVisibleIsNotMissingForItsContrast) {
+  const SmallWorkplace small;
+  const TrialSetting setting = small.Setting();
+  const auto viewed = View(setting, SceneWith(small, {WhiteBox({0.3, 0.3, 1}, {0.5, 0, 0.9})}), 0);
+  ASSERT_TRUE(viewed.ok()) << viewed.status();
+  const TrialResult result = Judge(setting, *viewed, 0);
+  const Tally& calibrated = result.tallies[1][kOnGrid];
+  EXPECT_GT(calibrated.occupied, 2 * calibrated.missing);
+  Explainer explainer(setting);
+  for (const MissedConfiguration& missed : result.missed) {
+    for (const Explanation& explanation : explainer.Explain(*viewed, missed)) {
+      EXPECT_NE(explanation.cause, Cause::kContrast) << explanation.sentence;
+      EXPECT_NE(explanation.cause, Cause::kUnexplained) << explanation.sentence;
+    }
+  }
+}
+
+TEST(CellTrial, EmptyCellHasNothingOccupiedMissingOrExplained) {
+  const SmallWorkplace small;
+  const TrialSetting setting = small.Setting();
+  Explainer explainer(setting);
+  const auto record = RunScene(
+      setting, explainer, [&](int) { return SceneWith(small, {}); }, 0);
+  ASSERT_TRUE(record.ok()) << record.status();
+  for (const auto& tally : record->tallies) {
+    for (const Tally& each : tally) EXPECT_EQ(each.occupied + each.missing, 0u);
+  }
+  EXPECT_TRUE(record->missing.empty());
+}
+
+TEST(CellTrial, ObstacleThatLooksLikeTheCellIsMissingForItsContrast) {
+  const SmallWorkplace small;
+  const TrialSetting setting = small.Setting();
+  const RandomScene white = SceneWith(small, {WhiteBox({0.3, 0.3, 1}, {0.5, 0, 0.9})});
+  // The images are of the cell without it, the truth has it: nobody sees the obstacle.
+  auto empty = View(setting, SceneWith(small, {}), 0);
+  ASSERT_TRUE(empty.ok()) << empty.status();
+  const ViewedScene invisible{white, empty->images, empty->scene};
+  const TrialResult result = Judge(setting, invisible, 0);
+  ASSERT_FALSE(result.missed.empty());
+  Explainer explainer(setting);
+  int contrast = 0;
+  for (const MissedConfiguration& missed : result.missed) {
+    for (const Explanation& explanation : explainer.Explain(invisible, missed)) {
+      EXPECT_FALSE(explanation.sentence.empty());
+      contrast += explanation.cause == Cause::kContrast ? 1 : 0;
+    }
+  }
+  EXPECT_GT(contrast, 0);
+}
+
+TEST(CellTrial, SameSeedGivesTheSameScene) {
+  const SmallWorkplace small;
+  const Eigen::AlignedBox3d box = SweptBox(small.workplace());
+  for (int number = 0; number < 6; ++number) {
+    const RandomScene a = MakeRandomScene(small.workplace(), box, 5, number);
+    const RandomScene b = MakeRandomScene(small.workplace(), box, 5, number);
+    const RandomScene other = MakeRandomScene(small.workplace(), box, 6, number);
+    EXPECT_EQ(a.robot, b.robot);
+    EXPECT_EQ(a.obstacles.size(), b.obstacles.size());
+    EXPECT_NE(a.time, other.time);
+    EXPECT_GE(a.obstacles.size(), 1u);
+    EXPECT_LE(a.obstacles.size(), 5u);
+    const ContactChecker contact(small.workplace().robot(), a.obstacles);
+    EXPECT_FALSE(
+        contact.Touches(small.workplace().LinkPoses(a.robot), ObstaclePoses(a.obstacles, 0)))
+        << "the robot stands free";
+  }
+}
+
+}  // namespace
+}  // namespace silhouette::cell_experiment

@@ -1,0 +1,117 @@
+// silhouette-experiments cell as its users meet it.
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <cstdlib>
+#include <filesystem>
+#include <nlohmann/json.hpp>
+#include <set>
+#include <string>
+#include <vector>
+
+#include "tests/capture/session/program_cell.h"
+
+namespace silhouette {
+namespace {
+
+using testing::HasSubstr;
+
+class CellExperimentProgram : public testing::Test {
+ protected:
+  Outcome Run(const std::string& more) const {
+    const std::string line =
+        absl::StrCat("'", SILHOUETTE_BIN_DIR, "/silhouette-experiments' cell --cell '",
+                     files_.cell(), "' --database '", files_.database(), "' ", more, " >'",
+                     files_ / "o", "' 2>'", files_ / "e", "'");
+    const int status = std::system(line.c_str());
+    return {.exit_code = WIFEXITED(status) ? WEXITSTATUS(status) : -1,
+            .out = ReadText(files_ / "o"),
+            .err = ReadText(files_ / "e")};
+  }
+
+  // The files of a folder of camera models.
+  static std::vector<std::string> ViewsOf(const std::string& folder) {
+    std::vector<std::string> files;
+    for (const auto& entry : std::filesystem::directory_iterator(folder)) {
+      if (entry.path().extension() == ".cameramodel") files.push_back(entry.path().string());
+    }
+    return files;
+  }
+
+  ProgramCell files_;
+};
+
+TEST_F(CellExperimentProgram, CapturesMeasuresExplainsAndDraws) {
+  const std::string options = "--scenes 3 --hidden 0 --off-grid 20 --seed 7 --format json";
+  const Outcome first = Run(options + " --pictures 2 --out '" + files_ / "out" + "'");
+  ASSERT_EQ(first.exit_code, 0) << first.err;
+  const auto rows = nlohmann::json::parse(first.out);
+  std::set<std::string> presets;
+  for (const auto& row : rows) {
+    presets.insert(row["preset"]);
+    uint64_t causes = 0;
+    for (const auto& [name, count] : row["causes"].items()) causes += count.get<uint64_t>();
+    EXPECT_EQ(causes, row["missing_count"]) << "every missing configuration has its cause";
+    EXPECT_EQ(row["seed"], 7);
+  }
+  for (const char* preset : {"uncalibrated", "paper", "calibrated", "paper-calibrated"}) {
+    EXPECT_TRUE(presets.count(preset)) << preset;
+  }
+  for (const char* file : {"table.csv", "random-scenes.csv", "random-missing.csv"}) {
+    EXPECT_FALSE(ReadText(files_ / "out/" + file).empty()) << file;
+  }
+  EXPECT_EQ(Run(options).out, first.out) << "the same seed, the same answer";
+}
+
+TEST_F(CellExperimentProgram, CalibrationThatWasFoundIsComparedWithTheTrueOneUnlessItContradicts) {
+  const std::string options = "--scenes 2 --hidden 0 --off-grid 0 --pictures 0 --format json";
+  const Outcome alone = Run(options);
+  ASSERT_EQ(alone.exit_code, 0) << alone.err;
+  const std::string cameras = files_ / "cameras";
+  const std::string save =
+      absl::StrCat("'", SILHOUETTE_BIN_DIR, "/silhouette-db' calibration export '",
+                   files_.database(), "' '", cameras, "' >/dev/null");
+  ASSERT_EQ(std::system(save.c_str()), 0);
+  const std::string found = options + " --calibration '" + cameras + "'";
+  const Outcome both = Run(found + " --out '" + files_ / "out" + "'");
+  ASSERT_EQ(both.exit_code, 0) << both.err;
+  auto rows = nlohmann::json::parse(both.out);
+  int compared = 0;
+  for (auto& row : rows) {
+    if (!row.contains("loss")) continue;
+    ++compared;
+    // It is the true one.
+    for (const auto& [name, value] : row["loss"].items()) EXPECT_EQ(value, 0) << name;
+    row.erase("loss");
+    row.erase("found");
+  }
+  EXPECT_GT(compared, 0);
+  EXPECT_EQ(rows, nlohmann::json::parse(alone.out));
+  EXPECT_FALSE(ReadText(files_ / "out/found-random-scenes.csv").empty());
+
+  const std::vector<std::string> views = ViewsOf(cameras);
+  ASSERT_EQ(views.size(), 2u);
+  std::filesystem::rename(views[0], views[0] + ".kept");
+  EXPECT_EQ(Run(found).exit_code, 2) << "a view has no camera";
+  std::filesystem::copy(views[1], views[0]);
+  std::filesystem::rename(views[0] + ".kept", views[1]);
+  const Outcome exchanged = Run(found);
+  EXPECT_EQ(exchanged.exit_code, 2);
+  EXPECT_THAT(exchanged.err, HasSubstr("contradicts the robot images"));
+}
+
+TEST_F(CellExperimentProgram, MistakesAreOneSentenceAndExitCodeTwo) {
+  const auto expect_mistake = [&](const std::string& options, const std::string& message) {
+    const Outcome outcome = Run(options);
+    EXPECT_EQ(outcome.exit_code, 2);
+    EXPECT_THAT(outcome.err, HasSubstr(message));
+  };
+  expect_mistake("--presets fast", "fast");
+  expect_mistake("--margin -1", "margin");
+  expect_mistake("--calibration nowhere", "'nowhere' is not there");
+  files_.WriteCell({{"simulation: simulation.yaml\n", ""}, {"driver: sim", "driver: none"}});
+  expect_mistake("--scenes 1", "cell.yaml");
+}
+
+}  // namespace
+}  // namespace silhouette

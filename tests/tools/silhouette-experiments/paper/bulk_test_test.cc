@@ -1,0 +1,251 @@
+// The test on all configurations at once against the collision test.
+#include <gtest/gtest.h>
+
+#include <bit>
+#include <iostream>
+#include <random>
+
+#include "server/collision/collision_checker.h"
+#include "tests/tools/silhouette-experiments/paper/small_settings.h"
+#include "tools/silhouette-experiments/paper/scenes.h"
+#include "tools/silhouette-experiments/paper/sound_bulk.h"
+#include "tools/silhouette-experiments/paper/sphere_cell.h"
+#include "tools/silhouette-experiments/paper/study.h"
+
+namespace silhouette::paper {
+namespace {
+
+const std::vector<Preset> kPresets = {Preset::kUncalibrated, Preset::kPaper, Preset::kCalibrated,
+                                      Preset::kPaperCalibrated};
+
+// What the collision test needs to test with some of a cell's views.
+class Views {
+ public:
+  Views(const SphereCell& cell, ViewSet views) : grid_(ArmGrid(cell.arms().steps())) {
+    std::vector<ParallelCamera> cameras;
+    for (int view = 0; view < cell.views(); ++view) {
+      if ((views >> view & 1) == 0) continue;
+      views_.push_back(view);
+      cameras.push_back(cell.cameras()[static_cast<size_t>(view)]);
+      sizes_.push_back(cameras.back().mask_size());
+    }
+    bands_.emplace(CalibrationOf(cameras), sizes_);
+    RobotImageTable::Builder builder(grid_, sizes_);
+    for (size_t i = 0; i < cell.arms().size(); ++i) {
+      std::vector<Mask> masks;
+      for (int view : views_) masks.push_back(cell.RobotImages(view)[i]);
+      builder.Add(NumberOf(i), masks);
+    }
+    table_.emplace(std::move(builder).Build());
+  }
+
+  ConfigurationNumber NumberOf(size_t index) const {
+    const int steps = grid_.joints()[0].steps;
+    return grid_.NumberOf({static_cast<int>(index) / steps, static_cast<int>(index) % steps});
+  }
+  size_t IndexOf(ConfigurationNumber number) const {
+    for (size_t index = 0;; ++index) {
+      if (NumberOf(index) == number) return index;
+    }
+  }
+  ObstacleImages Of(std::span<const ObstacleImage> images) const {
+    ObstacleImages own;
+    for (int view : views_) own.emplace_back(images[static_cast<size_t>(view)]);
+    return own;
+  }
+  const RobotImageTable& table() const { return *table_; }
+  const EpipolarBands& bands() const { return *bands_; }
+
+ private:
+  ConfigurationGrid grid_;
+  std::vector<int> views_;
+  std::vector<MaskSize> sizes_;
+  std::optional<EpipolarBands> bands_;
+  std::optional<RobotImageTable> table_;
+};
+
+class BulkTestTest : public testing::Test {
+ protected:
+  void SetUp() override {
+    const unsigned seed = std::random_device{}();
+    std::cout << "seed " << seed << '\n';
+    random_.seed(seed);
+  }
+
+  // Every verdict with every set of views, preset and threshold.
+  void ExpectAgreement(const SphereCell& cell, std::span<const ObstacleImage> images,
+                       const std::vector<std::array<double, 2>>* offsets) {
+    BulkTest bulk(cell.lines());
+    bulk.Look(images, offsets == nullptr ? cell.OnGrid() : cell.InCells());
+    for (ViewSet views = 1; views < ViewSet{1} << cell.views(); ++views) {
+      const Views own(cell, views);
+      const ObstacleImages own_images = own.Of(images);
+      for (Preset preset : kPresets) {
+        for (Threshold threshold : {Threshold::kAll, Threshold::kAllButOne}) {
+          const int min_views = MinViewsOf(threshold, std::popcount(views));
+          const CollisionTest test(own.table(), own_images,
+                                   {.preset = preset, .min_views = min_views},
+                                   {.bands = &own.bands()});
+          const ConfigurationSet occupied = bulk.Occupied(preset, views, min_views);
+          for (size_t i = 0; i < cell.arms().size(); ++i) {
+            const Verdict verdict = offsets == nullptr
+                                        ? test.Check(own.NumberOf(i))
+                                        : test.Check(cell.arms().JointsIn(i, (*offsets)[i]));
+            ASSERT_NE(verdict.state(), State::kUnknown);
+            ASSERT_EQ(Contains(occupied, i), verdict.state() == State::kOccupied)
+                << NameOf(preset) << ", views " << views << ", min_views " << min_views
+                << ", configuration " << i;
+          }
+        }
+      }
+    }
+  }
+
+  // The same of the sound presets, with cameras out of the set as missing views.
+  void ExpectSoundAgreement(const SoundSpace& sound, std::span<const ObstacleImage> images,
+                            const Spheres& robot,
+                            const std::vector<std::array<double, 2>>* offsets) {
+    const SphereCell& cell = sound.cell();
+    const Views all(cell, (ViewSet{1} << cell.views()) - 1);
+    const RobotVoxels body = sound.BodyOf(robot);
+    for (ViewSet views = 1; views < ViewSet{1} << cell.views(); ++views) {
+      ObstacleImages chosen(images.size());
+      for (size_t view = 0; view < images.size(); ++view) {
+        if ((views >> view & 1) != 0) chosen[view] = images[view];
+      }
+      const PossibleSpace possible(sound.space(), chosen, body);
+      TestSupport support{.possible_space = &possible};
+      if (offsets == nullptr) {
+        support.robot_may_touch = [&](ConfigurationNumber number, const Eigen::AlignedBox3d& box) {
+          const Spheres& there = cell.arms().At(all.IndexOf(number));
+          for (size_t i = 0; i < there.size(); ++i) {
+            if (there[i].centre == robot[i].centre) continue;
+            const double distance = box.squaredExteriorDistance(there[i].centre);
+            if (distance <= there[i].radius * there[i].radius) return true;
+          }
+          return false;
+        };
+      }
+      const SoundVerdicts verdicts = offsets == nullptr
+                                         ? SoundOnGrid(sound, images, views, body, robot)
+                                         : SoundInCells(sound, images, views, body);
+      for (Preset preset : {Preset::kSoundPlanes, Preset::kSound}) {
+        const CollisionTest test(all.table(), chosen, {.preset = preset}, support);
+        const auto& occupied = preset == Preset::kSound ? verdicts.voxels : verdicts.planes;
+        for (size_t i = 0; i < cell.arms().size(); ++i) {
+          const Verdict verdict = offsets == nullptr
+                                      ? test.Check(all.NumberOf(i))
+                                      : test.Check(cell.arms().JointsIn(i, (*offsets)[i]));
+          ASSERT_EQ(Contains(occupied, i), verdict.state() == State::kOccupied)
+              << NameOf(preset) << ", views " << views << ", configuration " << i;
+        }
+      }
+    }
+  }
+
+  std::mt19937 random_;
+};
+
+TEST_F(BulkTestTest, IsTheSoundTestOnEveryConfigurationWithEverySetOfViews) {
+  Settings settings = SmallSettings();
+  settings.sound.edge = 0.025;
+  for (const Variant variant : {Variant::kPlanar, Variant::kSpatial}) {
+    const ArmTable arms(settings, variant);
+    const SphereScene scene = RandomScene(settings, variant, static_cast<int>(random_() % 1000));
+    const std::string rig = variant == Variant::kPlanar ? "A" : "B";
+    const SphereCell cell(arms, settings.rigs.at(rig), Raster::kTouch);
+    const SoundSpace sound(cell, settings.sound);
+    const auto current = static_cast<size_t>(scene.current[0] * settings.steps + scene.current[1]);
+    const std::vector<ObstacleImage> images = cell.Look(scene.obstacles, current);
+    ExpectSoundAgreement(sound, images, arms.At(current), nullptr);
+    ExpectSoundAgreement(sound, images, arms.At(current), &scene.offsets);
+    ExpectSoundAgreement(sound, cell.LookOffGrid(scene.obstacles, scene.current_off_grid),
+                         arms.AtJoints(scene.current_off_grid), nullptr);
+  }
+}
+
+TEST_F(BulkTestTest, IsTheCollisionTestOnEveryConfigurationWithEverySetOfViews) {
+  const Settings settings = SmallSettings();
+  for (const Variant variant : {Variant::kPlanar, Variant::kSpatial}) {
+    const ArmTable arms(settings, variant);
+    const SphereScene scene = RandomScene(settings, variant, static_cast<int>(random_() % 1000));
+    for (const auto& [name, rig] : settings.rigs) {
+      const SphereCell cell(arms, rig, name == "A" ? Raster::kTouch : Raster::kCentre);
+      const auto current =
+          static_cast<size_t>(scene.current[0] * settings.steps + scene.current[1]);
+      const std::vector<ObstacleImage> images = cell.Look(scene.obstacles, current);
+      ExpectAgreement(cell, images, nullptr);
+      ExpectAgreement(cell, images, &scene.offsets);
+      ExpectAgreement(cell, cell.LookOffGrid(scene.obstacles, scene.current_off_grid), nullptr);
+    }
+  }
+}
+
+TEST_F(BulkTestTest, IsTheCollisionTestOnNoiseWithErrorPixels) {
+  const Settings settings = SmallSettings(16, 8);
+  const ArmTable arms(settings, Variant::kPlanar);
+  const SphereCell cell(arms, settings.rigs.at("B"), Raster::kTouch);
+  for (int repeat = 0; repeat < 5; ++repeat) {
+    std::vector<ObstacleImage> images;
+    for (int view = 0; view < cell.views(); ++view) {
+      const unsigned obstacles = random_() % 30;
+      const auto scene =
+          Mask::FromPredicate({16, 16}, [&](int, int) { return random_() % 100 < obstacles; });
+      images.push_back(ObstacleImage::FromScene(scene, cell.RobotImages(view)[random_() % 64]));
+    }
+    ExpectAgreement(cell, images, nullptr);
+  }
+}
+
+TEST_F(BulkTestTest, ACollisionThatOneViewSeesIsNeverMissedWithTouchedPixels) {
+  const Settings settings = SmallSettings(24, 24);
+  std::uniform_real_distribution<double> uniform(-1, 1);
+  int seen = 0;
+  for (const Variant variant : {Variant::kPlanar, Variant::kSpatial}) {
+    const ArmTable arms(settings, variant);
+    const SphereCell cell(arms, settings.rigs.at("A"), Raster::kTouch);
+    BulkTest bulk(cell.lines());
+    for (int repeat = 0; repeat < 5; ++repeat) {
+      const SphereScene scene = RandomScene(settings, variant, static_cast<int>(random_() % 1000));
+      const std::vector<ObstacleImage> images =
+          cell.Look(scene.obstacles,
+                    static_cast<size_t>(scene.current[0] * settings.steps + scene.current[1]));
+      bulk.Look(images, cell.OnGrid());
+      const ConfigurationSet occupied = bulk.Occupied(Preset::kCalibrated, 0b1111, 4);
+      for (size_t i = 0; i < arms.size(); ++i) {
+        for (const Sphere& part : arms.At(i)) {
+          const Eigen::Vector3d p =
+              part.centre +
+              part.radius * Eigen::Vector3d(uniform(random_), uniform(random_), uniform(random_));
+          if (!Touch(Spheres{{p, 0}}, Spheres{part}) || !Touch(Spheres{{p, 0}}, scene.obstacles))
+            continue;
+          // A point where the robot would touch an obstacle: is it seen as one?
+          for (size_t view = 0; view < images.size(); ++view) {
+            const Eigen::Vector2d at = cell.cameras()[view].Project(p);
+            if (!images[view].obstacle().at(static_cast<int>(std::lround(at.x())),
+                                            static_cast<int>(std::lround(at.y())))) {
+              continue;
+            }
+            ++seen;
+            EXPECT_TRUE(Contains(occupied, i));
+          }
+        }
+      }
+    }
+  }
+  EXPECT_GT(seen, 100);
+}
+
+TEST_F(BulkTestTest, CountsSetsThatHoldAConfiguration) {
+  const ConfigurationSet a = {0b0111};
+  const ConfigurationSet b = {0b0011};
+  const ConfigurationSet c = {0b1001};
+  const std::vector<ConfigurationWords> sets = {a, b, c};
+  EXPECT_EQ(AtLeast(1, sets), ConfigurationSet{0b1111});
+  EXPECT_EQ(AtLeast(2, sets), ConfigurationSet{0b0011});
+  EXPECT_EQ(AtLeast(3, sets), ConfigurationSet{0b0001});
+  EXPECT_EQ(SetsOf(2, 4).size(), 6u);
+}
+
+}  // namespace
+}  // namespace silhouette::paper

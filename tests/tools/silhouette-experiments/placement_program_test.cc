@@ -1,0 +1,98 @@
+// silhouette-experiments placement as its users meet it.
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <nlohmann/json.hpp>
+
+#include "tests/clients/cpp/shell.h"
+
+namespace silhouette {
+namespace {
+
+using testing::HasSubstr;
+
+const std::string kPlaces = R"(mask_size: [32, 32]
+field_of_view: 60 deg
+cameras: 2
+look_at: [0, 0, 0.8]
+places:
+  - {name: front, position: [4, 0, 1]}
+  - {name: door, position: [4, 0.2, 1], look_at: [9, 0, 1]}
+boxes:
+  - {name: wall, lower: [-2, 4, 2], upper: [2, 4, 2], counts: [2, 1, 1]}
+samples: {configurations: 30, scenes: 4, seed: 7}
+)";
+
+class PlacementProgram : public testing::Test {
+ protected:
+  Ended Run(const std::string& places, const std::string& more = "") {
+    WriteFile(shell_.folder() / "places.yaml", places);
+    return shell_.Run(std::string(SILHOUETTE_BIN_DIR) +
+                      "/silhouette-experiments placement --cell " SILHOUETTE_SOURCE_DIR
+                      "/capture/sim/cells/demo/cell.yaml --places places.yaml " +
+                      more);
+  }
+
+  void ExpectMistake(const std::string& places, const std::string& message) {
+    const Ended ended = Run(places);
+    EXPECT_EQ(ended.exit_code, 2);
+    EXPECT_THAT(ended.err, HasSubstr(message));
+    EXPECT_EQ(std::count(ended.err.begin(), ended.err.end(), '\n'), 1) << ended.err;
+  }
+
+  // kPlaces with one thing replaced by another.
+  static std::string With(const std::string& what, const std::string& by) {
+    std::string places = kPlaces;
+    places.replace(places.find(what), what.size(), by);
+    return places;
+  }
+
+  Shell shell_;
+};
+
+TEST_F(PlacementProgram, ChoosesDrawsAndTellsScripts) {
+  const Ended ended = Run(kPlaces, "--format json --out out");
+  ASSERT_EQ(ended.exit_code, 0) << ended.err;
+  const auto json = nlohmann::json::parse(ended.out);
+  EXPECT_EQ(json["candidates"], 4);
+  EXPECT_EQ(json["robot_not_whole"], 1);
+  ASSERT_EQ(json["selections"].size(), 2u);
+  EXPECT_EQ(json["selections"][0]["cameras"], 1);
+  EXPECT_EQ(json["selections"][1]["tested"], 120);
+  EXPECT_EQ(json["chosen"].size(), 2u);
+  EXPECT_TRUE(std::filesystem::exists(shell_.folder() / "out/placement.png"));
+  EXPECT_EQ(Run(kPlaces, "--format json").out, ended.out) << "the same seed, the same answer";
+  const Ended text = Run(kPlaces, "--cameras 1 --preset uncalibrated");
+  EXPECT_EQ(text.exit_code, 0);
+  EXPECT_THAT(text.out, HasSubstr("cameras  missing %  additional %  places"));
+}
+
+TEST_F(PlacementProgram, MistakesInTheFileAreOneSentenceWithItsPlace) {
+  ExpectMistake(With("cameras: 2", "camera: 2"), "places.yaml:3: unknown key 'camera'");
+  ExpectMistake(With("60 deg", "200 deg"), "places.yaml:2");
+  ExpectMistake(With("[32, 32]", "[32, 3200]"), "each side of a mask is 1 to 1024 pixels");
+  ExpectMistake(With("name: front", "name: wall 1"), "another place called 'wall 1'");
+  ExpectMistake(With("look_at: [0, 0, 0.8]\n", ""), "there is no 'look_at'");
+  ExpectMistake(With("counts: [2, 1, 1]", "counts: [2, 1, 0]"), "at least one place");
+  ExpectMistake(With("scenes: 4", "scenes: 0"), "at least 1 is expected");
+  ExpectMistake("mask_size: [32, 32]\nfield_of_view: 1\n", "there is no place for a camera");
+  ExpectMistake("[", "places.yaml");
+}
+
+TEST_F(PlacementProgram, PlacesThatAllCutTheRobotOffAreRefused) {
+  ExpectMistake(
+      "mask_size: [32, 32]\nfield_of_view: 10 deg\nlook_at: [0, 0, 1]\n"
+      "places: [{name: near, position: [2, 0, 1]}]\n",
+      "no place has the whole robot in its image");
+}
+
+TEST_F(PlacementProgram, FileThatIsNotThereIsNamed) {
+  const Ended ended =
+      shell_.Run(std::string(SILHOUETTE_BIN_DIR) +
+                 "/silhouette-experiments placement --cell no.yaml --places x.yaml");
+  EXPECT_EQ(ended.exit_code, 2);
+  EXPECT_THAT(ended.err, HasSubstr("no.yaml"));
+}
+
+}  // namespace
+}  // namespace silhouette

@@ -1,0 +1,199 @@
+// silhouette-server --live on a simulated cell, as a user runs it.
+#include <gmock/gmock.h>
+#include <sys/wait.h>
+
+#include <chrono>
+#include <csignal>
+#include <filesystem>
+#include <nlohmann/json.hpp>
+#include <thread>
+
+#include "tests/capture/session/program_cell.h"
+#include "tests/server/live/http_get.h"
+
+namespace silhouette {
+namespace {
+
+using Json = nlohmann::json;
+using ::testing::AllOf;
+using ::testing::HasSubstr;
+
+// One cell for all tests: capturing it takes longer than they do.
+struct LiveProgramTest : ::testing::Test {
+  static void SetUpTestSuite() {
+    cell = new ProgramCell;
+    cell->WriteCell(
+        {{"capture:\n", "server: {max_age: 20 s, live: {joints_gap: 10 s}}\ncapture:\n"}});
+    cell->CaptureAll();
+  }
+  static void TearDownTestSuite() {
+    delete cell;
+    cell = nullptr;
+  }
+  void TearDown() override {
+    if (server > 0) {
+      kill(server, SIGKILL);
+      waitpid(server, nullptr, 0);
+    }
+  }
+
+  // Starts the server and waits for its address.
+  void Start(const std::string& more) {
+    StartOnly(more);
+    const std::string line = AwaitText(*cell / "server.out", "\n");
+    address = line.substr(std::string("listening on ").size());
+    address.pop_back();
+  }
+  void StartOnly(const std::string& more, const std::string& file = cell->cell()) {
+    const std::string command =
+        absl::StrCat("exec '", SILHOUETTE_BIN_DIR, "/silhouette-server' --cell '", file,
+                     "' --database '", database, "' --listen 127.0.0.1:0 ", more, " >'",
+                     *cell / "server.out", "' 2>'", *cell / "server.err", "'");
+    WriteText(*cell / "server.out", "");
+    server = fork();
+    if (server == 0) {
+      execl("/bin/sh", "sh", "-c", command.c_str(), nullptr);
+      _exit(127);
+    }
+  }
+  int End(int signal) {
+    if (signal != 0) kill(server, signal);
+    int status = 0;
+    waitpid(server, &status, 0);
+    server = -1;
+    return WIFEXITED(status) ? WEXITSTATUS(status) : -1;
+  }
+  std::string Log() const { return ReadText(*cell / "server.err"); }
+
+  // The file's text, once it has `part`.
+  std::string AwaitText(const std::string& file, const std::string& part) const {
+    const auto end = std::chrono::steady_clock::now() + std::chrono::minutes(2);
+    for (;;) {
+      const std::string text = ReadText(file);
+      if (text.find(part) != std::string::npos) return text;
+      if (std::chrono::steady_clock::now() > end) {
+        ADD_FAILURE() << "no '" << part << "' in " << text << Log();
+        return std::string(20, ' ') + "\n";
+      }
+      std::this_thread::sleep_for(std::chrono::milliseconds(10));
+    }
+  }
+
+  Outcome Ask(const std::string& arguments) const {
+    const std::string command =
+        absl::StrCat("'", SILHOUETTE_BIN_DIR, "/silhouette' --timeout 60 --server ", address, " ",
+                     arguments, " >'", *cell / "client.out", "' 2>'", *cell / "client.err", "'");
+    const int status = std::system(command.c_str());
+    return {.exit_code = WIFEXITED(status) ? WEXITSTATUS(status) : -1,
+            .out = ReadText(*cell / "client.out"),
+            .err = ReadText(*cell / "client.err")};
+  }
+  // The acquisition's status, once `is` holds of it.
+  Json AwaitStatus(const std::function<bool(const Json&)>& is) const {
+    Json status;
+    for (int i = 0; i < 600; ++i) {
+      status = Json::parse(Ask("scene live --format json").out, nullptr, false);
+      if (!status.is_discarded() && is(status)) return status;
+    }
+    ADD_FAILURE() << "it never came: " << status.dump(1) << Log();
+    return status;
+  }
+
+  static ProgramCell* cell;
+  pid_t server = -1;
+  std::string database = cell->database();
+  std::string address;
+};
+
+ProgramCell* LiveProgramTest::cell = nullptr;
+
+TEST_F(LiveProgramTest, ScenesOfItsOwnImagesMakeVerdicts) {
+  Start("--live --metrics 127.0.0.1:0");
+  const Json status = AwaitStatus([](const Json& now) {
+    return now["serving"] == true && now["scenes"] > 1 && now["to_map"]["count"] > 1;
+  });
+  EXPECT_EQ(status["cameras"].size(), 2u);
+  EXPECT_EQ(status["cameras"][0]["view"], "top");
+  EXPECT_GT(status["robot"]["samples"], 0);
+  EXPECT_GT(status["to_map"]["median_ms"], 0);
+  const Json space = Json::parse(Ask("space --format json").out, nullptr, false);
+  EXPECT_GT(space["free"], 0);
+  EXPECT_EQ(space["unknown"], 0) << space.dump();
+  const std::string text = Ask("scene live").out;
+  EXPECT_THAT(text, AllOf(HasSubstr("camera front"), HasSubstr("to the map:   median")));
+
+  const std::string log = AwaitText(*cell / "server.err", "metrics at http://");
+  const std::string metrics = log.substr(log.find("http://") + 7);
+  EXPECT_THAT(HttpGet(metrics.substr(0, metrics.find('/')), "/metrics"),
+              HasSubstr("silhouette_live_images_total{view=\"front\"}"));
+
+  EXPECT_EQ(End(SIGTERM), 0);
+  EXPECT_THAT(Log(), AllOf(HasSubstr("acquisition stopped: "), HasSubstr("to the map: median")));
+}
+
+TEST_F(LiveProgramTest, ObstaclesInTheSimulatedCellAreSeen) {
+  WriteText(*cell / "obstacles.yaml",
+            "obstacles:\n  - {name: ball, sphere: {radius: 0.3}, position: [0.9, 0.5, 1.2],\n"
+            "     brightness: 0.9}\n");
+  Start("--live --simulated-obstacles '" + (*cell / "obstacles.yaml") + "'");
+  AwaitStatus([](const Json& now) { return now["serving"] == true && now["scenes"] > 1; });
+  const Json scene = Json::parse(Ask("scene show --format json").out, nullptr, false);
+  EXPECT_GT(scene["views"][0]["obstacle_pixels"], 0) << scene.dump(1);
+  EXPECT_EQ(End(SIGINT), 0);
+}
+
+TEST_F(LiveProgramTest, MistakesAreToldInOneSentence) {
+  WriteText(*cell / "bare.yaml",
+            absl::StrReplaceAll(ReadText(cell->cell()), {{"  driver: sim\n", ""}}));
+  const auto refused = [&](const std::string& more, const std::string& file = cell->cell()) {
+    StartOnly(more, file);
+    EXPECT_EQ(End(0), 2) << Log();
+    return Log();
+  };
+  EXPECT_THAT(refused("--live", *cell / "bare.yaml"), HasSubstr("put 'driver: sim'"));
+  EXPECT_THAT(refused("--simulated-obstacles x.yaml"), HasSubstr("--live"));
+  EXPECT_THAT(refused("--live --simulated-obstacles x.yaml"), HasSubstr("x.yaml"));
+  EXPECT_THAT(refused("--live --metrics nowhere"), HasSubstr("127.0.0.1"));
+}
+
+TEST_F(LiveProgramTest, TheSetIsToldByTheProgram) {
+  database = *cell / "two.lmdb";
+  std::filesystem::copy(cell->database(), database, std::filesystem::copy_options::recursive);
+  const Outcome captured =
+      cell->Run({"run", "--cell", cell->cell(), "--database", database, "--set", "same"});
+  ASSERT_EQ(captured.exit_code, 0) << captured.err;
+  Start("--live");
+  const Json before = AwaitStatus([](const Json& now) { return now["scenes"] > 0; });
+  EXPECT_EQ(before["robot_set"]["set"], nullptr);
+  EXPECT_EQ(Ask("check 0,0").exit_code, 1);
+  EXPECT_THAT(Ask("scene show").out, HasSubstr("nobody has told which set"));
+
+  const Json changing = Json::parse(Ask("scene set --changing --format json").out, nullptr, false);
+  EXPECT_EQ(changing["changing"], true);
+  EXPECT_THAT(Ask("scene live").out, HasSubstr("not free: the robot's set"));
+  EXPECT_THAT(Ask("scene set same").out, HasSubstr("the robot has the set same, in scenes after "));
+  AwaitStatus([](const Json& now) { return now["robot_set"]["set"] == "same"; });
+  Json scene;
+  for (int i = 0; i < 600 && scene["set"] != "same"; ++i) {
+    scene = Json::parse(Ask("scene show --format json").out, nullptr, false);
+  }
+  EXPECT_EQ(scene["set"], "same");
+  EXPECT_GT(Json::parse(Ask("space --format json").out, nullptr, false)["free"], 0);
+
+  EXPECT_EQ(Ask("scene set").exit_code, 2);
+  const Outcome unknown = Ask("scene set none");
+  EXPECT_EQ(unknown.exit_code, 2);
+  EXPECT_THAT(unknown.err, HasSubstr("its sets are default, same"));
+  EXPECT_EQ(End(SIGTERM), 0);
+  EXPECT_THAT(Log(), HasSubstr("tells that the robot's set is 'same'"));
+}
+
+TEST_F(LiveProgramTest, WithoutLiveThereIsNoAcquisition) {
+  Start("");
+  const Outcome status = Ask("scene live");
+  EXPECT_EQ(status.exit_code, 2);
+  EXPECT_THAT(status.err, HasSubstr("start it with --live"));
+}
+
+}  // namespace
+}  // namespace silhouette

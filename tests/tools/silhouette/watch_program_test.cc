@@ -1,0 +1,205 @@
+// `silhouette watch` and `silhouette check --stream` against the real server, as a user runs them.
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <sys/stat.h>
+
+#include <map>
+#include <memory>
+#include <nlohmann/json.hpp>
+#include <sstream>
+
+#include "tests/clients/cpp/small_served_cell.h"
+
+namespace silhouette {
+namespace {
+
+using Json = nlohmann::json;
+using ::testing::AllOf;
+using ::testing::HasSubstr;
+using ::testing::IsEmpty;
+using ::testing::MatchesRegex;
+using ::testing::SizeIs;
+using ::testing::StartsWith;
+
+const Mask kNothing(kViewSize);
+const Mask kWatchProgramWall = Block(7, 0, 8, 9);
+
+std::vector<json> LinesOf(const std::string& text) {
+  std::vector<json> lines;
+  std::istringstream in(text);
+  for (std::string line; std::getline(in, line);) lines.push_back(Json::parse(line));
+  return lines;
+}
+
+class SilhouetteWatch : public testing::Test {
+ protected:
+  SmallServedCell cell_;
+
+  void Publish(const Mask& obstacle) {
+    const Ended ended = cell_.Publish(obstacle, obstacle);
+    ASSERT_EQ(ended.exit_code, 0) << ended.out << ended.err;
+  }
+
+  // silhouette with these arguments in the background, its output in this file of the cell's
+  // folder.
+  std::unique_ptr<Process> Start(const std::string& arguments, const std::string& output) const {
+    const std::string command = "exec env SILHOUETTE_SERVER=" + cell_.address() + " " +
+                                SILHOUETTE_BIN_DIR "/silhouette " + arguments;
+    return std::make_unique<Process>(std::vector<std::string>{"/bin/sh", "-c", command},
+                                     cell_.shell().folder() / output);
+  }
+
+  // Whether a file of the cell's folder has that many lines within ten seconds.
+  bool HasLines(const std::string& file, long count) const {
+    for (int i = 0; i < 500; ++i) {
+      const std::string text = ContentOf(cell_.shell().folder() / file);
+      if (std::count(text.begin(), text.end(), '\n') >= count) return true;
+      std::this_thread::sleep_for(std::chrono::milliseconds(20));
+    }
+    return false;
+  }
+};
+
+TEST_F(SilhouetteWatch, TellsTheSpaceWithEveryScene) {
+  const auto watch = Start("watch --max-age 10m --format json", "watch.json");
+  ASSERT_TRUE(HasLines("watch.json", 1));
+  Publish(kNothing);
+  ASSERT_TRUE(HasLines("watch.json", 2));
+  Publish(kWatchProgramWall);
+  ASSERT_TRUE(HasLines("watch.json", 3));
+  watch->Stop();
+  const std::vector<json> lines = LinesOf(ContentOf(cell_.shell().folder() / "watch.json"));
+  ASSERT_THAT(lines, SizeIs(3));
+  EXPECT_EQ(lines[0]["unknown_reason"], "no scene");
+  EXPECT_EQ(lines[0]["unknown"], 121);
+  EXPECT_EQ(lines[1]["scene_id"], 1);
+  EXPECT_EQ(lines[1]["free"], 121);
+  EXPECT_EQ(lines[1]["unknown_reason"], Json());
+  EXPECT_EQ(lines[2]["scene_id"], 2);
+  EXPECT_EQ(lines[2]["tiles_changed"], 1);
+  EXPECT_EQ(lines[2]["skipped_scenes"], 0);
+  const Json space = Json::parse(cell_.Run("space --format json").out);
+  EXPECT_GT(lines[2]["occupied"], 0);
+  EXPECT_EQ(lines[2]["free"], space["free"]);
+  EXPECT_EQ(lines[2]["occupied"], space["occupied"]);
+}
+
+TEST_F(SilhouetteWatch, TellsAPathWithEveryScene) {
+  Publish(kNothing);
+  const Ended text = cell_.Run("watch 0,0 1,0 --count 1");
+  EXPECT_EQ(text.exit_code, 0) << text.err;
+  EXPECT_THAT(text.out,
+              AllOf(StartsWith("scene 1, "), HasSubstr("free"), HasSubstr(": 21 places checked")));
+  const auto watch = Start("watch 0,0 1,0 --format json --clearance", "watch.json");
+  ASSERT_TRUE(HasLines("watch.json", 1));
+  Publish(kWatchProgramWall);
+  ASSERT_TRUE(HasLines("watch.json", 2));
+  watch->Stop();
+  const std::vector<json> lines = LinesOf(ContentOf(cell_.shell().folder() / "watch.json"));
+  EXPECT_EQ(lines.at(0)["state"], "free");
+  EXPECT_TRUE(lines[0].contains("clearance"));
+  EXPECT_EQ(lines.at(1)["state"], "occupied");
+  EXPECT_EQ(lines[1]["scene_id"], 2);
+  EXPECT_TRUE(lines[1].contains("configuration"));
+}
+
+TEST_F(SilhouetteWatch, SaysWhenTheSceneBecomesTooOld) {
+  Publish(kNothing);
+  const auto watch = Start("watch --max-age 400ms", "watch.txt");
+  // A scene that was published before may be too old at once.
+  ASSERT_TRUE(HasLines("watch.txt", 1));
+  Publish(kNothing);
+  ASSERT_TRUE(HasLines("watch.txt", 3));
+  watch->Stop();
+  EXPECT_THAT(ContentOf(cell_.shell().folder() / "watch.txt"),
+              AllOf(HasSubstr("121 free"), HasSubstr("all unknown: the scene of the last update is "
+                                                     "older than max_age")));
+}
+
+TEST_F(SilhouetteWatch, EndsCleanlyWithCtrlC) {
+  Publish(kNothing);
+  const std::string questions = cell_.shell().folder() / "questions";
+  ASSERT_EQ(mkfifo(questions.c_str(), 0600), 0);
+  // Open for reading, too: opening waits for nobody, and the program's input does not end.
+  const int asked = open(questions.c_str(), O_RDWR);
+  ASSERT_EQ(write(asked, "0,0\n", 4), 4);
+  const std::map<std::string, std::string> arguments = {
+      {"space.txt", "watch"},
+      {"path.txt", "watch 0,0 1,0"},
+      {"checks.txt", "check --stream <" + questions}};
+  for (const auto& [output, what] : arguments) {
+    const auto program = Start(what, output);
+    ASSERT_TRUE(HasLines(output, 1)) << what;
+    const std::string before = ContentOf(cell_.shell().folder() / output);
+    EXPECT_EQ(program->End(SIGINT), 0) << what;
+    EXPECT_EQ(ContentOf(cell_.shell().folder() / output), before) << what;
+  }
+  close(asked);
+}
+
+TEST_F(SilhouetteWatch, LostServerIsToldAndTriedAgainOrEndsIt) {
+  Publish(kNothing);
+  for (const std::string path : {"", "0,0 1,0 "}) {
+    const auto goes_on = Start("watch " + path + "--format json", "on.json");
+    ASSERT_TRUE(HasLines("on.json", 1));
+    goes_on->Stop();
+  }
+  const auto space = Start("watch --max-age 10m --format json", "space.json");
+  const auto path = Start("watch 0,0 1,0 --format json", "path.json");
+  ASSERT_TRUE(HasLines("space.json", 1) && HasLines("path.json", 1));
+  cell_.StopServer();
+  ASSERT_TRUE(HasLines("space.json", 2) && HasLines("path.json", 2));
+  EXPECT_TRUE(space->Running() && path->Running());
+  const Json lost = LinesOf(ContentOf(cell_.shell().folder() / "space.json")).at(1);
+  EXPECT_EQ(lost["unknown_reason"], "connection lost");
+  EXPECT_EQ(lost["free"], 0);
+  EXPECT_EQ(LinesOf(ContentOf(cell_.shell().folder() / "path.json")).at(1)["reason"],
+            "connection lost");
+  for (const std::string what : {"watch --no-retry", "watch 0,0 1,0 --no-retry"}) {
+    const Ended ended = cell_.Run(what);
+    EXPECT_EQ(ended.exit_code, 3) << what;
+    EXPECT_THAT(ended.err, HasSubstr("no server answers at " + cell_.address())) << what;
+  }
+}
+
+TEST_F(SilhouetteWatch, MistakeOfTheUserEndsItAtOnce) {
+  for (const std::string what : {"watch --preset calibrated", "watch 0,0 1,0 --preset calibrated",
+                                 "watch 0,0 1", "watch --max-age long", "watch --max-age 0s",
+                                 "watch --count 0", "watch 0,0 --file path.json"}) {
+    const Ended ended = cell_.Run(what);
+    EXPECT_EQ(ended.exit_code, 2) << what << ": " << ended.out << ended.err;
+    EXPECT_THAT(ended.err, StartsWith("silhouette: ")) << what;
+  }
+}
+
+TEST_F(SilhouetteWatch, StreamedChecksAnswerEachLine) {
+  Publish(kWatchProgramWall);
+  const auto check = [&](const std::string& input, const std::string& options = "") {
+    return cell_.shell().Run("printf '" + input + "' | SILHOUETTE_SERVER=" + cell_.address() +
+                             " " SILHOUETTE_BIN_DIR "/silhouette check --stream " + options);
+  };
+  const Ended text = check("0,0\\n# nothing\\n\\n0.6 0 # the wall\\n-5,0");
+  EXPECT_EQ(text.exit_code, 1) << text.err;
+  EXPECT_THAT(text.out, MatchesRegex("0,0: free[^\n]*\n0.6,0: occupied\n-5,0: unknown: the "
+                                     "configuration is outside the grid\n"));
+  EXPECT_EQ(check("0,0\\n0,0.1\\n").exit_code, 0);
+  const std::vector<json> lines = LinesOf(check("0,0\\n\\n0.6,0\\n", "--format json").out);
+  ASSERT_THAT(lines, SizeIs(2));
+  EXPECT_EQ(lines[0]["line"], 1);
+  EXPECT_EQ(lines[0]["state"], "free");
+  EXPECT_EQ(lines[0]["scene_id"], 1);
+  EXPECT_EQ(lines[1]["line"], 3);
+  EXPECT_EQ(lines[1]["state"], "occupied");
+  const Ended mistake = check("0,0\\nnonsense\\n0,0\\n");
+  EXPECT_EQ(mistake.exit_code, 2);
+  EXPECT_THAT(mistake.out, MatchesRegex("0,0: free[^\n]*\n"));
+  EXPECT_THAT(mistake.err, HasSubstr("-:2: "));
+  const Ended too_few = check("0\\n");
+  EXPECT_EQ(too_few.exit_code, 2);
+  EXPECT_EQ(cell_.Run("check --stream 0,0").exit_code, 2);
+  cell_.StopServer();
+  EXPECT_EQ(check("0,0\\n").exit_code, 3);
+}
+
+}  // namespace
+}  // namespace silhouette

@@ -1,0 +1,142 @@
+#include "tools/cell/devices/open_cameras.h"
+
+#include <algorithm>
+#include <map>
+#include <utility>
+#include <variant>
+#include <vector>
+
+#include "absl/strings/str_cat.h"
+#include "capture/devices/camera_set.h"
+#include "capture/drivers/aravis/aravis_camera.h"
+#include "capture/drivers/grpc/grpc_camera.h"
+#include "capture/drivers/opencv/opencv_camera.h"
+
+namespace silhouette {
+namespace {
+
+// The simulated cameras among others.
+class SimulatedCameras : public CameraSource {
+ public:
+  explicit SimulatedCameras(std::unique_ptr<CameraRig> rig) : rig_(std::move(rig)) {}
+
+  const std::vector<std::string>& views() const override { return rig_->views(); }
+  absl::Duration timeout() const override { return absl::InfiniteDuration(); }
+  absl::Status Trigger() override { return absl::OkStatus(); }
+  absl::StatusOr<std::vector<CameraImage>> Wait(absl::Time) override { return rig_->Grab(); }
+
+ private:
+  const std::unique_ptr<CameraRig> rig_;
+};
+
+absl::StatusOr<std::unique_ptr<CameraRig>> OpenSimulated(
+    const Cell& cell, std::shared_ptr<SimulatedCell> simulation) {
+  std::vector<SimulatedView> views;
+  for (const ViewSettings& view : cell.views) {
+    if (IsSimulated(view.source)) views.push_back({view.name, view.image_width, view.image_height});
+  }
+  auto rig = SimulatedCameraRig::Create(std::move(simulation), views);
+  if (!rig.ok()) return rig.status();
+  return std::unique_ptr<CameraRig>(*std::move(rig));
+}
+
+using OpenedSource = absl::StatusOr<std::unique_ptr<CameraSource>>;
+
+// Opens the source of one view; null: one that views share.
+struct SourceOpener {
+  const ViewSettings& view;
+
+  OpenedSource operator()(const GenicamSource& source) const {
+    return OpenGenicamCamera(view.name, view.image_width, view.image_height, source);
+  }
+  OpenedSource operator()(const V4l2Source& source) const {
+    return OpenV4l2Camera(view.name, view.image_width, view.image_height, source);
+  }
+  OpenedSource operator()(const RtspSource& source) const {
+    return OpenRtspCamera(view.name, source);
+  }
+  OpenedSource operator()(const VideoSource& source) const { return OpenVideo(view.name, source); }
+  OpenedSource operator()(const FolderSource& source) const {
+    return OpenFolder(view.name, source);
+  }
+  OpenedSource operator()(const GrpcSource&) const { return nullptr; }
+  OpenedSource operator()(const SimulatedSource&) const { return nullptr; }
+  OpenedSource operator()(const std::monostate&) const { return nullptr; }
+};
+
+// What only one view can have, as text; empty: nothing.
+std::string OwnDevice(const ImageSource& source) {
+  if (const auto* camera = std::get_if<GenicamSource>(&source)) {
+    return camera->serial + camera->address;
+  }
+  const auto* camera = std::get_if<V4l2Source>(&source);
+  return camera == nullptr ? "" : camera->device;
+}
+
+// The camera drivers of the cell, each with all of its views.
+absl::Status OpenDrivers(const Cell& cell, std::vector<std::unique_ptr<CameraSource>>& sources) {
+  struct Driver {
+    std::vector<GrpcView> views;
+    absl::Duration timeout;
+  };
+  std::map<std::string, Driver> drivers;  // by address
+  for (const ViewSettings& view : cell.views) {
+    const auto* source = std::get_if<GrpcSource>(&view.source);
+    if (source == nullptr) continue;
+    Driver& driver = drivers[source->address];
+    driver.views.push_back({view.name, source->camera, view.image_width, view.image_height});
+    driver.timeout = std::max(driver.timeout, source->timeout);
+  }
+  for (const auto& [address, driver] : drivers) {
+    OpenedSource opened = OpenGrpcCameras(address, driver.views, driver.timeout);
+    if (!opened.ok()) return opened.status();
+    sources.push_back(*std::move(opened));
+  }
+  return absl::OkStatus();
+}
+
+absl::Status OfView(const ViewSettings& view, const absl::Status& status) {
+  return absl::Status(status.code(),
+                      absl::StrCat("the camera of the view '", view.name, "': ", status.message()));
+}
+
+}  // namespace
+
+absl::Status CheckCameras(const Cell& cell) {
+  std::map<std::string, std::string> views;  // by the device that is theirs
+  for (const ViewSettings& view : cell.views) {
+    if (!HasImages(view.source)) {
+      return CellMistake(cell, absl::StrCat("the view '", view.name,
+                                            "' has no source of images; put 'source: sim' into it, "
+                                            "or what its camera is (docs/cell.yaml)"));
+    }
+    const std::string device = OwnDevice(view.source);
+    const auto [other, is_new] = views.emplace(device, view.name);
+    if (is_new || device.empty()) continue;
+    return CellMistake(cell, absl::StrCat("the views '", other->second, "' and '", view.name,
+                                          "' have the same camera, ", device));
+  }
+  return absl::OkStatus();
+}
+
+absl::StatusOr<std::unique_ptr<CameraSet>> OpenCameras(const Cell& cell,
+                                                       std::shared_ptr<SimulatedCell> simulation) {
+  if (absl::Status status = CheckCameras(cell); !status.ok()) return status;
+  std::vector<std::unique_ptr<CameraSource>> sources;
+  if (HasSimulatedCamera(cell)) {
+    auto simulated = OpenSimulated(cell, std::move(simulation));
+    if (!simulated.ok()) return simulated.status();
+    sources.push_back(std::make_unique<SimulatedCameras>(*std::move(simulated)));
+  }
+  if (absl::Status status = OpenDrivers(cell, sources); !status.ok()) return status;
+  std::vector<std::string> views;
+  for (const ViewSettings& view : cell.views) {
+    views.push_back(view.name);
+    OpenedSource source = std::visit(SourceOpener{view}, view.source);
+    if (!source.ok()) return OfView(view, source.status());
+    if (*source != nullptr) sources.push_back(*std::move(source));
+  }
+  return std::make_unique<CameraSet>(std::move(views), std::move(sources));
+}
+
+}  // namespace silhouette

@@ -1,0 +1,107 @@
+#include "tools/cell/devices/open_robot.h"
+
+#include <algorithm>
+#include <string>
+#include <utility>
+#include <variant>
+#include <vector>
+
+#include "absl/strings/str_cat.h"
+#include "calib/robot/robot_model.h"
+#include "capture/drivers/grpc/grpc_robot_link.h"
+#include "capture/drivers/robots/feedback_robot.h"
+#include "capture/drivers/robots/manual_robot.h"
+#include "capture/drivers/robots/simple_message_link.h"
+#include "capture/drivers/robots/terminal_operator.h"
+
+namespace silhouette {
+namespace {
+
+MotionLimits LimitsOf(const Cell& cell, absl::Duration silence) {
+  return {.joint_speed = cell.capture.joint_speed,
+          .tolerance = cell.capture.joint_tolerance,
+          .patience = cell.capture.arrival_timeout,
+          .silence = silence};
+}
+
+template <typename Link>
+absl::StatusOr<std::unique_ptr<Robot>> FeedbackRobotOf(absl::StatusOr<Link> link,
+                                                       const MotionLimits& limits) {
+  if (!link.ok()) {
+    return absl::Status(link.status().code(), absl::StrCat("the robot: ", link.status().message()));
+  }
+  return std::make_unique<FeedbackRobot>(*std::move(link), limits);
+}
+
+// The joints of a robot that is told by a person: of its model, else those that the file names.
+absl::StatusOr<std::vector<ManualJoint>> ManualJointsOf(const Cell& cell) {
+  std::vector<ManualJoint> joints;
+  if (cell.robot.urdf.empty()) {
+    for (const GridJoint& joint : cell.grid.joints()) joints.push_back({.name = joint.name});
+    for (const FixedJoint& joint : cell.fixed_joints) joints.push_back({.name = joint.name});
+    return joints;
+  }
+  const absl::StatusOr<RobotModel> model =
+      RobotModel::FromUrdf(cell.robot.urdf, cell.robot.package_paths);
+  if (!model.ok()) return model.status();
+  for (const RobotJoint& joint : model->joints()) {
+    joints.push_back({.name = joint.name, .prismatic = joint.type == JointType::kPrismatic});
+  }
+  return joints;
+}
+
+// Opens each kind of robot.
+struct Opener {
+  using Result = absl::StatusOr<std::unique_ptr<Robot>>;
+
+  const Cell& cell;
+  std::shared_ptr<SimulatedCell> simulation;
+
+  Result operator()(std::monostate) const {
+    return CellMistake(cell,
+                       "nobody moves the robot; put 'driver: sim' into 'robot', or the driver "
+                       "of your controller");
+  }
+  Result operator()(const SimulatedRobotDriver&) const {
+    return std::make_unique<SimulatedRobot>(simulation);
+  }
+  Result operator()(const SimpleMessageSettings& settings) const {
+    return FeedbackRobotOf(SimpleMessageLink::Connect(settings), LimitsOf(cell, settings.timeout));
+  }
+  Result operator()(const GrpcRobotSettings& settings) const {
+    return FeedbackRobotOf(ConnectGrpcRobot(settings), LimitsOf(cell, settings.timeout));
+  }
+  Result operator()(const ManualRobotSettings& settings) const {
+    absl::StatusOr<std::vector<ManualJoint>> joints = ManualJointsOf(cell);
+    if (!joints.ok()) return joints.status();
+    if (std::holds_alternative<std::monostate>(settings.read)) {
+      return std::make_unique<ManualRobot>(
+          *std::move(joints), OperatorAtTerminal(),
+          settings.typed ? ManualRobot::Reading::kTyped : ManualRobot::Reading::kConfirmed);
+    }
+    auto reader = std::visit(*this, settings.read);
+    if (!reader.ok()) return reader.status();
+    std::vector<ManualJoint> in_its_order;
+    for (const std::string& name : (*reader)->joints()) {
+      const auto joint = std::find_if(joints->begin(), joints->end(),
+                                      [&](const ManualJoint& known) { return known.name == name; });
+      in_its_order.push_back(joint == joints->end() ? ManualJoint{.name = name} : *joint);
+    }
+    return std::make_unique<ManualRobot>(std::move(in_its_order), OperatorAtTerminal(),
+                                         *std::move(reader), cell.capture.joint_tolerance);
+  }
+};
+
+}  // namespace
+
+absl::Status CheckRobot(const Cell& cell) {
+  if (!std::holds_alternative<std::monostate>(cell.robot.driver)) return absl::OkStatus();
+  return Opener{.cell = cell, .simulation = nullptr}(std::monostate{}).status();
+}
+
+absl::StatusOr<std::unique_ptr<Robot>> OpenRobot(const Cell& cell,
+                                                 std::shared_ptr<SimulatedCell> simulation) {
+  return std::visit(Opener{.cell = cell, .simulation = std::move(simulation)}, cell.robot.driver);
+}
+
+}  // namespace silhouette

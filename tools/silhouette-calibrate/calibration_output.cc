@@ -1,0 +1,159 @@
+#include "tools/silhouette-calibrate/calibration_output.h"
+
+#include <algorithm>
+#include <filesystem>
+#include <utility>
+
+#include "absl/strings/str_cat.h"
+#include "absl/time/clock.h"
+#include "absl/time/time.h"
+#include "calib/files/calibration_camera_file.h"
+#include "calib/files/calibration_matrix_file.h"
+#include "calib/files/calibration_session_file.h"
+#include "common/picture/files.h"
+#include "tools/silhouette-calibrate/fixed_tags.h"
+
+namespace silhouette {
+namespace {
+
+namespace fs = std::filesystem;
+
+storage::v1::CellDescription CellOf(const FoundCalibration& found) {
+  storage::v1::CellDescription cell;
+  for (const PairedView& view : found.views) cell.add_views()->set_name(view.name);
+  return cell;
+}
+
+// `refused`: also those that are true of undistorted pixels only.
+storage::v1::Calibration MatricesOf(const FoundCalibration& found, bool refused) {
+  storage::v1::Calibration calibration;
+  for (const PairResult& pair : found.pairs) {
+    const bool sized = found.views[static_cast<size_t>(pair.a)].sizes.mask.width > 0 &&
+                       found.views[static_cast<size_t>(pair.b)].sizes.mask.width > 0;
+    if (!sized || pair.unseen || (pair.refusal && !refused)) continue;
+    storage::v1::FundamentalMatrix& matrix = *calibration.add_fundamental_matrices();
+    matrix.set_view_a(pair.a);
+    matrix.set_view_b(pair.b);
+    for (int i = 0; i < 9; ++i) matrix.add_f(pair.f_of_masks(i / 3, i % 3));
+  }
+  return calibration;
+}
+
+// In place of one of the same name that is there.
+void SetFigure(const std::string& what, const std::string& of, double value, const char* unit,
+               storage::v1::CalibrationRecord& record) {
+  auto& figures = *record.mutable_figures();
+  auto figure = std::find_if(figures.begin(), figures.end(), [&](const auto& each) {
+    return each.name() == what && each.of() == of;
+  });
+  storage::v1::CalibrationFigure& set = figure == figures.end() ? *figures.Add() : *figure;
+  set.set_name(what);
+  set.set_of(of);
+  set.set_value(value);
+  set.set_unit(unit);
+}
+
+void AddWarning(const std::string& text, storage::v1::CalibrationRecord& record) {
+  const auto& warnings = record.warnings();
+  if (std::find(warnings.begin(), warnings.end(), text) == warnings.end()) {
+    record.add_warnings(text);
+  }
+}
+
+void AddPairs(const FoundCalibration& found, storage::v1::CalibrationRecord& record) {
+  for (const PairResult& pair : found.pairs) {
+    const std::string name = absl::StrCat(found.views[static_cast<size_t>(pair.a)].name, " - ",
+                                          found.views[static_cast<size_t>(pair.b)].name);
+    const auto set = [&](const char* what, double value, const char* unit) {
+      SetFigure(what, name, value, unit, record);
+    };
+    const bool weak = pair.weak && pair.f.norm() > 0;
+    if (weak) set("epipolar_rms_held_out", pair.weak->held_out.rms, "px");
+    if (weak) set("epipolar_rms_of_noise", pair.weak->held_out.noise, "px");
+    if (weak) set("margin", pair.margin, "mask px");
+    if (pair.distances) set("epipolar_rms", pair.distances->rms, "px");
+    if (pair.bow) set("bow", pair.bow->curve, "px");
+    if (!pair.weak) continue;
+    for (const std::string& warning : pair.weak->warnings) {
+      AddWarning(absl::StrCat(name, ": ", warning), record);
+    }
+    // A refused pair has no lines, and should say so.
+    if (pair.refusal) AddWarning(absl::StrCat(name, ": no matrix: ", *pair.refusal), record);
+  }
+}
+
+// Relative to the folder of `file`; empty: weak calibration.
+std::vector<std::string> CameraFilesOf(const FoundCalibration& found, const std::string& file) {
+  std::vector<std::string> files;
+  if (found.cameras.empty()) return files;
+  const fs::path folder = fs::absolute(file).parent_path();
+  for (const PairedView& view : found.views) {
+    const fs::path camera = fs::absolute(found.cameras) / CameraFileName(view.name);
+    files.push_back(camera.lexically_normal().lexically_relative(folder).string());
+  }
+  return files;
+}
+
+}  // namespace
+
+absl::Status SetFixedTags(const FoundCalibration& found, std::span<const TagSighting> fixed,
+                          storage::v1::CalibrationRecord& record) {
+  const auto means = MeanSightings(fixed);
+  if (!means.ok()) return means.status();
+  record.clear_fixed_tags();
+  for (const auto& [key, mean] : *means) {
+    const auto view = std::find_if(found.views.begin(), found.views.end(),
+                                   [&](const PairedView& each) { return each.name == mean.view; });
+    if (view == found.views.end()) {
+      return absl::InvalidArgumentError(
+          absl::StrCat("the fixed tags are of a view '", mean.view, "' that is not there"));
+    }
+    storage::v1::FixedTag& tag = *record.add_fixed_tags();
+    tag.set_view(static_cast<int>(view - found.views.begin()));
+    tag.set_family(mean.family);
+    tag.set_tag(mean.tag);
+    tag.set_sigma(mean.sigma);
+    for (const Eigen::Vector2d& corner : mean.corners) {
+      tag.add_corners(corner.x());
+      tag.add_corners(corner.y());
+    }
+  }
+  return absl::OkStatus();
+}
+
+absl::Status WriteMatrices(const FoundCalibration& found, const std::string& file) {
+  const storage::v1::Calibration calibration = MatricesOf(found, false);
+  if (calibration.fundamental_matrices().empty()) {
+    return absl::FailedPreconditionError("no pair of views has a matrix; nothing is written");
+  }
+  return WriteWholeFile(file, MatrixFileText(calibration, CellOf(found)));
+}
+
+std::optional<storage::v1::CalibrationRecord> RecordOfFile(const FoundCalibration& found,
+                                                           const std::string& file) {
+  const absl::StatusOr<std::string> text = ReadWholeFile(file);
+  if (!text.ok() || !IsSessionFile(*text)) return std::nullopt;
+  const auto session = SessionFromText(*text, file, CellOf(found));
+  if (!session.ok() || session->camera_files.empty() ||
+      session->camera_files != CameraFilesOf(found, file)) {
+    return std::nullopt;
+  }
+  return session->calibration.record();
+}
+
+absl::Status WriteCalibrationFile(const FoundCalibration& found,
+                                  storage::v1::CalibrationRecord record, const std::string& file) {
+  CalibrationSession session{.calibration = MatricesOf(found, !found.cameras.empty()),
+                             .camera_files = CameraFilesOf(found, file)};
+  if (session.camera_files.empty() && session.calibration.fundamental_matrices().empty()) {
+    return absl::FailedPreconditionError("no pair of views has a matrix; nothing is written");
+  }
+  AddPairs(found, record);
+  if (record.time().empty()) {
+    record.set_time(absl::FormatTime(absl::RFC3339_sec, absl::Now(), absl::UTCTimeZone()));
+  }
+  *session.calibration.mutable_record() = std::move(record);
+  return WriteWholeFile(file, SessionFileText(session, CellOf(found)));
+}
+
+}  // namespace silhouette

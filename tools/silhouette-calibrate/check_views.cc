@@ -1,0 +1,226 @@
+#include "tools/silhouette-calibrate/check_views.h"
+
+#include "absl/strings/str_cat.h"
+#include "absl/strings/str_join.h"
+#include "absl/time/clock.h"
+#include "calib/files/calibration_message.h"
+#include "db/store/store.h"
+#include "tools/cell/cell.h"
+#include "tools/silhouette-calibrate/silhouette_drift.h"
+
+namespace silhouette {
+namespace {
+
+using Sightings = std::map<SeenTag, TagSighting>;
+
+// As the calibration's record has them.
+Sightings FixedTagsOf(const storage::v1::CalibrationRecord& record,
+                      const storage::v1::CellDescription& cell) {
+  Sightings sightings;
+  for (const storage::v1::FixedTag& tag : record.fixed_tags()) {
+    TagSighting sighting{.frame = "",
+                         .view = cell.views(tag.view()).name(),
+                         .family = tag.family(),
+                         .tag = tag.tag(),
+                         .sigma = tag.sigma()};
+    for (int i = 0; i < 4; ++i) {
+      sighting.corners[static_cast<size_t>(i)] = {tag.corners(2 * i), tag.corners(2 * i + 1)};
+    }
+    sightings.emplace(SeenTag{sighting.view, sighting.family, sighting.tag}, sighting);
+  }
+  return sightings;
+}
+
+CheckedView Summary(const ViewDrift& drift, double limit) {
+  return {.name = drift.view,
+          .method = drift.method,
+          .checked = drift.checked,
+          .moved_px = drift.moved,
+          .moved_mask_px = drift.moved_mask,
+          .holds = drift.checked && drift.moved_mask <= limit,
+          .message = drift.message};
+}
+
+absl::StatusOr<Sightings> TagsOfThen(const CheckRequest& request,
+                                     const storage::v1::Calibration& stored,
+                                     const storage::v1::CellDescription& cell) {
+  if (!request.reference.empty()) return ReadMeanSightings(request.reference);
+  Sightings before = FixedTagsOf(stored.record(), cell);
+  if (!before.empty()) return before;
+  return absl::FailedPreconditionError(
+      "the stored calibration does not say how the cameras saw tags that stay in the cell; give "
+      "--reference, their corners from the day of the calibration, or import a calibration.yaml "
+      "with fixed_tags");
+}
+
+absl::StatusOr<std::vector<ViewDrift>> ByTags(const CheckRequest& request,
+                                              const storage::v1::Calibration& stored,
+                                              const storage::v1::CellDescription& cell,
+                                              const std::vector<ViewSizes>& sizes,
+                                              const Sightings& after) {
+  const absl::StatusOr<Sightings> before = TagsOfThen(request, stored, cell);
+  if (!before.ok()) return before.status();
+  std::vector<ViewDrift> drifts;
+  for (int i = 0; i < cell.views_size(); ++i) {
+    drifts.push_back(
+        DriftByTags(cell.views(i).name(), sizes[static_cast<size_t>(i)], *before, after));
+  }
+  return drifts;
+}
+
+// The cell file, if it is of the database.
+absl::StatusOr<Cell> CellFor(const CheckRequest& request,
+                             const storage::v1::CellDescription& cell) {
+  absl::StatusOr<Cell> file = LoadCell(request.cell);
+  if (!file.ok()) return file;
+  const std::vector<std::string> differences =
+      Differences(DescriptionOf(*file), "the cell file", cell, "the database");
+  if (differences.empty()) return file;
+  return absl::FailedPreconditionError(absl::StrCat("the database '", request.database,
+                                                    "' does not fit the cell file '", request.cell,
+                                                    "': ", absl::StrJoin(differences, "; ")));
+}
+
+absl::StatusOr<CellNow> NowOf(const CheckRequest& request,
+                              const storage::v1::CellDescription& description) {
+  if (!request.live) return ReadNow(request.corners, request.images, description);
+  const absl::StatusOr<Cell> cell = CellFor(request, description);
+  if (!cell.ok()) return cell.status();
+  LiveLook look{.boards = request.boards, .parked = std::nullopt, .sets = request.sets};
+  if (request.number) {
+    if (!cell->grid.Contains(*request.number)) {
+      return absl::NotFoundError(absl::StrCat(
+          "no configuration has the number ", *request.number,
+          "; 'silhouette-db show --at' tells that of the one nearest to joint values"));
+    }
+    look.parked = cell->grid.At(*request.number);
+  }
+  return LookNow(look, *cell);
+}
+
+absl::StatusOr<std::vector<ViewDrift>> BySilhouettes(const CheckRequest& request,
+                                                     const Snapshot& snapshot,
+                                                     const storage::v1::CellDescription& cell,
+                                                     const std::vector<ViewSizes>& sizes,
+                                                     const std::vector<cv::Mat>& images) {
+  const absl::StatusOr<Cell> file = CellFor(request, cell);
+  if (!file.ok()) return file.status();
+  const auto robot = snapshot.Find(*request.number);
+  if (!robot.ok()) return robot.status();
+  if (!*robot || (*robot)->excluded) {
+    return absl::NotFoundError(
+        absl::StrCat("configuration ", *request.number, " has no robot images"));
+  }
+  const auto references = snapshot.References();
+  if (!references.ok()) return references.status();
+  if (!*references) {
+    return absl::FailedPreconditionError("the database has no reference images to difference with");
+  }
+  std::vector<ViewDrift> drifts;
+  for (int i = 0; i < cell.views_size(); ++i) {
+    const std::string& name = cell.views(i).name();
+    const cv::Mat& image = images[static_cast<size_t>(i)];
+    const storage::v1::Reference& png = (*references)->views(i);
+    const absl::StatusOr<Reference> reference = Reference::FromPng(png.mean_png(), png.noise_png());
+    if (!reference.ok()) return reference.status();
+    if (image.size() != reference->size()) {
+      return absl::InvalidArgumentError(
+          absl::StrCat("the image of '", name, "' is not of the size of its reference image"));
+    }
+    drifts.push_back(DriftBySilhouette(name, sizes[static_cast<size_t>(i)], image, *reference,
+                                       file->segmentation,
+                                       (*robot)->masks[static_cast<size_t>(i)]));
+  }
+  return drifts;
+}
+
+// Of two ways to look at one view: a motion that one sees is told, whatever the other could see.
+ViewDrift Worse(const ViewDrift& one, const ViewDrift& other, double limit) {
+  if (!one.checked || !other.checked) {
+    const ViewDrift& seen = one.checked ? one : other;
+    const ViewDrift& unseen = one.checked ? other : one;
+    return seen.checked && seen.moved_mask > limit ? seen : unseen;
+  }
+  return one.moved_mask >= other.moved_mask ? one : other;
+}
+
+absl::StatusOr<std::vector<ViewSizes>> SizesOf(const storage::v1::CellDescription& cell) {
+  std::vector<ViewSizes> sizes;
+  for (const storage::v1::View& view : cell.views()) {
+    if (view.image_width() <= 0) {
+      return absl::FailedPreconditionError(
+          absl::StrCat("the database does not say how large the images of view '", view.name(),
+                       "' are; state image_size in the cell file and capture with it"));
+    }
+    sizes.push_back({.image = {view.image_width(), view.image_height()},
+                     .mask = {view.mask_width(), view.mask_height()}});
+  }
+  return sizes;
+}
+
+absl::Status CheckAsked(const CheckRequest& request) {
+  if (request.live && request.boards.empty() && !request.number) {
+    return absl::InvalidArgumentError(
+        "--live needs --boards, those whose tags stay in the cell, or --number, the configuration "
+        "in which the robot is parked");
+  }
+  if (!request.live && request.corners.empty() && request.images.empty()) {
+    return absl::InvalidArgumentError(
+        "give --corners, tags as they are seen now, or --images of the parked robot, or --live");
+  }
+  if (!request.images.empty() && (!request.number || request.cell.empty())) {
+    return absl::InvalidArgumentError(
+        "--images needs --number, the configuration in which the robot is parked, and --cell");
+  }
+  return absl::OkStatus();
+}
+
+}  // namespace
+
+absl::StatusOr<Checked> CheckViews(const CheckRequest& request) {
+  if (absl::Status asked = CheckAsked(request); !asked.ok()) return asked;
+  const auto database = Database::Open(request.database, Database::Access::kRead);
+  if (!database.ok()) return database.status();
+  const absl::StatusOr<Snapshot> snapshot = (*database)->Read();
+  if (!snapshot.ok()) return snapshot.status();
+  const auto stored = snapshot->Calibration();
+  if (!stored.ok()) return stored.status();
+  if (!*stored) {
+    return absl::FailedPreconditionError(
+        absl::StrCat("'", request.database,
+                     "' has no calibration to check; import one with 'silhouette-db calibration "
+                     "import'"));
+  }
+  const storage::v1::CellDescription& cell = (*database)->cell();
+  absl::StatusOr<std::vector<ViewSizes>> sizes = SizesOf(cell);
+  if (!sizes.ok()) return sizes.status();
+  Checked checked;
+  checked.sizes = *std::move(sizes);
+  checked.check.time = absl::Now();
+  checked.check.calibration = FingerprintOf(**stored);
+  checked.check.limit_mask_px = request.limit;
+  const absl::StatusOr<CellNow> now = NowOf(request, cell);
+  if (!now.ok()) return now.status();
+  if (now->tags) {
+    auto drifts = ByTags(request, **stored, cell, checked.sizes, *now->tags);
+    if (!drifts.ok()) return drifts.status();
+    checked.drifts = *std::move(drifts);
+  }
+  if (!now->images.empty()) {
+    auto drifts = BySilhouettes(request, *snapshot, cell, checked.sizes, now->images);
+    if (!drifts.ok()) return drifts.status();
+    for (size_t i = 0; i < drifts->size(); ++i) {
+      if (!now->tags) {
+        checked.drifts.push_back((*drifts)[i]);
+      } else {
+        checked.drifts[i] = Worse(checked.drifts[i], (*drifts)[i], request.limit);
+      }
+    }
+  }
+  for (const ViewDrift& drift : checked.drifts) {
+    checked.check.views.push_back(Summary(drift, request.limit));
+  }
+  return checked;
+}
+
+}  // namespace silhouette

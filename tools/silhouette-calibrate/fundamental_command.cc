@@ -1,0 +1,280 @@
+// silhouette-calibrate fundamental
+#include <algorithm>
+#include <filesystem>
+#include <iostream>
+#include <memory>
+#include <opencv2/imgcodecs.hpp>
+#include <set>
+#include <system_error>
+
+#include "absl/strings/str_cat.h"
+#include "absl/strings/str_format.h"
+#include "calib/boards/sighting_file.h"
+#include "common/picture/files.h"
+#include "server/scene/calibration_settings.h"
+#include "tools/program/program.h"
+#include "tools/silhouette-calibrate/band_pictures.h"
+#include "tools/silhouette-calibrate/calibration_output.h"
+#include "tools/silhouette-calibrate/commands.h"
+#include "tools/silhouette-calibrate/fundamental_pairs.h"
+
+namespace silhouette {
+namespace {
+
+namespace fs = std::filesystem;
+
+struct FundamentalArguments {
+  std::string corners;
+  ViewSources sources;
+  PairSettings settings;
+  bool skip_refused = false;
+  std::string out;
+  std::string calibration;
+  std::string fixed_tags;
+  std::string draw;
+  std::vector<std::string> images;
+  std::string frame;
+  std::string format = "text";
+};
+
+struct Found {
+  std::vector<TagSighting> sightings;
+  std::vector<PairedView> views;
+  std::vector<PairResult> pairs;
+
+  bool AnyRefused() const {
+    return std::any_of(pairs.begin(), pairs.end(),
+                       [](const PairResult& pair) { return pair.refusal.has_value(); });
+  }
+};
+
+absl::StatusOr<std::vector<TagSighting>> ReadSightings(const std::string& file) {
+  const absl::StatusOr<std::string> text = ReadWholeFile(file);
+  if (!text.ok()) return text.status();
+  return SightingsFromText(*text, file);
+}
+
+absl::StatusOr<Found> Find(const FundamentalArguments& arguments) {
+  if (arguments.corners.empty() && arguments.sources.cameras.empty()) {
+    return absl::InvalidArgumentError(
+        "give --corners, for weak calibration straight from tags, or --cameras, a folder of camera "
+        "models");
+  }
+  Found found;
+  if (!arguments.corners.empty()) {
+    absl::StatusOr<std::vector<TagSighting>> sightings = ReadSightings(arguments.corners);
+    if (!sightings.ok()) return sightings.status();
+    found.sightings = *std::move(sightings);
+  }
+  absl::StatusOr<std::vector<PairedView>> views = PairedViews(arguments.sources, found.sightings);
+  if (!views.ok()) return views.status();
+  found.views = *std::move(views);
+  found.pairs = FindPairs(found.views, found.sightings, arguments.settings);
+  return found;
+}
+
+// What bands are drawn of: cameras where all are known, else the matrices that are not refused.
+Calibration CalibrationOf(const Found& found, bool of_models) {
+  Calibration calibration;
+  if (of_models) {
+    for (const PairedView& view : found.views) calibration.cameras.push_back(*view.camera);
+    return calibration;
+  }
+  for (const PairResult& pair : found.pairs) {
+    if (pair.f.norm() > 0) {
+      calibration.fundamental_matrices.push_back({pair.a, pair.b, pair.f_of_masks});
+    }
+  }
+  return calibration;
+}
+
+// The frame in which most corners were seen.
+std::string BestFrame(const std::vector<TagSighting>& sightings) {
+  std::map<std::string, int> seen;
+  for (const TagSighting& sighting : sightings) ++seen[sighting.frame];
+  const auto most = std::max_element(
+      seen.begin(), seen.end(), [](const auto& a, const auto& b) { return a.second < b.second; });
+  return most == seen.end() ? "" : most->first;
+}
+
+absl::StatusOr<std::map<std::string, Picture>> ReadImages(const FundamentalArguments& arguments,
+                                                          const Found& found) {
+  std::map<std::string, Picture> images;
+  for (const PairedView& view : found.views) {
+    for (const std::string& given : arguments.images) {
+      std::string file;
+      if (given.starts_with(view.name + "=")) {
+        file = given.substr(view.name.size() + 1);
+      } else if (fs::is_directory(given)) {
+        file = (fs::path(given) / (view.name + ".png")).string();
+        if (!fs::exists(file)) continue;
+      } else {
+        continue;
+      }
+      const Picture image = cv::imread(file, cv::IMREAD_COLOR);
+      if (image.empty()) return absl::NotFoundError(absl::StrCat("'", file, "' is no image"));
+      images[view.name] = image;
+    }
+  }
+  if (images.empty() && !arguments.images.empty()) {
+    return absl::NotFoundError(
+        "--images has no image of any view; give a folder with VIEW.png, or VIEW=FILE");
+  }
+  return images;
+}
+
+absl::StatusOr<std::vector<std::string>> DrawBands(const FundamentalArguments& arguments,
+                                                   const Found& found, bool of_models) {
+  absl::StatusOr<std::map<std::string, Picture>> images = ReadImages(arguments, found);
+  if (!images.ok()) return images.status();
+  if (absl::Status made = MakeFolder(arguments.draw); !made.ok()) return made;
+  const Calibration calibration = CalibrationOf(found, of_models);
+  // An image shows one frame.
+  const bool any_frame = arguments.images.empty() || !arguments.frame.empty();
+  const std::string frame = any_frame ? arguments.frame : BestFrame(found.sightings);
+  std::vector<std::string> written;
+  for (const PairResult& pair : found.pairs) {
+    if (pair.f.norm() == 0) continue;
+    const BandPictures pictures{.views = found.views,
+                                .calibration = calibration,
+                                .margin = of_models ? 0 : pair.margin,
+                                .sightings = found.sightings,
+                                .frame = frame,
+                                .images = *images};
+    const std::string name =
+        absl::StrCat("bands_", found.views[static_cast<size_t>(pair.a)].name, "_",
+                     found.views[static_cast<size_t>(pair.b)].name, ".png");
+    written.push_back((fs::path(arguments.draw) / name).string());
+    const absl::Status status = WritePng(written.back(), PaintBands(pictures, pair.a, pair.b));
+    if (!status.ok()) return status;
+  }
+  return written;
+}
+
+// calibration.yaml; what an earlier one says of the same cameras stays.
+absl::Status WriteRecord(const FundamentalArguments& arguments, const FoundCalibration& found) {
+  std::optional<storage::v1::CalibrationRecord> record = RecordOfFile(found, arguments.calibration);
+  if (!record) {
+    record.emplace();
+    record->set_program(absl::StrCat("silhouette-calibrate fundamental, ",
+                                     found.cameras.empty() ? "weak calibration" : "camera models"));
+  }
+  if (!arguments.fixed_tags.empty()) {
+    const auto fixed = ReadSightings(arguments.fixed_tags);
+    if (!fixed.ok()) return fixed.status();
+    const absl::Status set = SetFixedTags(found, *fixed, *record);
+    if (!set.ok()) return set;
+  }
+  return WriteCalibrationFile(found, *std::move(record), arguments.calibration);
+}
+
+absl::StatusOr<ExitCode> FundamentalWork(const FundamentalArguments& arguments) {
+  const absl::StatusOr<Found> found = Find(arguments);
+  if (!found.ok()) return found.status();
+  const bool of_models = !arguments.sources.cameras.empty();
+  std::vector<std::string> written;
+  if (!arguments.draw.empty()) {
+    auto drawn = DrawBands(arguments, *found, of_models);
+    if (!drawn.ok()) return drawn.status();
+    written = *std::move(drawn);
+  }
+  const bool refused = found->AnyRefused() && !arguments.skip_refused;
+  const FoundCalibration calibration{
+      .views = found->views, .pairs = found->pairs, .cameras = arguments.sources.cameras};
+  if (!arguments.out.empty() && !refused) {
+    const absl::Status status = WriteMatrices(calibration, arguments.out);
+    if (!status.ok()) return status;
+    written.push_back(arguments.out);
+  }
+  if (!arguments.calibration.empty() && (!refused || of_models)) {
+    const absl::Status status = WriteRecord(arguments, calibration);
+    if (!status.ok()) return status;
+    written.push_back(arguments.calibration);
+  }
+  if (arguments.format == "json") {
+    nlohmann::ordered_json json = PairsJson(found->views, found->pairs);
+    json["files"] = written;
+    std::cout << json.dump(2) << "\n";
+  } else {
+    PrintPairs(found->views, found->pairs, !of_models || !arguments.out.empty());
+    for (const std::string& file : written) std::cout << "wrote " << file << "\n";
+  }
+  // Camera models alone are asked what they say, which is an answer.
+  if (!refused || (of_models && arguments.out.empty())) return kDone;
+  std::cerr << "silhouette-calibrate: "
+            << (arguments.out.empty() ? ""
+                                      : "nothing is imported from a doubtful matrix: '" +
+                                            arguments.out + "' is not written; ")
+            << "mend what is refused, or leave such pairs without lines (--skip-refused)"
+            << std::endl;
+  return kNo;
+}
+
+}  // namespace
+
+void AddFundamentalCommand(CLI::App& program, Run& run) {
+  CLI::App* command = program.add_subcommand(
+      "fundamental", "Fundamental matrices of all pairs of views, and pictures of their bands");
+  auto arguments = std::make_shared<FundamentalArguments>();
+  FundamentalArguments& a = *arguments;
+  a.settings.most_margin = CalibrationSettings{}.margin;
+  command->add_option("--corners", a.corners,
+                      "Corners of tags (CSV), for weak calibration straight from them; with "
+                      "--cameras they put these to the test");
+  command->add_option("--cameras", a.sources.cameras, "Folder of camera models, VIEW.cameramodel");
+  command->add_option("--cell", a.sources.cell,
+                      "The cell's file: names of the views, sizes of images and masks");
+  command->add_option("--image-size", a.sources.image_size,
+                      "WIDTHxHEIGHT of all views' camera images, where no cell says it");
+  command->add_option("--mask-size", a.sources.mask_size,
+                      "WIDTHxHEIGHT of all views' masks, where no cell says it");
+  command->add_option("--out", a.out, "YAML file of matrices for silhouette-db calibration import");
+  command->add_option(
+      "--calibration", a.calibration,
+      "calibration.yaml to write for silhouette-db calibration import: the cameras, "
+      "else the matrices, with their figures of merit; what the one that is there says of these "
+      "cameras stays");
+  command
+      ->add_option("--fixed-tags", a.fixed_tags,
+                   "Corners (CSV) of tags that stay in the cell, for --calibration; by them "
+                   "'check' sees whether a camera moved")
+      ->needs("--calibration");
+  command
+      ->add_option("--max-margin", a.settings.most_margin,
+                   "Margin in mask pixels that a matrix may need: 'calibration.margin' of the "
+                   "server's cell file")
+      ->check(CLI::NonNegativeNumber)
+      ->capture_default_str();
+  command->add_flag("--skip-refused", a.skip_refused,
+                    "Write the other pairs' matrices; those refused have no lines");
+  command->add_flag("--undistorted-images", a.settings.undistorted_images,
+                    "With --cameras: the masks are made of images without distortion");
+  command->add_option("--seed", a.settings.seed, "Of the random samples")->capture_default_str();
+  command->add_option("--draw", a.draw, "Folder for pictures of bands, one per pair of views");
+  command
+      ->add_option("--images", a.images,
+                   "Camera images to draw over: a folder with VIEW.png, or VIEW=FILE each")
+      ->needs("--draw");
+  command
+      ->add_option(
+          "--frame", a.frame,
+          "The frame whose corners are drawn; default: all, over images that with most tags")
+      ->needs("--draw");
+  AddFormatOption(*command, a.format);
+  command->footer(
+      "Weak calibration needs no camera model, no board's measures and no robot, only frames in "
+      "which two\n"
+      "views see the same tags; but lenses must not bow lines.\n"
+      "Examples:\n"
+      "  silhouette-calibrate fundamental --corners corners.csv --cell cell.yaml --out "
+      "matrices.yaml --draw bands\n"
+      "  silhouette-calibrate fundamental --cameras cameras --corners other.csv --mask-size 64x64");
+  command->callback([arguments, &run] {
+    run = [arguments]() -> int {
+      const absl::StatusOr<ExitCode> code = FundamentalWork(*arguments);
+      return code.ok() ? *code : Report("silhouette-calibrate", code.status());
+    };
+  });
+}
+
+}  // namespace silhouette

@@ -1,0 +1,283 @@
+// silhouette-calibrate intrinsics
+#include <algorithm>
+#include <filesystem>
+#include <iostream>
+#include <memory>
+#include <nlohmann/json.hpp>
+#include <set>
+#include <system_error>
+
+#include "absl/strings/str_cat.h"
+#include "calib/boards/board_file.h"
+#include "calib/boards/sighting_file.h"
+#include "calib/files/calibration_camera_file.h"
+#include "calib/files/calibration_message.h"
+#include "calib/intrinsics/foreign_camera_file.h"
+#include "calib/intrinsics/lens_file.h"
+#include "common/picture/files.h"
+#include "tools/program/program.h"
+#include "tools/silhouette-calibrate/commands.h"
+#include "tools/silhouette-calibrate/fundamental_views.h"
+#include "tools/silhouette-calibrate/intrinsics_report.h"
+#include "tools/silhouette-calibrate/lens_residual_picture.h"
+
+namespace silhouette {
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr char kIntrinsicsProgram[] = "silhouette-calibrate";
+
+struct IntrinsicsArguments {
+  std::string corners;
+  std::string boards;
+  std::vector<std::string> board_names;
+  std::vector<std::string> views;
+  std::vector<std::string> image_sizes;
+  std::string fixed;
+  std::string from;
+  std::string camera;
+  bool unconnected = false;
+  bool flat = false;
+  LensSettings settings;
+  std::string out;
+  std::string draw;
+  std::string format = "text";
+};
+
+// The size that is given for a view; nothing if none is.
+absl::StatusOr<std::optional<PixelSize>> IntrinsicsSizeOf(const IntrinsicsArguments& arguments,
+                                                          const std::string& view) {
+  std::optional<PixelSize> size;
+  for (const std::string& given : arguments.image_sizes) {
+    const size_t sign = given.rfind('=');
+    if (sign != std::string::npos && given.substr(0, sign) != view) continue;
+    const absl::StatusOr<PixelSize> read =
+        SizeFromText(sign == std::string::npos ? given : given.substr(sign + 1), "--image-size");
+    if (!read.ok()) return read.status();
+    // One for all is what the others are not.
+    if (sign != std::string::npos || !size) size = *read;
+  }
+  return size;
+}
+
+absl::StatusOr<ForeignCamera> ReadCamera(const std::string& file,
+                                         const std::optional<PixelSize>& size,
+                                         const std::string& camera) {
+  const absl::StatusOr<std::string> text = ReadWholeFile(file);
+  if (!text.ok()) return text.status();
+  ForeignCameraOptions options{.camera = camera};
+  if (size) options.image_size = {size->width, size->height};
+  return CameraFromForeignText(*text, file, options);
+}
+
+// --from: one file to a .cameramodel.
+int Convert(const IntrinsicsArguments& arguments) {
+  if (arguments.views.size() != 1) {
+    return Report(kIntrinsicsProgram,
+                  absl::InvalidArgumentError("--from needs --view, one view's name"));
+  }
+  const std::string& view = arguments.views[0];
+  const auto size = IntrinsicsSizeOf(arguments, view);
+  if (!size.ok()) return Report(kIntrinsicsProgram, size.status());
+  const auto read = ReadCamera(arguments.from, *size, arguments.camera);
+  if (!read.ok()) return Report(kIntrinsicsProgram, read.status());
+  if (const absl::Status made = MakeFolder(arguments.out); !made.ok()) {
+    return Report(kIntrinsicsProgram, made);
+  }
+  const std::string file = (fs::path(arguments.out) / CameraFileName(view)).string();
+  const absl::Status written = WriteWholeFile(file, CameraFileText(MessageOf(read->camera), view));
+  if (!written.ok()) return Report(kIntrinsicsProgram, written);
+  const CameraIntrinsics& k = read->camera.intrinsics();
+  if (arguments.format == "json") {
+    std::cout << nlohmann::ordered_json{{"from", read->format},
+                                        {"focal_lengths", {k.fx, k.fy}},
+                                        {"image_size", {k.width, k.height}},
+                                        {"file", file}}
+                     .dump(2)
+              << '\n';
+    return kDone;
+  }
+  std::cout << read->format << "'s camera of " << k.width << "x" << k.height
+            << " pixels, focal lengths " << k.fx << ", " << k.fy << "; wrote " << file << '\n';
+  if (read->format != "mrcal") std::cout << "Its pose is not set; `poses` finds it.\n";
+  return kDone;
+}
+
+struct Input {
+  std::vector<LensCamera> cameras;
+  std::vector<Board> boards;
+  std::vector<TagSighting> sightings;
+};
+
+absl::Status ReadBoards(const IntrinsicsArguments& arguments, Input& input) {
+  const absl::StatusOr<std::string> text = ReadWholeFile(arguments.boards);
+  if (!text.ok()) return text.status();
+  absl::StatusOr<std::vector<Board>> boards = BoardsFromText(*text, arguments.boards);
+  if (!boards.ok()) return boards.status();
+  for (const std::string& name : arguments.board_names) {
+    const bool there = std::any_of(boards->begin(), boards->end(), [&](const Board& board) {
+      return board.description().name == name;
+    });
+    if (!there) {
+      return absl::InvalidArgumentError(
+          absl::StrCat("there is no board '", name, "' in ", arguments.boards));
+    }
+  }
+  for (Board& board : *boards) {
+    const auto& names = arguments.board_names;
+    if (names.empty() ||
+        std::find(names.begin(), names.end(), board.description().name) != names.end()) {
+      input.boards.push_back(std::move(board));
+    }
+  }
+  return absl::OkStatus();
+}
+
+absl::Status AddCamera(const IntrinsicsArguments& arguments, const std::string& view,
+                       Input& input) {
+  const auto size = IntrinsicsSizeOf(arguments, view);
+  if (!size.ok()) return size.status();
+  LensCamera camera{.name = view};
+  if (!arguments.fixed.empty()) {
+    const std::string file = (fs::path(arguments.fixed) / CameraFileName(view)).string();
+    const auto read = ReadCamera(file, *size, "");
+    if (!read.ok()) return read.status();
+    camera.fixed = read->camera.intrinsics();
+    camera.width = camera.fixed->width;
+    camera.height = camera.fixed->height;
+  } else if (*size) {
+    camera.width = (*size)->width;
+    camera.height = (*size)->height;
+  } else {
+    return absl::InvalidArgumentError(absl::StrCat("give the size of the images of the view '",
+                                                   view, "', as --image-size ", view, "=1280x960"));
+  }
+  input.cameras.push_back(camera);
+  return absl::OkStatus();
+}
+
+absl::StatusOr<Input> ReadInput(const IntrinsicsArguments& arguments) {
+  if (arguments.corners.empty() || arguments.boards.empty()) {
+    return absl::InvalidArgumentError(
+        "give --corners and --boards to solve for lenses, or --from FILE --view NAME to read one");
+  }
+  Input input;
+  const absl::Status boards = ReadBoards(arguments, input);
+  if (!boards.ok()) return boards;
+  const absl::StatusOr<std::string> text = ReadWholeFile(arguments.corners);
+  if (!text.ok()) return text.status();
+  absl::StatusOr<std::vector<TagSighting>> sightings = SightingsFromText(*text, arguments.corners);
+  if (!sightings.ok()) return sightings.status();
+  std::set<std::string> seen;
+  for (const TagSighting& sighting : *sightings) seen.insert(sighting.view);
+  std::vector<std::string> views = arguments.views;
+  if (views.empty()) views.assign(seen.begin(), seen.end());
+  for (const std::string& view : views) {
+    if (!seen.contains(view)) {
+      return absl::InvalidArgumentError(
+          absl::StrCat("there is no corner of the view '", view, "' in ", arguments.corners));
+    }
+    const absl::Status added = AddCamera(arguments, view, input);
+    if (!added.ok()) return added;
+  }
+  for (TagSighting& sighting : *sightings) {
+    if (std::find(views.begin(), views.end(), sighting.view) != views.end()) {
+      input.sightings.push_back(std::move(sighting));
+    }
+  }
+  return input;
+}
+
+absl::StatusOr<std::vector<std::string>> Write(const IntrinsicsArguments& arguments,
+                                               const LensSolution& solution) {
+  std::vector<std::string> files;
+  absl::Status status = MakeFolder(arguments.out);
+  for (size_t i = 0; status.ok() && i < solution.cameras.size(); ++i) {
+    const std::string name = CameraFileName(solution.cameras[i].name);
+    files.push_back((fs::path(arguments.out) / name).string());
+    status = WriteWholeFile(files.back(), LensFileText(solution.cameras[i]));
+  }
+  if (status.ok() && !arguments.draw.empty()) status = MakeFolder(arguments.draw);
+  for (size_t i = 0; status.ok() && !arguments.draw.empty() && i < solution.cameras.size(); ++i) {
+    const fs::path name = fs::path(CameraFileName(solution.cameras[i].name)).stem();
+    files.push_back((fs::path(arguments.draw) / (name.string() + "-residuals.png")).string());
+    status = WritePng(files.back(), ResidualPicture(solution, i));
+  }
+  if (!status.ok()) return status;
+  return files;
+}
+
+int RunIntrinsics(IntrinsicsArguments arguments) {
+  if (!arguments.from.empty()) return Convert(arguments);
+  const absl::StatusOr<Input> input = ReadInput(arguments);
+  if (!input.ok()) return Report(kIntrinsicsProgram, input.status());
+  arguments.settings.board_warp = !arguments.flat;
+  const absl::StatusOr<LensSolution> solution =
+      SolveLenses(input->cameras, input->boards, input->sightings, arguments.settings);
+  if (!solution.ok()) {
+    const ExitCode code = Report(kIntrinsicsProgram, solution.status());
+    return absl::IsFailedPrecondition(solution.status()) ? kNo : code;
+  }
+  if (solution->groups.size() > 1 && !arguments.unconnected) {
+    Report(kIntrinsicsProgram,
+           absl::FailedPreconditionError(
+               absl::StrCat(solution->warnings.back(),
+                            "; take images in which they see a board at once, or accept lenses "
+                            "without common poses by --unconnected")));
+    return kNo;
+  }
+  const auto files = Write(arguments, *solution);
+  if (!files.ok()) return Report(kIntrinsicsProgram, files.status());
+  std::cout << (arguments.format == "json" ? LensReportJson(*solution, *files)
+                                           : LensReportText(*solution, *files));
+  return kDone;
+}
+
+}  // namespace
+
+void AddIntrinsicsCommand(CLI::App& program, Run& run) {
+  CLI::App* command = program.add_subcommand(
+      "intrinsics",
+      "Find the cameras' lenses from images of boards, or read them from other files");
+  auto a = std::make_shared<IntrinsicsArguments>();
+  command->add_option("--corners", a->corners, "The corners that `detect` found, CSV");
+  command->add_option("--boards", a->boards, "The boards that were seen, YAML");
+  command->add_option("--board", a->board_names, "Use these boards only")->delimiter(',');
+  command->add_option("--view", a->views, "Use these views only")->delimiter(',');
+  command->add_option("--image-size", a->image_sizes,
+                      "Size of a view's images, left=1280x960, or of all, 1280x960");
+  command->add_option("--out", a->out, "The folder for the .cameramodel files")->required();
+  command->add_option("--model", a->settings.lens_model, "Lens model, by mrcal's name")
+      ->capture_default_str();
+  auto* fixed = command->add_option(
+      "--fix-intrinsics", a->fixed,
+      "A folder of .cameramodel files whose lenses are kept; only poses are solved for");
+  command->add_flag("--flat", a->flat, "Take the board for flat");
+  command->add_flag("--unconnected", a->unconnected,
+                    "Also if no board ties all cameras together: their poses then have no common "
+                    "frame");
+  command->add_option("--least-images", a->settings.least_images, "Images a camera must have")
+      ->check(CLI::Range(3, 100000))
+      ->capture_default_str();
+  command
+      ->add_option("--most-uncertain", a->settings.most_uncertain,
+                   "Refuse a lens less certain at the image's rim (standard deviation, pixels)")
+      ->check(CLI::PositiveNumber)
+      ->capture_default_str();
+  command->add_option("--draw", a->draw, "A folder for a picture of each camera's residuals");
+  command
+      ->add_option("--from", a->from,
+                   "Read a camera instead: .cameramodel, OpenCV's, ROS's or Kalibr's YAML")
+      ->excludes(fixed);
+  command->add_option("--camera", a->camera, "Which camera of a Kalibr file, e.g. cam0");
+  AddFormatOption(*command, a->format);
+  command->footer(
+      "Examples:\n"
+      "  silhouette-calibrate intrinsics --corners corners.csv --boards wall.yaml \\\n"
+      "      --image-size 1280x960 --out cameras --draw residuals\n"
+      "  silhouette-calibrate intrinsics --from camera_info.yaml --view left --out cameras");
+  command->callback([a, &run] { run = [a] { return RunIntrinsics(*a); }; });
+}
+
+}  // namespace silhouette

@@ -1,0 +1,100 @@
+// silhouette-calibrate poses
+#include <chrono>
+#include <iostream>
+#include <memory>
+
+#include "absl/strings/str_cat.h"
+#include "calib/poses/pose_calibration.h"
+#include "tools/program/program.h"
+#include "tools/silhouette-calibrate/commands.h"
+#include "tools/silhouette-calibrate/poses_inputs.h"
+#include "tools/silhouette-calibrate/poses_options.h"
+#include "tools/silhouette-calibrate/poses_results.h"
+
+namespace silhouette {
+namespace {
+
+struct PosesArguments {
+  PoseSources sources;
+  bool degrees = false;
+  std::string mask_size;
+  std::string out;
+  bool draw = false;
+  std::string format = "text";
+};
+
+absl::StatusOr<ExitCode> PosesWork(const PosesArguments& arguments) {
+  const PoseSources sources = WithUnit(arguments.sources, arguments.degrees);
+  const absl::StatusOr<PoseProblem> problem = ReadPoseProblem(sources);
+  if (!problem.ok()) return problem.status();
+  const auto masks = MaskSizesFrom(sources.cell, arguments.mask_size, *problem);
+  if (!masks.ok()) return masks.status();
+  const auto start = std::chrono::steady_clock::now();
+  const absl::StatusOr<PoseSolution> solution = CalibratePoses(*problem);
+  const std::chrono::duration<double> taken = std::chrono::steady_clock::now() - start;
+  if (absl::IsFailedPrecondition(solution.status())) {
+    std::cerr << "silhouette-calibrate: " << solution.status().message();
+    const std::string hint = HintOfUnit(sources);
+    if (!hint.empty()) std::cerr << "\n" << hint;
+    std::cerr << "\nnothing was written" << std::endl;
+    return kNo;
+  }
+  if (!solution.ok()) return solution.status();
+  const auto files =
+      WritePoses(arguments.out, *problem, *solution,
+                 {.command = "poses", .lenses = sources.cameras, .masks = *masks}, arguments.draw);
+  if (!files.ok()) return files.status();
+  if (arguments.format == "json") {
+    nlohmann::ordered_json json = PosesJson(*solution);
+    json["seconds"] = taken.count();
+    json["files"] = *files;
+    std::cout << json.dump(2) << '\n';
+    return kDone;
+  }
+  PrintPoses(*solution);
+  for (const std::string& file : *files) std::cout << "wrote " << file << '\n';
+  return kDone;
+}
+
+}  // namespace
+
+void AddPosesCommand(CLI::App& program, Run& run) {
+  CLI::App* command = program.add_subcommand(
+      "poses",
+      "Camera poses in the robot's base, from boards on the flange, surveyed and shared boards");
+  auto arguments = std::make_shared<PosesArguments>();
+  PosesArguments& a = *arguments;
+  AddPoseSources(*command, a.sources, a.degrees);
+  command->get_option("--cell")->description(
+      "cell.yaml: its robot's URDF tells where the flange is, its views how large masks are");
+  command->add_option("--mask-size", a.mask_size,
+                      "WIDTHxHEIGHT of all views' masks, where no cell says it, for the matrices "
+                      "in calibration.yaml");
+  command
+      ->add_option("--out", a.out,
+                   "Folder for camera models, calibration.yaml, poses.json and residuals.csv")
+      ->required();
+  command->add_flag("--draw", a.draw, "Pictures of the residuals too, residuals_VIEW.png");
+  AddFormatOption(*command, a.format);
+  command->footer(
+      "What is given is solved together. Boards that are neither on the flange, surveyed nor "
+      "standing are loose:\n"
+      "they tie views that see them in one frame.\n"
+      "Exit code 1: the data give no poses that one could trust; the reason is said.\n"
+      "Examples:\n"
+      "  silhouette-calibrate poses --corners corners.csv --boards boards.yaml --cameras lenses "
+      "\\\n"
+      "      --robot-poses poses.csv --flange-board flange --out cameras --draw\n"
+      "  silhouette-calibrate poses --corners corners.csv --boards boards.yaml --cameras lenses "
+      "\\\n"
+      "      --joints joints.csv --cell cell.yaml --flange-board flange --surveyed survey.yaml "
+      "--out cameras");
+  command->callback([arguments, &run] {
+    run = [arguments]() -> int {
+      const absl::StatusOr<ExitCode> code = PosesWork(*arguments);
+      return code.ok() ? *code : Report("silhouette-calibrate", code.status());
+    };
+  });
+}
+
+}  // namespace silhouette

@@ -1,0 +1,86 @@
+// silhouette-calibrate report
+#include <iostream>
+#include <memory>
+
+#include "absl/strings/str_cat.h"
+#include "calib/report/report_json.h"
+#include "tools/program/program.h"
+#include "tools/silhouette-calibrate/commands.h"
+#include "tools/silhouette-calibrate/poses_options.h"
+#include "tools/silhouette-calibrate/report_files.h"
+
+namespace silhouette {
+namespace {
+
+struct ReportArguments {
+  PoseSources sources;
+  bool degrees = false;
+  std::string workspace;
+  int groups = 8;
+  std::string out = "report.html";
+  std::string json;
+  std::string format = "text";
+};
+
+absl::StatusOr<ExitCode> ReportWork(const ReportArguments& arguments) {
+  const PoseSources sources = WithUnit(arguments.sources, arguments.degrees);
+  const absl::StatusOr<PoseProblem> problem = ReadPoseProblem(sources);
+  if (!problem.ok()) return problem.status();
+  absl::StatusOr<QualityReport> report =
+      ReportOn(*problem, sources, arguments.workspace, arguments.groups);
+  if (!report.ok()) return report.status();
+  const bool refused = !report->refusal.empty();
+  if (refused) {
+    const std::string hint = HintOfUnit(sources);
+    if (!hint.empty()) absl::StrAppend(&report->refusal, "; ", hint);
+    std::cerr << "silhouette-calibrate: " << report->refusal << std::endl;
+  }
+  const auto files = WriteReport(*report, sources, arguments.out, arguments.json);
+  if (!files.ok()) return files.status();
+  if (arguments.format == "json") {
+    nlohmann::ordered_json json = ReportJson(*report);
+    json["files"] = *files;
+    std::cout << json.dump(2) << '\n';
+  } else {
+    PrintReport(*report);
+    for (const std::string& file : *files) std::cout << "wrote " << file << '\n';
+  }
+  return refused ? kNo : kDone;
+}
+
+}  // namespace
+
+void AddReportCommand(CLI::App& program, Run& run) {
+  CLI::App* command = program.add_subcommand(
+      "report", "How good a calibration is, by images that it was not made from: one HTML page");
+  auto arguments = std::make_shared<ReportArguments>();
+  ReportArguments& a = *arguments;
+  AddPoseSources(*command, a.sources, a.degrees);
+  // The robot's model tells its workspace, too.
+  command->get_option("--urdf")->remove_needs(command->get_option("--joints"));
+  command->add_option(
+      "--workspace", a.workspace,
+      "Where the robot works, x0:x1,y0:y1,z0:z1 in its base, metres; default: where "
+      "its links get\n(--cell, --urdf), else where boards were seen");
+  command->add_option("--groups", a.groups, "Groups of frames that are left out one at a time")
+      ->check(CLI::Range(2, 100))
+      ->capture_default_str();
+  command->add_option("--out", a.out, "The page; it needs no other file")->capture_default_str();
+  command->add_option("--json", a.json, "All figures as JSON, too");
+  AddFormatOption(*command, a.format);
+  command->footer(
+      "Takes what `poses` takes, and solves it again without parts of it: some seconds.\n"
+      "Exit code 1: the data give no calibration; the page says why, and what was seen.\n\n"
+      "Example:\n"
+      "  silhouette-calibrate report --corners corners.csv --boards boards.yaml --cameras lenses "
+      "\\\n"
+      "      --robot-poses poses.csv --flange-board flange --cell cell.yaml --out report.html");
+  command->callback([arguments, &run] {
+    run = [arguments]() -> int {
+      const absl::StatusOr<ExitCode> code = ReportWork(*arguments);
+      return code.ok() ? *code : Report("silhouette-calibrate", code.status());
+    };
+  });
+}
+
+}  // namespace silhouette

@@ -1,0 +1,222 @@
+// silhouette-calibrate run
+#include <algorithm>
+#include <filesystem>
+#include <iostream>
+#include <memory>
+#include <optional>
+#include <utility>
+
+#include "absl/strings/str_cat.h"
+#include "calib/poses/pose_calibration.h"
+#include "common/picture/files.h"
+#include "tools/cell/devices/cell_devices.h"
+#include "tools/program/program.h"
+#include "tools/silhouette-calibrate/commands.h"
+#include "tools/silhouette-calibrate/intrinsics_report.h"
+#include "tools/silhouette-calibrate/poses_inputs.h"
+#include "tools/silhouette-calibrate/poses_results.h"
+#include "tools/silhouette-calibrate/report_files.h"
+#include "tools/silhouette-calibrate/run_lenses.h"
+#include "tools/silhouette-calibrate/run_session.h"
+#include "tools/silhouette-calibrate/run_settings.h"
+
+namespace silhouette {
+namespace {
+
+namespace fs = std::filesystem;
+
+struct RunCommandArguments {
+  RunArguments session;
+  bool resume = false;
+  std::string robot_sigma;
+  bool draw = false;
+  std::string format = "text";
+};
+
+std::string InFolder(const RunCommandArguments& arguments, const std::string& name) {
+  return (fs::path(arguments.session.out) / name).string();
+}
+
+// How to go on by hand with what is in the folder.
+std::string PosesCommand(const RunCommandArguments& arguments) {
+  return absl::StrCat("silhouette-calibrate poses --corners ", InFolder(arguments, "corners.csv"),
+                      " --robot-poses ", InFolder(arguments, "robot_poses.csv"), " --boards ",
+                      arguments.session.boards, " --cameras ", arguments.session.cameras,
+                      " --flange-board ", arguments.session.flange_board, " --out ",
+                      InFolder(arguments, "cameras"));
+}
+
+// report.html in the session's folder; returns its path.
+absl::StatusOr<std::string> WriteSessionReport(const RunCommandArguments& arguments,
+                                               const PoseProblem& problem,
+                                               const PoseSources& sources) {
+  const absl::StatusOr<QualityReport> report = ReportOn(problem, sources);
+  if (!report.ok()) return report.status();
+  const std::string page = InFolder(arguments, "report.html");
+  const auto written = WriteReport(*report, sources, page, "");
+  if (!written.ok()) return written.status();
+  return page;
+}
+
+// `found`: the lenses, where they were not given.
+absl::StatusOr<ExitCode> RunSolve(const RunCommandArguments& arguments, const Cell& cell,
+                                  const std::optional<FoundLenses>& found) {
+  const std::string lenses = found ? LensFolder(arguments.session.out) : arguments.session.cameras;
+  PoseSources sources;
+  sources.corners = InFolder(arguments, "corners.csv");
+  sources.boards = arguments.session.boards;
+  sources.cameras = lenses;
+  sources.robot_poses = InFolder(arguments, "robot_poses.csv");
+  sources.flange_board = arguments.session.flange_board;
+  sources.robot_sigma = arguments.robot_sigma;
+  sources.cell = arguments.session.cell;  // for the report's workspace
+  const absl::StatusOr<PoseProblem> problem = ReadPoseProblem(sources);
+  if (!problem.ok()) return problem.status();
+  const absl::StatusOr<PoseSolution> solution = CalibratePoses(*problem);
+  if (absl::IsFailedPrecondition(solution.status())) {
+    std::cerr << "silhouette-calibrate: " << solution.status().message() << std::endl;
+    const auto page = WriteSessionReport(arguments, *problem, sources);
+    if (!page.ok()) return page.status();
+    std::cerr << "what was seen is shown in " << *page << std::endl;
+    return kNo;
+  }
+  if (!solution.ok()) return solution.status();
+  PoseProvenance provenance{.command = "run", .lenses = lenses, .masks = MaskSizesOf(cell)};
+  if (found) provenance.record = RecordOf(found->solution);
+  auto files =
+      WritePoses(InFolder(arguments, "cameras"), *problem, *solution, provenance, arguments.draw);
+  if (!files.ok()) return files.status();
+  const auto page = WriteSessionReport(arguments, *problem, sources);
+  if (!page.ok()) return page.status();
+  files->push_back(*page);
+  if (arguments.format == "json") {
+    nlohmann::ordered_json json = PosesJson(*solution);
+    if (found) {
+      json["lenses"] = nlohmann::ordered_json::parse(LensReportJson(found->solution, found->files));
+    }
+    json["files"] = *files;
+    std::cout << json.dump(2) << '\n';
+    return kDone;
+  }
+  PrintPoses(*solution);
+  for (const std::string& file : *files) std::cout << "wrote " << file << '\n';
+  return kDone;
+}
+
+// After a session that did not come to its end.
+absl::StatusOr<ExitCode> TellHowToGoOn(const RunCommandArguments& arguments,
+                                       const absl::Status& why, size_t frames) {
+  const bool stopped = absl::IsCancelled(why);
+  if (!stopped && frames == 0) return why;
+  const ExitCode code = stopped ? kNo : Report("silhouette-calibrate", why);
+  std::cerr << "silhouette-calibrate: "
+            << (stopped ? absl::StrCat("stopped, and so is the robot; ", frames, " frames are kept")
+                        : absl::StrCat(frames, " frames are kept"))
+            << ". Go on with the same command and --resume";
+  if (!arguments.session.cameras.empty() && frames > 0) {
+    std::cerr << ", or\nsolve with what there is: " << PosesCommand(arguments);
+  }
+  std::cerr << std::endl;
+  return code;
+}
+
+absl::StatusOr<ExitCode> RunWork(RunCommandArguments arguments) {
+  CatchStopSignals();
+  const absl::StatusOr<Cell> cell = LoadCell(arguments.session.cell);
+  if (!cell.ok()) return cell.status();
+  if (cell->robot.urdf.empty()) {
+    return absl::InvalidArgumentError(cell->file + ": the robot needs a 'urdf' for this");
+  }
+  const auto robot = RobotModel::FromUrdf(cell->robot.urdf, cell->robot.package_paths);
+  if (!robot.ok()) return robot.status();
+  auto settings = SettingsOf(arguments.session, *cell, *robot);
+  if (!settings.ok()) return settings.status();
+  arguments.session.flange_board = settings->flange_board;
+  if (absl::Status made = MakeFolder(settings->folder); !made.ok()) return made;
+  auto record = ReadRecord(settings->folder, *robot);
+  if (!record.ok()) return record.status();
+  if (!arguments.resume && !record->frames.empty()) {
+    return absl::AlreadyExistsError(
+        absl::StrCat("'", settings->folder, "' has ", record->frames.size(),
+                     " frames of a session; go on with it (--resume), or name another folder"));
+  }
+  const auto devices = OpenDevicesForCalibration(*cell);
+  if (!devices.ok()) return devices.status();
+  const absl::Status recorded =
+      RecordSession(*cell, *robot, *settings, *devices->robot, *devices->cameras, *record);
+  if (!recorded.ok()) return TellHowToGoOn(arguments, recorded, record->frames.size());
+  std::optional<FoundLenses> found;
+  if (arguments.session.cameras.empty()) {
+    auto lenses = FindLenses(*cell, *robot, *settings, *record);
+    if (absl::IsFailedPrecondition(lenses.status())) {
+      std::cerr
+          << "silhouette-calibrate: " << lenses.status().message()
+          << "\nThe images are kept: take more (--resume and a greater --frames; --joint gives "
+             "the robot more room),\nor find the lenses with boards held by hand "
+             "(intrinsics) and give them: --resume --cameras FOLDER"
+          << std::endl;
+      return kNo;
+    }
+    if (!lenses.ok()) return lenses.status();
+    found = *std::move(lenses);
+    if (arguments.format != "json") std::cout << LensReportText(found->solution, found->files);
+  }
+  return RunSolve(arguments, *cell, found);
+}
+
+void AddOptions(CLI::App& command, RunCommandArguments& a) {
+  command.add_option("--cell", a.session.cell, "The cell's file, cell.yaml")->required();
+  command.add_option("--boards", a.session.boards, "The boards (YAML)")->required();
+  command.add_option("--out", a.session.out, "Folder for all that comes of it")->required();
+  command.add_option("--flange-board", a.session.flange_board,
+                     "The board on the flange; default: 'flange', or the only one");
+  command.add_option("--flange-link", a.session.flange_link,
+                     "The link that carries it; default: 'flange', else the last");
+  command.add_option("--cameras", a.session.cameras,
+                     "Folder of camera models, VIEW.cameramodel, for their lenses; without it "
+                     "they are found from the boards");
+  command.add_option("--frames", a.session.frames, "How many sets of images that show the board")
+      ->check(CLI::Range(3, 10000))
+      ->capture_default_str();
+  command
+      .add_option("--joint", a.session.joints,
+                  "name=lower:upper: a joint that may be moved, and how far; default: those of the "
+                  "grid in its range,\nthe last three up to 60 deg from where they stand")
+      ->allow_extra_args(false);
+  command.add_option("--floor", a.session.floor,
+                     "Height in the robot's base that nothing goes below, metres; default: the "
+                     "workspace's, else 0");
+  command.add_option(
+      "--poses", a.session.poses,
+      "Drive to these poses instead (CSV: a column per joint of the robot; radians)");
+  command.add_option("--seed", a.session.seed, "Of the choice of poses")->capture_default_str();
+  command.add_option("--robot-sigma", a.robot_sigma,
+                     "How exactly the robot goes where it says, per axis; default: 0.2mm,0.02deg");
+  command.add_flag("--resume", a.resume, "Go on with the session in the folder");
+  command.add_flag("--draw", a.draw, "Pictures of the residuals too");
+  AddFormatOption(command, a.format);
+}
+
+}  // namespace
+
+void AddRunCommand(CLI::App& program, Run& run) {
+  CLI::App* command = program.add_subcommand(
+      "run", "A whole session on a cell: drives the robot, takes images, solves");
+  auto arguments = std::make_shared<RunCommandArguments>();
+  AddOptions(*command, *arguments);
+  command->footer(
+      "The robot moves. Joint limits, forbidden regions and the floor are heeded, but not what "
+      "else stands in the cell,\nnor the robot itself: watch it, and give it room with --joint.\n"
+      "Exit code 1: the images give no calibration that one could trust; the reason is said.\n\n"
+      "Example:\n"
+      "  silhouette-calibrate run --cell cell.yaml --boards boards.yaml --out session\n"
+      "  silhouette-db calibration import cell.lmdb session/cameras");
+  command->callback([arguments, &run] {
+    run = [arguments]() -> int {
+      const absl::StatusOr<ExitCode> code = RunWork(*arguments);
+      return code.ok() ? *code : Report("silhouette-calibrate", code.status());
+    };
+  });
+}
+
+}  // namespace silhouette

@@ -1,0 +1,141 @@
+#include "tools/silhouette-calibrate/silhouette_drift.h"
+
+#include <algorithm>
+#include <cmath>
+#include <opencv2/imgproc.hpp>
+
+#include "capture/segmentation/difference.h"
+#include "capture/segmentation/down_sampling.h"
+
+namespace silhouette {
+namespace {
+
+constexpr int kSilhouetteDriftReach = 4;  // mask pixels each way
+constexpr size_t kLeastRobot = 30;        // mask pixels of a silhouette that tells anything
+constexpr double kAlike = 0.35;           // most that may differ, of the outline
+constexpr double kSteep = 0.07;  // least that a shift by 1.5 mask pixels changes, of the outline
+
+cv::Mat SilhouetteDriftMatOf(const Mask& mask) {
+  cv::Mat pixels(mask.height(), mask.width(), CV_8U);
+  for (int y = 0; y < mask.height(); ++y) {
+    for (int x = 0; x < mask.width(); ++x) pixels.at<uchar>(y, x) = mask.at(x, y) ? 255 : 0;
+  }
+  return pixels;
+}
+
+// How unlike the mask of a shifted foreground is to the robot image, near the robot.
+class Comparison {
+ public:
+  Comparison(cv::Mat foreground, const Mask& robot, double min_cover)
+      : foreground_(std::move(foreground)), size_(robot.size()), min_cover_(min_cover) {
+    robot_ = SilhouetteDriftMatOf(robot);
+    const cv::Mat around =
+        cv::Mat::ones(2 * kSilhouetteDriftReach + 1, 2 * kSilhouetteDriftReach + 1, CV_8U);
+    cv::dilate(robot_, near_, around);
+    cv::Mat inner;
+    cv::erode(robot_, inner, cv::Mat::ones(3, 3, CV_8U));
+    outline_ = cv::countNonZero(robot_) - cv::countNonZero(inner);
+  }
+
+  // Mask pixels of the robot's rim.
+  int outline() const { return outline_; }
+
+  // For a foreground that is moved back by (dx, dy) pixels of the camera image.
+  int Unlike(int dx, int dy) const {
+    cv::Mat moved = cv::Mat::zeros(foreground_.size(), CV_8U);
+    const cv::Rect all({0, 0}, foreground_.size());
+    const cv::Rect to = cv::Rect(cv::Point(-dx, -dy), foreground_.size()) & all;
+    if (!to.empty()) foreground_(to + cv::Point(dx, dy)).copyTo(moved(to));
+    cv::Mat unlike;
+    cv::bitwise_xor(SilhouetteDriftMatOf(DownSample(moved, size_, min_cover_)), robot_, unlike);
+    return cv::countNonZero(unlike & near_);
+  }
+
+ private:
+  cv::Mat foreground_;
+  MaskSize size_;
+  double min_cover_;
+  cv::Mat robot_;
+  cv::Mat near_;
+  int outline_ = 0;
+};
+
+struct Best {
+  int x = 0;
+  int y = 0;
+  int unlike = 0;
+};
+
+Best Search(const Comparison& comparison, Best around, cv::Size reach, cv::Size step) {
+  Best best{around.x, around.y, comparison.Unlike(around.x, around.y)};
+  for (int y = around.y - reach.height; y <= around.y + reach.height; y += step.height) {
+    for (int x = around.x - reach.width; x <= around.x + reach.width; x += step.width) {
+      const int unlike = comparison.Unlike(x, y);
+      if (unlike < best.unlike) best = {x, y, unlike};
+    }
+  }
+  return best;
+}
+
+// The middle of the shifts around the best that are as good: the outline moves in whole mask pixels
+// only here and there, so that several are.
+Eigen::Vector2d Middle(const Comparison& comparison, const Best& best, cv::Size reach) {
+  Eigen::Vector2d sum = Eigen::Vector2d::Zero();
+  double weights = 0;
+  for (int y = best.y - reach.height; y <= best.y + reach.height; ++y) {
+    for (int x = best.x - reach.width; x <= best.x + reach.width; ++x) {
+      const int more = comparison.Unlike(x, y) - best.unlike;
+      const double weight = more <= 2 ? 1.0 / (1 + more * more) : 0;
+      sum += weight * Eigen::Vector2d(x, y);
+      weights += weight;
+    }
+  }
+  return sum / weights;
+}
+
+}  // namespace
+
+ViewDrift DriftBySilhouette(const std::string& view, const ViewSizes& sizes, const cv::Mat& image,
+                            const Reference& reference, const SegmentationSettings& settings,
+                            const Mask& robot) {
+  ViewDrift drift;
+  drift.view = view;
+  drift.method = "silhouettes";
+  if (robot.Count() < kLeastRobot) {
+    drift.message = "the robot is hardly seen there; park it where every camera sees it";
+    return drift;
+  }
+  const Comparison comparison(Foreground(image, reference, settings), robot, settings.min_cover);
+  // Pixels of the camera image per mask pixel.
+  const cv::Size pitch(std::max(1, sizes.image.width / sizes.mask.width),
+                       std::max(1, sizes.image.height / sizes.mask.height));
+  const cv::Size half(std::max(1, pitch.width / 2), std::max(1, pitch.height / 2));
+  const Best rough = Search(comparison, {}, pitch * kSilhouetteDriftReach, half);
+  const Best best = Search(comparison, rough, half, {1, 1});
+  if (best.unlike > kAlike * comparison.outline()) {
+    drift.message =
+        "its image does not show the robot as it was captured, however it is shifted; is the robot "
+        "where it is said to be, is anything else in the cell, or did the camera move a long way?";
+    return drift;
+  }
+  for (const auto& [x, y] :
+       {std::pair{3, 0}, {-3, 0}, {0, 3}, {0, -3}, {2, 2}, {-2, -2}, {2, -2}, {-2, 2}}) {
+    const int there = comparison.Unlike(best.x + x * half.width, best.y + y * half.height);
+    if (there - best.unlike >= kSteep * comparison.outline()) continue;
+    drift.message =
+        "the robot's outline leaves open how far the camera moved along it; park the robot so that "
+        "all of its arm is seen";
+    return drift;
+  }
+  drift.shift = Middle(comparison, best, half);
+  drift.moved = drift.shift.norm();
+  drift.moved_mask = drift.shift
+                         .cwiseProduct(Eigen::Vector2d(
+                             static_cast<double>(sizes.mask.width) / sizes.image.width,
+                             static_cast<double>(sizes.mask.height) / sizes.image.height))
+                         .norm();
+  drift.checked = true;
+  return drift;
+}
+
+}  // namespace silhouette

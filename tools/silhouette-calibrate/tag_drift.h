@@ -1,0 +1,41 @@
+// By how much a camera moved, as tags that stay in the cell tell.
+#pragma once
+
+#include <map>
+#include <string>
+#include <vector>
+
+#include "calib/fundamental/line_distances.h"
+#include "tools/silhouette-calibrate/fixed_tags.h"
+
+namespace silhouette {
+
+// What one view says. Pixels of the camera image.
+struct ViewDrift {
+  std::string view;
+  std::string method;    // "tags", or "silhouettes"
+  bool checked = false;  // else `message` says why not, and the mend
+  std::string message;
+  int corners = 0;  // that were compared
+  // The image's motion: a shift of its middle, and a turn about it (radians, clockwise).
+  Eigen::Vector2d shift = Eigen::Vector2d::Zero();
+  double turn = 0;
+  double rms_left = 0;  // of what that does not explain
+  // The most that a point of the image moved.
+  double moved = 0;
+  double moved_mask = 0;  // in mask pixels
+  // Tags that moved by themselves.
+  std::vector<int> odd_tags;
+  // Where corners were, and are; for pictures.
+  std::vector<Eigen::Vector2d> before;
+  std::vector<Eigen::Vector2d> after;
+};
+
+// `before`: how the camera saw the tags when it was calibrated; `after`: how it sees them now. Both
+// may have tags of other views. A turn counts if it is more than four standard deviations. One tag
+// among three or more that disagrees with the rest was moved itself.
+ViewDrift DriftByTags(const std::string& view, const ViewSizes& sizes,
+                      const std::map<SeenTag, TagSighting>& before,
+                      const std::map<SeenTag, TagSighting>& after);
+
+}  // namespace silhouette

@@ -1,0 +1,237 @@
+// silhouette-capture cameras: which cameras there are, and what those of a cell see.
+#include <algorithm>
+#include <filesystem>
+#include <iostream>
+#include <memory>
+#include <nlohmann/json.hpp>
+#include <opencv2/core.hpp>
+#include <optional>
+#include <system_error>
+#include <vector>
+
+#include "absl/strings/str_cat.h"
+#include "absl/strings/str_format.h"
+#include "absl/time/time.h"
+#include "capture/devices/camera_set.h"
+#include "capture/devices/v4l2_devices.h"
+#include "capture/drivers/aravis/aravis_camera.h"
+#include "capture/session/cell_cameras.h"
+#include "common/picture/files.h"
+#include "common/picture/picture.h"
+#include "common/picture/sheet.h"
+#include "tools/cell/devices/cell_devices.h"
+#include "tools/silhouette-capture/commands.h"
+
+namespace silhouette {
+namespace {
+
+namespace fs = std::filesystem;
+
+struct CamerasOptions {
+  std::string cell;
+  std::string out;
+  int sets = 3;
+  std::string format = "text";
+
+  bool json() const { return format == "json"; }
+};
+
+struct Found {
+  std::vector<FoundCamera> genicam;
+  std::vector<V4l2Device> v4l2;
+};
+
+// What came of asking a cell's cameras for sets of images.
+struct CamerasTaken {
+  std::vector<std::string> views;
+  std::vector<CameraImage> images;  // of the last complete set
+  std::vector<ViewCounts> counts;   // by view
+  absl::Duration largest_skew;
+  int complete = 0;
+  absl::Status error;  // of the last set that was not
+};
+
+absl::StatusOr<CamerasTaken> TakeSets(const CamerasOptions& options) {
+  auto cell = LoadCell(options.cell);
+  if (!cell.ok()) return cell.status();
+  auto cameras = OpenCamerasOfCell(*cell, /*all_boards=*/false);
+  if (!cameras.ok()) return cameras.status();
+  CamerasTaken taken{.views = (*cameras)->views(),
+                     .images = {},
+                     .counts = {},
+                     .largest_skew = absl::ZeroDuration(),
+                     .complete = 0,
+                     .error = absl::OkStatus()};
+  for (int set = 0; set < options.sets && !StopRequested(); ++set) {
+    auto images = (*cameras)->Grab();
+    if (!images.ok()) {
+      taken.error = images.status();
+      continue;
+    }
+    taken.images = *std::move(images);
+    taken.largest_skew = std::max(taken.largest_skew, SkewOf(taken.images));
+    ++taken.complete;
+  }
+  taken.counts = (*cameras)->counts();
+  return taken;
+}
+
+std::string TimeText(absl::Time time) {
+  return absl::FormatTime("%H:%M:%E3S", time, absl::LocalTimeZone());
+}
+
+double MeanLevel(const CameraImage& image) {
+  double sum = 0;
+  for (const uint8_t level : image.pixels) sum += level;
+  return sum / static_cast<double>(std::max<size_t>(image.pixels.size(), 1));
+}
+
+// A PNG per view and a sheet of all.
+absl::Status WritePictures(const std::string& folder, const CamerasTaken& taken) {
+  if (absl::Status made = MakeFolder(folder); !made.ok()) return made;
+  std::vector<CaptionedPicture> pictures;
+  for (size_t v = 0; v < taken.images.size(); ++v) {
+    const CameraImage& image = taken.images[v];
+    const Picture picture =
+        PictureOfPixels(image.width, image.height, image.channels, image.pixels);
+    absl::Status status =
+        WritePng((fs::path(folder) / (taken.views[v] + ".png")).string(), picture);
+    if (!status.ok()) return status;
+    pictures.push_back({picture, absl::StrCat(taken.views[v], "  ", image.width, " x ",
+                                              image.height, "  ", TimeText(image.captured))});
+  }
+  return WritePng((fs::path(folder) / "all.png").string(),
+                  ContactSheet(pictures, {.title = "", .columns = 0, .legend = {}}));
+}
+
+void PrintFound(const Found& found) {
+  if (found.genicam.empty()) std::cout << "no GigE Vision or USB3 Vision camera answers\n";
+  for (const FoundCamera& camera : found.genicam) {
+    std::cout << absl::StreamFormat("%-10s  serial %-16s  %s %s  %s\n", camera.protocol,
+                                    camera.serial, camera.vendor, camera.model, camera.address);
+  }
+  if (found.v4l2.empty()) std::cout << "no camera has a Linux driver (/dev/video*)\n";
+  for (const V4l2Device& device : found.v4l2) {
+    std::cout << absl::StreamFormat("%-10s  %s\n", device.device, device.name);
+  }
+}
+
+void PrintTaken(const CamerasOptions& options, const CamerasTaken& taken) {
+  std::cout << absl::StreamFormat("\n%d of %d sets of images are complete\n", taken.complete,
+                                  options.sets);
+  std::cout << "view                  image         mean level  taken at      images  lost  "
+               "incomplete\n";
+  for (size_t v = 0; v < taken.views.size(); ++v) {
+    const ViewCounts& counts = taken.counts[v];
+    std::string image = "none";
+    std::string level, time;
+    if (!taken.images.empty()) {
+      const CameraImage& last = taken.images[v];
+      image = absl::StrCat(last.width, "x", last.height, last.channels == 3 ? " colour" : "");
+      level = absl::StrFormat("%.1f", MeanLevel(last));
+      time = TimeText(last.captured);
+    }
+    std::cout << absl::StreamFormat("  %-18s  %-14s  %8s  %-12s  %6d  %4d  %10d\n", taken.views[v],
+                                    image, level, time, counts.taken, counts.lost,
+                                    counts.incomplete);
+  }
+  if (taken.images.empty()) return;
+  std::cout << absl::StreamFormat(
+      "skew: %s at most (the time from the oldest to the newest image "
+      "of a set)\n",
+      absl::FormatDuration(taken.largest_skew));
+  if (!options.out.empty()) {
+    std::cout << "wrote the images, and all on one sheet to " << options.out << "/all.png\n";
+  }
+}
+
+nlohmann::ordered_json CamerasJsonOf(const CamerasOptions& options, const Found& found,
+                                     const CamerasTaken* taken) {
+  nlohmann::ordered_json json{{"found", nlohmann::ordered_json::array()}};
+  for (const FoundCamera& camera : found.genicam) {
+    json["found"].push_back({{"protocol", camera.protocol},
+                             {"serial", camera.serial},
+                             {"vendor", camera.vendor},
+                             {"model", camera.model},
+                             {"address", camera.address}});
+  }
+  for (const V4l2Device& device : found.v4l2) {
+    json["found"].push_back(
+        {{"protocol", "V4L2"}, {"device", device.device}, {"name", device.name}});
+  }
+  if (taken == nullptr) return json;
+  json["sets"] = options.sets;
+  json["complete"] = taken->complete;
+  json["skew"] = absl::ToDoubleSeconds(taken->largest_skew);
+  for (size_t v = 0; v < taken->views.size(); ++v) {
+    const ViewCounts& counts = taken->counts[v];
+    nlohmann::ordered_json view{{"name", taken->views[v]},
+                                {"taken", counts.taken},
+                                {"lost", counts.lost},
+                                {"incomplete", counts.incomplete}};
+    if (!taken->images.empty()) {
+      const CameraImage& image = taken->images[v];
+      view["width"] = image.width;
+      view["height"] = image.height;
+      view["channels"] = image.channels;
+      view["mean_level"] = MeanLevel(image);
+      view["time"] = absl::FormatTime(absl::RFC3339_full, image.captured, absl::UTCTimeZone());
+      if (!options.out.empty()) view["picture"] = options.out + "/" + taken->views[v] + ".png";
+    }
+    json["views"].push_back(std::move(view));
+  }
+  return json;
+}
+
+absl::StatusOr<ExitCode> CamerasRun(const CamerasOptions& options) {
+  CatchStopSignals();
+  const Found found{.genicam = FindGenicamCameras(), .v4l2 = FindV4l2Devices()};
+  if (!options.json()) PrintFound(found);
+  std::optional<CamerasTaken> taken;
+  if (!options.cell.empty()) {
+    std::cout << std::flush;
+    auto sets = TakeSets(options);
+    if (!sets.ok()) return sets.status();
+    taken = *std::move(sets);
+    if (!options.out.empty() && !taken->images.empty()) {
+      absl::Status status = WritePictures(options.out, *taken);
+      if (!status.ok()) return status;
+    }
+    if (!options.json()) PrintTaken(options, *taken);
+  }
+  if (options.json()) {
+    std::cout << CamerasJsonOf(options, found, taken ? &*taken : nullptr).dump(2) << std::endl;
+  }
+  std::cout << std::flush;
+  if (!taken || taken->error.ok()) return kDone;
+  if (taken->complete == 0) return taken->error;
+  Report("silhouette-capture", taken->error);
+  return kNo;
+}
+
+}  // namespace
+
+void AddCameras(CLI::App& app, Work& work) {
+  CLI::App* command = app.add_subcommand(
+      "cameras",
+      "Lists the cameras that answer: GigE Vision, USB3 Vision, and those with a Linux driver.\n"
+      "With a cell: takes sets of images with its cameras, and says how that went.");
+  command->footer(
+      "Examples:\n"
+      "  silhouette-capture cameras\n"
+      "  silhouette-capture cameras --cell cell.yaml --out pictures\n"
+      "Exit codes: 0 done; 1 some sets of images were not complete; 2 a mistake in what was "
+      "asked;\n"
+      "3 no set was complete.");
+  const auto options = std::make_shared<CamerasOptions>();
+  command->add_option("--cell", options->cell, "The cell's file, cell.yaml");
+  command->add_option("--out", options->out,
+                      "Folder for the images of the last set, and for all on one sheet, all.png");
+  command->add_option("--sets", options->sets, "How many sets of images are taken")
+      ->check(CLI::Range(1, 1'000'000))
+      ->capture_default_str();
+  AddFormatOption(*command, options->format);
+  command->callback([options, &work] { work = [options] { return CamerasRun(*options); }; });
+}
+
+}  // namespace silhouette

@@ -1,0 +1,32 @@
+#include <opencv2/core/utility.hpp>
+
+#include "tools/silhouette-capture/commands.h"
+
+int main(int argc, char** argv) {
+  using namespace silhouette;
+  CLI::App app(
+      "Captures the robot images of a cell: drives the robot through every configuration of the\n"
+      "grid and stores how each view sees it.",
+      "silhouette-capture");
+  app.require_subcommand(1);
+  app.footer(
+      "Examples:\n"
+      "  silhouette-capture cameras                      which cameras there are\n"
+      "  silhouette-capture reference --cell cell.yaml   images of the empty cell, first of all\n"
+      "  silhouette-capture run --cell cell.yaml --dry-run\n"
+      "  silhouette-capture run --cell cell.yaml         again after any interruption\n"
+      "  silhouette-capture status --cell cell.yaml\n"
+      "  silhouette-capture report --cell cell.yaml --out report\n"
+      "  silhouette-capture tune --cell cell.yaml --try 'faint_side: 7'");
+  Work work;
+  for (const auto add :
+       {AddCameras, AddReference, AddRun, AddStatus, AddReport, AddRemask, AddTune}) {
+    add(app, work);
+  }
+  // Images are small: handing their parts to other threads costs more than it saves.
+  cv::setNumThreads(1);
+  return RunProgram(app, argc, argv, [&]() -> int {
+    const absl::StatusOr<ExitCode> result = work();
+    return result.ok() ? *result : Report("silhouette-capture", result.status());
+  });
+}

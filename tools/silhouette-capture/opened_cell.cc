@@ -1,0 +1,114 @@
+#include "tools/silhouette-capture/opened_cell.h"
+
+#include <algorithm>
+#include <vector>
+
+#include "absl/strings/str_cat.h"
+#include "absl/strings/str_join.h"
+#include "absl/strings/str_replace.h"
+#include "tools/cell/segmentation_text.h"
+#include "tools/program/program.h"
+
+namespace silhouette {
+namespace {
+
+std::string ForShell(const std::string& word) {
+  const bool plain = word.find_first_not_of(
+                         "abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789"
+                         "_-./:@%+,=") == std::string::npos;
+  if (plain && !word.empty()) return word;
+  return absl::StrCat("'", absl::StrReplaceAll(word, {{"'", "'\\''"}}), "'");
+}
+
+}  // namespace
+
+std::string CellArguments::Command(const std::string& subcommand) const {
+  std::string command = absl::StrCat("silhouette-capture ", subcommand, " --cell ", ForShell(cell));
+  if (!database.empty()) absl::StrAppend(&command, " --database ", ForShell(database));
+  // Reference images are of all sets.
+  if (set != schema::kDefaultSet && subcommand != "reference") {
+    absl::StrAppend(&command, " --set ", ForShell(set));
+  }
+  return command;
+}
+
+void AddCellOptions(CLI::App& command, CellArguments& arguments) {
+  command.add_option("--cell", arguments.cell, "The cell's file, cell.yaml")->required();
+  command.add_option("--database", arguments.database,
+                     "The database's folder; default: the one that the cell's file names");
+  AddFormatOption(command, arguments.format);
+}
+
+void AddSetOption(CLI::App& command, CellArguments& arguments) {
+  command
+      .add_option("--set", arguments.set,
+                  "The set of robot images: of the robot with this tool, this part, its gripper\n"
+                  "open or closed")
+      ->capture_default_str();
+}
+
+absl::StatusOr<CellFile> OpenCellFile(const CellArguments& arguments) {
+  absl::StatusOr<Cell> cell = LoadCell(arguments.cell);
+  if (!cell.ok()) return cell.status();
+  const std::string database = arguments.database.empty() ? cell->database : arguments.database;
+  if (database.empty()) {
+    return absl::InvalidArgumentError(
+        absl::StrCat("say where the database is: --database FOLDER, or 'database: FOLDER' in '",
+                     arguments.cell, "'"));
+  }
+  return CellFile{*std::move(cell), database, arguments.set};
+}
+
+absl::StatusOr<std::unique_ptr<Database>> OpenDatabase(const CellFile& file,
+                                                       Database::Access access) {
+  absl::StatusOr<std::unique_ptr<Database>> database = Database::Open(file.database, access);
+  if (!database.ok()) return database.status();
+  const std::vector<std::string> differences =
+      Differences(DescriptionOf(file.cell), "the cell file", (*database)->cell(), "the database");
+  if (!differences.empty()) {
+    return absl::FailedPreconditionError(
+        absl::StrCat("the database '", file.database, "' does not belong to the cell of '",
+                     file.cell.file, "': ", absl::StrJoin(differences, "; "),
+                     SegmentationAdvice(file.cell.segmentation, (*database)->cell()),
+                     ". Choose another database, or change the cell file back"));
+  }
+  absl::StatusOr<std::unique_ptr<Database>> set = (*database)->OpenSet(file.set);
+  if (!absl::IsNotFound(set.status()) || access == Database::Access::kRead) return set;
+  return (*database)->CreateSet(file.set, "silhouette-capture run --set " + file.set);
+}
+
+absl::StatusOr<std::unique_ptr<Database>> OpenDatabaseOfOtherMasks(const CellFile& file,
+                                                                   Database::Access access,
+                                                                   bool other_masks) {
+  auto database = Database::Open(file.database, access);
+  if (!database.ok()) return database.status();
+  storage::v1::CellDescription wanted = DescriptionOf(file.cell);
+  wanted.set_segmentation("");
+  const storage::v1::CellDescription& stored = (*database)->cell();
+  for (int v = 0; other_masks && v < std::min(wanted.views_size(), stored.views_size()); ++v) {
+    wanted.mutable_views(v)->set_mask_width(stored.views(v).mask_width());
+    wanted.mutable_views(v)->set_mask_height(stored.views(v).mask_height());
+  }
+  const auto differences = Differences(wanted, "the cell file", stored, "the database");
+  if (differences.empty()) return database;
+  return absl::FailedPreconditionError(
+      absl::StrCat("the database '", file.database, "' does not belong to the cell of '",
+                   file.cell.file, "': ", absl::StrJoin(differences, "; "),
+                   other_masks || access == Database::Access::kRead
+                       ? ""
+                       : ". Masks of another size go into another database: --into FOLDER"));
+}
+
+std::string BesideDatabase(const std::string& database, const std::string& ending) {
+  std::string folder = database;
+  while (folder.size() > 1 && folder.back() == '/') folder.pop_back();
+  return folder + ending;
+}
+
+absl::StatusOr<std::unique_ptr<Database>> OpenOrCreateDatabase(const CellFile& file) {
+  absl::StatusOr<std::unique_ptr<Database>> database = OpenDatabase(file, Database::Access::kWrite);
+  if (!absl::IsNotFound(database.status())) return database;
+  return Database::Create(file.database, DescriptionOf(file.cell));
+}
+
+}  // namespace silhouette

@@ -1,0 +1,68 @@
+// silhouette-capture report: what became of a capture, as a page with pictures.
+#include <iostream>
+#include <memory>
+
+#include "tools/silhouette-capture/commands.h"
+#include "tools/silhouette-capture/opened_cell.h"
+#include "tools/silhouette-capture/session_log.h"
+#include "tools/silhouette-capture/session_page.h"
+#include "tools/silhouette-capture/session_report.h"
+
+namespace silhouette {
+namespace {
+
+struct ReportOptions {
+  CellArguments cell;
+  std::string out;
+  std::string log;
+};
+
+absl::StatusOr<ExitCode> ReportRun(const ReportOptions& options) {
+  const absl::StatusOr<CellFile> file = OpenCellFile(options.cell);
+  if (!file.ok()) return file.status();
+  const auto database = OpenDatabase(*file, Database::Access::kRead);
+  if (!database.ok()) return database.status();
+  const std::string folder =
+      options.out.empty() ? DefaultReportFolder(file->database, file->set) : options.out;
+  const auto facts = WriteSessionReport(
+      options.cell, file->cell.name, **database,
+      options.log.empty() ? DefaultLogFile(file->database) : options.log, folder);
+  if (!facts.ok()) return facts.status();
+  if (options.cell.json()) {
+    std::cout << SessionJson(*facts, (*database)->cell()).dump(2) << std::endl;
+  } else {
+    std::cout << VerdictOf(*facts) << "\nreport: " << folder << "/report.html\n";
+    for (const std::string& command : facts->repair) std::cout << "repair: " << command << "\n";
+    std::cout << std::flush;
+  }
+  return facts->good() ? kDone : kNo;
+}
+
+}  // namespace
+
+void AddReport(CLI::App& app, Work& work) {
+  CLI::App* command = app.add_subcommand(
+      "report",
+      "Writes what became of a capture, as a page with pictures (report.html) and for programs\n"
+      "(report.json): coverage, every view's quality, how well the sentinels repeated, outliers, "
+      "what\n"
+      "is suspect, the log's story, and the commands to repair it. Reads only; may be asked while "
+      "a\n"
+      "capture goes on. Exit code 0: there is nothing to repair; 1: there is.");
+  command->footer(
+      "Examples:\n"
+      "  silhouette-capture report --cell cell.yaml --database cell.lmdb --out report\n"
+      "  silhouette-capture report --cell cell.yaml --set gripper-open");
+  const auto options = std::make_shared<ReportOptions>();
+  AddCellOptions(*command, options->cell);
+  AddSetOption(*command, options->cell);
+  command->add_option(
+      "--out", options->out,
+      "The folder for the report; default: the database's name, that of a further set,\n"
+      "and .report");
+  command->add_option("--log", options->log,
+                      "The sessions' log; default: the database's name and .log");
+  command->callback([options, &work] { work = [options] { return ReportRun(*options); }; });
+}
+
+}  // namespace silhouette

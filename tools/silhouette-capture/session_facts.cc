@@ -1,0 +1,135 @@
+#include "tools/silhouette-capture/session_facts.h"
+
+#include <algorithm>
+#include <fstream>
+#include <set>
+
+#include "absl/strings/str_cat.h"
+#include "capture/session/capture_plan.h"
+
+namespace silhouette {
+namespace {
+
+constexpr size_t kStoryLines = 200;
+
+std::vector<Standing> StandingsOf(const Database& database, const Snapshot& snapshot,
+                                  const SessionFacts& facts) {
+  std::vector<Standing> standings(database.grid().number_limit(), Standing::kMissing);
+  const absl::Status ignored =
+      snapshot.ForEach([&](ConfigurationNumber number, const absl::StatusOr<RobotImage>& image) {
+        standings[number] = !image.ok()       ? Standing::kDamaged
+                            : image->excluded ? Standing::kExcluded
+                                              : Standing::kCaptured;
+        return true;
+      });
+  for (const Outlier& outlier : facts.outliers) {
+    Standing& standing = standings[outlier.number];
+    if (outlier.reason != OutlierReason::kDamaged)
+      standing = std::max(standing, Standing::kOutlier);
+  }
+  for (const ConfigurationNumber number : facts.suspects) {
+    standings[number] = std::max(standings[number], Standing::kSuspect);
+  }
+  return standings;
+}
+
+absl::StatusOr<SetFacts> FactsOf(const Database& set) {
+  SetFacts facts;
+  facts.name = set.set();
+  const auto records = ReadRecords(set);
+  if (!records.ok()) return records.status();
+  const auto count = [&](StoredRecord kind) {
+    return static_cast<uint64_t>(std::ranges::count(*records, kind));
+  };
+  facts.captured = count(StoredRecord::kCaptured);
+  facts.excluded = count(StoredRecord::kExcluded);
+  facts.damaged = count(StoredRecord::kDamaged);
+  facts.missing = set.grid().size() - facts.captured - facts.excluded - facts.damaged;
+  const auto snapshot = set.Read();
+  if (!snapshot.ok()) return snapshot.status();
+  const auto suspects = SuspectNumbers(*snapshot);
+  if (!suspects.ok()) return suspects.status();
+  facts.suspect = suspects->size();
+  return facts;
+}
+
+absl::StatusOr<std::vector<SetFacts>> FactsOfSets(const Database& database) {
+  const auto names = database.Sets();
+  if (!names.ok()) return names.status();
+  std::vector<SetFacts> sets;
+  for (const std::string& name : *names) {
+    const auto set = database.OpenSet(name);
+    if (!set.ok()) return set.status();
+    auto facts = FactsOf(**set);
+    if (!facts.ok()) return facts.status();
+    sets.push_back(*std::move(facts));
+  }
+  return sets;
+}
+
+void ReadStory(const std::string& log, SessionFacts& facts) {
+  std::ifstream in(log);
+  for (std::string line; std::getline(in, line); ++facts.story_lines) facts.story.push_back(line);
+  if (facts.story.size() > kStoryLines) {
+    facts.story.erase(facts.story.begin(),
+                      facts.story.end() - static_cast<std::ptrdiff_t>(kStoryLines));
+  }
+}
+
+std::vector<std::string> RepairOf(const CellArguments& arguments, const SessionFacts& facts) {
+  std::vector<std::string> repair;
+  const std::string run = arguments.Command("run");
+  if (!facts.suspects.empty() || facts.alarmed()) repair.push_back(run + " --only sentinels");
+  if (!facts.suspects.empty()) repair.push_back(run + " --only suspect");
+  if (facts.mendable() > 0) repair.push_back(run + " --only outliers");
+  if (facts.statistics.missing > 0 && facts.suspects.empty() && facts.mendable() == 0) {
+    repair.push_back(run);
+  }
+  return repair;
+}
+
+}  // namespace
+
+uint64_t SessionFacts::mendable() const {
+  std::set<ConfigurationNumber> numbers;
+  for (const Outlier& outlier : outliers) {
+    if (outlier.reason != OutlierReason::kTouchesBorder) numbers.insert(outlier.number);
+  }
+  return numbers.size();
+}
+
+absl::StatusOr<SessionFacts> GatherFacts(const CellArguments& arguments, const Database& database,
+                                         const Snapshot& snapshot, const std::string& log) {
+  SessionFacts facts;
+  facts.set = database.set();
+  auto sets = FactsOfSets(database);
+  if (!sets.ok()) return sets.status();
+  facts.sets = *std::move(sets);
+  auto statistics = StatisticsOf(snapshot, database.grid(), database.mask_sizes());
+  if (!statistics.ok()) return statistics.status();
+  facts.statistics = *std::move(statistics);
+  auto outliers = FindOutliers(snapshot, database.grid());
+  if (!outliers.ok()) return outliers.status();
+  facts.outliers = *std::move(outliers);
+  auto suspects = SuspectNumbers(snapshot);
+  if (!suspects.ok()) return suspects.status();
+  facts.suspects = *std::move(suspects);
+  auto history = snapshot.CaptureHistory();
+  if (!history.ok()) return history.status();
+  facts.history = *std::move(history);
+  facts.repeatability = RepeatabilityOf(facts.history, database.cell());
+  const auto raw_images = snapshot.RawImageNumbers();
+  if (!raw_images.ok()) return raw_images.status();
+  facts.raw_images = raw_images->size();
+  facts.touching.resize(database.mask_sizes().size());
+  for (const Outlier& outlier : facts.outliers) {
+    if (outlier.reason != OutlierReason::kTouchesBorder || outlier.view < 0) continue;
+    ++facts.touching[static_cast<size_t>(outlier.view)];
+  }
+  facts.standings = StandingsOf(database, snapshot, facts);
+  ReadStory(log, facts);
+  facts.repair = RepairOf(arguments, facts);
+  return facts;
+}
+
+}  // namespace silhouette

@@ -1,0 +1,31 @@
+// The report of a database's capture sessions as a page, and as JSON.
+#pragma once
+
+#include <nlohmann/json.hpp>
+#include <optional>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "tools/silhouette-capture/session_facts.h"
+
+namespace silhouette {
+
+// PNG files.
+struct ReportPictures {
+  std::string coverage;
+  std::string sentinels;
+  std::optional<std::string> outliers;
+  std::optional<std::string> history;
+};
+
+// What is to be said first, in a sentence.
+std::string VerdictOf(const SessionFacts& facts);
+
+std::string SessionPage(const SessionFacts& facts, const storage::v1::CellDescription& cell,
+                        const std::vector<std::pair<std::string, std::string>>& origin,
+                        const ReportPictures& pictures);
+
+nlohmann::json SessionJson(const SessionFacts& facts, const storage::v1::CellDescription& cell);
+
+}  // namespace silhouette

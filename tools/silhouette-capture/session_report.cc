@@ -1,0 +1,74 @@
+#include "tools/silhouette-capture/session_report.h"
+
+#include <optional>
+
+#include "absl/strings/str_cat.h"
+#include "absl/time/clock.h"
+#include "common/picture/files.h"
+#include "tools/silhouette-capture/session_page.h"
+#include "tools/silhouette-capture/session_pictures.h"
+
+namespace silhouette {
+namespace {
+
+absl::StatusOr<ReportPictures> Paint(const Database& database, const Snapshot& snapshot,
+                                     const SessionFacts& facts) {
+  ReportPictures pictures;
+  pictures.coverage = EncodePng(CoveragePicture(database.grid(), facts));
+  const auto sentinels = SentinelPicture(database, snapshot, facts);
+  if (!sentinels.ok()) return sentinels.status();
+  pictures.sentinels = EncodePng(*sentinels);
+  const auto outliers = OutlierPicture(database, snapshot, facts);
+  if (!outliers.ok()) return outliers.status();
+  if (*outliers) pictures.outliers = EncodePng(**outliers);
+  const auto history = HistoryPicture(database.cell(), facts);
+  if (history) pictures.history = EncodePng(*history);
+  return pictures;
+}
+
+absl::Status WriteAll(const std::string& folder, const std::string& page, const std::string& json,
+                      const ReportPictures& pictures) {
+  absl::Status status = WriteWholeFile(folder + "/report.html", page);
+  status.Update(WriteWholeFile(folder + "/report.json", json));
+  status.Update(WriteWholeFile(folder + "/coverage.png", pictures.coverage));
+  status.Update(WriteWholeFile(folder + "/sentinels.png", pictures.sentinels));
+  if (pictures.outliers) {
+    status.Update(WriteWholeFile(folder + "/outliers.png", *pictures.outliers));
+  }
+  if (pictures.history) {
+    status.Update(WriteWholeFile(folder + "/history.png", *pictures.history));
+  }
+  return status;
+}
+
+}  // namespace
+
+std::string DefaultReportFolder(const std::string& database, const std::string& set) {
+  return BesideDatabase(database,
+                        absl::StrCat(set == schema::kDefaultSet ? "" : "." + set, ".report"));
+}
+
+absl::StatusOr<SessionFacts> WriteSessionReport(const CellArguments& arguments,
+                                                const std::string& cell_name,
+                                                const Database& database, const std::string& log,
+                                                const std::string& folder) {
+  if (absl::Status made = MakeFolder(folder); !made.ok()) return made;
+  const auto snapshot = database.Read();
+  if (!snapshot.ok()) return snapshot.status();
+  auto facts = GatherFacts(arguments, database, *snapshot, log);
+  if (!facts.ok()) return facts.status();
+  const auto pictures = Paint(database, *snapshot, *facts);
+  if (!pictures.ok()) return pictures.status();
+  const std::string now = absl::FormatTime("%Y-%m-%d %H:%M", absl::Now(), absl::LocalTimeZone());
+  std::vector<std::pair<std::string, std::string>> origin = {{"cell", cell_name},
+                                                             {"database", database.path()}};
+  if (facts->sets.size() > 1) origin.emplace_back("set", facts->set);
+  origin.emplace_back("made", now);
+  const std::string page = SessionPage(*facts, database.cell(), origin, *pictures);
+  absl::Status status =
+      WriteAll(folder, page, SessionJson(*facts, database.cell()).dump(2) + "\n", *pictures);
+  if (!status.ok()) return status;
+  return facts;
+}
+
+}  // namespace silhouette

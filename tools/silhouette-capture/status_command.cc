@@ -1,0 +1,136 @@
+// silhouette-capture status: what is there, what is missing, what to do next.
+#include <algorithm>
+#include <iostream>
+#include <memory>
+#include <nlohmann/json.hpp>
+
+#include "absl/strings/str_format.h"
+#include "capture/session/capture_plan.h"
+#include "capture/session/history.h"
+#include "tools/silhouette-capture/commands.h"
+#include "tools/silhouette-capture/opened_cell.h"
+
+namespace silhouette {
+namespace {
+
+struct Standing {
+  bool database = false;
+  int references = 0;  // images per view that they were made from; 0: none
+  uint64_t configurations = 0;
+  uint64_t captured = 0;
+  uint64_t excluded = 0;
+  uint64_t damaged = 0;
+  uint64_t suspect = 0;  // of the captured ones
+  uint64_t missing() const { return configurations - captured - excluded - damaged; }
+  bool complete() const { return references > 0 && missing() == 0 && damaged == 0 && suspect == 0; }
+};
+
+absl::StatusOr<Standing> Look(const CellFile& file) {
+  Standing standing;
+  standing.configurations = file.cell.grid.size();
+  auto database = OpenDatabase(file, Database::Access::kRead);
+  const bool no_set = absl::IsNotFound(database.status()) && file.set != schema::kDefaultSet;
+  if (no_set) {
+    // The reference images are of all sets.
+    CellFile others = file;
+    others.set = schema::kDefaultSet;
+    database = OpenDatabase(others, Database::Access::kRead);
+  }
+  if (absl::IsNotFound(database.status())) return standing;
+  if (!database.ok()) return database.status();
+  standing.database = true;
+  const auto snapshot = (*database)->Read();
+  if (!snapshot.ok()) return snapshot.status();
+  const auto references = snapshot->References();
+  if (!references.ok()) return references.status();
+  if (references->has_value()) standing.references = std::max(1, (*references)->views(0).images());
+  if (no_set) return standing;
+  const auto records = ReadRecords(**database);
+  if (!records.ok()) return records.status();
+  const auto count = [&](StoredRecord kind) {
+    return static_cast<uint64_t>(std::count(records->begin(), records->end(), kind));
+  };
+  standing.captured = count(StoredRecord::kCaptured);
+  standing.excluded = count(StoredRecord::kExcluded);
+  standing.damaged = count(StoredRecord::kDamaged);
+  const auto suspects = SuspectNumbers(*snapshot);
+  if (!suspects.ok()) return suspects.status();
+  standing.suspect = suspects->size();
+  return standing;
+}
+
+// The next command; empty: there is nothing left to do.
+std::string Next(const CellArguments& arguments, const Standing& standing) {
+  if (standing.references == 0) return arguments.Command("reference");
+  if (standing.missing() > 0) return arguments.Command("run");
+  if (standing.suspect > 0) return arguments.Command("run") + " --only suspect";
+  if (standing.damaged > 0) return arguments.Command("run") + " --only outliers";
+  return "";
+}
+
+void StatusPrintText(const CellFile& file, const Standing& standing, const std::string& next) {
+  std::cout << absl::StreamFormat("cell '%s', database %s%s%s\n", file.cell.name, file.database,
+                                  standing.database ? "" : " (not there yet)",
+                                  file.set == schema::kDefaultSet ? "" : ", set " + file.set);
+  if (standing.references > 0) {
+    std::cout << absl::StreamFormat("reference images   %d per view\n", standing.references);
+  } else {
+    std::cout << "reference images   none\n";
+  }
+  std::cout << absl::StreamFormat(
+      "configurations     %d: %d captured, %d excluded, %d damaged, %d missing\n",
+      standing.configurations, standing.captured, standing.excluded, standing.damaged,
+      standing.missing());
+  if (standing.suspect > 0) {
+    std::cout << absl::StreamFormat(
+        "suspect            %d, captured while the cell may have been changed\n", standing.suspect);
+  }
+  std::cout << (next.empty() ? std::string("all is captured") : "next: " + next) << std::endl;
+}
+
+void StatusPrintJson(const CellFile& file, const Standing& standing, const std::string& next) {
+  const nlohmann::json json = {{"cell", file.cell.name},
+                               {"database", file.database},
+                               {"database_exists", standing.database},
+                               {"set", file.set},
+                               {"reference_images", standing.references},
+                               {"configurations", standing.configurations},
+                               {"captured", standing.captured},
+                               {"excluded", standing.excluded},
+                               {"damaged", standing.damaged},
+                               {"missing", standing.missing()},
+                               {"suspect", standing.suspect},
+                               {"complete", standing.complete()},
+                               {"next", next}};
+  std::cout << json.dump(2) << std::endl;
+}
+
+absl::StatusOr<ExitCode> StatusRun(const CellArguments& arguments) {
+  const absl::StatusOr<CellFile> file = OpenCellFile(arguments);
+  if (!file.ok()) return file.status();
+  const absl::StatusOr<Standing> standing = Look(*file);
+  if (!standing.ok()) return standing.status();
+  const std::string next = Next(arguments, *standing);
+  if (arguments.json()) {
+    StatusPrintJson(*file, *standing, next);
+  } else {
+    StatusPrintText(*file, *standing, next);
+  }
+  return standing->complete() ? kDone : kNo;
+}
+
+}  // namespace
+
+void AddStatus(CLI::App& app, Work& work) {
+  CLI::App* command = app.add_subcommand(
+      "status",
+      "Says what is captured, what is missing and what to do next; may be asked while a\n"
+      "capture goes on. Exit code 0: all is captured; 1: something is missing.");
+  command->footer("Example:\n  silhouette-capture status --cell cell.yaml --database cell.lmdb");
+  const auto arguments = std::make_shared<CellArguments>();
+  AddCellOptions(*command, *arguments);
+  AddSetOption(*command, *arguments);
+  command->callback([arguments, &work] { work = [arguments] { return StatusRun(*arguments); }; });
+}
+
+}  // namespace silhouette

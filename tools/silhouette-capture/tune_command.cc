@@ -1,0 +1,211 @@
+// silhouette-capture tune: what other settings of the segmentation would find in images that there
+// are.
+#include <cctype>
+#include <iostream>
+#include <memory>
+#include <stdexcept>
+
+#include "absl/strings/str_cat.h"
+#include "absl/strings/str_format.h"
+#include "absl/time/clock.h"
+#include "absl/time/time.h"
+#include "common/picture/files.h"
+#include "tools/program/progress.h"
+#include "tools/silhouette-capture/commands.h"
+#include "tools/silhouette-capture/opened_cell.h"
+#include "tools/silhouette-capture/tune_images.h"
+#include "tools/silhouette-capture/tune_page.h"
+#include "tools/silhouette-capture/tune_pictures.h"
+#include "tools/silhouette-capture/tune_variants.h"
+
+namespace silhouette {
+namespace {
+
+struct TuneOptions {
+  CellArguments cell;
+  std::vector<std::string> images;
+  std::vector<std::string> empty;
+  std::vector<std::string> tries;
+  std::string out;
+  int most = 3;
+};
+
+absl::StatusOr<std::vector<TuneImage>> ImagesOf(const TuneOptions& options,
+                                                const Database& database) {
+  auto images = RawImagesToTune(database, options.most);
+  if (!images.ok()) return images.status();
+  for (const bool empty : {false, true}) {
+    for (const std::string& folder : empty ? options.empty : options.images) {
+      auto more = FolderImagesToTune(database, folder, empty);
+      if (!more.ok()) return more.status();
+      images->insert(images->end(), more->begin(), more->end());
+    }
+  }
+  if (!images->empty()) return images;
+  return absl::FailedPreconditionError(absl::StrCat(
+      "the database '", database.path(),
+      "' has no raw images: capture with 'raw_images: sentinels' or 'raw_images: all' of 'capture' "
+      "in the cell file, or name a folder of images with --images or --empty"));
+}
+
+// A file's name for the sheet of an image.
+std::string SheetName(size_t number, const std::string& name) {
+  std::string file = absl::StrFormat("%02d-", number + 1);
+  for (const char c : name) {
+    file += std::isalnum(static_cast<unsigned char>(c)) != 0 ? c : '-';
+  }
+  return file + ".png";
+}
+
+// How the first of what was tried is put to use.
+absl::StatusOr<std::vector<std::string>> Advice(const TuneOptions& options,
+                                                const Database& database,
+                                                const std::vector<TuneVariant>& variants) {
+  const auto snapshot = database.Read();
+  if (!snapshot.ok()) return snapshot.status();
+  const auto raw = snapshot->RawImageNumbers();
+  if (!raw.ok()) return raw.status();
+  std::vector<std::string> lines;
+  if (options.tries.empty()) {
+    lines.push_back(absl::StrCat("look closer: ", options.cell.Command("tune"), " --try '",
+                                 variants.back().name, "'"));
+    return lines;
+  }
+  for (size_t t = 0; t < options.tries.size(); ++t) {
+    const TuneVariant& variant = variants[variants.size() - options.tries.size() + t];
+    lines.push_back(CellFileLine(variant.settings));
+  }
+  if (raw->size() >= snapshot->size()) {
+    lines.push_back(options.cell.Command("remask"));
+  } else {
+    lines.push_back(absl::StrFormat(
+        "only %d of %d robot images have raw images: capture all anew, into a new database: "
+        "silhouette-capture run --cell %s --database NEW",
+        raw->size(), snapshot->size(), options.cell.cell));
+  }
+  return lines;
+}
+
+absl::Status WritePage(const CellFile& file, const std::string& folder, const TuneResult& result) {
+  for (const TuneEntry& image : result.images) {
+    absl::Status status = WriteWholeFile(folder + "/" + image.sheet, image.sheet_png);
+    if (!status.ok()) return status;
+  }
+  const std::string now = absl::FormatTime("%Y-%m-%d %H:%M", absl::Now(), absl::LocalTimeZone());
+  const std::string page =
+      TunePage(result, {{"cell", file.cell.name}, {"database", file.database}, {"made", now}});
+  absl::Status status = WriteWholeFile(folder + "/tune.html", page);
+  status.Update(WriteWholeFile(folder + "/tune.json", TuneJson(result).dump(2) + "\n"));
+  return status;
+}
+
+absl::StatusOr<TuneResult> Compare(const TuneOptions& options, const CellFile& file,
+                                   const Database& database) {
+  auto variants = TuneVariants(database.cell(), file.cell.segmentation, options.tries);
+  if (!variants.ok()) return variants.status();
+  const auto images = ImagesOf(options, database);
+  if (!images.ok()) return images.status();
+  TuneResult result{.variants = *std::move(variants), .images = {}, .sums = {}, .advice = {}};
+  result.sums.resize(result.variants.size());
+  Progress progress("images", images->size(), "images");
+  for (const TuneImage& image : *images) {
+    if (StopRequested()) return absl::CancelledError("stopped; nothing was written");
+    const MaskSize size = file.cell.views[static_cast<size_t>(image.view)].mask_size;
+    TunedImage tuned;
+    try {
+      tuned = Tune(image, result.variants, size);
+    } catch (const std::invalid_argument& error) {
+      return absl::InvalidArgumentError(error.what());
+    }
+    for (size_t v = 0; v < tuned.figures.size(); ++v) result.sums[v].Add(tuned.figures[v]);
+    result.images.push_back({.name = image.name,
+                             .empty = image.empty,
+                             .figures = tuned.figures,
+                             .sheet = SheetName(result.images.size(), image.name),
+                             .sheet_png = EncodePng(TuneSheet(image, result.variants, tuned))});
+    progress.Update(result.images.size());
+  }
+  auto advice = Advice(options, database, result.variants);
+  if (!advice.ok()) return advice.status();
+  result.advice = *std::move(advice);
+  return result;
+}
+
+absl::StatusOr<ExitCode> TuneRun(const TuneOptions& options) {
+  const absl::StatusOr<CellFile> file = OpenCellFile(options.cell);
+  if (!file.ok()) return file.status();
+  const auto database = OpenDatabaseOfOtherMasks(*file, Database::Access::kRead, true);
+  if (!database.ok()) return database.status();
+  CatchStopSignals();
+  const absl::StatusOr<TuneResult> result = Compare(options, *file, **database);
+  if (absl::IsCancelled(result.status())) {
+    std::cerr << result.status().message() << std::endl;
+    return kNo;
+  }
+  if (!result.ok()) return result.status();
+  const std::string folder =
+      options.out.empty() ? BesideDatabase(file->database, ".tune") : options.out;
+  if (absl::Status made = MakeFolder(folder); !made.ok()) return made;
+  absl::Status status = WritePage(*file, folder, *result);
+  if (!status.ok()) return status;
+  if (options.cell.json()) {
+    std::cout << TuneJson(*result).dump(2) << std::endl;
+    return kDone;
+  }
+  std::cout << TuneTable(*result) << "page: " << folder << "/tune.html\n";
+  if (!options.tries.empty()) {
+    std::cout << (options.tries.size() == 1
+                      ? "to use it, write this line into the cell file, then:\n"
+                      : "to use one of them, write its line into the cell "
+                        "file, then:\n");
+  }
+  for (const std::string& line : result->advice) std::cout << "  " << line << "\n";
+  std::cout << std::flush;
+  return kDone;
+}
+
+}  // namespace
+
+void AddTune(CLI::App& app, Work& work) {
+  CLI::App* command = app.add_subcommand(
+      "tune",
+      "Compares settings of the segmentation on images that there are: camera images that "
+      "captures\n"
+      "kept (those of the sentinels, unless more was asked for), and images in folders. Nothing\n"
+      "moves, and the database stays as it is. Writes a page with pictures (tune.html) and for\n"
+      "programs (tune.json): what is found, what is found otherwise than with the database's "
+      "settings,\n"
+      "and how close the decisions are. Without --try a lower and a higher value of each setting.");
+  command->footer(
+      "Examples:\n"
+      "  silhouette-capture tune --cell cell.yaml --try 'faint_side: 7, min_difference: 6'\n"
+      "  silhouette-capture cameras --cell cell.yaml --out empty     while the cell is empty\n"
+      "  silhouette-capture tune --cell cell.yaml --empty empty --try 'min_difference: 5'\n"
+      "Exit codes: 0 done; 1 stopped; 2 a mistake in what was asked; 3 the disk failed.");
+  const auto options = std::make_shared<TuneOptions>();
+  AddCellOptions(*command, options->cell);
+  command
+      ->add_option("--try", options->tries,
+                   "Keys of the section 'segmentation' that are other than in the cell file, "
+                   "'KEY: VALUE, ...';\nmay be given several times")
+      ->allow_extra_args(false);
+  command
+      ->add_option("--images", options->images,
+                   "A folder with an image for each view, VIEW.png or .jpg; may be given several "
+                   "times")
+      ->allow_extra_args(false);
+  command
+      ->add_option("--empty", options->empty,
+                   "The same with images of the empty cell: all that is found there is false")
+      ->allow_extra_args(false);
+  command
+      ->add_option("--most", options->most,
+                   "At most so many configurations whose images were kept; 0: none")
+      ->check(CLI::Range(0, 1000))
+      ->capture_default_str();
+  command->add_option("--out", options->out,
+                      "The folder for the page; default: the database's name and .tune");
+  command->callback([options, &work] { work = [options] { return TuneRun(*options); }; });
+}
+
+}  // namespace silhouette

@@ -1,0 +1,320 @@
+// silhouette-db calibration: how the views see space, or each other, into the database and out.
+#include <iostream>
+#include <memory>
+#include <optional>
+
+#include "absl/strings/numbers.h"
+#include "absl/strings/str_cat.h"
+#include "absl/strings/str_format.h"
+#include "absl/strings/str_join.h"
+#include "absl/strings/str_split.h"
+#include "calib/files/calibration_message.h"
+#include "server/scene/calibration_settings.h"
+#include "tools/silhouette-db/calibration_files/calibration_files.h"
+#include "tools/silhouette-db/calibration_files/tested_calibration.h"
+#include "tools/silhouette-db/calibration_picture.h"
+#include "tools/silhouette-db/calibration_report.h"
+#include "tools/silhouette-db/commands.h"
+#include "tools/silhouette-db/common.h"
+
+namespace silhouette {
+namespace {
+
+constexpr char kTakenUp[] = "a running silhouette-server takes it up on SIGHUP";
+
+struct CalibrationOptions {
+  std::string database;
+  std::vector<std::string> inputs;
+  std::string out;
+  bool force = false;
+  double margin = CalibrationSettings{}.margin;
+  std::string format = "text";
+  std::string picture;
+  std::string view;
+  std::optional<ConfigurationNumber> number;
+  std::vector<std::string> pixels;
+};
+
+std::string CalibrationKindOf(const storage::v1::Calibration& calibration) {
+  if (calibration.cameras_size() > 0) {
+    return absl::StrCat(calibration.cameras_size(), " camera models");
+  }
+  return absl::StrCat(calibration.fundamental_matrices_size(), " fundamental matrices");
+}
+
+absl::StatusOr<ExitCode> CalibrationImport(const CalibrationOptions& options) {
+  CatchStopSignals();
+  const absl::StatusOr<std::unique_ptr<Database>> opened =
+      Database::Open(options.database, Database::Access::kWrite);
+  if (!opened.ok()) return opened.status();
+  Database& database = **opened;
+  const auto calibration = ReadCalibration(options.inputs, database.cell());
+  if (!calibration.ok()) return calibration.status();
+  std::string said;
+  {
+    const absl::StatusOr<Snapshot> snapshot = database.Read();
+    if (!snapshot.ok()) return snapshot.status();
+    const auto tested = TestCalibration(database, *snapshot, *calibration, options.margin);
+    if (!tested.ok()) return tested.status();
+    said = ContradictionText(tested->contradictions, database.cell());
+    const absl::Status fits = CheckContradictions(tested->contradictions, database.cell());
+    if (!fits.ok() && !options.force) {
+      return absl::Status(fits.code(),
+                          absl::StrCat(fits.message(), " --force imports it all the same"));
+    }
+    // A damaged one is replaced like any other.
+    const auto stored = snapshot->Calibration();
+    if (stored.ok() && *stored &&
+        (*stored)->SerializeAsString() == calibration->SerializeAsString()) {
+      std::cout << "the database has this calibration already; nothing is changed" << std::endl;
+      return kDone;
+    }
+  }
+  const absl::Status status = database.SetCalibration(
+      *calibration,
+      absl::StrCat("silhouette-db calibration import ", absl::StrJoin(options.inputs, " ")));
+  if (!status.ok()) return status;
+  const absl::StatusOr<Snapshot> snapshot = database.Read();
+  if (!snapshot.ok()) return snapshot.status();
+  std::cout << CalibrationKindOf(*calibration) << " imported, generation " << snapshot->generation()
+            << "; " << said << "\n"
+            << kTakenUp << std::endl;
+  return kDone;
+}
+
+absl::StatusOr<ExitCode> Remove(const CalibrationOptions& options) {
+  const absl::StatusOr<std::unique_ptr<Database>> database =
+      Database::Open(options.database, Database::Access::kWrite);
+  if (!database.ok()) return database.status();
+  const absl::Status status = (*database)->RemoveCalibration("silhouette-db calibration remove");
+  if (!status.ok()) return status;
+  std::cout << "the calibration is removed\n" << kTakenUp << std::endl;
+  return kDone;
+}
+
+// The calibration of a database; nothing, and said so, if it has none.
+absl::StatusOr<std::optional<storage::v1::Calibration>> Stored(const OpenedDatabase& opened) {
+  auto stored = opened.snapshot.Calibration();
+  if (stored.ok() && !*stored) {
+    std::cerr << "silhouette-db: '" << opened.database->path()
+              << "' has no calibration; import one with 'silhouette-db calibration import'"
+              << std::endl;
+  }
+  return stored;
+}
+
+absl::StatusOr<ExitCode> CalibrationExport(const CalibrationOptions& options) {
+  const absl::StatusOr<OpenedDatabase> opened = OpenForReading(options.database);
+  if (!opened.ok()) return opened.status();
+  const auto stored = Stored(*opened);
+  if (!stored.ok()) return stored.status();
+  if (!*stored) return kNo;
+  const auto paths = WriteCalibration(**stored, opened->database->cell(), options.out);
+  if (!paths.ok()) return paths.status();
+  for (const std::string& path : *paths) std::cout << "wrote " << path << "\n";
+  return kDone;
+}
+
+absl::StatusOr<int> CalibrationViewOf(const storage::v1::CellDescription& cell,
+                                      const std::string& name) {
+  std::vector<std::string> known;
+  for (int i = 0; i < cell.views_size(); ++i) {
+    if (name.empty() || cell.views(i).name() == name) return i;
+    known.push_back(cell.views(i).name());
+  }
+  return absl::InvalidArgumentError(
+      absl::StrCat("there is no view '", name, "'; the views are ", absl::StrJoin(known, ", ")));
+}
+
+absl::StatusOr<std::vector<MaskPixel>> PixelsOf(const std::vector<std::string>& texts,
+                                                MaskSize size) {
+  if (texts.size() > kMostPixels) {
+    return absl::InvalidArgumentError(
+        absl::StrCat("a picture shows at most ", kMostPixels, " pixels; give fewer"));
+  }
+  std::vector<MaskPixel> pixels;
+  for (const std::string& text : texts) {
+    const std::vector<std::string> parts = absl::StrSplit(text, ',');
+    MaskPixel pixel;
+    if (parts.size() != 2 || !absl::SimpleAtoi(parts[0], &pixel.x) ||
+        !absl::SimpleAtoi(parts[1], &pixel.y) || pixel.x < 0 || pixel.x >= size.width ||
+        pixel.y < 0 || pixel.y >= size.height) {
+      return absl::InvalidArgumentError(absl::StrCat("'", text, "' is not X,Y of a mask of ",
+                                                     size.width, "x", size.height, " pixels"));
+    }
+    pixels.push_back(pixel);
+  }
+  return pixels;
+}
+
+// The configuration that the picture shows: the asked one, else the one that contradicts most
+// pixels of the view, else any in which the robot is seen.
+absl::StatusOr<RobotImage> RobotToShow(const OpenedDatabase& opened,
+                                       const CalibrationOptions& options,
+                                       const TestedCalibration& tested, int view) {
+  std::vector<ConfigurationNumber> candidates;
+  uint64_t most = 0;
+  for (const PairContradictions& pair : tested.contradictions.pairs) {
+    if (pair.view != view || pair.worst_contradicting <= most) continue;
+    candidates = {*pair.worst};
+    most = pair.worst_contradicting;
+  }
+  candidates.insert(candidates.end(), tested.samples.begin(), tested.samples.end());
+  if (options.number) candidates = {*options.number};
+  for (const ConfigurationNumber number : candidates) {
+    const auto image = opened.snapshot.Find(number);
+    if (!image.ok()) return image.status();
+    if (!*image || (*image)->excluded) continue;
+    if (options.number || !(*image)->masks[static_cast<size_t>(view)].Empty()) return **image;
+  }
+  return absl::NotFoundError(options.number
+                                 ? absl::StrCat("configuration ", *options.number,
+                                                " has no robot images to draw bands over")
+                                 : "the database has no robot images to draw bands over");
+}
+
+absl::Status WritePicture(const OpenedDatabase& opened, const CalibrationOptions& options,
+                          const TestedCalibration& tested) {
+  const absl::StatusOr<int> view = CalibrationViewOf(opened.database->cell(), options.view);
+  if (!view.ok()) return view.status();
+  const MaskSize size = opened.database->mask_sizes()[static_cast<size_t>(*view)];
+  absl::StatusOr<std::vector<MaskPixel>> pixels = PixelsOf(options.pixels, size);
+  if (!pixels.ok()) return pixels.status();
+  const absl::StatusOr<RobotImage> robot = RobotToShow(opened, options, tested, *view);
+  if (!robot.ok()) return robot.status();
+  if (pixels->empty()) *pixels = PixelsToShow(robot->masks, tested.bands, *view);
+  BandsPicture picture{.database = *opened.database,
+                       .bands = tested.bands,
+                       .number = robot->number,
+                       .robot = robot->masks,
+                       .union_of_all = robot->masks,
+                       .view = *view,
+                       .pixels = *std::move(pixels)};
+  for (const ConfigurationNumber number : tested.samples) {
+    const auto image = opened.snapshot.Find(number);
+    if (!image.ok() || !*image) continue;
+    for (size_t i = 0; i < picture.union_of_all.size(); ++i) {
+      picture.union_of_all[i] = picture.union_of_all[i] | (*image)->masks[i];
+    }
+  }
+  return WritePng(options.picture, Paint(picture));
+}
+
+absl::StatusOr<ExitCode> CalibrationShow(const CalibrationOptions& options) {
+  CatchStopSignals();
+  const absl::StatusOr<OpenedDatabase> opened = OpenForReading(options.database);
+  if (!opened.ok()) return opened.status();
+  const auto stored = Stored(*opened);
+  if (!stored.ok()) return stored.status();
+  if (!*stored) return kNo;
+  const auto tested =
+      TestCalibration(*opened->database, opened->snapshot, **stored, options.margin);
+  if (!tested.ok()) return tested.status();
+  if (!options.picture.empty()) {
+    const absl::Status status = WritePicture(*opened, options, *tested);
+    if (!status.ok()) return status;
+  }
+  const CalibrationReport report{.database = *opened->database,
+                                 .generation = opened->snapshot.generation(),
+                                 .calibration = tested->calibration,
+                                 .record = (*stored)->record(),
+                                 .margin = options.margin,
+                                 .contradictions = tested->contradictions};
+  if (options.format == "json") {
+    PrintJson(report);
+  } else {
+    PrintText(report);
+  }
+  return kDone;
+}
+
+void AddMargin(CLI::App& command, CalibrationOptions& options) {
+  command
+      .add_option("--margin", options.margin,
+                  "Mask pixels by which pixels are widened, as in the cell file's 'calibration'")
+      ->check(CLI::NonNegativeNumber)
+      ->capture_default_str();
+}
+
+void AddImportTo(CLI::App& parent, Work& work) {
+  auto options = std::make_shared<CalibrationOptions>();
+  CLI::App* command = parent.add_subcommand("import", "Takes a calibration into the database");
+  AddDatabaseArgument(*command, options->database);
+  command
+      ->add_option("files", options->inputs,
+                   "A folder of camera models, or one per view: FILE, named VIEW.cameramodel, or "
+                   "VIEW=FILE; or one YAML file: calibration.yaml, or fundamental matrices")
+      ->required();
+  command->add_flag("--force", options->force, "Import it even if it contradicts the robot images");
+  AddMargin(*command, *options);
+  command->footer(
+      "Camera models are in the format of mrcal, for the view's camera images, in the robot's "
+      "base\n"
+      "frame. A file of fundamental matrices is a list of {view_a: NAME, view_b: NAME, F: [[3 "
+      "numbers] * 3]}\n"
+      "with x_b' F x_a = 0 in mask pixels, integers at pixel centres.\n"
+      "Examples:\n"
+      "  silhouette-db calibration import cell.lmdb cameras/calibration.yaml\n"
+      "  silhouette-db calibration import cell.lmdb cameras/\n"
+      "  silhouette-db calibration import cell.lmdb top=a.cameramodel left=b.cameramodel\n"
+      "  silhouette-db calibration import cell.lmdb matrices.yaml");
+  command->callback([&work, options] { work = [options] { return CalibrationImport(*options); }; });
+}
+
+void AddExportTo(CLI::App& parent, Work& work) {
+  auto options = std::make_shared<CalibrationOptions>();
+  CLI::App* command = parent.add_subcommand("export", "Writes the files that import reads");
+  AddDatabaseArgument(*command, options->database);
+  command
+      ->add_option("out,--out", options->out,
+                   "Folder for camera models, YAML file for fundamental matrices")
+      ->required();
+  command->footer("Example:\n  silhouette-db calibration export cell.lmdb cameras/");
+  command->callback([&work, options] { work = [options] { return CalibrationExport(*options); }; });
+}
+
+void AddShowTo(CLI::App& parent, Work& work) {
+  auto options = std::make_shared<CalibrationOptions>();
+  CLI::App* command = parent.add_subcommand(
+      "show", "Cameras, pairs of views, and what the robot images say of the calibration");
+  AddDatabaseArgument(*command, options->database);
+  command->add_option("--picture", options->picture,
+                      "Draw some pixels' bands in the other views into this PNG file");
+  command->add_option("--view", options->view, "The view of these pixels; default: the first");
+  command
+      ->add_option("--pixel", options->pixels,
+                   "X,Y of a mask pixel, up to four; default: some of the robot's")
+      ->take_all();
+  command->add_option("--number", options->number,
+                      "The configuration of the robot in the picture; default: the one that "
+                      "contradicts the calibration most, if any");
+  AddMargin(*command, *options);
+  AddFormatOption(*command, options->format);
+  command->footer(
+      "A robot pixel contradicts if its band in another view shows nothing of the robot.\n"
+      "Example:\n  silhouette-db calibration show cell.lmdb --view left --picture bands.png");
+  command->callback([&work, options] { work = [options] { return CalibrationShow(*options); }; });
+}
+
+void AddRemoveTo(CLI::App& parent, Work& work) {
+  auto options = std::make_shared<CalibrationOptions>();
+  CLI::App* command = parent.add_subcommand("remove", "Removes the calibration");
+  AddDatabaseArgument(*command, options->database);
+  command->footer("Example:\n  silhouette-db calibration remove cell.lmdb");
+  command->callback([&work, options] { work = [options] { return Remove(*options); }; });
+}
+
+}  // namespace
+
+void AddCalibration(CLI::App& app, Work& work) {
+  CLI::App* command = app.add_subcommand(
+      "calibration", "How the views see space or each other: import, export, show, remove");
+  command->require_subcommand(1);
+  AddImportTo(*command, work);
+  AddExportTo(*command, work);
+  AddShowTo(*command, work);
+  AddRemoveTo(*command, work);
+  command->footer("Example:\n  silhouette-db calibration import --help");
+}
+
+}  // namespace silhouette

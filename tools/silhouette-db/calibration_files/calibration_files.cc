@@ -1,0 +1,212 @@
+#include "tools/silhouette-db/calibration_files/calibration_files.h"
+
+#include <filesystem>
+#include <optional>
+#include <stdexcept>
+#include <system_error>
+
+#include "absl/strings/match.h"
+#include "absl/strings/str_cat.h"
+#include "absl/strings/str_join.h"
+#include "calib/camera/epipolar_angles.h"
+#include "calib/files/calibration_camera_file.h"
+#include "calib/files/calibration_matrix_file.h"
+#include "calib/files/calibration_session_file.h"
+#include "common/picture/files.h"
+#include "db/store/store.h"
+
+namespace silhouette {
+namespace {
+
+namespace fs = std::filesystem;
+using storage::v1::CellDescription;
+
+std::string ViewsOf(const CellDescription& cell) {
+  return absl::StrJoin(cell.views(), ", ", [](std::string* out, const storage::v1::View& view) {
+    absl::StrAppend(out, view.name());
+  });
+}
+
+bool IsYaml(const std::string& path) {
+  const std::string extension = fs::path(path).extension().string();
+  return extension == ".yaml" || extension == ".yml";
+}
+
+// Which view an input is for, and its file.
+struct ViewFile {
+  int view = 0;
+  std::string file;
+};
+
+absl::StatusOr<ViewFile> ViewFileOf(const std::string& input, const CellDescription& cell) {
+  for (int i = 0; i < cell.views_size(); ++i) {
+    const std::string& name = cell.views(i).name();
+    if (input.starts_with(name + "=")) return ViewFile{i, input.substr(name.size() + 1)};
+  }
+  const bool of_no_view = absl::StrContains(input, '=') && !fs::exists(input);
+  for (int i = 0; i < cell.views_size() && !of_no_view; ++i) {
+    if (fs::path(input).filename() == CameraFileName(cell.views(i).name())) {
+      return ViewFile{i, input};
+    }
+  }
+  if (!absl::StrContains(input, '=') && !fs::exists(input)) {
+    return absl::NotFoundError(absl::StrCat("the calibration '", input, "' is not there"));
+  }
+  return absl::InvalidArgumentError(
+      absl::StrCat("'", input, "' is not named after a view of the database, which has ",
+                   ViewsOf(cell), "; say VIEW=FILE"));
+}
+
+// One file per view, in the order of the views.
+absl::StatusOr<std::vector<std::string>> FilesByView(const std::vector<std::string>& inputs,
+                                                     const CellDescription& cell) {
+  std::vector<std::string> files(static_cast<size_t>(cell.views_size()));
+  for (const std::string& input : inputs) {
+    const absl::StatusOr<ViewFile> given = ViewFileOf(input, cell);
+    if (!given.ok()) return given.status();
+    std::string& file = files[static_cast<size_t>(given->view)];
+    if (!file.empty()) {
+      return absl::InvalidArgumentError(absl::StrCat("view '", cell.views(given->view).name(),
+                                                     "' has two files, '", file, "' and '",
+                                                     given->file, "'; give one"));
+    }
+    file = given->file;
+  }
+  for (int i = 0; i < cell.views_size(); ++i) {
+    if (!files[static_cast<size_t>(i)].empty()) continue;
+    return absl::InvalidArgumentError(absl::StrCat("view '", cell.views(i).name(),
+                                                   "' has no camera model; give ",
+                                                   CameraFileName(cell.views(i).name()), ", too"));
+  }
+  return files;
+}
+
+absl::Status AddCameras(const std::vector<std::string>& files,
+                        storage::v1::Calibration& calibration) {
+  for (const std::string& file : files) {
+    const absl::StatusOr<std::string> text = ReadWholeFile(file);
+    if (!text.ok()) return text.status();
+    absl::StatusOr<storage::v1::CameraModel> camera = CameraFromText(*text, file);
+    if (!camera.ok()) return camera.status();
+    *calibration.add_cameras() = *std::move(camera);
+  }
+  return absl::OkStatus();
+}
+
+// Of calibration.yaml, with the cameras that it names, or of a file of matrices.
+absl::StatusOr<storage::v1::Calibration> ReadYaml(const std::string& file,
+                                                  const CellDescription& cell) {
+  const absl::StatusOr<std::string> text = ReadWholeFile(file);
+  if (!text.ok()) return text.status();
+  if (!IsSessionFile(*text)) return MatricesFromText(*text, file, cell);
+  absl::StatusOr<CalibrationSession> session = SessionFromText(*text, file, cell);
+  if (!session.ok()) return session.status();
+  if (session->camera_files.empty()) return std::move(session->calibration);
+  // The cameras are the calibration; the pairs follow from them.
+  session->calibration.clear_fundamental_matrices();
+  for (std::string& camera : session->camera_files) {
+    camera = (fs::path(file).parent_path() / camera).string();
+  }
+  const absl::Status added = AddCameras(session->camera_files, session->calibration);
+  if (!added.ok()) return added;
+  return std::move(session->calibration);
+}
+
+absl::StatusOr<storage::v1::Calibration> ReadCameras(const std::vector<std::string>& inputs,
+                                                     const CellDescription& cell) {
+  std::vector<std::string> named = inputs;
+  if (inputs.size() == 1 && fs::is_directory(inputs[0])) {
+    const std::string session = (fs::path(inputs[0]) / kSessionFileName).string();
+    if (fs::exists(session)) return ReadYaml(session, cell);
+    named.clear();
+    for (const storage::v1::View& view : cell.views()) {
+      named.push_back((fs::path(inputs[0]) / CameraFileName(view.name())).string());
+    }
+  }
+  const absl::StatusOr<std::vector<std::string>> files = FilesByView(named, cell);
+  if (!files.ok()) return files.status();
+  storage::v1::Calibration calibration;
+  if (absl::Status added = AddCameras(*files, calibration); !added.ok()) return added;
+  return calibration;
+}
+
+std::string PairText(const CellDescription& cell, int a, int b) {
+  return absl::StrCat("views '", cell.views(a).name(), "' and '", cell.views(b).name(), "'");
+}
+
+PixelSize SizeOf(const storage::v1::View& view) {
+  return {.width = view.mask_width(), .height = view.mask_height()};
+}
+
+}  // namespace
+
+absl::StatusOr<storage::v1::Calibration> ReadCalibration(const std::vector<std::string>& inputs,
+                                                         const CellDescription& cell) {
+  absl::StatusOr<storage::v1::Calibration> calibration;
+  if (inputs.size() == 1 && IsYaml(inputs[0])) {
+    calibration = ReadYaml(inputs[0], cell);
+  } else {
+    calibration = ReadCameras(inputs, cell);
+  }
+  if (!calibration.ok()) return calibration;
+  if (absl::Status status = CheckCalibration(*calibration, cell); !status.ok()) return status;
+  return calibration;
+}
+
+absl::Status CheckLines(const Calibration& calibration, const CellDescription& cell) {
+  int a = 0;
+  int b = 0;
+  try {
+    for (a = 0; a < static_cast<int>(calibration.cameras.size()); ++a) {
+      for (b = 0; b < a; ++b) {
+        // One pixel is enough to see whether there are lines.
+        AnglesBetween(calibration.cameras[static_cast<size_t>(b)].ScaledTo(1, 1),
+                      calibration.cameras[static_cast<size_t>(a)].ScaledTo(1, 1));
+      }
+    }
+    for (const FundamentalMatrix& matrix : calibration.fundamental_matrices) {
+      a = matrix.view_b;
+      b = matrix.view_a;
+      AnglesBetween(matrix.f, SizeOf(cell.views(b)), SizeOf(cell.views(a)));
+    }
+  } catch (const std::invalid_argument& error) {
+    return absl::InvalidArgumentError(absl::StrCat(PairText(cell, b, a), ": ", error.what()));
+  }
+  return absl::OkStatus();
+}
+
+absl::StatusOr<std::vector<std::string>> WriteCalibration(
+    const storage::v1::Calibration& calibration, const CellDescription& cell,
+    const std::string& out) {
+  std::vector<std::pair<std::string, std::string>> files;  // path, text
+  if (calibration.cameras().empty()) {
+    files.emplace_back(out, calibration.has_record() ? SessionFileText({calibration, {}}, cell)
+                                                     : MatrixFileText(calibration, cell));
+  } else {
+    if (absl::Status made = MakeFolder(out); !made.ok()) return made;
+  }
+  for (int i = 0; i < calibration.cameras_size(); ++i) {
+    const std::string& view = cell.views(i).name();
+    files.emplace_back((fs::path(out) / CameraFileName(view)).string(),
+                       CameraFileText(calibration.cameras(i), view));
+  }
+  if (calibration.has_record() && !calibration.cameras().empty()) {
+    CalibrationSession session{.calibration = calibration, .camera_files = {}};
+    for (const auto& file : files) {
+      session.camera_files.push_back(fs::path(file.first).filename().string());
+    }
+    files.emplace_back((fs::path(out) / kSessionFileName).string(), SessionFileText(session, cell));
+  }
+  std::vector<std::string> paths;
+  for (const auto& [path, text] : files) {
+    if (!fs::exists(path)) continue;
+    return absl::AlreadyExistsError(absl::StrCat("'", path, "' is there already; give a new name"));
+  }
+  for (const auto& [path, text] : files) {
+    if (absl::Status status = WriteWholeFile(path, text); !status.ok()) return status;
+    paths.push_back(path);
+  }
+  return paths;
+}
+
+}  // namespace silhouette

@@ -1,0 +1,46 @@
+// silhouette-db compact: a copy without unused pages.
+#include <iostream>
+#include <memory>
+
+#include "absl/strings/str_format.h"
+#include "tools/silhouette-db/commands.h"
+#include "tools/silhouette-db/common.h"
+
+namespace silhouette {
+namespace {
+
+struct CompactOptions {
+  std::string database;
+  std::string target;
+};
+
+absl::StatusOr<ExitCode> Compact(const CompactOptions& options) {
+  const absl::StatusOr<OpenedDatabase> opened = OpenForReading(options.database);
+  if (!opened.ok()) return opened.status();
+  if (absl::Status status = opened->database->Compact(options.target); !status.ok()) return status;
+  const absl::StatusOr<Database::Usage> before = opened->database->GetUsage();
+  if (!before.ok()) return before.status();
+  const absl::StatusOr<OpenedDatabase> copy = OpenForReading(options.target);
+  if (!copy.ok()) return copy.status();
+  const absl::StatusOr<Database::Usage> after = copy->database->GetUsage();
+  if (!after.ok()) return after.status();
+  std::cout << absl::StreamFormat("%s: %.1f MiB, %s: %.1f MiB\n", options.database,
+                                  static_cast<double>(before->file_bytes) / (1 << 20),
+                                  options.target,
+                                  static_cast<double>(after->file_bytes) / (1 << 20));
+  return kDone;
+}
+
+}  // namespace
+
+void AddCompact(CLI::App& app, Work& work) {
+  auto options = std::make_shared<CompactOptions>();
+  CLI::App* command =
+      app.add_subcommand("compact", "Copies a database without its unused pages; reads only");
+  AddDatabaseArgument(*command, options->database);
+  command->add_option("target,--target", options->target, "New folder for the copy")->required();
+  command->footer("Example:\n  silhouette-db compact cell.lmdb smaller.lmdb");
+  command->callback([&work, options] { work = [options] { return Compact(*options); }; });
+}
+
+}  // namespace silhouette

@@ -1,0 +1,174 @@
+// silhouette-db coverage: which configurations are there.
+#include <iostream>
+#include <memory>
+
+#include "absl/strings/str_format.h"
+#include "common/picture/sheet.h"
+#include "tools/silhouette-db/commands.h"
+#include "tools/silhouette-db/common.h"
+
+namespace silhouette {
+namespace {
+
+constexpr int kMostSlices = 24;
+
+struct CoverageOptions {
+  std::string database;
+  std::string set = schema::kDefaultSet;
+  std::string format = "text";
+  std::string picture;
+};
+
+enum State : uint8_t { kMissing, kCaptured, kExcluded, kDamaged };
+constexpr size_t kStates = 4;
+
+std::vector<LegendEntry> StateClasses() {
+  return {{palette::kMissing, "missing"},
+          {palette::kCaptured, "captured"},
+          {palette::kExcluded, "excluded"},
+          {palette::kDamaged, "damaged"}};
+}
+
+// The state of every place by number.
+absl::StatusOr<std::vector<uint8_t>> StatesOf(const OpenedDatabase& opened) {
+  std::vector<uint8_t> states(opened.database->grid().number_limit(), kMissing);
+  const auto visit = [&](ConfigurationNumber number, const absl::StatusOr<RobotImage>& image) {
+    states[number] = !image.ok() ? kDamaged : image->excluded ? kExcluded : kCaptured;
+    return true;
+  };
+  const absl::Status status = opened.snapshot.ForEach(visit);
+  if (!status.ok() && !absl::IsDataLoss(status)) return status;
+  return states;
+}
+
+// The states of the slice along joint `x` and, unless it is -1, joint `y`.
+std::vector<uint8_t> CellsOf(const ConfigurationGrid& grid, const std::vector<uint8_t>& states,
+                             int x, int y, GridIndex index) {
+  const auto steps = [&](int j) { return j < 0 ? 1 : grid.joints()[static_cast<size_t>(j)].steps; };
+  std::vector<uint8_t> cells;
+  for (int b = 0; b < steps(y); ++b) {
+    if (y >= 0) index[static_cast<size_t>(y)] = b;
+    for (int a = 0; a < steps(x); ++a) {
+      index[static_cast<size_t>(x)] = a;
+      cells.push_back(states[grid.NumberOf(index)]);
+    }
+  }
+  return cells;
+}
+
+Picture Chart(const ConfigurationGrid& grid, const std::vector<uint8_t>& states, int x, int y) {
+  ConfigurationChart chart;
+  chart.title = "Configurations in the database";
+  chart.x = AxisOf(grid, x);
+  chart.y = y >= 0 ? AxisOf(grid, y) : ChartAxis{.label = "", .unit = "", .cells = 1};
+  chart.classes = StateClasses();
+  chart.cells = CellsOf(grid, states, x, y, {});
+  return Draw(chart);
+}
+
+// One small picture per value of joint `z`.
+Picture Slices(const ConfigurationGrid& grid, const std::vector<uint8_t>& states, int x, int y,
+               int z) {
+  const std::vector<LegendEntry> classes = StateClasses();
+  const GridJoint& along = grid.joints()[static_cast<size_t>(z)];
+  const int width = grid.joints()[static_cast<size_t>(x)].steps;
+  const int height = grid.joints()[static_cast<size_t>(y)].steps;
+  const int slices = std::min(along.steps, kMostSlices);
+  std::vector<CaptionedPicture> pictures;
+  for (int i = 0; i < slices; ++i) {
+    GridIndex index{};
+    const int step = slices == 1 ? 0 : i * (along.steps - 1) / (slices - 1);
+    index[static_cast<size_t>(z)] = step;
+    const std::vector<uint8_t> cells = CellsOf(grid, states, x, y, index);
+    Picture picture = BlankPicture(width, height);
+    for (int b = 0; b < height; ++b) {
+      for (int a = 0; a < width; ++a) {
+        const Colour colour = classes[cells[static_cast<size_t>(b * width + a)]].colour;
+        picture.at<cv::Vec3b>(height - 1 - b, a) = {colour.blue, colour.green, colour.red};
+      }
+    }
+    const int factor = std::max(1, 160 / std::max(width, height));
+    pictures.push_back(
+        {Enlarged(picture, factor),
+         absl::StrFormat("%s = %.4g", along.name, along.lower + step * along.step())});
+  }
+  return ContactSheet(pictures,
+                      {.title = absl::StrFormat("Configurations in the database: %s to the right, "
+                                                "%s upwards",
+                                                grid.joints()[static_cast<size_t>(x)].name,
+                                                grid.joints()[static_cast<size_t>(y)].name),
+                       .columns = 0,
+                       .legend = classes});
+}
+
+absl::StatusOr<Picture> CoveragePaint(const ConfigurationGrid& grid,
+                                      const std::vector<uint8_t>& states) {
+  std::vector<int> moving = MovingJoints(grid);
+  if (moving.empty()) moving.push_back(0);
+  if (moving.size() > 3) {
+    return absl::InvalidArgumentError(
+        absl::StrFormat("a picture shows the coverage of at most 3 joints, this grid has %d that "
+                        "move; leave --picture away",
+                        moving.size()));
+  }
+  if (moving.size() == 1) return Chart(grid, states, moving[0], -1);
+  if (moving.size() == 2) return Chart(grid, states, moving[0], moving[1]);
+  // The joint with the fewest values runs over the slices.
+  std::stable_sort(moving.begin(), moving.end(), [&](int a, int b) {
+    return grid.joints()[static_cast<size_t>(a)].steps >
+           grid.joints()[static_cast<size_t>(b)].steps;
+  });
+  return Slices(grid, states, moving[0], moving[1], moving[2]);
+}
+
+absl::StatusOr<ExitCode> Coverage(const CoverageOptions& options) {
+  const absl::StatusOr<OpenedDatabase> opened = OpenForReading(options.database, options.set);
+  if (!opened.ok()) return opened.status();
+  const ConfigurationGrid& grid = opened->database->grid();
+  const absl::StatusOr<std::vector<uint8_t>> states = StatesOf(*opened);
+  if (!states.ok()) return states.status();
+  std::array<uint64_t, kStates> counts{};
+  for (uint8_t state : *states) ++counts[state];
+  counts[kMissing] -= grid.number_limit() - grid.size();
+  if (!options.picture.empty()) {
+    const absl::StatusOr<Picture> picture = CoveragePaint(grid, *states);
+    if (!picture.ok()) return picture.status();
+    if (absl::Status status = WritePng(options.picture, *picture); !status.ok()) return status;
+  }
+  if (options.format == "json") {
+    std::cout << nlohmann::json{{"configurations", grid.size()},
+                                {"captured", counts[kCaptured]},
+                                {"excluded", counts[kExcluded]},
+                                {"damaged", counts[kDamaged]},
+                                {"missing", counts[kMissing]}}
+                     .dump(2)
+              << std::endl;
+    return kDone;
+  }
+  const double share = 100.0 / static_cast<double>(grid.size());
+  const auto line = [&](const char* name, State state) {
+    std::cout << absl::StreamFormat("%-10s %12d  %6.2f %%\n", name, counts[state],
+                                    share * static_cast<double>(counts[state]));
+  };
+  line("captured", kCaptured);
+  line("excluded", kExcluded);
+  line("damaged", kDamaged);
+  line("missing", kMissing);
+  return kDone;
+}
+
+}  // namespace
+
+void AddCoverage(CLI::App& app, Work& work) {
+  auto options = std::make_shared<CoverageOptions>();
+  CLI::App* command = app.add_subcommand("coverage", "Which configurations are in a database");
+  AddDatabaseArgument(*command, options->database);
+  AddSetOption(*command, options->set);
+  command->add_option("--picture", options->picture,
+                      "Write a picture of them to this PNG file; for 1 to 3 joints that move");
+  AddFormatOption(*command, options->format);
+  command->footer("Example:\n  silhouette-db coverage cell.lmdb --picture coverage.png");
+  command->callback([&work, options] { work = [options] { return Coverage(*options); }; });
+}
+
+}  // namespace silhouette

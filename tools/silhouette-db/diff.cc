@@ -1,0 +1,184 @@
+// silhouette-db diff: in what two databases differ.
+#include <iostream>
+#include <memory>
+
+#include "absl/strings/str_cat.h"
+#include "absl/strings/str_join.h"
+#include "tools/program/progress.h"
+#include "tools/silhouette-db/commands.h"
+#include "tools/silhouette-db/common.h"
+
+namespace silhouette {
+namespace {
+
+constexpr uint64_t kShown = 20;
+
+struct DiffOptions {
+  std::string first;
+  std::string set = schema::kDefaultSet;
+  std::string second_set;
+  std::string second;
+  bool masks_only = false;
+};
+
+// Prints the first differences and counts all.
+class Printer {
+ public:
+  void Say(const std::string& line) {
+    if (++count_ <= kShown) std::cout << line << "\n";
+  }
+  ExitCode Finish() const {
+    if (count_ > kShown) std::cout << "and " << count_ - kShown << " more differences\n";
+    if (count_ == 0) std::cout << "no difference\n";
+    std::cout << std::flush;
+    return count_ == 0 ? kDone : kNo;
+  }
+
+ private:
+  uint64_t count_ = 0;
+};
+
+// What differs between two records of a configuration; empty: nothing.
+std::string DifferenceOf(const Database& database, const RobotImage& a, const RobotImage& b,
+                         bool masks_only) {
+  if (a.excluded != b.excluded)
+    return a.excluded ? "excluded in the first" : "excluded in the second";
+  std::vector<std::string> parts;
+  for (size_t i = 0; i < a.masks.size(); ++i) {
+    if (a.masks[i] == b.masks[i]) continue;
+    const size_t pixels = ((a.masks[i] - b.masks[i]) | (b.masks[i] - a.masks[i])).Count();
+    parts.push_back(absl::StrCat(pixels, " pixels of view '",
+                                 database.cell().views(static_cast<int>(i)).name(), "'"));
+  }
+  if (!masks_only) {
+    if (a.captured != b.captured) parts.push_back("capture time");
+    if (a.commanded != b.commanded) parts.push_back("commanded joints");
+    if (a.measured != b.measured) parts.push_back("measured joints");
+  }
+  return absl::StrJoin(parts, ", ");
+}
+
+// Records of `first` against those of `second`, both ways.
+absl::Status CompareRecords(const OpenedDatabase& first, const OpenedDatabase& second,
+                            bool masks_only, Printer& printer) {
+  const ConfigurationGrid& grid = first.database->grid();
+  Progress progress("diff", first.snapshot.size() + second.snapshot.size(), "records");
+  uint64_t done = 0;
+  absl::Status failure;
+  const auto name = [&](ConfigurationNumber number) {
+    return absl::StrCat("configuration ", number, " (", JointText(grid, number), "): ");
+  };
+  absl::Status status =
+      first.snapshot.ForEach([&](ConfigurationNumber number, const absl::StatusOr<RobotImage>& a) {
+        const absl::StatusOr<std::optional<RobotImage>> b = second.snapshot.Find(number);
+        if (!a.ok() || !b.ok()) {
+          printer.Say(absl::StrCat(name(number), "damaged in the ", a.ok() ? "second" : "first"));
+        } else if (!*b) {
+          printer.Say(name(number) + "only in the first");
+        } else if (const std::string what = DifferenceOf(*first.database, *a, **b, masks_only);
+                   !what.empty()) {
+          printer.Say(name(number) + what);
+        }
+        progress.Update(++done);
+        return !StopRequested();
+      });
+  if (!status.ok()) return status;
+  status =
+      second.snapshot.ForEach([&](ConfigurationNumber number, const absl::StatusOr<RobotImage>&) {
+        const absl::StatusOr<bool> there = first.snapshot.Contains(number);
+        if (!there.ok()) failure = there.status();
+        if (there.ok() && !*there) printer.Say(name(number) + "only in the second");
+        progress.Update(++done);
+        return failure.ok() && !StopRequested();
+      });
+  if (StopRequested()) return Stopped("run it again to compare all");
+  return failure.ok() ? status : failure;
+}
+
+absl::Status CompareReferences(const OpenedDatabase& first, const OpenedDatabase& second,
+                               Printer& printer) {
+  const auto a = first.snapshot.References();
+  if (!a.ok()) return a.status();
+  const auto b = second.snapshot.References();
+  if (!b.ok()) return b.status();
+  if (a->has_value() != b->has_value()) {
+    printer.Say(
+        absl::StrCat("reference images: only in the ", a->has_value() ? "first" : "second"));
+  } else if (a->has_value() && (*a)->SerializeAsString() != (*b)->SerializeAsString()) {
+    printer.Say("reference images: others");
+  }
+  return absl::OkStatus();
+}
+
+absl::Status CompareCalibrations(const OpenedDatabase& first, const OpenedDatabase& second,
+                                 Printer& printer) {
+  const auto a = first.snapshot.Calibration();
+  if (!a.ok()) return a.status();
+  const auto b = second.snapshot.Calibration();
+  if (!b.ok()) return b.status();
+  if (a->has_value() != b->has_value()) {
+    printer.Say(absl::StrCat("calibration: only in the ", a->has_value() ? "first" : "second"));
+    return absl::OkStatus();
+  }
+  if (!a->has_value() || (*a)->SerializeAsString() == (*b)->SerializeAsString()) {
+    return absl::OkStatus();
+  }
+  const int cameras = (*a)->cameras_size();
+  if (cameras == 0 || cameras != (*b)->cameras_size()) {
+    printer.Say("calibration: another");
+    return absl::OkStatus();
+  }
+  for (int i = 0; i < cameras; ++i) {
+    if ((*a)->cameras(i).SerializeAsString() == (*b)->cameras(i).SerializeAsString()) continue;
+    printer.Say(absl::StrCat("calibration: another camera model of view '",
+                             first.database->cell().views(i).name(), "'"));
+  }
+  return absl::OkStatus();
+}
+
+absl::StatusOr<ExitCode> Diff(const DiffOptions& options) {
+  const absl::StatusOr<OpenedDatabase> first = OpenForReading(options.first, options.set);
+  if (!first.ok()) return first.status();
+  const absl::StatusOr<OpenedDatabase> second =
+      OpenForReading(options.second, options.second_set.empty() ? options.set : options.second_set);
+  if (!second.ok()) return second.status();
+  CatchStopSignals();
+  Printer printer;
+  for (const std::string& sentence :
+       Differences(first->database->cell(), "the first", second->database->cell(), "the second")) {
+    printer.Say(sentence);
+  }
+  const bool comparable = first->database->grid() == second->database->grid() &&
+                          first->database->mask_sizes() == second->database->mask_sizes();
+  if (!comparable) {
+    printer.Say("the robot images cannot be compared: other grids or mask sizes");
+    return printer.Finish();
+  }
+  absl::Status status;
+  if (!options.masks_only) status = CompareReferences(*first, *second, printer);
+  if (status.ok() && !options.masks_only) status = CompareCalibrations(*first, *second, printer);
+  if (status.ok()) status = CompareRecords(*first, *second, options.masks_only, printer);
+  if (!status.ok()) return status;
+  return printer.Finish();
+}
+
+}  // namespace
+
+void AddDiff(CLI::App& app, Work& work) {
+  auto options = std::make_shared<DiffOptions>();
+  CLI::App* command =
+      app.add_subcommand("diff", "In what two databases differ; exit code 1 if they do");
+  command->add_option("first", options->first, "Folder of a database")->required();
+  command->add_option("second", options->second, "Folder of another")->required();
+  AddSetOption(*command, options->set);
+  command->add_option("--second-set", options->second_set,
+                      "That of the other database, if it has another name; both may be one");
+  command->add_flag("--masks-only", options->masks_only,
+                    "Neither capture times, joint values, reference images nor calibration count");
+  command->footer(
+      "Example:\n  silhouette-db diff --masks-only monday.lmdb tuesday.lmdb\n"
+      "  silhouette-db diff --masks-only cell.lmdb cell.lmdb --second-set gripper-open");
+  command->callback([&work, options] { work = [options] { return Diff(*options); }; });
+}
+
+}  // namespace silhouette

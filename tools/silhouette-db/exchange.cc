@@ -1,0 +1,246 @@
+#include "tools/silhouette-db/exchange.h"
+
+#include <algorithm>
+#include <cmath>
+#include <filesystem>
+#include <utility>
+
+#include "absl/strings/numbers.h"
+#include "absl/strings/str_cat.h"
+#include "absl/strings/str_format.h"
+#include "absl/strings/str_join.h"
+#include "common/picture/mask_png.h"
+
+namespace silhouette {
+namespace {
+
+using storage::v1::CellDescription;
+
+constexpr char kCapturedColumn[] = "captured";
+constexpr char kCommanded[] = "commanded:";
+constexpr char kMeasured[] = "measured:";
+
+}  // namespace
+
+std::string CsvLine(const std::vector<std::string>& cells) {
+  std::vector<std::string> quoted;
+  for (const std::string& cell : cells) {
+    if (cell.find_first_of(",\"\r\n") == std::string::npos) {
+      quoted.push_back(cell);
+      continue;
+    }
+    std::string text = "\"";
+    for (char c : cell) text += c == '"' ? std::string("\"\"") : std::string(1, c);
+    quoted.push_back(text + "\"");
+  }
+  return absl::StrJoin(quoted, ",");
+}
+
+absl::StatusOr<std::vector<std::string>> ParseCsvLine(std::string_view line) {
+  std::vector<std::string> cells(1);
+  bool quoted = false;
+  for (size_t i = 0; i < line.size(); ++i) {
+    const char c = line[i];
+    if (quoted && c == '"' && i + 1 < line.size() && line[i + 1] == '"') {
+      cells.back() += line[++i];
+    } else if (c == '"' && (quoted || cells.back().empty())) {
+      quoted = !quoted;
+    } else if (c == ',' && !quoted) {
+      cells.emplace_back();
+    } else {
+      cells.back() += c;
+    }
+  }
+  if (quoted) return absl::InvalidArgumentError("a quotation mark is not closed");
+  return cells;
+}
+
+std::vector<std::string> AllJoints(const CellDescription& cell) {
+  std::vector<std::string> names;
+  for (const auto& joint : cell.grid_joints()) names.push_back(joint.name());
+  for (const auto& joint : cell.fixed_joints()) names.push_back(joint.name());
+  return names;
+}
+
+absl::StatusOr<std::vector<std::string>> ColumnsOf(const CellDescription& cell) {
+  std::vector<std::string> columns;
+  for (const auto& joint : cell.grid_joints()) columns.push_back(joint.name());
+  for (const auto& view : cell.views()) columns.push_back(view.name());
+  columns.emplace_back(kCapturedColumn);
+  for (const char* prefix : {kCommanded, kMeasured}) {
+    for (const std::string& joint : AllJoints(cell)) columns.push_back(prefix + joint);
+  }
+  for (size_t i = 0; i < columns.size(); ++i) {
+    if (std::find(columns.begin(), columns.begin() + static_cast<std::ptrdiff_t>(i), columns[i]) !=
+        columns.begin() + static_cast<std::ptrdiff_t>(i)) {
+      return absl::InvalidArgumentError(
+          absl::StrCat("a joint or view is named '", columns[i],
+                       "' as another column of the table is; such a cell has no table"));
+    }
+  }
+  return columns;
+}
+
+std::string PathPart(const std::string& name) {
+  std::string part;
+  for (char c : name) {
+    const bool plain = std::isalnum(static_cast<unsigned char>(c)) || c == '-' || c == '_';
+    absl::StrAppendFormat(&part, plain ? "%c" : "%%%02x", static_cast<unsigned char>(c));
+  }
+  return part;
+}
+
+TableReader::TableReader(std::string folder, const CellDescription& cell, ConfigurationGrid grid,
+                         std::vector<MaskSize> mask_sizes)
+    : folder_(std::move(folder)),
+      cell_(cell),
+      grid_(std::move(grid)),
+      mask_sizes_(std::move(mask_sizes)) {}
+
+absl::StatusOr<TableReader> TableReader::FromHeader(const std::string& csv, std::string_view header,
+                                                    const CellDescription& cell) {
+  absl::StatusOr<ConfigurationGrid> grid = GridOf(cell);
+  if (!grid.ok()) return grid.status();
+  absl::StatusOr<std::vector<MaskSize>> mask_sizes = MaskSizesOf(cell);
+  if (!mask_sizes.ok()) return mask_sizes.status();
+  const absl::StatusOr<std::vector<std::string>> known = ColumnsOf(cell);
+  if (!known.ok()) return known.status();
+  const absl::StatusOr<std::vector<std::string>> cells = ParseCsvLine(header);
+  if (!cells.ok()) return cells.status();
+
+  TableReader reader(std::filesystem::path(csv).parent_path().string(), cell, *std::move(grid),
+                     *std::move(mask_sizes));
+  const auto fault = [&](auto... parts) {
+    return absl::InvalidArgumentError(absl::StrCat(csv, ":1: ", parts...));
+  };
+  for (size_t i = 0; i < cells->size(); ++i) {
+    const std::string& name = (*cells)[i];
+    if (std::find(known->begin(), known->end(), name) == known->end()) {
+      return fault("column '", name, "' is neither a joint nor a view of cell '", cell.name(),
+                   "'; its columns are ", absl::StrJoin(*known, ", "));
+    }
+    if (!reader.columns_.emplace(name, i).second)
+      return fault("column '", name, "' is there twice");
+  }
+  const size_t needed = static_cast<size_t>(cell.grid_joints_size() + cell.views_size());
+  for (size_t i = 0; i < known->size(); ++i) {
+    const std::string& name = (*known)[i];
+    if (reader.columns_.contains(name)) continue;
+    if (i < needed) return fault("column '", name, "' is missing");
+    for (const char* prefix : {kCommanded, kMeasured}) {
+      const bool wanted =
+          name.starts_with(prefix) &&
+          std::any_of(reader.columns_.begin(), reader.columns_.end(),
+                      [&](const auto& column) { return column.first.starts_with(prefix); });
+      if (wanted)
+        return fault("column '", name, "' is missing; it is there for all joints or for none");
+    }
+  }
+  return reader;
+}
+
+absl::StatusOr<RobotImage> TableReader::Read(std::string_view line) const {
+  const absl::StatusOr<std::vector<std::string>> cells = ParseCsvLine(line);
+  if (!cells.ok()) return cells.status();
+  if (cells->size() != columns_.size()) {
+    return absl::InvalidArgumentError(
+        absl::StrCat("it has ", cells->size(), " cells, the header has ", columns_.size()));
+  }
+  RobotImage image;
+  const absl::StatusOr<ConfigurationNumber> number = ReadNumber(*cells);
+  if (!number.ok()) return number.status();
+  image.number = *number;
+  if (absl::Status status = ReadMasks(*cells, image); !status.ok()) return status;
+  if (const auto column = columns_.find(kCapturedColumn); column != columns_.end()) {
+    const std::string& text = (*cells)[column->second];
+    std::string why;
+    if (!text.empty() && !absl::ParseTime(absl::RFC3339_full, text, &image.captured, &why)) {
+      return absl::InvalidArgumentError(
+          absl::StrCat("captured '", text, "' is not a time such as ", "2024-05-01T12:00:00Z"));
+    }
+  }
+  absl::StatusOr<std::vector<double>> commanded = ReadJoints(*cells, kCommanded);
+  if (!commanded.ok()) return commanded.status();
+  image.commanded = *std::move(commanded);
+  absl::StatusOr<std::vector<double>> measured = ReadJoints(*cells, kMeasured);
+  if (!measured.ok()) return measured.status();
+  image.measured = *std::move(measured);
+  return image;
+}
+
+absl::StatusOr<ConfigurationNumber> TableReader::ReadNumber(
+    const std::vector<std::string>& cells) const {
+  GridIndex index{};
+  for (int j = 0; j < grid_.dimensions(); ++j) {
+    const GridJoint& joint = grid_.joints()[static_cast<size_t>(j)];
+    const std::string& text = cells[columns_.at(joint.name)];
+    double value = 0;
+    if (!absl::SimpleAtod(text, &value)) {
+      return absl::InvalidArgumentError(
+          absl::StrCat("joint '", joint.name, "': '", text, "' is not a number"));
+    }
+    const std::optional<double> place = grid_.Place(j, value);
+    if (!place) {
+      return absl::InvalidArgumentError(absl::StrCat(
+          "joint '", joint.name, "': ", text, " is outside ", joint.lower, " to ", joint.upper));
+    }
+    if (*place != std::round(*place)) {
+      const double step = std::round(*place);
+      return absl::InvalidArgumentError(
+          absl::StrFormat("joint '%s': %s is not on the grid; the nearest value is %.17g",
+                          joint.name, text, joint.lower + step * joint.step()));
+    }
+    index[static_cast<size_t>(j)] = static_cast<int>(*place) % joint.steps;
+  }
+  return grid_.NumberOf(index);
+}
+
+absl::Status TableReader::ReadMasks(const std::vector<std::string>& cells,
+                                    RobotImage& image) const {
+  int empty = 0;
+  for (const auto& view : cell_.views()) empty += cells[columns_.at(view.name())].empty() ? 1 : 0;
+  image.excluded = empty == cell_.views_size();
+  if (image.excluded) return absl::OkStatus();
+  for (int i = 0; i < cell_.views_size(); ++i) {
+    const std::string& view = cell_.views(i).name();
+    const std::string& path = cells[columns_.at(view)];
+    if (path.empty()) {
+      return absl::InvalidArgumentError(absl::StrCat(
+          "view '", view, "' has no mask; only an excluded configuration has none, in all views"));
+    }
+    absl::StatusOr<Mask> mask = ReadMaskPng((std::filesystem::path(folder_) / path).string(),
+                                            mask_sizes_[static_cast<size_t>(i)]);
+    if (!mask.ok()) {
+      return absl::Status(mask.status().code(),
+                          absl::StrCat("view '", view, "': ", mask.status().message()));
+    }
+    image.masks.push_back(*std::move(mask));
+  }
+  return absl::OkStatus();
+}
+
+absl::StatusOr<std::vector<double>> TableReader::ReadJoints(const std::vector<std::string>& cells,
+                                                            const std::string& prefix) const {
+  std::vector<double> values;
+  std::vector<std::string> joints = AllJoints(cell_);
+  if (!columns_.contains(prefix + joints.front())) return values;
+  size_t empty = 0;
+  for (const std::string& joint : joints) {
+    const std::string& text = cells[columns_.at(prefix + joint)];
+    empty += text.empty() ? 1 : 0;
+    double value = 0;
+    if (!text.empty() && !absl::SimpleAtod(text, &value)) {
+      return absl::InvalidArgumentError(
+          absl::StrCat(prefix, joint, ": '", text, "' is not a number"));
+    }
+    values.push_back(value);
+  }
+  if (empty == joints.size()) return std::vector<double>();
+  if (empty > 0) {
+    return absl::InvalidArgumentError(
+        absl::StrCat(prefix, " is there for some joints and not for all"));
+  }
+  return values;
+}
+
+}  // namespace silhouette

@@ -1,0 +1,163 @@
+// silhouette-db export: a database as a table and PNG files.
+#include <filesystem>
+#include <fstream>
+#include <iostream>
+#include <memory>
+#include <set>
+
+#include "absl/strings/str_cat.h"
+#include "absl/strings/str_format.h"
+#include "common/picture/files.h"
+#include "common/picture/mask_png.h"
+#include "tools/program/progress.h"
+#include "tools/silhouette-db/commands.h"
+#include "tools/silhouette-db/common.h"
+#include "tools/silhouette-db/exchange.h"
+
+namespace silhouette {
+namespace {
+
+namespace fs = std::filesystem;
+
+struct ExportOptions {
+  std::string database;
+  std::string set = schema::kDefaultSet;
+  std::string folder;
+};
+
+std::string Number(double value) { return absl::StrFormat("%.17g", value); }
+
+absl::Status PrepareFolder(const std::string& folder) {
+  if (absl::Status made = MakeFolder(folder); !made.ok()) return made;
+  std::error_code error;
+  if (!fs::is_empty(folder, error) || error) {
+    return absl::FailedPreconditionError(
+        absl::StrCat("folder '", folder, "' is not empty; give a new one"));
+  }
+  return absl::OkStatus();
+}
+
+// Writes rows and masks.
+class Exporter {
+ public:
+  Exporter(const Database& database, std::string folder)
+      : database_(database), folder_(std::move(folder)) {}
+
+  absl::Status Begin() {
+    const absl::StatusOr<std::vector<std::string>> columns = ColumnsOf(database_.cell());
+    if (!columns.ok()) return columns.status();
+    if (absl::Status status = PrepareFolder(folder_); !status.ok()) return status;
+    table_.open(folder_ + "/" + kConfigurationsFile);
+    table_ << CsvLine(*columns) << "\n";
+    return CheckTable();
+  }
+
+  absl::Status Write(const RobotImage& image) {
+    std::vector<std::string> cells;
+    for (double value : database_.grid().At(image.number)) cells.push_back(Number(value));
+    for (int i = 0; i < database_.cell().views_size(); ++i) {
+      if (image.excluded) {
+        cells.emplace_back();
+        continue;
+      }
+      const absl::StatusOr<std::string> path =
+          WriteMask(i, image.number, image.masks[static_cast<size_t>(i)]);
+      if (!path.ok()) return path.status();
+      cells.push_back(*path);
+    }
+    cells.push_back(TimeText(image.captured));
+    const size_t joints = AllJoints(database_.cell()).size();
+    for (const auto* values : {&image.commanded, &image.measured}) {
+      for (size_t j = 0; j < joints; ++j) {
+        cells.push_back(values->empty() ? "" : Number((*values)[j]));
+      }
+    }
+    table_ << CsvLine(cells) << "\n";
+    return CheckTable();
+  }
+
+  absl::Status Finish() {
+    table_.close();
+    return CheckTable();
+  }
+
+ private:
+  absl::StatusOr<std::string> WriteMask(int view, ConfigurationNumber number, const Mask& mask) {
+    const std::string place = absl::StrFormat(
+        "masks/%s/%d", PathPart(database_.cell().views(view).name()), number / kTileSize);
+    if (made_.insert(place).second) {
+      if (absl::Status made = MakeFolder(absl::StrCat(folder_, "/", place)); !made.ok())
+        return made;
+    }
+    const std::string path = absl::StrFormat("%s/%d.png", place, number);
+    const absl::Status status = WriteMaskPng(folder_ + "/" + path, mask);
+    if (!status.ok()) return status;
+    return path;
+  }
+
+  absl::Status CheckTable() const {
+    if (table_) return absl::OkStatus();
+    return absl::InternalError(absl::StrCat("'", folder_, "/", kConfigurationsFile,
+                                            "' cannot be written; is the disk full?"));
+  }
+
+  const Database& database_;
+  const std::string folder_;
+  std::ofstream table_;
+  std::set<std::string> made_;
+};
+
+absl::StatusOr<ExitCode> ExportHere(const ExportOptions& options) {
+  const absl::StatusOr<OpenedDatabase> opened = OpenForReading(options.database, options.set);
+  if (!opened.ok()) return opened.status();
+  CatchStopSignals();
+  Exporter exporter(*opened->database, options.folder);
+  if (absl::Status status = exporter.Begin(); !status.ok()) return status;
+  uint64_t written = 0;
+  uint64_t damaged = 0;
+  absl::Status failure;
+  {
+    Progress progress("export", opened->snapshot.size(), "records");
+    const absl::Status status =
+        opened->snapshot.ForEach([&](ConfigurationNumber, const absl::StatusOr<RobotImage>& image) {
+          if (image.ok()) {
+            failure = exporter.Write(*image);
+            ++written;
+          } else {
+            progress.Say("left out: " + std::string(image.status().message()));
+            ++damaged;
+          }
+          progress.Update(written + damaged);
+          return failure.ok() && !StopRequested();
+        });
+    if (!failure.ok()) return failure;
+    if (StopRequested()) return Stopped("delete the folder and export again");
+    if (!status.ok()) return status;
+  }
+  const auto references = opened->snapshot.References();
+  if (!references.ok()) return references.status();
+  if (*references) {
+    absl::Status status = ExportReferences(options.folder, opened->database->cell(), **references);
+    if (!status.ok()) return status;
+  }
+  if (absl::Status status = exporter.Finish(); !status.ok()) return status;
+  std::cout << written << " records exported to " << options.folder << "/" << kConfigurationsFile;
+  if (damaged > 0) std::cout << ", " << damaged << " damaged ones left out";
+  std::cout << std::endl;
+  return damaged == 0 ? kDone : kNo;
+}
+
+}  // namespace
+
+void AddExport(CLI::App& app, Work& work) {
+  auto options = std::make_shared<ExportOptions>();
+  CLI::App* command = app.add_subcommand(
+      "export", "Writes a database as a CSV table and PNG masks, for other programs or `import`");
+  AddDatabaseArgument(*command, options->database);
+  AddSetOption(*command, options->set);
+  command->add_option("folder,--folder", options->folder, "New folder")->required();
+  command->footer("Example:\n  silhouette-db export cell.lmdb masks/");
+  command->callback([&work, options] { work = [options] { return ExportHere(*options); }; });
+}
+
+}  // namespace silhouette

@@ -1,0 +1,225 @@
+// silhouette-db import: masks made elsewhere, or exported, into a database.
+#include <algorithm>
+#include <filesystem>
+#include <fstream>
+#include <iostream>
+#include <memory>
+#include <unordered_map>
+
+#include "absl/strings/str_cat.h"
+#include "absl/strings/str_join.h"
+#include "absl/strings/strip.h"
+#include "tools/cell/cell.h"
+#include "tools/program/progress.h"
+#include "tools/silhouette-db/commands.h"
+#include "tools/silhouette-db/common.h"
+#include "tools/silhouette-db/exchange.h"
+
+namespace silhouette {
+namespace {
+
+namespace fs = std::filesystem;
+constexpr uint64_t kMostFaults = 20;
+
+struct ImportOptions {
+  std::string folder;
+  std::string set = schema::kDefaultSet;
+  std::string cell;
+  std::string database;
+  bool replace = false;
+};
+
+// The database of the cell, made if there is none.
+absl::StatusOr<std::unique_ptr<Database>> OpenOrCreate(const std::string& path, const Cell& cell) {
+  const storage::v1::CellDescription description = DescriptionOf(cell);
+  absl::StatusOr<std::unique_ptr<Database>> database =
+      Database::Open(path, Database::Access::kWrite);
+  if (absl::IsNotFound(database.status())) return Database::Create(path, description);
+  if (!database.ok()) return database.status();
+  const std::vector<std::string> differences =
+      Differences(description, "the cell file", (*database)->cell(), "the database");
+  if (differences.empty()) return database;
+  return absl::FailedPreconditionError(absl::StrCat("database '", path,
+                                                    "' is not that of cell file '", cell.file,
+                                                    "': ", absl::StrJoin(differences, "; ")));
+}
+
+// Reads row after row; what is wrong with one does not keep the others out.
+class Importer {
+ public:
+  Importer(std::string csv, const Database& database, RobotImageWriter& writer, bool replace)
+      : csv_(std::move(csv)), database_(database), writer_(writer), replace_(replace) {}
+
+  uint64_t imported() const { return imported_; }
+  uint64_t there_already() const { return there_already_; }
+  uint64_t faults() const { return faults_; }
+
+  // Only what keeps all further rows out, too, is an error.
+  absl::Status Take(const TableReader& table, std::string_view row, uint64_t line,
+                    Progress& progress) {
+    absl::Status status = TakeRow(table, row, line);
+    const bool mistake = absl::IsInvalidArgument(status) || absl::IsNotFound(status) ||
+                         absl::IsAlreadyExists(status) || absl::IsFailedPrecondition(status);
+    if (!mistake) return status;
+    progress.Say(absl::StrCat(csv_, ":", line, ": ", status.message()));
+    ++faults_;
+    return absl::OkStatus();
+  }
+
+ private:
+  absl::Status TakeRow(const TableReader& table, std::string_view row, uint64_t line) {
+    const absl::StatusOr<RobotImage> image = table.Read(row);
+    if (!image.ok()) return image.status();
+    const auto [first, is_first] = lines_.emplace(image->number, line);
+    if (!is_first) {
+      return absl::InvalidArgumentError(
+          absl::StrCat("the same configuration is in line ", first->second));
+    }
+    const absl::Status status = writer_.Put(*image, replace_);
+    if (status.ok()) ++imported_;
+    return absl::IsAlreadyExists(status) ? CheckSame(*image) : status;
+  }
+
+  absl::Status CheckSame(const RobotImage& image) {
+    const absl::StatusOr<Snapshot> snapshot = database_.Read();
+    if (!snapshot.ok()) return snapshot.status();
+    const auto stored = snapshot->Find(image.number);
+    if (!stored.ok() && !absl::IsDataLoss(stored.status())) return stored.status();
+    if (!stored.ok() || !*stored || **stored != image) {
+      return absl::AlreadyExistsError(
+          "the database has another record of this configuration; --replace takes this one");
+    }
+    ++there_already_;
+    return absl::OkStatus();
+  }
+
+  const std::string csv_;
+  const Database& database_;
+  RobotImageWriter& writer_;
+  const bool replace_;
+  std::unordered_map<ConfigurationNumber, uint64_t> lines_;
+  uint64_t imported_ = 0;
+  uint64_t there_already_ = 0;
+  uint64_t faults_ = 0;
+};
+
+uint64_t CountLines(const std::string& path) {
+  std::ifstream file(path, std::ios::binary);
+  return static_cast<uint64_t>(
+      std::count(std::istreambuf_iterator<char>(file), std::istreambuf_iterator<char>(), '\n'));
+}
+
+bool NextLine(std::ifstream& file, std::string& line) {
+  if (!std::getline(file, line)) return false;
+  if (line.ends_with('\r')) line.pop_back();
+  return true;
+}
+
+// Feeds all rows to `importer`, then commits.
+absl::Status TakeAll(const std::string& csv, const TableReader& table, std::ifstream& file,
+                     Importer& importer, RobotImageWriter& writer) {
+  const uint64_t lines = CountLines(csv);
+  Progress progress("import", lines, "lines");
+  absl::Status status;
+  std::string row;
+  for (uint64_t line = 2;
+       status.ok() && importer.faults() < kMostFaults && !StopRequested() && NextLine(file, row);
+       ++line) {
+    if (!row.empty()) status = importer.Take(table, row, line, progress);
+    progress.Update(line);
+  }
+  const absl::Status committed = writer.Commit();
+  return status.ok() ? committed : status;
+}
+
+absl::StatusOr<ExitCode> ImportHere(const ImportOptions& options) {
+  const absl::StatusOr<Cell> cell = LoadCell(options.cell);
+  if (!cell.ok()) return cell.status();
+  const std::string path = options.database.empty() ? cell->database : options.database;
+  if (path.empty()) {
+    return absl::InvalidArgumentError(
+        absl::StrCat("cell file '", options.cell, "' names no database; give --database"));
+  }
+  const bool is_folder = fs::is_directory(options.folder);
+  const std::string csv =
+      is_folder ? (fs::path(options.folder) / kConfigurationsFile).string() : options.folder;
+  std::ifstream file(csv, std::ios::binary);
+  std::string header;
+  if (!file || !NextLine(file, header)) {
+    return absl::NotFoundError(absl::StrCat("'", csv, "' cannot be read, or is empty"));
+  }
+  absl::string_view bare = header;
+  absl::ConsumePrefix(&bare, "\xef\xbb\xbf");  // some programs begin a CSV with it
+  const storage::v1::CellDescription description = DescriptionOf(*cell);
+  const absl::StatusOr<TableReader> table =
+      TableReader::FromHeader(csv, {bare.data(), bare.size()}, description);
+  if (!table.ok()) return table.status();
+  const auto references = ImportReferences(fs::path(csv).parent_path().string(), description);
+  if (!references.ok()) return references.status();
+
+  CatchStopSignals();
+  const std::string program = absl::StrCat("silhouette-db import ", options.folder);
+  absl::StatusOr<std::unique_ptr<Database>> database = OpenOrCreate(path, *cell);
+  if (database.ok() && options.set != schema::kDefaultSet) {
+    absl::StatusOr<std::unique_ptr<Database>> set = (*database)->OpenSet(options.set);
+    if (absl::IsNotFound(set.status())) set = (*database)->CreateSet(options.set, program);
+    database = std::move(set);
+  }
+  if (!database.ok()) return database.status();
+  absl::StatusOr<RobotImageWriter> writer = (*database)->Write(program);
+  if (!writer.ok()) return writer.status();
+  Importer importer(csv, **database, *writer, options.replace);
+  absl::Status status = TakeAll(csv, *table, file, importer, *writer);
+  if (status.ok() && *references) {
+    const absl::StatusOr<Snapshot> snapshot = (*database)->Read();
+    const auto stored =
+        snapshot.ok() ? snapshot->References()
+                      : absl::StatusOr<std::optional<storage::v1::References>>(snapshot.status());
+    if (!stored.ok()) return stored.status();
+    const bool same =
+        *stored && (*stored)->SerializeAsString() == (*references)->SerializeAsString();
+    if (!same) status = (*database)->SetReferences(**references, program);
+  }
+  std::cout << writer->committed() << " records imported into " << path;
+  if (importer.there_already() > 0) {
+    std::cout << ", " << importer.there_already() << " were there already";
+  }
+  std::cout << std::endl;
+  if (!status.ok()) return status;
+  if (StopRequested()) return Stopped("run it again to go on; what is imported stays");
+  if (importer.faults() == 0) {
+    std::cout << "next: silhouette-db index " << path << std::endl;
+    return kDone;
+  }
+  return absl::InvalidArgumentError(absl::StrCat(
+      importer.faults(), importer.faults() == kMostFaults ? " lines or more" : " lines",
+      " are wrong; mend them and run it again, what is imported stays"));
+}
+
+}  // namespace
+
+void AddImport(CLI::App& app, Work& work) {
+  auto options = std::make_shared<ImportOptions>();
+  CLI::App* command = app.add_subcommand(
+      "import", "Takes masks that were made elsewhere, or exported, into a database");
+  command
+      ->add_option("folder", options->folder,
+                   "Folder with configurations.csv, or the path of such a file")
+      ->required();
+  command->add_option("--cell", options->cell, "The cell file")->required();
+  command->add_option(
+      "--database", options->database,
+      "Folder of the database, made if it is not there; by default the cell file's");
+  command->add_option("--set", options->set, "The set of robot images; made if it is not there")
+      ->capture_default_str();
+  command->add_flag("--replace", options->replace,
+                    "Records that are there already are replaced, instead of compared");
+  command->footer(
+      "configurations.csv has one column per joint of the grid, by its name (radians, metres), "
+      "and\n"
+      "one per view with the path of a PNG mask, relative to the CSV.\n"
+      "Example:\n  silhouette-db import --cell cell.yaml --database cell.lmdb masks/");
+  command->callback([&work, options] { work = [options] { return ImportHere(*options); }; });
+}
+
+}  // namespace silhouette

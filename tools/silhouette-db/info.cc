@@ -1,0 +1,174 @@
+// silhouette-db info: what a database holds, without reading its robot images' masks.
+#include <iostream>
+#include <memory>
+#include <optional>
+
+#include "absl/strings/str_format.h"
+#include "db/store/schema.h"
+#include "tools/silhouette-db/commands.h"
+#include "tools/silhouette-db/common.h"
+#include "tools/silhouette-db/index_state.h"
+
+namespace silhouette {
+namespace {
+
+struct InfoOptions {
+  std::string database;
+  std::string format = "text";
+};
+
+struct Facts {
+  uint64_t generation = 0;
+  uint64_t records = 0;
+  Database::Usage usage;
+  bool references = false;
+  std::optional<storage::v1::Calibration> calibration;
+  storage::v1::ProvenanceLog provenance;
+  CollisionIndexSummary index;
+};
+
+std::string InfoTimeOf(const storage::v1::Provenance& entry) {
+  return absl::FormatTime("%Y-%m-%d %H:%M:%S UTC", absl::FromUnixSeconds(entry.time().seconds()),
+                          absl::UTCTimeZone());
+}
+
+// "cameras", "fundamental matrices" or "none".
+std::string InfoKindOf(const std::optional<storage::v1::Calibration>& calibration) {
+  if (!calibration) return "none";
+  return calibration->cameras().empty() ? "fundamental matrices" : "cameras";
+}
+
+void InfoPrintText(const Database& database, const Facts& facts) {
+  const storage::v1::CellDescription& cell = database.cell();
+  const ConfigurationGrid& grid = database.grid();
+  std::cout << absl::StreamFormat(
+      "database        %s (format %d, generation %d)\n"
+      "cell            %s\n"
+      "configurations  %d of %d recorded (%.1f %%)\n"
+      "references      %s\n"
+      "calibration     %s\n"
+      "collision index %s\n"
+      "on disk         %.1f MiB, %.1f MiB of it in use\n",
+      database.path(), schema::kFormatVersion, facts.generation, cell.name(), facts.records,
+      grid.size(), 100.0 * static_cast<double>(facts.records) / static_cast<double>(grid.size()),
+      facts.references ? "yes" : "none", InfoKindOf(facts.calibration),
+      StateText(facts.index, database.path()),
+      static_cast<double>(facts.usage.file_bytes) / (1 << 20),
+      static_cast<double>(facts.usage.used_bytes) / (1 << 20));
+  std::cout << "\ngrid joints                lower       upper  steps        step  tile edge\n";
+  for (size_t j = 0; j < grid.joints().size(); ++j) {
+    const GridJoint& joint = grid.joints()[j];
+    std::cout << absl::StreamFormat("  %-20s %10.5g  %10.5g  %5d  %10.5g  %9d%s\n", joint.name,
+                                    joint.lower, joint.upper, joint.steps, joint.step(),
+                                    grid.tile_edges()[j], joint.continuous ? "  continuous" : "");
+  }
+  if (!cell.fixed_joints().empty()) std::cout << "\nfixed joints            position\n";
+  for (const auto& joint : cell.fixed_joints()) {
+    std::cout << absl::StreamFormat("  %-20s %10.5g\n", joint.name(), joint.position());
+  }
+  std::cout << "\nviews                   mask       image\n";
+  for (const auto& view : cell.views()) {
+    const std::string image =
+        view.image_width() > 0 ? absl::StrFormat("%dx%d", view.image_width(), view.image_height())
+                               : "none";
+    std::cout << absl::StreamFormat("  %-20s  %-9s  %s\n", view.name(),
+                                    absl::StrFormat("%dx%d", view.mask_width(), view.mask_height()),
+                                    image);
+  }
+  std::cout << "\n" << SetsText(facts.usage, grid);
+  if (!facts.provenance.entries().empty()) {
+    std::cout << "\nwritten by                robot images\n";
+  }
+  for (const auto& entry : facts.provenance.entries()) {
+    std::cout << absl::StreamFormat("  %s %12d  %s%s\n", InfoTimeOf(entry), entry.robot_images(),
+                                    entry.program(),
+                                    entry.set().empty() ? "" : ", set '" + entry.set() + "'");
+  }
+}
+
+void InfoPrintJson(const Database& database, const Facts& facts) {
+  const storage::v1::CellDescription& cell = database.cell();
+  const ConfigurationGrid& grid = database.grid();
+  nlohmann::json json = {{"database", database.path()},
+                         {"format_version", schema::kFormatVersion},
+                         {"generation", facts.generation},
+                         {"cell", cell.name()},
+                         {"configurations", grid.size()},
+                         {"records", facts.records},
+                         {"references", facts.references},
+                         {"calibration", InfoKindOf(facts.calibration)},
+                         {"collision_index", StateJson(facts.index)},
+                         {"file_bytes", facts.usage.file_bytes},
+                         {"used_bytes", facts.usage.used_bytes},
+                         {"segmentation", cell.segmentation()},
+                         {"sets", SetsJson(facts.usage)},
+                         {"grid_joints", nlohmann::json::array()},
+                         {"fixed_joints", nlohmann::json::object()},
+                         {"views", nlohmann::json::array()},
+                         {"provenance", nlohmann::json::array()}};
+  for (size_t j = 0; j < grid.joints().size(); ++j) {
+    const GridJoint& joint = grid.joints()[j];
+    json["grid_joints"].push_back({{"name", joint.name},
+                                   {"lower", joint.lower},
+                                   {"upper", joint.upper},
+                                   {"steps", joint.steps},
+                                   {"continuous", joint.continuous},
+                                   {"tile_edge", grid.tile_edges()[j]}});
+  }
+  for (const auto& joint : cell.fixed_joints()) {
+    json["fixed_joints"][joint.name()] = joint.position();
+  }
+  for (const auto& view : cell.views()) {
+    json["views"].push_back({{"name", view.name()},
+                             {"mask_size", {view.mask_width(), view.mask_height()}},
+                             {"image_size", {view.image_width(), view.image_height()}}});
+  }
+  for (const auto& entry : facts.provenance.entries()) {
+    json["provenance"].push_back({{"time", InfoTimeOf(entry)},
+                                  {"program", entry.program()},
+                                  {"set", entry.set().empty() ? schema::kDefaultSet : entry.set()},
+                                  {"robot_images", entry.robot_images()}});
+  }
+  std::cout << json.dump(2) << std::endl;
+}
+
+absl::StatusOr<ExitCode> Info(const InfoOptions& options) {
+  absl::StatusOr<OpenedDatabase> opened = OpenForReading(options.database);
+  if (!opened.ok()) return opened.status();
+  const absl::StatusOr<Database::Usage> usage = opened->database->GetUsage();
+  if (!usage.ok()) return usage.status();
+  const auto references = opened->snapshot.References();
+  if (!references.ok()) return references.status();
+  const auto calibration = opened->snapshot.Calibration();
+  if (!calibration.ok()) return calibration.status();
+  const absl::StatusOr<storage::v1::ProvenanceLog> provenance = opened->snapshot.Provenance();
+  if (!provenance.ok()) return provenance.status();
+  const auto index = CollisionIndex::Open(std::move(opened->snapshot));
+  if (!index.ok()) return index.status();
+  const Facts facts{(*index)->generation(),
+                    (*index)->snapshot().size(),
+                    *usage,
+                    references->has_value(),
+                    *calibration,
+                    *provenance,
+                    (*index)->Summary()};
+  if (options.format == "json") {
+    InfoPrintJson(*opened->database, facts);
+  } else {
+    InfoPrintText(*opened->database, facts);
+  }
+  return kDone;
+}
+
+}  // namespace
+
+void AddInfo(CLI::App& app, Work& work) {
+  auto options = std::make_shared<InfoOptions>();
+  CLI::App* command = app.add_subcommand("info", "What a database holds");
+  AddDatabaseArgument(*command, options->database);
+  AddFormatOption(*command, options->format);
+  command->footer("Example:\n  silhouette-db info cell.lmdb");
+  command->callback([&work, options] { work = [options] { return Info(*options); }; });
+}
+
+}  // namespace silhouette

@@ -1,0 +1,22 @@
+#include "tools/silhouette-db/commands.h"
+
+int main(int argc, char** argv) {
+  using namespace silhouette;
+  CLI::App app("Looks into the database of a cell: robot images and what they belong to.",
+               "silhouette-db");
+  app.require_subcommand(1);
+  app.footer(
+      "Examples:\n"
+      "  silhouette-db info cell.lmdb\n"
+      "  silhouette-db verify cell.lmdb\n"
+      "  silhouette-db COMMAND --help");
+  Work work;
+  for (const auto add : {AddInfo, AddVerify, AddCoverage, AddShow, AddSheet, AddSets, AddStats,
+                         AddExport, AddImport, AddIndex, AddCompact, AddDiff, AddCalibration}) {
+    add(app, work);
+  }
+  return RunProgram(app, argc, argv, [&]() -> int {
+    const absl::StatusOr<ExitCode> result = work();
+    return result.ok() ? *result : Report("silhouette-db", result.status());
+  });
+}

@@ -1,0 +1,163 @@
+// silhouette-db sheet: the masks of a slice of the configuration space on one sheet.
+#include <iostream>
+#include <memory>
+
+#include "absl/strings/str_cat.h"
+#include "absl/strings/str_format.h"
+#include "common/picture/sheet.h"
+#include "tools/silhouette-db/commands.h"
+#include "tools/silhouette-db/common.h"
+
+namespace silhouette {
+namespace {
+
+constexpr int kMostColumns = 8;
+constexpr int kMostRows = 8;
+constexpr int kSheetTileSide = 128;  // about, in pixels
+
+struct SheetArguments {
+  std::string database;
+  std::string set = schema::kDefaultSet;
+  std::vector<std::string> along;
+  std::vector<std::string> fixed;
+  std::string view;
+  std::string picture;
+};
+
+// At most `most` of 0..steps-1, evenly spread, first and last among them.
+std::vector<int> Spread(int steps, int most) {
+  const int count = std::min(steps, most);
+  std::vector<int> chosen;
+  for (int i = 0; i < count; ++i) chosen.push_back(count == 1 ? 0 : i * (steps - 1) / (count - 1));
+  return chosen;
+}
+
+absl::StatusOr<int> SheetViewOf(const storage::v1::CellDescription& cell, const std::string& name) {
+  for (int i = 0; i < cell.views_size(); ++i) {
+    if (name.empty() || cell.views(i).name() == name) return i;
+  }
+  std::string known;
+  for (const auto& view : cell.views())
+    absl::StrAppend(&known, known.empty() ? "" : ", ", view.name());
+  return absl::InvalidArgumentError(
+      absl::StrCat("there is no view '", name, "'; the views are ", known));
+}
+
+// The mask of a view at a configuration, or a plain square in the colour of what is there instead.
+absl::StatusOr<Picture> SheetTile(const OpenedDatabase& opened, ConfigurationNumber number,
+                                  int view) {
+  const MaskSize size = opened.database->mask_sizes()[static_cast<size_t>(view)];
+  const int side = std::max(size.width, size.height);
+  const auto image = opened.snapshot.Find(number);
+  if (!image.ok() && !absl::IsDataLoss(image.status())) return image.status();
+  Picture picture;
+  if (!image.ok()) {
+    picture = BlankPicture(size.width, size.height, palette::kDamaged);
+  } else if (!*image) {
+    picture = BlankPicture(size.width, size.height, palette::kPaper);
+  } else if ((*image)->excluded) {
+    picture = BlankPicture(size.width, size.height, palette::kExcluded);
+  } else {
+    picture = PictureOf((*image)->masks[static_cast<size_t>(view)], palette::kRobot);
+  }
+  if (side <= kSheetTileSide)
+    return Enlarged(picture, std::max(1, (kSheetTileSide + side / 2) / side));
+  return FittedInto(picture, kSheetTileSide * size.width / side,
+                    kSheetTileSide * size.height / side);
+}
+
+// The sheet's row: a joint's value, or, along one joint only, a view.
+struct Row {
+  std::string name;
+  int view = 0;
+  std::optional<int> step;
+};
+
+std::vector<Row> RowsOf(const Database& database, const Slice& slice, int view, bool all_views) {
+  std::vector<Row> rows;
+  if (slice.upwards) {
+    const GridJoint& joint = database.grid().joints()[static_cast<size_t>(*slice.upwards)];
+    const std::vector<int> steps = Spread(joint.steps, kMostRows);
+    for (auto step = steps.rbegin(); step != steps.rend(); ++step) {
+      rows.push_back({absl::StrFormat("%.2f", joint.lower + *step * joint.step()), view, *step});
+    }
+    return rows;
+  }
+  for (int i = 0; i < database.cell().views_size(); ++i) {
+    if (all_views || i == view) rows.push_back({database.cell().views(i).name(), i, std::nullopt});
+  }
+  return rows;
+}
+
+std::string TitleOf(const Database& database, const Slice& slice, int view) {
+  const auto name = [&](int j) { return database.grid().joints()[static_cast<size_t>(j)].name; };
+  std::string title = absl::StrCat(name(slice.across), " to the right");
+  if (slice.upwards) {
+    title = absl::StrCat("View ", database.cell().views(view).name(), ": ", title, ", ",
+                         name(*slice.upwards), " upwards");
+  }
+  if (!slice.others.empty()) absl::StrAppend(&title, "; ", slice.others);
+  return title;
+}
+
+absl::StatusOr<ExitCode> Sheet(const SheetArguments& options) {
+  const absl::StatusOr<OpenedDatabase> opened = OpenForReading(options.database, options.set);
+  if (!opened.ok()) return opened.status();
+  const Database& database = *opened->database;
+  const ConfigurationGrid& grid = database.grid();
+  const absl::StatusOr<Slice> slice = SliceOf(grid, options.along, options.fixed);
+  if (!slice.ok()) return slice.status();
+  const absl::StatusOr<int> view = SheetViewOf(database.cell(), options.view);
+  if (!view.ok()) return view.status();
+
+  const GridJoint& across = grid.joints()[static_cast<size_t>(slice->across)];
+  const std::vector<int> columns = Spread(across.steps, kMostColumns);
+  std::vector<CaptionedPicture> pictures;
+  for (const Row& row : RowsOf(database, *slice, *view, options.view.empty())) {
+    for (int column : columns) {
+      GridIndex index = slice->index;
+      index[static_cast<size_t>(slice->across)] = column;
+      if (row.step) index[static_cast<size_t>(*slice->upwards)] = *row.step;
+      const absl::StatusOr<Picture> tile = SheetTile(*opened, grid.NumberOf(index), row.view);
+      if (!tile.ok()) return tile.status();
+      const std::string value = absl::StrFormat("%.2f", across.lower + column * across.step());
+      pictures.push_back({*tile, row.step ? absl::StrCat(value, ", ", row.name)
+                                          : absl::StrCat(row.name, " ", value)});
+    }
+  }
+  const Picture sheet = ContactSheet(pictures, {.title = TitleOf(database, *slice, *view),
+                                                .columns = static_cast<int>(columns.size()),
+                                                .legend = {{palette::kRobot, "robot"},
+                                                           {palette::kPaper, "missing"},
+                                                           {palette::kExcluded, "excluded"},
+                                                           {palette::kDamaged, "damaged"}}});
+  if (absl::Status status = WritePng(options.picture, sheet); !status.ok()) return status;
+  std::cout << options.picture << std::endl;
+  return kDone;
+}
+
+}  // namespace
+
+void AddSheet(CLI::App& app, Work& work) {
+  auto options = std::make_shared<SheetArguments>();
+  CLI::App* command = app.add_subcommand("sheet", "The masks along one or two joints on one sheet");
+  AddDatabaseArgument(*command, options->database);
+  AddSetOption(*command, options->set);
+  command->add_option("--picture", options->picture, "The PNG file to write")->required();
+  command
+      ->add_option("--along", options->along,
+                   "One or two joints; by default the first two that move")
+      ->expected(1, 2);
+  command
+      ->add_option("--fix", options->fixed,
+                   "joint=value of the others; those not named stand in their middle")
+      ->take_all();
+  command->add_option("--view", options->view,
+                      "Along two joints: this view instead of the first; along one: only this one");
+  command->footer(
+      "Example:\n"
+      "  silhouette-db sheet cell.lmdb --along axis_1 axis_3 --fix axis_5=0.5 --picture sheet.png");
+  command->callback([&work, options] { work = [options] { return Sheet(*options); }; });
+}
+
+}  // namespace silhouette

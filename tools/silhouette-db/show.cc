@@ -1,0 +1,138 @@
+// silhouette-db show: one configuration.
+#include <iostream>
+#include <memory>
+
+#include "absl/strings/str_cat.h"
+#include "absl/strings/str_format.h"
+#include "absl/strings/str_join.h"
+#include "common/picture/sheet.h"
+#include "tools/silhouette-db/commands.h"
+#include "tools/silhouette-db/common.h"
+
+namespace silhouette {
+namespace {
+
+struct ShowOptions {
+  std::string database;
+  std::string set = schema::kDefaultSet;
+  std::string format = "text";
+  std::optional<ConfigurationNumber> number;
+  std::vector<double> at;
+  std::string picture;
+};
+
+absl::StatusOr<ConfigurationNumber> Choose(const ConfigurationGrid& grid,
+                                           const ShowOptions& options) {
+  if (options.number) {
+    if (grid.Contains(*options.number)) return *options.number;
+    return absl::InvalidArgumentError(
+        absl::StrCat("the grid has no configuration ", *options.number));
+  }
+  if (options.at.size() != grid.joints().size()) {
+    return absl::InvalidArgumentError(
+        absl::StrCat("--at takes ", grid.joints().size(), " values, one per joint of the grid"));
+  }
+  const std::optional<ConfigurationNumber> number = grid.Nearest(options.at);
+  if (!number) {
+    return absl::InvalidArgumentError(
+        absl::StrCat("(", absl::StrJoin(options.at, ", "), ") is outside the grid"));
+  }
+  return *number;
+}
+
+void ShowPrintText(const Database& database, const RobotImage& image) {
+  std::cout << absl::StreamFormat("configuration  %d\njoints         %s\n", image.number,
+                                  JointText(database.grid(), image.number));
+  if (image.excluded) std::cout << "excluded       the robot must not enter it: never free\n";
+  if (const std::string time = TimeText(image.captured); !time.empty()) {
+    std::cout << "captured       " << time << "\n";
+  }
+  if (!image.commanded.empty()) {
+    std::cout << "commanded      " << absl::StrJoin(image.commanded, ", ") << "\n";
+  }
+  if (!image.measured.empty()) {
+    std::cout << "measured       " << absl::StrJoin(image.measured, ", ") << "\n";
+  }
+  for (size_t i = 0; i < image.masks.size(); ++i) {
+    const size_t area = image.masks[i].Count();
+    std::cout << absl::StreamFormat(
+        "view %-9s %d pixels (%.1f %%)\n", database.cell().views(static_cast<int>(i)).name(), area,
+        100.0 * static_cast<double>(area) / static_cast<double>(image.masks[i].size().pixels()));
+  }
+}
+
+void ShowPrintJson(const Database& database, const RobotImage& image) {
+  nlohmann::json json = {
+      {"number", image.number},          {"joints", JointJson(database.grid(), image.number)},
+      {"excluded", image.excluded},      {"captured", TimeText(image.captured)},
+      {"commanded", image.commanded},    {"measured", image.measured},
+      {"views", nlohmann::json::array()}};
+  for (size_t i = 0; i < image.masks.size(); ++i) {
+    json["views"].push_back({{"name", database.cell().views(static_cast<int>(i)).name()},
+                             {"pixels", image.masks[i].Count()}});
+  }
+  std::cout << json.dump(2) << std::endl;
+}
+
+Picture ShowPaint(const Database& database, const RobotImage& image) {
+  std::vector<CaptionedPicture> pictures;
+  for (size_t i = 0; i < image.masks.size(); ++i) {
+    const Mask& mask = image.masks[i];
+    const int factor = std::max(1, 256 / std::max(mask.width(), mask.height()));
+    pictures.push_back(
+        {Enlarged(PictureOf(mask, palette::kRobot), factor),
+         absl::StrFormat("%s: %d pixels", database.cell().views(static_cast<int>(i)).name(),
+                         mask.Count())});
+  }
+  return ContactSheet(
+      pictures, {.title = absl::StrCat("Configuration ", image.number, ": ",
+                                       JointText(database.grid(), image.number)),
+                 .columns = 0,
+                 .legend = {{palette::kRobot, "robot"}, {palette::kBackground, "background"}}});
+}
+
+absl::StatusOr<ExitCode> ShowHere(const ShowOptions& options) {
+  const absl::StatusOr<OpenedDatabase> opened = OpenForReading(options.database, options.set);
+  if (!opened.ok()) return opened.status();
+  const Database& database = *opened->database;
+  const absl::StatusOr<ConfigurationNumber> number = Choose(database.grid(), options);
+  if (!number.ok()) return number.status();
+  const auto image = opened->snapshot.Find(*number);
+  if (!image.ok()) return image.status();
+  if (!*image) {
+    std::cerr << "silhouette-db: configuration " << *number << " ("
+              << JointText(database.grid(), *number) << ") is not in the database" << std::endl;
+    return kNo;
+  }
+  if (!options.picture.empty() && !(*image)->excluded) {
+    const absl::Status status = WritePng(options.picture, ShowPaint(database, **image));
+    if (!status.ok()) return status;
+  }
+  if (options.format == "json") {
+    ShowPrintJson(database, **image);
+  } else {
+    ShowPrintText(database, **image);
+  }
+  return kDone;
+}
+
+}  // namespace
+
+void AddShow(CLI::App& app, Work& work) {
+  auto options = std::make_shared<ShowOptions>();
+  CLI::App* command = app.add_subcommand("show", "The record of one configuration");
+  AddDatabaseArgument(*command, options->database);
+  AddSetOption(*command, options->set);
+  CLI::Option_group* choice = command->add_option_group("choice", "Which configuration");
+  choice->add_option("--number", options->number, "Its number");
+  choice->add_option(
+      "--at", options->at,
+      "The one nearest to these joint values (radians, metres), in the grid's order");
+  choice->require_option(1);
+  command->add_option("--picture", options->picture, "Write its masks to this PNG file");
+  AddFormatOption(*command, options->format);
+  command->footer("Example:\n  silhouette-db show cell.lmdb --at 0.5 -1.2 --picture robot.png");
+  command->callback([&work, options] { work = [options] { return ShowHere(*options); }; });
+}
+
+}  // namespace silhouette

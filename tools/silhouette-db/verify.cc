@@ -1,0 +1,306 @@
+// silhouette-db verify: whether everything is there and can be read.
+#include <iostream>
+#include <memory>
+#include <optional>
+#include <set>
+
+#include "absl/strings/str_cat.h"
+#include "absl/strings/str_join.h"
+#include "db/store/fixed_joints.h"
+#include "tools/program/progress.h"
+#include "tools/silhouette-db/commands.h"
+#include "tools/silhouette-db/common.h"
+#include "tools/silhouette-db/index_check.h"
+#include "tools/silhouette-db/index_state.h"
+
+namespace silhouette {
+namespace {
+
+struct VerifyOptions {
+  std::string database;
+  std::string format = "text";
+  bool allow_missing = false;
+  double fixed_joint_tolerance = 0.005;
+};
+
+// Of a set, or of all.
+struct Findings {
+  std::string set;
+  uint64_t captured = 0;
+  uint64_t excluded = 0;
+  uint64_t damaged = 0;
+  uint64_t missing = 0;
+  uint64_t elsewhere = 0;  // captured with a fixed joint elsewhere
+  std::vector<FixedJointRange> fixed_joints;
+  uint64_t raw_images = 0;  // configurations that have them
+  CollisionIndexSummary index;
+  std::vector<std::string> faults;
+
+  void Add(const Findings& other) {
+    captured += other.captured;
+    excluded += other.excluded;
+    damaged += other.damaged;
+    missing += other.missing;
+    elsewhere += other.elsewhere;
+    raw_images += other.raw_images;
+    faults.insert(faults.end(), other.faults.begin(), other.faults.end());
+  }
+};
+
+// Where the fixed joints stood when the robot images were captured.
+class FixedJointCheck {
+ public:
+  FixedJointCheck(const storage::v1::CellDescription& cell, double tolerance)
+      : ranges_(cell), tolerance_(tolerance) {}
+
+  void Take(const RobotImage& image) {
+    if (image.excluded) return;
+    ranges_.Add(image.measured);
+    const std::optional<std::string> elsewhere = ranges_.Elsewhere(image.measured, tolerance_);
+    if (!elsewhere) return;
+    if (count_++ == 0) first_ = *elsewhere;
+    if (numbers_.size() < kMostNumbers) numbers_.push_back(image.number);
+  }
+
+  void Tell(Findings& findings) const {
+    findings.fixed_joints = ranges_.ranges();
+    findings.elsewhere = count_;
+    if (count_ == 0) return;
+    findings.faults.push_back(absl::StrCat(
+        count_, " robot images were captured with a fixed joint elsewhere, the first with ", first_,
+        ", and are not used; move it back, and capture them anew: silhouette-capture run --only ",
+        count_ > kMostNumbers ? "all" : absl::StrJoin(numbers_, ",")));
+  }
+
+ private:
+  static constexpr size_t kMostNumbers = 20;
+
+  FixedJointRanges ranges_;
+  const double tolerance_;
+  uint64_t count_ = 0;
+  std::string first_;
+  std::vector<ConfigurationNumber> numbers_;
+};
+
+// Reads every record, and compares the collision index with them.
+absl::Status ReadRecords(const ConfigurationGrid& grid, const CollisionIndex& index,
+                         FixedJointCheck& fixed_joints, Findings& findings) {
+  Progress progress("verify", index.snapshot().size(), "records");
+  IndexCheck index_check(index);
+  uint64_t done = 0;
+  const auto visit = [&](ConfigurationNumber number, const absl::StatusOr<RobotImage>& image) {
+    if (!image.ok()) {
+      ++findings.damaged;
+      findings.faults.push_back(
+          absl::StrCat(image.status().message(), " (", JointText(grid, number), ")"));
+    } else {
+      image->excluded ? ++findings.excluded : ++findings.captured;
+      fixed_joints.Take(*image);
+    }
+    index_check.Take(number, image);
+    progress.Update(++done);
+    return !StopRequested();
+  };
+  const absl::Status status = index.snapshot().ForEach(visit);
+  if (StopRequested()) return Stopped("verify reads the database from its beginning each time");
+  index_check.Finish();
+  fixed_joints.Tell(findings);
+  findings.faults.insert(findings.faults.end(), index_check.faults().begin(),
+                         index_check.faults().end());
+  if (absl::IsDataLoss(status)) {
+    findings.faults.emplace_back(status.message());
+    return absl::OkStatus();
+  }
+  return status;
+}
+
+// Reads every camera image that was kept, and looks for the reference images that go with them.
+absl::Status ReadRawImages(const storage::v1::CellDescription& cell, const Snapshot& snapshot,
+                           Findings& findings) {
+  const auto numbers = snapshot.RawImageNumbers();
+  if (!numbers.ok()) return numbers.status();
+  findings.raw_images = numbers->size();
+  std::set<uint64_t> references;
+  for (const ConfigurationNumber number : *numbers) {
+    if (StopRequested()) return Stopped("verify reads the database from its beginning each time");
+    for (int view = 0; view < cell.views_size(); ++view) {
+      const auto image = snapshot.FindRawImage(number, view);
+      if (!image.ok()) {
+        findings.faults.emplace_back(image.status().message());
+      } else if (!image->has_value()) {
+        findings.faults.push_back(absl::StrCat("configuration ", number,
+                                               " has no raw image in the view '",
+                                               cell.views(view).name(), "', but in others"));
+      } else {
+        references.insert((*image)->references);
+      }
+    }
+  }
+  for (const uint64_t id : references) {
+    const auto kept = snapshot.ReferencesOf(id);
+    if (!kept.ok()) findings.faults.emplace_back(kept.status().message());
+  }
+  return absl::OkStatus();
+}
+
+// A tile whose index is stale or missing is no fault: nothing uses it.
+void CheckIndex(const CollisionIndex& index, Findings& findings) {
+  findings.index = index.Summary();
+  if (findings.index.damaged > 0) {
+    findings.faults.push_back(
+        absl::StrCat("the collision index of ", findings.index.damaged, " tiles is damaged"));
+  }
+}
+
+void CheckCompleteness(const ConfigurationGrid& grid, const Snapshot& snapshot, bool allow_missing,
+                       Findings& findings) {
+  const uint64_t records = findings.captured + findings.excluded + findings.damaged;
+  findings.missing = grid.size() - std::min(records, grid.size());
+  if (findings.missing == 0 || allow_missing) return;
+  std::vector<ConfigurationNumber> first;
+  for (ConfigurationNumber number = 0; number < grid.number_limit() && first.size() < 3; ++number) {
+    if (!grid.Contains(number)) continue;
+    const absl::StatusOr<bool> there = snapshot.Contains(number);
+    if (there.ok() && !*there) first.push_back(number);
+  }
+  findings.faults.push_back(absl::StrCat(findings.missing, " of ", grid.size(),
+                                         " configurations are missing, the first are ",
+                                         absl::StrJoin(first, ", ")));
+}
+
+void CheckMeta(const storage::v1::CellDescription& cell, const Snapshot& snapshot,
+               Findings& findings) {
+  const auto references = snapshot.References();
+  if (!references.ok()) {
+    findings.faults.emplace_back(references.status().message());
+  } else if (*references && (*references)->views_size() != cell.views_size()) {
+    findings.faults.push_back("there are reference images for another number of views");
+  }
+  const auto provenance = snapshot.Provenance();
+  if (!provenance.ok()) findings.faults.emplace_back(provenance.status().message());
+}
+
+absl::StatusOr<Findings> VerifySet(const VerifyOptions& options, const std::string& name) {
+  absl::StatusOr<OpenedDatabase> opened = OpenForReading(options.database, name);
+  if (!opened.ok()) return opened.status();
+  const Database& database = *opened->database;
+  const auto index = CollisionIndex::Open(std::move(opened->snapshot));
+  if (!index.ok()) return index.status();
+  const Snapshot& snapshot = (*index)->snapshot();
+  Findings findings;
+  findings.set = name;
+  const bool further = name != schema::kDefaultSet;
+  if (!further) CheckMeta(database.cell(), snapshot, findings);
+  CheckIndex(**index, findings);
+  FixedJointCheck fixed_joints(database.cell(), options.fixed_joint_tolerance);
+  absl::Status status = ReadRecords(database.grid(), **index, fixed_joints, findings);
+  if (!status.ok()) return status;
+  status = ReadRawImages(database.cell(), snapshot, findings);
+  if (!status.ok()) return status;
+  CheckCompleteness(database.grid(), snapshot, options.allow_missing, findings);
+  for (std::string& fault : findings.faults) {
+    if (further) fault = absl::StrCat("set '", name, "': ", fault);
+  }
+  return findings;
+}
+
+nlohmann::json JsonOf(const Findings& findings) {
+  return {{"captured", findings.captured},
+          {"excluded", findings.excluded},
+          {"damaged", findings.damaged},
+          {"missing", findings.missing},
+          {"elsewhere", findings.elsewhere},
+          {"raw_images", findings.raw_images},
+          {"collision_index", StateJson(findings.index)}};
+}
+
+nlohmann::json JsonOf(const std::vector<FixedJointRange>& joints) {
+  nlohmann::json json = nlohmann::json::object();
+  for (const FixedJointRange& joint : joints) {
+    json[joint.name] = {
+        {"position", joint.position}, {"lowest", joint.lowest}, {"highest", joint.highest}};
+  }
+  return json;
+}
+
+void VerifyPrintJson(const std::vector<Findings>& sets, const Findings& sum) {
+  nlohmann::json json = JsonOf(sum);
+  json["ok"] = sum.faults.empty();
+  json["faults"] = sum.faults;
+  json["collision_index"] = StateJson(sets.front().index);
+  json["sets"] = nlohmann::json::array();
+  for (const Findings& findings : sets) {
+    nlohmann::json set = JsonOf(findings);
+    set["name"] = findings.set;
+    set["fixed_joints"] = JsonOf(findings.fixed_joints);
+    json["sets"].push_back(std::move(set));
+  }
+  std::cout << json.dump(2) << std::endl;
+}
+
+void VerifyPrintText(const VerifyOptions& options, const std::vector<Findings>& sets,
+                     const Findings& sum) {
+  for (const std::string& fault : sum.faults) std::cout << fault << "\n";
+  for (const Findings& findings : sets) {
+    const std::string of = sets.size() == 1 ? "" : absl::StrCat("set '", findings.set, "': ");
+    std::cout << of << "collision index: " << StateText(findings.index, options.database) << "\n";
+    for (const FixedJointRange& joint : findings.fixed_joints) {
+      if (joint.lowest == joint.highest) continue;
+      std::cout << absl::StrCat(of, "fixed joint '", joint.name, "': captured at ", joint.lowest,
+                                " to ", joint.highest, "\n");
+    }
+    if (findings.raw_images > 0) {
+      std::cout << of << "raw images: of " << findings.raw_images << " configurations\n";
+    }
+    std::cout << absl::StrCat(of, findings.captured, " captured, ", findings.excluded,
+                              " excluded, ", findings.damaged, " damaged, ", findings.missing,
+                              " missing: ", findings.faults.empty() ? "sound" : "not sound")
+              << std::endl;
+  }
+}
+
+absl::StatusOr<ExitCode> Verify(const VerifyOptions& options) {
+  const absl::StatusOr<OpenedDatabase> opened = OpenForReading(options.database);
+  if (!opened.ok()) return opened.status();
+  const absl::StatusOr<std::vector<std::string>> names = opened->database->Sets();
+  if (!names.ok()) return names.status();
+  CatchStopSignals();
+  std::vector<Findings> sets;
+  Findings sum;
+  for (const std::string& name : *names) {
+    absl::StatusOr<Findings> findings = VerifySet(options, name);
+    if (!findings.ok()) return findings.status();
+    sum.Add(*findings);
+    sets.push_back(*std::move(findings));
+  }
+  if (options.format == "json") {
+    VerifyPrintJson(sets, sum);
+  } else {
+    VerifyPrintText(options, sets, sum);
+  }
+  return sum.faults.empty() ? kDone : kNo;
+}
+
+}  // namespace
+
+void AddVerify(CLI::App& app, Work& work) {
+  auto options = std::make_shared<VerifyOptions>();
+  CLI::App* command = app.add_subcommand(
+      "verify",
+      "Reads everything, checks checksums, completeness, where fixed joints stood, and the\n"
+      "collision index against the robot images; exit code 1 if not sound");
+  AddDatabaseArgument(*command, options->database);
+  command->add_flag("--allow-missing", options->allow_missing,
+                    "Configurations without a record are no fault");
+  command
+      ->add_option("--fixed-joint-tolerance", options->fixed_joint_tolerance,
+                   "How far a joint outside the grid may have been from where the cell has it;\n"
+                   "radians, metres: fixed_joint_tolerance of the cell file")
+      ->check(CLI::PositiveNumber)
+      ->capture_default_str();
+  AddFormatOption(*command, options->format);
+  command->footer("Example:\n  silhouette-db verify cell.lmdb");
+  command->callback([&work, options] { work = [options] { return Verify(*options); }; });
+}
+
+}  // namespace silhouette

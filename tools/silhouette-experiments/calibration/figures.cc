@@ -1,0 +1,47 @@
+#include "tools/silhouette-experiments/calibration/figures.h"
+
+#include <algorithm>
+#include <cmath>
+
+namespace silhouette::calibration_experiment {
+
+const std::vector<Bar>& Bars() {
+  static const std::vector<Bar> bars = {
+      {"corner_px", "corners of tags of 60 px and more, rms per axis, lens unknown", 0, 0.03},
+      {"workspace_px", "80 boards: projection of workspace points, rms; worst of 16", 0, 0.04},
+      {"chi2_per_dof", "of the errors predicted for them, over 16 calibrations", 0.8, 1.25},
+      {"flange_mm", "flange tag, 30 poses: place of a camera, rms", 0, 0.85},
+      {"flange_deg", "its direction, rms", 0, 0.022},
+      {"workspace_mm", "workspace points as such a camera sees them, rms", 0, 0.4},
+      {"epipolar_px", "corners held out, from their lines, rms", 0, 0.05},
+      {"weak_epipolar_px", "the same of matrices straight from corners, no lens bowed", 0, 0.05},
+      {"band_misses", "of a million points, outside the bands of 64 x 64 masks", 0, 0},
+      {"roundtrip_px", "written to a file and read again, greatest", 0, 1e-9},
+      {"seconds", "solving for 4 cameras and 80 boards; worst of 16", 0, 10},
+  };
+  return bars;
+}
+
+Spread SpreadOf(const Bar& bar, const std::vector<Figures>& runs) {
+  std::vector<double> values;
+  for (const Figures& run : runs) {
+    if (const auto found = run.find(bar.name); found != run.end()) values.push_back(found->second);
+  }
+  std::sort(values.begin(), values.end());
+  const size_t half = values.size() / 2;
+  Spread spread;
+  spread.median = values.size() % 2 == 1 ? values[half] : (values[half - 1] + values[half]) / 2;
+  spread.worst = values.back();
+  if (bar.at_least > 0 && values.front() > 0 && 1 / values.front() > values.back()) {
+    spread.worst = values.front();
+  }
+  return spread;
+}
+
+bool Passes(const Bar& bar, const Spread& spread) {
+  return spread.worst >= bar.at_least && spread.worst <= bar.at_most;
+}
+
+double RootMeanSquare::Result() const { return count_ == 0 ? 0 : std::sqrt(sum_ / count_); }
+
+}  // namespace silhouette::calibration_experiment

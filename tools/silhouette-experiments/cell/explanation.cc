@@ -1,0 +1,202 @@
+#include "tools/silhouette-experiments/cell/explanation.h"
+
+#include <algorithm>
+#include <cmath>
+#include <map>
+#include <optional>
+#include <utility>
+
+#include "absl/strings/str_cat.h"
+#include "absl/strings/str_format.h"
+#include "absl/strings/str_join.h"
+#include "capture/segmentation/brightness.h"
+#include "common/picture/picture.h"
+#include "server/collision/collision_checker.h"
+
+namespace silhouette::cell_experiment {
+namespace {
+
+// Places of contact that are looked at, of every kind and pair of bodies.
+constexpr size_t kMostPlaces = 40;
+// Rays along each side of a mask pixel, to find the robot in it.
+constexpr int kRaysPerPixel = 12;
+
+PlaceInView::Plane PlaneAt(const ObstacleImage& image, int x, int y) {
+  if (image.obstacle().at(x, y)) return PlaceInView::kObstacle;
+  if (image.unknown().at(x, y)) return PlaceInView::kUnknown;
+  return image.error().at(x, y) ? PlaceInView::kError : PlaceInView::kBackground;
+}
+
+int PixelOf(double coordinate) { return static_cast<int>(std::floor(coordinate + 0.5)); }
+
+}  // namespace
+
+Explainer::Explainer(const TrialSetting& setting)
+    : setting_(setting),
+      cameras_(setting.workplace.TrueCalibration().cameras),
+      robot_(RobotParts(setting.workplace.robot())) {
+  for (size_t view = 0; view < cameras_.size(); ++view) {
+    const MaskSize size = setting.database.robot_images().mask_sizes()[view];
+    mask_cameras_.push_back(cameras_[view].ScaledTo(size.width, size.height));
+  }
+}
+
+bool Explainer::RobotInPixel(size_t view, const Eigen::Vector2d& pixel) const {
+  const CameraModel& camera = mask_cameras_[view];
+  // A little more than the pixel: the clean-up of the camera image rounds by one camera pixel.
+  const double x_side = 1 + 2.0 * camera.intrinsics().width / cameras_[view].intrinsics().width;
+  const double y_side = 1 + 2.0 * camera.intrinsics().height / cameras_[view].intrinsics().height;
+  for (int i = 0; i < kRaysPerPixel * kRaysPerPixel; ++i) {
+    const double across = (i % kRaysPerPixel + 0.5) / kRaysPerPixel - 0.5;
+    const double down = (i / kRaysPerPixel + 0.5) / kRaysPerPixel - 0.5;
+    const auto ray =
+        camera.Ray({PixelOf(pixel.x()) + x_side * across, PixelOf(pixel.y()) + y_side * down});
+    if (ray && robot_.Meets(camera.Centre(), *ray)) return true;
+  }
+  return false;
+}
+
+Cause Explainer::CoverOf(const ViewedScene& viewed, size_t view, const Eigen::Vector2d& pixel) {
+  if (RobotInPixel(view, pixel)) return Cause::kRim;
+  const ConfigurationGrid& grid = setting_.database.grid();
+  bool at_corner = false;
+  const CellCorners corners = grid.CornersAround(viewed.truth.robot);
+  for (const ConfigurationNumber corner : corners.numbers()) {
+    robot_.Place(setting_.workplace.LinkPoses(grid.At(corner)));
+    at_corner = at_corner || RobotInPixel(view, pixel);
+  }
+  robot_.Place(setting_.workplace.LinkPoses(viewed.truth.robot));
+  return at_corner ? Cause::kRobotCell : Cause::kShadow;
+}
+
+Place Explainer::At(const ViewedScene& viewed, const std::vector<Mask>& test_images,
+                    const Eigen::Vector3d& point) {
+  Place place(cameras_.size());
+  for (size_t view = 0; view < place.size(); ++view) {
+    const Eigen::Vector3d centre = mask_cameras_[view].Centre();
+    place[view].robot_in_line = robot_.Meets(centre, point - centre);
+    const auto pixel = mask_cameras_[view].Project(point);
+    if (!pixel || !mask_cameras_[view].Contains(*pixel)) continue;
+    const MaskSize size = test_images[view].size();
+    const int x = std::clamp(PixelOf(pixel->x()), 0, size.width - 1);
+    const int y = std::clamp(PixelOf(pixel->y()), 0, size.height - 1);
+    place[view].plane = PlaneAt(*viewed.scene.obstacle_images[view], x, y);
+    place[view].in_test_image = test_images[view].at(x, y);
+    const bool covered =
+        place[view].plane == PlaceInView::kUnknown || place[view].plane == PlaceInView::kError;
+    if (covered && !place[view].robot_in_line) place[view].cover = CoverOf(viewed, view, *pixel);
+  }
+  return place;
+}
+
+std::vector<Explanation> Explainer::Explain(const ViewedScene& viewed,
+                                            const MissedConfiguration& missed) {
+  const Poses links = setting_.workplace.LinkPoses(missed.configuration);
+  const Poses obstacles = ObstaclePoses(viewed.truth.obstacles, 0);
+  const ContactChecker contact(setting_.workplace.robot(), viewed.truth.obstacles);
+  const std::vector<ContactPoint> points = contact.Points(links, obstacles, kMostPlaces);
+  robot_.Place(setting_.workplace.LinkPoses(viewed.truth.robot));
+  const CollisionTest test(setting_.database.robot_images(), viewed.scene.obstacle_images, {});
+  std::vector<Mask> test_images;
+  for (int view = 0; view < setting_.database.views(); ++view) {
+    test_images.push_back(*test.TestRobotImage(view, missed.configuration));
+  }
+  std::vector<Place> places;
+  for (const ContactPoint& point : points) places.push_back(At(viewed, test_images, point.point));
+
+  std::vector<Explanation> explanations;
+  for (const size_t p : missed.policies) {
+    if (places.empty()) {
+      explanations.push_back({.sentence = "The bodies graze each other without a common point."});
+      continue;
+    }
+    const Policy& policy = setting_.policies[p];
+    const CauseFound found = FindCause(places, policy, missed.where == kOnGrid);
+    const ContactPoint& point = points[found.place];
+    explanations.push_back({.cause = found.cause,
+                            .sentence = Sentence(viewed, found, places[found.place], point, policy),
+                            .place = point.point});
+  }
+  return explanations;
+}
+
+double Explainer::DifferenceAt(const ViewedScene& viewed, size_t view,
+                               const Eigen::Vector3d& point) const {
+  const CameraImage& image = viewed.images[view];
+  const auto pixel = cameras_[view].Project(point);
+  const int x = std::clamp(PixelOf(pixel->x()), 0, image.width - 1);
+  const int y = std::clamp(PixelOf(pixel->y()), 0, image.height - 1);
+  const Reference reference = setting_.database.reference(static_cast<int>(view)).AsGrey();
+  const Picture colours = PictureOfPixels(image.width, image.height, image.channels, image.pixels);
+  const cv::Mat grey = Grey(colours);
+  const Brightness light = BrightnessOf(grey, reference);
+  const double mean =
+      static_cast<double>(reference.mean().at<uint16_t>(y, x)) / Reference::kGreyLevel;
+  const double expected = light.gain * mean + light.offset;
+  return grey.at<uint8_t>(y, x) - expected;
+}
+
+std::string Explainer::Hidden(const Place& place, const ContactPoint& contact) const {
+  std::vector<std::string> before;
+  std::vector<std::string> behind;
+  for (size_t view = 0; view < place.size(); ++view) {
+    if (!place[view].robot_in_line) continue;
+    const Eigen::Vector3d centre = mask_cameras_[view].Centre();
+    const bool in_front = robot_.FirstOn(centre, contact.point - centre) < 1;
+    (in_front ? before : behind).push_back(setting_.workplace.cell().views[view].name);
+  }
+  std::string text;
+  if (!before.empty()) absl::StrAppend(&text, "behind the robot in ", absl::StrJoin(before, ", "));
+  if (!behind.empty()) {
+    absl::StrAppend(&text, text.empty() ? "" : "; ", "in front of it in ",
+                    absl::StrJoin(behind, ", "));
+  }
+  return text;
+}
+
+std::string Explainer::Sentence(const ViewedScene& viewed, const CauseFound& found,
+                                const Place& place, const ContactPoint& contact,
+                                const Policy& policy) const {
+  const std::string where = absl::StrCat(contact.link, " meets ", contact.obstacle);
+  const std::string view = setting_.workplace.cell().views[found.view].name;
+  const int views = static_cast<int>(place.size());
+  switch (found.cause) {
+    case Cause::kHidden:
+      return absl::StrCat("Hidden in all views where ", where, ": ", Hidden(place, contact), ".");
+    case Cause::kOccluded: {
+      const auto open = std::count_if(place.begin(), place.end(),
+                                      [](const auto& each) { return !each.robot_in_line; });
+      return absl::StrCat("Hidden in some views where ", where, ": ", Hidden(place, contact),
+                          "; only ", open, open == 1 ? " view is" : " views are",
+                          " open, the policy asks for ", MinViews(policy, views), ".");
+    }
+    case Cause::kContrast:
+      return absl::StrFormat(
+          "Differencing: where %s, %s shows %+.0f grey levels against the empty cell, too few.",
+          where, view, DifferenceAt(viewed, found.view, contact.point));
+    case Cause::kRim:
+      return absl::StrCat("Discretisation: where ", where, ", ", view,
+                          " sees past the robot, but within a mask pixel that the robot touches.");
+    case Cause::kRobotCell:
+      return absl::StrCat("Discretisation: the robot stands between grid points, and in ", view,
+                          " the images of its grid cell's corners cover where ", where, ".");
+    case Cause::kShadow:
+      return absl::StrCat("Differencing: where ", where, ", the robot's image in ", view,
+                          " is its shadow.");
+    case Cause::kRobotImage:
+      return absl::StrCat("Robot image: in ", view, " it lacks the pixel where ", where, ".");
+    case Cause::kTestCell:
+      return absl::StrCat("Discretisation: in ", view,
+                          " no robot image at the grid cell's corners has the pixel where ", where,
+                          ".");
+    case Cause::kSize:
+      return absl::StrCat("Size: ", where,
+                          " where there is no room for the least obstacle, as far as ",
+                          "the views tell.");
+    case Cause::kUnexplained:
+      break;
+  }
+  return absl::StrCat("Unexplained: where ", where, ", the images are as they should be.");
+}
+
+}  // namespace silhouette::cell_experiment

@@ -1,0 +1,155 @@
+#include "tools/silhouette-experiments/cell/missing_picture.h"
+
+#include <algorithm>
+#include <map>
+#include <opencv2/imgproc.hpp>
+#include <set>
+
+#include "absl/strings/str_cat.h"
+#include "absl/strings/str_format.h"
+#include "absl/strings/str_join.h"
+#include "common/picture/sheet.h"
+#include "common/picture/text.h"
+#include "server/collision/collision_checker.h"
+
+namespace silhouette::cell_experiment {
+namespace {
+
+constexpr int kWidth = 320;  // of a view
+constexpr int kTextHeight = 16;
+constexpr int kMargin = 16;
+constexpr Colour kTestRobot = palette::kGoal;
+constexpr Colour kContact = palette::kStart;
+
+cv::Scalar Bgr(Colour colour) {
+  return {double(colour.blue), double(colour.green), double(colour.red)};
+}
+
+// `picture` in the size of a view, its pixels as squares.
+Picture Stretched(const Picture& picture, cv::Size size) {
+  Picture result;
+  cv::resize(picture, result, size, 0, 0, cv::INTER_NEAREST);
+  return result;
+}
+
+// The boundary of the mask's pixels as a line.
+void Outline(Picture& picture, const Mask& mask, Colour colour) {
+  const double across = double(picture.cols) / mask.width();
+  const double down = double(picture.rows) / mask.height();
+  const auto set = [&](int x, int y) {
+    return x >= 0 && y >= 0 && x < mask.width() && y < mask.height() && mask.at(x, y);
+  };
+  const auto corner = [&](int x, int y) {
+    return cv::Point(static_cast<int>(x * across), static_cast<int>(y * down));
+  };
+  for (int y = 0; y <= mask.height(); ++y) {
+    for (int x = 0; x <= mask.width(); ++x) {
+      if (set(x, y) != set(x - 1, y)) {
+        cv::line(picture, corner(x, y), corner(x, y + 1), Bgr(colour), 2);
+      }
+      if (set(x, y) != set(x, y - 1)) {
+        cv::line(picture, corner(x, y), corner(x + 1, y), Bgr(colour), 2);
+      }
+    }
+  }
+}
+
+// `text` in lines of at most `width` pixels.
+std::vector<std::string> Lines(const std::string& text, int width) {
+  std::vector<std::string> lines(1);
+  size_t at = 0;
+  while (at < text.size()) {
+    const size_t end = std::min(text.find(' ', at), text.size());
+    const std::string word = text.substr(at, end - at);
+    std::string& line = lines.back();
+    const std::string longer = line.empty() ? word : absl::StrCat(line, " ", word);
+    if (line.empty() || TextWidth(longer, kTextHeight) <= width) {
+      line = longer;
+    } else {
+      lines.push_back(word);
+    }
+    at = end + 1;
+  }
+  return lines;
+}
+
+// What is said above the views: the sentences, each with the presets that it explains.
+std::string TextOf(const TrialSetting& setting, const ExplainedConfiguration& missing) {
+  std::vector<std::pair<std::string, std::vector<std::string>>> sentences;
+  for (size_t i = 0; i < missing.explanations.size(); ++i) {
+    const Policy& policy = setting.policies[missing.missed.policies[i]];
+    const std::string name = absl::StrCat(NameOf(policy.preset), " (",
+                                          MinViews(policy, setting.database.views()), " views)");
+    const std::string& sentence = missing.explanations[i].sentence;
+    const auto known = std::find_if(sentences.begin(), sentences.end(),
+                                    [&](const auto& each) { return each.first == sentence; });
+    if (known == sentences.end()) {
+      sentences.push_back({sentence, {name}});
+    } else {
+      known->second.push_back(name);
+    }
+  }
+  std::string text;
+  for (const auto& [sentence, names] : sentences) {
+    absl::StrAppend(&text, text.empty() ? "" : " ", "Free for ", absl::StrJoin(names, ", "), ". ",
+                    sentence);
+  }
+  return text;
+}
+
+}  // namespace
+
+Picture Draw(const TrialSetting& setting, const ViewedScene& viewed,
+             const ExplainedConfiguration& missing) {
+  const CollisionTest test(setting.database.robot_images(), viewed.scene.obstacle_images, {});
+  const std::vector<CameraModel> cameras = setting.workplace.TrueCalibration().cameras;
+  std::vector<CaptionedPicture> rows[3];
+  for (size_t view = 0; view < viewed.images.size(); ++view) {
+    const CameraImage& image = viewed.images[view];
+    const cv::Size size(kWidth, kWidth * image.height / image.width);
+    const Mask robot = *test.TestRobotImage(static_cast<int>(view), missing.missed.configuration);
+    const ObstacleImage& planes = *viewed.scene.obstacle_images[view];
+    const Picture pictures[3] = {
+        PictureOfPixels(image.width, image.height, image.channels, image.pixels),
+        PictureOf(viewed.scene.views[view]->foreground),
+        PictureOfPlanes(planes.obstacle(), planes.unknown(), planes.error())};
+    const char* names[3] = {"camera image", "scene image", "obstacle image"};
+    for (size_t i = 0; i < 3; ++i) {
+      Picture picture = Stretched(pictures[i], size);
+      Outline(picture, robot, kTestRobot);
+      for (const Explanation& explanation : missing.explanations) {
+        const auto pixel =
+            cameras[view].ScaledTo(size.width, size.height).Project(explanation.place);
+        if (!pixel) continue;
+        const cv::Point at(cvRound(pixel->x()), cvRound(pixel->y()));
+        cv::circle(picture, at, 7, Bgr(palette::kPaper), 4, cv::LINE_AA);
+        cv::circle(picture, at, 7, Bgr(kContact), 2, cv::LINE_AA);
+      }
+      rows[i].push_back(
+          {picture, absl::StrCat(setting.workplace.cell().views[view].name, ": ", names[i])});
+    }
+  }
+  std::vector<CaptionedPicture> all;
+  for (const auto& row : rows) all.insert(all.end(), row.begin(), row.end());
+  const Picture sheet = ContactSheet(all, {.title = "",
+                                           .columns = static_cast<int>(viewed.images.size()),
+                                           .legend = {{palette::kObstacle, "obstacle"},
+                                                      {palette::kUnknown, "unknown"},
+                                                      {palette::kError, "error"},
+                                                      {palette::kBackground, "background"},
+                                                      {palette::kInk, "foreground"},
+                                                      {kTestRobot, "test robot image"},
+                                                      {kContact, "place of contact"}}});
+  const std::vector<std::string> lines = Lines(TextOf(setting, missing), sheet.cols - 2 * kMargin);
+  const int head = static_cast<int>(lines.size()) * (kTextHeight + 6) + kMargin;
+  Picture whole = BlankPicture(sheet.cols, sheet.rows + head);
+  sheet.copyTo(whole(cv::Rect(0, head, sheet.cols, sheet.rows)));
+  for (size_t i = 0; i < lines.size(); ++i) {
+    DrawText(whole, lines[i],
+             {kMargin, kMargin + static_cast<int>(i) * (kTextHeight + 6) + kTextHeight / 2},
+             {.height = kTextHeight});
+  }
+  return whole;
+}
+
+}  // namespace silhouette::cell_experiment

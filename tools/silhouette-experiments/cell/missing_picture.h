@@ -1,0 +1,14 @@
+// A missing configuration as a picture: what every view had of it, and why it was called free.
+#pragma once
+
+#include "common/picture/picture.h"
+#include "tools/silhouette-experiments/cell/study.h"
+
+namespace silhouette::cell_experiment {
+
+// One column per view: the camera image, the scene image and the obstacle image, each with the
+// outline of the test robot image and a ring around the place of contact.
+Picture Draw(const TrialSetting& setting, const ViewedScene& viewed,
+             const ExplainedConfiguration& missing);
+
+}  // namespace silhouette::cell_experiment

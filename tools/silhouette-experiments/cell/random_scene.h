@@ -1,0 +1,55 @@
+// Scenes by chance: what stands in the cell, and where the robot is. The same seed gives the same
+// scenes.
+#pragma once
+
+#include <Eigen/Geometry>
+#include <cstdint>
+#include <random>
+#include <vector>
+
+#include "absl/status/statusor.h"
+#include "capture/sim/obstacles.h"
+#include "db/mask/configuration_grid.h"
+#include "tools/silhouette-experiments/cell/simulated_workplace.h"
+
+namespace silhouette::cell_experiment {
+
+// Chance that is the same with every library.
+class Chance {
+ public:
+  // `stream`: of one seed, unrelated chance by number.
+  Chance(uint64_t seed, uint64_t stream);
+
+  // Evenly spread over lower..upper.
+  double Between(double lower, double upper);
+  // 0..count - 1.
+  int Below(int count);
+  Eigen::Quaterniond Rotation();
+
+ private:
+  std::mt19937_64 random_;
+};
+
+struct RandomScene {
+  std::vector<Obstacle> obstacles;  // 1 to 5, of the sizes of people and of hands
+  Configuration robot;              // touches nothing
+  bool robot_on_grid = false;
+  double time = 0;  // of the simulation, for the drift of the light
+};
+
+// What the robot sweeps: the box, in the world, of its body over configurations of the grid.
+Eigen::AlignedBox3d SweptBox(const SimulatedWorkplace& workplace);
+
+// A person's trunk, standing on the floor, or an obstacle of the size of a hand or an arm, anywhere
+// in `box`.
+Obstacle RandomPerson(Chance& chance, const Eigen::AlignedBox3d& box, double floor);
+Obstacle RandomHand(Chance& chance, const Eigen::AlignedBox3d& box);
+
+// A configuration anywhere within the grid's limits, or on a grid point.
+Configuration RandomConfiguration(Chance& chance, const ConfigurationGrid& grid, bool on_grid);
+
+// Scene `number` of `seed`; the robot stands on a grid point in every other scene.
+RandomScene MakeRandomScene(const SimulatedWorkplace& workplace, const Eigen::AlignedBox3d& box,
+                            uint64_t seed, int number);
+
+}  // namespace silhouette::cell_experiment

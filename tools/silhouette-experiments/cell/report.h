@@ -1,0 +1,50 @@
+// What was measured, as text, JSON and CSV.
+#pragma once
+
+#include <array>
+#include <nlohmann/json.hpp>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "tools/silhouette-experiments/cell/study.h"
+
+namespace silhouette::cell_experiment {
+
+// One line of the table: a policy on an experiment's test configurations of one kind.
+struct Row {
+  uint64_t seed = 0;
+  std::string experiment;
+  Policy policy;
+  int min_views = 0;
+  Where where = kOnGrid;
+  int scenes = 0;   // tested; without those that no verdict can be made on
+  int refused = 0;  // scenes that no verdict can be made on
+  Tally tally;
+  std::array<uint64_t, kCauses> causes{};  // of the missing configurations
+};
+
+// Of the configurations tested.
+double AdditionalPercent(const Row& row);
+double MissingPercent(const Row& row);
+
+// In the order of the policies, on the grid first.
+std::vector<Row> RowsOf(const std::string& experiment, const TrialSetting& setting,
+                        const std::vector<SceneRecord>& records);
+
+std::string TableOf(std::span<const Row> rows);
+nlohmann::ordered_json JsonOf(std::span<const Row> rows);
+std::string CsvOf(std::span<const Row> rows);
+
+// One line per scene and policy.
+std::string ScenesCsvOf(const TrialSetting& setting, const std::vector<SceneRecord>& records);
+
+// One line per missing configuration and policy, with its cause and sentence. `pictures`: names of
+// files by record and missing configuration, empty where there is none.
+std::string MissingCsvOf(const TrialSetting& setting, const std::vector<SceneRecord>& records,
+                         const std::vector<std::vector<std::string>>& pictures);
+
+// "on_grid" or "off_grid".
+std::string NameOf(Where where);
+
+}  // namespace silhouette::cell_experiment

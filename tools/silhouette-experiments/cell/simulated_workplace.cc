@@ -1,0 +1,188 @@
+#include "tools/silhouette-experiments/cell/simulated_workplace.h"
+
+#include <algorithm>
+#include <utility>
+
+#include "absl/strings/str_cat.h"
+#include "absl/strings/str_join.h"
+#include "calib/files/calibration_message.h"
+#include "capture/session/capture_session.h"
+#include "capture/session/reference_images.h"
+
+namespace silhouette::cell_experiment {
+namespace {
+
+constexpr char kProgram[] = "silhouette-experiments cell";
+
+absl::Status CheckSimulated(const Cell& cell) {
+  if (cell.simulation.empty() || cell.robot.urdf.empty()) {
+    return absl::InvalidArgumentError(absl::StrCat(
+        cell.file, ": an experiment needs the simulated cell; give 'simulation' its file and ",
+        "'robot' its 'urdf', as capture/sim/cells/demo/cell.yaml does"));
+  }
+  for (const ViewSettings& view : cell.views) {
+    if (!view.ignore.empty()) {
+      return absl::InvalidArgumentError(
+          absl::StrCat(cell.file, ": the view '", view.name,
+                       "' has pixels to ignore, which the experiment does ",
+                       "not know; take 'ignore' out of it"));
+    }
+    if (IsSimulated(view.source)) continue;
+    return absl::InvalidArgumentError(absl::StrCat(
+        cell.file, ": the view '", view.name, "' is not simulated; put 'source: sim' into it"));
+  }
+  return absl::OkStatus();
+}
+
+std::vector<SimulatedView> ViewsOf(const Cell& cell) {
+  std::vector<SimulatedView> views;
+  for (const ViewSettings& view : cell.views) {
+    views.push_back({view.name, view.image_width, view.image_height});
+  }
+  return views;
+}
+
+absl::StatusOr<std::unique_ptr<Database>> OpenOrCreate(const std::string& path, const Cell& cell) {
+  auto database = Database::Open(path, Database::Access::kWrite);
+  if (absl::IsNotFound(database.status())) return Database::Create(path, DescriptionOf(cell));
+  if (!database.ok()) return database.status();
+  const std::vector<std::string> differences =
+      Differences(DescriptionOf(cell), "the cell file", (*database)->cell(), "the database");
+  if (differences.empty()) return database;
+  return absl::FailedPreconditionError(absl::StrCat(
+      "the database '", path, "' does not belong to the cell of '", cell.file,
+      "': ", absl::StrJoin(differences, "; "), ". Name another folder with --database"));
+}
+
+}  // namespace
+
+absl::StatusOr<SimulatedWorkplace> SimulatedWorkplace::Load(const std::string& cell_file) {
+  absl::StatusOr<Cell> cell = LoadCell(cell_file);
+  if (!cell.ok()) return cell.status();
+  if (absl::Status status = CheckSimulated(*cell); !status.ok()) return status;
+  auto simulation =
+      SimulatedCell::Load(cell->simulation, cell->robot.urdf, cell->robot.package_paths);
+  if (!simulation.ok()) return simulation.status();
+  // The rig checks that every view has its camera.
+  const auto rig = SimulatedCameraRig::Create(*simulation, ViewsOf(*cell));
+  if (!rig.ok()) return rig.status();
+  SimulatedWorkplace workplace(*std::move(cell), *std::move(simulation));
+  const std::vector<SimulatedCamera>& cameras = workplace.simulation_->settings().cameras;
+  for (const ViewSettings& view : workplace.cell_.views) {
+    const auto camera = std::find_if(cameras.begin(), cameras.end(),
+                                     [&](const auto& each) { return each.name == view.name; });
+    workplace.cameras_.push_back(static_cast<size_t>(camera - cameras.begin()));
+  }
+  workplace.positions_.resize(workplace.robot().joints().size());
+  for (const FixedJoint& joint : workplace.cell_.fixed_joints) {
+    workplace.positions_[*workplace.robot().JointIndex(joint.name)] = joint.position;
+  }
+  for (const GridJoint& joint : workplace.cell_.grid.joints()) {
+    workplace.moving_.push_back(*workplace.robot().JointIndex(joint.name));
+  }
+  return workplace;
+}
+
+Calibration SimulatedWorkplace::TrueCalibration() const {
+  Calibration calibration;
+  for (const size_t camera : cameras_) {
+    calibration.cameras.push_back(simulation_->settings().cameras[camera].model);
+  }
+  return calibration;
+}
+
+std::vector<double> SimulatedWorkplace::Positions(std::span<const double> configuration) const {
+  std::vector<double> positions = positions_;
+  for (size_t j = 0; j < configuration.size(); ++j) positions[moving_[j]] = configuration[j];
+  return positions;
+}
+
+absl::Status SimulatedWorkplace::Capture(Database& database,
+                                         const CaptureObserver& observer) const {
+  auto rig = SimulatedCameraRig::Create(simulation_, ViewsOf(cell_));
+  if (!rig.ok()) return rig.status();
+  const auto snapshot = database.Read();
+  if (!snapshot.ok()) return snapshot.status();
+  const auto stored = snapshot->References();
+  if (!stored.ok()) return stored.status();
+  if (!*stored) {
+    auto cameras = CellCameras::Create(database.cell(), **rig);
+    if (!cameras.ok()) return cameras.status();
+    simulation_->SetRobotPresent(false);
+    const auto references = TakeReferences(*cameras, cell_.capture.reference_images);
+    simulation_->SetRobotPresent(true);
+    if (!references.ok()) return references.status();
+    absl::Status status = database.SetReferences(*references, kProgram);
+    if (!status.ok()) return status;
+  }
+  const auto records = ReadRecords(database);
+  if (!records.ok()) return records.status();
+  const Travel travel(cell_.grid, cell_.capture.forbidden_regions);
+  const auto plan = PlanCapture(DescriptionOf(cell_), travel, *records, cell_.capture, {});
+  if (!plan.ok()) return plan.status();
+  if (plan->captures.empty() && plan->exclusions.empty()) return absl::OkStatus();
+  SimulatedRobot robot(simulation_);
+  if (!plan->captures.empty()) {
+    simulation_->SetPositions(Positions(cell_.grid.At(plan->captures.front())));
+  }
+  auto session =
+      CaptureSession::Create(database, travel, robot, **rig, cell_.capture, cell_.segmentation);
+  if (!session.ok()) return session.status();
+  const CaptureReport report = session->Run(*plan, kProgram, observer);
+  if (!report.status.ok()) return report.status;
+  if (report.stopped) return absl::CancelledError("the capture was stopped");
+  if (!report.complete()) {
+    return absl::InternalError("not all configurations could be captured");
+  }
+  return absl::OkStatus();
+}
+
+absl::Status SimulatedWorkplace::Calibrate(Database& database) const {
+  const auto snapshot = database.Read();
+  if (!snapshot.ok()) return snapshot.status();
+  const auto stored = snapshot->Calibration();
+  if (!stored.ok()) return stored.status();
+  if (*stored) return absl::OkStatus();
+  storage::v1::Calibration calibration;
+  for (const CameraModel& camera : TrueCalibration().cameras) {
+    *calibration.add_cameras() = MessageOf(camera);
+  }
+  return database.SetCalibration(calibration, kProgram);
+}
+
+absl::StatusOr<std::unique_ptr<Database>> SimulatedWorkplace::OpenOrCapture(
+    const std::string& path, const CaptureObserver& observer) const {
+  auto database = OpenOrCreate(path, cell_);
+  if (!database.ok()) return database.status();
+  simulation_->SetObstacles({});
+  if (absl::Status status = Capture(**database, observer); !status.ok()) return status;
+  if (absl::Status status = Calibrate(**database); !status.ok()) return status;
+  return database;
+}
+
+absl::StatusOr<std::shared_ptr<const ServedDatabase>> SimulatedWorkplace::Serve(
+    const Database& database, const ServeSettings& settings) const {
+  TreatmentSettings treatments;
+  for (const ViewSettings& view : cell_.views) {
+    const Margin own = settings.margin ? Margin{.pixels = *settings.margin} : view.margin;
+    treatments.views.push_back({.margin = own, .ignored = std::nullopt});
+  }
+  const auto workspace = WorkspaceOf(cell_);
+  if (!workspace.ok()) return workspace.status();
+  treatments.workspace = *workspace;
+  Cell cell = cell_;
+  if (settings.least_obstacle) {
+    if (!cell.sound) {
+      cell.sound = SoundSettings();
+      cell.sound->whole_model = true;
+    }
+    cell.sound->least_obstacle = *settings.least_obstacle;
+    cell.sound->voxel_edge.reset();
+  }
+  const auto sound = SoundCellOf(cell);
+  if (!sound.ok()) return sound.status();
+  return ServedDatabase::Load(database, cell_.calibration, treatments, *sound,
+                              {.calibration = settings.calibration});
+}
+
+}  // namespace silhouette::cell_experiment

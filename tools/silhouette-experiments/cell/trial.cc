@@ -1,0 +1,149 @@
+#include "tools/silhouette-experiments/cell/trial.h"
+
+#include <algorithm>
+#include <atomic>
+#include <memory>
+#include <thread>
+#include <utility>
+
+#include "common/picture/picture.h"
+#include "server/collision/collision_checker.h"
+#include "server/scene/make_scene.h"
+
+namespace silhouette::cell_experiment {
+namespace {
+
+// Test configurations that a thread takes at a time.
+constexpr size_t kAtOnce = 64;
+// The frames of scenes come after those of the capture.
+constexpr uint64_t kFirstFrame = uint64_t{1} << 32;
+// Streams of chance: the scenes' own are their numbers.
+constexpr uint64_t kTestStream = uint64_t{1} << 40;
+
+struct Test {
+  Configuration configuration;
+  Where where;
+};
+
+std::vector<Test> TestsOf(const TrialSetting& setting, int number) {
+  const ConfigurationGrid& grid = setting.database.grid();
+  std::vector<Test> tests;
+  for (ConfigurationNumber i = 0; i < grid.number_limit(); ++i) {
+    if (setting.database.robot_images().state(i) != RobotImageState::kPresent) continue;
+    tests.push_back({grid.At(i), kOnGrid});
+  }
+  Chance chance(setting.seed, kTestStream + static_cast<uint64_t>(number));
+  for (int i = 0; i < setting.off_grid_tests; ++i) {
+    tests.push_back({RandomConfiguration(chance, grid, false), kOffGrid});
+  }
+  return tests;
+}
+
+std::vector<JointPosition> JointsOf(const SimulatedWorkplace& workplace, const Configuration& q) {
+  std::vector<JointPosition> joints;
+  for (size_t j = 0; j < q.size(); ++j) {
+    joints.push_back({workplace.cell().grid.joints()[j].name, q[j]});
+  }
+  for (const FixedJoint& joint : workplace.cell().fixed_joints) {
+    joints.push_back({joint.name, joint.position});
+  }
+  return joints;
+}
+
+// What the truth and all policies say of one test configuration.
+struct Answer {
+  bool touches = false;
+  std::vector<bool> free;  // by policy
+};
+
+}  // namespace
+
+void Tally::Add(const Tally& other) {
+  tested += other.tested;
+  occupied += other.occupied;
+  additional += other.additional;
+  missing += other.missing;
+}
+
+void InParallel(size_t count, const std::function<void(size_t)>& work) {
+  std::atomic<size_t> next{0};
+  const auto work_off = [&] {
+    for (size_t i = next++; i < count; i = next++) work(i);
+  };
+  std::vector<std::jthread> helpers;
+  for (unsigned i = 1; i < std::thread::hardware_concurrency(); ++i) helpers.emplace_back(work_off);
+  work_off();
+}
+
+absl::StatusOr<ViewedScene> View(const TrialSetting& setting, RandomScene scene, int number) {
+  const SimulatedWorkplace& workplace = setting.workplace;
+  SimulatedCell& cell = workplace.simulation();
+  cell.SetObstacles(scene.obstacles);
+  cell.SetPositions(workplace.Positions(scene.robot));
+  cell.SetTime(scene.time);
+  cell.SetFrame(kFirstFrame + static_cast<uint64_t>(number));
+  std::vector<CameraImage> images = cell.TakeImages(workplace.cameras());
+  // Obstacles are described for time 0 and stand still.
+  SceneInput input{.joints = JointsOf(workplace, scene.robot), .views = {}};
+  for (size_t view = 0; view < images.size(); ++view) {
+    const CameraImage& image = images[view];
+    const Picture pixels = PictureOfPixels(image.width, image.height, image.channels, image.pixels);
+    input.views.push_back({.view = workplace.cell().views[view].name,
+                           .captured = std::nullopt,
+                           .image = EncodedImage{EncodePng(pixels)}});
+  }
+  const Moment now = SystemClock();
+  absl::StatusOr<Scene> made = MakeScene(setting.database, input, workplace.cell().server.scene,
+                                         workplace.cell().segmentation, now);
+  if (!made.ok()) return made.status();
+  return ViewedScene{std::move(scene), std::move(images), *std::move(made)};
+}
+
+TrialResult Judge(const TrialSetting& setting, const ViewedScene& viewed, int number) {
+  TrialResult result;
+  result.tallies.resize(setting.policies.size());
+  result.blocked = viewed.scene.Blocked();
+  if (result.blocked != Reason::kNone) return result;
+
+  const ContactChecker contact(setting.workplace.robot(), viewed.truth.obstacles);
+  const Poses obstacles = ObstaclePoses(viewed.truth.obstacles, 0);
+  TestSupport support{.bands = setting.database.bands()};
+  const bool sound = std::any_of(setting.policies.begin(), setting.policies.end(),
+                                 [](const Policy& policy) { return IsSound(policy.preset); });
+  if (sound) {
+    const Scene& scene = viewed.scene;
+    support.possible_space = &scene.possible_space.Get(setting.database.sound(),
+                                                       scene.obstacle_images, scene.joints, {});
+    support.robot_may_touch = setting.database.sound()->RobotMayTouch(scene.joints);
+  }
+  std::vector<std::unique_ptr<CollisionTest>> policies;
+  for (const Policy& policy : setting.policies) {
+    policies.push_back(std::make_unique<CollisionTest>(
+        setting.database.robot_images(), viewed.scene.obstacle_images, policy, support));
+  }
+  const std::vector<Test> tests = TestsOf(setting, number);
+  std::vector<Answer> answers(tests.size());
+  InParallel((tests.size() + kAtOnce - 1) / kAtOnce, [&](size_t part) {
+    for (size_t i = part * kAtOnce; i < std::min(tests.size(), (part + 1) * kAtOnce); ++i) {
+      const Configuration& q = tests[i].configuration;
+      answers[i].touches = contact.Touches(setting.workplace.LinkPoses(q), obstacles);
+      for (const auto& policy : policies) answers[i].free.push_back(policy->Check(q).free());
+    }
+  });
+  for (size_t i = 0; i < tests.size(); ++i) {
+    const auto& [touches, free] = answers[i];
+    MissedConfiguration missed{tests[i].configuration, tests[i].where, {}};
+    for (size_t p = 0; p < policies.size(); ++p) {
+      const bool is_missed = touches && free[p];
+      result.tallies[p][tests[i].where].Add({.tested = 1,
+                                             .occupied = touches ? 1u : 0u,
+                                             .additional = !touches && !free[p] ? 1u : 0u,
+                                             .missing = is_missed ? 1u : 0u});
+      if (is_missed) missed.policies.push_back(p);
+    }
+    if (!missed.policies.empty()) result.missed.push_back(std::move(missed));
+  }
+  return result;
+}
+
+}  // namespace silhouette::cell_experiment

@@ -1,0 +1,293 @@
+// silhouette-experiments cell
+#include <iostream>
+#include <memory>
+#include <optional>
+
+#include "absl/strings/str_cat.h"
+#include "common/picture/files.h"
+#include "tools/program/program.h"
+#include "tools/program/progress.h"
+#include "tools/silhouette-experiments/cell/hidden_scene.h"
+#include "tools/silhouette-experiments/cell/loss.h"
+#include "tools/silhouette-experiments/cell/policies.h"
+#include "tools/silhouette-experiments/cell_results.h"
+#include "tools/silhouette-experiments/commands.h"
+#include "tools/silhouette-experiments/found_calibration.h"
+
+namespace silhouette {
+namespace {
+
+using namespace cell_experiment;
+
+constexpr char kCellProgram[] = "silhouette-experiments";
+
+// Of a hidden obstacle, metres, where no least obstacle is told.
+constexpr double kHandRadius = 0.04;
+
+struct CellArguments {
+  std::string cell;
+  std::string database;
+  std::string calibration;
+  std::string out;
+  std::string format = "text";
+  std::vector<std::string> presets;
+  int scenes = 120;
+  int hidden = 10;
+  int off_grid = 1000;
+  int pictures = 12;
+  uint64_t seed = 1;
+  ServeSettings serve;
+};
+
+absl::StatusOr<std::unique_ptr<Database>> OpenDatabase(const CellArguments& arguments,
+                                                       const SimulatedWorkplace& workplace) {
+  const std::string path =
+      arguments.database.empty() ? workplace.cell().database : arguments.database;
+  if (path.empty()) {
+    return absl::InvalidArgumentError(absl::StrCat(
+        "say where the database is, or shall be captured: --database FOLDER, or 'database: ",
+        "FOLDER' in '", arguments.cell, "'"));
+  }
+  std::optional<Progress> progress;
+  CaptureObserver observer;
+  observer.progress = [&](uint64_t done) {
+    if (!progress) progress.emplace("capturing", workplace.cell().grid.size(), "configurations");
+    progress->Update(done);
+  };
+  observer.stop_requested = StopRequested;
+  return workplace.OpenOrCapture(path, observer);
+}
+
+// The database served with one calibration, and what is tested with it.
+struct Side {
+  std::shared_ptr<const ServedDatabase> served;
+  std::unique_ptr<const TrialSetting> setting;
+};
+
+// `found`: only presets that need a calibration.
+absl::StatusOr<Side> Serve(const CellArguments& arguments, const SimulatedWorkplace& workplace,
+                           const Database& database, const std::optional<Calibration>& calibration,
+                           bool found) {
+  ServeSettings settings = arguments.serve;
+  settings.calibration = calibration;
+  const auto served = workplace.Serve(database, settings);
+  if (!served.ok()) return served.status();
+  if (!(*served)->margins_known().ok()) return (*served)->margins_known();
+  auto policies = PoliciesFor(arguments.presets, **served);
+  if (!policies.ok()) return policies.status();
+  std::erase_if(*policies, [&](const Policy& policy) {
+    return found && !IsCalibrated(policy.preset) && !IsSound(policy.preset);
+  });
+  if (policies->empty()) {
+    return absl::InvalidArgumentError(
+        "none of the presets asked for needs a calibration; leave --calibration out");
+  }
+  const TrialSetting setting{.workplace = workplace,
+                             .database = **served,
+                             .policies = *std::move(policies),
+                             .off_grid_tests = arguments.off_grid,
+                             .seed = arguments.seed};
+  return Side{*served, std::make_unique<const TrialSetting>(setting)};
+}
+
+// Cancelled if a stop was asked for.
+absl::Status RunScenes(Explainer& explainer, int count, Experiment& experiment) {
+  Progress progress(experiment.name, static_cast<uint64_t>(count), "scenes");
+  for (int i = 0; i < count; ++i) {
+    if (StopRequested()) return absl::CancelledError();
+    absl::StatusOr<SceneRecord> record =
+        RunScene(*experiment.setting, explainer, experiment.source, i);
+    if (!record.ok()) return record.status();
+    experiment.records.push_back(*std::move(record));
+    progress.Update(static_cast<uint64_t>(i) + 1);
+  }
+  return absl::OkStatus();
+}
+
+// Scenes with a hidden obstacle, as many as are found.
+std::vector<RandomScene> HiddenScenes(const SimulatedWorkplace& workplace,
+                                      const CellArguments& arguments) {
+  std::vector<RandomScene> scenes;
+  if (arguments.hidden == 0) return scenes;
+  const auto& sound = workplace.cell().sound;
+  const double radius =
+      arguments.serve.least_obstacle.value_or(sound ? sound->least_obstacle : kHandRadius);
+  Progress progress("looking for hidden places", static_cast<uint64_t>(arguments.hidden), "scenes");
+  for (int i = 0; i < arguments.hidden && !StopRequested(); ++i) {
+    if (auto scene = MakeHiddenScene(workplace, radius, arguments.seed, i)) {
+      scenes.push_back(*std::move(scene));
+    }
+    progress.Update(static_cast<uint64_t>(i) + 1);
+  }
+  return scenes;
+}
+
+// All scenes with one calibration. `prefix`: of the experiments' names in files. Adds what came of
+// them to `done`. The rows.
+absl::StatusOr<std::vector<Row>> RunAll(const CellArguments& arguments, const TrialSetting& setting,
+                                        const std::vector<RandomScene>& hidden,
+                                        const std::string& prefix, std::vector<Experiment>& done) {
+  const SimulatedWorkplace& workplace = setting.workplace;
+  const Eigen::AlignedBox3d box = SweptBox(workplace);
+  Explainer explainer(setting);
+  std::vector<Row> rows;
+  for (const std::string name : {"random", "hidden"}) {
+    const bool random = name == "random";
+    const int count = random ? arguments.scenes : static_cast<int>(hidden.size());
+    if (count == 0) continue;
+    const SceneSource source = [&workplace, &hidden, box, random,
+                                seed = arguments.seed](int number) {
+      return random ? MakeRandomScene(workplace, box, seed, number)
+                    : hidden[static_cast<size_t>(number)];
+    };
+    Experiment& experiment = done.emplace_back(Experiment{prefix + name, &setting, source, {}});
+    if (absl::Status status = RunScenes(explainer, count, experiment); !status.ok()) return status;
+    const std::vector<Row> some = RowsOf(name, setting, experiment.records);
+    rows.insert(rows.end(), some.begin(), some.end());
+  }
+  return rows;
+}
+
+absl::StatusOr<ExitCode> Test(const CellArguments& arguments, const SimulatedWorkplace& workplace,
+                              const Database& database) {
+  std::optional<Calibration> calibration;
+  if (!arguments.calibration.empty()) {
+    auto found =
+        FoundCalibration(arguments.calibration, database, workplace.cell().calibration.margin);
+    if (!found.ok()) return found.status();
+    calibration = *std::move(found);
+  }
+  // What was found is compared with the truth, whatever the database has.
+  std::optional<Calibration> compared_with;
+  if (calibration) compared_with = workplace.TrueCalibration();
+  const auto truth = Serve(arguments, workplace, database, compared_with, false);
+  if (!truth.ok()) return truth.status();
+  std::optional<Side> found;
+  if (calibration) {
+    auto side = Serve(arguments, workplace, database, calibration, true);
+    if (!side.ok()) return side.status();
+    found = *std::move(side);
+  }
+  const std::vector<RandomScene> hidden = HiddenScenes(workplace, arguments);
+  std::vector<Experiment> experiments;
+  const auto rows = RunAll(arguments, *truth->setting, hidden, "", experiments);
+  if (!rows.ok()) return rows.status();
+  std::vector<Comparison> comparisons;
+  if (found) {
+    const auto others = RunAll(arguments, *found->setting, hidden, "found-", experiments);
+    if (!others.ok()) return others.status();
+    comparisons = Compare(*rows, *others);
+  }
+  if (arguments.format == "json") {
+    std::cout << JsonOf(*rows, comparisons).dump(2) << std::endl;
+  } else {
+    std::cout << TableOf(*rows) << "\n";
+    if (found) std::cout << LossTableOf(comparisons) << "\n";
+    std::cout << "seed " << arguments.seed << std::endl;
+  }
+  absl::Status status = WriteResult(arguments.out, "table.csv", CsvOf(*rows));
+  if (!status.ok()) return status;
+  if (found) status = WriteResult(arguments.out, "loss.csv", LossCsvOf(comparisons));
+  if (!status.ok()) return status;
+  status = WriteExperiments(experiments, arguments.out, static_cast<size_t>(arguments.pictures));
+  if (!status.ok()) return status;
+  return kDone;
+}
+
+absl::StatusOr<ExitCode> CellMeasure(const CellArguments& arguments) {
+  const auto workplace = SimulatedWorkplace::Load(arguments.cell);
+  if (!workplace.ok()) return workplace.status();
+  if (!arguments.out.empty()) {
+    if (absl::Status made = MakeFolder(arguments.out); !made.ok()) return made;
+  }
+  CatchStopSignals();
+  const auto database = OpenDatabase(arguments, *workplace);
+  if (absl::IsCancelled(database.status())) {
+    std::cerr << "stopped; what was captured is stored, the same command goes on" << std::endl;
+    return kNo;
+  }
+  if (!database.ok()) return database.status();
+  const auto code = Test(arguments, *workplace, **database);
+  if (absl::IsCancelled(code.status())) {
+    std::cerr << "stopped; start it again, the database is there" << std::endl;
+    return kNo;
+  }
+  return code;
+}
+
+}  // namespace
+
+void AddCellCommand(CLI::App& program, Run& run) {
+  CLI::App* command = program.add_subcommand(
+      "cell",
+      "Measure the test in the simulated cell, through the whole real path - cameras, noise,\n"
+      "differencing, captured masks -, against exact contact, and explain every configuration\n"
+      "that is called free and is not.");
+  command->footer(
+      "Example:\n"
+      "  silhouette-experiments cell --cell capture/sim/cells/demo/cell.yaml \\\n"
+      "      --database out/demo.lmdb --out out/cell\n"
+      "  silhouette-experiments cell --cell capture/sim/cells/demo/cell.yaml \\\n"
+      "      --database out/demo.lmdb --calibration session/cameras\n"
+      "Writes to --out: table.csv, EXPERIMENT-scenes.csv (every scene), EXPERIMENT-missing.csv\n"
+      "(every missing configuration with its cause and sentence) and pictures of the worst; with\n"
+      "--calibration loss.csv, and the same of found-EXPERIMENT.");
+  auto arguments = std::make_shared<CellArguments>();
+  const auto count = CLI::Range(0, 1000000);
+  command->add_option("--cell", arguments->cell, "The cell's file, cell.yaml, of a simulated cell")
+      ->required();
+  command->add_option("--database", arguments->database,
+                      "The database's folder; what it lacks is captured first.\n"
+                      "Default: the one that the cell's file names");
+  command->add_option(
+      "--calibration", arguments->calibration,
+      "A calibration that was found: calibration.yaml, matrices, or a folder of\n"
+      "camera models. The presets that need one are tested with it as well as with\n"
+      "the true cameras, on the same scenes, and the difference is told");
+  command->add_option("--scenes", arguments->scenes, "Scenes by chance")
+      ->check(count)
+      ->capture_default_str();
+  command
+      ->add_option("--hidden", arguments->hidden,
+                   "Scenes with an obstacle where the robot hides it from all views")
+      ->check(count)
+      ->capture_default_str();
+  command
+      ->add_option("--off-grid", arguments->off_grid,
+                   "Test configurations between grid points, per scene; on the grid all are "
+                   "tested")
+      ->check(count)
+      ->capture_default_str();
+  std::vector<std::string> presets;
+  for (const Preset preset : AllPresets()) presets.push_back(NameOf(preset));
+  command->add_option("--presets", arguments->presets, "Only these presets; default: all")
+      ->check(CLI::IsMember(presets))
+      ->delimiter(',');
+  command
+      ->add_option("--margin", arguments->serve.margin,
+                   "Safety margin of all views in pixels of the masks; default: the cell's own")
+      ->check(CLI::Range(0.0, 100.0));
+  command
+      ->add_option("--least-obstacle", arguments->serve.least_obstacle,
+                   "Radius in metres of the least obstacle, for the sound presets; default: the\n"
+                   "cell's own, and without one there are no sound presets")
+      ->check(PositiveNumber());
+  command->add_option("--seed", arguments->seed, "Chance that is the same every time")
+      ->capture_default_str();
+  command->add_option("--out", arguments->out, "Folder for tables and pictures");
+  command
+      ->add_option("--pictures", arguments->pictures,
+                   "Missing configurations of each experiment that get a picture, from the\n"
+                   "worst scenes first")
+      ->check(count)
+      ->capture_default_str();
+  AddFormatOption(*command, arguments->format);
+  command->callback([arguments, &run] {
+    run = [arguments]() -> int {
+      const absl::StatusOr<ExitCode> code = CellMeasure(*arguments);
+      return code.ok() ? *code : Report(kCellProgram, code.status());
+    };
+  });
+}
+
+}  // namespace silhouette

@@ -1,0 +1,65 @@
+// The sound presets on all configurations of a simulated cell, with all sets of cameras.
+//
+// The robot's model is known: at present, to tell its own body from what may be an obstacle, and
+// at the test configuration, for what planes cannot tell and for the refinement; spheres that are
+// where they are at present are left out. The verdicts are those of
+// server/collision/collision_checker.h, configuration by configuration; cameras out of the set are
+// missing views.
+#pragma once
+
+#include <cstdint>
+#include <span>
+#include <vector>
+
+#include "server/collision/possible_space.h"
+#include "tools/silhouette-experiments/paper/bulk_checker.h"
+#include "tools/silhouette-experiments/paper/settings.h"
+#include "tools/silhouette-experiments/paper/sphere_cell.h"
+
+namespace silhouette::paper {
+
+// The voxels of a cell, and those that each sphere of the robot touches at each configuration.
+// Cannot be changed once made; used by any number of threads.
+class SoundSpace {
+ public:
+  // `cell` must outlive it.
+  SoundSpace(const SphereCell& cell, const SoundSettings& settings);
+
+  const SphereCell& cell() const { return cell_; }
+  const VoxelSpace& space() const { return space_; }
+  RobotVoxels BodyOf(std::span<const Sphere> robot) const;
+
+  struct Row {
+    uint16_t y = 0;
+    uint16_t z = 0;
+    uint16_t first = 0;
+    uint16_t last = 0;
+  };
+  // The voxels that sphere `sphere` of the arm touches at configuration `index`.
+  std::span<const Row> Touched(size_t index, size_t sphere) const;
+
+ private:
+  const SphereCell& cell_;
+  VoxelSpace space_;
+  size_t per_link_;
+  std::vector<size_t> starts_;
+  std::vector<Row> rows_;
+};
+
+// The occupied configurations.
+struct SoundVerdicts {
+  ConfigurationSet planes;  // sound-planes
+  ConfigurationSet voxels;  // sound
+};
+
+// A scene with the views of `views`: all images, and the robot's spheres at present. Tested are the
+// configurations of the grid.
+SoundVerdicts SoundOnGrid(const SoundSpace& sound, std::span<const ObstacleImage> images,
+                          ViewSet views, const RobotVoxels& body, std::span<const Sphere> robot);
+
+// Tested are configurations in the grid cells, by the union of the robot images at their corners;
+// the robot's body there is not asked for.
+SoundVerdicts SoundInCells(const SoundSpace& sound, std::span<const ObstacleImage> images,
+                           ViewSet views, const RobotVoxels& body);
+
+}  // namespace silhouette::paper

@@ -1,0 +1,299 @@
+#include "tools/silhouette-experiments/placement/trials.h"
+
+#include <algorithm>
+#include <atomic>
+#include <bit>
+#include <mutex>
+#include <numbers>
+#include <random>
+#include <thread>
+#include <utility>
+
+#include "absl/status/status.h"
+#include "absl/strings/str_cat.h"
+#include "capture/sim/contact.h"
+#include "server/collision/collision_checker.h"
+#include "server/collision/epipolar_bands.h"
+#include "tools/silhouette-experiments/placement/silhouettes.h"
+
+namespace silhouette {
+namespace {
+
+using Random = std::mt19937_64;
+
+double Between(double lower, double upper, Random& random) {
+  return lower + (upper - lower) * std::generate_canonical<double, 53>(random);
+}
+
+size_t Below(size_t limit, Random& random) {
+  return std::min(limit - 1, static_cast<size_t>(Between(0, static_cast<double>(limit), random)));
+}
+
+// Calls work(i) for 0 <= i < count on all processors; whether all was done.
+bool ForEach(size_t count, const std::function<bool(size_t)>& work) {
+  std::atomic<size_t> next{0};
+  std::atomic<bool> stopped{false};
+  const auto work_off = [&] {
+    for (size_t i = next++; i < count && !stopped; i = next++) {
+      if (!work(i)) stopped = true;
+    }
+  };
+  std::vector<std::jthread> helpers;
+  for (unsigned i = 1; i < std::thread::hardware_concurrency(); ++i) helpers.emplace_back(work_off);
+  work_off();
+  helpers.clear();
+  return !stopped;
+}
+
+// `count` different numbers of the grid, or all of them.
+std::vector<ConfigurationNumber> SampleNumbers(const ConfigurationGrid& grid, size_t count,
+                                               Random& random) {
+  std::vector<ConfigurationNumber> numbers;
+  if (grid.size() <= count) {
+    for (ConfigurationNumber number = 0; number < grid.number_limit(); ++number) {
+      if (grid.Contains(number)) numbers.push_back(number);
+    }
+    return numbers;
+  }
+  while (numbers.size() < count) {
+    const ConfigurationNumber number = Below(grid.number_limit(), random);
+    if (!grid.Contains(number)) continue;
+    if (std::find(numbers.begin(), numbers.end(), number) == numbers.end()) {
+      numbers.push_back(number);
+    }
+  }
+  return numbers;
+}
+
+// The configurations at the ends of all joints' ranges, where the robot reaches far.
+std::vector<Configuration> Extremes(const ConfigurationGrid& grid) {
+  std::vector<Configuration> extremes = {{}};
+  for (const GridJoint& joint : grid.joints()) {
+    std::vector<Configuration> longer;
+    for (const Configuration& q : extremes) {
+      for (double value : {joint.lower, joint.upper}) {
+        longer.push_back(q);
+        longer.back().push_back(value);
+      }
+    }
+    extremes = std::move(longer);
+  }
+  return extremes;
+}
+
+struct Bounds {
+  Eigen::AlignedBox3d box;
+  std::vector<Eigen::Vector2d> footprint;
+
+  void Add(std::span<const Solid> solids, const Poses& poses) {
+    for (const Solid& solid : solids) {
+      for (const Eigen::Vector3d& vertex : solid.mesh.vertices) {
+        const Eigen::Vector3d point = poses[solid.frame] * vertex;
+        box.extend(point);
+        footprint.emplace_back(point.head<2>());
+      }
+    }
+  }
+};
+
+// A ball, a capsule or a box as large as people and their hands, where the robot can reach.
+Obstacle RandomObstacle(const PlacementSamples& samples, const Eigen::AlignedBox3d& reach,
+                        Random& random) {
+  const double radius = Between(samples.least_radius, samples.greatest_radius, random);
+  Obstacle obstacle;
+  switch (Below(3, random)) {
+    case 0:
+      obstacle.name = "ball";
+      obstacle.mesh = SphereMesh(radius);
+      break;
+    case 1:
+      obstacle.name = "capsule";
+      obstacle.mesh = CapsuleMesh(radius, Between(radius, 5 * radius, random));
+      break;
+    default:
+      obstacle.name = "box";
+      obstacle.mesh =
+          BoxMesh({2 * radius, Between(1, 3, random) * radius, Between(1, 5, random) * radius});
+  }
+  const Eigen::AngleAxisd turn(
+      Between(0, 2 * std::numbers::pi, random),
+      Eigen::Vector3d(Between(-1, 1, random), Between(-1, 1, random), Between(0.1, 1, random))
+          .normalized());
+  Eigen::Vector3d middle;
+  for (int axis = 0; axis < 3; ++axis) {
+    const double lower = axis == 2 ? std::max(0.0, reach.min()[axis]) : reach.min()[axis];
+    middle[axis] = Between(lower, std::max(lower, reach.max()[axis]), random);
+  }
+  obstacle.world_from_obstacle = Eigen::Translation3d(middle) * turn;
+  return obstacle;
+}
+
+int64_t CountBits(const std::vector<uint64_t>& words) {
+  int64_t count = 0;
+  for (uint64_t word : words) count += std::popcount(word);
+  return count;
+}
+
+}  // namespace
+
+absl::StatusOr<Trials> Trials::Make(const RobotModel& robot, const ConfigurationGrid& grid,
+                                    const PositionsAt& positions_at, const Places& places,
+                                    const OnProgress& progress) {
+  Random random(places.samples.seed);
+  const std::vector<Solid> solids = SolidsOf(RobotParts(robot));
+  std::vector<Poses> poses;
+  std::vector<Poses> looked_at;  // the extremes, too
+  Bounds bounds;
+  const auto pose_at = [&](const Configuration& q) -> absl::StatusOr<Poses> {
+    const auto positions = positions_at(q);
+    if (!positions.ok()) return positions.status();
+    return robot.LinkPoses(*positions);
+  };
+  const auto numbers =
+      SampleNumbers(grid, static_cast<size_t>(places.samples.configurations), random);
+  for (ConfigurationNumber number : numbers) {
+    const absl::StatusOr<Poses> pose = pose_at(grid.At(number));
+    if (!pose.ok()) return pose.status();
+    poses.push_back(*pose);
+  }
+  looked_at = poses;
+  for (const Configuration& q : Extremes(grid)) {
+    const absl::StatusOr<Poses> pose = pose_at(q);
+    if (!pose.ok()) return pose.status();
+    looked_at.push_back(*pose);
+  }
+  for (const Poses& pose : looked_at) bounds.Add(solids, pose);
+
+  Trials trials;
+  trials.configurations_ = poses.size();
+  trials.footprint_ = std::move(bounds.footprint);
+  for (size_t i = 0; i < places.candidates.size(); ++i) {
+    const CameraModel& camera = places.candidates[i].camera;
+    if (std::all_of(looked_at.begin(), looked_at.end(),
+                    [&](const Poses& pose) { return IsWhole(solids, pose, camera); })) {
+      trials.usable_.push_back(static_cast<int>(i));
+      trials.cameras_.push_back(camera);
+    }
+  }
+  if (trials.usable_.empty()) {
+    return absl::FailedPreconditionError(
+        "no place has the whole robot in its image; move the places away, or widen field_of_view");
+  }
+
+  std::atomic<uint64_t> done{0};
+  const auto scene_count = static_cast<size_t>(places.samples.scenes);
+  const uint64_t total = scene_count + trials.cameras_.size();
+  // What each scene consists of must not depend on which thread makes it.
+  std::vector<uint64_t> seeds;
+  for (size_t i = 0; i < scene_count; ++i) seeds.push_back(random());
+  std::vector<std::vector<Obstacle>> obstacles(scene_count);
+  trials.scenes_.resize(scene_count);
+  std::atomic<bool> always_touching{false};
+  const bool sampled = ForEach(scene_count, [&](size_t i) {
+    Random own(seeds[i]);
+    Scene& scene = trials.scenes_[i];
+    // A scene that blocks nothing, or nearly everything, tells nothing.
+    for (int attempt = 0; attempt < 200; ++attempt) {
+      obstacles[i].clear();
+      const int least = places.samples.least_obstacles;
+      const size_t count =
+          static_cast<size_t>(least) +
+          Below(static_cast<size_t>(places.samples.most_obstacles - least) + 1, own);
+      for (size_t k = 0; k < count; ++k) {
+        obstacles[i].push_back(RandomObstacle(places.samples, bounds.box, own));
+      }
+      const ContactChecker checker(robot, obstacles[i]);
+      const Poses obstacle_poses = ObstaclePoses(obstacles[i], 0);
+      scene.touching.assign((poses.size() + 63) / 64, 0);
+      for (size_t q = 0; q < poses.size(); ++q) {
+        if (checker.Check(poses[q], obstacle_poses).touching) {
+          scene.touching[q / 64] |= uint64_t{1} << (q % 64);
+        }
+      }
+      const int64_t touching = CountBits(scene.touching);
+      if (touching > 0 && touching < static_cast<int64_t>(poses.size()) * 9 / 10) break;
+    }
+    if (CountBits(scene.touching) == static_cast<int64_t>(poses.size())) {
+      always_touching = true;
+      return false;
+    }
+    do {
+      scene.current = Below(poses.size(), own);
+    } while ((scene.touching[scene.current / 64] >> (scene.current % 64) & 1) != 0);
+    return progress(++done, total);
+  });
+  if (always_touching) {
+    return absl::FailedPreconditionError(
+        "in a sampled scene the robot touches an obstacle at every configuration; allow fewer or "
+        "smaller obstacles");
+  }
+  trials.robot_images_.resize(trials.cameras_.size());
+  std::vector<std::vector<Mask>> foreground(trials.cameras_.size());
+  std::vector<std::vector<Solid>> solid_obstacles;
+  for (const auto& in_scene : obstacles)
+    solid_obstacles.push_back(SolidsOf(ObstacleParts(in_scene)));
+  const bool drawn =
+      sampled && ForEach(trials.cameras_.size(), [&](size_t camera) {
+        const CameraModel& model = trials.cameras_[camera];
+        for (const Poses& pose : poses) {
+          trials.robot_images_[camera].push_back(SilhouetteOf(solids, pose, model));
+        }
+        for (size_t i = 0; i < scene_count; ++i) {
+          const Mask& current = trials.robot_images_[camera][trials.scenes_[i].current];
+          foreground[camera].push_back(
+              current | SilhouetteOf(solid_obstacles[i], ObstaclePoses(obstacles[i], 0), model));
+        }
+        return progress(++done, total);
+      });
+  if (!drawn) return absl::AbortedError("stopped; start it again to have a result");
+  for (size_t i = 0; i < scene_count; ++i) {
+    Scene& scene = trials.scenes_[i];
+    for (size_t camera = 0; camera < trials.cameras_.size(); ++camera) {
+      scene.obstacle_images.push_back(ObstacleImage::FromScene(
+          foreground[camera][i], trials.robot_images_[camera][scene.current]));
+    }
+  }
+  return trials;
+}
+
+Measures Trials::MeasuresOf(const CameraSet& cameras, const Policy& policy) const {
+  std::vector<MaskSize> sizes;
+  Calibration calibration;
+  for (int camera : cameras) {
+    const CameraModel& model = cameras_[static_cast<size_t>(camera)];
+    sizes.push_back({model.intrinsics().width, model.intrinsics().height});
+    calibration.cameras.push_back(model);
+  }
+  // One joint whose values are the sampled configurations; they fit into one tile.
+  const ConfigurationGrid grid({{.name = "sample",
+                                 .lower = 0,
+                                 .upper = configurations_ > 1 ? 1.0 : 0.0,
+                                 .steps = static_cast<int>(configurations_)}});
+  RobotImageTable::Builder builder(grid, sizes, configurations_);
+  for (size_t q = 0; q < configurations_; ++q) {
+    std::vector<Mask> masks;
+    for (int camera : cameras) masks.push_back(robot_images_[static_cast<size_t>(camera)][q]);
+    builder.Add(q, masks);
+  }
+  const RobotImageTable table = std::move(builder).Build();
+  std::optional<EpipolarBands> bands;
+  if (IsCalibrated(policy.preset)) bands.emplace(calibration, sizes);
+  const TestSupport support{.bands = bands ? &*bands : nullptr};
+
+  Measures measures;
+  for (const Scene& scene : scenes_) {
+    ObstacleImages images;
+    for (int camera : cameras)
+      images.emplace_back(scene.obstacle_images[static_cast<size_t>(camera)]);
+    const TileVerdicts verdicts = CollisionTest(table, images, policy, support).CheckTile(0);
+    for (size_t word = 0; word < scene.touching.size(); ++word) {
+      measures.occupied += std::popcount(scene.touching[word]);
+      measures.missing += std::popcount(verdicts.free[word] & scene.touching[word]);
+      measures.additional += std::popcount(verdicts.occupied[word] & ~scene.touching[word]);
+    }
+    measures.tested += static_cast<int64_t>(configurations_);
+  }
+  return measures;
+}
+
+}  // namespace silhouette

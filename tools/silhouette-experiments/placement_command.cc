@@ -1,0 +1,265 @@
+// silhouette-experiments placement
+#include <algorithm>
+#include <atomic>
+#include <filesystem>
+#include <iostream>
+#include <memory>
+#include <mutex>
+#include <nlohmann/json.hpp>
+#include <thread>
+
+#include "absl/strings/str_cat.h"
+#include "absl/strings/str_format.h"
+#include "common/picture/files.h"
+#include "tools/cell/cell.h"
+#include "tools/program/program.h"
+#include "tools/program/progress.h"
+#include "tools/silhouette-experiments/commands.h"
+#include "tools/silhouette-experiments/placement/map.h"
+#include "tools/silhouette-experiments/placement/places.h"
+#include "tools/silhouette-experiments/placement/trials.h"
+
+namespace silhouette {
+namespace {
+
+constexpr char kPlacementName[] = "silhouette-experiments";
+
+struct PlacementArguments {
+  std::string cell;
+  std::string places;
+  int cameras = 0;  // 0: what the file says
+  std::string preset = "calibrated";
+  std::string out;
+  std::string format = "text";
+};
+
+struct Result {
+  Places places;
+  Policy policy;
+  std::vector<int> usable;
+  std::vector<Eigen::Vector2d> footprint;
+  std::vector<Selection> selections;
+
+  const Candidate& CandidateOf(int camera) const {
+    return places.candidates[static_cast<size_t>(usable[static_cast<size_t>(camera)])];
+  }
+  size_t unusable() const { return places.candidates.size() - usable.size(); }
+};
+
+double PlacementPercent(int64_t part, int64_t whole) {
+  return whole == 0 ? 0 : 100.0 * static_cast<double>(part) / static_cast<double>(whole);
+}
+
+// The measures of sets of cameras, on all processors.
+class Evaluation {
+ public:
+  Evaluation(const Trials& trials, const Policy& policy, Progress& progress)
+      : trials_(trials), policy_(policy), progress_(progress) {}
+
+  std::vector<Measures> operator()(const std::vector<CameraSet>& sets) {
+    std::vector<Measures> measures(sets.size());
+    std::atomic<size_t> next{0};
+    const auto work_off = [&] {
+      for (size_t i = next++; i < sets.size() && !StopRequested(); i = next++) {
+        measures[i] = trials_.MeasuresOf(sets[i], policy_);
+        const std::lock_guard lock(mutex_);
+        progress_.Update(++done_);
+      }
+    };
+    std::vector<std::jthread> helpers;
+    for (unsigned i = 1; i < std::thread::hardware_concurrency(); ++i) {
+      helpers.emplace_back(work_off);
+    }
+    work_off();
+    return measures;
+  }
+
+ private:
+  const Trials& trials_;
+  const Policy policy_;
+  Progress& progress_;
+  std::mutex mutex_;
+  uint64_t done_ = 0;
+};
+
+// Sets to be looked at if every size needs two rounds of exchange: what progress is measured by.
+uint64_t ExpectedSets(size_t candidates, int count) {
+  uint64_t sets = 0;
+  for (size_t size = 1; size <= static_cast<size_t>(count) && size <= candidates; ++size) {
+    sets += candidates - size + 1;
+    if (size > 1) sets += 2 * size * (candidates - size);
+  }
+  return sets;
+}
+
+absl::StatusOr<Trials> MakeTrials(const Cell& cell, const RobotModel& robot, const Places& places) {
+  std::vector<std::string> names;
+  for (const GridJoint& joint : cell.grid.joints()) names.push_back(joint.name);
+  for (const FixedJoint& joint : cell.fixed_joints) names.push_back(joint.name);
+  const PositionsAt positions_at = [&](const Configuration& q) {
+    std::vector<double> values = q;
+    for (const FixedJoint& joint : cell.fixed_joints) values.push_back(joint.position);
+    return robot.Positions(names, values);
+  };
+  std::mutex mutex;
+  std::unique_ptr<Progress> progress;
+  return Trials::Make(robot, cell.grid, positions_at, places, [&](uint64_t done, uint64_t total) {
+    const std::lock_guard lock(mutex);
+    if (progress == nullptr) progress = std::make_unique<Progress>("drawing", total, "pictures");
+    progress->Update(done);
+    return !StopRequested();
+  });
+}
+
+absl::StatusOr<Result> Choose(const PlacementArguments& arguments) {
+  const absl::StatusOr<Cell> cell = LoadCell(arguments.cell);
+  if (!cell.ok()) return cell.status();
+  if (cell->robot.urdf.empty()) {
+    return absl::InvalidArgumentError(arguments.cell +
+                                      ": the robot has no 'urdf', so there is nothing to look at");
+  }
+  const absl::StatusOr<RobotModel> robot =
+      RobotModel::FromUrdf(cell->robot.urdf, cell->robot.package_paths);
+  if (!robot.ok()) return robot.status();
+  absl::StatusOr<Places> places = LoadPlaces(arguments.places);
+  if (!places.ok()) return places.status();
+  if (arguments.cameras > 0) places->cameras = arguments.cameras;
+  Result result{
+      .places = *std::move(places), .policy = {}, .usable = {}, .footprint = {}, .selections = {}};
+  result.policy.preset = *PresetFromName(arguments.preset);
+
+  CatchStopSignals();
+  const absl::StatusOr<Trials> trials = MakeTrials(*cell, *robot, result.places);
+  if (!trials.ok()) return trials.status();
+  result.usable = trials->usable();
+  result.footprint = trials->footprint();
+  const int count = std::min(result.places.cameras, static_cast<int>(result.usable.size()));
+  Progress progress("choosing", ExpectedSets(result.usable.size(), count), "sets of cameras");
+  Evaluation evaluation(*trials, result.policy, progress);
+  result.selections = Select(
+      static_cast<int>(result.usable.size()), count,
+      [&](const std::vector<CameraSet>& sets) { return evaluation(sets); }, StopRequested);
+  if (StopRequested()) return absl::AbortedError("stopped; start it again to have a result");
+  return result;
+}
+
+absl::Status WriteMap(const Result& result, const std::string& path) {
+  PlaceMap map{.title = "Camera places, seen from above",
+               .places = {},
+               .field_of_view = result.places.field_of_view,
+               .footprint = result.footprint};
+  for (const Candidate& candidate : result.places.candidates) {
+    map.places.push_back({PlaceKind::kUnusable, "", candidate.position, candidate.look_at});
+  }
+  for (int usable : result.usable) {
+    map.places[static_cast<size_t>(usable)].kind = PlaceKind::kNotChosen;
+  }
+  const CameraSet& chosen = result.selections.back().cameras;
+  for (size_t i = 0; i < chosen.size(); ++i) {
+    MappedPlace& place =
+        map.places[static_cast<size_t>(result.usable[static_cast<size_t>(chosen[i])])];
+    place.kind = PlaceKind::kChosen;
+    place.label = absl::StrCat(i + 1);
+  }
+  return WritePng(path, Draw(map));
+}
+
+nlohmann::ordered_json PlacementJsonOf(const Result& result) {
+  using Json = nlohmann::ordered_json;
+  const auto numbers = [](const Eigen::Vector3d& v) { return Json{v.x(), v.y(), v.z()}; };
+  Json rows = Json::array();
+  for (const Selection& selection : result.selections) {
+    Json names = Json::array();
+    for (int camera : selection.cameras) names.push_back(result.CandidateOf(camera).name);
+    const Measures& m = selection.measures;
+    rows.push_back({{"cameras", selection.cameras.size()},
+                    {"places", names},
+                    {"tested", m.tested},
+                    {"occupied_percent", PlacementPercent(m.occupied, m.tested)},
+                    {"missing", m.missing},
+                    {"missing_percent", PlacementPercent(m.missing, m.tested)},
+                    {"additional", m.additional},
+                    {"additional_percent", PlacementPercent(m.additional, m.tested)}});
+  }
+  Json chosen = Json::array();
+  for (int camera : result.selections.back().cameras) {
+    const Candidate& candidate = result.CandidateOf(camera);
+    chosen.push_back({{"name", candidate.name},
+                      {"position", numbers(candidate.position)},
+                      {"look_at", numbers(candidate.look_at)}});
+  }
+  return {{"preset", NameOf(result.policy.preset)},
+          {"candidates", result.places.candidates.size()},
+          {"robot_not_whole", result.unusable()},
+          {"selections", rows},
+          {"chosen", chosen}};
+}
+
+void PlacementPrintText(const Result& result) {
+  const Measures& any = result.selections.back().measures;
+  std::cout << absl::StrFormat(
+      "%d places; in %d of them the robot is not whole in the image (they are left out)\n"
+      "%d scenes, %d configurations each; %.2f %% really occupied; preset %s\n\n"
+      "cameras  missing %%  additional %%  places\n",
+      result.places.candidates.size(), result.unusable(), result.places.samples.scenes,
+      any.tested / result.places.samples.scenes, PlacementPercent(any.occupied, any.tested),
+      NameOf(result.policy.preset));
+  for (const Selection& selection : result.selections) {
+    std::string names;
+    for (int camera : selection.cameras) {
+      absl::StrAppend(&names, names.empty() ? "" : ", ", result.CandidateOf(camera).name);
+    }
+    const Measures& m = selection.measures;
+    std::cout << absl::StrFormat("%7d  %9.4f  %12.3f  %s\n", selection.cameras.size(),
+                                 PlacementPercent(m.missing, m.tested),
+                                 PlacementPercent(m.additional, m.tested), names);
+  }
+}
+
+int RunPlacement(const PlacementArguments& arguments) {
+  if (!arguments.out.empty()) {
+    if (absl::Status made = MakeFolder(arguments.out); !made.ok())
+      return Report(kPlacementName, made);
+  }
+  const absl::StatusOr<Result> result = Choose(arguments);
+  if (!result.ok()) return Report(kPlacementName, result.status());
+  if (!arguments.out.empty()) {
+    const absl::Status written =
+        WriteMap(*result, (std::filesystem::path(arguments.out) / "placement.png").string());
+    if (!written.ok()) return Report(kPlacementName, written);
+  }
+  if (arguments.format == "json") {
+    std::cout << PlacementJsonOf(*result).dump(2) << '\n';
+  } else {
+    PlacementPrintText(*result);
+  }
+  return kDone;
+}
+
+}  // namespace
+
+void AddPlacementCommand(CLI::App& program, Run& run) {
+  CLI::App* command = program.add_subcommand(
+      "placement",
+      "Where to put the cameras: of all places where some could be mounted, those from which the\n"
+      "fewest configurations are missing (reported free, really occupied), then the fewest\n"
+      "additional (reported occupied, really free)");
+  const auto arguments = std::make_shared<PlacementArguments>();
+  command->add_option("--cell", arguments->cell, "The cell's file: robot and grid")->required();
+  command->add_option("--places", arguments->places, "The places' file, places.yaml")->required();
+  command->add_option("--cameras", arguments->cameras, "How many; default: what the file says")
+      ->check(CLI::Range(1, 8));
+  command->add_option("--preset", arguments->preset, "Whose verdicts are judged")
+      ->check(CLI::IsMember({"uncalibrated", "paper", "calibrated", "paper-calibrated"}))
+      ->capture_default_str();
+  command->add_option("--out", arguments->out, "A folder for placement.png, the cell from above");
+  AddFormatOption(*command, arguments->format);
+  command->footer(
+      "Obstacles, configurations and the robot's present one are sampled; the truth is exact\n"
+      "contact; the images are silhouettes without noise or lens distortion.\n\n"
+      "Example:\n"
+      "  silhouette-experiments placement --cell cell.yaml --places places.yaml --out out");
+  command->callback([arguments, &run] { run = [arguments] { return RunPlacement(*arguments); }; });
+}
+
+}  // namespace silhouette

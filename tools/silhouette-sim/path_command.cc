@@ -1,0 +1,127 @@
+// silhouette-sim path
+#include <iostream>
+#include <memory>
+#include <optional>
+
+#include "absl/strings/str_cat.h"
+#include "absl/strings/str_format.h"
+#include "capture/sim/motion_contact.h"
+#include "common/picture/files.h"
+#include "tools/program/program.h"
+#include "tools/silhouette-sim/commands.h"
+#include "tools/silhouette-sim/contact_json.h"
+#include "tools/silhouette-sim/workplace.h"
+
+namespace silhouette {
+namespace {
+
+struct PathArguments {
+  WorkplaceArguments workplace;
+  std::string path;
+};
+
+// What was found, and on the way from which waypoint to the next.
+struct Place {
+  size_t waypoint = 0;
+  MotionContact motion;
+};
+
+absl::StatusOr<std::vector<std::vector<double>>> ReadWaypoints(const std::string& path) {
+  const absl::StatusOr<std::string> text = ReadWholeFile(path);
+  if (!text.ok()) return text.status();
+  try {
+    const auto waypoints =
+        nlohmann::json::parse(*text).at("waypoints").get<std::vector<std::vector<double>>>();
+    if (waypoints.empty()) return absl::InvalidArgumentError(path + ": the path has no waypoint");
+    return waypoints;
+  } catch (const nlohmann::json::parse_error& error) {
+    return absl::InvalidArgumentError(absl::StrCat(path, ": not JSON, at byte ", error.byte));
+  } catch (const nlohmann::json::exception&) {
+    return absl::InvalidArgumentError(
+        path + ": a list of configurations under the key \"waypoints\" is expected");
+  }
+}
+
+absl::StatusOr<std::vector<std::vector<double>>> AllPositions(
+    const Workplace& workplace, const std::vector<std::vector<double>>& waypoints) {
+  std::vector<std::vector<double>> positions;
+  for (size_t i = 0; i < waypoints.size(); ++i) {
+    const auto at = workplace.Positions(waypoints[i]);
+    if (!at.ok()) {
+      return absl::InvalidArgumentError(absl::StrCat("waypoint ", i, ": ", at.status().message()));
+    }
+    positions.push_back(*at);
+  }
+  return positions;
+}
+
+// The first contact, else the narrowest place.
+Place Judge(const Workplace& workplace, const std::vector<std::vector<double>>& positions) {
+  const ContactChecker checker(workplace.robot, workplace.obstacles);
+  const MotionChecker motions(workplace.robot, checker);
+  std::optional<Place> narrowest;
+  const size_t legs = std::max<size_t>(1, positions.size() - 1);
+  for (size_t i = 0; i < legs; ++i) {
+    const MotionContact motion = motions.Check(
+        positions[i], positions[std::min(i + 1, positions.size() - 1)], workplace.obstacle_poses);
+    if (!narrowest || motion.contact.distance < narrowest->motion.contact.distance) {
+      narrowest = Place{i, motion};
+    }
+    if (motion.contact.touching) break;
+  }
+  return *narrowest;
+}
+
+// The place's values of the grid's joints.
+Configuration GridValues(const Workplace& workplace, const std::vector<double>& positions) {
+  Configuration configuration;
+  for (const GridJoint& joint : workplace.cell.grid.joints()) {
+    configuration.push_back(positions[workplace.robot.JointIndex(joint.name).value()]);
+  }
+  return configuration;
+}
+
+int RunPath(const PathArguments& arguments) {
+  const absl::StatusOr<Workplace> workplace = LoadWorkplace(arguments.workplace);
+  if (!workplace.ok()) return Report("silhouette-sim", workplace.status());
+  const auto waypoints = ReadWaypoints(arguments.path);
+  if (!waypoints.ok()) return Report("silhouette-sim", waypoints.status());
+  const auto positions = AllPositions(*workplace, *waypoints);
+  if (!positions.ok()) {
+    return Report("silhouette-sim", absl::InvalidArgumentError(absl::StrCat(
+                                        arguments.path, ": ", positions.status().message())));
+  }
+  const Place place = Judge(*workplace, *positions);
+  const Contact& contact = place.motion.contact;
+  const Configuration configuration = GridValues(*workplace, place.motion.positions);
+  if (arguments.workplace.json()) {
+    nlohmann::ordered_json json{{"waypoints", waypoints->size()}};
+    json.update(JsonOf(contact));
+    json["waypoint"] = place.waypoint;
+    json["fraction"] = place.motion.fraction;
+    json["configuration"] = configuration;
+    std::cout << json.dump(2) << '\n';
+  } else {
+    std::cout << absl::StrFormat(
+        "path of %d waypoints: %s%s at %s, %.0f %% on the way from waypoint %d\n",
+        waypoints->size(), contact.touching ? "" : "narrowest place: ", Spoken(contact),
+        Spoken(configuration), 100 * place.motion.fraction, place.waypoint);
+  }
+  return contact.touching ? kNo : kDone;
+}
+
+}  // namespace
+
+void AddPathCommand(CLI::App& program, Run& run) {
+  CLI::App* command = program.add_subcommand(
+      "path", "Tell whether the robot touches an obstacle anywhere on a path");
+  auto arguments = std::make_shared<PathArguments>();
+  AddWorkplaceOptions(*command, arguments->workplace, true);
+  command
+      ->add_option("--path", arguments->path,
+                   "A JSON file with a list of configurations under the key \"waypoints\"")
+      ->required();
+  command->callback([arguments, &run] { run = [arguments] { return RunPath(*arguments); }; });
+}
+
+}  // namespace silhouette

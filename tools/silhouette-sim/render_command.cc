@@ -1,0 +1,185 @@
+// silhouette-sim render
+#include <filesystem>
+#include <iostream>
+#include <map>
+#include <memory>
+#include <nlohmann/json.hpp>
+#include <system_error>
+
+#include "absl/time/time.h"
+#include "capture/sim/simulated_cell.h"
+#include "capture/sim/yaml_values.h"
+#include "common/picture/files.h"
+#include "common/picture/picture.h"
+#include "tools/program/joint_values.h"
+#include "tools/program/program.h"
+#include "tools/silhouette-sim/commands.h"
+#include "tools/silhouette-sim/workplace.h"
+
+namespace silhouette {
+namespace {
+
+namespace fs = std::filesystem;
+
+struct RenderArguments {
+  WorkplaceArguments workplace;
+  std::string configuration;
+  std::vector<std::string> joints;
+  bool without_robot = false;
+  bool all_boards = false;
+  std::vector<std::string> held;
+  uint64_t frame = 0;
+  std::string out;
+};
+
+// Where every joint of the robot stands: as in the cell's file, as in --configuration, as in
+// --joint; the later wins.
+absl::StatusOr<std::map<std::string, double>> JointValues(const RenderArguments& arguments,
+                                                          const Workplace& workplace) {
+  const std::span<const GridJoint> grid = workplace.cell.grid.joints();
+  std::map<std::string, double> values;
+  for (const FixedJoint& joint : workplace.cell.fixed_joints) values[joint.name] = joint.position;
+  if (!arguments.configuration.empty()) {
+    const std::vector<double> configuration = ParseConfiguration(arguments.configuration);
+    const auto positions = workplace.Positions(configuration);
+    if (!positions.ok()) return positions.status();
+    for (size_t j = 0; j < grid.size(); ++j) values[grid[j].name] = configuration[j];
+  }
+  for (const std::string& text : arguments.joints) {
+    const auto [name, value] = ParseJoint(text);
+    values[name] = value;
+  }
+  for (const GridJoint& joint : grid) {
+    if (!values.contains(joint.name)) {
+      return absl::InvalidArgumentError("say where '" + joint.name +
+                                        "' stands, with --configuration or --joint");
+    }
+  }
+  return values;
+}
+
+absl::StatusOr<std::vector<double>> PositionsOf(const RobotModel& robot,
+                                                const std::map<std::string, double>& values) {
+  std::vector<std::string> names;
+  std::vector<double> numbers;
+  for (const auto& [name, value] : values) {
+    names.push_back(name);
+    numbers.push_back(value);
+  }
+  return robot.Positions(names, numbers);
+}
+
+struct HeldBoard {
+  std::string name;
+  Eigen::Isometry3d world_from_board;
+};
+
+absl::StatusOr<HeldBoard> ParseHeldBoard(const std::string& text) {
+  const size_t sign = text.find('=');
+  if (sign != std::string::npos) {
+    const std::vector<double> v = ParseConfiguration(text.substr(sign + 1));
+    if (v.size() == 6) {
+      return HeldBoard{text.substr(0, sign),
+                       Eigen::Translation3d(v[0], v[1], v[2]) * RotationOf({v[3], v[4], v[5]})};
+    }
+  }
+  return absl::InvalidArgumentError("--hold " + text + ": name=x,y,z,roll,pitch,yaw is expected");
+}
+
+absl::Status WriteImages(const std::string& folder, const std::vector<std::string>& views,
+                         const std::vector<CameraImage>& images,
+                         const std::map<std::string, double>& joints) {
+  if (absl::Status made = MakeFolder(folder); !made.ok()) return made;
+  nlohmann::ordered_json index{
+      {"time", absl::FormatTime(absl::RFC3339_full, images.front().captured, absl::UTCTimeZone())},
+      {"joints", joints},
+      {"views", nlohmann::ordered_json::object()}};
+  for (size_t v = 0; v < views.size(); ++v) {
+    const CameraImage& image = images[v];
+    absl::Status status =
+        WritePng((fs::path(folder) / (views[v] + ".png")).string(),
+                 PictureOfPixels(image.width, image.height, image.channels, image.pixels));
+    if (!status.ok()) return status;
+    index["views"][views[v]] = views[v] + ".png";
+  }
+  return WriteWholeFile((fs::path(folder) / "images.json").string(), index.dump(2) + "\n");
+}
+
+absl::Status Render(const RenderArguments& arguments) {
+  absl::StatusOr<Workplace> workplace = LoadWorkplace(arguments.workplace);
+  if (!workplace.ok()) return workplace.status();
+  const Cell& cell = workplace->cell;
+  auto settings = SimulationOf(cell);
+  if (!settings.ok()) return settings.status();
+  std::map<std::string, double> joints;
+  if (!arguments.without_robot || !arguments.configuration.empty() || !arguments.joints.empty()) {
+    const auto values = JointValues(arguments, *workplace);
+    if (!values.ok()) return values.status();
+    joints = *values;
+  }
+  const auto views = SimulatedViews(cell);
+  if (!views.ok()) return views.status();
+
+  const auto simulated = std::make_shared<SimulatedCell>(workplace->robot, *std::move(settings));
+  const auto rig = SimulatedCameraRig::Create(simulated, *views);
+  if (!rig.ok()) return rig.status();
+  if (!joints.empty()) {
+    const auto positions = PositionsOf(workplace->robot, joints);
+    if (!positions.ok()) return positions.status();
+    simulated->SetPositions(*positions);
+  }
+  simulated->SetRobotPresent(!arguments.without_robot);
+  simulated->SetObstacles(std::move(workplace->obstacles));
+  simulated->ShowAllBoards(arguments.all_boards);
+  for (const std::string& text : arguments.held) {
+    const auto held = ParseHeldBoard(text);
+    if (!held.ok()) return held.status();
+    simulated->HoldBoard(held->name, held->world_from_board);
+  }
+  simulated->SetTime(arguments.workplace.time);
+  simulated->SetFrame(arguments.frame);
+  const auto images = (*rig)->Grab();
+  if (!images.ok()) return images.status();
+  return WriteImages(arguments.out, (*rig)->views(), *images, joints);
+}
+
+int RunRender(const RenderArguments& arguments) {
+  const absl::Status status = Render(arguments);
+  if (!status.ok()) return Report("silhouette-sim", status);
+  const std::string index = (fs::path(arguments.out) / "images.json").string();
+  if (arguments.workplace.json()) {
+    std::cout << nlohmann::ordered_json{{"images", index}}.dump(2) << '\n';
+  } else {
+    std::cout << "wrote the images and " << index << '\n';
+  }
+  return kDone;
+}
+
+}  // namespace
+
+void AddRenderCommand(CLI::App& program, Run& run) {
+  CLI::App* command = program.add_subcommand(
+      "render", "Write what the cameras see: a PNG per view, and images.json that lists them");
+  auto arguments = std::make_shared<RenderArguments>();
+  AddWorkplaceOptions(*command, arguments->workplace, false);
+  command->add_option("--configuration", arguments->configuration,
+                      "Values of the grid's joints, e.g. 0.5,-30deg");
+  command
+      ->add_option("--joint", arguments->joints,
+                   "name=value: where a single joint stands; may be given several times")
+      ->allow_extra_args(false);
+  command->add_flag("--without-robot", arguments->without_robot, "Take the robot out of the cell");
+  command->add_flag("--all-boards", arguments->all_boards,
+                    "Show the boards, too, that are in the cell only for calibration");
+  command
+      ->add_option("--hold", arguments->held,
+                   "name=x,y,z,roll,pitch,yaw: hold a board of tags there, e.g. "
+                   "wall=1,0,0.5,90deg,0,0; may be given several times")
+      ->allow_extra_args(false);
+  command->add_option("--frame", arguments->frame, "Number of the image; the noise depends on it")
+      ->capture_default_str();
+  command->add_option("--out", arguments->out, "The folder to write to")->required();
+  command->callback([arguments, &run] { run = [arguments] { return RunRender(*arguments); }; });
+}
+
+}  // namespace silhouette

@@ -1,0 +1,173 @@
+// silhouette-sim serve: the devices of the simulated cell on the network, as those of a real cell.
+#include <iostream>
+#include <memory>
+#include <nlohmann/json.hpp>
+#include <optional>
+
+#include "absl/time/clock.h"
+#include "absl/time/time.h"
+#include "capture/session/travel.h"
+#include "tools/program/joint_values.h"
+#include "tools/program/program.h"
+#include "tools/silhouette-sim/commands.h"
+#include "tools/silhouette-sim/serve_cameras.h"
+#include "tools/silhouette-sim/serve_faults.h"
+#include "tools/silhouette-sim/serve_robot.h"
+#include "tools/silhouette-sim/workplace.h"
+
+namespace silhouette {
+namespace {
+
+constexpr char kProgram[] = "silhouette-sim serve";
+constexpr absl::Duration kTick = absl::Milliseconds(20);
+
+struct ServeArguments {
+  WorkplaceArguments workplace;
+  std::string robot;
+  std::string robot_address;
+  std::string cameras;
+  int camera_port = 0;
+  bool without_robot = false;
+  FaultArguments faults;
+};
+
+// Where a robot stands before a capture: the first configuration that it may be in.
+absl::Status PlaceRobot(const Workplace& workplace, SimulatedCell& simulation) {
+  const Travel travel(workplace.cell.grid, workplace.cell.capture.forbidden_regions);
+  for (const ConfigurationNumber number : travel.Serpentine()) {
+    if (travel.Forbidden(number)) continue;
+    const auto positions = workplace.Positions(travel.grid().At(number));
+    if (positions.ok()) simulation.SetPositions(*positions);
+    return positions.status();
+  }
+  return absl::OkStatus();
+}
+
+absl::Status Serve(const ServeArguments& arguments) {
+  absl::StatusOr<Workplace> workplace = LoadWorkplace(arguments.workplace);
+  if (!workplace.ok()) return workplace.status();
+  if (arguments.robot.empty() && arguments.cameras.empty()) {
+    return absl::InvalidArgumentError("say what to serve, with --robot, --cameras or both");
+  }
+  auto settings = SimulationOf(workplace->cell);
+  if (!settings.ok()) return settings.status();
+  const auto simulation = std::make_shared<SimulatedCell>(workplace->robot, *std::move(settings));
+  simulation->SetRobotPresent(!arguments.without_robot);
+  simulation->SetObstacles(std::move(workplace->obstacles));
+  if (absl::Status status = PlaceRobot(*workplace, *simulation); !status.ok()) return status;
+
+  nlohmann::ordered_json served;
+  std::optional<ServedRobot> robot;
+  if (!arguments.robot.empty()) {
+    auto started = ServeRobot(*workplace, arguments.robot, arguments.robot_address, simulation);
+    if (!started.ok()) return started.status();
+    robot = *std::move(started);
+    served["robot"] = robot->told;
+  }
+  std::optional<ServedCameras> cameras;
+  if (!arguments.cameras.empty()) {
+    auto started = ServeCameras(*workplace, arguments.cameras, arguments.camera_port, simulation);
+    if (!started.ok()) return started.status();
+    cameras = *std::move(started);
+    served["cameras"] = cameras->told;
+  }
+  auto faults =
+      FaultsOf(arguments.faults, robot ? &*robot : nullptr, cameras ? &*cameras : nullptr);
+  if (!faults.ok()) return faults.status();
+  if (arguments.workplace.json()) {
+    std::cout << served.dump() << std::endl;
+  } else {
+    for (const auto& [device, told] : served.items()) {
+      std::cout << "serving the " << device << ": " << told.dump() << std::endl;
+    }
+    std::cout << "ready; Ctrl-C ends it" << std::endl;
+  }
+  CatchStopSignals();
+  while (!StopRequested()) {
+    for (ServedFault& fault : *faults) {
+      if (absl::Status status = fault.Step(absl::Now()); !status.ok()) return status;
+    }
+    absl::SleepFor(kTick);
+  }
+  return absl::OkStatus();
+}
+
+void AddFaultOptions(CLI::App& command, FaultArguments& faults) {
+  command
+      .add_option(
+          "--robot-fault", faults.robot,
+          "What goes wrong with the robot: stays, it is told to move and does not set off;\n"
+          "half-way, it stops on its way; drifts, it moves though nobody told it to;\n"
+          "e-stop, on its way; lost, its connection")
+      ->check(CLI::IsMember(kRobotFaults));
+  command
+      .add_option("--after-moves", faults.after_moves,
+                  "When the robot was told so many times to move")
+      ->check(CLI::NonNegativeNumber)
+      ->capture_default_str();
+  command
+      .add_option("--camera-fault", faults.cameras,
+                  "What goes wrong with the cameras: lost, their connection; drops, they lose\n"
+                  "packets and so images (gige); freezes, they send the same image again and again")
+      ->check(CLI::IsMember(kCameraFaults));
+  command
+      .add_option("--after-images", faults.after_images,
+                  "When they have taken so many sets of images")
+      ->check(CLI::NonNegativeNumber)
+      ->capture_default_str();
+  command
+      .add_option("--fault-time", faults.seconds,
+                  "How long the faults last, in seconds; 0: for good")
+      ->check(CLI::NonNegativeNumber)
+      ->capture_default_str();
+}
+
+}  // namespace
+
+void AddServeCommand(CLI::App& program, Run& run) {
+  CLI::App* command = program.add_subcommand(
+      "serve",
+      "Serve the devices of the simulated cell on the network, as those of a real cell, until\n"
+      "Ctrl-C; prints where they are as soon as they can be reached");
+  auto arguments = std::make_shared<ServeArguments>();
+  AddWorkplaceOptions(*command, arguments->workplace, false);
+  command
+      ->add_option("--robot", arguments->robot,
+                   "What the robot's controller speaks: simple_message (ROS-Industrial), or\n"
+                   "grpc (RobotDriverService)")
+      ->check(CLI::IsMember(kRobotKinds));
+  command->add_option(
+      "--robot-address", arguments->robot_address,
+      "Where it listens, e.g. 127.0.0.1:11000: simple_message there for motion and two ports\n"
+      "further for the state; port 0: free ones. Default: 127.0.0.1, and the ports of the cell's\n"
+      "file, or 50061 for grpc");
+  command
+      ->add_option(
+          "--cameras", arguments->cameras,
+          "What the cameras are, one for each view: gige (GigE Vision, at 127.0.0.1,\n"
+          "127.0.0.2 and so on, the views' names their serial numbers), rtsp (streams) or\n"
+          "grpc (a CameraDriverService)")
+      ->check(CLI::IsMember(kCameraKinds));
+  command
+      ->add_option("--camera-port", arguments->camera_port,
+                   "Where rtsp and grpc listen at 127.0.0.1; 0: a free port")
+      ->check(CLI::Range(0, 65535))
+      ->capture_default_str();
+  command->add_flag("--without-robot", arguments->without_robot,
+                    "Take the robot out of the images, as for reference images");
+  AddFaultOptions(*command, arguments->faults);
+  command->footer(
+      "Examples:\n"
+      "  silhouette-sim serve --cell cell.yaml --robot simple_message --robot-address 127.0.0.1:0\n"
+      "  silhouette-sim serve --cell cell.yaml --robot simple_message --cameras gige\n"
+      "  silhouette-sim serve --cell cell.yaml --robot grpc --robot-fault lost --after-moves 20 "
+      "--fault-time 10");
+  command->callback([arguments, &run] {
+    run = [arguments]() -> int {
+      const absl::Status status = Serve(*arguments);
+      return status.ok() ? kDone : Report(kProgram, status);
+    };
+  });
+}
+
+}  // namespace silhouette

@@ -1,0 +1,108 @@
+#include "tools/silhouette-sim/serve_robot.h"
+
+#include <optional>
+#include <utility>
+#include <variant>
+
+#include "absl/strings/numbers.h"
+#include "absl/strings/str_cat.h"
+#include "absl/strings/str_join.h"
+#include "capture/sim/served/grpc_robot_server.h"
+#include "capture/sim/served/simple_message_server.h"
+
+namespace silhouette {
+namespace {
+
+constexpr int kGrpcPort = 50061;
+
+struct Address {
+  std::string host = "127.0.0.1";
+  std::optional<int> port;
+};
+
+absl::StatusOr<Address> AddressOf(const std::string& text) {
+  Address address;
+  if (text.empty()) return address;
+  const size_t colon = text.rfind(':');
+  address.host = text.substr(0, colon);
+  if (colon == std::string::npos) return address;
+  int port = 0;
+  if (!absl::SimpleAtoi(text.substr(colon + 1), &port) || port < 0 || port > 65533) {
+    return absl::InvalidArgumentError(
+        absl::StrCat("'", text, "' is no address; give one such as 127.0.0.1:11000"));
+  }
+  address.port = port;
+  return address;
+}
+
+absl::StatusOr<ServedRobot> ServeSimpleMessage(const Workplace& workplace, const Address& address,
+                                               const std::shared_ptr<SimulatedCell>& simulation) {
+  SimpleMessageSettings named;
+  if (const auto* driver = std::get_if<SimpleMessageSettings>(&workplace.cell.robot.driver)) {
+    named = *driver;
+  }
+  auto controller = std::make_unique<SimulatedController>(simulation);
+  if (!named.joints.empty() && named.joints != controller->joints()) {
+    return absl::InvalidArgumentError(absl::StrCat(
+        workplace.cell.file, ": the simulated controller has the joints ",
+        absl::StrJoin(controller->joints(), ", "), "; name them so in 'simple_message'"));
+  }
+  SimpleMessageServerSettings settings{.host = address.host, .byte_order = named.byte_order};
+  settings.motion_port = address.port.value_or(named.motion_port);
+  settings.state_port = !address.port       ? named.state_port
+                        : *address.port > 0 ? *address.port + 2
+                                            : 0;
+  auto server = SimpleMessageServer::Start(*controller, settings);
+  if (!server.ok()) return server.status();
+  settings.motion_port = (*server)->motion_port();
+  settings.state_port = (*server)->state_port();
+  ServedRobot robot;
+  robot.told = {
+      {"driver", "simple_message"},
+      {"host", settings.host},
+      {"motion_port", settings.motion_port},
+      {"state_port", settings.state_port},
+      {"byte_order", named.byte_order == simple_message::ByteOrder::kBig ? "big" : "little"},
+      {"joints", controller->joints()}};
+  robot.server = *std::move(server);
+  robot.controller = std::move(controller);
+  robot.start = [&controller = *robot.controller,
+                 settings]() -> absl::StatusOr<std::shared_ptr<void>> {
+    auto again = SimpleMessageServer::Start(controller, settings);
+    if (!again.ok()) return again.status();
+    return std::shared_ptr<void>(*std::move(again));
+  };
+  return robot;
+}
+
+absl::StatusOr<ServedRobot> ServeGrpc(const Address& address,
+                                      const std::shared_ptr<SimulatedCell>& simulation) {
+  auto controller = std::make_unique<SimulatedController>(simulation);
+  auto server = GrpcRobotServer::Start(
+      *controller, absl::StrCat(address.host, ":", address.port.value_or(kGrpcPort)));
+  if (!server.ok()) return server.status();
+  const std::string at = (*server)->address();
+  ServedRobot robot;
+  robot.told = {{"driver", "grpc"}, {"address", at}, {"joints", controller->joints()}};
+  robot.server = *std::move(server);
+  robot.controller = std::move(controller);
+  robot.start = [&controller = *robot.controller, at]() -> absl::StatusOr<std::shared_ptr<void>> {
+    auto again = GrpcRobotServer::Start(controller, at);
+    if (!again.ok()) return again.status();
+    return std::shared_ptr<void>(*std::move(again));
+  };
+  return robot;
+}
+
+}  // namespace
+
+absl::StatusOr<ServedRobot> ServeRobot(const Workplace& workplace, const std::string& kind,
+                                       const std::string& address,
+                                       const std::shared_ptr<SimulatedCell>& simulation) {
+  const absl::StatusOr<Address> parsed = AddressOf(address);
+  if (!parsed.ok()) return parsed.status();
+  return kind == "grpc" ? ServeGrpc(*parsed, simulation)
+                        : ServeSimpleMessage(workplace, *parsed, simulation);
+}
+
+}  // namespace silhouette

@@ -1,0 +1,58 @@
+// What the commands need of a cell: its file, its robot, its obstacles.
+#pragma once
+
+#include <CLI/CLI.hpp>
+#include <memory>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "absl/status/statusor.h"
+#include "calib/robot/robot_model.h"
+#include "capture/sim/contact.h"
+#include "capture/sim/obstacles.h"
+#include "capture/sim/simulated_cell.h"
+#include "tools/cell/cell.h"
+
+namespace silhouette {
+
+// The arguments that the commands share.
+struct WorkplaceArguments {
+  std::string cell;
+  std::string scene;
+  double time = 0;
+  std::string set = kBareSet;
+  std::string format = "text";
+
+  bool json() const { return format == "json"; }
+};
+
+// Adds --cell, --scene, --time, --set and --format.
+void AddWorkplaceOptions(CLI::App& command, WorkplaceArguments& arguments, bool scene_required);
+
+struct Workplace {
+  Cell cell;
+  RobotModel robot;  // with what it carries
+  std::vector<Obstacle> obstacles;
+  Poses obstacle_poses;  // at the time asked for
+
+  // The values of all joints of the robot for a configuration of the grid. InvalidArgument: wrong
+  // number of values, or beyond the robot's limits.
+  absl::StatusOr<std::vector<double>> Positions(std::span<const double> configuration) const;
+};
+
+absl::StatusOr<Workplace> LoadWorkplace(const WorkplaceArguments& arguments);
+
+// The simulation that the cell names; InvalidArgument if it names none, else LoadSimulation()'s.
+absl::StatusOr<SimulationSettings> SimulationOf(const Cell& cell);
+
+// The views of the cell that the simulation takes images for; InvalidArgument if there is none.
+absl::StatusOr<std::vector<SimulatedView>> SimulatedViews(const Cell& cell);
+
+// "touches box with forearm", "free, 0.123 m from forearm to box" or "free, there is no obstacle".
+std::string Spoken(const Contact& contact);
+
+// "(0.5, -0.25)"
+std::string Spoken(std::span<const double> values);
+
+}  // namespace silhouette

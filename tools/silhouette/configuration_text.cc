@@ -1,0 +1,103 @@
+#include "tools/silhouette/configuration_text.h"
+
+#include <iostream>
+#include <iterator>
+#include <nlohmann/json.hpp>
+#include <stdexcept>
+#include <utility>
+
+#include "absl/strings/ascii.h"
+#include "absl/strings/str_cat.h"
+#include "absl/strings/str_format.h"
+#include "absl/strings/str_join.h"
+#include "absl/strings/str_split.h"
+#include "absl/strings/string_view.h"
+#include "absl/strings/strip.h"
+#include "common/picture/files.h"
+
+namespace silhouette {
+namespace {
+
+Configuration ParseParts(const std::vector<std::string>& parts, AngleUnit unit) {
+  Configuration configuration;
+  for (const std::string& part : parts) configuration.push_back(ParseJointValue(part, unit));
+  return configuration;
+}
+
+absl::StatusOr<std::string> ReadText(const std::string& file) {
+  if (file != "-") return ReadWholeFile(file);
+  return std::string(std::istreambuf_iterator<char>(std::cin), {});
+}
+
+}  // namespace
+
+absl::StatusOr<std::vector<Configuration>> ReadConfigurations(const std::string& file,
+                                                              AngleUnit unit) {
+  const absl::StatusOr<std::string> text = ReadText(file);
+  if (!text.ok()) return text.status();
+  std::vector<Configuration> configurations;
+  int line_number = 0;
+  for (const absl::string_view line : absl::StrSplit(*text, '\n')) {
+    ++line_number;
+    try {
+      std::optional<Configuration> configuration = ParseLine(line, unit);
+      if (configuration) configurations.push_back(*std::move(configuration));
+    } catch (const std::invalid_argument& error) {
+      return absl::InvalidArgumentError(absl::StrCat(file, ":", line_number, ": ", error.what()));
+    }
+  }
+  return configurations;
+}
+
+std::optional<Configuration> ParseLine(absl::string_view line, AngleUnit unit) {
+  const absl::string_view content =
+      absl::StripAsciiWhitespace(line.substr(0, std::min(line.find('#'), line.size())));
+  if (content.empty()) return std::nullopt;
+  return ParseParts(absl::StrSplit(content, absl::ByAnyChar(", \t"), absl::SkipEmpty()), unit);
+}
+
+void AddPathArguments(CLI::App& command, PathArguments& arguments) {
+  command.add_option("waypoints", arguments.waypoints,
+                     "Configurations: joint values with commas between them");
+  command.add_option("--file", arguments.file,
+                     "A JSON file with configurations under the key \"waypoints\", as plan writes "
+                     "it; -: stdin");
+  command.add_flag("--degrees", arguments.degrees, "Values without a unit are degrees");
+}
+
+absl::StatusOr<std::vector<Configuration>> WaypointsOf(const PathArguments& arguments) {
+  if (arguments.waypoints.empty() == arguments.file.empty()) {
+    return absl::InvalidArgumentError(
+        "give waypoints, e.g. 0.1,0.2 0.3,0.2, or a path with --file FILE, and not both");
+  }
+  if (!arguments.file.empty()) return ReadWaypoints(arguments.file);
+  std::vector<Configuration> waypoints;
+  for (const std::string& text : arguments.waypoints) {
+    waypoints.push_back(
+        ParseConfiguration(text, arguments.degrees ? AngleUnit::kDegrees : AngleUnit::kRadians));
+  }
+  return waypoints;
+}
+
+absl::StatusOr<std::vector<Configuration>> ReadWaypoints(const std::string& file) {
+  const absl::StatusOr<std::string> text = ReadText(file);
+  if (!text.ok()) return text.status();
+  try {
+    auto waypoints = nlohmann::json::parse(*text).at("waypoints").get<std::vector<Configuration>>();
+    if (waypoints.empty()) return absl::InvalidArgumentError(file + ": the path has no waypoint");
+    return waypoints;
+  } catch (const nlohmann::json::parse_error& error) {
+    return absl::InvalidArgumentError(absl::StrCat(file, ": not JSON, at byte ", error.byte));
+  } catch (const nlohmann::json::exception&) {
+    return absl::InvalidArgumentError(
+        file + ": a list of configurations under the key \"waypoints\" is expected");
+  }
+}
+
+std::string Spoken(const Configuration& configuration) {
+  return absl::StrJoin(configuration, ",", [](std::string* out, double value) {
+    absl::StrAppendFormat(out, "%.6g", value);
+  });
+}
+
+}  // namespace silhouette

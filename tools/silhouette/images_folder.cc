@@ -1,0 +1,68 @@
+#include "tools/silhouette/images_folder.h"
+
+#include <filesystem>
+#include <nlohmann/json.hpp>
+
+#include "absl/strings/str_cat.h"
+#include "common/picture/files.h"
+
+namespace silhouette {
+namespace {
+
+namespace fs = std::filesystem;
+using Json = nlohmann::ordered_json;
+
+// The object under `key`; empty if there is none.
+absl::StatusOr<Json> Section(const Json& index, const std::string& key) {
+  const Json section = index.value(key, Json::object());
+  if (section.is_object()) return section;
+  return absl::InvalidArgumentError(absl::StrCat("'", key, "' must be {name: value}"));
+}
+
+absl::StatusOr<ImagesFolder> FromJson(const Json& index, const fs::path& folder) {
+  if (!index.is_object()) return absl::InvalidArgumentError("an object is expected");
+  ImagesFolder images;
+  if (index.contains("time")) {
+    absl::Time time;
+    std::string error;
+    if (!index["time"].is_string() ||
+        !absl::ParseTime(absl::RFC3339_full, index["time"].get<std::string>(), &time, &error)) {
+      return absl::InvalidArgumentError(
+          "'time' must be RFC 3339 text, as \"2026-01-31T12:00:00.5Z\"");
+    }
+    images.time = time;
+  }
+  const absl::StatusOr<Json> joints = Section(index, "joints");
+  if (!joints.ok()) return joints.status();
+  for (const auto& [name, value] : joints->items()) {
+    if (!value.is_number()) {
+      return absl::InvalidArgumentError(absl::StrCat("joint '", name, "' must be a number"));
+    }
+    images.joints.push_back({name, value.get<double>()});
+  }
+  const absl::StatusOr<Json> views = Section(index, "views");
+  if (!views.ok()) return views.status();
+  for (const auto& [name, file] : views->items()) {
+    if (!file.is_string()) {
+      return absl::InvalidArgumentError(absl::StrCat("view '", name, "' must be a file's name"));
+    }
+    images.images.push_back({name, (folder / file.get<std::string>()).string()});
+  }
+  if (images.images.empty()) return absl::InvalidArgumentError("'views' is missing or empty");
+  return images;
+}
+
+}  // namespace
+
+absl::StatusOr<ImagesFolder> ReadImagesFolder(const std::string& folder) {
+  const std::string file = (fs::path(folder) / "images.json").string();
+  const absl::StatusOr<std::string> text = ReadWholeFile(file);
+  if (!text.ok()) return text.status();
+  const Json index = Json::parse(*text, nullptr, /*allow_exceptions=*/false);
+  if (index.is_discarded()) return absl::InvalidArgumentError(file + ": not JSON");
+  auto images = FromJson(index, folder);
+  if (images.ok()) return images;
+  return absl::InvalidArgumentError(absl::StrCat(file, ": ", images.status().message()));
+}
+
+}  // namespace silhouette

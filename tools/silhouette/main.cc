@@ -1,0 +1,74 @@
+// silhouette: asks silhouette-server, publishes scenes, plans paths.
+#include <CLI/CLI.hpp>
+#include <cstdlib>
+#include <string>
+#include <vector>
+
+#include "tools/program/program.h"
+#include "tools/silhouette/commands.h"
+#include "tools/silhouette/session.h"
+
+namespace silhouette {
+namespace {
+
+// "-.5" as "-0.5": the command line would take it for an option.
+std::vector<std::string> WithNumbersSpeltOut(int argc, char** argv) {
+  std::vector<std::string> arguments(argv, argv + argc);
+  for (std::string& argument : arguments) {
+    if (argument.starts_with("-.")) argument.insert(1, "0");
+  }
+  return arguments;
+}
+
+int Main(int argc, char** argv) {
+  setenv("GRPC_VERBOSITY", "NONE", /*overwrite=*/0);
+  CLI::App app(
+      "Asks silhouette-server whether the robot may be somewhere, publishes scenes, plans.",
+      "silhouette");
+  Session session;
+  Run run;
+  AddServerOptions(app, session);
+  app.fallthrough();
+  app.require_subcommand(1);
+  AddCheckCommand(app, session, run);
+  AddPathCommand(app, session, run);
+  AddSpaceCommand(app, session, run);
+  AddWatchCommand(app, session, run);
+  CLI::App* scene = app.add_subcommand("scene", "What the cameras see: publish it, or look at it");
+  scene->require_subcommand(1);
+  scene->fallthrough();
+  AddScenePublishCommand(*scene, session, run);
+  AddSceneShowCommand(*scene, session, run);
+  AddSceneLiveCommand(*scene, session, run);
+  AddSceneSetCommand(*scene, session, run);
+  CLI::App* region = app.add_subcommand(
+      "region", "Where obstacles are allowed for a while, such as around a part to be grasped");
+  region->require_subcommand(1);
+  region->fallthrough();
+  AddRegionAllowCommand(*region, session, run);
+  AddRegionRevokeCommand(*region, session, run);
+  AddRegionListCommand(*region, session, run);
+  AddExplainCommand(app, session, run);
+  AddPlanCommand(app, session, run);
+  app.footer(
+      "Joint values are in radians (prismatic joints: metres), in the order of the grid's joints;\n"
+      "30deg is in degrees. Exit codes: 0 done, 1 the answer is no (not free, no path), 2 a "
+      "mistake\n"
+      "in the arguments or files, 3 the world failed.\n\n"
+      "Example:\n"
+      "  silhouette scene publish images/ && silhouette check 0.1,-30deg\n"
+      "  silhouette plan -100deg,70deg 100deg,70deg --picture configuration-space.png");
+
+  std::vector<std::string> arguments = WithNumbersSpeltOut(argc, argv);
+  std::vector<char*> pointers;
+  for (std::string& argument : arguments) pointers.push_back(argument.data());
+  return RunProgram(app, argc, pointers.data(), [&]() -> int {
+    const absl::StatusOr<ExitCode> code = run();
+    return code.ok() ? *code : Report("silhouette", code.status());
+  });
+}
+
+}  // namespace
+}  // namespace silhouette
+
+int main(int argc, char** argv) { return silhouette::Main(argc, argv); }

@@ -1,0 +1,248 @@
+// silhouette plan
+#include <chrono>
+#include <iostream>
+#include <memory>
+#include <optional>
+
+#include "absl/strings/str_cat.h"
+#include "absl/strings/str_format.h"
+#include "common/picture/files.h"
+#include "tools/silhouette/commands.h"
+#include "tools/silhouette/configuration_text.h"
+#include "tools/silhouette/output.h"
+#include "tools/silhouette/path_search.h"
+#include "tools/silhouette/policy_options.h"
+#include "tools/silhouette/space_picture.h"
+#include "tools/silhouette/truth.h"
+
+namespace silhouette {
+namespace {
+
+struct PlanArguments {
+  std::string start;
+  std::string goal;
+  bool degrees = false;
+  bool diagonal = false;
+  std::string out;
+  std::string picture;
+  std::string truth;
+  PolicyOptions policy;
+};
+
+// All that is found out, step by step.
+struct Findings {
+  client::ConfigurationSpace space;
+  double space_ms = 0;
+  Configuration start;
+  Configuration goal;
+  client::Verdict at_start;
+  client::Verdict at_goal;
+  PathSearch search;
+  // Of the whole path, if one was found.
+  std::optional<client::PathCheck> check;
+  std::optional<Truth> truth;
+
+  bool found() const { return check && check->verdict.free(); }
+};
+
+// Why there is no path; that there is one.
+std::string PlanOutcome(const Findings& findings) {
+  const PlanOutcome outcome = findings.search.plan.outcome;
+  const auto end = [](const client::Verdict& verdict, const std::string& what) {
+    return absl::StrCat("the ", what, " is ", Spoken(verdict));
+  };
+  if (outcome == PlanOutcome::kStartBlocked && !findings.at_start.free()) {
+    return end(findings.at_start, "start");
+  }
+  if (outcome == PlanOutcome::kGoalBlocked && !findings.at_goal.free()) {
+    return end(findings.at_goal, "goal");
+  }
+  if (findings.check && !findings.check->verdict.free()) {
+    return absl::StrCat("the path found is not free at ", Spoken(findings.check->configuration),
+                        ": ", Spoken(findings.check->verdict),
+                        "; has the scene changed? plan again");
+  }
+  if (findings.search.unknown) {
+    return absl::StrCat("while it was planned, verdicts became ", Spoken(*findings.search.unknown));
+  }
+  return Describe(outcome);
+}
+
+absl::StatusOr<Findings> FindPath(const Client& client, const PlanArguments& arguments) {
+  const AngleUnit unit = arguments.degrees ? AngleUnit::kDegrees : AngleUnit::kRadians;
+  const Configuration start = ParseConfiguration(arguments.start, unit);
+  const Configuration goal = ParseConfiguration(arguments.goal, unit);
+  const client::Policy policy = arguments.policy.policy();
+  const auto begin = std::chrono::steady_clock::now();
+  auto space = client.GetConfigurationSpace(policy);
+  const std::chrono::duration<double, std::milli> taken = std::chrono::steady_clock::now() - begin;
+  if (!space.ok()) return space.status();
+  const auto ends = client.CheckConfigurations({start, goal}, policy);
+  if (!ends.ok()) return ends.status();
+  const auto search =
+      SearchPath(client, policy, *space, start, ends->verdicts[0].free(), goal,
+                 ends->verdicts[1].free(), arguments.diagonal ? Moves::kDiagonals : Moves::kAxes);
+  if (!search.ok()) return search.status();
+  Findings findings{.space = *std::move(space),
+                    .space_ms = taken.count(),
+                    .start = start,
+                    .goal = goal,
+                    .at_start = ends->verdicts[0],
+                    .at_goal = ends->verdicts[1],
+                    .search = *search,
+                    .check = std::nullopt,
+                    .truth = std::nullopt};
+  if (search->plan.found()) {
+    auto check = client.CheckPath(search->plan.waypoints, policy);
+    if (!check.ok()) return check.status();
+    findings.check = *std::move(check);
+  }
+  return findings;
+}
+
+// Without a path the file says so, and no path of an earlier plan is left in it.
+absl::Status WritePath(const Findings& findings, const std::string& path) {
+  Json joints = Json::array();
+  for (const GridJoint& joint : findings.space.grid().joints()) joints.push_back(joint.name);
+  Json json{{"joints", joints}, {"outcome", PlanOutcome(findings)}, {"waypoints", Json::array()}};
+  if (findings.found()) {
+    json.update({{"waypoints", findings.search.plan.waypoints},
+                 {"length_steps", findings.search.plan.length},
+                 {"scene_id", findings.check->basis.scene_id},
+                 {"database_generation", findings.check->basis.database_generation}});
+  }
+  return WriteWholeFile(path, json.dump(2) + "\n");
+}
+
+std::string PlanTitleOf(const Findings& findings) {
+  std::string title = "Configuration space, ";
+  absl::StrAppend(&title, findings.found() ? "planned path" : "no path");
+  if (!findings.truth) return title;
+  const Judgement judgement = Judge(findings.space, *findings.truth);
+  absl::StrAppend(&title, "; missing ", judgement.missing, ", additional ", judgement.additional,
+                  " of ", judgement.configurations);
+  return title;
+}
+
+absl::Status PlanWritePicture(const Findings& findings, const std::string& path) {
+  const ConfigurationGrid& grid = findings.space.grid();
+  auto chart = ChartOf(findings.space, PlanTitleOf(findings));
+  if (!chart.ok()) return chart.status();
+  if (findings.truth) {
+    for (int y = 0; y < chart->y.cells; ++y) {
+      for (int x = 0; x < chart->x.cells; ++x) {
+        chart->outlined.push_back(findings.truth->Contact(grid.NumberOf({x, y})) ? 1 : 0);
+      }
+    }
+    chart->outline.text = "truth: contact inside";
+  }
+  chart->start = ChartPointOf(grid, findings.start);
+  chart->goal = ChartPointOf(grid, findings.goal);
+  if (findings.found()) chart->path = ChartLines(grid, findings.search.plan.waypoints);
+  return WritePng(path, Draw(*chart));
+}
+
+void PlanPrintJson(const Findings& findings) {
+  const client::StateCounts counts = findings.space.Count();
+  const Plan& plan = findings.search.plan;
+  Json json{{"found", findings.found()},
+            {"outcome", PlanOutcome(findings)},
+            {"path_waypoints", findings.found() ? plan.waypoints.size() : 0},
+            {"length_steps", plan.length},
+            {"places_checked", findings.check ? Json(findings.check->checked) : Json()},
+            {"waves", findings.search.rounds},
+            {"blocked_moves", findings.search.blocked_moves}};
+  json.update(JsonOf(findings.check ? findings.check->basis : findings.space.basis()));
+  json.update({{"space_ms", findings.space_ms},
+               {"configurations", findings.space.grid().size()},
+               {"free", counts.free},
+               {"occupied", counts.occupied},
+               {"unknown", counts.unknown}});
+  if (findings.truth) {
+    const Judgement judgement = Judge(findings.space, *findings.truth);
+    const uint64_t all = judgement.configurations;
+    json.update({{"occupied_in_truth", judgement.occupied_in_truth},
+                 {"occupied_in_truth_percent", Percent(judgement.occupied_in_truth, all)},
+                 {"missing", judgement.missing},
+                 {"missing_percent", Percent(judgement.missing, all)},
+                 {"additional", judgement.additional},
+                 {"additional_percent", Percent(judgement.additional, all)}});
+  }
+  Print(json);
+}
+
+void PlanPrintText(const Findings& findings) {
+  const Plan& plan = findings.search.plan;
+  if (findings.found()) {
+    std::cout << absl::StrFormat("a path of %d waypoints, %.4g grid steps long\n",
+                                 plan.waypoints.size(), plan.length);
+    for (const Configuration& q : plan.waypoints) std::cout << "  " << Spoken(q) << '\n';
+    std::cout << "free: " << findings.check->checked << " places checked, "
+              << Spoken(findings.check->basis) << '\n';
+  } else {
+    std::cout << "no path: " << PlanOutcome(findings) << '\n';
+  }
+  if (!findings.truth) return;
+  const Judgement judgement = Judge(findings.space, *findings.truth);
+  const uint64_t all = judgement.configurations;
+  std::cout << absl::StrFormat(
+      "against the truth, of %d configurations: %d (%.2f %%) really occupied; missing (reported "
+      "free, really occupied) %d (%.2f %%); additional (reported occupied, really free) %d "
+      "(%.2f %%); unknown %d\n",
+      all, judgement.occupied_in_truth, Percent(judgement.occupied_in_truth, all),
+      judgement.missing, Percent(judgement.missing, all), judgement.additional,
+      Percent(judgement.additional, all), judgement.unknown);
+}
+
+absl::StatusOr<ExitCode> PlanPath(const Session& session, const PlanArguments& arguments) {
+  const absl::StatusOr<Client> client = session.Connect();
+  if (!client.ok()) return client.status();
+  CatchStopSignals();
+  absl::StatusOr<Findings> findings = FindPath(*client, arguments);
+  if (!findings.ok()) return findings.status();
+  if (!arguments.truth.empty()) {
+    auto truth = Truth::Read(arguments.truth, findings->space.grid());
+    if (!truth.ok()) return truth.status();
+    findings->truth = *std::move(truth);
+  }
+  absl::Status status;
+  if (!arguments.out.empty()) status = WritePath(*findings, arguments.out);
+  if (!arguments.picture.empty()) status.Update(PlanWritePicture(*findings, arguments.picture));
+  if (!status.ok()) return status;
+  session.json() ? PlanPrintJson(*findings) : PlanPrintText(*findings);
+  return findings->found() ? kDone : kNo;
+}
+
+}  // namespace
+
+void AddPlanCommand(CLI::App& program, Session& session, Run& run) {
+  CLI::App* command = program.add_subcommand(
+      "plan", "Plan a path by wave propagation on the configuration space, and check it");
+  auto arguments = std::make_shared<PlanArguments>();
+  command->add_option("start", arguments->start, "Joint values with commas between them")
+      ->required();
+  command->add_option("goal", arguments->goal, "Joint values with commas between them")->required();
+  command->add_flag("--degrees", arguments->degrees, "Values without a unit are degrees");
+  command->add_flag("--diagonal", arguments->diagonal, "Move several joints at once");
+  command->add_option("--out", arguments->out,
+                      "Write the path as JSON: configurations under the key \"waypoints\",\n"
+                      "none if there is no path");
+  command->add_option("--picture", arguments->picture,
+                      "Draw configuration space and path as a PNG, for grids of two joints");
+  command->add_option("--truth", arguments->truth,
+                      "What silhouette-sim truth wrote: judge the configuration space by it");
+  AddFormatOption(*command, session.format);
+  AddPolicyOptions(*command, arguments->policy);
+  AddSetOption(*command, session);
+  command->footer(
+      "Unknown counts as occupied. On a continuous joint the path goes on beyond the turn.\n"
+      "Exit code 0 if there is a path, 1 if not.\n\n"
+      "Example:\n"
+      "  silhouette plan -100deg,70deg 100deg,70deg --out path.json \\\n"
+      "      --picture configuration-space.png");
+  command->callback([arguments, &session, &run] {
+    run = [arguments, &session] { return PlanPath(session, *arguments); };
+  });
+}
+
+}  // namespace silhouette

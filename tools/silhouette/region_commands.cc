@@ -1,0 +1,161 @@
+// silhouette region allow, revoke, list
+#include <iostream>
+#include <memory>
+
+#include "absl/strings/str_cat.h"
+#include "absl/strings/str_format.h"
+#include "tools/silhouette/commands.h"
+#include "tools/silhouette/output.h"
+#include "tools/silhouette/region_text.h"
+
+namespace silhouette {
+namespace {
+
+struct AllowArguments {
+  std::string name;
+  std::vector<std::string> polygons;
+  std::vector<std::string> masks;
+  std::string duration;
+};
+
+double SecondsLeft(const client::AllowedRegion& region) {
+  return absl::ToDoubleSeconds(region.remaining);
+}
+
+Json RegionCommandsJsonOf(const client::AllowedRegion& region) {
+  Json json{{"name", region.name},
+            {"remaining_s", SecondsLeft(region)},
+            {"end_time", Spoken(region.end_time)},
+            {"views", Json::array()}};
+  for (const auto& [view, mask] : region.views) {
+    json["views"].push_back({{"view", view}, {"pixels", mask.Count()}});
+  }
+  return json;
+}
+
+// "left 12, top 9 pixels"
+std::string PixelsOf(const client::AllowedRegion& region) {
+  std::string text;
+  for (const auto& [view, mask] : region.views) {
+    absl::StrAppend(&text, text.empty() ? "" : ", ", view, " ", mask.Count());
+  }
+  return text + " pixels";
+}
+
+absl::StatusOr<ExitCode> Allow(const Session& session, const AllowArguments& arguments) {
+  const absl::StatusOr<absl::Duration> duration = ParseDuration(arguments.duration);
+  if (!duration.ok()) return duration.status();
+  std::vector<client::RegionPixels> views;
+  const auto add = [&](absl::StatusOr<client::RegionPixels> view) {
+    if (view.ok()) views.push_back(*std::move(view));
+    return view.status();
+  };
+  for (const std::string& text : arguments.polygons) {
+    if (absl::Status status = add(ParseRegionPolygon(text)); !status.ok()) return status;
+  }
+  for (const std::string& text : arguments.masks) {
+    if (absl::Status status = add(ReadRegionMask(text)); !status.ok()) return status;
+  }
+  if (views.empty()) {
+    return absl::InvalidArgumentError(
+        "say where: VIEW:x,y;x,y;x,y for a polygon, or --mask VIEW=FILE");
+  }
+  const absl::StatusOr<Client> client = session.Connect();
+  if (!client.ok()) return client.status();
+  const auto region = client->AllowRegion(arguments.name, views, *duration);
+  if (!region.ok()) return region.status();
+  if (session.json()) {
+    Print(RegionCommandsJsonOf(*region));
+  } else {
+    std::cout << absl::StrFormat("obstacles are allowed in '%s' until %s: %s\n", region->name,
+                                 Spoken(region->end_time), PixelsOf(*region));
+  }
+  return kDone;
+}
+
+absl::StatusOr<ExitCode> Revoke(const Session& session, const std::string& name) {
+  const absl::StatusOr<Client> client = session.Connect();
+  if (!client.ok()) return client.status();
+  const absl::StatusOr<bool> was_in_force = client->RevokeRegion(name);
+  if (!was_in_force.ok()) return was_in_force.status();
+  if (session.json()) {
+    Print(Json{{"name", name}, {"was_in_force", *was_in_force}});
+  } else {
+    std::cout << "region '" << name << "' "
+              << (*was_in_force ? "is revoked" : "was not in force: nothing is changed") << '\n';
+  }
+  return *was_in_force ? kDone : kNo;
+}
+
+absl::StatusOr<ExitCode> List(const Session& session) {
+  const absl::StatusOr<Client> client = session.Connect();
+  if (!client.ok()) return client.status();
+  const auto regions = client->ListAllowedRegions();
+  if (!regions.ok()) return regions.status();
+  if (session.json()) {
+    Json json{{"regions", Json::array()}};
+    for (const client::AllowedRegion& region : *regions)
+      json["regions"].push_back(RegionCommandsJsonOf(region));
+    Print(json);
+    return kDone;
+  }
+  if (regions->empty()) std::cout << "no allowed region is in force\n";
+  for (const client::AllowedRegion& region : *regions) {
+    std::cout << absl::StrFormat("'%s' for %.1f s more: %s\n", region.name, SecondsLeft(region),
+                                 PixelsOf(region));
+  }
+  return kDone;
+}
+
+}  // namespace
+
+void AddRegionAllowCommand(CLI::App& region, Session& session, Run& run) {
+  CLI::App* command = region.add_subcommand(
+      "allow", "Allow obstacles in a part of the images for a while, ten minutes at most");
+  auto arguments = std::make_shared<AllowArguments>();
+  command->add_option("name", arguments->name, "A name, which every verdict it touches tells")
+      ->required();
+  command->add_option("polygons", arguments->polygons,
+                      "VIEW:x,y;x,y;x,y: a polygon in pixels of the view's mask, integers at pixel "
+                      "centres");
+  command
+      ->add_option("--mask", arguments->masks,
+                   "VIEW=FILE: an image of the mask's size, white where the region lies; may be "
+                   "given several times")
+      ->allow_extra_args(false);
+  command->add_option("--for", arguments->duration, "How long: 30s, 1m30s, 500ms")->required();
+  AddFormatOption(*command, session.format);
+  command->footer(
+      "In the region obstacles are unknown: they neither count nor prove that nothing is there.\n"
+      "Give it in every view that sees the part, with room around it. A region of the same name "
+      "is\n"
+      "replaced. It ends by itself, is not prolonged by anything but a new 'allow', and does not\n"
+      "outlive the server's database.\n\n"
+      "Example:\n"
+      "  silhouette region allow part 'left:20,30;28,30;28,40;20,40' --mask top=part.png --for "
+      "30s");
+  command->callback([arguments, &session, &run] {
+    run = [arguments, &session] { return Allow(session, *arguments); };
+  });
+}
+
+void AddRegionRevokeCommand(CLI::App& region, Session& session, Run& run) {
+  CLI::App* command = region.add_subcommand("revoke", "End an allowed region at once");
+  auto name = std::make_shared<std::string>();
+  command->add_option("name", *name, "The region's name")->required();
+  AddFormatOption(*command, session.format);
+  command->footer(
+      "Exit code 1 if no region of this name was in force.\n\n"
+      "Example:\n  silhouette region revoke part");
+  command->callback(
+      [name, &session, &run] { run = [name, &session] { return Revoke(session, *name); }; });
+}
+
+void AddRegionListCommand(CLI::App& region, Session& session, Run& run) {
+  CLI::App* command = region.add_subcommand("list", "List the allowed regions in force");
+  AddFormatOption(*command, session.format);
+  command->footer("Example:\n  silhouette region list --format json");
+  command->callback([&session, &run] { run = [&session] { return List(session); }; });
+}
+
+}  // namespace silhouette

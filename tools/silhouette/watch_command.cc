@@ -1,0 +1,224 @@
+// silhouette watch
+#include <iostream>
+#include <memory>
+#include <optional>
+#include <thread>
+#include <utility>
+
+#include "absl/strings/str_cat.h"
+#include "absl/strings/str_format.h"
+#include "silhouette/local_space.h"
+#include "silhouette/path_watch.h"
+#include "tools/program/program.h"
+#include "tools/silhouette/commands.h"
+#include "tools/silhouette/configuration_text.h"
+#include "tools/silhouette/output.h"
+#include "tools/silhouette/policy_options.h"
+#include "tools/silhouette/region_text.h"
+
+namespace silhouette {
+namespace {
+
+// Between looks at Ctrl-C, and at what time alone changes.
+constexpr absl::Duration kLook = absl::Milliseconds(50);
+constexpr absl::Duration kBetweenAttempts = absl::Seconds(1);
+
+struct WatchArguments {
+  PathArguments path;
+  std::string max_age = "1s";
+  int count = 0;  // 0: no end
+  bool no_retry = false;
+  PolicyOptions policy;
+  client::Clearance clearance = client::Clearance::kOmit;
+};
+
+// What no server will answer, however often it is asked.
+bool IsHopeless(const absl::Status& status) {
+  return !status.ok() &&
+         (ExitCodeOf(status) == kUserMistake || status.code() == absl::StatusCode::kUnimplemented);
+}
+
+// Prints lines as they come, and counts updates.
+class Lines {
+ public:
+  Lines(bool json, int count) : json_(json), left_(count) {}
+
+  void PrintUpdate(const std::string& text, const Json& json) {
+    had_news_ = false;
+    Print(text, json);
+    if (left_ > 0 && --left_ == 0) enough_ = true;
+  }
+
+  // News of the connection, or of time: why nothing is known any more. Not twice the same.
+  void PrintNews(client::Reason reason, const std::string& text, const Json& json) {
+    if (std::exchange(had_news_, true) && last_news_ == reason) return;
+    last_news_ = reason;
+    Print(text, json);
+  }
+
+  // Whether all that was asked for is printed, or the user has had enough.
+  bool End() const { return enough_ || StopRequested(); }
+
+ private:
+  void Print(const std::string& text, const Json& json) {
+    std::cout << (json_ ? json.dump() : text) << std::endl;
+  }
+
+  const bool json_;
+  int left_;
+  bool enough_ = false;
+  bool had_news_ = false;  // since the last update; the last was:
+  client::Reason last_news_ = client::Reason::kUnspecified;
+};
+
+std::string Skipped(uint64_t scenes) {
+  return scenes == 0 ? "" : absl::StrFormat(", %d scene%s skipped", scenes, scenes == 1 ? "" : "s");
+}
+
+// `reason`: why all is unknown now; `problem`: of the connection.
+void PrintSpace(const client::SpaceSnapshot& snapshot, std::optional<client::Reason> reason,
+                const absl::Status& problem, bool update, Lines& lines) {
+  const client::StateCounts counts = snapshot.Count();
+  std::string text = reason ? absl::StrCat("all unknown: ", Describe(*reason))
+                            : absl::StrFormat("%d free, %d occupied, %d unknown", counts.free,
+                                              counts.occupied, counts.unknown);
+  if (!problem.ok()) absl::StrAppend(&text, " (", problem.message(), ")");
+  if (update) {
+    absl::StrAppend(&text, "; ", snapshot.tiles_changed(), " tiles changed",
+                    Skipped(snapshot.skipped_scenes()));
+  }
+  Json json = JsonOf(snapshot.basis());
+  json.update({{"unknown_reason", reason ? Json(NameOf(*reason)) : Json()},
+               {"problem", problem.ok() ? Json() : Json(std::string(problem.message()))},
+               {"free", counts.free},
+               {"occupied", counts.occupied},
+               {"unknown", counts.unknown},
+               {"tiles_changed", update ? snapshot.tiles_changed() : 0},
+               {"skipped_scenes", update ? snapshot.skipped_scenes() : 0}});
+  const std::string line = absl::StrCat(Spoken(snapshot.basis()), ": ", text);
+  if (update) {
+    lines.PrintUpdate(line, json);
+  } else {
+    lines.PrintNews(reason.value_or(client::Reason::kUnspecified), line, json);
+  }
+}
+
+absl::StatusOr<ExitCode> WatchSpace(const Client& client, const WatchArguments& arguments,
+                                    Lines& lines) {
+  const absl::StatusOr<absl::Duration> max_age = ParseDuration(arguments.max_age);
+  if (!max_age.ok()) return max_age.status();
+  const LocalSpace space(client, {.policy = arguments.policy.policy(), .max_age = *max_age});
+  uint64_t printed = 0;
+  std::optional<client::Reason> last;
+  while (!lines.End()) {
+    const auto snapshot = space.WaitForUpdate(printed, kLook);
+    const client::LocalSpaceStatus status = space.status();
+    if (!status.connected &&
+        (IsHopeless(status.problem) || (arguments.no_retry && !status.problem.ok()))) {
+      return status.problem;
+    }
+    const std::optional<client::Reason> reason = snapshot->unknown_reason();
+    const bool news = snapshot->number() != printed;
+    if (!news && (printed == 0 || reason == last)) continue;
+    PrintSpace(*snapshot, reason, status.problem, news && status.connected, lines);
+    printed = snapshot->number();
+    last = reason;
+  }
+  return kDone;
+}
+
+// One call, until it ends: why it ended, OK if nothing more is wanted.
+absl::Status WatchPathOnce(const Client& client, const std::vector<Configuration>& waypoints,
+                           const WatchArguments& arguments, Lines& lines) {
+  auto watch = client.WatchPath(waypoints, arguments.policy.policy(), arguments.clearance);
+  if (!watch.ok()) return watch.status();
+  std::optional<client::PathUpdate> relied_on;  // the last one, as long as it is free
+  while (!lines.End()) {
+    const absl::StatusOr<client::PathUpdate> update = watch->Next(kLook);
+    if (update.ok()) {
+      const client::PathCheck& check = update->check;
+      Json json = JsonOf(check, arguments.clearance);
+      json["skipped_scenes"] = update->skipped_scenes;
+      lines.PrintUpdate(
+          absl::StrCat(Spoken(check.basis), ": ", Spoken(check), Skipped(update->skipped_scenes)),
+          json);
+      relied_on = check.verdict.free() ? std::optional(*update) : std::nullopt;
+    } else if (!absl::IsDeadlineExceeded(update.status())) {
+      return update.status();
+    }
+    if (relied_on && !relied_on->FreeNow()) {
+      client::PathCheck check = relied_on->check;
+      check.verdict = {.reason = client::Reason::kUpdateExpired};
+      check.narrowest.reset();
+      Json json = JsonOf(check.basis);
+      json.update(JsonOf(check.verdict, arguments.clearance));
+      lines.PrintNews(check.verdict.reason,
+                      absl::StrCat(Spoken(check.basis), ": ", Spoken(check.verdict)), json);
+      relied_on.reset();
+    }
+  }
+  return absl::OkStatus();
+}
+
+absl::StatusOr<ExitCode> WatchPath(const Client& client, const WatchArguments& arguments,
+                                   Lines& lines) {
+  const auto waypoints = WaypointsOf(arguments.path);
+  if (!waypoints.ok()) return waypoints.status();
+  while (!lines.End()) {
+    const absl::Status ended = WatchPathOnce(client, *waypoints, arguments, lines);
+    if (ended.ok()) break;
+    if (IsHopeless(ended) || arguments.no_retry) return ended;
+    const client::Verdict lost{.reason = client::Reason::kConnectionLost};
+    Json json = JsonOf(lost, arguments.clearance);
+    json["problem"] = std::string(ended.message());
+    lines.PrintNews(lost.reason, absl::StrCat(Spoken(lost), " (", ended.message(), ")"), json);
+    for (absl::Duration waited; waited < kBetweenAttempts && !lines.End(); waited += kLook) {
+      std::this_thread::sleep_for(absl::ToChronoMilliseconds(kLook));
+    }
+  }
+  return kDone;
+}
+
+absl::StatusOr<ExitCode> Watch(const Session& session, const WatchArguments& arguments) {
+  const absl::StatusOr<Client> client = session.Connect();
+  if (!client.ok()) return client.status();
+  CatchStopSignals();
+  Lines lines(session.json(), arguments.count);
+  const bool path = !arguments.path.waypoints.empty() || !arguments.path.file.empty();
+  return path ? WatchPath(*client, arguments, lines) : WatchSpace(*client, arguments, lines);
+}
+
+}  // namespace
+
+void AddWatchCommand(CLI::App& program, Session& session, Run& run) {
+  CLI::App* command = program.add_subcommand(
+      "watch", "Tell with every scene how the configuration space, or a path, stands");
+  auto arguments = std::make_shared<WatchArguments>();
+  AddPathArguments(*command, arguments->path);
+  command
+      ->add_option("--max-age", arguments->max_age,
+                   "How old a scene may be until all is unknown, e.g. 300ms; not for a path")
+      ->capture_default_str();
+  command->add_option("--count", arguments->count, "End after so many updates")
+      ->check(PositiveNumber());
+  command->add_flag("--no-retry", arguments->no_retry,
+                    "End with exit code 3 when the server is lost, instead of trying again");
+  AddClearanceFlag(*command, arguments->clearance);
+  AddFormatOption(*command, session.format);
+  AddPolicyOptions(*command, arguments->policy);
+  AddSetOption(*command, session);
+  command->footer(
+      "A line for each update, with --format json an object on each; a line, too, when what was\n"
+      "said cannot be relied on any more, and when the server is lost. Without waypoints it tells "
+      "of\n"
+      "the configuration space. Ends with Ctrl-C: exit code 0.\n\n"
+      "Example:\n"
+      "  silhouette watch --max-age 300ms\n"
+      "  silhouette watch 0.1,0.2 0.5,0.2 --format json\n"
+      "  silhouette watch --file path.json --no-retry");
+  command->callback([arguments, &session, &run] {
+    run = [arguments, &session] { return Watch(session, *arguments); };
+  });
+}
+
+}  // namespace silhouette
