@@ -13,6 +13,7 @@
 #include "absl/strings/str_split.h"
 #include "absl/strings/strip.h"
 #include "common/yaml/strict_yaml.h"
+#include "db/status/status_macros.h"
 
 namespace silhouette {
 namespace {
@@ -116,9 +117,8 @@ absl::StatusOr<std::vector<CsvRow>> CsvRows(const std::string& text, const std::
       return absl::InvalidArgumentError(absl::StrCat(place, ": the double quotes do not match"));
     }
     if (!places) {
-      absl::StatusOr<std::vector<size_t>> found = Places(*fields, columns, place);
-      if (!found.ok()) return found.status();
-      places = *std::move(found);
+      ASSIGN_OR_RETURN(std::vector<size_t> found, Places(*fields, columns, place));
+      places = std::move(found);
       continue;
     }
     if (fields->size() != columns.size()) {

@@ -7,6 +7,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "calib/boards/csv.h"
+#include "db/status/status_macros.h"
 
 namespace silhouette {
 namespace {
@@ -101,28 +102,26 @@ std::string SightingFileText(std::span<const TagSighting> sightings) {
 
 absl::StatusOr<std::vector<TagSighting>> SightingsFromText(const std::string& text,
                                                            const std::string& file) {
-  const absl::StatusOr<std::vector<CsvRow>> rows = CsvRows(text, file, Columns());
-  if (!rows.ok()) return rows.status();
+  ASSIGN_OR_RETURN(const std::vector<CsvRow> rows, CsvRows(text, file, Columns()));
   std::vector<TagSighting> sightings;
   std::map<std::tuple<std::string, std::string, std::string, int>, Partial> partials;
-  for (const CsvRow& row : *rows) {
-    const absl::StatusOr<CornerLine> line = ReadLine(row);
-    if (!line.ok()) return line.status();
-    const TagSighting& tag = line->tag;
+  for (const CsvRow& row : rows) {
+    ASSIGN_OR_RETURN(const CornerLine line, ReadLine(row));
+    const TagSighting& tag = line.tag;
     const auto [found, first] = partials.try_emplace({tag.frame, tag.view, tag.family, tag.tag},
                                                      Partial{row.place(), sightings.size(), {}});
     if (first) sightings.push_back(tag);
     Partial& partial = found->second;
     TagSighting& sighting = sightings[partial.index];
-    if (partial.seen[line->corner]) {
-      return Mistake(row, absl::StrCat("corner ", line->corner, " of ", Name(tag),
+    if (partial.seen[line.corner]) {
+      return Mistake(row, absl::StrCat("corner ", line.corner, " of ", Name(tag),
                                        " is there twice; the tag begins at ", partial.place));
     }
     if (sighting.sigma != tag.sigma) {
       return Mistake(row, Name(tag) + " has corners of different sigma; a tag has one");
     }
-    partial.seen[line->corner] = true;
-    sighting.corners[line->corner] = line->at;
+    partial.seen[line.corner] = true;
+    sighting.corners[line.corner] = line.at;
   }
   for (const auto& [key, partial] : partials) {
     for (int corner = 0; corner < 4; ++corner) {

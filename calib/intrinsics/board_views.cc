@@ -10,6 +10,7 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
 #include "calib/intrinsics/board_shape.h"
+#include "db/status/status_macros.h"
 
 namespace silhouette {
 namespace {
@@ -153,12 +154,10 @@ absl::StatusOr<BoardViews> GatherBoardViews(const std::vector<LensCamera>& camer
   for (const TagSighting& sighting : sightings) {
     const std::optional<size_t> board = BoardOf(boards, sighting);
     if (!board) continue;
-    const absl::StatusOr<size_t> camera = BoardViewsCameraOf(cameras, sighting);
-    if (!camera.ok()) return camera.status();
-    const absl::Status sound = CheckSighting(cameras[*camera], sighting);
-    if (!sound.ok()) return sound;
-    if (IsCutByRim(cameras[*camera], sighting)) continue;
-    seen.push_back({*camera, *board, &sighting});
+    ASSIGN_OR_RETURN(const size_t camera, BoardViewsCameraOf(cameras, sighting));
+    RETURN_IF_ERROR(CheckSighting(cameras[camera], sighting));
+    if (IsCutByRim(cameras[camera], sighting)) continue;
+    seen.push_back({camera, *board, &sighting});
     seen_boards.insert(*board);
   }
   if (seen.empty()) {
@@ -166,8 +165,7 @@ absl::StatusOr<BoardViews> GatherBoardViews(const std::vector<LensCamera>& camer
         "none of the tags that were seen is on a board; give the boards that were used (their tag "
         "family and first_id matter)");
   }
-  const absl::Status chosen = ChooseBoards(boards, seen_boards, out);
-  if (!chosen.ok()) return chosen;
+  RETURN_IF_ERROR(ChooseBoards(boards, seen_boards, out));
 
   const size_t corners =
       static_cast<size_t>(out.lattice.width) * static_cast<size_t>(out.lattice.height);
@@ -199,8 +197,7 @@ absl::StatusOr<BoardViews> GatherBoardViews(const std::vector<LensCamera>& camer
     }
   }
   LeaveOutCopies(cameras, out);
-  const absl::Status shapes = CheckBoardShapes(cameras, boards, out.views);
-  if (!shapes.ok()) return shapes;
+  RETURN_IF_ERROR(CheckBoardShapes(cameras, boards, out.views));
   // Too little of a board to tell its pose.
   std::erase_if(out.views, [&](const BoardView& view) {
     return view.seen < std::min(8, 4 * boards[view.board].tags());

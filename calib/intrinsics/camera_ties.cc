@@ -10,6 +10,7 @@
 #include "absl/status/status.h"
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
+#include "db/status/status_macros.h"
 
 namespace silhouette {
 namespace {
@@ -163,10 +164,9 @@ absl::StatusOr<CameraTies> TieCameras(const std::vector<LensCamera>& cameras,
     stands[views[i].view->camera][stand] = &views[i];
     seen[stand].push_back(i);
   }
-  const absl::StatusOr<std::vector<Tie>> ties = AllTies(cameras, stands);
-  if (!ties.ok()) return ties.status();
+  ASSIGN_OR_RETURN(const std::vector<Tie> ties, AllTies(cameras, stands));
   CameraTies out;
-  MakeGroups(cameras.size(), *ties, out);
+  MakeGroups(cameras.size(), ties, out);
 
   std::vector<size_t> group_of(cameras.size());
   for (size_t g = 0; g < out.groups.size(); ++g) {

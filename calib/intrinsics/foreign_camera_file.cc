@@ -10,6 +10,7 @@
 #include "calib/files/calibration_camera_file.h"
 #include "calib/files/calibration_message.h"
 #include "common/yaml/strict_yaml.h"
+#include "db/status/status_macros.h"
 
 namespace silhouette {
 namespace {
@@ -184,9 +185,8 @@ absl::StatusOr<ForeignCamera> CameraFromForeignText(const std::string& text,
   try {
     if (text.find("'lensmodel'") != std::string::npos ||
         text.find("\"lensmodel\"") != std::string::npos || file.ends_with(kCameraFileExtension)) {
-      const auto message = CameraFromText(text, file);
-      if (!message.ok()) return message.status();
-      const auto camera = CameraFrom(*message);
+      ASSIGN_OR_RETURN(const auto message, CameraFromText(text, file));
+      const auto camera = CameraFrom(message);
       if (!camera.ok()) {
         return absl::InvalidArgumentError(absl::StrCat(file, ": ", camera.status().message()));
       }

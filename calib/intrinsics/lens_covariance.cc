@@ -3,6 +3,8 @@
 #include <Eigen/Cholesky>
 #include <Eigen/Eigenvalues>
 
+#include "db/status/status_macros.h"
+
 namespace silhouette {
 namespace {
 
@@ -68,43 +70,41 @@ absl::StatusOr<LongMatrix> Inverse(const LongMatrix& matrix) {
 }  // namespace
 
 absl::StatusOr<LensCovariance> CovarianceOf(const LensProblem& problem, const FreeParts& free) {
-  const absl::StatusOr<NormalEquations> n = NormalEquationsOf(problem, free);
-  if (!n.ok()) return n.status();
+  ASSIGN_OR_RETURN(const NormalEquations n, NormalEquationsOf(problem, free));
   const absl::Status undetermined = Undetermined();
-  const Eigen::Index shared = n->shared.rows();
+  const Eigen::Index shared = n.shared.rows();
   const std::vector<Matrix6> motion = MotionByBoards(problem);
   // The boards' poses are eliminated one by one; what the motion owes to them is kept.
-  LongMatrix reduced = n->shared;
+  LongMatrix reduced = n.shared;
   LongMatrix motion_by_shared = LongMatrix::Zero(6, shared);
   LongMatrix6 motion_alone = LongMatrix6::Zero();
-  for (size_t i = 0; i < n->board.size(); ++i) {
-    const Eigen::LDLT<LongMatrix6> board(n->board[i]);
+  for (size_t i = 0; i < n.board.size(); ++i) {
+    const Eigen::LDLT<LongMatrix6> board(n.board[i]);
     if (board.info() != Eigen::Success || !board.isPositive()) return undetermined;
     const LongMatrix6 by_board = motion[i].cast<long double>();
-    const LongMatrix by_shared = board.solve(n->mixed[i].transpose());
-    reduced -= n->mixed[i] * by_shared;
+    const LongMatrix by_shared = board.solve(n.mixed[i].transpose());
+    reduced -= n.mixed[i] * by_shared;
     motion_by_shared -= by_board * by_shared;
     motion_alone += by_board * board.solve(by_board.transpose());
   }
-  const absl::StatusOr<LongMatrix> inverse = Inverse(reduced);
-  if (!inverse.ok()) return inverse.status();
-  const LongMatrix mixed = *inverse * motion_by_shared.transpose();
+  ASSIGN_OR_RETURN(const LongMatrix inverse, Inverse(reduced));
+  const LongMatrix mixed = inverse * motion_by_shared.transpose();
   LensCovariance result;
   result.covariance.resize(shared + 6, shared + 6);
-  result.covariance.topLeftCorner(shared, shared) = inverse->cast<double>();
+  result.covariance.topLeftCorner(shared, shared) = inverse.cast<double>();
   result.covariance.topRightCorner(shared, 6) = mixed.cast<double>();
   result.covariance.bottomLeftCorner(6, shared) = mixed.transpose().cast<double>();
   const LongMatrix6 moved = motion_alone + motion_by_shared * mixed;
   result.covariance.bottomRightCorner(6, 6) = moved.cast<double>();
-  const int freedom = n->measurements - n->states;
+  const int freedom = n.measurements - n.states;
   if (freedom <= 0) return undetermined;
-  result.chi_squared = n->squares / freedom;
+  result.chi_squared = n.squares / freedom;
   result.covariance *= result.chi_squared;
   if (!result.covariance.allFinite()) return undetermined;
-  result.intrinsics = n->intrinsics;
-  result.first_intrinsic = n->first_intrinsic;
-  result.free_intrinsics = n->free_intrinsics;
-  result.pose = n->pose;
+  result.intrinsics = n.intrinsics;
+  result.first_intrinsic = n.first_intrinsic;
+  result.free_intrinsics = n.free_intrinsics;
+  result.pose = n.pose;
   return result;
 }
 

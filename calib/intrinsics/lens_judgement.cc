@@ -12,6 +12,7 @@
 #include "absl/strings/str_format.h"
 #include "absl/strings/str_join.h"
 #include "calib/intrinsics/median.h"
+#include "db/status/status_macros.h"
 
 namespace silhouette {
 namespace {
@@ -225,8 +226,7 @@ absl::Status JudgeLenses(const std::vector<LensCamera>& cameras, const LensSetti
     camera.centre_sigma = ProjectionSigma(solution, i, middle, camera.distance)
                               .value_or(std::numeric_limits<double>::infinity());
     camera.edge_sigma = EdgeSigma(solution, i);
-    absl::Status judged = JudgeCamera(settings, seen[i], camera, solution.warnings);
-    if (!judged.ok()) return judged;
+    RETURN_IF_ERROR(JudgeCamera(settings, seen[i], camera, solution.warnings));
   }
   for (const LensGroup& group : solution.groups) {
     if (group.noise > 3) {

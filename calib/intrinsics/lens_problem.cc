@@ -10,6 +10,7 @@ extern "C" {
 #include <limits>
 
 #include "absl/strings/str_cat.h"
+#include "db/status/status_macros.h"
 
 namespace silhouette {
 namespace {
@@ -60,11 +61,10 @@ struct Arguments {
 
 absl::StatusOr<Arguments> ArgumentsOf(const LensProblem& problem, const FreeParts& free) {
   Arguments a;
-  const absl::StatusOr<int> parameters = LensParameters(problem.lens_model);
-  if (!parameters.ok()) return parameters.status();
+  ASSIGN_OR_RETURN(const int parameters, LensParameters(problem.lens_model));
   mrcal_lensmodel_from_name(&a.model, problem.lens_model.c_str());
   a.selections.do_optimize_intrinsics_core = free.core && !IsSplined(problem.lens_model);
-  a.selections.do_optimize_intrinsics_distortions = free.distortion && *parameters > 4;
+  a.selections.do_optimize_intrinsics_distortions = free.distortion && parameters > 4;
   a.selections.do_optimize_extrinsics = free.poses;
   a.selections.do_optimize_frames = free.poses;
   a.selections.do_optimize_calobject_warp = free.warp;
@@ -173,9 +173,8 @@ void AddRow(const Jacobian& jacobian, size_t row, int first_board, NormalEquatio
 }  // namespace
 
 absl::Status Solve(LensProblem& problem, const FreeParts& free) {
-  absl::StatusOr<Arguments> made = ArgumentsOf(problem, free);
-  if (!made.ok()) return made.status();
-  Arguments& a = *made;
+  ASSIGN_OR_RETURN(Arguments made, ArgumentsOf(problem, free));
+  Arguments& a = made;
   const mrcal_stats_t stats = mrcal_optimize(
       nullptr, 0, nullptr, 0, a.intrinsics.data(), a.cameras.data(), a.boards.data(), nullptr,
       &a.warp, a.Cameras(), a.Poses(), a.Boards(), 0, 0, a.observations.data(), nullptr,
@@ -217,9 +216,8 @@ std::vector<Eigen::Vector2d> Residuals(const LensProblem& problem) {
 
 absl::StatusOr<NormalEquations> NormalEquationsOf(const LensProblem& problem,
                                                   const FreeParts& free) {
-  const absl::StatusOr<Arguments> made = ArgumentsOf(problem, free);
-  if (!made.ok()) return made.status();
-  const Arguments& a = *made;
+  ASSIGN_OR_RETURN(const Arguments made, ArgumentsOf(problem, free));
+  const Arguments& a = made;
   Jacobian jacobian;
   if (!Evaluate(a, true, &jacobian)) return absl::InternalError("mrcal gives no derivatives");
 

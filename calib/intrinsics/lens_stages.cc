@@ -4,6 +4,7 @@
 #include <cmath>
 
 #include "calib/intrinsics/median.h"
+#include "db/status/status_macros.h"
 
 namespace silhouette {
 namespace {
@@ -62,8 +63,7 @@ absl::Status SolveForSplineSeed(LensProblem& problem) {
   plain.lens_model = "LENSMODEL_STEREOGRAPHIC";
   for (auto& each : plain.intrinsics) each.resize(4);
   for (const bool core : {false, true}) {
-    absl::Status solved = Solve(plain, {.core = core});
-    if (!solved.ok()) return solved;
+    RETURN_IF_ERROR(Solve(plain, {.core = core}));
   }
   for (size_t i = 0; i < problem.intrinsics.size(); ++i) {
     std::copy(plain.intrinsics[i].begin(), plain.intrinsics[i].end(),
@@ -86,14 +86,12 @@ std::vector<double> PlainLens(int parameters, double focal_length, const Eigen::
 
 absl::Status SolveRoughly(LensProblem& problem) {
   if (IsSplined(problem.lens_model)) {
-    absl::Status seeded = SolveForSplineSeed(problem);
-    if (!seeded.ok()) return seeded;
+    RETURN_IF_ERROR(SolveForSplineSeed(problem));
   }
   for (const FreeParts& step :
        {FreeParts{}, FreeParts{.core = true, .regularisation = true},
         FreeParts{.core = true, .distortion = true, .regularisation = true}}) {
-    absl::Status solved = Solve(problem, step);
-    if (!solved.ok()) return solved;
+    RETURN_IF_ERROR(Solve(problem, step));
   }
   return absl::OkStatus();
 }

@@ -8,6 +8,7 @@
 #include "calib/intrinsics/lens_seeds.h"
 #include "calib/intrinsics/lens_stages.h"
 #include "calib/intrinsics/median.h"
+#include "db/status/status_macros.h"
 
 namespace silhouette {
 namespace {
@@ -93,8 +94,7 @@ absl::StatusOr<SingleCamera> SolveAlone(const LensCamera& camera,
                                         const std::vector<const BoardView*>& views,
                                         const Lattice& lattice, const LensSettings& settings) {
   SingleCamera result;
-  const absl::StatusOr<int> parameters = LensParameters(LensModelOf(camera, settings));
-  if (!parameters.ok()) return parameters.status();
+  ASSIGN_OR_RETURN(const int parameters, LensParameters(LensModelOf(camera, settings)));
   absl::Status enough = CheckCount(camera, views.size(), settings);
   if (!enough.ok()) return enough;
   if (camera.fixed) {
@@ -108,7 +108,7 @@ absl::StatusOr<SingleCamera> SolveAlone(const LensCamera& camera,
   }
   const double focal_length = GuessFocalLength(views, lattice, camera.width, camera.height);
   const std::vector<double> seed =
-      PlainLens(*parameters, focal_length, {(camera.width - 1) / 2.0, (camera.height - 1) / 2.0});
+      PlainLens(parameters, focal_length, {(camera.width - 1) / 2.0, (camera.height - 1) / 2.0});
   result.views = Posed(camera, views, lattice, seed);
   const size_t all = result.views.size();
   size_t worst_count = 0;
@@ -116,8 +116,7 @@ absl::StatusOr<SingleCamera> SolveAlone(const LensCamera& camera,
     enough = CheckCount(camera, result.views.size(), settings);
     if (!enough.ok()) return enough;
     LensProblem problem = SingleCameraProblemOf(camera, result.views, lattice, seed, settings);
-    const absl::Status solved = SolveRoughly(problem);
-    if (!solved.ok()) return solved;
+    RETURN_IF_ERROR(SolveRoughly(problem));
     result.intrinsics = problem.intrinsics[0];
     const std::vector<double> medians = MedianResiduals(problem);
     const auto worst = std::max_element(medians.begin(), medians.end());

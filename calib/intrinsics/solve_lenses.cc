@@ -13,6 +13,7 @@
 #include "calib/intrinsics/lens_stages.h"
 #include "calib/intrinsics/median.h"
 #include "calib/intrinsics/single_camera.h"
+#include "db/status/status_macros.h"
 
 namespace silhouette {
 namespace {
@@ -155,14 +156,13 @@ absl::Status AddGroup(GroupProblem& group, const std::vector<LensCamera>& camera
   for (const BoardView* view : group.views) used.insert(view->board);
   // A tag by itself can be bent in no way that one could see.
   const bool warp = settings.board_warp && used.size() == 1 && problem.CornersPerBoard() > 4;
-  const absl::Status solved = SolveExactly(problem, fixed, warp, sigma, settings);
-  if (!solved.ok()) return solved;
-  absl::StatusOr<LensCovariance> covariance = CovarianceOf(problem, LastStep(problem, fixed, warp));
-  if (!covariance.ok()) return covariance.status();
+  RETURN_IF_ERROR(SolveExactly(problem, fixed, warp, sigma, settings));
+  ASSIGN_OR_RETURN(LensCovariance covariance,
+                   CovarianceOf(problem, LastStep(problem, fixed, warp)));
   const size_t place = solution.groups.size();
   LensGroup result{.cameras = members,
-                   .noise = std::sqrt(covariance->chi_squared) / sigma,
-                   .covariance = *std::move(covariance)};
+                   .noise = std::sqrt(covariance.chi_squared) / sigma,
+                   .covariance = std::move(covariance)};
   if (warp) result.warp = problem.warp;
   solution.groups.push_back(std::move(result));
   for (size_t i = 0; i < members.size(); ++i) {
@@ -188,43 +188,35 @@ absl::StatusOr<LensSolution> SolveLenses(const std::vector<LensCamera>& cameras,
                                          const std::vector<Board>& boards,
                                          const std::vector<TagSighting>& sightings,
                                          const LensSettings& settings) {
-  const absl::Status sound = CheckCameras(cameras);
-  if (!sound.ok()) return sound;
-  const absl::StatusOr<int> parameters = LensParameters(settings.lens_model);
-  if (!parameters.ok()) return parameters.status();
-  const absl::StatusOr<BoardViews> gathered = GatherBoardViews(cameras, boards, sightings);
-  if (!gathered.ok()) return gathered.status();
+  RETURN_IF_ERROR(CheckCameras(cameras));
+  RETURN_IF_ERROR(LensParameters(settings.lens_model).status());
+  ASSIGN_OR_RETURN(const BoardViews gathered, GatherBoardViews(cameras, boards, sightings));
 
   LensSolution solution;
-  solution.warnings = gathered->warnings;
+  solution.warnings = gathered.warnings;
   std::vector<SingleCamera> singles;
   std::vector<PosedView> views;
   for (size_t i = 0; i < cameras.size(); ++i) {
     std::vector<const BoardView*> own;
-    for (const BoardView& view : gathered->views) {
+    for (const BoardView& view : gathered.views) {
       if (view.camera == i) own.push_back(&view);
     }
-    absl::StatusOr<SingleCamera> single = SolveAlone(cameras[i], own, gathered->lattice, settings);
-    if (!single.ok()) return single.status();
-    views.insert(views.end(), single->views.begin(), single->views.end());
-    solution.warnings.insert(solution.warnings.end(), single->warnings.begin(),
-                             single->warnings.end());
-    singles.push_back(*std::move(single));
+    ASSIGN_OR_RETURN(SingleCamera single, SolveAlone(cameras[i], own, gathered.lattice, settings));
+    views.insert(views.end(), single.views.begin(), single.views.end());
+    solution.warnings.insert(solution.warnings.end(), single.warnings.begin(),
+                             single.warnings.end());
+    singles.push_back(std::move(single));
   }
-  const absl::StatusOr<CameraTies> ties = TieCameras(cameras, views);
-  if (!ties.ok()) return ties.status();
-  solution.warnings.insert(solution.warnings.end(), ties->warnings.begin(), ties->warnings.end());
+  ASSIGN_OR_RETURN(const CameraTies ties, TieCameras(cameras, views));
+  solution.warnings.insert(solution.warnings.end(), ties.warnings.begin(), ties.warnings.end());
   solution.cameras.resize(cameras.size());
   const double sigma = MedianSigma(views);
-  for (size_t g = 0; g < ties->groups.size(); ++g) {
+  for (size_t g = 0; g < ties.groups.size(); ++g) {
     GroupProblem group =
-        SolveLensesProblemOf(g, cameras, singles, views, *ties, gathered->lattice, sigma, settings);
-    const absl::Status added =
-        AddGroup(group, cameras, boards, ties->groups[g], sigma, settings, solution);
-    if (!added.ok()) return added;
+        SolveLensesProblemOf(g, cameras, singles, views, ties, gathered.lattice, sigma, settings);
+    RETURN_IF_ERROR(AddGroup(group, cameras, boards, ties.groups[g], sigma, settings, solution));
   }
-  const absl::Status judged = JudgeLenses(cameras, settings, solution);
-  if (!judged.ok()) return judged;
+  RETURN_IF_ERROR(JudgeLenses(cameras, settings, solution));
   return solution;
 }
 

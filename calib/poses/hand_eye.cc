@@ -14,6 +14,7 @@
 #include "absl/status/status.h"
 #include "absl/strings/str_cat.h"
 #include "calib/poses/words.h"
+#include "db/status/status_macros.h"
 
 namespace silhouette {
 namespace {
@@ -198,7 +199,7 @@ std::optional<HandEye> SolveFrom(const CameraModel& lens, const std::vector<Link
 
 absl::StatusOr<HandEye> SolveHandEye(const CameraModel& lens,
                                      const std::vector<LinkedLook>& looks) {
-  if (absl::Status checked = CheckMotion(looks); !checked.ok()) return checked;
+  RETURN_IF_ERROR(CheckMotion(looks));
   std::mt19937 random(1);
   std::uniform_int_distribution<size_t> any(0, looks.size() - 1);
   std::optional<HandEye> best;

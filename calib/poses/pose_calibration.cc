@@ -11,6 +11,7 @@
 #include "calib/poses/pose_fit.h"
 #include "calib/poses/pose_outliers.h"
 #include "calib/poses/pose_report.h"
+#include "db/status/status_macros.h"
 
 namespace silhouette {
 namespace {
@@ -114,10 +115,9 @@ class FinalSolve {
 }  // namespace
 
 absl::StatusOr<PoseSolution> CalibratePoses(const PoseProblem& problem) {
-  absl::StatusOr<PoseFit> fit = FitWithExactRobot(problem);
-  if (!fit.ok()) return fit.status();
-  if (absl::Status checked = CheckFit(problem, *fit); !checked.ok()) return checked;
-  Bundle& bundle = fit->bundle;
+  ASSIGN_OR_RETURN(PoseFit fit, FitWithExactRobot(problem));
+  RETURN_IF_ERROR(CheckFit(problem, fit));
+  Bundle& bundle = fit.bundle;
   for (BundlePose& flange : bundle.flanges) flange.constant = problem.robot_exact;
   // Flanges that the robot stated wrongly follow their corners first; then single corners that are
   // wrong lose their pull.
@@ -127,17 +127,13 @@ absl::StatusOr<PoseSolution> CalibratePoses(const PoseProblem& problem) {
   for (int i = 0; i < 5 && MarkOutliers(bundle); ++i) {
     if (!Adjust(bundle, 0)) break;
   }
-  if (absl::Status sizes = CheckSizes(fit->network, bundle, fit->network.warnings); !sizes.ok()) {
-    return sizes;
-  }
-  if (absl::Status checked = CheckOutliers(bundle); !checked.ok()) return checked;
+  RETURN_IF_ERROR(CheckSizes(fit.network, bundle, fit.network.warnings));
+  RETURN_IF_ERROR(CheckOutliers(bundle));
   BundleStatistics statistics;
   NoiseFactors factors;
-  if (absl::Status solved = FinalSolve(bundle, statistics, factors).Run(); !solved.ok()) {
-    return solved;
-  }
-  if (absl::Status checked = CheckNoise(bundle, factors); !checked.ok()) return checked;
-  return SolutionOf(*fit, statistics, factors);
+  RETURN_IF_ERROR(FinalSolve(bundle, statistics, factors).Run());
+  RETURN_IF_ERROR(CheckNoise(bundle, factors));
+  return SolutionOf(fit, statistics, factors);
 }
 
 }  // namespace silhouette

@@ -11,6 +11,7 @@
 #include "absl/strings/str_format.h"
 #include "calib/poses/hand_eye.h"
 #include "calib/poses/words.h"
+#include "db/status/status_macros.h"
 
 namespace silhouette {
 namespace {
@@ -188,8 +189,7 @@ absl::Status CheckFit(const PoseProblem& problem, const PoseFit& fit) {
   std::sort(doubted.begin(), doubted.end(),
             [&](size_t a, size_t b) { return excess(a) > excess(b); });
   for (const size_t view : doubted) {
-    absl::Status tried = TryGuesses(problem, problem.views[view].name, fit.median_px[view]);
-    if (!tried.ok()) return tried;
+    RETURN_IF_ERROR(TryGuesses(problem, problem.views[view].name, fit.median_px[view]));
   }
   if (doubted.empty() || excess(doubted.front()) < kRefused) return absl::OkStatus();
   const size_t worst = doubted.front();

@@ -10,6 +10,7 @@
 #include "absl/strings/str_join.h"
 #include "calib/poses/pose_seeds.h"
 #include "calib/poses/words.h"
+#include "db/status/status_macros.h"
 
 namespace silhouette {
 namespace {
@@ -145,17 +146,16 @@ bool AdjustStepwise(Bundle& bundle, double robust) {
 }
 
 absl::StatusOr<PoseFit> FitWithExactRobot(const PoseProblem& problem) {
-  absl::StatusOr<PoseNetwork> network = NetworkOf(problem);
-  if (!network.ok()) return network.status();
-  if (!HasBase(*network)) {
+  ASSIGN_OR_RETURN(PoseNetwork network, NetworkOf(problem));
+  if (!HasBase(network)) {
     return absl::FailedPreconditionError(
         "nothing says where the robot's base is: only boards were seen whose place is not known; "
         "put one on the flange and give the robot's poses, or survey one");
   }
-  FindCandidates(*network);
-  const std::vector<std::string> reasons = SeedPoses(*network);
+  FindCandidates(network);
+  const std::vector<std::string> reasons = SeedPoses(network);
   if (!reasons.empty()) return absl::FailedPreconditionError(absl::StrJoin(reasons, "; "));
-  PoseFit fit{.network = *std::move(network), .bundle{}, .median_px{}, .expected_px{}};
+  PoseFit fit{.network = std::move(network), .bundle{}, .median_px{}, .expected_px{}};
   fit.bundle = BundleOf(fit.network, problem.robot_noise);
   FindResiduals(fit.bundle);
   // Where it fails the residuals stay large, which is what counts.

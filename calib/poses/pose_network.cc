@@ -14,6 +14,7 @@
 #include "absl/strings/str_format.h"
 #include "calib/poses/pose_problem_checks.h"
 #include "calib/poses/words.h"
+#include "db/status/status_macros.h"
 
 namespace silhouette {
 namespace {
@@ -162,7 +163,7 @@ Eigen::Isometry3d PoseNetwork::LinkOf(const Look& look) const {
 }
 
 absl::StatusOr<PoseNetwork> NetworkOf(const PoseProblem& problem) {
-  if (absl::Status checked = CheckProblem(problem); !checked.ok()) return checked;
+  RETURN_IF_ERROR(CheckProblem(problem));
   PoseNetwork network;
   network.views = problem.views;
   network.boards = problem.boards;
@@ -178,7 +179,7 @@ absl::StatusOr<PoseNetwork> NetworkOf(const PoseProblem& problem) {
   const Names names = NamesOf(problem);
   LookSorter sorter(problem, names, network);
   for (size_t i = 0; i < problem.sightings.size(); ++i) sorter.Add(i);
-  if (absl::Status finished = sorter.Finish(); !finished.ok()) return finished;
+  RETURN_IF_ERROR(sorter.Finish());
   return network;
 }
 

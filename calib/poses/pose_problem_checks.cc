@@ -10,6 +10,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
+#include "db/status/status_macros.h"
 
 namespace silhouette {
 namespace {
@@ -89,7 +90,7 @@ absl::Status CheckSightings(const PoseProblem& problem) {
   for (const PoseView& view : problem.views) views.insert(view.name);
   std::set<std::tuple<std::string, std::string, std::string, int>> tags;
   for (const TagSighting& seen : problem.sightings) {
-    if (absl::Status checked = CheckSighting(seen); !checked.ok()) return checked;
+    RETURN_IF_ERROR(CheckSighting(seen));
     if (!views.contains(seen.view)) {
       return absl::InvalidArgumentError(absl::StrCat("tags were seen by view '", seen.view,
                                                      "', of which there is no camera model"));
@@ -171,7 +172,7 @@ absl::Status CheckProblem(const PoseProblem& problem) {
   }
   for (const auto check : {CheckViews, CheckBoardsOf, CheckRobotPoses, CheckSightings,
                            CheckSameImages, CheckMirrored}) {
-    if (absl::Status checked = check(problem); !checked.ok()) return checked;
+    RETURN_IF_ERROR(check(problem));
   }
   return absl::OkStatus();
 }

@@ -9,6 +9,7 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
 #include "calib/boards/csv.h"
+#include "db/status/status_macros.h"
 
 namespace silhouette {
 namespace {
@@ -28,9 +29,8 @@ absl::Status Mistake(const CsvRow& row, const std::string& what) {
 absl::StatusOr<RobotPose> PoseOf(const CsvRow& row) {
   std::array<double, 7> values{};
   for (size_t i = 0; i < values.size(); ++i) {
-    const absl::StatusOr<double> value = row.Number(i + 1);
-    if (!value.ok()) return value.status();
-    values[i] = *value;
+    ASSIGN_OR_RETURN(const double value, row.Number(i + 1));
+    values[i] = value;
   }
   RobotPose pose{.frame = row.Text(0)};
   if (pose.frame.empty()) return Mistake(row, "the frame has no name");
@@ -71,19 +71,17 @@ std::string RobotPoseFileText(const std::vector<RobotPose>& poses) {
 
 absl::StatusOr<std::vector<RobotPose>> RobotPosesFromText(const std::string& text,
                                                           const std::string& file) {
-  const absl::StatusOr<std::vector<CsvRow>> rows = CsvRows(text, file, Columns());
-  if (!rows.ok()) return rows.status();
+  ASSIGN_OR_RETURN(const std::vector<CsvRow> rows, CsvRows(text, file, Columns()));
   std::vector<RobotPose> poses;
   std::map<std::string, std::string> places;
-  for (const CsvRow& row : *rows) {
-    absl::StatusOr<RobotPose> pose = PoseOf(row);
-    if (!pose.ok()) return pose.status();
-    const auto [other, added] = places.emplace(pose->frame, row.place());
+  for (const CsvRow& row : rows) {
+    ASSIGN_OR_RETURN(RobotPose pose, PoseOf(row));
+    const auto [other, added] = places.emplace(pose.frame, row.place());
     if (!added) {
-      return Mistake(row, absl::StrCat("frame '", pose->frame, "' is there already, at ",
+      return Mistake(row, absl::StrCat("frame '", pose.frame, "' is there already, at ",
                                        other->second, "; leave one"));
     }
-    poses.push_back(*std::move(pose));
+    poses.push_back(std::move(pose));
   }
   return poses;
 }

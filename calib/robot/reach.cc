@@ -11,6 +11,7 @@
 #include <vector>
 
 #include "absl/strings/str_cat.h"
+#include "db/status/status_macros.h"
 
 namespace silhouette {
 namespace {
@@ -171,21 +172,20 @@ absl::Status RequireRadius(double payload_radius) {
 absl::StatusOr<double> Reach(const RobotModel& robot, const std::string& joint,
                              std::span<const std::string> moving, std::span<const FixedJoint> fixed,
                              double payload_radius) {
-  if (absl::Status status = RequireRadius(payload_radius); !status.ok()) return status;
+  RETURN_IF_ERROR(RequireRadius(payload_radius));
   const std::optional<size_t> index = robot.JointIndex(joint);
   if (!index) return NoSuchJoint(robot, joint);
   if (robot.joints()[*index].type == JointType::kPrismatic) {
     return absl::InvalidArgumentError("joint '" + joint + "' is prismatic: it has no reach");
   }
-  const absl::StatusOr<Told> told = Find(robot, moving, fixed);
-  if (!told.ok()) return told.status();
+  ASSIGN_OR_RETURN(const Told told, Find(robot, moving, fixed));
   size_t first = 0;
   while (robot.links()[first].joint != static_cast<int>(*index)) ++first;
-  if (absl::Status status = RequireAllTold(robot, first, *told); !status.ok()) return status;
+  RETURN_IF_ERROR(RequireAllTold(robot, first, told));
 
   const Eigen::Vector3d axis = robot.links()[first].axis;
   const Distance from_axis = [&](const Eigen::Vector3d& p) { return axis.cross(p).norm(); };
-  return ReachFinder(robot, told->positions, payload_radius)
+  return ReachFinder(robot, told.positions, payload_radius)
       .Farthest(first, Eigen::Isometry3d::Identity(), from_axis);
 }
 
@@ -193,11 +193,10 @@ absl::StatusOr<Eigen::AlignedBox3d> ReachBox(const RobotModel& robot,
                                              std::span<const std::string> moving,
                                              std::span<const FixedJoint> fixed,
                                              double payload_radius) {
-  if (absl::Status status = RequireRadius(payload_radius); !status.ok()) return status;
-  const absl::StatusOr<Told> told = Find(robot, moving, fixed);
-  if (!told.ok()) return told.status();
-  if (absl::Status status = RequireAllTold(robot, 0, *told); !status.ok()) return status;
-  const ReachFinder finder(robot, told->positions, payload_radius);
+  RETURN_IF_ERROR(RequireRadius(payload_radius));
+  ASSIGN_OR_RETURN(const Told told, Find(robot, moving, fixed));
+  RETURN_IF_ERROR(RequireAllTold(robot, 0, told));
+  const ReachFinder finder(robot, told.positions, payload_radius);
   const auto along = [&](const Eigen::Vector3d& direction) {
     const Distance distance = [&](const Eigen::Vector3d& p) { return direction.dot(p); };
     return finder.Farthest(0, Eigen::Isometry3d::Identity(), distance);

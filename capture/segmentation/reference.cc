@@ -10,6 +10,7 @@
 
 #include "absl/status/status.h"
 #include "absl/strings/str_cat.h"
+#include "db/status/status_macros.h"
 
 namespace silhouette {
 namespace {
@@ -158,14 +159,12 @@ Reference Reference::FromImages(std::span<const cv::Mat> images) {
 
 absl::StatusOr<Reference> Reference::FromPng(const std::string& mean_png,
                                              const std::string& noise_png) {
-  absl::StatusOr<cv::Mat> mean = DecodePng(mean_png, "mean");
-  if (!mean.ok()) return mean.status();
-  absl::StatusOr<cv::Mat> noise = DecodePng(noise_png, "noise");
-  if (!noise.ok()) return noise.status();
-  if (mean->size() != noise->size() || mean->channels() != noise->channels()) {
+  ASSIGN_OR_RETURN(cv::Mat mean, DecodePng(mean_png, "mean"));
+  ASSIGN_OR_RETURN(cv::Mat noise, DecodePng(noise_png, "noise"));
+  if (mean.size() != noise.size() || mean.channels() != noise.channels()) {
     return absl::InvalidArgumentError("the reference's mean and noise differ in size or channels");
   }
-  return Reference(*std::move(mean), *std::move(noise));
+  return Reference(std::move(mean), std::move(noise));
 }
 
 Reference::Figures Reference::Describe() const {

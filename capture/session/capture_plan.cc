@@ -5,6 +5,7 @@
 
 #include "absl/status/status.h"
 #include "absl/strings/str_cat.h"
+#include "db/status/status_macros.h"
 
 namespace silhouette {
 namespace {
@@ -60,11 +61,10 @@ absl::Duration TravelDuration(const Travel& travel, const CaptureSettings& setti
 }  // namespace
 
 absl::StatusOr<std::vector<StoredRecord>> ReadRecords(const Database& database) {
-  const absl::StatusOr<Snapshot> snapshot = database.Read();
-  if (!snapshot.ok()) return snapshot.status();
+  ASSIGN_OR_RETURN(const Snapshot snapshot, database.Read());
   std::vector<StoredRecord> records = NoRecords(database.grid());
   absl::Status status =
-      snapshot->ForEach([&](ConfigurationNumber number, const absl::StatusOr<RobotImage>& image) {
+      snapshot.ForEach([&](ConfigurationNumber number, const absl::StatusOr<RobotImage>& image) {
         records[number] = !image.ok()       ? StoredRecord::kDamaged
                           : image->excluded ? StoredRecord::kExcluded
                                             : StoredRecord::kCaptured;
@@ -83,10 +83,8 @@ absl::StatusOr<CapturePlan> PlanCapture(const storage::v1::CellDescription& cell
                                         const std::vector<StoredRecord>& records,
                                         const CaptureSettings& settings,
                                         const CaptureSelection& selection) {
-  const auto mask_sizes = MaskSizesOf(cell);
-  if (!mask_sizes.ok()) return mask_sizes.status();
-  const auto listed = Listed(travel.grid(), selection);
-  if (!listed.ok()) return listed.status();
+  ASSIGN_OR_RETURN(const auto mask_sizes, MaskSizesOf(cell));
+  ASSIGN_OR_RETURN(const auto listed, Listed(travel.grid(), selection));
   CapturePlan plan;
   uint64_t captured_in_region = 0;
   std::string region;
@@ -103,7 +101,7 @@ absl::StatusOr<CapturePlan> PlanCapture(const storage::v1::CellDescription& cell
       region = travel.regions().At(travel.grid().At(number)).value();
     } else if (selection.kind != CaptureSelection::Kind::kNothing &&
                (record == StoredRecord::kNone || record == StoredRecord::kExcluded ||
-                (*listed)[number])) {
+                listed[number])) {
       plan.captures.push_back(number);
     } else {
       ++plan.kept;
@@ -121,7 +119,7 @@ absl::StatusOr<CapturePlan> PlanCapture(const storage::v1::CellDescription& cell
                   static_cast<int64_t>(plan.captures.size()) *
                       (settings.settle + settings.still_images * kImageTime);
   plan.bytes =
-      plan.captures.size() * BytesPerRecord(cell, *mask_sizes) + plan.exclusions.size() * 128;
+      plan.captures.size() * BytesPerRecord(cell, mask_sizes) + plan.exclusions.size() * 128;
   return plan;
 }
 

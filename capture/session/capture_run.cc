@@ -14,6 +14,7 @@
 #include "capture/session/history.h"
 #include "capture/session/patience.h"
 #include "capture/session/raw_archive.h"
+#include "db/status/status_macros.h"
 
 namespace silhouette {
 
@@ -49,14 +50,11 @@ CaptureReport CaptureRun::Go() {
 
 absl::Status CaptureRun::CountSuspects() {
   if (going_on_) {
-    absl::Status status = sentinels_->Suspect(absl::Now(), "captured although it did not match");
-    if (!status.ok()) return status;
+    RETURN_IF_ERROR(sentinels_->Suspect(absl::Now(), "captured although it did not match"));
   }
-  const auto snapshot = parts_.database->Read();
-  if (!snapshot.ok()) return snapshot.status();
-  const auto suspects = SuspectNumbers(*snapshot);
-  if (!suspects.ok()) return suspects.status();
-  report_.suspect = suspects->size();
+  ASSIGN_OR_RETURN(const auto snapshot, parts_.database->Read());
+  ASSIGN_OR_RETURN(const auto suspects, SuspectNumbers(snapshot));
+  report_.suspect = suspects.size();
   return absl::OkStatus();
 }
 
@@ -66,16 +64,15 @@ absl::Status CaptureRun::Exclude() {
     image.number = number;
     image.excluded = true;
     image.captured = absl::Now();
-    if (absl::Status status = writer_.Put(image, /*replace=*/true); !status.ok()) return status;
+    RETURN_IF_ERROR(writer_.Put(image, /*replace=*/true));
   }
   last_commit_ = absl::Now();
   return writer_.Commit();
 }
 
 absl::Status CaptureRun::CaptureAll() {
-  absl::StatusOr<Sentinels> sentinels = Sentinels::Open(parts_, plan_);
-  if (!sentinels.ok()) return sentinels.status();
-  sentinels_ = *std::move(sentinels);
+  ASSIGN_OR_RETURN(Sentinels sentinels, Sentinels::Open(parts_, plan_));
+  sentinels_ = std::move(sentinels);
   if (plan_.captures.empty() && !plan_.check_sentinels) return absl::OkStatus();
   const std::vector<ConfigurationNumber> first = sentinels_->ToCapture();
   absl::StatusOr<bool> go_on = true;
@@ -86,7 +83,7 @@ absl::Status CaptureRun::CaptureAll() {
   first_sights_ = false;
   if (!go_on.ok() || !*go_on) return go_on.status();
   if (!first.empty()) {
-    if (absl::Status status = sentinels_->Remember(); !status.ok()) return status;
+    RETURN_IF_ERROR(sentinels_->Remember());
   }
   const std::set<ConfigurationNumber> there(first.begin(), first.end());
   std::vector<ConfigurationNumber> rest;
@@ -109,8 +106,8 @@ absl::StatusOr<bool> CaptureRun::CaptureInTurn(const std::vector<ConfigurationNu
       const absl::StatusOr<bool> go_on = CheckSentinels();
       if (!go_on.ok() || !*go_on) return go_on;
     }
-    if (absl::Status status = CommitIfDue(begin); !status.ok()) return status;
-    if (absl::Status status = CaptureOne(number); !status.ok()) return status;
+    RETURN_IF_ERROR(CommitIfDue(begin));
+    RETURN_IF_ERROR(CaptureOne(number));
     last_cycle_ = absl::Now() - begin;
     observer_.progress(++done_);
   }
@@ -120,7 +117,7 @@ absl::StatusOr<bool> CaptureRun::CaptureInTurn(const std::vector<ConfigurationNu
 absl::StatusOr<bool> CaptureRun::CheckSentinels() {
   for (bool again = false;; again = true) {
     // Nothing is at risk while the robot goes there, or somebody thinks.
-    if (absl::Status status = writer_.Commit(); !status.ok()) return status;
+    RETURN_IF_ERROR(writer_.Commit());
     const absl::StatusOr<std::string> alarm =
         sentinels_->Check([this](ConfigurationNumber number) { return VisitPatiently(number); });
     if (StoppedWaiting(alarm.status())) {
@@ -144,8 +141,7 @@ absl::StatusOr<bool> CaptureRun::CheckSentinels() {
     static_cast<void>(StopRobot(absl::OkStatus()));
     observer_.say(*alarm);
     if (!again) {
-      absl::Status status = sentinels_->Suspect(absl::Now(), *alarm);
-      if (!status.ok()) return status;
+      RETURN_IF_ERROR(sentinels_->Suspect(absl::Now(), *alarm));
     }
     switch (observer_.alarm(*alarm)) {
       case AfterAlarm::kEnd:
@@ -201,7 +197,7 @@ absl::StatusOr<Visit> CaptureRun::VisitPatiently(ConfigurationNumber number) {
 absl::Status CaptureRun::CommitIfDue(absl::Time now) {
   if (now + last_cycle_ - last_commit_ < parts_.settings.commit_interval) return absl::OkStatus();
   last_commit_ = now;
-  if (absl::Status status = writer_.Commit(); !status.ok()) return status;
+  RETURN_IF_ERROR(writer_.Commit());
   return CheckDisk();
 }
 

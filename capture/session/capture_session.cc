@@ -5,6 +5,7 @@
 #include "absl/status/status.h"
 #include "capture/session/capture_run.h"
 #include "capture/session/reference_images.h"
+#include "db/status/status_macros.h"
 
 namespace silhouette {
 
@@ -12,22 +13,19 @@ absl::StatusOr<CaptureSession> CaptureSession::Create(Database& database, const 
                                                       Robot& robot, CameraRig& rig,
                                                       const CaptureSettings& settings,
                                                       const SegmentationSettings& segmentation) {
-  absl::StatusOr<CellRobot> cell_robot = CellRobot::Create(database.cell(), robot);
-  if (!cell_robot.ok()) return cell_robot.status();
-  absl::StatusOr<CellCameras> cameras = CellCameras::Create(database.cell(), rig);
-  if (!cameras.ok()) return cameras.status();
+  ASSIGN_OR_RETURN(CellRobot cell_robot, CellRobot::Create(database.cell(), robot));
+  ASSIGN_OR_RETURN(CellCameras cameras, CellCameras::Create(database.cell(), rig));
   if (database.cell().segmentation() != Describe(segmentation)) {
     return absl::FailedPreconditionError(
         "the database was made with other segmentation settings; its robot images and those to "
         "come would not err in the same way");
   }
-  absl::StatusOr<std::vector<Reference>> references = ReadReferences(database);
-  if (!references.ok()) return references.status();
+  ASSIGN_OR_RETURN(std::vector<Reference> references, ReadReferences(database));
   return CaptureSession({.database = &database,
                          .travel = &travel,
-                         .robot = *std::move(cell_robot),
-                         .cameras = *std::move(cameras),
-                         .references = *std::move(references),
+                         .robot = std::move(cell_robot),
+                         .cameras = std::move(cameras),
+                         .references = std::move(references),
                          .settings = settings,
                          .segmentation = segmentation});
 }

@@ -9,6 +9,7 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
 #include "absl/strings/str_join.h"
+#include "db/status/status_macros.h"
 
 namespace silhouette {
 
@@ -58,16 +59,15 @@ absl::Status CellRobot::MoveTo(const Configuration& configuration) {
 }
 
 absl::StatusOr<std::vector<double>> CellRobot::Measure() {
-  absl::StatusOr<RobotState> state = robot_->State();
-  if (!state.ok()) return state.status();
-  if (state->positions.size() != place_.size()) {
+  ASSIGN_OR_RETURN(RobotState state, robot_->State());
+  if (state.positions.size() != place_.size()) {
     return absl::InternalError(absl::StrCat("the robot told the positions of ",
-                                            state->positions.size(), " joints and has ",
+                                            state.positions.size(), " joints and has ",
                                             place_.size()));
   }
-  if (state->moving) return absl::AbortedError("the robot moves when it should stand still");
+  if (state.moving) return absl::AbortedError("the robot moves when it should stand still");
   std::vector<double> values;
-  for (const size_t place : place_) values.push_back(state->positions[place]);
+  for (const size_t place : place_) values.push_back(state.positions[place]);
   return values;
 }
 

@@ -4,6 +4,8 @@
 #include <cmath>
 #include <utility>
 
+#include "db/status/status_macros.h"
+
 namespace silhouette {
 
 void SetTime(absl::Time time, google::protobuf::Timestamp& stamp) {
@@ -21,11 +23,9 @@ absl::Status ChangeHistory(Database& database,
                            const std::function<void(storage::v1::CaptureHistory&)>& change) {
   storage::v1::CaptureHistory history;
   {
-    const auto snapshot = database.Read();
-    if (!snapshot.ok()) return snapshot.status();
-    auto read = snapshot->CaptureHistory();
-    if (!read.ok()) return read.status();
-    history = *std::move(read);
+    ASSIGN_OR_RETURN(const auto snapshot, database.Read());
+    ASSIGN_OR_RETURN(auto read, snapshot.CaptureHistory());
+    history = std::move(read);
   }
   change(history);
   return database.SetCaptureHistory(history);
@@ -40,12 +40,11 @@ absl::Time LastGoodCheck(const storage::v1::CaptureHistory& history) {
 }
 
 absl::StatusOr<std::vector<ConfigurationNumber>> SuspectNumbers(const Snapshot& snapshot) {
-  const auto history = snapshot.CaptureHistory();
-  if (!history.ok()) return history.status();
+  ASSIGN_OR_RETURN(const auto history, snapshot.CaptureHistory());
   std::vector<ConfigurationNumber> numbers;
-  if (history->suspects().empty()) return numbers;
+  if (history.suspects().empty()) return numbers;
   const auto suspect = [&](absl::Time captured) {
-    return std::ranges::any_of(history->suspects(), [&](const storage::v1::SuspectSpan& span) {
+    return std::ranges::any_of(history.suspects(), [&](const storage::v1::SuspectSpan& span) {
       return captured > TimeOf(span.after()) && captured <= TimeOf(span.until());
     });
   };

@@ -6,6 +6,7 @@
 #include "absl/status/status.h"
 #include "absl/strings/str_cat.h"
 #include "absl/time/time.h"
+#include "db/status/status_macros.h"
 
 namespace silhouette {
 
@@ -18,11 +19,10 @@ absl::StatusOr<storage::v1::References> TakeReferences(CellCameras& cameras, int
     if (observer.stop_requested()) {
       return absl::CancelledError("stopped; no reference images were stored");
     }
-    absl::StatusOr<ImageSet> set = cameras.Grab(observer.say);
-    if (!set.ok()) return set.status();
-    images.resize(set->images.size());
-    for (size_t v = 0; v < images.size(); ++v) images[v].push_back(std::move(set->images[v]));
-    captured = set->captured;
+    ASSIGN_OR_RETURN(ImageSet set, cameras.Grab(observer.say));
+    images.resize(set.images.size());
+    for (size_t v = 0; v < images.size(); ++v) images[v].push_back(std::move(set.images[v]));
+    captured = set.captured;
     observer.progress(static_cast<uint64_t>(i) + 1);
   }
   storage::v1::References references;
@@ -41,14 +41,12 @@ absl::StatusOr<storage::v1::References> TakeReferences(CellCameras& cameras, int
 }
 
 absl::StatusOr<std::vector<Reference>> ReadReferences(const Database& database) {
-  const absl::StatusOr<Snapshot> snapshot = database.Read();
-  if (!snapshot.ok()) return snapshot.status();
-  const auto stored = snapshot->References();
-  if (!stored.ok()) return stored.status();
-  if (!stored->has_value()) {
+  ASSIGN_OR_RETURN(const Snapshot snapshot, database.Read());
+  ASSIGN_OR_RETURN(const auto stored, snapshot.References());
+  if (!stored.has_value()) {
     return absl::NotFoundError("there are no reference images of the empty cell yet");
   }
-  return ReferencesIn(**stored, database.cell());
+  return ReferencesIn(*stored, database.cell());
 }
 
 absl::StatusOr<std::vector<Reference>> ReferencesIn(const storage::v1::References& stored,

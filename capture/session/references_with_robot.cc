@@ -9,6 +9,7 @@
 #include "absl/strings/str_cat.h"
 #include "absl/time/clock.h"
 #include "capture/session/visitor.h"
+#include "db/status/status_macros.h"
 
 namespace silhouette {
 namespace {
@@ -78,16 +79,13 @@ std::vector<ConfigurationNumber> SpreadConfigurations(const Travel& travel, int 
 absl::StatusOr<storage::v1::References> TakeReferencesWithRobot(
     Database& database, const Travel& travel, Robot& robot, CameraRig& rig,
     const CaptureSettings& settings, int count, const CaptureObserver& observer) {
-  auto cell_robot = CellRobot::Create(database.cell(), robot);
-  if (!cell_robot.ok()) return cell_robot.status();
-  auto cameras = CellCameras::Create(database.cell(), rig);
-  if (!cameras.ok()) return cameras.status();
-  const auto snapshot = database.Read();
-  if (!snapshot.ok()) return snapshot.status();
+  ASSIGN_OR_RETURN(auto cell_robot, CellRobot::Create(database.cell(), robot));
+  ASSIGN_OR_RETURN(auto cameras, CellCameras::Create(database.cell(), rig));
+  ASSIGN_OR_RETURN(const auto snapshot, database.Read());
   SessionParts parts{.database = &database,
                      .travel = &travel,
-                     .robot = *std::move(cell_robot),
-                     .cameras = *std::move(cameras),
+                     .robot = std::move(cell_robot),
+                     .cameras = std::move(cameras),
                      .references = {},
                      .settings = settings,
                      .segmentation = {}};
@@ -110,7 +108,7 @@ absl::StatusOr<storage::v1::References> TakeReferencesWithRobot(
       observer.say(visit->why);
       continue;
     }
-    const auto record = snapshot->Find(number);
+    const auto record = snapshot.Find(number);
     const bool known = record.ok() && *record && !(*record)->excluded;
     for (size_t v = 0; v < views; ++v) {
       cv::Mat& image = visit->images.images[v];

@@ -12,6 +12,7 @@
 #include "capture/segmentation/difference.h"
 #include "capture/session/raw_archive.h"
 #include "capture/session/reference_images.h"
+#include "db/status/status_macros.h"
 #include "db/store/schema.h"
 
 namespace silhouette {
@@ -28,11 +29,9 @@ class KeptReferences {
     const std::lock_guard lock(mutex_);
     const auto known = references_.find(id);
     if (known != references_.end()) return &known->second;
-    const auto stored = snapshot.ReferencesOf(id);
-    if (!stored.ok()) return stored.status();
-    auto references = ReferencesIn(*stored, cell);
-    if (!references.ok()) return references.status();
-    return &references_.emplace(id, *std::move(references)).first->second;
+    ASSIGN_OR_RETURN(const auto stored, snapshot.ReferencesOf(id));
+    ASSIGN_OR_RETURN(auto references, ReferencesIn(stored, cell));
+    return &references_.emplace(id, std::move(references)).first->second;
   }
 
  private:
@@ -69,12 +68,10 @@ class SetRemask {
 
   // Finds out what is to be made.
   absl::Status CountRecords() {
-    const auto snapshot = database_.Read();
-    if (!snapshot.ok()) return snapshot.status();
-    auto numbers = snapshot->RawImageNumbers();
-    if (!numbers.ok()) return numbers.status();
-    with_raw_images_ = *std::move(numbers);
-    return snapshot->ForEach([&](ConfigurationNumber, const absl::StatusOr<RobotImage>& image) {
+    ASSIGN_OR_RETURN(const auto snapshot, database_.Read());
+    ASSIGN_OR_RETURN(auto numbers, snapshot.RawImageNumbers());
+    with_raw_images_ = std::move(numbers);
+    return snapshot.ForEach([&](ConfigurationNumber, const absl::StatusOr<RobotImage>& image) {
       if (!IsMade(image)) {
         ++result_.left_out;
       } else {
@@ -87,14 +84,12 @@ class SetRemask {
   // `tell`: with how many more records are done; false stops.
   absl::Status Write(Database& into, const std::string& program,
                      const std::function<bool(uint64_t)>& tell) {
-    const auto snapshot = database_.Read();
-    if (!snapshot.ok()) return snapshot.status();
-    auto writer = into.Write(program);
-    if (!writer.ok()) return writer.status();
+    ASSIGN_OR_RETURN(const auto snapshot, database_.Read());
+    ASSIGN_OR_RETURN(auto writer, into.Write(program));
     std::vector<RobotImage> batch;
     absl::Status status;
     const auto finish = [&] {
-      status.Update(MakeBatch(into.mask_sizes(), batch, *writer));
+      status.Update(MakeBatch(into.mask_sizes(), batch, writer));
       if (status.ok() && !tell(batch.size())) {
         status = absl::CancelledError("stopped; nothing was changed");
       }
@@ -102,13 +97,13 @@ class SetRemask {
       return status.ok();
     };
     const absl::Status read =
-        snapshot->ForEach([&](ConfigurationNumber, absl::StatusOr<RobotImage> image) {
+        snapshot.ForEach([&](ConfigurationNumber, absl::StatusOr<RobotImage> image) {
           if (IsMade(image)) batch.push_back(*std::move(image));
           return batch.size() < kBatch || finish();
         });
     if (!read.ok()) return read;
     if (status.ok()) finish();
-    return status.ok() ? writer->Commit() : status;
+    return status.ok() ? writer.Commit() : status;
   }
 
  private:
@@ -149,13 +144,11 @@ class SetRemask {
   // Takes one robot image after another of those that are left.
   absl::Status MakeMasks(const std::vector<MaskSize>& sizes, const std::vector<RobotImage>& batch,
                          std::atomic<size_t>& next, std::vector<std::vector<Mask>>& masks) {
-    const auto snapshot = database_.Read();
-    if (!snapshot.ok()) return snapshot.status();
+    ASSIGN_OR_RETURN(const auto snapshot, database_.Read());
     for (size_t i = next++; i < batch.size(); i = next++) {
       if (batch[i].excluded) continue;
       try {
-        absl::Status status = Make(*snapshot, batch[i].number, sizes, masks[i]);
-        if (!status.ok()) return status;
+        RETURN_IF_ERROR(Make(snapshot, batch[i].number, sizes, masks[i]));
       } catch (const std::invalid_argument& error) {
         return absl::InvalidArgumentError(error.what());
       }
@@ -166,13 +159,12 @@ class SetRemask {
   absl::Status Make(const Snapshot& snapshot, ConfigurationNumber number,
                     const std::vector<MaskSize>& sizes, std::vector<Mask>& masks) {
     for (int v = 0; v < database_.cell().views_size(); ++v) {
-      const auto raw = snapshot.FindRawImage(number, v);
-      if (!raw.ok()) return raw.status();
-      if (!raw->has_value()) return Unreadable(number, v);
-      const auto references = references_.Get(snapshot, database_.cell(), (*raw)->references);
-      if (!references.ok()) return references.status();
-      const cv::Mat picture = ImageInPng((*raw)->png);
-      const Reference& reference = (**references)[static_cast<size_t>(v)];
+      ASSIGN_OR_RETURN(const auto raw, snapshot.FindRawImage(number, v));
+      if (!raw.has_value()) return Unreadable(number, v);
+      ASSIGN_OR_RETURN(const auto references,
+                       references_.Get(snapshot, database_.cell(), raw->references));
+      const cv::Mat picture = ImageInPng(raw->png);
+      const Reference& reference = (*references)[static_cast<size_t>(v)];
       if (picture.size() != reference.size()) return Unreadable(number, v);
       masks.push_back(
           Difference(picture, reference, options_.segmentation, sizes[static_cast<size_t>(v)]));
@@ -206,17 +198,15 @@ absl::Status CheckLeftOut(const RemaskedSet& set) {
 absl::StatusOr<std::vector<RemaskedSet>> Remask(const Database& database,
                                                 const RemaskOptions& options,
                                                 const std::string& program, Database& into) {
-  const auto names = database.Sets();
-  if (!names.ok()) return names.status();
+  ASSIGN_OR_RETURN(const auto names, database.Sets());
   std::vector<std::unique_ptr<Database>> sets;
   std::vector<std::unique_ptr<SetRemask>> works;
   uint64_t total = 0;
-  for (const std::string& name : *names) {
-    auto set = database.OpenSet(name);
-    if (!set.ok()) return set.status();
-    sets.push_back(*std::move(set));
+  for (const std::string& name : names) {
+    ASSIGN_OR_RETURN(auto set, database.OpenSet(name));
+    sets.push_back(std::move(set));
     works.push_back(std::make_unique<SetRemask>(*sets.back(), options));
-    if (absl::Status status = works.back()->CountRecords(); !status.ok()) return status;
+    RETURN_IF_ERROR(works.back()->CountRecords());
     const absl::Status complete = CheckLeftOut(works.back()->result());
     if (!complete.ok() && !options.leave_out) return complete;
     total += works.back()->records();
@@ -231,7 +221,7 @@ absl::StatusOr<std::vector<RemaskedSet>> Remask(const Database& database,
     auto place = into.OpenSet(work->result().name);
     if (absl::IsNotFound(place.status())) place = into.CreateSet(work->result().name, program);
     if (!place.ok()) return place.status();
-    if (absl::Status status = work->Write(**place, program, tell); !status.ok()) return status;
+    RETURN_IF_ERROR(work->Write(**place, program, tell));
     results.push_back(work->result());
   }
   return results;

@@ -13,6 +13,7 @@
 #include "capture/segmentation/difference.h"
 #include "capture/session/history.h"
 #include "capture/session/raw_archive.h"
+#include "db/status/status_macros.h"
 
 namespace silhouette {
 namespace {
@@ -57,11 +58,9 @@ absl::StatusOr<Sentinels> Sentinels::Open(SessionParts& parts, const CapturePlan
   Sentinels sentinels(parts);
   const int count = parts.settings.sentinels.count;
   if (count == 0) return sentinels;
-  const auto snapshot = parts.database->Read();
-  if (!snapshot.ok()) return snapshot.status();
-  const auto history = snapshot->CaptureHistory();
-  if (!history.ok()) return history.status();
-  for (const ConfigurationNumber number : history->sentinels()) {
+  ASSIGN_OR_RETURN(const auto snapshot, parts.database->Read());
+  ASSIGN_OR_RETURN(const auto history, snapshot.CaptureHistory());
+  for (const ConfigurationNumber number : history.sentinels()) {
     if (parts.travel->grid().Contains(number) && !parts.travel->Forbidden(number)) {
       sentinels.numbers_.push_back(number);
     }
@@ -71,15 +70,14 @@ absl::StatusOr<Sentinels> Sentinels::Open(SessionParts& parts, const CapturePlan
     sentinels.numbers_ = WellSpread(parts.travel->grid(), plan.captures, count);
   }
   const std::set<ConfigurationNumber> planned(plan.captures.begin(), plan.captures.end());
-  absl::Status status = sentinels.ReadFirsts(*snapshot, planned);
-  if (!status.ok()) return status;
+  RETURN_IF_ERROR(sentinels.ReadFirsts(snapshot, planned));
   for (const ConfigurationNumber number : sentinels.numbers_) {
     if (!sentinels.firsts_.contains(number) && planned.contains(number)) {
       sentinels.to_capture_.push_back(number);
     }
   }
   if (!plan.new_sentinels) {
-    sentinels.last_good_ = std::max(sentinels.last_good_, LastGoodCheck(*history));
+    sentinels.last_good_ = std::max(sentinels.last_good_, LastGoodCheck(history));
   }
   return sentinels;
 }
@@ -195,12 +193,11 @@ absl::StatusOr<std::string> Sentinels::Check(const Go& go) {
   for (const ConfigurationNumber number : numbers_) {
     const auto first = firsts_.find(number);
     if (first == firsts_.end()) continue;
-    const absl::StatusOr<Visit> visit = go(number);
-    if (!visit.ok()) return visit.status();
-    if (visit->outcome != Visit::Outcome::kTaken) continue;
+    ASSIGN_OR_RETURN(const Visit visit, go(number));
+    if (visit.outcome != Visit::Outcome::kTaken) continue;
     ++visited;
-    begin = std::min(begin, visit->images.captured);
-    Note(number, first->second, *visit, check, complaints);
+    begin = std::min(begin, visit.images.captured);
+    Note(number, first->second, visit, check, complaints);
   }
   last_check_ = absl::Now();
   if (check.sights().empty()) {

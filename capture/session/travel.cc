@@ -13,6 +13,7 @@
 
 #include "absl/status/status.h"
 #include "absl/strings/str_cat.h"
+#include "db/status/status_macros.h"
 
 namespace silhouette {
 namespace {
@@ -214,9 +215,8 @@ absl::StatusOr<std::vector<Configuration>> Travel::RouteFrom(const Configuration
   }
   if (!entry) return NoWay(*in_the_way);
   std::vector<Configuration> route = {grid_.At(*entry)};
-  const auto rest = Route(grid_.NumberOf(*entry), to);
-  if (!rest.ok()) return rest.status();
-  if (grid_.NumberOf(*entry) != to) route.insert(route.end(), rest->begin(), rest->end());
+  ASSIGN_OR_RETURN(const auto rest, Route(grid_.NumberOf(*entry), to));
+  if (grid_.NumberOf(*entry) != to) route.insert(route.end(), rest.begin(), rest.end());
   return route;
 }
 

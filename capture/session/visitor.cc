@@ -7,6 +7,7 @@
 #include "absl/strings/str_format.h"
 #include "absl/time/clock.h"
 #include "capture/session/still_images.h"
+#include "db/status/status_macros.h"
 
 namespace silhouette {
 namespace {
@@ -38,11 +39,10 @@ absl::StatusOr<Visit> Visitor::GoTo(ConfigurationNumber number) {
   if (at_) {
     route = parts_.travel->Route(*at_, number);
   } else {
-    absl::StatusOr<std::vector<double>> here = Measure();
-    if (!here.ok()) return here.status();
-    here->resize(static_cast<size_t>(parts_.travel->grid().dimensions()));
-    route = parts_.travel->RouteFrom(*here, number);
-    if (!route.ok() && parts_.travel->regions().At(*here)) return route.status();
+    ASSIGN_OR_RETURN(std::vector<double> here, Measure());
+    here.resize(static_cast<size_t>(parts_.travel->grid().dimensions()));
+    route = parts_.travel->RouteFrom(here, number);
+    if (!route.ok() && parts_.travel->regions().At(here)) return route.status();
   }
   if (!route.ok()) {
     Visit visit;
@@ -52,7 +52,7 @@ absl::StatusOr<Visit> Visitor::GoTo(ConfigurationNumber number) {
   }
   at_.reset();
   for (const Configuration& place : *route) {
-    if (absl::Status status = MoveTo(place); !status.ok()) return status;
+    RETURN_IF_ERROR(MoveTo(place));
   }
   return TakeImages(number);
 }
@@ -76,9 +76,8 @@ absl::StatusOr<Visit> Visitor::Look(ConfigurationNumber number) {
   const std::vector<double> commanded = parts_.robot.Commanded(parts_.travel->grid().At(number));
   const double tolerance = parts_.settings.joint_tolerance;
   Visit visit;
-  absl::StatusOr<std::vector<double>> measured = Measure();
-  if (!measured.ok()) return measured.status();
-  visit.measured = *std::move(measured);
+  ASSIGN_OR_RETURN(std::vector<double> measured, Measure());
+  visit.measured = std::move(measured);
   visit.deviation = parts_.robot.Deviation(commanded, visit.measured);
   if (visit.deviation > tolerance) return Missed(number, commanded, visit.measured);
   absl::StatusOr<ImageSet> images = parts_.cameras.Grab(say_);
@@ -87,15 +86,14 @@ absl::StatusOr<Visit> Visitor::Look(ConfigurationNumber number) {
   }
   if (!images.ok()) return images.status();
   visit.images = *std::move(images);
-  const absl::StatusOr<std::vector<double>> after = Measure();
-  if (!after.ok()) return after.status();
-  const double moved = parts_.robot.Deviation(visit.measured, *after);
+  ASSIGN_OR_RETURN(const std::vector<double> after, Measure());
+  const double moved = parts_.robot.Deviation(visit.measured, after);
   if (moved > tolerance) {
     return absl::AbortedError(absl::StrFormat(
         "configuration %d: the robot moved by %.4f while its images were taken", number, moved));
   }
-  visit.deviation = std::max(visit.deviation, parts_.robot.Deviation(commanded, *after));
-  if (visit.deviation > tolerance) return Missed(number, commanded, *after);
+  visit.deviation = std::max(visit.deviation, parts_.robot.Deviation(commanded, after));
+  if (visit.deviation > tolerance) return Missed(number, commanded, after);
   if (const std::optional<std::string> view = ChangedView(visit.images)) {
     visit.why = absl::StrFormat(
         "configuration %d: the images of the view '%s' still change though the robot stands still",

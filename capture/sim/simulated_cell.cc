@@ -9,6 +9,7 @@
 #include "absl/strings/str_join.h"
 #include "absl/time/clock.h"
 #include "capture/sim/blur.h"
+#include "db/status/status_macros.h"
 
 namespace silhouette {
 namespace {
@@ -80,16 +81,14 @@ SimulatedCell::SimulatedCell(RobotModel robot, SimulationSettings settings)
 absl::StatusOr<std::shared_ptr<SimulatedCell>> SimulatedCell::Load(
     const std::string& simulation, const std::string& urdf,
     std::span<const std::string> package_paths, const std::string& set) {
-  absl::StatusOr<SimulationSettings> settings = LoadSimulation(simulation);
-  if (!settings.ok()) return settings.status();
-  absl::StatusOr<RobotModel> bare = RobotModel::FromUrdf(urdf, package_paths);
-  if (!bare.ok()) return bare.status();
-  absl::StatusOr<RobotModel> robot = Carrying(*bare, settings->parts, set);
+  ASSIGN_OR_RETURN(SimulationSettings settings, LoadSimulation(simulation));
+  ASSIGN_OR_RETURN(RobotModel bare, RobotModel::FromUrdf(urdf, package_paths));
+  absl::StatusOr<RobotModel> robot = Carrying(bare, settings.parts, set);
   if (!robot.ok()) {
     return absl::InvalidArgumentError(absl::StrCat(simulation, ": ", robot.status().message()));
   }
   try {
-    return std::make_shared<SimulatedCell>(*std::move(robot), *std::move(settings));
+    return std::make_shared<SimulatedCell>(*std::move(robot), std::move(settings));
   } catch (const std::invalid_argument& error) {
     return absl::InvalidArgumentError(absl::StrCat(simulation, ": ", error.what()));
   }

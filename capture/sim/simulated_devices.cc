@@ -7,6 +7,7 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_join.h"
 #include "capture/sim/simulated_cell.h"
+#include "db/status/status_macros.h"
 
 namespace silhouette {
 namespace {
@@ -27,12 +28,11 @@ absl::Status SimulatedRobot::MoveTo(std::span<const double> positions) {
     return absl::InvalidArgumentError(
         absl::StrCat("the robot has ", joints_.size(), " joints, not ", positions.size()));
   }
-  const absl::StatusOr<std::vector<double>> goal = cell_->robot().Positions(joints_, positions);
-  if (!goal.ok()) return goal.status();
+  ASSIGN_OR_RETURN(const std::vector<double> goal, cell_->robot().Positions(joints_, positions));
   const std::vector<double> start = cell_->positions();
   double farthest = 0;
   for (size_t j = 0; j < start.size(); ++j) {
-    farthest = std::max(farthest, std::abs((*goal)[j] - start[j]));
+    farthest = std::max(farthest, std::abs(goal[j] - start[j]));
   }
   const double speed = cell_->settings().joint_speed;
   if (speed > 0) {
@@ -47,13 +47,13 @@ absl::Status SimulatedRobot::MoveTo(std::span<const double> positions) {
       const std::chrono::duration<double> spent = std::chrono::steady_clock::now() - begin;
       share = seconds > 0 ? std::min(spent.count() / seconds, 1.0) : 1;
       std::vector<double> now = start;
-      for (size_t j = 0; j < now.size(); ++j) now[j] += share * ((*goal)[j] - start[j]);
+      for (size_t j = 0; j < now.size(); ++j) now[j] += share * (goal[j] - start[j]);
       cell_->SetPositions(now);
     }
     moving_ = false;
     if (stopping_) return absl::AbortedError("the robot was stopped on the way");
   }
-  cell_->SetPositions(*goal);
+  cell_->SetPositions(goal);
   return absl::OkStatus();
 }
 
@@ -100,10 +100,9 @@ absl::StatusOr<std::unique_ptr<SimulatedCameraRig>> SimulatedCameraRig::Create(
   std::vector<std::string> names;
   std::vector<size_t> indices;
   for (const SimulatedView& view : views) {
-    const absl::StatusOr<size_t> camera = CameraOf(cell->settings(), view);
-    if (!camera.ok()) return camera.status();
+    ASSIGN_OR_RETURN(const size_t camera, CameraOf(cell->settings(), view));
     names.push_back(view.name);
-    indices.push_back(*camera);
+    indices.push_back(camera);
   }
   return std::unique_ptr<SimulatedCameraRig>(
       new SimulatedCameraRig(std::move(cell), std::move(names), std::move(indices)));

@@ -6,6 +6,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "common/picture/files.h"
+#include "db/status/status_macros.h"
 
 namespace silhouette {
 namespace {
@@ -50,9 +51,8 @@ absl::StatusOr<Mask> DecodeMaskPng(std::string_view bytes, std::optional<MaskSiz
 }
 
 absl::StatusOr<Mask> ReadMaskPng(const std::string& path, std::optional<MaskSize> expected) {
-  const absl::StatusOr<std::string> bytes = ReadWholeFile(path);
-  if (!bytes.ok()) return bytes.status();
-  absl::StatusOr<Mask> mask = DecodeMaskPng(*bytes, expected);
+  ASSIGN_OR_RETURN(const std::string bytes, ReadWholeFile(path));
+  absl::StatusOr<Mask> mask = DecodeMaskPng(bytes, expected);
   if (mask.ok()) return mask;
   return absl::InvalidArgumentError(absl::StrCat("'", path, "': ", mask.status().message()));
 }

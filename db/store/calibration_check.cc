@@ -5,6 +5,7 @@
 #include <utility>
 
 #include "absl/strings/str_cat.h"
+#include "db/status/status_macros.h"
 #include "db/store/store.h"
 
 namespace silhouette {
@@ -93,7 +94,7 @@ absl::Status CheckCalibration(const storage::v1::Calibration& calibration,
     return absl::InvalidArgumentError(
         "a calibration has either camera models or fundamental matrices");
   }
-  if (absl::Status status = CheckTags(calibration.record(), cell); !status.ok()) return status;
+  RETURN_IF_ERROR(CheckTags(calibration.record(), cell));
   if (calibration.cameras().empty()) return CheckMatrices(calibration, cell);
   if (calibration.cameras_size() != cell.views_size()) {
     return absl::InvalidArgumentError(absl::StrCat("there are ", calibration.cameras_size(),

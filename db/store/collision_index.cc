@@ -10,6 +10,7 @@
 #include <string_view>
 #include <utility>
 
+#include "db/status/status_macros.h"
 #include "db/store/raw_records.h"
 #include "db/store/schema.h"
 #include "db/store/snapshot_impl.h"
@@ -81,13 +82,12 @@ absl::StatusOr<std::shared_ptr<const CollisionIndex>> CollisionIndex::Open(Snaps
 absl::StatusOr<std::shared_ptr<const CollisionIndex>> CollisionIndex::Open(
     std::shared_ptr<const Snapshot> snapshot) {
   std::shared_ptr<CollisionIndex> index(new CollisionIndex(std::move(snapshot)));
-  absl::StatusOr<std::unique_ptr<const File>> file =
-      File::Map(index->snapshot_->impl_->environment());
-  if (!file.ok()) return file.status();
-  index->file_ = *std::move(file);
-  if (absl::Status status = index->ReadHeads(); !status.ok()) return status;
-  if (absl::Status status = index->ReadBases(); !status.ok()) return status;
-  if (absl::Status status = index->ReadDigests(); !status.ok()) return status;
+  ASSIGN_OR_RETURN(std::unique_ptr<const File> file,
+                   File::Map(index->snapshot_->impl_->environment()));
+  index->file_ = std::move(file);
+  RETURN_IF_ERROR(index->ReadHeads());
+  RETURN_IF_ERROR(index->ReadBases());
+  RETURN_IF_ERROR(index->ReadDigests());
   return index;
 }
 
@@ -150,19 +150,17 @@ absl::Status CollisionIndex::ReadBases() {
 absl::Status CollisionIndex::ReadDigests() {
   const RecordSource records = snapshot_->impl_->records();
   for (uint64_t tile = 0;; ++tile) {
-    const auto next = NextTileWithRecords(records, tile);
-    if (!next.ok()) return next.status();
-    if (!*next || **next >= snapshot_->impl_->state->grid.tiles()) return absl::OkStatus();
-    tile = **next;
+    ASSIGN_OR_RETURN(const auto next, NextTileWithRecords(records, tile));
+    if (!next || *next >= snapshot_->impl_->state->grid.tiles()) return absl::OkStatus();
+    tile = *next;
     Entry& entry = EntryOf(tile);
     // Where there is no index, it does not matter.
     if (!entry.header) {
       entry.digest = 0;
       continue;
     }
-    const auto digest = DigestOfTile(records, tile);
-    if (!digest.ok()) return digest.status();
-    entry.digest = *digest;
+    ASSIGN_OR_RETURN(const auto digest, DigestOfTile(records, tile));
+    entry.digest = digest;
   }
 }
 

@@ -16,6 +16,7 @@
 
 #include "absl/cleanup/cleanup.h"
 #include "absl/strings/str_cat.h"
+#include "db/status/status_macros.h"
 #include "db/store/collision_index.h"
 #include "db/store/database_state.h"
 #include "db/store/raw_records.h"
@@ -106,22 +107,20 @@ class IndexBuild {
 
 // The tiles that have records or an index.
 absl::Status IndexBuild::FindTiles() {
-  absl::StatusOr<ReadTransaction> transaction = environment_.Read();
-  if (!transaction.ok()) return transaction.status();
+  ASSIGN_OR_RETURN(ReadTransaction transaction, environment_.Read());
   std::set<uint64_t> tiles;
   const uint64_t limit = state_.grid.tiles();
   for (uint64_t tile = 0; tile < limit; ++tile) {
-    const auto next = NextTileWithRecords({state_, transaction->get()}, tile);
-    if (!next.ok()) return next.status();
-    if (!*next || **next >= limit) break;
-    tile = **next;
+    ASSIGN_OR_RETURN(const auto next, NextTileWithRecords({state_, transaction.get()}, tile));
+    if (!next || *next >= limit) break;
+    tile = *next;
     tiles.insert(tile);
   }
   const auto hold = environment_.HoldMap();
   MDB_stat stat;
   MDB_cursor* cursor = nullptr;
-  int code = mdb_stat(transaction->get(), collision_index_, &stat);
-  if (code == 0) code = mdb_cursor_open(transaction->get(), collision_index_, &cursor);
+  int code = mdb_stat(transaction.get(), collision_index_, &stat);
+  if (code == 0) code = mdb_cursor_open(transaction.get(), collision_index_, &cursor);
   if (code != 0) return environment_.ReadError(code);
   page_size_ = stat.ms_psize;
   MDB_val key;
@@ -190,13 +189,12 @@ absl::StatusOr<Outcome> IndexBuild::TreatTile(uint64_t tile, MDB_txn* transactio
                                               TileIndexBuilder& builder) const {
   Outcome outcome;
   outcome.tile = tile;
-  const absl::StatusOr<std::optional<uint64_t>> digest = DigestOfTile({state_, transaction}, tile);
-  if (!digest.ok()) return digest.status();
-  if (!*digest) {
+  ASSIGN_OR_RETURN(const std::optional<uint64_t> digest, DigestOfTile({state_, transaction}, tile));
+  if (!digest) {
     outcome.kind = Outcome::kRemoved;
     return outcome;
   }
-  if (!options_.all && IsFresh(tile, transaction, *digest)) return outcome;
+  if (!options_.all && IsFresh(tile, transaction, digest)) return outcome;
   return BuildTile(tile, transaction, builder);
 }
 
@@ -265,10 +263,9 @@ absl::StatusOr<Outcome> IndexBuild::BuildTile(uint64_t tile, MDB_txn* transactio
   RecordDigest digest;
   std::vector<MaskWords> images(trees_.size());
   for (KeyRange keys = KeysOfTile(tile);;) {
-    const auto chunk = ReadChunk({state_, transaction}, keys);
-    if (!chunk.ok()) return chunk.status();
-    if (chunk->empty()) break;
-    for (const RawRecord& record : *chunk) {
+    ASSIGN_OR_RETURN(const auto chunk, ReadChunk({state_, transaction}, keys));
+    if (chunk.empty()) break;
+    for (const RawRecord& record : chunk) {
       const std::optional<ConfigurationNumber> number = schema::DecodeKey(record.key);
       if (!number) continue;
       digest.Add(record.key, record.value);
@@ -281,7 +278,7 @@ absl::StatusOr<Outcome> IndexBuild::BuildTile(uint64_t tile, MDB_txn* transactio
       builder.Add(*number % kTileSize, images);
       ++outcome.robot_images;
     }
-    keys.after = chunk->back().key;
+    keys.after = chunk.back().key;
   }
   TileHeader header{.digest = digest.Get(), .unreadable = outcome.unreadable};
   const std::vector<std::byte> index = Told(tile, transaction, builder.Finish(), header);
@@ -304,10 +301,9 @@ absl::Status IndexBuild::Write(const std::vector<Outcome>& outcomes) {
     for (const Outcome& outcome : outcomes) {
       if (outcome.kind == Outcome::kFresh) continue;
       const TileKey key(outcome.tile);
-      absl::Status status = outcome.kind == Outcome::kBuilt
-                                ? transaction.Put(collision_index_, key.view(), outcome.value)
-                                : transaction.Delete(collision_index_, key.view());
-      if (!status.ok()) return status;
+      RETURN_IF_ERROR(outcome.kind == Outcome::kBuilt
+                          ? transaction.Put(collision_index_, key.view(), outcome.value)
+                          : transaction.Delete(collision_index_, key.view()));
     }
     return absl::OkStatus();
   });
@@ -325,7 +321,7 @@ absl::Status IndexBuild::WriteTiles(IndexBuildReport& report) {
       finished_bytes_ = 0;
     }
     changed_.notify_all();
-    if (absl::Status status = Write(outcomes); !status.ok()) return status;
+    RETURN_IF_ERROR(Write(outcomes));
     for (const Outcome& outcome : outcomes) {
       ++report.done;
       report.removed += outcome.kind == Outcome::kRemoved ? 1 : 0;
@@ -367,28 +363,26 @@ absl::StatusOr<IndexBuildReport> IndexBuild::Run(Database& database,
   }
   std::vector<std::string> names = {database.set()};
   if (database.state_->places.is_default()) {
-    absl::StatusOr<std::vector<std::string>> all = database.Sets();
-    if (!all.ok()) return all.status();
-    names = *std::move(all);
+    ASSIGN_OR_RETURN(std::vector<std::string> all, database.Sets());
+    names = std::move(all);
   }
   std::vector<std::unique_ptr<Database>> sets;
   std::vector<std::unique_ptr<IndexBuild>> builds;
   IndexBuildReport report;
   for (const std::string& name : names) {
-    absl::StatusOr<std::unique_ptr<Database>> set = database.OpenSet(name);
-    if (!set.ok()) return set.status();
-    const DatabaseState& state = *(*set)->state_;
-    const auto collision_index = state.environment->Make(state.places.collision_index);
-    if (!collision_index.ok()) return collision_index.status();
-    sets.push_back(*std::move(set));
-    builds.emplace_back(new IndexBuild(state, options, *collision_index));
-    if (absl::Status status = builds.back()->FindTiles(); !status.ok()) return status;
+    ASSIGN_OR_RETURN(std::unique_ptr<Database> set, database.OpenSet(name));
+    const DatabaseState& state = *set->state_;
+    ASSIGN_OR_RETURN(const auto collision_index,
+                     state.environment->Make(state.places.collision_index));
+    sets.push_back(std::move(set));
+    builds.emplace_back(new IndexBuild(state, options, collision_index));
+    RETURN_IF_ERROR(builds.back()->FindTiles());
     report.tiles += builds.back()->tiles_.size();
   }
   bool stopped = options.progress && !options.progress(0, report.tiles);
   for (const std::unique_ptr<IndexBuild>& build : builds) {
     if (stopped) break;
-    if (absl::Status status = build->Build(report); !status.ok()) return status;
+    RETURN_IF_ERROR(build->Build(report));
     stopped = build->stopped_early_;
   }
   report.stopped = report.done < report.tiles;

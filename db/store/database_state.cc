@@ -1,6 +1,7 @@
 #include "db/store/database_state.h"
 
 #include "absl/strings/str_cat.h"
+#include "db/status/status_macros.h"
 #include "db/store/schema.h"
 
 namespace silhouette {
@@ -31,37 +32,33 @@ absl::Status WriteMeta(const Environment& environment, WriteTransaction& transac
 }
 
 absl::StatusOr<uint64_t> ReadGeneration(const Environment& environment, MDB_txn* transaction) {
-  const auto payload = ReadMeta(environment, transaction, schema::kGenerationKey);
-  if (!payload.ok()) return payload.status();
+  ASSIGN_OR_RETURN(const auto payload, ReadMeta(environment, transaction, schema::kGenerationKey));
   const std::optional<uint64_t> generation =
-      *payload ? schema::DecodeGeneration(**payload) : std::nullopt;
+      payload ? schema::DecodeGeneration(*payload) : std::nullopt;
   if (!generation) return DatabaseStateDamaged(environment, schema::kGenerationKey);
   return *generation;
 }
 
 absl::Status RaiseGeneration(const Environment& environment, WriteTransaction& transaction) {
-  const absl::StatusOr<uint64_t> generation = ReadGeneration(environment, transaction.get());
-  if (!generation.ok()) return generation.status();
+  ASSIGN_OR_RETURN(const uint64_t generation, ReadGeneration(environment, transaction.get()));
   return WriteMeta(environment, transaction, schema::kGenerationKey,
-                   schema::EncodeGeneration(*generation + 1));
+                   schema::EncodeGeneration(generation + 1));
 }
 
 absl::StatusOr<storage::v1::ProvenanceLog> ReadProvenance(const Environment& environment,
                                                           MDB_txn* transaction) {
-  const auto payload = ReadMeta(environment, transaction, schema::kProvenanceKey);
-  if (!payload.ok()) return payload.status();
+  ASSIGN_OR_RETURN(const auto payload, ReadMeta(environment, transaction, schema::kProvenanceKey));
   storage::v1::ProvenanceLog log;
-  if (*payload && !log.ParseFromString(**payload))
+  if (payload && !log.ParseFromString(*payload))
     return DatabaseStateDamaged(environment, schema::kProvenanceKey);
   return log;
 }
 
 absl::StatusOr<std::vector<std::string>> ReadSets(const Environment& environment,
                                                   MDB_txn* transaction) {
-  const auto payload = ReadMeta(environment, transaction, schema::kSetsKey);
-  if (!payload.ok()) return payload.status();
+  ASSIGN_OR_RETURN(const auto payload, ReadMeta(environment, transaction, schema::kSetsKey));
   storage::v1::RobotImageSets sets;
-  if (*payload && !sets.ParseFromString(**payload))
+  if (payload && !sets.ParseFromString(*payload))
     return DatabaseStateDamaged(environment, schema::kSetsKey);
   std::vector<std::string> names = {schema::kDefaultSet};
   names.insert(names.end(), sets.names().begin(), sets.names().end());
@@ -71,12 +68,10 @@ absl::StatusOr<std::vector<std::string>> ReadSets(const Environment& environment
 absl::StatusOr<std::vector<MDB_dbi>> FurtherSets(Environment& environment) {
   std::vector<std::string> names;
   {
-    const absl::StatusOr<ReadTransaction> transaction = environment.Read();
-    if (!transaction.ok()) return transaction.status();
+    ASSIGN_OR_RETURN(const ReadTransaction transaction, environment.Read());
     const auto hold = environment.HoldMap();
-    absl::StatusOr<std::vector<std::string>> read = ReadSets(environment, transaction->get());
-    if (!read.ok()) return read.status();
-    names.assign(read->begin() + 1, read->end());
+    ASSIGN_OR_RETURN(std::vector<std::string> read, ReadSets(environment, transaction.get()));
+    names.assign(read.begin() + 1, read.end());
   }
   std::vector<MDB_dbi> found;
   for (const std::string& name : names) {
@@ -88,10 +83,9 @@ absl::StatusOr<std::vector<MDB_dbi>> FurtherSets(Environment& environment) {
 
 absl::Status AddProvenance(const Environment& environment, WriteTransaction& transaction,
                            const storage::v1::Provenance& entry) {
-  absl::StatusOr<storage::v1::ProvenanceLog> log = ReadProvenance(environment, transaction.get());
-  if (!log.ok()) return log.status();
-  *log->add_entries() = entry;
-  return WriteMeta(environment, transaction, schema::kProvenanceKey, log->SerializeAsString());
+  ASSIGN_OR_RETURN(storage::v1::ProvenanceLog log, ReadProvenance(environment, transaction.get()));
+  *log.add_entries() = entry;
+  return WriteMeta(environment, transaction, schema::kProvenanceKey, log.SerializeAsString());
 }
 
 storage::v1::Provenance NewProvenance(absl::Time time, const std::string& program,

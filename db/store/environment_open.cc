@@ -16,6 +16,7 @@
 #include <utility>
 
 #include "absl/strings/str_cat.h"
+#include "db/status/status_macros.h"
 #include "db/store/page_check.h"
 #include "db/store/schema.h"
 #include "db/store/writer_lock.h"
@@ -94,14 +95,12 @@ absl::StatusOr<std::shared_ptr<Environment>> Environment::Create(const std::stri
                                                                  const Change& fill) {
   const std::lock_guard lock(TheRegistry().mutex);
   std::unique_ptr<Environment> environment(new Environment(folder));
-  if (absl::Status status = environment->OpenFiles(true); !status.ok()) return status;
+  RETURN_IF_ERROR(environment->OpenFiles(true));
   absl::Status status = environment->Update(0, [&](WriteTransaction& transaction) -> absl::Status {
-    const absl::StatusOr<MDB_dbi> meta = transaction.MakeSubDatabase(schema::kMeta);
-    if (!meta.ok()) return meta.status();
-    const absl::StatusOr<MDB_dbi> images = transaction.MakeSubDatabase(schema::kRobotImages);
-    if (!images.ok()) return images.status();
-    environment->meta_ = *meta;
-    environment->robot_images_ = *images;
+    ASSIGN_OR_RETURN(const MDB_dbi meta, transaction.MakeSubDatabase(schema::kMeta));
+    ASSIGN_OR_RETURN(const MDB_dbi images, transaction.MakeSubDatabase(schema::kRobotImages));
+    environment->meta_ = meta;
+    environment->robot_images_ = images;
     return fill(transaction);
   });
   if (!status.ok()) return status;
@@ -131,21 +130,20 @@ absl::StatusOr<std::shared_ptr<Environment>> Environment::Open(const std::string
     if (std::shared_ptr<Environment> shared = found->second.lock()) return shared;
     registry.closed.wait(lock);
   }
-  if (absl::Status status = CheckHead(data); !status.ok()) return status;
+  RETURN_IF_ERROR(CheckHead(data));
   std::unique_ptr<Environment> environment(new Environment(folder));
-  if (absl::Status status = environment->OpenFiles(false); !status.ok()) return status;
-  if (absl::Status status = environment->CheckState(); !status.ok()) return status;
-  if (absl::Status status = environment->OpenSubDatabases(); !status.ok()) return status;
+  RETURN_IF_ERROR(environment->OpenFiles(false));
+  RETURN_IF_ERROR(environment->CheckState());
+  RETURN_IF_ERROR(environment->OpenSubDatabases());
   return Register(std::move(environment), IdOf(file));
 }
 
 absl::Status Environment::OpenFiles(bool create) {
-  const absl::StatusOr<unsigned> flags = ChooseFlags();
-  if (!flags.ok()) return flags.status();
+  ASSIGN_OR_RETURN(const unsigned flags, ChooseFlags());
   if (int code = mdb_env_create(&environment_); code != 0) return ReadError(code);
   int code = mdb_env_set_maxdbs(environment_, schema::kMaxSubDatabases);
   if (code == 0 && create) code = mdb_env_set_mapsize(environment_, kFirstMapBytes);
-  if (code == 0) code = mdb_env_open(environment_, folder_.c_str(), *flags, 0664);
+  if (code == 0) code = mdb_env_open(environment_, folder_.c_str(), flags, 0664);
   if (code != 0) return create ? WriteError(code) : ReadError(code);
   int dead = 0;
   mdb_reader_check(environment_, &dead);
@@ -162,9 +160,8 @@ absl::StatusOr<unsigned> Environment::ChooseFlags() {
     if (!IsPermission(errno))
       return LmdbError(errno, EnvironmentOpenLockPath(folder_) + " cannot be opened");
     read_only_ = true;
-    const absl::StatusOr<int> guard = WriterLock::KeepWritersOut(folder_);
-    if (!guard.ok()) return guard.status();
-    readers_guard_ = *guard;
+    ASSIGN_OR_RETURN(const int guard, WriterLock::KeepWritersOut(folder_));
+    readers_guard_ = guard;
     return flags | MDB_RDONLY | MDB_NOLOCK;
   }
   // LMDB writes into the lock file through a map, which on a full disk would end the process.
@@ -250,9 +247,8 @@ absl::StatusOr<MDB_dbi> Environment::Make(const std::string& name) {
   const std::lock_guard lock(opened_mutex_);
   MDB_dbi database = 0;
   absl::Status status = Update(0, [&](WriteTransaction& transaction) -> absl::Status {
-    const absl::StatusOr<MDB_dbi> made = transaction.MakeSubDatabase(name.c_str());
-    if (!made.ok()) return made.status();
-    database = *made;
+    ASSIGN_OR_RETURN(const MDB_dbi made, transaction.MakeSubDatabase(name.c_str()));
+    database = made;
     return absl::OkStatus();
   });
   if (!status.ok()) return status;

@@ -8,6 +8,8 @@
 #include <unordered_map>
 #include <utility>
 
+#include "db/status/status_macros.h"
+
 namespace silhouette {
 namespace {
 
@@ -68,16 +70,13 @@ absl::StatusOr<std::optional<Witnesses>> WitnessesOf(const ConfigurationGrid& gr
     if (!place) return ImageCache::Image();
     return cache.Get(grid.NumberOf(*place));
   };
-  const absl::StatusOr<ImageCache::Image> before = image_at(-1);
-  if (!before.ok()) return before.status();
-  const absl::StatusOr<ImageCache::Image> after = image_at(1);
-  if (!after.ok()) return after.status();
-  if (*before && *after) return Witnesses{*before, *after, false};
-  if (!*before && !*after) return std::optional<Witnesses>();
-  const absl::StatusOr<ImageCache::Image> beyond = image_at(*before ? -2 : 2);
-  if (!beyond.ok()) return beyond.status();
-  if (!*beyond) return std::optional<Witnesses>();
-  return Witnesses{*before ? *before : *after, *beyond, true};
+  ASSIGN_OR_RETURN(const ImageCache::Image before, image_at(-1));
+  ASSIGN_OR_RETURN(const ImageCache::Image after, image_at(1));
+  if (before && after) return Witnesses{before, after, false};
+  if (!before && !after) return std::optional<Witnesses>();
+  ASSIGN_OR_RETURN(const ImageCache::Image beyond, image_at(before ? -2 : 2));
+  if (!beyond) return std::optional<Witnesses>();
+  return Witnesses{before ? before : after, beyond, true};
 }
 
 size_t DifferingPixels(const Mask& a, const Mask& b) {
@@ -129,9 +128,8 @@ class OutlierSearch {
     const GridIndex index = *grid_.IndexOf(number);
     std::vector<Witnesses> witnesses;
     for (int joint = 0; joint < grid_.dimensions(); ++joint) {
-      absl::StatusOr<std::optional<Witnesses>> found = WitnessesOf(grid_, index, joint, cache_);
-      if (!found.ok()) return found.status();
-      if (*found) witnesses.push_back(**std::move(found));
+      ASSIGN_OR_RETURN(std::optional<Witnesses> found, WitnessesOf(grid_, index, joint, cache_));
+      if (found) witnesses.push_back(*std::move(found));
     }
     for (size_t view = 0; view < image->masks.size(); ++view) {
       const auto report = [&](OutlierReason reason) {
@@ -192,7 +190,7 @@ absl::StatusOr<std::vector<Outlier>> FindOutliers(const Snapshot& snapshot,
     if (failure.ok() && progress && !progress(++done)) failure = absl::CancelledError("stopped");
     return failure.ok();
   };
-  if (absl::Status status = snapshot.ForEach(visit); !status.ok()) return status;
+  RETURN_IF_ERROR(snapshot.ForEach(visit));
   if (!failure.ok()) return failure;
   return search.Take();
 }

@@ -3,6 +3,7 @@
 #include <utility>
 
 #include "absl/strings/str_cat.h"
+#include "db/status/status_macros.h"
 #include "db/store/database_state.h"
 #include "db/store/raw_image_format.h"
 #include "db/store/schema.h"
@@ -29,9 +30,8 @@ absl::StatusOr<std::optional<RawImage>> Snapshot::FindRawImage(ConfigurationNumb
   // EINVAL: the snapshot is of before there were any.
   if (code == MDB_NOTFOUND || code == EINVAL) return std::optional<RawImage>();
   if (code != 0) return environment.ReadError(code);
-  absl::StatusOr<RawImage> image = DecodeRawImage(number, place, FromVal(value));
-  if (!image.ok()) return image.status();
-  return std::optional<RawImage>(*std::move(image));
+  ASSIGN_OR_RETURN(RawImage image, DecodeRawImage(number, place, FromVal(value)));
+  return std::optional<RawImage>(std::move(image));
 }
 
 absl::StatusOr<std::vector<ConfigurationNumber>> Snapshot::RawImageNumbers() const {
@@ -84,11 +84,10 @@ absl::StatusOr<storage::v1::References> Snapshot::ReferencesOf(uint64_t id) cons
 
 absl::StatusOr<storage::v1::CaptureHistory> Snapshot::CaptureHistory() const {
   const auto hold = impl_->environment().HoldMap();
-  const auto payload =
-      ReadMeta(impl_->environment(), impl_->transaction(), impl_->state->places.capture_key);
-  if (!payload.ok()) return payload.status();
+  ASSIGN_OR_RETURN(const auto payload, ReadMeta(impl_->environment(), impl_->transaction(),
+                                                impl_->state->places.capture_key));
   storage::v1::CaptureHistory history;
-  if (*payload && !history.ParseFromString(**payload)) {
+  if (payload && !history.ParseFromString(*payload)) {
     return absl::DataLossError(
         absl::StrCat("database '", impl_->state->path, "': its capture history is damaged"));
   }

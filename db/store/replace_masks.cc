@@ -6,6 +6,7 @@
 #include "absl/cleanup/cleanup.h"
 #include "absl/strings/str_cat.h"
 #include "absl/time/clock.h"
+#include "db/status/status_macros.h"
 #include "db/store/database_state.h"
 #include "db/store/raw_records.h"
 #include "db/store/robot_image_format.h"
@@ -23,9 +24,8 @@ class Records {
   // Null: there are no more. Valid until the next call.
   absl::StatusOr<const RawRecord*> Next() {
     if (next_ == chunk_.size()) {
-      absl::StatusOr<std::vector<RawRecord>> chunk = ReadChunk(source_, keys_);
-      if (!chunk.ok()) return chunk.status();
-      chunk_ = *std::move(chunk);
+      ASSIGN_OR_RETURN(std::vector<RawRecord> chunk, ReadChunk(source_, keys_));
+      chunk_ = std::move(chunk);
       next_ = 0;
       if (chunk_.empty()) return nullptr;
       keys_.after = chunk_.back().key;
@@ -54,13 +54,11 @@ absl::Status CheckSameRecords(const RecordSource& stored, const RecordSource& ma
   Records ours(stored);
   Records theirs(made);
   for (;;) {
-    const auto one = ours.Next();
-    if (!one.ok()) return one.status();
-    const auto other = theirs.Next();
-    if (!other.ok()) return other.status();
-    if (*one == nullptr && *other == nullptr) return absl::OkStatus();
-    if (*one == nullptr || *other == nullptr || (*one)->key != (*other)->key ||
-        IsExcluded(**one, mask_sizes) != IsExcluded(**other, mask_sizes)) {
+    ASSIGN_OR_RETURN(const auto one, ours.Next());
+    ASSIGN_OR_RETURN(const auto other, theirs.Next());
+    if (one == nullptr && other == nullptr) return absl::OkStatus();
+    if (one == nullptr || other == nullptr || one->key != other->key ||
+        IsExcluded(*one, mask_sizes) != IsExcluded(*other, mask_sizes)) {
       return absl::InvalidArgumentError(
           "the new masks are not of just the configurations that have robot images");
     }
@@ -89,39 +87,33 @@ absl::Status Database::ReplaceMasks(const Database& made, const std::string& pro
     return absl::FailedPreconditionError(
         absl::StrCat("database '", path(), "' is open for reading only"));
   }
-  if (absl::Status status = CheckSameShape(*this, made); !status.ok()) return status;
+  RETURN_IF_ERROR(CheckSameShape(*this, made));
   if (state_->has_writer->exchange(true)) {
     return absl::FailedPreconditionError(
         absl::StrCat("database '", path(), "' is being written into"));
   }
   const absl::Cleanup done = [this] { *state_->has_writer = false; };
-  const auto stored_sets = ReadSets();
-  if (!stored_sets.ok()) return stored_sets.status();
-  const auto made_sets = made.ReadSets();
-  if (!made_sets.ok()) return made_sets.status();
+  ASSIGN_OR_RETURN(const auto stored_sets, ReadSets());
+  ASSIGN_OR_RETURN(const auto made_sets, made.ReadSets());
   uint64_t records = 0;
-  for (size_t i = 0; i < stored_sets->size(); ++i) {
-    const Snapshot& stored = (*stored_sets)[i].snapshot;
-    absl::Status status = CheckSameRecords(
-        stored.impl_->records(), (*made_sets)[i].snapshot.impl_->records(), state_->mask_sizes);
-    if (!status.ok()) return status;
+  for (size_t i = 0; i < stored_sets.size(); ++i) {
+    const Snapshot& stored = stored_sets[i].snapshot;
+    RETURN_IF_ERROR(CheckSameRecords(stored.impl_->records(),
+                                     made_sets[i].snapshot.impl_->records(), state_->mask_sizes));
     records += stored.size();
   }
-  const absl::StatusOr<Usage> usage = made.GetUsage();
-  if (!usage.ok()) return usage.status();
+  ASSIGN_OR_RETURN(const Usage usage, made.GetUsage());
   storage::v1::CellDescription description = cell();
   description.set_segmentation(made.cell().segmentation());
   Environment& environment = *state_->environment;
   const auto change = [&](WriteTransaction& transaction) -> absl::Status {
-    for (size_t i = 0; i < made_sets->size(); ++i) {
-      const MDB_dbi place = (*stored_sets)[i].database->state_->robot_images;
-      Records records_of_set((*made_sets)[i].snapshot.impl_->records());
+    for (size_t i = 0; i < made_sets.size(); ++i) {
+      const MDB_dbi place = stored_sets[i].database->state_->robot_images;
+      Records records_of_set(made_sets[i].snapshot.impl_->records());
       for (;;) {
-        const auto record = records_of_set.Next();
-        if (!record.ok()) return record.status();
-        if (*record == nullptr) break;
-        absl::Status status = transaction.Put(place, (*record)->key, (*record)->value);
-        if (!status.ok()) return status;
+        ASSIGN_OR_RETURN(const auto record, records_of_set.Next());
+        if (record == nullptr) break;
+        RETURN_IF_ERROR(transaction.Put(place, record->key, record->value));
       }
     }
     absl::Status status =
@@ -132,7 +124,7 @@ absl::Status Database::ReplaceMasks(const Database& made, const std::string& pro
     }
     return status.ok() ? RaiseGeneration(environment, transaction) : status;
   };
-  const absl::Status status = environment.Update(usage->used_bytes, change);
+  const absl::Status status = environment.Update(usage.used_bytes, change);
   if (status.ok()) state_->cell = description;
   return status;
 }

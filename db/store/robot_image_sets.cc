@@ -6,6 +6,7 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_join.h"
 #include "absl/time/clock.h"
+#include "db/status/status_macros.h"
 #include "db/store/database_state.h"
 #include "db/store/schema.h"
 #include "db/store/store.h"
@@ -21,21 +22,19 @@ const std::string& Database::set() const { return state_->places.name; }
 
 absl::StatusOr<std::vector<std::string>> Database::Sets() const {
   Environment& environment = *state_->environment;
-  const absl::StatusOr<ReadTransaction> transaction = environment.Read();
-  if (!transaction.ok()) return transaction.status();
+  ASSIGN_OR_RETURN(const ReadTransaction transaction, environment.Read());
   const auto hold = environment.HoldMap();
-  return silhouette::ReadSets(environment, transaction->get());
+  return silhouette::ReadSets(environment, transaction.get());
 }
 
 absl::StatusOr<std::unique_ptr<Database>> Database::OpenSet(const std::string& name) const {
-  const absl::StatusOr<std::vector<std::string>> names = Sets();
-  if (!names.ok()) return names.status();
+  ASSIGN_OR_RETURN(const std::vector<std::string> names, Sets());
   const schema::SetPlaces places = schema::PlacesOfSet(name);
   const auto images = state_->environment->Find(places.robot_images);
-  if (std::ranges::find(*names, name) == names->end() || !images) {
+  if (std::ranges::find(names, name) == names.end() || !images) {
     return absl::NotFoundError(
         absl::StrCat("database '", path(), "' has no set '", name, "'; its sets are ",
-                     absl::StrJoin(*names, ", ", [](std::string* out, const std::string& known) {
+                     absl::StrJoin(names, ", ", [](std::string* out, const std::string& known) {
                        absl::StrAppend(out, RobotImageSetsQuoted(known));
                      })));
   }
@@ -62,22 +61,20 @@ absl::StatusOr<std::unique_ptr<Database>> Database::CreateSet(const std::string&
     return absl::FailedPreconditionError(
         absl::StrCat("database '", path(), "' is open for reading only"));
   }
-  absl::StatusOr<std::vector<std::string>> names = Sets();
-  if (!names.ok()) return names.status();
-  if (std::ranges::find(*names, name) != names->end()) {
+  ASSIGN_OR_RETURN(std::vector<std::string> names, Sets());
+  if (std::ranges::find(names, name) != names.end()) {
     return absl::AlreadyExistsError(
         absl::StrCat("database '", path(), "' has a set '", name, "' already"));
   }
-  if (names->size() >= schema::kMaxSets) {
+  if (names.size() >= schema::kMaxSets) {
     return absl::FailedPreconditionError(
-        absl::StrCat("database '", path(), "' has ", names->size(),
+        absl::StrCat("database '", path(), "' has ", names.size(),
                      " sets, as many as there may be; remove one, or make another database"));
   }
   // Empty and of no set, if the change after it is not made.
-  const auto made = state_->environment->Make(schema::PlacesOfSet(name).robot_images);
-  if (!made.ok()) return made.status();
-  names->push_back(name);
-  if (absl::Status status = ChangeSets(*names, program); !status.ok()) return status;
+  RETURN_IF_ERROR(state_->environment->Make(schema::PlacesOfSet(name).robot_images).status());
+  names.push_back(name);
+  RETURN_IF_ERROR(ChangeSets(names, program));
   return OpenSet(name);
 }
 
@@ -85,7 +82,7 @@ absl::Status Database::RemoveSet(const std::string& name, const std::string& pro
   if (name == schema::kDefaultSet) {
     return absl::InvalidArgumentError("the default set cannot be removed: others rest on it");
   }
-  if (const auto set = OpenSet(name); !set.ok()) return set.status();
+  RETURN_IF_ERROR(OpenSet(name).status());
   if (!state_->writer_lock) {
     return absl::FailedPreconditionError(
         absl::StrCat("database '", path(), "' is open for reading only"));
@@ -103,11 +100,10 @@ absl::Status Database::RemoveSet(const std::string& name, const std::string& pro
     if (const auto database = environment.Find(place)) emptied.push_back(*database);
   }
   return environment.Update(0, [&](WriteTransaction& transaction) -> absl::Status {
-    const absl::StatusOr<std::vector<std::string>> names =
-        silhouette::ReadSets(environment, transaction.get());
-    if (!names.ok()) return names.status();
+    ASSIGN_OR_RETURN(const std::vector<std::string> names,
+                     silhouette::ReadSets(environment, transaction.get()));
     storage::v1::RobotImageSets left;
-    for (const std::string& other : *names) {
+    for (const std::string& other : names) {
       if (other != name && other != schema::kDefaultSet) left.add_names(other);
     }
     // The sub-databases stay, empty: others of this process may use them.

@@ -5,6 +5,7 @@
 #include "absl/cleanup/cleanup.h"
 #include "absl/strings/str_cat.h"
 #include "absl/time/clock.h"
+#include "db/status/status_macros.h"
 #include "db/store/database_state.h"
 #include "db/store/raw_image_format.h"
 #include "db/store/robot_image_format.h"
@@ -52,19 +53,18 @@ absl::Status WriteRawImages(WriteTransaction& transaction, MDB_dbi raw_images, i
 // 0 without any.
 absl::StatusOr<uint64_t> KeepReferences(WriteTransaction& transaction, MDB_dbi raw_images) {
   const Environment& environment = transaction.environment();
-  const auto payload = ReadMeta(environment, transaction.get(), schema::kReferencesKey);
-  if (!payload.ok()) return payload.status();
-  if (!*payload) return uint64_t{0};
-  const uint64_t id = IdOfReferences(**payload);
+  ASSIGN_OR_RETURN(const auto payload,
+                   ReadMeta(environment, transaction.get(), schema::kReferencesKey));
+  if (!payload) return uint64_t{0};
+  const uint64_t id = IdOfReferences(*payload);
   const RawImageKey key = EncodeReferencesKey(id);
   MDB_val key_val = ToVal({key.data(), key.size()});
   MDB_val value;
   const int code = mdb_get(transaction.get(), raw_images, &key_val, &value);
   if (code == 0) return id;
   if (code != MDB_NOTFOUND) return environment.ReadError(code);
-  absl::Status status =
-      transaction.Put(raw_images, {key.data(), key.size()}, schema::SealMeta(**payload));
-  if (!status.ok()) return status;
+  RETURN_IF_ERROR(
+      transaction.Put(raw_images, {key.data(), key.size()}, schema::SealMeta(*payload)));
   return id;
 }
 
@@ -89,8 +89,7 @@ absl::Status KeepDependents(WriteTransaction& transaction, const DatabaseState& 
     const std::optional<std::string> own = OwnValue(
         number, value, Stored(transaction, state.robot_images, key_view), state.mask_sizes);
     if (!own) continue;  // it cannot be read as it is
-    absl::Status status = transaction.Put(images, key_view, *own);
-    if (!status.ok()) return status;
+    RETURN_IF_ERROR(transaction.Put(images, key_view, *own));
   }
   return absl::OkStatus();
 }
@@ -133,7 +132,7 @@ struct RobotImageWriter::Impl {
 
 absl::StatusOr<bool> RobotImageWriter::Impl::IsStored(ConfigurationNumber number) {
   Environment& environment = *state->environment;
-  if (absl::Status status = lookup.Renew(); !status.ok()) return status;
+  RETURN_IF_ERROR(lookup.Renew());
   const absl::Cleanup reset = [this] { lookup.Reset(); };
   const auto hold = environment.HoldMap();
   const schema::NumberKey key = schema::EncodeKey(number);
@@ -186,9 +185,8 @@ absl::Status RobotImageWriter::Impl::WriteAllRawImages(WriteTransaction& transac
   if (has_raw_images()) references = KeepReferences(transaction, raw_images);
   if (!references.ok()) return references.status();
   for (const auto& [number, waiting] : batch) {
-    absl::Status status = WriteRawImages(transaction, raw_images, state->cell.views_size(), number,
-                                         waiting, *references);
-    if (!status.ok()) return status;
+    RETURN_IF_ERROR(WriteRawImages(transaction, raw_images, state->cell.views_size(), number,
+                                   waiting, *references));
   }
   return absl::OkStatus();
 }
@@ -201,15 +199,13 @@ bool RobotImageWriter::Impl::has_raw_images() const {
 // Returns the place of this session's entry.
 absl::StatusOr<int> RobotImageWriter::Impl::WriteProvenance(WriteTransaction& transaction) const {
   const Environment& environment = *state->environment;
-  absl::StatusOr<storage::v1::ProvenanceLog> log = ReadProvenance(environment, transaction.get());
-  if (!log.ok()) return log.status();
-  const int place = provenance_entry.value_or(log->entries_size());
-  if (place == log->entries_size()) log->add_entries();
-  *log->mutable_entries(place) = NewProvenance(started, program, committed + batch.size());
-  if (!state->places.is_default()) log->mutable_entries(place)->set_set(state->places.name);
-  absl::Status status =
-      WriteMeta(environment, transaction, schema::kProvenanceKey, log->SerializeAsString());
-  if (!status.ok()) return status;
+  ASSIGN_OR_RETURN(storage::v1::ProvenanceLog log, ReadProvenance(environment, transaction.get()));
+  const int place = provenance_entry.value_or(log.entries_size());
+  if (place == log.entries_size()) log.add_entries();
+  *log.mutable_entries(place) = NewProvenance(started, program, committed + batch.size());
+  if (!state->places.is_default()) log.mutable_entries(place)->set_set(state->places.name);
+  RETURN_IF_ERROR(
+      WriteMeta(environment, transaction, schema::kProvenanceKey, log.SerializeAsString()));
   return place;
 }
 
@@ -224,20 +220,19 @@ absl::StatusOr<RobotImageWriter> Database::Write(const std::string& program,
     return absl::FailedPreconditionError(
         absl::StrCat("database '", path(), "' is open for reading only"));
   }
-  absl::StatusOr<ReadTransaction> lookup = state_->environment->Read();
-  if (!lookup.ok()) return lookup.status();
-  lookup->Reset();
+  ASSIGN_OR_RETURN(ReadTransaction lookup, state_->environment->Read());
+  lookup.Reset();
   if (state_->has_writer->exchange(true)) {
     return absl::FailedPreconditionError(
         absl::StrCat("database '", path(), "' has a writer already"));
   }
   return RobotImageWriter(
-      std::make_unique<RobotImageWriter::Impl>(state_, program, max_delay, *std::move(lookup)));
+      std::make_unique<RobotImageWriter::Impl>(state_, program, max_delay, std::move(lookup)));
 }
 
 absl::Status RobotImageWriter::Impl::Add(const RobotImage& image, bool replace,
                                          std::vector<std::string> raw_images) {
-  if (absl::Status status = CheckFits(*state, image); !status.ok()) return status;
+  RETURN_IF_ERROR(CheckFits(*state, image));
   if (!raw_images.empty() && raw_images.size() != image.masks.size()) {
     return absl::InvalidArgumentError(absl::StrCat("robot image ", image.number, ": it has ",
                                                    raw_images.size(), " raw images for ",
@@ -245,9 +240,8 @@ absl::Status RobotImageWriter::Impl::Add(const RobotImage& image, bool replace,
   }
   const auto present = batch.find(image.number);
   if (!replace) {
-    absl::StatusOr<bool> stored = IsStored(image.number);
-    if (!stored.ok()) return stored.status();
-    if (*stored || present != batch.end()) {
+    ASSIGN_OR_RETURN(bool stored, IsStored(image.number));
+    if (stored || present != batch.end()) {
       return absl::AlreadyExistsError(
           absl::StrCat("configuration ", image.number, " has a robot image already"));
     }
@@ -265,8 +259,7 @@ absl::Status RobotImageWriter::Put(const RobotImage& image, bool replace) {
 
 absl::Status RobotImageWriter::Put(const RobotImage& image, bool replace,
                                    std::vector<std::string> raw_images) {
-  absl::Status status = impl_->Add(image, replace, std::move(raw_images));
-  if (!status.ok()) return status;
+  RETURN_IF_ERROR(impl_->Add(image, replace, std::move(raw_images)));
   const bool due = absl::Now() - impl_->last_commit >= impl_->max_delay;
   return due || impl_->batch_bytes >= kBatchBytes ? Commit() : absl::OkStatus();
 }
@@ -277,24 +270,20 @@ absl::Status RobotImageWriter::Commit() {
     // Before the transaction, which could not open it.
     std::optional<MDB_dbi> raw_images = environment.Find(impl_->state->places.raw_images);
     if (!raw_images && impl_->has_raw_images()) {
-      const auto made = environment.Make(impl_->state->places.raw_images);
-      if (!made.ok()) return made.status();
-      raw_images = *made;
+      ASSIGN_OR_RETURN(const auto made, environment.Make(impl_->state->places.raw_images));
+      raw_images = made;
     }
     std::vector<MDB_dbi> dependents;
     if (impl_->state->places.is_default()) {
-      absl::StatusOr<std::vector<MDB_dbi>> found = FurtherSets(environment);
-      if (!found.ok()) return found.status();
-      dependents = *std::move(found);
+      ASSIGN_OR_RETURN(std::vector<MDB_dbi> found, FurtherSets(environment));
+      dependents = std::move(found);
     }
     int provenance_entry = 0;
     absl::Status status =
         environment.Update(impl_->batch_bytes, [&](WriteTransaction& transaction) -> absl::Status {
-          absl::Status written = impl_->WriteBatch(transaction, dependents, raw_images);
-          if (!written.ok()) return written;
-          const absl::StatusOr<int> place = impl_->WriteProvenance(transaction);
-          if (!place.ok()) return place.status();
-          provenance_entry = *place;
+          RETURN_IF_ERROR(impl_->WriteBatch(transaction, dependents, raw_images));
+          ASSIGN_OR_RETURN(const int place, impl_->WriteProvenance(transaction));
+          provenance_entry = place;
           return RaiseGeneration(environment, transaction);
         });
     if (!status.ok()) return status;

@@ -8,6 +8,7 @@
 #include <utility>
 
 #include "absl/strings/str_cat.h"
+#include "db/status/status_macros.h"
 #include "db/store/raw_records.h"
 #include "db/store/schema.h"
 #include "db/store/snapshot_impl.h"
@@ -42,13 +43,12 @@ class RecordWalk {
     words_.resize(room);
     KeyRange keys;
     for (;;) {
-      const auto chunk = ReadChunk(snapshot_.records(), keys);
-      if (!chunk.ok()) return chunk.status();
-      if (chunk->empty()) return absl::OkStatus();
-      for (const RawRecord& record : *chunk) {
-        if (absl::Status status = Meet(record, visit); !status.ok()) return status;
+      ASSIGN_OR_RETURN(const auto chunk, ReadChunk(snapshot_.records(), keys));
+      if (chunk.empty()) return absl::OkStatus();
+      for (const RawRecord& record : chunk) {
+        RETURN_IF_ERROR(Meet(record, visit));
       }
-      keys.after = chunk->back().key;
+      keys.after = chunk.back().key;
     }
   }
 

@@ -1,6 +1,7 @@
 #include <utility>
 
 #include "absl/strings/str_cat.h"
+#include "db/status/status_macros.h"
 #include "db/store/database_state.h"
 #include "db/store/raw_records.h"
 #include "db/store/robot_image_format.h"
@@ -33,49 +34,43 @@ Snapshot& Snapshot::operator=(Snapshot&&) noexcept = default;
 
 absl::StatusOr<Snapshot> Database::Read() const {
   OpenSubDatabases(*state_);
-  absl::StatusOr<ReadTransaction> transaction = state_->environment->Read();
-  if (!transaction.ok()) return transaction.status();
-  return StateOf(std::make_shared<const ReadTransaction>(*std::move(transaction)));
+  ASSIGN_OR_RETURN(ReadTransaction transaction, state_->environment->Read());
+  return StateOf(std::make_shared<const ReadTransaction>(std::move(transaction)));
 }
 
 absl::StatusOr<Snapshot> Database::StateOf(std::shared_ptr<const ReadTransaction> held) const {
   Environment& environment = *state_->environment;
   const auto hold = environment.HoldMap();
-  const absl::StatusOr<uint64_t> generation = ReadGeneration(environment, held->get());
-  if (!generation.ok()) return generation.status();
+  ASSIGN_OR_RETURN(const uint64_t generation, ReadGeneration(environment, held->get()));
   MDB_stat images;
   const int code = mdb_stat(held->get(), state_->robot_images, &images);
   if (code != 0) return environment.ReadError(code);
   return Snapshot(std::make_unique<Snapshot::Impl>(
-      Snapshot::Impl{state_, std::move(held), *generation, images.ms_entries}));
+      Snapshot::Impl{state_, std::move(held), generation, images.ms_entries}));
 }
 
 absl::StatusOr<std::vector<SetState>> Database::ReadSets() const {
   constexpr int kAttempts = 100;
   for (int attempt = 0; attempt < kAttempts; ++attempt) {
-    const absl::StatusOr<std::vector<std::string>> names = Sets();
-    if (!names.ok()) return names.status();
+    ASSIGN_OR_RETURN(const std::vector<std::string> names, Sets());
     std::vector<std::unique_ptr<Database>> sets;
-    for (const std::string& name : *names) {
+    for (const std::string& name : names) {
       absl::StatusOr<std::unique_ptr<Database>> set = OpenSet(name);
       if (!set.ok()) break;
       OpenSubDatabases(*(*set)->state_);
       sets.push_back(*std::move(set));
     }
-    absl::StatusOr<ReadTransaction> transaction = state_->environment->Read();
-    if (!transaction.ok()) return transaction.status();
-    const auto held = std::make_shared<const ReadTransaction>(*std::move(transaction));
+    ASSIGN_OR_RETURN(ReadTransaction transaction, state_->environment->Read());
+    const auto held = std::make_shared<const ReadTransaction>(std::move(transaction));
     {
       const auto hold = state_->environment->HoldMap();
-      const auto present = silhouette::ReadSets(*state_->environment, held->get());
-      if (!present.ok()) return present.status();
-      if (*present != *names || sets.size() != names->size()) continue;  // changed meanwhile
+      ASSIGN_OR_RETURN(const auto present, silhouette::ReadSets(*state_->environment, held->get()));
+      if (present != names || sets.size() != names.size()) continue;  // changed meanwhile
     }
     std::vector<SetState> states;
     for (std::unique_ptr<Database>& set : sets) {
-      absl::StatusOr<Snapshot> snapshot = set->StateOf(held);
-      if (!snapshot.ok()) return snapshot.status();
-      states.push_back({std::move(set), *std::move(snapshot)});
+      ASSIGN_OR_RETURN(Snapshot snapshot, set->StateOf(held));
+      states.push_back({std::move(set), std::move(snapshot)});
     }
     return states;
   }
@@ -93,11 +88,10 @@ absl::StatusOr<std::optional<RobotImage>> Snapshot::Find(ConfigurationNumber num
   const int code = Get(impl_->records(), number, value);
   if (code == MDB_NOTFOUND) return std::optional<RobotImage>();
   if (code != 0) return impl_->environment().ReadError(code);
-  absl::StatusOr<RobotImage> image =
-      DecodeRobotImage(number, FromVal(value), impl_->state->mask_sizes,
-                       BaseOf(impl_->records(), number, FromVal(value)));
-  if (!image.ok()) return image.status();
-  return std::optional<RobotImage>(*std::move(image));
+  ASSIGN_OR_RETURN(RobotImage image,
+                   DecodeRobotImage(number, FromVal(value), impl_->state->mask_sizes,
+                                    BaseOf(impl_->records(), number, FromVal(value))));
+  return std::optional<RobotImage>(std::move(image));
 }
 
 absl::StatusOr<bool> Snapshot::Contains(ConfigurationNumber number) const {
@@ -113,10 +107,9 @@ absl::Status Snapshot::ForEach(
   absl::Status damage;
   KeyRange keys;
   for (;;) {
-    const absl::StatusOr<std::vector<RawRecord>> chunk = ReadChunk(impl_->records(), keys);
-    if (!chunk.ok()) return chunk.status();
-    if (chunk->empty()) return damage;
-    for (const RawRecord& record : *chunk) {
+    ASSIGN_OR_RETURN(const std::vector<RawRecord> chunk, ReadChunk(impl_->records(), keys));
+    if (chunk.empty()) return damage;
+    for (const RawRecord& record : chunk) {
       const std::optional<ConfigurationNumber> number = schema::DecodeKey(record.key);
       if (!number || !impl_->state->grid.Contains(*number)) {
         damage = absl::DataLossError(absl::StrCat("database '", impl_->state->path,
@@ -126,16 +119,16 @@ absl::Status Snapshot::ForEach(
         return damage;
       }
     }
-    keys.after = chunk->back().key;
+    keys.after = chunk.back().key;
   }
 }
 
 absl::StatusOr<std::optional<storage::v1::References>> Snapshot::References() const {
   const auto hold = impl_->environment().HoldMap();
-  const auto payload = ReadMeta(impl_->environment(), impl_->transaction(), schema::kReferencesKey);
-  if (!payload.ok()) return payload.status();
+  ASSIGN_OR_RETURN(const auto payload,
+                   ReadMeta(impl_->environment(), impl_->transaction(), schema::kReferencesKey));
   std::optional<storage::v1::References> references;
-  if (*payload && !references.emplace().ParseFromString(**payload)) {
+  if (payload && !references.emplace().ParseFromString(*payload)) {
     return absl::DataLossError(
         absl::StrCat("database '", impl_->state->path, "': its reference images are damaged"));
   }
@@ -144,12 +137,11 @@ absl::StatusOr<std::optional<storage::v1::References>> Snapshot::References() co
 
 absl::StatusOr<std::optional<storage::v1::Calibration>> Snapshot::Calibration() const {
   const auto hold = impl_->environment().HoldMap();
-  const auto payload =
-      ReadMeta(impl_->environment(), impl_->transaction(), schema::kCalibrationKey);
-  if (!payload.ok()) return payload.status();
+  ASSIGN_OR_RETURN(const auto payload,
+                   ReadMeta(impl_->environment(), impl_->transaction(), schema::kCalibrationKey));
   std::optional<storage::v1::Calibration> calibration;
-  if (*payload && (!calibration.emplace().ParseFromString(**payload) ||
-                   !CheckCalibration(*calibration, impl_->state->cell).ok())) {
+  if (payload && (!calibration.emplace().ParseFromString(*payload) ||
+                  !CheckCalibration(*calibration, impl_->state->cell).ok())) {
     return absl::DataLossError(
         absl::StrCat("database '", impl_->state->path,
                      "': its calibration is damaged; import it anew, or remove it"));

@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <utility>
 
+#include "db/status/status_macros.h"
+
 namespace silhouette {
 
 absl::StatusOr<DatabaseStatistics> StatisticsOf(const Snapshot& snapshot,
@@ -39,7 +41,7 @@ absl::StatusOr<DatabaseStatistics> StatisticsOf(const Snapshot& snapshot,
     cancelled = progress && !progress(++done);
     return !cancelled;
   };
-  if (absl::Status status = snapshot.ForEach(visit); !status.ok()) return status;
+  RETURN_IF_ERROR(snapshot.ForEach(visit));
   if (cancelled) return absl::CancelledError("stopped");
   for (size_t i = 0; i < areas.size() && statistics.captured > 0; ++i) {
     statistics.views[i].mean_area = areas[i] / static_cast<double>(statistics.captured);

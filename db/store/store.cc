@@ -11,6 +11,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "absl/time/clock.h"
+#include "db/status/status_macros.h"
 #include "db/store/database_state.h"
 #include "db/store/schema.h"
 
@@ -44,13 +45,10 @@ absl::Status CheckNames(const CellDescription& cell) {
 // A state of which only path, cell, grid and mask sizes are set.
 absl::StatusOr<std::shared_ptr<DatabaseState>> Describe(const std::string& path,
                                                         const CellDescription& cell) {
-  if (absl::Status status = CheckNames(cell); !status.ok()) return status;
-  absl::StatusOr<ConfigurationGrid> grid = GridOf(cell);
-  if (!grid.ok()) return grid.status();
-  absl::StatusOr<std::vector<MaskSize>> mask_sizes = MaskSizesOf(cell);
-  if (!mask_sizes.ok()) return mask_sizes.status();
-  auto state =
-      std::make_shared<DatabaseState>(path, cell, *std::move(grid), *std::move(mask_sizes));
+  RETURN_IF_ERROR(CheckNames(cell));
+  ASSIGN_OR_RETURN(ConfigurationGrid grid, GridOf(cell));
+  ASSIGN_OR_RETURN(std::vector<MaskSize> mask_sizes, MaskSizesOf(cell));
+  auto state = std::make_shared<DatabaseState>(path, cell, std::move(grid), std::move(mask_sizes));
   state->cell.mutable_tile_edges()->Assign(state->grid.tile_edges().begin(),
                                            state->grid.tile_edges().end());
   return state;
@@ -115,11 +113,9 @@ Database::~Database() = default;
 
 absl::StatusOr<std::unique_ptr<Database>> Database::Create(const std::string& path,
                                                            const CellDescription& cell) {
-  absl::StatusOr<std::shared_ptr<DatabaseState>> state = Describe(path, cell);
-  if (!state.ok()) return state.status();
-  if (absl::Status status = PrepareFolder(path); !status.ok()) return status;
-  absl::StatusOr<WriterLock> lock = WriterLock::Take(path);
-  if (!lock.ok()) return lock.status();
+  ASSIGN_OR_RETURN(std::shared_ptr<DatabaseState> state, Describe(path, cell));
+  RETURN_IF_ERROR(PrepareFolder(path));
+  ASSIGN_OR_RETURN(WriterLock lock, WriterLock::Take(path));
   const absl::Status existing = Environment::Open(path).status();
   if (existing.ok()) {
     return absl::AlreadyExistsError(absl::StrCat("there is a database in '", path, "' already"));
@@ -128,37 +124,34 @@ absl::StatusOr<std::unique_ptr<Database>> Database::Create(const std::string& pa
   RemoveFiles(path);
   absl::StatusOr<std::shared_ptr<Environment>> environment =
       Environment::Create(path, [&](WriteTransaction& transaction) {
-        return Fill(transaction.environment(), transaction, (*state)->cell);
+        return Fill(transaction.environment(), transaction, state->cell);
       });
   if (!environment.ok()) {
     RemoveFiles(path);
     return environment.status();
   }
-  (*state)->writer_lock = std::make_shared<const WriterLock>(*std::move(lock));
-  (*state)->robot_images = (*environment)->robot_images();
-  (*state)->environment = *std::move(environment);
-  return std::unique_ptr<Database>(new Database(*std::move(state)));
+  state->writer_lock = std::make_shared<const WriterLock>(std::move(lock));
+  state->robot_images = (*environment)->robot_images();
+  state->environment = *std::move(environment);
+  return std::unique_ptr<Database>(new Database(std::move(state)));
 }
 
 absl::StatusOr<std::unique_ptr<Database>> Database::Open(const std::string& path, Access access) {
-  absl::StatusOr<std::shared_ptr<Environment>> environment = Environment::Open(path);
-  if (!environment.ok()) return environment.status();
+  ASSIGN_OR_RETURN(std::shared_ptr<Environment> environment, Environment::Open(path));
   std::optional<WriterLock> lock;
   if (access == Access::kWrite) {
-    if ((*environment)->read_only()) {
+    if (environment->read_only()) {
       return absl::FailedPreconditionError(
           absl::StrCat("database '", path, "' cannot be written: no permission"));
     }
-    absl::StatusOr<WriterLock> taken = WriterLock::Take(path);
-    if (!taken.ok()) return taken.status();
-    lock.emplace(*std::move(taken));
+    ASSIGN_OR_RETURN(WriterLock taken, WriterLock::Take(path));
+    lock.emplace(std::move(taken));
   }
-  absl::StatusOr<ReadTransaction> transaction = (*environment)->Read();
-  if (!transaction.ok()) return transaction.status();
+  ASSIGN_OR_RETURN(ReadTransaction transaction, environment->Read());
   absl::StatusOr<std::optional<std::string>> payload = std::optional<std::string>();
   {
-    const auto hold = (*environment)->HoldMap();
-    payload = ReadMeta(**environment, transaction->get(), schema::kCellKey);
+    const auto hold = environment->HoldMap();
+    payload = ReadMeta(*environment, transaction.get(), schema::kCellKey);
   }
   if (!payload.ok()) return payload.status();
   CellDescription cell;
@@ -169,8 +162,8 @@ absl::StatusOr<std::unique_ptr<Database>> Database::Open(const std::string& path
         absl::StrCat("database '", path, "': its description of the cell is damaged"));
   }
   if (lock) (*state)->writer_lock = std::make_shared<const WriterLock>(*std::move(lock));
-  (*state)->robot_images = (*environment)->robot_images();
-  (*state)->environment = *std::move(environment);
+  (*state)->robot_images = environment->robot_images();
+  (*state)->environment = std::move(environment);
   return std::unique_ptr<Database>(new Database(*std::move(state)));
 }
 
@@ -214,14 +207,13 @@ absl::Status Database::SetCaptureHistory(const storage::v1::CaptureHistory& hist
 
 absl::Status Database::SetCalibration(const storage::v1::Calibration& calibration,
                                       const std::string& program) {
-  if (absl::Status status = CheckCalibration(calibration, cell()); !status.ok()) return status;
+  RETURN_IF_ERROR(CheckCalibration(calibration, cell()));
   return ChangeMeta(schema::kCalibrationKey, calibration.SerializeAsString(), program);
 }
 
 absl::Status Database::RemoveCalibration(const std::string& program) {
-  const absl::StatusOr<Snapshot> snapshot = Read();
-  if (!snapshot.ok()) return snapshot.status();
-  const absl::StatusOr<std::optional<storage::v1::Calibration>> present = snapshot->Calibration();
+  ASSIGN_OR_RETURN(const Snapshot snapshot, Read());
+  const absl::StatusOr<std::optional<storage::v1::Calibration>> present = snapshot.Calibration();
   if (present.ok() && !present->has_value()) {
     return absl::NotFoundError(absl::StrCat("database '", path(), "' has no calibration"));
   }
@@ -229,12 +221,11 @@ absl::Status Database::RemoveCalibration(const std::string& program) {
 }
 
 absl::Status Database::Compact(const std::string& target) const {
-  if (absl::Status status = PrepareFolder(target); !status.ok()) return status;
+  RETURN_IF_ERROR(PrepareFolder(target));
   if (fs::exists(fs::path(target) / schema::kDataFile)) {
     return absl::AlreadyExistsError(absl::StrCat("there is a database in '", target, "' already"));
   }
-  absl::StatusOr<WriterLock> lock = WriterLock::Take(target);
-  if (!lock.ok()) return lock.status();
+  RETURN_IF_ERROR(WriterLock::Take(target).status());
   int code = 0;
   {
     const auto hold = state_->environment->HoldMap();
@@ -251,29 +242,27 @@ absl::StatusOr<Database::Usage> Database::GetUsage() const {
   Environment& environment = *state_->environment;
   constexpr MDB_dbi kFreePages = 0;
   constexpr MDB_dbi kSubDatabases = 1;
-  const absl::StatusOr<std::vector<std::string>> names = Sets();
-  if (!names.ok()) return names.status();
+  ASSIGN_OR_RETURN(const std::vector<std::string> names, Sets());
   struct Places {
     std::optional<MDB_dbi> images;
     std::optional<MDB_dbi> index;
     std::optional<MDB_dbi> raw_images;
   };
   std::vector<Places> places;
-  for (const std::string& name : *names) {
+  for (const std::string& name : names) {
     const schema::SetPlaces of_set = schema::PlacesOfSet(name);
     places.push_back({environment.Find(of_set.robot_images),
                       environment.Find(of_set.collision_index),
                       environment.Find(of_set.raw_images)});
   }
-  absl::StatusOr<ReadTransaction> transaction = environment.Read();
-  if (!transaction.ok()) return transaction.status();
+  ASSIGN_OR_RETURN(ReadTransaction transaction, environment.Read());
   const auto hold = environment.HoldMap();
   Usage usage;
   absl::Status status;
   // The bytes of a sub-database, and how many entries it has.
   const auto add = [&](std::optional<MDB_dbi> database, uint64_t* entries) {
     MDB_stat stat;
-    const int code = database ? mdb_stat(transaction->get(), *database, &stat) : MDB_NOTFOUND;
+    const int code = database ? mdb_stat(transaction.get(), *database, &stat) : MDB_NOTFOUND;
     if (code == MDB_NOTFOUND || code == EINVAL) return uint64_t{0};  // there is none, or was none
     if (code != 0) status.Update(environment.ReadError(code));
     const uint64_t pages =
@@ -287,7 +276,7 @@ absl::StatusOr<Database::Usage> Database::GetUsage() const {
   }
   for (size_t i = 0; i < places.size(); ++i) {
     Usage::Set& set = usage.sets.emplace_back();
-    set.name = (*names)[i];
+    set.name = names[i];
     set.record_bytes = add(places[i].images, &set.records);
     set.index_bytes = add(places[i].index, nullptr);
     usage.raw_image_bytes += add(places[i].raw_images, nullptr);

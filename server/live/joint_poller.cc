@@ -6,6 +6,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "capture/session/cell_robot.h"
+#include "db/status/status_macros.h"
 #include "server/live/pause.h"
 
 namespace silhouette {
@@ -43,21 +44,19 @@ JointPoller::JointPoller(const storage::v1::CellDescription& cell, const LiveSet
 
 absl::StatusOr<std::vector<JointPosition>> JointPoller::Between(absl::Duration first,
                                                                 absl::Duration last) const {
-  const absl::StatusOr<std::vector<double>> positions =
-      history_.Between(first, last, settings_.joints_gap);
-  if (!positions.ok()) return positions.status();
+  ASSIGN_OR_RETURN(const std::vector<double> positions,
+                   history_.Between(first, last, settings_.joints_gap));
   std::vector<JointPosition> joints;
-  for (size_t i = 0; i < joints_.size(); ++i) joints.push_back({joints_[i], (*positions)[i]});
+  for (size_t i = 0; i < joints_.size(); ++i) joints.push_back({joints_[i], positions[i]});
   return joints;
 }
 
 absl::Status JointPoller::Ask() {
   if (robot_ == nullptr) {
-    absl::StatusOr<std::unique_ptr<Robot>> opened = open_();
-    if (!opened.ok()) return opened.status();
+    ASSIGN_OR_RETURN(std::unique_ptr<Robot> opened, open_());
     // The same joints as at capture, whatever their order.
-    if (auto fits = CellRobot::Create(cell_, **opened); !fits.ok()) return fits.status();
-    robot_ = *std::move(opened);
+    RETURN_IF_ERROR(CellRobot::Create(cell_, *opened).status());
+    robot_ = std::move(opened);
   }
   const absl::Duration asked = clock_().running;
   const absl::StatusOr<RobotState> state = robot_->State();

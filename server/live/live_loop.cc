@@ -12,6 +12,7 @@
 #include "capture/segmentation/difference.h"
 #include "capture/segmentation/down_sampling.h"
 #include "capture/session/cell_robot.h"
+#include "db/status/status_macros.h"
 
 namespace silhouette {
 namespace {
@@ -91,7 +92,7 @@ absl::StatusOr<std::unique_ptr<LiveLoop>> LiveLoop::Start(const LiveConfig& conf
         "the database has no reference images to difference camera images with; take them with "
         "'silhouette-capture reference'");
   }
-  if (absl::Status known = CheckSet(*database, config.live.set); !known.ok()) return known;
+  RETURN_IF_ERROR(CheckSet(*database, config.live.set));
   std::unique_ptr<LiveLoop> loop(
       new LiveLoop(config, std::move(scenes), std::move(record), database->cell()));
   loop->open_cameras_ = std::move(devices.open_cameras);
@@ -101,7 +102,7 @@ absl::StatusOr<std::unique_ptr<LiveLoop>> LiveLoop::Start(const LiveConfig& conf
   }
   absl::StatusOr<std::unique_ptr<Robot>> robot = devices.open_robot();
   if (robot.ok()) {
-    if (auto fits = CellRobot::Create(loop->cell_, **robot); !fits.ok()) return fits.status();
+    RETURN_IF_ERROR(CellRobot::Create(loop->cell_, **robot).status());
   } else if (MayRecover(robot.status())) {
     loop->record_->NoteJointsError(robot.status());
     robot = nullptr;
@@ -122,12 +123,10 @@ LiveLoop::~LiveLoop() {
 }
 
 absl::Status LiveLoop::OpenCameras() {
-  absl::StatusOr<std::unique_ptr<CameraRig>> opened = open_cameras_();
-  if (!opened.ok()) return opened.status();
-  absl::StatusOr<std::vector<size_t>> places = PlacesOf(cell_, (*opened)->views());
-  if (!places.ok()) return places.status();
-  cameras_ = *std::move(opened);
-  places_ = *std::move(places);
+  ASSIGN_OR_RETURN(std::unique_ptr<CameraRig> opened, open_cameras_());
+  ASSIGN_OR_RETURN(std::vector<size_t> places, PlacesOf(cell_, opened->views()));
+  cameras_ = std::move(opened);
+  places_ = std::move(places);
   return absl::OkStatus();
 }
 
@@ -166,7 +165,7 @@ void LiveLoop::Run(const std::stop_token& stop) {
 
 absl::Status LiveLoop::TakeSet() {
   if (cameras_ == nullptr) {
-    if (absl::Status opened = OpenCameras(); !opened.ok()) return opened;
+    RETURN_IF_ERROR(OpenCameras());
   }
   std::vector<absl::StatusOr<CameraImage>> grabbed = cameras_->GrabEach();
   const Moment arrived = config_.clock();
@@ -259,11 +258,9 @@ absl::Status LiveLoop::Publish(const std::vector<std::optional<CameraImage>>& im
   } else {
     input.without_set = std::string(set.status().message());
   }
-  absl::StatusOr<Scene> scene =
-      MakeScene(*database, input, config_.scene, config_.segmentation, arrived);
-  if (!scene.ok()) return scene.status();
-  const absl::StatusOr<SharedScene> published = scenes_.publish(*std::move(scene), database);
-  if (!published.ok()) return published.status();
+  ASSIGN_OR_RETURN(Scene scene,
+                   MakeScene(*database, input, config_.scene, config_.segmentation, arrived));
+  RETURN_IF_ERROR(scenes_.publish(std::move(scene), database).status());
   record_->NoteScene(arrived);
   return absl::OkStatus();
 }

@@ -8,6 +8,7 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_join.h"
 #include "capture/segmentation/difference.h"
+#include "db/status/status_macros.h"
 #include "server/scene/image_header.h"
 #include "server/scene/robot_in_scene.h"
 
@@ -84,23 +85,21 @@ absl::StatusOr<int> NewView(const ServedDatabase& database, const Scene& scene,
 absl::Status AddView(const ServedDatabase& database, const ViewInput& input,
                      const SegmentationSettings& segmentation, Scene& scene,
                      std::vector<const ViewInput*>& inputs) {
-  const absl::StatusOr<int> view = NewView(database, scene, input.view);
-  if (!view.ok()) return view.status();
+  ASSIGN_OR_RETURN(const int view, NewView(database, scene, input.view));
   const absl::Time captured = input.captured.value_or(scene.arrived.time);
   if (captured > scene.arrived.time + kClockTolerance) {
     return absl::InvalidArgumentError(
         absl::StrCat("capture_time is ", absl::FormatDuration(captured - scene.arrived.time),
                      " in the future; let the clocks of camera and server agree"));
   }
-  absl::StatusOr<Mask> foreground = ForegroundOf(database, *view, input, segmentation);
-  if (!foreground.ok()) return foreground.status();
-  const ViewTreatment& treatment = database.treatment(*view);
-  scene.views[static_cast<size_t>(*view)] = SceneView{.name = input.view,
-                                                      .captured = captured,
-                                                      .foreground = *std::move(foreground),
-                                                      .ignored = treatment.ignored,
-                                                      .margin = treatment.margin};
-  inputs[static_cast<size_t>(*view)] = &input;
+  ASSIGN_OR_RETURN(Mask foreground, ForegroundOf(database, view, input, segmentation));
+  const ViewTreatment& treatment = database.treatment(view);
+  scene.views[static_cast<size_t>(view)] = SceneView{.name = input.view,
+                                                     .captured = captured,
+                                                     .foreground = std::move(foreground),
+                                                     .ignored = treatment.ignored,
+                                                     .margin = treatment.margin};
+  inputs[static_cast<size_t>(view)] = &input;
   return absl::OkStatus();
 }
 
@@ -202,8 +201,7 @@ absl::StatusOr<Scene> MakeScene(const ServedDatabase& whole, const SceneInput& i
   scene.views.resize(views);
   scene.obstacle_images.resize(views);
   scene.without_margins.resize(views);
-  absl::StatusOr<RobotInScene> robot = RobotOf(database, input, settings);
-  if (!robot.ok()) return robot.status();
+  ASSIGN_OR_RETURN(RobotInScene robot, RobotOf(database, input, settings));
   std::vector<const ViewInput*> inputs(views);
   scene.oldest = absl::InfiniteFuture();
   scene.newest = absl::InfinitePast();
@@ -216,11 +214,11 @@ absl::StatusOr<Scene> MakeScene(const ServedDatabase& whole, const SceneInput& i
     scene.newest = std::max(scene.newest, captured);
   }
   if (set == nullptr) {
-    robot->covers.clear();
-    robot->defects.insert(robot->defects.begin(), {Reason::kSetUnknown, WhyNoSet(whole, input)});
+    robot.covers.clear();
+    robot.defects.insert(robot.defects.begin(), {Reason::kSetUnknown, WhyNoSet(whole, input)});
   }
-  scene.defects = std::move(robot->defects);
-  MakeObstacleImages(robot->covers, inputs, scene);
+  scene.defects = std::move(robot.defects);
+  MakeObstacleImages(robot.covers, inputs, scene);
   FindDefects(database, settings, input, scene);
   return scene;
 }

@@ -9,6 +9,7 @@
 #include "absl/status/status.h"
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_join.h"
+#include "db/status/status_macros.h"
 
 namespace silhouette {
 namespace {
@@ -158,13 +159,12 @@ std::vector<RobotCover> CoversAt(const ServedDatabase& database, const Configura
 absl::StatusOr<RobotInScene> FindRobot(const ServedDatabase& database,
                                        const std::vector<JointPosition>& joints,
                                        double fixed_joint_tolerance) {
-  const absl::StatusOr<Positions> positions = PositionsByName(database.cell(), joints);
-  if (!positions.ok()) return positions.status();
+  ASSIGN_OR_RETURN(const Positions positions, PositionsByName(database.cell(), joints));
   RobotInScene robot;
   const std::optional<Configuration> q =
-      GridConfiguration(database.grid(), *positions, robot.defects);
+      GridConfiguration(database.grid(), positions, robot.defects);
   if (q) robot.covers = CoversAt(database, *q, robot.defects);
-  CheckFixedJoints(database, *positions, fixed_joint_tolerance, robot.defects);
+  CheckFixedJoints(database, positions, fixed_joint_tolerance, robot.defects);
   return robot;
 }
 

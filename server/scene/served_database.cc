@@ -7,6 +7,7 @@
 #include "absl/status/status.h"
 #include "absl/strings/str_cat.h"
 #include "calib/files/calibration_message.h"
+#include "db/status/status_macros.h"
 #include "db/store/robot_images_in_place.h"
 #include "db/store/schema.h"
 
@@ -67,9 +68,7 @@ absl::StatusOr<RobotImageTable> LoadIntoMemory(const Database& database, const S
                                                const LoadSettings& settings,
                                                FixedJointsOfSet& joints) {
   RobotImageTable::Builder builder(database.grid(), database.mask_sizes(), snapshot.size());
-  const absl::Status status =
-      ForEachMasks(snapshot, AddingTo(builder, joints, snapshot.size(), settings));
-  if (!status.ok()) return status;
+  RETURN_IF_ERROR(ForEachMasks(snapshot, AddingTo(builder, joints, snapshot.size(), settings)));
   return std::move(builder).Build();
 }
 
@@ -83,10 +82,10 @@ absl::StatusOr<RobotImageTable> LoadInPlace(const Database& database,
                                    [images](ConfigurationNumber number, std::span<uint64_t> words) {
                                      return (*images)->Read(number, words);
                                    });
-  auto opened =
-      RobotImagesInPlace::Open(snapshot, AddingTo(builder, joints, snapshot->size(), settings));
-  if (!opened.ok()) return opened.status();
-  *images = *std::move(opened);
+  ASSIGN_OR_RETURN(
+      auto opened,
+      RobotImagesInPlace::Open(snapshot, AddingTo(builder, joints, snapshot->size(), settings)));
+  *images = std::move(opened);
   return std::move(builder).Build();
 }
 
@@ -105,17 +104,16 @@ absl::StatusOr<RobotImageTable> LoadRobotImages(const Database& database,
 
 absl::StatusOr<std::vector<Reference>> LoadReferences(const Database& database,
                                                       const Snapshot& snapshot) {
-  const absl::StatusOr<std::optional<storage::v1::References>> stored = snapshot.References();
-  if (!stored.ok()) return stored.status();
+  ASSIGN_OR_RETURN(const std::optional<storage::v1::References> stored, snapshot.References());
   std::vector<Reference> references;
-  if (!*stored) return references;
-  if ((*stored)->views_size() != database.cell().views_size()) {
+  if (!stored) return references;
+  if (stored->views_size() != database.cell().views_size()) {
     return absl::DataLossError(absl::StrCat("'", database.path(),
                                             "' has not one reference image per view; take them "
                                             "anew"));
   }
-  for (int view = 0; view < (*stored)->views_size(); ++view) {
-    const storage::v1::Reference& png = (*stored)->views(view);
+  for (int view = 0; view < stored->views_size(); ++view) {
+    const storage::v1::Reference& png = stored->views(view);
     absl::StatusOr<Reference> reference = Reference::FromPng(png.mean_png(), png.noise_png());
     if (!reference.ok()) {
       return absl::DataLossError(absl::StrCat("'", database.path(), "', view '",
@@ -129,10 +127,9 @@ absl::StatusOr<std::vector<Reference>> LoadReferences(const Database& database,
 
 absl::StatusOr<std::optional<Calibration>> LoadCalibration(const Database& database,
                                                            const Snapshot& snapshot) {
-  const absl::StatusOr<std::optional<storage::v1::Calibration>> stored = snapshot.Calibration();
-  if (!stored.ok()) return stored.status();
-  if (!*stored) return std::optional<Calibration>();
-  absl::StatusOr<Calibration> calibration = CalibrationFrom(**stored);
+  ASSIGN_OR_RETURN(const std::optional<storage::v1::Calibration> stored, snapshot.Calibration());
+  if (!stored) return std::optional<Calibration>();
+  absl::StatusOr<Calibration> calibration = CalibrationFrom(*stored);
   if (!calibration.ok()) {
     return absl::InvalidArgumentError(
         absl::StrCat("'", database.path(), "': its calibration: ", calibration.status().message()));
@@ -184,9 +181,8 @@ absl::StatusOr<ServedDatabase::Common> ServedDatabase::LoadCommon(
   common.cell = database.cell();
   common.generation = snapshot.generation();
   common.fixed_joints = std::make_shared<FixedJointRanges>(common.cell);
-  absl::StatusOr<std::vector<Reference>> references = LoadReferences(database, snapshot);
-  if (!references.ok()) return references.status();
-  common.references = *std::move(references);
+  ASSIGN_OR_RETURN(std::vector<Reference> references, LoadReferences(database, snapshot));
+  common.references = std::move(references);
   absl::StatusOr<std::optional<Calibration>> calibration = load.calibration;
   if (!load.calibration) calibration = LoadCalibration(database, snapshot);
   if (!calibration.ok()) return calibration.status();
@@ -208,20 +204,17 @@ absl::StatusOr<std::shared_ptr<ServedDatabase>> ServedDatabase::LoadSet(
     const CalibrationSettings& settings, const std::optional<SoundCell>& sound,
     LoadSettings& load) {
   FixedJointsOfSet joints{*common.fixed_joints, load.fixed_joint_tolerance, ""};
-  absl::StatusOr<RobotImageTable> robot_images = LoadRobotImages(database, snapshot, load, joints);
-  if (!robot_images.ok()) return robot_images.status();
+  ASSIGN_OR_RETURN(RobotImageTable robot_images, LoadRobotImages(database, snapshot, load, joints));
   std::shared_ptr<const SoundBasis> sound_basis;
   if (sound && common.calibration && !common.calibration->cameras.empty()) {
-    auto made = SoundBasis::Make(*sound, database.cell(), *robot_images, *common.calibration,
-                                 settings.margin);
-    if (!made.ok()) return made.status();
-    sound_basis = *std::move(made);
+    ASSIGN_OR_RETURN(auto made, SoundBasis::Make(*sound, database.cell(), robot_images,
+                                                 *common.calibration, settings.margin));
+    sound_basis = std::move(made);
   }
-  auto index = LoadIndex(std::move(snapshot));
-  if (!index.ok()) return index.status();
+  ASSIGN_OR_RETURN(auto index, LoadIndex(std::move(snapshot)));
   return std::shared_ptr<ServedDatabase>(
-      new ServedDatabase(database.set(), common, *std::move(robot_images),
-                         std::move(joints.elsewhere), *std::move(index), std::move(sound_basis)));
+      new ServedDatabase(database.set(), common, std::move(robot_images),
+                         std::move(joints.elsewhere), std::move(index), std::move(sound_basis)));
 }
 
 absl::StatusOr<std::shared_ptr<const ServedDatabase>> ServedDatabase::Load(
@@ -229,22 +222,20 @@ absl::StatusOr<std::shared_ptr<const ServedDatabase>> ServedDatabase::Load(
     const TreatmentSettings& treatments, const std::optional<SoundCell>& sound,
     const LoadSettings& load) {
   try {
-    absl::StatusOr<std::vector<SetState>> sets = database.ReadSets();
-    if (!sets.ok()) return sets.status();
-    const absl::StatusOr<Common> common =
-        LoadCommon(database, sets->front().snapshot, settings, treatments, load);
-    if (!common.ok()) return common.status();
+    ASSIGN_OR_RETURN(std::vector<SetState> sets, database.ReadSets());
+    ASSIGN_OR_RETURN(const Common common,
+                     LoadCommon(database, sets.front().snapshot, settings, treatments, load));
     LoadSettings left = load;
     std::shared_ptr<ServedDatabase> whole;
-    for (SetState& set : *sets) {
-      auto served =
-          LoadSet(*set.database, std::make_shared<const Snapshot>(std::move(set.snapshot)), *common,
-                  settings, sound, left);
-      if (!served.ok()) return served.status();
+    for (SetState& set : sets) {
+      ASSIGN_OR_RETURN(
+          auto served,
+          LoadSet(*set.database, std::make_shared<const Snapshot>(std::move(set.snapshot)), common,
+                  settings, sound, left));
       if (whole == nullptr) {
-        whole = *std::move(served);
+        whole = std::move(served);
       } else {
-        whole->further_sets_.emplace((*served)->set(), *std::move(served));
+        whole->further_sets_.emplace(served->set(), std::move(served));
       }
     }
     return whole;

@@ -7,6 +7,7 @@
 
 #include "absl/status/status.h"
 #include "absl/strings/str_cat.h"
+#include "db/status/status_macros.h"
 #include "server/collision/resolution.h"
 
 namespace silhouette {
@@ -84,7 +85,7 @@ SoundBasis::SoundBasis(const SoundCell& sound, const storage::v1::CellDescriptio
 absl::StatusOr<std::shared_ptr<const SoundBasis>> SoundBasis::Make(
     const SoundCell& sound, const storage::v1::CellDescription& cell,
     const RobotImageTable& robot_images, const Calibration& calibration, double margin) {
-  if (absl::Status status = CheckNumbers(sound); !status.ok()) return status;
+  RETURN_IF_ERROR(CheckNumbers(sound));
   try {
     // Without segmentation settings the masks were made elsewhere, and show all that they touch.
     const double rim = cell.segmentation().empty() ? 0 : kRim;

@@ -12,6 +12,7 @@
 #include <vector>
 
 #include "absl/strings/str_cat.h"
+#include "db/status/status_macros.h"
 #include "server/collision/segment_places.h"
 #include "server/service/explain.h"
 #include "server/service/messages.h"
@@ -32,10 +33,9 @@ absl::StatusOr<std::vector<Configuration>> ConfigurationsFrom(
   }
   std::vector<Configuration> configurations;
   for (int i = 0; i < messages.size(); ++i) {
-    absl::StatusOr<Configuration> q =
-        ConfigurationFrom(messages[i], grid, absl::StrCat(field, "[", i, "]"));
-    if (!q.ok()) return q.status();
-    configurations.push_back(*std::move(q));
+    ASSIGN_OR_RETURN(Configuration q,
+                     ConfigurationFrom(messages[i], grid, absl::StrCat(field, "[", i, "]")));
+    configurations.push_back(std::move(q));
   }
   return configurations;
 }
@@ -123,18 +123,16 @@ absl::StatusOr<Policy> PolicyFor(const Serving& serving, const v1::Policy& messa
   absl::StatusOr<Policy> policy =
       PolicyFrom(message, DefaultPolicy(serving.settings, database), database.views());
   if (!policy.ok()) return policy;
-  if (absl::Status servable = database.CanServe(*policy); !servable.ok()) return servable;
+  RETURN_IF_ERROR(database.CanServe(*policy));
   return policy;
 }
 
 absl::StatusOr<Checker> CheckerFor(Serving& serving, const v1::Policy& message,
                                    const std::string& set) {
   const Moment now = serving.settings.clock();
-  absl::StatusOr<Served> served = WithSet(serving.scenes.Newest(now), set);
-  if (!served.ok()) return served.status();
-  const absl::StatusOr<Policy> policy = PolicyFor(serving, message, *served->database);
-  if (!policy.ok()) return policy.status();
-  return Checker(*std::move(served), *policy, serving.settings.scene, now);
+  ASSIGN_OR_RETURN(Served served, WithSet(serving.scenes.Newest(now), set));
+  ASSIGN_OR_RETURN(const Policy policy, PolicyFor(serving, message, *served.database));
+  return Checker(std::move(served), policy, serving.settings.scene, now);
 }
 
 Reason Conclude(const Serving& serving, const Served& served, const Policy& policy,

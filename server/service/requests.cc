@@ -6,6 +6,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_join.h"
+#include "db/status/status_macros.h"
 
 namespace silhouette {
 namespace {
@@ -38,24 +39,21 @@ absl::StatusOr<ViewInput> ViewInputFrom(const v1::ViewImage& message, const std:
   ViewInput input;
   input.view = message.view();
   if (message.has_capture_time()) {
-    const absl::StatusOr<absl::Time> time =
-        TimeFrom(message.capture_time(), absl::StrCat(field, ".capture_time"));
-    if (!time.ok()) return time.status();
-    input.captured = *time;
+    ASSIGN_OR_RETURN(const absl::Time time,
+                     TimeFrom(message.capture_time(), absl::StrCat(field, ".capture_time")));
+    input.captured = time;
   }
   switch (message.image_case()) {
     case v1::ViewImage::kSceneMask: {
-      absl::StatusOr<Mask> mask =
-          MaskFrom(message.scene_mask(), absl::StrCat(field, ".scene_mask"));
-      if (!mask.ok()) return mask.status();
-      input.image = SceneMask{*std::move(mask)};
+      ASSIGN_OR_RETURN(Mask mask,
+                       MaskFrom(message.scene_mask(), absl::StrCat(field, ".scene_mask")));
+      input.image = SceneMask{std::move(mask)};
       return input;
     }
     case v1::ViewImage::kObstacleMask: {
-      absl::StatusOr<Mask> mask =
-          MaskFrom(message.obstacle_mask(), absl::StrCat(field, ".obstacle_mask"));
-      if (!mask.ok()) return mask.status();
-      input.image = ObstacleMask{*std::move(mask)};
+      ASSIGN_OR_RETURN(Mask mask,
+                       MaskFrom(message.obstacle_mask(), absl::StrCat(field, ".obstacle_mask")));
+      input.image = ObstacleMask{std::move(mask)};
       return input;
     }
     case v1::ViewImage::kCameraImage:
@@ -161,8 +159,8 @@ absl::StatusOr<Policy> PolicyFrom(const v1::Policy& message, const Policy& defau
     policy.min_views.reset();
   }
   if (message.has_min_views()) policy.min_views = message.min_views();
-  if (absl::Status status = SetLines(message, policy); !status.ok()) return status;
-  if (absl::Status status = SetOffGrid(message, policy); !status.ok()) return status;
+  RETURN_IF_ERROR(SetLines(message, policy));
+  RETURN_IF_ERROR(SetOffGrid(message, policy));
   try {
     MinViews(policy, views);
   } catch (const std::invalid_argument& error) {
@@ -193,9 +191,8 @@ absl::StatusOr<SceneInput> SceneInputFrom(const v1::PublishSceneRequest& message
   }
   for (int i = 0; i < message.views_size(); ++i) {
     const std::string field = absl::StrCat("views[", i, "] '", message.views(i).view(), "'");
-    absl::StatusOr<ViewInput> view = ViewInputFrom(message.views(i), field);
-    if (!view.ok()) return view.status();
-    input.views.push_back(*std::move(view));
+    ASSIGN_OR_RETURN(ViewInput view, ViewInputFrom(message.views(i), field));
+    input.views.push_back(std::move(view));
   }
   return input;
 }
@@ -210,10 +207,10 @@ absl::StatusOr<std::vector<std::optional<Mask>>> RegionPixelsFrom(
     if (!view) return InField(field, "the cell has no such view");
     std::optional<Mask>& known = pixels[static_cast<size_t>(*view)];
     if (known) return InField(field, "the view is given twice");
-    absl::StatusOr<Mask> mask =
-        PixelsFrom(given, database.robot_images().mask_sizes()[static_cast<size_t>(*view)], field);
-    if (!mask.ok()) return mask.status();
-    known = *std::move(mask);
+    ASSIGN_OR_RETURN(
+        Mask mask,
+        PixelsFrom(given, database.robot_images().mask_sizes()[static_cast<size_t>(*view)], field));
+    known = std::move(mask);
   }
   return pixels;
 }

@@ -13,6 +13,7 @@
 #include <utility>
 
 #include "absl/strings/str_cat.h"
+#include "db/status/status_macros.h"
 #include "server/service/listen_address.h"
 
 namespace silhouette {
@@ -88,23 +89,22 @@ Server::Server(std::shared_ptr<const ServedDatabase> database, ServingSettings s
 absl::StatusOr<std::unique_ptr<Server>> Server::Start(
     const std::string& address, std::shared_ptr<const ServedDatabase> database,
     ServingSettings settings) {
-  const absl::Status usable = CheckListenAddress(address);
-  if (!usable.ok()) return usable;
+  RETURN_IF_ERROR(CheckListenAddress(address));
   std::unique_ptr<SharedMapWriter> shared_map;
   if (!settings.shared_map.file.empty()) {
-    auto made = SharedMapWriter::Create(settings.shared_map, settings.scene.max_age, database,
-                                        DefaultPolicy(settings, *database));
-    if (!made.ok()) return made.status();
-    shared_map = *std::move(made);
+    ASSIGN_OR_RETURN(auto made,
+                     SharedMapWriter::Create(settings.shared_map, settings.scene.max_age, database,
+                                             DefaultPolicy(settings, *database)));
+    shared_map = std::move(made);
   }
   grpc::EnableDefaultHealthCheckService(true);
   grpc::reflection::InitProtoReflectionServerBuilderPlugin();
   auto server = std::unique_ptr<Server>(
       new Server(std::move(database), std::move(settings), std::move(shared_map)));
   if (!server->serving_.settings.metrics.empty()) {
-    auto metrics = Metrics::Start(server->serving_.settings.metrics, server->serving_);
-    if (!metrics.ok()) return metrics.status();
-    server->metrics_ = *std::move(metrics);
+    ASSIGN_OR_RETURN(auto metrics,
+                     Metrics::Start(server->serving_.settings.metrics, server->serving_));
+    server->metrics_ = std::move(metrics);
   }
   grpc::ServerBuilder builder;
   int port = 0;

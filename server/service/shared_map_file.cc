@@ -13,6 +13,7 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
 #include "clients/shared_map/layout.h"
+#include "db/status/status_macros.h"
 
 namespace silhouette {
 namespace {
@@ -41,14 +42,14 @@ absl::StatusOr<std::unique_ptr<SharedMapFile>> SharedMapFile::Create(
         settings.mode));
   }
   auto made = std::unique_ptr<SharedMapFile>(new SharedMapFile(settings, -1));
-  if (absl::Status free = made->MayTakeName(before); !free.ok()) return free;
+  RETURN_IF_ERROR(made->MayTakeName(before));
   // What a server left that was killed just then.
   unlink(made->HiddenName().c_str());
   made->file_ = open(made->HiddenName().c_str(), O_RDWR | O_CREAT | O_EXCL | O_CLOEXEC | O_NOFOLLOW,
                      kRequired);
   if (made->file_ < 0) return made->Failed("made", errno);
   if (flock(made->file_, LOCK_EX | LOCK_NB) != 0) return made->Failed("locked", errno);
-  if (absl::Status mapped = made->Map(bytes); !mapped.ok()) return mapped;
+  RETURN_IF_ERROR(made->Map(bytes));
   return made;
 }
 

@@ -5,6 +5,7 @@
 #include <utility>
 
 #include "absl/strings/str_join.h"
+#include "db/status/status_macros.h"
 #include "server/scene/checker.h"
 #include "server/service/messages.h"
 
@@ -14,7 +15,7 @@ absl::StatusOr<std::unique_ptr<SharedMapWriter>> SharedMapWriter::Create(
     SharedMapSettings settings, absl::Duration max_age,
     const std::shared_ptr<const ServedDatabase>& database, const Policy& policy) {
   auto writer = std::unique_ptr<SharedMapWriter>(new SharedMapWriter(std::move(settings), max_age));
-  if (absl::Status begun = writer->Begin(database, policy); !begun.ok()) return begun;
+  RETURN_IF_ERROR(writer->Begin(database, policy));
   return writer;
 }
 
@@ -33,14 +34,13 @@ absl::Status SharedMapWriter::Begin(const std::shared_ptr<const ServedDatabase>&
   const std::string description = message.SerializeAsString();
   const shared_map::Layout layout{.tiles = database->grid().tiles(),
                                   .description_bytes = description.size()};
-  absl::StatusOr<std::unique_ptr<SharedMapFile>> file =
-      SharedMapFile::Create(settings_, layout.FileBytes(), file_.get());
-  if (!file.ok()) return file.status();
-  std::optional<shared_map::Writer> writer(std::in_place, (*file)->words(), layout, description,
+  ASSIGN_OR_RETURN(std::unique_ptr<SharedMapFile> file,
+                   SharedMapFile::Create(settings_, layout.FileBytes(), file_.get()));
+  std::optional<shared_map::Writer> writer(std::in_place, file->words(), layout, description,
                                            shared_map::ClockId::Ours());
-  if (absl::Status shown = (*file)->Show(); !shown.ok()) return shown;
+  RETURN_IF_ERROR(file->Show());
   Close(shared_map::Closed::kReplaced);
-  file_ = *std::move(file);
+  file_ = std::move(file);
   writer_ = std::move(writer);
   database_ = database;
   return absl::OkStatus();

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <utility>
 
+#include "db/status/status_macros.h"
 #include "server/service/answers.h"
 #include "server/service/messages.h"
 #include "server/service/space_writer.h"
@@ -10,30 +11,27 @@
 namespace silhouette {
 
 absl::StatusOr<bool> SpaceWatch::Prepare() {
-  const absl::StatusOr<Served> found =
-      WithSet(serving().scenes.Newest(serving().settings.clock()), request_.set());
-  if (!found.ok()) return found.status();
-  const Served& served = *found;
-  const absl::StatusOr<Policy> policy = PolicyFor(serving(), request_.policy(), *served.database);
-  if (!policy.ok()) return policy.status();
-  const absl::StatusOr<std::vector<uint64_t>> tiles =
-      TilesFrom(request_.tiles(), served.database->grid());
-  if (!tiles.ok()) return tiles.status();
-  const bool cells = TellsCells(request_.include_cells(), *policy);
+  ASSIGN_OR_RETURN(const Served found,
+                   WithSet(serving().scenes.Newest(serving().settings.clock()), request_.set()));
+  const Served& served = found;
+  ASSIGN_OR_RETURN(const Policy policy, PolicyFor(serving(), request_.policy(), *served.database));
+  ASSIGN_OR_RETURN(const std::vector<uint64_t> tiles,
+                   TilesFrom(request_.tiles(), served.database->grid()));
+  const bool cells = TellsCells(request_.include_cells(), policy);
   std::shared_ptr<const ConfigurationSpace> space;
   if (served.scene != nullptr) {
-    space = serving().spaces.Get(served, *policy);
-    for (const uint64_t tile : *tiles) {
+    space = serving().spaces.Get(served, policy);
+    for (const uint64_t tile : tiles) {
       if (cancelled()) return absl::CancelledError();
       space->tile(tile);
     }
-    if (cells && !space->WorkOutCells(*tiles, [this] { return cancelled(); })) {
+    if (cells && !space->WorkOutCells(tiles, [this] { return cancelled(); })) {
       return absl::CancelledError();
     }
   }
   v1::WatchConfigurationSpaceResponse first;
   absl::Duration valid_for;
-  const Reason blocked = Conclude(serving(), served, *policy, first.mutable_basis(), &valid_for);
+  const Reason blocked = Conclude(serving(), served, policy, first.mutable_basis(), &valid_for);
   if (serving().scenes.database() != served.whole) return Prepare();  // it was replaced
   const WatchedState state(served, blocked);
   if (state == told_of_) return false;
@@ -48,7 +46,7 @@ absl::StatusOr<bool> SpaceWatch::Prepare() {
   changed_.clear();
   if (blocked == Reason::kNone) {
     first.set_cells_exact(cells && space->cells_exact());
-    std::ranges::copy_if(*tiles, std::back_inserter(changed_), [&](uint64_t tile) {
+    std::ranges::copy_if(tiles, std::back_inserter(changed_), [&](uint64_t tile) {
       if (sent_ == nullptr) return space->tile(tile) != TileVerdicts();
       return space->tile(tile) != sent_->tile(tile) ||
              (cells && space->free_cells(tile) != sent_->free_cells(tile));

@@ -9,6 +9,7 @@
 #include "calib/robot/reach.h"
 #include "calib/robot/robot_model.h"
 #include "common/yaml/strict_yaml.h"
+#include "db/status/status_macros.h"
 #include "tools/cell/sections.h"
 
 namespace silhouette {
@@ -110,23 +111,20 @@ absl::StatusOr<Workspace> WorkspaceOf(const Cell& cell) {
     return absl::InvalidArgumentError(
         cell.file + ": the robot's space is not known; say 'workspace', or the robot's 'urdf'");
   }
-  const absl::StatusOr<RobotModel> robot =
-      RobotModel::FromUrdf(cell.robot.urdf, cell.robot.package_paths);
-  if (!robot.ok()) return robot.status();
+  ASSIGN_OR_RETURN(const RobotModel robot,
+                   RobotModel::FromUrdf(cell.robot.urdf, cell.robot.package_paths));
   std::vector<std::string> moving;
   for (const GridJoint& joint : cell.grid.joints()) moving.push_back(joint.name);
-  return ReachBox(*robot, moving, cell.fixed_joints, cell.robot.payload_radius);
+  return ReachBox(robot, moving, cell.fixed_joints, cell.robot.payload_radius);
 }
 
 absl::StatusOr<std::optional<SoundCell>> SoundCellOf(const Cell& cell) {
   if (!cell.sound) return std::optional<SoundCell>();
-  const absl::StatusOr<Workspace> workspace = WorkspaceOf(cell);
-  if (!workspace.ok()) return workspace.status();
-  absl::StatusOr<RobotModel> robot =
-      RobotModel::FromUrdf(cell.robot.urdf, cell.robot.package_paths);
-  if (!robot.ok()) return robot.status();
-  return std::optional<SoundCell>({*cell.sound, *workspace, cell.robot.payload_radius,
-                                   std::make_shared<const RobotModel>(*std::move(robot))});
+  ASSIGN_OR_RETURN(const Workspace workspace, WorkspaceOf(cell));
+  ASSIGN_OR_RETURN(RobotModel robot,
+                   RobotModel::FromUrdf(cell.robot.urdf, cell.robot.package_paths));
+  return std::optional<SoundCell>({*cell.sound, workspace, cell.robot.payload_radius,
+                                   std::make_shared<const RobotModel>(std::move(robot))});
 }
 
 storage::v1::CellDescription DescriptionOf(const Cell& cell) {

@@ -11,6 +11,7 @@
 #include "calib/files/calibration_matrix_file.h"
 #include "calib/files/calibration_session_file.h"
 #include "common/picture/files.h"
+#include "db/status/status_macros.h"
 #include "tools/silhouette-calibrate/fixed_tags.h"
 
 namespace silhouette {
@@ -98,10 +99,9 @@ std::vector<std::string> CameraFilesOf(const FoundCalibration& found, const std:
 
 absl::Status SetFixedTags(const FoundCalibration& found, std::span<const TagSighting> fixed,
                           storage::v1::CalibrationRecord& record) {
-  const auto means = MeanSightings(fixed);
-  if (!means.ok()) return means.status();
+  ASSIGN_OR_RETURN(const auto means, MeanSightings(fixed));
   record.clear_fixed_tags();
-  for (const auto& [key, mean] : *means) {
+  for (const auto& [key, mean] : means) {
     const auto view = std::find_if(found.views.begin(), found.views.end(),
                                    [&](const PairedView& each) { return each.name == mean.view; });
     if (view == found.views.end()) {

@@ -9,6 +9,7 @@
 #include "calib/files/calibration_camera_file.h"
 #include "calib/files/calibration_message.h"
 #include "common/picture/files.h"
+#include "db/status/status_macros.h"
 
 namespace silhouette {
 namespace {
@@ -34,11 +35,9 @@ std::string ViewOfCameraFile(const std::string& path) {
 }
 
 absl::StatusOr<CameraModel> ReadCameraFile(const std::string& file) {
-  const absl::StatusOr<std::string> text = ReadWholeFile(file);
-  if (!text.ok()) return text.status();
-  const absl::StatusOr<storage::v1::CameraModel> message = CameraFromText(*text, file);
-  if (!message.ok()) return message.status();
-  absl::StatusOr<CameraModel> camera = CameraFrom(*message);
+  ASSIGN_OR_RETURN(const std::string text, ReadWholeFile(file));
+  ASSIGN_OR_RETURN(const storage::v1::CameraModel message, CameraFromText(text, file));
+  absl::StatusOr<CameraModel> camera = CameraFrom(message);
   if (camera.ok()) return camera;
   return absl::Status(camera.status().code(), absl::StrCat(file, ": ", camera.status().message()));
 }
@@ -60,19 +59,17 @@ absl::StatusOr<std::vector<CameraFile>> ReadCameraFolder(const std::string& fold
   std::sort(files.begin(), files.end());
   std::vector<CameraFile> cameras;
   for (const fs::path& file : files) {
-    const absl::StatusOr<CameraModel> camera = ReadCameraFile(file.string());
-    if (!camera.ok()) return camera.status();
-    cameras.push_back({ViewOfCameraFile(file.string()), *camera});
+    ASSIGN_OR_RETURN(const CameraModel camera, ReadCameraFile(file.string()));
+    cameras.push_back({ViewOfCameraFile(file.string()), camera});
   }
   return cameras;
 }
 
 absl::StatusOr<std::string> WriteCameraFile(const std::string& folder, const std::string& view,
                                             const CameraModel& camera) {
-  if (absl::Status made = MakeFolder(folder); !made.ok()) return made;
+  RETURN_IF_ERROR(MakeFolder(folder));
   const std::string path = (fs::path(folder) / CameraFileName(view)).string();
-  const absl::Status written = WriteWholeFile(path, CameraFileText(MessageOf(camera), view));
-  if (!written.ok()) return written;
+  RETURN_IF_ERROR(WriteWholeFile(path, CameraFileText(MessageOf(camera), view)));
   return path;
 }
 

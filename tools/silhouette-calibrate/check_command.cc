@@ -9,6 +9,7 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
 #include "common/picture/files.h"
+#include "db/status/status_macros.h"
 #include "tools/program/program.h"
 #include "tools/silhouette-calibrate/check_views.h"
 #include "tools/silhouette-calibrate/commands.h"
@@ -27,13 +28,12 @@ struct CheckArguments {
 };
 
 absl::Status Draw(const std::string& folder, const Checked& checked) {
-  if (absl::Status made = MakeFolder(folder); !made.ok()) return made;
+  RETURN_IF_ERROR(MakeFolder(folder));
   for (size_t i = 0; i < checked.drifts.size(); ++i) {
     const ViewDrift& drift = checked.drifts[i];
     const std::string file = (fs::path(folder) / absl::StrCat("check_", drift.view, ".png"));
-    const absl::Status written =
-        WritePng(file, PaintDrift(drift, checked.sizes[i], checked.check.limit_mask_px));
-    if (!written.ok()) return written;
+    RETURN_IF_ERROR(
+        WritePng(file, PaintDrift(drift, checked.sizes[i], checked.check.limit_mask_px)));
   }
   return absl::OkStatus();
 }
@@ -78,12 +78,11 @@ void PrintJson(const Checked& checked) {
 
 absl::StatusOr<ExitCode> CheckWork(const CheckArguments& arguments) {
   CatchStopSignals();
-  const absl::StatusOr<Checked> checked = CheckViews(arguments.request);
-  if (!checked.ok()) return checked.status();
+  ASSIGN_OR_RETURN(const Checked checked, CheckViews(arguments.request));
   if (!arguments.out.empty()) {
     // In one step: a server may be reading it.
     const std::string part = arguments.out + ".part";
-    if (absl::Status s = WriteWholeFile(part, CheckFileText(checked->check)); !s.ok()) return s;
+    RETURN_IF_ERROR(WriteWholeFile(part, CheckFileText(checked.check)));
     std::error_code error;
     fs::rename(part, arguments.out, error);
     if (error) {
@@ -92,14 +91,14 @@ absl::StatusOr<ExitCode> CheckWork(const CheckArguments& arguments) {
     }
   }
   if (!arguments.draw.empty()) {
-    if (absl::Status status = Draw(arguments.draw, *checked); !status.ok()) return status;
+    RETURN_IF_ERROR(Draw(arguments.draw, checked));
   }
   if (arguments.format == "json") {
-    PrintJson(*checked);
+    PrintJson(checked);
   } else {
-    PrintText(*checked);
+    PrintText(checked);
   }
-  return checked->check.Holds() ? kDone : kNo;
+  return checked.check.Holds() ? kDone : kNo;
 }
 
 }  // namespace

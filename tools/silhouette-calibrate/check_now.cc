@@ -12,6 +12,7 @@
 #include "calib/detection/image_tags.h"
 #include "capture/session/cell_cameras.h"
 #include "common/picture/files.h"
+#include "db/status/status_macros.h"
 #include "tools/cell/devices/cell_devices.h"
 #include "tools/program/program.h"
 #include "tools/silhouette-calibrate/detect_settings.h"
@@ -28,9 +29,8 @@ absl::Status AddTags(const DetectSettings& settings, TagDetector& detector, cons
   for (size_t v = 0; v < cell.views.size(); ++v) {
     cv::Mat grey = set.images[v];
     if (grey.channels() == 3) cv::cvtColor(set.images[v], grey, cv::COLOR_BGR2GRAY);
-    const auto seen = Look(settings, detector, grey, cell.views[v].name, frame);
-    if (!seen.ok()) return seen.status();
-    const std::vector<TagSighting> tags = SightingsOf(*seen);
+    ASSIGN_OR_RETURN(const auto seen, Look(settings, detector, grey, cell.views[v].name, frame));
+    const std::vector<TagSighting> tags = SightingsOf(seen);
     sightings.insert(sightings.end(), tags.begin(), tags.end());
   }
   return absl::OkStatus();
@@ -40,16 +40,14 @@ absl::StatusOr<std::map<SeenTag, TagSighting>> LookForTags(const LiveLook& look,
                                                            CellCameras& cameras, ImageSet& last) {
   DetectArguments arguments;
   arguments.boards = look.boards;
-  const auto settings = LoadDetectSettings(arguments, {});
-  if (!settings.ok()) return settings.status();
-  TagDetector detector(settings->families);
+  ASSIGN_OR_RETURN(const auto settings, LoadDetectSettings(arguments, {}));
+  TagDetector detector(settings.families);
   std::vector<TagSighting> sightings;
   for (int i = 0; i < look.sets; ++i) {
     if (StopRequested()) return absl::AbortedError("stopped; nothing is known of the cameras");
     auto set = cameras.Grab([](const std::string& line) { std::cerr << line << std::endl; });
     if (!set.ok()) return set.status();
-    const absl::Status added = AddTags(*settings, detector, cell, *set, absl::StrCat(i), sightings);
-    if (!added.ok()) return added;
+    RETURN_IF_ERROR(AddTags(settings, detector, cell, *set, absl::StrCat(i), sightings));
     last = *std::move(set);
   }
   if (sightings.empty()) {
@@ -63,11 +61,9 @@ absl::StatusOr<std::map<SeenTag, TagSighting>> LookForTags(const LiveLook& look,
 }  // namespace
 
 absl::StatusOr<std::map<SeenTag, TagSighting>> ReadMeanSightings(const std::string& file) {
-  const absl::StatusOr<std::string> text = ReadWholeFile(file);
-  if (!text.ok()) return text.status();
-  const absl::StatusOr<std::vector<TagSighting>> sightings = SightingsFromText(*text, file);
-  if (!sightings.ok()) return sightings.status();
-  auto means = MeanSightings(*sightings);
+  ASSIGN_OR_RETURN(const std::string text, ReadWholeFile(file));
+  ASSIGN_OR_RETURN(const std::vector<TagSighting> sightings, SightingsFromText(text, file));
+  auto means = MeanSightings(sightings);
   if (means.ok()) return means;
   return absl::Status(means.status().code(), absl::StrCat(file, ": ", means.status().message()));
 }
@@ -76,9 +72,8 @@ absl::StatusOr<CellNow> ReadNow(const std::string& corners, const std::string& i
                                 const storage::v1::CellDescription& cell) {
   CellNow now;
   if (!corners.empty()) {
-    auto tags = ReadMeanSightings(corners);
-    if (!tags.ok()) return tags.status();
-    now.tags = *std::move(tags);
+    ASSIGN_OR_RETURN(auto tags, ReadMeanSightings(corners));
+    now.tags = std::move(tags);
   }
   for (int i = 0; i < cell.views_size() && !images.empty(); ++i) {
     const std::string file = (fs::path(images) / (cell.views(i).name() + ".png")).string();
@@ -96,16 +91,14 @@ absl::StatusOr<CellNow> LookNow(const LiveLook& look, const Cell& cell) {
                                      "; or take the images otherwise and give them (--images, or "
                                      "--corners of them)"));
   }
-  auto cameras = CellCameras::Create(DescriptionOf(cell), **rig);
-  if (!cameras.ok()) return cameras.status();
+  ASSIGN_OR_RETURN(auto cameras, CellCameras::Create(DescriptionOf(cell), **rig));
   CellNow now;
   ImageSet set;
   if (!look.boards.empty()) {
-    auto tags = LookForTags(look, cell, *cameras, set);
-    if (!tags.ok()) return tags.status();
-    now.tags = *std::move(tags);
+    ASSIGN_OR_RETURN(auto tags, LookForTags(look, cell, cameras, set));
+    now.tags = std::move(tags);
   } else {
-    auto grabbed = cameras->Grab([](const std::string& line) { std::cerr << line << std::endl; });
+    auto grabbed = cameras.Grab([](const std::string& line) { std::cerr << line << std::endl; });
     if (!grabbed.ok()) return grabbed.status();
     set = *std::move(grabbed);
   }

@@ -4,6 +4,7 @@
 #include "absl/strings/str_join.h"
 #include "absl/time/clock.h"
 #include "calib/files/calibration_message.h"
+#include "db/status/status_macros.h"
 #include "db/store/store.h"
 #include "tools/cell/cell.h"
 #include "tools/silhouette-calibrate/silhouette_drift.h"
@@ -58,12 +59,11 @@ absl::StatusOr<std::vector<ViewDrift>> ByTags(const CheckRequest& request,
                                               const storage::v1::CellDescription& cell,
                                               const std::vector<ViewSizes>& sizes,
                                               const Sightings& after) {
-  const absl::StatusOr<Sightings> before = TagsOfThen(request, stored, cell);
-  if (!before.ok()) return before.status();
+  ASSIGN_OR_RETURN(const Sightings before, TagsOfThen(request, stored, cell));
   std::vector<ViewDrift> drifts;
   for (int i = 0; i < cell.views_size(); ++i) {
     drifts.push_back(
-        DriftByTags(cell.views(i).name(), sizes[static_cast<size_t>(i)], *before, after));
+        DriftByTags(cell.views(i).name(), sizes[static_cast<size_t>(i)], before, after));
   }
   return drifts;
 }
@@ -84,18 +84,17 @@ absl::StatusOr<Cell> CellFor(const CheckRequest& request,
 absl::StatusOr<CellNow> NowOf(const CheckRequest& request,
                               const storage::v1::CellDescription& description) {
   if (!request.live) return ReadNow(request.corners, request.images, description);
-  const absl::StatusOr<Cell> cell = CellFor(request, description);
-  if (!cell.ok()) return cell.status();
+  ASSIGN_OR_RETURN(const Cell cell, CellFor(request, description));
   LiveLook look{.boards = request.boards, .parked = std::nullopt, .sets = request.sets};
   if (request.number) {
-    if (!cell->grid.Contains(*request.number)) {
+    if (!cell.grid.Contains(*request.number)) {
       return absl::NotFoundError(absl::StrCat(
           "no configuration has the number ", *request.number,
           "; 'silhouette-db show --at' tells that of the one nearest to joint values"));
     }
-    look.parked = cell->grid.At(*request.number);
+    look.parked = cell.grid.At(*request.number);
   }
-  return LookNow(look, *cell);
+  return LookNow(look, cell);
 }
 
 absl::StatusOr<std::vector<ViewDrift>> BySilhouettes(const CheckRequest& request,
@@ -103,33 +102,29 @@ absl::StatusOr<std::vector<ViewDrift>> BySilhouettes(const CheckRequest& request
                                                      const storage::v1::CellDescription& cell,
                                                      const std::vector<ViewSizes>& sizes,
                                                      const std::vector<cv::Mat>& images) {
-  const absl::StatusOr<Cell> file = CellFor(request, cell);
-  if (!file.ok()) return file.status();
-  const auto robot = snapshot.Find(*request.number);
-  if (!robot.ok()) return robot.status();
-  if (!*robot || (*robot)->excluded) {
+  ASSIGN_OR_RETURN(const Cell file, CellFor(request, cell));
+  ASSIGN_OR_RETURN(const auto robot, snapshot.Find(*request.number));
+  if (!robot || robot->excluded) {
     return absl::NotFoundError(
         absl::StrCat("configuration ", *request.number, " has no robot images"));
   }
-  const auto references = snapshot.References();
-  if (!references.ok()) return references.status();
-  if (!*references) {
+  ASSIGN_OR_RETURN(const auto references, snapshot.References());
+  if (!references) {
     return absl::FailedPreconditionError("the database has no reference images to difference with");
   }
   std::vector<ViewDrift> drifts;
   for (int i = 0; i < cell.views_size(); ++i) {
     const std::string& name = cell.views(i).name();
     const cv::Mat& image = images[static_cast<size_t>(i)];
-    const storage::v1::Reference& png = (*references)->views(i);
-    const absl::StatusOr<Reference> reference = Reference::FromPng(png.mean_png(), png.noise_png());
-    if (!reference.ok()) return reference.status();
-    if (image.size() != reference->size()) {
+    const storage::v1::Reference& png = references->views(i);
+    ASSIGN_OR_RETURN(const Reference reference,
+                     Reference::FromPng(png.mean_png(), png.noise_png()));
+    if (image.size() != reference.size()) {
       return absl::InvalidArgumentError(
           absl::StrCat("the image of '", name, "' is not of the size of its reference image"));
     }
-    drifts.push_back(DriftBySilhouette(name, sizes[static_cast<size_t>(i)], image, *reference,
-                                       file->segmentation,
-                                       (*robot)->masks[static_cast<size_t>(i)]));
+    drifts.push_back(DriftBySilhouette(name, sizes[static_cast<size_t>(i)], image, reference,
+                                       file.segmentation, robot->masks[static_cast<size_t>(i)]));
   }
   return drifts;
 }
@@ -178,42 +173,36 @@ absl::Status CheckAsked(const CheckRequest& request) {
 }  // namespace
 
 absl::StatusOr<Checked> CheckViews(const CheckRequest& request) {
-  if (absl::Status asked = CheckAsked(request); !asked.ok()) return asked;
-  const auto database = Database::Open(request.database, Database::Access::kRead);
-  if (!database.ok()) return database.status();
-  const absl::StatusOr<Snapshot> snapshot = (*database)->Read();
-  if (!snapshot.ok()) return snapshot.status();
-  const auto stored = snapshot->Calibration();
-  if (!stored.ok()) return stored.status();
-  if (!*stored) {
+  RETURN_IF_ERROR(CheckAsked(request));
+  ASSIGN_OR_RETURN(const auto database, Database::Open(request.database, Database::Access::kRead));
+  ASSIGN_OR_RETURN(const Snapshot snapshot, database->Read());
+  ASSIGN_OR_RETURN(const auto stored, snapshot.Calibration());
+  if (!stored) {
     return absl::FailedPreconditionError(
         absl::StrCat("'", request.database,
                      "' has no calibration to check; import one with 'silhouette-db calibration "
                      "import'"));
   }
-  const storage::v1::CellDescription& cell = (*database)->cell();
-  absl::StatusOr<std::vector<ViewSizes>> sizes = SizesOf(cell);
-  if (!sizes.ok()) return sizes.status();
+  const storage::v1::CellDescription& cell = database->cell();
+  ASSIGN_OR_RETURN(std::vector<ViewSizes> sizes, SizesOf(cell));
   Checked checked;
-  checked.sizes = *std::move(sizes);
+  checked.sizes = std::move(sizes);
   checked.check.time = absl::Now();
-  checked.check.calibration = FingerprintOf(**stored);
+  checked.check.calibration = FingerprintOf(*stored);
   checked.check.limit_mask_px = request.limit;
-  const absl::StatusOr<CellNow> now = NowOf(request, cell);
-  if (!now.ok()) return now.status();
-  if (now->tags) {
-    auto drifts = ByTags(request, **stored, cell, checked.sizes, *now->tags);
-    if (!drifts.ok()) return drifts.status();
-    checked.drifts = *std::move(drifts);
+  ASSIGN_OR_RETURN(const CellNow now, NowOf(request, cell));
+  if (now.tags) {
+    ASSIGN_OR_RETURN(auto drifts, ByTags(request, *stored, cell, checked.sizes, *now.tags));
+    checked.drifts = std::move(drifts);
   }
-  if (!now->images.empty()) {
-    auto drifts = BySilhouettes(request, *snapshot, cell, checked.sizes, now->images);
-    if (!drifts.ok()) return drifts.status();
-    for (size_t i = 0; i < drifts->size(); ++i) {
-      if (!now->tags) {
-        checked.drifts.push_back((*drifts)[i]);
+  if (!now.images.empty()) {
+    ASSIGN_OR_RETURN(auto drifts,
+                     BySilhouettes(request, snapshot, cell, checked.sizes, now.images));
+    for (size_t i = 0; i < drifts.size(); ++i) {
+      if (!now.tags) {
+        checked.drifts.push_back(drifts[i]);
       } else {
-        checked.drifts[i] = Worse(checked.drifts[i], (*drifts)[i], request.limit);
+        checked.drifts[i] = Worse(checked.drifts[i], drifts[i], request.limit);
       }
     }
   }

@@ -11,6 +11,7 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_join.h"
 #include "calib/boards/tag_family.h"
+#include "db/status/status_macros.h"
 #include "tools/program/program.h"
 #include "tools/program/progress.h"
 #include "tools/silhouette-calibrate/commands.h"
@@ -71,9 +72,8 @@ class FileDetection {
   }
 
   absl::StatusOr<ImageTags> LookAt(const ListedImage& file, TagDetector& detector) const {
-    const absl::StatusOr<cv::Mat> image = ReadImage(file.path);
-    if (!image.ok()) return image.status();
-    return Look(settings_, detector, *image, file.view, file.frame);
+    ASSIGN_OR_RETURN(const cv::Mat image, ReadImage(file.path));
+    return Look(settings_, detector, image, file.view, file.frame);
   }
 
   const std::vector<ListedImage>& images_;
@@ -126,29 +126,26 @@ absl::Status CheckThatTagsWereSeen(const DetectSession& session,
 }
 
 absl::Status DetectInFiles(const DetectArguments& arguments, DetectSession& session) {
-  const absl::StatusOr<std::vector<ListedImage>> images = ListImages(arguments.images);
-  if (!images.ok()) return images.status();
+  ASSIGN_OR_RETURN(const std::vector<ListedImage> images, ListImages(arguments.images));
   std::vector<std::string> views;
-  for (const ListedImage& image : *images) {
+  for (const ListedImage& image : images) {
     if (views.empty() || views.back() != image.view) views.push_back(image.view);
   }
-  const absl::StatusOr<DetectSettings> settings = LoadDetectSettings(arguments, views);
-  if (!settings.ok()) return settings.status();
+  ASSIGN_OR_RETURN(const DetectSettings settings, LoadDetectSettings(arguments, views));
   size_t done = 0;
   {
-    FileDetection detection(*images, *settings, session);
-    if (absl::Status status = detection.Run(); !status.ok()) return status;
+    FileDetection detection(images, settings, session);
+    RETURN_IF_ERROR(detection.Run());
     done = detection.done();
   }
-  if (done == images->size()) {
-    const absl::Status status = CheckThatTagsWereSeen(session, *images, settings->families);
-    if (!status.ok()) return status;
+  if (done == images.size()) {
+    RETURN_IF_ERROR(CheckThatTagsWereSeen(session, images, settings.families));
   }
-  if (absl::Status status = DrawCoverage(*settings, session); !status.ok()) return status;
-  if (done == images->size()) return absl::OkStatus();
+  RETURN_IF_ERROR(DrawCoverage(settings, session));
+  if (done == images.size()) return absl::OkStatus();
   session.Judge();
-  if (absl::Status status = WriteSightings(session, arguments.out); !status.ok()) return status;
-  return absl::CancelledError(absl::StrCat("stopped after ", done, " of ", images->size(),
+  RETURN_IF_ERROR(WriteSightings(session, arguments.out));
+  return absl::CancelledError(absl::StrCat("stopped after ", done, " of ", images.size(),
                                            " images; what they show is in ", arguments.out));
 }
 

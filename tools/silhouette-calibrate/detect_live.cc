@@ -8,6 +8,7 @@
 #include "absl/time/clock.h"
 #include "capture/session/cell_cameras.h"
 #include "common/picture/picture.h"
+#include "db/status/status_macros.h"
 #include "tools/cell/cell.h"
 #include "tools/cell/devices/cell_devices.h"
 #include "tools/program/program.h"
@@ -39,14 +40,13 @@ class LiveDetection {
     for (size_t v = 0; v < views_.size(); ++v) {
       cv::Mat grey = set.images[v];
       if (grey.channels() == 3) cv::cvtColor(set.images[v], grey, cv::COLOR_BGR2GRAY);
-      auto tags = Look(settings_, detector_, grey, views_[v], frame);
-      if (!tags.ok()) return tags.status();
-      found.push_back(*std::move(tags));
+      ASSIGN_OR_RETURN(auto tags, Look(settings_, detector_, grey, views_[v], frame));
+      found.push_back(std::move(tags));
       greys.push_back(grey);
     }
     if (arguments_.count == 0 && !TellsSomethingNew(found)) return absl::OkStatus();
     for (size_t v = 0; v < views_.size(); ++v) {
-      if (absl::Status status = Keep(found[v], greys[v]); !status.ok()) return status;
+      RETURN_IF_ERROR(Keep(found[v], greys[v]));
     }
     ++kept_;
     last_ = found;
@@ -73,8 +73,7 @@ class LiveDetection {
       const fs::path folder = fs::path(arguments_.save) / tags.view;
       std::error_code error;
       fs::create_directories(folder, error);
-      const absl::Status status = WritePng((folder / (tags.frame + ".png")).string(), image);
-      if (!status.ok()) return status;
+      RETURN_IF_ERROR(WritePng((folder / (tags.frame + ".png")).string(), image));
     }
     return session_.Add(tags, absl::StrCat(tags.view, " ", tags.frame));
   }
@@ -101,33 +100,29 @@ absl::Status DetectLive(const DetectArguments& arguments, DetectSession& session
     return absl::AlreadyExistsError("'" + arguments.out +
                                     "' is there already; take another --out, or --overwrite");
   }
-  const auto cell = LoadCell(arguments.cell);
-  if (!cell.ok()) return cell.status();
-  auto rig = OpenCamerasOfCell(*cell, true);
+  ASSIGN_OR_RETURN(const auto cell, LoadCell(arguments.cell));
+  auto rig = OpenCamerasOfCell(cell, true);
   if (!rig.ok()) {
     return absl::Status(rig.status().code(),
                         absl::StrCat(rig.status().message(),
                                      "; or take the images otherwise and give them (--images)"));
   }
-  auto cameras = CellCameras::Create(DescriptionOf(*cell), **rig);
-  if (!cameras.ok()) return cameras.status();
+  ASSIGN_OR_RETURN(auto cameras, CellCameras::Create(DescriptionOf(cell), **rig));
   std::vector<std::string> views;
-  for (const ViewSettings& view : cell->views) views.push_back(view.name);
-  const auto settings = LoadDetectSettings(arguments, views);
-  if (!settings.ok()) return settings.status();
+  for (const ViewSettings& view : cell.views) views.push_back(view.name);
+  ASSIGN_OR_RETURN(const auto settings, LoadDetectSettings(arguments, views));
 
   if (arguments.count == 0) {
     std::cerr << "Move the board; sets in which it has moved are kept. Ctrl-C ends." << std::endl;
   }
-  LiveDetection detection(arguments, *settings, views, session);
+  LiveDetection detection(arguments, settings, views, session);
   while (!StopRequested() && (arguments.count == 0 || detection.kept() < arguments.count)) {
-    auto set = cameras->Grab([](const std::string& line) { std::cerr << line << std::endl; });
+    auto set = cameras.Grab([](const std::string& line) { std::cerr << line << std::endl; });
     if (!set.ok()) return set.status();
-    const absl::Status status = detection.Take(*set);
-    if (!status.ok()) return status;
+    RETURN_IF_ERROR(detection.Take(*set));
     if (detection.kept() != arguments.count || arguments.count == 0) Wait(arguments.interval);
   }
-  return DrawCoverage(*settings, session);
+  return DrawCoverage(settings, session);
 }
 
 }  // namespace silhouette

@@ -11,6 +11,7 @@
 #include "calib/files/calibration_camera_file.h"
 #include "calib/files/calibration_message.h"
 #include "common/picture/files.h"
+#include "db/status/status_macros.h"
 #include "tools/silhouette-calibrate/detect_pictures.h"
 
 namespace silhouette {
@@ -22,11 +23,9 @@ std::string FileName(const std::string& name) { return absl::StrReplaceAll(name,
 
 absl::Status LoadBoards(const std::vector<std::string>& files, DetectSettings& settings) {
   for (const std::string& file : files) {
-    const auto text = ReadWholeFile(file);
-    if (!text.ok()) return text.status();
-    const auto boards = BoardsFromText(*text, file);
-    if (!boards.ok()) return boards.status();
-    settings.boards.insert(settings.boards.end(), boards->begin(), boards->end());
+    ASSIGN_OR_RETURN(const auto text, ReadWholeFile(file));
+    ASSIGN_OR_RETURN(const auto boards, BoardsFromText(text, file));
+    settings.boards.insert(settings.boards.end(), boards.begin(), boards.end());
   }
   for (const Board& board : settings.boards) {
     const std::string& family = board.description().family;
@@ -41,11 +40,9 @@ absl::Status LoadBoards(const std::vector<std::string>& files, DetectSettings& s
 absl::Status LoadLens(const std::string& folder, const std::string& view,
                       DetectSettings& settings) {
   const std::string file = (fs::path(folder) / CameraFileName(view)).string();
-  const auto text = ReadWholeFile(file);
-  if (!text.ok()) return text.status();
-  const auto message = CameraFromText(*text, file);
-  if (!message.ok()) return message.status();
-  const auto camera = CameraFrom(*message);
+  ASSIGN_OR_RETURN(const auto text, ReadWholeFile(file));
+  ASSIGN_OR_RETURN(const auto message, CameraFromText(text, file));
+  const auto camera = CameraFrom(message);
   if (!camera.ok()) {
     return absl::InvalidArgumentError(absl::StrCat(file, ": ", camera.status().message()));
   }
@@ -91,8 +88,7 @@ absl::StatusOr<ImageTags> Look(const DetectSettings& settings, TagDetector& dete
   tags.frame = frame;
   if (!settings.draw.empty()) {
     const fs::path file = fs::path(settings.draw) / FileName(view) / (FileName(frame) + ".png");
-    const absl::Status status = WritePng(file.string(), PictureOfTags(image, tags));
-    if (!status.ok()) return status;
+    RETURN_IF_ERROR(WritePng(file.string(), PictureOfTags(image, tags)));
   }
   return tags;
 }
@@ -101,16 +97,14 @@ absl::Status DrawCoverage(const DetectSettings& settings, const DetectSession& s
   if (settings.draw.empty()) return absl::OkStatus();
   for (const auto& [view, coverage] : session.coverage()) {
     const fs::path file = fs::path(settings.draw) / ("coverage-" + FileName(view) + ".png");
-    const absl::Status status = WritePng(file.string(), PictureOfCoverage(view, coverage));
-    if (!status.ok()) return status;
+    RETURN_IF_ERROR(WritePng(file.string(), PictureOfCoverage(view, coverage)));
   }
   return absl::OkStatus();
 }
 
 absl::Status WriteSightings(const DetectSession& session, const std::string& out) {
   const std::string unfinished = out + ".unfinished";
-  absl::Status status = WriteWholeFile(unfinished, SightingFileText(session.Sightings()));
-  if (!status.ok()) return status;
+  RETURN_IF_ERROR(WriteWholeFile(unfinished, SightingFileText(session.Sightings())));
   std::error_code error;
   fs::rename(unfinished, out, error);
   if (error) {

@@ -11,6 +11,7 @@
 #include "absl/strings/str_format.h"
 #include "calib/boards/sighting_file.h"
 #include "common/picture/files.h"
+#include "db/status/status_macros.h"
 #include "server/scene/calibration_settings.h"
 #include "tools/program/program.h"
 #include "tools/silhouette-calibrate/band_pictures.h"
@@ -49,9 +50,8 @@ struct Found {
 };
 
 absl::StatusOr<std::vector<TagSighting>> ReadSightings(const std::string& file) {
-  const absl::StatusOr<std::string> text = ReadWholeFile(file);
-  if (!text.ok()) return text.status();
-  return SightingsFromText(*text, file);
+  ASSIGN_OR_RETURN(const std::string text, ReadWholeFile(file));
+  return SightingsFromText(text, file);
 }
 
 absl::StatusOr<Found> Find(const FundamentalArguments& arguments) {
@@ -62,13 +62,11 @@ absl::StatusOr<Found> Find(const FundamentalArguments& arguments) {
   }
   Found found;
   if (!arguments.corners.empty()) {
-    absl::StatusOr<std::vector<TagSighting>> sightings = ReadSightings(arguments.corners);
-    if (!sightings.ok()) return sightings.status();
-    found.sightings = *std::move(sightings);
+    ASSIGN_OR_RETURN(std::vector<TagSighting> sightings, ReadSightings(arguments.corners));
+    found.sightings = std::move(sightings);
   }
-  absl::StatusOr<std::vector<PairedView>> views = PairedViews(arguments.sources, found.sightings);
-  if (!views.ok()) return views.status();
-  found.views = *std::move(views);
+  ASSIGN_OR_RETURN(std::vector<PairedView> views, PairedViews(arguments.sources, found.sightings));
+  found.views = std::move(views);
   found.pairs = FindPairs(found.views, found.sightings, arguments.settings);
   return found;
 }
@@ -125,9 +123,8 @@ absl::StatusOr<std::map<std::string, Picture>> ReadImages(const FundamentalArgum
 
 absl::StatusOr<std::vector<std::string>> DrawBands(const FundamentalArguments& arguments,
                                                    const Found& found, bool of_models) {
-  absl::StatusOr<std::map<std::string, Picture>> images = ReadImages(arguments, found);
-  if (!images.ok()) return images.status();
-  if (absl::Status made = MakeFolder(arguments.draw); !made.ok()) return made;
+  ASSIGN_OR_RETURN(auto images, ReadImages(arguments, found));
+  RETURN_IF_ERROR(MakeFolder(arguments.draw));
   const Calibration calibration = CalibrationOf(found, of_models);
   // An image shows one frame.
   const bool any_frame = arguments.images.empty() || !arguments.frame.empty();
@@ -140,13 +137,12 @@ absl::StatusOr<std::vector<std::string>> DrawBands(const FundamentalArguments& a
                                 .margin = of_models ? 0 : pair.margin,
                                 .sightings = found.sightings,
                                 .frame = frame,
-                                .images = *images};
+                                .images = images};
     const std::string name =
         absl::StrCat("bands_", found.views[static_cast<size_t>(pair.a)].name, "_",
                      found.views[static_cast<size_t>(pair.b)].name, ".png");
     written.push_back((fs::path(arguments.draw) / name).string());
-    const absl::Status status = WritePng(written.back(), PaintBands(pictures, pair.a, pair.b));
-    if (!status.ok()) return status;
+    RETURN_IF_ERROR(WritePng(written.back(), PaintBands(pictures, pair.a, pair.b)));
   }
   return written;
 }
@@ -160,43 +156,37 @@ absl::Status WriteRecord(const FundamentalArguments& arguments, const FoundCalib
                                      found.cameras.empty() ? "weak calibration" : "camera models"));
   }
   if (!arguments.fixed_tags.empty()) {
-    const auto fixed = ReadSightings(arguments.fixed_tags);
-    if (!fixed.ok()) return fixed.status();
-    const absl::Status set = SetFixedTags(found, *fixed, *record);
-    if (!set.ok()) return set;
+    ASSIGN_OR_RETURN(const auto fixed, ReadSightings(arguments.fixed_tags));
+    RETURN_IF_ERROR(SetFixedTags(found, fixed, *record));
   }
   return WriteCalibrationFile(found, *std::move(record), arguments.calibration);
 }
 
 absl::StatusOr<ExitCode> FundamentalWork(const FundamentalArguments& arguments) {
-  const absl::StatusOr<Found> found = Find(arguments);
-  if (!found.ok()) return found.status();
+  ASSIGN_OR_RETURN(const Found found, Find(arguments));
   const bool of_models = !arguments.sources.cameras.empty();
   std::vector<std::string> written;
   if (!arguments.draw.empty()) {
-    auto drawn = DrawBands(arguments, *found, of_models);
-    if (!drawn.ok()) return drawn.status();
-    written = *std::move(drawn);
+    ASSIGN_OR_RETURN(auto drawn, DrawBands(arguments, found, of_models));
+    written = std::move(drawn);
   }
-  const bool refused = found->AnyRefused() && !arguments.skip_refused;
+  const bool refused = found.AnyRefused() && !arguments.skip_refused;
   const FoundCalibration calibration{
-      .views = found->views, .pairs = found->pairs, .cameras = arguments.sources.cameras};
+      .views = found.views, .pairs = found.pairs, .cameras = arguments.sources.cameras};
   if (!arguments.out.empty() && !refused) {
-    const absl::Status status = WriteMatrices(calibration, arguments.out);
-    if (!status.ok()) return status;
+    RETURN_IF_ERROR(WriteMatrices(calibration, arguments.out));
     written.push_back(arguments.out);
   }
   if (!arguments.calibration.empty() && (!refused || of_models)) {
-    const absl::Status status = WriteRecord(arguments, calibration);
-    if (!status.ok()) return status;
+    RETURN_IF_ERROR(WriteRecord(arguments, calibration));
     written.push_back(arguments.calibration);
   }
   if (arguments.format == "json") {
-    nlohmann::ordered_json json = PairsJson(found->views, found->pairs);
+    nlohmann::ordered_json json = PairsJson(found.views, found.pairs);
     json["files"] = written;
     std::cout << json.dump(2) << "\n";
   } else {
-    PrintPairs(found->views, found->pairs, !of_models || !arguments.out.empty());
+    PrintPairs(found.views, found.pairs, !of_models || !arguments.out.empty());
     for (const std::string& file : written) std::cout << "wrote " << file << "\n";
   }
   // Camera models alone are asked what they say, which is an answer.

@@ -14,6 +14,7 @@
 #include "calib/files/calibration_message.h"
 #include "calib/fundamental/correspondences.h"
 #include "common/picture/files.h"
+#include "db/status/status_macros.h"
 #include "tools/cell/cell.h"
 #include "tools/silhouette-calibrate/camera_files.h"
 
@@ -41,9 +42,8 @@ absl::StatusOr<std::vector<PairedView>> NamedViews(const ViewSources& sources,
                                                    std::span<const TagSighting> sightings) {
   std::vector<PairedView> views;
   if (!sources.cell.empty()) {
-    const absl::StatusOr<Cell> cell = LoadCell(sources.cell);
-    if (!cell.ok()) return cell.status();
-    for (const ViewSettings& view : cell->views) {
+    ASSIGN_OR_RETURN(const Cell cell, LoadCell(sources.cell));
+    for (const ViewSettings& view : cell.views) {
       views.push_back({.name = view.name,
                        .sizes = {.image = {view.image_width, view.image_height},
                                  .mask = {view.mask_size.width, view.mask_size.height}},
@@ -66,16 +66,15 @@ bool Same(PixelSize one, PixelSize other) {
 
 absl::Status TakeCamera(const std::string& folder, PairedView& view) {
   const std::string file = (fs::path(folder) / CameraFileName(view.name)).string();
-  absl::StatusOr<CameraModel> camera = ReadCameraFile(file);
-  if (!camera.ok()) return camera.status();
-  const PixelSize size{camera->intrinsics().width, camera->intrinsics().height};
+  ASSIGN_OR_RETURN(CameraModel camera, ReadCameraFile(file));
+  const PixelSize size{camera.intrinsics().width, camera.intrinsics().height};
   if (view.sizes.image.width > 0 && !Same(view.sizes.image, size)) {
     return absl::InvalidArgumentError(absl::StrCat("'", file, "' is for images of ", Text(size),
                                                    ", but those of view '", view.name, "' are ",
                                                    Text(view.sizes.image)));
   }
   view.sizes.image = size;
-  view.camera = *std::move(camera);
+  view.camera = std::move(camera);
   return absl::OkStatus();
 }
 
@@ -128,13 +127,12 @@ absl::StatusOr<std::vector<PairedView>> PairedViews(const ViewSources& sources,
     for (const bool of_image : {true, false}) {
       const std::string& text = of_image ? sources.image_size : sources.mask_size;
       if (text.empty()) continue;
-      const auto size = SizeFromText(text, of_image ? "--image-size" : "--mask-size");
-      if (!size.ok()) return size.status();
-      (of_image ? view.sizes.image : view.sizes.mask) = *size;
+      ASSIGN_OR_RETURN(const auto size,
+                       SizeFromText(text, of_image ? "--image-size" : "--mask-size"));
+      (of_image ? view.sizes.image : view.sizes.mask) = size;
     }
     if (!sources.cameras.empty()) {
-      const absl::Status taken = TakeCamera(sources.cameras, view);
-      if (!taken.ok()) return taken;
+      RETURN_IF_ERROR(TakeCamera(sources.cameras, view));
     }
     if (view.sizes.image.width <= 0) {
       return absl::InvalidArgumentError(absl::StrCat("how large the images of view '", view.name,
@@ -150,8 +148,7 @@ absl::StatusOr<std::vector<PairedView>> PairedViews(const ViewSources& sources,
   if (views->size() < 2) {
     return absl::InvalidArgumentError("there must be at least two views to pair");
   }
-  const absl::Status checked = CheckSightings(*views, sightings);
-  if (!checked.ok()) return checked;
+  RETURN_IF_ERROR(CheckSightings(*views, sightings));
   return views;
 }
 

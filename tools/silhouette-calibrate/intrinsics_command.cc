@@ -15,6 +15,7 @@
 #include "calib/intrinsics/foreign_camera_file.h"
 #include "calib/intrinsics/lens_file.h"
 #include "common/picture/files.h"
+#include "db/status/status_macros.h"
 #include "tools/program/program.h"
 #include "tools/silhouette-calibrate/commands.h"
 #include "tools/silhouette-calibrate/fundamental_views.h"
@@ -52,11 +53,11 @@ absl::StatusOr<std::optional<PixelSize>> IntrinsicsSizeOf(const IntrinsicsArgume
   for (const std::string& given : arguments.image_sizes) {
     const size_t sign = given.rfind('=');
     if (sign != std::string::npos && given.substr(0, sign) != view) continue;
-    const absl::StatusOr<PixelSize> read =
-        SizeFromText(sign == std::string::npos ? given : given.substr(sign + 1), "--image-size");
-    if (!read.ok()) return read.status();
+    ASSIGN_OR_RETURN(
+        const PixelSize read,
+        SizeFromText(sign == std::string::npos ? given : given.substr(sign + 1), "--image-size"));
     // One for all is what the others are not.
-    if (sign != std::string::npos || !size) size = *read;
+    if (sign != std::string::npos || !size) size = read;
   }
   return size;
 }
@@ -64,11 +65,10 @@ absl::StatusOr<std::optional<PixelSize>> IntrinsicsSizeOf(const IntrinsicsArgume
 absl::StatusOr<ForeignCamera> ReadCamera(const std::string& file,
                                          const std::optional<PixelSize>& size,
                                          const std::string& camera) {
-  const absl::StatusOr<std::string> text = ReadWholeFile(file);
-  if (!text.ok()) return text.status();
+  ASSIGN_OR_RETURN(const std::string text, ReadWholeFile(file));
   ForeignCameraOptions options{.camera = camera};
   if (size) options.image_size = {size->width, size->height};
-  return CameraFromForeignText(*text, file, options);
+  return CameraFromForeignText(text, file, options);
 }
 
 // --from: one file to a .cameramodel.
@@ -111,12 +111,10 @@ struct Input {
 };
 
 absl::Status ReadBoards(const IntrinsicsArguments& arguments, Input& input) {
-  const absl::StatusOr<std::string> text = ReadWholeFile(arguments.boards);
-  if (!text.ok()) return text.status();
-  absl::StatusOr<std::vector<Board>> boards = BoardsFromText(*text, arguments.boards);
-  if (!boards.ok()) return boards.status();
+  ASSIGN_OR_RETURN(const std::string text, ReadWholeFile(arguments.boards));
+  ASSIGN_OR_RETURN(std::vector<Board> boards, BoardsFromText(text, arguments.boards));
   for (const std::string& name : arguments.board_names) {
-    const bool there = std::any_of(boards->begin(), boards->end(), [&](const Board& board) {
+    const bool there = std::any_of(boards.begin(), boards.end(), [&](const Board& board) {
       return board.description().name == name;
     });
     if (!there) {
@@ -124,7 +122,7 @@ absl::Status ReadBoards(const IntrinsicsArguments& arguments, Input& input) {
           absl::StrCat("there is no board '", name, "' in ", arguments.boards));
     }
   }
-  for (Board& board : *boards) {
+  for (Board& board : boards) {
     const auto& names = arguments.board_names;
     if (names.empty() ||
         std::find(names.begin(), names.end(), board.description().name) != names.end()) {
@@ -136,19 +134,17 @@ absl::Status ReadBoards(const IntrinsicsArguments& arguments, Input& input) {
 
 absl::Status AddCamera(const IntrinsicsArguments& arguments, const std::string& view,
                        Input& input) {
-  const auto size = IntrinsicsSizeOf(arguments, view);
-  if (!size.ok()) return size.status();
+  ASSIGN_OR_RETURN(const auto size, IntrinsicsSizeOf(arguments, view));
   LensCamera camera{.name = view};
   if (!arguments.fixed.empty()) {
     const std::string file = (fs::path(arguments.fixed) / CameraFileName(view)).string();
-    const auto read = ReadCamera(file, *size, "");
-    if (!read.ok()) return read.status();
-    camera.fixed = read->camera.intrinsics();
+    ASSIGN_OR_RETURN(const auto read, ReadCamera(file, size, ""));
+    camera.fixed = read.camera.intrinsics();
     camera.width = camera.fixed->width;
     camera.height = camera.fixed->height;
-  } else if (*size) {
-    camera.width = (*size)->width;
-    camera.height = (*size)->height;
+  } else if (size) {
+    camera.width = size->width;
+    camera.height = size->height;
   } else {
     return absl::InvalidArgumentError(absl::StrCat("give the size of the images of the view '",
                                                    view, "', as --image-size ", view, "=1280x960"));
@@ -163,14 +159,11 @@ absl::StatusOr<Input> ReadInput(const IntrinsicsArguments& arguments) {
         "give --corners and --boards to solve for lenses, or --from FILE --view NAME to read one");
   }
   Input input;
-  const absl::Status boards = ReadBoards(arguments, input);
-  if (!boards.ok()) return boards;
-  const absl::StatusOr<std::string> text = ReadWholeFile(arguments.corners);
-  if (!text.ok()) return text.status();
-  absl::StatusOr<std::vector<TagSighting>> sightings = SightingsFromText(*text, arguments.corners);
-  if (!sightings.ok()) return sightings.status();
+  RETURN_IF_ERROR(ReadBoards(arguments, input));
+  ASSIGN_OR_RETURN(const std::string text, ReadWholeFile(arguments.corners));
+  ASSIGN_OR_RETURN(std::vector<TagSighting> sightings, SightingsFromText(text, arguments.corners));
   std::set<std::string> seen;
-  for (const TagSighting& sighting : *sightings) seen.insert(sighting.view);
+  for (const TagSighting& sighting : sightings) seen.insert(sighting.view);
   std::vector<std::string> views = arguments.views;
   if (views.empty()) views.assign(seen.begin(), seen.end());
   for (const std::string& view : views) {
@@ -178,10 +171,9 @@ absl::StatusOr<Input> ReadInput(const IntrinsicsArguments& arguments) {
       return absl::InvalidArgumentError(
           absl::StrCat("there is no corner of the view '", view, "' in ", arguments.corners));
     }
-    const absl::Status added = AddCamera(arguments, view, input);
-    if (!added.ok()) return added;
+    RETURN_IF_ERROR(AddCamera(arguments, view, input));
   }
-  for (TagSighting& sighting : *sightings) {
+  for (TagSighting& sighting : sightings) {
     if (std::find(views.begin(), views.end(), sighting.view) != views.end()) {
       input.sightings.push_back(std::move(sighting));
     }

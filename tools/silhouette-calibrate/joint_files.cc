@@ -11,6 +11,7 @@
 #include "absl/strings/str_split.h"
 #include "calib/boards/csv.h"
 #include "common/yaml/strict_yaml.h"
+#include "db/status/status_macros.h"
 
 namespace silhouette {
 namespace {
@@ -59,10 +60,9 @@ class JointReader {
       values.push_back(joint.position);
     }
     for (size_t i = 1; i < columns_.size(); ++i) {
-      const absl::StatusOr<double> value = ValueOf(row, i);
-      if (!value.ok()) return value.status();
+      ASSIGN_OR_RETURN(const double value, ValueOf(row, i));
       names.push_back(columns_[i]);
-      values.push_back(*value);
+      values.push_back(value);
     }
     absl::StatusOr<std::vector<double>> positions = robot_.Positions(names, values);
     if (positions.ok()) return positions;
@@ -102,8 +102,7 @@ absl::StatusOr<std::vector<RobotPose>> RobotPosesOfJoints(const std::string& tex
                                                           const std::string& file,
                                                           const RobotModel& robot,
                                                           const JointFileSettings& settings) {
-  const absl::StatusOr<size_t> flange = FlangeLink(robot, settings.flange_link);
-  if (!flange.ok()) return flange.status();
+  ASSIGN_OR_RETURN(const size_t flange, FlangeLink(robot, settings.flange_link));
   if (text.empty()) {
     return absl::InvalidArgumentError(absl::StrCat(
         file, ": the file is empty; its first line is frame and the names of the joints"));
@@ -112,21 +111,19 @@ absl::StatusOr<std::vector<RobotPose>> RobotPosesOfJoints(const std::string& tex
   for (const std::string& name : HeaderOf(text)) {
     if (name != "frame") columns.push_back(name);
   }
-  const absl::StatusOr<std::vector<CsvRow>> rows = CsvRows(text, file, columns);
-  if (!rows.ok()) return rows.status();
+  ASSIGN_OR_RETURN(const std::vector<CsvRow> rows, CsvRows(text, file, columns));
   const JointReader reader(robot, settings, columns);
   std::vector<RobotPose> poses;
   std::map<std::string, std::string> places;
-  for (const CsvRow& row : *rows) {
+  for (const CsvRow& row : rows) {
     const auto [other, added] = places.emplace(row.Text(0), row.place());
     if (!added) {
       return absl::InvalidArgumentError(absl::StrCat(row.place(), ": frame '", row.Text(0),
                                                      "' is there already, at ", other->second,
                                                      "; leave one"));
     }
-    const absl::StatusOr<std::vector<double>> positions = reader.Positions(row);
-    if (!positions.ok()) return positions.status();
-    poses.push_back({row.Text(0), robot.LinkPoses(*positions)[*flange]});
+    ASSIGN_OR_RETURN(const std::vector<double> positions, reader.Positions(row));
+    poses.push_back({row.Text(0), robot.LinkPoses(positions)[flange]});
   }
   return poses;
 }

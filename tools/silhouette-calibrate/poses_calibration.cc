@@ -10,6 +10,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "calib/files/calibration_session_file.h"
+#include "db/status/status_macros.h"
 #include "tools/silhouette-calibrate/calibration_output.h"
 
 namespace silhouette {
@@ -90,16 +91,14 @@ MaskSizes MaskSizesOf(const Cell& cell) {
 absl::StatusOr<MaskSizes> MaskSizesFrom(const std::string& cell, const std::string& size,
                                         const PoseProblem& problem) {
   if (!size.empty()) {
-    const auto parsed = SizeFromText(size, "--mask-size");
-    if (!parsed.ok()) return parsed.status();
+    ASSIGN_OR_RETURN(const auto parsed, SizeFromText(size, "--mask-size"));
     MaskSizes sizes;
-    for (const PoseView& view : problem.views) sizes[view.name] = *parsed;
+    for (const PoseView& view : problem.views) sizes[view.name] = parsed;
     return sizes;
   }
   if (cell.empty()) return MaskSizes();
-  const absl::StatusOr<Cell> loaded = LoadCell(cell);
-  if (!loaded.ok()) return loaded.status();
-  return MaskSizesOf(*loaded);
+  ASSIGN_OR_RETURN(const Cell loaded, LoadCell(cell));
+  return MaskSizesOf(loaded);
 }
 
 bool HasViews(const PoseSolution& solution) {
@@ -122,9 +121,8 @@ absl::StatusOr<std::string> WritePoseCalibration(const std::string& folder,
     record.add_warnings(absl::StrCat("no matrices: ", error.what()));
   }
   const std::string file = (fs::path(folder) / kSessionFileName).string();
-  const absl::Status written =
-      WriteCalibrationFile({.views = views, .pairs = pairs, .cameras = folder}, record, file);
-  if (!written.ok()) return written;
+  RETURN_IF_ERROR(
+      WriteCalibrationFile({.views = views, .pairs = pairs, .cameras = folder}, record, file));
   return file;
 }
 

@@ -5,6 +5,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "calib/poses/pose_calibration.h"
+#include "db/status/status_macros.h"
 #include "tools/program/program.h"
 #include "tools/silhouette-calibrate/commands.h"
 #include "tools/silhouette-calibrate/poses_inputs.h"
@@ -25,12 +26,10 @@ struct PosesArguments {
 
 absl::StatusOr<ExitCode> PosesWork(const PosesArguments& arguments) {
   const PoseSources sources = WithUnit(arguments.sources, arguments.degrees);
-  const absl::StatusOr<PoseProblem> problem = ReadPoseProblem(sources);
-  if (!problem.ok()) return problem.status();
-  const auto masks = MaskSizesFrom(sources.cell, arguments.mask_size, *problem);
-  if (!masks.ok()) return masks.status();
+  ASSIGN_OR_RETURN(const PoseProblem problem, ReadPoseProblem(sources));
+  ASSIGN_OR_RETURN(const auto masks, MaskSizesFrom(sources.cell, arguments.mask_size, problem));
   const auto start = std::chrono::steady_clock::now();
-  const absl::StatusOr<PoseSolution> solution = CalibratePoses(*problem);
+  const absl::StatusOr<PoseSolution> solution = CalibratePoses(problem);
   const std::chrono::duration<double> taken = std::chrono::steady_clock::now() - start;
   if (absl::IsFailedPrecondition(solution.status())) {
     std::cerr << "silhouette-calibrate: " << solution.status().message();
@@ -40,19 +39,19 @@ absl::StatusOr<ExitCode> PosesWork(const PosesArguments& arguments) {
     return kNo;
   }
   if (!solution.ok()) return solution.status();
-  const auto files =
-      WritePoses(arguments.out, *problem, *solution,
-                 {.command = "poses", .lenses = sources.cameras, .masks = *masks}, arguments.draw);
-  if (!files.ok()) return files.status();
+  ASSIGN_OR_RETURN(
+      const auto files,
+      WritePoses(arguments.out, problem, *solution,
+                 {.command = "poses", .lenses = sources.cameras, .masks = masks}, arguments.draw));
   if (arguments.format == "json") {
     nlohmann::ordered_json json = PosesJson(*solution);
     json["seconds"] = taken.count();
-    json["files"] = *files;
+    json["files"] = files;
     std::cout << json.dump(2) << '\n';
     return kDone;
   }
   PrintPoses(*solution);
-  for (const std::string& file : *files) std::cout << "wrote " << file << '\n';
+  for (const std::string& file : files) std::cout << "wrote " << file << '\n';
   return kDone;
 }
 

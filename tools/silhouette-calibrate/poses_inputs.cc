@@ -12,6 +12,7 @@
 #include "calib/poses/survey_file.h"
 #include "common/picture/files.h"
 #include "common/yaml/strict_yaml.h"
+#include "db/status/status_macros.h"
 #include "tools/cell/cell.h"
 #include "tools/silhouette-calibrate/camera_files.h"
 #include "tools/silhouette-calibrate/joint_files.h"
@@ -64,11 +65,9 @@ PoseBoard* BoardNamed(const std::string& name, PoseProblem& problem) {
 }
 
 absl::Status PlaceSurveyed(const PoseSources& sources, PoseProblem& problem) {
-  const absl::StatusOr<std::string> text = ReadWholeFile(sources.survey);
-  if (!text.ok()) return text.status();
-  const absl::StatusOr<std::vector<SurveyedBoard>> survey = SurveyFromText(*text, sources.survey);
-  if (!survey.ok()) return survey.status();
-  for (const SurveyedBoard& surveyed : *survey) {
+  ASSIGN_OR_RETURN(const std::string text, ReadWholeFile(sources.survey));
+  ASSIGN_OR_RETURN(const std::vector<SurveyedBoard> survey, SurveyFromText(text, sources.survey));
+  for (const SurveyedBoard& surveyed : survey) {
     PoseBoard* board = BoardNamed(surveyed.board, problem);
     if (board == nullptr) return NoSuchBoard(surveyed.board, problem, sources, sources.survey);
     if (board->place == BoardPlace::kFlange) {
@@ -84,11 +83,9 @@ absl::Status PlaceSurveyed(const PoseSources& sources, PoseProblem& problem) {
 }
 
 absl::Status PlaceBoards(const PoseSources& sources, PoseProblem& problem) {
-  const absl::StatusOr<std::string> text = ReadWholeFile(sources.boards);
-  if (!text.ok()) return text.status();
-  const absl::StatusOr<std::vector<Board>> boards = BoardsFromText(*text, sources.boards);
-  if (!boards.ok()) return boards.status();
-  for (const Board& board : *boards) {
+  ASSIGN_OR_RETURN(const std::string text, ReadWholeFile(sources.boards));
+  ASSIGN_OR_RETURN(const std::vector<Board> boards, BoardsFromText(text, sources.boards));
+  for (const Board& board : boards) {
     problem.boards.push_back(
         {.board = board,
          .place = sources.eye_in_hand.empty() ? BoardPlace::kLoose : BoardPlace::kStanding});
@@ -114,36 +111,31 @@ absl::StatusOr<std::vector<RobotPose>> PosesOfJoints(const PoseSources& sources)
   std::string urdf = sources.urdf;
   std::vector<std::string> packages;
   if (!sources.cell.empty()) {
-    const absl::StatusOr<Cell> cell = LoadCell(sources.cell);
-    if (!cell.ok()) return cell.status();
-    urdf = cell->robot.urdf;
-    packages = cell->robot.package_paths;
-    settings.fixed_joints = cell->fixed_joints;
+    ASSIGN_OR_RETURN(const Cell cell, LoadCell(sources.cell));
+    urdf = cell.robot.urdf;
+    packages = cell.robot.package_paths;
+    settings.fixed_joints = cell.fixed_joints;
   }
   if (urdf.empty()) {
     return absl::InvalidArgumentError(
         "joint values need the robot's model: give --urdf, or --cell whose robot has a urdf");
   }
-  const absl::StatusOr<RobotModel> robot = RobotModel::FromUrdf(urdf, packages);
-  if (!robot.ok()) return robot.status();
-  const absl::StatusOr<std::string> text = ReadWholeFile(sources.joints);
-  if (!text.ok()) return text.status();
-  return RobotPosesOfJoints(*text, sources.joints, *robot, settings);
+  ASSIGN_OR_RETURN(const RobotModel robot, RobotModel::FromUrdf(urdf, packages));
+  ASSIGN_OR_RETURN(const std::string text, ReadWholeFile(sources.joints));
+  return RobotPosesOfJoints(text, sources.joints, robot, settings);
 }
 
 absl::StatusOr<std::vector<RobotPose>> ReadRobotPoses(const PoseSources& sources) {
   if (!sources.joints.empty()) return PosesOfJoints(sources);
   if (sources.robot_poses.empty()) return std::vector<RobotPose>();
-  const absl::StatusOr<std::string> text = ReadWholeFile(sources.robot_poses);
-  if (!text.ok()) return text.status();
-  return RobotPosesFromText(*text, sources.robot_poses);
+  ASSIGN_OR_RETURN(const std::string text, ReadWholeFile(sources.robot_poses));
+  return RobotPosesFromText(text, sources.robot_poses);
 }
 
 absl::Status ReadViews(const PoseSources& sources, PoseProblem& problem) {
-  const absl::StatusOr<std::vector<CameraFile>> cameras = ReadCameraFolder(sources.cameras);
-  if (!cameras.ok()) return cameras.status();
+  ASSIGN_OR_RETURN(const std::vector<CameraFile> cameras, ReadCameraFolder(sources.cameras));
   bool found = sources.eye_in_hand.empty();
-  for (const CameraFile& named : *cameras) {
+  for (const CameraFile& named : cameras) {
     const bool on_flange = named.view == sources.eye_in_hand;
     found = found || on_flange;
     problem.views.push_back(
@@ -159,19 +151,15 @@ absl::Status ReadViews(const PoseSources& sources, PoseProblem& problem) {
 
 absl::StatusOr<PoseProblem> ReadPoseProblem(const PoseSources& sources) {
   PoseProblem problem;
-  const absl::StatusOr<RobotNoise> noise = NoiseFrom(sources.robot_sigma);
-  if (!noise.ok()) return noise.status();
-  problem.robot_noise = *noise;
-  if (absl::Status views = ReadViews(sources, problem); !views.ok()) return views;
-  if (absl::Status boards = PlaceBoards(sources, problem); !boards.ok()) return boards;
-  const absl::StatusOr<std::string> text = ReadWholeFile(sources.corners);
-  if (!text.ok()) return text.status();
-  absl::StatusOr<std::vector<TagSighting>> sightings = SightingsFromText(*text, sources.corners);
-  if (!sightings.ok()) return sightings.status();
-  problem.sightings = *std::move(sightings);
-  absl::StatusOr<std::vector<RobotPose>> poses = ReadRobotPoses(sources);
-  if (!poses.ok()) return poses.status();
-  problem.robot_poses = *std::move(poses);
+  ASSIGN_OR_RETURN(const RobotNoise noise, NoiseFrom(sources.robot_sigma));
+  problem.robot_noise = noise;
+  RETURN_IF_ERROR(ReadViews(sources, problem));
+  RETURN_IF_ERROR(PlaceBoards(sources, problem));
+  ASSIGN_OR_RETURN(const std::string text, ReadWholeFile(sources.corners));
+  ASSIGN_OR_RETURN(std::vector<TagSighting> sightings, SightingsFromText(text, sources.corners));
+  problem.sightings = std::move(sightings);
+  ASSIGN_OR_RETURN(std::vector<RobotPose> poses, ReadRobotPoses(sources));
+  problem.robot_poses = std::move(poses);
   return problem;
 }
 

@@ -8,6 +8,7 @@
 #include "absl/strings/str_format.h"
 #include "calib/boards/csv.h"
 #include "common/picture/files.h"
+#include "db/status/status_macros.h"
 #include "tools/silhouette-calibrate/camera_files.h"
 #include "tools/silhouette-calibrate/residual_picture.h"
 
@@ -161,16 +162,14 @@ absl::StatusOr<std::vector<std::string>> WritePoses(const std::string& folder,
   std::vector<std::string> files;
   for (size_t i = 0; i < solution.views.size(); ++i) {
     const SolvedView& view = solution.views[i];
-    const absl::StatusOr<std::string> file =
-        WriteCameraFile(folder, view.on_flange ? view.name + ".flange" : view.name,
-                        CameraModel(problem.views[i].lens, view.camera_pose));
-    if (!file.ok()) return file.status();
-    files.push_back(*file);
+    ASSIGN_OR_RETURN(const std::string file,
+                     WriteCameraFile(folder, view.on_flange ? view.name + ".flange" : view.name,
+                                     CameraModel(problem.views[i].lens, view.camera_pose)));
+    files.push_back(file);
   }
   if (HasViews(solution)) {
-    const auto file = WritePoseCalibration(folder, problem, solution, provenance);
-    if (!file.ok()) return file.status();
-    files.push_back(*file);
+    ASSIGN_OR_RETURN(const auto file, WritePoseCalibration(folder, problem, solution, provenance));
+    files.push_back(file);
   }
   const auto path = [&](const std::string& name) { return (fs::path(folder) / name).string(); };
   files.push_back(path("poses.json"));

@@ -4,6 +4,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "calib/report/report_json.h"
+#include "db/status/status_macros.h"
 #include "tools/program/program.h"
 #include "tools/silhouette-calibrate/commands.h"
 #include "tools/silhouette-calibrate/poses_options.h"
@@ -24,26 +25,23 @@ struct ReportArguments {
 
 absl::StatusOr<ExitCode> ReportWork(const ReportArguments& arguments) {
   const PoseSources sources = WithUnit(arguments.sources, arguments.degrees);
-  const absl::StatusOr<PoseProblem> problem = ReadPoseProblem(sources);
-  if (!problem.ok()) return problem.status();
-  absl::StatusOr<QualityReport> report =
-      ReportOn(*problem, sources, arguments.workspace, arguments.groups);
-  if (!report.ok()) return report.status();
-  const bool refused = !report->refusal.empty();
+  ASSIGN_OR_RETURN(const PoseProblem problem, ReadPoseProblem(sources));
+  ASSIGN_OR_RETURN(QualityReport report,
+                   ReportOn(problem, sources, arguments.workspace, arguments.groups));
+  const bool refused = !report.refusal.empty();
   if (refused) {
     const std::string hint = HintOfUnit(sources);
-    if (!hint.empty()) absl::StrAppend(&report->refusal, "; ", hint);
-    std::cerr << "silhouette-calibrate: " << report->refusal << std::endl;
+    if (!hint.empty()) absl::StrAppend(&report.refusal, "; ", hint);
+    std::cerr << "silhouette-calibrate: " << report.refusal << std::endl;
   }
-  const auto files = WriteReport(*report, sources, arguments.out, arguments.json);
-  if (!files.ok()) return files.status();
+  ASSIGN_OR_RETURN(const auto files, WriteReport(report, sources, arguments.out, arguments.json));
   if (arguments.format == "json") {
-    nlohmann::ordered_json json = ReportJson(*report);
-    json["files"] = *files;
+    nlohmann::ordered_json json = ReportJson(report);
+    json["files"] = files;
     std::cout << json.dump(2) << '\n';
   } else {
-    PrintReport(*report);
-    for (const std::string& file : *files) std::cout << "wrote " << file << '\n';
+    PrintReport(report);
+    for (const std::string& file : files) std::cout << "wrote " << file << '\n';
   }
   return refused ? kNo : kDone;
 }

@@ -11,6 +11,7 @@
 #include "calib/report/report_html.h"
 #include "calib/report/report_json.h"
 #include "common/picture/files.h"
+#include "db/status/status_macros.h"
 #include "tools/silhouette-calibrate/report_workspace.h"
 
 namespace silhouette {
@@ -40,10 +41,9 @@ std::string HeldOutText(const HeldOutError& error) {
 
 absl::StatusOr<QualityReport> ReportOn(const PoseProblem& problem, const PoseSources& sources,
                                        const std::string& workspace_box, int groups) {
-  absl::StatusOr<WorkspacePoints> workspace = WorkspacePointsOf(sources, workspace_box);
-  if (!workspace.ok()) return workspace.status();
-  return MakeReport(problem, {.workspace = std::move(workspace->points),
-                              .workspace_name = std::move(workspace->name),
+  ASSIGN_OR_RETURN(WorkspacePoints workspace, WorkspacePointsOf(sources, workspace_box));
+  return MakeReport(problem, {.workspace = std::move(workspace.points),
+                              .workspace_name = std::move(workspace.name),
                               .groups = groups});
 }
 
@@ -78,13 +78,11 @@ absl::StatusOr<std::vector<std::string>> WriteReport(const QualityReport& report
                                                      const std::string& json) {
   std::vector<std::string> files;
   if (!page.empty()) {
-    const absl::Status written = WriteWholeFile(page, ReportHtml(report, OriginOf(sources)));
-    if (!written.ok()) return written;
+    RETURN_IF_ERROR(WriteWholeFile(page, ReportHtml(report, OriginOf(sources))));
     files.push_back(page);
   }
   if (!json.empty()) {
-    const absl::Status written = WriteWholeFile(json, ReportJson(report).dump(2) + "\n");
-    if (!written.ok()) return written;
+    RETURN_IF_ERROR(WriteWholeFile(json, ReportJson(report).dump(2) + "\n"));
     files.push_back(json);
   }
   return files;

@@ -8,6 +8,7 @@
 #include "absl/strings/str_format.h"
 #include "absl/strings/str_split.h"
 #include "calib/robot/robot_model.h"
+#include "db/status/status_macros.h"
 #include "tools/cell/cell.h"
 
 namespace silhouette {
@@ -89,26 +90,24 @@ WorkspacePoints PointsOfRobot(const RobotModel& robot, const Cell* cell) {
 absl::StatusOr<WorkspacePoints> WorkspacePointsOf(const PoseSources& sources,
                                                   const std::string& box) {
   if (!box.empty()) {
-    const absl::StatusOr<Eigen::AlignedBox3d> given = BoxFrom(box);
-    if (!given.ok()) return given.status();
-    return PointsOfBox(*given, absl::StrCat("the box ", box, " (metres)"));
+    ASSIGN_OR_RETURN(const Eigen::AlignedBox3d given, BoxFrom(box));
+    return PointsOfBox(given, absl::StrCat("the box ", box, " (metres)"));
   }
   std::optional<Cell> cell;
   std::string urdf = sources.urdf;
   if (!sources.cell.empty()) {
-    absl::StatusOr<Cell> loaded = LoadCell(sources.cell);
-    if (!loaded.ok()) return loaded.status();
-    cell = *std::move(loaded);
+    ASSIGN_OR_RETURN(Cell loaded, LoadCell(sources.cell));
+    cell = std::move(loaded);
     urdf = cell->robot.urdf;
   }
   if (urdf.empty()) {
     if (!cell || !cell->workspace) return WorkspacePoints{};
     return PointsOfBox(*cell->workspace, "the cell's workspace");
   }
-  const absl::StatusOr<RobotModel> robot =
-      RobotModel::FromUrdf(urdf, cell ? cell->robot.package_paths : std::vector<std::string>());
-  if (!robot.ok()) return robot.status();
-  return PointsOfRobot(*robot, cell ? &*cell : nullptr);
+  ASSIGN_OR_RETURN(
+      const RobotModel robot,
+      RobotModel::FromUrdf(urdf, cell ? cell->robot.package_paths : std::vector<std::string>()));
+  return PointsOfRobot(robot, cell ? &*cell : nullptr);
 }
 
 }  // namespace silhouette

@@ -9,6 +9,7 @@
 #include "absl/strings/str_cat.h"
 #include "calib/poses/pose_calibration.h"
 #include "common/picture/files.h"
+#include "db/status/status_macros.h"
 #include "tools/cell/devices/cell_devices.h"
 #include "tools/program/program.h"
 #include "tools/silhouette-calibrate/commands.h"
@@ -50,11 +51,9 @@ std::string PosesCommand(const RunCommandArguments& arguments) {
 absl::StatusOr<std::string> WriteSessionReport(const RunCommandArguments& arguments,
                                                const PoseProblem& problem,
                                                const PoseSources& sources) {
-  const absl::StatusOr<QualityReport> report = ReportOn(problem, sources);
-  if (!report.ok()) return report.status();
+  ASSIGN_OR_RETURN(const QualityReport report, ReportOn(problem, sources));
   const std::string page = InFolder(arguments, "report.html");
-  const auto written = WriteReport(*report, sources, page, "");
-  if (!written.ok()) return written.status();
+  RETURN_IF_ERROR(WriteReport(report, sources, page, "").status());
   return page;
 }
 
@@ -70,36 +69,32 @@ absl::StatusOr<ExitCode> RunSolve(const RunCommandArguments& arguments, const Ce
   sources.flange_board = arguments.session.flange_board;
   sources.robot_sigma = arguments.robot_sigma;
   sources.cell = arguments.session.cell;  // for the report's workspace
-  const absl::StatusOr<PoseProblem> problem = ReadPoseProblem(sources);
-  if (!problem.ok()) return problem.status();
-  const absl::StatusOr<PoseSolution> solution = CalibratePoses(*problem);
+  ASSIGN_OR_RETURN(const PoseProblem problem, ReadPoseProblem(sources));
+  const absl::StatusOr<PoseSolution> solution = CalibratePoses(problem);
   if (absl::IsFailedPrecondition(solution.status())) {
     std::cerr << "silhouette-calibrate: " << solution.status().message() << std::endl;
-    const auto page = WriteSessionReport(arguments, *problem, sources);
-    if (!page.ok()) return page.status();
-    std::cerr << "what was seen is shown in " << *page << std::endl;
+    ASSIGN_OR_RETURN(const auto page, WriteSessionReport(arguments, problem, sources));
+    std::cerr << "what was seen is shown in " << page << std::endl;
     return kNo;
   }
   if (!solution.ok()) return solution.status();
   PoseProvenance provenance{.command = "run", .lenses = lenses, .masks = MaskSizesOf(cell)};
   if (found) provenance.record = RecordOf(found->solution);
-  auto files =
-      WritePoses(InFolder(arguments, "cameras"), *problem, *solution, provenance, arguments.draw);
-  if (!files.ok()) return files.status();
-  const auto page = WriteSessionReport(arguments, *problem, sources);
-  if (!page.ok()) return page.status();
-  files->push_back(*page);
+  ASSIGN_OR_RETURN(auto files, WritePoses(InFolder(arguments, "cameras"), problem, *solution,
+                                          provenance, arguments.draw));
+  ASSIGN_OR_RETURN(const auto page, WriteSessionReport(arguments, problem, sources));
+  files.push_back(page);
   if (arguments.format == "json") {
     nlohmann::ordered_json json = PosesJson(*solution);
     if (found) {
       json["lenses"] = nlohmann::ordered_json::parse(LensReportJson(found->solution, found->files));
     }
-    json["files"] = *files;
+    json["files"] = files;
     std::cout << json.dump(2) << '\n';
     return kDone;
   }
   PrintPoses(*solution);
-  for (const std::string& file : *files) std::cout << "wrote " << file << '\n';
+  for (const std::string& file : files) std::cout << "wrote " << file << '\n';
   return kDone;
 }
 
@@ -122,32 +117,28 @@ absl::StatusOr<ExitCode> TellHowToGoOn(const RunCommandArguments& arguments,
 
 absl::StatusOr<ExitCode> RunWork(RunCommandArguments arguments) {
   CatchStopSignals();
-  const absl::StatusOr<Cell> cell = LoadCell(arguments.session.cell);
-  if (!cell.ok()) return cell.status();
-  if (cell->robot.urdf.empty()) {
-    return absl::InvalidArgumentError(cell->file + ": the robot needs a 'urdf' for this");
+  ASSIGN_OR_RETURN(const Cell cell, LoadCell(arguments.session.cell));
+  if (cell.robot.urdf.empty()) {
+    return absl::InvalidArgumentError(cell.file + ": the robot needs a 'urdf' for this");
   }
-  const auto robot = RobotModel::FromUrdf(cell->robot.urdf, cell->robot.package_paths);
-  if (!robot.ok()) return robot.status();
-  auto settings = SettingsOf(arguments.session, *cell, *robot);
-  if (!settings.ok()) return settings.status();
-  arguments.session.flange_board = settings->flange_board;
-  if (absl::Status made = MakeFolder(settings->folder); !made.ok()) return made;
-  auto record = ReadRecord(settings->folder, *robot);
-  if (!record.ok()) return record.status();
-  if (!arguments.resume && !record->frames.empty()) {
+  ASSIGN_OR_RETURN(const auto robot,
+                   RobotModel::FromUrdf(cell.robot.urdf, cell.robot.package_paths));
+  ASSIGN_OR_RETURN(auto settings, SettingsOf(arguments.session, cell, robot));
+  arguments.session.flange_board = settings.flange_board;
+  RETURN_IF_ERROR(MakeFolder(settings.folder));
+  ASSIGN_OR_RETURN(auto record, ReadRecord(settings.folder, robot));
+  if (!arguments.resume && !record.frames.empty()) {
     return absl::AlreadyExistsError(
-        absl::StrCat("'", settings->folder, "' has ", record->frames.size(),
+        absl::StrCat("'", settings.folder, "' has ", record.frames.size(),
                      " frames of a session; go on with it (--resume), or name another folder"));
   }
-  const auto devices = OpenDevicesForCalibration(*cell);
-  if (!devices.ok()) return devices.status();
+  ASSIGN_OR_RETURN(const auto devices, OpenDevicesForCalibration(cell));
   const absl::Status recorded =
-      RecordSession(*cell, *robot, *settings, *devices->robot, *devices->cameras, *record);
-  if (!recorded.ok()) return TellHowToGoOn(arguments, recorded, record->frames.size());
+      RecordSession(cell, robot, settings, *devices.robot, *devices.cameras, record);
+  if (!recorded.ok()) return TellHowToGoOn(arguments, recorded, record.frames.size());
   std::optional<FoundLenses> found;
   if (arguments.session.cameras.empty()) {
-    auto lenses = FindLenses(*cell, *robot, *settings, *record);
+    auto lenses = FindLenses(cell, robot, settings, record);
     if (absl::IsFailedPrecondition(lenses.status())) {
       std::cerr
           << "silhouette-calibrate: " << lenses.status().message()
@@ -161,7 +152,7 @@ absl::StatusOr<ExitCode> RunWork(RunCommandArguments arguments) {
     found = *std::move(lenses);
     if (arguments.format != "json") std::cout << LensReportText(found->solution, found->files);
   }
-  return RunSolve(arguments, *cell, found);
+  return RunSolve(arguments, cell, found);
 }
 
 void AddOptions(CLI::App& command, RunCommandArguments& a) {

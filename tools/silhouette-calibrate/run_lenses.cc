@@ -4,6 +4,7 @@
 #include <utility>
 
 #include "absl/strings/str_cat.h"
+#include "db/status/status_macros.h"
 #include "tools/silhouette-calibrate/camera_files.h"
 #include "tools/silhouette-calibrate/run_tags.h"
 
@@ -39,20 +40,19 @@ absl::StatusOr<FoundLenses> FindLenses(const Cell& cell, const RobotModel& robot
     views.push_back(camera.name);
     lenses.push_back(camera.model->intrinsics());
   }
-  auto better = DetectAgain(settings.folder, record.frames, views, lenses, settings.boards);
-  if (!better.ok()) return better.status();
-  record.sightings = *std::move(better);
-  const absl::Status kept = WriteRecord(settings.folder, robot, record);
-  if (!kept.ok()) return kept;
+  ASSIGN_OR_RETURN(auto better,
+                   DetectAgain(settings.folder, record.frames, views, lenses, settings.boards));
+  record.sightings = std::move(better);
+  RETURN_IF_ERROR(WriteRecord(settings.folder, robot, record));
   solution = RunLensesSolve(cell, settings, record);
   if (!solution.ok()) return solution.status();
   // That no board ties cameras together is no matter: the robot does.
   if (solution->groups.size() > 1) solution->warnings.pop_back();
   FoundLenses found{.solution = *std::move(solution), .files = {}};
   for (const SolvedCamera& camera : found.solution.cameras) {
-    const auto written = WriteCameraFile(LensFolder(settings.folder), camera.name, *camera.model);
-    if (!written.ok()) return written.status();
-    found.files.push_back(*written);
+    ASSIGN_OR_RETURN(const auto written,
+                     WriteCameraFile(LensFolder(settings.folder), camera.name, *camera.model));
+    found.files.push_back(written);
   }
   return found;
 }

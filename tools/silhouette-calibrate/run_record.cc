@@ -8,6 +8,7 @@
 #include "calib/boards/sighting_file.h"
 #include "calib/poses/robot_pose_file.h"
 #include "common/picture/files.h"
+#include "db/status/status_macros.h"
 
 namespace silhouette {
 namespace {
@@ -64,30 +65,23 @@ absl::StatusOr<SessionRecord> ReadRecord(const std::string& folder, const RobotM
   const std::string corners = PathIn(folder, "corners.csv");
   if (!fs::exists(corners)) return record;
   const std::string joints = PathIn(folder, "joints.csv");
-  const absl::StatusOr<std::string> joints_text = ReadWholeFile(joints);
-  if (!joints_text.ok()) return joints_text.status();
-  const auto rows = CsvRows(*joints_text, joints, JointColumns(robot));
-  if (!rows.ok()) return rows.status();
-  for (const CsvRow& row : *rows) {
+  ASSIGN_OR_RETURN(const std::string joints_text, ReadWholeFile(joints));
+  ASSIGN_OR_RETURN(const auto rows, CsvRows(joints_text, joints, JointColumns(robot)));
+  for (const CsvRow& row : rows) {
     record.frames.push_back(row.Text(0));
     record.positions.emplace_back();
     for (size_t j = 0; j < robot.joints().size(); ++j) {
-      const absl::StatusOr<double> value = row.Number(j + 1);
-      if (!value.ok()) return value.status();
-      record.positions.back().push_back(*value);
+      ASSIGN_OR_RETURN(const double value, row.Number(j + 1));
+      record.positions.back().push_back(value);
     }
   }
   const std::string poses = PathIn(folder, "robot_poses.csv");
-  const absl::StatusOr<std::string> poses_text = ReadWholeFile(poses);
-  if (!poses_text.ok()) return poses_text.status();
-  auto robot_poses = RobotPosesFromText(*poses_text, poses);
-  if (!robot_poses.ok()) return robot_poses.status();
-  record.robot_poses = *std::move(robot_poses);
-  const absl::StatusOr<std::string> corners_text = ReadWholeFile(corners);
-  if (!corners_text.ok()) return corners_text.status();
-  auto sightings = SightingsFromText(*corners_text, corners);
-  if (!sightings.ok()) return sightings.status();
-  record.sightings = *std::move(sightings);
+  ASSIGN_OR_RETURN(const std::string poses_text, ReadWholeFile(poses));
+  ASSIGN_OR_RETURN(auto robot_poses, RobotPosesFromText(poses_text, poses));
+  record.robot_poses = std::move(robot_poses);
+  ASSIGN_OR_RETURN(const std::string corners_text, ReadWholeFile(corners));
+  ASSIGN_OR_RETURN(auto sightings, SightingsFromText(corners_text, corners));
+  record.sightings = std::move(sightings);
   if (record.robot_poses.size() != record.frames.size()) {
     return absl::InvalidArgumentError(
         absl::StrCat(poses, " has not the frames of ", joints, "; begin with an empty folder"));

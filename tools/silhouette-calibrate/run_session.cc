@@ -15,6 +15,7 @@
 #include "capture/session/forbidden_regions.h"
 #include "common/picture/files.h"
 #include "common/picture/picture.h"
+#include "db/status/status_macros.h"
 #include "tools/program/program.h"
 #include "tools/program/progress.h"
 #include "tools/silhouette-calibrate/run_tags.h"
@@ -38,10 +39,9 @@ absl::Status WriteImages(const std::string& folder, const std::string& frame,
     std::error_code error;
     fs::create_directories(place, error);
     const CameraImage& image = images[v];
-    absl::Status written =
+    RETURN_IF_ERROR(
         WritePng((place / (frame + ".png")).string(),
-                 PictureOfPixels(image.width, image.height, image.channels, image.pixels));
-    if (!written.ok()) return written;
+                 PictureOfPixels(image.width, image.height, image.channels, image.pixels)));
   }
   return absl::OkStatus();
 }
@@ -68,10 +68,9 @@ class Recorder {
 
   // Where the robot stands, in the order of the model's joints.
   absl::StatusOr<PosePlan::Positions> Measure() {
-    const absl::StatusOr<RobotState> state = driver_.State();
-    if (!state.ok()) return state.status();
-    if (state->moving) return absl::AbortedError("the robot moves though it has arrived");
-    return robot_.Positions(driver_.joints(), state->positions);
+    ASSIGN_OR_RETURN(const RobotState state, driver_.State());
+    if (state.moving) return absl::AbortedError("the robot moves though it has arrived");
+    return robot_.Positions(driver_.joints(), state.positions);
   }
 
   absl::Status MoveTo(const PosePlan::Positions& positions) {
@@ -92,17 +91,15 @@ class Recorder {
 
   // Takes images and finds tags. The views that see the flange's board; empty: nothing is added.
   absl::StatusOr<std::vector<std::string>> Look(const std::string& frame, SessionRecord& record) {
-    const absl::StatusOr<PosePlan::Positions> positions = Measure();
-    if (!positions.ok()) return positions.status();
-    absl::StatusOr<std::vector<CameraImage>> images = cameras_.Grab();
-    if (!images.ok()) return images.status();
+    ASSIGN_OR_RETURN(const PosePlan::Positions positions, Measure());
+    ASSIGN_OR_RETURN(std::vector<CameraImage> images, cameras_.Grab());
     std::vector<TagSighting> sightings;
     std::vector<std::string> views;
-    for (size_t v = 0; v < images->size(); ++v) {
+    for (size_t v = 0; v < images.size(); ++v) {
       const std::string& view = cameras_.views()[v];
       const Lens lens = settings_.lenses.empty() ? Lens() : Lens(settings_.lenses[v]);
       const std::vector<TagSighting> found =
-          TagsIn(RunSessionMatOf((*images)[v]), view, frame, settings_.boards, lens, detector_);
+          TagsIn(RunSessionMatOf(images[v]), view, frame, settings_.boards, lens, detector_);
       sightings.insert(sightings.end(), found.begin(), found.end());
       const bool seen = std::any_of(found.begin(), found.end(), [&](const TagSighting& tag) {
         return flange_board_->description().family == tag.family && flange_board_->HasTag(tag.tag);
@@ -110,12 +107,12 @@ class Recorder {
       if (seen) views.push_back(view);
     }
     if (views.empty()) return views;
-    absl::Status written = WriteImages(settings_.folder, frame, cameras_.views(), *images);
+    absl::Status written = WriteImages(settings_.folder, frame, cameras_.views(), images);
     if (!written.ok()) return written;
     record.frames.push_back(frame);
-    record.positions.push_back(*positions);
+    record.positions.push_back(positions);
     record.robot_poses.push_back(
-        {.frame = frame, .base_from_flange = robot_.LinkPoses(*positions)[settings_.flange]});
+        {.frame = frame, .base_from_flange = robot_.LinkPoses(positions)[settings_.flange]});
     record.sightings.insert(record.sightings.end(), sightings.begin(), sightings.end());
     written = WriteRecord(settings_.folder, robot_, record);
     if (!written.ok()) return written;
@@ -206,18 +203,17 @@ absl::Status RecordSession(const Cell& cell, const RobotModel& robot,
   size_t next = listed && !record.frames.empty() ? std::stoul(record.frames.back()) : 0;
   while (listed ? next < wanted : record.frames.size() < wanted) {
     if (StopRequested()) return absl::CancelledError("stopped");
-    const absl::StatusOr<PosePlan::Positions> here = recorder.Measure();
-    if (!here.ok()) return here.status();
+    ASSIGN_OR_RETURN(const PosePlan::Positions here, recorder.Measure());
     std::optional<PosePlan::Positions> goal;
     if (listed) {
       goal = settings.given[next];
-      if (const auto obstacle = InTheWay(cell, robot, settings, *here, *goal)) {
+      if (const auto obstacle = InTheWay(cell, robot, settings, here, *goal)) {
         return absl::FailedPreconditionError(
             absl::StrCat("pose ", next + 1, " of the list: ", *obstacle, " is in the way"));
       }
     } else {
       goal = plan.Next([&](const PosePlan::Positions& to) {
-        return !InTheWay(cell, robot, settings, *here, to);
+        return !InTheWay(cell, robot, settings, here, to);
       });
       if (!goal) {
         return absl::FailedPreconditionError(
@@ -230,11 +226,10 @@ absl::Status RecordSession(const Cell& cell, const RobotModel& robot,
       return StopRequested() ? absl::CancelledError("stopped") : moved;
     }
     const std::string frame = FrameName(listed ? next : record.frames.size() + 1);
-    const auto views = recorder.Look(frame, record);
-    if (!views.ok()) return views.status();
-    plan.Tell(*goal, *views);
-    for (const std::string& view : *views) ++seen[view];
-    in_vain += views->empty() ? 1 : 0;
+    ASSIGN_OR_RETURN(const auto views, recorder.Look(frame, record));
+    plan.Tell(*goal, views);
+    for (const std::string& view : views) ++seen[view];
+    in_vain += views.empty() ? 1 : 0;
     if (!listed && in_vain > kMostInVain * wanted) {
       return absl::FailedPreconditionError(
           absl::StrCat("the board '", settings.flange_board, "' was seen in ", record.frames.size(),

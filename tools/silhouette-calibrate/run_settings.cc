@@ -9,6 +9,7 @@
 #include "calib/boards/csv.h"
 #include "common/picture/files.h"
 #include "common/yaml/strict_yaml.h"
+#include "db/status/status_macros.h"
 #include "tools/program/joint_values.h"
 #include "tools/silhouette-calibrate/camera_files.h"
 
@@ -108,19 +109,16 @@ absl::StatusOr<MovingJoint> ParseRange(const std::string& text, const RobotModel
 
 absl::StatusOr<std::vector<PosePlan::Positions>> ReadPoses(const std::string& path,
                                                            const RobotModel& robot) {
-  const auto text = ReadWholeFile(path);
-  if (!text.ok()) return text.status();
+  ASSIGN_OR_RETURN(const auto text, ReadWholeFile(path));
   std::vector<std::string> names;
   for (const RobotJoint& joint : robot.joints()) names.push_back(joint.name);
-  const auto rows = CsvRows(*text, path, names);
-  if (!rows.ok()) return rows.status();
+  ASSIGN_OR_RETURN(const auto rows, CsvRows(text, path, names));
   std::vector<PosePlan::Positions> poses;
-  for (const CsvRow& row : *rows) {
+  for (const CsvRow& row : rows) {
     PosePlan::Positions values;
     for (size_t j = 0; j < names.size(); ++j) {
-      const auto value = row.Number(j);
-      if (!value.ok()) return value.status();
-      values.push_back(*value);
+      ASSIGN_OR_RETURN(const auto value, row.Number(j));
+      values.push_back(value);
     }
     const auto positions = robot.Positions(names, values);
     if (!positions.ok()) {
@@ -135,13 +133,12 @@ absl::StatusOr<std::vector<PosePlan::Positions>> ReadPoses(const std::string& pa
 
 absl::StatusOr<std::vector<CameraIntrinsics>> ReadLenses(const std::string& folder,
                                                          const Cell& cell) {
-  const auto cameras = ReadCameraFolder(folder);
-  if (!cameras.ok()) return cameras.status();
+  ASSIGN_OR_RETURN(const auto cameras, ReadCameraFolder(folder));
   std::vector<CameraIntrinsics> lenses;
   for (const ViewSettings& view : cell.views) {
-    const auto found = std::find_if(cameras->begin(), cameras->end(),
+    const auto found = std::find_if(cameras.begin(), cameras.end(),
                                     [&](const auto& named) { return named.view == view.name; });
-    if (found == cameras->end()) {
+    if (found == cameras.end()) {
       return absl::NotFoundError(
           absl::StrCat("there is no camera model of the view '", view.name, "' in ", folder));
     }
@@ -165,34 +162,27 @@ absl::StatusOr<SessionSettings> SettingsOf(const RunArguments& arguments, const 
   settings.frames = arguments.frames;
   settings.seed = arguments.seed;
   settings.floor = arguments.floor.value_or(cell.workspace ? cell.workspace->min().z() : 0);
-  const auto text = ReadWholeFile(arguments.boards);
-  if (!text.ok()) return text.status();
-  auto boards = BoardsFromText(*text, arguments.boards);
-  if (!boards.ok()) return boards.status();
-  settings.boards = *std::move(boards);
-  const auto board = FlangeBoardOf(settings.boards, arguments.flange_board);
-  if (!board.ok()) return board.status();
-  settings.flange_board = *board;
-  const auto flange = FlangeOf(robot, arguments.flange_link);
-  if (!flange.ok()) return flange.status();
-  settings.flange = *flange;
+  ASSIGN_OR_RETURN(const auto text, ReadWholeFile(arguments.boards));
+  ASSIGN_OR_RETURN(auto boards, BoardsFromText(text, arguments.boards));
+  settings.boards = std::move(boards);
+  ASSIGN_OR_RETURN(const auto board, FlangeBoardOf(settings.boards, arguments.flange_board));
+  settings.flange_board = board;
+  ASSIGN_OR_RETURN(const auto flange, FlangeOf(robot, arguments.flange_link));
+  settings.flange = flange;
   settings.rest = RestOf(cell, robot);
   settings.joints = UsualJoints(cell, robot, settings);
   if (!arguments.joints.empty()) settings.joints.clear();
   for (const std::string& range : arguments.joints) {
-    const auto joint = ParseRange(range, robot);
-    if (!joint.ok()) return joint.status();
-    settings.joints.push_back(*joint);
+    ASSIGN_OR_RETURN(const auto joint, ParseRange(range, robot));
+    settings.joints.push_back(joint);
   }
   if (!arguments.poses.empty()) {
-    auto poses = ReadPoses(arguments.poses, robot);
-    if (!poses.ok()) return poses.status();
-    settings.given = *std::move(poses);
+    ASSIGN_OR_RETURN(auto poses, ReadPoses(arguments.poses, robot));
+    settings.given = std::move(poses);
   }
   if (!arguments.cameras.empty()) {
-    auto lenses = ReadLenses(arguments.cameras, cell);
-    if (!lenses.ok()) return lenses.status();
-    settings.lenses = *std::move(lenses);
+    ASSIGN_OR_RETURN(auto lenses, ReadLenses(arguments.cameras, cell));
+    settings.lenses = std::move(lenses);
   }
   return settings;
 }

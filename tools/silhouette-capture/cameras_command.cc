@@ -19,6 +19,7 @@
 #include "common/picture/files.h"
 #include "common/picture/picture.h"
 #include "common/picture/sheet.h"
+#include "db/status/status_macros.h"
 #include "tools/cell/devices/cell_devices.h"
 #include "tools/silhouette-capture/commands.h"
 
@@ -52,18 +53,16 @@ struct CamerasTaken {
 };
 
 absl::StatusOr<CamerasTaken> TakeSets(const CamerasOptions& options) {
-  auto cell = LoadCell(options.cell);
-  if (!cell.ok()) return cell.status();
-  auto cameras = OpenCamerasOfCell(*cell, /*all_boards=*/false);
-  if (!cameras.ok()) return cameras.status();
-  CamerasTaken taken{.views = (*cameras)->views(),
+  ASSIGN_OR_RETURN(auto cell, LoadCell(options.cell));
+  ASSIGN_OR_RETURN(auto cameras, OpenCamerasOfCell(cell, /*all_boards=*/false));
+  CamerasTaken taken{.views = cameras->views(),
                      .images = {},
                      .counts = {},
                      .largest_skew = absl::ZeroDuration(),
                      .complete = 0,
                      .error = absl::OkStatus()};
   for (int set = 0; set < options.sets && !StopRequested(); ++set) {
-    auto images = (*cameras)->Grab();
+    auto images = cameras->Grab();
     if (!images.ok()) {
       taken.error = images.status();
       continue;
@@ -72,7 +71,7 @@ absl::StatusOr<CamerasTaken> TakeSets(const CamerasOptions& options) {
     taken.largest_skew = std::max(taken.largest_skew, SkewOf(taken.images));
     ++taken.complete;
   }
-  taken.counts = (*cameras)->counts();
+  taken.counts = cameras->counts();
   return taken;
 }
 
@@ -88,15 +87,13 @@ double MeanLevel(const CameraImage& image) {
 
 // A PNG per view and a sheet of all.
 absl::Status WritePictures(const std::string& folder, const CamerasTaken& taken) {
-  if (absl::Status made = MakeFolder(folder); !made.ok()) return made;
+  RETURN_IF_ERROR(MakeFolder(folder));
   std::vector<CaptionedPicture> pictures;
   for (size_t v = 0; v < taken.images.size(); ++v) {
     const CameraImage& image = taken.images[v];
     const Picture picture =
         PictureOfPixels(image.width, image.height, image.channels, image.pixels);
-    absl::Status status =
-        WritePng((fs::path(folder) / (taken.views[v] + ".png")).string(), picture);
-    if (!status.ok()) return status;
+    RETURN_IF_ERROR(WritePng((fs::path(folder) / (taken.views[v] + ".png")).string(), picture));
     pictures.push_back({picture, absl::StrCat(taken.views[v], "  ", image.width, " x ",
                                               image.height, "  ", TimeText(image.captured))});
   }
@@ -190,12 +187,10 @@ absl::StatusOr<ExitCode> CamerasRun(const CamerasOptions& options) {
   std::optional<CamerasTaken> taken;
   if (!options.cell.empty()) {
     std::cout << std::flush;
-    auto sets = TakeSets(options);
-    if (!sets.ok()) return sets.status();
-    taken = *std::move(sets);
+    ASSIGN_OR_RETURN(auto sets, TakeSets(options));
+    taken = std::move(sets);
     if (!options.out.empty() && !taken->images.empty()) {
-      absl::Status status = WritePictures(options.out, *taken);
-      if (!status.ok()) return status;
+      RETURN_IF_ERROR(WritePictures(options.out, *taken));
     }
     if (!options.json()) PrintTaken(options, *taken);
   }

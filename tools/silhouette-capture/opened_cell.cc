@@ -6,6 +6,7 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_join.h"
 #include "absl/strings/str_replace.h"
+#include "db/status/status_macros.h"
 #include "tools/cell/segmentation_text.h"
 #include "tools/program/program.h"
 
@@ -48,33 +49,31 @@ void AddSetOption(CLI::App& command, CellArguments& arguments) {
 }
 
 absl::StatusOr<CellFile> OpenCellFile(const CellArguments& arguments) {
-  absl::StatusOr<Cell> cell = LoadCell(arguments.cell);
-  if (!cell.ok()) return cell.status();
-  const std::string database = arguments.database.empty() ? cell->database : arguments.database;
+  ASSIGN_OR_RETURN(Cell cell, LoadCell(arguments.cell));
+  const std::string database = arguments.database.empty() ? cell.database : arguments.database;
   if (database.empty()) {
     return absl::InvalidArgumentError(
         absl::StrCat("say where the database is: --database FOLDER, or 'database: FOLDER' in '",
                      arguments.cell, "'"));
   }
-  return CellFile{*std::move(cell), database, arguments.set};
+  return CellFile{std::move(cell), database, arguments.set};
 }
 
 absl::StatusOr<std::unique_ptr<Database>> OpenDatabase(const CellFile& file,
                                                        Database::Access access) {
-  absl::StatusOr<std::unique_ptr<Database>> database = Database::Open(file.database, access);
-  if (!database.ok()) return database.status();
+  ASSIGN_OR_RETURN(std::unique_ptr<Database> database, Database::Open(file.database, access));
   const std::vector<std::string> differences =
-      Differences(DescriptionOf(file.cell), "the cell file", (*database)->cell(), "the database");
+      Differences(DescriptionOf(file.cell), "the cell file", database->cell(), "the database");
   if (!differences.empty()) {
     return absl::FailedPreconditionError(
         absl::StrCat("the database '", file.database, "' does not belong to the cell of '",
                      file.cell.file, "': ", absl::StrJoin(differences, "; "),
-                     SegmentationAdvice(file.cell.segmentation, (*database)->cell()),
+                     SegmentationAdvice(file.cell.segmentation, database->cell()),
                      ". Choose another database, or change the cell file back"));
   }
-  absl::StatusOr<std::unique_ptr<Database>> set = (*database)->OpenSet(file.set);
+  absl::StatusOr<std::unique_ptr<Database>> set = database->OpenSet(file.set);
   if (!absl::IsNotFound(set.status()) || access == Database::Access::kRead) return set;
-  return (*database)->CreateSet(file.set, "silhouette-capture run --set " + file.set);
+  return database->CreateSet(file.set, "silhouette-capture run --set " + file.set);
 }
 
 absl::StatusOr<std::unique_ptr<Database>> OpenDatabaseOfOtherMasks(const CellFile& file,

@@ -11,6 +11,7 @@
 #include "absl/strings/str_format.h"
 #include "capture/session/reference_images.h"
 #include "capture/session/references_with_robot.h"
+#include "db/status/status_macros.h"
 #include "db/store/schema.h"
 #include "tools/cell/devices/cell_devices.h"
 #include "tools/program/progress.h"
@@ -111,21 +112,18 @@ using Take =
     std::function<ReferenceTaken(Database& database, int count, const CaptureObserver& observer)>;
 
 absl::StatusOr<Take> OpenEmptyCell(const Cell& cell) {
-  auto opened = OpenCamerasOfEmptyCell(cell);
-  if (!opened.ok()) return opened.status();
-  const std::shared_ptr<CameraRig> rig = *std::move(opened);
+  ASSIGN_OR_RETURN(auto opened, OpenCamerasOfEmptyCell(cell));
+  const std::shared_ptr<CameraRig> rig = std::move(opened);
   return [rig](Database& database, int count, const CaptureObserver& observer) -> ReferenceTaken {
-    auto cameras = CellCameras::Create(database.cell(), *rig);
-    if (!cameras.ok()) return cameras.status();
-    return TakeReferences(*cameras, count, observer);
+    ASSIGN_OR_RETURN(auto cameras, CellCameras::Create(database.cell(), *rig));
+    return TakeReferences(cameras, count, observer);
   };
 }
 
 absl::StatusOr<Take> OpenCellWithRobot(const Cell& cell) {
   const auto travel = std::make_shared<const Travel>(cell.grid, cell.capture.forbidden_regions);
-  auto opened = OpenDevices(cell, *travel, schema::kDefaultSet);
-  if (!opened.ok()) return opened.status();
-  const auto devices = std::make_shared<CellDevices>(*std::move(opened));
+  ASSIGN_OR_RETURN(auto opened, OpenDevices(cell, *travel, schema::kDefaultSet));
+  const auto devices = std::make_shared<CellDevices>(std::move(opened));
   return [travel, devices, settings = cell.capture](Database& database, int count,
                                                     const CaptureObserver& observer) {
     return TakeReferencesWithRobot(database, *travel, *devices->robot, *devices->cameras, settings,
@@ -135,13 +133,11 @@ absl::StatusOr<Take> OpenCellWithRobot(const Cell& cell) {
 
 absl::StatusOr<ExitCode> ReferenceRun(const ReferenceArguments& options) {
   const CellArguments& arguments = options.cell;
-  absl::StatusOr<CellFile> file = OpenCellFile(arguments);
-  if (!file.ok()) return file.status();
-  const auto take = options.with_robot ? OpenCellWithRobot(file->cell) : OpenEmptyCell(file->cell);
-  if (!take.ok()) return take.status();
-  auto database = OpenOrCreateDatabase(*file);
-  if (!database.ok()) return database.status();
-  int& count = file->cell.capture.reference_images;
+  ASSIGN_OR_RETURN(CellFile file, OpenCellFile(arguments));
+  ASSIGN_OR_RETURN(const auto take,
+                   options.with_robot ? OpenCellWithRobot(file.cell) : OpenEmptyCell(file.cell));
+  ASSIGN_OR_RETURN(auto database, OpenOrCreateDatabase(file));
+  int& count = file.cell.capture.reference_images;
   if (options.with_robot) count = kImagesWithRobot;
   if (options.images > 0) count = options.images;
 
@@ -152,7 +148,7 @@ absl::StatusOr<ExitCode> ReferenceRun(const ReferenceArguments& options) {
   observer.progress = [&](uint64_t done) { progress->Update(done); };
   observer.say = [&](const std::string& line) { progress->Say(line); };
   observer.stop_requested = StopRequested;
-  const ReferenceTaken taken = (*take)(**database, count, observer);
+  const ReferenceTaken taken = (take)(*database, count, observer);
   progress.reset();
   if (absl::IsCancelled(taken.status())) {
     std::cerr << taken.status().message() << "; take them with: " << arguments.Command("reference")
@@ -160,16 +156,13 @@ absl::StatusOr<ExitCode> ReferenceRun(const ReferenceArguments& options) {
     return kNo;
   }
   if (!taken.ok()) return taken.status();
-  const auto snapshot = (*database)->Read();
-  if (!snapshot.ok()) return snapshot.status();
-  absl::Status status = (*database)->SetReferences(*taken, kReferenceProgram);
-  if (!status.ok()) return status;
-  const auto references = ReadReferences(**database);
-  if (!references.ok()) return references.status();
+  ASSIGN_OR_RETURN(const auto snapshot, database->Read());
+  RETURN_IF_ERROR(database->SetReferences(*taken, kReferenceProgram));
+  ASSIGN_OR_RETURN(const auto references, ReadReferences(*database));
   if (arguments.json()) {
-    ReferencePrintJson(arguments, *file, *references);
+    ReferencePrintJson(arguments, file, references);
   } else {
-    ReferencePrintText(arguments, *file, snapshot->size(), *references);
+    ReferencePrintText(arguments, file, snapshot.size(), references);
   }
   return kDone;
 }

@@ -10,6 +10,7 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
 #include "capture/session/remask.h"
+#include "db/status/status_macros.h"
 #include "db/store/collision_index.h"
 #include "tools/program/progress.h"
 #include "tools/silhouette-capture/commands.h"
@@ -68,29 +69,27 @@ absl::Status RemaskBuildIndex(const RemaskArguments& options, Database& database
 }
 
 absl::Status CopyReferences(const Database& source, Database& into) {
-  const auto references = source.Read()->References();
-  if (!references.ok()) return references.status();
-  if (!references->has_value()) return absl::OkStatus();
-  return into.SetReferences(**references, kRemaskProgram);
+  ASSIGN_OR_RETURN(const auto references, source.Read()->References());
+  if (!references.has_value()) return absl::OkStatus();
+  return into.SetReferences(*references, kRemaskProgram);
 }
 
 // Into a new database, which is there once it is whole.
 absl::StatusOr<std::vector<RemaskedSet>> RemaskInto(const RemaskArguments& options,
                                                     const CellFile& file) {
-  const auto source = OpenDatabaseOfOtherMasks(file, Database::Access::kRead, true);
-  if (!source.ok()) return source.status();
+  ASSIGN_OR_RETURN(const auto source,
+                   OpenDatabaseOfOtherMasks(file, Database::Access::kRead, true));
   const std::string part = options.into + ".part";
-  auto database = MakeBeside(part, DescriptionOf(file.cell), file.cell, **source);
-  if (!database.ok()) return database.status();
+  ASSIGN_OR_RETURN(auto database, MakeBeside(part, DescriptionOf(file.cell), file.cell, *source));
   absl::Cleanup remove = [&] {
     std::error_code ignored;
     std::filesystem::remove_all(part, ignored);
   };
-  if (absl::Status status = CopyReferences(**source, **database); !status.ok()) return status;
-  auto made = MakeMasks(options, file, **source, **database);
+  RETURN_IF_ERROR(CopyReferences(*source, *database));
+  auto made = MakeMasks(options, file, *source, *database);
   if (!made.ok()) return made;
-  if (absl::Status status = RemaskBuildIndex(options, **database); !status.ok()) return status;
-  database->reset();
+  RETURN_IF_ERROR(RemaskBuildIndex(options, *database));
+  database.reset();
   std::move(remove).Cancel();
   std::error_code error;
   std::filesystem::rename(part, options.into, error);
@@ -102,24 +101,21 @@ absl::StatusOr<std::vector<RemaskedSet>> RemaskInto(const RemaskArguments& optio
 // In their place: made in a database beside it, then exchanged in one change.
 absl::StatusOr<std::vector<RemaskedSet>> RemaskInPlace(const RemaskArguments& options,
                                                        const CellFile& file) {
-  const auto database = OpenDatabaseOfOtherMasks(file, Database::Access::kWrite, false);
-  if (!database.ok()) return database.status();
+  ASSIGN_OR_RETURN(const auto database,
+                   OpenDatabaseOfOtherMasks(file, Database::Access::kWrite, false));
   std::string beside = file.database;
   while (beside.size() > 1 && beside.back() == '/') beside.pop_back();
   beside += ".remask";
-  auto masks = MakeBeside(beside, (*database)->cell(), file.cell, **database);
-  if (!masks.ok()) return masks.status();
+  ASSIGN_OR_RETURN(auto masks, MakeBeside(beside, database->cell(), file.cell, *database));
   const absl::Cleanup remove = [&] {
-    masks->reset();
+    masks.reset();
     std::error_code ignored;
     std::filesystem::remove_all(beside, ignored);
   };
-  auto made = MakeMasks(options, file, **database, **masks);
+  auto made = MakeMasks(options, file, *database, *masks);
   if (!made.ok()) return made;
-  if (absl::Status status = (*database)->ReplaceMasks(**masks, kRemaskProgram); !status.ok()) {
-    return status;
-  }
-  if (absl::Status status = RemaskBuildIndex(options, **database); !status.ok()) return status;
+  RETURN_IF_ERROR(database->ReplaceMasks(*masks, kRemaskProgram));
+  RETURN_IF_ERROR(RemaskBuildIndex(options, *database));
   return made;
 }
 
@@ -185,8 +181,7 @@ void RemaskPrintJson(const std::string& where, const std::vector<RemaskedSet>& m
 }
 
 absl::StatusOr<ExitCode> RemaskRun(const RemaskArguments& options) {
-  const absl::StatusOr<CellFile> file = OpenCellFile(options.cell);
-  if (!file.ok()) return file.status();
+  ASSIGN_OR_RETURN(const CellFile file, OpenCellFile(options.cell));
   const bool into = !options.into.empty();
   if (options.leave_out && !into) {
     return absl::InvalidArgumentError(
@@ -197,13 +192,13 @@ absl::StatusOr<ExitCode> RemaskRun(const RemaskArguments& options) {
         absl::StrCat("there is '", options.into, "' already; name a new folder"));
   }
   CatchStopSignals();
-  const auto made = into ? RemaskInto(options, *file) : RemaskInPlace(options, *file);
+  const auto made = into ? RemaskInto(options, file) : RemaskInPlace(options, file);
   if (absl::IsCancelled(made.status())) {
     std::cerr << made.status().message() << std::endl;
     return kNo;
   }
   if (!made.ok()) return made.status();
-  const std::string& where = into ? options.into : file->database;
+  const std::string& where = into ? options.into : file.database;
   options.cell.json() ? RemaskPrintJson(where, *made) : RemaskPrintText(where, *made);
   return kDone;
 }

@@ -2,6 +2,7 @@
 #include <iostream>
 #include <memory>
 
+#include "db/status/status_macros.h"
 #include "tools/silhouette-capture/commands.h"
 #include "tools/silhouette-capture/opened_cell.h"
 #include "tools/silhouette-capture/session_log.h"
@@ -18,24 +19,22 @@ struct ReportOptions {
 };
 
 absl::StatusOr<ExitCode> ReportRun(const ReportOptions& options) {
-  const absl::StatusOr<CellFile> file = OpenCellFile(options.cell);
-  if (!file.ok()) return file.status();
-  const auto database = OpenDatabase(*file, Database::Access::kRead);
-  if (!database.ok()) return database.status();
+  ASSIGN_OR_RETURN(const CellFile file, OpenCellFile(options.cell));
+  ASSIGN_OR_RETURN(const auto database, OpenDatabase(file, Database::Access::kRead));
   const std::string folder =
-      options.out.empty() ? DefaultReportFolder(file->database, file->set) : options.out;
-  const auto facts = WriteSessionReport(
-      options.cell, file->cell.name, **database,
-      options.log.empty() ? DefaultLogFile(file->database) : options.log, folder);
-  if (!facts.ok()) return facts.status();
+      options.out.empty() ? DefaultReportFolder(file.database, file.set) : options.out;
+  ASSIGN_OR_RETURN(const auto facts,
+                   WriteSessionReport(
+                       options.cell, file.cell.name, *database,
+                       options.log.empty() ? DefaultLogFile(file.database) : options.log, folder));
   if (options.cell.json()) {
-    std::cout << SessionJson(*facts, (*database)->cell()).dump(2) << std::endl;
+    std::cout << SessionJson(facts, database->cell()).dump(2) << std::endl;
   } else {
-    std::cout << VerdictOf(*facts) << "\nreport: " << folder << "/report.html\n";
-    for (const std::string& command : facts->repair) std::cout << "repair: " << command << "\n";
+    std::cout << VerdictOf(facts) << "\nreport: " << folder << "/report.html\n";
+    for (const std::string& command : facts.repair) std::cout << "repair: " << command << "\n";
     std::cout << std::flush;
   }
-  return facts->good() ? kDone : kNo;
+  return facts.good() ? kDone : kNo;
 }
 
 }  // namespace

@@ -7,6 +7,7 @@
 #include "absl/strings/str_format.h"
 #include "absl/time/clock.h"
 #include "capture/session/capture_session.h"
+#include "db/status/status_macros.h"
 #include "db/store/collision_index.h"
 #include "tools/cell/devices/cell_devices.h"
 #include "tools/program/progress.h"
@@ -37,13 +38,13 @@ absl::StatusOr<ExitCode> DryRun(const RunOptions& options, const CellFile& file,
   const auto database = OpenDatabase(file, Database::Access::kRead);
   if (!database.ok() && !absl::IsNotFound(database.status())) return database.status();
   const Database* stored = database.ok() ? database->get() : nullptr;
-  const auto plan = MakePlan(options.plan, options.cell, file.cell, travel, stored);
-  if (!plan.ok()) return plan.status();
-  const DiskRoom room = RoomFor(*plan, file, stored);
+  ASSIGN_OR_RETURN(const auto plan,
+                   MakePlan(options.plan, options.cell, file.cell, travel, stored));
+  const DiskRoom room = RoomFor(plan, file, stored);
   if (options.cell.json()) {
-    std::cout << PlanJson(*plan, room).dump(2) << std::endl;
+    std::cout << PlanJson(plan, room).dump(2) << std::endl;
   } else {
-    std::cout << PlanText(*plan, room) << "nothing was moved or stored" << std::endl;
+    std::cout << PlanText(plan, room) << "nothing was moved or stored" << std::endl;
   }
   return kDone;
 }
@@ -195,46 +196,44 @@ void WriteReport(const RunOptions& options, const CellFile& file, const Database
 }
 
 absl::StatusOr<ExitCode> RunHere(const RunOptions& options) {
-  const absl::StatusOr<CellFile> file = OpenCellFile(options.cell);
-  if (!file.ok()) return file.status();
-  const Travel travel(file->cell.grid, file->cell.capture.forbidden_regions);
-  if (options.dry_run) return DryRun(options, *file, travel);
+  ASSIGN_OR_RETURN(const CellFile file, OpenCellFile(options.cell));
+  const Travel travel(file.cell.grid, file.cell.capture.forbidden_regions);
+  if (options.dry_run) return DryRun(options, file, travel);
 
-  const auto devices = OpenDevices(file->cell, travel, file->set);
-  if (!devices.ok()) return devices.status();
+  ASSIGN_OR_RETURN(const auto devices, OpenDevices(file.cell, travel, file.set));
   const std::string take_references =
       absl::StrCat("; take them first with: ", options.cell.Command("reference"));
-  const auto database = OpenDatabase(*file, Database::Access::kWrite);
+  const auto database = OpenDatabase(file, Database::Access::kWrite);
   if (absl::IsNotFound(database.status())) {
-    return absl::NotFoundError(absl::StrCat("there is no database in '", file->database,
+    return absl::NotFoundError(absl::StrCat("there is no database in '", file.database,
                                             "' yet, and no reference images of the empty cell",
                                             take_references));
   }
   if (!database.ok()) return database.status();
-  auto session = CaptureSession::Create(**database, travel, *devices->robot, *devices->cameras,
-                                        file->cell.capture, file->cell.segmentation);
+  auto session = CaptureSession::Create(**database, travel, *devices.robot, *devices.cameras,
+                                        file.cell.capture, file.cell.segmentation);
   if (absl::IsNotFound(session.status())) {
     return absl::NotFoundError(absl::StrCat(session.status().message(), take_references));
   }
   if (!session.ok()) return session.status();
-  const auto plan = MakePlan(options.plan, options.cell, file->cell, travel, database->get());
-  if (!plan.ok()) return plan.status();
-  absl::StatusOr<SessionLog> log =
-      SessionLog::Open(options.log.empty() ? DefaultLogFile(file->database) : options.log);
-  if (!log.ok()) return log.status();
-  const DiskRoom room = RoomFor(*plan, *file, database->get());
-  if (!room.Suffices(*plan)) std::cerr << TooLittleRoom(*plan, room) << std::endl;
-  WriteBegin(options, *file, *plan, room, *log);
+  ASSIGN_OR_RETURN(const auto plan,
+                   MakePlan(options.plan, options.cell, file.cell, travel, database->get()));
+  ASSIGN_OR_RETURN(
+      SessionLog log,
+      SessionLog::Open(options.log.empty() ? DefaultLogFile(file.database) : options.log));
+  const DiskRoom room = RoomFor(plan, file, database->get());
+  if (!room.Suffices(plan)) std::cerr << TooLittleRoom(plan, room) << std::endl;
+  WriteBegin(options, file, plan, room, log);
   if ((*database)->set() != schema::kDefaultSet) {
     std::cerr << "set '" << (*database)->set()
               << "': the robot must carry the tool and the part of this set, and nothing else"
               << std::endl;
   }
-  const CaptureReport report = CaptureWithProgress(*session, *plan, *log);
-  WriteEnd(report, *log);
+  const CaptureReport report = CaptureWithProgress(*session, plan, log);
+  WriteEnd(report, log);
   const auto index = RunBuildIndex(options, report, **database);
-  const ExitCode code = Tell(options, file->database, report, *log, index);
-  WriteReport(options, *file, **database, report, *log);
+  const ExitCode code = Tell(options, file.database, report, log, index);
+  WriteReport(options, file, **database, report, log);
   return code;
 }
 

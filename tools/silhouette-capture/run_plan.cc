@@ -11,6 +11,7 @@
 #include "absl/strings/str_split.h"
 #include "capture/session/history.h"
 #include "capture/session/raw_archive.h"
+#include "db/status/status_macros.h"
 #include "db/store/outliers.h"
 
 namespace silhouette {
@@ -20,21 +21,18 @@ using Numbers = std::vector<ConfigurationNumber>;
 
 // Robot images that a new capture may mend: one that touches the border stays as it is.
 absl::StatusOr<Numbers> Outliers(const Database& database) {
-  const auto snapshot = database.Read();
-  if (!snapshot.ok()) return snapshot.status();
-  const auto outliers = FindOutliers(*snapshot, database.grid());
-  if (!outliers.ok()) return outliers.status();
+  ASSIGN_OR_RETURN(const auto snapshot, database.Read());
+  ASSIGN_OR_RETURN(const auto outliers, FindOutliers(snapshot, database.grid()));
   std::set<ConfigurationNumber> numbers;
-  for (const Outlier& outlier : *outliers) {
+  for (const Outlier& outlier : outliers) {
     if (outlier.reason != OutlierReason::kTouchesBorder) numbers.insert(outlier.number);
   }
   return Numbers(numbers.begin(), numbers.end());
 }
 
 absl::StatusOr<Numbers> Suspects(const Database& database) {
-  const auto snapshot = database.Read();
-  if (!snapshot.ok()) return snapshot.status();
-  return SuspectNumbers(*snapshot);
+  ASSIGN_OR_RETURN(const auto snapshot, database.Read());
+  return SuspectNumbers(snapshot);
 }
 
 // Nothing if they are not numbers.
@@ -77,12 +75,10 @@ absl::StatusOr<CaptureSelection> Select(const PlanArguments& arguments, const Da
 
 // The sentinels that the database knows, to be captured anew, too.
 absl::Status AddSentinels(const Database& database, CaptureSelection& selection) {
-  const auto snapshot = database.Read();
-  if (!snapshot.ok()) return snapshot.status();
-  const auto history = snapshot->CaptureHistory();
-  if (!history.ok()) return history.status();
+  ASSIGN_OR_RETURN(const auto snapshot, database.Read());
+  ASSIGN_OR_RETURN(const auto history, snapshot.CaptureHistory());
   selection.kind = CaptureSelection::Kind::kListed;
-  for (const ConfigurationNumber number : history->sentinels()) {
+  for (const ConfigurationNumber number : history.sentinels()) {
     if (database.grid().Contains(number)) selection.listed.push_back(number);
   }
   return absl::OkStatus();
@@ -101,19 +97,16 @@ std::string CheckOnly(const std::string& only) {
 absl::StatusOr<CapturePlan> MakePlan(const PlanArguments& arguments,
                                      const CellArguments& cell_arguments, const Cell& cell,
                                      const Travel& travel, const Database* database) {
-  absl::StatusOr<CaptureSelection> selection = Select(arguments, database);
-  if (!selection.ok()) return selection.status();
+  ASSIGN_OR_RETURN(CaptureSelection selection, Select(arguments, database));
   std::vector<StoredRecord> records = NoRecords(travel.grid());
   if (database != nullptr) {
-    auto stored = ReadRecords(*database);
-    if (!stored.ok()) return stored.status();
-    records = *std::move(stored);
-    if (arguments.new_sentinels && selection->kind != CaptureSelection::Kind::kAll) {
-      absl::Status status = AddSentinels(*database, *selection);
-      if (!status.ok()) return status;
+    ASSIGN_OR_RETURN(auto stored, ReadRecords(*database));
+    records = std::move(stored);
+    if (arguments.new_sentinels && selection.kind != CaptureSelection::Kind::kAll) {
+      RETURN_IF_ERROR(AddSentinels(*database, selection));
     }
   }
-  auto plan = PlanCapture(DescriptionOf(cell), travel, records, cell.capture, *selection);
+  auto plan = PlanCapture(DescriptionOf(cell), travel, records, cell.capture, selection);
   if (absl::IsFailedPrecondition(plan.status())) {
     return absl::FailedPreconditionError(absl::StrCat(
         plan.status().message(), "; change the region, or drop these robot images and have the ",

@@ -6,6 +6,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "capture/session/capture_plan.h"
+#include "db/status/status_macros.h"
 
 namespace silhouette {
 namespace {
@@ -36,33 +37,27 @@ std::vector<Standing> StandingsOf(const Database& database, const Snapshot& snap
 absl::StatusOr<SetFacts> FactsOf(const Database& set) {
   SetFacts facts;
   facts.name = set.set();
-  const auto records = ReadRecords(set);
-  if (!records.ok()) return records.status();
+  ASSIGN_OR_RETURN(const auto records, ReadRecords(set));
   const auto count = [&](StoredRecord kind) {
-    return static_cast<uint64_t>(std::ranges::count(*records, kind));
+    return static_cast<uint64_t>(std::ranges::count(records, kind));
   };
   facts.captured = count(StoredRecord::kCaptured);
   facts.excluded = count(StoredRecord::kExcluded);
   facts.damaged = count(StoredRecord::kDamaged);
   facts.missing = set.grid().size() - facts.captured - facts.excluded - facts.damaged;
-  const auto snapshot = set.Read();
-  if (!snapshot.ok()) return snapshot.status();
-  const auto suspects = SuspectNumbers(*snapshot);
-  if (!suspects.ok()) return suspects.status();
-  facts.suspect = suspects->size();
+  ASSIGN_OR_RETURN(const auto snapshot, set.Read());
+  ASSIGN_OR_RETURN(const auto suspects, SuspectNumbers(snapshot));
+  facts.suspect = suspects.size();
   return facts;
 }
 
 absl::StatusOr<std::vector<SetFacts>> FactsOfSets(const Database& database) {
-  const auto names = database.Sets();
-  if (!names.ok()) return names.status();
+  ASSIGN_OR_RETURN(const auto names, database.Sets());
   std::vector<SetFacts> sets;
-  for (const std::string& name : *names) {
-    const auto set = database.OpenSet(name);
-    if (!set.ok()) return set.status();
-    auto facts = FactsOf(**set);
-    if (!facts.ok()) return facts.status();
-    sets.push_back(*std::move(facts));
+  for (const std::string& name : names) {
+    ASSIGN_OR_RETURN(const auto set, database.OpenSet(name));
+    ASSIGN_OR_RETURN(auto facts, FactsOf(*set));
+    sets.push_back(std::move(facts));
   }
   return sets;
 }
@@ -102,25 +97,19 @@ absl::StatusOr<SessionFacts> GatherFacts(const CellArguments& arguments, const D
                                          const Snapshot& snapshot, const std::string& log) {
   SessionFacts facts;
   facts.set = database.set();
-  auto sets = FactsOfSets(database);
-  if (!sets.ok()) return sets.status();
-  facts.sets = *std::move(sets);
-  auto statistics = StatisticsOf(snapshot, database.grid(), database.mask_sizes());
-  if (!statistics.ok()) return statistics.status();
-  facts.statistics = *std::move(statistics);
-  auto outliers = FindOutliers(snapshot, database.grid());
-  if (!outliers.ok()) return outliers.status();
-  facts.outliers = *std::move(outliers);
-  auto suspects = SuspectNumbers(snapshot);
-  if (!suspects.ok()) return suspects.status();
-  facts.suspects = *std::move(suspects);
-  auto history = snapshot.CaptureHistory();
-  if (!history.ok()) return history.status();
-  facts.history = *std::move(history);
+  ASSIGN_OR_RETURN(auto sets, FactsOfSets(database));
+  facts.sets = std::move(sets);
+  ASSIGN_OR_RETURN(auto statistics, StatisticsOf(snapshot, database.grid(), database.mask_sizes()));
+  facts.statistics = std::move(statistics);
+  ASSIGN_OR_RETURN(auto outliers, FindOutliers(snapshot, database.grid()));
+  facts.outliers = std::move(outliers);
+  ASSIGN_OR_RETURN(auto suspects, SuspectNumbers(snapshot));
+  facts.suspects = std::move(suspects);
+  ASSIGN_OR_RETURN(auto history, snapshot.CaptureHistory());
+  facts.history = std::move(history);
   facts.repeatability = RepeatabilityOf(facts.history, database.cell());
-  const auto raw_images = snapshot.RawImageNumbers();
-  if (!raw_images.ok()) return raw_images.status();
-  facts.raw_images = raw_images->size();
+  ASSIGN_OR_RETURN(const auto raw_images, snapshot.RawImageNumbers());
+  facts.raw_images = raw_images.size();
   facts.touching.resize(database.mask_sizes().size());
   for (const Outlier& outlier : facts.outliers) {
     if (outlier.reason != OutlierReason::kTouchesBorder || outlier.view < 0) continue;

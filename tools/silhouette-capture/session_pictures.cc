@@ -12,6 +12,7 @@
 #include "common/picture/chart.h"
 #include "common/picture/line_chart.h"
 #include "common/picture/sheet.h"
+#include "db/status/status_macros.h"
 
 namespace silhouette {
 namespace {
@@ -128,11 +129,11 @@ absl::StatusOr<Picture> SentinelPicture(const Database& database, const Snapshot
   const auto& views = database.cell().views();
   for (const ConfigurationNumber number : numbers) {
     for (int v = 0; v < views.size(); ++v) {
-      auto picture =
-          PictureIn(snapshot, number, v, database.mask_sizes()[static_cast<size_t>(v)], views[v]);
-      if (!picture.ok()) return picture.status();
+      ASSIGN_OR_RETURN(
+          auto picture,
+          PictureIn(snapshot, number, v, database.mask_sizes()[static_cast<size_t>(v)], views[v]));
       pictures.push_back(
-          {*picture, absl::StrCat(views[v].name(), ", ", At(database.grid(), number))});
+          {picture, absl::StrCat(views[v].name(), ", ", At(database.grid(), number))});
     }
   }
   if (pictures.empty()) return BlankPicture(kPictureSide, 40);
@@ -145,11 +146,11 @@ absl::StatusOr<std::optional<Picture>> OutlierPicture(const Database& database,
   std::vector<CaptionedPicture> pictures;
   for (const Odd& odd : OddOnes(facts)) {
     const storage::v1::View& view = database.cell().views(odd.view);
-    auto picture = PictureIn(snapshot, odd.number, odd.view,
-                             database.mask_sizes()[static_cast<size_t>(odd.view)], view);
-    if (!picture.ok()) return picture.status();
-    pictures.push_back({*picture, absl::StrCat(view.name(), ", ", At(database.grid(), odd.number),
-                                               ", ", odd.what)});
+    ASSIGN_OR_RETURN(auto picture,
+                     PictureIn(snapshot, odd.number, odd.view,
+                               database.mask_sizes()[static_cast<size_t>(odd.view)], view));
+    pictures.push_back({picture, absl::StrCat(view.name(), ", ", At(database.grid(), odd.number),
+                                              ", ", odd.what)});
   }
   if (pictures.empty()) return std::optional<Picture>();
   return std::optional<Picture>(ContactSheet(pictures, {.title = "", .columns = 4, .legend = {}}));

@@ -5,6 +5,7 @@
 #include "absl/strings/str_cat.h"
 #include "absl/time/clock.h"
 #include "common/picture/files.h"
+#include "db/status/status_macros.h"
 #include "tools/silhouette-capture/session_page.h"
 #include "tools/silhouette-capture/session_pictures.h"
 
@@ -15,12 +16,10 @@ absl::StatusOr<ReportPictures> Paint(const Database& database, const Snapshot& s
                                      const SessionFacts& facts) {
   ReportPictures pictures;
   pictures.coverage = EncodePng(CoveragePicture(database.grid(), facts));
-  const auto sentinels = SentinelPicture(database, snapshot, facts);
-  if (!sentinels.ok()) return sentinels.status();
-  pictures.sentinels = EncodePng(*sentinels);
-  const auto outliers = OutlierPicture(database, snapshot, facts);
-  if (!outliers.ok()) return outliers.status();
-  if (*outliers) pictures.outliers = EncodePng(**outliers);
+  ASSIGN_OR_RETURN(const auto sentinels, SentinelPicture(database, snapshot, facts));
+  pictures.sentinels = EncodePng(sentinels);
+  ASSIGN_OR_RETURN(const auto outliers, OutlierPicture(database, snapshot, facts));
+  if (outliers) pictures.outliers = EncodePng(*outliers);
   const auto history = HistoryPicture(database.cell(), facts);
   if (history) pictures.history = EncodePng(*history);
   return pictures;
@@ -52,22 +51,19 @@ absl::StatusOr<SessionFacts> WriteSessionReport(const CellArguments& arguments,
                                                 const std::string& cell_name,
                                                 const Database& database, const std::string& log,
                                                 const std::string& folder) {
-  if (absl::Status made = MakeFolder(folder); !made.ok()) return made;
-  const auto snapshot = database.Read();
-  if (!snapshot.ok()) return snapshot.status();
-  auto facts = GatherFacts(arguments, database, *snapshot, log);
+  RETURN_IF_ERROR(MakeFolder(folder));
+  ASSIGN_OR_RETURN(const auto snapshot, database.Read());
+  auto facts = GatherFacts(arguments, database, snapshot, log);
   if (!facts.ok()) return facts.status();
-  const auto pictures = Paint(database, *snapshot, *facts);
-  if (!pictures.ok()) return pictures.status();
+  ASSIGN_OR_RETURN(const auto pictures, Paint(database, snapshot, *facts));
   const std::string now = absl::FormatTime("%Y-%m-%d %H:%M", absl::Now(), absl::LocalTimeZone());
   std::vector<std::pair<std::string, std::string>> origin = {{"cell", cell_name},
                                                              {"database", database.path()}};
   if (facts->sets.size() > 1) origin.emplace_back("set", facts->set);
   origin.emplace_back("made", now);
-  const std::string page = SessionPage(*facts, database.cell(), origin, *pictures);
-  absl::Status status =
-      WriteAll(folder, page, SessionJson(*facts, database.cell()).dump(2) + "\n", *pictures);
-  if (!status.ok()) return status;
+  const std::string page = SessionPage(*facts, database.cell(), origin, pictures);
+  RETURN_IF_ERROR(
+      WriteAll(folder, page, SessionJson(*facts, database.cell()).dump(2) + "\n", pictures));
   return facts;
 }
 

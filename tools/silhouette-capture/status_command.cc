@@ -7,6 +7,7 @@
 #include "absl/strings/str_format.h"
 #include "capture/session/capture_plan.h"
 #include "capture/session/history.h"
+#include "db/status/status_macros.h"
 #include "tools/silhouette-capture/commands.h"
 #include "tools/silhouette-capture/opened_cell.h"
 
@@ -39,23 +40,19 @@ absl::StatusOr<Standing> Look(const CellFile& file) {
   if (absl::IsNotFound(database.status())) return standing;
   if (!database.ok()) return database.status();
   standing.database = true;
-  const auto snapshot = (*database)->Read();
-  if (!snapshot.ok()) return snapshot.status();
-  const auto references = snapshot->References();
-  if (!references.ok()) return references.status();
-  if (references->has_value()) standing.references = std::max(1, (*references)->views(0).images());
+  ASSIGN_OR_RETURN(const auto snapshot, (*database)->Read());
+  ASSIGN_OR_RETURN(const auto references, snapshot.References());
+  if (references.has_value()) standing.references = std::max(1, references->views(0).images());
   if (no_set) return standing;
-  const auto records = ReadRecords(**database);
-  if (!records.ok()) return records.status();
+  ASSIGN_OR_RETURN(const auto records, ReadRecords(**database));
   const auto count = [&](StoredRecord kind) {
-    return static_cast<uint64_t>(std::count(records->begin(), records->end(), kind));
+    return static_cast<uint64_t>(std::count(records.begin(), records.end(), kind));
   };
   standing.captured = count(StoredRecord::kCaptured);
   standing.excluded = count(StoredRecord::kExcluded);
   standing.damaged = count(StoredRecord::kDamaged);
-  const auto suspects = SuspectNumbers(*snapshot);
-  if (!suspects.ok()) return suspects.status();
-  standing.suspect = suspects->size();
+  ASSIGN_OR_RETURN(const auto suspects, SuspectNumbers(snapshot));
+  standing.suspect = suspects.size();
   return standing;
 }
 
@@ -106,17 +103,15 @@ void StatusPrintJson(const CellFile& file, const Standing& standing, const std::
 }
 
 absl::StatusOr<ExitCode> StatusRun(const CellArguments& arguments) {
-  const absl::StatusOr<CellFile> file = OpenCellFile(arguments);
-  if (!file.ok()) return file.status();
-  const absl::StatusOr<Standing> standing = Look(*file);
-  if (!standing.ok()) return standing.status();
-  const std::string next = Next(arguments, *standing);
+  ASSIGN_OR_RETURN(const CellFile file, OpenCellFile(arguments));
+  ASSIGN_OR_RETURN(const Standing standing, Look(file));
+  const std::string next = Next(arguments, standing);
   if (arguments.json()) {
-    StatusPrintJson(*file, *standing, next);
+    StatusPrintJson(file, standing, next);
   } else {
-    StatusPrintText(*file, *standing, next);
+    StatusPrintText(file, standing, next);
   }
-  return standing->complete() ? kDone : kNo;
+  return standing.complete() ? kDone : kNo;
 }
 
 }  // namespace

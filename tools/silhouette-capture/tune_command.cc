@@ -10,6 +10,7 @@
 #include "absl/time/clock.h"
 #include "absl/time/time.h"
 #include "common/picture/files.h"
+#include "db/status/status_macros.h"
 #include "tools/program/progress.h"
 #include "tools/silhouette-capture/commands.h"
 #include "tools/silhouette-capture/opened_cell.h"
@@ -36,9 +37,8 @@ absl::StatusOr<std::vector<TuneImage>> ImagesOf(const TuneOptions& options,
   if (!images.ok()) return images.status();
   for (const bool empty : {false, true}) {
     for (const std::string& folder : empty ? options.empty : options.images) {
-      auto more = FolderImagesToTune(database, folder, empty);
-      if (!more.ok()) return more.status();
-      images->insert(images->end(), more->begin(), more->end());
+      ASSIGN_OR_RETURN(auto more, FolderImagesToTune(database, folder, empty));
+      images->insert(images->end(), more.begin(), more.end());
     }
   }
   if (!images->empty()) return images;
@@ -61,10 +61,8 @@ std::string SheetName(size_t number, const std::string& name) {
 absl::StatusOr<std::vector<std::string>> Advice(const TuneOptions& options,
                                                 const Database& database,
                                                 const std::vector<TuneVariant>& variants) {
-  const auto snapshot = database.Read();
-  if (!snapshot.ok()) return snapshot.status();
-  const auto raw = snapshot->RawImageNumbers();
-  if (!raw.ok()) return raw.status();
+  ASSIGN_OR_RETURN(const auto snapshot, database.Read());
+  ASSIGN_OR_RETURN(const auto raw, snapshot.RawImageNumbers());
   std::vector<std::string> lines;
   if (options.tries.empty()) {
     lines.push_back(absl::StrCat("look closer: ", options.cell.Command("tune"), " --try '",
@@ -75,21 +73,20 @@ absl::StatusOr<std::vector<std::string>> Advice(const TuneOptions& options,
     const TuneVariant& variant = variants[variants.size() - options.tries.size() + t];
     lines.push_back(CellFileLine(variant.settings));
   }
-  if (raw->size() >= snapshot->size()) {
+  if (raw.size() >= snapshot.size()) {
     lines.push_back(options.cell.Command("remask"));
   } else {
     lines.push_back(absl::StrFormat(
         "only %d of %d robot images have raw images: capture all anew, into a new database: "
         "silhouette-capture run --cell %s --database NEW",
-        raw->size(), snapshot->size(), options.cell.cell));
+        raw.size(), snapshot.size(), options.cell.cell));
   }
   return lines;
 }
 
 absl::Status WritePage(const CellFile& file, const std::string& folder, const TuneResult& result) {
   for (const TuneEntry& image : result.images) {
-    absl::Status status = WriteWholeFile(folder + "/" + image.sheet, image.sheet_png);
-    if (!status.ok()) return status;
+    RETURN_IF_ERROR(WriteWholeFile(folder + "/" + image.sheet, image.sheet_png));
   }
   const std::string now = absl::FormatTime("%Y-%m-%d %H:%M", absl::Now(), absl::LocalTimeZone());
   const std::string page =
@@ -101,14 +98,13 @@ absl::Status WritePage(const CellFile& file, const std::string& folder, const Tu
 
 absl::StatusOr<TuneResult> Compare(const TuneOptions& options, const CellFile& file,
                                    const Database& database) {
-  auto variants = TuneVariants(database.cell(), file.cell.segmentation, options.tries);
-  if (!variants.ok()) return variants.status();
-  const auto images = ImagesOf(options, database);
-  if (!images.ok()) return images.status();
-  TuneResult result{.variants = *std::move(variants), .images = {}, .sums = {}, .advice = {}};
+  ASSIGN_OR_RETURN(auto variants,
+                   TuneVariants(database.cell(), file.cell.segmentation, options.tries));
+  ASSIGN_OR_RETURN(const auto images, ImagesOf(options, database));
+  TuneResult result{.variants = std::move(variants), .images = {}, .sums = {}, .advice = {}};
   result.sums.resize(result.variants.size());
-  Progress progress("images", images->size(), "images");
-  for (const TuneImage& image : *images) {
+  Progress progress("images", images.size(), "images");
+  for (const TuneImage& image : images) {
     if (StopRequested()) return absl::CancelledError("stopped; nothing was written");
     const MaskSize size = file.cell.views[static_cast<size_t>(image.view)].mask_size;
     TunedImage tuned;
@@ -125,29 +121,26 @@ absl::StatusOr<TuneResult> Compare(const TuneOptions& options, const CellFile& f
                              .sheet_png = EncodePng(TuneSheet(image, result.variants, tuned))});
     progress.Update(result.images.size());
   }
-  auto advice = Advice(options, database, result.variants);
-  if (!advice.ok()) return advice.status();
-  result.advice = *std::move(advice);
+  ASSIGN_OR_RETURN(auto advice, Advice(options, database, result.variants));
+  result.advice = std::move(advice);
   return result;
 }
 
 absl::StatusOr<ExitCode> TuneRun(const TuneOptions& options) {
-  const absl::StatusOr<CellFile> file = OpenCellFile(options.cell);
-  if (!file.ok()) return file.status();
-  const auto database = OpenDatabaseOfOtherMasks(*file, Database::Access::kRead, true);
-  if (!database.ok()) return database.status();
+  ASSIGN_OR_RETURN(const CellFile file, OpenCellFile(options.cell));
+  ASSIGN_OR_RETURN(const auto database,
+                   OpenDatabaseOfOtherMasks(file, Database::Access::kRead, true));
   CatchStopSignals();
-  const absl::StatusOr<TuneResult> result = Compare(options, *file, **database);
+  const absl::StatusOr<TuneResult> result = Compare(options, file, *database);
   if (absl::IsCancelled(result.status())) {
     std::cerr << result.status().message() << std::endl;
     return kNo;
   }
   if (!result.ok()) return result.status();
   const std::string folder =
-      options.out.empty() ? BesideDatabase(file->database, ".tune") : options.out;
-  if (absl::Status made = MakeFolder(folder); !made.ok()) return made;
-  absl::Status status = WritePage(*file, folder, *result);
-  if (!status.ok()) return status;
+      options.out.empty() ? BesideDatabase(file.database, ".tune") : options.out;
+  RETURN_IF_ERROR(MakeFolder(folder));
+  RETURN_IF_ERROR(WritePage(file, folder, *result));
   if (options.cell.json()) {
     std::cout << TuneJson(*result).dump(2) << std::endl;
     return kDone;

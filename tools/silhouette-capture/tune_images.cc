@@ -9,6 +9,7 @@
 #include "absl/strings/str_cat.h"
 #include "capture/session/raw_archive.h"
 #include "capture/session/reference_images.h"
+#include "db/status/status_macros.h"
 
 namespace silhouette {
 namespace {
@@ -34,37 +35,32 @@ std::vector<ConfigurationNumber> Some(const std::vector<ConfigurationNumber>& nu
 
 absl::StatusOr<References> ReferencesOfRaw(const Snapshot& snapshot,
                                            const storage::v1::CellDescription& cell, uint64_t id) {
-  const auto stored = snapshot.ReferencesOf(id);
-  if (!stored.ok()) return stored.status();
-  return Shared(ReferencesIn(*stored, cell));
+  ASSIGN_OR_RETURN(const auto stored, snapshot.ReferencesOf(id));
+  return Shared(ReferencesIn(stored, cell));
 }
 
 }  // namespace
 
 absl::StatusOr<std::vector<TuneImage>> RawImagesToTune(const Database& database, int most) {
-  const auto snapshot = database.Read();
-  if (!snapshot.ok()) return snapshot.status();
-  const auto numbers = snapshot->RawImageNumbers();
-  if (!numbers.ok()) return numbers.status();
+  ASSIGN_OR_RETURN(const auto snapshot, database.Read());
+  ASSIGN_OR_RETURN(const auto numbers, snapshot.RawImageNumbers());
   std::map<uint64_t, References> references;
   std::vector<TuneImage> images;
-  for (const ConfigurationNumber number : Some(*numbers, most)) {
-    const auto robot = snapshot->Find(number);
+  for (const ConfigurationNumber number : Some(numbers, most)) {
+    const auto robot = snapshot.Find(number);
     const bool recorded = robot.ok() && robot->has_value() && !(*robot)->masks.empty();
     for (int v = 0; v < database.cell().views_size(); ++v) {
       const auto place = static_cast<size_t>(v);
-      const auto raw = snapshot->FindRawImage(number, v);
-      if (!raw.ok()) return raw.status();
-      if (!raw->has_value()) continue;
-      const uint64_t id = (*raw)->references;
+      ASSIGN_OR_RETURN(const auto raw, snapshot.FindRawImage(number, v));
+      if (!raw.has_value()) continue;
+      const uint64_t id = raw->references;
       if (!references.contains(id)) {
-        auto read = ReferencesOfRaw(*snapshot, database.cell(), id);
-        if (!read.ok()) return read.status();
-        references[id] = *std::move(read);
+        ASSIGN_OR_RETURN(auto read, ReferencesOfRaw(snapshot, database.cell(), id));
+        references[id] = std::move(read);
       }
       TuneImage image{.name = absl::StrCat(number, ", ", database.cell().views(v).name()),
                       .view = v,
-                      .image = ImageInPng((*raw)->png),
+                      .image = ImageInPng(raw->png),
                       .reference = references[id][place],
                       .empty = false,
                       .recorded = std::nullopt};
@@ -82,8 +78,7 @@ absl::StatusOr<std::vector<TuneImage>> RawImagesToTune(const Database& database,
 
 absl::StatusOr<std::vector<TuneImage>> FolderImagesToTune(const Database& database,
                                                           const std::string& folder, bool empty) {
-  const auto references = Shared(ReadReferences(database));
-  if (!references.ok()) return references.status();
+  ASSIGN_OR_RETURN(const auto references, Shared(ReadReferences(database)));
   std::vector<TuneImage> images;
   std::string wanted;
   for (int v = 0; v < database.cell().views_size(); ++v) {
@@ -95,7 +90,7 @@ absl::StatusOr<std::vector<TuneImage>> FolderImagesToTune(const Database& databa
       TuneImage image{.name = path,
                       .view = v,
                       .image = cv::imread(path, cv::IMREAD_ANYCOLOR),
-                      .reference = (*references)[static_cast<size_t>(v)],
+                      .reference = references[static_cast<size_t>(v)],
                       .empty = empty,
                       .recorded = std::nullopt};
       if (image.image.empty()) {

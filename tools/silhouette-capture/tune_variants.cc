@@ -3,6 +3,7 @@
 #include <algorithm>
 
 #include "absl/strings/str_cat.h"
+#include "db/status/status_macros.h"
 #include "tools/cell/segmentation_text.h"
 
 namespace silhouette {
@@ -47,10 +48,10 @@ absl::StatusOr<std::vector<TuneVariant>> TuneVariants(const storage::v1::CellDes
     variants.push_back({"the cell file's", of_cell_file});
   }
   for (const std::string& text : tries.empty() ? Sweep(of_cell_file) : tries) {
-    const auto settings = SegmentationIn(text, absl::StrCat("--try '", text, "'"), of_cell_file);
-    if (!settings.ok()) return settings.status();
-    if (*settings != of_cell_file) {
-      variants.push_back({text, *settings});
+    ASSIGN_OR_RETURN(const auto settings,
+                     SegmentationIn(text, absl::StrCat("--try '", text, "'"), of_cell_file));
+    if (settings != of_cell_file) {
+      variants.push_back({text, settings});
     } else if (!tries.empty()) {
       return absl::InvalidArgumentError(
           absl::StrCat("--try '", text, "' changes nothing: the cell file says the same"));

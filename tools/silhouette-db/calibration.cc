@@ -9,6 +9,7 @@
 #include "absl/strings/str_join.h"
 #include "absl/strings/str_split.h"
 #include "calib/files/calibration_message.h"
+#include "db/status/status_macros.h"
 #include "server/scene/calibration_settings.h"
 #include "tools/silhouette-db/calibration_files/calibration_files.h"
 #include "tools/silhouette-db/calibration_files/tested_calibration.h"
@@ -44,50 +45,43 @@ std::string CalibrationKindOf(const storage::v1::Calibration& calibration) {
 
 absl::StatusOr<ExitCode> CalibrationImport(const CalibrationOptions& options) {
   CatchStopSignals();
-  const absl::StatusOr<std::unique_ptr<Database>> opened =
-      Database::Open(options.database, Database::Access::kWrite);
-  if (!opened.ok()) return opened.status();
-  Database& database = **opened;
-  const auto calibration = ReadCalibration(options.inputs, database.cell());
-  if (!calibration.ok()) return calibration.status();
+  ASSIGN_OR_RETURN(const std::unique_ptr<Database> opened,
+                   Database::Open(options.database, Database::Access::kWrite));
+  Database& database = *opened;
+  ASSIGN_OR_RETURN(const auto calibration, ReadCalibration(options.inputs, database.cell()));
   std::string said;
   {
-    const absl::StatusOr<Snapshot> snapshot = database.Read();
-    if (!snapshot.ok()) return snapshot.status();
-    const auto tested = TestCalibration(database, *snapshot, *calibration, options.margin);
-    if (!tested.ok()) return tested.status();
-    said = ContradictionText(tested->contradictions, database.cell());
-    const absl::Status fits = CheckContradictions(tested->contradictions, database.cell());
+    ASSIGN_OR_RETURN(const Snapshot snapshot, database.Read());
+    ASSIGN_OR_RETURN(const auto tested,
+                     TestCalibration(database, snapshot, calibration, options.margin));
+    said = ContradictionText(tested.contradictions, database.cell());
+    const absl::Status fits = CheckContradictions(tested.contradictions, database.cell());
     if (!fits.ok() && !options.force) {
       return absl::Status(fits.code(),
                           absl::StrCat(fits.message(), " --force imports it all the same"));
     }
     // A damaged one is replaced like any other.
-    const auto stored = snapshot->Calibration();
+    const auto stored = snapshot.Calibration();
     if (stored.ok() && *stored &&
-        (*stored)->SerializeAsString() == calibration->SerializeAsString()) {
+        (*stored)->SerializeAsString() == calibration.SerializeAsString()) {
       std::cout << "the database has this calibration already; nothing is changed" << std::endl;
       return kDone;
     }
   }
-  const absl::Status status = database.SetCalibration(
-      *calibration,
-      absl::StrCat("silhouette-db calibration import ", absl::StrJoin(options.inputs, " ")));
-  if (!status.ok()) return status;
-  const absl::StatusOr<Snapshot> snapshot = database.Read();
-  if (!snapshot.ok()) return snapshot.status();
-  std::cout << CalibrationKindOf(*calibration) << " imported, generation " << snapshot->generation()
+  RETURN_IF_ERROR(database.SetCalibration(
+      calibration,
+      absl::StrCat("silhouette-db calibration import ", absl::StrJoin(options.inputs, " "))));
+  ASSIGN_OR_RETURN(const Snapshot snapshot, database.Read());
+  std::cout << CalibrationKindOf(calibration) << " imported, generation " << snapshot.generation()
             << "; " << said << "\n"
             << kTakenUp << std::endl;
   return kDone;
 }
 
 absl::StatusOr<ExitCode> Remove(const CalibrationOptions& options) {
-  const absl::StatusOr<std::unique_ptr<Database>> database =
-      Database::Open(options.database, Database::Access::kWrite);
-  if (!database.ok()) return database.status();
-  const absl::Status status = (*database)->RemoveCalibration("silhouette-db calibration remove");
-  if (!status.ok()) return status;
+  ASSIGN_OR_RETURN(const std::unique_ptr<Database> database,
+                   Database::Open(options.database, Database::Access::kWrite));
+  RETURN_IF_ERROR(database->RemoveCalibration("silhouette-db calibration remove"));
   std::cout << "the calibration is removed\n" << kTakenUp << std::endl;
   return kDone;
 }
@@ -104,14 +98,12 @@ absl::StatusOr<std::optional<storage::v1::Calibration>> Stored(const OpenedDatab
 }
 
 absl::StatusOr<ExitCode> CalibrationExport(const CalibrationOptions& options) {
-  const absl::StatusOr<OpenedDatabase> opened = OpenForReading(options.database);
-  if (!opened.ok()) return opened.status();
-  const auto stored = Stored(*opened);
-  if (!stored.ok()) return stored.status();
-  if (!*stored) return kNo;
-  const auto paths = WriteCalibration(**stored, opened->database->cell(), options.out);
-  if (!paths.ok()) return paths.status();
-  for (const std::string& path : *paths) std::cout << "wrote " << path << "\n";
+  ASSIGN_OR_RETURN(const OpenedDatabase opened, OpenForReading(options.database));
+  ASSIGN_OR_RETURN(const auto stored, Stored(opened));
+  if (!stored) return kNo;
+  ASSIGN_OR_RETURN(const auto paths,
+                   WriteCalibration(*stored, opened.database->cell(), options.out));
+  for (const std::string& path : paths) std::cout << "wrote " << path << "\n";
   return kDone;
 }
 
@@ -162,10 +154,9 @@ absl::StatusOr<RobotImage> RobotToShow(const OpenedDatabase& opened,
   candidates.insert(candidates.end(), tested.samples.begin(), tested.samples.end());
   if (options.number) candidates = {*options.number};
   for (const ConfigurationNumber number : candidates) {
-    const auto image = opened.snapshot.Find(number);
-    if (!image.ok()) return image.status();
-    if (!*image || (*image)->excluded) continue;
-    if (options.number || !(*image)->masks[static_cast<size_t>(view)].Empty()) return **image;
+    ASSIGN_OR_RETURN(const auto image, opened.snapshot.Find(number));
+    if (!image || image->excluded) continue;
+    if (options.number || !image->masks[static_cast<size_t>(view)].Empty()) return *image;
   }
   return absl::NotFoundError(options.number
                                  ? absl::StrCat("configuration ", *options.number,
@@ -175,21 +166,18 @@ absl::StatusOr<RobotImage> RobotToShow(const OpenedDatabase& opened,
 
 absl::Status WritePicture(const OpenedDatabase& opened, const CalibrationOptions& options,
                           const TestedCalibration& tested) {
-  const absl::StatusOr<int> view = CalibrationViewOf(opened.database->cell(), options.view);
-  if (!view.ok()) return view.status();
-  const MaskSize size = opened.database->mask_sizes()[static_cast<size_t>(*view)];
-  absl::StatusOr<std::vector<MaskPixel>> pixels = PixelsOf(options.pixels, size);
-  if (!pixels.ok()) return pixels.status();
-  const absl::StatusOr<RobotImage> robot = RobotToShow(opened, options, tested, *view);
-  if (!robot.ok()) return robot.status();
-  if (pixels->empty()) *pixels = PixelsToShow(robot->masks, tested.bands, *view);
+  ASSIGN_OR_RETURN(const int view, CalibrationViewOf(opened.database->cell(), options.view));
+  const MaskSize size = opened.database->mask_sizes()[static_cast<size_t>(view)];
+  ASSIGN_OR_RETURN(std::vector<MaskPixel> pixels, PixelsOf(options.pixels, size));
+  ASSIGN_OR_RETURN(const RobotImage robot, RobotToShow(opened, options, tested, view));
+  if (pixels.empty()) pixels = PixelsToShow(robot.masks, tested.bands, view);
   BandsPicture picture{.database = *opened.database,
                        .bands = tested.bands,
-                       .number = robot->number,
-                       .robot = robot->masks,
-                       .union_of_all = robot->masks,
-                       .view = *view,
-                       .pixels = *std::move(pixels)};
+                       .number = robot.number,
+                       .robot = robot.masks,
+                       .union_of_all = robot.masks,
+                       .view = view,
+                       .pixels = std::move(pixels)};
   for (const ConfigurationNumber number : tested.samples) {
     const auto image = opened.snapshot.Find(number);
     if (!image.ok() || !*image) continue;
@@ -202,24 +190,20 @@ absl::Status WritePicture(const OpenedDatabase& opened, const CalibrationOptions
 
 absl::StatusOr<ExitCode> CalibrationShow(const CalibrationOptions& options) {
   CatchStopSignals();
-  const absl::StatusOr<OpenedDatabase> opened = OpenForReading(options.database);
-  if (!opened.ok()) return opened.status();
-  const auto stored = Stored(*opened);
-  if (!stored.ok()) return stored.status();
-  if (!*stored) return kNo;
-  const auto tested =
-      TestCalibration(*opened->database, opened->snapshot, **stored, options.margin);
-  if (!tested.ok()) return tested.status();
+  ASSIGN_OR_RETURN(const OpenedDatabase opened, OpenForReading(options.database));
+  ASSIGN_OR_RETURN(const auto stored, Stored(opened));
+  if (!stored) return kNo;
+  ASSIGN_OR_RETURN(const auto tested,
+                   TestCalibration(*opened.database, opened.snapshot, *stored, options.margin));
   if (!options.picture.empty()) {
-    const absl::Status status = WritePicture(*opened, options, *tested);
-    if (!status.ok()) return status;
+    RETURN_IF_ERROR(WritePicture(opened, options, tested));
   }
-  const CalibrationReport report{.database = *opened->database,
-                                 .generation = opened->snapshot.generation(),
-                                 .calibration = tested->calibration,
-                                 .record = (*stored)->record(),
+  const CalibrationReport report{.database = *opened.database,
+                                 .generation = opened.snapshot.generation(),
+                                 .calibration = tested.calibration,
+                                 .record = stored->record(),
                                  .margin = options.margin,
-                                 .contradictions = tested->contradictions};
+                                 .contradictions = tested.contradictions};
   if (options.format == "json") {
     PrintJson(report);
   } else {

@@ -9,6 +9,7 @@
 #include "absl/strings/str_format.h"
 #include "absl/strings/str_join.h"
 #include "absl/strings/str_split.h"
+#include "db/status/status_macros.h"
 
 namespace silhouette {
 namespace {
@@ -31,13 +32,12 @@ struct FixedValue {
 absl::StatusOr<FixedValue> ParseFixed(const ConfigurationGrid& grid, const std::string& text) {
   const std::pair<std::string, std::string> parts = absl::StrSplit(text, absl::MaxSplits('=', 1));
   FixedValue fixed;
-  const absl::StatusOr<int> joint = JointOf(grid, parts.first);
-  if (!joint.ok()) return joint.status();
+  ASSIGN_OR_RETURN(const int joint, JointOf(grid, parts.first));
   if (!absl::SimpleAtod(parts.second, &fixed.value)) {
     return absl::InvalidArgumentError(
         absl::StrCat("'", text, "' is not joint=value with a value in radians or metres"));
   }
-  fixed.joint = *joint;
+  fixed.joint = joint;
   return fixed;
 }
 
@@ -48,9 +48,8 @@ absl::StatusOr<OpenedDatabase> OpenForReading(const std::string& path, const std
       Database::Open(path, Database::Access::kRead);
   if (database.ok()) database = (*database)->OpenSet(set);
   if (!database.ok()) return database.status();
-  absl::StatusOr<Snapshot> snapshot = (*database)->Read();
-  if (!snapshot.ok()) return snapshot.status();
-  return OpenedDatabase{*std::move(database), *std::move(snapshot)};
+  ASSIGN_OR_RETURN(Snapshot snapshot, (*database)->Read());
+  return OpenedDatabase{*std::move(database), std::move(snapshot)};
 }
 
 void AddDatabaseArgument(CLI::App& command, std::string& database) {
@@ -103,9 +102,8 @@ absl::StatusOr<Slice> SliceOf(const ConfigurationGrid& grid, const std::vector<s
                               const std::vector<std::string>& fixed) {
   std::vector<int> axes;
   for (const std::string& name : along) {
-    const absl::StatusOr<int> joint = JointOf(grid, name);
-    if (!joint.ok()) return joint.status();
-    axes.push_back(*joint);
+    ASSIGN_OR_RETURN(const int joint, JointOf(grid, name));
+    axes.push_back(joint);
   }
   if (axes.empty()) axes = MovingJoints(grid);
   if (axes.empty()) axes.push_back(0);
@@ -120,17 +118,16 @@ absl::StatusOr<Slice> SliceOf(const ConfigurationGrid& grid, const std::vector<s
     slice.index[static_cast<size_t>(j)] = (grid.joints()[static_cast<size_t>(j)].steps - 1) / 2;
   }
   for (const std::string& text : fixed) {
-    const absl::StatusOr<FixedValue> value = ParseFixed(grid, text);
-    if (!value.ok()) return value.status();
-    const size_t j = static_cast<size_t>(value->joint);
+    ASSIGN_OR_RETURN(const FixedValue value, ParseFixed(grid, text));
+    const size_t j = static_cast<size_t>(value.joint);
     const GridJoint& joint = grid.joints()[j];
-    if (std::find(axes.begin(), axes.end(), value->joint) != axes.end()) {
+    if (std::find(axes.begin(), axes.end(), value.joint) != axes.end()) {
       return absl::InvalidArgumentError(
           absl::StrCat("joint '", joint.name, "' cannot be fixed and run along the sheet"));
     }
-    const std::optional<double> place = grid.Place(value->joint, value->value);
+    const std::optional<double> place = grid.Place(value.joint, value.value);
     if (!place) {
-      return absl::InvalidArgumentError(absl::StrCat("joint '", joint.name, "': ", value->value,
+      return absl::InvalidArgumentError(absl::StrCat("joint '", joint.name, "': ", value.value,
                                                      " is not within ", joint.lower, " to ",
                                                      joint.upper));
     }

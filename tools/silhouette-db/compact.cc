@@ -3,6 +3,7 @@
 #include <memory>
 
 #include "absl/strings/str_format.h"
+#include "db/status/status_macros.h"
 #include "tools/silhouette-db/commands.h"
 #include "tools/silhouette-db/common.h"
 
@@ -15,19 +16,15 @@ struct CompactOptions {
 };
 
 absl::StatusOr<ExitCode> Compact(const CompactOptions& options) {
-  const absl::StatusOr<OpenedDatabase> opened = OpenForReading(options.database);
-  if (!opened.ok()) return opened.status();
-  if (absl::Status status = opened->database->Compact(options.target); !status.ok()) return status;
-  const absl::StatusOr<Database::Usage> before = opened->database->GetUsage();
-  if (!before.ok()) return before.status();
-  const absl::StatusOr<OpenedDatabase> copy = OpenForReading(options.target);
-  if (!copy.ok()) return copy.status();
-  const absl::StatusOr<Database::Usage> after = copy->database->GetUsage();
-  if (!after.ok()) return after.status();
+  ASSIGN_OR_RETURN(const OpenedDatabase opened, OpenForReading(options.database));
+  RETURN_IF_ERROR(opened.database->Compact(options.target));
+  ASSIGN_OR_RETURN(const Database::Usage before, opened.database->GetUsage());
+  ASSIGN_OR_RETURN(const OpenedDatabase copy, OpenForReading(options.target));
+  ASSIGN_OR_RETURN(const Database::Usage after, copy.database->GetUsage());
   std::cout << absl::StreamFormat("%s: %.1f MiB, %s: %.1f MiB\n", options.database,
-                                  static_cast<double>(before->file_bytes) / (1 << 20),
+                                  static_cast<double>(before.file_bytes) / (1 << 20),
                                   options.target,
-                                  static_cast<double>(after->file_bytes) / (1 << 20));
+                                  static_cast<double>(after.file_bytes) / (1 << 20));
   return kDone;
 }
 

@@ -4,6 +4,7 @@
 
 #include "absl/strings/str_format.h"
 #include "common/picture/sheet.h"
+#include "db/status/status_macros.h"
 #include "tools/silhouette-db/commands.h"
 #include "tools/silhouette-db/common.h"
 
@@ -122,18 +123,15 @@ absl::StatusOr<Picture> CoveragePaint(const ConfigurationGrid& grid,
 }
 
 absl::StatusOr<ExitCode> Coverage(const CoverageOptions& options) {
-  const absl::StatusOr<OpenedDatabase> opened = OpenForReading(options.database, options.set);
-  if (!opened.ok()) return opened.status();
-  const ConfigurationGrid& grid = opened->database->grid();
-  const absl::StatusOr<std::vector<uint8_t>> states = StatesOf(*opened);
-  if (!states.ok()) return states.status();
+  ASSIGN_OR_RETURN(const OpenedDatabase opened, OpenForReading(options.database, options.set));
+  const ConfigurationGrid& grid = opened.database->grid();
+  ASSIGN_OR_RETURN(const std::vector<uint8_t> states, StatesOf(opened));
   std::array<uint64_t, kStates> counts{};
-  for (uint8_t state : *states) ++counts[state];
+  for (uint8_t state : states) ++counts[state];
   counts[kMissing] -= grid.number_limit() - grid.size();
   if (!options.picture.empty()) {
-    const absl::StatusOr<Picture> picture = CoveragePaint(grid, *states);
-    if (!picture.ok()) return picture.status();
-    if (absl::Status status = WritePng(options.picture, *picture); !status.ok()) return status;
+    ASSIGN_OR_RETURN(const Picture picture, CoveragePaint(grid, states));
+    RETURN_IF_ERROR(WritePng(options.picture, picture));
   }
   if (options.format == "json") {
     std::cout << nlohmann::json{{"configurations", grid.size()},

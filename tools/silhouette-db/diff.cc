@@ -4,6 +4,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_join.h"
+#include "db/status/status_macros.h"
 #include "tools/program/progress.h"
 #include "tools/silhouette-db/commands.h"
 #include "tools/silhouette-db/common.h"
@@ -97,14 +98,11 @@ absl::Status CompareRecords(const OpenedDatabase& first, const OpenedDatabase& s
 
 absl::Status CompareReferences(const OpenedDatabase& first, const OpenedDatabase& second,
                                Printer& printer) {
-  const auto a = first.snapshot.References();
-  if (!a.ok()) return a.status();
-  const auto b = second.snapshot.References();
-  if (!b.ok()) return b.status();
-  if (a->has_value() != b->has_value()) {
-    printer.Say(
-        absl::StrCat("reference images: only in the ", a->has_value() ? "first" : "second"));
-  } else if (a->has_value() && (*a)->SerializeAsString() != (*b)->SerializeAsString()) {
+  ASSIGN_OR_RETURN(const auto a, first.snapshot.References());
+  ASSIGN_OR_RETURN(const auto b, second.snapshot.References());
+  if (a.has_value() != b.has_value()) {
+    printer.Say(absl::StrCat("reference images: only in the ", a.has_value() ? "first" : "second"));
+  } else if (a.has_value() && a->SerializeAsString() != b->SerializeAsString()) {
     printer.Say("reference images: others");
   }
   return absl::OkStatus();
@@ -112,24 +110,22 @@ absl::Status CompareReferences(const OpenedDatabase& first, const OpenedDatabase
 
 absl::Status CompareCalibrations(const OpenedDatabase& first, const OpenedDatabase& second,
                                  Printer& printer) {
-  const auto a = first.snapshot.Calibration();
-  if (!a.ok()) return a.status();
-  const auto b = second.snapshot.Calibration();
-  if (!b.ok()) return b.status();
-  if (a->has_value() != b->has_value()) {
-    printer.Say(absl::StrCat("calibration: only in the ", a->has_value() ? "first" : "second"));
+  ASSIGN_OR_RETURN(const auto a, first.snapshot.Calibration());
+  ASSIGN_OR_RETURN(const auto b, second.snapshot.Calibration());
+  if (a.has_value() != b.has_value()) {
+    printer.Say(absl::StrCat("calibration: only in the ", a.has_value() ? "first" : "second"));
     return absl::OkStatus();
   }
-  if (!a->has_value() || (*a)->SerializeAsString() == (*b)->SerializeAsString()) {
+  if (!a.has_value() || a->SerializeAsString() == b->SerializeAsString()) {
     return absl::OkStatus();
   }
-  const int cameras = (*a)->cameras_size();
-  if (cameras == 0 || cameras != (*b)->cameras_size()) {
+  const int cameras = a->cameras_size();
+  if (cameras == 0 || cameras != b->cameras_size()) {
     printer.Say("calibration: another");
     return absl::OkStatus();
   }
   for (int i = 0; i < cameras; ++i) {
-    if ((*a)->cameras(i).SerializeAsString() == (*b)->cameras(i).SerializeAsString()) continue;
+    if (a->cameras(i).SerializeAsString() == b->cameras(i).SerializeAsString()) continue;
     printer.Say(absl::StrCat("calibration: another camera model of view '",
                              first.database->cell().views(i).name(), "'"));
   }
@@ -137,27 +133,26 @@ absl::Status CompareCalibrations(const OpenedDatabase& first, const OpenedDataba
 }
 
 absl::StatusOr<ExitCode> Diff(const DiffOptions& options) {
-  const absl::StatusOr<OpenedDatabase> first = OpenForReading(options.first, options.set);
-  if (!first.ok()) return first.status();
-  const absl::StatusOr<OpenedDatabase> second =
-      OpenForReading(options.second, options.second_set.empty() ? options.set : options.second_set);
-  if (!second.ok()) return second.status();
+  ASSIGN_OR_RETURN(const OpenedDatabase first, OpenForReading(options.first, options.set));
+  ASSIGN_OR_RETURN(const OpenedDatabase second,
+                   OpenForReading(options.second,
+                                  options.second_set.empty() ? options.set : options.second_set));
   CatchStopSignals();
   Printer printer;
   for (const std::string& sentence :
-       Differences(first->database->cell(), "the first", second->database->cell(), "the second")) {
+       Differences(first.database->cell(), "the first", second.database->cell(), "the second")) {
     printer.Say(sentence);
   }
-  const bool comparable = first->database->grid() == second->database->grid() &&
-                          first->database->mask_sizes() == second->database->mask_sizes();
+  const bool comparable = first.database->grid() == second.database->grid() &&
+                          first.database->mask_sizes() == second.database->mask_sizes();
   if (!comparable) {
     printer.Say("the robot images cannot be compared: other grids or mask sizes");
     return printer.Finish();
   }
   absl::Status status;
-  if (!options.masks_only) status = CompareReferences(*first, *second, printer);
-  if (status.ok() && !options.masks_only) status = CompareCalibrations(*first, *second, printer);
-  if (status.ok()) status = CompareRecords(*first, *second, options.masks_only, printer);
+  if (!options.masks_only) status = CompareReferences(first, second, printer);
+  if (status.ok() && !options.masks_only) status = CompareCalibrations(first, second, printer);
+  if (status.ok()) status = CompareRecords(first, second, options.masks_only, printer);
   if (!status.ok()) return status;
   return printer.Finish();
 }

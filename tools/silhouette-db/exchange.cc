@@ -10,6 +10,7 @@
 #include "absl/strings/str_format.h"
 #include "absl/strings/str_join.h"
 #include "common/picture/mask_png.h"
+#include "db/status/status_macros.h"
 
 namespace silhouette {
 namespace {
@@ -99,32 +100,28 @@ TableReader::TableReader(std::string folder, const CellDescription& cell, Config
 
 absl::StatusOr<TableReader> TableReader::FromHeader(const std::string& csv, std::string_view header,
                                                     const CellDescription& cell) {
-  absl::StatusOr<ConfigurationGrid> grid = GridOf(cell);
-  if (!grid.ok()) return grid.status();
-  absl::StatusOr<std::vector<MaskSize>> mask_sizes = MaskSizesOf(cell);
-  if (!mask_sizes.ok()) return mask_sizes.status();
-  const absl::StatusOr<std::vector<std::string>> known = ColumnsOf(cell);
-  if (!known.ok()) return known.status();
-  const absl::StatusOr<std::vector<std::string>> cells = ParseCsvLine(header);
-  if (!cells.ok()) return cells.status();
+  ASSIGN_OR_RETURN(ConfigurationGrid grid, GridOf(cell));
+  ASSIGN_OR_RETURN(std::vector<MaskSize> mask_sizes, MaskSizesOf(cell));
+  ASSIGN_OR_RETURN(const std::vector<std::string> known, ColumnsOf(cell));
+  ASSIGN_OR_RETURN(const std::vector<std::string> cells, ParseCsvLine(header));
 
-  TableReader reader(std::filesystem::path(csv).parent_path().string(), cell, *std::move(grid),
-                     *std::move(mask_sizes));
+  TableReader reader(std::filesystem::path(csv).parent_path().string(), cell, std::move(grid),
+                     std::move(mask_sizes));
   const auto fault = [&](auto... parts) {
     return absl::InvalidArgumentError(absl::StrCat(csv, ":1: ", parts...));
   };
-  for (size_t i = 0; i < cells->size(); ++i) {
-    const std::string& name = (*cells)[i];
-    if (std::find(known->begin(), known->end(), name) == known->end()) {
+  for (size_t i = 0; i < cells.size(); ++i) {
+    const std::string& name = cells[i];
+    if (std::find(known.begin(), known.end(), name) == known.end()) {
       return fault("column '", name, "' is neither a joint nor a view of cell '", cell.name(),
-                   "'; its columns are ", absl::StrJoin(*known, ", "));
+                   "'; its columns are ", absl::StrJoin(known, ", "));
     }
     if (!reader.columns_.emplace(name, i).second)
       return fault("column '", name, "' is there twice");
   }
   const size_t needed = static_cast<size_t>(cell.grid_joints_size() + cell.views_size());
-  for (size_t i = 0; i < known->size(); ++i) {
-    const std::string& name = (*known)[i];
+  for (size_t i = 0; i < known.size(); ++i) {
+    const std::string& name = known[i];
     if (reader.columns_.contains(name)) continue;
     if (i < needed) return fault("column '", name, "' is missing");
     for (const char* prefix : {kCommanded, kMeasured}) {
@@ -140,31 +137,27 @@ absl::StatusOr<TableReader> TableReader::FromHeader(const std::string& csv, std:
 }
 
 absl::StatusOr<RobotImage> TableReader::Read(std::string_view line) const {
-  const absl::StatusOr<std::vector<std::string>> cells = ParseCsvLine(line);
-  if (!cells.ok()) return cells.status();
-  if (cells->size() != columns_.size()) {
+  ASSIGN_OR_RETURN(const std::vector<std::string> cells, ParseCsvLine(line));
+  if (cells.size() != columns_.size()) {
     return absl::InvalidArgumentError(
-        absl::StrCat("it has ", cells->size(), " cells, the header has ", columns_.size()));
+        absl::StrCat("it has ", cells.size(), " cells, the header has ", columns_.size()));
   }
   RobotImage image;
-  const absl::StatusOr<ConfigurationNumber> number = ReadNumber(*cells);
-  if (!number.ok()) return number.status();
-  image.number = *number;
-  if (absl::Status status = ReadMasks(*cells, image); !status.ok()) return status;
+  ASSIGN_OR_RETURN(const ConfigurationNumber number, ReadNumber(cells));
+  image.number = number;
+  RETURN_IF_ERROR(ReadMasks(cells, image));
   if (const auto column = columns_.find(kCapturedColumn); column != columns_.end()) {
-    const std::string& text = (*cells)[column->second];
+    const std::string& text = cells[column->second];
     std::string why;
     if (!text.empty() && !absl::ParseTime(absl::RFC3339_full, text, &image.captured, &why)) {
       return absl::InvalidArgumentError(
           absl::StrCat("captured '", text, "' is not a time such as ", "2024-05-01T12:00:00Z"));
     }
   }
-  absl::StatusOr<std::vector<double>> commanded = ReadJoints(*cells, kCommanded);
-  if (!commanded.ok()) return commanded.status();
-  image.commanded = *std::move(commanded);
-  absl::StatusOr<std::vector<double>> measured = ReadJoints(*cells, kMeasured);
-  if (!measured.ok()) return measured.status();
-  image.measured = *std::move(measured);
+  ASSIGN_OR_RETURN(std::vector<double> commanded, ReadJoints(cells, kCommanded));
+  image.commanded = std::move(commanded);
+  ASSIGN_OR_RETURN(std::vector<double> measured, ReadJoints(cells, kMeasured));
+  image.measured = std::move(measured);
   return image;
 }
 

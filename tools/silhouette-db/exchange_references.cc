@@ -4,6 +4,7 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_split.h"
 #include "common/picture/files.h"
+#include "db/status/status_macros.h"
 #include "tools/silhouette-db/exchange.h"
 
 namespace silhouette {
@@ -35,12 +36,10 @@ absl::StatusOr<storage::v1::Reference> ReadReference(const std::string& folder,
     reference.mutable_time()->set_seconds(nanoseconds / 1'000'000'000);
     reference.mutable_time()->set_nanos(static_cast<int32_t>(nanoseconds % 1'000'000'000));
   }
-  absl::StatusOr<std::string> mean = ReadWholeFile((fs::path(folder) / cells[3]).string());
-  if (!mean.ok()) return mean.status();
-  reference.set_mean_png(*std::move(mean));
-  absl::StatusOr<std::string> noise = ReadWholeFile((fs::path(folder) / cells[4]).string());
-  if (!noise.ok()) return noise.status();
-  reference.set_noise_png(*std::move(noise));
+  ASSIGN_OR_RETURN(std::string mean, ReadWholeFile((fs::path(folder) / cells[3]).string()));
+  reference.set_mean_png(std::move(mean));
+  ASSIGN_OR_RETURN(std::string noise, ReadWholeFile((fs::path(folder) / cells[4]).string()));
+  reference.set_noise_png(std::move(noise));
   return reference;
 }
 
@@ -48,7 +47,7 @@ absl::StatusOr<storage::v1::Reference> ReadReference(const std::string& folder,
 
 absl::Status ExportReferences(const std::string& folder, const storage::v1::CellDescription& cell,
                               const storage::v1::References& references) {
-  if (absl::Status made = MakeFolder(absl::StrCat(folder, "/references")); !made.ok()) return made;
+  RETURN_IF_ERROR(MakeFolder(absl::StrCat(folder, "/references")));
   std::string table = absl::StrCat(kHeader, "\n");
   for (int i = 0; i < references.views_size(); ++i) {
     const storage::v1::Reference& reference = references.views(i);

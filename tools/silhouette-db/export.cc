@@ -9,6 +9,7 @@
 #include "absl/strings/str_format.h"
 #include "common/picture/files.h"
 #include "common/picture/mask_png.h"
+#include "db/status/status_macros.h"
 #include "tools/program/progress.h"
 #include "tools/silhouette-db/commands.h"
 #include "tools/silhouette-db/common.h"
@@ -28,7 +29,7 @@ struct ExportOptions {
 std::string Number(double value) { return absl::StrFormat("%.17g", value); }
 
 absl::Status PrepareFolder(const std::string& folder) {
-  if (absl::Status made = MakeFolder(folder); !made.ok()) return made;
+  RETURN_IF_ERROR(MakeFolder(folder));
   std::error_code error;
   if (!fs::is_empty(folder, error) || error) {
     return absl::FailedPreconditionError(
@@ -44,11 +45,10 @@ class Exporter {
       : database_(database), folder_(std::move(folder)) {}
 
   absl::Status Begin() {
-    const absl::StatusOr<std::vector<std::string>> columns = ColumnsOf(database_.cell());
-    if (!columns.ok()) return columns.status();
-    if (absl::Status status = PrepareFolder(folder_); !status.ok()) return status;
+    ASSIGN_OR_RETURN(const std::vector<std::string> columns, ColumnsOf(database_.cell()));
+    RETURN_IF_ERROR(PrepareFolder(folder_));
     table_.open(folder_ + "/" + kConfigurationsFile);
-    table_ << CsvLine(*columns) << "\n";
+    table_ << CsvLine(columns) << "\n";
     return CheckTable();
   }
 
@@ -60,10 +60,9 @@ class Exporter {
         cells.emplace_back();
         continue;
       }
-      const absl::StatusOr<std::string> path =
-          WriteMask(i, image.number, image.masks[static_cast<size_t>(i)]);
-      if (!path.ok()) return path.status();
-      cells.push_back(*path);
+      ASSIGN_OR_RETURN(const std::string path,
+                       WriteMask(i, image.number, image.masks[static_cast<size_t>(i)]));
+      cells.push_back(path);
     }
     cells.push_back(TimeText(image.captured));
     const size_t joints = AllJoints(database_.cell()).size();
@@ -86,12 +85,10 @@ class Exporter {
     const std::string place = absl::StrFormat(
         "masks/%s/%d", PathPart(database_.cell().views(view).name()), number / kTileSize);
     if (made_.insert(place).second) {
-      if (absl::Status made = MakeFolder(absl::StrCat(folder_, "/", place)); !made.ok())
-        return made;
+      RETURN_IF_ERROR(MakeFolder(absl::StrCat(folder_, "/", place)));
     }
     const std::string path = absl::StrFormat("%s/%d.png", place, number);
-    const absl::Status status = WriteMaskPng(folder_ + "/" + path, mask);
-    if (!status.ok()) return status;
+    RETURN_IF_ERROR(WriteMaskPng(folder_ + "/" + path, mask));
     return path;
   }
 
@@ -108,18 +105,17 @@ class Exporter {
 };
 
 absl::StatusOr<ExitCode> ExportHere(const ExportOptions& options) {
-  const absl::StatusOr<OpenedDatabase> opened = OpenForReading(options.database, options.set);
-  if (!opened.ok()) return opened.status();
+  ASSIGN_OR_RETURN(const OpenedDatabase opened, OpenForReading(options.database, options.set));
   CatchStopSignals();
-  Exporter exporter(*opened->database, options.folder);
-  if (absl::Status status = exporter.Begin(); !status.ok()) return status;
+  Exporter exporter(*opened.database, options.folder);
+  RETURN_IF_ERROR(exporter.Begin());
   uint64_t written = 0;
   uint64_t damaged = 0;
   absl::Status failure;
   {
-    Progress progress("export", opened->snapshot.size(), "records");
+    Progress progress("export", opened.snapshot.size(), "records");
     const absl::Status status =
-        opened->snapshot.ForEach([&](ConfigurationNumber, const absl::StatusOr<RobotImage>& image) {
+        opened.snapshot.ForEach([&](ConfigurationNumber, const absl::StatusOr<RobotImage>& image) {
           if (image.ok()) {
             failure = exporter.Write(*image);
             ++written;
@@ -134,13 +130,11 @@ absl::StatusOr<ExitCode> ExportHere(const ExportOptions& options) {
     if (StopRequested()) return Stopped("delete the folder and export again");
     if (!status.ok()) return status;
   }
-  const auto references = opened->snapshot.References();
-  if (!references.ok()) return references.status();
-  if (*references) {
-    absl::Status status = ExportReferences(options.folder, opened->database->cell(), **references);
-    if (!status.ok()) return status;
+  ASSIGN_OR_RETURN(const auto references, opened.snapshot.References());
+  if (references) {
+    RETURN_IF_ERROR(ExportReferences(options.folder, opened.database->cell(), *references));
   }
-  if (absl::Status status = exporter.Finish(); !status.ok()) return status;
+  RETURN_IF_ERROR(exporter.Finish());
   std::cout << written << " records exported to " << options.folder << "/" << kConfigurationsFile;
   if (damaged > 0) std::cout << ", " << damaged << " damaged ones left out";
   std::cout << std::endl;

@@ -9,6 +9,7 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_join.h"
 #include "absl/strings/strip.h"
+#include "db/status/status_macros.h"
 #include "tools/cell/cell.h"
 #include "tools/program/progress.h"
 #include "tools/silhouette-db/commands.h"
@@ -68,22 +69,20 @@ class Importer {
 
  private:
   absl::Status TakeRow(const TableReader& table, std::string_view row, uint64_t line) {
-    const absl::StatusOr<RobotImage> image = table.Read(row);
-    if (!image.ok()) return image.status();
-    const auto [first, is_first] = lines_.emplace(image->number, line);
+    ASSIGN_OR_RETURN(const RobotImage image, table.Read(row));
+    const auto [first, is_first] = lines_.emplace(image.number, line);
     if (!is_first) {
       return absl::InvalidArgumentError(
           absl::StrCat("the same configuration is in line ", first->second));
     }
-    const absl::Status status = writer_.Put(*image, replace_);
+    const absl::Status status = writer_.Put(image, replace_);
     if (status.ok()) ++imported_;
-    return absl::IsAlreadyExists(status) ? CheckSame(*image) : status;
+    return absl::IsAlreadyExists(status) ? CheckSame(image) : status;
   }
 
   absl::Status CheckSame(const RobotImage& image) {
-    const absl::StatusOr<Snapshot> snapshot = database_.Read();
-    if (!snapshot.ok()) return snapshot.status();
-    const auto stored = snapshot->Find(image.number);
+    ASSIGN_OR_RETURN(const Snapshot snapshot, database_.Read());
+    const auto stored = snapshot.Find(image.number);
     if (!stored.ok() && !absl::IsDataLoss(stored.status())) return stored.status();
     if (!stored.ok() || !*stored || **stored != image) {
       return absl::AlreadyExistsError(
@@ -133,9 +132,8 @@ absl::Status TakeAll(const std::string& csv, const TableReader& table, std::ifst
 }
 
 absl::StatusOr<ExitCode> ImportHere(const ImportOptions& options) {
-  const absl::StatusOr<Cell> cell = LoadCell(options.cell);
-  if (!cell.ok()) return cell.status();
-  const std::string path = options.database.empty() ? cell->database : options.database;
+  ASSIGN_OR_RETURN(const Cell cell, LoadCell(options.cell));
+  const std::string path = options.database.empty() ? cell.database : options.database;
   if (path.empty()) {
     return absl::InvalidArgumentError(
         absl::StrCat("cell file '", options.cell, "' names no database; give --database"));
@@ -150,37 +148,34 @@ absl::StatusOr<ExitCode> ImportHere(const ImportOptions& options) {
   }
   absl::string_view bare = header;
   absl::ConsumePrefix(&bare, "\xef\xbb\xbf");  // some programs begin a CSV with it
-  const storage::v1::CellDescription description = DescriptionOf(*cell);
-  const absl::StatusOr<TableReader> table =
-      TableReader::FromHeader(csv, {bare.data(), bare.size()}, description);
-  if (!table.ok()) return table.status();
-  const auto references = ImportReferences(fs::path(csv).parent_path().string(), description);
-  if (!references.ok()) return references.status();
+  const storage::v1::CellDescription description = DescriptionOf(cell);
+  ASSIGN_OR_RETURN(const TableReader table,
+                   TableReader::FromHeader(csv, {bare.data(), bare.size()}, description));
+  ASSIGN_OR_RETURN(const auto references,
+                   ImportReferences(fs::path(csv).parent_path().string(), description));
 
   CatchStopSignals();
   const std::string program = absl::StrCat("silhouette-db import ", options.folder);
-  absl::StatusOr<std::unique_ptr<Database>> database = OpenOrCreate(path, *cell);
+  absl::StatusOr<std::unique_ptr<Database>> database = OpenOrCreate(path, cell);
   if (database.ok() && options.set != schema::kDefaultSet) {
     absl::StatusOr<std::unique_ptr<Database>> set = (*database)->OpenSet(options.set);
     if (absl::IsNotFound(set.status())) set = (*database)->CreateSet(options.set, program);
     database = std::move(set);
   }
   if (!database.ok()) return database.status();
-  absl::StatusOr<RobotImageWriter> writer = (*database)->Write(program);
-  if (!writer.ok()) return writer.status();
-  Importer importer(csv, **database, *writer, options.replace);
-  absl::Status status = TakeAll(csv, *table, file, importer, *writer);
-  if (status.ok() && *references) {
+  ASSIGN_OR_RETURN(RobotImageWriter writer, (*database)->Write(program));
+  Importer importer(csv, **database, writer, options.replace);
+  absl::Status status = TakeAll(csv, table, file, importer, writer);
+  if (status.ok() && references) {
     const absl::StatusOr<Snapshot> snapshot = (*database)->Read();
-    const auto stored =
+    ASSIGN_OR_RETURN(
+        const auto stored,
         snapshot.ok() ? snapshot->References()
-                      : absl::StatusOr<std::optional<storage::v1::References>>(snapshot.status());
-    if (!stored.ok()) return stored.status();
-    const bool same =
-        *stored && (*stored)->SerializeAsString() == (*references)->SerializeAsString();
-    if (!same) status = (*database)->SetReferences(**references, program);
+                      : absl::StatusOr<std::optional<storage::v1::References>>(snapshot.status()));
+    const bool same = stored && stored->SerializeAsString() == references->SerializeAsString();
+    if (!same) status = (*database)->SetReferences(*references, program);
   }
-  std::cout << writer->committed() << " records imported into " << path;
+  std::cout << writer.committed() << " records imported into " << path;
   if (importer.there_already() > 0) {
     std::cout << ", " << importer.there_already() << " were there already";
   }

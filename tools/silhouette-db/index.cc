@@ -5,6 +5,7 @@
 
 #include "absl/strings/str_format.h"
 #include "absl/time/clock.h"
+#include "db/status/status_macros.h"
 #include "db/store/collision_index.h"
 #include "tools/program/progress.h"
 #include "tools/silhouette-db/commands.h"
@@ -87,16 +88,15 @@ absl::StatusOr<ExitCode> Index(const IndexOptions& options) {
   if (!database.ok()) return database.status();
   CatchStopSignals();
   const absl::Time started = absl::Now();
-  const auto report = BuildWithProgress(**database, options.all);
-  if (!report.ok()) return report.status();
+  ASSIGN_OR_RETURN(const auto report, BuildWithProgress(**database, options.all));
   const absl::Duration spent = absl::Now() - started;
   if (options.format == "json") {
-    IndexPrintJson(*report, spent);
+    IndexPrintJson(report, spent);
   } else {
-    IndexPrintText(options, *report, spent);
+    IndexPrintText(options, report, spent);
   }
-  if (!report->stopped) return kDone;
-  std::cerr << "stopped, " << report->tiles - report->done
+  if (!report.stopped) return kDone;
+  std::cerr << "stopped, " << report.tiles - report.done
             << " tiles are left; what is built stays; go on with: " << options.Command()
             << (options.all ? " (begins with the first again)" : "") << std::endl;
   return kNo;

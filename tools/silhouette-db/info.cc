@@ -4,6 +4,7 @@
 #include <optional>
 
 #include "absl/strings/str_format.h"
+#include "db/status/status_macros.h"
 #include "db/store/schema.h"
 #include "tools/silhouette-db/commands.h"
 #include "tools/silhouette-db/common.h"
@@ -133,29 +134,19 @@ void InfoPrintJson(const Database& database, const Facts& facts) {
 }
 
 absl::StatusOr<ExitCode> Info(const InfoOptions& options) {
-  absl::StatusOr<OpenedDatabase> opened = OpenForReading(options.database);
-  if (!opened.ok()) return opened.status();
-  const absl::StatusOr<Database::Usage> usage = opened->database->GetUsage();
-  if (!usage.ok()) return usage.status();
-  const auto references = opened->snapshot.References();
-  if (!references.ok()) return references.status();
-  const auto calibration = opened->snapshot.Calibration();
-  if (!calibration.ok()) return calibration.status();
-  const absl::StatusOr<storage::v1::ProvenanceLog> provenance = opened->snapshot.Provenance();
-  if (!provenance.ok()) return provenance.status();
-  const auto index = CollisionIndex::Open(std::move(opened->snapshot));
-  if (!index.ok()) return index.status();
-  const Facts facts{(*index)->generation(),
-                    (*index)->snapshot().size(),
-                    *usage,
-                    references->has_value(),
-                    *calibration,
-                    *provenance,
-                    (*index)->Summary()};
+  ASSIGN_OR_RETURN(OpenedDatabase opened, OpenForReading(options.database));
+  ASSIGN_OR_RETURN(const Database::Usage usage, opened.database->GetUsage());
+  ASSIGN_OR_RETURN(const auto references, opened.snapshot.References());
+  ASSIGN_OR_RETURN(const auto calibration, opened.snapshot.Calibration());
+  ASSIGN_OR_RETURN(const storage::v1::ProvenanceLog provenance, opened.snapshot.Provenance());
+  ASSIGN_OR_RETURN(const auto index, CollisionIndex::Open(std::move(opened.snapshot)));
+  const Facts facts{
+      index->generation(), index->snapshot().size(), usage, references.has_value(), calibration,
+      provenance,          index->Summary()};
   if (options.format == "json") {
-    InfoPrintJson(*opened->database, facts);
+    InfoPrintJson(*opened.database, facts);
   } else {
-    InfoPrintText(*opened->database, facts);
+    InfoPrintText(*opened.database, facts);
   }
   return kDone;
 }

@@ -4,6 +4,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
+#include "db/status/status_macros.h"
 #include "tools/silhouette-db/commands.h"
 #include "tools/silhouette-db/common.h"
 
@@ -18,30 +19,27 @@ struct SetsOptions {
 };
 
 absl::Status Change(const SetsOptions& options) {
-  const absl::StatusOr<std::unique_ptr<Database>> database =
-      Database::Open(options.database, Database::Access::kWrite);
-  if (!database.ok()) return database.status();
+  ASSIGN_OR_RETURN(const std::unique_ptr<Database> database,
+                   Database::Open(options.database, Database::Access::kWrite));
   if (!options.add.empty()) {
-    return (*database)
+    return (database)
         ->CreateSet(options.add, absl::StrCat("silhouette-db sets --add ", options.add))
         .status();
   }
-  return (*database)->RemoveSet(options.remove,
-                                absl::StrCat("silhouette-db sets --remove ", options.remove));
+  return database->RemoveSet(options.remove,
+                             absl::StrCat("silhouette-db sets --remove ", options.remove));
 }
 
 absl::StatusOr<ExitCode> Sets(const SetsOptions& options) {
   if (!options.add.empty() || !options.remove.empty()) {
-    if (absl::Status status = Change(options); !status.ok()) return status;
+    RETURN_IF_ERROR(Change(options));
   }
-  const absl::StatusOr<OpenedDatabase> opened = OpenForReading(options.database);
-  if (!opened.ok()) return opened.status();
-  const absl::StatusOr<Database::Usage> usage = opened->database->GetUsage();
-  if (!usage.ok()) return usage.status();
+  ASSIGN_OR_RETURN(const OpenedDatabase opened, OpenForReading(options.database));
+  ASSIGN_OR_RETURN(const Database::Usage usage, opened.database->GetUsage());
   if (options.format == "json") {
-    std::cout << SetsJson(*usage).dump(2) << std::endl;
+    std::cout << SetsJson(usage).dump(2) << std::endl;
   } else {
-    std::cout << SetsText(*usage, opened->database->grid());
+    std::cout << SetsText(usage, opened.database->grid());
   }
   return kDone;
 }

@@ -5,6 +5,7 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
 #include "common/picture/sheet.h"
+#include "db/status/status_macros.h"
 #include "tools/silhouette-db/commands.h"
 #include "tools/silhouette-db/common.h"
 
@@ -101,37 +102,33 @@ std::string TitleOf(const Database& database, const Slice& slice, int view) {
 }
 
 absl::StatusOr<ExitCode> Sheet(const SheetArguments& options) {
-  const absl::StatusOr<OpenedDatabase> opened = OpenForReading(options.database, options.set);
-  if (!opened.ok()) return opened.status();
-  const Database& database = *opened->database;
+  ASSIGN_OR_RETURN(const OpenedDatabase opened, OpenForReading(options.database, options.set));
+  const Database& database = *opened.database;
   const ConfigurationGrid& grid = database.grid();
-  const absl::StatusOr<Slice> slice = SliceOf(grid, options.along, options.fixed);
-  if (!slice.ok()) return slice.status();
-  const absl::StatusOr<int> view = SheetViewOf(database.cell(), options.view);
-  if (!view.ok()) return view.status();
+  ASSIGN_OR_RETURN(const Slice slice, SliceOf(grid, options.along, options.fixed));
+  ASSIGN_OR_RETURN(const int view, SheetViewOf(database.cell(), options.view));
 
-  const GridJoint& across = grid.joints()[static_cast<size_t>(slice->across)];
+  const GridJoint& across = grid.joints()[static_cast<size_t>(slice.across)];
   const std::vector<int> columns = Spread(across.steps, kMostColumns);
   std::vector<CaptionedPicture> pictures;
-  for (const Row& row : RowsOf(database, *slice, *view, options.view.empty())) {
+  for (const Row& row : RowsOf(database, slice, view, options.view.empty())) {
     for (int column : columns) {
-      GridIndex index = slice->index;
-      index[static_cast<size_t>(slice->across)] = column;
-      if (row.step) index[static_cast<size_t>(*slice->upwards)] = *row.step;
-      const absl::StatusOr<Picture> tile = SheetTile(*opened, grid.NumberOf(index), row.view);
-      if (!tile.ok()) return tile.status();
+      GridIndex index = slice.index;
+      index[static_cast<size_t>(slice.across)] = column;
+      if (row.step) index[static_cast<size_t>(*slice.upwards)] = *row.step;
+      ASSIGN_OR_RETURN(const Picture tile, SheetTile(opened, grid.NumberOf(index), row.view));
       const std::string value = absl::StrFormat("%.2f", across.lower + column * across.step());
-      pictures.push_back({*tile, row.step ? absl::StrCat(value, ", ", row.name)
-                                          : absl::StrCat(row.name, " ", value)});
+      pictures.push_back({tile, row.step ? absl::StrCat(value, ", ", row.name)
+                                         : absl::StrCat(row.name, " ", value)});
     }
   }
-  const Picture sheet = ContactSheet(pictures, {.title = TitleOf(database, *slice, *view),
+  const Picture sheet = ContactSheet(pictures, {.title = TitleOf(database, slice, view),
                                                 .columns = static_cast<int>(columns.size()),
                                                 .legend = {{palette::kRobot, "robot"},
                                                            {palette::kPaper, "missing"},
                                                            {palette::kExcluded, "excluded"},
                                                            {palette::kDamaged, "damaged"}}});
-  if (absl::Status status = WritePng(options.picture, sheet); !status.ok()) return status;
+  RETURN_IF_ERROR(WritePng(options.picture, sheet));
   std::cout << options.picture << std::endl;
   return kDone;
 }

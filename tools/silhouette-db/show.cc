@@ -6,6 +6,7 @@
 #include "absl/strings/str_format.h"
 #include "absl/strings/str_join.h"
 #include "common/picture/sheet.h"
+#include "db/status/status_macros.h"
 #include "tools/silhouette-db/commands.h"
 #include "tools/silhouette-db/common.h"
 
@@ -92,26 +93,22 @@ Picture ShowPaint(const Database& database, const RobotImage& image) {
 }
 
 absl::StatusOr<ExitCode> ShowHere(const ShowOptions& options) {
-  const absl::StatusOr<OpenedDatabase> opened = OpenForReading(options.database, options.set);
-  if (!opened.ok()) return opened.status();
-  const Database& database = *opened->database;
-  const absl::StatusOr<ConfigurationNumber> number = Choose(database.grid(), options);
-  if (!number.ok()) return number.status();
-  const auto image = opened->snapshot.Find(*number);
-  if (!image.ok()) return image.status();
-  if (!*image) {
-    std::cerr << "silhouette-db: configuration " << *number << " ("
-              << JointText(database.grid(), *number) << ") is not in the database" << std::endl;
+  ASSIGN_OR_RETURN(const OpenedDatabase opened, OpenForReading(options.database, options.set));
+  const Database& database = *opened.database;
+  ASSIGN_OR_RETURN(const ConfigurationNumber number, Choose(database.grid(), options));
+  ASSIGN_OR_RETURN(const auto image, opened.snapshot.Find(number));
+  if (!image) {
+    std::cerr << "silhouette-db: configuration " << number << " ("
+              << JointText(database.grid(), number) << ") is not in the database" << std::endl;
     return kNo;
   }
-  if (!options.picture.empty() && !(*image)->excluded) {
-    const absl::Status status = WritePng(options.picture, ShowPaint(database, **image));
-    if (!status.ok()) return status;
+  if (!options.picture.empty() && !image->excluded) {
+    RETURN_IF_ERROR(WritePng(options.picture, ShowPaint(database, *image)));
   }
   if (options.format == "json") {
-    ShowPrintJson(database, **image);
+    ShowPrintJson(database, *image);
   } else {
-    ShowPrintText(database, **image);
+    ShowPrintText(database, *image);
   }
   return kDone;
 }

@@ -6,6 +6,7 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
 #include "common/picture/sheet.h"
+#include "db/status/status_macros.h"
 #include "db/store/outliers.h"
 #include "db/store/statistics.h"
 #include "tools/program/progress.h"
@@ -114,29 +115,27 @@ Picture StatsPaint(const Database& database, const DatabaseStatistics& statistic
 }
 
 absl::StatusOr<ExitCode> Stats(const StatsOptions& options) {
-  const absl::StatusOr<OpenedDatabase> opened = OpenForReading(options.database, options.set);
-  if (!opened.ok()) return opened.status();
-  const Database& database = *opened->database;
+  ASSIGN_OR_RETURN(const OpenedDatabase opened, OpenForReading(options.database, options.set));
+  const Database& database = *opened.database;
   CatchStopSignals();
   absl::StatusOr<DatabaseStatistics> statistics = DatabaseStatistics();
   absl::StatusOr<std::vector<Outlier>> outliers = std::vector<Outlier>();
   {
-    Progress progress("stats", 2 * opened->snapshot.size(), "records");
+    Progress progress("stats", 2 * opened.snapshot.size(), "records");
     statistics =
-        StatisticsOf(opened->snapshot, database.grid(), database.mask_sizes(), [&](uint64_t done) {
+        StatisticsOf(opened.snapshot, database.grid(), database.mask_sizes(), [&](uint64_t done) {
           progress.Update(done);
           return !StopRequested();
         });
     if (!statistics.ok()) return statistics.status();
-    outliers = FindOutliers(opened->snapshot, database.grid(), {}, [&](uint64_t done) {
-      progress.Update(opened->snapshot.size() + done);
+    outliers = FindOutliers(opened.snapshot, database.grid(), {}, [&](uint64_t done) {
+      progress.Update(opened.snapshot.size() + done);
       return !StopRequested();
     });
     if (!outliers.ok()) return outliers.status();
   }
   if (!options.picture.empty()) {
-    absl::Status status = WritePng(options.picture, StatsPaint(database, *statistics));
-    if (!status.ok()) return status;
+    RETURN_IF_ERROR(WritePng(options.picture, StatsPaint(database, *statistics)));
   }
   if (options.format == "json") {
     StatsPrintJson(database, *statistics, *outliers);

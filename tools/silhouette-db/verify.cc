@@ -6,6 +6,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_join.h"
+#include "db/status/status_macros.h"
 #include "db/store/fixed_joints.h"
 #include "tools/program/progress.h"
 #include "tools/silhouette-db/commands.h"
@@ -117,11 +118,10 @@ absl::Status ReadRecords(const ConfigurationGrid& grid, const CollisionIndex& in
 // Reads every camera image that was kept, and looks for the reference images that go with them.
 absl::Status ReadRawImages(const storage::v1::CellDescription& cell, const Snapshot& snapshot,
                            Findings& findings) {
-  const auto numbers = snapshot.RawImageNumbers();
-  if (!numbers.ok()) return numbers.status();
-  findings.raw_images = numbers->size();
+  ASSIGN_OR_RETURN(const auto numbers, snapshot.RawImageNumbers());
+  findings.raw_images = numbers.size();
   std::set<uint64_t> references;
-  for (const ConfigurationNumber number : *numbers) {
+  for (const ConfigurationNumber number : numbers) {
     if (StopRequested()) return Stopped("verify reads the database from its beginning each time");
     for (int view = 0; view < cell.views_size(); ++view) {
       const auto image = snapshot.FindRawImage(number, view);
@@ -181,19 +181,17 @@ void CheckMeta(const storage::v1::CellDescription& cell, const Snapshot& snapsho
 }
 
 absl::StatusOr<Findings> VerifySet(const VerifyOptions& options, const std::string& name) {
-  absl::StatusOr<OpenedDatabase> opened = OpenForReading(options.database, name);
-  if (!opened.ok()) return opened.status();
-  const Database& database = *opened->database;
-  const auto index = CollisionIndex::Open(std::move(opened->snapshot));
-  if (!index.ok()) return index.status();
-  const Snapshot& snapshot = (*index)->snapshot();
+  ASSIGN_OR_RETURN(OpenedDatabase opened, OpenForReading(options.database, name));
+  const Database& database = *opened.database;
+  ASSIGN_OR_RETURN(const auto index, CollisionIndex::Open(std::move(opened.snapshot)));
+  const Snapshot& snapshot = index->snapshot();
   Findings findings;
   findings.set = name;
   const bool further = name != schema::kDefaultSet;
   if (!further) CheckMeta(database.cell(), snapshot, findings);
-  CheckIndex(**index, findings);
+  CheckIndex(*index, findings);
   FixedJointCheck fixed_joints(database.cell(), options.fixed_joint_tolerance);
-  absl::Status status = ReadRecords(database.grid(), **index, fixed_joints, findings);
+  absl::Status status = ReadRecords(database.grid(), *index, fixed_joints, findings);
   if (!status.ok()) return status;
   status = ReadRawImages(database.cell(), snapshot, findings);
   if (!status.ok()) return status;
@@ -260,18 +258,15 @@ void VerifyPrintText(const VerifyOptions& options, const std::vector<Findings>& 
 }
 
 absl::StatusOr<ExitCode> Verify(const VerifyOptions& options) {
-  const absl::StatusOr<OpenedDatabase> opened = OpenForReading(options.database);
-  if (!opened.ok()) return opened.status();
-  const absl::StatusOr<std::vector<std::string>> names = opened->database->Sets();
-  if (!names.ok()) return names.status();
+  ASSIGN_OR_RETURN(const OpenedDatabase opened, OpenForReading(options.database));
+  ASSIGN_OR_RETURN(const std::vector<std::string> names, opened.database->Sets());
   CatchStopSignals();
   std::vector<Findings> sets;
   Findings sum;
-  for (const std::string& name : *names) {
-    absl::StatusOr<Findings> findings = VerifySet(options, name);
-    if (!findings.ok()) return findings.status();
-    sum.Add(*findings);
-    sets.push_back(*std::move(findings));
+  for (const std::string& name : names) {
+    ASSIGN_OR_RETURN(Findings findings, VerifySet(options, name));
+    sum.Add(findings);
+    sets.push_back(std::move(findings));
   }
   if (options.format == "json") {
     VerifyPrintJson(sets, sum);

@@ -6,6 +6,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
+#include "db/status/status_macros.h"
 #include "tools/program/program.h"
 #include "tools/program/progress.h"
 #include "tools/silhouette-experiments/calibration/trials.h"
@@ -50,9 +51,9 @@ absl::StatusOr<std::vector<Figures>> MeasureAll(const CalibrationArguments& argu
   Progress progress("calibrating", static_cast<uint64_t>(arguments.runs), "runs");
   for (int run = 0; run < arguments.runs; ++run) {
     if (StopRequested()) return absl::AbortedError("stopped; start it again to have a result");
-    const auto figures = CalibrationMeasure(arguments.seed + static_cast<uint64_t>(run));
-    if (!figures.ok()) return figures.status();
-    runs.push_back(*figures);
+    ASSIGN_OR_RETURN(const auto figures,
+                     CalibrationMeasure(arguments.seed + static_cast<uint64_t>(run)));
+    runs.push_back(figures);
     progress.Update(static_cast<uint64_t>(run) + 1);
   }
   return runs;

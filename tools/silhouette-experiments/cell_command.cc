@@ -5,6 +5,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "common/picture/files.h"
+#include "db/status/status_macros.h"
 #include "tools/program/program.h"
 #include "tools/program/progress.h"
 #include "tools/silhouette-experiments/cell/hidden_scene.h"
@@ -70,24 +71,22 @@ absl::StatusOr<Side> Serve(const CellArguments& arguments, const SimulatedWorkpl
                            bool found) {
   ServeSettings settings = arguments.serve;
   settings.calibration = calibration;
-  const auto served = workplace.Serve(database, settings);
-  if (!served.ok()) return served.status();
-  if (!(*served)->margins_known().ok()) return (*served)->margins_known();
-  auto policies = PoliciesFor(arguments.presets, **served);
-  if (!policies.ok()) return policies.status();
-  std::erase_if(*policies, [&](const Policy& policy) {
+  ASSIGN_OR_RETURN(const auto served, workplace.Serve(database, settings));
+  if (!served->margins_known().ok()) return served->margins_known();
+  ASSIGN_OR_RETURN(auto policies, PoliciesFor(arguments.presets, *served));
+  std::erase_if(policies, [&](const Policy& policy) {
     return found && !IsCalibrated(policy.preset) && !IsSound(policy.preset);
   });
-  if (policies->empty()) {
+  if (policies.empty()) {
     return absl::InvalidArgumentError(
         "none of the presets asked for needs a calibration; leave --calibration out");
   }
   const TrialSetting setting{.workplace = workplace,
-                             .database = **served,
-                             .policies = *std::move(policies),
+                             .database = *served,
+                             .policies = std::move(policies),
                              .off_grid_tests = arguments.off_grid,
                              .seed = arguments.seed};
-  return Side{*served, std::make_unique<const TrialSetting>(setting)};
+  return Side{served, std::make_unique<const TrialSetting>(setting)};
 }
 
 // Cancelled if a stop was asked for.
@@ -95,10 +94,9 @@ absl::Status RunScenes(Explainer& explainer, int count, Experiment& experiment) 
   Progress progress(experiment.name, static_cast<uint64_t>(count), "scenes");
   for (int i = 0; i < count; ++i) {
     if (StopRequested()) return absl::CancelledError();
-    absl::StatusOr<SceneRecord> record =
-        RunScene(*experiment.setting, explainer, experiment.source, i);
-    if (!record.ok()) return record.status();
-    experiment.records.push_back(*std::move(record));
+    ASSIGN_OR_RETURN(SceneRecord record,
+                     RunScene(*experiment.setting, explainer, experiment.source, i));
+    experiment.records.push_back(std::move(record));
     progress.Update(static_cast<uint64_t>(i) + 1);
   }
   return absl::OkStatus();
@@ -141,7 +139,7 @@ absl::StatusOr<std::vector<Row>> RunAll(const CellArguments& arguments, const Tr
                     : hidden[static_cast<size_t>(number)];
     };
     Experiment& experiment = done.emplace_back(Experiment{prefix + name, &setting, source, {}});
-    if (absl::Status status = RunScenes(explainer, count, experiment); !status.ok()) return status;
+    RETURN_IF_ERROR(RunScenes(explainer, count, experiment));
     const std::vector<Row> some = RowsOf(name, setting, experiment.records);
     rows.insert(rows.end(), some.begin(), some.end());
   }
@@ -152,40 +150,36 @@ absl::StatusOr<ExitCode> Test(const CellArguments& arguments, const SimulatedWor
                               const Database& database) {
   std::optional<Calibration> calibration;
   if (!arguments.calibration.empty()) {
-    auto found =
-        FoundCalibration(arguments.calibration, database, workplace.cell().calibration.margin);
-    if (!found.ok()) return found.status();
-    calibration = *std::move(found);
+    ASSIGN_OR_RETURN(auto found, FoundCalibration(arguments.calibration, database,
+                                                  workplace.cell().calibration.margin));
+    calibration = std::move(found);
   }
   // What was found is compared with the truth, whatever the database has.
   std::optional<Calibration> compared_with;
   if (calibration) compared_with = workplace.TrueCalibration();
-  const auto truth = Serve(arguments, workplace, database, compared_with, false);
-  if (!truth.ok()) return truth.status();
+  ASSIGN_OR_RETURN(const auto truth, Serve(arguments, workplace, database, compared_with, false));
   std::optional<Side> found;
   if (calibration) {
-    auto side = Serve(arguments, workplace, database, calibration, true);
-    if (!side.ok()) return side.status();
-    found = *std::move(side);
+    ASSIGN_OR_RETURN(auto side, Serve(arguments, workplace, database, calibration, true));
+    found = std::move(side);
   }
   const std::vector<RandomScene> hidden = HiddenScenes(workplace, arguments);
   std::vector<Experiment> experiments;
-  const auto rows = RunAll(arguments, *truth->setting, hidden, "", experiments);
-  if (!rows.ok()) return rows.status();
+  ASSIGN_OR_RETURN(const auto rows, RunAll(arguments, *truth.setting, hidden, "", experiments));
   std::vector<Comparison> comparisons;
   if (found) {
-    const auto others = RunAll(arguments, *found->setting, hidden, "found-", experiments);
-    if (!others.ok()) return others.status();
-    comparisons = Compare(*rows, *others);
+    ASSIGN_OR_RETURN(const auto others,
+                     RunAll(arguments, *found->setting, hidden, "found-", experiments));
+    comparisons = Compare(rows, others);
   }
   if (arguments.format == "json") {
-    std::cout << JsonOf(*rows, comparisons).dump(2) << std::endl;
+    std::cout << JsonOf(rows, comparisons).dump(2) << std::endl;
   } else {
-    std::cout << TableOf(*rows) << "\n";
+    std::cout << TableOf(rows) << "\n";
     if (found) std::cout << LossTableOf(comparisons) << "\n";
     std::cout << "seed " << arguments.seed << std::endl;
   }
-  absl::Status status = WriteResult(arguments.out, "table.csv", CsvOf(*rows));
+  absl::Status status = WriteResult(arguments.out, "table.csv", CsvOf(rows));
   if (!status.ok()) return status;
   if (found) status = WriteResult(arguments.out, "loss.csv", LossCsvOf(comparisons));
   if (!status.ok()) return status;
@@ -195,19 +189,18 @@ absl::StatusOr<ExitCode> Test(const CellArguments& arguments, const SimulatedWor
 }
 
 absl::StatusOr<ExitCode> CellMeasure(const CellArguments& arguments) {
-  const auto workplace = SimulatedWorkplace::Load(arguments.cell);
-  if (!workplace.ok()) return workplace.status();
+  ASSIGN_OR_RETURN(const auto workplace, SimulatedWorkplace::Load(arguments.cell));
   if (!arguments.out.empty()) {
-    if (absl::Status made = MakeFolder(arguments.out); !made.ok()) return made;
+    RETURN_IF_ERROR(MakeFolder(arguments.out));
   }
   CatchStopSignals();
-  const auto database = OpenDatabase(arguments, *workplace);
+  const auto database = OpenDatabase(arguments, workplace);
   if (absl::IsCancelled(database.status())) {
     std::cerr << "stopped; what was captured is stored, the same command goes on" << std::endl;
     return kNo;
   }
   if (!database.ok()) return database.status();
-  const auto code = Test(arguments, *workplace, **database);
+  const auto code = Test(arguments, workplace, **database);
   if (absl::IsCancelled(code.status())) {
     std::cerr << "stopped; start it again, the database is there" << std::endl;
     return kNo;

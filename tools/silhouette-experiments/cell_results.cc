@@ -3,6 +3,7 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
 #include "common/picture/files.h"
+#include "db/status/status_macros.h"
 #include "tools/program/program.h"
 #include "tools/program/progress.h"
 #include "tools/silhouette-experiments/cell/missing_picture.h"
@@ -23,13 +24,12 @@ absl::StatusOr<std::vector<std::vector<std::string>>> WritePictures(const Experi
   Progress progress("pictures", chosen.size(), "pictures");
   for (size_t i = 0; i < chosen.size() && !StopRequested(); ++i) {
     const SceneRecord& record = experiment.records[chosen[i].record];
-    const auto viewed = View(setting, experiment.source(record.number), record.number);
-    if (!viewed.ok()) return viewed.status();
+    ASSIGN_OR_RETURN(const auto viewed,
+                     View(setting, experiment.source(record.number), record.number));
     std::string& name = names[chosen[i].record][chosen[i].missing];
     name = absl::StrFormat("%s-%03d-%d.png", experiment.name, record.number, chosen[i].missing);
-    const Picture picture = Draw(setting, *viewed, record.missing[chosen[i].missing]);
-    absl::Status status = WritePng(absl::StrCat(folder, "/", name), picture);
-    if (!status.ok()) return status;
+    const Picture picture = Draw(setting, viewed, record.missing[chosen[i].missing]);
+    RETURN_IF_ERROR(WritePng(absl::StrCat(folder, "/", name), picture));
     progress.Update(i + 1);
   }
   return names;
@@ -51,10 +51,9 @@ absl::Status WriteExperiments(std::span<const Experiment> experiments, const std
     absl::Status status = WriteResult(folder, experiment.name + "-scenes.csv",
                                       ScenesCsvOf(*experiment.setting, experiment.records));
     if (!status.ok()) return status;
-    const auto names = WritePictures(experiment, folder, pictures);
-    if (!names.ok()) return names.status();
+    ASSIGN_OR_RETURN(const auto names, WritePictures(experiment, folder, pictures));
     status = WriteResult(folder, experiment.name + "-missing.csv",
-                         MissingCsvOf(*experiment.setting, experiment.records, *names));
+                         MissingCsvOf(*experiment.setting, experiment.records, names));
     if (!status.ok()) return status;
   }
   return absl::OkStatus();

@@ -2,6 +2,7 @@
 
 #include <utility>
 
+#include "db/status/status_macros.h"
 #include "tools/silhouette-db/calibration_files/calibration_files.h"
 #include "tools/silhouette-db/calibration_files/tested_calibration.h"
 
@@ -9,15 +10,11 @@ namespace silhouette {
 
 absl::StatusOr<Calibration> FoundCalibration(const std::string& path, const Database& database,
                                              double margin) {
-  const auto stored = ReadCalibration({path}, database.cell());
-  if (!stored.ok()) return stored.status();
-  const absl::StatusOr<Snapshot> snapshot = database.Read();
-  if (!snapshot.ok()) return snapshot.status();
-  auto tested = TestCalibration(database, *snapshot, *stored, margin);
-  if (!tested.ok()) return tested.status();
-  absl::Status fits = CheckContradictions(tested->contradictions, database.cell());
-  if (!fits.ok()) return fits;
-  return std::move(tested->calibration);
+  ASSIGN_OR_RETURN(const auto stored, ReadCalibration({path}, database.cell()));
+  ASSIGN_OR_RETURN(const Snapshot snapshot, database.Read());
+  ASSIGN_OR_RETURN(auto tested, TestCalibration(database, snapshot, stored, margin));
+  RETURN_IF_ERROR(CheckContradictions(tested.contradictions, database.cell()));
+  return std::move(tested.calibration);
 }
 
 }  // namespace silhouette

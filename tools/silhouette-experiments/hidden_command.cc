@@ -10,6 +10,7 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
 #include "common/picture/files.h"
+#include "db/status/status_macros.h"
 #include "tools/program/program.h"
 #include "tools/program/progress.h"
 #include "tools/silhouette-experiments/commands.h"
@@ -95,8 +96,7 @@ absl::StatusOr<std::vector<HiddenRow>> HiddenMeasure(const HiddenArguments& argu
     }
     if (i == 0 && !arguments.out.empty()) {
       const std::string path = (fs::path(arguments.out) / "hidden.png").string();
-      const absl::Status written = WritePng(path, PictureOf(*cell, *ball, with_ball));
-      if (!written.ok()) return written;
+      RETURN_IF_ERROR(WritePng(path, PictureOf(*cell, *ball, with_ball)));
     }
     scenes.Update(static_cast<uint64_t>(i) + 1);
   }

@@ -11,6 +11,7 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
 #include "common/picture/files.h"
+#include "db/status/status_macros.h"
 #include "tools/cell/cell.h"
 #include "tools/program/program.h"
 #include "tools/program/progress.h"
@@ -112,30 +113,26 @@ absl::StatusOr<Trials> MakeTrials(const Cell& cell, const RobotModel& robot, con
 }
 
 absl::StatusOr<Result> Choose(const PlacementArguments& arguments) {
-  const absl::StatusOr<Cell> cell = LoadCell(arguments.cell);
-  if (!cell.ok()) return cell.status();
-  if (cell->robot.urdf.empty()) {
+  ASSIGN_OR_RETURN(const Cell cell, LoadCell(arguments.cell));
+  if (cell.robot.urdf.empty()) {
     return absl::InvalidArgumentError(arguments.cell +
                                       ": the robot has no 'urdf', so there is nothing to look at");
   }
-  const absl::StatusOr<RobotModel> robot =
-      RobotModel::FromUrdf(cell->robot.urdf, cell->robot.package_paths);
-  if (!robot.ok()) return robot.status();
-  absl::StatusOr<Places> places = LoadPlaces(arguments.places);
-  if (!places.ok()) return places.status();
-  if (arguments.cameras > 0) places->cameras = arguments.cameras;
+  ASSIGN_OR_RETURN(const RobotModel robot,
+                   RobotModel::FromUrdf(cell.robot.urdf, cell.robot.package_paths));
+  ASSIGN_OR_RETURN(Places places, LoadPlaces(arguments.places));
+  if (arguments.cameras > 0) places.cameras = arguments.cameras;
   Result result{
-      .places = *std::move(places), .policy = {}, .usable = {}, .footprint = {}, .selections = {}};
+      .places = std::move(places), .policy = {}, .usable = {}, .footprint = {}, .selections = {}};
   result.policy.preset = *PresetFromName(arguments.preset);
 
   CatchStopSignals();
-  const absl::StatusOr<Trials> trials = MakeTrials(*cell, *robot, result.places);
-  if (!trials.ok()) return trials.status();
-  result.usable = trials->usable();
-  result.footprint = trials->footprint();
+  ASSIGN_OR_RETURN(const Trials trials, MakeTrials(cell, robot, result.places));
+  result.usable = trials.usable();
+  result.footprint = trials.footprint();
   const int count = std::min(result.places.cameras, static_cast<int>(result.usable.size()));
   Progress progress("choosing", ExpectedSets(result.usable.size(), count), "sets of cameras");
-  Evaluation evaluation(*trials, result.policy, progress);
+  Evaluation evaluation(trials, result.policy, progress);
   result.selections = Select(
       static_cast<int>(result.usable.size()), count,
       [&](const std::vector<CameraSet>& sets) { return evaluation(sets); }, StopRequested);

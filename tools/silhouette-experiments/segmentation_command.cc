@@ -8,6 +8,7 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
 #include "common/picture/files.h"
+#include "db/status/status_macros.h"
 #include "tools/cell/cell.h"
 #include "tools/program/program.h"
 #include "tools/program/progress.h"
@@ -39,42 +40,39 @@ struct SegmentationRow {
 };
 
 absl::StatusOr<Workplace> Load(const std::string& file) {
-  absl::StatusOr<Cell> cell = LoadCell(file);
-  if (!cell.ok()) return cell.status();
-  if (cell->simulation.empty() || cell->robot.urdf.empty()) {
+  ASSIGN_OR_RETURN(Cell cell, LoadCell(file));
+  if (cell.simulation.empty() || cell.robot.urdf.empty()) {
     return absl::InvalidArgumentError(absl::StrCat(
         file,
         ": an experiment needs the simulated cell; give 'simulation' its file and 'robot' "
         "its 'urdf', as capture/sim/cells/demo/cell.yaml does"));
   }
-  absl::StatusOr<SimulationSettings> simulation = LoadSimulation(cell->simulation);
-  if (!simulation.ok()) return simulation.status();
-  simulation->boards.clear();
-  absl::StatusOr<RobotModel> robot =
-      RobotModel::FromUrdf(cell->robot.urdf, cell->robot.package_paths);
-  if (!robot.ok()) return robot.status();
-  Workplace workplace{.robot = *robot,
-                      .simulation = *simulation,
+  ASSIGN_OR_RETURN(SimulationSettings simulation, LoadSimulation(cell.simulation));
+  simulation.boards.clear();
+  ASSIGN_OR_RETURN(RobotModel robot,
+                   RobotModel::FromUrdf(cell.robot.urdf, cell.robot.package_paths));
+  Workplace workplace{.robot = robot,
+                      .simulation = simulation,
                       .cameras = {},
                       .masks = {},
-                      .positions = std::vector<double>(robot->joints().size()),
+                      .positions = std::vector<double>(robot.joints().size()),
                       .moving = {},
-                      .grid = cell->grid};
-  for (const ViewSettings& view : cell->views) {
-    const auto camera = std::find_if(simulation->cameras.begin(), simulation->cameras.end(),
+                      .grid = cell.grid};
+  for (const ViewSettings& view : cell.views) {
+    const auto camera = std::find_if(simulation.cameras.begin(), simulation.cameras.end(),
                                      [&](const auto& each) { return each.name == view.name; });
-    if (camera == simulation->cameras.end()) {
+    if (camera == simulation.cameras.end()) {
       return absl::InvalidArgumentError(
           absl::StrCat(file, ": the simulation has no camera for the view '", view.name, "'"));
     }
-    workplace.cameras.push_back(static_cast<size_t>(camera - simulation->cameras.begin()));
+    workplace.cameras.push_back(static_cast<size_t>(camera - simulation.cameras.begin()));
     workplace.masks.push_back(view.mask_size);
   }
-  for (const FixedJoint& joint : cell->fixed_joints) {
-    workplace.positions[*robot->JointIndex(joint.name)] = joint.position;
+  for (const FixedJoint& joint : cell.fixed_joints) {
+    workplace.positions[*robot.JointIndex(joint.name)] = joint.position;
   }
-  for (const GridJoint& joint : cell->grid.joints()) {
-    workplace.moving.push_back(*robot->JointIndex(joint.name));
+  for (const GridJoint& joint : cell.grid.joints()) {
+    workplace.moving.push_back(*robot.JointIndex(joint.name));
   }
   return workplace;
 }
@@ -99,8 +97,7 @@ std::vector<Case> Cases() {
 }
 
 absl::StatusOr<std::vector<SegmentationRow>> Study(const SegmentationArguments& arguments) {
-  const absl::StatusOr<Workplace> workplace = Load(arguments.cell);
-  if (!workplace.ok()) return workplace.status();
+  ASSIGN_OR_RETURN(const Workplace workplace, Load(arguments.cell));
   CatchStopSignals();
   const std::vector<Case> cases = Cases();
   const std::vector<Method> methods = Methods();
@@ -112,7 +109,7 @@ absl::StatusOr<std::vector<SegmentationRow>> Study(const SegmentationArguments& 
                                  .seed = arguments.seed,
                                  .colour = each.colour,
                                  .obstacles = each.obstacles};
-    const auto figures = Measure(*workplace, each.condition, methods, settings, StopRequested);
+    const auto figures = Measure(workplace, each.condition, methods, settings, StopRequested);
     if (StopRequested()) return absl::AbortedError("stopped; start it again to have a result");
     for (size_t m = 0; m < methods.size(); ++m) {
       rows.push_back({.camera = each.camera(),
@@ -124,10 +121,8 @@ absl::StatusOr<std::vector<SegmentationRow>> Study(const SegmentationArguments& 
     if (!arguments.out.empty() && each.obstacles == Obstacles::kAny) {
       std::string name = absl::StrCat(each.camera(), " ", each.condition.name, ".png");
       std::replace(name.begin(), name.end(), ' ', '-');
-      const absl::Status written =
-          WritePng((fs::path(arguments.out) / name).string(),
-                   PictureOfScene(*workplace, each.condition, methods, settings));
-      if (!written.ok()) return written;
+      RETURN_IF_ERROR(WritePng((fs::path(arguments.out) / name).string(),
+                               PictureOfScene(workplace, each.condition, methods, settings)));
     }
     progress.Update(i + 1);
   }

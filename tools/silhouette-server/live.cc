@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "capture/session/travel.h"
+#include "db/status/status_macros.h"
 #include "tools/cell/devices/cell_devices.h"
 
 namespace silhouette {
@@ -29,14 +30,12 @@ absl::StatusOr<std::unique_ptr<LiveLoop>> StartLive(const Cell& cell, const std:
   } catch (const std::invalid_argument& error) {
     return absl::InvalidArgumentError(cell.file + ": " + error.what());
   }
-  absl::StatusOr<CellOpeners> openers = OpenersOf(cell, *travel, obstacles);
-  if (!openers.ok()) return openers.status();
+  ASSIGN_OR_RETURN(CellOpeners openers, OpenersOf(cell, *travel, obstacles));
   LiveConfig config{
       .live = cell.server.live, .scene = cell.server.scene, .segmentation = cell.segmentation};
   config.live.threads = static_cast<int>(std::max(1u, std::thread::hardware_concurrency()));
   return LiveLoop::Start(
-      config,
-      {.open_cameras = std::move(openers->cameras), .open_robot = std::move(openers->robot)},
+      config, {.open_cameras = std::move(openers.cameras), .open_robot = std::move(openers.robot)},
       {.database = [&server] { return server.database(); },
        .publish = [&server](
                       Scene scene,

@@ -18,6 +18,7 @@
 #include "absl/status/statusor.h"
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_join.h"
+#include "db/status/status_macros.h"
 #include "db/store/store.h"
 #include "server/live/calibration_watch.h"
 #include "server/scene/served_database.h"
@@ -181,24 +182,20 @@ void LogSound(const ServedDatabase& database) {
 // The newest generation of the database, if it is the cell's.
 absl::StatusOr<std::shared_ptr<const ServedDatabase>> Load(const Cell& cell,
                                                            const std::string& path) {
-  const absl::StatusOr<std::unique_ptr<Database>> database =
-      Database::Open(path, Database::Access::kRead);
-  if (!database.ok()) return database.status();
+  ASSIGN_OR_RETURN(const std::unique_ptr<Database> database,
+                   Database::Open(path, Database::Access::kRead));
   const std::vector<std::string> differences =
-      Differences(DescriptionOf(cell), "the cell file", (*database)->cell(), "the database");
+      Differences(DescriptionOf(cell), "the cell file", database->cell(), "the database");
   if (!differences.empty()) {
-    return absl::FailedPreconditionError(
-        absl::StrCat("the database '", path, "' does not fit the cell file '", cell.file,
-                     "': ", absl::StrJoin(differences, "; "),
-                     SegmentationAdvice(cell.segmentation, (*database)->cell()),
-                     "; serve the cell file that the database was captured with, or capture anew"));
+    return absl::FailedPreconditionError(absl::StrCat(
+        "the database '", path, "' does not fit the cell file '", cell.file, "': ",
+        absl::StrJoin(differences, "; "), SegmentationAdvice(cell.segmentation, database->cell()),
+        "; serve the cell file that the database was captured with, or capture anew"));
   }
-  const absl::StatusOr<TreatmentSettings> treatments = TreatmentSettingsOf(cell);
-  if (!treatments.ok()) return treatments.status();
-  const absl::StatusOr<std::optional<SoundCell>> sound = SoundCellOf(cell);
-  if (!sound.ok()) return sound.status();
+  ASSIGN_OR_RETURN(const TreatmentSettings treatments, TreatmentSettingsOf(cell));
+  ASSIGN_OR_RETURN(const std::optional<SoundCell> sound, SoundCellOf(cell));
   const LoadSettings load = LoadSettingsOf(cell);
-  const auto served = ServedDatabase::Load(**database, cell.calibration, *treatments, *sound, load);
+  const auto served = ServedDatabase::Load(*database, cell.calibration, treatments, sound, load);
   if (!served.ok()) return served;
   LogLoaded(**served, path);
   LogRobotImages(**served, path, load);
@@ -206,7 +203,7 @@ absl::StatusOr<std::shared_ptr<const ServedDatabase>> Load(const Cell& cell,
     const ServedDatabase* set = (*served)->Set(name);
     if (set != served->get()) LogSet(*set);
   }
-  if (*sound) LogSound(**served);
+  if (sound) LogSound(**served);
   if (cell.choose_preset) return served;
   const absl::Status servable = (*served)->CanServe(cell.policy);
   if (servable.ok()) return served;

@@ -8,17 +8,17 @@
 #include "absl/strings/str_cat.h"
 #include "capture/segmentation/down_sampling.h"
 #include "common/picture/files.h"
+#include "db/status/status_macros.h"
 
 namespace silhouette {
 namespace {
 
 // A mask pixel proves nothing if any part of its square does not.
 absl::StatusOr<Mask> ReadIgnored(const ViewSettings& view) {
-  const absl::StatusOr<std::string> bytes = ReadWholeFile(view.ignore);
-  if (!bytes.ok()) return bytes.status();
+  ASSIGN_OR_RETURN(const std::string bytes, ReadWholeFile(view.ignore));
   cv::Mat grey;
   try {
-    const std::vector<uint8_t> buffer(bytes->begin(), bytes->end());
+    const std::vector<uint8_t> buffer(bytes.begin(), bytes.end());
     if (!buffer.empty()) grey = cv::imdecode(buffer, cv::IMREAD_GRAYSCALE);
   } catch (const cv::Exception&) {
     grey.release();
@@ -57,9 +57,8 @@ absl::StatusOr<TreatmentSettings> TreatmentSettingsOf(const Cell& cell) {
     settings.views.push_back(std::move(treatment));
   }
   if (!lengths) return settings;
-  const absl::StatusOr<Workspace> workspace = WorkspaceOf(cell);
-  if (!workspace.ok()) return workspace.status();
-  settings.workspace = *workspace;
+  ASSIGN_OR_RETURN(const Workspace workspace, WorkspaceOf(cell));
+  settings.workspace = workspace;
   return settings;
 }
 

@@ -10,6 +10,7 @@
 #include "calib/files/calibration_message.h"
 #include "capture/sim/yaml_values.h"
 #include "common/picture/files.h"
+#include "db/status/status_macros.h"
 #include "tools/program/program.h"
 #include "tools/silhouette-sim/commands.h"
 #include "tools/silhouette-sim/workplace.h"
@@ -55,27 +56,21 @@ struct Written {
 
 // Writes a file per simulated view, and one for the boards if there are any.
 absl::StatusOr<Written> CalibrationWriteTruth(const CalibrationArguments& arguments) {
-  const absl::StatusOr<Cell> cell = LoadCell(arguments.cell);
-  if (!cell.ok()) return cell.status();
-  const auto settings = SimulationOf(*cell);
-  if (!settings.ok()) return settings.status();
-  const auto views = SimulatedViews(*cell);
-  if (!views.ok()) return views.status();
-  if (absl::Status made = MakeFolder(arguments.out); !made.ok()) return made;
+  ASSIGN_OR_RETURN(const Cell cell, LoadCell(arguments.cell));
+  ASSIGN_OR_RETURN(const auto settings, SimulationOf(cell));
+  ASSIGN_OR_RETURN(const auto views, SimulatedViews(cell));
+  RETURN_IF_ERROR(MakeFolder(arguments.out));
   Written written;
-  for (const SimulatedView& view : *views) {
-    const absl::StatusOr<size_t> camera = CameraOf(*settings, view);
-    if (!camera.ok()) return camera.status();
+  for (const SimulatedView& view : views) {
+    ASSIGN_OR_RETURN(const size_t camera, CameraOf(settings, view));
     written.cameras.push_back((fs::path(arguments.out) / CameraFileName(view.name)).string());
-    const absl::Status status =
+    RETURN_IF_ERROR(
         WriteWholeFile(written.cameras.back(),
-                       CameraFileText(MessageOf(settings->cameras[*camera].model), view.name));
-    if (!status.ok()) return status;
+                       CameraFileText(MessageOf(settings.cameras[camera].model), view.name)));
   }
-  if (!settings->boards.empty()) {
+  if (!settings.boards.empty()) {
     written.boards = (fs::path(arguments.out) / kBoardPosesFile).string();
-    const absl::Status status = WriteWholeFile(written.boards, BoardPosesText(*settings));
-    if (!status.ok()) return status;
+    RETURN_IF_ERROR(WriteWholeFile(written.boards, BoardPosesText(settings)));
   }
   return written;
 }

@@ -7,6 +7,7 @@
 #include "absl/strings/str_format.h"
 #include "capture/sim/motion_contact.h"
 #include "common/picture/files.h"
+#include "db/status/status_macros.h"
 #include "tools/program/program.h"
 #include "tools/silhouette-sim/commands.h"
 #include "tools/silhouette-sim/contact_json.h"
@@ -27,11 +28,10 @@ struct Place {
 };
 
 absl::StatusOr<std::vector<std::vector<double>>> ReadWaypoints(const std::string& path) {
-  const absl::StatusOr<std::string> text = ReadWholeFile(path);
-  if (!text.ok()) return text.status();
+  ASSIGN_OR_RETURN(const std::string text, ReadWholeFile(path));
   try {
     const auto waypoints =
-        nlohmann::json::parse(*text).at("waypoints").get<std::vector<std::vector<double>>>();
+        nlohmann::json::parse(text).at("waypoints").get<std::vector<std::vector<double>>>();
     if (waypoints.empty()) return absl::InvalidArgumentError(path + ": the path has no waypoint");
     return waypoints;
   } catch (const nlohmann::json::parse_error& error) {

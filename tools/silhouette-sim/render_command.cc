@@ -11,6 +11,7 @@
 #include "capture/sim/yaml_values.h"
 #include "common/picture/files.h"
 #include "common/picture/picture.h"
+#include "db/status/status_macros.h"
 #include "tools/program/joint_values.h"
 #include "tools/program/program.h"
 #include "tools/silhouette-sim/commands.h"
@@ -41,8 +42,7 @@ absl::StatusOr<std::map<std::string, double>> JointValues(const RenderArguments&
   for (const FixedJoint& joint : workplace.cell.fixed_joints) values[joint.name] = joint.position;
   if (!arguments.configuration.empty()) {
     const std::vector<double> configuration = ParseConfiguration(arguments.configuration);
-    const auto positions = workplace.Positions(configuration);
-    if (!positions.ok()) return positions.status();
+    RETURN_IF_ERROR(workplace.Positions(configuration).status());
     for (size_t j = 0; j < grid.size(); ++j) values[grid[j].name] = configuration[j];
   }
   for (const std::string& text : arguments.joints) {
@@ -89,58 +89,49 @@ absl::StatusOr<HeldBoard> ParseHeldBoard(const std::string& text) {
 absl::Status WriteImages(const std::string& folder, const std::vector<std::string>& views,
                          const std::vector<CameraImage>& images,
                          const std::map<std::string, double>& joints) {
-  if (absl::Status made = MakeFolder(folder); !made.ok()) return made;
+  RETURN_IF_ERROR(MakeFolder(folder));
   nlohmann::ordered_json index{
       {"time", absl::FormatTime(absl::RFC3339_full, images.front().captured, absl::UTCTimeZone())},
       {"joints", joints},
       {"views", nlohmann::ordered_json::object()}};
   for (size_t v = 0; v < views.size(); ++v) {
     const CameraImage& image = images[v];
-    absl::Status status =
+    RETURN_IF_ERROR(
         WritePng((fs::path(folder) / (views[v] + ".png")).string(),
-                 PictureOfPixels(image.width, image.height, image.channels, image.pixels));
-    if (!status.ok()) return status;
+                 PictureOfPixels(image.width, image.height, image.channels, image.pixels)));
     index["views"][views[v]] = views[v] + ".png";
   }
   return WriteWholeFile((fs::path(folder) / "images.json").string(), index.dump(2) + "\n");
 }
 
 absl::Status Render(const RenderArguments& arguments) {
-  absl::StatusOr<Workplace> workplace = LoadWorkplace(arguments.workplace);
-  if (!workplace.ok()) return workplace.status();
-  const Cell& cell = workplace->cell;
-  auto settings = SimulationOf(cell);
-  if (!settings.ok()) return settings.status();
+  ASSIGN_OR_RETURN(Workplace workplace, LoadWorkplace(arguments.workplace));
+  const Cell& cell = workplace.cell;
+  ASSIGN_OR_RETURN(auto settings, SimulationOf(cell));
   std::map<std::string, double> joints;
   if (!arguments.without_robot || !arguments.configuration.empty() || !arguments.joints.empty()) {
-    const auto values = JointValues(arguments, *workplace);
-    if (!values.ok()) return values.status();
-    joints = *values;
+    ASSIGN_OR_RETURN(const auto values, JointValues(arguments, workplace));
+    joints = values;
   }
-  const auto views = SimulatedViews(cell);
-  if (!views.ok()) return views.status();
+  ASSIGN_OR_RETURN(const auto views, SimulatedViews(cell));
 
-  const auto simulated = std::make_shared<SimulatedCell>(workplace->robot, *std::move(settings));
-  const auto rig = SimulatedCameraRig::Create(simulated, *views);
-  if (!rig.ok()) return rig.status();
+  const auto simulated = std::make_shared<SimulatedCell>(workplace.robot, std::move(settings));
+  ASSIGN_OR_RETURN(const auto rig, SimulatedCameraRig::Create(simulated, views));
   if (!joints.empty()) {
-    const auto positions = PositionsOf(workplace->robot, joints);
-    if (!positions.ok()) return positions.status();
-    simulated->SetPositions(*positions);
+    ASSIGN_OR_RETURN(const auto positions, PositionsOf(workplace.robot, joints));
+    simulated->SetPositions(positions);
   }
   simulated->SetRobotPresent(!arguments.without_robot);
-  simulated->SetObstacles(std::move(workplace->obstacles));
+  simulated->SetObstacles(std::move(workplace.obstacles));
   simulated->ShowAllBoards(arguments.all_boards);
   for (const std::string& text : arguments.held) {
-    const auto held = ParseHeldBoard(text);
-    if (!held.ok()) return held.status();
-    simulated->HoldBoard(held->name, held->world_from_board);
+    ASSIGN_OR_RETURN(const auto held, ParseHeldBoard(text));
+    simulated->HoldBoard(held.name, held.world_from_board);
   }
   simulated->SetTime(arguments.workplace.time);
   simulated->SetFrame(arguments.frame);
-  const auto images = (*rig)->Grab();
-  if (!images.ok()) return images.status();
-  return WriteImages(arguments.out, (*rig)->views(), *images, joints);
+  ASSIGN_OR_RETURN(const auto images, rig->Grab());
+  return WriteImages(arguments.out, rig->views(), images, joints);
 }
 
 int RunRender(const RenderArguments& arguments) {

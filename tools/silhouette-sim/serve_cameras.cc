@@ -5,6 +5,7 @@
 #include "capture/sim/served/gige_cameras.h"
 #include "capture/sim/served/grpc_cameras.h"
 #include "capture/sim/served/rtsp_cameras.h"
+#include "db/status/status_macros.h"
 
 namespace silhouette {
 namespace {
@@ -82,11 +83,10 @@ absl::StatusOr<ServedCameras> ServeCameras(const Workplace& workplace, const std
   for (const ViewSettings& view : workplace.cell.views) {
     shown.push_back({view.name, view.image_width, view.image_height});
   }
-  auto views = ServedViews::Create(simulation, shown);
-  if (!views.ok()) return views.status();
+  ASSIGN_OR_RETURN(auto views, ServedViews::Create(simulation, shown));
   ServedCameras cameras;
-  cameras.views = *std::move(views);
-  if (absl::Status status = Start(kind, port, cameras); !status.ok()) return status;
+  cameras.views = std::move(views);
+  RETURN_IF_ERROR(Start(kind, port, cameras));
   return cameras;
 }
 

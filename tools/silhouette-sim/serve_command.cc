@@ -7,6 +7,7 @@
 #include "absl/time/clock.h"
 #include "absl/time/time.h"
 #include "capture/session/travel.h"
+#include "db/status/status_macros.h"
 #include "tools/program/joint_values.h"
 #include "tools/program/program.h"
 #include "tools/silhouette-sim/commands.h"
@@ -44,36 +45,33 @@ absl::Status PlaceRobot(const Workplace& workplace, SimulatedCell& simulation) {
 }
 
 absl::Status Serve(const ServeArguments& arguments) {
-  absl::StatusOr<Workplace> workplace = LoadWorkplace(arguments.workplace);
-  if (!workplace.ok()) return workplace.status();
+  ASSIGN_OR_RETURN(Workplace workplace, LoadWorkplace(arguments.workplace));
   if (arguments.robot.empty() && arguments.cameras.empty()) {
     return absl::InvalidArgumentError("say what to serve, with --robot, --cameras or both");
   }
-  auto settings = SimulationOf(workplace->cell);
-  if (!settings.ok()) return settings.status();
-  const auto simulation = std::make_shared<SimulatedCell>(workplace->robot, *std::move(settings));
+  ASSIGN_OR_RETURN(auto settings, SimulationOf(workplace.cell));
+  const auto simulation = std::make_shared<SimulatedCell>(workplace.robot, std::move(settings));
   simulation->SetRobotPresent(!arguments.without_robot);
-  simulation->SetObstacles(std::move(workplace->obstacles));
-  if (absl::Status status = PlaceRobot(*workplace, *simulation); !status.ok()) return status;
+  simulation->SetObstacles(std::move(workplace.obstacles));
+  RETURN_IF_ERROR(PlaceRobot(workplace, *simulation));
 
   nlohmann::ordered_json served;
   std::optional<ServedRobot> robot;
   if (!arguments.robot.empty()) {
-    auto started = ServeRobot(*workplace, arguments.robot, arguments.robot_address, simulation);
-    if (!started.ok()) return started.status();
-    robot = *std::move(started);
+    ASSIGN_OR_RETURN(auto started,
+                     ServeRobot(workplace, arguments.robot, arguments.robot_address, simulation));
+    robot = std::move(started);
     served["robot"] = robot->told;
   }
   std::optional<ServedCameras> cameras;
   if (!arguments.cameras.empty()) {
-    auto started = ServeCameras(*workplace, arguments.cameras, arguments.camera_port, simulation);
-    if (!started.ok()) return started.status();
-    cameras = *std::move(started);
+    ASSIGN_OR_RETURN(auto started,
+                     ServeCameras(workplace, arguments.cameras, arguments.camera_port, simulation));
+    cameras = std::move(started);
     served["cameras"] = cameras->told;
   }
-  auto faults =
-      FaultsOf(arguments.faults, robot ? &*robot : nullptr, cameras ? &*cameras : nullptr);
-  if (!faults.ok()) return faults.status();
+  ASSIGN_OR_RETURN(auto faults, FaultsOf(arguments.faults, robot ? &*robot : nullptr,
+                                         cameras ? &*cameras : nullptr));
   if (arguments.workplace.json()) {
     std::cout << served.dump() << std::endl;
   } else {
@@ -84,8 +82,8 @@ absl::Status Serve(const ServeArguments& arguments) {
   }
   CatchStopSignals();
   while (!StopRequested()) {
-    for (ServedFault& fault : *faults) {
-      if (absl::Status status = fault.Step(absl::Now()); !status.ok()) return status;
+    for (ServedFault& fault : faults) {
+      RETURN_IF_ERROR(fault.Step(absl::Now()));
     }
     absl::SleepFor(kTick);
   }

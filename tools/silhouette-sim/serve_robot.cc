@@ -9,6 +9,7 @@
 #include "absl/strings/str_join.h"
 #include "capture/sim/served/grpc_robot_server.h"
 #include "capture/sim/served/simple_message_server.h"
+#include "db/status/status_macros.h"
 
 namespace silhouette {
 namespace {
@@ -52,10 +53,9 @@ absl::StatusOr<ServedRobot> ServeSimpleMessage(const Workplace& workplace, const
   settings.state_port = !address.port       ? named.state_port
                         : *address.port > 0 ? *address.port + 2
                                             : 0;
-  auto server = SimpleMessageServer::Start(*controller, settings);
-  if (!server.ok()) return server.status();
-  settings.motion_port = (*server)->motion_port();
-  settings.state_port = (*server)->state_port();
+  ASSIGN_OR_RETURN(auto server, SimpleMessageServer::Start(*controller, settings));
+  settings.motion_port = server->motion_port();
+  settings.state_port = server->state_port();
   ServedRobot robot;
   robot.told = {
       {"driver", "simple_message"},
@@ -64,13 +64,12 @@ absl::StatusOr<ServedRobot> ServeSimpleMessage(const Workplace& workplace, const
       {"state_port", settings.state_port},
       {"byte_order", named.byte_order == simple_message::ByteOrder::kBig ? "big" : "little"},
       {"joints", controller->joints()}};
-  robot.server = *std::move(server);
+  robot.server = std::move(server);
   robot.controller = std::move(controller);
   robot.start = [&controller = *robot.controller,
                  settings]() -> absl::StatusOr<std::shared_ptr<void>> {
-    auto again = SimpleMessageServer::Start(controller, settings);
-    if (!again.ok()) return again.status();
-    return std::shared_ptr<void>(*std::move(again));
+    ASSIGN_OR_RETURN(auto again, SimpleMessageServer::Start(controller, settings));
+    return std::shared_ptr<void>(std::move(again));
   };
   return robot;
 }
@@ -78,18 +77,17 @@ absl::StatusOr<ServedRobot> ServeSimpleMessage(const Workplace& workplace, const
 absl::StatusOr<ServedRobot> ServeGrpc(const Address& address,
                                       const std::shared_ptr<SimulatedCell>& simulation) {
   auto controller = std::make_unique<SimulatedController>(simulation);
-  auto server = GrpcRobotServer::Start(
-      *controller, absl::StrCat(address.host, ":", address.port.value_or(kGrpcPort)));
-  if (!server.ok()) return server.status();
-  const std::string at = (*server)->address();
+  ASSIGN_OR_RETURN(auto server, GrpcRobotServer::Start(
+                                    *controller, absl::StrCat(address.host, ":",
+                                                              address.port.value_or(kGrpcPort))));
+  const std::string at = server->address();
   ServedRobot robot;
   robot.told = {{"driver", "grpc"}, {"address", at}, {"joints", controller->joints()}};
-  robot.server = *std::move(server);
+  robot.server = std::move(server);
   robot.controller = std::move(controller);
   robot.start = [&controller = *robot.controller, at]() -> absl::StatusOr<std::shared_ptr<void>> {
-    auto again = GrpcRobotServer::Start(controller, at);
-    if (!again.ok()) return again.status();
-    return std::shared_ptr<void>(*std::move(again));
+    ASSIGN_OR_RETURN(auto again, GrpcRobotServer::Start(controller, at));
+    return std::shared_ptr<void>(std::move(again));
   };
   return robot;
 }
@@ -99,10 +97,9 @@ absl::StatusOr<ServedRobot> ServeGrpc(const Address& address,
 absl::StatusOr<ServedRobot> ServeRobot(const Workplace& workplace, const std::string& kind,
                                        const std::string& address,
                                        const std::shared_ptr<SimulatedCell>& simulation) {
-  const absl::StatusOr<Address> parsed = AddressOf(address);
-  if (!parsed.ok()) return parsed.status();
-  return kind == "grpc" ? ServeGrpc(*parsed, simulation)
-                        : ServeSimpleMessage(workplace, *parsed, simulation);
+  ASSIGN_OR_RETURN(const Address parsed, AddressOf(address));
+  return kind == "grpc" ? ServeGrpc(parsed, simulation)
+                        : ServeSimpleMessage(workplace, parsed, simulation);
 }
 
 }  // namespace silhouette

@@ -12,6 +12,7 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
 #include "absl/time/clock.h"
+#include "db/status/status_macros.h"
 #include "tools/program/program.h"
 #include "tools/program/progress.h"
 #include "tools/silhouette-sim/commands.h"
@@ -77,10 +78,9 @@ absl::StatusOr<Summary> TruthWriteTruth(const Workplace& workplace, std::ostream
     std::vector<std::vector<double>> positions;
     for (; number < grid.number_limit() && numbers.size() < kAtOnce; ++number) {
       if (!grid.Contains(number)) continue;
-      const auto at = workplace.Positions(grid.At(number));
-      if (!at.ok()) return at.status();
+      ASSIGN_OR_RETURN(const auto at, workplace.Positions(grid.At(number)));
       numbers.push_back(number);
-      positions.push_back(*at);
+      positions.push_back(at);
     }
     const std::vector<Contact> contacts = CheckAll(workplace, checker, positions);
     for (size_t i = 0; i < numbers.size(); ++i) {

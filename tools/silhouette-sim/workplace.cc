@@ -5,6 +5,7 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
 #include "absl/strings/str_join.h"
+#include "db/status/status_macros.h"
 #include "tools/program/program.h"
 
 namespace silhouette {
@@ -44,29 +45,27 @@ absl::StatusOr<std::vector<double>> Workplace::Positions(
 }
 
 absl::StatusOr<Workplace> LoadWorkplace(const WorkplaceArguments& arguments) {
-  absl::StatusOr<Cell> cell = LoadCell(arguments.cell);
-  if (!cell.ok()) return cell.status();
-  if (cell->robot.urdf.empty()) {
+  ASSIGN_OR_RETURN(Cell cell, LoadCell(arguments.cell));
+  if (cell.robot.urdf.empty()) {
     return absl::InvalidArgumentError(arguments.cell +
                                       ": the robot has no 'urdf', so there is nothing to simulate");
   }
   absl::StatusOr<RobotModel> robot =
-      RobotModel::FromUrdf(cell->robot.urdf, cell->robot.package_paths);
+      RobotModel::FromUrdf(cell.robot.urdf, cell.robot.package_paths);
   if (!robot.ok()) return robot.status();
-  if (!cell->simulation.empty()) {
-    const auto settings = LoadSimulation(cell->simulation);
-    if (!settings.ok()) return settings.status();
-    robot = Carrying(*robot, settings->parts, arguments.set);
+  if (!cell.simulation.empty()) {
+    ASSIGN_OR_RETURN(const auto settings, LoadSimulation(cell.simulation));
+    robot = Carrying(*robot, settings.parts, arguments.set);
     if (!robot.ok()) {
       return absl::InvalidArgumentError(
-          absl::StrCat(cell->simulation, ": ", robot.status().message()));
+          absl::StrCat(cell.simulation, ": ", robot.status().message()));
     }
   }
   absl::StatusOr<std::vector<Obstacle>> obstacles = std::vector<Obstacle>();
   if (!arguments.scene.empty()) obstacles = LoadObstacles(arguments.scene);
   if (!obstacles.ok()) return obstacles.status();
   Poses poses = ObstaclePoses(*obstacles, arguments.time);
-  return Workplace{*std::move(cell), *std::move(robot), *std::move(obstacles), std::move(poses)};
+  return Workplace{std::move(cell), *std::move(robot), *std::move(obstacles), std::move(poses)};
 }
 
 absl::StatusOr<SimulationSettings> SimulationOf(const Cell& cell) {

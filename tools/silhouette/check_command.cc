@@ -8,6 +8,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
+#include "db/status/status_macros.h"
 #include "silhouette/shared_space.h"
 #include "tools/silhouette/check_lines.h"
 #include "tools/silhouette/commands.h"
@@ -40,9 +41,8 @@ absl::StatusOr<std::vector<Configuration>> ConfigurationsOf(const CheckArguments
     configurations.push_back(ParseConfiguration(text, unit));
   }
   if (!arguments.file.empty()) {
-    const auto read = ReadConfigurations(arguments.file, unit);
-    if (!read.ok()) return read.status();
-    configurations.insert(configurations.end(), read->begin(), read->end());
+    ASSIGN_OR_RETURN(const auto read, ReadConfigurations(arguments.file, unit));
+    configurations.insert(configurations.end(), read.begin(), read.end());
   }
   if (configurations.empty()) {
     return absl::InvalidArgumentError("give a configuration, e.g. 0.1,-30deg, or --file FILE");
@@ -87,8 +87,7 @@ absl::StatusOr<std::vector<double>> Measure(const CheckAsk& ask, int repeat) {
   std::vector<double> times;
   for (int i = 0; i < repeat && !StopRequested(); ++i) {
     const auto start = std::chrono::steady_clock::now();
-    const auto checks = ask();
-    if (!checks.ok()) return checks.status();
+    RETURN_IF_ERROR(ask().status());
     times.push_back(
         std::chrono::duration<double, std::micro>(std::chrono::steady_clock::now() - start)
             .count());
@@ -142,21 +141,17 @@ absl::StatusOr<ExitCode> Check(const Session& session, const CheckArguments& arg
   if (arguments.stream) {
     return CheckLines(session, arguments.unit(), arguments.policy.policy(), arguments.clearance);
   }
-  const auto configurations = ConfigurationsOf(arguments);
-  if (!configurations.ok()) return configurations.status();
-  const absl::StatusOr<CheckAsk> ask = AskOf(session, arguments, *configurations);
-  if (!ask.ok()) return ask.status();
-  const auto checks = (*ask)();
-  if (!checks.ok()) return checks.status();
+  ASSIGN_OR_RETURN(const auto configurations, ConfigurationsOf(arguments));
+  ASSIGN_OR_RETURN(const CheckAsk ask, AskOf(session, arguments, configurations));
+  ASSIGN_OR_RETURN(const auto checks, (ask)());
   CatchStopSignals();
-  const auto times = Measure(*ask, arguments.repeat);
-  if (!times.ok()) return times.status();
+  ASSIGN_OR_RETURN(const auto times, Measure(ask, arguments.repeat));
   if (session.json()) {
-    CheckPrintJson(*configurations, *checks, arguments.clearance, *times);
+    CheckPrintJson(configurations, checks, arguments.clearance, times);
   } else {
-    CheckPrintText(*configurations, *checks, *times);
+    CheckPrintText(configurations, checks, times);
   }
-  return checks->AllFree() ? kDone : kNo;
+  return checks.AllFree() ? kDone : kNo;
 }
 
 }  // namespace

@@ -14,6 +14,7 @@
 #include "absl/strings/string_view.h"
 #include "absl/strings/strip.h"
 #include "common/picture/files.h"
+#include "db/status/status_macros.h"
 
 namespace silhouette {
 namespace {
@@ -33,11 +34,10 @@ absl::StatusOr<std::string> ReadText(const std::string& file) {
 
 absl::StatusOr<std::vector<Configuration>> ReadConfigurations(const std::string& file,
                                                               AngleUnit unit) {
-  const absl::StatusOr<std::string> text = ReadText(file);
-  if (!text.ok()) return text.status();
+  ASSIGN_OR_RETURN(const std::string text, ReadText(file));
   std::vector<Configuration> configurations;
   int line_number = 0;
-  for (const absl::string_view line : absl::StrSplit(*text, '\n')) {
+  for (const absl::string_view line : absl::StrSplit(text, '\n')) {
     ++line_number;
     try {
       std::optional<Configuration> configuration = ParseLine(line, unit);
@@ -80,10 +80,9 @@ absl::StatusOr<std::vector<Configuration>> WaypointsOf(const PathArguments& argu
 }
 
 absl::StatusOr<std::vector<Configuration>> ReadWaypoints(const std::string& file) {
-  const absl::StatusOr<std::string> text = ReadText(file);
-  if (!text.ok()) return text.status();
+  ASSIGN_OR_RETURN(const std::string text, ReadText(file));
   try {
-    auto waypoints = nlohmann::json::parse(*text).at("waypoints").get<std::vector<Configuration>>();
+    auto waypoints = nlohmann::json::parse(text).at("waypoints").get<std::vector<Configuration>>();
     if (waypoints.empty()) return absl::InvalidArgumentError(file + ": the path has no waypoint");
     return waypoints;
   } catch (const nlohmann::json::parse_error& error) {

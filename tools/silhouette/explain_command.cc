@@ -10,6 +10,7 @@
 #include "absl/strings/str_format.h"
 #include "common/picture/files.h"
 #include "common/picture/sheet.h"
+#include "db/status/status_macros.h"
 #include "tools/silhouette/commands.h"
 #include "tools/silhouette/configuration_text.h"
 #include "tools/silhouette/output.h"
@@ -51,14 +52,14 @@ Picture LargePicture(const std::string& png) {
 
 // A file per image, and all of them on one sheet.
 absl::Status WriteImages(const client::Explanation& explanation, const std::string& folder) {
-  if (absl::Status made = MakeFolder(folder); !made.ok()) return made;
+  RETURN_IF_ERROR(MakeFolder(folder));
   std::vector<CaptionedPicture> sheet;
   for (const client::ViewPictures& view : explanation.views) {
     for (const auto& [name, png] : ExplainImagesOf(view)) {
       sheet.push_back({LargePicture(png), absl::StrCat(view.view, ": ", name, " image")});
       if (png.empty()) continue;
       const fs::path file = fs::path(folder) / absl::StrCat(view.view, "_", name, ".png");
-      if (absl::Status status = WriteWholeFile(file.string(), png); !status.ok()) return status;
+      RETURN_IF_ERROR(WriteWholeFile(file.string(), png));
     }
   }
   if (sheet.empty()) return absl::OkStatus();
@@ -106,24 +107,21 @@ void ExplainPrintText(const Configuration& configuration, const client::Explanat
 absl::StatusOr<ExitCode> Explain(const Session& session, const ExplainArguments& arguments) {
   const Configuration configuration = ParseConfiguration(
       arguments.configuration, arguments.degrees ? AngleUnit::kDegrees : AngleUnit::kRadians);
-  const absl::StatusOr<Client> client = session.Connect();
-  if (!client.ok()) return client.status();
-  const auto explanation = client->Explain(configuration, arguments.policy.policy());
-  if (!explanation.ok()) return explanation.status();
+  ASSIGN_OR_RETURN(const Client client, session.Connect());
+  ASSIGN_OR_RETURN(const auto explanation,
+                   client.Explain(configuration, arguments.policy.policy()));
   if (!arguments.out.empty()) {
-    if (absl::Status status = WriteImages(*explanation, arguments.out); !status.ok()) {
-      return status;
-    }
+    RETURN_IF_ERROR(WriteImages(explanation, arguments.out));
   }
   if (session.json()) {
-    Json json = JsonOf(explanation->basis);
+    Json json = JsonOf(explanation.basis);
     json["configuration"] = configuration;
-    json.update(JsonOf(explanation->verdict));
+    json.update(JsonOf(explanation.verdict));
     Print(json);
   } else {
-    ExplainPrintText(configuration, *explanation);
+    ExplainPrintText(configuration, explanation);
   }
-  return explanation->verdict.free() ? kDone : kNo;
+  return explanation.verdict.free() ? kDone : kNo;
 }
 
 }  // namespace

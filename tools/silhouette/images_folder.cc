@@ -5,6 +5,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "common/picture/files.h"
+#include "db/status/status_macros.h"
 
 namespace silhouette {
 namespace {
@@ -32,17 +33,15 @@ absl::StatusOr<ImagesFolder> FromJson(const Json& index, const fs::path& folder)
     }
     images.time = time;
   }
-  const absl::StatusOr<Json> joints = Section(index, "joints");
-  if (!joints.ok()) return joints.status();
-  for (const auto& [name, value] : joints->items()) {
+  ASSIGN_OR_RETURN(const Json joints, Section(index, "joints"));
+  for (const auto& [name, value] : joints.items()) {
     if (!value.is_number()) {
       return absl::InvalidArgumentError(absl::StrCat("joint '", name, "' must be a number"));
     }
     images.joints.push_back({name, value.get<double>()});
   }
-  const absl::StatusOr<Json> views = Section(index, "views");
-  if (!views.ok()) return views.status();
-  for (const auto& [name, file] : views->items()) {
+  ASSIGN_OR_RETURN(const Json views, Section(index, "views"));
+  for (const auto& [name, file] : views.items()) {
     if (!file.is_string()) {
       return absl::InvalidArgumentError(absl::StrCat("view '", name, "' must be a file's name"));
     }
@@ -56,9 +55,8 @@ absl::StatusOr<ImagesFolder> FromJson(const Json& index, const fs::path& folder)
 
 absl::StatusOr<ImagesFolder> ReadImagesFolder(const std::string& folder) {
   const std::string file = (fs::path(folder) / "images.json").string();
-  const absl::StatusOr<std::string> text = ReadWholeFile(file);
-  if (!text.ok()) return text.status();
-  const Json index = Json::parse(*text, nullptr, /*allow_exceptions=*/false);
+  ASSIGN_OR_RETURN(const std::string text, ReadWholeFile(file));
+  const Json index = Json::parse(text, nullptr, /*allow_exceptions=*/false);
   if (index.is_discarded()) return absl::InvalidArgumentError(file + ": not JSON");
   auto images = FromJson(index, folder);
   if (images.ok()) return images;

@@ -3,6 +3,7 @@
 #include <memory>
 
 #include "absl/strings/str_format.h"
+#include "db/status/status_macros.h"
 #include "tools/silhouette/commands.h"
 #include "tools/silhouette/configuration_text.h"
 #include "tools/silhouette/output.h"
@@ -11,7 +12,7 @@
 namespace silhouette {
 namespace {
 
-struct PathArguments {
+struct PathCommandArguments {
   PathArguments path;
   PolicyOptions policy;
   client::Clearance clearance = client::Clearance::kOmit;
@@ -27,15 +28,13 @@ void PathPrintText(const client::PathCheck& check) {
   std::cout << Spoken(check.basis) << '\n';
 }
 
-absl::StatusOr<ExitCode> CheckPath(const Session& session, const PathArguments& arguments) {
-  const auto waypoints = WaypointsOf(arguments.path);
-  if (!waypoints.ok()) return waypoints.status();
-  const absl::StatusOr<Client> client = session.Connect();
-  if (!client.ok()) return client.status();
-  const auto check = client->CheckPath(*waypoints, arguments.policy.policy(), arguments.clearance);
-  if (!check.ok()) return check.status();
-  session.json() ? Print(JsonOf(*check, arguments.clearance)) : PathPrintText(*check);
-  return check->verdict.free() ? kDone : kNo;
+absl::StatusOr<ExitCode> CheckPath(const Session& session, const PathCommandArguments& arguments) {
+  ASSIGN_OR_RETURN(const auto waypoints, WaypointsOf(arguments.path));
+  ASSIGN_OR_RETURN(const Client client, session.Connect());
+  ASSIGN_OR_RETURN(const auto check,
+                   client.CheckPath(waypoints, arguments.policy.policy(), arguments.clearance));
+  session.json() ? Print(JsonOf(check, arguments.clearance)) : PathPrintText(check);
+  return check.verdict.free() ? kDone : kNo;
 }
 
 }  // namespace
@@ -43,7 +42,7 @@ absl::StatusOr<ExitCode> CheckPath(const Session& session, const PathArguments& 
 void AddPathCommand(CLI::App& program, Session& session, Run& run) {
   CLI::App* command =
       program.add_subcommand("path", "Tell whether a path is free, or where it is not first");
-  auto arguments = std::make_shared<PathArguments>();
+  auto arguments = std::make_shared<PathCommandArguments>();
   AddPathArguments(*command, arguments->path);
   AddClearanceFlag(*command, arguments->clearance);
   AddFormatOption(*command, session.format);

@@ -5,6 +5,7 @@
 #include <utility>
 #include <vector>
 
+#include "db/status/status_macros.h"
 #include "tools/program/program.h"
 
 namespace silhouette {
@@ -42,11 +43,11 @@ absl::StatusOr<std::vector<client::Verdict>> CheckMoves(const Client& client,
   }
   std::vector<client::Verdict> not_free;
   if (middles.empty()) return not_free;
-  const auto checks = client.CheckConfigurations(middles, policy, client::Evidence::kOmit);
-  if (!checks.ok()) return checks.status();
+  ASSIGN_OR_RETURN(const auto checks,
+                   client.CheckConfigurations(middles, policy, client::Evidence::kOmit));
   for (size_t i = 0; i < ways.size(); ++i) {
-    known[ways[i]] = checks->verdicts[i].free();
-    if (!checks->verdicts[i].free()) not_free.push_back(checks->verdicts[i]);
+    known[ways[i]] = checks.verdicts[i].free();
+    if (!checks.verdicts[i].free()) not_free.push_back(checks.verdicts[i]);
   }
   return not_free;
 }
@@ -78,13 +79,13 @@ absl::StatusOr<PathSearch> SearchPath(const Client& client, const client::Policy
     }
     ++search.rounds;
     search.plan = find(false);
-    const auto not_free = CheckMoves(client, policy, space.grid(), search.plan.waypoints, known);
-    if (!not_free.ok()) return not_free.status();
-    all_free = not_free->empty();
+    ASSIGN_OR_RETURN(const auto not_free,
+                     CheckMoves(client, policy, space.grid(), search.plan.waypoints, known));
+    all_free = not_free.empty();
     const auto unknown = std::find_if(
-        not_free->begin(), not_free->end(),
+        not_free.begin(), not_free.end(),
         [](const client::Verdict& verdict) { return verdict.state == client::State::kUnknown; });
-    if (unknown == not_free->end()) continue;
+    if (unknown == not_free.end()) continue;
     search.plan = Plan();
     search.unknown = *unknown;
     return search;

@@ -7,6 +7,7 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
 #include "common/picture/files.h"
+#include "db/status/status_macros.h"
 #include "tools/silhouette/commands.h"
 #include "tools/silhouette/configuration_text.h"
 #include "tools/silhouette/output.h"
@@ -77,25 +78,23 @@ absl::StatusOr<Findings> FindPath(const Client& client, const PlanArguments& arg
   auto space = client.GetConfigurationSpace(policy);
   const std::chrono::duration<double, std::milli> taken = std::chrono::steady_clock::now() - begin;
   if (!space.ok()) return space.status();
-  const auto ends = client.CheckConfigurations({start, goal}, policy);
-  if (!ends.ok()) return ends.status();
-  const auto search =
-      SearchPath(client, policy, *space, start, ends->verdicts[0].free(), goal,
-                 ends->verdicts[1].free(), arguments.diagonal ? Moves::kDiagonals : Moves::kAxes);
-  if (!search.ok()) return search.status();
+  ASSIGN_OR_RETURN(const auto ends, client.CheckConfigurations({start, goal}, policy));
+  ASSIGN_OR_RETURN(
+      const auto search,
+      SearchPath(client, policy, *space, start, ends.verdicts[0].free(), goal,
+                 ends.verdicts[1].free(), arguments.diagonal ? Moves::kDiagonals : Moves::kAxes));
   Findings findings{.space = *std::move(space),
                     .space_ms = taken.count(),
                     .start = start,
                     .goal = goal,
-                    .at_start = ends->verdicts[0],
-                    .at_goal = ends->verdicts[1],
-                    .search = *search,
+                    .at_start = ends.verdicts[0],
+                    .at_goal = ends.verdicts[1],
+                    .search = search,
                     .check = std::nullopt,
                     .truth = std::nullopt};
-  if (search->plan.found()) {
-    auto check = client.CheckPath(search->plan.waypoints, policy);
-    if (!check.ok()) return check.status();
-    findings.check = *std::move(check);
+  if (search.plan.found()) {
+    ASSIGN_OR_RETURN(auto check, client.CheckPath(search.plan.waypoints, policy));
+    findings.check = std::move(check);
   }
   return findings;
 }
@@ -126,20 +125,19 @@ std::string PlanTitleOf(const Findings& findings) {
 
 absl::Status PlanWritePicture(const Findings& findings, const std::string& path) {
   const ConfigurationGrid& grid = findings.space.grid();
-  auto chart = ChartOf(findings.space, PlanTitleOf(findings));
-  if (!chart.ok()) return chart.status();
+  ASSIGN_OR_RETURN(auto chart, ChartOf(findings.space, PlanTitleOf(findings)));
   if (findings.truth) {
-    for (int y = 0; y < chart->y.cells; ++y) {
-      for (int x = 0; x < chart->x.cells; ++x) {
-        chart->outlined.push_back(findings.truth->Contact(grid.NumberOf({x, y})) ? 1 : 0);
+    for (int y = 0; y < chart.y.cells; ++y) {
+      for (int x = 0; x < chart.x.cells; ++x) {
+        chart.outlined.push_back(findings.truth->Contact(grid.NumberOf({x, y})) ? 1 : 0);
       }
     }
-    chart->outline.text = "truth: contact inside";
+    chart.outline.text = "truth: contact inside";
   }
-  chart->start = ChartPointOf(grid, findings.start);
-  chart->goal = ChartPointOf(grid, findings.goal);
-  if (findings.found()) chart->path = ChartLines(grid, findings.search.plan.waypoints);
-  return WritePng(path, Draw(*chart));
+  chart.start = ChartPointOf(grid, findings.start);
+  chart.goal = ChartPointOf(grid, findings.goal);
+  if (findings.found()) chart.path = ChartLines(grid, findings.search.plan.waypoints);
+  return WritePng(path, Draw(chart));
 }
 
 void PlanPrintJson(const Findings& findings) {
@@ -195,22 +193,19 @@ void PlanPrintText(const Findings& findings) {
 }
 
 absl::StatusOr<ExitCode> PlanPath(const Session& session, const PlanArguments& arguments) {
-  const absl::StatusOr<Client> client = session.Connect();
-  if (!client.ok()) return client.status();
+  ASSIGN_OR_RETURN(const Client client, session.Connect());
   CatchStopSignals();
-  absl::StatusOr<Findings> findings = FindPath(*client, arguments);
-  if (!findings.ok()) return findings.status();
+  ASSIGN_OR_RETURN(Findings findings, FindPath(client, arguments));
   if (!arguments.truth.empty()) {
-    auto truth = Truth::Read(arguments.truth, findings->space.grid());
-    if (!truth.ok()) return truth.status();
-    findings->truth = *std::move(truth);
+    ASSIGN_OR_RETURN(auto truth, Truth::Read(arguments.truth, findings.space.grid()));
+    findings.truth = std::move(truth);
   }
   absl::Status status;
-  if (!arguments.out.empty()) status = WritePath(*findings, arguments.out);
-  if (!arguments.picture.empty()) status.Update(PlanWritePicture(*findings, arguments.picture));
+  if (!arguments.out.empty()) status = WritePath(findings, arguments.out);
+  if (!arguments.picture.empty()) status.Update(PlanWritePicture(findings, arguments.picture));
   if (!status.ok()) return status;
-  session.json() ? PlanPrintJson(*findings) : PlanPrintText(*findings);
-  return findings->found() ? kDone : kNo;
+  session.json() ? PlanPrintJson(findings) : PlanPrintText(findings);
+  return findings.found() ? kDone : kNo;
 }
 
 }  // namespace

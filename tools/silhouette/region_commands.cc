@@ -4,6 +4,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
+#include "db/status/status_macros.h"
 #include "tools/silhouette/commands.h"
 #include "tools/silhouette/output.h"
 #include "tools/silhouette/region_text.h"
@@ -43,64 +44,58 @@ std::string PixelsOf(const client::AllowedRegion& region) {
 }
 
 absl::StatusOr<ExitCode> Allow(const Session& session, const AllowArguments& arguments) {
-  const absl::StatusOr<absl::Duration> duration = ParseDuration(arguments.duration);
-  if (!duration.ok()) return duration.status();
+  ASSIGN_OR_RETURN(const absl::Duration duration, ParseDuration(arguments.duration));
   std::vector<client::RegionPixels> views;
   const auto add = [&](absl::StatusOr<client::RegionPixels> view) {
     if (view.ok()) views.push_back(*std::move(view));
     return view.status();
   };
   for (const std::string& text : arguments.polygons) {
-    if (absl::Status status = add(ParseRegionPolygon(text)); !status.ok()) return status;
+    RETURN_IF_ERROR(add(ParseRegionPolygon(text)));
   }
   for (const std::string& text : arguments.masks) {
-    if (absl::Status status = add(ReadRegionMask(text)); !status.ok()) return status;
+    RETURN_IF_ERROR(add(ReadRegionMask(text)));
   }
   if (views.empty()) {
     return absl::InvalidArgumentError(
         "say where: VIEW:x,y;x,y;x,y for a polygon, or --mask VIEW=FILE");
   }
-  const absl::StatusOr<Client> client = session.Connect();
-  if (!client.ok()) return client.status();
-  const auto region = client->AllowRegion(arguments.name, views, *duration);
-  if (!region.ok()) return region.status();
+  ASSIGN_OR_RETURN(const Client client, session.Connect());
+  ASSIGN_OR_RETURN(const auto region, client.AllowRegion(arguments.name, views, duration));
   if (session.json()) {
-    Print(RegionCommandsJsonOf(*region));
+    Print(RegionCommandsJsonOf(region));
   } else {
-    std::cout << absl::StrFormat("obstacles are allowed in '%s' until %s: %s\n", region->name,
-                                 Spoken(region->end_time), PixelsOf(*region));
+    std::cout << absl::StrFormat("obstacles are allowed in '%s' until %s: %s\n", region.name,
+                                 Spoken(region.end_time), PixelsOf(region));
   }
   return kDone;
 }
 
 absl::StatusOr<ExitCode> Revoke(const Session& session, const std::string& name) {
-  const absl::StatusOr<Client> client = session.Connect();
-  if (!client.ok()) return client.status();
-  const absl::StatusOr<bool> was_in_force = client->RevokeRegion(name);
-  if (!was_in_force.ok()) return was_in_force.status();
+  ASSIGN_OR_RETURN(const Client client, session.Connect());
+  ASSIGN_OR_RETURN(const bool was_in_force, client.RevokeRegion(name));
   if (session.json()) {
-    Print(Json{{"name", name}, {"was_in_force", *was_in_force}});
+    Print(Json{{"name", name}, {"was_in_force", was_in_force}});
   } else {
     std::cout << "region '" << name << "' "
-              << (*was_in_force ? "is revoked" : "was not in force: nothing is changed") << '\n';
+              << (was_in_force ? "is revoked" : "was not in force: nothing is changed") << '\n';
   }
-  return *was_in_force ? kDone : kNo;
+  return was_in_force ? kDone : kNo;
 }
 
 absl::StatusOr<ExitCode> List(const Session& session) {
   const absl::StatusOr<Client> client = session.Connect();
   if (!client.ok()) return client.status();
-  const auto regions = client->ListAllowedRegions();
-  if (!regions.ok()) return regions.status();
+  ASSIGN_OR_RETURN(const auto regions, client->ListAllowedRegions());
   if (session.json()) {
     Json json{{"regions", Json::array()}};
-    for (const client::AllowedRegion& region : *regions)
+    for (const client::AllowedRegion& region : regions)
       json["regions"].push_back(RegionCommandsJsonOf(region));
     Print(json);
     return kDone;
   }
-  if (regions->empty()) std::cout << "no allowed region is in force\n";
-  for (const client::AllowedRegion& region : *regions) {
+  if (regions.empty()) std::cout << "no allowed region is in force\n";
+  for (const client::AllowedRegion& region : regions) {
     std::cout << absl::StrFormat("'%s' for %.1f s more: %s\n", region.name, SecondsLeft(region),
                                  PixelsOf(region));
   }

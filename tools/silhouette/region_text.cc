@@ -7,6 +7,7 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_split.h"
 #include "common/picture/mask_png.h"
+#include "db/status/status_macros.h"
 
 namespace silhouette {
 
@@ -38,9 +39,8 @@ absl::StatusOr<client::RegionPixels> ReadRegionMask(const std::string& text) {
   if (equals == std::string::npos || equals == 0 || equals + 1 == text.size()) {
     return absl::InvalidArgumentError(absl::StrCat("'", text, "' is not VIEW=FILE"));
   }
-  absl::StatusOr<Mask> mask = ReadMaskPng(text.substr(equals + 1));
-  if (!mask.ok()) return mask.status();
-  return client::RegionPixels{text.substr(0, equals), *std::move(mask)};
+  ASSIGN_OR_RETURN(Mask mask, ReadMaskPng(text.substr(equals + 1)));
+  return client::RegionPixels{text.substr(0, equals), std::move(mask)};
 }
 
 absl::StatusOr<absl::Duration> ParseDuration(const std::string& text) {

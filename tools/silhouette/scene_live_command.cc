@@ -5,6 +5,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
+#include "db/status/status_macros.h"
 #include "tools/silhouette/commands.h"
 #include "tools/silhouette/output.h"
 
@@ -93,14 +94,13 @@ std::string SceneLiveTextOf(const client::Acquisition& acquisition) {
 absl::StatusOr<ExitCode> Live(const Session& session) {
   const absl::StatusOr<Client> client = session.Connect();
   if (!client.ok()) return client.status();
-  const absl::StatusOr<client::Acquisition> acquisition = client->GetAcquisition();
-  if (!acquisition.ok()) return acquisition.status();
+  ASSIGN_OR_RETURN(const client::Acquisition acquisition, client->GetAcquisition());
   if (session.json()) {
-    Print(SceneLiveJsonOf(*acquisition));
+    Print(SceneLiveJsonOf(acquisition));
   } else {
-    std::cout << SceneLiveTextOf(*acquisition) << std::flush;
+    std::cout << SceneLiveTextOf(acquisition) << std::flush;
   }
-  return acquisition->serving ? kDone : kNo;
+  return acquisition.serving ? kDone : kNo;
 }
 
 }  // namespace

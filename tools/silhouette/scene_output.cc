@@ -10,6 +10,7 @@
 #include "absl/strings/str_format.h"
 #include "common/picture/files.h"
 #include "common/picture/sheet.h"
+#include "db/status/status_macros.h"
 #include "tools/silhouette/output.h"
 
 namespace silhouette {
@@ -68,9 +69,8 @@ std::string SceneOutputTextOf(const client::Scene& scene) {
 }
 
 absl::StatusOr<Picture> ReadCameraImage(const std::string& file) {
-  const absl::StatusOr<std::string> bytes = ReadWholeFile(file);
-  if (!bytes.ok()) return bytes.status();
-  const std::vector<uint8_t> buffer(bytes->begin(), bytes->end());
+  ASSIGN_OR_RETURN(const std::string bytes, ReadWholeFile(file));
+  const std::vector<uint8_t> buffer(bytes.begin(), bytes.end());
   Picture picture = buffer.empty() ? Picture() : cv::imdecode(buffer, cv::IMREAD_COLOR);
   if (picture.empty()) {
     return absl::InvalidArgumentError(absl::StrCat("'", file, "' is not an image"));
@@ -104,10 +104,9 @@ absl::StatusOr<Column> ColumnOf(const client::SceneView& view,
   double shape = static_cast<double>(planes.scene.height()) / planes.scene.width();
   const auto file = cameras.find(view.view);
   if (file != cameras.end()) {
-    const auto camera = ReadCameraImage(file->second);
-    if (!camera.ok()) return camera.status();
-    shape = static_cast<double>(camera->rows) / camera->cols;
-    column.camera = *camera;
+    ASSIGN_OR_RETURN(const auto camera, ReadCameraImage(file->second));
+    shape = static_cast<double>(camera.rows) / camera.cols;
+    column.camera = camera;
   }
   const int height = std::max(1, static_cast<int>(kColumnWidth * shape));
   if (!column.camera.empty()) column.camera = Stretched(column.camera, height, cv::INTER_AREA);
@@ -136,11 +135,10 @@ absl::StatusOr<Picture> PictureOfScene(const client::Scene& scene,
   std::vector<CaptionedPicture> scene_row;
   std::vector<CaptionedPicture> obstacle_row;
   for (const client::SceneView& view : scene.views) {
-    const absl::StatusOr<Column> column = ColumnOf(view, cameras);
-    if (!column.ok()) return column.status();
-    camera_row.push_back({column->camera, view.view + ": camera image"});
-    scene_row.push_back({column->scene, view.view + ": scene image"});
-    obstacle_row.push_back({column->obstacle, view.view + ": obstacle image"});
+    ASSIGN_OR_RETURN(const Column column, ColumnOf(view, cameras));
+    camera_row.push_back({column.camera, view.view + ": camera image"});
+    scene_row.push_back({column.scene, view.view + ": scene image"});
+    obstacle_row.push_back({column.obstacle, view.view + ": obstacle image"});
   }
   if (scene.views.empty()) return absl::InvalidArgumentError("the scene has no views to draw");
   std::vector<CaptionedPicture> pictures;

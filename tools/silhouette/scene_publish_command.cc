@@ -6,6 +6,7 @@
 #include "absl/strings/str_cat.h"
 #include "common/picture/files.h"
 #include "common/picture/mask_png.h"
+#include "db/status/status_macros.h"
 #include "tools/silhouette/commands.h"
 #include "tools/silhouette/configuration_text.h"
 #include "tools/silhouette/images_folder.h"
@@ -27,9 +28,8 @@ struct ScenePublishArguments {
 absl::StatusOr<ImagesFolder> ScenePublishImagesOf(const ScenePublishArguments& arguments) {
   ImagesFolder images;
   if (!arguments.folder.empty()) {
-    auto read = ReadImagesFolder(arguments.folder);
-    if (!read.ok()) return read.status();
-    images = *std::move(read);
+    ASSIGN_OR_RETURN(auto read, ReadImagesFolder(arguments.folder));
+    images = std::move(read);
   }
   for (const std::string& text : arguments.views) {
     const size_t equals = text.find('=');
@@ -73,26 +73,22 @@ absl::StatusOr<client::ViewImage> ReadImage(const ImageFile& file,
                                             const client::Database* database) {
   client::ViewImage image{.view = file.view, .capture_time = std::nullopt, .image = {}};
   if (database == nullptr) {
-    auto bytes = ReadWholeFile(file.path);
-    if (!bytes.ok()) return bytes.status();
-    image.image = client::CameraImage{*std::move(bytes)};
+    ASSIGN_OR_RETURN(auto bytes, ReadWholeFile(file.path));
+    image.image = client::CameraImage{std::move(bytes)};
     return image;
   }
-  const auto size = MaskSizeOf(*database, file.view);
-  if (!size.ok()) return size.status();
-  auto mask = ReadMaskPng(file.path, *size);
-  if (!mask.ok()) return mask.status();
+  ASSIGN_OR_RETURN(const auto size, MaskSizeOf(*database, file.view));
+  ASSIGN_OR_RETURN(auto mask, ReadMaskPng(file.path, size));
   if (arguments.kind == "mask") {
-    image.image = client::SceneMask{*std::move(mask)};
+    image.image = client::SceneMask{std::move(mask)};
   } else {
-    image.image = client::ObstacleMask{*std::move(mask)};
+    image.image = client::ObstacleMask{std::move(mask)};
   }
   return image;
 }
 
 absl::StatusOr<ExitCode> Publish(const Session& session, const ScenePublishArguments& arguments) {
-  const auto files = ScenePublishImagesOf(arguments);
-  if (!files.ok()) return files.status();
+  ASSIGN_OR_RETURN(const auto files, ScenePublishImagesOf(arguments));
   const absl::StatusOr<Client> client = session.Connect();
   if (!client.ok()) return client.status();
   absl::StatusOr<client::Database> database = absl::InternalError("not asked for");
@@ -101,16 +97,14 @@ absl::StatusOr<ExitCode> Publish(const Session& session, const ScenePublishArgum
     if (!database.ok()) return database.status();
   }
   std::vector<client::ViewImage> images;
-  for (const ImageFile& file : files->images) {
-    auto image = ReadImage(file, arguments, database.ok() ? &*database : nullptr);
-    if (!image.ok()) return image.status();
-    image->capture_time = files->time;
-    images.push_back(*std::move(image));
+  for (const ImageFile& file : files.images) {
+    ASSIGN_OR_RETURN(auto image, ReadImage(file, arguments, database.ok() ? &*database : nullptr));
+    image.capture_time = files.time;
+    images.push_back(std::move(image));
   }
-  const auto scene = client->PublishScene(files->joints, images);
-  if (!scene.ok()) return scene.status();
-  PrintScene(*scene, session.json());
-  return scene->defects.empty() ? kDone : kNo;
+  ASSIGN_OR_RETURN(const auto scene, client->PublishScene(files.joints, images));
+  PrintScene(scene, session.json());
+  return scene.defects.empty() ? kDone : kNo;
 }
 
 }  // namespace

@@ -4,6 +4,7 @@
 #include <string>
 
 #include "absl/strings/str_cat.h"
+#include "db/status/status_macros.h"
 #include "tools/silhouette/commands.h"
 #include "tools/silhouette/output.h"
 
@@ -29,15 +30,15 @@ absl::StatusOr<ExitCode> Set(const Session& session, const SceneSetArguments& ar
   }
   const absl::StatusOr<Client> client = session.Connect();
   if (!client.ok()) return client.status();
-  const absl::StatusOr<client::SetChange> change =
-      arguments.changing ? client->BeginSetChange() : client->ChangeSet(arguments.name);
-  if (!change.ok()) return change.status();
+  ASSIGN_OR_RETURN(const client::SetChange change, arguments.changing
+                                                       ? client->BeginSetChange()
+                                                       : client->ChangeSet(arguments.name));
   if (session.json()) {
-    Json json = JsonOf(change->robot_set);
-    json["last_scene_before"] = change->last_scene_before;
+    Json json = JsonOf(change.robot_set);
+    json["last_scene_before"] = change.last_scene_before;
     Print(json);
   } else {
-    std::cout << SceneSetTextOf(*change) << std::flush;
+    std::cout << SceneSetTextOf(change) << std::flush;
   }
   return kDone;
 }

@@ -2,6 +2,7 @@
 #include <iostream>
 #include <memory>
 
+#include "db/status/status_macros.h"
 #include "tools/silhouette/commands.h"
 #include "tools/silhouette/images_folder.h"
 #include "tools/silhouette/scene_output.h"
@@ -19,24 +20,20 @@ absl::Status SceneShowWritePicture(const client::Scene& scene,
                                    const SceneShowArguments& arguments) {
   std::map<std::string, std::string> cameras;
   if (!arguments.images.empty()) {
-    const auto folder = ReadImagesFolder(arguments.images);
-    if (!folder.ok()) return folder.status();
-    for (const ImageFile& image : folder->images) cameras[image.view] = image.path;
+    ASSIGN_OR_RETURN(const auto folder, ReadImagesFolder(arguments.images));
+    for (const ImageFile& image : folder.images) cameras[image.view] = image.path;
   }
-  const auto picture = PictureOfScene(scene, cameras);
-  if (!picture.ok()) return picture.status();
-  return WritePng(arguments.picture, *picture);
+  ASSIGN_OR_RETURN(const auto picture, PictureOfScene(scene, cameras));
+  return WritePng(arguments.picture, picture);
 }
 
 absl::StatusOr<ExitCode> Show(const Session& session, const SceneShowArguments& arguments) {
-  const absl::StatusOr<Client> client = session.Connect();
-  if (!client.ok()) return client.status();
-  const auto scene = client->GetScene(arguments.id, !arguments.picture.empty());
-  if (!scene.ok()) return scene.status();
+  ASSIGN_OR_RETURN(const Client client, session.Connect());
+  ASSIGN_OR_RETURN(const auto scene, client.GetScene(arguments.id, !arguments.picture.empty()));
   if (!arguments.picture.empty()) {
-    if (absl::Status status = SceneShowWritePicture(*scene, arguments); !status.ok()) return status;
+    RETURN_IF_ERROR(SceneShowWritePicture(scene, arguments));
   }
-  PrintScene(*scene, session.json());
+  PrintScene(scene, session.json());
   return kDone;
 }
 

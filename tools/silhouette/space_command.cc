@@ -7,6 +7,7 @@
 #include "absl/strings/match.h"
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
+#include "db/status/status_macros.h"
 #include "tools/silhouette/commands.h"
 #include "tools/silhouette/output.h"
 #include "tools/silhouette/policy_options.h"
@@ -77,10 +78,9 @@ absl::Status WriteSpace(const client::ConfigurationSpace& space, const std::stri
 
 absl::Status SpaceWritePicture(const client::ConfigurationSpace& space, const std::string& path) {
   const bool levels = !space.clearance_levels().empty();
-  const auto chart =
-      ChartOf(space, levels ? "Configuration space, clearance" : "Configuration space");
-  if (!chart.ok()) return chart.status();
-  return WritePng(path, Draw(*chart));
+  ASSIGN_OR_RETURN(const auto chart, ChartOf(space, levels ? "Configuration space, clearance"
+                                                           : "Configuration space"));
+  return WritePng(path, Draw(chart));
 }
 
 // Why the first unknown configuration is unknown, as the server says.
@@ -91,9 +91,9 @@ absl::StatusOr<client::Verdict> FirstUnknown(const Client& client,
   while (!space.grid().Contains(number) || space.StateAt(number) != client::State::kUnknown) {
     ++number;
   }
-  const auto checks = client.CheckConfigurations({space.grid().At(number)}, policy);
-  if (!checks.ok()) return checks.status();
-  return checks->verdicts[0];
+  ASSIGN_OR_RETURN(const auto checks,
+                   client.CheckConfigurations({space.grid().At(number)}, policy));
+  return checks.verdicts[0];
 }
 
 Json JsonOfLevels(const client::ConfigurationSpace& space) {
@@ -125,9 +125,8 @@ absl::StatusOr<ExitCode> FetchSpace(const Session& session, const SpaceArguments
   }
   std::optional<absl::Duration> max_time;
   if (!arguments.max_time.empty()) {
-    const absl::StatusOr<absl::Duration> time = ParseDuration(arguments.max_time);
-    if (!time.ok()) return time.status();
-    max_time = *time;
+    ASSIGN_OR_RETURN(const absl::Duration time, ParseDuration(arguments.max_time));
+    max_time = time;
   }
   const absl::StatusOr<Client> client = session.Connect();
   if (!client.ok()) return client.status();

@@ -10,6 +10,7 @@
 #include "absl/strings/str_split.h"
 #include "absl/strings/string_view.h"
 #include "common/picture/files.h"
+#include "db/status/status_macros.h"
 
 namespace silhouette {
 namespace {
@@ -73,17 +74,15 @@ std::string RowFault(const Fields& row, const Columns& columns, const Configurat
 }  // namespace
 
 absl::StatusOr<Truth> Truth::Read(const std::string& file, const ConfigurationGrid& grid) {
-  const absl::StatusOr<std::string> text = ReadWholeFile(file);
-  if (!text.ok()) return text.status();
-  const std::vector<absl::string_view> lines = absl::StrSplit(*text, '\n');
-  const auto columns = ColumnsOf(file, FieldsOf(lines[0]), grid);
-  if (!columns.ok()) return columns.status();
+  ASSIGN_OR_RETURN(const std::string text, ReadWholeFile(file));
+  const std::vector<absl::string_view> lines = absl::StrSplit(text, '\n');
+  ASSIGN_OR_RETURN(const auto columns, ColumnsOf(file, FieldsOf(lines[0]), grid));
   Truth truth;
   for (size_t i = 1; i < lines.size(); ++i) {
     if (lines[i].empty()) continue;
     ConfigurationNumber number = 0;
     bool contact = false;
-    const std::string fault = RowFault(FieldsOf(lines[i]), *columns, grid, number, contact);
+    const std::string fault = RowFault(FieldsOf(lines[i]), columns, grid, number, contact);
     if (!fault.empty()) return Mistake(file, i + 1, fault);
     if (!truth.contacts_.emplace(number, contact).second) {
       return Mistake(file, i + 1, absl::StrCat("configuration ", number, " comes twice"));

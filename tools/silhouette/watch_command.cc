@@ -7,6 +7,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
+#include "db/status/status_macros.h"
 #include "silhouette/local_space.h"
 #include "silhouette/path_watch.h"
 #include "tools/program/program.h"
@@ -105,9 +106,8 @@ void PrintSpace(const client::SpaceSnapshot& snapshot, std::optional<client::Rea
 
 absl::StatusOr<ExitCode> WatchSpace(const Client& client, const WatchArguments& arguments,
                                     Lines& lines) {
-  const absl::StatusOr<absl::Duration> max_age = ParseDuration(arguments.max_age);
-  if (!max_age.ok()) return max_age.status();
-  const LocalSpace space(client, {.policy = arguments.policy.policy(), .max_age = *max_age});
+  ASSIGN_OR_RETURN(const absl::Duration max_age, ParseDuration(arguments.max_age));
+  const LocalSpace space(client, {.policy = arguments.policy.policy(), .max_age = max_age});
   uint64_t printed = 0;
   std::optional<client::Reason> last;
   while (!lines.End()) {
@@ -130,11 +130,11 @@ absl::StatusOr<ExitCode> WatchSpace(const Client& client, const WatchArguments& 
 // One call, until it ends: why it ended, OK if nothing more is wanted.
 absl::Status WatchPathOnce(const Client& client, const std::vector<Configuration>& waypoints,
                            const WatchArguments& arguments, Lines& lines) {
-  auto watch = client.WatchPath(waypoints, arguments.policy.policy(), arguments.clearance);
-  if (!watch.ok()) return watch.status();
+  ASSIGN_OR_RETURN(auto watch,
+                   client.WatchPath(waypoints, arguments.policy.policy(), arguments.clearance));
   std::optional<client::PathUpdate> relied_on;  // the last one, as long as it is free
   while (!lines.End()) {
-    const absl::StatusOr<client::PathUpdate> update = watch->Next(kLook);
+    const absl::StatusOr<client::PathUpdate> update = watch.Next(kLook);
     if (update.ok()) {
       const client::PathCheck& check = update->check;
       Json json = JsonOf(check, arguments.clearance);
@@ -162,10 +162,9 @@ absl::Status WatchPathOnce(const Client& client, const std::vector<Configuration
 
 absl::StatusOr<ExitCode> WatchPath(const Client& client, const WatchArguments& arguments,
                                    Lines& lines) {
-  const auto waypoints = WaypointsOf(arguments.path);
-  if (!waypoints.ok()) return waypoints.status();
+  ASSIGN_OR_RETURN(const auto waypoints, WaypointsOf(arguments.path));
   while (!lines.End()) {
-    const absl::Status ended = WatchPathOnce(client, *waypoints, arguments, lines);
+    const absl::Status ended = WatchPathOnce(client, waypoints, arguments, lines);
     if (ended.ok()) break;
     if (IsHopeless(ended) || arguments.no_retry) return ended;
     const client::Verdict lost{.reason = client::Reason::kConnectionLost};
@@ -180,12 +179,11 @@ absl::StatusOr<ExitCode> WatchPath(const Client& client, const WatchArguments& a
 }
 
 absl::StatusOr<ExitCode> Watch(const Session& session, const WatchArguments& arguments) {
-  const absl::StatusOr<Client> client = session.Connect();
-  if (!client.ok()) return client.status();
+  ASSIGN_OR_RETURN(const Client client, session.Connect());
   CatchStopSignals();
   Lines lines(session.json(), arguments.count);
   const bool path = !arguments.path.waypoints.empty() || !arguments.path.file.empty();
-  return path ? WatchPath(*client, arguments, lines) : WatchSpace(*client, arguments, lines);
+  return path ? WatchPath(client, arguments, lines) : WatchSpace(client, arguments, lines);
 }
 
 }  // namespace

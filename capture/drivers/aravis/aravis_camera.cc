@@ -10,6 +10,7 @@
 #include "absl/time/clock.h"
 #include "capture/drivers/aravis/aravis_device.h"
 #include "capture/drivers/opencv/opencv_image.h"
+#include "db/status/status_macros.h"
 
 namespace silhouette {
 namespace {
@@ -69,21 +70,19 @@ class GenicamCamera : public CameraSource {
 
   absl::Status Open() override {
     Close();
-    auto camera = FindDevice(source_);
-    if (!camera.ok()) return camera.status();
+    ASSIGN_OR_RETURN(auto camera, FindDevice(source_));
     static std::mutex
         one_at_a_time;  // Aravis' parts that devices share are not for several threads
     const std::lock_guard lock(one_at_a_time);
-    absl::Status status = SetUpDevice(camera->get(), width_, height_, source_);
+    absl::Status status = SetUpDevice(camera.get(), width_, height_, source_);
     if (!status.ok()) return status;
-    auto stream = MakeStream(camera->get());
-    if (!stream.ok()) return stream.status();
+    ASSIGN_OR_RETURN(auto stream, MakeStream(camera.get()));
     lost_ = false;
-    g_signal_connect(arv_camera_get_device(camera->get()), "control-lost",
+    g_signal_connect(arv_camera_get_device(camera.get()), "control-lost",
                      G_CALLBACK(&GenicamCamera::ControlLost), this);
-    status = Call(kAravisCameraGone, arv_camera_start_acquisition, camera->get());
-    camera_ = *std::move(camera);
-    stream_ = *std::move(stream);
+    status = Call(kAravisCameraGone, arv_camera_start_acquisition, camera.get());
+    camera_ = std::move(camera);
+    stream_ = std::move(stream);
     if (!status.ok()) Close();
     return status;
   }
@@ -153,9 +152,8 @@ class GenicamCamera : public CameraSource {
           "an image came with parts missing; if that happens often, allow larger socket buffers "
           "(sysctl net.core.rmem_max) or state a smaller packet_size");
     }
-    const auto pixels = Pixels(buffer);
-    if (!pixels.ok()) return pixels.status();
-    return CameraImageOf(*pixels, software ? asked_ : arrived - source_.latency);
+    ASSIGN_OR_RETURN(const auto pixels, Pixels(buffer));
+    return CameraImageOf(pixels, software ? asked_ : arrived - source_.latency);
   }
 
   // Throws away all that is under way.
@@ -195,7 +193,7 @@ absl::StatusOr<std::unique_ptr<CameraSource>> OpenGenicamCamera(const std::strin
                                                                 int height,
                                                                 const GenicamSource& source) {
   auto camera = std::make_unique<GenicamCamera>(view, width, height, source);
-  if (absl::Status status = camera->Open(); !status.ok()) return status;
+  RETURN_IF_ERROR(camera->Open());
   return camera;
 }
 

@@ -11,6 +11,7 @@
 #include "absl/strings/str_join.h"
 #include "absl/time/clock.h"
 #include "capture/drivers/aravis/aravis_camera.h"
+#include "db/status/status_macros.h"
 
 namespace silhouette {
 namespace {
@@ -118,10 +119,10 @@ std::vector<const char*> Preferred(bool colour) {
 
 absl::Status SetPixels(ArvCamera* camera, const GenicamSource& source) {
   guint count = 0;
-  auto names = Ask(kRefused, arv_camera_dup_available_pixel_formats_as_strings, camera, &count);
-  if (!names.ok()) return names.status();
-  const std::set<std::string> available(*names, *names + count);
-  g_free(*names);
+  ASSIGN_OR_RETURN(
+      auto names, Ask(kRefused, arv_camera_dup_available_pixel_formats_as_strings, camera, &count));
+  const std::set<std::string> available(names, names + count);
+  g_free(names);
   for (const char* format : Preferred(source.colour)) {
     if (!available.contains(format)) continue;
     return Call(kRefused, arv_camera_set_pixel_format_from_string, camera, format);
@@ -181,8 +182,7 @@ struct Quantity {
 
 absl::Status Set(ArvCamera* camera, const Quantity& quantity, double value) {
   double least = 0, most = 0;
-  absl::Status status = Call(kRefused, quantity.bounds, camera, &least, &most);
-  if (!status.ok()) return status;
+  RETURN_IF_ERROR(Call(kRefused, quantity.bounds, camera, &least, &most));
   if (value < least || value > most) {
     return absl::FailedPreconditionError(absl::StrCat(
         quantity.name, " ", value, " is not possible; it takes ", least, " to ", most));
@@ -287,19 +287,18 @@ absl::Status SetUpDevice(ArvCamera* camera, int width, int height, const Genicam
 }
 
 absl::StatusOr<StreamHandle> MakeStream(ArvCamera* camera) {
-  const auto payload = Ask(kRefused, arv_camera_get_payload, camera);
-  if (!payload.ok()) return payload.status();
-  const auto made = Ask(kAravisDeviceGone, arv_camera_create_stream, camera,
-                        static_cast<ArvStreamCallback>(nullptr), static_cast<void*>(nullptr));
-  if (!made.ok()) return made.status();
-  if (*made == nullptr) return absl::UnavailableError("it has no stream");
-  StreamHandle stream(*made);
+  ASSIGN_OR_RETURN(const auto payload, Ask(kRefused, arv_camera_get_payload, camera));
+  ASSIGN_OR_RETURN(const auto made,
+                   Ask(kAravisDeviceGone, arv_camera_create_stream, camera,
+                       static_cast<ArvStreamCallback>(nullptr), static_cast<void*>(nullptr)));
+  if (made == nullptr) return absl::UnavailableError("it has no stream");
+  StreamHandle stream(made);
   if (ARV_IS_GV_STREAM(stream.get())) {
     g_object_set(stream.get(), "socket-buffer", ARV_GV_STREAM_SOCKET_BUFFER_FIXED,
                  "socket-buffer-size", kSocketBuffer, nullptr);
   }
   for (int i = 0; i < kBuffers; ++i) {
-    arv_stream_push_buffer(stream.get(), arv_buffer_new(*payload, nullptr));
+    arv_stream_push_buffer(stream.get(), arv_buffer_new(payload, nullptr));
   }
   return stream;
 }

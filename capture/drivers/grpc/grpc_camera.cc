@@ -11,6 +11,7 @@
 #include "absl/strings/str_join.h"
 #include "absl/time/clock.h"
 #include "capture/drivers/opencv/opencv_image.h"
+#include "db/status/status_macros.h"
 #include "silhouette/v1/camera_driver.grpc.pb.h"
 
 namespace silhouette {
@@ -110,9 +111,8 @@ class GrpcCameras : public CameraSource {
     grpc::ClientContext context;
     context.set_deadline(Until(absl::Now() + timeout_));
     v1::GetCamerasResponse response;
-    const absl::Status status = GrpcCameraStatusOf(
-        stub_->GetCameras(&context, v1::GetCamerasRequest(), &response), address_);
-    if (!status.ok()) return status;
+    RETURN_IF_ERROR(GrpcCameraStatusOf(
+        stub_->GetCameras(&context, v1::GetCamerasRequest(), &response), address_));
     for (const GrpcView& view : views) {
       const auto& cameras = response.cameras();
       const auto camera = std::find_if(cameras.begin(), cameras.end(), [&](const auto& candidate) {
@@ -214,7 +214,7 @@ absl::StatusOr<std::unique_ptr<CameraSource>> OpenGrpcCameras(const std::string&
                                                               const std::vector<GrpcView>& views,
                                                               absl::Duration timeout) {
   auto cameras = std::make_unique<GrpcCameras>(address, views, timeout);
-  if (absl::Status status = cameras->Check(views); !status.ok()) return status;
+  RETURN_IF_ERROR(cameras->Check(views));
   return cameras;
 }
 

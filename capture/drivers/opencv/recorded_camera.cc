@@ -11,6 +11,7 @@
 #include "absl/time/clock.h"
 #include "capture/drivers/opencv/opencv_camera.h"
 #include "capture/drivers/opencv/opencv_image.h"
+#include "db/status/status_macros.h"
 
 namespace silhouette {
 namespace {
@@ -33,9 +34,8 @@ class RecordedCamera : public CameraSource {
   }
 
   absl::StatusOr<std::vector<CameraImage>> Wait(absl::Time) override {
-    const absl::StatusOr<cv::Mat> image = next_();
-    if (!image.ok()) return image.status();
-    return std::vector<CameraImage>{CameraImageOf(*image, asked_)};
+    ASSIGN_OR_RETURN(const cv::Mat image, next_());
+    return std::vector<CameraImage>{CameraImageOf(image, asked_)};
   }
 
  private:

@@ -15,6 +15,7 @@
 #include "absl/time/clock.h"
 #include "capture/drivers/opencv/opencv_camera.h"
 #include "capture/drivers/opencv/opencv_image.h"
+#include "db/status/status_macros.h"
 
 namespace silhouette {
 namespace {
@@ -139,7 +140,7 @@ absl::StatusOr<std::unique_ptr<CameraSource>> OpenStream(const std::string& view
                                                          absl::Duration latency,
                                                          absl::Duration timeout) {
   cv::VideoCapture stream;
-  if (absl::Status status = open(stream); !status.ok()) return status;
+  RETURN_IF_ERROR(open(stream));
   return std::make_unique<StreamCamera>(view, std::move(stream), std::move(open), latency, timeout);
 }
 

@@ -7,6 +7,7 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
 #include "absl/time/clock.h"
+#include "db/status/status_macros.h"
 
 namespace silhouette {
 namespace {
@@ -122,7 +123,7 @@ absl::StatusOr<RobotFeedback> FeedbackRobot::Newest(std::unique_lock<std::mutex>
     return absl::UnavailableError(absl::StrCat(
         "the robot did not tell within ", absl::FormatDuration(limits_.silence), " where it is"));
   }
-  if (absl::Status status = Silence(absl::Now()); !status.ok()) return status;
+  RETURN_IF_ERROR(Silence(absl::Now()));
   return *newest_;
 }
 
@@ -131,9 +132,9 @@ absl::Status FeedbackRobot::WaitForArrival(std::unique_lock<std::mutex>& lock) {
     const absl::Time now = absl::Now();
     if (!move_failure_.ok()) return move_failure_;
     if (stop_asked_) return absl::AbortedError("the robot was stopped on the way");
-    if (absl::Status status = Silence(now); !status.ok()) return status;
+    RETURN_IF_ERROR(Silence(now));
     if (move_->arrived()) return absl::OkStatus();
-    if (absl::Status status = move_->CheckTime(now); !status.ok()) return status;
+    RETURN_IF_ERROR(move_->CheckTime(now));
     changed_.wait_for(lock, kTick);
   }
 }
@@ -151,19 +152,18 @@ absl::Status FeedbackRobot::MoveTo(std::span<const double> positions) {
   }
   std::unique_lock lock(mutex_);
   stop_asked_ = false;
-  const absl::StatusOr<RobotFeedback> start = Newest(lock);
-  if (!start.ok()) return start.status();
-  for (const std::string& hindrance : {start->fault, start->not_ready}) {
+  ASSIGN_OR_RETURN(const RobotFeedback start, Newest(lock));
+  for (const std::string& hindrance : {start.fault, start.not_ready}) {
     if (!hindrance.empty()) {
       return absl::FailedPreconditionError(absl::StrCat("the robot cannot move: ", hindrance));
     }
   }
-  if (start->positions.size() != names_.size()) {
+  if (start.positions.size() != names_.size()) {
     return absl::AbortedError("the robot told no positions");
   }
   hold_.reset();
   move_failure_ = absl::OkStatus();
-  move_.emplace(names_, start->positions, goal, limits_, absl::Now());
+  move_.emplace(names_, start.positions, goal, limits_, absl::Now());
   const absl::Duration duration = move_->duration();
   lock.unlock();
   absl::Status status = link_->Move(goal, duration);
@@ -185,10 +185,9 @@ absl::Status FeedbackRobot::MoveTo(std::span<const double> positions) {
 
 absl::StatusOr<RobotState> FeedbackRobot::State() {
   std::unique_lock lock(mutex_);
-  absl::StatusOr<RobotFeedback> newest = Newest(lock);
-  if (!newest.ok()) return newest.status();
-  return RobotState{.positions = std::move(newest->positions),
-                    .moving = newest->moving.value_or(false) || stillness_.moving()};
+  ASSIGN_OR_RETURN(RobotFeedback newest, Newest(lock));
+  return RobotState{.positions = std::move(newest.positions),
+                    .moving = newest.moving.value_or(false) || stillness_.moving()};
 }
 
 absl::Status FeedbackRobot::Stop() {

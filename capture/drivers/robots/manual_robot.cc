@@ -10,6 +10,7 @@
 #include "absl/strings/str_format.h"
 #include "absl/strings/str_join.h"
 #include "absl/strings/str_split.h"
+#include "db/status/status_macros.h"
 
 namespace silhouette {
 namespace {
@@ -74,12 +75,11 @@ absl::StatusOr<std::string> ManualRobot::Ask(const std::string& question) const 
 absl::StatusOr<std::vector<double>> ManualRobot::AskForPositions(
     const std::string& question, std::span<const double> if_confirmed) const {
   while (true) {
-    const absl::StatusOr<std::string> answer = Ask(question);
-    if (!answer.ok()) return answer.status();
-    if (answer->empty() && !if_confirmed.empty()) {
+    ASSIGN_OR_RETURN(const std::string answer, Ask(question));
+    if (answer.empty() && !if_confirmed.empty()) {
       return std::vector<double>(if_confirmed.begin(), if_confirmed.end());
     }
-    std::optional<std::vector<double>> numbers = Numbers(*answer);
+    std::optional<std::vector<double>> numbers = Numbers(answer);
     if (numbers && numbers->size() == joints_.size()) {
       for (size_t j = 0; j < joints_.size(); ++j) (*numbers)[j] *= UnitOf(joints_[j]);
       return *std::move(numbers);
@@ -91,21 +91,19 @@ absl::StatusOr<std::vector<double>> ManualRobot::AskForPositions(
 
 absl::Status ManualRobot::WaitUntilThere(std::span<const double> goal) {
   while (true) {
-    const absl::StatusOr<std::string> answer = Ask("Enter when it stands there, or stop: ");
-    if (!answer.ok()) return answer.status();
-    const absl::StatusOr<RobotState> state = reader_->State();
-    if (!state.ok()) return state.status();
-    if (state->positions.size() != joints_.size()) {
+    RETURN_IF_ERROR(Ask("Enter when it stands there, or stop: ").status());
+    ASSIGN_OR_RETURN(const RobotState state, reader_->State());
+    if (state.positions.size() != joints_.size()) {
       return absl::InternalError("the robot told no positions");
     }
     std::vector<std::string> off;
     for (size_t j = 0; j < joints_.size(); ++j) {
-      const double deviation = state->positions[j] - goal[j];
+      const double deviation = state.positions[j] - goal[j];
       if (std::abs(deviation) <= tolerance_) continue;
       off.push_back(absl::StrFormat("%s by %.3f %s", names_[j], deviation / UnitOf(joints_[j]),
                                     joints_[j].prismatic ? "mm" : "deg"));
     }
-    if (off.empty() && !state->moving) return absl::OkStatus();
+    if (off.empty() && !state.moving) return absl::OkStatus();
     person_.tell(off.empty() ? std::string("it still moves")
                              : absl::StrCat("it is off: ", absl::StrJoin(off, ", ")));
   }
@@ -126,24 +124,25 @@ absl::Status ManualRobot::MoveTo(std::span<const double> positions) {
     return there;
   }
   const bool typed = reading_ == Reading::kTyped;
-  const absl::StatusOr<std::vector<double>> at = AskForPositions(
-      absl::StrCat(typed ? "" : "Enter when it stands there, or ", "the values that it shows (",
-                   absl::StrJoin(names_, " "), "), or stop: "),
-      typed ? std::span<const double>() : positions);
-  if (!at.ok()) return at.status();
-  at_ = *at;
+  ASSIGN_OR_RETURN(const std::vector<double> at,
+                   AskForPositions(absl::StrCat(typed ? "" : "Enter when it stands there, or ",
+                                                "the values that it shows (",
+                                                absl::StrJoin(names_, " "), "), or stop: "),
+                                   typed ? std::span<const double>() : positions));
+  at_ = at;
   return absl::OkStatus();
 }
 
 absl::StatusOr<RobotState> ManualRobot::State() {
   if (reader_) return reader_->State();
   if (!at_) {
-    const absl::StatusOr<std::vector<double>> at = AskForPositions(
-        absl::StrCat("where does the robot stand? Its values, in degrees and millimetres (",
-                     absl::StrJoin(names_, " "), "): "),
-        {});
-    if (!at.ok()) return at.status();
-    at_ = *at;
+    ASSIGN_OR_RETURN(
+        const std::vector<double> at,
+        AskForPositions(
+            absl::StrCat("where does the robot stand? Its values, in degrees and millimetres (",
+                         absl::StrJoin(names_, " "), "): "),
+            {}));
+    at_ = at;
   }
   return RobotState{.positions = *at_, .moving = false};
 }

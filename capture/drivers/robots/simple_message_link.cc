@@ -10,6 +10,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "absl/time/clock.h"
+#include "db/status/status_macros.h"
 
 namespace silhouette {
 
@@ -53,12 +54,11 @@ absl::StatusOr<std::unique_ptr<SimpleMessageLink>> SimpleMessageLink::Connect(
     throw std::invalid_argument(absl::StrCat("1 to ", simple_message::kMostJoints,
                                              " joints are expected, not ", settings.joints.size()));
   }
-  auto state = ConnectTcp(settings.host, settings.state_port, settings.timeout);
-  if (!state.ok()) return state.status();
+  ASSIGN_OR_RETURN(auto state, ConnectTcp(settings.host, settings.state_port, settings.timeout));
   FileDescriptor wake(eventfd(0, EFD_NONBLOCK | EFD_CLOEXEC));
   if (!wake.valid()) return absl::ResourceExhaustedError("there are no more file descriptors");
   return std::unique_ptr<SimpleMessageLink>(
-      new SimpleMessageLink(settings, *std::move(state), std::move(wake)));
+      new SimpleMessageLink(settings, std::move(state), std::move(wake)));
 }
 
 SimpleMessageLink::SimpleMessageLink(SimpleMessageSettings settings, FileDescriptor state,
@@ -116,8 +116,7 @@ absl::Status SimpleMessageLink::Move(std::span<const double> goal, absl::Duratio
       here = simple_message::ValuesOf(positions_);
     }
     const int32_t first = download ? simple_message::kStartDownload : sequence++;
-    absl::Status status = Request(PointOf(first, here, absl::ZeroDuration()), "move");
-    if (!status.ok()) return status;
+    RETURN_IF_ERROR(Request(PointOf(first, here, absl::ZeroDuration()), "move"));
   }
   if (download) sequence = simple_message::kEndDownload;
   return Request(PointOf(sequence, simple_message::ValuesOf(goal), duration), "move");
@@ -131,10 +130,9 @@ absl::Status SimpleMessageLink::Request(const Message& request, const std::strin
   const std::string address = AddressOf(settings_.host, settings_.motion_port);
   std::unique_lock lock(mutex_);
   if (!motion_.valid()) {
-    absl::StatusOr<FileDescriptor> socket =
-        ConnectTcp(settings_.host, settings_.motion_port, settings_.timeout);
-    if (!socket.ok()) return socket.status();
-    motion_ = *std::move(socket);
+    ASSIGN_OR_RETURN(FileDescriptor socket,
+                     ConnectTcp(settings_.host, settings_.motion_port, settings_.timeout));
+    motion_ = std::move(socket);
     motion_reader_ = MessageReader(settings_.byte_order);
     ++connection_;
     sent_ = answers_ = 0;

@@ -13,6 +13,7 @@
 #include <memory>
 
 #include "absl/strings/str_cat.h"
+#include "db/status/status_macros.h"
 
 namespace silhouette {
 namespace {
@@ -55,10 +56,9 @@ std::string AddressOf(const std::string& host, int port) { return absl::StrCat(h
 
 absl::StatusOr<FileDescriptor> ConnectTcp(const std::string& host, int port,
                                           absl::Duration timeout) {
-  const absl::StatusOr<AddressList> addresses = Resolve(host, port);
-  if (!addresses.ok()) return addresses.status();
+  ASSIGN_OR_RETURN(const AddressList addresses, Resolve(host, port));
   int error = 0;
-  for (const addrinfo* at = addresses->get(); at != nullptr; at = at->ai_next) {
+  for (const addrinfo* at = addresses.get(); at != nullptr; at = at->ai_next) {
     FileDescriptor socket(
         ::socket(at->ai_family, at->ai_socktype | SOCK_NONBLOCK | SOCK_CLOEXEC, at->ai_protocol));
     error = errno;
@@ -79,9 +79,8 @@ absl::StatusOr<FileDescriptor> ConnectTcp(const std::string& host, int port,
 }
 
 absl::StatusOr<FileDescriptor> ListenTcp(const std::string& host, int port) {
-  const absl::StatusOr<AddressList> addresses = Resolve(host, port);
-  if (!addresses.ok()) return addresses.status();
-  const addrinfo& at = **addresses;
+  ASSIGN_OR_RETURN(const AddressList addresses, Resolve(host, port));
+  const addrinfo& at = *addresses;
   FileDescriptor socket(
       ::socket(at.ai_family, at.ai_socktype | SOCK_NONBLOCK | SOCK_CLOEXEC, at.ai_protocol));
   const int on = 1;

@@ -8,6 +8,7 @@
 #include <utility>
 
 #include "absl/strings/str_cat.h"
+#include "db/status/status_macros.h"
 
 namespace silhouette {
 namespace {
@@ -135,7 +136,7 @@ absl::StatusOr<std::unique_ptr<GigeCameras>> GigeCameras::Start(ServedViews& vie
           absl::StrCat("the view '", name, "' cannot be a GigE Vision camera: its name is the ",
                        "serial number, which has at most ", kLongestSerial, " characters"));
     }
-    if (absl::Status status = cameras->Add(views, v, genicam); !status.ok()) return status;
+    RETURN_IF_ERROR(cameras->Add(views, v, genicam));
   }
   return cameras;
 }

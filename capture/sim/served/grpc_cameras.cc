@@ -8,6 +8,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "absl/time/clock.h"
+#include "db/status/status_macros.h"
 #include "silhouette/v1/camera_driver.grpc.pb.h"
 
 namespace silhouette {
@@ -95,7 +96,7 @@ class ServedGrpcCameras : public GrpcCameras {
 
 absl::StatusOr<std::unique_ptr<GrpcCameras>> GrpcCameras::Start(ServedViews& views, int port) {
   auto cameras = std::make_unique<ServedGrpcCameras>(views);
-  if (absl::Status status = cameras->Run(port); !status.ok()) return status;
+  RETURN_IF_ERROR(cameras->Run(port));
   return cameras;
 }
 

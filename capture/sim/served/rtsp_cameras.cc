@@ -10,6 +10,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "absl/time/clock.h"
+#include "db/status/status_macros.h"
 
 namespace silhouette {
 namespace {
@@ -174,7 +175,7 @@ absl::StatusOr<std::unique_ptr<RtspCameras>> RtspCameras::Start(ServedViews& vie
   }
   gst_init(nullptr, nullptr);
   auto cameras = std::make_unique<GstRtspCameras>();
-  if (absl::Status status = cameras->Run(views, port); !status.ok()) return status;
+  RETURN_IF_ERROR(cameras->Run(views, port));
   return cameras;
 }
 

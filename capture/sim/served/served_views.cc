@@ -3,6 +3,7 @@
 #include <utility>
 
 #include "absl/time/clock.h"
+#include "db/status/status_macros.h"
 
 namespace silhouette {
 namespace {
@@ -16,9 +17,8 @@ absl::StatusOr<std::unique_ptr<ServedViews>> ServedViews::Create(
     std::shared_ptr<SimulatedCell> cell, const std::vector<SimulatedView>& views) {
   std::vector<size_t> cameras;
   for (const SimulatedView& view : views) {
-    const auto camera = CameraOf(cell->settings(), view);
-    if (!camera.ok()) return camera.status();
-    cameras.push_back(*camera);
+    ASSIGN_OR_RETURN(const auto camera, CameraOf(cell->settings(), view));
+    cameras.push_back(camera);
   }
   return std::unique_ptr<ServedViews>(new ServedViews(std::move(cell), views, std::move(cameras)));
 }

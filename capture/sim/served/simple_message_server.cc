@@ -8,6 +8,7 @@
 #include <utility>
 
 #include "absl/time/clock.h"
+#include "db/status/status_macros.h"
 
 namespace silhouette {
 
@@ -29,12 +30,10 @@ TriState StateOf(bool on) { return on ? TriState::kOn : TriState::kOff; }
 
 absl::StatusOr<std::unique_ptr<SimpleMessageServer>> SimpleMessageServer::Start(
     SimulatedController& controller, const SimpleMessageServerSettings& settings) {
-  auto motion = ListenTcp(settings.host, settings.motion_port);
-  if (!motion.ok()) return motion.status();
-  auto state = ListenTcp(settings.host, settings.state_port);
-  if (!state.ok()) return state.status();
+  ASSIGN_OR_RETURN(auto motion, ListenTcp(settings.host, settings.motion_port));
+  ASSIGN_OR_RETURN(auto state, ListenTcp(settings.host, settings.state_port));
   return std::unique_ptr<SimpleMessageServer>(
-      new SimpleMessageServer(controller, settings, *std::move(motion), *std::move(state)));
+      new SimpleMessageServer(controller, settings, std::move(motion), std::move(state)));
 }
 
 SimpleMessageServer::SimpleMessageServer(SimulatedController& controller,

@@ -7,6 +7,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "absl/time/clock.h"
+#include "db/status/status_macros.h"
 
 namespace silhouette {
 namespace {
@@ -52,13 +53,12 @@ absl::Status SimulatedController::Move(std::span<const double> goal, absl::Durat
     return absl::InvalidArgumentError(
         absl::StrCat("the robot has ", joints_.size(), " joints, not ", goal.size()));
   }
-  const auto positions = robot_.Positions(joints_, goal);
-  if (!positions.ok()) return positions.status();
+  ASSIGN_OR_RETURN(const auto positions, robot_.Positions(joints_, goal));
   const std::lock_guard lock(mutex_);
   ++moves_;
   if (e_stopped_) return absl::FailedPreconditionError("emergency stop");
   if (fault_ == ControllerFault::kDrifts) return absl::OkStatus();
-  way_ = {.start = positions_, .goal = *positions, .begin = absl::Now(), .duration = duration};
+  way_ = {.start = positions_, .goal = positions, .begin = absl::Now(), .duration = duration};
   double farthest = 0;
   for (size_t j = 0; j < way_.start.size(); ++j) {
     farthest = std::max(farthest, std::abs(way_.goal[j] - way_.start[j]));

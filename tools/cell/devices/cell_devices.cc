@@ -5,6 +5,7 @@
 #include "absl/strings/str_cat.h"
 #include "capture/session/cell_robot.h"
 #include "capture/sim/obstacles.h"
+#include "db/status/status_macros.h"
 #include "tools/cell/devices/open_cameras.h"
 #include "tools/cell/devices/open_robot.h"
 #include "tools/cell/devices/simulated.h"
@@ -16,14 +17,14 @@ namespace {
 using Simulation = std::shared_ptr<SimulatedCell>;
 
 absl::StatusOr<Simulation> SimulationOfCameras(const Cell& cell) {
-  if (absl::Status status = CheckCameras(cell); !status.ok()) return status;
+  RETURN_IF_ERROR(CheckCameras(cell));
   if (!HasSimulatedCamera(cell)) return nullptr;
   return LoadSimulatedCell(cell);
 }
 
 absl::StatusOr<Simulation> SimulationOf(const Cell& cell, const std::string& set = kBareSet) {
-  if (absl::Status status = CheckRobot(cell); !status.ok()) return status;
-  if (absl::Status status = CheckCameras(cell); !status.ok()) return status;
+  RETURN_IF_ERROR(CheckRobot(cell));
+  RETURN_IF_ERROR(CheckCameras(cell));
   const bool robot = HasSimulatedRobot(cell);
   if (!robot && HasSimulatedCamera(cell)) {
     return CellMistake(cell,
@@ -35,17 +36,14 @@ absl::StatusOr<Simulation> SimulationOf(const Cell& cell, const std::string& set
 }
 
 absl::StatusOr<CellDevices> DevicesOf(const Cell& cell, const Simulation& simulation) {
-  auto cameras = OpenCameras(cell, simulation);
-  if (!cameras.ok()) return cameras.status();
-  auto robot = OpenRobot(cell, simulation);
-  if (!robot.ok()) return robot.status();
-  return CellDevices{*std::move(robot), *std::move(cameras)};
+  ASSIGN_OR_RETURN(auto cameras, OpenCameras(cell, simulation));
+  ASSIGN_OR_RETURN(auto robot, OpenRobot(cell, simulation));
+  return CellDevices{std::move(robot), std::move(cameras)};
 }
 
 absl::Status Park(const Cell& cell, const Configuration& configuration, Robot& robot) {
-  absl::StatusOr<CellRobot> cell_robot = CellRobot::Create(DescriptionOf(cell), robot);
-  if (!cell_robot.ok()) return cell_robot.status();
-  return cell_robot->MoveTo(configuration);
+  ASSIGN_OR_RETURN(CellRobot cell_robot, CellRobot::Create(DescriptionOf(cell), robot));
+  return cell_robot.MoveTo(configuration);
 }
 
 // Puts a simulated robot where somebody would have driven it before a capture.
@@ -62,30 +60,27 @@ absl::Status PlaceRobot(const Cell& cell, const Travel& travel, const Simulation
 
 absl::StatusOr<CellDevices> OpenDevices(const Cell& cell, const Travel& travel,
                                         const std::string& set) {
-  const auto simulation = SimulationOf(cell, set);
-  if (!simulation.ok()) return simulation.status();
-  if (*simulation != nullptr) {
-    if (absl::Status status = PlaceRobot(cell, travel, *simulation); !status.ok()) return status;
+  ASSIGN_OR_RETURN(const auto simulation, SimulationOf(cell, set));
+  if (simulation != nullptr) {
+    RETURN_IF_ERROR(PlaceRobot(cell, travel, simulation));
   }
-  return DevicesOf(cell, *simulation);
+  return DevicesOf(cell, simulation);
 }
 
 absl::StatusOr<CellOpeners> OpenersOf(const Cell& cell, const Travel& travel,
                                       const std::string& obstacles) {
-  const auto loaded = SimulationOf(cell);
-  if (!loaded.ok()) return loaded.status();
-  const Simulation& simulation = *loaded;
+  ASSIGN_OR_RETURN(const auto loaded, SimulationOf(cell));
+  const Simulation& simulation = loaded;
   if (simulation == nullptr && !obstacles.empty()) {
     return CellMistake(cell, absl::StrCat("'", obstacles,
                                           "' is of obstacles in the simulated cell, and no device "
                                           "of this cell is simulated"));
   }
   if (simulation != nullptr) {
-    if (absl::Status status = PlaceRobot(cell, travel, simulation); !status.ok()) return status;
+    RETURN_IF_ERROR(PlaceRobot(cell, travel, simulation));
     if (!obstacles.empty()) {
-      auto there = LoadObstacles(obstacles);
-      if (!there.ok()) return there.status();
-      simulation->SetObstacles(*std::move(there));
+      ASSIGN_OR_RETURN(auto there, LoadObstacles(obstacles));
+      simulation->SetObstacles(std::move(there));
     }
     simulation->RunInRealTime();
   }
@@ -94,31 +89,28 @@ absl::StatusOr<CellOpeners> OpenersOf(const Cell& cell, const Travel& travel,
 }
 
 absl::StatusOr<CellDevices> OpenDevicesForCalibration(const Cell& cell) {
-  const auto simulation = SimulationOf(cell);
-  if (!simulation.ok()) return simulation.status();
-  if (*simulation != nullptr) (*simulation)->ShowAllBoards(true);
-  return DevicesOf(cell, *simulation);
+  ASSIGN_OR_RETURN(const auto simulation, SimulationOf(cell));
+  if (simulation != nullptr) simulation->ShowAllBoards(true);
+  return DevicesOf(cell, simulation);
 }
 
 absl::StatusOr<std::unique_ptr<CameraSet>> OpenCamerasOfEmptyCell(const Cell& cell) {
-  const auto simulation = SimulationOfCameras(cell);
-  if (!simulation.ok()) return simulation.status();
-  if (*simulation != nullptr) (*simulation)->SetRobotPresent(false);
-  return OpenCameras(cell, *simulation);
+  ASSIGN_OR_RETURN(const auto simulation, SimulationOfCameras(cell));
+  if (simulation != nullptr) simulation->SetRobotPresent(false);
+  return OpenCameras(cell, simulation);
 }
 
 absl::StatusOr<std::unique_ptr<CameraSet>> OpenCamerasOfCell(
     const Cell& cell, bool all_boards, const std::optional<Configuration>& parked) {
-  const auto simulation = SimulationOfCameras(cell);
-  if (!simulation.ok()) return simulation.status();
-  if (*simulation != nullptr) {
-    (*simulation)->ShowAllBoards(all_boards);
+  ASSIGN_OR_RETURN(const auto simulation, SimulationOfCameras(cell));
+  if (simulation != nullptr) {
+    simulation->ShowAllBoards(all_boards);
     if (parked) {
-      SimulatedRobot robot(*simulation);
-      if (absl::Status status = Park(cell, *parked, robot); !status.ok()) return status;
+      SimulatedRobot robot(simulation);
+      RETURN_IF_ERROR(Park(cell, *parked, robot));
     }
   }
-  return OpenCameras(cell, *simulation);
+  return OpenCameras(cell, simulation);
 }
 
 }  // namespace silhouette

@@ -11,6 +11,7 @@
 #include "capture/drivers/aravis/aravis_camera.h"
 #include "capture/drivers/grpc/grpc_camera.h"
 #include "capture/drivers/opencv/opencv_camera.h"
+#include "db/status/status_macros.h"
 
 namespace silhouette {
 namespace {
@@ -35,9 +36,8 @@ absl::StatusOr<std::unique_ptr<CameraRig>> OpenSimulated(
   for (const ViewSettings& view : cell.views) {
     if (IsSimulated(view.source)) views.push_back({view.name, view.image_width, view.image_height});
   }
-  auto rig = SimulatedCameraRig::Create(std::move(simulation), views);
-  if (!rig.ok()) return rig.status();
-  return std::unique_ptr<CameraRig>(*std::move(rig));
+  ASSIGN_OR_RETURN(auto rig, SimulatedCameraRig::Create(std::move(simulation), views));
+  return std::unique_ptr<CameraRig>(std::move(rig));
 }
 
 using OpenedSource = absl::StatusOr<std::unique_ptr<CameraSource>>;
@@ -121,14 +121,13 @@ absl::Status CheckCameras(const Cell& cell) {
 
 absl::StatusOr<std::unique_ptr<CameraSet>> OpenCameras(const Cell& cell,
                                                        std::shared_ptr<SimulatedCell> simulation) {
-  if (absl::Status status = CheckCameras(cell); !status.ok()) return status;
+  RETURN_IF_ERROR(CheckCameras(cell));
   std::vector<std::unique_ptr<CameraSource>> sources;
   if (HasSimulatedCamera(cell)) {
-    auto simulated = OpenSimulated(cell, std::move(simulation));
-    if (!simulated.ok()) return simulated.status();
-    sources.push_back(std::make_unique<SimulatedCameras>(*std::move(simulated)));
+    ASSIGN_OR_RETURN(auto simulated, OpenSimulated(cell, std::move(simulation)));
+    sources.push_back(std::make_unique<SimulatedCameras>(std::move(simulated)));
   }
-  if (absl::Status status = OpenDrivers(cell, sources); !status.ok()) return status;
+  RETURN_IF_ERROR(OpenDrivers(cell, sources));
   std::vector<std::string> views;
   for (const ViewSettings& view : cell.views) {
     views.push_back(view.name);

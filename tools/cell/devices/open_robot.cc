@@ -13,6 +13,7 @@
 #include "capture/drivers/robots/manual_robot.h"
 #include "capture/drivers/robots/simple_message_link.h"
 #include "capture/drivers/robots/terminal_operator.h"
+#include "db/status/status_macros.h"
 
 namespace silhouette {
 namespace {
@@ -41,10 +42,9 @@ absl::StatusOr<std::vector<ManualJoint>> ManualJointsOf(const Cell& cell) {
     for (const FixedJoint& joint : cell.fixed_joints) joints.push_back({.name = joint.name});
     return joints;
   }
-  const absl::StatusOr<RobotModel> model =
-      RobotModel::FromUrdf(cell.robot.urdf, cell.robot.package_paths);
-  if (!model.ok()) return model.status();
-  for (const RobotJoint& joint : model->joints()) {
+  ASSIGN_OR_RETURN(const RobotModel model,
+                   RobotModel::FromUrdf(cell.robot.urdf, cell.robot.package_paths));
+  for (const RobotJoint& joint : model.joints()) {
     joints.push_back({.name = joint.name, .prismatic = joint.type == JointType::kPrismatic});
   }
   return joints;
@@ -72,23 +72,21 @@ struct Opener {
     return FeedbackRobotOf(ConnectGrpcRobot(settings), LimitsOf(cell, settings.timeout));
   }
   Result operator()(const ManualRobotSettings& settings) const {
-    absl::StatusOr<std::vector<ManualJoint>> joints = ManualJointsOf(cell);
-    if (!joints.ok()) return joints.status();
+    ASSIGN_OR_RETURN(std::vector<ManualJoint> joints, ManualJointsOf(cell));
     if (std::holds_alternative<std::monostate>(settings.read)) {
       return std::make_unique<ManualRobot>(
-          *std::move(joints), OperatorAtTerminal(),
+          std::move(joints), OperatorAtTerminal(),
           settings.typed ? ManualRobot::Reading::kTyped : ManualRobot::Reading::kConfirmed);
     }
-    auto reader = std::visit(*this, settings.read);
-    if (!reader.ok()) return reader.status();
+    ASSIGN_OR_RETURN(auto reader, std::visit(*this, settings.read));
     std::vector<ManualJoint> in_its_order;
-    for (const std::string& name : (*reader)->joints()) {
-      const auto joint = std::find_if(joints->begin(), joints->end(),
+    for (const std::string& name : reader->joints()) {
+      const auto joint = std::find_if(joints.begin(), joints.end(),
                                       [&](const ManualJoint& known) { return known.name == name; });
-      in_its_order.push_back(joint == joints->end() ? ManualJoint{.name = name} : *joint);
+      in_its_order.push_back(joint == joints.end() ? ManualJoint{.name = name} : *joint);
     }
     return std::make_unique<ManualRobot>(std::move(in_its_order), OperatorAtTerminal(),
-                                         *std::move(reader), cell.capture.joint_tolerance);
+                                         std::move(reader), cell.capture.joint_tolerance);
   }
 };
 

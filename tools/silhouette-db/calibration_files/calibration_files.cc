@@ -13,6 +13,7 @@
 #include "calib/files/calibration_matrix_file.h"
 #include "calib/files/calibration_session_file.h"
 #include "common/picture/files.h"
+#include "db/status/status_macros.h"
 #include "db/store/store.h"
 
 namespace silhouette {
@@ -62,15 +63,14 @@ absl::StatusOr<std::vector<std::string>> FilesByView(const std::vector<std::stri
                                                      const CellDescription& cell) {
   std::vector<std::string> files(static_cast<size_t>(cell.views_size()));
   for (const std::string& input : inputs) {
-    const absl::StatusOr<ViewFile> given = ViewFileOf(input, cell);
-    if (!given.ok()) return given.status();
-    std::string& file = files[static_cast<size_t>(given->view)];
+    ASSIGN_OR_RETURN(const ViewFile given, ViewFileOf(input, cell));
+    std::string& file = files[static_cast<size_t>(given.view)];
     if (!file.empty()) {
-      return absl::InvalidArgumentError(absl::StrCat("view '", cell.views(given->view).name(),
+      return absl::InvalidArgumentError(absl::StrCat("view '", cell.views(given.view).name(),
                                                      "' has two files, '", file, "' and '",
-                                                     given->file, "'; give one"));
+                                                     given.file, "'; give one"));
     }
-    file = given->file;
+    file = given.file;
   }
   for (int i = 0; i < cell.views_size(); ++i) {
     if (!files[static_cast<size_t>(i)].empty()) continue;
@@ -84,11 +84,9 @@ absl::StatusOr<std::vector<std::string>> FilesByView(const std::vector<std::stri
 absl::Status AddCameras(const std::vector<std::string>& files,
                         storage::v1::Calibration& calibration) {
   for (const std::string& file : files) {
-    const absl::StatusOr<std::string> text = ReadWholeFile(file);
-    if (!text.ok()) return text.status();
-    absl::StatusOr<storage::v1::CameraModel> camera = CameraFromText(*text, file);
-    if (!camera.ok()) return camera.status();
-    *calibration.add_cameras() = *std::move(camera);
+    ASSIGN_OR_RETURN(const std::string text, ReadWholeFile(file));
+    ASSIGN_OR_RETURN(storage::v1::CameraModel camera, CameraFromText(text, file));
+    *calibration.add_cameras() = std::move(camera);
   }
   return absl::OkStatus();
 }
@@ -96,20 +94,17 @@ absl::Status AddCameras(const std::vector<std::string>& files,
 // Of calibration.yaml, with the cameras that it names, or of a file of matrices.
 absl::StatusOr<storage::v1::Calibration> ReadYaml(const std::string& file,
                                                   const CellDescription& cell) {
-  const absl::StatusOr<std::string> text = ReadWholeFile(file);
-  if (!text.ok()) return text.status();
-  if (!IsSessionFile(*text)) return MatricesFromText(*text, file, cell);
-  absl::StatusOr<CalibrationSession> session = SessionFromText(*text, file, cell);
-  if (!session.ok()) return session.status();
-  if (session->camera_files.empty()) return std::move(session->calibration);
+  ASSIGN_OR_RETURN(const std::string text, ReadWholeFile(file));
+  if (!IsSessionFile(text)) return MatricesFromText(text, file, cell);
+  ASSIGN_OR_RETURN(CalibrationSession session, SessionFromText(text, file, cell));
+  if (session.camera_files.empty()) return std::move(session.calibration);
   // The cameras are the calibration; the pairs follow from them.
-  session->calibration.clear_fundamental_matrices();
-  for (std::string& camera : session->camera_files) {
+  session.calibration.clear_fundamental_matrices();
+  for (std::string& camera : session.camera_files) {
     camera = (fs::path(file).parent_path() / camera).string();
   }
-  const absl::Status added = AddCameras(session->camera_files, session->calibration);
-  if (!added.ok()) return added;
-  return std::move(session->calibration);
+  RETURN_IF_ERROR(AddCameras(session.camera_files, session.calibration));
+  return std::move(session.calibration);
 }
 
 absl::StatusOr<storage::v1::Calibration> ReadCameras(const std::vector<std::string>& inputs,
@@ -123,10 +118,9 @@ absl::StatusOr<storage::v1::Calibration> ReadCameras(const std::vector<std::stri
       named.push_back((fs::path(inputs[0]) / CameraFileName(view.name())).string());
     }
   }
-  const absl::StatusOr<std::vector<std::string>> files = FilesByView(named, cell);
-  if (!files.ok()) return files.status();
+  ASSIGN_OR_RETURN(const std::vector<std::string> files, FilesByView(named, cell));
   storage::v1::Calibration calibration;
-  if (absl::Status added = AddCameras(*files, calibration); !added.ok()) return added;
+  RETURN_IF_ERROR(AddCameras(files, calibration));
   return calibration;
 }
 
@@ -149,7 +143,7 @@ absl::StatusOr<storage::v1::Calibration> ReadCalibration(const std::vector<std::
     calibration = ReadCameras(inputs, cell);
   }
   if (!calibration.ok()) return calibration;
-  if (absl::Status status = CheckCalibration(*calibration, cell); !status.ok()) return status;
+  RETURN_IF_ERROR(CheckCalibration(*calibration, cell));
   return calibration;
 }
 
@@ -183,7 +177,7 @@ absl::StatusOr<std::vector<std::string>> WriteCalibration(
     files.emplace_back(out, calibration.has_record() ? SessionFileText({calibration, {}}, cell)
                                                      : MatrixFileText(calibration, cell));
   } else {
-    if (absl::Status made = MakeFolder(out); !made.ok()) return made;
+    RETURN_IF_ERROR(MakeFolder(out));
   }
   for (int i = 0; i < calibration.cameras_size(); ++i) {
     const std::string& view = cell.views(i).name();
@@ -203,7 +197,7 @@ absl::StatusOr<std::vector<std::string>> WriteCalibration(
     return absl::AlreadyExistsError(absl::StrCat("'", path, "' is there already; give a new name"));
   }
   for (const auto& [path, text] : files) {
-    if (absl::Status status = WriteWholeFile(path, text); !status.ok()) return status;
+    RETURN_IF_ERROR(WriteWholeFile(path, text));
     paths.push_back(path);
   }
   return paths;

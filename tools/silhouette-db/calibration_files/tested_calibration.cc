@@ -4,6 +4,7 @@
 
 #include "absl/strings/str_format.h"
 #include "calib/files/calibration_message.h"
+#include "db/status/status_macros.h"
 #include "tools/silhouette-db/calibration_files/calibration_files.h"
 
 namespace silhouette {
@@ -21,17 +22,14 @@ absl::StatusOr<TestedCalibration> TestCalibration(const Database& database,
                                                   const Snapshot& snapshot,
                                                   const storage::v1::Calibration& stored,
                                                   double margin) {
-  absl::StatusOr<Calibration> calibration = CalibrationFrom(stored);
-  if (!calibration.ok()) return calibration.status();
-  if (absl::Status status = CheckLines(*calibration, database.cell()); !status.ok()) return status;
-  EpipolarBands bands(*calibration, database.mask_sizes(), margin);
-  absl::StatusOr<std::vector<ConfigurationNumber>> samples =
-      SampledConfigurations(database, snapshot, kSamples);
-  if (!samples.ok()) return samples.status();
-  absl::StatusOr<Contradictions> found = FindContradictions(snapshot, bands, *samples);
-  if (!found.ok()) return found.status();
-  return TestedCalibration{*std::move(calibration), std::move(bands), *std::move(samples),
-                           *std::move(found)};
+  ASSIGN_OR_RETURN(Calibration calibration, CalibrationFrom(stored));
+  RETURN_IF_ERROR(CheckLines(calibration, database.cell()));
+  EpipolarBands bands(calibration, database.mask_sizes(), margin);
+  ASSIGN_OR_RETURN(std::vector<ConfigurationNumber> samples,
+                   SampledConfigurations(database, snapshot, kSamples));
+  ASSIGN_OR_RETURN(Contradictions found, FindContradictions(snapshot, bands, samples));
+  return TestedCalibration{std::move(calibration), std::move(bands), std::move(samples),
+                           std::move(found)};
 }
 
 std::string ContradictionText(const Contradictions& found,

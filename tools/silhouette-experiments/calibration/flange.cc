@@ -2,6 +2,7 @@
 #include <numbers>
 
 #include "calib/poses/pose_calibration.h"
+#include "db/status/status_macros.h"
 #include "tools/silhouette-experiments/calibration/rig.h"
 #include "tools/silhouette-experiments/calibration/trials.h"
 
@@ -45,14 +46,13 @@ PoseProblem DrawProblem(const Rig& rig, uint64_t seed) {
 
 absl::StatusOr<Figures> MeasureFlange(uint64_t seed) {
   const Rig rig = DrawRig(seed);
-  const auto solution = CalibratePoses(DrawProblem(rig, seed));
-  if (!solution.ok()) return solution.status();
+  ASSIGN_OR_RETURN(const auto solution, CalibratePoses(DrawProblem(rig, seed)));
   RootMeanSquare places;
   RootMeanSquare directions;
   RootMeanSquare points;
   for (size_t c = 0; c < rig.cameras.size(); ++c) {
     const CameraModel& truth = rig.cameras[c].model;
-    const Eigen::Isometry3d base_from_camera = solution->views[c].camera_pose.inverse();
+    const Eigen::Isometry3d base_from_camera = solution.views[c].camera_pose.inverse();
     // Where the camera, taken to be there, has points that are elsewhere in truth.
     const Eigen::Isometry3d error = base_from_camera * truth.camera_from_world();
     places.Add((base_from_camera.translation() - truth.Centre()).squaredNorm(), 1);

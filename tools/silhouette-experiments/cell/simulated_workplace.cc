@@ -8,6 +8,7 @@
 #include "calib/files/calibration_message.h"
 #include "capture/session/capture_session.h"
 #include "capture/session/reference_images.h"
+#include "db/status/status_macros.h"
 
 namespace silhouette::cell_experiment {
 namespace {
@@ -57,16 +58,13 @@ absl::StatusOr<std::unique_ptr<Database>> OpenOrCreate(const std::string& path, 
 }  // namespace
 
 absl::StatusOr<SimulatedWorkplace> SimulatedWorkplace::Load(const std::string& cell_file) {
-  absl::StatusOr<Cell> cell = LoadCell(cell_file);
-  if (!cell.ok()) return cell.status();
-  if (absl::Status status = CheckSimulated(*cell); !status.ok()) return status;
-  auto simulation =
-      SimulatedCell::Load(cell->simulation, cell->robot.urdf, cell->robot.package_paths);
-  if (!simulation.ok()) return simulation.status();
+  ASSIGN_OR_RETURN(Cell cell, LoadCell(cell_file));
+  RETURN_IF_ERROR(CheckSimulated(cell));
+  ASSIGN_OR_RETURN(auto simulation,
+                   SimulatedCell::Load(cell.simulation, cell.robot.urdf, cell.robot.package_paths));
   // The rig checks that every view has its camera.
-  const auto rig = SimulatedCameraRig::Create(*simulation, ViewsOf(*cell));
-  if (!rig.ok()) return rig.status();
-  SimulatedWorkplace workplace(*std::move(cell), *std::move(simulation));
+  RETURN_IF_ERROR(SimulatedCameraRig::Create(simulation, ViewsOf(cell)).status());
+  SimulatedWorkplace workplace(std::move(cell), std::move(simulation));
   const std::vector<SimulatedCamera>& cameras = workplace.simulation_->settings().cameras;
   for (const ViewSettings& view : workplace.cell_.views) {
     const auto camera = std::find_if(cameras.begin(), cameras.end(),
@@ -99,36 +97,29 @@ std::vector<double> SimulatedWorkplace::Positions(std::span<const double> config
 
 absl::Status SimulatedWorkplace::Capture(Database& database,
                                          const CaptureObserver& observer) const {
-  auto rig = SimulatedCameraRig::Create(simulation_, ViewsOf(cell_));
-  if (!rig.ok()) return rig.status();
-  const auto snapshot = database.Read();
-  if (!snapshot.ok()) return snapshot.status();
-  const auto stored = snapshot->References();
-  if (!stored.ok()) return stored.status();
-  if (!*stored) {
-    auto cameras = CellCameras::Create(database.cell(), **rig);
-    if (!cameras.ok()) return cameras.status();
+  ASSIGN_OR_RETURN(auto rig, SimulatedCameraRig::Create(simulation_, ViewsOf(cell_)));
+  ASSIGN_OR_RETURN(const auto snapshot, database.Read());
+  ASSIGN_OR_RETURN(const auto stored, snapshot.References());
+  if (!stored) {
+    ASSIGN_OR_RETURN(auto cameras, CellCameras::Create(database.cell(), *rig));
     simulation_->SetRobotPresent(false);
-    const auto references = TakeReferences(*cameras, cell_.capture.reference_images);
+    const auto references = TakeReferences(cameras, cell_.capture.reference_images);
     simulation_->SetRobotPresent(true);
     if (!references.ok()) return references.status();
-    absl::Status status = database.SetReferences(*references, kProgram);
-    if (!status.ok()) return status;
+    RETURN_IF_ERROR(database.SetReferences(*references, kProgram));
   }
-  const auto records = ReadRecords(database);
-  if (!records.ok()) return records.status();
+  ASSIGN_OR_RETURN(const auto records, ReadRecords(database));
   const Travel travel(cell_.grid, cell_.capture.forbidden_regions);
-  const auto plan = PlanCapture(DescriptionOf(cell_), travel, *records, cell_.capture, {});
-  if (!plan.ok()) return plan.status();
-  if (plan->captures.empty() && plan->exclusions.empty()) return absl::OkStatus();
+  ASSIGN_OR_RETURN(const auto plan,
+                   PlanCapture(DescriptionOf(cell_), travel, records, cell_.capture, {}));
+  if (plan.captures.empty() && plan.exclusions.empty()) return absl::OkStatus();
   SimulatedRobot robot(simulation_);
-  if (!plan->captures.empty()) {
-    simulation_->SetPositions(Positions(cell_.grid.At(plan->captures.front())));
+  if (!plan.captures.empty()) {
+    simulation_->SetPositions(Positions(cell_.grid.At(plan.captures.front())));
   }
-  auto session =
-      CaptureSession::Create(database, travel, robot, **rig, cell_.capture, cell_.segmentation);
-  if (!session.ok()) return session.status();
-  const CaptureReport report = session->Run(*plan, kProgram, observer);
+  ASSIGN_OR_RETURN(auto session, CaptureSession::Create(database, travel, robot, *rig,
+                                                        cell_.capture, cell_.segmentation));
+  const CaptureReport report = session.Run(plan, kProgram, observer);
   if (!report.status.ok()) return report.status;
   if (report.stopped) return absl::CancelledError("the capture was stopped");
   if (!report.complete()) {
@@ -138,11 +129,9 @@ absl::Status SimulatedWorkplace::Capture(Database& database,
 }
 
 absl::Status SimulatedWorkplace::Calibrate(Database& database) const {
-  const auto snapshot = database.Read();
-  if (!snapshot.ok()) return snapshot.status();
-  const auto stored = snapshot->Calibration();
-  if (!stored.ok()) return stored.status();
-  if (*stored) return absl::OkStatus();
+  ASSIGN_OR_RETURN(const auto snapshot, database.Read());
+  ASSIGN_OR_RETURN(const auto stored, snapshot.Calibration());
+  if (stored) return absl::OkStatus();
   storage::v1::Calibration calibration;
   for (const CameraModel& camera : TrueCalibration().cameras) {
     *calibration.add_cameras() = MessageOf(camera);
@@ -155,8 +144,8 @@ absl::StatusOr<std::unique_ptr<Database>> SimulatedWorkplace::OpenOrCapture(
   auto database = OpenOrCreate(path, cell_);
   if (!database.ok()) return database.status();
   simulation_->SetObstacles({});
-  if (absl::Status status = Capture(**database, observer); !status.ok()) return status;
-  if (absl::Status status = Calibrate(**database); !status.ok()) return status;
+  RETURN_IF_ERROR(Capture(**database, observer));
+  RETURN_IF_ERROR(Calibrate(**database));
   return database;
 }
 
@@ -167,9 +156,8 @@ absl::StatusOr<std::shared_ptr<const ServedDatabase>> SimulatedWorkplace::Serve(
     const Margin own = settings.margin ? Margin{.pixels = *settings.margin} : view.margin;
     treatments.views.push_back({.margin = own, .ignored = std::nullopt});
   }
-  const auto workspace = WorkspaceOf(cell_);
-  if (!workspace.ok()) return workspace.status();
-  treatments.workspace = *workspace;
+  ASSIGN_OR_RETURN(const auto workspace, WorkspaceOf(cell_));
+  treatments.workspace = workspace;
   Cell cell = cell_;
   if (settings.least_obstacle) {
     if (!cell.sound) {
@@ -179,9 +167,8 @@ absl::StatusOr<std::shared_ptr<const ServedDatabase>> SimulatedWorkplace::Serve(
     cell.sound->least_obstacle = *settings.least_obstacle;
     cell.sound->voxel_edge.reset();
   }
-  const auto sound = SoundCellOf(cell);
-  if (!sound.ok()) return sound.status();
-  return ServedDatabase::Load(database, cell_.calibration, treatments, *sound,
+  ASSIGN_OR_RETURN(const auto sound, SoundCellOf(cell));
+  return ServedDatabase::Load(database, cell_.calibration, treatments, sound,
                               {.calibration = settings.calibration});
 }
 

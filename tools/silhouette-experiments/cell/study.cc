@@ -6,6 +6,8 @@
 #include <set>
 #include <utility>
 
+#include "db/status/status_macros.h"
+
 namespace silhouette::cell_experiment {
 namespace {
 
@@ -35,16 +37,15 @@ std::optional<size_t> FirstWith(const SceneRecord& record, Cause cause) {
 
 absl::StatusOr<SceneRecord> RunScene(const TrialSetting& setting, Explainer& explainer,
                                      const SceneSource& source, int number) {
-  absl::StatusOr<ViewedScene> viewed = View(setting, source(number), number);
-  if (!viewed.ok()) return viewed.status();
-  TrialResult result = Judge(setting, *viewed, number);
+  ASSIGN_OR_RETURN(ViewedScene viewed, View(setting, source(number), number));
+  TrialResult result = Judge(setting, viewed, number);
   SceneRecord record{.number = number,
-                     .robot_on_grid = viewed->truth.robot_on_grid,
+                     .robot_on_grid = viewed.truth.robot_on_grid,
                      .blocked = result.blocked,
                      .tallies = std::move(result.tallies),
                      .missing = {}};
   for (MissedConfiguration& missed : result.missed) {
-    std::vector<Explanation> explanations = explainer.Explain(*viewed, missed);
+    std::vector<Explanation> explanations = explainer.Explain(viewed, missed);
     record.missing.push_back({std::move(missed), std::move(explanations)});
   }
   return record;

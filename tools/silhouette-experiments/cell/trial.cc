@@ -7,6 +7,7 @@
 #include <utility>
 
 #include "common/picture/picture.h"
+#include "db/status/status_macros.h"
 #include "server/collision/collision_checker.h"
 #include "server/scene/make_scene.h"
 
@@ -93,10 +94,9 @@ absl::StatusOr<ViewedScene> View(const TrialSetting& setting, RandomScene scene,
                            .image = EncodedImage{EncodePng(pixels)}});
   }
   const Moment now = SystemClock();
-  absl::StatusOr<Scene> made = MakeScene(setting.database, input, workplace.cell().server.scene,
-                                         workplace.cell().segmentation, now);
-  if (!made.ok()) return made.status();
-  return ViewedScene{std::move(scene), std::move(images), *std::move(made)};
+  ASSIGN_OR_RETURN(Scene made, MakeScene(setting.database, input, workplace.cell().server.scene,
+                                         workplace.cell().segmentation, now));
+  return ViewedScene{std::move(scene), std::move(images), std::move(made)};
 }
 
 TrialResult Judge(const TrialSetting& setting, const ViewedScene& viewed, int number) {

@@ -7,6 +7,7 @@
 #include "absl/strings/str_cat.h"
 #include "calib/files/calibration_message.h"
 #include "capture/segmentation/difference.h"
+#include "db/status/status_macros.h"
 #include "db/store/store.h"
 #include "server/scene/make_scene.h"
 
@@ -23,9 +24,8 @@ cv::Mat MatOf(CameraImage& image) {
 absl::StatusOr<std::vector<Reference>> Decoded(const storage::v1::References& stored) {
   std::vector<Reference> references;
   for (const storage::v1::Reference& view : stored.views()) {
-    absl::StatusOr<Reference> reference = Reference::FromPng(view.mean_png(), view.noise_png());
-    if (!reference.ok()) return reference.status();
-    references.push_back(*std::move(reference));
+    ASSIGN_OR_RETURN(Reference reference, Reference::FromPng(view.mean_png(), view.noise_png()));
+    references.push_back(std::move(reference));
   }
   return references;
 }
@@ -88,55 +88,48 @@ std::vector<Mask> HiddenCell::TakeMasks(std::span<const double> q,
 absl::StatusOr<HiddenCell> HiddenCell::Capture(const std::string& cell_file,
                                                const std::string& folder,
                                                const CaptureProgress& progress) {
-  absl::StatusOr<Cell> cell = LoadCell(cell_file);
-  if (!cell.ok()) return cell.status();
-  if (cell->simulation.empty() || !cell->sound) {
+  ASSIGN_OR_RETURN(Cell cell, LoadCell(cell_file));
+  if (cell.simulation.empty() || !cell.sound) {
     return absl::InvalidArgumentError(
         absl::StrCat(cell_file, ": the experiment needs the keys 'simulation' and 'sound', as in ",
                      "capture/sim/cells/hidden/cell.yaml"));
   }
-  auto simulation =
-      SimulatedCell::Load(cell->simulation, cell->robot.urdf, cell->robot.package_paths);
-  if (!simulation.ok()) return simulation.status();
-  HiddenCell hidden(*std::move(cell), *std::move(simulation));
+  ASSIGN_OR_RETURN(auto simulation,
+                   SimulatedCell::Load(cell.simulation, cell.robot.urdf, cell.robot.package_paths));
+  HiddenCell hidden(std::move(cell), std::move(simulation));
   storage::v1::Calibration calibration;
   const SimulationSettings& settings = hidden.simulation_->settings();
   for (const ViewSettings& view : hidden.cell_.views) {
-    const auto camera = CameraOf(settings, {view.name, view.image_width, view.image_height});
-    if (!camera.ok()) return camera.status();
-    hidden.views_.push_back(*camera);
-    const CameraModel& model = settings.cameras[*camera].model;
+    ASSIGN_OR_RETURN(const auto camera,
+                     CameraOf(settings, {view.name, view.image_width, view.image_height}));
+    hidden.views_.push_back(camera);
+    const CameraModel& model = settings.cameras[camera].model;
     *calibration.add_cameras() = silhouette::MessageOf(model);
     hidden.cameras_.push_back(model.ScaledTo(view.mask_size.width, view.mask_size.height));
   }
-  const auto references = hidden.TakeReferences();
-  if (!references.ok()) return references.status();
-  const auto decoded = Decoded(*references);
-  if (!decoded.ok()) return decoded.status();
+  ASSIGN_OR_RETURN(const auto references, hidden.TakeReferences());
+  ASSIGN_OR_RETURN(const auto decoded, Decoded(references));
 
-  const auto database = Database::Create(folder, DescriptionOf(hidden.cell_));
-  if (!database.ok()) return database.status();
-  auto writer = (*database)->Write(kProgram);
-  if (!writer.ok()) return writer.status();
+  ASSIGN_OR_RETURN(const auto database, Database::Create(folder, DescriptionOf(hidden.cell_)));
+  ASSIGN_OR_RETURN(auto writer, database->Write(kProgram));
   const ConfigurationGrid& grid = hidden.grid();
   uint64_t done = 0;
   for (ConfigurationNumber number = 0; number < grid.tiles() * kTileSize; ++number) {
     if (!grid.Contains(number)) continue;
     RobotImage image;
     image.number = number;
-    image.masks = hidden.TakeMasks(grid.At(number), *decoded);
-    if (absl::Status status = writer->Put(image); !status.ok()) return status;
+    image.masks = hidden.TakeMasks(grid.At(number), decoded);
+    RETURN_IF_ERROR(writer.Put(image));
     if (!progress(++done, grid.size())) return absl::AbortedError("stopped");
   }
-  absl::Status status = writer->Commit();
-  if (status.ok()) status = (*database)->SetReferences(*references, kProgram);
-  if (status.ok()) status = (*database)->SetCalibration(calibration, kProgram);
+  absl::Status status = writer.Commit();
+  if (status.ok()) status = database->SetReferences(references, kProgram);
+  if (status.ok()) status = database->SetCalibration(calibration, kProgram);
   if (!status.ok()) return status;
-  const auto sound = SoundCellOf(hidden.cell_);
-  if (!sound.ok()) return sound.status();
-  auto served = ServedDatabase::Load(**database, hidden.cell_.calibration, {}, *sound);
-  if (!served.ok()) return served.status();
-  hidden.database_ = *std::move(served);
+  ASSIGN_OR_RETURN(const auto sound, SoundCellOf(hidden.cell_));
+  ASSIGN_OR_RETURN(auto served,
+                   ServedDatabase::Load(*database, hidden.cell_.calibration, {}, sound));
+  hidden.database_ = std::move(served);
   hidden.body_ = std::make_unique<const RobotBody>(
       hidden.robot(), RobotBody::Settings{.range = 0.1, .step = kBodyStep});
   hidden.bodies_.resize(grid.tiles() * kTileSize);

@@ -12,6 +12,7 @@
 #include "absl/status/status.h"
 #include "absl/strings/str_cat.h"
 #include "capture/sim/contact.h"
+#include "db/status/status_macros.h"
 #include "server/collision/collision_checker.h"
 #include "server/collision/epipolar_bands.h"
 #include "tools/silhouette-experiments/placement/silhouettes.h"
@@ -145,22 +146,19 @@ absl::StatusOr<Trials> Trials::Make(const RobotModel& robot, const Configuration
   std::vector<Poses> looked_at;  // the extremes, too
   Bounds bounds;
   const auto pose_at = [&](const Configuration& q) -> absl::StatusOr<Poses> {
-    const auto positions = positions_at(q);
-    if (!positions.ok()) return positions.status();
-    return robot.LinkPoses(*positions);
+    ASSIGN_OR_RETURN(const auto positions, positions_at(q));
+    return robot.LinkPoses(positions);
   };
   const auto numbers =
       SampleNumbers(grid, static_cast<size_t>(places.samples.configurations), random);
   for (ConfigurationNumber number : numbers) {
-    const absl::StatusOr<Poses> pose = pose_at(grid.At(number));
-    if (!pose.ok()) return pose.status();
-    poses.push_back(*pose);
+    ASSIGN_OR_RETURN(const Poses pose, pose_at(grid.At(number)));
+    poses.push_back(pose);
   }
   looked_at = poses;
   for (const Configuration& q : Extremes(grid)) {
-    const absl::StatusOr<Poses> pose = pose_at(q);
-    if (!pose.ok()) return pose.status();
-    looked_at.push_back(*pose);
+    ASSIGN_OR_RETURN(const Poses pose, pose_at(q));
+    looked_at.push_back(pose);
   }
   for (const Poses& pose : looked_at) bounds.Add(solids, pose);
 
