@@ -47,7 +47,7 @@ struct Findings {
 };
 
 // Why there is no path; that there is one.
-std::string PlanOutcome(const Findings& findings) {
+std::string OutcomeText(const Findings& findings) {
   const PlanOutcome outcome = findings.search.plan.outcome;
   const auto end = [](const client::Verdict& verdict, const std::string& what) {
     return absl::StrCat("the ", what, " is ", Spoken(verdict));
@@ -103,7 +103,7 @@ absl::StatusOr<Findings> FindPath(const Client& client, const PlanArguments& arg
 absl::Status WritePath(const Findings& findings, const std::string& path) {
   Json joints = Json::array();
   for (const GridJoint& joint : findings.space.grid().joints()) joints.push_back(joint.name);
-  Json json{{"joints", joints}, {"outcome", PlanOutcome(findings)}, {"waypoints", Json::array()}};
+  Json json{{"joints", joints}, {"outcome", OutcomeText(findings)}, {"waypoints", Json::array()}};
   if (findings.found()) {
     json.update({{"waypoints", findings.search.plan.waypoints},
                  {"length_steps", findings.search.plan.length},
@@ -144,7 +144,7 @@ void PlanPrintJson(const Findings& findings) {
   const client::StateCounts counts = findings.space.Count();
   const Plan& plan = findings.search.plan;
   Json json{{"found", findings.found()},
-            {"outcome", PlanOutcome(findings)},
+            {"outcome", OutcomeText(findings)},
             {"path_waypoints", findings.found() ? plan.waypoints.size() : 0},
             {"length_steps", plan.length},
             {"places_checked", findings.check ? Json(findings.check->checked) : Json()},
@@ -178,7 +178,7 @@ void PlanPrintText(const Findings& findings) {
     std::cout << "free: " << findings.check->checked << " places checked, "
               << Spoken(findings.check->basis) << '\n';
   } else {
-    std::cout << "no path: " << PlanOutcome(findings) << '\n';
+    std::cout << "no path: " << OutcomeText(findings) << '\n';
   }
   if (!findings.truth) return;
   const Judgement judgement = Judge(findings.space, *findings.truth);
