@@ -66,8 +66,9 @@ macro(silhouette_folder)
 endmacro()
 
 # Notes what a folder links, for docs/architecture.md and the test of the arrows.
-function(silhouette_note_links folder name)
-  set_property(GLOBAL APPEND PROPERTY SILHOUETTE_LINKS "${folder} ${name} ${ARGN}")
+function(silhouette_note_links folder)
+  list(JOIN ARGN " " links)
+  set_property(GLOBAL APPEND PROPERTY SILHOUETTE_LINKS "${folder}: ${links}")
 endfunction()
 
 # silhouette_library([SOURCES more.cc ...] [PUBLIC targets] [PRIVATE targets])
@@ -76,7 +77,7 @@ endfunction()
 function(silhouette_library)
   cmake_parse_arguments(PARSE_ARGV 0 arg "" "" "SOURCES;PUBLIC;PRIVATE")
   silhouette_folder()
-  silhouette_note_links(${folder} ${name} ${arg_PUBLIC} ${arg_PRIVATE})
+  silhouette_note_links(${folder} ${arg_PUBLIC} ${arg_PRIVATE})
   if(NOT sources)
     add_library(silhouette_${name} INTERFACE)
     add_library(silhouette::${name} ALIAS silhouette_${name})
@@ -102,7 +103,7 @@ function(silhouette_program)
   cmake_parse_arguments(PARSE_ARGV 0 arg "" "" "LIBRARIES")
   silhouette_folder()
   cmake_path(GET folder FILENAME program)
-  silhouette_note_links(${folder} ${program} ${arg_LIBRARIES})
+  silhouette_note_links(${folder} ${arg_LIBRARIES})
   add_executable(${program} ${sources})
   set_target_properties(${program} PROPERTIES UNITY_BUILD_BATCH_SIZE 0)
   target_link_libraries(${program} PRIVATE ${arg_LIBRARIES} silhouette_options)
@@ -153,8 +154,9 @@ function(silhouette_tests)
   gtest_discover_tests(${test} DISCOVERY_TIMEOUT 60 PROPERTIES ${properties})
 endfunction()
 
-# Writes the link graph as architecture.txt: a line a target, its folder, its name and what it
-# links, in the order of the rooms. tests/tools/architecture reads it.
+# Writes the link graph as architecture.txt: a line a folder, in the order of the rooms, as
+# "server/live: silhouette::server_scene ... spdlog::spdlog". tools/architecture makes the table in
+# docs/architecture.md of it, tests/tools/architecture checks it.
 function(silhouette_write_architecture)
   get_property(links GLOBAL PROPERTY SILHOUETTE_LINKS)
   list(JOIN links "\n" text)

@@ -12,7 +12,7 @@
 #include "absl/status/statusor.h"
 #include "calib/robot/fixed_joint.h"
 #include "capture/devices/camera_settings.h"
-#include "capture/devices/robot_driver_settings.h"
+#include "capture/drivers/robots/robot_driver_settings.h"
 #include "capture/segmentation/settings.h"
 #include "capture/session/capture_settings.h"
 #include "db/mask/configuration_grid.h"

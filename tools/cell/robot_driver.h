@@ -1,7 +1,7 @@
 // The key `driver` in the section `robot` of cell.yaml: who moves the robot.
 #pragma once
 
-#include "capture/devices/robot_driver_settings.h"
+#include "capture/drivers/robots/robot_driver_settings.h"
 #include "common/yaml/strict_yaml.h"
 
 namespace silhouette {

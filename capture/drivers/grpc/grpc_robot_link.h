@@ -4,8 +4,8 @@
 #include <memory>
 
 #include "absl/status/statusor.h"
-#include "capture/devices/robot_driver_settings.h"
 #include "capture/drivers/robots/controller_link.h"
+#include "capture/drivers/robots/robot_driver_settings.h"
 
 namespace silhouette {
 
