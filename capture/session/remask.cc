@@ -52,18 +52,18 @@ void Count(const Mask& before, const Mask& after, ViewChange& change) {
   }
 }
 
-// The work on one set.
-class SetRemask {
+// The work on one variant.
+class VariantRemask {
  public:
-  SetRemask(const Database& database, const RemaskOptions& options)
+  VariantRemask(const Database& database, const RemaskOptions& options)
       : database_(database), options_(options) {
-    result_.name = database.set();
+    result_.name = database.variant();
     for (const storage::v1::View& view : database.cell().views()) {
       result_.views.push_back({.name = view.name()});
     }
   }
 
-  const RemaskedSet& result() const { return result_; }
+  const RemaskedVariant& result() const { return result_; }
   uint64_t records() const { return result_.configurations + result_.excluded; }
 
   // Finds out what is to be made.
@@ -182,30 +182,33 @@ class SetRemask {
   const RemaskOptions& options_;
   std::vector<ConfigurationNumber> with_raw_images_;
   KeptReferences references_;
-  RemaskedSet result_;
+  RemaskedVariant result_;
 };
 
-absl::Status CheckLeftOut(const RemaskedSet& set) {
-  if (set.left_out == 0) return absl::OkStatus();
-  return absl::FailedPreconditionError(absl::StrCat(
-      set.left_out, " of ", set.left_out + set.configurations + set.excluded, " robot images",
-      set.name == schema::kDefaultSet ? "" : absl::StrCat(" of the set '", set.name, "'"),
-      " have no raw images that can be read: their masks cannot be made anew"));
+absl::Status CheckLeftOut(const RemaskedVariant& variant) {
+  if (variant.left_out == 0) return absl::OkStatus();
+  return absl::FailedPreconditionError(
+      absl::StrCat(variant.left_out, " of ",
+                   variant.left_out + variant.configurations + variant.excluded, " robot images",
+                   variant.name == schema::kDefaultVariant
+                       ? ""
+                       : absl::StrCat(" of the variant '", variant.name, "'"),
+                   " have no raw images that can be read: their masks cannot be made anew"));
 }
 
 }  // namespace
 
-absl::StatusOr<std::vector<RemaskedSet>> Remask(const Database& database,
-                                                const RemaskOptions& options,
-                                                const std::string& program, Database& into) {
-  ASSIGN_OR_RETURN(const auto names, database.Sets());
-  std::vector<std::unique_ptr<Database>> sets;
-  std::vector<std::unique_ptr<SetRemask>> works;
+absl::StatusOr<std::vector<RemaskedVariant>> Remask(const Database& database,
+                                                    const RemaskOptions& options,
+                                                    const std::string& program, Database& into) {
+  ASSIGN_OR_RETURN(const auto names, database.Variants());
+  std::vector<std::unique_ptr<Database>> variants;
+  std::vector<std::unique_ptr<VariantRemask>> works;
   uint64_t total = 0;
   for (const std::string& name : names) {
-    ASSIGN_OR_RETURN(auto set, database.OpenSet(name));
-    sets.push_back(std::move(set));
-    works.push_back(std::make_unique<SetRemask>(*sets.back(), options));
+    ASSIGN_OR_RETURN(auto variant, database.OpenVariant(name));
+    variants.push_back(std::move(variant));
+    works.push_back(std::make_unique<VariantRemask>(*variants.back(), options));
     RETURN_IF_ERROR(works.back()->CountRecords());
     const absl::Status complete = CheckLeftOut(works.back()->result());
     if (!complete.ok() && !options.leave_out) return complete;
@@ -216,10 +219,10 @@ absl::StatusOr<std::vector<RemaskedSet>> Remask(const Database& database,
     done += more;
     return !options.progress || options.progress(done, total);
   };
-  std::vector<RemaskedSet> results;
+  std::vector<RemaskedVariant> results;
   for (const auto& work : works) {
-    auto place = into.OpenSet(work->result().name);
-    if (absl::IsNotFound(place.status())) place = into.CreateSet(work->result().name, program);
+    auto place = into.OpenVariant(work->result().name);
+    if (absl::IsNotFound(place.status())) place = into.CreateVariant(work->result().name, program);
     if (!place.ok()) return place.status();
     RETURN_IF_ERROR(work->Write(**place, program, tell));
     results.push_back(work->result());

@@ -31,8 +31,8 @@ struct ViewChange {
   uint64_t before = 0;  // pixels that there were
 };
 
-// What was made of a set.
-struct RemaskedSet {
+// What was made of a variant.
+struct RemaskedVariant {
   std::string name;
   uint64_t configurations = 0;  // whose masks were made
   uint64_t excluded = 0;
@@ -40,14 +40,14 @@ struct RemaskedSet {
   std::vector<ViewChange> views;
 };
 
-// Makes the masks of all sets and writes them into `into`, a new database of the same grid and
-// views, with masks of whatever sizes it has; sets that it lacks are made. `program`: for its
+// Makes the masks of all variants and writes them into `into`, a new database of the same grid and
+// views, with masks of whatever sizes it has; variants that it lacks are made. `program`: for its
 // provenance log. What is excluded is excluded there. Memory: some hundred robot images at a time.
 // FailedPrecondition, with their number, if robot images have no raw images and are not to be left
 // out; DataLoss if one cannot be read; Cancelled if `progress` said so; InvalidArgument if a
 // setting is not valid; errors of writing. Nobody writes into `database` meanwhile.
-absl::StatusOr<std::vector<RemaskedSet>> Remask(const Database& database,
-                                                const RemaskOptions& options,
-                                                const std::string& program, Database& into);
+absl::StatusOr<std::vector<RemaskedVariant>> Remask(const Database& database,
+                                                    const RemaskOptions& options,
+                                                    const std::string& program, Database& into);
 
 }  // namespace silhouette

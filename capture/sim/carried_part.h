@@ -1,4 +1,4 @@
-// What the simulated robot carries, by the set of robot images: the section `parts` of
+// What the simulated robot carries, by the variant: the section `parts` of
 // simulation.yaml.
 #pragma once
 
@@ -18,19 +18,19 @@ struct CarriedPart {
   PlacedShape shape;  // its pose is in the link's frame
 };
 
-// By the name of the set.
+// By the name of the variant.
 using CarriedParts = std::map<std::string, std::vector<CarriedPart>>;
 
-// The set of a robot that carries nothing, where the file says nothing else of it.
-inline constexpr char kBareSet[] = "default";
+// The variant of a robot that carries nothing, where the file says nothing else of it.
+inline constexpr char kBareVariant[] = "default";
 
 // Paths of meshes are relative to the file. Throws YamlError.
 CarriedParts ReadCarriedParts(const YamlNode& node);
 
 // The robot with what it carries, for pictures and truth alike. Where there are no parts at all, it
-// is the same for every set. InvalidArgument: there are some, but none for `set`; a part is on a
-// link that the robot does not have.
+// is the same for every variant. InvalidArgument: there are some, but none for `variant`; a part is
+// on a link that the robot does not have.
 absl::StatusOr<RobotModel> Carrying(const RobotModel& robot, const CarriedParts& parts,
-                                    const std::string& set);
+                                    const std::string& variant);
 
 }  // namespace silhouette

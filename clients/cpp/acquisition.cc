@@ -27,31 +27,33 @@ AcquiredDevice DeviceFrom(const Message& message) {
   return device;
 }
 
-RobotSet RobotSetFrom(const v1::RobotSet& message) {
-  return {.set = message.set(), .changing = message.changing(), .unknown = message.unknown()};
+RobotVariant RobotVariantFrom(const v1::RobotVariant& message) {
+  return {
+      .variant = message.variant(), .changing = message.changing(), .unknown = message.unknown()};
 }
 
-absl::StatusOr<SetChange> Change(const Connection& connection, const v1::ChangeSetRequest& request,
-                                 absl::Duration timeout) {
-  v1::ChangeSetResponse response;
+absl::StatusOr<VariantChange> Change(const Connection& connection,
+                                     const v1::ChangeVariantRequest& request,
+                                     absl::Duration timeout) {
+  v1::ChangeVariantResponse response;
   const absl::Status status = connection.Call(
-      connection.scenes(), &v1::SceneService::Stub::ChangeSet, request, timeout, response);
+      connection.scenes(), &v1::SceneService::Stub::ChangeVariant, request, timeout, response);
   if (!status.ok()) return status;
-  return SetChange{.robot_set = RobotSetFrom(response.robot_set()),
-                   .last_scene_before = response.last_scene_before()};
+  return VariantChange{.robot_variant = RobotVariantFrom(response.robot_variant()),
+                       .last_scene_before = response.last_scene_before()};
 }
 
 }  // namespace
 
-absl::StatusOr<SetChange> Client::BeginSetChange() const {
-  v1::ChangeSetRequest request;
+absl::StatusOr<VariantChange> Client::BeginVariantChange() const {
+  v1::ChangeVariantRequest request;
   request.set_changing(true);
   return Change(*connection_, request, timeout_);
 }
 
-absl::StatusOr<SetChange> Client::ChangeSet(const std::string& set) const {
-  v1::ChangeSetRequest request;
-  request.set_set(set);
+absl::StatusOr<VariantChange> Client::ChangeVariant(const std::string& variant) const {
+  v1::ChangeVariantRequest request;
+  request.set_variant(variant);
   return Change(*connection_, request, timeout_);
 }
 
@@ -71,7 +73,7 @@ absl::StatusOr<Acquisition> Client::GetAcquisition() const {
                           .robot = DeviceFrom(message.robot()),
                           .to_scene = LatencyFrom(message.to_scene()),
                           .to_map = LatencyFrom(message.to_map()),
-                          .robot_set = RobotSetFrom(message.robot_set())};
+                          .robot_variant = RobotVariantFrom(message.robot_variant())};
   for (const v1::AcquiredCamera& camera : message.cameras()) {
     AcquiredDevice& added = acquisition.cameras.emplace_back(DeviceFrom(camera));
     added.view = camera.view();

@@ -17,15 +17,15 @@ absl::Status NoClearances(const std::string& address) {
       "the server at ", address, " tells no clearances; use a silhouette-server of this version"));
 }
 
-absl::Status NoSets(const std::string& address) {
+absl::Status NoVariants(const std::string& address) {
   return absl::UnimplementedError(absl::StrCat("the server at ", address,
-                                               " knows no sets of robot images; use a "
+                                               " knows no variants; use a "
                                                "silhouette-server of this version"));
 }
 
-absl::Status RequireSet(const std::string& set, const v1::Basis& basis,
-                        const std::string& address) {
-  return set.empty() || basis.set() == set ? absl::OkStatus() : NoSets(address);
+absl::Status RequireVariant(const std::string& variant, const v1::Basis& basis,
+                            const std::string& address) {
+  return variant.empty() || basis.variant() == variant ? absl::OkStatus() : NoVariants(address);
 }
 
 namespace {

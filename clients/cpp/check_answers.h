@@ -32,11 +32,12 @@ absl::StatusOr<PathCheck> AnswerFrom(const v1::CheckPathResponse& response, Clea
                                      std::chrono::steady_clock::time_point asked,
                                      const std::string& address);
 
-// A set of robot images was named and the server knows none: it is older than this library.
-absl::Status NoSets(const std::string& address);
+// A variant was named and the server knows none: it is older than this library.
+absl::Status NoVariants(const std::string& address);
 
-// NoSets, if the answer does not rest on the set that was asked for; empty: on any.
-absl::Status RequireSet(const std::string& set, const v1::Basis& basis, const std::string& address);
+// NoVariants, if the answer does not rest on the variant that was asked for; empty: on any.
+absl::Status RequireVariant(const std::string& variant, const v1::Basis& basis,
+                            const std::string& address);
 
 // Clearances were asked for and the server tells none: it is older than this library.
 absl::Status NoClearances(const std::string& address);

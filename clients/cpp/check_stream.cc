@@ -40,8 +40,8 @@ absl::Status CheckStream::SendPath(uint64_t id, std::span<const Configuration> w
   return impl_->Send(std::move(question));
 }
 
-CheckStream::Impl::Impl(std::shared_ptr<const Connection> connection, std::string set)
-    : connection_(std::move(connection)), set_(std::move(set)) {
+CheckStream::Impl::Impl(std::shared_ptr<const Connection> connection, std::string variant)
+    : connection_(std::move(connection)), variant_(std::move(variant)) {
   call_.emplace(cancellation_, context_);
 }
 
@@ -71,9 +71,9 @@ absl::Status CheckStream::Impl::Send(v1::StreamChecksRequest question) {
   }
   const bool path = question.has_path();
   if (path) {
-    question.mutable_path()->set_set(set_);
+    question.mutable_path()->set_variant(variant_);
   } else {
-    question.mutable_configurations()->set_set(set_);
+    question.mutable_configurations()->set_variant(variant_);
   }
   const auto clearance_of = [](const auto& request) {
     return request.include_clearance() ? Clearance::kMeasure : Clearance::kOmit;
@@ -167,8 +167,8 @@ absl::StatusOr<StreamedAnswer> CheckStream::Impl::AnswerTo(
   StreamedAnswer answer{.id = question.id, .checks = NotAsked(), .path = NotAsked()};
   absl::Status error;
   if (response.has_configurations() || response.has_path()) {
-    error = RequireSet(
-        set_, response.has_path() ? response.path().basis() : response.configurations().basis(),
+    error = RequireVariant(
+        variant_, response.has_path() ? response.path().basis() : response.configurations().basis(),
         address);
   }
   if (response.has_error()) {

@@ -19,7 +19,7 @@ namespace silhouette::client {
 
 class CheckStream::Impl {
  public:
-  Impl(std::shared_ptr<const Connection> connection, std::string set);
+  Impl(std::shared_ptr<const Connection> connection, std::string variant);
   ~Impl();
 
   absl::Status Send(v1::StreamChecksRequest question);
@@ -44,7 +44,7 @@ class CheckStream::Impl {
   void End(const absl::Status& status);
 
   const std::shared_ptr<const Connection> connection_;
-  const std::string set_;
+  const std::string variant_;
   Cancellation cancellation_;
   grpc::ClientContext context_;
   std::optional<Cancellation::Call> call_;

@@ -18,23 +18,23 @@ namespace silhouette::client {
 using Clock = std::chrono::steady_clock;
 
 Client::Client(std::shared_ptr<const Connection> connection, absl::Duration timeout,
-               std::string set)
-    : connection_(std::move(connection)), timeout_(timeout), set_(std::move(set)) {}
+               std::string variant)
+    : connection_(std::move(connection)), timeout_(timeout), variant_(std::move(variant)) {}
 
 absl::StatusOr<Client> Client::Connect(const std::string& address, absl::Duration timeout) {
   if (absl::Status status = RequireAddress(address); !status.ok()) return status;
   if (timeout <= absl::ZeroDuration()) {
     return absl::InvalidArgumentError("the time for a call must be positive");
   }
-  return Client(std::make_shared<const Connection>(address), timeout, /*set=*/"");
+  return Client(std::make_shared<const Connection>(address), timeout, /*variant=*/"");
 }
 
 Client Client::WithTimeout(absl::Duration timeout) const {
-  return Client(connection_, timeout, set_);
+  return Client(connection_, timeout, variant_);
 }
 
-Client Client::WithSet(std::string set) const {
-  return Client(connection_, timeout_, std::move(set));
+Client Client::WithVariant(std::string variant) const {
+  return Client(connection_, timeout_, std::move(variant));
 }
 
 const std::string& Client::address() const { return connection_->address(); }
@@ -43,13 +43,13 @@ absl::StatusOr<ConfigurationChecks> Client::CheckConfigurations(
     std::span<const Configuration> configurations, const Policy& policy, Evidence evidence,
     Clearance clearance) const {
   v1::CheckConfigurationsRequest request = QuestionOf(configurations, policy, evidence, clearance);
-  request.set_set(set_);
+  request.set_variant(variant_);
   v1::CheckConfigurationsResponse response;
   const Clock::time_point asked = Clock::now();
   absl::Status status =
       connection_->Call(connection_->collisions(), &v1::CollisionService::Stub::CheckConfigurations,
                         request, timeout_, response);
-  if (status.ok()) status = RequireSet(set_, response.basis(), address());
+  if (status.ok()) status = RequireVariant(variant_, response.basis(), address());
   if (!status.ok()) return status;
   return AnswerFrom(response, configurations.size(), clearance, asked, address());
 }
@@ -60,13 +60,13 @@ absl::StatusOr<NumberChecks> Client::CheckNumbers(std::span<const uint32_t> numb
   v1::CheckConfigurationsRequest request;
   request.mutable_numbers()->Add(numbers.begin(), numbers.end());
   *request.mutable_policy() = ToMessage(policy);
-  request.set_set(set_);
+  request.set_variant(variant_);
   v1::CheckConfigurationsResponse response;
   const Clock::time_point asked = Clock::now();
   absl::Status status =
       connection_->Call(connection_->collisions(), &v1::CollisionService::Stub::CheckConfigurations,
                         request, timeout_, response);
-  if (status.ok()) status = RequireSet(set_, response.basis(), address());
+  if (status.ok()) status = RequireVariant(variant_, response.basis(), address());
   if (!status.ok()) return status;
   return NumbersFrom(response, numbers.size(), asked, address());
 }
@@ -75,13 +75,13 @@ absl::StatusOr<PathCheck> Client::CheckPath(std::span<const Configuration> waypo
                                             const Policy& policy, Clearance clearance) const {
   if (waypoints.empty()) return absl::InvalidArgumentError("a path has at least one waypoint");
   v1::CheckPathRequest request = QuestionOf(waypoints, policy, clearance);
-  request.set_set(set_);
+  request.set_variant(variant_);
   v1::CheckPathResponse response;
   const Clock::time_point asked = Clock::now();
   absl::Status status =
       connection_->Call(connection_->collisions(), &v1::CollisionService::Stub::CheckPath, request,
                         timeout_, response);
-  if (status.ok()) status = RequireSet(set_, response.basis(), address());
+  if (status.ok()) status = RequireVariant(variant_, response.basis(), address());
   if (!status.ok()) return status;
   return AnswerFrom(response, clearance, asked, address());
 }
@@ -90,13 +90,13 @@ absl::StatusOr<PathWatch> Client::WatchPath(std::span<const Configuration> waypo
                                             const Policy& policy, Clearance clearance) const {
   if (waypoints.empty()) return absl::InvalidArgumentError("a path has at least one waypoint");
   v1::CheckPathRequest request = QuestionOf(waypoints, policy, clearance);
-  request.set_set(set_);
+  request.set_variant(variant_);
   return PathWatch(
       std::make_unique<PathWatch::Impl>(connection_, timeout_, std::move(request), clearance));
 }
 
 CheckStream Client::StreamChecks() const {
-  return CheckStream(std::make_unique<CheckStream::Impl>(connection_, set_));
+  return CheckStream(std::make_unique<CheckStream::Impl>(connection_, variant_));
 }
 
 absl::StatusOr<ConfigurationSpace> Client::GetConfigurationSpace(
@@ -107,7 +107,7 @@ absl::StatusOr<ConfigurationSpace> Client::GetConfigurationSpace(
   if (max_time) *request.mutable_max_time() = ToMessage(*max_time);
   *request.mutable_policy() = ToMessage(policy);
   request.mutable_tiles()->Add(tiles.begin(), tiles.end());
-  request.set_set(set_);
+  request.set_variant(variant_);
   grpc::ClientContext context;
   context.set_deadline(absl::ToChronoTime(absl::Now() + timeout_));
   const Clock::time_point asked = Clock::now();
@@ -119,12 +119,12 @@ absl::StatusOr<ConfigurationSpace> Client::GetConfigurationSpace(
   uint64_t left_out = 0;
   bool tells_levels = true;
   absl::Status fault;
-  absl::Status of_set;
+  absl::Status of_variant;
   v1::GetConfigurationSpaceResponse part;
   for (bool first = true; fault.ok() && reader->Read(&part); first = false) {
     if (first) {
       basis = FromMessage(part.basis(), asked);
-      of_set = RequireSet(set_, part.basis(), address());
+      of_variant = RequireVariant(variant_, part.basis(), address());
       left_out = part.tiles_left_out();
       if (part.has_grid()) grid = FromMessage(part.grid());
       fault = grid.status();
@@ -142,7 +142,7 @@ absl::StatusOr<ConfigurationSpace> Client::GetConfigurationSpace(
   if (!fault.ok()) return Malformed(address(), fault.message());
   if (!finished.ok()) return connection_->SentenceFor(finished, timeout_);
   if (!grid.ok()) return Malformed(address(), grid.status().message());
-  if (!of_set.ok()) return of_set;
+  if (!of_variant.ok()) return of_variant;
   if (!tells_levels) return NoClearances(address());
   try {
     return ConfigurationSpace(*std::move(grid), basis, std::move(received), left_out,
@@ -157,12 +157,12 @@ absl::StatusOr<Explanation> Client::Explain(const Configuration& configuration,
   v1::ExplainRequest request;
   *request.mutable_configuration() = ToMessage(configuration);
   *request.mutable_policy() = ToMessage(policy);
-  request.set_set(set_);
+  request.set_variant(variant_);
   v1::ExplainResponse response;
   const Clock::time_point asked = Clock::now();
   absl::Status status = connection_->Call(
       connection_->collisions(), &v1::CollisionService::Stub::Explain, request, timeout_, response);
-  if (status.ok()) status = RequireSet(set_, response.basis(), address());
+  if (status.ok()) status = RequireVariant(variant_, response.basis(), address());
   if (!status.ok()) return status;
   Explanation explanation{
       .basis = FromMessage(response.basis(), asked), .verdict = {}, .views = {}};
@@ -186,12 +186,12 @@ absl::StatusOr<Scene> Client::PublishScene(std::span<const JointPosition> joints
     message->set_position(joint.position);
   }
   for (const ViewImage& image : images) *request.add_views() = ToMessage(image);
-  request.set_set(set_);
+  request.set_variant(variant_);
   v1::PublishSceneResponse response;
   const absl::Status status = connection_->Call(
       connection_->scenes(), &v1::SceneService::Stub::PublishScene, request, timeout_, response);
   if (!status.ok()) return status;
-  if (!set_.empty() && response.scene().set() != set_) return NoSets(address());
+  if (!variant_.empty() && response.scene().variant() != variant_) return NoVariants(address());
   absl::StatusOr<Scene> scene = FromMessage(response.scene());
   if (!scene.ok()) return Malformed(address(), scene.status().message());
   return scene;

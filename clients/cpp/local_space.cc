@@ -37,11 +37,11 @@ std::shared_ptr<const SpaceSnapshot> SnapshotOf(Content content) {
 
 class LocalSpace::Impl {
  public:
-  Impl(std::shared_ptr<const Connection> connection, absl::Duration timeout, std::string set,
+  Impl(std::shared_ptr<const Connection> connection, absl::Duration timeout, std::string variant,
        LocalSpaceOptions options)
       : connection_(std::move(connection)),
         timeout_(timeout),
-        set_(std::move(set)),
+        variant_(std::move(variant)),
         options_(std::move(options)),
         published_(SnapshotOf({})) {
     if (options_.max_age <= absl::ZeroDuration()) {
@@ -93,7 +93,7 @@ class LocalSpace::Impl {
     }
     v1::WatchConfigurationSpaceRequest request;
     *request.mutable_policy() = ToMessage(options_.policy);
-    request.set_set(set_);
+    request.set_variant(variant_);
     request.mutable_tiles()->Add(options_.tiles.begin(), options_.tiles.end());
     request.set_include_cells(options_.policy.off_grid != OffGrid::kNearest);
     grpc::ClientContext context;
@@ -123,10 +123,11 @@ class LocalSpace::Impl {
         return Malformed(connection_->address(), update.status().message());
       }
       if (!*update) continue;
-      const absl::Status of_set = RequireSet(set_, (*update)->basis, connection_->address());
-      if (!of_set.ok()) {
+      const absl::Status of_variant =
+          RequireVariant(variant_, (*update)->basis, connection_->address());
+      if (!of_variant.ok()) {
         reason = Reason::kUpdateMalformed;
-        return of_set;
+        return of_variant;
       }
       const absl::StatusOr<LocalSpaceClock::time_point> made =
           clock.MadeAt((*update)->basis, received);
@@ -201,7 +202,7 @@ class LocalSpace::Impl {
 
   const std::shared_ptr<const Connection> connection_;
   const absl::Duration timeout_;
-  const std::string set_;
+  const std::string variant_;
   const LocalSpaceOptions options_;
   Cancellation cancellation_;
   mutable std::mutex mutex_;
@@ -213,7 +214,7 @@ class LocalSpace::Impl {
 };
 
 LocalSpace::LocalSpace(const Client& client, LocalSpaceOptions options)
-    : impl_(std::make_unique<Impl>(client.connection_, client.timeout_, client.set_,
+    : impl_(std::make_unique<Impl>(client.connection_, client.timeout_, client.variant_,
                                    std::move(options))) {}
 LocalSpace::~LocalSpace() = default;
 

@@ -163,18 +163,18 @@ absl::Duration FromMessage(const google::protobuf::Duration& duration) {
 Basis FromMessage(const v1::Basis& basis, std::chrono::steady_clock::time_point asked) {
   Basis result{.database_generation = basis.database_generation(),
                .scene_id = basis.scene_id(),
-               .set = basis.set(),
+               .variant = basis.variant(),
                .asked = asked};
   if (basis.scene_id() == 0) return result;
   result.scene_time = FromMessage(basis.scene_time());
   result.scene_age = FromMessage(basis.scene_age());
   result.regions = {basis.regions().begin(), basis.regions().end()};
-  result.scene_set = basis.scene_set();
+  result.scene_variant = basis.scene_variant();
   return result;
 }
 
 Reason FromMessage(v1::Verdict::Reason reason) {
-  if (reason < v1::Verdict::REASON_UNSPECIFIED || reason > v1::Verdict::REASON_SET_UNKNOWN) {
+  if (reason < v1::Verdict::REASON_UNSPECIFIED || reason > v1::Verdict::REASON_VARIANT_UNKNOWN) {
     return Reason::kUnspecified;
   }
   return static_cast<Reason>(reason);
@@ -252,7 +252,7 @@ absl::StatusOr<Scene> FromMessage(const v1::Scene& message) {
               .time = FromMessage(message.time()),
               .skew = FromMessage(message.skew()),
               .joints = FromMessage(message.joints()),
-              .set = message.set(),
+              .variant = message.variant(),
               .views = {},
               .defects = {}};
   for (const v1::SceneDefect& defect : message.defects()) {
@@ -296,7 +296,8 @@ absl::StatusOr<Database> FromMessage(const v1::GetDatabaseResponse& message) {
                     .default_policy = FromMessage(message.default_policy()),
                     .calibrated = message.calibrated(),
                     .presets = {message.presets().begin(), message.presets().end()}};
-  for (const v1::RobotImageSet& set : message.sets()) database.sets.push_back(set.name());
+  for (const v1::RobotImageVariant& variant : message.variants())
+    database.variants.push_back(variant.name());
   for (int i = 0; i < message.views_size(); ++i) {
     const v1::View& view = message.views(i);
     database.views.push_back(

@@ -81,8 +81,8 @@ absl::Status PathWatch::Impl::Run() {
 absl::Status PathWatch::Impl::Take(const v1::WatchPathResponse& response, ServerClock& clock) {
   const PathWatchClock::time_point received = PathWatchClock::now();
   const v1::Basis& basis = response.check().basis();
-  const absl::Status of_set = RequireSet(request_.set(), basis, connection_->address());
-  if (!of_set.ok()) return of_set;
+  const absl::Status of_variant = RequireVariant(request_.variant(), basis, connection_->address());
+  if (!of_variant.ok()) return of_variant;
   const absl::StatusOr<PathWatchClock::time_point> made = clock.MadeAt(basis, received);
   if (!made.ok()) return made.status();
   absl::StatusOr<PathCheck> check =

@@ -60,9 +60,9 @@ Words WordsFor(Reason reason) {
       return {"calibration doubtful",
               "a camera moved, or nobody checked lately whether one did (silhouette-calibrate "
               "check): calibrate anew, or ask for the preset uncalibrated"};
-    case Reason::kSetUnknown:
-      return {"set unknown",
-              "it is not known which of the database's sets of robot images shows the robot: look "
+    case Reason::kVariantUnknown:
+      return {"variant unknown",
+              "it is not known which of the database's variants shows the robot: look "
               "at the scene's defects (silhouette scene show)"};
     case Reason::kNotInMap:
       return {

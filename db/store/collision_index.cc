@@ -57,7 +57,7 @@ struct CollisionIndex::Entry {
   std::optional<TileHeader> header;
   std::optional<std::string_view> value;
   uint64_t bytes = 0;
-  // That of the default set which it rests on (TileHeader::base), if there is one.
+  // That of the default variant which it rests on (TileHeader::base), if there is one.
   std::optional<std::string_view> base_value;
   // Of the tile's records; nothing if it has none.
   std::optional<uint64_t> digest;
@@ -126,7 +126,7 @@ absl::Status CollisionIndex::ReadHeads() {
   return code == MDB_NOTFOUND ? absl::OkStatus() : environment.ReadError(code);
 }
 
-// Takes down where the default set's values are that those of this set rest on.
+// Takes down where the default variant's values are that those of this variant rest on.
 absl::Status CollisionIndex::ReadBases() {
   Environment& environment = snapshot_->impl_->environment();
   const std::optional<MDB_dbi> database = environment.Find(schema::kCollisionIndex);
@@ -184,7 +184,7 @@ void CollisionIndex::Check(uint64_t tile, const Entry& entry) const {
   }
 }
 
-// Whether the default set has what the tile rests on, if it rests on anything.
+// Whether the default variant has what the tile rests on, if it rests on anything.
 bool CollisionIndex::HasBase(const Entry& entry) {
   return entry.header->base == 0 ||
          (entry.base_value && TileChecksumIn(*entry.base_value) == entry.header->base);

@@ -21,9 +21,9 @@ namespace silhouette {
 
 // What there is of a tile. Only kFresh can be used.
 enum class TileState {
-  kMissing,    // it has records, but no index
-  kStale,      // its index was built from other records, or rests on another of the default set's
-  kDamaged,    // its index fails its checksum, or makes no sense
+  kMissing,  // it has records, but no index
+  kStale,    // its index was built from other records, or rests on another of the default variant's
+  kDamaged,  // its index fails its checksum, or makes no sense
   kNoRecords,  // there is nothing of it
   kFresh,
 };
@@ -37,7 +37,7 @@ struct CollisionIndexSummary {
   uint64_t damaged = 0;
   // Records that could not be read when the fresh tiles were built: the index does not have them.
   uint64_t unreadable = 0;
-  // Tiles of a further set that are told by their differences from the default set's.
+  // Tiles of another variant that are told by their differences from the default variant's.
   uint64_t by_difference = 0;
   // Size of the index, those of its tiles included that cannot be used.
   uint64_t bytes = 0;
@@ -77,8 +77,8 @@ class CollisionIndex {
   // none if it is null.
   std::span<const std::byte> Bytes(uint64_t tile) const;
 
-  // The index of the default set that Tile(tile) tells its differences from; null if it is null or
-  // tells none.
+  // The index of the default variant that Tile(tile) tells its differences from; null if it is null
+  // or tells none.
   const TileIndex* Base(uint64_t tile) const;
 
   // Checks the checksum as Tile() does.
@@ -137,13 +137,13 @@ struct IndexBuildReport {
   bool stopped = false;
 };
 
-// Builds the index of every tile of the set that is not fresh, or was built from records that could
-// not be read; of the default set's database, then of all other sets. Other writers of the same
-// Database may go on meanwhile: a tile is built from one state, and is stale if its records change.
-// What is committed stays whatever happens afterwards, so it can be stopped and begun again.
-// Memory: per thread the index of a tile, and three times the buffer. Needs kWrite. The generation
-// stays what it is. ResourceExhausted: the disk is full, or the index of a tile is too large to be
-// stored (4 GiB).
+// Builds the index of every tile of the variant that is not fresh, or was built from records that
+// could not be read; of the default variant's database, then of all other variants. Other writers
+// of the same Database may go on meanwhile: a tile is built from one state, and is stale if its
+// records change. What is committed stays whatever happens afterwards, so it can be stopped and
+// begun again. Memory: per thread the index of a tile, and three times the buffer. Needs kWrite.
+// The generation stays what it is. ResourceExhausted: the disk is full, or the index of a tile is
+// too large to be stored (4 GiB).
 absl::StatusOr<IndexBuildReport> BuildCollisionIndex(Database& database,
                                                      const IndexBuildOptions& options = {});
 

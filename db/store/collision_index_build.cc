@@ -87,7 +87,7 @@ class IndexBuild {
   Environment& environment_;
   const IndexBuildOptions& options_;
   const MDB_dbi collision_index_;
-  std::optional<MDB_dbi> base_;  // the default set's, if this is another
+  std::optional<MDB_dbi> base_;  // the default variant's, if this is another
   std::vector<PixelTree> trees_;
   size_t mask_bytes_ = 0;
   size_t page_size_ = 0;
@@ -215,8 +215,8 @@ bool IndexBuild::IsFresh(uint64_t tile, MDB_txn* transaction,
   return base && TileChecksumIn(*base) == header->base;
 }
 
-// The default set's value of a tile, if this is another set and the value can be rested on. The
-// caller holds the map.
+// The default variant's value of a tile, if this is another variant and the value can be rested on.
+// The caller holds the map.
 std::optional<std::string_view> IndexBuild::BaseOf(uint64_t tile, MDB_txn* transaction) const {
   if (!base_) return std::nullopt;
   const TileKey key(tile);
@@ -240,7 +240,7 @@ std::vector<std::byte> IndexBuild::Told(uint64_t tile, MDB_txn* transaction,
     header.base = TileChecksumIn(*base);
     return differences;
   } catch (const std::invalid_argument&) {
-    return index;  // the default set's makes no sense
+    return index;  // the default variant's makes no sense
   }
 }
 
@@ -361,20 +361,20 @@ absl::StatusOr<IndexBuildReport> IndexBuild::Run(Database& database,
     return absl::FailedPreconditionError(
         absl::StrCat("database '", database.path(), "' is open for reading only"));
   }
-  std::vector<std::string> names = {database.set()};
+  std::vector<std::string> names = {database.variant()};
   if (database.state_->places.is_default()) {
-    ASSIGN_OR_RETURN(std::vector<std::string> all, database.Sets());
+    ASSIGN_OR_RETURN(std::vector<std::string> all, database.Variants());
     names = std::move(all);
   }
-  std::vector<std::unique_ptr<Database>> sets;
+  std::vector<std::unique_ptr<Database>> variants;
   std::vector<std::unique_ptr<IndexBuild>> builds;
   IndexBuildReport report;
   for (const std::string& name : names) {
-    ASSIGN_OR_RETURN(std::unique_ptr<Database> set, database.OpenSet(name));
-    const DatabaseState& state = *set->state_;
+    ASSIGN_OR_RETURN(std::unique_ptr<Database> variant, database.OpenVariant(name));
+    const DatabaseState& state = *variant->state_;
     ASSIGN_OR_RETURN(const auto collision_index,
                      state.environment->Make(state.places.collision_index));
-    sets.push_back(std::move(set));
+    variants.push_back(std::move(variant));
     builds.emplace_back(new IndexBuild(state, options, collision_index));
     RETURN_IF_ERROR(builds.back()->FindTiles());
     report.tiles += builds.back()->tiles_.size();

@@ -54,28 +54,28 @@ absl::StatusOr<storage::v1::ProvenanceLog> ReadProvenance(const Environment& env
   return log;
 }
 
-absl::StatusOr<std::vector<std::string>> ReadSets(const Environment& environment,
-                                                  MDB_txn* transaction) {
-  ASSIGN_OR_RETURN(const auto payload, ReadMeta(environment, transaction, schema::kSetsKey));
-  storage::v1::RobotImageSets sets;
-  if (payload && !sets.ParseFromString(*payload))
-    return DatabaseStateDamaged(environment, schema::kSetsKey);
-  std::vector<std::string> names = {schema::kDefaultSet};
-  names.insert(names.end(), sets.names().begin(), sets.names().end());
+absl::StatusOr<std::vector<std::string>> ReadVariants(const Environment& environment,
+                                                      MDB_txn* transaction) {
+  ASSIGN_OR_RETURN(const auto payload, ReadMeta(environment, transaction, schema::kVariantsKey));
+  storage::v1::RobotImageVariants variants;
+  if (payload && !variants.ParseFromString(*payload))
+    return DatabaseStateDamaged(environment, schema::kVariantsKey);
+  std::vector<std::string> names = {schema::kDefaultVariant};
+  names.insert(names.end(), variants.names().begin(), variants.names().end());
   return names;
 }
 
-absl::StatusOr<std::vector<MDB_dbi>> FurtherSets(Environment& environment) {
+absl::StatusOr<std::vector<MDB_dbi>> OtherVariants(Environment& environment) {
   std::vector<std::string> names;
   {
     ASSIGN_OR_RETURN(const ReadTransaction transaction, environment.Read());
     const auto hold = environment.HoldMap();
-    ASSIGN_OR_RETURN(std::vector<std::string> read, ReadSets(environment, transaction.get()));
+    ASSIGN_OR_RETURN(std::vector<std::string> read, ReadVariants(environment, transaction.get()));
     names.assign(read.begin() + 1, read.end());
   }
   std::vector<MDB_dbi> found;
   for (const std::string& name : names) {
-    const auto images = environment.Find(schema::PlacesOfSet(name).robot_images);
+    const auto images = environment.Find(schema::PlacesOfVariant(name).robot_images);
     if (images) found.push_back(*images);
   }
   return found;

@@ -23,8 +23,8 @@ struct DatabaseState {
         cell(std::move(description)),
         grid(std::move(configurations)),
         mask_sizes(std::move(sizes)) {}
-  // The same database with the robot images of another set, which lie in `images`.
-  DatabaseState(const DatabaseState& other, schema::SetPlaces set, MDB_dbi images)
+  // The same database with the robot images of another variant, which lie in `images`.
+  DatabaseState(const DatabaseState& other, schema::VariantPlaces variant, MDB_dbi images)
       : path(other.path),
         cell(other.cell),
         grid(other.grid),
@@ -32,7 +32,7 @@ struct DatabaseState {
         writer_lock(other.writer_lock),
         environment(other.environment),
         has_writer(other.has_writer),
-        places(std::move(set)),
+        places(std::move(variant)),
         robot_images(images) {}
 
   const std::string path;
@@ -42,19 +42,19 @@ struct DatabaseState {
   // After the lock, so that the environment is closed first.
   std::shared_ptr<const WriterLock> writer_lock;  // null: open for reading only
   std::shared_ptr<Environment> environment;
-  // Of all sets: one at a time.
+  // Of all variants: one at a time.
   std::shared_ptr<std::atomic<bool>> has_writer = std::make_shared<std::atomic<bool>>(false);
-  // Of the set.
-  schema::SetPlaces places = schema::PlacesOfSet(schema::kDefaultSet);
+  // Of the variant.
+  schema::VariantPlaces places = schema::PlacesOfVariant(schema::kDefaultVariant);
   MDB_dbi robot_images = 0;
 };
 
-// The names of the sets, the default one first. The caller holds the map.
-absl::StatusOr<std::vector<std::string>> ReadSets(const Environment& environment,
-                                                  MDB_txn* transaction);
+// The names of the variants, the default one first. The caller holds the map.
+absl::StatusOr<std::vector<std::string>> ReadVariants(const Environment& environment,
+                                                      MDB_txn* transaction);
 
-// The robot images of the further sets that there are.
-absl::StatusOr<std::vector<MDB_dbi>> FurtherSets(Environment& environment);
+// The robot images of the other variants that there are.
+absl::StatusOr<std::vector<MDB_dbi>> OtherVariants(Environment& environment);
 
 // Whether a record fits the cell; InvalidArgument as RobotImageWriter::Put says.
 absl::Status CheckFits(const DatabaseState& state, const RobotImage& image);

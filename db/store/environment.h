@@ -104,7 +104,7 @@ class Environment : public std::enable_shared_from_this<Environment> {
   const std::string& folder() const { return folder_; }
   MDB_env* get() const { return environment_; }
   MDB_dbi meta() const { return meta_; }
-  // Of the default set.
+  // Of the default variant.
   MDB_dbi robot_images() const { return robot_images_; }
 
   // Another sub-database, by its name; nothing while there is none. A transaction that was begun

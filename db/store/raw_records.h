@@ -1,4 +1,4 @@
-// Records of the sub-database `robot_images` of a set as they are stored, by the tile.
+// Records of the sub-database `robot_images` of a variant as they are stored, by the tile.
 #pragma once
 
 #include <cstdint>
@@ -13,7 +13,7 @@
 
 namespace silhouette {
 
-// The records of a set in the state of a transaction.
+// The records of a variant in the state of a transaction.
 struct RecordSource {
   RecordSource(const DatabaseState& state, MDB_txn* the_transaction)
       : environment(*state.environment),

@@ -1,4 +1,4 @@
-// Exchanging the masks of all sets for those of another database.
+// Exchanging the masks of all variants for those of another database.
 #include <optional>
 #include <string>
 #include <vector>
@@ -16,7 +16,7 @@
 namespace silhouette {
 namespace {
 
-// The records of a set, one after another.
+// The records of a variant, one after another.
 class Records {
  public:
   explicit Records(const RecordSource& source) : source_(source) {}
@@ -74,8 +74,8 @@ absl::Status CheckSameShape(const Database& stored, const Database& made) {
   storage::v1::CellDescription wanted = stored.cell();
   wanted.set_segmentation(made.cell().segmentation());
   if (!Differences(wanted, "", made.cell(), "").empty() || edges(stored) != edges(made) ||
-      stored.Sets() != made.Sets()) {
-    return absl::InvalidArgumentError("the new masks are of another cell, or of other sets");
+      stored.Variants() != made.Variants()) {
+    return absl::InvalidArgumentError("the new masks are of another cell, or of other variants");
   }
   return absl::OkStatus();
 }
@@ -93,13 +93,13 @@ absl::Status Database::ReplaceMasks(const Database& made, const std::string& pro
         absl::StrCat("database '", path(), "' is being written into"));
   }
   const absl::Cleanup done = [this] { *state_->has_writer = false; };
-  ASSIGN_OR_RETURN(const auto stored_sets, ReadSets());
-  ASSIGN_OR_RETURN(const auto made_sets, made.ReadSets());
+  ASSIGN_OR_RETURN(const auto stored_variants, ReadVariants());
+  ASSIGN_OR_RETURN(const auto made_variants, made.ReadVariants());
   uint64_t records = 0;
-  for (size_t i = 0; i < stored_sets.size(); ++i) {
-    const Snapshot& stored = stored_sets[i].snapshot;
-    RETURN_IF_ERROR(CheckSameRecords(stored.impl_->records(),
-                                     made_sets[i].snapshot.impl_->records(), state_->mask_sizes));
+  for (size_t i = 0; i < stored_variants.size(); ++i) {
+    const Snapshot& stored = stored_variants[i].snapshot;
+    RETURN_IF_ERROR(CheckSameRecords(
+        stored.impl_->records(), made_variants[i].snapshot.impl_->records(), state_->mask_sizes));
     records += stored.size();
   }
   ASSIGN_OR_RETURN(const Usage usage, made.GetUsage());
@@ -107,11 +107,11 @@ absl::Status Database::ReplaceMasks(const Database& made, const std::string& pro
   description.set_segmentation(made.cell().segmentation());
   Environment& environment = *state_->environment;
   const auto change = [&](WriteTransaction& transaction) -> absl::Status {
-    for (size_t i = 0; i < made_sets.size(); ++i) {
-      const MDB_dbi place = stored_sets[i].database->state_->robot_images;
-      Records records_of_set(made_sets[i].snapshot.impl_->records());
+    for (size_t i = 0; i < made_variants.size(); ++i) {
+      const MDB_dbi place = stored_variants[i].database->state_->robot_images;
+      Records records_of_variant(made_variants[i].snapshot.impl_->records());
       for (;;) {
-        ASSIGN_OR_RETURN(const auto record, records_of_set.Next());
+        ASSIGN_OR_RETURN(const auto record, records_of_variant.Next());
         if (record == nullptr) break;
         RETURN_IF_ERROR(transaction.Put(place, record->key, record->value));
       }

@@ -247,7 +247,7 @@ absl::StatusOr<RobotImage> DecodeRobotImage(ConfigurationNumber number, std::str
   if (!DecodeParts(number, parts, base, bytes)) {
     return RobotImageFormatDamaged(
         number, parts.codec == kShared
-                    ? "the record of the default set that it rests on is not there, or "
+                    ? "the record of the default variant that it rests on is not there, or "
                       "another"
                     : "its masks do not fit the views");
   }

@@ -14,7 +14,7 @@
 //                 codec; nothing if excluded
 //
 // Shared (codec 2): the checksum (8 bytes) of the record of the same configuration in the default
-// set, its base, and one LZ4 block of the masks XOR the base's. A base never has this codec. A
+// variant, its base, and one LZ4 block of the masks XOR the base's. A base never has this codec. A
 // record whose base is not there, or has another checksum, is damaged.
 //
 // Integers and floating-point numbers are little-endian. The seed binds a value to its key: a value

@@ -77,13 +77,14 @@ std::string_view Stored(const WriteTransaction& transaction, MDB_dbi database,
   return FromVal(value);
 }
 
-// Stores the records of further sets that rest on a record of the default set on their own, before
-// that is replaced.
+// Stores the records of other variants that rest on a record of the default variant on their own,
+// before that is replaced.
 absl::Status KeepDependents(WriteTransaction& transaction, const DatabaseState& state,
-                            const std::vector<MDB_dbi>& further_sets, ConfigurationNumber number) {
+                            const std::vector<MDB_dbi>& other_variants,
+                            ConfigurationNumber number) {
   const schema::NumberKey key = schema::EncodeKey(number);
   const std::string_view key_view(key.data(), key.size());
-  for (const MDB_dbi images : further_sets) {
+  for (const MDB_dbi images : other_variants) {
     const std::string_view value = Stored(transaction, images, key_view);
     if (!NeedsBase(value)) continue;
     const std::optional<std::string> own = OwnValue(
@@ -122,7 +123,7 @@ struct RobotImageWriter::Impl {
   absl::StatusOr<bool> IsStored(ConfigurationNumber number);
   absl::Status Add(const RobotImage& image, bool replace, std::vector<std::string> raw_images);
   bool has_raw_images() const;
-  // `dependents`: the robot images of further sets, if this is the default one; `raw_images`: the
+  // `dependents`: the robot images of other variants, if this is the default one; `raw_images`: the
   // sub-database, if there is one.
   absl::Status WriteBatch(WriteTransaction& transaction, const std::vector<MDB_dbi>& dependents,
                           std::optional<MDB_dbi> raw_images) const;
@@ -203,7 +204,7 @@ absl::StatusOr<int> RobotImageWriter::Impl::WriteProvenance(WriteTransaction& tr
   const int place = provenance_entry.value_or(log.entries_size());
   if (place == log.entries_size()) log.add_entries();
   *log.mutable_entries(place) = NewProvenance(started, program, committed + batch.size());
-  if (!state->places.is_default()) log.mutable_entries(place)->set_set(state->places.name);
+  if (!state->places.is_default()) log.mutable_entries(place)->set_variant(state->places.name);
   RETURN_IF_ERROR(
       WriteMeta(environment, transaction, schema::kProvenanceKey, log.SerializeAsString()));
   return place;
@@ -275,7 +276,7 @@ absl::Status RobotImageWriter::Commit() {
     }
     std::vector<MDB_dbi> dependents;
     if (impl_->state->places.is_default()) {
-      ASSIGN_OR_RETURN(std::vector<MDB_dbi> found, FurtherSets(environment));
+      ASSIGN_OR_RETURN(std::vector<MDB_dbi> found, OtherVariants(environment));
       dependents = std::move(found);
     }
     int provenance_entry = 0;

@@ -15,8 +15,8 @@ constexpr char kFormatPrefix[] = "silhouette ";
 
 }  // namespace
 
-SetPlaces PlacesOfSet(const std::string& name) {
-  const std::string behind = name == kDefaultSet ? "" : "/" + name;
+VariantPlaces PlacesOfVariant(const std::string& name) {
+  const std::string behind = name == kDefaultVariant ? "" : "/" + name;
   return {.name = name,
           .robot_images = kRobotImages + behind,
           .collision_index = kCollisionIndex + behind,
@@ -24,7 +24,7 @@ SetPlaces PlacesOfSet(const std::string& name) {
           .capture_key = std::string(kCaptureKey) + behind};
 }
 
-bool IsSetName(std::string_view name) {
+bool IsVariantName(std::string_view name) {
   return !name.empty() && name.size() <= 32 && std::ranges::all_of(name, [](char c) {
     return (c >= 'a' && c <= 'z') || (c >= '0' && c <= '9') || c == '_' || c == '-';
   });

@@ -5,15 +5,15 @@
 //   "format"      "silhouette " and the format version as decimal ASCII; nothing else
 //   the others    checksum (u64), payload. The checksum is XXH3-64 of the payload, seed 0.
 //                 "cell": CellDescription; "references": References; "calibration": Calibration;
-//                 "provenance": ProvenanceLog; "capture": CaptureHistory; "sets": RobotImageSets,
-//                 absent while there is but the default set; "generation": u64, one
-//                 more in every committed change but those of `collision_index`.
+//                 "provenance": ProvenanceLog; "capture": CaptureHistory; "sets":
+//                 RobotImageVariants, absent while there is but the default variant; "generation":
+//                 u64, one more in every committed change but those of `collision_index`.
 // Sub-database `robot_images`: configuration number (u64, big-endian) ->
 // db/store/robot_image_format.h. Sub-database `collision_index`, which may be absent: tile (u64,
 // big-endian) -> db/store/tile_value.h. Sub-database `raw_images`, which may be absent:
-// db/store/raw_image_format.h. They are those of the default set. The set NAME has
+// db/store/raw_image_format.h. They are those of the default variant. The variant NAME has
 // `robot_images/NAME`, `collision_index/NAME` and `raw_images/NAME`, and the key "capture/NAME"
-// (PlacesOfSet).
+// (PlacesOfVariant).
 //
 // Integers are little-endian unless said otherwise.
 #pragma once
@@ -40,27 +40,27 @@ inline constexpr char kRobotImages[] = "robot_images";
 inline constexpr char kCollisionIndex[] = "collision_index";
 inline constexpr char kRawImages[] = "raw_images";
 // How many sub-databases a process may have open, those of later versions included: some for all
-// sets, and some for each.
+// variants, and some for each.
 inline constexpr unsigned kMaxSubDatabases = 96;
 
-// The set that every database has; at most so many sets, this one included.
-inline constexpr char kDefaultSet[] = "default";
-inline constexpr size_t kMaxSets = 16;
+// The variant that every database has; at most so many variants, this one included.
+inline constexpr char kDefaultVariant[] = "default";
+inline constexpr size_t kMaxVariants = 16;
 
-// Where the records of a set and what belongs to them lie.
-struct SetPlaces {
+// Where the records of a variant and what belongs to them lie.
+struct VariantPlaces {
   std::string name;
   std::string robot_images;
   std::string collision_index;
   std::string raw_images;
   std::string capture_key;
 
-  bool is_default() const { return name == kDefaultSet; }
+  bool is_default() const { return name == kDefaultVariant; }
 };
-SetPlaces PlacesOfSet(const std::string& name);
+VariantPlaces PlacesOfVariant(const std::string& name);
 
-// Whether a set may have this name: 1 to 32 of a-z, 0-9, '_' and '-'.
-bool IsSetName(std::string_view name);
+// Whether a variant may have this name: 1 to 32 of a-z, 0-9, '_' and '-'.
+bool IsVariantName(std::string_view name);
 
 inline constexpr std::string_view kFormatKey = "format";
 inline constexpr std::string_view kCellKey = "cell";
@@ -68,7 +68,8 @@ inline constexpr std::string_view kReferencesKey = "references";
 inline constexpr std::string_view kCalibrationKey = "calibration";
 inline constexpr std::string_view kProvenanceKey = "provenance";
 inline constexpr std::string_view kCaptureKey = "capture";
-inline constexpr std::string_view kSetsKey = "sets";
+// The text stays as the first databases have it, so that their variants are found.
+inline constexpr std::string_view kVariantsKey = "sets";
 inline constexpr std::string_view kGenerationKey = "generation";
 
 // The value of "format" that this version writes.

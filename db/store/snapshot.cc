@@ -49,33 +49,34 @@ absl::StatusOr<Snapshot> Database::StateOf(std::shared_ptr<const ReadTransaction
       Snapshot::Impl{state_, std::move(held), generation, images.ms_entries}));
 }
 
-absl::StatusOr<std::vector<SetState>> Database::ReadSets() const {
+absl::StatusOr<std::vector<VariantState>> Database::ReadVariants() const {
   constexpr int kAttempts = 100;
   for (int attempt = 0; attempt < kAttempts; ++attempt) {
-    ASSIGN_OR_RETURN(const std::vector<std::string> names, Sets());
-    std::vector<std::unique_ptr<Database>> sets;
+    ASSIGN_OR_RETURN(const std::vector<std::string> names, Variants());
+    std::vector<std::unique_ptr<Database>> variants;
     for (const std::string& name : names) {
-      absl::StatusOr<std::unique_ptr<Database>> set = OpenSet(name);
-      if (!set.ok()) break;
-      OpenSubDatabases(*(*set)->state_);
-      sets.push_back(*std::move(set));
+      absl::StatusOr<std::unique_ptr<Database>> variant = OpenVariant(name);
+      if (!variant.ok()) break;
+      OpenSubDatabases(*(*variant)->state_);
+      variants.push_back(*std::move(variant));
     }
     ASSIGN_OR_RETURN(ReadTransaction transaction, state_->environment->Read());
     const auto held = std::make_shared<const ReadTransaction>(std::move(transaction));
     {
       const auto hold = state_->environment->HoldMap();
-      ASSIGN_OR_RETURN(const auto present, silhouette::ReadSets(*state_->environment, held->get()));
-      if (present != names || sets.size() != names.size()) continue;  // changed meanwhile
+      ASSIGN_OR_RETURN(const auto present,
+                       silhouette::ReadVariants(*state_->environment, held->get()));
+      if (present != names || variants.size() != names.size()) continue;  // changed meanwhile
     }
-    std::vector<SetState> states;
-    for (std::unique_ptr<Database>& set : sets) {
-      ASSIGN_OR_RETURN(Snapshot snapshot, set->StateOf(held));
-      states.push_back({std::move(set), std::move(snapshot)});
+    std::vector<VariantState> states;
+    for (std::unique_ptr<Database>& variant : variants) {
+      ASSIGN_OR_RETURN(Snapshot snapshot, variant->StateOf(held));
+      states.push_back({std::move(variant), std::move(snapshot)});
     }
     return states;
   }
   return absl::UnavailableError(
-      absl::StrCat("the sets of database '", path(), "' change all the time; try again"));
+      absl::StrCat("the variants of database '", path(), "' change all the time; try again"));
 }
 
 uint64_t Snapshot::generation() const { return impl_->generation; }

@@ -11,7 +11,8 @@ namespace silhouette {
 
 struct Snapshot::Impl {
   std::shared_ptr<const DatabaseState> state;
-  // That of the snapshots of other sets, too, that were taken together (Database::ReadSets).
+  // That of the snapshots of other variants, too, that were taken together
+  // (Database::ReadVariants).
   std::shared_ptr<const ReadTransaction> held;
   uint64_t generation = 0;
   uint64_t size = 0;

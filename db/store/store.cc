@@ -242,7 +242,7 @@ absl::StatusOr<Database::Usage> Database::GetUsage() const {
   Environment& environment = *state_->environment;
   constexpr MDB_dbi kFreePages = 0;
   constexpr MDB_dbi kSubDatabases = 1;
-  ASSIGN_OR_RETURN(const std::vector<std::string> names, Sets());
+  ASSIGN_OR_RETURN(const std::vector<std::string> names, Variants());
   struct Places {
     std::optional<MDB_dbi> images;
     std::optional<MDB_dbi> index;
@@ -250,10 +250,10 @@ absl::StatusOr<Database::Usage> Database::GetUsage() const {
   };
   std::vector<Places> places;
   for (const std::string& name : names) {
-    const schema::SetPlaces of_set = schema::PlacesOfSet(name);
-    places.push_back({environment.Find(of_set.robot_images),
-                      environment.Find(of_set.collision_index),
-                      environment.Find(of_set.raw_images)});
+    const schema::VariantPlaces of_variant = schema::PlacesOfVariant(name);
+    places.push_back({environment.Find(of_variant.robot_images),
+                      environment.Find(of_variant.collision_index),
+                      environment.Find(of_variant.raw_images)});
   }
   ASSIGN_OR_RETURN(ReadTransaction transaction, environment.Read());
   const auto hold = environment.HoldMap();
@@ -275,10 +275,10 @@ absl::StatusOr<Database::Usage> Database::GetUsage() const {
     add(database, nullptr);
   }
   for (size_t i = 0; i < places.size(); ++i) {
-    Usage::Set& set = usage.sets.emplace_back();
-    set.name = names[i];
-    set.record_bytes = add(places[i].images, &set.records);
-    set.index_bytes = add(places[i].index, nullptr);
+    Usage::Variant& variant = usage.variants.emplace_back();
+    variant.name = names[i];
+    variant.record_bytes = add(places[i].images, &variant.records);
+    variant.index_bytes = add(places[i].index, nullptr);
     usage.raw_image_bytes += add(places[i].raw_images, nullptr);
   }
   if (!status.ok()) return status;

@@ -71,7 +71,7 @@ absl::Status CheckCalibration(const storage::v1::Calibration& calibration,
                               const storage::v1::CellDescription& cell);
 
 struct DatabaseState;
-struct SetState;
+struct VariantState;
 class IndexBuild;
 class ReadTransaction;
 
@@ -169,10 +169,10 @@ class RobotImageWriter {
   std::unique_ptr<Impl> impl_;
 };
 
-// A database has one or several sets of robot images: those of the robot with its gripper open,
+// A database has one or several variants: those of the robot with its gripper open,
 // with it closed, with a part. They share all but robot images, raw images, their collision index
 // and what capture sessions noticed. A Database speaks of one of them, that of Open() and Create()
-// of the set `default`, which every database has; OpenSet() gives the others.
+// of the variant `default`, which every database has; OpenVariant() gives the others.
 class Database {
  public:
   enum class Access { kRead, kWrite };
@@ -197,38 +197,39 @@ class Database {
   const ConfigurationGrid& grid() const;
   const std::vector<MaskSize>& mask_sizes() const;
 
-  // The name of the set.
-  const std::string& set() const;
+  // The name of the variant.
+  const std::string& variant() const;
 
-  // The names of all sets, the default one first, then in the order in which they were made.
-  absl::StatusOr<std::vector<std::string>> Sets() const;
+  // The names of all variants, the default one first, then in the order in which they were made.
+  absl::StatusOr<std::vector<std::string>> Variants() const;
 
-  // Another set of this database, with the access that this has. NotFound, naming those that there
-  // are.
-  absl::StatusOr<std::unique_ptr<Database>> OpenSet(const std::string& name) const;
+  // Another variant of this database, with the access that this has. NotFound, naming those that
+  // there are.
+  absl::StatusOr<std::unique_ptr<Database>> OpenVariant(const std::string& name) const;
 
-  // Makes a set without robot images. `program` goes into the provenance log. Needs kWrite.
-  // InvalidArgument: no set may have the name (schema::IsSetName). AlreadyExists.
-  // FailedPrecondition: there are as many sets as there may be.
-  absl::StatusOr<std::unique_ptr<Database>> CreateSet(const std::string& name,
-                                                      const std::string& program);
+  // Makes a variant without robot images. `program` goes into the provenance log. Needs kWrite.
+  // InvalidArgument: no variant may have the name (schema::IsVariantName). AlreadyExists.
+  // FailedPrecondition: there are as many variants as there may be.
+  absl::StatusOr<std::unique_ptr<Database>> CreateVariant(const std::string& name,
+                                                          const std::string& program);
 
-  // Removes a set with all that is its own. Needs kWrite, and no writer. NotFound; InvalidArgument:
-  // the default set.
-  absl::Status RemoveSet(const std::string& name, const std::string& program);
+  // Removes a variant with all that is its own. Needs kWrite, and no writer. NotFound;
+  // InvalidArgument: the default variant.
+  absl::Status RemoveVariant(const std::string& name, const std::string& program);
 
   // The state at this moment.
   absl::StatusOr<Snapshot> Read() const;
 
-  // One state of all sets, in the order of Sets(). The snapshots share one transaction: one thread
-  // at a time may use any of them.
-  absl::StatusOr<std::vector<SetState>> ReadSets() const;
+  // One state of all variants, in the order of Variants(). The snapshots share one transaction: one
+  // thread at a time may use any of them.
+  absl::StatusOr<std::vector<VariantState>> ReadVariants() const;
 
   // A writer of robot images; `program` goes into the provenance log. `max_delay`: how long records
   // are collected; a caller that pauses between two Put() calls does Commit() first. Needs kWrite.
-  // FailedPrecondition while there is another writer of this database, of whatever set.
-  // Robot images of a further set are stored by their difference from those of the default set
-  // where that is smaller. Whoever replaces the latter keeps the former, in the same change.
+  // FailedPrecondition while there is another writer of this database, of whatever variant.
+  // Robot images of another variant are stored by their difference from those of the default
+  // variant where that is smaller. Whoever replaces the latter keeps the former, in the same
+  // change.
   absl::StatusOr<RobotImageWriter> Write(const std::string& program,
                                          absl::Duration max_delay = absl::Seconds(1));
 
@@ -244,11 +245,12 @@ class Database {
   // Replaces what capture sessions noticed. Leaves no entry in the provenance log. Needs kWrite.
   absl::Status SetCaptureHistory(const storage::v1::CaptureHistory& history);
 
-  // Replaces the records of all sets by those of another database, and the settings that the cell's
-  // description says their masks were made with, in one change. Raw images stay. InvalidArgument,
-  // saying why: `made` has not the same grid, views and mask sizes, or not just the sets, the
-  // records and the excluded ones among them that there are. Needs kWrite and no writer, and is
-  // asked of the default set while no other thread uses any set of this database.
+  // Replaces the records of all variants by those of another database, and the settings that the
+  // cell's description says their masks were made with, in one change. Raw images stay.
+  // InvalidArgument, saying why: `made` has not the same grid, views and mask sizes, or not just
+  // the variants, the records and the excluded ones among them that there are. Needs kWrite and no
+  // writer, and is asked of the default variant while no other thread uses any variant of this
+  // database.
   absl::Status ReplaceMasks(const Database& made, const std::string& program);
 
   // Writes a copy without unused pages into the new folder `path`. AlreadyExists if there is a
@@ -260,13 +262,13 @@ class Database {
     uint64_t file_bytes = 0;
     uint64_t used_bytes = 0;
     uint64_t raw_image_bytes = 0;  // of these, for raw images
-    struct Set {
+    struct Variant {
       std::string name;
       uint64_t records = 0;
       uint64_t record_bytes = 0;
       uint64_t index_bytes = 0;
     };
-    std::vector<Set> sets;
+    std::vector<Variant> variants;
   };
   absl::StatusOr<Usage> GetUsage() const;
 
@@ -278,16 +280,16 @@ class Database {
   absl::Status ChangeMeta(std::string_view key, const std::optional<std::string>& payload,
                           const std::string& program);
 
-  // Changes the list of sets beside the default one, as one change.
-  absl::Status ChangeSets(const std::vector<std::string>& names, const std::string& program);
+  // Changes the list of variants beside the default one, as one change.
+  absl::Status ChangeVariants(const std::vector<std::string>& names, const std::string& program);
   absl::StatusOr<Snapshot> StateOf(std::shared_ptr<const ReadTransaction> held) const;
 
   explicit Database(std::shared_ptr<DatabaseState> state);
   std::shared_ptr<DatabaseState> state_;
 };
 
-// A set in one state.
-struct SetState {
+// A variant in one state.
+struct VariantState {
   std::unique_ptr<Database> database;
   Snapshot snapshot;
 };

@@ -4,8 +4,9 @@
 //   0       8     checksum: XXH3-64 of all bytes after it, seed = the tile
 //   8       8     digest of the tile's records that it was built from (RecordDigest)
 //   16      8     how many of them could not be read; the index does not have them
-//   24      8     base: the checksum of the default set's value of the tile, if this is of another
-//                 set and tells its index by what differs from that; else 0
+//   24      8     base: the checksum of the default variant's value of the tile, if this is of
+//   another
+//                 variant and tells its index by what differs from that; else 0
 //   32      16    0
 //   48      ...   the index (db/index/tile_index.h)
 //   ...           0 up to the size of a page of the database, if the value would be smaller

@@ -42,8 +42,8 @@ std::string NameOf(Reason reason) {
       return "region ended";
     case Reason::kCalibrationDoubtful:
       return "calibration doubtful";
-    case Reason::kSetUnknown:
-      return "set unknown";
+    case Reason::kVariantUnknown:
+      return "variant unknown";
   }
   return "internal";
 }

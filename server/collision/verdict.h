@@ -33,7 +33,7 @@ enum class Reason : uint8_t {
   kMarginUnknown = 15,
   kRegionEnded = 16,
   kCalibrationDoubtful = 17,
-  kSetUnknown = 18,
+  kVariantUnknown = 18,
 };
 
 // "scene stale" and the like, for logs and messages.

@@ -37,11 +37,11 @@ absl::StatusOr<std::vector<size_t>> PlacesOf(const storage::v1::CellDescription&
   return places;
 }
 
-absl::Status CheckSet(const ServedDatabase& database, const std::string& set) {
-  if (set.empty() || database.Set(set) != nullptr) return absl::OkStatus();
+absl::Status CheckVariant(const ServedDatabase& database, const std::string& variant) {
+  if (variant.empty() || database.Variant(variant) != nullptr) return absl::OkStatus();
   return absl::InvalidArgumentError(
-      absl::StrCat("server: live: set: the database has no set of robot images '", set,
-                   "'; it has ", absl::StrJoin(database.sets(), ", ")));
+      absl::StrCat("server: live: variant: the database has no variant '", variant, "'; it has ",
+                   absl::StrJoin(database.variants(), ", ")));
 }
 
 // How often a view's slow light learns, and how long ago the image before may have been taken.
@@ -92,7 +92,7 @@ absl::StatusOr<std::unique_ptr<LiveLoop>> LiveLoop::Start(const LiveConfig& conf
         "the database has no reference images to difference camera images with; take them with "
         "'silhouette-capture reference'");
   }
-  RETURN_IF_ERROR(CheckSet(*database, config.live.set));
+  RETURN_IF_ERROR(CheckVariant(*database, config.live.variant));
   std::unique_ptr<LiveLoop> loop(
       new LiveLoop(config, std::move(scenes), std::move(record), database->cell()));
   loop->open_cameras_ = std::move(devices.open_cameras);
@@ -251,12 +251,12 @@ absl::Status LiveLoop::Publish(const std::vector<std::optional<CameraImage>>& im
   } else {
     input.without_joints = std::string(joints.status().message());
   }
-  const absl::StatusOr<std::string> set =
-      record_->known_set().Of(running(oldest), database->sets());
-  if (set.ok()) {
-    input.set = *set;
+  const absl::StatusOr<std::string> variant =
+      record_->known_variant().Of(running(oldest), database->variants());
+  if (variant.ok()) {
+    input.variant = *variant;
   } else {
-    input.without_set = std::string(set.status().message());
+    input.without_variant = std::string(variant.status().message());
   }
   ASSIGN_OR_RETURN(Scene scene,
                    MakeScene(*database, input, config_.scene, config_.segmentation, arrived));

@@ -54,8 +54,9 @@ class LiveLoop {
  public:
   // Opens the devices and starts. Devices that cannot be reached (Unavailable, DeadlineExceeded)
   // are tried again later. Any other error of theirs is returned; InvalidArgument, if devices and
-  // cell do not fit, or the database lacks the set of config.live; FailedPrecondition, if it has no
-  // reference images. `record`: also tells which set shows the robot; config.live.set does not.
+  // cell do not fit, or the database lacks the variant of config.live; FailedPrecondition, if it
+  // has no reference images. `record`: also tells which variant shows the robot;
+  // config.live.variant does not.
   static absl::StatusOr<std::unique_ptr<LiveLoop>> Start(const LiveConfig& config,
                                                          LiveDevices devices, LiveScenes scenes,
                                                          std::shared_ptr<LiveRecord> record);

@@ -40,11 +40,11 @@ std::string Spoken(const LiveStatus& status) {
 }
 
 LiveRecord::LiveRecord(const std::vector<std::string>& views, absl::Duration max_age, Clock clock,
-                       KnownSet known_set)
+                       KnownVariant known_variant)
     : max_age_(max_age),
       clock_(std::move(clock)),
       started_(clock_().time),
-      known_set_(std::move(known_set)) {
+      known_variant_(std::move(known_variant)) {
   for (const std::string& view : views) cameras_.push_back({.name = view, .last = std::nullopt});
 }
 
@@ -130,24 +130,24 @@ void LiveRecord::NoteMap(const Moment& arrived) {
   to_map_.Add(clock_().running - arrived.running);
 }
 
-bool LiveRecord::TellSet(const std::string& set, absl::Duration now) {
+bool LiveRecord::TellVariant(const std::string& variant, absl::Duration now) {
   const std::lock_guard lock(mutex_);
-  return known_set_.Tell(set, now);
+  return known_variant_.Tell(variant, now);
 }
 
-bool LiveRecord::TellSetChanging() {
+bool LiveRecord::TellVariantChanging() {
   const std::lock_guard lock(mutex_);
-  return known_set_.TellChanging();
+  return known_variant_.TellChanging();
 }
 
-void LiveRecord::NoteSets(const std::vector<std::string>& sets) {
+void LiveRecord::NoteVariants(const std::vector<std::string>& variants) {
   const std::lock_guard lock(mutex_);
-  known_set_.NoteSets(sets);
+  known_variant_.NoteVariants(variants);
 }
 
-KnownSet LiveRecord::known_set() const {
+KnownVariant LiveRecord::known_variant() const {
   const std::lock_guard lock(mutex_);
-  return known_set_;
+  return known_variant_;
 }
 
 DeviceStatus LiveRecord::StatusOf(const Device& device, const Moment& now) const {

@@ -1,5 +1,5 @@
 // How the server's own acquisition goes: counts, ages, faults and latencies; and what it was told
-// of the robot's set of robot images.
+// of the robot's variant.
 #pragma once
 
 #include <cstdint>
@@ -11,7 +11,7 @@
 #include "absl/status/status.h"
 #include "absl/time/time.h"
 #include "server/live/fault_log.h"
-#include "server/live/known_set.h"
+#include "server/live/known_variant.h"
 #include "server/live/latency_record.h"
 #include "server/scene/clock.h"
 
@@ -61,9 +61,9 @@ std::string Spoken(const LiveStatus& status);
 // another way than before, and when it has recovered.
 class LiveRecord {
  public:
-  // `views`: their names. `max_age`: of SceneSettings. `known_set`: what is known at the start.
+  // `views`: their names. `max_age`: of SceneSettings. `known_variant`: what is known at the start.
   LiveRecord(const std::vector<std::string>& views, absl::Duration max_age, Clock clock,
-             KnownSet known_set = {});
+             KnownVariant known_variant = {});
 
   // What a view gave: an image taken at `captured` that arrived at `arrived`, or an error.
   void NoteImage(size_t view, absl::Time captured, const Moment& arrived);
@@ -81,12 +81,12 @@ class LiveRecord {
   // The map of the scene that arrived at `arrived` is worked out now.
   void NoteMap(const Moment& arrived);
 
-  // As KnownSet's functions of these names. Scenes that were made of what known_set() returned
-  // before must then be withdrawn by whoever tells.
-  bool TellSet(const std::string& set, absl::Duration now);
-  bool TellSetChanging();
-  void NoteSets(const std::vector<std::string>& sets);
-  KnownSet known_set() const;
+  // As KnownVariant's functions of these names. Scenes that were made of what known_variant()
+  // returned before must then be withdrawn by whoever tells.
+  bool TellVariant(const std::string& variant, absl::Duration now);
+  bool TellVariantChanging();
+  void NoteVariants(const std::vector<std::string>& variants);
+  KnownVariant known_variant() const;
 
   LiveStatus Status() const;
   // The same without latencies, which take longer to work out.
@@ -117,7 +117,7 @@ class LiveRecord {
   const Clock clock_;
   const absl::Time started_;
   mutable std::mutex mutex_;
-  KnownSet known_set_;
+  KnownVariant known_variant_;
   std::vector<Device> cameras_;
   Device robot_;
   absl::Status joined_;

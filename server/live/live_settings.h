@@ -8,9 +8,9 @@
 namespace silhouette {
 
 struct LiveSettings {
-  // The set of robot images that shows the robot when the server starts; empty: it has to be told,
+  // The variant that shows the robot when the server starts; empty: it has to be told,
   // where the database has several.
-  std::string set = "";
+  std::string variant = "";
   // Least time from one set of images to the next.
   absl::Duration interval = absl::Milliseconds(20);
   // How often the robot is asked for its joints.

@@ -92,7 +92,7 @@ TestSupport SupportFor(const Served& served, const Policy& policy) {
                                           served.scene->joints, AllowedPixels(served));
     // It takes links that stand as in the scene for what touches nothing. With another tool or part
     // than in the scene that is not known.
-    if (served.database->set() == served.scene->set) {
+    if (served.database->variant() == served.scene->variant) {
       support.robot_may_touch = served.database->sound()->RobotMayTouch(served.scene->joints);
     }
   }

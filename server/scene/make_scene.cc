@@ -139,10 +139,10 @@ std::string WhyMissing(const SceneInput& input, const std::string& view) {
                                           : why->second;
 }
 
-std::string WhyNoSet(const ServedDatabase& whole, const SceneInput& input) {
-  if (!input.without_set.empty()) return input.without_set;
-  return absl::StrCat("the database has no set of robot images '", input.set, "'; capture it, or ",
-                      "publish the scene with one of ", absl::StrJoin(whole.sets(), ", "));
+std::string WhyNoVariant(const ServedDatabase& whole, const SceneInput& input) {
+  if (!input.without_variant.empty()) return input.without_variant;
+  return absl::StrCat("the database has no variant '", input.variant, "'; capture it, or ",
+                      "publish the scene with one of ", absl::StrJoin(whole.variants(), ", "));
 }
 
 void FindDefects(const ServedDatabase& database, const SceneSettings& settings,
@@ -187,8 +187,9 @@ absl::Status InField(const absl::Status& status, size_t i, const ViewInput& inpu
 absl::StatusOr<Scene> MakeScene(const ServedDatabase& whole, const SceneInput& input,
                                 const SceneSettings& settings,
                                 const SegmentationSettings& segmentation, const Moment& arrived) {
-  const ServedDatabase* set = input.without_set.empty() ? whole.Set(input.set) : nullptr;
-  const ServedDatabase& database = set != nullptr ? *set : whole;
+  const ServedDatabase* variant =
+      input.without_variant.empty() ? whole.Variant(input.variant) : nullptr;
+  const ServedDatabase& database = variant != nullptr ? *variant : whole;
   if (input.views.empty()) {
     return absl::InvalidArgumentError("views: a scene has an image of at least one view");
   }
@@ -197,7 +198,9 @@ absl::StatusOr<Scene> MakeScene(const ServedDatabase& whole, const SceneInput& i
   scene.generation = database.generation();
   scene.arrived = arrived;
   scene.joints = input.joints;
-  scene.set = set != nullptr ? set->set() : input.without_set.empty() ? input.set : "";
+  scene.variant = variant != nullptr              ? variant->variant()
+                  : input.without_variant.empty() ? input.variant
+                                                  : "";
   scene.views.resize(views);
   scene.obstacle_images.resize(views);
   scene.without_margins.resize(views);
@@ -213,9 +216,10 @@ absl::StatusOr<Scene> MakeScene(const ServedDatabase& whole, const SceneInput& i
     scene.oldest = std::min(scene.oldest, captured);
     scene.newest = std::max(scene.newest, captured);
   }
-  if (set == nullptr) {
+  if (variant == nullptr) {
     robot.covers.clear();
-    robot.defects.insert(robot.defects.begin(), {Reason::kSetUnknown, WhyNoSet(whole, input)});
+    robot.defects.insert(robot.defects.begin(),
+                         {Reason::kVariantUnknown, WhyNoVariant(whole, input)});
   }
   scene.defects = std::move(robot.defects);
   MakeObstacleImages(robot.covers, inputs, scene);

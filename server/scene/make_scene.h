@@ -47,15 +47,15 @@ struct SceneInput {
   std::string without_joints = "";
   // Why a view is not among `views`, by its name, where that is known.
   std::map<std::string, std::string> without_views = {};
-  // The set of robot images that shows the robot as it is: its tool, the part that it carries.
-  // Empty: the default set.
-  std::string set = "";
-  // Why that is not known: one sentence; `set` is then not asked for.
-  std::string without_set = "";
+  // The variant that shows the robot as it is: its tool, the part that it carries.
+  // Empty: the default variant.
+  std::string variant = "";
+  // Why that is not known: one sentence; `variant` is then not asked for.
+  std::string without_variant = "";
 };
 
 // Makes a scene of images that arrived at the moment `arrived`. `whole`: the database with all of
-// its sets. What is wrong with the state of the
+// its variants. What is wrong with the state of the
 // cell becomes a defect of the scene; InvalidArgument, naming the field, is for input that says
 // nothing of the cell: no view at all, an unknown view or joint or one that is told twice, a mask
 // or an image of the wrong size, an image that cannot be decoded, a time in the future, a joint

@@ -91,9 +91,9 @@ struct Scene {
   // Generation of the database that it was made with.
   uint64_t generation = 0;
   std::vector<JointPosition> joints;
-  // Which set of robot images shows the robot as it is in the scene, by its name; empty: it is not
+  // Which variant shows the robot as it is in the scene, by its name; empty: it is not
   // known, which is a defect.
-  std::string set = schema::kDefaultSet;
+  std::string variant = schema::kDefaultVariant;
   // One per view of the database; nothing where the scene lacks the view.
   std::vector<std::optional<SceneView>> views;
   // As `views`; nothing also where the robot image at the scene's robot position is not known.

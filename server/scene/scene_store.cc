@@ -11,26 +11,27 @@ namespace silhouette {
 namespace {
 
 // What is left of a scene if it is not known what the robot looks like in it.
-void ForgetSet(Scene& scene, const std::string& why) {
-  scene.set.clear();
+void ForgetVariant(Scene& scene, const std::string& why) {
+  scene.variant.clear();
   std::ranges::fill(scene.obstacle_images, std::nullopt);
   std::ranges::fill(scene.without_margins, std::nullopt);
-  std::erase_if(scene.defects, [](const auto& d) { return d.reason == Reason::kSetUnknown; });
-  scene.defects.insert(scene.defects.begin(), {Reason::kSetUnknown, why});
+  std::erase_if(scene.defects, [](const auto& d) { return d.reason == Reason::kVariantUnknown; });
+  scene.defects.insert(scene.defects.begin(), {Reason::kVariantUnknown, why});
 }
 
 }  // namespace
 
-absl::StatusOr<Served> WithSet(Served served, const std::string& name) {
+absl::StatusOr<Served> WithVariant(Served served, const std::string& name) {
   if (served.whole == nullptr) served.whole = served.database;
-  const std::string& wanted = name.empty() && served.scene != nullptr ? served.scene->set : name;
-  std::shared_ptr<const ServedDatabase> set = ServedDatabase::SetOf(served.whole, wanted);
-  if (set != nullptr) {
-    served.database = std::move(set);
+  const std::string& wanted =
+      name.empty() && served.scene != nullptr ? served.scene->variant : name;
+  std::shared_ptr<const ServedDatabase> variant = ServedDatabase::VariantOf(served.whole, wanted);
+  if (variant != nullptr) {
+    served.database = std::move(variant);
   } else if (!name.empty()) {
-    return absl::InvalidArgumentError(absl::StrCat("set: the database has no set '", name,
-                                                   "'; its sets are ",
-                                                   absl::StrJoin(served.whole->sets(), ", ")));
+    return absl::InvalidArgumentError(absl::StrCat("variant: the database has no variant '", name,
+                                                   "'; its variants are ",
+                                                   absl::StrJoin(served.whole->variants(), ", ")));
   }
   return served;
 }
@@ -54,7 +55,7 @@ absl::StatusOr<SharedScene> SceneStore::Publish(
 }
 
 SharedScene SceneStore::Add(Scene scene) {
-  if (IsWithdrawn(scene)) ForgetSet(scene, why_withdrawn_);
+  if (IsWithdrawn(scene)) ForgetVariant(scene, why_withdrawn_);
   scene.id = ++last_id_;
   scenes_.push_back(std::make_shared<const Scene>(std::move(scene)));
   if (scenes_.size() > kept_) scenes_.pop_front();

@@ -19,7 +19,7 @@ namespace silhouette {
 // What a request rests on, taken in one step: the newest scene and its database stay as they are as
 // long as the request holds them.
 struct Served {
-  // With the robot images of one of its sets: the default one, or what WithSet chose.
+  // With the robot images of one of its variants: the default one, or what WithVariant chose.
   std::shared_ptr<const ServedDatabase> database;
   // Null: there is none. Where allowed regions are in force, the scene as they leave it.
   SharedScene scene;
@@ -29,14 +29,14 @@ struct Served {
   std::shared_ptr<const RegionSet> regions = std::make_shared<const RegionSet>();
   // Null: the calibration is not checked, and is taken to hold.
   std::shared_ptr<const CalibrationTrust> trust = nullptr;
-  // The database with all of its sets; null: it is `database`.
+  // The database with all of its variants; null: it is `database`.
   std::shared_ptr<const ServedDatabase> whole = nullptr;
 };
 
-// The same with the robot images of the set `name`; empty: of that which the scene names, as far as
-// the database has it (a scene that names another has a defect). InvalidArgument: the database has
-// no set of this name.
-absl::StatusOr<Served> WithSet(Served served, const std::string& name);
+// The same with the robot images of the variant `name`; empty: of that which the scene names, as
+// far as the database has it (a scene that names another has a defect). InvalidArgument: the
+// database has no variant of this name.
+absl::StatusOr<Served> WithVariant(Served served, const std::string& name);
 
 class SceneStore {
  public:
@@ -50,8 +50,9 @@ class SceneStore {
                                       const std::shared_ptr<const ServedDatabase>& database);
 
   // From now on nothing rests on a scene that arrived at the moment `now` or before, published
-  // already or not, for the robot looks other than in it: it has the defect kSetUnknown with the
-  // message `why`, no set and no obstacle images. The newest scene is published anew as such.
+  // already or not, for the robot looks other than in it: it has the defect kVariantUnknown with
+  // the message `why`, no variant and no obstacle images. The newest scene is published anew as
+  // such.
   void Withdraw(const std::string& why, const Moment& now);
   // The id of the scene that was the newest after that; 0: there was none, or none is withdrawn.
   uint64_t last_withdrawn() const;

@@ -14,14 +14,14 @@
 namespace silhouette {
 namespace {
 
-// Where fixed joints stood when a set was captured.
-struct FixedJointsOfSet {
-  FixedJointRanges& used;  // of all sets, as far as they are used
+// Where fixed joints stood when a variant was captured.
+struct FixedJointsOfVariant {
+  FixedJointRanges& used;  // of all variants, as far as they are used
   double tolerance = 0;
   std::string elsewhere;  // ServedDatabase::elsewhere()
 };
 
-void AddImage(const MetRecord& record, FixedJointsOfSet& joints,
+void AddImage(const MetRecord& record, FixedJointsOfVariant& joints,
               RobotImageTable::Builder& builder) {
   const std::optional<std::string> elsewhere =
       joints.used.Elsewhere(record.measured, joints.tolerance);
@@ -33,7 +33,7 @@ void AddImage(const MetRecord& record, FixedJointsOfSet& joints,
   builder.AddElsewhere(record.number);
 }
 
-void AddRecord(const MetRecord& record, FixedJointsOfSet& joints,
+void AddRecord(const MetRecord& record, FixedJointsOfVariant& joints,
                RobotImageTable::Builder& builder) {
   switch (record.masks) {
     case StoredMasks::kPresent:
@@ -53,8 +53,8 @@ uint64_t BytesOfRecord(const Database& database) {
 }
 
 // Adds the records that are met to `builder`, and tells how far it is.
-VisitRecord AddingTo(RobotImageTable::Builder& builder, FixedJointsOfSet& joints, uint64_t records,
-                     const LoadSettings& settings) {
+VisitRecord AddingTo(RobotImageTable::Builder& builder, FixedJointsOfVariant& joints,
+                     uint64_t records, const LoadSettings& settings) {
   constexpr uint64_t kRecordsPerReport = 4096;
   return
       [&builder, &joints, records, &settings, done = uint64_t{0}](const MetRecord& record) mutable {
@@ -66,7 +66,7 @@ VisitRecord AddingTo(RobotImageTable::Builder& builder, FixedJointsOfSet& joints
 
 absl::StatusOr<RobotImageTable> LoadIntoMemory(const Database& database, const Snapshot& snapshot,
                                                const LoadSettings& settings,
-                                               FixedJointsOfSet& joints) {
+                                               FixedJointsOfVariant& joints) {
   RobotImageTable::Builder builder(database.grid(), database.mask_sizes(), snapshot.size());
   RETURN_IF_ERROR(ForEachMasks(snapshot, AddingTo(builder, joints, snapshot.size(), settings)));
   return std::move(builder).Build();
@@ -75,7 +75,7 @@ absl::StatusOr<RobotImageTable> LoadIntoMemory(const Database& database, const S
 absl::StatusOr<RobotImageTable> LoadInPlace(const Database& database,
                                             const std::shared_ptr<const Snapshot>& snapshot,
                                             const LoadSettings& settings,
-                                            FixedJointsOfSet& joints) {
+                                            FixedJointsOfVariant& joints) {
   // The table is begun before there is what it will read from.
   const auto images = std::make_shared<std::shared_ptr<const RobotImagesInPlace>>();
   RobotImageTable::Builder builder(database.grid(), database.mask_sizes(),
@@ -91,10 +91,11 @@ absl::StatusOr<RobotImageTable> LoadInPlace(const Database& database,
 
 absl::StatusOr<RobotImageTable> LoadRobotImages(const Database& database,
                                                 const std::shared_ptr<const Snapshot>& snapshot,
-                                                LoadSettings& settings, FixedJointsOfSet& joints) {
+                                                LoadSettings& settings,
+                                                FixedJointsOfVariant& joints) {
   const uint64_t bytes = BytesOfRecord(database);
-  const bool further = database.set() != schema::kDefaultSet;
-  if ((further && !settings.further_sets_in_memory) ||
+  const bool further = database.variant() != schema::kDefaultVariant;
+  if ((further && !settings.variants_in_memory) ||
       snapshot->size() > settings.robot_image_memory / bytes) {
     return LoadInPlace(database, snapshot, settings, joints);
   }
@@ -157,10 +158,11 @@ std::vector<std::string> NamesOfViews(const storage::v1::CellDescription& cell) 
 
 }  // namespace
 
-ServedDatabase::ServedDatabase(std::string set, const Common& common, RobotImageTable robot_images,
-                               std::string elsewhere, std::shared_ptr<const CollisionIndex> index,
+ServedDatabase::ServedDatabase(std::string variant, const Common& common,
+                               RobotImageTable robot_images, std::string elsewhere,
+                               std::shared_ptr<const CollisionIndex> index,
                                std::shared_ptr<const SoundBasis> sound)
-    : set_(std::move(set)),
+    : variant_(std::move(variant)),
       cell_(common.cell),
       generation_(common.generation),
       robot_images_(std::move(robot_images)),
@@ -199,11 +201,11 @@ absl::StatusOr<ServedDatabase::Common> ServedDatabase::LoadCommon(
   return common;
 }
 
-absl::StatusOr<std::shared_ptr<ServedDatabase>> ServedDatabase::LoadSet(
+absl::StatusOr<std::shared_ptr<ServedDatabase>> ServedDatabase::LoadVariant(
     const Database& database, std::shared_ptr<const Snapshot> snapshot, const Common& common,
     const CalibrationSettings& settings, const std::optional<SoundCell>& sound,
     LoadSettings& load) {
-  FixedJointsOfSet joints{*common.fixed_joints, load.fixed_joint_tolerance, ""};
+  FixedJointsOfVariant joints{*common.fixed_joints, load.fixed_joint_tolerance, ""};
   ASSIGN_OR_RETURN(RobotImageTable robot_images, LoadRobotImages(database, snapshot, load, joints));
   std::shared_ptr<const SoundBasis> sound_basis;
   if (sound && common.calibration && !common.calibration->cameras.empty()) {
@@ -213,7 +215,7 @@ absl::StatusOr<std::shared_ptr<ServedDatabase>> ServedDatabase::LoadSet(
   }
   ASSIGN_OR_RETURN(auto index, LoadIndex(std::move(snapshot)));
   return std::shared_ptr<ServedDatabase>(
-      new ServedDatabase(database.set(), common, std::move(robot_images),
+      new ServedDatabase(database.variant(), common, std::move(robot_images),
                          std::move(joints.elsewhere), std::move(index), std::move(sound_basis)));
 }
 
@@ -222,20 +224,20 @@ absl::StatusOr<std::shared_ptr<const ServedDatabase>> ServedDatabase::Load(
     const TreatmentSettings& treatments, const std::optional<SoundCell>& sound,
     const LoadSettings& load) {
   try {
-    ASSIGN_OR_RETURN(std::vector<SetState> sets, database.ReadSets());
+    ASSIGN_OR_RETURN(std::vector<VariantState> variants, database.ReadVariants());
     ASSIGN_OR_RETURN(const Common common,
-                     LoadCommon(database, sets.front().snapshot, settings, treatments, load));
+                     LoadCommon(database, variants.front().snapshot, settings, treatments, load));
     LoadSettings left = load;
     std::shared_ptr<ServedDatabase> whole;
-    for (SetState& set : sets) {
-      ASSIGN_OR_RETURN(
-          auto served,
-          LoadSet(*set.database, std::make_shared<const Snapshot>(std::move(set.snapshot)), common,
-                  settings, sound, left));
+    for (VariantState& variant : variants) {
+      ASSIGN_OR_RETURN(auto served,
+                       LoadVariant(*variant.database,
+                                   std::make_shared<const Snapshot>(std::move(variant.snapshot)),
+                                   common, settings, sound, left));
       if (whole == nullptr) {
         whole = std::move(served);
       } else {
-        whole->further_sets_.emplace(served->set(), std::move(served));
+        whole->other_variants_.emplace(served->variant(), std::move(served));
       }
     }
     return whole;
@@ -244,23 +246,23 @@ absl::StatusOr<std::shared_ptr<const ServedDatabase>> ServedDatabase::Load(
   }
 }
 
-std::vector<std::string> ServedDatabase::sets() const {
-  std::vector<std::string> names = {set_};
-  for (const auto& [name, set] : further_sets_) names.push_back(name);
+std::vector<std::string> ServedDatabase::variants() const {
+  std::vector<std::string> names = {variant_};
+  for (const auto& [name, variant] : other_variants_) names.push_back(name);
   return names;
 }
 
-std::shared_ptr<const ServedDatabase> ServedDatabase::SetOf(
+std::shared_ptr<const ServedDatabase> ServedDatabase::VariantOf(
     const std::shared_ptr<const ServedDatabase>& whole, const std::string& name) {
-  if (name.empty() || name == whole->set_) return whole;
-  const auto found = whole->further_sets_.find(name);
-  return found == whole->further_sets_.end() ? nullptr : found->second;
+  if (name.empty() || name == whole->variant_) return whole;
+  const auto found = whole->other_variants_.find(name);
+  return found == whole->other_variants_.end() ? nullptr : found->second;
 }
 
-const ServedDatabase* ServedDatabase::Set(const std::string& name) const {
-  if (name.empty() || name == set_) return this;
-  const auto found = further_sets_.find(name);
-  return found == further_sets_.end() ? nullptr : found->second.get();
+const ServedDatabase* ServedDatabase::Variant(const std::string& name) const {
+  if (name.empty() || name == variant_) return this;
+  const auto found = other_variants_.find(name);
+  return found == other_variants_.end() ? nullptr : found->second.get();
 }
 
 absl::Status ServedDatabase::CanServeSound(Preset preset) const {

@@ -1,5 +1,5 @@
 // One generation of a database: what scenes are made with and verdicts rest on. A database has one
-// set of robot images or several; what is loaded is the default set, which has the others.
+// variant or several; what is loaded is the default variant, which has the others.
 #pragma once
 
 #include <cstdint>
@@ -28,12 +28,12 @@
 namespace silhouette {
 
 struct LoadSettings {
-  // Bytes of robot images, uncompressed, that are held in memory. If all of a set's are more, or
-  // than the sets before it left, none of it is: they are read from the database when they are
-  // needed.
+  // Bytes of robot images, uncompressed, that are held in memory. If all of a variant's are more,
+  // or than the variants before it left, none of it is: they are read from the database when they
+  // are needed.
   uint64_t robot_image_memory = std::numeric_limits<uint64_t>::max();
-  // Whether sets beside the default one are held at all.
-  bool further_sets_in_memory = false;
+  // Whether variants beside the default one are held at all.
+  bool variants_in_memory = false;
   // Called now and again while robot images are read, with how many of the records are done.
   std::function<void(uint64_t done, uint64_t records)> progress = nullptr;
   // Largest deviation of a fixed joint, when a robot image was captured, from where the cell has
@@ -46,8 +46,8 @@ struct LoadSettings {
 // Cannot be changed once loaded; used by any number of threads.
 class ServedDatabase {
  public:
-  // Reads all robot images of all sets once, in one state of the database, the reference images and
-  // the calibration, and opens the collision index. A record that fails its checksum is marked
+  // Reads all robot images of all variants once, in one state of the database, the reference images
+  // and the calibration, and opens the collision index. A record that fails its checksum is marked
   // corrupt, one that was captured with a fixed joint elsewhere as such, so that nothing that takes
   // it is ever free. DataLoss: the database cannot be read as a
   // whole, or its calibration is damaged. InvalidArgument: its grid has more places than a
@@ -60,15 +60,15 @@ class ServedDatabase {
       const TreatmentSettings& treatments = {},
       const std::optional<SoundCell>& sound = std::nullopt, const LoadSettings& load = {});
 
-  // The name of the set.
-  const std::string& set() const { return set_; }
-  // The names of all sets of the database, if this is the default one: this first.
-  std::vector<std::string> sets() const;
-  // The same generation with another set's robot images, collision index and sound presets; `name`
-  // may be empty for the default set. Null if there is none.
-  static std::shared_ptr<const ServedDatabase> SetOf(
+  // The name of the variant.
+  const std::string& variant() const { return variant_; }
+  // The names of all variants of the database, if this is the default one: this first.
+  std::vector<std::string> variants() const;
+  // The same generation with another variant's robot images, collision index and sound presets;
+  // `name` may be empty for the default variant. Null if there is none.
+  static std::shared_ptr<const ServedDatabase> VariantOf(
       const std::shared_ptr<const ServedDatabase>& whole, const std::string& name);
-  const ServedDatabase* Set(const std::string& name) const;
+  const ServedDatabase* Variant(const std::string& name) const;
 
   const storage::v1::CellDescription& cell() const { return cell_; }
   uint64_t generation() const { return generation_; }
@@ -83,9 +83,9 @@ class ServedDatabase {
   std::optional<int> ViewOf(const std::string& name) const;
 
   // Where the fixed joints stood when the robot images that are used were captured, those of all
-  // sets, in the cell's order: within fixed_joint_tolerance of where the cell has them.
+  // variants, in the cell's order: within fixed_joint_tolerance of where the cell has them.
   const std::vector<FixedJointRange>& fixed_joints() const { return fixed_joints_->ranges(); }
-  // What was elsewhere when the first robot image of the set that is not used was captured
+  // What was elsewhere when the first robot image of the variant that is not used was captured
   // (FixedJointRanges::Elsewhere); empty: all are used.
   const std::string& elsewhere() const { return elsewhere_; }
 
@@ -125,7 +125,7 @@ class ServedDatabase {
  private:
   absl::Status CanServeSound(Preset preset) const;
 
-  // What all sets share.
+  // What all variants share.
   struct Common {
     storage::v1::CellDescription cell;
     uint64_t generation = 0;
@@ -134,24 +134,24 @@ class ServedDatabase {
     std::string calibration_fingerprint;
     std::shared_ptr<const EpipolarBands> bands;
     ViewTreatments treatments;
-    std::shared_ptr<FixedJointRanges> fixed_joints;  // gets what is met as sets are loaded
+    std::shared_ptr<FixedJointRanges> fixed_joints;  // gets what is met as variants are loaded
   };
   static absl::StatusOr<Common> LoadCommon(const Database& database, const Snapshot& snapshot,
                                            const CalibrationSettings& settings,
                                            const TreatmentSettings& treatments,
                                            const LoadSettings& load);
-  // `load`: what memory the set may take; gets what it leaves.
-  static absl::StatusOr<std::shared_ptr<ServedDatabase>> LoadSet(
+  // `load`: what memory the variant may take; gets what it leaves.
+  static absl::StatusOr<std::shared_ptr<ServedDatabase>> LoadVariant(
       const Database& database, std::shared_ptr<const Snapshot> snapshot, const Common& common,
       const CalibrationSettings& settings, const std::optional<SoundCell>& sound,
       LoadSettings& load);
 
-  ServedDatabase(std::string set, const Common& common, RobotImageTable robot_images,
+  ServedDatabase(std::string variant, const Common& common, RobotImageTable robot_images,
                  std::string elsewhere, std::shared_ptr<const CollisionIndex> index,
                  std::shared_ptr<const SoundBasis> sound);
 
-  std::string set_;
-  std::map<std::string, std::shared_ptr<const ServedDatabase>> further_sets_;
+  std::string variant_;
+  std::map<std::string, std::shared_ptr<const ServedDatabase>> other_variants_;
   storage::v1::CellDescription cell_;
   uint64_t generation_ = 0;
   RobotImageTable robot_images_;

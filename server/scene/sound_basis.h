@@ -83,8 +83,8 @@ class ScenePossibleSpace {
   ScenePossibleSpace(const ScenePossibleSpace&) {}
   ScenePossibleSpace& operator=(const ScenePossibleSpace&) = delete;
 
-  // `basis`: of one of the sets of the scene's database. The other arguments belong to the scene,
-  // and are always the same. `joints`, of the robot; `allowed`: see PossibleSpace.
+  // `basis`: of one of the variants of the scene's database. The other arguments belong to the
+  // scene, and are always the same. `joints`, of the robot; `allowed`: see PossibleSpace.
   const PossibleSpace& Get(const std::shared_ptr<const SoundBasis>& basis,
                            const ObstacleImages& images, std::span<const JointPosition> joints,
                            std::span<const std::optional<Mask>> allowed) const;
@@ -97,7 +97,7 @@ class ScenePossibleSpace {
     std::optional<PossibleSpace> space;
   };
   mutable std::mutex mutex_;
-  mutable std::list<Entry> entries_;  // a set each
+  mutable std::list<Entry> entries_;  // a variant each
 };
 
 }  // namespace silhouette

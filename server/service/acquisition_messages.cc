@@ -46,12 +46,13 @@ void ToMessage(const LiveStatus& status, v1::Acquisition* message) {
   LatencyToMessage(status.to_map, message->mutable_to_map());
 }
 
-void ToMessage(const KnownSet& known, const std::vector<std::string>& sets, v1::RobotSet* message) {
-  const absl::StatusOr<std::string> set = known.OfLaterImages(sets);
-  if (set.ok()) {
-    message->set_set(*set);
+void ToMessage(const KnownVariant& known, const std::vector<std::string>& variants,
+               v1::RobotVariant* message) {
+  const absl::StatusOr<std::string> variant = known.OfLaterImages(variants);
+  if (variant.ok()) {
+    message->set_variant(*variant);
   } else {
-    message->set_unknown(std::string(set.status().message()));
+    message->set_unknown(std::string(variant.status().message()));
   }
   message->set_changing(known.changing());
 }

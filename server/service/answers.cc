@@ -93,7 +93,7 @@ grpc::Status AnswerNumbers(Serving& serving, const v1::CheckConfigurationsReques
                                                 "; ask for at most ", kMaxNumbers, " at once")));
   }
   const absl::StatusOr<Served> found =
-      WithSet(serving.scenes.Newest(serving.settings.clock()), request.set());
+      WithVariant(serving.scenes.Newest(serving.settings.clock()), request.variant());
   if (!found.ok()) return ToGrpc(found.status());
   const Served& served = *found;
   const absl::StatusOr<Policy> policy = PolicyFor(serving, request.policy(), *served.database);
@@ -128,9 +128,9 @@ absl::StatusOr<Policy> PolicyFor(const Serving& serving, const v1::Policy& messa
 }
 
 absl::StatusOr<Checker> CheckerFor(Serving& serving, const v1::Policy& message,
-                                   const std::string& set) {
+                                   const std::string& variant) {
   const Moment now = serving.settings.clock();
-  ASSIGN_OR_RETURN(Served served, WithSet(serving.scenes.Newest(now), set));
+  ASSIGN_OR_RETURN(Served served, WithVariant(serving.scenes.Newest(now), variant));
   ASSIGN_OR_RETURN(const Policy policy, PolicyFor(serving, message, *served.database));
   return Checker(std::move(served), policy, serving.settings.scene, now);
 }
@@ -147,7 +147,7 @@ Reason Conclude(const Serving& serving, const Served& served, const Policy& poli
     blocked = Reason::kRegionEnded;
   }
   if (blocked == Reason::kNone && serving.scenes.Withdrawn(*served.scene)) {
-    blocked = Reason::kSetUnknown;
+    blocked = Reason::kVariantUnknown;
   }
   if (valid_for != nullptr) {
     *valid_for = blocked == Reason::kNone ? ValidFor(of_now, policy, serving.settings.scene, now)
@@ -167,8 +167,8 @@ bool AnsweredAtOnce(const Serving& serving, const v1::CheckConfigurationsRequest
   }
   const std::shared_ptr<const ServedDatabase> whole = serving.scenes.database();
   const SharedScene scene = serving.scenes.Find(0);
-  const bool as_scene = request.set().empty() && scene != nullptr;
-  const ServedDatabase* database = whole->Set(as_scene ? scene->set : request.set());
+  const bool as_scene = request.variant().empty() && scene != nullptr;
+  const ServedDatabase* database = whole->Variant(as_scene ? scene->variant : request.variant());
   if (database == nullptr) return true;
   if (!database->robot_images().in_memory() && !request.configurations().empty()) return false;
   // Under the sound presets even a few checks may take longer than look-ups.
@@ -180,7 +180,7 @@ grpc::Status Answer(Serving& serving, const v1::CheckConfigurationsRequest& requ
                     const std::function<bool()>& cancelled,
                     v1::CheckConfigurationsResponse* response) {
   if (!request.numbers().empty()) return AnswerNumbers(serving, request, response);
-  const absl::StatusOr<Checker> checker = CheckerFor(serving, request.policy(), request.set());
+  const absl::StatusOr<Checker> checker = CheckerFor(serving, request.policy(), request.variant());
   if (!checker.ok()) return ToGrpc(checker.status());
   const ServedDatabase& database = *checker->served().database;
   const auto configurations = ConfigurationsFrom(request.configurations(), database.grid(),
@@ -210,7 +210,7 @@ grpc::Status Answer(Serving& serving, const v1::CheckConfigurationsRequest& requ
 
 grpc::Status Answer(Serving& serving, const v1::CheckPathRequest& request,
                     v1::CheckPathResponse* response, absl::Duration* valid_for) {
-  const absl::StatusOr<Checker> checker = CheckerFor(serving, request.policy(), request.set());
+  const absl::StatusOr<Checker> checker = CheckerFor(serving, request.policy(), request.variant());
   if (!checker.ok()) return ToGrpc(checker.status());
   const ServedDatabase& database = *checker->served().database;
   const auto waypoints =
@@ -250,7 +250,7 @@ grpc::Status Answer(Serving& serving, const v1::CheckPathRequest& request,
 
 grpc::Status Answer(Serving& serving, const v1::ExplainRequest& request,
                     v1::ExplainResponse* response) {
-  const absl::StatusOr<Checker> checker = CheckerFor(serving, request.policy(), request.set());
+  const absl::StatusOr<Checker> checker = CheckerFor(serving, request.policy(), request.variant());
   if (!checker.ok()) return ToGrpc(checker.status());
   const ServedDatabase& database = *checker->served().database;
   const absl::StatusOr<Configuration> q =

@@ -24,9 +24,10 @@ inline constexpr double kMaxPlaces = 1e6;
 absl::StatusOr<Policy> PolicyFor(const Serving& serving, const v1::Policy& message,
                                  const ServedDatabase& database);
 
-// The world at this moment under the policy of a request and with the set that it names (WithSet).
+// The world at this moment under the policy of a request and with the variant that it names
+// (WithVariant).
 absl::StatusOr<Checker> CheckerFor(Serving& serving, const v1::Policy& policy,
-                                   const std::string& set);
+                                   const std::string& variant);
 
 // Tells what the answer rests on. Returns why it must not say free after all: the scene may have
 // become too old, or an allowed region ended or revoked, while the answer was made. `valid_for`, if

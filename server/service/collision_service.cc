@@ -38,7 +38,7 @@ CollisionService::GetConfigurationSpace(grpc::CallbackServerContext* context,
     const absl::StatusOr<Deadline> deadline = DeadlineOf(*request);
     if (!deadline.ok()) return ToGrpc(deadline.status());
     const absl::StatusOr<Served> found =
-        WithSet(serving_.scenes.Newest(serving_.settings.clock()), request->set());
+        WithVariant(serving_.scenes.Newest(serving_.settings.clock()), request->variant());
     if (!found.ok()) return ToGrpc(found.status());
     const Served& served = *found;
     const absl::StatusOr<Policy> policy = PolicyFor(serving_, request->policy(), *served.database);

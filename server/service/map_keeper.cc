@@ -71,7 +71,7 @@ void MapKeeper::Run(const std::stop_token& stop) {
 
 void MapKeeper::WorkOut(uint64_t version, const std::stop_token& stop) {
   const Moment now = settings_.clock();
-  const absl::StatusOr<Served> found = WithSet(scenes_.Newest(now), /*name=*/"");
+  const absl::StatusOr<Served> found = WithVariant(scenes_.Newest(now), /*name=*/"");
   if (!found.ok()) throw std::runtime_error(std::string(found.status().message()));
   const Served& served = *found;
   const Policy policy = DefaultPolicy(settings_, *served.database);

@@ -102,11 +102,11 @@ void ToMessage(const Mask& mask, v1::Mask* message) {
 
 void ToMessage(const Served& served, const Policy& policy, const Moment& now, v1::Basis* message) {
   message->set_database_generation(served.database->generation());
-  message->set_set(served.database->set());
+  message->set_variant(served.database->variant());
   ToMessage(now.running, message->mutable_server_clock());
   if (served.scene == nullptr) return;
   message->set_scene_id(served.scene->id);
-  message->set_scene_set(served.scene->set);
+  message->set_scene_variant(served.scene->variant);
   ToMessage(served.scene->oldest, message->mutable_scene_time());
   ToMessage(served.scene->AgeAt(now), message->mutable_scene_age());
   for (const std::string& name : RegionsIn(served, policy)) message->add_regions(name);
@@ -129,7 +129,7 @@ void ToMessage(const Scene& scene, bool include_planes, const SceneSettings& set
                const Moment& now, v1::Scene* message) {
   message->set_id(scene.id);
   message->set_database_generation(scene.generation);
-  message->set_set(scene.set);
+  message->set_variant(scene.variant);
   ToMessage(scene.oldest, message->mutable_time());
   ToMessage(scene.skew(), message->mutable_skew());
   for (const JointPosition& joint : scene.joints) {
@@ -203,13 +203,13 @@ void ToMessage(const ServedDatabase& database, const Policy& default_policy,
   message->set_captured(images.Count(RobotImageState::kPresent));
   message->set_excluded(images.Count(RobotImageState::kExcluded));
   message->set_corrupt(images.Count(RobotImageState::kCorrupt));
-  for (const std::string& name : database.sets()) {
-    const RobotImageTable& of_set = database.Set(name)->robot_images();
-    v1::RobotImageSet& set = *message->add_sets();
-    set.set_name(name);
-    set.set_captured(of_set.Count(RobotImageState::kPresent));
-    set.set_excluded(of_set.Count(RobotImageState::kExcluded));
-    set.set_corrupt(of_set.Count(RobotImageState::kCorrupt));
+  for (const std::string& name : database.variants()) {
+    const RobotImageTable& of_variant = database.Variant(name)->robot_images();
+    v1::RobotImageVariant& variant = *message->add_variants();
+    variant.set_name(name);
+    variant.set_captured(of_variant.Count(RobotImageState::kPresent));
+    variant.set_excluded(of_variant.Count(RobotImageState::kExcluded));
+    variant.set_corrupt(of_variant.Count(RobotImageState::kCorrupt));
   }
   ToMessage(default_policy, message->mutable_default_policy());
   message->set_calibrated(database.bands() != nullptr);

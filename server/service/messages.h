@@ -63,10 +63,11 @@ void ToMessage(const AllowedRegion& region, const ServedDatabase& database, cons
 // Staleness at the moment `now` is told among the scene's defects.
 void ToMessage(const Scene& scene, bool include_planes, const SceneSettings& settings,
                const Moment& now, v1::Scene* message);
-// All but the robot's set.
+// All but the robot's variant.
 void ToMessage(const LiveStatus& status, v1::Acquisition* message);
-// `sets`: of the database.
-void ToMessage(const KnownSet& known, const std::vector<std::string>& sets, v1::RobotSet* message);
+// `variants`: of the database.
+void ToMessage(const KnownVariant& known, const std::vector<std::string>& variants,
+               v1::RobotVariant* message);
 void ToMessage(const ServedDatabase& database, const Policy& default_policy,
                v1::GetDatabaseResponse* message);
 

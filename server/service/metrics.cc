@@ -125,11 +125,12 @@ void TellAcquisition(const LiveStatus& status, Families& to) {
   to.Histogram(latency, help, status.to_map, {{.name = "to", .value = "map"}});
 }
 
-void TellSet(const Serving& serving, Families& to) {
-  const std::vector<std::string> sets = serving.scenes.database()->sets();
-  const absl::StatusOr<std::string> set = serving.settings.live->known_set().OfLaterImages(sets);
-  to.Gauge("silhouette_live_set_known", "Whether it is known which set shows the robot",
-           set.ok() ? 1 : 0);
+void TellVariant(const Serving& serving, Families& to) {
+  const std::vector<std::string> variants = serving.scenes.database()->variants();
+  const absl::StatusOr<std::string> variant =
+      serving.settings.live->known_variant().OfLaterImages(variants);
+  to.Gauge("silhouette_live_variant_known", "Whether it is known which variant shows the robot",
+           variant.ok() ? 1 : 0);
 }
 
 class Collected : public prometheus::Collectable {
@@ -142,7 +143,7 @@ class Collected : public prometheus::Collectable {
     TellVerdicts(serving_, families);
     if (serving_.settings.live != nullptr) {
       TellAcquisition(serving_.settings.live->Status(), families);
-      TellSet(serving_, families);
+      TellVariant(serving_, families);
     }
     return families.Take();
   }

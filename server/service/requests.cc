@@ -185,7 +185,7 @@ absl::StatusOr<Configuration> ConfigurationFrom(const v1::Configuration& message
 
 absl::StatusOr<SceneInput> SceneInputFrom(const v1::PublishSceneRequest& message) {
   SceneInput input;
-  input.set = message.set();
+  input.variant = message.variant();
   for (const v1::JointPosition& joint : message.joints()) {
     input.joints.push_back({joint.name(), joint.position()});
   }

@@ -30,9 +30,9 @@ void ScenePublisher::LogDefects(const Scene& scene) {
 
 void ScenePublisher::PrepareSpace(const ServedDatabase& whole, const Scene& scene) const {
   if (!IsSound(DefaultPolicy(settings_, whole).preset)) return;
-  const ServedDatabase* set = whole.Set(scene.set);
-  if (set == nullptr || set->sound() == nullptr || scene.Blocked() != Reason::kNone) return;
-  scene.possible_space.Get(set->sound(), scene.obstacle_images, scene.joints, {});
+  const ServedDatabase* variant = whole.Variant(scene.variant);
+  if (variant == nullptr || variant->sound() == nullptr || scene.Blocked() != Reason::kNone) return;
+  scene.possible_space.Get(variant->sound(), scene.obstacle_images, scene.joints, {});
 }
 
 absl::StatusOr<SharedScene> ScenePublisher::Publish(

@@ -26,25 +26,26 @@ std::string PixelCounts(const AllowedRegion& region, const ServedDatabase& datab
   return counts;
 }
 
-absl::Status CheckChange(const v1::ChangeSetRequest& request,
-                         const std::vector<std::string>& sets) {
-  if (request.changing() != request.set().empty()) {
+absl::Status CheckChange(const v1::ChangeVariantRequest& request,
+                         const std::vector<std::string>& variants) {
+  if (request.changing() != request.variant().empty()) {
     return absl::InvalidArgumentError(
-        "tell either the set that the robot has, or that it is changing");
+        "tell either the variant that the robot has, or that it is changing");
   }
-  if (request.changing() || std::ranges::find(sets, request.set()) != sets.end()) {
+  if (request.changing() || std::ranges::find(variants, request.variant()) != variants.end()) {
     return absl::OkStatus();
   }
-  return absl::InvalidArgumentError(absl::StrCat("set: the database has no set '", request.set(),
-                                                 "'; its sets are ", absl::StrJoin(sets, ", ")));
+  return absl::InvalidArgumentError(absl::StrCat("variant: the database has no variant '",
+                                                 request.variant(), "'; its variants are ",
+                                                 absl::StrJoin(variants, ", ")));
 }
 
 // Of scenes that are older than what is known now.
-std::string WhyWithdrawn(const KnownSet& known, const std::vector<std::string>& sets) {
-  const absl::StatusOr<std::string> set = known.OfLaterImages(sets);
-  if (!set.ok()) return std::string(set.status().message());
-  return absl::StrCat("the scene is of before it was told that the robot has the set '", *set,
-                      "'; wait for the next");
+std::string WhyWithdrawn(const KnownVariant& known, const std::vector<std::string>& variants) {
+  const absl::StatusOr<std::string> variant = known.OfLaterImages(variants);
+  if (!variant.ok()) return std::string(variant.status().message());
+  return absl::StrCat("the scene is of before it was told that the robot has the variant '",
+                      *variant, "'; wait for the next");
 }
 
 }  // namespace
@@ -105,35 +106,37 @@ grpc::ServerUnaryReactor* SceneService::GetAcquisition(grpc::CallbackServerConte
               "the server does not take images of the cell itself; start it with --live"};
     }
     ToMessage(serving_.settings.live->Status(), response->mutable_acquisition());
-    ToMessage(serving_.settings.live->known_set(), serving_.scenes.database()->sets(),
-              response->mutable_acquisition()->mutable_robot_set());
+    ToMessage(serving_.settings.live->known_variant(), serving_.scenes.database()->variants(),
+              response->mutable_acquisition()->mutable_robot_variant());
     return grpc::Status::OK;
   });
 }
 
-grpc::ServerUnaryReactor* SceneService::ChangeSet(grpc::CallbackServerContext* context,
-                                                  const v1::ChangeSetRequest* request,
-                                                  v1::ChangeSetResponse* response) {
+grpc::ServerUnaryReactor* SceneService::ChangeVariant(grpc::CallbackServerContext* context,
+                                                      const v1::ChangeVariantRequest* request,
+                                                      v1::ChangeVariantResponse* response) {
   const Moment arrived = serving_.settings.clock();
   return AnswerHere(context, [=, this]() -> grpc::Status {
     const std::shared_ptr<LiveRecord>& live = serving_.settings.live;
     if (live == nullptr) {
       return {grpc::StatusCode::FAILED_PRECONDITION,
               "the server does not take images of the cell itself (--live); publish scenes that "
-              "name their set"};
+              "name their variant"};
     }
-    const std::vector<std::string> sets = serving_.scenes.database()->sets();
-    if (const absl::Status valid = CheckChange(*request, sets); !valid.ok()) return ToGrpc(valid);
-    const std::lock_guard lock(changing_set_);
-    const bool is_new = request->changing() ? live->TellSetChanging()
-                                            : live->TellSet(request->set(), arrived.running);
-    const KnownSet known = live->known_set();
+    const std::vector<std::string> variants = serving_.scenes.database()->variants();
+    if (const absl::Status valid = CheckChange(*request, variants); !valid.ok())
+      return ToGrpc(valid);
+    const std::lock_guard lock(changing_variant_);
+    const bool is_new = request->changing()
+                            ? live->TellVariantChanging()
+                            : live->TellVariant(request->variant(), arrived.running);
+    const KnownVariant known = live->known_variant();
     if (is_new) {
-      serving_.scenes.Withdraw(WhyWithdrawn(known, sets), serving_.settings.clock());
-      spdlog::info("{} tells that the robot's set {}", context->peer(),
-                   request->changing() ? "is changing" : "is '" + request->set() + "'");
+      serving_.scenes.Withdraw(WhyWithdrawn(known, variants), serving_.settings.clock());
+      spdlog::info("{} tells that the robot's variant {}", context->peer(),
+                   request->changing() ? "is changing" : "is '" + request->variant() + "'");
     }
-    ToMessage(known, sets, response->mutable_robot_set());
+    ToMessage(known, variants, response->mutable_robot_variant());
     response->set_last_scene_before(serving_.scenes.last_withdrawn());
     return grpc::Status::OK;
   });

@@ -21,9 +21,9 @@ class SceneService final : public v1::SceneService::CallbackService {
   grpc::ServerUnaryReactor* GetAcquisition(grpc::CallbackServerContext* context,
                                            const v1::GetAcquisitionRequest* request,
                                            v1::GetAcquisitionResponse* response) override;
-  grpc::ServerUnaryReactor* ChangeSet(grpc::CallbackServerContext* context,
-                                      const v1::ChangeSetRequest* request,
-                                      v1::ChangeSetResponse* response) override;
+  grpc::ServerUnaryReactor* ChangeVariant(grpc::CallbackServerContext* context,
+                                          const v1::ChangeVariantRequest* request,
+                                          v1::ChangeVariantResponse* response) override;
   grpc::ServerUnaryReactor* AllowRegion(grpc::CallbackServerContext* context,
                                         const v1::AllowRegionRequest* request,
                                         v1::AllowRegionResponse* response) override;
@@ -36,7 +36,8 @@ class SceneService final : public v1::SceneService::CallbackService {
 
  private:
   Serving& serving_;
-  std::mutex changing_set_;  // held while a change is told, until scenes of before are withdrawn
+  std::mutex
+      changing_variant_;  // held while a change is told, until scenes of before are withdrawn
 };
 
 }  // namespace silhouette

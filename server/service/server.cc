@@ -157,7 +157,7 @@ Server::~Server() {
 }
 
 void Server::ReplaceDatabase(std::shared_ptr<const ServedDatabase> database) {
-  if (serving_.settings.live != nullptr) serving_.settings.live->NoteSets(database->sets());
+  if (serving_.settings.live != nullptr) serving_.settings.live->NoteVariants(database->variants());
   serving_.scenes.ReplaceDatabase(std::move(database));
 }
 

@@ -85,7 +85,7 @@ shared_map::Cells SharedMapWriter::CellsOf(const ConfigurationSpace& space, cons
 
 absl::Status SharedMapWriter::Publish(const Served& served, const Policy& policy,
                                       const ConfigurationSpace* space, Reason blocked) {
-  // The sets have the same grid: a scene with another set changes but the states.
+  // The variants have the same grid: a scene with another variant changes but the states.
   const std::shared_ptr<const ServedDatabase>& whole =
       served.whole != nullptr ? served.whole : served.database;
   if (database_.lock() != whole || !writer_) {

@@ -1,4 +1,4 @@
-// The configuration-space maps of the newest scene, one per policy and set of robot images, shared
+// The configuration-space maps of the newest scene, one per policy and variant, shared
 // by everybody who asks.
 #pragma once
 
@@ -16,8 +16,8 @@ class SpaceCache {
  public:
   // The map of the scene under the policy. The first call prepares the test, others wait for it;
   // tiles are worked out when they are asked for. Throws as ConfigurationSpace does. May be called
-  // from any thread. The maps of the few policies and sets that were asked for last are kept, and
-  // only those of one scene.
+  // from any thread. The maps of the few policies and variants that were asked for last are kept,
+  // and only those of one scene.
   std::shared_ptr<const ConfigurationSpace> Get(const Served& served, const Policy& policy);
 
  private:

@@ -11,8 +11,9 @@
 namespace silhouette {
 
 absl::StatusOr<bool> SpaceWatch::Prepare() {
-  ASSIGN_OR_RETURN(const Served found,
-                   WithSet(serving().scenes.Newest(serving().settings.clock()), request_.set()));
+  ASSIGN_OR_RETURN(
+      const Served found,
+      WithVariant(serving().scenes.Newest(serving().settings.clock()), request_.variant()));
   const Served& served = found;
   ASSIGN_OR_RETURN(const Policy policy, PolicyFor(serving(), request_.policy(), *served.database));
   ASSIGN_OR_RETURN(const std::vector<uint64_t> tiles,

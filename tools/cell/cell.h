@@ -55,8 +55,8 @@ struct ServerSettings {
   absl::Duration map_time = absl::Milliseconds(20);
   // Bytes of robot images that memory may hold (LoadSettings); nothing: a share of what there is.
   std::optional<uint64_t> robot_image_memory;
-  // Whether sets beside the default one are among them.
-  bool further_sets_in_memory = false;
+  // Whether variants beside the default one are among them.
+  bool variants_in_memory = false;
   // File of the shared map; empty: none. Its permissions, as chmod has them.
   std::string shared_map;
   unsigned shared_map_mode = 0640;

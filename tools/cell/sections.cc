@@ -83,7 +83,7 @@ bool OneOf(const YamlNode& node, const std::string& first, const std::string& se
 // `live`: what the keys that are not stated are.
 LiveSettings ReadLive(const YamlNode& node, LiveSettings live) {
   YamlMap map(node);
-  live.set = map.Get<std::string>("set", live.set);
+  live.variant = map.Get<std::string>("variant", live.variant);
   live.interval = Time(map, "interval", live.interval);
   const auto positive_time = [&](const std::string& key, absl::Duration& time) {
     const auto value = map.Optional(key);
@@ -291,8 +291,7 @@ ServerSettings ReadServer(const YamlNode& node, const std::filesystem::path& fol
   if (const auto memory = map.Optional("robot_image_memory")) {
     server.robot_image_memory = memory->AsBytes();
   }
-  server.further_sets_in_memory =
-      map.Get<bool>("further_sets_in_memory", server.further_sets_in_memory);
+  server.variants_in_memory = map.Get<bool>("variants_in_memory", server.variants_in_memory);
   if (const auto shared = map.Optional("shared_map")) {
     YamlMap shared_map(*shared);
     server.shared_map = ResolvePath(folder, shared_map.Get<std::string>("file"));

@@ -26,9 +26,9 @@ std::string ForShell(const std::string& word) {
 std::string CellArguments::Command(const std::string& subcommand) const {
   std::string command = absl::StrCat("silhouette-capture ", subcommand, " --cell ", ForShell(cell));
   if (!database.empty()) absl::StrAppend(&command, " --database ", ForShell(database));
-  // Reference images are of all sets.
-  if (set != schema::kDefaultSet && subcommand != "reference") {
-    absl::StrAppend(&command, " --set ", ForShell(set));
+  // Reference images are of all variants.
+  if (variant != schema::kDefaultVariant && subcommand != "reference") {
+    absl::StrAppend(&command, " --variant ", ForShell(variant));
   }
   return command;
 }
@@ -40,10 +40,10 @@ void AddCellOptions(CLI::App& command, CellArguments& arguments) {
   AddFormatOption(command, arguments.format);
 }
 
-void AddSetOption(CLI::App& command, CellArguments& arguments) {
+void AddVariantOption(CLI::App& command, CellArguments& arguments) {
   command
-      .add_option("--set", arguments.set,
-                  "The set of robot images: of the robot with this tool, this part, its gripper\n"
+      .add_option("--variant", arguments.variant,
+                  "The variant: of the robot with this tool, this part, its gripper\n"
                   "open or closed")
       ->capture_default_str();
 }
@@ -56,7 +56,7 @@ absl::StatusOr<CellFile> OpenCellFile(const CellArguments& arguments) {
         absl::StrCat("say where the database is: --database FOLDER, or 'database: FOLDER' in '",
                      arguments.cell, "'"));
   }
-  return CellFile{std::move(cell), database, arguments.set};
+  return CellFile{std::move(cell), database, arguments.variant};
 }
 
 absl::StatusOr<std::unique_ptr<Database>> OpenDatabase(const CellFile& file,
@@ -71,9 +71,9 @@ absl::StatusOr<std::unique_ptr<Database>> OpenDatabase(const CellFile& file,
                      SegmentationAdvice(file.cell.segmentation, database->cell()),
                      ". Choose another database, or change the cell file back"));
   }
-  absl::StatusOr<std::unique_ptr<Database>> set = database->OpenSet(file.set);
-  if (!absl::IsNotFound(set.status()) || access == Database::Access::kRead) return set;
-  return database->CreateSet(file.set, "silhouette-capture run --set " + file.set);
+  absl::StatusOr<std::unique_ptr<Database>> variant = database->OpenVariant(file.variant);
+  if (!absl::IsNotFound(variant.status()) || access == Database::Access::kRead) return variant;
+  return database->CreateVariant(file.variant, "silhouette-capture run --variant " + file.variant);
 }
 
 absl::StatusOr<std::unique_ptr<Database>> OpenDatabaseOfOtherMasks(const CellFile& file,

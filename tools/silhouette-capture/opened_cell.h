@@ -16,7 +16,7 @@ namespace silhouette {
 struct CellArguments {
   std::string cell;
   std::string database;
-  std::string set = schema::kDefaultSet;  // of robot images
+  std::string variant = schema::kDefaultVariant;  // of robot images
   std::string format = "text";
 
   bool json() const { return format == "json"; }
@@ -27,25 +27,25 @@ struct CellArguments {
 
 // Adds --cell, --database and --format.
 void AddCellOptions(CLI::App& command, CellArguments& arguments);
-// Adds --set.
-void AddSetOption(CLI::App& command, CellArguments& arguments);
+// Adds --variant.
+void AddVariantOption(CLI::App& command, CellArguments& arguments);
 
 struct CellFile {
   Cell cell;
   std::string database;  // the folder: that of the arguments, else that of the file
-  std::string set;
+  std::string variant;
 };
 
 // InvalidArgument if the file is not valid, or nobody says where the database is.
 absl::StatusOr<CellFile> OpenCellFile(const CellArguments& arguments);
 
 // The database, if it is that of the cell; else FailedPrecondition says in what they differ.
-// NotFound: there is none yet, or it has no such set; for writing the set is made.
+// NotFound: there is none yet, or it has no such variant; for writing the variant is made.
 absl::StatusOr<std::unique_ptr<Database>> OpenDatabase(const CellFile& file,
                                                        Database::Access access);
 
 // The same, but the database may have been made with other segmentation settings; with
-// `other_masks`, also with masks of other sizes. The default set.
+// `other_masks`, also with masks of other sizes. The default variant.
 absl::StatusOr<std::unique_ptr<Database>> OpenDatabaseOfOtherMasks(const CellFile& file,
                                                                    Database::Access access,
                                                                    bool other_masks);

@@ -122,7 +122,7 @@ absl::StatusOr<Take> OpenEmptyCell(const Cell& cell) {
 
 absl::StatusOr<Take> OpenCellWithRobot(const Cell& cell) {
   const auto travel = std::make_shared<const Travel>(cell.grid, cell.capture.forbidden_regions);
-  ASSIGN_OR_RETURN(auto opened, OpenDevices(cell, *travel, schema::kDefaultSet));
+  ASSIGN_OR_RETURN(auto opened, OpenDevices(cell, *travel, schema::kDefaultVariant));
   const auto devices = std::make_shared<CellDevices>(std::move(opened));
   return [travel, devices, settings = cell.capture](Database& database, int count,
                                                     const CaptureObserver& observer) {

@@ -40,9 +40,9 @@ absl::StatusOr<std::unique_ptr<Database>> MakeBeside(const std::string& folder,
   return Database::Create(folder, description);
 }
 
-absl::StatusOr<std::vector<RemaskedSet>> MakeMasks(const RemaskArguments& options,
-                                                   const CellFile& file, const Database& database,
-                                                   Database& into) {
+absl::StatusOr<std::vector<RemaskedVariant>> MakeMasks(const RemaskArguments& options,
+                                                       const CellFile& file,
+                                                       const Database& database, Database& into) {
   RemaskOptions remask;
   remask.segmentation = file.cell.segmentation;
   remask.leave_out = options.leave_out;
@@ -75,8 +75,8 @@ absl::Status CopyReferences(const Database& source, Database& into) {
 }
 
 // Into a new database, which is there once it is whole.
-absl::StatusOr<std::vector<RemaskedSet>> RemaskInto(const RemaskArguments& options,
-                                                    const CellFile& file) {
+absl::StatusOr<std::vector<RemaskedVariant>> RemaskInto(const RemaskArguments& options,
+                                                        const CellFile& file) {
   ASSIGN_OR_RETURN(const auto source,
                    OpenDatabaseOfOtherMasks(file, Database::Access::kRead, true));
   const std::string part = options.into + ".part";
@@ -99,8 +99,8 @@ absl::StatusOr<std::vector<RemaskedSet>> RemaskInto(const RemaskArguments& optio
 }
 
 // In their place: made in a database beside it, then exchanged in one change.
-absl::StatusOr<std::vector<RemaskedSet>> RemaskInPlace(const RemaskArguments& options,
-                                                       const CellFile& file) {
+absl::StatusOr<std::vector<RemaskedVariant>> RemaskInPlace(const RemaskArguments& options,
+                                                           const CellFile& file) {
   ASSIGN_OR_RETURN(const auto database,
                    OpenDatabaseOfOtherMasks(file, Database::Access::kWrite, false));
   std::string beside = file.database;
@@ -119,17 +119,19 @@ absl::StatusOr<std::vector<RemaskedSet>> RemaskInPlace(const RemaskArguments& op
   return made;
 }
 
-void RemaskPrintText(const std::string& where, const std::vector<RemaskedSet>& made) {
-  for (const RemaskedSet& set : made) {
-    if (made.size() > 1) std::cout << absl::StreamFormat("set '%s'\n", set.name);
+void RemaskPrintText(const std::string& where, const std::vector<RemaskedVariant>& made) {
+  for (const RemaskedVariant& variant : made) {
+    if (made.size() > 1) std::cout << absl::StreamFormat("variant '%s'\n", variant.name);
     std::cout << absl::StreamFormat("masks made anew    %d configurations, in %s\n",
-                                    set.configurations, where);
-    if (set.excluded > 0) std::cout << absl::StreamFormat("excluded           %d\n", set.excluded);
-    if (set.left_out > 0) {
-      std::cout << absl::StreamFormat("left out           %d, without raw images\n", set.left_out);
+                                    variant.configurations, where);
+    if (variant.excluded > 0)
+      std::cout << absl::StreamFormat("excluded           %d\n", variant.excluded);
+    if (variant.left_out > 0) {
+      std::cout << absl::StreamFormat("left out           %d, without raw images\n",
+                                      variant.left_out);
     }
     std::cout << "view                masks changed   pixels before        added      removed\n";
-    for (const ViewChange& view : set.views) {
+    for (const ViewChange& view : variant.views) {
       std::cout << absl::StreamFormat("  %-16s  %13d   %13d   %10d   %10d\n", view.name,
                                       view.images, view.before, view.added, view.removed);
     }
@@ -137,12 +139,12 @@ void RemaskPrintText(const std::string& where, const std::vector<RemaskedSet>& m
   std::cout << std::flush;
 }
 
-nlohmann::json Json(const RemaskedSet& set) {
-  nlohmann::json json = {{"configurations", set.configurations},
-                         {"excluded", set.excluded},
-                         {"left_out", set.left_out},
+nlohmann::json Json(const RemaskedVariant& variant) {
+  nlohmann::json json = {{"configurations", variant.configurations},
+                         {"excluded", variant.excluded},
+                         {"left_out", variant.left_out},
                          {"views", nlohmann::json::array()}};
-  for (const ViewChange& view : set.views) {
+  for (const ViewChange& view : variant.views) {
     json["views"].push_back({{"name", view.name},
                              {"masks_changed", view.images},
                              {"pixels_before", view.before},
@@ -152,30 +154,30 @@ nlohmann::json Json(const RemaskedSet& set) {
   return json;
 }
 
-RemaskedSet Together(const std::vector<RemaskedSet>& sets) {
-  RemaskedSet sum;
-  for (const RemaskedSet& set : sets) {
-    sum.configurations += set.configurations;
-    sum.excluded += set.excluded;
-    sum.left_out += set.left_out;
-    sum.views.resize(set.views.size());
-    for (size_t v = 0; v < set.views.size(); ++v) {
-      sum.views[v].name = set.views[v].name;
-      sum.views[v].images += set.views[v].images;
-      sum.views[v].added += set.views[v].added;
-      sum.views[v].removed += set.views[v].removed;
-      sum.views[v].before += set.views[v].before;
+RemaskedVariant Together(const std::vector<RemaskedVariant>& variants) {
+  RemaskedVariant sum;
+  for (const RemaskedVariant& variant : variants) {
+    sum.configurations += variant.configurations;
+    sum.excluded += variant.excluded;
+    sum.left_out += variant.left_out;
+    sum.views.resize(variant.views.size());
+    for (size_t v = 0; v < variant.views.size(); ++v) {
+      sum.views[v].name = variant.views[v].name;
+      sum.views[v].images += variant.views[v].images;
+      sum.views[v].added += variant.views[v].added;
+      sum.views[v].removed += variant.views[v].removed;
+      sum.views[v].before += variant.views[v].before;
     }
   }
   return sum;
 }
 
-void RemaskPrintJson(const std::string& where, const std::vector<RemaskedSet>& made) {
+void RemaskPrintJson(const std::string& where, const std::vector<RemaskedVariant>& made) {
   nlohmann::json json = Json(Together(made));
   json["database"] = where;
-  for (const RemaskedSet& set : made) {
-    json["sets"].push_back(Json(set));
-    json["sets"].back()["name"] = set.name;
+  for (const RemaskedVariant& variant : made) {
+    json["variants"].push_back(Json(variant));
+    json["variants"].back()["name"] = variant.name;
   }
   std::cout << json.dump(2) << std::endl;
 }
@@ -208,7 +210,7 @@ absl::StatusOr<ExitCode> RemaskRun(const RemaskArguments& options) {
 void AddRemask(CLI::App& app, Work& work) {
   CLI::App* command = app.add_subcommand(
       "remask",
-      "Makes all masks of all sets anew from the camera images that were kept (capture:\n"
+      "Makes all masks of all variants anew from the camera images that were kept (capture:\n"
       "{raw_images: all}), with the segmentation settings of the cell file; the robot does not "
       "move.\n"
       "All masks change at once, or none: stopped or killed, it leaves the database as it was. "

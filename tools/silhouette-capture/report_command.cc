@@ -22,7 +22,7 @@ absl::StatusOr<ExitCode> ReportRun(const ReportOptions& options) {
   ASSIGN_OR_RETURN(const CellFile file, OpenCellFile(options.cell));
   ASSIGN_OR_RETURN(const auto database, OpenDatabase(file, Database::Access::kRead));
   const std::string folder =
-      options.out.empty() ? DefaultReportFolder(file.database, file.set) : options.out;
+      options.out.empty() ? DefaultReportFolder(file.database, file.variant) : options.out;
   ASSIGN_OR_RETURN(const auto facts,
                    WriteSessionReport(
                        options.cell, file.cell.name, *database,
@@ -51,13 +51,13 @@ void AddReport(CLI::App& app, Work& work) {
   command->footer(
       "Examples:\n"
       "  silhouette-capture report --cell cell.yaml --database cell.lmdb --out report\n"
-      "  silhouette-capture report --cell cell.yaml --set gripper-open");
+      "  silhouette-capture report --cell cell.yaml --variant gripper-open");
   const auto options = std::make_shared<ReportOptions>();
   AddCellOptions(*command, options->cell);
-  AddSetOption(*command, options->cell);
+  AddVariantOption(*command, options->cell);
   command->add_option(
       "--out", options->out,
-      "The folder for the report; default: the database's name, that of a further set,\n"
+      "The folder for the report; default: the database's name, that of another variant,\n"
       "and .report");
   command->add_option("--log", options->log,
                       "The sessions' log; default: the database's name and .log");

@@ -56,7 +56,8 @@ void WriteBegin(const RunOptions& options, const CellFile& file, const CapturePl
   const absl::Time now = absl::Now();
   log.Write(absl::StrFormat(
       "session begins: cell '%s', database %s%s, --only %s", file.cell.name, file.database,
-      file.set == schema::kDefaultSet ? "" : ", set '" + file.set + "'", options.plan.only));
+      file.variant == schema::kDefaultVariant ? "" : ", variant '" + file.variant + "'",
+      options.plan.only));
   log.Write(absl::StrFormat(
       "%d configurations to capture, %d there already; about %s, done about %s",
       plan.captures.size(), plan.kept, Spoken(plan.duration), ClockTime(now + plan.duration, now)));
@@ -186,7 +187,7 @@ void WriteReport(const RunOptions& options, const CellFile& file, const Database
                  const CaptureReport& report, const SessionLog& log) {
   if (options.no_report || (report.captured == 0 && report.sentinel_checks == 0)) return;
   const std::string folder =
-      options.report.empty() ? DefaultReportFolder(file.database, file.set) : options.report;
+      options.report.empty() ? DefaultReportFolder(file.database, file.variant) : options.report;
   const auto facts = WriteSessionReport(options.cell, file.cell.name, database, log.file(), folder);
   if (!facts.ok()) {
     std::cerr << "the report could not be written: " << facts.status().message() << std::endl;
@@ -200,7 +201,7 @@ absl::StatusOr<ExitCode> RunHere(const RunOptions& options) {
   const Travel travel(file.cell.grid, file.cell.capture.forbidden_regions);
   if (options.dry_run) return DryRun(options, file, travel);
 
-  ASSIGN_OR_RETURN(const auto devices, OpenDevices(file.cell, travel, file.set));
+  ASSIGN_OR_RETURN(const auto devices, OpenDevices(file.cell, travel, file.variant));
   const std::string take_references =
       absl::StrCat("; take them first with: ", options.cell.Command("reference"));
   const auto database = OpenDatabase(file, Database::Access::kWrite);
@@ -224,9 +225,9 @@ absl::StatusOr<ExitCode> RunHere(const RunOptions& options) {
   const DiskRoom room = RoomFor(plan, file, database->get());
   if (!room.Suffices(plan)) std::cerr << TooLittleRoom(plan, room) << std::endl;
   WriteBegin(options, file, plan, room, log);
-  if ((*database)->set() != schema::kDefaultSet) {
-    std::cerr << "set '" << (*database)->set()
-              << "': the robot must carry the tool and the part of this set, and nothing else"
+  if ((*database)->variant() != schema::kDefaultVariant) {
+    std::cerr << "variant '" << (*database)->variant()
+              << "': the robot must carry the tool and the part of this variant, and nothing else"
               << std::endl;
   }
   const CaptureReport report = CaptureWithProgress(*session, plan, log);
@@ -251,13 +252,13 @@ void AddRun(CLI::App& app, Work& work) {
       "  silhouette-capture run --cell cell.yaml --database cell.lmdb\n"
       "  silhouette-capture run --cell cell.yaml --only outliers\n"
       "  silhouette-capture run --cell cell.yaml --only sentinels    (is the cell as it was?)\n"
-      "  silhouette-capture run --cell cell.yaml --set gripper-open\n"
+      "  silhouette-capture run --cell cell.yaml --variant gripper-open\n"
       "Exit codes: 0 all is captured; 1 stopped, the cell is not as it was, or some "
       "configurations\n"
       "could not be captured; 2 a mistake in what was asked; 3 a device or the disk failed.");
   const auto options = std::make_shared<RunOptions>();
   AddCellOptions(*command, options->cell);
-  AddSetOption(*command, options->cell);
+  AddVariantOption(*command, options->cell);
   command
       ->add_option("--only", options->plan.only,
                    "What is captured: missing; outliers: also, anew, what is damaged, empty or\n"
@@ -279,7 +280,7 @@ void AddRun(CLI::App& app, Work& work) {
                     "Leave the collision index out; silhouette-db index builds it");
   command->add_option("--report", options->report,
                       "The folder that the report is written into at the end; default: the "
-                      "database's\nname, that of a further set, and .report");
+                      "database's\nname, that of another variant, and .report");
   command->add_flag("--no-report", options->no_report,
                     "Leave the report out; silhouette-capture report writes it");
   command->callback([options, &work] { work = [options] { return RunHere(*options); }; });

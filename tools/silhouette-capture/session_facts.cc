@@ -34,32 +34,32 @@ std::vector<Standing> StandingsOf(const Database& database, const Snapshot& snap
   return standings;
 }
 
-absl::StatusOr<SetFacts> FactsOf(const Database& set) {
-  SetFacts facts;
-  facts.name = set.set();
-  ASSIGN_OR_RETURN(const auto records, ReadRecords(set));
+absl::StatusOr<VariantFacts> FactsOf(const Database& variant) {
+  VariantFacts facts;
+  facts.name = variant.variant();
+  ASSIGN_OR_RETURN(const auto records, ReadRecords(variant));
   const auto count = [&](StoredRecord kind) {
     return static_cast<uint64_t>(std::ranges::count(records, kind));
   };
   facts.captured = count(StoredRecord::kCaptured);
   facts.excluded = count(StoredRecord::kExcluded);
   facts.damaged = count(StoredRecord::kDamaged);
-  facts.missing = set.grid().size() - facts.captured - facts.excluded - facts.damaged;
-  ASSIGN_OR_RETURN(const auto snapshot, set.Read());
+  facts.missing = variant.grid().size() - facts.captured - facts.excluded - facts.damaged;
+  ASSIGN_OR_RETURN(const auto snapshot, variant.Read());
   ASSIGN_OR_RETURN(const auto suspects, SuspectNumbers(snapshot));
   facts.suspect = suspects.size();
   return facts;
 }
 
-absl::StatusOr<std::vector<SetFacts>> FactsOfSets(const Database& database) {
-  ASSIGN_OR_RETURN(const auto names, database.Sets());
-  std::vector<SetFacts> sets;
+absl::StatusOr<std::vector<VariantFacts>> FactsOfVariants(const Database& database) {
+  ASSIGN_OR_RETURN(const auto names, database.Variants());
+  std::vector<VariantFacts> variants;
   for (const std::string& name : names) {
-    ASSIGN_OR_RETURN(const auto set, database.OpenSet(name));
-    ASSIGN_OR_RETURN(auto facts, FactsOf(*set));
-    sets.push_back(std::move(facts));
+    ASSIGN_OR_RETURN(const auto variant, database.OpenVariant(name));
+    ASSIGN_OR_RETURN(auto facts, FactsOf(*variant));
+    variants.push_back(std::move(facts));
   }
-  return sets;
+  return variants;
 }
 
 void ReadStory(const std::string& log, SessionFacts& facts) {
@@ -96,9 +96,9 @@ uint64_t SessionFacts::mendable() const {
 absl::StatusOr<SessionFacts> GatherFacts(const CellArguments& arguments, const Database& database,
                                          const Snapshot& snapshot, const std::string& log) {
   SessionFacts facts;
-  facts.set = database.set();
-  ASSIGN_OR_RETURN(auto sets, FactsOfSets(database));
-  facts.sets = std::move(sets);
+  facts.variant = database.variant();
+  ASSIGN_OR_RETURN(auto variants, FactsOfVariants(database));
+  facts.variants = std::move(variants);
   ASSIGN_OR_RETURN(auto statistics, StatisticsOf(snapshot, database.grid(), database.mask_sizes()));
   facts.statistics = std::move(statistics);
   ASSIGN_OR_RETURN(auto outliers, FindOutliers(snapshot, database.grid()));

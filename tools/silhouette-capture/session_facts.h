@@ -17,8 +17,8 @@ namespace silhouette {
 // What is told of a configuration; the worst counts.
 enum class Standing : uint8_t { kCaptured, kExcluded, kOutlier, kSuspect, kDamaged, kMissing };
 
-// How complete a set of robot images is.
-struct SetFacts {
+// How complete a variant is.
+struct VariantFacts {
   std::string name;
   uint64_t captured = 0;
   uint64_t excluded = 0;
@@ -27,10 +27,10 @@ struct SetFacts {
   uint64_t suspect = 0;
 };
 
-// Of one set of robot images, but for `sets`.
+// Of one variant, but for `variants`.
 struct SessionFacts {
-  std::string set;
-  std::vector<SetFacts> sets;  // all that the database has
+  std::string variant;
+  std::vector<VariantFacts> variants;  // all that the database has
   DatabaseStatistics statistics;
   // Robot images that touch the border, per view.
   std::vector<uint64_t> touching;
@@ -58,7 +58,7 @@ struct SessionFacts {
   bool good() const { return repair.empty(); }
 };
 
-// Reads all records of all sets. `log`: a file, which need not be there.
+// Reads all records of all variants. `log`: a file, which need not be there.
 absl::StatusOr<SessionFacts> GatherFacts(const CellArguments& arguments, const Database& database,
                                          const Snapshot& snapshot, const std::string& log);
 

@@ -68,21 +68,21 @@ std::string Verdict(const SessionFacts& facts) {
 }
 
 // Nothing where there is but one.
-std::string SetTable(const SessionFacts& facts) {
-  if (facts.sets.size() < 2) return "";
-  std::string html =
-      "<h2>Sets of robot images</h2>\n<div class=\"card\"><table>\n" +
-      SessionPageRow(
-          {"set", "captured", "excluded", "damaged", "missing", "suspect", "this report"}, "th");
-  for (const SetFacts& set : facts.sets) {
-    html +=
-        SessionPageRow({set.name, absl::StrCat(set.captured), absl::StrCat(set.excluded),
-                        absl::StrCat(set.damaged), absl::StrCat(set.missing),
-                        absl::StrCat(set.suspect), set.name == facts.set ? "is of this set" : ""},
-                       "td");
+std::string VariantTable(const SessionFacts& facts) {
+  if (facts.variants.size() < 2) return "";
+  std::string html = "<h2>Variants</h2>\n<div class=\"card\"><table>\n" +
+                     SessionPageRow({"variant", "captured", "excluded", "damaged", "missing",
+                                     "suspect", "this report"},
+                                    "th");
+  for (const VariantFacts& variant : facts.variants) {
+    html += SessionPageRow(
+        {variant.name, absl::StrCat(variant.captured), absl::StrCat(variant.excluded),
+         absl::StrCat(variant.damaged), absl::StrCat(variant.missing),
+         absl::StrCat(variant.suspect), variant.name == facts.variant ? "is of this variant" : ""},
+        "td");
   }
   return html +
-         "</table>\n<p class=\"soft\">silhouette-capture report --set NAME has the others.</p>"
+         "</table>\n<p class=\"soft\">silhouette-capture report --variant NAME has the others.</p>"
          "</div>\n";
 }
 
@@ -195,7 +195,7 @@ std::string SessionPage(const SessionFacts& facts, const storage::v1::CellDescri
            PngFigure(pictures.coverage,
                      "Over two joints; where a cell stands for several configurations, the worst",
                      "coverage of the configuration space"));
-  html += SetTable(facts);
+  html += VariantTable(facts);
   html += ViewTable(facts, cell);
   html += RepeatabilityTable(facts);
   if (pictures.history) {
@@ -216,8 +216,8 @@ std::string SessionPage(const SessionFacts& facts, const storage::v1::CellDescri
 }
 
 nlohmann::json SessionJson(const SessionFacts& facts, const storage::v1::CellDescription& cell) {
-  nlohmann::json json = {{"set", facts.set},
-                         {"sets", nlohmann::json::array()},
+  nlohmann::json json = {{"variant", facts.variant},
+                         {"variants", nlohmann::json::array()},
                          {"verdict", VerdictOf(facts)},
                          {"good", facts.good()},
                          {"configurations", facts.configurations()},
@@ -234,13 +234,13 @@ nlohmann::json SessionJson(const SessionFacts& facts, const storage::v1::CellDes
                          {"joint_rms", facts.repeatability.joint},
                          {"joint_greatest", facts.repeatability.greatest_joint},
                          {"repair", facts.repair}};
-  for (const SetFacts& set : facts.sets) {
-    json["sets"].push_back({{"name", set.name},
-                            {"captured", set.captured},
-                            {"excluded", set.excluded},
-                            {"damaged", set.damaged},
-                            {"missing", set.missing},
-                            {"suspect", set.suspect}});
+  for (const VariantFacts& variant : facts.variants) {
+    json["variants"].push_back({{"name", variant.name},
+                                {"captured", variant.captured},
+                                {"excluded", variant.excluded},
+                                {"damaged", variant.damaged},
+                                {"missing", variant.missing},
+                                {"suspect", variant.suspect}});
   }
   for (const Outlier& outlier : facts.outliers) {
     json["outliers"].push_back(

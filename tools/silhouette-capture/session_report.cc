@@ -42,9 +42,9 @@ absl::Status WriteAll(const std::string& folder, const std::string& page, const 
 
 }  // namespace
 
-std::string DefaultReportFolder(const std::string& database, const std::string& set) {
-  return BesideDatabase(database,
-                        absl::StrCat(set == schema::kDefaultSet ? "" : "." + set, ".report"));
+std::string DefaultReportFolder(const std::string& database, const std::string& variant) {
+  return BesideDatabase(
+      database, absl::StrCat(variant == schema::kDefaultVariant ? "" : "." + variant, ".report"));
 }
 
 absl::StatusOr<SessionFacts> WriteSessionReport(const CellArguments& arguments,
@@ -59,7 +59,7 @@ absl::StatusOr<SessionFacts> WriteSessionReport(const CellArguments& arguments,
   const std::string now = absl::FormatTime("%Y-%m-%d %H:%M", absl::Now(), absl::LocalTimeZone());
   std::vector<std::pair<std::string, std::string>> origin = {{"cell", cell_name},
                                                              {"database", database.path()}};
-  if (facts->sets.size() > 1) origin.emplace_back("set", facts->set);
+  if (facts->variants.size() > 1) origin.emplace_back("variant", facts->variant);
   origin.emplace_back("made", now);
   const std::string page = SessionPage(*facts, database.cell(), origin, pictures);
   RETURN_IF_ERROR(

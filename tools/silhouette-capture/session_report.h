@@ -10,8 +10,8 @@
 
 namespace silhouette {
 
-// Where the report of a database's set is kept if nobody says otherwise: beside its folder.
-std::string DefaultReportFolder(const std::string& database, const std::string& set);
+// Where the report of a database's variant is kept if nobody says otherwise: beside its folder.
+std::string DefaultReportFolder(const std::string& database, const std::string& variant);
 
 // Writes report.html, report.json and the pictures into `folder`, which is made if it is not there.
 // `log`: the story's file. Errors: those of reading the database and of writing files.

@@ -30,11 +30,12 @@ absl::StatusOr<Standing> Look(const CellFile& file) {
   Standing standing;
   standing.configurations = file.cell.grid.size();
   auto database = OpenDatabase(file, Database::Access::kRead);
-  const bool no_set = absl::IsNotFound(database.status()) && file.set != schema::kDefaultSet;
-  if (no_set) {
-    // The reference images are of all sets.
+  const bool no_variant =
+      absl::IsNotFound(database.status()) && file.variant != schema::kDefaultVariant;
+  if (no_variant) {
+    // The reference images are of all variants.
     CellFile others = file;
-    others.set = schema::kDefaultSet;
+    others.variant = schema::kDefaultVariant;
     database = OpenDatabase(others, Database::Access::kRead);
   }
   if (absl::IsNotFound(database.status())) return standing;
@@ -43,7 +44,7 @@ absl::StatusOr<Standing> Look(const CellFile& file) {
   ASSIGN_OR_RETURN(const auto snapshot, (*database)->Read());
   ASSIGN_OR_RETURN(const auto references, snapshot.References());
   if (references.has_value()) standing.references = std::max(1, references->views(0).images());
-  if (no_set) return standing;
+  if (no_variant) return standing;
   ASSIGN_OR_RETURN(const auto records, ReadRecords(**database));
   const auto count = [&](StoredRecord kind) {
     return static_cast<uint64_t>(std::count(records.begin(), records.end(), kind));
@@ -66,9 +67,10 @@ std::string Next(const CellArguments& arguments, const Standing& standing) {
 }
 
 void StatusPrintText(const CellFile& file, const Standing& standing, const std::string& next) {
-  std::cout << absl::StreamFormat("cell '%s', database %s%s%s\n", file.cell.name, file.database,
-                                  standing.database ? "" : " (not there yet)",
-                                  file.set == schema::kDefaultSet ? "" : ", set " + file.set);
+  std::cout << absl::StreamFormat(
+      "cell '%s', database %s%s%s\n", file.cell.name, file.database,
+      standing.database ? "" : " (not there yet)",
+      file.variant == schema::kDefaultVariant ? "" : ", variant " + file.variant);
   if (standing.references > 0) {
     std::cout << absl::StreamFormat("reference images   %d per view\n", standing.references);
   } else {
@@ -89,7 +91,7 @@ void StatusPrintJson(const CellFile& file, const Standing& standing, const std::
   const nlohmann::json json = {{"cell", file.cell.name},
                                {"database", file.database},
                                {"database_exists", standing.database},
-                               {"set", file.set},
+                               {"variant", file.variant},
                                {"reference_images", standing.references},
                                {"configurations", standing.configurations},
                                {"captured", standing.captured},
@@ -124,7 +126,7 @@ void AddStatus(CLI::App& app, Work& work) {
   command->footer("Example:\n  silhouette-capture status --cell cell.yaml --database cell.lmdb");
   const auto arguments = std::make_shared<CellArguments>();
   AddCellOptions(*command, *arguments);
-  AddSetOption(*command, *arguments);
+  AddVariantOption(*command, *arguments);
   command->callback([arguments, &work] { work = [arguments] { return StatusRun(*arguments); }; });
 }
 

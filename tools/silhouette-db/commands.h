@@ -18,7 +18,7 @@ void AddVerify(CLI::App& app, Work& work);
 void AddCoverage(CLI::App& app, Work& work);
 void AddShow(CLI::App& app, Work& work);
 void AddSheet(CLI::App& app, Work& work);
-void AddSets(CLI::App& app, Work& work);
+void AddVariants(CLI::App& app, Work& work);
 void AddStats(CLI::App& app, Work& work);
 void AddExport(CLI::App& app, Work& work);
 void AddImport(CLI::App& app, Work& work);

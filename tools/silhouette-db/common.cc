@@ -43,10 +43,10 @@ absl::StatusOr<FixedValue> ParseFixed(const ConfigurationGrid& grid, const std::
 
 }  // namespace
 
-absl::StatusOr<OpenedDatabase> OpenForReading(const std::string& path, const std::string& set) {
+absl::StatusOr<OpenedDatabase> OpenForReading(const std::string& path, const std::string& variant) {
   absl::StatusOr<std::unique_ptr<Database>> database =
       Database::Open(path, Database::Access::kRead);
-  if (database.ok()) database = (*database)->OpenSet(set);
+  if (database.ok()) database = (*database)->OpenVariant(variant);
   if (!database.ok()) return database.status();
   ASSIGN_OR_RETURN(Snapshot snapshot, (*database)->Read());
   return OpenedDatabase{*std::move(database), std::move(snapshot)};
@@ -56,8 +56,8 @@ void AddDatabaseArgument(CLI::App& command, std::string& database) {
   command.add_option("database,--database", database, "Folder of the database")->required();
 }
 
-void AddSetOption(CLI::App& command, std::string& set) {
-  command.add_option("--set", set, "The set of robot images, by its name")->capture_default_str();
+void AddVariantOption(CLI::App& command, std::string& variant) {
+  command.add_option("--variant", variant, "The variant, by its name")->capture_default_str();
 }
 
 std::string JointText(const ConfigurationGrid& grid, ConfigurationNumber number) {
@@ -144,27 +144,27 @@ absl::StatusOr<Slice> SliceOf(const ConfigurationGrid& grid, const std::vector<s
   return slice;
 }
 
-std::string SetsText(const Database::Usage& usage, const ConfigurationGrid& grid) {
-  std::string text = "sets                              recorded     records       index\n";
-  for (const Database::Usage::Set& set : usage.sets) {
+std::string VariantsText(const Database::Usage& usage, const ConfigurationGrid& grid) {
+  std::string text = "variants                              recorded     records       index\n";
+  for (const Database::Usage::Variant& variant : usage.variants) {
     absl::StrAppendFormat(
-        &text, "  %-32s %6.1f %%  %6.1f MiB  %6.1f MiB\n", set.name,
-        100.0 * static_cast<double>(set.records) / static_cast<double>(grid.size()),
-        static_cast<double>(set.record_bytes) / (1 << 20),
-        static_cast<double>(set.index_bytes) / (1 << 20));
+        &text, "  %-32s %6.1f %%  %6.1f MiB  %6.1f MiB\n", variant.name,
+        100.0 * static_cast<double>(variant.records) / static_cast<double>(grid.size()),
+        static_cast<double>(variant.record_bytes) / (1 << 20),
+        static_cast<double>(variant.index_bytes) / (1 << 20));
   }
   return text;
 }
 
-nlohmann::json SetsJson(const Database::Usage& usage) {
-  nlohmann::json sets = nlohmann::json::array();
-  for (const Database::Usage::Set& set : usage.sets) {
-    sets.push_back({{"name", set.name},
-                    {"records", set.records},
-                    {"record_bytes", set.record_bytes},
-                    {"index_bytes", set.index_bytes}});
+nlohmann::json VariantsJson(const Database::Usage& usage) {
+  nlohmann::json variants = nlohmann::json::array();
+  for (const Database::Usage::Variant& variant : usage.variants) {
+    variants.push_back({{"name", variant.name},
+                        {"records", variant.records},
+                        {"record_bytes", variant.record_bytes},
+                        {"index_bytes", variant.index_bytes}});
   }
-  return sets;
+  return variants;
 }
 
 absl::Status Stopped(const std::string& how_to_go_on) {

@@ -20,15 +20,15 @@ struct OpenedDatabase {
   std::unique_ptr<Database> database;
   Snapshot snapshot;
 };
-// `set`: of robot images.
+// `variant`: of robot images.
 absl::StatusOr<OpenedDatabase> OpenForReading(const std::string& path,
-                                              const std::string& set = schema::kDefaultSet);
+                                              const std::string& variant = schema::kDefaultVariant);
 
 // Adds the database's folder, as the first argument or as --database.
 void AddDatabaseArgument(CLI::App& command, std::string& database);
 
-// Adds --set, the set of robot images that a subcommand speaks of.
-void AddSetOption(CLI::App& command, std::string& set);
+// Adds --variant, the variant that a subcommand speaks of.
+void AddVariantOption(CLI::App& command, std::string& variant);
 
 // "axis_1 = 0.5, axis_2 = -1.25": joint values as people read them.
 std::string JointText(const ConfigurationGrid& grid, ConfigurationNumber number);
@@ -59,9 +59,9 @@ struct Slice {
 absl::StatusOr<Slice> SliceOf(const ConfigurationGrid& grid, const std::vector<std::string>& along,
                               const std::vector<std::string>& fixed);
 
-// The sets of a database, a line each, with their sizes; and as an array.
-std::string SetsText(const Database::Usage& usage, const ConfigurationGrid& grid);
-nlohmann::json SetsJson(const Database::Usage& usage);
+// The variants of a database, a line each, with their sizes; and as an array.
+std::string VariantsText(const Database::Usage& usage, const ConfigurationGrid& grid);
+nlohmann::json VariantsJson(const Database::Usage& usage);
 
 // Cancelled, after Ctrl-C.
 absl::Status Stopped(const std::string& how_to_go_on);

@@ -15,7 +15,7 @@ constexpr int kMostSlices = 24;
 
 struct CoverageOptions {
   std::string database;
-  std::string set = schema::kDefaultSet;
+  std::string variant = schema::kDefaultVariant;
   std::string format = "text";
   std::string picture;
 };
@@ -123,7 +123,7 @@ absl::StatusOr<Picture> CoveragePaint(const ConfigurationGrid& grid,
 }
 
 absl::StatusOr<ExitCode> Coverage(const CoverageOptions& options) {
-  ASSIGN_OR_RETURN(const OpenedDatabase opened, OpenForReading(options.database, options.set));
+  ASSIGN_OR_RETURN(const OpenedDatabase opened, OpenForReading(options.database, options.variant));
   const ConfigurationGrid& grid = opened.database->grid();
   ASSIGN_OR_RETURN(const std::vector<uint8_t> states, StatesOf(opened));
   std::array<uint64_t, kStates> counts{};
@@ -161,7 +161,7 @@ void AddCoverage(CLI::App& app, Work& work) {
   auto options = std::make_shared<CoverageOptions>();
   CLI::App* command = app.add_subcommand("coverage", "Which configurations are in a database");
   AddDatabaseArgument(*command, options->database);
-  AddSetOption(*command, options->set);
+  AddVariantOption(*command, options->variant);
   command->add_option("--picture", options->picture,
                       "Write a picture of them to this PNG file; for 1 to 3 joints that move");
   AddFormatOption(*command, options->format);

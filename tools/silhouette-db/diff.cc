@@ -16,8 +16,8 @@ constexpr uint64_t kShown = 20;
 
 struct DiffOptions {
   std::string first;
-  std::string set = schema::kDefaultSet;
-  std::string second_set;
+  std::string variant = schema::kDefaultVariant;
+  std::string second_variant;
   std::string second;
   bool masks_only = false;
 };
@@ -133,10 +133,11 @@ absl::Status CompareCalibrations(const OpenedDatabase& first, const OpenedDataba
 }
 
 absl::StatusOr<ExitCode> Diff(const DiffOptions& options) {
-  ASSIGN_OR_RETURN(const OpenedDatabase first, OpenForReading(options.first, options.set));
-  ASSIGN_OR_RETURN(const OpenedDatabase second,
-                   OpenForReading(options.second,
-                                  options.second_set.empty() ? options.set : options.second_set));
+  ASSIGN_OR_RETURN(const OpenedDatabase first, OpenForReading(options.first, options.variant));
+  ASSIGN_OR_RETURN(
+      const OpenedDatabase second,
+      OpenForReading(options.second,
+                     options.second_variant.empty() ? options.variant : options.second_variant));
   CatchStopSignals();
   Printer printer;
   for (const std::string& sentence :
@@ -165,14 +166,14 @@ void AddDiff(CLI::App& app, Work& work) {
       app.add_subcommand("diff", "In what two databases differ; exit code 1 if they do");
   command->add_option("first", options->first, "Folder of a database")->required();
   command->add_option("second", options->second, "Folder of another")->required();
-  AddSetOption(*command, options->set);
-  command->add_option("--second-set", options->second_set,
+  AddVariantOption(*command, options->variant);
+  command->add_option("--second-variant", options->second_variant,
                       "That of the other database, if it has another name; both may be one");
   command->add_flag("--masks-only", options->masks_only,
                     "Neither capture times, joint values, reference images nor calibration count");
   command->footer(
       "Example:\n  silhouette-db diff --masks-only monday.lmdb tuesday.lmdb\n"
-      "  silhouette-db diff --masks-only cell.lmdb cell.lmdb --second-set gripper-open");
+      "  silhouette-db diff --masks-only cell.lmdb cell.lmdb --second-variant gripper-open");
   command->callback([&work, options] { work = [options] { return Diff(*options); }; });
 }
 

@@ -22,7 +22,7 @@ namespace fs = std::filesystem;
 
 struct ExportOptions {
   std::string database;
-  std::string set = schema::kDefaultSet;
+  std::string variant = schema::kDefaultVariant;
   std::string folder;
 };
 
@@ -105,7 +105,7 @@ class Exporter {
 };
 
 absl::StatusOr<ExitCode> ExportHere(const ExportOptions& options) {
-  ASSIGN_OR_RETURN(const OpenedDatabase opened, OpenForReading(options.database, options.set));
+  ASSIGN_OR_RETURN(const OpenedDatabase opened, OpenForReading(options.database, options.variant));
   CatchStopSignals();
   Exporter exporter(*opened.database, options.folder);
   RETURN_IF_ERROR(exporter.Begin());
@@ -148,7 +148,7 @@ void AddExport(CLI::App& app, Work& work) {
   CLI::App* command = app.add_subcommand(
       "export", "Writes a database as a CSV table and PNG masks, for other programs or `import`");
   AddDatabaseArgument(*command, options->database);
-  AddSetOption(*command, options->set);
+  AddVariantOption(*command, options->variant);
   command->add_option("folder,--folder", options->folder, "New folder")->required();
   command->footer("Example:\n  silhouette-db export cell.lmdb masks/");
   command->callback([&work, options] { work = [options] { return ExportHere(*options); }; });

@@ -24,7 +24,7 @@ constexpr uint64_t kMostFaults = 20;
 
 struct ImportOptions {
   std::string folder;
-  std::string set = schema::kDefaultSet;
+  std::string variant = schema::kDefaultVariant;
   std::string cell;
   std::string database;
   bool replace = false;
@@ -157,10 +157,11 @@ absl::StatusOr<ExitCode> ImportHere(const ImportOptions& options) {
   CatchStopSignals();
   const std::string program = absl::StrCat("silhouette-db import ", options.folder);
   absl::StatusOr<std::unique_ptr<Database>> database = OpenOrCreate(path, cell);
-  if (database.ok() && options.set != schema::kDefaultSet) {
-    absl::StatusOr<std::unique_ptr<Database>> set = (*database)->OpenSet(options.set);
-    if (absl::IsNotFound(set.status())) set = (*database)->CreateSet(options.set, program);
-    database = std::move(set);
+  if (database.ok() && options.variant != schema::kDefaultVariant) {
+    absl::StatusOr<std::unique_ptr<Database>> variant = (*database)->OpenVariant(options.variant);
+    if (absl::IsNotFound(variant.status()))
+      variant = (*database)->CreateVariant(options.variant, program);
+    database = std::move(variant);
   }
   if (!database.ok()) return database.status();
   ASSIGN_OR_RETURN(RobotImageWriter writer, (*database)->Write(program));
@@ -205,7 +206,7 @@ void AddImport(CLI::App& app, Work& work) {
   command->add_option(
       "--database", options->database,
       "Folder of the database, made if it is not there; by default the cell file's");
-  command->add_option("--set", options->set, "The set of robot images; made if it is not there")
+  command->add_option("--variant", options->variant, "The variant; made if it is not there")
       ->capture_default_str();
   command->add_flag("--replace", options->replace,
                     "Records that are there already are replaced, instead of compared");

@@ -17,12 +17,12 @@ namespace {
 struct IndexOptions {
   std::string database;
   std::string format = "text";
-  std::string set;  // empty: all
+  std::string variant;  // empty: all
   bool all = false;
 
   std::string Command() const {
     return absl::StrFormat("silhouette-db index %s%s%s", database,
-                           set.empty() ? "" : " --set " + set, all ? " --all" : "");
+                           variant.empty() ? "" : " --variant " + variant, all ? " --all" : "");
   }
 };
 
@@ -84,7 +84,8 @@ void IndexPrintJson(const IndexBuildReport& report, absl::Duration spent) {
 absl::StatusOr<ExitCode> Index(const IndexOptions& options) {
   absl::StatusOr<std::unique_ptr<Database>> database =
       Database::Open(options.database, Database::Access::kWrite);
-  if (database.ok() && !options.set.empty()) database = (*database)->OpenSet(options.set);
+  if (database.ok() && !options.variant.empty())
+    database = (*database)->OpenVariant(options.variant);
   if (!database.ok()) return database.status();
   CatchStopSignals();
   const absl::Time started = absl::Now();
@@ -110,7 +111,7 @@ void AddIndex(CLI::App& app, Work& work) {
       "index",
       "Builds the collision index: by it the server tests the whole configuration space at once");
   AddDatabaseArgument(*command, options->database);
-  command->add_option("--set", options->set, "Only of this set of robot images; default: of all");
+  command->add_option("--variant", options->variant, "Only of this variant; default: of all");
   command->add_flag("--all", options->all,
                     "Also the tiles that are fresh; by default only those whose records have "
                     "changed since");

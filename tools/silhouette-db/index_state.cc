@@ -27,7 +27,7 @@ std::string StateText(const CollisionIndexSummary& summary, const std::string& d
                            static_cast<double>(summary.bytes) / (1 << 20));
     if (summary.by_difference > 0) {
       absl::StrAppend(&text, ", ", summary.by_difference, " of them by what differs from '",
-                      schema::kDefaultSet, "'");
+                      schema::kDefaultVariant, "'");
     }
     if (summary.unreadable > 0) {
       absl::StrAppend(&text, "; without ", summary.unreadable, " records that could not be read");

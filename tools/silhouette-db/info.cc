@@ -76,14 +76,14 @@ void InfoPrintText(const Database& database, const Facts& facts) {
                                     absl::StrFormat("%dx%d", view.mask_width(), view.mask_height()),
                                     image);
   }
-  std::cout << "\n" << SetsText(facts.usage, grid);
+  std::cout << "\n" << VariantsText(facts.usage, grid);
   if (!facts.provenance.entries().empty()) {
     std::cout << "\nwritten by                robot images\n";
   }
   for (const auto& entry : facts.provenance.entries()) {
-    std::cout << absl::StreamFormat("  %s %12d  %s%s\n", InfoTimeOf(entry), entry.robot_images(),
-                                    entry.program(),
-                                    entry.set().empty() ? "" : ", set '" + entry.set() + "'");
+    std::cout << absl::StreamFormat(
+        "  %s %12d  %s%s\n", InfoTimeOf(entry), entry.robot_images(), entry.program(),
+        entry.variant().empty() ? "" : ", variant '" + entry.variant() + "'");
   }
 }
 
@@ -102,7 +102,7 @@ void InfoPrintJson(const Database& database, const Facts& facts) {
                          {"file_bytes", facts.usage.file_bytes},
                          {"used_bytes", facts.usage.used_bytes},
                          {"segmentation", cell.segmentation()},
-                         {"sets", SetsJson(facts.usage)},
+                         {"variants", VariantsJson(facts.usage)},
                          {"grid_joints", nlohmann::json::array()},
                          {"fixed_joints", nlohmann::json::object()},
                          {"views", nlohmann::json::array()},
@@ -125,10 +125,11 @@ void InfoPrintJson(const Database& database, const Facts& facts) {
                              {"image_size", {view.image_width(), view.image_height()}}});
   }
   for (const auto& entry : facts.provenance.entries()) {
-    json["provenance"].push_back({{"time", InfoTimeOf(entry)},
-                                  {"program", entry.program()},
-                                  {"set", entry.set().empty() ? schema::kDefaultSet : entry.set()},
-                                  {"robot_images", entry.robot_images()}});
+    json["provenance"].push_back(
+        {{"time", InfoTimeOf(entry)},
+         {"program", entry.program()},
+         {"variant", entry.variant().empty() ? schema::kDefaultVariant : entry.variant()},
+         {"robot_images", entry.robot_images()}});
   }
   std::cout << json.dump(2) << std::endl;
 }

@@ -11,7 +11,7 @@ int main(int argc, char** argv) {
       "  silhouette-db verify cell.lmdb\n"
       "  silhouette-db COMMAND --help");
   Work work;
-  for (const auto add : {AddInfo, AddVerify, AddCoverage, AddShow, AddSheet, AddSets, AddStats,
+  for (const auto add : {AddInfo, AddVerify, AddCoverage, AddShow, AddSheet, AddVariants, AddStats,
                          AddExport, AddImport, AddIndex, AddCompact, AddDiff, AddCalibration}) {
     add(app, work);
   }

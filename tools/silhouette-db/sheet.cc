@@ -18,7 +18,7 @@ constexpr int kSheetTileSide = 128;  // about, in pixels
 
 struct SheetArguments {
   std::string database;
-  std::string set = schema::kDefaultSet;
+  std::string variant = schema::kDefaultVariant;
   std::vector<std::string> along;
   std::vector<std::string> fixed;
   std::string view;
@@ -102,7 +102,7 @@ std::string TitleOf(const Database& database, const Slice& slice, int view) {
 }
 
 absl::StatusOr<ExitCode> Sheet(const SheetArguments& options) {
-  ASSIGN_OR_RETURN(const OpenedDatabase opened, OpenForReading(options.database, options.set));
+  ASSIGN_OR_RETURN(const OpenedDatabase opened, OpenForReading(options.database, options.variant));
   const Database& database = *opened.database;
   const ConfigurationGrid& grid = database.grid();
   ASSIGN_OR_RETURN(const Slice slice, SliceOf(grid, options.along, options.fixed));
@@ -139,7 +139,7 @@ void AddSheet(CLI::App& app, Work& work) {
   auto options = std::make_shared<SheetArguments>();
   CLI::App* command = app.add_subcommand("sheet", "The masks along one or two joints on one sheet");
   AddDatabaseArgument(*command, options->database);
-  AddSetOption(*command, options->set);
+  AddVariantOption(*command, options->variant);
   command->add_option("--picture", options->picture, "The PNG file to write")->required();
   command
       ->add_option("--along", options->along,

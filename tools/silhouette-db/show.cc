@@ -15,7 +15,7 @@ namespace {
 
 struct ShowOptions {
   std::string database;
-  std::string set = schema::kDefaultSet;
+  std::string variant = schema::kDefaultVariant;
   std::string format = "text";
   std::optional<ConfigurationNumber> number;
   std::vector<double> at;
@@ -93,7 +93,7 @@ Picture ShowPaint(const Database& database, const RobotImage& image) {
 }
 
 absl::StatusOr<ExitCode> ShowHere(const ShowOptions& options) {
-  ASSIGN_OR_RETURN(const OpenedDatabase opened, OpenForReading(options.database, options.set));
+  ASSIGN_OR_RETURN(const OpenedDatabase opened, OpenForReading(options.database, options.variant));
   const Database& database = *opened.database;
   ASSIGN_OR_RETURN(const ConfigurationNumber number, Choose(database.grid(), options));
   ASSIGN_OR_RETURN(const auto image, opened.snapshot.Find(number));
@@ -119,7 +119,7 @@ void AddShow(CLI::App& app, Work& work) {
   auto options = std::make_shared<ShowOptions>();
   CLI::App* command = app.add_subcommand("show", "The record of one configuration");
   AddDatabaseArgument(*command, options->database);
-  AddSetOption(*command, options->set);
+  AddVariantOption(*command, options->variant);
   CLI::Option_group* choice = command->add_option_group("choice", "Which configuration");
   choice->add_option("--number", options->number, "Its number");
   choice->add_option(

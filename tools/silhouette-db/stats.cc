@@ -20,7 +20,7 @@ constexpr size_t kShownOutliers = 20;
 
 struct StatsOptions {
   std::string database;
-  std::string set = schema::kDefaultSet;
+  std::string variant = schema::kDefaultVariant;
   std::string format = "text";
   std::string picture;
 };
@@ -115,7 +115,7 @@ Picture StatsPaint(const Database& database, const DatabaseStatistics& statistic
 }
 
 absl::StatusOr<ExitCode> Stats(const StatsOptions& options) {
-  ASSIGN_OR_RETURN(const OpenedDatabase opened, OpenForReading(options.database, options.set));
+  ASSIGN_OR_RETURN(const OpenedDatabase opened, OpenForReading(options.database, options.variant));
   const Database& database = *opened.database;
   CatchStopSignals();
   absl::StatusOr<DatabaseStatistics> statistics = DatabaseStatistics();
@@ -152,7 +152,7 @@ void AddStats(CLI::App& app, Work& work) {
   CLI::App* command =
       app.add_subcommand("stats", "The robot's area per view, what it always covers, outliers");
   AddDatabaseArgument(*command, options->database);
-  AddSetOption(*command, options->set);
+  AddVariantOption(*command, options->variant);
   command->add_option("--picture", options->picture,
                       "Write what the robot covers always and ever to this PNG file");
   AddFormatOption(*command, options->format);

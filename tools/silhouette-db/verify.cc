@@ -24,9 +24,9 @@ struct VerifyOptions {
   double fixed_joint_tolerance = 0.005;
 };
 
-// Of a set, or of all.
+// Of a variant, or of all.
 struct Findings {
-  std::string set;
+  std::string variant;
   uint64_t captured = 0;
   uint64_t excluded = 0;
   uint64_t damaged = 0;
@@ -180,14 +180,14 @@ void CheckMeta(const storage::v1::CellDescription& cell, const Snapshot& snapsho
   if (!provenance.ok()) findings.faults.emplace_back(provenance.status().message());
 }
 
-absl::StatusOr<Findings> VerifySet(const VerifyOptions& options, const std::string& name) {
+absl::StatusOr<Findings> VerifyVariant(const VerifyOptions& options, const std::string& name) {
   ASSIGN_OR_RETURN(OpenedDatabase opened, OpenForReading(options.database, name));
   const Database& database = *opened.database;
   ASSIGN_OR_RETURN(const auto index, CollisionIndex::Open(std::move(opened.snapshot)));
   const Snapshot& snapshot = index->snapshot();
   Findings findings;
-  findings.set = name;
-  const bool further = name != schema::kDefaultSet;
+  findings.variant = name;
+  const bool further = name != schema::kDefaultVariant;
   if (!further) CheckMeta(database.cell(), snapshot, findings);
   CheckIndex(*index, findings);
   FixedJointCheck fixed_joints(database.cell(), options.fixed_joint_tolerance);
@@ -197,7 +197,7 @@ absl::StatusOr<Findings> VerifySet(const VerifyOptions& options, const std::stri
   if (!status.ok()) return status;
   CheckCompleteness(database.grid(), snapshot, options.allow_missing, findings);
   for (std::string& fault : findings.faults) {
-    if (further) fault = absl::StrCat("set '", name, "': ", fault);
+    if (further) fault = absl::StrCat("variant '", name, "': ", fault);
   }
   return findings;
 }
@@ -221,26 +221,27 @@ nlohmann::json JsonOf(const std::vector<FixedJointRange>& joints) {
   return json;
 }
 
-void VerifyPrintJson(const std::vector<Findings>& sets, const Findings& sum) {
+void VerifyPrintJson(const std::vector<Findings>& variants, const Findings& sum) {
   nlohmann::json json = JsonOf(sum);
   json["ok"] = sum.faults.empty();
   json["faults"] = sum.faults;
-  json["collision_index"] = StateJson(sets.front().index);
-  json["sets"] = nlohmann::json::array();
-  for (const Findings& findings : sets) {
-    nlohmann::json set = JsonOf(findings);
-    set["name"] = findings.set;
-    set["fixed_joints"] = JsonOf(findings.fixed_joints);
-    json["sets"].push_back(std::move(set));
+  json["collision_index"] = StateJson(variants.front().index);
+  json["variants"] = nlohmann::json::array();
+  for (const Findings& findings : variants) {
+    nlohmann::json variant = JsonOf(findings);
+    variant["name"] = findings.variant;
+    variant["fixed_joints"] = JsonOf(findings.fixed_joints);
+    json["variants"].push_back(std::move(variant));
   }
   std::cout << json.dump(2) << std::endl;
 }
 
-void VerifyPrintText(const VerifyOptions& options, const std::vector<Findings>& sets,
+void VerifyPrintText(const VerifyOptions& options, const std::vector<Findings>& variants,
                      const Findings& sum) {
   for (const std::string& fault : sum.faults) std::cout << fault << "\n";
-  for (const Findings& findings : sets) {
-    const std::string of = sets.size() == 1 ? "" : absl::StrCat("set '", findings.set, "': ");
+  for (const Findings& findings : variants) {
+    const std::string of =
+        variants.size() == 1 ? "" : absl::StrCat("variant '", findings.variant, "': ");
     std::cout << of << "collision index: " << StateText(findings.index, options.database) << "\n";
     for (const FixedJointRange& joint : findings.fixed_joints) {
       if (joint.lowest == joint.highest) continue;
@@ -259,19 +260,19 @@ void VerifyPrintText(const VerifyOptions& options, const std::vector<Findings>& 
 
 absl::StatusOr<ExitCode> Verify(const VerifyOptions& options) {
   ASSIGN_OR_RETURN(const OpenedDatabase opened, OpenForReading(options.database));
-  ASSIGN_OR_RETURN(const std::vector<std::string> names, opened.database->Sets());
+  ASSIGN_OR_RETURN(const std::vector<std::string> names, opened.database->Variants());
   CatchStopSignals();
-  std::vector<Findings> sets;
+  std::vector<Findings> variants;
   Findings sum;
   for (const std::string& name : names) {
-    ASSIGN_OR_RETURN(Findings findings, VerifySet(options, name));
+    ASSIGN_OR_RETURN(Findings findings, VerifyVariant(options, name));
     sum.Add(findings);
-    sets.push_back(std::move(findings));
+    variants.push_back(std::move(findings));
   }
   if (options.format == "json") {
-    VerifyPrintJson(sets, sum);
+    VerifyPrintJson(variants, sum);
   } else {
-    VerifyPrintText(options, sets, sum);
+    VerifyPrintText(options, variants, sum);
   }
   return sum.faults.empty() ? kDone : kNo;
 }

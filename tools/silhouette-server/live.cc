@@ -16,9 +16,9 @@ namespace silhouette {
 std::shared_ptr<LiveRecord> NewLiveRecord(const Cell& cell) {
   std::vector<std::string> views;
   for (const ViewSettings& view : cell.views) views.push_back(view.name);
-  const std::string& set = cell.server.live.set;
+  const std::string& variant = cell.server.live.variant;
   return std::make_shared<LiveRecord>(views, cell.server.scene.max_age, SystemClock,
-                                      set.empty() ? KnownSet() : KnownSet(set));
+                                      variant.empty() ? KnownVariant() : KnownVariant(variant));
 }
 
 absl::StatusOr<std::unique_ptr<LiveLoop>> StartLive(const Cell& cell, const std::string& obstacles,

@@ -72,14 +72,14 @@ uint64_t TilesWithoutIndex(const ServedDatabase& database) {
   return without;
 }
 
-void LogElsewhere(const ServedDatabase& set, const std::string& of) {
-  const uint64_t count = set.robot_images().Count(RobotImageState::kElsewhere);
+void LogElsewhere(const ServedDatabase& variant, const std::string& of) {
+  const uint64_t count = variant.robot_images().Count(RobotImageState::kElsewhere);
   if (count == 0) return;
   spdlog::warn(
       "{}{} with a robot image that was captured with a fixed joint elsewhere, as {}: unknown "
       "until "
       "captured anew; 'silhouette-db verify' tells which",
-      of, Counted(count, "configuration"), set.elsewhere());
+      of, Counted(count, "configuration"), variant.elsewhere());
 }
 
 void LogLoaded(const ServedDatabase& database, const std::string& path) {
@@ -121,22 +121,22 @@ void LogLoaded(const ServedDatabase& database, const std::string& path) {
   }
 }
 
-// Of a set beside the default one.
-void LogSet(const ServedDatabase& set) {
-  const RobotImageTable& images = set.robot_images();
-  spdlog::info("set '{}': {} captured, {} excluded; {}", set.set(),
+// Of a variant beside the default one.
+void LogVariant(const ServedDatabase& variant) {
+  const RobotImageTable& images = variant.robot_images();
+  spdlog::info("variant '{}': {} captured, {} excluded; {}", variant.variant(),
                images.Count(RobotImageState::kPresent), images.Count(RobotImageState::kExcluded),
                images.in_memory() ? "in memory" : "read from the database where they are needed");
   const uint64_t unknown =
       images.Count(RobotImageState::kMissing) + images.Count(RobotImageState::kCorrupt);
   if (unknown > 0) {
-    spdlog::warn("set '{}': {} without a usable robot image: unknown until captured", set.set(),
-                 Counted(unknown, "configuration"));
+    spdlog::warn("variant '{}': {} without a usable robot image: unknown until captured",
+                 variant.variant(), Counted(unknown, "configuration"));
   }
-  LogElsewhere(set, absl::StrCat("set '", set.set(), "': "));
-  if (const uint64_t without = TilesWithoutIndex(set); without > 0) {
-    spdlog::warn("set '{}': {} without a collision index; run 'silhouette-db index' and reload",
-                 set.set(), Counted(without, "tile"));
+  LogElsewhere(variant, absl::StrCat("variant '", variant.variant(), "': "));
+  if (const uint64_t without = TilesWithoutIndex(variant); without > 0) {
+    spdlog::warn("variant '{}': {} without a collision index; run 'silhouette-db index' and reload",
+                 variant.variant(), Counted(without, "tile"));
   }
 }
 
@@ -199,9 +199,9 @@ absl::StatusOr<std::shared_ptr<const ServedDatabase>> Load(const Cell& cell,
   if (!served.ok()) return served;
   LogLoaded(**served, path);
   LogRobotImages(**served, path, load);
-  for (const std::string& name : (*served)->sets()) {
-    const ServedDatabase* set = (*served)->Set(name);
-    if (set != served->get()) LogSet(*set);
+  for (const std::string& name : (*served)->variants()) {
+    const ServedDatabase* variant = (*served)->Variant(name);
+    if (variant != served->get()) LogVariant(*variant);
   }
   if (sound) LogSound(**served);
   if (cell.choose_preset) return served;

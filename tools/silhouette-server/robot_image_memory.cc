@@ -56,7 +56,7 @@ uint64_t AvailableMemory() {
 
 LoadSettings LoadSettingsOf(const Cell& cell) {
   return {.robot_image_memory = cell.server.robot_image_memory.value_or(AvailableMemory() / 5 * 2),
-          .further_sets_in_memory = cell.server.further_sets_in_memory,
+          .variants_in_memory = cell.server.variants_in_memory,
           .progress =
               [last = absl::Now()](uint64_t done, uint64_t records) mutable {
                 const absl::Time now = absl::Now();
@@ -80,9 +80,9 @@ void LogRobotImages(const ServedDatabase& database, const std::string& path,
         "they are needed",
         Gigabytes(bytes), Gigabytes(settings.robot_image_memory), path);
   }
-  const bool reads_on = std::ranges::any_of(database.sets(), [&](const std::string& name) {
-    const ServedDatabase& set = *database.Set(name);
-    return !set.robot_images().in_memory() || set.index() != nullptr;
+  const bool reads_on = std::ranges::any_of(database.variants(), [&](const std::string& name) {
+    const ServedDatabase& variant = *database.Variant(name);
+    return !variant.robot_images().in_memory() || variant.index() != nullptr;
   });
   if (!reads_on || !ReadersKeepWritersOut(path)) return;
   spdlog::warn(

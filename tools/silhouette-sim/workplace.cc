@@ -17,8 +17,8 @@ void AddWorkplaceOptions(CLI::App& command, WorkplaceArguments& arguments, bool 
   command.add_option("--time", arguments.time, "When to look at moving obstacles, in seconds")
       ->capture_default_str();
   command
-      .add_option("--set", arguments.set,
-                  "What the robot carries: that of this set of robot images ('parts' of the "
+      .add_option("--variant", arguments.variant,
+                  "What the robot carries: that of this variant ('parts' of the "
                   "simulation)")
       ->capture_default_str();
   AddFormatOption(command, arguments.format);
@@ -55,7 +55,7 @@ absl::StatusOr<Workplace> LoadWorkplace(const WorkplaceArguments& arguments) {
   if (!robot.ok()) return robot.status();
   if (!cell.simulation.empty()) {
     ASSIGN_OR_RETURN(const auto settings, LoadSimulation(cell.simulation));
-    robot = Carrying(*robot, settings.parts, arguments.set);
+    robot = Carrying(*robot, settings.parts, arguments.variant);
     if (!robot.ok()) {
       return absl::InvalidArgumentError(
           absl::StrCat(cell.simulation, ": ", robot.status().message()));

@@ -21,13 +21,13 @@ struct WorkplaceArguments {
   std::string cell;
   std::string scene;
   double time = 0;
-  std::string set = kBareSet;
+  std::string variant = kBareVariant;
   std::string format = "text";
 
   bool json() const { return format == "json"; }
 };
 
-// Adds --cell, --scene, --time, --set and --format.
+// Adds --cell, --scene, --time, --variant and --format.
 void AddWorkplaceOptions(CLI::App& command, WorkplaceArguments& arguments, bool scene_required);
 
 struct Workplace {

@@ -63,10 +63,10 @@ absl::StatusOr<CheckAsk> AskOf(const Session& session, const CheckArguments& arg
     };
   }
   if (arguments.policy.given() || arguments.clearance == client::Clearance::kMeasure ||
-      !session.set.empty()) {
+      !session.variant.empty()) {
     return absl::InvalidArgumentError(
-        "--shared-map has verdicts under the server's policy and with the scene's set, and no "
-        "clearances: leave out the options of the policy, --set and --clearance, or ask the "
+        "--shared-map has verdicts under the server's policy and with the scene's variant, and no "
+        "clearances: leave out the options of the policy, --variant and --clearance, or ask the "
         "server");
   }
   const auto space = client::SharedSpace::Open(arguments.shared_map);
@@ -178,7 +178,7 @@ void AddCheckCommand(CLI::App& program, Session& session, Run& run) {
       ->excludes("--stream");
   AddFormatOption(*command, session.format);
   AddPolicyOptions(*command, arguments->policy);
-  AddSetOption(*command, session);
+  AddVariantOption(*command, session);
   command->footer(
       "Exit code 0 if all are free, 1 if not. With --stream a line for each, with --format json\n"
       "an object on each.\n\n"

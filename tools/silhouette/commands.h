@@ -26,7 +26,7 @@ void AddRegionListCommand(CLI::App& region, Session& session, Run& run);
 // Below `scene`.
 void AddScenePublishCommand(CLI::App& scene, Session& session, Run& run);
 void AddSceneLiveCommand(CLI::App& scene, Session& session, Run& run);
-void AddSceneSetCommand(CLI::App& scene, Session& session, Run& run);
+void AddSceneVariantCommand(CLI::App& scene, Session& session, Run& run);
 void AddSceneShowCommand(CLI::App& scene, Session& session, Run& run);
 
 }  // namespace silhouette

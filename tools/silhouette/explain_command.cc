@@ -140,7 +140,7 @@ void AddExplainCommand(CLI::App& program, Session& session, Run& run) {
                       "and explanation.png with all of them");
   AddFormatOption(*command, session.format);
   AddPolicyOptions(*command, arguments->policy);
-  AddSetOption(*command, session);
+  AddVariantOption(*command, session);
   command->footer(
       "Exit code 0 if the configuration is free, 1 if not.\n\n"
       "Example:\n"

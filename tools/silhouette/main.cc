@@ -40,7 +40,7 @@ int Main(int argc, char** argv) {
   AddScenePublishCommand(*scene, session, run);
   AddSceneShowCommand(*scene, session, run);
   AddSceneLiveCommand(*scene, session, run);
-  AddSceneSetCommand(*scene, session, run);
+  AddSceneVariantCommand(*scene, session, run);
   CLI::App* region = app.add_subcommand(
       "region", "Where obstacles are allowed for a while, such as around a part to be grasped");
   region->require_subcommand(1);

@@ -56,13 +56,13 @@ std::string Spoken(const client::Basis& basis) {
   }
   std::string words = absl::StrCat("scene ", basis.scene_id, ", ", Spoken(basis.Age()),
                                    " old, database generation ", basis.database_generation);
-  if (!basis.set.empty() && basis.scene_set.empty()) {
-    absl::StrAppend(&words, ", the scene's set is not known");
-  } else if (basis.set != basis.scene_set) {
-    absl::StrAppend(&words, ", tested with set ", basis.set, ", the scene has set ",
-                    basis.scene_set);
-  } else if (!basis.set.empty() && basis.set != "default") {
-    absl::StrAppend(&words, ", set ", basis.set);
+  if (!basis.variant.empty() && basis.scene_variant.empty()) {
+    absl::StrAppend(&words, ", the scene's variant is not known");
+  } else if (basis.variant != basis.scene_variant) {
+    absl::StrAppend(&words, ", tested with variant ", basis.variant, ", the scene has variant ",
+                    basis.scene_variant);
+  } else if (!basis.variant.empty() && basis.variant != "default") {
+    absl::StrAppend(&words, ", variant ", basis.variant);
   }
   if (!basis.regions.empty()) {
     absl::StrAppend(&words, ", obstacles allowed in ", Quoted(basis.regions));
@@ -106,8 +106,8 @@ Json JsonOf(const client::Basis& basis) {
           {"scene_time", scene ? Json(Spoken(basis.scene_time)) : Json()},
           {"scene_age_s", scene ? Json(absl::ToDoubleSeconds(basis.Age())) : Json()},
           {"database_generation", basis.database_generation},
-          {"set", basis.set},
-          {"scene_set", basis.scene_set.empty() ? Json() : Json(basis.scene_set)},
+          {"variant", basis.variant},
+          {"scene_variant", basis.scene_variant.empty() ? Json() : Json(basis.scene_variant)},
           {"scene_regions", basis.regions}};
 }
 
@@ -128,10 +128,10 @@ Json JsonOf(const client::PathCheck& check, client::Clearance clearance) {
   return json;
 }
 
-Json JsonOf(const client::RobotSet& set) {
-  return {{"set", set.set.empty() ? Json(nullptr) : Json(set.set)},
-          {"changing", set.changing},
-          {"unknown", set.unknown.empty() ? Json(nullptr) : Json(set.unknown)}};
+Json JsonOf(const client::RobotVariant& variant) {
+  return {{"variant", variant.variant.empty() ? Json(nullptr) : Json(variant.variant)},
+          {"changing", variant.changing},
+          {"unknown", variant.unknown.empty() ? Json(nullptr) : Json(variant.unknown)}};
 }
 
 std::string Table(const std::vector<std::vector<std::string>>& rows) {

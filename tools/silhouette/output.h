@@ -39,8 +39,8 @@ Json JsonOf(const client::Basis& basis);
 // The basis, the verdict, "checked", and where it is not free, or narrowest.
 Json JsonOf(const client::PathCheck& check, client::Clearance clearance);
 
-// {"set", "changing", "unknown"}; null where the set, or why it is unknown, is empty.
-Json JsonOf(const client::RobotSet& set);
+// {"variant", "changing", "unknown"}; null where the variant, or why it is unknown, is empty.
+Json JsonOf(const client::RobotVariant& variant);
 
 // A table of text: the first column to the left, the others to the right.
 std::string Table(const std::vector<std::vector<std::string>>& rows);

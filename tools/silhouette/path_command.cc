@@ -47,7 +47,7 @@ void AddPathCommand(CLI::App& program, Session& session, Run& run) {
   AddClearanceFlag(*command, arguments->clearance);
   AddFormatOption(*command, session.format);
   AddPolicyOptions(*command, arguments->policy);
-  AddSetOption(*command, session);
+  AddVariantOption(*command, session);
   command->footer(
       "Between waypoints the path is straight; on a continuous joint go on beyond the turn.\n"
       "Exit code 0 if the path is free, 1 if not.\n\n"

@@ -228,7 +228,7 @@ void AddPlanCommand(CLI::App& program, Session& session, Run& run) {
                       "What silhouette-sim truth wrote: judge the configuration space by it");
   AddFormatOption(*command, session.format);
   AddPolicyOptions(*command, arguments->policy);
-  AddSetOption(*command, session);
+  AddVariantOption(*command, session);
   command->footer(
       "Unknown counts as occupied. On a continuous joint the path goes on beyond the turn.\n"
       "Exit code 0 if there is a path, 1 if not.\n\n"

@@ -46,7 +46,7 @@ Json SceneLiveJsonOf(const client::Acquisition& acquisition) {
     json["cameras"].push_back(SceneLiveJsonOf(camera));
   }
   json["robot"] = SceneLiveJsonOf(acquisition.robot);
-  json["robot_set"] = silhouette::JsonOf(acquisition.robot_set);
+  json["robot_variant"] = silhouette::JsonOf(acquisition.robot_variant);
   json["to_scene"] = SceneLiveJsonOf(acquisition.to_scene);
   json["to_map"] = SceneLiveJsonOf(acquisition.to_map);
   return json;
@@ -80,9 +80,10 @@ std::string SceneLiveTextOf(const client::Acquisition& acquisition) {
   std::vector<std::vector<std::string>> rows = {{"device", "serving", "good", "errors", "age"}};
   for (const client::AcquiredDevice& device : devices) rows.push_back(RowOf(device));
   absl::StrAppend(&text, Table(rows));
-  const client::RobotSet& set = acquisition.robot_set;
-  if (!set.set.empty()) absl::StrAppend(&text, "the robot's set: ", set.set, "\n");
-  if (!set.unknown.empty()) absl::StrAppend(&text, "not free: ", set.unknown, "\n");
+  const client::RobotVariant& variant = acquisition.robot_variant;
+  if (!variant.variant.empty())
+    absl::StrAppend(&text, "the robot's variant: ", variant.variant, "\n");
+  if (!variant.unknown.empty()) absl::StrAppend(&text, "not free: ", variant.unknown, "\n");
   if (!acquisition.fault.empty()) absl::StrAppend(&text, "no scene: ", acquisition.fault, "\n");
   for (const client::AcquiredDevice& device : devices) {
     if (!device.fault.empty())

@@ -21,7 +21,7 @@ constexpr int kColumnWidth = 320;  // pixels
 Json SceneOutputJsonOf(const client::Scene& scene) {
   Json json{{"scene_id", scene.id},       {"database_generation", scene.database_generation},
             {"time", Spoken(scene.time)}, {"skew_ms", absl::ToDoubleMilliseconds(scene.skew)},
-            {"set", scene.set},           {"joints", Json::object()},
+            {"variant", scene.variant},   {"joints", Json::object()},
             {"views", Json::array()},     {"defects", Json::array()}};
   for (const client::JointPosition& joint : scene.joints) {
     json["joints"][joint.name] = joint.position;
@@ -47,8 +47,8 @@ std::string SceneOutputTextOf(const client::Scene& scene) {
   std::string text = absl::StrFormat(
       "scene %d of %s, skew %.1f ms, database generation %d\n", scene.id, Spoken(scene.time),
       absl::ToDoubleMilliseconds(scene.skew), scene.database_generation);
-  if (!scene.set.empty() && scene.set != "default") {
-    absl::StrAppend(&text, "set ", scene.set, "\n");
+  if (!scene.variant.empty() && scene.variant != "default") {
+    absl::StrAppend(&text, "variant ", scene.variant, "\n");
   }
   for (const client::JointPosition& joint : scene.joints) {
     absl::StrAppendFormat(&text, "%s = %.6g\n", joint.name, joint.position);

@@ -127,9 +127,9 @@ void AddScenePublishCommand(CLI::App& scene, Session& session, Run& run) {
                    "or masks of obstacles")
       ->check(CLI::IsMember({"camera", "mask", "obstacles"}))
       ->capture_default_str();
-  command->add_option("--set", session.set,
-                      "The set of robot images that shows the robot as it is: with this tool, this "
-                      "part. Default: the default set");
+  command->add_option("--variant", session.variant,
+                      "The variant that shows the robot as it is: with this tool, this "
+                      "part. Default: the default variant");
   command->add_flag("--now", arguments->now,
                     "The images are of this moment, whatever images.json says");
   command->add_flag("--degrees", arguments->degrees,

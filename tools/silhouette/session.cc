@@ -7,7 +7,7 @@ namespace silhouette {
 absl::StatusOr<Client> Session::Connect() const {
   const absl::StatusOr<Client> client = Client::Connect(server, absl::Seconds(timeout));
   if (!client.ok()) return client;
-  return client->WithSet(set);
+  return client->WithVariant(variant);
 }
 
 void AddServerOptions(CLI::App& program, Session& session) {
@@ -20,9 +20,9 @@ void AddServerOptions(CLI::App& program, Session& session) {
       ->capture_default_str();
 }
 
-void AddSetOption(CLI::App& command, Session& session) {
-  command.add_option("--set", session.set,
-                     "The set of robot images that is tested: with this tool, this part. Default: "
+void AddVariantOption(CLI::App& command, Session& session) {
+  command.add_option("--variant", session.variant,
+                     "The variant that is tested: with this tool, this part. Default: "
                      "that of the scene");
 }
 

@@ -13,7 +13,7 @@ struct Session {
   std::string server = client::kDefaultAddress;
   double timeout = 10;  // seconds for each call
   std::string format = "text";
-  std::string set;  // of robot images; empty: none is named
+  std::string variant;  // of robot images; empty: none is named
 
   bool json() const { return format == "json"; }
   absl::StatusOr<Client> Connect() const;
@@ -22,7 +22,7 @@ struct Session {
 // --server (or the environment's SILHOUETTE_SERVER) and --timeout.
 void AddServerOptions(CLI::App& program, Session& session);
 
-// --set, of a subcommand that asks for verdicts.
-void AddSetOption(CLI::App& command, Session& session);
+// --variant, of a subcommand that asks for verdicts.
+void AddVariantOption(CLI::App& command, Session& session);
 
 }  // namespace silhouette

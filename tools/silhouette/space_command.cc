@@ -194,7 +194,7 @@ void AddSpaceCommand(CLI::App& program, Session& session, Run& run) {
       ->delimiter(',');
   AddFormatOption(*command, session.format);
   AddPolicyOptions(*command, arguments->policy);
-  AddSetOption(*command, session);
+  AddVariantOption(*command, session);
   command->footer(
       "Example:\n  silhouette space --out space.csv --picture space.png\n"
       "  silhouette space --clearance 1,2,4,8 --picture clearance.png");

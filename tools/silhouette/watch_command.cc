@@ -204,7 +204,7 @@ void AddWatchCommand(CLI::App& program, Session& session, Run& run) {
   AddClearanceFlag(*command, arguments->clearance);
   AddFormatOption(*command, session.format);
   AddPolicyOptions(*command, arguments->policy);
-  AddSetOption(*command, session);
+  AddVariantOption(*command, session);
   command->footer(
       "A line for each update, with --format json an object on each; a line, too, when what was\n"
       "said cannot be relied on any more, and when the server is lost. Without waypoints it tells "

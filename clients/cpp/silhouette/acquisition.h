@@ -36,18 +36,18 @@ struct AcquisitionLatency {
   absl::Duration longest;
 };
 
-// Which set of robot images shows the robot, in images that are taken from now on.
-struct RobotSet {
+// Which variant shows the robot, in images that are taken from now on.
+struct RobotVariant {
   // Empty: it is not known, and nothing is free.
-  std::string set;
+  std::string variant;
   // It was told that it is being changed.
   bool changing = false;
   // Why it is not known, and the mend; empty if it is.
   std::string unknown;
 };
 
-struct SetChange {
-  RobotSet robot_set;
+struct VariantChange {
+  RobotVariant robot_variant;
   // What is known now holds for none of the scenes up to this one; 0: there was none.
   uint64_t last_scene_before = 0;
 };
@@ -66,7 +66,7 @@ struct Acquisition {
   // From the last pixel of a set of images to its scene, and to the map of all configurations.
   AcquisitionLatency to_scene;
   AcquisitionLatency to_map;
-  RobotSet robot_set;
+  RobotVariant robot_variant;
 };
 
 }  // namespace silhouette::client

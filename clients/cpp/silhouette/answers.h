@@ -24,10 +24,10 @@ struct Basis {
   absl::Duration scene_age = absl::InfiniteDuration();
   // Names of the allowed regions without which verdicts from the scene might be others.
   std::vector<std::string> regions = {};
-  // The set of robot images that configurations were tested with, and that of the scene, empty
-  // while it is not known; both empty: the server knows no sets.
-  std::string set = {};
-  std::string scene_set = {};
+  // The variant that configurations were tested with, and that of the scene, empty
+  // while it is not known; both empty: the server knows no variants.
+  std::string variant = {};
+  std::string scene_variant = {};
   // When the question was sent; of what a stream brings unasked, the earliest time at which it can
   // have been made.
   std::chrono::steady_clock::time_point asked = {};

@@ -54,12 +54,12 @@ class Client {
   // The same connection with another time for each call.
   Client WithTimeout(absl::Duration timeout) const;
 
-  // The same connection for a robot with this set of robot images: with this tool, this part.
-  // Configurations and paths are tested with it, whatever set the scene is of, and so is a
+  // The same connection for a robot with this variant: with this tool, this part.
+  // Configurations and paths are tested with it, whatever variant the scene is of, and so is a
   // LocalSpace; scenes are published as of the robot with it. Empty: configurations are tested with
-  // the set of the scene, and scenes are of the default set. InvalidArgument of the calls: the
-  // database has no such set; Unimplemented: the server knows no sets.
-  Client WithSet(std::string set) const;
+  // the variant of the scene, and scenes are of the default variant. InvalidArgument of the calls:
+  // the database has no such variant; Unimplemented: the server knows no variants.
+  Client WithVariant(std::string variant) const;
 
   const std::string& address() const;
 
@@ -117,14 +117,14 @@ class Client {
   // How the server's own acquisition goes. FailedPrecondition if it does not take images itself.
   absl::StatusOr<Acquisition> GetAcquisition() const;
 
-  // Tell a server that takes images itself which set of robot images shows the robot: before the
-  // gripper closes, or a part or tool is taken or left, that the set is changing; afterwards which
-  // it is. From then on nothing that rests on images of before is free, nor while it is changing.
-  // May be told again. InvalidArgument: the database has no such set. FailedPrecondition: the
-  // server does not take images itself; publish scenes that name their set. After any other error
-  // it is not known whether it was told: tell it again.
-  absl::StatusOr<SetChange> BeginSetChange() const;
-  absl::StatusOr<SetChange> ChangeSet(const std::string& set) const;
+  // Tell a server that takes images itself which variant shows the robot: before the
+  // gripper closes, or a part or tool is taken or left, that the variant is changing; afterwards
+  // which it is. From then on nothing that rests on images of before is free, nor while it is
+  // changing. May be told again. InvalidArgument: the database has no such variant.
+  // FailedPrecondition: the server does not take images itself; publish scenes that name their
+  // variant. After any other error it is not known whether it was told: tell it again.
+  absl::StatusOr<VariantChange> BeginVariantChange() const;
+  absl::StatusOr<VariantChange> ChangeVariant(const std::string& variant) const;
 
   // Puts an allowed region into force, in place of the one of its name: in `views` obstacle pixels
   // are unknown for `duration`, ten minutes at most.
@@ -140,11 +140,11 @@ class Client {
 
  private:
   friend class LocalSpace;
-  Client(std::shared_ptr<const Connection> connection, absl::Duration timeout, std::string set);
+  Client(std::shared_ptr<const Connection> connection, absl::Duration timeout, std::string variant);
 
   std::shared_ptr<const Connection> connection_;
   absl::Duration timeout_;
-  std::string set_;
+  std::string variant_;
 };
 
 }  // namespace silhouette::client

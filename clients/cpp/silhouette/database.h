@@ -43,8 +43,8 @@ struct Database {
   // Whether the views are calibrated, and the presets that requests may name.
   bool calibrated = false;
   std::vector<std::string> presets;
-  // The names of the sets of robot images, the default one first; empty: the server knows no sets.
-  std::vector<std::string> sets = {};
+  // The names of the variants, the default one first; empty: the server knows no variants.
+  std::vector<std::string> variants = {};
 };
 
 }  // namespace silhouette::client

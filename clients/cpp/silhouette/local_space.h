@@ -64,8 +64,8 @@ struct LocalSpaceStatus {
 // in turns share a counter; those that check much are better off with snapshots.
 class LocalSpace {
  public:
-  // Returns at once. Throws std::invalid_argument if max_age is not positive. With the set of the
-  // client (Client::WithSet); if it has none, of whatever set the newest scene is.
+  // Returns at once. Throws std::invalid_argument if max_age is not positive. With the variant of
+  // the client (Client::WithVariant); if it has none, of whatever variant the newest scene is.
   explicit LocalSpace(const Client& client, LocalSpaceOptions options = {});
   // Ends the subscription; waits for no server.
   ~LocalSpace();

@@ -77,8 +77,8 @@ struct Scene {
   absl::Time time;      // of the oldest image
   absl::Duration skew;  // between the oldest and the newest
   std::vector<JointPosition> joints;
-  // The set of robot images that shows the robot as it is; empty: the server knows no sets.
-  std::string set = "";
+  // The variant that shows the robot as it is; empty: the server knows no variants.
+  std::string variant = "";
   // In the order of the database's views, without those that are missing.
   std::vector<SceneView> views;
   // Empty in a good scene.

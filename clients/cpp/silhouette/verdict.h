@@ -35,7 +35,7 @@ enum class Reason : uint8_t {
   kMarginUnknown = 15,
   kRegionEnded = 16,
   kCalibrationDoubtful = 17,
-  kSetUnknown = 18,
+  kVariantUnknown = 18,
   kNotInMap = 200,
   kBetweenGridPoints = 201,
   kMapClosed = 202,

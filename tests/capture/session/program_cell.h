@@ -152,16 +152,16 @@ class ProgramCell {
     return numbers.ok() ? numbers->size() : 0;
   }
 
-  // All records of a set without their times.
-  std::map<ConfigurationNumber, RobotImage> Content(const std::string& set = "default") const {
+  // All records of a variant without their times.
+  std::map<ConfigurationNumber, RobotImage> Content(const std::string& variant = "default") const {
     std::map<ConfigurationNumber, RobotImage> content;
     const auto database = Database::Open(this->database(), Database::Access::kRead);
     EXPECT_TRUE(database.ok()) << database.status();
     if (!database.ok()) return content;
-    const auto of_set = (*database)->OpenSet(set);
-    EXPECT_TRUE(of_set.ok()) << of_set.status();
+    const auto of_variant = (*database)->OpenVariant(variant);
+    EXPECT_TRUE(of_variant.ok()) << of_variant.status();
     const absl::Status status =
-        (*of_set)->Read()->ForEach([&](ConfigurationNumber number, auto image) {
+        (*of_variant)->Read()->ForEach([&](ConfigurationNumber number, auto image) {
           EXPECT_TRUE(image.ok()) << image.status();
           image->captured = absl::UnixEpoch();
           content[number] = *image;

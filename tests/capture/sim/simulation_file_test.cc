@@ -74,15 +74,15 @@ class SimulationFileParts : public testing::Test {
   const std::filesystem::path folder_ = FreshFolder();
 };
 
-TEST_F(SimulationFileParts, AreOnTheirLinksInTheirSetAlone) {
+TEST_F(SimulationFileParts, AreOnTheirLinksInTheirVariantAlone) {
   const auto settings = LoadWith(
       "  box: [{link: forearm, box: {size: [0.1, 0.2, 0.3]}, position: [0, 0, 0.5],\n"
       "         colour: [0.2, 0.4, 0.6]}]\n"
       "  open: []\n");
   ASSERT_TRUE(settings.ok()) << settings.status();
   const RobotModel robot = ThreeJointRobot();
-  const auto bodies = [&](const std::string& set) {
-    const auto carrying = Carrying(robot, settings->parts, set);
+  const auto bodies = [&](const std::string& variant) {
+    const auto carrying = Carrying(robot, settings->parts, variant);
     EXPECT_TRUE(carrying.ok()) << carrying.status();
     return RobotParts(*carrying);
   };
@@ -99,17 +99,17 @@ TEST_F(SimulationFileParts, AreOnTheirLinksInTheirSetAlone) {
 }
 
 TEST_F(SimulationFileParts, MistakesAreTold) {
-  const auto error = [&](const std::string& parts, const std::string& set) {
+  const auto error = [&](const std::string& parts, const std::string& variant) {
     const auto settings = LoadWith(parts);
     if (!settings.ok()) return std::string(settings.status().message());
-    return std::string(Carrying(ThreeJointRobot(), settings->parts, set).status().message());
+    return std::string(Carrying(ThreeJointRobot(), settings->parts, variant).status().message());
   };
   const std::string sphere = "sphere: {radius: 0.1}, position: [0, 0, 0]";
   EXPECT_EQ(error("  a: [{link: forearm, " + sphere + "}]\n", "a"), "");
   EXPECT_THAT(error("  a: [{link: hand, " + sphere + "}]\n", "a"),
               HasSubstr("on the link 'hand', which the robot does not have"));
   EXPECT_THAT(error("  a: [{link: forearm, " + sphere + "}]\n", "b"),
-              HasSubstr("in the set 'b', only in 'a'; state 'b: []'"));
+              HasSubstr("in the variant 'b', only in 'a'; state 'b: []'"));
   EXPECT_THAT(error("  a: [{link: forearm, position: [0, 0, 0]}]\n", "a"),
               HasSubstr("a shape is missing"));
   EXPECT_THAT(error("  a: [{" + sphere + "}]\n", "a"), HasSubstr("link"));

@@ -253,8 +253,8 @@ auto ClearancesOf(double free) {
   };
 }
 
-// A verdict of another set than was asked for must not be taken for one of it.
-TEST(Sets, OfAServerThatDoesNotKnowThemAreAnErrorAndNoVerdict) {
+// A verdict of another variant than was asked for must not be taken for one of it.
+TEST(Variants, OfAServerThatDoesNotKnowThemAreAnErrorAndNoVerdict) {
   FakeServer server;
   server.check_configurations = VerdictsOf({v1::Verdict::STATE_FREE});
   server.check_path = [](grpc::ServerContext&, const v1::CheckPathRequest&,
@@ -265,33 +265,35 @@ TEST(Sets, OfAServerThatDoesNotKnowThemAreAnErrorAndNoVerdict) {
   };
   server.publish_scene = [](grpc::ServerContext&, const v1::PublishSceneRequest&,
                             v1::PublishSceneResponse&) { return grpc::Status::OK; };
-  const Client client = ClientOfHere(server).WithSet("tool");
+  const Client client = ClientOfHere(server).WithVariant("tool");
   for (const absl::Status& status :
        {client.CheckConfigurations(kOne).status(), client.CheckPath(kOne).status(),
         client.PublishScene({}, {}).status()}) {
     EXPECT_EQ(status.code(), absl::StatusCode::kUnimplemented) << status;
-    EXPECT_THAT(status.message(), HasSubstr("knows no sets of robot images"));
+    EXPECT_THAT(status.message(), HasSubstr("knows no variants"));
   }
   EXPECT_TRUE(ClientOfHere(server).CheckConfigurations(kOne)->verdicts[0].free());
 }
 
-TEST(Sets, GoWithEveryQuestionAndComeBackWithTheAnswer) {
+TEST(Variants, GoWithEveryQuestionAndComeBackWithTheAnswer) {
   FakeServer server;
   server.check_configurations = [](grpc::ServerContext&,
                                    const v1::CheckConfigurationsRequest& request,
                                    v1::CheckConfigurationsResponse& response) {
-    EXPECT_EQ(request.set(), "tool");
+    EXPECT_EQ(request.variant(), "tool");
     *response.mutable_basis() = GoodBasis();
-    response.mutable_basis()->set_set(request.set());
-    response.mutable_basis()->set_scene_set("default");
+    response.mutable_basis()->set_variant(request.variant());
+    response.mutable_basis()->set_scene_variant("default");
     response.add_verdicts()->set_state(v1::Verdict::STATE_FREE);
     return grpc::Status::OK;
   };
-  const auto checks =
-      ClientOfHere(server).WithSet("tool").WithTimeout(absl::Seconds(19)).CheckConfigurations(kOne);
+  const auto checks = ClientOfHere(server)
+                          .WithVariant("tool")
+                          .WithTimeout(absl::Seconds(19))
+                          .CheckConfigurations(kOne);
   ASSERT_TRUE(checks.ok()) << checks.status();
-  EXPECT_EQ(checks->basis.set, "tool");
-  EXPECT_EQ(checks->basis.scene_set, "default");
+  EXPECT_EQ(checks->basis.variant, "tool");
+  EXPECT_EQ(checks->basis.scene_variant, "default");
   EXPECT_TRUE(checks->verdicts[0].free());
 }
 

@@ -107,8 +107,8 @@ RobotImage StoreCrashWithTool(RobotImage image) {
   return image;
 }
 
-// In a child process: replaces all records of the default set, on which those of the other rest, by
-// versions from `version` on, and acknowledges every version that is wholly committed.
+// In a child process: replaces all records of the default variant, on which those of the other
+// rest, by versions from `version` on, and acknowledges every version that is wholly committed.
 [[noreturn]] void ReplaceUntilKilled(const std::string& path, int acknowledge, uint64_t version,
                                      uint64_t seed) {
   std::mt19937_64 random(seed);
@@ -126,19 +126,20 @@ RobotImage StoreCrashWithTool(RobotImage image) {
   }
 }
 
-TEST(RobotImageWriter, KilledWhileItReplacesWhatOtherSetsRestOnLeavesAllSetsWhole) {
+TEST(RobotImageWriter, KilledWhileItReplacesWhatOtherVariantsRestOnLeavesAllVariantsWhole) {
   const FreshFolder folder;
   const std::string path = folder / "db";
   const uint64_t seed = std::random_device()();
   std::cout << "seed " << seed << std::endl;
   std::mt19937_64 random(seed);
-  // The records of the set are made with version 0 of the default set's, and never written again.
+  // The records of the variant are made with version 0 of the default variant's, and never written
+  // again.
   std::map<ConfigurationNumber, RobotImage> tools;
   {
     const auto database = Database::Create(path, TestCell());
     ASSERT_TRUE(database.ok()) << database.status();
-    const auto set = (*database)->CreateSet(kStoreCrashTool, "test");
-    for (Database* each : {database->get(), set->get()}) {
+    const auto variant = (*database)->CreateVariant(kStoreCrashTool, "test");
+    for (Database* each : {database->get(), variant->get()}) {
       auto writer = each->Write("test", absl::Hours(1));
       for (const ConfigurationNumber number : AllNumbers(each->grid())) {
         RobotImage image = TestImage(*each, number, 0);
@@ -166,7 +167,7 @@ TEST(RobotImageWriter, KilledWhileItReplacesWhatOtherSetsRestOnLeavesAllSetsWhol
 
     const auto database = Database::Open(path, StoreCrashAccess::kRead);
     ASSERT_TRUE(database.ok()) << database.status();
-    const auto states = (*database)->ReadSets();
+    const auto states = (*database)->ReadVariants();
     ASSERT_TRUE(states.ok()) << states.status();
     for (const ConfigurationNumber number : AllNumbers((*database)->grid())) {
       const auto plain = (*states)[0].snapshot.Find(number);

@@ -137,9 +137,9 @@ TEST(SoundTest, NeverMissesWithParallelCameras) { NeverMisses(ThreeParallelCamer
 
 TEST(SoundTest, NeverMissesWhereAViewDoesNotSeeAll) { NeverMisses(CamerasThatDoNotSeeAll(), 12); }
 
-// The scene is of one set of robot images, the check of another: of an arm that carries something,
+// The scene is of one variant, the check of another: of an arm that carries something,
 // or does not. What it carries is not in the model.
-TEST(SoundTest, NeverMissesWithAnotherSetThanTheScenes) {
+TEST(SoundTest, NeverMissesWithAnotherVariantThanTheScenes) {
   const unsigned seed = std::random_device{}();
   SCOPED_TRACE(::testing::Message() << "seed " << seed);
   std::mt19937 random(seed);

@@ -16,7 +16,7 @@
 #include "server/live/live_loop.h"
 #include "server/scene/checker.h"
 #include "server/scene/scene_store.h"
-#include "tests/server/tool_set.h"
+#include "tests/server/tool_variant.h"
 
 namespace silhouette {
 
@@ -25,7 +25,7 @@ struct LiveScript {
   std::mutex mutex;
   // Where the robot stands: grid point (a, 0); `joints` is what it tells, in the order lift, b, a.
   int robot_a = 0;
-  bool tool = false;  // of tests/server/tool_set.h
+  bool tool = false;  // of tests/server/tool_variant.h
   std::vector<double> joints = {0.5, At(0, 0)[1], At(0, 0)[0]};
   double joint_drift = 0;  // added to joint a with every answer
   absl::Status robot_error = absl::OkStatus();
@@ -137,9 +137,9 @@ struct LiveCellTest : ::testing::Test {
   }
 
   absl::Status Start() {
-    const std::string& set = config.live.set;
+    const std::string& variant = config.live.variant;
     record = std::make_shared<LiveRecord>(kViewNames, config.scene.max_age, config.clock,
-                                          set.empty() ? KnownSet() : KnownSet(set));
+                                          variant.empty() ? KnownVariant() : KnownVariant(variant));
     auto started = LiveLoop::Start(config, Devices(),
                                    {.database = [this] { return scenes.database(); },
                                     .publish =
@@ -151,10 +151,11 @@ struct LiveCellTest : ::testing::Test {
     return started.status();
   }
 
-  // What a server does when it is told; empty: the set is changing.
-  void Tell(const std::string& set) {
+  // What a server does when it is told; empty: the variant is changing.
+  void Tell(const std::string& variant) {
     const Moment now = SystemClock();
-    EXPECT_TRUE(set.empty() ? record->TellSetChanging() : record->TellSet(set, now.running));
+    EXPECT_TRUE(variant.empty() ? record->TellVariantChanging()
+                                : record->TellVariant(variant, now.running));
     scenes.Withdraw("told", SystemClock());
   }
 

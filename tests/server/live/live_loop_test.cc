@@ -30,73 +30,73 @@ std::shared_ptr<const ServedDatabase> WithTools() {
   return LoadDatabase(folder / "db");
 }
 
-TEST_F(LiveLoopTest, WhichOfSeveralSetsShowsTheRobotIsNotGuessed) {
+TEST_F(LiveLoopTest, WhichOfSeveralVariantsShowsTheRobotIsNotGuessed) {
   scenes.ReplaceDatabase(WithTools());
   ASSERT_TRUE(Start().ok());
-  const SharedScene scene = SceneWithDefect(Reason::kSetUnknown, "nobody has told");
+  const SharedScene scene = SceneWithDefect(Reason::kVariantUnknown, "nobody has told");
   EXPECT_EQ(FreeBy(scene), 0);
-  EXPECT_EQ(scene->set, "");
+  EXPECT_EQ(scene->variant, "");
   EXPECT_EQ(scene->views.size(), 3u) << "what cameras saw is told all the same";
   EXPECT_TRUE(record->Status().serving);
   Tell("default");
-  EXPECT_EQ(GoodScene()->set, "default");
+  EXPECT_EQ(GoodScene()->variant, "default");
 }
 
-TEST_F(LiveLoopTest, DatabaseThatGetsASecondSetHasToBeTold) {
+TEST_F(LiveLoopTest, DatabaseThatGetsASecondVariantHasToBeTold) {
   ASSERT_TRUE(Start().ok());
-  EXPECT_EQ(GoodScene()->set, "default");
+  EXPECT_EQ(GoodScene()->variant, "default");
   const auto both = WithTools();
-  record->NoteSets(both->sets());
+  record->NoteVariants(both->variants());
   scenes.ReplaceDatabase(both);
-  SceneWithDefect(Reason::kSetUnknown, "nobody has told");
+  SceneWithDefect(Reason::kVariantUnknown, "nobody has told");
 }
 
-TEST_F(LiveLoopTest, SetOfTheStartIsThatOfTheFirstScene) {
+TEST_F(LiveLoopTest, VariantOfTheStartIsThatOfTheFirstScene) {
   scenes.ReplaceDatabase(WithTools());
-  config.live.set = kTool;
+  config.live.variant = kTool;
   Script([](LiveScript& to) { to.tool = true; });
   ASSERT_TRUE(Start().ok());
   const SharedScene first = NextScene("any", [](const Scene&) { return true; });
-  EXPECT_EQ(first->set, kTool);
+  EXPECT_EQ(first->variant, kTool);
   EXPECT_EQ(GoodScene()->obstacle_images[0]->obstacle().Count(), 0u) << "the tool is no obstacle";
   loop.reset();
-  config.live.set = "none";
+  config.live.variant = "none";
   const absl::Status refused = Start();
   EXPECT_EQ(refused.code(), absl::StatusCode::kInvalidArgument);
   EXPECT_THAT(std::string(refused.message()), HasSubstr("'none'; it has default, tool"));
 }
 
 // The images show the tool, or do not, from the instant on at which that is told.
-TEST_F(LiveLoopTest, ScenesHaveTheSetThatShowsTheRobotOrNone) {
+TEST_F(LiveLoopTest, ScenesHaveTheVariantThatShowsTheRobotOrNone) {
   scenes.ReplaceDatabase(WithTools());
-  config.live.set = "default";
+  config.live.variant = "default";
   ASSERT_TRUE(Start().ok());
   GoodScene();
   for (const bool tool : {true, false, true}) {
     Tell("");
     const SharedScene changing = Newest();
     EXPECT_EQ(FreeBy(changing), 0);
-    SceneWithDefect(Reason::kSetUnknown, "being changed");
+    SceneWithDefect(Reason::kVariantUnknown, "being changed");
     Script([&](LiveScript& to) { to.tool = tool; });
     const absl::Time told = absl::Now();
     Tell(tool ? kTool : "default");
     const uint64_t last = scenes.last_withdrawn();
     const SharedScene good = GoodScene();
-    EXPECT_EQ(good->set, tool ? kTool : "default");
+    EXPECT_EQ(good->variant, tool ? kTool : "default");
     EXPECT_GT(good->id, last);
     EXPECT_GE(good->oldest, told + kClockTolerance);
     EXPECT_EQ(good->obstacle_images[0]->obstacle().Count(), 0u);
     for (uint64_t id = changing->id; id < good->id; ++id) {
       const SharedScene between = scenes.Find(id);
       if (between == nullptr) continue;
-      EXPECT_EQ(between->Blocked(), Reason::kSetUnknown) << id;
+      EXPECT_EQ(between->Blocked(), Reason::kVariantUnknown) << id;
     }
   }
 }
 
-TEST_F(LiveLoopTest, CameraWhoseClockIsAheadGivesNoNewSetToAnOldImage) {
+TEST_F(LiveLoopTest, CameraWhoseClockIsAheadGivesNoNewVariantToAnOldImage) {
   scenes.ReplaceDatabase(WithTools());
-  config.live.set = "default";
+  config.live.variant = "default";
   Script([](LiveScript& to) { to.stamps.assign(3, absl::Milliseconds(90)); });
   ASSERT_TRUE(Start().ok());
   GoodScene();
@@ -104,7 +104,7 @@ TEST_F(LiveLoopTest, CameraWhoseClockIsAheadGivesNoNewSetToAnOldImage) {
   Tell(kTool);
   Script([](LiveScript& to) { to.tool = true; });
   const SharedScene first =
-      NextScene("one of the tool", [](const Scene& scene) { return scene.set == kTool; });
+      NextScene("one of the tool", [](const Scene& scene) { return scene.variant == kTool; });
   EXPECT_GE(first->oldest - absl::Milliseconds(90), told) << "by a clock that is right";
 }
 

@@ -7,7 +7,7 @@
 
 #include "server/scene/checker.h"
 #include "server/scene/configuration_space.h"
-#include "tests/server/tool_set.h"
+#include "tests/server/tool_variant.h"
 
 namespace silhouette {
 namespace {
@@ -27,8 +27,8 @@ void PutImages(Database& database, const LiftAt& lift) {
   ASSERT_TRUE(writer.ok()) << writer.status();
   for (int a = 0; a < 5; ++a) {
     for (int b = 0; b < 8; ++b) {
-      RobotImage image = database.set() == kTool ? ToolImage(database.grid(), a, b)
-                                                 : TestRobotImage(database.grid(), a, b);
+      RobotImage image = database.variant() == kTool ? ToolImage(database.grid(), a, b)
+                                                     : TestRobotImage(database.grid(), a, b);
       image.commanded = {At(a, b)[0], At(a, b)[1], 0.5};
       image.measured = {At(a, b)[0], At(a, b)[1], lift(a, b)};
       ASSERT_TRUE(writer->Put(image, /*replace=*/true).ok());
@@ -45,7 +45,7 @@ struct Variant {
 struct FixedJointsTest : ::testing::TestWithParam<Variant> {
   FreshFolder folder;
 
-  // The default set, and if there is a second function the tool's.
+  // The default variant, and if there is a second function the tool's.
   std::shared_ptr<const ServedDatabase> Make(const LiftAt& lift, const LiftAt& with_tool = {}) {
     const std::string path = folder / absl::StrCat("db", count_++);
     MakeDatabase(path);
@@ -54,9 +54,9 @@ struct FixedJointsTest : ::testing::TestWithParam<Variant> {
       EXPECT_TRUE(database.ok()) << database.status();
       PutImages(**database, lift);
       if (with_tool) {
-        const auto set = (*database)->CreateSet(kTool, "test");
-        EXPECT_TRUE(set.ok()) << set.status();
-        PutImages(**set, with_tool);
+        const auto variant = (*database)->CreateVariant(kTool, "test");
+        EXPECT_TRUE(variant.ok()) << variant.status();
+        PutImages(**variant, with_tool);
       }
     }
     if (GetParam().index) BuildIndex(path);
@@ -73,12 +73,12 @@ struct FixedJointsTest : ::testing::TestWithParam<Variant> {
   }
 
   static Served ServedWith(const std::shared_ptr<const ServedDatabase>& database,
-                           const SceneInput& input, const std::string& set) {
+                           const SceneInput& input, const std::string& variant) {
     const Served served{database, std::make_shared<const Scene>(SceneOf(*database, input)),
                         Reason::kNone};
-    const absl::StatusOr<Served> with_set = WithSet(served, set);
-    EXPECT_TRUE(with_set.ok()) << with_set.status();
-    return *with_set;
+    const absl::StatusOr<Served> with_variant = WithVariant(served, variant);
+    EXPECT_TRUE(with_variant.ok()) << with_variant.status();
+    return *with_variant;
   }
 
  private:
@@ -137,9 +137,9 @@ TEST_P(FixedJointsTest, RobotImageOfTheSceneCapturedElsewhereIsNamedWithBothValu
   EXPECT_EQ(scene.Blocked(), Reason::kFixedJointMoved);
 }
 
-TEST_P(FixedJointsTest, SetCapturedElsewhereIsNeverFreeAndHarmsNoOther) {
+TEST_P(FixedJointsTest, VariantCapturedElsewhereIsNeverFreeAndHarmsNoOther) {
   const auto database = Make([](int, int) { return 0.5; }, [](int, int) { return 0.9; });
-  EXPECT_EQ(database->Set(kTool)->elsewhere(), "joint 'lift' at 0.9 instead of 0.5");
+  EXPECT_EQ(database->Variant(kTool)->elsewhere(), "joint 'lift' at 0.9 instead of 0.5");
   const Checker plain(ServedWith(database, EmptyCellScene(), ""), {}, {}, kFixedJointsNow);
   const Checker tool(ServedWith(database, EmptyCellScene(), kTool), {}, {}, kFixedJointsNow);
   SceneInput with_tool = ToolScene(0, 0, 3);
@@ -156,7 +156,7 @@ TEST_P(FixedJointsTest, SetCapturedElsewhereIsNeverFreeAndHarmsNoOther) {
   }
 }
 
-TEST_P(FixedJointsTest, SceneMustFitTheRobotImagesOfAllSets) {
+TEST_P(FixedJointsTest, SceneMustFitTheRobotImagesOfAllVariants) {
   const auto database = Make([](int, int) { return 0.498; }, [](int, int) { return 0.504; });
   EXPECT_THAT(Told(SceneOf(*database, SceneWithLift(0.5))), IsEmpty());
   EXPECT_THAT(Told(SceneOf(*database, SceneWithLift(0.4985))),

@@ -75,10 +75,11 @@ TEST(SceneStore, WithdrawnSceneIsServedAnewAndNeverFree) {
   EXPECT_EQ(store.last_withdrawn(), 2u);
   const Served after = store.Newest(kSceneStoreNow);
   EXPECT_EQ(after.scene->id, 2u);
-  EXPECT_EQ(after.scene->set, "");
+  EXPECT_EQ(after.scene->variant, "");
   ASSERT_EQ(after.scene->defects.size(), 1u);
   EXPECT_EQ(after.scene->defects[0].message, "it has another tool");
-  EXPECT_EQ(Checker(after, {}, {}, kSceneStoreNow).Check(At(3, 3)).reason(), Reason::kSetUnknown);
+  EXPECT_EQ(Checker(after, {}, {}, kSceneStoreNow).Check(At(3, 3)).reason(),
+            Reason::kVariantUnknown);
   store.Withdraw("and another", kSceneStoreNow);
   ASSERT_EQ(store.Newest(kSceneStoreNow).scene->defects.size(), 1u);
   EXPECT_EQ(store.Newest(kSceneStoreNow).scene->defects[0].message, "and another");
@@ -92,7 +93,7 @@ TEST(SceneStore, SceneThatArrivedBeforeItWasWithdrawnComesWithdrawn) {
   store.Withdraw("it has another tool", kSceneStoreNow);
   const auto late = store.Publish(SceneThatArrived(*database, kSceneStoreNow), database);
   ASSERT_TRUE(late.ok()) << late.status();
-  EXPECT_EQ((*late)->Blocked(), Reason::kSetUnknown);
+  EXPECT_EQ((*late)->Blocked(), Reason::kVariantUnknown);
   const auto next = store.Publish(SceneThatArrived(*database, later), database);
   ASSERT_TRUE(next.ok()) << next.status();
   EXPECT_EQ((*next)->Blocked(), Reason::kNone);

@@ -55,7 +55,7 @@ inline void Set(const Configuration& q, v1::Configuration* message) {
 // The message that publishes `input`.
 inline v1::PublishSceneRequest RequestOf(const SceneInput& input) {
   v1::PublishSceneRequest request;
-  request.set_set(input.set);
+  request.set_variant(input.variant);
   for (const JointPosition& joint : input.joints) {
     v1::JointPosition& added = *request.add_joints();
     added.set_name(joint.name);

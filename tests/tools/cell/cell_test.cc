@@ -313,17 +313,17 @@ TEST(Cell, RobotImageMemoryIsASizeOrLeftOpen) {
               HasSubstr("robot_image_memory: a number of bytes is expected"));
 }
 
-TEST(Cell, SetOfTheLiveRobotIsStatedOrLeftOpen) {
+TEST(Cell, VariantOfTheLiveRobotIsStatedOrLeftOpen) {
   const std::string bare = kBareCell;
-  EXPECT_EQ(Load(bare)->server.live.set, "");
-  EXPECT_EQ(Load(bare + "server: {live: {set: gripper-open}}\n")->server.live.set, "gripper-open");
+  EXPECT_EQ(Load(bare)->server.live.variant, "");
+  EXPECT_EQ(Load(bare + "server: {live: {variant: gripper-open}}\n")->server.live.variant,
+            "gripper-open");
 }
 
-TEST(Cell, FurtherSetsAreInMemoryOnlyWhereAskedFor) {
+TEST(Cell, OtherVariantsAreInMemoryOnlyWhereAskedFor) {
   const std::string bare = kBareCell;
-  EXPECT_FALSE(Load(bare)->server.further_sets_in_memory);
-  EXPECT_TRUE(
-      Load(bare + "server: {further_sets_in_memory: true}\n")->server.further_sets_in_memory);
+  EXPECT_FALSE(Load(bare)->server.variants_in_memory);
+  EXPECT_TRUE(Load(bare + "server: {variants_in_memory: true}\n")->server.variants_in_memory);
 }
 
 TEST(Cell, SoundIsReadAndNeedsTheRobotsModel) {

@@ -147,7 +147,7 @@ TEST(CaptureSessions, RemaskedHoldsWhatACaptureWithTheSameSettingsHolds) {
   EXPECT_EQ(cell.RawImages(), 45u);
 }
 
-// A part that the simulated robot carries in the set `with-part`.
+// A part that the simulated robot carries in the variant `with-part`.
 void AddPart(const ProgramCell& cell) {
   WriteText(
       cell / "simulation.yaml",
@@ -156,7 +156,7 @@ void AddPart(const ProgramCell& cell) {
           "  with-part: [{link: tool, box: {size: [0.4, 0.2, 0.2]}, position: [0, 0, 0.2]}]\n");
 }
 
-TEST(CaptureSessions, AllSetsAreRemaskedAndReported) {
+TEST(CaptureSessions, AllVariantsAreRemaskedAndReported) {
   ProgramCell other;
   ProgramCell cell;
   for (const auto& [each, keep] :
@@ -164,21 +164,22 @@ TEST(CaptureSessions, AllSetsAreRemaskedAndReported) {
     AddPart(*each);
     each->WriteCell({keep});
     each->CaptureAll();
-    const Outcome outcome = each->Run(each->Arguments("run", {"--set", "with-part"}));
+    const Outcome outcome = each->Run(each->Arguments("run", {"--variant", "with-part"}));
     ASSERT_EQ(outcome.exit_code, 0) << outcome.err;
   }
   const auto before = cell.Content("with-part");
   ASSERT_NE(before, cell.Content());
   ASSERT_NE(before, other.Content("with-part"));
 
-  Outcome outcome = cell.Run(cell.Arguments("report", {"--set", "with-part", "--format", "json"}));
+  Outcome outcome =
+      cell.Run(cell.Arguments("report", {"--variant", "with-part", "--format", "json"}));
   EXPECT_EQ(outcome.exit_code, SessionProgramJson(outcome.out)["repair"].empty() ? 0 : 1)
       << outcome.err;
-  EXPECT_EQ(SessionProgramJson(outcome.out)["set"], "with-part");
-  EXPECT_THAT(SessionProgramJson(outcome.out)["sets"], SizeIs(2));
-  EXPECT_EQ(SessionProgramJson(outcome.out)["sets"][1]["captured"], 45);
+  EXPECT_EQ(SessionProgramJson(outcome.out)["variant"], "with-part");
+  EXPECT_THAT(SessionProgramJson(outcome.out)["variants"], SizeIs(2));
+  EXPECT_EQ(SessionProgramJson(outcome.out)["variants"][1]["captured"], 45);
   const std::string page = ReadText(cell.database() + ".with-part.report/report.html");
-  EXPECT_THAT(page, HasSubstr("Sets of robot images"));
+  EXPECT_THAT(page, HasSubstr("Variants"));
   EXPECT_NE(page, ReadText(cell.database() + ".report/report.html"));
 
   cell.WriteCell({kKeepImagesAndHalfCovered});
@@ -186,14 +187,15 @@ TEST(CaptureSessions, AllSetsAreRemaskedAndReported) {
   outcome = cell.Run(cell.Arguments("remask", {"--into", into}));
   EXPECT_EQ(outcome.exit_code, 0) << outcome.err;
   EXPECT_EQ(cell.Content("with-part"), before);
-  outcome = cell.Run({"status", "--cell", cell.cell(), "--database", into, "--set", "with-part"});
+  outcome =
+      cell.Run({"status", "--cell", cell.cell(), "--database", into, "--variant", "with-part"});
   EXPECT_EQ(outcome.exit_code, 0) << outcome.out << outcome.err;
   outcome = cell.Run(cell.Arguments("remask", {"--format", "json"}));
   EXPECT_EQ(outcome.exit_code, 0) << outcome.err;
   EXPECT_EQ(cell.Content(), other.Content());
   EXPECT_EQ(cell.Content("with-part"), other.Content("with-part"));
   EXPECT_EQ(SessionProgramJson(outcome.out)["configurations"], 90);
-  EXPECT_EQ(SessionProgramJson(outcome.out)["sets"][1]["name"], "with-part");
+  EXPECT_EQ(SessionProgramJson(outcome.out)["variants"][1]["name"], "with-part");
   EXPECT_FALSE(std::filesystem::exists(cell.database() + ".remask"));
 }
 

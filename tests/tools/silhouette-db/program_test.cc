@@ -142,7 +142,7 @@ TEST_F(SilhouetteDb, VerifyTellsRobotImagesCapturedWithAFixedJointElsewhere) {
                     HasSubstr("fixed joint 'axis_3': captured at 0.25 to 0.26\n")));
   const Json found = Json::parse(Run("verify db --format json").output);
   EXPECT_EQ(found["elsewhere"], 1);
-  EXPECT_EQ(found["sets"][0]["fixed_joints"]["axis_3"]["highest"], 0.26);
+  EXPECT_EQ(found["variants"][0]["fixed_joints"]["axis_3"]["highest"], 0.26);
   EXPECT_EQ(Run("verify db --fixed-joint-tolerance 0.02").exit_code, 0);
 }
 

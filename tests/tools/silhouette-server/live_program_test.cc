@@ -156,36 +156,38 @@ TEST_F(LiveProgramTest, MistakesAreToldInOneSentence) {
   EXPECT_THAT(refused("--live --metrics nowhere"), HasSubstr("127.0.0.1"));
 }
 
-TEST_F(LiveProgramTest, TheSetIsToldByTheProgram) {
+TEST_F(LiveProgramTest, TheVariantIsToldByTheProgram) {
   database = *cell / "two.lmdb";
   std::filesystem::copy(cell->database(), database, std::filesystem::copy_options::recursive);
   const Outcome captured =
-      cell->Run({"run", "--cell", cell->cell(), "--database", database, "--set", "same"});
+      cell->Run({"run", "--cell", cell->cell(), "--database", database, "--variant", "same"});
   ASSERT_EQ(captured.exit_code, 0) << captured.err;
   Start("--live");
   const Json before = AwaitStatus([](const Json& now) { return now["scenes"] > 0; });
-  EXPECT_EQ(before["robot_set"]["set"], nullptr);
+  EXPECT_EQ(before["robot_variant"]["variant"], nullptr);
   EXPECT_EQ(Ask("check 0,0").exit_code, 1);
-  EXPECT_THAT(Ask("scene show").out, HasSubstr("nobody has told which set"));
+  EXPECT_THAT(Ask("scene show").out, HasSubstr("nobody has told which variant"));
 
-  const Json changing = Json::parse(Ask("scene set --changing --format json").out, nullptr, false);
+  const Json changing =
+      Json::parse(Ask("scene variant --changing --format json").out, nullptr, false);
   EXPECT_EQ(changing["changing"], true);
-  EXPECT_THAT(Ask("scene live").out, HasSubstr("not free: the robot's set"));
-  EXPECT_THAT(Ask("scene set same").out, HasSubstr("the robot has the set same, in scenes after "));
-  AwaitStatus([](const Json& now) { return now["robot_set"]["set"] == "same"; });
+  EXPECT_THAT(Ask("scene live").out, HasSubstr("not free: the robot's variant"));
+  EXPECT_THAT(Ask("scene variant same").out,
+              HasSubstr("the robot has the variant same, in scenes after "));
+  AwaitStatus([](const Json& now) { return now["robot_variant"]["variant"] == "same"; });
   Json scene;
-  for (int i = 0; i < 600 && scene["set"] != "same"; ++i) {
+  for (int i = 0; i < 600 && scene["variant"] != "same"; ++i) {
     scene = Json::parse(Ask("scene show --format json").out, nullptr, false);
   }
-  EXPECT_EQ(scene["set"], "same");
+  EXPECT_EQ(scene["variant"], "same");
   EXPECT_GT(Json::parse(Ask("space --format json").out, nullptr, false)["free"], 0);
 
-  EXPECT_EQ(Ask("scene set").exit_code, 2);
-  const Outcome unknown = Ask("scene set none");
+  EXPECT_EQ(Ask("scene variant").exit_code, 2);
+  const Outcome unknown = Ask("scene variant none");
   EXPECT_EQ(unknown.exit_code, 2);
-  EXPECT_THAT(unknown.err, HasSubstr("its sets are default, same"));
+  EXPECT_THAT(unknown.err, HasSubstr("its variants are default, same"));
   EXPECT_EQ(End(SIGTERM), 0);
-  EXPECT_THAT(Log(), HasSubstr("tells that the robot's set is 'same'"));
+  EXPECT_THAT(Log(), HasSubstr("tells that the robot's variant is 'same'"));
 }
 
 TEST_F(LiveProgramTest, WithoutLiveThereIsNoAcquisition) {

@@ -123,13 +123,13 @@ TEST_F(SimProgram, ContactKnowsWhatTheRobotCarries) {
   const std::string values = "--format json --configuration 0,0.5";
   const auto bare = nlohmann::json::parse(RunInCell("contact", values).out)["configurations"][0];
   const auto part = nlohmann::json::parse(
-      RunInCell("contact", values + " --set with-part").out)["configurations"][0];
+      RunInCell("contact", values + " --variant with-part").out)["configurations"][0];
   EXPECT_EQ(bare["link"], "tool");
   EXPECT_EQ(part["link"], "tool");
   EXPECT_LT(part["distance"].get<double>(), bare["distance"].get<double>() - 0.01);
-  const Outcome unknown = RunInCell("contact", values + " --set none");
+  const Outcome unknown = RunInCell("contact", values + " --variant none");
   EXPECT_EQ(unknown.exit_code, 2);
-  EXPECT_THAT(unknown.err, HasSubstr("in the set 'none', only in 'with-part'"));
+  EXPECT_THAT(unknown.err, HasSubstr("in the variant 'none', only in 'with-part'"));
 }
 
 TEST_F(SimProgram, ContactSeesMovingObstaclesAtTheTime) {

@@ -22,7 +22,8 @@ absl::StatusOr<Simulation> SimulationOfCameras(const Cell& cell) {
   return LoadSimulatedCell(cell);
 }
 
-absl::StatusOr<Simulation> SimulationOf(const Cell& cell, const std::string& set = kBareSet) {
+absl::StatusOr<Simulation> SimulationOf(const Cell& cell,
+                                        const std::string& variant = kBareVariant) {
   RETURN_IF_ERROR(CheckRobot(cell));
   RETURN_IF_ERROR(CheckCameras(cell));
   const bool robot = HasSimulatedRobot(cell);
@@ -32,7 +33,7 @@ absl::StatusOr<Simulation> SimulationOf(const Cell& cell, const std::string& set
                        "'driver: sim' into 'robot', or have silhouette-sim serve the cameras, too");
   }
   if (!robot) return nullptr;
-  return LoadSimulatedCell(cell, set);
+  return LoadSimulatedCell(cell, variant);
 }
 
 absl::StatusOr<CellDevices> DevicesOf(const Cell& cell, const Simulation& simulation) {
@@ -59,8 +60,8 @@ absl::Status PlaceRobot(const Cell& cell, const Travel& travel, const Simulation
 }  // namespace
 
 absl::StatusOr<CellDevices> OpenDevices(const Cell& cell, const Travel& travel,
-                                        const std::string& set) {
-  ASSIGN_OR_RETURN(const auto simulation, SimulationOf(cell, set));
+                                        const std::string& variant) {
+  ASSIGN_OR_RETURN(const auto simulation, SimulationOf(cell, variant));
   if (simulation != nullptr) {
     RETURN_IF_ERROR(PlaceRobot(cell, travel, simulation));
   }

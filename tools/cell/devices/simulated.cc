@@ -18,14 +18,14 @@ bool HasSimulatedCamera(const Cell& cell) {
 }
 
 absl::StatusOr<std::shared_ptr<SimulatedCell>> LoadSimulatedCell(const Cell& cell,
-                                                                 const std::string& set) {
+                                                                 const std::string& variant) {
   if (cell.simulation.empty()) {
     return CellMistake(cell, "the simulated cell needs the key 'simulation' with its file");
   }
   if (cell.robot.urdf.empty()) {
     return CellMistake(cell, "the simulated robot needs the key 'urdf' in 'robot'");
   }
-  return SimulatedCell::Load(cell.simulation, cell.robot.urdf, cell.robot.package_paths, set);
+  return SimulatedCell::Load(cell.simulation, cell.robot.urdf, cell.robot.package_paths, variant);
 }
 
 absl::Status CellMistake(const Cell& cell, const std::string& what) {

@@ -1,4 +1,4 @@
-// The cell of test_cell.h with a second set of robot images: the robot with a tool.
+// The cell of test_cell.h with a second variant: the robot with a tool.
 #pragma once
 
 #include "tests/server/test_cell.h"
@@ -38,15 +38,15 @@ inline void PutTools(Database& database) {
 inline void AddTools(const std::string& path) {
   const auto database = Database::Open(path, Database::Access::kWrite);
   ASSERT_TRUE(database.ok()) << database.status();
-  const auto set = (*database)->CreateSet(kTool, "test");
-  ASSERT_TRUE(set.ok()) << set.status();
-  PutTools(**set);
+  const auto variant = (*database)->CreateVariant(kTool, "test");
+  ASSERT_TRUE(variant.ok()) << variant.status();
+  PutTools(**variant);
 }
 
 // The robot at grid point (a, b) with the tool, and obstacles.
 inline SceneInput ToolScene(int a, int b, int block) {
   SceneInput input;
-  input.set = kTool;
+  input.variant = kTool;
   input.joints = JointsAt(At(a, b));
   for (int view = 0; view < 3; ++view) {
     input.views.push_back({kViewNames[static_cast<size_t>(view)], std::nullopt,

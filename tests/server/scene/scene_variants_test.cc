@@ -1,4 +1,4 @@
-// Sets of robot images: scenes and checks with each of them.
+// Variants: scenes and checks with each of them.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -8,7 +8,7 @@
 #include "server/scene/checker.h"
 #include "server/scene/configuration_space.h"
 #include "tests/server/collision/sphere_world.h"
-#include "tests/server/tool_set.h"
+#include "tests/server/tool_variant.h"
 
 namespace silhouette {
 namespace {
@@ -16,30 +16,30 @@ namespace {
 using ::testing::ElementsAre;
 using ::testing::HasSubstr;
 
-const Moment kSceneSetsNow{absl::FromUnixSeconds(1'000'000), absl::Seconds(50)};
+const Moment kSceneVariantsNow{absl::FromUnixSeconds(1'000'000), absl::Seconds(50)};
 
-std::shared_ptr<const Scene> SceneSetsSceneOf(const ServedDatabase& whole,
-                                              const SceneInput& input) {
-  absl::StatusOr<Scene> scene = MakeScene(whole, input, {}, {}, kSceneSetsNow);
+std::shared_ptr<const Scene> SceneVariantsSceneOf(const ServedDatabase& whole,
+                                                  const SceneInput& input) {
+  absl::StatusOr<Scene> scene = MakeScene(whole, input, {}, {}, kSceneVariantsNow);
   EXPECT_TRUE(scene.ok()) << scene.status();
   scene->id = 1;
   return std::make_shared<const Scene>(*std::move(scene));
 }
 
-// What a request for the set `name` rests on.
+// What a request for the variant `name` rests on.
 Served ServedWith(const std::shared_ptr<const ServedDatabase>& whole,
                   const std::shared_ptr<const Scene>& scene, const std::string& name) {
   Served served{whole, scene, Reason::kNone};
-  const absl::StatusOr<Served> with_set = WithSet(served, name);
-  EXPECT_TRUE(with_set.ok()) << with_set.status();
-  return *with_set;
+  const absl::StatusOr<Served> with_variant = WithVariant(served, name);
+  EXPECT_TRUE(with_variant.ok()) << with_variant.status();
+  return *with_variant;
 }
 
 // That both say the same of every configuration, on and off the grid and as a map.
 void ExpectSame(const Served& one, const Served& other, const Policy& policy,
                 std::mt19937& random) {
-  const Checker a(one, policy, {}, kSceneSetsNow);
-  const Checker b(other, policy, {}, kSceneSetsNow);
+  const Checker a(one, policy, {}, kSceneVariantsNow);
+  const Checker b(other, policy, {}, kSceneVariantsNow);
   const ConfigurationGrid& grid = one.database->grid();
   const ConfigurationSpace map_a(one, policy);
   const ConfigurationSpace map_b(other, policy);
@@ -58,9 +58,9 @@ void ExpectSame(const Served& one, const Served& other, const Policy& policy,
   }
 }
 
-struct SceneSets : ::testing::TestWithParam<bool> {
+struct SceneVariants : ::testing::TestWithParam<bool> {
   FreshFolder folder;
-  // With both sets; with the default set's images alone; with the tool's alone, as default.
+  // With both variants; with the default variant's images alone; with the tool's alone, as default.
   std::shared_ptr<const ServedDatabase> both;
   std::shared_ptr<const ServedDatabase> plain;
   std::shared_ptr<const ServedDatabase> tool;
@@ -84,9 +84,9 @@ struct SceneSets : ::testing::TestWithParam<bool> {
   }
 };
 
-// A scene and checks with the set X say what a database says that has X as its only set.
-TEST_P(SceneSets, AnswerAsADatabaseOfTheirOwn) {
-  ASSERT_THAT(both->sets(), ElementsAre("default", kTool));
+// A scene and checks with the variant X say what a database says that has X as its only variant.
+TEST_P(SceneVariants, AnswerAsADatabaseOfTheirOwn) {
+  ASSERT_THAT(both->variants(), ElementsAre("default", kTool));
   const unsigned seed = std::random_device{}();
   SCOPED_TRACE("seed " + std::to_string(seed));
   std::mt19937 random(seed);
@@ -97,22 +97,22 @@ TEST_P(SceneSets, AnswerAsADatabaseOfTheirOwn) {
     const SceneInput without_tool = SceneWithBlock(block, 3, a, b);
     const SceneInput with_tool = ToolScene(a, b, block);
     SceneInput of_own = with_tool;
-    of_own.set = "";
+    of_own.variant = "";
     for (const Preset preset :
          {Preset::kUncalibrated, Preset::kPaper, Preset::kCalibrated, Preset::kPaperCalibrated}) {
       const Policy policy{.preset = preset};
-      const auto tool_scene = SceneSetsSceneOf(*both, with_tool);
-      const auto plain_scene = SceneSetsSceneOf(*both, without_tool);
+      const auto tool_scene = SceneVariantsSceneOf(*both, with_tool);
+      const auto plain_scene = SceneVariantsSceneOf(*both, without_tool);
       ExpectSame(ServedWith(both, tool_scene, ""),
-                 ServedWith(tool, SceneSetsSceneOf(*tool, of_own), ""), policy, random);
+                 ServedWith(tool, SceneVariantsSceneOf(*tool, of_own), ""), policy, random);
       ExpectSame(ServedWith(both, plain_scene, ""),
-                 ServedWith(plain, SceneSetsSceneOf(*plain, without_tool), ""), policy, random);
-      // With another set than the scene's: its obstacle images, the other's robot images.
-      auto for_tool = std::make_shared<Scene>(*SceneSetsSceneOf(*plain, without_tool));
+                 ServedWith(plain, SceneVariantsSceneOf(*plain, without_tool), ""), policy, random);
+      // With another variant than the scene's: its obstacle images, the other's robot images.
+      auto for_tool = std::make_shared<Scene>(*SceneVariantsSceneOf(*plain, without_tool));
       for_tool->generation = tool->generation();
       ExpectSame(ServedWith(both, plain_scene, kTool), ServedWith(tool, for_tool, ""), policy,
                  random);
-      auto for_plain = std::make_shared<Scene>(*SceneSetsSceneOf(*tool, of_own));
+      auto for_plain = std::make_shared<Scene>(*SceneVariantsSceneOf(*tool, of_own));
       for_plain->generation = plain->generation();
       ExpectSame(ServedWith(both, tool_scene, "default"), ServedWith(plain, for_plain, ""), policy,
                  random);
@@ -120,29 +120,29 @@ TEST_P(SceneSets, AnswerAsADatabaseOfTheirOwn) {
   }
 }
 
-TEST_P(SceneSets, TellTheToolFromAnObstacleInTheirOwnScenesOnly) {
+TEST_P(SceneVariants, TellTheToolFromAnObstacleInTheirOwnScenesOnly) {
   SceneInput input = ToolScene(0, 0, 4);
-  const auto right = SceneSetsSceneOf(*both, input);
-  EXPECT_EQ(right->set, kTool);
-  input.set = "";
-  const auto wrong = SceneSetsSceneOf(*both, input);
-  EXPECT_EQ(wrong->set, "default");
+  const auto right = SceneVariantsSceneOf(*both, input);
+  EXPECT_EQ(right->variant, kTool);
+  input.variant = "";
+  const auto wrong = SceneVariantsSceneOf(*both, input);
+  EXPECT_EQ(wrong->variant, "default");
   const Mask only_tool = ToolMask(0, 0, 0) - RobotMask(0, 0, 0);
   ASSERT_FALSE(only_tool.Empty());
   EXPECT_FALSE(Intersects(right->obstacle_images[0]->obstacle().words(), only_tool.words()));
   EXPECT_TRUE(Intersects(wrong->obstacle_images[0]->obstacle().words(), only_tool.words()));
 }
 
-TEST_P(SceneSets, AnUnknownSetOfASceneIsNeverFree) {
+TEST_P(SceneVariants, AnUnknownVariantOfASceneIsNeverFree) {
   SceneInput input = EmptyCellScene();
-  input.set = "none";
-  const auto scene = SceneSetsSceneOf(*both, input);
-  EXPECT_EQ(scene->Blocked(), Reason::kSetUnknown);
+  input.variant = "none";
+  const auto scene = SceneVariantsSceneOf(*both, input);
+  EXPECT_EQ(scene->Blocked(), Reason::kVariantUnknown);
   EXPECT_THAT(scene->defects[0].message, HasSubstr("'none'"));
-  for (const char* set : {"", "default", kTool}) {
-    const Served served = ServedWith(both, scene, set);
-    const Checker checker(served, {}, {}, kSceneSetsNow);
-    EXPECT_EQ(checker.Check(At(3, 3)).reason(), Reason::kSetUnknown);
+  for (const char* variant : {"", "default", kTool}) {
+    const Served served = ServedWith(both, scene, variant);
+    const Checker checker(served, {}, {}, kSceneVariantsNow);
+    EXPECT_EQ(checker.Check(At(3, 3)).reason(), Reason::kVariantUnknown);
     const ConfigurationSpace space(served, {});
     for (ConfigurationNumber number = 0; number < kTileSize; ++number) {
       EXPECT_EQ(space.state(number), State::kUnknown);
@@ -150,31 +150,31 @@ TEST_P(SceneSets, AnUnknownSetOfASceneIsNeverFree) {
   }
 }
 
-TEST_P(SceneSets, AnUnknownSetOfACheckIsRefused) {
+TEST_P(SceneVariants, AnUnknownVariantOfACheckIsRefused) {
   const absl::Status status =
-      WithSet({both, SceneSetsSceneOf(*both, EmptyCellScene())}, "none").status();
+      WithVariant({both, SceneVariantsSceneOf(*both, EmptyCellScene())}, "none").status();
   EXPECT_EQ(status.code(), absl::StatusCode::kInvalidArgument);
-  EXPECT_THAT(status.message(), HasSubstr("no set 'none'; its sets are default, tool"));
+  EXPECT_THAT(status.message(), HasSubstr("no variant 'none'; its variants are default, tool"));
 }
 
-TEST_P(SceneSets, ASceneOfWhichTheSetIsNotKnownIsNeverFree) {
+TEST_P(SceneVariants, ASceneOfWhichTheVariantIsNotKnownIsNeverFree) {
   SceneInput input = EmptyCellScene();
-  input.without_set = "nobody has told";
-  const auto scene = SceneSetsSceneOf(*both, input);
-  EXPECT_EQ(scene->set, "");
-  EXPECT_EQ(scene->Blocked(), Reason::kSetUnknown);
+  input.without_variant = "nobody has told";
+  const auto scene = SceneVariantsSceneOf(*both, input);
+  EXPECT_EQ(scene->variant, "");
+  EXPECT_EQ(scene->Blocked(), Reason::kVariantUnknown);
   EXPECT_EQ(scene->defects[0].message, "nobody has told");
   EXPECT_EQ(scene->views.size(), 3u);
-  for (const char* set : {"", "default", kTool}) {
-    const Checker checker(ServedWith(both, scene, set), {}, {}, kSceneSetsNow);
-    EXPECT_EQ(checker.Check(At(3, 3)).reason(), Reason::kSetUnknown);
+  for (const char* variant : {"", "default", kTool}) {
+    const Checker checker(ServedWith(both, scene, variant), {}, {}, kSceneVariantsNow);
+    EXPECT_EQ(checker.Check(At(3, 3)).reason(), Reason::kVariantUnknown);
   }
 }
 
-INSTANTIATE_TEST_SUITE_P(WithAndWithoutIndex, SceneSets, ::testing::Bool(),
+INSTANTIATE_TEST_SUITE_P(WithAndWithoutIndex, SceneVariants, ::testing::Bool(),
                          [](const auto& with) { return with.param ? "Index" : "NoIndex"; });
 
-// A database of both sets that the sound presets can be served with, by cameras somewhere.
+// A database of both variants that the sound presets can be served with, by cameras somewhere.
 std::shared_ptr<const ServedDatabase> SoundDatabase(const FreshFolder& folder) {
   MakeDatabase(folder / "db");
   AddTools(folder / "db");
@@ -210,80 +210,82 @@ std::shared_ptr<const ServedDatabase> SoundDatabase(const FreshFolder& folder) {
 
 // Links that stand as in the scene touch nothing, as they do now - unless they carry something
 // else.
-TEST(SoundSets, WhatStandsAsInTheSceneMayTouchWithAnotherSet) {
+TEST(SoundVariants, WhatStandsAsInTheSceneMayTouchWithAnotherVariant) {
   const FreshFolder folder;
   const auto both = SoundDatabase(folder);
-  for (const std::string scene_set : {"default", kTool}) {
-    SceneInput input = scene_set == kTool ? ToolScene(0, 0, 4) : EmptyCellScene();
-    const auto scene = SceneSetsSceneOf(*both, input);
-    for (const std::string set : {"default", kTool}) {
-      const Served served = ServedWith(both, scene, set);
+  for (const std::string scene_variant : {"default", kTool}) {
+    SceneInput input = scene_variant == kTool ? ToolScene(0, 0, 4) : EmptyCellScene();
+    const auto scene = SceneVariantsSceneOf(*both, input);
+    for (const std::string variant : {"default", kTool}) {
+      const Served served = ServedWith(both, scene, variant);
       const TestSupport support = SupportFor(served, {.preset = Preset::kSound});
-      EXPECT_EQ(support.robot_may_touch != nullptr, set == scene_set) << scene_set << ", " << set;
+      EXPECT_EQ(support.robot_may_touch != nullptr, variant == scene_variant)
+          << scene_variant << ", " << variant;
       EXPECT_EQ(&support.possible_space->space(), &served.database->sound()->space())
-          << "where that set's robot reaches";
+          << "where that variant's robot reaches";
     }
   }
 }
 
 // What memory holds or not makes no difference.
-TEST(SceneSetsInPlace, AnswerAsInMemory) {
+TEST(SceneVariantsInPlace, AnswerAsInMemory) {
   const FreshFolder folder;
   MakeDatabase(folder / "db", {.index = true});
   AddTools(folder / "db");
-  const auto held =
-      LoadDatabase(folder / "db", {.margin = 0}, {}, {.further_sets_in_memory = true});
-  ASSERT_TRUE(held->Set(kTool)->robot_images().in_memory());
+  const auto held = LoadDatabase(folder / "db", {.margin = 0}, {}, {.variants_in_memory = true});
+  ASSERT_TRUE(held->Variant(kTool)->robot_images().in_memory());
   const auto in_place = LoadDatabase(folder / "db", {.margin = 0}, {}, {.robot_image_memory = 0});
   ASSERT_FALSE(in_place->robot_images().in_memory());
-  ASSERT_FALSE(in_place->Set(kTool)->robot_images().in_memory());
+  ASSERT_FALSE(in_place->Variant(kTool)->robot_images().in_memory());
   std::mt19937 random(1);
   for (int block = 0; block < 5; ++block) {
     const SceneInput input = ToolScene(0, 3, block);
-    ExpectSame(ServedWith(held, SceneSetsSceneOf(*held, input), ""),
-               ServedWith(in_place, SceneSetsSceneOf(*in_place, input), ""), {}, random);
+    ExpectSame(ServedWith(held, SceneVariantsSceneOf(*held, input), ""),
+               ServedWith(in_place, SceneVariantsSceneOf(*in_place, input), ""), {}, random);
   }
 }
 
-TEST(SceneSetsInPlace, FurtherSetsCostNoMemoryUnlessTheyMay) {
+TEST(SceneVariantsInPlace, OtherVariantsCostNoMemoryUnlessTheyMay) {
   const FreshFolder folder;
   MakeDatabase(folder / "db");
   AddTools(folder / "db");
   const auto usual = LoadDatabase(folder / "db");
   EXPECT_TRUE(usual->robot_images().in_memory());
-  EXPECT_FALSE(usual->Set(kTool)->robot_images().in_memory());
-  // What the default set leaves is not enough.
-  const uint64_t one_set = 40 * usual->robot_images().words() * sizeof(uint64_t);
+  EXPECT_FALSE(usual->Variant(kTool)->robot_images().in_memory());
+  // What the default variant leaves is not enough.
+  const uint64_t one_variant = 40 * usual->robot_images().words() * sizeof(uint64_t);
   const auto no_room =
       LoadDatabase(folder / "db", {.margin = 0}, {},
-                   {.robot_image_memory = 2 * one_set - 1, .further_sets_in_memory = true});
+                   {.robot_image_memory = 2 * one_variant - 1, .variants_in_memory = true});
   EXPECT_TRUE(no_room->robot_images().in_memory());
-  EXPECT_FALSE(no_room->Set(kTool)->robot_images().in_memory());
+  EXPECT_FALSE(no_room->Variant(kTool)->robot_images().in_memory());
 }
 
-// A record of the default set gets lost: what rests on it is corrupt in the other set, never free.
-TEST(SceneSetsDamaged, ALostBaseIsNeverFree) {
+// A record of the default variant gets lost: what rests on it is corrupt in the other variant,
+// never free.
+TEST(SceneVariantsDamaged, ALostBaseIsNeverFree) {
   const FreshFolder folder;
   MakeDatabase(folder / "db");
   AddTools(folder / "db");
   {
-    // The same image in both sets is stored once.
+    // The same image in both variants is stored once.
     const auto database = Database::Open(folder / "db", Database::Access::kWrite);
-    const auto set = (*database)->OpenSet(kTool);
-    auto writer = (*set)->Write("test");
-    ASSERT_TRUE(writer->Put(TestRobotImage((*set)->grid(), 2, 3), /*replace=*/true).ok());
+    const auto variant = (*database)->OpenVariant(kTool);
+    auto writer = (*variant)->Write("test");
+    ASSERT_TRUE(writer->Put(TestRobotImage((*variant)->grid(), 2, 3), /*replace=*/true).ok());
     ASSERT_TRUE(writer->Commit().ok());
   }
   const auto before = LoadDatabase(folder / "db");
-  ASSERT_EQ(before->Set(kTool)->robot_images().state(before->grid().NumberOf({2, 3})),
+  ASSERT_EQ(before->Variant(kTool)->robot_images().state(before->grid().NumberOf({2, 3})),
             RobotImageState::kPresent);
   DamageRecord(folder / "db", TestRobotImage(before->grid(), 2, 3));
   const auto database = LoadDatabase(folder / "db");
   const ConfigurationNumber number = database->grid().NumberOf({2, 3});
   EXPECT_EQ(database->robot_images().state(number), RobotImageState::kCorrupt);
-  EXPECT_EQ(database->Set(kTool)->robot_images().state(number), RobotImageState::kCorrupt);
-  const Served served = ServedWith(database, SceneSetsSceneOf(*database, ToolScene(0, 0, 4)), "");
-  EXPECT_EQ(Checker(served, {}, {}, kSceneSetsNow).Check(At(2, 3)).reason(),
+  EXPECT_EQ(database->Variant(kTool)->robot_images().state(number), RobotImageState::kCorrupt);
+  const Served served =
+      ServedWith(database, SceneVariantsSceneOf(*database, ToolScene(0, 0, 4)), "");
+  EXPECT_EQ(Checker(served, {}, {}, kSceneVariantsNow).Check(At(2, 3)).reason(),
             Reason::kRobotImageCorrupt);
 }
 

@@ -1,4 +1,4 @@
-// The sets of a database: which there are, making and removing them.
+// The variants of a database: which there are, making and removing them.
 #include <algorithm>
 #include <utility>
 
@@ -14,75 +14,75 @@
 namespace silhouette {
 namespace {
 
-std::string RobotImageSetsQuoted(const std::string& name) { return "'" + name + "'"; }
+std::string RobotImageVariantsQuoted(const std::string& name) { return "'" + name + "'"; }
 
 }  // namespace
 
-const std::string& Database::set() const { return state_->places.name; }
+const std::string& Database::variant() const { return state_->places.name; }
 
-absl::StatusOr<std::vector<std::string>> Database::Sets() const {
+absl::StatusOr<std::vector<std::string>> Database::Variants() const {
   Environment& environment = *state_->environment;
   ASSIGN_OR_RETURN(const ReadTransaction transaction, environment.Read());
   const auto hold = environment.HoldMap();
-  return silhouette::ReadSets(environment, transaction.get());
+  return silhouette::ReadVariants(environment, transaction.get());
 }
 
-absl::StatusOr<std::unique_ptr<Database>> Database::OpenSet(const std::string& name) const {
-  ASSIGN_OR_RETURN(const std::vector<std::string> names, Sets());
-  const schema::SetPlaces places = schema::PlacesOfSet(name);
+absl::StatusOr<std::unique_ptr<Database>> Database::OpenVariant(const std::string& name) const {
+  ASSIGN_OR_RETURN(const std::vector<std::string> names, Variants());
+  const schema::VariantPlaces places = schema::PlacesOfVariant(name);
   const auto images = state_->environment->Find(places.robot_images);
   if (std::ranges::find(names, name) == names.end() || !images) {
     return absl::NotFoundError(
-        absl::StrCat("database '", path(), "' has no set '", name, "'; its sets are ",
+        absl::StrCat("database '", path(), "' has no variant '", name, "'; its variants are ",
                      absl::StrJoin(names, ", ", [](std::string* out, const std::string& known) {
-                       absl::StrAppend(out, RobotImageSetsQuoted(known));
+                       absl::StrAppend(out, RobotImageVariantsQuoted(known));
                      })));
   }
   return std::unique_ptr<Database>(
       new Database(std::make_shared<DatabaseState>(*state_, places, *images)));
 }
 
-absl::Status Database::ChangeSets(const std::vector<std::string>& names,
-                                  const std::string& program) {
-  storage::v1::RobotImageSets sets;
+absl::Status Database::ChangeVariants(const std::vector<std::string>& names,
+                                      const std::string& program) {
+  storage::v1::RobotImageVariants variants;
   for (const std::string& name : names) {
-    if (name != schema::kDefaultSet) sets.add_names(name);
+    if (name != schema::kDefaultVariant) variants.add_names(name);
   }
-  return ChangeMeta(schema::kSetsKey, sets.SerializeAsString(), program);
+  return ChangeMeta(schema::kVariantsKey, variants.SerializeAsString(), program);
 }
 
-absl::StatusOr<std::unique_ptr<Database>> Database::CreateSet(const std::string& name,
-                                                              const std::string& program) {
-  if (!schema::IsSetName(name)) {
+absl::StatusOr<std::unique_ptr<Database>> Database::CreateVariant(const std::string& name,
+                                                                  const std::string& program) {
+  if (!schema::IsVariantName(name)) {
     return absl::InvalidArgumentError(absl::StrCat(
-        "a set cannot be named '", name, "': a name has 1 to 32 of a-z, 0-9, '_' and '-'"));
+        "a variant cannot be named '", name, "': a name has 1 to 32 of a-z, 0-9, '_' and '-'"));
   }
   if (!state_->writer_lock) {
     return absl::FailedPreconditionError(
         absl::StrCat("database '", path(), "' is open for reading only"));
   }
-  ASSIGN_OR_RETURN(std::vector<std::string> names, Sets());
+  ASSIGN_OR_RETURN(std::vector<std::string> names, Variants());
   if (std::ranges::find(names, name) != names.end()) {
     return absl::AlreadyExistsError(
-        absl::StrCat("database '", path(), "' has a set '", name, "' already"));
+        absl::StrCat("database '", path(), "' has a variant '", name, "' already"));
   }
-  if (names.size() >= schema::kMaxSets) {
+  if (names.size() >= schema::kMaxVariants) {
     return absl::FailedPreconditionError(
         absl::StrCat("database '", path(), "' has ", names.size(),
-                     " sets, as many as there may be; remove one, or make another database"));
+                     " variants, as many as there may be; remove one, or make another database"));
   }
-  // Empty and of no set, if the change after it is not made.
-  RETURN_IF_ERROR(state_->environment->Make(schema::PlacesOfSet(name).robot_images).status());
+  // Empty and of no variant, if the change after it is not made.
+  RETURN_IF_ERROR(state_->environment->Make(schema::PlacesOfVariant(name).robot_images).status());
   names.push_back(name);
-  RETURN_IF_ERROR(ChangeSets(names, program));
-  return OpenSet(name);
+  RETURN_IF_ERROR(ChangeVariants(names, program));
+  return OpenVariant(name);
 }
 
-absl::Status Database::RemoveSet(const std::string& name, const std::string& program) {
-  if (name == schema::kDefaultSet) {
-    return absl::InvalidArgumentError("the default set cannot be removed: others rest on it");
+absl::Status Database::RemoveVariant(const std::string& name, const std::string& program) {
+  if (name == schema::kDefaultVariant) {
+    return absl::InvalidArgumentError("the default variant cannot be removed: others rest on it");
   }
-  RETURN_IF_ERROR(OpenSet(name).status());
+  RETURN_IF_ERROR(OpenVariant(name).status());
   if (!state_->writer_lock) {
     return absl::FailedPreconditionError(
         absl::StrCat("database '", path(), "' is open for reading only"));
@@ -92,7 +92,7 @@ absl::Status Database::RemoveSet(const std::string& name, const std::string& pro
         absl::StrCat("database '", path(), "' is being written into"));
   }
   const absl::Cleanup done = [this] { *state_->has_writer = false; };
-  const schema::SetPlaces places = schema::PlacesOfSet(name);
+  const schema::VariantPlaces places = schema::PlacesOfVariant(name);
   Environment& environment = *state_->environment;
   std::vector<MDB_dbi> emptied;
   for (const std::string& place :
@@ -101,10 +101,10 @@ absl::Status Database::RemoveSet(const std::string& name, const std::string& pro
   }
   return environment.Update(0, [&](WriteTransaction& transaction) -> absl::Status {
     ASSIGN_OR_RETURN(const std::vector<std::string> names,
-                     silhouette::ReadSets(environment, transaction.get()));
-    storage::v1::RobotImageSets left;
+                     silhouette::ReadVariants(environment, transaction.get()));
+    storage::v1::RobotImageVariants left;
     for (const std::string& other : names) {
-      if (other != name && other != schema::kDefaultSet) left.add_names(other);
+      if (other != name && other != schema::kDefaultVariant) left.add_names(other);
     }
     // The sub-databases stay, empty: others of this process may use them.
     absl::Status status;
@@ -113,14 +113,14 @@ absl::Status Database::RemoveSet(const std::string& name, const std::string& pro
       if (code != 0) status.Update(environment.WriteError(code));
     }
     if (status.ok()) {
-      status = WriteMeta(environment, transaction, schema::kSetsKey, left.SerializeAsString());
+      status = WriteMeta(environment, transaction, schema::kVariantsKey, left.SerializeAsString());
     }
     if (status.ok()) {
       status = transaction.Delete(environment.meta(), places.capture_key);
     }
     if (status.ok()) {
       storage::v1::Provenance entry = NewProvenance(absl::Now(), program, 0);
-      entry.set_set(name);
+      entry.set_variant(name);
       status = AddProvenance(environment, transaction, entry);
     }
     return status.ok() ? RaiseGeneration(environment, transaction) : status;

@@ -1,10 +1,10 @@
-// A server that takes images itself is told which set of robot images shows the robot.
+// A server that takes images itself is told which variant shows the robot.
 #include "server/service/answers.h"
 #include "silhouette/client.h"
 #include "silhouette/shared_space.h"
 #include "tests/server/live/http_get.h"
 #include "tests/server/service/test_server.h"
-#include "tests/server/tool_set.h"
+#include "tests/server/tool_variant.h"
 
 namespace silhouette {
 namespace {
@@ -13,10 +13,10 @@ using client::SharedSpace;
 using ::testing::HasSubstr;
 
 // Where the tool alone touches a block: joint a at 1, the tool at 2.
-const Configuration kChangeSetServiceToolTouches = At(1, 1);
-constexpr int kChangeSetServiceBlock = 2;
+const Configuration kChangeVariantServiceToolTouches = At(1, 1);
+constexpr int kChangeVariantServiceBlock = 2;
 
-std::shared_ptr<const ServedDatabase> ChangeSetServiceBothSets() {
+std::shared_ptr<const ServedDatabase> ChangeVariantServiceBothVariants() {
   const FreshFolder folder;
   MakeDatabase(folder / "db");
   AddTools(folder / "db");
@@ -24,26 +24,26 @@ std::shared_ptr<const ServedDatabase> ChangeSetServiceBothSets() {
   return LoadDatabase(folder / "db");
 }
 
-struct ChangeSetServiceTest : ::testing::Test {
-  std::shared_ptr<const ServedDatabase> database = ChangeSetServiceBothSets();
+struct ChangeVariantServiceTest : ::testing::Test {
+  std::shared_ptr<const ServedDatabase> database = ChangeVariantServiceBothVariants();
   ServingSettings settings;
 
-  static std::shared_ptr<LiveRecord> NewRecord(const Clock& clock, KnownSet known = {}) {
+  static std::shared_ptr<LiveRecord> NewRecord(const Clock& clock, KnownVariant known = {}) {
     return std::make_shared<LiveRecord>(kViewNames, absl::Seconds(1), clock, std::move(known));
   }
 
-  static grpc::Status Change(TestServer& server, const std::string& set, bool changing,
-                             v1::ChangeSetResponse* response) {
-    v1::ChangeSetRequest request;
-    request.set_set(set);
+  static grpc::Status Change(TestServer& server, const std::string& variant, bool changing,
+                             v1::ChangeVariantResponse* response) {
+    v1::ChangeVariantRequest request;
+    request.set_variant(variant);
     request.set_changing(changing);
     grpc::ClientContext context;
-    return server.scene->ChangeSet(&context, request, response);
+    return server.scene->ChangeVariant(&context, request, response);
   }
   // Empty: it is changing.
-  static v1::ChangeSetResponse Tell(TestServer& server, const std::string& set) {
-    v1::ChangeSetResponse response;
-    const grpc::Status status = Change(server, set, set.empty(), &response);
+  static v1::ChangeVariantResponse Tell(TestServer& server, const std::string& variant) {
+    v1::ChangeVariantResponse response;
+    const grpc::Status status = Change(server, variant, variant.empty(), &response);
     EXPECT_TRUE(status.ok()) << status.error_message();
     return response;
   }
@@ -51,11 +51,11 @@ struct ChangeSetServiceTest : ::testing::Test {
   // A scene of the images that arrived then, made with what is known now, as a LiveLoop does.
   Scene Made(const SceneInput& images, const Moment& arrived) {
     SceneInput input = images;
-    const auto set = settings.live->known_set().Of(arrived.running, database->sets());
-    if (set.ok()) {
-      input.set = *set;
+    const auto variant = settings.live->known_variant().Of(arrived.running, database->variants());
+    if (variant.ok()) {
+      input.variant = *variant;
     } else {
-      input.without_set = std::string(set.status().message());
+      input.without_variant = std::string(variant.status().message());
     }
     return *MakeScene(*database, input, settings.scene, {}, arrived);
   }
@@ -63,58 +63,58 @@ struct ChangeSetServiceTest : ::testing::Test {
     return server.server->Publish(std::move(scene), database).value()->id;
   }
 
-  static v1::RobotSet Acquired(TestServer& server) {
+  static v1::RobotVariant Acquired(TestServer& server) {
     grpc::ClientContext context;
     v1::GetAcquisitionResponse response;
     EXPECT_TRUE(server.scene->GetAcquisition(&context, {}, &response).ok());
-    return response.acquisition().robot_set();
+    return response.acquisition().robot_variant();
   }
 };
 
-TEST_F(ChangeSetServiceTest, NothingOfBeforeIsFreeFromTheCallOn) {
+TEST_F(ChangeVariantServiceTest, NothingOfBeforeIsFreeFromTheCallOn) {
   TestClock clock;
-  settings.live = NewRecord(clock.clock(), KnownSet("default"));
+  settings.live = NewRecord(clock.clock(), KnownVariant("default"));
   // The server's own clock goes with that of the record.
   TestServer server(database, settings, [&](const Clock&) { return clock.clock(); });
   const auto now = [&] { return clock.clock()(); };
-  const SceneInput bare = SceneWithBlock(kChangeSetServiceBlock);
-  const SceneInput with_tool = ToolScene(0, 0, kChangeSetServiceBlock);
+  const SceneInput bare = SceneWithBlock(kChangeVariantServiceBlock);
+  const SceneInput with_tool = ToolScene(0, 0, kChangeVariantServiceBlock);
 
   const uint64_t first = Publish(server, Made(bare, now()));
-  EXPECT_EQ(server.CheckOne(kChangeSetServiceToolTouches).state(), v1::Verdict::STATE_FREE);
+  EXPECT_EQ(server.CheckOne(kChangeVariantServiceToolTouches).state(), v1::Verdict::STATE_FREE);
   Scene under_way = Made(bare, now());  // published too late
 
   clock.Advance(absl::Milliseconds(1));
-  v1::ChangeSetResponse told = Tell(server, "");
-  EXPECT_TRUE(told.robot_set().changing());
-  EXPECT_THAT(told.robot_set().unknown(), HasSubstr("being changed"));
+  v1::ChangeVariantResponse told = Tell(server, "");
+  EXPECT_TRUE(told.robot_variant().changing());
+  EXPECT_THAT(told.robot_variant().unknown(), HasSubstr("being changed"));
   EXPECT_EQ(told.last_scene_before(), first + 1);
-  EXPECT_EQ(server.CheckOne(kChangeSetServiceToolTouches).reason(),
-            v1::Verdict::REASON_SET_UNKNOWN);
+  EXPECT_EQ(server.CheckOne(kChangeVariantServiceToolTouches).reason(),
+            v1::Verdict::REASON_VARIANT_UNKNOWN);
   EXPECT_EQ(Publish(server, std::move(under_way)), first + 2);
-  EXPECT_EQ(server.CheckOne(kChangeSetServiceToolTouches).reason(),
-            v1::Verdict::REASON_SET_UNKNOWN);
+  EXPECT_EQ(server.CheckOne(kChangeVariantServiceToolTouches).reason(),
+            v1::Verdict::REASON_VARIANT_UNKNOWN);
   clock.Advance(absl::Milliseconds(500));
   Publish(server, Made(with_tool, now()));
-  EXPECT_EQ(server.CheckOne(At(4, 1)).reason(), v1::Verdict::REASON_SET_UNKNOWN);
+  EXPECT_EQ(server.CheckOne(At(4, 1)).reason(), v1::Verdict::REASON_VARIANT_UNKNOWN);
 
   told = Tell(server, kTool);
-  EXPECT_EQ(told.robot_set().set(), kTool);
-  EXPECT_EQ(told.robot_set().unknown(), "");
-  EXPECT_EQ(server.CheckOne(At(4, 1)).reason(), v1::Verdict::REASON_SET_UNKNOWN);
+  EXPECT_EQ(told.robot_variant().variant(), kTool);
+  EXPECT_EQ(told.robot_variant().unknown(), "");
+  EXPECT_EQ(server.CheckOne(At(4, 1)).reason(), v1::Verdict::REASON_VARIANT_UNKNOWN);
   clock.Advance(kClockTolerance - absl::Milliseconds(1));
   Publish(server, Made(with_tool, now()));
-  EXPECT_EQ(server.CheckOne(At(4, 1)).reason(), v1::Verdict::REASON_SET_UNKNOWN);
+  EXPECT_EQ(server.CheckOne(At(4, 1)).reason(), v1::Verdict::REASON_VARIANT_UNKNOWN);
   clock.Advance(absl::Milliseconds(1));
   EXPECT_GT(Publish(server, Made(with_tool, now())), told.last_scene_before());
   EXPECT_EQ(server.CheckOne(At(4, 1)).state(), v1::Verdict::STATE_FREE);
-  EXPECT_EQ(server.CheckOne(kChangeSetServiceToolTouches).state(), v1::Verdict::STATE_OCCUPIED);
-  const v1::ChangeSetResponse again = Tell(server, kTool);
+  EXPECT_EQ(server.CheckOne(kChangeVariantServiceToolTouches).state(), v1::Verdict::STATE_OCCUPIED);
+  const v1::ChangeVariantResponse again = Tell(server, kTool);
   EXPECT_EQ(again.last_scene_before(), told.last_scene_before());
   EXPECT_EQ(server.CheckOne(At(4, 1)).state(), v1::Verdict::STATE_FREE) << "nothing changed";
 }
 
-TEST_F(ChangeSetServiceTest, AnAnswerThatIsUnderWayIsNotFree) {
+TEST_F(ChangeVariantServiceTest, AnAnswerThatIsUnderWayIsNotFree) {
   Serving serving(database, settings, nullptr);
   const Scene scene = *MakeScene(*database, EmptyCellScene(), {}, {}, SystemClock());
   ASSERT_TRUE(serving.publisher.Publish(scene, database).ok());
@@ -124,34 +124,34 @@ TEST_F(ChangeSetServiceTest, AnAnswerThatIsUnderWayIsNotFree) {
   EXPECT_EQ(Conclude(serving, begun, {}, &basis, &valid_for), Reason::kNone);
   EXPECT_GT(valid_for, absl::ZeroDuration());
   serving.scenes.Withdraw("it has another tool", SystemClock());
-  EXPECT_EQ(Conclude(serving, begun, {}, &basis, &valid_for), Reason::kSetUnknown);
+  EXPECT_EQ(Conclude(serving, begun, {}, &basis, &valid_for), Reason::kVariantUnknown);
   EXPECT_EQ(valid_for, absl::ZeroDuration());
 }
 
-TEST_F(ChangeSetServiceTest, AcquisitionAndMetricsTellWhatClientsTold) {
+TEST_F(ChangeVariantServiceTest, AcquisitionAndMetricsTellWhatClientsTold) {
   settings.live = NewRecord(SystemClock);
   settings.metrics = "127.0.0.1:0";
   TestServer server(database, settings);
   const Client client = Client::Connect(server.server->address()).value();
-  const auto acquired = [&] { return client.GetAcquisition().value().robot_set; };
+  const auto acquired = [&] { return client.GetAcquisition().value().robot_variant; };
   const auto metrics = [&] { return HttpGet(server.server->metrics_address(), "/metrics"); };
   EXPECT_THAT(acquired().unknown, HasSubstr("nobody has told"));
-  EXPECT_THAT(metrics(), HasSubstr("silhouette_live_set_known 0"));
-  const absl::StatusOr<client::SetChange> begun = client.BeginSetChange();
+  EXPECT_THAT(metrics(), HasSubstr("silhouette_live_variant_known 0"));
+  const absl::StatusOr<client::VariantChange> begun = client.BeginVariantChange();
   ASSERT_TRUE(begun.ok()) << begun.status();
-  EXPECT_TRUE(begun->robot_set.changing);
+  EXPECT_TRUE(begun->robot_variant.changing);
   EXPECT_TRUE(acquired().changing);
-  const absl::StatusOr<client::SetChange> done = client.ChangeSet(kTool);
+  const absl::StatusOr<client::VariantChange> done = client.ChangeVariant(kTool);
   ASSERT_TRUE(done.ok()) << done.status();
-  EXPECT_EQ(done->robot_set.set, kTool);
-  EXPECT_EQ(acquired().set, kTool);
+  EXPECT_EQ(done->robot_variant.variant, kTool);
+  EXPECT_EQ(acquired().variant, kTool);
   EXPECT_FALSE(acquired().changing);
-  EXPECT_THAT(metrics(), HasSubstr("silhouette_live_set_known 1"));
-  EXPECT_EQ(client.ChangeSet("none").status().code(), absl::StatusCode::kInvalidArgument);
+  EXPECT_THAT(metrics(), HasSubstr("silhouette_live_variant_known 1"));
+  EXPECT_EQ(client.ChangeVariant("none").status().code(), absl::StatusCode::kInvalidArgument);
 }
 
-TEST_F(ChangeSetServiceTest, ADatabaseWithoutTheSetMakesItUnknown) {
-  settings.live = NewRecord(SystemClock, KnownSet(kTool));
+TEST_F(ChangeVariantServiceTest, ADatabaseWithoutTheVariantMakesItUnknown) {
+  settings.live = NewRecord(SystemClock, KnownVariant(kTool));
   TestServer server(database, settings);
   server.server->ReplaceDatabase(NewDatabase());
   EXPECT_THAT(Acquired(server).unknown(), HasSubstr("'tool'"));
@@ -159,64 +159,67 @@ TEST_F(ChangeSetServiceTest, ADatabaseWithoutTheSetMakesItUnknown) {
   EXPECT_THAT(Acquired(server).unknown(), HasSubstr("'tool'")) << "until it is told anew";
 }
 
-TEST_F(ChangeSetServiceTest, MistakesAreToldInOneSentence) {
-  v1::ChangeSetResponse response;
+TEST_F(ChangeVariantServiceTest, MistakesAreToldInOneSentence) {
+  v1::ChangeVariantResponse response;
   TestServer without(database, settings);
   EXPECT_EQ(Change(without, kTool, false, &response).error_code(),
             grpc::StatusCode::FAILED_PRECONDITION);
-  settings.live = NewRecord(SystemClock, KnownSet("default"));
+  settings.live = NewRecord(SystemClock, KnownVariant("default"));
   TestServer server(database, settings);
   const grpc::Status unknown = Change(server, "none", false, &response);
   EXPECT_EQ(unknown.error_code(), grpc::StatusCode::INVALID_ARGUMENT);
-  EXPECT_THAT(unknown.error_message(), HasSubstr("no set 'none'; its sets are default, tool"));
+  EXPECT_THAT(unknown.error_message(),
+              HasSubstr("no variant 'none'; its variants are default, tool"));
   EXPECT_EQ(Change(server, "", false, &response).error_code(), grpc::StatusCode::INVALID_ARGUMENT);
   EXPECT_EQ(Change(server, kTool, true, &response).error_code(),
             grpc::StatusCode::INVALID_ARGUMENT);
-  EXPECT_EQ(Acquired(server).set(), "default") << "nothing of that was taken";
+  EXPECT_EQ(Acquired(server).variant(), "default") << "nothing of that was taken";
 }
 
-// Who holds the map of the old set in memory is told at once, and gets that of the new one.
-TEST_F(ChangeSetServiceTest, SharedMapAndWatchFollowTheChangeAndAreNeverFreeInBetween) {
+// Who holds the map of the old variant in memory is told at once, and gets that of the new one.
+TEST_F(ChangeVariantServiceTest, SharedMapAndWatchFollowTheChangeAndAreNeverFreeInBetween) {
   const FreshFolder folder;
   settings.scene.max_age = absl::Minutes(10);
   settings.shared_map.file = folder / "map";
-  settings.live = NewRecord(SystemClock, KnownSet("default"));
+  settings.live = NewRecord(SystemClock, KnownVariant("default"));
   TestServer server(database, settings, [](const Clock&) { return SystemClock; });
   const SharedSpace shared = SharedSpace::Open(folder / "map").value();
   grpc::ClientContext context;
   const auto watch = server.collision->WatchConfigurationSpace(&context, {});
   const auto number = GridOf(TestCell())->NumberOf({1, 1});
-  // The watch's next update that has the map of a scene of this set; none before it may be free.
-  const auto await_watch = [&](const std::string& set) {
+  // The watch's next update that has the map of a scene of this variant; none before it may be
+  // free.
+  const auto await_watch = [&](const std::string& variant) {
     v1::WatchConfigurationSpaceResponse update;
     do {
       ASSERT_TRUE(watch->Read(&update));
     } while (update.unknown_reason() != v1::Verdict::REASON_UNSPECIFIED);
-    EXPECT_EQ(update.basis().scene_set(), set);
+    EXPECT_EQ(update.basis().scene_variant(), variant);
     const bool free = (update.tiles(0).free()[number / 8] >> (number % 8) & 1) != 0;
-    EXPECT_EQ(free, set == "default");
+    EXPECT_EQ(free, variant == "default");
   };
   const auto await_shared = [&](client::State state) {
-    for (int i = 0; i < 12000 && shared.Check(kChangeSetServiceToolTouches).state != state; ++i) {
+    for (int i = 0; i < 12000 && shared.Check(kChangeVariantServiceToolTouches).state != state;
+         ++i) {
       absl::SleepFor(absl::Milliseconds(5));
     }
-    EXPECT_EQ(shared.Check(kChangeSetServiceToolTouches).state, state);
+    EXPECT_EQ(shared.Check(kChangeVariantServiceToolTouches).state, state);
   };
 
-  Publish(server, Made(SceneWithBlock(kChangeSetServiceBlock), SystemClock()));
+  Publish(server, Made(SceneWithBlock(kChangeVariantServiceBlock), SystemClock()));
   await_shared(client::State::kFree);
   await_watch("default");
   Tell(server, "");
   await_shared(client::State::kUnknown);
-  EXPECT_EQ(shared.unknown_reason(), client::Reason::kSetUnknown);
-  // Images of before the set was told, and of after; nothing is free until the last of them.
+  EXPECT_EQ(shared.unknown_reason(), client::Reason::kVariantUnknown);
+  // Images of before the variant was told, and of after; nothing is free until the last of them.
   const Moment before = SystemClock();
-  Publish(server, Made(ToolScene(0, 0, kChangeSetServiceBlock), before));
+  Publish(server, Made(ToolScene(0, 0, kChangeVariantServiceBlock), before));
   Tell(server, kTool);
-  Publish(server, Made(ToolScene(0, 0, kChangeSetServiceBlock), SystemClock()));
-  EXPECT_EQ(shared.Check(kChangeSetServiceToolTouches).state, client::State::kUnknown);
+  Publish(server, Made(ToolScene(0, 0, kChangeVariantServiceBlock), SystemClock()));
+  EXPECT_EQ(shared.Check(kChangeVariantServiceToolTouches).state, client::State::kUnknown);
   absl::SleepFor(kClockTolerance);
-  Publish(server, Made(ToolScene(0, 0, kChangeSetServiceBlock), SystemClock()));
+  Publish(server, Made(ToolScene(0, 0, kChangeVariantServiceBlock), SystemClock()));
   await_shared(client::State::kOccupied);
   await_watch(kTool);
   EXPECT_TRUE(shared.Check(At(4, 1)).free());

@@ -1,13 +1,13 @@
-// Sets of robot images over gRPC.
+// Variants over gRPC.
 #include "tests/server/service/test_server.h"
-#include "tests/server/tool_set.h"
+#include "tests/server/tool_variant.h"
 
 namespace silhouette {
 namespace {
 
 using ::testing::HasSubstr;
 
-std::shared_ptr<const ServedDatabase> SetsServiceBothSets(bool index = true) {
+std::shared_ptr<const ServedDatabase> VariantsServiceBothVariants(bool index = true) {
   const FreshFolder folder;
   MakeDatabase(folder / "db");
   AddTools(folder / "db");
@@ -16,17 +16,17 @@ std::shared_ptr<const ServedDatabase> SetsServiceBothSets(bool index = true) {
 }
 
 // Where the tool alone touches a block: joint a at 1, the tool at 2.
-const Configuration kSetsServiceToolTouches = At(1, 1);
-constexpr int kSetsServiceBlock = 2;
+const Configuration kVariantsServiceToolTouches = At(1, 1);
+constexpr int kVariantsServiceBlock = 2;
 
-v1::CheckConfigurationsResponse CheckWith(TestServer& server, const std::string& set,
+v1::CheckConfigurationsResponse CheckWith(TestServer& server, const std::string& variant,
                                           bool by_number) {
   v1::CheckConfigurationsRequest request;
-  request.set_set(set);
+  request.set_variant(variant);
   if (by_number) {
     request.add_numbers(static_cast<uint32_t>(GridOf(TestCell())->NumberOf({1, 1})));
   } else {
-    Set(kSetsServiceToolTouches, request.add_configurations());
+    Set(kVariantsServiceToolTouches, request.add_configurations());
   }
   v1::CheckConfigurationsResponse response;
   const grpc::Status status = server.Call(request, &response);
@@ -35,26 +35,26 @@ v1::CheckConfigurationsResponse CheckWith(TestServer& server, const std::string&
 }
 
 // As the calls that look configurations up in a map say it, and as the others do.
-bool FreeWith(TestServer& server, const std::string& set) {
-  const auto one = CheckWith(server, set, /*by_number=*/false);
-  const auto by_number = CheckWith(server, set, /*by_number=*/true);
-  const std::string expected = set.empty() ? one.basis().scene_set() : set;
-  EXPECT_EQ(one.basis().set(), expected);
-  EXPECT_EQ(by_number.basis().set(), expected);
+bool FreeWith(TestServer& server, const std::string& variant) {
+  const auto one = CheckWith(server, variant, /*by_number=*/false);
+  const auto by_number = CheckWith(server, variant, /*by_number=*/true);
+  const std::string expected = variant.empty() ? one.basis().scene_variant() : variant;
+  EXPECT_EQ(one.basis().variant(), expected);
+  EXPECT_EQ(by_number.basis().variant(), expected);
   v1::CheckPathRequest path;
-  path.set_set(set);
-  Set(kSetsServiceToolTouches, path.add_waypoints());
+  path.set_variant(variant);
+  Set(kVariantsServiceToolTouches, path.add_waypoints());
   v1::CheckPathResponse path_response;
   EXPECT_TRUE(server.Call(path, &path_response).ok());
   v1::ExplainRequest explain;
-  explain.set_set(set);
-  Set(kSetsServiceToolTouches, explain.mutable_configuration());
+  explain.set_variant(variant);
+  Set(kVariantsServiceToolTouches, explain.mutable_configuration());
   v1::ExplainResponse explained;
   EXPECT_TRUE(server.Call(explain, &explained).ok());
   v1::GetConfigurationSpaceRequest space;
-  space.set_set(set);
+  space.set_variant(variant);
   const auto parts = server.Space(space);
-  EXPECT_EQ(parts[0].basis().set(), expected);
+  EXPECT_EQ(parts[0].basis().variant(), expected);
   const auto number = GridOf(TestCell())->NumberOf({1, 1});
   const bool in_space = (parts[0].tiles(0).free()[number / 8] >> (number % 8) & 1) != 0;
 
@@ -66,17 +66,17 @@ bool FreeWith(TestServer& server, const std::string& set) {
   return free;
 }
 
-// In whatever order sets are asked for: no map of one is taken for that of another.
-TEST(SetsService, EachRequestIsAnsweredWithItsSet) {
-  TestServer server(SetsServiceBothSets());
+// In whatever order variants are asked for: no map of one is taken for that of another.
+TEST(VariantsService, EachRequestIsAnsweredWithItsVariant) {
+  TestServer server(VariantsServiceBothVariants());
   for (int round = 0; round < 2; ++round) {
-    const v1::Scene plain = server.Publish(SceneWithBlock(kSetsServiceBlock));
-    EXPECT_EQ(plain.set(), "default");
+    const v1::Scene plain = server.Publish(SceneWithBlock(kVariantsServiceBlock));
+    EXPECT_EQ(plain.variant(), "default");
     EXPECT_TRUE(FreeWith(server, ""));
     EXPECT_FALSE(FreeWith(server, kTool));
     EXPECT_TRUE(FreeWith(server, "default"));
-    const v1::Scene tool = server.Publish(ToolScene(0, 0, kSetsServiceBlock));
-    EXPECT_EQ(tool.set(), kTool);
+    const v1::Scene tool = server.Publish(ToolScene(0, 0, kVariantsServiceBlock));
+    EXPECT_EQ(tool.variant(), kTool);
     EXPECT_EQ(tool.defects_size(), 0);
     EXPECT_FALSE(FreeWith(server, ""));
     EXPECT_TRUE(FreeWith(server, "default"));
@@ -84,57 +84,57 @@ TEST(SetsService, EachRequestIsAnsweredWithItsSet) {
   }
 }
 
-TEST(SetsService, ASetThatIsNotThereIsRefusedWithTheNamesOfThoseThatAre) {
-  TestServer server(SetsServiceBothSets());
+TEST(VariantsService, AVariantThatIsNotThereIsRefusedWithTheNamesOfThoseThatAre) {
+  TestServer server(VariantsServiceBothVariants());
   server.Publish(EmptyCellScene());
   v1::CheckConfigurationsRequest request;
-  request.set_set("none");
+  request.set_variant("none");
   Set(At(1, 1), request.add_configurations());
   v1::CheckConfigurationsResponse response;
   const grpc::Status status = server.Call(request, &response);
   EXPECT_EQ(status.error_code(), grpc::StatusCode::INVALID_ARGUMENT);
-  EXPECT_THAT(status.error_message(), HasSubstr("its sets are default, tool"));
+  EXPECT_THAT(status.error_message(), HasSubstr("its variants are default, tool"));
   v1::CheckPathRequest path;
-  path.set_set("none");
+  path.set_variant("none");
   Set(At(1, 1), path.add_waypoints());
   v1::CheckPathResponse path_response;
   EXPECT_EQ(server.Call(path, &path_response).error_code(), grpc::StatusCode::INVALID_ARGUMENT);
   v1::GetConfigurationSpaceRequest space;
-  space.set_set("none");
+  space.set_variant("none");
   std::vector<v1::GetConfigurationSpaceResponse> parts;
   EXPECT_EQ(server.Call(space, &parts).error_code(), grpc::StatusCode::INVALID_ARGUMENT);
 }
 
-TEST(SetsService, ASceneOfAnUnknownSetIsTakenAndNeverFree) {
-  TestServer server(SetsServiceBothSets());
+TEST(VariantsService, ASceneOfAnUnknownVariantIsTakenAndNeverFree) {
+  TestServer server(VariantsServiceBothVariants());
   SceneInput input = EmptyCellScene();
-  input.set = "none";
+  input.variant = "none";
   const v1::Scene scene = server.Publish(input);
   ASSERT_GE(scene.defects_size(), 1);
-  EXPECT_EQ(scene.defects(0).reason(), v1::Verdict::REASON_SET_UNKNOWN);
+  EXPECT_EQ(scene.defects(0).reason(), v1::Verdict::REASON_VARIANT_UNKNOWN);
   const v1::Verdict verdict = server.CheckOne(At(3, 3));
   EXPECT_EQ(verdict.state(), v1::Verdict::STATE_UNKNOWN);
-  EXPECT_EQ(verdict.reason(), v1::Verdict::REASON_SET_UNKNOWN);
+  EXPECT_EQ(verdict.reason(), v1::Verdict::REASON_VARIANT_UNKNOWN);
   const auto parts = server.Space();
-  EXPECT_EQ(parts[0].unknown_reason(), v1::Verdict::REASON_SET_UNKNOWN);
+  EXPECT_EQ(parts[0].unknown_reason(), v1::Verdict::REASON_VARIANT_UNKNOWN);
   EXPECT_EQ(parts[0].tiles_size(), 0);
 }
 
-TEST(SetsService, TheDatabaseTellsItsSets) {
-  TestServer server(SetsServiceBothSets(/*index=*/false));
+TEST(VariantsService, TheDatabaseTellsItsVariants) {
+  TestServer server(VariantsServiceBothVariants(/*index=*/false));
   grpc::ClientContext context;
   v1::GetDatabaseResponse response;
   ASSERT_TRUE(server.database_service->GetDatabase(&context, {}, &response).ok());
-  ASSERT_EQ(response.sets_size(), 2);
-  EXPECT_EQ(response.sets(0).name(), "default");
-  EXPECT_EQ(response.sets(1).name(), kTool);
-  EXPECT_EQ(response.sets(1).captured(), 40u);
+  ASSERT_EQ(response.variants_size(), 2);
+  EXPECT_EQ(response.variants(0).name(), "default");
+  EXPECT_EQ(response.variants(1).name(), kTool);
+  EXPECT_EQ(response.variants(1).captured(), 40u);
 }
 
-// Who watches without naming a set sees the map of the set that the newest scene has.
-TEST(SetsService, AWatchFollowsTheSetOfTheScene) {
-  TestServer server(SetsServiceBothSets());
-  server.Publish(SceneWithBlock(kSetsServiceBlock));
+// Who watches without naming a variant sees the map of the variant that the newest scene has.
+TEST(VariantsService, AWatchFollowsTheVariantOfTheScene) {
+  TestServer server(VariantsServiceBothVariants());
+  server.Publish(SceneWithBlock(kVariantsServiceBlock));
   grpc::ClientContext context;
   const auto reader = server.collision->WatchConfigurationSpace(&context, {});
   v1::WatchConfigurationSpaceResponse update;
@@ -144,14 +144,14 @@ TEST(SetsService, AWatchFollowsTheSetOfTheScene) {
   };
   ASSERT_TRUE(reader->Read(&update));
   EXPECT_TRUE(update.whole());
-  EXPECT_EQ(update.basis().set(), "default");
+  EXPECT_EQ(update.basis().variant(), "default");
   EXPECT_TRUE(free());
-  const v1::Scene scene = server.Publish(ToolScene(0, 0, kSetsServiceBlock));
+  const v1::Scene scene = server.Publish(ToolScene(0, 0, kVariantsServiceBlock));
   do {
     ASSERT_TRUE(reader->Read(&update));
   } while (update.basis().scene_id() != scene.id());
   EXPECT_TRUE(update.whole());
-  EXPECT_EQ(update.basis().set(), kTool);
+  EXPECT_EQ(update.basis().variant(), kTool);
   ASSERT_EQ(update.tiles_size(), 1);
   EXPECT_FALSE(free());
   context.TryCancel();

@@ -20,25 +20,25 @@ namespace {
 
 using testing::ElementsAre;
 using testing::HasSubstr;
-using RobotImageSetsAccess = Database::Access;
+using RobotImageVariantsAccess = Database::Access;
 using Content = std::map<ConfigurationNumber, RobotImage>;
 
-constexpr char kRobotImageSetsTool[] = "gripper-open";
+constexpr char kRobotImageVariantsTool[] = "gripper-open";
 
-std::unique_ptr<Database> RobotImageSetsMakeDatabase(const std::string& path) {
+std::unique_ptr<Database> RobotImageVariantsMakeDatabase(const std::string& path) {
   auto database = Database::Create(path, TestCell());
   EXPECT_TRUE(database.ok()) << database.status();
   return *std::move(database);
 }
 
-std::unique_ptr<Database> MakeSet(Database& database,
-                                  const std::string& name = kRobotImageSetsTool) {
-  auto set = database.CreateSet(name, "test");
-  EXPECT_TRUE(set.ok()) << set.status();
-  return *std::move(set);
+std::unique_ptr<Database> MakeVariant(Database& database,
+                                      const std::string& name = kRobotImageVariantsTool) {
+  auto variant = database.CreateVariant(name, "test");
+  EXPECT_TRUE(variant.ok()) << variant.status();
+  return *std::move(variant);
 }
 
-Content RobotImageSetsContentOf(const Database& database) {
+Content RobotImageVariantsContentOf(const Database& database) {
   Content content;
   const auto visit = [&](ConfigurationNumber number, absl::StatusOr<RobotImage> image) {
     EXPECT_TRUE(image.ok()) << image.status();
@@ -65,7 +65,7 @@ std::vector<RobotImage> Images(const Database& database, uint64_t seed) {
 }
 
 // The same robot with something on its hand: a few pixels more, a few less.
-RobotImage RobotImageSetsWithTool(RobotImage image, uint64_t seed) {
+RobotImage RobotImageVariantsWithTool(RobotImage image, uint64_t seed) {
   std::mt19937_64 random(seed + image.number);
   for (Mask& mask : image.masks) {
     const int x0 = static_cast<int>(random() % static_cast<uint64_t>(mask.width()));
@@ -79,7 +79,7 @@ RobotImage RobotImageSetsWithTool(RobotImage image, uint64_t seed) {
 }
 
 std::vector<RobotImage> WithTools(std::vector<RobotImage> images, uint64_t seed) {
-  for (RobotImage& image : images) image = RobotImageSetsWithTool(std::move(image), seed);
+  for (RobotImage& image : images) image = RobotImageVariantsWithTool(std::move(image), seed);
   return images;
 }
 
@@ -89,11 +89,11 @@ Content AsContent(const std::vector<RobotImage>& images) {
   return content;
 }
 
-// How many records of a set are stored by their difference from the default set's.
-int SharedRecords(const std::string& folder, const std::string& set) {
+// How many records of a variant are stored by their difference from the default variant's.
+int SharedRecords(const std::string& folder, const std::string& variant) {
   const auto environment = Environment::Open(folder);
   EXPECT_TRUE(environment.ok());
-  const auto images = (*environment)->Find(schema::PlacesOfSet(set).robot_images);
+  const auto images = (*environment)->Find(schema::PlacesOfVariant(variant).robot_images);
   const auto transaction = (*environment)->Read();
   MDB_cursor* cursor = nullptr;
   EXPECT_EQ(mdb_cursor_open(transaction->get(), *images, &cursor), 0);
@@ -105,101 +105,102 @@ int SharedRecords(const std::string& folder, const std::string& set) {
   return shared;
 }
 
-TEST(Sets, AreKeptBesideEachOther) {
+TEST(Variants, AreKeptBesideEachOther) {
   const FreshFolder folder;
   std::vector<RobotImage> plain;
   std::vector<RobotImage> tool;
   {
-    const auto database = RobotImageSetsMakeDatabase(folder / "db");
-    EXPECT_THAT(*database->Sets(), ElementsAre("default"));
-    const auto set = MakeSet(*database);
-    EXPECT_EQ(set->set(), kRobotImageSetsTool);
-    EXPECT_THAT(*database->Sets(), ElementsAre("default", kRobotImageSetsTool));
+    const auto database = RobotImageVariantsMakeDatabase(folder / "db");
+    EXPECT_THAT(*database->Variants(), ElementsAre("default"));
+    const auto variant = MakeVariant(*database);
+    EXPECT_EQ(variant->variant(), kRobotImageVariantsTool);
+    EXPECT_THAT(*database->Variants(), ElementsAre("default", kRobotImageVariantsTool));
     plain = Images(*database, 1);
     tool = WithTools(plain, 7);
     PutAll(*database, plain);
-    PutAll(*set, tool);
+    PutAll(*variant, tool);
   }
-  const auto database = *Database::Open(folder / "db", RobotImageSetsAccess::kRead);
-  EXPECT_EQ(RobotImageSetsContentOf(*database), AsContent(plain));
-  EXPECT_EQ(RobotImageSetsContentOf(**database->OpenSet(kRobotImageSetsTool)), AsContent(tool));
-  EXPECT_GT(SharedRecords(folder / "db", kRobotImageSetsTool),
+  const auto database = *Database::Open(folder / "db", RobotImageVariantsAccess::kRead);
+  EXPECT_EQ(RobotImageVariantsContentOf(*database), AsContent(plain));
+  EXPECT_EQ(RobotImageVariantsContentOf(**database->OpenVariant(kRobotImageVariantsTool)),
+            AsContent(tool));
+  EXPECT_GT(SharedRecords(folder / "db", kRobotImageVariantsTool),
             static_cast<int>(tool.size()) * 3 / 4);
-  const auto found = (*database->OpenSet(kRobotImageSetsTool))->Read();
+  const auto found = (*database->OpenVariant(kRobotImageVariantsTool))->Read();
   for (const RobotImage& image : tool) EXPECT_EQ(**found->Find(image.number), image);
 }
 
-TEST(Sets, ThatDifferInFewPixelsCostLittle) {
+TEST(Variants, ThatDifferInFewPixelsCostLittle) {
   const FreshFolder folder;
-  const auto database = RobotImageSetsMakeDatabase(folder / "db");
-  const auto set = MakeSet(*database);
+  const auto database = RobotImageVariantsMakeDatabase(folder / "db");
+  const auto variant = MakeVariant(*database);
   std::vector<RobotImage> plain = Images(*database, 2);
   for (RobotImage& image : plain) {
     image.commanded.clear();
     image.measured.clear();
   }
   PutAll(*database, plain);
-  PutAll(*set, WithTools(plain, 3));
+  PutAll(*variant, WithTools(plain, 3));
   const auto usage = database->GetUsage();
-  ASSERT_EQ(usage->sets.size(), 2);
-  EXPECT_EQ(usage->sets[1].records, plain.size());
-  EXPECT_LT(usage->sets[1].record_bytes, usage->sets[0].record_bytes);
+  ASSERT_EQ(usage->variants.size(), 2);
+  EXPECT_EQ(usage->variants[1].records, plain.size());
+  EXPECT_LT(usage->variants[1].record_bytes, usage->variants[0].record_bytes);
 }
 
-// Whatever is replaced in whichever set, in whatever order.
-TEST(Sets, KeepTheirImagesWhateverIsReplaced) {
+// Whatever is replaced in whichever variant, in whatever order.
+TEST(Variants, KeepTheirImagesWhateverIsReplaced) {
   const FreshFolder folder;
   const auto seed = static_cast<uint64_t>(absl::ToUnixNanos(absl::Now()));
   SCOPED_TRACE(absl::StrCat("seed ", seed));
   std::mt19937_64 random(seed);
   std::vector<Content> expected(3);
   {
-    const auto database = RobotImageSetsMakeDatabase(folder / "db");
-    std::vector<std::unique_ptr<Database>> sets;
-    sets.push_back(*database->OpenSet("default"));
-    sets.push_back(MakeSet(*database, "a"));
-    sets.push_back(MakeSet(*database, "b"));
+    const auto database = RobotImageVariantsMakeDatabase(folder / "db");
+    std::vector<std::unique_ptr<Database>> variants;
+    variants.push_back(*database->OpenVariant("default"));
+    variants.push_back(MakeVariant(*database, "a"));
+    variants.push_back(MakeVariant(*database, "b"));
     for (int round = 0; round < 30; ++round) {
-      const size_t which = random() % sets.size();
+      const size_t which = random() % variants.size();
       std::vector<RobotImage> images;
       for (const ConfigurationNumber number : AllNumbers(database->grid())) {
         if (random() % 8 != 0) continue;
         RobotImage image = TestImage(*database, number, random() % 3);
-        if (which > 0) image = RobotImageSetsWithTool(image, random() % 3);
+        if (which > 0) image = RobotImageVariantsWithTool(image, random() % 3);
         images.push_back(image);
         expected[which][number] = image;
       }
-      PutAll(*sets[which], images, true);
+      PutAll(*variants[which], images, true);
     }
   }
-  const auto database = *Database::Open(folder / "db", RobotImageSetsAccess::kRead);
-  const auto states = database->ReadSets();
+  const auto database = *Database::Open(folder / "db", RobotImageVariantsAccess::kRead);
+  const auto states = database->ReadVariants();
   ASSERT_TRUE(states.ok()) << states.status();
   ASSERT_EQ(states->size(), 3);
   for (size_t i = 0; i < 3; ++i) {
     EXPECT_EQ((*states)[i].snapshot.generation(), (*states)[0].snapshot.generation());
-    EXPECT_EQ(RobotImageSetsContentOf(*(*states)[i].database), expected[i]);
+    EXPECT_EQ(RobotImageVariantsContentOf(*(*states)[i].database), expected[i]);
   }
 }
 
-// The record of the default set is lost, or another one gets in its place without Silhouette's
+// The record of the default variant is lost, or another one gets in its place without Silhouette's
 // doing: those that rest on it are damaged, and nothing else.
-TEST(Sets, DoNotTakeAnotherRecordForTheOneTheyRestOn) {
+TEST(Variants, DoNotTakeAnotherRecordForTheOneTheyRestOn) {
   const FreshFolder folder;
-  const auto database = RobotImageSetsMakeDatabase(folder / "db");
-  const auto set = MakeSet(*database);
+  const auto database = RobotImageVariantsMakeDatabase(folder / "db");
+  const auto variant = MakeVariant(*database);
   RobotImage image = TestImage(*database, 5, 1);
   image.excluded = false;
   image.masks = {Mask({64, 64}), Mask({33, 20})};
   image.masks[0] = Mask::FromPredicate({64, 64}, [](int x, int y) { return x * y % 7 == 3; });
   PutAll(*database, {image});
-  PutAll(*set, {RobotImageSetsWithTool(image, 1)});
-  ASSERT_EQ(SharedRecords(folder / "db", kRobotImageSetsTool), 1);
+  PutAll(*variant, {RobotImageVariantsWithTool(image, 1)});
+  ASSERT_EQ(SharedRecords(folder / "db", kRobotImageVariantsTool), 1);
   const auto environment = *Environment::Open(folder / "db");
   const schema::NumberKey key = schema::EncodeKey(5);
   const auto change = [&](const std::function<absl::Status(WriteTransaction&)>& how) {
     ASSERT_TRUE(environment->Update(0, how).ok());
-    const auto snapshot = set->Read();
+    const auto snapshot = variant->Read();
     const auto found = snapshot->Find(5);
     EXPECT_EQ(found.status().code(), absl::StatusCode::kDataLoss);
     EXPECT_THAT(found.status().message(), HasSubstr("that it rests on is not there, or another"));
@@ -213,7 +214,7 @@ TEST(Sets, DoNotTakeAnotherRecordForTheOneTheyRestOn) {
   change([&](WriteTransaction& transaction) {
     return transaction.Delete(environment->robot_images(), {key.data(), key.size()});
   });
-  for (RobotImage other : {TestImage(*database, 5, 2), RobotImageSetsWithTool(image, 9)}) {
+  for (RobotImage other : {TestImage(*database, 5, 2), RobotImageVariantsWithTool(image, 9)}) {
     change([&](WriteTransaction& transaction) {
       return transaction.Put(environment->robot_images(), {key.data(), key.size()},
                              EncodeRobotImage(other));
@@ -221,15 +222,15 @@ TEST(Sets, DoNotTakeAnotherRecordForTheOneTheyRestOn) {
   }
 }
 
-TEST(Sets, AreReadInPlaceAsTheyAreStored) {
+TEST(Variants, AreReadInPlaceAsTheyAreStored) {
   const FreshFolder folder;
-  const auto database = RobotImageSetsMakeDatabase(folder / "db");
-  const auto set = MakeSet(*database);
+  const auto database = RobotImageVariantsMakeDatabase(folder / "db");
+  const auto variant = MakeVariant(*database);
   const std::vector<RobotImage> plain = Images(*database, 4);
   const std::vector<RobotImage> tool = WithTools(plain, 5);
   PutAll(*database, plain);
-  PutAll(*set, tool);
-  auto snapshot = std::make_shared<const Snapshot>(*set->Read());
+  PutAll(*variant, tool);
+  auto snapshot = std::make_shared<const Snapshot>(*variant->Read());
   const auto images = RobotImagesInPlace::Open(snapshot, [](const MetRecord&) {});
   ASSERT_TRUE(images.ok()) << images.status();
   for (const RobotImage& image : tool) {
@@ -247,43 +248,43 @@ TEST(Sets, AreReadInPlaceAsTheyAreStored) {
   }
 }
 
-TEST(Sets, HaveACollisionIndexEach) {
+TEST(Variants, HaveACollisionIndexEach) {
   const FreshFolder folder;
-  const auto database = RobotImageSetsMakeDatabase(folder / "db");
-  const auto set = MakeSet(*database);
+  const auto database = RobotImageVariantsMakeDatabase(folder / "db");
+  const auto variant = MakeVariant(*database);
   const std::vector<RobotImage> plain = Images(*database, 6);
   PutAll(*database, plain);
-  PutAll(*set, WithTools(plain, 5));
+  PutAll(*variant, WithTools(plain, 5));
   const auto report = BuildCollisionIndex(*database);
   ASSERT_TRUE(report.ok()) << report.status();
   EXPECT_EQ(report->done, report->tiles);
   ExpectIndexHoldsTheRobotImages(*database);
-  ExpectIndexHoldsTheRobotImages(*set);
+  ExpectIndexHoldsTheRobotImages(*variant);
   // A change of one says nothing wrong of the other.
   PutAll(*database, {TestImage(*database, plain[3].number, 77)}, true);
   ExpectIndexHoldsTheRobotImages(*database, false);
-  ExpectIndexHoldsTheRobotImages(*set, false);
+  ExpectIndexHoldsTheRobotImages(*variant, false);
   ASSERT_TRUE(BuildCollisionIndex(*database).ok());
   ExpectIndexHoldsTheRobotImages(*database);
-  ExpectIndexHoldsTheRobotImages(*set);
+  ExpectIndexHoldsTheRobotImages(*variant);
 }
 
-// A further set's index is told by its differences from the default set's.
-TEST(Sets, IndexThatRestsOnTheDefaultSetsIsNeverReadWithAnother) {
+// Another variant's index is told by its differences from the default variant's.
+TEST(Variants, IndexThatRestsOnTheDefaultVariantsIsNeverReadWithAnother) {
   const FreshFolder folder;
-  const auto database = RobotImageSetsMakeDatabase(folder / "db");
-  const auto set = MakeSet(*database);
+  const auto database = RobotImageVariantsMakeDatabase(folder / "db");
+  const auto variant = MakeVariant(*database);
   const std::vector<RobotImage> plain = Images(*database, 6);
   PutAll(*database, plain);
-  PutAll(*set, WithTools(plain, 5));
+  PutAll(*variant, WithTools(plain, 5));
   ASSERT_TRUE(BuildCollisionIndex(*database).ok());
-  const CollisionIndexSummary before = OpenIndex(*set)->Summary();
+  const CollisionIndexSummary before = OpenIndex(*variant)->Summary();
   EXPECT_EQ(before.by_difference, before.tiles);
   EXPECT_LT(before.bytes, OpenIndex(*database)->Summary().bytes);
   EXPECT_EQ(OpenIndex(*database)->Summary().by_difference, 0);
-  // Whatever becomes of the default set's value: another content, damage, none.
+  // Whatever becomes of the default variant's value: another content, damage, none.
   const auto environment = *Environment::Open(folder / "db");
-  const auto values = *environment->Find(schema::PlacesOfSet("default").collision_index);
+  const auto values = *environment->Find(schema::PlacesOfVariant("default").collision_index);
   const schema::NumberKey key = schema::EncodeKey(0);
   const std::string_view key_view(key.data(), key.size());
   std::string stored;
@@ -302,8 +303,8 @@ TEST(Sets, IndexThatRestsOnTheDefaultSetsIsNeverReadWithAnother) {
                                                     : transaction.Put(values, key_view, value);
                              })
                     .ok());
-    ExpectIndexHoldsTheRobotImages(*set, false);
-    return OpenIndex(*set)->State(0);
+    ExpectIndexHoldsTheRobotImages(*variant, false);
+    return OpenIndex(*variant)->State(0);
   };
   EXPECT_EQ(state_with(stored), TileState::kFresh);
   for (const size_t at : {size_t{0}, size_t{9}, stored.size() / 2}) {
@@ -313,117 +314,123 @@ TEST(Sets, IndexThatRestsOnTheDefaultSetsIsNeverReadWithAnother) {
   }
   EXPECT_EQ(state_with(""), TileState::kStale);
   EXPECT_EQ(state_with(stored), TileState::kFresh);
-  // The default set's tile is built anew from other records: the other's is stale until it is, too.
+  // The default variant's tile is built anew from other records: the other's is stale until it is,
+  // too.
   PutAll(*database, {TestImage(*database, plain[3].number, 77)}, true);
   IndexBuildOptions one_tile;
   one_tile.progress = [](uint64_t done, uint64_t) { return done == 0; };
   ASSERT_TRUE(BuildCollisionIndex(*database, one_tile).ok());
   EXPECT_EQ(OpenIndex(*database)->State(0), TileState::kFresh);
-  EXPECT_EQ(OpenIndex(*set)->State(0), TileState::kStale);
+  EXPECT_EQ(OpenIndex(*variant)->State(0), TileState::kStale);
   ASSERT_TRUE(BuildCollisionIndex(*database).ok());
-  ExpectIndexHoldsTheRobotImages(*set);
+  ExpectIndexHoldsTheRobotImages(*variant);
 }
 
-TEST(Sets, HaveNamesThatAreOnesAndAreAtMostSoMany) {
+TEST(Variants, HaveNamesThatAreOnesAndAreAtMostSoMany) {
   const FreshFolder folder;
-  const auto database = RobotImageSetsMakeDatabase(folder / "db");
+  const auto database = RobotImageVariantsMakeDatabase(folder / "db");
   for (const char* name : {"", "Open", "a b", "a/b", "0123456789012345678901234567890123"}) {
-    EXPECT_EQ(database->CreateSet(name, "test").status().code(), absl::StatusCode::kInvalidArgument)
+    EXPECT_EQ(database->CreateVariant(name, "test").status().code(),
+              absl::StatusCode::kInvalidArgument)
         << name;
   }
-  for (size_t i = 1; i < schema::kMaxSets; ++i) MakeSet(*database, absl::StrCat("set-", i));
-  EXPECT_EQ(database->CreateSet("set-1", "test").status().code(), absl::StatusCode::kAlreadyExists);
-  const absl::Status full = database->CreateSet("another", "test").status();
+  for (size_t i = 1; i < schema::kMaxVariants; ++i)
+    MakeVariant(*database, absl::StrCat("variant-", i));
+  EXPECT_EQ(database->CreateVariant("variant-1", "test").status().code(),
+            absl::StatusCode::kAlreadyExists);
+  const absl::Status full = database->CreateVariant("another", "test").status();
   EXPECT_EQ(full.code(), absl::StatusCode::kFailedPrecondition);
   EXPECT_THAT(full.message(), HasSubstr("as many as there may be"));
-  const absl::Status unknown = database->OpenSet("another").status();
+  const absl::Status unknown = database->OpenVariant("another").status();
   EXPECT_EQ(unknown.code(), absl::StatusCode::kNotFound);
-  EXPECT_THAT(unknown.message(), HasSubstr("its sets are 'default', 'set-1'"));
-  EXPECT_EQ(database->GetUsage()->sets.size(), schema::kMaxSets);
+  EXPECT_THAT(unknown.message(), HasSubstr("its variants are 'default', 'variant-1'"));
+  EXPECT_EQ(database->GetUsage()->variants.size(), schema::kMaxVariants);
 }
 
-TEST(Sets, AreRemovedWithWhatIsTheirOwn) {
+TEST(Variants, AreRemovedWithWhatIsTheirOwn) {
   const FreshFolder folder;
-  const auto database = RobotImageSetsMakeDatabase(folder / "db");
+  const auto database = RobotImageVariantsMakeDatabase(folder / "db");
   const std::vector<RobotImage> plain = Images(*database, 8);
   PutAll(*database, plain);
-  auto set = MakeSet(*database);
-  PutAll(*set, WithTools(plain, 1));
+  auto variant = MakeVariant(*database);
+  PutAll(*variant, WithTools(plain, 1));
   ASSERT_TRUE(BuildCollisionIndex(*database).ok());
-  const auto before = set->Read();
-  ASSERT_TRUE(database->RemoveSet(kRobotImageSetsTool, "test").ok());
+  const auto before = variant->Read();
+  ASSERT_TRUE(database->RemoveVariant(kRobotImageVariantsTool, "test").ok());
   EXPECT_EQ(before->size(), plain.size());
-  EXPECT_THAT(*database->Sets(), ElementsAre("default"));
-  EXPECT_EQ(database->OpenSet(kRobotImageSetsTool).status().code(), absl::StatusCode::kNotFound);
-  EXPECT_EQ(database->RemoveSet(kRobotImageSetsTool, "test").code(), absl::StatusCode::kNotFound);
-  EXPECT_EQ(database->RemoveSet("default", "test").code(), absl::StatusCode::kInvalidArgument);
-  EXPECT_EQ(RobotImageSetsContentOf(*database), AsContent(plain));
-  set = MakeSet(*database);
-  EXPECT_TRUE(RobotImageSetsContentOf(*set).empty());
-  EXPECT_TRUE(OpenIndex(*set)->Tiles().empty());
+  EXPECT_THAT(*database->Variants(), ElementsAre("default"));
+  EXPECT_EQ(database->OpenVariant(kRobotImageVariantsTool).status().code(),
+            absl::StatusCode::kNotFound);
+  EXPECT_EQ(database->RemoveVariant(kRobotImageVariantsTool, "test").code(),
+            absl::StatusCode::kNotFound);
+  EXPECT_EQ(database->RemoveVariant("default", "test").code(), absl::StatusCode::kInvalidArgument);
+  EXPECT_EQ(RobotImageVariantsContentOf(*database), AsContent(plain));
+  variant = MakeVariant(*database);
+  EXPECT_TRUE(RobotImageVariantsContentOf(*variant).empty());
+  EXPECT_TRUE(OpenIndex(*variant)->Tiles().empty());
 }
 
-TEST(Sets, ShareReferencesAndOneGeneration) {
+TEST(Variants, ShareReferencesAndOneGeneration) {
   const FreshFolder folder;
-  const auto database = RobotImageSetsMakeDatabase(folder / "db");
-  const auto set = MakeSet(*database);
+  const auto database = RobotImageVariantsMakeDatabase(folder / "db");
+  const auto variant = MakeVariant(*database);
   storage::v1::References references;
   for (int i = 0; i < 2; ++i) references.add_views()->set_images(20);
-  ASSERT_TRUE(set->SetReferences(references, "test").ok());
+  ASSERT_TRUE(variant->SetReferences(references, "test").ok());
   EXPECT_TRUE(database->Read()->References()->has_value());
   const uint64_t before = database->Read()->generation();
-  PutAll(*set, {TestImage(*database, 1)});
+  PutAll(*variant, {TestImage(*database, 1)});
   EXPECT_GT(database->Read()->generation(), before);
   const auto provenance = database->Read()->Provenance();
-  EXPECT_EQ(provenance->entries(provenance->entries_size() - 1).set(), kRobotImageSetsTool);
+  EXPECT_EQ(provenance->entries(provenance->entries_size() - 1).variant(), kRobotImageVariantsTool);
   auto writer = database->Write("test");
   ASSERT_TRUE(writer.ok());
-  EXPECT_EQ(set->Write("test").status().code(), absl::StatusCode::kFailedPrecondition);
+  EXPECT_EQ(variant->Write("test").status().code(), absl::StatusCode::kFailedPrecondition);
 }
 
-TEST(Sets, OutliveTheDatabaseTheyAreOf) {
+TEST(Variants, OutliveTheDatabaseTheyAreOf) {
   const FreshFolder folder;
-  auto database = RobotImageSetsMakeDatabase(folder / "db");
-  const auto set = MakeSet(*database);
+  auto database = RobotImageVariantsMakeDatabase(folder / "db");
+  const auto variant = MakeVariant(*database);
   database.reset();
-  PutAll(*set, {TestImage(*set, 1)});
-  EXPECT_EQ(RobotImageSetsContentOf(*set).size(), 1);
-  EXPECT_EQ(Database::Open(folder / "db", RobotImageSetsAccess::kWrite).status().code(),
+  PutAll(*variant, {TestImage(*variant, 1)});
+  EXPECT_EQ(RobotImageVariantsContentOf(*variant).size(), 1);
+  EXPECT_EQ(Database::Open(folder / "db", RobotImageVariantsAccess::kWrite).status().code(),
             absl::StatusCode::kFailedPrecondition);
 }
 
-TEST(Sets, MasksOfAllAreReplacedAtOnce) {
+TEST(Variants, MasksOfAllAreReplacedAtOnce) {
   const FreshFolder folder;
-  const auto database = RobotImageSetsMakeDatabase(folder / "db");
-  const auto set = MakeSet(*database);
+  const auto database = RobotImageVariantsMakeDatabase(folder / "db");
+  const auto variant = MakeVariant(*database);
   const std::vector<RobotImage> plain = Images(*database, 3);
   PutAll(*database, plain);
-  PutAll(*set, WithTools(plain, 1));
+  PutAll(*variant, WithTools(plain, 1));
   storage::v1::CellDescription cell = database->cell();
   cell.set_segmentation("x: 1\n");
   const auto made = *Database::Create(folder / "made", cell);
   PutAll(*made, WithTools(plain, 2));
-  EXPECT_TRUE(absl::IsInvalidArgument(database->ReplaceMasks(*made, "test")));  // no such set
-  const auto made_set = MakeSet(*made);
-  PutAll(*made_set, WithTools(plain, 4));
-  const auto before = database->ReadSets();
+  EXPECT_TRUE(absl::IsInvalidArgument(database->ReplaceMasks(*made, "test")));  // no such variant
+  const auto made_variant = MakeVariant(*made);
+  PutAll(*made_variant, WithTools(plain, 4));
+  const auto before = database->ReadVariants();
   ASSERT_TRUE(database->ReplaceMasks(*made, "test").ok());
-  EXPECT_EQ(RobotImageSetsContentOf(*database), AsContent(WithTools(plain, 2)));
-  EXPECT_EQ(RobotImageSetsContentOf(*set), AsContent(WithTools(plain, 4)));
+  EXPECT_EQ(RobotImageVariantsContentOf(*database), AsContent(WithTools(plain, 2)));
+  EXPECT_EQ(RobotImageVariantsContentOf(*variant), AsContent(WithTools(plain, 4)));
   EXPECT_EQ(**(*before)[1].snapshot.Find(plain[3].number), WithTools(plain, 1)[3]);
-  EXPECT_GT(SharedRecords(folder / "db", kRobotImageSetsTool), 0);
+  EXPECT_GT(SharedRecords(folder / "db", kRobotImageVariantsTool), 0);
 }
 
-TEST(Sets, AreInACompactCopy) {
+TEST(Variants, AreInACompactCopy) {
   const FreshFolder folder;
-  const auto database = RobotImageSetsMakeDatabase(folder / "db");
-  const auto set = MakeSet(*database);
+  const auto database = RobotImageVariantsMakeDatabase(folder / "db");
+  const auto variant = MakeVariant(*database);
   const std::vector<RobotImage> plain = Images(*database, 9);
   PutAll(*database, plain);
-  PutAll(*set, WithTools(plain, 2));
+  PutAll(*variant, WithTools(plain, 2));
   ASSERT_TRUE(database->Compact(folder / "copy").ok());
-  const auto copy = *Database::Open(folder / "copy", RobotImageSetsAccess::kRead);
-  EXPECT_EQ(RobotImageSetsContentOf(**copy->OpenSet(kRobotImageSetsTool)),
+  const auto copy = *Database::Open(folder / "copy", RobotImageVariantsAccess::kRead);
+  EXPECT_EQ(RobotImageVariantsContentOf(**copy->OpenVariant(kRobotImageVariantsTool)),
             AsContent(WithTools(plain, 2)));
 }
 

@@ -1,0 +1,50 @@
+// Which variant shows the robot, as far as somebody told.
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "absl/status/statusor.h"
+#include "absl/time/time.h"
+
+namespace silhouette {
+
+// A value. Only what was told last counts: with every change the scenes of before are withdrawn
+// (SceneStore::Withdraw), so that no image of before is ever taken for one of a known variant.
+// Times are those of a clock that never steps back (Moment::running).
+class KnownVariant {
+ public:
+  // Nobody has told. Known all the same while the database has one variant only.
+  KnownVariant() = default;
+  // The robot has the variant in all images, until something else is told.
+  explicit KnownVariant(std::string variant);
+
+  // Told at `now`: the robot has the variant, in images taken from now on. Whether that is new.
+  bool Tell(const std::string& variant, absl::Duration now);
+  // Told: it is being changed, and looks like no variant. Whether that is new.
+  bool TellChanging();
+  // The database is another, which has `variants`. A variant that it lacks is unknown from now on,
+  // until it is told anew.
+  void NoteVariants(const std::vector<std::string>& variants);
+
+  bool changing() const { return state_ == State::kChanging; }
+
+  // The variant that shows the robot in images of which the oldest was taken at `oldest`, by a
+  // camera's clock that may be ahead by kClockTolerance. `variants`: those of the database, one at
+  // least. FailedPrecondition: it is not known; one sentence that says why, and the mend.
+  absl::StatusOr<std::string> Of(absl::Duration oldest,
+                                 const std::vector<std::string>& variants) const;
+  // The same for images that are yet to come.
+  absl::StatusOr<std::string> OfLaterImages(const std::vector<std::string>& variants) const {
+    return Of(absl::InfiniteDuration(), variants);
+  }
+
+ private:
+  enum class State { kNotTold, kChanging, kTold, kLost };
+
+  State state_ = State::kNotTold;
+  std::string variant_;   // kTold, kLost
+  absl::Duration since_;  // kTold
+};
+
+}  // namespace silhouette

@@ -1,0 +1,67 @@
+// silhouette-db variants: the variants, making and removing them.
+#include <iostream>
+#include <memory>
+
+#include "absl/strings/str_cat.h"
+#include "absl/strings/str_format.h"
+#include "db/status/status_macros.h"
+#include "tools/silhouette-db/commands.h"
+#include "tools/silhouette-db/common.h"
+
+namespace silhouette {
+namespace {
+
+struct VariantsOptions {
+  std::string database;
+  std::string format = "text";
+  std::string add;
+  std::string remove;
+};
+
+absl::Status Change(const VariantsOptions& options) {
+  ASSIGN_OR_RETURN(const std::unique_ptr<Database> database,
+                   Database::Open(options.database, Database::Access::kWrite));
+  if (!options.add.empty()) {
+    return (database)
+        ->CreateVariant(options.add, absl::StrCat("silhouette-db variants --add ", options.add))
+        .status();
+  }
+  return database->RemoveVariant(options.remove,
+                                 absl::StrCat("silhouette-db variants --remove ", options.remove));
+}
+
+absl::StatusOr<ExitCode> Variants(const VariantsOptions& options) {
+  if (!options.add.empty() || !options.remove.empty()) {
+    RETURN_IF_ERROR(Change(options));
+  }
+  ASSIGN_OR_RETURN(const OpenedDatabase opened, OpenForReading(options.database));
+  ASSIGN_OR_RETURN(const Database::Usage usage, opened.database->GetUsage());
+  if (options.format == "json") {
+    std::cout << VariantsJson(usage).dump(2) << std::endl;
+  } else {
+    std::cout << VariantsText(usage, opened.database->grid());
+  }
+  return kDone;
+}
+
+}  // namespace
+
+void AddVariants(CLI::App& app, Work& work) {
+  auto options = std::make_shared<VariantsOptions>();
+  CLI::App* command = app.add_subcommand(
+      "variants", "The variants: of the robot with its gripper open, closed, with a part");
+  AddDatabaseArgument(*command, options->database);
+  CLI::Option* add =
+      command->add_option("--add", options->add, "Make this variant, without images");
+  command
+      ->add_option("--remove", options->remove,
+                   "Remove this variant: its robot images, raw images and collision index are lost")
+      ->excludes(add);
+  AddFormatOption(*command, options->format);
+  command->footer(
+      "silhouette-capture run and silhouette-db import make a variant if it is not there.\n"
+      "Example:\n  silhouette-db variants cell.lmdb --remove gripper-open");
+  command->callback([&work, options] { work = [options] { return Variants(*options); }; });
+}
+
+}  // namespace silhouette
