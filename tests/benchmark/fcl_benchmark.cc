@@ -89,9 +89,9 @@ std::vector<DepthImage> DepthImagesOf(const SyntheticCell& cell, const Benchmark
   return images;
 }
 
-class FclCheck {
+class FclChecker {
  public:
-  FclCheck(const SyntheticCell& cell, const BenchmarkScene& scene)
+  FclChecker(const SyntheticCell& cell, const BenchmarkScene& scene)
       : cell_(cell), octree_(TreeOf(scene.obstacles)) {
     octree_.computeLocalAABB();
     for (const Capsule& link : cell.RobotAt(scene.robot)) {
@@ -128,9 +128,9 @@ class FclCheck {
 void FclCheck(benchmark::State& state, SceneKind kind) {
   constexpr int kChecks = 250;  // per scene
   const SyntheticCell& cell = TheCellOf1M().cell;
-  std::vector<std::unique_ptr<FclCheck>> checks;
+  std::vector<std::unique_ptr<FclChecker>> checks;
   for (const BenchmarkScene& scene : ScenesOf1M(kind)) {
-    checks.push_back(std::make_unique<FclCheck>(cell, scene));
+    checks.push_back(std::make_unique<FclChecker>(cell, scene));
   }
   const int count = static_cast<int>(checks.size()) * kChecks;
   std::vector<Configuration> configurations;
