@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 #include <stdlib.h>
 
+#include <atomic>
 #include <filesystem>
 #include <stdexcept>
 #include <string>
@@ -28,13 +29,11 @@ inline const std::filesystem::path& TestFolder() {
   return folder.path;
 }
 
-// A new empty folder for the running test, within TestFolder().
+// A new empty folder within TestFolder(), another at every call. Its path is short, as that of a
+// Unix socket has to be.
 inline std::filesystem::path FreshFolder() {
-  const auto* test = testing::UnitTest::GetInstance()->current_test_info();
-  std::string name = std::string(test->test_suite_name()) + "." + test->name();
-  for (char& c : name) c = c == '/' ? '_' : c;
-  const std::filesystem::path folder = TestFolder() / name;
-  std::filesystem::remove_all(folder);
+  static std::atomic<int> count = 0;
+  const std::filesystem::path folder = TestFolder() / std::to_string(++count);
   std::filesystem::create_directories(folder);
   return folder;
 }

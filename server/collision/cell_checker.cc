@@ -8,7 +8,7 @@
 
 namespace silhouette {
 
-CellTest::CellTest(const SpaceTest& test) : test_(test), sets_(1) {
+CellChecker::CellChecker(const SpaceChecker& test) : test_(test), sets_(1) {
   bool beyond = false;
   ForAllVotes([&](const PlaneVotes& votes) {
     sets_ += votes.views();
@@ -22,13 +22,13 @@ CellTest::CellTest(const SpaceTest& test) : test_(test), sets_(1) {
 }
 
 template <typename Each>
-void CellTest::ForAllVotes(const Each& each) const {
+void CellChecker::ForAllVotes(const Each& each) const {
   for (const PlaneVotes& votes : test_.occupied_) each(votes);
   for (const PlaneVotes& votes : test_.possible_) each(votes);
   for (const PlaneVotes& votes : test_.witnesses_) each(votes);
 }
 
-uint64_t CellTest::MayTouch(const TileIndex* index) const {
+uint64_t CellChecker::MayTouch(const TileIndex* index) const {
   if (index == nullptr || sets_ > 65) return ~uint64_t{0};
   uint64_t may_touch = 0;
   uint64_t bit = 1;
@@ -40,7 +40,7 @@ uint64_t CellTest::MayTouch(const TileIndex* index) const {
   return may_touch;
 }
 
-bool CellTest::MayBeOccupied(uint64_t may_touch) const {
+bool CellChecker::MayBeOccupied(uint64_t may_touch) const {
   if (sets_ > 65) return true;
   const auto next = [&may_touch](const PlaneVotes& votes) {
     int touching = 0;
@@ -55,8 +55,8 @@ bool CellTest::MayBeOccupied(uint64_t may_touch) const {
   return occupied || possible;
 }
 
-bool CellTest::LookUp(uint64_t tile, const TileIndex* index, bool judged_only,
-                      std::span<PlaceSet> sets) const {
+bool CellChecker::LookUp(uint64_t tile, const TileIndex* index, bool judged_only,
+                         std::span<PlaceSet> sets) const {
   const PlaceSet& present = table().present(tile);
   for (size_t word = 0; word < PlaceSet::kWords; ++word) {
     const uint64_t known = index != nullptr ? index->present().words[word] : ~uint64_t{0};
@@ -74,7 +74,7 @@ bool CellTest::LookUp(uint64_t tile, const TileIndex* index, bool judged_only,
   return true;
 }
 
-bool CellTest::LookAtImages(uint64_t tile, std::span<PlaceSet> sets) const {
+bool CellChecker::LookAtImages(uint64_t tile, std::span<PlaceSet> sets) const {
   std::fill(sets.begin() + 1, sets.end(), PlaceSet());
   TestRobot robot;
   bool all_read = true;
@@ -99,7 +99,7 @@ bool CellTest::LookAtImages(uint64_t tile, std::span<PlaceSet> sets) const {
   return all_read;
 }
 
-PlaceSet CellTest::Free(std::span<const PlaceSet> sets) const {
+PlaceSet CellChecker::Free(std::span<const PlaceSet> sets) const {
   std::span<const PlaceSet> left = sets.subspan(1);
   const auto next = [&left](const PlaneVotes& votes) {
     const std::span<const PlaceSet> touching = left.first(votes.views());

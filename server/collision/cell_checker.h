@@ -1,4 +1,4 @@
-// Which cells of the grid are free: the collision test, off the grid, for all of a tile at once.
+// Which cells of the grid are free: collision checking, off the grid, for all of a tile at once.
 //
 // The grid cell that begins at a configuration reaches to the next value along every joint: round
 // the turn on a continuous one, and no further than the rim on any other. Off the grid the union of
@@ -29,9 +29,9 @@
 namespace silhouette {
 
 // Refers to the test, which must outlive it. Used by any number of threads.
-class CellTest {
+class CellChecker {
  public:
-  explicit CellTest(const SpaceTest& test);
+  explicit CellChecker(const SpaceChecker& test);
 
   const ConfigurationGrid& grid() const { return table().grid(); }
 
@@ -70,7 +70,7 @@ class CellTest {
   void ForAllVotes(const Each& each) const;
   bool LookAtImages(uint64_t tile, std::span<PlaceSet> sets) const;
 
-  const SpaceTest& test_;
+  const SpaceChecker& test_;
   bool none_free_ = false;
   bool exact_ = false;
   size_t sets_ = 0;

@@ -36,7 +36,7 @@ CollisionImages ObstaclePlanes(const ObstacleImages& images) {
   return planes;
 }
 
-ClearanceMeter::ClearanceMeter(const CollisionTest& test, const ObstacleImages& obstacle_images,
+ClearanceMeter::ClearanceMeter(const CollisionChecker& test, const ObstacleImages& obstacle_images,
                                const Policy& policy, const TestSupport& support,
                                const DistanceImages& distances)
     : test_(test), obstacle_images_(obstacle_images), distances_(distances) {

@@ -61,7 +61,7 @@ class ClearanceMeter {
   // show an obstacle, those of the resolved images under a calibrated preset in the obstacle
   // images, else obstacle pixels; made once per scene and shared. Throws std::invalid_argument if
   // there is not one per view, of its size, where `obstacle_images` has one.
-  ClearanceMeter(const CollisionTest& test, const ObstacleImages& obstacle_images,
+  ClearanceMeter(const CollisionChecker& test, const ObstacleImages& obstacle_images,
                  const Policy& policy, const TestSupport& support, const DistanceImages& distances);
 
   // The clearance of `q` in pixels, whose verdict is `verdict`: nothing if that is unknown, 0 if it
@@ -75,13 +75,13 @@ class ClearanceMeter {
   // exceeds, whose verdict is free: what Measure says, at less cost where it takes long.
   size_t CountExceeded(std::span<const double> q, std::span<const uint32_t> levels) const;
 
-  // For the places of a path, in their order, as CollisionTest::CheckPath tests them: makes
+  // For the places of a path, in their order, as CollisionChecker::CheckPath tests them: makes
   // `smallest` that of the place if it is smaller. What is left over once the path is free is its
   // clearance.
   void Narrow(const TestedPlace& place, std::optional<PathClearance>& smallest) const;
 
  private:
-  friend class LevelTest;
+  friend class LevelChecker;
   using RobotImages = std::vector<Mask>;
 
   // Squared: the clearance, or `limit` if it is greater.
@@ -95,7 +95,7 @@ class ClearanceMeter {
   std::vector<uint32_t> ToPlanes(const RobotImages& robot) const;
   uint32_t MinViewsSmallest(std::vector<uint32_t> squared) const;
 
-  const CollisionTest& test_;
+  const CollisionChecker& test_;
   const ObstacleImages& obstacle_images_;
   const DistanceImages& distances_;
   const EpipolarBands* searched_bands_ = nullptr;  // set if lines in intersection images decide

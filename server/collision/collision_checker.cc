@@ -87,8 +87,9 @@ Configuration Between(std::span<const double> from, std::span<const double> to, 
 
 }  // namespace
 
-CollisionTest::CollisionTest(const RobotImageTable& table, const ObstacleImages& obstacle_images,
-                             const Policy& policy, const TestSupport& support)
+CollisionChecker::CollisionChecker(const RobotImageTable& table,
+                                   const ObstacleImages& obstacle_images, const Policy& policy,
+                                   const TestSupport& support)
     : table_(table),
       obstacle_images_(obstacle_images),
       min_views_(MinViews(policy, table.views())),
@@ -108,7 +109,7 @@ CollisionTest::CollisionTest(const RobotImageTable& table, const ObstacleImages&
   if (IsSound(policy.preset)) CheckSpace(policy, support);
 }
 
-void CollisionTest::CheckSpace(const Policy& policy, const TestSupport& support) {
+void CollisionChecker::CheckSpace(const Policy& policy, const TestSupport& support) {
   if (support.possible_space == nullptr) {
     throw std::invalid_argument("the preset '" + NameOf(policy.preset) +
                                 "' needs the space of possible obstacles");
@@ -126,7 +127,7 @@ void CollisionTest::CheckSpace(const Policy& policy, const TestSupport& support)
   robot_may_touch_ = support.robot_may_touch;
 }
 
-void CollisionTest::PrepareLines(const Policy& policy, const TestSupport& support) {
+void CollisionChecker::PrepareLines(const Policy& policy, const TestSupport& support) {
   if (support.bands == nullptr) {
     throw std::invalid_argument("the preset '" + NameOf(policy.preset) + "' needs a calibration");
   }
@@ -152,7 +153,7 @@ void CollisionTest::PrepareLines(const Policy& policy, const TestSupport& suppor
   if (!fits) throw std::invalid_argument("the resolved images are not those of the scene");
 }
 
-Reason CollisionTest::Unusable(Numbers corners) const {
+Reason CollisionChecker::Unusable(Numbers corners) const {
   bool missing = false;
   bool corrupt = false;
   bool elsewhere = false;
@@ -168,7 +169,7 @@ Reason CollisionTest::Unusable(Numbers corners) const {
   return missing ? Reason::kRobotImageMissing : Reason::kNone;
 }
 
-Verdict CollisionTest::Judge(Numbers corners, std::span<ViewEvidence> evidence) const {
+Verdict CollisionChecker::Judge(Numbers corners, std::span<ViewEvidence> evidence) const {
   if (!evidence.empty() && evidence.size() != obstacle_images_.size()) {
     throw std::invalid_argument("there must be one evidence per view, or none");
   }
@@ -203,7 +204,7 @@ Verdict CollisionTest::Judge(Numbers corners, std::span<ViewEvidence> evidence) 
   return Verdict::Free(hidden_possible);
 }
 
-bool CollisionTest::SomethingPossible(Numbers corners, const TestRobot& test_robot) const {
+bool CollisionChecker::SomethingPossible(Numbers corners, const TestRobot& test_robot) const {
   thread_local std::vector<uint64_t> room;
   thread_local std::vector<MaskWords> robot;
   room.resize(table_.words());
@@ -223,7 +224,7 @@ bool CollisionTest::SomethingPossible(Numbers corners, const TestRobot& test_rob
          (!voxels_decide_ || possible_space_->VoxelsMeet(robot, min_views_, body));
 }
 
-int CollisionTest::ShowingAlongLines(const TestRobot& test_robot, int showing) const {
+int CollisionChecker::ShowingAlongLines(const TestRobot& test_robot, int showing) const {
   // Where no view shows an obstacle, none can convict.
   if (showing == 0 && !errors_convict_) return 0;
   thread_local IntersectionWords intersection;
@@ -233,19 +234,21 @@ int CollisionTest::ShowingAlongLines(const TestRobot& test_robot, int showing) c
   return search.CountShowing(min_views_);
 }
 
-Verdict CollisionTest::Check(ConfigurationNumber number, std::span<ViewEvidence> evidence) const {
+Verdict CollisionChecker::Check(ConfigurationNumber number,
+                                std::span<ViewEvidence> evidence) const {
   if (!table_.grid().Contains(number)) return Judge({}, evidence);
   return Judge({&number, 1}, evidence);
 }
 
-Verdict CollisionTest::Check(std::span<const double> q, std::span<ViewEvidence> evidence) const {
+Verdict CollisionChecker::Check(std::span<const double> q, std::span<ViewEvidence> evidence) const {
   if (off_grid_ == OffGrid::kCell) return Judge(table_.grid().CornersAround(q).numbers(), evidence);
   const std::optional<ConfigurationNumber> nearest = table_.grid().Nearest(q);
   return nearest ? Judge({&*nearest, 1}, evidence) : Judge({}, evidence);
 }
 
-PathVerdict CollisionTest::CheckPath(std::span<const Configuration> waypoints,
-                                     std::span<ViewEvidence> evidence, const Tested& tested) const {
+PathVerdict CollisionChecker::CheckPath(std::span<const Configuration> waypoints,
+                                        std::span<ViewEvidence> evidence,
+                                        const Tested& tested) const {
   if (waypoints.empty()) throw std::invalid_argument("a path has at least one waypoint");
   PathVerdict result;
   bool hidden_possible = false;
@@ -284,7 +287,7 @@ PathVerdict CollisionTest::CheckPath(std::span<const Configuration> waypoints,
   return result;
 }
 
-State CollisionTest::StateOf(ConfigurationNumber number) const {
+State CollisionChecker::StateOf(ConfigurationNumber number) const {
   thread_local TestRobot test_robot;
   const Numbers corners(&number, 1);
   if (!test_robot.Take(table_, corners)) return State::kUnknown;
@@ -293,7 +296,7 @@ State CollisionTest::StateOf(ConfigurationNumber number) const {
                                        : State::kFree;
 }
 
-bool CollisionTest::Occupied(Numbers corners, const TestRobot& test_robot) const {
+bool CollisionChecker::Occupied(Numbers corners, const TestRobot& test_robot) const {
   if (possible_space_ != nullptr) return SomethingPossible(corners, test_robot);
   int showing = missing_views_;
   for (int view = 0; view < table_.views() && showing < min_views_; ++view) {
@@ -306,7 +309,7 @@ bool CollisionTest::Occupied(Numbers corners, const TestRobot& test_robot) const
   return showing >= min_views_;
 }
 
-TileVerdicts CollisionTest::CheckTile(uint64_t tile) const {
+TileVerdicts CollisionChecker::CheckTile(uint64_t tile) const {
   TileVerdicts verdicts;
   for (uint64_t place = 0; place < kTileSize; ++place) {
     const ConfigurationNumber number = tile * kTileSize + place;
@@ -319,7 +322,8 @@ TileVerdicts CollisionTest::CheckTile(uint64_t tile) const {
   return verdicts;
 }
 
-std::optional<std::vector<Mask>> CollisionTest::TestRobotImages(std::span<const double> q) const {
+std::optional<std::vector<Mask>> CollisionChecker::TestRobotImages(
+    std::span<const double> q) const {
   const std::optional<ConfigurationNumber> nearest = table_.grid().Nearest(q);
   const CellCorners cell = table_.grid().CornersAround(q);
   Numbers corners = cell.numbers();
@@ -337,7 +341,7 @@ std::optional<std::vector<Mask>> CollisionTest::TestRobotImages(std::span<const 
   return images;
 }
 
-std::optional<Mask> CollisionTest::TestRobotImage(int view, std::span<const double> q) const {
+std::optional<Mask> CollisionChecker::TestRobotImage(int view, std::span<const double> q) const {
   std::optional<std::vector<Mask>> images = TestRobotImages(q);
   if (!images) return std::nullopt;
   return std::move((*images)[static_cast<size_t>(view)]);

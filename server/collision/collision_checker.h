@@ -1,4 +1,4 @@
-// The collision test: verdicts on configurations, paths and the whole configuration space, from the
+// Collision checking: verdicts on configurations, paths and the whole configuration space, from the
 // obstacle images of one scene and the robot images of one generation of the database.
 //
 // A view shows an obstacle if its collision image - the obstacle image inside the test robot image,
@@ -79,12 +79,12 @@ struct TestSupport {
 // Refers to a table, to obstacle images and to its support, which must outlive it. May be used by
 // any number of threads; checks of configurations do not allocate, but for memory that a thread
 // keeps from its first check on.
-class CollisionTest {
+class CollisionChecker {
  public:
   // Throws std::invalid_argument if there is not one obstacle image per view, if one has not the
   // size of its view's masks, if the policy cannot be, or if `support` lacks what it needs.
-  CollisionTest(const RobotImageTable& table, const ObstacleImages& obstacle_images,
-                const Policy& policy, const TestSupport& support = {});
+  CollisionChecker(const RobotImageTable& table, const ObstacleImages& obstacle_images,
+                   const Policy& policy, const TestSupport& support = {});
 
   // All three: `evidence` is empty, or has one entry per view, which are filled in (all zero, but
   // for missing views, where no robot image could be looked at).
@@ -117,8 +117,8 @@ class CollisionTest {
   std::optional<Mask> TestRobotImage(int view, std::span<const double> q) const;
 
  private:
-  friend class SpaceTest;
-  friend class CellTest;
+  friend class SpaceChecker;
+  friend class CellChecker;
   using Numbers = std::span<const ConfigurationNumber>;
 
   void PrepareLines(const Policy& policy, const TestSupport& support);

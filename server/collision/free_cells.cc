@@ -5,7 +5,7 @@
 
 namespace silhouette {
 
-FreeCells::FreeCells(const SpaceTest& test, IndexOf index_of)
+FreeCells::FreeCells(const SpaceChecker& test, IndexOf index_of)
     : test_(test), index_of_(std::move(index_of)) {
   const ConfigurationGrid& grid = test_.grid();
   for (int joint = 0; joint < grid.dimensions(); ++joint) joints_.emplace_back(grid, joint);

@@ -1,4 +1,4 @@
-// The free cells of the whole grid (cell_test.h), for one scene and one policy.
+// The free cells of the whole grid (cell_checker.h), for one scene and one policy.
 #pragma once
 
 #include <array>
@@ -21,10 +21,10 @@ namespace silhouette {
 // which must outlive it. Used by any number of threads.
 class FreeCells {
  public:
-  // The index of a tile, as CellTest::LookUp takes it.
+  // The index of a tile, as CellChecker::LookUp takes it.
   using IndexOf = std::function<const TileIndex*(uint64_t tile)>;
 
-  FreeCells(const SpaceTest& test, IndexOf index_of);
+  FreeCells(const SpaceChecker& test, IndexOf index_of);
 
   // Works these tiles out, and more of their slabs. Looks now and again whether it is to stop; then
   // it is false if any is left, and another call goes on from there. Threads that come meanwhile
@@ -35,7 +35,7 @@ class FreeCells {
   // Of a tile that is ready: the cells that begin at its configurations.
   const PlaceSet& tile(uint64_t tile) const { return tiles_[tile]; }
 
-  // As CellTest's, of the tiles that are ready: images that could not be read prove nothing.
+  // As CellChecker's, of the tiles that are ready: images that could not be read prove nothing.
   bool exact() const { return test_.exact() && all_read_.load(std::memory_order_acquire); }
 
  private:
@@ -61,7 +61,7 @@ class FreeCells {
   // The tile of `slab` that is the `at`th there; `next`: the slab behind it.
   void Finish(const Slab& slab, const Slab& next, uint64_t at);
 
-  const CellTest test_;
+  const CellChecker test_;
   const IndexOf index_of_;
   std::vector<JointStep> joints_;
   size_t across_ = 0;  // of these

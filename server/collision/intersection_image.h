@@ -3,7 +3,8 @@
 // Table 2: the value of the obstacle image where the robot image of the test configuration shows
 // the robot, background elsewhere. An intersection image cannot be changed once made.
 //
-// Checks need no pictures, only whether and how much: CollisionTest finds that without making any.
+// Checks need no pictures, only whether and how much: CollisionChecker finds that without making
+// any.
 #pragma once
 
 #include "db/mask/mask.h"

@@ -40,8 +40,8 @@ void RequireLevels(std::span<const double> levels) {
   }
 }
 
-LevelTest::LevelTest(const ClearanceMeter& meter, std::span<const double> levels,
-                     std::span<const PixelTree> trees)
+LevelChecker::LevelChecker(const ClearanceMeter& meter, std::span<const double> levels,
+                           std::span<const PixelTree> trees)
     : meter_(meter) {
   RequireLevels(levels);
   for (const double level : levels) squared_.push_back(SquaredOf(level));
@@ -55,14 +55,14 @@ LevelTest::LevelTest(const ClearanceMeter& meter, std::span<const double> levels
   }
 }
 
-void LevelTest::AddDecidingPlanes(std::span<const PixelTree> trees) {
+void LevelChecker::AddDecidingPlanes(std::span<const PixelTree> trees) {
   for (size_t i = 0; i < levels_.size(); ++i) {
     levels_[i].reached.emplace_back(trees, Within(meter_.distances_, squared_[i]),
                                     meter_.test_.min_views());
   }
 }
 
-void LevelTest::AddParts(std::span<const PixelTree> trees) {
+void LevelChecker::AddParts(std::span<const PixelTree> trees) {
   for (const PossibleSpace::Part& part : meter_.possible_space_->parts()) {
     const DistanceImages distances = DistancesTo(part.planes);
     for (size_t i = 0; i < levels_.size(); ++i) {
@@ -73,8 +73,8 @@ void LevelTest::AddParts(std::span<const PixelTree> trees) {
 }
 
 // A view shows an obstacle only by a pixel other than background, and only if some view has an
-// obstacle pixel, or an error pixel where those convict (SpaceTest).
-void LevelTest::BoundLines(std::span<const PixelTree> trees) {
+// obstacle pixel, or an error pixel where those convict (SpaceChecker).
+void LevelChecker::BoundLines(std::span<const PixelTree> trees) {
   CollisionImages something(meter_.obstacle_images_.size());
   CollisionImages witness(something.size());
   for (size_t view = 0; view < something.size(); ++view) {
@@ -92,8 +92,8 @@ void LevelTest::BoundLines(std::span<const PixelTree> trees) {
   }
 }
 
-std::vector<PlaceSet> LevelTest::Above(uint64_t tile, const TileIndex* index,
-                                       const PlaceSet& free) const {
+std::vector<PlaceSet> LevelChecker::Above(uint64_t tile, const TileIndex* index,
+                                          const PlaceSet& free) const {
   std::vector<PlaceSet> above(squared_.size());
   if (index == nullptr || levels_.empty()) {
     MeasureSingly(tile, free, above);
@@ -116,8 +116,8 @@ std::vector<PlaceSet> LevelTest::Above(uint64_t tile, const TileIndex* index,
   return above;
 }
 
-void LevelTest::MeasureSingly(uint64_t tile, const PlaceSet& places,
-                              std::vector<PlaceSet>& above) const {
+void LevelChecker::MeasureSingly(uint64_t tile, const PlaceSet& places,
+                                 std::vector<PlaceSet>& above) const {
   for (size_t word = 0; word < PlaceSet::kWords; ++word) {
     for (uint64_t bits = places.words[word]; bits != 0; bits &= bits - 1) {
       const uint64_t place = 64 * word + static_cast<uint64_t>(std::countr_zero(bits));

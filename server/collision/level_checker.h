@@ -2,9 +2,9 @@
 //
 // Planes that decide are grown by the level; whose robot image touches them in enough views has no
 // more clearance, all others do, and the collision index says which are which. With lines in the
-// intersection images no plane decides, but two lookups bound the answer as those of SpaceTest do,
-// of planes that are grown by the level instead of robot images; only configurations in between are
-// measured singly.
+// intersection images no plane decides, but two lookups bound the answer as those of SpaceChecker
+// do, of planes that are grown by the level instead of robot images; only configurations in between
+// are measured singly.
 #pragma once
 
 #include <cstdint>
@@ -23,17 +23,17 @@ namespace silhouette {
 void RequireLevels(std::span<const double> levels);
 
 // Refers to the meter, which must outlive it. Used by any number of threads.
-class LevelTest {
+class LevelChecker {
  public:
   // `levels`: in pixels. `trees`: those of the index, one per view; empty if there is none. Throws
   // std::invalid_argument as RequireLevels does.
-  LevelTest(const ClearanceMeter& meter, std::span<const double> levels,
-            std::span<const PixelTree> trees = {});
+  LevelChecker(const ClearanceMeter& meter, std::span<const double> levels,
+               std::span<const PixelTree> trees = {});
 
   // Per level those of the configurations `free` whose clearance, as the meter measures it, is
-  // greater. `free`: configurations of the tile that CollisionTest finds free. `index`: that of the
-  // tile, made of robot images that are those of the test's table; null if it has none: then all
-  // are measured singly.
+  // greater. `free`: configurations of the tile that CollisionChecker finds free. `index`: that of
+  // the tile, made of robot images that are those of the test's table; null if it has none: then
+  // all are measured singly.
   std::vector<PlaceSet> Above(uint64_t tile, const TileIndex* index, const PlaceSet& free) const;
 
  private:

@@ -20,7 +20,7 @@ enum class Preset {
   // The same by the letter of the paper: lines in the obstacle images, Table 3's reading of E.
   kPaperCalibrated,
   // Whether an obstacle of a least size could be anywhere the robot would be, seen or not
-  // (sound_test.h): what is possible is projected into the views ...
+  // (possible_space.h): what is possible is projected into the views ...
   kSoundPlanes,
   // ... and one and the same possible place must meet the robot image in every view.
   kSound,

@@ -98,7 +98,8 @@ bool PlaneVotes::beyond() const {
   return std::ranges::any_of(views_, [](const View& view) { return view.beyond; });
 }
 
-SpaceTest::SpaceTest(const CollisionTest& test, std::span<const PixelTree> trees) : test_(test) {
+SpaceChecker::SpaceChecker(const CollisionChecker& test, std::span<const PixelTree> trees)
+    : test_(test) {
   if (test.possible_space_ != nullptr) {
     BoundPossibleSpace(trees);
     return;
@@ -119,7 +120,7 @@ SpaceTest::SpaceTest(const CollisionTest& test, std::span<const PixelTree> trees
 
 // A view without an obstacle pixel in the intersection image convicts only by unknown or error
 // pixels there, and only if some view has an obstacle pixel, or an error pixel where those convict.
-void SpaceTest::BoundLines(std::span<const PixelTree> trees) {
+void SpaceChecker::BoundLines(std::span<const PixelTree> trees) {
   CollisionImages something;
   CollisionImages witness;
   for (const std::optional<ObstacleImage>& image : test_.obstacle_images_) {
@@ -136,7 +137,7 @@ void SpaceTest::BoundLines(std::span<const PixelTree> trees) {
   witnesses_.emplace_back(trees, witness, 1);
 }
 
-void SpaceTest::BoundPossibleSpace(std::span<const PixelTree> trees) {
+void SpaceChecker::BoundPossibleSpace(std::span<const PixelTree> trees) {
   const PossibleSpace& space = *test_.possible_space_;
   std::vector<PlaneVotes>& votes = test_.voxels_decide_ ? possible_ : occupied_;
   for (const PossibleSpace::Part& part : space.parts()) {
@@ -145,13 +146,13 @@ void SpaceTest::BoundPossibleSpace(std::span<const PixelTree> trees) {
   everything_possible_ = !space.always_met().Empty();
 }
 
-PlaceSet SpaceTest::Occupied(const TileIndex& index) const {
+PlaceSet SpaceChecker::Occupied(const TileIndex& index) const {
   PlaceSet occupied;
   for (const PlaneVotes& votes : occupied_) occupied |= votes.Touching(index);
   return occupied;
 }
 
-PlaceSet SpaceTest::Open(const TileIndex& index) const {
+PlaceSet SpaceChecker::Open(const TileIndex& index) const {
   PlaceSet open;
   if (everything_possible_) {
     open = index.present();
@@ -166,7 +167,7 @@ PlaceSet SpaceTest::Open(const TileIndex& index) const {
   return open;
 }
 
-TileVerdicts SpaceTest::CheckTile(uint64_t tile, const TileIndex& index) const {
+TileVerdicts SpaceChecker::CheckTile(uint64_t tile, const TileIndex& index) const {
   PlaceSet present = index.present();
   present &= test_.table_.present(tile);
   PlaceSet occupied = Occupied(index);

@@ -1,4 +1,4 @@
-// The collision test for all configurations of a tile at once, by the collision index.
+// Collision checking for all configurations of a tile at once, by the collision index.
 //
 // What planes alone decide is looked up: the configurations whose robot image touches the planes in
 // enough views. Where the policy looks further - lines in the intersection images, places in space
@@ -58,10 +58,10 @@ class PlaneVotes {
 };
 
 // Refers to the test, which must outlive it. Used by any number of threads.
-class SpaceTest {
+class SpaceChecker {
  public:
   // `trees`: those of the index, one per view, of the masks' sizes.
-  SpaceTest(const CollisionTest& test, std::span<const PixelTree> trees);
+  SpaceChecker(const CollisionChecker& test, std::span<const PixelTree> trees);
 
   // The same as test.CheckTile(tile). `index`: that of the tile, made of robot images that are
   // those of the test's table; a configuration that it does not have is unknown.
@@ -74,12 +74,12 @@ class SpaceTest {
   PlaceSet Open(const TileIndex& index) const;
 
  private:
-  friend class CellTest;
+  friend class CellChecker;
   void BoundLines(std::span<const PixelTree> trees);
   void BoundPossibleSpace(std::span<const PixelTree> trees);
   PlaceSet Occupied(const TileIndex& index) const;
 
-  const CollisionTest& test_;
+  const CollisionChecker& test_;
   // Occupied if one of these is touched ...
   std::vector<PlaneVotes> occupied_;
   // ... and perhaps if one of these is, and also all of `witnesses_`.

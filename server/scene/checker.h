@@ -19,7 +19,7 @@
 namespace silhouette {
 
 // Keeps database and scene alive. Its verdicts are unknown, with the reason, wherever the scene as
-// a whole cannot be rested on; then CollisionTest's. Used by any number of threads.
+// a whole cannot be rested on; then CollisionChecker's. Used by any number of threads.
 class Checker {
  public:
   // Whether the scene is too old counts at the moment `now`. Throws std::invalid_argument if the
@@ -31,7 +31,7 @@ class Checker {
   // Why every verdict is unknown, whatever the configuration; kNone if verdicts can be made.
   Reason blocked() const { return blocked_; }
 
-  // As CollisionTest's functions of the same names.
+  // As CollisionChecker's functions of the same names.
   Verdict Check(std::span<const double> q, std::span<ViewEvidence> evidence = {}) const;
   // `regions`: if not null, gets the names of RegionsAt of all places that were tested.
   // `clearance`: if not null, gets the smallest clearance of all places that were tested.
@@ -65,7 +65,7 @@ class Checker {
   Served served_;
   Policy policy_;
   Reason blocked_ = Reason::kInternal;
-  std::optional<CollisionTest> test_;  // nothing where there is no scene
+  std::optional<CollisionChecker> test_;  // nothing where there is no scene
 };
 
 // Throws std::invalid_argument if the policy cannot be, or the database cannot serve it

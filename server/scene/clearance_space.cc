@@ -18,7 +18,7 @@ ClearanceSpace::ClearanceSpace(std::shared_ptr<const ConfigurationSpace> verdict
   RequireLevels(levels_);
 }
 
-const LevelTest& ClearanceSpace::Test() const {
+const LevelChecker& ClearanceSpace::Test() const {
   std::call_once(prepare_, [&] {
     const ServedDatabase& database = *served_.database;
     const ObstacleImages& images = served_.scene->obstacle_images;
@@ -27,9 +27,9 @@ const LevelTest& ClearanceSpace::Test() const {
     meter_.emplace(*test_, images, policy_, support, DistancesFor(served_, policy_, support));
     std::span<const PixelTree> trees;
     if (database.index() != nullptr) trees = database.index()->trees();
-    level_test_.emplace(*meter_, levels_, trees);
+    level_checker_.emplace(*meter_, levels_, trees);
   });
-  return *level_test_;
+  return *level_checker_;
 }
 
 void ClearanceSpace::WorkOut(uint64_t tile) const {
@@ -38,7 +38,7 @@ void ClearanceSpace::WorkOut(uint64_t tile) const {
     if (free.Empty()) {
       tiles_[tile].resize(levels_.size());
     } else {
-      const LevelTest& test = Test();
+      const LevelChecker& test = Test();
       const CollisionIndex* index = served_.database->index();
       tiles_[tile] = test.Above(tile, index != nullptr ? index->Tile(tile) : nullptr, free);
     }

@@ -45,7 +45,7 @@ class ClearanceSpace {
   uint64_t bytes() const { return tiles_.size() * levels_.size() * sizeof(PlaceSet); }
 
  private:
-  const LevelTest& Test() const;
+  const LevelChecker& Test() const;
   void WorkOut(uint64_t tile) const;
 
   std::shared_ptr<const ConfigurationSpace> verdicts_;
@@ -54,9 +54,9 @@ class ClearanceSpace {
   std::vector<double> levels_;
   // What levels are told with, made with the first tile that has a free configuration.
   mutable std::once_flag prepare_;
-  mutable std::optional<CollisionTest> test_;
+  mutable std::optional<CollisionChecker> test_;
   mutable std::optional<ClearanceMeter> meter_;
-  mutable std::optional<LevelTest> level_test_;
+  mutable std::optional<LevelChecker> level_checker_;
   mutable std::vector<std::vector<PlaceSet>> tiles_;
   std::unique_ptr<std::atomic<bool>[]> ready_;
   std::unique_ptr<std::once_flag[]> once_;

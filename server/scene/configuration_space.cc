@@ -73,9 +73,8 @@ void ConfigurationSpace::States(std::span<const uint32_t> numbers, std::span<uin
   }
 }
 
-ConfigurationSpace::Cells::Cells(const CollisionTest& collision_test,
-                                 const ServedDatabase& database)
-    : trees(TreesOf(database)), test(collision_test, trees), free(test, [&database](uint64_t tile) {
+ConfigurationSpace::Cells::Cells(const CollisionChecker& checker, const ServedDatabase& database)
+    : trees(TreesOf(database)), test(checker, trees), free(test, [&database](uint64_t tile) {
         return database.index() != nullptr ? database.index()->Tile(tile) : nullptr;
       }) {}
 

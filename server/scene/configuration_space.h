@@ -61,9 +61,9 @@ class ConfigurationSpace {
   void States(std::span<const uint32_t> numbers, std::span<uint64_t> free,
               std::span<uint64_t> occupied) const;
 
-  // Which grid cells are free off the grid (OffGrid::kCell), as cell_test.h has it: what the whole
-  // map takes again, and only if it is asked for. As FreeCells::WorkOut; `tiles` and others are
-  // worked out, and the sets of cells_ready ones can be looked at.
+  // Which grid cells are free off the grid (OffGrid::kCell), as cell_checker.h has it: what the
+  // whole map takes again, and only if it is asked for. As FreeCells::WorkOut; `tiles` and others
+  // are worked out, and the sets of cells_ready ones can be looked at.
   bool WorkOutCells(std::span<const uint64_t> tiles, const std::function<bool()>& stop) const;
   bool cells_ready(uint64_t tile) const;
   // The cells that begin at the configurations of a tile; none of one that is not ready.
@@ -75,9 +75,9 @@ class ConfigurationSpace {
  private:
   // By itself, as it is made when cells are first asked for.
   struct Cells {
-    Cells(const CollisionTest& test, const ServedDatabase& database);
+    Cells(const CollisionChecker& test, const ServedDatabase& database);
     std::vector<PixelTree> trees;
-    SpaceTest test;
+    SpaceChecker test;
     FreeCells free;
   };
 
@@ -85,8 +85,8 @@ class ConfigurationSpace {
 
   Served served_;
   // Nothing where all is unknown.
-  std::optional<CollisionTest> test_;
-  std::optional<SpaceTest> by_index_;
+  std::optional<CollisionChecker> test_;
+  std::optional<SpaceChecker> by_index_;
   mutable std::vector<TileVerdicts> tiles_;
   std::unique_ptr<std::atomic<bool>[]> ready_;
   std::unique_ptr<std::once_flag[]> once_;

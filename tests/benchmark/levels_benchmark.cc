@@ -32,7 +32,7 @@ bool LevelsIsRight(const ClearanceSpace& levels, const Served& served) {
                         served.scene->arrived);
   const auto meter = checker.Clearances();
   if (!meter) return false;
-  const LevelTest singly(*meter, kLevels);
+  const LevelChecker singly(*meter, kLevels);
   for (uint64_t tile = 0; tile < levels.verdicts()->tiles(); tile += 97) {
     const PlaceSet free{levels.verdicts()->tile(tile).free};
     const std::vector<PlaceSet> measured = singly.Above(tile, nullptr, free);

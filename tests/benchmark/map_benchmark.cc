@@ -29,7 +29,7 @@ const ConfigurationSpace& PersonMap() {
 
 // Whether every 97th tile is what the collision test says of the masks.
 bool MapIsRight(const ConfigurationSpace& map, const Served& served) {
-  const CollisionTest test(TableOf1M(), served.scene->obstacle_images, Policy{});
+  const CollisionChecker test(TableOf1M(), served.scene->obstacle_images, Policy{});
   for (uint64_t tile = 0; tile < map.tiles(); tile += 97) {
     if (map.tile(tile) != test.CheckTile(tile)) return false;
   }

@@ -17,15 +17,15 @@ namespace {
 
 enum class Masks { kInMemory, kInPlace };
 
-CollisionTest TestOf(SceneKind kind, Masks masks = Masks::kInMemory) {
+CollisionChecker TestOf(SceneKind kind, Masks masks = Masks::kInMemory) {
   const CellOf1M& cell = TheCellOf1M();
   const auto& database = masks == Masks::kInMemory ? cell.database : cell.in_place;
-  return CollisionTest(database->robot_images(), ScenesOf1M(kind)[0].images, Policy{});
+  return CollisionChecker(database->robot_images(), ScenesOf1M(kind)[0].images, Policy{});
 }
 
 void MasksCheck(benchmark::State& state, SceneKind kind, Caches caches, Masks masks) {
   const int count = caches == Caches::kWarm ? 100'000 : 320;
-  const CollisionTest test = TestOf(kind, masks);
+  const CollisionChecker test = TestOf(kind, masks);
   const std::vector<ConfigurationNumber> numbers = RandomNumbers(GridOf1M(), count);
   MeasureCalls(
       state, count,
@@ -35,7 +35,7 @@ void MasksCheck(benchmark::State& state, SceneKind kind, Caches caches, Masks ma
 
 void MasksBatch(benchmark::State& state, SceneKind kind) {
   constexpr int kCount = 1'000'000;
-  const CollisionTest test = TestOf(kind);
+  const CollisionChecker test = TestOf(kind);
   const std::vector<ConfigurationNumber> numbers = RandomNumbers(GridOf1M(), kCount);
   for (auto _ : state) {
     for (const ConfigurationNumber number : numbers) {
@@ -48,7 +48,7 @@ void MasksBatch(benchmark::State& state, SceneKind kind) {
 
 void MasksEdge(benchmark::State& state, SceneKind kind, Masks masks) {
   constexpr int kEdges = 10'000;
-  const CollisionTest test = TestOf(kind, masks);
+  const CollisionChecker test = TestOf(kind, masks);
   const std::vector<ConfigurationNumber> numbers = RandomEdges(GridOf1M(), kEdges);
   MeasureCalls(state, kEdges, [&](int edge) {
     for (size_t i = 0; i < 32; ++i) {
@@ -69,7 +69,7 @@ Configuration Near(const ConfigurationGrid& grid, ConfigurationNumber number, do
 // In the middle between eight configurations, all of which are looked at.
 void OffGrid(benchmark::State& state, SceneKind kind, Masks masks) {
   constexpr int kCount = 20'000;
-  const CollisionTest test = TestOf(kind, masks);
+  const CollisionChecker test = TestOf(kind, masks);
   std::vector<Configuration> configurations;
   for (const ConfigurationNumber number : RandomNumbers(GridOf1M(), kCount)) {
     configurations.push_back(Near(GridOf1M(), number, 0.5));
@@ -82,7 +82,7 @@ void OffGrid(benchmark::State& state, SceneKind kind, Masks masks) {
 // A short way across the cells of the grid, up to where it is not free.
 void Path(benchmark::State& state, SceneKind kind, Masks masks) {
   constexpr int kCount = 2'000;
-  const CollisionTest test = TestOf(kind, masks);
+  const CollisionChecker test = TestOf(kind, masks);
   std::vector<std::vector<Configuration>> paths;
   for (const ConfigurationNumber number : RandomNumbers(GridOf1M(), kCount)) {
     paths.push_back({Near(GridOf1M(), number, 0.3), Near(GridOf1M(), number, 3.6)});

@@ -79,7 +79,7 @@ void StreamAllMasks(const RobotImageTable& table, const ObstacleImages& images,
 // Whether the map is what the collision test says of every 97th tile.
 bool StreamingIsRight(const RobotImageTable& table, const ObstacleImages& images,
                       const std::vector<uint64_t>& occupied) {
-  const CollisionTest test(table, images, Policy{});
+  const CollisionChecker test(table, images, Policy{});
   for (uint64_t tile = 0; tile < table.grid().tiles(); tile += 97) {
     const TileVerdicts verdicts = test.CheckTile(tile);
     if (!std::equal(verdicts.occupied.begin(), verdicts.occupied.end(),

@@ -3,10 +3,8 @@
 #pragma once
 
 #include <gtest/gtest.h>
-#include <unistd.h>
 
 #include <algorithm>
-#include <atomic>
 #include <filesystem>
 #include <fstream>
 #include <memory>
@@ -26,40 +24,18 @@
 #include "db/store/store.h"
 #include "server/scene/make_scene.h"
 #include "server/scene/served_database.h"
+#include "tests/test_folder.h"
 
 namespace silhouette {
 
 inline constexpr double kStepOfB = std::numbers::pi / 4;
-
-// A new empty folder; removed with all that is in it.
-class FreshFolder {
- public:
-  FreshFolder() {
-    static std::atomic<int> count = 0;
-    path_ = absl::StrCat(::testing::TempDir(), "/silhouette-server-", getpid(), "-", ++count);
-    std::filesystem::remove_all(path_);
-    std::filesystem::create_directories(path_);
-  }
-  ~FreshFolder() {
-    std::error_code ignored;
-    std::filesystem::remove_all(path_, ignored);
-  }
-  FreshFolder(const FreshFolder&) = delete;
-  FreshFolder& operator=(const FreshFolder&) = delete;
-
-  std::string operator/(const std::string& name) const { return path_ + "/" + name; }
-  const std::string& path() const { return path_; }
-
- private:
-  std::string path_;
-};
 
 inline const std::vector<std::string> kViewNames = {"left", "right", "top"};
 inline const std::vector<MaskSize> kViewSizes = {{16, 12}, {16, 12}, {10, 10}};
 // Camera pixels per mask pixel.
 inline constexpr int kScale = 4;
 
-inline storage::v1::CellDescription TestCell() {
+inline storage::v1::CellDescription ServerTestCell() {
   storage::v1::CellDescription cell;
   cell.set_name("server test");
   storage::v1::GridJoint& a = *cell.add_grid_joints();
@@ -120,7 +96,7 @@ struct TestDatabase {
   std::vector<std::pair<int, int>> corrupt = {};
   bool references = false;
   bool index = false;
-  storage::v1::CellDescription cell = TestCell();
+  storage::v1::CellDescription cell = ServerTestCell();
   std::optional<storage::v1::Calibration> calibration = std::nullopt;
 };
 
@@ -244,7 +220,7 @@ inline std::shared_ptr<const ServedDatabase> LoadDatabase(
 inline std::shared_ptr<const ServedDatabase> NewDatabase(
     const TestDatabase& test = {}, const CalibrationSettings& settings = {.margin = 0},
     const TreatmentSettings& treatments = {}) {
-  const FreshFolder folder;
+  const std::filesystem::path folder = FreshFolder();
   MakeDatabase(folder / "db", test);
   return LoadDatabase(folder / "db", settings, treatments);
 }

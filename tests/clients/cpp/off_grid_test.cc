@@ -96,10 +96,11 @@ auto CellsOf(const FreeCells& cells) {
   };
 }
 
-void ExpectTheServersWordOrUnknown(const CollisionTest& test, const std::vector<PixelTree>& trees,
+void ExpectTheServersWordOrUnknown(const CollisionChecker& test,
+                                   const std::vector<PixelTree>& trees,
                                    const client::OffGridRule& rule, bool with_cells,
                                    std::mt19937& random, Counts& counts) {
-  const SpaceTest space(test, trees);
+  const SpaceChecker space(test, trees);
   FreeCells cells(space, [](uint64_t) { return nullptr; });
   std::vector<uint64_t> tiles(OffGridGrid().tiles());
   std::iota(tiles.begin(), tiles.end(), uint64_t{0});
@@ -158,7 +159,7 @@ TEST(OffGrid, MapSaysWhatTheServerSaysOrUnknown) {
                           .errors_convict = errors_convict,
                           .off_grid = off_grid};
             if (round % 3 != 0) policy.min_views = 1 + static_cast<int>(random() % 2) % views;
-            const CollisionTest test(table, images, policy, {.bands = &bands});
+            const CollisionChecker test(table, images, policy, {.bands = &bands});
             const client::OffGridRule rule = client::OffGridRuleOf(Told(policy), views);
             ExpectTheServersWordOrUnknown(test, {sizes.begin(), sizes.end()}, rule, false, random,
                                           counts);
@@ -195,7 +196,7 @@ TEST(OffGrid, HowManyViewsMayHideAnObstacleIsNotGuessedWhereARequestNamesThePres
       const client::OffGridRule rule = client::OffGridRuleOf(
           client::Effective({.preset = "uncalibrated"}, Told(defaults)), /*views=*/2);
       EXPECT_FALSE(rule.free_corners_suffice);
-      const CollisionTest test(table, images, policy);
+      const CollisionChecker test(table, images, policy);
       ExpectTheServersWordOrUnknown(test, {sizes.begin(), sizes.end()}, rule, false, random,
                                     counts);
     }

@@ -120,7 +120,7 @@ TEST(EpipolarDomain, LinesInTheIntersectionImagesAcquitWhatLinesInTheObstacleIma
   const EpipolarBands bands = RowsMeetRows(2, 3);
   const auto check = [&](EpipolarDomain domain) {
     const Policy policy{.preset = Preset::kCalibrated, .epipolar = domain};
-    return CollisionTest(table, images, policy, {.bands = &bands}).Check(ConfigurationNumber{0});
+    return CollisionChecker(table, images, policy, {.bands = &bands}).Check(ConfigurationNumber{0});
   };
   EXPECT_TRUE(check(EpipolarDomain::kIntersection).free());
   EXPECT_EQ(check(EpipolarDomain::kObstacle).state(), State::kOccupied);
@@ -230,9 +230,10 @@ TEST_F(CalibratedTest, AgreesWithTheReferenceOnRandomImagesMatricesAndPolicies) 
     RobotImageTable::Builder builder(grid, sizes);
     builder.Add(0, test_robot);
     const RobotImageTable table = std::move(builder).Build();
-    const Verdict uncalibrated = CollisionTest(table, images, {.preset = Preset::kPaper}).Check(0);
+    const Verdict uncalibrated =
+        CollisionChecker(table, images, {.preset = Preset::kPaper}).Check(0);
     for (const Policy& policy : CalibratedPolicies(views)) {
-      const CollisionTest test(table, images, policy, {.bands = &bands});
+      const CollisionChecker test(table, images, policy, {.bands = &bands});
       const Verdict verdict = test.Check(ConfigurationNumber{0});
       ASSERT_EQ(verdict.state(), CalibratedReference(images, test_robot, bands, policy))
           << NameOf(policy.preset) << ", round " << round;
@@ -270,7 +271,7 @@ TEST_F(CalibratedTest, VerdictsAreThoseOfTheCollisionImages) {
       for (int view = 0; view < 3; ++view) {
         if (Intersects(collision[view]->words(), table.image(view, 0))) ++showing;
       }
-      const CollisionTest test(table, images, policy, {.bands = &bands});
+      const CollisionChecker test(table, images, policy, {.bands = &bands});
       EXPECT_EQ(test.Check(ConfigurationNumber{0}).free(), showing < test.min_views());
     }
   }
@@ -284,8 +285,8 @@ TEST_F(CalibratedTest, ImagesResolvedBeforehandGiveTheSameVerdicts) {
   const ObstacleImages images = RandomObstacleImages(sizes, 0.2, random);
   const Policy policy{.preset = Preset::kPaperCalibrated};
   const CollisionImages resolved = ResolvedObstacleImages(images, bands, true);
-  const CollisionTest own(table, images, policy, {.bands = &bands});
-  const CollisionTest given(table, images, policy, {.bands = &bands, .resolved = &resolved});
+  const CollisionChecker own(table, images, policy, {.bands = &bands});
+  const CollisionChecker given(table, images, policy, {.bands = &bands, .resolved = &resolved});
   for (uint64_t tile = 0; tile < grid.tiles(); ++tile) {
     EXPECT_EQ(own.CheckTile(tile), given.CheckTile(tile));
   }
@@ -301,8 +302,8 @@ TEST_F(CalibratedTest, LosingAViewNeverTurnsOccupiedIntoFree) {
     ObstacleImages fewer = images;
     fewer[random() % 3].reset();
     for (const Policy& policy : CalibratedPolicies(3)) {
-      const CollisionTest all(table, images, policy, {.bands = &bands});
-      const CollisionTest rest(table, fewer, policy, {.bands = &bands});
+      const CollisionChecker all(table, images, policy, {.bands = &bands});
+      const CollisionChecker rest(table, fewer, policy, {.bands = &bands});
       for (ConfigurationNumber number = 0; number < 40; ++number) {
         const State before = all.Check(number).state();
         const Verdict after = rest.Check(number);
@@ -327,8 +328,8 @@ TEST_F(CalibratedTest, MarginNeverTurnsOccupiedIntoFree) {
     policies.push_back({});
     policies.push_back({.preset = Preset::kPaper});
     for (const Policy& policy : policies) {
-      const CollisionTest before(table, images, policy, {.bands = &bands});
-      const CollisionTest after(table, grown, policy, {.bands = &bands});
+      const CollisionChecker before(table, images, policy, {.bands = &bands});
+      const CollisionChecker after(table, grown, policy, {.bands = &bands});
       for (ConfigurationNumber number = 0; number < 60; ++number) {
         EXPECT_LE(after.Check(number).free(), before.Check(number).free());
         if (before.Check(number).free() && !after.Check(number).free()) ++turned;
@@ -347,10 +348,10 @@ TEST(CalibratedPresets, AreRefusedWithoutWhatTheyNeed) {
   const EpipolarBands others = RowsMeetRows(2, 4);
   const CollisionImages missing(2);
   const Policy policy{.preset = Preset::kPaperCalibrated};
-  EXPECT_NO_THROW(CollisionTest(table, images, policy, {.bands = &bands}));
-  EXPECT_THROW(CollisionTest(table, images, policy), std::invalid_argument);
-  EXPECT_THROW(CollisionTest(table, images, policy, {.bands = &others}), std::invalid_argument);
-  EXPECT_THROW(CollisionTest(table, images, policy, {.bands = &bands, .resolved = &missing}),
+  EXPECT_NO_THROW(CollisionChecker(table, images, policy, {.bands = &bands}));
+  EXPECT_THROW(CollisionChecker(table, images, policy), std::invalid_argument);
+  EXPECT_THROW(CollisionChecker(table, images, policy, {.bands = &others}), std::invalid_argument);
+  EXPECT_THROW(CollisionChecker(table, images, policy, {.bands = &bands, .resolved = &missing}),
                std::invalid_argument);
   EXPECT_THROW(ResolvedObstacleImages(images, others, false), std::invalid_argument);
   EXPECT_THROW(ResolvedObstacleImages({Column("UBB")}, bands, false), std::invalid_argument);

@@ -86,10 +86,10 @@ struct MeasuredCell {
   }
 
   TestSupport support() const { return {.bands = &bands}; }
-  CollisionTest Test(const RobotImageTable& with) const {
-    return CollisionTest(with, images, policy, support());
+  CollisionChecker Test(const RobotImageTable& with) const {
+    return CollisionChecker(with, images, policy, support());
   }
-  ClearanceMeter Meter(const CollisionTest& test) const {
+  ClearanceMeter Meter(const CollisionChecker& test) const {
     return ClearanceMeter(test, images, policy, support(), distances);
   }
 
@@ -135,7 +135,7 @@ TEST_F(Clearances, RobotImagesMayGrowByTheClearanceAndByNoMore) {
   for (int round = 0; round < 300; ++round) {
     const int views = AnyOf(1, 4);
     const MeasuredCell cell(RandomPolicy(views), views, random);
-    const CollisionTest test = cell.Test(cell.table);
+    const CollisionChecker test = cell.Test(cell.table);
     const ClearanceMeter meter = cell.Meter(test);
     for (int i = 0; i < 4; ++i) {
       const Configuration q = RandomConfiguration();
@@ -174,7 +174,7 @@ TEST_F(Clearances, SmallestOnAPathIsThatOfThePlacesTested) {
   for (int round = 0; round < 300; ++round) {
     const int views = AnyOf(2, 4);
     const MeasuredCell cell(RandomPolicy(views), views, random);
-    const CollisionTest test = cell.Test(cell.table);
+    const CollisionChecker test = cell.Test(cell.table);
     const ClearanceMeter meter = cell.Meter(test);
     std::vector<Configuration> waypoints;
     for (int i = AnyOf(1, 3); i > 0; --i) waypoints.push_back(RandomConfiguration());
@@ -224,7 +224,7 @@ struct ClearanceRow {
 
   std::optional<double> Clearance(int min_views, std::span<ViewEvidence> evidence = {}) const {
     const Policy policy{.min_views = min_views};
-    const CollisionTest test(*table, images, policy);
+    const CollisionChecker test(*table, images, policy);
     const DistanceImages distances = DistancesTo(ObstaclePlanes(images));
     const Configuration q = {0};
     return ClearanceMeter(test, images, policy, {}, distances).Measure(q, test.Check(q), evidence);
@@ -277,7 +277,7 @@ TEST(Clearance, UnknownPixelsDoNotMakeItSmaller) {
 TEST(Clearance, DistancesOfAnotherSceneAreRefused) {
   const ClearanceRow row({6, 3});
   const Policy policy;
-  const CollisionTest test(*row.table, row.images, policy);
+  const CollisionChecker test(*row.table, row.images, policy);
   EXPECT_THROW(ClearanceMeter(test, row.images, policy, {}, {}), std::invalid_argument);
   const DistanceImages small = DistancesTo({Mask({3, 3}), Mask({3, 3})});
   EXPECT_THROW(ClearanceMeter(test, row.images, policy, {}, small), std::invalid_argument);
@@ -336,7 +336,7 @@ TEST_F(SoundClearances, PlanesOfPossibleSpaceAreMetByAnyMoreAndSoundIsNot) {
     const TestSupport support{.possible_space = &possible};
     for (const Preset preset : {Preset::kSoundPlanes, Preset::kSound}) {
       const Policy policy{.preset = preset, .min_views = min_views};
-      const CollisionTest test(world.table, images, policy, support);
+      const CollisionChecker test(world.table, images, policy, support);
       const ClearanceMeter meter(test, images, policy, support, distances);
       for (int i = 0; i < 60; ++i) {
         const ConfigurationNumber number = all[static_cast<size_t>(AnyOf(0, 399))];

@@ -60,8 +60,8 @@ Configuration PlaceIn(const ConfigurationGrid& grid, const GridIndex& low, bool 
 }
 
 // Some places of `count` cells, by their bits and by the test itself.
-void ExpectTrue(const CollisionTest& test, const FreeCells& cells, int count, std::mt19937& random,
-                FreeCellsMet& met) {
+void ExpectTrue(const CollisionChecker& test, const FreeCells& cells, int count,
+                std::mt19937& random, FreeCellsMet& met) {
   const ConfigurationGrid& grid = test.grid();
   for (int i = 0; i < count; ++i) {
     GridIndex low{};
@@ -118,8 +118,8 @@ TEST_F(FreeCellsTest, FreeOnesAreFreeThroughoutAndWherePlanesDecideTheOthersAreN
       Policy policy{.preset = preset, .errors_convict = round % 2 == 0};
       if (round % 4 != 0) policy.min_views = 1 + static_cast<int>(random_()) % views;
       policy.min_views = std::clamp(policy.min_views.value_or(views), 1, views);
-      const CollisionTest test(table, images, policy, {.bands = &bands});
-      const SpaceTest space(test, index.trees());
+      const CollisionChecker test(table, images, policy, {.bands = &bands});
+      const SpaceChecker space(test, index.trees());
       FreeCells cells(space, [&](uint64_t tile) {
         const bool there = indexed && !(gaps && tile % 2 == 1);
         return there ? &index.tile(tile) : nullptr;
@@ -167,8 +167,8 @@ TEST_F(FreeCellsTest, UnderSoundPresetsFreeOnesAreFreeThroughout) {
           return false;
         };
       }
-      const CollisionTest test(world.table, images, {.preset = preset}, support);
-      const SpaceTest space(test, index.trees());
+      const CollisionChecker test(world.table, images, {.preset = preset}, support);
+      const SpaceChecker space(test, index.trees());
       FreeCells cells(space, [&](uint64_t tile) { return &index.tile(tile); });
       ASSERT_TRUE(cells.WorkOut(AllTiles(test.grid()), Never));
       ASSERT_NO_FATAL_FAILURE(ExpectTrue(test, cells, 400, random_, met)) << NameOf(preset);
@@ -215,8 +215,8 @@ TEST_F(FreeCellsTest, ImageThatCannotBeReadLeavesItsCellsUnknownAndNothingExact)
   const RobotImageTable table = std::move(builder).Build();
   const std::vector<PixelTree> trees = {PixelTree({8, 8})};
   const ObstacleImages images = RandomObstacleImages(sizes, 0.1, random_);
-  const CollisionTest test(table, images, {});
-  const SpaceTest space(test, trees);
+  const CollisionChecker test(table, images, {});
+  const SpaceChecker space(test, trees);
   FreeCells cells(space, [](uint64_t) { return nullptr; });
   ASSERT_TRUE(cells.WorkOut(AllTiles(grid), Never));
   EXPECT_FALSE(cells.exact());
@@ -233,8 +233,8 @@ TEST_F(FreeCellsTest, StoppedWorkGoesOnWhereItWasAndThreadsShareIt) {
   const RobotImageTable table = MovingTable(grid, sizes, random_);
   const IndexOfTable index(table);
   const ObstacleImages images = RandomObstacleImages(sizes, 0.1, random_);
-  const CollisionTest test(table, images, {});
-  const SpaceTest space(test, index.trees());
+  const CollisionChecker test(table, images, {});
+  const SpaceChecker space(test, index.trees());
   std::atomic<int> looked_up = 0;
   const auto index_of = [&](uint64_t tile) {
     ++looked_up;

@@ -43,7 +43,7 @@ struct PointCell {
 
   PathVerdict Check(const std::vector<Configuration>& waypoints,
                     OffGrid off_grid = OffGrid::kCell) const {
-    return CollisionTest(table, images, {.off_grid = off_grid}).CheckPath(waypoints);
+    return CollisionChecker(table, images, {.off_grid = off_grid}).CheckPath(waypoints);
   }
 };
 
@@ -197,7 +197,7 @@ TEST_P(RandomPaths, ExactTraversalFindsWhatDenseSamplesFindAndNothingElse) {
   for (int round = 0; round < 150; ++round) {
     std::bernoulli_distribution blocked(0.06);
     const PointCell cell(TurningGrid(), [&](int, int) { return blocked(random); });
-    const CollisionTest test(cell.table, cell.images, {.off_grid = GetParam()});
+    const CollisionChecker test(cell.table, cell.images, {.off_grid = GetParam()});
     std::vector<Configuration> waypoints;
     for (int i = 0; i < 3; ++i) {
       waypoints.push_back(

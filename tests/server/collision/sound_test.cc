@@ -107,13 +107,14 @@ void NeverMisses(std::vector<BallCamera> cameras, int scenes) {
     const ObstacleImages images = world.See(obstacles, present);
     const PossibleSpace possible(world.space, images, world.Body(present));
     ExpectHolds(possible, obstacles, random);
-    const CollisionTest planes(world.table, images, {.preset = Preset::kSoundPlanes},
-                               Without(possible));
-    const CollisionTest voxels(world.table, images, {.preset = Preset::kSound}, Without(possible));
-    const CollisionTest planes_with_body(world.table, images, {.preset = Preset::kSoundPlanes},
-                                         WithBody(possible, present));
-    const CollisionTest with_body(world.table, images, {.preset = Preset::kSound},
-                                  WithBody(possible, present));
+    const CollisionChecker planes(world.table, images, {.preset = Preset::kSoundPlanes},
+                                  Without(possible));
+    const CollisionChecker voxels(world.table, images, {.preset = Preset::kSound},
+                                  Without(possible));
+    const CollisionChecker planes_with_body(world.table, images, {.preset = Preset::kSoundPlanes},
+                                            WithBody(possible, present));
+    const CollisionChecker with_body(world.table, images, {.preset = Preset::kSound},
+                                     WithBody(possible, present));
     for (ConfigurationNumber number : SphereWorld::Configurations()) {
       // Each looks closer than the one before.
       EXPECT_LE(planes.Check(number).free(), voxels.Check(number).free());
@@ -154,9 +155,10 @@ TEST(SoundTest, NeverMissesWithAnotherVariantThanTheScenes) {
     const ObstacleImages images = seen.See(obstacles, present);
     const PossibleSpace possible(tested.space, images, tested.Body(present));
     ExpectHolds(possible, obstacles, random);
-    const CollisionTest planes(tested.table, images, {.preset = Preset::kSoundPlanes},
-                               Without(possible));
-    const CollisionTest voxels(tested.table, images, {.preset = Preset::kSound}, Without(possible));
+    const CollisionChecker planes(tested.table, images, {.preset = Preset::kSoundPlanes},
+                                  Without(possible));
+    const CollisionChecker voxels(tested.table, images, {.preset = Preset::kSound},
+                                  Without(possible));
     for (ConfigurationNumber number : SphereWorld::Configurations()) {
       EXPECT_LE(planes.Check(number).free(), voxels.Check(number).free());
       if (!Touch(tested.Robot(number), obstacles)) continue;
@@ -208,7 +210,7 @@ TEST(SoundTest, FindsWhatTheRobotHidesInAllViewsAndNoOtherPresetDoes) {
   for (Preset preset : AllPresets()) {
     TestSupport support = Without(hiding.possible);
     support.bands = &bands;
-    const CollisionTest test(hiding.world.table, hiding.images, {.preset = preset}, support);
+    const CollisionChecker test(hiding.world.table, hiding.images, {.preset = preset}, support);
     for (ConfigurationNumber number : hiding.touching) {
       EXPECT_EQ(test.Check(number).state(), IsSound(preset) ? State::kOccupied : State::kFree)
           << NameOf(preset);
@@ -247,8 +249,8 @@ TEST(SoundTest, KeepsWhatAllViewsSeeHoweverSmallItIs) {
   const Balls finger{{Vector3d(-0.3, -0.3, 0.05), 0.01}};
   const ObstacleImages images = world.See(finger, present);
   const PossibleSpace possible(world.space, images, world.Body(present));
-  const CollisionTest test(world.table, images, {.preset = Preset::kSound},
-                           WithBody(possible, present));
+  const CollisionChecker test(world.table, images, {.preset = Preset::kSound},
+                              WithBody(possible, present));
   int touching = 0;
   for (ConfigurationNumber number : SphereWorld::Configurations()) {
     if (!Touch(SphereWorld::Arm(number), finger)) continue;
@@ -260,9 +262,9 @@ TEST(SoundTest, KeepsWhatAllViewsSeeHoweverSmallItIs) {
 
 TEST(SoundTest, AFreeConfigurationHidesNothing) {
   const Hiding& hiding = TheHiding();
-  const CollisionTest sound(hiding.world.table, hiding.images, {.preset = Preset::kSound},
-                            WithBody(hiding.possible, hiding.present));
-  const CollisionTest paper(hiding.world.table, hiding.images, {.preset = Preset::kPaper});
+  const CollisionChecker sound(hiding.world.table, hiding.images, {.preset = Preset::kSound},
+                               WithBody(hiding.possible, hiding.present));
+  const CollisionChecker paper(hiding.world.table, hiding.images, {.preset = Preset::kPaper});
   int free = 0;
   for (ConfigurationNumber number : SphereWorld::Configurations()) {
     const Verdict verdict = sound.Check(number);
@@ -284,8 +286,8 @@ TEST(SoundTest, WhatTheRobotAlwaysCoversDoesNotBlockAllIfItsBodyIsKnown) {
   const PossibleSpace possible(world.space, images, world.Body(present));
   ASSERT_FALSE(possible.always_met().Empty());
   const Policy policy{.preset = Preset::kSoundPlanes};
-  const CollisionTest without(world.table, images, policy, Without(possible));
-  const CollisionTest with(world.table, images, policy, WithBody(possible, present));
+  const CollisionChecker without(world.table, images, policy, Without(possible));
+  const CollisionChecker with(world.table, images, policy, WithBody(possible, present));
   int free = 0;
   for (ConfigurationNumber number : SphereWorld::Configurations()) {
     EXPECT_FALSE(without.Check(number).free());
@@ -303,7 +305,7 @@ TEST(SoundTest, AMissingViewIsNeverFree) {
     images[missing] = std::nullopt;
     const PossibleSpace possible(world.space, images, world.Body(present));
     for (Preset preset : {Preset::kSoundPlanes, Preset::kSound}) {
-      const CollisionTest test(world.table, images, {.preset = preset}, Without(possible));
+      const CollisionChecker test(world.table, images, {.preset = preset}, Without(possible));
       for (ConfigurationNumber number : SphereWorld::Configurations()) {
         const Verdict verdict = test.Check(number);
         EXPECT_NE(verdict.state(), State::kFree);
@@ -325,7 +327,8 @@ TEST(SoundTest, TilesAreWhatSingleChecksAre) {
   const ObstacleImages images = world.See(obstacles, present);
   const PossibleSpace possible(world.space, images, world.Body(present));
   for (Preset preset : {Preset::kSoundPlanes, Preset::kSound}) {
-    const CollisionTest test(world.table, images, {.preset = preset}, WithBody(possible, present));
+    const CollisionChecker test(world.table, images, {.preset = preset},
+                                WithBody(possible, present));
     int occupied = 0;
     for (uint64_t tile = 0; tile < world.table.grid().tiles(); ++tile) {
       const TileVerdicts verdicts = test.CheckTile(tile);
@@ -347,7 +350,7 @@ TEST(SoundTest, OffTheGridACellIsTheUnionOfItsCorners) {
   const Balls obstacles{{Vector3d(0.45, -0.3, 0.05), 0.1}};
   const ObstacleImages images = world.See(obstacles, present);
   const PossibleSpace possible(world.space, images, world.Body(present));
-  const CollisionTest test(world.table, images, {.preset = Preset::kSound}, Without(possible));
+  const CollisionChecker test(world.table, images, {.preset = Preset::kSound}, Without(possible));
   std::mt19937 random(5);
   std::uniform_real_distribution<double> angle(0, 2 * std::numbers::pi);
   for (int i = 0; i < 300; ++i) {
@@ -383,9 +386,9 @@ TEST(SoundTest, NeedsTheSpaceOfItsScene) {
   ObstacleImages images = world.See({}, present);
   const PossibleSpace possible(world.space, images, {});
   const Policy policy{.preset = Preset::kSound};
-  EXPECT_THROW(CollisionTest(world.table, images, policy), std::invalid_argument);
+  EXPECT_THROW(CollisionChecker(world.table, images, policy), std::invalid_argument);
   images[0] = std::nullopt;
-  EXPECT_THROW(CollisionTest(world.table, images, policy, Without(possible)),
+  EXPECT_THROW(CollisionChecker(world.table, images, policy, Without(possible)),
                std::invalid_argument);
 }
 

@@ -32,7 +32,7 @@ TEST_F(TableInPlace, PathWithAPlaceThatCouldNotBeReadIsNotFree) {
   const RobotImageTable table = std::move(builder).Build();
   const ObstacleImages images = RandomObstacleImages(sizes, 0.1, random);
   const DistanceImages distances = DistancesTo(ObstaclePlanes(images));
-  const CollisionTest test(table, images, {});
+  const CollisionChecker test(table, images, {});
   const ClearanceMeter meter(test, images, {}, {}, distances);
   int free_paths = 0;
   int other_paths = 0;
@@ -73,7 +73,7 @@ TEST_F(TableInPlace, WhatCannotBeReadIsUnknownAndCorrupt) {
   const ObstacleImages images = RandomObstacleImages(sizes, 0.1, random);
   const EpipolarBands bands(RandomCalibration(2, 0, random), sizes, 0.3);
   for (const Preset preset : {Preset::kUncalibrated, Preset::kPaper, Preset::kPaperCalibrated}) {
-    const CollisionTest test(table, images, {.preset = preset}, {.bands = &bands});
+    const CollisionChecker test(table, images, {.preset = preset}, {.bands = &bands});
     const TileVerdicts tile = test.CheckTile(0);
     for (ConfigurationNumber number = 0; number < kTileSize; ++number) {
       const Verdict verdict = test.Check(number);
@@ -111,10 +111,10 @@ TEST_F(TableInPlace, WhatCannotBeReadIsUnknownWhereTheIndexLeavesItOpen) {
     const ObstacleImages images = RandomBoxScene(sizes, false, random);
     const Policy policy{.preset = Preset::kPaperCalibrated,
                         .epipolar = EpipolarDomain::kIntersection};
-    const CollisionTest held(held_table, images, policy, {.bands = &bands});
-    const CollisionTest read(read_table, images, policy, {.bands = &bands});
-    const SpaceTest held_space(held, index.trees());
-    const SpaceTest read_space(read, index.trees());
+    const CollisionChecker held(held_table, images, policy, {.bands = &bands});
+    const CollisionChecker read(read_table, images, policy, {.bands = &bands});
+    const SpaceChecker held_space(held, index.trees());
+    const SpaceChecker read_space(read, index.trees());
     for (uint64_t tile = 0; tile < Grid().tiles(); ++tile) {
       PlaceSet unreadable;
       for (const uint64_t number : lost) {

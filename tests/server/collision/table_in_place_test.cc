@@ -27,7 +27,7 @@ struct SameInPlace : TableInPlace {
     unknown += verdict.state() == State::kUnknown;
   }
 
-  void ExpectSameChecks(const CollisionTest& held, const CollisionTest& read,
+  void ExpectSameChecks(const CollisionChecker& held, const CollisionChecker& read,
                         const ConfigurationGrid& grid, int views) {
     std::vector<ViewEvidence> held_evidence(static_cast<size_t>(views));
     std::vector<ViewEvidence> read_evidence(static_cast<size_t>(views));
@@ -53,9 +53,9 @@ struct SameInPlace : TableInPlace {
     }
   }
 
-  void ExpectSameTiles(const CollisionTest& held, const CollisionTest& read,
+  void ExpectSameTiles(const CollisionChecker& held, const CollisionChecker& read,
                        const IndexOfTable& index, const ConfigurationGrid& grid) {
-    const SpaceTest by_index(read, index.trees());
+    const SpaceChecker by_index(read, index.trees());
     for (uint64_t tile = 0; tile < grid.tiles(); ++tile) {
       const TileVerdicts verdicts = held.CheckTile(tile);
       ASSERT_EQ(verdicts, read.CheckTile(tile));
@@ -105,8 +105,8 @@ TEST_F(SameInPlace, GivesTheSameAnswersUnderEveryPresetOfPlanesAndLines) {
           policy.epipolar = EpipolarDomain::kIntersection;
         }
         const TestSupport support{.bands = &bands};
-        const CollisionTest held(held_table, images, policy, support);
-        const CollisionTest read(read_table, images, policy, support);
+        const CollisionChecker held(held_table, images, policy, support);
+        const CollisionChecker read(read_table, images, policy, support);
         ASSERT_NO_FATAL_FAILURE(ExpectSameChecks(held, read, Grid(), views)) << NameOf(preset);
         ASSERT_NO_FATAL_FAILURE(ExpectSameTiles(held, read, index, Grid())) << NameOf(preset);
       }
@@ -135,8 +135,8 @@ TEST_F(SameInPlace, GivesTheSameAnswersUnderTheSoundPresets) {
     const PossibleSpace possible(world.space, images, world.Body(present));
     for (const Preset preset : {Preset::kSoundPlanes, Preset::kSound}) {
       const TestSupport support{.possible_space = &possible};
-      const CollisionTest held(world.table, images, {.preset = preset}, support);
-      const CollisionTest read(read_table, images, {.preset = preset}, support);
+      const CollisionChecker held(world.table, images, {.preset = preset}, support);
+      const CollisionChecker read(read_table, images, {.preset = preset}, support);
       ASSERT_NO_FATAL_FAILURE(ExpectSameChecks(held, read, SphereWorld::Grid(), 3));
       ASSERT_NO_FATAL_FAILURE(ExpectSameTiles(held, read, index, SphereWorld::Grid()));
     }
@@ -151,8 +151,8 @@ TEST_F(SameInPlace, MeasuresTheSameClearance) {
   const RobotImageTable read_table = ReadFrom(held_table);
   const ObstacleImages images = RandomObstacleImages(sizes, 0.02, random);
   const DistanceImages distances = DistancesTo(ObstaclePlanes(images));
-  const CollisionTest held(held_table, images, {});
-  const CollisionTest read(read_table, images, {});
+  const CollisionChecker held(held_table, images, {});
+  const CollisionChecker read(read_table, images, {});
   const ClearanceMeter held_meter(held, images, {}, {}, distances);
   const ClearanceMeter read_meter(read, images, {}, {}, distances);
   int measured = 0;

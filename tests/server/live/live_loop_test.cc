@@ -24,7 +24,7 @@ TEST_F(LiveLoopTest, ImagesAndJointsBecomeScenesAgainAndAgain) {
 }
 
 std::shared_ptr<const ServedDatabase> WithTools() {
-  const FreshFolder folder;
+  const std::filesystem::path folder = FreshFolder();
   MakeDatabase(folder / "db", {.references = true});
   AddTools(folder / "db");
   return LoadDatabase(folder / "db");

@@ -203,7 +203,7 @@ TEST_F(CheckerTest, TilesByTheIndexAreTheSameAsWithoutIt) {
 
 // A robot image that is replaced makes the index of its tile useless.
 TEST_F(CheckerTest, IndexOlderThanTheRobotImagesIsNotUsed) {
-  const FreshFolder folder;
+  const std::filesystem::path folder = FreshFolder();
   MakeDatabase(folder / "db", {.index = true});
   {
     const auto writable = Database::Open(folder / "db", Database::Access::kWrite);

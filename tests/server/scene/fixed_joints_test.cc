@@ -43,7 +43,7 @@ struct Variant {
 };
 
 struct FixedJointsTest : ::testing::TestWithParam<Variant> {
-  FreshFolder folder;
+  const std::filesystem::path folder = FreshFolder();
 
   // The default variant, and if there is a second function the tool's.
   std::shared_ptr<const ServedDatabase> Make(const LiftAt& lift, const LiftAt& with_tool = {}) {

@@ -59,7 +59,7 @@ void ExpectSame(const Served& one, const Served& other, const Policy& policy,
 }
 
 struct SceneVariants : ::testing::TestWithParam<bool> {
-  FreshFolder folder;
+  const std::filesystem::path folder = FreshFolder();
   // With both variants; with the default variant's images alone; with the tool's alone, as default.
   std::shared_ptr<const ServedDatabase> both;
   std::shared_ptr<const ServedDatabase> plain;
@@ -175,7 +175,7 @@ INSTANTIATE_TEST_SUITE_P(WithAndWithoutIndex, SceneVariants, ::testing::Bool(),
                          [](const auto& with) { return with.param ? "Index" : "NoIndex"; });
 
 // A database of both variants that the sound presets can be served with, by cameras somewhere.
-std::shared_ptr<const ServedDatabase> SoundDatabase(const FreshFolder& folder) {
+std::shared_ptr<const ServedDatabase> SoundDatabase(const std::filesystem::path& folder) {
   MakeDatabase(folder / "db");
   AddTools(folder / "db");
   const char* joint =
@@ -211,7 +211,7 @@ std::shared_ptr<const ServedDatabase> SoundDatabase(const FreshFolder& folder) {
 // Links that stand as in the scene touch nothing, as they do now - unless they carry something
 // else.
 TEST(SoundVariants, WhatStandsAsInTheSceneMayTouchWithAnotherVariant) {
-  const FreshFolder folder;
+  const std::filesystem::path folder = FreshFolder();
   const auto both = SoundDatabase(folder);
   for (const std::string scene_variant : {"default", kTool}) {
     SceneInput input = scene_variant == kTool ? ToolScene(0, 0, 4) : EmptyCellScene();
@@ -229,7 +229,7 @@ TEST(SoundVariants, WhatStandsAsInTheSceneMayTouchWithAnotherVariant) {
 
 // What memory holds or not makes no difference.
 TEST(SceneVariantsInPlace, AnswerAsInMemory) {
-  const FreshFolder folder;
+  const std::filesystem::path folder = FreshFolder();
   MakeDatabase(folder / "db", {.index = true});
   AddTools(folder / "db");
   const auto held = LoadDatabase(folder / "db", {.margin = 0}, {}, {.variants_in_memory = true});
@@ -246,7 +246,7 @@ TEST(SceneVariantsInPlace, AnswerAsInMemory) {
 }
 
 TEST(SceneVariantsInPlace, OtherVariantsCostNoMemoryUnlessTheyMay) {
-  const FreshFolder folder;
+  const std::filesystem::path folder = FreshFolder();
   MakeDatabase(folder / "db");
   AddTools(folder / "db");
   const auto usual = LoadDatabase(folder / "db");
@@ -264,7 +264,7 @@ TEST(SceneVariantsInPlace, OtherVariantsCostNoMemoryUnlessTheyMay) {
 // A record of the default variant gets lost: what rests on it is corrupt in the other variant,
 // never free.
 TEST(SceneVariantsDamaged, ALostBaseIsNeverFree) {
-  const FreshFolder folder;
+  const std::filesystem::path folder = FreshFolder();
   MakeDatabase(folder / "db");
   AddTools(folder / "db");
   {

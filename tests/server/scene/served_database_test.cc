@@ -40,7 +40,7 @@ TEST(ServedDatabase, MarksWhatIsMissingExcludedOrFailsItsChecksum) {
 }
 
 TEST(ServedDatabase, IsNotTouchedByWhatIsWrittenAfterwards) {
-  const FreshFolder folder;
+  const std::filesystem::path folder = FreshFolder();
   MakeDatabase(folder / "db", {.missing = {{0, 7}}});
   const auto before = LoadDatabase(folder / "db");
   {
@@ -62,7 +62,7 @@ TEST(ServedDatabase, DecodesTheReferenceImages) {
 }
 
 TEST(ServedDatabase, ReferenceThatCannotBeDecodedIsDataLoss) {
-  const FreshFolder folder;
+  const std::filesystem::path folder = FreshFolder();
   MakeDatabase(folder / "db");
   storage::v1::References references = TestReferences();
   references.mutable_views(1)->set_noise_png("no image");
@@ -74,7 +74,7 @@ TEST(ServedDatabase, ReferenceThatCannotBeDecodedIsDataLoss) {
 }
 
 TEST(ServedDatabase, HasTheCalibrationOfItsGeneration) {
-  const FreshFolder folder;
+  const std::filesystem::path folder = FreshFolder();
   MakeDatabase(folder / "db");
   const auto without = LoadDatabase(folder / "db");
   EXPECT_EQ(without->calibration(), nullptr);
@@ -112,7 +112,7 @@ TEST(ServedDatabase, ServesOnlyPoliciesThatItHasWhatItTakesFor) {
 }
 
 TEST(ServedDatabase, WithACalibrationThatIsNoneIsNotServed) {
-  const FreshFolder folder;
+  const std::filesystem::path folder = FreshFolder();
   storage::v1::Calibration singular = TestCalibration();
   singular.mutable_fundamental_matrices(1)->mutable_f()->Set(7, 0);
   singular.mutable_fundamental_matrices(1)->mutable_f()->Set(8, 0);  // rank 1
@@ -124,7 +124,7 @@ TEST(ServedDatabase, WithACalibrationThatIsNoneIsNotServed) {
 }
 
 TEST(ServedDatabase, TakesNoNegativeMargin) {
-  const FreshFolder folder;
+  const std::filesystem::path folder = FreshFolder();
   MakeDatabase(folder / "db", {.calibration = TestCalibration()});
   const auto database = Database::Open(folder / "db", Database::Access::kRead);
   EXPECT_EQ(ServedDatabase::Load(**database, {.margin = -1}).status().code(),

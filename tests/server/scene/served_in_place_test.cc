@@ -16,7 +16,7 @@ const LoadSettings kInPlace{.robot_image_memory = 0};
 const Moment kServedInPlaceNow{absl::FromUnixSeconds(1'000'000), absl::Seconds(50)};
 
 struct ServedInPlace : ::testing::TestWithParam<bool> {
-  FreshFolder folder;
+  const std::filesystem::path folder = FreshFolder();
   std::string path = folder / "db";
 
   // Both ways: in memory, and in place.
@@ -122,7 +122,7 @@ TEST_F(ServedInPlaceDamaged, WhatIsWrittenAfterwardsIsNotSeen) {
 }
 
 TEST_F(ServedInPlaceDamaged, ReportsItsProgress) {
-  storage::v1::CellDescription cell = TestCell();
+  storage::v1::CellDescription cell = ServerTestCell();
   MakeDatabase(path, {.cell = cell});
   const auto database = Database::Open(path, Database::Access::kRead);
   std::vector<uint64_t> done;
@@ -141,7 +141,7 @@ TEST_F(ServedInPlaceDamaged, TakesLittleMemoryHoweverManyMasksThereAre) {
 #endif
   constexpr int kSteps = 4000;  // masks of 375 MiB in all
   constexpr MaskSize kSize{512, 512};
-  storage::v1::CellDescription cell = TestCell();
+  storage::v1::CellDescription cell = ServerTestCell();
   cell.mutable_grid_joints(0)->set_steps(kSteps);
   cell.mutable_grid_joints(1)->set_continuous(false);
   cell.mutable_grid_joints(1)->set_upper(cell.grid_joints(1).lower());
@@ -179,7 +179,7 @@ TEST_F(ServedInPlaceDamaged, TakesLittleMemoryHoweverManyMasksThereAre) {
           Mask::FromPredicate(kSize, [](int x, int y) { return x == 300 && y == 0; });
       images.push_back(ObstacleImage::FromScene(obstacle, Mask(kSize)));
     }
-    const CollisionTest test(database->robot_images(), images, {});
+    const CollisionChecker test(database->robot_images(), images, {});
     for (int step = 0; step < kSteps; ++step) {
       const bool touches = step / 8 <= 300 && step / 8 + 5 > 300;
       const State expected = touches ? State::kOccupied : State::kFree;

@@ -198,7 +198,7 @@ TEST_F(CalibratedService, WithAMissingViewIsNeverFree) {
 }
 
 TEST_F(CalibratedService, AfterAnotherCalibrationOldScenesAreOfNoUse) {
-  const FreshFolder folder;
+  const std::filesystem::path folder = FreshFolder();
   MakeDatabase(folder / "db", {.calibration = TestCalibration()});
   TestServer changing(LoadDatabase(folder / "db"), ChoosingPreset());
   changing.Publish(EmptyCellScene());

@@ -17,7 +17,7 @@ const Configuration kChangeVariantServiceToolTouches = At(1, 1);
 constexpr int kChangeVariantServiceBlock = 2;
 
 std::shared_ptr<const ServedDatabase> ChangeVariantServiceBothVariants() {
-  const FreshFolder folder;
+  const std::filesystem::path folder = FreshFolder();
   MakeDatabase(folder / "db");
   AddTools(folder / "db");
   BuildIndex(folder / "db");
@@ -178,7 +178,7 @@ TEST_F(ChangeVariantServiceTest, MistakesAreToldInOneSentence) {
 
 // Who holds the map of the old variant in memory is told at once, and gets that of the new one.
 TEST_F(ChangeVariantServiceTest, SharedMapAndWatchFollowTheChangeAndAreNeverFreeInBetween) {
-  const FreshFolder folder;
+  const std::filesystem::path folder = FreshFolder();
   settings.scene.max_age = absl::Minutes(10);
   settings.shared_map.file = folder / "map";
   settings.live = NewRecord(SystemClock, KnownVariant("default"));
@@ -186,7 +186,7 @@ TEST_F(ChangeVariantServiceTest, SharedMapAndWatchFollowTheChangeAndAreNeverFree
   const SharedSpace shared = SharedSpace::Open(folder / "map").value();
   grpc::ClientContext context;
   const auto watch = server.collision->WatchConfigurationSpace(&context, {});
-  const auto number = GridOf(TestCell())->NumberOf({1, 1});
+  const auto number = GridOf(ServerTestCell())->NumberOf({1, 1});
   // The watch's next update that has the map of a scene of this variant; none before it may be
   // free.
   const auto await_watch = [&](const std::string& variant) {

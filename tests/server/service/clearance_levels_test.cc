@@ -37,7 +37,7 @@ v1::ConfigurationSpaceTile TileOf(TestServer& server, const v1::Policy& policy =
 // how many of them are above a level.
 int ExpectAsMeasuredSingly(TestServer& server, const v1::Policy& policy = {}) {
   int above = 0;
-  const ConfigurationGrid grid = *GridOf(TestCell());
+  const ConfigurationGrid grid = *GridOf(ServerTestCell());
   const v1::ConfigurationSpaceTile tile = TileOf(server, policy);
   std::vector<Configuration> all;
   for (int a = 0; a < 5; ++a) {

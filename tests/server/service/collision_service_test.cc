@@ -271,11 +271,11 @@ TEST_F(CollisionServiceTest, SpaceOfTilesThatAreNotThereIsRefused) {
 }
 
 TEST(GetConfigurationSpace, EachTileComesOnceInMessagesThatClientsTakeByDefault) {
-  storage::v1::CellDescription cell = TestCell();
+  storage::v1::CellDescription cell = ServerTestCell();
   cell.mutable_grid_joints(0)->set_steps(2048);
   cell.mutable_grid_joints(1)->set_steps(1026);
   const ConfigurationGrid grid = *GridOf(cell);
-  const FreshFolder folder;
+  const std::filesystem::path folder = FreshFolder();
   {
     // Only the robot images around the scene's configuration and one far away are there.
     const auto database = Database::Create(folder / "db", cell);

@@ -209,8 +209,8 @@ TEST(Server, AddressInUseIsRefused) {
   const auto second = Server::Start((*first)->address(), database, {});
   EXPECT_TRUE(absl::IsFailedPrecondition(second.status())) << second.status();
   EXPECT_THAT(second.status().message(), HasSubstr("is in use"));
-  const FreshFolder folder;
-  const std::string path = "unix:" + (folder / "socket");
+  const std::filesystem::path folder = FreshFolder();
+  const std::string path = "unix:" + (folder / "socket").string();
   const auto third = Server::Start(path, database, {});
   ASSERT_TRUE(third.ok()) << third.status();
   const auto fourth = Server::Start(path, database, {});
@@ -224,9 +224,10 @@ TEST(ListenAddress, WhatIsNoneIsRefused) {
   }
   EXPECT_TRUE(absl::IsFailedPrecondition(CheckListenAddress("192.0.2.7:50051")));
   EXPECT_THAT(CheckListenAddress("unix:/no/such/folder/s").message(), HasSubstr("/no/such/folder"));
-  const FreshFolder folder;
+  const std::filesystem::path folder = FreshFolder();
   std::ofstream(folder / "file") << "not a socket";
-  EXPECT_THAT(CheckListenAddress("unix:" + (folder / "file")).message(), HasSubstr("is no socket"));
+  EXPECT_THAT(CheckListenAddress("unix:" + (folder / "file").string()).message(),
+              HasSubstr("is no socket"));
   EXPECT_TRUE(CheckListenAddress("127.0.0.1:0").ok());
 }
 

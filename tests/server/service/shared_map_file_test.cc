@@ -98,7 +98,7 @@ class SharedMapFileTest : public ::testing::Test {
     file.write(reinterpret_cast<const char*>(&value), sizeof(value));
   }
 
-  const FreshFolder folder_;
+  const std::filesystem::path folder_ = FreshFolder();
   const std::string file_ = folder_ / "map";
 };
 
@@ -128,7 +128,7 @@ TEST_F(SharedMapFileTest, IsReadByOtherUsersOnlyIfItsPermissionsLetThem) {
       return space.ok() && space->IsFree(0) ? 0 : 2;
     }));
   };
-  std::filesystem::permissions(folder_.path(), std::filesystem::perms(0755));
+  std::filesystem::permissions(folder_.string(), std::filesystem::perms(0755));
   std::optional<Source> source(SharedMapSettings{.file = file_, .mode = 0644});
   source->Publish(2);
   EXPECT_EQ(read_as_nobody(), 0);

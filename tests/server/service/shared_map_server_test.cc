@@ -57,7 +57,7 @@ struct SharedMapServer : ::testing::Test {
     }
   }
 
-  const FreshFolder folder;
+  const std::filesystem::path folder = FreshFolder();
   const std::string file = folder / "map";
 };
 
@@ -155,7 +155,7 @@ TEST_F(SharedMapServer, StopClosesTheMapAndRemovesTheFile) {
 
 TEST_F(SharedMapServer, FileThatCannotBeMadeIsToldAtTheStart) {
   const auto start = [&](const ServingSettings& settings) {
-    return Server::Start("unix:" + (folder / "s"), NewDatabase(), settings).status();
+    return Server::Start("unix:" + (folder / "s").string(), NewDatabase(), settings).status();
   };
   ServingSettings settings = Settings();
   settings.shared_map.mode = 0666;

@@ -98,7 +98,7 @@ class SharedMapTest : public ::testing::Test {
   }
   absl::Status OpenStatus() { return SharedSpace::Open(file_).status(); }
 
-  const FreshFolder folder_;
+  const std::filesystem::path folder_ = FreshFolder();
   const std::string file_ = folder_ / "map";
 };
 
@@ -316,7 +316,7 @@ TEST_F(SharedMapTest, AnotherDatabaseGetsAFileOfItsOwn) {
   Publisher publisher(file_);
   const SharedSpace space = Open();
   publisher.Scene(EmptyCellScene());
-  storage::v1::CellDescription finer = TestCell();
+  storage::v1::CellDescription finer = ServerTestCell();
   finer.mutable_grid_joints(1)->set_steps(4096);
   TestDatabase other{.cell = finer};
   publisher.store().ReplaceDatabase(NewDatabase(other));

@@ -83,7 +83,7 @@ class TestServer {
       std::shared_ptr<const ServedDatabase> database, ServingSettings settings = {},
       const std::function<Clock(Clock)>& wrap = [](Clock inner) { return inner; }) {
     settings.clock = wrap(clock.clock());
-    auto started = Server::Start("unix:" + (folder_ / "s"), std::move(database), settings);
+    auto started = Server::Start("unix:" + (folder_ / "s").string(), std::move(database), settings);
     EXPECT_TRUE(started.ok()) << started.status();
     server = *std::move(started);
     channel = grpc::CreateChannel(server->address(), grpc::InsecureChannelCredentials());
@@ -196,7 +196,7 @@ class TestServer {
   TestClock clock;
 
  private:
-  FreshFolder folder_;
+  const std::filesystem::path folder_ = FreshFolder();
 
  public:
   std::unique_ptr<Server> server;

@@ -8,7 +8,7 @@ namespace {
 using ::testing::HasSubstr;
 
 std::shared_ptr<const ServedDatabase> VariantsServiceBothVariants(bool index = true) {
-  const FreshFolder folder;
+  const std::filesystem::path folder = FreshFolder();
   MakeDatabase(folder / "db");
   AddTools(folder / "db");
   if (index) BuildIndex(folder / "db");
@@ -24,7 +24,7 @@ v1::CheckConfigurationsResponse CheckWith(TestServer& server, const std::string&
   v1::CheckConfigurationsRequest request;
   request.set_variant(variant);
   if (by_number) {
-    request.add_numbers(static_cast<uint32_t>(GridOf(TestCell())->NumberOf({1, 1})));
+    request.add_numbers(static_cast<uint32_t>(GridOf(ServerTestCell())->NumberOf({1, 1})));
   } else {
     Set(kVariantsServiceToolTouches, request.add_configurations());
   }
@@ -55,7 +55,7 @@ bool FreeWith(TestServer& server, const std::string& variant) {
   space.set_variant(variant);
   const auto parts = server.Space(space);
   EXPECT_EQ(parts[0].basis().variant(), expected);
-  const auto number = GridOf(TestCell())->NumberOf({1, 1});
+  const auto number = GridOf(ServerTestCell())->NumberOf({1, 1});
   const bool in_space = (parts[0].tiles(0).free()[number / 8] >> (number % 8) & 1) != 0;
 
   const bool free = one.verdicts(0).state() == v1::Verdict::STATE_FREE;
@@ -138,7 +138,7 @@ TEST(VariantsService, AWatchFollowsTheVariantOfTheScene) {
   grpc::ClientContext context;
   const auto reader = server.collision->WatchConfigurationSpace(&context, {});
   v1::WatchConfigurationSpaceResponse update;
-  const auto number = GridOf(TestCell())->NumberOf({1, 1});
+  const auto number = GridOf(ServerTestCell())->NumberOf({1, 1});
   const auto free = [&] {
     return update.tiles_size() > 0 && (update.tiles(0).free()[number / 8] >> (number % 8) & 1) != 0;
   };

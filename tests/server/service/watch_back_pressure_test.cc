@@ -17,9 +17,9 @@ namespace {
 // A database of which a block changes 1024 tiles: updates of a megabyte, more than a transport
 // takes unread.
 std::shared_ptr<const ServedDatabase> LargeDatabase() {
-  storage::v1::CellDescription cell = TestCell();
+  storage::v1::CellDescription cell = ServerTestCell();
   for (storage::v1::GridJoint& joint : *cell.mutable_grid_joints()) joint.set_steps(2048);
-  const FreshFolder folder;
+  const std::filesystem::path folder = FreshFolder();
   const std::string path = folder / "db";
   {
     const auto database = Database::Create(path, cell);

@@ -48,7 +48,7 @@ void WriteFile(const std::string& path, const std::string& text) {
 // A running silhouette-server; killed when the test forgets it.
 class ServerProgram {
  public:
-  ServerProgram(const FreshFolder& folder, const std::vector<std::string>& arguments)
+  ServerProgram(const std::filesystem::path& folder, const std::vector<std::string>& arguments)
       : out_(folder / "out"), err_(folder / "err") {
     std::remove(out_.c_str());
     pid_ = fork();
@@ -106,7 +106,7 @@ class ServerProgram {
 };
 
 struct ServerProgramTest : ::testing::Test {
-  FreshFolder folder;
+  const std::filesystem::path folder = FreshFolder();
   std::string cell = folder / "cell.yaml";
   std::string database = folder / "db";
 
@@ -152,7 +152,7 @@ TEST_F(ServerProgramTest, ServesUntilSigtermAndEndsWithZero) {
 }
 
 TEST_F(ServerProgramTest, ListensOnAUnixSocketAndTakesItOverFromADeadServer) {
-  const std::string address = "unix:" + (folder / "socket");
+  const std::string address = "unix:" + (folder / "socket").string();
   for (int round = 0; round < 2; ++round) {
     ServerProgram program(folder, {"--cell", cell, "--database", database, "--listen", address});
     EXPECT_EQ(program.Address(), address);
@@ -222,7 +222,7 @@ TEST_F(ServerProgramTest, SighupWithADatabaseThatCannotBeReadServesTheOldStateOn
 TEST_F(ServerProgramTest, PortInUseIsTheUsersMistake) {
   ServerProgram first(folder, {"--cell", cell, "--database", database, "--listen", "127.0.0.1:0"});
   const std::string address = first.Address();
-  const FreshFolder other;
+  const std::filesystem::path other = FreshFolder();
   ServerProgram second(other, {"--cell", cell, "--database", database, "--listen", address});
   EXPECT_EQ(second.ExitCode(), 2);
   EXPECT_THAT(second.Errors(),
@@ -268,8 +268,8 @@ TEST_F(ServerProgramTest, TakesMarginsAndIgnoredPixelsFromTheCellFile) {
   pillar.col(4) = 1;  // not black
   WriteFile(folder / "pillar.png", PngOf(pillar));
   {
-    ServerProgram program(
-        folder, {"--cell", cell, "--database", database, "--listen", "unix:" + (folder / "s")});
+    ServerProgram program(folder, {"--cell", cell, "--database", database, "--listen",
+                                   "unix:" + (folder / "s").string()});
     const v1::GetDatabaseResponse served = DatabaseAt(program.Address());
     EXPECT_EQ(served.views(0).ignored_pixels(), 12u);
     EXPECT_EQ(served.views(1).ignored_pixels(), 0u);
@@ -290,8 +290,8 @@ TEST_F(ServerProgramTest, TakesMarginsAndIgnoredPixelsFromTheCellFile) {
 }
 
 TEST_F(ServerProgramTest, TellsInItsLogWhoAllowsARegionAndWhenItEnds) {
-  ServerProgram program(
-      folder, {"--cell", cell, "--database", database, "--listen", "unix:" + (folder / "s")});
+  ServerProgram program(folder, {"--cell", cell, "--database", database, "--listen",
+                                 "unix:" + (folder / "s").string()});
   const auto stub = v1::SceneService::NewStub(
       grpc::CreateChannel(program.Address(), grpc::InsecureChannelCredentials()));
   const auto allow = [&](const std::string& name, int milliseconds) {
@@ -333,8 +333,8 @@ TEST_F(ServerProgramTest, CalibrationForOtherImagesIsTheUsersMistake) {
     const auto opened = Database::Open(database, Database::Access::kWrite);
     ASSERT_TRUE((*opened)->SetCalibration(TestCalibration(), "test").ok());
   }
-  ServerProgram program(
-      folder, {"--cell", cell, "--database", database, "--listen", "unix:" + (folder / "s")});
+  ServerProgram program(folder, {"--cell", cell, "--database", database, "--listen",
+                                 "unix:" + (folder / "s").string()});
   EXPECT_TRUE(DatabaseAt(program.Address()).calibrated());
   // The cell file speaks of images of another size than those that the database was made for.
   std::string text = kCell;

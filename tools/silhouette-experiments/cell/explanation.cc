@@ -96,7 +96,7 @@ std::vector<Explanation> Explainer::Explain(const ViewedScene& viewed,
   const ContactChecker contact(setting_.workplace.robot(), viewed.truth.obstacles);
   const std::vector<ContactPoint> points = contact.Points(links, obstacles, kMostPlaces);
   robot_.Place(setting_.workplace.LinkPoses(viewed.truth.robot));
-  const CollisionTest test(setting_.database.robot_images(), viewed.scene.obstacle_images, {});
+  const CollisionChecker test(setting_.database.robot_images(), viewed.scene.obstacle_images, {});
   std::vector<Mask> test_images;
   for (int view = 0; view < setting_.database.views(); ++view) {
     test_images.push_back(*test.TestRobotImage(view, missed.configuration));

@@ -101,7 +101,7 @@ std::string TextOf(const TrialSetting& setting, const ExplainedConfiguration& mi
 
 Picture Draw(const TrialSetting& setting, const ViewedScene& viewed,
              const ExplainedConfiguration& missing) {
-  const CollisionTest test(setting.database.robot_images(), viewed.scene.obstacle_images, {});
+  const CollisionChecker test(setting.database.robot_images(), viewed.scene.obstacle_images, {});
   const std::vector<CameraModel> cameras = setting.workplace.TrueCalibration().cameras;
   std::vector<CaptionedPicture> rows[3];
   for (size_t view = 0; view < viewed.images.size(); ++view) {

@@ -116,9 +116,9 @@ TrialResult Judge(const TrialSetting& setting, const ViewedScene& viewed, int nu
                                                        scene.obstacle_images, scene.joints, {});
     support.robot_may_touch = setting.database.sound()->RobotMayTouch(scene.joints);
   }
-  std::vector<std::unique_ptr<CollisionTest>> policies;
+  std::vector<std::unique_ptr<CollisionChecker>> policies;
   for (const Policy& policy : setting.policies) {
-    policies.push_back(std::make_unique<CollisionTest>(
+    policies.push_back(std::make_unique<CollisionChecker>(
         setting.database.robot_images(), viewed.scene.obstacle_images, policy, support));
   }
   const std::vector<Test> tests = TestsOf(setting, number);

@@ -141,8 +141,9 @@ class Bench {
     const double start = Seconds();
     const std::vector<ObstacleImage> images = ObstacleImagesOf(scene_images, scene);
     const ObstacleImages given(images.begin(), images.end());
-    const CollisionTest test(*table_, given, {.preset = method.preset, .min_views = cell_.views()},
-                             {.bands = &cell_.bands()});
+    const CollisionChecker test(*table_, given,
+                                {.preset = method.preset, .min_views = cell_.views()},
+                                {.bands = &cell_.bands()});
     const double prepared = Seconds();
     std::vector<TileVerdicts> tiles;
     for (uint64_t tile = 0; tile < grid_.tiles(); ++tile) tiles.push_back(test.CheckTile(tile));

@@ -283,7 +283,7 @@ Measures Trials::MeasuresOf(const CameraSet& cameras, const Policy& policy) cons
     ObstacleImages images;
     for (int camera : cameras)
       images.emplace_back(scene.obstacle_images[static_cast<size_t>(camera)]);
-    const TileVerdicts verdicts = CollisionTest(table, images, policy, support).CheckTile(0);
+    const TileVerdicts verdicts = CollisionChecker(table, images, policy, support).CheckTile(0);
     for (size_t word = 0; word < scene.touching.size(); ++word) {
       measures.occupied += std::popcount(scene.touching[word]);
       measures.missing += std::popcount(verdicts.free[word] & scene.touching[word]);

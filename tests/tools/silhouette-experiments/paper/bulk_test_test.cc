@@ -83,9 +83,9 @@ class BulkTestTest : public testing::Test {
       for (Preset preset : kPresets) {
         for (Threshold threshold : {Threshold::kAll, Threshold::kAllButOne}) {
           const int min_views = MinViewsOf(threshold, std::popcount(views));
-          const CollisionTest test(own.table(), own_images,
-                                   {.preset = preset, .min_views = min_views},
-                                   {.bands = &own.bands()});
+          const CollisionChecker test(own.table(), own_images,
+                                      {.preset = preset, .min_views = min_views},
+                                      {.bands = &own.bands()});
           const ConfigurationSet occupied = bulk.Occupied(preset, views, min_views);
           for (size_t i = 0; i < cell.arms().size(); ++i) {
             const Verdict verdict = offsets == nullptr
@@ -130,7 +130,7 @@ class BulkTestTest : public testing::Test {
                                          ? SoundOnGrid(sound, images, views, body, robot)
                                          : SoundInCells(sound, images, views, body);
       for (Preset preset : {Preset::kSoundPlanes, Preset::kSound}) {
-        const CollisionTest test(all.table(), chosen, {.preset = preset}, support);
+        const CollisionChecker test(all.table(), chosen, {.preset = preset}, support);
         const auto& occupied = preset == Preset::kSound ? verdicts.voxels : verdicts.planes;
         for (size_t i = 0; i < cell.arms().size(); ++i) {
           const Verdict verdict = offsets == nullptr

@@ -38,7 +38,7 @@ struct LevelTestMet {
 };
 
 // The clearances of the free configurations of a tile; nothing for the others.
-std::vector<std::optional<double>> ClearancesOf(const CollisionTest& test,
+std::vector<std::optional<double>> ClearancesOf(const CollisionChecker& test,
                                                 const ClearanceMeter& meter, uint64_t tile,
                                                 const PlaceSet& free) {
   std::vector<std::optional<double>> clearances(kTileSize);
@@ -66,16 +66,16 @@ std::vector<double> LevelsAmong(const std::vector<std::optional<double>>& cleara
   return levels;
 }
 
-void LevelTestExpectSame(const CollisionTest& test, const ClearanceMeter& meter,
+void LevelTestExpectSame(const CollisionChecker& test, const ClearanceMeter& meter,
                          const IndexOfTable& index, std::mt19937& random, LevelTestMet& met) {
   for (uint64_t tile = 0; tile < test.grid().tiles(); ++tile) {
     const PlaceSet free{test.CheckTile(tile).free};
     const auto clearances = ClearancesOf(test, meter, tile, free);
     const std::vector<double> levels = LevelsAmong(clearances, random);
-    const LevelTest by_index(meter, levels, index.trees());
+    const LevelChecker by_index(meter, levels, index.trees());
     const auto above = by_index.Above(tile, &index.tile(tile), free);
     ASSERT_EQ(above.size(), levels.size());
-    ASSERT_EQ(LevelTest(meter, levels).Above(tile, nullptr, free), above) << "tile " << tile;
+    ASSERT_EQ(LevelChecker(meter, levels).Above(tile, nullptr, free), above) << "tile " << tile;
     ASSERT_EQ(by_index.Above(tile, nullptr, free), above) << "tile " << tile;
     for (size_t i = 0; i < levels.size(); ++i) {
       PlaceSet expected;
@@ -152,7 +152,7 @@ TEST_F(LevelTestTest, EveryPresetOfPlanesAndLinesIsTheSameAsMeasuredOneByOne) {
                             .min_views = 1 + static_cast<int>(random_() % views),
                             .errors_convict = errors_convict};
         const TestSupport support{.bands = &bands};
-        const CollisionTest test(table, images, policy, support);
+        const CollisionChecker test(table, images, policy, support);
         const bool lines = preset == Preset::kCalibrated;
         const DistanceImages distances =
             preset == Preset::kPaperCalibrated
@@ -191,7 +191,7 @@ TEST_F(LevelTestTest, SoundPresetsAreTheSameAsMeasuredOneByOne) {
     const TestSupport support{.possible_space = &possible};
     for (const Preset preset : {Preset::kSoundPlanes, Preset::kSound}) {
       const Policy policy{.preset = preset, .min_views = 2 + round % 2};
-      const CollisionTest test(world.table, images, policy, support);
+      const CollisionChecker test(world.table, images, policy, support);
       const ClearanceMeter meter(test, images, policy, support, distances);
       ASSERT_NO_FATAL_FAILURE(LevelTestExpectSame(test, meter, index, random_, met))
           << NameOf(preset);
@@ -221,7 +221,7 @@ struct LevelTestRow {
   std::optional<RobotImageTable> table;
   ObstacleImages images;
   DistanceImages distances;
-  std::optional<CollisionTest> test;
+  std::optional<CollisionChecker> test;
   std::optional<ClearanceMeter> meter;
 };
 
@@ -229,7 +229,7 @@ TEST(ClearanceLevels, ClearanceThatIsTheLevelIsNotAbove) {
   const LevelTestRow row;
   const IndexOfTable index(*row.table);
   const std::vector<double> levels = {0, 2, 8.5, 9};
-  const auto above = LevelTest(*row.meter, levels, index.trees())
+  const auto above = LevelChecker(*row.meter, levels, index.trees())
                          .Above(0, &index.tile(0), PlaceSet{row.test->CheckTile(0).free});
   EXPECT_EQ(above[0].words[0], 0b0111111111u) << "the last one touches the obstacle";
   EXPECT_EQ(above[1].words[0], 0b0001111111u);
@@ -244,8 +244,8 @@ TEST(ClearanceLevels, OnlyConfigurationsThatAreFreeAreAbove) {
   PlaceSet free;
   free.Insert(3);
   for (const TileIndex* of_tile : {&index.tile(0), static_cast<const TileIndex*>(nullptr)}) {
-    EXPECT_EQ(LevelTest(*row.meter, levels, index.trees()).Above(0, of_tile, free)[0], free);
-    EXPECT_TRUE(LevelTest(*row.meter, levels, index.trees()).Above(0, of_tile, {})[0].Empty());
+    EXPECT_EQ(LevelChecker(*row.meter, levels, index.trees()).Above(0, of_tile, free)[0], free);
+    EXPECT_TRUE(LevelChecker(*row.meter, levels, index.trees()).Above(0, of_tile, {})[0].Empty());
   }
 }
 
@@ -255,7 +255,7 @@ TEST(ClearanceLevels, ThatCannotBeAreRefused) {
   const std::vector<std::vector<double>> refused = {{},     {-1},       {1, 1},
                                                     {2, 1}, {infinity}, {std::nan("")}};
   for (const std::vector<double>& levels : refused) {
-    EXPECT_THROW(LevelTest(*row.meter, levels), std::invalid_argument);
+    EXPECT_THROW(LevelChecker(*row.meter, levels), std::invalid_argument);
   }
 }
 

@@ -37,9 +37,9 @@ uint64_t Count(const PlaceSet& set) {
   return count;
 }
 
-void SpaceTestExpectSame(const CollisionTest& test, const RobotImageTable& table,
+void SpaceTestExpectSame(const CollisionChecker& test, const RobotImageTable& table,
                          const IndexOfTable& index, SpaceTestMet& met) {
-  const SpaceTest space(test, index.trees());
+  const SpaceChecker space(test, index.trees());
   for (uint64_t tile = 0; tile < table.grid().tiles(); ++tile) {
     const TileVerdicts verdicts = space.CheckTile(tile, index.tile(tile));
     ASSERT_EQ(verdicts, test.CheckTile(tile)) << "tile " << tile;
@@ -68,7 +68,7 @@ TEST_F(SpaceTestTest, EveryPresetOfPlanesAndLinesIsTheSameAsOneByOne) {
         for (int min_views = 1; min_views <= views; ++min_views) {
           const Policy policy{
               .preset = preset, .min_views = min_views, .errors_convict = errors_convict};
-          const CollisionTest test(table, images, policy, {.bands = &bands});
+          const CollisionChecker test(table, images, policy, {.bands = &bands});
           ASSERT_NO_FATAL_FAILURE(SpaceTestExpectSame(test, table, index, met))
               << NameOf(preset) << ", " << min_views << " of " << views << " views";
         }
@@ -110,7 +110,7 @@ TEST_F(SpaceTestTest, SoundPresetsAreTheSameAsOneByOne) {
             return number % 2 == 0;
           };
         }
-        const CollisionTest test(world.table, images, {.preset = preset}, support);
+        const CollisionChecker test(world.table, images, {.preset = preset}, support);
         ASSERT_NO_FATAL_FAILURE(SpaceTestExpectSame(test, world.table, index, met))
             << NameOf(preset);
       }
@@ -134,8 +134,8 @@ TEST_F(SpaceTestTest, ConfigurationThatOnlyTheIndexHasIsUnknown) {
   }
   const RobotImageTable table = std::move(builder).Build();
   const ObstacleImages images = RandomObstacleImages(sizes, 0.01, random_);
-  const CollisionTest test(table, images, {});
-  const TileVerdicts verdicts = SpaceTest(test, index.trees()).CheckTile(0, index.tile(0));
+  const CollisionChecker test(table, images, {});
+  const TileVerdicts verdicts = SpaceChecker(test, index.trees()).CheckTile(0, index.tile(0));
   for (const uint64_t place : {40u, 50u, 100u}) {
     EXPECT_FALSE(PlaceSet{verdicts.free}.Contains(place)) << place;
     EXPECT_FALSE(PlaceSet{verdicts.occupied}.Contains(place)) << place;

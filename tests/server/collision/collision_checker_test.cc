@@ -81,7 +81,7 @@ TEST_F(CollisionTestAgainstReference, AgreesOnRandomMasksForEveryPolicy) {
     builder.Add(0, test_robot);
     const RobotImageTable table = std::move(builder).Build();
     for (const Policy& policy : AllPolicies(views)) {
-      const CollisionTest test(table, obstacle_images, policy);
+      const CollisionChecker test(table, obstacle_images, policy);
       std::vector<ViewEvidence> expected_evidence(views), evidence(views);
       const Verdict expected =
           CollisionReference(scene, robot, test_robot, MinViews(policy, views), expected_evidence);
@@ -102,7 +102,7 @@ TEST_F(CollisionTestAgainstReference, ViewsShowWhatTheirCollisionImagesShow) {
   const std::vector<MaskSize> sizes = RandomSizes(1, random);
   const RobotImageTable table = RandomTable(grid, sizes, 0.05, random);
   const ObstacleImages images = RandomObstacleImages(sizes, 0.3, random);
-  const CollisionTest test(table, images, {});
+  const CollisionChecker test(table, images, {});
   for (int a = 0; a < 5; ++a) {
     const ConfigurationNumber number = grid.NumberOf({a, 2});
     const bool shown = !(images[0]->obstacle() & table.ImageAsMask(0, number)).Empty();
@@ -122,7 +122,7 @@ TEST_F(OffGridTest, CellIsTheUnionOfTheCornersPerView) {
     const CellCorners corners = grid.CornersAround(q);
     ASSERT_GT(corners.count(), 0);
     for (const Policy& policy : AllPolicies(3)) {
-      const CollisionTest test(table, images, policy);
+      const CollisionChecker test(table, images, policy);
       int showing = 0;
       std::vector<ViewEvidence> evidence(3);
       const Verdict verdict = test.Check(q, evidence);
@@ -150,7 +150,7 @@ TEST_F(OffGridTest, NearestIsTheNearestGridPoint) {
   const std::vector<MaskSize> sizes = RandomSizes(2, random);
   const RobotImageTable table = RandomTable(grid, sizes, 0.05, random);
   const ObstacleImages images = RandomObstacleImages(sizes, 0.3, random);
-  const CollisionTest test(table, images, {.off_grid = OffGrid::kNearest});
+  const CollisionChecker test(table, images, {.off_grid = OffGrid::kNearest});
   std::uniform_real_distribution<double> a(-1, 1), b(-7, 14);
   for (int round = 0; round < 200; ++round) {
     const Configuration q = {a(random), b(random)};
@@ -159,7 +159,7 @@ TEST_F(OffGridTest, NearestIsTheNearestGridPoint) {
   }
 }
 
-TEST(CollisionTest, ConfigurationOutsideTheGridIsNeverFree) {
+TEST(CollisionChecker, ConfigurationOutsideTheGridIsNeverFree) {
   const ConfigurationGrid grid = CollisionSmallGrid();
   const std::vector<MaskSize> sizes = {{4, 4}};
   std::mt19937 random(1);
@@ -167,7 +167,7 @@ TEST(CollisionTest, ConfigurationOutsideTheGridIsNeverFree) {
   const ObstacleImages images = {ObstacleImage::FromScene(Mask(sizes[0]), Mask(sizes[0]))};
   const double nan = std::numeric_limits<double>::quiet_NaN();
   for (OffGrid off_grid : {OffGrid::kCell, OffGrid::kNearest}) {
-    const CollisionTest test(table, images, {.off_grid = off_grid});
+    const CollisionChecker test(table, images, {.off_grid = off_grid});
     ASSERT_TRUE(test.Check(Configuration{0, 0}).free());
     for (const Configuration& q : std::vector<Configuration>{
              {1.01, 0}, {-1.01, 0}, {nan, 0}, {0, nan}, {0}, {0, 0, 0}, {}}) {
@@ -179,7 +179,7 @@ TEST(CollisionTest, ConfigurationOutsideTheGridIsNeverFree) {
   }
 }
 
-TEST(CollisionTest, CellWithAnUnusableCornerIsNeverFree) {
+TEST(CollisionChecker, CellWithAnUnusableCornerIsNeverFree) {
   const ConfigurationGrid grid({{.name = "a", .lower = 0, .upper = 4, .steps = 5}});
   const std::vector<Mask> masks = {Mask({4, 4})};
   RobotImageTable::Builder builder(grid, {{4, 4}});
@@ -189,7 +189,7 @@ TEST(CollisionTest, CellWithAnUnusableCornerIsNeverFree) {
   builder.Add(grid.NumberOf({4}), masks);
   const RobotImageTable table = std::move(builder).Build();
   const ObstacleImages images = {ObstacleImage::FromScene(masks[0], masks[0])};
-  const CollisionTest test(table, images, {});
+  const CollisionChecker test(table, images, {});
   EXPECT_TRUE(test.Check(Configuration{0}).free());
   EXPECT_EQ(test.Check(Configuration{0.5}).reason(), Reason::kExcluded);
   EXPECT_EQ(test.Check(Configuration{1}).reason(), Reason::kExcluded);
@@ -219,8 +219,8 @@ TEST_F(MissingViewTest, CountsAsShowingAnObstacleAndIsNeverFree) {
         if ((lost >> view) & 1) images[view].reset(), ++missing;
       }
       for (const Policy& policy : AllPolicies(views)) {
-        const CollisionTest before(table, whole, policy);
-        const CollisionTest after(table, images, policy);
+        const CollisionChecker before(table, whole, policy);
+        const CollisionChecker after(table, images, policy);
         for (int b = 0; b < 6; ++b) {
           const ConfigurationNumber number = grid.NumberOf({round % 5, b});
           std::vector<ViewEvidence> evidence(views);
@@ -254,7 +254,7 @@ TEST_F(MissingViewTest, CountsAsShowingAnObstacleAndIsNeverFree) {
   EXPECT_GT(seen[static_cast<int>(State::kOccupied)], 0);
 }
 
-TEST(CollisionTest, ObstacleThatMayHideInAllViewsIsTold) {
+TEST(CollisionChecker, ObstacleThatMayHideInAllViewsIsTold) {
   const MaskSize size{2, 1};
   const Mask robot = Mask::FromPredicate(size, [](int x, int) { return x == 0; });
   const Mask all = ~Mask(size);
@@ -268,7 +268,8 @@ TEST(CollisionTest, ObstacleThatMayHideInAllViewsIsTold) {
   const ObstacleImage obstacle = ObstacleImage::FromScene(all, robot);
   const auto check = [&](std::optional<ObstacleImage> a, std::optional<ObstacleImage> b) {
     const ObstacleImages images = {a, b};
-    return CollisionTest(table, images, {.preset = Preset::kPaper}).Check(ConfigurationNumber{0});
+    return CollisionChecker(table, images, {.preset = Preset::kPaper})
+        .Check(ConfigurationNumber{0});
   };
   EXPECT_EQ(check(unknown, unknown), Verdict::Free(true));
   EXPECT_EQ(check(unknown, error), Verdict::Free(true));
@@ -294,7 +295,7 @@ TEST_F(TileTest, WholeSpaceEqualsSingleChecks) {
   const RobotImageTable table = std::move(builder).Build();
   const ObstacleImages images = RandomObstacleImages(sizes, 0.1, random);
   for (const Policy& policy : AllPolicies(4)) {
-    const CollisionTest test(table, images, policy);
+    const CollisionChecker test(table, images, policy);
     for (uint64_t tile = 0; tile < grid.tiles(); ++tile) {
       const TileVerdicts verdicts = test.CheckTile(tile);
       for (uint64_t place = 0; place < kTileSize; ++place) {
@@ -308,17 +309,17 @@ TEST_F(TileTest, WholeSpaceEqualsSingleChecks) {
   }
 }
 
-TEST(CollisionTest, WhatDoesNotFitTheTableIsRefused) {
+TEST(CollisionChecker, WhatDoesNotFitTheTableIsRefused) {
   std::mt19937 random(1);
   const ConfigurationGrid grid = CollisionSmallGrid();
   const RobotImageTable table = RandomTable(grid, {{4, 4}, {5, 5}}, 0.5, random);
-  EXPECT_THROW(CollisionTest(table, {}, {}), std::invalid_argument);
+  EXPECT_THROW(CollisionChecker(table, {}, {}), std::invalid_argument);
   const ObstacleImages turned = RandomObstacleImages({{5, 5}, {4, 4}}, 0.5, random);
-  EXPECT_THROW(CollisionTest(table, turned, {}), std::invalid_argument);
+  EXPECT_THROW(CollisionChecker(table, turned, {}), std::invalid_argument);
   const ObstacleImages images = RandomObstacleImages({{4, 4}, {5, 5}}, 0.5, random);
-  EXPECT_THROW(CollisionTest(table, images, {.min_views = 3}), std::invalid_argument);
+  EXPECT_THROW(CollisionChecker(table, images, {.min_views = 3}), std::invalid_argument);
   std::vector<ViewEvidence> evidence(1);
-  EXPECT_THROW(CollisionTest(table, images, {}).Check(ConfigurationNumber{0}, evidence),
+  EXPECT_THROW(CollisionChecker(table, images, {}).Check(ConfigurationNumber{0}, evidence),
                std::invalid_argument);
 }
 
