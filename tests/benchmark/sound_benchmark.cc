@@ -21,7 +21,7 @@ constexpr double kEdge = 0.015;
 constexpr double kRho = 0.045;
 
 // An arm of about 0.9 m, from its base outward.
-Balls Robot() {
+Balls BallRobot() {
   const Vector3d elbow(0.3, 0.1, 0.32);
   const Vector3d hand(0.72, -0.2, 0.1);
   Balls robot;
@@ -39,14 +39,14 @@ Balls SoundObstacles() {
   return obstacles;
 }
 
-struct Scene {
-  explicit Scene(int pixels) {
+struct BallScene {
+  explicit BallScene(int pixels) {
     std::vector<VoxelView> views;
     for (const Vector3d& from : {Vector3d(3.2, 2.4, 1.2), Vector3d(-2.8, 2.7, 1.5),
                                  Vector3d(-2.5, -3.0, 1.0), Vector3d(1.0, -1.2, 3.8)}) {
       const BallCamera camera(LookingAt(from, {0, 0, 0}, {pixels, pixels}, 0.95, -0.1));
       views.push_back({camera.size(), camera.project(), Vector2d::Zero(), Mask()});
-      const Mask robot = camera.See(Robot());
+      const Mask robot = camera.See(BallRobot());
       images.push_back(ObstacleImage::FromScene(camera.See(SoundObstacles()) | robot, robot));
     }
     space = std::make_unique<VoxelSpace>(
@@ -54,7 +54,7 @@ struct Scene {
     body = BodyVoxels();
   }
   RobotVoxels BodyVoxels() const {
-    const Balls robot = Robot();
+    const Balls robot = BallRobot();
     return VoxelsOfRobot(
         *space, [&robot](const Vector3d& point) { return testing::DistanceTo(robot, point); });
   }
@@ -64,8 +64,8 @@ struct Scene {
   RobotVoxels body;
 };
 
-const Scene& SceneOf(int pixels) {
-  static std::map<int, Scene> scenes;
+const BallScene& SceneOf(int pixels) {
+  static std::map<int, BallScene> scenes;
   return scenes.try_emplace(pixels, pixels).first->second;
 }
 
@@ -80,7 +80,7 @@ bool AnySet(const Mask& mask, const PixelRectangle& pixels) {
 }
 
 // What remains, by the definition.
-VoxelSet PlainRemaining(const Scene& scene) {
+VoxelSet PlainRemaining(const BallScene& scene) {
   const VoxelSpace& space = *scene.space;
   const VoxelGrid& grid = space.grid();
   std::vector<Mask> foregrounds;
@@ -140,7 +140,7 @@ VoxelSet PlainRemaining(const Scene& scene) {
 }
 
 void BM_Sound_PossibleSpace(benchmark::State& state) {
-  const Scene& scene = SceneOf(static_cast<int>(state.range(0)));
+  const BallScene& scene = SceneOf(static_cast<int>(state.range(0)));
   for (auto _ : state) {
     benchmark::DoNotOptimize(PossibleSpace(*scene.space, scene.images, scene.body));
   }
@@ -148,12 +148,12 @@ void BM_Sound_PossibleSpace(benchmark::State& state) {
 }
 
 void BM_Sound_RobotVoxels(benchmark::State& state) {
-  const Scene& scene = SceneOf(static_cast<int>(state.range(0)));
+  const BallScene& scene = SceneOf(static_cast<int>(state.range(0)));
   for (auto _ : state) benchmark::DoNotOptimize(scene.BodyVoxels());
 }
 
 void BM_Sound_PlainVoxelByVoxel(benchmark::State& state) {
-  const Scene& scene = SceneOf(static_cast<int>(state.range(0)));
+  const BallScene& scene = SceneOf(static_cast<int>(state.range(0)));
   VoxelSet remaining;
   for (auto _ : state) benchmark::DoNotOptimize(remaining = PlainRemaining(scene));
   const PossibleSpace possible(*scene.space, scene.images, scene.body);
