@@ -19,27 +19,19 @@
 #include "capture/drivers/robots/feedback_robot.h"
 #include "capture/sim/served/grpc_robot_server.h"
 #include "capture/sim/served/simulated_controller.h"
+#include "tests/capture/drivers/robot_places.h"
 #include "tests/capture/sim/small_cell.h"
 
 namespace silhouette {
 namespace {
 
+using testing::DoubleNear;
 using testing::ElementsAre;
 using testing::HasSubstr;
 using testing::Pointwise;
 
-MATCHER(IsNear, "is near") { return std::abs(std::get<0>(arg) - std::get<1>(arg)) < 0.002; }
-
-const std::vector<double> kGrpcRobotThere = {0.5, -0.5, 0.1};
-const std::vector<double> kGrpcRobotHere = {0, 0, 0};
 // What a busy machine needs to answer.
 constexpr absl::Duration kTimeout = absl::Seconds(20);
-
-bool GrpcRobotEventually(const std::function<bool()>& happened) {
-  const absl::Time end = absl::Now() + absl::Seconds(20);
-  while (!happened() && absl::Now() < end) absl::SleepFor(absl::Milliseconds(5));
-  return happened();
-}
 
 std::unique_ptr<FeedbackRobot> Connect(const std::string& address, MotionLimits limits,
                                        absl::Duration timeout = kTimeout) {
@@ -54,27 +46,26 @@ class GrpcRobotTest : public testing::Test {
   void SetUp() override { Serve(); }
   void Serve() { server_ = *GrpcRobotServer::Start(controller_, "127.0.0.1:0"); }
 
-  SimulatedController controller_{ThreeJointRobot(), 0, kGrpcRobotHere,
-                                  [](std::span<const double>) {}};
+  SimulatedController controller_{ThreeJointRobot(), 0, kHere, [](std::span<const double>) {}};
   std::unique_ptr<GrpcRobotServer> server_;
 };
 
 TEST_F(GrpcRobotTest, ArrivesAndTellsWhereItIs) {
   const auto robot = Connect(server_->address(), {.joint_speed = 4});
   EXPECT_THAT(robot->joints(), ElementsAre("turn", "bend", "slide"));
-  const absl::Status status = robot->MoveTo(kGrpcRobotThere);
+  const absl::Status status = robot->MoveTo(kThere);
   ASSERT_TRUE(status.ok()) << status;
-  EXPECT_THAT(controller_.state().positions, Pointwise(IsNear(), kGrpcRobotThere));
-  EXPECT_THAT(robot->State()->positions, Pointwise(IsNear(), kGrpcRobotThere));
+  EXPECT_THAT(controller_.state().positions, Pointwise(DoubleNear(kNear), kThere));
+  EXPECT_THAT(robot->State()->positions, Pointwise(DoubleNear(kNear), kThere));
   EXPECT_EQ(controller_.stops(), 0);
 }
 
 TEST_F(GrpcRobotTest, RobotThatMovesByItselfIsStoppedThoughNobodyAsks) {
   const auto robot = Connect(server_->address(), {.joint_speed = 4});
-  ASSERT_TRUE(robot->MoveTo(kGrpcRobotThere).ok());
+  ASSERT_TRUE(robot->MoveTo(kThere).ok());
   controller_.SetFault(ControllerFault::kDrifts);
-  ASSERT_TRUE(GrpcRobotEventually([&] { return controller_.stops() > 0; }));
-  EXPECT_TRUE(GrpcRobotEventually([&] { return !controller_.state().moving; }));
+  ASSERT_TRUE(Eventually([&] { return controller_.stops() > 0; }));
+  EXPECT_TRUE(Eventually([&] { return !controller_.state().moving; }));
   EXPECT_THAT(robot->State().status().message(), HasSubstr("moves when it should stand still"));
 }
 
@@ -82,7 +73,7 @@ TEST_F(GrpcRobotTest, RobotThatStopsHalfWayIsStopped) {
   controller_.SetFault(ControllerFault::kStopsHalfWay);
   const auto robot =
       Connect(server_->address(), {.joint_speed = 4, .patience = absl::Milliseconds(300)});
-  const absl::Status status = robot->MoveTo(kGrpcRobotThere);
+  const absl::Status status = robot->MoveTo(kThere);
   EXPECT_TRUE(absl::IsDeadlineExceeded(status)) << status;
   EXPECT_GT(controller_.stops(), 0);
 }
@@ -93,22 +84,21 @@ TEST_F(GrpcRobotTest, WhatTheDriverRefusesIsSaidInItsWords) {
   EXPECT_TRUE(absl::IsInvalidArgument(beyond)) << beyond;
   EXPECT_THAT(beyond.message(), HasSubstr("'turn'"));
   controller_.SetFault(ControllerFault::kEmergencyStop);
-  EXPECT_TRUE(GrpcRobotEventually([&] {
-    return robot->MoveTo(kGrpcRobotThere).message().find("emergency stop") != std::string::npos;
-  }));
+  EXPECT_TRUE(Eventually(
+      [&] { return robot->MoveTo(kThere).message().find("emergency stop") != std::string::npos; }));
 }
 
 TEST_F(GrpcRobotTest, DriverThatEndsOnTheWayStopsTheRobotAndTheNextOneGoesOn) {
   auto robot = Connect(server_->address(), {.joint_speed = 0.05}, absl::Seconds(1));
   std::future<absl::Status> move =
-      std::async(std::launch::async, [&] { return robot->MoveTo(kGrpcRobotThere); });
-  ASSERT_TRUE(GrpcRobotEventually([&] { return controller_.state().moving; }));
+      std::async(std::launch::async, [&] { return robot->MoveTo(kThere); });
+  ASSERT_TRUE(Eventually([&] { return controller_.state().moving; }));
   server_.reset();
-  EXPECT_TRUE(GrpcRobotEventually([&] { return !controller_.state().moving; }));
+  EXPECT_TRUE(Eventually([&] { return !controller_.state().moving; }));
   EXPECT_THAT(move.get().message(), HasSubstr("could not be told to stop"));
   Serve();
   robot = Connect(server_->address(), {.joint_speed = 4});
-  EXPECT_TRUE(robot->MoveTo(kGrpcRobotHere).ok());
+  EXPECT_TRUE(robot->MoveTo(kHere).ok());
 }
 
 TEST_F(GrpcRobotTest, NobodyThereIsSaidWithTheAddress) {
@@ -160,25 +150,26 @@ TEST(PythonRobotDriver, IsDrivenAndStopped) {
   constexpr double kDegree = std::numbers::pi / 180;
   EXPECT_THAT(robot->joints(),
               ElementsAre("joint_1", "joint_2", "joint_3", "joint_4", "joint_5", "joint_6"));
-  EXPECT_THAT(robot->State()->positions,
-              Pointwise(IsNear(), std::vector<double>{0, 10 * kDegree, 0, 0, 0, -90 * kDegree}));
+  EXPECT_THAT(
+      robot->State()->positions,
+      Pointwise(DoubleNear(kNear), std::vector<double>{0, 10 * kDegree, 0, 0, 0, -90 * kDegree}));
   const std::vector<double> goal = {0.5, 0, 0, 0, 0.25, -1};
   const absl::Status status = robot->MoveTo(goal);
   ASSERT_TRUE(status.ok()) << status;
-  EXPECT_THAT(robot->State()->positions, Pointwise(IsNear(), goal));
+  EXPECT_THAT(robot->State()->positions, Pointwise(DoubleNear(kNear), goal));
   EXPECT_THAT(robot->MoveTo(std::vector<double>{4, 0, 0, 0, 0, 0}).message(),
               HasSubstr("joint_1 cannot go to 229.2 degrees"));
 
   const auto slow = Connect(driver.address(), {.joint_speed = 0.05});
   std::future<absl::Status> move =
       std::async(std::launch::async, [&] { return slow->MoveTo(std::vector<double>(6, 0.0)); });
-  ASSERT_TRUE(GrpcRobotEventually([&] {
+  ASSERT_TRUE(Eventually([&] {
     const auto state = slow->State();
     return state.ok() && state->moving;
   }));
   EXPECT_TRUE(slow->Stop().ok());
   EXPECT_TRUE(absl::IsAborted(move.get()));
-  EXPECT_TRUE(GrpcRobotEventually([&] {
+  EXPECT_TRUE(Eventually([&] {
     const auto state = slow->State();
     return state.ok() && !state->moving;
   }));

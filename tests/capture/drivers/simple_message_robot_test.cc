@@ -12,27 +12,17 @@
 #include "capture/drivers/robots/simple_message_link.h"
 #include "capture/sim/served/simple_message_server.h"
 #include "capture/sim/served/simulated_controller.h"
+#include "tests/capture/drivers/robot_places.h"
 #include "tests/capture/sim/small_cell.h"
 
 namespace silhouette {
 namespace {
 
 using simple_message::ByteOrder;
+using testing::DoubleNear;
 using testing::ElementsAre;
 using testing::HasSubstr;
 using testing::Pointwise;
-
-MATCHER(IsNear, "is near") { return std::abs(std::get<0>(arg) - std::get<1>(arg)) < 0.002; }
-
-const std::vector<double> kSimpleMessageRobotThere = {0.5, -0.5, 0.1};
-const std::vector<double> kSimpleMessageRobotHere = {0, 0, 0};
-
-// Waits, for as long as a busy machine may need.
-bool SimpleMessageRobotEventually(const std::function<bool()>& happened) {
-  const absl::Time end = absl::Now() + absl::Seconds(20);
-  while (!happened() && absl::Now() < end) absl::SleepFor(absl::Milliseconds(5));
-  return happened();
-}
 
 class SimpleMessageRobotTest : public testing::Test {
  protected:
@@ -61,13 +51,13 @@ class SimpleMessageRobotTest : public testing::Test {
     settings_.trajectory = trajectory;
     const auto robot = Connect();
     EXPECT_THAT(robot->joints(), ElementsAre("turn", "bend", "slide"));
-    for (const std::vector<double>& goal : {kSimpleMessageRobotThere, kSimpleMessageRobotHere}) {
+    for (const std::vector<double>& goal : {kThere, kHere}) {
       const absl::Status status = robot->MoveTo(goal);
       ASSERT_TRUE(status.ok()) << status;
-      EXPECT_THAT(controller_.state().positions, Pointwise(IsNear(), goal));
+      EXPECT_THAT(controller_.state().positions, Pointwise(DoubleNear(kNear), goal));
       const auto state = robot->State();
       ASSERT_TRUE(state.ok()) << state.status();
-      EXPECT_THAT(state->positions, Pointwise(IsNear(), goal));
+      EXPECT_THAT(state->positions, Pointwise(DoubleNear(kNear), goal));
       EXPECT_FALSE(state->moving);
     }
     EXPECT_EQ(controller_.stops(), 0);
@@ -76,11 +66,11 @@ class SimpleMessageRobotTest : public testing::Test {
   // The robot is told to go, and it goes wrong: that is said, and it is told to stop.
   void ExpectStopped(absl::StatusCode code, const std::string& why, MotionLimits limits = kLimits) {
     const auto robot = Connect(limits);
-    const absl::Status status = robot->MoveTo(kSimpleMessageRobotThere);
+    const absl::Status status = robot->MoveTo(kThere);
     EXPECT_EQ(status.code(), code) << status;
     EXPECT_THAT(status.message(), HasSubstr(why));
-    EXPECT_TRUE(SimpleMessageRobotEventually([&] { return controller_.stops() > 0; }));
-    EXPECT_TRUE(SimpleMessageRobotEventually([&] { return !controller_.state().moving; }));
+    EXPECT_TRUE(Eventually([&] { return controller_.stops() > 0; }));
+    EXPECT_TRUE(Eventually([&] { return !controller_.state().moving; }));
   }
 
   // What a program that is started anew finds.
@@ -88,9 +78,9 @@ class SimpleMessageRobotTest : public testing::Test {
     controller_.SetFault(ControllerFault::kNone);
     server_->SetFault(ConnectionFault::kNone);
     const auto robot = Connect();
-    const absl::Status status = robot->MoveTo(kSimpleMessageRobotHere);
+    const absl::Status status = robot->MoveTo(kHere);
     ASSERT_TRUE(status.ok()) << status;
-    EXPECT_THAT(controller_.state().positions, Pointwise(IsNear(), kSimpleMessageRobotHere));
+    EXPECT_THAT(controller_.state().positions, Pointwise(DoubleNear(kNear), kHere));
   }
 
   // Patience that a busy machine does not run out of; those of failing robots are shorter.
@@ -100,8 +90,7 @@ class SimpleMessageRobotTest : public testing::Test {
                                        .patience = absl::Milliseconds(300),
                                        .silence = absl::Seconds(1)};
 
-  SimulatedController controller_{ThreeJointRobot(), 0, kSimpleMessageRobotHere,
-                                  [](std::span<const double>) {}};
+  SimulatedController controller_{ThreeJointRobot(), 0, kHere, [](std::span<const double>) {}};
   std::unique_ptr<SimpleMessageServer> server_;
   SimpleMessageSettings settings_{.host = "127.0.0.1", .joints = {"turn", "bend", "slide"}};
 };
@@ -133,10 +122,10 @@ TEST_F(SimpleMessageRobotTest, WrongByteOrderIsSaidWithWhereToChangeIt) {
   Serve({.byte_order = ByteOrder::kBig});
   settings_.byte_order = ByteOrder::kLittle;
   const auto robot = Connect();
-  EXPECT_TRUE(SimpleMessageRobotEventually([&] {
+  EXPECT_TRUE(Eventually([&] {
     return robot->State().status().message().find("change 'byte_order'") != std::string::npos;
   }));
-  EXPECT_FALSE(robot->MoveTo(kSimpleMessageRobotThere).ok());
+  EXPECT_FALSE(robot->MoveTo(kThere).ok());
 }
 
 TEST_F(SimpleMessageRobotTest, NobodyThereIsSaidWithTheAddress) {
@@ -178,20 +167,19 @@ TEST_F(SimpleMessageRobotTest, EmergencyStopOnTheWayIsTold) {
 TEST_F(SimpleMessageRobotTest, RobotInEmergencyStopIsNotSentOff) {
   controller_.SetFault(ControllerFault::kEmergencyStop);
   const auto robot = Connect();
-  const absl::Status status = robot->MoveTo(kSimpleMessageRobotThere);
+  const absl::Status status = robot->MoveTo(kThere);
   EXPECT_TRUE(absl::IsFailedPrecondition(status)) << status;
   EXPECT_THAT(status.message(), HasSubstr("emergency stop"));
 }
 
 TEST_F(SimpleMessageRobotTest, RobotThatMovesByItselfIsStoppedThoughNobodyAsks) {
   const auto robot = Connect();
-  ASSERT_TRUE(robot->MoveTo(kSimpleMessageRobotThere).ok());
+  ASSERT_TRUE(robot->MoveTo(kThere).ok());
   EXPECT_EQ(controller_.stops(), 0);
   controller_.SetFault(ControllerFault::kDrifts);
-  ASSERT_TRUE(SimpleMessageRobotEventually([&] { return controller_.stops() > 0; }));
-  EXPECT_TRUE(SimpleMessageRobotEventually([&] { return !controller_.state().moving; }));
-  for (const absl::Status& status :
-       {robot->State().status(), robot->MoveTo(kSimpleMessageRobotHere)}) {
+  ASSERT_TRUE(Eventually([&] { return controller_.stops() > 0; }));
+  EXPECT_TRUE(Eventually([&] { return !controller_.state().moving; }));
+  for (const absl::Status& status : {robot->State().status(), robot->MoveTo(kHere)}) {
     EXPECT_TRUE(absl::IsAborted(status)) << status;
     EXPECT_THAT(status.message(), HasSubstr("moves when it should stand still: 'turn'"));
   }
@@ -201,8 +189,8 @@ TEST_F(SimpleMessageRobotTest, RobotThatMovesByItselfIsStoppedThoughNobodyAsks) 
 TEST_F(SimpleMessageRobotTest, ConnectionThatIsClosedOnTheWayStopsTheRobotOverANewOne) {
   const auto robot = Connect({.joint_speed = 0.2});
   std::future<absl::Status> move =
-      std::async(std::launch::async, [&] { return robot->MoveTo(kSimpleMessageRobotThere); });
-  ASSERT_TRUE(SimpleMessageRobotEventually([&] { return controller_.state().moving; }));
+      std::async(std::launch::async, [&] { return robot->MoveTo(kThere); });
+  ASSERT_TRUE(Eventually([&] { return controller_.state().moving; }));
   server_->SetFault(ConnectionFault::kClosed);
   const absl::Status status = move.get();
   EXPECT_TRUE(absl::IsUnavailable(status)) << status;
@@ -220,8 +208,8 @@ TEST_F(SimpleMessageRobotTest, SilenceOnTheWayStopsTheRobot) {
     const auto robot = Connect(limits);
     const int stops = controller_.stops();
     std::future<absl::Status> move =
-        std::async(std::launch::async, [&] { return robot->MoveTo(kSimpleMessageRobotThere); });
-    ASSERT_TRUE(SimpleMessageRobotEventually([&] { return controller_.state().moving; }));
+        std::async(std::launch::async, [&] { return robot->MoveTo(kThere); });
+    ASSERT_TRUE(Eventually([&] { return controller_.state().moving; }));
     server_->SetFault(fault);
     const absl::Status status = move.get();
     EXPECT_EQ(status.code(), fault == ConnectionFault::kGarbage ? absl::StatusCode::kDataLoss
@@ -236,25 +224,24 @@ TEST_F(SimpleMessageRobotTest, SilenceOnTheWayStopsTheRobot) {
 
 TEST_F(SimpleMessageRobotTest, SilenceThatNobodyNoticedIsToldOnce) {
   const auto robot = Connect({.joint_speed = 4, .silence = absl::Milliseconds(300)});
-  ASSERT_TRUE(SimpleMessageRobotEventually([&] { return robot->State().ok(); }));
+  ASSERT_TRUE(Eventually([&] { return robot->State().ok(); }));
   server_->SetFault(ConnectionFault::kSilent);
   absl::SleepFor(absl::Milliseconds(600));
   server_->SetFault(ConnectionFault::kNone);
   absl::SleepFor(absl::Milliseconds(100));
-  const absl::Status lost = robot->MoveTo(kSimpleMessageRobotThere);
+  const absl::Status lost = robot->MoveTo(kThere);
   EXPECT_TRUE(absl::IsUnavailable(lost)) << lost;
   EXPECT_THAT(lost.message(), HasSubstr("lost"));
-  EXPECT_THAT(controller_.state().positions, Pointwise(IsNear(), kSimpleMessageRobotHere));
-  EXPECT_TRUE(SimpleMessageRobotEventually([&] { return robot->State().ok(); }));
-  EXPECT_TRUE(
-      SimpleMessageRobotEventually([&] { return robot->MoveTo(kSimpleMessageRobotThere).ok(); }));
+  EXPECT_THAT(controller_.state().positions, Pointwise(DoubleNear(kNear), kHere));
+  EXPECT_TRUE(Eventually([&] { return robot->State().ok(); }));
+  EXPECT_TRUE(Eventually([&] { return robot->MoveTo(kThere).ok(); }));
 }
 
 TEST_F(SimpleMessageRobotTest, StopFromAnotherThreadEndsTheMove) {
   const auto robot = Connect({.joint_speed = 0.05});
   std::future<absl::Status> move =
-      std::async(std::launch::async, [&] { return robot->MoveTo(kSimpleMessageRobotThere); });
-  ASSERT_TRUE(SimpleMessageRobotEventually([&] { return controller_.state().moving; }));
+      std::async(std::launch::async, [&] { return robot->MoveTo(kThere); });
+  ASSERT_TRUE(Eventually([&] { return controller_.state().moving; }));
   EXPECT_TRUE(robot->Stop().ok());
   const absl::Status status = move.get();
   EXPECT_TRUE(absl::IsAborted(status)) << status;
