@@ -2,12 +2,11 @@
 
 #include <algorithm>
 #include <array>
-#include <atomic>
 #include <cmath>
 #include <limits>
-#include <thread>
 
 #include "capture/sim/pixel_bounds.h"
+#include "common/parallel/parallel.h"
 
 namespace silhouette {
 namespace {
@@ -95,23 +94,18 @@ void Renderer::Render(std::span<const size_t> cameras, const Poses* robot,
     for (int top = 0; top < height; top += kRowsAtOnce) pieces.push_back({camera, top});
   }
 
-  std::atomic<size_t> next{0};
-  const auto work_off = [&] {
-    RowWork work;
-    for (size_t i = next++; i < pieces.size(); i = next++) {
-      const auto [camera, top] = pieces[i];
-      const int height = settings_.cameras[camera].model.intrinsics().height;
-      for (int y = top; y < std::min(top + kRowsAtOnce, height); ++y) {
-        RenderRow(camera, y, rectangles[camera], work);
-        sink(camera, y, {.levels = work.row, .seen = work.seen, .tints = work.tints});
-      }
-    }
-  };
-  std::vector<std::jthread> helpers;
-  const size_t threads =
-      std::min({size_t{std::thread::hardware_concurrency()}, kMostThreads, pieces.size()});
-  for (size_t i = 1; i < threads; ++i) helpers.emplace_back(work_off);
-  work_off();
+  ParallelFor(
+      pieces.size(),
+      [&](size_t i) {
+        const auto [camera, top] = pieces[i];
+        const int height = settings_.cameras[camera].model.intrinsics().height;
+        RowWork work;
+        for (int y = top; y < std::min(top + kRowsAtOnce, height); ++y) {
+          RenderRow(camera, y, rectangles[camera], work);
+          sink(camera, y, {.levels = work.row, .seen = work.seen, .tints = work.tints});
+        }
+      },
+      kMostThreads);
 }
 
 Seen Renderer::KindOf(size_t part) const {

@@ -4,7 +4,7 @@
 #include <bit>
 #include <vector>
 
-#include "server/collision/test_robot.h"
+#include "server/collision/robot_image_table.h"
 
 namespace silhouette {
 

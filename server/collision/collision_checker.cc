@@ -4,7 +4,7 @@
 #include <bit>
 #include <stdexcept>
 
-#include "server/collision/line_search.h"
+#include "server/collision/collision_images.h"
 #include "server/collision/segment_places.h"
 
 namespace silhouette {

@@ -24,7 +24,6 @@
 #include "server/collision/policy.h"
 #include "server/collision/possible_space.h"
 #include "server/collision/robot_image_table.h"
-#include "server/collision/test_robot.h"
 #include "server/collision/verdict.h"
 
 namespace silhouette {

@@ -7,8 +7,8 @@
 #include <limits>
 #include <stdexcept>
 
-#include "server/collision/look_tables.h"
-#include "server/collision/voxel_parts.h"
+#include "server/collision/voxel_grid.h"
+#include "server/collision/voxel_look.h"
 
 namespace silhouette {
 namespace {

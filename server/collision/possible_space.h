@@ -22,7 +22,6 @@
 #include "db/mask/mask.h"
 #include "server/collision/collision_images.h"
 #include "server/collision/voxel_grid.h"
-#include "server/collision/voxel_parts.h"
 #include "server/collision/voxel_space.h"
 
 namespace silhouette {

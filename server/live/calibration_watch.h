@@ -6,8 +6,8 @@
 #include <string>
 #include <thread>
 
-#include "server/scene/calibration_trust.h"
 #include "server/scene/clock.h"
+#include "server/scene/scene_store.h"
 
 namespace silhouette {
 

@@ -9,7 +9,29 @@
 #include <thread>
 #include <vector>
 
+#include "absl/time/time.h"
+
 namespace silhouette {
+
+// Waiting in a thread that may be asked to stop.
+
+// Waits so long, or until it is to stop.
+void Pause(const std::stop_token& stop, absl::Duration time);
+
+// How long to wait before a device that failed is asked again: twice as long each time.
+class Backoff {
+ public:
+  Backoff(absl::Duration first, absl::Duration longest)
+      : first_(first), longest_(longest), next_(first) {}
+
+  absl::Duration Next();
+  void Reset() { next_ = first_; }
+
+ private:
+  absl::Duration first_;
+  absl::Duration longest_;
+  absl::Duration next_;
+};
 
 // Threads that wait for work: waking one takes less time than starting one for each set of images.
 class Helpers {

@@ -31,7 +31,7 @@ absl::Status ImageJudge::Judge(size_t view, const CameraImage& image, const Mome
                        static_cast<size_t>(image.channels == 3 ? 3 : 1);
   if ((image.channels != 1 && image.channels != 3) || image.pixels.size() != bytes) {
     return absl::InternalError(
-        absl::StrCat("it gave ", image.pixels.size(), " bytes, which is no image"));
+        absl::StrCat("it gave ", image.pixels.size(), " bytes, not an image"));
   }
   if (image.captured > arrived.time + kClockTolerance) {
     return absl::OutOfRangeError(

@@ -4,9 +4,13 @@
 #include <chrono>
 #include <cmath>
 #include <numbers>
+#include <string>
 #include <utility>
 
 #include "absl/strings/str_cat.h"
+#include "capture/session/cell_robot.h"
+#include "db/status/status_macros.h"
+#include "server/live/helpers.h"
 
 namespace silhouette {
 
@@ -17,10 +21,11 @@ absl::Status JointHistory::Add(absl::Duration asked, absl::Duration answered,
                                std::span<const double> positions) {
   absl::Status status;
   if (positions.size() != continuous_.size()) {
-    status = absl::InternalError(absl::StrCat("the robot told the positions of ", positions.size(),
-                                              " joints and has ", continuous_.size()));
+    status =
+        absl::InternalError(absl::StrCat("the robot reported the positions of ", positions.size(),
+                                         " joints and has ", continuous_.size()));
   } else if (!std::ranges::all_of(positions, [](double value) { return std::isfinite(value); })) {
-    status = absl::InternalError("the robot told a position that is not a finite number");
+    status = absl::InternalError("the robot reported a position that is not a finite number");
   }
   {
     const std::lock_guard lock(mutex_);
@@ -54,11 +59,11 @@ absl::StatusOr<std::span<const JointHistory::Sample>> JointHistory::Around(
   const std::string near = absl::StrCat("within ", absl::FormatDuration(settings_.gap));
   if (later == samples_.begin() || first - std::prev(later)->asked > settings_.gap) {
     return absl::UnavailableError(
-        absl::StrCat("the robot did not tell its joints ", near, " before the images"));
+        absl::StrCat("the robot did not report its joints ", near, " before the images"));
   }
   if (after == samples_.end() || after->answered - last > settings_.gap) {
     return absl::DeadlineExceededError(
-        absl::StrCat("the robot did not tell its joints ", near, " after the images"));
+        absl::StrCat("the robot did not report its joints ", near, " after the images"));
   }
   return std::span(std::prev(later), std::next(after));
 }
@@ -95,6 +100,102 @@ absl::StatusOr<std::vector<double>> JointHistory::Between(absl::Duration first, 
   const auto samples = Around(first, last);
   if (samples.ok()) return MiddleOf(*samples);
   return fault_.ok() ? samples.status() : fault_;
+}
+
+namespace {
+
+std::vector<std::string> JointNames(const storage::v1::CellDescription& cell) {
+  std::vector<std::string> names;
+  for (const auto& joint : cell.grid_joints()) names.push_back(joint.name());
+  for (const auto& joint : cell.fixed_joints()) names.push_back(joint.name());
+  return names;
+}
+
+std::vector<bool> Continuous(const storage::v1::CellDescription& cell) {
+  std::vector<bool> continuous;
+  for (const auto& joint : cell.grid_joints()) continuous.push_back(joint.continuous());
+  continuous.resize(continuous.size() + static_cast<size_t>(cell.fixed_joints_size()), false);
+  return continuous;
+}
+
+}  // namespace
+
+JointPoller::JointPoller(const storage::v1::CellDescription& cell, const LiveSettings& settings,
+                         Clock clock, OpenRobotFunction open, std::unique_ptr<Robot> robot,
+                         LiveRecord& record)
+    : cell_(cell),
+      settings_(settings),
+      clock_(std::move(clock)),
+      open_(std::move(open)),
+      record_(record),
+      joints_(JointNames(cell)),
+      robot_(std::move(robot)),
+      history_({.gap = settings.joints_gap, .max_movement = settings.max_joint_movement},
+               Continuous(cell)),
+      thread_([this](const std::stop_token& stop) { Run(stop); }) {}
+
+absl::StatusOr<std::vector<JointPosition>> JointPoller::Between(absl::Duration first,
+                                                                absl::Duration last) const {
+  ASSIGN_OR_RETURN(const std::vector<double> positions,
+                   history_.Between(first, last, settings_.joints_gap));
+  std::vector<JointPosition> joints;
+  for (size_t i = 0; i < joints_.size(); ++i) joints.push_back({joints_[i], positions[i]});
+  return joints;
+}
+
+absl::Status JointPoller::Ask() {
+  if (robot_ == nullptr) {
+    ASSIGN_OR_RETURN(std::unique_ptr<Robot> opened, open_());
+    // The same joints as at capture, whatever their order.
+    RETURN_IF_ERROR(CellRobot::Create(cell_, *opened).status());
+    robot_ = std::move(opened);
+  }
+  const absl::Duration asked = clock_().running;
+  const absl::StatusOr<RobotState> state = robot_->State();
+  const Moment answered = clock_();
+  if (!state.ok()) return state.status();
+  const std::vector<std::string>& known = robot_->joints();
+  if (state->positions.size() != known.size()) {
+    return absl::InternalError(absl::StrCat("the robot reported the positions of ",
+                                            state->positions.size(), " joints and has ",
+                                            known.size()));
+  }
+  std::vector<double> positions;
+  for (const std::string& joint : joints_) {
+    positions.push_back(
+        state->positions[static_cast<size_t>(std::ranges::find(known, joint) - known.begin())]);
+  }
+  const absl::Status added = history_.Add(asked, answered.running, positions);
+  if (added.ok()) record_.NoteJoints(answered);
+  return added;
+}
+
+void JointPoller::Run(const std::stop_token& stop) {
+  Backoff backoff(settings_.first_retry, settings_.longest_retry);
+  absl::Duration last_good = clock_().running;
+  while (!stop.stop_requested()) {
+    const absl::Duration begun = clock_().running;
+    absl::Status status;
+    try {
+      status = Ask();
+    } catch (const std::exception& error) {
+      status = absl::InternalError(absl::StrCat("internal error: ", error.what()));
+    }
+    const absl::Duration now = clock_().running;
+    if (status.ok()) {
+      last_good = now;
+      backoff.Reset();
+      Pause(stop, settings_.joints_interval - (now - begun));
+      continue;
+    }
+    history_.Fail(status);
+    record_.NoteJointsError(status);
+    if (now - last_good > settings_.reopen_after) {
+      robot_.reset();
+      last_good = now;
+    }
+    Pause(stop, backoff.Next());
+  }
 }
 
 }  // namespace silhouette

@@ -44,21 +44,21 @@ absl::StatusOr<std::string> KnownVariant::Of(absl::Duration oldest,
     case State::kNotTold:
       if (variants.size() == 1) return variants.front();
       return absl::FailedPreconditionError(
-          absl::StrCat("nobody has told which variant shows the robot: tell it with 'silhouette "
-                       "scene variant NAME', or state 'server: {live: {variant: NAME}}' in the "
-                       "cell file; there are ",
+          absl::StrCat("the robot's variant is not known: send it with 'silhouette scene variant "
+                       "NAME', or state 'server: {live: {variant: NAME}}' in the cell file; there "
+                       "are ",
                        absl::StrJoin(variants, ", ")));
     case State::kChanging:
       return absl::FailedPreconditionError(
-          "the robot's variant is being changed: tell with 'silhouette scene variant NAME' "
-          "which it has when that is done");
+          "the robot's variant is being changed: send the new one with 'silhouette scene variant "
+          "NAME' when that is done");
     case State::kTold:
       break;
     case State::kLost:
       return absl::FailedPreconditionError(
           absl::StrCat("the robot had the variant '", variant_,
                        "' when the database was replaced by one without it: ",
-                       "tell with 'silhouette scene variant NAME' which it has; there are ",
+                       "send its variant with 'silhouette scene variant NAME'; there are ",
                        absl::StrJoin(variants, ", ")));
   }
   if (!Has(variants, variant_)) {
@@ -67,9 +67,9 @@ absl::StatusOr<std::string> KnownVariant::Of(absl::Duration oldest,
                      absl::StrJoin(variants, ", "), ": capture it"));
   }
   if (oldest - kClockTolerance < since_) {
-    return absl::FailedPreconditionError(absl::StrCat(
-        "the robot has the variant '", variant_, "' in images taken from ",
-        absl::FormatDuration(kClockTolerance), " after that was told; wait for those"));
+    return absl::FailedPreconditionError(
+        absl::StrCat("the robot has the variant '", variant_, "' in images taken from ",
+                     absl::FormatDuration(kClockTolerance), " after it was sent; wait for those"));
   }
   return variant_;
 }

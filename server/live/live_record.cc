@@ -9,6 +9,51 @@
 #include "absl/strings/str_format.h"
 
 namespace silhouette {
+
+std::optional<absl::Status> FaultLog::Note(const absl::Status& status, absl::Duration running) {
+  if (!status.ok()) {
+    last_fault_ = running;
+    if (told_.insert(status.code()).second) return status;
+    return std::nullopt;
+  }
+  if (told_.empty() || running - last_fault_ < kRecovered) return std::nullopt;
+  told_.clear();
+  return absl::OkStatus();
+}
+
+void LatencyRecord::Add(absl::Duration latency) {
+  if (newest_.size() < kNewest) {
+    newest_.push_back(latency);
+  } else {
+    newest_[count_ % kNewest] = latency;
+  }
+  ++count_;
+  sum_ += latency;
+  for (size_t i = 0; i < kBounds.size(); ++i) {
+    if (latency <= absl::Seconds(kBounds[i])) ++within_[i];
+  }
+}
+
+LatencyFigures LatencyRecord::Figures() const {
+  LatencyFigures figures{.count = count_,
+                         .sum = sum_,
+                         .within = {within_.begin(), within_.end()},
+                         .median = {},
+                         .p99 = {},
+                         .longest = {}};
+  if (newest_.empty()) return figures;
+  std::vector<absl::Duration> sorted = newest_;
+  std::ranges::sort(sorted);
+  // The least that this share of all does not exceed.
+  const auto quantile = [&](size_t percent) {
+    return sorted[(sorted.size() * percent + 99) / 100 - 1];
+  };
+  figures.median = quantile(50);
+  figures.p99 = quantile(99);
+  figures.longest = sorted.back();
+  return figures;
+}
+
 namespace {
 
 std::string Spoken(const LatencyFigures& figures) {

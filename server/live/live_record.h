@@ -2,20 +2,69 @@
 // of the robot's variant.
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <mutex>
 #include <optional>
+#include <set>
 #include <string>
 #include <vector>
 
 #include "absl/status/status.h"
 #include "absl/time/time.h"
-#include "server/live/fault_log.h"
 #include "server/live/known_variant.h"
-#include "server/live/latency_record.h"
 #include "server/scene/clock.h"
 
 namespace silhouette {
+
+// What is said of something that fails and recovers: once, and not each time.
+
+// Not thread-safe.
+class FaultLog {
+ public:
+  // It has recovered when it was good for so long.
+  static constexpr absl::Duration kRecovered = absl::Seconds(2);
+
+  // How it went at the moment `running`. What is to be said, if anything: a fault of a kind (status
+  // code) that has not been told since it last was good; OK, if it has recovered.
+  std::optional<absl::Status> Note(const absl::Status& status, absl::Duration running);
+
+ private:
+  std::set<absl::StatusCode> told_;  // empty: it is good
+  absl::Duration last_fault_;
+};
+
+// How long something took, again and again.
+
+struct LatencyFigures {
+  // Of all.
+  uint64_t count = 0;
+  absl::Duration sum;
+  // Per bound of LatencyRecord::kBounds: how many were not longer.
+  std::vector<uint64_t> within;
+  // Of the newest LatencyRecord::kNewest; zero if there is none.
+  absl::Duration median;
+  absl::Duration p99;
+  absl::Duration longest;
+};
+
+// Not thread-safe.
+class LatencyRecord {
+ public:
+  static constexpr size_t kNewest = 4096;
+  // Seconds, ascending.
+  static constexpr std::array<double, 12> kBounds = {0.001, 0.002, 0.003, 0.005, 0.0075, 0.01,
+                                                     0.015, 0.02,  0.03,  0.05,  0.1,    0.5};
+
+  void Add(absl::Duration latency);
+  LatencyFigures Figures() const;
+
+ private:
+  uint64_t count_ = 0;
+  absl::Duration sum_;
+  std::array<uint64_t, kBounds.size()> within_{};
+  std::vector<absl::Duration> newest_;  // a ring
+};
 
 // Of a camera, or of the robot.
 struct DeviceStatus {

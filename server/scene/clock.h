@@ -2,8 +2,10 @@
 // steps back, by which they age.
 #pragma once
 
+#include <chrono>
 #include <functional>
 
+#include "absl/time/clock.h"
 #include "absl/time/time.h"
 
 namespace silhouette {
@@ -16,6 +18,9 @@ struct Moment {
 // Tells the present moment; may be called from any thread.
 using Clock = std::function<Moment()>;
 
-Moment SystemClock();
+inline Moment SystemClock() {
+  const auto running = std::chrono::steady_clock::now().time_since_epoch();
+  return {absl::Now(), absl::FromChrono(running)};
+}
 
 }  // namespace silhouette

@@ -17,4 +17,12 @@ struct SceneSettings {
   double fixed_joint_tolerance = 0.005;
 };
 
+// How far a calibration is trusted.
+
+struct CalibrationSettings {
+  // Pixels of the masks by which every pixel's square is widened on all sides before epipolar lines
+  // are drawn through it: for the error of the calibration.
+  double margin = 0.25;
+};
+
 }  // namespace silhouette

@@ -8,6 +8,7 @@
 #include "absl/strings/str_join.h"
 
 namespace silhouette {
+
 namespace {
 
 // What is left of a scene if it is not known what the robot looks like in it.

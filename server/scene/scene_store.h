@@ -8,13 +8,28 @@
 #include <memory>
 #include <mutex>
 #include <stop_token>
+#include <string>
 
 #include "absl/status/statusor.h"
-#include "server/scene/calibration_trust.h"
+#include "absl/time/time.h"
 #include "server/scene/scene.h"
 #include "server/scene/served_database.h"
 
 namespace silhouette {
+
+// Whether the calibration still holds, by the newest check of the cell (silhouette-calibrate
+// check).
+
+struct CalibrationTrust {
+  bool holds = false;
+  // The calibration that was checked (FingerprintOf in calib/files/calibration_message.h). It tells
+  // nothing of another.
+  std::string fingerprint;
+  // The moment of the running clock (clock.h) from which on the check is too old.
+  absl::Duration until = absl::InfiniteDuration();
+  // What was found, or why it is not known.
+  std::string message;
+};
 
 // What a request rests on, taken in one step: the newest scene and its database stay as they are as
 // long as the request holds them.

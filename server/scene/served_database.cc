@@ -111,7 +111,7 @@ absl::StatusOr<std::vector<Reference>> LoadReferences(const Database& database,
   if (stored->views_size() != database.cell().views_size()) {
     return absl::DataLossError(absl::StrCat("'", database.path(),
                                             "' has not one reference image per view; take them "
-                                            "anew"));
+                                            "again"));
   }
   for (int view = 0; view < stored->views_size(); ++view) {
     const storage::v1::Reference& png = stored->views(view);
@@ -271,7 +271,7 @@ absl::Status ServedDatabase::CanServeSound(Preset preset) const {
   if (!calibration_ || calibration_->cameras.empty()) {
     return absl::FailedPreconditionError(absl::StrCat(
         asked, "a calibration with camera models, which the database does not have",
-        calibration_ ? " (fundamental matrices do not tell where in space a pixel looks)" : "",
+        calibration_ ? " (fundamental matrices do not say where in space a pixel looks)" : "",
         "; import one with 'silhouette-db calibration import', or ask for the preset '",
         NameOf(BestPreset()), "'"));
   }

@@ -21,7 +21,7 @@
 #include "server/collision/epipolar_bands.h"
 #include "server/collision/policy.h"
 #include "server/collision/robot_image_table.h"
-#include "server/scene/calibration_settings.h"
+#include "server/scene/scene_settings.h"
 #include "server/scene/sound_basis.h"
 #include "server/scene/view_treatment.h"
 

@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <bit>
 #include <cmath>
+#include <optional>
 #include <set>
 #include <span>
 #include <string>
@@ -12,13 +13,16 @@
 #include <vector>
 
 #include "absl/strings/str_cat.h"
+#include "common/picture/picture.h"
 #include "db/status/status_macros.h"
+#include "server/collision/collision_images.h"
+#include "server/collision/obstacle_image.h"
 #include "server/collision/segment_places.h"
-#include "server/service/explain.h"
 #include "server/service/messages.h"
 #include "server/service/space_writer.h"
 
 namespace silhouette {
+
 namespace {
 
 // Up to so many configurations are checked in gRPC's own threads.
@@ -85,7 +89,7 @@ grpc::Status AnswerNumbers(Serving& serving, const v1::CheckConfigurationsReques
   }
   if (request.include_clearance()) {
     return {grpc::StatusCode::INVALID_ARGUMENT,
-            "include_clearance: clearances are told of configurations, not of numbers"};
+            "include_clearance: clearances are for configurations, not for numbers"};
   }
   if (request.numbers_size() > kMaxNumbers) {
     return ToGrpc(
@@ -264,6 +268,52 @@ grpc::Status Answer(Serving& serving, const v1::ExplainRequest& request,
   ToMessage(Final(verdict, blocked), evidence, checker->RegionsAt(*q), std::nullopt, database,
             response->mutable_verdict());
   return grpc::Status::OK;
+}
+
+namespace {
+
+// The planes, and in colours of their own the unknown pixels that are ignored and those that
+// allowed regions made unknown.
+Picture PictureOfView(const Scene& scene, size_t view, const Mask& obstacle, const Mask& unknown,
+                      const Mask& error) {
+  Picture picture = PictureOfPlanes(obstacle, unknown, error);
+  const auto veil = [&](const std::optional<Mask>& pixels, Colour colour) {
+    if (pixels) picture = WithVeil(picture, *pixels & unknown, colour, 1);
+  };
+  veil(scene.views[view]->ignored, palette::kIgnored);
+  for (const RegionEffect& effect : scene.region_effects) {
+    veil(effect.taken[view], palette::kAllowed);
+  }
+  return picture;
+}
+
+}  // namespace
+
+void ExplainViews(const Checker& checker, std::span<const double> q,
+                  v1::ExplainResponse* response) {
+  const Served& served = checker.served();
+  if (served.scene == nullptr) return;
+  const CollisionImages collision = checker.CollisionImagesAt(q);
+  for (int view = 0; view < served.database->views(); ++view) {
+    v1::ViewExplanation& explanation = *response->add_views();
+    explanation.set_view(served.database->view_name(view));
+    const auto i = static_cast<size_t>(view);
+    if (!served.scene->views[i]) continue;
+    explanation.set_scene_png(EncodePng(PictureOf(served.scene->views[i]->foreground)));
+    if (!served.scene->obstacle_images[i]) continue;
+    const ObstacleImage& obstacle = *served.scene->obstacle_images[i];
+    const Scene& scene = *served.scene;
+    explanation.set_obstacle_png(EncodePng(
+        PictureOfView(scene, i, obstacle.obstacle(), obstacle.unknown(), obstacle.error())));
+    const std::optional<Mask> robot = checker.TestRobotImage(view, q);
+    if (!robot) continue;
+    const IntersectionImage intersection(obstacle, *robot);
+    explanation.set_intersection_png(EncodePng(PictureOfView(
+        scene, i, intersection.obstacle(), intersection.unknown(), intersection.error())));
+    if (!collision[i]) continue;
+    const Mask none(collision[i]->size());
+    explanation.set_collision_png(EncodePng(PictureOfPlanes(*collision[i], none, none)));
+  }
 }
 
 }  // namespace silhouette

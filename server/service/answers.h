@@ -2,8 +2,8 @@
 #pragma once
 
 #include <grpcpp/support/status.h>
-
 #include <functional>
+#include <span>
 #include <string>
 
 #include "absl/status/statusor.h"
@@ -50,5 +50,11 @@ grpc::Status Answer(Serving& serving, const v1::CheckPathRequest& request,
                     v1::CheckPathResponse* response, absl::Duration* valid_for = nullptr);
 grpc::Status Answer(Serving& serving, const v1::ExplainRequest& request,
                     v1::ExplainResponse* response);
+
+// The pictures of one verdict.
+
+// Adds what every view shows: scene, obstacle, intersection and collision image, as far as they are
+// there. Nothing where there is no scene.
+void ExplainViews(const Checker& checker, std::span<const double> q, v1::ExplainResponse* response);
 
 }  // namespace silhouette

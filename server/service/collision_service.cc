@@ -1,14 +1,12 @@
-#include "server/service/collision_service.h"
+#include "server/service/services.h"
 
 #include <chrono>
 #include <utility>
 
 #include "server/service/answers.h"
-#include "server/service/check_stream.h"
 #include "server/service/messages.h"
-#include "server/service/path_watch.h"
-#include "server/service/space_watch.h"
 #include "server/service/space_writer.h"
+#include "server/service/streams.h"
 
 namespace silhouette {
 

@@ -10,7 +10,7 @@
 #include <vector>
 
 #include "absl/strings/str_cat.h"
-#include "server/service/listen_address.h"
+#include "server/service/server.h"
 #include "server/service/serving.h"
 
 namespace silhouette {
@@ -81,7 +81,7 @@ void TellVerdicts(const Serving& serving, Families& to) {
   serving.verdicts.ForEach([&](State state, Reason reason, uint64_t verdicts) {
     Labels labels = {{.name = "verdict", .value = NameOf(state)}};
     if (reason != Reason::kNone) labels.push_back({.name = "reason", .value = NameOf(reason)});
-    to.Counter("silhouette_verdicts_total", "Verdicts told on configurations and paths", verdicts,
+    to.Counter("silhouette_verdicts_total", "Verdicts on configurations and paths", verdicts,
                std::move(labels));
   });
 }
@@ -112,10 +112,11 @@ void TellAcquisition(const LiveStatus& status, Families& to) {
              camera.serving ? 1 : 0, of(camera));
   }
   const DeviceStatus& robot = status.robot;
-  to.Counter("silhouette_live_joints_total", "Times that the robot told its joints", robot.good);
-  to.Counter("silhouette_live_joints_errors_total", "Times that it did not", robot.errors);
+  to.Counter("silhouette_live_joints_total", "Joint values that the robot reported", robot.good);
+  to.Counter("silhouette_live_joints_errors_total", "Requests for joint values that failed",
+             robot.errors);
   if (robot.age) {
-    to.Gauge("silhouette_live_joints_age_seconds", "Since the robot told its joints",
+    to.Gauge("silhouette_live_joints_age_seconds", "Age of the newest joint values",
              absl::ToDoubleSeconds(*robot.age));
   }
   const std::string latency = "silhouette_live_latency_seconds";

@@ -1,4 +1,4 @@
-#include "server/service/scene_service.h"
+#include "server/service/services.h"
 
 #include <spdlog/spdlog.h>
 
@@ -8,10 +8,12 @@
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_join.h"
+#include "server/scene/checker.h"
 #include "server/scene/make_scene.h"
 #include "server/service/messages.h"
 
 namespace silhouette {
+
 namespace {
 
 // "12 pixels in 'left', 9 in 'top'"
@@ -30,7 +32,7 @@ absl::Status CheckChange(const v1::ChangeVariantRequest& request,
                          const std::vector<std::string>& variants) {
   if (request.changing() != request.variant().empty()) {
     return absl::InvalidArgumentError(
-        "tell either the variant that the robot has, or that it is changing");
+        "send either the variant that the robot has, or that it is changing");
   }
   if (request.changing() || std::ranges::find(variants, request.variant()) != variants.end()) {
     return absl::OkStatus();
@@ -44,8 +46,8 @@ absl::Status CheckChange(const v1::ChangeVariantRequest& request,
 std::string WhyWithdrawn(const KnownVariant& known, const std::vector<std::string>& variants) {
   const absl::StatusOr<std::string> variant = known.OfLaterImages(variants);
   if (!variant.ok()) return std::string(variant.status().message());
-  return absl::StrCat("the scene is of before it was told that the robot has the variant '",
-                      *variant, "'; wait for the next");
+  return absl::StrCat("the scene predates the switch to the variant '", *variant,
+                      "'; wait for the next scene");
 }
 
 }  // namespace
@@ -133,7 +135,7 @@ grpc::ServerUnaryReactor* SceneService::ChangeVariant(grpc::CallbackServerContex
     const KnownVariant known = live->known_variant();
     if (is_new) {
       serving_.scenes.Withdraw(WhyWithdrawn(known, variants), serving_.settings.clock());
-      spdlog::info("{} tells that the robot's variant {}", context->peer(),
+      spdlog::info("{} reports that the robot's variant {}", context->peer(),
                    request->changing() ? "is changing" : "is '" + request->variant() + "'");
     }
     ToMessage(known, variants, response->mutable_robot_variant());
@@ -180,6 +182,27 @@ grpc::ServerUnaryReactor* SceneService::ListAllowedRegions(
     const Served served = serving_.scenes.Newest(now);
     for (const AllowedRegion& region : served.regions->regions) {
       ToMessage(region, *served.database, now, response->add_regions());
+    }
+    return grpc::Status::OK;
+  });
+}
+
+grpc::ServerUnaryReactor* DatabaseService::GetDatabase(grpc::CallbackServerContext* context,
+                                                       const v1::GetDatabaseRequest*,
+                                                       v1::GetDatabaseResponse* response) {
+  return AnswerHere(context, [this, response] {
+    const std::shared_ptr<const ServedDatabase> database = serving_.scenes.database();
+    ToMessage(*database, DefaultPolicy(serving_.settings, *database), response);
+    if (const auto trust = serving_.scenes.trust()) {
+      Served served;
+      served.database = database;
+      served.trust = trust;
+      const bool holds = CalibrationReason(served, serving_.settings.clock()) == Reason::kNone;
+      v1::CalibrationCheck& check = *response->mutable_calibration_check();
+      check.set_holds(holds);
+      check.set_message(trust->holds && !holds
+                            ? "the check is too old, or of another calibration: " + trust->message
+                            : trust->message);
     }
     return grpc::Status::OK;
   });

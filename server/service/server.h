@@ -11,15 +11,21 @@
 #include <string>
 #include <utility>
 
+#include "absl/status/status.h"
 #include "absl/status/statusor.h"
 #include "absl/time/time.h"
-#include "server/service/collision_service.h"
-#include "server/service/database_service.h"
 #include "server/service/metrics.h"
-#include "server/service/scene_service.h"
+#include "server/service/services.h"
 #include "server/service/serving.h"
 
 namespace silhouette {
+
+// Where a server listens.
+
+// Whether a server can listen on `address`: "host:port", "[::1]:port" or "unix:path"; port 0 stands
+// for any free one. InvalidArgument: it is not an address. FailedPrecondition: it is taken, or is
+// none of this machine's. The messages say what to do.
+absl::Status CheckListenAddress(const std::string& address);
 
 class Server {
  public:

@@ -2,24 +2,142 @@
 #pragma once
 
 #include <grpcpp/server_context.h>
-#include <grpcpp/support/server_callback.h>
 
+#include <grpcpp/support/server_callback.h>
+#include <array>
+#include <atomic>
+#include <chrono>
+#include <condition_variable>
+#include <cstdint>
+#include <deque>
 #include <functional>
 #include <memory>
+#include <mutex>
+#include <set>
+#include <thread>
 #include <utility>
+#include <vector>
 
+#include "absl/status/statusor.h"
+#include "server/collision/verdict.h"
+#include "server/scene/clock.h"
+#include "server/scene/scene.h"
 #include "server/scene/scene_store.h"
-#include "server/service/clearance_cache.h"
 #include "server/service/map_keeper.h"
-#include "server/service/region_log.h"
-#include "server/service/scene_publisher.h"
 #include "server/service/serving_settings.h"
 #include "server/service/space_cache.h"
-#include "server/service/verdict_counts.h"
 #include "server/service/watch_hub.h"
-#include "server/service/worker_pool.h"
 
 namespace silhouette {
+
+// Tells in the log when allowed regions end.
+
+// Looks with a thread of its own, as long as regions are in force.
+class RegionLog {
+ public:
+  // `scenes` must outlive it.
+  RegionLog(SceneStore& scenes, Clock clock);
+
+  // A region has been allowed.
+  void Watch();
+
+ private:
+  // Ended regions are told at most so much later.
+  static constexpr std::chrono::milliseconds kPeriod{100};
+
+  void Run(const std::stop_token& stop);
+  // Whether regions are still in force.
+  bool TellEnded();
+
+  SceneStore& scenes_;
+  const Clock clock_;
+  std::mutex mutex_;
+  std::condition_variable_any changed_;
+  bool watching_ = false;
+  std::jthread thread_;  // last: it uses the others
+};
+
+// How many verdicts were told, by what they say.
+
+// Thread-safe.
+class VerdictCounts {
+ public:
+  void Add(State state, Reason reason, uint64_t verdicts = 1) {
+    counts_[Place(state, reason)].fetch_add(verdicts, std::memory_order_relaxed);
+  }
+  void Add(const Verdict& verdict) { Add(verdict.state(), verdict.reason()); }
+
+  // `told(state, reason, verdicts)` for all that were told at least once.
+  template <typename Told>
+  void ForEach(const Told& told) const {
+    for (size_t place = 0; place < counts_.size(); ++place) {
+      const uint64_t verdicts = counts_[place].load(std::memory_order_relaxed);
+      if (verdicts == 0) continue;
+      told(static_cast<State>(place / kReasons), static_cast<Reason>(place % kReasons), verdicts);
+    }
+  }
+
+ private:
+  static constexpr size_t kReasons = 32;  // more than there are
+  static constexpr size_t kStates = 3;
+
+  static size_t Place(State state, Reason reason) {
+    return static_cast<size_t>(state) * kReasons + static_cast<size_t>(reason);
+  }
+
+  std::array<std::atomic<uint64_t>, kStates * kReasons> counts_{};
+};
+
+// Where scenes become what verdicts rest on, wherever they come from.
+
+// Thread-safe.
+class ScenePublisher {
+ public:
+  // Both must outlive it.
+  ScenePublisher(const ServingSettings& settings, SceneStore& scenes)
+      : settings_(settings), scenes_(scenes) {}
+
+  // As SceneStore::Publish. Writes a line to the log when the scenes' defects change.
+  absl::StatusOr<SharedScene> Publish(Scene scene,
+                                      const std::shared_ptr<const ServedDatabase>& database);
+
+ private:
+  void LogDefects(const Scene& scene);
+  // Finds the scene's possible space, if verdicts rest on it by default: so that no check waits.
+  void PrepareSpace(const ServedDatabase& whole, const Scene& scene) const;
+
+  const ServingSettings& settings_;
+  SceneStore& scenes_;
+  std::mutex mutex_;
+  uint64_t logged_scene_ = 0;
+  std::set<Reason> logged_reasons_;
+};
+
+// Threads for the work that must not block gRPC's own.
+
+class WorkerPool {
+ public:
+  // `threads` at least 1; `queue`: how many tasks may wait for a thread.
+  WorkerPool(int threads, size_t queue);
+  // Finishes all tasks, the waiting ones too.
+  ~WorkerPool();
+  WorkerPool(const WorkerPool&) = delete;
+  WorkerPool& operator=(const WorkerPool&) = delete;
+
+  // Runs the task some time later; false, and it will not run, if the queue is full. The task must
+  // not throw. May be called from any thread.
+  bool Run(std::function<void()> task);
+
+ private:
+  void Work();
+
+  const size_t queue_;
+  std::mutex mutex_;
+  std::condition_variable changed_;
+  std::deque<std::function<void()>> tasks_;
+  bool closing_ = false;
+  std::vector<std::thread> threads_;
+};
 
 struct Serving {
   // `shared_map`: null if the settings name none.

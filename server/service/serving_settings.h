@@ -9,11 +9,11 @@
 #include "capture/segmentation/settings.h"
 #include "server/collision/policy.h"
 #include "server/live/live_record.h"
-#include "server/scene/calibration_trust.h"
 #include "server/scene/clock.h"
 #include "server/scene/scene_settings.h"
+#include "server/scene/scene_store.h"
 #include "server/scene/served_database.h"
-#include "server/service/shared_map_file.h"
+#include "server/service/shared_map_writer.h"
 
 namespace silhouette {
 

@@ -12,7 +12,6 @@
 
 #include "absl/status/statusor.h"
 #include "db/mask/configuration_grid.h"
-#include "server/scene/clearance_space.h"
 #include "server/scene/configuration_space.h"
 #include "silhouette/v1/collision_service.pb.h"
 

@@ -7,7 +7,7 @@
 
 #include "absl/time/time.h"
 #include "server/scene/checker.h"
-#include "server/scene/clearance_space.h"
+#include "server/scene/configuration_space.h"
 #include "tests/benchmark/large_cells.h"
 #include "tests/benchmark/timing.h"
 

@@ -19,7 +19,6 @@
 #include "db/mask/mask.h"
 #include "server/collision/policy.h"
 #include "server/live/live_settings.h"
-#include "server/scene/calibration_settings.h"
 #include "server/scene/scene_settings.h"
 #include "server/scene/sound_settings.h"
 #include "server/scene/view_treatment.h"

@@ -12,7 +12,7 @@
 #include "calib/boards/sighting_file.h"
 #include "common/picture/files.h"
 #include "db/status/status_macros.h"
-#include "server/scene/calibration_settings.h"
+#include "server/scene/scene_settings.h"
 #include "tools/program/program.h"
 #include "tools/silhouette-calibrate/band_pictures.h"
 #include "tools/silhouette-calibrate/calibration_output.h"

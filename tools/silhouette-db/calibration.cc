@@ -10,7 +10,7 @@
 #include "absl/strings/str_split.h"
 #include "calib/files/calibration_message.h"
 #include "db/status/status_macros.h"
-#include "server/scene/calibration_settings.h"
+#include "server/scene/scene_settings.h"
 #include "tools/silhouette-db/calibration_files/calibration_files.h"
 #include "tools/silhouette-db/calibration_files/tested_calibration.h"
 #include "tools/silhouette-db/calibration_picture.h"

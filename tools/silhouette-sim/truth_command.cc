@@ -1,17 +1,16 @@
 // silhouette-sim truth
 #include <algorithm>
-#include <atomic>
 #include <cstdio>
 #include <filesystem>
 #include <fstream>
 #include <iostream>
 #include <memory>
 #include <nlohmann/json.hpp>
-#include <thread>
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
 #include "absl/time/clock.h"
+#include "common/parallel/parallel.h"
 #include "db/status/status_macros.h"
 #include "tools/program/program.h"
 #include "tools/program/progress.h"
@@ -37,17 +36,9 @@ struct Summary {
 std::vector<Contact> CheckAll(const Workplace& workplace, const ContactChecker& checker,
                               const std::vector<std::vector<double>>& positions) {
   std::vector<Contact> contacts(positions.size());
-  std::atomic<size_t> next{0};
-  const auto work_off = [&] {
-    for (size_t i = next++; i < positions.size(); i = next++) {
-      contacts[i] =
-          checker.Check(workplace.robot.LinkPoses(positions[i]), workplace.obstacle_poses);
-    }
-  };
-  std::vector<std::jthread> helpers;
-  for (unsigned i = 1; i < std::thread::hardware_concurrency(); ++i) helpers.emplace_back(work_off);
-  work_off();
-  helpers.clear();
+  ParallelFor(positions.size(), [&](size_t i) {
+    contacts[i] = checker.Check(workplace.robot.LinkPoses(positions[i]), workplace.obstacle_poses);
+  });
   return contacts;
 }
 

@@ -1,5 +1,5 @@
 // Distances in images: exactly those by which masks grow.
-#include "server/collision/distance_image.h"
+#include "server/collision/clearance.h"
 
 #include <gtest/gtest.h>
 

@@ -6,7 +6,6 @@
 #include <vector>
 
 #include "server/collision/collision_images.h"
-#include "server/collision/intersection_image.h"
 #include "server/collision/obstacle_image.h"
 
 namespace silhouette {

@@ -6,7 +6,7 @@
 #include <algorithm>
 #include <stdexcept>
 
-#include "server/collision/voxel_parts.h"
+#include "server/collision/voxel_grid.h"
 #include "tests/server/collision/sphere_world.h"
 
 namespace silhouette {

@@ -4,10 +4,8 @@
 
 #include <vector>
 
-#include "server/live/fault_log.h"
 #include "server/live/helpers.h"
-#include "server/live/latency_record.h"
-#include "server/live/pause.h"
+#include "server/live/live_record.h"
 
 namespace silhouette {
 namespace {

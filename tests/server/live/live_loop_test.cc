@@ -33,7 +33,8 @@ std::shared_ptr<const ServedDatabase> WithTools() {
 TEST_F(LiveLoopTest, WhichOfSeveralVariantsShowsTheRobotIsNotGuessed) {
   scenes.ReplaceDatabase(WithTools());
   ASSERT_TRUE(Start().ok());
-  const SharedScene scene = SceneWithDefect(Reason::kVariantUnknown, "nobody has told");
+  const SharedScene scene =
+      SceneWithDefect(Reason::kVariantUnknown, "the robot's variant is not known");
   EXPECT_EQ(FreeBy(scene), 0);
   EXPECT_EQ(scene->variant, "");
   EXPECT_EQ(scene->views.size(), 3u) << "what cameras saw is told all the same";
@@ -48,7 +49,7 @@ TEST_F(LiveLoopTest, DatabaseThatGetsASecondVariantHasToBeTold) {
   const auto both = WithTools();
   record->NoteVariants(both->variants());
   scenes.ReplaceDatabase(both);
-  SceneWithDefect(Reason::kVariantUnknown, "nobody has told");
+  SceneWithDefect(Reason::kVariantUnknown, "the robot's variant is not known");
 }
 
 TEST_F(LiveLoopTest, VariantOfTheStartIsThatOfTheFirstScene) {

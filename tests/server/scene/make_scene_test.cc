@@ -160,7 +160,7 @@ TEST_F(MakeSceneTest, WithAFixedJointThatMovedIsDefect) {
 TEST_F(MakeSceneTest, WithAFixedJointThatWasNotToldIsDefect) {
   input.joints.pop_back();
   EXPECT_EQ(TheDefect(), Reason::kFixedJointMoved);
-  EXPECT_THAT(Make(*database, input)->defects[0].message, HasSubstr("'lift' was not told"));
+  EXPECT_THAT(Make(*database, input)->defects[0].message, HasSubstr("'lift' has no value"));
 }
 
 TEST_F(MakeSceneTest, WithoutAUsableRobotImageAtTheRobotPositionIsDefect) {
@@ -257,7 +257,7 @@ TEST_F(MakeSceneTest, RefusesUnknownRepeatedAndInfiniteJoints) {
   input.joints[1].name = "c";
   EXPECT_EQ(Refusal(), "joints[1]: the cell has no joint 'c'; its joints are a, b, lift");
   input.joints[1].name = "a";
-  EXPECT_EQ(Refusal(), "joints[1]: joint 'a' is told twice");
+  EXPECT_EQ(Refusal(), "joints[1]: joint 'a' is given twice");
   input.joints[1] = {"b", std::nan("")};
   EXPECT_EQ(Refusal(), "joints[1]: the position of 'b' is not a finite number");
 }

@@ -135,7 +135,7 @@ TEST_F(ChangeVariantServiceTest, AcquisitionAndMetricsTellWhatClientsTold) {
   const Client client = Client::Connect(server.server->address()).value();
   const auto acquired = [&] { return client.GetAcquisition().value().robot_variant; };
   const auto metrics = [&] { return HttpGet(server.server->metrics_address(), "/metrics"); };
-  EXPECT_THAT(acquired().unknown, HasSubstr("nobody has told"));
+  EXPECT_THAT(acquired().unknown, HasSubstr("the robot's variant is not known"));
   EXPECT_THAT(metrics(), HasSubstr("silhouette_live_variant_known 0"));
   const absl::StatusOr<client::VariantChange> begun = client.BeginVariantChange();
   ASSERT_TRUE(begun.ok()) << begun.status();

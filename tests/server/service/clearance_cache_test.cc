@@ -1,5 +1,5 @@
 // Clearance levels that are shared by everybody who asks for the same ones.
-#include "server/service/clearance_cache.h"
+#include "server/service/space_cache.h"
 
 #include <gtest/gtest.h>
 
@@ -9,7 +9,6 @@
 #include <thread>
 #include <vector>
 
-#include "server/service/space_cache.h"
 #include "tests/server/test_cell.h"
 
 namespace silhouette {

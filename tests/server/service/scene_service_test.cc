@@ -1,4 +1,4 @@
-#include "server/service/scene_service.h"
+#include "server/service/services.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

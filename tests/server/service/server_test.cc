@@ -12,7 +12,6 @@
 #include <set>
 #include <thread>
 
-#include "server/service/listen_address.h"
 #include "tests/server/service/raw_call.h"
 #include "tests/server/service/test_server.h"
 

@@ -18,7 +18,7 @@
 #include "clients/shared_map/writer.h"
 #include "server/scene/clock.h"
 #include "server/service/messages.h"
-#include "server/service/shared_map_file.h"
+#include "server/service/shared_map_writer.h"
 #include "silhouette/shared_space.h"
 #include "tests/server/test_cell.h"
 

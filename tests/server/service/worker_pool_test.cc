@@ -1,4 +1,4 @@
-#include "server/service/worker_pool.h"
+#include "server/service/serving.h"
 
 #include <gtest/gtest.h>
 

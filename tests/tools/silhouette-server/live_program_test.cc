@@ -166,7 +166,7 @@ TEST_F(LiveProgramTest, TheVariantIsToldByTheProgram) {
   const Json before = AwaitStatus([](const Json& now) { return now["scenes"] > 0; });
   EXPECT_EQ(before["robot_variant"]["variant"], nullptr);
   EXPECT_EQ(Ask("check 0,0").exit_code, 1);
-  EXPECT_THAT(Ask("scene show").out, HasSubstr("nobody has told which variant"));
+  EXPECT_THAT(Ask("scene show").out, HasSubstr("the robot's variant is not known"));
 
   const Json changing =
       Json::parse(Ask("scene variant --changing --format json").out, nullptr, false);
@@ -187,7 +187,7 @@ TEST_F(LiveProgramTest, TheVariantIsToldByTheProgram) {
   EXPECT_EQ(unknown.exit_code, 2);
   EXPECT_THAT(unknown.err, HasSubstr("its variants are default, same"));
   EXPECT_EQ(End(SIGTERM), 0);
-  EXPECT_THAT(Log(), HasSubstr("tells that the robot's variant is 'same'"));
+  EXPECT_THAT(Log(), HasSubstr("reports that the robot's variant is 'same'"));
 }
 
 TEST_F(LiveProgramTest, WithoutLiveThereIsNoAcquisition) {

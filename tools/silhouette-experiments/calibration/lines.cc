@@ -9,7 +9,7 @@
 #include "calib/fundamental/model_matrices.h"
 #include "calib/fundamental/weak_calibration.h"
 #include "server/collision/epipolar_bands.h"
-#include "server/scene/calibration_settings.h"
+#include "server/scene/scene_settings.h"
 
 namespace silhouette::calibration_experiment {
 namespace {

@@ -2,20 +2,24 @@
 #pragma once
 
 #include <grpcpp/server_context.h>
-#include <grpcpp/support/server_callback.h>
 
+#include <grpcpp/support/server_callback.h>
 #include <algorithm>
 #include <chrono>
 #include <cstdint>
+#include <functional>
 #include <memory>
 #include <mutex>
 #include <optional>
 #include <utility>
+#include <vector>
 
 #include "absl/status/statusor.h"
+#include "server/scene/configuration_space.h"
 #include "server/service/messages.h"
 #include "server/service/serving.h"
 #include "server/service/watch_hub.h"
+#include "silhouette/v1/collision_service.pb.h"
 
 namespace silhouette {
 
@@ -147,6 +151,92 @@ class WatchWriter : public grpc::ServerWriteReactor<Response>,
   Clock::time_point write_end_;
   uint64_t told_ = 0;
   std::optional<uint64_t> done_;
+  std::optional<grpc::Status> ending_;
+};
+
+// WatchPath: one call.
+
+class PathWatch final : public WatchWriter<v1::WatchPathResponse> {
+ public:
+  PathWatch(Serving& serving, grpc::CallbackServerContext* context,
+            const v1::CheckPathRequest& request)
+      : WatchWriter(serving, context), request_(request) {}
+
+ private:
+  absl::StatusOr<bool> Prepare() override;
+  bool NextPart(v1::WatchPathResponse& part) override;
+
+  const v1::CheckPathRequest request_;
+  WatchedState told_of_;
+  uint64_t last_scene_ = 0;
+  v1::WatchPathResponse update_;
+};
+
+// WatchConfigurationSpace: one call.
+
+class SpaceWatch final : public WatchWriter<v1::WatchConfigurationSpaceResponse> {
+ public:
+  // Tiles in one part: about half a megabyte, somewhat more with free cells.
+  static constexpr size_t kTilesPerPart = 512;
+
+  SpaceWatch(Serving& serving, grpc::CallbackServerContext* context,
+             const v1::WatchConfigurationSpaceRequest& request)
+      : WatchWriter(serving, context), request_(request) {}
+
+ private:
+  absl::StatusOr<bool> Prepare() override;
+  bool NextPart(v1::WatchConfigurationSpaceResponse& part) override;
+
+  const v1::WatchConfigurationSpaceRequest request_;
+  // What the last update spoke of, and its map or an earlier one: the tiles that the caller has.
+  WatchedState told_of_;
+  uint64_t last_scene_ = 0;
+  std::shared_ptr<const ConfigurationSpace> sent_;
+  bool cells_ = false;  // with free cells
+  // The update that is being sent.
+  v1::WatchConfigurationSpaceResponse first_;
+  std::vector<uint64_t> changed_;
+  size_t next_ = 0;
+};
+
+// StreamChecks: one call.
+
+// Reads a question only when the answer to the one before has been taken by the transport: a caller
+// who does not read his answers holds back nobody. Keeps itself alive until the call is over.
+class CheckStream final
+    : public grpc::ServerBidiReactor<v1::StreamChecksRequest, v1::StreamChecksResponse>,
+      public Watcher,
+      public std::enable_shared_from_this<CheckStream> {
+ public:
+  CheckStream(Serving& serving, grpc::CallbackServerContext* context)
+      : serving_(serving), context_(context) {}
+
+  // Once, when the call comes.
+  void Start();
+
+  void Tell(uint64_t) override {}
+  void End() override;
+
+ private:
+  // Whoever makes it kOver, from kReading or at the end of kAnswering, finishes the call.
+  enum class Step { kReading, kAnswering, kOver };
+
+  void OnReadDone(bool ok) override;
+  void OnWriteDone(bool ok) override;
+  void OnDone() override;
+
+  // The answer to the question that was read, into answer_.
+  grpc::Status AnswerQuestion();
+  // Sends what `answer` leaves in answer_, or its error.
+  void Work(const std::function<grpc::Status()>& answer);
+
+  Serving& serving_;
+  grpc::CallbackServerContext* const context_;
+  std::shared_ptr<CheckStream> self_;
+  v1::StreamChecksRequest question_;
+  v1::StreamChecksResponse answer_;
+  std::mutex mutex_;
+  Step step_ = Step::kReading;
   std::optional<grpc::Status> ending_;
 };
 

@@ -1,0 +1,173 @@
+#include <algorithm>
+#include <utility>
+
+#include "db/status/status_macros.h"
+#include "server/service/answers.h"
+#include "server/service/messages.h"
+#include "server/service/space_writer.h"
+#include "server/service/streams.h"
+
+namespace silhouette {
+
+absl::StatusOr<bool> PathWatch::Prepare() {
+  const Moment now = serving().settings.clock();
+  const Served served = serving().scenes.Newest(now);
+  const WatchedState state(served, BlockedReason(served, serving().settings.scene, now),
+                           CalibrationReason(served, now));
+  if (state == told_of_) return false;
+  v1::WatchPathResponse update;
+  absl::Duration valid_for;
+  const grpc::Status status = Answer(serving(), request_, update.mutable_check(), &valid_for);
+  if (!status.ok()) return FromGrpc(status);
+  ToMessage(valid_for, update.mutable_valid_for());
+  const uint64_t scene = update.check().basis().scene_id();
+  update.set_skipped_scenes(ScenesSkipped(last_scene_, scene));
+  told_of_ = state;
+  last_scene_ = std::max(last_scene_, scene);
+  update_ = std::move(update);
+  return true;
+}
+
+bool PathWatch::NextPart(v1::WatchPathResponse& part) {
+  part = std::move(update_);
+  return false;
+}
+
+absl::StatusOr<bool> SpaceWatch::Prepare() {
+  ASSIGN_OR_RETURN(
+      const Served found,
+      WithVariant(serving().scenes.Newest(serving().settings.clock()), request_.variant()));
+  const Served& served = found;
+  ASSIGN_OR_RETURN(const Policy policy, PolicyFor(serving(), request_.policy(), *served.database));
+  ASSIGN_OR_RETURN(const std::vector<uint64_t> tiles,
+                   TilesFrom(request_.tiles(), served.database->grid()));
+  const bool cells = TellsCells(request_.include_cells(), policy);
+  std::shared_ptr<const ConfigurationSpace> space;
+  if (served.scene != nullptr) {
+    space = serving().spaces.Get(served, policy);
+    for (const uint64_t tile : tiles) {
+      if (cancelled()) return absl::CancelledError();
+      space->tile(tile);
+    }
+    if (cells && !space->WorkOutCells(tiles, [this] { return cancelled(); })) {
+      return absl::CancelledError();
+    }
+  }
+  v1::WatchConfigurationSpaceResponse first;
+  absl::Duration valid_for;
+  const Reason blocked = Conclude(serving(), served, policy, first.mutable_basis(), &valid_for);
+  if (serving().scenes.database() != served.whole) return Prepare();  // it was replaced
+  const WatchedState state(served, blocked);
+  if (state == told_of_) return false;
+  if (state.database != told_of_.database || cells != cells_) {
+    first.set_whole(true);
+    ToMessage(served.database->grid(), first.mutable_grid());
+    sent_ = nullptr;
+  }
+  first.set_unknown_reason(ToMessage(blocked));
+  ToMessage(valid_for, first.mutable_valid_for());
+  first.set_skipped_scenes(ScenesSkipped(last_scene_, state.scene));
+  changed_.clear();
+  if (blocked == Reason::kNone) {
+    first.set_cells_exact(cells && space->cells_exact());
+    std::ranges::copy_if(tiles, std::back_inserter(changed_), [&](uint64_t tile) {
+      if (sent_ == nullptr) return space->tile(tile) != TileVerdicts();
+      return space->tile(tile) != sent_->tile(tile) ||
+             (cells && space->free_cells(tile) != sent_->free_cells(tile));
+    });
+    sent_ = std::move(space);
+  }
+  told_of_ = state;
+  cells_ = cells;
+  last_scene_ = std::max(last_scene_, state.scene);
+  first_ = std::move(first);
+  next_ = 0;
+  return true;
+}
+
+bool SpaceWatch::NextPart(v1::WatchConfigurationSpaceResponse& part) {
+  if (next_ == 0) part = std::move(first_);
+  const size_t end = std::min(changed_.size(), next_ + kTilesPerPart);
+  for (; next_ < end; ++next_) {
+    v1::ConfigurationSpaceTile& tile = *part.add_tiles();
+    ToMessage(changed_[next_], sent_->tile(changed_[next_]), &tile);
+    if (cells_) AddCells(changed_[next_], *sent_, &tile);
+  }
+  part.set_last_part(next_ == changed_.size());
+  return !part.last_part();
+}
+
+void CheckStream::Start() {
+  self_ = shared_from_this();
+  StartRead(&question_);
+  serving_.watches.Add(self_);
+}
+
+void CheckStream::End() {
+  const grpc::Status status(grpc::StatusCode::UNAVAILABLE,
+                            "the server stops; ask again when it is back");
+  {
+    const std::lock_guard lock(mutex_);
+    if (step_ == Step::kAnswering) ending_ = status;
+    if (step_ != Step::kReading) return;
+    step_ = Step::kOver;
+  }
+  Finish(status);
+}
+
+void CheckStream::OnReadDone(bool ok) {
+  {
+    const std::lock_guard lock(mutex_);
+    if (step_ == Step::kOver) return;
+    step_ = ok ? Step::kAnswering : Step::kOver;
+  }
+  if (!ok) return Finish(grpc::Status::OK);  // the caller asks no more
+  const bool at_once =
+      question_.has_configurations() && AnsweredAtOnce(serving_, question_.configurations());
+  if (at_once) return Work([this] { return AnswerQuestion(); });
+  const auto work = [self = self_] { self->Work([&] { return self->AnswerQuestion(); }); };
+  if (!serving_.workers.Run(work)) Work(TooBusy);
+}
+
+grpc::Status CheckStream::AnswerQuestion() {
+  switch (question_.question_case()) {
+    case v1::StreamChecksRequest::kConfigurations:
+      return Answer(
+          serving_, question_.configurations(), [this] { return context_->IsCancelled(); },
+          answer_.mutable_configurations());
+    case v1::StreamChecksRequest::kPath:
+      return Answer(serving_, question_.path(), answer_.mutable_path());
+    case v1::StreamChecksRequest::QUESTION_NOT_SET:
+      break;
+  }
+  return {grpc::StatusCode::INVALID_ARGUMENT, "question: ask for configurations or for a path"};
+}
+
+void CheckStream::Work(const std::function<grpc::Status()>& answer) {
+  answer_.Clear();
+  answer_.set_id(question_.id());
+  const grpc::Status status = Guarded(answer);
+  if (!status.ok()) {
+    answer_.mutable_error()->set_code(status.error_code());
+    answer_.mutable_error()->set_message(status.error_message());
+  }
+  StartWrite(&answer_);
+}
+
+void CheckStream::OnWriteDone(bool ok) {
+  std::unique_lock lock(mutex_);
+  if (ok && !ending_) {
+    step_ = Step::kReading;
+    StartRead(&question_);
+    return;
+  }
+  step_ = Step::kOver;
+  lock.unlock();
+  Finish(ok ? *ending_ : grpc::Status::CANCELLED);  // not ok: nobody listens any more
+}
+
+void CheckStream::OnDone() {
+  const std::shared_ptr<Watcher> last = std::move(self_);  // perhaps a worker still holds it
+}
+
+}  // namespace silhouette

@@ -1,0 +1,311 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "tools/silhouette-server/cell_database.h"
+
+#include <spdlog/spdlog.h>
+#include <sys/resource.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <filesystem>
+#include <fstream>
+#include <opencv2/imgcodecs.hpp>
+#include <optional>
+#include <vector>
+
+#include "absl/status/status.h"
+#include "absl/strings/str_cat.h"
+#include "absl/strings/str_format.h"
+#include "absl/strings/str_join.h"
+#include "absl/time/clock.h"
+#include "capture/segmentation/down_sampling.h"
+#include "common/picture/files.h"
+#include "db/status/status_macros.h"
+#include "db/store/schema.h"
+#include "db/store/store.h"
+#include "db/store/writer_lock.h"
+#include "tools/cell/segmentation_text.h"
+
+namespace silhouette {
+namespace {
+
+// A mask pixel proves nothing if any part of its square does not.
+absl::StatusOr<Mask> ReadIgnored(const ViewSettings& view) {
+  ASSIGN_OR_RETURN(const std::string bytes, ReadWholeFile(view.ignore));
+  cv::Mat grey;
+  try {
+    const std::vector<uint8_t> buffer(bytes.begin(), bytes.end());
+    if (!buffer.empty()) grey = cv::imdecode(buffer, cv::IMREAD_GRAYSCALE);
+  } catch (const cv::Exception&) {
+    grey.release();
+  }
+  if (grey.empty()) {
+    return absl::InvalidArgumentError(absl::StrCat("'", view.ignore, "' is not an image"));
+  }
+  const cv::Size mask(view.mask_size.width, view.mask_size.height);
+  const cv::Size image(view.image_width, view.image_height);
+  if (grey.size() != mask && grey.size() != image) {
+    return absl::InvalidArgumentError(absl::StrCat(
+        "'", view.ignore, "' is ", grey.cols, "x", grey.rows, " pixels large and should be ",
+        mask.width, "x", mask.height, ", as the mask, or ", image.width, "x", image.height,
+        ", as the camera image"));
+  }
+  return DownSample(grey, view.mask_size, 0);
+}
+
+// The safety margins and ignored pixels that the cell file states. Reads the images of ignored
+// pixels and, where a margin is a length, finds the workspace. NotFound and InvalidArgument name
+// the view and the file: an image that is not there, is none, or has neither the size of the view's
+// mask nor of its camera image. Further errors: WorkspaceOf.
+absl::StatusOr<TreatmentSettings> TreatmentSettingsOf(const Cell& cell) {
+  TreatmentSettings settings;
+  bool lengths = false;
+  for (const ViewSettings& view : cell.views) {
+    ViewTreatmentSettings treatment{.margin = view.margin, .ignored = std::nullopt};
+    lengths = lengths || view.margin.metres > 0;
+    if (!view.ignore.empty()) {
+      absl::StatusOr<Mask> ignored = ReadIgnored(view);
+      if (!ignored.ok()) {
+        return absl::Status(ignored.status().code(),
+                            absl::StrCat(cell.file, ": view '", view.name,
+                                         "': ignore: ", ignored.status().message()));
+      }
+      treatment.ignored = *std::move(ignored);
+    }
+    settings.views.push_back(std::move(treatment));
+  }
+  if (!lengths) return settings;
+  ASSIGN_OR_RETURN(const Workspace workspace, WorkspaceOf(cell));
+  settings.workspace = workspace;
+  return settings;
+}
+
+constexpr absl::Duration kBetweenReports = absl::Seconds(5);
+
+std::string Gigabytes(uint64_t bytes) {
+  return absl::StrFormat("%.2f GB", static_cast<double>(bytes) * 1e-9);
+}
+
+// The least memory.max of this process's control group and those it is in; `most` if none says any.
+uint64_t MemoryOfGroup(uint64_t most) {
+  std::ifstream groups("/proc/self/cgroup");
+  for (std::string line; std::getline(groups, line);) {
+    if (!line.starts_with("0::/")) continue;  // those of version 1
+    const std::filesystem::path root = "/sys/fs/cgroup";
+    std::filesystem::path group = root / line.substr(4);
+    while (true) {
+      uint64_t bytes = 0;
+      if (std::ifstream(group / "memory.max") >> bytes) most = std::min(most, bytes);
+      if (group == root || !group.has_relative_path()) break;
+      group = group.parent_path();
+    }
+  }
+  return most;
+}
+
+std::string Counted(uint64_t count, const std::string& what) {
+  return absl::StrCat(count, " ", what, count == 1 ? "" : "s");
+}
+
+// Bytes of memory that this process may have: those of the machine, or fewer where its control
+// group or a limit of the process allows no more.
+uint64_t AvailableMemory() {
+  uint64_t bytes =
+      static_cast<uint64_t>(sysconf(_SC_PHYS_PAGES)) * static_cast<uint64_t>(sysconf(_SC_PAGESIZE));
+  bytes = MemoryOfGroup(bytes);
+  for (const auto resource : {RLIMIT_AS, RLIMIT_DATA}) {
+    rlimit limit{};
+    if (getrlimit(resource, &limit) == 0 && limit.rlim_cur != RLIM_INFINITY) {
+      bytes = std::min<uint64_t>(bytes, limit.rlim_cur);
+    }
+  }
+  return bytes;
+}
+
+// What the cell file says of loading. By default robot images may take two fifths of
+// AvailableMemory(): a reload has two databases at a time. The log has the progress every few
+// seconds.
+LoadSettings LoadSettingsOf(const Cell& cell) {
+  return {.robot_image_memory = cell.server.robot_image_memory.value_or(AvailableMemory() / 5 * 2),
+          .variants_in_memory = cell.server.variants_in_memory,
+          .progress =
+              [last = absl::Now()](uint64_t done, uint64_t records) mutable {
+                const absl::Time now = absl::Now();
+                if (now - last < kBetweenReports) return;
+                last = now;
+                spdlog::info("read {} of {} robot images", done, records);
+              },
+          .fixed_joint_tolerance = cell.server.scene.fixed_joint_tolerance};
+}
+
+// Where the robot images are, and why; and whether writers have to stay away from the folder `path`
+// while it is served.
+void LogRobotImages(const ServedDatabase& database, const std::string& path,
+                    const LoadSettings& settings) {
+  const RobotImageTable& images = database.robot_images();
+  const uint64_t bytes =
+      images.Count(RobotImageState::kPresent) * images.words() * sizeof(uint64_t);
+  if (images.in_memory()) {
+    spdlog::info("robot images: {}, in memory", Gigabytes(bytes));
+  } else {
+    spdlog::info(
+        "robot images: {}, of which memory may hold {} (robot_image_memory): read from '{}' where "
+        "they are needed",
+        Gigabytes(bytes), Gigabytes(settings.robot_image_memory), path);
+  }
+  const bool reads_on = std::ranges::any_of(database.variants(), [&](const std::string& name) {
+    const ServedDatabase& variant = *database.Variant(name);
+    return !variant.robot_images().in_memory() || variant.index() != nullptr;
+  });
+  if (!reads_on || !ReadersKeepWritersOut(path)) return;
+  spdlog::warn(
+      "without permission to write '{}/{}' no program can write into the database while it is "
+      "served: "
+      "no capture, no index; give this process that permission, or stop it before",
+      path, schema::kLockFile);
+}
+
+// How many tiles have robot images but no index that can be used. Looks at every byte of the index.
+uint64_t TilesWithoutIndex(const ServedDatabase& database) {
+  uint64_t without = 0;
+  for (uint64_t tile = 0; tile < database.grid().tiles(); ++tile) {
+    if (database.robot_images().present(tile).Empty()) continue;
+    if (database.index() == nullptr || database.index()->Tile(tile) == nullptr) ++without;
+  }
+  return without;
+}
+
+void LogElsewhere(const ServedDatabase& variant, const std::string& of) {
+  const uint64_t count = variant.robot_images().Count(RobotImageState::kElsewhere);
+  if (count == 0) return;
+  spdlog::warn(
+      "{}{} with a robot image that was captured with a fixed joint elsewhere, as {}: unknown "
+      "until captured again; 'silhouette-db verify' lists them",
+      of, Counted(count, "configuration"), variant.elsewhere());
+}
+
+void LogLoaded(const ServedDatabase& database, const std::string& path) {
+  const RobotImageTable& images = database.robot_images();
+  spdlog::info("loaded '{}', generation {}: {}, {} captured, {} excluded", path,
+               database.generation(), Counted(database.grid().size(), "configuration"),
+               images.Count(RobotImageState::kPresent), images.Count(RobotImageState::kExcluded));
+  if (const uint64_t missing = images.Count(RobotImageState::kMissing); missing > 0) {
+    spdlog::warn("{} without a robot image: unknown until captured",
+                 Counted(missing, "configuration"));
+  }
+  if (const uint64_t corrupt = images.Count(RobotImageState::kCorrupt); corrupt > 0) {
+    spdlog::warn("{} with a robot image that fails its checksum: unknown until captured again",
+                 Counted(corrupt, "configuration"));
+  }
+  LogElsewhere(database, "");
+  if (const uint64_t without = TilesWithoutIndex(database); without > 0) {
+    spdlog::warn(
+        "{} of {} without a collision index that fits the robot images: the configuration space "
+        "takes longer to work out; run 'silhouette-db index {}' and reload",
+        without, Counted(database.grid().tiles(), "tile"), path);
+  }
+  if (!database.has_references()) {
+    spdlog::warn("no reference images: camera images are refused, scene masks are taken");
+  }
+  if (database.bands() == nullptr) {
+    spdlog::info("no calibration: unknown and error pixels are not resolved");
+  }
+  for (int view = 0; view < database.views(); ++view) {
+    const ViewTreatment& treatment = database.treatment(view);
+    if (treatment.margin > 0) {
+      spdlog::info("view '{}': margin of {:.2f} pixels", database.view_name(view),
+                   treatment.margin);
+    }
+    if (treatment.ignored) {
+      spdlog::info("view '{}': {} ignored", database.view_name(view),
+                   Counted(treatment.ignored->Count(), "pixel"));
+    }
+  }
+}
+
+// Of a variant beside the default one.
+void LogVariant(const ServedDatabase& variant) {
+  const RobotImageTable& images = variant.robot_images();
+  spdlog::info("variant '{}': {} captured, {} excluded; {}", variant.variant(),
+               images.Count(RobotImageState::kPresent), images.Count(RobotImageState::kExcluded),
+               images.in_memory() ? "in memory" : "read from the database where they are needed");
+  const uint64_t unknown =
+      images.Count(RobotImageState::kMissing) + images.Count(RobotImageState::kCorrupt);
+  if (unknown > 0) {
+    spdlog::warn("variant '{}': {} without a usable robot image: unknown until captured",
+                 variant.variant(), Counted(unknown, "configuration"));
+  }
+  LogElsewhere(variant, absl::StrCat("variant '", variant.variant(), "': "));
+  if (const uint64_t without = TilesWithoutIndex(variant); without > 0) {
+    spdlog::warn("variant '{}': {} without a collision index; run 'silhouette-db index' and reload",
+                 variant.variant(), Counted(without, "tile"));
+  }
+}
+
+// Of a cell that states the section 'sound'.
+void LogSound(const ServedDatabase& database) {
+  if (database.sound() == nullptr) {
+    spdlog::warn("the sound presets are not served: {}",
+                 std::string(database.CanServe({.preset = Preset::kSound}).message()));
+    return;
+  }
+  const SoundBasis& sound = *database.sound();
+  const double least = sound.space().least_obstacle();
+  spdlog::info("sound presets: obstacles of {:.3f} m and more are found, hidden or not", least);
+  if (sound.mask_scale() > 1) {
+    spdlog::warn(
+        "the masks separate only obstacles of about {:.3f} m from the robot, so much free space "
+        "will be blocked: state a greater least_obstacle than {:.3f} m, or capture with masks "
+        "of {:.1f} times as many pixels along each side",
+        sound.resolvable_obstacle(), least, sound.mask_scale());
+  }
+  for (const std::string& link : sound.open_links()) {
+    spdlog::warn(
+        "link '{}' has a shape that is not closed: the sound presets take it for nothing, "
+        "and may take the space inside it for an obstacle; close its mesh",
+        link);
+  }
+  for (int view = 0; view < database.views(); ++view) {
+    if (database.treatment(view).margin == 0) continue;
+    spdlog::warn(
+        "view '{}' has a margin: the sound presets take it around the robot for room in which an "
+        "obstacle may hide, and may find nothing free; state no margin, or a larger least_obstacle",
+        database.view_name(view));
+    return;
+  }
+}
+
+}  // namespace
+
+absl::StatusOr<std::shared_ptr<const ServedDatabase>> LoadDatabase(const Cell& cell,
+                                                                   const std::string& path) {
+  ASSIGN_OR_RETURN(const std::unique_ptr<Database> database,
+                   Database::Open(path, Database::Access::kRead));
+  const std::vector<std::string> differences =
+      Differences(DescriptionOf(cell), "the cell file", database->cell(), "the database");
+  if (!differences.empty()) {
+    return absl::FailedPreconditionError(absl::StrCat(
+        "the database '", path, "' does not fit the cell file '", cell.file, "': ",
+        absl::StrJoin(differences, "; "), SegmentationAdvice(cell.segmentation, database->cell()),
+        "; serve the cell file that the database was captured with, or capture again"));
+  }
+  ASSIGN_OR_RETURN(const TreatmentSettings treatments, TreatmentSettingsOf(cell));
+  ASSIGN_OR_RETURN(const std::optional<SoundCell> sound, SoundCellOf(cell));
+  const LoadSettings load = LoadSettingsOf(cell);
+  const auto served = ServedDatabase::Load(*database, cell.calibration, treatments, sound, load);
+  if (!served.ok()) return served;
+  LogLoaded(**served, path);
+  LogRobotImages(**served, path, load);
+  for (const std::string& name : (*served)->variants()) {
+    const ServedDatabase* variant = (*served)->Variant(name);
+    if (variant != served->get()) LogVariant(*variant);
+  }
+  if (sound) LogSound(**served);
+  if (cell.choose_preset) return served;
+  const absl::Status servable = (*served)->CanServe(cell.policy);
+  if (servable.ok()) return served;
+  return absl::FailedPreconditionError(absl::StrCat("the cell file '", cell.file,
+                                                    "' asks for what the database '", path,
+                                                    "' cannot serve: ", servable.message()));
+}
+
+}  // namespace silhouette
