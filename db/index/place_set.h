@@ -35,32 +35,14 @@ enum class InstructionSet { kBaseline, kAvx2, kAvx512 };
 // Those that this machine has, the best one last.
 std::vector<InstructionSet> InstructionSets();
 
-// Words that are told, or left out, together where a set is told by its difference from another.
-inline constexpr size_t kLineWords = 8;
+// Adds to `result` the sets of PlaceSet::kWords words each that stand at `sets` + kWords * i, for
+// every i of `chosen`. The words need not be aligned, but are read faster if they are to 64 bytes.
+// Never allocates.
+using AddUnion = void (*)(const uint64_t* sets, std::span<const uint32_t> chosen, PlaceSet& result);
 
-// A set as its base, of PlaceSet::kWords words, XOR lines of kLineWords words.
-struct SetDifference {
-  const uint64_t* base;
-  const uint64_t* lines;   // those that are not 0, one after another
-  uint64_t differing = 0;  // bit i: line i is among them; of PlaceSet::kWords / kLineWords bits
-
-  // A word of the set.
-  uint64_t Word(size_t word) const;
-};
-
-// What unions are made by. Words need not be aligned, but are read faster if they are to 64 bytes.
-// Neither function allocates.
-struct Unions {
-  // Adds to `result` the sets of PlaceSet::kWords words each that stand at `sets` + kWords * i, for
-  // every i of `chosen`.
-  void (*add)(const uint64_t* sets, std::span<const uint32_t> chosen, PlaceSet& result);
-  // Adds the sets that `chosen` tells.
-  void (*add_differences)(std::span<const SetDifference> chosen, PlaceSet& result);
-};
-
-// Those for an instruction set, which the machine must have.
-Unions UnionsWith(InstructionSet set);
-// The best ones.
-const Unions& BestUnions();
+// The one for an instruction set, which the machine must have.
+AddUnion UnionWith(InstructionSet set);
+// The fastest one of this machine.
+AddUnion BestUnion();
 
 }  // namespace silhouette

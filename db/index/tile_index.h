@@ -17,15 +17,6 @@
 //                 configurations; how many sets are stored for the words before it
 //   ...           0 up to a multiple of 64
 //   ...     512 s the sets, in the order of their nodes
-//
-// An index may tell its sets by their differences from those of the same nodes in another index,
-// its base, which has been made of nearly the same images. Bit 63 of n is set then, and instead of
-// the sets a part has:
-//   ...     8 s   per set: bits 0 to 7: its eight lines of 64 bytes that differ from the base's;
-//                 bits 8 to 63: how many lines are stored for the sets before it
-//   ...           0 up to a multiple of 64
-//   ...           those lines XOR the base's
-// In the base, a node that stores no set has that of all configurations, or none.
 #pragma once
 
 #include <array>
@@ -44,11 +35,8 @@ namespace silhouette {
 class TileIndex {
  public:
   // `bytes`: as above, at an address that is a multiple of 8 (of 64: faster). `trees`: one per
-  // view. `base`: the one that the bytes tell differences from, which has none itself and must
-  // outlive this; null: they tell none. Throws std::invalid_argument if the bytes are not such an
-  // index of such views. That it is the right base is for the caller to see.
-  TileIndex(std::span<const std::byte> bytes, std::span<const PixelTree> trees,
-            const TileIndex* base = nullptr);
+  // view. Throws std::invalid_argument if the bytes are not the index of such views.
+  TileIndex(std::span<const std::byte> bytes, std::span<const PixelTree> trees);
 
   int views() const { return static_cast<int>(views_.size()); }
 
@@ -58,17 +46,13 @@ class TileIndex {
   // Adds to `touching` the configurations whose robot image touches one of the nodes. Never
   // allocates.
   void AddTouching(int view, const Nodes& nodes, PlaceSet& touching,
-                   const Unions& unions = BestUnions()) const;
+                   AddUnion add_union = BestUnion()) const;
 
   // Whether AddTouching would add any.
   bool AnyTouches(int view, const Nodes& nodes) const;
 
   // The robot image of a place that is present.
   Mask Image(int view, uint64_t place) const;
-
-  // The bytes of this index by its differences from another one of the same views. Neither may tell
-  // differences itself.
-  std::vector<std::byte> DifferencesFrom(const TileIndex& base) const;
 
  private:
   struct Word {
@@ -78,21 +62,12 @@ class TileIndex {
   };
   struct View {
     std::span<const Word> words;
-    const uint64_t* sets = nullptr;  // without a base
-    // With a base.
-    std::span<const uint64_t> differences;
-    const uint64_t* lines = nullptr;
+    const uint64_t* sets = nullptr;
   };
 
-  View ViewIn(std::span<const std::byte> bytes, uint64_t offset, const PixelTree& tree) const;
-  // The words of a node's set, in an index without a base.
-  const uint64_t* SetOf(const View& view, size_t word, uint64_t bit) const;
-  SetDifference DifferenceOf(size_t view, size_t word, uint64_t bit, size_t set) const;
-  void AddTouchingByDifferences(size_t view, const Nodes& nodes, PlaceSet& touching,
-                                const Unions& unions) const;
+  static View ViewIn(std::span<const std::byte> bytes, uint64_t offset, const PixelTree& tree);
 
   std::span<const PixelTree> trees_;
-  const TileIndex* base_ = nullptr;
   const PlaceSet* present_ = nullptr;
   std::vector<View> views_;
 };

@@ -2,12 +2,22 @@
 #include <bit>
 #include <cstring>
 #include <stdexcept>
+#include <type_traits>
 
-#include "db/index/tile_bytes.h"
 #include "db/index/tile_index.h"
 
 namespace silhouette {
 namespace {
+
+template <typename T>
+void Append(std::vector<std::byte>& bytes, const T& value) {
+  static_assert(std::is_trivially_copyable_v<T>);
+  const size_t at = bytes.size();
+  bytes.resize(at + sizeof(T));
+  std::memcpy(bytes.data() + at, &value, sizeof(T));
+}
+
+void FillUp(std::vector<std::byte>& bytes) { bytes.resize((bytes.size() + 63) / 64 * 64); }
 
 // Transposes 64 x 64 bits: bit i of word j becomes bit j of word i.
 void Transpose(uint64_t* words) {

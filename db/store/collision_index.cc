@@ -57,13 +57,10 @@ struct CollisionIndex::Entry {
   std::optional<TileHeader> header;
   std::optional<std::string_view> value;
   uint64_t bytes = 0;
-  // That of the default variant which it rests on (TileHeader::base), if there is one.
-  std::optional<std::string_view> base_value;
   // Of the tile's records; nothing if it has none.
   std::optional<uint64_t> digest;
 
   mutable std::once_flag checked;
-  mutable std::optional<TileIndex> base;
   mutable std::optional<TileIndex> index;
   mutable TileState state = TileState::kMissing;
 };
@@ -86,7 +83,6 @@ absl::StatusOr<std::shared_ptr<const CollisionIndex>> CollisionIndex::Open(
                    File::Map(index->snapshot_->impl_->environment()));
   index->file_ = std::move(file);
   RETURN_IF_ERROR(index->ReadHeads());
-  RETURN_IF_ERROR(index->ReadBases());
   RETURN_IF_ERROR(index->ReadDigests());
   return index;
 }
@@ -126,27 +122,6 @@ absl::Status CollisionIndex::ReadHeads() {
   return code == MDB_NOTFOUND ? absl::OkStatus() : environment.ReadError(code);
 }
 
-// Takes down where the default variant's values are that those of this variant rest on.
-absl::Status CollisionIndex::ReadBases() {
-  Environment& environment = snapshot_->impl_->environment();
-  const std::optional<MDB_dbi> database = environment.Find(schema::kCollisionIndex);
-  const auto hold = environment.HoldMap();
-  MDB_stat stat;
-  mdb_env_stat(environment.get(), &stat);
-  for (auto& [tile, entry] : tiles_) {
-    if (!database || !entry->header || entry->header->base == 0) continue;
-    const schema::NumberKey key = schema::EncodeKey(tile);
-    MDB_val key_val = ToVal({key.data(), key.size()});
-    MDB_val shown;
-    const int code = mdb_get(snapshot_->impl_->transaction(), *database, &key_val, &shown);
-    if (code == MDB_NOTFOUND || code == EINVAL) continue;
-    if (code != 0) return environment.ReadError(code);
-    if (shown.mv_size < kTileValueHeader) continue;
-    entry->base_value = file_->Find(FromVal(shown), stat.ms_psize);
-  }
-  return absl::OkStatus();
-}
-
 absl::Status CollisionIndex::ReadDigests() {
   const RecordSource records = snapshot_->impl_->records();
   for (uint64_t tile = 0;; ++tile) {
@@ -169,25 +144,16 @@ void CollisionIndex::Check(uint64_t tile, const Entry& entry) const {
     entry.state = TileState::kMissing;
   } else if (!entry.value || !TileValueHolds(tile, *entry.value)) {
     entry.state = TileState::kDamaged;
-  } else if (entry.digest != entry.header->digest || !HasBase(entry)) {
+  } else if (entry.digest != entry.header->digest || entry.header->coding != 0) {
     entry.state = TileState::kStale;
-  } else if (entry.base_value && !TileValueHolds(tile, *entry.base_value)) {
-    entry.state = TileState::kDamaged;
   } else {
     try {
-      if (entry.base_value) entry.base.emplace(TileIndexIn(*entry.base_value), trees_);
-      entry.index.emplace(TileIndexIn(*entry.value), trees_, entry.base ? &*entry.base : nullptr);
+      entry.index.emplace(TileIndexIn(*entry.value), trees_);
       entry.state = TileState::kFresh;
     } catch (const std::invalid_argument&) {
       entry.state = TileState::kDamaged;
     }
   }
-}
-
-// Whether the default variant has what the tile rests on, if it rests on anything.
-bool CollisionIndex::HasBase(const Entry& entry) {
-  return entry.header->base == 0 ||
-         (entry.base_value && TileChecksumIn(*entry.base_value) == entry.header->base);
 }
 
 // Null if there is nothing of the tile.
@@ -202,11 +168,6 @@ const CollisionIndex::Entry* CollisionIndex::Checked(uint64_t tile) const {
 const TileIndex* CollisionIndex::Tile(uint64_t tile) const {
   const Entry* entry = Checked(tile);
   return entry != nullptr && entry->index ? &*entry->index : nullptr;
-}
-
-const TileIndex* CollisionIndex::Base(uint64_t tile) const {
-  const Entry* entry = Checked(tile);
-  return entry != nullptr && entry->index && entry->base ? &*entry->base : nullptr;
 }
 
 std::span<const std::byte> CollisionIndex::Bytes(uint64_t tile) const {
@@ -235,7 +196,6 @@ CollisionIndexSummary CollisionIndex::Summary() const {
       case TileState::kFresh:
         ++summary.fresh;
         summary.unreadable += entry->header->unreadable;
-        summary.by_difference += entry->base ? 1 : 0;
         break;
       case TileState::kStale:
         ++summary.stale;

@@ -21,9 +21,9 @@ namespace silhouette {
 
 // What there is of a tile. Only kFresh can be used.
 enum class TileState {
-  kMissing,  // it has records, but no index
-  kStale,    // its index was built from other records, or rests on another of the default variant's
-  kDamaged,  // its index fails its checksum, or makes no sense
+  kMissing,    // it has records, but no index
+  kStale,      // its index was built from other records, or in the form of an earlier program
+  kDamaged,    // its index fails its checksum, or makes no sense
   kNoRecords,  // there is nothing of it
   kFresh,
 };
@@ -37,8 +37,6 @@ struct CollisionIndexSummary {
   uint64_t damaged = 0;
   // Records that could not be read when the fresh tiles were built: the index does not have them.
   uint64_t unreadable = 0;
-  // Tiles of another variant that are told by their differences from the default variant's.
-  uint64_t by_difference = 0;
   // Size of the index, those of its tiles included that cannot be used.
   uint64_t bytes = 0;
 };
@@ -77,10 +75,6 @@ class CollisionIndex {
   // none if it is null.
   std::span<const std::byte> Bytes(uint64_t tile) const;
 
-  // The index of the default variant that Tile(tile) tells its differences from; null if it is null
-  // or tells none.
-  const TileIndex* Base(uint64_t tile) const;
-
   // Checks the checksum as Tile() does.
   TileState State(uint64_t tile) const;
 
@@ -96,12 +90,10 @@ class CollisionIndex {
 
   explicit CollisionIndex(std::shared_ptr<const Snapshot> snapshot);
   absl::Status ReadHeads();
-  absl::Status ReadBases();
   absl::Status ReadDigests();
   Entry& EntryOf(uint64_t tile);
   const Entry* Checked(uint64_t tile) const;
   void Check(uint64_t tile, const Entry& entry) const;
-  static bool HasBase(const Entry& entry);
 
   const std::shared_ptr<const Snapshot> snapshot_;
   std::vector<PixelTree> trees_;

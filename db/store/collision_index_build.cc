@@ -8,7 +8,6 @@
 #include <mutex>
 #include <optional>
 #include <set>
-#include <stdexcept>
 #include <string>
 #include <string_view>
 #include <thread>
@@ -56,9 +55,6 @@ class IndexBuild {
         environment_(*state.environment),
         options_(options),
         collision_index_(collision_index) {
-    if (!state.places.is_default()) {
-      base_ = environment_.Find(schema::kCollisionIndex);
-    }
     for (const MaskSize size : state.mask_sizes) {
       trees_.emplace_back(size);
       mask_bytes_ += size.bytes();
@@ -71,9 +67,6 @@ class IndexBuild {
                                     TileIndexBuilder& builder) const;
   bool IsFresh(uint64_t tile, MDB_txn* transaction, const std::optional<uint64_t>& digest) const;
   bool LiesInFile(std::string_view shown) const;
-  std::optional<std::string_view> BaseOf(uint64_t tile, MDB_txn* transaction) const;
-  std::vector<std::byte> Told(uint64_t tile, MDB_txn* transaction, std::vector<std::byte> index,
-                              TileHeader& header) const;
   absl::StatusOr<Outcome> BuildTile(uint64_t tile, MDB_txn* transaction,
                                     TileIndexBuilder& builder) const;
   std::optional<uint64_t> TakeTile();
@@ -87,7 +80,6 @@ class IndexBuild {
   Environment& environment_;
   const IndexBuildOptions& options_;
   const MDB_dbi collision_index_;
-  std::optional<MDB_dbi> base_;  // the default variant's, if this is another
   std::vector<PixelTree> trees_;
   size_t mask_bytes_ = 0;
   size_t page_size_ = 0;
@@ -206,42 +198,8 @@ bool IndexBuild::IsFresh(uint64_t tile, MDB_txn* transaction,
   MDB_val value;
   if (mdb_get(transaction, collision_index_, &key_val, &value) != 0) return false;
   const std::optional<TileHeader> header = TileHeaderIn(FromVal(value));
-  if (!header || header->digest != digest || header->unreadable != 0 ||
-      !TileValueHolds(tile, FromVal(value)) || !LiesInFile(FromVal(value))) {
-    return false;
-  }
-  if (header->base == 0) return true;
-  const std::optional<std::string_view> base = BaseOf(tile, transaction);
-  return base && TileChecksumIn(*base) == header->base;
-}
-
-// The default variant's value of a tile, if this is another variant and the value can be rested on.
-// The caller holds the map.
-std::optional<std::string_view> IndexBuild::BaseOf(uint64_t tile, MDB_txn* transaction) const {
-  if (!base_) return std::nullopt;
-  const TileKey key(tile);
-  MDB_val key_val = ToVal(key.view());
-  MDB_val value;
-  if (mdb_get(transaction, *base_, &key_val, &value) != 0) return std::nullopt;
-  if (!TileValueHolds(tile, FromVal(value)) || !LiesInFile(FromVal(value))) return std::nullopt;
-  return FromVal(value);
-}
-
-// The index of a tile as it is to be stored: by its differences, where that is smaller.
-std::vector<std::byte> IndexBuild::Told(uint64_t tile, MDB_txn* transaction,
-                                        std::vector<std::byte> index, TileHeader& header) const {
-  const auto hold = environment_.HoldMap();
-  const std::optional<std::string_view> base = BaseOf(tile, transaction);
-  if (!base) return index;
-  try {
-    const TileIndex base_index(TileIndexIn(*base), trees_);
-    std::vector<std::byte> differences = TileIndex(index, trees_).DifferencesFrom(base_index);
-    if (differences.size() >= index.size()) return index;
-    header.base = TileChecksumIn(*base);
-    return differences;
-  } catch (const std::invalid_argument&) {
-    return index;  // the default variant's makes no sense
-  }
+  return header && header->digest == digest && header->unreadable == 0 && header->coding == 0 &&
+         TileValueHolds(tile, FromVal(value)) && LiesInFile(FromVal(value));
 }
 
 // Whether readers, who look into the file, find a value there that LMDB shows.
@@ -280,9 +238,8 @@ absl::StatusOr<Outcome> IndexBuild::BuildTile(uint64_t tile, MDB_txn* transactio
     }
     keys.after = chunk.back().key;
   }
-  TileHeader header{.digest = digest.Get(), .unreadable = outcome.unreadable};
-  const std::vector<std::byte> index = Told(tile, transaction, builder.Finish(), header);
-  outcome.value = EncodeTileValue(tile, header, index, page_size_);
+  const TileHeader header{.digest = digest.Get(), .unreadable = outcome.unreadable};
+  outcome.value = EncodeTileValue(tile, header, builder.Finish(), page_size_);
   if (outcome.value.size() > kLargestValue) {
     return absl::ResourceExhaustedError(
         absl::StrCat("the collision index of tile ", tile,

@@ -20,7 +20,6 @@ int Get(const RecordSource& source, ConfigurationNumber number, MDB_val& value) 
 
 // So that a transaction that is begun afterwards knows them.
 void OpenSubDatabases(const DatabaseState& state) {
-  state.environment->Find(schema::kCollisionIndex);
   state.environment->Find(state.places.collision_index);
   state.environment->Find(state.places.raw_images);
 }

@@ -32,7 +32,7 @@ std::string EncodeTileValue(uint64_t tile, const TileHeader& header,
   value.append(kTileValueChecksumSize, '\0');
   schema::AppendU64(value, header.digest);
   schema::AppendU64(value, header.unreadable);
-  schema::AppendU64(value, header.base);
+  schema::AppendU64(value, header.coding);
   value.resize(kTileValueHeader);
   value.append(reinterpret_cast<const char*>(index.data()), index.size());
   if (value.size() < page_size) value.resize(page_size);
@@ -47,8 +47,6 @@ std::optional<TileHeader> TileHeaderIn(std::string_view value) {
   return TileHeader{schema::ReadU64(value.data() + 8), schema::ReadU64(value.data() + 16),
                     schema::ReadU64(value.data() + 24)};
 }
-
-uint64_t TileChecksumIn(std::string_view value) { return schema::ReadU64(value.data()); }
 
 bool TileValueHolds(uint64_t tile, std::string_view value) {
   return value.size() >= kTileValueHeader &&

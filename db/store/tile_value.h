@@ -4,9 +4,8 @@
 //   0       8     checksum: XXH3-64 of all bytes after it, seed = the tile
 //   8       8     digest of the tile's records that it was built from (RecordDigest)
 //   16      8     how many of them could not be read; the index does not have them
-//   24      8     base: the checksum of the default variant's value of the tile, if this is of
-//   another
-//                 variant and tells its index by what differs from that; else 0
+//   24      8     coding: 0. Other values: the index rests on the default variant's, as earlier
+//                 programs wrote it; such a tile is stale
 //   32      16    0
 //   48      ...   the index (db/index/tile_index.h)
 //   ...           0 up to the size of a page of the database, if the value would be smaller
@@ -46,7 +45,7 @@ class RecordDigest {
 struct TileHeader {
   uint64_t digest = 0;
   uint64_t unreadable = 0;
-  uint64_t base = 0;  // the checksum of the value that the index rests on; 0: it rests on none
+  uint64_t coding = 0;  // other than 0: not as db/index/tile_index.h says; no program writes it
 };
 
 // The value for a tile. `page_size`: that of the database.
@@ -55,9 +54,6 @@ std::string EncodeTileValue(uint64_t tile, const TileHeader& header,
 
 // Nothing if the value is too short.
 std::optional<TileHeader> TileHeaderIn(std::string_view value);
-
-// The first 8 bytes of a value, which must have as many: by its checksum its content is known.
-uint64_t TileChecksumIn(std::string_view value);
 
 // Whether the checksum of a value holds that is stored under `tile`.
 bool TileValueHolds(uint64_t tile, std::string_view value);

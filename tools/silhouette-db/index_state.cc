@@ -5,7 +5,6 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
 #include "absl/strings/str_join.h"
-#include "db/store/schema.h"
 
 namespace silhouette {
 
@@ -25,10 +24,6 @@ std::string StateText(const CollisionIndexSummary& summary, const std::string& d
   if (name == "fresh") {
     text = absl::StrFormat("fresh, %d tiles, %.1f MiB", summary.tiles,
                            static_cast<double>(summary.bytes) / (1 << 20));
-    if (summary.by_difference > 0) {
-      absl::StrAppend(&text, ", ", summary.by_difference, " of them by what differs from '",
-                      schema::kDefaultVariant, "'");
-    }
     if (summary.unreadable > 0) {
       absl::StrAppend(&text, "; without ", summary.unreadable, " records that could not be read");
     }
@@ -46,15 +41,10 @@ std::string StateText(const CollisionIndexSummary& summary, const std::string& d
 }
 
 nlohmann::json StateJson(const CollisionIndexSummary& summary) {
-  return {{"state", StateName(summary)},
-          {"tiles", summary.tiles},
-          {"fresh", summary.fresh},
-          {"stale", summary.stale},
-          {"missing", summary.missing},
-          {"damaged", summary.damaged},
-          {"unreadable", summary.unreadable},
-          {"by_difference", summary.by_difference},
-          {"bytes", summary.bytes}};
+  return {{"state", StateName(summary)},      {"tiles", summary.tiles},
+          {"fresh", summary.fresh},           {"stale", summary.stale},
+          {"missing", summary.missing},       {"damaged", summary.damaged},
+          {"unreadable", summary.unreadable}, {"bytes", summary.bytes}};
 }
 
 }  // namespace silhouette

@@ -96,7 +96,7 @@ TEST_P(TileIndexOfSize, TouchesWhatTheRobotImagesTouchWithEveryInstructionSet) {
         EXPECT_EQ(index.AnyTouches(static_cast<int>(view), cover), !expected.Empty());
         for (const InstructionSet set : InstructionSets()) {
           PlaceSet touching;
-          index.AddTouching(static_cast<int>(view), cover, touching, UnionsWith(set));
+          index.AddTouching(static_cast<int>(view), cover, touching, UnionWith(set));
           EXPECT_EQ(touching, expected) << "instruction set " << static_cast<int>(set);
         }
       }
@@ -124,92 +124,6 @@ INSTANTIATE_TEST_SUITE_P(Sizes, TileIndexOfSize,
                            return std::to_string(tested.param.width) + "x" +
                                   std::to_string(tested.param.height);
                          });
-
-// The same robot with a tool in some of its images, and some images more or fewer.
-RandomTile WithTool(Random& random, const RandomTile& tile) {
-  RandomTile with;
-  with.trees = tile.trees;
-  std::vector<Mask> tools;
-  for (const PixelTree& tree : tile.trees) tools.push_back(RandomDisc(random, tree.size(), 0.1));
-  TileIndexBuilder builder(with.trees);
-  for (uint64_t place = 0; place < kTileSize; ++place) {
-    const auto plain = tile.images.find(place);
-    if (random() % 50 == 0 || (plain == tile.images.end() && random() % 50 != 0)) continue;
-    std::vector<Mask>& masks = with.images[place];
-    masks = plain != tile.images.end() ? plain->second : tools;
-    for (size_t view = 0; view < masks.size(); ++view) {
-      if (place / 512 % 2 == 0)
-        masks[view] = (masks[view] | tools[view]) - (masks[view] & tools[view]);
-    }
-    builder.Add(place, RandomTile::Words(masks));
-  }
-  with.bytes = builder.Finish();
-  return with;
-}
-
-TEST_P(TileIndexOfSize, ToldByDifferencesIsTheSameIndexAndSmaller) {
-  Random random = SeededRandom();
-  for (const double there : {1.0, 0.3}) {
-    const RandomTile plain(random, {GetParam(), {7, 5}}, there);
-    const RandomTile tile = WithTool(random, plain);
-    const TileIndex base(plain.bytes, plain.trees);
-    const std::vector<std::byte> bytes = TileIndex(tile.bytes, tile.trees).DifferencesFrom(base);
-    if (GetParam().width > 9) {
-      EXPECT_LT(bytes.size(), tile.bytes.size());
-    }
-    const TileIndex index(bytes, tile.trees, &base);
-    for (const auto& [place, masks] : tile.images) {
-      if (random() % 16 != 0) continue;
-      ASSERT_EQ(index.Image(0, place), masks[0]) << place;
-      ASSERT_EQ(index.Image(1, place), masks[1]) << place;
-    }
-    for (int i = 0; i < 8; ++i) {
-      const Mask plane = RandomDisc(random, tile.trees[0].size(), 0.3);
-      const Nodes cover = tile.trees[0].Cover(plane);
-      const PlaceSet expected = tile.Touching(0, plane);
-      EXPECT_EQ(index.AnyTouches(0, cover), !expected.Empty());
-      for (const InstructionSet set : InstructionSets()) {
-        PlaceSet touching;
-        index.AddTouching(0, cover, touching, UnionsWith(set));
-        EXPECT_EQ(touching, expected) << "instruction set " << static_cast<int>(set);
-      }
-    }
-  }
-}
-
-TEST(Unions, OfDifferencesAreWhatTheyAreWordByWord) {
-  Random random = SeededRandom();
-  constexpr size_t kLinesPerSet = PlaceSet::kWords / kLineWords;
-  for (int round = 0; round < 50; ++round) {
-    const size_t count = random() % 20;
-    std::vector<PlaceSet> bases(count);
-    std::vector<std::vector<uint64_t>> lines(count);
-    std::vector<SetDifference> chosen;
-    PlaceSet before;
-    before.Insert(random() % kTileSize);
-    PlaceSet expected = before;
-    for (size_t i = 0; i < count; ++i) {
-      for (uint64_t& word : bases[i].words) word = random() & random() & random() & random();
-      const uint64_t differing = random() % (uint64_t{1} << kLinesPerSet);
-      PlaceSet own = bases[i];
-      for (size_t word = 0; word < PlaceSet::kWords; ++word) {
-        if ((differing >> (word / kLineWords) & 1) == 0) continue;
-        lines[i].push_back(random() & random() & random());
-        own.words[word] ^= lines[i].back();
-      }
-      chosen.push_back({bases[i].words.data(), lines[i].data(), differing});
-      for (size_t word = 0; word < PlaceSet::kWords; ++word) {
-        ASSERT_EQ(chosen[i].Word(word), own.words[word]);
-      }
-      expected |= own;
-    }
-    for (const InstructionSet set : InstructionSets()) {
-      PlaceSet result = before;
-      UnionsWith(set).add_differences(chosen, result);
-      EXPECT_EQ(result, expected) << "instruction set " << static_cast<int>(set);
-    }
-  }
-}
 
 TEST(TileIndex, BuilderBeginsAnewForEveryTile) {
   Random random = SeededRandom();
@@ -265,24 +179,6 @@ TEST(TileIndex, DamagedBytesAreRefusedOrHarmless) {
     }
   };
   EXPECT_TRUE(ask(tile.bytes));
-  const TileIndex base(tile.bytes, tile.trees);
-  const RandomTile other = WithTool(random, tile);
-  const std::vector<std::byte> differences =
-      TileIndex(other.bytes, tile.trees).DifferencesFrom(base);
-  EXPECT_FALSE(ask(differences));  // without what they differ from
-  for (int i = 0; i < 2000; ++i) {
-    std::vector<std::byte> damaged = differences;
-    if (i > 0) damaged[random() % std::min<size_t>(damaged.size(), 8192)] ^= std::byte(random());
-    if (i % 4 == 3) damaged.resize(random() % damaged.size());
-    try {
-      const TileIndex index(damaged, tile.trees, &base);
-      PlaceSet touching;
-      index.AddTouching(0, tile.trees[0].Cover(everything), touching);
-      index.Image(0, 17);
-    } catch (const std::invalid_argument&) {
-      EXPECT_NE(i, 0);
-    }
-  }
   for (size_t length = 0; length < tile.bytes.size(); length += 1 + random() % 97) {
     EXPECT_FALSE(ask({tile.bytes.begin(), tile.bytes.begin() + static_cast<ptrdiff_t>(length)}));
   }

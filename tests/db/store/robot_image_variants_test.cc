@@ -12,6 +12,7 @@
 #include "db/store/robot_image_format.h"
 #include "db/store/robot_images_in_place.h"
 #include "db/store/schema.h"
+#include "db/store/tile_value.h"
 #include "tests/db/store/index_checks.h"
 #include "tests/db/store/test_cell.h"
 
@@ -269,8 +270,8 @@ TEST(Variants, HaveACollisionIndexEach) {
   ExpectIndexHoldsTheRobotImages(*variant);
 }
 
-// Another variant's index is told by its differences from the default variant's.
-TEST(Variants, IndexThatRestsOnTheDefaultVariantsIsNeverReadWithAnother) {
+// Earlier programs coded another variant's index by its differences from the default variant's.
+TEST(Variants, IndexInAnEarlierFormIsStaleAndIsBuiltAgain) {
   const FreshFolder folder;
   const auto database = RobotImageVariantsMakeDatabase(folder / "db");
   const auto variant = MakeVariant(*database);
@@ -278,13 +279,10 @@ TEST(Variants, IndexThatRestsOnTheDefaultVariantsIsNeverReadWithAnother) {
   PutAll(*database, plain);
   PutAll(*variant, WithTools(plain, 5));
   ASSERT_TRUE(BuildCollisionIndex(*database).ok());
-  const CollisionIndexSummary before = OpenIndex(*variant)->Summary();
-  EXPECT_EQ(before.by_difference, before.tiles);
-  EXPECT_LT(before.bytes, OpenIndex(*database)->Summary().bytes);
-  EXPECT_EQ(OpenIndex(*database)->Summary().by_difference, 0);
-  // Whatever becomes of the default variant's value: another content, damage, none.
+  EXPECT_EQ(OpenIndex(*variant)->State(0), TileState::kFresh);
   const auto environment = *Environment::Open(folder / "db");
-  const auto values = *environment->Find(schema::PlacesOfVariant("default").collision_index);
+  const auto values =
+      *environment->Find(schema::PlacesOfVariant(kRobotImageVariantsTool).collision_index);
   const schema::NumberKey key = schema::EncodeKey(0);
   const std::string_view key_view(key.data(), key.size());
   std::string stored;
@@ -295,34 +293,30 @@ TEST(Variants, IndexThatRestsOnTheDefaultVariantsIsNeverReadWithAnother) {
     ASSERT_EQ(mdb_get(transaction->get(), values, &key_val, &value), 0);
     stored = FromVal(value);
   }
-  const auto state_with = [&](const std::string& value) {
+  // `coding` is that of the header, `top` the highest byte of the number of views.
+  const auto state_with = [&](uint64_t coding, std::byte top) {
+    const std::span<const std::byte> index = TileIndexIn(stored);
+    std::vector<std::byte> bytes(index.begin(), index.end());
+    bytes[7] = top;
+    TileHeader header = *TileHeaderIn(stored);
+    header.coding = coding;
+    const std::string value = EncodeTileValue(0, header, bytes, 0);
     EXPECT_TRUE(environment
                     ->Update(value.size(),
                              [&](WriteTransaction& transaction) {
-                               return value.empty() ? transaction.Delete(values, key_view)
-                                                    : transaction.Put(values, key_view, value);
+                               return transaction.Put(values, key_view, value);
                              })
                     .ok());
     ExpectIndexHoldsTheRobotImages(*variant, false);
     return OpenIndex(*variant)->State(0);
   };
-  EXPECT_EQ(state_with(stored), TileState::kFresh);
-  for (const size_t at : {size_t{0}, size_t{9}, stored.size() / 2}) {
-    std::string damaged = stored;
-    damaged[at] = static_cast<char>(damaged[at] ^ 1);
-    EXPECT_EQ(state_with(damaged), at == 0 ? TileState::kStale : TileState::kDamaged);
-  }
-  EXPECT_EQ(state_with(""), TileState::kStale);
-  EXPECT_EQ(state_with(stored), TileState::kFresh);
-  // The default variant's tile is built anew from other records: the other's is stale until it is,
-  // too.
-  PutAll(*database, {TestImage(*database, plain[3].number, 77)}, true);
-  IndexBuildOptions one_tile;
-  one_tile.progress = [](uint64_t done, uint64_t) { return done == 0; };
-  ASSERT_TRUE(BuildCollisionIndex(*database, one_tile).ok());
-  EXPECT_EQ(OpenIndex(*database)->State(0), TileState::kFresh);
-  EXPECT_EQ(OpenIndex(*variant)->State(0), TileState::kStale);
-  ASSERT_TRUE(BuildCollisionIndex(*database).ok());
+  EXPECT_EQ(state_with(0, std::byte{0}), TileState::kFresh);
+  EXPECT_EQ(state_with(0, std::byte{0x80}), TileState::kDamaged);
+  EXPECT_EQ(state_with(1, std::byte{0}), TileState::kStale);
+  EXPECT_EQ(state_with(0x0123456789abcdef, std::byte{0x80}), TileState::kStale);
+  const auto report = BuildCollisionIndex(*database);
+  ASSERT_TRUE(report.ok()) << report.status();
+  EXPECT_EQ(report->built, 1);
   ExpectIndexHoldsTheRobotImages(*variant);
 }
 
