@@ -13,7 +13,6 @@
 #include "db/status/status_macros.h"
 #include "db/store/raw_records.h"
 #include "db/store/schema.h"
-#include "db/store/snapshot_impl.h"
 #include "db/store/tile_value.h"
 
 namespace silhouette {

@@ -37,12 +37,6 @@ struct Outcome {
   uint64_t unreadable = 0;
 };
 
-struct TileKey {
-  explicit TileKey(uint64_t tile) : bytes(schema::EncodeKey(tile)) {}
-  std::string_view view() const { return {bytes.data(), bytes.size()}; }
-  schema::NumberKey bytes;
-};
-
 }  // namespace
 
 class IndexBuild {
@@ -193,13 +187,12 @@ absl::StatusOr<Outcome> IndexBuild::TreatTile(uint64_t tile, MDB_txn* transactio
 bool IndexBuild::IsFresh(uint64_t tile, MDB_txn* transaction,
                          const std::optional<uint64_t>& digest) const {
   const auto hold = environment_.HoldMap();
-  const TileKey key(tile);
-  MDB_val key_val = ToVal(key.view());
-  MDB_val value;
-  if (mdb_get(transaction, collision_index_, &key_val, &value) != 0) return false;
-  const std::optional<TileHeader> header = TileHeaderIn(FromVal(value));
+  const auto found = environment_.Get(transaction, collision_index_, schema::EncodeKey(tile));
+  if (!found.ok() || !*found) return false;
+  const std::string_view value = **found;
+  const std::optional<TileHeader> header = TileHeaderIn(value);
   return header && header->digest == digest && header->unreadable == 0 && header->coding == 0 &&
-         TileValueHolds(tile, FromVal(value)) && LiesInFile(FromVal(value));
+         TileValueHolds(tile, value) && LiesInFile(value);
 }
 
 // Whether readers, who look into the file, find a value there that LMDB shows.
@@ -220,24 +213,21 @@ absl::StatusOr<Outcome> IndexBuild::BuildTile(uint64_t tile, MDB_txn* transactio
   outcome.kind = Outcome::kBuilt;
   RecordDigest digest;
   std::vector<MaskWords> images(trees_.size());
-  for (KeyRange keys = KeysOfTile(tile);;) {
-    ASSIGN_OR_RETURN(const auto chunk, ReadChunk({state_, transaction}, keys));
-    if (chunk.empty()) break;
-    for (const RawRecord& record : chunk) {
-      const std::optional<ConfigurationNumber> number = schema::DecodeKey(record.key);
-      if (!number) continue;
-      digest.Add(record.key, record.value);
-      if (!state_.grid.Contains(*number)) continue;
-      const absl::StatusOr<RobotImage> image =
-          DecodeRobotImage(*number, record.value, state_.mask_sizes, record.base);
-      if (!image.ok()) ++outcome.unreadable;
-      if (!image.ok() || image->excluded) continue;
-      for (size_t view = 0; view < images.size(); ++view) images[view] = image->masks[view].words();
-      builder.Add(*number % kTileSize, images);
-      ++outcome.robot_images;
-    }
-    keys.after = chunk.back().key;
-  }
+  const auto add = [&](const RawRecord& record) {
+    const std::optional<ConfigurationNumber> number = schema::DecodeKey(record.key);
+    if (!number) return absl::OkStatus();
+    digest.Add(record.key, record.value);
+    if (!state_.grid.Contains(*number)) return absl::OkStatus();
+    const absl::StatusOr<RobotImage> image =
+        DecodeRobotImage(*number, record.value, state_.mask_sizes, record.base);
+    if (!image.ok()) ++outcome.unreadable;
+    if (!image.ok() || image->excluded) return absl::OkStatus();
+    for (size_t view = 0; view < images.size(); ++view) images[view] = image->masks[view].words();
+    builder.Add(*number % kTileSize, images);
+    ++outcome.robot_images;
+    return absl::OkStatus();
+  };
+  RETURN_IF_ERROR(ForEachRecord({state_, transaction}, KeysOfTile(tile), add));
   const TileHeader header{.digest = digest.Get(), .unreadable = outcome.unreadable};
   outcome.value = EncodeTileValue(tile, header, builder.Finish(), page_size_);
   if (outcome.value.size() > kLargestValue) {
@@ -257,10 +247,10 @@ absl::Status IndexBuild::Write(const std::vector<Outcome>& outcomes) {
   return environment_.Update(bytes, [&](WriteTransaction& transaction) {
     for (const Outcome& outcome : outcomes) {
       if (outcome.kind == Outcome::kFresh) continue;
-      const TileKey key(outcome.tile);
+      const schema::NumberKey key = schema::EncodeKey(outcome.tile);
       RETURN_IF_ERROR(outcome.kind == Outcome::kBuilt
-                          ? transaction.Put(collision_index_, key.view(), outcome.value)
-                          : transaction.Delete(collision_index_, key.view()));
+                          ? transaction.Put(collision_index_, key, outcome.value)
+                          : transaction.Delete(collision_index_, key));
     }
     return absl::OkStatus();
   });
@@ -314,10 +304,7 @@ absl::Status IndexBuild::Build(IndexBuildReport& report) {
 
 absl::StatusOr<IndexBuildReport> IndexBuild::Run(Database& database,
                                                  const IndexBuildOptions& options) {
-  if (!database.state_->writer_lock) {
-    return absl::FailedPreconditionError(
-        absl::StrCat("database '", database.path(), "' is open for reading only"));
-  }
+  RETURN_IF_ERROR(CheckWritable(*database.state_));
   std::vector<std::string> names = {database.variant()};
   if (database.state_->places.is_default()) {
     ASSIGN_OR_RETURN(std::vector<std::string> all, database.Variants());

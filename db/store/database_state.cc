@@ -5,24 +5,33 @@
 #include "db/store/schema.h"
 
 namespace silhouette {
-namespace {
 
-absl::Status DatabaseStateDamaged(const Environment& environment, std::string_view key) {
+absl::Status CheckWritable(const DatabaseState& state) {
+  if (state.writer_lock) return absl::OkStatus();
+  return absl::FailedPreconditionError(
+      absl::StrCat("database '", state.path, "' is open for reading only"));
+}
+
+absl::StatusOr<WriterTurn> WriterTurn::Take(const DatabaseState& state) {
+  RETURN_IF_ERROR(CheckWritable(state));
+  if (state.has_writer->exchange(true)) {
+    return absl::FailedPreconditionError(
+        absl::StrCat("database '", state.path, "' has a writer already"));
+  }
+  return WriterTurn(state.has_writer);
+}
+
+absl::Status DamagedMeta(const Environment& environment, std::string_view key) {
   return absl::DataLossError(absl::StrCat("database '", environment.folder(), "': its entry '",
                                           std::string(key), "' is damaged"));
 }
 
-}  // namespace
-
 absl::StatusOr<std::optional<std::string>> ReadMeta(const Environment& environment,
                                                     MDB_txn* transaction, std::string_view key) {
-  MDB_val key_val = ToVal(key);
-  MDB_val value;
-  const int code = mdb_get(transaction, environment.meta(), &key_val, &value);
-  if (code == MDB_NOTFOUND) return std::optional<std::string>();
-  if (code != 0) return environment.ReadError(code);
-  const std::optional<std::string_view> payload = schema::OpenMeta(FromVal(value));
-  if (!payload) return DatabaseStateDamaged(environment, key);
+  ASSIGN_OR_RETURN(const auto value, environment.Get(transaction, environment.meta(), key));
+  if (!value) return std::optional<std::string>();
+  const std::optional<std::string_view> payload = schema::OpenMeta(*value);
+  if (!payload) return DamagedMeta(environment, key);
   return std::optional<std::string>(*payload);
 }
 
@@ -35,7 +44,7 @@ absl::StatusOr<uint64_t> ReadGeneration(const Environment& environment, MDB_txn*
   ASSIGN_OR_RETURN(const auto payload, ReadMeta(environment, transaction, schema::kGenerationKey));
   const std::optional<uint64_t> generation =
       payload ? schema::DecodeGeneration(*payload) : std::nullopt;
-  if (!generation) return DatabaseStateDamaged(environment, schema::kGenerationKey);
+  if (!generation) return DamagedMeta(environment, schema::kGenerationKey);
   return *generation;
 }
 
@@ -47,21 +56,17 @@ absl::Status RaiseGeneration(const Environment& environment, WriteTransaction& t
 
 absl::StatusOr<storage::v1::ProvenanceLog> ReadProvenance(const Environment& environment,
                                                           MDB_txn* transaction) {
-  ASSIGN_OR_RETURN(const auto payload, ReadMeta(environment, transaction, schema::kProvenanceKey));
-  storage::v1::ProvenanceLog log;
-  if (payload && !log.ParseFromString(*payload))
-    return DatabaseStateDamaged(environment, schema::kProvenanceKey);
-  return log;
+  ASSIGN_OR_RETURN(auto log, ReadMetaMessage<storage::v1::ProvenanceLog>(environment, transaction,
+                                                                         schema::kProvenanceKey));
+  return std::move(log).value_or(storage::v1::ProvenanceLog());
 }
 
 absl::StatusOr<std::vector<std::string>> ReadVariants(const Environment& environment,
                                                       MDB_txn* transaction) {
-  ASSIGN_OR_RETURN(const auto payload, ReadMeta(environment, transaction, schema::kVariantsKey));
-  storage::v1::RobotImageVariants variants;
-  if (payload && !variants.ParseFromString(*payload))
-    return DatabaseStateDamaged(environment, schema::kVariantsKey);
+  ASSIGN_OR_RETURN(const auto variants, ReadMetaMessage<storage::v1::RobotImageVariants>(
+                                            environment, transaction, schema::kVariantsKey));
   std::vector<std::string> names = {schema::kDefaultVariant};
-  names.insert(names.end(), variants.names().begin(), variants.names().end());
+  if (variants) names.insert(names.end(), variants->names().begin(), variants->names().end());
   return names;
 }
 

@@ -9,6 +9,7 @@
 #include <utility>
 #include <vector>
 
+#include "db/status/status_macros.h"
 #include "db/store/environment.h"
 #include "db/store/schema.h"
 #include "db/store/store.h"
@@ -49,6 +50,26 @@ struct DatabaseState {
   MDB_dbi robot_images = 0;
 };
 
+// FailedPrecondition: the database is open for reading only.
+absl::Status CheckWritable(const DatabaseState& state);
+
+// The turn of the one writer that the variants of a database may have at a time; given back at the
+// end.
+class WriterTurn {
+ public:
+  // FailedPrecondition: the database is open for reading only, or another has the turn.
+  static absl::StatusOr<WriterTurn> Take(const DatabaseState& state);
+  WriterTurn(WriterTurn&&) noexcept = default;
+  WriterTurn& operator=(WriterTurn&&) = delete;
+  ~WriterTurn() {
+    if (taken_) *taken_ = false;
+  }
+
+ private:
+  explicit WriterTurn(std::shared_ptr<std::atomic<bool>> taken) : taken_(std::move(taken)) {}
+  std::shared_ptr<std::atomic<bool>> taken_;
+};
+
 // The names of the variants, the default one first. The caller holds the map.
 absl::StatusOr<std::vector<std::string>> ReadVariants(const Environment& environment,
                                                       MDB_txn* transaction);
@@ -63,6 +84,19 @@ absl::Status CheckFits(const DatabaseState& state, const RobotImage& image);
 // The caller holds the map.
 absl::StatusOr<std::optional<std::string>> ReadMeta(const Environment& environment,
                                                     MDB_txn* transaction, std::string_view key);
+
+// DataLoss: the entry `key` is damaged.
+absl::Status DamagedMeta(const Environment& environment, std::string_view key);
+
+// The same, parsed.
+template <typename Message>
+absl::StatusOr<std::optional<Message>> ReadMetaMessage(const Environment& environment,
+                                                       MDB_txn* transaction, std::string_view key) {
+  ASSIGN_OR_RETURN(const auto payload, ReadMeta(environment, transaction, key));
+  std::optional<Message> message;
+  if (payload && !message.emplace().ParseFromString(*payload)) return DamagedMeta(environment, key);
+  return message;
+}
 
 absl::Status WriteMeta(const Environment& environment, WriteTransaction& transaction,
                        std::string_view key, std::string_view payload);

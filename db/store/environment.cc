@@ -177,6 +177,17 @@ absl::StatusOr<ReadTransaction> Environment::Read() {
   return ReadTransaction(shared_from_this(), transaction);
 }
 
+absl::StatusOr<std::optional<std::string_view>> Environment::Get(MDB_txn* transaction,
+                                                                 MDB_dbi database,
+                                                                 std::string_view key) const {
+  MDB_val key_val = ToVal(key);
+  MDB_val value;
+  const int code = mdb_get(transaction, database, &key_val, &value);
+  if (code == MDB_NOTFOUND || code == EINVAL) return std::optional<std::string_view>();
+  if (code != 0) return ReadError(code);
+  return std::optional(FromVal(value));
+}
+
 absl::Status Environment::Update(size_t new_bytes, const Change& change) {
   const std::lock_guard one_at_a_time(update_mutex_);
   for (;;) {

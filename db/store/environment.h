@@ -6,6 +6,7 @@
 
 #include <lmdb.h>
 
+#include <cstdint>
 #include <functional>
 #include <map>
 #include <memory>
@@ -38,6 +39,12 @@ std::optional<uint64_t> OffsetInFile(std::string_view shown, size_t page_size);
 // The same for any value, large or not. Nothing, too, if the file's pages are larger than this
 // machine's: LMDB's map is not aligned to them.
 std::optional<uint64_t> PlaceInFile(std::string_view shown, size_t page_size);
+
+// Whether the pages of a state of the database make sense: see page_check.cc. `file`: an open data
+// file, which `name` names in messages. `transaction`: the state, by the id of the transaction that
+// made it (mdb_txn_id of a read transaction, which must stay active meanwhile). DataLoss with the
+// first fault found. Unavailable if the state has been overwritten: try again with the present one.
+absl::Status CheckPages(int file, const std::string& name, uint64_t transaction);
 
 class Environment;
 
@@ -117,6 +124,11 @@ class Environment : public std::enable_shared_from_this<Environment> {
   bool read_only() const { return read_only_; }
 
   absl::StatusOr<ReadTransaction> Read();
+
+  // The value under a key; nothing if there is none, or if the transaction is older than the
+  // sub-database. The caller holds the map, as long as it looks at the value.
+  absl::StatusOr<std::optional<std::string_view>> Get(MDB_txn* transaction, MDB_dbi database,
+                                                      std::string_view key) const;
 
   // Runs `change` in a write transaction and commits it durably, or undoes all of it if `change` or
   // the commit fails. `new_bytes`: about how much will be written. `change` is run again after the

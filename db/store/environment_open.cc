@@ -17,7 +17,6 @@
 
 #include "absl/strings/str_cat.h"
 #include "db/status/status_macros.h"
-#include "db/store/page_check.h"
 #include "db/store/schema.h"
 #include "db/store/writer_lock.h"
 
@@ -205,12 +204,9 @@ absl::Status Environment::OpenSubDatabases() {
   }
   if (code == MDB_INCOMPATIBLE) return end(absl::FailedPreconditionError(not_ours));
   if (code != 0) return end(ReadError(code));
-  MDB_val key = ToVal(schema::kFormatKey);
-  MDB_val value;
-  code = mdb_get(transaction, meta_, &key, &value);
-  if (code == MDB_NOTFOUND) return end(absl::FailedPreconditionError(not_ours));
-  if (code != 0) return end(ReadError(code));
-  const std::optional<int> version = schema::FormatVersionIn(FromVal(value));
+  const auto format = Get(transaction, meta_, schema::kFormatKey);
+  if (!format.ok()) return end(format.status());
+  const std::optional<int> version = schema::FormatVersionIn(format->value_or(""));
   if (!version) return end(absl::FailedPreconditionError(not_ours));
   if (*version != schema::kFormatVersion) {
     return end(absl::FailedPreconditionError(absl::StrCat(

@@ -2,8 +2,6 @@
 
 #include <xxhash.h>
 
-#include <algorithm>
-
 #include "absl/strings/str_cat.h"
 #include "db/store/schema.h"
 
@@ -14,15 +12,6 @@ constexpr size_t kRawImageFormatHeaderSize = 32;
 constexpr char kPng = 1;
 constexpr uint64_t kReferences = ~uint64_t{0};
 
-RawImageKey RawImageFormatKeyOf(uint64_t first, uint64_t second) {
-  RawImageKey key;
-  const schema::NumberKey front = schema::EncodeKey(first);
-  const schema::NumberKey back = schema::EncodeKey(second);
-  std::copy(front.begin(), front.end(), key.begin());
-  std::copy(back.begin(), back.end(), key.begin() + 8);
-  return key;
-}
-
 uint64_t RawImageFormatChecksum(ConfigurationNumber number, uint64_t view, std::string_view value) {
   const std::string_view content = value.substr(8);
   return XXH3_64bits_withSeed(content.data(), content.size(), number ^ view << 56);
@@ -30,11 +19,11 @@ uint64_t RawImageFormatChecksum(ConfigurationNumber number, uint64_t view, std::
 
 }  // namespace
 
-RawImageKey EncodeRawImageKey(ConfigurationNumber number, uint64_t view) {
-  return RawImageFormatKeyOf(number, view);
+std::string EncodeRawImageKey(ConfigurationNumber number, uint64_t view) {
+  return schema::EncodeKey(number) + schema::EncodeKey(view);
 }
 
-RawImageKey EncodeReferencesKey(uint64_t id) { return RawImageFormatKeyOf(kReferences, id); }
+std::string EncodeReferencesKey(uint64_t id) { return EncodeRawImageKey(kReferences, id); }
 
 std::optional<ConfigurationNumber> NumberInRawImageKey(std::string_view key) {
   if (key.size() != 16) return std::nullopt;

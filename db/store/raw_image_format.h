@@ -5,17 +5,18 @@
 // their payload (the message References as it lies in `meta`).
 //
 // Under the former, one camera image:
+//
 //   offset  size  content
 //   0       8     checksum: XXH3-64 of all bytes after it, seed = configuration number XOR 2^56
 //   view 8       8     capture time: nanoseconds since 1970-01-01 UTC, signed 16      8     id of
 //   the reference images that its mask was made with 24      1     codec: 1 a PNG file; the others
 //   are not used 25      7     0 32      rest  the image, losslessly compressed
+//
 // Under the latter, the reference images as a value of `meta`: checksum, payload.
 //
 // Integers of values are little-endian.
 #pragma once
 
-#include <array>
 #include <cstdint>
 #include <optional>
 #include <string>
@@ -26,10 +27,9 @@
 
 namespace silhouette {
 
-using RawImageKey = std::array<char, 16>;
-RawImageKey EncodeRawImageKey(ConfigurationNumber number, uint64_t view);
+std::string EncodeRawImageKey(ConfigurationNumber number, uint64_t view);
 // Of reference images.
-RawImageKey EncodeReferencesKey(uint64_t id);
+std::string EncodeReferencesKey(uint64_t id);
 // The configuration number in a key; nothing if it is that of reference images, or damaged.
 std::optional<ConfigurationNumber> NumberInRawImageKey(std::string_view key);
 

@@ -1,7 +1,6 @@
 #include "db/store/raw_records.h"
 
-#include <functional>
-
+#include "db/status/status_macros.h"
 #include "db/store/robot_image_format.h"
 #include "db/store/schema.h"
 #include "db/store/tile_value.h"
@@ -10,11 +9,6 @@ namespace silhouette {
 namespace {
 
 constexpr size_t kChunkBytes = size_t{1} << 20;
-
-std::string RawRecordsKeyOf(ConfigurationNumber number) {
-  const schema::NumberKey key = schema::EncodeKey(number);
-  return {key.data(), key.size()};
-}
 
 // Calls `visit` for the records of a range until it returns false.
 absl::Status Visit(const RecordSource& source, const KeyRange& keys,
@@ -48,64 +42,68 @@ size_t PageSize(Environment& environment) {
 }  // namespace
 
 KeyRange KeysOfTile(uint64_t tile) {
-  return {tile == 0 ? "" : RawRecordsKeyOf(tile * kTileSize - 1),
-          RawRecordsKeyOf((tile + 1) * kTileSize)};
+  return {tile == 0 ? "" : schema::EncodeKey(tile * kTileSize - 1),
+          schema::EncodeKey((tile + 1) * kTileSize)};
 }
 
 std::string_view BaseOf(const RecordSource& source, ConfigurationNumber number,
                         std::string_view value) {
   if (!source.base || !NeedsBase(value)) return {};
-  const schema::NumberKey key = schema::EncodeKey(number);
-  MDB_val key_val = ToVal({key.data(), key.size()});
-  MDB_val base;
-  if (mdb_get(source.transaction, *source.base, &key_val, &base) != 0) return {};
-  return FromVal(base);
+  const auto base =
+      source.environment.Get(source.transaction, *source.base, schema::EncodeKey(number));
+  return base.ok() ? base->value_or("") : "";
 }
 
 absl::StatusOr<std::vector<RawRecord>> ReadChunk(const RecordSource& source, const KeyRange& keys) {
   std::vector<RawRecord> chunk;
   size_t bytes = 0;
   const size_t page_size = PageSize(source.environment);
-  const absl::Status status =
-      Visit(source, keys, [&](std::string_view key, std::string_view value) {
-        RawRecord& record = chunk.emplace_back();
-        record.key = key;
-        record.value = value;
-        record.place = PlaceInFile(value, page_size);
-        const std::optional<ConfigurationNumber> number = schema::DecodeKey(key);
-        const std::string_view base = number ? BaseOf(source, *number, value) : "";
-        if (!base.empty()) {
-          record.base = base;
-          record.base_place = PlaceInFile(base, page_size);
-        }
-        bytes += key.size() + value.size() + base.size();
-        return bytes < kChunkBytes;
-      });
-  if (!status.ok()) return status;
+  RETURN_IF_ERROR(Visit(source, keys, [&](std::string_view key, std::string_view value) {
+    RawRecord& record = chunk.emplace_back();
+    record.key = key;
+    record.value = value;
+    record.place = PlaceInFile(value, page_size);
+    const std::optional<ConfigurationNumber> number = schema::DecodeKey(key);
+    const std::string_view base = number ? BaseOf(source, *number, value) : "";
+    if (!base.empty()) {
+      record.base = base;
+      record.base_place = PlaceInFile(base, page_size);
+    }
+    bytes += key.size() + value.size() + base.size();
+    return bytes < kChunkBytes;
+  }));
   return chunk;
+}
+
+absl::Status ForEachRecord(const RecordSource& source, KeyRange keys,
+                           const std::function<absl::Status(const RawRecord&)>& visit) {
+  for (;;) {
+    ASSIGN_OR_RETURN(const std::vector<RawRecord> chunk, ReadChunk(source, keys));
+    if (chunk.empty()) return absl::OkStatus();
+    for (const RawRecord& record : chunk) RETURN_IF_ERROR(visit(record));
+    keys.after = chunk.back().key;
+  }
 }
 
 absl::StatusOr<std::optional<uint64_t>> NextTileWithRecords(const RecordSource& source,
                                                             uint64_t tile) {
   std::optional<uint64_t> next;
-  const absl::Status status =
+  RETURN_IF_ERROR(
       Visit(source, {KeysOfTile(tile).after, ""}, [&](std::string_view key, std::string_view) {
         const std::optional<uint64_t> number = schema::DecodeKey(key);
         if (number) next = *number / kTileSize;
         return !number;
-      });
-  if (!status.ok()) return status;
+      }));
   return next;
 }
 
 absl::StatusOr<std::optional<uint64_t>> DigestOfTile(const RecordSource& source, uint64_t tile) {
   RecordDigest digest;
-  const absl::Status status =
+  RETURN_IF_ERROR(
       Visit(source, KeysOfTile(tile), [&](std::string_view key, std::string_view value) {
         if (schema::DecodeKey(key)) digest.Add(key, value);
         return true;
-      });
-  if (!status.ok()) return status;
+      }));
   return digest.empty() ? std::nullopt : std::optional<uint64_t>(digest.Get());
 }
 

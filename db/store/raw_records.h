@@ -1,7 +1,10 @@
-// Records of the sub-database `robot_images` of a variant as they are stored, by the tile.
+// What a Snapshot consists of, and records of the sub-database `robot_images` of a variant as they
+// are stored, by the tile.
 #pragma once
 
 #include <cstdint>
+#include <functional>
+#include <memory>
 #include <optional>
 #include <string>
 #include <string_view>
@@ -55,6 +58,11 @@ KeyRange KeysOfTile(uint64_t tile);
 // meanwhile; so do the others.
 absl::StatusOr<std::vector<RawRecord>> ReadChunk(const RecordSource& source, const KeyRange& keys);
 
+// Calls `visit` for the records of a range in order, until it returns an error, which this returns
+// too. Holds no map while it does.
+absl::Status ForEachRecord(const RecordSource& source, KeyRange keys,
+                           const std::function<absl::Status(const RawRecord&)>& visit);
+
 // The first tile from `tile` on that has records; nothing if there is none.
 absl::StatusOr<std::optional<uint64_t>> NextTileWithRecords(const RecordSource& source,
                                                             uint64_t tile);
@@ -62,5 +70,18 @@ absl::StatusOr<std::optional<uint64_t>> NextTileWithRecords(const RecordSource& 
 // The digest (RecordDigest) of a tile's records; nothing if it has none. Reads their keys and the
 // first bytes of their values.
 absl::StatusOr<std::optional<uint64_t>> DigestOfTile(const RecordSource& source, uint64_t tile);
+
+struct Snapshot::Impl {
+  std::shared_ptr<const DatabaseState> state;
+  // That of the snapshots of other variants, too, that were taken together
+  // (Database::ReadVariants).
+  std::shared_ptr<const ReadTransaction> held;
+  uint64_t generation = 0;
+  uint64_t size = 0;
+
+  Environment& environment() const { return *state->environment; }
+  MDB_txn* transaction() const { return held->get(); }
+  RecordSource records() const { return {*state, transaction()}; }
+};
 
 }  // namespace silhouette

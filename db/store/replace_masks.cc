@@ -3,15 +3,12 @@
 #include <string>
 #include <vector>
 
-#include "absl/cleanup/cleanup.h"
-#include "absl/strings/str_cat.h"
 #include "absl/time/clock.h"
 #include "db/status/status_macros.h"
 #include "db/store/database_state.h"
 #include "db/store/raw_records.h"
 #include "db/store/robot_image_format.h"
 #include "db/store/schema.h"
-#include "db/store/snapshot_impl.h"
 
 namespace silhouette {
 namespace {
@@ -83,16 +80,9 @@ absl::Status CheckSameShape(const Database& stored, const Database& made) {
 }  // namespace
 
 absl::Status Database::ReplaceMasks(const Database& made, const std::string& program) {
-  if (!state_->writer_lock) {
-    return absl::FailedPreconditionError(
-        absl::StrCat("database '", path(), "' is open for reading only"));
-  }
+  RETURN_IF_ERROR(CheckWritable(*state_));
   RETURN_IF_ERROR(CheckSameShape(*this, made));
-  if (state_->has_writer->exchange(true)) {
-    return absl::FailedPreconditionError(
-        absl::StrCat("database '", path(), "' is being written into"));
-  }
-  const absl::Cleanup done = [this] { *state_->has_writer = false; };
+  ASSIGN_OR_RETURN(const WriterTurn turn, WriterTurn::Take(*state_));
   ASSIGN_OR_RETURN(const auto stored_variants, ReadVariants());
   ASSIGN_OR_RETURN(const auto made_variants, made.ReadVariants());
   uint64_t records = 0;
@@ -116,13 +106,11 @@ absl::Status Database::ReplaceMasks(const Database& made, const std::string& pro
         RETURN_IF_ERROR(transaction.Put(place, record->key, record->value));
       }
     }
-    absl::Status status =
-        WriteMeta(environment, transaction, schema::kCellKey, description.SerializeAsString());
-    if (status.ok()) {
-      status =
-          AddProvenance(environment, transaction, NewProvenance(absl::Now(), program, records));
-    }
-    return status.ok() ? RaiseGeneration(environment, transaction) : status;
+    RETURN_IF_ERROR(
+        WriteMeta(environment, transaction, schema::kCellKey, description.SerializeAsString()));
+    RETURN_IF_ERROR(
+        AddProvenance(environment, transaction, NewProvenance(absl::Now(), program, records)));
+    return RaiseGeneration(environment, transaction);
   };
   const absl::Status status = environment.Update(usage.used_bytes, change);
   if (status.ok()) state_->cell = description;

@@ -2,7 +2,6 @@
 #include <algorithm>
 #include <utility>
 
-#include "absl/cleanup/cleanup.h"
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_join.h"
 #include "absl/time/clock.h"
@@ -57,10 +56,7 @@ absl::StatusOr<std::unique_ptr<Database>> Database::CreateVariant(const std::str
     return absl::InvalidArgumentError(absl::StrCat(
         "a variant cannot be named '", name, "': a name has 1 to 32 of a-z, 0-9, '_' and '-'"));
   }
-  if (!state_->writer_lock) {
-    return absl::FailedPreconditionError(
-        absl::StrCat("database '", path(), "' is open for reading only"));
-  }
+  RETURN_IF_ERROR(CheckWritable(*state_));
   ASSIGN_OR_RETURN(std::vector<std::string> names, Variants());
   if (std::ranges::find(names, name) != names.end()) {
     return absl::AlreadyExistsError(
@@ -83,15 +79,7 @@ absl::Status Database::RemoveVariant(const std::string& name, const std::string&
     return absl::InvalidArgumentError("the default variant cannot be removed: others rest on it");
   }
   RETURN_IF_ERROR(OpenVariant(name).status());
-  if (!state_->writer_lock) {
-    return absl::FailedPreconditionError(
-        absl::StrCat("database '", path(), "' is open for reading only"));
-  }
-  if (state_->has_writer->exchange(true)) {
-    return absl::FailedPreconditionError(
-        absl::StrCat("database '", path(), "' is being written into"));
-  }
-  const absl::Cleanup done = [this] { *state_->has_writer = false; };
+  ASSIGN_OR_RETURN(const WriterTurn turn, WriterTurn::Take(*state_));
   const schema::VariantPlaces places = schema::PlacesOfVariant(name);
   Environment& environment = *state_->environment;
   std::vector<MDB_dbi> emptied;
@@ -107,23 +95,17 @@ absl::Status Database::RemoveVariant(const std::string& name, const std::string&
       if (other != name && other != schema::kDefaultVariant) left.add_names(other);
     }
     // The sub-databases stay, empty: others of this process may use them.
-    absl::Status status;
     for (const MDB_dbi database : emptied) {
       const int code = mdb_drop(transaction.get(), database, 0);
-      if (code != 0) status.Update(environment.WriteError(code));
+      if (code != 0) return environment.WriteError(code);
     }
-    if (status.ok()) {
-      status = WriteMeta(environment, transaction, schema::kVariantsKey, left.SerializeAsString());
-    }
-    if (status.ok()) {
-      status = transaction.Delete(environment.meta(), places.capture_key);
-    }
-    if (status.ok()) {
-      storage::v1::Provenance entry = NewProvenance(absl::Now(), program, 0);
-      entry.set_variant(name);
-      status = AddProvenance(environment, transaction, entry);
-    }
-    return status.ok() ? RaiseGeneration(environment, transaction) : status;
+    RETURN_IF_ERROR(
+        WriteMeta(environment, transaction, schema::kVariantsKey, left.SerializeAsString()));
+    RETURN_IF_ERROR(transaction.Delete(environment.meta(), places.capture_key));
+    storage::v1::Provenance entry = NewProvenance(absl::Now(), program, 0);
+    entry.set_variant(name);
+    RETURN_IF_ERROR(AddProvenance(environment, transaction, entry));
+    return RaiseGeneration(environment, transaction);
   });
 }
 

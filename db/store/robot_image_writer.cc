@@ -34,17 +34,14 @@ absl::Status WriteRawImages(WriteTransaction& transaction, MDB_dbi raw_images, i
                             ConfigurationNumber number, const Waiting& waiting,
                             uint64_t references) {
   for (size_t view = 0; view < static_cast<size_t>(views); ++view) {
-    const RawImageKey key = EncodeRawImageKey(number, view);
-    const std::string_view key_view(key.data(), key.size());
-    absl::Status status;
+    const std::string key = EncodeRawImageKey(number, view);
     if (waiting.raw_images.empty()) {
-      status = transaction.Delete(raw_images, key_view);
+      RETURN_IF_ERROR(transaction.Delete(raw_images, key));
     } else {
       const RawImage image{
           .captured = waiting.captured, .references = references, .png = waiting.raw_images[view]};
-      status = transaction.Put(raw_images, key_view, EncodeRawImage(number, view, image));
+      RETURN_IF_ERROR(transaction.Put(raw_images, key, EncodeRawImage(number, view, image)));
     }
-    if (!status.ok()) return status;
   }
   return absl::OkStatus();
 }
@@ -57,24 +54,18 @@ absl::StatusOr<uint64_t> KeepReferences(WriteTransaction& transaction, MDB_dbi r
                    ReadMeta(environment, transaction.get(), schema::kReferencesKey));
   if (!payload) return uint64_t{0};
   const uint64_t id = IdOfReferences(*payload);
-  const RawImageKey key = EncodeReferencesKey(id);
-  MDB_val key_val = ToVal({key.data(), key.size()});
-  MDB_val value;
-  const int code = mdb_get(transaction.get(), raw_images, &key_val, &value);
-  if (code == 0) return id;
-  if (code != MDB_NOTFOUND) return environment.ReadError(code);
-  RETURN_IF_ERROR(
-      transaction.Put(raw_images, {key.data(), key.size()}, schema::SealMeta(*payload)));
+  const std::string key = EncodeReferencesKey(id);
+  ASSIGN_OR_RETURN(const auto kept, environment.Get(transaction.get(), raw_images, key));
+  if (kept) return id;
+  RETURN_IF_ERROR(transaction.Put(raw_images, key, schema::SealMeta(*payload)));
   return id;
 }
 
-// The value under a key; empty if there is none.
+// The value under a key; empty if there is none, or it cannot be read.
 std::string_view Stored(const WriteTransaction& transaction, MDB_dbi database,
                         std::string_view key) {
-  MDB_val key_val = ToVal(key);
-  MDB_val value;
-  if (mdb_get(transaction.get(), database, &key_val, &value) != 0) return {};
-  return FromVal(value);
+  const auto value = transaction.environment().Get(transaction.get(), database, key);
+  return value.ok() ? value->value_or("") : "";
 }
 
 // Stores the records of other variants that rest on a record of the default variant on their own,
@@ -83,14 +74,13 @@ absl::Status KeepDependents(WriteTransaction& transaction, const DatabaseState& 
                             const std::vector<MDB_dbi>& other_variants,
                             ConfigurationNumber number) {
   const schema::NumberKey key = schema::EncodeKey(number);
-  const std::string_view key_view(key.data(), key.size());
   for (const MDB_dbi images : other_variants) {
-    const std::string_view value = Stored(transaction, images, key_view);
+    const std::string_view value = Stored(transaction, images, key);
     if (!NeedsBase(value)) continue;
-    const std::optional<std::string> own = OwnValue(
-        number, value, Stored(transaction, state.robot_images, key_view), state.mask_sizes);
+    const std::optional<std::string> own =
+        OwnValue(number, value, Stored(transaction, state.robot_images, key), state.mask_sizes);
     if (!own) continue;  // it cannot be read as it is
-    RETURN_IF_ERROR(transaction.Put(images, key_view, *own));
+    RETURN_IF_ERROR(transaction.Put(images, key, *own));
   }
   return absl::OkStatus();
 }
@@ -98,15 +88,16 @@ absl::Status KeepDependents(WriteTransaction& transaction, const DatabaseState& 
 }  // namespace
 
 struct RobotImageWriter::Impl {
-  Impl(std::shared_ptr<DatabaseState> database, std::string program_name, absl::Duration delay,
-       ReadTransaction idle_lookup)
+  Impl(std::shared_ptr<DatabaseState> database, WriterTurn writer_turn, std::string program_name,
+       absl::Duration delay, ReadTransaction idle_lookup)
       : state(std::move(database)),
+        turn(std::move(writer_turn)),
         program(std::move(program_name)),
         max_delay(delay),
         lookup(std::move(idle_lookup)) {}
-  ~Impl() { *state->has_writer = false; }
 
   const std::shared_ptr<DatabaseState> state;
+  const WriterTurn turn;
   const std::string program;
   const absl::Duration max_delay;
   // Looks up what is stored; holds no state between uses.
@@ -136,12 +127,9 @@ absl::StatusOr<bool> RobotImageWriter::Impl::IsStored(ConfigurationNumber number
   RETURN_IF_ERROR(lookup.Renew());
   const absl::Cleanup reset = [this] { lookup.Reset(); };
   const auto hold = environment.HoldMap();
-  const schema::NumberKey key = schema::EncodeKey(number);
-  MDB_val key_val = ToVal({key.data(), key.size()});
-  MDB_val value;
-  const int code = mdb_get(lookup.get(), state->robot_images, &key_val, &value);
-  if (code != 0 && code != MDB_NOTFOUND) return environment.ReadError(code);
-  return code == 0;
+  ASSIGN_OR_RETURN(const auto stored,
+                   environment.Get(lookup.get(), state->robot_images, schema::EncodeKey(number)));
+  return stored.has_value();
 }
 
 absl::Status RobotImageWriter::Impl::WriteBatch(WriteTransaction& transaction,
@@ -163,31 +151,29 @@ absl::Status RobotImageWriter::Impl::WriteBatch(WriteTransaction& transaction,
   for (const auto& [number, waiting] : batch) {
     const schema::NumberKey key = schema::EncodeKey(number);
     const unsigned flags = !last || number > *last ? MDB_APPEND : 0;
-    const std::string_view key_view(key.data(), key.size());
     std::string_view value = waiting.value;
-    absl::Status status;
     std::optional<std::string> shared;
     if (state->places.is_default()) {
-      status = KeepDependents(transaction, *state, dependents, number);
+      RETURN_IF_ERROR(KeepDependents(transaction, *state, dependents, number));
     } else {
-      shared = SharedValue(number, value, Stored(transaction, environment.robot_images(), key_view),
+      shared = SharedValue(number, value, Stored(transaction, environment.robot_images(), key),
                            state->mask_sizes);
       if (shared) value = *shared;
     }
-    if (status.ok()) status = transaction.Put(state->robot_images, key_view, value, flags);
-    if (!status.ok()) return status;
+    RETURN_IF_ERROR(transaction.Put(state->robot_images, key, value, flags));
   }
   return raw_images ? WriteAllRawImages(transaction, *raw_images) : absl::OkStatus();
 }
 
 absl::Status RobotImageWriter::Impl::WriteAllRawImages(WriteTransaction& transaction,
                                                        MDB_dbi raw_images) const {
-  absl::StatusOr<uint64_t> references = uint64_t{0};
-  if (has_raw_images()) references = KeepReferences(transaction, raw_images);
-  if (!references.ok()) return references.status();
+  uint64_t references = 0;
+  if (has_raw_images()) {
+    ASSIGN_OR_RETURN(references, KeepReferences(transaction, raw_images));
+  }
   for (const auto& [number, waiting] : batch) {
     RETURN_IF_ERROR(WriteRawImages(transaction, raw_images, state->cell.views_size(), number,
-                                   waiting, *references));
+                                   waiting, references));
   }
   return absl::OkStatus();
 }
@@ -217,18 +203,12 @@ RobotImageWriter& RobotImageWriter::operator=(RobotImageWriter&&) noexcept = def
 
 absl::StatusOr<RobotImageWriter> Database::Write(const std::string& program,
                                                  absl::Duration max_delay) {
-  if (!state_->writer_lock) {
-    return absl::FailedPreconditionError(
-        absl::StrCat("database '", path(), "' is open for reading only"));
-  }
+  RETURN_IF_ERROR(CheckWritable(*state_));
   ASSIGN_OR_RETURN(ReadTransaction lookup, state_->environment->Read());
   lookup.Reset();
-  if (state_->has_writer->exchange(true)) {
-    return absl::FailedPreconditionError(
-        absl::StrCat("database '", path(), "' has a writer already"));
-  }
-  return RobotImageWriter(
-      std::make_unique<RobotImageWriter::Impl>(state_, program, max_delay, std::move(lookup)));
+  ASSIGN_OR_RETURN(WriterTurn turn, WriterTurn::Take(*state_));
+  return RobotImageWriter(std::make_unique<RobotImageWriter::Impl>(state_, std::move(turn), program,
+                                                                   max_delay, std::move(lookup)));
 }
 
 absl::Status RobotImageWriter::Impl::Add(const RobotImage& image, bool replace,
@@ -271,23 +251,19 @@ absl::Status RobotImageWriter::Commit() {
     // Before the transaction, which could not open it.
     std::optional<MDB_dbi> raw_images = environment.Find(impl_->state->places.raw_images);
     if (!raw_images && impl_->has_raw_images()) {
-      ASSIGN_OR_RETURN(const auto made, environment.Make(impl_->state->places.raw_images));
-      raw_images = made;
+      ASSIGN_OR_RETURN(raw_images, environment.Make(impl_->state->places.raw_images));
     }
     std::vector<MDB_dbi> dependents;
     if (impl_->state->places.is_default()) {
-      ASSIGN_OR_RETURN(std::vector<MDB_dbi> found, OtherVariants(environment));
-      dependents = std::move(found);
+      ASSIGN_OR_RETURN(dependents, OtherVariants(environment));
     }
     int provenance_entry = 0;
-    absl::Status status =
-        environment.Update(impl_->batch_bytes, [&](WriteTransaction& transaction) -> absl::Status {
-          RETURN_IF_ERROR(impl_->WriteBatch(transaction, dependents, raw_images));
-          ASSIGN_OR_RETURN(const int place, impl_->WriteProvenance(transaction));
-          provenance_entry = place;
-          return RaiseGeneration(environment, transaction);
-        });
-    if (!status.ok()) return status;
+    const auto write = [&](WriteTransaction& transaction) -> absl::Status {
+      RETURN_IF_ERROR(impl_->WriteBatch(transaction, dependents, raw_images));
+      ASSIGN_OR_RETURN(provenance_entry, impl_->WriteProvenance(transaction));
+      return RaiseGeneration(environment, transaction);
+    };
+    RETURN_IF_ERROR(environment.Update(impl_->batch_bytes, write));
     impl_->provenance_entry = provenance_entry;
     impl_->committed += impl_->batch.size();
     impl_->batch.clear();

@@ -11,7 +11,6 @@
 #include "db/status/status_macros.h"
 #include "db/store/raw_records.h"
 #include "db/store/schema.h"
-#include "db/store/snapshot_impl.h"
 
 namespace silhouette {
 namespace {
@@ -41,15 +40,8 @@ class RecordWalk {
     size_t room = 0;
     for (const MaskSize size : snapshot_.state->mask_sizes) room += size.words();
     words_.resize(room);
-    KeyRange keys;
-    for (;;) {
-      ASSIGN_OR_RETURN(const auto chunk, ReadChunk(snapshot_.records(), keys));
-      if (chunk.empty()) return absl::OkStatus();
-      for (const RawRecord& record : chunk) {
-        RETURN_IF_ERROR(Meet(record, visit));
-      }
-      keys.after = chunk.back().key;
-    }
+    return ForEachRecord(snapshot_.records(), {},
+                         [&](const RawRecord& record) { return Meet(record, visit); });
   }
 
   const Snapshot::Impl& snapshot() const { return snapshot_; }

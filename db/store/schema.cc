@@ -69,8 +69,7 @@ std::optional<uint64_t> DecodeGeneration(std::string_view payload) {
 
 NumberKey EncodeKey(uint64_t number) {
   NumberKey key;
-  for (int i = 0; i < 8; ++i)
-    key[static_cast<size_t>(i)] = static_cast<char>(number >> (56 - 8 * i));
+  for (int i = 0; i < 8; ++i) key.push_back(static_cast<char>(number >> (56 - 8 * i)));
   return key;
 }
 

@@ -18,7 +18,6 @@
 // Integers are little-endian unless said otherwise.
 #pragma once
 
-#include <array>
 #include <cstdint>
 #include <optional>
 #include <string>
@@ -87,7 +86,7 @@ std::string EncodeGeneration(uint64_t generation);
 std::optional<uint64_t> DecodeGeneration(std::string_view payload);
 
 // The key of a configuration in `robot_images`, or of a tile in `collision_index`.
-using NumberKey = std::array<char, 8>;
+using NumberKey = std::string;  // 8 bytes
 NumberKey EncodeKey(uint64_t number);
 std::optional<uint64_t> DecodeKey(std::string_view key);
 

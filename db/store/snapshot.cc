@@ -3,20 +3,13 @@
 #include "absl/strings/str_cat.h"
 #include "db/status/status_macros.h"
 #include "db/store/database_state.h"
+#include "db/store/raw_image_format.h"
 #include "db/store/raw_records.h"
 #include "db/store/robot_image_format.h"
 #include "db/store/schema.h"
-#include "db/store/snapshot_impl.h"
 
 namespace silhouette {
 namespace {
-
-// Reads the value of a configuration's key: 0, MDB_NOTFOUND or an error. The caller holds the map.
-int Get(const RecordSource& source, ConfigurationNumber number, MDB_val& value) {
-  const schema::NumberKey key = schema::EncodeKey(number);
-  MDB_val key_val = ToVal({key.data(), key.size()});
-  return mdb_get(source.transaction, source.records, &key_val, &value);
-}
 
 // So that a transaction that is begun afterwards knows them.
 void OpenSubDatabases(const DatabaseState& state) {
@@ -84,74 +77,136 @@ uint64_t Snapshot::size() const { return impl_->size; }
 
 absl::StatusOr<std::optional<RobotImage>> Snapshot::Find(ConfigurationNumber number) const {
   const auto hold = impl_->environment().HoldMap();
-  MDB_val value;
-  const int code = Get(impl_->records(), number, value);
-  if (code == MDB_NOTFOUND) return std::optional<RobotImage>();
-  if (code != 0) return impl_->environment().ReadError(code);
-  ASSIGN_OR_RETURN(RobotImage image,
-                   DecodeRobotImage(number, FromVal(value), impl_->state->mask_sizes,
-                                    BaseOf(impl_->records(), number, FromVal(value))));
+  ASSIGN_OR_RETURN(const auto value,
+                   impl_->environment().Get(impl_->transaction(), impl_->state->robot_images,
+                                            schema::EncodeKey(number)));
+  if (!value) return std::optional<RobotImage>();
+  ASSIGN_OR_RETURN(RobotImage image, DecodeRobotImage(number, *value, impl_->state->mask_sizes,
+                                                      BaseOf(impl_->records(), number, *value)));
   return std::optional<RobotImage>(std::move(image));
 }
 
 absl::StatusOr<bool> Snapshot::Contains(ConfigurationNumber number) const {
   const auto hold = impl_->environment().HoldMap();
-  MDB_val value;
-  const int code = Get(impl_->records(), number, value);
-  if (code != 0 && code != MDB_NOTFOUND) return impl_->environment().ReadError(code);
-  return code == 0;
+  ASSIGN_OR_RETURN(const auto value,
+                   impl_->environment().Get(impl_->transaction(), impl_->state->robot_images,
+                                            schema::EncodeKey(number)));
+  return value.has_value();
 }
 
 absl::Status Snapshot::ForEach(
     const std::function<bool(ConfigurationNumber, absl::StatusOr<RobotImage>)>& visit) const {
   absl::Status damage;
-  KeyRange keys;
-  for (;;) {
-    ASSIGN_OR_RETURN(const std::vector<RawRecord> chunk, ReadChunk(impl_->records(), keys));
-    if (chunk.empty()) return damage;
-    for (const RawRecord& record : chunk) {
-      const std::optional<ConfigurationNumber> number = schema::DecodeKey(record.key);
-      if (!number || !impl_->state->grid.Contains(*number)) {
-        damage = absl::DataLossError(absl::StrCat("database '", impl_->state->path,
-                                                  "' has a robot image under a damaged key"));
-      } else if (!visit(*number, DecodeRobotImage(*number, record.value, impl_->state->mask_sizes,
-                                                  record.base))) {
-        return damage;
-      }
-    }
-    keys.after = chunk.back().key;
-  }
+  const absl::Status walked =
+      ForEachRecord(impl_->records(), {}, [&](const RawRecord& record) -> absl::Status {
+        const std::optional<ConfigurationNumber> number = schema::DecodeKey(record.key);
+        if (!number || !impl_->state->grid.Contains(*number)) {
+          damage = absl::DataLossError(absl::StrCat("database '", impl_->state->path,
+                                                    "' has a robot image under a damaged key"));
+        } else if (!visit(*number, DecodeRobotImage(*number, record.value, impl_->state->mask_sizes,
+                                                    record.base))) {
+          return absl::CancelledError("");
+        }
+        return absl::OkStatus();
+      });
+  return walked.ok() || absl::IsCancelled(walked) ? damage : walked;
 }
 
 absl::StatusOr<std::optional<storage::v1::References>> Snapshot::References() const {
   const auto hold = impl_->environment().HoldMap();
-  ASSIGN_OR_RETURN(const auto payload,
-                   ReadMeta(impl_->environment(), impl_->transaction(), schema::kReferencesKey));
-  std::optional<storage::v1::References> references;
-  if (payload && !references.emplace().ParseFromString(*payload)) {
-    return absl::DataLossError(
-        absl::StrCat("database '", impl_->state->path, "': its reference images are damaged"));
-  }
-  return references;
+  return ReadMetaMessage<storage::v1::References>(impl_->environment(), impl_->transaction(),
+                                                  schema::kReferencesKey);
 }
 
 absl::StatusOr<std::optional<storage::v1::Calibration>> Snapshot::Calibration() const {
   const auto hold = impl_->environment().HoldMap();
-  ASSIGN_OR_RETURN(const auto payload,
-                   ReadMeta(impl_->environment(), impl_->transaction(), schema::kCalibrationKey));
-  std::optional<storage::v1::Calibration> calibration;
-  if (payload && (!calibration.emplace().ParseFromString(*payload) ||
-                  !CheckCalibration(*calibration, impl_->state->cell).ok())) {
+  auto calibration = ReadMetaMessage<storage::v1::Calibration>(
+      impl_->environment(), impl_->transaction(), schema::kCalibrationKey);
+  if (absl::IsDataLoss(calibration.status()) ||
+      (calibration.ok() && *calibration &&
+       !CheckCalibration(**calibration, impl_->state->cell).ok())) {
     return absl::DataLossError(
         absl::StrCat("database '", impl_->state->path,
-                     "': its calibration is damaged; import it anew, or remove it"));
+                     "': its calibration is damaged; import it again, or remove it"));
   }
   return calibration;
+}
+
+absl::StatusOr<storage::v1::CaptureHistory> Snapshot::CaptureHistory() const {
+  const auto hold = impl_->environment().HoldMap();
+  ASSIGN_OR_RETURN(auto history, ReadMetaMessage<storage::v1::CaptureHistory>(
+                                     impl_->environment(), impl_->transaction(),
+                                     impl_->state->places.capture_key));
+  return std::move(history).value_or(storage::v1::CaptureHistory());
 }
 
 absl::StatusOr<storage::v1::ProvenanceLog> Snapshot::Provenance() const {
   const auto hold = impl_->environment().HoldMap();
   return ReadProvenance(impl_->environment(), impl_->transaction());
+}
+
+absl::StatusOr<std::optional<RawImage>> Snapshot::FindRawImage(ConfigurationNumber number,
+                                                               int view) const {
+  Environment& environment = impl_->environment();
+  const auto raw_images = environment.Find(impl_->state->places.raw_images);
+  if (!raw_images) return std::optional<RawImage>();
+  const auto hold = environment.HoldMap();
+  const auto place = static_cast<uint64_t>(view);
+  ASSIGN_OR_RETURN(const auto value, environment.Get(impl_->transaction(), *raw_images,
+                                                     EncodeRawImageKey(number, place)));
+  if (!value) return std::optional<RawImage>();
+  ASSIGN_OR_RETURN(RawImage image, DecodeRawImage(number, place, *value));
+  return std::optional<RawImage>(std::move(image));
+}
+
+absl::StatusOr<std::vector<ConfigurationNumber>> Snapshot::RawImageNumbers() const {
+  Environment& environment = impl_->environment();
+  std::vector<ConfigurationNumber> numbers;
+  const auto raw_images = environment.Find(impl_->state->places.raw_images);
+  if (!raw_images) return numbers;
+  const auto hold = environment.HoldMap();
+  MDB_cursor* cursor = nullptr;
+  int code = mdb_cursor_open(impl_->transaction(), *raw_images, &cursor);
+  if (code == EINVAL) return numbers;
+  if (code != 0) return environment.ReadError(code);
+  MDB_val key;
+  MDB_val value;
+  code = mdb_cursor_get(cursor, &key, &value, MDB_FIRST);
+  while (code == 0) {
+    const auto number = NumberInRawImageKey(FromVal(key));
+    if (!number) break;  // reference images come last
+    numbers.push_back(*number);
+    const std::string next = EncodeRawImageKey(*number + 1, 0);
+    key = ToVal(next);
+    code = mdb_cursor_get(cursor, &key, &value, MDB_SET_RANGE);
+  }
+  mdb_cursor_close(cursor);
+  if (code != 0 && code != MDB_NOTFOUND) return environment.ReadError(code);
+  return numbers;
+}
+
+absl::StatusOr<storage::v1::References> Snapshot::ReferencesOf(uint64_t id) const {
+  Environment& environment = impl_->environment();
+  const auto raw_images = environment.Find(impl_->state->places.raw_images);
+  const auto hold = environment.HoldMap();
+  std::optional<std::string_view> value;
+  if (raw_images) {
+    ASSIGN_OR_RETURN(value,
+                     environment.Get(impl_->transaction(), *raw_images, EncodeReferencesKey(id)));
+  }
+  if (!value) {
+    return absl::NotFoundError(
+        absl::StrCat("database '", impl_->state->path,
+                     "' does not have the reference images that its raw images were taken with"));
+  }
+  const auto payload = schema::OpenMeta(*value);
+  storage::v1::References references;
+  if (!payload || IdOfReferences(*payload) != id ||
+      !references.ParseFromArray(payload->data(), static_cast<int>(payload->size()))) {
+    return absl::DataLossError(absl::StrCat("database '", impl_->state->path,
+                                            "': reference images of raw images are damaged"));
+  }
+  return references;
 }
 
 }  // namespace silhouette

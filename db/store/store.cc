@@ -94,16 +94,9 @@ int Sync(const std::string& path) {
 
 absl::Status Fill(const Environment& environment, WriteTransaction& transaction,
                   const CellDescription& cell) {
-  absl::Status status =
-      transaction.Put(environment.meta(), schema::kFormatKey, schema::FormatValue());
-  if (status.ok()) {
-    status = WriteMeta(environment, transaction, schema::kCellKey, cell.SerializeAsString());
-  }
-  if (status.ok()) {
-    status =
-        WriteMeta(environment, transaction, schema::kGenerationKey, schema::EncodeGeneration(1));
-  }
-  return status;
+  RETURN_IF_ERROR(transaction.Put(environment.meta(), schema::kFormatKey, schema::FormatValue()));
+  RETURN_IF_ERROR(WriteMeta(environment, transaction, schema::kCellKey, cell.SerializeAsString()));
+  return WriteMeta(environment, transaction, schema::kGenerationKey, schema::EncodeGeneration(1));
 }
 
 }  // namespace
@@ -174,19 +167,16 @@ const std::vector<MaskSize>& Database::mask_sizes() const { return state_->mask_
 
 absl::Status Database::ChangeMeta(std::string_view key, const std::optional<std::string>& payload,
                                   const std::string& program) {
-  if (!state_->writer_lock) {
-    return absl::FailedPreconditionError(
-        absl::StrCat("database '", path(), "' is open for reading only"));
-  }
+  RETURN_IF_ERROR(CheckWritable(*state_));
   const Environment& environment = *state_->environment;
   const size_t new_bytes = payload ? payload->size() : 0;
-  return state_->environment->Update(new_bytes, [&](WriteTransaction& transaction) {
-    absl::Status status = payload ? WriteMeta(environment, transaction, key, *payload)
-                                  : transaction.Delete(environment.meta(), key);
-    if (status.ok() && !program.empty()) {
-      status = AddProvenance(environment, transaction, NewProvenance(absl::Now(), program, 0));
+  return state_->environment->Update(new_bytes, [&](WriteTransaction& transaction) -> absl::Status {
+    RETURN_IF_ERROR(payload ? WriteMeta(environment, transaction, key, *payload)
+                            : transaction.Delete(environment.meta(), key));
+    if (!program.empty()) {
+      RETURN_IF_ERROR(
+          AddProvenance(environment, transaction, NewProvenance(absl::Now(), program, 0)));
     }
-    if (!status.ok()) return status;
     return RaiseGeneration(environment, transaction);
   });
 }

@@ -128,7 +128,7 @@ class Snapshot {
   friend class Database;
   friend class CollisionIndex;
   friend class RecordWalk;
-  struct Impl;  // db/store/snapshot_impl.h
+  struct Impl;  // db/store/raw_records.h
   explicit Snapshot(std::unique_ptr<Impl> impl);
   std::unique_ptr<Impl> impl_;
 };
