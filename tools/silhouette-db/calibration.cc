@@ -107,17 +107,6 @@ absl::StatusOr<ExitCode> CalibrationExport(const CalibrationOptions& options) {
   return kDone;
 }
 
-absl::StatusOr<int> CalibrationViewOf(const storage::v1::CellDescription& cell,
-                                      const std::string& name) {
-  std::vector<std::string> known;
-  for (int i = 0; i < cell.views_size(); ++i) {
-    if (name.empty() || cell.views(i).name() == name) return i;
-    known.push_back(cell.views(i).name());
-  }
-  return absl::InvalidArgumentError(
-      absl::StrCat("there is no view '", name, "'; the views are ", absl::StrJoin(known, ", ")));
-}
-
 absl::StatusOr<std::vector<MaskPixel>> PixelsOf(const std::vector<std::string>& texts,
                                                 MaskSize size) {
   if (texts.size() > kMostPixels) {
@@ -166,7 +155,7 @@ absl::StatusOr<RobotImage> RobotToShow(const OpenedDatabase& opened,
 
 absl::Status WritePicture(const OpenedDatabase& opened, const CalibrationOptions& options,
                           const TestedCalibration& tested) {
-  ASSIGN_OR_RETURN(const int view, CalibrationViewOf(opened.database->cell(), options.view));
+  ASSIGN_OR_RETURN(const int view, ViewOf(opened.database->cell(), options.view));
   const MaskSize size = opened.database->mask_sizes()[static_cast<size_t>(view)];
   ASSIGN_OR_RETURN(std::vector<MaskPixel> pixels, PixelsOf(options.pixels, size));
   ASSIGN_OR_RETURN(const RobotImage robot, RobotToShow(opened, options, tested, view));
@@ -204,11 +193,7 @@ absl::StatusOr<ExitCode> CalibrationShow(const CalibrationOptions& options) {
                                  .record = stored->record(),
                                  .margin = options.margin,
                                  .contradictions = tested.contradictions};
-  if (options.format == "json") {
-    PrintJson(report);
-  } else {
-    PrintText(report);
-  }
+  Print(options.format, TextOf(report), JsonOf(report));
   return kDone;
 }
 
@@ -221,17 +206,17 @@ void AddMargin(CLI::App& command, CalibrationOptions& options) {
 }
 
 void AddImportTo(CLI::App& parent, Work& work) {
-  auto options = std::make_shared<CalibrationOptions>();
-  CLI::App* command = parent.add_subcommand("import", "Takes a calibration into the database");
-  AddDatabaseArgument(*command, options->database);
+  auto [command, options] = AddCommand(parent, work, "import",
+                                       "Takes a calibration into the database", CalibrationImport);
+  AddDatabaseArgument(command, options.database);
   command
-      ->add_option("files", options->inputs,
-                   "A folder of camera models, or one per view: FILE, named VIEW.cameramodel, or "
-                   "VIEW=FILE; or one YAML file: calibration.yaml, or fundamental matrices")
+      .add_option("files", options.inputs,
+                  "A folder of camera models, or one per view: FILE, named VIEW.cameramodel, or "
+                  "VIEW=FILE; or one YAML file: calibration.yaml, or fundamental matrices")
       ->required();
-  command->add_flag("--force", options->force, "Import it even if it contradicts the robot images");
-  AddMargin(*command, *options);
-  command->footer(
+  command.add_flag("--force", options.force, "Import it even if it contradicts the robot images");
+  AddMargin(command, options);
+  command.footer(
       "Camera models are in the format of mrcal, for the view's camera images, in the robot's "
       "base\n"
       "frame. A file of fundamental matrices is a list of {view_a: NAME, view_b: NAME, F: [[3 "
@@ -242,50 +227,45 @@ void AddImportTo(CLI::App& parent, Work& work) {
       "  silhouette-db calibration import cell.lmdb cameras/\n"
       "  silhouette-db calibration import cell.lmdb top=a.cameramodel left=b.cameramodel\n"
       "  silhouette-db calibration import cell.lmdb matrices.yaml");
-  command->callback([&work, options] { work = [options] { return CalibrationImport(*options); }; });
 }
 
 void AddExportTo(CLI::App& parent, Work& work) {
-  auto options = std::make_shared<CalibrationOptions>();
-  CLI::App* command = parent.add_subcommand("export", "Writes the files that import reads");
-  AddDatabaseArgument(*command, options->database);
+  auto [command, options] =
+      AddCommand(parent, work, "export", "Writes the files that import reads", CalibrationExport);
+  AddDatabaseArgument(command, options.database);
   command
-      ->add_option("out,--out", options->out,
-                   "Folder for camera models, YAML file for fundamental matrices")
+      .add_option("out,--out", options.out,
+                  "Folder for camera models, YAML file for fundamental matrices")
       ->required();
-  command->footer("Example:\n  silhouette-db calibration export cell.lmdb cameras/");
-  command->callback([&work, options] { work = [options] { return CalibrationExport(*options); }; });
+  command.footer("Example:\n  silhouette-db calibration export cell.lmdb cameras/");
 }
 
 void AddShowTo(CLI::App& parent, Work& work) {
-  auto options = std::make_shared<CalibrationOptions>();
-  CLI::App* command = parent.add_subcommand(
-      "show", "Cameras, pairs of views, and what the robot images say of the calibration");
-  AddDatabaseArgument(*command, options->database);
-  command->add_option("--picture", options->picture,
-                      "Draw some pixels' bands in the other views into this PNG file");
-  command->add_option("--view", options->view, "The view of these pixels; default: the first");
+  auto [command, options] = AddCommand(
+      parent, work, "show",
+      "Cameras, pairs of views, and what the robot images say of the calibration", CalibrationShow);
+  AddDatabaseArgument(command, options.database);
+  command.add_option("--picture", options.picture,
+                     "Draw some pixels' bands in the other views into this PNG file");
+  command.add_option("--view", options.view, "The view of these pixels; default: the first");
   command
-      ->add_option("--pixel", options->pixels,
-                   "X,Y of a mask pixel, up to four; default: some of the robot's")
+      .add_option("--pixel", options.pixels,
+                  "X,Y of a mask pixel, up to four; default: some of the robot's")
       ->take_all();
-  command->add_option("--number", options->number,
-                      "The configuration of the robot in the picture; default: the one that "
-                      "contradicts the calibration most, if any");
-  AddMargin(*command, *options);
-  AddFormatOption(*command, options->format);
-  command->footer(
+  command.add_option("--number", options.number,
+                     "The configuration of the robot in the picture; default: the one that "
+                     "contradicts the calibration most, if any");
+  AddMargin(command, options);
+  AddFormatOption(command, options.format);
+  command.footer(
       "A robot pixel contradicts if its band in another view shows nothing of the robot.\n"
       "Example:\n  silhouette-db calibration show cell.lmdb --view left --picture bands.png");
-  command->callback([&work, options] { work = [options] { return CalibrationShow(*options); }; });
 }
 
 void AddRemoveTo(CLI::App& parent, Work& work) {
-  auto options = std::make_shared<CalibrationOptions>();
-  CLI::App* command = parent.add_subcommand("remove", "Removes the calibration");
-  AddDatabaseArgument(*command, options->database);
-  command->footer("Example:\n  silhouette-db calibration remove cell.lmdb");
-  command->callback([&work, options] { work = [options] { return Remove(*options); }; });
+  auto [command, options] = AddCommand(parent, work, "remove", "Removes the calibration", Remove);
+  AddDatabaseArgument(command, options.database);
+  command.footer("Example:\n  silhouette-db calibration remove cell.lmdb");
 }
 
 }  // namespace

@@ -3,14 +3,11 @@
 #include <Eigen/Cholesky>
 #include <algorithm>
 #include <cmath>
-#include <iostream>
-#include <nlohmann/json.hpp>
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
 #include "absl/strings/str_join.h"
 #include "tools/silhouette-db/calibration_files/tested_calibration.h"
-#include "tools/silhouette-db/calibration_record.h"
 #include "tools/silhouette-db/common.h"
 
 namespace silhouette {
@@ -90,37 +87,58 @@ std::string DistortionText(const CameraModel& camera) {
                        [](std::string* out, double k) { absl::StrAppendFormat(out, "%.5g", k); });
 }
 
-void PrintViews(const CalibrationReport& report) {
+// Where a calibration comes from and how good it was found to be; nothing if nothing is known.
+void AppendRecord(const storage::v1::CalibrationRecord& record, std::string& text) {
+  if (!record.time().empty() || !record.program().empty()) {
+    absl::StrAppendFormat(&text, "made         %s%s%s\n", record.time(),
+                          record.program().empty() ? "" : " by ", record.program());
+  }
+  for (const storage::v1::CalibrationFigure& figure : record.figures()) {
+    absl::StrAppendFormat(&text, "figure       %s%s%s: %.4g %s\n", figure.name(),
+                          figure.of().empty() ? "" : ", ", figure.of(), figure.value(),
+                          figure.unit());
+  }
+  for (const std::string& warning : record.warnings()) {
+    absl::StrAppend(&text, "warning      ", warning, "\n");
+  }
+  if (!record.fixed_tags().empty()) {
+    absl::StrAppendFormat(&text, "fixed tags   %d sightings, by which a move is noticed\n",
+                          record.fixed_tags_size());
+  }
+}
+
+void AppendViews(const CalibrationReport& report, std::string& text) {
   const std::vector<CameraModel> cameras = MaskCameras(report);
   const std::optional<Eigen::Vector3d> point = PointLookedAt(cameras);
   for (size_t i = 0; i < cameras.size(); ++i) {
     const CameraModel& camera = report.calibration.cameras[i];
     const CameraIntrinsics& in = camera.intrinsics();
     const Eigen::Vector3d ahead = camera.camera_from_world().linear().row(2).transpose();
-    std::cout << absl::StreamFormat(
-        "\nview %s\n  image        %dx%d, fx %.6g, fy %.6g, cx %.6g, cy %.6g\n"
-        "  distortion   %s\n  position     %s m, looking along %s\n",
-        report.database.cell().views(static_cast<int>(i)).name(), in.width, in.height, in.fx, in.fy,
-        in.cx, in.cy, DistortionText(camera), PointText(camera.Centre()), PointText(ahead));
+    absl::StrAppendFormat(&text,
+                          "\nview %s\n  image        %dx%d, fx %.6g, fy %.6g, cx %.6g, cy %.6g\n"
+                          "  distortion   %s\n  position     %s m, looking along %s\n",
+                          report.database.cell().views(static_cast<int>(i)).name(), in.width,
+                          in.height, in.fx, in.fy, in.cx, in.cy, DistortionText(camera),
+                          PointText(camera.Centre()), PointText(ahead));
     const Eigen::Vector3d at = point.value_or(camera.Centre() + ahead);
-    std::cout << absl::StreamFormat(
-        "  mask         %dx%d, %.1f mm per pixel at %.2f m%s\n", cameras[i].intrinsics().width,
-        cameras[i].intrinsics().height, 1000 * MetresPerPixel(cameras[i], at),
-        (at - camera.Centre()).norm(), point ? ", where the views meet" : "");
+    absl::StrAppendFormat(&text, "  mask         %dx%d, %.1f mm per pixel at %.2f m%s\n",
+                          cameras[i].intrinsics().width, cameras[i].intrinsics().height,
+                          1000 * MetresPerPixel(cameras[i], at), (at - camera.Centre()).norm(),
+                          point ? ", where the views meet" : "");
   }
-  if (point) std::cout << "\nthe views meet near " << PointText(*point) << "\n";
+  if (point) absl::StrAppend(&text, "\nthe views meet near ", PointText(*point), "\n");
 }
 
-void PrintPair(const CalibrationReport& report, const PairFacts& pair) {
+void AppendPair(const CalibrationReport& report, const PairFacts& pair, std::string& text) {
   const storage::v1::CellDescription& cell = report.database.cell();
-  std::cout << "\nviews " << cell.views(pair.a).name() << " and " << cell.views(pair.b).name()
-            << (pair.f ? "" : ": no lines") << "\n";
-  if (pair.baseline) std::cout << absl::StreamFormat("  baseline     %.3f m\n", *pair.baseline);
+  absl::StrAppend(&text, "\nviews ", cell.views(pair.a).name(), " and ", cell.views(pair.b).name(),
+                  (pair.f ? "" : ": no lines"), "\n");
+  if (pair.baseline) absl::StrAppendFormat(&text, "  baseline     %.3f m\n", *pair.baseline);
   if (!pair.f) return;
   const char* head = pair.distorted ? "  F, undist.   " : "  F            ";
   for (int row = 0; row < 3; ++row) {
-    std::cout << absl::StreamFormat("%s%12.5g %12.5g %12.5g\n", row == 0 ? head : "               ",
-                                    (*pair.f)(row, 0), (*pair.f)(row, 1), (*pair.f)(row, 2));
+    absl::StrAppendFormat(&text, "%s%12.5g %12.5g %12.5g\n", row == 0 ? head : "               ",
+                          (*pair.f)(row, 0), (*pair.f)(row, 1), (*pair.f)(row, 2));
   }
   for (const auto& [view, other] : {std::pair(pair.a, pair.b), std::pair(pair.b, pair.a)}) {
     const PairContradictions* said = Find(report.contradictions, view, other);
@@ -128,12 +146,12 @@ void PrintPair(const CalibrationReport& report, const PairFacts& pair) {
     const std::string name = cell.views(view).name();
     const std::string other_name = cell.views(other).name();
     if (said->pixels == 0) {
-      std::cout << absl::StreamFormat("  %s in %s: the robot reaches the rim of %s\n", name,
-                                      other_name, other_name);
+      absl::StrAppendFormat(&text, "  %s in %s: the robot reaches the rim of %s\n", name,
+                            other_name, other_name);
       continue;
     }
-    std::cout << absl::StreamFormat("  %s in %s: %.4g %% of %d robot pixels contradict\n", name,
-                                    other_name, 100 * said->share(), said->pixels);
+    absl::StrAppendFormat(&text, "  %s in %s: %.4g %% of %d robot pixels contradict\n", name,
+                          other_name, 100 * said->share(), said->pixels);
   }
 }
 
@@ -185,6 +203,27 @@ Json ContradictionJson(const CalibrationReport& report, const PairContradictions
   return said;
 }
 
+Json RecordJson(const storage::v1::CalibrationRecord& record,
+                const storage::v1::CellDescription& cell) {
+  Json out = {{"time", record.time()},
+              {"program", record.program()},
+              {"figures", Json::array()},
+              {"warnings", Json::array()},
+              {"fixed_tags", Json::array()}};
+  for (const storage::v1::CalibrationFigure& figure : record.figures()) {
+    out["figures"].push_back({{"name", figure.name()},
+                              {"of", figure.of()},
+                              {"value", figure.value()},
+                              {"unit", figure.unit()}});
+  }
+  for (const std::string& warning : record.warnings()) out["warnings"].push_back(warning);
+  for (const storage::v1::FixedTag& tag : record.fixed_tags()) {
+    out["fixed_tags"].push_back(
+        {{"view", cell.views(tag.view()).name()}, {"family", tag.family()}, {"tag", tag.tag()}});
+  }
+  return out;
+}
+
 }  // namespace
 
 std::optional<Eigen::Vector3d> PointLookedAt(const std::vector<CameraModel>& cameras) {
@@ -219,18 +258,21 @@ Eigen::Matrix3d FundamentalMatrixOf(const CameraModel& a, const CameraModel& b) 
   return f / f.norm();
 }
 
-void PrintText(const CalibrationReport& report) {
-  std::cout << absl::StreamFormat(
-      "database     %s, generation %d\ncalibration  %s\n", report.database.path(),
-      report.generation, report.calibration.cameras.empty() ? "fundamental matrices" : "cameras");
-  PrintText(report.record);
-  PrintViews(report);
-  for (const PairFacts& pair : PairsOf(report)) PrintPair(report, pair);
-  std::cout << "\nat worst " << ContradictionText(report.contradictions, report.database.cell())
-            << absl::StreamFormat("; pixels widened by %.4g\n", report.margin);
+std::string TextOf(const CalibrationReport& report) {
+  std::string text;
+  absl::StrAppendFormat(&text, "database     %s, generation %d\ncalibration  %s\n",
+                        report.database.path(), report.generation,
+                        report.calibration.cameras.empty() ? "fundamental matrices" : "cameras");
+  AppendRecord(report.record, text);
+  AppendViews(report, text);
+  for (const PairFacts& pair : PairsOf(report)) AppendPair(report, pair, text);
+  absl::StrAppend(&text, "\nat worst ",
+                  ContradictionText(report.contradictions, report.database.cell()),
+                  absl::StrFormat("; pixels widened by %.4g\n", report.margin));
+  return text;
 }
 
-void PrintJson(const CalibrationReport& report) {
+nlohmann::json JsonOf(const CalibrationReport& report) {
   const storage::v1::CellDescription& cell = report.database.cell();
   Json out = {{"database", report.database.path()},
               {"generation", report.generation},
@@ -239,7 +281,7 @@ void PrintJson(const CalibrationReport& report) {
               {"configurations", report.contradictions.configurations},
               {"views", ViewsJson(report)},
               {"pairs", Json::array()}};
-  if (report.record.ByteSizeLong() > 0) out["record"] = JsonOf(report.record, cell);
+  if (report.record.ByteSizeLong() > 0) out["record"] = RecordJson(report.record, cell);
   const PairContradictions* worst = report.contradictions.worst();
   out["worst_contradicting_share"] = worst != nullptr ? Json(worst->share()) : Json(nullptr);
   for (const PairFacts& facts : PairsOf(report)) {
@@ -257,7 +299,7 @@ void PrintJson(const CalibrationReport& report) {
     }
     out["pairs"].push_back(pair);
   }
-  std::cout << out.dump(2) << std::endl;
+  return out;
 }
 
 }  // namespace silhouette

@@ -1,7 +1,9 @@
-// What `silhouette-db calibration` tells of a calibration.
+// What `silhouette-db calibration` reports of a calibration.
 #pragma once
 
+#include <nlohmann/json.hpp>
 #include <optional>
+#include <string>
 #include <vector>
 
 #include "calib/camera/calibration.h"
@@ -31,7 +33,7 @@ struct CalibrationReport {
   const Contradictions& contradictions;
 };
 
-void PrintText(const CalibrationReport& report);
-void PrintJson(const CalibrationReport& report);
+std::string TextOf(const CalibrationReport& report);
+nlohmann::json JsonOf(const CalibrationReport& report);
 
 }  // namespace silhouette

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <iostream>
 #include <utility>
 
 #include "absl/strings/numbers.h"
@@ -10,6 +11,7 @@
 #include "absl/strings/str_join.h"
 #include "absl/strings/str_split.h"
 #include "db/status/status_macros.h"
+#include "tools/silhouette-db/commands.h"
 
 namespace silhouette {
 namespace {
@@ -58,6 +60,16 @@ void AddDatabaseArgument(CLI::App& command, std::string& database) {
 
 void AddVariantOption(CLI::App& command, std::string& variant) {
   command.add_option("--variant", variant, "The variant, by its name")->capture_default_str();
+}
+
+absl::StatusOr<int> ViewOf(const storage::v1::CellDescription& cell, const std::string& name) {
+  std::vector<std::string> known;
+  for (int i = 0; i < cell.views_size(); ++i) {
+    if (name.empty() || cell.views(i).name() == name) return i;
+    known.push_back(cell.views(i).name());
+  }
+  return absl::InvalidArgumentError(
+      absl::StrCat("there is no view '", name, "'; the views are ", absl::StrJoin(known, ", ")));
 }
 
 std::string JointText(const ConfigurationGrid& grid, ConfigurationNumber number) {
@@ -144,6 +156,45 @@ absl::StatusOr<Slice> SliceOf(const ConfigurationGrid& grid, const std::vector<s
   return slice;
 }
 
+std::string StateName(const CollisionIndexSummary& summary) {
+  if (summary.tiles == 0) return "no robot images";
+  if (summary.missing == summary.tiles) return "none";
+  if (summary.fresh == summary.tiles) return "fresh";
+  return summary.damaged > 0 ? "damaged" : "stale";
+}
+
+std::string StateText(const CollisionIndexSummary& summary, const std::string& database) {
+  const std::string name = StateName(summary);
+  if (summary.tiles == 0) return "none, there are no robot images";
+  const std::string mend = absl::StrCat("silhouette-db index ", database);
+  if (name == "none") return absl::StrCat("none; build it with: ", mend);
+  std::string text;
+  if (name == "fresh") {
+    text = absl::StrFormat("fresh, %d tiles, %.1f MiB", summary.tiles,
+                           static_cast<double>(summary.bytes) / (1 << 20));
+    if (summary.unreadable > 0) {
+      absl::StrAppend(&text, "; without ", summary.unreadable, " records that could not be read");
+    }
+    return text;
+  }
+  std::vector<std::string> parts;
+  const auto count = [&](uint64_t tiles, const char* what) {
+    if (tiles > 0) parts.push_back(absl::StrCat(tiles, " ", what));
+  };
+  count(summary.damaged, "damaged");
+  count(summary.stale, "stale");
+  count(summary.missing, "missing");
+  return absl::StrCat("of ", summary.tiles, " tiles ", absl::StrJoin(parts, ", "),
+                      "; build them with: ", mend);
+}
+
+nlohmann::json StateJson(const CollisionIndexSummary& summary) {
+  return {{"state", StateName(summary)},      {"tiles", summary.tiles},
+          {"fresh", summary.fresh},           {"stale", summary.stale},
+          {"missing", summary.missing},       {"damaged", summary.damaged},
+          {"unreadable", summary.unreadable}, {"bytes", summary.bytes}};
+}
+
 std::string VariantsText(const Database::Usage& usage, const ConfigurationGrid& grid) {
   std::string text = "variants                              recorded     records       index\n";
   for (const Database::Usage::Variant& variant : usage.variants) {
@@ -165,6 +216,10 @@ nlohmann::json VariantsJson(const Database::Usage& usage) {
                         {"index_bytes", variant.index_bytes}});
   }
   return variants;
+}
+
+void Print(const std::string& format, const std::string& text, const nlohmann::json& json) {
+  std::cout << (format == "json" ? json.dump(2) + "\n" : text) << std::flush;
 }
 
 absl::Status Stopped(const std::string& how_to_go_on) {

@@ -10,6 +10,7 @@
 
 #include "absl/status/statusor.h"
 #include "common/picture/chart.h"
+#include "db/store/collision_index.h"
 #include "db/store/schema.h"
 #include "db/store/store.h"
 
@@ -29,6 +30,10 @@ void AddDatabaseArgument(CLI::App& command, std::string& database);
 
 // Adds --variant, the variant that a subcommand speaks of.
 void AddVariantOption(CLI::App& command, std::string& variant);
+
+// The view of a name, by its place in the cell's views; the first one if it is empty.
+// InvalidArgument, naming those that there are.
+absl::StatusOr<int> ViewOf(const storage::v1::CellDescription& cell, const std::string& name);
 
 // "axis_1 = 0.5, axis_2 = -1.25": joint values as people read them.
 std::string JointText(const ConfigurationGrid& grid, ConfigurationNumber number);
@@ -58,6 +63,15 @@ struct Slice {
 // none, a joint named twice, or a value outside the grid.
 absl::StatusOr<Slice> SliceOf(const ConfigurationGrid& grid, const std::vector<std::string>& along,
                               const std::vector<std::string>& fixed);
+
+// "no robot images", "none", "fresh", "damaged" if a tile is, else "stale" if a tile is or has
+// none.
+std::string StateName(const CollisionIndexSummary& summary);
+
+// One line: the state, and the mend if it is not fresh. `database`: its folder.
+std::string StateText(const CollisionIndexSummary& summary, const std::string& database);
+
+nlohmann::json StateJson(const CollisionIndexSummary& summary);
 
 // The variants of a database, a line each, with their sizes; and as an array.
 std::string VariantsText(const Database::Usage& usage, const ConfigurationGrid& grid);

@@ -31,13 +31,11 @@ absl::StatusOr<ExitCode> Compact(const CompactOptions& options) {
 }  // namespace
 
 void AddCompact(CLI::App& app, Work& work) {
-  auto options = std::make_shared<CompactOptions>();
-  CLI::App* command =
-      app.add_subcommand("compact", "Copies a database without its unused pages; reads only");
-  AddDatabaseArgument(*command, options->database);
-  command->add_option("target,--target", options->target, "New folder for the copy")->required();
-  command->footer("Example:\n  silhouette-db compact cell.lmdb smaller.lmdb");
-  command->callback([&work, options] { work = [options] { return Compact(*options); }; });
+  auto [command, options] = AddCommand(
+      app, work, "compact", "Copies a database without its unused pages; reads only", Compact);
+  AddDatabaseArgument(command, options.database);
+  command.add_option("target,--target", options.target, "New folder for the copy")->required();
+  command.footer("Example:\n  silhouette-db compact cell.lmdb smaller.lmdb");
 }
 
 }  // namespace silhouette

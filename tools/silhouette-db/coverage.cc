@@ -133,40 +133,32 @@ absl::StatusOr<ExitCode> Coverage(const CoverageOptions& options) {
     ASSIGN_OR_RETURN(const Picture picture, CoveragePaint(grid, states));
     RETURN_IF_ERROR(WritePng(options.picture, picture));
   }
-  if (options.format == "json") {
-    std::cout << nlohmann::json{{"configurations", grid.size()},
-                                {"captured", counts[kCaptured]},
-                                {"excluded", counts[kExcluded]},
-                                {"damaged", counts[kDamaged]},
-                                {"missing", counts[kMissing]}}
-                     .dump(2)
-              << std::endl;
-    return kDone;
-  }
   const double share = 100.0 / static_cast<double>(grid.size());
-  const auto line = [&](const char* name, State state) {
-    std::cout << absl::StreamFormat("%-10s %12d  %6.2f %%\n", name, counts[state],
-                                    share * static_cast<double>(counts[state]));
-  };
-  line("captured", kCaptured);
-  line("excluded", kExcluded);
-  line("damaged", kDamaged);
-  line("missing", kMissing);
+  std::string text;
+  nlohmann::json json = {{"configurations", grid.size()}};
+  for (const auto& [name, state] : {std::pair("captured", kCaptured),
+                                    {"excluded", kExcluded},
+                                    {"damaged", kDamaged},
+                                    {"missing", kMissing}}) {
+    json[name] = counts[state];
+    absl::StrAppendFormat(&text, "%-10s %12d  %6.2f %%\n", name, counts[state],
+                          share * static_cast<double>(counts[state]));
+  }
+  Print(options.format, text, json);
   return kDone;
 }
 
 }  // namespace
 
 void AddCoverage(CLI::App& app, Work& work) {
-  auto options = std::make_shared<CoverageOptions>();
-  CLI::App* command = app.add_subcommand("coverage", "Which configurations are in a database");
-  AddDatabaseArgument(*command, options->database);
-  AddVariantOption(*command, options->variant);
-  command->add_option("--picture", options->picture,
-                      "Write a picture of them to this PNG file; for 1 to 3 joints that move");
-  AddFormatOption(*command, options->format);
-  command->footer("Example:\n  silhouette-db coverage cell.lmdb --picture coverage.png");
-  command->callback([&work, options] { work = [options] { return Coverage(*options); }; });
+  auto [command, options] =
+      AddCommand(app, work, "coverage", "Which configurations are in a database", Coverage);
+  AddDatabaseArgument(command, options.database);
+  AddVariantOption(command, options.variant);
+  command.add_option("--picture", options.picture,
+                     "Write a picture of them to this PNG file; for 1 to 3 joints that move");
+  AddFormatOption(command, options.format);
+  command.footer("Example:\n  silhouette-db coverage cell.lmdb --picture coverage.png");
 }
 
 }  // namespace silhouette

@@ -161,20 +161,18 @@ absl::StatusOr<ExitCode> Diff(const DiffOptions& options) {
 }  // namespace
 
 void AddDiff(CLI::App& app, Work& work) {
-  auto options = std::make_shared<DiffOptions>();
-  CLI::App* command =
-      app.add_subcommand("diff", "In what two databases differ; exit code 1 if they do");
-  command->add_option("first", options->first, "Folder of a database")->required();
-  command->add_option("second", options->second, "Folder of another")->required();
-  AddVariantOption(*command, options->variant);
-  command->add_option("--second-variant", options->second_variant,
-                      "That of the other database, if it has another name; both may be one");
-  command->add_flag("--masks-only", options->masks_only,
-                    "Neither capture times, joint values, reference images nor calibration count");
-  command->footer(
+  auto [command, options] =
+      AddCommand(app, work, "diff", "In what two databases differ; exit code 1 if they do", Diff);
+  command.add_option("first", options.first, "Folder of a database")->required();
+  command.add_option("second", options.second, "Folder of another")->required();
+  AddVariantOption(command, options.variant);
+  command.add_option("--second-variant", options.second_variant,
+                     "That of the other database, if it has another name; both may be one");
+  command.add_flag("--masks-only", options.masks_only,
+                   "Neither capture times, joint values, reference images nor calibration count");
+  command.footer(
       "Example:\n  silhouette-db diff --masks-only monday.lmdb tuesday.lmdb\n"
       "  silhouette-db diff --masks-only cell.lmdb cell.lmdb --second-variant gripper-open");
-  command->callback([&work, options] { work = [options] { return Diff(*options); }; });
 }
 
 }  // namespace silhouette

@@ -144,14 +144,13 @@ absl::StatusOr<ExitCode> ExportHere(const ExportOptions& options) {
 }  // namespace
 
 void AddExport(CLI::App& app, Work& work) {
-  auto options = std::make_shared<ExportOptions>();
-  CLI::App* command = app.add_subcommand(
-      "export", "Writes a database as a CSV table and PNG masks, for other programs or `import`");
-  AddDatabaseArgument(*command, options->database);
-  AddVariantOption(*command, options->variant);
-  command->add_option("folder,--folder", options->folder, "New folder")->required();
-  command->footer("Example:\n  silhouette-db export cell.lmdb masks/");
-  command->callback([&work, options] { work = [options] { return ExportHere(*options); }; });
+  auto [command, options] = AddCommand(
+      app, work, "export",
+      "Writes a database as a CSV table and PNG masks, for other programs or `import`", ExportHere);
+  AddDatabaseArgument(command, options.database);
+  AddVariantOption(command, options.variant);
+  command.add_option("folder,--folder", options.folder, "New folder")->required();
+  command.footer("Example:\n  silhouette-db export cell.lmdb masks/");
 }
 
 }  // namespace silhouette

@@ -195,27 +195,25 @@ absl::StatusOr<ExitCode> ImportHere(const ImportOptions& options) {
 }  // namespace
 
 void AddImport(CLI::App& app, Work& work) {
-  auto options = std::make_shared<ImportOptions>();
-  CLI::App* command = app.add_subcommand(
-      "import", "Takes masks that were made elsewhere, or exported, into a database");
+  auto [command, options] =
+      AddCommand(app, work, "import",
+                 "Takes masks that were made elsewhere, or exported, into a database", ImportHere);
   command
-      ->add_option("folder", options->folder,
-                   "Folder with configurations.csv, or the path of such a file")
+      .add_option("folder", options.folder,
+                  "Folder with configurations.csv, or the path of such a file")
       ->required();
-  command->add_option("--cell", options->cell, "The cell file")->required();
-  command->add_option(
-      "--database", options->database,
-      "Folder of the database, made if it is not there; by default the cell file's");
-  command->add_option("--variant", options->variant, "The variant; made if it is not there")
+  command.add_option("--cell", options.cell, "The cell file")->required();
+  command.add_option("--database", options.database,
+                     "Folder of the database, made if it is not there; by default the cell file's");
+  command.add_option("--variant", options.variant, "The variant; made if it is not there")
       ->capture_default_str();
-  command->add_flag("--replace", options->replace,
-                    "Records that are there already are replaced, instead of compared");
-  command->footer(
+  command.add_flag("--replace", options.replace,
+                   "Records that are there already are replaced, instead of compared");
+  command.footer(
       "configurations.csv has one column per joint of the grid, by its name (radians, metres), "
       "and\n"
       "one per view with the path of a PNG mask, relative to the CSV.\n"
       "Example:\n  silhouette-db import --cell cell.yaml --database cell.lmdb masks/");
-  command->callback([&work, options] { work = [options] { return ImportHere(*options); }; });
 }
 
 }  // namespace silhouette

@@ -42,43 +42,43 @@ double ShareOfMasks(const IndexBuildReport& report) {
   return static_cast<double>(report.bytes) / static_cast<double>(report.mask_bytes);
 }
 
-void IndexPrintText(const IndexOptions& options, const IndexBuildReport& report,
-                    absl::Duration spent) {
-  std::cout << absl::StreamFormat(
-      "tiles              %d built, %d fresh already%s, in %s\n", report.built,
+std::string TextOf(const IndexOptions& options, const IndexBuildReport& report,
+                   absl::Duration spent) {
+  std::string text;
+  absl::StrAppendFormat(
+      &text, "tiles              %d built, %d fresh already%s, in %s\n", report.built,
       report.done - report.built - report.removed,
       report.removed > 0 ? absl::StrFormat(", %d without records removed", report.removed) : "",
       Spoken(spent));
   if (report.robot_images > 0) {
-    std::cout << absl::StreamFormat(
-        "of robot images    %d\n"
-        "size               %.1f MiB, %.1f %% of their masks\n",
-        report.robot_images, static_cast<double>(report.bytes) / (1 << 20),
-        100 * ShareOfMasks(report));
+    absl::StrAppendFormat(&text,
+                          "of robot images    %d\n"
+                          "size               %.1f MiB, %.1f %% of their masks\n",
+                          report.robot_images, static_cast<double>(report.bytes) / (1 << 20),
+                          100 * ShareOfMasks(report));
   }
   if (report.unreadable > 0) {
-    std::cout << absl::StreamFormat(
+    absl::StrAppendFormat(
+        &text,
         "left out           %d records that cannot be read; name them with: silhouette-db verify "
         "%s\n",
         report.unreadable, options.database);
   }
-  std::cout << std::flush;
+  return text;
 }
 
-void IndexPrintJson(const IndexBuildReport& report, absl::Duration spent) {
-  std::cout << nlohmann::json{{"complete", !report.stopped},
-                              {"tiles", report.tiles},
-                              {"built", report.built},
-                              {"fresh_already", report.done - report.built - report.removed},
-                              {"removed", report.removed},
-                              {"robot_images", report.robot_images},
-                              {"unreadable", report.unreadable},
-                              {"bytes", report.bytes},
-                              {"mask_bytes", report.mask_bytes},
-                              {"share_of_masks", ShareOfMasks(report)},
-                              {"seconds", absl::ToDoubleSeconds(spent)}}
-                   .dump(2)
-            << std::endl;
+nlohmann::json JsonOf(const IndexBuildReport& report, absl::Duration spent) {
+  return {{"complete", !report.stopped},
+          {"tiles", report.tiles},
+          {"built", report.built},
+          {"fresh_already", report.done - report.built - report.removed},
+          {"removed", report.removed},
+          {"robot_images", report.robot_images},
+          {"unreadable", report.unreadable},
+          {"bytes", report.bytes},
+          {"mask_bytes", report.mask_bytes},
+          {"share_of_masks", ShareOfMasks(report)},
+          {"seconds", absl::ToDoubleSeconds(spent)}};
 }
 
 absl::StatusOr<ExitCode> Index(const IndexOptions& options) {
@@ -91,11 +91,7 @@ absl::StatusOr<ExitCode> Index(const IndexOptions& options) {
   const absl::Time started = absl::Now();
   ASSIGN_OR_RETURN(const auto report, BuildWithProgress(**database, options.all));
   const absl::Duration spent = absl::Now() - started;
-  if (options.format == "json") {
-    IndexPrintJson(report, spent);
-  } else {
-    IndexPrintText(options, report, spent);
-  }
+  Print(options.format, TextOf(options, report, spent), JsonOf(report, spent));
   if (!report.stopped) return kDone;
   std::cerr << "stopped, " << report.tiles - report.done
             << " tiles are left; what is built stays; go on with: " << options.Command()
@@ -106,22 +102,21 @@ absl::StatusOr<ExitCode> Index(const IndexOptions& options) {
 }  // namespace
 
 void AddIndex(CLI::App& app, Work& work) {
-  auto options = std::make_shared<IndexOptions>();
-  CLI::App* command = app.add_subcommand(
-      "index",
-      "Builds the collision index: by it the server tests the whole configuration space at once");
-  AddDatabaseArgument(*command, options->database);
-  command->add_option("--variant", options->variant, "Only of this variant; default: of all");
-  command->add_flag("--all", options->all,
-                    "Also the tiles that are fresh; by default only those whose records have "
-                    "changed since");
-  AddFormatOption(*command, options->format);
-  command->footer(
+  auto [command, options] = AddCommand(
+      app, work, "index",
+      "Builds the collision index: by it the server tests the whole configuration space at once",
+      Index);
+  AddDatabaseArgument(command, options.database);
+  command.add_option("--variant", options.variant, "Only of this variant; default: of all");
+  command.add_flag("--all", options.all,
+                   "Also the tiles that are fresh; by default only those whose records have "
+                   "changed since");
+  AddFormatOption(command, options.format);
+  command.footer(
       "silhouette-capture builds it at the end of a capture; after an import, or a change of\n"
       "records, this does. What is built stays, whatever happens: the same command goes on.\n"
       "Example:\n  silhouette-db index cell.lmdb\n"
       "Exit codes: 0 all is built; 1 stopped; 2 a mistake in what was asked; 3 the disk failed.");
-  command->callback([&work, options] { work = [options] { return Index(*options); }; });
 }
 
 }  // namespace silhouette

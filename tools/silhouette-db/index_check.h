@@ -9,7 +9,7 @@
 
 namespace silhouette {
 
-// Is given all records in the order of their numbers, builds the tiles anew from them, and
+// Is given all records in the order of their numbers, rebuilds the tiles from them, and
 // compares.
 class IndexCheck {
  public:

@@ -8,7 +8,6 @@
 #include "db/store/schema.h"
 #include "tools/silhouette-db/commands.h"
 #include "tools/silhouette-db/common.h"
-#include "tools/silhouette-db/index_state.h"
 
 namespace silhouette {
 namespace {
@@ -39,10 +38,12 @@ std::string InfoKindOf(const std::optional<storage::v1::Calibration>& calibratio
   return calibration->cameras().empty() ? "fundamental matrices" : "cameras";
 }
 
-void InfoPrintText(const Database& database, const Facts& facts) {
+std::string TextOf(const Database& database, const Facts& facts) {
+  std::string text;
   const storage::v1::CellDescription& cell = database.cell();
   const ConfigurationGrid& grid = database.grid();
-  std::cout << absl::StreamFormat(
+  absl::StrAppendFormat(
+      &text,
       "database        %s (format %d, generation %d)\n"
       "cell            %s\n"
       "configurations  %d of %d recorded (%.1f %%)\n"
@@ -56,38 +57,39 @@ void InfoPrintText(const Database& database, const Facts& facts) {
       StateText(facts.index, database.path()),
       static_cast<double>(facts.usage.file_bytes) / (1 << 20),
       static_cast<double>(facts.usage.used_bytes) / (1 << 20));
-  std::cout << "\ngrid joints                lower       upper  steps        step  tile edge\n";
+  absl::StrAppend(&text,
+                  "\ngrid joints                lower       upper  steps        step  tile edge\n");
   for (size_t j = 0; j < grid.joints().size(); ++j) {
     const GridJoint& joint = grid.joints()[j];
-    std::cout << absl::StreamFormat("  %-20s %10.5g  %10.5g  %5d  %10.5g  %9d%s\n", joint.name,
-                                    joint.lower, joint.upper, joint.steps, joint.step(),
-                                    grid.tile_edges()[j], joint.continuous ? "  continuous" : "");
+    absl::StrAppendFormat(&text, "  %-20s %10.5g  %10.5g  %5d  %10.5g  %9d%s\n", joint.name,
+                          joint.lower, joint.upper, joint.steps, joint.step(), grid.tile_edges()[j],
+                          joint.continuous ? "  continuous" : "");
   }
-  if (!cell.fixed_joints().empty()) std::cout << "\nfixed joints            position\n";
+  if (!cell.fixed_joints().empty()) absl::StrAppend(&text, "\nfixed joints            position\n");
   for (const auto& joint : cell.fixed_joints()) {
-    std::cout << absl::StreamFormat("  %-20s %10.5g\n", joint.name(), joint.position());
+    absl::StrAppendFormat(&text, "  %-20s %10.5g\n", joint.name(), joint.position());
   }
-  std::cout << "\nviews                   mask       image\n";
+  absl::StrAppend(&text, "\nviews                   mask       image\n");
   for (const auto& view : cell.views()) {
     const std::string image =
         view.image_width() > 0 ? absl::StrFormat("%dx%d", view.image_width(), view.image_height())
                                : "none";
-    std::cout << absl::StreamFormat("  %-20s  %-9s  %s\n", view.name(),
-                                    absl::StrFormat("%dx%d", view.mask_width(), view.mask_height()),
-                                    image);
+    absl::StrAppendFormat(&text, "  %-20s  %-9s  %s\n", view.name(),
+                          absl::StrFormat("%dx%d", view.mask_width(), view.mask_height()), image);
   }
-  std::cout << "\n" << VariantsText(facts.usage, grid);
+  absl::StrAppend(&text, "\n", VariantsText(facts.usage, grid));
   if (!facts.provenance.entries().empty()) {
-    std::cout << "\nwritten by                robot images\n";
+    absl::StrAppend(&text, "\nwritten by                robot images\n");
   }
   for (const auto& entry : facts.provenance.entries()) {
-    std::cout << absl::StreamFormat(
-        "  %s %12d  %s%s\n", InfoTimeOf(entry), entry.robot_images(), entry.program(),
-        entry.variant().empty() ? "" : ", variant '" + entry.variant() + "'");
+    absl::StrAppendFormat(&text, "  %s %12d  %s%s\n", InfoTimeOf(entry), entry.robot_images(),
+                          entry.program(),
+                          entry.variant().empty() ? "" : ", variant '" + entry.variant() + "'");
   }
+  return text;
 }
 
-void InfoPrintJson(const Database& database, const Facts& facts) {
+nlohmann::json JsonOf(const Database& database, const Facts& facts) {
   const storage::v1::CellDescription& cell = database.cell();
   const ConfigurationGrid& grid = database.grid();
   nlohmann::json json = {{"database", database.path()},
@@ -131,7 +133,7 @@ void InfoPrintJson(const Database& database, const Facts& facts) {
          {"variant", entry.variant().empty() ? schema::kDefaultVariant : entry.variant()},
          {"robot_images", entry.robot_images()}});
   }
-  std::cout << json.dump(2) << std::endl;
+  return json;
 }
 
 absl::StatusOr<ExitCode> Info(const InfoOptions& options) {
@@ -144,23 +146,17 @@ absl::StatusOr<ExitCode> Info(const InfoOptions& options) {
   const Facts facts{
       index->generation(), index->snapshot().size(), usage, references.has_value(), calibration,
       provenance,          index->Summary()};
-  if (options.format == "json") {
-    InfoPrintJson(*opened.database, facts);
-  } else {
-    InfoPrintText(*opened.database, facts);
-  }
+  Print(options.format, TextOf(*opened.database, facts), JsonOf(*opened.database, facts));
   return kDone;
 }
 
 }  // namespace
 
 void AddInfo(CLI::App& app, Work& work) {
-  auto options = std::make_shared<InfoOptions>();
-  CLI::App* command = app.add_subcommand("info", "What a database holds");
-  AddDatabaseArgument(*command, options->database);
-  AddFormatOption(*command, options->format);
-  command->footer("Example:\n  silhouette-db info cell.lmdb");
-  command->callback([&work, options] { work = [options] { return Info(*options); }; });
+  auto [command, options] = AddCommand(app, work, "info", "What a database holds", Info);
+  AddDatabaseArgument(command, options.database);
+  AddFormatOption(command, options.format);
+  command.footer("Example:\n  silhouette-db info cell.lmdb");
 }
 
 }  // namespace silhouette

@@ -33,17 +33,6 @@ std::vector<int> Spread(int steps, int most) {
   return chosen;
 }
 
-absl::StatusOr<int> SheetViewOf(const storage::v1::CellDescription& cell, const std::string& name) {
-  for (int i = 0; i < cell.views_size(); ++i) {
-    if (name.empty() || cell.views(i).name() == name) return i;
-  }
-  std::string known;
-  for (const auto& view : cell.views())
-    absl::StrAppend(&known, known.empty() ? "" : ", ", view.name());
-  return absl::InvalidArgumentError(
-      absl::StrCat("there is no view '", name, "'; the views are ", known));
-}
-
 // The mask of a view at a configuration, or a plain square in the colour of what is there instead.
 absl::StatusOr<Picture> SheetTile(const OpenedDatabase& opened, ConfigurationNumber number,
                                   int view) {
@@ -106,7 +95,7 @@ absl::StatusOr<ExitCode> Sheet(const SheetArguments& options) {
   const Database& database = *opened.database;
   const ConfigurationGrid& grid = database.grid();
   ASSIGN_OR_RETURN(const Slice slice, SliceOf(grid, options.along, options.fixed));
-  ASSIGN_OR_RETURN(const int view, SheetViewOf(database.cell(), options.view));
+  ASSIGN_OR_RETURN(const int view, ViewOf(database.cell(), options.view));
 
   const GridJoint& across = grid.joints()[static_cast<size_t>(slice.across)];
   const std::vector<int> columns = Spread(across.steps, kMostColumns);
@@ -136,25 +125,23 @@ absl::StatusOr<ExitCode> Sheet(const SheetArguments& options) {
 }  // namespace
 
 void AddSheet(CLI::App& app, Work& work) {
-  auto options = std::make_shared<SheetArguments>();
-  CLI::App* command = app.add_subcommand("sheet", "The masks along one or two joints on one sheet");
-  AddDatabaseArgument(*command, options->database);
-  AddVariantOption(*command, options->variant);
-  command->add_option("--picture", options->picture, "The PNG file to write")->required();
+  auto [command, options] =
+      AddCommand(app, work, "sheet", "The masks along one or two joints on one sheet", Sheet);
+  AddDatabaseArgument(command, options.database);
+  AddVariantOption(command, options.variant);
+  command.add_option("--picture", options.picture, "The PNG file to write")->required();
   command
-      ->add_option("--along", options->along,
-                   "One or two joints; by default the first two that move")
+      .add_option("--along", options.along, "One or two joints; by default the first two that move")
       ->expected(1, 2);
   command
-      ->add_option("--fix", options->fixed,
-                   "joint=value of the others; those not named stand in their middle")
+      .add_option("--fix", options.fixed,
+                  "joint=value of the others; those not named stand in their middle")
       ->take_all();
-  command->add_option("--view", options->view,
-                      "Along two joints: this view instead of the first; along one: only this one");
-  command->footer(
+  command.add_option("--view", options.view,
+                     "Along two joints: this view instead of the first; along one: only this one");
+  command.footer(
       "Example:\n"
       "  silhouette-db sheet cell.lmdb --along axis_1 axis_3 --fix axis_5=0.5 --picture sheet.png");
-  command->callback([&work, options] { work = [options] { return Sheet(*options); }; });
 }
 
 }  // namespace silhouette

@@ -41,28 +41,32 @@ absl::StatusOr<ConfigurationNumber> Choose(const ConfigurationGrid& grid,
   return *number;
 }
 
-void ShowPrintText(const Database& database, const RobotImage& image) {
-  std::cout << absl::StreamFormat("configuration  %d\njoints         %s\n", image.number,
-                                  JointText(database.grid(), image.number));
-  if (image.excluded) std::cout << "excluded       the robot must not enter it: never free\n";
+std::string TextOf(const Database& database, const RobotImage& image) {
+  std::string text;
+  absl::StrAppendFormat(&text, "configuration  %d\njoints         %s\n", image.number,
+                        JointText(database.grid(), image.number));
+  if (image.excluded)
+    absl::StrAppend(&text, "excluded       the robot must not enter it: never free\n");
   if (const std::string time = TimeText(image.captured); !time.empty()) {
-    std::cout << "captured       " << time << "\n";
+    absl::StrAppend(&text, "captured       ", time, "\n");
   }
   if (!image.commanded.empty()) {
-    std::cout << "commanded      " << absl::StrJoin(image.commanded, ", ") << "\n";
+    absl::StrAppend(&text, "commanded      ", absl::StrJoin(image.commanded, ", "), "\n");
   }
   if (!image.measured.empty()) {
-    std::cout << "measured       " << absl::StrJoin(image.measured, ", ") << "\n";
+    absl::StrAppend(&text, "measured       ", absl::StrJoin(image.measured, ", "), "\n");
   }
   for (size_t i = 0; i < image.masks.size(); ++i) {
     const size_t area = image.masks[i].Count();
-    std::cout << absl::StreamFormat(
-        "view %-9s %d pixels (%.1f %%)\n", database.cell().views(static_cast<int>(i)).name(), area,
+    absl::StrAppendFormat(
+        &text, "view %-9s %d pixels (%.1f %%)\n", database.cell().views(static_cast<int>(i)).name(),
+        area,
         100.0 * static_cast<double>(area) / static_cast<double>(image.masks[i].size().pixels()));
   }
+  return text;
 }
 
-void ShowPrintJson(const Database& database, const RobotImage& image) {
+nlohmann::json JsonOf(const Database& database, const RobotImage& image) {
   nlohmann::json json = {
       {"number", image.number},          {"joints", JointJson(database.grid(), image.number)},
       {"excluded", image.excluded},      {"captured", TimeText(image.captured)},
@@ -72,7 +76,7 @@ void ShowPrintJson(const Database& database, const RobotImage& image) {
     json["views"].push_back({{"name", database.cell().views(static_cast<int>(i)).name()},
                              {"pixels", image.masks[i].Count()}});
   }
-  std::cout << json.dump(2) << std::endl;
+  return json;
 }
 
 Picture ShowPaint(const Database& database, const RobotImage& image) {
@@ -105,31 +109,26 @@ absl::StatusOr<ExitCode> ShowHere(const ShowOptions& options) {
   if (!options.picture.empty() && !image->excluded) {
     RETURN_IF_ERROR(WritePng(options.picture, ShowPaint(database, *image)));
   }
-  if (options.format == "json") {
-    ShowPrintJson(database, *image);
-  } else {
-    ShowPrintText(database, *image);
-  }
+  Print(options.format, TextOf(database, *image), JsonOf(database, *image));
   return kDone;
 }
 
 }  // namespace
 
 void AddShow(CLI::App& app, Work& work) {
-  auto options = std::make_shared<ShowOptions>();
-  CLI::App* command = app.add_subcommand("show", "The record of one configuration");
-  AddDatabaseArgument(*command, options->database);
-  AddVariantOption(*command, options->variant);
-  CLI::Option_group* choice = command->add_option_group("choice", "Which configuration");
-  choice->add_option("--number", options->number, "Its number");
+  auto [command, options] =
+      AddCommand(app, work, "show", "The record of one configuration", ShowHere);
+  AddDatabaseArgument(command, options.database);
+  AddVariantOption(command, options.variant);
+  CLI::Option_group* choice = command.add_option_group("choice", "Which configuration");
+  choice->add_option("--number", options.number, "Its number");
   choice->add_option(
-      "--at", options->at,
+      "--at", options.at,
       "The one nearest to these joint values (radians, metres), in the grid's order");
   choice->require_option(1);
-  command->add_option("--picture", options->picture, "Write its masks to this PNG file");
-  AddFormatOption(*command, options->format);
-  command->footer("Example:\n  silhouette-db show cell.lmdb --at 0.5 -1.2 --picture robot.png");
-  command->callback([&work, options] { work = [options] { return ShowHere(*options); }; });
+  command.add_option("--picture", options.picture, "Write its masks to this PNG file");
+  AddFormatOption(command, options.format);
+  command.footer("Example:\n  silhouette-db show cell.lmdb --at 0.5 -1.2 --picture robot.png");
 }
 
 }  // namespace silhouette

@@ -29,44 +29,48 @@ std::string ViewName(const Database& database, int view) {
   return view < 0 ? "" : database.cell().views(view).name();
 }
 
-void PrintOutliers(const Database& database, const std::vector<Outlier>& outliers) {
+void AppendOutliers(const Database& database, const std::vector<Outlier>& outliers,
+                    std::string& text) {
   std::map<OutlierReason, uint64_t> counts;
   for (const Outlier& outlier : outliers) ++counts[outlier.reason];
-  std::cout << "\noutliers  " << outliers.size() << "\n";
+  absl::StrAppend(&text, "\noutliers  ", outliers.size(), "\n");
   for (const auto& [reason, count] : counts) {
-    std::cout << absl::StreamFormat("  %-18s %9d\n", NameOf(reason), count);
+    absl::StrAppendFormat(&text, "  %-18s %9d\n", NameOf(reason), count);
   }
-  if (!outliers.empty()) std::cout << "\n";
+  if (!outliers.empty()) absl::StrAppend(&text, "\n");
   for (size_t i = 0; i < std::min(outliers.size(), kShownOutliers); ++i) {
     const Outlier& outlier = outliers[i];
-    std::cout << absl::StreamFormat("  %10d  %-18s %-12s %s\n", outlier.number,
-                                    NameOf(outlier.reason), ViewName(database, outlier.view),
-                                    JointText(database.grid(), outlier.number));
+    absl::StrAppendFormat(&text, "  %10d  %-18s %-12s %s\n", outlier.number, NameOf(outlier.reason),
+                          ViewName(database, outlier.view),
+                          JointText(database.grid(), outlier.number));
   }
   if (outliers.size() > kShownOutliers) {
-    std::cout << absl::StreamFormat("  and %d more; --format json lists all\n",
-                                    outliers.size() - kShownOutliers);
+    absl::StrAppendFormat(&text, "  and %d more; --format json lists all\n",
+                          outliers.size() - kShownOutliers);
   }
 }
 
-void StatsPrintText(const Database& database, const DatabaseStatistics& statistics,
-                    const std::vector<Outlier>& outliers) {
-  std::cout << absl::StreamFormat("%d captured, %d excluded, %d damaged, %d missing\n\n",
-                                  statistics.captured, statistics.excluded, statistics.damaged,
-                                  statistics.missing);
-  std::cout << "view                  pixels    least     mean greatest   always    never\n";
+std::string TextOf(const Database& database, const DatabaseStatistics& statistics,
+                   const std::vector<Outlier>& outliers) {
+  std::string text;
+  absl::StrAppendFormat(&text, "%d captured, %d excluded, %d damaged, %d missing\n\n",
+                        statistics.captured, statistics.excluded, statistics.damaged,
+                        statistics.missing);
+  absl::StrAppend(&text,
+                  "view                  pixels    least     mean greatest   always    never\n");
   for (int i = 0; i < database.cell().views_size(); ++i) {
     const ViewStatistics& view = statistics.views[static_cast<size_t>(i)];
     const size_t pixels = view.ever.size().pixels();
-    std::cout << absl::StreamFormat("  %-18s %7d %8d %8.1f %8d %8d %8d\n", ViewName(database, i),
-                                    pixels, view.least_area, view.mean_area, view.greatest_area,
-                                    view.permanent.Count(), pixels - view.ever.Count());
+    absl::StrAppendFormat(&text, "  %-18s %7d %8d %8.1f %8d %8d %8d\n", ViewName(database, i),
+                          pixels, view.least_area, view.mean_area, view.greatest_area,
+                          view.permanent.Count(), pixels - view.ever.Count());
   }
-  PrintOutliers(database, outliers);
+  AppendOutliers(database, outliers, text);
+  return text;
 }
 
-void StatsPrintJson(const Database& database, const DatabaseStatistics& statistics,
-                    const std::vector<Outlier>& outliers) {
+nlohmann::json JsonOf(const Database& database, const DatabaseStatistics& statistics,
+                      const std::vector<Outlier>& outliers) {
   nlohmann::json json = {{"captured", statistics.captured},  {"excluded", statistics.excluded},
                          {"damaged", statistics.damaged},    {"missing", statistics.missing},
                          {"views", nlohmann::json::array()}, {"outliers", nlohmann::json::array()}};
@@ -88,7 +92,7 @@ void StatsPrintJson(const Database& database, const DatabaseStatistics& statisti
              {"joints", JointJson(database.grid(), outlier.number)}};
     if (outlier.view >= 0) entry["view"] = ViewName(database, outlier.view);
   }
-  std::cout << json.dump(2) << std::endl;
+  return json;
 }
 
 Picture StatsPaint(const Database& database, const DatabaseStatistics& statistics) {
@@ -137,27 +141,22 @@ absl::StatusOr<ExitCode> Stats(const StatsOptions& options) {
   if (!options.picture.empty()) {
     RETURN_IF_ERROR(WritePng(options.picture, StatsPaint(database, *statistics)));
   }
-  if (options.format == "json") {
-    StatsPrintJson(database, *statistics, *outliers);
-  } else {
-    StatsPrintText(database, *statistics, *outliers);
-  }
+  Print(options.format, TextOf(database, *statistics, *outliers),
+        JsonOf(database, *statistics, *outliers));
   return kDone;
 }
 
 }  // namespace
 
 void AddStats(CLI::App& app, Work& work) {
-  auto options = std::make_shared<StatsOptions>();
-  CLI::App* command =
-      app.add_subcommand("stats", "The robot's area per view, what it always covers, outliers");
-  AddDatabaseArgument(*command, options->database);
-  AddVariantOption(*command, options->variant);
-  command->add_option("--picture", options->picture,
-                      "Write what the robot covers always and ever to this PNG file");
-  AddFormatOption(*command, options->format);
-  command->footer("Example:\n  silhouette-db stats cell.lmdb --picture covered.png");
-  command->callback([&work, options] { work = [options] { return Stats(*options); }; });
+  auto [command, options] = AddCommand(
+      app, work, "stats", "The robot's area per view, what it always covers, outliers", Stats);
+  AddDatabaseArgument(command, options.database);
+  AddVariantOption(command, options.variant);
+  command.add_option("--picture", options.picture,
+                     "Write what the robot covers always and ever to this PNG file");
+  AddFormatOption(command, options.format);
+  command.footer("Example:\n  silhouette-db stats cell.lmdb --picture covered.png");
 }
 
 }  // namespace silhouette

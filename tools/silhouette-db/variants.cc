@@ -36,32 +36,26 @@ absl::StatusOr<ExitCode> Variants(const VariantsOptions& options) {
   }
   ASSIGN_OR_RETURN(const OpenedDatabase opened, OpenForReading(options.database));
   ASSIGN_OR_RETURN(const Database::Usage usage, opened.database->GetUsage());
-  if (options.format == "json") {
-    std::cout << VariantsJson(usage).dump(2) << std::endl;
-  } else {
-    std::cout << VariantsText(usage, opened.database->grid());
-  }
+  Print(options.format, VariantsText(usage, opened.database->grid()), VariantsJson(usage));
   return kDone;
 }
 
 }  // namespace
 
 void AddVariants(CLI::App& app, Work& work) {
-  auto options = std::make_shared<VariantsOptions>();
-  CLI::App* command = app.add_subcommand(
-      "variants", "The variants: of the robot with its gripper open, closed, with a part");
-  AddDatabaseArgument(*command, options->database);
-  CLI::Option* add =
-      command->add_option("--add", options->add, "Make this variant, without images");
+  auto [command, options] =
+      AddCommand(app, work, "variants",
+                 "The variants: of the robot with its gripper open, closed, with a part", Variants);
+  AddDatabaseArgument(command, options.database);
+  CLI::Option* add = command.add_option("--add", options.add, "Make this variant, without images");
   command
-      ->add_option("--remove", options->remove,
-                   "Remove this variant: its robot images, raw images and collision index are lost")
+      .add_option("--remove", options.remove,
+                  "Remove this variant: its robot images, raw images and collision index are lost")
       ->excludes(add);
-  AddFormatOption(*command, options->format);
-  command->footer(
+  AddFormatOption(command, options.format);
+  command.footer(
       "silhouette-capture run and silhouette-db import make a variant if it is not there.\n"
       "Example:\n  silhouette-db variants cell.lmdb --remove gripper-open");
-  command->callback([&work, options] { work = [options] { return Variants(*options); }; });
 }
 
 }  // namespace silhouette

@@ -12,7 +12,6 @@
 #include "tools/silhouette-db/commands.h"
 #include "tools/silhouette-db/common.h"
 #include "tools/silhouette-db/index_check.h"
-#include "tools/silhouette-db/index_state.h"
 
 namespace silhouette {
 namespace {
@@ -63,13 +62,13 @@ class FixedJointCheck {
     if (numbers_.size() < kMostNumbers) numbers_.push_back(image.number);
   }
 
-  void Tell(Findings& findings) const {
+  void Report(Findings& findings) const {
     findings.fixed_joints = ranges_.ranges();
     findings.elsewhere = count_;
     if (count_ == 0) return;
     findings.faults.push_back(absl::StrCat(
         count_, " robot images were captured with a fixed joint elsewhere, the first with ", first_,
-        ", and are not used; move it back, and capture them anew: silhouette-capture run --only ",
+        ", and are not used; move it back, and recapture them: silhouette-capture run --only ",
         count_ > kMostNumbers ? "all" : absl::StrJoin(numbers_, ",")));
   }
 
@@ -105,7 +104,7 @@ absl::Status ReadRecords(const ConfigurationGrid& grid, const CollisionIndex& in
   const absl::Status status = index.snapshot().ForEach(visit);
   if (StopRequested()) return Stopped("verify reads the database from its beginning each time");
   index_check.Finish();
-  fixed_joints.Tell(findings);
+  fixed_joints.Report(findings);
   findings.faults.insert(findings.faults.end(), index_check.faults().begin(),
                          index_check.faults().end());
   if (absl::IsDataLoss(status)) {
@@ -221,7 +220,7 @@ nlohmann::json JsonOf(const std::vector<FixedJointRange>& joints) {
   return json;
 }
 
-void VerifyPrintJson(const std::vector<Findings>& variants, const Findings& sum) {
+nlohmann::json JsonOf(const std::vector<Findings>& variants, const Findings& sum) {
   nlohmann::json json = JsonOf(sum);
   json["ok"] = sum.faults.empty();
   json["faults"] = sum.faults;
@@ -233,29 +232,33 @@ void VerifyPrintJson(const std::vector<Findings>& variants, const Findings& sum)
     variant["fixed_joints"] = JsonOf(findings.fixed_joints);
     json["variants"].push_back(std::move(variant));
   }
-  std::cout << json.dump(2) << std::endl;
+  return json;
 }
 
-void VerifyPrintText(const VerifyOptions& options, const std::vector<Findings>& variants,
-                     const Findings& sum) {
-  for (const std::string& fault : sum.faults) std::cout << fault << "\n";
+std::string TextOf(const VerifyOptions& options, const std::vector<Findings>& variants,
+                   const Findings& sum) {
+  std::string text;
+  for (const std::string& fault : sum.faults) absl::StrAppend(&text, fault, "\n");
   for (const Findings& findings : variants) {
     const std::string of =
         variants.size() == 1 ? "" : absl::StrCat("variant '", findings.variant, "': ");
-    std::cout << of << "collision index: " << StateText(findings.index, options.database) << "\n";
+    absl::StrAppend(&text, of, "collision index: ", StateText(findings.index, options.database),
+                    "\n");
     for (const FixedJointRange& joint : findings.fixed_joints) {
       if (joint.lowest == joint.highest) continue;
-      std::cout << absl::StrCat(of, "fixed joint '", joint.name, "': captured at ", joint.lowest,
-                                " to ", joint.highest, "\n");
+      absl::StrAppend(&text, absl::StrCat(of, "fixed joint '", joint.name, "': captured at ",
+                                          joint.lowest, " to ", joint.highest, "\n"));
     }
     if (findings.raw_images > 0) {
-      std::cout << of << "raw images: of " << findings.raw_images << " configurations\n";
+      absl::StrAppend(&text, of, "raw images: of ", findings.raw_images, " configurations\n");
     }
-    std::cout << absl::StrCat(of, findings.captured, " captured, ", findings.excluded,
-                              " excluded, ", findings.damaged, " damaged, ", findings.missing,
-                              " missing: ", findings.faults.empty() ? "sound" : "not sound")
-              << std::endl;
+    absl::StrAppend(&text,
+                    absl::StrCat(of, findings.captured, " captured, ", findings.excluded,
+                                 " excluded, ", findings.damaged, " damaged, ", findings.missing,
+                                 " missing: ", findings.faults.empty() ? "sound" : "not sound"),
+                    "\n");
   }
+  return text;
 }
 
 absl::StatusOr<ExitCode> Verify(const VerifyOptions& options) {
@@ -269,34 +272,29 @@ absl::StatusOr<ExitCode> Verify(const VerifyOptions& options) {
     sum.Add(findings);
     variants.push_back(std::move(findings));
   }
-  if (options.format == "json") {
-    VerifyPrintJson(variants, sum);
-  } else {
-    VerifyPrintText(options, variants, sum);
-  }
+  Print(options.format, TextOf(options, variants, sum), JsonOf(variants, sum));
   return sum.faults.empty() ? kDone : kNo;
 }
 
 }  // namespace
 
 void AddVerify(CLI::App& app, Work& work) {
-  auto options = std::make_shared<VerifyOptions>();
-  CLI::App* command = app.add_subcommand(
-      "verify",
+  auto [command, options] = AddCommand(
+      app, work, "verify",
       "Reads everything, checks checksums, completeness, where fixed joints stood, and the\n"
-      "collision index against the robot images; exit code 1 if not sound");
-  AddDatabaseArgument(*command, options->database);
-  command->add_flag("--allow-missing", options->allow_missing,
-                    "Configurations without a record are no fault");
+      "collision index against the robot images; exit code 1 if not sound",
+      Verify);
+  AddDatabaseArgument(command, options.database);
+  command.add_flag("--allow-missing", options.allow_missing,
+                   "Configurations without a record are no fault");
   command
-      ->add_option("--fixed-joint-tolerance", options->fixed_joint_tolerance,
-                   "How far a joint outside the grid may have been from where the cell has it;\n"
-                   "radians, metres: fixed_joint_tolerance of the cell file")
+      .add_option("--fixed-joint-tolerance", options.fixed_joint_tolerance,
+                  "How far a joint outside the grid may have been from where the cell has it;\n"
+                  "radians, metres: fixed_joint_tolerance of the cell file")
       ->check(CLI::PositiveNumber)
       ->capture_default_str();
-  AddFormatOption(*command, options->format);
-  command->footer("Example:\n  silhouette-db verify cell.lmdb");
-  command->callback([&work, options] { work = [options] { return Verify(*options); }; });
+  AddFormatOption(command, options.format);
+  command.footer("Example:\n  silhouette-db verify cell.lmdb");
 }
 
 }  // namespace silhouette
