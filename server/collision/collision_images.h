@@ -83,7 +83,7 @@ using CollisionImages = std::vector<std::optional<Mask>>;
 // number of views that must show an obstacle (policy.h) makes up for it.
 CollisionImages UncalibratedCollisionImages(const IntersectionImages& images);
 
-// Resolved along the epipolar lines (line_search.h) in the intersection images. One image, or
+// Resolved along the epipolar lines (LineSearch) in the intersection images. One image, or
 // nothing, per view of `bands`, of its mask size, else std::invalid_argument.
 CollisionImages CalibratedCollisionImages(const IntersectionImages& images,
                                           const EpipolarBands& bands, bool errors_convict);
