@@ -55,7 +55,7 @@ class CellChecker {
   // Makes `sets`, sets() of them, those of the tile: the configurations that cannot be judged, and
   // those that touch something in some view. `index`: that of the tile, of robot images that are
   // those of the test's table; null: they are looked at one by one. False if one of them could not
-  // be read. `judged_only`: it is enough to tell which cannot be judged, if the index tells that.
+  // be read. `judged_only`: only report which cannot be judged, if the index shows that.
   bool LookUp(uint64_t tile, const TileIndex* index, bool judged_only,
               std::span<PlaceSet> sets) const;
 

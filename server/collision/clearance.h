@@ -40,7 +40,6 @@ namespace silhouette {
 //
 // Distances are those of Grown (db/mask/mask.h), between the squares of pixels, in pixels: 0 for
 // set pixels and their eight neighbours. They are kept squared, as whole numbers, and so are exact.
-
 // Cannot be changed once made; read by any number of threads.
 class DistanceImage {
  public:

@@ -25,7 +25,6 @@ namespace silhouette {
 // on its band (with `errors_convict`: or an error); else it is background. A view whose image is
 // missing counts as full of obstacles. Without any other view nothing is resolved: the pixel counts
 // as background.
-
 // The image of one view in which lines are searched, and whose pixels are resolved: an obstacle
 // image or an intersection image. The planes do not overlap; all are empty if the image is missing.
 struct SearchedImage {

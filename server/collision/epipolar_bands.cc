@@ -39,7 +39,7 @@ class Cuts {
     int64_t to = CutAt(Wrapped(interval.to));
     if (to == 0) to = all_;
     if (from < to) return {Between(from, to), {}};
-    if (from == to) return {Between(from, from + 1), {}};  // narrower than can be told
+    if (from == to) return {Between(from, from + 1), {}};  // narrower than a bin
     return {Between(from, all_), Between(0, to)};
   }
 

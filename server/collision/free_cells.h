@@ -18,7 +18,6 @@
 namespace silhouette {
 
 // One step along a joint, for sets of configurations of a tile. Part of the pure core.
-
 // Used by any number of threads.
 class JointStep {
  public:

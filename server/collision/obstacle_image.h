@@ -27,9 +27,9 @@ class ObstacleImage {
   // sizes differ or `certain` is not within `anywhere`.
   static ObstacleImage FromScene(const Mask& scene, const Mask& anywhere, const Mask& certain);
 
-  // From a sensor that tells obstacles from the robot by itself: pixels of the robot that are not
-  // in `obstacles` stay unknown, as an obstacle may stand behind it; there are no errors. Throws
-  // std::invalid_argument if the sizes differ.
+  // From a sensor that separates obstacles from the robot by itself: pixels of the robot that are
+  // not in `obstacles` stay unknown, as an obstacle may stand behind it; there are no errors.
+  // Throws std::invalid_argument if the sizes differ.
   static ObstacleImage FromObstacles(const Mask& obstacles, const Mask& anywhere);
 
   // The image where the pixels of `ignored` prove nothing, such as those of a pillar before the
@@ -64,7 +64,6 @@ class ObstacleImage {
 //
 // Checks need no pictures, only whether and how much: CollisionChecker finds that without making
 // any.
-
 class IntersectionImage {
  public:
   // Throws std::invalid_argument if the sizes differ.

@@ -138,13 +138,12 @@ class RobotImageTable::Builder {
 
 // The test robot images of one test: in every view the union of the robot images at the corners of
 // a grid cell.
-
 // For one thread, test after test: where images are read, they come into memory that is used again.
 class TestRobot {
  public:
   // Takes the robot images of these configurations, at most as many as a cell has corners, whose
   // state is kPresent; both must outlive what is done with it. False if one of them cannot be read:
-  // nothing can be told then.
+  // nothing is known then.
   bool Take(const RobotImageTable& table, std::span<const ConfigurationNumber> corners);
 
   // The test robot image of a view, as it is looked at word by word. Refers to the TestRobot until

@@ -24,7 +24,7 @@ class SegmentPlaces {
   SegmentPlaces(const ConfigurationGrid& grid, std::span<const double> from,
                 std::span<const double> to, OffGrid off_grid);
 
-  // False if the line is too long to be told apart in steps: a value that is not finite, or a
+  // False if the line is too long to be resolved in steps: a value that is not finite, or a
   // continuous joint more than a billion steps away. Then Next() gives nothing.
   bool resolvable() const { return resolvable_; }
 

@@ -106,7 +106,6 @@ VoxelSet MetByBalls(const VoxelSet& centres, const VoxelGrid& grid, double radiu
 VoxelSet Surface(const VoxelSet& set);
 
 // The parts that a set of voxels is worked on in.
-
 // Neighbouring voxels of a row: (first..last, y, z).
 struct VoxelRun {
   int y = 0;

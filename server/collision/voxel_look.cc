@@ -21,7 +21,7 @@ constexpr double kVoxelLookRounding = 1e-6;
 // Certain pixels farther than this from the centre's are not asked for.
 constexpr int kShapeReach = 15;
 
-// How finely places and radii are told apart, in steps per pixel: the larger the ball, the less it
+// How finely places and radii are resolved, in steps per pixel: the larger the ball, the less it
 // matters.
 int StepsPerPixel(double radius) { return radius < 2 ? 16 : radius < 4 ? 8 : 4; }
 

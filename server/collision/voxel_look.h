@@ -58,8 +58,8 @@ class VoxelLooker {
   std::map<PixelShape, uint32_t> shapes_;
 };
 
-// One view's image in tables, so that one look-up tells what a voxel touches: made once per scene.
-
+// One view's image in tables, so that one look-up returns what a voxel touches: made once per
+// scene.
 class LookTables {
  public:
   // Of the pixels that a voxel touches:

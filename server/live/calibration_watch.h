@@ -21,7 +21,7 @@ struct CalibrationWatchSettings {
 // too old, or in which a view moved or was not checked: does not hold, and why.
 CalibrationTrust ReadTrust(const CalibrationWatchSettings& settings, const Moment& now);
 
-// Reads the file every half second, and tells what it says: at once, in the constructor, and
+// Reads the file every half second, and reports its content: at once, in the constructor, and
 // whenever its content or what follows from it has changed; that a check becomes too old is not
 // told (CalibrationTrust::until). The calls come from the constructor and a thread of its own.
 class CalibrationWatch {

@@ -14,7 +14,6 @@
 namespace silhouette {
 
 // Waiting in a thread that may be asked to stop.
-
 // Waits so long, or until it is to stop.
 void Pause(const std::stop_token& stop, absl::Duration time);
 

@@ -25,7 +25,7 @@ namespace silhouette {
 class JointHistory {
  public:
   struct Settings {
-    // How far from the images joints may have been told, before and after.
+    // Longest time between the images and a joint sample, before and after.
     absl::Duration gap = absl::Milliseconds(100);
     // The most that a joint may move around the images.
     double max_movement = 0.01;
@@ -72,11 +72,10 @@ class JointHistory {
 };
 
 // Asks the robot for its joints, again and again.
-
 using OpenRobotFunction = std::function<absl::StatusOr<std::unique_ptr<Robot>>()>;
 
 // Has a thread of its own. Errors of the robot end nothing: they are recorded, and it is asked
-// again, after a while it is opened anew.
+// again; after a while it is opened again.
 class JointPoller {
  public:
   // `record` must outlive it. `robot`: opened already, or null.

@@ -1,4 +1,4 @@
-// Which variant shows the robot, as far as somebody told.
+// Which variant shows the robot, as far as it is known.
 #pragma once
 
 #include <string>
@@ -9,14 +9,14 @@
 
 namespace silhouette {
 
-// A value. Only what was told last counts: with every change the scenes of before are withdrawn
-// (SceneStore::Withdraw), so that no image of before is ever taken for one of a known variant.
+// A value. Only the last report counts: with every change the earlier scenes are withdrawn
+// (SceneStore::Withdraw), so that no earlier image is ever taken for one of a known variant.
 // Times are those of a clock that never steps back (Moment::running).
 class KnownVariant {
  public:
-  // Nobody has told. Known all the same while the database has one variant only.
+  // Nothing was reported. Known all the same while the database has one variant only.
   KnownVariant() = default;
-  // The robot has the variant in all images, until something else is told.
+  // The robot has the variant in all images, until another report.
   explicit KnownVariant(std::string variant);
 
   // Told at `now`: the robot has the variant, in images taken from now on. Whether that is new.
@@ -24,7 +24,7 @@ class KnownVariant {
   // Told: it is being changed, and looks like no variant. Whether that is new.
   bool TellChanging();
   // The database is another, which has `variants`. A variant that it lacks is unknown from now on,
-  // until it is told anew.
+  // until it is reported again.
   void NoteVariants(const std::vector<std::string>& variants);
 
   bool changing() const { return state_ == State::kChanging; }

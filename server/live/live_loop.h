@@ -54,7 +54,7 @@ class LiveLoop {
   // Opens the devices and starts. Devices that cannot be reached (Unavailable, DeadlineExceeded)
   // are tried again later. Any other error of theirs is returned; InvalidArgument, if devices and
   // cell do not fit, or the database lacks the variant of config.live; FailedPrecondition, if it
-  // has no reference images. `record`: also tells which variant shows the robot;
+  // has no reference images. `record`: also has the variant that shows the robot;
   // config.live.variant does not.
   static absl::StatusOr<std::unique_ptr<LiveLoop>> Start(const LiveConfig& config,
                                                          LiveDevices devices, LiveScenes scenes,
@@ -87,7 +87,7 @@ class LiveLoop {
   std::vector<size_t> places_;          // in the rig, by view of the cell
   ImageJudge judge_;
   // What the light has slowly become, by view, since the references of this database were made;
-  // begun anew with another database.
+  // begun again with another database.
   std::shared_ptr<const ServedDatabase> light_of_;
   std::vector<SlowLight> lights_;
   std::vector<absl::Duration> since_learnt_;

@@ -18,7 +18,6 @@
 namespace silhouette {
 
 // What is said of something that fails and recovers: once, and not each time.
-
 // Not thread-safe.
 class FaultLog {
  public:
@@ -35,7 +34,6 @@ class FaultLog {
 };
 
 // How long something took, again and again.
-
 struct LatencyFigures {
   // Of all.
   uint64_t count = 0;
@@ -131,7 +129,7 @@ class LiveRecord {
   void NoteMap(const Moment& arrived);
 
   // As KnownVariant's functions of these names. Scenes that were made of what known_variant()
-  // returned before must then be withdrawn by whoever tells.
+  // returned before must then be withdrawn by the caller.
   bool TellVariant(const std::string& variant, absl::Duration now);
   bool TellVariantChanging();
   void NoteVariants(const std::vector<std::string>& variants);

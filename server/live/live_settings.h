@@ -8,23 +8,23 @@
 namespace silhouette {
 
 struct LiveSettings {
-  // The variant that shows the robot when the server starts; empty: it has to be told,
+  // The variant that shows the robot when the server starts; empty: it has to be sent,
   // where the database has several.
   std::string variant = "";
   // Least time from one set of images to the next.
   absl::Duration interval = absl::Milliseconds(20);
   // How often the robot is asked for its joints.
   absl::Duration joints_interval = absl::Milliseconds(5);
-  // How far from the images joints may have been told, before and after.
+  // Longest time between the images and a joint sample, before and after.
   absl::Duration joints_gap = absl::Milliseconds(100);
   // The most that a joint may move around the images: radians, metres.
   double max_joint_movement = 0.01;
   // How long after an error a device is asked again: doubled from the first to the longest.
   absl::Duration first_retry = absl::Milliseconds(50);
   absl::Duration longest_retry = absl::Seconds(2);
-  // Devices that gave nothing but errors for so long are closed and opened anew.
+  // Devices that gave only errors for so long are closed and opened again.
   absl::Duration reopen_after = absl::Seconds(5);
-  // How often the log tells how it goes.
+  // How often the log reports the state of acquisition.
   absl::Duration report_interval = absl::Minutes(1);
   // Images that are differenced at once.
   int threads = 2;

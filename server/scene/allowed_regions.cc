@@ -53,7 +53,7 @@ std::vector<RegionEffect> Apply(const RegionSet& regions, std::span<const double
     const Mask before = images[view]->obstacle();
     images[view] = without_margins[view]->WithMargin(margins[view]);
     const Mask gone = before - images[view]->obstacle();
-    // Where regions overlap, each is told to have taken the pixel away.
+    // Where regions overlap, each counts as having taken the pixel away.
     for (RegionEffect& effect : effects) {
       std::optional<Mask>& taken = effect.taken[view];
       if (taken) taken = Grown(*taken, margins[view]) & gone;

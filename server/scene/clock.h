@@ -1,4 +1,4 @@
-// Time as the server tells it: the wall clock, by which images are stamped, and a clock that never
+// Time in the server: the wall clock, by which images are stamped, and a clock that never
 // steps back, by which they age.
 #pragma once
 
@@ -15,7 +15,7 @@ struct Moment {
   absl::Duration running;  // since some fixed instant, whatever happens to the wall clock
 };
 
-// Tells the present moment; may be called from any thread.
+// Returns the present moment; may be called from any thread.
 using Clock = std::function<Moment()>;
 
 inline Moment SystemClock() {

@@ -100,7 +100,6 @@ class ConfigurationSpace {
 
 // The configuration space in clearance levels: for one scene and one policy, which of the free
 // configurations have more clearance (clearance.h) than each of some levels.
-
 // Keeps database and scene alive. A tile is worked out when it is first asked for, by the collision
 // index where the database has one, and never changes. Used by any number of threads.
 class ClearanceSpace {
@@ -133,7 +132,7 @@ class ClearanceSpace {
   Served served_;
   Policy policy_;
   std::vector<double> levels_;
-  // What levels are told with, made with the first tile that has a free configuration.
+  // What levels are found with, made with the first tile that has a free configuration.
   mutable std::once_flag prepare_;
   mutable std::optional<CollisionChecker> test_;
   mutable std::optional<ClearanceMeter> meter_;

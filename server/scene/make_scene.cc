@@ -160,7 +160,7 @@ void CheckFixedJoints(const ServedDatabase& database, const Positions& positions
   }
 }
 
-// The grid joints' values; nothing, and a defect, if one is not told.
+// The grid joints' values; nothing, and a defect, if one is missing.
 std::optional<Configuration> GridConfiguration(const ConfigurationGrid& grid,
                                                const Positions& positions,
                                                std::vector<SceneDefect>& defects) {
@@ -244,7 +244,7 @@ std::vector<RobotCover> CoversAt(const ServedDatabase& database, const Configura
 }
 
 // `fixed_joint_tolerance`: as in SceneSettings. InvalidArgument: a joint that the cell does not
-// have, that is told twice, or whose value is not finite.
+// have, that is given twice, or whose value is not finite.
 absl::StatusOr<RobotInScene> FindRobot(const ServedDatabase& database,
                                        const std::vector<JointPosition>& joints,
                                        double fixed_joint_tolerance) {

@@ -1,4 +1,4 @@
-// From what cameras and robot told to a scene.
+// Makes a scene of images and joint values.
 #pragma once
 
 #include <map>
@@ -25,7 +25,7 @@ inline constexpr absl::Duration kClockTolerance = absl::Milliseconds(100);
 struct SceneMask {
   Mask mask;
 };
-// From a sensor that tells obstacles from the robot: the obstacle pixels.
+// From a sensor that separates obstacles from the robot: the obstacle pixels.
 struct ObstacleMask {
   Mask mask;
 };
@@ -57,7 +57,7 @@ struct SceneInput {
 // Makes a scene of images that arrived at the moment `arrived`. `whole`: the database with all of
 // its variants. What is wrong with the state of the
 // cell becomes a defect of the scene; InvalidArgument, naming the field, is for input that says
-// nothing of the cell: no view at all, an unknown view or joint or one that is told twice, a mask
+// nothing of the cell: no view at all, an unknown view or joint or one that is given twice, a mask
 // or an image of the wrong size, an image that cannot be decoded, a time in the future, a joint
 // value that is not finite. FailedPrecondition: a camera image, and the database has no reference
 // images.

@@ -33,7 +33,7 @@ struct SceneDefect {
 struct SceneView {
   std::string name;
   absl::Time captured;
-  // The scene image; from a sensor that tells obstacles by itself: its obstacle pixels.
+  // The foreground; from a sensor that separates obstacles by itself: its obstacle pixels.
   Mask foreground;
   // Error pixels whose neighbours are all error pixels.
   uint32_t core_error_pixels = 0;
@@ -43,7 +43,7 @@ struct SceneView {
 };
 
 // The scene's obstacle images resolved along epipolar lines, worked out once for all who ask. Used
-// by any number of threads. A copy begins anew.
+// by any number of threads. A copy starts empty.
 class ResolvedImages {
  public:
   ResolvedImages() = default;
@@ -64,7 +64,7 @@ class ResolvedImages {
 };
 
 // The distances from the pixels that show obstacles, worked out once for all who ask. Used by any
-// number of threads. A copy begins anew.
+// number of threads. A copy starts empty.
 class SceneDistances {
  public:
   SceneDistances() = default;

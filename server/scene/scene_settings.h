@@ -18,7 +18,6 @@ struct SceneSettings {
 };
 
 // How far a calibration is trusted.
-
 struct CalibrationSettings {
   // Pixels of the masks by which every pixel's square is widened on all sides before epipolar lines
   // are drawn through it: for the error of the calibration.

@@ -19,7 +19,6 @@ namespace silhouette {
 
 // Whether the calibration still holds, by the newest check of the cell (silhouette-calibrate
 // check).
-
 struct CalibrationTrust {
   bool holds = false;
   // The calibration that was checked (FingerprintOf in calib/files/calibration_message.h). It tells
@@ -66,7 +65,7 @@ class SceneStore {
 
   // From now on nothing rests on a scene that arrived at the moment `now` or before, published
   // already or not, for the robot looks other than in it: it has the defect kVariantUnknown with
-  // the message `why`, no variant and no obstacle images. The newest scene is published anew as
+  // the message `why`, no variant and no obstacle images. The newest scene is published again as
   // such.
   void Withdraw(const std::string& why, const Moment& now);
   // The id of the scene that was the newest after that; 0: there was none, or none is withdrawn.

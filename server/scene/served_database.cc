@@ -52,7 +52,7 @@ uint64_t BytesOfRecord(const Database& database) {
   return bytes;
 }
 
-// Adds the records that are met to `builder`, and tells how far it is.
+// Adds the records that are met to `builder`, and reports progress.
 VisitRecord AddingTo(RobotImageTable::Builder& builder, FixedJointsOfVariant& joints,
                      uint64_t records, const LoadSettings& settings) {
   constexpr uint64_t kRecordsPerReport = 4096;

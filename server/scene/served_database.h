@@ -39,7 +39,7 @@ struct LoadSettings {
   // Largest deviation of a fixed joint, when a robot image was captured, from where the cell has
   // it: radians, metres. A robot image with a larger one is not used.
   double fixed_joint_tolerance = 0.005;
-  // In place of the database's own, for experiments: nothing tells that it is not of these cameras.
+  // In place of the database's own, for experiments: that it is of these cameras is not checked.
   std::optional<Calibration> calibration = std::nullopt;
 };
 

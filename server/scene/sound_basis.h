@@ -49,7 +49,7 @@ class SoundBasis {
   double resolvable_obstacle() const { return resolvable_obstacle_; }
   double mask_scale() const { return mask_scale_; }
 
-  // The robot's own body; nothing is known of it if a joint of the model is not told.
+  // The robot's own body; nothing is known of it if a joint of the model has no value.
   RobotVoxels RobotAt(std::span<const JointPosition> joints) const;
 
   // TestSupport::robot_may_touch while the robot stands at `joints`; null unless the model holds
@@ -62,7 +62,7 @@ class SoundBasis {
   SoundBasis(const SoundCell& sound, const storage::v1::CellDescription& cell,
              const ConfigurationGrid& grid, std::vector<VoxelView> views);
 
-  // The positions of the model's joints; nothing if one is not told.
+  // The positions of the model's joints; nothing if one has no value.
   std::optional<std::vector<double>> Positions(std::span<const JointPosition> joints) const;
 
   std::shared_ptr<const RobotModel> robot_;
@@ -76,7 +76,7 @@ class SoundBasis {
 };
 
 // The possible space of one scene, found once for all who ask. Used by any number of threads. A
-// copy begins anew.
+// copy starts empty.
 class ScenePossibleSpace {
  public:
   ScenePossibleSpace() = default;

@@ -1,4 +1,4 @@
-// What the sound presets are told about a cell (docs/verdict-quality.md).
+// What the sound presets know of a cell (docs/verdict-quality.md).
 #pragma once
 
 #include <Eigen/Geometry>

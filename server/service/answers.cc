@@ -71,7 +71,7 @@ uint64_t CountBits(std::span<const uint64_t> bits) {
   return count;
 }
 
-// `blocked`: why all are unknown; kNone: for reasons that are not told.
+// `blocked`: why all are unknown; kNone: for reasons that are not reported.
 void CountVerdicts(std::span<const uint64_t> free, std::span<const uint64_t> occupied,
                    uint64_t configurations, Reason blocked, VerdictCounts& counts) {
   const uint64_t known[] = {CountBits(free), CountBits(occupied)};

@@ -29,13 +29,13 @@ absl::StatusOr<Policy> PolicyFor(const Serving& serving, const v1::Policy& messa
 absl::StatusOr<Checker> CheckerFor(Serving& serving, const v1::Policy& policy,
                                    const std::string& variant);
 
-// Tells what the answer rests on. Returns why it must not say free after all: the scene may have
+// Writes what the answer rests on. Returns why it must not say free after all: the scene may have
 // become too old, or an allowed region ended or revoked, while the answer was made. `valid_for`, if
 // not null, gets how long that stays so.
 Reason Conclude(const Serving& serving, const Served& served, const Policy& policy,
                 v1::Basis* basis, absl::Duration* valid_for = nullptr);
 
-// What may be told of a verdict when the answer is ready.
+// The verdict that is returned when the answer is ready.
 Verdict Final(const Verdict& verdict, Reason blocked);
 
 // Whether a question is answered by a few look-ups, at once.
@@ -52,7 +52,6 @@ grpc::Status Answer(Serving& serving, const v1::ExplainRequest& request,
                     v1::ExplainResponse* response);
 
 // The pictures of one verdict.
-
 // Adds what every view shows: scene, obstacle, intersection and collision image, as far as they are
 // there. Nothing where there is no scene.
 void ExplainViews(const Checker& checker, std::span<const double> q, v1::ExplainResponse* response);

@@ -98,7 +98,7 @@ void MapKeeper::WorkOut(uint64_t version, const std::stop_token& stop) {
     // The first time to the end: else scenes that come fast would keep the map from being shared.
     time = std::max(time, kLeastShareTime);
     bool whole = work_out([] { return false; });
-    // What has been withdrawn meanwhile is not told any more: the next change is known already.
+    // What has been withdrawn meanwhile is not published: the next change is known already.
     const auto withdrawn = [&] {
       return scenes_.database() != served.whole || scenes_.trust() != served.trust ||
              scenes_.Revoked(*served.regions) || scenes_.Withdrawn(*served.scene);

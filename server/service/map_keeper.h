@@ -25,7 +25,7 @@ namespace silhouette {
 // ServingSettings::map_time, tile by tile, where that is a look into the index. The rest, and other
 // policies, when they are asked for. Has a thread of its own.
 //
-// A shared map is told of every change as soon as that time is over, at the latest, and the tile
+// A shared map gets every change as soon as that time is over, at the latest, and the tile
 // that is being tested singly then: configurations that are not worked out are unknown in it. It
 // gets the rest while nothing newer comes, for nobody else asks for it. The free cells of the grid
 // come after the tiles, within the same times, where the policy looks at cells.
@@ -53,7 +53,7 @@ class MapKeeper final : public Watcher {
                     const std::function<bool()>& stop) const;
   // The map of a scene is worked out, and shared if maps are.
   void NoteMap(const Scene& scene);
-  // Tells the shared map, if there is one.
+  // Publishes in the shared map, if there is one.
   void Share(const Served& served, const Policy& policy, const ConfigurationSpace* space,
              Reason blocked);
   bool Outdated(uint64_t version) const;

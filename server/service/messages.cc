@@ -70,7 +70,7 @@ void ToMessage(const Policy& policy, v1::Policy* message) {
   message->set_preset(NameOf(policy.preset));
   if (policy.min_views) message->set_min_views(*policy.min_views);
   // Also beside min_views: it counts for requests that name the preset. With the other presets a
-  // request must not have it, and what is told here can be asked for.
+  // request must not have it, and what is returned here can be asked for.
   if (policy.preset == Preset::kUncalibrated) {
     message->set_max_occluded_views(policy.max_occluded_views);
   }

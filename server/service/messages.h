@@ -48,7 +48,7 @@ v1::Verdict::Reason ToMessage(Reason reason);
 void ToMessage(absl::Time time, google::protobuf::Timestamp* message);
 void ToMessage(absl::Duration duration, google::protobuf::Duration* message);
 // `evidence`: empty, or one per view of the database. `regions`: names of allowed regions.
-// `clearance`: in pixels, if it is to be told; it is not for an unknown verdict.
+// `clearance`: in pixels, if it is asked for; an unknown verdict has none.
 void ToMessage(const Verdict& verdict, std::span<const ViewEvidence> evidence,
                std::span<const std::string> regions, std::optional<double> clearance,
                const ServedDatabase& database, v1::Verdict* message);
@@ -60,7 +60,7 @@ void ToMessage(const Mask& mask, v1::Mask* message);
 void ToMessage(const Served& served, const Policy& policy, const Moment& now, v1::Basis* message);
 void ToMessage(const AllowedRegion& region, const ServedDatabase& database, const Moment& now,
                v1::AllowedRegion* message);
-// Staleness at the moment `now` is told among the scene's defects.
+// Staleness at the moment `now` is one of the scene's defects.
 void ToMessage(const Scene& scene, bool include_planes, const SceneSettings& settings,
                const Moment& now, v1::Scene* message);
 // All but the robot's variant.

@@ -1,4 +1,4 @@
-// What the server tells Prometheus (docs/live.md lists it).
+// The server's metrics for Prometheus (docs/live.md lists them).
 #pragma once
 
 #include <memory>

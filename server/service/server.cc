@@ -124,10 +124,10 @@ absl::Status CheckListenAddress(const std::string& address) {
 
 namespace {
 
-// Tells the health service whether the calibration is known to hold.
+// Reports to the health service whether the calibration is known to hold.
 class CalibrationHealth : public Watcher {
  public:
-  // Tells at once. Both must outlive the watching.
+  // Reports at once. Both must outlive the watching.
   CalibrationHealth(Serving& serving, grpc::HealthCheckServiceInterface& health)
       : serving_(serving), health_(health) {
     Say();
@@ -150,10 +150,10 @@ class CalibrationHealth : public Watcher {
   std::atomic<uint64_t> told_ = 0;
 };
 
-// Tells the health service how the server's own acquisition goes.
+// Reports the state of the server's own acquisition to the health service.
 class LiveHealth : public Watcher {
  public:
-  // Tells at once. `health` must outlive the watching.
+  // Reports at once. `health` must outlive the watching.
   LiveHealth(std::shared_ptr<const LiveRecord> record, grpc::HealthCheckServiceInterface& health)
       : record_(std::move(record)), health_(health) {
     Tell(0);

@@ -21,7 +21,6 @@
 namespace silhouette {
 
 // Where a server listens.
-
 // Whether a server can listen on `address`: "host:port", "[::1]:port" or "unix:path"; port 0 stands
 // for any free one. InvalidArgument: it is not an address. FailedPrecondition: it is taken, or is
 // none of this machine's. The messages say what to do.
@@ -43,7 +42,7 @@ class Server {
 
   // The address that is listened on, with the port that was chosen.
   const std::string& address() const { return address_; }
-  // The same of metrics; empty: they are not told.
+  // The same of metrics; empty: there are none.
   const std::string& metrics_address() const;
 
   // Serves another generation; verdicts are unknown until the next scene.
@@ -75,7 +74,7 @@ class Server {
   SceneService scene_service_;
   DatabaseService database_service_;
   std::string address_;
-  std::unique_ptr<Metrics> metrics_;  // null: they are not told
+  std::unique_ptr<Metrics> metrics_;  // null: there are none
   std::unique_ptr<grpc::Server> server_;
   std::shared_ptr<Watcher> calibration_health_;  // null: the calibration is not checked
   std::shared_ptr<Watcher> live_health_;         // null: there is no acquisition

@@ -11,7 +11,6 @@
 namespace silhouette {
 
 // CollisionService: what planners ask.
-
 // No reply says free unless a Checker of one database and one scene said so, and the scene was
 // still good when the reply was ready.
 class CollisionService final : public v1::CollisionService::CallbackService {
@@ -43,7 +42,6 @@ class CollisionService final : public v1::CollisionService::CallbackService {
 };
 
 // SceneService: what the owner of the cameras calls.
-
 class SceneService final : public v1::SceneService::CallbackService {
  public:
   explicit SceneService(Serving& serving) : serving_(serving) {}
@@ -77,7 +75,6 @@ class SceneService final : public v1::SceneService::CallbackService {
 };
 
 // DatabaseService: what the served database is.
-
 class DatabaseService final : public v1::DatabaseService::CallbackService {
  public:
   explicit DatabaseService(Serving& serving) : serving_(serving) {}

@@ -2,8 +2,8 @@
 #pragma once
 
 #include <grpcpp/server_context.h>
-
 #include <grpcpp/support/server_callback.h>
+
 #include <array>
 #include <atomic>
 #include <chrono>
@@ -30,8 +30,7 @@
 
 namespace silhouette {
 
-// Tells in the log when allowed regions end.
-
+// Logs when allowed regions end.
 // Looks with a thread of its own, as long as regions are in force.
 class RegionLog {
  public:
@@ -42,7 +41,7 @@ class RegionLog {
   void Watch();
 
  private:
-  // Ended regions are told at most so much later.
+  // Ended regions are logged at most so much later.
   static constexpr std::chrono::milliseconds kPeriod{100};
 
   void Run(const std::stop_token& stop);
@@ -57,8 +56,7 @@ class RegionLog {
   std::jthread thread_;  // last: it uses the others
 };
 
-// How many verdicts were told, by what they say.
-
+// How many verdicts were returned, by state and reason.
 // Thread-safe.
 class VerdictCounts {
  public:
@@ -67,7 +65,7 @@ class VerdictCounts {
   }
   void Add(const Verdict& verdict) { Add(verdict.state(), verdict.reason()); }
 
-  // `told(state, reason, verdicts)` for all that were told at least once.
+  // `told(state, reason, verdicts)` for all that were returned at least once.
   template <typename Told>
   void ForEach(const Told& told) const {
     for (size_t place = 0; place < counts_.size(); ++place) {
@@ -89,7 +87,6 @@ class VerdictCounts {
 };
 
 // Where scenes become what verdicts rest on, wherever they come from.
-
 // Thread-safe.
 class ScenePublisher {
  public:
@@ -114,7 +111,6 @@ class ScenePublisher {
 };
 
 // Threads for the work that must not block gRPC's own.
-
 class WorkerPool {
  public:
   // `threads` at least 1; `queue`: how many tasks may wait for a thread.

@@ -38,7 +38,7 @@ struct ServingSettings {
   // Of the server's own acquisition, if it takes images itself; then nobody else may publish
   // scenes.
   std::shared_ptr<LiveRecord> live;
-  // host:port where metrics are told; empty: nowhere.
+  // host:port where metrics are served; empty: nowhere.
   std::string metrics;
   // For calls, and as many for watches.
   int worker_threads = 2;

@@ -20,7 +20,6 @@
 namespace silhouette {
 
 // The file of the server's shared map (clients/shared_map/layout.h).
-
 struct SharedMapSettings {
   // Empty: there is none. Best in /dev/shm, which is memory.
   std::string file;

@@ -40,7 +40,6 @@ class SpaceCache {
 
 // The configuration space of the newest scene in clearance levels, shared by everybody who asks for
 // the same levels under the same policy.
-
 class ClearanceCache {
  public:
   // `bytes`: what all that is kept may take at most.

@@ -28,7 +28,7 @@ absl::StatusOr<std::vector<uint64_t>> TilesFrom(
 
 void ToMessage(uint64_t tile, const TileVerdicts& verdicts, v1::ConfigurationSpaceTile* message);
 
-// Whether free cells are told to who asks for them (`asked`): only off the grid do they matter.
+// Whether free cells are returned if asked for (`asked`): they matter only off the grid.
 inline bool TellsCells(bool asked, const Policy& policy) {
   return asked && policy.off_grid == OffGrid::kCell;
 }

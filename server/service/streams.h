@@ -1,9 +1,9 @@
-// A call that is answered anew whenever what answers rest on has changed.
+// Calls that are answered again whenever what answers rest on has changed.
 #pragma once
 
 #include <grpcpp/server_context.h>
-
 #include <grpcpp/support/server_callback.h>
+
 #include <algorithm>
 #include <chrono>
 #include <cstdint>
@@ -23,7 +23,7 @@
 
 namespace silhouette {
 
-// How many scenes were published between two that were told of, by their ids; 0: none was.
+// How many scenes were published between two reported ones, by their ids; 0: none was.
 inline uint64_t ScenesSkipped(uint64_t last, uint64_t now) {
   return last != 0 && now > last ? now - last - 1 : 0;
 }
@@ -155,7 +155,6 @@ class WatchWriter : public grpc::ServerWriteReactor<Response>,
 };
 
 // WatchPath: one call.
-
 class PathWatch final : public WatchWriter<v1::WatchPathResponse> {
  public:
   PathWatch(Serving& serving, grpc::CallbackServerContext* context,
@@ -173,7 +172,6 @@ class PathWatch final : public WatchWriter<v1::WatchPathResponse> {
 };
 
 // WatchConfigurationSpace: one call.
-
 class SpaceWatch final : public WatchWriter<v1::WatchConfigurationSpaceResponse> {
  public:
   // Tiles in one part: about half a megabyte, somewhat more with free cells.
@@ -200,7 +198,6 @@ class SpaceWatch final : public WatchWriter<v1::WatchConfigurationSpaceResponse>
 };
 
 // StreamChecks: one call.
-
 // Reads a question only when the answer to the one before has been taken by the transport: a caller
 // who does not read his answers holds back nobody. Keeps itself alive until the call is over.
 class CheckStream final

@@ -1,4 +1,4 @@
-// Notices when answers may have changed, and tells those who wait for that.
+// Notices when answers may have changed, and notifies the watchers.
 #pragma once
 
 #include <chrono>
@@ -41,7 +41,7 @@ class Watcher {
   // again and again.
   virtual void Tell(uint64_t version) = 0;
 
-  // The server stops: nothing is told any more.
+  // The server stops: no further call follows.
   virtual void End() = 0;
 };
 
@@ -54,8 +54,8 @@ class WatchHub {
   WatchHub(SceneStore& scenes, SceneSettings settings, Clock clock);
   ~WatchHub() { Close(); }
 
-  // From now on the watcher is told. It is forgotten once nobody else holds it. After Close() it is
-  // ended at once.
+  // From now on the watcher is notified. It is forgotten once nobody else holds it. After Close()
+  // it is ended at once.
   void Add(const std::shared_ptr<Watcher>& watcher);
 
   // Ends all watchers.
@@ -69,7 +69,7 @@ class WatchHub {
   static constexpr std::chrono::milliseconds kPeriod{20};
 
   void Run(const std::stop_token& stop);
-  // Notices a change, and tells all watchers.
+  // Notices a change, and notifies all watchers.
   void Look();
   std::vector<std::shared_ptr<Watcher>> Watchers() const;
 

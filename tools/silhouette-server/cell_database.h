@@ -11,7 +11,7 @@
 
 namespace silhouette {
 
-// The newest generation of the database in the folder `path`. The log tells what was loaded and
+// The newest generation of the database in the folder `path`. The log says what was loaded and
 // what is wrong with it. FailedPrecondition: the database is of another cell, or cannot serve the
 // cell's policy. Further errors: those of Database::Open, ServedDatabase::Load and of the cell
 // file's masks of ignored pixels.
