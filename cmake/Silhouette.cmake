@@ -71,6 +71,28 @@ function(silhouette_note_links folder)
   set_property(GLOBAL APPEND PROPERTY SILHOUETTE_LINKS "${folder}: ${links}")
 endfunction()
 
+# Makes the templates of pages in this folder (*.html, *.css) constants of the header
+# <folder>/templates.h: page.html is silhouette::templates::page_html.
+function(silhouette_embed_templates target)
+  silhouette_folder()
+  file(GLOB files CONFIGURE_DEPENDS *.html *.css)
+  if(NOT files)
+    return()
+  endif()
+  set_property(DIRECTORY APPEND PROPERTY CMAKE_CONFIGURE_DEPENDS ${files})
+  set(header "#pragma once\n\nnamespace silhouette::templates {\n\n")
+  foreach(file IN LISTS files)
+    file(READ ${file} text)
+    cmake_path(GET file FILENAME file)
+    string(MAKE_C_IDENTIFIER ${file} constant)
+    string(APPEND header "inline constexpr char ${constant}[] = R\"template(${text})template\";\n\n")
+  endforeach()
+  string(APPEND header "}  // namespace silhouette::templates\n")
+  file(CONFIGURE OUTPUT ${PROJECT_BINARY_DIR}/generated/${folder}/templates.h
+    CONTENT "${header}" @ONLY)
+  target_include_directories(${target} PRIVATE ${PROJECT_BINARY_DIR}/generated)
+endfunction()
+
 # silhouette_library([SOURCES more.cc ...] [PUBLIC targets] [PRIVATE targets])
 # A static library of all sources in this folder. Its headers are included by their path from the
 # project's root. A folder without sources is a library of headers alone.
@@ -91,6 +113,7 @@ function(silhouette_library)
   target_link_libraries(silhouette_${name}
     PUBLIC ${arg_PUBLIC} PRIVATE ${arg_PRIVATE} $<BUILD_INTERFACE:silhouette_options>)
   target_include_directories(silhouette_${name} PUBLIC $<BUILD_INTERFACE:${PROJECT_SOURCE_DIR}>)
+  silhouette_embed_templates(silhouette_${name})
 endfunction()
 
 # All programs.
@@ -107,6 +130,7 @@ function(silhouette_program)
   add_executable(${program} ${sources})
   set_target_properties(${program} PROPERTIES UNITY_BUILD_BATCH_SIZE 0)
   target_link_libraries(${program} PRIVATE ${arg_LIBRARIES} silhouette_options)
+  silhouette_embed_templates(${program})
   if(SILHOUETTE_SANITIZE)
     set_target_properties(${program} PROPERTIES EXCLUDE_FROM_ALL ON)
   endif()

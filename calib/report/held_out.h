@@ -3,12 +3,15 @@
 
 #include <Eigen/Core>
 #include <cstddef>
+#include <map>
 #include <set>
 #include <utility>
 #include <vector>
 
+#include "calib/fundamental/line_distances.h"
 #include "calib/poses/pose_problem.h"
 #include "calib/poses/pose_solution.h"
+#include "calib/report/quality_report.h"
 
 namespace silhouette {
 
@@ -34,5 +37,23 @@ struct HeldOutTask {
 // frame's other views, never the image itself. Corners of which neither does are left out, and
 // those of frames whose pose of the robot is wrong.
 std::vector<HeldOutCorner> PredictHeldOut(const HeldOutTask& task);
+
+// How far corners that two views saw at once are from their epipolar lines.
+class PairDistances {
+ public:
+  explicit PairDistances(const PoseProblem& problem) : problem_(problem) {}
+
+  // What the cameras of `task.training` say of its sightings; not of tags with an outlier.
+  void Add(const HeldOutTask& task);
+
+  // All pairs of views that do not move.
+  std::vector<ReportPair> Result() const;
+
+ private:
+  LineDistanceSum& SumOf(size_t a, size_t b);
+
+  const PoseProblem& problem_;
+  std::map<std::pair<size_t, size_t>, LineDistanceSum> sums_;
+};
 
 }  // namespace silhouette

@@ -14,15 +14,8 @@
 #include "calib/poses/pose_seeds.h"
 #include "calib/poses/words.h"
 #include "calib/report/held_out.h"
-#include "calib/report/image_map.h"
-#include "calib/report/left_out_parts.h"
-#include "calib/report/pair_distances.h"
-#include "calib/report/pixel_sum.h"
 #include "calib/report/problem_parts.h"
-#include "calib/report/projection_error.h"
-#include "calib/report/repeatability.h"
-#include "calib/report/report_judgement.h"
-#include "calib/report/seen_boards.h"
+#include "calib/report/view_errors.h"
 
 namespace silhouette {
 namespace {

@@ -1,10 +1,12 @@
 // Parts of a problem, to be left out or to stand alone.
 #pragma once
 
+#include <cstddef>
 #include <string>
 #include <vector>
 
 #include "calib/poses/pose_problem.h"
+#include "calib/poses/pose_solution.h"
 #include "calib/report/quality_report.h"
 
 namespace silhouette {
@@ -30,5 +32,15 @@ SightingGroups HalvesOf(const PoseProblem& problem);
 // The sightings of one group alone, or all others.
 PoseProblem Only(const PoseProblem& problem, const SightingGroups& groups, int group);
 PoseProblem Without(const PoseProblem& problem, const SightingGroups& groups, int group);
+
+struct LeftOutPart {
+  PoseSolution solution;
+  std::vector<size_t> left_out;  // sightings
+};
+
+// One per group, but for those without which there is no calibration: of these `report` is warned.
+// Fills what the report says of groups.
+std::vector<LeftOutPart> SolveWithoutEach(const PoseProblem& problem, const SightingGroups& groups,
+                                          QualityReport& report);
 
 }  // namespace silhouette

@@ -1,5 +1,3 @@
-#include "calib/report/report_figures.h"
-
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -7,10 +5,9 @@
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
-#include "calib/report/html_text.h"
-#include "calib/report/pixel_sum.h"
-#include "calib/report/report_judgement.h"
-#include "common/page/page.h"
+#include "calib/report/report_page.h"
+#include "calib/report/view_errors.h"
+#include "common/result/page.h"
 
 namespace silhouette {
 namespace {

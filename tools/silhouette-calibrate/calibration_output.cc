@@ -10,9 +10,9 @@
 #include "calib/files/calibration_camera_file.h"
 #include "calib/files/calibration_matrix_file.h"
 #include "calib/files/calibration_session_file.h"
+#include "calib/fundamental/tag_drift.h"
 #include "common/picture/files.h"
 #include "db/status/status_macros.h"
-#include "tools/silhouette-calibrate/fixed_tags.h"
 
 namespace silhouette {
 namespace {

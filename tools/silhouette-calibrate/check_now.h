@@ -8,10 +8,10 @@
 #include <vector>
 
 #include "absl/status/statusor.h"
+#include "calib/fundamental/tag_drift.h"
 #include "db/mask/configuration_grid.h"
 #include "silhouette/storage/v1/storage.pb.h"
 #include "tools/cell/cell.h"
-#include "tools/silhouette-calibrate/fixed_tags.h"
 
 namespace silhouette {
 

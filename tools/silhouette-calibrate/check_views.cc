@@ -4,10 +4,10 @@
 #include "absl/strings/str_join.h"
 #include "absl/time/clock.h"
 #include "calib/files/calibration_message.h"
+#include "capture/session/silhouette_drift.h"
 #include "db/status/status_macros.h"
 #include "db/store/store.h"
 #include "tools/cell/cell.h"
-#include "tools/silhouette-calibrate/silhouette_drift.h"
 
 namespace silhouette {
 namespace {

@@ -7,10 +7,10 @@
 
 #include "absl/status/statusor.h"
 #include "calib/files/calibration_check_file.h"
+#include "calib/fundamental/tag_drift.h"
 #include "db/mask/configuration_grid.h"
 #include "server/scene/scene_settings.h"
 #include "tools/silhouette-calibrate/check_now.h"
-#include "tools/silhouette-calibrate/tag_drift.h"
 
 namespace silhouette {
 

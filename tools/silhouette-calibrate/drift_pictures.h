@@ -1,8 +1,8 @@
 // Pictures of how a camera moved.
 #pragma once
 
+#include "calib/fundamental/tag_drift.h"
 #include "common/picture/picture.h"
-#include "tools/silhouette-calibrate/tag_drift.h"
 
 namespace silhouette {
 

@@ -1,6 +1,7 @@
 #include "tools/silhouette-calibrate/report_files.h"
 
 #include <iostream>
+#include <nlohmann/json.hpp>
 #include <utility>
 
 #include "absl/strings/str_cat.h"
@@ -8,8 +9,7 @@
 #include "absl/time/clock.h"
 #include "absl/time/time.h"
 #include "calib/report/make_report.h"
-#include "calib/report/report_html.h"
-#include "calib/report/report_json.h"
+#include "calib/report/report_page.h"
 #include "common/picture/files.h"
 #include "db/status/status_macros.h"
 #include "tools/silhouette-calibrate/report_workspace.h"
@@ -32,11 +32,6 @@ std::vector<std::pair<std::string, std::string>> OriginOf(const PoseSources& sou
   return origin;
 }
 
-std::string HeldOutText(const HeldOutError& error) {
-  if (error.corners == 0) return "-";
-  return absl::StrFormat("%.3f (%.3f)", error.px, error.expected_px);
-}
-
 }  // namespace
 
 absl::StatusOr<QualityReport> ReportOn(const PoseProblem& problem, const PoseSources& sources,
@@ -47,30 +42,7 @@ absl::StatusOr<QualityReport> ReportOn(const PoseProblem& problem, const PoseSou
                               .groups = groups});
 }
 
-void PrintReport(const QualityReport& report) {
-  if (report.refusal.empty()) {
-    std::cout << absl::StrFormat("%-14s %8s %8s %16s %18s %14s %16s\n", "view", "corners", "fit px",
-                                 "held out (exp.)", "predicted (worst)", "repeatability",
-                                 "halves (exp.)");
-    for (const ReportView& view : report.views) {
-      std::cout << absl::StrFormat(
-          "%-14s %8d %8.3f %16s %18s %14s %16s\n", view.name, view.corners, view.fit_px,
-          HeldOutText(view.held_out),
-          absl::StrFormat("%.3f (%.3f)", view.predicted.px, view.predicted.worst_px),
-          view.repeatability ? absl::StrFormat("%.3f", view.repeatability->px) : "-",
-          view.halves ? absl::StrFormat("%.3f (%.3f)", view.halves->px, view.halves->expected_px)
-                      : "-");
-    }
-    for (const ReportPair& pair : report.pairs) {
-      if (pair.corners == 0) continue;
-      std::cout << absl::StrFormat("%s - %s: %d held-out corners, %.3f px from their lines\n",
-                                   pair.view_a, pair.view_b, pair.corners, pair.px);
-    }
-    std::cout << absl::StrFormat("chi2/dof %.2f; all in pixels; workspace: %s\n",
-                                 report.chi2_per_dof, report.workspace);
-  }
-  for (const std::string& warning : report.warnings) std::cout << "warning: " << warning << '\n';
-}
+void PrintReport(const QualityReport& report) { std::cout << ReportText(report); }
 
 absl::StatusOr<std::vector<std::string>> WriteReport(const QualityReport& report,
                                                      const PoseSources& sources,

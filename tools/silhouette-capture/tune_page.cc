@@ -1,15 +1,13 @@
 #include "tools/silhouette-capture/tune_page.h"
 
-#include <algorithm>
-
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
-#include "common/page/page.h"
+#include "common/result/page.h"
+#include "common/result/result.h"
+#include "tools/silhouette-capture/templates.h"
 
 namespace silhouette {
 namespace {
-
-using Cells = std::vector<std::string>;
 
 double TunePageShare(int64_t part, int64_t whole) {
   return whole == 0 ? 0 : static_cast<double>(part) / static_cast<double>(whole);
@@ -21,40 +19,20 @@ std::string Percent(int64_t part, int64_t whole) {
 
 std::string Change(int64_t gained, int64_t lost) { return absl::StrCat("+", gained, " -", lost); }
 
-Cells Headings() {
-  return {"settings", "foreground",  "false, empty cell", "areas", "specks", "close",
-          "pixels",   "mask pixels", "to recorded masks"};
-}
-
-// `first`: the row that gains and losses are against.
-Cells TunePageRow(const std::string& name, const TuneFigures& figures, bool first) {
-  return {
-      name,
-      Percent(figures.foreground, figures.pixels),
-      Percent(figures.false_pixels, figures.empty_pixels),
-      absl::StrCat(figures.areas),
-      absl::StrCat(figures.specks),
-      Percent(figures.close, figures.pixels),
-      first ? "" : Change(figures.gained, figures.lost),
-      first ? absl::StrCat(figures.mask_pixels) : Change(figures.mask_gained, figures.mask_lost),
-      figures.recorded == 0 ? "-" : Change(figures.recorded_added, figures.recorded_removed)};
-}
-
-std::string HtmlRow(const Cells& cells, const char* element) {
-  std::string row = "<tr>";
-  for (const std::string& cell : cells) {
-    absl::StrAppend(&row, "<", element, ">", Escaped(cell), "</", element, ">");
-  }
-  return row + "</tr>\n";
-}
-
-std::string HtmlTable(const std::vector<TuneVariant>& variants,
-                      const std::vector<TuneFigures>& figures) {
-  std::string html = "<table>\n" + HtmlRow(Headings(), "th");
+// A line per variant; gains and losses are against the first one.
+Table TableOf(const std::vector<TuneVariant>& variants, const std::vector<TuneFigures>& figures) {
+  Table table{{"settings", "foreground", "false, empty cell", "areas", "specks", "close", "pixels",
+               "mask pixels", "to recorded masks"}};
   for (size_t v = 0; v < variants.size(); ++v) {
-    html += HtmlRow(TunePageRow(variants[v].name, figures[v], v == 0), "td");
+    const TuneFigures& f = figures[v];
+    table.rows.push_back({variants[v].name, Percent(f.foreground, f.pixels),
+                          Percent(f.false_pixels, f.empty_pixels), absl::StrCat(f.areas),
+                          absl::StrCat(f.specks), Percent(f.close, f.pixels),
+                          v == 0 ? "" : Change(f.gained, f.lost),
+                          v == 0 ? absl::StrCat(f.mask_pixels) : Change(f.mask_gained, f.mask_lost),
+                          f.recorded == 0 ? "-" : Change(f.recorded_added, f.recorded_removed)});
   }
-  return html + "</table>\n";
+  return table;
 }
 
 nlohmann::json TunePageJsonOf(const TuneFigures& figures) {
@@ -79,35 +57,10 @@ nlohmann::json TunePageJsonOf(const TuneFigures& figures) {
   return json;
 }
 
-std::string Explanation(const TuneResult& result) {
-  return absl::StrCat(
-      "<p class=\"soft\">Foreground: share of the camera pixels. False: the same of images of the "
-      "empty cell, where all foreground is. Areas: of foreground that hangs together. Specks: "
-      "pixels that differ and were dropped (clean_up_radius, min_blob_pixels). Close: pixels that "
-      "differ by 0.7 to 1.4 times their limit. Pixels and mask pixels: what is found, and is not, "
-      "otherwise than with ",
-      Escaped(result.variants.front().name),
-      " settings. To recorded masks: mask pixels that remask would add and remove.</p>\n");
-}
-
 }  // namespace
 
 std::string TuneTable(const TuneResult& result) {
-  std::vector<Cells> rows = {Headings()};
-  for (size_t v = 0; v < result.variants.size(); ++v) {
-    rows.push_back(TunePageRow(result.variants[v].name, result.sums[v], v == 0));
-  }
-  std::string text;
-  for (const Cells& row : rows) {
-    for (size_t c = 0; c < row.size(); ++c) {
-      size_t width = 0;
-      for (const Cells& each : rows) width = std::max(width, each[c].size());
-      const std::string space(width - row[c].size(), ' ');
-      absl::StrAppend(&text, c == 0 ? "" : "  ", c == 0 ? row[c] + space : space + row[c]);
-    }
-    text += "\n";
-  }
-  return text;
+  return TextOf(TableOf(result.variants, result.sums));
 }
 
 nlohmann::json TuneJson(const TuneResult& result) {
@@ -133,20 +86,18 @@ nlohmann::json TuneJson(const TuneResult& result) {
 
 std::string TunePage(const TuneResult& result,
                      const std::vector<std::pair<std::string, std::string>>& origin) {
-  std::string html = absl::StrCat("<h2>All images</h2>\n<div class=\"card\">",
-                                  HtmlTable(result.variants, result.sums), Explanation(result),
-                                  "</div>\n<h2>To use what was tried</h2>\n<div class=\"card\">");
-  for (const std::string& line : result.advice) {
-    absl::StrAppend(&html, "<p><code>", Escaped(line), "</code></p>\n");
-  }
-  html += "</div>\n";
+  nlohmann::ordered_json json = {{"sums", JsonOf(TableOf(result.variants, result.sums))},
+                                 {"first", result.variants.front().name},
+                                 {"advice", result.advice},
+                                 {"images", nlohmann::ordered_json::array()}};
   for (const TuneEntry& image : result.images) {
-    absl::StrAppend(&html, "<h2>", Escaped(image.name), image.empty ? ", the empty cell" : "",
-                    "</h2>\n<div class=\"card\">",
-                    PngFigure(image.sheet_png, "What each of the settings finds", image.name),
-                    HtmlTable(result.variants, image.figures), "</div>\n");
+    json["images"].push_back(
+        {{"name", image.name},
+         {"empty", image.empty},
+         {"picture", PngFigure(image.sheet_png, "What each of the settings finds", image.name)},
+         {"table", JsonOf(TableOf(result.variants, image.figures))}});
   }
-  return Page("Segmentation settings compared", origin, html);
+  return Page("Segmentation settings compared", origin, Filled(templates::tune_html, json));
 }
 
 }  // namespace silhouette

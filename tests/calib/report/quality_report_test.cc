@@ -9,7 +9,7 @@
 #include <vector>
 
 #include "calib/poses/pose_calibration.h"
-#include "calib/report/report_judgement.h"
+#include "calib/report/quality_report.h"
 #include "tests/calib/poses/pose_rig.h"
 
 namespace silhouette {

@@ -2,13 +2,13 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <nlohmann/json.hpp>
 #include <regex>
 #include <string>
 #include <vector>
 
 #include "calib/report/make_report.h"
-#include "calib/report/report_html.h"
-#include "calib/report/report_json.h"
+#include "calib/report/report_page.h"
 #include "tests/calib/poses/pose_rig.h"
 
 namespace silhouette {

@@ -5,24 +5,16 @@
 
 #include <cstdlib>
 #include <filesystem>
-#include <fstream>
 #include <nlohmann/json.hpp>
-#include <sstream>
 
 #include "calib/boards/board_file.h"
+#include "tests/clients/cpp/shell.h"
 
 namespace silhouette {
 namespace {
 
 namespace fs = std::filesystem;
 using testing::HasSubstr;
-
-std::string BoardProgramReadAll(const fs::path& path) {
-  std::ifstream in(path);
-  std::stringstream text;
-  text << in.rdbuf();
-  return text.str();
-}
 
 class BoardProgram : public testing::Test {
  protected:
@@ -39,8 +31,8 @@ class BoardProgram : public testing::Test {
                                 "--out " + (folder_ / "wall").string() + " " + arguments + " >" +
                                 (folder_ / "out").string() + " 2>" + (folder_ / "err").string();
     const int status = std::system(command.c_str());
-    out_ = BoardProgramReadAll(folder_ / "out");
-    err_ = BoardProgramReadAll(folder_ / "err");
+    out_ = ContentOf(folder_ / "out");
+    err_ = ContentOf(folder_ / "err");
     return WIFEXITED(status) ? WEXITSTATUS(status) : -1;
   }
 
@@ -52,9 +44,9 @@ class BoardProgram : public testing::Test {
 TEST_F(BoardProgram, WritesPdfPngAndDescription) {
   ASSERT_EQ(Run("--rows 2 --columns 3 --tag-size 30 --gap 25.5 --first-id 5 --format json"), 0)
       << err_;
-  EXPECT_TRUE(BoardProgramReadAll(folder_ / "wall.pdf").starts_with("%PDF-"));
-  EXPECT_TRUE(BoardProgramReadAll(folder_ / "wall.png").starts_with("\x89PNG"));
-  const auto boards = BoardsFromText(BoardProgramReadAll(folder_ / "wall.yaml"), "wall.yaml");
+  EXPECT_TRUE(ContentOf(folder_ / "wall.pdf").starts_with("%PDF-"));
+  EXPECT_TRUE(ContentOf(folder_ / "wall.png").starts_with("\x89PNG"));
+  const auto boards = BoardsFromText(ContentOf(folder_ / "wall.yaml"), "wall.yaml");
   ASSERT_TRUE(boards.ok()) << boards.status();
   const BoardDescription& d = boards->front().description();
   EXPECT_EQ(d.name, "wall");
@@ -70,7 +62,7 @@ TEST_F(BoardProgram, WritesPdfPngAndDescription) {
 
 TEST_F(BoardProgram, FloorTagsAreBoardsOfTheirOwn) {
   ASSERT_EQ(Run("--floor 3 --first-id 200 --dpi 60"), 0) << err_;
-  const auto boards = BoardsFromText(BoardProgramReadAll(folder_ / "wall.yaml"), "wall.yaml");
+  const auto boards = BoardsFromText(ContentOf(folder_ / "wall.yaml"), "wall.yaml");
   ASSERT_TRUE(boards.ok()) << boards.status();
   ASSERT_EQ(boards->size(), 3u);
   EXPECT_EQ(boards->back().description().name, "wall-202");
@@ -95,9 +87,9 @@ TEST_F(BoardProgram, MeasuredLengthsAreNotOverwritten) {
   EXPECT_FALSE(fs::exists(folder_ / "wall.png"));
   EXPECT_EQ(Run("--dpi 0 --tag-size 25"), 2);
   EXPECT_THAT(err_, HasSubstr("--overwrite"));
-  EXPECT_THAT(BoardProgramReadAll(folder_ / "wall.yaml"), HasSubstr("tag_size: 0.03"));
+  EXPECT_THAT(ContentOf(folder_ / "wall.yaml"), HasSubstr("tag_size: 0.03"));
   EXPECT_EQ(Run("--dpi 0 --tag-size 25 --overwrite"), 0);
-  EXPECT_THAT(BoardProgramReadAll(folder_ / "wall.yaml"), HasSubstr("tag_size: 0.025"));
+  EXPECT_THAT(ContentOf(folder_ / "wall.yaml"), HasSubstr("tag_size: 0.025"));
 }
 
 }  // namespace

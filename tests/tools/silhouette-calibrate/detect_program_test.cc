@@ -13,6 +13,7 @@
 #include "calib/boards/board_file.h"
 #include "calib/boards/sighting_file.h"
 #include "tests/calib/detection/rendered_board.h"
+#include "tests/clients/cpp/shell.h"
 
 namespace silhouette {
 namespace {
@@ -20,13 +21,6 @@ namespace {
 namespace fs = std::filesystem;
 using testing::AllOf;
 using testing::HasSubstr;
-
-std::string DetectProgramReadAll(const fs::path& path) {
-  std::ifstream in(path);
-  std::stringstream text;
-  text << in.rdbuf();
-  return text.str();
-}
 
 void WriteAll(const fs::path& path, const std::string& text) { std::ofstream(path) << text; }
 
@@ -60,8 +54,8 @@ class DetectProgram : public testing::Test {
                                 "/silhouette-calibrate detect --out corners.csv " + arguments +
                                 " >out 2>err";
     const int status = std::system(command.c_str());
-    out_ = DetectProgramReadAll(folder_ / "out");
-    err_ = DetectProgramReadAll(folder_ / "err");
+    out_ = ContentOf(folder_ / "out");
+    err_ = ContentOf(folder_ / "err");
     return WIFEXITED(status) ? WEXITSTATUS(status) : -1;
   }
 
@@ -80,8 +74,7 @@ TEST_F(DetectProgram, WritesTheCornersOfAllViewsAndPictures) {
                 "--draw seen --format json"),
             0)
       << err_;
-  const auto sightings =
-      SightingsFromText(DetectProgramReadAll(folder_ / "corners.csv"), "corners.csv");
+  const auto sightings = SightingsFromText(ContentOf(folder_ / "corners.csv"), "corners.csv");
   ASSERT_TRUE(sightings.ok()) << sightings.status();
   ASSERT_EQ(sightings->size(), 4u);
   for (const TagSighting& sighting : *sightings) {
@@ -111,8 +104,7 @@ TEST_F(DetectProgram, CopiesAreLeftOutAndWhatDidNotMoveIsTold) {
   EXPECT_THAT(out_, AllOf(HasSubstr("left/2.png is the same picture as frame '1'; left out"),
                           HasSubstr("left/3.png shows the same as frame '1'"),
                           HasSubstr("left/4.png is blurred")));
-  const auto sightings =
-      SightingsFromText(DetectProgramReadAll(folder_ / "corners.csv"), "corners.csv");
+  const auto sightings = SightingsFromText(ContentOf(folder_ / "corners.csv"), "corners.csv");
   ASSERT_TRUE(sightings.ok()) << sightings.status();
   EXPECT_EQ(sightings->size(), 6u);
 }
@@ -126,8 +118,7 @@ TEST_F(DetectProgram, LiveSetsAreKeptAndNotOverwritten) {
   const auto json = nlohmann::json::parse(out_);
   EXPECT_EQ(json["images"].size(), 8u);
   EXPECT_GE(json["sightings"], 8);
-  const auto sightings =
-      SightingsFromText(DetectProgramReadAll(folder_ / "corners.csv"), "corners.csv");
+  const auto sightings = SightingsFromText(ContentOf(folder_ / "corners.csv"), "corners.csv");
   ASSERT_TRUE(sightings.ok()) << sightings.status();
   EXPECT_EQ(sightings->back().frame, "0002");
   EXPECT_FALSE(cv::imread((folder_ / "images/top/0002.png").string()).empty());

@@ -5,26 +5,18 @@
 
 #include <chrono>
 #include <cstdlib>
-#include <fstream>
-#include <sstream>
 
 #include "calib/files/calibration_camera_file.h"
 #include "calib/files/calibration_message.h"
 #include "capture/sim/simulation.h"
-#include "tests/calib/robot/urdf_files.h"
+#include "tests/clients/cpp/shell.h"
+#include "tests/test_folder.h"
 
 namespace silhouette {
 namespace {
 
 namespace fs = std::filesystem;
 using testing::HasSubstr;
-
-std::string RunProgramReadAll(const fs::path& path) {
-  std::ifstream in(path);
-  std::stringstream text;
-  text << in.rdbuf();
-  return text.str();
-}
 
 const std::string kDemo = std::string(SILHOUETTE_SOURCE_DIR) + "/capture/sim/cells/demo";
 
@@ -48,7 +40,7 @@ class CalibrateRun : public testing::Test {
     return folder;
   }
   std::string session() const { return (folder_ / "session").string(); }
-  std::string err() const { return RunProgramReadAll(folder_ / "err"); }
+  std::string err() const { return ContentOf(folder_ / "err"); }
 
   const fs::path folder_ = FreshFolder();
 };
@@ -59,19 +51,17 @@ TEST_F(CalibrateRun, FindsTheCamerasOfTheSimulatedCell) {
   ASSERT_TRUE(settings.ok());
   for (const SimulatedCamera& truth : settings->cameras) {
     const fs::path file = fs::path(session()) / "cameras" / (truth.name + ".cameramodel");
-    const auto message = CameraFromText(RunProgramReadAll(file), file.string());
+    const auto message = CameraFromText(ContentOf(file), file.string());
     ASSERT_TRUE(message.ok()) << message.status();
     const CameraModel found = CameraFrom(*message).value();
     for (const Eigen::Vector3d& point : {Eigen::Vector3d(0.8, 0, 0.8), {-0.4, 0.6, 1.2}}) {
       EXPECT_LT((*found.Project(point) - *truth.model.Project(point)).norm(), 0.5) << truth.name;
     }
   }
-  const std::string calibration =
-      RunProgramReadAll(fs::path(session()) / "cameras/calibration.yaml");
+  const std::string calibration = ContentOf(fs::path(session()) / "cameras/calibration.yaml");
   EXPECT_THAT(calibration, HasSubstr("silhouette-calibrate run: 16 frames, board 'flange'"));
   EXPECT_THAT(calibration, HasSubstr("view_a: "));
-  EXPECT_THAT(RunProgramReadAll(fs::path(session()) / "report.html"),
-              HasSubstr("Held-out corners"));
+  EXPECT_THAT(ContentOf(fs::path(session()) / "report.html"), HasSubstr("Held-out corners"));
   // What was recorded is enough to solve without a cell; a second session does not overwrite it.
   EXPECT_TRUE(fs::exists(fs::path(session()) / "images/top/0001.png"));
   EXPECT_EQ(RunSession("--frames 16"), 2);
@@ -81,10 +71,10 @@ TEST_F(CalibrateRun, FindsTheCamerasOfTheSimulatedCell) {
 TEST_F(CalibrateRun, GoesOnWithWhatThereIs) {
   const std::string cameras = " --cameras " + Lenses();
   RunSession("--frames 3" + cameras);
-  const std::string before = RunProgramReadAll(fs::path(session()) / "joints.csv");
+  const std::string before = ContentOf(fs::path(session()) / "joints.csv");
   ASSERT_FALSE(before.empty());
   RunSession("--frames 5 --resume" + cameras);
-  const std::string after = RunProgramReadAll(fs::path(session()) / "joints.csv");
+  const std::string after = ContentOf(fs::path(session()) / "joints.csv");
   EXPECT_EQ(after.substr(0, before.size()), before);
   EXPECT_THAT(after, HasSubstr("\n0005,"));
 }
@@ -135,7 +125,7 @@ TEST_F(CalibrateRunWithoutLenses, FindsThemFromTheBoardOnTheFlange) {
   EXPECT_THAT(err(), HasSubstr("--resume"));
   ASSERT_EQ(Run("silhouette-calibrate", Command("--frames 14 --resume")), 0) << err();
   const fs::path file = fs::path(session()) / "cameras/left.cameramodel";
-  const auto message = CameraFromText(RunProgramReadAll(file), file.string());
+  const auto message = CameraFromText(ContentOf(file), file.string());
   ASSERT_TRUE(message.ok()) << message.status();
   const CameraModel found = CameraFrom(*message).value();
   const CameraModel truth =
@@ -143,7 +133,7 @@ TEST_F(CalibrateRunWithoutLenses, FindsThemFromTheBoardOnTheFlange) {
   for (const Eigen::Vector3d& point : {Eigen::Vector3d(0.8, 0, 0.8), {0.2, 0.4, 1.2}}) {
     EXPECT_LT((*found.Project(point) - *truth.Project(point)).norm(), 0.5);
   }
-  EXPECT_THAT(RunProgramReadAll(fs::path(session()) / "cameras/calibration.yaml"),
+  EXPECT_THAT(ContentOf(fs::path(session()) / "cameras/calibration.yaml"),
               HasSubstr("lens_rim_sigma"));
 }
 

@@ -1,4 +1,4 @@
-#include "tools/silhouette-calibrate/silhouette_drift.h"
+#include "capture/session/silhouette_drift.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

@@ -3,10 +3,10 @@
 
 #include <opencv2/core.hpp>
 
+#include "calib/fundamental/tag_drift.h"
 #include "capture/segmentation/reference.h"
 #include "capture/segmentation/settings.h"
 #include "db/mask/mask.h"
-#include "tools/silhouette-calibrate/tag_drift.h"
 
 namespace silhouette {
 

@@ -1,14 +1,25 @@
-// By how much a camera moved, as tags that stay in the cell tell.
+// By how much a camera moved, measured by tags that stay where they are in the cell.
 #pragma once
 
 #include <map>
+#include <span>
 #include <string>
+#include <tuple>
 #include <vector>
 
+#include "absl/status/statusor.h"
+#include "calib/boards/tag_sighting.h"
 #include "calib/fundamental/line_distances.h"
-#include "tools/silhouette-calibrate/fixed_tags.h"
 
 namespace silhouette {
+
+// A tag as one view sees it: view, family, id.
+using SeenTag = std::tuple<std::string, std::string, int>;
+
+// The mean of all frames' sightings of each tag, its frame empty, its sigma that of the mean.
+// InvalidArgument if a tag moved between frames, by more than a pixel: it is none that stays.
+absl::StatusOr<std::map<SeenTag, TagSighting>> MeanSightings(
+    std::span<const TagSighting> sightings);
 
 // What one view says. Pixels of the camera image.
 struct ViewDrift {

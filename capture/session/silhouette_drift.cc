@@ -1,4 +1,4 @@
-#include "tools/silhouette-calibrate/silhouette_drift.h"
+#include "capture/session/silhouette_drift.h"
 
 #include <algorithm>
 #include <cmath>
@@ -10,12 +10,12 @@
 namespace silhouette {
 namespace {
 
-constexpr int kSilhouetteDriftReach = 4;  // mask pixels each way
-constexpr size_t kLeastRobot = 30;        // mask pixels of a silhouette that tells anything
-constexpr double kAlike = 0.35;           // most that may differ, of the outline
-constexpr double kSteep = 0.07;  // least that a shift by 1.5 mask pixels changes, of the outline
+constexpr int kDriftReach = 4;      // mask pixels each way
+constexpr size_t kLeastRobot = 30;  // mask pixels of a silhouette that tells anything
+constexpr double kAlike = 0.35;     // most that may differ, of the outline
+constexpr double kSteep = 0.07;     // least that a shift by 1.5 mask pixels changes, of the outline
 
-cv::Mat SilhouetteDriftMatOf(const Mask& mask) {
+cv::Mat MatOfMask(const Mask& mask) {
   cv::Mat pixels(mask.height(), mask.width(), CV_8U);
   for (int y = 0; y < mask.height(); ++y) {
     for (int x = 0; x < mask.width(); ++x) pixels.at<uchar>(y, x) = mask.at(x, y) ? 255 : 0;
@@ -24,13 +24,12 @@ cv::Mat SilhouetteDriftMatOf(const Mask& mask) {
 }
 
 // How unlike the mask of a shifted foreground is to the robot image, near the robot.
-class Comparison {
+class OutlineComparison {
  public:
-  Comparison(cv::Mat foreground, const Mask& robot, double min_cover)
+  OutlineComparison(cv::Mat foreground, const Mask& robot, double min_cover)
       : foreground_(std::move(foreground)), size_(robot.size()), min_cover_(min_cover) {
-    robot_ = SilhouetteDriftMatOf(robot);
-    const cv::Mat around =
-        cv::Mat::ones(2 * kSilhouetteDriftReach + 1, 2 * kSilhouetteDriftReach + 1, CV_8U);
+    robot_ = MatOfMask(robot);
+    const cv::Mat around = cv::Mat::ones(2 * kDriftReach + 1, 2 * kDriftReach + 1, CV_8U);
     cv::dilate(robot_, near_, around);
     cv::Mat inner;
     cv::erode(robot_, inner, cv::Mat::ones(3, 3, CV_8U));
@@ -47,7 +46,7 @@ class Comparison {
     const cv::Rect to = cv::Rect(cv::Point(-dx, -dy), foreground_.size()) & all;
     if (!to.empty()) foreground_(to + cv::Point(dx, dy)).copyTo(moved(to));
     cv::Mat unlike;
-    cv::bitwise_xor(SilhouetteDriftMatOf(DownSample(moved, size_, min_cover_)), robot_, unlike);
+    cv::bitwise_xor(MatOfMask(DownSample(moved, size_, min_cover_)), robot_, unlike);
     return cv::countNonZero(unlike & near_);
   }
 
@@ -60,14 +59,15 @@ class Comparison {
   int outline_ = 0;
 };
 
-struct Best {
+struct BestShift {
   int x = 0;
   int y = 0;
   int unlike = 0;
 };
 
-Best Search(const Comparison& comparison, Best around, cv::Size reach, cv::Size step) {
-  Best best{around.x, around.y, comparison.Unlike(around.x, around.y)};
+BestShift SearchShift(const OutlineComparison& comparison, BestShift around, cv::Size reach,
+                      cv::Size step) {
+  BestShift best{around.x, around.y, comparison.Unlike(around.x, around.y)};
   for (int y = around.y - reach.height; y <= around.y + reach.height; y += step.height) {
     for (int x = around.x - reach.width; x <= around.x + reach.width; x += step.width) {
       const int unlike = comparison.Unlike(x, y);
@@ -79,7 +79,8 @@ Best Search(const Comparison& comparison, Best around, cv::Size reach, cv::Size 
 
 // The middle of the shifts around the best that are as good: the outline moves in whole mask pixels
 // only here and there, so that several are.
-Eigen::Vector2d Middle(const Comparison& comparison, const Best& best, cv::Size reach) {
+Eigen::Vector2d MiddleShift(const OutlineComparison& comparison, const BestShift& best,
+                            cv::Size reach) {
   Eigen::Vector2d sum = Eigen::Vector2d::Zero();
   double weights = 0;
   for (int y = best.y - reach.height; y <= best.y + reach.height; ++y) {
@@ -105,13 +106,14 @@ ViewDrift DriftBySilhouette(const std::string& view, const ViewSizes& sizes, con
     drift.message = "the robot is hardly seen there; park it where every camera sees it";
     return drift;
   }
-  const Comparison comparison(Foreground(image, reference, settings), robot, settings.min_cover);
+  const OutlineComparison comparison(Foreground(image, reference, settings), robot,
+                                     settings.min_cover);
   // Pixels of the camera image per mask pixel.
   const cv::Size pitch(std::max(1, sizes.image.width / sizes.mask.width),
                        std::max(1, sizes.image.height / sizes.mask.height));
   const cv::Size half(std::max(1, pitch.width / 2), std::max(1, pitch.height / 2));
-  const Best rough = Search(comparison, {}, pitch * kSilhouetteDriftReach, half);
-  const Best best = Search(comparison, rough, half, {1, 1});
+  const BestShift rough = SearchShift(comparison, {}, pitch * kDriftReach, half);
+  const BestShift best = SearchShift(comparison, rough, half, {1, 1});
   if (best.unlike > kAlike * comparison.outline()) {
     drift.message =
         "its image does not show the robot as it was captured, however it is shifted; is the robot "
@@ -127,7 +129,7 @@ ViewDrift DriftBySilhouette(const std::string& view, const ViewSizes& sizes, con
         "all of its arm is seen";
     return drift;
   }
-  drift.shift = Middle(comparison, best, half);
+  drift.shift = MiddleShift(comparison, best, half);
   drift.moved = drift.shift.norm();
   drift.moved_mask = drift.shift
                          .cwiseProduct(Eigen::Vector2d(

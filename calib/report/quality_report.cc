@@ -1,4 +1,4 @@
-#include "calib/report/report_judgement.h"
+#include "calib/report/quality_report.h"
 
 #include <algorithm>
 #include <cmath>

@@ -1,4 +1,4 @@
-#include "tools/silhouette-calibrate/tag_drift.h"
+#include "calib/fundamental/tag_drift.h"
 
 #include <algorithm>
 #include <cmath>
@@ -9,6 +9,8 @@ namespace silhouette {
 namespace {
 
 using Eigen::Vector2d;
+
+constexpr double kStill = 1;  // pixels that a tag at rest may seem to move
 
 struct Moved {
   Vector2d before;
@@ -84,6 +86,39 @@ void FitMotion(const std::vector<Moved>& corners, const Vector2d& middle, ViewDr
 }
 
 }  // namespace
+
+absl::StatusOr<std::map<SeenTag, TagSighting>> MeanSightings(
+    std::span<const TagSighting> sightings) {
+  std::map<SeenTag, std::vector<const TagSighting*>> by_tag;
+  for (const TagSighting& sighting : sightings) {
+    by_tag[{sighting.view, sighting.family, sighting.tag}].push_back(&sighting);
+  }
+  std::map<SeenTag, TagSighting> means;
+  for (const auto& [key, seen] : by_tag) {
+    TagSighting mean = *seen.front();
+    mean.frame.clear();
+    mean.sigma = 0;
+    for (Eigen::Vector2d& corner : mean.corners) corner.setZero();
+    const auto count = static_cast<double>(seen.size());
+    for (const TagSighting* sighting : seen) {
+      for (size_t i = 0; i < mean.corners.size(); ++i) {
+        if ((sighting->corners[i] - seen.front()->corners[i]).norm() > kStill) {
+          return absl::InvalidArgumentError(
+              absl::StrCat("view '", mean.view, "': tag ", mean.tag, " of ", mean.family,
+                           " is not where it was between frames '", seen.front()->frame, "' and '",
+                           sighting->frame,
+                           "'; give frames of tags that stay in the cell, and of one camera "
+                           "position only"));
+        }
+        mean.corners[i] += sighting->corners[i] / count;
+      }
+      mean.sigma = std::max(mean.sigma, sighting->sigma);
+    }
+    mean.sigma /= std::sqrt(count);
+    means.emplace(key, mean);
+  }
+  return means;
+}
 
 ViewDrift DriftByTags(const std::string& view, const ViewSizes& sizes,
                       const std::map<SeenTag, TagSighting>& before,
