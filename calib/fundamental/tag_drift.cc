@@ -35,7 +35,7 @@ Vector2d MedianShift(const std::vector<Moved>& corners) {
   return {Median(x), Median(y)};
 }
 
-// Tags that disagree with the shift of most; none if there are too few to tell.
+// Tags that disagree with the shift of most; none if there are fewer than three.
 std::vector<int> OddTags(const std::vector<Moved>& corners) {
   const Vector2d shift = MedianShift(corners);
   std::map<int, double> off;

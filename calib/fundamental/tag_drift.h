@@ -1,4 +1,4 @@
-// By how much a camera moved, measured by tags that stay where they are in the cell.
+// How far a camera moved, measured by tags that stay where they are in the cell.
 #pragma once
 
 #include <map>

@@ -218,7 +218,7 @@ class Maker {
     if (!first.ok() || !second.ok()) {
       report_.warnings.push_back(absl::StrCat(
           "the ", first.ok() ? "second" : "first",
-          " half of the frames alone gives no calibration, so it cannot be told whether a camera "
+          " half of the frames alone gives no calibration, so it is unknown whether a camera "
           "moved: ",
           (first.ok() ? second : first).status().message()));
       return;

@@ -139,10 +139,10 @@ struct QualityReport {
   double survey_noise_factor = 0;
 };
 
-// What is good and what is not: the limits behind colours and warnings of a report.
+// The limits behind the colours and warnings of a report.
 enum class Grade { kUnknown, kGood, kFair, kBad };
 
-// In a word, which is also the class of the page's style: good, fair, bad or unknown.
+// good, fair, bad or unknown: also the class of the page's style.
 const char* NameOf(Grade grade);
 
 Grade GradeOf(const HeldOutError& error);

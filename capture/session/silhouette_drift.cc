@@ -11,7 +11,7 @@ namespace silhouette {
 namespace {
 
 constexpr int kDriftReach = 4;      // mask pixels each way
-constexpr size_t kLeastRobot = 30;  // mask pixels of a silhouette that tells anything
+constexpr size_t kLeastRobot = 30;  // least mask pixels of a useful silhouette
 constexpr double kAlike = 0.35;     // most that may differ, of the outline
 constexpr double kSteep = 0.07;     // least that a shift by 1.5 mask pixels changes, of the outline
 

@@ -1,4 +1,4 @@
-// By how much a camera moved, as the silhouette of the parked robot tells.
+// How far a camera moved, measured by the silhouette of the parked robot.
 #pragma once
 
 #include <opencv2/core.hpp>
@@ -12,10 +12,10 @@ namespace silhouette {
 
 // Compares the foreground of `image`, as capture and server make it, with the robot image of the
 // configuration in which the robot stands: the shift, up to four mask pixels each way, with which
-// the image gives that mask, or most nearly so. Good to about a tenth of a mask pixel; a turn is
-// not told from a shift. Not checked, and why, if the robot is hardly seen, if its outline leaves
-// the shift open, or if no shift makes the two alike. Nothing else may stand near the robot. Throws
-// std::invalid_argument if the image is not of the reference's size.
+// the image gives that mask, or most nearly so. Good to about a tenth of a mask pixel. It cannot
+// distinguish a turn from a shift. Not checked, and why, if the robot is hardly seen, if its
+// outline leaves the shift open, or if no shift makes the two alike. Nothing else may stand near
+// the robot. Throws std::invalid_argument if the image is not of the reference's size.
 ViewDrift DriftBySilhouette(const std::string& view, const ViewSizes& sizes, const cv::Mat& image,
                             const Reference& reference, const SegmentationSettings& settings,
                             const Mask& robot);

@@ -36,6 +36,7 @@ std::string TextOf(const Table& table) {
       const std::string space(widths[i] - row[i].size(), ' ');
       absl::StrAppend(&text, i == 0 ? "" : "  ", i == 0 ? row[i] + space : space + row[i]);
     }
+    text.erase(text.find_last_not_of(' ') + 1);
     text += "\n";
   }
   return text;

@@ -2,7 +2,6 @@
 #include <algorithm>
 #include <cmath>
 #include <filesystem>
-#include <iostream>
 #include <memory>
 #include <nlohmann/json.hpp>
 #include <stdexcept>
@@ -13,6 +12,8 @@
 #include "calib/boards/board_sheet.h"
 #include "calib/boards/tag_family.h"
 #include "common/picture/files.h"
+#include "common/result/result.h"
+#include "db/status/status_macros.h"
 #include "tools/program/program.h"
 #include "tools/silhouette-calibrate/commands.h"
 
@@ -103,33 +104,30 @@ void Print(const BoardArguments& arguments, const std::vector<Board>& boards,
   const Paper& paper = sheets.front().paper;
   const BoardDescription& first = boards.front().description();
   const int last = boards.back().description().first_id + boards.back().tags() - 1;
-  if (arguments.format == "json") {
-    std::cout << nlohmann::ordered_json{{"boards", boards.size()},
-                                        {"family", first.family},
-                                        {"first_id", first.first_id},
-                                        {"last_id", last},
-                                        {"tag_size", first.tag_size},
-                                        {"gap", first.gap},
-                                        {"paper", paper.name},
-                                        {"pages", sheets.size()},
-                                        {"lattice", boards.front().IsLattice()},
-                                        {"files", files}}
-                     .dump(2)
-              << '\n';
-    return;
-  }
-  std::cout << first.family << " " << first.first_id << " to " << last << ", tags of "
-            << first.tag_size * kMmPerMetre << " mm, on " << sheets.size()
-            << (sheets.size() == 1 ? " page " : " pages ") << paper.name << "; wrote "
-            << absl::StrJoin(files, ", ") << "\n"
-            << "Print the PDF at 100 % and measure its line; correct the lengths in "
-            << files.front() << " if it differs.\n";
-  if (!boards.front().IsLattice()) {
-    std::cout << "Its corners are no regular lattice: the lens takes longer to solve from it.\n";
-  }
+  PrintResult(
+      arguments.format,
+      {{"boards", boards.size()},
+       {"family", first.family},
+       {"first_id", first.first_id},
+       {"last_id", last},
+       {"tag_size", first.tag_size},
+       {"gap", first.gap},
+       {"paper", paper.name},
+       {"pages", sheets.size()},
+       {"lattice", boards.front().IsLattice()},
+       {"files", files}},
+      absl::StrCat(
+          first.family, " ", first.first_id, " to ", last, ", tags of ",
+          first.tag_size * kMmPerMetre, " mm, on ", sheets.size(),
+          sheets.size() == 1 ? " page " : " pages ", paper.name, "; wrote ",
+          absl::StrJoin(files, ", "), "\nPrint the PDF at 100 % and measure its line; correct the ",
+          "lengths in ", files.front(), " if it differs.\n",
+          boards.front().IsLattice()
+              ? ""
+              : "Its corners are no regular lattice: the lens takes longer to solve from it.\n"));
 }
 
-int RunBoard(const BoardArguments& arguments) {
+absl::StatusOr<ExitCode> RunBoard(const BoardArguments& arguments) {
   const std::vector<Board> boards = BoardsFor(arguments);
   const std::vector<Paper> papers =
       arguments.paper.empty() ? AutomaticPapers() : PapersFromText(arguments.paper);
@@ -143,9 +141,7 @@ int RunBoard(const BoardArguments& arguments) {
   }
   std::vector<std::string> written;
   for (const auto& [file, bytes] : Files(arguments, boards, sheets)) {
-    if (const absl::Status status = WriteWholeFile(file, bytes); !status.ok()) {
-      return Report("silhouette-calibrate", status);
-    }
+    RETURN_IF_ERROR(WriteWholeFile(file, bytes));
     written.push_back(file);
   }
   Print(arguments, boards, sheets, written);
@@ -159,8 +155,7 @@ void AddBoardCommand(CLI::App& program, Run& run) {
       "board", "Make a board of AprilTags to be printed: PDF, PNG and its description");
   auto a = std::make_shared<BoardArguments>();
   command->add_option("--out", a->out, "Writes OUT.pdf, OUT.png and OUT.yaml")->required();
-  command->add_option("--name", a->name,
-                      "What messages call the board; OUT's last part if not said");
+  command->add_option("--name", a->name, "Name of the board; default: the last part of OUT");
   command->add_option("--family", a->family, "Tag family")->capture_default_str();
   auto* rows = command->add_option("--rows", a->rows, "Rows of tags")->capture_default_str();
   auto* columns =
@@ -169,17 +164,18 @@ void AddBoardCommand(CLI::App& program, Run& run) {
       ->add_option("--tag-size", a->tag_size,
                    "Millimetres from corner to corner of a tag (30; flange 40; floor 100)")
       ->check(PositiveNumber());
-  auto* gap = command
-                  ->add_option("--gap", a->gap,
-                               "Millimetres between the corners of neighbours; as large as a "
-                               "tag if not said, so that all corners are one lattice")
-                  ->check(PositiveNumber());
+  auto* gap =
+      command
+          ->add_option("--gap", a->gap,
+                       "Millimetres between the corners of neighbours; default: the tag size, so "
+                       "that all corners form one lattice")
+          ->check(PositiveNumber());
   command->add_option("--first-id", a->first_id, "Id of the first tag")->capture_default_str();
   auto* flange = command->add_flag("--flange", a->flange,
                                    "One tag for the robot's flange, with the flange's frame");
   auto* floor = command
                     ->add_option("--floor", a->floor,
-                                 "So many single tags for floor and walls, with their axes")
+                                 "Number of single tags for floor and walls, with their axes")
                     ->check(CLI::Range(1, 10000));
   command->add_option("--per-page", a->per_page, "Floor tags on a page")
       ->needs(floor)
@@ -187,12 +183,12 @@ void AddBoardCommand(CLI::App& program, Run& run) {
   flange->excludes(floor);
   for (auto* single : {flange, floor}) single->excludes(rows)->excludes(columns)->excludes(gap);
   command->add_option("--paper", a->paper,
-                      "A5 to A0, Letter, Tabloid, or width x height in mm, e.g. 600x400; the "
-                      "smallest of A4 to A0 that fits if not said");
+                      "A5 to A0, Letter, Tabloid, or width x height in mm, e.g. 600x400; default: "
+                      "the smallest of A4 to A0 that fits");
   command->add_option("--dpi", a->dpi, "Resolution of the PNG; 0: no PNG")
       ->check(CLI::Range(0, 2400))
       ->capture_default_str();
-  command->add_flag("--overwrite", a->overwrite, "Replace files that are there");
+  command->add_flag("--overwrite", a->overwrite, "Replace existing files");
   AddFormatOption(*command, a->format);
   command->footer(
       "Examples:\n"

@@ -40,20 +40,6 @@ storage::v1::Calibration MatricesOf(const FoundCalibration& found, bool refused)
   return calibration;
 }
 
-// In place of one of the same name that is there.
-void SetFigure(const std::string& what, const std::string& of, double value, const char* unit,
-               storage::v1::CalibrationRecord& record) {
-  auto& figures = *record.mutable_figures();
-  auto figure = std::find_if(figures.begin(), figures.end(), [&](const auto& each) {
-    return each.name() == what && each.of() == of;
-  });
-  storage::v1::CalibrationFigure& set = figure == figures.end() ? *figures.Add() : *figure;
-  set.set_name(what);
-  set.set_of(of);
-  set.set_value(value);
-  set.set_unit(unit);
-}
-
 void AddWarning(const std::string& text, storage::v1::CalibrationRecord& record) {
   const auto& warnings = record.warnings();
   if (std::find(warnings.begin(), warnings.end(), text) == warnings.end()) {
@@ -96,6 +82,19 @@ std::vector<std::string> CameraFilesOf(const FoundCalibration& found, const std:
 }
 
 }  // namespace
+
+void SetFigure(const std::string& what, const std::string& of, double value, const char* unit,
+               storage::v1::CalibrationRecord& record) {
+  auto& figures = *record.mutable_figures();
+  auto figure = std::find_if(figures.begin(), figures.end(), [&](const auto& each) {
+    return each.name() == what && each.of() == of;
+  });
+  storage::v1::CalibrationFigure& set = figure == figures.end() ? *figures.Add() : *figure;
+  set.set_name(what);
+  set.set_of(of);
+  set.set_value(value);
+  set.set_unit(unit);
+}
 
 absl::Status SetFixedTags(const FoundCalibration& found, std::span<const TagSighting> fixed,
                           storage::v1::CalibrationRecord& record) {

@@ -8,10 +8,15 @@
 #include <vector>
 
 #include "absl/status/status.h"
+#include "calib/fundamental/view_pairs.h"
 #include "silhouette/storage/v1/storage.pb.h"
-#include "tools/silhouette-calibrate/fundamental_pairs.h"
 
 namespace silhouette {
+
+// A figure of merit, in place of one of the same name that is there. `of`: the view or pair; empty:
+// of all.
+void SetFigure(const std::string& what, const std::string& of, double value, const char* unit,
+               storage::v1::CalibrationRecord& record);
 
 struct FoundCalibration {
   // The size of their masks may be unknown (0): then there are no matrices.

@@ -1,19 +1,19 @@
 // silhouette-calibrate check
 #include <filesystem>
-#include <iostream>
 #include <memory>
 #include <nlohmann/json.hpp>
 #include <numbers>
-#include <system_error>
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
 #include "common/picture/files.h"
+#include "common/result/result.h"
 #include "db/status/status_macros.h"
 #include "tools/program/program.h"
 #include "tools/silhouette-calibrate/check_views.h"
 #include "tools/silhouette-calibrate/commands.h"
-#include "tools/silhouette-calibrate/drift_pictures.h"
+#include "tools/silhouette-calibrate/files.h"
+#include "tools/silhouette-calibrate/pictures.h"
 
 namespace silhouette {
 namespace {
@@ -40,29 +40,30 @@ absl::Status Draw(const std::string& folder, const Checked& checked) {
 
 double Degrees(double radians) { return radians * 180 / std::numbers::pi; }
 
-void PrintText(const Checked& checked) {
+std::string TextOf(const Checked& checked) {
+  std::string text;
   for (size_t i = 0; i < checked.drifts.size(); ++i) {
     const ViewDrift& drift = checked.drifts[i];
     if (!drift.checked) {
-      std::cout << drift.view << ": not checked: " << drift.message << "\n";
+      absl::StrAppend(&text, drift.view, ": not checked: ", drift.message, "\n");
       continue;
     }
-    std::cout << absl::StreamFormat(
-        "%s: %s by %.2f px (%.3f mask px): shift (%.2f, %.2f) px", drift.view,
-        checked.check.views[i].holds ? "holds, moved" : "MOVED", drift.moved, drift.moved_mask,
-        drift.shift.x(), drift.shift.y());
+    absl::StrAppendFormat(&text, "%s: %s by %.2f px (%.3f mask px): shift (%.2f, %.2f) px",
+                          drift.view, checked.check.views[i].holds ? "holds, moved" : "MOVED",
+                          drift.moved, drift.moved_mask, drift.shift.x(), drift.shift.y());
     if (drift.corners > 0) {
-      std::cout << absl::StreamFormat(", turn %.3f deg; %d corners, %.3f px rms left",
-                                      Degrees(drift.turn), drift.corners, drift.rms_left);
+      absl::StrAppendFormat(&text, ", turn %.3f deg; %d corners, %.3f px rms left",
+                            Degrees(drift.turn), drift.corners, drift.rms_left);
     }
-    std::cout << (drift.message.empty() ? "" : "; ") << drift.message << "\n";
+    absl::StrAppend(&text, drift.message.empty() ? "" : "; ", drift.message, "\n");
   }
-  std::cout << absl::StreamFormat("limit %.3g mask px: the calibration %s\n",
-                                  checked.check.limit_mask_px,
-                                  checked.check.Holds() ? "holds" : "is not known to hold");
+  absl::StrAppendFormat(&text, "limit %.3g mask px: the calibration %s\n",
+                        checked.check.limit_mask_px,
+                        checked.check.Holds() ? "holds" : "is not known to hold");
+  return text;
 }
 
-void PrintJson(const Checked& checked) {
+nlohmann::ordered_json JsonOf(const Checked& checked) {
   auto json = nlohmann::ordered_json::parse(CheckFileText(checked.check));
   for (size_t i = 0; i < checked.drifts.size(); ++i) {
     const ViewDrift& drift = checked.drifts[i];
@@ -73,7 +74,7 @@ void PrintJson(const Checked& checked) {
     view["rms_left_px"] = drift.rms_left;
     view["odd_tags"] = drift.odd_tags;
   }
-  std::cout << json.dump(2) << "\n";
+  return json;
 }
 
 absl::StatusOr<ExitCode> CheckWork(const CheckArguments& arguments) {
@@ -81,23 +82,12 @@ absl::StatusOr<ExitCode> CheckWork(const CheckArguments& arguments) {
   ASSIGN_OR_RETURN(const Checked checked, CheckViews(arguments.request));
   if (!arguments.out.empty()) {
     // In one step: a server may be reading it.
-    const std::string part = arguments.out + ".part";
-    RETURN_IF_ERROR(WriteWholeFile(part, CheckFileText(checked.check)));
-    std::error_code error;
-    fs::rename(part, arguments.out, error);
-    if (error) {
-      return absl::FailedPreconditionError(
-          absl::StrCat("'", arguments.out, "' cannot be written: ", error.message()));
-    }
+    RETURN_IF_ERROR(ReplaceFile(arguments.out, CheckFileText(checked.check)));
   }
   if (!arguments.draw.empty()) {
     RETURN_IF_ERROR(Draw(arguments.draw, checked));
   }
-  if (arguments.format == "json") {
-    PrintJson(checked);
-  } else {
-    PrintText(checked);
-  }
+  PrintResult(arguments.format, JsonOf(checked), TextOf(checked));
   return checked.check.Holds() ? kDone : kNo;
 }
 
@@ -105,22 +95,24 @@ absl::StatusOr<ExitCode> CheckWork(const CheckArguments& arguments) {
 
 void AddCheckCommand(CLI::App& program, Run& run) {
   CLI::App* command = program.add_subcommand(
-      "check", "Whether the stored calibration is still true: by how much each camera moved");
+      "check",
+      "Check whether the stored calibration still holds: report how far each camera moved");
   auto arguments = std::make_shared<CheckArguments>();
   CheckArguments& a = *arguments;
   command->add_option("--database", a.request.database, "The folder of the database")->required();
   command->add_option("--corners", a.request.corners,
-                      "Corners (CSV), of now, of tags that stay in the cell");
-  command->add_option("--reference", a.request.reference,
-                      "The same tags' corners from the day of the calibration; default: as the "
-                      "imported calibration.yaml has them");
+                      "Current corners (CSV) of tags that stay in the cell");
+  command->add_option(
+      "--reference", a.request.reference,
+      "Corners of the same tags at calibration time; default: those in the imported "
+      "calibration.yaml");
   command->add_option("--images", a.request.images,
-                      "Folder with an image of now of every view, VIEW.png: the silhouette of the "
-                      "parked robot is compared with its robot image");
+                      "Folder with a current image of every view, VIEW.png: the silhouette of the "
+                      "parked robot is compared with its mask");
   command->add_option("--number", a.request.number,
                       "The configuration in which the robot is parked, for --images or --live");
   auto* cell =
-      command->add_option("--cell", a.request.cell, "The cell's file, for --images and --live");
+      command->add_option("--cell", a.request.cell, "The cell file, for --images and --live");
   auto* live = command
                    ->add_flag("--live", a.request.live,
                               "Take the images from the cell's cameras: for the tags of --boards, "
@@ -132,7 +124,8 @@ void AddCheckCommand(CLI::App& program, Run& run) {
       ->add_option("--boards", a.request.boards,
                    "Live: the boards (YAML) whose tags stay in the cell; several files")
       ->needs(live);
-  command->add_option("--sets", a.request.sets, "Live: of so many images of a view the mean")
+  command
+      ->add_option("--sets", a.request.sets, "Live: images of each view whose mean corners count")
       ->needs(live)
       ->check(CLI::Range(1, 1000))
       ->capture_default_str();
@@ -145,7 +138,7 @@ void AddCheckCommand(CLI::App& program, Run& run) {
   command->add_option("--draw", a.draw, "Folder for a picture per view");
   AddFormatOption(*command, a.format);
   command->footer(
-      "By tags, by the silhouette of the robot, or both; then the greater motion counts.\n"
+      "Checks tags, the silhouette of the robot, or both; of both, the larger motion counts.\n"
       "Exit code 1 if a camera moved by more than the limit, or could not be checked.\n"
       "Example:\n"
       "  silhouette-calibrate check --database cell.lmdb --corners now.csv --out check.json\n"
@@ -153,12 +146,7 @@ void AddCheckCommand(CLI::App& program, Run& run) {
       "  silhouette-calibrate check --database cell.lmdb --cell cell.yaml --live --boards "
       "floor.yaml "
       "--out check.json");
-  command->callback([arguments, &run] {
-    run = [arguments]() -> int {
-      const absl::StatusOr<ExitCode> code = CheckWork(*arguments);
-      return code.ok() ? *code : Report("silhouette-calibrate", code.status());
-    };
-  });
+  command->callback([arguments, &run] { run = [arguments] { return CheckWork(*arguments); }; });
 }
 
 }  // namespace silhouette

@@ -1,16 +1,126 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "tools/silhouette-calibrate/check_views.h"
+
+#include <filesystem>
+#include <opencv2/imgcodecs.hpp>
+#include <opencv2/imgproc.hpp>
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_join.h"
 #include "absl/time/clock.h"
+#include "calib/boards/sighting_file.h"
+#include "calib/detection/image_tags.h"
 #include "calib/files/calibration_message.h"
+#include "capture/session/cell_cameras.h"
 #include "capture/session/silhouette_drift.h"
+#include "common/picture/files.h"
 #include "db/status/status_macros.h"
 #include "db/store/store.h"
 #include "tools/cell/cell.h"
+#include "tools/cell/devices/cell_devices.h"
+#include "tools/program/program.h"
+#include "tools/silhouette-calibrate/detect.h"
+#include "tools/silhouette-calibrate/files.h"
 
 namespace silhouette {
 namespace {
+
+namespace fs = std::filesystem;
+
+struct CellNow {
+  std::optional<std::map<SeenTag, TagSighting>> tags;  // nothing: they were not asked for
+  std::vector<cv::Mat> images;                         // by view; empty: as before
+};
+
+struct LiveLook {
+  std::vector<std::string> boards;  // files of those whose tags stay in the cell; empty: no tags
+  // Where the robot is parked; nothing: no images are asked for.
+  std::optional<Configuration> parked;
+  int sets = 0;  // of images, in which tags are looked for
+};
+
+// Adds the tags that a set of images shows.
+absl::Status AddTags(const DetectSettings& settings, TagDetector& detector, const Cell& cell,
+                     const ImageSet& set, const std::string& frame,
+                     std::vector<TagSighting>& sightings) {
+  for (size_t v = 0; v < cell.views.size(); ++v) {
+    ASSIGN_OR_RETURN(const auto seen,
+                     Look(settings, detector, GreyOf(set.images[v]), cell.views[v].name, frame));
+    const std::vector<TagSighting> tags = SightingsOf(seen);
+    sightings.insert(sightings.end(), tags.begin(), tags.end());
+  }
+  return absl::OkStatus();
+}
+
+absl::StatusOr<std::map<SeenTag, TagSighting>> LookForTags(const LiveLook& look, const Cell& cell,
+                                                           CellCameras& cameras, ImageSet& last) {
+  DetectArguments arguments;
+  arguments.boards = look.boards;
+  ASSIGN_OR_RETURN(const auto settings, LoadDetectSettings(arguments, {}));
+  TagDetector detector(settings.families);
+  std::vector<TagSighting> sightings;
+  for (int i = 0; i < look.sets; ++i) {
+    if (StopRequested()) return absl::AbortedError("stopped; nothing is known of the cameras");
+    ASSIGN_OR_RETURN(last, GrabSet(cameras));
+    RETURN_IF_ERROR(AddTags(settings, detector, cell, last, absl::StrCat(i), sightings));
+  }
+  if (sightings.empty()) {
+    return absl::NotFoundError(
+        absl::StrCat("no camera of the cell sees a tag of ", absl::StrJoin(look.boards, ", "),
+                     "; are they the boards that stay in the cell, and is the light on?"));
+  }
+  return MeanSightings(sightings);
+}
+
+// A sighting file's tags, each the mean of all frames. InvalidArgument, naming the file.
+absl::StatusOr<std::map<SeenTag, TagSighting>> ReadMeanSightings(const std::string& file) {
+  ASSIGN_OR_RETURN(const std::vector<TagSighting> sightings, ReadSightings(file));
+  auto means = MeanSightings(sightings);
+  if (means.ok()) return means;
+  return absl::Status(means.status().code(), absl::StrCat(file, ": ", means.status().message()));
+}
+
+// From files; an empty name skips its check. `images`: folder with VIEW.png.
+absl::StatusOr<CellNow> ReadNow(const std::string& corners, const std::string& images,
+                                const storage::v1::CellDescription& cell) {
+  CellNow now;
+  if (!corners.empty()) {
+    ASSIGN_OR_RETURN(now.tags, ReadMeanSightings(corners));
+  }
+  for (int i = 0; i < cell.views_size() && !images.empty(); ++i) {
+    const std::string file = (fs::path(images) / (cell.views(i).name() + ".png")).string();
+    now.images.push_back(cv::imread(file, cv::IMREAD_COLOR));
+    if (now.images.back().empty()) return absl::NotFoundError("'" + file + "' is no image");
+  }
+  return now;
+}
+
+// From the cell's cameras. NotFound if no tag of the boards is seen; Aborted if a stop was asked
+// for; else the errors of files and cameras.
+absl::StatusOr<CellNow> LookNow(const LiveLook& look, const Cell& cell) {
+  auto rig = OpenCamerasOfCell(cell, false, look.parked);
+  if (!rig.ok()) {
+    return absl::Status(rig.status().code(),
+                        absl::StrCat(rig.status().message(),
+                                     "; or take the images otherwise and give them (--images, or "
+                                     "--corners of them)"));
+  }
+  ASSIGN_OR_RETURN(auto cameras, CellCameras::Create(DescriptionOf(cell), **rig));
+  CellNow now;
+  ImageSet set;
+  if (!look.boards.empty()) {
+    ASSIGN_OR_RETURN(now.tags, LookForTags(look, cell, cameras, set));
+  } else {
+    ASSIGN_OR_RETURN(set, GrabSet(cameras));
+  }
+  for (const cv::Mat& image : set.images) {
+    if (!look.parked) break;
+    cv::Mat colour = image;
+    if (image.channels() == 1) cv::cvtColor(image, colour, cv::COLOR_GRAY2BGR);
+    now.images.push_back(colour);
+  }
+  return now;
+}
 
 using Sightings = std::map<SeenTag, TagSighting>;
 
@@ -49,9 +159,8 @@ absl::StatusOr<Sightings> TagsOfThen(const CheckRequest& request,
   Sightings before = FixedTagsOf(stored.record(), cell);
   if (!before.empty()) return before;
   return absl::FailedPreconditionError(
-      "the stored calibration does not say how the cameras saw tags that stay in the cell; give "
-      "--reference, their corners from the day of the calibration, or import a calibration.yaml "
-      "with fixed_tags");
+      "the stored calibration has no corners of tags that stay in the cell; give --reference, "
+      "their corners at calibration time, or import a calibration.yaml with fixed_tags");
 }
 
 absl::StatusOr<std::vector<ViewDrift>> ByTags(const CheckRequest& request,
@@ -88,9 +197,9 @@ absl::StatusOr<CellNow> NowOf(const CheckRequest& request,
   LiveLook look{.boards = request.boards, .parked = std::nullopt, .sets = request.sets};
   if (request.number) {
     if (!cell.grid.Contains(*request.number)) {
-      return absl::NotFoundError(absl::StrCat(
-          "no configuration has the number ", *request.number,
-          "; 'silhouette-db show --at' tells that of the one nearest to joint values"));
+      return absl::NotFoundError(
+          absl::StrCat("no configuration has the number ", *request.number,
+                       "; 'silhouette-db show --at' reports the number nearest to joint values"));
     }
     look.parked = cell.grid.At(*request.number);
   }
@@ -129,7 +238,8 @@ absl::StatusOr<std::vector<ViewDrift>> BySilhouettes(const CheckRequest& request
   return drifts;
 }
 
-// Of two ways to look at one view: a motion that one sees is told, whatever the other could see.
+// If both checks ran for a view, the larger motion counts. A motion that one check sees is reported
+// even if the other check could not run.
 ViewDrift Worse(const ViewDrift& one, const ViewDrift& other, double limit) {
   if (!one.checked || !other.checked) {
     const ViewDrift& seen = one.checked ? one : other;
@@ -184,16 +294,14 @@ absl::StatusOr<Checked> CheckViews(const CheckRequest& request) {
                      "import'"));
   }
   const storage::v1::CellDescription& cell = database->cell();
-  ASSIGN_OR_RETURN(std::vector<ViewSizes> sizes, SizesOf(cell));
   Checked checked;
-  checked.sizes = std::move(sizes);
+  ASSIGN_OR_RETURN(checked.sizes, SizesOf(cell));
   checked.check.time = absl::Now();
   checked.check.calibration = FingerprintOf(*stored);
   checked.check.limit_mask_px = request.limit;
   ASSIGN_OR_RETURN(const CellNow now, NowOf(request, cell));
   if (now.tags) {
-    ASSIGN_OR_RETURN(auto drifts, ByTags(request, *stored, cell, checked.sizes, *now.tags));
-    checked.drifts = std::move(drifts);
+    ASSIGN_OR_RETURN(checked.drifts, ByTags(request, *stored, cell, checked.sizes, *now.tags));
   }
   if (!now.images.empty()) {
     ASSIGN_OR_RETURN(auto drifts,

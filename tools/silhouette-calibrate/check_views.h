@@ -1,6 +1,9 @@
-// What `silhouette-calibrate check` asks of every view.
+// SPDX-License-Identifier: Apache-2.0
+// What `check` asks of every view.
 #pragma once
 
+#include <map>
+#include <opencv2/core/mat.hpp>
 #include <optional>
 #include <string>
 #include <vector>
@@ -10,22 +13,23 @@
 #include "calib/fundamental/tag_drift.h"
 #include "db/mask/configuration_grid.h"
 #include "server/scene/scene_settings.h"
-#include "tools/silhouette-calibrate/check_now.h"
+#include "silhouette/storage/v1/storage.pb.h"
+#include "tools/cell/cell.h"
 
 namespace silhouette {
 
 struct CheckRequest {
   std::string database;
-  std::string corners;    // of now; empty: not by tags
-  std::string reference;  // corners of then; empty: as the database has them
-  std::string images;     // folder with VIEW.png; empty: not by silhouettes
+  std::string corners;    // current; empty: tags are not checked
+  std::string reference;  // corners at calibration; empty: those in the database
+  std::string images;     // folder with VIEW.png; empty: silhouettes are not checked
   std::optional<ConfigurationNumber> number;
   std::string cell;  // cell.yaml, whose segmentation makes the masks
-  // Instead of files of now, what the cell's cameras see: tags of `boards`, and with `number` the
+  // Instead of files, images from the cell's cameras: tags of `boards`, and with `number` the
   // silhouettes.
   bool live = false;
   std::vector<std::string> boards;
-  int sets = LiveLook{}.sets;
+  int sets = 5;  // of live images, in which tags are looked for
   // Mask pixels: what the server's margin leaves for moves, if the calibration itself errs by no
   // more than 0.05. Cameras that all moved by m need a margin of m.
   double limit = CalibrationSettings{}.margin - 0.05;
@@ -37,9 +41,9 @@ struct Checked {
   std::vector<ViewSizes> sizes;
 };
 
-// A view that is checked in both ways is told by the one that says it moved more; one that could
-// not be checked in a way that was asked for is not checked, unless the other way says that it
-// moved by more than the limit. The errors tell what is missing.
+// If both checks ran for a view, the result is the larger motion. If one requested check could not
+// run, the view is not checked, unless the other one found a motion beyond the limit. Errors name
+// what is missing.
 absl::StatusOr<Checked> CheckViews(const CheckRequest& request);
 
 }  // namespace silhouette

@@ -5,9 +5,13 @@
 #include <CLI/CLI.hpp>
 #include <functional>
 
+#include "absl/status/statusor.h"
+#include "tools/program/program.h"
+
 namespace silhouette {
 
-using Run = std::function<int()>;
+// What a chosen command does; an error is reported and becomes the exit code (ExitCodeOf).
+using Run = std::function<absl::StatusOr<ExitCode>()>;
 
 void AddBoardCommand(CLI::App& program, Run& run);
 void AddDetectCommand(CLI::App& program, Run& run);

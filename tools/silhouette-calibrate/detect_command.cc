@@ -1,28 +1,36 @@
 // silhouette-calibrate detect
 #include <algorithm>
 #include <atomic>
+#include <filesystem>
 #include <iostream>
 #include <memory>
 #include <mutex>
+#include <nlohmann/json.hpp>
 #include <opencv2/imgcodecs.hpp>
 #include <set>
 #include <thread>
 
 #include "absl/strings/str_cat.h"
+#include "absl/strings/str_format.h"
 #include "absl/strings/str_join.h"
+#include "absl/time/clock.h"
 #include "calib/boards/tag_family.h"
+#include "capture/session/cell_cameras.h"
+#include "common/picture/files.h"
+#include "common/picture/picture.h"
+#include "common/result/result.h"
 #include "db/status/status_macros.h"
+#include "tools/cell/cell.h"
+#include "tools/cell/devices/cell_devices.h"
 #include "tools/program/program.h"
 #include "tools/program/progress.h"
 #include "tools/silhouette-calibrate/commands.h"
-#include "tools/silhouette-calibrate/detect_images.h"
-#include "tools/silhouette-calibrate/detect_report.h"
-#include "tools/silhouette-calibrate/detect_settings.h"
+#include "tools/silhouette-calibrate/detect.h"
 
 namespace silhouette {
 namespace {
 
-constexpr char kDetectProgram[] = "silhouette-calibrate";
+namespace fs = std::filesystem;
 
 // Grey, in the camera's own orientation whatever the file says of how to hold it.
 absl::StatusOr<cv::Mat> ReadImage(const std::string& path) {
@@ -149,7 +157,108 @@ absl::Status DetectInFiles(const DetectArguments& arguments, DetectSession& sess
                                            " images; what they show is in ", arguments.out));
 }
 
-int RunDetect(const DetectArguments& arguments) {
+// One set after the other.
+class LiveDetection {
+ public:
+  LiveDetection(const DetectArguments& arguments, const DetectSettings& settings,
+                const std::vector<std::string>& views, DetectSession& session)
+      : arguments_(arguments),
+        settings_(settings),
+        views_(views),
+        detector_(settings.families),
+        session_(session) {}
+
+  int kept() const { return kept_; }
+
+  absl::Status Take(const ImageSet& set) {
+    const std::string frame = absl::StrFormat("%04d", kept_ + 1);
+    std::vector<ImageTags> found;
+    std::vector<cv::Mat> greys;
+    for (size_t v = 0; v < views_.size(); ++v) {
+      const cv::Mat grey = GreyOf(set.images[v]);
+      ASSIGN_OR_RETURN(auto tags, Look(settings_, detector_, grey, views_[v], frame));
+      found.push_back(std::move(tags));
+      greys.push_back(grey);
+    }
+    if (arguments_.count == 0 && !TellsSomethingNew(found)) return absl::OkStatus();
+    for (size_t v = 0; v < views_.size(); ++v) {
+      RETURN_IF_ERROR(Keep(found[v], greys[v]));
+    }
+    ++kept_;
+    last_ = found;
+    std::string line = absl::StrCat("set ", kept_, ":");
+    for (const ImageTags& tags : found) {
+      absl::StrAppend(&line, " ", tags.view, " ", tags.tags.size(), " tags,");
+    }
+    std::cerr << line << " " << CoverageLine(session_) << std::endl;
+    return WriteSightings(session_, arguments_.out);
+  }
+
+ private:
+  bool TellsSomethingNew(const std::vector<ImageTags>& found) const {
+    for (size_t v = 0; v < found.size(); ++v) {
+      if (!found[v].tags.empty() && (last_.empty() || !ShowTheSame(last_[v], found[v]))) {
+        return true;
+      }
+    }
+    return false;
+  }
+
+  absl::Status Keep(const ImageTags& tags, const cv::Mat& image) {
+    if (!arguments_.save.empty()) {
+      const fs::path folder = fs::path(arguments_.save) / tags.view;
+      RETURN_IF_ERROR(MakeFolder(folder.string()));
+      RETURN_IF_ERROR(WritePng((folder / (tags.frame + ".png")).string(), image));
+    }
+    return session_.Add(tags, absl::StrCat(tags.view, " ", tags.frame));
+  }
+
+  const DetectArguments& arguments_;
+  const DetectSettings& settings_;
+  const std::vector<std::string>& views_;
+  TagDetector detector_;
+  DetectSession& session_;
+  std::vector<ImageTags> last_;
+  int kept_ = 0;
+};
+
+// Returns early if a stop was asked for.
+void Wait(double seconds) {
+  const absl::Time until = absl::Now() + absl::Seconds(seconds);
+  while (!StopRequested() && absl::Now() < until) absl::SleepFor(absl::Milliseconds(20));
+}
+
+// Grabs sets of images from the cell's cameras until there are enough or a stop was asked for.
+absl::Status DetectLive(const DetectArguments& arguments, DetectSession& session) {
+  if (!arguments.overwrite && fs::exists(arguments.out)) {
+    return absl::AlreadyExistsError("'" + arguments.out +
+                                    "' is there already; take another --out, or --overwrite");
+  }
+  ASSIGN_OR_RETURN(const auto cell, LoadCell(arguments.cell));
+  auto rig = OpenCamerasOfCell(cell, true);
+  if (!rig.ok()) {
+    return absl::Status(rig.status().code(),
+                        absl::StrCat(rig.status().message(),
+                                     "; or take the images otherwise and give them (--images)"));
+  }
+  ASSIGN_OR_RETURN(auto cameras, CellCameras::Create(DescriptionOf(cell), **rig));
+  std::vector<std::string> views;
+  for (const ViewSettings& view : cell.views) views.push_back(view.name);
+  ASSIGN_OR_RETURN(const auto settings, LoadDetectSettings(arguments, views));
+
+  if (arguments.count == 0) {
+    std::cerr << "Move the board; sets in which it has moved are kept. Ctrl-C ends." << std::endl;
+  }
+  LiveDetection detection(arguments, settings, views, session);
+  while (!StopRequested() && (arguments.count == 0 || detection.kept() < arguments.count)) {
+    ASSIGN_OR_RETURN(const ImageSet set, GrabSet(cameras));
+    RETURN_IF_ERROR(detection.Take(set));
+    if (detection.kept() != arguments.count || arguments.count == 0) Wait(arguments.interval);
+  }
+  return DrawCoverage(settings, session);
+}
+
+absl::StatusOr<ExitCode> RunDetect(const DetectArguments& arguments) {
   CatchStopSignals();
   DetectSession session;
   absl::Status status =
@@ -160,13 +269,10 @@ int RunDetect(const DetectArguments& arguments) {
   }
   session.Judge();
   if (status.ok()) status = session.CheckThatTagsWereSeen();
-  if (status.ok()) status = WriteSightings(session, arguments.out);
-  if (!status.ok()) return Report(kDetectProgram, status);
-  if (arguments.format == "json") {
-    PrintDetectionJson(session, arguments.out);
-  } else {
-    PrintDetection(session, arguments.out);
-  }
+  RETURN_IF_ERROR(status);
+  RETURN_IF_ERROR(WriteSightings(session, arguments.out));
+  PrintResult(arguments.format, DetectionJson(session, arguments.out),
+              DetectionText(session, arguments.out));
   return kDone;
 }
 
@@ -178,15 +284,16 @@ void AddDetectCommand(CLI::App& program, Run& run) {
   auto a = std::make_shared<DetectArguments>();
   auto* images = command->add_option(
       "--images", a->images,
-      "A view's images, VIEW=PATTERN or VIEW=FOLDER; once per view. Images of one frame, which is "
-      "what the * matches, were taken at once");
+      "A view's images, VIEW=PATTERN or VIEW=FOLDER; once per view. The frame is what the * "
+      "matches; images of one frame were taken at once");
   auto* cell = command->add_option("--cell", a->cell,
                                    "cell.yaml: take the images from the cell's cameras, live");
   images->excludes(cell);
   command
-      ->add_option("--count", a->count,
-                   "Live: how many sets of images; until Ctrl-C if not said, of those in which "
-                   "something has moved")
+      ->add_option(
+          "--count", a->count,
+          "Live: number of image sets; default: until Ctrl-C, keeping sets in which something "
+          "has moved")
       ->needs(cell)
       ->check(CLI::Range(1, 100000));
   command->add_option("--interval", a->interval, "Live: seconds between sets")
@@ -198,8 +305,8 @@ void AddDetectCommand(CLI::App& program, Run& run) {
   command->add_option("--boards", a->boards, "Boards (YAML), as `board` writes them; several files")
       ->required();
   command->add_option("--cameras", a->cameras,
-                      "Folder with a .cameramodel file per view: edges are then straight, corners "
-                      "better. Run `detect` again with it when the lenses are known");
+                      "Folder with a .cameramodel file per view: corners are then "
+                      "more exact. Run `detect` again with it when the lenses are known");
   command->add_option("--out", a->out, "Corners (CSV)")->required();
   command->add_flag("--overwrite", a->overwrite, "Live: replace OUT if it is there");
   command->add_option("--draw", a->draw, "Folder for pictures of what was seen, and of coverage");

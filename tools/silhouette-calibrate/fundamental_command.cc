@@ -2,22 +2,24 @@
 #include <algorithm>
 #include <filesystem>
 #include <iostream>
+#include <map>
 #include <memory>
+#include <nlohmann/json.hpp>
 #include <opencv2/imgcodecs.hpp>
-#include <set>
-#include <system_error>
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
-#include "calib/boards/sighting_file.h"
+#include "calib/fundamental/view_pairs.h"
 #include "common/picture/files.h"
+#include "common/result/result.h"
 #include "db/status/status_macros.h"
 #include "server/scene/scene_settings.h"
 #include "tools/program/program.h"
-#include "tools/silhouette-calibrate/band_pictures.h"
 #include "tools/silhouette-calibrate/calibration_output.h"
 #include "tools/silhouette-calibrate/commands.h"
-#include "tools/silhouette-calibrate/fundamental_pairs.h"
+#include "tools/silhouette-calibrate/files.h"
+#include "tools/silhouette-calibrate/fundamental_views.h"
+#include "tools/silhouette-calibrate/pictures.h"
 
 namespace silhouette {
 namespace {
@@ -49,11 +51,6 @@ struct Found {
   }
 };
 
-absl::StatusOr<std::vector<TagSighting>> ReadSightings(const std::string& file) {
-  ASSIGN_OR_RETURN(const std::string text, ReadWholeFile(file));
-  return SightingsFromText(text, file);
-}
-
 absl::StatusOr<Found> Find(const FundamentalArguments& arguments) {
   if (arguments.corners.empty() && arguments.sources.cameras.empty()) {
     return absl::InvalidArgumentError(
@@ -62,11 +59,9 @@ absl::StatusOr<Found> Find(const FundamentalArguments& arguments) {
   }
   Found found;
   if (!arguments.corners.empty()) {
-    ASSIGN_OR_RETURN(std::vector<TagSighting> sightings, ReadSightings(arguments.corners));
-    found.sightings = std::move(sightings);
+    ASSIGN_OR_RETURN(found.sightings, ReadSightings(arguments.corners));
   }
-  ASSIGN_OR_RETURN(std::vector<PairedView> views, PairedViews(arguments.sources, found.sightings));
-  found.views = std::move(views);
+  ASSIGN_OR_RETURN(found.views, PairedViews(arguments.sources, found.sightings));
   found.pairs = FindPairs(found.views, found.sightings, arguments.settings);
   return found;
 }
@@ -167,8 +162,7 @@ absl::StatusOr<ExitCode> FundamentalWork(const FundamentalArguments& arguments) 
   const bool of_models = !arguments.sources.cameras.empty();
   std::vector<std::string> written;
   if (!arguments.draw.empty()) {
-    ASSIGN_OR_RETURN(auto drawn, DrawBands(arguments, found, of_models));
-    written = std::move(drawn);
+    ASSIGN_OR_RETURN(written, DrawBands(arguments, found, of_models));
   }
   const bool refused = found.AnyRefused() && !arguments.skip_refused;
   const FoundCalibration calibration{
@@ -181,22 +175,18 @@ absl::StatusOr<ExitCode> FundamentalWork(const FundamentalArguments& arguments) 
     RETURN_IF_ERROR(WriteRecord(arguments, calibration));
     written.push_back(arguments.calibration);
   }
-  if (arguments.format == "json") {
-    nlohmann::ordered_json json = PairsJson(found.views, found.pairs);
-    json["files"] = written;
-    std::cout << json.dump(2) << "\n";
-  } else {
-    PrintPairs(found.views, found.pairs, !of_models || !arguments.out.empty());
-    for (const std::string& file : written) std::cout << "wrote " << file << "\n";
-  }
-  // Camera models alone are asked what they say, which is an answer.
+  nlohmann::ordered_json json = PairsJson(found.views, found.pairs);
+  json["files"] = written;
+  PrintResult(arguments.format, json,
+              PairsText(found.views, found.pairs, !of_models || !arguments.out.empty()) +
+                  TextOfFiles(written));
+  // With camera models alone, a refused matrix is still an answer.
   if (!refused || (of_models && arguments.out.empty())) return kDone;
   std::cerr << "silhouette-calibrate: "
             << (arguments.out.empty() ? ""
                                       : "nothing is imported from a doubtful matrix: '" +
                                             arguments.out + "' is not written; ")
-            << "mend what is refused, or leave such pairs without lines (--skip-refused)"
-            << std::endl;
+            << "fix the refused pairs, or leave them without lines (--skip-refused)" << std::endl;
   return kNo;
 }
 
@@ -209,25 +199,25 @@ void AddFundamentalCommand(CLI::App& program, Run& run) {
   FundamentalArguments& a = *arguments;
   a.settings.most_margin = CalibrationSettings{}.margin;
   command->add_option("--corners", a.corners,
-                      "Corners of tags (CSV), for weak calibration straight from them; with "
-                      "--cameras they put these to the test");
+                      "Corners of tags (CSV), for weak calibration; with --cameras "
+                      "they test the camera models");
   command->add_option("--cameras", a.sources.cameras, "Folder of camera models, VIEW.cameramodel");
   command->add_option("--cell", a.sources.cell,
-                      "The cell's file: names of the views, sizes of images and masks");
+                      "The cell file: names of the views, sizes of images and masks");
   command->add_option("--image-size", a.sources.image_size,
-                      "WIDTHxHEIGHT of all views' camera images, where no cell says it");
+                      "WIDTHxHEIGHT of all views' camera images, without --cell");
   command->add_option("--mask-size", a.sources.mask_size,
-                      "WIDTHxHEIGHT of all views' masks, where no cell says it");
+                      "WIDTHxHEIGHT of all views' masks, without --cell");
   command->add_option("--out", a.out, "YAML file of matrices for silhouette-db calibration import");
   command->add_option(
       "--calibration", a.calibration,
       "calibration.yaml to write for silhouette-db calibration import: the cameras, "
-      "else the matrices, with their figures of merit; what the one that is there says of these "
-      "cameras stays");
+      "else the matrices, with their figures of merit. Entries of an existing file about these "
+      "cameras are kept");
   command
       ->add_option("--fixed-tags", a.fixed_tags,
-                   "Corners (CSV) of tags that stay in the cell, for --calibration; by them "
-                   "'check' sees whether a camera moved")
+                   "Corners (CSV) of tags that stay in the cell, for --calibration; 'check' "
+                   "uses them to see whether a camera moved")
       ->needs("--calibration");
   command
       ->add_option("--max-margin", a.settings.most_margin,
@@ -252,19 +242,16 @@ void AddFundamentalCommand(CLI::App& program, Run& run) {
       ->needs("--draw");
   AddFormatOption(*command, a.format);
   command->footer(
-      "Weak calibration needs no camera model, no board's measures and no robot, only frames in "
-      "which two\n"
-      "views see the same tags; but lenses must not bow lines.\n"
+      "Weak calibration needs no camera model, no board size and no robot. It needs frames in "
+      "which "
+      "two views\n"
+      "see the same tags, and lenses without distortion.\n"
       "Examples:\n"
       "  silhouette-calibrate fundamental --corners corners.csv --cell cell.yaml --out "
       "matrices.yaml --draw bands\n"
       "  silhouette-calibrate fundamental --cameras cameras --corners other.csv --mask-size 64x64");
-  command->callback([arguments, &run] {
-    run = [arguments]() -> int {
-      const absl::StatusOr<ExitCode> code = FundamentalWork(*arguments);
-      return code.ok() ? *code : Report("silhouette-calibrate", code.status());
-    };
-  });
+  command->callback(
+      [arguments, &run] { run = [arguments] { return FundamentalWork(*arguments); }; });
 }
 
 }  // namespace silhouette

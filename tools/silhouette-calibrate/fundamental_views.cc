@@ -1,42 +1,22 @@
 #include "tools/silhouette-calibrate/fundamental_views.h"
 
 #include <algorithm>
-#include <cctype>
-#include <cstdio>
 #include <filesystem>
-#include <system_error>
+#include <nlohmann/json.hpp>
 
-#include "absl/strings/numbers.h"
 #include "absl/strings/str_cat.h"
+#include "absl/strings/str_format.h"
 #include "absl/strings/str_join.h"
-#include "absl/strings/str_split.h"
 #include "calib/files/calibration_camera_file.h"
-#include "calib/files/calibration_message.h"
 #include "calib/fundamental/correspondences.h"
-#include "common/picture/files.h"
 #include "db/status/status_macros.h"
 #include "tools/cell/cell.h"
-#include "tools/silhouette-calibrate/camera_files.h"
+#include "tools/silhouette-calibrate/files.h"
 
 namespace silhouette {
 namespace {
 
 namespace fs = std::filesystem;
-
-absl::StatusOr<std::vector<std::string>> NamesOfCameras(const std::string& folder) {
-  std::vector<std::string> names;
-  std::error_code error;
-  for (const auto& entry : fs::directory_iterator(folder, error)) {
-    if (entry.path().extension() == kCameraFileExtension)
-      names.push_back(ViewOfCameraFile(entry.path().string()));
-  }
-  if (error) {
-    return absl::NotFoundError(
-        absl::StrCat("the folder '", folder, "' cannot be read: ", error.message()));
-  }
-  std::sort(names.begin(), names.end());
-  return names;
-}
 
 absl::StatusOr<std::vector<PairedView>> NamedViews(const ViewSources& sources,
                                                    std::span<const TagSighting> sightings) {
@@ -51,10 +31,13 @@ absl::StatusOr<std::vector<PairedView>> NamedViews(const ViewSources& sources,
     }
     return views;
   }
-  absl::StatusOr<std::vector<std::string>> names = ViewsOf(sightings);
-  if (!sources.cameras.empty()) names = NamesOfCameras(sources.cameras);
-  if (!names.ok()) return names.status();
-  for (const std::string& name : *names) views.push_back({.name = name, .sizes = {}, .camera = {}});
+  std::vector<std::string> names = ViewsOf(sightings);
+  if (!sources.cameras.empty()) {
+    ASSIGN_OR_RETURN(const std::vector<CameraFile> cameras, ReadCameraFolder(sources.cameras));
+    names.clear();
+    for (const CameraFile& camera : cameras) names.push_back(camera.view);
+  }
+  for (const std::string& name : names) views.push_back({.name = name, .sizes = {}, .camera = {}});
   return views;
 }
 
@@ -106,18 +89,86 @@ absl::Status CheckSightings(const std::vector<PairedView>& views,
   return absl::OkStatus();
 }
 
-}  // namespace
+using nlohmann::ordered_json;
 
-absl::StatusOr<PixelSize> SizeFromText(const std::string& text, const std::string& option) {
-  const std::vector<std::string> parts = absl::StrSplit(text, 'x');
-  PixelSize size;
-  if (parts.size() == 2 && absl::SimpleAtoi(parts[0], &size.width) &&
-      absl::SimpleAtoi(parts[1], &size.height) && size.width > 0 && size.height > 0) {
-    return size;
-  }
-  return absl::InvalidArgumentError(
-      absl::StrCat(option, " '", text, "' is not WIDTHxHEIGHT in pixels, e.g. 640x480"));
+ordered_json MatrixJson(const Eigen::Matrix3d& f) {
+  ordered_json rows = ordered_json::array();
+  for (int row = 0; row < 3; ++row) rows.push_back({f(row, 0), f(row, 1), f(row, 2)});
+  return rows;
 }
+
+ordered_json DistancesJson(const LineDistances& distances) {
+  return {{"corners", distances.corners},
+          {"rms_px", distances.rms},
+          {"noise_px", distances.noise},
+          {"median_px", distances.median},
+          {"worst_px", distances.worst}};
+}
+
+ordered_json PairJson(const std::vector<PairedView>& views, const PairResult& pair) {
+  ordered_json json = {{"view_a", views[static_cast<size_t>(pair.a)].name},
+                       {"view_b", views[static_cast<size_t>(pair.b)].name},
+                       {"frames", pair.frames},
+                       {"corners", pair.corners},
+                       {"unseen", pair.unseen},
+                       {"refusal", nullptr}};
+  if (pair.refusal) json["refusal"] = *pair.refusal;
+  if (pair.f.norm() > 0) {
+    json["F_of_images"] = MatrixJson(pair.f);
+    json["F_of_masks"] = MatrixJson(pair.f_of_masks);
+    json["margin"] = pair.margin;
+  }
+  if (pair.weak && pair.f.norm() > 0) {
+    json["outliers"] = pair.weak->outliers;
+    json["spread"] = pair.weak->spread;
+    json["predicted_margin"] = pair.weak->predicted_margin;
+    json["held_out"] = DistancesJson(pair.weak->held_out);
+    json["held_out"]["by"] = pair.weak->frames_held_out ? "frames" : "tags";
+    json["lenses_bow"] = pair.weak->bowed;
+  }
+  if (pair.weak) json["warnings"] = pair.weak->warnings;
+  if (pair.bow) {
+    json["bow"] = {{"curve_px", pair.bow->curve},
+                   {"off_lines_px", pair.bow->off_lines},
+                   {"margin", pair.bow->margin}};
+  }
+  if (pair.distances) json["distances"] = DistancesJson(*pair.distances);
+  return json;
+}
+
+std::string DistancesText(const LineDistances& distances) {
+  return absl::StrFormat(
+      "%d corners, %.3f px rms from their lines (%.3f by the corners' own sigma), median %.3f, "
+      "worst %.2f",
+      distances.corners, distances.rms, distances.noise, distances.median, distances.worst);
+}
+
+std::string PairText(const PairResult& pair) {
+  if (pair.unseen) return "no tag was seen by both at once: the pair has no lines";
+  if (pair.weak && pair.f.norm() == 0) return "";
+  std::string text;
+  if (pair.weak) {
+    text = absl::StrFormat("%s held out by %s; %d of %d wrong; margin %.3f mask px",
+                           DistancesText(pair.weak->held_out),
+                           pair.weak->frames_held_out ? "frames" : "tags", pair.weak->outliers,
+                           pair.corners, pair.margin);
+  } else if (pair.distances) {
+    text = DistancesText(*pair.distances);
+  } else {
+    text = "from the camera models";
+  }
+  if (pair.bow && pair.bow->off_lines > 0) {
+    absl::StrAppendFormat(
+        &text,
+        "\n  distortion bows epipolar lines by up to %.1f px and takes points up to %.1f px off "
+        "the matrix's: that is\n  true of undistorted pixels only, or with a margin of %.2g mask "
+        "pixels; bands of the camera models follow distortion",
+        pair.bow->curve, pair.bow->off_lines, pair.bow->margin);
+  }
+  return text;
+}
+
+}  // namespace
 
 absl::StatusOr<std::vector<PairedView>> PairedViews(const ViewSources& sources,
                                                     std::span<const TagSighting> sightings) {
@@ -150,6 +201,39 @@ absl::StatusOr<std::vector<PairedView>> PairedViews(const ViewSources& sources,
   }
   RETURN_IF_ERROR(CheckSightings(*views, sightings));
   return views;
+}
+
+std::string PairsText(const std::vector<PairedView>& views, const std::vector<PairResult>& pairs,
+                      bool refusals) {
+  std::string text;
+  for (const PairResult& pair : pairs) {
+    absl::StrAppend(&text, views[static_cast<size_t>(pair.a)].name, " - ",
+                    views[static_cast<size_t>(pair.b)].name, ": ", PairText(pair), "\n");
+    if (pair.refusal && refusals) absl::StrAppend(&text, "  refused: ", *pair.refusal, "\n");
+    if (!pair.weak) continue;
+    for (const std::string& warning : pair.weak->warnings) {
+      absl::StrAppend(&text, "  note: ", warning, "\n");
+    }
+  }
+  return text;
+}
+
+ordered_json PairsJson(const std::vector<PairedView>& views, const std::vector<PairResult>& pairs) {
+  ordered_json json = {{"views", ordered_json::array()}, {"pairs", ordered_json::array()}};
+  for (const PairedView& view : views) {
+    const ViewSizes& sizes = view.sizes;
+    json["views"].push_back({{"name", view.name},
+                             {"image_size", {sizes.image.width, sizes.image.height}},
+                             {"mask_size", {sizes.mask.width, sizes.mask.height}},
+                             {"camera", view.camera.has_value()}});
+  }
+  double margin = 0;
+  for (const PairResult& pair : pairs) {
+    json["pairs"].push_back(PairJson(views, pair));
+    if (!pair.refusal) margin = std::max(margin, pair.margin);
+  }
+  json["margin"] = margin;
+  return json;
 }
 
 }  // namespace silhouette

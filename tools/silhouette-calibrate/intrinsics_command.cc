@@ -1,33 +1,27 @@
 // silhouette-calibrate intrinsics
 #include <algorithm>
 #include <filesystem>
-#include <iostream>
 #include <memory>
 #include <nlohmann/json.hpp>
 #include <set>
-#include <system_error>
 
 #include "absl/strings/str_cat.h"
-#include "calib/boards/board_file.h"
-#include "calib/boards/sighting_file.h"
 #include "calib/files/calibration_camera_file.h"
-#include "calib/files/calibration_message.h"
 #include "calib/intrinsics/foreign_camera_file.h"
 #include "calib/intrinsics/lens_file.h"
 #include "common/picture/files.h"
+#include "common/result/result.h"
 #include "db/status/status_macros.h"
 #include "tools/program/program.h"
 #include "tools/silhouette-calibrate/commands.h"
-#include "tools/silhouette-calibrate/fundamental_views.h"
-#include "tools/silhouette-calibrate/intrinsics_report.h"
-#include "tools/silhouette-calibrate/lens_residual_picture.h"
+#include "tools/silhouette-calibrate/files.h"
+#include "tools/silhouette-calibrate/pictures.h"
+#include "tools/silhouette-calibrate/results.h"
 
 namespace silhouette {
 namespace {
 
 namespace fs = std::filesystem;
-
-constexpr char kIntrinsicsProgram[] = "silhouette-calibrate";
 
 struct IntrinsicsArguments {
   std::string corners;
@@ -47,8 +41,8 @@ struct IntrinsicsArguments {
 };
 
 // The size that is given for a view; nothing if none is.
-absl::StatusOr<std::optional<PixelSize>> IntrinsicsSizeOf(const IntrinsicsArguments& arguments,
-                                                          const std::string& view) {
+absl::StatusOr<std::optional<PixelSize>> SizeGivenFor(const IntrinsicsArguments& arguments,
+                                                      const std::string& view) {
   std::optional<PixelSize> size;
   for (const std::string& given : arguments.image_sizes) {
     const size_t sign = given.rfind('=');
@@ -72,35 +66,24 @@ absl::StatusOr<ForeignCamera> ReadCamera(const std::string& file,
 }
 
 // --from: one file to a .cameramodel.
-int Convert(const IntrinsicsArguments& arguments) {
+absl::StatusOr<ExitCode> Convert(const IntrinsicsArguments& arguments) {
   if (arguments.views.size() != 1) {
-    return Report(kIntrinsicsProgram,
-                  absl::InvalidArgumentError("--from needs --view, one view's name"));
+    return absl::InvalidArgumentError("--from needs --view, one view's name");
   }
   const std::string& view = arguments.views[0];
-  const auto size = IntrinsicsSizeOf(arguments, view);
-  if (!size.ok()) return Report(kIntrinsicsProgram, size.status());
-  const auto read = ReadCamera(arguments.from, *size, arguments.camera);
-  if (!read.ok()) return Report(kIntrinsicsProgram, read.status());
-  if (const absl::Status made = MakeFolder(arguments.out); !made.ok()) {
-    return Report(kIntrinsicsProgram, made);
-  }
-  const std::string file = (fs::path(arguments.out) / CameraFileName(view)).string();
-  const absl::Status written = WriteWholeFile(file, CameraFileText(MessageOf(read->camera), view));
-  if (!written.ok()) return Report(kIntrinsicsProgram, written);
-  const CameraIntrinsics& k = read->camera.intrinsics();
-  if (arguments.format == "json") {
-    std::cout << nlohmann::ordered_json{{"from", read->format},
-                                        {"focal_lengths", {k.fx, k.fy}},
-                                        {"image_size", {k.width, k.height}},
-                                        {"file", file}}
-                     .dump(2)
-              << '\n';
-    return kDone;
-  }
-  std::cout << read->format << "'s camera of " << k.width << "x" << k.height
-            << " pixels, focal lengths " << k.fx << ", " << k.fy << "; wrote " << file << '\n';
-  if (read->format != "mrcal") std::cout << "Its pose is not set; `poses` finds it.\n";
+  ASSIGN_OR_RETURN(const auto size, SizeGivenFor(arguments, view));
+  ASSIGN_OR_RETURN(const ForeignCamera read, ReadCamera(arguments.from, size, arguments.camera));
+  ASSIGN_OR_RETURN(const std::string file, WriteCameraFile(arguments.out, view, read.camera));
+  const CameraIntrinsics& k = read.camera.intrinsics();
+  PrintResult(
+      arguments.format,
+      {{"from", read.format},
+       {"focal_lengths", {k.fx, k.fy}},
+       {"image_size", {k.width, k.height}},
+       {"file", file}},
+      absl::StrCat(read.format, "'s camera of ", k.width, "x", k.height, " pixels, focal lengths ",
+                   k.fx, ", ", k.fy, "; wrote ", file, "\n",
+                   read.format == "mrcal" ? "" : "Its pose is not set; `poses` finds it.\n"));
   return kDone;
 }
 
@@ -110,9 +93,8 @@ struct Input {
   std::vector<TagSighting> sightings;
 };
 
-absl::Status ReadBoards(const IntrinsicsArguments& arguments, Input& input) {
-  ASSIGN_OR_RETURN(const std::string text, ReadWholeFile(arguments.boards));
-  ASSIGN_OR_RETURN(std::vector<Board> boards, BoardsFromText(text, arguments.boards));
+absl::Status TakeBoards(const IntrinsicsArguments& arguments, Input& input) {
+  ASSIGN_OR_RETURN(std::vector<Board> boards, ReadBoards(arguments.boards));
   for (const std::string& name : arguments.board_names) {
     const bool there = std::any_of(boards.begin(), boards.end(), [&](const Board& board) {
       return board.description().name == name;
@@ -134,7 +116,7 @@ absl::Status ReadBoards(const IntrinsicsArguments& arguments, Input& input) {
 
 absl::Status AddCamera(const IntrinsicsArguments& arguments, const std::string& view,
                        Input& input) {
-  ASSIGN_OR_RETURN(const auto size, IntrinsicsSizeOf(arguments, view));
+  ASSIGN_OR_RETURN(const auto size, SizeGivenFor(arguments, view));
   LensCamera camera{.name = view};
   if (!arguments.fixed.empty()) {
     const std::string file = (fs::path(arguments.fixed) / CameraFileName(view)).string();
@@ -159,9 +141,8 @@ absl::StatusOr<Input> ReadInput(const IntrinsicsArguments& arguments) {
         "give --corners and --boards to solve for lenses, or --from FILE --view NAME to read one");
   }
   Input input;
-  RETURN_IF_ERROR(ReadBoards(arguments, input));
-  ASSIGN_OR_RETURN(const std::string text, ReadWholeFile(arguments.corners));
-  ASSIGN_OR_RETURN(std::vector<TagSighting> sightings, SightingsFromText(text, arguments.corners));
+  RETURN_IF_ERROR(TakeBoards(arguments, input));
+  ASSIGN_OR_RETURN(std::vector<TagSighting> sightings, ReadSightings(arguments.corners));
   std::set<std::string> seen;
   for (const TagSighting& sighting : sightings) seen.insert(sighting.view);
   std::vector<std::string> views = arguments.views;
@@ -184,45 +165,41 @@ absl::StatusOr<Input> ReadInput(const IntrinsicsArguments& arguments) {
 absl::StatusOr<std::vector<std::string>> Write(const IntrinsicsArguments& arguments,
                                                const LensSolution& solution) {
   std::vector<std::string> files;
-  absl::Status status = MakeFolder(arguments.out);
-  for (size_t i = 0; status.ok() && i < solution.cameras.size(); ++i) {
-    const std::string name = CameraFileName(solution.cameras[i].name);
-    files.push_back((fs::path(arguments.out) / name).string());
-    status = WriteWholeFile(files.back(), LensFileText(solution.cameras[i]));
+  RETURN_IF_ERROR(MakeFolder(arguments.out));
+  for (const SolvedCamera& camera : solution.cameras) {
+    files.push_back((fs::path(arguments.out) / CameraFileName(camera.name)).string());
+    RETURN_IF_ERROR(WriteWholeFile(files.back(), LensFileText(camera)));
   }
-  if (status.ok() && !arguments.draw.empty()) status = MakeFolder(arguments.draw);
-  for (size_t i = 0; status.ok() && !arguments.draw.empty() && i < solution.cameras.size(); ++i) {
+  if (arguments.draw.empty()) return files;
+  RETURN_IF_ERROR(MakeFolder(arguments.draw));
+  for (size_t i = 0; i < solution.cameras.size(); ++i) {
     const fs::path name = fs::path(CameraFileName(solution.cameras[i].name)).stem();
     files.push_back((fs::path(arguments.draw) / (name.string() + "-residuals.png")).string());
-    status = WritePng(files.back(), ResidualPicture(solution, i));
+    RETURN_IF_ERROR(WritePng(files.back(), ResidualPicture(solution, i)));
   }
-  if (!status.ok()) return status;
   return files;
 }
 
-int RunIntrinsics(IntrinsicsArguments arguments) {
+absl::StatusOr<ExitCode> RunIntrinsics(IntrinsicsArguments arguments) {
   if (!arguments.from.empty()) return Convert(arguments);
-  const absl::StatusOr<Input> input = ReadInput(arguments);
-  if (!input.ok()) return Report(kIntrinsicsProgram, input.status());
+  ASSIGN_OR_RETURN(const Input input, ReadInput(arguments));
   arguments.settings.board_warp = !arguments.flat;
   const absl::StatusOr<LensSolution> solution =
-      SolveLenses(input->cameras, input->boards, input->sightings, arguments.settings);
+      SolveLenses(input.cameras, input.boards, input.sightings, arguments.settings);
   if (!solution.ok()) {
-    const ExitCode code = Report(kIntrinsicsProgram, solution.status());
+    const ExitCode code = Report("silhouette-calibrate", solution.status());
     return absl::IsFailedPrecondition(solution.status()) ? kNo : code;
   }
   if (solution->groups.size() > 1 && !arguments.unconnected) {
-    Report(kIntrinsicsProgram,
+    Report("silhouette-calibrate",
            absl::FailedPreconditionError(
                absl::StrCat(solution->warnings.back(),
                             "; take images in which they see a board at once, or accept lenses "
                             "without common poses by --unconnected")));
     return kNo;
   }
-  const auto files = Write(arguments, *solution);
-  if (!files.ok()) return Report(kIntrinsicsProgram, files.status());
-  std::cout << (arguments.format == "json" ? LensReportJson(*solution, *files)
-                                           : LensReportText(*solution, *files));
+  ASSIGN_OR_RETURN(const auto files, Write(arguments, *solution));
+  PrintResult(arguments.format, LensJson(*solution, files), LensText(*solution, files));
   return kDone;
 }
 
@@ -245,11 +222,11 @@ void AddIntrinsicsCommand(CLI::App& program, Run& run) {
   auto* fixed = command->add_option(
       "--fix-intrinsics", a->fixed,
       "A folder of .cameramodel files whose lenses are kept; only poses are solved for");
-  command->add_flag("--flat", a->flat, "Take the board for flat");
+  command->add_flag("--flat", a->flat, "Assume a flat board");
   command->add_flag("--unconnected", a->unconnected,
-                    "Also if no board ties all cameras together: their poses then have no common "
-                    "frame");
-  command->add_option("--least-images", a->settings.least_images, "Images a camera must have")
+                    "Accept cameras that no board connects: their poses then have no common frame");
+  command
+      ->add_option("--least-images", a->settings.least_images, "Least number of images per camera")
       ->check(CLI::Range(3, 100000))
       ->capture_default_str();
   command

@@ -21,5 +21,8 @@ int main(int argc, char** argv) {
   silhouette::AddCheckCommand(app, run);
   silhouette::AddRunCommand(app, run);
   silhouette::AddReportCommand(app, run);
-  return silhouette::RunProgram(app, argc, argv, [&] { return run(); });
+  return silhouette::RunProgram(app, argc, argv, [&]() -> int {
+    const absl::StatusOr<silhouette::ExitCode> code = run();
+    return code.ok() ? *code : silhouette::Report("silhouette-calibrate", code.status());
+  });
 }

@@ -2,15 +2,17 @@
 #include <chrono>
 #include <iostream>
 #include <memory>
+#include <nlohmann/json.hpp>
 
 #include "absl/strings/str_cat.h"
 #include "calib/poses/pose_calibration.h"
+#include "common/result/result.h"
 #include "db/status/status_macros.h"
 #include "tools/program/program.h"
 #include "tools/silhouette-calibrate/commands.h"
+#include "tools/silhouette-calibrate/files.h"
 #include "tools/silhouette-calibrate/poses_inputs.h"
-#include "tools/silhouette-calibrate/poses_options.h"
-#include "tools/silhouette-calibrate/poses_results.h"
+#include "tools/silhouette-calibrate/results.h"
 
 namespace silhouette {
 namespace {
@@ -43,15 +45,10 @@ absl::StatusOr<ExitCode> PosesWork(const PosesArguments& arguments) {
       const auto files,
       WritePoses(arguments.out, problem, *solution,
                  {.command = "poses", .lenses = sources.cameras, .masks = masks}, arguments.draw));
-  if (arguments.format == "json") {
-    nlohmann::ordered_json json = PosesJson(*solution);
-    json["seconds"] = taken.count();
-    json["files"] = files;
-    std::cout << json.dump(2) << '\n';
-    return kDone;
-  }
-  PrintPoses(*solution);
-  for (const std::string& file : files) std::cout << "wrote " << file << '\n';
+  nlohmann::ordered_json json = PosesJson(*solution);
+  json["seconds"] = taken.count();
+  json["files"] = files;
+  PrintResult(arguments.format, json, PosesText(*solution) + TextOfFiles(files));
   return kDone;
 }
 
@@ -65,10 +62,10 @@ void AddPosesCommand(CLI::App& program, Run& run) {
   PosesArguments& a = *arguments;
   AddPoseSources(*command, a.sources, a.degrees);
   command->get_option("--cell")->description(
-      "cell.yaml: its robot's URDF tells where the flange is, its views how large masks are");
+      "cell.yaml: the URDF for the pose of the flange, the views for the size of masks");
   command->add_option("--mask-size", a.mask_size,
-                      "WIDTHxHEIGHT of all views' masks, where no cell says it, for the matrices "
-                      "in calibration.yaml");
+                      "WIDTHxHEIGHT of all views' masks, without --cell, for the matrices in "
+                      "calibration.yaml");
   command
       ->add_option("--out", a.out,
                    "Folder for camera models, calibration.yaml, poses.json and residuals.csv")
@@ -76,10 +73,10 @@ void AddPosesCommand(CLI::App& program, Run& run) {
   command->add_flag("--draw", a.draw, "Pictures of the residuals too, residuals_VIEW.png");
   AddFormatOption(*command, a.format);
   command->footer(
-      "What is given is solved together. Boards that are neither on the flange, surveyed nor "
+      "All given data are solved together. Boards that are neither on the flange, surveyed nor "
       "standing are loose:\n"
-      "they tie views that see them in one frame.\n"
-      "Exit code 1: the data give no poses that one could trust; the reason is said.\n"
+      "they connect views that see them in the same frame.\n"
+      "Exit code 1: the data give no reliable poses; the message states the reason.\n"
       "Examples:\n"
       "  silhouette-calibrate poses --corners corners.csv --boards boards.yaml --cameras lenses "
       "\\\n"
@@ -88,12 +85,7 @@ void AddPosesCommand(CLI::App& program, Run& run) {
       "\\\n"
       "      --joints joints.csv --cell cell.yaml --flange-board flange --surveyed survey.yaml "
       "--out cameras");
-  command->callback([arguments, &run] {
-    run = [arguments]() -> int {
-      const absl::StatusOr<ExitCode> code = PosesWork(*arguments);
-      return code.ok() ? *code : Report("silhouette-calibrate", code.status());
-    };
-  });
+  command->callback([arguments, &run] { run = [arguments] { return PosesWork(*arguments); }; });
 }
 
 }  // namespace silhouette

@@ -1,6 +1,9 @@
-// What `silhouette-calibrate poses` reads.
+// SPDX-License-Identifier: Apache-2.0
+// What `poses`, `report` and `run` read.
 #pragma once
 
+#include <CLI/CLI.hpp>
+#include <Eigen/Core>
 #include <string>
 #include <vector>
 
@@ -10,7 +13,7 @@
 
 namespace silhouette {
 
-// Files and names; what is empty is not given.
+// Files and names; empty: not given.
 struct PoseSources {
   std::string corners;
   std::string boards;
@@ -30,5 +33,25 @@ struct PoseSources {
 
 // InvalidArgument or NotFound in a sentence, with file and line where a file is wrong.
 absl::StatusOr<PoseProblem> ReadPoseProblem(const PoseSources& sources);
+
+// `degrees`: whether joint values without a unit are degrees (WithUnit).
+void AddPoseSources(CLI::App& command, PoseSources& sources, bool& degrees);
+
+PoseSources WithUnit(PoseSources sources, bool degrees);
+
+// If the data give no calibration, but would with joint values in the other unit: a sentence that
+// says so; else empty.
+std::string HintOfUnit(const PoseSources& sources);
+
+struct WorkspacePoints {
+  std::vector<Eigen::Vector3d> points;  // in the base, metres; none: nothing is known
+  std::string name;                     // what they are, in words
+};
+
+// `box`: "x0:x1,y0:y1,z0:z1" in metres, or empty: then where the links of the robot get by its
+// model, over the joints of the cell's grid or all; else the cell's workspace. InvalidArgument: not
+// such a box; the errors of LoadCell and RobotModel::FromUrdf.
+absl::StatusOr<WorkspacePoints> WorkspacePointsOf(const PoseSources& sources,
+                                                  const std::string& box);
 
 }  // namespace silhouette

@@ -6,11 +6,13 @@
 
 #include "absl/strings/str_cat.h"
 #include "calib/report/report_page.h"
+#include "common/result/result.h"
 #include "db/status/status_macros.h"
 #include "tools/program/program.h"
 #include "tools/silhouette-calibrate/commands.h"
-#include "tools/silhouette-calibrate/poses_options.h"
-#include "tools/silhouette-calibrate/report_files.h"
+#include "tools/silhouette-calibrate/files.h"
+#include "tools/silhouette-calibrate/poses_inputs.h"
+#include "tools/silhouette-calibrate/results.h"
 
 namespace silhouette {
 namespace {
@@ -37,14 +39,9 @@ absl::StatusOr<ExitCode> ReportWork(const ReportArguments& arguments) {
     std::cerr << "silhouette-calibrate: " << report.refusal << std::endl;
   }
   ASSIGN_OR_RETURN(const auto files, WriteReport(report, sources, arguments.out, arguments.json));
-  if (arguments.format == "json") {
-    nlohmann::ordered_json json = ReportJson(report);
-    json["files"] = files;
-    std::cout << json.dump(2) << '\n';
-  } else {
-    PrintReport(report);
-    for (const std::string& file : files) std::cout << "wrote " << file << '\n';
-  }
+  nlohmann::ordered_json json = ReportJson(report);
+  json["files"] = files;
+  PrintResult(arguments.format, json, ReportText(report) + TextOfFiles(files));
   return refused ? kNo : kDone;
 }
 
@@ -52,11 +49,12 @@ absl::StatusOr<ExitCode> ReportWork(const ReportArguments& arguments) {
 
 void AddReportCommand(CLI::App& program, Run& run) {
   CLI::App* command = program.add_subcommand(
-      "report", "How good a calibration is, by images that it was not made from: one HTML page");
+      "report",
+      "Report how good a calibration is, by images that it was not made from: one HTML page");
   auto arguments = std::make_shared<ReportArguments>();
   ReportArguments& a = *arguments;
   AddPoseSources(*command, a.sources, a.degrees);
-  // The robot's model tells its workspace, too.
+  // The robot's model also gives its workspace.
   command->get_option("--urdf")->remove_needs(command->get_option("--joints"));
   command->add_option(
       "--workspace", a.workspace,
@@ -69,18 +67,14 @@ void AddReportCommand(CLI::App& program, Run& run) {
   command->add_option("--json", a.json, "All figures as JSON, too");
   AddFormatOption(*command, a.format);
   command->footer(
-      "Takes what `poses` takes, and solves it again without parts of it: some seconds.\n"
-      "Exit code 1: the data give no calibration; the page says why, and what was seen.\n\n"
+      "Reads the same files as `poses` and solves them again without parts of them: some seconds.\n"
+      "Exit code 1: the data give no calibration; the page states the reason and shows what was "
+      "seen.\n\n"
       "Example:\n"
       "  silhouette-calibrate report --corners corners.csv --boards boards.yaml --cameras lenses "
       "\\\n"
       "      --robot-poses poses.csv --flange-board flange --cell cell.yaml --out report.html");
-  command->callback([arguments, &run] {
-    run = [arguments]() -> int {
-      const absl::StatusOr<ExitCode> code = ReportWork(*arguments);
-      return code.ok() ? *code : Report("silhouette-calibrate", code.status());
-    };
-  });
+  command->callback([arguments, &run] { run = [arguments] { return ReportWork(*arguments); }; });
 }
 
 }  // namespace silhouette

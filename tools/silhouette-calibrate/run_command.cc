@@ -3,21 +3,21 @@
 #include <filesystem>
 #include <iostream>
 #include <memory>
+#include <nlohmann/json.hpp>
 #include <optional>
 #include <utility>
 
 #include "absl/strings/str_cat.h"
 #include "calib/poses/pose_calibration.h"
 #include "common/picture/files.h"
+#include "common/result/result.h"
 #include "db/status/status_macros.h"
 #include "tools/cell/devices/cell_devices.h"
 #include "tools/program/program.h"
 #include "tools/silhouette-calibrate/commands.h"
-#include "tools/silhouette-calibrate/intrinsics_report.h"
+#include "tools/silhouette-calibrate/files.h"
 #include "tools/silhouette-calibrate/poses_inputs.h"
-#include "tools/silhouette-calibrate/poses_results.h"
-#include "tools/silhouette-calibrate/report_files.h"
-#include "tools/silhouette-calibrate/run_lenses.h"
+#include "tools/silhouette-calibrate/results.h"
 #include "tools/silhouette-calibrate/run_session.h"
 #include "tools/silhouette-calibrate/run_settings.h"
 
@@ -34,11 +34,61 @@ struct RunCommandArguments {
   std::string format = "text";
 };
 
+struct FoundLenses {
+  LensSolution solution;
+  std::vector<std::string> files;
+};
+
+absl::StatusOr<LensSolution> SolveSessionLenses(const Cell& cell, const SessionSettings& settings,
+                                                const SessionRecord& record) {
+  std::vector<LensCamera> cameras;
+  for (const ViewSettings& view : cell.views) {
+    cameras.push_back({.name = view.name, .width = view.image_width, .height = view.image_height});
+  }
+  absl::StatusOr<LensSolution> solution = SolveLenses(cameras, settings.boards, record.sightings);
+  if (solution.ok()) return solution;
+  return absl::Status(solution.status().code(),
+                      absl::StrCat("the lenses: ", solution.status().message()));
+}
+
+// The folder of the camera models.
+std::string LensFolder(const std::string& session) {
+  return (std::filesystem::path(session) / "lenses").string();
+}
+
+// The lenses of a session to which none were given, from the boards in its images. It looks at the
+// images twice: corners are better once the lenses are known. The better ones take their place in
+// `record` and its file; camera models go to the folder `lenses` of the session's. The errors are
+// SolveLenses', those of files besides.
+absl::StatusOr<FoundLenses> FindLenses(const Cell& cell, const RobotModel& robot,
+                                       const SessionSettings& settings, SessionRecord& record) {
+  ASSIGN_OR_RETURN(LensSolution solution, SolveSessionLenses(cell, settings, record));
+  std::vector<std::string> views;
+  std::vector<CameraIntrinsics> lenses;
+  for (const SolvedCamera& camera : solution.cameras) {
+    views.push_back(camera.name);
+    lenses.push_back(camera.model->intrinsics());
+  }
+  ASSIGN_OR_RETURN(record.sightings,
+                   DetectAgain(settings.folder, record.frames, views, lenses, settings.boards));
+  RETURN_IF_ERROR(WriteRecord(settings.folder, robot, record));
+  ASSIGN_OR_RETURN(solution, SolveSessionLenses(cell, settings, record));
+  // That no board ties cameras together is no matter: the robot does.
+  if (solution.groups.size() > 1) solution.warnings.pop_back();
+  FoundLenses found{.solution = std::move(solution), .files = {}};
+  for (const SolvedCamera& camera : found.solution.cameras) {
+    ASSIGN_OR_RETURN(const auto written,
+                     WriteCameraFile(LensFolder(settings.folder), camera.name, *camera.model));
+    found.files.push_back(written);
+  }
+  return found;
+}
+
 std::string InFolder(const RunCommandArguments& arguments, const std::string& name) {
   return (fs::path(arguments.session.out) / name).string();
 }
 
-// How to go on by hand with what is in the folder.
+// The command that solves with the data in the folder.
 std::string PosesCommand(const RunCommandArguments& arguments) {
   return absl::StrCat("silhouette-calibrate poses --corners ", InFolder(arguments, "corners.csv"),
                       " --robot-poses ", InFolder(arguments, "robot_poses.csv"), " --boards ",
@@ -84,17 +134,10 @@ absl::StatusOr<ExitCode> RunSolve(const RunCommandArguments& arguments, const Ce
                                           provenance, arguments.draw));
   ASSIGN_OR_RETURN(const auto page, WriteSessionReport(arguments, problem, sources));
   files.push_back(page);
-  if (arguments.format == "json") {
-    nlohmann::ordered_json json = PosesJson(*solution);
-    if (found) {
-      json["lenses"] = nlohmann::ordered_json::parse(LensReportJson(found->solution, found->files));
-    }
-    json["files"] = files;
-    std::cout << json.dump(2) << '\n';
-    return kDone;
-  }
-  PrintPoses(*solution);
-  for (const std::string& file : files) std::cout << "wrote " << file << '\n';
+  nlohmann::ordered_json json = PosesJson(*solution);
+  if (found) json["lenses"] = LensJson(found->solution, found->files);
+  json["files"] = files;
+  PrintResult(arguments.format, json, PosesText(*solution) + TextOfFiles(files));
   return kDone;
 }
 
@@ -150,15 +193,15 @@ absl::StatusOr<ExitCode> RunWork(RunCommandArguments arguments) {
     }
     if (!lenses.ok()) return lenses.status();
     found = *std::move(lenses);
-    if (arguments.format != "json") std::cout << LensReportText(found->solution, found->files);
+    if (arguments.format != "json") std::cout << LensText(found->solution, found->files);
   }
   return RunSolve(arguments, cell, found);
 }
 
 void AddOptions(CLI::App& command, RunCommandArguments& a) {
-  command.add_option("--cell", a.session.cell, "The cell's file, cell.yaml")->required();
+  command.add_option("--cell", a.session.cell, "The cell file, cell.yaml")->required();
   command.add_option("--boards", a.session.boards, "The boards (YAML)")->required();
-  command.add_option("--out", a.session.out, "Folder for all that comes of it")->required();
+  command.add_option("--out", a.session.out, "Folder for images, data and results")->required();
   command.add_option("--flange-board", a.session.flange_board,
                      "The board on the flange; default: 'flange', or the only one");
   command.add_option("--flange-link", a.session.flange_link,
@@ -182,7 +225,7 @@ void AddOptions(CLI::App& command, RunCommandArguments& a) {
       "Drive to these poses instead (CSV: a column per joint of the robot; radians)");
   command.add_option("--seed", a.session.seed, "Of the choice of poses")->capture_default_str();
   command.add_option("--robot-sigma", a.robot_sigma,
-                     "How exactly the robot goes where it says, per axis; default: 0.2mm,0.02deg");
+                     "Standard deviation of the robot's poses, per axis; default: 0.2mm,0.02deg");
   command.add_flag("--resume", a.resume, "Go on with the session in the folder");
   command.add_flag("--draw", a.draw, "Pictures of the residuals too");
   AddFormatOption(command, a.format);
@@ -196,18 +239,16 @@ void AddRunCommand(CLI::App& program, Run& run) {
   auto arguments = std::make_shared<RunCommandArguments>();
   AddOptions(*command, *arguments);
   command->footer(
-      "The robot moves. Joint limits, forbidden regions and the floor are heeded, but not what "
-      "else stands in the cell,\nnor the robot itself: watch it, and give it room with --joint.\n"
-      "Exit code 1: the images give no calibration that one could trust; the reason is said.\n\n"
+      "The robot moves. It observes joint limits, forbidden regions and the floor. It does not "
+      "know "
+      "other objects in the cell,\nnor does it check collisions with itself: watch it, and limit "
+      "it "
+      "with --joint.\n"
+      "Exit code 1: the images give no reliable calibration; the message states the reason.\n\n"
       "Example:\n"
       "  silhouette-calibrate run --cell cell.yaml --boards boards.yaml --out session\n"
       "  silhouette-db calibration import cell.lmdb session/cameras");
-  command->callback([arguments, &run] {
-    run = [arguments]() -> int {
-      const absl::StatusOr<ExitCode> code = RunWork(*arguments);
-      return code.ok() ? *code : Report("silhouette-calibrate", code.status());
-    };
-  });
+  command->callback([arguments, &run] { run = [arguments] { return RunWork(*arguments); }; });
 }
 
 }  // namespace silhouette

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "tools/silhouette-calibrate/run_session.h"
 
 #include <algorithm>
@@ -5,30 +6,60 @@
 #include <iostream>
 #include <map>
 #include <opencv2/core/mat.hpp>
+#include <opencv2/imgcodecs.hpp>
 #include <set>
 #include <stop_token>
 #include <thread>
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
+#include "absl/strings/str_join.h"
 #include "absl/time/clock.h"
+#include "calib/boards/csv.h"
+#include "calib/boards/sighting_file.h"
+#include "calib/detection/image_tags.h"
+#include "calib/poses/robot_pose_file.h"
 #include "capture/session/forbidden_regions.h"
 #include "common/picture/files.h"
 #include "common/picture/picture.h"
 #include "db/status/status_macros.h"
 #include "tools/program/program.h"
 #include "tools/program/progress.h"
-#include "tools/silhouette-calibrate/run_tags.h"
+#include "tools/silhouette-calibrate/detect.h"
+#include "tools/silhouette-calibrate/files.h"
 
 namespace silhouette {
 namespace {
 
 namespace fs = std::filesystem;
 
+std::string PathIn(const std::string& folder, const std::string& name) {
+  return (fs::path(folder) / name).string();
+}
+
+std::vector<std::string> JointColumns(const RobotModel& robot) {
+  std::vector<std::string> columns{"frame"};
+  for (const RobotJoint& joint : robot.joints()) columns.push_back(joint.name);
+  return columns;
+}
+
+std::string JointsText(const RobotModel& robot, const SessionRecord& record) {
+  std::string text = absl::StrCat(
+      absl::StrJoin(JointColumns(robot), ",",
+                    [](std::string* out, const std::string& s) { *out += CsvField(s); }),
+      "\n");
+  for (size_t f = 0; f < record.frames.size(); ++f) {
+    absl::StrAppend(&text, CsvField(record.frames[f]));
+    for (const double value : record.positions[f]) absl::StrAppend(&text, ",", CsvNumber(value));
+    text += '\n';
+  }
+  return text;
+}
+
 // Poses in vain, for each frame that is wanted, before giving up.
 constexpr size_t kMostInVain = 6;
 
-// So much later at most the robot is told to stop.
+// Longest delay until the robot receives a stop.
 constexpr absl::Duration kGuardPeriod = absl::Milliseconds(10);
 
 absl::Status WriteImages(const std::string& folder, const std::string& frame,
@@ -36,8 +67,7 @@ absl::Status WriteImages(const std::string& folder, const std::string& frame,
                          const std::vector<CameraImage>& images) {
   for (size_t v = 0; v < views.size(); ++v) {
     const fs::path place = fs::path(folder) / "images" / views[v];
-    std::error_code error;
-    fs::create_directories(place, error);
+    RETURN_IF_ERROR(MakeFolder(place.string()));
     const CameraImage& image = images[v];
     RETURN_IF_ERROR(
         WritePng((place / (frame + ".png")).string(),
@@ -46,8 +76,52 @@ absl::Status WriteImages(const std::string& folder, const std::string& frame,
   return absl::OkStatus();
 }
 
-cv::Mat RunSessionMatOf(CameraImage& image) {
+cv::Mat MatOf(CameraImage& image) {
   return {image.height, image.width, image.channels == 1 ? CV_8UC1 : CV_8UC3, image.pixels.data()};
+}
+
+// `image`: 8 bits, grey or blue, green, red.
+std::vector<TagSighting> TagsIn(const cv::Mat& image, const std::string& view,
+                                const std::string& frame, const std::vector<Board>& boards,
+                                const Lens& lens, TagDetector& detector) {
+  ImageTags tags = FindTags(detector, GreyOf(image), lens, boards);
+  tags.view = view;
+  tags.frame = frame;
+  return SightingsOf(tags);
+}
+
+// Whether the robot may go from one pose to another: the joints' limits, the cell's forbidden
+// regions, and the floor; nothing, or what is in the way.
+std::optional<std::string> InTheWay(const Cell& cell, const RobotModel& robot,
+                                    const SessionSettings& settings,
+                                    const PosePlan::Positions& from,
+                                    const PosePlan::Positions& to) {
+  Configuration here;
+  Configuration there;
+  for (const GridJoint& joint : cell.grid.joints()) {
+    const size_t index = robot.JointIndex(joint.name).value();
+    here.push_back(from[index]);
+    there.push_back(to[index]);
+  }
+  const ForbiddenRegions regions(cell.capture.forbidden_regions, cell.grid);
+  if (const auto region = regions.Between(here, there)) {
+    return absl::StrCat("the forbidden region '", *region, "'");
+  }
+  // Half of the board's diagonal: however it is mounted, it does not reach farther down.
+  double reach = 0;
+  for (const Board& board : settings.boards) {
+    if (board.description().name != settings.flange_board) continue;
+    const int last = board.description().first_id + board.tags() - 1;
+    reach =
+        (board.CornersOf(last)[1] - board.CornersOf(board.description().first_id)[3]).norm() / 2;
+  }
+  const std::vector<Eigen::Isometry3d> links = robot.LinkPoses(to);
+  for (size_t i = 0; i < links.size(); ++i) {
+    if (robot.links()[i].parent < 0) continue;
+    const double below = links[i].translation().z() - (i == settings.flange ? reach : 0);
+    if (below < settings.floor) return "the floor";
+  }
+  return std::nullopt;
 }
 
 // A robot at work: knows its grid joints for the forbidden regions.
@@ -99,7 +173,7 @@ class Recorder {
       const std::string& view = cameras_.views()[v];
       const Lens lens = settings_.lenses.empty() ? Lens() : Lens(settings_.lenses[v]);
       const std::vector<TagSighting> found =
-          TagsIn(RunSessionMatOf(images[v]), view, frame, settings_.boards, lens, detector_);
+          TagsIn(MatOf(images[v]), view, frame, settings_.boards, lens, detector_);
       sightings.insert(sightings.end(), found.begin(), found.end());
       const bool seen = std::any_of(found.begin(), found.end(), [&](const TagSighting& tag) {
         return flange_board_->description().family == tag.family && flange_board_->HasTag(tag.tag);
@@ -107,15 +181,13 @@ class Recorder {
       if (seen) views.push_back(view);
     }
     if (views.empty()) return views;
-    absl::Status written = WriteImages(settings_.folder, frame, cameras_.views(), images);
-    if (!written.ok()) return written;
+    RETURN_IF_ERROR(WriteImages(settings_.folder, frame, cameras_.views(), images));
     record.frames.push_back(frame);
     record.positions.push_back(positions);
     record.robot_poses.push_back(
         {.frame = frame, .base_from_flange = robot_.LinkPoses(positions)[settings_.flange]});
     record.sightings.insert(record.sightings.end(), sightings.begin(), sightings.end());
-    written = WriteRecord(settings_.folder, robot_, record);
-    if (!written.ok()) return written;
+    RETURN_IF_ERROR(WriteRecord(settings_.folder, robot_, record));
     return views;
   }
 
@@ -127,7 +199,7 @@ class Recorder {
     for (; !arrived.stop_requested(); absl::SleepFor(kGuardPeriod)) {
       const absl::Status stopped = StopRequested() ? driver_.Stop() : absl::OkStatus();
       if (stopped.ok() || complained) continue;
-      std::cerr << "the robot could not be told to stop: " << stopped.message() << std::endl;
+      std::cerr << "cannot stop the robot: " << stopped.message() << std::endl;
       complained = true;
     }
   }
@@ -156,36 +228,63 @@ void TellPlan(const SessionRecord& record, PosePlan& plan) {
 
 }  // namespace
 
-std::optional<std::string> InTheWay(const Cell& cell, const RobotModel& robot,
-                                    const SessionSettings& settings,
-                                    const PosePlan::Positions& from,
-                                    const PosePlan::Positions& to) {
-  Configuration here;
-  Configuration there;
-  for (const GridJoint& joint : cell.grid.joints()) {
-    const size_t index = robot.JointIndex(joint.name).value();
-    here.push_back(from[index]);
-    there.push_back(to[index]);
+absl::Status WriteRecord(const std::string& folder, const RobotModel& robot,
+                         const SessionRecord& record) {
+  // Corners last: frames without a robot pose would be of no use, the other way round does no harm.
+  RETURN_IF_ERROR(ReplaceFile(PathIn(folder, "joints.csv"), JointsText(robot, record)));
+  RETURN_IF_ERROR(
+      ReplaceFile(PathIn(folder, "robot_poses.csv"), RobotPoseFileText(record.robot_poses)));
+  return ReplaceFile(PathIn(folder, "corners.csv"), SightingFileText(record.sightings));
+}
+
+absl::StatusOr<SessionRecord> ReadRecord(const std::string& folder, const RobotModel& robot) {
+  SessionRecord record;
+  const std::string corners = PathIn(folder, "corners.csv");
+  if (!fs::exists(corners)) return record;
+  const std::string joints = PathIn(folder, "joints.csv");
+  ASSIGN_OR_RETURN(const std::string joints_text, ReadWholeFile(joints));
+  ASSIGN_OR_RETURN(const auto rows, CsvRows(joints_text, joints, JointColumns(robot)));
+  for (const CsvRow& row : rows) {
+    record.frames.push_back(row.Text(0));
+    record.positions.emplace_back();
+    for (size_t j = 0; j < robot.joints().size(); ++j) {
+      ASSIGN_OR_RETURN(const double value, row.Number(j + 1));
+      record.positions.back().push_back(value);
+    }
   }
-  const ForbiddenRegions regions(cell.capture.forbidden_regions, cell.grid);
-  if (const auto region = regions.Between(here, there)) {
-    return absl::StrCat("the forbidden region '", *region, "'");
+  const std::string poses = PathIn(folder, "robot_poses.csv");
+  ASSIGN_OR_RETURN(const std::string poses_text, ReadWholeFile(poses));
+  ASSIGN_OR_RETURN(record.robot_poses, RobotPosesFromText(poses_text, poses));
+  ASSIGN_OR_RETURN(record.sightings, ReadSightings(corners));
+  if (record.robot_poses.size() != record.frames.size()) {
+    return absl::InvalidArgumentError(
+        absl::StrCat(poses, " has not the frames of ", joints, "; begin with an empty folder"));
   }
-  // Half of the board's diagonal: however it is mounted, it does not reach farther down.
-  double reach = 0;
-  for (const Board& board : settings.boards) {
-    if (board.description().name != settings.flange_board) continue;
-    const int last = board.description().first_id + board.tags() - 1;
-    reach =
-        (board.CornersOf(last)[1] - board.CornersOf(board.description().first_id)[3]).norm() / 2;
+  return record;
+}
+
+namespace fs = std::filesystem;
+
+absl::StatusOr<std::vector<TagSighting>> DetectAgain(const std::string& folder,
+                                                     const std::vector<std::string>& frames,
+                                                     const std::vector<std::string>& views,
+                                                     const std::vector<CameraIntrinsics>& lenses,
+                                                     const std::vector<Board>& boards) {
+  TagDetector detector(FamiliesOf(boards));
+  std::vector<TagSighting> sightings;
+  for (const std::string& frame : frames) {
+    for (size_t v = 0; v < views.size(); ++v) {
+      const fs::path file = fs::path(folder) / "images" / views[v] / (frame + ".png");
+      const cv::Mat image = cv::imread(file.string(), cv::IMREAD_UNCHANGED);
+      if (image.empty()) {
+        return absl::NotFoundError(
+            absl::StrCat("the image '", file.string(), "' of the session is not there any more"));
+      }
+      const auto found = TagsIn(image, views[v], frame, boards, Lens(lenses[v]), detector);
+      sightings.insert(sightings.end(), found.begin(), found.end());
+    }
   }
-  const std::vector<Eigen::Isometry3d> links = robot.LinkPoses(to);
-  for (size_t i = 0; i < links.size(); ++i) {
-    if (robot.links()[i].parent < 0) continue;
-    const double below = links[i].translation().z() - (i == settings.flange ? reach : 0);
-    if (below < settings.floor) return "the floor";
-  }
-  return std::nullopt;
+  return sightings;
 }
 
 absl::Status RecordSession(const Cell& cell, const RobotModel& robot,

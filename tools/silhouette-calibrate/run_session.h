@@ -1,21 +1,48 @@
-// The session of `silhouette-calibrate run`: drives the robot from pose to pose, takes images and
-// finds the tags in them. Everything is on the disk before the robot moves on.
+// SPDX-License-Identifier: Apache-2.0
+// The session of `run`: drives the robot from pose to pose, takes images and finds the tags in
+// them. Everything is on the disk before the robot moves on.
 #pragma once
 
+#include <opencv2/core/mat.hpp>
 #include <optional>
 #include <string>
 #include <vector>
 
 #include "absl/status/statusor.h"
 #include "calib/boards/board.h"
+#include "calib/boards/tag_sighting.h"
 #include "calib/camera/camera_model.h"
+#include "calib/detection/tag_detector.h"
+#include "calib/poses/pose_problem.h"
 #include "calib/robot/pose_plan.h"
 #include "calib/robot/robot_model.h"
 #include "capture/devices/devices.h"
 #include "tools/cell/cell.h"
-#include "tools/silhouette-calibrate/run_record.h"
 
 namespace silhouette {
+
+// In the session's folder corners.csv, robot_poses.csv, joints.csv and images/VIEW/FRAME.png.
+struct SessionRecord {
+  std::vector<std::string> frames;
+  std::vector<PosePlan::Positions> positions;  // of all joints, by frame
+  std::vector<RobotPose> robot_poses;          // by frame
+  std::vector<TagSighting> sightings;
+};
+
+// The record of a folder; empty if there is none. InvalidArgument: its files contradict each other.
+absl::StatusOr<SessionRecord> ReadRecord(const std::string& folder, const RobotModel& robot);
+
+// Each file is whole at any time. Errors: those of WriteWholeFile.
+absl::Status WriteRecord(const std::string& folder, const RobotModel& robot,
+                         const SessionRecord& record);
+
+// Looks at the images again, images/VIEW/FRAME.png in the folder, now that the lenses are known, by
+// view: corners are better for it. NotFound: an image is not there any more.
+absl::StatusOr<std::vector<TagSighting>> DetectAgain(const std::string& folder,
+                                                     const std::vector<std::string>& frames,
+                                                     const std::vector<std::string>& views,
+                                                     const std::vector<CameraIntrinsics>& lenses,
+                                                     const std::vector<Board>& boards);
 
 struct SessionSettings {
   std::string folder;
@@ -34,17 +61,11 @@ struct SessionSettings {
 };
 
 // Goes on with `record` until it has as many frames as it shall, or all given poses were driven to.
-// Cancelled: a signal came, and the robot was told to stop. What was recorded is on the disk.
+// Cancelled: a signal came, and the robot was stopped. All records are on the disk.
 // FailedPrecondition: no pose that is allowed, or the cameras see too little of the board.
 // Otherwise the devices' errors.
 absl::Status RecordSession(const Cell& cell, const RobotModel& robot,
                            const SessionSettings& settings, Robot& driver, CameraRig& cameras,
                            SessionRecord& record);
-
-// Whether the robot may go from one pose to another: the joints' limits, the cell's forbidden
-// regions, and the floor; nothing, or what is in the way.
-std::optional<std::string> InTheWay(const Cell& cell, const RobotModel& robot,
-                                    const SessionSettings& settings,
-                                    const PosePlan::Positions& from, const PosePlan::Positions& to);
 
 }  // namespace silhouette

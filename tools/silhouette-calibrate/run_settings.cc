@@ -5,30 +5,18 @@
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_split.h"
-#include "calib/boards/board_file.h"
 #include "calib/boards/csv.h"
 #include "common/picture/files.h"
 #include "common/yaml/strict_yaml.h"
 #include "db/status/status_macros.h"
 #include "tools/program/joint_values.h"
-#include "tools/silhouette-calibrate/camera_files.h"
+#include "tools/silhouette-calibrate/files.h"
 
 namespace silhouette {
 namespace {
 
 constexpr size_t kWristJoints = 3;
 constexpr double kWristRange = std::numbers::pi / 3;
-
-absl::StatusOr<size_t> FlangeOf(const RobotModel& robot, const std::string& name) {
-  std::vector<std::string> names;
-  for (size_t i = 0; i < robot.links().size(); ++i) {
-    names.push_back(robot.links()[i].name);
-    if (names.back() == (name.empty() ? "flange" : name)) return i;
-  }
-  if (name.empty()) return robot.links().size() - 1;
-  return absl::InvalidArgumentError(
-      absl::StrCat("the robot has no link '", name, "'; its links are ", ListOfWords(names)));
-}
 
 absl::StatusOr<std::string> FlangeBoardOf(const std::vector<Board>& boards,
                                           const std::string& name) {
@@ -162,13 +150,9 @@ absl::StatusOr<SessionSettings> SettingsOf(const RunArguments& arguments, const 
   settings.frames = arguments.frames;
   settings.seed = arguments.seed;
   settings.floor = arguments.floor.value_or(cell.workspace ? cell.workspace->min().z() : 0);
-  ASSIGN_OR_RETURN(const auto text, ReadWholeFile(arguments.boards));
-  ASSIGN_OR_RETURN(auto boards, BoardsFromText(text, arguments.boards));
-  settings.boards = std::move(boards);
-  ASSIGN_OR_RETURN(const auto board, FlangeBoardOf(settings.boards, arguments.flange_board));
-  settings.flange_board = board;
-  ASSIGN_OR_RETURN(const auto flange, FlangeOf(robot, arguments.flange_link));
-  settings.flange = flange;
+  ASSIGN_OR_RETURN(settings.boards, ReadBoards(arguments.boards));
+  ASSIGN_OR_RETURN(settings.flange_board, FlangeBoardOf(settings.boards, arguments.flange_board));
+  ASSIGN_OR_RETURN(settings.flange, FlangeLink(robot, arguments.flange_link));
   settings.rest = RestOf(cell, robot);
   settings.joints = UsualJoints(cell, robot, settings);
   if (!arguments.joints.empty()) settings.joints.clear();
@@ -177,12 +161,10 @@ absl::StatusOr<SessionSettings> SettingsOf(const RunArguments& arguments, const 
     settings.joints.push_back(joint);
   }
   if (!arguments.poses.empty()) {
-    ASSIGN_OR_RETURN(auto poses, ReadPoses(arguments.poses, robot));
-    settings.given = std::move(poses);
+    ASSIGN_OR_RETURN(settings.given, ReadPoses(arguments.poses, robot));
   }
   if (!arguments.cameras.empty()) {
-    ASSIGN_OR_RETURN(auto lenses, ReadLenses(arguments.cameras, cell));
-    settings.lenses = std::move(lenses);
+    ASSIGN_OR_RETURN(settings.lenses, ReadLenses(arguments.cameras, cell));
   }
   return settings;
 }

@@ -1,4 +1,4 @@
-// What `silhouette-calibrate run` is told, and what that means for a cell.
+// The arguments of `run`, and the settings of a session that follow from them.
 #pragma once
 
 #include <optional>

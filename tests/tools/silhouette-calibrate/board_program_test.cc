@@ -1,9 +1,7 @@
 // silhouette-calibrate board, as its users meet it.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
-#include <sys/wait.h>
 
-#include <cstdlib>
 #include <filesystem>
 #include <nlohmann/json.hpp>
 
@@ -18,25 +16,17 @@ using testing::HasSubstr;
 
 class BoardProgram : public testing::Test {
  protected:
-  void SetUp() override {
-    const auto* test = testing::UnitTest::GetInstance()->current_test_info();
-    folder_ = fs::path(testing::TempDir()) / (std::string("board_") + test->name());
-    fs::remove_all(folder_);
-    fs::create_directories(folder_);
-  }
-
-  // Of silhouette-calibrate board --out <folder>/wall; its output is then in out_ and err_.
+  // Of silhouette-calibrate board --out wall; its output is then in out_ and err_.
   int Run(const std::string& arguments) {
-    const std::string command = std::string(SILHOUETTE_BIN_DIR) + "/silhouette-calibrate board " +
-                                "--out " + (folder_ / "wall").string() + " " + arguments + " >" +
-                                (folder_ / "out").string() + " 2>" + (folder_ / "err").string();
-    const int status = std::system(command.c_str());
-    out_ = ContentOf(folder_ / "out");
-    err_ = ContentOf(folder_ / "err");
-    return WIFEXITED(status) ? WEXITSTATUS(status) : -1;
+    const Ended ended =
+        shell_.Run(SILHOUETTE_BIN_DIR "/silhouette-calibrate board --out wall " + arguments);
+    out_ = ended.out;
+    err_ = ended.err;
+    return ended.exit_code;
   }
 
-  fs::path folder_;
+  const Shell shell_;
+  const fs::path folder_ = shell_.folder();
   std::string out_;
   std::string err_;
 };

@@ -1,11 +1,8 @@
 // silhouette-calibrate detect, as its users meet it.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
-#include <sys/wait.h>
 
-#include <cstdlib>
 #include <filesystem>
-#include <fstream>
 #include <nlohmann/json.hpp>
 #include <opencv2/imgcodecs.hpp>
 #include <sstream>
@@ -22,19 +19,12 @@ namespace fs = std::filesystem;
 using testing::AllOf;
 using testing::HasSubstr;
 
-void WriteAll(const fs::path& path, const std::string& text) { std::ofstream(path) << text; }
-
 class DetectProgram : public testing::Test {
  protected:
   DetectProgram()
-      : board_({.name = "wall", .rows = 1, .columns = 2, .tag_size = 0.05, .gap = 0.05}) {}
-
-  void SetUp() override {
-    const auto* test = testing::UnitTest::GetInstance()->current_test_info();
-    folder_ = fs::path(testing::TempDir()) / (std::string("detect_") + test->name());
-    fs::remove_all(folder_);
+      : board_({.name = "wall", .rows = 1, .columns = 2, .tag_size = 0.05, .gap = 0.05}) {
     for (const char* view : {"left", "right"}) fs::create_directories(folder_ / view);
-    WriteAll(folder_ / "boards.yaml", BoardFileText(std::vector{board_}));
+    WriteFile(folder_ / "boards.yaml", BoardFileText(std::vector{board_}));
   }
 
   // The board as `seed` has it.
@@ -50,17 +40,16 @@ class DetectProgram : public testing::Test {
 
   // Of silhouette-calibrate detect in the folder; its output is then in out_ and err_.
   int Run(const std::string& arguments) {
-    const std::string command = "cd " + folder_.string() + " && " + SILHOUETTE_BIN_DIR +
-                                "/silhouette-calibrate detect --out corners.csv " + arguments +
-                                " >out 2>err";
-    const int status = std::system(command.c_str());
-    out_ = ContentOf(folder_ / "out");
-    err_ = ContentOf(folder_ / "err");
-    return WIFEXITED(status) ? WEXITSTATUS(status) : -1;
+    const Ended ended = shell_.Run(
+        SILHOUETTE_BIN_DIR "/silhouette-calibrate detect --out corners.csv " + arguments);
+    out_ = ended.out;
+    err_ = ended.err;
+    return ended.exit_code;
   }
 
   const Board board_;
-  fs::path folder_;
+  const Shell shell_;
+  const fs::path folder_ = shell_.folder();
   std::string out_;
   std::string err_;
 };
@@ -135,7 +124,7 @@ TEST_F(DetectProgram, KnownLensesMakeCornersBetter) {
          << k.cx << ", " << k.cy << ", " << k.distortion[0] << ", 0, 0, 0],\n"
          << "'extrinsics': [0, 0, 0, 0, 0, 0], 'imagersize': [" << k.width << ", " << k.height
          << "] }\n";
-  WriteAll(folder_ / "left.cameramodel", camera.str());
+  WriteFile(folder_ / "left.cameramodel", camera.str());
   WriteImage("left/1.png", rendered.image());
   ASSERT_EQ(Run("--images left=left --boards boards.yaml --cameras . --format json"), 0) << err_;
   const double with = nlohmann::json::parse(out_)["images"][0]["sigma"];
@@ -169,10 +158,10 @@ TEST_F(DetectProgram, MirroredOrForeignBoardsAreRefusedWithTheReason) {
   EXPECT_EQ(Run("--images left=left --boards boards.yaml"), 2);
   EXPECT_THAT(err_, HasSubstr("if they were mirrored"));
   WriteImage("left/1.png", Rendered(1).image());
-  WriteAll(folder_ / "boards.yaml", "- {name: other, tag_size: 0.05, first_id: 70}\n");
+  WriteFile(folder_ / "boards.yaml", "- {name: other, tag_size: 0.05, first_id: 70}\n");
   EXPECT_EQ(Run("--images left=left --boards boards.yaml"), 2);
   EXPECT_THAT(err_, HasSubstr("they show tagStandard41h12 0, 1; is --boards the right file?"));
-  WriteAll(folder_ / "boards.yaml", "- {name: other, family: tag36h11, tag_size: 0.05}\n");
+  WriteFile(folder_ / "boards.yaml", "- {name: other, family: tag36h11, tag_size: 0.05}\n");
   EXPECT_EQ(Run("--images left=left --boards boards.yaml"), 2);
   EXPECT_THAT(err_, HasSubstr("they show tags of tagStandard41h12"));
 }
@@ -189,7 +178,7 @@ TEST_F(DetectProgram, MistakesAreOneSentence) {
   EXPECT_THAT(err_, HasSubstr("two boards 'wall'"));
   EXPECT_EQ(Run("--images left=left --boards boards.yaml --cameras ."), 2);
   EXPECT_THAT(err_, HasSubstr("left.cameramodel"));
-  WriteAll(folder_ / "left/2.png", "no picture");
+  WriteFile(folder_ / "left/2.png", "no picture");
   EXPECT_EQ(Run("--images left=left --boards boards.yaml"), 2);
   EXPECT_THAT(err_, HasSubstr("'left/2.png' cannot be read as an image"));
 }

@@ -1,15 +1,10 @@
 // silhouette-calibrate poses as a user runs it.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
-#include <sys/wait.h>
 
-#include <cstdio>
-#include <cstdlib>
 #include <filesystem>
-#include <fstream>
 #include <nlohmann/json.hpp>
 #include <opencv2/imgcodecs.hpp>
-#include <sstream>
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
@@ -22,7 +17,7 @@
 #include "calib/poses/robot_pose_file.h"
 #include "calib/robot/robot_model.h"
 #include "tests/calib/poses/pose_rig.h"
-#include "tests/test_folder.h"
+#include "tests/clients/cpp/shell.h"
 
 namespace silhouette {
 namespace {
@@ -36,23 +31,10 @@ using testing::Not;
 constexpr char kUrdf[] = SILHOUETTE_SOURCE_DIR "/capture/sim/robots/rx130.urdf";
 constexpr char kFiles[] = "poses --corners corners.csv --boards boards.yaml --cameras lenses ";
 
-std::string PosesProgramTextOf(const fs::path& file) {
-  std::ostringstream text;
-  text << std::ifstream(file).rdbuf();
-  return text.str();
-}
-
 class CalibratePosesProgram : public testing::Test {
  protected:
-  struct Outcome {
-    int exit_code = -1;
-    std::string output;
-    std::string errors;
-  };
-
   void Write(const std::string& name, const std::string& text) const {
-    fs::create_directories((folder_ / name).parent_path());
-    std::ofstream(folder_ / name) << text;
+    WriteFile(folder_ / name, text);
   }
 
   // Everything but the robot.
@@ -68,21 +50,16 @@ class CalibratePosesProgram : public testing::Test {
     }
   }
 
-  Outcome Run(const std::string& arguments) const {
-    const std::string command =
-        absl::StrCat("cd ", folder_.string(), " && ", SILHOUETTE_BIN_DIR, "/silhouette-calibrate ",
-                     arguments, " >output.txt 2>errors.txt");
-    const int status = std::system(command.c_str());
-    return {.exit_code = WIFEXITED(status) ? WEXITSTATUS(status) : -1,
-            .output = PosesProgramTextOf(folder_ / "output.txt"),
-            .errors = PosesProgramTextOf(folder_ / "errors.txt")};
+  Ended Run(const std::string& arguments) const {
+    return shell_.Run(SILHOUETTE_BIN_DIR "/silhouette-calibrate " + arguments);
   }
 
   CameraModel Camera(const std::string& file) const {
-    return *CameraFrom(*CameraFromText(PosesProgramTextOf(folder_ / file), file));
+    return *CameraFrom(*CameraFromText(ContentOf(folder_ / file), file));
   }
 
-  const fs::path folder_ = FreshFolder();
+  const Shell shell_;
+  const fs::path folder_ = shell_.folder();
 };
 
 TEST_F(CalibratePosesProgram, WritesCamerasInTheBaseFromPosesOfTheRobot) {
@@ -91,12 +68,12 @@ TEST_F(CalibratePosesProgram, WritesCamerasInTheBaseFromPosesOfTheRobot) {
   rig.Drive(20);
   WriteRig(rig);
   Write("poses.csv", RobotPoseFileText(rig.problem.robot_poses));
-  const Outcome outcome = Run(absl::StrCat(
+  const Ended outcome = Run(absl::StrCat(
       kFiles,
       "--robot-poses poses.csv --flange-board flange --out cameras --draw --format json "
       "--mask-size 64x48"));
-  ASSERT_EQ(outcome.exit_code, 0) << outcome.errors;
-  const Json result = Json::parse(outcome.output);
+  ASSERT_EQ(outcome.exit_code, 0) << outcome.err;
+  const Json result = Json::parse(outcome.out);
   EXPECT_NEAR(result["chi2_per_dof"].get<double>(), 1, 0.25);
   ASSERT_EQ(result["views"].size(), 4u);
   EXPECT_LT(result["views"][0]["workspace_sigma_mm"], 0.6);
@@ -110,15 +87,13 @@ TEST_F(CalibratePosesProgram, WritesCamerasInTheBaseFromPosesOfTheRobot) {
     EXPECT_EQ(camera.intrinsics().distortion, rig.problem.views[i].lens.distortion);
   }
   EXPECT_TRUE(fs::exists(folder_ / "cameras/poses.json"));
-  EXPECT_THAT(PosesProgramTextOf(folder_ / "cameras/residuals.csv"),
-              HasSubstr("frame,view,family"));
+  EXPECT_THAT(ContentOf(folder_ / "cameras/residuals.csv"), HasSubstr("frame,view,family"));
   EXPECT_FALSE(cv::imread((folder_ / "cameras/residuals_camera0.png").string()).empty());
 
   // All of it for the database, in calibration.yaml.
   storage::v1::CellDescription cell;
   for (const PoseView& view : rig.problem.views) cell.add_views()->set_name(view.name);
-  const auto session =
-      SessionFromText(PosesProgramTextOf(folder_ / "cameras/calibration.yaml"), "", cell);
+  const auto session = SessionFromText(ContentOf(folder_ / "cameras/calibration.yaml"), "", cell);
   ASSERT_TRUE(session.ok()) << session.status();
   EXPECT_EQ(session->camera_files[2], "camera2.cameramodel");
   const storage::v1::CalibrationRecord& record = session->calibration.record();
@@ -177,17 +152,16 @@ TEST_F(CalibratePosesProgram, TakesJointValuesWithTheRobotsModel) {
   Write("joints.csv", JointText(rig, 1));
   WriteRig(rig);
   const std::string robot = absl::StrCat(" --urdf ", kUrdf, " --flange-board flange --out cameras");
-  const Outcome outcome = Run(absl::StrCat(kFiles, "--joints joints.csv", robot));
-  ASSERT_EQ(outcome.exit_code, 0) << outcome.errors;
-  EXPECT_THAT(outcome.output,
-              AllOf(HasSubstr("camera0"), HasSubstr("chi2/dof"), HasSubstr("wrote")));
+  const Ended outcome = Run(absl::StrCat(kFiles, "--joints joints.csv", robot));
+  ASSERT_EQ(outcome.exit_code, 0) << outcome.err;
+  EXPECT_THAT(outcome.out, AllOf(HasSubstr("camera0"), HasSubstr("chi2/dof"), HasSubstr("wrote")));
   for (size_t i = 0; i < rig.camera_poses.size(); ++i) {
     const CameraModel camera = Camera(absl::StrCat("cameras/camera", i, ".cameramodel"));
     EXPECT_LT(PoseError(camera.camera_from_world(), rig.camera_poses[i]).tail<3>().norm(), 2e-3);
   }
-  const Outcome degrees = Run(absl::StrCat(kFiles, "--joints joints.csv --degrees", robot, "2"));
+  const Ended degrees = Run(absl::StrCat(kFiles, "--joints joints.csv --degrees", robot, "2"));
   EXPECT_EQ(degrees.exit_code, 1);
-  EXPECT_THAT(degrees.errors, HasSubstr("in radians (without --degrees) they fit"));
+  EXPECT_THAT(degrees.err, HasSubstr("in radians (without --degrees) they fit"));
   EXPECT_FALSE(fs::exists(folder_ / "cameras2"));
 }
 
@@ -196,10 +170,10 @@ TEST_F(CalibratePosesProgram, DegreesAreToldByTheirSize) {
   rig.AddFlangeBoard();
   Write("joints.csv", JointText(rig, kRigDegree));
   WriteRig(rig);
-  const Outcome outcome = Run(absl::StrCat(kFiles, "--joints joints.csv --urdf ", kUrdf,
-                                           " --flange-board flange --out cameras"));
+  const Ended outcome = Run(absl::StrCat(kFiles, "--joints joints.csv --urdf ", kUrdf,
+                                         " --flange-board flange --out cameras"));
   EXPECT_EQ(outcome.exit_code, 2);
-  EXPECT_THAT(outcome.errors, AllOf(HasSubstr("joints.csv:2"), HasSubstr("--degrees")));
+  EXPECT_THAT(outcome.err, AllOf(HasSubstr("joints.csv:2"), HasSubstr("--degrees")));
 }
 
 TEST_F(CalibratePosesProgram, EyeInHandAndSurveyedBoardsAreTakenTogether) {
@@ -218,14 +192,14 @@ TEST_F(CalibratePosesProgram, EyeInHandAndSurveyedBoardsAreTakenTogether) {
   Write("poses.csv", RobotPoseFileText(rig.problem.robot_poses));
   Write("survey.yaml",
         "- {board: table, position: [-0.2, 0.2, 0.05], rotation: [180 deg, 0, 0]}\n");
-  const Outcome outcome = Run(absl::StrCat(
+  const Ended outcome = Run(absl::StrCat(
       kFiles, "--robot-poses poses.csv --eye-in-hand hand --surveyed survey.yaml --out cameras"));
-  ASSERT_EQ(outcome.exit_code, 0) << outcome.errors;
+  ASSERT_EQ(outcome.exit_code, 0) << outcome.err;
   const CameraModel camera = Camera("cameras/hand.flange.cameramodel");
   EXPECT_LT(PoseError(camera.camera_from_world(), hand).tail<3>().norm(), 1e-3);
   const CameraModel fixed = Camera("cameras/camera1.cameramodel");
   EXPECT_LT(PoseError(fixed.camera_from_world(), rig.camera_poses[1]).tail<3>().norm(), 5e-3);
-  EXPECT_THAT(PosesProgramTextOf(folder_ / "cameras/calibration.yaml"),
+  EXPECT_THAT(ContentOf(folder_ / "cameras/calibration.yaml"),
               AllOf(HasSubstr("camera1.cameramodel"), Not(HasSubstr("hand"))));
 }
 
@@ -237,12 +211,12 @@ TEST_F(CalibratePosesProgram, ReportJudgesWhatPosesTakes) {
   Write("poses.csv", RobotPoseFileText(rig.problem.robot_poses));
   const std::string report = absl::StrReplaceAll(kFiles, {{"poses ", "report "}}) +
                              "--robot-poses poses.csv --flange-board flange --groups 3 ";
-  const Outcome good =
+  const Ended good =
       Run(absl::StrCat(report, "--urdf ", kUrdf, " --out good.html --json good.json"));
-  ASSERT_EQ(good.exit_code, 0) << good.errors;
-  EXPECT_THAT(good.output, AllOf(HasSubstr("camera1"), HasSubstr("wrote good.html")));
-  EXPECT_THAT(PosesProgramTextOf(folder_ / "good.html"), HasSubstr("<h1>Calibration report</h1>"));
-  const Json result = Json::parse(PosesProgramTextOf(folder_ / "good.json"));
+  ASSERT_EQ(good.exit_code, 0) << good.err;
+  EXPECT_THAT(good.out, AllOf(HasSubstr("camera1"), HasSubstr("wrote good.html")));
+  EXPECT_THAT(ContentOf(folder_ / "good.html"), HasSubstr("<h1>Calibration report</h1>"));
+  const Json result = Json::parse(ContentOf(folder_ / "good.json"));
   EXPECT_EQ(result["groups"], 3);
   EXPECT_THAT(result["workspace"].get<std::string>(), HasSubstr("by its model"));
   EXPECT_GT(result["views"][0]["predicted"]["points"], 100);
@@ -253,10 +227,10 @@ TEST_F(CalibratePosesProgram, ReportJudgesWhatPosesTakes) {
     }
   }
   Write("corners.csv", SightingFileText(rig.problem.sightings));
-  const Outcome refused = Run(report + "--out bad.html");
+  const Ended refused = Run(report + "--out bad.html");
   EXPECT_EQ(refused.exit_code, 1);
-  EXPECT_THAT(refused.errors, HasSubstr("mirrored"));
-  EXPECT_THAT(PosesProgramTextOf(folder_ / "bad.html"), HasSubstr("No calibration: "));
+  EXPECT_THAT(refused.err, HasSubstr("mirrored"));
+  EXPECT_THAT(ContentOf(folder_ / "bad.html"), HasSubstr("No calibration: "));
 }
 
 TEST_F(CalibratePosesProgram, MistakesAreOneSentenceAndNothingIsWritten) {
@@ -266,9 +240,9 @@ TEST_F(CalibratePosesProgram, MistakesAreOneSentenceAndNothingIsWritten) {
   WriteRig(rig);
   Write("poses.csv", RobotPoseFileText(rig.problem.robot_poses));
   const auto refused = [&](const std::string& arguments, int code, const std::string& says) {
-    const Outcome outcome = Run(absl::StrCat(kFiles, arguments, " --out cameras"));
+    const Ended outcome = Run(absl::StrCat(kFiles, arguments, " --out cameras"));
     EXPECT_EQ(outcome.exit_code, code) << arguments;
-    EXPECT_THAT(outcome.errors, HasSubstr(says));
+    EXPECT_THAT(outcome.err, HasSubstr(says));
     EXPECT_FALSE(fs::exists(folder_ / "cameras"));
   };
   const std::string poses = "--robot-poses poses.csv --flange-board flange ";
@@ -278,8 +252,8 @@ TEST_F(CalibratePosesProgram, MistakesAreOneSentenceAndNothingIsWritten) {
   refused(poses + "--joints joints.csv", 2, "joints");
   refused("--robot-poses poses.csv", 1, "where the robot's base is");
   refused("--flange-board flange", 1, "give the robot's poses");
-  Write("poses.csv", absl::StrReplaceAll(PosesProgramTextOf(folder_ / "poses.csv"),
-                                         {{"frame1001", "frame1000"}}));
+  Write("poses.csv",
+        absl::StrReplaceAll(ContentOf(folder_ / "poses.csv"), {{"frame1001", "frame1000"}}));
   refused(poses, 2, "poses.csv:3: frame 'frame1000' is there already");
 }
 

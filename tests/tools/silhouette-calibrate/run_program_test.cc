@@ -1,16 +1,14 @@
 // silhouette-calibrate run on the simulated cell of the demo.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
-#include <sys/wait.h>
 
 #include <chrono>
-#include <cstdlib>
+#include <filesystem>
 
 #include "calib/files/calibration_camera_file.h"
 #include "calib/files/calibration_message.h"
 #include "capture/sim/simulation.h"
 #include "tests/clients/cpp/shell.h"
-#include "tests/test_folder.h"
 
 namespace silhouette {
 namespace {
@@ -23,11 +21,10 @@ const std::string kDemo = std::string(SILHOUETTE_SOURCE_DIR) + "/capture/sim/cel
 class CalibrateRun : public testing::Test {
  protected:
   int Run(const std::string& program, const std::string& arguments) {
-    const std::string command = std::string(SILHOUETTE_BIN_DIR) + "/" + program + " " + arguments +
-                                " >" + (folder_ / "out").string() + " 2>" +
-                                (folder_ / "err").string() + " </dev/null";
-    const int status = std::system(command.c_str());
-    return WIFEXITED(status) ? WEXITSTATUS(status) : -1;
+    const Ended ended =
+        shell_.Run(SILHOUETTE_BIN_DIR "/" + program + " " + arguments + " </dev/null");
+    err_ = ended.err;
+    return ended.exit_code;
   }
   int RunSession(const std::string& options) {
     return Run("silhouette-calibrate", "run --cell " + kDemo + "/cell.yaml --boards " + kDemo +
@@ -40,9 +37,11 @@ class CalibrateRun : public testing::Test {
     return folder;
   }
   std::string session() const { return (folder_ / "session").string(); }
-  std::string err() const { return ContentOf(folder_ / "err"); }
+  const std::string& err() const { return err_; }
 
-  const fs::path folder_ = FreshFolder();
+  const Shell shell_;
+  const fs::path folder_ = shell_.folder();
+  std::string err_;
 };
 
 TEST_F(CalibrateRun, FindsTheCamerasOfTheSimulatedCell) {
@@ -140,16 +139,15 @@ TEST_F(CalibrateRunWithoutLenses, FindsThemFromTheBoardOnTheFlange) {
 TEST_F(CalibrateRunWithoutLenses, CtrlCStopsTheRobotAndSaysHowToGoOn) {
   WriteCell("joint_speed: 0.01\n");  // minutes to the first pose
   // The folder is made before the robot sets off.
-  const std::string command = std::string(SILHOUETTE_BIN_DIR) + "/silhouette-calibrate " +
-                              Command("") + " 2>" + (folder_ / "err").string() +
-                              " & p=$!; while kill -0 $p && [ ! -d " + session() +
-                              " ]; do sleep 0.1; done; sleep 0.5; kill -INT $p; wait $p";
   const auto start = std::chrono::steady_clock::now();
-  const int status = std::system(command.c_str());
-  EXPECT_EQ(WEXITSTATUS(status), 1);
+  const Ended ended = shell_.Run(SILHOUETTE_BIN_DIR "/silhouette-calibrate " + Command("") +
+                                 " & p=$!; while kill -0 $p && [ ! -d " + session() +
+                                 " ]; do sleep 0.1; done; sleep 0.5; kill -INT $p; wait $p");
+  EXPECT_EQ(ended.exit_code, 1);
   EXPECT_LT(std::chrono::steady_clock::now() - start, std::chrono::seconds(120));
-  EXPECT_THAT(err(), HasSubstr("stopped, and so is the robot; 0 frames are kept. Go on with the "
-                               "same command and --resume"));
+  EXPECT_THAT(ended.err,
+              HasSubstr("stopped, and so is the robot; 0 frames are kept. Go on with the "
+                        "same command and --resume"));
 }
 
 TEST_F(CalibrateRun, MistakesAreTold) {

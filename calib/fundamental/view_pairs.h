@@ -1,17 +1,27 @@
-// What `silhouette-calibrate fundamental` finds of every pair of views, and how it says it.
+// SPDX-License-Identifier: Apache-2.0
+// The fundamental matrices of all pairs of a cell's views, from camera models where these are
+// known, else from tags that two views saw at once.
 #pragma once
 
-#include <nlohmann/json.hpp>
+#include <cstdint>
 #include <optional>
 #include <span>
 #include <string>
 #include <vector>
 
+#include "calib/boards/tag_sighting.h"
+#include "calib/camera/camera_model.h"
+#include "calib/fundamental/line_distances.h"
 #include "calib/fundamental/model_matrices.h"
 #include "calib/fundamental/weak_calibration.h"
-#include "tools/silhouette-calibrate/fundamental_views.h"
 
 namespace silhouette {
+
+struct PairedView {
+  std::string name;
+  ViewSizes sizes;
+  std::optional<CameraModel> camera;
+};
 
 // One pair of views; places in the list of views.
 struct PairResult {
@@ -45,13 +55,5 @@ struct PairSettings {
 std::vector<PairResult> FindPairs(const std::vector<PairedView>& views,
                                   std::span<const TagSighting> sightings,
                                   const PairSettings& settings);
-
-// In words, to stdout. `refusals`: whether matrices are wanted, so that it matters which must not
-// be used.
-void PrintPairs(const std::vector<PairedView>& views, const std::vector<PairResult>& pairs,
-                bool refusals);
-
-nlohmann::ordered_json PairsJson(const std::vector<PairedView>& views,
-                                 const std::vector<PairResult>& pairs);
 
 }  // namespace silhouette

@@ -1,16 +1,33 @@
-// What both ways of `detect` - from files and live - are given.
+// SPDX-License-Identifier: Apache-2.0
+// Tags in images: what both ways of `detect`, from files and live, share.
 #pragma once
 
 #include <map>
 #include <memory>
+#include <nlohmann/json_fwd.hpp>
+#include <opencv2/core/mat.hpp>
 #include <string>
 #include <vector>
 
 #include "absl/status/statusor.h"
+#include "calib/boards/board.h"
+#include "calib/detection/detect_session.h"
 #include "calib/detection/image_tags.h"
-#include "tools/silhouette-calibrate/detect_session.h"
+#include "capture/session/cell_cameras.h"
 
 namespace silhouette {
+
+struct ListedImage {
+  std::string view;
+  std::string frame;
+  std::string path;
+};
+
+// `patterns`: "view=pattern", e.g. "left=images/left/*.png"; a folder stands for all images in it.
+// The frame is what the pattern's * matches (several: joined with _), without one the file's name
+// without extension. In the order of views as given, then of paths. InvalidArgument, saying the
+// mend: no such pattern, a view twice, no image, a file or a frame of a view twice.
+absl::StatusOr<std::vector<ListedImage>> ListImages(const std::vector<std::string>& patterns);
 
 struct DetectArguments {
   std::vector<std::string> images;  // VIEW=PATTERN
@@ -48,10 +65,23 @@ absl::StatusOr<ImageTags> Look(const DetectSettings& settings, TagDetector& dete
 // The coverage pictures.
 absl::Status DrawCoverage(const DetectSettings& settings, const DetectSession& session);
 
-// Writes the sightings in one step: whoever reads the file sees the old or the new ones.
+// As ReplaceFile.
 absl::Status WriteSightings(const DetectSession& session, const std::string& out);
 
-// Grabs sets of images from the cell's cameras until there are enough or a stop was asked for.
-absl::Status DetectLive(const DetectArguments& arguments, DetectSession& session);
+// 8 bits of grey.
+cv::Mat GreyOf(const cv::Mat& image);
+
+// A set of images; CellCameras::Grab, with its messages on stderr.
+absl::StatusOr<ImageSet> GrabSet(CellCameras& cameras);
+
+// The families of the boards' tags, each once.
+std::vector<std::string> FamiliesOf(const std::vector<Board>& boards);
+
+// A table of the images, the warnings and the views' coverage. `out`: the file that was written.
+std::string DetectionText(const DetectSession& session, const std::string& out);
+nlohmann::ordered_json DetectionJson(const DetectSession& session, const std::string& out);
+
+// "coverage left 31 %, right 22 %"
+std::string CoverageLine(const DetectSession& session);
 
 }  // namespace silhouette

@@ -1,5 +1,6 @@
-// DetectSession: the images of a session as far as they were looked at, and what is to be said of
-// them together.
+// SPDX-License-Identifier: Apache-2.0
+// DetectSession: the images of a session in which tags were looked for, and the warnings about
+// them.
 #pragma once
 
 #include <map>

@@ -1,20 +1,31 @@
-#include "tools/silhouette-calibrate/joint_files.h"
+// SPDX-License-Identifier: Apache-2.0
+#include "tools/silhouette-calibrate/files.h"
 
 #include <algorithm>
 #include <cmath>
+#include <filesystem>
 #include <map>
 #include <stdexcept>
+#include <system_error>
 
 #include "absl/strings/ascii.h"
+#include "absl/strings/numbers.h"
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
 #include "absl/strings/str_split.h"
+#include "calib/boards/board_file.h"
 #include "calib/boards/csv.h"
+#include "calib/boards/sighting_file.h"
+#include "calib/files/calibration_camera_file.h"
+#include "calib/files/calibration_message.h"
+#include "common/picture/files.h"
 #include "common/yaml/strict_yaml.h"
 #include "db/status/status_macros.h"
 
 namespace silhouette {
 namespace {
+
+namespace fs = std::filesystem;
 
 constexpr double kFullTurn = 2 * 3.14159265358979323846;
 
@@ -26,17 +37,6 @@ std::vector<std::string> HeaderOf(const std::string& text) {
     names.emplace_back(absl::StripAsciiWhitespace(name));
   }
   return names;
-}
-
-absl::StatusOr<size_t> FlangeLink(const RobotModel& robot, const std::string& wanted) {
-  std::vector<std::string> names;
-  for (size_t i = 0; i < robot.links().size(); ++i) {
-    names.push_back(robot.links()[i].name);
-    if (names.back() == (wanted.empty() ? "flange" : wanted)) return i;
-  }
-  if (wanted.empty()) return robot.links().size() - 1;
-  return absl::InvalidArgumentError(
-      absl::StrCat("the robot has no link '", wanted, "'; it has ", ListOfWords(names)));
 }
 
 // One line's values, by the names of the columns.
@@ -97,6 +97,109 @@ class JointReader {
 };
 
 }  // namespace
+
+absl::StatusOr<std::vector<Board>> ReadBoards(const std::string& file) {
+  ASSIGN_OR_RETURN(const std::string text, ReadWholeFile(file));
+  return BoardsFromText(text, file);
+}
+
+absl::StatusOr<std::vector<TagSighting>> ReadSightings(const std::string& file) {
+  ASSIGN_OR_RETURN(const std::string text, ReadWholeFile(file));
+  return SightingsFromText(text, file);
+}
+
+absl::Status ReplaceFile(const std::string& path, const std::string& text) {
+  const std::string unfinished = path + ".unfinished";
+  RETURN_IF_ERROR(WriteWholeFile(unfinished, text));
+  std::error_code error;
+  fs::rename(unfinished, path, error);
+  if (!error) return absl::OkStatus();
+  return absl::FailedPreconditionError(
+      absl::StrCat("'", path, "' cannot be written: ", error.message()));
+}
+
+std::string TextOfFiles(const std::vector<std::string>& files) {
+  std::string text;
+  for (const std::string& file : files) absl::StrAppend(&text, "wrote ", file, "\n");
+  return text;
+}
+
+absl::StatusOr<PixelSize> SizeFromText(const std::string& text, const std::string& option) {
+  const std::vector<std::string> parts = absl::StrSplit(text, 'x');
+  PixelSize size;
+  if (parts.size() == 2 && absl::SimpleAtoi(parts[0], &size.width) &&
+      absl::SimpleAtoi(parts[1], &size.height) && size.width > 0 && size.height > 0) {
+    return size;
+  }
+  return absl::InvalidArgumentError(
+      absl::StrCat(option, " '", text, "' is not WIDTHxHEIGHT in pixels, e.g. 640x480"));
+}
+
+absl::StatusOr<size_t> FlangeLink(const RobotModel& robot, const std::string& name) {
+  std::vector<std::string> names;
+  for (size_t i = 0; i < robot.links().size(); ++i) {
+    names.push_back(robot.links()[i].name);
+    if (names.back() == (name.empty() ? "flange" : name)) return i;
+  }
+  if (name.empty()) return robot.links().size() - 1;
+  return absl::InvalidArgumentError(
+      absl::StrCat("the robot has no link '", name, "'; it has ", ListOfWords(names)));
+}
+
+std::string ViewOfCameraFile(const std::string& path) {
+  const std::string name = fs::path(path).stem().string();
+  std::string view;
+  for (size_t i = 0; i < name.size(); ++i) {
+    int code = 0;
+    if (name[i] == '%' && i + 2 < name.size() &&
+        absl::SimpleHexAtoi(name.substr(i + 1, 2), &code)) {
+      view += static_cast<char>(code);
+      i += 2;
+    } else {
+      view += name[i];
+    }
+  }
+  return view;
+}
+
+absl::StatusOr<CameraModel> ReadCameraFile(const std::string& file) {
+  ASSIGN_OR_RETURN(const std::string text, ReadWholeFile(file));
+  ASSIGN_OR_RETURN(const storage::v1::CameraModel message, CameraFromText(text, file));
+  absl::StatusOr<CameraModel> camera = CameraFrom(message);
+  if (camera.ok()) return camera;
+  return absl::Status(camera.status().code(), absl::StrCat(file, ": ", camera.status().message()));
+}
+
+absl::StatusOr<std::vector<CameraFile>> ReadCameraFolder(const std::string& folder) {
+  std::vector<fs::path> files;
+  std::error_code error;
+  for (const auto& entry : fs::directory_iterator(folder, error)) {
+    if (entry.path().extension() == kCameraFileExtension) files.push_back(entry.path());
+  }
+  if (error) {
+    return absl::NotFoundError(
+        absl::StrCat("the folder '", folder, "' cannot be read: ", error.message()));
+  }
+  if (files.empty()) {
+    return absl::NotFoundError(absl::StrCat("there is no camera model (VIEW", kCameraFileExtension,
+                                            ") in '", folder, "'"));
+  }
+  std::sort(files.begin(), files.end());
+  std::vector<CameraFile> cameras;
+  for (const fs::path& file : files) {
+    ASSIGN_OR_RETURN(const CameraModel camera, ReadCameraFile(file.string()));
+    cameras.push_back({ViewOfCameraFile(file.string()), camera});
+  }
+  return cameras;
+}
+
+absl::StatusOr<std::string> WriteCameraFile(const std::string& folder, const std::string& view,
+                                            const CameraModel& camera) {
+  RETURN_IF_ERROR(MakeFolder(folder));
+  const std::string path = (fs::path(folder) / CameraFileName(view)).string();
+  RETURN_IF_ERROR(WriteWholeFile(path, CameraFileText(MessageOf(camera), view)));
+  return path;
+}
 
 absl::StatusOr<std::vector<RobotPose>> RobotPosesOfJoints(const std::string& text,
                                                           const std::string& file,

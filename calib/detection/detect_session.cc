@@ -1,4 +1,5 @@
-#include "tools/silhouette-calibrate/detect_session.h"
+// SPDX-License-Identifier: Apache-2.0
+#include "calib/detection/detect_session.h"
 
 #include <algorithm>
 #include <set>
@@ -12,9 +13,9 @@
 namespace silhouette {
 namespace {
 
-constexpr double kMostBlur = 1.5;  // pixels
-constexpr double kLeastSize = 20;  // pixels, of a tag
-constexpr size_t kMostListed = 8;  // ids in a message
+constexpr double kMostImageBlur = 1.5;  // pixels
+constexpr double kLeastSize = 20;       // pixels, of a tag
+constexpr size_t kMostListed = 8;       // ids in a message
 
 // "tagStandard41h12 3, 4, 7"
 std::string NamesOf(const std::vector<DetectedTag>& tags) {
@@ -30,7 +31,7 @@ std::string NamesOf(const std::vector<DetectedTag>& tags) {
   return absl::StrJoin(names, "; ");
 }
 
-std::string DetectSessionSizeOf(const ImageTags& image) {
+std::string SizeText(const ImageTags& image) {
   return absl::StrCat(image.size.width, "x", image.size.height);
 }
 
@@ -51,7 +52,7 @@ std::vector<std::string> WarningsOf(const ImageTags& image) {
   if (!image.foreign.empty()) {
     warnings.push_back(absl::StrCat("shows tags of no board, left out: ", NamesOf(image.foreign)));
   }
-  if (image.MedianBlur() > kMostBlur) {
+  if (image.MedianBlur() > kMostImageBlur) {
     warnings.push_back(
         absl::StrFormat("is blurred, its edges by %.1f px: focus, hold still, or give more light",
                         image.MedianBlur()));
@@ -75,7 +76,7 @@ absl::Status DetectSession::Add(ImageTags tags, const std::string& source) {
     const SessionImage& other = images_[first->second];
     return absl::InvalidArgumentError(absl::StrCat(
         "view '", tags.view, "' has images of different sizes: ", other.source, " ",
-        DetectSessionSizeOf(other.tags), ", ", source, " ", DetectSessionSizeOf(tags),
+        SizeText(other.tags), ", ", source, " ", SizeText(tags),
         "; a calibration holds for one size, so keep those of the size that is used later"));
   }
   const auto [same, unique] = by_digest_.emplace(tags.digest, images_.size());
@@ -114,7 +115,7 @@ void DetectSession::Judge() {
     for (size_t k = first_of_view_.at(image.tags.view); k < i; ++k) {
       if (images_[k].copy || !ShowTheSame(images_[k].tags, image.tags)) continue;
       image.warnings.push_back(absl::StrCat("shows the same as frame '", images_[k].tags.frame,
-                                            "': nothing moved, so it tells nothing new"));
+                                            "': nothing moved, so it adds no information"));
       break;
     }
   }

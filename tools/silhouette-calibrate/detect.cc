@@ -1,0 +1,303 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "tools/silhouette-calibrate/detect.h"
+
+#include <glob.h>
+#include <algorithm>
+#include <filesystem>
+#include <iostream>
+#include <map>
+#include <nlohmann/json.hpp>
+#include <opencv2/imgproc.hpp>
+#include <regex>
+#include <set>
+
+#include "absl/status/status.h"
+#include "absl/strings/ascii.h"
+#include "absl/strings/str_cat.h"
+#include "absl/strings/str_format.h"
+#include "absl/strings/str_join.h"
+#include "absl/strings/str_replace.h"
+#include "calib/boards/sighting_file.h"
+#include "calib/files/calibration_camera_file.h"
+#include "common/picture/files.h"
+#include "common/result/result.h"
+#include "db/status/status_macros.h"
+#include "tools/silhouette-calibrate/files.h"
+#include "tools/silhouette-calibrate/pictures.h"
+
+namespace silhouette {
+namespace {
+
+namespace fs = std::filesystem;
+
+bool IsImage(const std::string& path) {
+  static const std::set<std::string> extensions = {".png",  ".jpg", ".jpeg", ".bmp", ".tif",
+                                                   ".tiff", ".pgm", ".ppm",  ".webp"};
+  return extensions.contains(absl::AsciiStrToLower(fs::path(path).extension().string()));
+}
+
+std::vector<std::string> Matches(const std::string& pattern) {
+  glob_t found{};
+  std::vector<std::string> paths;
+  if (glob(pattern.c_str(), 0, nullptr, &found) == 0) {
+    for (size_t i = 0; i < found.gl_pathc; ++i) {
+      if (fs::is_regular_file(found.gl_pathv[i])) paths.emplace_back(found.gl_pathv[i]);
+    }
+  }
+  globfree(&found);
+  return paths;
+}
+
+// The pattern as a regular expression with a group for each *.
+std::regex GroupsOf(const std::string& pattern) {
+  std::string text;
+  for (size_t i = 0; i < pattern.size(); ++i) {
+    const char c = pattern[i];
+    if (c == '*') {
+      text += "([^/]*)";
+    } else if (c == '?') {
+      text += "[^/]";
+    } else if (const size_t end = pattern.find(']', i + 2); c == '[' && end != std::string::npos) {
+      std::string set = pattern.substr(i, end - i + 1);
+      if (set[1] == '!') set[1] = '^';
+      text += set;
+      i = end;
+    } else {
+      if (!absl::ascii_isalnum(static_cast<unsigned char>(c))) text += '\\';
+      text += c;
+    }
+  }
+  return std::regex(text);
+}
+
+std::string FrameOf(const std::string& path, const std::string& pattern) {
+  std::smatch match;
+  if (pattern.find('*') != std::string::npos && std::regex_match(path, match, GroupsOf(pattern))) {
+    const std::string frame =
+        absl::StrJoin(std::vector<std::string>(match.begin() + 1, match.end()), "_");
+    if (frame.find_first_not_of('_') != std::string::npos) return frame;
+  }
+  return fs::path(path).stem().string();
+}
+
+std::string FileName(const std::string& name) { return absl::StrReplaceAll(name, {{"/", "_"}}); }
+
+absl::Status LoadBoards(const std::vector<std::string>& files, DetectSettings& settings) {
+  for (const std::string& file : files) {
+    ASSIGN_OR_RETURN(const auto boards, ReadBoards(file));
+    settings.boards.insert(settings.boards.end(), boards.begin(), boards.end());
+  }
+  settings.families = FamiliesOf(settings.boards);
+  return CheckBoards(settings.boards);
+}
+
+absl::Status LoadLens(const std::string& folder, const std::string& view,
+                      DetectSettings& settings) {
+  const std::string file = (fs::path(folder) / CameraFileName(view)).string();
+  ASSIGN_OR_RETURN(const CameraModel camera, ReadCameraFile(file));
+  const CameraIntrinsics& k = camera.intrinsics();
+  settings.lenses.emplace(view, Lens(k));
+  settings.lens_image_sizes.emplace(view, cv::Size(k.width, k.height));
+  return absl::OkStatus();
+}
+
+constexpr double kLittleCoverage = 0.6;
+
+int Fitted(const ImageTags& image) {
+  return static_cast<int>(std::count_if(image.tags.begin(), image.tags.end(),
+                                        [](const DetectedTag& tag) { return tag.fitted; }));
+}
+
+nlohmann::ordered_json JsonOf(const SessionImage& image) {
+  const auto names = [](const std::vector<DetectedTag>& tags) {
+    nlohmann::ordered_json list = nlohmann::ordered_json::array();
+    for (const DetectedTag& tag : tags) list.push_back({{"family", tag.family}, {"tag", tag.tag}});
+    return list;
+  };
+  return {{"view", image.tags.view},
+          {"frame", image.tags.frame},
+          {"image", image.source},
+          {"width", image.tags.size.width},
+          {"height", image.tags.size.height},
+          {"tags", image.tags.tags.size()},
+          {"expected", image.tags.expected},
+          {"fitted", Fitted(image.tags)},
+          {"mean_size", image.tags.MeanSize()},
+          {"blur", image.tags.MedianBlur()},
+          {"sigma", image.tags.TypicalSigma()},
+          {"foreign", names(image.tags.foreign)},
+          {"ambiguous", names(image.tags.ambiguous)},
+          {"mirrored", image.tags.mirrored},
+          {"left_out", image.copy},
+          {"warnings", image.warnings}};
+}
+
+}  // namespace
+
+absl::StatusOr<std::vector<ListedImage>> ListImages(const std::vector<std::string>& patterns) {
+  std::vector<ListedImage> images;
+  std::set<std::string> views;
+  std::map<std::string, std::string> view_of_path;
+  for (const std::string& argument : patterns) {
+    const size_t equals = argument.find('=');
+    if (equals == std::string::npos || equals == 0 || equals + 1 == argument.size()) {
+      return absl::InvalidArgumentError(
+          absl::StrCat("--images '", argument, "' is not VIEW=PATTERN, e.g. 'left=left/*.png'"));
+    }
+    const std::string view = argument.substr(0, equals);
+    std::string pattern = argument.substr(equals + 1);
+    if (!views.insert(view).second) {
+      return absl::InvalidArgumentError(absl::StrCat("--images has the view '", view, "' twice"));
+    }
+    std::error_code error;
+    const bool folder = fs::is_directory(pattern, error);
+    if (folder) pattern = (fs::path(pattern) / "*").string();
+    std::map<std::string, std::string> path_of_frame;
+    for (const std::string& path : Matches(pattern)) {
+      if (folder && !IsImage(path)) continue;
+      const std::string frame = folder ? fs::path(path).stem().string() : FrameOf(path, pattern);
+      if (const auto [other, fresh] = path_of_frame.emplace(frame, path); !fresh) {
+        return absl::InvalidArgumentError(
+            absl::StrCat("'", other->second, "' and '", path, "' are both frame '", frame,
+                         "' of view '", view, "'; put the * where the names differ"));
+      }
+      const std::string real = fs::weakly_canonical(path, error).string();
+      if (const auto [other, fresh] = view_of_path.emplace(real, view); !fresh) {
+        return absl::InvalidArgumentError(absl::StrCat("'", path, "' is an image of view '",
+                                                       other->second, "' and of view '", view,
+                                                       "'; mend one of the patterns"));
+      }
+      images.push_back({view, frame, path});
+    }
+    if (path_of_frame.empty()) {
+      return absl::InvalidArgumentError(absl::StrCat("no image of view '", view, "' matches '",
+                                                     argument.substr(equals + 1), "'"));
+    }
+  }
+  return images;
+}
+
+absl::StatusOr<DetectSettings> LoadDetectSettings(const DetectArguments& arguments,
+                                                  const std::vector<std::string>& views) {
+  DetectSettings settings;
+  settings.draw = arguments.draw;
+  RETURN_IF_ERROR(LoadBoards(arguments.boards, settings));
+  for (const std::string& view : views) {
+    if (!arguments.cameras.empty()) {
+      RETURN_IF_ERROR(LoadLens(arguments.cameras, view, settings));
+    }
+    if (!settings.draw.empty()) {
+      RETURN_IF_ERROR(MakeFolder((fs::path(settings.draw) / FileName(view)).string()));
+    }
+  }
+  return settings;
+}
+
+absl::StatusOr<ImageTags> Look(const DetectSettings& settings, TagDetector& detector,
+                               const cv::Mat& image, const std::string& view,
+                               const std::string& frame) {
+  const auto lens = settings.lenses.find(view);
+  if (lens != settings.lenses.end() && settings.lens_image_sizes.at(view) != image.size()) {
+    const cv::Size size = settings.lens_image_sizes.at(view);
+    return absl::InvalidArgumentError(
+        absl::StrCat("frame '", frame, "' of view '", view, "' has ", image.cols, "x", image.rows,
+                     " pixels, but its camera model is for ", size.width, "x", size.height,
+                     "; give images of that size, or leave --cameras out"));
+  }
+  ImageTags tags = FindTags(detector, image, lens != settings.lenses.end() ? lens->second : Lens(),
+                            settings.boards);
+  tags.view = view;
+  tags.frame = frame;
+  if (!settings.draw.empty()) {
+    const fs::path file = fs::path(settings.draw) / FileName(view) / (FileName(frame) + ".png");
+    RETURN_IF_ERROR(WritePng(file.string(), PictureOfTags(image, tags)));
+  }
+  return tags;
+}
+
+absl::Status DrawCoverage(const DetectSettings& settings, const DetectSession& session) {
+  if (settings.draw.empty()) return absl::OkStatus();
+  for (const auto& [view, coverage] : session.coverage()) {
+    const fs::path file = fs::path(settings.draw) / ("coverage-" + FileName(view) + ".png");
+    RETURN_IF_ERROR(WritePng(file.string(), PictureOfCoverage(view, coverage)));
+  }
+  return absl::OkStatus();
+}
+
+absl::Status WriteSightings(const DetectSession& session, const std::string& out) {
+  return ReplaceFile(out, SightingFileText(session.Sightings()));
+}
+
+cv::Mat GreyOf(const cv::Mat& image) {
+  if (image.channels() == 1) return image;
+  cv::Mat grey;
+  cv::cvtColor(image, grey, cv::COLOR_BGR2GRAY);
+  return grey;
+}
+
+absl::StatusOr<ImageSet> GrabSet(CellCameras& cameras) {
+  return cameras.Grab([](const std::string& line) { std::cerr << line << std::endl; });
+}
+
+std::vector<std::string> FamiliesOf(const std::vector<Board>& boards) {
+  std::set<std::string> families;
+  for (const Board& board : boards) families.insert(board.description().family);
+  return {families.begin(), families.end()};
+}
+
+std::string CoverageLine(const DetectSession& session) {
+  std::vector<std::string> views;
+  for (const auto& [view, coverage] : session.coverage()) {
+    views.push_back(absl::StrFormat("%s %.0f %%", view, 100 * coverage.Share()));
+  }
+  return "coverage " + absl::StrJoin(views, ", ");
+}
+
+std::string DetectionText(const DetectSession& session, const std::string& out) {
+  Table table{{"view", "frame", "tags", "size", "blur", "sigma (pixels)", ""}};
+  for (const SessionImage& image : session.images()) {
+    const ImageTags& tags = image.tags;
+    const double blur = tags.MedianBlur();
+    const bool none = tags.tags.empty();
+    table.rows.push_back({tags.view, tags.frame,
+                          none ? "none" : absl::StrCat(tags.tags.size(), " of ", tags.expected),
+                          none ? "" : absl::StrFormat("%.0f", tags.MeanSize()),
+                          none       ? ""
+                          : blur > 0 ? absl::StrFormat("%.2f", blur)
+                                     : "-",
+                          none ? "" : absl::StrFormat("%.3f", tags.TypicalSigma()),
+                          image.copy ? "left out" : ""});
+  }
+  std::string text = TextOf(table);
+  for (const SessionImage& image : session.images()) {
+    for (const std::string& warning : image.warnings) {
+      absl::StrAppend(&text, "warning: ", image.source, " ", warning, "\n");
+    }
+  }
+  for (const auto& [view, coverage] : session.coverage()) {
+    if (coverage.Share() >= kLittleCoverage) continue;
+    absl::StrAppendFormat(
+        &text,
+        "warning: corners in %.0f %% of view '%s' only; for its lens, show boards in all of the "
+        "image, corners of the image above all\n",
+        100 * coverage.Share(), view);
+  }
+  return absl::StrCat(text, CoverageLine(session), "\nwrote ", out, ": ",
+                      session.Sightings().size(), " tags of ", session.images().size(),
+                      " images\n");
+}
+
+nlohmann::ordered_json DetectionJson(const DetectSession& session, const std::string& out) {
+  nlohmann::ordered_json json = {{"out", out},
+                                 {"sightings", session.Sightings().size()},
+                                 {"images", nlohmann::ordered_json::array()},
+                                 {"views", nlohmann::ordered_json::array()}};
+  for (const SessionImage& image : session.images()) json["images"].push_back(JsonOf(image));
+  for (const auto& [view, coverage] : session.coverage()) {
+    json["views"].push_back(
+        {{"view", view}, {"corners", coverage.corners().size()}, {"coverage", coverage.Share()}});
+  }
+  return json;
+}
+
+}  // namespace silhouette
