@@ -15,25 +15,10 @@
 #include "db/store/schema.h"
 #include "tests/db/store/full_disk.h"
 #include "tests/db/store/index_checks.h"
-#include "tests/db/store/test_cell.h"
+#include "tests/db/store/test_database.h"
 
 namespace silhouette {
 namespace {
-
-using CollisionIndexFailureAccess = Database::Access;
-
-void CollisionIndexFailureMakeDatabase(const std::string& path, uint64_t every,
-                                       const storage::v1::CellDescription& cell = TestCell(100,
-                                                                                           140)) {
-  const auto database = Database::Create(path, cell);
-  ASSERT_TRUE(database.ok()) << database.status();
-  auto writer = (*database)->Write("test", absl::Hours(1));
-  for (ConfigurationNumber number : AllNumbers((*database)->grid())) {
-    if (number % every != 0) continue;
-    ASSERT_TRUE(writer->Put(TestImage(**database, number)).ok());
-  }
-  ASSERT_TRUE(writer->Commit().ok());
-}
 
 void ExpectRecordsAreThere(const Database& database, uint64_t every) {
   const auto snapshot = database.Read();
@@ -51,7 +36,7 @@ void ExpectRecordsAreThere(const Database& database, uint64_t every) {
 TEST(CollisionIndex, KilledBuildLeavesWholeTilesOrNone) {
   const FreshFolder folder;
   const std::string path = folder / "db";
-  CollisionIndexFailureMakeDatabase(path, 40);
+  MakeFilledDatabase(path, 40);
   const uint64_t seed = std::random_device()();
   std::cout << "seed " << seed << std::endl;
   std::mt19937_64 random(seed);
@@ -61,7 +46,7 @@ TEST(CollisionIndex, KilledBuildLeavesWholeTilesOrNone) {
     ASSERT_EQ(pipe(ready), 0);
     const pid_t child = fork();
     if (child == 0) {
-      const auto database = Database::Open(path, CollisionIndexFailureAccess::kWrite);
+      const auto database = Database::Open(path, Access::kWrite);
       if (!database.ok() || write(ready[1], "r", 1) != 1) _exit(1);
       // A tile at a time, as often as it takes.
       for (;;) {
@@ -77,14 +62,14 @@ TEST(CollisionIndex, KilledBuildLeavesWholeTilesOrNone) {
     killed += WIFSIGNALED(status) ? 1 : 0;
     close(ready[0]);
     close(ready[1]);
-    const auto database = Database::Open(path, CollisionIndexFailureAccess::kRead);
+    const auto database = Database::Open(path, Access::kRead);
     ASSERT_TRUE(database.ok()) << database.status();
     const CollisionIndexSummary summary = OpenIndex(**database)->Summary();
     EXPECT_EQ(summary.fresh + summary.missing, summary.tiles);
     ExpectIndexHoldsTheRobotImages(**database, false);
   }
   EXPECT_EQ(killed, 25);
-  const auto database = Database::Open(path, CollisionIndexFailureAccess::kWrite);
+  const auto database = Database::Open(path, Access::kWrite);
   ExpectRecordsAreThere(**database, 40);
   ASSERT_TRUE(BuildCollisionIndex(**database).ok());
   ExpectIndexHoldsTheRobotImages(**database);
@@ -95,8 +80,8 @@ TEST_F(FullDisk, KeepsRecordsAndWholeTilesOfABuild) {
   storage::v1::CellDescription cell = TestCell(300, 300);
   cell.mutable_views(0)->set_mask_width(16);
   cell.mutable_views(0)->set_mask_height(16);
-  CollisionIndexFailureMakeDatabase(path, 500, cell);
-  const auto database = Database::Open(path, CollisionIndexFailureAccess::kWrite);
+  MakeFilledDatabase(path, 500, cell);
+  const auto database = Database::Open(path, Access::kWrite);
   const auto full = BuildCollisionIndex(**database, {.buffer = 0});
   EXPECT_EQ(full.status().code(), absl::StatusCode::kResourceExhausted) << full.status();
   const CollisionIndexSummary summary = OpenIndex(**database)->Summary();
@@ -112,21 +97,12 @@ TEST_F(FullDisk, KeepsRecordsAndWholeTilesOfABuild) {
   ExpectIndexHoldsTheRobotImages(**database);
 }
 
-std::string CollisionIndexFailureReadFile(const std::string& path) {
-  std::ifstream file(path, std::ios::binary);
-  return {std::istreambuf_iterator<char>(file), {}};
-}
-
-void CollisionIndexFailureWriteFile(const std::string& path, const std::string& bytes) {
-  std::ofstream(path, std::ios::binary) << bytes;
-}
-
 // A database with an index, and the bytes of its file.
 std::string MakeIndexedDatabase(const std::string& path) {
-  CollisionIndexFailureMakeDatabase(path, 40);
-  const auto database = Database::Open(path, CollisionIndexFailureAccess::kWrite);
+  MakeFilledDatabase(path, 40);
+  const auto database = Database::Open(path, Access::kWrite);
   EXPECT_TRUE(BuildCollisionIndex(**database).ok());
-  return CollisionIndexFailureReadFile(path + "/data.mdb");
+  return ReadFile(path + "/data.mdb");
 }
 
 TEST(CollisionIndex, DamagedTileIsFoundNeverUsedAndBuiltAnew) {
@@ -138,7 +114,7 @@ TEST(CollisionIndex, DamagedTileIsFoundNeverUsedAndBuiltAnew) {
   size_t at = 0;
   size_t size = 0;
   {
-    const auto database = Database::Open(folder / "db", CollisionIndexFailureAccess::kRead);
+    const auto database = Database::Open(folder / "db", Access::kRead);
     const auto index = OpenIndex(**database);
     const auto bytes = index->Bytes(2);
     size = bytes.size();
@@ -152,8 +128,8 @@ TEST(CollisionIndex, DamagedTileIsFoundNeverUsedAndBuiltAnew) {
     SCOPED_TRACE(place - at);
     std::string bytes = sound;
     bytes[place] = static_cast<char>(bytes[place] ^ 4);
-    CollisionIndexFailureWriteFile(folder / "db/data.mdb", bytes);
-    const auto database = Database::Open(folder / "db", CollisionIndexFailureAccess::kWrite);
+    WriteFile(folder / "db/data.mdb", bytes);
+    const auto database = Database::Open(folder / "db", Access::kWrite);
     ASSERT_TRUE(database.ok()) << database.status();
     EXPECT_EQ(state_of(**database, 2), TileState::kDamaged);
     EXPECT_EQ(OpenIndex(**database)->Tile(2), nullptr);
@@ -171,7 +147,7 @@ TEST(CollisionIndex, DamagedTileIsFoundNeverUsedAndBuiltAnew) {
 TEST(CollisionIndex, OfAnotherTileIsDamaged) {
   const FreshFolder folder;
   MakeIndexedDatabase(folder / "db");
-  const auto database = Database::Open(folder / "db", CollisionIndexFailureAccess::kWrite);
+  const auto database = Database::Open(folder / "db", Access::kWrite);
   const auto environment = Environment::Open(folder / "db");
   const auto index = *(*environment)->Find(schema::kCollisionIndex);
   const auto key = [](uint64_t tile) {
@@ -209,8 +185,8 @@ TEST(CollisionIndex, WithFlippedBitsAnywhereNeverGivesWrongRobotImages) {
       if (random() % 2 == 0) place = place / 4096 * 4096 + random() % 64;
       bytes[place] = static_cast<char>(bytes[place] ^ (1 << random() % 8));
     }
-    CollisionIndexFailureWriteFile(folder / "spoilt/data.mdb", bytes);
-    const auto database = Database::Open(folder / "spoilt", CollisionIndexFailureAccess::kRead);
+    WriteFile(folder / "spoilt/data.mdb", bytes);
+    const auto database = Database::Open(folder / "spoilt", Access::kRead);
     if (!database.ok()) continue;
     auto snapshot = (*database)->Read();
     if (!snapshot.ok()) continue;
@@ -234,8 +210,8 @@ TEST(CollisionIndex, WithFlippedBitsAnywhereNeverGivesWrongRobotImages) {
 
 TEST(CollisionIndex, IsNotOneOfAnotherKindUnderItsName) {
   const FreshFolder folder;
-  CollisionIndexFailureMakeDatabase(folder / "db", 40);
-  const auto database = Database::Open(folder / "db", CollisionIndexFailureAccess::kWrite);
+  MakeFilledDatabase(folder / "db", 40);
+  const auto database = Database::Open(folder / "db", Access::kWrite);
   const auto environment = Environment::Open(folder / "db");
   constexpr MDB_dbi kSubDatabases = 1;
   ASSERT_TRUE((*environment)

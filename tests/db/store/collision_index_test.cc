@@ -15,40 +15,17 @@
 #include "db/store/robot_image_format.h"
 #include "db/store/schema.h"
 #include "tests/db/store/index_checks.h"
-#include "tests/db/store/test_cell.h"
+#include "tests/db/store/test_database.h"
 
 namespace silhouette {
 namespace {
 
-using CollisionIndexAccess = Database::Access;
 using testing::ElementsAre;
-
-// A database with records for every `every`-th configuration of a grid of several tiles.
-std::unique_ptr<Database> CollisionIndexMakeDatabase(
-    const std::string& path, uint64_t every = 5,
-    const storage::v1::CellDescription& cell = TestCell(100, 140)) {
-  auto database = Database::Create(path, cell);
-  EXPECT_TRUE(database.ok()) << database.status();
-  auto writer = (*database)->Write("test", absl::Hours(1));
-  for (ConfigurationNumber number : AllNumbers((*database)->grid())) {
-    if (number % every != 0) continue;
-    EXPECT_TRUE(writer->Put(TestImage(**database, number)).ok());
-  }
-  EXPECT_TRUE(writer->Commit().ok());
-  return *std::move(database);
-}
 
 IndexBuildReport Build(Database& database, const IndexBuildOptions& options = {}) {
   const auto report = BuildCollisionIndex(database, options);
   EXPECT_TRUE(report.ok()) << report.status();
   return *report;
-}
-
-void CollisionIndexPut(Database& database, const RobotImage& image, bool replace) {
-  auto writer = database.Write("test", absl::Hours(1));
-  ASSERT_TRUE(writer.ok()) << writer.status();
-  ASSERT_TRUE(writer->Put(image, replace).ok());
-  ASSERT_TRUE(writer->Commit().ok());
 }
 
 std::vector<uint64_t> TilesIn(const Database& database, TileState state) {
@@ -62,7 +39,7 @@ std::vector<uint64_t> TilesIn(const Database& database, TileState state) {
 
 TEST(CollisionIndex, HoldsTheRobotImages) {
   const FreshFolder folder;
-  const auto database = CollisionIndexMakeDatabase(folder / "db", 3);
+  const auto database = MakeFilledDatabase(folder / "db", 3);
   const IndexBuildReport report = Build(*database);
   EXPECT_GT(report.tiles, 3);
   EXPECT_EQ(report.built, report.tiles);
@@ -82,7 +59,7 @@ TEST_P(CollisionIndexOfMasks, HoldsTheRobotImagesAlignedToCacheLines) {
   cell.mutable_views(0)->set_mask_height(GetParam().height);
   cell.mutable_views(1)->set_mask_width(1);
   cell.mutable_views(1)->set_mask_height(1);
-  const auto database = CollisionIndexMakeDatabase(folder / "db", 313, cell);
+  const auto database = MakeFilledDatabase(folder / "db", 313, cell);
   Build(*database);
   ExpectIndexHoldsTheRobotImages(*database);
   const auto index = OpenIndex(*database);
@@ -116,7 +93,7 @@ TEST(CollisionIndex, OfNoRobotImagesIsEmpty) {
 
 TEST(CollisionIndex, IsMissingInADatabaseThatHasNone) {
   const FreshFolder folder;
-  const auto database = CollisionIndexMakeDatabase(folder / "db");
+  const auto database = MakeFilledDatabase(folder / "db");
   const auto index = OpenIndex(*database);
   const CollisionIndexSummary summary = index->Summary();
   EXPECT_GT(summary.tiles, 3);
@@ -126,8 +103,8 @@ TEST(CollisionIndex, IsMissingInADatabaseThatHasNone) {
 
 TEST(CollisionIndex, NeedsTheRightToWriteToBeBuilt) {
   const FreshFolder folder;
-  CollisionIndexMakeDatabase(folder / "db");
-  const auto database = Database::Open(folder / "db", CollisionIndexAccess::kRead);
+  MakeFilledDatabase(folder / "db");
+  const auto database = Database::Open(folder / "db", Access::kRead);
   EXPECT_EQ(BuildCollisionIndex(**database).status().code(), absl::StatusCode::kFailedPrecondition);
 }
 
@@ -154,7 +131,7 @@ class CollisionIndexAfter : public testing::TestWithParam<Change> {};
 
 TEST_P(CollisionIndexAfter, ChangeIsStaleInThatTileOnlyAndMendedByBuildingIt) {
   const FreshFolder folder;
-  const auto database = CollisionIndexMakeDatabase(folder / "db");
+  const auto database = MakeFilledDatabase(folder / "db");
   ASSERT_TRUE(*database->Read()->Contains(kThere));
   ASSERT_FALSE(*database->Read()->Contains(kNotThere));
   Build(*database);
@@ -175,18 +152,18 @@ INSTANTIATE_TEST_SUITE_P(
                            [](Database& database) {
                              RobotImage image = TestImage(database, kThere, 7);
                              image.number = kThere;
-                             CollisionIndexPut(database, image, true);
+                             PutAll(database, {image}, true);
                            }},
                     Change{"Added",
                            [](Database& database) {
-                             CollisionIndexPut(database, TestImage(database, kNotThere), false);
+                             PutAll(database, {TestImage(database, kNotThere)}, false);
                            }},
                     Change{"Excluded",
                            [](Database& database) {
                              RobotImage image;
                              image.number = kNotThere;
                              image.excluded = true;
-                             CollisionIndexPut(database, image, false);
+                             PutAll(database, {image}, false);
                            }},
                     Change{"ReplacedUnannounced",
                            [](Database& database) {
@@ -217,7 +194,7 @@ INSTANTIATE_TEST_SUITE_P(
 
 TEST(CollisionIndex, StaysFreshWhenOnlyTheCalibrationOrTheReferencesChange) {
   const FreshFolder folder;
-  const auto database = CollisionIndexMakeDatabase(folder / "db");
+  const auto database = MakeFilledDatabase(folder / "db");
   Build(*database);
   const uint64_t generation = database->Read()->generation();
   storage::v1::References references;
@@ -236,7 +213,7 @@ TEST(CollisionIndex, StaysFreshWhenOnlyTheCalibrationOrTheReferencesChange) {
 
 TEST(CollisionIndex, BuildingDoesNotRaiseTheGeneration) {
   const FreshFolder folder;
-  const auto database = CollisionIndexMakeDatabase(folder / "db");
+  const auto database = MakeFilledDatabase(folder / "db");
   const uint64_t generation = database->Read()->generation();
   Build(*database);
   EXPECT_EQ(database->Read()->generation(), generation);
@@ -244,7 +221,7 @@ TEST(CollisionIndex, BuildingDoesNotRaiseTheGeneration) {
 
 TEST(CollisionIndex, BuildsAllTilesWhereAskedTo) {
   const FreshFolder folder;
-  const auto database = CollisionIndexMakeDatabase(folder / "db");
+  const auto database = MakeFilledDatabase(folder / "db");
   const uint64_t tiles = Build(*database).built;
   EXPECT_EQ(Build(*database).built, 0);
   EXPECT_EQ(Build(*database, {.all = true}).built, tiles);
@@ -253,7 +230,7 @@ TEST(CollisionIndex, BuildsAllTilesWhereAskedTo) {
 
 TEST(CollisionIndex, OfATileThatLostItsRecordsIsRemoved) {
   const FreshFolder folder;
-  const auto database = CollisionIndexMakeDatabase(folder / "db");
+  const auto database = MakeFilledDatabase(folder / "db");
   Build(*database);
   ChangeRaw(database->path(), [&](WriteTransaction& transaction) {
     absl::Status status;
@@ -272,7 +249,7 @@ TEST(CollisionIndex, OfATileThatLostItsRecordsIsRemoved) {
 // A record that rots keeps its checksum, and gets it back when it is restored byte by byte.
 TEST(CollisionIndex, TakesInARecordThatCanBeReadAgain) {
   const FreshFolder folder;
-  const auto database = CollisionIndexMakeDatabase(folder / "db");
+  const auto database = MakeFilledDatabase(folder / "db");
   RobotImage image = TestImage(*database, kThere);
   for (uint64_t seed = 1; image.excluded; ++seed) image = TestImage(*database, kThere, seed);
   const std::string sound = EncodeRobotImage(image);
@@ -296,7 +273,7 @@ TEST(CollisionIndex, TakesInARecordThatCanBeReadAgain) {
 
 TEST(CollisionIndex, StoppedBuildKeepsWhatIsBuiltAndGoesOn) {
   const FreshFolder folder;
-  const auto database = CollisionIndexMakeDatabase(folder / "db");
+  const auto database = MakeFilledDatabase(folder / "db");
   std::vector<uint64_t> told;
   const auto stop_soon = [&](uint64_t done, uint64_t) {
     told.push_back(done);
@@ -318,7 +295,7 @@ TEST(CollisionIndex, StoppedBuildKeepsWhatIsBuiltAndGoesOn) {
 // What is fresh is what the records are, while they change under the build.
 TEST(CollisionIndex, NeverClaimsRecordsThatItWasNotBuiltFrom) {
   const FreshFolder folder;
-  const auto database = CollisionIndexMakeDatabase(folder / "db");
+  const auto database = MakeFilledDatabase(folder / "db");
   const uint64_t seed = std::random_device()();
   std::cout << "seed " << seed << std::endl;
   std::atomic<bool> done = false;
@@ -327,7 +304,7 @@ TEST(CollisionIndex, NeverClaimsRecordsThatItWasNotBuiltFrom) {
     const std::vector<ConfigurationNumber> numbers = AllNumbers(database->grid());
     while (!done) {
       const ConfigurationNumber number = numbers[random() % numbers.size()];
-      CollisionIndexPut(*database, TestImage(*database, number, random()), true);
+      PutAll(*database, {TestImage(*database, number, random())}, true);
     }
   });
   for (int i = 0; i < 6; ++i) {
@@ -343,7 +320,7 @@ TEST(CollisionIndex, NeverClaimsRecordsThatItWasNotBuiltFrom) {
 
 TEST(CollisionIndex, IsReadByManyThreadsWhileTheMapGrowsAndTheIndexIsBuiltAnew) {
   const FreshFolder folder;
-  const auto database = CollisionIndexMakeDatabase(folder / "db");
+  const auto database = MakeFilledDatabase(folder / "db");
   Build(*database);
   const auto index = OpenIndex(*database);
   const auto tiles = ReadTiles(index->snapshot());
@@ -375,7 +352,7 @@ TEST(CollisionIndex, IsReadByManyThreadsWhileTheMapGrowsAndTheIndexIsBuiltAnew) 
   for (uint64_t round = 1; map_size() == before; ++round) {
     ASSERT_LT(round, 20);
     for (const auto& [tile, images] : tiles) {
-      CollisionIndexPut(*database, TestImage(*database, tile * kTileSize, round), true);
+      PutAll(*database, {TestImage(*database, tile * kTileSize, round)}, true);
     }
     ASSERT_TRUE(database->SetReferences(references, "test").ok());
     EXPECT_EQ(Build(*database).built, tiles.size());
@@ -391,7 +368,7 @@ TEST(CollisionIndex, IsReadByManyThreadsWhileTheMapGrowsAndTheIndexIsBuiltAnew) 
 
 TEST(CollisionIndex, OutlivesItsDatabase) {
   const FreshFolder folder;
-  auto database = CollisionIndexMakeDatabase(folder / "db");
+  auto database = MakeFilledDatabase(folder / "db");
   Build(*database);
   const auto index = OpenIndex(*database);
   const auto tiles = ReadTiles(index->snapshot());
@@ -404,17 +381,17 @@ TEST(CollisionIndex, OutlivesItsDatabase) {
 // Another process builds it in a database that this one has open.
 TEST(CollisionIndex, BuiltByAnotherProcessIsFoundByTheNextSnapshot) {
   const FreshFolder folder;
-  CollisionIndexMakeDatabase(folder / "db");
+  MakeFilledDatabase(folder / "db");
   int go[2];
   ASSERT_EQ(pipe(go), 0);
   const pid_t child = fork();
   if (child == 0) {
     char byte = 0;
     if (read(go[0], &byte, 1) != 1) _exit(1);
-    const auto database = Database::Open(folder / "db", CollisionIndexAccess::kWrite);
+    const auto database = Database::Open(folder / "db", Access::kWrite);
     _exit(database.ok() && BuildCollisionIndex(**database).ok() ? 0 : 2);
   }
-  const auto database = Database::Open(folder / "db", CollisionIndexAccess::kRead);
+  const auto database = Database::Open(folder / "db", Access::kRead);
   ASSERT_TRUE(database.ok());
   EXPECT_THAT(TilesIn(**database, TileState::kFresh), ElementsAre());
   auto earlier = (*database)->Read();
@@ -432,12 +409,12 @@ TEST(CollisionIndex, BuiltByAnotherProcessIsFoundByTheNextSnapshot) {
 
 TEST(CollisionIndex, IsCopiedByCompactAndCountedAsUsed) {
   const FreshFolder folder;
-  const auto database = CollisionIndexMakeDatabase(folder / "db");
+  const auto database = MakeFilledDatabase(folder / "db");
   const uint64_t before = database->GetUsage()->used_bytes;
   const IndexBuildReport report = Build(*database);
   EXPECT_GE(database->GetUsage()->used_bytes, before + report.bytes);
   ASSERT_TRUE(database->Compact(folder / "copy").ok());
-  const auto copy = Database::Open(folder / "copy", CollisionIndexAccess::kRead);
+  const auto copy = Database::Open(folder / "copy", Access::kRead);
   ASSERT_TRUE(copy.ok()) << copy.status();
   ExpectIndexHoldsTheRobotImages(**copy);
 }

@@ -14,47 +14,18 @@
 #include "db/store/schema.h"
 #include "db/store/tile_value.h"
 #include "tests/db/store/index_checks.h"
-#include "tests/db/store/test_cell.h"
+#include "tests/db/store/test_database.h"
 
 namespace silhouette {
 namespace {
 
 using testing::ElementsAre;
 using testing::HasSubstr;
-using RobotImageVariantsAccess = Database::Access;
-using Content = std::map<ConfigurationNumber, RobotImage>;
 
-constexpr char kRobotImageVariantsTool[] = "gripper-open";
-
-std::unique_ptr<Database> RobotImageVariantsMakeDatabase(const std::string& path) {
-  auto database = Database::Create(path, TestCell());
-  EXPECT_TRUE(database.ok()) << database.status();
-  return *std::move(database);
-}
-
-std::unique_ptr<Database> MakeVariant(Database& database,
-                                      const std::string& name = kRobotImageVariantsTool) {
+std::unique_ptr<Database> MakeVariant(Database& database, const std::string& name = kTool) {
   auto variant = database.CreateVariant(name, "test");
   EXPECT_TRUE(variant.ok()) << variant.status();
   return *std::move(variant);
-}
-
-Content RobotImageVariantsContentOf(const Database& database) {
-  Content content;
-  const auto visit = [&](ConfigurationNumber number, absl::StatusOr<RobotImage> image) {
-    EXPECT_TRUE(image.ok()) << image.status();
-    if (image.ok()) content[number] = *std::move(image);
-    return true;
-  };
-  EXPECT_TRUE(database.Read()->ForEach(visit).ok());
-  return content;
-}
-
-void PutAll(Database& database, const std::vector<RobotImage>& images, bool replace = false) {
-  auto writer = database.Write("test", absl::Hours(1));
-  ASSERT_TRUE(writer.ok()) << writer.status();
-  for (const RobotImage& image : images) ASSERT_TRUE(writer->Put(image, replace).ok());
-  ASSERT_TRUE(writer->Commit().ok());
 }
 
 std::vector<RobotImage> Images(const Database& database, uint64_t seed) {
@@ -66,7 +37,7 @@ std::vector<RobotImage> Images(const Database& database, uint64_t seed) {
 }
 
 // The same robot with something on its hand: a few pixels more, a few less.
-RobotImage RobotImageVariantsWithTool(RobotImage image, uint64_t seed) {
+RobotImage WithTool(RobotImage image, uint64_t seed) {
   std::mt19937_64 random(seed + image.number);
   for (Mask& mask : image.masks) {
     const int x0 = static_cast<int>(random() % static_cast<uint64_t>(mask.width()));
@@ -80,7 +51,7 @@ RobotImage RobotImageVariantsWithTool(RobotImage image, uint64_t seed) {
 }
 
 std::vector<RobotImage> WithTools(std::vector<RobotImage> images, uint64_t seed) {
-  for (RobotImage& image : images) image = RobotImageVariantsWithTool(std::move(image), seed);
+  for (RobotImage& image : images) image = WithTool(std::move(image), seed);
   return images;
 }
 
@@ -111,29 +82,27 @@ TEST(Variants, AreKeptBesideEachOther) {
   std::vector<RobotImage> plain;
   std::vector<RobotImage> tool;
   {
-    const auto database = RobotImageVariantsMakeDatabase(folder / "db");
+    const auto database = MakeDatabase(folder / "db");
     EXPECT_THAT(*database->Variants(), ElementsAre("default"));
     const auto variant = MakeVariant(*database);
-    EXPECT_EQ(variant->variant(), kRobotImageVariantsTool);
-    EXPECT_THAT(*database->Variants(), ElementsAre("default", kRobotImageVariantsTool));
+    EXPECT_EQ(variant->variant(), kTool);
+    EXPECT_THAT(*database->Variants(), ElementsAre("default", kTool));
     plain = Images(*database, 1);
     tool = WithTools(plain, 7);
     PutAll(*database, plain);
     PutAll(*variant, tool);
   }
-  const auto database = *Database::Open(folder / "db", RobotImageVariantsAccess::kRead);
-  EXPECT_EQ(RobotImageVariantsContentOf(*database), AsContent(plain));
-  EXPECT_EQ(RobotImageVariantsContentOf(**database->OpenVariant(kRobotImageVariantsTool)),
-            AsContent(tool));
-  EXPECT_GT(SharedRecords(folder / "db", kRobotImageVariantsTool),
-            static_cast<int>(tool.size()) * 3 / 4);
-  const auto found = (*database->OpenVariant(kRobotImageVariantsTool))->Read();
+  const auto database = *Database::Open(folder / "db", Access::kRead);
+  EXPECT_EQ(ContentOf(*database), AsContent(plain));
+  EXPECT_EQ(ContentOf(**database->OpenVariant(kTool)), AsContent(tool));
+  EXPECT_GT(SharedRecords(folder / "db", kTool), static_cast<int>(tool.size()) * 3 / 4);
+  const auto found = (*database->OpenVariant(kTool))->Read();
   for (const RobotImage& image : tool) EXPECT_EQ(**found->Find(image.number), image);
 }
 
 TEST(Variants, ThatDifferInFewPixelsCostLittle) {
   const FreshFolder folder;
-  const auto database = RobotImageVariantsMakeDatabase(folder / "db");
+  const auto database = MakeDatabase(folder / "db");
   const auto variant = MakeVariant(*database);
   std::vector<RobotImage> plain = Images(*database, 2);
   for (RobotImage& image : plain) {
@@ -156,7 +125,7 @@ TEST(Variants, KeepTheirImagesWhateverIsReplaced) {
   std::mt19937_64 random(seed);
   std::vector<Content> expected(3);
   {
-    const auto database = RobotImageVariantsMakeDatabase(folder / "db");
+    const auto database = MakeDatabase(folder / "db");
     std::vector<std::unique_ptr<Database>> variants;
     variants.push_back(*database->OpenVariant("default"));
     variants.push_back(MakeVariant(*database, "a"));
@@ -167,20 +136,20 @@ TEST(Variants, KeepTheirImagesWhateverIsReplaced) {
       for (const ConfigurationNumber number : AllNumbers(database->grid())) {
         if (random() % 8 != 0) continue;
         RobotImage image = TestImage(*database, number, random() % 3);
-        if (which > 0) image = RobotImageVariantsWithTool(image, random() % 3);
+        if (which > 0) image = WithTool(image, random() % 3);
         images.push_back(image);
         expected[which][number] = image;
       }
       PutAll(*variants[which], images, true);
     }
   }
-  const auto database = *Database::Open(folder / "db", RobotImageVariantsAccess::kRead);
+  const auto database = *Database::Open(folder / "db", Access::kRead);
   const auto states = database->ReadVariants();
   ASSERT_TRUE(states.ok()) << states.status();
   ASSERT_EQ(states->size(), 3);
   for (size_t i = 0; i < 3; ++i) {
     EXPECT_EQ((*states)[i].snapshot.generation(), (*states)[0].snapshot.generation());
-    EXPECT_EQ(RobotImageVariantsContentOf(*(*states)[i].database), expected[i]);
+    EXPECT_EQ(ContentOf(*(*states)[i].database), expected[i]);
   }
 }
 
@@ -188,15 +157,15 @@ TEST(Variants, KeepTheirImagesWhateverIsReplaced) {
 // doing: those that rest on it are damaged, and nothing else.
 TEST(Variants, DoNotTakeAnotherRecordForTheOneTheyRestOn) {
   const FreshFolder folder;
-  const auto database = RobotImageVariantsMakeDatabase(folder / "db");
+  const auto database = MakeDatabase(folder / "db");
   const auto variant = MakeVariant(*database);
   RobotImage image = TestImage(*database, 5, 1);
   image.excluded = false;
   image.masks = {Mask({64, 64}), Mask({33, 20})};
   image.masks[0] = Mask::FromPredicate({64, 64}, [](int x, int y) { return x * y % 7 == 3; });
   PutAll(*database, {image});
-  PutAll(*variant, {RobotImageVariantsWithTool(image, 1)});
-  ASSERT_EQ(SharedRecords(folder / "db", kRobotImageVariantsTool), 1);
+  PutAll(*variant, {WithTool(image, 1)});
+  ASSERT_EQ(SharedRecords(folder / "db", kTool), 1);
   const auto environment = *Environment::Open(folder / "db");
   const schema::NumberKey key = schema::EncodeKey(5);
   const auto change = [&](const std::function<absl::Status(WriteTransaction&)>& how) {
@@ -215,7 +184,7 @@ TEST(Variants, DoNotTakeAnotherRecordForTheOneTheyRestOn) {
   change([&](WriteTransaction& transaction) {
     return transaction.Delete(environment->robot_images(), {key.data(), key.size()});
   });
-  for (RobotImage other : {TestImage(*database, 5, 2), RobotImageVariantsWithTool(image, 9)}) {
+  for (RobotImage other : {TestImage(*database, 5, 2), WithTool(image, 9)}) {
     change([&](WriteTransaction& transaction) {
       return transaction.Put(environment->robot_images(), {key.data(), key.size()},
                              EncodeRobotImage(other));
@@ -225,7 +194,7 @@ TEST(Variants, DoNotTakeAnotherRecordForTheOneTheyRestOn) {
 
 TEST(Variants, AreReadInPlaceAsTheyAreStored) {
   const FreshFolder folder;
-  const auto database = RobotImageVariantsMakeDatabase(folder / "db");
+  const auto database = MakeDatabase(folder / "db");
   const auto variant = MakeVariant(*database);
   const std::vector<RobotImage> plain = Images(*database, 4);
   const std::vector<RobotImage> tool = WithTools(plain, 5);
@@ -251,7 +220,7 @@ TEST(Variants, AreReadInPlaceAsTheyAreStored) {
 
 TEST(Variants, HaveACollisionIndexEach) {
   const FreshFolder folder;
-  const auto database = RobotImageVariantsMakeDatabase(folder / "db");
+  const auto database = MakeDatabase(folder / "db");
   const auto variant = MakeVariant(*database);
   const std::vector<RobotImage> plain = Images(*database, 6);
   PutAll(*database, plain);
@@ -273,7 +242,7 @@ TEST(Variants, HaveACollisionIndexEach) {
 // Earlier programs coded another variant's index by its differences from the default variant's.
 TEST(Variants, IndexInAnEarlierFormIsStaleAndIsBuiltAgain) {
   const FreshFolder folder;
-  const auto database = RobotImageVariantsMakeDatabase(folder / "db");
+  const auto database = MakeDatabase(folder / "db");
   const auto variant = MakeVariant(*database);
   const std::vector<RobotImage> plain = Images(*database, 6);
   PutAll(*database, plain);
@@ -281,8 +250,7 @@ TEST(Variants, IndexInAnEarlierFormIsStaleAndIsBuiltAgain) {
   ASSERT_TRUE(BuildCollisionIndex(*database).ok());
   EXPECT_EQ(OpenIndex(*variant)->State(0), TileState::kFresh);
   const auto environment = *Environment::Open(folder / "db");
-  const auto values =
-      *environment->Find(schema::PlacesOfVariant(kRobotImageVariantsTool).collision_index);
+  const auto values = *environment->Find(schema::PlacesOfVariant(kTool).collision_index);
   const schema::NumberKey key = schema::EncodeKey(0);
   const std::string_view key_view(key.data(), key.size());
   std::string stored;
@@ -322,7 +290,7 @@ TEST(Variants, IndexInAnEarlierFormIsStaleAndIsBuiltAgain) {
 
 TEST(Variants, HaveNamesThatAreOnesAndAreAtMostSoMany) {
   const FreshFolder folder;
-  const auto database = RobotImageVariantsMakeDatabase(folder / "db");
+  const auto database = MakeDatabase(folder / "db");
   for (const char* name : {"", "Open", "a b", "a/b", "0123456789012345678901234567890123"}) {
     EXPECT_EQ(database->CreateVariant(name, "test").status().code(),
               absl::StatusCode::kInvalidArgument)
@@ -343,30 +311,28 @@ TEST(Variants, HaveNamesThatAreOnesAndAreAtMostSoMany) {
 
 TEST(Variants, AreRemovedWithWhatIsTheirOwn) {
   const FreshFolder folder;
-  const auto database = RobotImageVariantsMakeDatabase(folder / "db");
+  const auto database = MakeDatabase(folder / "db");
   const std::vector<RobotImage> plain = Images(*database, 8);
   PutAll(*database, plain);
   auto variant = MakeVariant(*database);
   PutAll(*variant, WithTools(plain, 1));
   ASSERT_TRUE(BuildCollisionIndex(*database).ok());
   const auto before = variant->Read();
-  ASSERT_TRUE(database->RemoveVariant(kRobotImageVariantsTool, "test").ok());
+  ASSERT_TRUE(database->RemoveVariant(kTool, "test").ok());
   EXPECT_EQ(before->size(), plain.size());
   EXPECT_THAT(*database->Variants(), ElementsAre("default"));
-  EXPECT_EQ(database->OpenVariant(kRobotImageVariantsTool).status().code(),
-            absl::StatusCode::kNotFound);
-  EXPECT_EQ(database->RemoveVariant(kRobotImageVariantsTool, "test").code(),
-            absl::StatusCode::kNotFound);
+  EXPECT_EQ(database->OpenVariant(kTool).status().code(), absl::StatusCode::kNotFound);
+  EXPECT_EQ(database->RemoveVariant(kTool, "test").code(), absl::StatusCode::kNotFound);
   EXPECT_EQ(database->RemoveVariant("default", "test").code(), absl::StatusCode::kInvalidArgument);
-  EXPECT_EQ(RobotImageVariantsContentOf(*database), AsContent(plain));
+  EXPECT_EQ(ContentOf(*database), AsContent(plain));
   variant = MakeVariant(*database);
-  EXPECT_TRUE(RobotImageVariantsContentOf(*variant).empty());
+  EXPECT_TRUE(ContentOf(*variant).empty());
   EXPECT_TRUE(OpenIndex(*variant)->Tiles().empty());
 }
 
 TEST(Variants, ShareReferencesAndOneGeneration) {
   const FreshFolder folder;
-  const auto database = RobotImageVariantsMakeDatabase(folder / "db");
+  const auto database = MakeDatabase(folder / "db");
   const auto variant = MakeVariant(*database);
   storage::v1::References references;
   for (int i = 0; i < 2; ++i) references.add_views()->set_images(20);
@@ -376,7 +342,7 @@ TEST(Variants, ShareReferencesAndOneGeneration) {
   PutAll(*variant, {TestImage(*database, 1)});
   EXPECT_GT(database->Read()->generation(), before);
   const auto provenance = database->Read()->Provenance();
-  EXPECT_EQ(provenance->entries(provenance->entries_size() - 1).variant(), kRobotImageVariantsTool);
+  EXPECT_EQ(provenance->entries(provenance->entries_size() - 1).variant(), kTool);
   auto writer = database->Write("test");
   ASSERT_TRUE(writer.ok());
   EXPECT_EQ(variant->Write("test").status().code(), absl::StatusCode::kFailedPrecondition);
@@ -384,18 +350,18 @@ TEST(Variants, ShareReferencesAndOneGeneration) {
 
 TEST(Variants, OutliveTheDatabaseTheyAreOf) {
   const FreshFolder folder;
-  auto database = RobotImageVariantsMakeDatabase(folder / "db");
+  auto database = MakeDatabase(folder / "db");
   const auto variant = MakeVariant(*database);
   database.reset();
   PutAll(*variant, {TestImage(*variant, 1)});
-  EXPECT_EQ(RobotImageVariantsContentOf(*variant).size(), 1);
-  EXPECT_EQ(Database::Open(folder / "db", RobotImageVariantsAccess::kWrite).status().code(),
+  EXPECT_EQ(ContentOf(*variant).size(), 1);
+  EXPECT_EQ(Database::Open(folder / "db", Access::kWrite).status().code(),
             absl::StatusCode::kFailedPrecondition);
 }
 
 TEST(Variants, MasksOfAllAreReplacedAtOnce) {
   const FreshFolder folder;
-  const auto database = RobotImageVariantsMakeDatabase(folder / "db");
+  const auto database = MakeDatabase(folder / "db");
   const auto variant = MakeVariant(*database);
   const std::vector<RobotImage> plain = Images(*database, 3);
   PutAll(*database, plain);
@@ -409,23 +375,22 @@ TEST(Variants, MasksOfAllAreReplacedAtOnce) {
   PutAll(*made_variant, WithTools(plain, 4));
   const auto before = database->ReadVariants();
   ASSERT_TRUE(database->ReplaceMasks(*made, "test").ok());
-  EXPECT_EQ(RobotImageVariantsContentOf(*database), AsContent(WithTools(plain, 2)));
-  EXPECT_EQ(RobotImageVariantsContentOf(*variant), AsContent(WithTools(plain, 4)));
+  EXPECT_EQ(ContentOf(*database), AsContent(WithTools(plain, 2)));
+  EXPECT_EQ(ContentOf(*variant), AsContent(WithTools(plain, 4)));
   EXPECT_EQ(**(*before)[1].snapshot.Find(plain[3].number), WithTools(plain, 1)[3]);
-  EXPECT_GT(SharedRecords(folder / "db", kRobotImageVariantsTool), 0);
+  EXPECT_GT(SharedRecords(folder / "db", kTool), 0);
 }
 
 TEST(Variants, AreInACompactCopy) {
   const FreshFolder folder;
-  const auto database = RobotImageVariantsMakeDatabase(folder / "db");
+  const auto database = MakeDatabase(folder / "db");
   const auto variant = MakeVariant(*database);
   const std::vector<RobotImage> plain = Images(*database, 9);
   PutAll(*database, plain);
   PutAll(*variant, WithTools(plain, 2));
   ASSERT_TRUE(database->Compact(folder / "copy").ok());
-  const auto copy = *Database::Open(folder / "copy", RobotImageVariantsAccess::kRead);
-  EXPECT_EQ(RobotImageVariantsContentOf(**copy->OpenVariant(kRobotImageVariantsTool)),
-            AsContent(WithTools(plain, 2)));
+  const auto copy = *Database::Open(folder / "copy", Access::kRead);
+  EXPECT_EQ(ContentOf(**copy->OpenVariant(kTool)), AsContent(WithTools(plain, 2)));
 }
 
 }  // namespace

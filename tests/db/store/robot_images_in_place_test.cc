@@ -11,12 +11,10 @@
 #include <thread>
 
 #include "db/store/environment.h"
-#include "tests/db/store/test_cell.h"
+#include "tests/db/store/test_database.h"
 
 namespace silhouette {
 namespace {
-
-using RobotImagesInPlaceAccess = Database::Access;
 
 // Two views; with `large`, of so many pixels that most records need pages of their own.
 storage::v1::CellDescription Cell(bool large) {
@@ -27,13 +25,7 @@ storage::v1::CellDescription Cell(bool large) {
   return cell;
 }
 
-void RobotImagesInPlacePut(Database& database, const RobotImage& image, bool replace = false) {
-  auto writer = database.Write("test", absl::Hours(1));
-  ASSERT_TRUE(writer.ok() && writer->Put(image, replace).ok() && writer->Commit().ok());
-}
-
-std::unique_ptr<Database> RobotImagesInPlaceMakeDatabase(const std::string& path,
-                                                         bool large = false) {
+std::unique_ptr<Database> MakeLargeOrSmall(const std::string& path, bool large = false) {
   auto database = *Database::Create(path, Cell(large));
   auto writer = *database->Write("test", absl::Hours(1));
   for (const ConfigurationNumber number : AllNumbers(database->grid())) {
@@ -44,10 +36,8 @@ std::unique_ptr<Database> RobotImagesInPlaceMakeDatabase(const std::string& path
   return database;
 }
 
-using Records = std::map<ConfigurationNumber, RobotImage>;
-
-Records ReadAll(const Database& database) {
-  Records records;
+Content ReadAll(const Database& database) {
+  Content records;
   EXPECT_TRUE(database.Read()
                   ->ForEach([&](ConfigurationNumber number, absl::StatusOr<RobotImage> image) {
                     if (image.ok()) records[number] = *std::move(image);
@@ -79,7 +69,7 @@ std::shared_ptr<const RobotImagesInPlace> OpenImages(const Database& database) {
 }
 
 void ExpectReads(const RobotImagesInPlace& images, const ConfigurationGrid& grid, size_t room,
-                 const Records& records) {
+                 const Content& records) {
   std::vector<uint64_t> words(room);
   for (ConfigurationNumber number = 0; number < grid.number_limit() + kTileSize; ++number) {
     const auto found = records.find(number);
@@ -95,15 +85,15 @@ class RobotImagesOfSize : public ::testing::TestWithParam<bool> {};
 
 TEST_P(RobotImagesOfSize, AreReadAsTheyAreStored) {
   const FreshFolder folder;
-  const auto database = RobotImagesInPlaceMakeDatabase(folder / "db", GetParam());
-  const Records records = ReadAll(*database);
+  const auto database = MakeLargeOrSmall(folder / "db", GetParam());
+  const Content records = ReadAll(*database);
   ExpectReads(*OpenImages(*database), database->grid(), RoomFor(*database), records);
 }
 
 TEST_P(RobotImagesOfSize, AreMetOnceInTheirOrder) {
   const FreshFolder folder;
-  const auto database = RobotImagesInPlaceMakeDatabase(folder / "db", GetParam());
-  const Records records = ReadAll(*database);
+  const auto database = MakeLargeOrSmall(folder / "db", GetParam());
+  const Content records = ReadAll(*database);
   std::vector<ConfigurationNumber> expected;
   for (const auto& [number, image] : records) expected.push_back(number);
   const auto snapshot = std::make_shared<const Snapshot>(*database->Read());
@@ -122,13 +112,13 @@ TEST_P(RobotImagesOfSize, AreMetOnceInTheirOrder) {
   EXPECT_EQ(met, expected);
 }
 
-INSTANTIATE_TEST_SUITE_P(Records, RobotImagesOfSize, ::testing::Bool(),
+INSTANTIATE_TEST_SUITE_P(Content, RobotImagesOfSize, ::testing::Bool(),
                          [](const auto& test) { return test.param ? "Large" : "Small"; });
 
 TEST(RobotImagesInPlace, StayThoseOfTheirStateForManyThreadsWhileTheMapGrows) {
   const FreshFolder folder;
-  auto database = RobotImagesInPlaceMakeDatabase(folder / "db");
-  const Records records = ReadAll(*database);
+  auto database = MakeLargeOrSmall(folder / "db");
+  const Content records = ReadAll(*database);
   const auto images = OpenImages(*database);
   const size_t room = RoomFor(*database);
   const auto map_size = [&] {
@@ -152,8 +142,7 @@ TEST(RobotImagesInPlace, StayThoseOfTheirStateForManyThreadsWhileTheMapGrows) {
   for (uint64_t round = 1; map_size() == before; ++round) {
     ASSERT_LT(round, 20);
     for (const auto& [number, image] : records) {
-      if (number % 20 == 0)
-        RobotImagesInPlacePut(*database, TestImage(*database, number, round), true);
+      if (number % 20 == 0) PutAll(*database, {TestImage(*database, number, round)}, true);
     }
     ASSERT_TRUE(database->SetReferences(references, "test").ok());
   }
@@ -167,8 +156,8 @@ TEST(RobotImagesInPlace, StayThoseOfTheirStateForManyThreadsWhileTheMapGrows) {
 
 struct DamagedUnderTheReader : ::testing::Test {
   FreshFolder folder;
-  std::unique_ptr<Database> database = RobotImagesInPlaceMakeDatabase(folder / "db");
-  const Records records = ReadAll(*database);
+  std::unique_ptr<Database> database = MakeLargeOrSmall(folder / "db");
+  const Content records = ReadAll(*database);
   const std::shared_ptr<const RobotImagesInPlace> images = OpenImages(*database);
   const std::string file = folder / "db/data.mdb";
 

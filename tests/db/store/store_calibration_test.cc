@@ -13,13 +13,12 @@
 #include <thread>
 
 #include "db/store/store.h"
-#include "tests/db/store/test_cell.h"
+#include "tests/db/store/test_database.h"
 
 namespace silhouette {
 namespace {
 
 using testing::HasSubstr;
-using StoreCalibrationAccess = Database::Access;
 
 // Camera models for TestCell(), told apart by `value`.
 storage::v1::Calibration Cameras(double value = 1) {
@@ -70,7 +69,7 @@ TEST(Calibration, IsKeptReplacedAndRemovedEachAsAChange) {
     generation = database->Read()->generation();
   }
   database.reset();
-  database = *Database::Open(folder / "db", StoreCalibrationAccess::kWrite);
+  database = *Database::Open(folder / "db", Access::kWrite);
   EXPECT_EQ(CalibrationOf(*database)->SerializeAsString(), Cameras(2).SerializeAsString());
   ASSERT_TRUE(database->RemoveCalibration("remove").ok());
   EXPECT_FALSE(CalibrationOf(*database).has_value());
@@ -86,7 +85,7 @@ TEST(Calibration, IsTheSameInACompactedCopy) {
   const auto database = *Database::Create(folder / "db", TestCell());
   ASSERT_TRUE(database->SetCalibration(Cameras(3), "import").ok());
   ASSERT_TRUE(database->Compact(folder / "copy").ok());
-  const auto copy = *Database::Open(folder / "copy", StoreCalibrationAccess::kRead);
+  const auto copy = *Database::Open(folder / "copy", Access::kRead);
   EXPECT_EQ(CalibrationOf(*copy)->SerializeAsString(), Cameras(3).SerializeAsString());
   EXPECT_EQ(copy->SetCalibration(Cameras(), "").code(), absl::StatusCode::kFailedPrecondition);
   EXPECT_EQ(copy->RemoveCalibration("").code(), absl::StatusCode::kFailedPrecondition);
@@ -164,20 +163,20 @@ TEST(Calibration, WithFlippedBitsIsTakenForNoneAndTheRestCanBeRead) {
     bytes[place + i] = static_cast<char>(bytes[place + i] ^ 16);
     std::ofstream(path, std::ios::binary) << bytes;
     bytes[place + i] = static_cast<char>(bytes[place + i] ^ 16);
-    const auto database = Database::Open(folder / "db", StoreCalibrationAccess::kWrite);
+    const auto database = Database::Open(folder / "db", Access::kWrite);
     ASSERT_TRUE(database.ok()) << database.status();
     const auto snapshot = (*database)->Read();
     EXPECT_EQ(snapshot->Calibration().status().code(), absl::StatusCode::kDataLoss);
     EXPECT_EQ(**snapshot->Find(1), TestImage(**database, 1));
   }
-  const auto database = Database::Open(folder / "db", StoreCalibrationAccess::kWrite);
+  const auto database = Database::Open(folder / "db", Access::kWrite);
   ASSERT_TRUE((*database)->RemoveCalibration("remove").ok());
   EXPECT_FALSE(CalibrationOf(**database).has_value());
 }
 
 // In a child process: sets one calibration after another.
 [[noreturn]] void SetUntilKilled(const std::string& path) {
-  const auto database = Database::Open(path, StoreCalibrationAccess::kWrite);
+  const auto database = Database::Open(path, Access::kWrite);
   if (!database.ok()) _exit(10);
   for (int i = 0;; ++i) {
     if (!(*database)->SetCalibration(Cameras(i), "killed").ok()) _exit(11);
@@ -200,7 +199,7 @@ TEST(Calibration, IsNeverHalfWrittenByAProcessThatIsKilled) {
     int status = 0;
     ASSERT_EQ(waitpid(child, &status, 0), child);
     ASSERT_TRUE(WIFSIGNALED(status)) << WEXITSTATUS(status);
-    const auto database = Database::Open(folder / "db", StoreCalibrationAccess::kRead);
+    const auto database = Database::Open(folder / "db", Access::kRead);
     ASSERT_TRUE(database.ok()) << database.status();
     const auto calibration = CalibrationOf(**database);
     if (calibration) {

@@ -15,19 +15,18 @@
 #include "absl/cleanup/cleanup.h"
 #include "db/store/store.h"
 #include "tests/db/store/full_disk.h"
-#include "tests/db/store/test_cell.h"
+#include "tests/db/store/test_database.h"
 
 namespace silhouette {
 namespace {
 
 using testing::HasSubstr;
-using StoreCrashAccess = Database::Access;
 
 // In a child process: puts the numbers that are still missing, commits every few records and
 // acknowledges each committed number through `acknowledge`. Never returns.
 [[noreturn]] void WriteUntilKilled(const std::string& path, int acknowledge, uint64_t seed) {
   std::mt19937_64 random(seed);
-  const auto opened = Database::Open(path, StoreCrashAccess::kWrite);
+  const auto opened = Database::Open(path, Access::kWrite);
   if (!opened.ok()) _exit(10);
   Database& database = **opened;
   auto writer = database.Write("killed", absl::Hours(1));
@@ -78,7 +77,7 @@ TEST(RobotImageWriter, KilledAtAnyInstantKeepsWhatItAcknowledgedAndNothingHalf) 
     }
     killed += finished ? 0 : 1;
 
-    const auto database = Database::Open(path, StoreCrashAccess::kRead);
+    const auto database = Database::Open(path, Access::kRead);
     ASSERT_TRUE(database.ok()) << database.status();
     const auto snapshot = (*database)->Read();
     ASSERT_TRUE(snapshot.ok()) << snapshot.status();
@@ -96,10 +95,8 @@ TEST(RobotImageWriter, KilledAtAnyInstantKeepsWhatItAcknowledgedAndNothingHalf) 
   std::cout << killed << " writers killed" << std::endl;
 }
 
-constexpr char kStoreCrashTool[] = "tool";
-
 // The robot with something on its hand.
-RobotImage StoreCrashWithTool(RobotImage image) {
+RobotImage WithTool(RobotImage image) {
   for (Mask& mask : image.masks) {
     mask = Mask::FromPredicate(
         mask.size(), [&](int x, int y) { return mask.at(x, y) != (x / 3 == 2 && y / 3 == 1); });
@@ -112,7 +109,7 @@ RobotImage StoreCrashWithTool(RobotImage image) {
 [[noreturn]] void ReplaceUntilKilled(const std::string& path, int acknowledge, uint64_t version,
                                      uint64_t seed) {
   std::mt19937_64 random(seed);
-  const auto opened = Database::Open(path, StoreCrashAccess::kWrite);
+  const auto opened = Database::Open(path, Access::kWrite);
   if (!opened.ok()) _exit(10);
   for (;; ++version) {
     auto writer = (*opened)->Write("killed", absl::Hours(1));
@@ -138,12 +135,12 @@ TEST(RobotImageWriter, KilledWhileItReplacesWhatOtherVariantsRestOnLeavesAllVari
   {
     const auto database = Database::Create(path, TestCell());
     ASSERT_TRUE(database.ok()) << database.status();
-    const auto variant = (*database)->CreateVariant(kStoreCrashTool, "test");
+    const auto variant = (*database)->CreateVariant(kTool, "test");
     for (Database* each : {database->get(), variant->get()}) {
       auto writer = each->Write("test", absl::Hours(1));
       for (const ConfigurationNumber number : AllNumbers(each->grid())) {
         RobotImage image = TestImage(*each, number, 0);
-        if (each != database->get()) tools[number] = image = StoreCrashWithTool(image);
+        if (each != database->get()) tools[number] = image = WithTool(image);
         ASSERT_TRUE(writer->Put(image).ok());
       }
       ASSERT_TRUE(writer->Commit().ok());
@@ -165,7 +162,7 @@ TEST(RobotImageWriter, KilledWhileItReplacesWhatOtherVariantsRestOnLeavesAllVari
     ASSERT_EQ(waitpid(child, &status, 0), child);
     ASSERT_TRUE(WIFSIGNALED(status)) << WEXITSTATUS(status);
 
-    const auto database = Database::Open(path, StoreCrashAccess::kRead);
+    const auto database = Database::Open(path, Access::kRead);
     ASSERT_TRUE(database.ok()) << database.status();
     const auto states = (*database)->ReadVariants();
     ASSERT_TRUE(states.ok()) << states.status();
@@ -192,11 +189,11 @@ TEST(Database, InterruptedWhileBeingMadeIsNoneAndCanBeMadeAgain) {
     std::this_thread::sleep_for(std::chrono::microseconds(random() % 3'000));
     kill(child, SIGKILL);
     waitpid(child, nullptr, 0);
-    const absl::Status opened = Database::Open(path, StoreCrashAccess::kRead).status();
+    const absl::Status opened = Database::Open(path, Access::kRead).status();
     EXPECT_TRUE(opened.ok() || absl::IsNotFound(opened)) << opened;
     const absl::Status made = Database::Create(path, TestCell()).status();
     EXPECT_EQ(made.ok(), !opened.ok()) << made;
-    EXPECT_TRUE(Database::Open(path, StoreCrashAccess::kWrite).ok());
+    EXPECT_TRUE(Database::Open(path, Access::kWrite).ok());
     std::filesystem::remove_all(path);
   }
 }
@@ -209,7 +206,7 @@ TEST(Database, WrittenByAnotherProcessNamesIt) {
   ASSERT_EQ(pipe(ready), 0);
   const pid_t child = fork();
   if (child == 0) {
-    const auto database = Database::Open(path, StoreCrashAccess::kWrite);
+    const auto database = Database::Open(path, Access::kWrite);
     const char ok = database.ok() ? 'y' : 'n';
     if (write(ready[1], &ok, 1) == 1) pause();
     _exit(1);
@@ -217,14 +214,14 @@ TEST(Database, WrittenByAnotherProcessNamesIt) {
   char ok = 0;
   ASSERT_EQ(read(ready[0], &ok, 1), 1);
   EXPECT_EQ(ok, 'y');
-  const absl::Status status = Database::Open(path, StoreCrashAccess::kWrite).status();
+  const absl::Status status = Database::Open(path, Access::kWrite).status();
   EXPECT_EQ(status.code(), absl::StatusCode::kFailedPrecondition);
   EXPECT_THAT(status.message(),
               HasSubstr(absl::StrCat("another process (pid ", child, ") is writing to it")));
-  EXPECT_TRUE(Database::Open(path, StoreCrashAccess::kRead).ok());
+  EXPECT_TRUE(Database::Open(path, Access::kRead).ok());
   kill(child, SIGKILL);
   waitpid(child, nullptr, 0);
-  EXPECT_TRUE(Database::Open(path, StoreCrashAccess::kWrite).ok());
+  EXPECT_TRUE(Database::Open(path, Access::kWrite).ok());
   close(ready[0]);
   close(ready[1]);
 }
@@ -239,7 +236,7 @@ TEST(Snapshot, FollowsADatabaseThatAnotherProcessLetsGrow) {
   ASSERT_TRUE(Database::Create(path, cell).ok());
   const pid_t child = fork();
   if (child == 0) {
-    const auto database = Database::Open(path, StoreCrashAccess::kWrite);
+    const auto database = Database::Open(path, Access::kWrite);
     auto writer = (*database)->Write("grow", absl::Hours(1));
     std::mt19937_64 random(1);
     RobotImage image;
@@ -251,7 +248,7 @@ TEST(Snapshot, FollowsADatabaseThatAnotherProcessLetsGrow) {
     }
     _exit(writer->Commit().ok() ? 0 : 2);
   }
-  const auto database = Database::Open(path, StoreCrashAccess::kRead);
+  const auto database = Database::Open(path, Access::kRead);
   ASSERT_TRUE(database.ok());
   int status = -1;
   do {
@@ -300,12 +297,12 @@ TEST_F(FullDisk, KeepsTheBatchAndWhatWasCommitted) {
 TEST_F(FullDisk, CanBeReadButNoDatabaseCanBeMadeThere) {
   ASSERT_TRUE(Database::Create(disk_ + "/db", TestCell()).ok());
   Fill();
-  EXPECT_TRUE(Database::Open(disk_ + "/db", StoreCrashAccess::kRead).ok());
+  EXPECT_TRUE(Database::Open(disk_ + "/db", Access::kRead).ok());
   EXPECT_EQ(Database::Create(disk_ + "/new", TestCell()).status().code(),
             absl::StatusCode::kResourceExhausted);
   std::filesystem::remove(disk_ + "/db/lock.mdb");
   std::ofstream(disk_ + "/rest") << std::string(65536, 'x');
-  const absl::Status status = Database::Open(disk_ + "/db", StoreCrashAccess::kRead).status();
+  const absl::Status status = Database::Open(disk_ + "/db", Access::kRead).status();
   EXPECT_EQ(status.code(), absl::StatusCode::kResourceExhausted) << status;
 }
 

@@ -10,22 +10,12 @@
 #include "db/store/robot_image_format.h"
 #include "db/store/schema.h"
 #include "db/store/store.h"
-#include "tests/db/store/test_cell.h"
+#include "tests/db/store/test_database.h"
 
 namespace silhouette {
 namespace {
 
 using testing::HasSubstr;
-using StoreDamageAccess = Database::Access;
-
-std::string StoreDamageReadFile(const std::string& path) {
-  std::ifstream file(path, std::ios::binary);
-  return {std::istreambuf_iterator<char>(file), {}};
-}
-
-void StoreDamageWriteFile(const std::string& path, const std::string& bytes) {
-  std::ofstream(path, std::ios::binary) << bytes;
-}
 
 // A database with a record for every configuration.
 void MakeFullDatabase(const std::string& path) {
@@ -63,7 +53,7 @@ void MakeLmdb(const std::string& path, const char* name, const std::string& key,
 TEST(Database, TruncatedAnywhereIsRefusedOrWhole) {
   const FreshFolder folder;
   MakeFullDatabase(folder / "db");
-  const std::string bytes = StoreDamageReadFile(folder / "db/data.mdb");
+  const std::string bytes = ReadFile(folder / "db/data.mdb");
   const uint64_t seed = std::random_device()();
   std::cout << "seed " << seed << std::endl;
   std::mt19937_64 random(seed);
@@ -73,8 +63,8 @@ TEST(Database, TruncatedAnywhereIsRefusedOrWhole) {
   for (size_t length : lengths) {
     SCOPED_TRACE(length);
     std::filesystem::create_directories(folder / "cut");
-    StoreDamageWriteFile(folder / "cut/data.mdb", bytes.substr(0, length));
-    const auto database = Database::Open(folder / "cut", StoreDamageAccess::kRead);
+    WriteFile(folder / "cut/data.mdb", bytes.substr(0, length));
+    const auto database = Database::Open(folder / "cut", Access::kRead);
     if (!database.ok()) {
       ++refused;
       EXPECT_THAT(database.status().message(), HasSubstr(folder / "cut"));
@@ -96,12 +86,12 @@ TEST(Database, TruncatedAnywhereIsRefusedOrWhole) {
 TEST(Database, WithADamagedRecordLosesOnlyThatRecord) {
   const FreshFolder folder;
   MakeFullDatabase(folder / "db");
-  std::string bytes = StoreDamageReadFile(folder / "db/data.mdb");
+  std::string bytes = ReadFile(folder / "db/data.mdb");
   // A record with masks, found by its bytes, in the pages of earlier states too.
   ConfigurationNumber victim = 0;
   std::vector<size_t> places;
   {
-    const auto database = Database::Open(folder / "db", StoreDamageAccess::kRead);
+    const auto database = Database::Open(folder / "db", Access::kRead);
     RobotImage image;
     do {
       image = TestImage(**database, ++victim);
@@ -117,8 +107,8 @@ TEST(Database, WithADamagedRecordLosesOnlyThatRecord) {
   };
   for (size_t offset : {0, 8, 20, 70}) {
     flip(offset);
-    StoreDamageWriteFile(folder / "db/data.mdb", bytes);
-    const auto database = Database::Open(folder / "db", StoreDamageAccess::kRead);
+    WriteFile(folder / "db/data.mdb", bytes);
+    const auto database = Database::Open(folder / "db", Access::kRead);
     ASSERT_TRUE(database.ok()) << database.status();
     const auto snapshot = (*database)->Read();
     EXPECT_EQ(snapshot->Find(victim).status().code(), absl::StatusCode::kDataLoss);
@@ -144,7 +134,7 @@ TEST(Database, WithADamagedRecordLosesOnlyThatRecord) {
 TEST(Database, WithFlippedBitsAnywhereNeverGivesWrongRecords) {
   const FreshFolder folder;
   MakeFullDatabase(folder / "db");
-  const std::string sound = StoreDamageReadFile(folder / "db/data.mdb");
+  const std::string sound = ReadFile(folder / "db/data.mdb");
   const uint64_t seed = std::random_device()();
   std::cout << "seed " << seed << std::endl;
   std::mt19937_64 random(seed);
@@ -159,8 +149,8 @@ TEST(Database, WithFlippedBitsAnywhereNeverGivesWrongRecords) {
       if (random() % 2 == 0) place = place / 4096 * 4096 + random() % 64;
       bytes[place] = static_cast<char>(bytes[place] ^ (1 << random() % 8));
     }
-    StoreDamageWriteFile(folder / "spoilt/data.mdb", bytes);
-    const auto database = Database::Open(folder / "spoilt", StoreDamageAccess::kRead);
+    WriteFile(folder / "spoilt/data.mdb", bytes);
+    const auto database = Database::Open(folder / "spoilt", Access::kRead);
     if (!database.ok()) {
       ++refused;
       continue;
@@ -191,10 +181,10 @@ TEST(Database, WithFlippedBitsAnywhereNeverGivesWrongRecords) {
 TEST(Database, WithADamagedPageIsRefusedByName) {
   const FreshFolder folder;
   MakeFullDatabase(folder / "db");
-  std::string bytes = StoreDamageReadFile(folder / "db/data.mdb");
+  std::string bytes = ReadFile(folder / "db/data.mdb");
   for (size_t page = 2 * 4096; page < bytes.size(); page += 4096) bytes[page] ^= 1;  // its number
-  StoreDamageWriteFile(folder / "db/data.mdb", bytes);
-  const absl::Status status = Database::Open(folder / "db", StoreDamageAccess::kRead).status();
+  WriteFile(folder / "db/data.mdb", bytes);
+  const absl::Status status = Database::Open(folder / "db", Access::kRead).status();
   EXPECT_EQ(status.code(), absl::StatusCode::kDataLoss);
   EXPECT_THAT(status.message(), HasSubstr("data.mdb' is damaged: page "));
   EXPECT_THAT(status.message(), HasSubstr("restore it from a copy"));
@@ -203,13 +193,13 @@ TEST(Database, WithADamagedPageIsRefusedByName) {
 TEST(Database, WithADamagedDescriptionIsRefused) {
   const FreshFolder folder;
   MakeFullDatabase(folder / "db");
-  std::string bytes = StoreDamageReadFile(folder / "db/data.mdb");
+  std::string bytes = ReadFile(folder / "db/data.mdb");
   for (size_t place = bytes.find("axis_1"); place != std::string::npos;
        place = bytes.find("axis_1", place + 1)) {
     bytes[place] = 'b';
   }
-  StoreDamageWriteFile(folder / "db/data.mdb", bytes);
-  const absl::Status status = Database::Open(folder / "db", StoreDamageAccess::kRead).status();
+  WriteFile(folder / "db/data.mdb", bytes);
+  const absl::Status status = Database::Open(folder / "db", Access::kRead).status();
   EXPECT_EQ(status.code(), absl::StatusCode::kDataLoss) << status;
   EXPECT_THAT(status.message(), HasSubstr("its entry 'cell' is damaged"));
 }
@@ -217,7 +207,7 @@ TEST(Database, WithADamagedDescriptionIsRefused) {
 TEST(Database, OfAnotherFormatVersionIsRefusedAndLeftAlone) {
   const FreshFolder folder;
   MakeLmdb(folder / "db", schema::kMeta, "format", "silhouette 2");
-  for (StoreDamageAccess access : {StoreDamageAccess::kRead, StoreDamageAccess::kWrite}) {
+  for (Access access : {Access::kRead, Access::kWrite}) {
     const absl::Status status = Database::Open(folder / "db", access).status();
     EXPECT_EQ(status.code(), absl::StatusCode::kFailedPrecondition);
     EXPECT_THAT(status.message(), HasSubstr("has format version 2, this program knows version 1"));
@@ -232,24 +222,24 @@ TEST(Database, OfAnotherProgramIsRefusedAndLeftAlone) {
   MakeLmdb(folder / "meta", schema::kMeta, "key", "value");
   MakeLmdb(folder / "plain", nullptr, "meta", "value");
   for (const char* name : {"named", "meta", "plain"}) {
-    const std::string before = StoreDamageReadFile(folder / name + "/data.mdb");
-    const absl::Status status = Database::Open(folder / name, StoreDamageAccess::kWrite).status();
+    const std::string before = ReadFile(folder / name + "/data.mdb");
+    const absl::Status status = Database::Open(folder / name, Access::kWrite).status();
     EXPECT_EQ(status.code(), absl::StatusCode::kFailedPrecondition) << status;
     EXPECT_THAT(status.message(), HasSubstr("is an LMDB database, but not one of Silhouette's"));
     EXPECT_FALSE(Database::Create(folder / name, TestCell()).ok());
-    EXPECT_EQ(StoreDamageReadFile(folder / name + "/data.mdb"), before);
+    EXPECT_EQ(ReadFile(folder / name + "/data.mdb"), before);
   }
 }
 
 TEST(Database, OfNoKindAtAllIsRefused) {
   const FreshFolder folder;
   std::filesystem::create_directories(folder / "db");
-  StoreDamageWriteFile(folder / "db/data.mdb", std::string(20'000, 'x'));
-  const absl::Status status = Database::Open(folder / "db", StoreDamageAccess::kRead).status();
+  WriteFile(folder / "db/data.mdb", std::string(20'000, 'x'));
+  const absl::Status status = Database::Open(folder / "db", Access::kRead).status();
   EXPECT_EQ(status.code(), absl::StatusCode::kFailedPrecondition) << status;
   EXPECT_THAT(status.message(), HasSubstr("is not a database"));
-  StoreDamageWriteFile(folder / "file", "x");
-  EXPECT_EQ(Database::Open(folder / "file", StoreDamageAccess::kRead).status().code(),
+  WriteFile(folder / "file", "x");
+  EXPECT_EQ(Database::Open(folder / "file", Access::kRead).status().code(),
             absl::StatusCode::kNotFound);
 }
 

@@ -12,13 +12,12 @@
 
 #include "db/store/store.h"
 #include "db/store/writer_lock.h"
-#include "tests/db/store/test_cell.h"
+#include "tests/db/store/test_database.h"
 
 namespace silhouette {
 namespace {
 
 using testing::HasSubstr;
-using StoreFolderAccess = Database::Access;
 
 constexpr uid_t kNobody = 65534;
 
@@ -39,16 +38,13 @@ bool Check(bool holds, const std::string& what) {
   return holds;
 }
 
-void StoreFolderMakeDatabase(const std::string& path) {
-  const auto database = Database::Create(path, TestCell());
-  ASSERT_TRUE(database.ok()) << database.status();
-  auto writer = (*database)->Write("test");
-  ASSERT_TRUE(writer->Put(TestImage(**database, 1)).ok());
-  ASSERT_TRUE(writer->Commit().ok());
+void MakeReadableDatabase(const std::string& path) {
+  const auto database = MakeDatabase(path);
+  PutAll(*database, {TestImage(*database, 1)});
 }
 
 bool CanBeRead(const std::string& path) {
-  const auto database = Database::Open(path, StoreFolderAccess::kRead);
+  const auto database = Database::Open(path, Access::kRead);
   if (!database.ok()) return Check(false, database.status().ToString());
   const auto snapshot = (*database)->Read();
   if (!snapshot.ok()) return Check(false, snapshot.status().ToString());
@@ -57,7 +53,7 @@ bool CanBeRead(const std::string& path) {
 }
 
 bool CannotBeWritten(const std::string& path) {
-  const absl::Status status = Database::Open(path, StoreFolderAccess::kWrite).status();
+  const absl::Status status = Database::Open(path, Access::kWrite).status();
   return Check(absl::IsFailedPrecondition(status), status.ToString());
 }
 
@@ -71,7 +67,7 @@ void TakePermission(const std::string& path) {
 TEST(Database, WithoutPermissionToWriteCanBeRead) {
   const FreshFolder folder;
   ASSERT_EQ(chmod(folder.path().c_str(), 0755), 0);
-  StoreFolderMakeDatabase(folder / "db");
+  MakeReadableDatabase(folder / "db");
   EXPECT_FALSE(ReadersKeepWritersOut(folder / "db"));
   TakePermission(folder / "db");
   EXPECT_TRUE(HoldsForAnOrdinaryUser(
@@ -88,13 +84,13 @@ TEST(Database, WithoutPermissionToRegisterIsNotReadWhileItIsWritten) {
   if (geteuid() != 0) GTEST_SKIP() << "needs a second user, thus root";
   const FreshFolder folder;
   ASSERT_EQ(chmod(folder.path().c_str(), 0755), 0);
-  StoreFolderMakeDatabase(folder / "db");
+  MakeReadableDatabase(folder / "db");
   TakePermission(folder / "db");
-  const auto writer = Database::Open(folder / "db", StoreFolderAccess::kWrite);
+  const auto writer = Database::Open(folder / "db", Access::kWrite);
   ASSERT_TRUE(writer.ok()) << writer.status();
   const pid_t writing = getpid();
   EXPECT_TRUE(HoldsForAnOrdinaryUser([&] {
-    const absl::Status status = Database::Open(folder / "db", StoreFolderAccess::kRead).status();
+    const absl::Status status = Database::Open(folder / "db", Access::kRead).status();
     const std::string expected = absl::StrCat("another process (pid ", writing, ") is writing");
     return Check(absl::IsFailedPrecondition(status) &&
                      std::string(status.message()).find(expected) != std::string::npos,
@@ -105,10 +101,10 @@ TEST(Database, WithoutPermissionToRegisterIsNotReadWhileItIsWritten) {
 TEST(Database, WithoutPermissionToReadSaysSo) {
   const FreshFolder folder;
   ASSERT_EQ(chmod(folder.path().c_str(), 0755), 0);
-  StoreFolderMakeDatabase(folder / "db");
+  MakeReadableDatabase(folder / "db");
   ASSERT_EQ(chmod((folder / "db/data.mdb").c_str(), 0), 0);
   EXPECT_TRUE(HoldsForAnOrdinaryUser([&] {
-    const absl::Status status = Database::Open(folder / "db", StoreFolderAccess::kRead).status();
+    const absl::Status status = Database::Open(folder / "db", Access::kRead).status();
     return Check(absl::IsFailedPrecondition(status) &&
                      std::string(status.message()).find("no permission") != std::string::npos,
                  status.ToString());
@@ -117,7 +113,7 @@ TEST(Database, WithoutPermissionToReadSaysSo) {
 
 TEST(Database, OnAReadOnlyFileSystemCanBeRead) {
   const FreshFolder folder;
-  StoreFolderMakeDatabase(folder / "db");
+  MakeReadableDatabase(folder / "db");
   const std::string mounted = folder / "mounted";
   std::filesystem::create_directories(mounted);
   if (mount(folder.path().c_str(), mounted.c_str(), nullptr, MS_BIND, nullptr) != 0) {

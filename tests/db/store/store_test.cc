@@ -10,7 +10,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "absl/time/clock.h"
-#include "tests/db/store/test_cell.h"
+#include "tests/db/store/test_database.h"
 
 namespace silhouette {
 namespace {
@@ -18,17 +18,8 @@ namespace {
 using testing::ElementsAre;
 using testing::HasSubstr;
 using testing::SizeIs;
-using StoreAccess = Database::Access;
 
-std::unique_ptr<Database> StoreMakeDatabase(const std::string& path,
-                                            const storage::v1::CellDescription& cell = TestCell()) {
-  absl::StatusOr<std::unique_ptr<Database>> database = Database::Create(path, cell);
-  EXPECT_TRUE(database.ok()) << database.status();
-  return *std::move(database);
-}
-
-std::unique_ptr<Database> OpenDatabase(const std::string& path,
-                                       StoreAccess access = StoreAccess::kRead) {
+std::unique_ptr<Database> OpenDatabase(const std::string& path, Access access = Access::kRead) {
   absl::StatusOr<std::unique_ptr<Database>> database = Database::Open(path, access);
   EXPECT_TRUE(database.ok()) << database.status();
   return *std::move(database);
@@ -40,22 +31,11 @@ RobotImageWriter MakeWriter(Database& database, absl::Duration max_delay = absl:
   return *std::move(writer);
 }
 
-std::map<ConfigurationNumber, RobotImage> StoreContentOf(const Database& database) {
-  std::map<ConfigurationNumber, RobotImage> content;
-  const auto visit = [&](ConfigurationNumber number, absl::StatusOr<RobotImage> image) {
-    EXPECT_TRUE(image.ok()) << image.status();
-    if (image.ok()) content[number] = *std::move(image);
-    return true;
-  };
-  EXPECT_TRUE(database.Read()->ForEach(visit).ok());
-  return content;
-}
-
 TEST(Database, GivesBackWhatWasPutAfterReopening) {
   const FreshFolder folder;
   std::map<ConfigurationNumber, RobotImage> expected;
   {
-    const auto database = StoreMakeDatabase(folder / "db");
+    const auto database = MakeDatabase(folder / "db");
     RobotImageWriter writer = MakeWriter(*database);
     std::vector<ConfigurationNumber> numbers = AllNumbers(database->grid());
     std::shuffle(numbers.begin(), numbers.end(), std::mt19937_64(1));
@@ -70,7 +50,7 @@ TEST(Database, GivesBackWhatWasPutAfterReopening) {
     EXPECT_EQ(writer.committed(), expected.size());
   }
   const auto database = OpenDatabase(folder / "db");
-  EXPECT_EQ(StoreContentOf(*database), expected);
+  EXPECT_EQ(ContentOf(*database), expected);
   const absl::StatusOr<Snapshot> snapshot = database->Read();
   EXPECT_EQ(snapshot->size(), expected.size());
   for (const auto& [number, image] : expected) EXPECT_EQ(**snapshot->Find(number), image);
@@ -78,7 +58,7 @@ TEST(Database, GivesBackWhatWasPutAfterReopening) {
 
 TEST(Database, KeepsItsCellDescriptionAndChoosesOpenTileEdges) {
   const FreshFolder folder;
-  StoreMakeDatabase(folder / "db");
+  MakeDatabase(folder / "db");
   const auto database = OpenDatabase(folder / "db");
   storage::v1::CellDescription expected = TestCell();
   for (int edge : database->grid().tile_edges()) expected.add_tile_edges(edge);
@@ -110,20 +90,20 @@ TEST(Database, RefusesADescriptionThatIsNotValid) {
 
 TEST(Database, IsNotMadeTwiceNorAmongOtherFiles) {
   const FreshFolder folder;
-  StoreMakeDatabase(folder / "db");
+  MakeDatabase(folder / "db");
   absl::Status status = Database::Create(folder / "db", TestCell()).status();
   EXPECT_EQ(status.code(), absl::StatusCode::kAlreadyExists) << status;
   status = Database::Create(folder.path(), TestCell()).status();
   EXPECT_EQ(status.code(), absl::StatusCode::kFailedPrecondition);
   EXPECT_THAT(status.message(), HasSubstr("is not empty"));
-  status = Database::Open(folder / "none", StoreAccess::kRead).status();
+  status = Database::Open(folder / "none", Access::kRead).status();
   EXPECT_EQ(status.code(), absl::StatusCode::kNotFound);
   EXPECT_THAT(status.message(), HasSubstr("there is no database in '" + folder / "none'"));
 }
 
 TEST(Snapshot, FindsNothingWhereNothingIsStored) {
   const FreshFolder folder;
-  const auto database = StoreMakeDatabase(folder / "db");
+  const auto database = MakeDatabase(folder / "db");
   const absl::StatusOr<Snapshot> snapshot = database->Read();
   EXPECT_EQ(snapshot->size(), 0);
   EXPECT_EQ(*snapshot->Find(0), std::nullopt);
@@ -134,7 +114,7 @@ TEST(Snapshot, FindsNothingWhereNothingIsStored) {
 
 TEST(Snapshot, DoesNotChangeWhileOthersWrite) {
   const FreshFolder folder;
-  const auto database = StoreMakeDatabase(folder / "db");
+  const auto database = MakeDatabase(folder / "db");
   RobotImageWriter writer = MakeWriter(*database);
   ASSERT_TRUE(writer.Put(TestImage(*database, 0)).ok());
   ASSERT_TRUE(writer.Commit().ok());
@@ -153,7 +133,7 @@ TEST(Snapshot, DoesNotChangeWhileOthersWrite) {
 
 TEST(Snapshot, OutlivesItsDatabase) {
   const FreshFolder folder;
-  auto database = StoreMakeDatabase(folder / "db");
+  auto database = MakeDatabase(folder / "db");
   RobotImageWriter writer = MakeWriter(*database);
   const RobotImage image = TestImage(*database, 3);
   ASSERT_TRUE(writer.Put(image).ok());
@@ -165,7 +145,7 @@ TEST(Snapshot, OutlivesItsDatabase) {
 
 TEST(Snapshot, VisitsInOrderOfNumbersUntilToldToStop) {
   const FreshFolder folder;
-  const auto database = StoreMakeDatabase(folder / "db");
+  const auto database = MakeDatabase(folder / "db");
   RobotImageWriter writer = MakeWriter(*database);
   const std::vector<ConfigurationNumber> numbers = AllNumbers(database->grid());
   for (ConfigurationNumber number : numbers) {
@@ -186,7 +166,7 @@ TEST(Snapshot, LetsTheVisitorWriteEvenIfTheMapGrows) {
   storage::v1::CellDescription cell = TestCell(64, 64);
   cell.mutable_views(0)->set_mask_width(1024);
   cell.mutable_views(0)->set_mask_height(1024);
-  const auto database = StoreMakeDatabase(folder / "db", cell);
+  const auto database = MakeDatabase(folder / "db", cell);
   RobotImageWriter writer = MakeWriter(*database);
   std::mt19937_64 random(3);
   RobotImage image;
@@ -222,7 +202,7 @@ TEST(Snapshot, LetsTheVisitorWriteEvenIfTheMapGrows) {
 
 TEST(RobotImageWriter, ReplacesOnlyWhenAsked) {
   const FreshFolder folder;
-  const auto database = StoreMakeDatabase(folder / "db");
+  const auto database = MakeDatabase(folder / "db");
   RobotImageWriter writer = MakeWriter(*database);
   ASSERT_TRUE(writer.Put(TestImage(*database, 1)).ok());
   EXPECT_EQ(writer.Put(TestImage(*database, 1, 2)).code(), absl::StatusCode::kAlreadyExists);
@@ -238,7 +218,7 @@ TEST(RobotImageWriter, ReplacesOnlyWhenAsked) {
 
 TEST(RobotImageWriter, RefusesWhatDoesNotFitTheCell) {
   const FreshFolder folder;
-  const auto database = StoreMakeDatabase(folder / "db");
+  const auto database = MakeDatabase(folder / "db");
   RobotImageWriter writer = MakeWriter(*database);
   const auto refusal = [&](const std::function<void(RobotImage&)>& spoil) {
     RobotImage image;
@@ -268,7 +248,7 @@ TEST(RobotImageWriter, RefusesWhatDoesNotFitTheCell) {
 
 TEST(RobotImageWriter, DropsWhatWasNotCommitted) {
   const FreshFolder folder;
-  const auto database = StoreMakeDatabase(folder / "db");
+  const auto database = MakeDatabase(folder / "db");
   {
     RobotImageWriter writer = MakeWriter(*database);
     ASSERT_TRUE(writer.Put(TestImage(*database, 1)).ok());
@@ -278,7 +258,7 @@ TEST(RobotImageWriter, DropsWhatWasNotCommitted) {
 
 TEST(RobotImageWriter, CommitsByItselfOnceTheDelayHasPassed) {
   const FreshFolder folder;
-  const auto database = StoreMakeDatabase(folder / "db");
+  const auto database = MakeDatabase(folder / "db");
   RobotImageWriter writer = MakeWriter(*database, absl::ZeroDuration());
   ASSERT_TRUE(writer.Put(TestImage(*database, 1)).ok());
   EXPECT_EQ(writer.committed(), 1);
@@ -287,7 +267,7 @@ TEST(RobotImageWriter, CommitsByItselfOnceTheDelayHasPassed) {
 
 TEST(RobotImageWriter, IsTheOnlyOneOfItsDatabase) {
   const FreshFolder folder;
-  const auto database = StoreMakeDatabase(folder / "db");
+  const auto database = MakeDatabase(folder / "db");
   {
     RobotImageWriter writer = MakeWriter(*database);
     EXPECT_EQ(database->Write("second").status().code(), absl::StatusCode::kFailedPrecondition);
@@ -301,7 +281,7 @@ TEST(RobotImageWriter, IsTheOnlyOneOfItsDatabase) {
 
 TEST(RobotImageWriter, LeavesItsSessionInTheProvenanceLog) {
   const FreshFolder folder;
-  const auto database = StoreMakeDatabase(folder / "db");
+  const auto database = MakeDatabase(folder / "db");
   for (uint64_t session = 0; session < 3; ++session) {
     RobotImageWriter writer = *database->Write(absl::StrCat("session ", session));
     for (uint64_t i = 0; i < 5 * session; ++i) {
@@ -324,7 +304,7 @@ TEST(RobotImageWriter, LeavesItsSessionInTheProvenanceLog) {
 
 TEST(Database, KeepsReferencesAndCountsThemAsAChange) {
   const FreshFolder folder;
-  const auto database = StoreMakeDatabase(folder / "db");
+  const auto database = MakeDatabase(folder / "db");
   const uint64_t before = database->Read()->generation();
   storage::v1::References references;
   references.add_views()->set_mean_png(std::string(100'000, 'x'));
@@ -340,8 +320,8 @@ TEST(Database, KeepsReferencesAndCountsThemAsAChange) {
 
 TEST(Database, HasOneWriterAndManyReadersInAProcess) {
   const FreshFolder folder;
-  auto writer = StoreMakeDatabase(folder / "db");
-  const absl::Status second = Database::Open(folder / "db", StoreAccess::kWrite).status();
+  auto writer = MakeDatabase(folder / "db");
+  const absl::Status second = Database::Open(folder / "db", Access::kWrite).status();
   EXPECT_EQ(second.code(), absl::StatusCode::kFailedPrecondition);
   EXPECT_THAT(second.message(), HasSubstr("this process already is writing to it"));
   const auto reader = OpenDatabase(folder / "db");
@@ -355,9 +335,9 @@ TEST(Database, HasOneWriterAndManyReadersInAProcess) {
 
 TEST(Database, CanBeWrittenAgainOnceTheWriterIsGone) {
   const FreshFolder folder;
-  StoreMakeDatabase(folder / "db").reset();
-  OpenDatabase(folder / "db", StoreAccess::kWrite).reset();
-  const auto database = OpenDatabase(folder / "db", StoreAccess::kWrite);
+  MakeDatabase(folder / "db").reset();
+  OpenDatabase(folder / "db", Access::kWrite).reset();
+  const auto database = OpenDatabase(folder / "db", Access::kWrite);
   RobotImageWriter writer = MakeWriter(*database);
   ASSERT_TRUE(writer.Put(TestImage(*database, 1)).ok());
   ASSERT_TRUE(writer.Commit().ok());
@@ -365,7 +345,7 @@ TEST(Database, CanBeWrittenAgainOnceTheWriterIsGone) {
 
 TEST(Database, ServesReadersInOtherThreadsWhileItIsWritten) {
   const FreshFolder folder;
-  const auto database = StoreMakeDatabase(folder / "db", TestCell(64, 64));
+  const auto database = MakeDatabase(folder / "db", TestCell(64, 64));
   const auto other = OpenDatabase(folder / "db");
   std::atomic<bool> done = false;
   std::vector<std::thread> readers;
@@ -403,7 +383,7 @@ TEST(Database, ServesReadersInOtherThreadsWhileItIsWritten) {
 
 TEST(Database, TakesManyRecordsWithoutAsManyTransactions) {
   const FreshFolder folder;
-  const auto database = StoreMakeDatabase(folder / "db", TestCell(400, 500));
+  const auto database = MakeDatabase(folder / "db", TestCell(400, 500));
   const uint64_t before = database->Read()->generation();
   RobotImageWriter writer = MakeWriter(*database, absl::Seconds(1));
   RobotImage image;
@@ -422,7 +402,7 @@ TEST(Database, TakesManyRecordsWithoutAsManyTransactions) {
 
 TEST(Database, IsSmallerWhenCompactedAndHoldsTheSame) {
   const FreshFolder folder;
-  const auto database = StoreMakeDatabase(folder / "db");
+  const auto database = MakeDatabase(folder / "db");
   RobotImageWriter writer = MakeWriter(*database);
   for (uint64_t round = 0; round < 4; ++round) {
     for (ConfigurationNumber number : AllNumbers(database->grid())) {
@@ -432,8 +412,8 @@ TEST(Database, IsSmallerWhenCompactedAndHoldsTheSame) {
   }
   ASSERT_TRUE(database->Compact(folder / "copy").ok());
   EXPECT_EQ(database->Compact(folder / "copy").code(), absl::StatusCode::kAlreadyExists);
-  const auto copy = OpenDatabase(folder / "copy", StoreAccess::kWrite);
-  EXPECT_EQ(StoreContentOf(*copy), StoreContentOf(*database));
+  const auto copy = OpenDatabase(folder / "copy", Access::kWrite);
+  EXPECT_EQ(ContentOf(*copy), ContentOf(*database));
   EXPECT_EQ(copy->Read()->generation(), database->Read()->generation());
   EXPECT_LT(copy->GetUsage()->file_bytes, database->GetUsage()->file_bytes);
   EXPECT_LE(copy->GetUsage()->used_bytes, copy->GetUsage()->file_bytes);

@@ -1,0 +1,75 @@
+// SPDX-License-Identifier: Apache-2.0
+// Databases of the test cell and what is in them, for the tests of db/store.
+#pragma once
+
+#include <gtest/gtest.h>
+
+#include <fstream>
+#include <iterator>
+#include <map>
+#include <memory>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "tests/db/store/test_cell.h"
+
+namespace silhouette {
+
+using Access = Database::Access;
+// The name of a further variant.
+inline constexpr char kTool[] = "gripper-open";
+
+using Content = std::map<ConfigurationNumber, RobotImage>;
+
+inline std::unique_ptr<Database> MakeDatabase(
+    const std::string& path, const storage::v1::CellDescription& cell = TestCell()) {
+  auto database = Database::Create(path, cell);
+  EXPECT_TRUE(database.ok()) << database.status();
+  return *std::move(database);
+}
+
+// Puts the records into the database in one change.
+inline void PutAll(Database& database, const std::vector<RobotImage>& images,
+                   bool replace = false) {
+  auto writer = database.Write("test", absl::Hours(1));
+  ASSERT_TRUE(writer.ok()) << writer.status();
+  for (const RobotImage& image : images) ASSERT_TRUE(writer->Put(image, replace).ok());
+  ASSERT_TRUE(writer->Commit().ok());
+}
+
+// With the test image of every `every`-th configuration of a grid of several tiles.
+inline std::unique_ptr<Database> MakeFilledDatabase(
+    const std::string& path, uint64_t every = 5,
+    const storage::v1::CellDescription& cell = TestCell(100, 140)) {
+  auto database = MakeDatabase(path, cell);
+  std::vector<RobotImage> images;
+  for (const ConfigurationNumber number : AllNumbers(database->grid())) {
+    if (number % every == 0) images.push_back(TestImage(*database, number));
+  }
+  PutAll(*database, images);
+  return database;
+}
+
+// All records; expects that they can be read.
+inline Content ContentOf(const Database& database) {
+  Content content;
+  const auto visit = [&](ConfigurationNumber number, absl::StatusOr<RobotImage> image) {
+    EXPECT_TRUE(image.ok()) << image.status();
+    if (image.ok()) content[number] = *std::move(image);
+    return true;
+  };
+  EXPECT_TRUE(database.Read()->ForEach(visit).ok());
+  return content;
+}
+
+inline std::string ReadFile(const std::string& path) {
+  std::ifstream file(path, std::ios::binary);
+  return {std::istreambuf_iterator<char>(file), {}};
+}
+
+inline void WriteFile(const std::string& path, const std::string& bytes) {
+  std::ofstream(path, std::ios::binary) << bytes;
+}
+
+}  // namespace silhouette
