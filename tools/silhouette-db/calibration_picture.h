@@ -4,7 +4,7 @@
 #include <vector>
 
 #include "common/picture/picture.h"
-#include "tools/silhouette-db/calibration_files/contradictions.h"
+#include "tools/silhouette-db/calibration_files/tested_calibration.h"
 
 namespace silhouette {
 

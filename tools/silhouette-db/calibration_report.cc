@@ -7,7 +7,6 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
 #include "absl/strings/str_join.h"
-#include "tools/silhouette-db/calibration_files/tested_calibration.h"
 #include "tools/silhouette-db/common.h"
 
 namespace silhouette {

@@ -7,7 +7,7 @@
 #include <vector>
 
 #include "calib/camera/calibration.h"
-#include "tools/silhouette-db/calibration_files/contradictions.h"
+#include "tools/silhouette-db/calibration_files/tested_calibration.h"
 
 namespace silhouette {
 

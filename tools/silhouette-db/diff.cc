@@ -150,11 +150,11 @@ absl::StatusOr<ExitCode> Diff(const DiffOptions& options) {
     printer.Say("the robot images cannot be compared: other grids or mask sizes");
     return printer.Finish();
   }
-  absl::Status status;
-  if (!options.masks_only) status = CompareReferences(first, second, printer);
-  if (status.ok() && !options.masks_only) status = CompareCalibrations(first, second, printer);
-  if (status.ok()) status = CompareRecords(first, second, options.masks_only, printer);
-  if (!status.ok()) return status;
+  if (!options.masks_only) {
+    RETURN_IF_ERROR(CompareReferences(first, second, printer));
+    RETURN_IF_ERROR(CompareCalibrations(first, second, printer));
+  }
+  RETURN_IF_ERROR(CompareRecords(first, second, options.masks_only, printer));
   return printer.Finish();
 }
 

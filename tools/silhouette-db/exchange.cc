@@ -9,17 +9,52 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
 #include "absl/strings/str_join.h"
+#include "absl/strings/str_split.h"
+#include "common/picture/files.h"
 #include "common/picture/mask_png.h"
 #include "db/status/status_macros.h"
 
 namespace silhouette {
 namespace {
 
+namespace fs = std::filesystem;
 using storage::v1::CellDescription;
 
 constexpr char kCapturedColumn[] = "captured";
 constexpr char kCommanded[] = "commanded:";
 constexpr char kMeasured[] = "measured:";
+
+constexpr char kReferencesHeader[] = "view,images,time,mean,noise";
+
+absl::Time TimeOf(const storage::v1::Reference& reference) {
+  return absl::FromUnixSeconds(reference.time().seconds()) +
+         absl::Nanoseconds(reference.time().nanos());
+}
+
+absl::StatusOr<storage::v1::Reference> ReadReference(const std::string& folder,
+                                                     const std::vector<std::string>& cells) {
+  storage::v1::Reference reference;
+  int images = 0;
+  if (!absl::SimpleAtoi(cells[1], &images)) {
+    return absl::InvalidArgumentError(absl::StrCat("images: '", cells[1], "' is not a number"));
+  }
+  reference.set_images(images);
+  absl::Time time;
+  std::string why;
+  if (!cells[2].empty()) {
+    if (!absl::ParseTime(absl::RFC3339_full, cells[2], &time, &why)) {
+      return absl::InvalidArgumentError(absl::StrCat("time: '", cells[2], "' is not a time"));
+    }
+    const int64_t nanoseconds = absl::ToUnixNanos(time);
+    reference.mutable_time()->set_seconds(nanoseconds / 1'000'000'000);
+    reference.mutable_time()->set_nanos(static_cast<int32_t>(nanoseconds % 1'000'000'000));
+  }
+  ASSIGN_OR_RETURN(std::string mean, ReadWholeFile((fs::path(folder) / cells[3]).string()));
+  reference.set_mean_png(std::move(mean));
+  ASSIGN_OR_RETURN(std::string noise, ReadWholeFile((fs::path(folder) / cells[4]).string()));
+  reference.set_noise_png(std::move(noise));
+  return reference;
+}
 
 }  // namespace
 
@@ -105,7 +140,7 @@ absl::StatusOr<TableReader> TableReader::FromHeader(const std::string& csv, std:
   ASSIGN_OR_RETURN(const std::vector<std::string> known, ColumnsOf(cell));
   ASSIGN_OR_RETURN(const std::vector<std::string> cells, ParseCsvLine(header));
 
-  TableReader reader(std::filesystem::path(csv).parent_path().string(), cell, std::move(grid),
+  TableReader reader(fs::path(csv).parent_path().string(), cell, std::move(grid),
                      std::move(mask_sizes));
   const auto fault = [&](auto... parts) {
     return absl::InvalidArgumentError(absl::StrCat(csv, ":1: ", parts...));
@@ -201,8 +236,8 @@ absl::Status TableReader::ReadMasks(const std::vector<std::string>& cells,
       return absl::InvalidArgumentError(absl::StrCat(
           "view '", view, "' has no mask; only an excluded configuration has none, in all views"));
     }
-    absl::StatusOr<Mask> mask = ReadMaskPng((std::filesystem::path(folder_) / path).string(),
-                                            mask_sizes_[static_cast<size_t>(i)]);
+    absl::StatusOr<Mask> mask =
+        ReadMaskPng((fs::path(folder_) / path).string(), mask_sizes_[static_cast<size_t>(i)]);
     if (!mask.ok()) {
       return absl::Status(mask.status().code(),
                           absl::StrCat("view '", view, "': ", mask.status().message()));
@@ -234,6 +269,65 @@ absl::StatusOr<std::vector<double>> TableReader::ReadJoints(const std::vector<st
         absl::StrCat(prefix, " is there for some joints and not for all"));
   }
   return values;
+}
+
+absl::Status ExportReferences(const std::string& folder, const storage::v1::CellDescription& cell,
+                              const storage::v1::References& references) {
+  RETURN_IF_ERROR(MakeFolder(absl::StrCat(folder, "/references")));
+  std::string table = absl::StrCat(kReferencesHeader, "\n");
+  for (int i = 0; i < references.views_size(); ++i) {
+    const storage::v1::Reference& reference = references.views(i);
+    const std::string& view = cell.views(i).name();
+    const std::string stem = "references/" + PathPart(view);
+    RETURN_IF_ERROR(
+        WriteWholeFile((fs::path(folder) / (stem + "-mean.png")).string(), reference.mean_png()));
+    RETURN_IF_ERROR(
+        WriteWholeFile((fs::path(folder) / (stem + "-noise.png")).string(), reference.noise_png()));
+    const std::string time =
+        reference.has_time()
+            ? absl::FormatTime("%Y-%m-%dT%H:%M:%E*SZ", TimeOf(reference), absl::UTCTimeZone())
+            : "";
+    absl::StrAppend(&table,
+                    CsvLine({view, absl::StrCat(reference.images()), time, stem + "-mean.png",
+                             stem + "-noise.png"}),
+                    "\n");
+  }
+  return WriteWholeFile((fs::path(folder) / kReferencesFile).string(), table);
+}
+
+absl::StatusOr<std::optional<storage::v1::References>> ImportReferences(
+    const std::string& folder, const storage::v1::CellDescription& cell) {
+  const std::string path = (fs::path(folder) / kReferencesFile).string();
+  const absl::StatusOr<std::string> table = ReadWholeFile(path);
+  if (absl::IsNotFound(table.status())) return std::optional<storage::v1::References>();
+  if (!table.ok()) return table.status();
+  storage::v1::References references;
+  int line = 0;
+  for (absl::string_view text : absl::StrSplit(*table, '\n', absl::SkipWhitespace())) {
+    const auto fault = [&](auto... parts) {
+      return absl::InvalidArgumentError(absl::StrCat(path, ":", line, ": ", parts...));
+    };
+    if (++line == 1) {
+      if (absl::StripAsciiWhitespace(text) != kReferencesHeader)
+        return fault("the header is not ", kReferencesHeader);
+      continue;
+    }
+    const absl::StatusOr<std::vector<std::string>> cells =
+        ParseCsvLine(std::string(absl::StripAsciiWhitespace(text)));
+    if (!cells.ok()) return fault(cells.status().message());
+    const int view = references.views_size();
+    if (cells->size() != 5 || view >= cell.views_size() || (*cells)[0] != cell.views(view).name()) {
+      return fault("there must be one row of 5 cells per view, in the order of the cell file");
+    }
+    absl::StatusOr<storage::v1::Reference> reference = ReadReference(folder, *cells);
+    if (!reference.ok()) return fault(reference.status().message());
+    *references.add_views() = *std::move(reference);
+  }
+  if (references.views_size() != cell.views_size()) {
+    return absl::InvalidArgumentError(absl::StrCat(path, ": there are ", references.views_size(),
+                                                   " rows for ", cell.views_size(), " views"));
+  }
+  return std::optional<storage::v1::References>(std::move(references));
 }
 
 }  // namespace silhouette

@@ -11,7 +11,6 @@
 #include "tools/program/progress.h"
 #include "tools/silhouette-db/commands.h"
 #include "tools/silhouette-db/common.h"
-#include "tools/silhouette-db/index_check.h"
 
 namespace silhouette {
 namespace {
@@ -46,6 +45,63 @@ struct Findings {
     faults.insert(faults.end(), other.faults.begin(), other.faults.end());
   }
 };
+
+// The collision index against the robot images that it should hold.
+// Takes all records in the order of their numbers, rebuilds the tiles from them, and
+// compares.
+class IndexCheck {
+ public:
+  // `index` must outlive it. The records are those of its snapshot.
+  explicit IndexCheck(const CollisionIndex& index);
+
+  // The next record; an error status stands for one that cannot be read.
+  void Take(ConfigurationNumber number, const absl::StatusOr<RobotImage>& image);
+  // There are no more.
+  void Finish();
+
+  // A sentence per tile whose index is not what its robot images give.
+  const std::vector<std::string>& faults() const { return faults_; }
+
+ private:
+  void CompareTile();
+
+  const CollisionIndex& index_;
+  TileIndexBuilder builder_;
+  std::optional<uint64_t> tile_;
+  bool readable_ = true;  // all records of the tile
+  std::vector<std::string> faults_;
+};
+
+IndexCheck::IndexCheck(const CollisionIndex& index) : index_(index), builder_(index.trees()) {}
+
+void IndexCheck::Take(ConfigurationNumber number, const absl::StatusOr<RobotImage>& image) {
+  if (tile_ && *tile_ != number / kTileSize) CompareTile();
+  tile_ = number / kTileSize;
+  readable_ = readable_ && image.ok();
+  if (!image.ok() || image->excluded) return;
+  std::vector<MaskWords> words;
+  for (const Mask& mask : image->masks) words.push_back(mask.words());
+  builder_.Add(number % kTileSize, words);
+}
+
+void IndexCheck::Finish() {
+  if (tile_) CompareTile();
+  tile_.reset();
+}
+
+// A record that became unreadable after the tile was built cannot be compared; it is a fault of its
+// own.
+void IndexCheck::CompareTile() {
+  const std::vector<std::byte> expected = builder_.Finish();
+  const std::span<const std::byte> stored = index_.Bytes(*tile_);
+  const bool same = stored.size() >= expected.size() &&
+                    std::ranges::equal(expected, stored.first(expected.size()));
+  if (!stored.empty() && readable_ && !same) {
+    faults_.push_back(
+        absl::StrCat("the collision index of tile ", *tile_, " is not that of its robot images"));
+  }
+  readable_ = true;
+}
 
 // Where the fixed joints stood when the robot images were captured.
 class FixedJointCheck {
@@ -190,10 +246,8 @@ absl::StatusOr<Findings> VerifyVariant(const VerifyOptions& options, const std::
   if (!further) CheckMeta(database.cell(), snapshot, findings);
   CheckIndex(*index, findings);
   FixedJointCheck fixed_joints(database.cell(), options.fixed_joint_tolerance);
-  absl::Status status = ReadRecords(database.grid(), *index, fixed_joints, findings);
-  if (!status.ok()) return status;
-  status = ReadRawImages(database.cell(), snapshot, findings);
-  if (!status.ok()) return status;
+  RETURN_IF_ERROR(ReadRecords(database.grid(), *index, fixed_joints, findings));
+  RETURN_IF_ERROR(ReadRawImages(database.cell(), snapshot, findings));
   CheckCompleteness(database.grid(), snapshot, options.allow_missing, findings);
   for (std::string& fault : findings.faults) {
     if (further) fault = absl::StrCat("variant '", name, "': ", fault);
