@@ -15,6 +15,11 @@ namespace silhouette {
 // 8 bits each of blue, green and red per pixel (CV_8UC3). Copies share their pixels.
 using Picture = cv::Mat;
 
+// As OpenCV draws it.
+inline cv::Scalar BgrOf(Colour colour) {
+  return {double(colour.blue), double(colour.green), double(colour.red)};
+}
+
 // A picture of one colour.
 Picture BlankPicture(int width, int height, Colour colour = palette::kPaper);
 

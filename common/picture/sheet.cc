@@ -17,10 +17,6 @@ constexpr int kSheetLegendLine = 22;
 constexpr int kSheetLegendGap = 18;
 constexpr int kSwatch = 14;
 
-cv::Scalar SheetBgr(Colour colour) {
-  return {double(colour.blue), double(colour.green), double(colour.red)};
-}
-
 int ColumnsFor(size_t pictures, const cv::Size& largest) {
   const double wanted = std::sqrt(static_cast<double>(pictures) * 1.4 *
                                   (largest.height + kCaption) / std::max(1, largest.width));
@@ -56,8 +52,8 @@ void DrawLegend(Picture& picture, const std::vector<LegendEntry>& legend, int le
   LayOut(legend, width, [&](const LegendEntry& entry, int x, int line) {
     const int middle = top + line * kSheetLegendLine + kSheetLegendLine / 2;
     const cv::Rect swatch(left + x, middle - kSwatch / 2, kSwatch, kSwatch);
-    cv::rectangle(picture, swatch, SheetBgr(entry.colour), cv::FILLED);
-    cv::rectangle(picture, swatch, SheetBgr(palette::kInk), 1);
+    cv::rectangle(picture, swatch, BgrOf(entry.colour), cv::FILLED);
+    cv::rectangle(picture, swatch, BgrOf(palette::kInk), 1);
     DrawText(picture, entry.text, {left + x + kSwatch + 6, middle}, {.height = kCaption});
   });
 }
@@ -100,7 +96,7 @@ Picture ContactSheet(const std::vector<CaptionedPicture>& pictures, const SheetO
       if (!picture.empty()) {
         picture.copyTo(sheet(cv::Rect(left, top, picture.cols, picture.rows)));
         cv::rectangle(sheet, cv::Rect(left - 1, top - 1, picture.cols + 2, picture.rows + 2),
-                      SheetBgr(palette::kFaint), 1);
+                      BgrOf(palette::kFaint), 1);
       }
       DrawText(sheet, Shortened(caption, widths[column] + kGap - 4, kCaption),
                {left, top + picture.rows + 5 + kCaption / 2}, {.height = kCaption});

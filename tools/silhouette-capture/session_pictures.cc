@@ -10,7 +10,6 @@
 #include "absl/strings/str_format.h"
 #include "capture/session/raw_archive.h"
 #include "common/picture/chart.h"
-#include "common/picture/line_chart.h"
 #include "common/picture/sheet.h"
 #include "db/status/status_macros.h"
 

@@ -29,12 +29,8 @@ const Closeness kCloseness[] = {{0.35, {255, 255, 255}, "differs by up to 0.35 o
                                 {1.4, palette::kUnknown, "1.4: just found"},
                                 {1e9, palette::kRobot, "more"}};
 
-cv::Scalar Bgr(Colour colour) {
-  return {double(colour.blue), double(colour.green), double(colour.red)};
-}
-
 void Veil(Picture& picture, const cv::Mat& where, Colour colour) {
-  Picture veil(picture.size(), CV_8UC3, Bgr(colour));
+  Picture veil(picture.size(), CV_8UC3, BgrOf(colour));
   cv::addWeighted(picture, 1 - kOpacity, veil, kOpacity, 0, veil);
   veil.copyTo(picture, where);
 }
@@ -52,7 +48,7 @@ Picture CameraPicture(const cv::Mat& image) {
 Picture ClosenessPicture(const cv::Mat& over_limit) {
   Picture picture(over_limit.size(), CV_8UC3);
   for (auto each = std::rbegin(kCloseness); each != std::rend(kCloseness); ++each) {
-    picture.setTo(Bgr(each->colour), over_limit <= each->up_to);
+    picture.setTo(BgrOf(each->colour), over_limit <= each->up_to);
   }
   return picture;
 }

@@ -1,4 +1,4 @@
-#include "common/picture/line_chart.h"
+#include "common/picture/chart.h"
 
 #include <gtest/gtest.h>
 

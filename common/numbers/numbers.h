@@ -1,0 +1,25 @@
+// SPDX-License-Identifier: Apache-2.0
+// Sums that many places need.
+#pragma once
+
+#include <algorithm>
+#include <cstddef>
+#include <vector>
+
+namespace silhouette {
+
+// `part` in percent of `whole`; 0 if `whole` is 0.
+template <typename Part, typename Whole>
+double Percent(Part part, Whole whole) {
+  return whole == 0 ? 0 : 100.0 * static_cast<double>(part) / static_cast<double>(whole);
+}
+
+// The upper of two middle values; 0 of nothing.
+inline double Median(std::vector<double> values) {
+  if (values.empty()) return 0;
+  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
+  std::nth_element(values.begin(), middle, values.end());
+  return *middle;
+}
+
+}  // namespace silhouette
