@@ -7,7 +7,6 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
 #include "db/status/status_macros.h"
-#include "tools/program/program.h"
 #include "tools/program/progress.h"
 #include "tools/silhouette-experiments/calibration/trials.h"
 #include "tools/silhouette-experiments/commands.h"
@@ -20,7 +19,6 @@ using calibration_experiment::Bars;
 using calibration_experiment::Figures;
 using calibration_experiment::Spread;
 
-constexpr char kCalibrationName[] = "silhouette-experiments";
 // A single calibration's errors have a few common causes: their chi2 says little.
 constexpr int kCalibrations = 16;
 
@@ -86,13 +84,12 @@ nlohmann::ordered_json CalibrationJsonOf(const std::vector<Figures>& runs) {
   return json;
 }
 
-int RunCalibration(const CalibrationArguments& arguments) {
-  const auto runs = MeasureAll(arguments);
-  if (!runs.ok()) return Report(kCalibrationName, runs.status());
+absl::StatusOr<ExitCode> RunCalibration(const CalibrationArguments& arguments) {
+  ASSIGN_OR_RETURN(const auto runs, MeasureAll(arguments));
   if (arguments.format == "json") {
-    std::cout << CalibrationJsonOf(*runs).dump(2) << '\n';
+    std::cout << CalibrationJsonOf(runs).dump(2) << '\n';
   } else {
-    CalibrationPrintText(*runs);
+    CalibrationPrintText(runs);
   }
   return kDone;
 }
@@ -115,8 +112,7 @@ void AddCalibrationCommand(CLI::App& program, Run& run) {
       "Median and worst of all runs, beside what is asked of the worst.\n\n"
       "Example:\n"
       "  silhouette-experiments calibration --runs 10 --format json");
-  command->callback(
-      [arguments, &run] { run = [arguments] { return RunCalibration(*arguments); }; });
+  RunWhenChosen(*command, run, arguments, RunCalibration);
 }
 
 }  // namespace silhouette

@@ -4,25 +4,22 @@
 #include <optional>
 
 #include "absl/strings/str_cat.h"
+#include "absl/strings/str_format.h"
 #include "common/picture/files.h"
 #include "db/status/status_macros.h"
-#include "tools/program/program.h"
 #include "tools/program/progress.h"
+#include "tools/silhouette-db/calibration_files/calibration_files.h"
+#include "tools/silhouette-db/calibration_files/tested_calibration.h"
 #include "tools/silhouette-experiments/cell/hidden_scene.h"
-#include "tools/silhouette-experiments/cell/loss.h"
-#include "tools/silhouette-experiments/cell/policies.h"
-#include "tools/silhouette-experiments/cell_results.h"
+#include "tools/silhouette-experiments/cell/missing_picture.h"
+#include "tools/silhouette-experiments/cell/report.h"
 #include "tools/silhouette-experiments/commands.h"
-#include "tools/silhouette-experiments/found_calibration.h"
 
 namespace silhouette {
+namespace cell_experiment {
 namespace {
 
-using namespace cell_experiment;
-
-constexpr char kCellProgram[] = "silhouette-experiments";
-
-// Of a hidden obstacle, metres, where no least obstacle is told.
+// Radius of a hidden obstacle in metres if no least obstacle is specified.
 constexpr double kHandRadius = 0.04;
 
 struct CellArguments {
@@ -40,14 +37,82 @@ struct CellArguments {
   ServeSettings serve;
 };
 
+// Scenes of one kind under one calibration, and what came of them.
+struct Experiment {
+  std::string name;
+  const TrialSetting* setting = nullptr;
+  SceneSource source;
+  std::vector<SceneRecord> records;
+};
+
+// `path`: what ReadCalibration (tools/silhouette-db/calibration_files/calibration_files.h) reads.
+// `margin`: as in the cell file's `calibration`. As for `silhouette-db calibration import`, it must
+// be for the database's views, and the robot images must not contradict it: InvalidArgument,
+// NotFound or FailedPrecondition if not.
+absl::StatusOr<Calibration> FoundCalibration(const std::string& path, const Database& database,
+                                             double margin) {
+  ASSIGN_OR_RETURN(const auto stored, ReadCalibration({path}, database.cell()));
+  ASSIGN_OR_RETURN(const Snapshot snapshot, database.Read());
+  ASSIGN_OR_RETURN(auto tested, TestCalibration(database, snapshot, stored, margin));
+  RETURN_IF_ERROR(CheckContradictions(tested.contradictions, database.cell()));
+  return std::move(tested.calibration);
+}
+
+// Writes the pictures; their names by record and missing configuration.
+absl::StatusOr<std::vector<std::vector<std::string>>> WritePictures(const Experiment& experiment,
+                                                                    const std::string& folder,
+                                                                    size_t count) {
+  std::vector<std::vector<std::string>> names;
+  for (const SceneRecord& record : experiment.records) names.emplace_back(record.missing.size());
+  const std::vector<Chosen> chosen = ChooseForPictures(experiment.records, count);
+  if (chosen.empty()) return names;
+  const TrialSetting& setting = *experiment.setting;
+  Progress progress("pictures", chosen.size(), "pictures");
+  for (size_t i = 0; i < chosen.size() && !StopRequested(); ++i) {
+    const SceneRecord& record = experiment.records[chosen[i].record];
+    ASSIGN_OR_RETURN(const auto viewed,
+                     View(setting, experiment.source(record.number), record.number));
+    std::string& name = names[chosen[i].record][chosen[i].missing];
+    name = absl::StrFormat("%s-%03d-%d.png", experiment.name, record.number, chosen[i].missing);
+    const Picture picture = Draw(setting, viewed, record.missing[chosen[i].missing]);
+    RETURN_IF_ERROR(WritePng(absl::StrCat(folder, "/", name), picture));
+    progress.Update(i + 1);
+  }
+  return names;
+}
+
+// Writes `text` to `folder`/`name`; nothing without a folder.
+absl::Status WriteResult(const std::string& folder, const std::string& name,
+                         const std::string& text) {
+  if (folder.empty()) return absl::OkStatus();
+  return WriteWholeFile(absl::StrCat(folder, "/", name), text);
+}
+
+// Scenes, missing configurations and at most `pictures` pictures of each experiment, by its name.
+absl::Status WriteExperiments(std::span<const Experiment> experiments, const std::string& folder,
+                              size_t pictures) {
+  if (folder.empty()) return absl::OkStatus();
+  for (const Experiment& experiment : experiments) {
+    if (experiment.records.empty()) continue;
+    absl::Status status = WriteResult(folder, experiment.name + "-scenes.csv",
+                                      ScenesCsvOf(*experiment.setting, experiment.records));
+    if (!status.ok()) return status;
+    ASSIGN_OR_RETURN(const auto names, WritePictures(experiment, folder, pictures));
+    status = WriteResult(folder, experiment.name + "-missing.csv",
+                         MissingCsvOf(*experiment.setting, experiment.records, names));
+    if (!status.ok()) return status;
+  }
+  return absl::OkStatus();
+}
+
 absl::StatusOr<std::unique_ptr<Database>> OpenDatabase(const CellArguments& arguments,
                                                        const SimulatedWorkplace& workplace) {
   const std::string path =
       arguments.database.empty() ? workplace.cell().database : arguments.database;
   if (path.empty()) {
     return absl::InvalidArgumentError(absl::StrCat(
-        "say where the database is, or shall be captured: --database FOLDER, or 'database: ",
-        "FOLDER' in '", arguments.cell, "'"));
+        "no database is specified; give --database FOLDER, or put 'database: FOLDER' into ", "'",
+        arguments.cell, "'"));
   }
   std::optional<Progress> progress;
   CaptureObserver observer;
@@ -129,15 +194,27 @@ absl::StatusOr<std::vector<Row>> RunAll(const CellArguments& arguments, const Tr
   const Eigen::AlignedBox3d box = SweptBox(workplace);
   Explainer explainer(setting);
   std::vector<Row> rows;
-  for (const std::string name : {"random", "hidden"}) {
-    const bool random = name == "random";
-    const int count = random ? arguments.scenes : static_cast<int>(hidden.size());
+  const SceneSource random = [&workplace, box, seed = arguments.seed](int number) {
+    return MakeRandomScene(workplace, box, seed, number);
+  };
+  const SceneSource with_ball = [&hidden](int number) {
+    return hidden[static_cast<size_t>(number)];
+  };
+  const SceneSource without = [&hidden](int number) {
+    RandomScene scene = hidden[static_cast<size_t>(number)];
+    scene.obstacles.clear();
+    return scene;
+  };
+  const auto balls = static_cast<int>(hidden.size());
+  struct Kind {
+    std::string name;
+    int count;
+    SceneSource source;
+  };
+  for (const auto& [name, count, source] : {Kind{"random", arguments.scenes, random},
+                                            {"hidden", balls, with_ball},
+                                            {"empty", balls, without}}) {
     if (count == 0) continue;
-    const SceneSource source = [&workplace, &hidden, box, random,
-                                seed = arguments.seed](int number) {
-      return random ? MakeRandomScene(workplace, box, seed, number)
-                    : hidden[static_cast<size_t>(number)];
-    };
     Experiment& experiment = done.emplace_back(Experiment{prefix + name, &setting, source, {}});
     RETURN_IF_ERROR(RunScenes(explainer, count, experiment));
     const std::vector<Row> some = RowsOf(name, setting, experiment.records);
@@ -183,6 +260,10 @@ absl::StatusOr<ExitCode> Test(const CellArguments& arguments, const SimulatedWor
   if (!status.ok()) return status;
   if (found) status = WriteResult(arguments.out, "loss.csv", LossCsvOf(comparisons));
   if (!status.ok()) return status;
+  if (!arguments.out.empty() && !hidden.empty() && truth.served->sound() != nullptr) {
+    ASSIGN_OR_RETURN(const auto viewed, View(*truth.setting, hidden.front(), 0));
+    RETURN_IF_ERROR(WritePng(arguments.out + "/hidden.png", DrawPossible(*truth.setting, viewed)));
+  }
   status = WriteExperiments(experiments, arguments.out, static_cast<size_t>(arguments.pictures));
   if (!status.ok()) return status;
   return kDone;
@@ -190,32 +271,31 @@ absl::StatusOr<ExitCode> Test(const CellArguments& arguments, const SimulatedWor
 
 absl::StatusOr<ExitCode> CellMeasure(const CellArguments& arguments) {
   ASSIGN_OR_RETURN(const auto workplace, SimulatedWorkplace::Load(arguments.cell));
-  if (!arguments.out.empty()) {
-    RETURN_IF_ERROR(MakeFolder(arguments.out));
-  }
   CatchStopSignals();
   const auto database = OpenDatabase(arguments, workplace);
   if (absl::IsCancelled(database.status())) {
-    std::cerr << "stopped; what was captured is stored, the same command goes on" << std::endl;
+    std::cerr << "stopped; what was captured is stored. Run the same command again to resume"
+              << std::endl;
     return kNo;
   }
   if (!database.ok()) return database.status();
   const auto code = Test(arguments, workplace, **database);
   if (absl::IsCancelled(code.status())) {
-    std::cerr << "stopped; start it again, the database is there" << std::endl;
+    std::cerr << "stopped; run the same command again, the database is complete" << std::endl;
     return kNo;
   }
   return code;
 }
 
 }  // namespace
+}  // namespace cell_experiment
 
 void AddCellCommand(CLI::App& program, Run& run) {
   CLI::App* command = program.add_subcommand(
       "cell",
-      "Measure the test in the simulated cell, through the whole real path - cameras, noise,\n"
-      "differencing, captured masks -, against exact contact, and explain every configuration\n"
-      "that is called free and is not.");
+      "Measure collision checking in the simulated cell through the whole real path (cameras,\n"
+      "noise, background subtraction, captured masks) against exact contact. Explain every\n"
+      "configuration that is reported free and is occupied.");
   command->footer(
       "Example:\n"
       "  silhouette-experiments cell --cell capture/sim/cells/demo/cell.yaml \\\n"
@@ -225,7 +305,7 @@ void AddCellCommand(CLI::App& program, Run& run) {
       "Writes to --out: table.csv, EXPERIMENT-scenes.csv (every scene), EXPERIMENT-missing.csv\n"
       "(every missing configuration with its cause and sentence) and pictures of the worst; with\n"
       "--calibration loss.csv, and the same of found-EXPERIMENT.");
-  auto arguments = std::make_shared<CellArguments>();
+  auto arguments = std::make_shared<cell_experiment::CellArguments>();
   const auto count = CLI::Range(0, 1000000);
   command->add_option("--cell", arguments->cell, "The cell's file, cell.yaml, of a simulated cell")
       ->required();
@@ -235,14 +315,15 @@ void AddCellCommand(CLI::App& program, Run& run) {
   command->add_option(
       "--calibration", arguments->calibration,
       "A calibration that was found: calibration.yaml, matrices, or a folder of\n"
-      "camera models. The presets that need one are tested with it as well as with\n"
-      "the true cameras, on the same scenes, and the difference is told");
+      "camera models. The presets that need one are tested with it and with the true\n"
+      "cameras on the same scenes. The result states the difference");
   command->add_option("--scenes", arguments->scenes, "Scenes by chance")
       ->check(count)
       ->capture_default_str();
   command
       ->add_option("--hidden", arguments->hidden,
-                   "Scenes with an obstacle where the robot hides it from all views")
+                   "Scenes with a ball of the least obstacle's size where the robot hides it from\n"
+                   "all views; each is tested again without the ball (experiment 'empty')")
       ->check(count)
       ->capture_default_str();
   command
@@ -275,12 +356,7 @@ void AddCellCommand(CLI::App& program, Run& run) {
       ->check(count)
       ->capture_default_str();
   AddFormatOption(*command, arguments->format);
-  command->callback([arguments, &run] {
-    run = [arguments]() -> int {
-      const absl::StatusOr<ExitCode> code = CellMeasure(*arguments);
-      return code.ok() ? *code : Report(kCellProgram, code.status());
-    };
-  });
+  RunWhenChosen(*command, run, arguments, cell_experiment::CellMeasure);
 }
 
 }  // namespace silhouette

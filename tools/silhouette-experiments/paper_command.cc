@@ -8,9 +8,8 @@
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_split.h"
-#include "common/picture/files.h"
 #include "common/yaml/strict_yaml.h"
-#include "tools/program/program.h"
+#include "db/status/status_macros.h"
 #include "tools/program/progress.h"
 #include "tools/silhouette-experiments/commands.h"
 #include "tools/silhouette-experiments/paper/pictures.h"
@@ -19,11 +18,8 @@
 #include "tools/silhouette-experiments/paper/study.h"
 
 namespace silhouette {
+namespace paper {
 namespace {
-
-using namespace paper;
-
-constexpr char kPaperProgram[] = "silhouette-experiments";
 
 struct PaperArguments {
   std::string settings;
@@ -126,30 +122,22 @@ absl::Status WriteAll(const std::string& folder, const std::vector<Row>& rows,
       status.Update(WritePng(folder + "/figure6" + of, SetupPicture(settings, variant, rig)));
       status.Update(WritePng(folder + "/views" + of, ViewsPicture(settings, variant, rig)));
       status.Update(WritePng(folder + "/verdicts" + of, VerdictsPicture(settings, variant, rig)));
-      if (const Picture chart = ReconstructionChart(methods, variant, rig); !chart.empty()) {
-        status.Update(WritePng(folder + "/reconstruction" + of, chart));
-      }
-      for (Experiment experiment : selection.experiments) {
-        const Picture chart = ErrorsChart(rows, experiment, variant, rig);
-        if (chart.empty()) continue;
-        status.Update(WritePng(absl::StrCat(folder, "/", NameOf(experiment), of), chart));
-      }
     }
   }
   return status;
 }
 
-// Progress of one study; a stop is a wish to stop it.
-OnProgress Telling(const std::string& what) {
-  return [what, told = uint64_t{0}, progress = std::shared_ptr<Progress>()](
+// Shows the progress of one study, and stops it at a stop signal.
+OnProgress Showing(const std::string& what) {
+  return [what, shown = uint64_t{0}, progress = std::shared_ptr<Progress>()](
              uint64_t done, uint64_t total) mutable {
     if (!progress) progress = std::make_shared<Progress>(what, total, "scenes");
-    if (done != std::exchange(told, done)) progress->Update(done);
+    if (done != std::exchange(shown, done)) progress->Update(done);
     return !StopRequested();
   };
 }
 
-int RunPaper(const PaperArguments& arguments) {
+absl::StatusOr<ExitCode> RunPaper(const PaperArguments& arguments) {
   if (arguments.print_settings) {
     std::cout << DefaultSettingsText();
     return kDone;
@@ -158,23 +146,19 @@ int RunPaper(const PaperArguments& arguments) {
   try {
     settings = ReadSettings(arguments.settings);
   } catch (const YamlError& mistake) {
-    return Report(kPaperProgram, absl::InvalidArgumentError(mistake.what()));
+    return absl::InvalidArgumentError(mistake.what());
   }
   const Selection selection = SelectionOf(arguments, settings);
-  if (!arguments.out.empty()) {
-    const absl::Status made = MakeFolder(arguments.out);
-    if (!made.ok()) return Report(kPaperProgram, made);
-  }
   CatchStopSignals();
   const std::vector<Row> rows =
-      Measure(settings, selection, arguments.threads, Telling("Measuring"));
+      Measure(settings, selection, arguments.threads, Showing("Measuring"));
   std::vector<MethodRow> methods;
   if (WithReconstruction(arguments) && !StopRequested()) {
     methods = CompareWithReconstruction(settings, selection, arguments.threads,
-                                        Telling("Reconstructing"));
+                                        Showing("Reconstructing"));
   }
   if (StopRequested()) {
-    return Report(kPaperProgram, absl::AbortedError("stopped; to measure, start it again"));
+    return absl::AbortedError("stopped; run it again to have a result");
   }
   if (arguments.format == "json") {
     std::cout << JsonOfBoth(rows, methods).dump(1) << '\n';
@@ -182,21 +166,21 @@ int RunPaper(const PaperArguments& arguments) {
     std::cout << TextOf(rows, methods);
   }
   if (!arguments.out.empty()) {
-    const absl::Status written = WriteAll(arguments.out, rows, methods, selection, settings);
-    if (!written.ok()) return Report(kPaperProgram, written);
+    RETURN_IF_ERROR(WriteAll(arguments.out, rows, methods, selection, settings));
     std::cerr << "wrote tables and pictures into " << arguments.out << '\n';
   }
   return kDone;
 }
 
 }  // namespace
+}  // namespace paper
 
 void AddPaperCommand(CLI::App& program, Run& run) {
   CLI::App* command = program.add_subcommand(
       "paper",
       "How many configurations each test reports wrongly in the paper's simulation (4.1,\n"
       "Figures 1, 6 and 7), and whether reconstructing space would do better (2)");
-  auto arguments = std::make_shared<PaperArguments>();
+  auto arguments = std::make_shared<paper::PaperArguments>();
   arguments->threads = std::max(1, static_cast<int>(std::thread::hardware_concurrency()));
   command->add_option(
       "--settings", arguments->settings,
@@ -228,7 +212,7 @@ void AddPaperCommand(CLI::App& program, Run& run) {
       "  silhouette-experiments paper --presets calibrated,sound --format json > rows.json\n"
       "  silhouette-experiments paper --print-settings > mine.yaml\n"
       "  silhouette-experiments paper --settings mine.yaml --out mine");
-  command->callback([arguments, &run] { run = [arguments] { return RunPaper(*arguments); }; });
+  RunWhenChosen(*command, run, arguments, paper::RunPaper);
 }
 
 }  // namespace silhouette

@@ -1,29 +1,23 @@
 // silhouette-experiments placement
 #include <algorithm>
-#include <atomic>
-#include <filesystem>
 #include <iostream>
 #include <memory>
 #include <mutex>
 #include <nlohmann/json.hpp>
-#include <thread>
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
-#include "common/picture/files.h"
+#include "common/numbers/numbers.h"
+#include "common/parallel/parallel_for.h"
 #include "db/status/status_macros.h"
 #include "tools/cell/cell.h"
-#include "tools/program/program.h"
 #include "tools/program/progress.h"
 #include "tools/silhouette-experiments/commands.h"
-#include "tools/silhouette-experiments/placement/map.h"
 #include "tools/silhouette-experiments/placement/places.h"
 #include "tools/silhouette-experiments/placement/trials.h"
 
 namespace silhouette {
 namespace {
-
-constexpr char kPlacementName[] = "silhouette-experiments";
 
 struct PlacementArguments {
   std::string cell;
@@ -45,42 +39,6 @@ struct Result {
     return places.candidates[static_cast<size_t>(usable[static_cast<size_t>(camera)])];
   }
   size_t unusable() const { return places.candidates.size() - usable.size(); }
-};
-
-double PlacementPercent(int64_t part, int64_t whole) {
-  return whole == 0 ? 0 : 100.0 * static_cast<double>(part) / static_cast<double>(whole);
-}
-
-// The measures of sets of cameras, on all processors.
-class Evaluation {
- public:
-  Evaluation(const Trials& trials, const Policy& policy, Progress& progress)
-      : trials_(trials), policy_(policy), progress_(progress) {}
-
-  std::vector<Measures> operator()(const std::vector<CameraSet>& sets) {
-    std::vector<Measures> measures(sets.size());
-    std::atomic<size_t> next{0};
-    const auto work_off = [&] {
-      for (size_t i = next++; i < sets.size() && !StopRequested(); i = next++) {
-        measures[i] = trials_.MeasuresOf(sets[i], policy_);
-        const std::lock_guard lock(mutex_);
-        progress_.Update(++done_);
-      }
-    };
-    std::vector<std::jthread> helpers;
-    for (unsigned i = 1; i < std::thread::hardware_concurrency(); ++i) {
-      helpers.emplace_back(work_off);
-    }
-    work_off();
-    return measures;
-  }
-
- private:
-  const Trials& trials_;
-  const Policy policy_;
-  Progress& progress_;
-  std::mutex mutex_;
-  uint64_t done_ = 0;
 };
 
 // Sets to be looked at if every size needs two rounds of exchange: what progress is measured by.
@@ -132,38 +90,29 @@ absl::StatusOr<Result> Choose(const PlacementArguments& arguments) {
   result.footprint = trials.footprint();
   const int count = std::min(result.places.cameras, static_cast<int>(result.usable.size()));
   Progress progress("choosing", ExpectedSets(result.usable.size(), count), "sets of cameras");
-  Evaluation evaluation(trials, result.policy, progress);
-  result.selections = Select(
-      static_cast<int>(result.usable.size()), count,
-      [&](const std::vector<CameraSet>& sets) { return evaluation(sets); }, StopRequested);
+  std::mutex mutex;
+  uint64_t done = 0;
+  const auto evaluate = [&](const std::vector<CameraSet>& sets) {
+    std::vector<Measures> measures(sets.size());
+    ParallelFor(sets.size(), [&](size_t i) {
+      if (StopRequested()) return false;
+      measures[i] = trials.MeasuresOf(sets[i], result.policy);
+      const std::lock_guard lock(mutex);
+      progress.Update(++done);
+      return true;
+    });
+    return measures;
+  };
+  result.selections =
+      Select(static_cast<int>(result.usable.size()), count, evaluate, StopRequested);
   if (StopRequested()) return absl::AbortedError("stopped; start it again to have a result");
   return result;
 }
 
-absl::Status WriteMap(const Result& result, const std::string& path) {
-  PlaceMap map{.title = "Camera places, seen from above",
-               .places = {},
-               .field_of_view = result.places.field_of_view,
-               .footprint = result.footprint};
-  for (const Candidate& candidate : result.places.candidates) {
-    map.places.push_back({PlaceKind::kUnusable, "", candidate.position, candidate.look_at});
-  }
-  for (int usable : result.usable) {
-    map.places[static_cast<size_t>(usable)].kind = PlaceKind::kNotChosen;
-  }
-  const CameraSet& chosen = result.selections.back().cameras;
-  for (size_t i = 0; i < chosen.size(); ++i) {
-    MappedPlace& place =
-        map.places[static_cast<size_t>(result.usable[static_cast<size_t>(chosen[i])])];
-    place.kind = PlaceKind::kChosen;
-    place.label = absl::StrCat(i + 1);
-  }
-  return WritePng(path, Draw(map));
-}
+nlohmann::ordered_json PointJson(const Eigen::Vector3d& v) { return {v.x(), v.y(), v.z()}; }
 
 nlohmann::ordered_json PlacementJsonOf(const Result& result) {
   using Json = nlohmann::ordered_json;
-  const auto numbers = [](const Eigen::Vector3d& v) { return Json{v.x(), v.y(), v.z()}; };
   Json rows = Json::array();
   for (const Selection& selection : result.selections) {
     Json names = Json::array();
@@ -172,18 +121,18 @@ nlohmann::ordered_json PlacementJsonOf(const Result& result) {
     rows.push_back({{"cameras", selection.cameras.size()},
                     {"places", names},
                     {"tested", m.tested},
-                    {"occupied_percent", PlacementPercent(m.occupied, m.tested)},
+                    {"occupied_percent", Percent(m.occupied, m.tested)},
                     {"missing", m.missing},
-                    {"missing_percent", PlacementPercent(m.missing, m.tested)},
+                    {"missing_percent", Percent(m.missing, m.tested)},
                     {"additional", m.additional},
-                    {"additional_percent", PlacementPercent(m.additional, m.tested)}});
+                    {"additional_percent", Percent(m.additional, m.tested)}});
   }
   Json chosen = Json::array();
   for (int camera : result.selections.back().cameras) {
     const Candidate& candidate = result.CandidateOf(camera);
     chosen.push_back({{"name", candidate.name},
-                      {"position", numbers(candidate.position)},
-                      {"look_at", numbers(candidate.look_at)}});
+                      {"position", PointJson(candidate.position)},
+                      {"look_at", PointJson(candidate.look_at)}});
   }
   return {{"preset", NameOf(result.policy.preset)},
           {"candidates", result.places.candidates.size()},
@@ -199,7 +148,7 @@ void PlacementPrintText(const Result& result) {
       "%d scenes, %d configurations each; %.2f %% really occupied; preset %s\n\n"
       "cameras  missing %%  additional %%  places\n",
       result.places.candidates.size(), result.unusable(), result.places.samples.scenes,
-      any.tested / result.places.samples.scenes, PlacementPercent(any.occupied, any.tested),
+      any.tested / result.places.samples.scenes, Percent(any.occupied, any.tested),
       NameOf(result.policy.preset));
   for (const Selection& selection : result.selections) {
     std::string names;
@@ -208,27 +157,38 @@ void PlacementPrintText(const Result& result) {
     }
     const Measures& m = selection.measures;
     std::cout << absl::StrFormat("%7d  %9.4f  %12.3f  %s\n", selection.cameras.size(),
-                                 PlacementPercent(m.missing, m.tested),
-                                 PlacementPercent(m.additional, m.tested), names);
+                                 Percent(m.missing, m.tested), Percent(m.additional, m.tested),
+                                 names);
   }
 }
 
-int RunPlacement(const PlacementArguments& arguments) {
-  if (!arguments.out.empty()) {
-    if (absl::Status made = MakeFolder(arguments.out); !made.ok())
-      return Report(kPlacementName, made);
+// What tools/plot draws: the table, and all places and the robot from above; metres and radians.
+nlohmann::ordered_json MapOf(const Result& result) {
+  nlohmann::ordered_json map = PlacementJsonOf(result);
+  map["field_of_view"] = result.places.field_of_view;
+  auto& places = map["places"] = nlohmann::ordered_json::array();
+  for (size_t i = 0; i < result.places.candidates.size(); ++i) {
+    const Candidate& candidate = result.places.candidates[i];
+    const bool whole = std::ranges::count(result.usable, static_cast<int>(i)) > 0;
+    places.push_back({{"name", candidate.name},
+                      {"position", PointJson(candidate.position)},
+                      {"look_at", PointJson(candidate.look_at)},
+                      {"robot_whole", whole}});
   }
-  const absl::StatusOr<Result> result = Choose(arguments);
-  if (!result.ok()) return Report(kPlacementName, result.status());
+  auto& footprint = map["footprint"] = nlohmann::ordered_json::array();
+  for (const Eigen::Vector2d& point : result.footprint) footprint.push_back({point.x(), point.y()});
+  return map;
+}
+
+absl::StatusOr<ExitCode> RunPlacement(const PlacementArguments& arguments) {
+  ASSIGN_OR_RETURN(const auto result, Choose(arguments));
   if (!arguments.out.empty()) {
-    const absl::Status written =
-        WriteMap(*result, (std::filesystem::path(arguments.out) / "placement.png").string());
-    if (!written.ok()) return Report(kPlacementName, written);
+    RETURN_IF_ERROR(WriteWholeFile(arguments.out + "/placement.json", MapOf(result).dump() + "\n"));
   }
   if (arguments.format == "json") {
-    std::cout << PlacementJsonOf(*result).dump(2) << '\n';
+    std::cout << PlacementJsonOf(result).dump(2) << '\n';
   } else {
-    PlacementPrintText(*result);
+    PlacementPrintText(result);
   }
   return kDone;
 }
@@ -249,14 +209,15 @@ void AddPlacementCommand(CLI::App& program, Run& run) {
   command->add_option("--preset", arguments->preset, "Whose verdicts are judged")
       ->check(CLI::IsMember({"uncalibrated", "paper", "calibrated", "paper-calibrated"}))
       ->capture_default_str();
-  command->add_option("--out", arguments->out, "A folder for placement.png, the cell from above");
+  command->add_option("--out", arguments->out,
+                      "A folder for placement.json, of which tools/plot draws the cell from above");
   AddFormatOption(*command, arguments->format);
   command->footer(
       "Obstacles, configurations and the robot's present one are sampled; the truth is exact\n"
       "contact; the images are silhouettes without noise or lens distortion.\n\n"
       "Example:\n"
       "  silhouette-experiments placement --cell cell.yaml --places places.yaml --out out");
-  command->callback([arguments, &run] { run = [arguments] { return RunPlacement(*arguments); }; });
+  RunWhenChosen(*command, run, arguments, RunPlacement);
 }
 
 }  // namespace silhouette

@@ -7,10 +7,8 @@
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
-#include "common/picture/files.h"
 #include "db/status/status_macros.h"
 #include "tools/cell/cell.h"
-#include "tools/program/program.h"
 #include "tools/program/progress.h"
 #include "tools/silhouette-experiments/commands.h"
 #include "tools/silhouette-experiments/segmentation/study.h"
@@ -19,9 +17,14 @@ namespace silhouette {
 namespace {
 
 namespace fs = std::filesystem;
-using namespace segmentation_experiment;
-
-constexpr char kSegmentationName[] = "silhouette-experiments";
+using segmentation_experiment::Condition;
+using segmentation_experiment::Conditions;
+using segmentation_experiment::Method;
+using segmentation_experiment::Methods;
+using segmentation_experiment::Obstacles;
+using segmentation_experiment::StudySettings;
+using segmentation_experiment::Workplace;
+using SegmentationFigures = segmentation_experiment::Figures;
 
 struct SegmentationArguments {
   std::string cell;
@@ -36,7 +39,7 @@ struct SegmentationRow {
   std::string obstacles;
   std::string condition;
   std::string method;
-  Figures figures;
+  SegmentationFigures figures;
 };
 
 absl::StatusOr<Workplace> Load(const std::string& file) {
@@ -134,20 +137,20 @@ void SegmentationPrintText(const std::vector<SegmentationRow>& rows) {
       << "| camera | obstacles | light | settings | recall, mask | recall, pixels | false, mask | "
          "false, pixels | shadows found |\n|---|---|---|---|---|---|---|---|---|\n";
   for (const SegmentationRow& row : rows) {
-    const Figures& f = row.figures;
+    const SegmentationFigures& f = row.figures;
     std::cout << absl::StrFormat(
         "| %s | %s | %s | %s | %.4f | %.4f | %.3f %% | %.3f %% | %.2f %% |\n", row.camera,
         row.obstacles, row.condition, row.method, f.recall(),
-        Figures::Share(f.found_pixels, f.obstacle_pixels), 100 * f.false_share(),
-        100 * Figures::Share(f.false_pixels, f.empty_pixels),
-        100 * Figures::Share(f.shadow_foreground, f.all_mask));
+        SegmentationFigures::Share(f.found_pixels, f.obstacle_pixels), 100 * f.false_share(),
+        100 * SegmentationFigures::Share(f.false_pixels, f.empty_pixels),
+        100 * SegmentationFigures::Share(f.shadow_foreground, f.all_mask));
   }
 }
 
 nlohmann::ordered_json SegmentationJsonOf(const std::vector<SegmentationRow>& rows) {
   auto list = nlohmann::ordered_json::array();
   for (const SegmentationRow& row : rows) {
-    const Figures& f = row.figures;
+    const SegmentationFigures& f = row.figures;
     list.push_back({{"camera", row.camera},
                     {"obstacles", row.obstacles},
                     {"condition", row.condition},
@@ -166,17 +169,12 @@ nlohmann::ordered_json SegmentationJsonOf(const std::vector<SegmentationRow>& ro
   return list;
 }
 
-int RunSegmentation(const SegmentationArguments& arguments) {
-  if (!arguments.out.empty()) {
-    if (absl::Status made = MakeFolder(arguments.out); !made.ok())
-      return Report(kSegmentationName, made);
-  }
-  const absl::StatusOr<std::vector<SegmentationRow>> rows = Study(arguments);
-  if (!rows.ok()) return Report(kSegmentationName, rows.status());
+absl::StatusOr<ExitCode> RunSegmentation(const SegmentationArguments& arguments) {
+  ASSIGN_OR_RETURN(const auto rows, Study(arguments));
   if (arguments.format == "json") {
-    std::cout << SegmentationJsonOf(*rows).dump(2) << '\n';
+    std::cout << SegmentationJsonOf(rows).dump(2) << '\n';
   } else {
-    SegmentationPrintText(*rows);
+    SegmentationPrintText(rows);
   }
   return kDone;
 }
@@ -201,8 +199,7 @@ void AddSegmentationCommand(CLI::App& program, Run& run) {
       "docs/segmentation.md explains the columns.\n\n"
       "Example:\n"
       "  silhouette-experiments segmentation --cell capture/sim/cells/demo/cell.yaml --out out");
-  command->callback(
-      [arguments, &run] { run = [arguments] { return RunSegmentation(*arguments); }; });
+  RunWhenChosen(*command, run, arguments, RunSegmentation);
 }
 
 }  // namespace silhouette

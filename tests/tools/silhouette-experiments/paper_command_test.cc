@@ -1,16 +1,13 @@
 // silhouette-experiments paper as its users meet it.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
-#include <sys/wait.h>
 
-#include <cstdlib>
 #include <filesystem>
 #include <fstream>
 #include <map>
 #include <nlohmann/json.hpp>
-#include <sstream>
 
-#include "tests/test_folder.h"
+#include "tests/clients/cpp/shell.h"
 
 namespace silhouette {
 namespace {
@@ -18,28 +15,11 @@ namespace {
 namespace fs = std::filesystem;
 using testing::HasSubstr;
 
-struct Outcome {
-  int exit_code = -1;
-  std::string out;
-  std::string err;
-};
-
-std::string ReadAll(const fs::path& path) {
-  std::ifstream in(path);
-  std::stringstream text;
-  text << in.rdbuf();
-  return text.str();
-}
-
 class PaperCommand : public testing::Test {
  protected:
-  Outcome Run(const std::string& arguments) const {
-    const std::string command = std::string(SILHOUETTE_BIN_DIR) + "/silhouette-experiments paper " +
-                                arguments + " >" + (folder_ / "out").string() + " 2>" +
-                                (folder_ / "err").string() + " </dev/null";
-    const int status = std::system(command.c_str());
-    return {WIFEXITED(status) ? WEXITSTATUS(status) : -1, ReadAll(folder_ / "out"),
-            ReadAll(folder_ / "err")};
+  Ended Run(const std::string& arguments) const {
+    return shell_.Run(std::string(SILHOUETTE_BIN_DIR) + "/silhouette-experiments paper " +
+                      arguments);
   }
 
   // The default settings with 12 steps, 24 pixels and 2 scenes.
@@ -58,13 +38,14 @@ class PaperCommand : public testing::Test {
     return path;
   }
 
-  fs::path folder_ = FreshFolder();
+  Shell shell_;
+  const fs::path& folder_ = shell_.folder();
 };
 
 TEST_F(PaperCommand, JsonHasOneRowPerExperimentRobotRigRasterPresetThresholdAndNumberOfCameras) {
-  const Outcome outcome = Run("--settings " + SmallSettings() +
-                              " --presets paper,calibrated --experiments figure7,random "
-                              "--format json");
+  const Ended outcome = Run("--settings " + SmallSettings() +
+                            " --presets paper,calibrated --experiments figure7,random "
+                            "--format json");
   ASSERT_EQ(outcome.exit_code, 0) << outcome.err;
   const auto rows = nlohmann::json::parse(outcome.out);
   ASSERT_EQ(rows.size(), 2u * 2 * 2 * 2 * 2 * 2 * 4);
@@ -86,15 +67,29 @@ TEST_F(PaperCommand, JsonHasOneRowPerExperimentRobotRigRasterPresetThresholdAndN
 
 TEST_F(PaperCommand, OutGetsTablesAndPictures) {
   const fs::path out = folder_ / "new/paper";
-  const Outcome outcome = Run("--settings " + SmallSettings() +
-                              " --presets paper --experiments figure7 --variants planar --rigs A "
-                              "--out " +
-                              out.string());
+  const Ended outcome = Run("--settings " + SmallSettings() +
+                            " --presets paper --experiments figure7 --variants planar --rigs A "
+                            "--out " +
+                            out.string());
   ASSERT_EQ(outcome.exit_code, 0) << outcome.err;
   EXPECT_THAT(outcome.out, HasSubstr("figure7, planar, rig A, centre"));
-  EXPECT_THAT(ReadAll(out / "rows.csv"), HasSubstr("figure7,planar,A,touch,paper,n-1,4,"));
-  for (const char* name : {"figure1.png", "figure6-planar-A.png", "figure7-planar-A.png",
-                           "views-planar-A.png", "verdicts-planar-A.png"}) {
+  EXPECT_THAT(ContentOf(out / "rows.csv"), HasSubstr("figure7,planar,A,touch,paper,n-1,4,"));
+  for (const char* name : {"rows.json", "figure1.png", "figure6-planar-A.png", "views-planar-A.png",
+                           "verdicts-planar-A.png"}) {
+    EXPECT_GT(fs::file_size(out / name), 1000u) << name;
+  }
+}
+
+TEST_F(PaperCommand, PlotDrawsTheChartsOfItsRows) {
+  const fs::path out = folder_ / "charts";
+  const Ended outcome = Run("--settings " + SmallSettings() +
+                            " --presets paper,calibrated --variants planar --rigs A "
+                            "--experiments figure7,reconstruction --out " +
+                            out.string());
+  ASSERT_EQ(outcome.exit_code, 0) << outcome.err;
+  const Ended plot = shell_.Run(SILHOUETTE_SOURCE_DIR "/tools/plot charts/rows.json");
+  ASSERT_EQ(plot.exit_code, 0) << plot.err;
+  for (const char* name : {"figure7-planar-A.png", "reconstruction-planar-A.png"}) {
     EXPECT_GT(fs::file_size(out / name), 1000u) << name;
   }
 }
@@ -102,7 +97,7 @@ TEST_F(PaperCommand, OutGetsTablesAndPictures) {
 TEST_F(PaperCommand, TheReconstructionIsPartOfTheRunAndCanBeHadAlone) {
   const std::string selection =
       "--settings " + SmallSettings() + " --presets calibrated --variants planar --rigs A ";
-  const Outcome all = Run(selection + "--format json");
+  const Ended all = Run(selection + "--format json");
   ASSERT_EQ(all.exit_code, 0) << all.err;
   std::map<std::string, int> rows;
   for (const auto& row : nlohmann::json::parse(all.out)) ++rows[row["experiment"]];
@@ -114,8 +109,7 @@ TEST_F(PaperCommand, TheReconstructionIsPartOfTheRunAndCanBeHadAlone) {
                                               {"reconstruction_figure7", 16},
                                               {"reconstruction", 16}}));
   const fs::path out = folder_ / "out_of_reconstruction";
-  const Outcome alone = Run(selection + "--experiments reconstruction --out " + out.string());
-  EXPECT_GT(fs::file_size(out / "reconstruction-planar-A.png"), 1000u);
+  const Ended alone = Run(selection + "--experiments reconstruction --out " + out.string());
   ASSERT_EQ(alone.exit_code, 0) << alone.err;
   EXPECT_THAT(alone.out, HasSubstr("hull-minus-robot-hull, 16 voxels in place of calibrated"));
   EXPECT_THAT(alone.out, testing::Not(HasSubstr("current_off_grid")));
@@ -126,7 +120,7 @@ TEST_F(PaperCommand, MistakesAreOneSentence) {
   EXPECT_THAT(Run("--experiments figure8").err, HasSubstr("'figure7'"));
   EXPECT_THAT(Run("--experiments figure8").err, HasSubstr("'reconstruction'"));
   EXPECT_EQ(Run("--rigs C").exit_code, 2);
-  const Outcome no_folder = Run("--out " + (folder_ / "out").string());
+  const Ended no_folder = Run("--out .out");
   EXPECT_EQ(no_folder.exit_code, 2);
   EXPECT_THAT(no_folder.err, HasSubstr("cannot be made"));
   EXPECT_EQ(Run("--settings " + (folder_ / "nowhere.yaml").string()).exit_code, 2);

@@ -2,6 +2,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <fstream>
 #include <nlohmann/json.hpp>
 
 #include "tests/clients/cpp/shell.h"
@@ -60,7 +61,14 @@ TEST_F(PlacementProgram, ChoosesDrawsAndTellsScripts) {
   EXPECT_EQ(json["selections"][0]["cameras"], 1);
   EXPECT_EQ(json["selections"][1]["tested"], 120);
   EXPECT_EQ(json["chosen"].size(), 2u);
-  EXPECT_TRUE(std::filesystem::exists(shell_.folder() / "out/placement.png"));
+  std::ifstream file(shell_.folder() / "out/placement.json");
+  const auto map = nlohmann::json::parse(file);
+  EXPECT_EQ(map["places"].size(), 4u);
+  EXPECT_EQ(map["chosen"], json["chosen"]);
+  EXPECT_GT(map["footprint"].size(), 5u);
+  const Ended plot = shell_.Run(SILHOUETTE_SOURCE_DIR "/tools/plot out/placement.json");
+  EXPECT_EQ(plot.exit_code, 0) << plot.err;
+  EXPECT_GT(std::filesystem::file_size(shell_.folder() / "out/placement.png"), 1000u);
   EXPECT_EQ(Run(kPlaces, "--format json").out, ended.out) << "the same seed, the same answer";
   const Ended text = Run(kPlaces, "--cameras 1 --preset uncalibrated");
   EXPECT_EQ(text.exit_code, 0);

@@ -1,4 +1,4 @@
-// The trials of `silhouette-experiments calibration`. Each is told a seed and measures some of the
+// The trials of `silhouette-experiments calibration`. Each takes a seed and measures some of the
 // figures; the same seed gives the same figures, but for times.
 #pragma once
 

@@ -11,19 +11,18 @@
 #include "common/picture/sheet.h"
 #include "common/picture/text.h"
 #include "server/collision/collision_checker.h"
+#include "server/collision/possible_space.h"
 
 namespace silhouette::cell_experiment {
 namespace {
 
-constexpr int kWidth = 320;  // of a view
+constexpr int kWidth = 320;    // of a view
+constexpr int kFactor = 4;     // of enlargement of a mask
+constexpr double kVeil = 0.8;  // opacity of what is laid over a mask
 constexpr int kTextHeight = 16;
 constexpr int kMargin = 16;
 constexpr Colour kTestRobot = palette::kGoal;
 constexpr Colour kContact = palette::kStart;
-
-cv::Scalar Bgr(Colour colour) {
-  return {double(colour.blue), double(colour.green), double(colour.red)};
-}
 
 // `picture` in the size of a view, its pixels as squares.
 Picture Stretched(const Picture& picture, cv::Size size) {
@@ -45,10 +44,10 @@ void Outline(Picture& picture, const Mask& mask, Colour colour) {
   for (int y = 0; y <= mask.height(); ++y) {
     for (int x = 0; x <= mask.width(); ++x) {
       if (set(x, y) != set(x - 1, y)) {
-        cv::line(picture, corner(x, y), corner(x, y + 1), Bgr(colour), 2);
+        cv::line(picture, corner(x, y), corner(x, y + 1), BgrOf(colour), 2);
       }
       if (set(x, y) != set(x, y - 1)) {
-        cv::line(picture, corner(x, y), corner(x + 1, y), Bgr(colour), 2);
+        cv::line(picture, corner(x, y), corner(x + 1, y), BgrOf(colour), 2);
       }
     }
   }
@@ -97,7 +96,56 @@ std::string TextOf(const TrialSetting& setting, const ExplainedConfiguration& mi
   return text;
 }
 
+// The pixels of a view's mask that show the obstacles, if nothing were before them.
+Mask PixelsOf(const CameraModel& camera, const std::vector<Obstacle>& obstacles) {
+  const CameraIntrinsics& image = camera.intrinsics();
+  std::vector<uint64_t> words(MaskSize{image.width, image.height}.words(), 0);
+  for (const Obstacle& obstacle : obstacles) {
+    for (const double share : {0.25, 0.5, 0.75, 1.0}) {
+      for (const Eigen::Vector3d& vertex : obstacle.mesh.vertices) {
+        const auto pixel = camera.Project(obstacle.world_from_obstacle * (share * vertex));
+        if (!pixel || !camera.Contains(*pixel)) continue;
+        const auto bit =
+            static_cast<size_t>(std::lround(pixel->y()) * image.width + std::lround(pixel->x()));
+        words[bit / 64] |= uint64_t{1} << (bit % 64);
+      }
+    }
+  }
+  return Mask::FromWords({image.width, image.height}, std::move(words));
+}
+
 }  // namespace
+
+Picture DrawPossible(const TrialSetting& setting, const ViewedScene& viewed) {
+  const ServedDatabase& database = setting.database;
+  const std::vector<CameraModel> cameras = setting.workplace.TrueCalibration().cameras;
+  const PossibleSpace& possible = viewed.scene.possible_space.Get(
+      database.sound(), viewed.scene.obstacle_images, viewed.scene.joints, {});
+  std::vector<CaptionedPicture> above;
+  std::vector<CaptionedPicture> below;
+  for (int view = 0; view < database.views(); ++view) {
+    const auto i = static_cast<size_t>(view);
+    const ObstacleImage& image = *viewed.scene.obstacle_images[i];
+    const Picture planes = PictureOfPlanes(image.obstacle(), image.unknown(), image.error());
+    Mask may_hold(image.size());
+    for (const PossibleSpace::Part& part : possible.parts()) {
+      may_hold = may_hold | *part.planes[i];
+    }
+    const auto with = [&](const Mask& mask, Colour colour) {
+      return Enlarged(WithVeil(planes, mask, colour, kVeil), kFactor);
+    };
+    const CameraModel camera = cameras[i].ScaledTo(image.size().width, image.size().height);
+    above.push_back({with(PixelsOf(camera, viewed.truth.obstacles), palette::kObstacle),
+                     database.view_name(view)});
+    below.push_back({with(may_hold, palette::kGoal), database.view_name(view)});
+  }
+  above.insert(above.end(), below.begin(), below.end());
+  return ContactSheet(above, {.title = "A hidden ball; where the sound presets say one may be",
+                              .columns = database.views(),
+                              .legend = {{palette::kUnknown, "unknown: the robot"},
+                                         {palette::kObstacle, "the ball, in truth"},
+                                         {palette::kGoal, "an obstacle may be here"}}});
+}
 
 Picture Draw(const TrialSetting& setting, const ViewedScene& viewed,
              const ExplainedConfiguration& missing) {
@@ -122,8 +170,8 @@ Picture Draw(const TrialSetting& setting, const ViewedScene& viewed,
             cameras[view].ScaledTo(size.width, size.height).Project(explanation.place);
         if (!pixel) continue;
         const cv::Point at(cvRound(pixel->x()), cvRound(pixel->y()));
-        cv::circle(picture, at, 7, Bgr(palette::kPaper), 4, cv::LINE_AA);
-        cv::circle(picture, at, 7, Bgr(kContact), 2, cv::LINE_AA);
+        cv::circle(picture, at, 7, BgrOf(palette::kPaper), 4, cv::LINE_AA);
+        cv::circle(picture, at, 7, BgrOf(kContact), 2, cv::LINE_AA);
       }
       rows[i].push_back(
           {picture, absl::StrCat(setting.workplace.cell().views[view].name, ": ", names[i])});

@@ -11,4 +11,8 @@ namespace silhouette::cell_experiment {
 Picture Draw(const TrialSetting& setting, const ViewedScene& viewed,
              const ExplainedConfiguration& missing);
 
+// Per view what the robot covers; above, where the obstacles are that nobody sees; below, where the
+// sound presets say that an obstacle may be. The database can serve them.
+Picture DrawPossible(const TrialSetting& setting, const ViewedScene& viewed);
+
 }  // namespace silhouette::cell_experiment

@@ -1,11 +1,10 @@
 #include "tools/silhouette-experiments/cell/trial.h"
 
 #include <algorithm>
-#include <atomic>
 #include <memory>
-#include <thread>
 #include <utility>
 
+#include "common/parallel/parallel_for.h"
 #include "common/picture/picture.h"
 #include "db/status/status_macros.h"
 #include "server/collision/collision_checker.h"
@@ -66,16 +65,6 @@ void Tally::Add(const Tally& other) {
   missing += other.missing;
 }
 
-void InParallel(size_t count, const std::function<void(size_t)>& work) {
-  std::atomic<size_t> next{0};
-  const auto work_off = [&] {
-    for (size_t i = next++; i < count; i = next++) work(i);
-  };
-  std::vector<std::jthread> helpers;
-  for (unsigned i = 1; i < std::thread::hardware_concurrency(); ++i) helpers.emplace_back(work_off);
-  work_off();
-}
-
 absl::StatusOr<ViewedScene> View(const TrialSetting& setting, RandomScene scene, int number) {
   const SimulatedWorkplace& workplace = setting.workplace;
   SimulatedCell& cell = workplace.simulation();
@@ -123,12 +112,13 @@ TrialResult Judge(const TrialSetting& setting, const ViewedScene& viewed, int nu
   }
   const std::vector<Test> tests = TestsOf(setting, number);
   std::vector<Answer> answers(tests.size());
-  InParallel((tests.size() + kAtOnce - 1) / kAtOnce, [&](size_t part) {
+  ParallelFor((tests.size() + kAtOnce - 1) / kAtOnce, [&](size_t part) {
     for (size_t i = part * kAtOnce; i < std::min(tests.size(), (part + 1) * kAtOnce); ++i) {
       const Configuration& q = tests[i].configuration;
       answers[i].touches = contact.Touches(setting.workplace.LinkPoses(q), obstacles);
       for (const auto& policy : policies) answers[i].free.push_back(policy->Check(q).free());
     }
+    return true;
   });
   for (size_t i = 0; i < tests.size(); ++i) {
     const auto& [touches, free] = answers[i];
@@ -144,6 +134,29 @@ TrialResult Judge(const TrialSetting& setting, const ViewedScene& viewed, int nu
     if (!missed.policies.empty()) result.missed.push_back(std::move(missed));
   }
   return result;
+}
+
+absl::StatusOr<std::vector<Policy>> PoliciesFor(const std::vector<std::string>& presets,
+                                                const ServedDatabase& database) {
+  const int views = database.views();
+  std::vector<Policy> policies;
+  for (const Preset preset : AllPresets()) {
+    const bool named = std::ranges::count(presets, NameOf(preset)) > 0;
+    if (!presets.empty() && !named) continue;
+    if (absl::Status status = database.CanServe({.preset = preset}); !status.ok()) {
+      if (named) return status;
+      continue;
+    }
+    for (const int min_views : {views - 1, views}) {
+      if (min_views == 0) continue;
+      // Without a calibration the two presets differ in nothing else.
+      if (preset == Preset::kUncalibrated && min_views == views && views > 1) continue;
+      if (preset == Preset::kPaper && min_views < views) continue;
+      if (IsSound(preset) && min_views < views) continue;
+      policies.push_back({.preset = preset, .min_views = min_views});
+    }
+  }
+  return policies;
 }
 
 }  // namespace silhouette::cell_experiment

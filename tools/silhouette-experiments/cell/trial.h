@@ -72,7 +72,10 @@ absl::StatusOr<ViewedScene> View(const TrialSetting& setting, RandomScene scene,
 // Uses both cores where there are two.
 TrialResult Judge(const TrialSetting& setting, const ViewedScene& viewed, int number);
 
-// Calls work(i) for 0 <= i < count, in any order, from as many threads as there are cores.
-void InParallel(size_t count, const std::function<void(size_t)>& work);
+// The presets asked for, by name - if there are none, all that the database can serve -, with the
+// thresholds that they can have: n - 1 and n of n views. FailedPrecondition if one that is asked
+// for cannot be served.
+absl::StatusOr<std::vector<Policy>> PoliciesFor(const std::vector<std::string>& presets,
+                                                const ServedDatabase& database);
 
 }  // namespace silhouette::cell_experiment

@@ -3,13 +3,34 @@
 // Its base is the origin, z is up; at joint values 0 both links point along +x. A plain value.
 #pragma once
 
+#include <Eigen/Core>
 #include <array>
+#include <span>
 #include <string>
+#include <vector>
 
 #include "db/mask/configuration_grid.h"
-#include "tools/silhouette-experiments/paper/sphere.h"
 
 namespace silhouette::paper {
+
+// Robot and obstacles are made of spheres.
+struct Sphere {
+  Eigen::Vector3d centre = Eigen::Vector3d::Zero();
+  double radius = 0;
+};
+
+using Spheres = std::vector<Sphere>;
+
+// The ideal collision test: whether any sphere of `a` and any of `b` have a point in common.
+inline bool Touch(std::span<const Sphere> a, std::span<const Sphere> b) {
+  for (const Sphere& each : a) {
+    for (const Sphere& other : b) {
+      const double reach = each.radius + other.radius;
+      if ((each.centre - other.centre).squaredNorm() <= reach * reach) return true;
+    }
+  }
+  return false;
+}
 
 enum class Variant {
   // Both axes are parallel to y, the arm moves in the x-z plane; positive values lift the links.

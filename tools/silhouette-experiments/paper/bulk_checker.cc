@@ -1,9 +1,43 @@
 #include "tools/silhouette-experiments/paper/bulk_checker.h"
 
-#include <bit>
+#include <array>
+#include <map>
 #include <stdexcept>
 
 namespace silhouette::paper {
+
+TransposedImages::TransposedImages(std::span<const Mask> images) : configurations_(images.size()) {
+  if (images.empty()) throw std::invalid_argument("there are no images to transpose");
+  mask_size_ = images[0].size();
+  bits_.assign(mask_size_.pixels() * words(), 0);
+  for (size_t i = 0; i < images.size(); ++i) {
+    if (images[i].size() != mask_size_) {
+      throw std::invalid_argument("images to transpose are of different sizes");
+    }
+    ForEachPixel(images[i].words(),
+                 [&](size_t pixel) { bits_[pixel * words() + i / 64] |= uint64_t{1} << (i % 64); });
+  }
+}
+
+LineTable::LineTable(const EpipolarBands& bands, int view, int other) {
+  const MaskSize size = bands.mask_sizes()[static_cast<size_t>(other)];
+  words_ = size.words();
+  std::map<std::array<uint16_t, 4>, uint16_t> numbers;
+  for (const EpipolarBands::Runs& runs : bands.runs(view, other)) {
+    const auto pixel = static_cast<int>(line_of_.size());
+    const std::array<uint16_t, 4> key = {runs[0].begin, runs[0].end, runs[1].begin, runs[1].end};
+    const auto [found, is_new] = numbers.try_emplace(key, static_cast<uint16_t>(numbers.size()));
+    line_of_.push_back(found->second);
+    if (!is_new) continue;
+    masks_.resize(masks_.size() + words_, 0);
+    uint64_t* const mask = masks_.data() + masks_.size() - words_;
+    for (size_t q = 0; q < size.pixels(); ++q) {
+      if (bands.Meet(view, pixel, other, static_cast<int>(q))) {
+        mask[q / 64] |= uint64_t{1} << (q % 64);
+      }
+    }
+  }
+}
 
 LineTables::LineTables(const EpipolarBands& bands) : views_(bands.views()) {
   for (int view = 0; view < views_; ++view) {

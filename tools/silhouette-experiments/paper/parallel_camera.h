@@ -12,7 +12,7 @@
 
 #include "calib/camera/calibration.h"
 #include "db/mask/mask.h"
-#include "tools/silhouette-experiments/paper/sphere.h"
+#include "tools/silhouette-experiments/paper/arm.h"
 
 namespace silhouette::paper {
 

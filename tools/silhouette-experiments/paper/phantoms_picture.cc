@@ -22,10 +22,6 @@ constexpr Colour kRays{120, 150, 180};
 
 using Point = std::array<double, 2>;
 
-cv::Scalar PhantomsPictureBgr(Colour colour) {
-  return {double(colour.blue), double(colour.green), double(colour.red)};
-}
-
 // Directions from a camera, as angles from that to an obstacle's middle: from below to above.
 struct Covered {
   double towards = 0;
@@ -83,8 +79,8 @@ class Plan {
     Paint();
     for (const FlatCamera& camera : cameras_) DrawRays(camera);
     for (const Rectangle& obstacle : plan_.obstacles) {
-      cv::rectangle(picture_, PixelOf(obstacle.from), PixelOf(obstacle.to),
-                    PhantomsPictureBgr(kReal), cv::FILLED);
+      cv::rectangle(picture_, PixelOf(obstacle.from), PixelOf(obstacle.to), BgrOf(kReal),
+                    cv::FILLED);
     }
     for (const FlatCamera& camera : cameras_) DrawCamera(camera);
     return picture_;
@@ -154,16 +150,15 @@ class Plan {
         const double angle = covered.towards + off;
         const Point end = {camera.at[0] + far * std::cos(angle),
                            camera.at[1] + far * std::sin(angle)};
-        cv::line(picture_, PixelOf(camera.at), PixelOf(end), PhantomsPictureBgr(kRays), 1,
-                 cv::LINE_AA);
+        cv::line(picture_, PixelOf(camera.at), PixelOf(end), BgrOf(kRays), 1, cv::LINE_AA);
       }
     }
   }
 
   void DrawCamera(const FlatCamera& camera) {
     const cv::Point at = PixelOf(camera.at);
-    cv::circle(picture_, at, 7, PhantomsPictureBgr(palette::kRobot), cv::FILLED, cv::LINE_AA);
-    cv::circle(picture_, at, 7, PhantomsPictureBgr(palette::kInk), 1, cv::LINE_AA);
+    cv::circle(picture_, at, 7, BgrOf(palette::kRobot), cv::FILLED, cv::LINE_AA);
+    cv::circle(picture_, at, 7, BgrOf(palette::kInk), 1, cv::LINE_AA);
     const bool right = at.x > picture_.cols * 2 / 3;
     DrawText(picture_, camera.name, at + cv::Point(right ? -14 : 14, 0),
              {.height = kLabel, .across = right ? Align::kEnd : Align::kStart});

@@ -1,25 +1,10 @@
-// The pictures of the study.
+// The pictures of the study. tools/plot draws its charts from the rows.
 #pragma once
 
-#include <span>
-
 #include "common/picture/picture.h"
-#include "tools/silhouette-experiments/paper/reconstruction.h"
 #include "tools/silhouette-experiments/paper/settings.h"
-#include "tools/silhouette-experiments/paper/study.h"
 
 namespace silhouette::paper {
-
-// Figure 7 for one experiment, variant and rig: additional and missing configurations against the
-// number of cameras, a row of panels per raster, a line per preset with its own threshold. Nothing
-// (an empty picture) if there are no such rows.
-Picture ErrorsChart(std::span<const Row> rows, Experiment experiment, Variant variant,
-                    const std::string& rig);
-
-// The same for the study of reconstruction (§2), random scenes: the hulls with the finest voxels
-// beside the presets paper and calibrated.
-Picture ReconstructionChart(std::span<const MethodRow> rows, Variant variant,
-                            const std::string& rig);
 
 // The configuration space of a random scene as each test reports it, with all cameras and pixels
 // that are touched: what is additional, what is missing. The first scene in which the robot hides

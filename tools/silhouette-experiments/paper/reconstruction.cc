@@ -6,11 +6,10 @@
 #include <bit>
 #include <memory>
 
+#include "common/numbers/numbers.h"
 #include "server/collision/collision_checker.h"
-#include "tools/silhouette-experiments/paper/parallel.h"
 #include "tools/silhouette-experiments/paper/scenes.h"
 #include "tools/silhouette-experiments/paper/sphere_cell.h"
-#include "tools/silhouette-experiments/paper/tally.h"
 #include "tools/silhouette-experiments/paper/voxel_hull.h"
 
 namespace silhouette::paper {
@@ -21,12 +20,6 @@ double Seconds() {
   timespec now{};
   clock_gettime(CLOCK_THREAD_CPUTIME_ID, &now);
   return static_cast<double>(now.tv_sec) + 1e-9 * static_cast<double>(now.tv_nsec);
-}
-
-double Median(std::vector<double> values) {
-  const auto middle = values.begin() + static_cast<long>(values.size() / 2);
-  std::nth_element(values.begin(), middle, values.end());
-  return *middle;
 }
 
 ViewSet AllViews(const SphereCell& cell) { return (ViewSet{1} << cell.views()) - 1; }
@@ -104,15 +97,6 @@ class Bench {
                                   : AskImages(method, scene_images, scene);
   }
 
-  // With some cameras, a hull.
-  ConfigurationSet HullOccupied(const VoxelHull& hull) const {
-    ConfigurationSet occupied(WordsFor(cell_.arms().size()), 0);
-    for (size_t i = 0; i < cell_.arms().size(); ++i) {
-      if (hull.Touches(cell_.arms().At(i))) Insert(occupied, i);
-    }
-    return occupied;
-  }
-
  private:
   const Mask& RobotImage(int view, const SceneToCompare& scene) const {
     return cell_.RobotImages(view)[scene.current];
@@ -129,7 +113,7 @@ class Bench {
     const VoxelHull hull(*method.cube, images, AllViews(cell_), cell_.arms().At(scene.current),
                          method.out);
     const double prepared = Seconds();
-    Answer answer{HullOccupied(hull), {.prepare_seconds = prepared - start}};
+    Answer answer{Touching(hull, cell_.arms()), {.prepare_seconds = prepared - start}};
     answer.times.space_seconds = Seconds() - prepared;
     answer.times.check_seconds =
         answer.times.space_seconds / static_cast<double>(cell_.arms().size());
@@ -208,7 +192,7 @@ class Comparison {
         } else {
           const VoxelHull hull(*method.cube, images, views, cell.arms().At(scene.current),
                                method.out);
-          Count(m, count, bench_.HullOccupied(hull), scene.truth);
+          Count(m, count, Touching(hull, cell.arms()), scene.truth);
         }
       }
     }
@@ -228,6 +212,7 @@ class Comparison {
     row.experiment = experiment;
     row.variant = bench_.cell().arms().variant();
     row.rig = rig;
+    row.configurations = static_cast<int64_t>(bench_.cell().arms().size());
     const int views = bench_.cell().views();
     for (size_t m = 0; m < tallies_.size(); ++m) {
       const Method& method = bench_.methods()[m];
@@ -235,13 +220,7 @@ class Comparison {
       row.voxels = method.cube == nullptr ? 0 : method.cube->edge();
       for (int count = 1; count <= views; ++count) {
         const Tally& tally = tallies_[m][static_cast<size_t>(count) - 1];
-        row.views = count;
-        row.camera_sets = static_cast<int>(SetsOf(count, views).size());
-        row.scenes = tally.samples / row.camera_sets;
-        row.configurations = static_cast<int64_t>(bench_.cell().arms().size());
-        row.occupied = SpreadOf(tally.occupied, tally.samples).mean;
-        row.additional = SpreadOf(tally.additional, tally.samples);
-        row.missing = SpreadOf(tally.missing, tally.samples);
+        row.Take(tally, count, views);
         row.times = count == views ? std::optional(TimesOf(m)) : std::nullopt;
         row.disagreements = count == views ? disagreements_[m] : 0;
         rows.push_back(row);
@@ -317,13 +296,14 @@ std::vector<MethodRow> CompareWithReconstruction(const Settings& settings,
       for (const ScenesToCompare& each : experiments) {
         std::vector<std::unique_ptr<Comparison>> found;
         for (int i = 0; i < threads; ++i) found.push_back(std::make_unique<Comparison>(bench));
-        const bool done = InParallel(
-            threads, each.scenes.size(),
-            [&](int worker, uint64_t i) {
-              found[static_cast<size_t>(worker)]->Compare(each.scenes[i]);
-            },
-            [&](uint64_t at) { return on_progress(before + at, total); });
-        if (!done) return rows;
+        if (!AllDone(
+                each.scenes.size(), threads,
+                [&](int worker, size_t i) {
+                  found[static_cast<size_t>(worker)]->Compare(each.scenes[i]);
+                },
+                [&](uint64_t at) { return on_progress(before + at, total); })) {
+          return rows;
+        }
         before += each.scenes.size();
         for (size_t i = 1; i < found.size(); ++i) found[0]->Merge(*found[i]);
         found[0]->AddRows(each.experiment, rig, rows);

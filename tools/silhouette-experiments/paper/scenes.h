@@ -33,7 +33,7 @@ class RandomNumbers {
   uint64_t state_;
 };
 
-// Random scene `number`, 0 to settings.random.count - 1. Obstacles are drawn anew where they leave
+// Random scene `number`, 0 to settings.random.count - 1. Obstacles are drawn again where they leave
 // the robot no free configuration on the grid. Throws std::invalid_argument if they always do.
 SphereScene RandomScene(const Settings& settings, Variant variant, int number);
 

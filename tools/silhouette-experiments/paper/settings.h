@@ -10,7 +10,6 @@
 
 #include "tools/silhouette-experiments/paper/arm.h"
 #include "tools/silhouette-experiments/paper/parallel_camera.h"
-#include "tools/silhouette-experiments/paper/sphere.h"
 
 namespace silhouette::paper {
 

@@ -31,10 +31,6 @@ constexpr double kFrameWidth = 0.01;  // likewise
 
 constexpr Colour kFrame{150, 150, 150};
 
-cv::Scalar SetupPictureBgr(Colour colour) {
-  return {double(colour.blue), double(colour.green), double(colour.red)};
-}
-
 Colour Shaded(Colour colour, double light) {
   const auto part = [&](uint8_t value) {
     return static_cast<uint8_t>(std::clamp(value * light, 0.0, 255.0));
@@ -165,7 +161,7 @@ std::array<Vector3d, 4> CornersOf(const ImagePlane& plane, double half) {
 void DrawAxis(Picture& picture, const Viewpoint& viewpoint, cv::Point from, const Vector3d& axis,
               const std::string& caption) {
   const cv::Point end = from + viewpoint.PixelOf(axis) - viewpoint.PixelOf(Vector3d::Zero());
-  cv::arrowedLine(picture, from, end, SetupPictureBgr(palette::kInk), 2, cv::LINE_AA, 0, 0.12);
+  cv::arrowedLine(picture, from, end, BgrOf(palette::kInk), 2, cv::LINE_AA, 0, 0.12);
   DrawText(picture, caption, end + cv::Point(10, -8), {.height = kCaption});
 }
 

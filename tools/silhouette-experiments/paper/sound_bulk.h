@@ -1,8 +1,8 @@
 // The sound presets on all configurations of a simulated cell, with all sets of cameras.
 //
-// The robot's model is known: at present, to tell its own body from what may be an obstacle, and
-// at the test configuration, for what planes cannot tell and for the refinement; spheres that are
-// where they are at present are left out. The verdicts are those of
+// The robot's model is known. At its present configuration it separates the robot's own body from
+// what may be an obstacle. At the test configuration it decides what planes cannot, and refines;
+// spheres that are where they are at present are left out. The verdicts are those of
 // server/collision/collision_checker.h, configuration by configuration; cameras out of the set are
 // missing views.
 #pragma once

@@ -58,20 +58,12 @@ size_t ArmTable::Nearest(std::array<double, 2> q) const {
 }
 
 ConfigurationSet ArmTable::Touching(std::span<const Sphere> obstacles) const {
-  ConfigurationSet touching(WordsFor(size()), 0);
-  for (size_t i = 0; i < size(); ++i) {
-    if (Touch(arms_[i], obstacles)) Insert(touching, i);
-  }
-  return touching;
+  return Where([&](size_t i) { return Touch(arms_[i], obstacles); });
 }
 
 ConfigurationSet ArmTable::TouchingOffGrid(std::span<const Sphere> obstacles,
                                            std::span<const std::array<double, 2>> offsets) const {
-  ConfigurationSet touching(WordsFor(size()), 0);
-  for (size_t i = 0; i < size(); ++i) {
-    if (Touch(AtJoints(JointsIn(i, offsets[i])), obstacles)) Insert(touching, i);
-  }
-  return touching;
+  return Where([&](size_t i) { return Touch(AtJoints(JointsIn(i, offsets[i])), obstacles); });
 }
 
 SphereCell::SphereCell(const ArmTable& arms, std::vector<ParallelCamera> cameras, Raster raster)

@@ -35,6 +35,15 @@ class ArmTable {
   // The index whose grid cell holds the joint values, not below 0.
   size_t CellOf(std::array<double, 2> q) const;
 
+  // The configurations for which `holds(index)`.
+  template <typename Holds>
+  ConfigurationSet Where(Holds holds) const {
+    ConfigurationSet set(WordsFor(size()), 0);
+    for (size_t i = 0; i < size(); ++i) {
+      if (holds(i)) Insert(set, i);
+    }
+    return set;
+  }
   // The ideal test on the whole grid.
   ConfigurationSet Touching(std::span<const Sphere> obstacles) const;
   // And in every grid cell at JointsIn(index, offsets[index]).

@@ -1,11 +1,12 @@
 #include "tools/silhouette-experiments/paper/study.h"
 
 #include <algorithm>
+#include <atomic>
 #include <memory>
 #include <stdexcept>
 
+#include "common/parallel/parallel_for.h"
 #include "tools/silhouette-experiments/paper/bulk_checker.h"
-#include "tools/silhouette-experiments/paper/parallel.h"
 #include "tools/silhouette-experiments/paper/scenes.h"
 #include "tools/silhouette-experiments/paper/sound_bulk.h"
 #include "tools/silhouette-experiments/paper/sphere_cell.h"
@@ -225,12 +226,7 @@ void AddRows(std::vector<Row>& rows, Row row, Tallies& tallies, const Selection&
         if (tally.samples == 0) continue;
         row.preset = preset;
         row.threshold = threshold;
-        row.views = count;
-        row.camera_sets = static_cast<int>(SetsOf(count, views).size());
-        row.scenes = tally.samples / row.camera_sets;
-        row.occupied = SpreadOf(tally.occupied, tally.samples).mean;
-        row.additional = SpreadOf(tally.additional, tally.samples);
-        row.missing = SpreadOf(tally.missing, tally.samples);
+        row.Take(tally, count, views);
         rows.push_back(row);
       }
     }
@@ -238,6 +234,15 @@ void AddRows(std::vector<Row>& rows, Row row, Tallies& tallies, const Selection&
 }
 
 }  // namespace
+
+void Counts::Take(const Tally& tally, int count, int of) {
+  views = count;
+  camera_sets = static_cast<int>(SetsOf(count, of).size());
+  scenes = tally.samples / camera_sets;
+  occupied = SpreadOf(tally.occupied, tally.samples).mean;
+  additional = SpreadOf(tally.additional, tally.samples);
+  missing = SpreadOf(tally.missing, tally.samples);
+}
 
 std::string NameOf(Experiment experiment) {
   switch (experiment) {
@@ -266,6 +271,17 @@ std::string NameOf(Threshold threshold) { return threshold == Threshold::kAll ? 
 
 Threshold OwnThreshold(Preset preset) {
   return preset == Preset::kUncalibrated ? Threshold::kAllButOne : Threshold::kAll;
+}
+
+bool AllDone(size_t count, int threads, const std::function<void(int, size_t)>& work,
+             const std::function<bool(uint64_t)>& on_progress) {
+  std::atomic<uint64_t> done{0};
+  const bool all = ParallelFor(count, threads, [&](int worker, size_t i) {
+    work(worker, i);
+    const uint64_t now = ++done;
+    return worker != 0 || on_progress(now);
+  });
+  return on_progress(done) && all;
 }
 
 int MinViewsOf(Threshold threshold, int views) {
@@ -298,30 +314,27 @@ std::vector<Row> Measure(const Settings& settings, const Selection& selection, i
           measurers.push_back(std::make_unique<Measurer>(cell, sound ? &*sound : nullptr, robot,
                                                          settings.sound, selection));
         }
-        const bool done = InParallel(
-            threads, parts.size(),
-            [&](int worker, uint64_t i) {
-              measurers[static_cast<size_t>(worker)]->Measure(parts[i]);
-            },
-            [&](uint64_t at) { return on_progress(before + at, total); });
-        if (!done) return rows;
+        if (!AllDone(
+                parts.size(), threads,
+                [&](int worker, size_t i) {
+                  measurers[static_cast<size_t>(worker)]->Measure(parts[i]);
+                },
+                [&](uint64_t at) { return on_progress(before + at, total); })) {
+          return rows;
+        }
         before += parts.size();
         for (Experiment experiment : selection.experiments) {
           Tallies& all = measurers[0]->TalliesOf(experiment);
           for (size_t i = 1; i < measurers.size(); ++i) {
             all.Merge(measurers[i]->TalliesOf(experiment));
           }
-          AddRows(rows,
-                  {.experiment = experiment,
-                   .variant = robot.arms.variant(),
-                   .rig = rig,
-                   .raster = raster,
-                   .preset = {},
-                   .threshold = {},
-                   .configurations = static_cast<int64_t>(robot.arms.size()),
-                   .additional = {},
-                   .missing = {}},
-                  all, selection, cell.views());
+          Row row;
+          row.experiment = experiment;
+          row.variant = robot.arms.variant();
+          row.rig = rig;
+          row.raster = raster;
+          row.configurations = static_cast<int64_t>(robot.arms.size());
+          AddRows(rows, row, all, selection, cell.views());
         }
       }
     }

@@ -52,8 +52,7 @@ class Maps {
     const auto a = static_cast<int>(current_) / steps_;
     const auto b = static_cast<int>(current_) % steps_;
     const cv::Point at(a * factor + factor / 2, (steps_ - 1 - b) * factor + factor / 2);
-    const auto [red, green, blue] = palette::kPath;
-    cv::circle(picture, at, 6, cv::Scalar(blue, green, red), cv::FILLED, cv::LINE_AA);
+    cv::circle(picture, at, 6, BgrOf(palette::kPath), cv::FILLED, cv::LINE_AA);
     return picture;
   }
   Colour ColourOf(size_t index, const ConfigurationSet& reported) const {
@@ -66,14 +65,6 @@ class Maps {
   const ConfigurationSet& truth_;
   size_t current_;
 };
-
-ConfigurationSet OccupiedBy(const VoxelHull& hull, const ArmTable& arms) {
-  ConfigurationSet occupied(WordsFor(arms.size()), 0);
-  for (size_t i = 0; i < arms.size(); ++i) {
-    if (hull.Touches(arms.At(i))) Insert(occupied, i);
-  }
-  return occupied;
-}
 
 }  // namespace
 
@@ -111,7 +102,7 @@ Picture VerdictsPicture(const Settings& settings, Variant variant, const std::st
   const VoxelCube cube(cell.cameras(), settings.half_width, settings.reconstruction.voxels.back());
   for (RobotOut out : {RobotOut::kHull, RobotOut::kBody}) {
     const VoxelHull hull(cube, images, all, robot, out);
-    pictures.push_back(maps.Of(NameOf(out), OccupiedBy(hull, arms)));
+    pictures.push_back(maps.Of(NameOf(out), Touching(hull, arms)));
   }
   return ContactSheet(
       pictures,

@@ -249,4 +249,8 @@ bool VoxelHull::Touches(const Sphere& sphere) const {
   return false;
 }
 
+ConfigurationSet Touching(const VoxelHull& hull, const ArmTable& arms) {
+  return arms.Where([&](size_t index) { return hull.Touches(arms.At(index)); });
+}
+
 }  // namespace silhouette::paper

@@ -8,9 +8,7 @@
 #include <vector>
 
 #include "server/collision/obstacle_image.h"
-#include "tools/silhouette-experiments/paper/bulk_checker.h"
-#include "tools/silhouette-experiments/paper/parallel_camera.h"
-#include "tools/silhouette-experiments/paper/sphere.h"
+#include "tools/silhouette-experiments/paper/sphere_cell.h"
 
 namespace silhouette::paper {
 
@@ -91,5 +89,8 @@ class VoxelHull {
   std::vector<uint64_t> rows_;     // per z: the y of rows with any voxel
   std::vector<uint64_t> columns_;  // per z: the x that any row has
 };
+
+// The configurations whose arm touches the hull.
+ConfigurationSet Touching(const VoxelHull& hull, const ArmTable& arms);
 
 }  // namespace silhouette::paper

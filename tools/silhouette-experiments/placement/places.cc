@@ -13,7 +13,7 @@
 namespace silhouette {
 namespace {
 
-// Candidates are told apart by name, and by number in tables and pictures.
+// Candidates are identified by name, and by number in tables and pictures.
 constexpr size_t kMostCandidates = 1000;
 
 int AtLeastOne(YamlMap& map, const std::string& key, int default_value) {

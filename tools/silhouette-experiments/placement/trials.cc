@@ -3,15 +3,15 @@
 #include <algorithm>
 #include <atomic>
 #include <bit>
-#include <mutex>
 #include <numbers>
+#include <opencv2/imgproc.hpp>
 #include <random>
-#include <thread>
 #include <utility>
 
 #include "absl/status/status.h"
 #include "absl/strings/str_cat.h"
 #include "capture/sim/contact.h"
+#include "common/parallel/parallel_for.h"
 #include "db/status/status_macros.h"
 #include "server/collision/collision_checker.h"
 #include "server/collision/epipolar_bands.h"
@@ -28,22 +28,6 @@ double Between(double lower, double upper, Random& random) {
 
 size_t Below(size_t limit, Random& random) {
   return std::min(limit - 1, static_cast<size_t>(Between(0, static_cast<double>(limit), random)));
-}
-
-// Calls work(i) for 0 <= i < count on all processors; whether all was done.
-bool ForEach(size_t count, const std::function<bool(size_t)>& work) {
-  std::atomic<size_t> next{0};
-  std::atomic<bool> stopped{false};
-  const auto work_off = [&] {
-    for (size_t i = next++; i < count && !stopped; i = next++) {
-      if (!work(i)) stopped = true;
-    }
-  };
-  std::vector<std::jthread> helpers;
-  for (unsigned i = 1; i < std::thread::hardware_concurrency(); ++i) helpers.emplace_back(work_off);
-  work_off();
-  helpers.clear();
-  return !stopped;
 }
 
 // `count` different numbers of the grid, or all of them.
@@ -129,6 +113,18 @@ Obstacle RandomObstacle(const PlacementSamples& samples, const Eigen::AlignedBox
   return obstacle;
 }
 
+std::vector<Eigen::Vector2d> HullOf(std::span<const Eigen::Vector2d> points) {
+  std::vector<cv::Point2f> plane;
+  for (const Eigen::Vector2d& point : points) {
+    plane.emplace_back(static_cast<float>(point.x()), static_cast<float>(point.y()));
+  }
+  std::vector<cv::Point2f> corners;
+  cv::convexHull(plane, corners);
+  std::vector<Eigen::Vector2d> hull;
+  for (const cv::Point2f& corner : corners) hull.emplace_back(corner.x, corner.y);
+  return hull;
+}
+
 int64_t CountBits(const std::vector<uint64_t>& words) {
   int64_t count = 0;
   for (uint64_t word : words) count += std::popcount(word);
@@ -164,7 +160,7 @@ absl::StatusOr<Trials> Trials::Make(const RobotModel& robot, const Configuration
 
   Trials trials;
   trials.configurations_ = poses.size();
-  trials.footprint_ = std::move(bounds.footprint);
+  trials.footprint_ = HullOf(bounds.footprint);
   for (size_t i = 0; i < places.candidates.size(); ++i) {
     const CameraModel& camera = places.candidates[i].camera;
     if (std::all_of(looked_at.begin(), looked_at.end(),
@@ -187,10 +183,10 @@ absl::StatusOr<Trials> Trials::Make(const RobotModel& robot, const Configuration
   std::vector<std::vector<Obstacle>> obstacles(scene_count);
   trials.scenes_.resize(scene_count);
   std::atomic<bool> always_touching{false};
-  const bool sampled = ForEach(scene_count, [&](size_t i) {
+  const bool sampled = ParallelFor(scene_count, [&](size_t i) {
     Random own(seeds[i]);
     Scene& scene = trials.scenes_[i];
-    // A scene that blocks nothing, or nearly everything, tells nothing.
+    // A scene that blocks nothing, or nearly everything, is no measure.
     for (int attempt = 0; attempt < 200; ++attempt) {
       obstacles[i].clear();
       const int least = places.samples.least_obstacles;
@@ -231,7 +227,7 @@ absl::StatusOr<Trials> Trials::Make(const RobotModel& robot, const Configuration
   for (const auto& in_scene : obstacles)
     solid_obstacles.push_back(SolidsOf(ObstacleParts(in_scene)));
   const bool drawn =
-      sampled && ForEach(trials.cameras_.size(), [&](size_t camera) {
+      sampled && ParallelFor(trials.cameras_.size(), [&](size_t camera) {
         const CameraModel& model = trials.cameras_[camera];
         for (const Poses& pose : poses) {
           trials.robot_images_[camera].push_back(SilhouetteOf(solids, pose, model));

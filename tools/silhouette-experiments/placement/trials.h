@@ -20,7 +20,7 @@ namespace silhouette {
 // All joint values of the robot at a configuration of the grid.
 using PositionsAt = std::function<absl::StatusOr<std::vector<double>>(const Configuration&)>;
 
-// Told how many parts of the work are done; returns false to stop it.
+// Called with the parts done and their total. Returning false stops.
 using OnProgress = std::function<bool(uint64_t done, uint64_t total)>;
 
 class Trials {
@@ -35,7 +35,7 @@ class Trials {
 
   // The candidates that are left, by their index in Places::candidates.
   const std::vector<int>& usable() const { return usable_; }
-  // Corners of the robot at all sampled configurations, seen from above: x, y.
+  // What the robot covers at the sampled configurations, seen from above: the hull's corners, x, y.
   const std::vector<Eigen::Vector2d>& footprint() const { return footprint_; }
 
   // The measures of a set of usable() candidates, by index in usable(). Can be called from several

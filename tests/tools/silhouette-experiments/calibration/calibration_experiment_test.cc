@@ -5,7 +5,6 @@
 #include <set>
 
 #include "tools/silhouette-experiments/calibration/figures.h"
-#include "tools/silhouette-experiments/calibration/joint_errors.h"
 #include "tools/silhouette-experiments/calibration/rig.h"
 #include "tools/silhouette-experiments/calibration/trials.h"
 

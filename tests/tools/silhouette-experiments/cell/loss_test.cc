@@ -1,4 +1,4 @@
-#include "tools/silhouette-experiments/cell/loss.h"
+#include "tools/silhouette-experiments/cell/report.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

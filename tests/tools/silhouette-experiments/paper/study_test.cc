@@ -4,6 +4,7 @@
 
 #include <fstream>
 
+#include "common/numbers/numbers.h"
 #include "common/yaml/strict_yaml.h"
 #include "tests/test_folder.h"
 #include "tests/tools/silhouette-experiments/paper/small_settings.h"
@@ -39,9 +40,11 @@ TEST(PaperStudy, Figure7IsThatOfAnIndependentSimulation) {
   for (const Row& row : rows) {
     if (row.threshold != Threshold::kAll) continue;
     const int touch = row.raster == Raster::kTouch ? 1 : 0;
-    EXPECT_NEAR(Percent(row, row.additional.mean), additional[touch][row.views - 1], 0.0051);
-    EXPECT_NEAR(Percent(row, row.missing.mean), missing[touch][row.views - 1], 0.001);
-    EXPECT_NEAR(Percent(row, row.occupied), 13.73, 0.0051);
+    EXPECT_NEAR(Percent(row.additional.mean, row.configurations), additional[touch][row.views - 1],
+                0.0051);
+    EXPECT_NEAR(Percent(row.missing.mean, row.configurations), missing[touch][row.views - 1],
+                0.001);
+    EXPECT_NEAR(Percent(row.occupied, row.configurations), 13.73, 0.0051);
     ++compared;
   }
   EXPECT_EQ(compared, 8);
@@ -117,8 +120,8 @@ TEST(PaperStudy, ARobotParkedInTheWayIsAMistake) {
 }
 
 TEST(PaperSettings, TheDefaultIsTheFileThatIsShipped) {
-  const Settings shipped =
-      ReadSettings(std::string(SILHOUETTE_SOURCE_DIR) + "/tools/experiments/paper/paper.yaml");
+  const Settings shipped = ReadSettings(std::string(SILHOUETTE_SOURCE_DIR) +
+                                        "/tools/silhouette-experiments/paper/paper.yaml");
   const Settings built_in = ReadSettings("");
   EXPECT_EQ(shipped.random.count, 200);
   EXPECT_EQ(shipped.random.count, built_in.random.count);

@@ -1,0 +1,196 @@
+#include "tools/silhouette-experiments/calibration/trials.h"
+
+#include <Eigen/Geometry>
+#include <algorithm>
+#include <cmath>
+#include <cstdint>
+#include <numbers>
+#include <opencv2/core/mat.hpp>
+#include <vector>
+
+#include "calib/detection/tag_detector.h"
+#include "calib/files/calibration_camera_file.h"
+#include "calib/files/calibration_message.h"
+#include "calib/poses/pose_calibration.h"
+#include "capture/sim/blur.h"
+#include "capture/sim/image_sensor.h"
+#include "capture/sim/renderer.h"
+#include "capture/sim/tag_projection.h"
+#include "db/status/status_macros.h"
+#include "tools/silhouette-experiments/calibration/rig.h"
+
+namespace silhouette::calibration_experiment {
+namespace {
+
+// Images of a board by a camera of the simulated cell, without a robot.
+class Photographer {
+ public:
+  // Of the sensor, grey levels and pixels.
+  static constexpr double kNoise = 2;
+  static constexpr double kBlur = 0.6;
+
+  Photographer(const NamedCamera& camera, const Board& board, uint64_t seed);
+
+  // Row by row from the top left, of the camera's size.
+  std::vector<uint8_t> Take(const Eigen::Isometry3d& world_from_board);
+
+ private:
+  const SimulationSettings settings_;
+  Renderer renderer_;
+  ImageSensor sensor_;
+  uint64_t frame_ = 0;
+};
+
+SimulationSettings SettingsOf(const NamedCamera& camera, const Board& board, uint64_t seed) {
+  SimulationSettings settings;
+  settings.cameras = {{camera.view, camera.model}};
+  settings.boards = {{.board = board, .margin = 0.02}};
+  settings.noise_sigma = Photographer::kNoise;
+  settings.blur = Photographer::kBlur;
+  settings.seed = seed;
+  return settings;
+}
+
+Photographer::Photographer(const NamedCamera& camera, const Board& board, uint64_t seed)
+    : settings_(SettingsOf(camera, board, seed)), renderer_(settings_, {}), sensor_(settings_) {}
+
+std::vector<uint8_t> Photographer::Take(const Eigen::Isometry3d& world_from_board) {
+  const CameraIntrinsics& lens = settings_.cameras[0].model.intrinsics();
+  const auto width = static_cast<size_t>(lens.width);
+  std::vector<float> sharp(width * static_cast<size_t>(lens.height));
+  const std::vector<std::optional<Eigen::Isometry3d>> boards{world_from_board};
+  renderer_.Render(std::vector<size_t>{0}, nullptr, boards, {},
+                   [&](size_t, int y, const Renderer::Row& row) {
+                     std::copy(row.levels.begin(), row.levels.end(),
+                               sharp.begin() + static_cast<ptrdiff_t>(y) * std::ssize(row.levels));
+                   });
+  Blur(sharp, lens.width, settings_.blur);
+  std::vector<uint8_t> pixels(sharp.size());
+  for (int y = 0; y < lens.height; ++y) {
+    const size_t first = static_cast<size_t>(y) * width;
+    sensor_.Expose(std::span(sharp).subspan(first, width), {}, {.frame = frame_, .y = y},
+                   std::span(pixels).subspan(first, width));
+  }
+  ++frame_;
+  return pixels;
+}
+
+constexpr size_t kFrames = 6;
+constexpr double kLeastSize = 60;  // of a tag's shortest side, pixels
+
+Board LargeTags() {
+  return Board({.name = "large", .rows = 2, .columns = 3, .tag_size = 0.15, .gap = 0.15});
+}
+
+void AddErrors(const std::vector<TagSighting>& truth, const std::vector<DetectedTag>& found,
+               RootMeanSquare& errors) {
+  for (const TagSighting& sighting : truth) {
+    for (const DetectedTag& tag : found) {
+      if (tag.tag != sighting.tag) continue;
+      for (size_t i = 0; i < 4; ++i) {
+        errors.Add((tag.corners[i] - sighting.corners[i]).squaredNorm(), 2);
+      }
+    }
+  }
+}
+
+constexpr size_t kRobotPoses = 30;
+constexpr double kFlangeCornerNoise = 0.05;  // pixels per axis
+
+Eigen::Isometry3d SmallMotion(const RobotNoise& noise, Chance& chance) {
+  const Eigen::Vector3d turn = noise.rotation_sigma * chance.NormalVector();
+  Eigen::Isometry3d motion(Eigen::Translation3d(noise.position_sigma * chance.NormalVector()));
+  motion.rotate(Eigen::AngleAxisd(turn.norm(), turn.normalized()));
+  return motion;
+}
+
+PoseProblem DrawProblem(const Rig& rig, uint64_t seed) {
+  Chance chance(seed);
+  const Board tag({.name = "flange", .tag_size = 0.12});
+  const BoardFrames frames = DrawBoardFrames(rig.cameras, tag, PlacesOf(rig), kRobotPoses,
+                                             {.sigma = kFlangeCornerNoise, .least_size = 15}, seed);
+  Eigen::Isometry3d flange_from_board(Eigen::Translation3d(0.02, -0.05, 0.06));
+  flange_from_board.rotate(Eigen::AngleAxisd(chance.Uniform(-3, 3), chance.Direction()));
+  PoseProblem problem;
+  for (const NamedCamera& camera : rig.cameras) {
+    problem.views.push_back({.name = camera.view, .lens = camera.model.intrinsics()});
+  }
+  problem.boards.push_back({.board = tag, .place = BoardPlace::kFlange});
+  problem.sightings = frames.sightings;
+  for (size_t f = 0; f < frames.frames.size(); ++f) {
+    const Eigen::Isometry3d base_from_flange =
+        frames.world_from_board[f] * flange_from_board.inverse();
+    problem.robot_poses.push_back(
+        {.frame = frames.frames[f],
+         .base_from_flange = base_from_flange * SmallMotion(problem.robot_noise, chance)});
+  }
+  return problem;
+}
+
+}  // namespace
+
+Figures MeasureCorners(uint64_t seed) {
+  const Rig rig = DrawRig(seed);
+  const Board board = LargeTags();
+  TagDetector detector({board.description().family});
+  RootMeanSquare errors;
+  const NamedCamera& camera = rig.cameras[seed % rig.cameras.size()];
+  const BoardFrames frames =
+      DrawBoardFrames(std::span(&camera, 1), board, {.volume = PlacesOf(rig).volume, .tilt = 0.7},
+                      kFrames, {.sigma = 0, .least_size = kLeastSize, .most_tilt = 1}, seed);
+  Photographer photographer(camera, board, seed);
+  const CameraIntrinsics& lens = camera.model.intrinsics();
+  for (size_t f = 0; f < frames.frames.size(); ++f) {
+    std::vector<uint8_t> pixels = photographer.Take(frames.world_from_board[f]);
+    const cv::Mat image(lens.height, lens.width, CV_8UC1, pixels.data());
+    std::vector<TagSighting> truth;
+    for (const TagSighting& sighting : frames.sightings) {
+      if (sighting.frame == frames.frames[f]) truth.push_back(sighting);
+    }
+    AddErrors(truth, detector.Detect(image), errors);
+  }
+  Figures figures;
+  if (errors.count() > 0) figures["corner_px"] = errors.Result();
+  return figures;
+}
+
+absl::StatusOr<Figures> MeasureRoundTrip(uint64_t seed) {
+  const Rig rig = DrawRig(seed);
+  double worst = 0;
+  for (const NamedCamera& camera : rig.cameras) {
+    const std::string text = CameraFileText(MessageOf(camera.model), camera.view);
+    ASSIGN_OR_RETURN(const auto message, CameraFromText(text, CameraFileName(camera.view)));
+    ASSIGN_OR_RETURN(const auto read, CameraFrom(message));
+    for (const Eigen::Vector3d& point : PointsOfWorkspace(rig)) {
+      const auto before = camera.model.Project(point);
+      const auto after = read.Project(point);
+      if (before && after) worst = std::max(worst, (*after - *before).norm());
+    }
+  }
+  return Figures{{"roundtrip_px", worst}};
+}
+
+absl::StatusOr<Figures> MeasureFlange(uint64_t seed) {
+  const Rig rig = DrawRig(seed);
+  ASSIGN_OR_RETURN(const auto solution, CalibratePoses(DrawProblem(rig, seed)));
+  RootMeanSquare places;
+  RootMeanSquare directions;
+  RootMeanSquare points;
+  for (size_t c = 0; c < rig.cameras.size(); ++c) {
+    const CameraModel& truth = rig.cameras[c].model;
+    const Eigen::Isometry3d base_from_camera = solution.views[c].camera_pose.inverse();
+    // Where the camera, taken to be there, has points that are elsewhere in truth.
+    const Eigen::Isometry3d error = base_from_camera * truth.camera_from_world();
+    places.Add((base_from_camera.translation() - truth.Centre()).squaredNorm(), 1);
+    const double angle = Eigen::AngleAxisd(error.linear()).angle() * 180 / std::numbers::pi;
+    directions.Add(angle * angle, 1);
+    for (const Eigen::Vector3d& point : PointsOfWorkspace(rig)) {
+      points.Add((error * point - point).squaredNorm(), 1);
+    }
+  }
+  return Figures{{"flange_mm", 1000 * places.Result()},
+                 {"flange_deg", directions.Result()},
+                 {"workspace_mm", 1000 * points.Result()}};
+}
+
+}  // namespace silhouette::calibration_experiment
