@@ -8,7 +8,7 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
 #include "common/numbers/numbers.h"
-#include "common/parallel/parallel_for.h"
+#include "common/parallel/parallel.h"
 #include "db/status/status_macros.h"
 #include "tools/cell/cell.h"
 #include "tools/program/progress.h"
@@ -94,7 +94,7 @@ absl::StatusOr<Result> Choose(const PlacementArguments& arguments) {
   uint64_t done = 0;
   const auto evaluate = [&](const std::vector<CameraSet>& sets) {
     std::vector<Measures> measures(sets.size());
-    ParallelFor(sets.size(), [&](size_t i) {
+    ParallelWhile(sets.size(), [&](size_t i) {
       if (StopRequested()) return false;
       measures[i] = trials.MeasuresOf(sets[i], result.policy);
       const std::lock_guard lock(mutex);

@@ -4,7 +4,7 @@
 #include <memory>
 #include <utility>
 
-#include "common/parallel/parallel_for.h"
+#include "common/parallel/parallel.h"
 #include "common/picture/picture.h"
 #include "db/status/status_macros.h"
 #include "server/collision/collision_checker.h"
@@ -118,7 +118,6 @@ TrialResult Judge(const TrialSetting& setting, const ViewedScene& viewed, int nu
       answers[i].touches = contact.Touches(setting.workplace.LinkPoses(q), obstacles);
       for (const auto& policy : policies) answers[i].free.push_back(policy->Check(q).free());
     }
-    return true;
   });
   for (size_t i = 0; i < tests.size(); ++i) {
     const auto& [touches, free] = answers[i];

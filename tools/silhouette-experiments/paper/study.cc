@@ -5,7 +5,7 @@
 #include <memory>
 #include <stdexcept>
 
-#include "common/parallel/parallel_for.h"
+#include "common/parallel/parallel.h"
 #include "tools/silhouette-experiments/paper/bulk_checker.h"
 #include "tools/silhouette-experiments/paper/scenes.h"
 #include "tools/silhouette-experiments/paper/sound_bulk.h"
@@ -275,13 +275,19 @@ Threshold OwnThreshold(Preset preset) {
 
 bool AllDone(size_t count, int threads, const std::function<void(int, size_t)>& work,
              const std::function<bool(uint64_t)>& on_progress) {
+  std::atomic<size_t> next{0};
   std::atomic<uint64_t> done{0};
-  const bool all = ParallelFor(count, threads, [&](int worker, size_t i) {
-    work(worker, i);
-    const uint64_t now = ++done;
-    return worker != 0 || on_progress(now);
-  });
-  return on_progress(done) && all;
+  std::atomic<bool> stop{false};
+  const auto workers = static_cast<size_t>(threads);
+  const auto work_off = [&](size_t worker) {
+    for (size_t i = next++; i < count && !stop; i = next++) {
+      work(static_cast<int>(worker), i);
+      const uint64_t now = ++done;
+      if (worker == 0 && !on_progress(now)) stop = true;
+    }
+  };
+  ParallelFor(workers, work_off, workers);
+  return on_progress(done) && !stop;
 }
 
 int MinViewsOf(Threshold threshold, int views) {

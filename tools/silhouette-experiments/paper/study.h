@@ -115,8 +115,8 @@ struct Row : Counts {
 // Called with the parts done and their total. Returning false stops.
 using OnProgress = std::function<bool(uint64_t done, uint64_t total)>;
 
-// Calls work(worker, i) once for every i below `count`, and on_progress(done) from the calling
-// thread now and then and at the end; when that returns false, no further part begins. Whether all
+// Calls work(worker, i) once for every i below `count`, and on_progress(done) from one thread at a
+// time, now and then and at the end; when that returns false, no further part begins. Whether all
 // is done and no stop was asked for.
 bool AllDone(size_t count, int threads, const std::function<void(int worker, size_t i)>& work,
              const std::function<bool(uint64_t done)>& on_progress);

@@ -11,7 +11,7 @@
 #include "absl/status/status.h"
 #include "absl/strings/str_cat.h"
 #include "capture/sim/contact.h"
-#include "common/parallel/parallel_for.h"
+#include "common/parallel/parallel.h"
 #include "db/status/status_macros.h"
 #include "server/collision/collision_checker.h"
 #include "server/collision/epipolar_bands.h"
@@ -183,7 +183,7 @@ absl::StatusOr<Trials> Trials::Make(const RobotModel& robot, const Configuration
   std::vector<std::vector<Obstacle>> obstacles(scene_count);
   trials.scenes_.resize(scene_count);
   std::atomic<bool> always_touching{false};
-  const bool sampled = ParallelFor(scene_count, [&](size_t i) {
+  const bool sampled = ParallelWhile(scene_count, [&](size_t i) {
     Random own(seeds[i]);
     Scene& scene = trials.scenes_[i];
     // A scene that blocks nothing, or nearly everything, is no measure.
@@ -227,7 +227,7 @@ absl::StatusOr<Trials> Trials::Make(const RobotModel& robot, const Configuration
   for (const auto& in_scene : obstacles)
     solid_obstacles.push_back(SolidsOf(ObstacleParts(in_scene)));
   const bool drawn =
-      sampled && ParallelFor(trials.cameras_.size(), [&](size_t camera) {
+      sampled && ParallelWhile(trials.cameras_.size(), [&](size_t camera) {
         const CameraModel& model = trials.cameras_[camera];
         for (const Poses& pose : poses) {
           trials.robot_images_[camera].push_back(SilhouetteOf(solids, pose, model));
