@@ -33,20 +33,19 @@ TEST(ServerThreads, ConcurrentPublishAndCheckAgreeInEveryReply) {
         << "scene " << basis.scene_id();
     ++replies;
   };
-  std::vector<std::thread> threads;
-  threads.emplace_back([&] {
+  const std::jthread checks([&] {
     while (!stop) {
       const auto response = server.Check({At(3, 0), At(3, 0)});
       for (const auto& verdict : response.verdicts()) expect(response.basis(), verdict.state());
     }
   });
-  threads.emplace_back([&] {
+  const std::jthread paths([&] {
     while (!stop) {
       const auto response = server.Path({At(3, 0), At(3, 0)});
       expect(response.basis(), response.verdict().state());
     }
   });
-  threads.emplace_back([&] {
+  const std::jthread spaces([&] {
     const uint64_t place = database->grid().NumberOf({3, 0});
     while (!stop) {
       const auto messages = server.Space();
@@ -55,7 +54,7 @@ TEST(ServerThreads, ConcurrentPublishAndCheckAgreeInEveryReply) {
       expect(messages[0].basis(), occupied ? v1::Verdict::STATE_OCCUPIED : v1::Verdict::STATE_FREE);
     }
   });
-  threads.emplace_back([&] {
+  const std::jthread explanations([&] {
     while (!stop) {
       const auto response = server.Explain(At(3, 0));
       expect(response.basis(), response.verdict().state());
@@ -67,7 +66,6 @@ TEST(ServerThreads, ConcurrentPublishAndCheckAgreeInEveryReply) {
     EXPECT_EQ(server.Publish(id % 2 == 1 ? SceneWithBlock(3) : EmptyCellScene()).id(), id);
   }
   stop = true;
-  for (std::thread& thread : threads) thread.join();
 }
 
 TEST(ServerThreads, ReloadUnderLoadNeverMixesGenerations) {
