@@ -6,7 +6,7 @@
 #include <limits>
 
 #include "capture/sim/pixel_bounds.h"
-#include "common/parallel/parallel_for.h"
+#include "common/parallel/parallel.h"
 
 namespace silhouette {
 namespace {
@@ -94,18 +94,18 @@ void Renderer::Render(std::span<const size_t> cameras, const Poses* robot,
     for (int top = 0; top < height; top += kRowsAtOnce) pieces.push_back({camera, top});
   }
 
-  const size_t threads = std::min({static_cast<size_t>(AllThreads()), kMostThreads, pieces.size()});
-  std::vector<RowWork> rows(std::max<size_t>(threads, 1));  // by worker
-  ParallelFor(pieces.size(), static_cast<int>(threads), [&](int worker, size_t i) {
-    const auto [camera, top] = pieces[i];
-    const int height = settings_.cameras[camera].model.intrinsics().height;
-    RowWork& work = rows[static_cast<size_t>(worker)];
-    for (int y = top; y < std::min(top + kRowsAtOnce, height); ++y) {
-      RenderRow(camera, y, rectangles[camera], work);
-      sink(camera, y, {.levels = work.row, .seen = work.seen, .tints = work.tints});
-    }
-    return true;
-  });
+  ParallelFor(
+      pieces.size(),
+      [&](size_t i) {
+        const auto [camera, top] = pieces[i];
+        const int height = settings_.cameras[camera].model.intrinsics().height;
+        RowWork work;
+        for (int y = top; y < std::min(top + kRowsAtOnce, height); ++y) {
+          RenderRow(camera, y, rectangles[camera], work);
+          sink(camera, y, {.levels = work.row, .seen = work.seen, .tints = work.tints});
+        }
+      },
+      kMostThreads);
 }
 
 Seen Renderer::KindOf(size_t part) const {

@@ -10,7 +10,7 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
 #include "absl/time/clock.h"
-#include "common/parallel/parallel_for.h"
+#include "common/parallel/parallel.h"
 #include "db/status/status_macros.h"
 #include "tools/program/program.h"
 #include "tools/program/progress.h"
@@ -38,7 +38,6 @@ std::vector<Contact> CheckAll(const Workplace& workplace, const ContactChecker& 
   std::vector<Contact> contacts(positions.size());
   ParallelFor(positions.size(), [&](size_t i) {
     contacts[i] = checker.Check(workplace.robot.LinkPoses(positions[i]), workplace.obstacle_poses);
-    return true;
   });
   return contacts;
 }
