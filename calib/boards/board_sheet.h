@@ -6,7 +6,6 @@
 
 #include "calib/boards/board.h"
 #include "calib/boards/canvas.h"
-#include "calib/boards/paper.h"
 
 namespace silhouette {
 
@@ -39,5 +38,25 @@ std::vector<BoardSheet> LayOutSheets(const std::vector<Board>& boards, SheetKind
 
 // The sheet as a page to be drawn.
 Page PageOf(const BoardSheet& sheet);
+
+// How a sheet is divided; millimetres.
+
+inline constexpr double kUnprintable = 5;  // what printers leave white at the paper's rim
+inline constexpr double kCutMark = 4;      // length of the marks outside an outline
+inline constexpr double kPageMargin = kUnprintable + kCutMark + 1;
+inline constexpr double kBetweenPieces = 2 * kCutMark + 2;
+inline constexpr double kFooter = 17.5;  // notes on printing, below all
+
+// Inside the outline of a piece.
+struct SheetMeasures {
+  double band = 8;     // around the tags' print: axes, measures
+  double caption = 9;  // below that
+};
+
+inline SheetMeasures MeasuresOf(SheetKind kind) {
+  if (kind == SheetKind::kFlangeTag) return {.band = 17, .caption = 9};
+  if (kind == SheetKind::kFloorTag) return {.band = 10, .caption = 9};
+  return {};
+}
 
 }  // namespace silhouette

@@ -5,7 +5,6 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
 #include "calib/boards/board_sheet.h"
-#include "calib/boards/sheet_measures.h"
 #include "calib/boards/tag_family.h"
 
 namespace silhouette {

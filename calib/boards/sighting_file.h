@@ -7,14 +7,27 @@
 // centres. Numbers are written so that reading gives the same ones.
 #pragma once
 
+#include <Eigen/Core>
+#include <array>
 #include <span>
 #include <string>
 #include <vector>
 
 #include "absl/status/statusor.h"
-#include "calib/boards/tag_sighting.h"
 
 namespace silhouette {
+
+// TagSighting: one tag seen in one image. What all of calibration starts from.
+
+struct TagSighting {
+  std::string frame;   // images with the same frame were taken at once, of a cell that stood still
+  std::string view;    // the camera
+  std::string family;  // of the tag, e.g. tagStandard41h12
+  int tag = 0;         // its id
+  // Pixels of the camera's image, integers at pixel centres; in the order of Board::CornersOf.
+  std::array<Eigen::Vector2d, 4> corners{};
+  double sigma = 0;  // standard deviation of a corner per axis, pixels
+};
 
 // Throws std::invalid_argument for what could not be read again: a frame, view or family with a
 // line break or without a name, a number that is not finite, a sigma that is not positive.

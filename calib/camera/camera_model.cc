@@ -1,5 +1,6 @@
 #include "calib/camera/camera_model.h"
 
+#include <Eigen/SVD>
 #include <algorithm>
 #include <cmath>
 #include <limits>
@@ -53,6 +54,29 @@ CameraIntrinsics ScaledTo(const CameraIntrinsics& intrinsics, int width, int hei
   return scaled;
 }
 
+Eigen::Isometry3d PoseOf(const Eigen::Vector3d& rotation_vector,
+                         const Eigen::Vector3d& translation) {
+  Eigen::Isometry3d pose = Eigen::Isometry3d::Identity();
+  if (const double angle = rotation_vector.norm(); angle > 0) {
+    pose.linear() = Eigen::AngleAxisd(angle, rotation_vector / angle).toRotationMatrix();
+  }
+  pose.translation() = translation;
+  return pose;
+}
+
+Eigen::Vector3d RotationVectorOf(const Eigen::Isometry3d& pose) {
+  const Eigen::AngleAxisd turn(pose.linear());
+  return turn.angle() * turn.axis();
+}
+
+Eigen::Matrix<double, 3, 6> DerivativeByMotion(const Eigen::Vector3d& point) {
+  Eigen::Matrix<double, 3, 6> derivative;
+  derivative << 0, point.z(), -point.y(), 1, 0, 0,  //
+      -point.z(), 0, point.x(), 0, 1, 0,            //
+      point.y(), -point.x(), 0, 0, 0, 1;
+  return derivative;
+}
+
 CameraModel::CameraModel(const CameraIntrinsics& intrinsics,
                          const Eigen::Isometry3d& camera_from_world)
     : intrinsics_(intrinsics), camera_from_world_(camera_from_world) {
@@ -78,33 +102,27 @@ CameraModel CameraModel::ScaledTo(int width, int height) const {
 
 Eigen::Vector3d CameraModel::Centre() const { return camera_from_world_.inverse().translation(); }
 
-Eigen::Vector2d CameraModel::Distort(const Eigen::Vector2d& p) const {
-  const auto& d = intrinsics_.distortion;
-  const double r2 = p.squaredNorm();
-  const double xy = p.x() * p.y();
-  const double radial = RadialFactor(d, r2);
-  return {p.x() * radial + 2 * d[2] * xy + d[3] * (r2 + 2 * p.x() * p.x()),
-          p.y() * radial + d[2] * (r2 + 2 * p.y() * p.y()) + 2 * d[3] * xy};
-}
-
 std::optional<Eigen::Vector2d> CameraModel::Project(const Eigen::Vector3d& point_in_world) const {
   const Eigen::Vector3d point = camera_from_world_ * point_in_world;
   if (!(point.z() > 0)) return std::nullopt;
-  const Eigen::Vector2d undistorted = point.head<2>() / point.z();
-  if (!(undistorted.norm() < fold_)) return std::nullopt;
-  const Eigen::Vector2d p = Distort(undistorted);
+  return PixelOf(point.head<2>() / point.z());
+}
+
+std::optional<Eigen::Vector2d> CameraModel::PixelOf(const Eigen::Vector2d& at_one_metre) const {
+  if (!(at_one_metre.norm() < fold_)) return std::nullopt;
+  const Eigen::Vector2d p = Distort(intrinsics_, at_one_metre.x(), at_one_metre.y());
   return Eigen::Vector2d(intrinsics_.fx * p.x() + intrinsics_.cx,
                          intrinsics_.fy * p.y() + intrinsics_.cy);
 }
 
-std::optional<Eigen::Vector3d> CameraModel::Ray(const Eigen::Vector2d& pixel) const {
+std::optional<Eigen::Vector2d> CameraModel::AtOneMetre(const Eigen::Vector2d& pixel) const {
   const auto& d = intrinsics_.distortion;
   const Eigen::Vector2d target((pixel.x() - intrinsics_.cx) / intrinsics_.fx,
                                (pixel.y() - intrinsics_.cy) / intrinsics_.fy);
   // Newton's method; halved steps keep it on this side of the fold.
   Eigen::Vector2d p = target * std::min(1.0, 0.9 * fold_ / std::max(target.norm(), 1e-12));
   for (int i = 0; i < 100; ++i) {
-    const Eigen::Vector2d error = Distort(p) - target;
+    const Eigen::Vector2d error = Distort(intrinsics_, p.x(), p.y()) - target;
     if (error.norm() < 1e-14 * (1 + target.norm())) break;
     const double r2 = p.squaredNorm();
     const double radial = RadialFactor(d, r2);
@@ -120,15 +138,78 @@ std::optional<Eigen::Vector3d> CameraModel::Ray(const Eigen::Vector2d& pixel) co
     while (share > 1e-6 && !((p - share * step).norm() < fold_)) share /= 2;
     p -= share * step;
   }
-  if (!((Distort(p) - target).norm() < 1e-9 * (1 + target.norm())) || !(p.norm() < fold_)) {
+  if (!((Distort(intrinsics_, p.x(), p.y()) - target).norm() < 1e-9 * (1 + target.norm())) ||
+      !(p.norm() < fold_)) {
     return std::nullopt;
   }
-  return camera_from_world_.linear().transpose() * Eigen::Vector3d(p.x(), p.y(), 1).normalized();
+  return p;
+}
+
+std::optional<Eigen::Vector3d> CameraModel::Ray(const Eigen::Vector2d& pixel) const {
+  const auto p = AtOneMetre(pixel);
+  if (!p) return std::nullopt;
+  return camera_from_world_.linear().transpose() * p->homogeneous().normalized();
+}
+
+std::optional<Eigen::Vector2d> CameraModel::Undistorted(const Eigen::Vector2d& pixel) const {
+  const auto p = AtOneMetre(pixel);
+  if (!p) return std::nullopt;
+  return Eigen::Vector2d(intrinsics_.fx * p->x() + intrinsics_.cx,
+                         intrinsics_.fy * p->y() + intrinsics_.cy);
+}
+
+std::optional<Eigen::Vector2d> CameraModel::Distorted(const Eigen::Vector2d& undistorted) const {
+  return PixelOf({(undistorted.x() - intrinsics_.cx) / intrinsics_.fx,
+                  (undistorted.y() - intrinsics_.cy) / intrinsics_.fy});
 }
 
 bool CameraModel::Contains(const Eigen::Vector2d& pixel) const {
   return pixel.x() >= -0.5 && pixel.x() <= intrinsics_.width - 0.5 && pixel.y() >= -0.5 &&
          pixel.y() <= intrinsics_.height - 0.5;
+}
+
+namespace {
+
+constexpr int kLattice = 24;     // points along each edge of the box, less one
+constexpr double kStep = 1e-5;   // metres
+constexpr double kBeyond = 1.5;  // pixels: points this far outside the image count, too
+
+// 0 where the image does not show the point.
+double ScaleAt(const CameraModel& camera, const Eigen::Vector3d& point) {
+  const auto pixel = camera.Project(point);
+  const CameraIntrinsics& in = camera.intrinsics();
+  if (!pixel || pixel->x() < -0.5 - kBeyond || pixel->x() > in.width - 0.5 + kBeyond ||
+      pixel->y() < -0.5 - kBeyond || pixel->y() > in.height - 0.5 + kBeyond) {
+    return 0;
+  }
+  Eigen::Matrix<double, 2, 3> derivative;
+  for (int axis = 0; axis < 3; ++axis) {
+    const Eigen::Vector3d step = kStep * Eigen::Vector3d::Unit(axis);
+    const auto before = camera.Project(point - step);
+    const auto after = camera.Project(point + step);
+    if (!before || !after) return 0;
+    derivative.col(axis) = (*after - *before) / (2 * kStep);
+  }
+  return Eigen::JacobiSVD<Eigen::Matrix<double, 2, 3>>(derivative).singularValues()[0];
+}
+
+}  // namespace
+
+std::optional<double> PixelsPerMetre(const CameraModel& camera, const Eigen::AlignedBox3d& box) {
+  const Eigen::Vector3d centre = camera.Centre();
+  const Eigen::Vector3d nearest = centre.cwiseMax(box.min()).cwiseMin(box.max());
+  if ((nearest - centre).norm() < 1e-3) return std::nullopt;
+  double greatest = ScaleAt(camera, nearest);
+  for (int x = 0; x <= kLattice; ++x) {
+    for (int y = 0; y <= kLattice; ++y) {
+      for (int z = 0; z <= kLattice; ++z) {
+        const Eigen::Vector3d share = Eigen::Vector3d(x, y, z) / kLattice;
+        const Eigen::Vector3d point = box.min() + share.cwiseProduct(box.sizes());
+        greatest = std::max(greatest, ScaleAt(camera, point));
+      }
+    }
+  }
+  return greatest;
 }
 
 }  // namespace silhouette

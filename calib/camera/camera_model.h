@@ -25,14 +25,37 @@ struct CameraIntrinsics {
   std::array<double, 8> distortion{};
 };
 
+// Where the distortion takes the point (x, y, 1) of the camera's frame, at z = 1; its fold is not
+// checked. T: double, or a type that carries derivatives.
+template <typename T>
+Eigen::Matrix<T, 2, 1> Distort(const CameraIntrinsics& intrinsics, const T& x, const T& y) {
+  const auto& d = intrinsics.distortion;
+  const T r2 = x * x + y * y;
+  const T xy = x * y;
+  const T radial = (T(1) + r2 * (d[0] + r2 * (d[1] + r2 * d[4]))) /
+                   (T(1) + r2 * (d[5] + r2 * (d[6] + r2 * d[7])));
+  return {x * radial + T(2 * d[2]) * xy + T(d[3]) * (r2 + T(2) * x * x),
+          y * radial + T(d[2]) * (r2 + T(2) * y * y) + T(2 * d[3]) * xy};
+}
+
 // The same camera's intrinsics for an image of `width` x `height` that shows the same field, such
 // as the mask made from the image.
 CameraIntrinsics ScaledTo(const CameraIntrinsics& intrinsics, int width, int height);
+
+// A pose by its rotation vector (axis times angle, radians) and translation.
+Eigen::Isometry3d PoseOf(const Eigen::Vector3d& rotation_vector,
+                         const Eigen::Vector3d& translation);
+Eigen::Vector3d RotationVectorOf(const Eigen::Isometry3d& pose);
+// How a point moves with a small motion of the space it is in: rotation vector, translation.
+Eigen::Matrix<double, 3, 6> DerivativeByMotion(const Eigen::Vector3d& point);
 
 class CameraModel {
  public:
   // Throws std::invalid_argument unless width, height, fx and fy are positive and all is finite.
   CameraModel(const CameraIntrinsics& intrinsics, const Eigen::Isometry3d& camera_from_world);
+  // In its own frame.
+  explicit CameraModel(const CameraIntrinsics& intrinsics)
+      : CameraModel(intrinsics, Eigen::Isometry3d::Identity()) {}
 
   const CameraIntrinsics& intrinsics() const { return intrinsics_; }
   const Eigen::Isometry3d& camera_from_world() const { return camera_from_world_; }
@@ -51,15 +74,28 @@ class CameraModel {
   // where no ray is seen (beyond the distortion's fold).
   std::optional<Eigen::Vector3d> Ray(const Eigen::Vector2d& pixel) const;
 
+  // Where a camera without distortion, otherwise the same, would see what this one sees at `pixel`,
+  // and the way back; nothing beyond the distortion's fold.
+  std::optional<Eigen::Vector2d> Undistorted(const Eigen::Vector2d& pixel) const;
+  std::optional<Eigen::Vector2d> Distorted(const Eigen::Vector2d& undistorted) const;
+
   // Whether a pixel coordinate lies on the image.
   bool Contains(const Eigen::Vector2d& pixel) const;
 
  private:
-  Eigen::Vector2d Distort(const Eigen::Vector2d& undistorted) const;
+  // Between undistorted coordinates at z = 1, in the camera's frame, and pixels.
+  std::optional<Eigen::Vector2d> PixelOf(const Eigen::Vector2d& at_one_metre) const;
+  std::optional<Eigen::Vector2d> AtOneMetre(const Eigen::Vector2d& pixel) const;
 
   CameraIntrinsics intrinsics_;
   Eigen::Isometry3d camera_from_world_;
   double fold_ = 0;  // least radius, at z = 1, where the radial distortion stops growing
 };
+
+// The largest distance in the image, in pixels, that a metre between two near points of `box` can
+// have, as far as the image shows the box: from the largest singular value of the projection's
+// derivative, on a lattice of points and at the point nearest to the camera. 0 if the image shows
+// nothing of the box; nothing if the camera is in the box, or on its rim.
+std::optional<double> PixelsPerMetre(const CameraModel& camera, const Eigen::AlignedBox3d& box);
 
 }  // namespace silhouette

@@ -5,9 +5,33 @@
 #include <cmath>
 #include <vector>
 
-#include "calib/detection/edge_fit.h"
-
 namespace silhouette {
+
+std::optional<Eigen::Vector2d> Undistorted(const std::optional<CameraModel>& lens,
+                                           const Eigen::Vector2d& pixel) {
+  return lens ? lens->Undistorted(pixel) : pixel;
+}
+
+std::optional<Eigen::Vector2d> Distorted(const std::optional<CameraModel>& lens,
+                                         const Eigen::Vector2d& undistorted) {
+  return lens ? lens->Distorted(undistorted) : undistorted;
+}
+
+Eigen::Matrix2d UndistortedPerPixel(const std::optional<CameraModel>& lens,
+                                    const Eigen::Vector2d& pixel) {
+  if (!lens) return Eigen::Matrix2d::Identity();
+  constexpr double kStep = 0.5;
+  Eigen::Matrix2d result;
+  for (int axis = 0; axis < 2; ++axis) {
+    const Eigen::Vector2d step = kStep * Eigen::Vector2d::Unit(axis);
+    const auto before = lens->Undistorted(pixel - step);
+    const auto after = lens->Undistorted(pixel + step);
+    if (!before || !after) return Eigen::Matrix2d::Identity();
+    result.col(axis) = (*after - *before) / (2 * kStep);
+  }
+  return result;
+}
+
 namespace {
 
 constexpr double kMostReach = 4;  // pixels beside an edge
@@ -15,7 +39,7 @@ constexpr double kReachInModules = 0.55;
 constexpr double kMostMoved = 1.5;  // pixels, of a corner by the fit
 // The second round looks at the pixels that lie evenly beside what the first has found.
 constexpr int kRounds = 2;
-constexpr double kCornerFitFirstBlur = 0.8;
+constexpr double kFirstCornerBlur = 0.8;
 // The fits take what of the next modules is within reach for noise, and doubt themselves too much.
 constexpr double kOfFit = 0.88;
 // What no edge's fit knows of: grey values that do not follow the model, and, the less a module is
@@ -46,13 +70,14 @@ std::optional<Meeting> Meet(const Edge& a, const Edge& b, Eigen::Vector2d at) {
   return Meeting{at, inverse * variances.asDiagonal() * inverse.transpose()};
 }
 
-std::optional<std::vector<Edge>> FitEdges(const cv::Mat& image, const Lens& lens,
+std::optional<std::vector<Edge>> FitEdges(const cv::Mat& image,
+                                          const std::optional<CameraModel>& lens,
                                           const PixelCorners& undistorted, double module,
                                           double blur) {
   EdgeFitSettings settings;
   settings.reach = std::min(kMostReach, kReachInModules * module);
   settings.end_gap = std::max(2.0, 1 + 2 * blur);
-  settings.curved = !lens.known();
+  settings.curved = !lens;
   std::vector<Edge> edges;
   for (int i = 0; i < 4; ++i) {
     const std::optional<Edge> edge =
@@ -65,16 +90,17 @@ std::optional<std::vector<Edge>> FitEdges(const cv::Mat& image, const Lens& lens
 
 }  // namespace
 
-std::optional<FittedCorners> FitCorners(const cv::Mat& image, const Lens& lens,
+std::optional<FittedCorners> FitCorners(const cv::Mat& image,
+                                        const std::optional<CameraModel>& lens,
                                         const PixelCorners& corners, double module) {
   PixelCorners undistorted;
   for (int i = 0; i < 4; ++i) {
-    const auto at = lens.Undistorted(corners[i]);
+    const auto at = Undistorted(lens, corners[i]);
     if (!at) return std::nullopt;
     undistorted[i] = *at;
   }
   FittedCorners fitted;
-  fitted.blur = kCornerFitFirstBlur;
+  fitted.blur = kFirstCornerBlur;
   for (int round = 0; round < kRounds; ++round) {
     const auto edges = FitEdges(image, lens, undistorted, module, fitted.blur);
     if (!edges) return std::nullopt;
@@ -83,9 +109,9 @@ std::optional<FittedCorners> FitCorners(const cv::Mat& image, const Lens& lens,
     for (int i = 0; i < 4; ++i) {
       const auto corner = Meet((*edges)[(i + 3) % 4], (*edges)[i], undistorted[i]);
       if (!corner) return std::nullopt;
-      const auto pixel = lens.Distorted(corner->at);
+      const auto pixel = Distorted(lens, corner->at);
       if (!pixel || !((*pixel - corners[i]).norm() < kMostMoved)) return std::nullopt;
-      const Eigen::Matrix2d to_pixels = lens.UndistortedPerPixel(*pixel).inverse();
+      const Eigen::Matrix2d to_pixels = UndistortedPerPixel(lens, *pixel).inverse();
       variance += (to_pixels * corner->covariance * to_pixels.transpose()).trace() / 8;
       undistorted[i] = corner->at;
       fitted.corners[i] = *pixel;

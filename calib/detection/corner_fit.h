@@ -6,9 +6,72 @@
 #include <opencv2/core/mat.hpp>
 #include <optional>
 
-#include "calib/detection/lens.h"
+#include "calib/camera/camera_model.h"
 
 namespace silhouette {
+
+// Pixels as they are, and where they were if the camera had no distortion, so that straight edges
+// are straight. Of a camera that is not known they stay where they are. Nothing where it sees no
+// ray.
+std::optional<Eigen::Vector2d> Undistorted(const std::optional<CameraModel>& lens,
+                                           const Eigen::Vector2d& pixel);
+std::optional<Eigen::Vector2d> Distorted(const std::optional<CameraModel>& lens,
+                                         const Eigen::Vector2d& undistorted);
+// How an undistorted position follows the pixel; the identity where that cannot be said.
+Eigen::Matrix2d UndistortedPerPixel(const std::optional<CameraModel>& lens,
+                                    const Eigen::Vector2d& pixel);
+
+// Where a straight edge between dark and bright lies in an image, to some hundredths of a pixel:
+// a blurred step is fitted to the grey values of all pixels beside it.
+// An edge in undistorted pixels: at `along`, from -1 to 1 on the way from one end to the other, it
+// is `offset(along)` pixels to the side of the straight line through both ends.
+class Edge {
+ public:
+  Edge(const Eigen::Vector2d& from, const Eigen::Vector2d& to);
+
+  double Along(const Eigen::Vector2d& at) const { return tangent_.dot(at - middle_) / half_; }
+  double Offset(double along) const { return shape_[0] + along * (shape_[1] + along * shape_[2]); }
+  // How far `at` is from the edge, positive on the side of normal().
+  double Distance(const Eigen::Vector2d& at) const {
+    return normal().dot(at - middle_) - Offset(Along(at));
+  }
+  // Of Distance, with respect to `at`.
+  Eigen::Vector2d Gradient(const Eigen::Vector2d& at) const;
+  // The variance of Offset(along).
+  double Variance(double along) const;
+
+  double length() const { return 2 * half_; }
+  const Eigen::Vector2d& middle() const { return middle_; }
+  const Eigen::Vector2d& tangent() const { return tangent_; }
+  Eigen::Vector2d normal() const { return {-tangent_.y(), tangent_.x()}; }
+  double blur() const { return blur_; }  // standard deviation of its blur, with a pixel's own width
+  double contrast() const { return contrast_; }  // grey levels from one side to the other
+  double noise() const { return noise_; }        // of a grey value about the fit
+
+ private:
+  friend class EdgeFitter;
+
+  Eigen::Vector2d middle_;
+  Eigen::Vector2d tangent_;
+  double half_;
+  Eigen::Vector3d shape_ = Eigen::Vector3d::Zero();  // of Offset: constant, linear, quadratic
+  Eigen::Matrix3d covariance_ = Eigen::Matrix3d::Zero();
+  double blur_ = 0;
+  double contrast_ = 0;
+  double noise_ = 0;
+};
+
+struct EdgeFitSettings {
+  double reach = 4;     // pixels to either side that are looked at
+  double end_gap = 3;   // pixels left out at both ends, where the next edge begins
+  bool curved = false;  // the edge may be a parabola
+};
+
+// The edge near the straight line between two undistorted positions. `image`: CV_8UC1. Nothing if
+// there is none: too few pixels in the image, no contrast, or the fit does not settle.
+std::optional<Edge> FitEdge(const cv::Mat& image, const std::optional<CameraModel>& lens,
+                            const Eigen::Vector2d& from, const Eigen::Vector2d& to,
+                            const EdgeFitSettings& settings);
 
 using PixelCorners = std::array<Eigen::Vector2d, 4>;
 
@@ -22,7 +85,8 @@ struct FittedCorners {
 // `corners`: roughly, pixels with integers at pixel centres, of one tag and in an order that goes
 // around it. `module`: the side of its modules, pixels. With an unknown lens edges may be curved.
 // Nothing if an edge is not there as it should be, or a corner is not near where it was.
-std::optional<FittedCorners> FitCorners(const cv::Mat& image, const Lens& lens,
+std::optional<FittedCorners> FitCorners(const cv::Mat& image,
+                                        const std::optional<CameraModel>& lens,
                                         const PixelCorners& corners, double module);
 
 }  // namespace silhouette

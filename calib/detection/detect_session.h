@@ -9,7 +9,7 @@
 
 #include "absl/status/status.h"
 #include "calib/boards/board.h"
-#include "calib/boards/tag_sighting.h"
+#include "calib/boards/sighting_file.h"
 #include "calib/detection/image_tags.h"
 
 namespace silhouette {

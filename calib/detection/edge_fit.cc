@@ -1,4 +1,4 @@
-#include "calib/detection/edge_fit.h"
+#include "calib/detection/corner_fit.h"
 
 #include <Eigen/Cholesky>
 #include <algorithm>
@@ -19,7 +19,7 @@ constexpr int kLeastPixels = 20;
 constexpr double kLeastContrast = 10;  // grey levels
 constexpr double kLeastBlur = 0.15;    // pixels, before the pixels' own width is added
 constexpr double kMostBlur = 3;
-constexpr double kEdgeFitFirstBlur = 0.6;
+constexpr double kFirstEdgeBlur = 0.6;
 constexpr int kMostSteps = 50;
 constexpr double kMostDamping = 1e6;
 constexpr double kMostNoise = 0.2;  // about the fit, as a share of the contrast
@@ -58,15 +58,16 @@ double Edge::Variance(double along) const {
 
 class EdgeFitter {
  public:
-  EdgeFitter(const cv::Mat& image, const Lens& lens, const EdgeFitSettings& settings)
+  EdgeFitter(const cv::Mat& image, const std::optional<CameraModel>& lens,
+             const EdgeFitSettings& settings)
       : image_(image), lens_(lens), settings_(settings) {}
 
   std::optional<Edge> Fit(Edge edge) const {
-    const auto middle = lens_.Distorted(edge.middle_);
+    const auto middle = Distorted(lens_, edge.middle_);
     if (!middle) return std::nullopt;
     // Pixels per undistorted pixel across the edge.
     const double scale =
-        1 / (lens_.UndistortedPerPixel(*middle).transpose() * edge.normal()).norm();
+        1 / (UndistortedPerPixel(lens_, *middle).transpose() * edge.normal()).norm();
     const std::vector<Sample> samples = SamplesBeside(edge, scale);
     if (samples.size() < kLeastPixels || !Solve(samples, scale, edge)) return std::nullopt;
     return edge;
@@ -76,9 +77,9 @@ class EdgeFitter {
   std::vector<Sample> SamplesBeside(const Edge& edge, double scale) const {
     std::vector<Sample> samples;
     const Eigen::Vector2d half = edge.tangent_ * edge.half_;
-    const auto from = lens_.Distorted(edge.middle_ - half);
-    const auto to = lens_.Distorted(edge.middle_ + half);
-    const auto middle = lens_.Distorted(edge.middle_);
+    const auto from = Distorted(lens_, edge.middle_ - half);
+    const auto to = Distorted(lens_, edge.middle_ + half);
+    const auto middle = Distorted(lens_, edge.middle_);
     if (!from || !to || !middle) return samples;
     const Edge chord(*from, *to);
     // Where the lens bends the edge, the chord is as far away from it as its middle bows out.
@@ -94,7 +95,7 @@ class EdgeFitter {
       for (int x = first(from->x(), to->x()); x <= last(from->x(), to->x(), image_.cols); ++x) {
         const Eigen::Vector2d pixel(x, y);
         if (std::abs(chord.Distance(pixel)) > reach) continue;
-        const auto at = lens_.Undistorted(pixel);
+        const auto at = Undistorted(lens_, pixel);
         if (!at) continue;
         const double along = edge.Along(*at);
         if (std::abs(along) > most) continue;
@@ -151,7 +152,7 @@ class EdgeFitter {
     const double high = count[1] > 0 ? sum[1] / count[1] : 0;
     Unknowns u = Unknowns::Zero();
     u.head<3>() = edge.shape_;
-    u[kBlur] = kEdgeFitFirstBlur;
+    u[kBlur] = kFirstEdgeBlur;
     u[kMean0] = (low + high) / 2;
     u[kHalf0] = (high - low) / 2;
     return u;
@@ -223,12 +224,13 @@ class EdgeFitter {
   }
 
   const cv::Mat& image_;
-  const Lens& lens_;
+  const std::optional<CameraModel>& lens_;
   const EdgeFitSettings& settings_;
 };
 
-std::optional<Edge> FitEdge(const cv::Mat& image, const Lens& lens, const Eigen::Vector2d& from,
-                            const Eigen::Vector2d& to, const EdgeFitSettings& settings) {
+std::optional<Edge> FitEdge(const cv::Mat& image, const std::optional<CameraModel>& lens,
+                            const Eigen::Vector2d& from, const Eigen::Vector2d& to,
+                            const EdgeFitSettings& settings) {
   if (!((to - from).norm() > 2 * settings.end_gap)) return std::nullopt;
   return EdgeFitter(image, lens, settings).Fit(Edge(from, to));
 }

@@ -7,6 +7,8 @@
 #include <set>
 #include <utility>
 
+#include "common/numbers/numbers.h"
+
 namespace silhouette {
 namespace {
 
@@ -61,10 +63,7 @@ double ImageTags::MedianBlur() const {
   for (const DetectedTag& tag : tags) {
     if (tag.fitted) blurs.push_back(tag.blur);
   }
-  if (blurs.empty()) return 0;
-  const auto middle = blurs.begin() + static_cast<ptrdiff_t>(blurs.size() / 2);
-  std::nth_element(blurs.begin(), middle, blurs.end());
-  return *middle;
+  return Median(std::move(blurs));
 }
 
 double ImageTags::TypicalSigma() const {
@@ -73,8 +72,8 @@ double ImageTags::TypicalSigma() const {
   return tags.empty() ? 0 : std::sqrt(sum / static_cast<double>(tags.size()));
 }
 
-ImageTags FindTags(TagDetector& detector, const cv::Mat& image, const Lens& lens,
-                   std::span<const Board> boards) {
+ImageTags FindTags(TagDetector& detector, const cv::Mat& image,
+                   const std::optional<CameraModel>& lens, std::span<const Board> boards) {
   ImageTags found;
   found.size = image.size();
   found.digest = DigestOf(image);

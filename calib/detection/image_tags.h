@@ -9,7 +9,7 @@
 #include <vector>
 
 #include "calib/boards/board.h"
-#include "calib/boards/tag_sighting.h"
+#include "calib/boards/sighting_file.h"
 #include "calib/detection/tag_detector.h"
 
 namespace silhouette {
@@ -34,8 +34,8 @@ struct ImageTags {
 };
 
 // `image`: CV_8UC1.
-ImageTags FindTags(TagDetector& detector, const cv::Mat& image, const Lens& lens,
-                   std::span<const Board> boards);
+ImageTags FindTags(TagDetector& detector, const cv::Mat& image,
+                   const std::optional<CameraModel>& lens, std::span<const Board> boards);
 
 std::vector<TagSighting> SightingsOf(const ImageTags& image);
 

@@ -9,6 +9,7 @@
 #include <tuple>
 
 #include "calib/boards/tag_family.h"
+#include "common/numbers/numbers.h"
 
 namespace silhouette {
 namespace {
@@ -50,13 +51,6 @@ double LibrarySigma(double size, double module, double blur) {
   return std::hypot(0.05, 1.6 / (ratio * ratio), 0.0011 * size);
 }
 
-double Median(std::vector<double> values, double if_none) {
-  if (values.empty()) return if_none;
-  const auto middle = values.begin() + static_cast<ptrdiff_t>(values.size() / 2);
-  std::nth_element(values.begin(), middle, values.end());
-  return *middle;
-}
-
 }  // namespace
 
 struct TagDetector::Library {
@@ -83,7 +77,8 @@ TagDetector::~TagDetector() = default;
 TagDetector::TagDetector(TagDetector&&) noexcept = default;
 TagDetector& TagDetector::operator=(TagDetector&&) noexcept = default;
 
-std::vector<DetectedTag> TagDetector::Detect(const cv::Mat& image, const Lens& lens) {
+std::vector<DetectedTag> TagDetector::Detect(const cv::Mat& image,
+                                             const std::optional<CameraModel>& lens) {
   if (image.type() != CV_8UC1) throw std::invalid_argument("tags are looked for in grey images");
   image_u8_t view{image.cols, image.rows, static_cast<int>(image.step), image.data};
   zarray_t* detections = apriltag_detector_detect(library_->detector, &view);

@@ -12,7 +12,6 @@
 #include <vector>
 
 #include "calib/detection/corner_fit.h"
-#include "calib/detection/lens.h"
 
 namespace silhouette {
 
@@ -36,7 +35,8 @@ class TagDetector {
 
   // `image`: CV_8UC1. In the order of families and ids. Not thread-safe. Throws
   // std::invalid_argument for another type of image.
-  std::vector<DetectedTag> Detect(const cv::Mat& image, const Lens& lens = {});
+  std::vector<DetectedTag> Detect(const cv::Mat& image,
+                                  const std::optional<CameraModel>& lens = std::nullopt);
 
  private:
   struct Library;

@@ -18,9 +18,7 @@ storage::v1::CameraModel MessageOf(const CameraModel& camera) {
   message.set_cx(intrinsics.cx);
   message.set_cy(intrinsics.cy);
   for (double k : intrinsics.distortion) message.add_distortion(k);
-  const Eigen::AngleAxisd turn(camera.camera_from_world().linear());
-  const Eigen::Vector3d rotation = turn.angle() * turn.axis();
-  for (double value : rotation) message.add_rotation(value);
+  for (double value : RotationVectorOf(camera.camera_from_world())) message.add_rotation(value);
   const Eigen::Vector3d translation = camera.camera_from_world().translation();
   for (double value : translation) message.add_translation(value);
   return message;
@@ -39,15 +37,9 @@ absl::StatusOr<CameraModel> CameraFrom(const storage::v1::CameraModel& message) 
   }
   std::copy(message.distortion().begin(), message.distortion().end(),
             intrinsics.distortion.begin());
-  const Eigen::Vector3d rotation(message.rotation(0), message.rotation(1), message.rotation(2));
-  Eigen::Isometry3d camera_from_world = Eigen::Isometry3d::Identity();
-  if (const double angle = rotation.norm(); angle > 0) {
-    camera_from_world.linear() = Eigen::AngleAxisd(angle, rotation / angle).toRotationMatrix();
-  }
-  camera_from_world.translation() =
-      Eigen::Vector3d(message.translation(0), message.translation(1), message.translation(2));
   try {
-    return CameraModel(intrinsics, camera_from_world);
+    return CameraModel(intrinsics, PoseOf(Eigen::Vector3d(message.rotation().data()),
+                                          Eigen::Vector3d(message.translation().data())));
   } catch (const std::invalid_argument& error) {
     return absl::InvalidArgumentError(error.what());
   }

@@ -1,15 +1,89 @@
 #include "calib/files/calibration_session_file.h"
 
+#include <algorithm>
+#include <set>
 #include <utility>
+#include <vector>
 
 #include "absl/status/status.h"
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
-#include "calib/files/calibration_matrix_file.h"
-#include "calib/files/calibration_matrix_yaml.h"
 #include "common/yaml/strict_yaml.h"
 
 namespace silhouette {
+namespace {
+
+// The place of the view that `node` names; throws YamlError, naming those that are there.
+int ViewByName(const YamlNode& node, const storage::v1::CellDescription& cell) {
+  const std::string name = node.As<std::string>();
+  std::vector<std::string> views;
+  for (int i = 0; i < cell.views_size(); ++i) {
+    if (cell.views(i).name() == name) return i;
+    views.push_back(cell.views(i).name());
+  }
+  node.Fail(absl::StrCat("there is no view '", name, "'; the views are ", ListOfWords(views)));
+}
+
+storage::v1::FundamentalMatrix ReadMatrix(const YamlNode& node,
+                                          const storage::v1::CellDescription& cell) {
+  YamlMap map(node);
+  storage::v1::FundamentalMatrix matrix;
+  matrix.set_view_a(ViewByName(map.Required("view_a"), cell));
+  matrix.set_view_b(ViewByName(map.Required("view_b"), cell));
+  for (const YamlNode& row : map.Required("F").Items(3)) {
+    for (const double value : row.Values<double>(3)) matrix.add_f(value);
+  }
+  map.Finish();
+  if (matrix.view_a() == matrix.view_b()) {
+    node.Fail("view_a and view_b are the same view; a matrix is for two different ones");
+  }
+  return matrix;
+}
+
+// The list of fundamental matrices; throws YamlError.
+storage::v1::Calibration MatricesFromYaml(const YamlNode& list,
+                                          const storage::v1::CellDescription& cell) {
+  storage::v1::Calibration calibration;
+  std::set<std::pair<int, int>> pairs;
+  for (const YamlNode& item : list.Items()) {
+    storage::v1::FundamentalMatrix matrix = ReadMatrix(item, cell);
+    if (!pairs.insert(std::minmax({matrix.view_a(), matrix.view_b()})).second) {
+      item.Fail(absl::StrCat("views '", cell.views(matrix.view_a()).name(), "' and '",
+                             cell.views(matrix.view_b()).name(),
+                             "' have a matrix already; keep one of the two"));
+    }
+    *calibration.add_fundamental_matrices() = std::move(matrix);
+  }
+  if (calibration.fundamental_matrices().empty()) list.Fail("there is no fundamental matrix");
+  return calibration;
+}
+
+}  // namespace
+
+std::string MatrixFileText(const storage::v1::Calibration& calibration,
+                           const storage::v1::CellDescription& cell) {
+  std::string text =
+      "# x_b' F x_a = 0 for the images of one point; mask pixels, integers at pixel centres.\n";
+  for (const storage::v1::FundamentalMatrix& matrix : calibration.fundamental_matrices()) {
+    absl::StrAppend(&text, "- view_a: ", YamlQuoted(cell.views(matrix.view_a()).name()),
+                    "\n  view_b: ", YamlQuoted(cell.views(matrix.view_b()).name()), "\n  F:\n");
+    for (int row = 0; row < 3; ++row) {
+      absl::StrAppendFormat(&text, "    - [%.17g, %.17g, %.17g]\n", matrix.f(3 * row),
+                            matrix.f(3 * row + 1), matrix.f(3 * row + 2));
+    }
+  }
+  return text;
+}
+
+absl::StatusOr<storage::v1::Calibration> MatricesFromText(
+    const std::string& text, const std::string& file, const storage::v1::CellDescription& cell) {
+  try {
+    return MatricesFromYaml(YamlNode::FromText(text, file), cell);
+  } catch (const YamlError& error) {
+    return absl::InvalidArgumentError(error.what());
+  }
+}
+
 namespace {
 
 using storage::v1::CalibrationFigure;
@@ -17,24 +91,16 @@ using storage::v1::CalibrationRecord;
 using storage::v1::CellDescription;
 using storage::v1::FixedTag;
 
-constexpr int kCalibrationSessionVersion = 1;
-
-std::string CalibrationSessionQuoted(const std::string& text) {
-  YAML::Emitter quoted;
-  quoted << YAML::DoubleQuoted << text;
-  return quoted.c_str();
-}
+constexpr int kVersion = 1;
 
 std::string FiguresText(const CalibrationRecord& record) {
   if (record.figures().empty()) return "";
   std::string text = "figures:\n";
   for (const CalibrationFigure& figure : record.figures()) {
-    absl::StrAppend(&text, "  - {name: ", CalibrationSessionQuoted(figure.name()));
-    if (!figure.of().empty())
-      absl::StrAppend(&text, ", of: ", CalibrationSessionQuoted(figure.of()));
+    absl::StrAppend(&text, "  - {name: ", YamlQuoted(figure.name()));
+    if (!figure.of().empty()) absl::StrAppend(&text, ", of: ", YamlQuoted(figure.of()));
     absl::StrAppendFormat(&text, ", value: %.17g", figure.value());
-    if (!figure.unit().empty())
-      absl::StrAppend(&text, ", unit: ", CalibrationSessionQuoted(figure.unit()));
+    if (!figure.unit().empty()) absl::StrAppend(&text, ", unit: ", YamlQuoted(figure.unit()));
     absl::StrAppend(&text, "}\n");
   }
   return text;
@@ -44,8 +110,8 @@ std::string TagsText(const CalibrationRecord& record, const CellDescription& cel
   if (record.fixed_tags().empty()) return "";
   std::string text = "fixed_tags:\n";
   for (const FixedTag& tag : record.fixed_tags()) {
-    absl::StrAppend(&text, "  - {view: ", CalibrationSessionQuoted(cell.views(tag.view()).name()),
-                    ", family: ", CalibrationSessionQuoted(tag.family()), ", tag: ", tag.tag());
+    absl::StrAppend(&text, "  - {view: ", YamlQuoted(cell.views(tag.view()).name()),
+                    ", family: ", YamlQuoted(tag.family()), ", tag: ", tag.tag());
     absl::StrAppendFormat(&text, ", sigma: %.17g,\n     corners: [", tag.sigma());
     for (int i = 0; i < 8; i += 2) {
       absl::StrAppendFormat(&text, "%s[%.17g, %.17g]", i == 0 ? "" : ", ", tag.corners(i),
@@ -110,9 +176,9 @@ FixedTag ReadTag(const YamlNode& node, const CellDescription& cell) {
 CalibrationSession ReadSession(const YamlNode& root, const CellDescription& cell) {
   YamlMap map(root);
   const YamlNode version = map.Required("calibration");
-  if (version.As<int>() != kCalibrationSessionVersion) {
+  if (version.As<int>() != kVersion) {
     version.Fail(absl::StrCat("this is version ", version.As<int>(),
-                              " of the format; this program reads ", kCalibrationSessionVersion));
+                              " of the format; this program reads ", kVersion));
   }
   CalibrationSession session;
   session.camera_files = ReadViews(map.Required("views"), cell);
@@ -141,18 +207,17 @@ CalibrationSession ReadSession(const YamlNode& root, const CellDescription& cell
 
 std::string SessionFileText(const CalibrationSession& session, const CellDescription& cell) {
   const CalibrationRecord& record = session.calibration.record();
-  std::string text = absl::StrCat("calibration: ", kCalibrationSessionVersion, "\n");
-  if (!record.time().empty())
-    absl::StrAppend(&text, "time: ", CalibrationSessionQuoted(record.time()), "\n");
+  std::string text = absl::StrCat("calibration: ", kVersion, "\n");
+  if (!record.time().empty()) absl::StrAppend(&text, "time: ", YamlQuoted(record.time()), "\n");
   if (!record.program().empty()) {
-    absl::StrAppend(&text, "program: ", CalibrationSessionQuoted(record.program()), "\n");
+    absl::StrAppend(&text, "program: ", YamlQuoted(record.program()), "\n");
   }
   absl::StrAppend(&text, "views:\n");
   for (int i = 0; i < cell.views_size(); ++i) {
-    absl::StrAppend(&text, "  - {name: ", CalibrationSessionQuoted(cell.views(i).name()));
+    absl::StrAppend(&text, "  - {name: ", YamlQuoted(cell.views(i).name()));
     if (!session.camera_files.empty()) {
-      absl::StrAppend(&text, ", camera: ",
-                      CalibrationSessionQuoted(session.camera_files[static_cast<size_t>(i)]));
+      absl::StrAppend(&text,
+                      ", camera: ", YamlQuoted(session.camera_files[static_cast<size_t>(i)]));
     }
     absl::StrAppend(&text, "}\n");
   }
@@ -164,7 +229,7 @@ std::string SessionFileText(const CalibrationSession& session, const CellDescrip
   absl::StrAppend(&text, FiguresText(record));
   if (!record.warnings().empty()) absl::StrAppend(&text, "warnings:\n");
   for (const std::string& warning : record.warnings()) {
-    absl::StrAppend(&text, "  - ", CalibrationSessionQuoted(warning), "\n");
+    absl::StrAppend(&text, "  - ", YamlQuoted(warning), "\n");
   }
   return absl::StrCat(text, TagsText(record, cell));
 }

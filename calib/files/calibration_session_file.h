@@ -7,7 +7,7 @@
 //   views:                              # all of the cell's
 //     - {name: top, camera: top.cameramodel}   # a file beside this one
 //     - {name: left, camera: left.cameramodel}
-//   pairs:                              # as in calibration_matrix_file.h
+//   pairs:                              # as in a file of matrices, below
 //     - {view_a: top, view_b: left, F: [[0, 0, 0.5], [0, 0, -1], [0.25, 1, 3]]}
 //   figures:                            # of merit; `of`: a view, a pair or nothing
 //     - {name: corner_rms, of: top, value: 0.031, unit: px}
@@ -50,8 +50,28 @@ bool IsSessionFile(const std::string& text);
 
 // `file`: what messages call it. InvalidArgument with file and line: not such a file, another
 // version, a view of the cell that is missing or one that it does not have, cameras of some views
-// only, what calibration_matrix_file.h says of pairs.
+// only, what MatricesFromText says of pairs.
 absl::StatusOr<CalibrationSession> SessionFromText(const std::string& text, const std::string& file,
                                                    const storage::v1::CellDescription& cell);
+
+// Fundamental matrices as a YAML file, one entry per pair of views:
+//
+//   - view_a: top
+//     view_b: left
+//     F: [[0, 0, 0.5], [0, 0, -1], [0.25, 1, 3]]
+//
+// x_b' F x_a = 0 for the images x_a, x_b of one point, homogeneous mask-pixel coordinates, integers
+// at pixel centres. Numbers are written so that reading gives the same ones.
+
+// `cell`: whose views the matrices are for.
+std::string MatrixFileText(const storage::v1::Calibration& calibration,
+                           const storage::v1::CellDescription& cell);
+
+// A calibration that has fundamental matrices, at least one. `file`: what messages call it.
+// InvalidArgument with file and line: not such a file, a view that is not there, a pair that comes
+// twice.
+absl::StatusOr<storage::v1::Calibration> MatricesFromText(const std::string& text,
+                                                          const std::string& file,
+                                                          const storage::v1::CellDescription& cell);
 
 }  // namespace silhouette

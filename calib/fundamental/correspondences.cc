@@ -57,6 +57,15 @@ ViewPair CornersOfPair(std::span<const TagSighting> sightings, const std::string
   return pair;
 }
 
+std::vector<Correspondence> Chosen(std::span<const Correspondence> corners,
+                                   const std::vector<bool>& which) {
+  std::vector<Correspondence> chosen;
+  for (size_t i = 0; i < corners.size(); ++i) {
+    if (which[i]) chosen.push_back(corners[i]);
+  }
+  return chosen;
+}
+
 std::vector<std::string> ViewsOf(std::span<const TagSighting> sightings) {
   std::vector<std::string> views;
   for (const TagSighting& sighting : sightings) {

@@ -6,7 +6,7 @@
 #include <string>
 #include <vector>
 
-#include "calib/boards/tag_sighting.h"
+#include "calib/boards/sighting_file.h"
 
 namespace silhouette {
 
@@ -32,6 +32,10 @@ struct ViewPair {
 // two copies of one board.
 ViewPair CornersOfPair(std::span<const TagSighting> sightings, const std::string& view_a,
                        const std::string& view_b);
+
+// Those of the corners for which `which` is true.
+std::vector<Correspondence> Chosen(std::span<const Correspondence> corners,
+                                   const std::vector<bool>& which);
 
 // The views in the order in which they first come.
 std::vector<std::string> ViewsOf(std::span<const TagSighting> sightings);

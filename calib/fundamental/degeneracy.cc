@@ -1,4 +1,4 @@
-#include "calib/fundamental/degeneracy.h"
+#include "calib/fundamental/weak_calibration.h"
 
 #include <algorithm>
 #include <cmath>

@@ -3,9 +3,11 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <vector>
 
 #include "calib/camera/camera_model.h"
 #include "calib/camera/epipolar_angles.h"
+#include "calib/fundamental/correspondences.h"
 
 namespace silhouette {
 
@@ -22,6 +24,14 @@ Eigen::Matrix3d ScaledTo(const Eigen::Matrix3d& f, PixelSize from_a, PixelSize t
 
 // A pixel coordinate of an image of size `from` in one of size `to` that shows the same field.
 Eigen::Vector2d ScaledTo(const Eigen::Vector2d& point, PixelSize from, PixelSize to);
+
+// Whether a pixel coordinate lies on an image of this size.
+bool Contains(PixelSize image, const Eigen::Vector2d& pixel);
+// A lattice of points over the whole image, with `steps` steps from rim to rim along each axis.
+std::vector<Eigen::Vector2d> PointsAllOver(PixelSize image, int steps);
+// Points of a line, homogeneous, with `steps` even steps from rim to rim along the axis of the
+// image that the line follows; they may lie outside the image.
+std::vector<Eigen::Vector2d> PointsOnLine(const Eigen::Vector3d& line, PixelSize image, int steps);
 
 // How far two points are from being images of one, by a matrix; pixels, not negative.
 struct EpipolarDistance {
@@ -40,5 +50,66 @@ double NeededMargin(const Eigen::Matrix3d& f, const Eigen::Vector2d& a, const Ei
 // expectation 0 and deviation 1 for two points that have these errors.
 double SampsonDistance(const Eigen::Matrix3d& f, const Eigen::Vector2d& a, double sigma_a,
                        const Eigen::Vector2d& b, double sigma_b);
+
+// How far corners are from the lines of a matrix: what tells whether it is any good.
+
+// Sizes of a view's camera images, and of the masks that are made of them.
+struct ViewSizes {
+  PixelSize image;
+  PixelSize mask;
+};
+
+// Pixels of the camera images; the distances in either image taken together.
+struct LineDistances {
+  int corners = 0;
+  double rms = 0;
+  double median = 0;
+  double worst = 0;
+  // What rms would be if the matrix were exact: from what the corners are said to be wrong by.
+  double noise = 0;
+  // By how many mask pixels all squares must be widened so that the worst corner's pixels meet
+  // (CalibrationSettings::margin in server/scene).
+  double margin = 0;
+};
+
+// Gathers distances of corners, under one matrix or several.
+class LineDistanceSum {
+ public:
+  LineDistanceSum(const ViewSizes& a, const ViewSizes& b) : a_(a), b_(b) {}
+
+  // `f`: for pixels of the camera images, as are the corner's.
+  void Add(const Eigen::Matrix3d& f, const Correspondence& corner);
+  // All zero if nothing was added.
+  LineDistances Result() const;
+
+ private:
+  ViewSizes a_;
+  ViewSizes b_;
+  std::vector<double> distances_;  // two per corner
+  double noise_squares_ = 0;       // expected of them
+  double margin_ = 0;
+};
+
+// Fundamental matrices of cameras whose models are known, and what lenses take from them.
+
+// What two views' distortion does to their lines. Pixels of the camera images.
+struct LensBow {
+  // Greatest distance of an epipolar curve, within the image, from the chord between its ends.
+  double curve = 0;
+  // Greatest distance of points on the curves from the matrix's lines, and the margin in mask
+  // pixels that would make up for it: what it costs to use the matrix with images as the cameras
+  // take them.
+  double off_lines = 0;
+  double margin = 0;
+};
+
+// Over pixels all over a's image and the points up to `reach` (metres) before it that both see;
+// both ways. All zero without distortion, or if the views see nothing in common.
+LensBow BowBetween(const CameraModel& a, const CameraModel& b, const ViewSizes& size_a,
+                   const ViewSizes& size_b, double reach);
+
+// The corner with both points undistorted; nothing beyond the distortion's fold.
+std::optional<Correspondence> Undistorted(const CameraModel& a, const CameraModel& b,
+                                          const Correspondence& corner);
 
 }  // namespace silhouette

@@ -1,4 +1,4 @@
-#include "calib/fundamental/lens_estimate.h"
+#include "calib/fundamental/weak_calibration.h"
 
 #include <algorithm>
 #include <cmath>
@@ -7,7 +7,7 @@
 #include <unsupported/Eigen/NumericalDiff>
 
 #include "calib/fundamental/epipolar_geometry.h"
-#include "calib/fundamental/matrix_chart.h"
+#include "calib/fundamental/matrix_fit.h"
 
 namespace silhouette {
 namespace {
@@ -40,20 +40,11 @@ class Lens {
   double bend_;
 };
 
-struct LensEstimateDistances {
-  using Scalar = double;
-  enum { InputsAtCompileTime = Eigen::Dynamic, ValuesAtCompileTime = Eigen::Dynamic };
-  using InputType = Eigen::VectorXd;
-  using ValueType = Eigen::VectorXd;
-  using JacobianType = Eigen::MatrixXd;
-
-  const MatrixChart& chart;
-  std::span<const Correspondence> corners;
+struct LensEstimateDistances : CornerFunction {
   PixelSize image_a;
   PixelSize image_b;
 
   int inputs() const { return kMatrixFreedoms + 2; }
-  int values() const { return static_cast<int>(corners.size()); }
 
   int operator()(const Eigen::VectorXd& p, Eigen::VectorXd& distances) const {
     const Eigen::Matrix3d f = chart.At(p);
@@ -73,29 +64,15 @@ void AddMargin(const Eigen::Matrix3d& f, const Eigen::Matrix3d& true_f, const Le
                const Lens& lens_b, const ViewSizes& a, const ViewSizes& b, LensEstimate& estimate) {
   constexpr int kSteps = 10;
   const Eigen::Matrix3d of_masks = ScaledTo(f, a.image, a.mask, b.image, b.mask);
-  const auto place = [](int step, int pixels) {
-    return -0.5 + static_cast<double>(step) * pixels / kSteps;
-  };
-  for (int i = 0; i <= kSteps; ++i) {
-    for (int j = 0; j <= kSteps; ++j) {
-      const Vector2d pixel(place(i, a.image.width), place(j, a.image.height));
-      const Eigen::Vector3d line = true_f * lens_a.Straightened(pixel).homogeneous();
-      const bool steep = std::abs(line.x()) * b.image.height > std::abs(line.y()) * b.image.width;
-      for (int k = 0; k <= kSteps; ++k) {
-        const double along = place(k, steep ? b.image.height : b.image.width);
-        const Vector2d straight = steep
-                                      ? Vector2d(-(line.y() * along + line.z()) / line.x(), along)
-                                      : Vector2d(along, -(line.x() * along + line.z()) / line.y());
-        const std::optional<Vector2d> there = lens_b.Bowed(straight);
-        if (!there || there->x() < -0.5 || there->x() > b.image.width - 0.5 || there->y() < -0.5 ||
-            there->y() > b.image.height - 0.5) {
-          continue;
-        }
-        estimate.off_lines = std::max(estimate.off_lines, DistanceBetween(f, pixel, *there).in_b);
-        estimate.margin =
-            std::max(estimate.margin, NeededMargin(of_masks, ScaledTo(pixel, a.image, a.mask),
-                                                   ScaledTo(*there, b.image, b.mask)));
-      }
+  for (const Vector2d& pixel : PointsAllOver(a.image, kSteps)) {
+    const Eigen::Vector3d line = true_f * lens_a.Straightened(pixel).homogeneous();
+    for (const Vector2d& straight : PointsOnLine(line, b.image, kSteps)) {
+      const std::optional<Vector2d> there = lens_b.Bowed(straight);
+      if (!there || !Contains(b.image, *there)) continue;
+      estimate.off_lines = std::max(estimate.off_lines, DistanceBetween(f, pixel, *there).in_b);
+      estimate.margin =
+          std::max(estimate.margin, NeededMargin(of_masks, ScaledTo(pixel, a.image, a.mask),
+                                                 ScaledTo(*there, b.image, b.mask)));
     }
   }
 }
@@ -107,7 +84,7 @@ LensEstimate EstimateLenses(const Eigen::Matrix3d& f, std::span<const Correspond
   const MatrixChart chart(f, NormalisingOf(corners, &Correspondence::a),
                           NormalisingOf(corners, &Correspondence::b));
   Eigen::NumericalDiff<LensEstimateDistances> distances(
-      LensEstimateDistances{chart, corners, a.image, b.image});
+      LensEstimateDistances{{chart, corners}, a.image, b.image});
   Eigen::VectorXd p = Eigen::VectorXd::Zero(kMatrixFreedoms + 2);
   Eigen::VectorXd left(distances.values());
   distances(p, left);

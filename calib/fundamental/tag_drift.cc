@@ -4,6 +4,7 @@
 #include <cmath>
 
 #include "absl/strings/str_cat.h"
+#include "common/numbers/numbers.h"
 
 namespace silhouette {
 namespace {
@@ -18,12 +19,6 @@ struct Moved {
   double sigma = 0;
   int tag = 0;
 };
-
-double Median(std::vector<double> values) {
-  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
-  std::nth_element(values.begin(), middle, values.end());
-  return *middle;
-}
 
 Vector2d MedianShift(const std::vector<Moved>& corners) {
   std::vector<double> x;

@@ -8,8 +8,8 @@
 #include <vector>
 
 #include "absl/status/statusor.h"
-#include "calib/boards/tag_sighting.h"
-#include "calib/fundamental/line_distances.h"
+#include "calib/boards/sighting_file.h"
+#include "calib/fundamental/epipolar_geometry.h"
 
 namespace silhouette {
 

@@ -9,10 +9,9 @@
 #include <string>
 #include <vector>
 
-#include "calib/boards/tag_sighting.h"
+#include "calib/boards/sighting_file.h"
 #include "calib/camera/camera_model.h"
-#include "calib/fundamental/line_distances.h"
-#include "calib/fundamental/model_matrices.h"
+#include "calib/fundamental/epipolar_geometry.h"
 #include "calib/fundamental/weak_calibration.h"
 
 namespace silhouette {

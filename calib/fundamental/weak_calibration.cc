@@ -6,9 +6,8 @@
 #include <cstdio>
 #include <set>
 
-#include "calib/fundamental/degeneracy.h"
 #include "calib/fundamental/epipolar_geometry.h"
-#include "calib/fundamental/robust_fit.h"
+#include "calib/fundamental/matrix_fit.h"
 
 namespace silhouette {
 namespace {
@@ -25,15 +24,6 @@ std::string Number(double value) {
   std::array<char, 32> text{};
   std::snprintf(text.data(), text.size(), "%.3g", value);
   return text.data();
-}
-
-std::vector<Correspondence> WeakCalibrationChosen(const ViewPair& pair,
-                                                  const std::vector<bool>& which) {
-  std::vector<Correspondence> chosen;
-  for (size_t i = 0; i < pair.corners.size(); ++i) {
-    if (which[i]) chosen.push_back(pair.corners[i]);
-  }
-  return chosen;
 }
 
 // Which fold a corner is left out in.
@@ -91,24 +81,10 @@ MatrixFit OfMasks(MatrixFit fit, const ViewSizes& a, const ViewSizes& b) {
 // for pixels of the masks.
 double GreatestDeviation(const MatrixFit& fit, PixelSize a, PixelSize b) {
   constexpr int kSteps = 8;
-  const auto place = [](int step, int pixels) {
-    return -0.5 + static_cast<double>(step) * pixels / kSteps;
-  };
   double greatest = 0;
-  for (int i = 0; i <= kSteps; ++i) {
-    for (int j = 0; j <= kSteps; ++j) {
-      const Eigen::Vector2d point(place(i, a.width), place(j, a.height));
-      const Eigen::Vector3d line = fit.f * point.homogeneous();
-      const bool steep = std::abs(line.x()) * b.height > std::abs(line.y()) * b.width;
-      for (int k = 0; k <= kSteps; ++k) {
-        const double along = place(k, steep ? b.height : b.width);
-        const Eigen::Vector2d there =
-            steep ? Eigen::Vector2d(-(line.y() * along + line.z()) / line.x(), along)
-                  : Eigen::Vector2d(along, -(line.x() * along + line.z()) / line.y());
-        const bool inside = there.x() >= -0.5 && there.x() <= b.width - 0.5 && there.y() >= -0.5 &&
-                            there.y() <= b.height - 0.5;
-        if (inside) greatest = std::max(greatest, fit.MarginDeviation(point, there));
-      }
+  for (const Eigen::Vector2d& point : PointsAllOver(a, kSteps)) {
+    for (const Eigen::Vector2d& there : PointsOnLine(fit.f * point.homogeneous(), b, kSteps)) {
+      if (Contains(b, there)) greatest = std::max(greatest, fit.MarginDeviation(point, there));
     }
   }
   return greatest;
@@ -188,7 +164,7 @@ WeakCalibration CalibrateWeakly(const ViewPair& pair, const ViewSizes& a, const 
   }
   result.outliers = static_cast<int>(pair.corners.size()) - found->believed;
   result.spread = found->spread;
-  const std::vector<Correspondence> believed = WeakCalibrationChosen(pair, found->fits);
+  const std::vector<Correspondence> believed = Chosen(pair.corners, found->fits);
   result.frames_held_out = PlacesOf(pair) >= kPlacesForFrames;
   const auto held_out = HeldOut(pair, believed, result.frames_held_out, a, b);
   if (OnOnePlane(believed) || !held_out) {
@@ -204,7 +180,7 @@ WeakCalibration CalibrateWeakly(const ViewPair& pair, const ViewSizes& a, const 
   result.f_of_masks = of_masks.f / of_masks.f.norm();
   result.predicted_margin =
       kDeviations * std::max(1.0, found->spread) * GreatestDeviation(of_masks, a.mask, b.mask);
-  result.lenses = EstimateLenses(result.f, WeakCalibrationChosen(pair, found->roughly), a, b);
+  result.lenses = EstimateLenses(result.f, Chosen(pair.corners, found->roughly), a, b);
   result.bowed = result.lenses.gain > kBowed;
   result.margin = std::max(result.predicted_margin, result.held_out.margin) +
                   (result.bowed ? result.lenses.margin : 0);

@@ -1,4 +1,4 @@
-#include "calib/intrinsics/board_shape.h"
+#include "calib/intrinsics/board_views.h"
 
 #include <algorithm>
 #include <cmath>
@@ -7,7 +7,7 @@
 #include <opencv2/calib3d.hpp>
 
 #include "absl/strings/str_cat.h"
-#include "calib/intrinsics/median.h"
+#include "common/numbers/numbers.h"
 
 namespace silhouette {
 namespace {
@@ -143,7 +143,7 @@ absl::Status CheckBoardShapes(const std::vector<LensCamera>& cameras,
       const auto other = MedianMisfit(board, group, mistake.order, mistake.exchanged);
       if (other && *other < kLargestMisfit) {
         return absl::InvalidArgumentError(
-            absl::StrCat(where, mistake.says, "; print the board anew, or describe it as it is"));
+            absl::StrCat(where, mistake.says, "; print the board again, or describe it as it is"));
       }
     }
     return absl::InvalidArgumentError(absl::StrCat(

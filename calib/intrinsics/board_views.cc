@@ -9,7 +9,6 @@
 #include "absl/status/status.h"
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
-#include "calib/intrinsics/board_shape.h"
 #include "db/status/status_macros.h"
 
 namespace silhouette {
@@ -28,8 +27,8 @@ std::optional<size_t> BoardOf(const std::vector<Board>& boards, const TagSightin
   return std::nullopt;
 }
 
-absl::StatusOr<size_t> BoardViewsCameraOf(const std::vector<LensCamera>& cameras,
-                                          const TagSighting& sighting) {
+absl::StatusOr<size_t> CameraOf(const std::vector<LensCamera>& cameras,
+                                const TagSighting& sighting) {
   for (size_t i = 0; i < cameras.size(); ++i) {
     if (cameras[i].name == sighting.view) return i;
   }
@@ -154,7 +153,7 @@ absl::StatusOr<BoardViews> GatherBoardViews(const std::vector<LensCamera>& camer
   for (const TagSighting& sighting : sightings) {
     const std::optional<size_t> board = BoardOf(boards, sighting);
     if (!board) continue;
-    ASSIGN_OR_RETURN(const size_t camera, BoardViewsCameraOf(cameras, sighting));
+    ASSIGN_OR_RETURN(const size_t camera, CameraOf(cameras, sighting));
     RETURN_IF_ERROR(CheckSighting(cameras[camera], sighting));
     if (IsCutByRim(cameras[camera], sighting)) continue;
     seen.push_back({camera, *board, &sighting});

@@ -4,6 +4,7 @@
 #include <string>
 #include <vector>
 
+#include "absl/status/status.h"
 #include "absl/status/statusor.h"
 #include "calib/intrinsics/solve_lenses.h"
 
@@ -18,12 +19,6 @@ struct BoardView {
   int seen = 0;  // corners
 };
 
-// A lattice of corner points.
-struct Lattice {
-  int width = 0;
-  int height = 0;
-  double spacing = 0;
-};
 Lattice LatticeOf(const Board& board);
 
 // Where on the lattice the corner of the tag with the place `place` on the board is.
@@ -42,5 +37,42 @@ struct BoardViews {
 absl::StatusOr<BoardViews> GatherBoardViews(const std::vector<LensCamera>& cameras,
                                             const std::vector<Board>& boards,
                                             const std::vector<TagSighting>& sightings);
+
+// Whether boards look in the images as their descriptions say: a plane seen through a lens is
+// nearly a homography of itself, and of nothing else.
+
+// InvalidArgument, with what seems to be the matter, if most views of a board contradict its
+// description: mirrored, rows and columns exchanged, another order of tags.
+absl::Status CheckBoardShapes(const std::vector<LensCamera>& cameras,
+                              const std::vector<Board>& boards,
+                              const std::vector<BoardView>& views);
+
+// How cameras stand to each other, from boards that they saw at once; and which of the images that
+// are said to be taken at once cannot have been.
+
+// A board view with the board's pose before its camera.
+struct PosedView {
+  const BoardView* view = nullptr;
+  Eigen::Isometry3d camera_from_board = Eigen::Isometry3d::Identity();
+};
+
+// One stand of one board, and who saw it.
+struct Placing {
+  size_t group = 0;
+  Eigen::Isometry3d reference_from_board = Eigen::Isometry3d::Identity();
+  std::vector<size_t> views;  // of those given
+};
+
+struct CameraTies {
+  std::vector<std::vector<size_t>> groups;  // of cameras; the first one's frame is the reference
+  std::vector<Eigen::Isometry3d> camera_from_reference;  // of each camera
+  // Views of one frame that contradict each other are placings of their own.
+  std::vector<Placing> placings;
+  std::vector<std::string> warnings;
+};
+
+// InvalidArgument if images that are said to be taken at once contradict each other throughout.
+absl::StatusOr<CameraTies> TieCameras(const std::vector<LensCamera>& cameras,
+                                      const std::vector<PosedView>& views);
 
 }  // namespace silhouette

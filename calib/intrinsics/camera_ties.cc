@@ -1,4 +1,4 @@
-#include "calib/intrinsics/camera_ties.h"
+#include "calib/intrinsics/board_views.h"
 
 #include <algorithm>
 #include <cmath>

@@ -1,4 +1,4 @@
-#include "calib/intrinsics/lens_covariance.h"
+#include "calib/intrinsics/lens_problem.h"
 
 #include <Eigen/Cholesky>
 #include <Eigen/Eigenvalues>
@@ -13,15 +13,6 @@ constexpr long double kLeastDetermined = 1e-17L;
 
 using Matrix6 = Eigen::Matrix<double, 6, 6>;
 
-// How a point moves with a small motion of the space it is in: rotation vector, translation.
-Eigen::Matrix<double, 3, 6> DerivativeByMotion(const Eigen::Vector3d& point) {
-  Eigen::Matrix<double, 3, 6> derivative;
-  derivative << 0, point.z(), -point.y(), 1, 0, 0,  //
-      -point.z(), 0, point.x(), 0, 1, 0,            //
-      point.y(), -point.x(), 0, 0, 0, 1;
-  return derivative;
-}
-
 // The motion that fits best to the boards' corners moving with the states of their poses: the
 // six rows of it for each placing.
 std::vector<Matrix6> MotionByBoards(const LensProblem& problem) {
@@ -29,9 +20,9 @@ std::vector<Matrix6> MotionByBoards(const LensProblem& problem) {
   std::vector<Matrix6> motion;
   for (const Eigen::Isometry3d& pose : problem.reference_from_board) {
     Matrix6 mixed = Matrix6::Zero();
-    for (const int i : {0, problem.width - 1}) {
-      for (const int j : {0, problem.height - 1}) {
-        const Eigen::Vector3d corner(i * problem.spacing, j * problem.spacing, 0);
+    for (const int i : {0, problem.lattice.width - 1}) {
+      for (const int j : {0, problem.lattice.height - 1}) {
+        const Eigen::Vector3d corner(i * problem.lattice.spacing, j * problem.lattice.spacing, 0);
         const auto by_motion = DerivativeByMotion(pose * corner);
         squares += by_motion.transpose() * by_motion;
         mixed += by_motion.transpose() * DerivativeByPose(pose, corner);

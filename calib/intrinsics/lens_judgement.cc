@@ -1,4 +1,4 @@
-#include "calib/intrinsics/lens_judgement.h"
+#include "calib/intrinsics/lens_stages.h"
 
 #include <algorithm>
 #include <array>
@@ -11,7 +11,7 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
 #include "absl/strings/str_join.h"
-#include "calib/intrinsics/median.h"
+#include "common/numbers/numbers.h"
 #include "db/status/status_macros.h"
 
 namespace silhouette {

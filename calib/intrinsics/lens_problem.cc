@@ -6,13 +6,99 @@ extern "C" {
 #include <suitesparse/cholmod.h>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <limits>
 
+#include "absl/status/status.h"
 #include "absl/strings/str_cat.h"
 #include "db/status/status_macros.h"
 
 namespace silhouette {
+namespace {
+
+bool ModelOf(const std::string& name, mrcal_lensmodel_t* model) {
+  return mrcal_lensmodel_from_name(model, name.c_str()) &&
+         mrcal_lensmodel_type_is_valid(model->type);
+}
+
+}  // namespace
+
+absl::StatusOr<int> LensParameters(const std::string& lens_model) {
+  mrcal_lensmodel_t model;
+  if (!ModelOf(lens_model, &model)) {
+    std::string known;
+    for (const char* const* name = mrcal_supported_lensmodel_names(); *name != nullptr; ++name) {
+      absl::StrAppend(&known, known.empty() ? "" : ", ", *name);
+    }
+    return absl::InvalidArgumentError(
+        absl::StrCat("no lens model is called '", lens_model, "'; there are ", known));
+  }
+  if (!mrcal_lensmodel_metadata(&model).has_gradients) {
+    return absl::InvalidArgumentError(absl::StrCat("the lens model ", lens_model,
+                                                   " cannot be solved for; use LENSMODEL_OPENCV8"));
+  }
+  return mrcal_lensmodel_num_params(&model);
+}
+
+bool IsSplined(const std::string& lens_model) {
+  return lens_model.starts_with("LENSMODEL_SPLINED_STEREOGRAPHIC");
+}
+
+std::optional<Eigen::Vector2d> ProjectByLens(const std::string& lens_model,
+                                             const std::vector<double>& intrinsics,
+                                             const Eigen::Vector3d& point,
+                                             LensDerivatives* derivatives) {
+  mrcal_lensmodel_t model;
+  if (!ModelOf(lens_model, &model)) return std::nullopt;
+  if (!(point.z() > 0) && !mrcal_lensmodel_metadata(&model).can_project_behind_camera) {
+    return std::nullopt;
+  }
+  const mrcal_point3_t p{.xyz = {point.x(), point.y(), point.z()}};
+  mrcal_point2_t q;
+  std::array<mrcal_point3_t, 2> by_point;
+  const auto parameters = static_cast<Eigen::Index>(intrinsics.size());
+  Eigen::Matrix<double, 2, Eigen::Dynamic, Eigen::RowMajor> by_intrinsics(2, parameters);
+  const bool wanted = derivatives != nullptr;
+  if (!mrcal_project(&q, wanted ? by_point.data() : nullptr,
+                     wanted ? by_intrinsics.data() : nullptr, &p, 1, &model, intrinsics.data()) ||
+      !std::isfinite(q.x) || !std::isfinite(q.y)) {
+    return std::nullopt;
+  }
+  if (wanted) {
+    for (int row = 0; row < 2; ++row) {
+      for (int i = 0; i < 3; ++i) {
+        derivatives->by_point(row, i) = by_point[static_cast<size_t>(row)].xyz[i];
+      }
+    }
+    derivatives->by_intrinsics = by_intrinsics;
+  }
+  return Eigen::Vector2d(q.x, q.y);
+}
+
+std::optional<Eigen::Vector3d> UnprojectByLens(const std::string& lens_model,
+                                               const std::vector<double>& intrinsics,
+                                               const Eigen::Vector2d& pixel) {
+  mrcal_lensmodel_t model;
+  const mrcal_point2_t q{.xy = {pixel.x(), pixel.y()}};
+  mrcal_point3_t v;
+  if (!ModelOf(lens_model, &model) || !mrcal_unproject(&v, &q, 1, &model, intrinsics.data()) ||
+      !std::isfinite(v.x) || !std::isfinite(v.y) || !std::isfinite(v.z)) {
+    return std::nullopt;
+  }
+  return Eigen::Vector3d(v.x, v.y, v.z).normalized();
+}
+
+Eigen::Matrix<double, 3, 6> DerivativeByPose(const Eigen::Isometry3d& pose,
+                                             const Eigen::Vector3d& point) {
+  Eigen::Matrix<double, 6, 1> values;
+  values << RotationVectorOf(pose), pose.translation();
+  std::array<double, 3> out;
+  Eigen::Matrix<double, 3, 6, Eigen::RowMajor> derivative;
+  mrcal_transform_point_rt(out.data(), derivative.data(), nullptr, values.data(), point.data());
+  return derivative;
+}
+
 namespace {
 
 mrcal_pose_t MrcalPose(const Eigen::Isometry3d& pose) {
@@ -42,9 +128,7 @@ struct Arguments {
   std::vector<mrcal_observation_board_t> observations;
   std::vector<mrcal_point3_t> corners;
   std::vector<int> image_sizes;
-  int width = 0;
-  int height = 0;
-  double spacing = 0;
+  Lattice lattice;
 
   int Cameras() const { return static_cast<int>(image_sizes.size() / 2); }
   int Poses() const { return static_cast<int>(cameras.size()); }
@@ -54,8 +138,8 @@ struct Arguments {
     return mrcal_num_states(Cameras(), Poses(), Boards(), 0, 0, Observations(), selections, &model);
   }
   int Measurements() const {
-    return mrcal_num_measurements(Observations(), 0, width, height, Cameras(), Poses(), Boards(), 0,
-                                  0, selections, &model);
+    return mrcal_num_measurements(Observations(), 0, lattice.width, lattice.height, Cameras(),
+                                  Poses(), Boards(), 0, 0, selections, &model);
   }
 };
 
@@ -89,9 +173,7 @@ absl::StatusOr<Arguments> ArgumentsOf(const LensProblem& problem, const FreePart
   for (const auto& size : problem.image_sizes) {
     a.image_sizes.insert(a.image_sizes.end(), size.begin(), size.end());
   }
-  a.width = problem.width;
-  a.height = problem.height;
-  a.spacing = problem.spacing;
+  a.lattice = problem.lattice;
   return a;
 }
 
@@ -108,9 +190,9 @@ struct Jacobian {
 bool Evaluate(const Arguments& a, bool derivatives, Jacobian* out) {
   const auto states = static_cast<size_t>(a.States());
   const auto measurements = static_cast<size_t>(a.Measurements());
-  const int nonzero = _mrcal_num_j_nonzero(a.Observations(), 0, a.width, a.height, a.Cameras(),
-                                           a.Poses(), a.Boards(), 0, 0, a.observations.data(),
-                                           nullptr, a.selections, &a.model);
+  const int nonzero = _mrcal_num_j_nonzero(a.Observations(), 0, a.lattice.width, a.lattice.height,
+                                           a.Cameras(), a.Poses(), a.Boards(), 0, 0,
+                                           a.observations.data(), nullptr, a.selections, &a.model);
   std::vector<double> b(states);
   out->x.resize(measurements);
   out->starts.resize(measurements + 1);
@@ -129,13 +211,13 @@ bool Evaluate(const Arguments& a, bool derivatives, Jacobian* out) {
   jt.dtype = CHOLMOD_DOUBLE;
   jt.sorted = 1;
   jt.packed = 1;
-  if (!mrcal_optimizer_callback(b.data(), static_cast<int>(b.size() * sizeof(double)),
-                                out->x.data(), static_cast<int>(out->x.size() * sizeof(double)),
-                                derivatives ? &jt : nullptr, a.intrinsics.data(), a.cameras.data(),
-                                a.boards.data(), nullptr, &a.warp, a.Cameras(), a.Poses(),
-                                a.Boards(), 0, 0, a.observations.data(), nullptr, a.Observations(),
-                                0, a.corners.data(), &a.model, a.image_sizes.data(), a.selections,
-                                &a.constants, a.spacing, a.width, a.height, false)) {
+  if (!mrcal_optimizer_callback(
+          b.data(), static_cast<int>(b.size() * sizeof(double)), out->x.data(),
+          static_cast<int>(out->x.size() * sizeof(double)), derivatives ? &jt : nullptr,
+          a.intrinsics.data(), a.cameras.data(), a.boards.data(), nullptr, &a.warp, a.Cameras(),
+          a.Poses(), a.Boards(), 0, 0, a.observations.data(), nullptr, a.Observations(), 0,
+          a.corners.data(), &a.model, a.image_sizes.data(), a.selections, &a.constants,
+          a.lattice.spacing, a.lattice.width, a.lattice.height, false)) {
     return false;
   }
   out->scale.assign(states, 1);
@@ -179,7 +261,7 @@ absl::Status Solve(LensProblem& problem, const FreeParts& free) {
       nullptr, 0, nullptr, 0, a.intrinsics.data(), a.cameras.data(), a.boards.data(), nullptr,
       &a.warp, a.Cameras(), a.Poses(), a.Boards(), 0, 0, a.observations.data(), nullptr,
       a.Observations(), 0, a.corners.data(), &a.model, a.image_sizes.data(), a.selections,
-      &a.constants, a.spacing, a.width, a.height, false, false);
+      &a.constants, a.lattice.spacing, a.lattice.width, a.lattice.height, false, false);
   if (!(stats.rms_reproj_error__pixels >= 0)) {
     return absl::InternalError("mrcal found no solution");
   }

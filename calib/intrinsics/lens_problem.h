@@ -1,11 +1,12 @@
 // LensProblem: cameras that look at boards, as mrcal takes them, and what mrcal does with them.
 //
-// A board is a lattice of `width` x `height` corner points, `spacing` apart, in the plane z = 0 of
+// A board is a lattice of width x height corner points, spacing apart, in the plane z = 0 of
 // its frame, point (i, j) at (i * spacing, j * spacing, 0); it may be bent (`warp`). Each placing
 // of a board is a pose of its own. The reference is the frame of the first camera. Pixels and
 // metres. mrcal keeps state of its own: one call at a time.
 #pragma once
 
+#include <Eigen/Core>
 #include <Eigen/Geometry>
 #include <array>
 #include <optional>
@@ -14,13 +15,46 @@
 
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
-#include "calib/intrinsics/lens_projection.h"
 
 namespace silhouette {
+
+// What mrcal's lens models do with points and pixels. Pixels (integers at pixel centres) and
+// metres; may be used by any number of threads.
+
+// The number of a lens model's parameters. InvalidArgument: mrcal does not know the name, or cannot
+// solve for it.
+absl::StatusOr<int> LensParameters(const std::string& lens_model);
+// Whether the model is one of splines; its first four parameters cannot be solved for.
+bool IsSplined(const std::string& lens_model);
+
+struct LensDerivatives {
+  Eigen::Matrix<double, 2, 3> by_point;
+  Eigen::MatrixXd by_intrinsics;  // 2 x parameters
+};
+// The pixel of a point in the camera's frame; nothing if the model has none.
+std::optional<Eigen::Vector2d> ProjectByLens(const std::string& lens_model,
+                                             const std::vector<double>& intrinsics,
+                                             const Eigen::Vector3d& point,
+                                             LensDerivatives* derivatives = nullptr);
+// The direction, of unit length, that a pixel sees; nothing if the model has none.
+std::optional<Eigen::Vector3d> UnprojectByLens(const std::string& lens_model,
+                                               const std::vector<double>& intrinsics,
+                                               const Eigen::Vector2d& pixel);
+
+// point_out = pose * point, with its derivative by the pose's rotation vector and translation.
+Eigen::Matrix<double, 3, 6> DerivativeByPose(const Eigen::Isometry3d& pose,
+                                             const Eigen::Vector3d& point);
 
 // Weights of corners that do not count.
 inline constexpr double kNoCorner = -1;
 inline constexpr double kOutlier = -2;
+
+// A lattice of corner points.
+struct Lattice {
+  int width = 0;
+  int height = 0;
+  double spacing = 0;  // metres
+};
 
 struct LensProblem {
   struct Observation {
@@ -37,15 +71,13 @@ struct LensProblem {
   // width and along its height.
   Eigen::Vector2d warp = Eigen::Vector2d::Zero();
 
-  double spacing = 0;
-  int width = 0;
-  int height = 0;
+  Lattice lattice;
   std::vector<Observation> observations;  // by placing
   // width * height for each observation, row by row: pixel x, pixel y, weight.
   std::vector<Eigen::Vector3d> corners;
 
   size_t CornersPerBoard() const {
-    return static_cast<size_t>(width) * static_cast<size_t>(height);
+    return static_cast<size_t>(lattice.width) * static_cast<size_t>(lattice.height);
   }
 };
 
@@ -88,5 +120,31 @@ struct NormalEquations {
 };
 absl::StatusOr<NormalEquations> NormalEquationsOf(const LensProblem& problem,
                                                   const FreeParts& free);
+
+// LensCovariance: how uncertain the lenses and poses of a solve are, and with them any projection.
+
+// The covariance of the shared part of the state (NormalEquations), followed by six more: by which
+// small motion (rotation vector, translation) the boards, all together, stand elsewhere than they
+// did in truth. Points of a workspace are fixed to the boards, so they are moved by it.
+struct LensCovariance {
+  Eigen::MatrixXd covariance;
+  // Where in it the parameters are; -1: held fixed.
+  std::vector<int> intrinsics;
+  int first_intrinsic = 0;
+  int free_intrinsics = 0;
+  std::vector<int> pose;
+  double chi_squared = 0;  // of the solve, per degree of freedom
+};
+
+// For the optimum that `problem` holds, whose weights are 1 / standard deviation up to a common
+// factor: that is found from the residuals. FailedPrecondition: the state is not determined.
+absl::StatusOr<LensCovariance> CovarianceOf(const LensProblem& problem, const FreeParts& free);
+
+// How the projection of a point in the reference moves with the state that `covariance` is of.
+// Nothing if there is no projection.
+std::optional<Eigen::Matrix<double, 2, Eigen::Dynamic>> DerivativeOfProjection(
+    const LensCovariance& covariance, size_t camera, const std::string& lens_model,
+    const std::vector<double>& intrinsics, const Eigen::Isometry3d& camera_from_reference,
+    const Eigen::Vector3d& point);
 
 }  // namespace silhouette

@@ -1,4 +1,4 @@
-#include "calib/intrinsics/lens_seeds.h"
+#include "calib/intrinsics/lens_stages.h"
 
 #include <algorithm>
 #include <cmath>

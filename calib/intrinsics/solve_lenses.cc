@@ -7,12 +7,10 @@
 
 #include "absl/status/status.h"
 #include "absl/strings/str_cat.h"
+#include "calib/files/camera_file.h"
 #include "calib/intrinsics/board_views.h"
-#include "calib/intrinsics/camera_ties.h"
-#include "calib/intrinsics/lens_judgement.h"
 #include "calib/intrinsics/lens_stages.h"
-#include "calib/intrinsics/median.h"
-#include "calib/intrinsics/single_camera.h"
+#include "common/numbers/numbers.h"
 #include "db/status/status_macros.h"
 
 namespace silhouette {
@@ -61,18 +59,15 @@ struct GroupProblem {
   std::vector<const BoardView*> views;  // of each observation
 };
 
-GroupProblem SolveLensesProblemOf(size_t group, const std::vector<LensCamera>& cameras,
-                                  const std::vector<SingleCamera>& singles,
-                                  const std::vector<PosedView>& views, const CameraTies& ties,
-                                  const Lattice& lattice, double sigma,
-                                  const LensSettings& settings) {
+GroupProblem GroupProblemOf(size_t group, const std::vector<LensCamera>& cameras,
+                            const std::vector<SingleCamera>& singles,
+                            const std::vector<PosedView>& views, const CameraTies& ties,
+                            const Lattice& lattice, double sigma, const LensSettings& settings) {
   GroupProblem out;
   LensProblem& problem = out.problem;
   const std::vector<size_t>& members = ties.groups[group];
   problem.lens_model = LensModelOf(cameras[0], settings);
-  problem.spacing = lattice.spacing;
-  problem.width = lattice.width;
-  problem.height = lattice.height;
+  problem.lattice = lattice;
   for (const size_t camera : members) {
     problem.image_sizes.push_back({cameras[camera].width, cameras[camera].height});
     problem.intrinsics.push_back(singles[camera].intrinsics);
@@ -121,8 +116,8 @@ void AddResiduals(const GroupProblem& group, const std::vector<Board>& boards,
   }
 }
 
-SolvedCamera SolveLensesCameraOf(const LensCamera& camera, const LensProblem& problem, size_t place,
-                                 size_t group) {
+SolvedCamera SolvedCameraOf(const LensCamera& camera, const LensProblem& problem, size_t place,
+                            size_t group) {
   SolvedCamera solved{.name = camera.name,
                       .width = camera.width,
                       .height = camera.height,
@@ -166,7 +161,7 @@ absl::Status AddGroup(GroupProblem& group, const std::vector<LensCamera>& camera
   if (warp) result.warp = problem.warp;
   solution.groups.push_back(std::move(result));
   for (size_t i = 0; i < members.size(); ++i) {
-    solution.cameras[members[i]] = SolveLensesCameraOf(cameras[members[i]], problem, i, place);
+    solution.cameras[members[i]] = SolvedCameraOf(cameras[members[i]], problem, i, place);
   }
   std::set<int> listed;
   for (size_t o = 0; o < group.views.size(); ++o) {
@@ -213,7 +208,7 @@ absl::StatusOr<LensSolution> SolveLenses(const std::vector<LensCamera>& cameras,
   const double sigma = MedianSigma(views);
   for (size_t g = 0; g < ties.groups.size(); ++g) {
     GroupProblem group =
-        SolveLensesProblemOf(g, cameras, singles, views, ties, gathered.lattice, sigma, settings);
+        GroupProblemOf(g, cameras, singles, views, ties, gathered.lattice, sigma, settings);
     RETURN_IF_ERROR(AddGroup(group, cameras, boards, ties.groups[g], sigma, settings, solution));
   }
   RETURN_IF_ERROR(JudgeLenses(cameras, settings, solution));
@@ -249,6 +244,11 @@ std::optional<double> ProjectionSigma(const LensSolution& solution, size_t camer
   if (!covariance) return std::nullopt;
   const Eigen::SelfAdjointEigenSolver<Eigen::Matrix2d> eigen(*covariance);
   return std::sqrt(std::max(0.0, eigen.eigenvalues()[1]));
+}
+
+std::string LensFileText(const SolvedCamera& camera) {
+  return CameraFileText(camera.lens_model, camera.intrinsics, camera.width, camera.height,
+                        camera.camera_from_reference, camera.name);
 }
 
 }  // namespace silhouette

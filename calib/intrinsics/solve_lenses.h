@@ -15,9 +15,9 @@
 
 #include "absl/status/statusor.h"
 #include "calib/boards/board.h"
-#include "calib/boards/tag_sighting.h"
+#include "calib/boards/sighting_file.h"
 #include "calib/camera/camera_model.h"
-#include "calib/intrinsics/lens_covariance.h"
+#include "calib/intrinsics/lens_problem.h"
 
 namespace silhouette {
 
@@ -118,5 +118,12 @@ std::optional<Eigen::Matrix<double, 2, Eigen::Dynamic>> ProjectionDerivative(
 // The standard deviation in the worst direction, for the point that a pixel sees at `distance`.
 std::optional<double> ProjectionSigma(const LensSolution& solution, size_t camera,
                                       const Eigen::Vector2d& pixel, double distance);
+
+// What SolveLenses found as .cameramodel files.
+
+// The pose is that before the group's reference, the first camera of the group. Models that
+// CameraModel holds are written so that all of this project's programs read them, others as mrcal
+// does.
+std::string LensFileText(const SolvedCamera& camera);
 
 }  // namespace silhouette

@@ -1,4 +1,4 @@
-#include "calib/poses/hand_eye.h"
+#include "calib/poses/pose_network.h"
 
 #include <Eigen/Dense>
 #include <algorithm>
@@ -13,20 +13,20 @@
 
 #include "absl/status/status.h"
 #include "absl/strings/str_cat.h"
-#include "calib/poses/words.h"
+#include "calib/poses/pose_problem.h"
+#include "common/numbers/numbers.h"
 #include "db/status/status_macros.h"
 
 namespace silhouette {
 namespace {
 
-constexpr double kHandEyeDegree = 3.14159265358979323846 / 180;
 constexpr int kSamples = 200;
 constexpr int kLeastSamples = 30;
 constexpr double kGoodEnough = 2;  // pixels: a seed that needs no further samples
 // The turn about the second axis, root mean square over pairs of poses, from which two axes count.
-constexpr double kLeastTurn = 1.5 * kHandEyeDegree;
+constexpr double kLeastTurn = 1.5 * kDegree;
 // Candidates that are turned by more against the solution do not take part in refining it.
-constexpr double kLargestMisfit = 10 * kHandEyeDegree;
+constexpr double kLargestMisfit = 10 * kDegree;
 
 // A look with the candidate that is taken for it.
 struct Chosen {
@@ -103,7 +103,7 @@ double Score(const CameraModel& lens, const std::vector<LinkedLook>& looks,
     errors.push_back(
         MedianError(lens, *linked.look, solution.camera_pose * linked.link * solution.board_pose));
   }
-  return MedianOf(std::move(errors));
+  return MedianOrInfinity(std::move(errors));
 }
 
 // The translations, with the rotations as they are, by least squares; and the board's size if
@@ -166,8 +166,7 @@ absl::Status CheckMotion(const std::vector<LinkedLook>& looks) {
   double pairs = 0;
   for (size_t i = 0; i < looks.size(); ++i) {
     for (size_t j = i + 1; j < looks.size(); ++j, ++pairs) {
-      const Eigen::AngleAxisd turn(looks[i].link.linear().transpose() * looks[j].link.linear());
-      const Eigen::Vector3d axis = turn.angle() * turn.axis();
+      const Eigen::Vector3d axis = RotationVectorOf(looks[i].link.inverse() * looks[j].link);
       spread += axis * axis.transpose();
     }
   }

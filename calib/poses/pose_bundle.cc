@@ -12,7 +12,6 @@
 #include <optional>
 
 #include "calib/poses/pose_bundle_costs.h"
-#include "calib/poses/pose_bundle_jacobian.h"
 
 namespace silhouette {
 namespace {
@@ -24,20 +23,13 @@ constexpr double kRobustPrior = 6;
 using Motion = std::array<double, 6>;
 
 Eigen::Isometry3d IsometryOf(const Motion& motion) {
-  const Eigen::Vector3d rotation(motion[0], motion[1], motion[2]);
-  Eigen::Isometry3d pose = Eigen::Isometry3d::Identity();
-  if (const double angle = rotation.norm(); angle > 0) {
-    pose.linear() = Eigen::AngleAxisd(angle, rotation / angle).toRotationMatrix();
-  }
-  pose.translation() = Eigen::Vector3d(motion[3], motion[4], motion[5]);
-  return pose;
+  return PoseOf({motion[0], motion[1], motion[2]}, {motion[3], motion[4], motion[5]});
 }
 
 Motion MotionOf(const Eigen::Isometry3d& pose) {
-  const Eigen::AngleAxisd turn(pose.linear());
-  const Eigen::Vector3d rotation = turn.angle() * turn.axis();
-  return {rotation.x(),           rotation.y(),           rotation.z(),
-          pose.translation().x(), pose.translation().y(), pose.translation().z()};
+  const Eigen::Vector3d r = RotationVectorOf(pose);
+  const Eigen::Vector3d t = pose.translation();
+  return {r.x(), r.y(), r.z(), t.x(), t.y(), t.z()};
 }
 
 // A Bundle as a Ceres problem. Poses with a prior refer to what was measured, others to where they

@@ -54,15 +54,12 @@ inline constexpr double kLargestRadius2 = 144;
 template <typename T>
 bool Project(const CameraIntrinsics& lens, const Vector3<T>& point, T* pixel) {
   if (!(point.z() > T(1e-6))) return false;
-  const auto& d = lens.distortion;
   const T x = point.x() / point.z();
   const T y = point.y() / point.z();
-  const T r2 = x * x + y * y;
-  if (!(r2 < T(kLargestRadius2))) return false;
-  const T radial = (T(1) + r2 * (d[0] + r2 * (d[1] + r2 * d[4]))) /
-                   (T(1) + r2 * (d[5] + r2 * (d[6] + r2 * d[7])));
-  pixel[0] = lens.fx * (x * radial + 2 * d[2] * x * y + d[3] * (r2 + T(2) * x * x)) + lens.cx;
-  pixel[1] = lens.fy * (y * radial + d[2] * (r2 + T(2) * y * y) + 2 * d[3] * x * y) + lens.cy;
+  if (!(x * x + y * y < T(kLargestRadius2))) return false;
+  const Eigen::Matrix<T, 2, 1> distorted = Distort(lens, x, y);
+  pixel[0] = lens.fx * distorted.x() + lens.cx;
+  pixel[1] = lens.fy * distorted.y() + lens.cy;
   return true;
 }
 

@@ -7,17 +7,13 @@
 #include "absl/status/status.h"
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
-#include "calib/poses/pose_doubts.h"
 #include "calib/poses/pose_fit.h"
-#include "calib/poses/pose_outliers.h"
-#include "calib/poses/pose_report.h"
 #include "db/status/status_macros.h"
 
 namespace silhouette {
 namespace {
 
-constexpr double kPoseCalibrationRobust = 3;  // sigmas
-constexpr double kFirstRobust = 60;           // sigmas
+constexpr double kFirstRobust = 60;  // sigmas
 // A noise that exceeds what was stated by this much is taken for what it is.
 constexpr double kNoiseExcess = 1.3;
 
@@ -44,8 +40,7 @@ absl::Status CheckNoise(const Bundle& bundle, const NoiseFactors& factors) {
         "the robot's poses are off by %.0f times their sigma, about %.1f mm and %.2f deg; see "
         "whether the robot stood still and its model is right, or state how exact it is with "
         "--robot-sigma",
-        factors.robot, 1000 * flange.position_sigma,
-        flange.rotation_sigma * 180 / 3.14159265358979323846));
+        factors.robot, 1000 * flange.position_sigma, flange.rotation_sigma / kDegree));
   }
   return absl::OkStatus();
 }
@@ -121,7 +116,7 @@ absl::StatusOr<PoseSolution> CalibratePoses(const PoseProblem& problem) {
   for (BundlePose& flange : bundle.flanges) flange.constant = problem.robot_exact;
   // Flanges that the robot stated wrongly follow their corners first; then single corners that are
   // wrong lose their pull.
-  if (!Adjust(bundle, kFirstRobust) || !AdjustStepwise(bundle, kPoseCalibrationRobust)) {
+  if (!Adjust(bundle, kFirstRobust) || !AdjustStepwise(bundle, kRobust)) {
     return absl::FailedPreconditionError("no poses were found that explain what was seen");
   }
   for (int i = 0; i < 5 && MarkOutliers(bundle); ++i) {

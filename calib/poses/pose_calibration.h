@@ -3,7 +3,7 @@
 //
 // Seeds come from each board's pose in the camera's frame (IPPE, both solutions) and Park's method
 // for robot-world/hand-eye; then a bundle over all corners in pixels in which every flange pose
-// has the robot's noise, every surveyed board the survey's, and outliers are told by frame.
+// has the robot's noise, every surveyed board the survey's, and outliers are reported by frame.
 #pragma once
 
 #include "absl/status/statusor.h"

@@ -3,7 +3,6 @@
 #include <cmath>
 
 #include "calib/poses/pose_bundle.h"
-#include "calib/poses/pose_bundle_jacobian.h"
 
 namespace silhouette {
 namespace {

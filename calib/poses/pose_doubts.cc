@@ -1,4 +1,4 @@
-#include "calib/poses/pose_doubts.h"
+#include "calib/poses/pose_fit.h"
 
 #include <algorithm>
 #include <cmath>
@@ -9,8 +9,8 @@
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
-#include "calib/poses/hand_eye.h"
-#include "calib/poses/words.h"
+#include "calib/poses/pose_network.h"
+#include "calib/poses/pose_problem.h"
 #include "db/status/status_macros.h"
 
 namespace silhouette {
@@ -92,10 +92,10 @@ Eigen::Isometry3d WithWFirst(Eigen::Isometry3d pose) {
 const std::vector<Guess>& Guesses() {
   static const std::vector<Guess> guesses = {
       {"frames and robot poses are shifted by one: with each frame's pose taken from the frame "
-       "after it they fit; number them anew",
+       "after it they fit; renumber them",
        [](const PoseProblem& problem) { return Shifted(problem, 1); }},
       {"frames and robot poses are shifted by one: with each frame's pose taken from the frame "
-       "before it they fit; number them anew",
+       "before it they fit; renumber them",
        [](const PoseProblem& problem) { return Shifted(problem, -1); }},
       GuessOfPoses("the quaternions of the robot's poses are in the order w, x, y, z; give x, y, "
                    "z, w",
@@ -103,7 +103,7 @@ const std::vector<Guess>& Guesses() {
       GuessOfPoses("the robot's poses are inverted (flange_from_base); give base_from_flange",
                    [](const Eigen::Isometry3d& pose) { return pose.inverse(); }),
       {"a board is mirrored: with its columns counted from the other side it fits; print or "
-       "describe it anew",
+       "describe it again",
        MirroredBoards},
   };
   return guesses;

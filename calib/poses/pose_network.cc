@@ -12,8 +12,8 @@
 #include "absl/status/status.h"
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
-#include "calib/poses/pose_problem_checks.h"
-#include "calib/poses/words.h"
+#include "calib/poses/pose_problem.h"
+#include "common/numbers/numbers.h"
 #include "db/status/status_macros.h"
 
 namespace silhouette {
@@ -171,7 +171,7 @@ absl::StatusOr<PoseNetwork> NetworkOf(const PoseProblem& problem) {
   network.camera_poses.resize(problem.views.size());
   for (const PoseView& view : problem.views) {
     try {
-      network.lenses.emplace_back(view.lens, Eigen::Isometry3d::Identity());
+      network.lenses.emplace_back(view.lens);
     } catch (const std::invalid_argument& error) {
       return absl::InvalidArgumentError(absl::StrCat("view '", view.name, "': ", error.what()));
     }
@@ -191,7 +191,7 @@ double MedianError(const CameraModel& lens, const Look& look,
     if (!pixel) return std::numeric_limits<double>::infinity();
     errors.push_back((*pixel - corner.pixel).norm());
   }
-  return MedianOf(std::move(errors));
+  return MedianOrInfinity(std::move(errors));
 }
 
 }  // namespace silhouette

@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "absl/status/statusor.h"
+#include "calib/camera/camera_model.h"
 #include "calib/poses/pose_problem.h"
 
 namespace silhouette {
@@ -62,5 +63,37 @@ absl::StatusOr<PoseNetwork> NetworkOf(const PoseProblem& problem);
 // pixels; infinity if one is not visible from there. `lens`: with the identity as pose.
 double MedianError(const CameraModel& lens, const Look& look,
                    const Eigen::Isometry3d& camera_from_board);
+
+// First values for all poses of a network.
+
+// Fills Look::candidates; a look that no pose explains (fewer than four usable corners, corners
+// beyond the lens's fold) stays without.
+void FindCandidates(PoseNetwork& network);
+
+// Fills camera_poses and board_poses as far as they are connected: from known boards to views and
+// back, and by hand-eye calibration where neither is known. Returns why views that did not get a
+// pose have none, one sentence each; empty if all have one.
+std::vector<std::string> SeedPoses(PoseNetwork& network);
+
+// Robot-world/hand-eye calibration in closed form: camera_pose * link_i * board_pose = seen_i.
+
+struct HandEye {
+  Eigen::Isometry3d camera_pose = Eigen::Isometry3d::Identity();
+  Eigen::Isometry3d board_pose = Eigen::Isometry3d::Identity();
+  double median_px = 0;  // over the looks: how far corners are from where they were seen
+  // The board's size by the robot's motion, as a multiple of what was said.
+  double size = 1;
+};
+
+struct LinkedLook {
+  const Look* look = nullptr;  // with candidates
+  Eigen::Isometry3d link = Eigen::Isometry3d::Identity();
+};
+
+// By Park's method on samples of three looks, so that wrong candidates and single wrong poses do no
+// harm. `lens`: with the identity as pose. The same looks give the same result. FailedPrecondition:
+// fewer than three looks, or the flange turned about one axis only; the message is the end of a
+// sentence about the view.
+absl::StatusOr<HandEye> SolveHandEye(const CameraModel& lens, const std::vector<LinkedLook>& looks);
 
 }  // namespace silhouette

@@ -6,14 +6,21 @@
 #pragma once
 
 #include <Eigen/Geometry>
+#include <numbers>
 #include <string>
 #include <vector>
 
+#include "absl/status/status.h"
 #include "calib/boards/board.h"
-#include "calib/boards/tag_sighting.h"
+#include "calib/boards/sighting_file.h"
 #include "calib/camera/camera_model.h"
 
 namespace silhouette {
+
+inline constexpr double kDegree = std::numbers::pi / 180;  // radians
+
+// Metres. A flange that is farther from the robot's base has its position in millimetres.
+inline constexpr double kFarthestFlange = 50;
 
 struct PoseView {
   std::string name;
@@ -46,7 +53,7 @@ struct RobotPose {
 // How exactly the robot goes where it says: standard deviations per axis.
 struct RobotNoise {
   double position_sigma = 0.2e-3;
-  double rotation_sigma = 0.02 * 3.14159265358979323846 / 180;
+  double rotation_sigma = 0.02 * kDegree;
 };
 
 struct PoseProblem {
@@ -57,5 +64,14 @@ struct PoseProblem {
   RobotNoise robot_noise;
   bool robot_exact = false;  // takes the robot at its word; for comparison only
 };
+
+// What is wrong with a problem before anything is solved.
+
+// InvalidArgument: a name or a tag is there twice, a view is not there, a number is none or not
+// positive. FailedPrecondition: nothing was seen, positions in millimetres, mirrored images.
+absl::Status CheckProblem(const PoseProblem& problem);
+
+// "a, b, c and 4 more".
+std::string FewOf(const std::vector<std::string>& names);
 
 }  // namespace silhouette

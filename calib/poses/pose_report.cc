@@ -1,4 +1,4 @@
-#include "calib/poses/pose_report.h"
+#include "calib/poses/pose_fit.h"
 
 #include <algorithm>
 #include <cmath>
@@ -9,12 +9,10 @@
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
-#include "calib/poses/words.h"
+#include "calib/poses/pose_problem.h"
 
 namespace silhouette {
 namespace {
-
-constexpr double kPoseReportDegree = 3.14159265358979323846 / 180;
 
 struct Count {
   int used = 0;
@@ -147,8 +145,7 @@ void WarnOfFrames(PoseSolution& solution) {
     }
     if (frame.robot_outlier) {
       robot.push_back(absl::StrFormat("'%s' (%.2f mm, %.3f deg)", frame.name,
-                                      1000 * frame.robot_offset,
-                                      frame.robot_rotation / kPoseReportDegree));
+                                      1000 * frame.robot_offset, frame.robot_rotation / kDegree));
     }
   }
   if (!corners.empty()) {
@@ -168,8 +165,7 @@ void WarnOfSurvey(const NoiseFactors& factors, PoseSolution& solution) {
   for (const SolvedBoard& board : solution.boards) {
     if (!board.survey_outlier) continue;
     boards.push_back(absl::StrFormat("'%s' (%.1f mm, %.2f deg)", board.name,
-                                     1000 * board.survey_offset,
-                                     board.survey_rotation / kPoseReportDegree));
+                                     1000 * board.survey_offset, board.survey_rotation / kDegree));
   }
   if (!boards.empty()) {
     solution.warnings.push_back(absl::StrCat(
@@ -193,7 +189,7 @@ void WarnOfNoise(const PoseFit& fit, const NoiseFactors& factors, PoseSolution& 
     solution.warnings.push_back(absl::StrFormat(
         "the robot's poses are off by %.1f times the sigma stated; --robot-sigma %.2gmm,%.2gdeg "
         "would be right",
-        factors.robot, 1000 * flange.position_sigma, flange.rotation_sigma / kPoseReportDegree));
+        factors.robot, 1000 * flange.position_sigma, flange.rotation_sigma / kDegree));
   }
 }
 
@@ -223,10 +219,7 @@ void WarnOfWeakness(const PoseFit& fit, PoseSolution& solution) {
 }  // namespace
 
 double PointSigma(const PoseCovariance& covariance, const Eigen::Vector3d& point) {
-  Eigen::Matrix<double, 3, 6> motion;
-  motion << 0, point.z(), -point.y(), 1, 0, 0,  //
-      -point.z(), 0, point.x(), 0, 1, 0,        //
-      point.y(), -point.x(), 0, 0, 0, 1;
+  const Eigen::Matrix<double, 3, 6> motion = DerivativeByMotion(point);
   return std::sqrt(std::max(0.0, (motion * covariance * motion.transpose()).trace()));
 }
 

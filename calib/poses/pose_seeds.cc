@@ -1,17 +1,16 @@
-#include "calib/poses/pose_seeds.h"
+#include "calib/poses/pose_network.h"
 
 #include <Eigen/Dense>
 #include <algorithm>
 #include <limits>
 #include <map>
 #include <opencv2/calib3d.hpp>
-#include <opencv2/core/eigen.hpp>
 #include <set>
 #include <utility>
 
 #include "absl/strings/str_cat.h"
-#include "calib/poses/hand_eye.h"
-#include "calib/poses/words.h"
+#include "calib/poses/pose_problem.h"
+#include "common/numbers/numbers.h"
 
 namespace silhouette {
 namespace {
@@ -34,8 +33,8 @@ Poses PosesBy(const CameraModel& lens, const std::vector<LookCorner>& corners) {
     rays.emplace_back(ray->x() / ray->z(), ray->y() / ray->z());
   }
   if (points.size() < 4) return {};
-  std::vector<cv::Mat> rotations;
-  std::vector<cv::Mat> translations;
+  std::vector<cv::Vec3d> rotations;
+  std::vector<cv::Vec3d> translations;
   try {
     cv::solvePnPGeneric(points, rays, cv::Mat::eye(3, 3, CV_64F), cv::noArray(), rotations,
                         translations, false, cv::SOLVEPNP_IPPE);
@@ -44,16 +43,10 @@ Poses PosesBy(const CameraModel& lens, const std::vector<LookCorner>& corners) {
   }
   Poses poses;
   for (size_t i = 0; i < rotations.size(); ++i) {
-    cv::Mat matrix;
-    cv::Rodrigues(rotations[i], matrix);
-    Eigen::Matrix3d linear;
-    Eigen::Vector3d translation;
-    cv::cv2eigen(matrix, linear);
-    cv::cv2eigen(translations[i], translation);
-    Eigen::Isometry3d pose = Eigen::Isometry3d::Identity();
-    pose.linear() = linear;
-    pose.translation() = translation;
-    if (pose.matrix().allFinite() && translation.z() > 0) poses.push_back(pose);
+    const cv::Vec3d& r = rotations[i];
+    const cv::Vec3d& t = translations[i];
+    const Eigen::Isometry3d pose = PoseOf({r[0], r[1], r[2]}, {t[0], t[1], t[2]});
+    if (pose.matrix().allFinite() && t[2] > 0) poses.push_back(pose);
   }
   return poses;
 }
@@ -200,7 +193,7 @@ class Seeder {
         for (const Look* look : looks) {
           errors.push_back(MedianError(network_.lenses[look->view], *look, predict(*look, pose)));
         }
-        const double error = MedianOf(std::move(errors));
+        const double error = MedianOrInfinity(std::move(errors));
         if (!best || error < least) {
           best = pose;
           least = error;

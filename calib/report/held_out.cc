@@ -8,10 +8,8 @@
 #include <string>
 
 #include "calib/fundamental/epipolar_geometry.h"
-#include "calib/fundamental/model_matrices.h"
 #include "calib/poses/pose_bundle.h"
 #include "calib/poses/pose_network.h"
-#include "calib/poses/pose_seeds.h"
 #include "calib/report/view_errors.h"
 
 namespace silhouette {

@@ -8,7 +8,7 @@
 #include <utility>
 #include <vector>
 
-#include "calib/fundamental/line_distances.h"
+#include "calib/fundamental/epipolar_geometry.h"
 #include "calib/poses/pose_problem.h"
 #include "calib/poses/pose_solution.h"
 #include "calib/report/quality_report.h"

@@ -5,7 +5,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
-#include "calib/poses/words.h"
+#include "calib/poses/pose_problem.h"
 
 namespace silhouette {
 namespace {

@@ -8,7 +8,7 @@
 #include <stdexcept>
 #include <utility>
 
-#include "calib/robot/mesh_tree.h"
+#include "calib/robot/triangle_mesh.h"
 
 namespace silhouette {
 namespace {

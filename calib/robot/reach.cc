@@ -126,34 +126,34 @@ bool IsOutboard(const RobotModel& robot, size_t inner, size_t outer) {
 }
 
 // The joints that move, and where the others stand; by index.
-struct Told {
+struct KnownJoints {
   std::set<size_t> joints;
   std::map<size_t, double> positions;
 };
 
-absl::StatusOr<Told> Find(const RobotModel& robot, std::span<const std::string> moving,
-                          std::span<const FixedJoint> fixed) {
-  Told told;
+absl::StatusOr<KnownJoints> Find(const RobotModel& robot, std::span<const std::string> moving,
+                                 std::span<const FixedJoint> fixed) {
+  KnownJoints known;
   for (const std::string& name : moving) {
     const std::optional<size_t> found = robot.JointIndex(name);
     if (!found) return NoSuchJoint(robot, name);
-    told.joints.insert(*found);
+    known.joints.insert(*found);
   }
   for (const FixedJoint& at : fixed) {
     const std::optional<size_t> found = robot.JointIndex(at.name);
     if (!found) return NoSuchJoint(robot, at.name);
-    told.joints.insert(*found);
-    told.positions[*found] = at.position;
+    known.joints.insert(*found);
+    known.positions[*found] = at.position;
   }
-  return told;
+  return known;
 }
 
 // Every joint outboard of link `first` moves or has a position.
-absl::Status RequireAllTold(const RobotModel& robot, size_t first, const Told& told) {
+absl::Status RequireAllKnown(const RobotModel& robot, size_t first, const KnownJoints& known) {
   for (size_t link = first + 1; link < robot.links().size(); ++link) {
     const int outboard = robot.links()[link].joint;
     if (outboard >= 0 && IsOutboard(robot, first, link) &&
-        !told.joints.contains(static_cast<size_t>(outboard))) {
+        !known.joints.contains(static_cast<size_t>(outboard))) {
       return absl::InvalidArgumentError(
           absl::StrCat("joint '", robot.joints()[static_cast<size_t>(outboard)].name,
                        "' neither moves nor has a fixed position"));
@@ -178,14 +178,14 @@ absl::StatusOr<double> Reach(const RobotModel& robot, const std::string& joint,
   if (robot.joints()[*index].type == JointType::kPrismatic) {
     return absl::InvalidArgumentError("joint '" + joint + "' is prismatic: it has no reach");
   }
-  ASSIGN_OR_RETURN(const Told told, Find(robot, moving, fixed));
+  ASSIGN_OR_RETURN(const KnownJoints known, Find(robot, moving, fixed));
   size_t first = 0;
   while (robot.links()[first].joint != static_cast<int>(*index)) ++first;
-  RETURN_IF_ERROR(RequireAllTold(robot, first, told));
+  RETURN_IF_ERROR(RequireAllKnown(robot, first, known));
 
   const Eigen::Vector3d axis = robot.links()[first].axis;
   const Distance from_axis = [&](const Eigen::Vector3d& p) { return axis.cross(p).norm(); };
-  return ReachFinder(robot, told.positions, payload_radius)
+  return ReachFinder(robot, known.positions, payload_radius)
       .Farthest(first, Eigen::Isometry3d::Identity(), from_axis);
 }
 
@@ -194,9 +194,9 @@ absl::StatusOr<Eigen::AlignedBox3d> ReachBox(const RobotModel& robot,
                                              std::span<const FixedJoint> fixed,
                                              double payload_radius) {
   RETURN_IF_ERROR(RequireRadius(payload_radius));
-  ASSIGN_OR_RETURN(const Told told, Find(robot, moving, fixed));
-  RETURN_IF_ERROR(RequireAllTold(robot, 0, told));
-  const ReachFinder finder(robot, told.positions, payload_radius);
+  ASSIGN_OR_RETURN(const KnownJoints known, Find(robot, moving, fixed));
+  RETURN_IF_ERROR(RequireAllKnown(robot, 0, known));
+  const ReachFinder finder(robot, known.positions, payload_radius);
   const auto along = [&](const Eigen::Vector3d& direction) {
     const Distance distance = [&](const Eigen::Vector3d& p) { return direction.dot(p); };
     return finder.Farthest(0, Eigen::Isometry3d::Identity(), distance);

@@ -6,7 +6,6 @@
 #include <string>
 
 #include "absl/status/statusor.h"
-#include "calib/robot/fixed_joint.h"
 #include "calib/robot/robot_model.h"
 
 namespace silhouette {

@@ -62,8 +62,8 @@ class RobotBody {
   // positive.
   RobotBody(const RobotModel& robot, const Settings& settings);
 
-  // Names of the links that have a shape whose mesh is not closed. It counts as nothing, for what
-  // is inside it cannot be told, and MayReach must not be asked.
+  // Names of the links that have a shape whose mesh is not closed. It counts as nothing: its
+  // inside is not known, and MayReach must not be called.
   const std::vector<std::string>& open_links() const { return open_links_; }
 
   // The body with the joints at `positions`, in the order of the model's joints; as many, else

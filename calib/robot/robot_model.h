@@ -19,6 +19,13 @@
 
 namespace silhouette {
 
+// A joint that stands still, and where.
+
+struct FixedJoint {
+  std::string name;
+  double position = 0;  // radians; prismatic: metres
+};
+
 enum class JointType { kRevolute, kContinuous, kPrismatic };
 
 // A joint that moves.

@@ -16,8 +16,8 @@
 #include "absl/status/status.h"
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_join.h"
-#include "calib/robot/mesh_file.h"
 #include "calib/robot/robot_model.h"
+#include "calib/robot/triangle_mesh.h"
 
 namespace silhouette {
 namespace {

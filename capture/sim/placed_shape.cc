@@ -4,7 +4,7 @@
 #include <optional>
 #include <utility>
 
-#include "calib/robot/mesh_file.h"
+#include "calib/robot/triangle_mesh.h"
 #include "capture/sim/yaml_values.h"
 
 namespace silhouette {

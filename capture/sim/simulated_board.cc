@@ -6,7 +6,7 @@
 #include <sstream>
 #include <utility>
 
-#include "calib/boards/board_file.h"
+#include "calib/boards/board.h"
 #include "capture/sim/board_texture.h"
 #include "capture/sim/yaml_values.h"
 

@@ -4,6 +4,8 @@
 
 #include <algorithm>
 #include <cstddef>
+#include <limits>
+#include <utility>
 #include <vector>
 
 namespace silhouette {
@@ -14,12 +16,16 @@ double Percent(Part part, Whole whole) {
   return whole == 0 ? 0 : 100.0 * static_cast<double>(part) / static_cast<double>(whole);
 }
 
-// The upper of two middle values; 0 of nothing.
-inline double Median(std::vector<double> values) {
-  if (values.empty()) return 0;
+// The upper of two middle values; `of_nothing` of nothing.
+inline double Median(std::vector<double> values, double of_nothing = 0) {
+  if (values.empty()) return of_nothing;
   const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
   std::nth_element(values.begin(), middle, values.end());
   return *middle;
+}
+// The same; infinity of nothing.
+inline double MedianOrInfinity(std::vector<double> values) {
+  return Median(std::move(values), std::numeric_limits<double>::infinity());
 }
 
 }  // namespace silhouette

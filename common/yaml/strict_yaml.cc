@@ -221,6 +221,12 @@ std::string NearestWord(const std::string& word, const std::vector<std::string>&
   return nearest;
 }
 
+std::string YamlQuoted(const std::string& text) {
+  YAML::Emitter quoted;
+  quoted << YAML::DoubleQuoted << text;
+  return quoted.c_str();
+}
+
 std::string ListOfWords(const std::vector<std::string>& words) {
   std::string list;
   for (size_t i = 0; i < words.size(); ++i) {

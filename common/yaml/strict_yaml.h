@@ -108,6 +108,9 @@ class YamlMap {
 // The word of `known` that `word` most likely stands for; empty if none is near.
 std::string NearestWord(const std::string& word, const std::vector<std::string>& known);
 
+// The text as a scalar in double quotes, for YAML files that are written by hand.
+std::string YamlQuoted(const std::string& text);
+
 // 'a', 'b' and 'c'.
 std::string ListOfWords(const std::vector<std::string>& words);
 

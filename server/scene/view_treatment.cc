@@ -4,7 +4,7 @@
 #include <stdexcept>
 
 #include "absl/strings/str_cat.h"
-#include "calib/camera/pixels_per_metre.h"
+#include "calib/camera/camera_model.h"
 
 namespace silhouette {
 namespace {

@@ -10,7 +10,7 @@
 
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
-#include "calib/robot/fixed_joint.h"
+#include "calib/robot/robot_model.h"
 #include "capture/devices/camera_settings.h"
 #include "capture/drivers/robots/robot_driver_settings.h"
 #include "capture/segmentation/settings.h"

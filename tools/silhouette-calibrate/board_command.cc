@@ -8,7 +8,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_join.h"
-#include "calib/boards/board_file.h"
+#include "calib/boards/board.h"
 #include "calib/boards/board_sheet.h"
 #include "calib/boards/tag_family.h"
 #include "common/picture/files.h"

@@ -7,8 +7,6 @@
 #include "absl/strings/str_cat.h"
 #include "absl/time/clock.h"
 #include "absl/time/time.h"
-#include "calib/files/calibration_camera_file.h"
-#include "calib/files/calibration_matrix_file.h"
 #include "calib/files/calibration_session_file.h"
 #include "calib/fundamental/tag_drift.h"
 #include "common/picture/files.h"

@@ -18,7 +18,7 @@
 #include "absl/strings/str_join.h"
 #include "absl/strings/str_replace.h"
 #include "calib/boards/sighting_file.h"
-#include "calib/files/calibration_camera_file.h"
+#include "calib/files/camera_file.h"
 #include "common/picture/files.h"
 #include "common/result/result.h"
 #include "db/status/status_macros.h"
@@ -95,9 +95,7 @@ absl::Status LoadLens(const std::string& folder, const std::string& view,
                       DetectSettings& settings) {
   const std::string file = (fs::path(folder) / CameraFileName(view)).string();
   ASSIGN_OR_RETURN(const CameraModel camera, ReadCameraFile(file));
-  const CameraIntrinsics& k = camera.intrinsics();
-  settings.lenses.emplace(view, Lens(k));
-  settings.lens_image_sizes.emplace(view, cv::Size(k.width, k.height));
+  settings.lenses.emplace(view, camera);
   return absl::OkStatus();
 }
 
@@ -196,16 +194,18 @@ absl::StatusOr<DetectSettings> LoadDetectSettings(const DetectArguments& argumen
 absl::StatusOr<ImageTags> Look(const DetectSettings& settings, TagDetector& detector,
                                const cv::Mat& image, const std::string& view,
                                const std::string& frame) {
-  const auto lens = settings.lenses.find(view);
-  if (lens != settings.lenses.end() && settings.lens_image_sizes.at(view) != image.size()) {
-    const cv::Size size = settings.lens_image_sizes.at(view);
-    return absl::InvalidArgumentError(
-        absl::StrCat("frame '", frame, "' of view '", view, "' has ", image.cols, "x", image.rows,
-                     " pixels, but its camera model is for ", size.width, "x", size.height,
-                     "; give images of that size, or leave --cameras out"));
+  std::optional<CameraModel> lens;
+  if (const auto known = settings.lenses.find(view); known != settings.lenses.end()) {
+    lens = known->second;
+    const CameraIntrinsics& k = lens->intrinsics();
+    if (cv::Size(k.width, k.height) != image.size()) {
+      return absl::InvalidArgumentError(
+          absl::StrCat("frame '", frame, "' of view '", view, "' has ", image.cols, "x", image.rows,
+                       " pixels, but its camera model is for ", k.width, "x", k.height,
+                       "; give images of that size, or leave --cameras out"));
+    }
   }
-  ImageTags tags = FindTags(detector, image, lens != settings.lenses.end() ? lens->second : Lens(),
-                            settings.boards);
+  ImageTags tags = FindTags(detector, image, lens, settings.boards);
   tags.view = view;
   tags.frame = frame;
   if (!settings.draw.empty()) {

@@ -46,8 +46,7 @@ struct DetectArguments {
 struct DetectSettings {
   std::vector<Board> boards;
   std::vector<std::string> families;
-  std::map<std::string, Lens> lenses;                // by view; empty: none known
-  std::map<std::string, cv::Size> lens_image_sizes;  // of the images that they are for
+  std::map<std::string, CameraModel> lenses;  // by view; empty: none known
   std::string draw;
 };
 

@@ -13,11 +13,11 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
 #include "absl/strings/str_split.h"
-#include "calib/boards/board_file.h"
+#include "calib/boards/board.h"
 #include "calib/boards/csv.h"
 #include "calib/boards/sighting_file.h"
-#include "calib/files/calibration_camera_file.h"
 #include "calib/files/calibration_message.h"
+#include "calib/files/camera_file.h"
 #include "common/picture/files.h"
 #include "common/yaml/strict_yaml.h"
 #include "db/status/status_macros.h"
@@ -164,10 +164,7 @@ std::string ViewOfCameraFile(const std::string& path) {
 
 absl::StatusOr<CameraModel> ReadCameraFile(const std::string& file) {
   ASSIGN_OR_RETURN(const std::string text, ReadWholeFile(file));
-  ASSIGN_OR_RETURN(const storage::v1::CameraModel message, CameraFromText(text, file));
-  absl::StatusOr<CameraModel> camera = CameraFrom(message);
-  if (camera.ok()) return camera;
-  return absl::Status(camera.status().code(), absl::StrCat(file, ": ", camera.status().message()));
+  return CameraFromText(text, file);
 }
 
 absl::StatusOr<std::vector<CameraFile>> ReadCameraFolder(const std::string& folder) {
@@ -197,7 +194,7 @@ absl::StatusOr<std::string> WriteCameraFile(const std::string& folder, const std
                                             const CameraModel& camera) {
   RETURN_IF_ERROR(MakeFolder(folder));
   const std::string path = (fs::path(folder) / CameraFileName(view)).string();
-  RETURN_IF_ERROR(WriteWholeFile(path, CameraFileText(MessageOf(camera), view)));
+  RETURN_IF_ERROR(WriteWholeFile(path, CameraFileText(camera, view)));
   return path;
 }
 

@@ -8,11 +8,10 @@
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
 #include "calib/boards/board.h"
-#include "calib/boards/tag_sighting.h"
+#include "calib/boards/sighting_file.h"
 #include "calib/camera/camera_model.h"
 #include "calib/camera/epipolar_angles.h"
 #include "calib/poses/pose_problem.h"
-#include "calib/robot/fixed_joint.h"
 #include "calib/robot/robot_model.h"
 #include "tools/program/joint_values.h"
 

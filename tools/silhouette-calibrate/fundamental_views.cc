@@ -7,7 +7,7 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
 #include "absl/strings/str_join.h"
-#include "calib/files/calibration_camera_file.h"
+#include "calib/files/camera_file.h"
 #include "calib/fundamental/correspondences.h"
 #include "db/status/status_macros.h"
 #include "tools/cell/cell.h"

@@ -7,7 +7,7 @@
 #include <vector>
 
 #include "absl/status/statusor.h"
-#include "calib/boards/tag_sighting.h"
+#include "calib/boards/sighting_file.h"
 #include "calib/fundamental/view_pairs.h"
 
 namespace silhouette {

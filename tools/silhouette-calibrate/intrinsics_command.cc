@@ -6,9 +6,8 @@
 #include <set>
 
 #include "absl/strings/str_cat.h"
-#include "calib/files/calibration_camera_file.h"
-#include "calib/intrinsics/foreign_camera_file.h"
-#include "calib/intrinsics/lens_file.h"
+#include "calib/files/camera_file.h"
+#include "calib/intrinsics/solve_lenses.h"
 #include "common/picture/files.h"
 #include "common/result/result.h"
 #include "db/status/status_macros.h"

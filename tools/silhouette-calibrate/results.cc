@@ -34,7 +34,6 @@ namespace fs = std::filesystem;
 using Json = nlohmann::ordered_json;
 using storage::v1::CalibrationRecord;
 
-constexpr double kDegree = std::numbers::pi / 180;
 constexpr double kMm = 1e-3;
 
 std::string NamesOf(const LensGroup& group, const LensSolution& solution) {

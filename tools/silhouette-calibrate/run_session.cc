@@ -18,7 +18,7 @@
 #include "calib/boards/csv.h"
 #include "calib/boards/sighting_file.h"
 #include "calib/detection/image_tags.h"
-#include "calib/poses/robot_pose_file.h"
+#include "calib/poses/pose_files.h"
 #include "capture/session/forbidden_regions.h"
 #include "common/picture/files.h"
 #include "common/picture/picture.h"
@@ -83,7 +83,7 @@ cv::Mat MatOf(CameraImage& image) {
 // `image`: 8 bits, grey or blue, green, red.
 std::vector<TagSighting> TagsIn(const cv::Mat& image, const std::string& view,
                                 const std::string& frame, const std::vector<Board>& boards,
-                                const Lens& lens, TagDetector& detector) {
+                                const std::optional<CameraModel>& lens, TagDetector& detector) {
   ImageTags tags = FindTags(detector, GreyOf(image), lens, boards);
   tags.view = view;
   tags.frame = frame;
@@ -171,7 +171,8 @@ class Recorder {
     std::vector<std::string> views;
     for (size_t v = 0; v < images.size(); ++v) {
       const std::string& view = cameras_.views()[v];
-      const Lens lens = settings_.lenses.empty() ? Lens() : Lens(settings_.lenses[v]);
+      std::optional<CameraModel> lens;
+      if (!settings_.lenses.empty()) lens.emplace(settings_.lenses[v]);
       const std::vector<TagSighting> found =
           TagsIn(MatOf(images[v]), view, frame, settings_.boards, lens, detector_);
       sightings.insert(sightings.end(), found.begin(), found.end());
@@ -280,7 +281,7 @@ absl::StatusOr<std::vector<TagSighting>> DetectAgain(const std::string& folder,
         return absl::NotFoundError(
             absl::StrCat("the image '", file.string(), "' of the session is not there any more"));
       }
-      const auto found = TagsIn(image, views[v], frame, boards, Lens(lenses[v]), detector);
+      const auto found = TagsIn(image, views[v], frame, boards, CameraModel(lenses[v]), detector);
       sightings.insert(sightings.end(), found.begin(), found.end());
     }
   }

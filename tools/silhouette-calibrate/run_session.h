@@ -10,7 +10,7 @@
 
 #include "absl/status/statusor.h"
 #include "calib/boards/board.h"
-#include "calib/boards/tag_sighting.h"
+#include "calib/boards/sighting_file.h"
 #include "calib/camera/camera_model.h"
 #include "calib/detection/tag_detector.h"
 #include "calib/poses/pose_problem.h"

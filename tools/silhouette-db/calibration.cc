@@ -8,7 +8,6 @@
 #include "absl/strings/str_format.h"
 #include "absl/strings/str_join.h"
 #include "absl/strings/str_split.h"
-#include "calib/files/calibration_message.h"
 #include "db/status/status_macros.h"
 #include "server/scene/scene_settings.h"
 #include "tools/silhouette-db/calibration_files/calibration_files.h"

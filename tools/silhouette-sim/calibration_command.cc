@@ -6,8 +6,7 @@
 #include <system_error>
 
 #include "absl/strings/str_format.h"
-#include "calib/files/calibration_camera_file.h"
-#include "calib/files/calibration_message.h"
+#include "calib/files/camera_file.h"
 #include "capture/sim/yaml_values.h"
 #include "common/picture/files.h"
 #include "db/status/status_macros.h"
@@ -64,9 +63,8 @@ absl::StatusOr<Written> CalibrationWriteTruth(const CalibrationArguments& argume
   for (const SimulatedView& view : views) {
     ASSIGN_OR_RETURN(const size_t camera, CameraOf(settings, view));
     written.cameras.push_back((fs::path(arguments.out) / CameraFileName(view.name)).string());
-    RETURN_IF_ERROR(
-        WriteWholeFile(written.cameras.back(),
-                       CameraFileText(MessageOf(settings.cameras[camera].model), view.name)));
+    RETURN_IF_ERROR(WriteWholeFile(written.cameras.back(),
+                                   CameraFileText(settings.cameras[camera].model, view.name)));
   }
   if (!settings.boards.empty()) {
     written.boards = (fs::path(arguments.out) / kBoardPosesFile).string();

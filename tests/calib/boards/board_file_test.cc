@@ -1,4 +1,4 @@
-#include "calib/boards/board_file.h"
+#include "calib/boards/board.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

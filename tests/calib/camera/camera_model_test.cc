@@ -47,8 +47,7 @@ TEST(CameraModel, PointBehindTheCameraIsNotSeen) {
 
 // By hand from OpenCV's documentation, at x = 0.3, y = -0.2: r^2 = 0.13.
 TEST(CameraModel, DistortsAsOpenCvDoes) {
-  const CameraModel camera(Distorted({-0.2, 0.05, 0.001, -0.002, 0.01, 0.1, 0.02, 0.003}),
-                           Eigen::Isometry3d::Identity());
+  const CameraModel camera(Distorted({-0.2, 0.05, 0.001, -0.002, 0.01, 0.1, 0.02, 0.003}));
   const double r2 = 0.13;
   const double radial = (1 - 0.2 * r2 + 0.05 * r2 * r2 + 0.01 * r2 * r2 * r2) /
                         (1 + 0.1 * r2 + 0.02 * r2 * r2 + 0.003 * r2 * r2 * r2);
@@ -85,7 +84,7 @@ TEST(CameraModel, RayOfAPixelProjectsBackToIt) {
 
 TEST(CameraModel, NothingIsSeenBeyondTheDistortionsFold) {
   // r (1 - 0.35 r^2) is largest at r = 0.976, where it is 0.65.
-  const CameraModel camera(Distorted({-0.35}), Eigen::Isometry3d::Identity());
+  const CameraModel camera(Distorted({-0.35}));
   EXPECT_TRUE(camera.Project({0.97, 0, 1}).has_value());
   EXPECT_FALSE(camera.Project({0.98, 0, 1}).has_value());
   EXPECT_FALSE(camera.Project({1.6, 0, 1}).has_value());

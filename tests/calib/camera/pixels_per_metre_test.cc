@@ -1,4 +1,4 @@
-#include "calib/camera/pixels_per_metre.h"
+#include "calib/camera/camera_model.h"
 
 #include <gtest/gtest.h>
 

@@ -98,7 +98,7 @@ class RenderedBoard {
 
   void Draw(const RenderSettings& settings, std::mt19937_64& random) {
     const CameraIntrinsics& k = camera_.intrinsics();
-    const CameraModel lens(k, Eigen::Isometry3d::Identity());
+    const CameraModel lens(k);
     // Directions of the pixels' corners; between them they are interpolated.
     cv::Mat_<cv::Vec2d> rays(k.height + 1, k.width + 1);
     for (int y = 0; y <= k.height; ++y) {

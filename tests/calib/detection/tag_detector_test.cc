@@ -56,7 +56,8 @@ Errors ErrorsOf(const Case& test) {
         board, k, RandomPose(board, kFocal * kTagDetectorTag / test.size, 0.4, random),
         {.blur = test.blur}, random);
     double squares = 0;
-    const auto tags = detector.Detect(rendered.image(), test.with_lens ? Lens(k) : Lens());
+    const auto tags = detector.Detect(
+        rendered.image(), test.with_lens ? std::optional(CameraModel(k)) : std::nullopt);
     // Of very small ones some may be missed.
     EXPECT_GE(tags.size(), (test.size < 20 ? 0.5 : 1) * board.tags());
     for (const DetectedTag& tag : tags) {

@@ -7,9 +7,9 @@
 #include <random>
 
 #include "absl/strings/str_replace.h"
-#include "calib/files/calibration_camera_file.h"
-#include "calib/files/calibration_matrix_file.h"
 #include "calib/files/calibration_message.h"
+#include "calib/files/calibration_session_file.h"
+#include "calib/files/camera_file.h"
 
 namespace silhouette {
 namespace {
@@ -47,7 +47,7 @@ storage::v1::CellDescription ThreeViews() {
 }
 
 TEST(CameraFile, OfMrcalIsRead) {
-  const auto camera = CameraFromText(kFile, "top.cameramodel");
+  const auto camera = StoredCameraFromText(kFile, "top.cameramodel");
   ASSERT_TRUE(camera.ok()) << camera.status();
   EXPECT_EQ(camera->image_width(), 4000);
   EXPECT_EQ(camera->image_height(), 2200);
@@ -64,7 +64,8 @@ TEST(CameraFile, OfMrcalIsRead) {
 
 TEST(CameraFile, SaysWhatIsWrongAndWhere) {
   const auto refusal = [](const std::string& from, const std::string& to) {
-    const auto camera = CameraFromText(absl::StrReplaceAll(kFile, {{from, to}}), "top.cameramodel");
+    const auto camera =
+        StoredCameraFromText(absl::StrReplaceAll(kFile, {{from, to}}), "top.cameramodel");
     EXPECT_EQ(camera.status().code(), absl::StatusCode::kInvalidArgument);
     return std::string(camera.status().message());
   };
@@ -78,7 +79,7 @@ TEST(CameraFile, SaysWhatIsWrongAndWhere) {
   EXPECT_THAT(refusal("1761.181055", ".inf"), HasSubstr("a number is expected"));
   EXPECT_THAT(refusal("( 4000, 2200,)", "[ 4000 ]"), StartsWith("top.cameramodel:16: imagersize"));
   EXPECT_THAT(refusal("{\n", "\n"), StartsWith("top.cameramodel:"));
-  EXPECT_THAT(CameraFromText("", "empty.cameramodel").status().message(),
+  EXPECT_THAT(StoredCameraFromText("", "empty.cameramodel").status().message(),
               HasSubstr("empty.cameramodel: the file is empty"));
 }
 
@@ -98,7 +99,7 @@ TEST(CameraFile, GivesBackEveryBitOfWhatWasWritten) {
     for (int i = 0; i < parameters; ++i) camera.add_distortion(normal(random) * 1e-5);
     for (int i = 0; i < 3; ++i) camera.add_rotation(normal(random));
     for (int i = 0; i < 3; ++i) camera.add_translation(normal(random));
-    const auto read = CameraFromText(CameraFileText(camera, "top"), "top.cameramodel");
+    const auto read = StoredCameraFromText(CameraFileText(camera, "top"), "top.cameramodel");
     ASSERT_TRUE(read.ok()) << read.status();
     EXPECT_EQ(read->SerializeAsString(), camera.SerializeAsString());
   }
@@ -140,7 +141,7 @@ TEST(CameraMessage, SpeaksOfTheSameCamera) {
 }
 
 TEST(CameraMessage, ThatIsNoCameraIsRefused) {
-  storage::v1::CameraModel message = *CameraFromText(kFile, "top.cameramodel");
+  storage::v1::CameraModel message = *StoredCameraFromText(kFile, "top.cameramodel");
   message.set_fx(0);
   EXPECT_EQ(CameraFrom(message).status().code(), absl::StatusCode::kInvalidArgument);
   message.set_fx(1);

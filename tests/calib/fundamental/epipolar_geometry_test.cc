@@ -4,7 +4,6 @@
 
 #include <random>
 
-#include "calib/fundamental/model_matrices.h"
 #include "tests/calib/fundamental/seen_cell.h"
 
 namespace silhouette {

@@ -7,7 +7,7 @@
 #include <vector>
 
 #include "calib/camera/camera_model.h"
-#include "calib/fundamental/line_distances.h"
+#include "calib/fundamental/epipolar_geometry.h"
 #include "capture/sim/tag_projection.h"
 
 namespace silhouette {

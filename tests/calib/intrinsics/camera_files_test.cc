@@ -9,10 +9,8 @@ extern "C" {
 #include <fstream>
 #include <random>
 
-#include "calib/files/calibration_camera_file.h"
-#include "calib/files/calibration_message.h"
-#include "calib/intrinsics/foreign_camera_file.h"
-#include "calib/intrinsics/lens_file.h"
+#include "calib/files/camera_file.h"
+#include "calib/intrinsics/solve_lenses.h"
 #include "tests/calib/intrinsics/synthetic_boards.h"
 #include "tests/test_folder.h"
 

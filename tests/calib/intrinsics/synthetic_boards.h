@@ -10,7 +10,7 @@
 #include <vector>
 
 #include "calib/boards/board.h"
-#include "calib/boards/tag_sighting.h"
+#include "calib/boards/sighting_file.h"
 #include "calib/camera/camera_model.h"
 #include "calib/intrinsics/solve_lenses.h"
 

@@ -4,8 +4,7 @@
 
 #include <string>
 
-#include "calib/poses/robot_pose_file.h"
-#include "calib/poses/survey_file.h"
+#include "calib/poses/pose_files.h"
 
 namespace silhouette {
 namespace {

@@ -24,8 +24,7 @@ const std::vector<MaskSize> kSizes = {{64, 48}};
 Calibration OneCamera() {
   const CameraIntrinsics intrinsics{
       .width = 640, .height = 480, .fx = 600, .fy = 600, .cx = 319.5, .cy = 239.5};
-  return {.cameras = {CameraModel(intrinsics, Eigen::Isometry3d::Identity())},
-          .fundamental_matrices = {}};
+  return {.cameras = {CameraModel(intrinsics)}, .fundamental_matrices = {}};
 }
 
 TreatmentSettings OneView(const Margin& margin, double nearest) {

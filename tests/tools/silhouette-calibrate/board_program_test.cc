@@ -5,7 +5,7 @@
 #include <filesystem>
 #include <nlohmann/json.hpp>
 
-#include "calib/boards/board_file.h"
+#include "calib/boards/board.h"
 #include "tests/clients/cpp/shell.h"
 
 namespace silhouette {

@@ -8,9 +8,8 @@
 
 #include "absl/strings/str_cat.h"
 #include "calib/boards/sighting_file.h"
-#include "calib/files/calibration_camera_file.h"
 #include "calib/files/calibration_check_file.h"
-#include "calib/files/calibration_message.h"
+#include "calib/files/camera_file.h"
 #include "db/store/store.h"
 #include "tests/calib/fundamental/seen_cell.h"
 #include "tests/clients/cpp/shell.h"
@@ -40,7 +39,7 @@ class CheckProgram : public testing::Test {
       view.set_mask_width(64);
       view.set_mask_height(64);
       WriteFile(shell_.folder() / "cameras" / CameraFileName(camera.view),
-                CameraFileText(MessageOf(camera.model), camera.view));
+                CameraFileText(camera.model, camera.view));
     }
     const auto made = Database::Create((shell_.folder() / "db").string(), cell);
     EXPECT_TRUE(made.ok()) << made.status();

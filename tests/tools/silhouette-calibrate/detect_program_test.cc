@@ -7,7 +7,7 @@
 #include <opencv2/imgcodecs.hpp>
 #include <sstream>
 
-#include "calib/boards/board_file.h"
+#include "calib/boards/board.h"
 #include "calib/boards/sighting_file.h"
 #include "tests/calib/detection/rendered_board.h"
 #include "tests/clients/cpp/shell.h"

@@ -6,9 +6,9 @@
 #include <opencv2/imgcodecs.hpp>
 
 #include "calib/boards/sighting_file.h"
-#include "calib/files/calibration_camera_file.h"
-#include "calib/files/calibration_matrix_file.h"
 #include "calib/files/calibration_message.h"
+#include "calib/files/calibration_session_file.h"
+#include "calib/files/camera_file.h"
 #include "calib/fundamental/epipolar_geometry.h"
 #include "tests/calib/fundamental/seen_cell.h"
 #include "tests/clients/cpp/shell.h"
@@ -27,7 +27,7 @@ class FundamentalProgram : public testing::Test {
     WriteFile(shell_.folder() / "corners.csv", SightingFileText(board_.sightings));
     for (const NamedCamera& camera : cameras_) {
       WriteFile(shell_.folder() / "cameras" / CameraFileName(camera.view),
-                CameraFileText(MessageOf(camera.model), camera.view));
+                CameraFileText(camera.model, camera.view));
     }
   }
   Ended Run(const std::string& arguments) const {

@@ -5,9 +5,9 @@
 #include <nlohmann/json.hpp>
 #include <random>
 
-#include "calib/boards/board_file.h"
+#include "calib/boards/board.h"
 #include "calib/boards/sighting_file.h"
-#include "calib/files/calibration_camera_file.h"
+#include "calib/files/camera_file.h"
 #include "tests/calib/intrinsics/synthetic_boards.h"
 #include "tests/clients/cpp/shell.h"
 
@@ -56,7 +56,7 @@ TEST_F(IntrinsicsCommand, WritesCamerasAndPicturesAndSaysHowWellTheyAreKnown) {
   EXPECT_EQ(json["groups"].size(), 1u);
   const auto camera = CameraFromText(ContentOf(folder_ / "cameras" / "cam1.cameramodel"), "cam1");
   ASSERT_TRUE(camera.ok()) << camera.status();
-  EXPECT_NEAR(camera->fx(), 917, 2);
+  EXPECT_NEAR(camera->intrinsics().fx, 917, 2);
   EXPECT_TRUE(fs::exists(folder_ / "pictures" / "cam1-residuals.png"));
 
   // Given lenses stay as they are.
@@ -64,7 +64,7 @@ TEST_F(IntrinsicsCommand, WritesCamerasAndPicturesAndSaysHowWellTheyAreKnown) {
   ASSERT_EQ(fixed.exit_code, 0) << fixed.out;
   EXPECT_THAT(fixed.out, HasSubstr("given"));
   const auto kept = CameraFromText(ContentOf(folder_ / "cameras" / "cam1.cameramodel"), "cam1");
-  EXPECT_EQ(kept->fx(), camera->fx());
+  EXPECT_EQ(kept->intrinsics().fx, camera->intrinsics().fx);
 }
 
 TEST_F(IntrinsicsCommand, RefusesWeakDataWithOneAndMistakesWithTwo) {
@@ -95,7 +95,7 @@ TEST_F(IntrinsicsCommand, ReadsCamerasOfOtherPrograms) {
   EXPECT_THAT(outcome.out, HasSubstr("ROS's camera of 640x480 pixels"));
   const auto camera = CameraFromText(ContentOf(folder_ / "left.cameramodel"), "left");
   ASSERT_TRUE(camera.ok()) << camera.status();
-  EXPECT_EQ(camera->fy(), 501);
+  EXPECT_EQ(camera->intrinsics().fy, 501);
   EXPECT_EQ(Calibrate("--from " + in + "/info.yaml --out " + in).exit_code, 2);
 }
 

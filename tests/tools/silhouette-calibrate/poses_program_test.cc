@@ -9,12 +9,11 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
 #include "absl/strings/str_replace.h"
-#include "calib/boards/board_file.h"
+#include "calib/boards/board.h"
 #include "calib/boards/sighting_file.h"
-#include "calib/files/calibration_camera_file.h"
-#include "calib/files/calibration_message.h"
 #include "calib/files/calibration_session_file.h"
-#include "calib/poses/robot_pose_file.h"
+#include "calib/files/camera_file.h"
+#include "calib/poses/pose_files.h"
 #include "calib/robot/robot_model.h"
 #include "tests/calib/poses/pose_rig.h"
 #include "tests/clients/cpp/shell.h"
@@ -45,8 +44,7 @@ class CalibratePosesProgram : public testing::Test {
     Write("boards.yaml", BoardFileText(boards));
     for (const PoseView& view : rig.problem.views) {
       Write("lenses/" + CameraFileName(view.name),
-            CameraFileText(MessageOf(CameraModel(view.lens, Eigen::Isometry3d::Identity())),
-                           view.name));
+            CameraFileText(CameraModel(view.lens), view.name));
     }
   }
 
@@ -55,7 +53,7 @@ class CalibratePosesProgram : public testing::Test {
   }
 
   CameraModel Camera(const std::string& file) const {
-    return *CameraFrom(*CameraFromText(ContentOf(folder_ / file), file));
+    return *CameraFromText(ContentOf(folder_ / file), file);
   }
 
   const Shell shell_;

@@ -5,8 +5,7 @@
 #include <chrono>
 #include <filesystem>
 
-#include "calib/files/calibration_camera_file.h"
-#include "calib/files/calibration_message.h"
+#include "calib/files/camera_file.h"
 #include "capture/sim/simulation.h"
 #include "tests/clients/cpp/shell.h"
 
@@ -50,11 +49,10 @@ TEST_F(CalibrateRun, FindsTheCamerasOfTheSimulatedCell) {
   ASSERT_TRUE(settings.ok());
   for (const SimulatedCamera& truth : settings->cameras) {
     const fs::path file = fs::path(session()) / "cameras" / (truth.name + ".cameramodel");
-    const auto message = CameraFromText(ContentOf(file), file.string());
-    ASSERT_TRUE(message.ok()) << message.status();
-    const CameraModel found = CameraFrom(*message).value();
+    const auto found = CameraFromText(ContentOf(file), file.string());
+    ASSERT_TRUE(found.ok()) << found.status();
     for (const Eigen::Vector3d& point : {Eigen::Vector3d(0.8, 0, 0.8), {-0.4, 0.6, 1.2}}) {
-      EXPECT_LT((*found.Project(point) - *truth.model.Project(point)).norm(), 0.5) << truth.name;
+      EXPECT_LT((*found->Project(point) - *truth.model.Project(point)).norm(), 0.5) << truth.name;
     }
   }
   const std::string calibration = ContentOf(fs::path(session()) / "cameras/calibration.yaml");
@@ -124,13 +122,12 @@ TEST_F(CalibrateRunWithoutLenses, FindsThemFromTheBoardOnTheFlange) {
   EXPECT_THAT(err(), HasSubstr("--resume"));
   ASSERT_EQ(Run("silhouette-calibrate", Command("--frames 14 --resume")), 0) << err();
   const fs::path file = fs::path(session()) / "cameras/left.cameramodel";
-  const auto message = CameraFromText(ContentOf(file), file.string());
-  ASSERT_TRUE(message.ok()) << message.status();
-  const CameraModel found = CameraFrom(*message).value();
+  const auto found = CameraFromText(ContentOf(file), file.string());
+  ASSERT_TRUE(found.ok()) << found.status();
   const CameraModel truth =
       LoadSimulation((folder_ / "simulation.yaml").string())->cameras[0].model;
   for (const Eigen::Vector3d& point : {Eigen::Vector3d(0.8, 0, 0.8), {0.2, 0.4, 1.2}}) {
-    EXPECT_LT((*found.Project(point) - *truth.Project(point)).norm(), 0.5);
+    EXPECT_LT((*found->Project(point) - *truth.Project(point)).norm(), 0.5);
   }
   EXPECT_THAT(ContentOf(fs::path(session()) / "cameras/calibration.yaml"),
               HasSubstr("lens_rim_sigma"));

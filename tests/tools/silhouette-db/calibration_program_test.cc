@@ -12,8 +12,8 @@
 
 #include "absl/strings/str_cat.h"
 #include "calib/camera/camera_model.h"
-#include "calib/files/calibration_camera_file.h"
 #include "calib/files/calibration_message.h"
+#include "calib/files/camera_file.h"
 #include "common/picture/files.h"
 #include "tests/db/store/test_cell.h"
 

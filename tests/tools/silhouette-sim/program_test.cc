@@ -9,8 +9,7 @@
 #include <nlohmann/json.hpp>
 #include <sstream>
 
-#include "calib/files/calibration_camera_file.h"
-#include "calib/files/calibration_message.h"
+#include "calib/files/camera_file.h"
 #include "capture/sim/simulation.h"
 #include "tests/calib/robot/urdf_files.h"
 
@@ -258,11 +257,10 @@ TEST_F(SimProgram, CalibrationWritesTheTrueCameraOfEveryView) {
   for (size_t i = 0; i < 2; ++i) {
     const SimulatedCamera& truth = settings->cameras[i];
     EXPECT_EQ(paths[i], (cameras / (truth.name + ".cameramodel")).string());
-    const auto message = CameraFromText(ReadAll(paths[i].get<std::string>()), "file");
-    ASSERT_TRUE(message.ok()) << message.status();
-    const CameraModel camera = *CameraFrom(*message);
+    const auto camera = CameraFromText(ReadAll(paths[i].get<std::string>()), "file");
+    ASSERT_TRUE(camera.ok()) << camera.status();
     for (const Eigen::Vector3d& point : {Eigen::Vector3d(0.3, 0.2, 1), {-0.5, 0.4, 0.2}}) {
-      EXPECT_TRUE(camera.Project(point)->isApprox(*truth.model.Project(point), 1e-12));
+      EXPECT_TRUE(camera->Project(point)->isApprox(*truth.model.Project(point), 1e-12));
     }
   }
 }

@@ -9,9 +9,8 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_join.h"
 #include "calib/camera/epipolar_angles.h"
-#include "calib/files/calibration_camera_file.h"
-#include "calib/files/calibration_matrix_file.h"
 #include "calib/files/calibration_session_file.h"
+#include "calib/files/camera_file.h"
 #include "common/picture/files.h"
 #include "db/status/status_macros.h"
 #include "db/store/store.h"
@@ -85,7 +84,7 @@ absl::Status AddCameras(const std::vector<std::string>& files,
                         storage::v1::Calibration& calibration) {
   for (const std::string& file : files) {
     ASSIGN_OR_RETURN(const std::string text, ReadWholeFile(file));
-    ASSIGN_OR_RETURN(storage::v1::CameraModel camera, CameraFromText(text, file));
+    ASSIGN_OR_RETURN(storage::v1::CameraModel camera, StoredCameraFromText(text, file));
     *calibration.add_cameras() = std::move(camera);
   }
   return absl::OkStatus();

@@ -1,6 +1,6 @@
 // A calibration from files and into files, for `silhouette-db calibration`: camera models
-// (calib/files/calibration_camera_file.h) or fundamental matrices
-// (calib/files/calibration_matrix_file.h).
+// (calib/files/camera_file.h) or fundamental matrices
+// (calib/files/calibration_session_file.h).
 #pragma once
 
 #include <string>

@@ -11,7 +11,6 @@
 #include "calib/camera/camera_model.h"
 #include "calib/fundamental/correspondences.h"
 #include "calib/fundamental/epipolar_geometry.h"
-#include "calib/fundamental/model_matrices.h"
 #include "calib/fundamental/weak_calibration.h"
 #include "calib/intrinsics/solve_lenses.h"
 #include "server/collision/epipolar_bands.h"

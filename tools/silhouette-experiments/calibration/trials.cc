@@ -9,7 +9,7 @@
 #include <vector>
 
 #include "calib/detection/tag_detector.h"
-#include "calib/files/calibration_camera_file.h"
+#include "calib/files/camera_file.h"
 #include "calib/files/calibration_message.h"
 #include "calib/poses/pose_calibration.h"
 #include "capture/sim/blur.h"
@@ -158,9 +158,8 @@ absl::StatusOr<Figures> MeasureRoundTrip(uint64_t seed) {
   const Rig rig = DrawRig(seed);
   double worst = 0;
   for (const NamedCamera& camera : rig.cameras) {
-    const std::string text = CameraFileText(MessageOf(camera.model), camera.view);
-    ASSIGN_OR_RETURN(const auto message, CameraFromText(text, CameraFileName(camera.view)));
-    ASSIGN_OR_RETURN(const auto read, CameraFrom(message));
+    const std::string text = CameraFileText(camera.model, camera.view);
+    ASSIGN_OR_RETURN(const auto read, CameraFromText(text, CameraFileName(camera.view)));
     for (const Eigen::Vector3d& point : PointsOfWorkspace(rig)) {
       const auto before = camera.model.Project(point);
       const auto after = read.Project(point);

@@ -1,18 +1,162 @@
-#include "calib/intrinsics/foreign_camera_file.h"
+#include "calib/files/camera_file.h"
 
 #include <algorithm>
+#include <cctype>
+#include <map>
 #include <stdexcept>
 #include <vector>
 
 #include "absl/status/status.h"
 #include "absl/strings/str_cat.h"
+#include "absl/strings/str_format.h"
 #include "absl/strings/str_join.h"
-#include "calib/files/calibration_camera_file.h"
 #include "calib/files/calibration_message.h"
 #include "common/yaml/strict_yaml.h"
 #include "db/status/status_macros.h"
 
 namespace silhouette {
+namespace {
+
+// Lens models by name, with the number of their distortion parameters.
+const std::map<std::string, int>& LensModels() {
+  static const std::map<std::string, int> models = {{"LENSMODEL_PINHOLE", 0},
+                                                    {"LENSMODEL_OPENCV4", 4},
+                                                    {"LENSMODEL_OPENCV5", 5},
+                                                    {"LENSMODEL_OPENCV8", 8}};
+  return models;
+}
+
+std::string NameOfLensModel(int parameters) {
+  for (const auto& [name, count] : LensModels()) {
+    if (count == parameters) return name;
+  }
+  return "";
+}
+
+// A Python dictionary as YAML's flow style: tuples become lists, b'...' becomes '...'.
+std::string YamlOf(const std::string& python) {
+  std::string yaml;
+  char quote = 0;
+  bool comment = false;
+  for (size_t i = 0; i < python.size(); ++i) {
+    char c = python[i];
+    if (comment) {
+      comment = c != '\n';
+    } else if (quote != 0) {
+      if (c == quote) quote = 0;
+    } else if (c == '#') {
+      comment = true;
+    } else if (c == '\'' || c == '"') {
+      quote = c;
+    } else if (c == 'b' && i + 1 < python.size() &&
+               (python[i + 1] == '\'' || python[i + 1] == '"')) {
+      continue;
+    } else if (c == '(') {
+      c = '[';
+    } else if (c == ')') {
+      c = ']';
+    }
+    yaml += c;
+  }
+  return yaml;
+}
+
+storage::v1::CameraModel ReadCamera(const YamlNode& root) {
+  YamlMap map(root);
+  const YamlNode lens = map.Required("lensmodel");
+  const auto model = LensModels().find(lens.As<std::string>());
+  if (model == LensModels().end()) {
+    lens.Fail(absl::StrCat("'", lens.As<std::string>(),
+                           "' is not supported; use LENSMODEL_PINHOLE, LENSMODEL_OPENCV4, "
+                           "LENSMODEL_OPENCV5 or LENSMODEL_OPENCV8 (mrcal-convert-lensmodel "
+                           "makes one from another)"));
+  }
+  const auto parameters = static_cast<size_t>(model->second);
+  const std::vector<double> intrinsics = map.Required("intrinsics").Values<double>(4 + parameters);
+  const std::vector<double> extrinsics = map.Required("extrinsics").Values<double>(6);
+  const std::vector<int> size = map.Required("imagersize").Values<int>(2);
+  storage::v1::CameraModel camera;
+  camera.set_image_width(size[0]);
+  camera.set_image_height(size[1]);
+  camera.set_fx(intrinsics[0]);
+  camera.set_fy(intrinsics[1]);
+  camera.set_cx(intrinsics[2]);
+  camera.set_cy(intrinsics[3]);
+  camera.mutable_distortion()->Assign(intrinsics.begin() + 4, intrinsics.end());
+  camera.mutable_rotation()->Assign(extrinsics.begin(), extrinsics.begin() + 3);
+  camera.mutable_translation()->Assign(extrinsics.begin() + 3, extrinsics.end());
+  return camera;
+}
+
+template <typename Three>
+std::string FileText(const std::string& lens_model, const std::vector<double>& intrinsics,
+                     int image_width, int image_height, const Three& rotation,
+                     const Three& translation, const std::string& view) {
+  const auto numbers = [](const auto& values) {
+    return absl::StrJoin(values, ", ", [](std::string* out, double value) {
+      absl::StrAppendFormat(out, "%.17g", value);
+    });
+  };
+  return absl::StrCat(
+      "# Camera model of the view ", CameraFileName(view), "\n{\n    'lensmodel':  '", lens_model,
+      "',\n\n    # fx, fy, cx, cy and the distortion; pixels\n    'intrinsics': [ ",
+      numbers(intrinsics),
+      " ],\n\n    # rotation vector and translation from the world to the camera; radians, metres\n"
+      "    'extrinsics': [ ",
+      numbers(rotation), ", ", numbers(translation), " ],\n\n    'imagersize': [ ", image_width,
+      ", ", image_height, " ]\n}\n");
+}
+
+}  // namespace
+
+std::string CameraFileName(const std::string& view) {
+  std::string name;
+  for (const char c : view) {
+    const bool plain = c != '/' && c != '%' && std::iscntrl(static_cast<unsigned char>(c)) == 0;
+    if (plain) {
+      name += c;
+    } else {
+      absl::StrAppendFormat(&name, "%%%02x", static_cast<unsigned char>(c));
+    }
+  }
+  return name + kCameraFileExtension;
+}
+
+std::string CameraFileText(const CameraModel& camera, const std::string& view) {
+  return CameraFileText(MessageOf(camera), view);
+}
+
+std::string CameraFileText(const storage::v1::CameraModel& camera, const std::string& view) {
+  std::vector<double> intrinsics = {camera.fx(), camera.fy(), camera.cx(), camera.cy()};
+  intrinsics.insert(intrinsics.end(), camera.distortion().begin(), camera.distortion().end());
+  return FileText(NameOfLensModel(camera.distortion_size()), intrinsics, camera.image_width(),
+                  camera.image_height(), camera.rotation(), camera.translation(), view);
+}
+
+std::string CameraFileText(const std::string& lens_model, const std::vector<double>& intrinsics,
+                           int image_width, int image_height,
+                           const Eigen::Isometry3d& camera_from_world, const std::string& view) {
+  return FileText(lens_model, intrinsics, image_width, image_height,
+                  RotationVectorOf(camera_from_world),
+                  Eigen::Vector3d(camera_from_world.translation()), view);
+}
+
+absl::StatusOr<storage::v1::CameraModel> StoredCameraFromText(const std::string& text,
+                                                              const std::string& file) {
+  try {
+    return ReadCamera(YamlNode::FromText(YamlOf(text), file));
+  } catch (const YamlError& error) {
+    return absl::InvalidArgumentError(error.what());
+  }
+}
+
+absl::StatusOr<CameraModel> CameraFromText(const std::string& text, const std::string& file) {
+  ASSIGN_OR_RETURN(const storage::v1::CameraModel stored, StoredCameraFromText(text, file));
+  absl::StatusOr<CameraModel> camera = CameraFrom(stored);
+  if (camera.ok()) return camera;
+  return absl::InvalidArgumentError(absl::StrCat(file, ": ", camera.status().message()));
+}
+
 namespace {
 
 // cv::FileStorage begins its files with "%YAML:1.0", which is no YAML; the line stays, for the
@@ -120,7 +264,7 @@ ForeignCamera FromMatrix(YamlMap& map, const YamlNode& matrix,
     size = {values[0], values[1]};
   }
   SetSize(map.node(), size, options, intrinsics);
-  return {CameraModel(intrinsics, Eigen::Isometry3d::Identity()), format};
+  return {CameraModel(intrinsics), format};
 }
 
 ForeignCamera FromKalibr(const YamlNode& node, const ForeignCameraOptions& options) {
@@ -145,7 +289,7 @@ ForeignCamera FromKalibr(const YamlNode& node, const ForeignCameraOptions& optio
   }
   const std::vector<int> size = map.Required("resolution").Values<int>(2);
   SetSize(node, std::array<int, 2>{size[0], size[1]}, options, intrinsics);
-  return {CameraModel(intrinsics, Eigen::Isometry3d::Identity()), "Kalibr"};
+  return {CameraModel(intrinsics), "Kalibr"};
 }
 
 ForeignCamera FromYaml(const YamlNode& root, const ForeignCameraOptions& options) {
@@ -185,15 +329,11 @@ absl::StatusOr<ForeignCamera> CameraFromForeignText(const std::string& text,
   try {
     if (text.find("'lensmodel'") != std::string::npos ||
         text.find("\"lensmodel\"") != std::string::npos || file.ends_with(kCameraFileExtension)) {
-      ASSIGN_OR_RETURN(const auto message, CameraFromText(text, file));
-      const auto camera = CameraFrom(message);
-      if (!camera.ok()) {
-        return absl::InvalidArgumentError(absl::StrCat(file, ": ", camera.status().message()));
-      }
-      CameraIntrinsics checked = camera->intrinsics();
+      ASSIGN_OR_RETURN(const CameraModel camera, CameraFromText(text, file));
+      CameraIntrinsics checked = camera.intrinsics();
       SetSize(YamlNode::FromText("{}", file), std::array<int, 2>{checked.width, checked.height},
               options, checked);
-      return ForeignCamera{*camera, "mrcal"};
+      return ForeignCamera{camera, "mrcal"};
     }
     return FromYaml(YamlNode::FromText(AsYaml(text), file), options);
   } catch (const YamlError& error) {

@@ -1,7 +1,8 @@
-#include "calib/poses/pose_problem_checks.h"
+#include "calib/poses/pose_problem.h"
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <map>
 #include <set>
 #include <string>
@@ -16,7 +17,6 @@ namespace silhouette {
 namespace {
 
 // No robot reaches as far, so that its positions must be in millimetres.
-constexpr double kPoseProblemChecksFarthestFlange = 50;  // metres
 
 absl::Status CheckRobotPoses(const PoseProblem& problem) {
   std::set<std::string> frames;
@@ -31,7 +31,7 @@ absl::Status CheckRobotPoses(const PoseProblem& problem) {
       return absl::InvalidArgumentError(
           absl::StrCat("the robot's pose of frame '", pose.frame, "' is not one"));
     }
-    if (pose.base_from_flange.translation().norm() > kPoseProblemChecksFarthestFlange) {
+    if (pose.base_from_flange.translation().norm() > kFarthestFlange) {
       return absl::FailedPreconditionError(absl::StrFormat(
           "the robot's pose of frame '%s' is %.0f m from its base; it looks as if positions are in "
           "millimetres; give metres",
@@ -175,6 +175,16 @@ absl::Status CheckProblem(const PoseProblem& problem) {
     RETURN_IF_ERROR(check(problem));
   }
   return absl::OkStatus();
+}
+
+std::string FewOf(const std::vector<std::string>& names) {
+  constexpr size_t kFew = 5;
+  std::string few;
+  for (size_t i = 0; i < names.size() && i < kFew; ++i) {
+    absl::StrAppend(&few, i == 0 ? "" : ", ", names[i]);
+  }
+  if (names.size() > kFew) absl::StrAppend(&few, " and ", names.size() - kFew, " more");
+  return few;
 }
 
 }  // namespace silhouette

@@ -1,20 +1,20 @@
-#include "calib/poses/robot_pose_file.h"
+#include "calib/poses/pose_files.h"
 
 #include <array>
 #include <cmath>
 #include <map>
+#include <set>
 #include <utility>
 
 #include "absl/status/status.h"
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
 #include "calib/boards/csv.h"
+#include "common/yaml/strict_yaml.h"
 #include "db/status/status_macros.h"
 
 namespace silhouette {
 namespace {
-
-constexpr double kRobotPoseFarthestFlange = 50;  // metres; what is further away is in millimetres
 
 const std::vector<std::string>& Columns() {
   static const std::vector<std::string> columns = {"frame", "tx", "ty", "tz",
@@ -26,7 +26,7 @@ absl::Status Mistake(const CsvRow& row, const std::string& what) {
   return absl::InvalidArgumentError(absl::StrCat(row.place(), ": ", what));
 }
 
-absl::StatusOr<RobotPose> PoseOf(const CsvRow& row) {
+absl::StatusOr<RobotPose> RobotPoseOf(const CsvRow& row) {
   std::array<double, 7> values{};
   for (size_t i = 0; i < values.size(); ++i) {
     ASSIGN_OR_RETURN(const double value, row.Number(i + 1));
@@ -35,7 +35,7 @@ absl::StatusOr<RobotPose> PoseOf(const CsvRow& row) {
   RobotPose pose{.frame = row.Text(0)};
   if (pose.frame.empty()) return Mistake(row, "the frame has no name");
   const Eigen::Vector3d position(values[0], values[1], values[2]);
-  if (position.norm() > kRobotPoseFarthestFlange) {
+  if (position.norm() > kFarthestFlange) {
     return Mistake(row,
                    absl::StrFormat("the flange is %.0f m from the robot's base; positions look "
                                    "like millimetres, give metres",
@@ -75,7 +75,7 @@ absl::StatusOr<std::vector<RobotPose>> RobotPosesFromText(const std::string& tex
   std::vector<RobotPose> poses;
   std::map<std::string, std::string> places;
   for (const CsvRow& row : rows) {
-    ASSIGN_OR_RETURN(RobotPose pose, PoseOf(row));
+    ASSIGN_OR_RETURN(RobotPose pose, RobotPoseOf(row));
     const auto [other, added] = places.emplace(pose.frame, row.place());
     if (!added) {
       return Mistake(row, absl::StrCat("frame '", pose.frame, "' is there already, at ",
@@ -84,6 +84,75 @@ absl::StatusOr<std::vector<RobotPose>> RobotPosesFromText(const std::string& tex
     poses.push_back(std::move(pose));
   }
   return poses;
+}
+
+namespace {
+
+Eigen::Matrix3d RotationOf(const YamlNode& node) {
+  const std::vector<YamlNode> angles = node.Items(3);
+  return (Eigen::AngleAxisd(angles[2].AsAngle(), Eigen::Vector3d::UnitZ()) *
+          Eigen::AngleAxisd(angles[1].AsAngle(), Eigen::Vector3d::UnitY()) *
+          Eigen::AngleAxisd(angles[0].AsAngle(), Eigen::Vector3d::UnitX()))
+      .matrix();
+}
+
+Eigen::Matrix3d QuaternionOf(const YamlNode& node) {
+  const std::vector<double> values = node.Values<double>(4);
+  const Eigen::Quaterniond rotation(values[3], values[0], values[1], values[2]);
+  if (!(std::abs(rotation.norm() - 1) < 0.01)) {
+    node.Fail("the quaternion x, y, z, w must have the length 1");
+  }
+  return rotation.normalized().matrix();
+}
+
+double SigmaOf(const YamlNode& node, double value) {
+  if (!(value > 0) || !std::isfinite(value)) node.Fail("must be positive");
+  return value;
+}
+
+SurveyedBoard ReadBoard(const YamlNode& node) {
+  YamlMap map(node);
+  SurveyedBoard board;
+  board.board = map.Get<std::string>("board");
+  const YamlNode position = map.Required("position");
+  const std::vector<double> values = position.Values<double>(3);
+  board.base_from_board.translation() = Eigen::Vector3d(values[0], values[1], values[2]);
+  constexpr double kFarthest = 200;
+  if (!(board.base_from_board.translation().norm() < kFarthest)) {
+    position.Fail("is hundreds of metres away; give metres, not millimetres");
+  }
+  const std::optional<YamlNode> rotation = map.Optional("rotation");
+  const std::optional<YamlNode> quaternion = map.Optional("quaternion");
+  if (rotation && quaternion) quaternion->Fail("give either 'rotation' or 'quaternion'");
+  if (rotation) board.base_from_board.linear() = RotationOf(*rotation);
+  if (quaternion) board.base_from_board.linear() = QuaternionOf(*quaternion);
+  if (const auto sigma = map.Optional("position_sigma")) {
+    board.position_sigma = SigmaOf(*sigma, sigma->As<double>());
+  }
+  if (const auto sigma = map.Optional("rotation_sigma")) {
+    board.rotation_sigma = SigmaOf(*sigma, sigma->AsAngle());
+  }
+  map.Finish();
+  return board;
+}
+
+}  // namespace
+
+absl::StatusOr<std::vector<SurveyedBoard>> SurveyFromText(const std::string& text,
+                                                          const std::string& file) {
+  try {
+    std::vector<SurveyedBoard> boards;
+    std::set<std::string> names;
+    for (const YamlNode& node : YamlNode::FromText(text, file).Items()) {
+      boards.push_back(ReadBoard(node));
+      if (!names.insert(boards.back().board).second) {
+        node.Fail("board '" + boards.back().board + "' is there twice");
+      }
+    }
+    return boards;
+  } catch (const YamlError& error) {
+    return absl::InvalidArgumentError(error.what());
+  }
 }
 
 }  // namespace silhouette

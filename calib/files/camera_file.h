@@ -1,0 +1,72 @@
+// Camera models as text files, `.cameramodel`: the format of mrcal, whose tools can read what is
+// written here and write what is read here. One camera a file, a Python dictionary of
+//
+//   lensmodel    'LENSMODEL_PINHOLE', '..._OPENCV4', '..._OPENCV5' or '..._OPENCV8'
+//   intrinsics   fx, fy, cx, cy, then the distortion: k1 k2 p1 p2 [k3 [k4 k5 k6]]
+//   extrinsics   from the world to the camera: rotation vector (radians), translation (metres)
+//   imagersize   width, height
+//
+// and others, which are skipped. Numbers are written so that reading gives the same ones.
+#pragma once
+
+#include <array>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "absl/status/statusor.h"
+#include "calib/camera/camera_model.h"
+#include "silhouette/storage/v1/storage.pb.h"
+
+namespace silhouette {
+
+inline constexpr char kCameraFileExtension[] = ".cameramodel";
+
+// The name of a view's file: the view's name and the extension. What cannot be in a file's name is
+// replaced by % and its code.
+std::string CameraFileName(const std::string& view);
+
+// The pose to within a rounding error, all else to the bit.
+std::string CameraFileText(const CameraModel& camera, const std::string& view);
+// As it is stored, to the bit.
+std::string CameraFileText(const storage::v1::CameraModel& camera, const std::string& view);
+// Any lens model of mrcal's, by its name and with the parameters it has. Those that CameraModel
+// holds are written so that all of this project's programs read them, others as mrcal does.
+std::string CameraFileText(const std::string& lens_model, const std::vector<double>& intrinsics,
+                           int image_width, int image_height,
+                           const Eigen::Isometry3d& camera_from_world, const std::string& view);
+
+// `file`: what messages call it. InvalidArgument with file and line: not such a file, a key that is
+// missing, another lens model, too few or too many numbers, values that are no camera.
+absl::StatusOr<CameraModel> CameraFromText(const std::string& text, const std::string& file);
+// As it is to be stored, to the bit; the values may be no camera.
+absl::StatusOr<storage::v1::CameraModel> StoredCameraFromText(const std::string& text,
+                                                              const std::string& file);
+
+// Camera files of other programs. Their keys tell the formats apart:
+//
+//   mrcal     .cameramodel, as above; the only one whose pose is kept
+//   OpenCV    YAML of cv::FileStorage: camera_matrix, distortion_coefficients, image_width, ...
+//   ROS       camera_info as YAML: distortion_model plumb_bob or rational_polynomial; K and D too
+//   Kalibr    camchain: cam0, cam1, ...: camera_model pinhole, distortion_model radtan or none
+//
+// Of these only lenses that CameraModel holds exactly are read.
+struct ForeignCamera {
+  CameraModel camera;
+  std::string format;  // "mrcal", "OpenCV", "ROS" or "Kalibr"
+};
+
+struct ForeignCameraOptions {
+  // For files that do not say it. Must agree with those that do.
+  std::optional<std::array<int, 2>> image_size = std::nullopt;
+  std::string camera = {};  // which of a file's several cameras, e.g. "cam1"
+};
+
+// `file`: what messages call it. InvalidArgument with file and line: none of these formats, a lens
+// model that is not held, a value that is missing or of the wrong shape, no image size, several
+// cameras and none chosen.
+absl::StatusOr<ForeignCamera> CameraFromForeignText(const std::string& text,
+                                                    const std::string& file,
+                                                    const ForeignCameraOptions& options = {});
+
+}  // namespace silhouette
