@@ -12,9 +12,9 @@
 #include "silhouette/shared_space.h"
 #include "tools/silhouette/check_lines.h"
 #include "tools/silhouette/commands.h"
-#include "tools/silhouette/configuration_text.h"
-#include "tools/silhouette/output.h"
-#include "tools/silhouette/policy_options.h"
+#include "tools/silhouette/formats/configuration_text.h"
+#include "tools/silhouette/formats/output.h"
+#include "tools/silhouette/options.h"
 
 namespace silhouette {
 namespace {

@@ -14,8 +14,8 @@
 
 #include "absl/strings/str_cat.h"
 #include "silhouette/client.h"
-#include "tools/silhouette/configuration_text.h"
-#include "tools/silhouette/output.h"
+#include "tools/silhouette/formats/configuration_text.h"
+#include "tools/silhouette/formats/output.h"
 
 namespace silhouette {
 namespace {

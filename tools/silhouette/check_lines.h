@@ -5,7 +5,7 @@
 #include "silhouette/policy.h"
 #include "tools/program/joint_values.h"
 #include "tools/program/program.h"
-#include "tools/silhouette/session.h"
+#include "tools/silhouette/options.h"
 
 namespace silhouette {
 

@@ -7,7 +7,7 @@
 
 #include "absl/status/statusor.h"
 #include "tools/program/program.h"
-#include "tools/silhouette/session.h"
+#include "tools/silhouette/options.h"
 
 namespace silhouette {
 

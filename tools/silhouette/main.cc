@@ -6,7 +6,7 @@
 
 #include "tools/program/program.h"
 #include "tools/silhouette/commands.h"
-#include "tools/silhouette/session.h"
+#include "tools/silhouette/options.h"
 
 namespace silhouette {
 namespace {

@@ -5,9 +5,9 @@
 #include "absl/strings/str_format.h"
 #include "db/status/status_macros.h"
 #include "tools/silhouette/commands.h"
-#include "tools/silhouette/configuration_text.h"
-#include "tools/silhouette/output.h"
-#include "tools/silhouette/policy_options.h"
+#include "tools/silhouette/formats/configuration_text.h"
+#include "tools/silhouette/formats/output.h"
+#include "tools/silhouette/options.h"
 
 namespace silhouette {
 namespace {

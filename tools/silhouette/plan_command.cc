@@ -6,15 +6,15 @@
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
+#include "clients/planners/path_search.h"
 #include "common/picture/files.h"
 #include "db/status/status_macros.h"
 #include "tools/silhouette/commands.h"
-#include "tools/silhouette/configuration_text.h"
-#include "tools/silhouette/output.h"
-#include "tools/silhouette/path_search.h"
-#include "tools/silhouette/policy_options.h"
-#include "tools/silhouette/space_picture.h"
-#include "tools/silhouette/truth.h"
+#include "tools/silhouette/formats/configuration_text.h"
+#include "tools/silhouette/formats/output.h"
+#include "tools/silhouette/formats/space_picture.h"
+#include "tools/silhouette/formats/truth.h"
+#include "tools/silhouette/options.h"
 
 namespace silhouette {
 namespace {
@@ -82,7 +82,8 @@ absl::StatusOr<Findings> FindPath(const Client& client, const PlanArguments& arg
   ASSIGN_OR_RETURN(
       const auto search,
       SearchPath(client, policy, *space, start, ends.verdicts[0].free(), goal,
-                 ends.verdicts[1].free(), arguments.diagonal ? Moves::kDiagonals : Moves::kAxes));
+                 ends.verdicts[1].free(), arguments.diagonal ? Moves::kDiagonals : Moves::kAxes,
+                 StopRequested));
   Findings findings{.space = *std::move(space),
                     .space_ms = taken.count(),
                     .start = start,

@@ -6,8 +6,8 @@
 #include "absl/strings/str_format.h"
 #include "db/status/status_macros.h"
 #include "tools/silhouette/commands.h"
-#include "tools/silhouette/output.h"
-#include "tools/silhouette/region_text.h"
+#include "tools/silhouette/formats/output.h"
+#include "tools/silhouette/formats/region_text.h"
 
 namespace silhouette {
 namespace {

@@ -8,9 +8,9 @@
 #include "common/picture/mask_png.h"
 #include "db/status/status_macros.h"
 #include "tools/silhouette/commands.h"
-#include "tools/silhouette/configuration_text.h"
-#include "tools/silhouette/images_folder.h"
-#include "tools/silhouette/scene_output.h"
+#include "tools/silhouette/formats/configuration_text.h"
+#include "tools/silhouette/formats/images_folder.h"
+#include "tools/silhouette/formats/scene_output.h"
 
 namespace silhouette {
 namespace {

@@ -4,8 +4,8 @@
 
 #include "db/status/status_macros.h"
 #include "tools/silhouette/commands.h"
-#include "tools/silhouette/images_folder.h"
-#include "tools/silhouette/scene_output.h"
+#include "tools/silhouette/formats/images_folder.h"
+#include "tools/silhouette/formats/scene_output.h"
 
 namespace silhouette {
 namespace {

@@ -6,7 +6,7 @@
 #include "absl/strings/str_cat.h"
 #include "db/status/status_macros.h"
 #include "tools/silhouette/commands.h"
-#include "tools/silhouette/output.h"
+#include "tools/silhouette/formats/output.h"
 
 namespace silhouette {
 namespace {

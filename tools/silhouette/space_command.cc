@@ -9,10 +9,10 @@
 #include "absl/strings/str_format.h"
 #include "db/status/status_macros.h"
 #include "tools/silhouette/commands.h"
-#include "tools/silhouette/output.h"
-#include "tools/silhouette/policy_options.h"
-#include "tools/silhouette/region_text.h"
-#include "tools/silhouette/space_picture.h"
+#include "tools/silhouette/formats/output.h"
+#include "tools/silhouette/formats/region_text.h"
+#include "tools/silhouette/formats/space_picture.h"
+#include "tools/silhouette/options.h"
 
 namespace silhouette {
 namespace {

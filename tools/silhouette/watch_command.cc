@@ -12,10 +12,10 @@
 #include "silhouette/path_watch.h"
 #include "tools/program/program.h"
 #include "tools/silhouette/commands.h"
-#include "tools/silhouette/configuration_text.h"
-#include "tools/silhouette/output.h"
-#include "tools/silhouette/policy_options.h"
-#include "tools/silhouette/region_text.h"
+#include "tools/silhouette/formats/configuration_text.h"
+#include "tools/silhouette/formats/output.h"
+#include "tools/silhouette/formats/region_text.h"
+#include "tools/silhouette/options.h"
 
 namespace silhouette {
 namespace {

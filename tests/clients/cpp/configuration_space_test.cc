@@ -9,7 +9,7 @@
 #include <stdexcept>
 
 #include "silhouette/client.h"
-#include "tests/clients/cpp/fake_server.h"
+#include "tests/clients/cpp/watched_space.h"
 
 namespace silhouette::client {
 namespace {
@@ -29,23 +29,8 @@ const ConfigurationGrid& ConfigurationSpaceGrid() {
 Part FirstPart() {
   Part part;
   part.mutable_basis()->set_scene_id(5);
-  for (const GridJoint& joint : ConfigurationSpaceGrid().joints()) {
-    v1::GridJoint& message = *part.mutable_grid()->add_joints();
-    message.set_name(joint.name);
-    message.set_lower(joint.lower);
-    message.set_upper(joint.upper);
-    message.set_steps(joint.steps);
-  }
-  for (int edge : ConfigurationSpaceGrid().tile_edges()) part.mutable_grid()->add_tile_edges(edge);
+  Set(ConfigurationSpaceGrid(), part.mutable_grid());
   return part;
-}
-
-// Every place free, or with `free` false occupied, absent ones too.
-void AddTile(Part& part, uint64_t number, bool free) {
-  v1::ConfigurationSpaceTile& tile = *part.add_tiles();
-  tile.set_tile(number);
-  tile.set_free(std::string(512, free ? '\xff' : '\0'));
-  tile.set_occupied(std::string(512, free ? '\0' : '\xff'));
 }
 
 absl::StatusOr<ConfigurationSpace> Fetch(const std::vector<Part>& parts,

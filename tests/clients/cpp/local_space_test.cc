@@ -7,8 +7,8 @@
 #include <atomic>
 #include <thread>
 
+#include "tests/clients/cpp/shell.h"
 #include "tests/clients/cpp/watched_space.h"
-#include "tests/test_folder.h"
 
 namespace silhouette::client {
 namespace {
@@ -252,7 +252,8 @@ TEST(LocalSpace, StreamThatEndsInTheMiddleOfAnUpdateIsLost) {
 }
 
 TEST(LocalSpace, ServerThatIsStartedAgainIsFoundAgain) {
-  const std::string address = "unix:" + (FreshFolder() / "s").string();
+  const Shell folder;
+  const std::string address = "unix:" + (folder.folder() / "s").string();
   auto server = std::make_unique<WatchedServer>(address);
   const LocalSpace space(LocalSpaceClientOf(*server));
   server->Send(FirstUpdate(BasisOf(3)));

@@ -68,8 +68,10 @@ inline SpacePart Update(const v1::Basis& basis, bool whole = false) {
   return part;
 }
 
-// Every place free, or with `free` false occupied, absent ones too.
-inline void AddTile(SpacePart& part, uint64_t number, bool free) {
+// Adds a tile to a part of any kind. Every place free, or with `free` false occupied, absent ones
+// too.
+template <typename Part>
+void AddTile(Part& part, uint64_t number, bool free) {
   v1::ConfigurationSpaceTile& tile = *part.add_tiles();
   tile.set_tile(number);
   tile.set_free(std::string(512, free ? '\xff' : '\0'));

@@ -8,7 +8,7 @@
 #include <thread>
 
 #include "tests/clients/cpp/fake_server.h"
-#include "tests/clients/cpp/small_served_cell.h"
+#include "tests/tools/silhouette/small_served_cell.h"
 
 namespace silhouette {
 namespace {
@@ -18,10 +18,6 @@ using ::testing::AllOf;
 using ::testing::HasSubstr;
 using ::testing::IsEmpty;
 using ::testing::Not;
-
-const Mask kNothing(kViewSize);
-// From the upper rim down; the robot passes below it in two rows.
-const Mask kProgramWall = Block(7, 0, 8, 9);
 
 class Silhouette : public testing::Test {
  protected:
@@ -35,14 +31,12 @@ class Silhouette : public testing::Test {
   }
 
   void PublishWall() {
-    const Ended ended = cell_.Publish(kProgramWall, kProgramWall);
+    const Ended ended = cell_.Publish(kWall, kWall);
     ASSERT_EQ(ended.exit_code, 0) << ended.out << ended.err;
   }
 
   // Whether the robot at grid index (x, y) touches the wall.
-  static bool Touches(int x, int y) {
-    return Intersects(RobotAt(x, y).words(), kProgramWall.words());
-  }
+  static bool Touches(int x, int y) { return Intersects(RobotAt(x, y).words(), kWall.words()); }
 };
 
 TEST_F(Silhouette, BeforeTheFirstSceneNothingIsFree) {
@@ -89,7 +83,7 @@ TEST(SilhouetteProgram, CheckLooksIntoTheSharedMapAndAsksNobody) {
   SmallServedCell cell("  shared_map: {file: map}\n");
   const std::string shared = " --shared-map map";
   EXPECT_THAT(cell.Run("check 0,0" + shared).out, HasSubstr("unknown: no scene"));
-  ASSERT_EQ(cell.Publish(kProgramWall, kProgramWall).exit_code, 0);
+  ASSERT_EQ(cell.Publish(kWall, kWall).exit_code, 0);
   // The map follows the scene.
   for (int i = 0; i < 500 && cell.Run("check 0,0" + shared).exit_code != 0; ++i) {
     std::this_thread::sleep_for(std::chrono::milliseconds(10));
@@ -343,7 +337,7 @@ TEST_F(Silhouette, PlanAvoidsMovesBetweenFreePointsThatAreNotFree) {
 
 TEST_F(Silhouette, SceneIsPublishedFromAFolderAndShown) {
   const std::filesystem::path images = cell_.shell().folder() / "images";
-  WriteMask(images / "l.png", kProgramWall | RobotAt(2, 0));
+  WriteMask(images / "l.png", kWall | RobotAt(2, 0));
   WriteMask(images / "r.png", RobotAt(2, 0));
   WriteFile(images / "images.json",
             R"({"time": "2020-01-31T12:00:00Z", "joints": {"x": 0.2, "y": 0},
@@ -353,7 +347,7 @@ TEST_F(Silhouette, SceneIsPublishedFromAFolderAndShown) {
   EXPECT_THAT(old.out, HasSubstr("not free: "));
   EXPECT_THAT(cell_.Run("check 0,0").out, HasSubstr("older than max_age"));
   const Json scene = RunJson("scene publish images --as mask --now", 0);
-  EXPECT_EQ(scene["views"][0]["foreground_pixels"], (kProgramWall | RobotAt(2, 0)).Count());
+  EXPECT_EQ(scene["views"][0]["foreground_pixels"], (kWall | RobotAt(2, 0)).Count());
   EXPECT_EQ(scene["views"][1]["obstacle_pixels"], 0);
   EXPECT_EQ(scene["joints"]["x"], 0.2);
   EXPECT_EQ(cell_.Run("check 0,0").exit_code, 0);
@@ -379,7 +373,7 @@ TEST_F(Silhouette, SceneWithADefectIsToldAndNotFree) {
 }
 
 TEST_F(Silhouette, ObstacleMasksNeedNoRobotInThem) {
-  WriteMask(cell_.shell().folder() / "wall.png", kProgramWall);
+  WriteMask(cell_.shell().folder() / "wall.png", kWall);
   ASSERT_EQ(cell_
                 .Run("scene publish --as obstacles --view left=wall.png --view right=wall.png "
                      "--joint x=0 --joint y=0")
@@ -408,7 +402,7 @@ TEST_F(Silhouette, WrongImagesAreNamed) {
 }
 
 TEST_F(Silhouette, ExplainTellsTheVotesAndWritesTheImages) {
-  ASSERT_EQ(cell_.Publish(kProgramWall, kNothing).exit_code, 0);
+  ASSERT_EQ(cell_.Publish(kWall, kNothing).exit_code, 0);
   const Ended explain = cell_.Run("explain 0.6,0.2 --out why");
   EXPECT_EQ(explain.exit_code, 1);
   EXPECT_THAT(explain.out, AllOf(HasSubstr("is occupied"),
@@ -426,7 +420,7 @@ TEST_F(Silhouette, RegionIsAllowedListedNamedAndRevoked) {
   PublishWall();
   ASSERT_EQ(cell_.Run("check 0.6,0.2").exit_code, 1);
   EXPECT_THAT(cell_.Run("region list").out, HasSubstr("no allowed region"));
-  WriteMask(cell_.shell().folder() / "wall.png", kProgramWall);
+  WriteMask(cell_.shell().folder() / "wall.png", kWall);
   const Ended allow = cell_.Run(
       "region allow part 'left:6.5,-1;8.5,-1;8.5,9.5;6.5,9.5' --mask right=wall.png --for 5m");
   EXPECT_EQ(allow.exit_code, 0) << allow.err;

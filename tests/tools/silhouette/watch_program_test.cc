@@ -8,7 +8,7 @@
 #include <nlohmann/json.hpp>
 #include <sstream>
 
-#include "tests/clients/cpp/small_served_cell.h"
+#include "tests/tools/silhouette/small_served_cell.h"
 
 namespace silhouette {
 namespace {
@@ -21,11 +21,8 @@ using ::testing::MatchesRegex;
 using ::testing::SizeIs;
 using ::testing::StartsWith;
 
-const Mask kNothing(kViewSize);
-const Mask kWatchProgramWall = Block(7, 0, 8, 9);
-
-std::vector<json> LinesOf(const std::string& text) {
-  std::vector<json> lines;
+std::vector<Json> LinesOf(const std::string& text) {
+  std::vector<Json> lines;
   std::istringstream in(text);
   for (std::string line; std::getline(in, line);) lines.push_back(Json::parse(line));
   return lines;
@@ -65,10 +62,10 @@ TEST_F(SilhouetteWatch, TellsTheSpaceWithEveryScene) {
   ASSERT_TRUE(HasLines("watch.json", 1));
   Publish(kNothing);
   ASSERT_TRUE(HasLines("watch.json", 2));
-  Publish(kWatchProgramWall);
+  Publish(kWall);
   ASSERT_TRUE(HasLines("watch.json", 3));
   watch->Stop();
-  const std::vector<json> lines = LinesOf(ContentOf(cell_.shell().folder() / "watch.json"));
+  const std::vector<Json> lines = LinesOf(ContentOf(cell_.shell().folder() / "watch.json"));
   ASSERT_THAT(lines, SizeIs(3));
   EXPECT_EQ(lines[0]["unknown_reason"], "no scene");
   EXPECT_EQ(lines[0]["unknown"], 121);
@@ -92,10 +89,10 @@ TEST_F(SilhouetteWatch, TellsAPathWithEveryScene) {
               AllOf(StartsWith("scene 1, "), HasSubstr("free"), HasSubstr(": 21 places checked")));
   const auto watch = Start("watch 0,0 1,0 --format json --clearance", "watch.json");
   ASSERT_TRUE(HasLines("watch.json", 1));
-  Publish(kWatchProgramWall);
+  Publish(kWall);
   ASSERT_TRUE(HasLines("watch.json", 2));
   watch->Stop();
-  const std::vector<json> lines = LinesOf(ContentOf(cell_.shell().folder() / "watch.json"));
+  const std::vector<Json> lines = LinesOf(ContentOf(cell_.shell().folder() / "watch.json"));
   EXPECT_EQ(lines.at(0)["state"], "free");
   EXPECT_TRUE(lines[0].contains("clearance"));
   EXPECT_EQ(lines.at(1)["state"], "occupied");
@@ -173,7 +170,7 @@ TEST_F(SilhouetteWatch, MistakeOfTheUserEndsItAtOnce) {
 }
 
 TEST_F(SilhouetteWatch, StreamedChecksAnswerEachLine) {
-  Publish(kWatchProgramWall);
+  Publish(kWall);
   const auto check = [&](const std::string& input, const std::string& options = "") {
     return cell_.shell().Run("printf '" + input + "' | SILHOUETTE_SERVER=" + cell_.address() +
                              " " SILHOUETTE_BIN_DIR "/silhouette check --stream " + options);
@@ -183,7 +180,7 @@ TEST_F(SilhouetteWatch, StreamedChecksAnswerEachLine) {
   EXPECT_THAT(text.out, MatchesRegex("0,0: free[^\n]*\n0.6,0: occupied\n-5,0: unknown: the "
                                      "configuration is outside the grid\n"));
   EXPECT_EQ(check("0,0\\n0,0.1\\n").exit_code, 0);
-  const std::vector<json> lines = LinesOf(check("0,0\\n\\n0.6,0\\n", "--format json").out);
+  const std::vector<Json> lines = LinesOf(check("0,0\\n\\n0.6,0\\n", "--format json").out);
   ASSERT_THAT(lines, SizeIs(2));
   EXPECT_EQ(lines[0]["line"], 1);
   EXPECT_EQ(lines[0]["state"], "free");

@@ -39,6 +39,10 @@ inline Mask Block(int left, int top, int right, int bottom) {
   });
 }
 
+inline const Mask kNothing(kViewSize);
+// From the upper rim down; the robot passes below it in two rows.
+inline const Mask kWall = Block(7, 0, 8, 9);
+
 inline void WriteMask(const std::filesystem::path& file, const Mask& mask) {
   std::filesystem::create_directories(file.parent_path());
   const absl::Status status = WriteMaskPng(file.string(), mask);

@@ -7,11 +7,11 @@
 
 #include "common/picture/palette.h"
 #include "tests/clients/cpp/shell.h"
-#include "tools/silhouette/configuration_text.h"
-#include "tools/silhouette/images_folder.h"
-#include "tools/silhouette/output.h"
-#include "tools/silhouette/space_picture.h"
-#include "tools/silhouette/truth.h"
+#include "tools/silhouette/formats/configuration_text.h"
+#include "tools/silhouette/formats/images_folder.h"
+#include "tools/silhouette/formats/output.h"
+#include "tools/silhouette/formats/space_picture.h"
+#include "tools/silhouette/formats/truth.h"
 
 namespace silhouette {
 namespace {

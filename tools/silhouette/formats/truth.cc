@@ -1,4 +1,4 @@
-#include "tools/silhouette/truth.h"
+#include "tools/silhouette/formats/truth.h"
 
 #include <algorithm>
 #include <cmath>

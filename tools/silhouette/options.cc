@@ -1,6 +1,32 @@
-#include "tools/silhouette/policy_options.h"
+// SPDX-License-Identifier: Apache-2.0
+#include "tools/silhouette/options.h"
+
+#include "tools/program/program.h"
+#include "tools/silhouette/formats/configuration_text.h"
 
 namespace silhouette {
+
+absl::StatusOr<Client> Session::Connect() const {
+  const absl::StatusOr<Client> client = Client::Connect(server, absl::Seconds(timeout));
+  if (!client.ok()) return client;
+  return client->WithVariant(variant);
+}
+
+void AddServerOptions(CLI::App& program, Session& session) {
+  program
+      .add_option("--server", session.server, "Address of silhouette-server: host:port, unix:path")
+      ->envname("SILHOUETTE_SERVER")
+      ->capture_default_str();
+  program.add_option("--timeout", session.timeout, "Seconds that the server may take to answer")
+      ->check(PositiveNumber())
+      ->capture_default_str();
+}
+
+void AddVariantOption(CLI::App& command, Session& session) {
+  command.add_option("--variant", session.variant,
+                     "The variant that is tested: with this tool, this part. Default: "
+                     "that of the scene");
+}
 
 client::Policy PolicyOptions::policy() const {
   client::Policy policy;
@@ -54,6 +80,32 @@ void AddClearanceFlag(CLI::App& command, client::Clearance& clearance) {
       "--clearance", [&clearance] { clearance = client::Clearance::kMeasure; },
       "Tell, too, by how many mask pixels the robot could grow in the images before it were "
       "occupied");
+}
+
+void AddDegreesFlag(CLI::App& command, bool& degrees) {
+  command.add_flag("--degrees", degrees, "Values without a unit are degrees");
+}
+
+void AddPathArguments(CLI::App& command, PathArguments& arguments) {
+  command.add_option("waypoints", arguments.waypoints,
+                     "Configurations: joint values with commas between them");
+  command.add_option("--file", arguments.file,
+                     "A JSON file with configurations under the key \"waypoints\", as plan writes "
+                     "it; -: stdin");
+  AddDegreesFlag(command, arguments.degrees);
+}
+
+absl::StatusOr<std::vector<Configuration>> WaypointsOf(const PathArguments& arguments) {
+  if (arguments.waypoints.empty() == arguments.file.empty()) {
+    return absl::InvalidArgumentError(
+        "give waypoints, e.g. 0.1,0.2 0.3,0.2, or a path with --file FILE, and not both");
+  }
+  if (!arguments.file.empty()) return ReadWaypoints(arguments.file);
+  std::vector<Configuration> waypoints;
+  for (const std::string& text : arguments.waypoints) {
+    waypoints.push_back(ParseConfiguration(text, UnitOf(arguments.degrees)));
+  }
+  return waypoints;
 }
 
 }  // namespace silhouette

@@ -1,4 +1,4 @@
-#include "tools/silhouette/output.h"
+#include "tools/silhouette/formats/output.h"
 
 #include <algorithm>
 #include <cmath>
@@ -8,7 +8,7 @@
 #include "absl/strings/str_format.h"
 #include "absl/strings/str_join.h"
 #include "tools/program/progress.h"
-#include "tools/silhouette/configuration_text.h"
+#include "tools/silhouette/formats/configuration_text.h"
 
 namespace silhouette {
 

@@ -1,4 +1,4 @@
-#include "tools/silhouette/space_picture.h"
+#include "tools/silhouette/formats/space_picture.h"
 
 #include <algorithm>
 #include <array>

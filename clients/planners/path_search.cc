@@ -1,53 +1,50 @@
-#include "tools/silhouette/path_search.h"
+#include "clients/planners/path_search.h"
 
 #include <algorithm>
 #include <map>
 #include <utility>
 #include <vector>
 
-#include "db/status/status_macros.h"
-#include "tools/program/program.h"
-
 namespace silhouette {
 namespace {
 
 // The two ends of a move, the lower number first.
-using Way = std::pair<ConfigurationNumber, ConfigurationNumber>;
+using Edge = std::pair<ConfigurationNumber, ConfigurationNumber>;
 // Whether it is free.
-using KnownWays = std::map<Way, bool>;
+using KnownEdges = std::map<Edge, bool>;
 
-Way WayBetween(ConfigurationNumber a, ConfigurationNumber b) { return std::minmax(a, b); }
+Edge EdgeBetween(ConfigurationNumber a, ConfigurationNumber b) { return std::minmax(a, b); }
 
-// Asks the server for the moves of the path that are not known yet: for the middle of each, whose
-// grid cell is the one that the whole move lies in. Ways between an end off the grid and its corner
+// Asks the server about the moves of the path that are not known yet: for the middle of each, whose
+// grid cell is the one that the whole move lies in. Edges between an end off the grid and its corner
 // lie in the end's own grid cell and need not be asked for. Returns the verdicts that are not free.
 absl::StatusOr<std::vector<client::Verdict>> CheckMoves(const Client& client,
                                                         const client::Policy& policy,
                                                         const ConfigurationGrid& grid,
                                                         const std::vector<Configuration>& waypoints,
-                                                        KnownWays& known) {
-  std::vector<Way> ways;
+                                                        KnownEdges& known) {
+  std::vector<Edge> edges;
   std::vector<Configuration> middles;
   for (size_t i = 0; i + 1 < waypoints.size(); ++i) {
     const CellCorners a = grid.CornersAround(waypoints[i]);
     const CellCorners b = grid.CornersAround(waypoints[i + 1]);
     if (a.count() != 1 || b.count() != 1) continue;
-    const Way way = WayBetween(a.numbers()[0], b.numbers()[0]);
-    if (known.contains(way)) continue;
+    const Edge edge = EdgeBetween(a.numbers()[0], b.numbers()[0]);
+    if (known.contains(edge)) continue;
     Configuration middle = waypoints[i];
     for (size_t j = 0; j < middle.size(); ++j) {
       middle[j] += (waypoints[i + 1][j] - middle[j]) / 2;
     }
-    ways.push_back(way);
+    edges.push_back(edge);
     middles.push_back(std::move(middle));
   }
   std::vector<client::Verdict> not_free;
   if (middles.empty()) return not_free;
-  ASSIGN_OR_RETURN(const auto checks,
-                   client.CheckConfigurations(middles, policy, client::Evidence::kOmit));
-  for (size_t i = 0; i < ways.size(); ++i) {
-    known[ways[i]] = checks.verdicts[i].free();
-    if (!checks.verdicts[i].free()) not_free.push_back(checks.verdicts[i]);
+  const auto checks = client.CheckConfigurations(middles, policy, client::Evidence::kOmit);
+  if (!checks.ok()) return checks.status();
+  for (size_t i = 0; i < edges.size(); ++i) {
+    known[edges[i]] = checks->verdicts[i].free();
+    if (!checks->verdicts[i].free()) not_free.push_back(checks->verdicts[i]);
   }
   return not_free;
 }
@@ -57,15 +54,16 @@ absl::StatusOr<std::vector<client::Verdict>> CheckMoves(const Client& client,
 absl::StatusOr<PathSearch> SearchPath(const Client& client, const client::Policy& policy,
                                       const client::ConfigurationSpace& space,
                                       const Configuration& start, bool start_free,
-                                      const Configuration& goal, bool goal_free, Moves moves) {
-  KnownWays known;
+                                      const Configuration& goal, bool goal_free, Moves moves,
+                                      const std::function<bool()>& stopped) {
+  KnownEdges known;
   FreeSpace free_space{.point = [&](ConfigurationNumber n) { return space.IsFree(n); }};
   free_space.configuration = [&](std::span<const double> q) {
     if (std::equal(q.begin(), q.end(), start.begin(), start.end())) return start_free;
     return std::equal(q.begin(), q.end(), goal.begin(), goal.end()) && goal_free;
   };
   free_space.move = [&](ConfigurationNumber a, ConfigurationNumber b) {
-    const auto found = known.find(WayBetween(a, b));
+    const auto found = known.find(EdgeBetween(a, b));
     return found == known.end() || found->second;
   };
   const auto find = [&](bool simplify) {
@@ -74,24 +72,23 @@ absl::StatusOr<PathSearch> SearchPath(const Client& client, const client::Policy
   };
   PathSearch search;
   for (bool all_free = false; !all_free;) {
-    if (StopRequested()) {
+    if (stopped()) {
       return absl::AbortedError("stopped; to have the path, start the command again");
     }
     ++search.rounds;
     search.plan = find(false);
-    ASSIGN_OR_RETURN(const auto not_free,
-                     CheckMoves(client, policy, space.grid(), search.plan.waypoints, known));
-    all_free = not_free.empty();
-    const auto unknown = std::find_if(
-        not_free.begin(), not_free.end(),
-        [](const client::Verdict& verdict) { return verdict.state == client::State::kUnknown; });
-    if (unknown == not_free.end()) continue;
+    const auto not_free = CheckMoves(client, policy, space.grid(), search.plan.waypoints, known);
+    if (!not_free.ok()) return not_free.status();
+    all_free = not_free->empty();
+    const auto unknown =
+        std::ranges::find(*not_free, client::State::kUnknown, &client::Verdict::state);
+    if (unknown == not_free->end()) continue;
     search.plan = Plan();
     search.unknown = *unknown;
     return search;
   }
   if (search.plan.found()) search.plan = find(true);
-  for (const auto& [way, is_free] : known) search.blocked_moves += is_free ? 0 : 1;
+  for (const auto& [edge, is_free] : known) search.blocked_moves += is_free ? 0 : 1;
   return search;
 }
 

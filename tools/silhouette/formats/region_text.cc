@@ -1,4 +1,4 @@
-#include "tools/silhouette/region_text.h"
+#include "tools/silhouette/formats/region_text.h"
 
 #include <utility>
 #include <vector>

@@ -1,7 +1,6 @@
 // Configurations in files, and as people read them.
 #pragma once
 
-#include <CLI/CLI.hpp>
 #include <optional>
 #include <string>
 #include <vector>
@@ -23,16 +22,6 @@ std::optional<Configuration> ParseLine(absl::string_view line, AngleUnit unit);
 
 // The configurations under the key "waypoints" of a JSON file; at least one.
 absl::StatusOr<std::vector<Configuration>> ReadWaypoints(const std::string& file);
-
-// A path on the command line: waypoints, or --file; --degrees.
-struct PathArguments {
-  std::vector<std::string> waypoints;
-  std::string file;
-  bool degrees = false;
-};
-void AddPathArguments(CLI::App& command, PathArguments& arguments);
-// InvalidArgument if there is none, or both.
-absl::StatusOr<std::vector<Configuration>> WaypointsOf(const PathArguments& arguments);
 
 // "0.5,-0.52": radians, with as many digits as people read.
 std::string Spoken(const Configuration& configuration);

@@ -3,10 +3,11 @@
 // With more than one view needed to convict, a grid cell can be occupied though its corners are
 // free: one view hits at one corner, another view at another. So the wave runs over the fetched
 // configuration space, the moves of the path it finds are checked by the server, and what is not
-// free is taken out and the wave runs anew.
+// free is taken out and the wave runs again.
 #pragma once
 
 #include <cstdint>
+#include <functional>
 #include <optional>
 
 #include "absl/status/statusor.h"
@@ -26,10 +27,12 @@ struct PathSearch {
   std::optional<client::Verdict> unknown = std::nullopt;
 };
 
-// `start_free`, `goal_free`: the server's verdicts for them. Aborted if a stop was requested.
+// `start_free`, `goal_free`: the server's verdicts for them. `stopped` is asked before each round;
+// Aborted if it returns true.
 absl::StatusOr<PathSearch> SearchPath(const Client& client, const client::Policy& policy,
                                       const client::ConfigurationSpace& space,
                                       const Configuration& start, bool start_free,
-                                      const Configuration& goal, bool goal_free, Moves moves);
+                                      const Configuration& goal, bool goal_free, Moves moves,
+                                      const std::function<bool()>& stopped);
 
 }  // namespace silhouette

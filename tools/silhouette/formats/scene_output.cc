@@ -1,4 +1,4 @@
-#include "tools/silhouette/scene_output.h"
+#include "tools/silhouette/formats/scene_output.h"
 
 #include <algorithm>
 #include <iostream>
@@ -11,7 +11,7 @@
 #include "common/picture/files.h"
 #include "common/picture/sheet.h"
 #include "db/status/status_macros.h"
-#include "tools/silhouette/output.h"
+#include "tools/silhouette/formats/output.h"
 
 namespace silhouette {
 namespace {

@@ -1,4 +1,4 @@
-#include "tools/silhouette/configuration_text.h"
+#include "tools/silhouette/formats/configuration_text.h"
 
 #include <iostream>
 #include <iterator>
@@ -54,29 +54,6 @@ std::optional<Configuration> ParseLine(absl::string_view line, AngleUnit unit) {
       absl::StripAsciiWhitespace(line.substr(0, std::min(line.find('#'), line.size())));
   if (content.empty()) return std::nullopt;
   return ParseParts(absl::StrSplit(content, absl::ByAnyChar(", \t"), absl::SkipEmpty()), unit);
-}
-
-void AddPathArguments(CLI::App& command, PathArguments& arguments) {
-  command.add_option("waypoints", arguments.waypoints,
-                     "Configurations: joint values with commas between them");
-  command.add_option("--file", arguments.file,
-                     "A JSON file with configurations under the key \"waypoints\", as plan writes "
-                     "it; -: stdin");
-  command.add_flag("--degrees", arguments.degrees, "Values without a unit are degrees");
-}
-
-absl::StatusOr<std::vector<Configuration>> WaypointsOf(const PathArguments& arguments) {
-  if (arguments.waypoints.empty() == arguments.file.empty()) {
-    return absl::InvalidArgumentError(
-        "give waypoints, e.g. 0.1,0.2 0.3,0.2, or a path with --file FILE, and not both");
-  }
-  if (!arguments.file.empty()) return ReadWaypoints(arguments.file);
-  std::vector<Configuration> waypoints;
-  for (const std::string& text : arguments.waypoints) {
-    waypoints.push_back(
-        ParseConfiguration(text, arguments.degrees ? AngleUnit::kDegrees : AngleUnit::kRadians));
-  }
-  return waypoints;
 }
 
 absl::StatusOr<std::vector<Configuration>> ReadWaypoints(const std::string& file) {

@@ -1,4 +1,4 @@
-#include "tools/silhouette/images_folder.h"
+#include "tools/silhouette/formats/images_folder.h"
 
 #include <filesystem>
 #include <nlohmann/json.hpp>
@@ -11,16 +11,16 @@ namespace silhouette {
 namespace {
 
 namespace fs = std::filesystem;
-using Json = nlohmann::ordered_json;
 
 // The object under `key`; empty if there is none.
-absl::StatusOr<Json> Section(const Json& index, const std::string& key) {
-  const Json section = index.value(key, Json::object());
+absl::StatusOr<nlohmann::ordered_json> Section(const nlohmann::ordered_json& index,
+                                               const std::string& key) {
+  const nlohmann::ordered_json section = index.value(key, nlohmann::ordered_json::object());
   if (section.is_object()) return section;
   return absl::InvalidArgumentError(absl::StrCat("'", key, "' must be {name: value}"));
 }
 
-absl::StatusOr<ImagesFolder> FromJson(const Json& index, const fs::path& folder) {
+absl::StatusOr<ImagesFolder> FromJson(const nlohmann::ordered_json& index, const fs::path& folder) {
   if (!index.is_object()) return absl::InvalidArgumentError("an object is expected");
   ImagesFolder images;
   if (index.contains("time")) {
@@ -33,14 +33,14 @@ absl::StatusOr<ImagesFolder> FromJson(const Json& index, const fs::path& folder)
     }
     images.time = time;
   }
-  ASSIGN_OR_RETURN(const Json joints, Section(index, "joints"));
+  ASSIGN_OR_RETURN(const nlohmann::ordered_json joints, Section(index, "joints"));
   for (const auto& [name, value] : joints.items()) {
     if (!value.is_number()) {
       return absl::InvalidArgumentError(absl::StrCat("joint '", name, "' must be a number"));
     }
     images.joints.push_back({name, value.get<double>()});
   }
-  ASSIGN_OR_RETURN(const Json views, Section(index, "views"));
+  ASSIGN_OR_RETURN(const nlohmann::ordered_json views, Section(index, "views"));
   for (const auto& [name, file] : views.items()) {
     if (!file.is_string()) {
       return absl::InvalidArgumentError(absl::StrCat("view '", name, "' must be a file's name"));
@@ -56,7 +56,8 @@ absl::StatusOr<ImagesFolder> FromJson(const Json& index, const fs::path& folder)
 absl::StatusOr<ImagesFolder> ReadImagesFolder(const std::string& folder) {
   const std::string file = (fs::path(folder) / "images.json").string();
   ASSIGN_OR_RETURN(const std::string text, ReadWholeFile(file));
-  const Json index = Json::parse(text, nullptr, /*allow_exceptions=*/false);
+  const nlohmann::ordered_json index =
+      nlohmann::ordered_json::parse(text, nullptr, /*allow_exceptions=*/false);
   if (index.is_discarded()) return absl::InvalidArgumentError(file + ": not JSON");
   auto images = FromJson(index, folder);
   if (images.ok()) return images;
