@@ -35,12 +35,11 @@ RobotVariant RobotVariantFrom(const v1::RobotVariant& message) {
 absl::StatusOr<VariantChange> Change(const Connection& connection,
                                      const v1::ChangeVariantRequest& request,
                                      absl::Duration timeout) {
-  v1::ChangeVariantResponse response;
-  const absl::Status status = connection.Call(
-      connection.scenes(), &v1::SceneService::Stub::ChangeVariant, request, timeout, response);
-  if (!status.ok()) return status;
-  return VariantChange{.robot_variant = RobotVariantFrom(response.robot_variant()),
-                       .last_scene_before = response.last_scene_before()};
+  const auto response = connection.Call(connection.scenes(), &v1::SceneService::Stub::ChangeVariant,
+                                        request, timeout);
+  if (!response.ok()) return response.status();
+  return VariantChange{.robot_variant = RobotVariantFrom(response->robot_variant()),
+                       .last_scene_before = response->last_scene_before()};
 }
 
 }  // namespace
@@ -58,12 +57,11 @@ absl::StatusOr<VariantChange> Client::ChangeVariant(const std::string& variant) 
 }
 
 absl::StatusOr<Acquisition> Client::GetAcquisition() const {
-  v1::GetAcquisitionResponse response;
-  const absl::Status status =
+  const auto response =
       connection_->Call(connection_->scenes(), &v1::SceneService::Stub::GetAcquisition,
-                        v1::GetAcquisitionRequest(), timeout_, response);
-  if (!status.ok()) return status;
-  const v1::Acquisition& message = response.acquisition();
+                        v1::GetAcquisitionRequest(), timeout_);
+  if (!response.ok()) return response.status();
+  const v1::Acquisition& message = response->acquisition();
   Acquisition acquisition{.serving = message.serving(),
                           .started = FromMessage(message.start_time()),
                           .scenes = message.scenes(),

@@ -1,5 +1,6 @@
 #include "clients/cpp/check_answers.h"
 
+#include <algorithm>
 #include <bit>
 #include <cstring>
 #include <optional>
@@ -13,8 +14,9 @@
 namespace silhouette::client {
 
 absl::Status NoClearances(const std::string& address) {
-  return absl::UnimplementedError(absl::StrCat(
-      "the server at ", address, " tells no clearances; use a silhouette-server of this version"));
+  return absl::UnimplementedError(
+      absl::StrCat("the server at ", address,
+                   " reports no clearances; use a silhouette-server of this version"));
 }
 
 absl::Status NoVariants(const std::string& address) {
@@ -139,6 +141,16 @@ absl::StatusOr<PathCheck> AnswerFrom(const v1::CheckPathResponse& response, Clea
                      .fraction = place.fraction(),
                      .configuration = ConfigurationFrom(place.configuration())};
   return check;
+}
+
+absl::Duration Basis::Age() const {
+  if (scene_id == 0) return absl::InfiniteDuration();
+  return scene_age + absl::FromChrono(std::chrono::steady_clock::now() - asked);
+}
+
+bool ConfigurationChecks::AllFree() const {
+  return !verdicts.empty() && std::all_of(verdicts.begin(), verdicts.end(),
+                                          [](const Verdict& verdict) { return verdict.free(); });
 }
 
 }  // namespace silhouette::client

@@ -39,7 +39,7 @@ absl::Status NoVariants(const std::string& address);
 absl::Status RequireVariant(const std::string& variant, const v1::Basis& basis,
                             const std::string& address);
 
-// Clearances were asked for and the server tells none: it is older than this library.
+// Clearances were asked for and the server reports none: it is older than this library.
 absl::Status NoClearances(const std::string& address);
 
 }  // namespace silhouette::client

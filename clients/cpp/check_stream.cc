@@ -55,7 +55,7 @@ void CheckStream::Impl::Cancel() {
   cancellation_.Cancel();
   {
     const std::lock_guard lock(mutex_);
-    if (begun_ || ended_) return;  // the end of the call tells
+    if (begun_ || ended_) return;  // the end of the call reports it
   }
   End(absl::CancelledError());
 }

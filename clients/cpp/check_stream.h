@@ -10,7 +10,6 @@
 #include <string>
 #include <thread>
 
-#include "clients/cpp/cancellation.h"
 #include "clients/cpp/connection.h"
 #include "silhouette/check_stream.h"
 #include "silhouette/v1/collision_service.pb.h"

@@ -15,7 +15,26 @@
 
 namespace silhouette::client {
 
+namespace {
+
 using Clock = std::chrono::steady_clock;
+
+// A question about verdicts; its answer rests on the variant that is asked for.
+template <typename Request, typename Response>
+absl::StatusOr<Response> Ask(const Connection& connection,
+                             grpc::Status (v1::CollisionService::Stub::*method)(
+                                 grpc::ClientContext*, const Request&, Response*),
+                             const Request& request, absl::Duration timeout) {
+  absl::StatusOr<Response> response =
+      connection.Call(connection.collisions(), method, request, timeout);
+  if (!response.ok()) return response;
+  const absl::Status of_variant =
+      RequireVariant(request.variant(), response->basis(), connection.address());
+  if (!of_variant.ok()) return of_variant;
+  return response;
+}
+
+}  // namespace
 
 Client::Client(std::shared_ptr<const Connection> connection, absl::Duration timeout,
                std::string variant)
@@ -44,14 +63,11 @@ absl::StatusOr<ConfigurationChecks> Client::CheckConfigurations(
     Clearance clearance) const {
   v1::CheckConfigurationsRequest request = QuestionOf(configurations, policy, evidence, clearance);
   request.set_variant(variant_);
-  v1::CheckConfigurationsResponse response;
   const Clock::time_point asked = Clock::now();
-  absl::Status status =
-      connection_->Call(connection_->collisions(), &v1::CollisionService::Stub::CheckConfigurations,
-                        request, timeout_, response);
-  if (status.ok()) status = RequireVariant(variant_, response.basis(), address());
-  if (!status.ok()) return status;
-  return AnswerFrom(response, configurations.size(), clearance, asked, address());
+  const auto response =
+      Ask(*connection_, &v1::CollisionService::Stub::CheckConfigurations, request, timeout_);
+  if (!response.ok()) return response.status();
+  return AnswerFrom(*response, configurations.size(), clearance, asked, address());
 }
 
 absl::StatusOr<NumberChecks> Client::CheckNumbers(std::span<const uint32_t> numbers,
@@ -61,14 +77,11 @@ absl::StatusOr<NumberChecks> Client::CheckNumbers(std::span<const uint32_t> numb
   request.mutable_numbers()->Add(numbers.begin(), numbers.end());
   *request.mutable_policy() = ToMessage(policy);
   request.set_variant(variant_);
-  v1::CheckConfigurationsResponse response;
   const Clock::time_point asked = Clock::now();
-  absl::Status status =
-      connection_->Call(connection_->collisions(), &v1::CollisionService::Stub::CheckConfigurations,
-                        request, timeout_, response);
-  if (status.ok()) status = RequireVariant(variant_, response.basis(), address());
-  if (!status.ok()) return status;
-  return NumbersFrom(response, numbers.size(), asked, address());
+  const auto response =
+      Ask(*connection_, &v1::CollisionService::Stub::CheckConfigurations, request, timeout_);
+  if (!response.ok()) return response.status();
+  return NumbersFrom(*response, numbers.size(), asked, address());
 }
 
 absl::StatusOr<PathCheck> Client::CheckPath(std::span<const Configuration> waypoints,
@@ -76,14 +89,11 @@ absl::StatusOr<PathCheck> Client::CheckPath(std::span<const Configuration> waypo
   if (waypoints.empty()) return absl::InvalidArgumentError("a path has at least one waypoint");
   v1::CheckPathRequest request = QuestionOf(waypoints, policy, clearance);
   request.set_variant(variant_);
-  v1::CheckPathResponse response;
   const Clock::time_point asked = Clock::now();
-  absl::Status status =
-      connection_->Call(connection_->collisions(), &v1::CollisionService::Stub::CheckPath, request,
-                        timeout_, response);
-  if (status.ok()) status = RequireVariant(variant_, response.basis(), address());
-  if (!status.ok()) return status;
-  return AnswerFrom(response, clearance, asked, address());
+  const auto response =
+      Ask(*connection_, &v1::CollisionService::Stub::CheckPath, request, timeout_);
+  if (!response.ok()) return response.status();
+  return AnswerFrom(*response, clearance, asked, address());
 }
 
 absl::StatusOr<PathWatch> Client::WatchPath(std::span<const Configuration> waypoints,
@@ -158,16 +168,13 @@ absl::StatusOr<Explanation> Client::Explain(const Configuration& configuration,
   *request.mutable_configuration() = ToMessage(configuration);
   *request.mutable_policy() = ToMessage(policy);
   request.set_variant(variant_);
-  v1::ExplainResponse response;
   const Clock::time_point asked = Clock::now();
-  absl::Status status = connection_->Call(
-      connection_->collisions(), &v1::CollisionService::Stub::Explain, request, timeout_, response);
-  if (status.ok()) status = RequireVariant(variant_, response.basis(), address());
-  if (!status.ok()) return status;
+  const auto response = Ask(*connection_, &v1::CollisionService::Stub::Explain, request, timeout_);
+  if (!response.ok()) return response.status();
   Explanation explanation{
-      .basis = FromMessage(response.basis(), asked), .verdict = {}, .views = {}};
-  explanation.verdict = FromMessage(response.verdict(), explanation.basis);
-  for (const v1::ViewExplanation& view : response.views()) {
+      .basis = FromMessage(response->basis(), asked), .verdict = {}, .views = {}};
+  explanation.verdict = FromMessage(response->verdict(), explanation.basis);
+  for (const v1::ViewExplanation& view : response->views()) {
     explanation.views.push_back({.view = view.view(),
                                  .scene_png = view.scene_png(),
                                  .obstacle_png = view.obstacle_png(),
@@ -187,27 +194,21 @@ absl::StatusOr<Scene> Client::PublishScene(std::span<const JointPosition> joints
   }
   for (const ViewImage& image : images) *request.add_views() = ToMessage(image);
   request.set_variant(variant_);
-  v1::PublishSceneResponse response;
-  const absl::Status status = connection_->Call(
-      connection_->scenes(), &v1::SceneService::Stub::PublishScene, request, timeout_, response);
-  if (!status.ok()) return status;
-  if (!variant_.empty() && response.scene().variant() != variant_) return NoVariants(address());
-  absl::StatusOr<Scene> scene = FromMessage(response.scene());
-  if (!scene.ok()) return Malformed(address(), scene.status().message());
-  return scene;
+  const auto response = connection_->Call(connection_->scenes(),
+                                          &v1::SceneService::Stub::PublishScene, request, timeout_);
+  if (!response.ok()) return response.status();
+  if (!variant_.empty() && response->scene().variant() != variant_) return NoVariants(address());
+  return Usable(FromMessage(response->scene()), address());
 }
 
 absl::StatusOr<Scene> Client::GetScene(uint64_t id, bool with_planes) const {
   v1::GetSceneRequest request;
   request.set_id(id);
   request.set_include_planes(with_planes);
-  v1::GetSceneResponse response;
-  const absl::Status status = connection_->Call(
-      connection_->scenes(), &v1::SceneService::Stub::GetScene, request, timeout_, response);
-  if (!status.ok()) return status;
-  absl::StatusOr<Scene> scene = FromMessage(response.scene());
-  if (!scene.ok()) return Malformed(address(), scene.status().message());
-  return scene;
+  const auto response = connection_->Call(connection_->scenes(), &v1::SceneService::Stub::GetScene,
+                                          request, timeout_);
+  if (!response.ok()) return response.status();
+  return Usable(FromMessage(response->scene()), address());
 }
 
 absl::StatusOr<AllowedRegion> Client::AllowRegion(const std::string& name,
@@ -217,33 +218,28 @@ absl::StatusOr<AllowedRegion> Client::AllowRegion(const std::string& name,
   request.set_name(name);
   for (const RegionPixels& view : views) *request.add_views() = ToMessage(view);
   *request.mutable_duration() = ToMessage(duration);
-  v1::AllowRegionResponse response;
-  const absl::Status status = connection_->Call(
-      connection_->scenes(), &v1::SceneService::Stub::AllowRegion, request, timeout_, response);
-  if (!status.ok()) return status;
-  absl::StatusOr<AllowedRegion> region = FromMessage(response.region());
-  if (!region.ok()) return Malformed(address(), region.status().message());
-  return region;
+  const auto response = connection_->Call(connection_->scenes(),
+                                          &v1::SceneService::Stub::AllowRegion, request, timeout_);
+  if (!response.ok()) return response.status();
+  return Usable(FromMessage(response->region()), address());
 }
 
 absl::StatusOr<bool> Client::RevokeRegion(const std::string& name) const {
   v1::RevokeRegionRequest request;
   request.set_name(name);
-  v1::RevokeRegionResponse response;
-  const absl::Status status = connection_->Call(
-      connection_->scenes(), &v1::SceneService::Stub::RevokeRegion, request, timeout_, response);
-  if (!status.ok()) return status;
-  return response.was_in_force();
+  const auto response = connection_->Call(connection_->scenes(),
+                                          &v1::SceneService::Stub::RevokeRegion, request, timeout_);
+  if (!response.ok()) return response.status();
+  return response->was_in_force();
 }
 
 absl::StatusOr<std::vector<AllowedRegion>> Client::ListAllowedRegions() const {
-  v1::ListAllowedRegionsResponse response;
-  const absl::Status status =
+  const auto response =
       connection_->Call(connection_->scenes(), &v1::SceneService::Stub::ListAllowedRegions,
-                        v1::ListAllowedRegionsRequest(), timeout_, response);
-  if (!status.ok()) return status;
+                        v1::ListAllowedRegionsRequest(), timeout_);
+  if (!response.ok()) return response.status();
   std::vector<AllowedRegion> regions;
-  for (const v1::AllowedRegion& message : response.regions()) {
+  for (const v1::AllowedRegion& message : response->regions()) {
     absl::StatusOr<AllowedRegion> region = FromMessage(message);
     if (!region.ok()) return Malformed(address(), region.status().message());
     regions.push_back(*std::move(region));
@@ -252,14 +248,11 @@ absl::StatusOr<std::vector<AllowedRegion>> Client::ListAllowedRegions() const {
 }
 
 absl::StatusOr<Database> Client::GetDatabase() const {
-  v1::GetDatabaseResponse response;
-  const absl::Status status =
+  const auto response =
       connection_->Call(connection_->databases(), &v1::DatabaseService::Stub::GetDatabase,
-                        v1::GetDatabaseRequest(), timeout_, response);
-  if (!status.ok()) return status;
-  absl::StatusOr<Database> database = FromMessage(response);
-  if (!database.ok()) return Malformed(address(), database.status().message());
-  return database;
+                        v1::GetDatabaseRequest(), timeout_);
+  if (!response.ok()) return response.status();
+  return Usable(FromMessage(*response), address());
 }
 
 }  // namespace silhouette::client

@@ -5,9 +5,13 @@
 #include <grpcpp/client_context.h>
 
 #include <memory>
+#include <mutex>
+#include <set>
 #include <string>
+#include <utility>
 
 #include "absl/status/status.h"
+#include "absl/status/statusor.h"
 #include "absl/strings/string_view.h"
 #include "absl/time/clock.h"
 #include "absl/time/time.h"
@@ -22,6 +26,54 @@ absl::Status RequireAddress(const std::string& address);
 
 // The server sent what cannot be.
 absl::Status Malformed(const std::string& address, absl::string_view what);
+
+// What was read from an answer; Malformed if it could not be.
+template <typename T>
+absl::StatusOr<T> Usable(absl::StatusOr<T> read, const std::string& address) {
+  return read.ok() ? std::move(read) : Malformed(address, read.status().message());
+}
+
+// Ends the calls of one object from any thread.
+class Cancellation {
+ public:
+  // From now on, calls are cancelled: those under way and those that begin.
+  void Cancel() {
+    const std::lock_guard lock(mutex_);
+    cancelled_ = true;
+    for (grpc::ClientContext* call : calls_) call->TryCancel();
+  }
+
+  bool cancelled() const {
+    const std::lock_guard lock(mutex_);
+    return cancelled_;
+  }
+
+  // Lives as long as the call of this context may be under way, and not longer than the context.
+  class Call {
+   public:
+    Call(Cancellation& cancellation, grpc::ClientContext& context)
+        : cancellation_(cancellation), context_(context) {
+      const std::lock_guard lock(cancellation_.mutex_);
+      cancellation_.calls_.insert(&context_);
+      if (cancellation_.cancelled_) context_.TryCancel();
+    }
+    ~Call() {
+      const std::lock_guard lock(cancellation_.mutex_);
+      cancellation_.calls_.erase(&context_);
+    }
+    Call(const Call&) = delete;
+    Call& operator=(const Call&) = delete;
+
+   private:
+    Cancellation& cancellation_;
+    grpc::ClientContext& context_;
+  };
+
+ private:
+  mutable std::mutex mutex_;
+  bool cancelled_ = false;
+  std::set<grpc::ClientContext*> calls_;
+};
 
 // A channel and its stubs; thread-safe as they are.
 class Connection {
@@ -38,18 +90,23 @@ class Connection {
 
   // One unary call; `context` may be cancelled from another thread.
   template <typename Stub, typename Request, typename Response>
-  absl::Status Call(grpc::ClientContext& context, Stub& stub,
-                    grpc::Status (Stub::*method)(grpc::ClientContext*, const Request&, Response*),
-                    const Request& request, absl::Duration timeout, Response& response) const {
+  absl::StatusOr<Response> Call(grpc::ClientContext& context, Stub& stub,
+                                grpc::Status (Stub::*method)(grpc::ClientContext*, const Request&,
+                                                             Response*),
+                                const Request& request, absl::Duration timeout) const {
     context.set_deadline(absl::ToChronoTime(absl::Now() + timeout));
-    return SentenceFor((stub.*method)(&context, request, &response), timeout);
+    Response response;
+    const absl::Status status = SentenceFor((stub.*method)(&context, request, &response), timeout);
+    if (!status.ok()) return status;
+    return response;
   }
   template <typename Stub, typename Request, typename Response>
-  absl::Status Call(Stub& stub,
-                    grpc::Status (Stub::*method)(grpc::ClientContext*, const Request&, Response*),
-                    const Request& request, absl::Duration timeout, Response& response) const {
+  absl::StatusOr<Response> Call(Stub& stub,
+                                grpc::Status (Stub::*method)(grpc::ClientContext*, const Request&,
+                                                             Response*),
+                                const Request& request, absl::Duration timeout) const {
     grpc::ClientContext context;
-    return Call(context, stub, method, request, timeout, response);
+    return Call(context, stub, method, request, timeout);
   }
 
  private:

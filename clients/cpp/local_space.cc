@@ -10,7 +10,6 @@
 #include <thread>
 #include <utility>
 
-#include "clients/cpp/cancellation.h"
 #include "clients/cpp/check_answers.h"
 #include "clients/cpp/connection.h"
 #include "clients/cpp/messages.h"
@@ -189,12 +188,11 @@ class LocalSpace::Impl {
   std::optional<OffGridRule> AskForRule(uint64_t generation) {
     grpc::ClientContext context;
     const Cancellation::Call call(cancellation_, context);
-    v1::GetDatabaseResponse response;
-    const absl::Status status = connection_->Call(
+    const auto response = connection_->Call(
         context, connection_->databases(), &v1::DatabaseService::Stub::GetDatabase,
-        v1::GetDatabaseRequest(), std::min(timeout_, absl::Seconds(1)), response);
-    if (!status.ok()) return std::nullopt;
-    const absl::StatusOr<Database> database = FromMessage(response);
+        v1::GetDatabaseRequest(), std::min(timeout_, absl::Seconds(1)));
+    if (!response.ok()) return std::nullopt;
+    const absl::StatusOr<Database> database = FromMessage(*response);
     if (!database.ok() || database->generation != generation) return std::nullopt;
     return OffGridRuleOf(Effective(options_.policy, database->default_policy),
                          static_cast<int>(database->views.size()));

@@ -41,9 +41,6 @@ Policy FromMessage(const v1::Policy& message) {
   if (message.has_max_occluded_views()) policy.max_occluded_views = message.max_occluded_views();
   if (message.off_grid() == v1::OFF_GRID_CELL) policy.off_grid = OffGrid::kCell;
   if (message.off_grid() == v1::OFF_GRID_NEAREST) policy.off_grid = OffGrid::kNearest;
-  if (message.epipolar() == v1::EPIPOLAR_INTERSECTION) policy.epipolar = Epipolar::kIntersection;
-  if (message.epipolar() == v1::EPIPOLAR_OBSTACLE) policy.epipolar = Epipolar::kObstacle;
-  if (message.has_errors_convict()) policy.errors_convict = message.errors_convict();
   return policy;
 }
 
@@ -102,11 +99,6 @@ v1::Policy ToMessage(const Policy& policy) {
   message.set_preset(policy.preset);
   if (policy.min_views) message.set_min_views(*policy.min_views);
   if (policy.max_occluded_views) message.set_max_occluded_views(*policy.max_occluded_views);
-  if (policy.epipolar) {
-    message.set_epipolar(*policy.epipolar == Epipolar::kIntersection ? v1::EPIPOLAR_INTERSECTION
-                                                                     : v1::EPIPOLAR_OBSTACLE);
-  }
-  if (policy.errors_convict) message.set_errors_convict(*policy.errors_convict);
   if (policy.off_grid) {
     message.set_off_grid(*policy.off_grid == OffGrid::kCell ? v1::OFF_GRID_CELL
                                                             : v1::OFF_GRID_NEAREST);

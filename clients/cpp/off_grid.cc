@@ -10,7 +10,7 @@ std::optional<int> MinViews(const Policy& policy, int views) {
   if (policy.min_views) return policy.min_views;
   if (views < 1) return std::nullopt;
   if (policy.preset != "uncalibrated") return views;
-  // Not told: the server has a value of its own, whatever its default preset is.
+  // Unspecified: the server has a value of its own, whatever its default preset is.
   if (!policy.max_occluded_views) return std::nullopt;
   return std::max(1, views - std::min(*policy.max_occluded_views, views));
 }
@@ -18,12 +18,8 @@ std::optional<int> MinViews(const Policy& policy, int views) {
 // Whether a view that shows no obstacle at any corner shows none at all of them together, as long
 // as no other view shows one.
 bool ShowsNoMoreTogether(const Policy& policy) {
-  if (policy.preset == "uncalibrated" || policy.preset == "paper") return true;
-  const bool literal = policy.preset == "paper-calibrated";
-  if (!literal && policy.preset != "calibrated") return false;
-  const Epipolar epipolar =
-      policy.epipolar.value_or(literal ? Epipolar::kObstacle : Epipolar::kIntersection);
-  return epipolar == Epipolar::kObstacle || !policy.errors_convict.value_or(literal);
+  return policy.preset == "uncalibrated" || policy.preset == "paper" ||
+         policy.preset == "calibrated" || policy.preset == "paper-calibrated";
 }
 
 }  // namespace
@@ -40,8 +36,6 @@ Policy Effective(const Policy& asked, const Policy& defaults) {
     policy.min_views.reset();
   }
   if (asked.min_views) policy.min_views = asked.min_views;
-  if (asked.epipolar) policy.epipolar = asked.epipolar;
-  if (asked.errors_convict) policy.errors_convict = asked.errors_convict;
   if (asked.off_grid) policy.off_grid = asked.off_grid;
   return policy;
 }

@@ -1,5 +1,4 @@
-// What a map of the grid's configurations tells of any configuration: what the server would say of
-// it, or unknown.
+// The verdict of a map on any configuration: the server's verdict, or unknown.
 #pragma once
 
 #include <optional>
@@ -19,7 +18,7 @@ struct OffGridRule {
   bool free_corners_suffice = false;
 };
 
-// What a map tells of the grid cell that begins at a configuration: the box to the next value along
+// What a map has of the grid cell that begins at a configuration: the box to the next value along
 // every joint; along a joint without one, not continuous, it has no extent.
 enum class CellState {
   kNotTold,
@@ -27,11 +26,11 @@ enum class CellState {
   kOccupied,  // where all of its corners count, if all of them are free or occupied
 };
 
-// A map that tells nothing of cells.
+// A map without cells.
 inline constexpr auto kNoCells = [](ConfigurationNumber) { return CellState::kNotTold; };
 
 // Whether one of the cells that hold `q` is free; `low`: the first of `q`'s own corners.
-// `cell_at`: tells the CellState of a ConfigurationNumber.
+// `cell_at`: the CellState of a ConfigurationNumber.
 template <typename CellAt>
 bool InFreeCell(const ConfigurationGrid& grid, std::span<const double> q, ConfigurationNumber low,
                 const CellAt& cell_at) {
@@ -72,7 +71,7 @@ Policy Effective(const Policy& asked, const Policy& defaults);
 // suffice where a single view convicts, by what it shows and by nothing else.
 OffGridRule OffGridRuleOf(const Policy& policy, int views);
 
-// The verdict on `q`. `state_at`: tells the state of a ConfigurationNumber; `cell_at`: as above.
+// The verdict on `q`. `state_at`: the state of a ConfigurationNumber; `cell_at`: as above.
 // Never free or occupied where the server would not say the same; unknown where it might say
 // either, or where the map has no state. Without evidence, and without telling whether an obstacle
 // may hide.

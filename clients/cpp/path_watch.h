@@ -7,7 +7,6 @@
 #include <optional>
 #include <thread>
 
-#include "clients/cpp/cancellation.h"
 #include "clients/cpp/connection.h"
 #include "clients/cpp/server_clock.h"
 #include "silhouette/path_watch.h"

@@ -15,7 +15,34 @@ using ServerClockClock = std::chrono::steady_clock;
 constexpr absl::Duration kLongestRoundTrip = absl::Seconds(1);
 constexpr ServerClockClock::duration kBetweenRoundTrips = std::chrono::seconds(1);
 
+// Greater ages are reported as this one: longer durations cannot be computed with.
+constexpr absl::Duration kServerTimeVeryLong = absl::Hours(24 * 36500);
+
+absl::Duration SinceEpoch(ServerTime::Time time) {
+  return absl::FromChrono(time.time_since_epoch());
+}
+
 }  // namespace
+
+void ServerTime::Observe(Time asked, Time answered, absl::Duration server_clock) {
+  const std::optional<Time> earliest = Earliest(server_clock, answered);
+  if (earliest && *earliest >= asked) return;
+  best_ = {.asked = SinceEpoch(asked), .server_clock = server_clock};
+}
+
+std::optional<ServerTime::Time> ServerTime::Earliest(absl::Duration server_clock, Time received) {
+  if (!best_) return std::nullopt;
+  const absl::Duration later = server_clock - best_->server_clock;
+  const absl::Duration earliest = best_->asked + later - kMostDrift * absl::AbsDuration(later);
+  const absl::Duration waited = SinceEpoch(received) - earliest;
+  if (waited < absl::ZeroDuration()) {
+    best_.reset();
+    return std::nullopt;
+  }
+  // Rounded up, as all of it.
+  return received - (absl::ToChronoNanoseconds(std::min(waited, kServerTimeVeryLong)) +
+                     std::chrono::nanoseconds(1));
+}
 
 ServerClock::ServerClock(std::shared_ptr<const Connection> connection, absl::Duration timeout,
                          Cancellation& cancellation)
@@ -26,22 +53,21 @@ ServerClock::ServerClock(std::shared_ptr<const Connection> connection, absl::Dur
 absl::Status ServerClock::Measure() {
   grpc::ClientContext context;
   const Cancellation::Call call(cancellation_, context);
-  v1::CheckConfigurationsResponse response;
   const ServerClockClock::time_point asked = ServerClockClock::now();
-  const absl::Status status = connection_->Call(
-      context, connection_->collisions(), &v1::CollisionService::Stub::CheckConfigurations,
-      v1::CheckConfigurationsRequest(), timeout_, response);
+  const auto response = connection_->Call(context, connection_->collisions(),
+                                          &v1::CollisionService::Stub::CheckConfigurations,
+                                          v1::CheckConfigurationsRequest(), timeout_);
   const ServerClockClock::time_point answered = ServerClockClock::now();
   // A slow server is not asked the more.
   next_ = answered + std::max(kBetweenRoundTrips, 4 * (answered - asked));
-  if (!status.ok()) return status;
-  if (!response.basis().has_server_clock()) {
+  if (!response.ok()) return response.status();
+  if (!response->basis().has_server_clock()) {
     return absl::UnimplementedError(absl::StrCat("the server at ", connection_->address(),
-                                                 " does not tell its clock, so that nobody knows "
-                                                 "how old its messages are; use a "
-                                                 "silhouette-server of this version"));
+                                                 " does not report its clock, so the age of its "
+                                                 "messages is unknown; use a silhouette-server of "
+                                                 "this version"));
   }
-  time_.Observe(asked, answered, FromMessage(response.basis().server_clock()));
+  time_.Observe(asked, answered, FromMessage(response->basis().server_clock()));
   return absl::OkStatus();
 }
 
@@ -51,9 +77,10 @@ absl::StatusOr<ServerTime::Time> ServerClock::MadeAt(const v1::Basis& basis,
   if (ServerClockClock::now() >= next_) measured = Measure();
   if (measured.code() == absl::StatusCode::kUnimplemented) return measured;
   if (!basis.has_server_clock()) {
-    return absl::UnimplementedError(absl::StrCat("the server at ", connection_->address(),
-                                                 " does not tell when it made its messages; use a "
-                                                 "silhouette-server of this version"));
+    return absl::UnimplementedError(
+        absl::StrCat("the server at ", connection_->address(),
+                     " does not report when it made its messages; use a "
+                     "silhouette-server of this version"));
   }
   const absl::Duration made = FromMessage(basis.server_clock());
   std::optional<ServerTime::Time> earliest = time_.Earliest(made, received);

@@ -27,7 +27,7 @@ struct SpaceSnapshot::Content {
   std::shared_ptr<const SpaceMap> map = nullptr;
   std::optional<Reason> unknown = Reason::kNoUpdate;
   Validity validity = {};
-  // Nothing: not known, so that only configurations on the grid can be told of.
+  // Nothing: not known; then only configurations on the grid have a state.
   std::optional<OffGridRule> rule = std::nullopt;
   uint64_t number = 0;
   uint64_t skipped_scenes = 0;

@@ -23,7 +23,8 @@ Words WordsFor(Reason reason) {
       return {"view missing", "the scene lacks a view of the database: publish an image of each"};
     case Reason::kRobotPositionUnknown:
       return {"robot position unknown",
-              "the robot's present configuration was not told, or is outside the grid"};
+              "the scene has no joint values, or they are outside the grid: publish them with the "
+              "images"};
     case Reason::kFixedJointMoved:
       return {"fixed joint moved",
               "a joint outside the grid is not where it stood when the robot images were captured, "
@@ -57,9 +58,10 @@ Words WordsFor(Reason reason) {
     case Reason::kRegionEnded:
       return {"region ended", "an allowed region ended while the answer was made: ask again"};
     case Reason::kCalibrationDoubtful:
-      return {"calibration doubtful",
-              "a camera moved, or nobody checked lately whether one did (silhouette-calibrate "
-              "check): calibrate anew, or ask for the preset uncalibrated"};
+      return {
+          "calibration doubtful",
+          "a camera moved, or no recent check confirms the calibration: run 'silhouette-calibrate "
+          "check', calibrate again, or ask for the preset uncalibrated"};
     case Reason::kVariantUnknown:
       return {"variant unknown",
               "it is not known which of the database's variants shows the robot: look "
@@ -70,13 +72,10 @@ Words WordsFor(Reason reason) {
           "the map has no verdict on the configuration, for want of a usable robot image or of a "
           "view: ask the server for the reason"};
     case Reason::kBetweenGridPoints:
-      return {"between grid points",
-              "the corners of its grid cell are free, which proves nothing of what lies between "
-              "them, and "
-              "the map does not tell that the cell is: ask the server"};
-    case Reason::kMapClosed:
-      return {"map closed",
-              "the server stopped, or serves another database: open the shared map again"};
+      return {
+          "between grid points",
+          "the corners of its grid cell are free, but the map does not confirm the space between "
+          "them: ask the server"};
     case Reason::kNoUpdate:
       return {"no update", "nothing has come from the server yet: wait for the first update"};
     case Reason::kConnectionLost:
@@ -93,7 +92,7 @@ Words WordsFor(Reason reason) {
               "what the server sent cannot be used: use a silhouette-server of this version"};
     case Reason::kAgeUnknown:
       return {"age unknown",
-              "how old the scene is cannot be told, for the server did not tell its clock"};
+              "the age of the scene is unknown because the server did not report its clock"};
   }
   return {"unspecified", "the server gave no reason that is known here"};
 }

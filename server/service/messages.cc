@@ -76,11 +76,6 @@ void ToMessage(const Policy& policy, v1::Policy* message) {
   }
   message->set_off_grid(policy.off_grid == OffGrid::kCell ? v1::OFF_GRID_CELL
                                                           : v1::OFF_GRID_NEAREST);
-  if (!IsCalibrated(policy.preset)) return;
-  message->set_epipolar(EpipolarDomainOf(policy) == EpipolarDomain::kIntersection
-                            ? v1::EPIPOLAR_INTERSECTION
-                            : v1::EPIPOLAR_OBSTACLE);
-  message->set_errors_convict(ErrorsConvict(policy));
 }
 
 void ToMessage(const ConfigurationGrid& grid, v1::Grid* message) {

@@ -104,28 +104,6 @@ absl::Status SetOffGrid(const v1::Policy& message, Policy& policy) {
   }
 }
 
-// How lines are searched.
-absl::Status SetLines(const v1::Policy& message, Policy& policy) {
-  constexpr char kCalibratedOnly[] = "it goes with the presets 'calibrated' and 'paper-calibrated'";
-  const bool calibrated = IsCalibrated(policy.preset);
-  if (message.has_errors_convict()) {
-    if (!calibrated) return InField("policy.errors_convict", kCalibratedOnly);
-    policy.errors_convict = message.errors_convict();
-  }
-  if (message.epipolar() == v1::EPIPOLAR_UNSPECIFIED) return absl::OkStatus();
-  if (!calibrated) return InField("policy.epipolar", kCalibratedOnly);
-  switch (message.epipolar()) {
-    case v1::EPIPOLAR_INTERSECTION:
-      policy.epipolar = EpipolarDomain::kIntersection;
-      return absl::OkStatus();
-    case v1::EPIPOLAR_OBSTACLE:
-      policy.epipolar = EpipolarDomain::kObstacle;
-      return absl::OkStatus();
-    default:
-      return InField("policy.epipolar", "this server does not know the value");
-  }
-}
-
 }  // namespace
 
 grpc::Status ToGrpc(const absl::Status& status) {
@@ -148,8 +126,6 @@ absl::StatusOr<Policy> PolicyFrom(const v1::Policy& message, const Policy& defau
     policy.preset = *preset;
     // What the server says of its default preset went with it.
     policy.min_views.reset();
-    policy.epipolar.reset();
-    policy.errors_convict.reset();
   }
   if (message.has_max_occluded_views()) {
     if (policy.preset != Preset::kUncalibrated) {
@@ -159,7 +135,6 @@ absl::StatusOr<Policy> PolicyFrom(const v1::Policy& message, const Policy& defau
     policy.min_views.reset();
   }
   if (message.has_min_views()) policy.min_views = message.min_views();
-  RETURN_IF_ERROR(SetLines(message, policy));
   RETURN_IF_ERROR(SetOffGrid(message, policy));
   try {
     MinViews(policy, views);

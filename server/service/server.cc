@@ -184,9 +184,8 @@ class LiveHealth : public Watcher {
 
 }  // namespace
 
-Server::Server(std::shared_ptr<const ServedDatabase> database, ServingSettings settings,
-               std::unique_ptr<SharedMapWriter> shared_map)
-    : serving_(std::move(database), std::move(settings), std::move(shared_map)),
+Server::Server(std::shared_ptr<const ServedDatabase> database, ServingSettings settings)
+    : serving_(std::move(database), std::move(settings)),
       collision_service_(serving_),
       scene_service_(serving_),
       database_service_(serving_) {}
@@ -195,17 +194,9 @@ absl::StatusOr<std::unique_ptr<Server>> Server::Start(
     const std::string& address, std::shared_ptr<const ServedDatabase> database,
     ServingSettings settings) {
   RETURN_IF_ERROR(CheckListenAddress(address));
-  std::unique_ptr<SharedMapWriter> shared_map;
-  if (!settings.shared_map.file.empty()) {
-    ASSIGN_OR_RETURN(auto made,
-                     SharedMapWriter::Create(settings.shared_map, settings.scene.max_age, database,
-                                             DefaultPolicy(settings, *database)));
-    shared_map = std::move(made);
-  }
   grpc::EnableDefaultHealthCheckService(true);
   grpc::reflection::InitProtoReflectionServerBuilderPlugin();
-  auto server = std::unique_ptr<Server>(
-      new Server(std::move(database), std::move(settings), std::move(shared_map)));
+  auto server = std::unique_ptr<Server>(new Server(std::move(database), std::move(settings)));
   if (!server->serving_.settings.metrics.empty()) {
     ASSIGN_OR_RETURN(auto metrics,
                      Metrics::Start(server->serving_.settings.metrics, server->serving_));

@@ -31,8 +31,8 @@ class Server {
   // Greatest request: camera images of all views.
   static constexpr int kMaxRequestBytes = 64 << 20;
 
-  // Starts to listen; see CheckListenAddress for `address` and the errors, and SharedMapFile for
-  // those of a shared map, Metrics for those of metrics.
+  // Starts to listen; see CheckListenAddress for `address` and the errors, and Metrics for those
+  // of metrics.
   static absl::StatusOr<std::unique_ptr<Server>> Start(
       const std::string& address, std::shared_ptr<const ServedDatabase> database,
       ServingSettings settings);
@@ -66,8 +66,7 @@ class Server {
   void Stop(absl::Duration grace);
 
  private:
-  Server(std::shared_ptr<const ServedDatabase> database, ServingSettings settings,
-         std::unique_ptr<SharedMapWriter> shared_map);
+  Server(std::shared_ptr<const ServedDatabase> database, ServingSettings settings);
 
   Serving serving_;
   CollisionService collision_service_;

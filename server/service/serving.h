@@ -136,15 +136,13 @@ class WorkerPool {
 };
 
 struct Serving {
-  // `shared_map`: null if the settings name none.
-  Serving(std::shared_ptr<const ServedDatabase> database, ServingSettings the_settings,
-          std::unique_ptr<SharedMapWriter> shared_map)
+  Serving(std::shared_ptr<const ServedDatabase> database, ServingSettings the_settings)
       : settings(std::move(the_settings)),
         scenes(std::move(database)),
         publisher(settings, scenes),
         region_log(scenes, settings.clock),
         watches(scenes, settings.scene, settings.clock),
-        map_keeper(std::make_shared<MapKeeper>(settings, scenes, spaces, std::move(shared_map))),
+        map_keeper(std::make_shared<MapKeeper>(settings, scenes, spaces)),
         watch_workers(settings.worker_threads, settings.worker_queue),
         workers(settings.worker_threads, settings.worker_queue) {
     scenes.SetTrust(settings.trust);

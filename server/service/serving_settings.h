@@ -13,7 +13,6 @@
 #include "server/scene/scene_settings.h"
 #include "server/scene/scene_store.h"
 #include "server/scene/served_database.h"
-#include "server/service/shared_map_writer.h"
 
 namespace silhouette {
 
@@ -27,9 +26,6 @@ struct ServingSettings {
   // How long the map of the default policy is worked out after each scene, before anybody asks for
   // it. Zero: not at all.
   absl::Duration map_time = absl::Milliseconds(20);
-  // Where the map of the default policy is shared with clients on the same machine; the clock must
-  // then be SystemClock.
-  SharedMapSettings shared_map;
   // A watch whose caller does not take an update for so long is ended: it keeps the update's scene
   // and database alive.
   absl::Duration longest_write = absl::Seconds(30);

@@ -56,9 +56,6 @@ struct ServerSettings {
   std::optional<uint64_t> robot_image_memory;
   // Whether variants beside the default one are among them.
   bool variants_in_memory = false;
-  // File of the shared map; empty: none. Its permissions, as chmod has them.
-  std::string shared_map;
-  unsigned shared_map_mode = 0640;
   // File of the newest check of the calibration; empty: it is taken to hold. Older checks are none.
   std::string calibration_check;
   absl::Duration calibration_check_max_age = absl::InfiniteDuration();

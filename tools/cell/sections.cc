@@ -31,16 +31,6 @@ int AtLeast(YamlMap& map, const std::string& key, int default_value, int least) 
 }
 
 // Permissions as chmod has them.
-unsigned ReadMode(const YamlNode& node) {
-  const std::string text = node.As<std::string>();
-  const std::string digits = text.size() == 4 && text[0] == '0' ? text.substr(1) : text;
-  // The owner reads and writes, others read or do not.
-  const bool possible = digits.size() == 3 && digits[0] == '6' &&
-                        digits.find_first_not_of("04", 1) == std::string::npos;
-  if (!possible) node.Fail("permissions that let nobody else write are expected, as \"0640\"");
-  return static_cast<unsigned>(std::stoul(digits, nullptr, 8));
-}
-
 ForbiddenRegion ReadForbiddenRegion(const YamlNode& node, const ConfigurationGrid& grid) {
   YamlMap map(node);
   ForbiddenRegion region;
@@ -224,19 +214,7 @@ PolicySettings ReadPolicy(const YamlNode& node, int views) {
   if (const auto off_grid = map.Optional("off_grid")) {
     policy.off_grid = OneOf(*off_grid, "cell", "nearest") ? OffGrid::kCell : OffGrid::kNearest;
   }
-  const auto epipolar = map.Optional("epipolar");
-  if (epipolar) {
-    policy.epipolar = OneOf(*epipolar, "intersection", "obstacle") ? EpipolarDomain::kIntersection
-                                                                   : EpipolarDomain::kObstacle;
-  }
-  const auto errors_convict = map.Optional("errors_convict");
-  if (errors_convict) policy.errors_convict = errors_convict->As<bool>();
   map.Finish();
-  if (preset && !IsCalibrated(policy.preset)) {
-    for (const auto& key : {epipolar, errors_convict}) {
-      if (key) key->Fail("it goes with the presets 'calibrated' and 'paper-calibrated'");
-    }
-  }
   try {
     MinViews(policy, views);
   } catch (const std::invalid_argument& error) {
@@ -292,12 +270,6 @@ ServerSettings ReadServer(const YamlNode& node, const std::filesystem::path& fol
     server.robot_image_memory = memory->AsBytes();
   }
   server.variants_in_memory = map.Get<bool>("variants_in_memory", server.variants_in_memory);
-  if (const auto shared = map.Optional("shared_map")) {
-    YamlMap shared_map(*shared);
-    server.shared_map = ResolvePath(folder, shared_map.Get<std::string>("file"));
-    if (const auto mode = shared_map.Optional("mode")) server.shared_map_mode = ReadMode(*mode);
-    shared_map.Finish();
-  }
   if (const auto checked = map.Optional("calibration_check")) {
     YamlMap check(*checked);
     server.calibration_check = ResolvePath(folder, check.Get<std::string>("file"));

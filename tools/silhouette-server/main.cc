@@ -38,7 +38,6 @@ struct Options {
   std::string database;                        // empty: what the cell file says
   std::string listen;                          // empty: what the cell file says
   std::optional<uint64_t> robot_image_memory;  // nothing: what the cell file says
-  std::string shared_map;                      // empty: what the cell file says
   std::string calibration_check;               // empty: what the cell file says
   std::string metrics;                         // empty: what the cell file says
   bool live = false;
@@ -110,9 +109,6 @@ int Run(const Options& options) {
   settings.map_time = cell->server.map_time;
   settings.segmentation = cell->segmentation;
   settings.worker_threads = static_cast<int>(std::max(2u, std::thread::hardware_concurrency()));
-  settings.shared_map = {
-      .file = options.shared_map.empty() ? cell->server.shared_map : options.shared_map,
-      .mode = cell->server.shared_map_mode};
   const CalibrationWatchSettings check{.file = options.calibration_check.empty()
                                                    ? cell->server.calibration_check
                                                    : options.calibration_check,
@@ -123,7 +119,6 @@ int Run(const Options& options) {
   settings.metrics = options.metrics.empty() ? cell->server.metrics : options.metrics;
   if (options.live) settings.live = NewLiveRecord(*cell);
   const std::shared_ptr<LiveRecord> live_record = settings.live;
-  const std::string shared_map = settings.shared_map.file;
   const std::string listen = options.listen.empty() ? cell->server.listen : options.listen;
   const absl::StatusOr<std::unique_ptr<Server>> server =
       Server::Start(listen, *std::move(database), std::move(settings));
@@ -143,10 +138,6 @@ int Run(const Options& options) {
   spdlog::info("serving cell '{}' on {}", cell->name, (*server)->address());
   if (!(*server)->metrics_address().empty()) {
     spdlog::info("metrics at http://{}/metrics", (*server)->metrics_address());
-  }
-  if (!shared_map.empty()) {
-    spdlog::info("sharing its configuration space in '{}', mode {:04o}", shared_map,
-                 cell->server.shared_map_mode);
   }
 
   WaitForEnd(*cell, path, **server);
@@ -182,10 +173,6 @@ int Main(int argc, char** argv) {
       ->transform(CLI::AsSizeValue(/*kb_is_1000=*/true))
       ->option_text("SIZE");
   app.add_option(
-      "--shared-map", options.shared_map,
-      "A file for the configuration space, which programs on this machine then look up in "
-      "memory; default: what the cell file says, else none");
-  app.add_option(
       "--calibration-check", options.calibration_check,
       "Result file of 'silhouette-calibrate check --out', watched for changes. If it does not\n"
       "confirm the calibration, presets that need one return UNKNOWN.\n"
@@ -206,7 +193,6 @@ int Main(int argc, char** argv) {
       "Whoever reaches the address can ask and publish scenes.\n\n"
       "Example:\n"
       "  silhouette-server --cell cell.yaml --database cell.lmdb --listen 127.0.0.1:50051\n"
-      "  silhouette-server --cell cell.yaml --shared-map /dev/shm/silhouette-cell\n"
       "  silhouette-server --cell cell.yaml --live --metrics 127.0.0.1:9464");
   return RunProgram(app, argc, argv, [&options] { return Run(options); });
 }

@@ -1,18 +1,22 @@
 // silhouette check
+#include <poll.h>
+#include <unistd.h>
+
 #include <algorithm>
 #include <chrono>
 #include <cmath>
 #include <functional>
 #include <iostream>
+#include <map>
 #include <memory>
+#include <mutex>
+#include <thread>
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
 #include "db/status/status_macros.h"
-#include "silhouette/shared_space.h"
-#include "tools/silhouette/check_lines.h"
 #include "tools/silhouette/commands.h"
-#include "tools/silhouette/formats/configuration_text.h"
+#include "tools/silhouette/formats/inputs.h"
 #include "tools/silhouette/formats/output.h"
 #include "tools/silhouette/options.h"
 
@@ -27,12 +31,11 @@ struct CheckArguments {
   client::Clearance clearance = client::Clearance::kOmit;
   int repeat = 0;
   bool stream = false;
-  std::string shared_map;  // empty: the server is asked
 
-  AngleUnit unit() const { return degrees ? AngleUnit::kDegrees : AngleUnit::kRadians; }
+  AngleUnit unit() const { return UnitOf(degrees); }
 };
 
-using CheckAsk = std::function<absl::StatusOr<client::ConfigurationChecks>()>;
+using CheckQuestion = std::function<absl::StatusOr<client::ConfigurationChecks>()>;
 
 absl::StatusOr<std::vector<Configuration>> ConfigurationsOf(const CheckArguments& arguments) {
   const AngleUnit unit = arguments.unit();
@@ -50,40 +53,8 @@ absl::StatusOr<std::vector<Configuration>> ConfigurationsOf(const CheckArguments
   return configurations;
 }
 
-// Checks in the way that the arguments say.
-absl::StatusOr<CheckAsk> AskOf(const Session& session, const CheckArguments& arguments,
-                               const std::vector<Configuration>& configurations) {
-  if (arguments.shared_map.empty()) {
-    const absl::StatusOr<Client> client = session.Connect();
-    if (!client.ok()) return client.status();
-    return [client = *client, policy = arguments.policy.policy(), clearance = arguments.clearance,
-            &configurations] {
-      return client.CheckConfigurations(configurations, policy, client::Evidence::kPerView,
-                                        clearance);
-    };
-  }
-  if (arguments.policy.given() || arguments.clearance == client::Clearance::kMeasure ||
-      !session.variant.empty()) {
-    return absl::InvalidArgumentError(
-        "--shared-map has verdicts under the server's policy and with the scene's variant, and no "
-        "clearances: leave out the options of the policy, --variant and --clearance, or ask the "
-        "server");
-  }
-  const auto space = client::SharedSpace::Open(arguments.shared_map);
-  if (!space.ok()) return space.status();
-  const auto dimensions = static_cast<size_t>(space->grid().dimensions());
-  for (const Configuration& q : configurations) {
-    if (q.size() == dimensions) continue;
-    return absl::InvalidArgumentError(absl::StrCat(
-        "a configuration has ", q.size(), " values, and the grid has ", dimensions, " joints"));
-  }
-  return [space = *space, &configurations]() -> absl::StatusOr<client::ConfigurationChecks> {
-    return space.CheckConfigurations(configurations);
-  };
-}
-
 // How long each of the checks of --repeat took, in microseconds, sorted; fewer after Ctrl-C.
-absl::StatusOr<std::vector<double>> Measure(const CheckAsk& ask, int repeat) {
+absl::StatusOr<std::vector<double>> Measure(const CheckQuestion& ask, int repeat) {
   std::vector<double> times;
   for (int i = 0; i < repeat && !StopRequested(); ++i) {
     const auto start = std::chrono::steady_clock::now();
@@ -106,21 +77,22 @@ double Quantile(const std::vector<double>& times, double share) {
   return times.at(static_cast<size_t>(std::max(rank, 1.0)) - 1);
 }
 
-void CheckPrintText(const std::vector<Configuration>& configurations,
-                    const client::ConfigurationChecks& checks, const std::vector<double>& times) {
+std::string CheckTextOf(const std::vector<Configuration>& configurations,
+                        const client::ConfigurationChecks& checks,
+                        const std::vector<double>& times) {
+  std::string text;
   for (size_t i = 0; i < configurations.size(); ++i) {
-    std::cout << Spoken(configurations[i]) << ": " << Spoken(checks.verdicts[i]) << '\n';
+    absl::StrAppend(&text, Spoken(configurations[i]), ": ", Spoken(checks.verdicts[i]), "\n");
   }
-  std::cout << Spoken(checks.basis) << '\n';
-  if (times.empty()) return;
-  std::cout << absl::StrFormat("%d checks: p50 %s, p99 %s\n", times.size(),
-                               Microseconds(Quantile(times, 0.5)),
-                               Microseconds(Quantile(times, 0.99)));
+  absl::StrAppend(&text, Spoken(checks.basis), "\n");
+  if (times.empty()) return text;
+  return absl::StrCat(text, times.size(), " checks: p50 ", Microseconds(Quantile(times, 0.5)),
+                      ", p99 ", Microseconds(Quantile(times, 0.99)), "\n");
 }
 
-void CheckPrintJson(const std::vector<Configuration>& configurations,
-                    const client::ConfigurationChecks& checks, client::Clearance clearance,
-                    const std::vector<double>& times) {
+Json CheckJsonOf(const std::vector<Configuration>& configurations,
+                 const client::ConfigurationChecks& checks, client::Clearance clearance,
+                 const std::vector<double>& times) {
   Json json = JsonOf(checks.basis);
   json["all_free"] = checks.AllFree();
   json["configurations"] = Json::array();
@@ -134,7 +106,137 @@ void CheckPrintJson(const std::vector<Configuration>& configurations,
     json["check_p50_us"] = Quantile(times, 0.5);
     json["check_p99_us"] = Quantile(times, 0.99);
   }
-  Print(json);
+  return json;
+}
+
+// Lines of standard input; a read that waits ends with Ctrl-C.
+class InputLines {
+ public:
+  // Nothing at the end.
+  std::optional<std::string> Next() {
+    while (true) {
+      const size_t end = buffer_.find('\n');
+      if (end != std::string::npos) {
+        std::string line = buffer_.substr(0, end);
+        buffer_.erase(0, end + 1);
+        return line;
+      }
+      if (!Fill()) break;
+    }
+    if (buffer_.empty() || StopRequested()) return std::nullopt;
+    return std::exchange(buffer_, "");
+  }
+
+ private:
+  bool Fill() {
+    while (!StopRequested()) {
+      pollfd input{.fd = STDIN_FILENO, .events = POLLIN, .revents = 0};
+      if (poll(&input, 1, /*milliseconds=*/50) <= 0) continue;
+      char bytes[4096];
+      const ssize_t count = read(STDIN_FILENO, bytes, sizeof bytes);
+      if (count <= 0) return false;
+      buffer_.append(bytes, static_cast<size_t>(count));
+      return true;
+    }
+    return false;
+  }
+
+  std::string buffer_;
+};
+
+// What was asked and is not answered yet, by the number of its line.
+class Asked {
+ public:
+  void Add(uint64_t line, const Configuration& q) {
+    const std::lock_guard lock(mutex_);
+    lines_.emplace(line, q);
+  }
+  Configuration Take(uint64_t line) {
+    const std::lock_guard lock(mutex_);
+    return lines_.extract(line).mapped();
+  }
+
+ private:
+  std::mutex mutex_;
+  std::map<uint64_t, Configuration> lines_;
+};
+
+// How the answers turned out.
+struct CheckLinesOutcome {
+  bool all_free = true;
+  absl::Status status;  // why they ended, if before the last one
+};
+
+void PrintAnswers(client::CheckStream& stream, Asked& asked, bool json, client::Clearance clearance,
+                  CheckLinesOutcome& outcome) {
+  while (true) {
+    const absl::StatusOr<client::StreamedAnswer> answer = stream.Receive();
+    outcome.status = answer.ok() ? answer->checks.status() : answer.status();
+    if (absl::IsOutOfRange(answer.status())) outcome.status = absl::OkStatus();
+    if (!answer.ok()) return;
+    if (!outcome.status.ok()) {
+      stream.Cancel();
+      return;
+    }
+    const Configuration q = asked.Take(answer->id);
+    const client::Verdict& verdict = answer->checks->verdicts[0];
+    outcome.all_free = outcome.all_free && verdict.free();
+    if (json) {
+      Json line{{"line", answer->id}, {"configuration", q}};
+      line.update(JsonOf(answer->checks->basis));
+      line.update(JsonOf(verdict, clearance));
+      std::cout << line.dump() << std::endl;
+    } else {
+      std::cout << Spoken(q) << ": " << Spoken(verdict) << std::endl;
+    }
+  }
+}
+
+// Asks about all lines. Returns the mistake in a line that ended it early; an error of the stream
+// is returned by its answers.
+absl::Status CheckLinesAsk(client::CheckStream& stream, Asked& asked, AngleUnit unit,
+                           const client::Policy& policy, client::Clearance clearance) {
+  InputLines input;
+  uint64_t number = 0;
+  while (const std::optional<std::string> line = input.Next()) {
+    ++number;
+    try {
+      const std::optional<Configuration> q = ParseLine(*line, unit);
+      if (!q) continue;
+      asked.Add(number, *q);
+      absl::Status sent;
+      do {
+        sent = stream.Send(number, {*q}, policy, client::Evidence::kPerView, clearance);
+        // The answers are being printed.
+        if (absl::IsResourceExhausted(sent)) {
+          std::this_thread::sleep_for(std::chrono::milliseconds(1));
+        }
+      } while (absl::IsResourceExhausted(sent));
+      if (!sent.ok()) break;
+    } catch (const std::invalid_argument& error) {
+      return absl::InvalidArgumentError(absl::StrCat("-:", number, ": ", error.what()));
+    }
+  }
+  return absl::OkStatus();
+}
+
+// --stream: configurations from standard input, answered one by one as they come. One line of
+// output for each line with a configuration, in their order. kDone if all are free; ends with
+// Ctrl-C, or with the first line that is no configuration.
+absl::StatusOr<ExitCode> CheckLines(const Session& session, AngleUnit unit,
+                                    const client::Policy& policy, client::Clearance clearance) {
+  ASSIGN_OR_RETURN(const Client client, session.Connect());
+  CatchStopSignals();
+  client::CheckStream stream = client.StreamChecks();
+  Asked asked;
+  CheckLinesOutcome outcome;
+  std::jthread printer([&] { PrintAnswers(stream, asked, session.json(), clearance, outcome); });
+  const absl::Status mistake = CheckLinesAsk(stream, asked, unit, policy, clearance);
+  stream.EndQuestions();
+  printer.join();
+  if (!outcome.status.ok()) return outcome.status;
+  if (!mistake.ok()) return mistake;
+  return outcome.all_free ? kDone : kNo;
 }
 
 absl::StatusOr<ExitCode> Check(const Session& session, const CheckArguments& arguments) {
@@ -142,40 +244,37 @@ absl::StatusOr<ExitCode> Check(const Session& session, const CheckArguments& arg
     return CheckLines(session, arguments.unit(), arguments.policy.policy(), arguments.clearance);
   }
   ASSIGN_OR_RETURN(const auto configurations, ConfigurationsOf(arguments));
-  ASSIGN_OR_RETURN(const CheckAsk ask, AskOf(session, arguments, configurations));
-  ASSIGN_OR_RETURN(const auto checks, (ask)());
+  ASSIGN_OR_RETURN(const Client client, session.Connect());
+  const auto ask = [&] {
+    return client.CheckConfigurations(configurations, arguments.policy.policy(),
+                                      client::Evidence::kPerView, arguments.clearance);
+  };
+  ASSIGN_OR_RETURN(const auto checks, ask());
   CatchStopSignals();
   ASSIGN_OR_RETURN(const auto times, Measure(ask, arguments.repeat));
-  if (session.json()) {
-    CheckPrintJson(configurations, checks, arguments.clearance, times);
-  } else {
-    CheckPrintText(configurations, checks, times);
-  }
+  PrintResult(session.format, CheckJsonOf(configurations, checks, arguments.clearance, times),
+              CheckTextOf(configurations, checks, times));
   return checks.AllFree() ? kDone : kNo;
 }
 
 }  // namespace
 
 void AddCheckCommand(CLI::App& program, Session& session, Run& run) {
-  CLI::App* command = program.add_subcommand("check", "Tell whether configurations are free");
+  CLI::App* command = program.add_subcommand("check", "Report whether configurations are free");
   auto arguments = std::make_shared<CheckArguments>();
   command->add_option("configurations", arguments->configurations,
                       "Joint values with commas between them: radians, or 30deg, or 0.2m");
   command->add_option("--file", arguments->file, "Read them from a file, one a line; -: stdin");
-  command->add_flag("--degrees", arguments->degrees, "Values without a unit are degrees");
+  AddDegreesFlag(*command, arguments->degrees);
   AddClearanceFlag(*command, arguments->clearance);
   command
       ->add_option("--repeat", arguments->repeat,
-                   "Ask this many times more and tell how long an answer takes")
+                   "Repeat the request this many times and report the latency")
       ->check(CLI::NonNegativeNumber);
   command
       ->add_flag("--stream", arguments->stream,
                  "Read them from stdin, one a line, and answer each at once, over one call")
       ->excludes("configurations", "--file", "--repeat");
-  command
-      ->add_option("--shared-map", arguments->shared_map,
-                   "Look into the shared map of a server on this machine instead of asking it")
-      ->excludes("--stream");
   AddFormatOption(*command, session.format);
   AddPolicyOptions(*command, arguments->policy);
   AddVariantOption(*command, session);
@@ -185,11 +284,8 @@ void AddCheckCommand(CLI::App& program, Session& session, Run& run) {
       "Example:\n"
       "  silhouette check 0.1,0.2 30deg,-10deg --clearance\n"
       "  silhouette check --degrees 30,-10 --repeat 1000 --format json\n"
-      "  my-planner | silhouette check --stream\n"
-      "  silhouette check 0.1,0.2 --shared-map /dev/shm/silhouette-cell");
-  command->callback([arguments, &session, &run] {
-    run = [arguments, &session] { return Check(session, *arguments); };
-  });
+      "  my-planner | silhouette check --stream");
+  Runs(*command, session, run, arguments, Check);
 }
 
 }  // namespace silhouette

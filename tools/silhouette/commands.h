@@ -4,6 +4,8 @@
 
 #include <CLI/CLI.hpp>
 #include <functional>
+#include <memory>
+#include <utility>
 
 #include "absl/status/statusor.h"
 #include "tools/program/program.h"
@@ -12,6 +14,15 @@
 namespace silhouette {
 
 using Run = std::function<absl::StatusOr<ExitCode>()>;
+
+// When `command` is chosen, `run` calls `action` with the session and the arguments that it read.
+template <typename Arguments>
+void Runs(CLI::App& command, const Session& session, Run& run, std::shared_ptr<Arguments> arguments,
+          absl::StatusOr<ExitCode> (*action)(const Session&, const Arguments&)) {
+  command.callback([arguments = std::move(arguments), action, &session, &run] {
+    run = [arguments, action, &session] { return action(session, *arguments); };
+  });
+}
 
 void AddCheckCommand(CLI::App& program, Session& session, Run& run);
 void AddPathCommand(CLI::App& program, Session& session, Run& run);

@@ -2,7 +2,7 @@
 #include "tools/silhouette/options.h"
 
 #include "tools/program/program.h"
-#include "tools/silhouette/formats/configuration_text.h"
+#include "tools/silhouette/formats/inputs.h"
 
 namespace silhouette {
 
@@ -33,9 +33,6 @@ client::Policy PolicyOptions::policy() const {
   policy.preset = preset;
   policy.min_views = min_views;
   policy.max_occluded_views = max_occluded_views;
-  if (errors_convict != 0) policy.errors_convict = errors_convict > 0;
-  if (epipolar == "intersection") policy.epipolar = client::Epipolar::kIntersection;
-  if (epipolar == "obstacle") policy.epipolar = client::Epipolar::kObstacle;
   if (off_grid == "cell") policy.off_grid = client::OffGrid::kCell;
   if (off_grid == "nearest") policy.off_grid = client::OffGrid::kNearest;
   return policy;
@@ -58,17 +55,6 @@ void AddPolicyOptions(CLI::App& command, PolicyOptions& options) {
                   "In how many views the robot may hide an obstacle")
       ->group(group);
   command
-      .add_option("--epipolar", options.epipolar,
-                  "Calibrated presets: where epipolar lines are searched, in what the robot covers "
-                  "(intersection) or everywhere (obstacle)")
-      ->check(CLI::IsMember({"intersection", "obstacle"}))
-      ->group(group);
-  command
-      .add_flag("--errors-convict,!--no-errors-convict", options.errors_convict,
-                "Calibrated presets: whether error pixels on its epipolar lines make a pixel an "
-                "obstacle")
-      ->group(group);
-  command
       .add_option("--off-grid", options.off_grid,
                   "What stands for a configuration off the grid: cell or nearest")
       ->check(CLI::IsMember({"cell", "nearest"}))
@@ -78,8 +64,8 @@ void AddPolicyOptions(CLI::App& command, PolicyOptions& options) {
 void AddClearanceFlag(CLI::App& command, client::Clearance& clearance) {
   command.add_flag_callback(
       "--clearance", [&clearance] { clearance = client::Clearance::kMeasure; },
-      "Tell, too, by how many mask pixels the robot could grow in the images before it were "
-      "occupied");
+      "Also report the clearance in mask pixels: how far the robot could grow in the images and "
+      "still be free");
 }
 
 void AddDegreesFlag(CLI::App& command, bool& degrees) {

@@ -31,19 +31,14 @@ void AddServerOptions(CLI::App& program, Session& session);
 // --variant, of a subcommand that asks for verdicts.
 void AddVariantOption(CLI::App& command, Session& session);
 
-// --preset, --min-views, --max-occluded-views, --epipolar, --errors-convict, --off-grid.
+// --preset, --min-views, --max-occluded-views, --off-grid.
 struct PolicyOptions {
   std::string preset;
   std::optional<int> min_views;
   std::optional<int> max_occluded_views;
-  std::string epipolar;
-  int errors_convict = 0;  // above 0 yes, below 0 no, 0 not said
   std::string off_grid;
 
   client::Policy policy() const;
-  // Whether anything is said.
-  bool given() const { return *this != PolicyOptions{}; }
-  bool operator==(const PolicyOptions&) const = default;
 };
 void AddPolicyOptions(CLI::App& command, PolicyOptions& options);
 

@@ -1,6 +1,5 @@
 // silhouette plan
 #include <chrono>
-#include <iostream>
 #include <memory>
 #include <optional>
 
@@ -10,9 +9,9 @@
 #include "common/picture/files.h"
 #include "db/status/status_macros.h"
 #include "tools/silhouette/commands.h"
-#include "tools/silhouette/formats/configuration_text.h"
+#include "tools/silhouette/formats/inputs.h"
 #include "tools/silhouette/formats/output.h"
-#include "tools/silhouette/formats/space_picture.h"
+#include "tools/silhouette/formats/pictures.h"
 #include "tools/silhouette/formats/truth.h"
 #include "tools/silhouette/options.h"
 
@@ -70,7 +69,7 @@ std::string OutcomeText(const Findings& findings) {
 }
 
 absl::StatusOr<Findings> FindPath(const Client& client, const PlanArguments& arguments) {
-  const AngleUnit unit = arguments.degrees ? AngleUnit::kDegrees : AngleUnit::kRadians;
+  const AngleUnit unit = UnitOf(arguments.degrees);
   const Configuration start = ParseConfiguration(arguments.start, unit);
   const Configuration goal = ParseConfiguration(arguments.goal, unit);
   const client::Policy policy = arguments.policy.policy();
@@ -141,7 +140,7 @@ absl::Status PlanWritePicture(const Findings& findings, const std::string& path)
   return WritePng(path, Draw(chart));
 }
 
-void PlanPrintJson(const Findings& findings) {
+Json PlanJsonOf(const Findings& findings) {
   const client::StateCounts counts = findings.space.Count();
   const Plan& plan = findings.search.plan;
   Json json{{"found", findings.found()},
@@ -167,30 +166,33 @@ void PlanPrintJson(const Findings& findings) {
                  {"additional", judgement.additional},
                  {"additional_percent", Percent(judgement.additional, all)}});
   }
-  Print(json);
+  return json;
 }
 
-void PlanPrintText(const Findings& findings) {
+std::string PlanTextOf(const Findings& findings) {
   const Plan& plan = findings.search.plan;
+  std::string text;
   if (findings.found()) {
-    std::cout << absl::StrFormat("a path of %d waypoints, %.4g grid steps long\n",
-                                 plan.waypoints.size(), plan.length);
-    for (const Configuration& q : plan.waypoints) std::cout << "  " << Spoken(q) << '\n';
-    std::cout << "free: " << findings.check->checked << " places checked, "
-              << Spoken(findings.check->basis) << '\n';
+    text = absl::StrFormat("a path of %d waypoints, %.4g grid steps long\n", plan.waypoints.size(),
+                           plan.length);
+    for (const Configuration& q : plan.waypoints) absl::StrAppend(&text, "  ", Spoken(q), "\n");
+    absl::StrAppend(&text, "free: ", findings.check->checked, " places checked, ",
+                    Spoken(findings.check->basis), "\n");
   } else {
-    std::cout << "no path: " << OutcomeText(findings) << '\n';
+    text = absl::StrCat("no path: ", OutcomeText(findings), "\n");
   }
-  if (!findings.truth) return;
+  if (!findings.truth) return text;
   const Judgement judgement = Judge(findings.space, *findings.truth);
   const uint64_t all = judgement.configurations;
-  std::cout << absl::StrFormat(
+  absl::StrAppendFormat(
+      &text,
       "against the truth, of %d configurations: %d (%.2f %%) really occupied; missing (reported "
       "free, really occupied) %d (%.2f %%); additional (reported occupied, really free) %d "
       "(%.2f %%); unknown %d\n",
       all, judgement.occupied_in_truth, Percent(judgement.occupied_in_truth, all),
       judgement.missing, Percent(judgement.missing, all), judgement.additional,
       Percent(judgement.additional, all), judgement.unknown);
+  return text;
 }
 
 absl::StatusOr<ExitCode> PlanPath(const Session& session, const PlanArguments& arguments) {
@@ -205,7 +207,7 @@ absl::StatusOr<ExitCode> PlanPath(const Session& session, const PlanArguments& a
   if (!arguments.out.empty()) status = WritePath(findings, arguments.out);
   if (!arguments.picture.empty()) status.Update(PlanWritePicture(findings, arguments.picture));
   if (!status.ok()) return status;
-  session.json() ? PlanPrintJson(findings) : PlanPrintText(findings);
+  PrintResult(session.format, PlanJsonOf(findings), PlanTextOf(findings));
   return findings.found() ? kDone : kNo;
 }
 
@@ -218,7 +220,7 @@ void AddPlanCommand(CLI::App& program, Session& session, Run& run) {
   command->add_option("start", arguments->start, "Joint values with commas between them")
       ->required();
   command->add_option("goal", arguments->goal, "Joint values with commas between them")->required();
-  command->add_flag("--degrees", arguments->degrees, "Values without a unit are degrees");
+  AddDegreesFlag(*command, arguments->degrees);
   command->add_flag("--diagonal", arguments->diagonal, "Move several joints at once");
   command->add_option("--out", arguments->out,
                       "Write the path as JSON: configurations under the key \"waypoints\",\n"
@@ -236,9 +238,7 @@ void AddPlanCommand(CLI::App& program, Session& session, Run& run) {
       "Example:\n"
       "  silhouette plan -100deg,70deg 100deg,70deg --out path.json \\\n"
       "      --picture configuration-space.png");
-  command->callback([arguments, &session, &run] {
-    run = [arguments, &session] { return PlanPath(session, *arguments); };
-  });
+  Runs(*command, session, run, arguments, PlanPath);
 }
 
 }  // namespace silhouette

@@ -1,13 +1,12 @@
 // silhouette region allow, revoke, list
-#include <iostream>
 #include <memory>
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
 #include "db/status/status_macros.h"
 #include "tools/silhouette/commands.h"
+#include "tools/silhouette/formats/inputs.h"
 #include "tools/silhouette/formats/output.h"
-#include "tools/silhouette/formats/region_text.h"
 
 namespace silhouette {
 namespace {
@@ -18,21 +17,6 @@ struct AllowArguments {
   std::vector<std::string> masks;
   std::string duration;
 };
-
-double SecondsLeft(const client::AllowedRegion& region) {
-  return absl::ToDoubleSeconds(region.remaining);
-}
-
-Json RegionCommandsJsonOf(const client::AllowedRegion& region) {
-  Json json{{"name", region.name},
-            {"remaining_s", SecondsLeft(region)},
-            {"end_time", Spoken(region.end_time)},
-            {"views", Json::array()}};
-  for (const auto& [view, mask] : region.views) {
-    json["views"].push_back({{"view", view}, {"pixels", mask.Count()}});
-  }
-  return json;
-}
 
 // "left 12, top 9 pixels"
 std::string PixelsOf(const client::AllowedRegion& region) {
@@ -62,43 +46,33 @@ absl::StatusOr<ExitCode> Allow(const Session& session, const AllowArguments& arg
   }
   ASSIGN_OR_RETURN(const Client client, session.Connect());
   ASSIGN_OR_RETURN(const auto region, client.AllowRegion(arguments.name, views, duration));
-  if (session.json()) {
-    Print(RegionCommandsJsonOf(region));
-  } else {
-    std::cout << absl::StrFormat("obstacles are allowed in '%s' until %s: %s\n", region.name,
-                                 Spoken(region.end_time), PixelsOf(region));
-  }
+  PrintResult(session.format, JsonOf(region),
+              absl::StrFormat("obstacles are allowed in '%s' until %s: %s\n", region.name,
+                              Spoken(region.end_time), PixelsOf(region)));
   return kDone;
 }
 
 absl::StatusOr<ExitCode> Revoke(const Session& session, const std::string& name) {
   ASSIGN_OR_RETURN(const Client client, session.Connect());
   ASSIGN_OR_RETURN(const bool was_in_force, client.RevokeRegion(name));
-  if (session.json()) {
-    Print(Json{{"name", name}, {"was_in_force", was_in_force}});
-  } else {
-    std::cout << "region '" << name << "' "
-              << (was_in_force ? "is revoked" : "was not in force: nothing is changed") << '\n';
-  }
+  PrintResult(
+      session.format, {{"name", name}, {"was_in_force", was_in_force}},
+      absl::StrCat("region '", name, "' ",
+                   was_in_force ? "is revoked" : "was not in force: nothing is changed", "\n"));
   return was_in_force ? kDone : kNo;
 }
 
 absl::StatusOr<ExitCode> List(const Session& session) {
-  const absl::StatusOr<Client> client = session.Connect();
-  if (!client.ok()) return client.status();
-  ASSIGN_OR_RETURN(const auto regions, client->ListAllowedRegions());
-  if (session.json()) {
-    Json json{{"regions", Json::array()}};
-    for (const client::AllowedRegion& region : regions)
-      json["regions"].push_back(RegionCommandsJsonOf(region));
-    Print(json);
-    return kDone;
-  }
-  if (regions.empty()) std::cout << "no allowed region is in force\n";
+  ASSIGN_OR_RETURN(const Client client, session.Connect());
+  ASSIGN_OR_RETURN(const auto regions, client.ListAllowedRegions());
+  Json json{{"regions", Json::array()}};
+  std::string text = regions.empty() ? "no allowed region is in force\n" : "";
   for (const client::AllowedRegion& region : regions) {
-    std::cout << absl::StrFormat("'%s' for %.1f s more: %s\n", region.name, SecondsLeft(region),
-                                 PixelsOf(region));
+    json["regions"].push_back(JsonOf(region));
+    absl::StrAppendFormat(&text, "'%s' for %.1f s more: %s\n", region.name,
+                          absl::ToDoubleSeconds(region.remaining), PixelsOf(region));
   }
+  PrintResult(session.format, json, text);
   return kDone;
 }
 
@@ -108,7 +82,9 @@ void AddRegionAllowCommand(CLI::App& region, Session& session, Run& run) {
   CLI::App* command = region.add_subcommand(
       "allow", "Allow obstacles in a part of the images for a while, ten minutes at most");
   auto arguments = std::make_shared<AllowArguments>();
-  command->add_option("name", arguments->name, "A name, which every verdict it touches tells")
+  command
+      ->add_option("name", arguments->name,
+                   "A name; every verdict that the region affects reports it")
       ->required();
   command->add_option("polygons", arguments->polygons,
                       "VIEW:x,y;x,y;x,y: a polygon in pixels of the view's mask, integers at pixel "
@@ -122,16 +98,14 @@ void AddRegionAllowCommand(CLI::App& region, Session& session, Run& run) {
   AddFormatOption(*command, session.format);
   command->footer(
       "In the region obstacles are unknown: they neither count nor prove that nothing is there.\n"
-      "Give it in every view that sees the part, with room around it. A region of the same name "
+      "Give it in every view that sees the part, with a margin. A region of the same name "
       "is\n"
       "replaced. It ends by itself, is not prolonged by anything but a new 'allow', and does not\n"
       "outlive the server's database.\n\n"
       "Example:\n"
       "  silhouette region allow part 'left:20,30;28,30;28,40;20,40' --mask top=part.png --for "
       "30s");
-  command->callback([arguments, &session, &run] {
-    run = [arguments, &session] { return Allow(session, *arguments); };
-  });
+  Runs(*command, session, run, arguments, Allow);
 }
 
 void AddRegionRevokeCommand(CLI::App& region, Session& session, Run& run) {

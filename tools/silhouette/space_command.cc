@@ -1,7 +1,5 @@
 // silhouette space
 #include <chrono>
-#include <fstream>
-#include <iostream>
 #include <memory>
 
 #include "absl/strings/match.h"
@@ -9,9 +7,9 @@
 #include "absl/strings/str_format.h"
 #include "db/status/status_macros.h"
 #include "tools/silhouette/commands.h"
+#include "tools/silhouette/formats/inputs.h"
 #include "tools/silhouette/formats/output.h"
-#include "tools/silhouette/formats/region_text.h"
-#include "tools/silhouette/formats/space_picture.h"
+#include "tools/silhouette/formats/pictures.h"
 #include "tools/silhouette/options.h"
 
 namespace silhouette {
@@ -24,57 +22,6 @@ struct SpaceArguments {
   std::vector<double> clearance_levels;
   PolicyOptions policy;
 };
-
-void WriteCsv(const client::ConfigurationSpace& space, std::ostream& out) {
-  const ConfigurationGrid& grid = space.grid();
-  out << "number";
-  for (const GridJoint& joint : grid.joints()) out << ',' << joint.name;
-  const bool levels = !space.clearance_levels().empty();
-  out << (levels ? ",state,clearance_above\n" : ",state\n");
-  for (ConfigurationNumber number = 0; number < grid.number_limit(); ++number) {
-    if (!grid.Contains(number)) continue;
-    out << number;
-    for (double value : grid.At(number)) out << absl::StreamFormat(",%.17g", value);
-    out << ',' << NameOf(space.StateAt(number));
-    const std::optional<double> exceeds = space.ClearanceAt(number).exceeds;
-    if (levels) out << ',' << (exceeds ? absl::StrFormat("%.17g", *exceeds) : "");
-    out << '\n';
-  }
-}
-
-// One line per configuration, without the whole of it in memory.
-void WriteJson(const client::ConfigurationSpace& space, std::ostream& out) {
-  const ConfigurationGrid& grid = space.grid();
-  Json head = JsonOf(space.basis());
-  head["joints"] = Json::array();
-  for (const GridJoint& joint : grid.joints()) head["joints"].push_back(joint.name);
-  std::string text = head.dump();
-  text.pop_back();
-  out << text << ",\n\"configurations\":[";
-  bool first = true;
-  for (ConfigurationNumber number = 0; number < grid.number_limit(); ++number) {
-    if (!grid.Contains(number)) continue;
-    Json entry{{"number", number},
-               {"configuration", grid.At(number)},
-               {"state", NameOf(space.StateAt(number))}};
-    if (!space.clearance_levels().empty()) {
-      const std::optional<double> exceeds = space.ClearanceAt(number).exceeds;
-      entry["clearance_above"] = exceeds ? Json(*exceeds) : Json();
-    }
-    out << (first ? "\n" : ",\n") << entry.dump();
-    first = false;
-  }
-  out << "\n]}\n";
-}
-
-absl::Status WriteSpace(const client::ConfigurationSpace& space, const std::string& path) {
-  std::ofstream out(path);
-  if (!out) return absl::FailedPreconditionError("the file '" + path + "' cannot be written");
-  absl::EndsWith(path, ".csv") ? WriteCsv(space, out) : WriteJson(space, out);
-  out.close();
-  if (out) return absl::OkStatus();
-  return absl::ResourceExhaustedError("cannot write all of '" + path + "'; is the disk full?");
-}
 
 absl::Status SpaceWritePicture(const client::ConfigurationSpace& space, const std::string& path) {
   const bool levels = !space.clearance_levels().empty();
@@ -128,12 +75,10 @@ absl::StatusOr<ExitCode> FetchSpace(const Session& session, const SpaceArguments
     ASSIGN_OR_RETURN(const absl::Duration time, ParseDuration(arguments.max_time));
     max_time = time;
   }
-  const absl::StatusOr<Client> client = session.Connect();
-  if (!client.ok()) return client.status();
+  ASSIGN_OR_RETURN(const Client client, session.Connect());
   const client::Policy policy = arguments.policy.policy();
   const auto start = std::chrono::steady_clock::now();
-  const auto space =
-      client->GetConfigurationSpace(policy, {}, max_time, arguments.clearance_levels);
+  const auto space = client.GetConfigurationSpace(policy, {}, max_time, arguments.clearance_levels);
   const std::chrono::duration<double, std::milli> taken = std::chrono::steady_clock::now() - start;
   if (!space.ok()) return space.status();
   absl::Status status;
@@ -144,35 +89,35 @@ absl::StatusOr<ExitCode> FetchSpace(const Session& session, const SpaceArguments
   const client::StateCounts counts = space->Count();
   const uint64_t all = space->grid().size();
   absl::StatusOr<client::Verdict> unknown = client::Verdict();
-  if (counts.unknown > 0) unknown = FirstUnknown(*client, *space, policy);
+  if (counts.unknown > 0) unknown = FirstUnknown(client, *space, policy);
   if (!unknown.ok()) return unknown.status();
   const bool told = counts.unknown > 0 && unknown->state == client::State::kUnknown;
-  if (session.json()) {
-    Json json = JsonOf(space->basis());
-    json.update({{"configurations", all},
-                 {"free", counts.free},
-                 {"occupied", counts.occupied},
-                 {"unknown", counts.unknown},
-                 {"tiles_left_out", space->tiles_left_out()},
-                 {"unknown_reason", told ? Json(NameOf(unknown->reason)) : Json()},
-                 {"space_ms", taken.count()}});
-    if (!arguments.clearance_levels.empty()) json["clearance_levels"] = JsonOfLevels(*space);
-    Print(json);
-    return kDone;
-  }
-  std::cout << absl::StrFormat(
+  Json json = JsonOf(space->basis());
+  json.update({{"configurations", all},
+               {"free", counts.free},
+               {"occupied", counts.occupied},
+               {"unknown", counts.unknown},
+               {"tiles_left_out", space->tiles_left_out()},
+               {"unknown_reason", told ? Json(NameOf(unknown->reason)) : Json()},
+               {"space_ms", taken.count()}});
+  if (!arguments.clearance_levels.empty()) json["clearance_levels"] = JsonOfLevels(*space);
+  std::string text = absl::StrFormat(
       "%d configurations: %d free (%.1f %%), %d occupied (%.1f %%), %d unknown (%.1f %%)\n", all,
       counts.free, Percent(counts.free, all), counts.occupied, Percent(counts.occupied, all),
       counts.unknown, Percent(counts.unknown, all));
-  std::cout << TableOfLevels(*space);
+  absl::StrAppend(&text, TableOfLevels(*space));
   if (space->tiles_left_out() > 0) {
-    std::cout << absl::StreamFormat(
+    absl::StrAppendFormat(
+        &text,
         "unknown, as the time was over: what is in %d of %d tiles; ask again for more of them\n",
         space->tiles_left_out(), space->grid().tiles());
   }
-  if (told) std::cout << "unknown, the first of them: " << Describe(unknown->reason) << '\n';
-  std::cout << Spoken(space->basis())
-            << absl::StreamFormat("; fetched in %.1f ms\n", taken.count());
+  if (told) {
+    absl::StrAppend(&text, "unknown, the first of them: ", Describe(unknown->reason), "\n");
+  }
+  absl::StrAppend(&text, Spoken(space->basis()),
+                  absl::StrFormat("; fetched in %.1f ms\n", taken.count()));
+  PrintResult(session.format, json, text);
   return kDone;
 }
 
@@ -189,7 +134,7 @@ void AddSpaceCommand(CLI::App& program, Session& session, Run& run) {
                       "How long the server may work, e.g. 20ms; what is not done is unknown");
   command
       ->add_option("--clearance", arguments->clearance_levels,
-                   "Tell, too, which free configurations have more clearance than each of these "
+                   "Also report which free configurations have more clearance than each of these "
                    "levels, in mask pixels, ascending: --clearance 1,2,4,8")
       ->delimiter(',');
   AddFormatOption(*command, session.format);
@@ -198,9 +143,7 @@ void AddSpaceCommand(CLI::App& program, Session& session, Run& run) {
   command->footer(
       "Example:\n  silhouette space --out space.csv --picture space.png\n"
       "  silhouette space --clearance 1,2,4,8 --picture clearance.png");
-  command->callback([arguments, &session, &run] {
-    run = [arguments, &session] { return FetchSpace(session, *arguments); };
-  });
+  Runs(*command, session, run, arguments, FetchSpace);
 }
 
 }  // namespace silhouette

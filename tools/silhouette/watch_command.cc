@@ -12,9 +12,8 @@
 #include "silhouette/path_watch.h"
 #include "tools/program/program.h"
 #include "tools/silhouette/commands.h"
-#include "tools/silhouette/formats/configuration_text.h"
+#include "tools/silhouette/formats/inputs.h"
 #include "tools/silhouette/formats/output.h"
-#include "tools/silhouette/formats/region_text.h"
 #include "tools/silhouette/options.h"
 
 namespace silhouette {
@@ -190,14 +189,14 @@ absl::StatusOr<ExitCode> Watch(const Session& session, const WatchArguments& arg
 
 void AddWatchCommand(CLI::App& program, Session& session, Run& run) {
   CLI::App* command = program.add_subcommand(
-      "watch", "Tell with every scene how the configuration space, or a path, stands");
+      "watch", "Report the configuration space, or a path, with every scene");
   auto arguments = std::make_shared<WatchArguments>();
   AddPathArguments(*command, arguments->path);
   command
       ->add_option("--max-age", arguments->max_age,
                    "How old a scene may be until all is unknown, e.g. 300ms; not for a path")
       ->capture_default_str();
-  command->add_option("--count", arguments->count, "End after so many updates")
+  command->add_option("--count", arguments->count, "End after this many updates")
       ->check(PositiveNumber());
   command->add_flag("--no-retry", arguments->no_retry,
                     "End with exit code 3 when the server is lost, instead of trying again");
@@ -206,17 +205,15 @@ void AddWatchCommand(CLI::App& program, Session& session, Run& run) {
   AddPolicyOptions(*command, arguments->policy);
   AddVariantOption(*command, session);
   command->footer(
-      "A line for each update, with --format json an object on each; a line, too, when what was\n"
-      "said cannot be relied on any more, and when the server is lost. Without waypoints it tells "
-      "of\n"
-      "the configuration space. Ends with Ctrl-C: exit code 0.\n\n"
+      "Prints a line for each update; with --format json an object per line. Prints a line, too,\n"
+      "when the last verdict expires and when the server is lost. Without waypoints it watches "
+      "the\n"
+      "configuration space. Ctrl-C ends it with exit code 0.\n\n"
       "Example:\n"
       "  silhouette watch --max-age 300ms\n"
       "  silhouette watch 0.1,0.2 0.5,0.2 --format json\n"
       "  silhouette watch --file path.json --no-retry");
-  command->callback([arguments, &session, &run] {
-    run = [arguments, &session] { return Watch(session, *arguments); };
-  });
+  Runs(*command, session, run, arguments, Watch);
 }
 
 }  // namespace silhouette

@@ -40,7 +40,7 @@ struct AcquisitionLatency {
 struct RobotVariant {
   // Empty: it is not known, and nothing is free.
   std::string variant;
-  // It was told that it is being changed.
+  // It is being changed.
   bool changing = false;
   // Why it is not known, and the mend; empty if it is.
   std::string unknown;

@@ -9,7 +9,7 @@
 //   Unavailable       no server answers there, or it went away before the answer was complete
 //   DeadlineExceeded  it did not answer in time
 //   InvalidArgument, NotFound, FailedPrecondition   the server refuses; its own words
-//   Unimplemented     the server is older than this library: it does not know a call, or tells no
+//   Unimplemented     the server is older than this library: it does not know a call, or reports no
 //                     clearances
 //   Internal          the answer is malformed
 // No error is ever a verdict, and a part of an answer is never handed out.
@@ -47,7 +47,7 @@ class Client {
  public:
   // `address`: "host:port" or "unix:path". `timeout`: for each call as a whole. Only looks whether
   // the address can be one (InvalidArgument); the connection is made with the first call, and made
-  // anew whenever it was lost. Not encrypted.
+  // again whenever it was lost. Not encrypted.
   static absl::StatusOr<Client> Connect(const std::string& address,
                                         absl::Duration timeout = absl::Seconds(10));
 
@@ -85,7 +85,7 @@ class Client {
                                       const Policy& policy = {},
                                       Clearance clearance = Clearance::kOmit) const;
 
-  // The same, answered anew with every scene; needs a server that can.
+  // The same, answered again with every scene; needs a server that can.
   absl::StatusOr<PathWatch> WatchPath(std::span<const Configuration> waypoints,
                                       const Policy& policy = {},
                                       Clearance clearance = Clearance::kOmit) const;
@@ -117,12 +117,12 @@ class Client {
   // How the server's own acquisition goes. FailedPrecondition if it does not take images itself.
   absl::StatusOr<Acquisition> GetAcquisition() const;
 
-  // Tell a server that takes images itself which variant shows the robot: before the
+  // Report to a server that takes images itself which variant shows the robot: before the
   // gripper closes, or a part or tool is taken or left, that the variant is changing; afterwards
   // which it is. From then on nothing that rests on images of before is free, nor while it is
-  // changing. May be told again. InvalidArgument: the database has no such variant.
+  // changing. May be called again. InvalidArgument: the database has no such variant.
   // FailedPrecondition: the server does not take images itself; publish scenes that name their
-  // variant. After any other error it is not known whether it was told: tell it again.
+  // variant. After any other error the server may not know it: call again.
   absl::StatusOr<VariantChange> BeginVariantChange() const;
   absl::StatusOr<VariantChange> ChangeVariant(const std::string& variant) const;
 

@@ -24,7 +24,7 @@ struct ConfigurationSpaceTile {
   // Per clearance level that was asked for: those of `free` that have more clearance.
   std::vector<TileBits> above{};
   // The configurations whose grid cell, from there to the next value along every joint, is free
-  // throughout; nothing if that was not told.
+  // throughout; nothing if the server did not report it.
   std::optional<TileBits> free_cells = std::nullopt;
 };
 

@@ -52,8 +52,8 @@ struct LocalSpaceStatus {
 // Subscribes when it is made, with a thread of its own, until it goes. Everything is unknown, each
 // with its reason, before the first update; when the stream is lost, and until it is there again;
 // when what the server sent cannot be used; when the scene is older than max_age, or the server no
-// longer vouches for it, which is noticed without the server; while it cannot be told how old the
-// scene is; and when the server says so. Without a reason to doubt them, verdicts are those that
+// longer vouches for it, which is noticed without the server; while the age of the scene is
+// unknown; and when the server says so. Without a reason to doubt them, verdicts are those that
 // the server gives.
 //
 // How old a scene is follows from the server's running clock, which is asked once a second: a
@@ -95,8 +95,8 @@ class LocalSpace {
   std::shared_ptr<const SpaceSnapshot> Snapshot() const;
 
   // Waits for a snapshot whose number() is above `after`, at most for `timeout`, and returns the
-  // newest in any case. (Numbers and not scenes: a server that was started again counts its scenes
-  // anew.)
+  // newest in any case. (Numbers and not scenes: a restarted server counts its scenes from 1
+  // again.)
   std::shared_ptr<const SpaceSnapshot> WaitForUpdate(uint64_t after, absl::Duration timeout) const;
 
   LocalSpaceStatus status() const;

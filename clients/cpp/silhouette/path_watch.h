@@ -1,4 +1,4 @@
-// A path, watched: its verdict anew with every scene.
+// A path, watched: a new verdict with every scene.
 //
 //   auto watch = client->WatchPath(waypoints);
 //   while (true) {
@@ -42,7 +42,7 @@ class PathWatch {
   // The newest update, as soon as there is one that was not returned yet. DeadlineExceeded if none
   // comes within `timeout`: the watch goes on. Cancelled after Cancel(). Everything else, as Client
   // has it, says that the watch is over, every time from then on; Unimplemented also if the server
-  // does not tell its clock, without which nobody knows how old a scene is.
+  // does not report its clock: then the age of a scene is unknown.
   absl::StatusOr<PathUpdate> Next(absl::Duration timeout = absl::InfiniteDuration());
 
   // Ends the call, and a Next() that waits.

@@ -1,4 +1,4 @@
-// How verdicts are to be made, and what is to be told of them. What is not set in a policy takes
+// How verdicts are made, and what they come with. What is not set in a policy takes
 // the server's default.
 #pragma once
 
@@ -13,12 +13,6 @@ enum class OffGrid {
   kNearest,  // the robot image of the nearest grid point
 };
 
-// Which images an epipolar line is searched in.
-enum class Epipolar {
-  kIntersection,  // what the robot image of the tested configuration covers
-  kObstacle,      // all of the obstacle image
-};
-
 struct Policy {
   // One of Database::presets, e.g. "uncalibrated" or "calibrated"; empty: the server's default.
   std::string preset = {};
@@ -28,10 +22,6 @@ struct Policy {
   // obstacle.
   std::optional<int> max_occluded_views = std::nullopt;
   std::optional<OffGrid> off_grid = std::nullopt;
-  // With a calibrated preset, instead of what it says.
-  std::optional<Epipolar> epipolar = std::nullopt;
-  // Likewise: whether error pixels on its epipolar lines make a pixel an obstacle.
-  std::optional<bool> errors_convict = std::nullopt;
 };
 
 // Whether verdicts come with what each view says: longer replies.

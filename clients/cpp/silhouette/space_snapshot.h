@@ -46,7 +46,7 @@ class SpaceSnapshot : public std::enable_shared_from_this<SpaceSnapshot> {
   // The verdict on a configuration, on the grid or off it: what the server would say, or unknown
   // with the reason (off the grid the map may not be enough: kBetweenGridPoints; docs/concepts.md
   // tells where it is). Without evidence; names all allowed regions that touched the scene; whether
-  // an obstacle may hide is not told.
+  // an obstacle may hide is not reported.
   Verdict Check(std::span<const double> q) const;
   Verdict Check(std::initializer_list<double> q) const {
     return Check(std::span(q.begin(), q.size()));

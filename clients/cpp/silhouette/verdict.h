@@ -38,7 +38,6 @@ enum class Reason : uint8_t {
   kVariantUnknown = 18,
   kNotInMap = 200,
   kBetweenGridPoints = 201,
-  kMapClosed = 202,
   kNoUpdate = 203,
   kConnectionLost = 204,
   kUpdateTooOld = 205,

@@ -214,9 +214,7 @@ TEST(CheckConfigurations, SendsConfigurationsAndPolicy) {
                                        {.preset = "paper",
                                         .min_views = 3,
                                         .max_occluded_views = 2,
-                                        .off_grid = OffGrid::kNearest,
-                                        .epipolar = Epipolar::kObstacle,
-                                        .errors_convict = false},
+                                        .off_grid = OffGrid::kNearest},
                                        Evidence::kOmit)
                   .ok());
   EXPECT_THAT(seen.configurations(0).positions(), ElementsAre(0.1, 0.2));
@@ -224,15 +222,10 @@ TEST(CheckConfigurations, SendsConfigurationsAndPolicy) {
   EXPECT_EQ(seen.policy().min_views(), 3);
   EXPECT_EQ(seen.policy().max_occluded_views(), 2);
   EXPECT_EQ(seen.policy().off_grid(), v1::OFF_GRID_NEAREST);
-  EXPECT_EQ(seen.policy().epipolar(), v1::EPIPOLAR_OBSTACLE);
-  EXPECT_TRUE(seen.policy().has_errors_convict());
-  EXPECT_FALSE(seen.policy().errors_convict());
   EXPECT_TRUE(seen.omit_evidence());
   ASSERT_TRUE(client.CheckConfigurations(kOne).ok());
   EXPECT_FALSE(seen.policy().has_min_views());
   EXPECT_EQ(seen.policy().off_grid(), v1::OFF_GRID_UNSPECIFIED);
-  EXPECT_EQ(seen.policy().epipolar(), v1::EPIPOLAR_UNSPECIFIED);
-  EXPECT_FALSE(seen.policy().has_errors_convict());
 }
 
 // The reply's verdicts: free with this clearance, occupied, unknown with one that it cannot have.
@@ -334,7 +327,7 @@ TEST(Clearance, OfAServerThatDoesNotKnowThemIsAnErrorAndNoVerdict) {
           .CheckConfigurations(kOne, {}, Evidence::kPerView, Clearance::kMeasure)
           .status();
   EXPECT_EQ(status.code(), absl::StatusCode::kUnimplemented);
-  EXPECT_THAT(std::string(status.message()), HasSubstr("tells no clearances"));
+  EXPECT_THAT(std::string(status.message()), HasSubstr("reports no clearances"));
   server.check_configurations = VerdictsOf({3});
   EXPECT_TRUE(ClientOfHere(server)
                   .CheckConfigurations(kOne, {}, Evidence::kPerView, Clearance::kMeasure)
@@ -539,8 +532,6 @@ TEST(Database, IsReadWhole) {
     response.set_excluded(2);
     response.set_corrupt(1);
     response.mutable_default_policy()->set_preset("paper");
-    response.mutable_default_policy()->set_epipolar(v1::EPIPOLAR_INTERSECTION);
-    response.mutable_default_policy()->set_errors_convict(true);
     response.set_calibrated(true);
     response.add_presets("paper");
     return grpc::Status::OK;
@@ -554,8 +545,6 @@ TEST(Database, IsReadWhole) {
   EXPECT_EQ(database->views[0].permanent_pixels, 12u);
   EXPECT_EQ(database->captured, 8u);
   EXPECT_EQ(database->default_policy.preset, "paper");
-  EXPECT_EQ(database->default_policy.epipolar, Epipolar::kIntersection);
-  EXPECT_EQ(database->default_policy.errors_convict, true);
   EXPECT_TRUE(database->calibrated);
   EXPECT_THAT(database->presets, ElementsAre("paper"));
 }

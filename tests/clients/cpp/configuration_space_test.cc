@@ -245,7 +245,7 @@ TEST(ClearanceLevels, WithoutASceneThereAreNone) {
 TEST(ClearanceLevels, OfAServerThatDoesNotTellThemAreAnError) {
   const absl::Status status = Fetch({PartWithLevels({})}, grpc::Status::OK, {1, 2}).status();
   EXPECT_EQ(status.code(), absl::StatusCode::kUnimplemented);
-  EXPECT_THAT(std::string(status.message()), HasSubstr("tells no clearances"));
+  EXPECT_THAT(std::string(status.message()), HasSubstr("reports no clearances"));
 }
 
 TEST(ClearanceLevels, MalformedAnswerIsAnError) {

@@ -49,9 +49,6 @@ TEST(InstalledClient, IsFoundAndUsedByAProjectOfItsOwn) {
   const Ended gone = shell.Run(program + " 0.5 0");
   EXPECT_EQ(gone.exit_code, 3);
   EXPECT_THAT(gone.err, HasSubstr("no server answers at " + server.address));
-  const Ended nothing_shared = shell.Run("build/may_i_go_here no-such-file 0.5 0");
-  EXPECT_EQ(nothing_shared.exit_code, 3);
-  EXPECT_THAT(nothing_shared.err, HasSubstr("there is no shared map 'no-such-file'"));
 }
 
 TEST(InstalledClient, HeadersIncludeOnlyWhatIsInstalled) {

@@ -1,5 +1,5 @@
 // What is known of the server's clock: never that something is younger than it is.
-#include "clients/cpp/server_time.h"
+#include "clients/cpp/server_clock.h"
 
 #include <gtest/gtest.h>
 

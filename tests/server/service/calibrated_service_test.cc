@@ -94,20 +94,17 @@ TEST_F(CalibratedService, LetsGoWhatOneViewSeesToBeEmpty) {
   EXPECT_EQ(wide.CheckOne(At(3, 3), PolicyOf("calibrated")).state(), v1::Verdict::STATE_OCCUPIED);
 }
 
-TEST_F(CalibratedService, SearchesLinesWhereTheRequestSays) {
+TEST_F(CalibratedService, SearchesLinesWhereThePresetSays) {
   // What "left" shows beside the post is outside the test robot image of grid point (2, 3), whose
   // post is in the rows of it: the obstacle images have it on the lines, the intersections do not.
   server.Publish(HiddenByTheRobot());
-  v1::Policy policy = PolicyOf("calibrated");
-  EXPECT_EQ(StateEverywhere(2, 3, policy), v1::Verdict::STATE_FREE);
-  policy.set_epipolar(v1::EPIPOLAR_INTERSECTION);
-  EXPECT_EQ(StateEverywhere(2, 3, policy), v1::Verdict::STATE_FREE);
-  policy.set_epipolar(v1::EPIPOLAR_OBSTACLE);
+  EXPECT_EQ(StateEverywhere(2, 3, PolicyOf("calibrated")), v1::Verdict::STATE_FREE);
+  v1::Policy policy = PolicyOf("paper-calibrated");
   policy.set_min_views(2);
   EXPECT_EQ(StateEverywhere(2, 3, policy), v1::Verdict::STATE_OCCUPIED);
 }
 
-TEST_F(CalibratedService, ErrorsConvictWhereTheRequestSays) {
+TEST_F(CalibratedService, ErrorsConvictWhereThePresetSays) {
   // The robot's post is not seen in "left": errors there, unknown in the same rows of the others.
   ServingSettings settings = ChoosingPreset();
   settings.scene.max_core_error = 1;
@@ -118,10 +115,9 @@ TEST_F(CalibratedService, ErrorsConvictWhereTheRequestSays) {
   v1::Policy policy = PolicyOf("calibrated");
   EXPECT_EQ(lenient.CheckOne(At(2, 3), policy).state(), v1::Verdict::STATE_FREE);
   policy.set_min_views(2);
-  policy.set_errors_convict(true);
-  EXPECT_EQ(lenient.CheckOne(At(2, 3), policy).state(), v1::Verdict::STATE_OCCUPIED);
-  policy.set_errors_convict(false);
   EXPECT_EQ(lenient.CheckOne(At(2, 3), policy).state(), v1::Verdict::STATE_FREE);
+  policy.set_preset("paper-calibrated");
+  EXPECT_EQ(lenient.CheckOne(At(2, 3), policy).state(), v1::Verdict::STATE_OCCUPIED);
 }
 
 TEST_F(CalibratedService, ExplainsTheCollisionImageOfThePolicy) {
@@ -149,8 +145,6 @@ TEST_F(CalibratedService, TellsThatItIsCalibratedAndWhatItCanServe) {
   EXPECT_THAT(response.presets(),
               ElementsAre("uncalibrated", "paper", "calibrated", "paper-calibrated"));
   EXPECT_EQ(response.default_policy().preset(), "calibrated");
-  EXPECT_EQ(response.default_policy().epipolar(), v1::EPIPOLAR_INTERSECTION);
-  EXPECT_FALSE(response.default_policy().errors_convict());
   EXPECT_FALSE(response.default_policy().has_max_occluded_views());
 }
 
@@ -164,18 +158,9 @@ TEST_F(CalibratedService, RefusesOptionsThatDoNotGoWithThePreset) {
     EXPECT_EQ(status.error_code(), grpc::StatusCode::INVALID_ARGUMENT);
     return status.error_message();
   };
-  v1::Policy policy = PolicyOf("paper");
-  policy.set_epipolar(v1::EPIPOLAR_OBSTACLE);
-  EXPECT_THAT(refusal(policy), HasSubstr("policy.epipolar: it goes with the presets 'calibrated'"));
-  policy = PolicyOf("uncalibrated");
-  policy.set_errors_convict(false);
-  EXPECT_THAT(refusal(policy), HasSubstr("policy.errors_convict: it goes with"));
-  policy = PolicyOf("calibrated");
+  v1::Policy policy = PolicyOf("calibrated");
   policy.set_max_occluded_views(1);
   EXPECT_THAT(refusal(policy), HasSubstr("policy.max_occluded_views: it goes with"));
-  policy = PolicyOf("calibrated");
-  policy.set_epipolar(static_cast<v1::Epipolar>(7));
-  EXPECT_THAT(refusal(policy), HasSubstr("policy.epipolar: this server does not know"));
   EXPECT_THAT(refusal(PolicyOf("best")), HasSubstr("known are 'uncalibrated', 'paper', 'cal"));
 }
 

@@ -1,7 +1,7 @@
 // A server that takes images itself is told which variant shows the robot.
 #include "server/service/answers.h"
 #include "silhouette/client.h"
-#include "silhouette/shared_space.h"
+#include "silhouette/local_space.h"
 #include "tests/server/live/http_get.h"
 #include "tests/server/service/test_server.h"
 #include "tests/server/tool_variant.h"
@@ -9,7 +9,6 @@
 namespace silhouette {
 namespace {
 
-using client::SharedSpace;
 using ::testing::HasSubstr;
 
 // Where the tool alone touches a block: joint a at 1, the tool at 2.
@@ -115,7 +114,7 @@ TEST_F(ChangeVariantServiceTest, NothingOfBeforeIsFreeFromTheCallOn) {
 }
 
 TEST_F(ChangeVariantServiceTest, AnAnswerThatIsUnderWayIsNotFree) {
-  Serving serving(database, settings, nullptr);
+  Serving serving(database, settings);
   const Scene scene = *MakeScene(*database, EmptyCellScene(), {}, {}, SystemClock());
   ASSERT_TRUE(serving.publisher.Publish(scene, database).ok());
   const Served begun = serving.scenes.Newest(SystemClock());
@@ -177,13 +176,12 @@ TEST_F(ChangeVariantServiceTest, MistakesAreToldInOneSentence) {
 }
 
 // Who holds the map of the old variant in memory is told at once, and gets that of the new one.
-TEST_F(ChangeVariantServiceTest, SharedMapAndWatchFollowTheChangeAndAreNeverFreeInBetween) {
-  const std::filesystem::path folder = FreshFolder();
+TEST_F(ChangeVariantServiceTest, LocalSpaceAndWatchFollowTheChangeAndAreNeverFreeInBetween) {
   settings.scene.max_age = absl::Minutes(10);
-  settings.shared_map.file = folder / "map";
   settings.live = NewRecord(SystemClock, KnownVariant("default"));
   TestServer server(database, settings, [](const Clock&) { return SystemClock; });
-  const SharedSpace shared = SharedSpace::Open(folder / "map").value();
+  const client::LocalSpace space(client::Client::Connect(server.server->address()).value(),
+                                 {.max_age = absl::Minutes(10)});
   grpc::ClientContext context;
   const auto watch = server.collision->WatchConfigurationSpace(&context, {});
   const auto number = GridOf(ServerTestCell())->NumberOf({1, 1});
@@ -198,31 +196,31 @@ TEST_F(ChangeVariantServiceTest, SharedMapAndWatchFollowTheChangeAndAreNeverFree
     const bool free = (update.tiles(0).free()[number / 8] >> (number % 8) & 1) != 0;
     EXPECT_EQ(free, variant == "default");
   };
-  const auto await_shared = [&](client::State state) {
-    for (int i = 0; i < 12000 && shared.Check(kChangeVariantServiceToolTouches).state != state;
+  const auto await_space = [&](client::State state) {
+    for (int i = 0; i < 12000 && space.Check(kChangeVariantServiceToolTouches).state != state;
          ++i) {
       absl::SleepFor(absl::Milliseconds(5));
     }
-    EXPECT_EQ(shared.Check(kChangeVariantServiceToolTouches).state, state);
+    EXPECT_EQ(space.Check(kChangeVariantServiceToolTouches).state, state);
   };
 
   Publish(server, Made(SceneWithBlock(kChangeVariantServiceBlock), SystemClock()));
-  await_shared(client::State::kFree);
+  await_space(client::State::kFree);
   await_watch("default");
   Tell(server, "");
-  await_shared(client::State::kUnknown);
-  EXPECT_EQ(shared.unknown_reason(), client::Reason::kVariantUnknown);
+  await_space(client::State::kUnknown);
+  EXPECT_EQ(space.unknown_reason(), client::Reason::kVariantUnknown);
   // Images of before the variant was told, and of after; nothing is free until the last of them.
   const Moment before = SystemClock();
   Publish(server, Made(ToolScene(0, 0, kChangeVariantServiceBlock), before));
   Tell(server, kTool);
   Publish(server, Made(ToolScene(0, 0, kChangeVariantServiceBlock), SystemClock()));
-  EXPECT_EQ(shared.Check(kChangeVariantServiceToolTouches).state, client::State::kUnknown);
+  EXPECT_EQ(space.Check(kChangeVariantServiceToolTouches).state, client::State::kUnknown);
   absl::SleepFor(kClockTolerance);
   Publish(server, Made(ToolScene(0, 0, kChangeVariantServiceBlock), SystemClock()));
-  await_shared(client::State::kOccupied);
+  await_space(client::State::kOccupied);
   await_watch(kTool);
-  EXPECT_TRUE(shared.Check(At(4, 1)).free());
+  EXPECT_TRUE(space.Check(At(4, 1)).free());
   context.TryCancel();
 }
 

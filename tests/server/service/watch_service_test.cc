@@ -208,7 +208,7 @@ TEST(Conclude, RegionRevokedWhileAnAnswerIsMadeTakesItBack) {
   TestClock clock;
   ServingSettings settings;
   settings.clock = clock.clock();
-  Serving serving(database, settings, nullptr);
+  Serving serving(database, settings);
   absl::StatusOr<Scene> scene = MakeScene(*database, SceneWithBlock(3), {}, {}, clock.clock()());
   ASSERT_TRUE(serving.scenes.Publish(*std::move(scene), database).ok());
   std::vector<std::optional<Mask>> pixels;

@@ -360,39 +360,13 @@ TEST(Cell, SoundIsReadAndNeedsTheRobotsModel) {
 }
 
 TEST(Cell, PolicyAndCalibrationAreRead) {
-  const absl::StatusOr<Cell> cell =
-      Load(std::string(kBareCell) +
-           "policy: {preset: paper-calibrated, epipolar: intersection, errors_convict: false}\n"
-           "calibration: {margin: 1.5}\n");
+  const absl::StatusOr<Cell> cell = Load(std::string(kBareCell) +
+                                         "policy: {preset: paper-calibrated}\n"
+                                         "calibration: {margin: 1.5}\n");
   ASSERT_TRUE(cell.ok()) << cell.status();
   EXPECT_FALSE(cell->choose_preset);
   EXPECT_EQ(cell->policy.preset, Preset::kPaperCalibrated);
-  EXPECT_EQ(cell->policy.epipolar, EpipolarDomain::kIntersection);
-  EXPECT_EQ(cell->policy.errors_convict, false);
   EXPECT_EQ(cell->calibration.margin, 1.5);
-  // How lines are searched can be said for the case that the database is calibrated.
-  EXPECT_TRUE(Load(std::string(kBareCell) + "policy: {epipolar: obstacle}\n").ok());
-}
-
-TEST(Cell, SharedMapIsReadAndNobodyElseWritesToIt) {
-  const std::string cell_with =
-      "name: x\nrobot: {joints: [{name: a, lower: 0, upper: 1}]}\ngrid: {steps: {a: 4}}\n"
-      "views: [{name: top}]\nserver: {shared_map: ";
-  const absl::StatusOr<Cell> silent = Load(cell_with + "{file: /dev/shm/x}}");
-  ASSERT_TRUE(silent.ok()) << silent.status();
-  EXPECT_EQ(silent->server.shared_map, "/dev/shm/x");
-  EXPECT_EQ(silent->server.shared_map_mode, 0640u);
-  for (const char* mode : {"0604", "604", "\"0604\""}) {
-    const absl::StatusOr<Cell> cell = Load(cell_with + "{file: map, mode: " + mode + "}}");
-    ASSERT_TRUE(cell.ok()) << cell.status();
-    EXPECT_EQ(cell->server.shared_map_mode, 0604u);
-    EXPECT_THAT(cell->server.shared_map, testing::EndsWith("/map")) << "beside the cell file";
-  }
-  for (const char* mode : {"0660", "0602", "0755", "0440", "rw-r-----", "06400", "64"}) {
-    const absl::StatusOr<Cell> cell = Load(cell_with + "{file: map, mode: " + mode + "}}");
-    EXPECT_THAT(std::string(cell.status().message()), testing::HasSubstr("as \"0640\""));
-  }
-  EXPECT_FALSE(Load(cell_with + "{mode: 0640}}").ok()) << "it needs a file";
 }
 
 TEST(Cell, MaxMoveGridObeysTheLargestMovementAndSumDividesIt) {
@@ -443,10 +417,6 @@ TEST(Cell, MistakesAreToldWithLineAndMend) {
               HasSubstr("min_views"));
   EXPECT_THAT(MessageOf(std::string(kBareCell) + "policy: {preset: brave}\n"),
               HasSubstr("the presets are 'uncalibrated', 'paper'"));
-  EXPECT_THAT(MessageOf(std::string(kBareCell) + "policy: {preset: paper, epipolar: obstacle}\n"),
-              HasSubstr("policy.epipolar: it goes with the presets 'calibrated'"));
-  EXPECT_THAT(MessageOf(std::string(kBareCell) + "policy: {epipolar: somewhere}\n"),
-              HasSubstr("'intersection' or 'obstacle' is expected"));
   EXPECT_THAT(MessageOf(std::string(kBareCell) + "calibration: {margin: -1}\n"),
               HasSubstr("calibration.margin: a number not below 0 is expected"));
   EXPECT_THAT(MessageOf(std::string(kBareCell) +

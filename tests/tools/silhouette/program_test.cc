@@ -79,38 +79,6 @@ TEST_F(Silhouette, CheckTellsFreeAndOccupiedByExitCode) {
   EXPECT_GE(answer["check_p99_us"], answer["check_p50_us"]);
 }
 
-TEST(SilhouetteProgram, CheckLooksIntoTheSharedMapAndAsksNobody) {
-  SmallServedCell cell("  shared_map: {file: map}\n");
-  const std::string shared = " --shared-map map";
-  EXPECT_THAT(cell.Run("check 0,0" + shared).out, HasSubstr("unknown: no scene"));
-  ASSERT_EQ(cell.Publish(kWall, kWall).exit_code, 0);
-  // The map follows the scene.
-  for (int i = 0; i < 500 && cell.Run("check 0,0" + shared).exit_code != 0; ++i) {
-    std::this_thread::sleep_for(std::chrono::milliseconds(10));
-  }
-  for (const std::string q : {"0,0", "0.6,0.2", "0.3,0.9", "1,1"}) {
-    const Ended asked = cell.Run("check " + q);
-    const Ended looked = cell.Run("--server unix:nobody check " + q + shared + " --repeat 3");
-    EXPECT_EQ(looked.exit_code, asked.exit_code) << q;
-    EXPECT_THAT(looked.out, HasSubstr("scene 1"));
-  }
-  const Ended between = cell.Run("check 0.05,0" + shared);
-  EXPECT_EQ(between.exit_code, 0) << "one of two views convicts: " << between.out;
-  const Ended outside = cell.Run("check 3,0" + shared);
-  EXPECT_EQ(outside.exit_code, 1);
-  EXPECT_THAT(outside.out, HasSubstr("outside the grid"));
-  for (const std::string option : {"--clearance", "--min-views 1", "--off-grid cell"}) {
-    const Ended ended = cell.Run("check 0,0 " + option + shared);
-    EXPECT_EQ(ended.exit_code, 2);
-    EXPECT_THAT(ended.err, HasSubstr("the server's policy"));
-  }
-  EXPECT_EQ(cell.Run("check 0,0,0" + shared).exit_code, 2);
-  cell.StopServer();
-  const Ended gone = cell.Run("check 0,0" + shared);
-  EXPECT_EQ(gone.exit_code, 2);
-  EXPECT_THAT(gone.err, HasSubstr("there is no shared map 'map'"));
-}
-
 TEST_F(Silhouette, CheckReadsConfigurationsInDegreesAndFromAFile) {
   PublishWall();
   // 0.6 rad is 34.4 degrees.
@@ -132,16 +100,11 @@ TEST_F(Silhouette, PolicyOptionsReachTheServer) {
   EXPECT_EQ(wrong.exit_code, 2);
   EXPECT_THAT(wrong.err, HasSubstr("min_views"));
   // The cell is not calibrated.
-  for (const std::string options : {"--preset calibrated",
-                                    "--preset paper-calibrated --epipolar "
-                                    "intersection --no-errors-convict"}) {
+  for (const std::string options : {"--preset calibrated", "--preset paper-calibrated"}) {
     const Ended refused = cell_.Run("check 0.6,0 " + options);
     EXPECT_EQ(refused.exit_code, 2);
     EXPECT_THAT(refused.err, HasSubstr("needs a calibration"));
   }
-  EXPECT_THAT(cell_.Run("check 0.6,0 --epipolar obstacle").err, HasSubstr("policy.epipolar"));
-  EXPECT_THAT(cell_.Run("check 0.6,0 --errors-convict").err, HasSubstr("policy.errors_convict"));
-  EXPECT_EQ(cell_.Run("check 0.6,0 --epipolar somewhere").exit_code, 2);
   // Between 0.3 (free) and 0.4 (occupied).
   EXPECT_EQ(cell_.Run("check 0.34,0 --off-grid nearest").exit_code, 0);
   EXPECT_EQ(cell_.Run("check 0.34,0 --off-grid cell").exit_code, 1);

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Answers in words and as JSON.
 #pragma once
 
@@ -9,6 +10,8 @@
 #include "silhouette/acquisition.h"
 #include "silhouette/answers.h"
 #include "silhouette/client.h"
+#include "silhouette/configuration_space.h"
+#include "silhouette/region.h"
 #include "silhouette/scene.h"
 #include "silhouette/verdict.h"
 
@@ -16,8 +19,8 @@ namespace silhouette {
 
 using Json = nlohmann::ordered_json;
 
-// Prints a value as JSON, indented, with a line's end.
-void Print(const Json& json);
+// Prints a result, as `format` asks for ("text", "json"): its JSON, indented, or its text.
+void PrintResult(const std::string& format, const Json& json, const std::string& text);
 
 // "free", "occupied", "unknown: no scene has been published yet: publish one"; with a word on
 // obstacles that may hide, and the clearance if it is free and has one.
@@ -41,6 +44,32 @@ Json JsonOf(const client::PathCheck& check, client::Clearance clearance);
 
 // {"variant", "changing", "unknown"}; null where the variant, or why it is unknown, is empty.
 Json JsonOf(const client::RobotVariant& variant);
+
+// The same with "last_scene_before".
+Json JsonOf(const client::VariantChange& change);
+std::string TextOf(const client::VariantChange& change);
+
+Json JsonOf(const client::Scene& scene);
+std::string TextOf(const client::Scene& scene);
+
+Json JsonOf(const client::Acquisition& acquisition);
+std::string TextOf(const client::Acquisition& acquisition);
+
+Json JsonOf(const client::AllowedRegion& region);
+
+// The answer to `silhouette path`.
+std::string TextOf(const client::PathCheck& check);
+
+// The answer to `silhouette explain`.
+Json JsonOf(const Configuration& configuration, const client::Explanation& explanation);
+std::string TextOf(const Configuration& configuration, const client::Explanation& explanation);
+
+// Writes number, joint values and state of every configuration: CSV if the name ends in .csv, else
+// JSON.
+absl::Status WriteSpace(const client::ConfigurationSpace& space, const std::string& path);
+
+// "0.5,-0.52": radians, with as many digits as people read.
+std::string Spoken(const Configuration& configuration);
 
 // A table of text: the first column to the left, the others to the right.
 std::string Table(const std::vector<std::vector<std::string>>& rows);

@@ -7,10 +7,9 @@
 
 #include "common/picture/palette.h"
 #include "tests/clients/cpp/shell.h"
-#include "tools/silhouette/formats/configuration_text.h"
-#include "tools/silhouette/formats/images_folder.h"
+#include "tools/silhouette/formats/inputs.h"
 #include "tools/silhouette/formats/output.h"
-#include "tools/silhouette/formats/space_picture.h"
+#include "tools/silhouette/formats/pictures.h"
 #include "tools/silhouette/formats/truth.h"
 
 namespace silhouette {

@@ -1,15 +1,30 @@
-// The configuration space of two joints as a chart (Figure 8).
+// SPDX-License-Identifier: Apache-2.0
+// Scenes, explanations and the configuration space as pictures.
 #pragma once
 
+#include <map>
 #include <string>
 #include <vector>
 
 #include "absl/status/statusor.h"
 #include "common/picture/chart.h"
+#include "common/picture/picture.h"
+#include "silhouette/answers.h"
 #include "silhouette/configuration_space.h"
+#include "silhouette/scene.h"
 
 namespace silhouette {
 
+// Figure 9: a column per view with its camera image (as far as there is one), scene image and
+// obstacle image. The scene comes with its planes. `cameras`: view -> file of the camera image.
+absl::StatusOr<Picture> PictureOfScene(const client::Scene& scene,
+                                       const std::map<std::string, std::string>& cameras);
+
+// Writes the images of an explanation into a folder: a file per view and image, and
+// explanation.png with all of them on one sheet.
+absl::Status WriteExplanation(const client::Explanation& explanation, const std::string& folder);
+
+// The configuration space of two joints as a chart (Figure 8).
 // InvalidArgument if the grid has not two joints. Axes in degrees. With clearance levels free cells
 // are shaded by the greatest that they exceed.
 absl::StatusOr<ConfigurationChart> ChartOf(const client::ConfigurationSpace& space,

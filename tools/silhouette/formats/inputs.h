@@ -1,0 +1,62 @@
+// SPDX-License-Identifier: Apache-2.0
+// What people and other programs give: lists of configurations, folders of images, regions, times.
+#pragma once
+
+#include <optional>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "absl/status/statusor.h"
+#include "absl/strings/string_view.h"
+#include "absl/time/time.h"
+#include "silhouette/configuration_grid.h"
+#include "silhouette/region.h"
+#include "silhouette/scene.h"
+#include "tools/program/joint_values.h"
+
+namespace silhouette {
+
+// A configuration per line, values separated by commas or blanks; empty lines and what follows a #
+// do not count. `file` "-": standard input. Errors name file and line.
+absl::StatusOr<std::vector<Configuration>> ReadConfigurations(const std::string& file,
+                                                              AngleUnit unit);
+
+// One such line; nothing if there is nothing on it. Throws std::invalid_argument with one sentence.
+std::optional<Configuration> ParseLine(absl::string_view line, AngleUnit unit);
+
+// The configurations under the key "waypoints" of a JSON file; at least one.
+absl::StatusOr<std::vector<Configuration>> ReadWaypoints(const std::string& file);
+
+struct ImageFile {
+  std::string view;
+  std::string path;
+};
+
+struct ImagesFolder {
+  // When the images were taken; nothing if that is not recorded.
+  std::optional<absl::Time> time;
+  // Where the robot stood then.
+  std::vector<client::JointPosition> joints;
+  std::vector<ImageFile> images;
+};
+
+// Reads images.json in `folder`: {"time": RFC 3339 (optional), "joints": {name: radians or metres},
+// "views": {name: file, relative to the folder}}. Errors name the file and the key.
+absl::StatusOr<ImagesFolder> ReadImagesFolder(const std::string& folder);
+
+// "VIEW:x,y;x,y;x,y": a polygon in pixels of the mask. InvalidArgument, naming the text, if it is
+// none.
+absl::StatusOr<client::RegionPixels> ParseRegionPolygon(const std::string& text);
+
+// "VIEW=FILE": an image file of the mask, white where the region lies. Errors name the text or the
+// file.
+absl::StatusOr<client::RegionPixels> ReadRegionMask(const std::string& text);
+
+// "name=value" in its two parts; nothing if one of them is missing.
+std::optional<std::pair<std::string, std::string>> SplitAtEquals(const std::string& text);
+
+// "30s", "1m30s", "500ms". InvalidArgument, naming the text, if it is none.
+absl::StatusOr<absl::Duration> ParseDuration(const std::string& text);
+
+}  // namespace silhouette

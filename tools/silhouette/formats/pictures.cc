@@ -1,0 +1,304 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "tools/silhouette/formats/pictures.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <filesystem>
+#include <numbers>
+#include <opencv2/imgcodecs.hpp>
+#include <opencv2/imgproc.hpp>
+
+#include "absl/strings/str_cat.h"
+#include "common/picture/files.h"
+#include "common/picture/palette.h"
+#include "common/picture/sheet.h"
+#include "db/status/status_macros.h"
+
+namespace silhouette {
+namespace {
+
+// Empty if the bytes are not an image.
+Picture Decoded(const std::string& bytes) {
+  const std::vector<uint8_t> buffer(bytes.begin(), bytes.end());
+  return buffer.empty() ? Picture() : cv::imdecode(buffer, cv::IMREAD_COLOR);
+}
+
+constexpr int kColumnWidth = 320;  // pixels
+
+absl::StatusOr<Picture> ReadCameraImage(const std::string& file) {
+  ASSIGN_OR_RETURN(const std::string bytes, ReadWholeFile(file));
+  Picture picture = Decoded(bytes);
+  if (picture.empty()) {
+    return absl::InvalidArgumentError(absl::StrCat("'", file, "' is not an image"));
+  }
+  return picture;
+}
+
+// Stretched to the column's width and `height`, pixels as rectangles.
+Picture Stretched(const Picture& picture, int height, int interpolation) {
+  Picture stretched;
+  cv::resize(picture, stretched, cv::Size(kColumnWidth, height), 0, 0, interpolation);
+  return stretched;
+}
+
+// The rows of one view, top to bottom.
+struct Column {
+  std::string view;
+  Picture camera;  // empty: there is none
+  Picture scene;
+  Picture obstacle;
+};
+
+absl::StatusOr<Column> ColumnOf(const client::SceneView& view,
+                                const std::map<std::string, std::string>& cameras) {
+  if (!view.planes) {
+    return absl::InternalError(absl::StrCat("the server sent no planes of view '", view.view, "'"));
+  }
+  const client::ScenePlanes& planes = *view.planes;
+  Column column{.view = view.view, .camera = {}, .scene = {}, .obstacle = {}};
+  // Masks are stretched to the shape of the camera image, so that places correspond.
+  double shape = static_cast<double>(planes.scene.height()) / planes.scene.width();
+  const auto file = cameras.find(view.view);
+  if (file != cameras.end()) {
+    ASSIGN_OR_RETURN(const auto camera, ReadCameraImage(file->second));
+    shape = static_cast<double>(camera.rows) / camera.cols;
+    column.camera = camera;
+  }
+  const int height = std::max(1, static_cast<int>(kColumnWidth * shape));
+  if (!column.camera.empty()) column.camera = Stretched(column.camera, height, cv::INTER_AREA);
+  column.scene = Stretched(PictureOf(planes.scene), height, cv::INTER_NEAREST);
+  Picture obstacle = PictureOfPlanes(planes.obstacle, planes.unknown, planes.error);
+  if (planes.ignored.size() == planes.unknown.size()) {
+    obstacle = WithVeil(obstacle, planes.ignored & planes.unknown, palette::kIgnored, 1);
+  }
+  column.obstacle = Stretched(obstacle, height, cv::INTER_NEAREST);
+  return column;
+}
+
+constexpr int kPictureWidth = 256;  // pixels, on the sheet of an explanation
+
+// One image of a view, and what it is called.
+struct NamedPng {
+  const char* name;
+  const std::string& png;
+};
+
+std::vector<NamedPng> ExplainImagesOf(const client::ViewPictures& view) {
+  return {{"scene", view.scene_png},
+          {"obstacle", view.obstacle_png},
+          {"intersection", view.intersection_png},
+          {"collision", view.collision_png}};
+}
+
+Picture LargePicture(const std::string& png) {
+  const Picture picture = Decoded(png);
+  if (picture.empty()) return BlankPicture(kPictureWidth, kPictureWidth);
+  return Enlarged(picture, std::max(1, kPictureWidth / picture.cols));
+}
+
+constexpr double kTurn = 2 * std::numbers::pi;
+
+double Degrees(double radians) { return radians * 180 / std::numbers::pi; }
+
+ChartAxis AxisOf(const GridJoint& joint) {
+  return {.label = joint.name,
+          .unit = "deg",
+          .first = Degrees(joint.lower),
+          .last = Degrees(joint.continuous ? joint.upper - joint.step() : joint.upper),
+          .cells = joint.steps};
+}
+
+// Where the chart of a continuous joint begins: the rim of its first cell.
+double RimOf(const GridJoint& joint) { return joint.lower - joint.step() / 2; }
+
+// In which turn of the chart `value` lies.
+double TurnOf(const GridJoint& joint, double value) {
+  return joint.continuous ? std::floor((value - RimOf(joint)) / kTurn) : 0;
+}
+
+// The places on the way from `a` to `b`, as shares of it, where a continuous joint goes over the
+// rim, in order.
+std::vector<double> RimCrossings(const ConfigurationGrid& grid, const Configuration& a,
+                                 const Configuration& b) {
+  std::vector<double> crossings;
+  for (size_t j = 0; j < a.size(); ++j) {
+    const GridJoint& joint = grid.joints()[j];
+    const double first = std::min(TurnOf(joint, a[j]), TurnOf(joint, b[j]));
+    const double last = std::max(TurnOf(joint, a[j]), TurnOf(joint, b[j]));
+    for (double turn = first + 1; turn <= last; ++turn) {
+      crossings.push_back((RimOf(joint) + turn * kTurn - a[j]) / (b[j] - a[j]));
+    }
+  }
+  std::sort(crossings.begin(), crossings.end());
+  return crossings;
+}
+
+Configuration Between(const Configuration& a, const Configuration& b, double share) {
+  Configuration q = a;
+  for (size_t j = 0; j < q.size(); ++j) q[j] += (b[j] - a[j]) * share;
+  return q;
+}
+
+// `q` in the chart, as seen from `inside`, a place of the same piece of the path.
+ChartPoint PointFrom(const ConfigurationGrid& grid, const Configuration& q,
+                     const Configuration& inside) {
+  std::array<double, 2> values{};
+  for (size_t j = 0; j < values.size(); ++j) {
+    values[j] = Degrees(q[j] - TurnOf(grid.joints()[j], inside[j]) * kTurn);
+  }
+  return {values[0], values[1]};
+}
+
+// From kTight (share 0) to kFree (share 1).
+Colour ShadeOf(double share) {
+  const auto between = [&](uint8_t tight, uint8_t free) {
+    return static_cast<uint8_t>(std::lround(tight + share * (free - tight)));
+  };
+  return {between(palette::kTight.red, palette::kFree.red),
+          between(palette::kTight.green, palette::kFree.green),
+          between(palette::kTight.blue, palette::kFree.blue)};
+}
+
+// Free cells that exceed no level come after unknown and occupied ones, then those that exceed the
+// first, and so on.
+constexpr uint8_t kUnknownClass = 0;
+constexpr uint8_t kOccupiedClass = 1;
+constexpr uint8_t kFirstFreeClass = 2;
+
+std::vector<LegendEntry> ClearanceClasses(const client::ConfigurationSpace& space) {
+  const std::vector<double>& levels = space.clearance_levels();
+  // The shades are for those levels that are exceeded.
+  const std::vector<uint64_t> above = space.CountAbove();
+  const auto exceeded = std::ranges::count_if(above, [](uint64_t count) { return count > 0; });
+  std::vector<LegendEntry> classes = {
+      {palette::kUnknown, "unknown"},
+      {palette::kOccupied, "occupied"},
+      {palette::kTight, absl::StrCat("free, clearance up to ", levels.front(), " px")}};
+  for (size_t i = 0; i < levels.size(); ++i) {
+    classes.push_back(
+        {ShadeOf(std::min(1.0, static_cast<double>(i + 1) / static_cast<double>(exceeded))),
+         absl::StrCat("above ", levels[i], " px")});
+  }
+  return classes;
+}
+
+uint8_t ClearanceClassOf(const client::ClearanceBound& bound, const std::vector<double>& levels) {
+  if (bound.state == client::State::kUnknown) return kUnknownClass;
+  if (bound.state == client::State::kOccupied) return kOccupiedClass;
+  if (!bound.exceeds) return kFirstFreeClass;
+  const auto level = std::ranges::find(levels, *bound.exceeds);
+  return static_cast<uint8_t>(kFirstFreeClass + 1 + (level - levels.begin()));
+}
+
+uint8_t ClassOf(client::State state) {
+  if (state == client::State::kUnknown) return kUnknownCell;
+  return state == client::State::kFree ? kFreeCell : kOccupiedCell;
+}
+
+}  // namespace
+
+absl::StatusOr<Picture> PictureOfScene(const client::Scene& scene,
+                                       const std::map<std::string, std::string>& cameras) {
+  std::vector<CaptionedPicture> camera_row;
+  std::vector<CaptionedPicture> scene_row;
+  std::vector<CaptionedPicture> obstacle_row;
+  for (const client::SceneView& view : scene.views) {
+    ASSIGN_OR_RETURN(const Column column, ColumnOf(view, cameras));
+    camera_row.push_back({column.camera, view.view + ": camera image"});
+    scene_row.push_back({column.scene, view.view + ": scene image"});
+    obstacle_row.push_back({column.obstacle, view.view + ": obstacle image"});
+  }
+  if (scene.views.empty()) return absl::InvalidArgumentError("the scene has no views to draw");
+  std::vector<CaptionedPicture> pictures;
+  if (!cameras.empty()) pictures = camera_row;
+  pictures.insert(pictures.end(), scene_row.begin(), scene_row.end());
+  pictures.insert(pictures.end(), obstacle_row.begin(), obstacle_row.end());
+  SheetOptions options{.title = absl::StrCat("Scene ", scene.id),
+                       .columns = static_cast<int>(scene.views.size()),
+                       .legend = {{palette::kInk, "foreground"},
+                                  {palette::kBackground, "background"},
+                                  {palette::kObstacle, "obstacle"},
+                                  {palette::kUnknown, "unknown (robot)"},
+                                  {palette::kError, "error"}}};
+  const bool ignores =
+      std::any_of(scene.views.begin(), scene.views.end(),
+                  [](const client::SceneView& view) { return view.ignored_pixels > 0; });
+  if (ignores) options.legend.push_back({palette::kIgnored, "ignored (unknown)"});
+  return ContactSheet(pictures, options);
+}
+
+absl::Status WriteExplanation(const client::Explanation& explanation, const std::string& folder) {
+  RETURN_IF_ERROR(MakeFolder(folder));
+  std::vector<CaptionedPicture> sheet;
+  for (const client::ViewPictures& view : explanation.views) {
+    for (const auto& [name, png] : ExplainImagesOf(view)) {
+      sheet.push_back({LargePicture(png), absl::StrCat(view.view, ": ", name, " image")});
+      if (png.empty()) continue;
+      const std::filesystem::path file =
+          std::filesystem::path(folder) / absl::StrCat(view.view, "_", name, ".png");
+      RETURN_IF_ERROR(WriteWholeFile(file.string(), png));
+    }
+  }
+  if (sheet.empty()) return absl::OkStatus();
+  const SheetOptions options{.title = absl::StrCat("Verdict: ", NameOf(explanation.verdict.state)),
+                             .columns = 4,
+                             .legend = {{palette::kInk, "foreground"},
+                                        {palette::kBackground, "background"},
+                                        {palette::kObstacle, "obstacle"},
+                                        {palette::kUnknown, "unknown"},
+                                        {palette::kError, "error"},
+                                        {palette::kAllowed, "allowed region (unknown)"},
+                                        {palette::kIgnored, "ignored (unknown)"}}};
+  return WritePng((std::filesystem::path(folder) / "explanation.png").string(),
+                  ContactSheet(sheet, options));
+}
+
+absl::StatusOr<ConfigurationChart> ChartOf(const client::ConfigurationSpace& space,
+                                           const std::string& title) {
+  const ConfigurationGrid& grid = space.grid();
+  if (grid.dimensions() != 2) {
+    return absl::InvalidArgumentError(
+        absl::StrCat("a picture of the configuration space needs a grid of 2 joints, this one has ",
+                     grid.dimensions(), "; leave --picture out"));
+  }
+  ConfigurationChart chart;
+  chart.title = title;
+  chart.x = AxisOf(grid.joints()[0]);
+  chart.y = AxisOf(grid.joints()[1]);
+  const std::vector<double>& levels = space.clearance_levels();
+  chart.classes = levels.empty() ? ConfigurationClasses() : ClearanceClasses(space);
+  for (int y = 0; y < chart.y.cells; ++y) {
+    for (int x = 0; x < chart.x.cells; ++x) {
+      const ConfigurationNumber number = grid.NumberOf({x, y});
+      chart.cells.push_back(levels.empty() ? ClassOf(space.StateAt(number))
+                                           : ClearanceClassOf(space.ClearanceAt(number), levels));
+    }
+  }
+  return chart;
+}
+
+ChartPoint ChartPointOf(const ConfigurationGrid& grid, const Configuration& configuration) {
+  return PointFrom(grid, configuration, configuration);
+}
+
+std::vector<std::vector<ChartPoint>> ChartLines(const ConfigurationGrid& grid,
+                                                const std::vector<Configuration>& waypoints) {
+  std::vector<std::vector<ChartPoint>> lines(1);
+  for (size_t i = 0; i + 1 < waypoints.size(); ++i) {
+    const Configuration& a = waypoints[i];
+    const Configuration& b = waypoints[i + 1];
+    std::vector<double> shares = RimCrossings(grid, a, b);
+    shares.insert(shares.begin(), 0);
+    shares.push_back(1);
+    for (size_t k = 0; k + 1 < shares.size(); ++k) {
+      if (k > 0) lines.emplace_back();
+      const Configuration middle = Between(a, b, (shares[k] + shares[k + 1]) / 2);
+      lines.back().push_back(PointFrom(grid, Between(a, b, shares[k]), middle));
+      lines.back().push_back(PointFrom(grid, Between(a, b, shares[k + 1]), middle));
+    }
+  }
+  return lines;
+}
+
+}  // namespace silhouette
