@@ -6,7 +6,6 @@
 #include <string>
 #include <vector>
 
-#include "capture/devices/camera_source.h"
 #include "capture/devices/devices.h"
 
 namespace silhouette {

@@ -1,4 +1,4 @@
-#include "capture/segmentation/closeness.h"
+#include "capture/segmentation/difference.h"
 
 #include <algorithm>
 #include <cmath>

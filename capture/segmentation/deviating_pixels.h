@@ -11,16 +11,10 @@
 
 namespace silhouette {
 
-// Differences are counted in these parts of a grey level, so that all of them fit into 16 bits.
-inline constexpr int kDifferenceUnit = 128;
-
-// By what the reference's mean is multiplied to be expected in an image, in 32768ths.
-uint16_t GainUnits(double gain);
-
-// 255 where `image` deviates, else 0. With all numbers in kDifferenceUnit-ths of a grey level:
+// 255 where `image` deviates, else 0. With all numbers in 128ths of a grey level:
 //   the difference is 128 * level - expected, where expected is mean * units / 65536, rounded down,
-//   and the offset, within 0 and 128 * 255, `units` being GainUnits() of the gain times the slow
-//   light's factor; if the reference's pixel is saturated, it is 0 at the most: how bright the
+//   and the offset, within 0 and 128 * 255, `units` being the gain times the slow light's factor in
+//   32768ths; if the reference's pixel is saturated, it is 0 at the most: how bright the
 //   pixel really is, nobody knows; a pixel deviates if |difference| is more than noise_factor
 //   standard deviations of its noise and more than min_difference, in any channel, or if it is
 //   undefined; or if, of the faint_side x faint_side pixels around it, more than half lie in the

@@ -3,6 +3,7 @@
 
 #include <opencv2/core.hpp>
 
+#include "capture/segmentation/brightness.h"
 #include "capture/segmentation/reference.h"
 #include "capture/segmentation/settings.h"
 #include "capture/segmentation/slow_light.h"
@@ -27,7 +28,7 @@ struct ForegroundSteps {
   cv::Mat deviating;   // what differs, by itself or with what is around
   cv::Mat no_shadow;   // of that, what is no shadow
   cv::Mat foreground;  // what is left after the clean-up
-  // By how much of its limit each pixel differs, DifferenceOverLimit() of closeness.h.
+  // By how much of its limit each pixel differs, DifferenceOverLimit().
   cv::Mat over_limit;
 };
 
@@ -36,8 +37,24 @@ ForegroundSteps StepsToForeground(const cv::Mat& image, const Reference& referen
                                   const SegmentationSettings& settings);
 
 // Foreground() as a mask of `mask_size`, by DownSample() with the settings' min_cover.
+//
+// Without slow light, on purpose. Only the live server subtracts learned light: it alone sees a
+// gapless series of images. A captured mask must depend on its image and reference alone, so that
+// Remask() makes the same mask again; light that changed during a capture is the sentinels' task. A
+// published scene is a single image without a history. Where the light changed, pixels of the empty
+// cell become foreground: the mask covers more, and nothing is learned away.
 Mask Difference(const cv::Mat& image, const Reference& reference,
-                const SegmentationSettings& settings, MaskSize mask_size,
-                const SlowLight& slow_light = {});
+                const SegmentationSettings& settings, MaskSize mask_size);
+
+// How close the decisions about an image's pixels are.
+
+// By how many times its limit each pixel differs, by itself or with what is around it, whichever
+// says more: CV_32FC1, at most kFarBeyond. What DeviatingPixels() finds is above 1, all else is
+// not, but for what rounding leaves open; undefined pixels are kFarBeyond. For people to look at:
+// in floating-point numbers, and slow. `image`: 8-bit, of the reference's size and channels. The
+// settings are taken to be valid.
+inline constexpr float kFarBeyond = 100;
+cv::Mat DifferenceOverLimit(const cv::Mat& image, const Reference& reference,
+                            const Brightness& brightness, const SegmentationSettings& settings);
 
 }  // namespace silhouette

@@ -1,13 +1,402 @@
 #include "capture/session/capture_session.h"
 
+#include <algorithm>
+#include <cstdint>
+#include <filesystem>
+#include <optional>
+#include <set>
+#include <system_error>
 #include <utility>
+#include <vector>
 
 #include "absl/status/status.h"
-#include "capture/session/capture_run.h"
+#include "absl/status/statusor.h"
+#include "absl/strings/str_cat.h"
+#include "absl/strings/str_format.h"
+#include "absl/time/clock.h"
+#include "absl/time/time.h"
+#include "capture/segmentation/difference.h"
+#include "capture/session/capture_observer.h"
+#include "capture/session/capture_plan.h"
+#include "capture/session/capture_report.h"
+#include "capture/session/history.h"
+#include "capture/session/raw_archive.h"
 #include "capture/session/reference_images.h"
+#include "capture/session/sentinels.h"
+#include "capture/session/visitor.h"
 #include "db/status/status_macros.h"
 
 namespace silhouette {
+namespace {
+
+constexpr absl::Duration kBetween = absl::Seconds(3);
+constexpr absl::Duration kMoment = absl::Milliseconds(50);
+
+// Returns whether to go on waiting.
+bool Wait(absl::Duration duration, const CaptureObserver& observer) {
+  const absl::Time end = absl::Now() + duration;
+  while (absl::Now() < end) {
+    if (observer.stop_requested()) return false;
+    absl::SleepFor(std::min(kMoment, end - absl::Now()));
+  }
+  return !observer.stop_requested();
+}
+
+// Does `work` again and again while it ends with Unavailable, for `retry` from its first end on, a
+// few seconds apart; after each, `lost` is called. Says so, and when it is over; counts in
+// `report`. Returns what the last `work` did. A stop that was asked for ends the waiting.
+absl::Status WithPatience(absl::Duration retry, const std::function<absl::Status()>& work,
+                          const std::function<void()>& lost, const CaptureObserver& observer,
+                          CaptureReport& report) {
+  absl::Status status = work();
+  if (!absl::IsUnavailable(status) || retry <= absl::ZeroDuration()) return status;
+  const absl::Time begin = absl::Now();
+  ++report.losses;
+  observer.say(absl::StrCat(status.message(), "; waiting up to ", absl::FormatDuration(retry),
+                            " for it to come back"));
+  while (absl::IsUnavailable(status) && absl::Now() - begin < retry) {
+    lost();
+    if (!Wait(std::min(kBetween, retry / 10), observer)) break;
+    status = work();
+  }
+  const absl::Duration waited = absl::Now() - begin;
+  report.waited += waited;
+  const std::string spoken = absl::FormatDuration(absl::Trunc(waited, absl::Milliseconds(100)));
+  if (absl::IsUnavailable(status)) {
+    return absl::UnavailableError(
+        absl::StrCat(status.message(), "; it did not come back within ", spoken));
+  }
+  if (status.ok()) observer.say(absl::StrCat("it is back, after ", spoken));
+  return status;
+}
+
+// One run of a session, configuration by configuration.
+// Goes once. What it is made from must outlive it.
+class CaptureRun {
+ public:
+  CaptureRun(SessionParts& parts, RobotImageWriter& writer, const CapturePlan& plan,
+             const CaptureObserver& observer);
+
+  // All of it, as CaptureSession::Run says.
+  CaptureReport Go();
+
+ private:
+  absl::Status Exclude();
+  absl::Status CountSuspects();
+  // The sentinels that are not known yet, then what is planned, with visits to the sentinels
+  // before, between and after.
+  absl::Status CaptureAll();
+  // Whether to go on: nobody asked for a stop.
+  absl::StatusOr<bool> CaptureInTurn(const std::vector<ConfigurationNumber>& numbers);
+  // Whether to go on: all is as it was, or somebody says so.
+  absl::StatusOr<bool> CheckSentinels();
+  // Waits for lost devices.
+  absl::StatusOr<Visit> VisitPatiently(ConfigurationNumber number);
+  // Once. A robot that was lost does not move before somebody says that it may.
+  absl::StatusOr<Visit> VisitOnce(ConfigurationNumber number);
+  // Whether VisitPatiently ended because somebody did not want to wait for a lost device.
+  bool StoppedWaiting(const absl::Status& status) const;
+  // Commits now unless the next configuration will be done before it is due.
+  absl::Status CommitIfDue(absl::Time now);
+  absl::Status CheckDisk() const;
+  // Not OK: the session ends. So do the others.
+  absl::Status CaptureOne(ConfigurationNumber number);
+  absl::Status CountMiss(const Visit& visit);
+  absl::Status Store(ConfigurationNumber number, const Visit& visit);
+  // Tells the robot to stop; returns `why`.
+  absl::Status StopRobot(const absl::Status& why);
+
+  SessionParts& parts_;
+  RobotImageWriter& writer_;
+  const CapturePlan& plan_;
+  const CaptureObserver& observer_;
+  Visitor visitor_;
+  std::optional<Sentinels> sentinels_;
+  CaptureReport report_;
+  uint64_t done_ = 0;
+  bool first_sights_ = false;  // the sentinels are being captured
+  bool unchecked_ = false;     // something was captured since the sentinels were visited
+  bool going_on_ = false;      // although they did not match
+  bool robot_lost_ = false;    // and must not move by itself
+  int failures_in_a_row_ = 0;
+  absl::Time last_commit_;
+  absl::Duration last_cycle_;
+};
+
+CaptureRun::CaptureRun(SessionParts& parts, RobotImageWriter& writer, const CapturePlan& plan,
+                       const CaptureObserver& observer)
+    : parts_(parts),
+      writer_(writer),
+      plan_(plan),
+      observer_(observer),
+      visitor_(parts, observer.say),
+      last_commit_(absl::Now()) {
+  report_.planned = plan.captures.size();
+  report_.kept = plan.kept;
+  for (const storage::v1::View& view : parts.database->cell().views()) {
+    report_.views.push_back({.name = view.name()});
+  }
+}
+
+CaptureReport CaptureRun::Go() {
+  const absl::Time begin = absl::Now();
+  report_.status = Exclude();
+  if (report_.status.ok()) report_.status = CaptureAll();
+  const absl::Status committed = writer_.Commit();
+  if (report_.status.ok()) report_.status = committed;
+  // Exclusions are written first.
+  report_.excluded = std::min<uint64_t>(writer_.committed(), plan_.exclusions.size());
+  report_.captured = writer_.committed() - report_.excluded;
+  absl::Status suspects = CountSuspects();
+  if (report_.status.ok()) report_.status = suspects;
+  report_.duration = absl::Now() - begin;
+  return std::move(report_);
+}
+
+absl::Status CaptureRun::CountSuspects() {
+  if (going_on_) {
+    RETURN_IF_ERROR(sentinels_->Suspect(absl::Now(), "captured although it did not match"));
+  }
+  ASSIGN_OR_RETURN(const auto snapshot, parts_.database->Read());
+  ASSIGN_OR_RETURN(const auto suspects, SuspectNumbers(snapshot));
+  report_.suspect = suspects.size();
+  return absl::OkStatus();
+}
+
+absl::Status CaptureRun::Exclude() {
+  for (const ConfigurationNumber number : plan_.exclusions) {
+    RobotImage image;
+    image.number = number;
+    image.excluded = true;
+    image.captured = absl::Now();
+    RETURN_IF_ERROR(writer_.Put(image, /*replace=*/true));
+  }
+  last_commit_ = absl::Now();
+  return writer_.Commit();
+}
+
+absl::Status CaptureRun::CaptureAll() {
+  ASSIGN_OR_RETURN(Sentinels sentinels, Sentinels::Open(parts_, plan_));
+  sentinels_ = std::move(sentinels);
+  if (plan_.captures.empty() && !plan_.check_sentinels) return absl::OkStatus();
+  const std::vector<ConfigurationNumber> first = sentinels_->ToCapture();
+  absl::StatusOr<bool> go_on = true;
+  if (sentinels_->Known()) go_on = CheckSentinels();
+  if (!go_on.ok() || !*go_on) return go_on.status();
+  first_sights_ = true;
+  go_on = CaptureInTurn(first);
+  first_sights_ = false;
+  if (!go_on.ok() || !*go_on) return go_on.status();
+  if (!first.empty()) {
+    RETURN_IF_ERROR(sentinels_->Remember());
+  }
+  const std::set<ConfigurationNumber> there(first.begin(), first.end());
+  std::vector<ConfigurationNumber> rest;
+  for (const ConfigurationNumber number : plan_.captures) {
+    if (!there.contains(number)) rest.push_back(number);
+  }
+  go_on = CaptureInTurn(rest);
+  if (!go_on.ok() || !*go_on) return go_on.status();
+  return unchecked_ && sentinels_->Known() ? CheckSentinels().status() : absl::OkStatus();
+}
+
+absl::StatusOr<bool> CaptureRun::CaptureInTurn(const std::vector<ConfigurationNumber>& numbers) {
+  for (const ConfigurationNumber number : numbers) {
+    if (observer_.stop_requested()) {
+      report_.stopped = true;
+      return false;
+    }
+    const absl::Time begin = absl::Now();
+    if (!first_sights_ && sentinels_->Due(begin)) {
+      const absl::StatusOr<bool> go_on = CheckSentinels();
+      if (!go_on.ok() || !*go_on) return go_on;
+    }
+    RETURN_IF_ERROR(CommitIfDue(begin));
+    RETURN_IF_ERROR(CaptureOne(number));
+    last_cycle_ = absl::Now() - begin;
+    observer_.progress(++done_);
+  }
+  return true;
+}
+
+absl::StatusOr<bool> CaptureRun::CheckSentinels() {
+  for (bool again = false;; again = true) {
+    // Nothing is at risk while the robot goes there, or somebody thinks.
+    RETURN_IF_ERROR(writer_.Commit());
+    const absl::StatusOr<std::string> alarm =
+        sentinels_->Check([this](ConfigurationNumber number) { return VisitPatiently(number); });
+    if (StoppedWaiting(alarm.status())) {
+      report_.stopped = true;
+      return false;
+    }
+    if (!alarm.ok()) return StopRobot(alarm.status());
+    ++report_.sentinel_checks;
+    unchecked_ = false;
+    report_.alarm = *alarm;
+    if (alarm->empty()) {
+      const std::string line = absl::StrCat("sentinels visited: ", sentinels_->summary());
+      plan_.check_sentinels ? observer_.say(line) : observer_.note(line);
+      if (again) observer_.say("the cell is as it was");
+      return true;
+    }
+    if (going_on_) {
+      observer_.note(absl::StrCat("sentinels visited, still: ", *alarm));
+      return true;
+    }
+    static_cast<void>(StopRobot(absl::OkStatus()));
+    observer_.say(*alarm);
+    if (!again) {
+      RETURN_IF_ERROR(sentinels_->Suspect(absl::Now(), *alarm));
+    }
+    switch (observer_.alarm(*alarm)) {
+      case AfterAlarm::kEnd:
+        return false;
+      case AfterAlarm::kCheckAgain:
+        break;
+      case AfterAlarm::kGoOn:
+        going_on_ = true;
+        return true;
+    }
+  }
+}
+
+bool CaptureRun::StoppedWaiting(const absl::Status& status) const {
+  return absl::IsUnavailable(status) && observer_.stop_requested();
+}
+
+absl::StatusOr<Visit> CaptureRun::VisitOnce(ConfigurationNumber number) {
+  if (robot_lost_) {
+    const absl::Status back = parts_.robot.Measure().status();
+    if (!back.ok()) return back;
+    if (!observer_.robot_may_move()) {
+      return absl::AbortedError(
+          "the robot was lost and is back, and does not move on by itself: somebody may be with it "
+          "(continue_after_reconnect)");
+    }
+    robot_lost_ = false;
+  }
+  absl::StatusOr<Visit> visit = visitor_.Go(number);
+  robot_lost_ = visitor_.robot_lost() && !parts_.settings.continue_after_reconnect;
+  return visit;
+}
+
+absl::StatusOr<Visit> CaptureRun::VisitPatiently(ConfigurationNumber number) {
+  absl::StatusOr<Visit> visit;
+  absl::Status status = WithPatience(
+      parts_.settings.retry,
+      [&] {
+        visit = VisitOnce(number);
+        return visit.status();
+      },
+      [&] {
+        static_cast<void>(StopRobot(absl::OkStatus()));
+        // What comes of it is told by the next commit.
+        static_cast<void>(writer_.Commit());
+      },
+      observer_, report_);
+  if (!status.ok()) return status;
+  return visit;
+}
+
+// The writer commits at the next Put(); not later than commit_interval after the last commit.
+absl::Status CaptureRun::CommitIfDue(absl::Time now) {
+  if (now + last_cycle_ - last_commit_ < parts_.settings.commit_interval) return absl::OkStatus();
+  last_commit_ = now;
+  RETURN_IF_ERROR(writer_.Commit());
+  return CheckDisk();
+}
+
+absl::Status CaptureRun::CheckDisk() const {
+  std::error_code error;
+  const auto space = std::filesystem::space(parts_.database->path(), error);
+  if (error || space.available >= parts_.settings.keep_free) return absl::OkStatus();
+  return absl::ResourceExhaustedError(absl::StrFormat(
+      "the disk of '%s' has only %.1f MB left, less than the %.1f MB that are to stay free "
+      "(keep_free); make room",
+      parts_.database->path(), static_cast<double>(space.available) / 1e6,
+      static_cast<double>(parts_.settings.keep_free) / 1e6));
+}
+
+absl::Status CaptureRun::CaptureOne(ConfigurationNumber number) {
+  const absl::StatusOr<Visit> visit = VisitPatiently(number);
+  if (StoppedWaiting(visit.status())) return absl::OkStatus();
+  if (!visit.ok()) return StopRobot(visit.status());
+  switch (visit->outcome) {
+    case Visit::Outcome::kTaken:
+      return Store(number, *visit);
+    case Visit::Outcome::kUnreachable:
+      if (report_.unreachable++ == 0) observer_.say(visit->why);
+      return absl::OkStatus();
+    case Visit::Outcome::kMissed:
+      break;
+  }
+  return CountMiss(*visit);
+}
+
+absl::Status CaptureRun::CountMiss(const Visit& visit) {
+  ++report_.failed;
+  if (++failures_in_a_row_ == CaptureSession::kMostFailuresInARow) {
+    return StopRobot(absl::AbortedError(absl::StrCat("the robot is not where it should be, ",
+                                                     CaptureSession::kMostFailuresInARow,
+                                                     " times in a row; ", visit.why)));
+  }
+  observer_.say(visit.why);
+  return absl::OkStatus();
+}
+
+absl::Status CaptureRun::Store(ConfigurationNumber number, const Visit& visit) {
+  failures_in_a_row_ = 0;
+  report_.max_deviation = std::max(report_.max_deviation, visit.deviation);
+  RobotImage image;
+  image.number = number;
+  image.captured = visit.images.captured;
+  image.commanded = parts_.robot.Commanded(parts_.travel->grid().At(number));
+  image.measured = visit.measured;
+  for (size_t v = 0; v < report_.views.size(); ++v) {
+    image.masks.push_back(Difference(visit.images.images[v], parts_.references[v],
+                                     parts_.segmentation, parts_.database->mask_sizes()[v]));
+    report_.views[v].Add(image.masks.back());
+  }
+  unchecked_ = true;
+  if (first_sights_) sentinels_->Captured(number, visit, image.masks);
+  const bool keep =
+      parts_.settings.raw_images == RawImages::kAll ||
+      (parts_.settings.raw_images == RawImages::kSentinels &&
+       std::ranges::find(sentinels_->numbers(), number) != sentinels_->numbers().end());
+  return writer_.Put(image, /*replace=*/true,
+                     keep ? RawImagesOf(visit.images) : std::vector<std::string>());
+}
+
+absl::Status CaptureRun::StopRobot(const absl::Status& why) {
+  const absl::Status stopped = parts_.robot.Stop();
+  if (!stopped.ok()) {
+    observer_.say(absl::StrCat("the robot could not be told to stop: ", stopped.message()));
+  }
+  return why;
+}
+
+}  // namespace
+
+void ViewQuality::Add(const Mask& mask) {
+  ++images;
+  area += mask.Count();
+  if (mask.Empty()) ++empty;
+  if (TouchesBorder(mask)) ++touching_border;
+}
+
+double ViewQuality::mean_area() const {
+  return images == 0 ? 0 : static_cast<double>(area) / static_cast<double>(images);
+}
+
+bool TouchesBorder(const Mask& mask) {
+  for (int x = 0; x < mask.width(); ++x) {
+    if (mask.at(x, 0) || mask.at(x, mask.height() - 1)) return true;
+  }
+  for (int y = 0; y < mask.height(); ++y) {
+    if (mask.at(0, y) || mask.at(mask.width() - 1, y)) return true;
+  }
+  return false;
+}
 
 absl::StatusOr<CaptureSession> CaptureSession::Create(Database& database, const Travel& travel,
                                                       Robot& robot, CameraRig& rig,

@@ -11,8 +11,8 @@
 #include "capture/session/capture_plan.h"
 #include "capture/session/capture_report.h"
 #include "capture/session/capture_settings.h"
-#include "capture/session/session_parts.h"
 #include "capture/session/travel.h"
+#include "capture/session/visitor.h"
 #include "db/store/store.h"
 
 namespace silhouette {

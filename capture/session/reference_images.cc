@@ -1,11 +1,16 @@
 #include "capture/session/reference_images.h"
 
+#include <algorithm>
+#include <array>
 #include <cstdint>
+#include <set>
 #include <utility>
 
 #include "absl/status/status.h"
 #include "absl/strings/str_cat.h"
+#include "absl/time/clock.h"
 #include "absl/time/time.h"
+#include "capture/session/visitor.h"
 #include "db/status/status_macros.h"
 
 namespace silhouette {
@@ -71,6 +76,123 @@ absl::StatusOr<std::vector<Reference>> ReferencesIn(const storage::v1::Reference
           " x ", views[v].image_height(), "; take the reference images anew"));
     }
     references.push_back(*std::move(reference));
+  }
+  return references;
+}
+
+namespace {
+
+// The digits of `i` in base `base`, mirrored at the point: evenly spread over 0 to 1.
+double Halton(uint64_t i, uint64_t base) {
+  double value = 0;
+  double digit = 1;
+  for (; i > 0; i /= base) {
+    digit /= static_cast<double>(base);
+    value += digit * static_cast<double>(i % base);
+  }
+  return value;
+}
+
+// 255 where the mask, or a pixel next to it, covers a pixel of a camera image; empty for no mask.
+cv::Mat CoveredBy(const Mask& mask, cv::Size size) {
+  cv::Mat covered(size, CV_8UC1, cv::Scalar(0));
+  for (int y = 0; y < size.height; ++y) {
+    const int row = y * mask.height() / size.height;
+    for (int x = 0; x < size.width; ++x) {
+      const int column = x * mask.width() / size.width;
+      bool any = false;
+      for (int v = std::max(row - 1, 0); v <= std::min(row + 1, mask.height() - 1); ++v) {
+        for (int u = std::max(column - 1, 0); u <= std::min(column + 1, mask.width() - 1); ++u) {
+          any |= mask.at(u, v);
+        }
+      }
+      covered.at<uint8_t>(y, x) = any ? 255 : 0;
+    }
+  }
+  return covered;
+}
+
+storage::v1::Reference Stored(const Reference& reference, size_t images) {
+  storage::v1::Reference stored;
+  stored.set_mean_png(reference.MeanPng());
+  stored.set_noise_png(reference.NoisePng());
+  stored.set_images(static_cast<int>(images));
+  stored.mutable_time()->set_seconds(absl::ToUnixSeconds(absl::Now()));
+  stored.set_with_robot(true);
+  return stored;
+}
+
+}  // namespace
+
+std::vector<ConfigurationNumber> SpreadConfigurations(const Travel& travel, int count) {
+  constexpr std::array<uint64_t, 7> kBases = {2, 3, 5, 7, 11, 13, 17};
+  constexpr int kTries = 50;  // times `count`
+  const ConfigurationGrid& grid = travel.grid();
+  std::set<ConfigurationNumber> seen;
+  std::vector<ConfigurationNumber> spread;
+  for (int i = 1; i <= kTries * count && static_cast<int>(spread.size()) < count; ++i) {
+    GridIndex index{};
+    for (size_t j = 0; j < grid.joints().size(); ++j) {
+      const int steps = grid.joints()[j].steps;
+      const double place = Halton(static_cast<uint64_t>(i), kBases[j]) * steps;
+      index[j] = std::min(static_cast<int>(place), steps - 1);
+    }
+    const ConfigurationNumber number = grid.NumberOf(index);
+    if (travel.Forbidden(number) || !seen.insert(number).second) continue;
+    spread.push_back(number);
+  }
+  return spread;
+}
+
+absl::StatusOr<storage::v1::References> TakeReferencesWithRobot(
+    Database& database, const Travel& travel, Robot& robot, CameraRig& rig,
+    const CaptureSettings& settings, int count, const CaptureObserver& observer) {
+  ASSIGN_OR_RETURN(auto cell_robot, CellRobot::Create(database.cell(), robot));
+  ASSIGN_OR_RETURN(auto cameras, CellCameras::Create(database.cell(), rig));
+  ASSIGN_OR_RETURN(const auto snapshot, database.Read());
+  SessionParts parts{.database = &database,
+                     .travel = &travel,
+                     .robot = std::move(cell_robot),
+                     .cameras = std::move(cameras),
+                     .references = {},
+                     .settings = settings,
+                     .segmentation = {}};
+  Visitor visitor(parts, observer.say);
+  const auto views = static_cast<size_t>(database.cell().views_size());
+  std::vector<std::vector<cv::Mat>> images(views);
+  std::vector<std::vector<cv::Mat>> covered(views);
+  uint64_t done = 0;
+  for (const ConfigurationNumber number : SpreadConfigurations(travel, count)) {
+    if (observer.stop_requested()) {
+      return absl::CancelledError("stopped; no reference images were stored");
+    }
+    absl::StatusOr<Visit> visit = visitor.Go(number);
+    if (!visit.ok()) {
+      robot.Stop().IgnoreError();
+      return visit.status();
+    }
+    observer.progress(++done);
+    if (visit->outcome != Visit::Outcome::kTaken) {
+      observer.say(visit->why);
+      continue;
+    }
+    const auto record = snapshot.Find(number);
+    const bool known = record.ok() && *record && !(*record)->excluded;
+    for (size_t v = 0; v < views; ++v) {
+      cv::Mat& image = visit->images.images[v];
+      covered[v].push_back(known ? CoveredBy((*record)->masks[v], image.size()) : cv::Mat());
+      images[v].push_back(std::move(image));
+    }
+  }
+  if (images[0].size() < static_cast<size_t>(Reference::kFewestUncovered)) {
+    return absl::FailedPreconditionError(absl::StrCat(
+        "the robot reached ", images[0].size(), " configurations; a reference with the ",
+        "robot in it needs images of at least ", Reference::kFewestUncovered));
+  }
+  storage::v1::References references;
+  for (size_t v = 0; v < views; ++v) {
+    *references.add_views() =
+        Stored(Reference::FromImagesWithRobot(images[v], covered[v]), images[v].size());
   }
   return references;
 }

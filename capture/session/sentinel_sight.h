@@ -6,10 +6,33 @@
 #include <string>
 
 #include "capture/segmentation/reference.h"
-#include "capture/session/image_shift.h"
 #include "db/mask/mask.h"
 
 namespace silhouette {
+
+// By how many pixels an image has moved since another was taken.
+
+// To the right and down; a positive x says that what `now` shows lies further to the right.
+struct ImageShift {
+  double x = 0;
+  double y = 0;
+  double error = 0;  // standard error of either, by what is left unexplained
+
+  double length() const;
+};
+
+// Where there is something to see in `first`: at least half a grey level of contrast on the whole,
+// and an error below a quarter of a pixel. Phase correlation finds the shift, least squares over
+// what does not stick out refine it; a shift is believed only if it explains the image better than
+// none. `first`, `now`: 8-bit grey of one size, with `gain` the factor from one to the other's
+// brightness; `region`: 8-bit, not 0 where pixels count.
+std::optional<ImageShift> ShiftBetween(const cv::Mat& first, const cv::Mat& now,
+                                       const cv::Mat& region, double gain);
+
+// The shift of the whole region, or that of one of its quarters if that is clearly larger: that
+// tells a camera that turned about its axis, too. Nothing if none of them can be told.
+std::optional<ImageShift> LargestShift(const cv::Mat& first, const cv::Mat& now,
+                                       const cv::Mat& region, double gain);
 
 // What a view showed of a sentinel.
 struct SentinelImage {

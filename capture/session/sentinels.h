@@ -14,7 +14,6 @@
 #include "absl/time/time.h"
 #include "capture/session/capture_plan.h"
 #include "capture/session/sentinel_sight.h"
-#include "capture/session/session_parts.h"
 #include "capture/session/visitor.h"
 
 namespace silhouette {

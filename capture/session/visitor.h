@@ -3,17 +3,44 @@
 #pragma once
 
 #include <functional>
+#include <opencv2/core.hpp>
 #include <optional>
 #include <string>
 #include <utility>
 #include <vector>
 
 #include "absl/status/statusor.h"
+#include "capture/segmentation/reference.h"
+#include "capture/segmentation/settings.h"
+#include "capture/session/capture_settings.h"
 #include "capture/session/cell_cameras.h"
-#include "capture/session/session_parts.h"
+#include "capture/session/cell_robot.h"
+#include "capture/session/travel.h"
 #include "db/mask/configuration_grid.h"
+#include "db/store/store.h"
 
 namespace silhouette {
+
+// Whether the robot stood still from one set of images to the next.
+
+// Whether an area of `settings.min_blob_pixels` pixels or more differs between two images of one
+// view: by more than min_difference grey levels and by more than noise_factor standard deviations
+// of the difference of two images, a change of the whole image's brightness taken out. `reference`:
+// that of the view, for its noise. Throws std::invalid_argument if the sizes differ.
+bool ImagesDiffer(const cv::Mat& before, const cv::Mat& after, const Reference& reference,
+                  const SegmentationSettings& settings);
+
+// What a capture session is made of.
+
+struct SessionParts {
+  Database* database;
+  const Travel* travel;
+  CellRobot robot;
+  CellCameras cameras;
+  std::vector<Reference> references;  // one per view
+  CaptureSettings settings;
+  SegmentationSettings segmentation;
+};
 
 struct Visit {
   enum class Outcome {

@@ -11,9 +11,9 @@
 #include <vector>
 
 #include "capture/sim/background.h"
-#include "capture/sim/board_texture.h"
 #include "capture/sim/body_part.h"
 #include "capture/sim/ray_scene.h"
+#include "capture/sim/simulated_board.h"
 #include "capture/sim/simulation.h"
 
 namespace silhouette {

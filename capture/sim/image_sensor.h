@@ -43,4 +43,10 @@ class ImageSensor {
   std::vector<float> noise_;
 };
 
+// The blur of a lens.
+
+// Convolves an image of `width` columns, row by row, with a Gaussian of standard deviation `sigma`
+// pixels; beyond the border lies what is at the border. 0: leaves it alone.
+void Blur(std::span<float> image, int width, double sigma);
+
 }  // namespace silhouette

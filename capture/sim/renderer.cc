@@ -4,8 +4,8 @@
 #include <array>
 #include <cmath>
 #include <limits>
+#include <optional>
 
-#include "capture/sim/pixel_bounds.h"
 #include "common/parallel/parallel.h"
 
 namespace silhouette {
@@ -17,6 +17,45 @@ constexpr float kRendererLift = 1e-4F;  // metres off a surface, so that it does
 constexpr uint8_t kBody = 1;            // a part may be seen in the pixel
 constexpr uint8_t kFloorShadow = 2;     // a shadow may fall on the floor in the pixel
 constexpr size_t kMostThreads = 8;
+
+// Corners of a box and the middles of its edges, faces and itself: distortion bends edges.
+std::array<Eigen::Vector3d, 27> PointsOf(const Eigen::AlignedBox3d& box) {
+  std::array<Eigen::Vector3d, 27> points;
+  for (int i = 0; i < 27; ++i) {
+    const Eigen::Vector3d share(i % 3 / 2.0, i / 3 % 3 / 2.0, i / 9 / 2.0);
+    points[static_cast<size_t>(i)] = box.min() + share.cwiseProduct(box.sizes());
+  }
+  return points;
+}
+
+// The image's pixels around projected points; the whole image if a point has no projection.
+class PixelBounds {
+ public:
+  void Add(const std::optional<Eigen::Vector2d>& pixel) {
+    if (pixel)
+      box_.extend(*pixel);
+    else
+      whole_ = true;
+  }
+  // The bounds with a margin for what lies between the points, cut to the image.
+  void Cut(int width, int height, int& left, int& right, int& top, int& bottom) const {
+    left = top = 0;
+    right = width;
+    bottom = height;
+    if (whole_) return;
+    const Eigen::Vector2d margin = 0.02 * box_.sizes() + Eigen::Vector2d(2, 2);
+    const Eigen::Vector2d lower = (box_.min() - margin).cwiseMax(0);
+    const Eigen::Vector2d upper = (box_.max() + margin).cwiseMax(0);
+    left = static_cast<int>(std::min<double>(lower.x(), width));
+    top = static_cast<int>(std::min<double>(lower.y(), height));
+    right = static_cast<int>(std::min<double>(upper.x() + 1, width));
+    bottom = static_cast<int>(std::min<double>(upper.y() + 1, height));
+  }
+
+ private:
+  Eigen::AlignedBox2d box_;
+  bool whole_ = false;
+};
 
 std::vector<size_t> FramesOf(std::span<const BodyPart> parts) {
   std::vector<size_t> frames;

@@ -2,11 +2,13 @@
 #pragma once
 
 #include <Eigen/Geometry>
+#include <array>
 #include <optional>
 #include <string>
 #include <vector>
 
 #include "calib/boards/board.h"
+#include "calib/boards/tag_family.h"
 #include "common/yaml/strict_yaml.h"
 
 namespace silhouette {
@@ -25,5 +27,42 @@ struct SimulatedBoard {
 // The section `boards` of simulation.yaml; capture/sim/cells/calibration/simulation.yaml is the
 // commented sample. Throws YamlError.
 std::vector<SimulatedBoard> ReadBoards(const YamlNode& node);
+
+// BoardTexture: black and white on a board's paper, and exactly how much of each an area shows.
+
+// x and y of the board's frame, metres. Cannot be changed once made and can be read by any number
+// of threads.
+class BoardTexture {
+ public:
+  using Quadrangle = std::array<Eigen::Vector2d, 4>;
+
+  // `margin`: metres of white paper around the tags' prints. Throws std::invalid_argument if the
+  // family is unknown, has not all of the board's tags, or prints of neighbours overlap.
+  BoardTexture(const Board& board, double margin);
+
+  // The paper.
+  const Eigen::AlignedBox2d& extent() const { return extent_; }
+
+  // Whether a point of the paper is black.
+  bool IsBlack(const Eigen::Vector2d& point) const;
+
+  // The black share of a convex quadrangle's area, exactly, up to rounding.
+  double BlackShare(const Quadrangle& area) const;
+
+ private:
+  // The module (of all tags' prints in one line) left of or at a coordinate.
+  int TagAt(double coordinate, int count) const;
+  double BlackAreaOfTag(int row, int column, const Quadrangle& area,
+                        const Eigen::AlignedBox2d& bounds) const;
+
+  int rows_ = 0;
+  int columns_ = 0;
+  double pitch_ = 0;   // from tag to tag
+  double module_ = 0;  // edge length
+  double print_ = 0;   // where a tag's print begins, before its corner
+  int width_ = 0;      // modules of a print
+  Eigen::AlignedBox2d extent_;
+  std::vector<TagModules> tags_;  // by place, row by row
+};
 
 }  // namespace silhouette

@@ -8,7 +8,7 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_join.h"
 #include "absl/time/clock.h"
-#include "capture/sim/blur.h"
+#include "capture/sim/image_sensor.h"
 #include "db/status/status_macros.h"
 
 namespace silhouette {

@@ -11,7 +11,7 @@
 #include "absl/status/statusor.h"
 #include "absl/time/time.h"
 #include "calib/camera/camera_model.h"
-#include "capture/sim/carried_part.h"
+#include "capture/sim/placed_shape.h"
 #include "capture/sim/simulated_board.h"
 
 namespace silhouette {

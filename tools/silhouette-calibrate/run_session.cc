@@ -19,7 +19,7 @@
 #include "calib/boards/sighting_file.h"
 #include "calib/detection/image_tags.h"
 #include "calib/poses/pose_files.h"
-#include "capture/session/forbidden_regions.h"
+#include "capture/session/travel.h"
 #include "common/picture/files.h"
 #include "common/picture/picture.h"
 #include "db/status/status_macros.h"

@@ -10,7 +10,6 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
 #include "capture/session/reference_images.h"
-#include "capture/session/references_with_robot.h"
 #include "db/status/status_macros.h"
 #include "db/store/schema.h"
 #include "tools/cell/devices/cell_devices.h"

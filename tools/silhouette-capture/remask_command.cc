@@ -103,9 +103,7 @@ absl::StatusOr<std::vector<RemaskedVariant>> RemaskInPlace(const RemaskArguments
                                                            const CellFile& file) {
   ASSIGN_OR_RETURN(const auto database,
                    OpenDatabaseOfOtherMasks(file, Database::Access::kWrite, false));
-  std::string beside = file.database;
-  while (beside.size() > 1 && beside.back() == '/') beside.pop_back();
-  beside += ".remask";
+  const std::string beside = BesideDatabase(file.database, ".remask");
   ASSIGN_OR_RETURN(auto masks, MakeBeside(beside, database->cell(), file.cell, *database));
   const absl::Cleanup remove = [&] {
     masks.reset();

@@ -23,10 +23,11 @@ absl::StatusOr<ExitCode> ReportRun(const ReportOptions& options) {
   ASSIGN_OR_RETURN(const auto database, OpenDatabase(file, Database::Access::kRead));
   const std::string folder =
       options.out.empty() ? DefaultReportFolder(file.database, file.variant) : options.out;
-  ASSIGN_OR_RETURN(const auto facts,
-                   WriteSessionReport(
-                       options.cell, file.cell.name, *database,
-                       options.log.empty() ? DefaultLogFile(file.database) : options.log, folder));
+  ASSIGN_OR_RETURN(
+      const auto facts,
+      WriteSessionReport(options.cell, file.cell.name, *database,
+                         options.log.empty() ? BesideDatabase(file.database, ".log") : options.log,
+                         folder));
   if (options.cell.json()) {
     std::cout << SessionJson(facts, database->cell()).dump(2) << std::endl;
   } else {

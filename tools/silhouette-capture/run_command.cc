@@ -13,8 +13,6 @@
 #include "tools/program/progress.h"
 #include "tools/silhouette-capture/commands.h"
 #include "tools/silhouette-capture/opened_cell.h"
-#include "tools/silhouette-capture/report.h"
-#include "tools/silhouette-capture/run_observer.h"
 #include "tools/silhouette-capture/run_plan.h"
 #include "tools/silhouette-capture/session_log.h"
 #include "tools/silhouette-capture/session_page.h"
@@ -221,7 +219,7 @@ absl::StatusOr<ExitCode> RunHere(const RunOptions& options) {
                    MakePlan(options.plan, options.cell, file.cell, travel, database->get()));
   ASSIGN_OR_RETURN(
       SessionLog log,
-      SessionLog::Open(options.log.empty() ? DefaultLogFile(file.database) : options.log));
+      SessionLog::Open(options.log.empty() ? BesideDatabase(file.database, ".log") : options.log));
   const DiskRoom room = RoomFor(plan, file, database->get());
   if (!room.Suffices(plan)) std::cerr << TooLittleRoom(plan, room) << std::endl;
   WriteBegin(options, file, plan, room, log);

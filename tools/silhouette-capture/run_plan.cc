@@ -8,11 +8,14 @@
 
 #include "absl/strings/numbers.h"
 #include "absl/strings/str_cat.h"
+#include "absl/strings/str_format.h"
 #include "absl/strings/str_split.h"
+#include "absl/time/clock.h"
 #include "capture/session/history.h"
 #include "capture/session/raw_archive.h"
 #include "db/status/status_macros.h"
 #include "db/store/outliers.h"
+#include "tools/program/progress.h"
 
 namespace silhouette {
 namespace {
@@ -134,6 +137,154 @@ DiskRoom RoomFor(const CapturePlan& plan, const CellFile& file, const Database* 
   const auto space = std::filesystem::space(folder, error);
   if (!error) room.available = space.available;
   return room;
+}
+
+namespace {
+
+std::string Megabytes(uint64_t bytes) {
+  return absl::StrFormat("%.1f MB", static_cast<double>(bytes) / 1e6);
+}
+
+double PerSecond(const CaptureReport& report) {
+  const double seconds = absl::ToDoubleSeconds(report.duration);
+  return seconds > 0 ? static_cast<double>(report.captured) / seconds : 0;
+}
+
+std::string State(const CaptureReport& report) {
+  if (!report.status.ok()) return "failed";
+  if (!report.alarm.empty()) return "paused";
+  if (report.stopped) return "stopped";
+  return report.complete() ? "complete" : "incomplete";
+}
+
+}  // namespace
+
+bool DiskRoom::Suffices(const CapturePlan& plan) const {
+  return !available || *available >= plan.bytes + raw_bytes + keep_free;
+}
+
+std::string TooLittleRoom(const CapturePlan& plan, const DiskRoom& room) {
+  return absl::StrFormat(
+      "the disk has %s free; up to %s are needed%s, and %s are to stay free (keep_free): make "
+      "room, "
+      "or expect the session to end before the disk is full",
+      Megabytes(room.available.value_or(0)), Megabytes(plan.bytes + room.raw_bytes),
+      room.raw_bytes > 0
+          ? absl::StrFormat(", about %s of it for raw images", Megabytes(room.raw_bytes))
+          : "",
+      Megabytes(room.keep_free));
+}
+
+std::string PlanText(const CapturePlan& plan, const DiskRoom& room) {
+  std::string text =
+      absl::StrFormat("to capture         %d configurations\n", plan.captures.size());
+  if (!plan.exclusions.empty()) {
+    absl::StrAppendFormat(&text, "to exclude         %d, in forbidden regions\n",
+                          plan.exclusions.size());
+  }
+  absl::StrAppendFormat(&text, "there already      %d\n", plan.kept);
+  const absl::Time now = absl::Now();
+  absl::StrAppendFormat(&text, "time               about %s; begun now, done about %s\n",
+                        Spoken(plan.duration), ClockTime(now + plan.duration, now));
+  absl::StrAppendFormat(&text, "room on disk       at most %s", Megabytes(plan.bytes));
+  if (room.available) absl::StrAppendFormat(&text, "; %s are free", Megabytes(*room.available));
+  text += "\n";
+  if (room.raw_bytes > 0) {
+    absl::StrAppendFormat(&text, "for raw images     about %s more\n", Megabytes(room.raw_bytes));
+  }
+  if (!room.Suffices(plan)) absl::StrAppend(&text, TooLittleRoom(plan, room), "\n");
+  if (plan.parts > 1) {
+    absl::StrAppendFormat(&text,
+                          "the forbidden regions cut the grid into %d parts; the robot captures "
+                          "the one it stands in\n",
+                          plan.parts);
+  }
+  return text;
+}
+
+nlohmann::json PlanJson(const CapturePlan& plan, const DiskRoom& room) {
+  nlohmann::json json = {{"dry_run", true},
+                         {"configurations", plan.captures.size()},
+                         {"exclusions", plan.exclusions.size()},
+                         {"kept", plan.kept},
+                         {"seconds", absl::ToDoubleSeconds(plan.duration)},
+                         {"end", absl::FormatTime(absl::Now() + plan.duration)},
+                         {"bytes", plan.bytes},
+                         {"raw_image_bytes", room.raw_bytes},
+                         {"fits_on_disk", room.Suffices(plan)},
+                         {"parts", plan.parts}};
+  if (room.available) json["available_bytes"] = *room.available;
+  return json;
+}
+
+std::string ReportText(const CaptureReport& report) {
+  std::string text =
+      absl::StrFormat("captured           %d of %d configurations in %s (%.1f per second)\n",
+                      report.captured, report.planned, Spoken(report.duration), PerSecond(report));
+  const auto count = [&](const char* name, uint64_t value, const char* what) {
+    if (value > 0) absl::StrAppendFormat(&text, "%-17s  %d %s\n", name, value, what);
+  };
+  count("there already", report.kept, "");
+  count("excluded", report.excluded, "in forbidden regions");
+  count("failed", report.failed, "where the robot was not within joint_tolerance");
+  count("unreachable", report.unreachable, "to which no way leads around the forbidden regions");
+  count("sentinels", report.sentinel_checks, "times visited");
+  count("suspect", report.suspect, "captured while the cell may have been changed");
+  if (report.losses > 0) {
+    absl::StrAppendFormat(&text, "waited             %s for lost devices, %d times\n",
+                          Spoken(report.waited), report.losses);
+  }
+  if (report.captured == 0) return text;
+  absl::StrAppendFormat(&text, "largest deviation  %.5f rad or m\n", report.max_deviation);
+  text += "view                mean area  robot not seen  touching the border\n";
+  for (const ViewQuality& view : report.views) {
+    absl::StrAppendFormat(&text, "  %-16s %9.1f px  %14d  %19d\n", view.name, view.mean_area(),
+                          view.empty, view.touching_border);
+  }
+  return text;
+}
+
+nlohmann::json ReportJson(const CaptureReport& report) {
+  nlohmann::json json = {{"state", State(report)},
+                         {"message", std::string(report.status.message())},
+                         {"alarm", report.alarm},
+                         {"sentinel_checks", report.sentinel_checks},
+                         {"suspect", report.suspect},
+                         {"losses", report.losses},
+                         {"waited_seconds", absl::ToDoubleSeconds(report.waited)},
+                         {"configurations", report.planned},
+                         {"captured", report.captured},
+                         {"excluded", report.excluded},
+                         {"kept", report.kept},
+                         {"failed", report.failed},
+                         {"unreachable", report.unreachable},
+                         {"max_deviation", report.max_deviation},
+                         {"seconds", absl::ToDoubleSeconds(report.duration)},
+                         {"per_second", PerSecond(report)},
+                         {"views", report.views.size()},
+                         {"view_quality", nlohmann::json::array()}};
+  for (const ViewQuality& view : report.views) {
+    json["view_quality"].push_back({{"name", view.name},
+                                    {"images", view.images},
+                                    {"mean_area", view.mean_area()},
+                                    {"empty", view.empty},
+                                    {"touching_border", view.touching_border}});
+  }
+  return json;
+}
+
+std::string IndexText(const IndexBuildReport& report) {
+  return absl::StrFormat("collision index    %d of %d tiles built%s\n", report.built, report.tiles,
+                         report.stopped                ? ", stopped"
+                         : report.built < report.tiles ? ", the others are fresh"
+                                                       : "");
+}
+
+nlohmann::json IndexJson(const IndexBuildReport& report) {
+  return {{"complete", !report.stopped},
+          {"tiles", report.tiles},
+          {"built", report.built},
+          {"bytes", report.bytes}};
 }
 
 }  // namespace silhouette

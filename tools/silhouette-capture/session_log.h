@@ -2,11 +2,15 @@
 // session, so that the next morning tells the story of the night.
 #pragma once
 
+#include <cstdint>
 #include <memory>
+#include <optional>
 #include <string>
 
 #include "absl/status/statusor.h"
 #include "absl/time/time.h"
+#include "capture/session/capture_observer.h"
+#include "tools/program/progress.h"
 
 namespace spdlog {
 class logger;
@@ -37,7 +41,26 @@ class SessionLog {
   absl::Time next_progress_ = absl::InfinitePast();
 };
 
-// Where the log of a database is kept if nobody says otherwise: beside its folder.
-std::string DefaultLogFile(const std::string& database);
+// What a run tells its user and its log, and asks its user.
+
+class RunObserver {
+ public:
+  // `total`: configurations to be captured. `log` must outlive it.
+  RunObserver(uint64_t total, SessionLog& log);
+
+  // For the session; it refers to this.
+  CaptureObserver Observer();
+
+ private:
+  void Say(const std::string& line);
+  // Both ask who sits there; nobody does: end.
+  AfterAlarm AskAfterAlarm(const std::string& why);
+  bool AskWhetherRobotMayMove();
+
+  const uint64_t total_;
+  SessionLog& log_;
+  const absl::Time begin_;
+  std::optional<Progress> progress_;  // nothing to capture: none
+};
 
 }  // namespace silhouette

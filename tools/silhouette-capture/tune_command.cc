@@ -14,10 +14,9 @@
 #include "tools/program/progress.h"
 #include "tools/silhouette-capture/commands.h"
 #include "tools/silhouette-capture/opened_cell.h"
-#include "tools/silhouette-capture/tune_images.h"
+#include "tools/silhouette-capture/tune_figures.h"
 #include "tools/silhouette-capture/tune_page.h"
 #include "tools/silhouette-capture/tune_pictures.h"
-#include "tools/silhouette-capture/tune_variants.h"
 
 namespace silhouette {
 namespace {

@@ -5,7 +5,6 @@
 #include "tools/program/joint_values.h"
 #include "tools/program/program.h"
 #include "tools/silhouette-sim/commands.h"
-#include "tools/silhouette-sim/contact_json.h"
 #include "tools/silhouette-sim/workplace.h"
 
 namespace silhouette {

@@ -5,12 +5,11 @@
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
-#include "capture/sim/motion_contact.h"
+#include "capture/sim/contact.h"
 #include "common/picture/files.h"
 #include "db/status/status_macros.h"
 #include "tools/program/program.h"
 #include "tools/silhouette-sim/commands.h"
-#include "tools/silhouette-sim/contact_json.h"
 #include "tools/silhouette-sim/workplace.h"
 
 namespace silhouette {

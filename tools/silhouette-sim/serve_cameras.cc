@@ -1,10 +1,8 @@
-#include "tools/silhouette-sim/serve_cameras.h"
+#include "tools/silhouette-sim/serve.h"
 
 #include <utility>
 
-#include "capture/sim/served/gige_cameras.h"
-#include "capture/sim/served/grpc_cameras.h"
-#include "capture/sim/served/rtsp_cameras.h"
+#include "capture/sim/served/network_cameras.h"
 #include "db/status/status_macros.h"
 
 namespace silhouette {

@@ -11,9 +11,7 @@
 #include "tools/program/joint_values.h"
 #include "tools/program/program.h"
 #include "tools/silhouette-sim/commands.h"
-#include "tools/silhouette-sim/serve_cameras.h"
-#include "tools/silhouette-sim/serve_faults.h"
-#include "tools/silhouette-sim/serve_robot.h"
+#include "tools/silhouette-sim/serve.h"
 #include "tools/silhouette-sim/workplace.h"
 
 namespace silhouette {

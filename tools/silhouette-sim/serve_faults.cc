@@ -1,4 +1,4 @@
-#include "tools/silhouette-sim/serve_faults.h"
+#include "tools/silhouette-sim/serve.h"
 
 #include <iostream>
 #include <map>

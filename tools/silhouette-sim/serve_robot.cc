@@ -1,4 +1,4 @@
-#include "tools/silhouette-sim/serve_robot.h"
+#include "tools/silhouette-sim/serve.h"
 
 #include <optional>
 #include <utility>

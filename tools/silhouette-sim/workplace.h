@@ -3,6 +3,7 @@
 
 #include <CLI/CLI.hpp>
 #include <memory>
+#include <nlohmann/json.hpp>
 #include <span>
 #include <string>
 #include <vector>
@@ -54,5 +55,18 @@ std::string Spoken(const Contact& contact);
 
 // "(0.5, -0.25)"
 std::string Spoken(std::span<const double> values);
+
+// Truth as JSON.
+
+// {"contact": bool, "distance": metres, "link": name, "obstacle": name}; without obstacles the last
+// three are null.
+inline nlohmann::ordered_json JsonOf(const Contact& contact) {
+  nlohmann::ordered_json json{{"contact", contact.touching}};
+  const bool any = !contact.obstacle.empty();
+  json["distance"] = any ? nlohmann::ordered_json(contact.distance) : nullptr;
+  json["link"] = any ? nlohmann::ordered_json(contact.link) : nullptr;
+  json["obstacle"] = any ? nlohmann::ordered_json(contact.obstacle) : nullptr;
+  return json;
+}
 
 }  // namespace silhouette

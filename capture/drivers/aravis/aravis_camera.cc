@@ -9,7 +9,7 @@
 #include "absl/strings/str_cat.h"
 #include "absl/time/clock.h"
 #include "capture/drivers/aravis/aravis_device.h"
-#include "capture/drivers/opencv/opencv_image.h"
+#include "capture/drivers/opencv/opencv_camera.h"
 #include "db/status/status_macros.h"
 
 namespace silhouette {

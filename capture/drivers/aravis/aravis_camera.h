@@ -7,7 +7,7 @@
 
 #include "absl/status/statusor.h"
 #include "capture/devices/camera_settings.h"
-#include "capture/devices/camera_source.h"
+#include "capture/devices/devices.h"
 
 namespace silhouette {
 

@@ -10,7 +10,7 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_join.h"
 #include "absl/time/clock.h"
-#include "capture/drivers/opencv/opencv_image.h"
+#include "capture/drivers/opencv/opencv_camera.h"
 #include "db/status/status_macros.h"
 #include "silhouette/v1/camera_driver.grpc.pb.h"
 

@@ -7,7 +7,7 @@
 
 #include "absl/status/statusor.h"
 #include "absl/time/time.h"
-#include "capture/devices/camera_source.h"
+#include "capture/devices/devices.h"
 
 namespace silhouette {
 

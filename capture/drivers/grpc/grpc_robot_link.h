@@ -4,7 +4,7 @@
 #include <memory>
 
 #include "absl/status/statusor.h"
-#include "capture/drivers/robots/controller_link.h"
+#include "capture/drivers/robots/feedback_robot.h"
 #include "capture/drivers/robots/robot_driver_settings.h"
 
 namespace silhouette {

@@ -2,11 +2,14 @@
 #pragma once
 
 #include <memory>
+#include <opencv2/core.hpp>
 #include <string>
+#include <vector>
 
 #include "absl/status/statusor.h"
+#include "absl/time/time.h"
 #include "capture/devices/camera_settings.h"
-#include "capture/devices/camera_source.h"
+#include "capture/devices/devices.h"
 
 namespace silhouette {
 
@@ -28,5 +31,29 @@ absl::StatusOr<std::unique_ptr<CameraSource>> OpenVideo(const std::string& view,
                                                         const VideoSource& source);
 absl::StatusOr<std::unique_ptr<CameraSource>> OpenFolder(const std::string& view,
                                                          const FolderSource& source);
+
+// OpenCV's images as those of cameras.
+
+// `image` is of 8 bits, grey or blue, green, red.
+inline CameraImage CameraImageOf(const cv::Mat& image, absl::Time captured) {
+  CameraImage result{.width = image.cols,
+                     .height = image.rows,
+                     .channels = image.channels(),
+                     .pixels = {},
+                     .captured = captured};
+  const cv::Mat whole = image.isContinuous() ? image : image.clone();
+  result.pixels.assign(whole.datastart, whole.dataend);
+  return result;
+}
+
+// The cameras that Linux has drivers for.
+
+struct V4l2Device {
+  std::string device;  // e.g. /dev/video0
+  std::string name;    // as its driver calls it
+};
+
+// By their numbers. A camera may have several devices, of which not all give images.
+std::vector<V4l2Device> FindV4l2Devices();
 
 }  // namespace silhouette

@@ -10,7 +10,6 @@
 #include "absl/strings/str_cat.h"
 #include "absl/time/clock.h"
 #include "capture/drivers/opencv/opencv_camera.h"
-#include "capture/drivers/opencv/opencv_image.h"
 #include "db/status/status_macros.h"
 
 namespace silhouette {

@@ -1,20 +1,21 @@
 // V4L2 cameras and RTSP streams: devices that send images all the time.
 #include <stdlib.h>
-
+#include <algorithm>
 #include <condition_variable>
 #include <cstdint>
 #include <filesystem>
+#include <fstream>
 #include <functional>
 #include <mutex>
 #include <opencv2/videoio.hpp>
 #include <optional>
+#include <system_error>
 #include <thread>
 #include <utility>
 
 #include "absl/strings/str_cat.h"
 #include "absl/time/clock.h"
 #include "capture/drivers/opencv/opencv_camera.h"
-#include "capture/drivers/opencv/opencv_image.h"
 #include "db/status/status_macros.h"
 
 namespace silhouette {
@@ -225,6 +226,25 @@ absl::StatusOr<std::unique_ptr<CameraSource>> OpenRtspCamera(const std::string& 
                      "; check the address, the network and the camera's user and password"));
   };
   return OpenStream(view, open, source.latency, source.timeout);
+}
+
+std::vector<V4l2Device> FindV4l2Devices() {
+  namespace fs = std::filesystem;
+  std::vector<V4l2Device> found;
+  std::error_code error;
+  for (fs::directory_iterator at("/sys/class/video4linux", error), end; !error && at != end;
+       at.increment(error)) {
+    const std::string node = at->path().filename().string();
+    if (!node.starts_with("video")) continue;
+    V4l2Device device{.device = "/dev/" + node, .name = ""};
+    std::ifstream in(at->path() / "name");
+    std::getline(in, device.name);
+    found.push_back(std::move(device));
+  }
+  std::sort(found.begin(), found.end(), [](const V4l2Device& a, const V4l2Device& b) {
+    return std::pair(a.device.size(), a.device) < std::pair(b.device.size(), b.device);
+  });
+  return found;
 }
 
 }  // namespace silhouette

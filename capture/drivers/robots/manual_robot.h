@@ -67,4 +67,11 @@ class ManualRobot : public Robot {
   std::optional<std::vector<double>> at_;
 };
 
+// The operator at the terminal that the program runs in.
+
+// Lines and questions go to stderr, answers come from stdin. FailedPrecondition: nobody is there,
+// as stdin has ended; Cancelled: a signal came, such as that of Ctrl-C where the program catches
+// it.
+Operator OperatorAtTerminal();
+
 }  // namespace silhouette

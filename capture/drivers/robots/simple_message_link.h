@@ -16,10 +16,9 @@
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
 #include "absl/time/time.h"
-#include "capture/drivers/robots/controller_link.h"
+#include "capture/drivers/robots/feedback_robot.h"
 #include "capture/drivers/robots/robot_driver_settings.h"
 #include "capture/drivers/robots/simple_message.h"
-#include "capture/drivers/robots/simple_message_bodies.h"
 #include "capture/drivers/robots/tcp_socket.h"
 
 namespace silhouette {

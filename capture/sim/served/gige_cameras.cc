@@ -1,4 +1,4 @@
-#include "capture/sim/served/gige_cameras.h"
+#include "capture/sim/served/network_cameras.h"
 
 #include <arv.h>
 

@@ -1,4 +1,4 @@
-#include "capture/sim/served/grpc_cameras.h"
+#include "capture/sim/served/network_cameras.h"
 
 #include <google/protobuf/util/time_util.h>
 #include <grpcpp/grpcpp.h>

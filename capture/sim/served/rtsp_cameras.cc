@@ -1,4 +1,4 @@
-#include "capture/sim/served/rtsp_cameras.h"
+#include "capture/sim/served/network_cameras.h"
 
 #include <gst/rtsp-server/rtsp-server.h>
 

@@ -13,7 +13,6 @@
 #include "absl/status/statusor.h"
 #include "absl/time/time.h"
 #include "capture/drivers/robots/simple_message.h"
-#include "capture/drivers/robots/simple_message_bodies.h"
 #include "capture/drivers/robots/tcp_socket.h"
 #include "capture/sim/served/simulated_controller.h"
 

@@ -11,7 +11,7 @@
 #include "absl/time/clock.h"
 #include "capture/devices/camera_set.h"
 #include "capture/drivers/aravis/aravis_camera.h"
-#include "capture/sim/served/gige_cameras.h"
+#include "capture/sim/served/network_cameras.h"
 #include "tests/capture/drivers/own_network.h"
 #include "tests/capture/drivers/served_cell.h"
 

@@ -15,7 +15,7 @@
 #include "absl/strings/str_cat.h"
 #include "absl/time/clock.h"
 #include "capture/devices/camera_set.h"
-#include "capture/sim/served/grpc_cameras.h"
+#include "capture/sim/served/network_cameras.h"
 #include "silhouette/v1/camera_driver.grpc.pb.h"
 #include "tests/capture/drivers/served_cell.h"
 

@@ -7,7 +7,7 @@
 #include "absl/strings/str_cat.h"
 #include "absl/time/clock.h"
 #include "capture/drivers/opencv/opencv_camera.h"
-#include "capture/sim/served/rtsp_cameras.h"
+#include "capture/sim/served/network_cameras.h"
 #include "tests/capture/drivers/served_cell.h"
 
 namespace silhouette {

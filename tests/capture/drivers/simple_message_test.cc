@@ -12,7 +12,6 @@
 
 #include "absl/strings/escaping.h"
 #include "absl/strings/str_replace.h"
-#include "capture/drivers/robots/simple_message_bodies.h"
 
 namespace silhouette::simple_message {
 namespace {

@@ -1,10 +1,9 @@
-#include "capture/segmentation/closeness.h"
+#include "capture/segmentation/difference.h"
 
 #include <gtest/gtest.h>
 
 #include <opencv2/imgproc.hpp>
 
-#include "capture/segmentation/difference.h"
 #include "tests/capture/segmentation/images.h"
 
 namespace silhouette {

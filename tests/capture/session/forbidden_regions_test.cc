@@ -1,4 +1,4 @@
-#include "capture/session/forbidden_regions.h"
+#include "capture/session/travel.h"
 
 #include <gtest/gtest.h>
 

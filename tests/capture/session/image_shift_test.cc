@@ -1,4 +1,4 @@
-#include "capture/session/image_shift.h"
+#include "capture/session/sentinel_sight.h"
 
 #include <gtest/gtest.h>
 

@@ -1,4 +1,4 @@
-#include "capture/session/references_with_robot.h"
+#include "capture/session/reference_images.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

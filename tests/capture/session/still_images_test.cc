@@ -1,5 +1,5 @@
 // Two images of one view, one after the other.
-#include "capture/session/still_images.h"
+#include "capture/session/visitor.h"
 
 #include <gtest/gtest.h>
 

@@ -4,8 +4,8 @@
 #include <cmath>
 #include <random>
 
-#include "capture/sim/board_texture.h"
 #include "capture/sim/chance.h"
+#include "capture/sim/simulated_board.h"
 #include "tests/capture/sim/small_cell.h"
 
 namespace silhouette {

@@ -1,4 +1,4 @@
-#include "capture/sim/board_texture.h"
+#include "capture/sim/simulated_board.h"
 
 #include <gtest/gtest.h>
 

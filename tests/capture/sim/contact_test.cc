@@ -6,7 +6,6 @@
 #include <numbers>
 #include <random>
 
-#include "capture/sim/motion_contact.h"
 #include "tests/capture/sim/small_cell.h"
 
 namespace silhouette {

@@ -1,4 +1,4 @@
-#include "tools/cell/devices/open_cameras.h"
+#include "tools/cell/devices/open_devices.h"
 
 #include <algorithm>
 #include <map>

@@ -1,4 +1,4 @@
-#include "tools/cell/devices/open_robot.h"
+#include "tools/cell/devices/open_devices.h"
 
 #include <algorithm>
 #include <string>
@@ -12,7 +12,6 @@
 #include "capture/drivers/robots/feedback_robot.h"
 #include "capture/drivers/robots/manual_robot.h"
 #include "capture/drivers/robots/simple_message_link.h"
-#include "capture/drivers/robots/terminal_operator.h"
 #include "db/status/status_macros.h"
 
 namespace silhouette {

@@ -12,7 +12,6 @@
 #include "calib/files/camera_file.h"
 #include "calib/files/calibration_message.h"
 #include "calib/poses/pose_calibration.h"
-#include "capture/sim/blur.h"
 #include "capture/sim/image_sensor.h"
 #include "capture/sim/renderer.h"
 #include "capture/sim/tag_projection.h"

@@ -5,7 +5,7 @@
 #include <string>
 #include <vector>
 
-#include "capture/sim/body_rays.h"
+#include "capture/sim/ray_scene.h"
 #include "tools/silhouette-experiments/cell/cause.h"
 #include "tools/silhouette-experiments/cell/trial.h"
 

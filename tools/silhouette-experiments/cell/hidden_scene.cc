@@ -3,8 +3,8 @@
 #include <algorithm>
 #include <utility>
 
-#include "capture/sim/body_rays.h"
 #include "capture/sim/contact.h"
+#include "capture/sim/ray_scene.h"
 
 namespace silhouette::cell_experiment {
 namespace {

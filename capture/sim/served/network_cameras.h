@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Views of a simulated cell as GigE Vision cameras: Aravis' simulated camera, with rendered images.
 #pragma once
 
@@ -27,6 +28,34 @@ class GigeCameras {
 
   // By view.
   virtual std::vector<std::string> addresses() const = 0;
+};
+
+// Views of a simulated cell behind a CameraDriverService.
+
+// The service ends with it.
+class GrpcCameras {
+ public:
+  // At 127.0.0.1:port; port 0: a free one. The cameras have the names of the views. `views` must
+  // outlive it. FailedPrecondition: the port is in use.
+  static absl::StatusOr<std::unique_ptr<GrpcCameras>> Start(ServedViews& views, int port);
+  virtual ~GrpcCameras() = default;
+
+  virtual const std::string& address() const = 0;
+};
+
+// Views of a simulated cell as RTSP streams, as network cameras send them.
+
+// The streams end with it.
+class RtspCameras {
+ public:
+  // Streams of JPEG images (RFC 2435), ten a second, at rtsp://127.0.0.1:port/<view>; port 0: a
+  // free one. `views` must outlive it. InvalidArgument: an image's sides are not multiples of 8.
+  // FailedPrecondition: the port is in use.
+  static absl::StatusOr<std::unique_ptr<RtspCameras>> Start(ServedViews& views, int port);
+  virtual ~RtspCameras() = default;
+
+  // By view.
+  virtual std::vector<std::string> urls() const = 0;
 };
 
 }  // namespace silhouette
