@@ -1,4 +1,4 @@
-// silhouette-capture report: what became of a capture, as a page with pictures.
+// silhouette-capture report: the quality report of a capture, as a page with pictures.
 #include <iostream>
 #include <memory>
 
@@ -43,12 +43,11 @@ absl::StatusOr<ExitCode> ReportRun(const ReportOptions& options) {
 void AddReport(CLI::App& app, Work& work) {
   CLI::App* command = app.add_subcommand(
       "report",
-      "Writes what became of a capture, as a page with pictures (report.html) and for programs\n"
-      "(report.json): coverage, every view's quality, how well the sentinels repeated, outliers, "
-      "what\n"
-      "is suspect, the log's story, and the commands to repair it. Reads only; may be asked while "
-      "a\n"
-      "capture goes on. Exit code 0: there is nothing to repair; 1: there is.");
+      "Quality report of a capture: coverage, quality of each view, repeatability of the control\n"
+      "configurations, outliers, suspect masks, the log, and the commands to repair it. Writes\n"
+      "report.html with pictures, and report.json for programs. Reads only; works during a "
+      "capture.\n"
+      "Exit code 0: nothing to repair; 1: something to repair.");
   command->footer(
       "Examples:\n"
       "  silhouette-capture report --cell cell.yaml --database cell.lmdb --out report\n"

@@ -241,10 +241,8 @@ absl::StatusOr<ExitCode> RunHere(const RunOptions& options) {
 void AddRun(CLI::App& app, Work& work) {
   CLI::App* command = app.add_subcommand(
       "run",
-      "Drives the robot through the configurations and stores its images. What is stored stays,\n"
-      "whatever happens: the same command goes on where it ended. Builds the collision index at "
-      "the\n"
-      "end, as far as robot images are new.");
+      "Moves the robot through the configurations and stores its masks. Safe to interrupt:\n"
+      "run the same command again to resume. Updates the collision index at the end.");
   command->footer(
       "Examples:\n"
       "  silhouette-capture run --cell cell.yaml --database cell.lmdb\n"
@@ -258,19 +256,22 @@ void AddRun(CLI::App& app, Work& work) {
   AddCellOptions(*command, options->cell);
   AddVariantOption(*command, options->cell);
   command
-      ->add_option("--only", options->plan.only,
-                   "What is captured: missing; outliers: also, anew, what is damaged, empty or\n"
-                   "unlike its neighbours; suspect: also, anew, what was captured while the cell\n"
-                   "may have been changed; 17,4711: also, anew, these configurations; all:\n"
-                   "everything anew; sentinels: nothing, they are only visited")
+      ->add_option(
+          "--only", options->plan.only,
+          "What to capture. missing: what has no mask yet. The others add to that:\n"
+          "outliers, what is damaged, empty or unlike its neighbours; suspect, what was captured\n"
+          "while the cell may have changed; 17,4711, these configurations; all, everything again.\n"
+          "sentinels: capture nothing, only check the control configurations (sentinels)")
       ->check(CLI::Validator([](const std::string& only) { return CheckOnly(only); }, ""))
       ->capture_default_str();
   command->add_flag("--dry-run", options->dry_run,
                     "Say how many configurations, how long, how much room; move nothing");
   command->add_flag("--exclude-captured", options->plan.exclude_captured,
                     "Drop robot images in regions that are forbidden by now");
-  command->add_flag("--new-sentinels", options->plan.new_sentinels,
-                    "Capture the sentinels anew first: as they look now is how they are to look");
+  command->add_flag(
+      "--new-sentinels", options->plan.new_sentinels,
+      "Recapture the control configurations (sentinels) first and use them as the new\n"
+      "baseline");
   command->add_option("--log", options->log,
                       "The file that the session's story is appended to; default: the database's "
                       "name\nand .log");
