@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 # Every library comes from Debian's packages; tools/packages.txt is the list.
 find_package(Threads REQUIRED)
 find_package(absl REQUIRED)

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 # The vocabulary of the build: silhouette_folders, silhouette_library, silhouette_program,
 # silhouette_tests. A folder is a target and holds all of its sources; the target of db/mask is
 # silhouette::db_mask.

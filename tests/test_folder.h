@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Folders for the files of tests.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Board: AprilTags in a grid on a plane, or a single tag. A plain value once it is made.
 //
 // The board's frame is that of its print: the origin at the top left corner of the first tag, x to

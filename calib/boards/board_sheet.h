@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Boards laid out on paper. All of a sheet is in millimetres from the paper's top left corner.
 #pragma once
 

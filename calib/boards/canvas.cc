@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "calib/boards/canvas.h"
 
 #include <cairo/cairo-pdf.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Canvas: drawing in millimetres on pages of a PDF or on a PNG.
 #pragma once
 

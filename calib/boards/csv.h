@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Tables as comma-separated values: a line of column names, then one line a row. A field may be in
 // double quotes, a quote in it is doubled.
 #pragma once

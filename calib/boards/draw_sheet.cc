@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What is drawn on a sheet.
 #include <algorithm>
 #include <cmath>

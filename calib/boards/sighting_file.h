@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Sightings of tags as a CSV file, one line per corner:
 //
 //   frame,view,family,tag,corner,x,y,sigma

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "calib/boards/tag_family.h"
 
 #include <apriltag/apriltag.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // TagFamily: the tags of one of the AprilTag library's families as modules, its black and white
 // squares.
 #pragma once

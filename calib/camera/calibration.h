@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Calibration: how the views of a cell see space, and each other. A plain value.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // CameraModel: where a world point appears in a view's image, and which ray a pixel sees. Part of
 // the pure core.
 //

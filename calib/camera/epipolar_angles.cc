@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "calib/camera/epipolar_angles.h"
 
 #include <Eigen/Geometry>

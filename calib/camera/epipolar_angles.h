@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What two views can say about each other: which pixels of the one may show the same point as a
 // pixel of the other (paper §3.3).
 //

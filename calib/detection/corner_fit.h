@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The corners of a tag as the places where its fitted edges meet.
 #pragma once
 

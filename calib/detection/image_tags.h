@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // ImageTags: what one image shows of the boards of a session, and what is to be said of the image.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // TagDetector: the AprilTags in an image, with corners to some hundredths of a pixel.
 //
 // The AprilTag library finds the tags. Where a tag is large enough, steps are fitted to the grey

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "calib/files/calibration_check_file.h"
 
 #include <algorithm>

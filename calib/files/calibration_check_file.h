@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What `silhouette-calibrate check` found, as a JSON file that a server is given:
 //
 //   {"check": 1, "time": "2026-11-21T21:00:00Z", "calibration": "0123456789abcdef",

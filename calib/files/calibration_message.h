@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The calibration as the database stores it, and as the collision test uses it.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // calibration.yaml: all of a calibration in one file beside its cameras' models - the views, how
 // they see each other, where it comes from and how good it is.
 //

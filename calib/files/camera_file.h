@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Camera models as text files, `.cameramodel`: the format of mrcal, whose tools can read what is
 // written here and write what is read here. One camera a file, a Python dictionary of
 //

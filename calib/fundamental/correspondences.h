@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Corners of tags that two views saw at once.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Fundamental matrices: x_b' F x_a = 0 for the images x_a, x_b of one point, homogeneous pixel
 // coordinates, integers at pixel centres. Pure functions.
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "calib/fundamental/weak_calibration.h"
 
 #include <algorithm>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // A fundamental matrix fitted to corners of which none is wrong: eight points, then Sampson's
 // distance at its least.
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // How far a camera moved, measured by tags that stay where they are in the cell.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Weak calibration: the fundamental matrix of two views straight from tags that both saw at once.
 // Nothing of cameras, boards or robot needs to be known; lenses must not bow lines.
 #pragma once

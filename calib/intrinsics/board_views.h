@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // BoardView: one board in one image, as the lattice that mrcal wants.
 #pragma once
 

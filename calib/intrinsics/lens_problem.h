@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // LensProblem: cameras that look at boards, as mrcal takes them, and what mrcal does with them.
 //
 // A board is a lattice of width x height corner points, spacing apart, in the plane z = 0 of

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Solving for lenses step by step, so that rough seeds suffice; corners that do not fit left out.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // SolveLenses: the lenses of cameras from what they saw of boards, and how cameras and boards
 // stood.
 //

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "calib/poses/pose_bundle.h"
 
 #include <ceres/autodiff_cost_function.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The bundle: all poses of a network at once, by least squares over the corners' residuals. Ceres
 // is known to its source file only.
 #pragma once

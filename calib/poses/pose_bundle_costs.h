@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The bundle's residuals, for Ceres to derive. For pose_bundle.cc alone.
 //
 // A pose is sought as reference * motion, the motion a rotation vector and a translation.

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Camera poses in the robot's base frame, from all that is known at once: boards on the flange,
 // surveyed boards, boards that several views see in one frame, and cameras on the flange.
 //

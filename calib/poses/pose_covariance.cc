@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What a bundle's normal equations say: how well its poses are determined.
 #include <Eigen/SparseCholesky>
 #include <cmath>

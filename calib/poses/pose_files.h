@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The robot's poses as a CSV file, a line per frame:
 //
 //   frame,tx,ty,tz,qx,qy,qz,qw

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // A problem brought near its minimum with the robot taken at its word: what everything else begins
 // with, and by which guesses of what is wrong are compared.
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // PoseNetwork: the problem as looks - one board in one image - between poses that are to be found.
 //
 // Every look says: camera_pose * link * board_pose = camera_from_board, where `link` is the

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What is known before the cameras' poses are: lenses, boards, what was seen of them, and where the
 // robot stood.
 //

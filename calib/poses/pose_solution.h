@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // PoseSolution: the cameras' poses and how well they are known. A plain value.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What a calibration says of corners that it did not know.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Judges a calibration of poses: solves with all that is known, and again without parts of it.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Parts of a problem, to be left out or to stand alone.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // QualityReport: how good a calibration is, by data that it was not made from. A plain value.
 //
 // Pixels are of the camera images. Errors in pixels are root mean squares per axis where nothing

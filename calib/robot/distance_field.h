@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // DistanceField: how far points are at most from a body made of closed meshes, or how deep inside
 // it at least.
 #pragma once

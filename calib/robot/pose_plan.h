@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // PosePlan: where to drive the robot next so that the cameras see the board that it carries, from
 // many sides and in many places - without knowing where cameras and board are.
 //

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Reach: how far the MaxMove discretisation must reckon a joint to move the robot's points.
 #pragma once
 

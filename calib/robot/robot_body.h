@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // RobotBody: where a robot's body certainly is, and where it may be, at any joint values.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // RobotModel: a robot as a URDF file describes it - the joints that move, the links' geometry, and
 // where the links are for given joint values.
 //

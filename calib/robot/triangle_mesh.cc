@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "calib/robot/triangle_mesh.h"
 
 #include <assimp/config.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Triangle meshes, and the meshes of primitive shapes.
 //
 // All are closed, centred on the origin, with triangles counter-clockwise seen from outside. Round

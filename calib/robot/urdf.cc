@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // RobotModel::FromUrdf.
 #include <console_bridge/console.h>
 #include <tinyxml.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // CameraSet: the cameras of a cell, whatever they are, triggered together.
 #pragma once
 

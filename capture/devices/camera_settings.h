@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Where the images of a view come from, one struct per kind of source. docs/cell.yaml documents
 // them for users.
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The devices of a cell as capture sees them: a robot that moves to joint values, and cameras that
 // take one simultaneous set of images. A real cell, the simulated cell and the faulty devices of
 // the tests stand behind the same two interfaces.

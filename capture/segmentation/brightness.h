@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // How much brighter the whole image is than the reference.
 #pragma once
 

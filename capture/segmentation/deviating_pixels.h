@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The pixels that differ from the reference, one by one and in the mean of their surroundings.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // From a camera image to a mask: the one way in which robot images and scenes are made.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // From camera pixels to mask pixels.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Reference: the empty cell in one view, as the mean and the noise of every pixel.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // How camera images become masks. The robot images and the scenes of a cell are made with the same
 // settings, so that they err in the same way.
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "capture/segmentation/shadows.h"
 
 #include <algorithm>

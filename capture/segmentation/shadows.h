@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Shadows: places where the cell is evenly darker, and still looks like the cell.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // SlowLight: what slow changes of the light - the sun that moves on, lamps that age - have made of
 // the reference's brightness, place by place.
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What long work in the cell tells, and asks, while it goes on.
 #pragma once
 

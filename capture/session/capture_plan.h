@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What a capture has to do: which configurations, in which order, how long it takes and how much
 // room it needs. Made without moving anything.
 #pragma once

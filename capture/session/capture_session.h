@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // CaptureSession: drives the robot through the configurations of a plan and stores its image in
 // every view.
 #pragma once

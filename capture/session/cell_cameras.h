@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The cameras of a cell by the names of its views.
 #pragma once
 

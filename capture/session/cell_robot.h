@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The robot of a cell by the names of its joints: the ones of the grid move, the others stand
 // fixed.
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What sessions noticed about a cell, as the database keeps it.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "capture/session/raw_archive.h"
 
 #include <opencv2/imgcodecs.hpp>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The camera images that a session keeps beside the masks.
 #pragma once
 

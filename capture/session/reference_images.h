@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The reference images of a cell: taken by its cameras, kept in its database.
 #pragma once
 

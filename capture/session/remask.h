@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Masks made anew from the camera images that a database kept, with other settings, as a capture
 // with these settings would have made them. Nothing moves.
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // One sentinel in one view: how it looks now against how it looked at first.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Sentinels: a few configurations that a session visits again and again. If one no longer looks as
 // it did at first, a camera, the light or the robot has changed, and what was captured since the
 // last time is suspect.

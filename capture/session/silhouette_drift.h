@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // How far a camera moved, measured by the silhouette of the parked robot.
 #pragma once
 

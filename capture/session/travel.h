@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Travel: in which order the robot visits the configurations of the grid, and on which way it gets
 // from one to another without entering a forbidden region.
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Visitor: gets the robot to a configuration, waits until it stands still there, and takes its
 // images.
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What a camera sees of the empty room: computed once, so that a frame has to trace only the
 // pixels that robot, obstacles and their shadows may touch.
 #pragma once

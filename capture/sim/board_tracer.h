@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // BoardTracer: the pixels that show boards, averaged over the pixel's area in the distorted image.
 //
 // A pixel that shows nothing but one board gets the exact share of black in it. Where something

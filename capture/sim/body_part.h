@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The one representation of robot and obstacles that pictures and truth share: rigid parts made of
 // triangles.
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Random numbers of the simulated cell: the same for a seed everywhere, which the distributions of
 // the standard library do not promise.
 #pragma once

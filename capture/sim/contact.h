@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Truth: whether the robot touches an obstacle, and how far they are apart, from the same triangles
 // that the cameras see. The floor and the robot itself are no obstacles.
 #pragma once

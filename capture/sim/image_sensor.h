@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The sensor behind the simulated lens: exposure, light that drifts and flickers, noise, pixels
 // that jump, grey levels.
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The obstacles of the simulated cell, and obstacles.yaml, the scene file that describes them.
 //
 // The world is the robot's base frame: metres, z up. Angles in radians. Times in seconds of

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // A body as the simulated cell's files describe it: a shape, where it is, how bright.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Embree, as the renderer needs it: rigid parts whose poses change from frame to frame.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "capture/sim/renderer.h"
 
 #include <algorithm>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Renderer: what the cameras of the simulated cell see, before the sensor. Lambert shading, one
 // directed light with shadows, one ray through every pixel's centre; pixels that show boards of
 // tags are averaged over their area.

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Boards of tags in the simulated cell: on the floor, on the robot, or held by somebody.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // SimulatedCell: robot, obstacles, light and cameras in one process, and the devices through which
 // capture speaks to them as to a real cell.
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Robot and cameras of a simulated cell, as capture speaks to them.
 #include <algorithm>
 #include <chrono>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Sightings of tags without images: exactly projected corners with noise, as calibration would get
 // them from a detector of that accuracy. For experiments and tests that need many.
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Values that the simulated cell's files have in common. All throw YamlError.
 #pragma once
 

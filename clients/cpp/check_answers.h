@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Questions of the collision service, and what their answers must be to be handed out.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "silhouette/client.h"
 
 #include <grpcpp/grpcpp.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "silhouette/configuration_space.h"
 
 #include <algorithm>

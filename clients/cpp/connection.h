@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The way to a server: its address, the channel, and what the errors of calls say.
 #pragma once
 

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 # What users of the client library get, as the component `client`:
 #   cmake --install build/release --component client --prefix DIR
 # Then find_package(silhouette) gives silhouette::client and what it needs.

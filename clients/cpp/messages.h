@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Between the API's messages and the values of the client library. What a server sent that cannot
 // be is Internal; the message says what it is.
 #pragma once

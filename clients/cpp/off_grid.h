@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The verdict of a map on any configuration: the server's verdict, or unknown.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // A value that one thread replaces while any number of threads read it.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // How old the messages of a stream are.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Puts the parts of WatchConfigurationSpace together.
 #pragma once
 

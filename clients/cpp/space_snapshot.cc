@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "clients/cpp/space_snapshot.h"
 
 #include <algorithm>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The moves from a grid point to its neighbours, and what they cost.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "clients/planners/path_search.h"
 
 #include <algorithm>
@@ -16,8 +17,9 @@ using KnownEdges = std::map<Edge, bool>;
 Edge EdgeBetween(ConfigurationNumber a, ConfigurationNumber b) { return std::minmax(a, b); }
 
 // Asks the server about the moves of the path that are not known yet: for the middle of each, whose
-// grid cell is the one that the whole move lies in. Edges between an end off the grid and its corner
-// lie in the end's own grid cell and need not be asked for. Returns the verdicts that are not free.
+// grid cell is the one that the whole move lies in. Edges between an end off the grid and its
+// corner lie in the end's own grid cell and need not be asked for. Returns the verdicts that are
+// not free.
 absl::StatusOr<std::vector<client::Verdict>> CheckMoves(const Client& client,
                                                         const client::Policy& policy,
                                                         const ConfigurationGrid& grid,

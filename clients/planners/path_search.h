@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // A path that is free everywhere, not only at the grid points.
 //
 // With more than one view needed to convict, a grid cell can be occupied though its corners are

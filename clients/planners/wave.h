@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The wave: the cost of the shortest way from every grid point it reached to the goal.
 #pragma once
 

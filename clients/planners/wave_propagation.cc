@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "clients/planners/wave_propagation.h"
 
 #include <algorithm>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Path planning by wave propagation on the configuration grid (paper §4.2; Latombe 1991): a wave
 // spreads from the goal over the free grid points, and the path descends from the start against it.
 //

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Charts over two joints: one coloured cell per configuration, axes with ticks, an outline, a path.
 // And charts with lines: values against numbers, one line per series, several panels with one
 // legend.

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Masks as PNG images: one pixel of 8-bit grey per mask pixel, 255 set, 0 not.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The colours of all pictures: after Okabe & Ito, told apart by colour-blind people too, and by
 // their lightness when printed in grey.
 #pragma once

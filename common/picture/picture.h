@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Pictures for people: masks and planes in the colours of palette.h, as PNG files.
 #pragma once
 

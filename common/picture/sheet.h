@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Several pictures on one sheet, with captions, a title and a legend.
 #pragma once
 

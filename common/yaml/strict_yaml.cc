@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "common/yaml/strict_yaml.h"
 
 #include <algorithm>

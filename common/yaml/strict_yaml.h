@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Reading YAML files that people write: every mistake is told with file, line and the nearest key
 // that would have been right.
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The quadtree over the pixels of a mask. Part of the pure core.
 //
 // A node of level l covers the pixels [2^l x, 2^l (x + 1)) x [2^l y, 2^l (y + 1)), as far as they

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // A set of configurations of one tile. Part of the pure core.
 #pragma once
 

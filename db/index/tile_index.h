@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The collision index of one tile: its robot images transposed. Part of the pure core.
 //
 // Per view and node of the view's pixel tree, the set of the tile's configurations whose robot

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The configuration grid: the discretised configurations of a robot and their numbers.
 //
 // Along each joint the grid has `steps` evenly spaced values. A bounded joint has its first value

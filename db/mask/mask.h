@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Mask: one bit per pixel of a view. Part of the pure core: no library is needed to read this.
 //
 // Pixels are numbered row by row from the top left, pixel (x, y) is bit y * width + x; bit i is

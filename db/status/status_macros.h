@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // RETURN_IF_ERROR and ASSIGN_OR_RETURN: pass an error on to the caller. For functions that return
 // absl::Status or absl::StatusOr.
 #pragma once
@@ -8,13 +9,13 @@
 #include "absl/status/statusor.h"
 
 // Returns the status of the expression if it is an error.
-#define RETURN_IF_ERROR(...)                                       \
-  do {                                                             \
+#define RETURN_IF_ERROR(...)                                              \
+  do {                                                                    \
     if (absl::Status error_ = (__VA_ARGS__); !error_.ok()) return error_; \
   } while (false)
 
-// ASSIGN_OR_RETURN(const Mask mask, ReadMask(path)): evaluates an absl::StatusOr; returns its status
-// if it is an error, else initialises or assigns the left side with its value.
+// ASSIGN_OR_RETURN(const Mask mask, ReadMask(path)): evaluates an absl::StatusOr; returns its
+// status if it is an error, else initialises or assigns the left side with its value.
 #define ASSIGN_OR_RETURN(left, ...) \
   SILHOUETTE_ASSIGN_OR_RETURN_(SILHOUETTE_JOIN_(result_at_, __LINE__), left, __VA_ARGS__)
 

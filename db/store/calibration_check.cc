@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What is asked of a Calibration that is to be, or was, stored.
 #include <algorithm>
 #include <cmath>

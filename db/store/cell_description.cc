@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What is asked of a CellDescription: the grid, the mask sizes, whether two of them fit together.
 #include <algorithm>
 #include <cmath>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "db/store/collision_index.h"
 
 #include <sys/mman.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The collision index of a database: reading it, and building it.
 //
 // It is made of the robot images and holds them transposed, tile by tile (db/index/tile_index.h).

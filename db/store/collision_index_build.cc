@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Building the collision index: threads that build a tile each, and the caller's, which writes.
 #include <unistd.h>
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What a Database and the snapshots and writers made from it share, and access to `meta`.
 #pragma once
 

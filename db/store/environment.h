@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The LMDB environment in a database's folder: opening it safely, transactions, growth of its map.
 //
 // LMDB allows an environment to be open only once per process, so all that a process opens of one

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Making and opening an environment: what must be known before LMDB may touch a folder.
 #include "db/store/environment.h"
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Where the joints outside the grid stood when robot images were captured.
 #pragma once
 

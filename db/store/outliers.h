@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Robot images that are probably wrong: the robot was not where it said, a camera did not deliver
 // what it should, the light changed. They are worth to be captured anew.
 #pragma once

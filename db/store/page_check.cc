@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Whether the pages of an LMDB data file make sense. LMDB trusts its pages: one damaged pointer can
 // end the process, or let a write destroy what is sound. Thus every page of every tree is looked at
 // before LMDB is.

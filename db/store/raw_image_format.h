@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The bytes of the sub-database `raw_images`: the camera images that robot images were made from.
 //
 // Keys are two u64, big-endian: the configuration number and the view's place in

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What a Snapshot consists of, and records of the sub-database `robot_images` of a variant as they
 // are stored, by the tile.
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Exchanging the masks of all variants for those of another database.
 #include <optional>
 #include <string>

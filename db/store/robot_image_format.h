@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The bytes of one value in the sub-database `robot_images`.
 //
 //   offset  size  content

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The variants of a database: which there are, making and removing them.
 #include <algorithm>
 #include <utility>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The robot images of one state of the database, read from its file when they are needed: for
 // databases whose images do not fit into memory.
 #pragma once

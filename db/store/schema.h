@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // All permanent names and keys of the database, and the grammar of the values in `meta`.
 // docs/database_format.md describes them for outsiders.
 //

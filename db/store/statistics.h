@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Figures about the robot images of a database: how many, how large, what the robot always covers.
 #pragma once
 

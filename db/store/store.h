@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The database of a cell: robot images, what they belong to, reference images, calibration. One
 // LMDB environment in a folder; docs/database_format.md has the bytes, db/store/schema.h the keys.
 //

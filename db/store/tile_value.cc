@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "db/store/tile_value.h"
 
 #include <xxhash.h>

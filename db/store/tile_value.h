@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The bytes of one value in the sub-database `collision_index`.
 //
 //   offset  size  content

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The right to write into a database's folder.
 #pragma once
 

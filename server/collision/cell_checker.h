@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Which cells of the grid are free: collision checking, off the grid, for all of a tile at once.
 //
 // The grid cell that begins at a configuration reaches to the next value along every joint: round

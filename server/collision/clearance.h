@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Clearance: by how many pixels the robot images of a configuration could grow, in all views at
 // once, before it were occupied.
 //

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Collision checking: verdicts on configurations, paths and the whole configuration space, from the
 // obstacle images of one scene and the robot images of one generation of the database.
 //

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Collision images: intersection images whose unknown and error pixels are resolved to obstacle or
 // background (paper §3.3). The set bits are the obstacle pixels.
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Epipolar bands between all pairs of views, as the calibrated test needs them: for every pixel of
 // a view, which pixels of another may show the same point.
 //

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The free cells of the whole grid (cell_checker.h), for one scene and one policy.
 #pragma once
 

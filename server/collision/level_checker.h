@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Clearances of all configurations of a tile at once, in levels: which of the free ones have more.
 //
 // Planes that decide are grown by the level; whose robot image touches them in enough views has no

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "server/collision/obstacle_image.h"
 
 #include <stdexcept>

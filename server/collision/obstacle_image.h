@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The obstacle image: what one view knows of the cell at the moment of a scene (paper §3.1).
 //
 // Every pixel is one of background, obstacle, unknown and error, Table 1:

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // How verdicts are made from obstacle images (paper §3.3, §3.4).
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Where an obstacle could be, seen or not: the sound test (docs/verdict-quality.md).
 //
 // Every obstacle is a union of balls of radius rho, the least obstacle. A ball can be only where

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What the sound presets can tell from the robot: a rule of thumb for choosing mask sizes and the
 // least obstacle. Part of the pure core.
 //

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // All robot images of one generation of a database. A table holds them in memory, per view one
 // contiguous block; or it reads them whenever they are needed, from where they are stored, and
 // holds but a few bytes for each. Cannot be changed once built; read by any number of threads.

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The places of a straight line, in joint values, that have to be tested so that nothing between
 // them is left out.
 //

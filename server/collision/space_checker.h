@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Collision checking for all configurations of a tile at once, by the collision index.
 //
 // What planes alone decide is looked up: the configurations whose robot image touches the planes in

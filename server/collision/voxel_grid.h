@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Voxels: equal cubes that fill a box of space, and sets of them. Part of the pure core.
 //
 // Voxel (x, y, z) covers [lower + edge * (x, y, z), lower + edge * (x + 1, y + 1, z + 1)]. Blocks

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // How one view sees blocks of voxels: the geometry behind VoxelSpace.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The space of a cell in voxels, and what every view can say of each: made once per calibration and
 // workspace, for the sound test (possible_space.h).
 //

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Follows the file of the newest check of the calibration (silhouette-calibrate check --out).
 #pragma once
 

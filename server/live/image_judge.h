@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Whether an image is one that a scene can be made of.
 #pragma once
 

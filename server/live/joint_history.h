@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Where the robot was lately, and so where it was when images were taken.
 #pragma once
 

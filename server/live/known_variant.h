@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Which variant shows the robot, as far as it is known.
 #pragma once
 

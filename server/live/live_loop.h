@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The server's own acquisition: images of all cameras, joined to the robot's joints, become scenes.
 #pragma once
 

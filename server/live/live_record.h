@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // How the server's own acquisition goes: counts, ages, faults and latencies; and what it was told
 // of the robot's variant.
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // How the server takes images itself.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Allowed regions: parts of the images in which obstacles are expected for a while, such as the
 // part that the robot is about to grasp.
 //

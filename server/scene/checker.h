@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // One request's view of the world: a database, a scene and a moment, and the verdicts that follow.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Time in the server: the wall clock, by which images are stamped, and a clock that never
 // steps back, by which they age.
 #pragma once

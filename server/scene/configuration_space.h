@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The configuration-space map: the verdicts on all configurations of the grid, for one scene and
 // one policy.
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // A joint of the robot and where it stands.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // A scene: one simultaneous set of images of the cell, one per view, with the robot's joints at
 // that instant, and what it is good for.
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // When a scene is good enough to rest a verdict on.
 #pragma once
 

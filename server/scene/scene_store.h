@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The scenes that are served, and the database they were made with. Used by any number of threads.
 #pragma once
 

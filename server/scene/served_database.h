@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // One generation of a database: what scenes are made with and verdicts rest on. A database has one
 // variant or several; what is loaded is the default variant, which has the others.
 #pragma once

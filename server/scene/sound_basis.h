@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What the sound presets rest on, of one generation of a database: space as the views see it, and
 // the robot's own body.
 #pragma once

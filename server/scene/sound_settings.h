@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What the sound presets know of a cell (docs/verdict-quality.md).
 #pragma once
 

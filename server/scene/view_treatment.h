@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // How the images of one view are treated beyond Table 1: a safety margin, and pixels that prove
 // nothing.
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The answers to questions about configurations and paths, whichever call they come with.
 #pragma once
 

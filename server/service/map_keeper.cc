@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "server/service/map_keeper.h"
 
 #include <spdlog/spdlog.h>

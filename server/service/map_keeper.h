@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Works maps out before anybody asks.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Between the API's messages and our own values.
 #pragma once
 

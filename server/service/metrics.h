@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The server's metrics for Prometheus (docs/live.md lists them).
 #pragma once
 

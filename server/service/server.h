@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The server: three services, health and reflection on one address. The health service tells as
 // "silhouette.v1.Calibration" whether the calibration is known to hold (CalibrationReason), if that
 // is checked from the start; what changes it is told a moment later. So is what LiveStatus says of

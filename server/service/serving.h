@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What the three services share, and how they answer.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The configuration-space maps of the newest scene, one per policy and variant, shared
 // by everybody who asks.
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Sending a configuration space, some tiles at a time.
 #pragma once
 

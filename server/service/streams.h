@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Calls that are answered again whenever what answers rest on has changed.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Notices when answers may have changed, and notifies the watchers.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Capsules and their masks in pinhole views: the pictures of synthesised cells.
 //
 // Points in metres in the world's frame. A pixel (x, y) is the square [x, x + 1] x [y, y + 1] of

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // From a scene to the free cells of the whole grid, by which clients tell of configurations off the
 // grid.
 #include <benchmark/benchmark.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The map in the client: LocalSpace, subscribed to a server in this process.
 #include <benchmark/benchmark.h>
 

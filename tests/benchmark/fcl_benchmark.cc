@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Baseline: the usual way. FCL tests the arm's seven capsules, exactly, against an OctoMap octree
 // of the same obstacles, voxels of 2 cm.
 #include <benchmark/benchmark.h>

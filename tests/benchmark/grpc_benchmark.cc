@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Calls to a server in this process, over TCP and over a unix socket, and as their baseline a call
 // that does nothing.
 #include <benchmark/benchmark.h>

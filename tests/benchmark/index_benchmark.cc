@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The collision index: building it, its size, and from a scene to the map of the whole
 // configuration space.
 #include <benchmark/benchmark.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "tests/benchmark/indexed_cell.h"
 
 #include <algorithm>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The collision index of a synthesised cell whose masks would not fit into memory.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What several benchmarks measure on; made when it is first asked for and kept.
 #pragma once
 

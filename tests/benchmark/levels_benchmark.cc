@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The whole configuration space in clearance levels: from a scene to the map and its levels.
 #include <benchmark/benchmark.h>
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // From camera images to the map of all configurations, as the live server gets there and one step
 // after another.
 #include <benchmark/benchmark.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The configuration-space map: from a scene to it, and checks in process by looking into it.
 #include <benchmark/benchmark.h>
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Checks in process, from the masks themselves: the collision test without an index. The masks are
 // in memory, or read from the database where they are needed.
 #include <benchmark/benchmark.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // A server in this process, with a scene that does not grow old.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Obstacles that come into a synthesised cell.
 #pragma once
 

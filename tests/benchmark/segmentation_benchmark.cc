@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // From a camera image of 640 x 480 to a mask of 64 x 64, a robot and a person in the cell.
 #include <benchmark/benchmark.h>
 

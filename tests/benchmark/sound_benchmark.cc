@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The sound test on one scene: a cube of 2 m at voxels of 1.5 cm, seen by four cameras. Beside it
 // the plain way, voxel by voxel, that it is to be measured against.
 #include <benchmark/benchmark.h>

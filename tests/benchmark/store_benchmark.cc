@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Baseline: one look into the database per check, instead of robot images in memory.
 #include <benchmark/benchmark.h>
 #include <lmdb.h>

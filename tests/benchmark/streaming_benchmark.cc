@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Baselines: what memory allows. Every configuration is tested by its masks, all of which come from
 // memory: the plain way to the map of the whole configuration space.
 #include <benchmark/benchmark.h>

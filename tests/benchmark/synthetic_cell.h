@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // A cell without cameras and robot: a serial arm of seven capsules with the proportions of a
 // Staubli RX130, seen by four pinhole views around it. It makes databases as large as benchmarks
 // need them, about 2 us per robot image; the masks are any-touch (capsule_image.h).

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "tests/benchmark/synthetic_database.h"
 
 #include <random>

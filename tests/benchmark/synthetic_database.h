@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Databases of synthesised cells on disk, as a capture leaves them, and what is served of them. All
 // functions throw std::runtime_error where the disk does not allow it.
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // A small cell for the tests of the server: three views, a bounded joint "a" (0 to 4), a continuous
 // joint "b" (8 steps of a turn) and a fixed joint "lift" at 0.5.
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The cell of test_cell.h with a second variant: the robot with a tool.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // cell.yaml: the one file that describes a cell to every program. The commented sample is
 // docs/cell.yaml.
 #pragma once

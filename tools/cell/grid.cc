@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The section `grid` of cell.yaml: the grid over the joints that move.
 #include <optional>
 #include <utility>

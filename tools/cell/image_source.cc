@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The key `source` of a view in cell.yaml: where its images come from.
 #include <cmath>
 #include <utility>

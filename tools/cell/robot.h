@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The section `robot` of cell.yaml, for the section `grid` that rests on it.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The key `driver` in the section `robot` of cell.yaml: who moves the robot.
 #pragma once
 

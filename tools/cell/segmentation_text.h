@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Settings of the segmentation out of texts: those of a database, and those of a command line.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The section `views` of cell.yaml: the stationary cameras.
 #include <algorithm>
 #include <cmath>

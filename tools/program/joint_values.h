@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Joint values as people type them.
 #pragma once
 

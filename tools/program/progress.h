@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Progress of long work: on a terminal a bar with rate and time left that redraws itself, otherwise
 // a plain line every few seconds. Writes to stderr, so that stdout stays free for results.
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "tools/silhouette-calibrate/calibration_output.h"
 
 #include <algorithm>
@@ -8,6 +9,7 @@
 #include "absl/time/clock.h"
 #include "absl/time/time.h"
 #include "calib/files/calibration_session_file.h"
+#include "calib/files/camera_file.h"
 #include "calib/fundamental/tag_drift.h"
 #include "common/picture/files.h"
 #include "db/status/status_macros.h"

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The files of a calibration beside its camera models: what `silhouette-db calibration import`
 // reads.
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What `fundamental` reads of its views, and how it says what it has found of their pairs.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // silhouette-calibrate intrinsics
 #include <algorithm>
 #include <filesystem>

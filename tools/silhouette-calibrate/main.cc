@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // silhouette-calibrate: from images of AprilTags to cameras one can trust.
 #include <CLI/CLI.hpp>
 

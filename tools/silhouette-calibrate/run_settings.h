@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The arguments of `run`, and the settings of a session that follow from them.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // silhouette-capture cameras: which cameras there are, and what those of a cell see.
 #include <algorithm>
 #include <filesystem>

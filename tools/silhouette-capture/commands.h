@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The subcommands of silhouette-capture, each in a file of its own.
 #pragma once
 

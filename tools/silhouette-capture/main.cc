@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include <opencv2/core/utility.hpp>
 
 #include "tools/silhouette-capture/commands.h"

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The cell's file and its database, as the subcommands open them.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // silhouette-capture reference: takes the images of the empty cell.
 #include <functional>
 #include <iostream>

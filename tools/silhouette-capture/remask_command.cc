@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // silhouette-capture remask: makes the masks anew from the images that were kept.
 #include <filesystem>
 #include <iostream>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // silhouette-capture report: the quality report of a capture, as a page with pictures.
 #include <iostream>
 #include <memory>

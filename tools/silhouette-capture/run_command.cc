@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // silhouette-capture run: captures what is missing, or is to be captured anew.
 #include <iostream>
 #include <memory>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What `run` is asked to capture, and the plan that it makes of it.
 #pragma once
 

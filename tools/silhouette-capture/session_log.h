@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The log of a database's capture sessions: plain sentences with time stamps, appended session by
 // session, so that the next morning tells the story of the night.
 #pragma once

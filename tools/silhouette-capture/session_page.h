@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The report of a database's capture sessions as a page, and as JSON.
 #pragma once
 

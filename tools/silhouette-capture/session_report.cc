@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "tools/silhouette-capture/session_report.h"
 
 #include <algorithm>

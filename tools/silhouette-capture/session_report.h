@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Writes the report of a database's capture sessions.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // silhouette-capture status: what is there, what is missing, what to do next.
 #include <algorithm>
 #include <iostream>

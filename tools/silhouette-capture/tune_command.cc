@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // silhouette-capture tune: what other settings of the segmentation would find in images that there
 // are.
 #include <cctype>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What settings make of images, in figures.
 #pragma once
 

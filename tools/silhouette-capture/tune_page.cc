@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "tools/silhouette-capture/tune_page.h"
 
 #include "absl/strings/str_cat.h"

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What silhouette-capture tune found, as a page and for programs.
 #pragma once
 

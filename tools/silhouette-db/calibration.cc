@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // silhouette-db calibration: how the views see space, or each other, into the database and out.
 #include <iostream>
 #include <memory>

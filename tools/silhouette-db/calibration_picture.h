@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The epipolar bands of some pixels, over the robot.
 #pragma once
 

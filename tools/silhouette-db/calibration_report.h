@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What `silhouette-db calibration` reports of a calibration.
 #pragma once
 

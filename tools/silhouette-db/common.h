@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What several subcommands need: opening, choosing configurations, saying them.
 #pragma once
 

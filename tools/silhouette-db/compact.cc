@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // silhouette-db compact: a copy without unused pages.
 #include <iostream>
 #include <memory>

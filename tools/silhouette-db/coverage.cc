@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // silhouette-db coverage: which configurations are there.
 #include <iostream>
 #include <memory>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // silhouette-db diff: in what two databases differ.
 #include <iostream>
 #include <memory>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The folder that `export` writes and `import` reads:
 //
 //   configurations.csv   one row per record; comma separated, quoted as RFC 4180 says, a header

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // silhouette-db export: a database as a table and PNG files.
 #include <filesystem>
 #include <fstream>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // silhouette-db import: masks made elsewhere, or exported, into a database.
 #include <algorithm>
 #include <filesystem>

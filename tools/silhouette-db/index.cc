@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // silhouette-db index: builds the collision index.
 #include <iostream>
 #include <memory>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // silhouette-db info: what a database holds, without reading its robot images' masks.
 #include <iostream>
 #include <memory>

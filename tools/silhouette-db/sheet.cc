@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // silhouette-db sheet: the masks of a slice of the configuration space on one sheet.
 #include <iostream>
 #include <memory>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // silhouette-db show: one configuration.
 #include <iostream>
 #include <memory>

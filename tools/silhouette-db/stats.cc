@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // silhouette-db stats: areas per view, what the robot always covers, outliers.
 #include <iostream>
 #include <map>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // silhouette-db variants: the variants, making and removing them.
 #include <iostream>
 #include <memory>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // silhouette-db verify: whether everything is there and can be read.
 #include <iostream>
 #include <memory>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // silhouette-experiments measures collision checking against the truth.
 #include <CLI/CLI.hpp>
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // silhouette-experiments paper
 #include <algorithm>
 #include <iostream>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The acquisition of a cell whose images the server takes itself.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // silhouette-server: serves a cell's database and its scenes to planners.
 #include <pthread.h>
 #include <spdlog/sinks/stdout_sinks.h>

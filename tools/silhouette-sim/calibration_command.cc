@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // silhouette-sim calibration
 #include <filesystem>
 #include <iostream>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The commands of silhouette-sim. Each adds itself to the program and sets `run` when it is chosen.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // silhouette-sim: pictures and truth of the simulated cell.
 #include <CLI/CLI.hpp>
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // silhouette-sim serve: the devices of the simulated cell on the network, as those of a real cell.
 #include <iostream>
 #include <memory>

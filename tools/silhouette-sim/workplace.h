@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What the commands need of a cell: its file, its robot, its obstacles.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // silhouette check
 #include <poll.h>
 #include <unistd.h>

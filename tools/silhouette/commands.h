@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The subcommands of `silhouette`. Each adds itself to the program; when it is chosen, it puts what
 // is to be done into `run`.
 #pragma once

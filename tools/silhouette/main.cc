@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // silhouette: asks silhouette-server, publishes scenes, plans paths.
 #include <CLI/CLI.hpp>
 #include <cstdlib>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // silhouette region allow, revoke, list
 #include <memory>
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // GigE Vision and USB3 Vision cameras, through Aravis.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What aravis_camera.cc needs of Aravis, with owners and statuses instead of GObject's conventions.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Cameras behind somebody's own CameraDriverService (proto/silhouette/v1/camera_driver.proto).
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "capture/drivers/grpc/grpc_robot_link.h"
 
 #include <grpcpp/grpcpp.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Cameras, streams and recordings that OpenCV reads.
 #pragma once
 

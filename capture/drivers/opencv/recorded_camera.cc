@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Recordings: video files and folders of images.
 #include <algorithm>
 #include <filesystem>

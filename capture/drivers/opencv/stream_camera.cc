@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // V4L2 cameras and RTSP streams: devices that send images all the time.
 #include <stdlib.h>
 #include <algorithm>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "capture/drivers/robots/feedback_robot.h"
 
 #include <chrono>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // FeedbackRobot: a robot behind a ControllerLink. Nothing is assumed of where it is: it has arrived
 // when its feedback says so, and it is stopped when its feedback is doubtful - on its way and where
 // it stands.

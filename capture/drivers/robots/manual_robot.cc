@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "capture/drivers/robots/manual_robot.h"
 
 #include <poll.h>

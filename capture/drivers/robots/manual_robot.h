@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // ManualRobot: a robot that a person moves, with its pendant, to where he is told.
 #pragma once
 

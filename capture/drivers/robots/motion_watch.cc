@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "capture/drivers/robots/motion_watch.h"
 
 #include <algorithm>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // MotionWatch: whether a robot that was told to go somewhere goes there, judged by nothing but what
 // it says of where it is.
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What cell.yaml says of the robot's driver.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The frames of ROS-Industrial's simple_message protocol: a length, a header of three numbers, and
 // a body. All fields are 32 bits wide, in the byte order of the controller. (ROS-Industrial's draft
 // REP "Message Structures of the ROS-Industrial Simple Message Protocol".)

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "capture/drivers/robots/simple_message_link.h"
 
 #include <poll.h>

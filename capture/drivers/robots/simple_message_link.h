@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // SimpleMessageLink: a controller that speaks ROS-Industrial's simple_message over TCP, one
 // connection for its state and one for motion.
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "capture/sim/served/network_cameras.h"
 
 #include <google/protobuf/util/time_util.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "capture/sim/served/grpc_robot_server.h"
 
 #include <grpcpp/grpcpp.h>

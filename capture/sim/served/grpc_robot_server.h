@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // GrpcRobotServer: a simulated controller behind the RobotDriverService of
 // proto/silhouette/v1/robot_driver.proto.
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // ServedViews: the images of a simulated cell for servers of which each asks for one view at a
 // time.
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "capture/sim/served/simple_message_server.h"
 
 #include <poll.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // SimpleMessageServer: a simulated controller behind ROS-Industrial's simple_message, as
 // capture/drivers/robots/simple_message_link.h speaks to it.
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // SimulatedController: what a robot's controller does, for the robot of a simulated cell. It moves
 // in real time and can be made to fail in the ways in which real ones do.
 #pragma once

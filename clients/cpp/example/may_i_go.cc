@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Asks whether the robot may be at a configuration: may_i_go ADDRESS VALUE... (radians).
 #include <silhouette/client.h>
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // How the acquisition of a server that takes images itself goes (silhouette-server --live).
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What the server answers, and on which state of the world an answer rests.
 #pragma once
 

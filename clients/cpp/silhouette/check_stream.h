@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Checks over one call, pipelined: many questions may be under way at once.
 //
 //   silhouette::client::CheckStream stream = client->StreamChecks();

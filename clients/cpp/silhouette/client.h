@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The client of silhouette-server.
 //
 //   absl::StatusOr<silhouette::Client> client = silhouette::Client::Connect("127.0.0.1:50051");

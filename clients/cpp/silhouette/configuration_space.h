@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The verdicts of all configurations of the grid, from one scene: looked up locally, in
 // nanoseconds.
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What a client needs to know of the database that is served.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The configuration space, kept up to date in the client: checks take nanoseconds and no call.
 //
 //   silhouette::LocalSpace space(*client, {.max_age = absl::Milliseconds(300)});

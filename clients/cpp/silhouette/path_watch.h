@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // A path, watched: a new verdict with every scene.
 //
 //   auto watch = client->WatchPath(waypoints);

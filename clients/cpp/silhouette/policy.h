@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // How verdicts are made, and what they come with. What is not set in a policy takes
 // the server's default.
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Scenes: what is published and what the server made of it.
 #pragma once
 

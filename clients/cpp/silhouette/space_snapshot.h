@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // A map of the configuration space as one scene makes it: what LocalSpace holds.
 #pragma once
 

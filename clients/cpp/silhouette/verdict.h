@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The verdict on a configuration, as a client reads it.
 #pragma once
 

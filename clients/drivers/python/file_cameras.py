@@ -1,4 +1,5 @@
 #!/usr/bin/env python3
+# SPDX-License-Identifier: Apache-2.0
 """A CameraDriverService in Python: each camera shows a file, as it is when it is asked for.
 
 An example to begin a driver of your own with: replace the class FileCamera. In cell.yaml:

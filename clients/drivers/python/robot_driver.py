@@ -1,4 +1,5 @@
 #!/usr/bin/python3
+# SPDX-License-Identifier: Apache-2.0
 """A robot with a vendor's library, driven by silhouette-capture and silhouette-calibrate.
 
 Serves silhouette.v1.RobotDriverService. Runs as it is, with an arm that is not there; for yours,

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // tools/benchmark, without its measuring: from what Google Benchmark tells to the rows.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The renderer against the definition of its masks, pixel by pixel, and the cells made with it.
 #include "tests/benchmark/synthetic_cell.h"
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Boards as they come out of the printer: PNG and PDF.
 #include <apriltag/apriltag.h>
 #include <gmock/gmock.h>

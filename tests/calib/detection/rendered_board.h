@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // A board of tags as a distorted camera sees it, for tests: averaged over each pixel's square,
 // blurred, with noise. Where its corners really are is known.
 #pragma once

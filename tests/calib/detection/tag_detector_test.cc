@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The corners of tags against where they really are, in rendered images.
 #include "calib/detection/tag_detector.h"
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Camera models and fundamental matrices as files, and as stored.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

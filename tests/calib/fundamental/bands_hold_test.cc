@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // After down-sampling to masks of 64 x 64, the bands that the server uses hold every true
 // correspondence: with camera models as they are, with weak calibration given the margin it asks
 // for.

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Cameras around a cell, and what they see of a board that is carried through it.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Lenses written for mrcal, and camera files of other programs.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Lenses from synthetic sightings of boards.
 #include "calib/intrinsics/solve_lenses.h"
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Cameras around a workspace, and boards held into it, for tests: what they would see, seeded.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What does not determine the lenses, or contradicts itself, is refused with the mend.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // How exact camera poses are, over several seeds, and whether they are as exact as they say.
 #include <gtest/gtest.h>
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The files of robot poses and surveys: what is wrong in them is told with file and line.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What is wrong in the data is told, and never becomes a confident wrong pose.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

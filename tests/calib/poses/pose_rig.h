@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // A made-up cell whose truth is known: cameras around a workspace of 1.5 m, boards, a robot that
 // does not stand quite where it says, and corners with noise.
 #pragma once

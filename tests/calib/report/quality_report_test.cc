@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What a report says of made-up sessions whose truth is known.
 #include "calib/report/make_report.h"
 

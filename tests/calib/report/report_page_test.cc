@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The report's page and JSON.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Where a robot's body certainly is: never more than there is of it.
 #include "calib/robot/robot_body.h"
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // URDF files and meshes for tests.
 #pragma once
 

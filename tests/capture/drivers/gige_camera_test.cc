@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // GigE Vision cameras: genuine devices of the protocol on loopback addresses, with rendered images.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

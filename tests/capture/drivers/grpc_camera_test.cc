@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Cameras behind a CameraDriverService: that of the simulated cell, and one that does wrong.
 #include "capture/drivers/grpc/grpc_camera.h"
 

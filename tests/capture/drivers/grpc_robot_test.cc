@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // A robot behind the RobotDriverService: that of the simulated cell, and the example in Python.
 #include <fcntl.h>
 #include <gmock/gmock.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // A robot that a person moves: what he is told, what he may answer.
 #include "capture/drivers/robots/manual_robot.h"
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What is believed of a robot on its way, with a clock of the test's own.
 #include "capture/drivers/robots/motion_watch.h"
 

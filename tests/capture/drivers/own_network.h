@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // A network of a test's own: GigE Vision cameras all have the same port, so that each needs an
 // address, and tests that run at the same time must not meet each other's.
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Video files and folders of images as cameras.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

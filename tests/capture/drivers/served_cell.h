@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // A small simulated cell whose views are served as cameras. Without noise: an image depends on
 // where the robot stands alone.
 #pragma once

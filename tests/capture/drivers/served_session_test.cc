@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // A whole capture session with a robot behind a connection: the same robot images as with the
 // simulated robot in process, and a fault on the way ends it so that the next one goes on.
 #include <gmock/gmock.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // A robot behind simple_message, against a controller that works and against every way in which one
 // fails.
 #include <gmock/gmock.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The bytes of simple_message: as its description shows them, in both byte orders, and never more
 // than that.
 #include "capture/drivers/robots/simple_message.h"

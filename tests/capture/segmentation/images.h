@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Images of an empty cell, and of things in it, for the tests of the segmentation.
 #pragma once
 

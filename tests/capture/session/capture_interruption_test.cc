@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // A capture that is interrupted and resumed holds what an uninterrupted one holds.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The devices of a cell by name: robot, cameras, reference images.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // A cell for the tests of capture: a robot that jumps, cameras that draw it, and hooks to make
 // either fail.
 #pragma once

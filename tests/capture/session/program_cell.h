@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // A small simulated cell in a folder of its own, and silhouette-capture as its user runs it.
 // Without noise, so that the same configuration always gives the same masks.
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Sessions that notice that the cell changed, lose devices and wait for them, and keep images.
 #include "capture/session/sentinels.h"
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Two images of one view, one after the other.
 #include "capture/session/visitor.h"
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Boards of tags as the simulated cameras see them.
 #include <gtest/gtest.h>
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The demo's cell keeps what the method asks for: the robot is whole in every view.
 #include <gtest/gtest.h>
 

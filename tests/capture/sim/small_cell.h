@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // A small simulated cell for tests: the robot of tests/calib/robot/urdf_files.h, two cameras.
 #pragma once
 

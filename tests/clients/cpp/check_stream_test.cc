@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Checks over one call: each question gets its own answer, and none that did not come is made up.
 #include "silhouette/check_stream.h"
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What the client library promises, above all: nothing but an explicit FREE is free.
 #include "silhouette/client.h"
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // One client used by many threads at once.
 #include <gtest/gtest.h>
 

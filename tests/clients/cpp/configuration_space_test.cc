@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The configuration space as it comes over the wire: what was not received is unknown.
 #include "silhouette/configuration_space.h"
 

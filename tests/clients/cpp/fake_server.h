@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // A server that says what a test tells it to say: well-formed answers or broken ones.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The client library as its users get it: installed, found by CMake, built against, run.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

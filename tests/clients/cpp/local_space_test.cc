@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The map in the client: what the server last said, and never longer than that can be relied on.
 #include "silhouette/local_space.h"
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Maps that are replaced while threads read them.
 #include <gtest/gtest.h>
 

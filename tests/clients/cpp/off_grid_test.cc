@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What a map tells of any configuration is what the collision test tells, or unknown.
 #include "clients/cpp/off_grid.h"
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // A path that is watched: the newest verdict, and how long it may be relied on.
 #include "silhouette/path_watch.h"
 

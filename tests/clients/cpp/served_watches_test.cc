@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Watches and streams of the client library against the server itself.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What is known of the server's clock: never that something is younger than it is.
 #include "clients/cpp/server_clock.h"
 

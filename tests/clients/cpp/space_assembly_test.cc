@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Parts of a watched configuration space: what does not fit is refused, what did not come is
 // unknown.
 #include "clients/cpp/space_assembly.h"

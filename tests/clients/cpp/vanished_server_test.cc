@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // A server whose machine vanishes without a word is missed, and found again.
 #include <gtest/gtest.h>
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // A way to a server at whose end the machine can vanish without a word: connections stay open, and
 // nothing comes over them any more.
 #pragma once

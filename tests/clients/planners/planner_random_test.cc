@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The planner against a search written without any cleverness, on random grids.
 #include <gtest/gtest.h>
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What the planner promises, on grids small enough to draw.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "common/picture/mask_png.h"
 
 #include <gmock/gmock.h>

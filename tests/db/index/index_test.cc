@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The collision index of a tile against its robot images.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

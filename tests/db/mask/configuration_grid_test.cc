@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "db/mask/configuration_grid.h"
 
 #include <gmock/gmock.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Masks against a vector of pixels, one at a time.
 #include "db/mask/mask.h"
 

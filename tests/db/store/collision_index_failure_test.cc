@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // A build that is killed at any instant, a full disk, and damaged values.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The collision index in the database: what it holds, when it is stale, who may use it meanwhile.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

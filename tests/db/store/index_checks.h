@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What a fresh collision index is: the robot images, and nothing else.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Camera images beside robot images, and masks that are made anew from them.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // A writer that is killed at any instant, and a disk that is full.
 #include <fcntl.h>
 #include <gmock/gmock.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Truncated, damaged and foreign files.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

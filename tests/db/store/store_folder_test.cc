@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Folders without permission to write. Root may write everywhere, so the reader is a child process
 // that gives its rights away, and a read-only mount.
 #include <gmock/gmock.h>

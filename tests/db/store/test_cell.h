@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Cells, robot images and folders for the tests of db/.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The calibrated test (paper §3.3): Table 3 row by row, and against a plain per-pixel reference.
 #include <gtest/gtest.h>
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Clearance: the verdict stays while the robot images grow by no more, and turns as soon as they
 // do.
 #include "server/collision/clearance.h"

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Distances in images: exactly those by which masks grow.
 #include "server/collision/clearance.h"
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Free cells of the grid: what the test of single places off the grid says of every place in them.
 #include "server/collision/free_cells.h"
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The collision index of a table of robot images, in memory.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Clearance levels of whole tiles: the same as clearances measured one by one.
 #include "server/collision/level_checker.h"
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Paths: nothing between the tested places is left out.
 #include <gtest/gtest.h>
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The space of possible obstacles against its definition, voxel by voxel, on random images.
 #include "server/collision/possible_space.h"
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Random robot images and obstacle images for tests.
 #pragma once
 

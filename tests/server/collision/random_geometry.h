@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Random fundamental matrices for tests.
 #pragma once
 

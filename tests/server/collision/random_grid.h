@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Random grids, and robots that move through them, for tests.
 #pragma once
 

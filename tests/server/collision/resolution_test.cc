@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Which obstacles a cell can tell from the robot.
 #include "server/collision/resolution.h"
 

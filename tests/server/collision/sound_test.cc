@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The sound presets in a world of spheres: what no camera can see, and what must never be missed.
 #include <gtest/gtest.h>
 

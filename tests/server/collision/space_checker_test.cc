@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Whole tiles by the collision index: the same verdicts as one configuration at a time.
 #include "server/collision/space_checker.h"
 

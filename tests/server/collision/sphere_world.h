@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // A world of spheres for tests: cameras that see them, and an arm that is made of them.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // A table of robot images that are read when they are needed, for tests.
 #pragma once
 

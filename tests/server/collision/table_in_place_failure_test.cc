@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Robot images that cannot be read when they are needed: nothing is free that takes one.
 #include <gtest/gtest.h>
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Robot images that are read when they are needed: the same answers as with images in memory.
 #include <gtest/gtest.h>
 

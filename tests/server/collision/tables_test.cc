@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Tables 1 and 2 of the paper, on the example of its Figures 3 and 4.
 #include <gtest/gtest.h>
 

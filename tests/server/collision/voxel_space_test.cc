@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What views can say of voxels: never less than is seen, never more than is certain.
 #include "server/collision/voxel_space.h"
 

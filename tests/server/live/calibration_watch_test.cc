@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The file of the newest check of the calibration, as the server follows it.
 #include "server/live/calibration_watch.h"
 

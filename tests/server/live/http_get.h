@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // A web page, fetched as a browser does.
 #pragma once
 

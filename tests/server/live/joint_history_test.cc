@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "server/live/joint_history.h"
 
 #include <gmock/gmock.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // A live cell for tests: the cell of tests/server/test_cell.h with cameras and a robot that can be
 // made to fail, and the loop that takes their images.
 #pragma once

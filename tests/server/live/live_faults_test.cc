@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The loop with devices that fail: nothing is free, the reason is told, and it goes on.
 #include <gmock/gmock.h>
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The loop with devices that work.
 #include "server/live/live_loop.h"
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "server/scene/allowed_regions.h"
 
 #include <gmock/gmock.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The verdicts of one request; every case of "never free" that scenes and time can bring about.
 #include "server/scene/checker.h"
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Joints outside the grid: verdicts rest on where they stood when robot images were captured.
 #include <gmock/gmock.h>
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Variants: scenes and checks with each of them.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // A database whose robot images stay in its file: served as one that is held in memory.
 #include <gtest/gtest.h>
 #include <sys/resource.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Safety margins and ignored pixels: what they promise, and when nothing may be free.
 #include "server/scene/view_treatment.h"
 

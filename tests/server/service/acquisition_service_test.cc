@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // A server that takes images itself, and what it tells of that.
 #include <thread>
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The calibrated test as planners meet it: what it finds and lets go that the uncalibrated test
 // does not, and when it must not answer.
 #include <gmock/gmock.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // A calibration that is checked: while it is not known to hold, nothing that rests on it is free,
 // whichever way one asks; what does not rest on it is served as before.
 #include <gmock/gmock.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Free cells of the grid, as callers see them: only if they ask for them, and never old ones.
 
 #include "tests/server/service/watching.h"

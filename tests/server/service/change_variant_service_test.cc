@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // A server that takes images itself is told which variant shows the robot.
 #include "server/service/answers.h"
 #include "silhouette/client.h"

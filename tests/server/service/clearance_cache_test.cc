@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Clearance levels that are shared by everybody who asks for the same ones.
 #include "server/service/space_cache.h"
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The whole configuration space in clearance levels, as planners meet it.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

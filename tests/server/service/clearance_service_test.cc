@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Clearances as planners meet them.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Every case that must never yield free, asked over the API in every way that there is: single
 // checks, a path, the configuration space, an explanation.
 #include <gtest/gtest.h>

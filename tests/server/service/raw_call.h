@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Calls without stubs: the health and reflection services speak gRPC's own protocols, whose
 // messages are small enough to be written by hand.
 #pragma once

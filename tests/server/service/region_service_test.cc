@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Allowed regions and ignored pixels as planners meet them: what is told, and for how long.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Scenes published, replaced and judged by several threads at once, without gRPC in between.
 #include <gtest/gtest.h>
 

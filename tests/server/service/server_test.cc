@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The server as a whole: many clients at once, the end with calls in flight, where it listens.
 #include "server/service/server.h"
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // A server in this process with the cell of test_cell.h, and its stubs.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Variants over gRPC.
 #include "tests/server/service/test_server.h"
 #include "tests/server/tool_variant.h"

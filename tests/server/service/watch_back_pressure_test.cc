@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Watchers that do not read, or not as quickly as scenes come. Not under the thread sanitizer,
 // which takes minutes over megabytes that gRPC's uninstrumented threads hand to each other.
 #include <gtest/gtest.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // WatchConfigurationSpace and WatchPath, as a caller sees them.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

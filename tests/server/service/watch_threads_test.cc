@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Watches and streams while scenes, regions and databases change.
 #include <gtest/gtest.h>
 

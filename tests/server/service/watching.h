@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Callers of WatchConfigurationSpace, WatchPath and StreamChecks.
 #pragma once
 

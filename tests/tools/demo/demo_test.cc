@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The main job as the README's first command does it, on a coarse grid: all programs together.
 #include <gtest/gtest.h>
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // silhouette-calibrate check, live from the cameras of a simulated cell with tags on floor and
 // wall.
 #include <gmock/gmock.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // silhouette-calibrate check, and what calibration.yaml carries into the database, as a user runs
 // them: two cameras that see tags on the floor of the cell.
 #include <gmock/gmock.h>

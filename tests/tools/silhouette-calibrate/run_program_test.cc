@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // silhouette-calibrate run on the simulated cell of the demo.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // silhouette-capture killed and stopped while it captures.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

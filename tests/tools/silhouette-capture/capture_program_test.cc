@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What silhouette-capture says and returns: done, not done, and every wrong input.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Devices that silhouette-sim lets fail, and what silhouette-capture says and asks then, with and
 // without a terminal.
 #include <gmock/gmock.h>

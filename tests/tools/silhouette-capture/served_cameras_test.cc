@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // A session of silhouette-capture over GigE Vision cameras, as its user runs it.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

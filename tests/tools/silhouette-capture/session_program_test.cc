@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // silhouette-capture over more than one session: sentinels, remask, report, log.
 #include <gmock/gmock.h>
 

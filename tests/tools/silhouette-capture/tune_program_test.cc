@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // silhouette-capture tune, as its user runs it.
 #include <gmock/gmock.h>
 

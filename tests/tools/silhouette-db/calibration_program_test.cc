@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // silhouette-db calibration as a user runs it, on a cell whose cameras are known: a ball that two
 // cameras see.
 #include <gmock/gmock.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // silhouette-db as a user runs it: what it prints, what it writes, how it ends.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // silhouette-server --live on a simulated cell, as a user runs it.
 #include <gmock/gmock.h>
 #include <sys/wait.h>

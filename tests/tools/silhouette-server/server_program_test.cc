@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // silhouette-server as a user starts it.
 #include <gmock/gmock.h>
 #include <grpcpp/create_channel.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // silhouette-sim as its users meet it.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

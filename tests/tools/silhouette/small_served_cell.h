@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // A cell that silhouette-server serves, small enough to know every verdict: two joints of 11
 // values, two views of 16 x 16 pixels. The robot is a block of 3 x 3 pixels that joint x moves to
 // the right and joint y moves down, a pixel per step; both views see the same.

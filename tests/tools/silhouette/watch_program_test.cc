@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // `silhouette watch` and `silhouette check --stream` against the real server, as a user runs them.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The robot and the cameras that a cell's file names, together.
 #pragma once
 

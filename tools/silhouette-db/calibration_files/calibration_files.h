@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // A calibration from files and into files, for `silhouette-db calibration`: camera models
 // (calib/files/camera_file.h) or fundamental matrices
 // (calib/files/calibration_session_file.h).

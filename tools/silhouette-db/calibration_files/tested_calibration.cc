@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "tools/silhouette-db/calibration_files/tested_calibration.h"
 
 #include <algorithm>

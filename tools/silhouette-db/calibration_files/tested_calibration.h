@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // A calibration put to the test by the robot images: what a view shows of the robot must lie on an
 // epipolar band that shows it in every other view. With any-touch masks and a right calibration no
 // pixel contradicts; a camera that moved or two views taken for each other make many do.

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The cell of `silhouette-experiments calibration`: four cameras around a workspace, a little
 // different with every seed, and what they see of boards.
 #pragma once

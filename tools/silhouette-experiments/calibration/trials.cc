@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "tools/silhouette-experiments/calibration/trials.h"
 
 #include <Eigen/Geometry>
@@ -9,8 +10,8 @@
 #include <vector>
 
 #include "calib/detection/tag_detector.h"
-#include "calib/files/camera_file.h"
 #include "calib/files/calibration_message.h"
+#include "calib/files/camera_file.h"
 #include "calib/poses/pose_calibration.h"
 #include "capture/sim/image_sensor.h"
 #include "capture/sim/renderer.h"

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The trials of `silhouette-experiments calibration`. Each takes a seed and measures some of the
 // figures; the same seed gives the same figures, but for times.
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Why a policy called a configuration free where robot and obstacle touch: from the truth about the
 // places of contact and from what the images have there.
 //

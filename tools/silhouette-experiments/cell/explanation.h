@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // A missing configuration explained: the cause, and a sentence that says it of this one.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Scenes on purpose: an obstacle of the size of a hand where the robot hides it from all views.
 #pragma once
 

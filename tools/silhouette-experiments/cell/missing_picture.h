@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // A missing configuration as a picture: what every view had of it, and why it was called free.
 #pragma once
 

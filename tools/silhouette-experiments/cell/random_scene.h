@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Scenes by chance: what stands in the cell, and where the robot is. The same seed gives the same
 // scenes.
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // A cell.yaml whose robot and cameras are simulated, as experiments use it: the cell, its truth,
 // and its database, captured if need be.
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The study: many scenes, one trial each, every missing configuration explained.
 #pragma once
 

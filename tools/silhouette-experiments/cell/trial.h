@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // One trial: a scene of the simulated cell through the whole real path - camera images, scene,
 // verdicts - and the verdicts against exact contact.
 #pragma once

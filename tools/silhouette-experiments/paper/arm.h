@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The robot of the paper's simulation: two links, each of equidistant spheres (§4.1, Figure 6).
 //
 // Its base is the origin, z is up; at joint values 0 both links point along +x. A plain value.

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Collision checking of all configurations and with all sets of cameras at once.
 //
 // Table 2 cuts the obstacle image with the test robot image, and Table 3 looks along the epipolar

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Cameras of the paper's simulation: parallel projection onto a plane (§4.1).
 //
 // The image shows the window [-half_width, half_width]^2 of the plane through the origin; its

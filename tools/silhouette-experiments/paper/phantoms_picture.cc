@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Figure 1: what images allow, in a floor plan. Each camera sees the plan as a line of directions
 // that obstacles cover; where all cameras see covered directions, something could stand.
 #include <algorithm>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The pictures of the study. tools/plot draws its charts from the rows.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // §2's claim put to the test: is anything won by reconstructing space from the images before
 // testing? Voxel hulls against the image-based tests, from the same images: quality and time.
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The scenes of the experiments: obstacles, and where the robot is meanwhile.
 #pragma once
 

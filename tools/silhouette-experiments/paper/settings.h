@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What the paper's simulation is made of: geometry, cameras, scenes, seeds. Read from a file; the
 // one that is shipped, paper.yaml, is commented.
 #pragma once

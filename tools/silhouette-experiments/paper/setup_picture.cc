@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Figure 6: the scene drawn by following rays, in parallel projection too.
 #include <Eigen/Geometry>
 #include <algorithm>

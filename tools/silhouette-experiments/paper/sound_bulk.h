@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The sound presets on all configurations of a simulated cell, with all sets of cameras.
 //
 // The robot's model is known. At its present configuration it separates the robot's own body from

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The simulated cell of §4.1 with one robot, one rig of cameras and one way to raster: its robot
 // images, and what the cameras see of a scene. Cannot be changed once made; used by any number of
 // threads.

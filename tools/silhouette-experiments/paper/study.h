@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The measurements of §4.1: how many configurations the collision tests report wrongly, against the
 // ideal test of spheres against spheres.
 #pragma once

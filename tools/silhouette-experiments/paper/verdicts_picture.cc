@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The configuration space of one scene, as each test reports it.
 #include <algorithm>
 #include <opencv2/imgproc.hpp>

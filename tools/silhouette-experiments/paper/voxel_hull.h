@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The explicit way to test configurations, for comparison (§2): space reconstructed from the
 // images, without the robot, and the robot's true shape against what is left.
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Where cameras could be mounted, and what they are tried on: places.yaml. The commented sample is
 // tools/silhouette-experiments/placement/places.yaml.
 //

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Choosing some of many: greedy, with exchange.
 #pragma once
 

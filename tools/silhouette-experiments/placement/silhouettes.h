@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Silhouettes: the masks of bodies made of triangles, without a camera's noise. A pixel is set if
 // any part of it is touched, to a quarter of a pixel.
 #pragma once

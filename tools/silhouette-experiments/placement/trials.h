@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Trials: sampled configurations and scenes with their truth, seen by every candidate camera, and
 // how good any set of the cameras is in them.
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // How well the segmentation finds obstacles, and nothing else, in simulated camera images: measured
 // against what every pixel really shows.
 #pragma once

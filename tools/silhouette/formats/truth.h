@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What is really free, to judge verdicts by: written by `silhouette-sim truth`.
 #pragma once
 

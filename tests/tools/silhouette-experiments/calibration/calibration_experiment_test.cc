@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What `silhouette-experiments calibration` measures, and that a run meets its bars.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

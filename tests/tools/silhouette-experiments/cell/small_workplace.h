@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // A small simulated cell for tests, captured: two views without noise, 45 configurations.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The test on all configurations at once against the collision test.
 #include <gtest/gtest.h>
 

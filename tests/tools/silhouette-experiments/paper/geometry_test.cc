@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Arm, cameras, rasters and the ideal test of the paper's simulation.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The study of §2: reconstruction beside the image-based tests.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

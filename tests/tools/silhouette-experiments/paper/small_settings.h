@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The default settings, made small: fewer pixels, configurations and scenes.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The bars of the segmentation, in a few scenes of the demo's cell.
 #include "tools/silhouette-experiments/segmentation/study.h"
 
