@@ -107,7 +107,7 @@ class SmallDisk : public testing::Test {
   }
   void MakeRoom() { std::filesystem::remove(disk_ + "/filler"); }
 
-  FreshFolder folder_;
+  ScopedFolder folder_;
   std::string disk_;
   bool mounted_ = false;
 };

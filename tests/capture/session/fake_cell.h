@@ -224,7 +224,7 @@ class FakeCell {
   FakeRig rig{robot};
 
  private:
-  FreshFolder folder_;
+  ScopedFolder folder_;
   std::string path_;
 };
 

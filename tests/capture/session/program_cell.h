@@ -173,7 +173,7 @@ class ProgramCell {
   }
 
  private:
-  FreshFolder folder_;
+  ScopedFolder folder_;
 };
 
 }  // namespace silhouette

@@ -35,7 +35,7 @@ void ExpectRecordsAreThere(const Database& database, uint64_t every) {
 }
 
 TEST(CollisionIndex, KilledBuildLeavesWholeTilesOrNone) {
-  const FreshFolder folder;
+  const ScopedFolder folder;
   const std::string path = folder / "db";
   MakeFilledDatabase(path, 40);
   const uint64_t seed = std::random_device()();
@@ -107,7 +107,7 @@ std::string MakeIndexedDatabase(const std::string& path) {
 }
 
 TEST(CollisionIndex, DamagedTileIsFoundNeverUsedAndBuiltAnew) {
-  const FreshFolder folder;
+  const ScopedFolder folder;
   const std::string sound = MakeIndexedDatabase(folder / "db");
   const auto state_of = [&](const Database& database, uint64_t tile) {
     return OpenIndex(database)->State(tile);
@@ -146,7 +146,7 @@ TEST(CollisionIndex, DamagedTileIsFoundNeverUsedAndBuiltAnew) {
 
 // A value of the tile before under this tile's key.
 TEST(CollisionIndex, OfAnotherTileIsDamaged) {
-  const FreshFolder folder;
+  const ScopedFolder folder;
   MakeIndexedDatabase(folder / "db");
   const auto database = Database::Open(folder / "db", Access::kWrite);
   const auto environment = Environment::Open(folder / "db");
@@ -171,7 +171,7 @@ TEST(CollisionIndex, OfAnotherTileIsDamaged) {
 
 // Whatever happens to the file: what an index says is what the records are, and the process lives.
 TEST(CollisionIndex, WithFlippedBitsAnywhereNeverGivesWrongRobotImages) {
-  const FreshFolder folder;
+  const ScopedFolder folder;
   const std::string sound = MakeIndexedDatabase(folder / "db");
   const uint64_t seed = std::random_device()();
   std::cout << "seed " << seed << std::endl;
@@ -210,7 +210,7 @@ TEST(CollisionIndex, WithFlippedBitsAnywhereNeverGivesWrongRobotImages) {
 }
 
 TEST(CollisionIndex, IsNotOneOfAnotherKindUnderItsName) {
-  const FreshFolder folder;
+  const ScopedFolder folder;
   MakeFilledDatabase(folder / "db", 40);
   const auto database = Database::Open(folder / "db", Access::kWrite);
   const auto environment = Environment::Open(folder / "db");

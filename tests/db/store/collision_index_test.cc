@@ -39,7 +39,7 @@ std::vector<uint64_t> TilesIn(const Database& database, TileState state) {
 }
 
 TEST(CollisionIndex, HoldsTheRobotImages) {
-  const FreshFolder folder;
+  const ScopedFolder folder;
   const auto database = MakeFilledDatabase(folder / "db", 3);
   const IndexBuildReport report = Build(*database);
   EXPECT_GT(report.tiles, 3);
@@ -54,7 +54,7 @@ TEST(CollisionIndex, HoldsTheRobotImages) {
 class CollisionIndexOfMasks : public testing::TestWithParam<MaskSize> {};
 
 TEST_P(CollisionIndexOfMasks, HoldsTheRobotImagesAlignedToCacheLines) {
-  const FreshFolder folder;
+  const ScopedFolder folder;
   storage::v1::CellDescription cell = TestCell(100, 140);
   cell.mutable_views(0)->set_mask_width(GetParam().width);
   cell.mutable_views(0)->set_mask_height(GetParam().height);
@@ -78,7 +78,7 @@ INSTANTIATE_TEST_SUITE_P(Sizes, CollisionIndexOfMasks,
                          });
 
 TEST(CollisionIndex, OfNoRobotImagesIsEmpty) {
-  const FreshFolder folder;
+  const ScopedFolder folder;
   const auto database = Database::Create(folder / "db", TestCell());
   for (int i = 0; i < 2; ++i) {
     const auto index = OpenIndex(**database);
@@ -93,7 +93,7 @@ TEST(CollisionIndex, OfNoRobotImagesIsEmpty) {
 }
 
 TEST(CollisionIndex, IsMissingInADatabaseThatHasNone) {
-  const FreshFolder folder;
+  const ScopedFolder folder;
   const auto database = MakeFilledDatabase(folder / "db");
   const auto index = OpenIndex(*database);
   const CollisionIndexSummary summary = index->Summary();
@@ -103,7 +103,7 @@ TEST(CollisionIndex, IsMissingInADatabaseThatHasNone) {
 }
 
 TEST(CollisionIndex, NeedsTheRightToWriteToBeBuilt) {
-  const FreshFolder folder;
+  const ScopedFolder folder;
   MakeFilledDatabase(folder / "db");
   const auto database = Database::Open(folder / "db", Access::kRead);
   EXPECT_EQ(BuildCollisionIndex(**database).status().code(), absl::StatusCode::kFailedPrecondition);
@@ -131,7 +131,7 @@ std::string_view View(const schema::NumberKey& key) { return {key.data(), key.si
 class CollisionIndexAfter : public testing::TestWithParam<Change> {};
 
 TEST_P(CollisionIndexAfter, ChangeIsStaleInThatTileOnlyAndMendedByBuildingIt) {
-  const FreshFolder folder;
+  const ScopedFolder folder;
   const auto database = MakeFilledDatabase(folder / "db");
   ASSERT_TRUE(*database->Read()->Contains(kThere));
   ASSERT_FALSE(*database->Read()->Contains(kNotThere));
@@ -194,7 +194,7 @@ INSTANTIATE_TEST_SUITE_P(
     [](const auto& tested) { return tested.param.name; });
 
 TEST(CollisionIndex, StaysFreshWhenOnlyTheCalibrationOrTheReferencesChange) {
-  const FreshFolder folder;
+  const ScopedFolder folder;
   const auto database = MakeFilledDatabase(folder / "db");
   Build(*database);
   const uint64_t generation = database->Read()->generation();
@@ -213,7 +213,7 @@ TEST(CollisionIndex, StaysFreshWhenOnlyTheCalibrationOrTheReferencesChange) {
 }
 
 TEST(CollisionIndex, BuildingDoesNotRaiseTheGeneration) {
-  const FreshFolder folder;
+  const ScopedFolder folder;
   const auto database = MakeFilledDatabase(folder / "db");
   const uint64_t generation = database->Read()->generation();
   Build(*database);
@@ -221,7 +221,7 @@ TEST(CollisionIndex, BuildingDoesNotRaiseTheGeneration) {
 }
 
 TEST(CollisionIndex, BuildsAllTilesWhereAskedTo) {
-  const FreshFolder folder;
+  const ScopedFolder folder;
   const auto database = MakeFilledDatabase(folder / "db");
   const uint64_t tiles = Build(*database).built;
   EXPECT_EQ(Build(*database).built, 0);
@@ -230,7 +230,7 @@ TEST(CollisionIndex, BuildsAllTilesWhereAskedTo) {
 }
 
 TEST(CollisionIndex, OfATileThatLostItsRecordsIsRemoved) {
-  const FreshFolder folder;
+  const ScopedFolder folder;
   const auto database = MakeFilledDatabase(folder / "db");
   Build(*database);
   ChangeRaw(database->path(), [&](WriteTransaction& transaction) {
@@ -249,7 +249,7 @@ TEST(CollisionIndex, OfATileThatLostItsRecordsIsRemoved) {
 
 // A record that rots keeps its checksum, and gets it back when it is restored byte by byte.
 TEST(CollisionIndex, TakesInARecordThatCanBeReadAgain) {
-  const FreshFolder folder;
+  const ScopedFolder folder;
   const auto database = MakeFilledDatabase(folder / "db");
   RobotImage image = TestImage(*database, kThere);
   for (uint64_t seed = 1; image.excluded; ++seed) image = TestImage(*database, kThere, seed);
@@ -273,7 +273,7 @@ TEST(CollisionIndex, TakesInARecordThatCanBeReadAgain) {
 }
 
 TEST(CollisionIndex, StoppedBuildKeepsWhatIsBuiltAndGoesOn) {
-  const FreshFolder folder;
+  const ScopedFolder folder;
   const auto database = MakeFilledDatabase(folder / "db");
   std::vector<uint64_t> told;
   const auto stop_soon = [&](uint64_t done, uint64_t) {
@@ -295,7 +295,7 @@ TEST(CollisionIndex, StoppedBuildKeepsWhatIsBuiltAndGoesOn) {
 
 // What is fresh is what the records are, while they change under the build.
 TEST(CollisionIndex, NeverClaimsRecordsThatItWasNotBuiltFrom) {
-  const FreshFolder folder;
+  const ScopedFolder folder;
   const auto database = MakeFilledDatabase(folder / "db");
   const uint64_t seed = std::random_device()();
   std::cout << "seed " << seed << std::endl;
@@ -320,7 +320,7 @@ TEST(CollisionIndex, NeverClaimsRecordsThatItWasNotBuiltFrom) {
 }
 
 TEST(CollisionIndex, IsReadByManyThreadsWhileTheMapGrowsAndTheIndexIsBuiltAnew) {
-  const FreshFolder folder;
+  const ScopedFolder folder;
   const auto database = MakeFilledDatabase(folder / "db");
   Build(*database);
   const auto index = OpenIndex(*database);
@@ -368,7 +368,7 @@ TEST(CollisionIndex, IsReadByManyThreadsWhileTheMapGrowsAndTheIndexIsBuiltAnew) 
 }
 
 TEST(CollisionIndex, OutlivesItsDatabase) {
-  const FreshFolder folder;
+  const ScopedFolder folder;
   auto database = MakeFilledDatabase(folder / "db");
   Build(*database);
   const auto index = OpenIndex(*database);
@@ -381,7 +381,7 @@ TEST(CollisionIndex, OutlivesItsDatabase) {
 
 // Another process builds it in a database that this one has open.
 TEST(CollisionIndex, BuiltByAnotherProcessIsFoundByTheNextSnapshot) {
-  const FreshFolder folder;
+  const ScopedFolder folder;
   MakeFilledDatabase(folder / "db");
   int go[2];
   ASSERT_EQ(pipe(go), 0);
@@ -409,7 +409,7 @@ TEST(CollisionIndex, BuiltByAnotherProcessIsFoundByTheNextSnapshot) {
 }
 
 TEST(CollisionIndex, IsCopiedByCompactAndCountedAsUsed) {
-  const FreshFolder folder;
+  const ScopedFolder folder;
   const auto database = MakeFilledDatabase(folder / "db");
   const uint64_t before = database->GetUsage()->used_bytes;
   const IndexBuildReport report = Build(*database);
@@ -425,7 +425,7 @@ TEST(CollisionIndex, IsBuiltInBoundedMemory) {
 #if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
   GTEST_SKIP() << "a sanitizer takes memory of its own";
 #endif
-  const FreshFolder folder;
+  const ScopedFolder folder;
   storage::v1::CellDescription cell = TestCell(600, 600);
   std::mt19937_64 random(3);
   const pid_t child = fork();

@@ -37,7 +37,7 @@ class FullDisk : public testing::Test {
   }
   void Empty() const { std::filesystem::remove(disk_ + "/filler"); }
 
-  const FreshFolder folder_;
+  const ScopedFolder folder_;
   const std::string disk_ = folder_ / "disk";
 
  private:

@@ -68,7 +68,7 @@ class Outliers : public testing::Test {
     return database_->grid().NumberOf({first, second});
   }
 
-  const FreshFolder folder_;
+  const ScopedFolder folder_;
   std::unique_ptr<Database> database_;
 };
 
@@ -124,7 +124,7 @@ TEST_F(Outliers, SearchEndsWhenToldTo) {
 }
 
 TEST(Statistics, CountRecordsAreasAndPermanentPixels) {
-  const FreshFolder folder;
+  const ScopedFolder folder;
   const auto database = *Database::Create(folder / "db", TestCell());
   auto writer = database->Write("test");
   std::vector<Mask> permanent;

@@ -66,7 +66,7 @@ class RawImagesTest : public testing::Test {
     return *std::move(made);
   }
 
-  const FreshFolder folder_;
+  const ScopedFolder folder_;
   std::unique_ptr<Database> database_;
   int made_ = 0;
 };

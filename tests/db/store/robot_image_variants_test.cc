@@ -79,7 +79,7 @@ int SharedRecords(const std::string& folder, const std::string& variant) {
 }
 
 TEST(Variants, AreKeptBesideEachOther) {
-  const FreshFolder folder;
+  const ScopedFolder folder;
   std::vector<RobotImage> plain;
   std::vector<RobotImage> tool;
   {
@@ -102,7 +102,7 @@ TEST(Variants, AreKeptBesideEachOther) {
 }
 
 TEST(Variants, ThatDifferInFewPixelsCostLittle) {
-  const FreshFolder folder;
+  const ScopedFolder folder;
   const auto database = MakeDatabase(folder / "db");
   const auto variant = MakeVariant(*database);
   std::vector<RobotImage> plain = Images(*database, 2);
@@ -120,7 +120,7 @@ TEST(Variants, ThatDifferInFewPixelsCostLittle) {
 
 // Whatever is replaced in whichever variant, in whatever order.
 TEST(Variants, KeepTheirImagesWhateverIsReplaced) {
-  const FreshFolder folder;
+  const ScopedFolder folder;
   const auto seed = static_cast<uint64_t>(absl::ToUnixNanos(absl::Now()));
   SCOPED_TRACE(absl::StrCat("seed ", seed));
   std::mt19937_64 random(seed);
@@ -157,7 +157,7 @@ TEST(Variants, KeepTheirImagesWhateverIsReplaced) {
 // The record of the default variant is lost, or another one gets in its place without Silhouette's
 // doing: those that rest on it are damaged, and nothing else.
 TEST(Variants, DoNotTakeAnotherRecordForTheOneTheyRestOn) {
-  const FreshFolder folder;
+  const ScopedFolder folder;
   const auto database = MakeDatabase(folder / "db");
   const auto variant = MakeVariant(*database);
   RobotImage image = TestImage(*database, 5, 1);
@@ -194,7 +194,7 @@ TEST(Variants, DoNotTakeAnotherRecordForTheOneTheyRestOn) {
 }
 
 TEST(Variants, AreReadInPlaceAsTheyAreStored) {
-  const FreshFolder folder;
+  const ScopedFolder folder;
   const auto database = MakeDatabase(folder / "db");
   const auto variant = MakeVariant(*database);
   const std::vector<RobotImage> plain = Images(*database, 4);
@@ -220,7 +220,7 @@ TEST(Variants, AreReadInPlaceAsTheyAreStored) {
 }
 
 TEST(Variants, HaveACollisionIndexEach) {
-  const FreshFolder folder;
+  const ScopedFolder folder;
   const auto database = MakeDatabase(folder / "db");
   const auto variant = MakeVariant(*database);
   const std::vector<RobotImage> plain = Images(*database, 6);
@@ -242,7 +242,7 @@ TEST(Variants, HaveACollisionIndexEach) {
 
 // Earlier programs coded another variant's index by its differences from the default variant's.
 TEST(Variants, IndexInAnEarlierFormIsStaleAndIsBuiltAgain) {
-  const FreshFolder folder;
+  const ScopedFolder folder;
   const auto database = MakeDatabase(folder / "db");
   const auto variant = MakeVariant(*database);
   const std::vector<RobotImage> plain = Images(*database, 6);
@@ -290,7 +290,7 @@ TEST(Variants, IndexInAnEarlierFormIsStaleAndIsBuiltAgain) {
 }
 
 TEST(Variants, HaveNamesThatAreOnesAndAreAtMostSoMany) {
-  const FreshFolder folder;
+  const ScopedFolder folder;
   const auto database = MakeDatabase(folder / "db");
   for (const char* name : {"", "Open", "a b", "a/b", "0123456789012345678901234567890123"}) {
     EXPECT_EQ(database->CreateVariant(name, "test").status().code(),
@@ -311,7 +311,7 @@ TEST(Variants, HaveNamesThatAreOnesAndAreAtMostSoMany) {
 }
 
 TEST(Variants, AreRemovedWithWhatIsTheirOwn) {
-  const FreshFolder folder;
+  const ScopedFolder folder;
   const auto database = MakeDatabase(folder / "db");
   const std::vector<RobotImage> plain = Images(*database, 8);
   PutAll(*database, plain);
@@ -332,7 +332,7 @@ TEST(Variants, AreRemovedWithWhatIsTheirOwn) {
 }
 
 TEST(Variants, ShareReferencesAndOneGeneration) {
-  const FreshFolder folder;
+  const ScopedFolder folder;
   const auto database = MakeDatabase(folder / "db");
   const auto variant = MakeVariant(*database);
   storage::v1::References references;
@@ -350,7 +350,7 @@ TEST(Variants, ShareReferencesAndOneGeneration) {
 }
 
 TEST(Variants, OutliveTheDatabaseTheyAreOf) {
-  const FreshFolder folder;
+  const ScopedFolder folder;
   auto database = MakeDatabase(folder / "db");
   const auto variant = MakeVariant(*database);
   database.reset();
@@ -361,7 +361,7 @@ TEST(Variants, OutliveTheDatabaseTheyAreOf) {
 }
 
 TEST(Variants, MasksOfAllAreReplacedAtOnce) {
-  const FreshFolder folder;
+  const ScopedFolder folder;
   const auto database = MakeDatabase(folder / "db");
   const auto variant = MakeVariant(*database);
   const std::vector<RobotImage> plain = Images(*database, 3);
@@ -383,7 +383,7 @@ TEST(Variants, MasksOfAllAreReplacedAtOnce) {
 }
 
 TEST(Variants, AreInACompactCopy) {
-  const FreshFolder folder;
+  const ScopedFolder folder;
   const auto database = MakeDatabase(folder / "db");
   const auto variant = MakeVariant(*database);
   const std::vector<RobotImage> plain = Images(*database, 9);

@@ -85,14 +85,14 @@ void ExpectReads(const RobotImagesInPlace& images, const ConfigurationGrid& grid
 class RobotImagesOfSize : public ::testing::TestWithParam<bool> {};
 
 TEST_P(RobotImagesOfSize, AreReadAsTheyAreStored) {
-  const FreshFolder folder;
+  const ScopedFolder folder;
   const auto database = MakeLargeOrSmall(folder / "db", GetParam());
   const Content records = ReadAll(*database);
   ExpectReads(*OpenImages(*database), database->grid(), RoomFor(*database), records);
 }
 
 TEST_P(RobotImagesOfSize, AreMetOnceInTheirOrder) {
-  const FreshFolder folder;
+  const ScopedFolder folder;
   const auto database = MakeLargeOrSmall(folder / "db", GetParam());
   const Content records = ReadAll(*database);
   std::vector<ConfigurationNumber> expected;
@@ -117,7 +117,7 @@ INSTANTIATE_TEST_SUITE_P(Content, RobotImagesOfSize, ::testing::Bool(),
                          [](const auto& test) { return test.param ? "Large" : "Small"; });
 
 TEST(RobotImagesInPlace, StayThoseOfTheirStateForManyThreadsWhileTheMapGrows) {
-  const FreshFolder folder;
+  const ScopedFolder folder;
   auto database = MakeLargeOrSmall(folder / "db");
   const Content records = ReadAll(*database);
   const auto images = OpenImages(*database);
@@ -156,7 +156,7 @@ TEST(RobotImagesInPlace, StayThoseOfTheirStateForManyThreadsWhileTheMapGrows) {
 }
 
 struct DamagedUnderTheReader : ::testing::Test {
-  FreshFolder folder;
+  ScopedFolder folder;
   std::unique_ptr<Database> database = MakeLargeOrSmall(folder / "db");
   const Content records = ReadAll(*database);
   const std::shared_ptr<const RobotImagesInPlace> images = OpenImages(*database);

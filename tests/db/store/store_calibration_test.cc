@@ -57,7 +57,7 @@ std::optional<storage::v1::Calibration> CalibrationOf(const Database& database) 
 }
 
 TEST(Calibration, IsKeptReplacedAndRemovedEachAsAChange) {
-  const FreshFolder folder;
+  const ScopedFolder folder;
   auto database = *Database::Create(folder / "db", TestCell());
   EXPECT_FALSE(CalibrationOf(*database).has_value());
   uint64_t generation = database->Read()->generation();
@@ -82,7 +82,7 @@ TEST(Calibration, IsKeptReplacedAndRemovedEachAsAChange) {
 }
 
 TEST(Calibration, IsTheSameInACompactedCopy) {
-  const FreshFolder folder;
+  const ScopedFolder folder;
   const auto database = *Database::Create(folder / "db", TestCell());
   ASSERT_TRUE(database->SetCalibration(Cameras(3), "import").ok());
   ASSERT_TRUE(database->Compact(folder / "copy").ok());
@@ -93,7 +93,7 @@ TEST(Calibration, IsTheSameInACompactedCopy) {
 }
 
 TEST(Calibration, ThatDoesNotFitTheViewsIsRefused) {
-  const FreshFolder folder;
+  const ScopedFolder folder;
   const auto database = *Database::Create(folder / "db", TestCell());
   const uint64_t generation = database->Read()->generation();
   using Spoil = std::function<void(storage::v1::Calibration&)>;
@@ -146,7 +146,7 @@ TEST(Calibration, ThatDoesNotFitTheViewsIsRefused) {
 }
 
 TEST(Calibration, WithFlippedBitsIsTakenForNoneAndTheRestCanBeRead) {
-  const FreshFolder folder;
+  const ScopedFolder folder;
   {
     const auto database = *Database::Create(folder / "db", TestCell());
     auto writer = database->Write("test");
@@ -186,7 +186,7 @@ TEST(Calibration, WithFlippedBitsIsTakenForNoneAndTheRestCanBeRead) {
 }
 
 TEST(Calibration, IsNeverHalfWrittenByAProcessThatIsKilled) {
-  const FreshFolder folder;
+  const ScopedFolder folder;
   ASSERT_TRUE(Database::Create(folder / "db", TestCell()).ok());
   const uint64_t seed = std::random_device()();
   std::cout << "seed " << seed << std::endl;

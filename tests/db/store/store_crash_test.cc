@@ -49,7 +49,7 @@ using testing::HasSubstr;
 }
 
 TEST(RobotImageWriter, KilledAtAnyInstantKeepsWhatItAcknowledgedAndNothingHalf) {
-  const FreshFolder folder;
+  const ScopedFolder folder;
   const std::string path = folder / "db";
   ASSERT_TRUE(Database::Create(path, TestCell(64, 64)).ok());
   const uint64_t seed = std::random_device()();
@@ -125,7 +125,7 @@ RobotImage WithTool(RobotImage image) {
 }
 
 TEST(RobotImageWriter, KilledWhileItReplacesWhatOtherVariantsRestOnLeavesAllVariantsWhole) {
-  const FreshFolder folder;
+  const ScopedFolder folder;
   const std::string path = folder / "db";
   const uint64_t seed = std::random_device()();
   std::cout << "seed " << seed << std::endl;
@@ -181,7 +181,7 @@ TEST(RobotImageWriter, KilledWhileItReplacesWhatOtherVariantsRestOnLeavesAllVari
 }
 
 TEST(Database, InterruptedWhileBeingMadeIsNoneAndCanBeMadeAgain) {
-  const FreshFolder folder;
+  const ScopedFolder folder;
   const std::string path = folder / "db";
   std::mt19937_64 random(7);
   for (int round = 0; round < 20; ++round) {
@@ -200,7 +200,7 @@ TEST(Database, InterruptedWhileBeingMadeIsNoneAndCanBeMadeAgain) {
 }
 
 TEST(Database, WrittenByAnotherProcessNamesIt) {
-  const FreshFolder folder;
+  const ScopedFolder folder;
   const std::string path = folder / "db";
   ASSERT_TRUE(Database::Create(path, TestCell()).ok());
   int ready[2];
@@ -229,7 +229,7 @@ TEST(Database, WrittenByAnotherProcessNamesIt) {
 
 // A reader's map is as large as the database was; the writer is another process and lets it grow.
 TEST(Snapshot, FollowsADatabaseThatAnotherProcessLetsGrow) {
-  const FreshFolder folder;
+  const ScopedFolder folder;
   const std::string path = folder / "db";
   storage::v1::CellDescription cell = TestCell(64, 64);
   cell.mutable_views(0)->set_mask_width(1024);
@@ -308,7 +308,7 @@ TEST_F(FullDisk, CanBeReadButNoDatabaseCanBeMadeThere) {
 }
 
 TEST_F(FullDisk, LeavesNoHalfCopy) {
-  const FreshFolder source;
+  const ScopedFolder source;
   const auto database = Database::Create(source / "db", TestCell());
   auto writer = (*database)->Write("copy", absl::Hours(1));
   for (uint64_t round = 0; round < 2; ++round) {

@@ -52,7 +52,7 @@ void MakeLmdb(const std::string& path, const char* name, const std::string& key,
 }
 
 TEST(Database, TruncatedAnywhereIsRefusedOrWhole) {
-  const FreshFolder folder;
+  const ScopedFolder folder;
   MakeFullDatabase(folder / "db");
   const std::string bytes = ReadFile(folder / "db/data.mdb");
   const uint64_t seed = std::random_device()();
@@ -85,7 +85,7 @@ TEST(Database, TruncatedAnywhereIsRefusedOrWhole) {
 }
 
 TEST(Database, WithADamagedRecordLosesOnlyThatRecord) {
-  const FreshFolder folder;
+  const ScopedFolder folder;
   MakeFullDatabase(folder / "db");
   std::string bytes = ReadFile(folder / "db/data.mdb");
   // A record with masks, found by its bytes, in the pages of earlier states too.
@@ -133,7 +133,7 @@ TEST(Database, WithADamagedRecordLosesOnlyThatRecord) {
 
 // Whatever happens to the file: what is read is right, or it is an error, and the process lives.
 TEST(Database, WithFlippedBitsAnywhereNeverGivesWrongRecords) {
-  const FreshFolder folder;
+  const ScopedFolder folder;
   MakeFullDatabase(folder / "db");
   const std::string sound = ReadFile(folder / "db/data.mdb");
   const uint64_t seed = std::random_device()();
@@ -180,7 +180,7 @@ TEST(Database, WithFlippedBitsAnywhereNeverGivesWrongRecords) {
 }
 
 TEST(Database, WithADamagedPageIsRefusedByName) {
-  const FreshFolder folder;
+  const ScopedFolder folder;
   MakeFullDatabase(folder / "db");
   std::string bytes = ReadFile(folder / "db/data.mdb");
   for (size_t page = 2 * 4096; page < bytes.size(); page += 4096) bytes[page] ^= 1;  // its number
@@ -192,7 +192,7 @@ TEST(Database, WithADamagedPageIsRefusedByName) {
 }
 
 TEST(Database, WithADamagedDescriptionIsRefused) {
-  const FreshFolder folder;
+  const ScopedFolder folder;
   MakeFullDatabase(folder / "db");
   std::string bytes = ReadFile(folder / "db/data.mdb");
   for (size_t place = bytes.find("axis_1"); place != std::string::npos;
@@ -206,7 +206,7 @@ TEST(Database, WithADamagedDescriptionIsRefused) {
 }
 
 TEST(Database, OfAnotherFormatVersionIsRefusedAndLeftAlone) {
-  const FreshFolder folder;
+  const ScopedFolder folder;
   MakeLmdb(folder / "db", schema::kMeta, "format", "silhouette 2");
   for (Access access : {Access::kRead, Access::kWrite}) {
     const absl::Status status = Database::Open(folder / "db", access).status();
@@ -218,7 +218,7 @@ TEST(Database, OfAnotherFormatVersionIsRefusedAndLeftAlone) {
 }
 
 TEST(Database, OfAnotherProgramIsRefusedAndLeftAlone) {
-  const FreshFolder folder;
+  const ScopedFolder folder;
   MakeLmdb(folder / "named", "something", "key", "value");
   MakeLmdb(folder / "meta", schema::kMeta, "key", "value");
   MakeLmdb(folder / "plain", nullptr, "meta", "value");
@@ -233,7 +233,7 @@ TEST(Database, OfAnotherProgramIsRefusedAndLeftAlone) {
 }
 
 TEST(Database, OfNoKindAtAllIsRefused) {
-  const FreshFolder folder;
+  const ScopedFolder folder;
   std::filesystem::create_directories(folder / "db");
   WriteFile(folder / "db/data.mdb", std::string(20'000, 'x'));
   const absl::Status status = Database::Open(folder / "db", Access::kRead).status();

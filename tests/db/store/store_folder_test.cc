@@ -66,7 +66,7 @@ void TakePermission(const std::string& path) {
 }
 
 TEST(Database, WithoutPermissionToWriteCanBeRead) {
-  const FreshFolder folder;
+  const ScopedFolder folder;
   ASSERT_EQ(chmod(folder.path().c_str(), 0755), 0);
   MakeReadableDatabase(folder / "db");
   EXPECT_FALSE(ReadersKeepWritersOut(folder / "db"));
@@ -83,7 +83,7 @@ TEST(Database, WithoutPermissionToWriteCanBeRead) {
 
 TEST(Database, WithoutPermissionToRegisterIsNotReadWhileItIsWritten) {
   if (geteuid() != 0) GTEST_SKIP() << "needs a second user, thus root";
-  const FreshFolder folder;
+  const ScopedFolder folder;
   ASSERT_EQ(chmod(folder.path().c_str(), 0755), 0);
   MakeReadableDatabase(folder / "db");
   TakePermission(folder / "db");
@@ -100,7 +100,7 @@ TEST(Database, WithoutPermissionToRegisterIsNotReadWhileItIsWritten) {
 }
 
 TEST(Database, WithoutPermissionToReadSaysSo) {
-  const FreshFolder folder;
+  const ScopedFolder folder;
   ASSERT_EQ(chmod(folder.path().c_str(), 0755), 0);
   MakeReadableDatabase(folder / "db");
   ASSERT_EQ(chmod((folder / "db/data.mdb").c_str(), 0), 0);
@@ -113,7 +113,7 @@ TEST(Database, WithoutPermissionToReadSaysSo) {
 }
 
 TEST(Database, OnAReadOnlyFileSystemCanBeRead) {
-  const FreshFolder folder;
+  const ScopedFolder folder;
   MakeReadableDatabase(folder / "db");
   const std::string mounted = folder / "mounted";
   std::filesystem::create_directories(mounted);

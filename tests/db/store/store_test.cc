@@ -33,7 +33,7 @@ RobotImageWriter MakeWriter(Database& database, absl::Duration max_delay = absl:
 }
 
 TEST(Database, GivesBackWhatWasPutAfterReopening) {
-  const FreshFolder folder;
+  const ScopedFolder folder;
   std::map<ConfigurationNumber, RobotImage> expected;
   {
     const auto database = MakeDatabase(folder / "db");
@@ -58,7 +58,7 @@ TEST(Database, GivesBackWhatWasPutAfterReopening) {
 }
 
 TEST(Database, KeepsItsCellDescriptionAndChoosesOpenTileEdges) {
-  const FreshFolder folder;
+  const ScopedFolder folder;
   MakeDatabase(folder / "db");
   const auto database = OpenDatabase(folder / "db");
   storage::v1::CellDescription expected = TestCell();
@@ -69,7 +69,7 @@ TEST(Database, KeepsItsCellDescriptionAndChoosesOpenTileEdges) {
 }
 
 TEST(Database, RefusesADescriptionThatIsNotValid) {
-  const FreshFolder folder;
+  const ScopedFolder folder;
   const auto message = [&](const std::function<void(storage::v1::CellDescription&)>& spoil) {
     storage::v1::CellDescription cell = TestCell();
     spoil(cell);
@@ -90,7 +90,7 @@ TEST(Database, RefusesADescriptionThatIsNotValid) {
 }
 
 TEST(Database, IsNotMadeTwiceNorAmongOtherFiles) {
-  const FreshFolder folder;
+  const ScopedFolder folder;
   MakeDatabase(folder / "db");
   absl::Status status = Database::Create(folder / "db", TestCell()).status();
   EXPECT_EQ(status.code(), absl::StatusCode::kAlreadyExists) << status;
@@ -103,7 +103,7 @@ TEST(Database, IsNotMadeTwiceNorAmongOtherFiles) {
 }
 
 TEST(Snapshot, FindsNothingWhereNothingIsStored) {
-  const FreshFolder folder;
+  const ScopedFolder folder;
   const auto database = MakeDatabase(folder / "db");
   const absl::StatusOr<Snapshot> snapshot = database->Read();
   EXPECT_EQ(snapshot->size(), 0);
@@ -114,7 +114,7 @@ TEST(Snapshot, FindsNothingWhereNothingIsStored) {
 }
 
 TEST(Snapshot, DoesNotChangeWhileOthersWrite) {
-  const FreshFolder folder;
+  const ScopedFolder folder;
   const auto database = MakeDatabase(folder / "db");
   RobotImageWriter writer = MakeWriter(*database);
   ASSERT_TRUE(writer.Put(TestImage(*database, 0)).ok());
@@ -133,7 +133,7 @@ TEST(Snapshot, DoesNotChangeWhileOthersWrite) {
 }
 
 TEST(Snapshot, OutlivesItsDatabase) {
-  const FreshFolder folder;
+  const ScopedFolder folder;
   auto database = MakeDatabase(folder / "db");
   RobotImageWriter writer = MakeWriter(*database);
   const RobotImage image = TestImage(*database, 3);
@@ -145,7 +145,7 @@ TEST(Snapshot, OutlivesItsDatabase) {
 }
 
 TEST(Snapshot, VisitsInOrderOfNumbersUntilToldToStop) {
-  const FreshFolder folder;
+  const ScopedFolder folder;
   const auto database = MakeDatabase(folder / "db");
   RobotImageWriter writer = MakeWriter(*database);
   const std::vector<ConfigurationNumber> numbers = AllNumbers(database->grid());
@@ -163,7 +163,7 @@ TEST(Snapshot, VisitsInOrderOfNumbersUntilToldToStop) {
 }
 
 TEST(Snapshot, LetsTheVisitorWriteEvenIfTheMapGrows) {
-  const FreshFolder folder;
+  const ScopedFolder folder;
   storage::v1::CellDescription cell = TestCell(64, 64);
   cell.mutable_views(0)->set_mask_width(1024);
   cell.mutable_views(0)->set_mask_height(1024);
@@ -202,7 +202,7 @@ TEST(Snapshot, LetsTheVisitorWriteEvenIfTheMapGrows) {
 }
 
 TEST(RobotImageWriter, ReplacesOnlyWhenAsked) {
-  const FreshFolder folder;
+  const ScopedFolder folder;
   const auto database = MakeDatabase(folder / "db");
   RobotImageWriter writer = MakeWriter(*database);
   ASSERT_TRUE(writer.Put(TestImage(*database, 1)).ok());
@@ -218,7 +218,7 @@ TEST(RobotImageWriter, ReplacesOnlyWhenAsked) {
 }
 
 TEST(RobotImageWriter, RefusesWhatDoesNotFitTheCell) {
-  const FreshFolder folder;
+  const ScopedFolder folder;
   const auto database = MakeDatabase(folder / "db");
   RobotImageWriter writer = MakeWriter(*database);
   const auto refusal = [&](const std::function<void(RobotImage&)>& spoil) {
@@ -248,7 +248,7 @@ TEST(RobotImageWriter, RefusesWhatDoesNotFitTheCell) {
 }
 
 TEST(RobotImageWriter, DropsWhatWasNotCommitted) {
-  const FreshFolder folder;
+  const ScopedFolder folder;
   const auto database = MakeDatabase(folder / "db");
   {
     RobotImageWriter writer = MakeWriter(*database);
@@ -258,7 +258,7 @@ TEST(RobotImageWriter, DropsWhatWasNotCommitted) {
 }
 
 TEST(RobotImageWriter, CommitsByItselfOnceTheDelayHasPassed) {
-  const FreshFolder folder;
+  const ScopedFolder folder;
   const auto database = MakeDatabase(folder / "db");
   RobotImageWriter writer = MakeWriter(*database, absl::ZeroDuration());
   ASSERT_TRUE(writer.Put(TestImage(*database, 1)).ok());
@@ -267,7 +267,7 @@ TEST(RobotImageWriter, CommitsByItselfOnceTheDelayHasPassed) {
 }
 
 TEST(RobotImageWriter, IsTheOnlyOneOfItsDatabase) {
-  const FreshFolder folder;
+  const ScopedFolder folder;
   const auto database = MakeDatabase(folder / "db");
   {
     RobotImageWriter writer = MakeWriter(*database);
@@ -281,7 +281,7 @@ TEST(RobotImageWriter, IsTheOnlyOneOfItsDatabase) {
 }
 
 TEST(RobotImageWriter, LeavesItsSessionInTheProvenanceLog) {
-  const FreshFolder folder;
+  const ScopedFolder folder;
   const auto database = MakeDatabase(folder / "db");
   for (uint64_t session = 0; session < 3; ++session) {
     RobotImageWriter writer = *database->Write(absl::StrCat("session ", session));
@@ -304,7 +304,7 @@ TEST(RobotImageWriter, LeavesItsSessionInTheProvenanceLog) {
 }
 
 TEST(Database, KeepsReferencesAndCountsThemAsAChange) {
-  const FreshFolder folder;
+  const ScopedFolder folder;
   const auto database = MakeDatabase(folder / "db");
   const uint64_t before = database->Read()->generation();
   storage::v1::References references;
@@ -320,7 +320,7 @@ TEST(Database, KeepsReferencesAndCountsThemAsAChange) {
 }
 
 TEST(Database, HasOneWriterAndManyReadersInAProcess) {
-  const FreshFolder folder;
+  const ScopedFolder folder;
   auto writer = MakeDatabase(folder / "db");
   const absl::Status second = Database::Open(folder / "db", Access::kWrite).status();
   EXPECT_EQ(second.code(), absl::StatusCode::kFailedPrecondition);
@@ -335,7 +335,7 @@ TEST(Database, HasOneWriterAndManyReadersInAProcess) {
 }
 
 TEST(Database, CanBeWrittenAgainOnceTheWriterIsGone) {
-  const FreshFolder folder;
+  const ScopedFolder folder;
   MakeDatabase(folder / "db").reset();
   OpenDatabase(folder / "db", Access::kWrite).reset();
   const auto database = OpenDatabase(folder / "db", Access::kWrite);
@@ -345,7 +345,7 @@ TEST(Database, CanBeWrittenAgainOnceTheWriterIsGone) {
 }
 
 TEST(Database, ServesReadersInOtherThreadsWhileItIsWritten) {
-  const FreshFolder folder;
+  const ScopedFolder folder;
   const auto database = MakeDatabase(folder / "db", TestCell(64, 64));
   const auto other = OpenDatabase(folder / "db");
   std::atomic<bool> done = false;
@@ -383,7 +383,7 @@ TEST(Database, ServesReadersInOtherThreadsWhileItIsWritten) {
 }
 
 TEST(Database, TakesManyRecordsWithoutAsManyTransactions) {
-  const FreshFolder folder;
+  const ScopedFolder folder;
   const auto database = MakeDatabase(folder / "db", TestCell(400, 500));
   const uint64_t before = database->Read()->generation();
   RobotImageWriter writer = MakeWriter(*database, absl::Seconds(1));
@@ -402,7 +402,7 @@ TEST(Database, TakesManyRecordsWithoutAsManyTransactions) {
 }
 
 TEST(Database, IsSmallerWhenCompactedAndHoldsTheSame) {
-  const FreshFolder folder;
+  const ScopedFolder folder;
   const auto database = MakeDatabase(folder / "db");
   RobotImageWriter writer = MakeWriter(*database);
   for (uint64_t round = 0; round < 4; ++round) {

@@ -17,20 +17,20 @@
 namespace silhouette {
 
 // A new empty folder; removed with all that is in it.
-class FreshFolder {
+class ScopedFolder {
  public:
-  FreshFolder() {
+  ScopedFolder() {
     static std::atomic<int> count = 0;
     path_ = absl::StrCat(testing::TempDir(), "/silhouette-", getpid(), "-", ++count);
     std::filesystem::remove_all(path_);
     std::filesystem::create_directories(path_);
   }
-  ~FreshFolder() {
+  ~ScopedFolder() {
     std::error_code ignored;
     std::filesystem::remove_all(path_, ignored);
   }
-  FreshFolder(const FreshFolder&) = delete;
-  FreshFolder& operator=(const FreshFolder&) = delete;
+  ScopedFolder(const ScopedFolder&) = delete;
+  ScopedFolder& operator=(const ScopedFolder&) = delete;
 
   std::string operator/(const std::string& name) const { return path_ + "/" + name; }
   const std::string& path() const { return path_; }

@@ -141,7 +141,7 @@ class CalibrationProgram : public testing::Test {
     return Json{{{"view_a", pair["view_b"]}, {"view_b", pair["view_a"]}, {"F", turned}}}.dump();
   }
 
-  const FreshFolder folder_;
+  const ScopedFolder folder_;
 };
 
 TEST_F(CalibrationProgram, CamerasGoInAndComeOutAsTheyWere) {

@@ -100,7 +100,7 @@ class SilhouetteDb : public testing::Test {
     return GridOf(TestCell(6, 5))->NumberOf({first, second});
   }
 
-  const FreshFolder folder_;
+  const ScopedFolder folder_;
 };
 
 TEST_F(SilhouetteDb, InfoTellsWhatADatabaseHolds) {
