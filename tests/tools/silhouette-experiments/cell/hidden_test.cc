@@ -23,7 +23,7 @@ class HiddenObstacles : public testing::Test {
  protected:
   // The cell of the experiment on a coarser grid, captured once for all tests.
   static void SetUpTestSuite() {
-    folder_ = std::make_unique<FreshFolder>();
+    folder_ = std::make_unique<ScopedFolder>();
     std::ifstream in(kHiddenFolder + "cell.yaml");
     std::string text((std::istreambuf_iterator<char>(in)), std::istreambuf_iterator<char>());
     text = std::regex_replace(text, std::regex("steps: .*"), "steps: {joint_1: 13, joint_3: 5}");
@@ -76,13 +76,13 @@ class HiddenObstacles : public testing::Test {
     return {served_, std::make_shared<const Scene>(std::move(scene)), Reason::kNone};
   }
 
-  static std::unique_ptr<FreshFolder> folder_;
+  static std::unique_ptr<ScopedFolder> folder_;
   static std::unique_ptr<SimulatedWorkplace> workplace_;
   static std::shared_ptr<const ServedDatabase> served_;
   static std::unique_ptr<const TrialSetting> setting_;
   static std::vector<RandomScene> scenes_;
 };
-std::unique_ptr<FreshFolder> HiddenObstacles::folder_;
+std::unique_ptr<ScopedFolder> HiddenObstacles::folder_;
 std::unique_ptr<SimulatedWorkplace> HiddenObstacles::workplace_;
 std::shared_ptr<const ServedDatabase> HiddenObstacles::served_;
 std::unique_ptr<const TrialSetting> HiddenObstacles::setting_;
