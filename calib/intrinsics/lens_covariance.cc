@@ -4,6 +4,7 @@
 #include <Eigen/Cholesky>
 #include <Eigen/Eigenvalues>
 
+#include "calib/camera/camera_model.h"
 #include "db/status/status_macros.h"
 
 namespace silhouette {

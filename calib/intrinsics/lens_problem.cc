@@ -13,6 +13,7 @@ extern "C" {
 
 #include "absl/status/status.h"
 #include "absl/strings/str_cat.h"
+#include "calib/camera/camera_model.h"
 #include "db/status/status_macros.h"
 
 namespace silhouette {
