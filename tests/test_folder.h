@@ -16,7 +16,7 @@ namespace silhouette {
 inline const std::filesystem::path& TestFolder() {
   struct Folder {
     Folder() {
-      std::string pattern = std::filesystem::path(testing::TempDir()) / "silhouette-XXXXXX";
+      std::string pattern = std::filesystem::path(::testing::TempDir()) / "silhouette-XXXXXX";
       if (mkdtemp(pattern.data()) == nullptr) throw std::runtime_error("no temporary folder");
       path = pattern;
     }

@@ -29,8 +29,8 @@ constexpr double kFarthest = 1e5;  // pixels from the image's corner
 std::vector<RegionEffect> Inside(const RegionSet& regions, const ObstacleImages& images) {
   std::vector<RegionEffect> inside;
   for (const AllowedRegion& region : regions.regions) {
-    RegionEffect& effect =
-        inside.emplace_back(region.name, std::vector<std::optional<Mask>>(images.size()));
+    RegionEffect& effect = inside.emplace_back(
+        RegionEffect{region.name, std::vector<std::optional<Mask>>(images.size())});
     for (size_t view = 0; view < images.size(); ++view) {
       if (!images[view] || !region.pixels[view]) continue;
       effect.taken[view] = images[view]->obstacle() & *region.pixels[view];

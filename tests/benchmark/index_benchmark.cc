@@ -67,7 +67,9 @@ const LargeCell& LargeCellOf(const CellSettings& settings) {
 // The occupied configurations, from the index alone.
 void SceneToPlanes(benchmark::State& state, const CellSettings& settings, SceneKind kind,
                    Caches caches) {
-  const auto& [unused, cell, index] = LargeCellOf(settings);
+  const LargeCell& large = LargeCellOf(settings);
+  const auto& cell = large.cell;
+  const auto& index = large.index;
   const std::vector<BenchmarkScene> scenes = MakeScenes(cell, kind, kScenesPerKind);
   std::vector<PlaceSet> map(index.tiles().size());
   MeasureScenes(state, scenes.size(), caches, [&](size_t i) {

@@ -101,8 +101,9 @@ absl::Status SetFixedTags(const FoundCalibration& found, std::span<const TagSigh
   ASSIGN_OR_RETURN(const auto means, MeanSightings(fixed));
   record.clear_fixed_tags();
   for (const auto& [key, mean] : means) {
-    const auto view = std::find_if(found.views.begin(), found.views.end(),
-                                   [&](const PairedView& each) { return each.name == mean.view; });
+    const auto view = std::find_if(
+        found.views.begin(), found.views.end(),
+        [&view_name = mean.view](const PairedView& each) { return each.name == view_name; });
     if (view == found.views.end()) {
       return absl::InvalidArgumentError(
           absl::StrCat("the fixed tags are of a view '", mean.view, "' that is not there"));

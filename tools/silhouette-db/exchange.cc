@@ -6,6 +6,7 @@
 #include <filesystem>
 #include <utility>
 
+#include "absl/strings/ascii.h"
 #include "absl/strings/numbers.h"
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
@@ -121,8 +122,11 @@ absl::StatusOr<std::vector<std::string>> ColumnsOf(const CellDescription& cell) 
 std::string PathPart(const std::string& name) {
   std::string part;
   for (char c : name) {
-    const bool plain = std::isalnum(static_cast<unsigned char>(c)) || c == '-' || c == '_';
-    absl::StrAppendFormat(&part, plain ? "%c" : "%%%02x", static_cast<unsigned char>(c));
+    if (absl::ascii_isalnum(static_cast<unsigned char>(c)) || c == '-' || c == '_') {
+      part += c;
+    } else {
+      absl::StrAppendFormat(&part, "%%%02x", static_cast<unsigned char>(c));
+    }
   }
   return part;
 }

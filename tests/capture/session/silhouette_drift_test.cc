@@ -50,7 +50,7 @@ class SilhouetteDrift : public testing::Test {
   }
 
   const Reference reference_ = EmptyCell();
-  const SegmentationSettings settings_;
+  const SegmentationSettings settings_{};
   const Mask robot_ = Difference(Image(0, 0, true, 1), reference_, settings_, {64, 64});
 };
 

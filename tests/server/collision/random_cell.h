@@ -24,10 +24,11 @@ inline Mask RandomBox(MaskSize size, std::mt19937& random) {
     int b = std::uniform_int_distribution<int>(0, limit - 1)(random);
     return std::pair(std::min(a, b), std::max(a, b));
   };
-  const auto [left, right] = range(size.width);
-  const auto [top, bottom] = range(size.height);
-  return Mask::FromPredicate(
-      size, [=](int x, int y) { return left <= x && x <= right && top <= y && y <= bottom; });
+  const auto columns = range(size.width);
+  const auto rows = range(size.height);
+  return Mask::FromPredicate(size, [=](int x, int y) {
+    return columns.first <= x && x <= columns.second && rows.first <= y && y <= rows.second;
+  });
 }
 
 inline std::vector<MaskSize> RandomSizes(int views, std::mt19937& random) {

@@ -142,9 +142,9 @@ std::string ForbiddenInclude(const House& house, const std::string& folder,
   }
   for (const auto& [header, library] : kLibraries) {
     if (!include.starts_with(header)) continue;
-    const bool linked = std::ranges::any_of(reached, [&](const std::string& at) {
+    const bool linked = std::ranges::any_of(reached, [&, &sought = library](const std::string& at) {
       return std::ranges::any_of(house.at(at).libraries, [&](const std::string& name) {
-        return name.find(library) != std::string::npos;
+        return name.find(sought) != std::string::npos;
       });
     });
     if (!linked) return "does not link " + library;

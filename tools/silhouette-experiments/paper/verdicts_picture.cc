@@ -10,6 +10,7 @@
 #include "tools/silhouette-experiments/paper/scenes.h"
 #include "tools/silhouette-experiments/paper/sound_bulk.h"
 #include "tools/silhouette-experiments/paper/sphere_cell.h"
+#include "tools/silhouette-experiments/paper/study.h"
 #include "tools/silhouette-experiments/paper/voxel_hull.h"
 
 namespace silhouette::paper {
