@@ -33,7 +33,7 @@ absl::Status RequireVariant(const std::string& variant, const v1::Basis& basis,
 
 namespace {
 
-// A verdict whose clearance was asked for has one, unless it is unknown.
+// A verdict whose clearance was requested has one, unless it is unknown.
 absl::Status RequireClearance(const Verdict& verdict, const std::string& address) {
   if (verdict.state == State::kUnknown) return absl::OkStatus();
   if (!verdict.clearance) return NoClearances(address);
@@ -41,8 +41,7 @@ absl::Status RequireClearance(const Verdict& verdict, const std::string& address
   return absl::OkStatus();
 }
 
-// `bits` bits as words; nothing if the bytes are not just as many as they take. The bits beyond are
-// taken away.
+// `bits` bits as words; nothing if the number of bytes is wrong. Further bits are cleared.
 std::optional<std::vector<uint64_t>> WordsFrom(const std::string& bytes, size_t bits) {
   static_assert(std::endian::native == std::endian::little);
   if (bytes.size() != (bits + 7) / 8) return std::nullopt;
@@ -110,7 +109,7 @@ absl::StatusOr<NumberChecks> NumbersFrom(const v1::CheckConfigurationsResponse& 
                       .size = numbers,
                       .free = *std::move(free),
                       .occupied = *std::move(occupied)};
-  // What is called both, or rests on nothing, is not known.
+  // Free and occupied at once, or without a scene: unknown.
   const bool rests = checks.basis.scene_id != 0 && response.unknown_reason() == 0;
   for (size_t i = 0; i < checks.free.size(); ++i) {
     const uint64_t known = rests ? checks.free[i] ^ checks.occupied[i] : 0;
@@ -135,7 +134,7 @@ absl::StatusOr<PathCheck> AnswerFrom(const v1::CheckPathResponse& response, Clea
   if (!measured.ok()) return measured;
   if (!check.verdict.free()) return check;
   if (!response.has_narrowest()) {
-    return Malformed(address, "it does not say where the clearance is smallest");
+    return Malformed(address, "it does not state where the clearance is smallest");
   }
   const v1::PathPlace& place = response.narrowest();
   check.narrowest = {.segment = place.segment(),

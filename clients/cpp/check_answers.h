@@ -1,5 +1,5 @@
-// SPDX-License-Identifier: Apache-2.0
-// Questions of the collision service, and what their answers must be to be handed out.
+// SPDX-License-Identifier: Apache-2.0 Questions of the collision service, and the checks that their
+// answers must pass.
 #pragma once
 
 #include <chrono>
@@ -20,7 +20,7 @@ v1::CheckPathRequest QuestionOf(std::span<const Configuration> waypoints, const 
                                 Clearance clearance);
 
 // `address`: of the server, for errors; `asked`: when the question was sent. Internal if the answer
-// cannot be one to this question, Unimplemented if it lacks clearances.
+// does not fit the question, Unimplemented if it lacks clearances.
 absl::StatusOr<ConfigurationChecks> AnswerFrom(const v1::CheckConfigurationsResponse& response,
                                                size_t configurations, Clearance clearance,
                                                std::chrono::steady_clock::time_point asked,
@@ -33,14 +33,14 @@ absl::StatusOr<PathCheck> AnswerFrom(const v1::CheckPathResponse& response, Clea
                                      std::chrono::steady_clock::time_point asked,
                                      const std::string& address);
 
-// A variant was named and the server knows none: it is older than this library.
+// A variant was requested and the server knows none: it is older than this library.
 absl::Status NoVariants(const std::string& address);
 
-// NoVariants, if the answer does not rest on the variant that was asked for; empty: on any.
+// NoVariants if the answer does not use the requested variant; an empty one fits any.
 absl::Status RequireVariant(const std::string& variant, const v1::Basis& basis,
                             const std::string& address);
 
-// Clearances were asked for and the server reports none: it is older than this library.
+// Clearances were requested and the server reports none: it is older than this library.
 absl::Status NoClearances(const std::string& address);
 
 }  // namespace silhouette::client

@@ -101,7 +101,7 @@ absl::Status CheckStream::Impl::Send(v1::StreamChecksRequest question) {
   }
   if (first) Begin();
   if (stream_->Write(question)) return absl::OkStatus();
-  // Why it failed, the reader finds out.
+  // The reader finds out why it failed.
   std::unique_lock lock(mutex_);
   changed_.wait(lock, [this] { return ended_.has_value(); });
   return *ended_;
@@ -116,7 +116,7 @@ void CheckStream::Impl::EndQuestions() {
 absl::StatusOr<StreamedAnswer> CheckStream::Impl::Receive() {
   std::unique_lock lock(mutex_);
   changed_.wait(lock, [this] { return !answers_.empty() || ended_; });
-  // After a loss or a cancellation nothing is handed out any more.
+  // After a loss or a cancellation no answer is returned.
   if (ended_ && ended_->code() != absl::StatusCode::kOutOfRange) return *ended_;
   if (answers_.empty()) return *ended_;
   StreamedAnswer answer = std::move(answers_.front());

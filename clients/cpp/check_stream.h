@@ -1,5 +1,4 @@
-// SPDX-License-Identifier: Apache-2.0
-// What a CheckStream is made of.
+// SPDX-License-Identifier: Apache-2.0 Implementation of CheckStream.
 #pragma once
 
 #include <chrono>
@@ -37,7 +36,7 @@ class CheckStream::Impl {
   };
 
   void Begin();
-  // Reads answers to the end of the call: why it ended, OK if nothing is missing.
+  // Reads answers to the end of the call. Returns why it ended; OK if nothing is missing.
   absl::Status ReadAnswers();
   absl::StatusOr<StreamedAnswer> AnswerTo(const Question& question,
                                           const v1::StreamChecksResponse& response) const;

@@ -20,7 +20,7 @@ namespace {
 
 using Clock = std::chrono::steady_clock;
 
-// A question about verdicts; its answer rests on the variant that is asked for.
+// A question about verdicts; its answer must use the requested variant.
 template <typename Request, typename Response>
 absl::StatusOr<Response> Ask(const Connection& connection,
                              grpc::Status (v1::CollisionService::Stub::*method)(
@@ -73,7 +73,7 @@ absl::StatusOr<ConfigurationChecks> Client::CheckConfigurations(
 
 absl::StatusOr<NumberChecks> Client::CheckNumbers(std::span<const uint32_t> numbers,
                                                   const Policy& policy) const {
-  if (numbers.empty()) return absl::InvalidArgumentError("no configuration is asked for");
+  if (numbers.empty()) return absl::InvalidArgumentError("no configuration is requested");
   v1::CheckConfigurationsRequest request;
   request.mutable_numbers()->Add(numbers.begin(), numbers.end());
   *request.mutable_policy() = ToMessage(policy);

@@ -12,7 +12,7 @@
 namespace silhouette::client {
 namespace {
 
-// Takes away what is above a level without being free and above all lower ones.
+// Clears the bits of a level that are not free and above all lower levels.
 void MakeLevelsConsistent(ConfigurationSpaceTile& tile) {
   for (size_t word = 0; word < tile.free.size(); ++word) {
     uint64_t above_lower = tile.free[word];
@@ -45,7 +45,7 @@ ConfigurationSpace::ConfigurationSpace(ConfigurationGrid grid, Basis basis,
       throw std::invalid_argument("tile " + std::to_string(tiles_[i].tile) + " comes twice");
     }
     if (tiles_[i].above.size() != clearance_levels_.size()) {
-      throw std::invalid_argument("tile " + std::to_string(tiles_[i].tile) + " tells of " +
+      throw std::invalid_argument("tile " + std::to_string(tiles_[i].tile) + " has " +
                                   std::to_string(tiles_[i].above.size()) +
                                   " clearance levels instead of " +
                                   std::to_string(clearance_levels_.size()));

@@ -15,15 +15,15 @@ namespace {
 std::shared_ptr<grpc::Channel> ChannelTo(const std::string& address) {
   grpc::ChannelArguments arguments;
   arguments.SetMaxReceiveMessageSize(-1);
-  // What gRPC calls the least backoff is how long one attempt to connect may take, handshake
-  // included: a busy machine needs more than an instant.
+  // gRPC's least backoff is also the time for one attempt to connect, handshake included: a busy
+  // machine needs more than an instant.
   arguments.SetInt(GRPC_ARG_MIN_RECONNECT_BACKOFF_MS, 5000);
-  // A server that was started again is found again within a second.
+  // Reconnects to a restarted server within a second.
   arguments.SetInt(GRPC_ARG_INITIAL_RECONNECT_BACKOFF_MS, 100);
   arguments.SetInt(GRPC_ARG_MAX_RECONNECT_BACKOFF_MS, 1000);
   arguments.SetInt(GRPC_ARG_ENABLE_HTTP_PROXY, 0);
-  // While there are calls, a server that vanished without a word is missed within ten seconds. An
-  // answer may lie unread for five, which is how often gRPC looks where no thread waits for it.
+  // During calls, a server that vanished silently is noticed within ten seconds. An answer may lie
+  // unread for five: gRPC looks that often if no thread waits for it.
   arguments.SetInt(GRPC_ARG_KEEPALIVE_TIME_MS, 3000);
   arguments.SetInt(GRPC_ARG_KEEPALIVE_TIMEOUT_MS, 7000);
   arguments.SetInt(GRPC_ARG_KEEPALIVE_PERMIT_WITHOUT_CALLS, 0);
@@ -45,15 +45,14 @@ absl::Status RequireAddress(const std::string& address) {
       return absl::OkStatus();
     }
   }
-  return absl::InvalidArgumentError(
-      absl::StrCat("'", address, "' is no address of a server; write host:port, as ",
-                   kDefaultAddress, ", or unix:path"));
+  return absl::InvalidArgumentError(absl::StrCat("'", address,
+                                                 "' is not a server address; use host:port, as in ",
+                                                 kDefaultAddress, ", or unix:path"));
 }
 
 absl::Status Malformed(const std::string& address, absl::string_view what) {
-  return absl::InternalError(absl::StrCat("the answer of the server at ", address,
-                                          " cannot be used: ", what,
-                                          "; use a silhouette-server of this version"));
+  return absl::InternalError(absl::StrCat("the answer of the server at ", address, " is unusable: ",
+                                          what, "; use a silhouette-server of this version"));
 }
 
 Connection::Connection(const std::string& address)
@@ -70,11 +69,11 @@ absl::Status Connection::SentenceFor(const grpc::Status& status, absl::Duration 
       return absl::OkStatus();
     case grpc::StatusCode::UNAVAILABLE:
       return absl::UnavailableError(absl::StrCat("no server answers at ", address_,
-                                                 "; start silhouette-server or give --server"));
+                                                 "; start silhouette-server or use --server"));
     case grpc::StatusCode::DEADLINE_EXCEEDED:
       return absl::DeadlineExceededError(
           absl::StrCat("the server at ", address_, " did not answer within ",
-                       absl::FormatDuration(timeout), "; ask for less at once or allow more time"));
+                       absl::FormatDuration(timeout), "; request less at once or allow more time"));
     case grpc::StatusCode::UNIMPLEMENTED:
       return absl::UnimplementedError(
           absl::StrCat("the server at ", address_, " does not know this call (",

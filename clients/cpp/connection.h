@@ -1,5 +1,5 @@
-// SPDX-License-Identifier: Apache-2.0
-// The way to a server: its address, the channel, and what the errors of calls say.
+// SPDX-License-Identifier: Apache-2.0 The connection to a server: address, channel, and the error
+// messages of calls.
 #pragma once
 
 #include <grpcpp/channel.h>
@@ -25,10 +25,10 @@ namespace silhouette::client {
 // InvalidArgument if no server can be at this address.
 absl::Status RequireAddress(const std::string& address);
 
-// The server sent what cannot be.
+// The server's answer is malformed.
 absl::Status Malformed(const std::string& address, absl::string_view what);
 
-// What was read from an answer; Malformed if it could not be.
+// The value read from an answer; Malformed if reading failed.
 template <typename T>
 absl::StatusOr<T> Usable(absl::StatusOr<T> read, const std::string& address) {
   return read.ok() ? std::move(read) : Malformed(address, read.status().message());
@@ -37,7 +37,7 @@ absl::StatusOr<T> Usable(absl::StatusOr<T> read, const std::string& address) {
 // Ends the calls of one object from any thread.
 class Cancellation {
  public:
-  // From now on, calls are cancelled: those under way and those that begin.
+  // Cancels all running and future calls.
   void Cancel() {
     const std::lock_guard lock(mutex_);
     cancelled_ = true;
@@ -49,7 +49,7 @@ class Cancellation {
     return cancelled_;
   }
 
-  // Lives as long as the call of this context may be under way, and not longer than the context.
+  // Lives while the call of this context may run, and not longer than the context.
   class Call {
    public:
     Call(Cancellation& cancellation, grpc::ClientContext& context)
@@ -76,7 +76,7 @@ class Cancellation {
   std::set<grpc::ClientContext*> calls_;
 };
 
-// A channel and its stubs; thread-safe as they are.
+// A channel and its stubs; thread-safe like them.
 class Connection {
  public:
   explicit Connection(const std::string& address);
@@ -86,7 +86,7 @@ class Connection {
   v1::SceneService::Stub& scenes() const { return *scenes_; }
   v1::DatabaseService::Stub& databases() const { return *databases_; }
 
-  // How a call ended, in one sentence. `timeout`: what it was given.
+  // The end of a call, in one sentence. `timeout`: the call's.
   absl::Status SentenceFor(const grpc::Status& status, absl::Duration timeout) const;
 
   // One unary call; `context` may be cancelled from another thread.

@@ -85,7 +85,7 @@ class LocalSpace::Impl {
     }
   }
 
-  // One stream, to its end: why it ended. `reason`: what that is to those who ask for verdicts.
+  // Runs one stream to its end. Returns why it ended; `reason`: the same as a verdict's reason.
   absl::Status Subscribe(Reason& reason) {
     {
       const std::lock_guard lock(mutex_);
@@ -166,7 +166,7 @@ class LocalSpace::Impl {
 
   void Lose(const absl::Status& problem, Reason reason) {
     Publish([&](Content& content) {
-      // Failing again says nothing new.
+      // A repeated failure is no news.
       if (status_.connected || content.unknown != reason) ++content.number;
       content.unknown = reason;
       status_.connected = false;
@@ -185,7 +185,7 @@ class LocalSpace::Impl {
     changed_.notify_all();
   }
 
-  // What the server makes of configurations off the grid, with this generation of the database.
+  // The server's rule off the grid, with this generation of the database.
   std::optional<OffGridRule> AskForRule(uint64_t generation) {
     grpc::ClientContext context;
     const Cancellation::Call call(cancellation_, context);

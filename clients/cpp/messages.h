@@ -1,6 +1,5 @@
-// SPDX-License-Identifier: Apache-2.0
-// Between the API's messages and the values of the client library. What a server sent that cannot
-// be is Internal; the message says what it is.
+// SPDX-License-Identifier: Apache-2.0 Conversions between the API's messages and the values of the
+// client library. Malformed messages are Internal; the error names the fault.
 #pragma once
 
 #include "absl/status/status.h"
@@ -26,11 +25,11 @@ google::protobuf::Duration ToMessage(absl::Duration duration);
 absl::Duration FromMessage(const google::protobuf::Duration& duration);
 absl::Time FromMessage(const google::protobuf::Timestamp& time);
 
-// `asked`: when the question was sent, or a time before which the answer was not made.
+// `asked`: when the question was sent, or another time before the answer was made.
 Basis FromMessage(const v1::Basis& basis, std::chrono::steady_clock::time_point asked);
-// A verdict that calls itself free without a scene is unknown.
+// A free verdict without a scene becomes unknown.
 Verdict FromMessage(const v1::Verdict& verdict, const Basis& basis);
-// A reason of a newer server is kUnspecified.
+// An unknown reason of a newer server becomes kUnspecified.
 Reason FromMessage(v1::Verdict::Reason reason);
 absl::StatusOr<ConfigurationGrid> FromMessage(const v1::Grid& grid);
 absl::StatusOr<ConfigurationSpaceTile> FromMessage(const v1::ConfigurationSpaceTile& tile);

@@ -6,12 +6,12 @@
 namespace silhouette::client {
 namespace {
 
-// The number of views that must show an obstacle; nothing if that is not known here.
+// The number of views that must show an obstacle; nothing if unknown.
 std::optional<int> MinViews(const Policy& policy, int views) {
   if (policy.min_views) return policy.min_views;
   if (views < 1) return std::nullopt;
   if (policy.preset != "uncalibrated") return views;
-  // Unspecified: the server has a value of its own, whatever its default preset is.
+  // Unspecified: the server uses a value of its own, whatever its default preset is.
   if (!policy.max_occluded_views) return std::nullopt;
   return std::max(1, views - std::min(*policy.max_occluded_views, views));
 }

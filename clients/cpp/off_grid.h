@@ -11,7 +11,7 @@
 
 namespace silhouette::client {
 
-// What stands for a configuration off the grid.
+// How the server treats a configuration off the grid.
 struct OffGridRule {
   OffGrid off_grid = OffGrid::kCell;
   // Whether a grid cell is free if all its corners are. The server tests the union of the robot
@@ -19,16 +19,16 @@ struct OffGridRule {
   bool free_corners_suffice = false;
 };
 
-// What a map has of the grid cell that begins at a configuration: the box to the next value along
-// every joint; along a joint without one, not continuous, it has no extent.
+// What a map knows about the grid cell that begins at a configuration: the box to the next value
+// along every joint. It has no extent along a joint that is at its last value and not continuous.
 enum class CellState {
-  kNotTold,
+  kUnknown,
   kFree,      // throughout, its rim included
   kOccupied,  // where all of its corners count, if all of them are free or occupied
 };
 
 // A map without cells.
-inline constexpr auto kNoCells = [](ConfigurationNumber) { return CellState::kNotTold; };
+inline constexpr auto kNoCells = [](ConfigurationNumber) { return CellState::kUnknown; };
 
 // Whether one of the cells that hold `q` is free; `low`: the first of `q`'s own corners.
 // `cell_at`: the CellState of a ConfigurationNumber.
@@ -38,7 +38,7 @@ bool InFreeCell(const ConfigurationGrid& grid, std::span<const double> q, Config
   if (cell_at(low) == CellState::kFree) return true;
   const std::optional<GridIndex> first = grid.IndexOf(low);
   if (!first) return false;
-  // On a grid value along a joint, it is in the cells on both sides of that.
+  // On a grid value of a joint, `q` is in the cells on both sides.
   unsigned on_value = 0;
   for (int j = 0; j < grid.dimensions(); ++j) {
     const std::optional<double> place = grid.Place(j, q[static_cast<size_t>(j)]);
@@ -65,17 +65,16 @@ inline bool AreWholeCell(const ConfigurationGrid& grid, const CellCorners& corne
   return corners.count() == whole;
 }
 
-// What the server makes of a request's policy. `defaults`: Database::default_policy.
+// The policy that the server uses for a request. `defaults`: Database::default_policy.
 Policy Effective(const Policy& asked, const Policy& defaults);
 
-// `policy`: one that is Effective. `views`: of the database, 0 if that is not known. Free corners
-// suffice where a single view convicts, by what it shows and by nothing else.
+// `policy`: the result of Effective. `views`: of the database, 0 if unknown. Free corners suffice
+// if a single view decides, by its own pixels alone.
 OffGridRule OffGridRuleOf(const Policy& policy, int views);
 
-// The verdict on `q`. `state_at`: the state of a ConfigurationNumber; `cell_at`: as above.
-// Never free or occupied where the server would not say the same; unknown where it might say
-// either, or where the map has no state. Without evidence, and without telling whether an obstacle
-// may hide.
+// The verdict on `q`. `state_at`: the state of a ConfigurationNumber; `cell_at`: as above. Free or
+// occupied only if the server returns the same; otherwise unknown, also where the map has no state.
+// Without evidence and without hidden_possible.
 template <typename StateAt, typename CellAt>
 Verdict CheckInMap(const ConfigurationGrid& grid, const OffGridRule& rule,
                    std::span<const double> q, const StateAt& state_at, const CellAt& cell_at) {

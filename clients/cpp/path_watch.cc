@@ -57,7 +57,7 @@ absl::StatusOr<PathUpdate> PathWatch::Impl::Next(absl::Duration timeout) {
     return absl::DeadlineExceededError(
         absl::StrCat("no new verdict on the path came within ", absl::FormatDuration(timeout)));
   }
-  // What came before the end is not news any more.
+  // An update from before the end is outdated.
   if (ended_) return *ended_;
   returned_scene_ = newest_->check.basis.scene_id;
   return *std::exchange(newest_, std::nullopt);
@@ -90,7 +90,7 @@ absl::Status PathWatch::Impl::Take(const v1::WatchPathResponse& response, Server
       AnswerFrom(response.check(), clearance_, *made, connection_->address());
   if (!check.ok()) return check.status();
   if (check->verdict.free() && !response.has_valid_for()) {
-    return Malformed(connection_->address(), "it does not say how long it is valid");
+    return Malformed(connection_->address(), "it does not state how long it is valid");
   }
   const Validity validity =
       ValidityOf(check->basis, FromMessage(response.valid_for()), absl::InfiniteDuration());
@@ -100,7 +100,7 @@ absl::Status PathWatch::Impl::Take(const v1::WatchPathResponse& response, Server
   {
     const std::lock_guard lock(mutex_);
     if (newest_) {
-      // The one that is there will not be returned.
+      // The stored one will not be returned.
       const uint64_t scene = newest_->check.basis.scene_id;
       const bool skipped = scene != returned_scene_ && scene != update.check.basis.scene_id;
       update.skipped_scenes += newest_->skipped_scenes + (skipped ? 1 : 0);

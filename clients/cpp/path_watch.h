@@ -27,9 +27,9 @@ class PathWatch::Impl {
   void Cancel();
 
  private:
-  // The call, to its end: why it ended.
+  // Runs the call to its end. Returns why it ended.
   absl::Status Run();
-  // Takes an update; why the call must end, if it must.
+  // Stores an update. Returns an error if the call must end.
   absl::Status Take(const v1::WatchPathResponse& response, ServerClock& clock);
 
   const std::shared_ptr<const Connection> connection_;

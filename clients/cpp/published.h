@@ -10,9 +10,9 @@
 
 namespace silhouette::client {
 
-// Readers never wait: they count themselves in, take the pointer, and count themselves out. Who
-// replaces the value waits until nobody can still be reading the old one, on both of two counters
-// by turns: those who come meanwhile use the other, so that they cannot keep it waiting.
+// Readers never wait: they increment a counter, take the pointer, and decrement the counter. The
+// writer waits until no thread can still read the old value. It uses two counters by turns: new
+// readers use the other one, so that they cannot delay the writer.
 //
 // T derives from std::enable_shared_from_this.
 template <typename T>
@@ -21,19 +21,19 @@ class Published {
   explicit Published(std::shared_ptr<const T> first)
       : owner_(std::move(first)), current_(owner_.get()) {}
 
-  // `read(value)`; the value stays for so long. Takes nanoseconds, or it holds up the replacing.
+  // `read(value)`; the value stays valid during the call. Must be short: it delays the writer.
   template <typename Read>
   auto With(const Read& read) const {
     const Reader reader(readers_[turn_.load()]);
     return read(*current_.load());
   }
 
-  // To be kept.
+  // A reference to keep.
   std::shared_ptr<const T> Get() const {
     return With([](const T& value) { return value.shared_from_this(); });
   }
 
-  // By one thread at a time.
+  // For one thread at a time.
   void Replace(std::shared_ptr<const T> next) {
     current_.store(next.get());
     const int turn = turn_.load();

@@ -16,7 +16,7 @@ using ServerClockClock = std::chrono::steady_clock;
 constexpr absl::Duration kLongestRoundTrip = absl::Seconds(1);
 constexpr ServerClockClock::duration kBetweenRoundTrips = std::chrono::seconds(1);
 
-// Greater ages are reported as this one: longer durations cannot be computed with.
+// The greatest age that is reported: longer durations overflow.
 constexpr absl::Duration kServerTimeVeryLong = absl::Hours(24 * 36500);
 
 absl::Duration SinceEpoch(ServerTime::Time time) {
@@ -59,7 +59,7 @@ absl::Status ServerClock::Measure() {
                                           &v1::CollisionService::Stub::CheckConfigurations,
                                           v1::CheckConfigurationsRequest(), timeout_);
   const ServerClockClock::time_point answered = ServerClockClock::now();
-  // A slow server is not asked the more.
+  // A slow server is asked less often.
   next_ = answered + std::max(kBetweenRoundTrips, 4 * (answered - asked));
   if (!response.ok()) return response.status();
   if (!response->basis().has_server_clock()) {
@@ -78,10 +78,9 @@ absl::StatusOr<ServerTime::Time> ServerClock::MadeAt(const v1::Basis& basis,
   if (ServerClockClock::now() >= next_) measured = Measure();
   if (measured.code() == absl::StatusCode::kUnimplemented) return measured;
   if (!basis.has_server_clock()) {
-    return absl::UnimplementedError(
-        absl::StrCat("the server at ", connection_->address(),
-                     " does not report when it made its messages; use a "
-                     "silhouette-server of this version"));
+    return absl::UnimplementedError(absl::StrCat("the server at ", connection_->address(),
+                                                 " does not report the time of its messages; use a "
+                                                 "silhouette-server of this version"));
   }
   const absl::Duration made = FromMessage(basis.server_clock());
   std::optional<ServerTime::Time> earliest = time_.Earliest(made, received);
@@ -91,8 +90,8 @@ absl::StatusOr<ServerTime::Time> ServerClock::MadeAt(const v1::Basis& basis,
     earliest = time_.Earliest(made, received);
   }
   if (!earliest) {
-    return absl::UnavailableError(
-        absl::StrCat("the clock of the server at ", connection_->address(), " does not fit"));
+    return absl::UnavailableError(absl::StrCat(
+        "the clock of the server at ", connection_->address(), " contradicts earlier answers"));
   }
   return *earliest;
 }

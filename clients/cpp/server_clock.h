@@ -1,5 +1,4 @@
-// SPDX-License-Identifier: Apache-2.0
-// How old the messages of a stream are.
+// SPDX-License-Identifier: Apache-2.0 The age of a stream's messages.
 #pragma once
 
 #include <chrono>
@@ -14,16 +13,16 @@
 
 namespace silhouette::client {
 
-// When something that the server made can have been made at the earliest, by this computer's clock.
+// The earliest time, by this computer's clock, at which the server can have made a message.
 //
-// A message of a stream may have waited anywhere for any time. It carries what the server's running
-// clock showed when it was made; what that means here follows from round trips: if a question was
-// sent at `asked` and the answer says that the server's clock showed s, it showed s at `asked` or
-// later. The two clocks may drift apart by kMostDrift of the time that passes; what was made d
-// later by the server's clock was not made before asked + d - kMostDrift * |d|.
+// A message of a stream may have been delayed for any time. It states the server's running clock
+// when it was made. Round trips relate this clock to the local one: if a question was sent at
+// `asked` and the answer states the server's clock s, the clock showed s at `asked` or later. The
+// two clocks may drift apart by kMostDrift of the passing time. So a message made d later by the
+// server's clock was not made before asked + d - kMostDrift * |d|.
 //
-// Clocks that cannot be: with what was seen before, something would have been made after it was
-// received, as when a computer slept. All that was seen is forgotten then. Not thread-safe.
+// If earlier round trips imply that a message was made after its arrival, for example because a
+// computer slept, they are all dropped. Not thread-safe.
 class ServerTime {
  public:
   using Time = std::chrono::steady_clock::time_point;
@@ -32,8 +31,8 @@ class ServerTime {
   // A round trip from `asked` to `answered`; the server's clock showed `server_clock` between them.
   void Observe(Time asked, Time answered, absl::Duration server_clock);
 
-  // The earliest time at which the server's clock may have shown `server_clock`, for something that
-  // was received at `received`; nothing without a round trip.
+  // The earliest time at which the server's clock may have shown `server_clock`, for a message that
+  // arrived at `received`; nothing without a round trip.
   std::optional<Time> Earliest(absl::Duration server_clock, Time received);
 
  private:
@@ -44,16 +43,16 @@ class ServerTime {
   std::optional<RoundTrip> best_;  // gives the latest Earliest of what the server makes now
 };
 
-// ServerTime, kept up by round trips. Of one stream, made after it was opened: a server that was
-// started again has another clock. Not thread-safe.
+// A ServerTime with its round trips. For one stream, created after it was opened: a restarted
+// server has another clock. Not thread-safe.
 class ServerClock {
  public:
-  // `timeout`: for a round trip. `cancellation` ends one that is under way.
+  // `timeout`: of a round trip. `cancellation` ends a running one.
   ServerClock(std::shared_ptr<const Connection> connection, absl::Duration timeout,
               Cancellation& cancellation);
 
-  // The earliest time at which the answer of this basis may have been made, if it was received at
-  // `received`. Takes a round trip if the last one is a second old. Unimplemented if the server
+  // The earliest time at which the message with this basis may have been made, if it arrived at
+  // `received`. Makes a round trip if the last one is a second old. Unimplemented if the server
   // reports no clock; Unavailable if no round trip was answered.
   absl::StatusOr<ServerTime::Time> MadeAt(const v1::Basis& basis, ServerTime::Time received);
 

@@ -15,7 +15,7 @@ absl::StatusOr<std::optional<SpaceUpdate>> SpaceAssembly::Add(
   if (first) {
     status = Begin(part);
   } else if (part.has_basis() || part.has_grid() || part.whole()) {
-    status = absl::InternalError("an update begins before the one before it has ended");
+    status = absl::InternalError("an update begins before the previous one has ended");
   }
   if (!status.ok()) return status;
   if (begun_->unknown && part.tiles_size() > 0) {
@@ -33,7 +33,7 @@ absl::StatusOr<std::optional<SpaceUpdate>> SpaceAssembly::Add(
 }
 
 absl::Status SpaceAssembly::Begin(const v1::WatchConfigurationSpaceResponse& first) {
-  if (!first.has_basis()) return absl::InternalError("an update does not say what it rests on");
+  if (!first.has_basis()) return absl::InternalError("an update has no basis");
   if (first.whole() != first.has_grid()) {
     return absl::InternalError("a grid belongs to an update that is whole, and to no other");
   }
@@ -42,7 +42,7 @@ absl::Status SpaceAssembly::Begin(const v1::WatchConfigurationSpaceResponse& fir
   if (first.basis().scene_id() == 0) update.unknown = Reason::kNoScene;
   if (first.unknown_reason() != 0) update.unknown = FromMessage(first.unknown_reason());
   if (!update.unknown && !first.has_valid_for()) {
-    return absl::InternalError("an update does not say how long it is valid");
+    return absl::InternalError("an update does not state how long it is valid");
   }
   update.valid_for = FromMessage(first.valid_for());
   if (first.whole()) {

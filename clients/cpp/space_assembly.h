@@ -1,5 +1,4 @@
-// SPDX-License-Identifier: Apache-2.0
-// Puts the parts of WatchConfigurationSpace together.
+// SPDX-License-Identifier: Apache-2.0 Joins the parts of WatchConfigurationSpace.
 #pragma once
 
 #include <cstdint>
@@ -16,27 +15,27 @@
 
 namespace silhouette::client {
 
-// An update of which all parts are there.
+// A complete update.
 struct SpaceUpdate {
   v1::Basis basis = {};
-  // Why every configuration is unknown; kUnspecified if the reason is not known here.
+  // Why every configuration is unknown; kUnspecified for a reason that this library does not know.
   std::optional<Reason> unknown = std::nullopt;
-  // Counted from when it was made.
+  // From the time when the update was made.
   absl::Duration valid_for = absl::ZeroDuration();
   // The first of a stream, or the first of another database, which may have the same generation.
   bool whole = false;
   uint64_t skipped_scenes = 0;
   uint64_t tiles_changed = 0;
-  // What it leads to, whatever `unknown` says.
+  // The map after this update, regardless of `unknown`.
   std::shared_ptr<const SpaceMap> map = nullptr;
 };
 
 // One stream, from its first part on. Not thread-safe.
 class SpaceAssembly {
  public:
-  // The update that `part` completes, if it does. Internal, with the words of what is wrong, for
-  // parts that cannot follow one another or cannot be at all; then nothing of the stream counts any
-  // more. ResourceExhausted for a grid that is too large to be held.
+  // The update that `part` completes, if it does. Internal, with the fault, for malformed parts and
+  // parts in a wrong order; the whole stream is then invalid. ResourceExhausted for a grid that
+  // does not fit into memory.
   absl::StatusOr<std::optional<SpaceUpdate>> Add(const v1::WatchConfigurationSpaceResponse& part);
 
  private:

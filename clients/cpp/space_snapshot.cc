@@ -11,7 +11,7 @@ using Clock = std::chrono::steady_clock;
 
 Validity ValidityOf(const Basis& basis, absl::Duration valid_for, absl::Duration max_age) {
   const absl::Duration of_age = max_age - std::max(basis.scene_age, absl::ZeroDuration());
-  // Longer cannot be reckoned with.
+  // Longer durations overflow.
   constexpr absl::Duration kVeryLong = absl::Hours(24 * 36500);
   const absl::Duration valid = std::clamp(std::min(valid_for, of_age), -kVeryLong, kVeryLong);
   return {.until = basis.asked + absl::ToChronoNanoseconds(valid),
@@ -43,7 +43,7 @@ const ConfigurationGrid* SpaceSnapshot::grid() const {
   return content_->map == nullptr ? nullptr : &content_->map->grid;
 }
 
-// The clock is looked at last: the answer is right at a moment before it is given.
+// Looks at the clock last: the answer was right at a moment before it is returned.
 State SpaceSnapshot::StateAt(ConfigurationNumber number) const {
   const Content& content = *content_;
   if (content.unknown || content.map == nullptr) return State::kUnknown;
@@ -58,7 +58,7 @@ Verdict SpaceSnapshot::InMap(std::span<const double> q) const {
       map->grid, content_->rule.value_or(OffGridRule()), q,
       [map](ConfigurationNumber number) { return map->StateAt(number); },
       [map](ConfigurationNumber number) { return map->CellAt(number); });
-  // Without the rule, the corners around it say nothing.
+  // Without the rule, the corners around it decide nothing.
   if (!content_->rule && map->grid.CornersAround(q).count() > 1) {
     verdict = {.reason = Reason::kBetweenGridPoints};
   }

@@ -1,5 +1,4 @@
-// SPDX-License-Identifier: Apache-2.0
-// What a SpaceSnapshot is made of.
+// SPDX-License-Identifier: Apache-2.0 Implementation of SpaceSnapshot.
 #pragma once
 
 #include <chrono>
@@ -13,14 +12,14 @@
 
 namespace silhouette::client {
 
-// Until when something may be relied on, and why not afterwards.
+// The end of a validity, and the reason afterwards.
 struct Validity {
   std::chrono::steady_clock::time_point until = std::chrono::steady_clock::time_point::min();
   Reason then = Reason::kUpdateExpired;
 };
 
-// Of what was not made before `basis.asked` and is valid for `valid_for` from when it was made on,
-// but no longer than until the scene is `max_age` old.
+// Of an update that was made at `basis.asked` or later and is valid for `valid_for` from then, but
+// only until the scene is `max_age` old.
 Validity ValidityOf(const Basis& basis, absl::Duration valid_for, absl::Duration max_age);
 
 struct SpaceSnapshot::Content {
@@ -28,7 +27,7 @@ struct SpaceSnapshot::Content {
   std::shared_ptr<const SpaceMap> map = nullptr;
   std::optional<Reason> unknown = Reason::kNoUpdate;
   Validity validity = {};
-  // Nothing: not known; then only configurations on the grid have a state.
+  // Nothing: unknown; then only configurations on the grid have a state.
   std::optional<OffGridRule> rule = std::nullopt;
   uint64_t number = 0;
   uint64_t skipped_scenes = 0;

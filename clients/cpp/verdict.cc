@@ -28,9 +28,8 @@ Words WordsFor(Reason reason) {
               "images"};
     case Reason::kFixedJointMoved:
       return {"fixed joint moved",
-              "a joint outside the grid is not where it stood when the robot images were captured, "
-              "or did not stand where the cell has it then: the scene's defects and 'silhouette-db "
-              "verify' say which"};
+              "a fixed joint is not where it was when the robot images were captured, or was not "
+              "at the cell file's value then: see the scene's defects and 'silhouette-db verify'"};
     case Reason::kRobotImageOfSceneMissing:
       return {"robot image of scene missing",
               "there is no usable robot image for the robot's present configuration"};
@@ -51,10 +50,10 @@ Words WordsFor(Reason reason) {
       return {"generation mismatch",
               "the scene was made with another generation of the database: publish a new one"};
     case Reason::kInternal:
-      return {"internal", "the server could not decide because of a fault of its own: see its log"};
+      return {"internal", "internal error of the server: see its log"};
     case Reason::kMarginUnknown:
       return {"margin unknown",
-              "a safety margin in metres cannot be worked out: import the camera models, or state "
+              "a safety margin in metres cannot be computed: import the camera models, or specify "
               "the margin in pixels"};
     case Reason::kRegionEnded:
       return {"region ended", "an allowed region ended while the answer was made: ask again"};
@@ -62,40 +61,39 @@ Words WordsFor(Reason reason) {
       return {
           "calibration doubtful",
           "a camera moved, or no recent check confirms the calibration: run 'silhouette-calibrate "
-          "check', calibrate again, or ask for the preset uncalibrated"};
+          "check', calibrate again, or request the preset uncalibrated"};
     case Reason::kVariantUnknown:
       return {"variant unknown",
-              "it is not known which of the database's variants shows the robot: look "
-              "at the scene's defects (silhouette scene show)"};
+              "the robot's variant is unknown: see the scene's defects (silhouette scene show)"};
     case Reason::kNotInMap:
       return {
           "not in map",
-          "the map has no verdict on the configuration, for want of a usable robot image or of a "
-          "view: ask the server for the reason"};
+          "the map has no verdict for the configuration, because a usable robot image or a view is "
+          "missing: ask the server for the reason"};
     case Reason::kBetweenGridPoints:
       return {
           "between grid points",
           "the corners of its grid cell are free, but the map does not confirm the space between "
           "them: ask the server"};
     case Reason::kNoUpdate:
-      return {"no update", "nothing has come from the server yet: wait for the first update"};
+      return {"no update", "the server has sent nothing yet: wait for the first update"};
     case Reason::kConnectionLost:
-      return {"connection lost", "there is no connection to the server: it is tried again"};
+      return {"connection lost", "no connection to the server: reconnecting"};
     case Reason::kUpdateTooOld:
       return {"update too old",
               "the scene of the last update is older than max_age: publish scenes more often, or "
-              "see whether the network stalls"};
+              "check whether the network stalls"};
     case Reason::kUpdateExpired:
       return {"update expired",
-              "the server does not vouch for its last update any longer, and none has followed"};
+              "the last update of the server has expired, and no other has followed"};
     case Reason::kUpdateMalformed:
       return {"update malformed",
-              "what the server sent cannot be used: use a silhouette-server of this version"};
+              "the server's message is unusable: use a silhouette-server of this version"};
     case Reason::kAgeUnknown:
       return {"age unknown",
               "the age of the scene is unknown because the server did not report its clock"};
   }
-  return {"unspecified", "the server gave no reason that is known here"};
+  return {"unspecified", "the server gave no reason, or one that this program does not know"};
 }
 
 }  // namespace

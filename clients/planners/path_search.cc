@@ -75,7 +75,7 @@ absl::StatusOr<PathSearch> SearchPath(const Client& client, const client::Policy
   PathSearch search;
   for (bool all_free = false; !all_free;) {
     if (stopped()) {
-      return absl::AbortedError("stopped; to have the path, start the command again");
+      return absl::AbortedError("stopped; run the command again to find the path");
     }
     ++search.rounds;
     search.plan = find(false);

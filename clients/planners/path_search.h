@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 // A path that is free everywhere, not only at the grid points.
 //
-// With more than one view needed to convict, a grid cell can be occupied though its corners are
+// If more than one view must show an obstacle, a grid cell can be occupied although its corners are
 // free: one view hits at one corner, another view at another. So the wave runs over the fetched
-// configuration space, the moves of the path it finds are checked by the server, and what is not
-// free is taken out and the wave runs again.
+// configuration space, and the server checks the moves of the path. Moves that are not free are
+// removed, and the wave runs again.
 #pragma once
 
 #include <cstdint>
@@ -19,11 +19,11 @@ namespace silhouette {
 
 struct PathSearch {
   Plan plan;
-  // How often the wave ran.
+  // Number of waves.
   int rounds = 0;
   // Moves between free grid points that the server found occupied.
   uint64_t blocked_moves = 0;
-  // Set if a move became unknown, for the scene is not what the space was fetched from; there is no
+  // Set if a move became unknown, because the scene is no longer that of the space; there is no
   // path then.
   std::optional<client::Verdict> unknown = std::nullopt;
 };

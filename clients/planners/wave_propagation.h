@@ -31,10 +31,10 @@ struct PlannerOptions {
   bool simplify = true;
 };
 
-// Where the robot may be. Each answer is true for free only, never for unknown, and stays the same
-// while a path is planned.
+// The free places. Each answer is true for free only, never for unknown, and must not change while
+// a path is planned.
 struct FreeSpace {
-  // At a grid point. Asked at most once for each.
+  // A grid point. Called at most once for each.
   std::function<bool(ConfigurationNumber)> point;
   // At a start or a goal off the grid; empty: the corners of the grid cell decide alone.
   std::function<bool(std::span<const double>)> configuration = nullptr;

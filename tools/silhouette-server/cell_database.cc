@@ -106,8 +106,8 @@ std::string Counted(uint64_t count, const std::string& what) {
   return absl::StrCat(count, " ", what, count == 1 ? "" : "s");
 }
 
-// Bytes of memory that this process may have: those of the machine, or fewer where its control
-// group or a limit of the process allows no more.
+// Bytes of memory that this process may use: those of the machine, or fewer if its control group or
+// a process limit allows less.
 uint64_t AvailableMemory() {
   uint64_t bytes =
       static_cast<uint64_t>(sysconf(_SC_PHYS_PAGES)) * static_cast<uint64_t>(sysconf(_SC_PAGESIZE));
@@ -121,9 +121,9 @@ uint64_t AvailableMemory() {
   return bytes;
 }
 
-// What the cell file says of loading. By default robot images may take two fifths of
-// AvailableMemory(): a reload has two databases at a time. The log has the progress every few
-// seconds.
+// The cell file's settings for loading. By default robot images may take two fifths of
+// AvailableMemory(), because a reload has two databases at a time. The log reports the progress
+// every few seconds.
 LoadSettings LoadSettingsOf(const Cell& cell) {
   return {.robot_image_memory = cell.server.robot_image_memory.value_or(AvailableMemory() / 5 * 2),
           .variants_in_memory = cell.server.variants_in_memory,
@@ -137,8 +137,8 @@ LoadSettings LoadSettingsOf(const Cell& cell) {
           .fixed_joint_tolerance = cell.server.scene.fixed_joint_tolerance};
 }
 
-// Where the robot images are, and why; and whether writers have to stay away from the folder `path`
-// while it is served.
+// Reports where the robot images are, and whether writers are locked out of the folder `path` while
+// it is served.
 void LogRobotImages(const ServedDatabase& database, const std::string& path,
                     const LoadSettings& settings) {
   const RobotImageTable& images = database.robot_images();
@@ -147,10 +147,8 @@ void LogRobotImages(const ServedDatabase& database, const std::string& path,
   if (images.in_memory()) {
     spdlog::info("robot images: {}, in memory", Gigabytes(bytes));
   } else {
-    spdlog::info(
-        "robot images: {}, of which memory may hold {} (robot_image_memory): read from '{}' where "
-        "they are needed",
-        Gigabytes(bytes), Gigabytes(settings.robot_image_memory), path);
+    spdlog::info("robot images: {}, more than robot_image_memory ({}): read from '{}' when needed",
+                 Gigabytes(bytes), Gigabytes(settings.robot_image_memory), path);
   }
   const bool reads_on = std::ranges::any_of(database.variants(), [&](const std::string& name) {
     const ServedDatabase& variant = *database.Variant(name);
@@ -158,13 +156,12 @@ void LogRobotImages(const ServedDatabase& database, const std::string& path,
   });
   if (!reads_on || !ReadersKeepWritersOut(path)) return;
   spdlog::warn(
-      "without permission to write '{}/{}' no program can write into the database while it is "
-      "served: "
-      "no capture, no index; give this process that permission, or stop it before",
+      "no permission to write '{}/{}': while this server runs, no capture or index can write to "
+      "the database; give this process the permission, or stop it first",
       path, schema::kLockFile);
 }
 
-// How many tiles have robot images but no index that can be used. Looks at every byte of the index.
+// Number of tiles with robot images but without a usable index. Reads every byte of the index.
 uint64_t TilesWithoutIndex(const ServedDatabase& database) {
   uint64_t without = 0;
   for (uint64_t tile = 0; tile < database.grid().tiles(); ++tile) {
@@ -199,12 +196,12 @@ void LogLoaded(const ServedDatabase& database, const std::string& path) {
   LogElsewhere(database, "");
   if (const uint64_t without = TilesWithoutIndex(database); without > 0) {
     spdlog::warn(
-        "{} of {} without a collision index that fits the robot images: the configuration space "
-        "takes longer to work out; run 'silhouette-db index {}' and reload",
+        "{} of {} without a collision index that matches the robot images: the configuration space "
+        "takes longer; run 'silhouette-db index {}' and reload",
         without, Counted(database.grid().tiles(), "tile"), path);
   }
   if (!database.has_references()) {
-    spdlog::warn("no reference images: camera images are refused, scene masks are taken");
+    spdlog::warn("no reference images: camera images are refused, scene masks are accepted");
   }
   if (database.bands() == nullptr) {
     spdlog::info("no calibration: unknown and error pixels are not resolved");
@@ -227,7 +224,7 @@ void LogVariant(const ServedDatabase& variant) {
   const RobotImageTable& images = variant.robot_images();
   spdlog::info("variant '{}': {} captured, {} excluded; {}", variant.variant(),
                images.Count(RobotImageState::kPresent), images.Count(RobotImageState::kExcluded),
-               images.in_memory() ? "in memory" : "read from the database where they are needed");
+               images.in_memory() ? "in memory" : "read from the database when needed");
   const uint64_t unknown =
       images.Count(RobotImageState::kMissing) + images.Count(RobotImageState::kCorrupt);
   if (unknown > 0) {
@@ -250,25 +247,26 @@ void LogSound(const ServedDatabase& database) {
   }
   const SoundBasis& sound = *database.sound();
   const double least = sound.space().least_obstacle();
-  spdlog::info("sound presets: obstacles of {:.3f} m and more are found, hidden or not", least);
+  spdlog::info("sound presets: obstacles of {:.3f} m and more are found, visible or occluded",
+               least);
   if (sound.mask_scale() > 1) {
     spdlog::warn(
-        "the masks separate only obstacles of about {:.3f} m from the robot, so much free space "
-        "will be blocked: state a greater least_obstacle than {:.3f} m, or capture with masks "
-        "of {:.1f} times as many pixels along each side",
+        "the masks resolve only obstacles of about {:.3f} m beside the robot, so much free space "
+        "will be blocked: set least_obstacle above {:.3f} m, or capture with masks of {:.1f} "
+        "times as many pixels along each side",
         sound.resolvable_obstacle(), least, sound.mask_scale());
   }
   for (const std::string& link : sound.open_links()) {
     spdlog::warn(
-        "link '{}' has a shape that is not closed: the sound presets take it for nothing, "
-        "and may take the space inside it for an obstacle; close its mesh",
+        "link '{}' has a shape that is not closed: the sound presets ignore it and may block "
+        "the space inside it; close its mesh",
         link);
   }
   for (int view = 0; view < database.views(); ++view) {
     if (database.treatment(view).margin == 0) continue;
     spdlog::warn(
-        "view '{}' has a margin: the sound presets take it around the robot for room in which an "
-        "obstacle may hide, and may find nothing free; state no margin, or a larger least_obstacle",
+        "view '{}' has a margin: the sound presets assume that an obstacle may be hidden within it "
+        "around the robot, and may block everything; use no margin, or a larger least_obstacle",
         database.view_name(view));
     return;
   }

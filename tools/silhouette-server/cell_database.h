@@ -11,10 +11,10 @@
 
 namespace silhouette {
 
-// The newest generation of the database in the folder `path`. The log says what was loaded and
-// what is wrong with it. FailedPrecondition: the database is of another cell, or cannot serve the
-// cell's policy. Further errors: those of Database::Open, ServedDatabase::Load and of the cell
-// file's masks of ignored pixels.
+// The newest generation of the database in the folder `path`. The log reports what was loaded and
+// its faults. FailedPrecondition: the database belongs to another cell, or cannot serve the cell's
+// policy. Further errors: those of Database::Open, ServedDatabase::Load and of the cell file's
+// masks of ignored pixels.
 absl::StatusOr<std::shared_ptr<const ServedDatabase>> LoadDatabase(const Cell& cell,
                                                                    const std::string& path);
 

@@ -36,11 +36,11 @@ constexpr absl::Duration kGrace = absl::Seconds(10);
 
 struct Options {
   std::string cell;
-  std::string database;                        // empty: what the cell file says
-  std::string listen;                          // empty: what the cell file says
-  std::optional<uint64_t> robot_image_memory;  // nothing: what the cell file says
-  std::string calibration_check;               // empty: what the cell file says
-  std::string metrics;                         // empty: what the cell file says
+  std::string database;                        // empty: as in the cell file
+  std::string listen;                          // empty: as in the cell file
+  std::optional<uint64_t> robot_image_memory;  // nothing: as in the cell file
+  std::string calibration_check;               // empty: as in the cell file
+  std::string metrics;                         // empty: as in the cell file
   bool live = false;
   std::string obstacles;  // in the simulated cell; empty: none
 };
@@ -95,7 +95,7 @@ int Run(const Options& options) {
   const std::string path = options.database.empty() ? cell->database : options.database;
   if (path.empty()) {
     return Report(kName, absl::InvalidArgumentError(absl::StrCat(
-                             "'", options.cell, "' names no database; give --database DIR")));
+                             "'", options.cell, "' names no database; use --database DIR")));
   }
   absl::StatusOr<std::shared_ptr<const ServedDatabase>> database = LoadDatabase(*cell, path);
   if (!database.ok()) return Report(kName, database.status());
@@ -164,34 +164,35 @@ int Main(int argc, char** argv) {
   Options options;
   app.add_option("--cell", options.cell, "The cell file")->required();
   app.add_option("--database", options.database,
-                 "The folder of the database; default: what the cell file says");
+                 "The folder of the database; default: as in the cell file");
   app.add_option("--listen", options.listen,
-                 "host:port (port 0: any free one) or unix:path; default: what the cell file says");
+                 "host:port (port 0: any free one) or unix:path; default: as in the cell file");
   app.add_option(
          "--robot-image-memory", options.robot_image_memory,
-         "The most that robot images may take in memory, e.g. 8GB; more than that stay in the\n"
-         "database and are read where they are needed. Default: what the cell file says")
+         "Most memory for robot images, e.g. 8GB. If the database has more, they stay in the\n"
+         "database and are read when needed. Default: as in the cell file")
       ->transform(CLI::AsSizeValue(/*kb_is_1000=*/true))
       ->option_text("SIZE");
   app.add_option(
       "--calibration-check", options.calibration_check,
       "Result file of 'silhouette-calibrate check --out', watched for changes. If it does not\n"
       "confirm the calibration, presets that need one return UNKNOWN.\n"
-      "Default: what the cell file says, else the calibration is taken to hold");
+      "Default: as in the cell file, else the calibration is trusted");
   app.add_flag("--live", options.live,
                "Acquire images and joint values directly from the cell's devices.\n"
                "Disables PublishScene");
-  app.add_option("--metrics", options.metrics,
-                 "host:port where metrics are served to Prometheus, at /metrics; default: what the "
-                 "cell file says, else nowhere");
+  app.add_option(
+      "--metrics", options.metrics,
+      "host:port where metrics are served to Prometheus, at /metrics; default: as in the "
+      "cell file, else nowhere");
   app.add_option("--simulated-obstacles", options.obstacles,
-                 "With --live and a simulated cell: a file of the obstacles in it")
+                 "With --live and a simulated cell: the file of its obstacles")
       ->needs("--live");
   app.footer(
       "Prints one line to stdout, 'listening on ADDRESS', when it is ready; its log goes to\n"
       "stderr. SIGTERM and Ctrl-C let the calls in flight finish; SIGHUP reads the database "
       "again.\n"
-      "Whoever reaches the address can ask and publish scenes.\n\n"
+      "Everyone who reaches the address can ask and publish scenes.\n\n"
       "Example:\n"
       "  silhouette-server --cell cell.yaml --database cell.lmdb --listen 127.0.0.1:50051\n"
       "  silhouette-server --cell cell.yaml --live --metrics 127.0.0.1:9464");

@@ -1,5 +1,5 @@
-// SPDX-License-Identifier: Apache-2.0
-// How the acquisition of a server that takes images itself goes (silhouette-server --live).
+// SPDX-License-Identifier: Apache-2.0 State of a server's own acquisition (silhouette-server
+// --live).
 #pragma once
 
 #include <cstdint>
@@ -15,16 +15,16 @@ namespace silhouette::client {
 struct AcquiredDevice {
   // The view; empty: the robot.
   std::string view;
-  // Whether what it gave last is no older than a scene may be.
+  // The newest image, or joint values, is not older than max_age.
   bool serving = false;
-  // How often it gave an image, or its joints, that could be used, and how often not.
+  // Usable images, or joint values, and failures.
   uint64_t good = 0;
   uint64_t errors = 0;
-  // How old what it gave last is; nothing: it gave nothing yet.
+  // Age of the newest one; nothing: there is none yet.
   std::optional<absl::Duration> age;
-  // Why it gave nothing that could be used when it was asked last; empty if it did.
+  // Why the last request failed; empty if it did not.
   std::string fault;
-  // Of its newest error, gone or not; empty: there was none.
+  // The newest error, even if it is over; empty: no error yet.
   std::string last_error;
   absl::Time last_error_time;
 };
@@ -37,30 +37,31 @@ struct AcquisitionLatency {
   absl::Duration longest;
 };
 
-// Which variant shows the robot, in images that are taken from now on.
+// The robot's variant in images from now on.
 struct RobotVariant {
-  // Empty: it is not known, and nothing is free.
+  // Empty: unknown, and nothing is free.
   std::string variant;
-  // It is being changed.
+  // The variant is changing.
   bool changing = false;
-  // Why it is not known, and the mend; empty if it is.
+  // Why the variant is unknown, and the mend; empty if it is known.
   std::string unknown;
 };
 
 struct VariantChange {
   RobotVariant robot_variant;
-  // What is known now holds for none of the scenes up to this one; 0: there was none.
+  // The newest scene at the change. The variant does not hold for it or for older scenes; 0: there
+  // was no scene.
   uint64_t last_scene_before = 0;
 };
 
 struct Acquisition {
-  // Whether all cameras and the robot are.
+  // All cameras and the robot are serving.
   bool serving = false;
   absl::Time started;
   uint64_t scenes = 0;
-  // Sets of images of which no scene was made.
+  // Sets of images that did not become a scene.
   uint64_t lost_sets = 0;
-  // Why the newest set is no scene; empty if it is.
+  // Why the newest set did not become a scene; empty if it did.
   std::string fault;
   std::vector<AcquiredDevice> cameras;
   AcquiredDevice robot;

@@ -1,5 +1,5 @@
-// SPDX-License-Identifier: Apache-2.0
-// What the server answers, and on which state of the world an answer rests.
+// SPDX-License-Identifier: Apache-2.0 The server's answers, each with the scene and the database
+// that it used.
 #pragma once
 
 #include <chrono>
@@ -19,31 +19,31 @@ struct Basis {
   uint64_t database_generation = 0;
   // 0: there was no scene, and every verdict is unknown.
   uint64_t scene_id = 0;
-  // When the oldest image of the scene was taken, by the clock of whoever took it.
+  // Capture time of the scene's oldest image, by the clock of its source.
   absl::Time scene_time = absl::InfinitePast();
   // Age of that image when the answer was made.
   absl::Duration scene_age = absl::InfiniteDuration();
-  // Names of the allowed regions without which verdicts from the scene might be others.
+  // Names of the allowed regions that may have changed verdicts from the scene.
   std::vector<std::string> regions = {};
-  // The variant that configurations were tested with, and that of the scene, empty
-  // while it is not known; both empty: the server knows no variants.
+  // The variant that configurations were checked with, and the scene's variant, empty if unknown.
+  // Both empty: the server knows no variants.
   std::string variant = {};
   std::string scene_variant = {};
-  // When the question was sent; of what a stream brings unasked, the earliest time at which it can
-  // have been made.
+  // When the question was sent. For messages of a stream: the earliest time at which the server can
+  // have made them.
   std::chrono::steady_clock::time_point asked = {};
 
-  // Age of the oldest image now: never less than it really is, for the way of the question counts
-  // too. Infinite without a scene.
+  // Age of the oldest image now; never too small, because the time of the question counts, too.
+  // Infinite without a scene.
   absl::Duration Age() const;
 };
 
 struct ConfigurationChecks {
   Basis basis;
-  // One for each configuration asked for, in that order.
+  // One for each requested configuration, in the order of the request.
   std::vector<Verdict> verdicts;
 
-  // False if nothing was asked.
+  // False for an empty request.
   bool AllFree() const;
 };
 
@@ -54,12 +54,12 @@ struct PathPlace {
   Configuration configuration;
 };
 
-// The verdicts on configurations of the grid that were asked for by their numbers.
+// Verdicts for grid configurations that were requested by number.
 struct NumberChecks {
   Basis basis;
-  // Why all are unknown, if the scene as a whole cannot be rested on.
+  // Why all are unknown, if no verdict can rest on the scene.
   Reason unknown_reason = Reason::kUnspecified;
-  // How many were asked for.
+  // Number of requested configurations.
   size_t size = 0;
   // Bit i % 64 of word i / 64 for the i-th of them; never both. Neither: unknown.
   std::vector<uint64_t> free;
@@ -75,16 +75,16 @@ struct NumberChecks {
 
 struct PathCheck {
   Basis basis;
-  // Free if the whole path is. Else the verdict at the first place that is not. Its clearance, if
-  // it was asked for, is the smallest along the path.
+  // Free if the whole path is free. Otherwise the verdict at the first place that is not. Its
+  // clearance, if requested, is the smallest along the path.
   Verdict verdict;
   // That place: waypoint number, counted from 0, and fraction of the way to the next one.
   int segment = 0;
   double fraction = 0;
   Configuration configuration;
-  // How many places were tested, up to there.
+  // Number of places checked, up to there.
   int64_t checked = 0;
-  // Where the clearance is smallest first; if it was asked for and the path is free.
+  // The first place with the smallest clearance; only if requested and the path is free.
   std::optional<PathPlace> narrowest = std::nullopt;
 };
 
@@ -100,7 +100,7 @@ struct ViewPictures {
 struct Explanation {
   Basis basis;
   Verdict verdict;
-  // In the order of the database's views; empty where there is no scene.
+  // In the order of the database's views; empty without a scene.
   std::vector<ViewPictures> views;
 };
 

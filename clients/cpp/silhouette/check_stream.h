@@ -1,5 +1,5 @@
-// SPDX-License-Identifier: Apache-2.0
-// Checks over one call, pipelined: many questions may be under way at once.
+// SPDX-License-Identifier: Apache-2.0 Pipelined checks over one call: many questions may be in
+// flight at once.
 //
 //   silhouette::client::CheckStream stream = client->StreamChecks();
 //   stream.Send(1, {{0.1, 0.2}});
@@ -29,15 +29,14 @@ struct StreamedAnswer {
   absl::StatusOr<PathCheck> path;
 };
 
-// One call, made with the first question. Answers come in the order of the questions; each rests on
-// the scene that was the newest when the server came to it. A question that cannot be answered does
-// not end the call.
+// One call, made with the first question. Answers come in the order of the questions; each uses the
+// newest scene at the time of the answer. A question that cannot be answered does not end the call.
 //
 // One thread may send while another receives; Cancel() may be called by any. Answers that were not
 // received wait in memory, so that sending never waits for receiving.
 class CheckStream {
  public:
-  // Questions whose answers were not received.
+  // Most questions whose answers were not received yet.
   static constexpr size_t kMostUnanswered = 10'000;
 
   // Ends the call; waits for no server.
@@ -45,9 +44,9 @@ class CheckStream {
   CheckStream(CheckStream&&) noexcept;
   CheckStream& operator=(CheckStream&&) noexcept;
 
-  // Asks as Client::CheckConfigurations and CheckPath do. `id`: whatever the caller likes. Waits
-  // while the server takes no more. ResourceExhausted if kMostUnanswered is reached: receive some
-  // first. FailedPrecondition after EndQuestions(). Everything else says that the call is over.
+  // Asks as Client::CheckConfigurations and CheckPath do. `id`: chosen by the caller. Waits while
+  // the server accepts no more. ResourceExhausted if kMostUnanswered is reached: receive some
+  // first. FailedPrecondition after EndQuestions(). Any other error: the call is over.
   absl::Status Send(uint64_t id, std::span<const Configuration> configurations,
                     const Policy& policy = {}, Evidence evidence = Evidence::kOmit,
                     Clearance clearance = Clearance::kOmit);
@@ -60,15 +59,16 @@ class CheckStream {
   absl::Status SendPath(uint64_t id, std::span<const Configuration> waypoints,
                         const Policy& policy = {}, Clearance clearance = Clearance::kOmit);
 
-  // Nothing more will be asked: Receive() ends after the last answer. By the thread that sends.
+  // Announces the end of the questions: Receive() ends after the last answer. To be called by the
+  // sending thread.
   void EndQuestions();
 
-  // The next answer; waits for it. OutOfRange when all were received after EndQuestions().
-  // Cancelled after Cancel(). Everything else, as Client has it, says that the call is over, every
-  // time from then on; questions without an answer are unknown.
+  // Waits for the next answer. OutOfRange when all were received after EndQuestions(). Cancelled
+  // after Cancel(). Any other error, as in Client: the call is over, and every later Receive()
+  // fails, too. Questions without an answer are unknown.
   absl::StatusOr<StreamedAnswer> Receive();
 
-  // Ends the call, and whoever waits in Send or Receive.
+  // Ends the call, and any waiting Send or Receive.
   void Cancel();
 
  private:

@@ -46,20 +46,19 @@ class Connection;
 // Any number of threads may use a client at once. Copies share the connection.
 class Client {
  public:
-  // `address`: "host:port" or "unix:path". `timeout`: for each call as a whole. Only looks whether
-  // the address can be one (InvalidArgument); the connection is made with the first call, and made
-  // again whenever it was lost. Not encrypted.
+  // `address`: "host:port" or "unix:path". `timeout`: for each call as a whole. Only checks the
+  // form of the address (InvalidArgument). The first call connects; later calls reconnect if the
+  // connection was lost. Not encrypted.
   static absl::StatusOr<Client> Connect(const std::string& address,
                                         absl::Duration timeout = absl::Seconds(10));
 
-  // The same connection with another time for each call.
+  // The same connection with another timeout.
   Client WithTimeout(absl::Duration timeout) const;
 
-  // The same connection for a robot with this variant: with this tool, this part.
-  // Configurations and paths are tested with it, whatever variant the scene is of, and so is a
-  // LocalSpace; scenes are published as of the robot with it. Empty: configurations are tested with
-  // the variant of the scene, and scenes are of the default variant. InvalidArgument of the calls:
-  // the database has no such variant; Unimplemented: the server knows no variants.
+  // The same connection for one variant of the robot: a tool, a part. Configurations, paths and a
+  // LocalSpace are checked with it, whatever the scene's variant; published scenes have it. Empty:
+  // checks use the scene's variant, and published scenes have the default variant. InvalidArgument
+  // of the calls: the database has no such variant; Unimplemented: the server knows no variants.
   Client WithVariant(std::string variant) const;
 
   const std::string& address() const;
@@ -95,9 +94,9 @@ class Client {
   CheckStream StreamChecks() const;
 
   // The verdicts of all configurations, or of the given tiles only. `max_time`: how long the server
-  // may work on them, not negative; what is not done by then is left out, and unknown.
-  // `clearance_levels`: up to 16, in pixels of the masks, ascending, finite, 0 or more; with any,
-  // which of them the clearance of each configuration exceeds. That may take long.
+  // may work on them, not negative; tiles that are not finished by then are left out, and unknown.
+  // `clearance_levels`: up to 16, in pixels of the masks, ascending, finite, 0 or more; the result
+  // then has which of them each configuration's clearance exceeds. This may take long.
   absl::StatusOr<ConfigurationSpace> GetConfigurationSpace(
       const Policy& policy = {}, std::span<const uint64_t> tiles = {},
       std::optional<absl::Duration> max_time = std::nullopt,
@@ -107,23 +106,24 @@ class Client {
   absl::StatusOr<Explanation> Explain(const Configuration& configuration,
                                       const Policy& policy = {}) const;
 
-  // Publishes one simultaneous set of images. `joints`: where the robot stood then, all joints of
-  // the grid and all that stood fixed at capture. The scene that comes back may have defects.
+  // Publishes one simultaneous set of images. `joints`: the robot's joint values at that time, all
+  // joints of the grid and all fixed joints. The returned scene may have defects.
   absl::StatusOr<Scene> PublishScene(std::span<const JointPosition> joints,
                                      std::span<const ViewImage> images) const;
 
-  // A scene by its id, 0 for the newest; `with_planes` asks for the masks too.
+  // A scene by its id, 0 for the newest; `with_planes`: also its masks.
   absl::StatusOr<Scene> GetScene(uint64_t id = 0, bool with_planes = false) const;
 
-  // How the server's own acquisition goes. FailedPrecondition if it does not take images itself.
+  // State of the server's own acquisition. FailedPrecondition: the server does not acquire images
+  // itself.
   absl::StatusOr<Acquisition> GetAcquisition() const;
 
-  // Report to a server that takes images itself which variant shows the robot: before the
-  // gripper closes, or a part or tool is taken or left, that the variant is changing; afterwards
-  // which it is. From then on nothing that rests on images of before is free, nor while it is
-  // changing. May be called again. InvalidArgument: the database has no such variant.
-  // FailedPrecondition: the server does not take images itself; publish scenes that name their
-  // variant. After any other error the server may not know it: call again.
+  // Report to a server that takes images itself which variant shows the robot: before the gripper
+  // closes, or a part or tool is taken or left, that the variant is changing; afterwards which it
+  // is. From then on nothing that rests on images of before is free, nor while it is changing. May
+  // be called again. InvalidArgument: the database has no such variant. FailedPrecondition: the
+  // server does not acquire images itself; publish scenes that name their variant. After any other
+  // error the server may not know the change: call again.
   absl::StatusOr<VariantChange> BeginVariantChange() const;
   absl::StatusOr<VariantChange> ChangeVariant(const std::string& variant) const;
 

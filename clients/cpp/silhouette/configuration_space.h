@@ -22,7 +22,7 @@ struct ConfigurationSpaceTile {
   uint64_t tile = 0;
   TileBits free{};
   TileBits occupied{};
-  // Per clearance level that was asked for: those of `free` that have more clearance.
+  // Per requested clearance level: the configurations of `free` with more clearance.
   std::vector<TileBits> above{};
   // The configurations whose grid cell, from there to the next value along every joint, is free
   // throughout; nothing if the server did not report it.
@@ -35,33 +35,33 @@ struct StateCounts {
   uint64_t unknown = 0;
 };
 
-// What is known of the clearance (docs/concepts.md) of a configuration.
+// A bound of a configuration's clearance (docs/concepts.md).
 struct ClearanceBound {
-  // Only a free one has any.
+  // Only a free configuration has a clearance.
   State state = State::kUnknown;
-  // The greatest of the levels that were asked for that its clearance exceeds: a lower bound of it.
-  // Nothing if it exceeds none of them, or is not free.
+  // The greatest requested level that its clearance exceeds: a lower bound. Nothing if it exceeds
+  // none, or is not free.
   std::optional<double> exceeds;
 
   bool operator==(const ClearanceBound&) const = default;
 };
 
-// Says what was true of the scene it names, not what is true now: ask basis().Age() before relying
-// on it. A value that cannot be changed; any number of threads may read it.
+// The verdicts of one scene, which may be old: check basis().Age() before use. Immutable; any
+// number of threads may read it.
 class ConfigurationSpace {
  public:
   // Configurations of a tile that is not among `tiles` are unknown, so are those that a tile calls
   // both free and occupied, and all if `basis` has no scene. `clearance_levels`: in pixels of the
-  // masks, ascending; what is above one without being free and above all lower ones is not. Throws
-  // std::invalid_argument for a tile beyond the grid, one that comes twice, one that does not tell
-  // of just these levels, and for levels that do not ascend.
+  // masks, ascending; a configuration counts as above a level only if it is free and above all
+  // lower levels. Throws std::invalid_argument for a tile beyond the grid, a repeated tile, a tile
+  // with other levels, and for levels that do not ascend.
   ConfigurationSpace(ConfigurationGrid grid, Basis basis, std::vector<ConfigurationSpaceTile> tiles,
                      uint64_t tiles_left_out = 0, std::vector<double> clearance_levels = {});
 
   const ConfigurationGrid& grid() const { return grid_; }
   const Basis& basis() const { return basis_; }
 
-  // How many of the tiles asked for the server had no time for.
+  // Number of requested tiles that the server had no time for.
   uint64_t tiles_left_out() const { return tiles_left_out_; }
 
   // Unknown also for a number that no configuration of the grid has.
@@ -71,7 +71,7 @@ class ConfigurationSpace {
   // Over all configurations of the grid.
   StateCounts Count() const;
 
-  // Those that were asked for.
+  // The requested levels.
   const std::vector<double>& clearance_levels() const { return clearance_levels_; }
 
   // Unknown also for a number that no configuration of the grid has.

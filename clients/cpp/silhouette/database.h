@@ -1,5 +1,4 @@
-// SPDX-License-Identifier: Apache-2.0
-// What a client needs to know of the database that is served.
+// SPDX-License-Identifier: Apache-2.0 What a client needs to know about the served database.
 #pragma once
 
 #include <cstdint>
@@ -21,7 +20,7 @@ struct View {
   MaskSize mask_size;
   // Pixels that the robot covers in every configuration.
   uint32_t permanent_pixels = 0;
-  // Safety margin in pixels of the mask, and how many of them prove nothing.
+  // Safety margin in mask pixels, and number of ignored pixels.
   double margin = 0;
   uint32_t ignored_pixels = 0;
 };
@@ -30,7 +29,7 @@ struct Database {
   std::string cell_name;
   uint64_t generation = 0;
   ConfigurationGrid grid;
-  // Joints outside the grid, and where they stood at capture.
+  // Fixed joints (outside the grid), and their values at capture.
   std::vector<JointPosition> fixed_joints;
   std::vector<View> views;
   // Configurations: all, with a robot image, in a region never to enter, with a robot image that
@@ -39,7 +38,7 @@ struct Database {
   uint64_t captured = 0;
   uint64_t excluded = 0;
   uint64_t corrupt = 0;
-  // The policy where a request names none.
+  // The policy of requests without one.
   Policy default_policy;
   // Whether the views are calibrated, and the presets that requests may name.
   bool calibrated = false;

@@ -5,7 +5,7 @@
 //   ...
 //   if (space.Check(q).free()) ...
 //
-// A planner that checks much takes a snapshot, so that all its checks speak of one scene:
+// For many checks take a snapshot: all its verdicts are from one scene.
 //
 //   const auto snapshot = space.Snapshot();
 //   while (planning) ... snapshot->StateAt(number) ...
@@ -32,49 +32,47 @@ struct LocalSpaceOptions {
   Policy policy = {};
   // Only these tiles of the grid; everything else is unknown. Empty: all.
   std::vector<uint64_t> tiles = {};
-  // The greatest age of a scene whose verdicts count, positive. What the server is set to counts,
-  // too, if it is less.
+  // Greatest age of a usable scene, positive. The server's own max_age also applies if it is
+  // smaller.
   absl::Duration max_age = absl::Seconds(1);
 };
 
-// How the subscription stands.
+// State of the subscription.
 struct LocalSpaceStatus {
   // Updates come, or may come at any time.
   bool connected = false;
-  // Why it is not connected: it tries again all the time.
+  // Why it is not connected; it keeps trying.
   absl::Status problem = absl::OkStatus();
-  // How often it has tried to connect.
+  // Number of attempts to connect.
   uint64_t attempts = 0;
   uint64_t updates = 0;
-  // Scenes that no update spoke of, because they came faster than they could be sent.
+  // Scenes without an update of their own, because they came faster than updates could be sent.
   uint64_t skipped_scenes = 0;
 };
 
-// Subscribes when it is made, with a thread of its own, until it goes. Everything is unknown, each
-// with its reason, before the first update; when the stream is lost, and until it is there again;
-// when what the server sent cannot be used; when the scene is older than max_age, or the server no
-// longer vouches for it, which is noticed without the server; while the age of the scene is
-// unknown; and when the server says so. Without a reason to doubt them, verdicts are those that
-// the server gives.
+// Subscribes at construction, with a thread of its own, until destruction. Verdicts are those of
+// the server. Everything is unknown, with the reason, before the first update, while the stream is
+// lost, if the server's data are unusable, if the scene is older than max_age or has expired
+// (detected without the server), while its age is unknown, and if the server reports unknown.
 //
-// How old a scene is follows from the server's running clock, which is asked once a second: a
-// message that waited on its way is as old as it is. (Time that the computer slept does not count
-// until the clock was asked again.)
+// The age of a scene follows from the server's running clock, which is requested once a second. So
+// a message that was delayed counts with its real age. (Time that the computer slept does not count
+// until the next request.)
 //
 // Any number of threads may use it at once; reading never waits for an update. Threads that check
-// in turns share a counter; those that check much are better off with snapshots.
+// often should use snapshots, because single checks share a counter.
 class LocalSpace {
  public:
-  // Returns at once. Throws std::invalid_argument if max_age is not positive. With the variant of
-  // the client (Client::WithVariant); if it has none, of whatever variant the newest scene is.
+  // Returns at once. Throws std::invalid_argument if max_age is not positive. It uses the client's
+  // variant (Client::WithVariant); without one, the variant of the newest scene.
   explicit LocalSpace(const Client& client, LocalSpaceOptions options = {});
   // Ends the subscription; waits for no server.
   ~LocalSpace();
   LocalSpace(const LocalSpace&) = delete;
   LocalSpace& operator=(const LocalSpace&) = delete;
 
-  // As SpaceSnapshot has them, of the newest snapshot. `basis`: if not null, gets what the verdict
-  // rests on.
+  // As in SpaceSnapshot, of the newest snapshot. `basis`: if not null, receives the basis of the
+  // verdict.
   State StateAt(ConfigurationNumber number) const;
   bool IsFree(ConfigurationNumber number) const { return StateAt(number) == State::kFree; }
   Verdict Check(std::span<const double> q, Basis* basis = nullptr) const;
@@ -91,13 +89,12 @@ class LocalSpace {
   absl::Duration Age() const { return Snapshot()->Age(); }
   std::optional<Reason> unknown_reason() const { return Snapshot()->unknown_reason(); }
 
-  // The newest. Never null; goes on being what it is when newer ones come or the stream is lost, so
-  // that it may be relied on until its usable_until().
+  // The newest snapshot, never null. It does not change when newer ones come or the stream is lost;
+  // it is valid until its usable_until().
   std::shared_ptr<const SpaceSnapshot> Snapshot() const;
 
   // Waits for a snapshot whose number() is above `after`, at most for `timeout`, and returns the
-  // newest in any case. (Numbers and not scenes: a restarted server counts its scenes from 1
-  // again.)
+  // newest in any case. (Not scene numbers: a restarted server counts its scenes from 1 again.)
   std::shared_ptr<const SpaceSnapshot> WaitForUpdate(uint64_t after, absl::Duration timeout) const;
 
   LocalSpaceStatus status() const;

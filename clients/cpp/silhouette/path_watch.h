@@ -21,18 +21,17 @@ namespace silhouette::client {
 
 struct PathUpdate {
   PathCheck check;
-  // Until when it may be relied on, if none follows: then the scene is too old for the server, or
-  // an allowed region ends.
+  // Valid until then if no update follows: then the scene expires or an allowed region ends.
   std::chrono::steady_clock::time_point valid_until;
-  // Scenes between the update that Next() returned before and this one, which it did not return.
+  // Scenes since the update that Next() returned before, without an update of their own.
   uint64_t skipped_scenes = 0;
 
-  // Whether the path is free and this may still be relied on.
+  // Whether the path is free and the update still valid.
   bool FreeNow() const;
 };
 
-// One call. Reads with a thread of its own, so that who calls Next() seldom gets the newest update
-// and not those in between. Cancel() may be called by any thread, everything else by one at a time.
+// One call, read by a thread of its own: Next() returns the newest update and skips those in
+// between. Any thread may call Cancel(); everything else is for one thread at a time.
 class PathWatch {
  public:
   // Ends the call; waits for no server.
@@ -40,9 +39,9 @@ class PathWatch {
   PathWatch(PathWatch&&) noexcept;
   PathWatch& operator=(PathWatch&&) noexcept;
 
-  // The newest update, as soon as there is one that was not returned yet. DeadlineExceeded if none
-  // comes within `timeout`: the watch goes on. Cancelled after Cancel(). Everything else, as Client
-  // has it, says that the watch is over, every time from then on; Unimplemented also if the server
+  // Waits for an update that was not returned yet, and returns the newest. DeadlineExceeded if none
+  // comes within `timeout`: the watch continues. Cancelled after Cancel(). Any other error, as in
+  // Client: the watch is over, and every later Next() fails, too; Unimplemented also if the server
   // does not report its clock: then the age of a scene is unknown.
   absl::StatusOr<PathUpdate> Next(absl::Duration timeout = absl::InfiniteDuration());
 

@@ -1,6 +1,5 @@
-// SPDX-License-Identifier: Apache-2.0
-// How verdicts are made, and what they come with. What is not set in a policy takes
-// the server's default.
+// SPDX-License-Identifier: Apache-2.0 How verdicts follow from images, and what they include. Unset
+// fields of a policy take the server's default.
 #pragma once
 
 #include <optional>
@@ -19,15 +18,15 @@ struct Policy {
   std::string preset = {};
   // Occupied if at least this many views show an obstacle inside the robot; 1 to number of views.
   std::optional<int> min_views = std::nullopt;
-  // With the preset "uncalibrated" and no min_views: in how many views the robot may hide an
+  // With the preset "uncalibrated" and no min_views: in how many views the robot may occlude an
   // obstacle.
   std::optional<int> max_occluded_views = std::nullopt;
   std::optional<OffGrid> off_grid = std::nullopt;
 };
 
-// Whether verdicts come with what each view says: longer replies.
+// Whether verdicts include the evidence of each view: longer replies.
 enum class Evidence { kPerView, kOmit };
-// Whether verdicts come with clearances: they take time to measure.
+// Whether verdicts include clearances, which take time to measure.
 enum class Clearance { kOmit, kMeasure };
 
 }  // namespace silhouette::client

@@ -27,7 +27,7 @@ struct RegionPixels {
 // A region in force.
 struct AllowedRegion {
   std::string name;
-  // As masks, in the order of the database's views, without those that it does not reach.
+  // As masks, in the order of the database's views, without views that it does not touch.
   std::vector<std::pair<std::string, Mask>> views;
   absl::Duration remaining;  // until it ends, when the answer was made
   absl::Time end_time;       // about, by the server's clock

@@ -1,5 +1,4 @@
-// SPDX-License-Identifier: Apache-2.0
-// Scenes: what is published and what the server made of it.
+// SPDX-License-Identifier: Apache-2.0 Scenes, as published and as the server stores them.
 #pragma once
 
 #include <cstdint>
@@ -20,15 +19,15 @@ struct JointPosition {
   double position = 0;
 };
 
-// The difference to the reference image: foreground pixels.
+// The foreground pixels: where the image differs from the reference.
 struct SceneMask {
   Mask mask;
 };
-// The bytes of an image file (PNG, JPEG, ...) that the server differences with its reference image.
+// The bytes of an image file (PNG, JPEG, ...). The server subtracts the background.
 struct CameraImage {
   std::string bytes;
 };
-// From a sensor that tells obstacles from the robot: the obstacle pixels.
+// From a sensor that distinguishes obstacles from the robot: the obstacle pixels.
 struct ObstacleMask {
   Mask mask;
 };
@@ -36,7 +35,7 @@ struct ObstacleMask {
 // What one view saw.
 struct ViewImage {
   std::string view;
-  // Nothing: the moment of arrival at the server.
+  // Nothing: the time of arrival at the server.
   std::optional<absl::Time> capture_time;
   std::variant<SceneMask, CameraImage, ObstacleMask> image;
 };
@@ -57,12 +56,12 @@ struct SceneView {
   uint32_t obstacle_pixels = 0;
   uint32_t unknown_pixels = 0;
   uint32_t error_pixels = 0;
-  // Error pixels whose neighbours are all error pixels: the robot is not where it says, a camera
-  // moved, or the light changed.
+  // Error pixels whose neighbours are all error pixels. Many mean: the robot is not where it
+  // reports, a camera moved, or the light changed.
   uint32_t core_error_pixels = 0;
   double margin = 0;  // safety margin that the pixels were given, in pixels
   uint32_t ignored_pixels = 0;
-  // If they were asked for.
+  // Only if requested.
   std::optional<ScenePlanes> planes;
 };
 
@@ -78,7 +77,7 @@ struct Scene {
   absl::Time time;      // of the oldest image
   absl::Duration skew;  // between the oldest and the newest
   std::vector<JointPosition> joints;
-  // The variant that shows the robot as it is; empty: the server knows no variants.
+  // The robot's variant in these images; empty: the server knows no variants.
   std::string variant = "";
   // In the order of the database's views, without those that are missing.
   std::vector<SceneView> views;

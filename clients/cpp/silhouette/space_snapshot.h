@@ -1,5 +1,5 @@
-// SPDX-License-Identifier: Apache-2.0
-// A map of the configuration space as one scene makes it: what LocalSpace holds.
+// SPDX-License-Identifier: Apache-2.0 A map of the configuration space, from one scene: what
+// LocalSpace holds.
 #pragma once
 
 #include <chrono>
@@ -17,8 +17,8 @@
 
 namespace silhouette::client {
 
-// One scene, and until when its verdicts may be relied on: after that everything is unknown. A
-// value that cannot be changed; any number of threads may read it.
+// The verdicts of one scene and the end of their validity: after it everything is unknown.
+// Immutable; any number of threads may read it.
 class SpaceSnapshot : public std::enable_shared_from_this<SpaceSnapshot> {
  public:
   struct Content;
@@ -27,33 +27,32 @@ class SpaceSnapshot : public std::enable_shared_from_this<SpaceSnapshot> {
   SpaceSnapshot(const SpaceSnapshot&) = delete;
   SpaceSnapshot& operator=(const SpaceSnapshot&) = delete;
 
-  // The scene, and how old it is: never less than it really is.
+  // The scene, and its age, which is never too small.
   const Basis& basis() const;
   absl::Duration Age() const { return basis().Age(); }
 
-  // Why nothing is known of any configuration at this moment; nothing if verdicts may be relied on.
+  // Why everything is unknown at this moment; nothing if verdicts are valid.
   std::optional<Reason> unknown_reason() const;
 
-  // When that time ends, if it has not ended already.
+  // When the validity ends or ended.
   std::chrono::steady_clock::time_point usable_until() const;
 
-  // Null until the first update has come.
+  // Null before the first update.
   const ConfigurationGrid* grid() const;
 
   // Looks at the clock each time; unknown also for a number that no configuration of the grid has.
   State StateAt(ConfigurationNumber number) const;
   bool IsFree(ConfigurationNumber number) const { return StateAt(number) == State::kFree; }
 
-  // The verdict on a configuration, on the grid or off it: what the server would say, or unknown
-  // with the reason (off the grid the map may not be enough: kBetweenGridPoints; docs/concepts.md
-  // tells where it is). Without evidence; names all allowed regions that touched the scene; whether
-  // an obstacle may hide is not reported.
+  // The verdict for a configuration, on the grid or off it: the server's verdict, or unknown with
+  // the reason (kBetweenGridPoints: off the grid the map may not suffice; see docs/concepts.md).
+  // Without evidence and hidden_possible; names all allowed regions of the scene.
   Verdict Check(std::span<const double> q) const;
   Verdict Check(std::initializer_list<double> q) const {
     return Check(std::span(q.begin(), q.size()));
   }
 
-  // Many at once, looking at the clock once.
+  // Many at once, with one look at the clock.
   ConfigurationChecks CheckConfigurations(std::span<const Configuration> configurations) const;
   NumberChecks CheckNumbers(std::span<const uint32_t> numbers) const;
 
@@ -62,13 +61,13 @@ class SpaceSnapshot : public std::enable_shared_from_this<SpaceSnapshot> {
 
   // Counts up with every update and every loss of the connection.
   uint64_t number() const;
-  // Scenes between the update before and this one, which no update spoke of.
+  // Scenes since the previous update, without an update of their own.
   uint64_t skipped_scenes() const;
   // Tiles that the update changed.
   uint64_t tiles_changed() const;
 
  private:
-  // What the map says, whatever the time.
+  // The map's verdict, expired or not.
   Verdict InMap(std::span<const double> q) const;
 
   const std::unique_ptr<const Content> content_;

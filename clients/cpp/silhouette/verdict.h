@@ -15,8 +15,8 @@ enum class State : uint8_t {
   kOccupied,
 };
 
-// Why a verdict is unknown. Below 200 same values as silhouette.v1.Verdict.Reason; the others are
-// this library's own, of maps that it answers from by itself.
+// Why a verdict is unknown. Values below 200 are those of silhouette.v1.Verdict.Reason; the others
+// are for maps in this library.
 enum class Reason : uint8_t {
   kUnspecified = 0,  // the verdict is free or occupied, or the server gave a reason not known here
   kNoScene = 1,
@@ -51,36 +51,36 @@ enum class Reason : uint8_t {
 std::string NameOf(State state);
 // "scene stale" and the like.
 std::string NameOf(Reason reason);
-// What the reason says, in words that follow "unknown: ", with the mend.
+// The reason and the mend, as a sentence that follows "unknown: ".
 std::string Describe(Reason reason);
 
-// What one view says about one configuration: its pixels inside the robot image there.
+// Evidence of one view about one configuration: the pixels inside the robot image.
 struct ViewEvidence {
   std::string view;
   uint32_t obstacle_pixels = 0;
   uint32_t unknown_pixels = 0;
   uint32_t error_pixels = 0;
   bool missing = false;  // the scene lacks this view: it counts as showing an obstacle
-  // Pixels between the robot image and the nearest pixel that shows an obstacle, infinite where
-  // there is none; only with Verdict::clearance.
+  // Distance in pixels from the robot image to the nearest obstacle pixel, infinite without one;
+  // only with Verdict::clearance.
   std::optional<double> distance = std::nullopt;
 };
 
-// Nothing but an explicit FREE of the server is free: a verdict that nobody gave, and one whose
-// state is not known here, are unknown.
+// Only an explicit FREE of the server is free. A missing verdict, and an unknown enum value, are
+// unknown.
 struct Verdict {
   State state = State::kUnknown;
   Reason reason = Reason::kUnspecified;
-  // In the order of the database's views; empty if it was not asked for.
+  // In the order of the database's views; empty if not requested.
   std::vector<ViewEvidence> views = {};
-  // An obstacle may hide: in every view some pixel inside the robot image is unknown or error, and
-  // none is obstacle. Set for free verdicts too.
+  // An obstacle may be occluded: in every view some pixel inside the robot image is unknown or
+  // error, and none is obstacle. Set for free verdicts, too.
   bool hidden_possible = false;
-  // Names of the allowed regions without which the verdict might be another.
+  // Names of the allowed regions that may have changed the verdict.
   std::vector<std::string> regions = {};
-  // By how many pixels of the masks the robot images could grow, in all views at once, before it
-  // were occupied; under the sound presets at least. 0 if it is occupied, infinite if no growth
-  // makes it so. Nothing if it is unknown, or if it was not asked for.
+  // By how many mask pixels the robot images could grow, in all views at once, before the
+  // configuration were occupied; under the sound presets a lower bound. 0 if occupied, infinite if
+  // no growth makes it occupied. Nothing if unknown or not requested.
   std::optional<double> clearance = std::nullopt;
 
   bool free() const { return state == State::kFree; }

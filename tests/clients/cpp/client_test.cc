@@ -404,7 +404,7 @@ TEST(Errors, NameTheServerAndTheMend) {
   const auto gone = Client::Connect(address).value().CheckConfigurations(kOne);
   EXPECT_EQ(gone.status().code(), absl::StatusCode::kUnavailable);
   EXPECT_EQ(std::string(gone.status().message()),
-            "no server answers at " + address + "; start silhouette-server or give --server");
+            "no server answers at " + address + "; start silhouette-server or use --server");
   FakeServer empty;
   const auto unknown_call = ClientOfHere(empty).GetDatabase();
   EXPECT_EQ(unknown_call.status().code(), absl::StatusCode::kUnimplemented);

@@ -255,8 +255,8 @@ TEST(ClearanceLevels, MalformedAnswerIsAnError) {
     EXPECT_EQ(status.code(), absl::StatusCode::kInternal);
     EXPECT_THAT(std::string(status.message()), HasSubstr(what));
   };
-  fails(PartWithLevels({1}), "tile 0 tells of 1 clearance levels instead of 2");
-  fails(PartWithLevels({7, 3, 1}), "tile 0 tells of 3 clearance levels instead of 2");
+  fails(PartWithLevels({1}), "tile 0 has 1 clearance levels instead of 2");
+  fails(PartWithLevels({7, 3, 1}), "tile 0 has 3 clearance levels instead of 2");
   Part short_bits = PartWithLevels({3, 1});
   short_bits.mutable_tiles(0)->mutable_clearances(1)->pop_back();
   fails(short_bits, "tile 0 has 511 bytes");

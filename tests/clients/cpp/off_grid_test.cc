@@ -87,7 +87,7 @@ auto CellsOf(const FreeCells& cells) {
     if (cells.tile(number / kTileSize).Contains(number % kTileSize)) {
       return client::CellState::kFree;
     }
-    return cells.exact() ? client::CellState::kOccupied : client::CellState::kNotTold;
+    return cells.exact() ? client::CellState::kOccupied : client::CellState::kUnknown;
   };
 }
 

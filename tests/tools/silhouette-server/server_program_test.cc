@@ -180,7 +180,7 @@ TEST_F(ServerProgramTest, RobotImagesStayInTheDatabaseIfTheyTakeMoreMemoryThanTh
     return server.Errors();
   };
   const std::string in_memory = "robot images: 0.00 GB, in memory";
-  const std::string in_place = "read from '" + database + "' where they are needed";
+  const std::string in_place = "read from '" + database + "' when needed";
   EXPECT_THAT(log_of({}), AllOf(HasSubstr(in_memory), Not(HasSubstr(in_place))));
   EXPECT_THAT(log_of({"--robot-image-memory", "1kB"}), HasSubstr(in_place));
   WriteFile(cell, std::string(kCell) + "server: {robot_image_memory: 0 B}\n");

@@ -436,7 +436,7 @@ TEST_F(Silhouette, ServerThatIsGoneIsTheWorldsFailure) {
     EXPECT_EQ(ended.exit_code, 3) << arguments;
     EXPECT_THAT(ended.out, IsEmpty());
     EXPECT_EQ(ended.err, "silhouette: no server answers at " + cell_.address() +
-                             "; start silhouette-server or give --server\n");
+                             "; start silhouette-server or use --server\n");
   }
 }
 
@@ -511,7 +511,7 @@ TEST(SilhouetteProgram, HelpShowsAnExampleForEverySubcommand) {
   }
   EXPECT_THAT(shell.Run(SILHOUETTE_BIN_DIR "/silhouette").exit_code, 2);
   EXPECT_THAT(shell.Run(SILHOUETTE_BIN_DIR "/silhouette check 0 --server x").err,
-              AllOf(HasSubstr("'x' is no address"), Not(HasSubstr("terminate"))));
+              AllOf(HasSubstr("'x' is not a server address"), Not(HasSubstr("terminate"))));
 }
 
 }  // namespace
