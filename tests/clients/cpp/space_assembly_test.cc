@@ -154,8 +154,8 @@ TEST(SpaceAssembly, PartsThatCannotFollowOneAnotherAreRefused) {
   IsRefused({whole, other}, "the database changed");
   SpacePart open = whole;
   open.set_last_part(false);
-  IsRefused({open, whole}, "before the one before it has ended");
-  IsRefused({open, Update(BasisOf(6))}, "before the one before it has ended");
+  IsRefused({open, whole}, "before the previous one has ended");
+  IsRefused({open, Update(BasisOf(6))}, "before the previous one has ended");
   SpacePart again;
   AddTile(again, 1, true);
   IsRefused({open, again}, "tile 1 comes twice");
@@ -165,7 +165,7 @@ TEST(SpaceAssembly, PartsThatCannotBeAreRefused) {
   const SpacePart whole = FirstUpdate(BasisOf(5));
   SpacePart part = whole;
   part.clear_basis();
-  IsRefused({part}, "what it rests on");
+  IsRefused({part}, "has no basis");
   part = whole;
   part.clear_grid();
   IsRefused({part}, "a grid belongs");
