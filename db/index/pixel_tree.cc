@@ -40,7 +40,7 @@ Nodes PixelTree::Cover(const Mask& mask) const {
       for (int x = 0; x < here.width; ++x) {
         const int right = std::min(2 * x + 1, below.width - 1);
         const int bottom = std::min(2 * y + 1, below.height - 1);
-        // PixelTreeAt the rim some of them are the same.
+        // At the rim some of them are the same.
         const std::array<size_t, 4> children = {
             NodeOf(level - 1, 2 * x, 2 * y), NodeOf(level - 1, right, 2 * y),
             NodeOf(level - 1, 2 * x, bottom), NodeOf(level - 1, right, bottom)};
