@@ -13,7 +13,7 @@
 #include "db/status/status_macros.h"
 #include "tools/program/progress.h"
 #include "tools/silhouette-experiments/commands.h"
-#include "tools/silhouette-experiments/paper/pictures.h"
+#include "tools/silhouette-experiments/paper/figures.h"
 #include "tools/silhouette-experiments/paper/reconstruction.h"
 #include "tools/silhouette-experiments/paper/report.h"
 #include "tools/silhouette-experiments/paper/study.h"
@@ -116,15 +116,9 @@ absl::Status WriteAll(const std::string& folder, const std::vector<Row>& rows,
   absl::Status status = WriteWholeFile(folder + "/rows.csv", CsvOf(all));
   status.Update(WriteWholeFile(folder + "/rows.json", all.dump(1) + "\n"));
   status.Update(WriteWholeFile(folder + "/tables.txt", TextOf(rows, methods)));
-  status.Update(WritePng(folder + "/figure1.png", PhantomsPicture(settings.floor_plan)));
-  for (Variant variant : selection.variants) {
-    for (const std::string& rig : selection.rigs) {
-      const std::string of = absl::StrCat("-", NameOf(variant), "-", rig, ".png");
-      status.Update(WritePng(folder + "/figure6" + of, SetupPicture(settings, variant, rig)));
-      status.Update(WritePng(folder + "/views" + of, ViewsPicture(settings, variant, rig)));
-      status.Update(WritePng(folder + "/verdicts" + of, VerdictsPicture(settings, variant, rig)));
-    }
-  }
+  status.Update(
+      WriteWholeFile(folder + "/figures.json",
+                     FiguresOf(settings, selection.variants, selection.rigs).dump() + "\n"));
   return status;
 }
 
@@ -168,7 +162,7 @@ absl::StatusOr<ExitCode> RunPaper(const PaperArguments& arguments) {
   }
   if (!arguments.out.empty()) {
     RETURN_IF_ERROR(WriteAll(arguments.out, rows, methods, selection, settings));
-    std::cerr << "wrote tables and pictures into " << arguments.out << '\n';
+    std::cerr << "wrote tables and figures into " << arguments.out << '\n';
   }
   return kDone;
 }
@@ -202,9 +196,10 @@ void AddPaperCommand(CLI::App& program, Run& run) {
   command->add_option("--threads", arguments->threads, "Threads to measure with")
       ->check(CLI::Range(1, 256))
       ->capture_default_str();
-  command->add_option("--out", arguments->out,
-                      "Folder for tables.txt, rows.csv, rows.json and the pictures; made if it is "
-                      "not there");
+  command->add_option(
+      "--out", arguments->out,
+      "Folder for tables.txt, rows.csv, rows.json and figures.json; made if it is not\n"
+      "there. tools/plot draws charts and figures of the JSON files");
   AddFormatOption(*command, arguments->format);
   command->footer(
       "Examples:\n"

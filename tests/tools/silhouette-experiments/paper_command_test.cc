@@ -66,7 +66,7 @@ TEST_F(PaperCommand, JsonHasOneRowPerExperimentRobotRigRasterPresetThresholdAndN
   }
 }
 
-TEST_F(PaperCommand, OutGetsTablesAndPictures) {
+TEST_F(PaperCommand, OutGetsTablesAndFiguresThatPlotDraws) {
   const fs::path out = folder_ / "new/paper";
   const Ended outcome = Run("--settings " + SmallSettings() +
                             " --presets paper --experiments figure7 --variants planar --rigs A "
@@ -75,6 +75,8 @@ TEST_F(PaperCommand, OutGetsTablesAndPictures) {
   ASSERT_EQ(outcome.exit_code, 0) << outcome.err;
   EXPECT_THAT(outcome.out, HasSubstr("figure7, planar, rig A, centre"));
   EXPECT_THAT(ContentOf(out / "rows.csv"), HasSubstr("figure7,planar,A,touch,paper,n-1,4,"));
+  const Ended plot = shell_.Run(SILHOUETTE_SOURCE_DIR "/tools/plot new/paper/figures.json");
+  ASSERT_EQ(plot.exit_code, 0) << plot.err;
   for (const char* name : {"rows.json", "figure1.png", "figure6-planar-A.png", "views-planar-A.png",
                            "verdicts-planar-A.png"}) {
     EXPECT_GT(fs::file_size(out / name), 1000u) << name;

@@ -49,7 +49,7 @@ LineTables::LineTables(const EpipolarBands& bands) : views_(bands.views()) {
   }
 }
 
-BulkTest::BulkTest(const LineTables& lines) : lines_(lines) {
+BulkChecker::BulkChecker(const LineTables& lines) : lines_(lines) {
   const auto views = static_cast<size_t>(lines.views());
   if (lines.views() > kMostViews) throw std::invalid_argument("there are too many views");
   line_places_.resize(views * views);
@@ -61,8 +61,8 @@ BulkTest::BulkTest(const LineTables& lines) : lines_(lines) {
   any_convicting_.resize(size_t{1} << views);
 }
 
-void BulkTest::Look(std::span<const ObstacleImage> images,
-                    std::span<const TransposedImages> robot) {
+void BulkChecker::Look(std::span<const ObstacleImage> images,
+                       std::span<const TransposedImages> robot) {
   const auto views = static_cast<size_t>(lines_.views());
   if (images.size() != views || robot.size() != views) {
     throw std::invalid_argument("there must be one obstacle image and one set of images per view");
@@ -101,7 +101,7 @@ void BulkTest::Look(std::span<const ObstacleImage> images,
   }
 }
 
-const BulkTest::Line& BulkTest::LineIn(int view, int other, size_t pixel) {
+const BulkChecker::Line& BulkChecker::LineIn(int view, int other, size_t pixel) {
   const LineTable& table = lines_.Between(view, other);
   const size_t line = table.LineOf(pixel);
   int& place = line_places_[static_cast<size_t>(view * lines_.views() + other)][line];
@@ -128,7 +128,7 @@ const BulkTest::Line& BulkTest::LineIn(int view, int other, size_t pixel) {
   return found;
 }
 
-void BulkTest::ResolveInIntersections(int view, size_t pixel, ConfigurationWords covering) {
+void BulkChecker::ResolveInIntersections(int view, size_t pixel, ConfigurationWords covering) {
   const size_t words = covering.size();
   const ViewSet self = ViewSet{1} << view;
   const ViewSet limit = ViewSet{1} << lines_.views();
@@ -155,7 +155,7 @@ void BulkTest::ResolveInIntersections(int view, size_t pixel, ConfigurationWords
   }
 }
 
-void BulkTest::ResolveInObstacleImages(int view, size_t pixel, ConfigurationWords covering) {
+void BulkChecker::ResolveInObstacleImages(int view, size_t pixel, ConfigurationWords covering) {
   ViewSet background = 0;  // views in which the pixel's line is all background
   ViewSet convicting = 0;
   for (int other = 0; other < lines_.views(); ++other) {
@@ -173,13 +173,13 @@ void BulkTest::ResolveInObstacleImages(int view, size_t pixel, ConfigurationWord
   }
 }
 
-ConfigurationWords BulkTest::Showing(Preset preset, int view, ViewSet views) const {
+ConfigurationWords BulkChecker::Showing(Preset preset, int view, ViewSet views) const {
   const auto i = static_cast<size_t>(view);
   if (!IsCalibrated(preset)) return direct_[i];
   return showing_[preset == Preset::kCalibrated ? kIntersection : kObstacle][i][views];
 }
 
-ConfigurationSet BulkTest::Occupied(Preset preset, ViewSet views, int min_views) const {
+ConfigurationSet BulkChecker::Occupied(Preset preset, ViewSet views, int min_views) const {
   std::vector<ConfigurationWords> sets;
   for (int view = 0; view < lines_.views(); ++view) {
     if ((views >> view & 1) != 0) sets.push_back(Showing(preset, view, views));

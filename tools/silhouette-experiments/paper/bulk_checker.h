@@ -10,7 +10,7 @@
 // The product is not called here because the experiment asks 15 sets of cameras and two thresholds
 // of 40,000 scenes. Its whole-space check by the collision index (server/collision/space_checker.h)
 // takes 13 ms of `calibrated` for one set and threshold, this takes 0.1 ms; of `sound` it takes 33
-// ms, sound_bulk.h takes 2.5 ms. The default run would take hours instead of minutes.
+// ms, bulk_sound_checker.h takes 2.5 ms. The default run would take hours instead of minutes.
 #pragma once
 
 #include <array>
@@ -132,9 +132,9 @@ class LineTables {
 };
 
 // Used by one thread at a time; refers to `lines`, which must outlive it.
-class BulkTest {
+class BulkChecker {
  public:
-  explicit BulkTest(const LineTables& lines);
+  explicit BulkChecker(const LineTables& lines);
 
   // Looks at a scene: one obstacle image per view, and per view the images of the configurations
   // to test. Both are needed during the call only. Throws std::invalid_argument if there are more

@@ -249,7 +249,7 @@ class Comparison {
   }
 
   const Bench& bench_;
-  BulkTest bulk_;
+  BulkChecker bulk_;
   std::vector<std::vector<Tally>> tallies_;      // by method and number of views
   std::vector<std::vector<MethodTimes>> times_;  // by method, per scene
   std::vector<int64_t> disagreements_;

@@ -9,7 +9,7 @@
 #include "common/parallel/parallel.h"
 #include "tools/silhouette-experiments/paper/bulk_checker.h"
 #include "tools/silhouette-experiments/paper/scenes.h"
-#include "tools/silhouette-experiments/paper/sound_bulk.h"
+#include "tools/silhouette-experiments/paper/bulk_sound_checker.h"
 #include "tools/silhouette-experiments/paper/sphere_cell.h"
 
 namespace silhouette::paper {
@@ -214,7 +214,7 @@ class Measurer {
   const RobotScenes& scenes_;
   const SoundSettings& sound_settings_;
   const std::vector<Preset>& presets_;
-  BulkTest bulk_;
+  BulkChecker bulk_;
   std::vector<Tallies> tallies_;  // by experiment
 };
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The test on all configurations at once against the collision test.
+// The check of all configurations at once against the collision checker.
 #include <gtest/gtest.h>
 
 #include <bit>
@@ -8,8 +8,8 @@
 
 #include "server/collision/collision_checker.h"
 #include "tests/tools/silhouette-experiments/paper/small_settings.h"
+#include "tools/silhouette-experiments/paper/bulk_sound_checker.h"
 #include "tools/silhouette-experiments/paper/scenes.h"
-#include "tools/silhouette-experiments/paper/sound_bulk.h"
 #include "tools/silhouette-experiments/paper/sphere_cell.h"
 #include "tools/silhouette-experiments/paper/study.h"
 
@@ -19,7 +19,7 @@ namespace {
 const std::vector<Preset> kPresets = {Preset::kUncalibrated, Preset::kPaper, Preset::kCalibrated,
                                       Preset::kPaperCalibrated};
 
-// What the collision test needs to test with some of a cell's views.
+// What the collision checker needs to check with some of a cell's views.
 class Views {
  public:
   Views(const SphereCell& cell, ViewSet views) : grid_(ArmGrid(cell.arms().steps())) {
@@ -65,7 +65,7 @@ class Views {
   std::optional<RobotImageTable> table_;
 };
 
-class BulkTestTest : public testing::Test {
+class BulkCheckerTest : public testing::Test {
  protected:
   void SetUp() override {
     const unsigned seed = std::random_device{}();
@@ -76,7 +76,7 @@ class BulkTestTest : public testing::Test {
   // Every verdict with every set of views, preset and threshold.
   void ExpectAgreement(const SphereCell& cell, std::span<const ObstacleImage> images,
                        const std::vector<std::array<double, 2>>* offsets) {
-    BulkTest bulk(cell.lines());
+    BulkChecker bulk(cell.lines());
     bulk.Look(images, offsets == nullptr ? cell.OnGrid() : cell.InCells());
     for (ViewSet views = 1; views < ViewSet{1} << cell.views(); ++views) {
       const Views own(cell, views);
@@ -147,7 +147,7 @@ class BulkTestTest : public testing::Test {
   std::mt19937 random_;
 };
 
-TEST_F(BulkTestTest, IsTheSoundTestOnEveryConfigurationWithEverySetOfViews) {
+TEST_F(BulkCheckerTest, IsTheSoundTestOnEveryConfigurationWithEverySetOfViews) {
   Settings settings = SmallSettings();
   settings.sound.edge = 0.025;
   for (const Variant variant : {Variant::kPlanar, Variant::kSpatial}) {
@@ -165,7 +165,7 @@ TEST_F(BulkTestTest, IsTheSoundTestOnEveryConfigurationWithEverySetOfViews) {
   }
 }
 
-TEST_F(BulkTestTest, IsTheCollisionTestOnEveryConfigurationWithEverySetOfViews) {
+TEST_F(BulkCheckerTest, IsTheCollisionTestOnEveryConfigurationWithEverySetOfViews) {
   const Settings settings = SmallSettings();
   for (const Variant variant : {Variant::kPlanar, Variant::kSpatial}) {
     const ArmTable arms(settings, variant);
@@ -182,7 +182,7 @@ TEST_F(BulkTestTest, IsTheCollisionTestOnEveryConfigurationWithEverySetOfViews) 
   }
 }
 
-TEST_F(BulkTestTest, IsTheCollisionTestOnNoiseWithErrorPixels) {
+TEST_F(BulkCheckerTest, IsTheCollisionTestOnNoiseWithErrorPixels) {
   const Settings settings = SmallSettings(16, 8);
   const ArmTable arms(settings, Variant::kPlanar);
   const SphereCell cell(arms, settings.rigs.at("B"), Raster::kTouch);
@@ -198,14 +198,14 @@ TEST_F(BulkTestTest, IsTheCollisionTestOnNoiseWithErrorPixels) {
   }
 }
 
-TEST_F(BulkTestTest, ACollisionThatOneViewSeesIsNeverMissedWithTouchedPixels) {
+TEST_F(BulkCheckerTest, ACollisionThatOneViewSeesIsNeverMissedWithTouchedPixels) {
   const Settings settings = SmallSettings(24, 24);
   std::uniform_real_distribution<double> uniform(-1, 1);
   int seen = 0;
   for (const Variant variant : {Variant::kPlanar, Variant::kSpatial}) {
     const ArmTable arms(settings, variant);
     const SphereCell cell(arms, settings.rigs.at("A"), Raster::kTouch);
-    BulkTest bulk(cell.lines());
+    BulkChecker bulk(cell.lines());
     for (int repeat = 0; repeat < 5; ++repeat) {
       const SphereScene scene = RandomScene(settings, variant, static_cast<int>(random_() % 1000));
       const std::vector<ObstacleImage> images =
@@ -237,7 +237,7 @@ TEST_F(BulkTestTest, ACollisionThatOneViewSeesIsNeverMissedWithTouchedPixels) {
   EXPECT_GT(seen, 100);
 }
 
-TEST_F(BulkTestTest, CountsSetsThatHoldAConfiguration) {
+TEST_F(BulkCheckerTest, CountsSetsThatHoldAConfiguration) {
   const ConfigurationSet a = {0b0111};
   const ConfigurationSet b = {0b0011};
   const ConfigurationSet c = {0b1001};

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "tools/silhouette-experiments/paper/sound_bulk.h"
+#include "tools/silhouette-experiments/paper/bulk_sound_checker.h"
 
 #include <algorithm>
 #include <bit>
@@ -72,7 +72,7 @@ void AppendRows(const VoxelGrid& grid, const Sphere& sphere, std::vector<SoundSp
 
 // Whether visit(x, y, z) holds for any voxel of the rows that is in the set.
 template <typename Visit>
-bool SoundBulkAnyIn(const VoxelSet& set, std::span<const SoundSpace::Row> rows, Visit visit) {
+bool AnyTouched(const VoxelSet& set, std::span<const SoundSpace::Row> rows, Visit visit) {
   for (const SoundSpace::Row& row : rows) {
     const std::span<const uint64_t> words = set.row(row.y, row.z);
     for (size_t word = row.first / 64; word <= row.last / 64u; ++word) {
@@ -177,7 +177,7 @@ SoundVerdicts SoundOnGrid(const SoundSpace& sound, std::span<const ObstacleImage
     const Spheres& there = cell.arms().At(index);
     for (size_t i = 0; i < there.size(); ++i) {
       if (there[i].centre == robot[i].centre) continue;
-      if (SoundBulkAnyIn(set, sound.Touched(index, i), visit)) return true;
+      if (AnyTouched(set, sound.Touched(index, i), visit)) return true;
     }
     return false;
   };
@@ -225,7 +225,7 @@ SoundVerdicts SoundInCells(const SoundSpace& sound, std::span<const ObstacleImag
     // A voxel that the body touches is the likeliest; else any.
     bool met = false;
     for (size_t i = 0; !met && i < cell.arms().At(index).size(); ++i) {
-      met = SoundBulkAnyIn(possible.remaining(), sound.Touched(index, i), [&](int x, int y, int z) {
+      met = AnyTouched(possible.remaining(), sound.Touched(index, i), [&](int x, int y, int z) {
         return possible.VoxelMeets(words, all, x, y, z);
       });
     }
