@@ -6,10 +6,21 @@
 #include <nlohmann/json.hpp>
 
 #include "absl/strings/str_cat.h"
+#include "absl/strings/str_format.h"
+#include "absl/strings/str_join.h"
+#include "absl/strings/str_replace.h"
 
 namespace silhouette {
 
 using Json = nlohmann::ordered_json;
+
+namespace {
+
+std::string PlainText(const Json& value) {
+  return value.is_string() ? value.get<std::string>() : value.dump();
+}
+
+}  // namespace
 
 TableCell TableCell::Unknown() {
   TableCell cell("-");
@@ -56,6 +67,49 @@ Json JsonOf(const Table& table) {
     rows.push_back({{"cells", cells}});
   }
   return {{"headings", table.headings}, {"rows", rows}, {"narrow", table.narrow}};
+}
+
+Table TableOf(const Json& objects, const std::vector<Column>& columns) {
+  Table table;
+  for (const Column& column : columns) table.headings.push_back(column.heading);
+  for (const Json& object : objects) {
+    std::vector<TableCell>& row = table.rows.emplace_back();
+    for (const Column& column : columns) {
+      const auto value = object.find(column.key);
+      if (value == object.end() || value->is_null()) {
+        row.push_back(TableCell::Unknown());
+      } else if (value->is_number() && column.decimals >= 0) {
+        row.emplace_back(
+            absl::StrFormat("%.*f%s", column.decimals, value->get<double>(), column.unit));
+      } else {
+        row.emplace_back(PlainText(*value));
+      }
+    }
+  }
+  return table;
+}
+
+std::string CsvOf(const Json& objects, std::vector<std::string> keys) {
+  for (const Json& object : objects) {
+    for (const auto& [key, value] : object.items()) {
+      if (std::find(keys.begin(), keys.end(), key) == keys.end()) keys.push_back(key);
+    }
+  }
+  if (keys.empty()) return "";
+  std::string csv = absl::StrJoin(keys, ",") + "\n";
+  for (const Json& object : objects) {
+    std::vector<std::string> fields;
+    for (const std::string& key : keys) {
+      const auto value = object.find(key);
+      std::string field = value == object.end() || value->is_null() ? "" : PlainText(*value);
+      if (field.find_first_of(",\"\n") != std::string::npos) {
+        field = absl::StrCat("\"", absl::StrReplaceAll(field, {{"\"", "\"\""}}), "\"");
+      }
+      fields.push_back(std::move(field));
+    }
+    absl::StrAppend(&csv, absl::StrJoin(fields, ","), "\n");
+  }
+  return csv;
 }
 
 void PrintResult(const std::string& format, const Json& json, const std::string& text) {

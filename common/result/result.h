@@ -36,6 +36,22 @@ std::string TextOf(const Table& table);
 // The table as the template part {{>table.html}} takes it. Its headings are HTML.
 nlohmann::ordered_json JsonOf(const Table& table);
 
+// A column of a table of JSON objects.
+struct Column {
+  std::string heading;
+  std::string key;    // of the objects
+  int decimals = -1;  // of numbers; below 0: as few as give the same number
+  std::string unit = "";
+};
+
+// A row for each object of the array; a dash where it lacks the key.
+Table TableOf(const nlohmann::ordered_json& objects, const std::vector<Column>& columns);
+
+// The same as comma-separated values under a header of `keys` and of all other keys that the
+// objects have; empty where an object lacks the key, or its value is null. Without any key: an
+// empty text.
+std::string CsvOf(const nlohmann::ordered_json& objects, std::vector<std::string> keys = {});
+
 // Prints what a program has found: `json` if `format` is json, else `text`.
 void PrintResult(const std::string& format, const nlohmann::ordered_json& json,
                  const std::string& text);

@@ -1,12 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
 // silhouette-experiments calibration
 #include <algorithm>
-#include <iostream>
 #include <memory>
 #include <nlohmann/json.hpp>
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
+#include "common/result/result.h"
 #include "db/status/status_macros.h"
 #include "tools/program/progress.h"
 #include "tools/silhouette-experiments/calibration/trials.h"
@@ -63,16 +63,17 @@ bool Measured(const Bar& bar, const std::vector<Figures>& runs) {
                      [&](const Figures& figures) { return figures.contains(bar.name); });
 }
 
-void CalibrationPrintText(const std::vector<Figures>& runs) {
-  std::cout << absl::StrFormat("%-21s %10s %10s %10s  %s\n", "figure", "median", "worst", "at most",
-                               "what");
+std::string CalibrationTextOf(const std::vector<Figures>& runs) {
+  std::string text =
+      absl::StrFormat("%-21s %10s %10s %10s  %s\n", "figure", "median", "worst", "at most", "what");
   for (const Bar& bar : Bars()) {
     if (!Measured(bar, runs)) continue;
     const Spread spread = SpreadOf(bar, runs);
-    std::cout << absl::StrFormat("%-21s %10.4g %10.4g %10g  %s%s\n", bar.name, spread.median,
-                                 spread.worst, bar.at_most, bar.meaning,
-                                 Passes(bar, spread) ? "" : " (MISSED)");
+    absl::StrAppendFormat(&text, "%-21s %10.4g %10.4g %10g  %s%s\n", bar.name, spread.median,
+                          spread.worst, bar.at_most, bar.meaning,
+                          Passes(bar, spread) ? "" : " (MISSED)");
   }
+  return text;
 }
 
 nlohmann::ordered_json CalibrationJsonOf(const std::vector<Figures>& runs) {
@@ -87,11 +88,7 @@ nlohmann::ordered_json CalibrationJsonOf(const std::vector<Figures>& runs) {
 
 absl::StatusOr<ExitCode> RunCalibration(const CalibrationArguments& arguments) {
   ASSIGN_OR_RETURN(const auto runs, MeasureAll(arguments));
-  if (arguments.format == "json") {
-    std::cout << CalibrationJsonOf(runs).dump(2) << '\n';
-  } else {
-    CalibrationPrintText(runs);
-  }
+  PrintResult(arguments.format, CalibrationJsonOf(runs), CalibrationTextOf(runs));
   return kDone;
 }
 

@@ -7,13 +7,14 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
 #include "common/picture/files.h"
+#include "common/result/result.h"
 #include "db/status/status_macros.h"
 #include "tools/program/progress.h"
 #include "tools/silhouette-db/calibration_files/calibration_files.h"
 #include "tools/silhouette-db/calibration_files/tested_calibration.h"
-#include "tools/silhouette-experiments/cell/hidden_scene.h"
 #include "tools/silhouette-experiments/cell/missing_picture.h"
 #include "tools/silhouette-experiments/cell/report.h"
+#include "tools/silhouette-experiments/cell/scenes.h"
 #include "tools/silhouette-experiments/commands.h"
 
 namespace silhouette {
@@ -38,7 +39,7 @@ struct CellArguments {
   ServeSettings serve;
 };
 
-// Scenes of one kind under one calibration, and what came of them.
+// Scenes of one kind under one calibration, and their results.
 struct Experiment {
   std::string name;
   const TrialSetting* setting = nullptr;
@@ -82,26 +83,17 @@ absl::StatusOr<std::vector<std::vector<std::string>>> WritePictures(const Experi
   return names;
 }
 
-// Writes `text` to `folder`/`name`; nothing without a folder.
-absl::Status WriteResult(const std::string& folder, const std::string& name,
-                         const std::string& text) {
-  if (folder.empty()) return absl::OkStatus();
-  return WriteWholeFile(absl::StrCat(folder, "/", name), text);
-}
-
 // Scenes, missing configurations and at most `pictures` pictures of each experiment, by its name.
 absl::Status WriteExperiments(std::span<const Experiment> experiments, const std::string& folder,
                               size_t pictures) {
-  if (folder.empty()) return absl::OkStatus();
   for (const Experiment& experiment : experiments) {
     if (experiment.records.empty()) continue;
-    absl::Status status = WriteResult(folder, experiment.name + "-scenes.csv",
-                                      ScenesCsvOf(*experiment.setting, experiment.records));
-    if (!status.ok()) return status;
+    const std::string path = absl::StrCat(folder, "/", experiment.name);
+    RETURN_IF_ERROR(
+        WriteWholeFile(path + "-scenes.csv", ScenesCsvOf(*experiment.setting, experiment.records)));
     ASSIGN_OR_RETURN(const auto names, WritePictures(experiment, folder, pictures));
-    status = WriteResult(folder, experiment.name + "-missing.csv",
-                         MissingCsvOf(*experiment.setting, experiment.records, names));
-    if (!status.ok()) return status;
+    RETURN_IF_ERROR(WriteWholeFile(path + "-missing.csv",
+                                   MissingCsvOf(*experiment.setting, experiment.records, names)));
   }
   return absl::OkStatus();
 }
@@ -145,7 +137,7 @@ absl::StatusOr<Side> Serve(const CellArguments& arguments, const SimulatedWorkpl
   });
   if (policies.empty()) {
     return absl::InvalidArgumentError(
-        "none of the presets asked for needs a calibration; leave --calibration out");
+        "none of the chosen presets needs a calibration; leave --calibration out");
   }
   const TrialSetting setting{.workplace = workplace,
                              .database = *served,
@@ -155,7 +147,7 @@ absl::StatusOr<Side> Serve(const CellArguments& arguments, const SimulatedWorkpl
   return Side{served, std::make_unique<const TrialSetting>(setting)};
 }
 
-// Cancelled if a stop was asked for.
+// Cancelled after a stop signal.
 absl::Status RunScenes(Explainer& explainer, int count, Experiment& experiment) {
   Progress progress(experiment.name, static_cast<uint64_t>(count), "scenes");
   for (int i = 0; i < count; ++i) {
@@ -232,7 +224,7 @@ absl::StatusOr<ExitCode> Test(const CellArguments& arguments, const SimulatedWor
                                                   workplace.cell().calibration.margin));
     calibration = std::move(found);
   }
-  // What was found is compared with the truth, whatever the database has.
+  // The found calibration is compared with the truth, not with the database's own.
   std::optional<Calibration> compared_with;
   if (calibration) compared_with = workplace.TrueCalibration();
   ASSIGN_OR_RETURN(const auto truth, Serve(arguments, workplace, database, compared_with, false));
@@ -250,23 +242,19 @@ absl::StatusOr<ExitCode> Test(const CellArguments& arguments, const SimulatedWor
                      RunAll(arguments, *found->setting, hidden, "found-", experiments));
     comparisons = Compare(rows, others);
   }
-  if (arguments.format == "json") {
-    std::cout << JsonOf(rows, comparisons).dump(2) << std::endl;
-  } else {
-    std::cout << TableOf(rows) << "\n";
-    if (found) std::cout << LossTableOf(comparisons) << "\n";
-    std::cout << "seed " << arguments.seed << std::endl;
-  }
-  absl::Status status = WriteResult(arguments.out, "table.csv", CsvOf(rows));
-  if (!status.ok()) return status;
-  if (found) status = WriteResult(arguments.out, "loss.csv", LossCsvOf(comparisons));
-  if (!status.ok()) return status;
-  if (!arguments.out.empty() && !hidden.empty() && truth.served->sound() != nullptr) {
+  std::string text = TextOf(rows) + "\n";
+  if (found) absl::StrAppend(&text, LossTextOf(comparisons), "\n");
+  absl::StrAppend(&text, "seed ", arguments.seed, "\n");
+  PrintResult(arguments.format, JsonOf(rows, comparisons), text);
+  const std::string& out = arguments.out;
+  if (out.empty()) return kDone;
+  RETURN_IF_ERROR(WriteWholeFile(out + "/table.csv", CsvOf(rows)));
+  if (found) RETURN_IF_ERROR(WriteWholeFile(out + "/loss.csv", LossCsvOf(comparisons)));
+  if (!hidden.empty() && truth.served->sound() != nullptr) {
     ASSIGN_OR_RETURN(const auto viewed, View(*truth.setting, hidden.front(), 0));
-    RETURN_IF_ERROR(WritePng(arguments.out + "/hidden.png", DrawPossible(*truth.setting, viewed)));
+    RETURN_IF_ERROR(WritePng(out + "/hidden.png", DrawPossible(*truth.setting, viewed)));
   }
-  status = WriteExperiments(experiments, arguments.out, static_cast<size_t>(arguments.pictures));
-  if (!status.ok()) return status;
+  RETURN_IF_ERROR(WriteExperiments(experiments, out, static_cast<size_t>(arguments.pictures)));
   return kDone;
 }
 
@@ -315,10 +303,10 @@ void AddCellCommand(CLI::App& program, Run& run) {
                       "Default: the one that the cell's file names");
   command->add_option(
       "--calibration", arguments->calibration,
-      "A calibration that was found: calibration.yaml, matrices, or a folder of\n"
-      "camera models. The presets that need one are tested with it and with the true\n"
-      "cameras on the same scenes. The result states the difference");
-  command->add_option("--scenes", arguments->scenes, "Scenes by chance")
+      "A found calibration: calibration.yaml, matrices, or a folder of camera\n"
+      "models. The presets that need one are tested with it and with the true cameras\n"
+      "on the same scenes. The result states the difference");
+  command->add_option("--scenes", arguments->scenes, "Random scenes")
       ->check(count)
       ->capture_default_str();
   command
@@ -347,7 +335,7 @@ void AddCellCommand(CLI::App& program, Run& run) {
                    "Radius in metres of the least obstacle, for the sound presets; default: the\n"
                    "cell's own, and without one there are no sound presets")
       ->check(PositiveNumber());
-  command->add_option("--seed", arguments->seed, "Chance that is the same every time")
+  command->add_option("--seed", arguments->seed, "Seed of the random scenes")
       ->capture_default_str();
   command->add_option("--out", arguments->out, "Folder for tables and pictures");
   command

@@ -4,11 +4,13 @@
 #include <iostream>
 #include <map>
 #include <memory>
+#include <nlohmann/json.hpp>
 #include <thread>
 #include <utility>
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_split.h"
+#include "common/result/result.h"
 #include "common/yaml/strict_yaml.h"
 #include "db/status/status_macros.h"
 #include "tools/program/progress.h"
@@ -35,45 +37,26 @@ struct PaperArguments {
   int threads = 0;
 };
 
-std::string NameOf(const std::string& name) { return name; }
-
-// The values whose names are in `names`, all if there are none. Throws std::invalid_argument for a
-// name that no value has.
-template <typename T>
-std::vector<T> Chosen(const std::vector<std::string>& names, const std::vector<T>& all,
-                      const char* what) {
-  if (names.empty()) return all;
-  std::vector<std::string> known;
-  for (const T& value : all) known.push_back(NameOf(value));
-  std::vector<T> chosen;
-  for (const std::string& name : names) {
-    const auto found = std::find(known.begin(), known.end(), name);
-    if (found == known.end()) {
-      throw std::invalid_argument(
-          absl::StrCat("there is no ", what, " '", name, "'; there are ", ListOfWords(known)));
-    }
-    const T value = all[static_cast<size_t>(found - known.begin())];
-    if (std::find(chosen.begin(), chosen.end(), value) == chosen.end()) chosen.push_back(value);
-  }
-  return chosen;
-}
-
 constexpr char kReconstruction[] = "reconstruction";
+const std::vector<Variant> kVariants = {Variant::kPlanar, Variant::kSpatial};
+const std::vector<Raster> kRasters = {Raster::kCentre, Raster::kTouch};
 
-bool WithReconstruction(const PaperArguments& arguments) {
-  const std::vector<std::string>& names = arguments.experiments;
-  return names.empty() || std::find(names.begin(), names.end(), kReconstruction) != names.end();
+template <typename T>
+std::vector<std::string> NamesOf(const std::vector<T>& values) {
+  std::vector<std::string> names;
+  for (const T& value : values) names.push_back(NameOf(value));
+  return names;
 }
 
-// Without the reconstruction, which is a study of its own.
-std::vector<Experiment> ChosenExperiments(const std::vector<std::string>& names) {
-  std::vector<std::string> all;
-  for (Experiment experiment : AllExperiments()) all.push_back(NameOf(experiment));
-  all.push_back(kReconstruction);
-  std::vector<std::string> chosen = Chosen(names, all, "experiment");
-  std::erase(chosen, kReconstruction);
-  return chosen.empty() ? std::vector<Experiment>{}
-                        : Chosen(chosen, AllExperiments(), "experiment");
+bool IsChosen(const std::vector<std::string>& names, const std::string& name) {
+  return names.empty() || std::find(names.begin(), names.end(), name) != names.end();
+}
+
+// The values whose names are in `names`, all if there are none.
+template <typename T>
+std::vector<T> Chosen(const std::vector<std::string>& names, std::vector<T> all) {
+  std::erase_if(all, [&](const T& value) { return !IsChosen(names, NameOf(value)); });
+  return all;
 }
 
 std::vector<std::string> ChosenRigs(const std::vector<std::string>& names,
@@ -90,32 +73,18 @@ std::vector<std::string> ChosenRigs(const std::vector<std::string>& names,
 }
 
 Selection SelectionOf(const PaperArguments& arguments, const Settings& settings) {
-  return {ChosenExperiments(arguments.experiments),
-          Chosen<Variant>(arguments.variants, {Variant::kPlanar, Variant::kSpatial}, "variant"),
-          ChosenRigs(arguments.rigs, settings),
-          Chosen<Raster>(arguments.rasters, {Raster::kCentre, Raster::kTouch}, "raster"),
-          Chosen(arguments.presets, AllPresets(), "preset")};
-}
-
-std::string TextOf(const std::vector<Row>& rows, const std::vector<MethodRow>& methods) {
-  return TableOf(rows) + (rows.empty() || methods.empty() ? "" : "\n") + TableOf(methods);
-}
-
-nlohmann::ordered_json JsonOfBoth(const std::vector<Row>& rows,
-                                  const std::vector<MethodRow>& methods) {
-  nlohmann::ordered_json all = JsonOf(rows);
-  for (nlohmann::ordered_json& row : JsonOf(methods)) all.push_back(std::move(row));
-  return all;
+  return {Chosen(arguments.experiments, AllExperiments()), Chosen(arguments.variants, kVariants),
+          ChosenRigs(arguments.rigs, settings), Chosen(arguments.rasters, kRasters),
+          Chosen(arguments.presets, AllPresets())};
 }
 
 // What --out asks for.
 absl::Status WriteAll(const std::string& folder, const std::vector<Row>& rows,
-                      const std::vector<MethodRow>& methods, const Selection& selection,
-                      const Settings& settings) {
-  const nlohmann::ordered_json all = JsonOfBoth(rows, methods);
-  absl::Status status = WriteWholeFile(folder + "/rows.csv", CsvOf(all));
-  status.Update(WriteWholeFile(folder + "/rows.json", all.dump(1) + "\n"));
-  status.Update(WriteWholeFile(folder + "/tables.txt", TextOf(rows, methods)));
+                      const Selection& selection, const Settings& settings) {
+  const nlohmann::ordered_json json = JsonOf(rows);
+  absl::Status status = WriteWholeFile(folder + "/rows.csv", CsvOf(json));
+  status.Update(WriteWholeFile(folder + "/rows.json", json.dump(1) + "\n"));
+  status.Update(WriteWholeFile(folder + "/tables.txt", TextOf(rows)));
   status.Update(
       WriteWholeFile(folder + "/figures.json",
                      FiguresOf(settings, selection.variants, selection.rigs).dump() + "\n"));
@@ -145,23 +114,17 @@ absl::StatusOr<ExitCode> RunPaper(const PaperArguments& arguments) {
   }
   const Selection selection = SelectionOf(arguments, settings);
   CatchStopSignals();
-  const std::vector<Row> rows =
-      Measure(settings, selection, arguments.threads, Showing("Measuring"));
-  std::vector<MethodRow> methods;
-  if (WithReconstruction(arguments) && !StopRequested()) {
-    methods = CompareWithReconstruction(settings, selection, arguments.threads,
-                                        Showing("Reconstructing"));
+  std::vector<Row> rows = Measure(settings, selection, arguments.threads, Showing("Measuring"));
+  if (IsChosen(arguments.experiments, kReconstruction) && !StopRequested()) {
+    for (Row& row : CompareWithReconstruction(settings, selection, arguments.threads,
+                                              Showing("Reconstructing"))) {
+      rows.push_back(std::move(row));
+    }
   }
-  if (StopRequested()) {
-    return absl::AbortedError("stopped; run it again to have a result");
-  }
-  if (arguments.format == "json") {
-    std::cout << JsonOfBoth(rows, methods).dump(1) << '\n';
-  } else {
-    std::cout << TextOf(rows, methods);
-  }
+  if (StopRequested()) return absl::AbortedError("stopped; run it again to have a result");
+  PrintResult(arguments.format, JsonOf(rows), TextOf(rows));
   if (!arguments.out.empty()) {
-    RETURN_IF_ERROR(WriteAll(arguments.out, rows, methods, selection, settings));
+    RETURN_IF_ERROR(WriteAll(arguments.out, rows, selection, settings));
     std::cerr << "wrote tables and figures into " << arguments.out << '\n';
   }
   return kDone;
@@ -182,17 +145,19 @@ void AddPaperCommand(CLI::App& program, Run& run) {
       "YAML file with geometry, cameras, scenes and seeds, in place of the default");
   command->add_flag("--print-settings", arguments->print_settings,
                     "Print the default settings, with comments, to be changed");
-  const auto add_list = [&](const char* name, std::vector<std::string>& values, const char* text) {
-    command->add_option(name, values, text)->delimiter(',');
+  const auto add_names = [&](const char* name, std::vector<std::string>& chosen,
+                             const std::vector<std::string>& all) {
+    command->add_option(name, chosen, "Only these; default: all")
+        ->check(CLI::IsMember(all))
+        ->delimiter(',');
   };
-  add_list("--experiments", arguments->experiments,
-           "Only these of figure7, figure7_occluded, random, current_off_grid, test_off_grid, "
-           "reconstruction");
-  add_list("--variants", arguments->variants, "Only these of planar, spatial");
-  add_list("--rigs", arguments->rigs, "Only these rigs of the settings");
-  add_list("--rasters", arguments->rasters, "Only these of centre, touch");
-  add_list("--presets", arguments->presets,
-           "Only these of uncalibrated, paper, calibrated, paper-calibrated, sound-planes, sound");
+  std::vector<std::string> experiments = paper::NamesOf(paper::AllExperiments());
+  experiments.push_back(paper::kReconstruction);
+  add_names("--experiments", arguments->experiments, experiments);
+  add_names("--variants", arguments->variants, paper::NamesOf(paper::kVariants));
+  command->add_option("--rigs", arguments->rigs, "Only these rigs of the settings")->delimiter(',');
+  add_names("--rasters", arguments->rasters, paper::NamesOf(paper::kRasters));
+  add_names("--presets", arguments->presets, paper::NamesOf(AllPresets()));
   command->add_option("--threads", arguments->threads, "Threads to measure with")
       ->check(CLI::Range(1, 256))
       ->capture_default_str();

@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // silhouette-experiments placement
 #include <algorithm>
-#include <iostream>
 #include <memory>
 #include <mutex>
 #include <nlohmann/json.hpp>
@@ -10,6 +9,7 @@
 #include "absl/strings/str_format.h"
 #include "common/numbers/numbers.h"
 #include "common/parallel/parallel.h"
+#include "common/result/result.h"
 #include "db/status/status_macros.h"
 #include "tools/cell/cell.h"
 #include "tools/program/progress.h"
@@ -142,9 +142,9 @@ nlohmann::ordered_json PlacementJsonOf(const Result& result) {
           {"chosen", chosen}};
 }
 
-void PlacementPrintText(const Result& result) {
+std::string PlacementTextOf(const Result& result) {
   const Measures& any = result.selections.back().measures;
-  std::cout << absl::StrFormat(
+  std::string text = absl::StrFormat(
       "%d places; in %d of them the robot is not whole in the image (they are left out)\n"
       "%d scenes, %d configurations each; %.2f %% really occupied; preset %s\n\n"
       "cameras  missing %%  additional %%  places\n",
@@ -157,10 +157,10 @@ void PlacementPrintText(const Result& result) {
       absl::StrAppend(&names, names.empty() ? "" : ", ", result.CandidateOf(camera).name);
     }
     const Measures& m = selection.measures;
-    std::cout << absl::StrFormat("%7d  %9.4f  %12.3f  %s\n", selection.cameras.size(),
-                                 Percent(m.missing, m.tested), Percent(m.additional, m.tested),
-                                 names);
+    absl::StrAppendFormat(&text, "%7d  %9.4f  %12.3f  %s\n", selection.cameras.size(),
+                          Percent(m.missing, m.tested), Percent(m.additional, m.tested), names);
   }
+  return text;
 }
 
 // What tools/plot draws: the table, and all places and the robot from above; metres and radians.
@@ -186,11 +186,7 @@ absl::StatusOr<ExitCode> RunPlacement(const PlacementArguments& arguments) {
   if (!arguments.out.empty()) {
     RETURN_IF_ERROR(WriteWholeFile(arguments.out + "/placement.json", MapOf(result).dump() + "\n"));
   }
-  if (arguments.format == "json") {
-    std::cout << PlacementJsonOf(result).dump(2) << '\n';
-  } else {
-    PlacementPrintText(result);
-  }
+  PrintResult(arguments.format, PlacementJsonOf(result), PlacementTextOf(result));
   return kDone;
 }
 

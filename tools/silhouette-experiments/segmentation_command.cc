@@ -2,14 +2,14 @@
 // silhouette-experiments segmentation
 #include <algorithm>
 #include <filesystem>
-#include <iostream>
 #include <memory>
 #include <nlohmann/json.hpp>
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
+#include "common/numbers/numbers.h"
+#include "common/result/result.h"
 #include "db/status/status_macros.h"
-#include "tools/cell/cell.h"
 #include "tools/program/progress.h"
 #include "tools/silhouette-experiments/commands.h"
 #include "tools/silhouette-experiments/segmentation/study.h"
@@ -18,13 +18,13 @@ namespace silhouette {
 namespace {
 
 namespace fs = std::filesystem;
+using cell_experiment::SimulatedWorkplace;
 using segmentation_experiment::Condition;
 using segmentation_experiment::Conditions;
 using segmentation_experiment::Method;
 using segmentation_experiment::Methods;
 using segmentation_experiment::Obstacles;
 using segmentation_experiment::StudySettings;
-using segmentation_experiment::Workplace;
 using SegmentationFigures = segmentation_experiment::Figures;
 
 struct SegmentationArguments {
@@ -42,44 +42,6 @@ struct SegmentationRow {
   std::string method;
   SegmentationFigures figures;
 };
-
-absl::StatusOr<Workplace> Load(const std::string& file) {
-  ASSIGN_OR_RETURN(Cell cell, LoadCell(file));
-  if (cell.simulation.empty() || cell.robot.urdf.empty()) {
-    return absl::InvalidArgumentError(absl::StrCat(
-        file,
-        ": an experiment needs the simulated cell; give 'simulation' its file and 'robot' "
-        "its 'urdf', as capture/sim/cells/demo/cell.yaml does"));
-  }
-  ASSIGN_OR_RETURN(SimulationSettings simulation, LoadSimulation(cell.simulation));
-  simulation.boards.clear();
-  ASSIGN_OR_RETURN(RobotModel robot,
-                   RobotModel::FromUrdf(cell.robot.urdf, cell.robot.package_paths));
-  Workplace workplace{.robot = robot,
-                      .simulation = simulation,
-                      .cameras = {},
-                      .masks = {},
-                      .positions = std::vector<double>(robot.joints().size()),
-                      .moving = {},
-                      .grid = cell.grid};
-  for (const ViewSettings& view : cell.views) {
-    const auto camera = std::find_if(simulation.cameras.begin(), simulation.cameras.end(),
-                                     [&](const auto& each) { return each.name == view.name; });
-    if (camera == simulation.cameras.end()) {
-      return absl::InvalidArgumentError(
-          absl::StrCat(file, ": the simulation has no camera for the view '", view.name, "'"));
-    }
-    workplace.cameras.push_back(static_cast<size_t>(camera - simulation.cameras.begin()));
-    workplace.masks.push_back(view.mask_size);
-  }
-  for (const FixedJoint& joint : cell.fixed_joints) {
-    workplace.positions[*robot.JointIndex(joint.name)] = joint.position;
-  }
-  for (const GridJoint& joint : cell.grid.joints()) {
-    workplace.moving.push_back(*robot.JointIndex(joint.name));
-  }
-  return workplace;
-}
 
 struct Case {
   bool colour;
@@ -101,7 +63,7 @@ std::vector<Case> Cases() {
 }
 
 absl::StatusOr<std::vector<SegmentationRow>> Study(const SegmentationArguments& arguments) {
-  ASSIGN_OR_RETURN(const Workplace workplace, Load(arguments.cell));
+  ASSIGN_OR_RETURN(const SimulatedWorkplace workplace, SimulatedWorkplace::Load(arguments.cell));
   CatchStopSignals();
   const std::vector<Case> cases = Cases();
   const std::vector<Method> methods = Methods();
@@ -133,19 +95,19 @@ absl::StatusOr<std::vector<SegmentationRow>> Study(const SegmentationArguments& 
   return rows;
 }
 
-void SegmentationPrintText(const std::vector<SegmentationRow>& rows) {
-  std::cout
-      << "| camera | obstacles | light | settings | recall, mask | recall, pixels | false, mask | "
-         "false, pixels | shadows found |\n|---|---|---|---|---|---|---|---|---|\n";
+std::string SegmentationTextOf(const std::vector<SegmentationRow>& rows) {
+  std::string text =
+      "| camera | obstacles | light | settings | recall, mask | recall, pixels | false, mask | "
+      "false, pixels | shadows found |\n|---|---|---|---|---|---|---|---|---|\n";
   for (const SegmentationRow& row : rows) {
     const SegmentationFigures& f = row.figures;
-    std::cout << absl::StrFormat(
-        "| %s | %s | %s | %s | %.4f | %.4f | %.3f %% | %.3f %% | %.2f %% |\n", row.camera,
+    absl::StrAppendFormat(
+        &text, "| %s | %s | %s | %s | %.4f | %.4f | %.3f %% | %.3f %% | %.2f %% |\n", row.camera,
         row.obstacles, row.condition, row.method, f.recall(),
         SegmentationFigures::Share(f.found_pixels, f.obstacle_pixels), 100 * f.false_share(),
-        100 * SegmentationFigures::Share(f.false_pixels, f.empty_pixels),
-        100 * SegmentationFigures::Share(f.shadow_foreground, f.all_mask));
+        Percent(f.false_pixels, f.empty_pixels), Percent(f.shadow_foreground, f.all_mask));
   }
+  return text;
 }
 
 nlohmann::ordered_json SegmentationJsonOf(const std::vector<SegmentationRow>& rows) {
@@ -172,11 +134,7 @@ nlohmann::ordered_json SegmentationJsonOf(const std::vector<SegmentationRow>& ro
 
 absl::StatusOr<ExitCode> RunSegmentation(const SegmentationArguments& arguments) {
   ASSIGN_OR_RETURN(const auto rows, Study(arguments));
-  if (arguments.format == "json") {
-    std::cout << SegmentationJsonOf(rows).dump(2) << '\n';
-  } else {
-    SegmentationPrintText(rows);
-  }
+  PrintResult(arguments.format, SegmentationJsonOf(rows), SegmentationTextOf(rows));
   return kDone;
 }
 

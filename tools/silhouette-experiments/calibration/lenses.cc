@@ -181,7 +181,7 @@ ProjectionErrors ErrorsOf(const Rig& rig, const LensSolution& solution,
       const Eigen::Vector3d in_reference = reference_from_world * point;
       const auto pixel = solution.cameras[c].model->Project(in_reference);
       const auto derivative = ProjectionDerivative(solution, c, in_reference);
-      // A point that the calibrated camera does not see is as wrong as can be.
+      // A point outside the calibrated camera's image counts as off by the image's width.
       const Eigen::Vector2d error =
           pixel ? *pixel - *expected : Eigen::Vector2d(truth.intrinsics().width, 0);
       errors.pixels.Add(error.squaredNorm(), 1);

@@ -2,8 +2,8 @@
 #include "tools/silhouette-experiments/cell/explanation.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
-#include <map>
 #include <optional>
 #include <utility>
 
@@ -12,10 +12,41 @@
 #include "absl/strings/str_join.h"
 #include "capture/segmentation/brightness.h"
 #include "common/picture/picture.h"
+#include "db/status/status_macros.h"
 #include "server/collision/collision_checker.h"
 
 namespace silhouette::cell_experiment {
 namespace {
+
+// What went wrong at a place in a view; nothing if all is as in perfect images.
+std::optional<Cause> FaultIn(const PlaceInView& view, bool on_grid) {
+  if (!view.in_test_image) return on_grid ? Cause::kRobotImage : Cause::kTestCell;
+  if (view.plane == PlaceInView::kBackground) return Cause::kContrast;
+  if (view.robot_in_line || view.plane == PlaceInView::kObstacle) return std::nullopt;
+  return view.cover;
+}
+
+int ViewsOpen(const Place& place) {
+  return static_cast<int>(std::count_if(
+      place.begin(), place.end(), [](const PlaceInView& view) { return !view.robot_in_line; }));
+}
+
+// The sound presets ask whether an obstacle could be there: all views together, seen or not. A
+// place that no view takes for empty, or misses in the robot image, was opened away.
+CauseFound FindSoundCause(std::span<const Place> places, bool on_grid) {
+  std::optional<CauseFound> fault;
+  for (size_t i = 0; i < places.size(); ++i) {
+    std::optional<CauseFound> wrong;
+    for (size_t view = 0; view < places[i].size() && !wrong; ++view) {
+      const PlaceInView& at = places[i][view];
+      if (at.in_test_image && at.plane != PlaceInView::kBackground) continue;
+      wrong = CauseFound{.cause = *FaultIn(at, on_grid), .place = i, .view = view};
+    }
+    if (!wrong) return {.cause = Cause::kSize, .place = i, .view = 0};
+    if (!fault) fault = wrong;
+  }
+  return *fault;
+}
 
 // Places of contact that are looked at, of every kind and pair of bodies.
 constexpr size_t kMostPlaces = 40;
@@ -31,6 +62,41 @@ PlaceInView::Plane PlaneAt(const ObstacleImage& image, int x, int y) {
 int PixelOf(double coordinate) { return static_cast<int>(std::floor(coordinate + 0.5)); }
 
 }  // namespace
+
+std::string NameOf(Cause cause) {
+  static const std::array<const char*, kCauses> names = {
+      "hidden", "occluded",    "contrast",  "rim",  "robot_cell",
+      "shadow", "robot_image", "test_cell", "size", "unexplained"};
+  return names[static_cast<size_t>(cause)];
+}
+
+CauseFound FindCause(std::span<const Place> places, const Policy& policy, bool on_grid) {
+  if (IsSound(policy.preset)) return FindSoundCause(places, on_grid);
+  const int views = static_cast<int>(places[0].size());
+  const int needed = IsCalibrated(policy.preset) ? 1 : MinViews(policy, views);
+  std::optional<CauseFound> fault;
+  size_t fewest = places[0].size() + 1;  // faulty views of a place that should convict
+  CauseFound hidden{.cause = Cause::kHidden, .place = 0, .view = 0};
+  for (size_t i = 0; i < places.size(); ++i) {
+    if (ViewsOpen(places[i]) > ViewsOpen(places[hidden.place])) hidden.place = i;
+    if (ViewsOpen(places[i]) < needed) continue;
+    size_t faults = 0;
+    CauseFound found{.cause = Cause::kUnexplained, .place = i, .view = 0};
+    for (size_t view = 0; view < places[i].size(); ++view) {
+      const std::optional<Cause> wrong = FaultIn(places[i][view], on_grid);
+      if (!wrong) continue;
+      if (faults++ == 0) {
+        found.cause = *wrong;
+        found.view = view;
+      }
+    }
+    if (faults >= fewest) continue;
+    fewest = faults;
+    fault = found;
+  }
+  if (ViewsOpen(places[hidden.place]) > 0) hidden.cause = Cause::kOccluded;
+  return fault.value_or(hidden);
+}
 
 Explainer::Explainer(const TrialSetting& setting)
     : setting_(setting),
@@ -173,7 +239,8 @@ std::string Explainer::Sentence(const ViewedScene& viewed, const CauseFound& fou
     }
     case Cause::kContrast:
       return absl::StrFormat(
-          "Differencing: where %s, %s shows %+.0f grey levels against the empty cell, too few.",
+          "Background subtraction: where %s, %s shows %+.0f grey levels against the empty cell, "
+          "too few.",
           where, view, DifferenceAt(viewed, found.view, contact.point));
     case Cause::kRim:
       return absl::StrCat("Discretisation: where ", where, ", ", view,
@@ -182,7 +249,7 @@ std::string Explainer::Sentence(const ViewedScene& viewed, const CauseFound& fou
       return absl::StrCat("Discretisation: the robot stands between grid points, and in ", view,
                           " the images of its grid cell's corners cover where ", where, ".");
     case Cause::kShadow:
-      return absl::StrCat("Differencing: where ", where, ", the robot's image in ", view,
+      return absl::StrCat("Background subtraction: where ", where, ", the robot's image in ", view,
                           " is its shadow.");
     case Cause::kRobotImage:
       return absl::StrCat("Robot image: in ", view, " it lacks the pixel where ", where, ".");
@@ -191,13 +258,28 @@ std::string Explainer::Sentence(const ViewedScene& viewed, const CauseFound& fou
                           " no robot image at the grid cell's corners has the pixel where ", where,
                           ".");
     case Cause::kSize:
-      return absl::StrCat("Size: ", where,
-                          " where there is no room for the least obstacle, as far as ",
-                          "the views tell.");
+      return absl::StrCat("Size: ", where, " where, by the views, there is no room for the least ",
+                          "obstacle.");
     case Cause::kUnexplained:
       break;
   }
   return absl::StrCat("Unexplained: where ", where, ", the images are as they should be.");
+}
+
+absl::StatusOr<SceneRecord> RunScene(const TrialSetting& setting, Explainer& explainer,
+                                     const SceneSource& source, int number) {
+  ASSIGN_OR_RETURN(ViewedScene viewed, View(setting, source(number), number));
+  TrialResult result = Judge(setting, viewed, number);
+  SceneRecord record{.number = number,
+                     .robot_on_grid = viewed.truth.robot_on_grid,
+                     .blocked = result.blocked,
+                     .tallies = std::move(result.tallies),
+                     .missing = {}};
+  for (MissedConfiguration& missed : result.missed) {
+    std::vector<Explanation> explanations = explainer.Explain(viewed, missed);
+    record.missing.push_back({std::move(missed), std::move(explanations)});
+  }
+  return record;
 }
 
 }  // namespace silhouette::cell_experiment

@@ -1,17 +1,72 @@
 // SPDX-License-Identifier: Apache-2.0
-// A missing configuration explained: the cause, and a sentence that says it of this one.
+// Why a policy reported a configuration free where robot and obstacle touch: from the true places
+// of contact and from the images there.
+//
+// A place of contact convicts a configuration by itself if a view shows an obstacle there and, for
+// calibrated presets, no view shows background there (Table 3); without a calibration as many views
+// must show an obstacle as the policy asks for. Where the robot itself is on the line of sight, in
+// front or behind, background subtraction cannot show an obstacle. So a missing configuration is
+// *hidden* if no place of contact would convict it even in perfect images - in all views, or in
+// more than the policy allows for; else something went wrong at the place that would.
 #pragma once
 
 #include <Eigen/Core>
+#include <array>
+#include <cstdint>
+#include <functional>
+#include <span>
 #include <string>
 #include <vector>
 
+#include "absl/status/statusor.h"
 #include "capture/sim/ray_scene.h"
-#include "tools/silhouette-experiments/cell/cause.h"
+#include "server/collision/policy.h"
 #include "tools/silhouette-experiments/cell/trial.h"
 
 namespace silhouette::cell_experiment {
 
+enum class Cause : uint8_t {
+  kHidden = 0,  // by the robot in all views: no camera could see it
+  kOccluded,    // by the robot in some views, more than the policy allows for
+  kContrast,    // background subtraction: it looks like the empty cell
+  kRim,         // discretisation: a mask pixel that the robot covers in part
+  kRobotCell,   // discretisation: the robot stands between grid points, its image is a union
+  kShadow,      // background subtraction: the robot's image has its shadow
+  kRobotImage,  // the robot image of the test configuration lacks the place
+  kTestCell,    // discretisation: the images of the grid cell's corners lack the place
+  kSize,        // sound presets: what is there is smaller than the least obstacle
+  kUnexplained,
+};
+inline constexpr size_t kCauses = 10;
+
+// "hidden", "contrast", ...
+std::string NameOf(Cause cause);
+
+// What one view has of one place of contact.
+struct PlaceInView {
+  // Whether the robot, as it stood in the scene, is on the line of sight, before or behind.
+  bool robot_in_line = false;
+  // The pixel of the place in the obstacle image, ...
+  enum Plane : uint8_t { kBackground, kObstacle, kUnknown, kError } plane = kBackground;
+  // ... and whether the test robot image has it.
+  bool in_test_image = false;
+  // Where the robot is not in line but its image covers the pixel: why.
+  Cause cover = Cause::kRim;
+};
+
+// Per view.
+using Place = std::vector<PlaceInView>;
+
+struct CauseFound {
+  Cause cause = Cause::kUnexplained;
+  size_t place = 0;  // the place that the cause speaks of
+  size_t view = 0;   // the view with the fault; kHidden, kOccluded, kSize, kUnexplained: 0
+};
+
+// `places`: at least one, all of as many views. `on_grid`: where the test configuration is.
+CauseFound FindCause(std::span<const Place> places, const Policy& policy, bool on_grid);
+
+// A missing configuration explained: the cause, and a sentence about it.
 struct Explanation {
   Cause cause = Cause::kUnexplained;
   std::string sentence;
@@ -43,5 +98,25 @@ class Explainer {
   std::vector<CameraModel> mask_cameras_;  // by view, of the masks
   BodyRays robot_;                         // as it stands in the scene that is looked at
 };
+
+struct ExplainedConfiguration {
+  MissedConfiguration missed;
+  std::vector<Explanation> explanations;  // one per policy of `missed`
+};
+
+struct SceneRecord {
+  int number = 0;
+  bool robot_on_grid = false;
+  Reason blocked = Reason::kNone;                   // then nothing was tested
+  std::vector<std::array<Tally, kWheres>> tallies;  // by policy
+  std::vector<ExplainedConfiguration> missing;
+};
+
+// Makes scene `number` of an experiment.
+using SceneSource = std::function<RandomScene(int number)>;
+
+// The trial of one scene.
+absl::StatusOr<SceneRecord> RunScene(const TrialSetting& setting, Explainer& explainer,
+                                     const SceneSource& source, int number);
 
 }  // namespace silhouette::cell_experiment

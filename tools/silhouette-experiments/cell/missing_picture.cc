@@ -2,9 +2,11 @@
 #include "tools/silhouette-experiments/cell/missing_picture.h"
 
 #include <algorithm>
-#include <map>
+#include <numeric>
 #include <opencv2/imgproc.hpp>
+#include <optional>
 #include <set>
+#include <utility>
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
@@ -16,6 +18,28 @@
 
 namespace silhouette::cell_experiment {
 namespace {
+
+constexpr int kPicturesPerCause = 2;
+
+// The scenes, those with the most missing configurations first.
+std::vector<size_t> WorstFirst(const std::vector<SceneRecord>& records) {
+  std::vector<size_t> order(records.size());
+  std::iota(order.begin(), order.end(), size_t{0});
+  std::stable_sort(order.begin(), order.end(), [&](size_t a, size_t b) {
+    return records[a].missing.size() > records[b].missing.size();
+  });
+  return order;
+}
+
+// The first missing configuration of a scene with a cause.
+std::optional<size_t> FirstWith(const SceneRecord& record, Cause cause) {
+  for (size_t i = 0; i < record.missing.size(); ++i) {
+    for (const Explanation& explanation : record.missing[i].explanations) {
+      if (explanation.cause == cause) return i;
+    }
+  }
+  return std::nullopt;
+}
 
 constexpr int kWidth = 320;    // of a view
 constexpr int kFactor = 4;     // of enlargement of a mask
@@ -116,6 +140,35 @@ Mask PixelsOf(const CameraModel& camera, const std::vector<Obstacle>& obstacles)
 }
 
 }  // namespace
+
+std::vector<Chosen> ChooseForPictures(const std::vector<SceneRecord>& records, size_t count) {
+  const std::vector<size_t> order = WorstFirst(records);
+  std::set<std::pair<size_t, size_t>> taken;
+  std::vector<Chosen> chosen;
+  const auto take = [&](size_t record, size_t missing) {
+    if (chosen.size() == count || !taken.insert({record, missing}).second) return false;
+    chosen.push_back({record, missing});
+    return true;
+  };
+  for (size_t cause = 0; cause < kCauses; ++cause) {
+    int pictures = 0;
+    for (const size_t record : order) {
+      if (pictures == kPicturesPerCause) break;
+      const auto missing = FirstWith(records[record], static_cast<Cause>(cause));
+      if (missing && take(record, *missing)) ++pictures;
+    }
+  }
+  for (size_t round = 0; chosen.size() < count; ++round) {
+    bool any = false;
+    for (const size_t record : order) {
+      if (round >= records[record].missing.size()) continue;
+      any = true;
+      take(record, round);
+    }
+    if (!any) break;
+  }
+  return chosen;
+}
 
 Picture DrawPossible(const TrialSetting& setting, const ViewedScene& viewed) {
   const ServedDatabase& database = setting.database;

@@ -8,7 +8,7 @@
 #include <string>
 #include <vector>
 
-#include "tools/silhouette-experiments/cell/study.h"
+#include "tools/silhouette-experiments/cell/explanation.h"
 
 namespace silhouette::cell_experiment {
 
@@ -23,17 +23,17 @@ struct Row {
   int refused = 0;  // scenes that no verdict can be made on
   Tally tally;
   std::array<uint64_t, kCauses> causes{};  // of the missing configurations
-};
 
-// Of the configurations tested.
-double AdditionalPercent(const Row& row);
-double MissingPercent(const Row& row);
+  // Of the configurations tested.
+  double AdditionalPercent() const;
+  double MissingPercent() const;
+};
 
 // In the order of the policies, on the grid first.
 std::vector<Row> RowsOf(const std::string& experiment, const TrialSetting& setting,
                         const std::vector<SceneRecord>& records);
 
-std::string TableOf(std::span<const Row> rows);
+std::string TextOf(std::span<const Row> rows);
 nlohmann::ordered_json JsonOf(std::span<const Row> rows);
 std::string CsvOf(std::span<const Row> rows);
 
@@ -56,14 +56,17 @@ struct Comparison {
 
   // By how many percent of the configurations there are more with the found calibration; below 0:
   // fewer.
-  double AdditionalLoss() const;
-  double MissingLoss() const;
+  double AdditionalLoss() const { return found.AdditionalPercent() - truth.AdditionalPercent(); }
+  double MissingLoss() const { return found.MissingPercent() - truth.MissingPercent(); }
+  int64_t MissingLossCount() const {
+    return static_cast<int64_t>(found.tally.missing) - static_cast<int64_t>(truth.tally.missing);
+  }
 };
 
 // In the order of `truth`; rows that only one side has are left out.
 std::vector<Comparison> Compare(std::span<const Row> truth, std::span<const Row> found);
 
-std::string LossTableOf(std::span<const Comparison> comparisons);
+std::string LossTextOf(std::span<const Comparison> comparisons);
 std::string LossCsvOf(std::span<const Comparison> comparisons);
 
 // As JsonOf(rows); rows that are compared have `found` and `loss`, too.

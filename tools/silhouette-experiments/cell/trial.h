@@ -16,7 +16,7 @@
 #include "server/collision/policy.h"
 #include "server/scene/scene.h"
 #include "server/scene/served_database.h"
-#include "tools/silhouette-experiments/cell/random_scene.h"
+#include "tools/silhouette-experiments/cell/scenes.h"
 #include "tools/silhouette-experiments/cell/simulated_workplace.h"
 
 namespace silhouette::cell_experiment {
@@ -29,13 +29,13 @@ inline constexpr size_t kWheres = 2;
 struct Tally {
   uint64_t tested = 0;
   uint64_t occupied = 0;    // in truth
-  uint64_t additional = 0;  // not called free, and free in truth
-  uint64_t missing = 0;     // called free, and occupied in truth
+  uint64_t additional = 0;  // not reported free, and free in truth
+  uint64_t missing = 0;     // reported free, and occupied in truth
 
   void Add(const Tally& other);
 };
 
-// A configuration that at least one policy calls free and that is occupied.
+// A configuration that at least one policy reports free and that is occupied.
 struct MissedConfiguration {
   Configuration configuration;
   Where where = kOnGrid;
@@ -73,9 +73,8 @@ absl::StatusOr<ViewedScene> View(const TrialSetting& setting, RandomScene scene,
 // Uses both cores where there are two.
 TrialResult Judge(const TrialSetting& setting, const ViewedScene& viewed, int number);
 
-// The presets asked for, by name - if there are none, all that the database can serve -, with the
-// thresholds that they can have: n - 1 and n of n views. FailedPrecondition if one that is asked
-// for cannot be served.
+// The named presets with the thresholds that they can have, n - 1 and n of n views. Without names:
+// all presets that the database can serve. FailedPrecondition if a named preset cannot be served.
 absl::StatusOr<std::vector<Policy>> PoliciesFor(const std::vector<std::string>& presets,
                                                 const ServedDatabase& database);
 

@@ -53,13 +53,13 @@ struct SoundVerdicts {
   ConfigurationSet voxels;  // sound
 };
 
-// A scene with the views of `views`: all images, and the robot's spheres at present. Tested are the
-// configurations of the grid.
+// Checks the configurations of the grid in a scene with the views of `views`. `images`: of all
+// views. `robot`: its spheres at present.
 SoundVerdicts SoundOnGrid(const SoundSpace& sound, std::span<const ObstacleImage> images,
                           ViewSet views, const RobotVoxels& body, std::span<const Sphere> robot);
 
-// Tested are configurations in the grid cells, by the union of the robot images at their corners;
-// the robot's body there is not asked for.
+// Checks configurations in the grid cells, by the union of the robot images at their corners,
+// without the robot's body there.
 SoundVerdicts SoundInCells(const SoundSpace& sound, std::span<const ObstacleImage> images,
                            ViewSet views, const RobotVoxels& body);
 

@@ -5,7 +5,6 @@
 #include <nlohmann/json.hpp>
 
 #include "tools/silhouette-experiments/paper/bulk_sound_checker.h"
-#include "tools/silhouette-experiments/paper/scenes.h"
 #include "tools/silhouette-experiments/paper/sphere_cell.h"
 #include "tools/silhouette-experiments/paper/study.h"
 #include "tools/silhouette-experiments/paper/voxel_hull.h"
@@ -85,15 +84,13 @@ Json VerdictsOf(const Settings& settings, Variant variant, const std::string& ri
   const ViewSet all = (ViewSet{1} << cell.views()) - 1;
   BulkChecker bulk(cell.lines());
   SphereScene scene;
-  size_t current = 0;
   ConfigurationSet truth;
   std::vector<ObstacleImage> images;
   const int tries = std::min(kMostTries, settings.random.count);
   for (int number = 0; number < tries; ++number) {
-    scene = RandomScene(settings, variant, number);
-    current = static_cast<size_t>(scene.current[0] * arms.steps() + scene.current[1]);
+    scene = RandomScene(settings, arms, number);
     truth = arms.Touching(scene.obstacles);
-    images = cell.Look(scene.obstacles, current);
+    images = cell.Look(scene.obstacles, scene.current);
     bulk.Look(images, cell.OnGrid());
     const int64_t missing = CountWithout(truth, bulk.Occupied(Preset::kPaper, all, cell.views()));
     if (missing > kManyMissing * static_cast<double>(arms.size())) break;
@@ -105,7 +102,7 @@ Json VerdictsOf(const Settings& settings, Variant variant, const std::string& ri
     reported[NameOf(preset)] = BitsOf(bulk.Occupied(preset, all, min_views), arms.size());
   }
   const SoundSpace sound(cell, settings.sound);
-  const Spheres& robot = arms.At(current);
+  const Spheres& robot = arms.At(scene.current);
   const SoundVerdicts verdicts = SoundOnGrid(sound, images, all, sound.BodyOf(robot), robot);
   reported[NameOf(Preset::kSoundPlanes)] = BitsOf(verdicts.planes, arms.size());
   reported[NameOf(Preset::kSound)] = BitsOf(verdicts.voxels, arms.size());
@@ -114,9 +111,13 @@ Json VerdictsOf(const Settings& settings, Variant variant, const std::string& ri
     const VoxelHull hull(cube, images, all, robot, out);
     reported[NameOf(out)] = BitsOf(Touching(hull, arms), arms.size());
   }
-  return {{"variant", NameOf(variant)}, {"rig", rig},
-          {"views", cell.views()},      {"steps", arms.steps()},
-          {"current", scene.current},   {"occupied", BitsOf(truth, arms.size())},
+  const auto steps = static_cast<size_t>(arms.steps());
+  return {{"variant", NameOf(variant)},
+          {"rig", rig},
+          {"views", cell.views()},
+          {"steps", arms.steps()},
+          {"current", {scene.current / steps, scene.current % steps}},
+          {"occupied", BitsOf(truth, arms.size())},
           {"reported", reported}};
 }
 

@@ -9,7 +9,6 @@
 
 #include "common/numbers/numbers.h"
 #include "server/collision/collision_checker.h"
-#include "tools/silhouette-experiments/paper/scenes.h"
 #include "tools/silhouette-experiments/paper/sphere_cell.h"
 #include "tools/silhouette-experiments/paper/voxel_hull.h"
 
@@ -170,7 +169,7 @@ class Comparison {
         times_(bench.methods().size()),
         disagreements_(bench.methods().size()) {}
 
-  void Compare(const SceneToCompare& scene) {
+  void Measure(const SceneToCompare& scene) {
     const SphereCell& cell = bench_.cell();
     const std::vector<Mask> scene_images = bench_.SceneImages(scene);
     const std::vector<ObstacleImage> images = bench_.ObstacleImagesOf(scene_images, scene);
@@ -208,11 +207,12 @@ class Comparison {
   }
 
   void AddRows(const std::string& experiment, const std::string& rig,
-               std::vector<MethodRow>& rows) const {
-    MethodRow row;
+               std::vector<Row>& rows) const {
+    Row row;
     row.experiment = experiment;
     row.variant = bench_.cell().arms().variant();
     row.rig = rig;
+    row.raster = Raster::kTouch;
     row.configurations = static_cast<int64_t>(bench_.cell().arms().size());
     const int views = bench_.cell().views();
     for (size_t m = 0; m < tallies_.size(); ++m) {
@@ -232,11 +232,7 @@ class Comparison {
  private:
   void Count(size_t method, int views, const ConfigurationSet& occupied,
              const ConfigurationSet& truth) {
-    Tally& tally = tallies_[method][static_cast<size_t>(views) - 1];
-    ++tally.samples;
-    tally.occupied.Add(paper::Count(truth));
-    tally.additional.Add(CountWithout(occupied, truth));
-    tally.missing.Add(CountWithout(truth, occupied));
+    tallies_[method][static_cast<size_t>(views) - 1].Add(truth, occupied);
   }
   MethodTimes TimesOf(size_t method) const {
     const auto median = [&](double MethodTimes::*time) {
@@ -266,23 +262,21 @@ std::vector<ScenesToCompare> ScenesOf(const Settings& settings, const ArmTable& 
   ScenesToCompare random{"reconstruction", {}};
   const int count = std::min(settings.reconstruction.scenes, settings.random.count);
   for (int number = 0; number < count; ++number) {
-    const SphereScene scene = RandomScene(settings, arms.variant(), number);
-    const auto current = static_cast<size_t>(scene.current[0] * arms.steps() + scene.current[1]);
-    random.scenes.push_back({scene.obstacles, current, arms.Touching(scene.obstacles)});
+    const SphereScene scene = RandomScene(settings, arms, number);
+    random.scenes.push_back({scene.obstacles, scene.current, arms.Touching(scene.obstacles)});
   }
   return {{"reconstruction_figure7", {figure7}}, random};
 }
 
 }  // namespace
 
-std::vector<MethodRow> CompareWithReconstruction(const Settings& settings,
-                                                 const Selection& selection, int threads,
-                                                 const OnProgress& on_progress) {
+std::vector<Row> CompareWithReconstruction(const Settings& settings, const Selection& selection,
+                                           int threads, const OnProgress& on_progress) {
   std::vector<Preset> presets;
   for (Preset preset : selection.presets) {
     if (!IsSound(preset)) presets.push_back(preset);
   }
-  std::vector<MethodRow> rows;
+  std::vector<Row> rows;
   uint64_t before = 0;
   for (Variant variant : selection.variants) {
     const ArmTable arms(settings, variant);
@@ -295,19 +289,12 @@ std::vector<MethodRow> CompareWithReconstruction(const Settings& settings,
     for (const std::string& rig : selection.rigs) {
       const Bench bench(arms, settings, rig, presets);
       for (const ScenesToCompare& each : experiments) {
-        std::vector<std::unique_ptr<Comparison>> found;
-        for (int i = 0; i < threads; ++i) found.push_back(std::make_unique<Comparison>(bench));
-        if (!AllDone(
-                each.scenes.size(), threads,
-                [&](int worker, size_t i) {
-                  found[static_cast<size_t>(worker)]->Compare(each.scenes[i]);
-                },
-                [&](uint64_t at) { return on_progress(before + at, total); })) {
-          return rows;
-        }
+        const auto found =
+            Measured([&] { return std::make_unique<Comparison>(bench); }, each.scenes, threads,
+                     [&](uint64_t at) { return on_progress(before + at, total); });
+        if (!found) return rows;
         before += each.scenes.size();
-        for (size_t i = 1; i < found.size(); ++i) found[0]->Merge(*found[i]);
-        found[0]->AddRows(each.experiment, rig, rows);
+        found->AddRows(each.experiment, rig, rows);
       }
     }
   }

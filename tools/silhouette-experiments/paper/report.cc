@@ -3,76 +3,73 @@
 
 #include <algorithm>
 #include <cmath>
+#include <nlohmann/json.hpp>
 #include <tuple>
 #include <vector>
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
-#include "absl/strings/str_join.h"
 #include "common/numbers/numbers.h"
+#include "common/result/result.h"
 #include "tools/silhouette-experiments/paper/voxel_hull.h"
 
 namespace silhouette::paper {
 namespace {
 
-using nlohmann::ordered_json;
+using Json = nlohmann::ordered_json;
 
-auto ReportBlockOf(const Row& row) {
-  return std::tie(row.experiment, row.variant, row.rig, row.raster);
-}
+auto GroupOf(const Row& row) { return std::tie(row.experiment, row.variant, row.rig, row.raster); }
 
-std::string HeadOf(const Row& row) {
-  return absl::StrFormat("%s, %s, rig %s, %s: %.2f %% really occupied\n", NameOf(row.experiment),
-                         NameOf(row.variant), row.rig, NameOf(row.raster),
-                         Percent(row.occupied, row.configurations));
-}
+auto LineOf(const Row& row) { return std::tie(row.method, row.voxels, row.threshold); }
 
-std::string ColumnsOf(int views) {
-  std::string line = absl::StrFormat("  %-17s %-9s %7s", "preset", "min_views", "scenes");
-  for (int n = 1; n <= views; ++n) {
-    absl::StrAppendFormat(&line, "  %15s", absl::StrFormat("%d camera%s", n, n == 1 ? "" : "s"));
-  }
-  return line + "\n";
+double PercentOf(const Row& row, const Spread& spread) {
+  return Percent(spread.mean(), row.configurations);
 }
 
 // "<name>_percent", "<name>_min_percent", ... "<name>_count", ...
-void AddSpread(ordered_json& object, const std::string& name, const Spread& spread,
-               int64_t configurations) {
-  object[name + "_percent"] = Percent(spread.mean, configurations);
-  object[name + "_min_percent"] = Percent(spread.least, configurations);
-  object[name + "_max_percent"] = Percent(spread.greatest, configurations);
-  object[name + "_count"] = spread.mean;
+void AddSpread(Json& object, const std::string& name, const Row& row, const Spread& spread) {
+  object[name + "_percent"] = PercentOf(row, spread);
+  object[name + "_min_percent"] = Percent(spread.least, row.configurations);
+  object[name + "_max_percent"] = Percent(spread.greatest, row.configurations);
+  object[name + "_count"] = spread.mean();
   object[name + "_min_count"] = spread.least;
   object[name + "_max_count"] = spread.greatest;
 }
 
-ordered_json JsonOf(const Counts& row, const std::string& experiment, Raster raster,
-                    const std::string& preset, Threshold threshold) {
-  ordered_json object = {{"experiment", experiment},
-                         {"variant", NameOf(row.variant)},
-                         {"rig", row.rig},
-                         {"raster", NameOf(raster)},
-                         {"preset", preset},
-                         {"min_views", NameOf(threshold)},
-                         {"views", row.views},
-                         {"camera_sets", row.camera_sets},
-                         {"scenes", row.scenes},
-                         {"configurations", row.configurations},
-                         {"occupied_percent", Percent(row.occupied, row.configurations)}};
-  AddSpread(object, "additional", row.additional, row.configurations);
-  AddSpread(object, "missing", row.missing, row.configurations);
-  return object;
-}
-
-auto ReconstructionReportBlockOf(const MethodRow& row) {
-  return std::tie(row.experiment, row.variant, row.rig);
-}
-auto LineOf(const MethodRow& row) {
-  return std::tie(row.experiment, row.variant, row.rig, row.method, row.voxels);
-}
-
 std::string NameWithVoxels(const std::string& method, int voxels) {
   return voxels == 0 ? method : absl::StrCat(method, ", ", voxels, " voxels");
+}
+
+// The table of rows of one experiment, variant, rig and raster.
+std::string TextOfTable(std::span<const Row> rows, int views) {
+  Table table{{"method", "min_views", "scenes"}};
+  for (int n = 1; n <= views; ++n) {
+    table.headings.push_back(absl::StrCat(n, n == 1 ? " camera" : " cameras"));
+  }
+  const bool timed =
+      std::any_of(rows.begin(), rows.end(), [](const Row& row) { return row.times.has_value(); });
+  if (timed) table.headings.insert(table.headings.end(), {"per scene", "all", "one"});
+  const Row* last = nullptr;
+  for (const Row& row : rows) {
+    if (last == nullptr || LineOf(*last) != LineOf(row)) {
+      table.rows.push_back({NameWithVoxels(row.method, row.voxels), NameOf(row.threshold),
+                            absl::StrCat(row.scenes)});
+      table.rows.back().resize(table.headings.size(), TableCell(""));
+    }
+    std::vector<TableCell>& line = table.rows.back();
+    line[2 + static_cast<size_t>(row.views)] =
+        absl::StrFormat("%.3f/%.4f", PercentOf(row, row.additional), PercentOf(row, row.missing));
+    if (row.times) {
+      line[line.size() - 3] = absl::StrFormat("%.2f ms", 1e3 * row.times->prepare_seconds);
+      line[line.size() - 2] = absl::StrFormat("%.2f ms", 1e3 * row.times->space_seconds);
+      line[line.size() - 1] = absl::StrFormat("%.2f us", 1e6 * row.times->check_seconds);
+    }
+    last = &row;
+  }
+  const Row& row = rows[0];
+  return absl::StrFormat("%s, %s, rig %s, %s: %.2f %% really occupied\n%s\n", row.experiment,
+                         NameOf(row.variant), row.rig, NameOf(row.raster),
+                         PercentOf(row, row.occupied), silhouette::TextOf(table));
 }
 
 // One method with all cameras in the random scenes: means over robots and rigs.
@@ -85,17 +82,17 @@ struct Mean {
   double check_us = 0;
 };
 
-Mean MeanOf(std::span<const MethodRow> rows, const std::string& method, int voxels) {
+Mean MeanOf(std::span<const Row> rows, const std::string& method, int voxels) {
   Mean mean;
-  for (const MethodRow& row : rows) {
+  for (const Row& row : rows) {
     if (row.experiment != "reconstruction" || row.method != method || row.voxels != voxels) {
       continue;
     }
     if (!row.times) continue;
     ++mean.groups;
-    mean.occupied += Percent(row.occupied, row.configurations);
-    mean.additional += Percent(row.additional.mean, row.configurations);
-    mean.missing += Percent(row.missing.mean, row.configurations);
+    mean.occupied += PercentOf(row, row.occupied);
+    mean.additional += PercentOf(row, row.additional);
+    mean.missing += PercentOf(row, row.missing);
     mean.prepare_ms += 1e3 * row.times->prepare_seconds;
     mean.check_us += 1e6 * row.times->check_seconds;
   }
@@ -106,9 +103,9 @@ Mean MeanOf(std::span<const MethodRow> rows, const std::string& method, int voxe
   return mean;
 }
 
-int FinestVoxels(std::span<const MethodRow> rows) {
+int FinestVoxels(std::span<const Row> rows) {
   int voxels = 0;
-  for (const MethodRow& row : rows) voxels = std::max(voxels, row.voxels);
+  for (const Row& row : rows) voxels = std::max(voxels, row.voxels);
   return voxels;
 }
 
@@ -132,7 +129,7 @@ std::string FasterWay(const Mean& images, const Mean& hull) {
 }
 
 // An image-based test beside the reconstruction that knows as much, at the finest voxels.
-std::string Compared(std::span<const MethodRow> rows, Preset preset, RobotOut out) {
+std::string Compared(std::span<const Row> rows, Preset preset, RobotOut out) {
   const int voxels = FinestVoxels(rows);
   const Mean images = MeanOf(rows, NameOf(preset), 0);
   const Mean hull = MeanOf(rows, NameOf(out), voxels);
@@ -148,90 +145,39 @@ std::string Compared(std::span<const MethodRow> rows, Preset preset, RobotOut ou
 
 }  // namespace
 
-std::string TableOf(std::span<const Row> rows) {
+std::string TextOf(std::span<const Row> rows) {
+  if (rows.empty()) return "";
   int views = 0;
-  for (const Row& row : rows) views = std::max(views, row.views);
-  std::string table;
-  const Row* last = nullptr;
-  int column = 0;  // the number of cameras that the line has come to
-  for (const Row& row : rows) {
-    const bool new_block = last == nullptr || ReportBlockOf(*last) != ReportBlockOf(row);
-    if (new_block) {
-      absl::StrAppend(&table, last == nullptr ? "" : "\n\n", HeadOf(row), ColumnsOf(views));
-    }
-    if (new_block || last->preset != row.preset || last->threshold != row.threshold) {
-      absl::StrAppendFormat(&table, "%s  %-17s %-9s %7d", new_block ? "" : "\n", NameOf(row.preset),
-                            NameOf(row.threshold), row.scenes);
-      column = 0;
-    }
-    for (++column; column < row.views; ++column) absl::StrAppendFormat(&table, "  %15s", "-");
-    absl::StrAppendFormat(&table, "  %7.3f/%7.4f", Percent(row.additional.mean, row.configurations),
-                          Percent(row.missing.mean, row.configurations));
-    last = &row;
-  }
-  if (last == nullptr) return table;
-  return table +
-         "\n\nadditional / missing configurations in percent of the configuration space: means "
-         "over all\nsets of so many cameras and over the scenes\n";
-}
-
-ordered_json JsonOf(std::span<const Row> rows) {
-  ordered_json array = ordered_json::array();
-  for (const Row& row : rows) {
-    array.push_back(
-        JsonOf(row, NameOf(row.experiment), row.raster, NameOf(row.preset), row.threshold));
-  }
-  return array;
-}
-
-std::string TableOf(std::span<const MethodRow> rows) {
-  int views = 0;
-  for (const MethodRow& row : rows) views = std::max(views, row.views);
-  std::string table;
-  const MethodRow* last = nullptr;
   int64_t compared = 0;
   int64_t disagreements = 0;
-  for (const MethodRow& row : rows) {
-    if (last == nullptr || ReconstructionReportBlockOf(*last) != ReconstructionReportBlockOf(row)) {
-      absl::StrAppendFormat(
-          &table, "%s%s, %s, rig %s, touch: %.2f %% really occupied, %d scene%s\n",
-          last == nullptr ? "" : "\n", row.experiment, NameOf(row.variant), row.rig,
-          Percent(row.occupied, row.configurations), row.scenes, row.scenes == 1 ? "" : "s");
-      absl::StrAppendFormat(&table, "  %-33s", "method");
-      for (int n = 1; n <= views; ++n) {
-        absl::StrAppendFormat(&table, "  %15s",
-                              absl::StrFormat("%d camera%s", n, n > 1 ? "s" : ""));
-      }
-      absl::StrAppendFormat(&table, " %10s %10s %10s\n", "scene", "all", "one");
-    }
-    if (last == nullptr || LineOf(*last) != LineOf(row)) {
-      absl::StrAppendFormat(&table, "  %-33s", NameWithVoxels(row.method, row.voxels));
-    }
-    absl::StrAppendFormat(&table, "  %7.3f/%7.4f", Percent(row.additional.mean, row.configurations),
-                          Percent(row.missing.mean, row.configurations));
-    if (row.times) {
-      absl::StrAppendFormat(&table, " %7.2f ms %7.2f ms %7.2f us\n",
-                            1e3 * row.times->prepare_seconds, 1e3 * row.times->space_seconds,
-                            1e6 * row.times->check_seconds);
-      if (row.voxels == 0) {
-        compared += row.scenes * row.configurations;
-        disagreements += row.disagreements;
-      }
-    }
-    last = &row;
+  for (const Row& row : rows) {
+    views = std::max(views, row.views);
+    if (row.times && row.voxels == 0) compared += row.scenes * row.configurations;
+    disagreements += row.disagreements;
   }
-  if (last == nullptr) return table;
+  std::string text;
+  for (std::span<const Row> rest = rows; !rest.empty();) {
+    const auto end = std::find_if(rest.begin(), rest.end(),
+                                  [&](const Row& row) { return GroupOf(row) != GroupOf(rest[0]); });
+    const auto count = static_cast<size_t>(end - rest.begin());
+    text += TextOfTable(rest.first(count), views);
+    rest = rest.subspan(count);
+  }
+  text +=
+      "additional / missing configurations in percent of the configuration space: means over all\n"
+      "sets of so many cameras and over the scenes\n";
+  if (compared == 0) return text;
   return absl::StrCat(
-      table,
-      "\nadditional / missing configurations in percent; min_views n. Processor time with all "
-      "cameras:\nonce per scene, all configurations, one configuration asked alone.\n",
-      absl::StrFormat("%d verdicts of the collision test compared with those on all configurations "
-                      "at once: %d differ\n\n",
+      text,
+      "Processor time with all cameras: once per scene, all configurations, one configuration "
+      "asked alone\n",
+      absl::StrFormat("%d verdicts of the collision checker compared with those on all "
+                      "configurations at once: %d differ\n\n",
                       compared, disagreements),
       ConclusionOf(rows));
 }
 
-std::string ConclusionOf(std::span<const MethodRow> rows) {
+std::string ConclusionOf(std::span<const Row> rows) {
   const int voxels = FinestVoxels(rows);
   const Mean naive = MeanOf(rows, NameOf(RobotOut::kBody), voxels);
   std::string text;
@@ -247,10 +193,22 @@ std::string ConclusionOf(std::span<const MethodRow> rows) {
   return text;
 }
 
-ordered_json JsonOf(std::span<const MethodRow> rows) {
-  ordered_json array = ordered_json::array();
-  for (const MethodRow& row : rows) {
-    ordered_json object = JsonOf(row, row.experiment, Raster::kTouch, row.method, Threshold::kAll);
+Json JsonOf(std::span<const Row> rows) {
+  Json array = Json::array();
+  for (const Row& row : rows) {
+    Json object = {{"experiment", row.experiment},
+                   {"variant", NameOf(row.variant)},
+                   {"rig", row.rig},
+                   {"raster", NameOf(row.raster)},
+                   {"preset", row.method},
+                   {"min_views", NameOf(row.threshold)},
+                   {"views", row.views},
+                   {"camera_sets", row.camera_sets},
+                   {"scenes", row.scenes},
+                   {"configurations", row.configurations},
+                   {"occupied_percent", PercentOf(row, row.occupied)}};
+    AddSpread(object, "additional", row, row.additional);
+    AddSpread(object, "missing", row, row.missing);
     if (row.voxels != 0) object["voxels"] = row.voxels;
     if (row.times) {
       object["prepare_ms"] = 1e3 * row.times->prepare_seconds;
@@ -261,27 +219,6 @@ ordered_json JsonOf(std::span<const MethodRow> rows) {
     array.push_back(std::move(object));
   }
   return array;
-}
-
-std::string CsvOf(const ordered_json& rows) {
-  std::vector<std::string> keys;
-  for (const ordered_json& row : rows) {
-    for (const auto& [key, value] : row.items()) {
-      if (std::find(keys.begin(), keys.end(), key) == keys.end()) keys.push_back(key);
-    }
-  }
-  if (keys.empty()) return "";
-  std::string csv = absl::StrJoin(keys, ",") + "\n";
-  for (const ordered_json& row : rows) {
-    std::vector<std::string> cells;
-    for (const std::string& key : keys) {
-      const auto value = row.find(key);
-      const bool none = value == row.end() || value->is_null();
-      cells.push_back(none ? "" : value->is_string() ? value->get<std::string>() : value->dump());
-    }
-    absl::StrAppend(&csv, absl::StrJoin(cells, ","), "\n");
-  }
-  return csv;
 }
 
 }  // namespace silhouette::paper

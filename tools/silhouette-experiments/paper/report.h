@@ -1,35 +1,25 @@
 // SPDX-License-Identifier: Apache-2.0
-// The measured rows as text, JSON and CSV.
+// The measured rows as text and JSON.
 #pragma once
 
-#include <nlohmann/json.hpp>
+#include <nlohmann/json_fwd.hpp>
 #include <span>
 #include <string>
 
-#include "tools/silhouette-experiments/paper/reconstruction.h"
+#include "tools/silhouette-experiments/paper/study.h"
 
 namespace silhouette::paper {
 
-// One table per experiment, variant, rig and raster: a line per preset and threshold, a column per
-// number of cameras.
-std::string TableOf(std::span<const Row> rows);
-
-// An array with one object per row.
-nlohmann::ordered_json JsonOf(std::span<const Row> rows);
-
-// One table per experiment, variant and rig, and the conclusion.
-std::string TableOf(std::span<const MethodRow> rows);
+// One table per experiment, variant, rig and raster: a line per method and threshold, a column per
+// number of cameras, and times where they are known; at the end the conclusion.
+std::string TextOf(std::span<const Row> rows);
 
 // What the numbers say of §2's claim, as sentences; empty if there are not both kinds of methods
 // with all cameras on random scenes.
-std::string ConclusionOf(std::span<const MethodRow> rows);
+std::string ConclusionOf(std::span<const Row> rows);
 
-// An array with the keys of the other experiments' rows, where `preset` is the method,
-// and `voxels`, `prepare_ms`, `space_ms`, `check_us` where they are known.
-nlohmann::ordered_json JsonOf(std::span<const MethodRow> rows);
-
-// An array of objects with a line per object under a header of all their keys; empty where an
-// object has not the key, or null.
-std::string CsvOf(const nlohmann::ordered_json& rows);
+// An array with one object per row; `preset` is the method. `voxels`, `prepare_ms`, `space_ms`,
+// `check_us` where they are known.
+nlohmann::ordered_json JsonOf(std::span<const Row> rows);
 
 }  // namespace silhouette::paper

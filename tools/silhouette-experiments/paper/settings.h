@@ -9,8 +9,7 @@
 #include <string>
 #include <vector>
 
-#include "tools/silhouette-experiments/paper/arm.h"
-#include "tools/silhouette-experiments/paper/parallel_camera.h"
+#include "tools/silhouette-experiments/paper/geometry.h"
 
 namespace silhouette::paper {
 

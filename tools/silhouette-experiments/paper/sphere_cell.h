@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// The simulated cell of §4.1 with one robot, one rig of cameras and one way to raster: its robot
-// images, and what the cameras see of a scene. Cannot be changed once made; used by any number of
-// threads.
+// The simulated cell of §4.1: the arm at every configuration, scenes, and what the cameras of one
+// rig see of them. Cannot be changed once made; used by any number of threads.
 #pragma once
 
 #include <array>
@@ -58,6 +57,22 @@ class ArmTable {
   std::vector<Spheres> arms_;
 };
 
+struct SphereScene {
+  Spheres obstacles;
+  // The index of a configuration of the grid that touches no obstacle.
+  size_t current = 0;
+  // Joint values of another that touches none, off the grid.
+  std::array<double, 2> current_off_grid{};
+  // Where in the grid cell that begins at each index a test configuration off the grid lies: shares
+  // of the step.
+  std::vector<std::array<double, 2>> offsets;
+};
+
+// Random scene `number`, 0 to settings.random.count - 1. Obstacles are drawn again where they leave
+// the robot no free configuration on the grid. Throws std::invalid_argument if they always do.
+SphereScene RandomScene(const Settings& settings, const ArmTable& arms, int number);
+
+// One robot, one rig of cameras and one way to raster.
 class SphereCell {
  public:
   // `arms` must outlive the cell.

@@ -8,7 +8,6 @@
 
 #include "common/parallel/parallel.h"
 #include "tools/silhouette-experiments/paper/bulk_checker.h"
-#include "tools/silhouette-experiments/paper/scenes.h"
 #include "tools/silhouette-experiments/paper/bulk_sound_checker.h"
 #include "tools/silhouette-experiments/paper/sphere_cell.h"
 
@@ -28,9 +27,9 @@ struct RobotScenes {
     }
   }
 
-  void AddRandom(const Settings& settings, Variant variant) {
+  void AddRandom(const Settings& settings) {
     for (int i = 0; i < settings.random.count; ++i) {
-      random.push_back(RandomScene(settings, variant, i));
+      random.push_back(RandomScene(settings, arms, i));
       truth.push_back(arms.Touching(random.back().obstacles));
       off_grid_truth.push_back(
           arms.TouchingOffGrid(random.back().obstacles, random.back().offsets));
@@ -108,14 +107,12 @@ Trial TrialOf(const SphereCell& cell, const RobotScenes& scenes, const Part& par
     return {cell.LookOffGrid(scene.obstacles, scene.current_off_grid),
             cell.arms().AtJoints(scene.current_off_grid), cell.OnGrid(), scenes.truth[i]};
   }
-  const auto steps = static_cast<size_t>(cell.arms().steps());
-  const size_t current =
-      static_cast<size_t>(scene.current[0]) * steps + static_cast<size_t>(scene.current[1]);
-  std::vector<ObstacleImage> images = cell.Look(scene.obstacles, current);
+  std::vector<ObstacleImage> images = cell.Look(scene.obstacles, scene.current);
   if (part.experiment == Experiment::kRandom) {
-    return {std::move(images), cell.arms().At(current), cell.OnGrid(), scenes.truth[i]};
+    return {std::move(images), cell.arms().At(scene.current), cell.OnGrid(), scenes.truth[i]};
   }
-  return {std::move(images), cell.arms().At(current), cell.InCells(), scenes.off_grid_truth[i]};
+  return {std::move(images), cell.arms().At(scene.current), cell.InCells(),
+          scenes.off_grid_truth[i]};
 }
 
 // Whether the sound presets look at a scene.
@@ -167,6 +164,10 @@ class Measurer {
     if (sound_ != nullptr && IsForSound(sound_settings_, scenes_, part)) MeasureSound(part, trial);
   }
 
+  void Merge(const Measurer& other) {
+    for (size_t i = 0; i < tallies_.size(); ++i) tallies_[i].Merge(other.tallies_[i]);
+  }
+
   Tallies& TalliesOf(Experiment experiment) { return tallies_[static_cast<size_t>(experiment)]; }
 
  private:
@@ -202,11 +203,7 @@ class Measurer {
 
   void Add(const Part& part, Preset preset, Threshold threshold, int views,
            ConfigurationWords truth, ConfigurationWords reported) {
-    Tally& tally = TalliesOf(part.experiment).At(preset, threshold, views);
-    ++tally.samples;
-    tally.occupied.Add(Count(truth));
-    tally.additional.Add(CountWithout(reported, truth));
-    tally.missing.Add(CountWithout(truth, reported));
+    TalliesOf(part.experiment).At(preset, threshold, views).Add(truth, reported);
   }
 
   const SphereCell& cell_;
@@ -224,8 +221,8 @@ void AddRows(std::vector<Row>& rows, Row row, Tallies& tallies, const Selection&
     for (Threshold threshold : {Threshold::kAll, Threshold::kAllButOne}) {
       for (int count = 1; count <= views; ++count) {
         const Tally& tally = tallies.At(preset, threshold, count);
-        if (tally.samples == 0) continue;
-        row.preset = preset;
+        if (tally.occupied.samples == 0) continue;
+        row.method = NameOf(preset);
         row.threshold = threshold;
         row.Take(tally, count, views);
         rows.push_back(row);
@@ -236,13 +233,11 @@ void AddRows(std::vector<Row>& rows, Row row, Tallies& tallies, const Selection&
 
 }  // namespace
 
-void Counts::Take(const Tally& tally, int count, int of) {
+void Row::Take(const Tally& tally, int count, int of) {
+  static_cast<Tally&>(*this) = tally;
   views = count;
   camera_sets = static_cast<int>(SetsOf(count, of).size());
-  scenes = tally.samples / camera_sets;
-  occupied = SpreadOf(tally.occupied, tally.samples).mean;
-  additional = SpreadOf(tally.additional, tally.samples);
-  missing = SpreadOf(tally.missing, tally.samples);
+  scenes = tally.occupied.samples / camera_sets;
 }
 
 std::string NameOf(Experiment experiment) {
@@ -302,7 +297,7 @@ std::vector<Row> Measure(const Settings& settings, const Selection& selection, i
   const uint64_t cells = selection.rigs.size() * selection.rasters.size();
   for (Variant variant : selection.variants) {
     robots.emplace_back(settings, variant);
-    robots.back().AddRandom(settings, variant);
+    robots.back().AddRandom(settings);
     total += cells * PartsOf(selection, robots.back()).size();
   }
   const bool any_sound = std::any_of(selection.presets.begin(), selection.presets.end(), IsSound);
@@ -316,32 +311,22 @@ std::vector<Row> Measure(const Settings& settings, const Selection& selection, i
         RequireParkedAside(cell, robot);
         std::optional<SoundSpace> sound;
         if (any_sound) sound.emplace(cell, settings.sound);
-        std::vector<std::unique_ptr<Measurer>> measurers;
-        for (int i = 0; i < threads; ++i) {
-          measurers.push_back(std::make_unique<Measurer>(cell, sound ? &*sound : nullptr, robot,
-                                                         settings.sound, selection));
-        }
-        if (!AllDone(
-                parts.size(), threads,
-                [&](int worker, size_t i) {
-                  measurers[static_cast<size_t>(worker)]->Measure(parts[i]);
-                },
-                [&](uint64_t at) { return on_progress(before + at, total); })) {
-          return rows;
-        }
+        const auto measurer = Measured(
+            [&] {
+              return std::make_unique<Measurer>(cell, sound ? &*sound : nullptr, robot,
+                                                settings.sound, selection);
+            },
+            parts, threads, [&](uint64_t at) { return on_progress(before + at, total); });
+        if (!measurer) return rows;
         before += parts.size();
         for (Experiment experiment : selection.experiments) {
-          Tallies& all = measurers[0]->TalliesOf(experiment);
-          for (size_t i = 1; i < measurers.size(); ++i) {
-            all.Merge(measurers[i]->TalliesOf(experiment));
-          }
           Row row;
-          row.experiment = experiment;
+          row.experiment = NameOf(experiment);
           row.variant = robot.arms.variant();
           row.rig = rig;
           row.raster = raster;
           row.configurations = static_cast<int64_t>(robot.arms.size());
-          AddRows(rows, row, all, selection, cell.views());
+          AddRows(rows, row, measurer->TalliesOf(experiment), selection, cell.views());
         }
       }
     }

@@ -1,8 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 // Trials: sampled configurations and scenes with their truth, seen by every candidate camera, and
-// how good any set of the cameras is in them.
+// how good any set of the cameras is in them. Then the choice of the best sets.
 #pragma once
 
+#include <cstdint>
 #include <functional>
 #include <memory>
 #include <span>
@@ -14,9 +15,24 @@
 #include "server/collision/obstacle_image.h"
 #include "server/collision/policy.h"
 #include "tools/silhouette-experiments/placement/places.h"
-#include "tools/silhouette-experiments/placement/selection.h"
 
 namespace silhouette {
+
+// How good a set of cameras is; counts over all scenes and test configurations.
+struct Measures {
+  int64_t tested = 0;
+  int64_t occupied = 0;    // really
+  int64_t missing = 0;     // reported free, really occupied
+  int64_t additional = 0;  // reported occupied, really free
+
+  // Fewer missing are better; among equals, fewer additional.
+  bool BetterThan(const Measures& other) const {
+    return missing != other.missing ? missing < other.missing : additional < other.additional;
+  }
+};
+
+// Indices of candidates, in the order in which they were chosen.
+using CameraSet = std::vector<int>;
 
 // All joint values of the robot at a configuration of the grid.
 using PositionsAt = std::function<absl::StatusOr<std::vector<double>>(const Configuration&)>;
@@ -57,5 +73,23 @@ class Trials {
   std::vector<Eigen::Vector2d> footprint_;
   size_t configurations_ = 0;
 };
+
+// Choosing cameras: greedy, with exchange.
+
+// The measures of several sets.
+using Evaluate = std::function<std::vector<Measures>(const std::vector<CameraSet>&)>;
+
+// The best set found of one size.
+struct Selection {
+  CameraSet cameras;
+  Measures measures;
+};
+
+// For every size from 1 to `count`, at most `candidates`: the best set of the size before with the
+// best camera added to it; then, as long as that helps, one camera exchanged for another. Among
+// equals the lowest numbers win, so that the same input gives the same sets. Stops, with the sizes
+// finished by then, when `stop` says so.
+std::vector<Selection> Select(int candidates, int count, const Evaluate& evaluate,
+                              const std::function<bool()>& stop);
 
 }  // namespace silhouette

@@ -17,6 +17,8 @@
 namespace silhouette::segmentation_experiment {
 namespace {
 
+using cell_experiment::SimulatedWorkplace;
+
 constexpr double kSpread = 600;  // seconds over which the scenes lie, for drift
 
 cv::Mat MatOf(const CameraImage& image) {
@@ -129,20 +131,21 @@ Obstacle RandomObstacle(Chance& chance, Obstacles kind, double room) {
 // The cell under a condition, and the references of its cameras.
 class Photographed {
  public:
-  Photographed(const Workplace& workplace, const Condition& condition,
+  Photographed(const SimulatedWorkplace& workplace, const Condition& condition,
                const StudySettings& settings)
       : workplace_(workplace), settings_(settings) {
-    SimulationSettings simulation = workplace.simulation;
+    SimulationSettings simulation = workplace.simulation().settings();
+    simulation.boards.clear();
     // What is seen in the light's own colour: a little yellow.
     if (settings.colour) simulation.room.tint = TintOf({0.5, 0.48, 0.42});
     for (SimulatedCamera& camera : simulation.cameras) camera.colour = settings.colour;
     condition.change(simulation);
     room_ = simulation.room.brightness;
-    cell_ = std::make_unique<SimulatedCell>(workplace.robot, simulation);
+    cell_ = std::make_unique<SimulatedCell>(workplace.robot(), simulation);
     cell_->SetRobotPresent(false);
-    std::vector<std::vector<cv::Mat>> images(workplace.cameras.size());
+    std::vector<std::vector<cv::Mat>> images(workplace.cameras().size());
     for (int i = 0; i < settings.reference_images; ++i) {
-      const auto set = cell_->TakeImages(workplace.cameras);
+      const auto set = cell_->TakeImages(workplace.cameras());
       for (size_t v = 0; v < set.size(); ++v) images[v].push_back(MatOf(set[v]));
     }
     for (const auto& view : images) references_.push_back(Reference::FromImages(view));
@@ -155,12 +158,11 @@ class Photographed {
   };
   std::vector<View> Scene(int number) {
     Chance chance(settings_.seed * 1'000'003 + static_cast<uint64_t>(number));
-    std::vector<double> positions = workplace_.positions;
-    for (size_t j = 0; j < workplace_.moving.size(); ++j) {
-      const GridJoint& joint = workplace_.grid.joints()[j];
-      positions[workplace_.moving[j]] = chance.Uniform(joint.lower, joint.upper);
+    Configuration robot;
+    for (const GridJoint& joint : workplace_.cell().grid.joints()) {
+      robot.push_back(chance.Uniform(joint.lower, joint.upper));
     }
-    cell_->SetPositions(positions);
+    cell_->SetPositions(workplace_.Positions(robot));
     std::vector<Obstacle> obstacles;
     const size_t count = 1 + chance.Index(4);
     for (size_t i = 0; i < count; ++i) {
@@ -168,8 +170,8 @@ class Photographed {
     }
     cell_->SetObstacles(std::move(obstacles));
     cell_->SetTime(kSpread * number / std::max(settings_.scenes, 1));
-    const auto truths = cell_->TrueImages(workplace_.cameras);
-    const auto images = cell_->TakeImages(workplace_.cameras);
+    const auto truths = cell_->TrueImages(workplace_.cameras());
+    const auto images = cell_->TakeImages(workplace_.cameras());
     std::vector<View> views;
     for (size_t v = 0; v < images.size(); ++v) {
       const cv::Mat image = MatOf(images[v]);
@@ -181,7 +183,7 @@ class Photographed {
   const Reference& reference(size_t view) const { return references_[view]; }
 
  private:
-  const Workplace& workplace_;
+  const SimulatedWorkplace& workplace_;
   const StudySettings& settings_;
   double room_ = 0;
   std::unique_ptr<SimulatedCell> cell_;
@@ -215,7 +217,7 @@ std::vector<Method> Methods() {
           {"default, shadows: ignore", {.shadows = Shadows::kIgnore}}};
 }
 
-std::vector<Figures> Measure(const Workplace& workplace, const Condition& condition,
+std::vector<Figures> Measure(const SimulatedWorkplace& workplace, const Condition& condition,
                              std::span<const Method> methods, const StudySettings& settings,
                              const std::function<bool()>& stop) {
   Photographed cell(workplace, condition, settings);
@@ -223,12 +225,12 @@ std::vector<Figures> Measure(const Workplace& workplace, const Condition& condit
   for (int scene = 0; scene < settings.scenes && !stop(); ++scene) {
     const auto views = cell.Scene(scene);
     for (size_t v = 0; v < views.size(); ++v) {
-      const Truth mask_truth = InMask(views[v].truth, workplace.masks[v]);
+      const MaskSize size = workplace.cell().views[v].mask_size;
+      const Truth mask_truth = InMask(views[v].truth, size);
       for (size_t m = 0; m < methods.size(); ++m) {
         const cv::Mat foreground =
             Foreground(views[v].image, cell.reference(v), methods[m].settings);
-        const cv::Mat mask =
-            ImageOf(DownSample(foreground, workplace.masks[v], methods[m].settings.min_cover));
+        const cv::Mat mask = ImageOf(DownSample(foreground, size, methods[m].settings.min_cover));
         Count(views[v].truth, mask_truth, foreground, mask, figures[m]);
       }
     }
@@ -236,7 +238,7 @@ std::vector<Figures> Measure(const Workplace& workplace, const Condition& condit
   return figures;
 }
 
-Picture PictureOfScene(const Workplace& workplace, const Condition& condition,
+Picture PictureOfScene(const SimulatedWorkplace& workplace, const Condition& condition,
                        std::span<const Method> methods, const StudySettings& settings) {
   Photographed cell(workplace, condition, settings);
   const auto views = cell.Scene(0);

@@ -9,25 +9,12 @@
 #include <string>
 #include <vector>
 
-#include "calib/robot/robot_model.h"
 #include "capture/segmentation/settings.h"
 #include "capture/sim/simulation.h"
 #include "common/picture/picture.h"
-#include "db/mask/configuration_grid.h"
-#include "db/mask/mask.h"
+#include "tools/silhouette-experiments/cell/simulated_workplace.h"
 
 namespace silhouette::segmentation_experiment {
-
-// Whose images are looked at.
-struct Workplace {
-  RobotModel robot;
-  SimulationSettings simulation;
-  std::vector<size_t> cameras;    // by view: indices of the simulation's
-  std::vector<MaskSize> masks;    // by view
-  std::vector<double> positions;  // of the robot's joints, where they do not move
-  std::vector<size_t> moving;     // places of the joints that do
-  ConfigurationGrid grid;         // of these
-};
 
 // A state of light and cameras.
 struct Condition {
@@ -77,12 +64,13 @@ struct StudySettings {
 };
 
 // One row per method. `stop` is asked between scenes; then the figures are of those done.
-std::vector<Figures> Measure(const Workplace& workplace, const Condition& condition,
-                             std::span<const Method> methods, const StudySettings& settings,
-                             const std::function<bool()>& stop);
+std::vector<Figures> Measure(const cell_experiment::SimulatedWorkplace& workplace,
+                             const Condition& condition, std::span<const Method> methods,
+                             const StudySettings& settings, const std::function<bool()>& stop);
 
 // The first scene in its first view: the image, and per method what is found, false and missed.
-Picture PictureOfScene(const Workplace& workplace, const Condition& condition,
-                       std::span<const Method> methods, const StudySettings& settings);
+Picture PictureOfScene(const cell_experiment::SimulatedWorkplace& workplace,
+                       const Condition& condition, std::span<const Method> methods,
+                       const StudySettings& settings);
 
 }  // namespace silhouette::segmentation_experiment

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "tools/silhouette-experiments/cell/cause.h"
+#include "tools/silhouette-experiments/cell/explanation.h"
 
 #include <gtest/gtest.h>
 

@@ -9,8 +9,8 @@
 
 #include "server/scene/checker.h"
 #include "tests/db/store/test_cell.h"
-#include "tools/silhouette-experiments/cell/hidden_scene.h"
 #include "tools/silhouette-experiments/cell/missing_picture.h"
+#include "tools/silhouette-experiments/cell/scenes.h"
 #include "tools/silhouette-experiments/cell/trial.h"
 
 namespace silhouette::cell_experiment {

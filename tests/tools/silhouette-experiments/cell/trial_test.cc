@@ -5,7 +5,6 @@
 
 #include "tests/tools/silhouette-experiments/cell/small_workplace.h"
 #include "tools/silhouette-experiments/cell/explanation.h"
-#include "tools/silhouette-experiments/cell/study.h"
 
 namespace silhouette::cell_experiment {
 namespace {

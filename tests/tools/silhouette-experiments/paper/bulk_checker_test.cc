@@ -9,7 +9,6 @@
 #include "server/collision/collision_checker.h"
 #include "tests/tools/silhouette-experiments/paper/small_settings.h"
 #include "tools/silhouette-experiments/paper/bulk_sound_checker.h"
-#include "tools/silhouette-experiments/paper/scenes.h"
 #include "tools/silhouette-experiments/paper/sphere_cell.h"
 #include "tools/silhouette-experiments/paper/study.h"
 
@@ -152,14 +151,13 @@ TEST_F(BulkCheckerTest, IsTheSoundTestOnEveryConfigurationWithEverySetOfViews) {
   settings.sound.edge = 0.025;
   for (const Variant variant : {Variant::kPlanar, Variant::kSpatial}) {
     const ArmTable arms(settings, variant);
-    const SphereScene scene = RandomScene(settings, variant, static_cast<int>(random_() % 1000));
+    const SphereScene scene = RandomScene(settings, arms, static_cast<int>(random_() % 1000));
     const std::string rig = variant == Variant::kPlanar ? "A" : "B";
     const SphereCell cell(arms, settings.rigs.at(rig), Raster::kTouch);
     const SoundSpace sound(cell, settings.sound);
-    const auto current = static_cast<size_t>(scene.current[0] * settings.steps + scene.current[1]);
-    const std::vector<ObstacleImage> images = cell.Look(scene.obstacles, current);
-    ExpectSoundAgreement(sound, images, arms.At(current), nullptr);
-    ExpectSoundAgreement(sound, images, arms.At(current), &scene.offsets);
+    const std::vector<ObstacleImage> images = cell.Look(scene.obstacles, scene.current);
+    ExpectSoundAgreement(sound, images, arms.At(scene.current), nullptr);
+    ExpectSoundAgreement(sound, images, arms.At(scene.current), &scene.offsets);
     ExpectSoundAgreement(sound, cell.LookOffGrid(scene.obstacles, scene.current_off_grid),
                          arms.AtJoints(scene.current_off_grid), nullptr);
   }
@@ -169,12 +167,10 @@ TEST_F(BulkCheckerTest, IsTheCollisionTestOnEveryConfigurationWithEverySetOfView
   const Settings settings = SmallSettings();
   for (const Variant variant : {Variant::kPlanar, Variant::kSpatial}) {
     const ArmTable arms(settings, variant);
-    const SphereScene scene = RandomScene(settings, variant, static_cast<int>(random_() % 1000));
+    const SphereScene scene = RandomScene(settings, arms, static_cast<int>(random_() % 1000));
     for (const auto& [name, rig] : settings.rigs) {
       const SphereCell cell(arms, rig, name == "A" ? Raster::kTouch : Raster::kCentre);
-      const auto current =
-          static_cast<size_t>(scene.current[0] * settings.steps + scene.current[1]);
-      const std::vector<ObstacleImage> images = cell.Look(scene.obstacles, current);
+      const std::vector<ObstacleImage> images = cell.Look(scene.obstacles, scene.current);
       ExpectAgreement(cell, images, nullptr);
       ExpectAgreement(cell, images, &scene.offsets);
       ExpectAgreement(cell, cell.LookOffGrid(scene.obstacles, scene.current_off_grid), nullptr);
@@ -207,10 +203,8 @@ TEST_F(BulkCheckerTest, ACollisionThatOneViewSeesIsNeverMissedWithTouchedPixels)
     const SphereCell cell(arms, settings.rigs.at("A"), Raster::kTouch);
     BulkChecker bulk(cell.lines());
     for (int repeat = 0; repeat < 5; ++repeat) {
-      const SphereScene scene = RandomScene(settings, variant, static_cast<int>(random_() % 1000));
-      const std::vector<ObstacleImage> images =
-          cell.Look(scene.obstacles,
-                    static_cast<size_t>(scene.current[0] * settings.steps + scene.current[1]));
+      const SphereScene scene = RandomScene(settings, arms, static_cast<int>(random_() % 1000));
+      const std::vector<ObstacleImage> images = cell.Look(scene.obstacles, scene.current);
       bulk.Look(images, cell.OnGrid());
       const ConfigurationSet occupied = bulk.Occupied(Preset::kCalibrated, 0b1111, 4);
       for (size_t i = 0; i < arms.size(); ++i) {

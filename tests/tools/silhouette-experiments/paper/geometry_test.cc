@@ -10,7 +10,6 @@
 #include "common/yaml/strict_yaml.h"
 #include "server/collision/epipolar_bands.h"
 #include "tests/tools/silhouette-experiments/paper/small_settings.h"
-#include "tools/silhouette-experiments/paper/scenes.h"
 #include "tools/silhouette-experiments/paper/sphere_cell.h"
 
 namespace silhouette::paper {
@@ -166,7 +165,7 @@ TEST_F(Geometry, TheSetsOfTouchingConfigurationsAreThoseOfTheArms) {
   const Settings settings = SmallSettings();
   for (const Variant variant : {Variant::kPlanar, Variant::kSpatial}) {
     const ArmTable arms(settings, variant);
-    const SphereScene scene = RandomScene(settings, variant, 0);
+    const SphereScene scene = RandomScene(settings, arms, 0);
     const ConfigurationSet on = arms.Touching(scene.obstacles);
     const ConfigurationSet off = arms.TouchingOffGrid(scene.obstacles, scene.offsets);
     const double step = 2 * kPi / settings.steps;
@@ -189,9 +188,8 @@ TEST_F(Geometry, RandomScenesComeAgainAndLeaveTheRobotFree) {
   const Settings settings = SmallSettings();
   const ArmTable arms(settings, Variant::kSpatial);
   for (int number = 0; number < 20; ++number) {
-    const SphereScene scene = RandomScene(settings, Variant::kSpatial, number);
-    const auto current = static_cast<size_t>(scene.current[0] * settings.steps + scene.current[1]);
-    EXPECT_FALSE(Touch(arms.At(current), scene.obstacles));
+    const SphereScene scene = RandomScene(settings, arms, number);
+    EXPECT_FALSE(Touch(arms.At(scene.current), scene.obstacles));
     EXPECT_FALSE(Touch(arms.AtJoints(scene.current_off_grid), scene.obstacles));
     EXPECT_GE(scene.obstacles.size(), 1u);
     EXPECT_LE(scene.obstacles.size(), 5u);
@@ -199,7 +197,7 @@ TEST_F(Geometry, RandomScenesComeAgainAndLeaveTheRobotFree) {
       EXPECT_GE(sphere.radius, 0.06);
       EXPECT_LE(sphere.radius, 0.20);
     }
-    const SphereScene again = RandomScene(settings, Variant::kSpatial, number);
+    const SphereScene again = RandomScene(settings, arms, number);
     EXPECT_EQ(again.obstacles[0].centre, scene.obstacles[0].centre);
     EXPECT_EQ(again.current, scene.current);
   }
@@ -208,7 +206,8 @@ TEST_F(Geometry, RandomScenesComeAgainAndLeaveTheRobotFree) {
 TEST_F(Geometry, ObstaclesThatAlwaysBlockTheRobotAreAMistake) {
   Settings settings = SmallSettings();
   settings.random.radius = {2, 2};
-  EXPECT_THROW(RandomScene(settings, Variant::kPlanar, 0), std::invalid_argument);
+  const ArmTable arms(settings, Variant::kPlanar);
+  EXPECT_THROW(RandomScene(settings, arms, 0), std::invalid_argument);
 }
 
 }  // namespace

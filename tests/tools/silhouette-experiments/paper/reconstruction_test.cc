@@ -4,7 +4,9 @@
 #include <gtest/gtest.h>
 
 #include <map>
+#include <nlohmann/json.hpp>
 
+#include "common/result/result.h"
 #include "tests/tools/silhouette-experiments/paper/small_settings.h"
 #include "tools/silhouette-experiments/paper/reconstruction.h"
 #include "tools/silhouette-experiments/paper/report.h"
@@ -26,8 +28,8 @@ Selection ReconstructionEverything() {
   return {{}, {Variant::kPlanar, Variant::kSpatial}, {"A", "B"}, {Raster::kTouch}, AllPresets()};
 }
 
-const std::vector<MethodRow>& Rows() {
-  static const std::vector<MethodRow> rows =
+const std::vector<Row>& Rows() {
+  static const std::vector<Row> rows =
       CompareWithReconstruction(Small(), ReconstructionEverything(), 2, kReconstructionGoOn);
   return rows;
 }
@@ -35,28 +37,28 @@ const std::vector<MethodRow>& Rows() {
 TEST(Reconstruction, HasARowPerExperimentRobotRigMethodAndNumberOfCameras) {
   // Three hulls with two sizes of voxels, four presets.
   EXPECT_EQ(Rows().size(), 2u * 2 * 2 * (3 * 2 + 4) * 4);
-  for (const MethodRow& row : Rows()) {
+  for (const Row& row : Rows()) {
     EXPECT_EQ(row.scenes, row.experiment == "reconstruction_figure7" ? 1 : 3);
     EXPECT_EQ(row.configurations, 144);
     EXPECT_EQ(row.times.has_value(), row.views == 4);
-    EXPECT_LE(row.additional.mean + row.occupied, 144);
+    EXPECT_LE(row.additional.mean() + row.occupied.mean(), 144);
   }
 }
 
 TEST(Reconstruction, TheCollisionTestSaysWhatTheTestOfAllConfigurationsAtOnceSays) {
-  for (const MethodRow& row : Rows()) EXPECT_EQ(row.disagreements, 0) << row.method;
+  for (const Row& row : Rows()) EXPECT_EQ(row.disagreements, 0) << row.method;
 }
 
 TEST(Reconstruction, ABodyTakenOutOfTheHullLeavesWhatBlocksItAndMissesNothing) {
-  for (const MethodRow& row : Rows()) {
+  for (const Row& row : Rows()) {
     if (row.method != "hull-minus-body") continue;
     EXPECT_EQ(row.missing.greatest, 0);
-    EXPECT_EQ(row.additional.mean + row.occupied, 144);
+    EXPECT_EQ(row.additional.mean() + row.occupied.mean(), 144);
   }
 }
 
 TEST(Reconstruction, MissesNothingOfAnUnoccludedScene) {
-  for (const MethodRow& row : Rows()) {
+  for (const Row& row : Rows()) {
     if (row.experiment == "reconstruction_figure7") {
       EXPECT_EQ(row.missing.greatest, 0) << row.method;
     }
@@ -67,21 +69,21 @@ TEST(Reconstruction, MissesNothingOfAnUnoccludedScene) {
 // obstacle in every view; with one camera as with more.
 TEST(Reconstruction, FinerVoxelsBlockNoMore) {
   std::map<std::string, double> coarse;
-  const auto key = [](const MethodRow& row) {
+  const auto key = [](const Row& row) {
     return row.experiment + NameOf(row.variant) + row.rig + row.method + std::to_string(row.views);
   };
-  for (const MethodRow& row : Rows()) {
-    if (row.voxels == 24) coarse[key(row)] = row.additional.mean;
+  for (const Row& row : Rows()) {
+    if (row.voxels == 24) coarse[key(row)] = row.additional.mean();
   }
-  for (const MethodRow& row : Rows()) {
+  for (const Row& row : Rows()) {
     if (row.voxels == 48) {
-      EXPECT_LE(row.additional.mean, coarse.at(key(row))) << row.method;
+      EXPECT_LE(row.additional.mean(), coarse.at(key(row))) << row.method;
     }
   }
 }
 
 TEST(Reconstruction, ButForTheTimesRowsDoNotDependOnTheNumberOfThreads) {
-  const auto without_times = [](const std::vector<MethodRow>& rows) {
+  const auto without_times = [](const std::vector<Row>& rows) {
     nlohmann::ordered_json array = JsonOf(rows);
     for (auto& row : array) {
       for (const char* key : {"prepare_ms", "space_ms", "check_us"}) row.erase(key);
@@ -119,9 +121,9 @@ TEST(Reconstruction, CsvHasAColumnForEveryKeyAndLeavesTheUnknownEmpty) {
   EXPECT_EQ(CsvOf(rows), "preset,views,check_us\npaper,1,\nhull,2,0.5\n");
 }
 
-MethodRow RowOf(const std::string& method, int voxels, double additional, double missing,
-                MethodTimes times) {
-  MethodRow row;
+Row RowOf(const std::string& method, int voxels, int64_t additional, int64_t missing,
+          MethodTimes times) {
+  Row row;
   row.experiment = "reconstruction";
   row.rig = "A";
   row.method = method;
@@ -129,15 +131,15 @@ MethodRow RowOf(const std::string& method, int voxels, double additional, double
   row.views = 4;
   row.scenes = 1;
   row.configurations = 1000;
-  row.occupied = 200;
-  row.additional.mean = additional;
-  row.missing.mean = missing;
+  row.occupied.Add(200);
+  row.additional.Add(additional);
+  row.missing.Add(missing);
   row.times = times;
   return row;
 }
 
 TEST(Reconstruction, TheConclusionIsThatOfTheNumbers) {
-  const std::vector<MethodRow> rows = {
+  const std::vector<Row> rows = {
       RowOf("hull-minus-body", 64, 800, 0, {1e-3, 1, 1e-6}),
       RowOf("hull-minus-body", 128, 600, 0, {8e-3, 1, 1e-6}),
       RowOf("hull-minus-robot-hull", 128, 300, 5, {8e-3, 1, 1e-6}),

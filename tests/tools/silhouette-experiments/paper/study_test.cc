@@ -41,11 +41,11 @@ TEST(PaperStudy, Figure7IsThatOfAnIndependentSimulation) {
   for (const Row& row : rows) {
     if (row.threshold != Threshold::kAll) continue;
     const int touch = row.raster == Raster::kTouch ? 1 : 0;
-    EXPECT_NEAR(Percent(row.additional.mean, row.configurations), additional[touch][row.views - 1],
-                0.0051);
-    EXPECT_NEAR(Percent(row.missing.mean, row.configurations), missing[touch][row.views - 1],
+    EXPECT_NEAR(Percent(row.additional.mean(), row.configurations),
+                additional[touch][row.views - 1], 0.0051);
+    EXPECT_NEAR(Percent(row.missing.mean(), row.configurations), missing[touch][row.views - 1],
                 0.001);
-    EXPECT_NEAR(Percent(row.occupied, row.configurations), 13.73, 0.0051);
+    EXPECT_NEAR(Percent(row.occupied.mean(), row.configurations), 13.73, 0.0051);
     ++compared;
   }
   EXPECT_EQ(compared, 8);
@@ -66,13 +66,13 @@ TEST(PaperStudy, MeansLieWithinTheirRanges) {
        Measure(SmallSettings(), StudyEverything(AllExperiments(), {Preset::kCalibrated}), 2,
                kStudyGoOn)) {
     for (const Spread& spread : {row.additional, row.missing}) {
-      EXPECT_LE(static_cast<double>(spread.least), spread.mean);
-      EXPECT_GE(static_cast<double>(spread.greatest), spread.mean);
+      EXPECT_LE(static_cast<double>(spread.least), spread.mean());
+      EXPECT_GE(static_cast<double>(spread.greatest), spread.mean());
     }
-    EXPECT_LE(row.additional.mean + row.occupied, static_cast<double>(row.configurations));
-    EXPECT_EQ(row.scenes, row.experiment == Experiment::kFigure7           ? 1
-                          : row.experiment == Experiment::kFigure7Occluded ? row.scenes
-                                                                           : 3);
+    EXPECT_LE(row.additional.mean() + row.occupied.mean(), static_cast<double>(row.configurations));
+    EXPECT_EQ(row.scenes, row.experiment == "figure7"            ? 1
+                          : row.experiment == "figure7_occluded" ? row.scenes
+                                                                 : 3);
   }
 }
 
@@ -98,7 +98,7 @@ TEST(PaperStudy, TheSoundPresetsMissNothingWithAnyCamerasWhenPixelsAreTouched) {
                                 2, kStudyGoOn)) {
     EXPECT_EQ(row.threshold, Threshold::kAll);
     if (row.raster != Raster::kTouch) continue;
-    EXPECT_EQ(row.missing.greatest, 0) << NameOf(row.experiment) << ", " << row.views << " views";
+    EXPECT_EQ(row.missing.greatest, 0) << row.experiment << ", " << row.views << " views";
     ++compared;
   }
   EXPECT_EQ(compared, 4 * 2 * 2 * 2 * 4);

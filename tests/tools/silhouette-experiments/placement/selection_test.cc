@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "tools/silhouette-experiments/placement/selection.h"
+#include "tools/silhouette-experiments/placement/trials.h"
 
 #include <gtest/gtest.h>
 

@@ -4,24 +4,28 @@
 
 #include <gtest/gtest.h>
 
+#include <fstream>
+
+#include "tests/test_folder.h"
+
 namespace silhouette::segmentation_experiment {
 namespace {
 
-const std::string kFolder = std::string(SILHOUETTE_SOURCE_DIR) + "/capture/sim/";
-
-Workplace Demo() {
-  const auto simulation = LoadSimulation(kFolder + "cells/demo/simulation.yaml");
-  const auto robot = RobotModel::FromUrdf(kFolder + "robots/rx130.urdf", {});
-  Workplace workplace{
-      .robot = robot.value(),
-      .simulation = simulation.value(),
-      .cameras = {0, 3},
-      .masks = {{64, 64}, {64, 64}},
-      .positions = std::vector<double>(robot->joints().size()),
-      .moving = {*robot->JointIndex("joint_1")},
-      .grid = ConfigurationGrid({{.name = "joint_1", .lower = -2.6, .upper = 2.6, .steps = 53}})};
-  workplace.simulation.boards.clear();
-  return workplace;
+// Two views of the demo's cell, and one joint that moves.
+cell_experiment::SimulatedWorkplace Demo() {
+  const std::string sim = SILHOUETTE_SOURCE_DIR "/capture/sim/";
+  const std::string file = TestFolder() / "cell.yaml";
+  std::ofstream(file) << "name: demo\nsimulation: " << sim << "cells/demo/simulation.yaml\n"
+                      << "robot:\n  driver: sim\n  urdf: " << sim << "robots/rx130.urdf\n"
+                      << "  joints: [{name: joint_1, lower: -2.6, upper: 2.6}]\n"
+                      << "  fixed: {joint_2: 0, joint_3: 0, joint_4: 0, joint_5: 0, joint_6: 0}\n"
+                      << "grid: {steps: {joint_1: 53}}\n"
+                      << "views:\n";
+  for (const char* view : {"top", "top_right"}) {
+    std::ofstream(file, std::ios::app)
+        << "  - {name: " << view << ", source: sim, image_size: [320, 240], mask_size: [64, 64]}\n";
+  }
+  return cell_experiment::SimulatedWorkplace::Load(file).value();
 }
 
 std::vector<Figures> MeasureDemo(bool colour, const Condition& condition) {

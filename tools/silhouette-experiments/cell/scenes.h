@@ -1,14 +1,14 @@
 // SPDX-License-Identifier: Apache-2.0
-// Scenes by chance: what stands in the cell, and where the robot is. The same seed gives the same
+// Random scenes: what stands in the cell, and where the robot is. The same seed gives the same
 // scenes.
 #pragma once
 
 #include <Eigen/Geometry>
 #include <cstdint>
+#include <optional>
 #include <random>
 #include <vector>
 
-#include "absl/status/statusor.h"
 #include "capture/sim/obstacles.h"
 #include "db/mask/configuration_grid.h"
 #include "tools/silhouette-experiments/cell/simulated_workplace.h"
@@ -52,5 +52,13 @@ Configuration RandomConfiguration(Chance& chance, const ConfigurationGrid& grid,
 // Scene `number` of `seed`; the robot stands on a grid point in every other scene.
 RandomScene MakeRandomScene(const SimulatedWorkplace& workplace, const Eigen::AlignedBox3d& box,
                             uint64_t seed, int number);
+
+// A scene with one obstacle, a ball, where the robot hides it from all views. `radius`: of the ball
+// at least, metres; it is up to a quarter larger. The robot stands on a grid point, touches
+// nothing, and is on the line of sight to every point of the ball in every view; some
+// configurations of the grid touch it. Nothing if no such place was found, in a search that takes
+// seconds.
+std::optional<RandomScene> MakeHiddenScene(const SimulatedWorkplace& workplace, double radius,
+                                           uint64_t seed, int number);
 
 }  // namespace silhouette::cell_experiment
