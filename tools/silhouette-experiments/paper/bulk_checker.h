@@ -1,16 +1,17 @@
 // SPDX-License-Identifier: Apache-2.0
-// Collision checking of all configurations and with all sets of cameras at once.
+// Collision checking of all configurations, and with all sets of cameras, at once.
 //
-// Table 2 cuts the obstacle image with the test robot image, and Table 3 looks along the epipolar
-// lines: what is found there is a statement per configuration, hence a set of configurations. The
-// sets of a few hundred pixels, joined and met, are the verdicts on the whole configuration space.
-// They are those of server/collision/collision_checker.h, configuration by configuration, with the
-// views of the set alone; a test compares them.
+// Table 2 cuts the obstacle image with the test robot image, and Table 3 searches the epipolar
+// lines. What is found there holds for a set of configurations. The verdicts on the whole
+// configuration space are unions and intersections of such sets, a few hundred pixels' worth. They
+// are those of server/collision/collision_checker.h with the views of the set alone; a test
+// compares every configuration.
 //
-// The product is not called here because the experiment asks 15 sets of cameras and two thresholds
-// of 40,000 scenes. Its whole-space check by the collision index (server/collision/space_checker.h)
-// takes 13 ms of `calibrated` for one set and threshold, this takes 0.1 ms; of `sound` it takes 33
-// ms, bulk_sound_checker.h takes 2.5 ms. The default run would take hours instead of minutes.
+// The product's checker does not serve here: it checks one set of cameras at a time, and the
+// experiment asks for 15 sets in 40,000 scenes. Its whole-space check (space_checker.h) takes 13 ms
+// for `calibrated` with four cameras, because the planes leave 4187 of 5184 configurations open;
+// this takes 0.1 ms. For `sound` it takes 33 ms, bulk_sound_checker.h takes 2.5 ms. The default run
+// would take an estimated 45 minutes on two cores instead of 3.5.
 #pragma once
 
 #include <array>
