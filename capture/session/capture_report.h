@@ -56,7 +56,4 @@ struct CaptureReport {
   bool complete() const { return status.ok() && alarm.empty() && captured == planned; }
 };
 
-// Whether a pixel at the image's border is set.
-bool TouchesBorder(const Mask& mask);
-
 }  // namespace silhouette

@@ -214,6 +214,16 @@ size_t CountCommon(MaskWords a, MaskWords b) {
   return count;
 }
 
+bool TouchesBorder(const Mask& mask) {
+  for (int x = 0; x < mask.width(); ++x) {
+    if (mask.at(x, 0) || mask.at(x, mask.height() - 1)) return true;
+  }
+  for (int y = 0; y < mask.height(); ++y) {
+    if (mask.at(0, y) || mask.at(mask.width() - 1, y)) return true;
+  }
+  return false;
+}
+
 Mask Core(const Mask& mask) {
   if (mask.words().empty()) return mask;
   return Mask::FromPredicate(mask.size(), [&](int x, int y) {

@@ -91,6 +91,9 @@ bool Intersects(MaskWords a, MaskWords b);
 // Number of bits set in both. The spans have the same length. Never allocates.
 size_t CountCommon(MaskWords a, MaskWords b);
 
+// Whether a pixel at the image's border is set.
+bool TouchesBorder(const Mask& mask);
+
 // The pixels that are set together with all their neighbours (3 x 3; pixels outside the image count
 // as set): what is left of a plane without its rims.
 Mask Core(const Mask& mask);

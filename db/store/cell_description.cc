@@ -21,6 +21,8 @@ using storage::v1::CellDescription;
 // Joint values that differ by less are the same.
 constexpr double kSameValue = 1e-9;
 
+std::string Quoted(const std::string& name) { return absl::StrCat("'", name, "'"); }
+
 // Collects sentences "<thing>: <property> is <x> in <a>, <y> in <b>".
 class Comparison {
  public:
@@ -49,6 +51,15 @@ class Comparison {
     Text(thing, property, a_text, b_text);
   }
 
+  // Whether the things number `i` of both have one name; a sentence if not.
+  template <typename Things>
+  bool SameName(const std::string& kind, int i, const Things& a, const Things& b) {
+    const std::string a_name = i < a.size() ? Quoted(a[i].name()) : "missing";
+    const std::string b_name = i < b.size() ? Quoted(b[i].name()) : "missing";
+    Text(absl::StrCat(kind, " ", i + 1), "name", a_name, b_name);
+    return a_name == b_name;
+  }
+
   std::vector<std::string> Take() { return std::move(sentences_); }
 
  private:
@@ -57,26 +68,13 @@ class Comparison {
   std::vector<std::string> sentences_;
 };
 
-std::string CellDescriptionQuoted(const std::string& name) { return absl::StrCat("'", name, "'"); }
-
-std::string MissingOr(bool there, const std::string& text) { return there ? text : "missing"; }
-
 void CompareGrids(const CellDescription& a, const CellDescription& b, Comparison& comparison) {
   const int joints = std::max(a.grid_joints_size(), b.grid_joints_size());
   for (int j = 0; j < joints; ++j) {
-    const bool in_a = j < a.grid_joints_size();
-    const bool in_b = j < b.grid_joints_size();
-    const std::string a_name = in_a ? a.grid_joints(j).name() : "";
-    const std::string b_name = in_b ? b.grid_joints(j).name() : "";
-    if (a_name != b_name) {
-      comparison.Text(absl::StrCat("grid joint ", j + 1), "name",
-                      MissingOr(in_a, CellDescriptionQuoted(a_name)),
-                      MissingOr(in_b, CellDescriptionQuoted(b_name)));
-      continue;
-    }
+    if (!comparison.SameName("grid joint", j, a.grid_joints(), b.grid_joints())) continue;
     const storage::v1::GridJoint& x = a.grid_joints(j);
     const storage::v1::GridJoint& y = b.grid_joints(j);
-    const std::string joint = "joint " + CellDescriptionQuoted(a_name);
+    const std::string joint = "joint " + Quoted(x.name());
     comparison.Value(joint, "lower", x.lower(), y.lower());
     comparison.Value(joint, "upper", x.upper(), y.upper());
     comparison.Whole(joint, "steps", x.steps(), y.steps());
@@ -87,7 +85,7 @@ void CompareGrids(const CellDescription& a, const CellDescription& b, Comparison
   const absl::StatusOr<ConfigurationGrid> b_grid = GridOf(b);
   if (!a_grid.ok() || !b_grid.ok() || a_grid->dimensions() != b_grid->dimensions()) return;
   for (int j = 0; j < a_grid->dimensions(); ++j) {
-    comparison.Whole("joint " + CellDescriptionQuoted(a.grid_joints(j).name()), "tile edge",
+    comparison.Whole("joint " + Quoted(a.grid_joints(j).name()), "tile edge",
                      a_grid->tile_edges()[static_cast<size_t>(j)],
                      b_grid->tile_edges()[static_cast<size_t>(j)]);
   }
@@ -108,18 +106,18 @@ void CompareFixedJoints(const CellDescription& a, const CellDescription& b,
   for (const auto& [name, position] : either) {
     const bool in_a = x.contains(name);
     const bool in_b = y.contains(name);
-    const std::string joint = "fixed joint " + CellDescriptionQuoted(name);
+    const std::string joint = "fixed joint " + Quoted(name);
     if (in_a && in_b) {
       comparison.Value(joint, "position", x.at(name), y.at(name));
     } else {
       same_names = false;
-      comparison.Text(joint, "position", MissingOr(in_a, absl::StrCat(position)),
-                      MissingOr(in_b, absl::StrCat(position)));
+      comparison.Text(joint, "position", in_a ? absl::StrCat(position) : "missing",
+                      in_b ? absl::StrCat(position) : "missing");
     }
   }
   const auto order_of = [](const CellDescription& cell) {
     return absl::StrJoin(cell.fixed_joints(), ", ", [](std::string* out, const auto& joint) {
-      out->append(CellDescriptionQuoted(joint.name()));
+      out->append(Quoted(joint.name()));
     });
   };
   if (same_names) comparison.Text("fixed joints", "order", order_of(a), order_of(b));
@@ -129,19 +127,10 @@ std::string SizeText(int width, int height) { return absl::StrCat(width, "x", he
 
 void CompareViews(const CellDescription& a, const CellDescription& b, Comparison& comparison) {
   for (int i = 0; i < std::max(a.views_size(), b.views_size()); ++i) {
-    const bool in_a = i < a.views_size();
-    const bool in_b = i < b.views_size();
-    const std::string a_name = in_a ? a.views(i).name() : "";
-    const std::string b_name = in_b ? b.views(i).name() : "";
-    if (a_name != b_name) {
-      comparison.Text(absl::StrCat("view ", i + 1), "name",
-                      MissingOr(in_a, CellDescriptionQuoted(a_name)),
-                      MissingOr(in_b, CellDescriptionQuoted(b_name)));
-      continue;
-    }
+    if (!comparison.SameName("view", i, a.views(), b.views())) continue;
     const storage::v1::View& x = a.views(i);
     const storage::v1::View& y = b.views(i);
-    const std::string view = "view " + CellDescriptionQuoted(a_name);
+    const std::string view = "view " + Quoted(x.name());
     comparison.Text(view, "mask size", SizeText(x.mask_width(), x.mask_height()),
                     SizeText(y.mask_width(), y.mask_height()));
     const bool both_have_images = x.image_width() > 0 && y.image_width() > 0;
@@ -211,7 +200,7 @@ absl::StatusOr<std::vector<MaskSize>> MaskSizesOf(const CellDescription& cell) {
 std::vector<std::string> Differences(const CellDescription& a, const std::string& a_name,
                                      const CellDescription& b, const std::string& b_name) {
   Comparison comparison(a_name, b_name);
-  comparison.Text("cell", "name", CellDescriptionQuoted(a.name()), CellDescriptionQuoted(b.name()));
+  comparison.Text("cell", "name", Quoted(a.name()), Quoted(b.name()));
   CompareGrids(a, b, comparison);
   CompareFixedJoints(a, b, comparison);
   CompareViews(a, b, comparison);

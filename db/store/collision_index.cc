@@ -99,27 +99,18 @@ absl::Status CollisionIndex::ReadHeads() {
   const std::optional<MDB_dbi> database =
       environment.Find(snapshot_->impl_->state->places.collision_index);
   if (!database) return absl::OkStatus();
-  MDB_txn* transaction = snapshot_->impl_->transaction();
   const auto hold = environment.HoldMap();
-  MDB_stat stat;
-  MDB_cursor* cursor = nullptr;
-  int code = mdb_cursor_open(transaction, *database, &cursor);
-  if (code == EINVAL) return absl::OkStatus();  // made after the snapshot
-  if (code != 0) return environment.ReadError(code);
-  mdb_env_stat(environment.get(), &stat);
-  MDB_val key;
-  MDB_val shown;
-  for (code = mdb_cursor_get(cursor, &key, &shown, MDB_FIRST); code == 0;
-       code = mdb_cursor_get(cursor, &key, &shown, MDB_NEXT)) {
-    const std::optional<uint64_t> tile = schema::DecodeKey(FromVal(key));
-    if (!tile || *tile >= snapshot_->impl_->state->grid.tiles()) continue;
-    Entry& entry = EntryOf(*tile);
-    entry.header = TileHeaderIn(FromVal(shown)).value_or(TileHeader());
-    entry.value = file_->Find(FromVal(shown), stat.ms_psize);
-    entry.bytes = shown.mv_size;
-  }
-  mdb_cursor_close(cursor);
-  return code == MDB_NOTFOUND ? absl::OkStatus() : environment.ReadError(code);
+  return environment.ForEachEntry(snapshot_->impl_->transaction(), *database, "",
+                                  [&](std::string_view key, std::string_view shown) {
+                                    const std::optional<uint64_t> tile = schema::DecodeKey(key);
+                                    if (!tile || *tile >= snapshot_->impl_->state->grid.tiles())
+                                      return true;
+                                    Entry& entry = EntryOf(*tile);
+                                    entry.header = TileHeaderIn(shown).value_or(TileHeader());
+                                    entry.value = file_->Find(shown, environment.PageSize());
+                                    entry.bytes = shown.size();
+                                    return true;
+                                  });
 }
 
 absl::Status CollisionIndex::ReadDigests() {

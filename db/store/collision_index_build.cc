@@ -104,20 +104,13 @@ absl::Status IndexBuild::FindTiles() {
     tiles.insert(tile);
   }
   const auto hold = environment_.HoldMap();
-  MDB_stat stat;
-  MDB_cursor* cursor = nullptr;
-  int code = mdb_stat(transaction.get(), collision_index_, &stat);
-  if (code == 0) code = mdb_cursor_open(transaction.get(), collision_index_, &cursor);
-  if (code != 0) return environment_.ReadError(code);
-  page_size_ = stat.ms_psize;
-  MDB_val key;
-  for (code = mdb_cursor_get(cursor, &key, nullptr, MDB_FIRST); code == 0;
-       code = mdb_cursor_get(cursor, &key, nullptr, MDB_NEXT)) {
-    const std::optional<uint64_t> tile = schema::DecodeKey(FromVal(key));
-    if (tile && *tile < limit) tiles.insert(*tile);
-  }
-  mdb_cursor_close(cursor);
-  if (code != MDB_NOTFOUND) return environment_.ReadError(code);
+  page_size_ = environment_.PageSize();
+  RETURN_IF_ERROR(environment_.ForEachEntry(transaction.get(), collision_index_, "",
+                                            [&](std::string_view key, std::string_view) {
+                                              const auto tile = schema::DecodeKey(key);
+                                              if (tile && *tile < limit) tiles.insert(*tile);
+                                              return true;
+                                            }));
   tiles_.assign(tiles.begin(), tiles.end());
   return absl::OkStatus();
 }

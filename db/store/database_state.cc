@@ -87,11 +87,20 @@ absl::StatusOr<std::vector<MDB_dbi>> OtherVariants(Environment& environment) {
   return found;
 }
 
-absl::Status AddProvenance(const Environment& environment, WriteTransaction& transaction,
-                           const storage::v1::Provenance& entry) {
-  ASSIGN_OR_RETURN(storage::v1::ProvenanceLog log, ReadProvenance(environment, transaction.get()));
-  *log.add_entries() = entry;
-  return WriteMeta(environment, transaction, schema::kProvenanceKey, log.SerializeAsString());
+absl::Status Change(const DatabaseState& state, size_t new_bytes,
+                    const storage::v1::Provenance& entry, const Environment::Change& write) {
+  Environment& environment = *state.environment;
+  return environment.Update(new_bytes, [&](WriteTransaction& transaction) -> absl::Status {
+    RETURN_IF_ERROR(write(transaction));
+    if (!entry.program().empty()) {
+      ASSIGN_OR_RETURN(storage::v1::ProvenanceLog log,
+                       ReadProvenance(environment, transaction.get()));
+      *log.add_entries() = entry;
+      RETURN_IF_ERROR(
+          WriteMeta(environment, transaction, schema::kProvenanceKey, log.SerializeAsString()));
+    }
+    return RaiseGeneration(environment, transaction);
+  });
 }
 
 storage::v1::Provenance NewProvenance(absl::Time time, const std::string& program,

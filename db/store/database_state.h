@@ -111,10 +111,12 @@ absl::Status RaiseGeneration(const Environment& environment, WriteTransaction& t
 absl::StatusOr<storage::v1::ProvenanceLog> ReadProvenance(const Environment& environment,
                                                           MDB_txn* transaction);
 
-absl::Status AddProvenance(const Environment& environment, WriteTransaction& transaction,
-                           const storage::v1::Provenance& entry);
-
 storage::v1::Provenance NewProvenance(absl::Time time, const std::string& program,
                                       uint64_t robot_images);
+
+// Runs `write` as one change (Environment::Update), which raises the generation. `entry` goes into
+// the provenance log unless it names no program.
+absl::Status Change(const DatabaseState& state, size_t new_bytes,
+                    const storage::v1::Provenance& entry, const Environment::Change& write);
 
 }  // namespace silhouette

@@ -11,6 +11,7 @@
 #include <utility>
 
 #include "absl/strings/str_cat.h"
+#include "db/status/status_macros.h"
 
 namespace silhouette {
 namespace {
@@ -57,7 +58,7 @@ absl::Status LmdbError(int code, const std::string& what) {
     case MDB_VERSION_MISMATCH:
       return absl::FailedPreconditionError(what + ": another version of LMDB made it");
     case MDB_PANIC:
-      return absl::DataLossError(what + ": an earlier error left it unusable; open it anew");
+      return absl::DataLossError(what + ": an earlier error left it unusable; open it again");
     default:
       return absl::InternalError(absl::StrCat(what, ": ", mdb_strerror(code)));
   }
@@ -79,29 +80,11 @@ std::optional<uint64_t> PlaceInFile(std::string_view shown, size_t page_size) {
   return head.number * page_size + in_page;
 }
 
-ReadTransaction::ReadTransaction(std::shared_ptr<Environment> environment, MDB_txn* transaction)
-    : environment_(std::move(environment)), transaction_(transaction) {}
-
-ReadTransaction::ReadTransaction(ReadTransaction&& other) noexcept
-    : environment_(std::move(other.environment_)),
-      transaction_(std::exchange(other.transaction_, nullptr)) {}
-
-ReadTransaction& ReadTransaction::operator=(ReadTransaction&& other) noexcept {
-  std::swap(environment_, other.environment_);
-  std::swap(transaction_, other.transaction_);
-  return *this;
-}
-
-ReadTransaction::~ReadTransaction() {
-  if (transaction_ != nullptr) mdb_txn_abort(transaction_);
-}
-
-void ReadTransaction::Reset() { mdb_txn_reset(transaction_); }
+void ReadTransaction::Reset() { mdb_txn_reset(get()); }
 
 absl::Status ReadTransaction::Renew() {
   Environment::MapHold hold = environment_->HoldMap();
-  const int code =
-      environment_->BeginPatiently([this] { return mdb_txn_renew(transaction_); }, hold);
+  const int code = environment_->BeginPatiently([this] { return mdb_txn_renew(get()); }, hold);
   return code == 0 ? absl::OkStatus() : environment_->ReadError(code);
 }
 
@@ -166,16 +149,18 @@ int Environment::BeginPatiently(const std::function<int()>& begin, MapHold& hold
   return code;
 }
 
-int Environment::BeginReading(MDB_txn** transaction) {
+absl::StatusOr<Transaction> Environment::BeginReading() {
   MapHold hold = HoldMap();
-  return BeginPatiently(
-      [&] { return mdb_txn_begin(environment_, nullptr, MDB_RDONLY, transaction); }, hold);
+  MDB_txn* begun = nullptr;
+  const int code = BeginPatiently(
+      [&] { return mdb_txn_begin(environment_, nullptr, MDB_RDONLY, &begun); }, hold);
+  if (code != 0) return ReadError(code);
+  return Transaction(begun);
 }
 
 absl::StatusOr<ReadTransaction> Environment::Read() {
-  MDB_txn* transaction = nullptr;
-  if (const int code = BeginReading(&transaction); code != 0) return ReadError(code);
-  return ReadTransaction(shared_from_this(), transaction);
+  ASSIGN_OR_RETURN(Transaction transaction, BeginReading());
+  return ReadTransaction(shared_from_this(), std::move(transaction));
 }
 
 absl::StatusOr<std::optional<std::string_view>> Environment::Get(MDB_txn* transaction,
@@ -189,6 +174,29 @@ absl::StatusOr<std::optional<std::string_view>> Environment::Get(MDB_txn* transa
   return std::optional(FromVal(value));
 }
 
+absl::Status Environment::ForEachEntry(
+    MDB_txn* transaction, MDB_dbi database, std::string_view from,
+    const std::function<bool(std::string_view key, std::string_view value)>& visit) const {
+  MDB_cursor* cursor = nullptr;
+  int code = mdb_cursor_open(transaction, database, &cursor);
+  if (code == EINVAL) return absl::OkStatus();
+  if (code != 0) return ReadError(code);
+  MDB_val key = ToVal(from);
+  MDB_val value;
+  code = mdb_cursor_get(cursor, &key, &value, from.empty() ? MDB_FIRST : MDB_SET_RANGE);
+  while (code == 0 && visit(FromVal(key), FromVal(value))) {
+    code = mdb_cursor_get(cursor, &key, &value, MDB_NEXT);
+  }
+  mdb_cursor_close(cursor);
+  return code == 0 || code == MDB_NOTFOUND ? absl::OkStatus() : ReadError(code);
+}
+
+size_t Environment::PageSize() const {
+  MDB_stat stat;
+  mdb_env_stat(environment_, &stat);
+  return stat.ms_psize;
+}
+
 absl::Status Environment::Update(size_t new_bytes, const Change& change) {
   const std::lock_guard one_at_a_time(update_mutex_);
   for (;;) {
@@ -198,8 +206,7 @@ absl::Status Environment::Update(size_t new_bytes, const Change& change) {
     MDB_envinfo info;
     mdb_env_info(environment_, &info);
     const size_t wanted = std::max(2 * info.me_mapsize, info.me_mapsize + 4 * new_bytes);
-    status = Resize((wanted + kMapStep - 1) / kMapStep * kMapStep);
-    if (!status.ok()) return status;
+    RETURN_IF_ERROR(Resize((wanted + kMapStep - 1) / kMapStep * kMapStep));
   }
 }
 

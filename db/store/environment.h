@@ -16,6 +16,7 @@
 #include <shared_mutex>
 #include <string>
 #include <string_view>
+#include <utility>
 
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
@@ -49,14 +50,18 @@ absl::Status CheckPages(int file, const std::string& name, uint64_t transaction)
 
 class Environment;
 
+struct EndTransaction {
+  void operator()(MDB_txn* transaction) const { mdb_txn_abort(transaction); }
+};
+using Transaction = std::unique_ptr<MDB_txn, EndTransaction>;
+
 // A read transaction. Pages that it may need are not reused while it is active.
 class ReadTransaction {
  public:
-  ReadTransaction(ReadTransaction&& other) noexcept;
-  ReadTransaction& operator=(ReadTransaction&& other) noexcept;
-  ~ReadTransaction();
+  ReadTransaction(ReadTransaction&&) noexcept = default;
+  ReadTransaction& operator=(ReadTransaction&&) = delete;
 
-  MDB_txn* get() const { return transaction_; }
+  MDB_txn* get() const { return transaction_.get(); }
 
   // Lets go of its state; Renew() takes the present one. Cheaper than a new transaction.
   void Reset();
@@ -64,9 +69,10 @@ class ReadTransaction {
 
  private:
   friend class Environment;
-  ReadTransaction(std::shared_ptr<Environment> environment, MDB_txn* transaction);
+  ReadTransaction(std::shared_ptr<Environment> environment, Transaction transaction)
+      : environment_(std::move(environment)), transaction_(std::move(transaction)) {}
   std::shared_ptr<Environment> environment_;
-  MDB_txn* transaction_;
+  Transaction transaction_;  // ends before the environment may
 };
 
 // A write transaction, as Environment::Update gives it to a change.
@@ -131,6 +137,16 @@ class Environment : public std::enable_shared_from_this<Environment> {
   absl::StatusOr<std::optional<std::string_view>> Get(MDB_txn* transaction, MDB_dbi database,
                                                       std::string_view key) const;
 
+  // Calls `visit` for the entries of a sub-database in order, the first of them under `from` or
+  // after it, until it returns false. None if the transaction is older than the sub-database. The
+  // caller holds the map.
+  absl::Status ForEachEntry(
+      MDB_txn* transaction, MDB_dbi database, std::string_view from,
+      const std::function<bool(std::string_view key, std::string_view value)>& visit) const;
+
+  // The size of a page. The caller holds the map.
+  size_t PageSize() const;
+
   // Runs `change` in a write transaction and commits it durably, or undoes all of it if `change` or
   // the commit fails. `new_bytes`: about how much will be written. `change` is run again after the
   // map had to grow. Only for the holder of the WriterLock.
@@ -159,7 +175,7 @@ class Environment : public std::enable_shared_from_this<Environment> {
   // Calls `begin` until it is content with the map's size and the table of readers. `hold` is held
   // before and afterwards, and let go for the map to move.
   int BeginPatiently(const std::function<int()>& begin, MapHold& hold);
-  int BeginReading(MDB_txn** transaction);
+  absl::StatusOr<Transaction> BeginReading();
 
   const std::string folder_;
   MDB_env* environment_ = nullptr;

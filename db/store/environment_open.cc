@@ -96,14 +96,11 @@ absl::StatusOr<std::shared_ptr<Environment>> Environment::Create(const std::stri
   const std::lock_guard lock(TheRegistry().mutex);
   std::unique_ptr<Environment> environment(new Environment(folder));
   RETURN_IF_ERROR(environment->OpenFiles(true));
-  absl::Status status = environment->Update(0, [&](WriteTransaction& transaction) -> absl::Status {
-    ASSIGN_OR_RETURN(const MDB_dbi meta, transaction.MakeSubDatabase(schema::kMeta));
-    ASSIGN_OR_RETURN(const MDB_dbi images, transaction.MakeSubDatabase(schema::kRobotImages));
-    environment->meta_ = meta;
-    environment->robot_images_ = images;
+  RETURN_IF_ERROR(environment->Update(0, [&](WriteTransaction& transaction) -> absl::Status {
+    ASSIGN_OR_RETURN(environment->meta_, transaction.MakeSubDatabase(schema::kMeta));
+    ASSIGN_OR_RETURN(environment->robot_images_, transaction.MakeSubDatabase(schema::kRobotImages));
     return fill(transaction);
-  });
-  if (!status.ok()) return status;
+  }));
   struct stat file {};
   if (stat(DataPath(folder).c_str(), &file) != 0) return environment->ReadError(errno);
   return Register(std::move(environment), IdOf(file));
@@ -177,10 +174,8 @@ absl::Status Environment::CheckState() {
   if (int code = mdb_env_get_fd(environment_, &file); code != 0) return ReadError(code);
   absl::Status status = absl::UnavailableError("not looked at yet");
   for (int attempt = 0; attempt < 10 && absl::IsUnavailable(status); ++attempt) {
-    MDB_txn* transaction = nullptr;
-    if (const int code = BeginReading(&transaction); code != 0) return ReadError(code);
-    status = CheckPages(file, DataPath(folder_), mdb_txn_id(transaction));
-    mdb_txn_abort(transaction);
+    ASSIGN_OR_RETURN(const Transaction transaction, BeginReading());
+    status = CheckPages(file, DataPath(folder_), mdb_txn_id(transaction.get()));
   }
   return status;
 }
@@ -188,35 +183,28 @@ absl::Status Environment::CheckState() {
 absl::Status Environment::OpenSubDatabases() {
   const std::string not_ours =
       absl::StrCat("'", DataPath(folder_), "' is an LMDB database, but not one of Silhouette's");
-  MDB_txn* transaction = nullptr;
-  int code = BeginReading(&transaction);
-  if (code != 0) return ReadError(code);
-  const auto end = [&](absl::Status status) {
-    mdb_txn_abort(transaction);
-    return status;
-  };
-  code = mdb_dbi_open(transaction, schema::kMeta, 0, &meta_);
+  ASSIGN_OR_RETURN(Transaction transaction, BeginReading());
+  int code = mdb_dbi_open(transaction.get(), schema::kMeta, 0, &meta_);
   if (code == MDB_NOTFOUND) {
     MDB_stat main;
     mdb_env_stat(environment_, &main);
-    if (main.ms_entries > 0) return end(absl::FailedPreconditionError(not_ours));
-    return end(absl::NotFoundError(
-        absl::StrCat("there is no database in '", folder_, "': making it was interrupted")));
+    if (main.ms_entries > 0) return absl::FailedPreconditionError(not_ours);
+    return absl::NotFoundError(
+        absl::StrCat("there is no database in '", folder_, "': making it was interrupted"));
   }
-  if (code == MDB_INCOMPATIBLE) return end(absl::FailedPreconditionError(not_ours));
-  if (code != 0) return end(ReadError(code));
-  const auto format = Get(transaction, meta_, schema::kFormatKey);
-  if (!format.ok()) return end(format.status());
-  const std::optional<int> version = schema::FormatVersionIn(format->value_or(""));
-  if (!version) return end(absl::FailedPreconditionError(not_ours));
+  if (code == MDB_INCOMPATIBLE) return absl::FailedPreconditionError(not_ours);
+  if (code != 0) return ReadError(code);
+  ASSIGN_OR_RETURN(const auto format, Get(transaction.get(), meta_, schema::kFormatKey));
+  const std::optional<int> version = schema::FormatVersionIn(format.value_or(""));
+  if (!version) return absl::FailedPreconditionError(not_ours);
   if (*version != schema::kFormatVersion) {
-    return end(absl::FailedPreconditionError(absl::StrCat(
+    return absl::FailedPreconditionError(absl::StrCat(
         "database '", folder_, "' has format version ", *version, ", this program knows version ",
-        schema::kFormatVersion, "; use the programs of the version that made it")));
+        schema::kFormatVersion, "; use the programs of the version that made it"));
   }
-  code = mdb_dbi_open(transaction, schema::kRobotImages, 0, &robot_images_);
-  if (code != 0) return end(ReadError(code == MDB_NOTFOUND ? MDB_CORRUPTED : code));
-  code = mdb_txn_commit(transaction);  // keeps the handles
+  code = mdb_dbi_open(transaction.get(), schema::kRobotImages, 0, &robot_images_);
+  if (code != 0) return ReadError(code == MDB_NOTFOUND ? MDB_CORRUPTED : code);
+  code = mdb_txn_commit(transaction.release());  // keeps the handles
   return code == 0 ? absl::OkStatus() : ReadError(code);
 }
 
@@ -224,17 +212,16 @@ std::optional<MDB_dbi> Environment::Find(const std::string& name) {
   // LMDB wants sub-databases to be opened by one transaction at a time.
   const std::lock_guard lock(opened_mutex_);
   if (const auto open = opened_.find(name); open != opened_.end()) return open->second;
-  MDB_txn* transaction = nullptr;
-  if (BeginReading(&transaction) != 0) return std::nullopt;
+  absl::StatusOr<Transaction> transaction = BeginReading();
+  if (!transaction.ok()) return std::nullopt;
   const MapHold hold = HoldMap();
   MDB_dbi database = 0;
   unsigned flags = 0;
-  if (mdb_dbi_open(transaction, name.c_str(), 0, &database) != 0 ||
-      mdb_dbi_flags(transaction, database, &flags) != 0 || flags != 0) {
-    mdb_txn_abort(transaction);
+  if (mdb_dbi_open(transaction->get(), name.c_str(), 0, &database) != 0 ||
+      mdb_dbi_flags(transaction->get(), database, &flags) != 0 || flags != 0 ||
+      mdb_txn_commit(transaction->release()) != 0) {
     return std::nullopt;
   }
-  if (mdb_txn_commit(transaction) != 0) return std::nullopt;
   opened_[name] = database;
   return database;
 }
@@ -243,12 +230,10 @@ absl::StatusOr<MDB_dbi> Environment::Make(const std::string& name) {
   if (const std::optional<MDB_dbi> found = Find(name)) return *found;
   const std::lock_guard lock(opened_mutex_);
   MDB_dbi database = 0;
-  absl::Status status = Update(0, [&](WriteTransaction& transaction) -> absl::Status {
-    ASSIGN_OR_RETURN(const MDB_dbi made, transaction.MakeSubDatabase(name.c_str()));
-    database = made;
+  RETURN_IF_ERROR(Update(0, [&](WriteTransaction& transaction) -> absl::Status {
+    ASSIGN_OR_RETURN(database, transaction.MakeSubDatabase(name.c_str()));
     return absl::OkStatus();
-  });
-  if (!status.ok()) return status;
+  }));
   opened_[name] = database;
   return database;
 }

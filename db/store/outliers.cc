@@ -103,16 +103,6 @@ bool IsUnlike(const Mask& mask, const Mask& first, const Mask& second, bool on_o
   return static_cast<double>(deviation) > static_cast<double>(expected) + tolerance;
 }
 
-bool TouchesBorder(const Mask& mask) {
-  for (int x = 0; x < mask.width(); ++x) {
-    if (mask.at(x, 0) || mask.at(x, mask.height() - 1)) return true;
-  }
-  for (int y = 0; y < mask.height(); ++y) {
-    if (mask.at(0, y) || mask.at(mask.width() - 1, y)) return true;
-  }
-  return false;
-}
-
 class OutlierSearch {
  public:
   OutlierSearch(const Snapshot& snapshot, const ConfigurationGrid& grid,

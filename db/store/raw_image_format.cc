@@ -13,10 +13,7 @@ constexpr size_t kRawImageFormatHeaderSize = 32;
 constexpr char kPng = 1;
 constexpr uint64_t kReferences = ~uint64_t{0};
 
-uint64_t RawImageFormatChecksum(ConfigurationNumber number, uint64_t view, std::string_view value) {
-  const std::string_view content = value.substr(8);
-  return XXH3_64bits_withSeed(content.data(), content.size(), number ^ view << 56);
-}
+uint64_t SeedOf(ConfigurationNumber number, uint64_t view) { return number ^ view << 56; }
 
 }  // namespace
 
@@ -37,23 +34,20 @@ uint64_t IdOfReferences(std::string_view payload) {
 }
 
 std::string EncodeRawImage(ConfigurationNumber number, uint64_t view, const RawImage& image) {
-  std::string value(8, '\0');
+  std::string value(schema::kChecksumSize, '\0');
   value.reserve(kRawImageFormatHeaderSize + image.png.size());
   schema::AppendU64(value, static_cast<uint64_t>(absl::ToUnixNanos(image.captured)));
   schema::AppendU64(value, image.references);
   value.push_back(kPng);
   value.append(7, '\0');
   value += image.png;
-  std::string checksum;
-  schema::AppendU64(checksum, RawImageFormatChecksum(number, view, value));
-  value.replace(0, 8, checksum);
+  schema::Seal(value, SeedOf(number, view));
   return value;
 }
 
 absl::StatusOr<RawImage> DecodeRawImage(ConfigurationNumber number, uint64_t view,
                                         std::string_view value) {
-  if (value.size() < kRawImageFormatHeaderSize ||
-      schema::ReadU64(value.data()) != RawImageFormatChecksum(number, view, value) ||
+  if (value.size() < kRawImageFormatHeaderSize || !schema::IsSealed(value, SeedOf(number, view)) ||
       value[24] != kPng) {
     return absl::DataLossError(
         absl::StrCat("the raw image of configuration ", number, ", view ", view, ", is damaged"));

@@ -8,10 +8,13 @@
 // Under the former, one camera image:
 //
 //   offset  size  content
-//   0       8     checksum: XXH3-64 of all bytes after it, seed = configuration number XOR 2^56
-//   view 8       8     capture time: nanoseconds since 1970-01-01 UTC, signed 16      8     id of
-//   the reference images that its mask was made with 24      1     codec: 1 a PNG file; the others
-//   are not used 25      7     0 32      rest  the image, losslessly compressed
+//   0       8     checksum: XXH3-64 of all bytes after it; the seed is the configuration number
+//                 XOR 2^56 times the view's place
+//   8       8     capture time: nanoseconds since 1970-01-01 UTC, signed
+//   16      8     id of the reference images that its mask was made with
+//   24      1     codec: 1 a PNG file; others are not used
+//   25      7     0
+//   32      rest  the image, losslessly compressed
 //
 // Under the latter, the reference images as a value of `meta`: checksum, payload.
 //

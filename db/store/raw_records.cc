@@ -14,30 +14,13 @@ constexpr size_t kChunkBytes = size_t{1} << 20;
 // Calls `visit` for the records of a range until it returns false.
 absl::Status Visit(const RecordSource& source, const KeyRange& keys,
                    const std::function<bool(std::string_view, std::string_view)>& visit) {
-  Environment& environment = source.environment;
-  const auto hold = environment.HoldMap();
-  MDB_cursor* cursor = nullptr;
-  int code = mdb_cursor_open(source.transaction, source.records, &cursor);
-  if (code != 0) return environment.ReadError(code);
-  MDB_val key = ToVal(keys.after);
-  MDB_val value;
-  code = mdb_cursor_get(cursor, &key, &value, keys.after.empty() ? MDB_FIRST : MDB_SET_RANGE);
-  if (code == 0 && FromVal(key) == keys.after) {
-    code = mdb_cursor_get(cursor, &key, &value, MDB_NEXT);
-  }
-  while (code == 0 && (keys.end.empty() || FromVal(key) < keys.end)) {
-    if (!visit(FromVal(key), FromVal(value))) break;
-    code = mdb_cursor_get(cursor, &key, &value, MDB_NEXT);
-  }
-  mdb_cursor_close(cursor);
-  return code == 0 || code == MDB_NOTFOUND ? absl::OkStatus() : environment.ReadError(code);
-}
-
-size_t PageSize(Environment& environment) {
-  const auto hold = environment.HoldMap();
-  MDB_stat stat;
-  mdb_env_stat(environment.get(), &stat);
-  return stat.ms_psize;
+  const auto hold = source.environment.HoldMap();
+  return source.environment.ForEachEntry(source.transaction, source.records, keys.after,
+                                         [&](std::string_view key, std::string_view value) {
+                                           if (!keys.end.empty() && key >= keys.end) return false;
+                                           return (key == keys.after && !key.empty()) ||
+                                                  visit(key, value);
+                                         });
 }
 
 }  // namespace
@@ -58,8 +41,8 @@ std::string_view BaseOf(const RecordSource& source, ConfigurationNumber number,
 absl::StatusOr<std::vector<RawRecord>> ReadChunk(const RecordSource& source, const KeyRange& keys) {
   std::vector<RawRecord> chunk;
   size_t bytes = 0;
-  const size_t page_size = PageSize(source.environment);
   RETURN_IF_ERROR(Visit(source, keys, [&](std::string_view key, std::string_view value) {
+    const size_t page_size = source.environment.PageSize();
     RawRecord& record = chunk.emplace_back();
     record.key = key;
     record.value = value;

@@ -96,7 +96,6 @@ absl::Status Database::ReplaceMasks(const Database& made, const std::string& pro
   ASSIGN_OR_RETURN(const Usage usage, made.GetUsage());
   storage::v1::CellDescription description = cell();
   description.set_segmentation(made.cell().segmentation());
-  Environment& environment = *state_->environment;
   const auto change = [&](WriteTransaction& transaction) -> absl::Status {
     for (size_t i = 0; i < made_variants.size(); ++i) {
       const MDB_dbi place = stored_variants[i].database->state_->robot_images;
@@ -107,15 +106,13 @@ absl::Status Database::ReplaceMasks(const Database& made, const std::string& pro
         RETURN_IF_ERROR(transaction.Put(place, record->key, record->value));
       }
     }
-    RETURN_IF_ERROR(
-        WriteMeta(environment, transaction, schema::kCellKey, description.SerializeAsString()));
-    RETURN_IF_ERROR(
-        AddProvenance(environment, transaction, NewProvenance(absl::Now(), program, records)));
-    return RaiseGeneration(environment, transaction);
+    return WriteMeta(*state_->environment, transaction, schema::kCellKey,
+                     description.SerializeAsString());
   };
-  const absl::Status status = environment.Update(usage.used_bytes, change);
-  if (status.ok()) state_->cell = description;
-  return status;
+  RETURN_IF_ERROR(
+      Change(*state_, usage.used_bytes, NewProvenance(absl::Now(), program, records), change));
+  state_->cell = description;
+  return absl::OkStatus();
 }
 
 }  // namespace silhouette

@@ -2,13 +2,11 @@
 #include "db/store/robot_image_format.h"
 
 #include <lz4.h>
-#include <xxhash.h>
 
 #include <algorithm>
 #include <bit>
 #include <cstring>
 #include <optional>
-#include <stdexcept>
 #include <utility>
 
 #include "absl/strings/str_cat.h"
@@ -17,17 +15,11 @@
 namespace silhouette {
 namespace {
 
-constexpr size_t kRobotImageFormatChecksumSize = 8;
-constexpr size_t kRobotImageFormatHeaderSize = 24;
+constexpr size_t kHeaderSize = 24;
 constexpr uint8_t kExcludedFlag = 1;
 enum Codec : uint8_t { kRaw = 0, kLz4 = 1, kShared = 2 };
 
-uint64_t RobotImageFormatChecksum(ConfigurationNumber number, std::string_view value) {
-  const std::string_view content = value.substr(kRobotImageFormatChecksumSize);
-  return XXH3_64bits_withSeed(content.data(), content.size(), number);
-}
-
-absl::Status RobotImageFormatDamaged(ConfigurationNumber number, std::string_view how) {
+absl::Status DamagedImage(ConfigurationNumber number, std::string_view how) {
   return absl::DataLossError(absl::StrCat("robot image ", number, ": ", std::string(how)));
 }
 
@@ -66,10 +58,8 @@ struct Parts {
 
 // Takes `value` apart. Null, or what is wrong with it.
 const char* TakeApart(ConfigurationNumber number, std::string_view value, Parts& parts) {
-  if (value.size() < kRobotImageFormatHeaderSize) return "its value is too short";
-  if (schema::ReadU64(value.data()) != RobotImageFormatChecksum(number, value)) {
-    return "its checksum does not hold";
-  }
+  if (value.size() < kHeaderSize) return "its value is too short";
+  if (!schema::IsSealed(value, number)) return "its checksum does not hold";
   const auto byte = [&](size_t i) { return static_cast<uint8_t>(value[i]); };
   if ((byte(8) & ~kExcludedFlag) != 0) return "its flags are unknown";
   parts.excluded = (byte(8) & kExcludedFlag) != 0;
@@ -77,13 +67,19 @@ const char* TakeApart(ConfigurationNumber number, std::string_view value, Parts&
   parts.captured = static_cast<int64_t>(schema::ReadU64(value.data() + 16));
   const size_t commanded = size_t{8} * byte(10);
   const size_t measured = size_t{8} * byte(11);
-  const std::string_view rest = value.substr(kRobotImageFormatHeaderSize);
+  const std::string_view rest = value.substr(kHeaderSize);
   if (rest.size() < commanded + measured) return "its joint values are cut off";
   parts.commanded = rest.substr(0, commanded);
   parts.measured = rest.substr(commanded, measured);
   parts.coded = rest.substr(commanded + measured);
   if (parts.excluded && !parts.coded.empty()) return "it is excluded and yet has masks";
   return nullptr;
+}
+
+size_t BytesOf(std::span<const MaskSize> mask_sizes) {
+  size_t size = 0;
+  for (const MaskSize mask_size : mask_sizes) size += mask_size.bytes();
+  return size;
 }
 
 // As many bytes of `other`, eight at a time: readers wait for it.
@@ -118,27 +114,20 @@ bool DecodeParts(ConfigurationNumber number, const Parts& parts, std::string_vie
                  std::span<char> bytes) {
   if (parts.codec != kShared) return Decode(parts.codec, parts.coded, bytes);
   Parts base_parts;
-  if (parts.coded.size() < kRobotImageFormatChecksumSize ||
+  if (parts.coded.size() < schema::kChecksumSize ||
       TakeApart(number, base, base_parts) != nullptr ||
-      base.substr(0, kRobotImageFormatChecksumSize) !=
-          parts.coded.substr(0, kRobotImageFormatChecksumSize) ||
+      base.substr(0, schema::kChecksumSize) != parts.coded.substr(0, schema::kChecksumSize) ||
       base_parts.excluded || base_parts.codec == kShared) {
     return false;
   }
   thread_local std::string base_bytes;
   base_bytes.resize(bytes.size());
   if (!Decode(base_parts.codec, base_parts.coded, base_bytes) ||
-      !Decode(kLz4, parts.coded.substr(kRobotImageFormatChecksumSize), bytes)) {
+      !Decode(kLz4, parts.coded.substr(schema::kChecksumSize), bytes)) {
     return false;
   }
   XorInto(bytes, base_bytes);
   return true;
-}
-
-size_t BytesOf(std::span<const MaskSize> mask_sizes) {
-  size_t size = 0;
-  for (const MaskSize mask_size : mask_sizes) size += mask_size.bytes();
-  return size;
 }
 
 // The same record with another codec of its masks.
@@ -147,9 +136,7 @@ std::string Recoded(ConfigurationNumber number, std::string_view value, const Pa
   std::string recoded(value.substr(0, value.size() - parts.coded.size()));
   recoded[9] = static_cast<char>(codec);
   recoded += coded;
-  std::string checksum;
-  schema::AppendU64(checksum, RobotImageFormatChecksum(number, recoded));
-  recoded.replace(0, kRobotImageFormatChecksumSize, checksum);
+  schema::Seal(recoded, number);
   return recoded;
 }
 
@@ -169,6 +156,22 @@ bool ToWords(MaskSize size, const char* bytes, uint64_t* words) {
   return used == 0 || words[count - 1] >> used == 0;
 }
 
+// The words of all masks of a record, one view after another; false if they do not fit the views.
+bool DecodeWords(ConfigurationNumber number, const Parts& parts, std::string_view base,
+                 std::span<const MaskSize> mask_sizes, std::span<uint64_t> words) {
+  thread_local std::string bytes;
+  bytes.resize(BytesOf(mask_sizes));
+  if (!DecodeParts(number, parts, base, bytes)) return false;
+  const char* from = bytes.data();
+  uint64_t* to = words.data();
+  for (const MaskSize size : mask_sizes) {
+    if (!ToWords(size, from, to)) return false;
+    from += size.bytes();
+    to += size.words();
+  }
+  return true;
+}
+
 }  // namespace
 
 std::string EncodeRobotImage(const RobotImage& image) {
@@ -176,7 +179,7 @@ std::string EncodeRobotImage(const RobotImage& image) {
   for (const Mask& mask : image.masks) masks += mask.ToBytes();
   const std::optional<std::string> compressed = Compressed(masks);
 
-  std::string value(kRobotImageFormatChecksumSize, '\0');
+  std::string value(schema::kChecksumSize, '\0');
   value.push_back(static_cast<char>(image.excluded ? kExcludedFlag : 0));
   value.push_back(static_cast<char>(compressed ? kLz4 : kRaw));
   value.push_back(static_cast<char>(image.commanded.size()));
@@ -186,15 +189,12 @@ std::string EncodeRobotImage(const RobotImage& image) {
   AppendDoubles(value, image.commanded);
   AppendDoubles(value, image.measured);
   value += compressed ? *compressed : masks;
-
-  std::string checksum;
-  schema::AppendU64(checksum, RobotImageFormatChecksum(image.number, value));
-  value.replace(0, kRobotImageFormatChecksumSize, checksum);
+  schema::Seal(value, image.number);
   return value;
 }
 
 bool NeedsBase(std::string_view value) {
-  return value.size() >= kRobotImageFormatHeaderSize && static_cast<uint8_t>(value[9]) == kShared;
+  return value.size() >= kHeaderSize && static_cast<uint8_t>(value[9]) == kShared;
 }
 
 std::optional<std::string> SharedValue(ConfigurationNumber number, std::string_view value,
@@ -214,10 +214,9 @@ std::optional<std::string> SharedValue(ConfigurationNumber number, std::string_v
   }
   XorInto(bytes, base_bytes);
   const std::optional<std::string> block = Compressed(bytes);
-  if (!block || kRobotImageFormatChecksumSize + block->size() >= parts.coded.size())
-    return std::nullopt;
+  if (!block || schema::kChecksumSize + block->size() >= parts.coded.size()) return std::nullopt;
   return Recoded(number, value, parts, kShared,
-                 std::string(base.substr(0, kRobotImageFormatChecksumSize)) + *block);
+                 std::string(base.substr(0, schema::kChecksumSize)) + *block);
 }
 
 std::optional<std::string> OwnValue(ConfigurationNumber number, std::string_view value,
@@ -235,8 +234,7 @@ absl::StatusOr<RobotImage> DecodeRobotImage(ConfigurationNumber number, std::str
                                             std::span<const MaskSize> mask_sizes,
                                             std::string_view base) {
   Parts parts;
-  if (const char* how = TakeApart(number, value, parts))
-    return RobotImageFormatDamaged(number, how);
+  if (const char* how = TakeApart(number, value, parts)) return DamagedImage(number, how);
   RobotImage image;
   image.number = number;
   image.excluded = parts.excluded;
@@ -244,22 +242,19 @@ absl::StatusOr<RobotImage> DecodeRobotImage(ConfigurationNumber number, std::str
   image.commanded = DoublesIn(parts.commanded);
   image.measured = DoublesIn(parts.measured);
   if (image.excluded) return image;
-  std::string bytes(BytesOf(mask_sizes), '\0');
-  if (!DecodeParts(number, parts, base, bytes)) {
-    return RobotImageFormatDamaged(
+  size_t count = 0;
+  for (const MaskSize size : mask_sizes) count += size.words();
+  std::vector<uint64_t> words(count);
+  if (!DecodeWords(number, parts, base, mask_sizes, words)) {
+    return DamagedImage(
         number, parts.codec == kShared
-                    ? "the record of the default variant that it rests on is not there, or "
-                      "another"
+                    ? "the record of the default variant that it rests on is missing or different"
                     : "its masks do not fit the views");
   }
-  std::span<const uint8_t> left(reinterpret_cast<const uint8_t*>(bytes.data()), bytes.size());
-  try {
-    for (MaskSize mask_size : mask_sizes) {
-      image.masks.push_back(Mask::FromBytes(mask_size, left.first(mask_size.bytes())));
-      left = left.subspan(mask_size.bytes());
-    }
-  } catch (const std::invalid_argument& error) {
-    return RobotImageFormatDamaged(number, error.what());
+  const uint64_t* next = words.data();
+  for (const MaskSize size : mask_sizes) {
+    image.masks.push_back(Mask::FromWords(size, {next, next + size.words()}));
+    next += size.words();
   }
   return image;
 }
@@ -268,8 +263,8 @@ void ReadMeasured(std::string_view value, std::vector<double>& measured) {
   const size_t commanded = static_cast<uint8_t>(value[10]);
   measured.resize(static_cast<uint8_t>(value[11]));
   for (size_t i = 0; i < measured.size(); ++i) {
-    measured[i] = std::bit_cast<double>(
-        schema::ReadU64(value.data() + kRobotImageFormatHeaderSize + 8 * (commanded + i)));
+    measured[i] =
+        std::bit_cast<double>(schema::ReadU64(value.data() + kHeaderSize + 8 * (commanded + i)));
   }
 }
 
@@ -279,17 +274,8 @@ StoredMasks DecodeMasks(ConfigurationNumber number, std::string_view value,
   Parts parts;
   if (TakeApart(number, value, parts) != nullptr) return StoredMasks::kDamaged;
   if (parts.excluded) return StoredMasks::kExcluded;
-  thread_local std::string bytes;
-  bytes.resize(BytesOf(mask_sizes));
-  if (!DecodeParts(number, parts, base, bytes)) return StoredMasks::kDamaged;
-  const char* from = bytes.data();
-  uint64_t* to = words.data();
-  for (const MaskSize size : mask_sizes) {
-    if (!ToWords(size, from, to)) return StoredMasks::kDamaged;
-    from += size.bytes();
-    to += size.words();
-  }
-  return StoredMasks::kPresent;
+  return DecodeWords(number, parts, base, mask_sizes, words) ? StoredMasks::kPresent
+                                                             : StoredMasks::kDamaged;
 }
 
 }  // namespace silhouette

@@ -14,7 +14,14 @@
 namespace silhouette {
 namespace {
 
-std::string RobotImageVariantsQuoted(const std::string& name) { return "'" + name + "'"; }
+// The payload of schema::kVariantsKey: all names but that of the default variant.
+std::string VariantsPayload(const std::vector<std::string>& names) {
+  storage::v1::RobotImageVariants variants;
+  for (const std::string& name : names) {
+    if (name != schema::kDefaultVariant) variants.add_names(name);
+  }
+  return variants.SerializeAsString();
+}
 
 }  // namespace
 
@@ -32,23 +39,12 @@ absl::StatusOr<std::unique_ptr<Database>> Database::OpenVariant(const std::strin
   const schema::VariantPlaces places = schema::PlacesOfVariant(name);
   const auto images = state_->environment->Find(places.robot_images);
   if (std::ranges::find(names, name) == names.end() || !images) {
-    return absl::NotFoundError(
-        absl::StrCat("database '", path(), "' has no variant '", name, "'; its variants are ",
-                     absl::StrJoin(names, ", ", [](std::string* out, const std::string& known) {
-                       absl::StrAppend(out, RobotImageVariantsQuoted(known));
-                     })));
+    return absl::NotFoundError(absl::StrCat("database '", path(), "' has no variant '", name,
+                                            "'; its variants are ", "'",
+                                            absl::StrJoin(names, "', '"), "'"));
   }
   return std::unique_ptr<Database>(
       new Database(std::make_shared<DatabaseState>(*state_, places, *images)));
-}
-
-absl::Status Database::ChangeVariants(const std::vector<std::string>& names,
-                                      const std::string& program) {
-  storage::v1::RobotImageVariants variants;
-  for (const std::string& name : names) {
-    if (name != schema::kDefaultVariant) variants.add_names(name);
-  }
-  return ChangeMeta(schema::kVariantsKey, variants.SerializeAsString(), program);
 }
 
 absl::StatusOr<std::unique_ptr<Database>> Database::CreateVariant(const std::string& name,
@@ -71,7 +67,7 @@ absl::StatusOr<std::unique_ptr<Database>> Database::CreateVariant(const std::str
   // Empty and of no variant, if the change after it is not made.
   RETURN_IF_ERROR(state_->environment->Make(schema::PlacesOfVariant(name).robot_images).status());
   names.push_back(name);
-  RETURN_IF_ERROR(ChangeVariants(names, program));
+  RETURN_IF_ERROR(ChangeMeta(schema::kVariantsKey, VariantsPayload(names), program));
   return OpenVariant(name);
 }
 
@@ -88,25 +84,20 @@ absl::Status Database::RemoveVariant(const std::string& name, const std::string&
        {places.robot_images, places.collision_index, places.raw_images}) {
     if (const auto database = environment.Find(place)) emptied.push_back(*database);
   }
-  return environment.Update(0, [&](WriteTransaction& transaction) -> absl::Status {
-    ASSIGN_OR_RETURN(const std::vector<std::string> names,
+  storage::v1::Provenance entry = NewProvenance(absl::Now(), program, 0);
+  entry.set_variant(name);
+  return Change(*state_, 0, entry, [&](WriteTransaction& transaction) -> absl::Status {
+    ASSIGN_OR_RETURN(std::vector<std::string> names,
                      silhouette::ReadVariants(environment, transaction.get()));
-    storage::v1::RobotImageVariants left;
-    for (const std::string& other : names) {
-      if (other != name && other != schema::kDefaultVariant) left.add_names(other);
-    }
+    std::erase(names, name);
     // The sub-databases stay, empty: others of this process may use them.
     for (const MDB_dbi database : emptied) {
       const int code = mdb_drop(transaction.get(), database, 0);
       if (code != 0) return environment.WriteError(code);
     }
     RETURN_IF_ERROR(
-        WriteMeta(environment, transaction, schema::kVariantsKey, left.SerializeAsString()));
-    RETURN_IF_ERROR(transaction.Delete(environment.meta(), places.capture_key));
-    storage::v1::Provenance entry = NewProvenance(absl::Now(), program, 0);
-    entry.set_variant(name);
-    RETURN_IF_ERROR(AddProvenance(environment, transaction, entry));
-    return RaiseGeneration(environment, transaction);
+        WriteMeta(environment, transaction, schema::kVariantsKey, VariantsPayload(names)));
+    return transaction.Delete(environment.meta(), places.capture_key);
   });
 }
 

@@ -235,10 +235,6 @@ absl::Status RobotImageWriter::Impl::Add(const RobotImage& image, bool replace,
   return absl::OkStatus();
 }
 
-absl::Status RobotImageWriter::Put(const RobotImage& image, bool replace) {
-  return Put(image, replace, {});
-}
-
 absl::Status RobotImageWriter::Put(const RobotImage& image, bool replace,
                                    std::vector<std::string> raw_images) {
   RETURN_IF_ERROR(impl_->Add(image, replace, std::move(raw_images)));
@@ -262,9 +258,9 @@ absl::Status RobotImageWriter::Commit() {
     const auto write = [&](WriteTransaction& transaction) -> absl::Status {
       RETURN_IF_ERROR(impl_->WriteBatch(transaction, dependents, raw_images));
       ASSIGN_OR_RETURN(provenance_entry, impl_->WriteProvenance(transaction));
-      return RaiseGeneration(environment, transaction);
+      return absl::OkStatus();
     };
-    RETURN_IF_ERROR(environment.Update(impl_->batch_bytes, write));
+    RETURN_IF_ERROR(Change(*impl_->state, impl_->batch_bytes, {}, write));
     impl_->provenance_entry = provenance_entry;
     impl_->committed += impl_->batch.size();
     impl_->batch.clear();

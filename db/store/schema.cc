@@ -14,6 +14,11 @@ namespace {
 
 constexpr char kFormatPrefix[] = "silhouette ";
 
+uint64_t ChecksumOf(std::string_view value, uint64_t seed) {
+  const std::string_view content = value.substr(kChecksumSize);
+  return XXH3_64bits_withSeed(content.data(), content.size(), seed);
+}
+
 }  // namespace
 
 VariantPlaces PlacesOfVariant(const std::string& name) {
@@ -42,19 +47,26 @@ std::optional<int> FormatVersionIn(std::string_view value) {
   return version;
 }
 
+void Seal(std::string& value, uint64_t seed) {
+  std::string checksum;
+  AppendU64(checksum, ChecksumOf(value, seed));
+  value.replace(0, kChecksumSize, checksum);
+}
+
+bool IsSealed(std::string_view value, uint64_t seed) {
+  return value.size() >= kChecksumSize && ReadU64(value.data()) == ChecksumOf(value, seed);
+}
+
 std::string SealMeta(std::string_view payload) {
-  std::string value;
-  value.reserve(8 + payload.size());
-  AppendU64(value, XXH3_64bits(payload.data(), payload.size()));
+  std::string value(kChecksumSize, '\0');
   value.append(payload);
+  Seal(value);
   return value;
 }
 
 std::optional<std::string_view> OpenMeta(std::string_view value) {
-  if (value.size() < 8) return std::nullopt;
-  const std::string_view payload = value.substr(8);
-  if (ReadU64(value.data()) != XXH3_64bits(payload.data(), payload.size())) return std::nullopt;
-  return payload;
+  if (!IsSealed(value)) return std::nullopt;
+  return value.substr(kChecksumSize);
 }
 
 std::string EncodeGeneration(uint64_t generation) {

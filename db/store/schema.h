@@ -78,6 +78,13 @@ std::string FormatValue();
 // The format version that a value of "format" states; nothing if it is not one.
 std::optional<int> FormatVersionIn(std::string_view value);
 
+// Every value but that of "format" begins with its checksum: XXH3-64 of all bytes after it.
+inline constexpr size_t kChecksumSize = 8;
+// Writes the checksum into the first bytes of `value`.
+void Seal(std::string& value, uint64_t seed = 0);
+// Whether a value begins with its checksum.
+bool IsSealed(std::string_view value, uint64_t seed = 0);
+
 // A value of `meta` around its payload, and back. Nothing if the checksum does not hold.
 std::string SealMeta(std::string_view payload);
 std::optional<std::string_view> OpenMeta(std::string_view value);

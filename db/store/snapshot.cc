@@ -166,23 +166,12 @@ absl::StatusOr<std::vector<ConfigurationNumber>> Snapshot::RawImageNumbers() con
   const auto raw_images = environment.Find(impl_->state->places.raw_images);
   if (!raw_images) return numbers;
   const auto hold = environment.HoldMap();
-  MDB_cursor* cursor = nullptr;
-  int code = mdb_cursor_open(impl_->transaction(), *raw_images, &cursor);
-  if (code == EINVAL) return numbers;
-  if (code != 0) return environment.ReadError(code);
-  MDB_val key;
-  MDB_val value;
-  code = mdb_cursor_get(cursor, &key, &value, MDB_FIRST);
-  while (code == 0) {
-    const auto number = NumberInRawImageKey(FromVal(key));
-    if (!number) break;  // reference images come last
-    numbers.push_back(*number);
-    const std::string next = EncodeRawImageKey(*number + 1, 0);
-    key = ToVal(next);
-    code = mdb_cursor_get(cursor, &key, &value, MDB_SET_RANGE);
-  }
-  mdb_cursor_close(cursor);
-  if (code != 0 && code != MDB_NOTFOUND) return environment.ReadError(code);
+  RETURN_IF_ERROR(environment.ForEachEntry(
+      impl_->transaction(), *raw_images, "", [&](std::string_view key, std::string_view) {
+        const auto number = NumberInRawImageKey(key);
+        if (number && (numbers.empty() || numbers.back() != *number)) numbers.push_back(*number);
+        return number.has_value();  // reference images come last
+      }));
   return numbers;
 }
 

@@ -142,14 +142,12 @@ absl::StatusOr<std::unique_ptr<Database>> Database::Open(const std::string& path
     lock.emplace(std::move(taken));
   }
   ASSIGN_OR_RETURN(ReadTransaction transaction, environment->Read());
-  absl::StatusOr<std::optional<std::string>> payload = std::optional<std::string>();
-  {
+  ASSIGN_OR_RETURN(const auto payload, [&] {
     const auto hold = environment->HoldMap();
-    payload = ReadMeta(*environment, transaction.get(), schema::kCellKey);
-  }
-  if (!payload.ok()) return payload.status();
+    return ReadMeta(*environment, transaction.get(), schema::kCellKey);
+  }());
   CellDescription cell;
-  const bool parsed = *payload && cell.ParseFromString(**payload);
+  const bool parsed = payload && cell.ParseFromString(*payload);
   absl::StatusOr<std::shared_ptr<DatabaseState>> state = Describe(path, cell);
   if (!parsed || !state.ok()) {
     return absl::DataLossError(
@@ -170,16 +168,11 @@ absl::Status Database::ChangeMeta(std::string_view key, const std::optional<std:
                                   const std::string& program) {
   RETURN_IF_ERROR(CheckWritable(*state_));
   const Environment& environment = *state_->environment;
-  const size_t new_bytes = payload ? payload->size() : 0;
-  return state_->environment->Update(new_bytes, [&](WriteTransaction& transaction) -> absl::Status {
-    RETURN_IF_ERROR(payload ? WriteMeta(environment, transaction, key, *payload)
-                            : transaction.Delete(environment.meta(), key));
-    if (!program.empty()) {
-      RETURN_IF_ERROR(
-          AddProvenance(environment, transaction, NewProvenance(absl::Now(), program, 0)));
-    }
-    return RaiseGeneration(environment, transaction);
-  });
+  return Change(*state_, payload ? payload->size() : 0, NewProvenance(absl::Now(), program, 0),
+                [&](WriteTransaction& transaction) {
+                  return payload ? WriteMeta(environment, transaction, key, *payload)
+                                 : transaction.Delete(environment.meta(), key);
+                });
 }
 
 absl::Status Database::SetReferences(const storage::v1::References& references,
@@ -241,10 +234,9 @@ absl::StatusOr<Database::Usage> Database::GetUsage() const {
   };
   std::vector<Places> places;
   for (const std::string& name : names) {
-    const schema::VariantPlaces of_variant = schema::PlacesOfVariant(name);
-    places.push_back({environment.Find(of_variant.robot_images),
-                      environment.Find(of_variant.collision_index),
-                      environment.Find(of_variant.raw_images)});
+    const schema::VariantPlaces of = schema::PlacesOfVariant(name);
+    places.push_back({environment.Find(of.robot_images), environment.Find(of.collision_index),
+                      environment.Find(of.raw_images)});
   }
   ASSIGN_OR_RETURN(ReadTransaction transaction, environment.Read());
   const auto hold = environment.HoldMap();

@@ -150,11 +150,10 @@ class RobotImageWriter {
   // Commits by itself, this record included, when `max_delay` (see Database::Write) has passed
   // since the last commit, or the batch is 32 MiB large. Every other error is that commit's; the
   // record is in the batch then, and Commit() tries again.
-  absl::Status Put(const RobotImage& image, bool replace = false);
-
-  // The same with its raw images, PNG files, one per view (InvalidArgument if not), which are
-  // written with it, all or none. The other Put() removes those that it has.
-  absl::Status Put(const RobotImage& image, bool replace, std::vector<std::string> raw_images);
+  // `raw_images`: PNG files, one per view (InvalidArgument if not), which are written with the
+  // record, all or none. Empty: those that it has are removed.
+  absl::Status Put(const RobotImage& image, bool replace = false,
+                   std::vector<std::string> raw_images = {});
 
   // Writes the batch durably. ResourceExhausted if the disk is full; the batch is kept, so a second
   // call tries again.
@@ -281,8 +280,6 @@ class Database {
   absl::Status ChangeMeta(std::string_view key, const std::optional<std::string>& payload,
                           const std::string& program);
 
-  // Changes the list of variants beside the default one, as one change.
-  absl::Status ChangeVariants(const std::vector<std::string>& names, const std::string& program);
   absl::StatusOr<Snapshot> StateOf(std::shared_ptr<const ReadTransaction> held) const;
 
   explicit Database(std::shared_ptr<DatabaseState> state);

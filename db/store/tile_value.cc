@@ -1,27 +1,15 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "db/store/tile_value.h"
 
-#include <xxhash.h>
-
 #include <algorithm>
 
 #include "db/store/schema.h"
 
 namespace silhouette {
-namespace {
-
-constexpr size_t kTileValueChecksumSize = 8;
-
-uint64_t TileValueChecksum(uint64_t tile, std::string_view value) {
-  const std::string_view content = value.substr(kTileValueChecksumSize);
-  return XXH3_64bits_withSeed(content.data(), content.size(), tile);
-}
-
-}  // namespace
 
 void RecordDigest::Add(std::string_view key, std::string_view value) {
   bytes_.append(key);
-  bytes_.append(value.substr(0, kTileValueChecksumSize));
+  bytes_.append(value.substr(0, schema::kChecksumSize));
 }
 
 uint64_t RecordDigest::Get() const { return XXH3_64bits(bytes_.data(), bytes_.size()); }
@@ -30,16 +18,14 @@ std::string EncodeTileValue(uint64_t tile, const TileHeader& header,
                             std::span<const std::byte> index, size_t page_size) {
   std::string value;
   value.reserve(std::max(kTileValueHeader + index.size(), page_size));
-  value.append(kTileValueChecksumSize, '\0');
+  value.append(schema::kChecksumSize, '\0');
   schema::AppendU64(value, header.digest);
   schema::AppendU64(value, header.unreadable);
   schema::AppendU64(value, header.coding);
   value.resize(kTileValueHeader);
   value.append(reinterpret_cast<const char*>(index.data()), index.size());
   if (value.size() < page_size) value.resize(page_size);
-  std::string checksum;
-  schema::AppendU64(checksum, TileValueChecksum(tile, value));
-  value.replace(0, kTileValueChecksumSize, checksum);
+  schema::Seal(value, tile);
   return value;
 }
 
@@ -50,8 +36,7 @@ std::optional<TileHeader> TileHeaderIn(std::string_view value) {
 }
 
 bool TileValueHolds(uint64_t tile, std::string_view value) {
-  return value.size() >= kTileValueHeader &&
-         schema::ReadU64(value.data()) == TileValueChecksum(tile, value);
+  return value.size() >= kTileValueHeader && schema::IsSealed(value, tile);
 }
 
 std::span<const std::byte> TileIndexIn(std::string_view value) {

@@ -23,14 +23,11 @@ namespace {
 
 constexpr char kTakenUp[] = "a running silhouette-server takes it up on SIGHUP";
 
-struct CalibrationOptions {
-  std::string database;
+struct CalibrationOptions : DatabaseOptions {
   std::vector<std::string> inputs;
   std::string out;
   bool force = false;
   double margin = CalibrationSettings{}.margin;
-  std::string format = "text";
-  std::string picture;
   std::string view;
   std::optional<ConfigurationNumber> number;
   std::vector<std::string> pixels;
@@ -193,7 +190,7 @@ absl::StatusOr<ExitCode> CalibrationShow(const CalibrationOptions& options) {
                                  .record = stored->record(),
                                  .margin = options.margin,
                                  .contradictions = tested.contradictions};
-  Print(options.format, TextOf(report), JsonOf(report));
+  Print(report, options.format);
   return kDone;
 }
 
@@ -208,7 +205,6 @@ void AddMargin(CLI::App& command, CalibrationOptions& options) {
 void AddImportTo(CLI::App& parent, Work& work) {
   auto [command, options] = AddCommand(parent, work, "import",
                                        "Takes a calibration into the database", CalibrationImport);
-  AddDatabaseArgument(command, options.database);
   command
       .add_option("files", options.inputs,
                   "A folder of camera models, or one per view: FILE, named VIEW.cameramodel, or "
@@ -232,7 +228,6 @@ void AddImportTo(CLI::App& parent, Work& work) {
 void AddExportTo(CLI::App& parent, Work& work) {
   auto [command, options] =
       AddCommand(parent, work, "export", "Writes the files that import reads", CalibrationExport);
-  AddDatabaseArgument(command, options.database);
   command
       .add_option("out,--out", options.out,
                   "Folder for camera models, YAML file for fundamental matrices")
@@ -244,7 +239,6 @@ void AddShowTo(CLI::App& parent, Work& work) {
   auto [command, options] = AddCommand(
       parent, work, "show",
       "Cameras, pairs of views, and what the robot images say of the calibration", CalibrationShow);
-  AddDatabaseArgument(command, options.database);
   command.add_option("--picture", options.picture,
                      "Draw some pixels' bands in the other views into this PNG file");
   command.add_option("--view", options.view, "The view of these pixels; default: the first");
@@ -264,7 +258,6 @@ void AddShowTo(CLI::App& parent, Work& work) {
 
 void AddRemoveTo(CLI::App& parent, Work& work) {
   auto [command, options] = AddCommand(parent, work, "remove", "Removes the calibration", Remove);
-  AddDatabaseArgument(command, options.database);
   command.footer("Example:\n  silhouette-db calibration remove cell.lmdb");
 }
 

@@ -5,11 +5,12 @@
 #include <CLI/CLI.hpp>
 #include <functional>
 #include <memory>
-#include <nlohmann/json_fwd.hpp>
 #include <string>
+#include <type_traits>
 #include <utility>
 
 #include "absl/status/statusor.h"
+#include "db/store/schema.h"
 #include "tools/program/program.h"
 
 namespace silhouette {
@@ -17,8 +18,17 @@ namespace silhouette {
 // What the chosen subcommand does. An error status becomes a message and an exit code.
 using Work = std::function<absl::StatusOr<ExitCode>()>;
 
+// The options that most subcommands have.
+struct DatabaseOptions {
+  std::string database;  // its folder
+  std::string variant = schema::kDefaultVariant;
+  std::string format = "text";
+  std::string picture;  // the PNG file to write; empty: none
+};
+
 // Adds the subcommand `name` to `parent`; when it is chosen, `work` calls `run` with its options.
-// Returns the subcommand and its options, which live as long as it.
+// Returns the subcommand and its options, which live as long as it. DatabaseOptions have the
+// database's folder as the first argument, or as --database.
 template <typename Options>
 std::pair<CLI::App&, Options&> AddCommand(CLI::App& parent, Work& work, const std::string& name,
                                           const std::string& description,
@@ -26,11 +36,15 @@ std::pair<CLI::App&, Options&> AddCommand(CLI::App& parent, Work& work, const st
   const auto options = std::make_shared<Options>();
   CLI::App* command = parent.add_subcommand(name, description);
   command->callback([&work, options, run] { work = [options, run] { return run(*options); }; });
+  if constexpr (std::is_base_of_v<DatabaseOptions, Options>) {
+    command->add_option("database,--database", options->database, "Folder of the database")
+        ->required();
+  }
   return {*command, *options};
 }
 
-// Prints a result to stdout in the form that --format asks for.
-void Print(const std::string& format, const std::string& text, const nlohmann::json& json);
+// Adds --variant, the variant that a subcommand is about.
+void AddVariantOption(CLI::App& command, std::string& variant);
 
 // Each adds its subcommand to `app` and, when it is chosen, sets `work`.
 void AddInfo(CLI::App& app, Work& work);

@@ -1,10 +1,15 @@
 // SPDX-License-Identifier: Apache-2.0
 // silhouette-db coverage: which configurations are there.
-#include <iostream>
+#include <algorithm>
+#include <array>
 #include <memory>
+#include <nlohmann/json.hpp>
 
 #include "absl/strings/str_format.h"
+#include "common/numbers/numbers.h"
+#include "common/picture/chart.h"
 #include "common/picture/sheet.h"
+#include "common/result/result.h"
 #include "db/status/status_macros.h"
 #include "tools/silhouette-db/commands.h"
 #include "tools/silhouette-db/common.h"
@@ -13,13 +18,6 @@ namespace silhouette {
 namespace {
 
 constexpr int kMostSlices = 24;
-
-struct CoverageOptions {
-  std::string database;
-  std::string variant = schema::kDefaultVariant;
-  std::string format = "text";
-  std::string picture;
-};
 
 enum State : uint8_t { kMissing, kCaptured, kExcluded, kDamaged };
 constexpr size_t kStates = 4;
@@ -58,11 +56,21 @@ std::vector<uint8_t> CellsOf(const ConfigurationGrid& grid, const std::vector<ui
   return cells;
 }
 
+ChartAxis AxisOf(const ConfigurationGrid& grid, int j) {
+  if (j < 0) return {.label = "", .unit = "", .cells = 1};
+  const GridJoint& joint = grid.joints()[static_cast<size_t>(j)];
+  return {.label = joint.name,
+          .unit = "rad or m",  // the grid does not know which
+          .first = joint.lower,
+          .last = joint.lower + joint.step() * (joint.steps - 1),
+          .cells = joint.steps};
+}
+
 Picture Chart(const ConfigurationGrid& grid, const std::vector<uint8_t>& states, int x, int y) {
   ConfigurationChart chart;
   chart.title = "Configurations in the database";
   chart.x = AxisOf(grid, x);
-  chart.y = y >= 0 ? AxisOf(grid, y) : ChartAxis{.label = "", .unit = "", .cells = 1};
+  chart.y = AxisOf(grid, y);
   chart.classes = StateClasses();
   chart.cells = CellsOf(grid, states, x, y, {});
   return Draw(chart);
@@ -89,9 +97,8 @@ Picture Slices(const ConfigurationGrid& grid, const std::vector<uint8_t>& states
         picture.at<cv::Vec3b>(height - 1 - b, a) = {colour.blue, colour.green, colour.red};
       }
     }
-    const int factor = std::max(1, 160 / std::max(width, height));
     pictures.push_back(
-        {Enlarged(picture, factor),
+        {EnlargedTo(160, picture),
          absl::StrFormat("%s = %.4g", along.name, along.lower + step * along.step())});
   }
   return ContactSheet(pictures,
@@ -123,7 +130,7 @@ absl::StatusOr<Picture> CoveragePaint(const ConfigurationGrid& grid,
   return Slices(grid, states, moving[0], moving[1], moving[2]);
 }
 
-absl::StatusOr<ExitCode> Coverage(const CoverageOptions& options) {
+absl::StatusOr<ExitCode> Coverage(const DatabaseOptions& options) {
   ASSIGN_OR_RETURN(const OpenedDatabase opened, OpenForReading(options.database, options.variant));
   const ConfigurationGrid& grid = opened.database->grid();
   ASSIGN_OR_RETURN(const std::vector<uint8_t> states, StatesOf(opened));
@@ -134,18 +141,17 @@ absl::StatusOr<ExitCode> Coverage(const CoverageOptions& options) {
     ASSIGN_OR_RETURN(const Picture picture, CoveragePaint(grid, states));
     RETURN_IF_ERROR(WritePng(options.picture, picture));
   }
-  const double share = 100.0 / static_cast<double>(grid.size());
   std::string text;
-  nlohmann::json json = {{"configurations", grid.size()}};
+  nlohmann::ordered_json json = {{"configurations", grid.size()}};
   for (const auto& [name, state] : {std::pair("captured", kCaptured),
                                     {"excluded", kExcluded},
                                     {"damaged", kDamaged},
                                     {"missing", kMissing}}) {
     json[name] = counts[state];
     absl::StrAppendFormat(&text, "%-10s %12d  %6.2f %%\n", name, counts[state],
-                          share * static_cast<double>(counts[state]));
+                          Percent(counts[state], grid.size()));
   }
-  Print(options.format, text, json);
+  PrintResult(options.format, json, text);
   return kDone;
 }
 
@@ -154,7 +160,6 @@ absl::StatusOr<ExitCode> Coverage(const CoverageOptions& options) {
 void AddCoverage(CLI::App& app, Work& work) {
   auto [command, options] =
       AddCommand(app, work, "coverage", "Which configurations are in a database", Coverage);
-  AddDatabaseArgument(command, options.database);
   AddVariantOption(command, options.variant);
   command.add_option("--picture", options.picture,
                      "Write a picture of them to this PNG file; for 1 to 3 joints that move");

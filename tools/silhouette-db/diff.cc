@@ -97,14 +97,19 @@ absl::Status CompareRecords(const OpenedDatabase& first, const OpenedDatabase& s
   return failure.ok() ? status : failure;
 }
 
+// In what two parts of the databases differ; empty: in nothing.
+template <typename Message>
+std::string DifferenceOf(const std::optional<Message>& a, const std::optional<Message>& b) {
+  if (a.has_value() != b.has_value()) return a ? "only in the first" : "only in the second";
+  return !a || a->SerializeAsString() == b->SerializeAsString() ? "" : "different";
+}
+
 absl::Status CompareReferences(const OpenedDatabase& first, const OpenedDatabase& second,
                                Printer& printer) {
   ASSIGN_OR_RETURN(const auto a, first.snapshot.References());
   ASSIGN_OR_RETURN(const auto b, second.snapshot.References());
-  if (a.has_value() != b.has_value()) {
-    printer.Say(absl::StrCat("reference images: only in the ", a.has_value() ? "first" : "second"));
-  } else if (a.has_value() && a->SerializeAsString() != b->SerializeAsString()) {
-    printer.Say("reference images: others");
+  if (const std::string what = DifferenceOf(a, b); !what.empty()) {
+    printer.Say("reference images: " + what);
   }
   return absl::OkStatus();
 }
@@ -113,21 +118,15 @@ absl::Status CompareCalibrations(const OpenedDatabase& first, const OpenedDataba
                                  Printer& printer) {
   ASSIGN_OR_RETURN(const auto a, first.snapshot.Calibration());
   ASSIGN_OR_RETURN(const auto b, second.snapshot.Calibration());
-  if (a.has_value() != b.has_value()) {
-    printer.Say(absl::StrCat("calibration: only in the ", a.has_value() ? "first" : "second"));
+  const std::string what = DifferenceOf(a, b);
+  if (what.empty()) return absl::OkStatus();
+  if (!a || !b || a->cameras().empty() || a->cameras_size() != b->cameras_size()) {
+    printer.Say("calibration: " + what);
     return absl::OkStatus();
   }
-  if (!a.has_value() || a->SerializeAsString() == b->SerializeAsString()) {
-    return absl::OkStatus();
-  }
-  const int cameras = a->cameras_size();
-  if (cameras == 0 || cameras != b->cameras_size()) {
-    printer.Say("calibration: another");
-    return absl::OkStatus();
-  }
-  for (int i = 0; i < cameras; ++i) {
+  for (int i = 0; i < a->cameras_size(); ++i) {
     if (a->cameras(i).SerializeAsString() == b->cameras(i).SerializeAsString()) continue;
-    printer.Say(absl::StrCat("calibration: another camera model of view '",
+    printer.Say(absl::StrCat("calibration: different camera models of view '",
                              first.database->cell().views(i).name(), "'"));
   }
   return absl::OkStatus();

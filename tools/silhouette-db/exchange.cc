@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 #include <filesystem>
+#include <set>
 #include <utility>
 
 #include "absl/strings/ascii.h"
@@ -15,6 +16,7 @@
 #include "common/picture/files.h"
 #include "common/picture/mask_png.h"
 #include "db/status/status_macros.h"
+#include "tools/silhouette-db/common.h"
 
 namespace silhouette {
 namespace {
@@ -28,9 +30,18 @@ constexpr char kMeasured[] = "measured:";
 
 constexpr char kReferencesHeader[] = "view,images,time,mean,noise";
 
-absl::Time TimeOf(const storage::v1::Reference& reference) {
+absl::Time ReferenceTime(const storage::v1::Reference& reference) {
   return absl::FromUnixSeconds(reference.time().seconds()) +
          absl::Nanoseconds(reference.time().nanos());
+}
+
+// InvalidArgument unless `text` is a time as RFC 3339 writes it.
+absl::StatusOr<absl::Time> ParseTime(const std::string& column, const std::string& text) {
+  absl::Time time;
+  std::string why;
+  if (absl::ParseTime(absl::RFC3339_full, text, &time, &why)) return time;
+  return absl::InvalidArgumentError(
+      absl::StrCat(column, " '", text, "' is not a time such as 2024-05-01T12:00:00Z"));
 }
 
 absl::StatusOr<storage::v1::Reference> ReadReference(const std::string& folder,
@@ -41,20 +52,14 @@ absl::StatusOr<storage::v1::Reference> ReadReference(const std::string& folder,
     return absl::InvalidArgumentError(absl::StrCat("images: '", cells[1], "' is not a number"));
   }
   reference.set_images(images);
-  absl::Time time;
-  std::string why;
   if (!cells[2].empty()) {
-    if (!absl::ParseTime(absl::RFC3339_full, cells[2], &time, &why)) {
-      return absl::InvalidArgumentError(absl::StrCat("time: '", cells[2], "' is not a time"));
-    }
+    ASSIGN_OR_RETURN(const absl::Time time, ParseTime("time", cells[2]));
     const int64_t nanoseconds = absl::ToUnixNanos(time);
     reference.mutable_time()->set_seconds(nanoseconds / 1'000'000'000);
     reference.mutable_time()->set_nanos(static_cast<int32_t>(nanoseconds % 1'000'000'000));
   }
-  ASSIGN_OR_RETURN(std::string mean, ReadWholeFile((fs::path(folder) / cells[3]).string()));
-  reference.set_mean_png(std::move(mean));
-  ASSIGN_OR_RETURN(std::string noise, ReadWholeFile((fs::path(folder) / cells[4]).string()));
-  reference.set_noise_png(std::move(noise));
+  ASSIGN_OR_RETURN(*reference.mutable_mean_png(), ReadWholeFile(fs::path(folder) / cells[3]));
+  ASSIGN_OR_RETURN(*reference.mutable_noise_png(), ReadWholeFile(fs::path(folder) / cells[4]));
   return reference;
 }
 
@@ -108,13 +113,12 @@ absl::StatusOr<std::vector<std::string>> ColumnsOf(const CellDescription& cell) 
   for (const char* prefix : {kCommanded, kMeasured}) {
     for (const std::string& joint : AllJoints(cell)) columns.push_back(prefix + joint);
   }
-  for (size_t i = 0; i < columns.size(); ++i) {
-    if (std::find(columns.begin(), columns.begin() + static_cast<std::ptrdiff_t>(i), columns[i]) !=
-        columns.begin() + static_cast<std::ptrdiff_t>(i)) {
-      return absl::InvalidArgumentError(
-          absl::StrCat("a joint or view is named '", columns[i],
-                       "' as another column of the table is; such a cell has no table"));
-    }
+  std::set<std::string> names;
+  for (const std::string& column : columns) {
+    if (names.insert(column).second) continue;
+    return absl::InvalidArgumentError(
+        absl::StrCat("a joint or view is named '", column,
+                     "' as another column of the table is; such a cell has no table"));
   }
   return columns;
 }
@@ -183,21 +187,16 @@ absl::StatusOr<RobotImage> TableReader::Read(std::string_view line) const {
         absl::StrCat("it has ", cells.size(), " cells, the header has ", columns_.size()));
   }
   RobotImage image;
-  ASSIGN_OR_RETURN(const ConfigurationNumber number, ReadNumber(cells));
-  image.number = number;
+  ASSIGN_OR_RETURN(image.number, ReadNumber(cells));
   RETURN_IF_ERROR(ReadMasks(cells, image));
   if (const auto column = columns_.find(kCapturedColumn); column != columns_.end()) {
     const std::string& text = cells[column->second];
-    std::string why;
-    if (!text.empty() && !absl::ParseTime(absl::RFC3339_full, text, &image.captured, &why)) {
-      return absl::InvalidArgumentError(
-          absl::StrCat("captured '", text, "' is not a time such as ", "2024-05-01T12:00:00Z"));
+    if (!text.empty()) {
+      ASSIGN_OR_RETURN(image.captured, ParseTime(kCapturedColumn, text));
     }
   }
-  ASSIGN_OR_RETURN(std::vector<double> commanded, ReadJoints(cells, kCommanded));
-  image.commanded = std::move(commanded);
-  ASSIGN_OR_RETURN(std::vector<double> measured, ReadJoints(cells, kMeasured));
-  image.measured = std::move(measured);
+  ASSIGN_OR_RETURN(image.commanded, ReadJoints(cells, kCommanded));
+  ASSIGN_OR_RETURN(image.measured, ReadJoints(cells, kMeasured));
   return image;
 }
 
@@ -284,20 +283,16 @@ absl::Status ExportReferences(const std::string& folder, const storage::v1::Cell
     const storage::v1::Reference& reference = references.views(i);
     const std::string& view = cell.views(i).name();
     const std::string stem = "references/" + PathPart(view);
-    RETURN_IF_ERROR(
-        WriteWholeFile((fs::path(folder) / (stem + "-mean.png")).string(), reference.mean_png()));
-    RETURN_IF_ERROR(
-        WriteWholeFile((fs::path(folder) / (stem + "-noise.png")).string(), reference.noise_png()));
-    const std::string time =
-        reference.has_time()
-            ? absl::FormatTime("%Y-%m-%dT%H:%M:%E*SZ", TimeOf(reference), absl::UTCTimeZone())
-            : "";
+    const std::string mean = stem + "-mean.png";
+    const std::string noise = stem + "-noise.png";
+    RETURN_IF_ERROR(WriteWholeFile(fs::path(folder) / mean, reference.mean_png()));
+    RETURN_IF_ERROR(WriteWholeFile(fs::path(folder) / noise, reference.noise_png()));
     absl::StrAppend(&table,
-                    CsvLine({view, absl::StrCat(reference.images()), time, stem + "-mean.png",
-                             stem + "-noise.png"}),
+                    CsvLine({view, absl::StrCat(reference.images()),
+                             TimeText(ReferenceTime(reference)), mean, noise}),
                     "\n");
   }
-  return WriteWholeFile((fs::path(folder) / kReferencesFile).string(), table);
+  return WriteWholeFile(fs::path(folder) / kReferencesFile, table);
 }
 
 absl::StatusOr<std::optional<storage::v1::References>> ImportReferences(

@@ -21,23 +21,11 @@ namespace {
 
 namespace fs = std::filesystem;
 
-struct ExportOptions {
-  std::string database;
-  std::string variant = schema::kDefaultVariant;
+struct ExportOptions : DatabaseOptions {
   std::string folder;
 };
 
 std::string Number(double value) { return absl::StrFormat("%.17g", value); }
-
-absl::Status PrepareFolder(const std::string& folder) {
-  RETURN_IF_ERROR(MakeFolder(folder));
-  std::error_code error;
-  if (!fs::is_empty(folder, error) || error) {
-    return absl::FailedPreconditionError(
-        absl::StrCat("folder '", folder, "' is not empty; give a new one"));
-  }
-  return absl::OkStatus();
-}
 
 // Writes rows and masks.
 class Exporter {
@@ -47,7 +35,12 @@ class Exporter {
 
   absl::Status Begin() {
     ASSIGN_OR_RETURN(const std::vector<std::string> columns, ColumnsOf(database_.cell()));
-    RETURN_IF_ERROR(PrepareFolder(folder_));
+    RETURN_IF_ERROR(MakeFolder(folder_));
+    std::error_code error;
+    if (!fs::is_empty(folder_, error) || error) {
+      return absl::FailedPreconditionError(
+          absl::StrCat("folder '", folder_, "' is not empty; give a new one"));
+    }
     table_.open(folder_ + "/" + kConfigurationsFile);
     table_ << CsvLine(columns) << "\n";
     return CheckTable();
@@ -57,13 +50,9 @@ class Exporter {
     std::vector<std::string> cells;
     for (double value : database_.grid().At(image.number)) cells.push_back(Number(value));
     for (int i = 0; i < database_.cell().views_size(); ++i) {
-      if (image.excluded) {
-        cells.emplace_back();
-        continue;
-      }
-      ASSIGN_OR_RETURN(const std::string path,
-                       WriteMask(i, image.number, image.masks[static_cast<size_t>(i)]));
-      cells.push_back(path);
+      std::string& cell = cells.emplace_back();
+      if (image.excluded) continue;
+      ASSIGN_OR_RETURN(cell, WriteMask(i, image.number, image.masks[static_cast<size_t>(i)]));
     }
     cells.push_back(TimeText(image.captured));
     const size_t joints = AllJoints(database_.cell()).size();
@@ -148,7 +137,6 @@ void AddExport(CLI::App& app, Work& work) {
   auto [command, options] = AddCommand(
       app, work, "export",
       "Writes a database as a CSV table and PNG masks, for other programs or `import`", ExportHere);
-  AddDatabaseArgument(command, options.database);
   AddVariantOption(command, options.variant);
   command.add_option("folder,--folder", options.folder, "New folder")->required();
   command.footer("Example:\n  silhouette-db export cell.lmdb masks/");

@@ -52,7 +52,6 @@ class Importer {
   Importer(std::string csv, const Database& database, RobotImageWriter& writer, bool replace)
       : csv_(std::move(csv)), database_(database), writer_(writer), replace_(replace) {}
 
-  uint64_t imported() const { return imported_; }
   uint64_t there_already() const { return there_already_; }
   uint64_t faults() const { return faults_; }
 
@@ -77,7 +76,6 @@ class Importer {
           absl::StrCat("the same configuration is in line ", first->second));
     }
     const absl::Status status = writer_.Put(image, replace_);
-    if (status.ok()) ++imported_;
     return absl::IsAlreadyExists(status) ? CheckSame(image) : status;
   }
 
@@ -98,7 +96,6 @@ class Importer {
   RobotImageWriter& writer_;
   const bool replace_;
   std::unordered_map<ConfigurationNumber, uint64_t> lines_;
-  uint64_t imported_ = 0;
   uint64_t there_already_ = 0;
   uint64_t faults_ = 0;
 };
@@ -118,8 +115,7 @@ bool NextLine(std::ifstream& file, std::string& line) {
 // Feeds all rows to `importer`, then commits.
 absl::Status TakeAll(const std::string& csv, const TableReader& table, std::ifstream& file,
                      Importer& importer, RobotImageWriter& writer) {
-  const uint64_t lines = CountLines(csv);
-  Progress progress("import", lines, "lines");
+  Progress progress("import", CountLines(csv), "lines");
   absl::Status status;
   std::string row;
   for (uint64_t line = 2;
@@ -130,6 +126,17 @@ absl::Status TakeAll(const std::string& csv, const TableReader& table, std::ifst
   }
   const absl::Status committed = writer.Commit();
   return status.ok() ? committed : status;
+}
+
+// Stores reference images that differ from those of the database.
+absl::Status TakeReferences(const storage::v1::References& references, const std::string& program,
+                            Database& database) {
+  ASSIGN_OR_RETURN(const Snapshot snapshot, database.Read());
+  ASSIGN_OR_RETURN(const auto stored, snapshot.References());
+  if (stored && stored->SerializeAsString() == references.SerializeAsString()) {
+    return absl::OkStatus();
+  }
+  return database.SetReferences(references, program);
 }
 
 absl::StatusOr<ExitCode> ImportHere(const ImportOptions& options) {
@@ -157,26 +164,18 @@ absl::StatusOr<ExitCode> ImportHere(const ImportOptions& options) {
 
   CatchStopSignals();
   const std::string program = absl::StrCat("silhouette-db import ", options.folder);
-  absl::StatusOr<std::unique_ptr<Database>> database = OpenOrCreate(path, cell);
-  if (database.ok() && options.variant != schema::kDefaultVariant) {
-    absl::StatusOr<std::unique_ptr<Database>> variant = (*database)->OpenVariant(options.variant);
-    if (absl::IsNotFound(variant.status()))
-      variant = (*database)->CreateVariant(options.variant, program);
-    database = std::move(variant);
+  ASSIGN_OR_RETURN(std::unique_ptr<Database> database, OpenOrCreate(path, cell));
+  if (options.variant != schema::kDefaultVariant) {
+    absl::StatusOr<std::unique_ptr<Database>> variant = database->OpenVariant(options.variant);
+    if (absl::IsNotFound(variant.status())) {
+      variant = database->CreateVariant(options.variant, program);
+    }
+    ASSIGN_OR_RETURN(database, std::move(variant));
   }
-  if (!database.ok()) return database.status();
-  ASSIGN_OR_RETURN(RobotImageWriter writer, (*database)->Write(program));
-  Importer importer(csv, **database, writer, options.replace);
+  ASSIGN_OR_RETURN(RobotImageWriter writer, database->Write(program));
+  Importer importer(csv, *database, writer, options.replace);
   absl::Status status = TakeAll(csv, table, file, importer, writer);
-  if (status.ok() && references) {
-    const absl::StatusOr<Snapshot> snapshot = (*database)->Read();
-    ASSIGN_OR_RETURN(
-        const auto stored,
-        snapshot.ok() ? snapshot->References()
-                      : absl::StatusOr<std::optional<storage::v1::References>>(snapshot.status()));
-    const bool same = stored && stored->SerializeAsString() == references->SerializeAsString();
-    if (!same) status = (*database)->SetReferences(*references, program);
-  }
+  if (status.ok() && references) status = TakeReferences(*references, program, *database);
   std::cout << writer.committed() << " records imported into " << path;
   if (importer.there_already() > 0) {
     std::cout << ", " << importer.there_already() << " were there already";

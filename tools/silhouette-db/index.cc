@@ -2,10 +2,13 @@
 // silhouette-db index: builds the collision index.
 #include <iostream>
 #include <memory>
+#include <nlohmann/json.hpp>
 #include <optional>
 
 #include "absl/strings/str_format.h"
 #include "absl/time/clock.h"
+#include "common/numbers/numbers.h"
+#include "common/result/result.h"
 #include "db/status/status_macros.h"
 #include "db/store/collision_index.h"
 #include "tools/program/progress.h"
@@ -15,16 +18,9 @@
 namespace silhouette {
 namespace {
 
-struct IndexOptions {
-  std::string database;
-  std::string format = "text";
-  std::string variant;  // empty: all
+struct IndexOptions : DatabaseOptions {
+  IndexOptions() { variant.clear(); }  // all variants
   bool all = false;
-
-  std::string Command() const {
-    return absl::StrFormat("silhouette-db index %s%s%s", database,
-                           variant.empty() ? "" : " --variant " + variant, all ? " --all" : "");
-  }
 };
 
 absl::StatusOr<IndexBuildReport> BuildWithProgress(Database& database, bool all) {
@@ -37,26 +33,19 @@ absl::StatusOr<IndexBuildReport> BuildWithProgress(Database& database, bool all)
                                         }});
 }
 
-// Bytes of what was built, as a share of its masks.
-double ShareOfMasks(const IndexBuildReport& report) {
-  if (report.mask_bytes == 0) return 0;
-  return static_cast<double>(report.bytes) / static_cast<double>(report.mask_bytes);
-}
-
-std::string TextOf(const IndexOptions& options, const IndexBuildReport& report,
-                   absl::Duration spent) {
-  std::string text;
-  absl::StrAppendFormat(
-      &text, "tiles              %d built, %d fresh already%s, in %s\n", report.built,
-      report.done - report.built - report.removed,
+void PrintReport(const IndexOptions& options, const IndexBuildReport& report,
+                 absl::Duration spent) {
+  const uint64_t fresh = report.done - report.built - report.removed;
+  const double percent = Percent(report.bytes, report.mask_bytes);
+  std::string text = absl::StrFormat(
+      "tiles              %d built, %d fresh already%s, in %s\n", report.built, fresh,
       report.removed > 0 ? absl::StrFormat(", %d without records removed", report.removed) : "",
       Spoken(spent));
   if (report.robot_images > 0) {
     absl::StrAppendFormat(&text,
                           "of robot images    %d\n"
-                          "size               %.1f MiB, %.1f %% of their masks\n",
-                          report.robot_images, static_cast<double>(report.bytes) / (1 << 20),
-                          100 * ShareOfMasks(report));
+                          "size               %s, %.1f %% of their masks\n",
+                          report.robot_images, MiB(report.bytes), percent);
   }
   if (report.unreadable > 0) {
     absl::StrAppendFormat(
@@ -65,38 +54,37 @@ std::string TextOf(const IndexOptions& options, const IndexBuildReport& report,
         "%s\n",
         report.unreadable, options.database);
   }
-  return text;
-}
-
-nlohmann::json JsonOf(const IndexBuildReport& report, absl::Duration spent) {
-  return {{"complete", !report.stopped},
-          {"tiles", report.tiles},
-          {"built", report.built},
-          {"fresh_already", report.done - report.built - report.removed},
-          {"removed", report.removed},
-          {"robot_images", report.robot_images},
-          {"unreadable", report.unreadable},
-          {"bytes", report.bytes},
-          {"mask_bytes", report.mask_bytes},
-          {"share_of_masks", ShareOfMasks(report)},
-          {"seconds", absl::ToDoubleSeconds(spent)}};
+  PrintResult(options.format,
+              {{"complete", !report.stopped},
+               {"tiles", report.tiles},
+               {"built", report.built},
+               {"fresh_already", fresh},
+               {"removed", report.removed},
+               {"robot_images", report.robot_images},
+               {"unreadable", report.unreadable},
+               {"bytes", report.bytes},
+               {"mask_bytes", report.mask_bytes},
+               {"share_of_masks", percent / 100},
+               {"seconds", absl::ToDoubleSeconds(spent)}},
+              text);
 }
 
 absl::StatusOr<ExitCode> Index(const IndexOptions& options) {
-  absl::StatusOr<std::unique_ptr<Database>> database =
-      Database::Open(options.database, Database::Access::kWrite);
-  if (database.ok() && !options.variant.empty())
-    database = (*database)->OpenVariant(options.variant);
-  if (!database.ok()) return database.status();
+  ASSIGN_OR_RETURN(std::unique_ptr<Database> database,
+                   Database::Open(options.database, Database::Access::kWrite));
+  if (!options.variant.empty()) {
+    ASSIGN_OR_RETURN(database, database->OpenVariant(options.variant));
+  }
   CatchStopSignals();
   const absl::Time started = absl::Now();
-  ASSIGN_OR_RETURN(const auto report, BuildWithProgress(**database, options.all));
-  const absl::Duration spent = absl::Now() - started;
-  Print(options.format, TextOf(options, report, spent), JsonOf(report, spent));
+  ASSIGN_OR_RETURN(const auto report, BuildWithProgress(*database, options.all));
+  PrintReport(options, report, absl::Now() - started);
   if (!report.stopped) return kDone;
+  std::cout << std::flush;
   std::cerr << "stopped, " << report.tiles - report.done
-            << " tiles are left; what is built stays; go on with: " << options.Command()
-            << (options.all ? " (begins with the first again)" : "") << std::endl;
+            << " tiles are left; what is built stays; go on with: silhouette-db index "
+            << options.database << (options.variant.empty() ? "" : " --variant " + options.variant)
+            << (options.all ? " --all (begins with the first again)" : "") << std::endl;
   return kNo;
 }
 
@@ -107,7 +95,6 @@ void AddIndex(CLI::App& app, Work& work) {
       app, work, "index",
       "Builds the collision index: by it the server tests the whole configuration space at once",
       Index);
-  AddDatabaseArgument(command, options.database);
   command.add_option("--variant", options.variant, "Only of this variant; default: of all");
   command.add_flag("--all", options.all,
                    "Also the tiles that are fresh; by default only those whose records have "

@@ -1,10 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
 // silhouette-db info: what a database holds, without reading its robot images' masks.
-#include <iostream>
 #include <memory>
-#include <optional>
+#include <nlohmann/json.hpp>
 
 #include "absl/strings/str_format.h"
+#include "common/numbers/numbers.h"
+#include "common/result/result.h"
 #include "db/status/status_macros.h"
 #include "db/store/schema.h"
 #include "tools/silhouette-db/commands.h"
@@ -13,141 +14,115 @@
 namespace silhouette {
 namespace {
 
-struct InfoOptions {
-  std::string database;
-  std::string format = "text";
-};
+using Json = nlohmann::ordered_json;
 
-struct Facts {
-  uint64_t generation = 0;
-  uint64_t records = 0;
-  Database::Usage usage;
-  bool references = false;
-  std::optional<storage::v1::Calibration> calibration;
-  storage::v1::ProvenanceLog provenance;
-  CollisionIndexSummary index;
-};
+std::string Shortest(double value) { return absl::StrFormat("%.5g", value); }
 
-std::string InfoTimeOf(const storage::v1::Provenance& entry) {
-  return absl::FormatTime("%Y-%m-%d %H:%M:%S UTC", absl::FromUnixSeconds(entry.time().seconds()),
-                          absl::UTCTimeZone());
-}
+// Text of a table under an empty line; none without rows.
+std::string Paragraph(const Table& table) { return table.rows.empty() ? "" : "\n" + TextOf(table); }
 
-// "cameras", "fundamental matrices" or "none".
-std::string InfoKindOf(const std::optional<storage::v1::Calibration>& calibration) {
-  if (!calibration) return "none";
-  return calibration->cameras().empty() ? "fundamental matrices" : "cameras";
-}
-
-std::string TextOf(const Database& database, const Facts& facts) {
-  std::string text;
-  const storage::v1::CellDescription& cell = database.cell();
+void AppendJoints(const Database& database, std::string& text, Json& json) {
   const ConfigurationGrid& grid = database.grid();
-  absl::StrAppendFormat(
-      &text,
+  Table moving{.headings = {"grid joints", "lower", "upper", "steps", "step", "tile edge", ""}};
+  json["grid_joints"] = Json::array();
+  for (size_t j = 0; j < grid.joints().size(); ++j) {
+    const GridJoint& joint = grid.joints()[j];
+    const int edge = grid.tile_edges()[j];
+    moving.rows.push_back({joint.name, Shortest(joint.lower), Shortest(joint.upper),
+                           absl::StrCat(joint.steps), Shortest(joint.step()), absl::StrCat(edge),
+                           joint.continuous ? "continuous" : ""});
+    json["grid_joints"].push_back({{"name", joint.name},
+                                   {"lower", joint.lower},
+                                   {"upper", joint.upper},
+                                   {"steps", joint.steps},
+                                   {"continuous", joint.continuous},
+                                   {"tile_edge", edge}});
+  }
+  Table fixed{.headings = {"fixed joints", "position"}};
+  json["fixed_joints"] = Json::object();
+  for (const auto& joint : database.cell().fixed_joints()) {
+    fixed.rows.push_back({joint.name(), Shortest(joint.position())});
+    json["fixed_joints"][joint.name()] = joint.position();
+  }
+  text += Paragraph(moving) + Paragraph(fixed);
+}
+
+void AppendViews(const storage::v1::CellDescription& cell, std::string& text, Json& json) {
+  Table views{.headings = {"views", "mask", "image"}};
+  json["views"] = Json::array();
+  for (const auto& view : cell.views()) {
+    const auto size = [](int width, int height) {
+      return width > 0 ? absl::StrCat(width, "x", height) : "none";
+    };
+    views.rows.push_back({view.name(), size(view.mask_width(), view.mask_height()),
+                          size(view.image_width(), view.image_height())});
+    json["views"].push_back({{"name", view.name()},
+                             {"mask_size", {view.mask_width(), view.mask_height()}},
+                             {"image_size", {view.image_width(), view.image_height()}}});
+  }
+  text += Paragraph(views);
+}
+
+void AppendProvenance(const storage::v1::ProvenanceLog& log, std::string& text, Json& json) {
+  Table entries{.headings = {"written at", "robot images", "variant", "by"}};
+  json["provenance"] = Json::array();
+  for (const auto& entry : log.entries()) {
+    const std::string time =
+        absl::FormatTime("%Y-%m-%d %H:%M:%S UTC", absl::FromUnixSeconds(entry.time().seconds()),
+                         absl::UTCTimeZone());
+    const std::string variant = entry.variant().empty() ? schema::kDefaultVariant : entry.variant();
+    entries.rows.push_back({time, absl::StrCat(entry.robot_images()), variant, entry.program()});
+    json["provenance"].push_back({{"time", time},
+                                  {"program", entry.program()},
+                                  {"variant", variant},
+                                  {"robot_images", entry.robot_images()}});
+  }
+  text += Paragraph(entries);
+}
+
+absl::StatusOr<ExitCode> Info(const DatabaseOptions& options) {
+  ASSIGN_OR_RETURN(OpenedDatabase opened, OpenForReading(options.database));
+  const Database& database = *opened.database;
+  ASSIGN_OR_RETURN(const Database::Usage usage, database.GetUsage());
+  ASSIGN_OR_RETURN(const auto references, opened.snapshot.References());
+  ASSIGN_OR_RETURN(const auto calibration, opened.snapshot.Calibration());
+  ASSIGN_OR_RETURN(const storage::v1::ProvenanceLog provenance, opened.snapshot.Provenance());
+  ASSIGN_OR_RETURN(const auto index, CollisionIndex::Open(std::move(opened.snapshot)));
+  const uint64_t records = index->snapshot().size();
+  const uint64_t size = database.grid().size();
+  const CollisionIndexSummary summary = index->Summary();
+  const std::string kind = !calibration                     ? "none"
+                           : calibration->cameras().empty() ? "fundamental matrices"
+                                                            : "cameras";
+  std::string text = absl::StrFormat(
       "database        %s (format %d, generation %d)\n"
       "cell            %s\n"
       "configurations  %d of %d recorded (%.1f %%)\n"
       "references      %s\n"
       "calibration     %s\n"
       "collision index %s\n"
-      "on disk         %.1f MiB, %.1f MiB of it in use\n",
-      database.path(), schema::kFormatVersion, facts.generation, cell.name(), facts.records,
-      grid.size(), 100.0 * static_cast<double>(facts.records) / static_cast<double>(grid.size()),
-      facts.references ? "yes" : "none", InfoKindOf(facts.calibration),
-      StateText(facts.index, database.path()),
-      static_cast<double>(facts.usage.file_bytes) / (1 << 20),
-      static_cast<double>(facts.usage.used_bytes) / (1 << 20));
-  absl::StrAppend(&text,
-                  "\ngrid joints                lower       upper  steps        step  tile edge\n");
-  for (size_t j = 0; j < grid.joints().size(); ++j) {
-    const GridJoint& joint = grid.joints()[j];
-    absl::StrAppendFormat(&text, "  %-20s %10.5g  %10.5g  %5d  %10.5g  %9d%s\n", joint.name,
-                          joint.lower, joint.upper, joint.steps, joint.step(), grid.tile_edges()[j],
-                          joint.continuous ? "  continuous" : "");
-  }
-  if (!cell.fixed_joints().empty()) absl::StrAppend(&text, "\nfixed joints            position\n");
-  for (const auto& joint : cell.fixed_joints()) {
-    absl::StrAppendFormat(&text, "  %-20s %10.5g\n", joint.name(), joint.position());
-  }
-  absl::StrAppend(&text, "\nviews                   mask       image\n");
-  for (const auto& view : cell.views()) {
-    const std::string image =
-        view.image_width() > 0 ? absl::StrFormat("%dx%d", view.image_width(), view.image_height())
-                               : "none";
-    absl::StrAppendFormat(&text, "  %-20s  %-9s  %s\n", view.name(),
-                          absl::StrFormat("%dx%d", view.mask_width(), view.mask_height()), image);
-  }
-  absl::StrAppend(&text, "\n", VariantsText(facts.usage, grid));
-  if (!facts.provenance.entries().empty()) {
-    absl::StrAppend(&text, "\nwritten by                robot images\n");
-  }
-  for (const auto& entry : facts.provenance.entries()) {
-    absl::StrAppendFormat(&text, "  %s %12d  %s%s\n", InfoTimeOf(entry), entry.robot_images(),
-                          entry.program(),
-                          entry.variant().empty() ? "" : ", variant '" + entry.variant() + "'");
-  }
-  return text;
-}
-
-nlohmann::json JsonOf(const Database& database, const Facts& facts) {
-  const storage::v1::CellDescription& cell = database.cell();
-  const ConfigurationGrid& grid = database.grid();
-  nlohmann::json json = {{"database", database.path()},
-                         {"format_version", schema::kFormatVersion},
-                         {"generation", facts.generation},
-                         {"cell", cell.name()},
-                         {"configurations", grid.size()},
-                         {"records", facts.records},
-                         {"references", facts.references},
-                         {"calibration", InfoKindOf(facts.calibration)},
-                         {"collision_index", StateJson(facts.index)},
-                         {"file_bytes", facts.usage.file_bytes},
-                         {"used_bytes", facts.usage.used_bytes},
-                         {"segmentation", cell.segmentation()},
-                         {"variants", VariantsJson(facts.usage)},
-                         {"grid_joints", nlohmann::json::array()},
-                         {"fixed_joints", nlohmann::json::object()},
-                         {"views", nlohmann::json::array()},
-                         {"provenance", nlohmann::json::array()}};
-  for (size_t j = 0; j < grid.joints().size(); ++j) {
-    const GridJoint& joint = grid.joints()[j];
-    json["grid_joints"].push_back({{"name", joint.name},
-                                   {"lower", joint.lower},
-                                   {"upper", joint.upper},
-                                   {"steps", joint.steps},
-                                   {"continuous", joint.continuous},
-                                   {"tile_edge", grid.tile_edges()[j]}});
-  }
-  for (const auto& joint : cell.fixed_joints()) {
-    json["fixed_joints"][joint.name()] = joint.position();
-  }
-  for (const auto& view : cell.views()) {
-    json["views"].push_back({{"name", view.name()},
-                             {"mask_size", {view.mask_width(), view.mask_height()}},
-                             {"image_size", {view.image_width(), view.image_height()}}});
-  }
-  for (const auto& entry : facts.provenance.entries()) {
-    json["provenance"].push_back(
-        {{"time", InfoTimeOf(entry)},
-         {"program", entry.program()},
-         {"variant", entry.variant().empty() ? schema::kDefaultVariant : entry.variant()},
-         {"robot_images", entry.robot_images()}});
-  }
-  return json;
-}
-
-absl::StatusOr<ExitCode> Info(const InfoOptions& options) {
-  ASSIGN_OR_RETURN(OpenedDatabase opened, OpenForReading(options.database));
-  ASSIGN_OR_RETURN(const Database::Usage usage, opened.database->GetUsage());
-  ASSIGN_OR_RETURN(const auto references, opened.snapshot.References());
-  ASSIGN_OR_RETURN(const auto calibration, opened.snapshot.Calibration());
-  ASSIGN_OR_RETURN(const storage::v1::ProvenanceLog provenance, opened.snapshot.Provenance());
-  ASSIGN_OR_RETURN(const auto index, CollisionIndex::Open(std::move(opened.snapshot)));
-  const Facts facts{
-      index->generation(), index->snapshot().size(), usage, references.has_value(), calibration,
-      provenance,          index->Summary()};
-  Print(options.format, TextOf(*opened.database, facts), JsonOf(*opened.database, facts));
+      "on disk         %s, %s of it in use\n",
+      database.path(), schema::kFormatVersion, index->generation(), database.cell().name(), records,
+      size, Percent(records, size), references ? "yes" : "none", kind,
+      StateText(summary, database.path()), MiB(usage.file_bytes), MiB(usage.used_bytes));
+  Json json = {{"database", database.path()},
+               {"format_version", schema::kFormatVersion},
+               {"generation", index->generation()},
+               {"cell", database.cell().name()},
+               {"configurations", size},
+               {"records", records},
+               {"references", references.has_value()},
+               {"calibration", kind},
+               {"collision_index", StateJson(summary)},
+               {"file_bytes", usage.file_bytes},
+               {"used_bytes", usage.used_bytes},
+               {"segmentation", database.cell().segmentation()},
+               {"variants", VariantsJson(usage)}};
+  AppendJoints(database, text, json);
+  AppendViews(database.cell(), text, json);
+  text += "\n" + VariantsText(usage, database.grid());
+  AppendProvenance(provenance, text, json);
+  PrintResult(options.format, json, text);
   return kDone;
 }
 
@@ -155,7 +130,6 @@ absl::StatusOr<ExitCode> Info(const InfoOptions& options) {
 
 void AddInfo(CLI::App& app, Work& work) {
   auto [command, options] = AddCommand(app, work, "info", "What a database holds", Info);
-  AddDatabaseArgument(command, options.database);
   AddFormatOption(command, options.format);
   command.footer("Example:\n  silhouette-db info cell.lmdb");
 }

@@ -1,12 +1,17 @@
 // SPDX-License-Identifier: Apache-2.0
 // silhouette-db sheet: the masks of a slice of the configuration space on one sheet.
+#include <algorithm>
+#include <cmath>
 #include <iostream>
 #include <memory>
+#include <optional>
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
+#include "absl/strings/str_join.h"
 #include "common/picture/sheet.h"
 #include "db/status/status_macros.h"
+#include "tools/program/joint_values.h"
 #include "tools/silhouette-db/commands.h"
 #include "tools/silhouette-db/common.h"
 
@@ -17,14 +22,77 @@ constexpr int kMostColumns = 8;
 constexpr int kMostRows = 8;
 constexpr int kSheetTileSide = 128;  // about, in pixels
 
-struct SheetArguments {
-  std::string database;
-  std::string variant = schema::kDefaultVariant;
+struct SheetArguments : DatabaseOptions {
   std::vector<std::string> along;
   std::vector<std::string> fixed;
   std::string view;
-  std::string picture;
 };
+
+// Configurations along one or two joints while the others stand still.
+struct Slice {
+  int across = 0;              // the joint that runs from left to right
+  std::optional<int> upwards;  // the joint that runs from below to above; none: one row
+  GridIndex index{};           // where the others stand
+  std::string others;          // the same for people; empty if there are none
+};
+
+absl::StatusOr<int> JointOf(const ConfigurationGrid& grid, const std::string& name) {
+  std::vector<std::string> names;
+  for (int j = 0; j < grid.dimensions(); ++j) {
+    names.push_back(grid.joints()[static_cast<size_t>(j)].name);
+    if (names.back() == name) return j;
+  }
+  return absl::InvalidArgumentError(absl::StrCat("the grid has no joint '", name,
+                                                 "'; its joints are ", absl::StrJoin(names, ", ")));
+}
+
+// `along`: names of one or two joints; empty: the first two that move. `fixed`: "joint=value" for
+// others; those not named stand in the middle of their range. InvalidArgument, or throws
+// std::invalid_argument, for an unknown name, a joint named twice, or a value outside the grid.
+absl::StatusOr<Slice> SliceOf(const ConfigurationGrid& grid, const std::vector<std::string>& along,
+                              const std::vector<std::string>& fixed) {
+  std::vector<int> axes;
+  for (const std::string& name : along) {
+    ASSIGN_OR_RETURN(const int joint, JointOf(grid, name));
+    axes.push_back(joint);
+  }
+  if (axes.empty()) axes = MovingJoints(grid);
+  if (axes.empty()) axes.push_back(0);
+  if (axes.size() > 2) axes.resize(2);
+  if (axes.size() == 2 && axes[0] == axes[1]) {
+    return absl::InvalidArgumentError(absl::StrCat("joint '", along[0], "' is named twice"));
+  }
+  const auto runs = [&](int j) { return std::ranges::find(axes, j) != axes.end(); };
+  Slice slice;
+  slice.across = axes[0];
+  if (axes.size() == 2) slice.upwards = axes[1];
+  for (size_t j = 0; j < grid.joints().size(); ++j) {
+    slice.index[j] = (grid.joints()[j].steps - 1) / 2;
+  }
+  for (const std::string& text : fixed) {
+    const auto [name, value] = ParseJoint(text);
+    ASSIGN_OR_RETURN(const int j, JointOf(grid, name));
+    const GridJoint& joint = grid.joints()[static_cast<size_t>(j)];
+    if (runs(j)) {
+      return absl::InvalidArgumentError(
+          absl::StrCat("joint '", name, "' cannot be fixed and run along the sheet"));
+    }
+    const std::optional<double> place = grid.Place(j, value);
+    if (!place) {
+      return absl::InvalidArgumentError(absl::StrCat(
+          "joint '", name, "': ", value, " is not within ", joint.lower, " to ", joint.upper));
+    }
+    slice.index[static_cast<size_t>(j)] = static_cast<int>(std::lround(*place)) % joint.steps;
+  }
+  const Configuration q = grid.At(slice.index);
+  std::vector<std::string> others;
+  for (size_t j = 0; j < q.size(); ++j) {
+    if (runs(static_cast<int>(j))) continue;
+    others.push_back(absl::StrFormat("%s = %.4g", grid.joints()[j].name, q[j]));
+  }
+  slice.others = absl::StrJoin(others, ", ");
+  return slice;
+}
 
 // At most `most` of 0..steps-1, evenly spread, first and last among them.
 std::vector<int> Spread(int steps, int most) {
@@ -42,14 +110,13 @@ absl::StatusOr<Picture> SheetTile(const OpenedDatabase& opened, ConfigurationNum
   const auto image = opened.snapshot.Find(number);
   if (!image.ok() && !absl::IsDataLoss(image.status())) return image.status();
   Picture picture;
-  if (!image.ok()) {
-    picture = BlankPicture(size.width, size.height, palette::kDamaged);
-  } else if (!*image) {
-    picture = BlankPicture(size.width, size.height, palette::kPaper);
-  } else if ((*image)->excluded) {
-    picture = BlankPicture(size.width, size.height, palette::kExcluded);
-  } else {
+  if (image.ok() && *image && !(*image)->excluded) {
     picture = PictureOf((*image)->masks[static_cast<size_t>(view)], palette::kRobot);
+  } else {
+    picture = BlankPicture(size.width, size.height,
+                           !image.ok() ? palette::kDamaged
+                           : !*image   ? palette::kPaper
+                                       : palette::kExcluded);
   }
   if (side <= kSheetTileSide)
     return Enlarged(picture, std::max(1, (kSheetTileSide + side / 2) / side));
@@ -128,7 +195,6 @@ absl::StatusOr<ExitCode> Sheet(const SheetArguments& options) {
 void AddSheet(CLI::App& app, Work& work) {
   auto [command, options] =
       AddCommand(app, work, "sheet", "The masks along one or two joints on one sheet", Sheet);
-  AddDatabaseArgument(command, options.database);
   AddVariantOption(command, options.variant);
   command.add_option("--picture", options.picture, "The PNG file to write")->required();
   command

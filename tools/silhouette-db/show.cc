@@ -2,11 +2,15 @@
 // silhouette-db show: one configuration.
 #include <iostream>
 #include <memory>
+#include <nlohmann/json.hpp>
+#include <optional>
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
 #include "absl/strings/str_join.h"
+#include "common/numbers/numbers.h"
 #include "common/picture/sheet.h"
+#include "common/result/result.h"
 #include "db/status/status_macros.h"
 #include "tools/silhouette-db/commands.h"
 #include "tools/silhouette-db/common.h"
@@ -14,13 +18,11 @@
 namespace silhouette {
 namespace {
 
-struct ShowOptions {
-  std::string database;
-  std::string variant = schema::kDefaultVariant;
-  std::string format = "text";
+using Json = nlohmann::ordered_json;
+
+struct ShowOptions : DatabaseOptions {
   std::optional<ConfigurationNumber> number;
   std::vector<double> at;
-  std::string picture;
 };
 
 absl::StatusOr<ConfigurationNumber> Choose(const ConfigurationGrid& grid,
@@ -42,53 +44,38 @@ absl::StatusOr<ConfigurationNumber> Choose(const ConfigurationGrid& grid,
   return *number;
 }
 
-std::string TextOf(const Database& database, const RobotImage& image) {
-  std::string text;
-  absl::StrAppendFormat(&text, "configuration  %d\njoints         %s\n", image.number,
-                        JointText(database.grid(), image.number));
-  if (image.excluded)
-    absl::StrAppend(&text, "excluded       the robot must not enter it: never free\n");
-  if (const std::string time = TimeText(image.captured); !time.empty()) {
-    absl::StrAppend(&text, "captured       ", time, "\n");
+void PrintRecord(const std::string& format, const Database& database, const RobotImage& image) {
+  const std::string time = TimeText(image.captured);
+  std::string text = absl::StrFormat("configuration  %d\njoints         %s\n", image.number,
+                                     JointText(database.grid(), image.number));
+  if (image.excluded) text += "excluded       the robot must not enter it: never free\n";
+  if (!time.empty()) absl::StrAppend(&text, "captured       ", time, "\n");
+  for (const auto& [name, values] :
+       {std::pair("commanded", &image.commanded), {"measured ", &image.measured}}) {
+    if (!values->empty())
+      absl::StrAppend(&text, name, "      ", absl::StrJoin(*values, ", "), "\n");
   }
-  if (!image.commanded.empty()) {
-    absl::StrAppend(&text, "commanded      ", absl::StrJoin(image.commanded, ", "), "\n");
-  }
-  if (!image.measured.empty()) {
-    absl::StrAppend(&text, "measured       ", absl::StrJoin(image.measured, ", "), "\n");
-  }
+  Json json = {{"number", image.number},       {"joints", JointJson(database.grid(), image.number)},
+               {"excluded", image.excluded},   {"captured", time},
+               {"commanded", image.commanded}, {"measured", image.measured},
+               {"views", Json::array()}};
   for (size_t i = 0; i < image.masks.size(); ++i) {
+    const std::string& view = database.cell().views(static_cast<int>(i)).name();
     const size_t area = image.masks[i].Count();
-    absl::StrAppendFormat(
-        &text, "view %-9s %d pixels (%.1f %%)\n", database.cell().views(static_cast<int>(i)).name(),
-        area,
-        100.0 * static_cast<double>(area) / static_cast<double>(image.masks[i].size().pixels()));
+    absl::StrAppendFormat(&text, "view %-9s %d pixels (%.1f %%)\n", view, area,
+                          Percent(area, image.masks[i].size().pixels()));
+    json["views"].push_back({{"name", view}, {"pixels", area}});
   }
-  return text;
-}
-
-nlohmann::json JsonOf(const Database& database, const RobotImage& image) {
-  nlohmann::json json = {
-      {"number", image.number},          {"joints", JointJson(database.grid(), image.number)},
-      {"excluded", image.excluded},      {"captured", TimeText(image.captured)},
-      {"commanded", image.commanded},    {"measured", image.measured},
-      {"views", nlohmann::json::array()}};
-  for (size_t i = 0; i < image.masks.size(); ++i) {
-    json["views"].push_back({{"name", database.cell().views(static_cast<int>(i)).name()},
-                             {"pixels", image.masks[i].Count()}});
-  }
-  return json;
+  PrintResult(format, json, text);
 }
 
 Picture ShowPaint(const Database& database, const RobotImage& image) {
   std::vector<CaptionedPicture> pictures;
   for (size_t i = 0; i < image.masks.size(); ++i) {
-    const Mask& mask = image.masks[i];
-    const int factor = std::max(1, 256 / std::max(mask.width(), mask.height()));
     pictures.push_back(
-        {Enlarged(PictureOf(mask, palette::kRobot), factor),
+        {EnlargedTo(256, PictureOf(image.masks[i], palette::kRobot)),
          absl::StrFormat("%s: %d pixels", database.cell().views(static_cast<int>(i)).name(),
-                         mask.Count())});
+                         image.masks[i].Count())});
   }
   return ContactSheet(
       pictures, {.title = absl::StrCat("Configuration ", image.number, ": ",
@@ -110,7 +97,7 @@ absl::StatusOr<ExitCode> ShowHere(const ShowOptions& options) {
   if (!options.picture.empty() && !image->excluded) {
     RETURN_IF_ERROR(WritePng(options.picture, ShowPaint(database, *image)));
   }
-  Print(options.format, TextOf(database, *image), JsonOf(database, *image));
+  PrintRecord(options.format, database, *image);
   return kDone;
 }
 
@@ -119,7 +106,6 @@ absl::StatusOr<ExitCode> ShowHere(const ShowOptions& options) {
 void AddShow(CLI::App& app, Work& work) {
   auto [command, options] =
       AddCommand(app, work, "show", "The record of one configuration", ShowHere);
-  AddDatabaseArgument(command, options.database);
   AddVariantOption(command, options.variant);
   CLI::Option_group* choice = command.add_option_group("choice", "Which configuration");
   choice->add_option("--number", options.number, "Its number");

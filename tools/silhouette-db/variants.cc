@@ -1,10 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 // silhouette-db variants: the variants, making and removing them.
-#include <iostream>
 #include <memory>
+#include <nlohmann/json.hpp>
 
-#include "absl/strings/str_cat.h"
-#include "absl/strings/str_format.h"
+#include "common/result/result.h"
 #include "db/status/status_macros.h"
 #include "tools/silhouette-db/commands.h"
 #include "tools/silhouette-db/common.h"
@@ -12,32 +11,26 @@
 namespace silhouette {
 namespace {
 
-struct VariantsOptions {
-  std::string database;
-  std::string format = "text";
+struct VariantsOptions : DatabaseOptions {
   std::string add;
   std::string remove;
 };
 
-absl::Status Change(const VariantsOptions& options) {
+absl::Status ChangeVariants(const VariantsOptions& options) {
   ASSIGN_OR_RETURN(const std::unique_ptr<Database> database,
                    Database::Open(options.database, Database::Access::kWrite));
-  if (!options.add.empty()) {
-    return (database)
-        ->CreateVariant(options.add, absl::StrCat("silhouette-db variants --add ", options.add))
-        .status();
+  const std::string program = "silhouette-db variants ";
+  if (options.add.empty()) {
+    return database->RemoveVariant(options.remove, program + "--remove " + options.remove);
   }
-  return database->RemoveVariant(options.remove,
-                                 absl::StrCat("silhouette-db variants --remove ", options.remove));
+  return database->CreateVariant(options.add, program + "--add " + options.add).status();
 }
 
 absl::StatusOr<ExitCode> Variants(const VariantsOptions& options) {
-  if (!options.add.empty() || !options.remove.empty()) {
-    RETURN_IF_ERROR(Change(options));
-  }
+  if (!options.add.empty() || !options.remove.empty()) RETURN_IF_ERROR(ChangeVariants(options));
   ASSIGN_OR_RETURN(const OpenedDatabase opened, OpenForReading(options.database));
   ASSIGN_OR_RETURN(const Database::Usage usage, opened.database->GetUsage());
-  Print(options.format, VariantsText(usage, opened.database->grid()), VariantsJson(usage));
+  PrintResult(options.format, VariantsJson(usage), VariantsText(usage, opened.database->grid()));
   return kDone;
 }
 
@@ -47,7 +40,6 @@ void AddVariants(CLI::App& app, Work& work) {
   auto [command, options] =
       AddCommand(app, work, "variants",
                  "The variants: of the robot with its gripper open, closed, with a part", Variants);
-  AddDatabaseArgument(command, options.database);
   CLI::Option* add = command.add_option("--add", options.add, "Make this variant, without images");
   command
       .add_option("--remove", options.remove,

@@ -1,12 +1,14 @@
 // SPDX-License-Identifier: Apache-2.0
 // silhouette-db verify: whether everything is there and can be read.
-#include <iostream>
+#include <algorithm>
 #include <memory>
+#include <nlohmann/json.hpp>
 #include <optional>
 #include <set>
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_join.h"
+#include "common/result/result.h"
 #include "db/status/status_macros.h"
 #include "db/store/fixed_joints.h"
 #include "tools/program/progress.h"
@@ -16,9 +18,9 @@
 namespace silhouette {
 namespace {
 
-struct VerifyOptions {
-  std::string database;
-  std::string format = "text";
+using Json = nlohmann::ordered_json;
+
+struct VerifyOptions : DatabaseOptions {
   bool allow_missing = false;
   double fixed_joint_tolerance = 0.005;
 };
@@ -47,24 +49,44 @@ struct Findings {
   }
 };
 
-// The collision index against the robot images that it should hold.
-// Takes all records in the order of their numbers, rebuilds the tiles from them, and
-// compares.
+// The collision index against the robot images that it should hold: takes all records in the order
+// of their numbers, builds the tiles from them again, and compares.
 class IndexCheck {
  public:
   // `index` must outlive it. The records are those of its snapshot.
-  explicit IndexCheck(const CollisionIndex& index);
+  explicit IndexCheck(const CollisionIndex& index) : index_(index), builder_(index.trees()) {}
 
   // The next record; an error status stands for one that cannot be read.
-  void Take(ConfigurationNumber number, const absl::StatusOr<RobotImage>& image);
-  // There are no more.
-  void Finish();
+  void Take(ConfigurationNumber number, const absl::StatusOr<RobotImage>& image) {
+    if (tile_ && *tile_ != number / kTileSize) CompareTile();
+    tile_ = number / kTileSize;
+    readable_ = readable_ && image.ok();
+    if (!image.ok() || image->excluded) return;
+    std::vector<MaskWords> words;
+    for (const Mask& mask : image->masks) words.push_back(mask.words());
+    builder_.Add(number % kTileSize, words);
+  }
 
-  // A sentence per tile whose index is not what its robot images give.
-  const std::vector<std::string>& faults() const { return faults_; }
+  // There are no more. A sentence per tile whose index is not what its robot images give.
+  std::vector<std::string> Finish() {
+    if (tile_) CompareTile();
+    return std::move(faults_);
+  }
 
  private:
-  void CompareTile();
+  // A record that became unreadable after the tile was built cannot be compared; it is a fault of
+  // its own.
+  void CompareTile() {
+    const std::vector<std::byte> expected = builder_.Finish();
+    const std::span<const std::byte> stored = index_.Bytes(*tile_);
+    const bool same = stored.size() >= expected.size() &&
+                      std::ranges::equal(expected, stored.first(expected.size()));
+    if (!stored.empty() && readable_ && !same) {
+      faults_.push_back(
+          absl::StrCat("the collision index of tile ", *tile_, " is not that of its robot images"));
+    }
+    readable_ = true;
+  }
 
   const CollisionIndex& index_;
   TileIndexBuilder builder_;
@@ -72,37 +94,6 @@ class IndexCheck {
   bool readable_ = true;  // all records of the tile
   std::vector<std::string> faults_;
 };
-
-IndexCheck::IndexCheck(const CollisionIndex& index) : index_(index), builder_(index.trees()) {}
-
-void IndexCheck::Take(ConfigurationNumber number, const absl::StatusOr<RobotImage>& image) {
-  if (tile_ && *tile_ != number / kTileSize) CompareTile();
-  tile_ = number / kTileSize;
-  readable_ = readable_ && image.ok();
-  if (!image.ok() || image->excluded) return;
-  std::vector<MaskWords> words;
-  for (const Mask& mask : image->masks) words.push_back(mask.words());
-  builder_.Add(number % kTileSize, words);
-}
-
-void IndexCheck::Finish() {
-  if (tile_) CompareTile();
-  tile_.reset();
-}
-
-// A record that became unreadable after the tile was built cannot be compared; it is a fault of its
-// own.
-void IndexCheck::CompareTile() {
-  const std::vector<std::byte> expected = builder_.Finish();
-  const std::span<const std::byte> stored = index_.Bytes(*tile_);
-  const bool same = stored.size() >= expected.size() &&
-                    std::ranges::equal(expected, stored.first(expected.size()));
-  if (!stored.empty() && readable_ && !same) {
-    faults_.push_back(
-        absl::StrCat("the collision index of tile ", *tile_, " is not that of its robot images"));
-  }
-  readable_ = true;
-}
 
 // Where the fixed joints stood when the robot images were captured.
 class FixedJointCheck {
@@ -160,10 +151,8 @@ absl::Status ReadRecords(const ConfigurationGrid& grid, const CollisionIndex& in
   };
   const absl::Status status = index.snapshot().ForEach(visit);
   if (StopRequested()) return Stopped("verify reads the database from its beginning each time");
-  index_check.Finish();
   fixed_joints.Report(findings);
-  findings.faults.insert(findings.faults.end(), index_check.faults().begin(),
-                         index_check.faults().end());
+  for (std::string& fault : index_check.Finish()) findings.faults.push_back(std::move(fault));
   if (absl::IsDataLoss(status)) {
     findings.faults.emplace_back(status.message());
     return absl::OkStatus();
@@ -197,15 +186,6 @@ absl::Status ReadRawImages(const storage::v1::CellDescription& cell, const Snaps
     if (!kept.ok()) findings.faults.emplace_back(kept.status().message());
   }
   return absl::OkStatus();
-}
-
-// A tile whose index is stale or missing is no fault: nothing uses it.
-void CheckIndex(const CollisionIndex& index, Findings& findings) {
-  findings.index = index.Summary();
-  if (findings.index.damaged > 0) {
-    findings.faults.push_back(
-        absl::StrCat("the collision index of ", findings.index.damaged, " tiles is damaged"));
-  }
 }
 
 void CheckCompleteness(const ConfigurationGrid& grid, const Snapshot& snapshot, bool allow_missing,
@@ -245,7 +225,12 @@ absl::StatusOr<Findings> VerifyVariant(const VerifyOptions& options, const std::
   findings.variant = name;
   const bool further = name != schema::kDefaultVariant;
   if (!further) CheckMeta(database.cell(), snapshot, findings);
-  CheckIndex(*index, findings);
+  findings.index = index->Summary();
+  // A tile whose index is stale or missing is no fault: nothing uses it.
+  if (findings.index.damaged > 0) {
+    findings.faults.push_back(
+        absl::StrCat("the collision index of ", findings.index.damaged, " tiles is damaged"));
+  }
   FixedJointCheck fixed_joints(database.cell(), options.fixed_joint_tolerance);
   RETURN_IF_ERROR(ReadRecords(database.grid(), *index, fixed_joints, findings));
   RETURN_IF_ERROR(ReadRawImages(database.cell(), snapshot, findings));
@@ -256,64 +241,34 @@ absl::StatusOr<Findings> VerifyVariant(const VerifyOptions& options, const std::
   return findings;
 }
 
-nlohmann::json JsonOf(const Findings& findings) {
-  return {{"captured", findings.captured},
-          {"excluded", findings.excluded},
-          {"damaged", findings.damaged},
-          {"missing", findings.missing},
-          {"elsewhere", findings.elsewhere},
-          {"raw_images", findings.raw_images},
-          {"collision_index", StateJson(findings.index)}};
+Json JsonOf(const Findings& findings, const CollisionIndexSummary& index) {
+  return {{"captured", findings.captured},      {"excluded", findings.excluded},
+          {"damaged", findings.damaged},        {"missing", findings.missing},
+          {"elsewhere", findings.elsewhere},    {"raw_images", findings.raw_images},
+          {"collision_index", StateJson(index)}};
 }
 
-nlohmann::json JsonOf(const std::vector<FixedJointRange>& joints) {
-  nlohmann::json json = nlohmann::json::object();
-  for (const FixedJointRange& joint : joints) {
-    json[joint.name] = {
+// A variant's part of the result; `of` begins its lines.
+void AppendVariant(const std::string& database, const std::string& of, const Findings& findings,
+                   std::string& text, Json& variants) {
+  Json& json = variants.emplace_back(JsonOf(findings, findings.index));
+  json["name"] = findings.variant;
+  json["fixed_joints"] = Json::object();
+  absl::StrAppend(&text, of, "collision index: ", StateText(findings.index, database), "\n");
+  for (const FixedJointRange& joint : findings.fixed_joints) {
+    json["fixed_joints"][joint.name] = {
         {"position", joint.position}, {"lowest", joint.lowest}, {"highest", joint.highest}};
+    if (joint.lowest == joint.highest) continue;
+    absl::StrAppend(&text, of, "fixed joint '", joint.name, "': captured at ", joint.lowest, " to ",
+                    absl::StrCat(joint.highest, "\n"));
   }
-  return json;
-}
-
-nlohmann::json JsonOf(const std::vector<Findings>& variants, const Findings& sum) {
-  nlohmann::json json = JsonOf(sum);
-  json["ok"] = sum.faults.empty();
-  json["faults"] = sum.faults;
-  json["collision_index"] = StateJson(variants.front().index);
-  json["variants"] = nlohmann::json::array();
-  for (const Findings& findings : variants) {
-    nlohmann::json variant = JsonOf(findings);
-    variant["name"] = findings.variant;
-    variant["fixed_joints"] = JsonOf(findings.fixed_joints);
-    json["variants"].push_back(std::move(variant));
+  if (findings.raw_images > 0) {
+    absl::StrAppend(&text, of, "raw images: of ", findings.raw_images, " configurations\n");
   }
-  return json;
-}
-
-std::string TextOf(const VerifyOptions& options, const std::vector<Findings>& variants,
-                   const Findings& sum) {
-  std::string text;
-  for (const std::string& fault : sum.faults) absl::StrAppend(&text, fault, "\n");
-  for (const Findings& findings : variants) {
-    const std::string of =
-        variants.size() == 1 ? "" : absl::StrCat("variant '", findings.variant, "': ");
-    absl::StrAppend(&text, of, "collision index: ", StateText(findings.index, options.database),
-                    "\n");
-    for (const FixedJointRange& joint : findings.fixed_joints) {
-      if (joint.lowest == joint.highest) continue;
-      absl::StrAppend(&text, absl::StrCat(of, "fixed joint '", joint.name, "': captured at ",
-                                          joint.lowest, " to ", joint.highest, "\n"));
-    }
-    if (findings.raw_images > 0) {
-      absl::StrAppend(&text, of, "raw images: of ", findings.raw_images, " configurations\n");
-    }
-    absl::StrAppend(&text,
-                    absl::StrCat(of, findings.captured, " captured, ", findings.excluded,
-                                 " excluded, ", findings.damaged, " damaged, ", findings.missing,
-                                 " missing: ", findings.faults.empty() ? "sound" : "not sound"),
-                    "\n");
-  }
-  return text;
+  absl::StrAppend(&text, of,
+                  absl::StrCat(findings.captured, " captured, ", findings.excluded, " excluded, ",
+                               findings.damaged, " damaged, ", findings.missing,
+                               " missing: ", findings.faults.empty() ? "sound\n" : "not sound\n"));
 }
 
 absl::StatusOr<ExitCode> Verify(const VerifyOptions& options) {
@@ -327,7 +282,17 @@ absl::StatusOr<ExitCode> Verify(const VerifyOptions& options) {
     sum.Add(findings);
     variants.push_back(std::move(findings));
   }
-  Print(options.format, TextOf(options, variants, sum), JsonOf(variants, sum));
+  Json json = JsonOf(sum, variants.front().index);
+  json["ok"] = sum.faults.empty();
+  json["faults"] = sum.faults;
+  json["variants"] = Json::array();
+  std::string text;
+  for (const std::string& fault : sum.faults) absl::StrAppend(&text, fault, "\n");
+  for (const Findings& findings : variants) {
+    const std::string of = variants.size() == 1 ? "" : "variant '" + findings.variant + "': ";
+    AppendVariant(options.database, of, findings, text, json["variants"]);
+  }
+  PrintResult(options.format, json, text);
   return sum.faults.empty() ? kDone : kNo;
 }
 
@@ -339,7 +304,6 @@ void AddVerify(CLI::App& app, Work& work) {
       "Reads everything, checks checksums, completeness, where fixed joints stood, and the\n"
       "collision index against the robot images; exit code 1 if not sound",
       Verify);
-  AddDatabaseArgument(command, options.database);
   command.add_flag("--allow-missing", options.allow_missing,
                    "Configurations without a record are no fault");
   command

@@ -174,7 +174,7 @@ TEST(Variants, DoNotTakeAnotherRecordForTheOneTheyRestOn) {
     const auto snapshot = variant->Read();
     const auto found = snapshot->Find(5);
     EXPECT_EQ(found.status().code(), absl::StatusCode::kDataLoss);
-    EXPECT_THAT(found.status().message(), HasSubstr("that it rests on is not there, or another"));
+    EXPECT_THAT(found.status().message(), HasSubstr("that it rests on is missing or different"));
     int met = 0;
     ASSERT_TRUE(ForEachMasks(*snapshot, [&](const MetRecord& record) {
                   ++met;

@@ -52,7 +52,7 @@ std::vector<int> BinsBefore(const Mask& robot, const EpipolarBands& bands, int v
 void Add(const std::vector<Mask>& robot, ConfigurationNumber number, const EpipolarBands& bands,
          PairContradictions& pair) {
   const Mask& there = robot[static_cast<size_t>(pair.other)];
-  if (there.Empty() || ReachesRim(there)) return;
+  if (there.Empty() || TouchesBorder(there)) return;
   const size_t contradicting = ContradictingPixels(robot, bands, pair.view, pair.other).Count();
   ++pair.configurations;
   pair.pixels += robot[static_cast<size_t>(pair.view)].Count();
@@ -80,16 +80,6 @@ const PairContradictions* Contradictions::worst() const {
     return a.share() < b.share();
   });
   return pixels() == 0 ? nullptr : &*worst;
-}
-
-bool ReachesRim(const Mask& mask) {
-  for (int x = 0; x < mask.width(); ++x) {
-    if (mask.at(x, 0) || mask.at(x, mask.height() - 1)) return true;
-  }
-  for (int y = 0; y < mask.height(); ++y) {
-    if (mask.at(0, y) || mask.at(mask.width() - 1, y)) return true;
-  }
-  return false;
 }
 
 Mask ContradictingPixels(const std::vector<Mask>& robot, const EpipolarBands& bands, int view,

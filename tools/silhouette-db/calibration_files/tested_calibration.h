@@ -48,9 +48,6 @@ struct Contradictions {
 Mask ContradictingPixels(const std::vector<Mask>& robot, const EpipolarBands& bands, int view,
                          int other);
 
-// Whether a mask reaches the rim of its image.
-bool ReachesRim(const Mask& mask);
-
 // Numbers of captured configurations, at most `most`, spread over the grid; the same ones each
 // time.
 absl::StatusOr<std::vector<ConfigurationNumber>> SampledConfigurations(const Database& database,
