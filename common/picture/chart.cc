@@ -22,6 +22,78 @@ constexpr int kChartTitle = 20;
 constexpr int kChartText = 15;
 constexpr int kChartTick = 5;
 constexpr int kLeastTickDistance = 56;
+constexpr double kRoom = 0.06;  // beside the outer points of lines, as a share of the plot's width
+
+// 1, 2 or 5 times a power of ten, at least `least`.
+double RoundStep(double least) {
+  const double decade = std::pow(10, std::floor(std::log10(least)));
+  for (double factor : {1.0, 2.0, 5.0}) {
+    if (factor * decade >= least * (1 - 1e-9)) return factor * decade;
+  }
+  return 10 * decade;
+}
+
+// An axis of a plot.
+struct Axis {
+  std::string title;  // empty: no ticks
+  double from = 0;    // values
+  double to = 0;
+  double step = 1;     // between ticks
+  double at_from = 0;  // pixels
+  double at_to = 0;
+
+  int Pixel(double value) const {
+    const double share = to > from ? (value - from) / (to - from) : 0;
+    return static_cast<int>(std::lround(at_from + share * (at_to - at_from)));
+  }
+
+  std::vector<double> Ticks() const {
+    if (title.empty()) return {};
+    if (!(to > from)) return {from};
+    std::vector<double> ticks;
+    for (double k = std::ceil(from / step - 1e-9); k * step <= to + 1e-9 * step; ++k) {
+      ticks.push_back(k == 0 ? 0 : k * step);
+    }
+    return ticks;
+  }
+};
+
+std::string TickLabel(double value) { return absl::StrFormat("%.6g", value); }
+
+// The width of a vertical axis's labels.
+int LabelWidth(const Axis& axis) {
+  int width = 0;
+  for (double value : axis.Ticks())
+    width = std::max(width, TextWidth(TickLabel(value), kChartText));
+  return width;
+}
+
+// What a vertical axis takes to the left of the plot, and a horizontal one below it.
+int LeftOfPlot(const Axis& axis) { return kChartText + 8 + LabelWidth(axis) + kChartTick + 4; }
+constexpr int kBelowPlot = kChartTick + 2 * kChartText + 22;
+
+void DrawAxes(Picture& picture, const cv::Rect& area, const Axis& x, const Axis& y) {
+  const cv::Scalar ink = BgrOf(palette::kInk);
+  cv::rectangle(picture, area - cv::Point(1, 1) + cv::Size(2, 2), ink, 1);
+  const int bottom = area.y + area.height;
+  for (double value : x.Ticks()) {
+    const int place = x.Pixel(value);
+    cv::line(picture, {place, bottom + 1}, {place, bottom + kChartTick}, ink);
+    DrawText(picture, TickLabel(value), {place, bottom + kChartTick + 3 + kChartText / 2},
+             {.height = kChartText, .across = Align::kMiddle});
+  }
+  for (double value : y.Ticks()) {
+    const int place = y.Pixel(value);
+    cv::line(picture, {area.x - kChartTick - 1, place}, {area.x - 2, place}, ink);
+    DrawText(picture, TickLabel(value), {area.x - kChartTick - 4, place},
+             {.height = kChartText, .across = Align::kEnd});
+  }
+  DrawText(picture, x.title,
+           {area.x + area.width / 2, bottom + kChartTick + kChartText + 8 + kChartText / 2},
+           {.height = kChartText, .across = Align::kMiddle});
+  DrawText(picture, y.title, {area.x - LeftOfPlot(y) + kChartText / 2, area.y + area.height / 2},
+           {.height = kChartText, .across = Align::kMiddle, .upwards = true});
+}
 
 void RequireValid(const ConfigurationChart& chart) {
   if (chart.x.cells < 1 || chart.y.cells < 1) throw std::invalid_argument("a chart without cells");
@@ -34,169 +106,118 @@ void RequireValid(const ConfigurationChart& chart) {
   }
 }
 
-int CellSize(int cells, int room) { return std::clamp(room / cells, 1, kLargestCell); }
-
-// 1, 2 or 5 times a power of ten, at least `least`.
-double RoundStep(double least) {
-  const double decade = std::pow(10, std::floor(std::log10(least)));
-  for (double factor : {1.0, 2.0, 5.0}) {
-    if (factor * decade >= least * (1 - 1e-9)) return factor * decade;
+// The axis over cells of `size` pixels, from pixel 0 on. Its ends are the middles of the outer
+// cells; its ticks are round numbers of the unit at least kLeastTickDistance pixels apart.
+Axis AxisOf(const ChartAxis& chart, int size) {
+  const double least =
+      (chart.last - chart.first) / std::max(1, size * chart.cells) * kLeastTickDistance;
+  double step = least > 0 ? RoundStep(least) : 1;
+  if (chart.unit == "deg" && least > 0.5) {
+    constexpr std::array kSteps = {1, 2, 5, 10, 15, 30, 45, 90};
+    const auto found = std::ranges::find_if(kSteps, [&](int each) { return each >= least; });
+    step = found == kSteps.end() ? 180 : *found;
   }
-  return 10 * decade;
+  return {.title = chart.unit.empty() || chart.label.empty()
+                       ? chart.label
+                       : absl::StrCat(chart.label, " (", chart.unit, ")"),
+          .from = chart.first,
+          .to = chart.cells == 1 ? chart.first : chart.last,
+          .step = step,
+          .at_from = 0.5 * size,
+          .at_to = (chart.cells - 0.5) * size};
 }
 
-// The distance between ticks: a round number of `unit` at least kLeastTickDistance pixels apart.
-double TickStep(const ChartAxis& axis, int pixels) {
-  const double least = (axis.last - axis.first) / std::max(1, pixels) * kLeastTickDistance;
-  if (axis.unit == "deg" && least > 0.5) {
-    for (double step : {1.0, 2.0, 5.0, 10.0, 15.0, 30.0, 45.0, 90.0}) {
-      if (step >= least) return step;
-    }
-    return 180;
-  }
-  return RoundStep(least);
-}
-
-// The plot's place in the picture, and how values and cells lie in it.
+// The plot of a chart over two joints.
 class Plot {
  public:
-  Plot(const ConfigurationChart& chart, cv::Point corner)
+  explicit Plot(const ConfigurationChart& chart)
       : chart_(chart),
-        cell_width_(CellSize(chart.x.cells, kPlotWidth)),
-        cell_height_(CellSize(chart.y.cells, kPlotHeight)),
-        area_(corner.x, corner.y, cell_width_ * chart.x.cells, cell_height_ * chart.y.cells) {}
+        cell_(std::clamp(kPlotWidth / chart.x.cells, 1, kLargestCell),
+              std::clamp(kPlotHeight / chart.y.cells, 1, kLargestCell)),
+        x_(AxisOf(chart.x, cell_.width)),
+        y_(AxisOf(chart.y, cell_.height)),
+        area_(kChartMargin + LeftOfPlot(y_),
+              kChartMargin + (chart.title.empty() ? 0 : kChartTitle + 12),
+              cell_.width * chart.x.cells, cell_.height * chart.y.cells) {
+    x_.at_from += area_.x;
+    x_.at_to += area_.x;
+    y_.at_from = area_.y + area_.height - y_.at_from;
+    y_.at_to = area_.y + area_.height - y_.at_to;
+  }
 
   const cv::Rect& area() const { return area_; }
 
-  // The upper left corner of cell (x, y); y = -1 is below the lowest row.
-  cv::Point Corner(int x, int y) const {
-    return {area_.x + x * cell_width_, area_.y + (chart_.y.cells - 1 - y) * cell_height_};
-  }
-  cv::Rect Cell(int x, int y) const { return {Corner(x, y), cv::Size(cell_width_, cell_height_)}; }
-
-  double PixelX(double value) const {
-    return area_.x + (Place(chart_.x, value) + 0.5) * cell_width_;
-  }
-  double PixelY(double value) const {
-    return area_.y + area_.height - (Place(chart_.y, value) + 0.5) * cell_height_;
-  }
-  cv::Point At(ChartPoint point) const {
-    return {static_cast<int>(std::lround(PixelX(point.x))),
-            static_cast<int>(std::lround(PixelY(point.y)))};
+  void Draw(Picture& picture) const {
+    for (int y = 0; y < chart_.y.cells; ++y) {
+      for (int x = 0; x < chart_.x.cells; ++x) {
+        const Colour colour = chart_.classes[Of(chart_.cells, x, y)].colour;
+        cv::rectangle(picture, {Corner(x, y), cell_}, BgrOf(colour), cv::FILLED);
+      }
+    }
+    if (!chart_.outlined.empty()) DrawOutline(picture);
+    DrawPath(picture);
+    DrawAxes(picture, area_, x_, y_);
   }
 
  private:
-  // Of a value, counted in cells from the middle of the first.
-  static double Place(const ChartAxis& axis, double value) {
-    if (axis.cells == 1 || axis.last == axis.first) return 0;
-    return (value - axis.first) / (axis.last - axis.first) * (axis.cells - 1);
+  uint8_t Of(const std::vector<uint8_t>& cells, int x, int y) const {
+    return cells[static_cast<size_t>(y * chart_.x.cells + x)];
+  }
+
+  // The upper left corner of cell (x, y); y = -1 is below the lowest row.
+  cv::Point Corner(int x, int y) const {
+    return {area_.x + x * cell_.width, area_.y + (chart_.y.cells - 1 - y) * cell_.height};
+  }
+
+  cv::Point At(ChartPoint point) const { return {x_.Pixel(point.x), y_.Pixel(point.y)}; }
+
+  void DrawOutline(Picture& picture) const {
+    const cv::Scalar colour = BgrOf(chart_.outline.colour);
+    const auto in = [&](int x, int y) { return Of(chart_.outlined, x, y) != 0; };
+    for (int y = 0; y < chart_.y.cells; ++y) {
+      for (int x = 0; x < chart_.x.cells; ++x) {
+        if (x > 0 && in(x, y) != in(x - 1, y)) {
+          cv::line(picture, Corner(x, y), Corner(x, y - 1), colour, 2);
+        }
+        if (y > 0 && in(x, y) != in(x, y - 1)) {
+          cv::line(picture, Corner(x, y - 1), Corner(x + 1, y - 1), colour, 2);
+        }
+      }
+    }
+  }
+
+  void DrawPath(Picture& picture) const {
+    const cv::Scalar colour = BgrOf(palette::kPath);
+    for (const std::vector<ChartPoint>& line : chart_.path) {
+      for (size_t i = 0; i < line.size(); ++i) {
+        if (i > 0) cv::line(picture, At(line[i - 1]), At(line[i]), colour, 2, cv::LINE_AA);
+        cv::circle(picture, At(line[i]), 2, colour, cv::FILLED, cv::LINE_AA);
+      }
+    }
+    constexpr int kRadius = 7;
+    constexpr size_t kRound = 0;
+    constexpr size_t kSquare = 1;
+    if (chart_.start) {
+      DrawMark(picture, At(*chart_.start), kRadius + 1, kRound, palette::kInk);
+      DrawMark(picture, At(*chart_.start), kRadius, kRound, palette::kStart);
+    }
+    if (chart_.goal) {
+      DrawMark(picture, At(*chart_.goal), kRadius + 3, kSquare, palette::kInk);
+      DrawMark(picture, At(*chart_.goal), kRadius + 2, kSquare, palette::kGoal);
+    }
   }
 
   const ConfigurationChart& chart_;
-  int cell_width_;
-  int cell_height_;
-  cv::Rect area_;
+  const cv::Size cell_;
+  Axis x_;
+  Axis y_;
+  const cv::Rect area_;
 };
 
-std::vector<double> Ticks(const ChartAxis& axis, int pixels) {
-  if (axis.label.empty()) return {};
-  if (axis.cells == 1 || axis.last <= axis.first) return {axis.first};
-  const double step = TickStep(axis, pixels);
-  std::vector<double> ticks;
-  for (double k = std::ceil(axis.first / step - 1e-9); k * step <= axis.last + 1e-9 * step; ++k) {
-    ticks.push_back(k * step);
-  }
-  return ticks;
-}
-
-std::string AxisTitle(const ChartAxis& axis) {
-  return axis.unit.empty() || axis.label.empty() ? axis.label
-                                                 : absl::StrCat(axis.label, " (", axis.unit, ")");
-}
-
-std::string TickLabel(double value) { return absl::StrFormat("%.6g", value == 0 ? 0 : value); }
-
-void DrawAxes(Picture& picture, const ConfigurationChart& chart, const Plot& plot) {
-  const cv::Rect& area = plot.area();
-  cv::rectangle(picture, cv::Rect(area.x - 1, area.y - 1, area.width + 2, area.height + 2),
-                BgrOf(palette::kInk), 1);
-  const int bottom = area.y + area.height;
-  for (double value : Ticks(chart.x, area.width)) {
-    const int x = static_cast<int>(std::lround(plot.PixelX(value)));
-    cv::line(picture, {x, bottom + 1}, {x, bottom + kChartTick}, BgrOf(palette::kInk));
-    DrawText(picture, TickLabel(value), {x, bottom + kChartTick + 3 + kChartText / 2},
-             {.height = kChartText, .across = Align::kMiddle});
-  }
-  for (double value : Ticks(chart.y, area.height)) {
-    const int y = static_cast<int>(std::lround(plot.PixelY(value)));
-    cv::line(picture, {area.x - kChartTick - 1, y}, {area.x - 2, y}, BgrOf(palette::kInk));
-    DrawText(picture, TickLabel(value), {area.x - kChartTick - 4, y},
-             {.height = kChartText, .across = Align::kEnd});
-  }
-  DrawText(picture, AxisTitle(chart.x),
-           {area.x + area.width / 2, bottom + kChartTick + kChartText + 8 + kChartText / 2},
-           {.height = kChartText, .across = Align::kMiddle});
-  DrawText(picture, AxisTitle(chart.y), {kChartMargin + kChartText / 2, area.y + area.height / 2},
-           {.height = kChartText, .across = Align::kMiddle, .upwards = true});
-}
-
-void DrawCells(Picture& picture, const ConfigurationChart& chart, const Plot& plot) {
-  for (int y = 0; y < chart.y.cells; ++y) {
-    for (int x = 0; x < chart.x.cells; ++x) {
-      const uint8_t cell = chart.cells[static_cast<size_t>(y * chart.x.cells + x)];
-      cv::rectangle(picture, plot.Cell(x, y), BgrOf(chart.classes[cell].colour), cv::FILLED);
-    }
-  }
-}
-
-void DrawOutline(Picture& picture, const ConfigurationChart& chart, const Plot& plot) {
-  const auto in = [&](int x, int y) {
-    return chart.outlined[static_cast<size_t>(y * chart.x.cells + x)] != 0;
-  };
-  const cv::Scalar colour = BgrOf(chart.outline.colour);
-  for (int y = 0; y < chart.y.cells; ++y) {
-    for (int x = 0; x < chart.x.cells; ++x) {
-      if (x > 0 && in(x, y) != in(x - 1, y)) {
-        cv::line(picture, plot.Corner(x, y), plot.Corner(x, y - 1), colour, 2);
-      }
-      if (y > 0 && in(x, y) != in(x, y - 1)) {
-        cv::line(picture, plot.Corner(x, y - 1), plot.Corner(x + 1, y - 1), colour, 2);
-      }
-    }
-  }
-}
-
-void ChartDrawMark(Picture& picture, cv::Point place, Colour colour, bool square) {
-  constexpr int kRadius = 7;
-  const cv::Point half(kRadius, kRadius);
-  if (square) {
-    cv::rectangle(picture, place - half, place + half, BgrOf(colour), cv::FILLED, cv::LINE_AA);
-    cv::rectangle(picture, place - half, place + half, BgrOf(palette::kInk), 1, cv::LINE_AA);
-  } else {
-    cv::circle(picture, place, kRadius, BgrOf(colour), cv::FILLED, cv::LINE_AA);
-    cv::circle(picture, place, kRadius, BgrOf(palette::kInk), 1, cv::LINE_AA);
-  }
-}
-
-void DrawPath(Picture& picture, const ConfigurationChart& chart, const Plot& plot) {
-  const cv::Scalar colour = BgrOf(palette::kPath);
-  for (const std::vector<ChartPoint>& line : chart.path) {
-    for (size_t i = 0; i < line.size(); ++i) {
-      const cv::Point here = plot.At(line[i]);
-      if (i > 0) cv::line(picture, plot.At(line[i - 1]), here, colour, 2, cv::LINE_AA);
-      cv::circle(picture, here, 2, colour, cv::FILLED, cv::LINE_AA);
-    }
-  }
-  if (chart.start) ChartDrawMark(picture, plot.At(*chart.start), palette::kStart, false);
-  if (chart.goal) ChartDrawMark(picture, plot.At(*chart.goal), palette::kGoal, true);
-}
-
-std::vector<LegendEntry> ChartLegendOf(const ConfigurationChart& chart) {
+std::vector<LegendEntry> LegendOf(const ConfigurationChart& chart) {
   std::vector<LegendEntry> legend;
   for (size_t i = 0; i < chart.classes.size(); ++i) {
-    if (std::find(chart.cells.begin(), chart.cells.end(), i) != chart.cells.end()) {
-      legend.push_back(chart.classes[i]);
-    }
+    if (std::ranges::find(chart.cells, i) != chart.cells.end()) legend.push_back(chart.classes[i]);
   }
   if (!chart.outlined.empty()) legend.push_back(chart.outline);
   if (!chart.path.empty()) legend.push_back({palette::kPath, "path"});
@@ -205,201 +226,64 @@ std::vector<LegendEntry> ChartLegendOf(const ConfigurationChart& chart) {
   return legend;
 }
 
-constexpr int kMark = 5;  // half a mark's size
-constexpr int kLineChartLegendLine = 24;
-constexpr int kLegendSample = 34;
-constexpr int kLineChartLegendGap = 24;
-constexpr int kMarks = 4;
-constexpr double kRoom = 0.06;  // beyond the outer points, as a share of the plot's width
-
-struct Range {
-  double from = 0;
-  double to = 1;
-  double step = 1;
-};
-
-template <typename Value>
-Range RangeOf(const LineChart& chart, int ticks, bool from_zero, Value value) {
-  bool any = false;
-  bool whole = true;
-  Range range;
+// The axis over one coordinate of all points, with about `ticks` ticks.
+Axis AxisOver(const LineChart& chart, const std::string& title, double ChartPoint::*coordinate,
+              int ticks, bool from_zero) {
+  std::vector<double> values;
   for (const LineSeries& series : chart.series) {
-    for (const ChartPoint& point : series.points) {
-      const double v = value(point);
-      if (!std::isfinite(v)) throw std::invalid_argument("a chart's value is not finite");
-      range.from = any ? std::min(range.from, v) : v;
-      range.to = any ? std::max(range.to, v) : v;
-      any = true;
-      whole = whole && v == std::round(v);
-    }
+    for (const ChartPoint& point : series.points) values.push_back(point.*coordinate);
   }
-  if (from_zero) range.from = std::min(range.from, 0.0);
-  if (!any || !(range.to > range.from)) range.to = range.from + 1;
-  range.step = RoundStep((range.to - range.from) / ticks);
-  if (whole) range.step = std::max(range.step, 1.0);
+  if (!std::ranges::all_of(values, [](double value) { return std::isfinite(value); })) {
+    throw std::invalid_argument("a chart's value is not finite");
+  }
+  Axis axis{.title = title};
+  if (!values.empty()) {
+    axis.from = std::ranges::min(values);
+    axis.to = std::ranges::max(values);
+  }
+  if (from_zero) axis.from = std::min(axis.from, 0.0);
+  if (!(axis.to > axis.from)) axis.to = axis.from + 1;
+  axis.step = RoundStep((axis.to - axis.from) / ticks);
+  if (std::ranges::all_of(values, [](double value) { return value == std::round(value); })) {
+    axis.step = std::max(axis.step, 1.0);
+  }
   if (from_zero) {
-    range.from = std::floor(range.from / range.step + 1e-9) * range.step;
-    range.to = std::ceil(range.to / range.step - 1e-9) * range.step;
+    axis.from = std::floor(axis.from / axis.step + 1e-9) * axis.step;
+    axis.to = std::ceil(axis.to / axis.step - 1e-9) * axis.step;
   }
-  return range;
+  return axis;
 }
 
-// The marks of series, which differ without colour, too.
-void LineChartDrawMark(Picture& picture, cv::Point at, size_t series, size_t later, Colour colour) {
-  const cv::Scalar ink = BgrOf(colour);
-  const int r = kMark + static_cast<int>(std::min<size_t>(later, 5));
-  switch (series % kMarks) {
-    case 0:
-      cv::circle(picture, at, r, ink, cv::FILLED, cv::LINE_AA);
-      return;
-    case 1:
-      cv::rectangle(picture, at - cv::Point(r - 1, r - 1), at + cv::Point(r - 1, r - 1), ink,
-                    cv::FILLED);
-      return;
-    case 2: {
-      const std::array<cv::Point, 3> triangle = {
-          at + cv::Point(0, -r - 1), at + cv::Point(r + 1, r), at + cv::Point(-r - 1, r)};
-      cv::fillConvexPoly(picture, triangle.data(), 3, ink, cv::LINE_AA);
-      return;
-    }
-    default: {
-      const std::array<cv::Point, 4> diamond = {at + cv::Point(0, -r - 1), at + cv::Point(r + 1, 0),
-                                                at + cv::Point(0, r + 1),
-                                                at + cv::Point(-r - 1, 0)};
-      cv::fillConvexPoly(picture, diamond.data(), 4, ink, cv::LINE_AA);
-    }
+Picture DrawPanel(const LineChart& chart, const LineChartOptions& options) {
+  Axis x = AxisOver(chart, chart.x_label, &ChartPoint::x, 8, false);
+  Axis y = AxisOver(chart, chart.y_label, &ChartPoint::y, 5, true);
+  const cv::Rect area(LeftOfPlot(y) + 4, chart.title.empty() ? kChartText / 2 : kChartText + 12,
+                      options.width, options.height);
+  x.at_from = area.x + kRoom * area.width;
+  x.at_to = area.x + (1 - kRoom) * area.width;
+  y.at_from = area.y + area.height;
+  y.at_to = area.y;
+  Picture picture = BlankPicture(area.x + area.width + 12, area.y + area.height + kBelowPlot - 6);
+  DrawText(picture, chart.title, {area.x, kChartText / 2}, {.height = kChartText + 1});
+  for (double value : y.Ticks()) {
+    cv::line(picture, {area.x, y.Pixel(value)}, {area.x + area.width, y.Pixel(value)},
+             BgrOf(palette::kBackground));
   }
-}
-
-class Panel {
- public:
-  Panel(const LineChart& chart, const LineChartOptions& options)
-      : chart_(chart),
-        options_(options),
-        x_(RangeOf(chart, 8, false, [](const ChartPoint& p) { return p.x; })),
-        y_(RangeOf(chart, 5, true, [](const ChartPoint& p) { return p.y; })) {}
-
-  Picture Draw() const {
-    const int left = kChartText + 12 + LabelWidth() + kChartTick + 4;
-    const int top = chart_.title.empty() ? kChartText / 2 : kChartText + 12;
-    Picture picture = BlankPicture(left + options_.width + 12,
-                                   top + options_.height + kChartTick + 2 * kChartText + 16);
-    area_ = {left, top, options_.width, options_.height};
-    DrawText(picture, chart_.title, {left, kChartText / 2}, {.height = kChartText + 1});
-    DrawAxes(picture);
-    for (size_t i = 0; i < chart_.series.size(); ++i) DrawSeries(picture, i);
-    return picture;
-  }
-
- private:
-  static std::string Label(double value, double step) {
-    return absl::StrFormat("%.6g", std::abs(value) < step / 1000 ? 0 : value);
-  }
-
-  int LabelWidth() const {
-    int width = 0;
-    for (double v = y_.from; v <= y_.to + y_.step / 2; v += y_.step) {
-      width = std::max(width, TextWidth(Label(v, y_.step), kChartText));
-    }
-    return width;
-  }
-
-  int PixelX(double x) const {
-    const double share = kRoom + (1 - 2 * kRoom) * (x - x_.from) / (x_.to - x_.from);
-    return area_.x + static_cast<int>(std::lround(share * area_.width));
-  }
-  int PixelY(double y) const {
-    return area_.y + area_.height -
-           static_cast<int>(std::lround((y - y_.from) / (y_.to - y_.from) * area_.height));
-  }
-
-  void DrawAxes(Picture& picture) const {
-    const int bottom = area_.y + area_.height;
-    for (double v = y_.from; v <= y_.to + y_.step / 2; v += y_.step) {
-      const int y = PixelY(v);
-      cv::line(picture, {area_.x, y}, {area_.x + area_.width, y}, BgrOf(palette::kBackground));
-      cv::line(picture, {area_.x - kChartTick, y}, {area_.x, y}, BgrOf(palette::kInk));
-      DrawText(picture, Label(v, y_.step), {area_.x - kChartTick - 4, y},
-               {.height = kChartText, .across = Align::kEnd});
-    }
-    for (double v = std::ceil(x_.from / x_.step - 1e-9) * x_.step; v <= x_.to + x_.step * 1e-6;
-         v += x_.step) {
-      const int x = PixelX(v);
-      cv::line(picture, {x, bottom}, {x, bottom + kChartTick}, BgrOf(palette::kInk));
-      DrawText(picture, Label(v, x_.step), {x, bottom + kChartTick + 3 + kChartText / 2},
-               {.height = kChartText, .across = Align::kMiddle});
-    }
-    cv::rectangle(picture, area_, BgrOf(palette::kInk), 1);
-    DrawText(picture, chart_.x_label,
-             {area_.x + area_.width / 2, bottom + kChartTick + kChartText + 6 + kChartText / 2},
-             {.height = kChartText, .across = Align::kMiddle});
-    DrawText(picture, chart_.y_label, {kChartText / 2 + 2, area_.y + area_.height / 2},
-             {.height = kChartText, .across = Align::kMiddle, .upwards = true});
-  }
-
-  void DrawSeries(Picture& picture, size_t number) const {
-    const LineSeries& series = chart_.series[number];
-    for (size_t i = 0; i < series.points.size(); ++i) {
-      const cv::Point here(PixelX(series.points[i].x), PixelY(series.points[i].y));
-      if (i > 0) {
-        const ChartPoint& before = series.points[i - 1];
-        cv::line(picture, {PixelX(before.x), PixelY(before.y)}, here, BgrOf(series.colour), 2,
-                 cv::LINE_AA);
-      }
-      LineChartDrawMark(picture, here, number, chart_.series.size() - 1 - number, series.colour);
+  DrawAxes(picture, area, x, y);
+  for (size_t number = 0; number < chart.series.size(); ++number) {
+    const LineSeries& series = chart.series[number];
+    // Larger marks lie below smaller ones.
+    const size_t later = chart.series.size() - 1 - number;
+    const int radius = 5 + static_cast<int>(std::min<size_t>(later, 5));
+    std::optional<cv::Point> before;
+    for (const ChartPoint& point : series.points) {
+      const cv::Point here(x.Pixel(point.x), y.Pixel(point.y));
+      if (before) cv::line(picture, *before, here, BgrOf(series.colour), 2, cv::LINE_AA);
+      DrawMark(picture, here, radius, number, series.colour);
+      before = here;
     }
   }
-
-  const LineChart& chart_;
-  const LineChartOptions& options_;
-  Range x_;
-  Range y_;
-  mutable cv::Rect area_;
-};
-
-struct LegendLine {
-  std::string name;
-  Colour colour;
-  size_t number;
-};
-
-std::vector<LegendLine> LineChartLegendOf(const std::vector<LineChart>& panels) {
-  std::vector<LegendLine> legend;
-  for (const LineChart& panel : panels) {
-    for (size_t i = 0; i < panel.series.size(); ++i) {
-      const LineSeries& series = panel.series[i];
-      const bool known = std::any_of(legend.begin(), legend.end(), [&](const LegendLine& line) {
-        return line.name == series.name;
-      });
-      if (!known) legend.push_back({series.name, series.colour, i});
-    }
-  }
-  return legend;
-}
-
-// Draws into `picture`, or only counts the lines it takes if there is none.
-int LegendLines(const std::vector<LegendLine>& legend, int left, int top, int width,
-                Picture* picture) {
-  int x = 0;
-  int line = 0;
-  for (const LegendLine& entry : legend) {
-    const int needed = kLegendSample + 6 + TextWidth(entry.name, kChartText);
-    if (x > 0 && x + needed > width) {
-      x = 0;
-      ++line;
-    }
-    if (picture != nullptr) {
-      const cv::Point start(left + x, top + line * kLineChartLegendLine + kLineChartLegendLine / 2);
-      cv::line(*picture, start, start + cv::Point(kLegendSample, 0), BgrOf(entry.colour), 2,
-               cv::LINE_AA);
-      LineChartDrawMark(*picture, start + cv::Point(kLegendSample / 2, 0), entry.number, 2,
-                        entry.colour);
-      DrawText(*picture, entry.name, start + cv::Point(kLegendSample + 6, 0),
-               {.height = kChartText});
-    }
-    x += needed + kLineChartLegendGap;
-  }
-  return legend.empty() ? 0 : line + 1;
+  return picture;
 }
 
 }  // namespace
@@ -411,24 +295,16 @@ std::vector<LegendEntry> ConfigurationClasses() {
 
 Picture Draw(const ConfigurationChart& chart) {
   RequireValid(chart);
-  int label_width = 0;
-  for (double value : Ticks(chart.y, kPlotHeight)) {
-    label_width = std::max(label_width, TextWidth(TickLabel(value), kChartText));
-  }
-  const int left = kChartMargin + kChartText + 8 + label_width + kChartTick + 4;
-  const int top = kChartMargin + (chart.title.empty() ? 0 : kChartTitle + 12);
-  const Plot plot(chart, {left, top});
-  const std::vector<LegendEntry> legend = ChartLegendOf(chart);
-  const int width = std::max(left + plot.area().width, left + TextWidth(chart.title, kChartTitle));
-  const int below = top + plot.area().height + kChartTick + 2 * kChartText + 22;
-  Picture picture = BlankPicture(width + kChartMargin + 8,
-                                 below + LegendHeight(legend, width - left) + kChartMargin / 2);
-  DrawText(picture, chart.title, {left, kChartMargin + kChartTitle / 2}, {.height = kChartTitle});
-  DrawCells(picture, chart, plot);
-  if (!chart.outlined.empty()) DrawOutline(picture, chart, plot);
-  DrawPath(picture, chart, plot);
-  DrawAxes(picture, chart, plot);
-  DrawLegend(picture, legend, left, below, width - left);
+  const Plot plot(chart);
+  const cv::Rect& area = plot.area();
+  const std::vector<LegendEntry> legend = LegendOf(chart);
+  const int width = std::max(area.width, TextWidth(chart.title, kChartTitle));
+  const int below = area.y + area.height + kBelowPlot;
+  Picture picture = BlankPicture(area.x + width + kChartMargin + 8,
+                                 below + LegendHeight(legend, width) + kChartMargin / 2);
+  DrawText(picture, chart.title, {area.x, kChartMargin + kChartTitle / 2}, {.height = kChartTitle});
+  plot.Draw(picture);
+  DrawLegend(picture, legend, area.x, below, width);
   return picture;
 }
 
@@ -443,37 +319,20 @@ Picture Draw(const std::vector<LineChart>& panels, const LineChartOptions& optio
   if (panels.empty() || options.columns < 1 || options.width < 1 || options.height < 1) {
     throw std::invalid_argument("a chart needs panels, columns and a size");
   }
-  std::vector<Picture> pictures;
-  int width = 0;
-  int height = 0;
+  SheetOptions sheet{.title = options.title,
+                     .columns = std::min(options.columns, static_cast<int>(panels.size())),
+                     .legend = {}};
+  std::vector<CaptionedPicture> pictures;
   for (const LineChart& panel : panels) {
-    pictures.push_back(Panel(panel, options).Draw());
-    width = std::max(width, pictures.back().cols);
-    height = std::max(height, pictures.back().rows);
+    pictures.push_back({DrawPanel(panel, options), ""});
+    for (size_t i = 0; i < panel.series.size(); ++i) {
+      const LineSeries& series = panel.series[i];
+      const bool known = std::ranges::any_of(
+          sheet.legend, [&](const LegendEntry& entry) { return entry.text == series.name; });
+      if (!known) sheet.legend.push_back({series.colour, series.name, i});
+    }
   }
-  const int columns = std::min(options.columns, static_cast<int>(panels.size()));
-  const int rows = (static_cast<int>(panels.size()) + columns - 1) / columns;
-  const int inner = std::max(columns * (width + kChartMargin) - kChartMargin,
-                             TextWidth(options.title, kChartTitle));
-  const int head = options.title.empty() ? 0 : kChartTitle + 14;
-  const std::vector<LegendLine> legend = LineChartLegendOf(panels);
-  const int legend_height = kLineChartLegendLine * LegendLines(legend, 0, 0, inner, nullptr);
-  Picture sheet =
-      BlankPicture(inner + 2 * kChartMargin,
-                   2 * kChartMargin + head + rows * (height + kChartMargin) + legend_height);
-  DrawText(sheet, options.title, {kChartMargin, kChartMargin + kChartTitle / 2},
-           {.height = kChartTitle});
-  for (size_t i = 0; i < pictures.size(); ++i) {
-    const int column = static_cast<int>(i) % columns;
-    const int row = static_cast<int>(i) / columns;
-    const cv::Rect place(kChartMargin + column * (width + kChartMargin),
-                         kChartMargin + head + row * (height + kChartMargin), pictures[i].cols,
-                         pictures[i].rows);
-    pictures[i].copyTo(sheet(place));
-  }
-  LegendLines(legend, kChartMargin, kChartMargin + head + rows * (height + kChartMargin), inner,
-              &sheet);
-  return sheet;
+  return ContactSheet(pictures, sheet);
 }
 
 }  // namespace silhouette

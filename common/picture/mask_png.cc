@@ -7,6 +7,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "common/picture/files.h"
+#include "common/picture/picture.h"
 #include "db/status/status_macros.h"
 
 namespace silhouette {
@@ -16,15 +17,7 @@ std::string SizeText(int width, int height) { return absl::StrCat(width, "x", he
 
 }  // namespace
 
-std::string EncodeMaskPng(const Mask& mask) {
-  cv::Mat grey(mask.height(), mask.width(), CV_8UC1);
-  for (int y = 0; y < grey.rows; ++y) {
-    for (int x = 0; x < grey.cols; ++x) grey.at<uint8_t>(y, x) = mask.at(x, y) ? 255 : 0;
-  }
-  std::vector<uint8_t> bytes;
-  cv::imencode(".png", grey, bytes);
-  return {bytes.begin(), bytes.end()};
-}
+std::string EncodeMaskPng(const Mask& mask) { return EncodePng(MaskImage(mask)); }
 
 absl::StatusOr<Mask> DecodeMaskPng(std::string_view bytes, std::optional<MaskSize> expected) {
   cv::Mat grey;

@@ -10,28 +10,21 @@
 #include "common/picture/files.h"
 
 namespace silhouette {
-namespace {
-
-cv::Vec3b PictureBgr(Colour colour) { return {colour.blue, colour.green, colour.red}; }
-
-void Paint(Picture& picture, const Mask& mask, Colour colour) {
-  for (int y = 0; y < picture.rows; ++y) {
-    for (int x = 0; x < picture.cols; ++x) {
-      if (mask.at(x, y)) picture.at<cv::Vec3b>(y, x) = PictureBgr(colour);
-    }
-  }
-}
-
-}  // namespace
 
 Picture BlankPicture(int width, int height, Colour colour) {
-  return Picture(height, width, CV_8UC3, cv::Scalar(colour.blue, colour.green, colour.red));
+  return Picture(height, width, CV_8UC3, BgrOf(colour));
+}
+
+cv::Mat MaskImage(const Mask& mask) {
+  cv::Mat image(mask.height(), mask.width(), CV_8UC1);
+  for (int y = 0; y < image.rows; ++y) {
+    for (int x = 0; x < image.cols; ++x) image.at<uint8_t>(y, x) = mask.at(x, y) ? 255 : 0;
+  }
+  return image;
 }
 
 Picture PictureOf(const Mask& mask, Colour set, Colour not_set) {
-  Picture picture = BlankPicture(mask.width(), mask.height(), not_set);
-  Paint(picture, mask, set);
-  return picture;
+  return BlankPicture(mask.width(), mask.height(), not_set).setTo(BgrOf(set), MaskImage(mask));
 }
 
 Picture PictureOfPlanes(const Mask& obstacle, const Mask& unknown, const Mask& error) {
@@ -39,8 +32,8 @@ Picture PictureOfPlanes(const Mask& obstacle, const Mask& unknown, const Mask& e
     throw std::invalid_argument("planes of different sizes");
   }
   Picture picture = PictureOf(obstacle, palette::kObstacle);
-  Paint(picture, unknown, palette::kUnknown);
-  Paint(picture, error, palette::kError);
+  picture.setTo(BgrOf(palette::kUnknown), MaskImage(unknown));
+  picture.setTo(BgrOf(palette::kError), MaskImage(error));
   return picture;
 }
 
@@ -80,17 +73,13 @@ Picture FittedInto(const Picture& picture, int width, int height, Colour around)
 }
 
 Picture WithVeil(const Picture& picture, const Mask& mask, Colour colour, double opacity) {
+  cv::Mat where;
+  cv::resize(MaskImage(mask), where, picture.size(), 0, 0, cv::INTER_NEAREST);
+  Picture tinted;
+  cv::addWeighted(BlankPicture(picture.cols, picture.rows, colour), opacity, picture, 1 - opacity,
+                  0, tinted);
   Picture veiled = picture.clone();
-  for (int y = 0; y < veiled.rows; ++y) {
-    for (int x = 0; x < veiled.cols; ++x) {
-      if (!mask.at(x * mask.width() / veiled.cols, y * mask.height() / veiled.rows)) continue;
-      cv::Vec3b& pixel = veiled.at<cv::Vec3b>(y, x);
-      for (int c = 0; c < 3; ++c) {
-        pixel[c] =
-            cv::saturate_cast<uint8_t>(opacity * PictureBgr(colour)[c] + (1 - opacity) * pixel[c]);
-      }
-    }
-  }
+  tinted.copyTo(veiled, where);
   return veiled;
 }
 

@@ -24,6 +24,9 @@ inline cv::Scalar BgrOf(Colour colour) {
 // A picture of one colour.
 Picture BlankPicture(int width, int height, Colour colour = palette::kPaper);
 
+// One byte per mask pixel: 255 set, 0 not (CV_8UC1).
+cv::Mat MaskImage(const Mask& mask);
+
 // One pixel per mask pixel.
 Picture PictureOf(const Mask& mask, Colour set = palette::kInk,
                   Colour not_set = palette::kBackground);

@@ -2,8 +2,10 @@
 #include "common/picture/sheet.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <opencv2/imgproc.hpp>
+#include <utility>
 
 #include "common/picture/text.h"
 
@@ -17,6 +19,9 @@ constexpr int kCaption = 14;
 constexpr int kSheetLegendLine = 22;
 constexpr int kSheetLegendGap = 18;
 constexpr int kSwatch = 14;
+constexpr int kLineSample = 34;
+
+int SampleWidth(const LegendEntry& entry) { return entry.mark ? kLineSample : kSwatch; }
 
 int ColumnsFor(size_t pictures, const cv::Size& largest) {
   const double wanted = std::sqrt(static_cast<double>(pictures) * 1.4 *
@@ -31,7 +36,7 @@ int LayOut(const std::vector<LegendEntry>& legend, int width, Place place) {
   int x = 0;
   int line = 0;
   for (const LegendEntry& entry : legend) {
-    const int needed = kSwatch + 6 + TextWidth(entry.text, kCaption);
+    const int needed = SampleWidth(entry) + 6 + TextWidth(entry.text, kCaption);
     if (x > 0 && x + needed > width) {
       x = 0;
       ++line;
@@ -44,6 +49,15 @@ int LayOut(const std::vector<LegendEntry>& legend, int width, Place place) {
 
 }  // namespace
 
+void DrawMark(Picture& picture, cv::Point at, int radius, size_t number, Colour colour) {
+  // The first corner's direction and the angle to the next, in degrees.
+  constexpr std::array<std::pair<int, int>, 4> kShapes = {{{0, 12}, {45, 90}, {-90, 120}, {0, 90}}};
+  const auto [first, step] = kShapes[number % kShapes.size()];
+  std::vector<cv::Point> corners;
+  cv::ellipse2Poly(at, {radius, radius}, first, 0, 360, step, corners);
+  cv::fillConvexPoly(picture, corners, BgrOf(colour), cv::LINE_AA);
+}
+
 int LegendHeight(const std::vector<LegendEntry>& legend, int width) {
   return kSheetLegendLine * LayOut(legend, width, [](const LegendEntry&, int, int) {});
 }
@@ -52,10 +66,18 @@ void DrawLegend(Picture& picture, const std::vector<LegendEntry>& legend, int le
                 int width) {
   LayOut(legend, width, [&](const LegendEntry& entry, int x, int line) {
     const int middle = top + line * kSheetLegendLine + kSheetLegendLine / 2;
-    const cv::Rect swatch(left + x, middle - kSwatch / 2, kSwatch, kSwatch);
-    cv::rectangle(picture, swatch, BgrOf(entry.colour), cv::FILLED);
-    cv::rectangle(picture, swatch, BgrOf(palette::kInk), 1);
-    DrawText(picture, entry.text, {left + x + kSwatch + 6, middle}, {.height = kCaption});
+    if (entry.mark) {
+      const cv::Point start(left + x, middle);
+      cv::line(picture, start, start + cv::Point(kLineSample, 0), BgrOf(entry.colour), 2,
+               cv::LINE_AA);
+      DrawMark(picture, start + cv::Point(kLineSample / 2, 0), 7, *entry.mark, entry.colour);
+    } else {
+      const cv::Rect swatch(left + x, middle - kSwatch / 2, kSwatch, kSwatch);
+      cv::rectangle(picture, swatch, BgrOf(entry.colour), cv::FILLED);
+      cv::rectangle(picture, swatch, BgrOf(palette::kInk), 1);
+    }
+    DrawText(picture, entry.text, {left + x + SampleWidth(entry) + 6, middle},
+             {.height = kCaption});
   });
 }
 

@@ -2,6 +2,8 @@
 // Several pictures on one sheet, with captions, a title and a legend.
 #pragma once
 
+#include <opencv2/core/types.hpp>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -12,6 +14,8 @@ namespace silhouette {
 struct LegendEntry {
   Colour colour;
   std::string text;
+  // Nothing: a square of the colour; else a line with the mark of this number (DrawMark).
+  std::optional<size_t> mark = std::nullopt;
 };
 
 struct CaptionedPicture {
@@ -27,6 +31,10 @@ struct SheetOptions {
 
 // The pictures row by row; columns and rows are as large as their largest picture. ASCII texts.
 Picture ContactSheet(const std::vector<CaptionedPicture>& pictures, const SheetOptions& options);
+
+// Draws the mark of a number, of about `radius` pixels: round, square, triangle, diamond; then they
+// come again.
+void DrawMark(Picture& picture, cv::Point at, int radius, size_t number, Colour colour);
 
 // Draws a legend in one or more lines into width pixels; the height it takes is LegendHeight.
 int LegendHeight(const std::vector<LegendEntry>& legend, int width);

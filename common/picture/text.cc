@@ -62,18 +62,13 @@ void DrawText(Picture& picture, const std::string& text, cv::Point anchor, const
   const cv::Point corner =
       style.upwards ? cv::Point(anchor.x - style.height / 2, anchor.y - (length - before))
                     : cv::Point(anchor.x - before, anchor.y - style.height / 2);
-  const cv::Vec3d colour(style.colour.blue, style.colour.green, style.colour.red);
-  for (int y = 0; y < ink.rows; ++y) {
-    for (int x = 0; x < ink.cols; ++x) {
-      const cv::Point place(corner.x + x, corner.y + y);
-      if (!cv::Rect(0, 0, picture.cols, picture.rows).contains(place)) continue;
-      const double share = ink.at<uint8_t>(y, x) / 255.0;
-      cv::Vec3b& pixel = picture.at<cv::Vec3b>(place);
-      for (int c = 0; c < 3; ++c) {
-        pixel[c] = cv::saturate_cast<uint8_t>(share * colour[c] + (1 - share) * pixel[c]);
-      }
-    }
-  }
+  const cv::Rect seen = cv::Rect(corner, ink.size()) & cv::Rect({}, picture.size());
+  if (seen.empty()) return;
+  cv::Mat share;
+  ink(seen - corner).convertTo(share, CV_32F, 1 / 255.0);
+  cv::Mat place = picture(seen);
+  cv::blendLinear(BlankPicture(seen.width, seen.height, style.colour), place, share, 1 - share,
+                  place);
 }
 
 }  // namespace silhouette

@@ -107,7 +107,7 @@ class SmallDisk : public testing::Test {
   }
   void MakeRoom() { std::filesystem::remove(disk_ + "/filler"); }
 
-  ScopedFolder folder_;
+  const std::filesystem::path folder_ = FreshFolder();
   std::string disk_;
   bool mounted_ = false;
 };

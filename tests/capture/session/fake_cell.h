@@ -154,7 +154,8 @@ class FakeCell {
   explicit FakeCell(storage::v1::CellDescription description = FakeDescription(),
                     CaptureSettings capture_settings = QuickSettings(),
                     const std::string& path = "")
-      : settings(std::move(capture_settings)), path_(path.empty() ? folder_ / "db" : path) {
+      : settings(std::move(capture_settings)),
+        path_(path.empty() ? (folder_ / "db").string() : path) {
     auto created = Database::Create(path_, description);
     EXPECT_TRUE(created.ok()) << created.status();
     database = *std::move(created);
@@ -224,7 +225,7 @@ class FakeCell {
   FakeRig rig{robot};
 
  private:
-  ScopedFolder folder_;
+  const std::filesystem::path folder_ = FreshFolder();
   std::string path_;
 };
 

@@ -173,7 +173,7 @@ class ProgramCell {
   }
 
  private:
-  ScopedFolder folder_;
+  const std::filesystem::path folder_ = FreshFolder();
 };
 
 }  // namespace silhouette

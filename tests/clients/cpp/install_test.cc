@@ -7,7 +7,7 @@
 #include <string>
 
 #include "tests/clients/cpp/fake_server.h"
-#include "tests/clients/cpp/shell.h"
+#include "tests/shell.h"
 
 namespace silhouette {
 namespace {

@@ -8,8 +8,8 @@
 #include <atomic>
 #include <thread>
 
-#include "tests/clients/cpp/shell.h"
 #include "tests/clients/cpp/watched_space.h"
+#include "tests/shell.h"
 
 namespace silhouette::client {
 namespace {

@@ -9,6 +9,7 @@
 #include <random>
 
 #include "common/picture/files.h"
+#include "tests/seeded_random.h"
 #include "tests/test_folder.h"
 
 namespace silhouette {
@@ -19,9 +20,7 @@ using testing::HasSubstr;
 std::string TempFile(const std::string& name) { return (TestFolder() / name).string(); }
 
 TEST(MaskPng, RoundTripsEverySize) {
-  const uint64_t seed = std::random_device()();
-  std::cout << "seed " << seed << std::endl;
-  std::mt19937_64 random(seed);
+  std::mt19937_64 random = SeededRandom();
   for (int i = 0; i < 100; ++i) {
     const MaskSize size{1 + static_cast<int>(random() % 130), 1 + static_cast<int>(random() % 130)};
     const Mask mask = Mask::FromPredicate(size, [&](int, int) { return random() % 3 == 0; });

@@ -17,6 +17,7 @@
 #include "tests/db/store/full_disk.h"
 #include "tests/db/store/index_checks.h"
 #include "tests/db/store/test_database.h"
+#include "tests/seeded_random.h"
 
 namespace silhouette {
 namespace {
@@ -35,12 +36,8 @@ void ExpectRecordsAreThere(const Database& database, uint64_t every) {
 }
 
 TEST(CollisionIndex, KilledBuildLeavesWholeTilesOrNone) {
-  const ScopedFolder folder;
-  const std::string path = folder / "db";
-  MakeFilledDatabase(path, 40);
-  const uint64_t seed = std::random_device()();
-  std::cout << "seed " << seed << std::endl;
-  std::mt19937_64 random(seed);
+  const std::string path = MakeFilledDatabase(40)->path();
+  std::mt19937_64 random = SeededRandom();
   int killed = 0;
   for (int round = 0; round < 25; ++round) {
     int ready[2];
@@ -81,7 +78,7 @@ TEST_F(FullDisk, KeepsRecordsAndWholeTilesOfABuild) {
   storage::v1::CellDescription cell = TestCell(300, 300);
   cell.mutable_views(0)->set_mask_width(16);
   cell.mutable_views(0)->set_mask_height(16);
-  MakeFilledDatabase(path, 500, cell);
+  MakeFilledDatabase(500, cell, path);
   const auto database = Database::Open(path, Access::kWrite);
   const auto full = BuildCollisionIndex(**database, {.buffer = 0});
   EXPECT_EQ(full.status().code(), absl::StatusCode::kResourceExhausted) << full.status();
@@ -100,14 +97,12 @@ TEST_F(FullDisk, KeepsRecordsAndWholeTilesOfABuild) {
 
 // A database with an index, and the bytes of its file.
 std::string MakeIndexedDatabase(const std::string& path) {
-  MakeFilledDatabase(path, 40);
-  const auto database = Database::Open(path, Access::kWrite);
-  EXPECT_TRUE(BuildCollisionIndex(**database).ok());
+  EXPECT_TRUE(BuildCollisionIndex(*MakeFilledDatabase(40, TestCell(100, 140), path)).ok());
   return ReadFile(path + "/data.mdb");
 }
 
 TEST(CollisionIndex, DamagedTileIsFoundNeverUsedAndBuiltAnew) {
-  const ScopedFolder folder;
+  const std::filesystem::path folder = FreshFolder();
   const std::string sound = MakeIndexedDatabase(folder / "db");
   const auto state_of = [&](const Database& database, uint64_t tile) {
     return OpenIndex(database)->State(tile);
@@ -146,7 +141,7 @@ TEST(CollisionIndex, DamagedTileIsFoundNeverUsedAndBuiltAnew) {
 
 // A value of the tile before under this tile's key.
 TEST(CollisionIndex, OfAnotherTileIsDamaged) {
-  const ScopedFolder folder;
+  const std::filesystem::path folder = FreshFolder();
   MakeIndexedDatabase(folder / "db");
   const auto database = Database::Open(folder / "db", Access::kWrite);
   const auto environment = Environment::Open(folder / "db");
@@ -171,22 +166,14 @@ TEST(CollisionIndex, OfAnotherTileIsDamaged) {
 
 // Whatever happens to the file: what an index says is what the records are, and the process lives.
 TEST(CollisionIndex, WithFlippedBitsAnywhereNeverGivesWrongRobotImages) {
-  const ScopedFolder folder;
+  const std::filesystem::path folder = FreshFolder();
   const std::string sound = MakeIndexedDatabase(folder / "db");
-  const uint64_t seed = std::random_device()();
-  std::cout << "seed " << seed << std::endl;
-  std::mt19937_64 random(seed);
+  std::mt19937_64 random = SeededRandom();
   uint64_t fresh = 0;
   uint64_t unusable = 0;
   std::filesystem::create_directories(folder / "spoilt");
   for (int round = 0; round < 100; ++round) {
-    std::string bytes = sound;
-    for (int flips = 1 + static_cast<int>(random() % 4); flips > 0; --flips) {
-      size_t place = random() % bytes.size();
-      if (random() % 2 == 0) place = place / 4096 * 4096 + random() % 64;
-      bytes[place] = static_cast<char>(bytes[place] ^ (1 << random() % 8));
-    }
-    WriteFile(folder / "spoilt/data.mdb", bytes);
+    WriteFile(folder / "spoilt/data.mdb", WithFlippedBits(sound, random));
     const auto database = Database::Open(folder / "spoilt", Access::kRead);
     if (!database.ok()) continue;
     auto snapshot = (*database)->Read();
@@ -210,10 +197,8 @@ TEST(CollisionIndex, WithFlippedBitsAnywhereNeverGivesWrongRobotImages) {
 }
 
 TEST(CollisionIndex, IsNotOneOfAnotherKindUnderItsName) {
-  const ScopedFolder folder;
-  MakeFilledDatabase(folder / "db", 40);
-  const auto database = Database::Open(folder / "db", Access::kWrite);
-  const auto environment = Environment::Open(folder / "db");
+  const auto database = MakeFilledDatabase(40);
+  const auto environment = Environment::Open(database->path());
   constexpr MDB_dbi kSubDatabases = 1;
   ASSERT_TRUE((*environment)
                   ->Update(0,
@@ -222,9 +207,9 @@ TEST(CollisionIndex, IsNotOneOfAnotherKindUnderItsName) {
                                                     "something");
                            })
                   .ok());
-  EXPECT_EQ(OpenIndex(**database)->Summary().fresh, 0);
-  EXPECT_FALSE(BuildCollisionIndex(**database).ok());
-  ExpectRecordsAreThere(**database, 40);
+  EXPECT_EQ(OpenIndex(*database)->Summary().fresh, 0);
+  EXPECT_FALSE(BuildCollisionIndex(*database).ok());
+  ExpectRecordsAreThere(*database, 40);
 }
 
 }  // namespace

@@ -39,8 +39,7 @@ std::vector<uint64_t> TilesIn(const Database& database, TileState state) {
 }
 
 TEST(CollisionIndex, HoldsTheRobotImages) {
-  const ScopedFolder folder;
-  const auto database = MakeFilledDatabase(folder / "db", 3);
+  const auto database = MakeFilledDatabase(3);
   const IndexBuildReport report = Build(*database);
   EXPECT_GT(report.tiles, 3);
   EXPECT_EQ(report.built, report.tiles);
@@ -54,13 +53,12 @@ TEST(CollisionIndex, HoldsTheRobotImages) {
 class CollisionIndexOfMasks : public testing::TestWithParam<MaskSize> {};
 
 TEST_P(CollisionIndexOfMasks, HoldsTheRobotImagesAlignedToCacheLines) {
-  const ScopedFolder folder;
   storage::v1::CellDescription cell = TestCell(100, 140);
   cell.mutable_views(0)->set_mask_width(GetParam().width);
   cell.mutable_views(0)->set_mask_height(GetParam().height);
   cell.mutable_views(1)->set_mask_width(1);
   cell.mutable_views(1)->set_mask_height(1);
-  const auto database = MakeFilledDatabase(folder / "db", 313, cell);
+  const auto database = MakeFilledDatabase(313, cell);
   Build(*database);
   ExpectIndexHoldsTheRobotImages(*database);
   const auto index = OpenIndex(*database);
@@ -78,23 +76,21 @@ INSTANTIATE_TEST_SUITE_P(Sizes, CollisionIndexOfMasks,
                          });
 
 TEST(CollisionIndex, OfNoRobotImagesIsEmpty) {
-  const ScopedFolder folder;
-  const auto database = Database::Create(folder / "db", TestCell());
+  const auto database = MakeDatabase();
   for (int i = 0; i < 2; ++i) {
-    const auto index = OpenIndex(**database);
+    const auto index = OpenIndex(*database);
     EXPECT_TRUE(index->Tiles().empty());
     EXPECT_EQ(index->State(0), TileState::kNoRecords);
     EXPECT_EQ(index->Tile(0), nullptr);
     EXPECT_EQ(index->State(1'000'000), TileState::kNoRecords);
-    const IndexBuildReport report = Build(**database);
+    const IndexBuildReport report = Build(*database);
     EXPECT_EQ(report.tiles, 0);
     EXPECT_FALSE(report.stopped);
   }
 }
 
 TEST(CollisionIndex, IsMissingInADatabaseThatHasNone) {
-  const ScopedFolder folder;
-  const auto database = MakeFilledDatabase(folder / "db");
+  const auto database = MakeFilledDatabase();
   const auto index = OpenIndex(*database);
   const CollisionIndexSummary summary = index->Summary();
   EXPECT_GT(summary.tiles, 3);
@@ -103,9 +99,8 @@ TEST(CollisionIndex, IsMissingInADatabaseThatHasNone) {
 }
 
 TEST(CollisionIndex, NeedsTheRightToWriteToBeBuilt) {
-  const ScopedFolder folder;
-  MakeFilledDatabase(folder / "db");
-  const auto database = Database::Open(folder / "db", Access::kRead);
+  const std::string path = MakeFilledDatabase()->path();
+  const auto database = Database::Open(path, Access::kRead);
   EXPECT_EQ(BuildCollisionIndex(**database).status().code(), absl::StatusCode::kFailedPrecondition);
 }
 
@@ -131,8 +126,7 @@ std::string_view View(const schema::NumberKey& key) { return {key.data(), key.si
 class CollisionIndexAfter : public testing::TestWithParam<Change> {};
 
 TEST_P(CollisionIndexAfter, ChangeIsStaleInThatTileOnlyAndMendedByBuildingIt) {
-  const ScopedFolder folder;
-  const auto database = MakeFilledDatabase(folder / "db");
+  const auto database = MakeFilledDatabase();
   ASSERT_TRUE(*database->Read()->Contains(kThere));
   ASSERT_FALSE(*database->Read()->Contains(kNotThere));
   Build(*database);
@@ -194,8 +188,7 @@ INSTANTIATE_TEST_SUITE_P(
     [](const auto& tested) { return tested.param.name; });
 
 TEST(CollisionIndex, StaysFreshWhenOnlyTheCalibrationOrTheReferencesChange) {
-  const ScopedFolder folder;
-  const auto database = MakeFilledDatabase(folder / "db");
+  const auto database = MakeFilledDatabase();
   Build(*database);
   const uint64_t generation = database->Read()->generation();
   storage::v1::References references;
@@ -213,16 +206,14 @@ TEST(CollisionIndex, StaysFreshWhenOnlyTheCalibrationOrTheReferencesChange) {
 }
 
 TEST(CollisionIndex, BuildingDoesNotRaiseTheGeneration) {
-  const ScopedFolder folder;
-  const auto database = MakeFilledDatabase(folder / "db");
+  const auto database = MakeFilledDatabase();
   const uint64_t generation = database->Read()->generation();
   Build(*database);
   EXPECT_EQ(database->Read()->generation(), generation);
 }
 
 TEST(CollisionIndex, BuildsAllTilesWhereAskedTo) {
-  const ScopedFolder folder;
-  const auto database = MakeFilledDatabase(folder / "db");
+  const auto database = MakeFilledDatabase();
   const uint64_t tiles = Build(*database).built;
   EXPECT_EQ(Build(*database).built, 0);
   EXPECT_EQ(Build(*database, {.all = true}).built, tiles);
@@ -230,8 +221,7 @@ TEST(CollisionIndex, BuildsAllTilesWhereAskedTo) {
 }
 
 TEST(CollisionIndex, OfATileThatLostItsRecordsIsRemoved) {
-  const ScopedFolder folder;
-  const auto database = MakeFilledDatabase(folder / "db");
+  const auto database = MakeFilledDatabase();
   Build(*database);
   ChangeRaw(database->path(), [&](WriteTransaction& transaction) {
     absl::Status status;
@@ -249,8 +239,7 @@ TEST(CollisionIndex, OfATileThatLostItsRecordsIsRemoved) {
 
 // A record that rots keeps its checksum, and gets it back when it is restored byte by byte.
 TEST(CollisionIndex, TakesInARecordThatCanBeReadAgain) {
-  const ScopedFolder folder;
-  const auto database = MakeFilledDatabase(folder / "db");
+  const auto database = MakeFilledDatabase();
   RobotImage image = TestImage(*database, kThere);
   for (uint64_t seed = 1; image.excluded; ++seed) image = TestImage(*database, kThere, seed);
   const std::string sound = EncodeRobotImage(image);
@@ -273,8 +262,7 @@ TEST(CollisionIndex, TakesInARecordThatCanBeReadAgain) {
 }
 
 TEST(CollisionIndex, StoppedBuildKeepsWhatIsBuiltAndGoesOn) {
-  const ScopedFolder folder;
-  const auto database = MakeFilledDatabase(folder / "db");
+  const auto database = MakeFilledDatabase();
   std::vector<uint64_t> told;
   const auto stop_soon = [&](uint64_t done, uint64_t) {
     told.push_back(done);
@@ -295,8 +283,7 @@ TEST(CollisionIndex, StoppedBuildKeepsWhatIsBuiltAndGoesOn) {
 
 // What is fresh is what the records are, while they change under the build.
 TEST(CollisionIndex, NeverClaimsRecordsThatItWasNotBuiltFrom) {
-  const ScopedFolder folder;
-  const auto database = MakeFilledDatabase(folder / "db");
+  const auto database = MakeFilledDatabase();
   const uint64_t seed = std::random_device()();
   std::cout << "seed " << seed << std::endl;
   std::atomic<bool> done = false;
@@ -320,8 +307,7 @@ TEST(CollisionIndex, NeverClaimsRecordsThatItWasNotBuiltFrom) {
 }
 
 TEST(CollisionIndex, IsReadByManyThreadsWhileTheMapGrowsAndTheIndexIsBuiltAnew) {
-  const ScopedFolder folder;
-  const auto database = MakeFilledDatabase(folder / "db");
+  const auto database = MakeFilledDatabase();
   Build(*database);
   const auto index = OpenIndex(*database);
   const auto tiles = ReadTiles(index->snapshot());
@@ -368,8 +354,7 @@ TEST(CollisionIndex, IsReadByManyThreadsWhileTheMapGrowsAndTheIndexIsBuiltAnew) 
 }
 
 TEST(CollisionIndex, OutlivesItsDatabase) {
-  const ScopedFolder folder;
-  auto database = MakeFilledDatabase(folder / "db");
+  auto database = MakeFilledDatabase();
   Build(*database);
   const auto index = OpenIndex(*database);
   const auto tiles = ReadTiles(index->snapshot());
@@ -381,18 +366,17 @@ TEST(CollisionIndex, OutlivesItsDatabase) {
 
 // Another process builds it in a database that this one has open.
 TEST(CollisionIndex, BuiltByAnotherProcessIsFoundByTheNextSnapshot) {
-  const ScopedFolder folder;
-  MakeFilledDatabase(folder / "db");
+  const std::string path = MakeFilledDatabase()->path();
   int go[2];
   ASSERT_EQ(pipe(go), 0);
   const pid_t child = fork();
   if (child == 0) {
     char byte = 0;
     if (read(go[0], &byte, 1) != 1) _exit(1);
-    const auto database = Database::Open(folder / "db", Access::kWrite);
+    const auto database = Database::Open(path, Access::kWrite);
     _exit(database.ok() && BuildCollisionIndex(**database).ok() ? 0 : 2);
   }
-  const auto database = Database::Open(folder / "db", Access::kRead);
+  const auto database = Database::Open(path, Access::kRead);
   ASSERT_TRUE(database.ok());
   EXPECT_THAT(TilesIn(**database, TileState::kFresh), ElementsAre());
   auto earlier = (*database)->Read();
@@ -409,13 +393,13 @@ TEST(CollisionIndex, BuiltByAnotherProcessIsFoundByTheNextSnapshot) {
 }
 
 TEST(CollisionIndex, IsCopiedByCompactAndCountedAsUsed) {
-  const ScopedFolder folder;
-  const auto database = MakeFilledDatabase(folder / "db");
+  const std::string copied = FreshFolder() / "copy";
+  const auto database = MakeFilledDatabase();
   const uint64_t before = database->GetUsage()->used_bytes;
   const IndexBuildReport report = Build(*database);
   EXPECT_GE(database->GetUsage()->used_bytes, before + report.bytes);
-  ASSERT_TRUE(database->Compact(folder / "copy").ok());
-  const auto copy = Database::Open(folder / "copy", Access::kRead);
+  ASSERT_TRUE(database->Compact(copied).ok());
+  const auto copy = Database::Open(copied, Access::kRead);
   ASSERT_TRUE(copy.ok()) << copy.status();
   ExpectIndexHoldsTheRobotImages(**copy);
 }
@@ -425,7 +409,7 @@ TEST(CollisionIndex, IsBuiltInBoundedMemory) {
 #if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
   GTEST_SKIP() << "a sanitizer takes memory of its own";
 #endif
-  const ScopedFolder folder;
+  const std::filesystem::path folder = FreshFolder();
   storage::v1::CellDescription cell = TestCell(600, 600);
   std::mt19937_64 random(3);
   const pid_t child = fork();

@@ -11,7 +11,7 @@
 #include <fstream>
 #include <string>
 
-#include "tests/db/store/test_cell.h"
+#include "tests/test_folder.h"
 
 namespace silhouette {
 
@@ -37,8 +37,7 @@ class FullDisk : public testing::Test {
   }
   void Empty() const { std::filesystem::remove(disk_ + "/filler"); }
 
-  const ScopedFolder folder_;
-  const std::string disk_ = folder_ / "disk";
+  const std::string disk_ = FreshFolder() / "disk";
 
  private:
   bool mounted_ = false;

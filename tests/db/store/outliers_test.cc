@@ -68,7 +68,7 @@ class Outliers : public testing::Test {
     return database_->grid().NumberOf({first, second});
   }
 
-  const ScopedFolder folder_;
+  const std::filesystem::path folder_ = FreshFolder();
   std::unique_ptr<Database> database_;
 };
 
@@ -124,8 +124,7 @@ TEST_F(Outliers, SearchEndsWhenToldTo) {
 }
 
 TEST(Statistics, CountRecordsAreasAndPermanentPixels) {
-  const ScopedFolder folder;
-  const auto database = *Database::Create(folder / "db", TestCell());
+  const auto database = *Database::Create(FreshFolder() / "db", TestCell());
   auto writer = database->Write("test");
   std::vector<Mask> permanent;
   std::vector<Mask> ever;

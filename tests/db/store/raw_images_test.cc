@@ -58,7 +58,7 @@ class RawImagesTest : public testing::Test {
   std::unique_ptr<Database> Made(const std::vector<RobotImage>& images) {
     storage::v1::CellDescription cell = database_->cell();
     cell.set_segmentation("x: 1\n");
-    auto made = Database::Create(absl::StrCat(folder_ / "made-", ++made_), cell);
+    auto made = Database::Create(folder_ / absl::StrCat("made-", ++made_), cell);
     EXPECT_TRUE(made.ok()) << made.status();
     auto writer = (*made)->Write("test");
     for (const RobotImage& image : images) EXPECT_TRUE(writer->Put(image).ok());
@@ -66,7 +66,7 @@ class RawImagesTest : public testing::Test {
     return *std::move(made);
   }
 
-  const ScopedFolder folder_;
+  const std::filesystem::path folder_ = FreshFolder();
   std::unique_ptr<Database> database_;
   int made_ = 0;
 };

@@ -79,11 +79,10 @@ int SharedRecords(const std::string& folder, const std::string& variant) {
 }
 
 TEST(Variants, AreKeptBesideEachOther) {
-  const ScopedFolder folder;
   std::vector<RobotImage> plain;
   std::vector<RobotImage> tool;
   {
-    const auto database = MakeDatabase(folder / "db");
+    const auto database = MakeDatabase();
     EXPECT_THAT(*database->Variants(), ElementsAre("default"));
     const auto variant = MakeVariant(*database);
     EXPECT_EQ(variant->variant(), kTool);
@@ -93,17 +92,16 @@ TEST(Variants, AreKeptBesideEachOther) {
     PutAll(*database, plain);
     PutAll(*variant, tool);
   }
-  const auto database = *Database::Open(folder / "db", Access::kRead);
+  const auto database = *Database::Open(database->path(), Access::kRead);
   EXPECT_EQ(ContentOf(*database), AsContent(plain));
   EXPECT_EQ(ContentOf(**database->OpenVariant(kTool)), AsContent(tool));
-  EXPECT_GT(SharedRecords(folder / "db", kTool), static_cast<int>(tool.size()) * 3 / 4);
+  EXPECT_GT(SharedRecords(database->path(), kTool), static_cast<int>(tool.size()) * 3 / 4);
   const auto found = (*database->OpenVariant(kTool))->Read();
   for (const RobotImage& image : tool) EXPECT_EQ(**found->Find(image.number), image);
 }
 
 TEST(Variants, ThatDifferInFewPixelsCostLittle) {
-  const ScopedFolder folder;
-  const auto database = MakeDatabase(folder / "db");
+  const auto database = MakeDatabase();
   const auto variant = MakeVariant(*database);
   std::vector<RobotImage> plain = Images(*database, 2);
   for (RobotImage& image : plain) {
@@ -120,13 +118,12 @@ TEST(Variants, ThatDifferInFewPixelsCostLittle) {
 
 // Whatever is replaced in whichever variant, in whatever order.
 TEST(Variants, KeepTheirImagesWhateverIsReplaced) {
-  const ScopedFolder folder;
   const auto seed = static_cast<uint64_t>(absl::ToUnixNanos(absl::Now()));
   SCOPED_TRACE(absl::StrCat("seed ", seed));
   std::mt19937_64 random(seed);
   std::vector<Content> expected(3);
   {
-    const auto database = MakeDatabase(folder / "db");
+    const auto database = MakeDatabase();
     std::vector<std::unique_ptr<Database>> variants;
     variants.push_back(*database->OpenVariant("default"));
     variants.push_back(MakeVariant(*database, "a"));
@@ -144,7 +141,7 @@ TEST(Variants, KeepTheirImagesWhateverIsReplaced) {
       PutAll(*variants[which], images, true);
     }
   }
-  const auto database = *Database::Open(folder / "db", Access::kRead);
+  const auto database = *Database::Open(database->path(), Access::kRead);
   const auto states = database->ReadVariants();
   ASSERT_TRUE(states.ok()) << states.status();
   ASSERT_EQ(states->size(), 3);
@@ -157,8 +154,7 @@ TEST(Variants, KeepTheirImagesWhateverIsReplaced) {
 // The record of the default variant is lost, or another one gets in its place without Silhouette's
 // doing: those that rest on it are damaged, and nothing else.
 TEST(Variants, DoNotTakeAnotherRecordForTheOneTheyRestOn) {
-  const ScopedFolder folder;
-  const auto database = MakeDatabase(folder / "db");
+  const auto database = MakeDatabase();
   const auto variant = MakeVariant(*database);
   RobotImage image = TestImage(*database, 5, 1);
   image.excluded = false;
@@ -166,8 +162,8 @@ TEST(Variants, DoNotTakeAnotherRecordForTheOneTheyRestOn) {
   image.masks[0] = Mask::FromPredicate({64, 64}, [](int x, int y) { return x * y % 7 == 3; });
   PutAll(*database, {image});
   PutAll(*variant, {WithTool(image, 1)});
-  ASSERT_EQ(SharedRecords(folder / "db", kTool), 1);
-  const auto environment = *Environment::Open(folder / "db");
+  ASSERT_EQ(SharedRecords(database->path(), kTool), 1);
+  const auto environment = *Environment::Open(database->path());
   const schema::NumberKey key = schema::EncodeKey(5);
   const auto change = [&](const std::function<absl::Status(WriteTransaction&)>& how) {
     ASSERT_TRUE(environment->Update(0, how).ok());
@@ -194,8 +190,7 @@ TEST(Variants, DoNotTakeAnotherRecordForTheOneTheyRestOn) {
 }
 
 TEST(Variants, AreReadInPlaceAsTheyAreStored) {
-  const ScopedFolder folder;
-  const auto database = MakeDatabase(folder / "db");
+  const auto database = MakeDatabase();
   const auto variant = MakeVariant(*database);
   const std::vector<RobotImage> plain = Images(*database, 4);
   const std::vector<RobotImage> tool = WithTools(plain, 5);
@@ -220,8 +215,7 @@ TEST(Variants, AreReadInPlaceAsTheyAreStored) {
 }
 
 TEST(Variants, HaveACollisionIndexEach) {
-  const ScopedFolder folder;
-  const auto database = MakeDatabase(folder / "db");
+  const auto database = MakeDatabase();
   const auto variant = MakeVariant(*database);
   const std::vector<RobotImage> plain = Images(*database, 6);
   PutAll(*database, plain);
@@ -242,15 +236,14 @@ TEST(Variants, HaveACollisionIndexEach) {
 
 // Earlier programs coded another variant's index by its differences from the default variant's.
 TEST(Variants, IndexInAnEarlierFormIsStaleAndIsBuiltAgain) {
-  const ScopedFolder folder;
-  const auto database = MakeDatabase(folder / "db");
+  const auto database = MakeDatabase();
   const auto variant = MakeVariant(*database);
   const std::vector<RobotImage> plain = Images(*database, 6);
   PutAll(*database, plain);
   PutAll(*variant, WithTools(plain, 5));
   ASSERT_TRUE(BuildCollisionIndex(*database).ok());
   EXPECT_EQ(OpenIndex(*variant)->State(0), TileState::kFresh);
-  const auto environment = *Environment::Open(folder / "db");
+  const auto environment = *Environment::Open(database->path());
   const auto values = *environment->Find(schema::PlacesOfVariant(kTool).collision_index);
   const schema::NumberKey key = schema::EncodeKey(0);
   const std::string_view key_view(key.data(), key.size());
@@ -290,8 +283,7 @@ TEST(Variants, IndexInAnEarlierFormIsStaleAndIsBuiltAgain) {
 }
 
 TEST(Variants, HaveNamesThatAreOnesAndAreAtMostSoMany) {
-  const ScopedFolder folder;
-  const auto database = MakeDatabase(folder / "db");
+  const auto database = MakeDatabase();
   for (const char* name : {"", "Open", "a b", "a/b", "0123456789012345678901234567890123"}) {
     EXPECT_EQ(database->CreateVariant(name, "test").status().code(),
               absl::StatusCode::kInvalidArgument)
@@ -311,8 +303,7 @@ TEST(Variants, HaveNamesThatAreOnesAndAreAtMostSoMany) {
 }
 
 TEST(Variants, AreRemovedWithWhatIsTheirOwn) {
-  const ScopedFolder folder;
-  const auto database = MakeDatabase(folder / "db");
+  const auto database = MakeDatabase();
   const std::vector<RobotImage> plain = Images(*database, 8);
   PutAll(*database, plain);
   auto variant = MakeVariant(*database);
@@ -332,8 +323,7 @@ TEST(Variants, AreRemovedWithWhatIsTheirOwn) {
 }
 
 TEST(Variants, ShareReferencesAndOneGeneration) {
-  const ScopedFolder folder;
-  const auto database = MakeDatabase(folder / "db");
+  const auto database = MakeDatabase();
   const auto variant = MakeVariant(*database);
   storage::v1::References references;
   for (int i = 0; i < 2; ++i) references.add_views()->set_images(20);
@@ -350,26 +340,24 @@ TEST(Variants, ShareReferencesAndOneGeneration) {
 }
 
 TEST(Variants, OutliveTheDatabaseTheyAreOf) {
-  const ScopedFolder folder;
-  auto database = MakeDatabase(folder / "db");
+  auto database = MakeDatabase();
   const auto variant = MakeVariant(*database);
   database.reset();
   PutAll(*variant, {TestImage(*variant, 1)});
   EXPECT_EQ(ContentOf(*variant).size(), 1);
-  EXPECT_EQ(Database::Open(folder / "db", Access::kWrite).status().code(),
+  EXPECT_EQ(Database::Open(variant->path(), Access::kWrite).status().code(),
             absl::StatusCode::kFailedPrecondition);
 }
 
 TEST(Variants, MasksOfAllAreReplacedAtOnce) {
-  const ScopedFolder folder;
-  const auto database = MakeDatabase(folder / "db");
+  const auto database = MakeDatabase();
   const auto variant = MakeVariant(*database);
   const std::vector<RobotImage> plain = Images(*database, 3);
   PutAll(*database, plain);
   PutAll(*variant, WithTools(plain, 1));
   storage::v1::CellDescription cell = database->cell();
   cell.set_segmentation("x: 1\n");
-  const auto made = *Database::Create(folder / "made", cell);
+  const auto made = MakeDatabase(cell);
   PutAll(*made, WithTools(plain, 2));
   EXPECT_TRUE(absl::IsInvalidArgument(database->ReplaceMasks(*made, "test")));  // no such variant
   const auto made_variant = MakeVariant(*made);
@@ -379,18 +367,18 @@ TEST(Variants, MasksOfAllAreReplacedAtOnce) {
   EXPECT_EQ(ContentOf(*database), AsContent(WithTools(plain, 2)));
   EXPECT_EQ(ContentOf(*variant), AsContent(WithTools(plain, 4)));
   EXPECT_EQ(**(*before)[1].snapshot.Find(plain[3].number), WithTools(plain, 1)[3]);
-  EXPECT_GT(SharedRecords(folder / "db", kTool), 0);
+  EXPECT_GT(SharedRecords(database->path(), kTool), 0);
 }
 
 TEST(Variants, AreInACompactCopy) {
-  const ScopedFolder folder;
-  const auto database = MakeDatabase(folder / "db");
+  const auto database = MakeDatabase();
   const auto variant = MakeVariant(*database);
   const std::vector<RobotImage> plain = Images(*database, 9);
   PutAll(*database, plain);
   PutAll(*variant, WithTools(plain, 2));
-  ASSERT_TRUE(database->Compact(folder / "copy").ok());
-  const auto copy = *Database::Open(folder / "copy", Access::kRead);
+  const std::string copied = FreshFolder() / "copy";
+  ASSERT_TRUE(database->Compact(copied).ok());
+  const auto copy = *Database::Open(copied, Access::kRead);
   EXPECT_EQ(ContentOf(**copy->OpenVariant(kTool)), AsContent(WithTools(plain, 2)));
 }
 

@@ -13,6 +13,7 @@
 
 #include "db/store/environment.h"
 #include "tests/db/store/test_database.h"
+#include "tests/seeded_random.h"
 
 namespace silhouette {
 namespace {
@@ -26,26 +27,14 @@ storage::v1::CellDescription Cell(bool large) {
   return cell;
 }
 
-std::unique_ptr<Database> MakeLargeOrSmall(const std::string& path, bool large = false) {
-  auto database = *Database::Create(path, Cell(large));
-  auto writer = *database->Write("test", absl::Hours(1));
+std::unique_ptr<Database> MakeLargeOrSmall(bool large = false) {
+  auto database = MakeDatabase(Cell(large));
+  std::vector<RobotImage> images;
   for (const ConfigurationNumber number : AllNumbers(database->grid())) {
-    if (number % 7 == 0) continue;
-    EXPECT_TRUE(writer.Put(TestImage(*database, number)).ok());
+    if (number % 7 != 0) images.push_back(TestImage(*database, number));
   }
-  EXPECT_TRUE(writer.Commit().ok());
+  PutAll(*database, images);
   return database;
-}
-
-Content ReadAll(const Database& database) {
-  Content records;
-  EXPECT_TRUE(database.Read()
-                  ->ForEach([&](ConfigurationNumber number, absl::StatusOr<RobotImage> image) {
-                    if (image.ok()) records[number] = *std::move(image);
-                    return true;
-                  })
-                  .ok());
-  return records;
 }
 
 std::vector<uint64_t> WordsOf(const RobotImage& image) {
@@ -85,16 +74,14 @@ void ExpectReads(const RobotImagesInPlace& images, const ConfigurationGrid& grid
 class RobotImagesOfSize : public ::testing::TestWithParam<bool> {};
 
 TEST_P(RobotImagesOfSize, AreReadAsTheyAreStored) {
-  const ScopedFolder folder;
-  const auto database = MakeLargeOrSmall(folder / "db", GetParam());
-  const Content records = ReadAll(*database);
+  const auto database = MakeLargeOrSmall(GetParam());
+  const Content records = ContentOf(*database);
   ExpectReads(*OpenImages(*database), database->grid(), RoomFor(*database), records);
 }
 
 TEST_P(RobotImagesOfSize, AreMetOnceInTheirOrder) {
-  const ScopedFolder folder;
-  const auto database = MakeLargeOrSmall(folder / "db", GetParam());
-  const Content records = ReadAll(*database);
+  const auto database = MakeLargeOrSmall(GetParam());
+  const Content records = ContentOf(*database);
   std::vector<ConfigurationNumber> expected;
   for (const auto& [number, image] : records) expected.push_back(number);
   const auto snapshot = std::make_shared<const Snapshot>(*database->Read());
@@ -117,9 +104,8 @@ INSTANTIATE_TEST_SUITE_P(Content, RobotImagesOfSize, ::testing::Bool(),
                          [](const auto& test) { return test.param ? "Large" : "Small"; });
 
 TEST(RobotImagesInPlace, StayThoseOfTheirStateForManyThreadsWhileTheMapGrows) {
-  const ScopedFolder folder;
-  auto database = MakeLargeOrSmall(folder / "db");
-  const Content records = ReadAll(*database);
+  auto database = MakeLargeOrSmall();
+  const Content records = ContentOf(*database);
   const auto images = OpenImages(*database);
   const size_t room = RoomFor(*database);
   const auto map_size = [&] {
@@ -156,11 +142,10 @@ TEST(RobotImagesInPlace, StayThoseOfTheirStateForManyThreadsWhileTheMapGrows) {
 }
 
 struct DamagedUnderTheReader : ::testing::Test {
-  ScopedFolder folder;
-  std::unique_ptr<Database> database = MakeLargeOrSmall(folder / "db");
-  const Content records = ReadAll(*database);
+  std::unique_ptr<Database> database = MakeLargeOrSmall();
+  const Content records = ContentOf(*database);
   const std::shared_ptr<const RobotImagesInPlace> images = OpenImages(*database);
-  const std::string file = folder / "db/data.mdb";
+  const std::string file = database->path() + "/data.mdb";
 
   // How many records can still be read; all of these are as they were.
   size_t Readable() {
@@ -177,9 +162,7 @@ struct DamagedUnderTheReader : ::testing::Test {
 
 TEST_F(DamagedUnderTheReader, RecordIsNotReadOrAsItWas) {
   const size_t all = Readable();
-  const uint64_t seed = std::random_device()();
-  const ::testing::ScopedTrace trace(__FILE__, __LINE__, "seed " + std::to_string(seed));
-  std::mt19937_64 random(seed);
+  std::mt19937_64 random = SeededRandom();
   std::fstream bytes(file, std::ios::in | std::ios::out | std::ios::binary);
   bytes.seekg(0, std::ios::end);
   const auto size = static_cast<uint64_t>(bytes.tellg());

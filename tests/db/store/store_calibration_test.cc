@@ -15,6 +15,7 @@
 
 #include "db/store/store.h"
 #include "tests/db/store/test_database.h"
+#include "tests/seeded_random.h"
 
 namespace silhouette {
 namespace {
@@ -57,8 +58,8 @@ std::optional<storage::v1::Calibration> CalibrationOf(const Database& database) 
 }
 
 TEST(Calibration, IsKeptReplacedAndRemovedEachAsAChange) {
-  const ScopedFolder folder;
-  auto database = *Database::Create(folder / "db", TestCell());
+  auto database = MakeDatabase();
+  const std::string path = database->path();
   EXPECT_FALSE(CalibrationOf(*database).has_value());
   uint64_t generation = database->Read()->generation();
   EXPECT_EQ(database->RemoveCalibration("nothing").code(), absl::StatusCode::kNotFound);
@@ -70,7 +71,7 @@ TEST(Calibration, IsKeptReplacedAndRemovedEachAsAChange) {
     generation = database->Read()->generation();
   }
   database.reset();
-  database = *Database::Open(folder / "db", Access::kWrite);
+  database = *Database::Open(path, Access::kWrite);
   EXPECT_EQ(CalibrationOf(*database)->SerializeAsString(), Cameras(2).SerializeAsString());
   ASSERT_TRUE(database->RemoveCalibration("remove").ok());
   EXPECT_FALSE(CalibrationOf(*database).has_value());
@@ -82,19 +83,18 @@ TEST(Calibration, IsKeptReplacedAndRemovedEachAsAChange) {
 }
 
 TEST(Calibration, IsTheSameInACompactedCopy) {
-  const ScopedFolder folder;
-  const auto database = *Database::Create(folder / "db", TestCell());
+  const std::string copied = FreshFolder() / "copy";
+  const auto database = MakeDatabase();
   ASSERT_TRUE(database->SetCalibration(Cameras(3), "import").ok());
-  ASSERT_TRUE(database->Compact(folder / "copy").ok());
-  const auto copy = *Database::Open(folder / "copy", Access::kRead);
+  ASSERT_TRUE(database->Compact(copied).ok());
+  const auto copy = *Database::Open(copied, Access::kRead);
   EXPECT_EQ(CalibrationOf(*copy)->SerializeAsString(), Cameras(3).SerializeAsString());
   EXPECT_EQ(copy->SetCalibration(Cameras(), "").code(), absl::StatusCode::kFailedPrecondition);
   EXPECT_EQ(copy->RemoveCalibration("").code(), absl::StatusCode::kFailedPrecondition);
 }
 
 TEST(Calibration, ThatDoesNotFitTheViewsIsRefused) {
-  const ScopedFolder folder;
-  const auto database = *Database::Create(folder / "db", TestCell());
+  const auto database = MakeDatabase();
   const uint64_t generation = database->Read()->generation();
   using Spoil = std::function<void(storage::v1::Calibration&)>;
   const auto refusal = [&](storage::v1::Calibration calibration, const Spoil& spoil) {
@@ -146,7 +146,7 @@ TEST(Calibration, ThatDoesNotFitTheViewsIsRefused) {
 }
 
 TEST(Calibration, WithFlippedBitsIsTakenForNoneAndTheRestCanBeRead) {
-  const ScopedFolder folder;
+  const std::filesystem::path folder = FreshFolder();
   {
     const auto database = *Database::Create(folder / "db", TestCell());
     auto writer = database->Write("test");
@@ -186,11 +186,9 @@ TEST(Calibration, WithFlippedBitsIsTakenForNoneAndTheRestCanBeRead) {
 }
 
 TEST(Calibration, IsNeverHalfWrittenByAProcessThatIsKilled) {
-  const ScopedFolder folder;
+  const std::filesystem::path folder = FreshFolder();
   ASSERT_TRUE(Database::Create(folder / "db", TestCell()).ok());
-  const uint64_t seed = std::random_device()();
-  std::cout << "seed " << seed << std::endl;
-  std::mt19937_64 random(seed);
+  std::mt19937_64 random = SeededRandom();
   uint64_t generation = 1;
   for (int round = 0; round < 12; ++round) {
     const pid_t child = fork();

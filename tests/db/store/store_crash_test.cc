@@ -17,6 +17,7 @@
 #include "db/store/store.h"
 #include "tests/db/store/full_disk.h"
 #include "tests/db/store/test_database.h"
+#include "tests/seeded_random.h"
 
 namespace silhouette {
 namespace {
@@ -49,8 +50,7 @@ using testing::HasSubstr;
 }
 
 TEST(RobotImageWriter, KilledAtAnyInstantKeepsWhatItAcknowledgedAndNothingHalf) {
-  const ScopedFolder folder;
-  const std::string path = folder / "db";
+  const std::string path = FreshFolder() / "db";
   ASSERT_TRUE(Database::Create(path, TestCell(64, 64)).ok());
   const uint64_t seed = std::random_device()();
   std::cout << "seed " << seed << std::endl;
@@ -125,11 +125,8 @@ RobotImage WithTool(RobotImage image) {
 }
 
 TEST(RobotImageWriter, KilledWhileItReplacesWhatOtherVariantsRestOnLeavesAllVariantsWhole) {
-  const ScopedFolder folder;
-  const std::string path = folder / "db";
-  const uint64_t seed = std::random_device()();
-  std::cout << "seed " << seed << std::endl;
-  std::mt19937_64 random(seed);
+  const std::string path = FreshFolder() / "db";
+  std::mt19937_64 random = SeededRandom();
   // The records of the variant are made with version 0 of the default variant's, and never written
   // again.
   std::map<ConfigurationNumber, RobotImage> tools;
@@ -181,8 +178,7 @@ TEST(RobotImageWriter, KilledWhileItReplacesWhatOtherVariantsRestOnLeavesAllVari
 }
 
 TEST(Database, InterruptedWhileBeingMadeIsNoneAndCanBeMadeAgain) {
-  const ScopedFolder folder;
-  const std::string path = folder / "db";
+  const std::string path = FreshFolder() / "db";
   std::mt19937_64 random(7);
   for (int round = 0; round < 20; ++round) {
     const pid_t child = fork();
@@ -200,8 +196,7 @@ TEST(Database, InterruptedWhileBeingMadeIsNoneAndCanBeMadeAgain) {
 }
 
 TEST(Database, WrittenByAnotherProcessNamesIt) {
-  const ScopedFolder folder;
-  const std::string path = folder / "db";
+  const std::string path = FreshFolder() / "db";
   ASSERT_TRUE(Database::Create(path, TestCell()).ok());
   int ready[2];
   ASSERT_EQ(pipe(ready), 0);
@@ -229,8 +224,7 @@ TEST(Database, WrittenByAnotherProcessNamesIt) {
 
 // A reader's map is as large as the database was; the writer is another process and lets it grow.
 TEST(Snapshot, FollowsADatabaseThatAnotherProcessLetsGrow) {
-  const ScopedFolder folder;
-  const std::string path = folder / "db";
+  const std::string path = FreshFolder() / "db";
   storage::v1::CellDescription cell = TestCell(64, 64);
   cell.mutable_views(0)->set_mask_width(1024);
   cell.mutable_views(0)->set_mask_height(1024);
@@ -308,17 +302,9 @@ TEST_F(FullDisk, CanBeReadButNoDatabaseCanBeMadeThere) {
 }
 
 TEST_F(FullDisk, LeavesNoHalfCopy) {
-  const ScopedFolder source;
-  const auto database = Database::Create(source / "db", TestCell());
-  auto writer = (*database)->Write("copy", absl::Hours(1));
-  for (uint64_t round = 0; round < 2; ++round) {
-    for (ConfigurationNumber number : AllNumbers((*database)->grid())) {
-      ASSERT_TRUE(writer->Put(TestImage(**database, number, round), true).ok());
-    }
-  }
-  ASSERT_TRUE(writer->Commit().ok());
+  const auto database = MakeFilledDatabase(1, TestCell());
   Fill();
-  const absl::Status status = (*database)->Compact(disk_ + "/copy");
+  const absl::Status status = database->Compact(disk_ + "/copy");
   EXPECT_EQ(status.code(), absl::StatusCode::kResourceExhausted) << status;
   EXPECT_FALSE(std::filesystem::exists(disk_ + "/copy/data.mdb"));
 }

@@ -40,7 +40,7 @@ bool Check(bool holds, const std::string& what) {
 }
 
 void MakeReadableDatabase(const std::string& path) {
-  const auto database = MakeDatabase(path);
+  const auto database = MakeDatabase(TestCell(), path);
   PutAll(*database, {TestImage(*database, 1)});
 }
 
@@ -66,8 +66,8 @@ void TakePermission(const std::string& path) {
 }
 
 TEST(Database, WithoutPermissionToWriteCanBeRead) {
-  const ScopedFolder folder;
-  ASSERT_EQ(chmod(folder.path().c_str(), 0755), 0);
+  const std::filesystem::path folder = FreshFolder();
+  ASSERT_EQ(chmod(TestFolder().c_str(), 0755), 0);
   MakeReadableDatabase(folder / "db");
   EXPECT_FALSE(ReadersKeepWritersOut(folder / "db"));
   TakePermission(folder / "db");
@@ -83,8 +83,8 @@ TEST(Database, WithoutPermissionToWriteCanBeRead) {
 
 TEST(Database, WithoutPermissionToRegisterIsNotReadWhileItIsWritten) {
   if (geteuid() != 0) GTEST_SKIP() << "needs a second user, thus root";
-  const ScopedFolder folder;
-  ASSERT_EQ(chmod(folder.path().c_str(), 0755), 0);
+  const std::filesystem::path folder = FreshFolder();
+  ASSERT_EQ(chmod(TestFolder().c_str(), 0755), 0);
   MakeReadableDatabase(folder / "db");
   TakePermission(folder / "db");
   const auto writer = Database::Open(folder / "db", Access::kWrite);
@@ -100,8 +100,8 @@ TEST(Database, WithoutPermissionToRegisterIsNotReadWhileItIsWritten) {
 }
 
 TEST(Database, WithoutPermissionToReadSaysSo) {
-  const ScopedFolder folder;
-  ASSERT_EQ(chmod(folder.path().c_str(), 0755), 0);
+  const std::filesystem::path folder = FreshFolder();
+  ASSERT_EQ(chmod(TestFolder().c_str(), 0755), 0);
   MakeReadableDatabase(folder / "db");
   ASSERT_EQ(chmod((folder / "db/data.mdb").c_str(), 0), 0);
   EXPECT_TRUE(HoldsForAnOrdinaryUser([&] {
@@ -113,11 +113,11 @@ TEST(Database, WithoutPermissionToReadSaysSo) {
 }
 
 TEST(Database, OnAReadOnlyFileSystemCanBeRead) {
-  const ScopedFolder folder;
+  const std::filesystem::path folder = FreshFolder();
   MakeReadableDatabase(folder / "db");
   const std::string mounted = folder / "mounted";
   std::filesystem::create_directories(mounted);
-  if (mount(folder.path().c_str(), mounted.c_str(), nullptr, MS_BIND, nullptr) != 0) {
+  if (mount(folder.c_str(), mounted.c_str(), nullptr, MS_BIND, nullptr) != 0) {
     GTEST_SKIP() << "a folder cannot be mounted here: " << strerror(errno);
   }
   ASSERT_EQ(mount(nullptr, mounted.c_str(), nullptr, MS_BIND | MS_REMOUNT | MS_RDONLY, nullptr), 0);

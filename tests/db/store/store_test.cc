@@ -33,10 +33,9 @@ RobotImageWriter MakeWriter(Database& database, absl::Duration max_delay = absl:
 }
 
 TEST(Database, GivesBackWhatWasPutAfterReopening) {
-  const ScopedFolder folder;
   std::map<ConfigurationNumber, RobotImage> expected;
   {
-    const auto database = MakeDatabase(folder / "db");
+    const auto database = MakeDatabase();
     RobotImageWriter writer = MakeWriter(*database);
     std::vector<ConfigurationNumber> numbers = AllNumbers(database->grid());
     std::shuffle(numbers.begin(), numbers.end(), std::mt19937_64(1));
@@ -50,7 +49,7 @@ TEST(Database, GivesBackWhatWasPutAfterReopening) {
     ASSERT_TRUE(writer.Commit().ok());
     EXPECT_EQ(writer.committed(), expected.size());
   }
-  const auto database = OpenDatabase(folder / "db");
+  const auto database = OpenDatabase(database->path());
   EXPECT_EQ(ContentOf(*database), expected);
   const absl::StatusOr<Snapshot> snapshot = database->Read();
   EXPECT_EQ(snapshot->size(), expected.size());
@@ -58,9 +57,7 @@ TEST(Database, GivesBackWhatWasPutAfterReopening) {
 }
 
 TEST(Database, KeepsItsCellDescriptionAndChoosesOpenTileEdges) {
-  const ScopedFolder folder;
-  MakeDatabase(folder / "db");
-  const auto database = OpenDatabase(folder / "db");
+  const auto database = OpenDatabase(MakeDatabase()->path());
   storage::v1::CellDescription expected = TestCell();
   for (int edge : database->grid().tile_edges()) expected.add_tile_edges(edge);
   EXPECT_EQ(database->cell().SerializeAsString(), expected.SerializeAsString());
@@ -69,7 +66,7 @@ TEST(Database, KeepsItsCellDescriptionAndChoosesOpenTileEdges) {
 }
 
 TEST(Database, RefusesADescriptionThatIsNotValid) {
-  const ScopedFolder folder;
+  const std::filesystem::path folder = FreshFolder();
   const auto message = [&](const std::function<void(storage::v1::CellDescription&)>& spoil) {
     storage::v1::CellDescription cell = TestCell();
     spoil(cell);
@@ -90,21 +87,21 @@ TEST(Database, RefusesADescriptionThatIsNotValid) {
 }
 
 TEST(Database, IsNotMadeTwiceNorAmongOtherFiles) {
-  const ScopedFolder folder;
-  MakeDatabase(folder / "db");
+  const std::filesystem::path folder = FreshFolder();
+  MakeDatabase(TestCell(), folder / "db");
   absl::Status status = Database::Create(folder / "db", TestCell()).status();
   EXPECT_EQ(status.code(), absl::StatusCode::kAlreadyExists) << status;
-  status = Database::Create(folder.path(), TestCell()).status();
+  status = Database::Create(folder, TestCell()).status();
   EXPECT_EQ(status.code(), absl::StatusCode::kFailedPrecondition);
   EXPECT_THAT(status.message(), HasSubstr("is not empty"));
   status = Database::Open(folder / "none", Access::kRead).status();
   EXPECT_EQ(status.code(), absl::StatusCode::kNotFound);
-  EXPECT_THAT(status.message(), HasSubstr("there is no database in '" + folder / "none'"));
+  EXPECT_THAT(status.message(), HasSubstr(absl::StrCat("there is no database in '",
+                                                       (folder / "none").string(), "'")));
 }
 
 TEST(Snapshot, FindsNothingWhereNothingIsStored) {
-  const ScopedFolder folder;
-  const auto database = MakeDatabase(folder / "db");
+  const auto database = MakeDatabase();
   const absl::StatusOr<Snapshot> snapshot = database->Read();
   EXPECT_EQ(snapshot->size(), 0);
   EXPECT_EQ(*snapshot->Find(0), std::nullopt);
@@ -114,8 +111,7 @@ TEST(Snapshot, FindsNothingWhereNothingIsStored) {
 }
 
 TEST(Snapshot, DoesNotChangeWhileOthersWrite) {
-  const ScopedFolder folder;
-  const auto database = MakeDatabase(folder / "db");
+  const auto database = MakeDatabase();
   RobotImageWriter writer = MakeWriter(*database);
   ASSERT_TRUE(writer.Put(TestImage(*database, 0)).ok());
   ASSERT_TRUE(writer.Commit().ok());
@@ -133,8 +129,7 @@ TEST(Snapshot, DoesNotChangeWhileOthersWrite) {
 }
 
 TEST(Snapshot, OutlivesItsDatabase) {
-  const ScopedFolder folder;
-  auto database = MakeDatabase(folder / "db");
+  auto database = MakeDatabase();
   RobotImageWriter writer = MakeWriter(*database);
   const RobotImage image = TestImage(*database, 3);
   ASSERT_TRUE(writer.Put(image).ok());
@@ -145,8 +140,7 @@ TEST(Snapshot, OutlivesItsDatabase) {
 }
 
 TEST(Snapshot, VisitsInOrderOfNumbersUntilToldToStop) {
-  const ScopedFolder folder;
-  const auto database = MakeDatabase(folder / "db");
+  const auto database = MakeDatabase();
   RobotImageWriter writer = MakeWriter(*database);
   const std::vector<ConfigurationNumber> numbers = AllNumbers(database->grid());
   for (ConfigurationNumber number : numbers) {
@@ -163,11 +157,10 @@ TEST(Snapshot, VisitsInOrderOfNumbersUntilToldToStop) {
 }
 
 TEST(Snapshot, LetsTheVisitorWriteEvenIfTheMapGrows) {
-  const ScopedFolder folder;
   storage::v1::CellDescription cell = TestCell(64, 64);
   cell.mutable_views(0)->set_mask_width(1024);
   cell.mutable_views(0)->set_mask_height(1024);
-  const auto database = MakeDatabase(folder / "db", cell);
+  const auto database = MakeDatabase(cell);
   RobotImageWriter writer = MakeWriter(*database);
   std::mt19937_64 random(3);
   RobotImage image;
@@ -202,8 +195,7 @@ TEST(Snapshot, LetsTheVisitorWriteEvenIfTheMapGrows) {
 }
 
 TEST(RobotImageWriter, ReplacesOnlyWhenAsked) {
-  const ScopedFolder folder;
-  const auto database = MakeDatabase(folder / "db");
+  const auto database = MakeDatabase();
   RobotImageWriter writer = MakeWriter(*database);
   ASSERT_TRUE(writer.Put(TestImage(*database, 1)).ok());
   EXPECT_EQ(writer.Put(TestImage(*database, 1, 2)).code(), absl::StatusCode::kAlreadyExists);
@@ -218,8 +210,7 @@ TEST(RobotImageWriter, ReplacesOnlyWhenAsked) {
 }
 
 TEST(RobotImageWriter, RefusesWhatDoesNotFitTheCell) {
-  const ScopedFolder folder;
-  const auto database = MakeDatabase(folder / "db");
+  const auto database = MakeDatabase();
   RobotImageWriter writer = MakeWriter(*database);
   const auto refusal = [&](const std::function<void(RobotImage&)>& spoil) {
     RobotImage image;
@@ -248,8 +239,7 @@ TEST(RobotImageWriter, RefusesWhatDoesNotFitTheCell) {
 }
 
 TEST(RobotImageWriter, DropsWhatWasNotCommitted) {
-  const ScopedFolder folder;
-  const auto database = MakeDatabase(folder / "db");
+  const auto database = MakeDatabase();
   {
     RobotImageWriter writer = MakeWriter(*database);
     ASSERT_TRUE(writer.Put(TestImage(*database, 1)).ok());
@@ -258,8 +248,7 @@ TEST(RobotImageWriter, DropsWhatWasNotCommitted) {
 }
 
 TEST(RobotImageWriter, CommitsByItselfOnceTheDelayHasPassed) {
-  const ScopedFolder folder;
-  const auto database = MakeDatabase(folder / "db");
+  const auto database = MakeDatabase();
   RobotImageWriter writer = MakeWriter(*database, absl::ZeroDuration());
   ASSERT_TRUE(writer.Put(TestImage(*database, 1)).ok());
   EXPECT_EQ(writer.committed(), 1);
@@ -267,22 +256,20 @@ TEST(RobotImageWriter, CommitsByItselfOnceTheDelayHasPassed) {
 }
 
 TEST(RobotImageWriter, IsTheOnlyOneOfItsDatabase) {
-  const ScopedFolder folder;
-  const auto database = MakeDatabase(folder / "db");
+  const auto database = MakeDatabase();
   {
     RobotImageWriter writer = MakeWriter(*database);
     EXPECT_EQ(database->Write("second").status().code(), absl::StatusCode::kFailedPrecondition);
   }
   EXPECT_TRUE(database->Write("third").ok());
-  const auto reader = OpenDatabase(folder / "db");
+  const auto reader = OpenDatabase(database->path());
   const absl::Status status = reader->Write("fourth").status();
   EXPECT_EQ(status.code(), absl::StatusCode::kFailedPrecondition);
   EXPECT_THAT(status.message(), HasSubstr("open for reading only"));
 }
 
 TEST(RobotImageWriter, LeavesItsSessionInTheProvenanceLog) {
-  const ScopedFolder folder;
-  const auto database = MakeDatabase(folder / "db");
+  const auto database = MakeDatabase();
   for (uint64_t session = 0; session < 3; ++session) {
     RobotImageWriter writer = *database->Write(absl::StrCat("session ", session));
     for (uint64_t i = 0; i < 5 * session; ++i) {
@@ -304,8 +291,7 @@ TEST(RobotImageWriter, LeavesItsSessionInTheProvenanceLog) {
 }
 
 TEST(Database, KeepsReferencesAndCountsThemAsAChange) {
-  const ScopedFolder folder;
-  const auto database = MakeDatabase(folder / "db");
+  const auto database = MakeDatabase();
   const uint64_t before = database->Read()->generation();
   storage::v1::References references;
   references.add_views()->set_mean_png(std::string(100'000, 'x'));
@@ -320,13 +306,12 @@ TEST(Database, KeepsReferencesAndCountsThemAsAChange) {
 }
 
 TEST(Database, HasOneWriterAndManyReadersInAProcess) {
-  const ScopedFolder folder;
-  auto writer = MakeDatabase(folder / "db");
-  const absl::Status second = Database::Open(folder / "db", Access::kWrite).status();
+  auto writer = MakeDatabase();
+  const absl::Status second = Database::Open(writer->path(), Access::kWrite).status();
   EXPECT_EQ(second.code(), absl::StatusCode::kFailedPrecondition);
   EXPECT_THAT(second.message(), HasSubstr("this process already is writing to it"));
-  const auto reader = OpenDatabase(folder / "db");
-  const auto another = OpenDatabase(folder / "db");
+  const auto reader = OpenDatabase(writer->path());
+  const auto another = OpenDatabase(writer->path());
   RobotImageWriter images = MakeWriter(*writer);
   ASSERT_TRUE(images.Put(TestImage(*writer, 1)).ok());
   ASSERT_TRUE(images.Commit().ok());
@@ -335,19 +320,17 @@ TEST(Database, HasOneWriterAndManyReadersInAProcess) {
 }
 
 TEST(Database, CanBeWrittenAgainOnceTheWriterIsGone) {
-  const ScopedFolder folder;
-  MakeDatabase(folder / "db").reset();
-  OpenDatabase(folder / "db", Access::kWrite).reset();
-  const auto database = OpenDatabase(folder / "db", Access::kWrite);
+  const std::string path = MakeDatabase()->path();
+  OpenDatabase(path, Access::kWrite).reset();
+  const auto database = OpenDatabase(path, Access::kWrite);
   RobotImageWriter writer = MakeWriter(*database);
   ASSERT_TRUE(writer.Put(TestImage(*database, 1)).ok());
   ASSERT_TRUE(writer.Commit().ok());
 }
 
 TEST(Database, ServesReadersInOtherThreadsWhileItIsWritten) {
-  const ScopedFolder folder;
-  const auto database = MakeDatabase(folder / "db", TestCell(64, 64));
-  const auto other = OpenDatabase(folder / "db");
+  const auto database = MakeDatabase(TestCell(64, 64));
+  const auto other = OpenDatabase(database->path());
   std::atomic<bool> done = false;
   std::vector<std::thread> readers;
   for (const Database* source : {database.get(), other.get()}) {
@@ -383,8 +366,7 @@ TEST(Database, ServesReadersInOtherThreadsWhileItIsWritten) {
 }
 
 TEST(Database, TakesManyRecordsWithoutAsManyTransactions) {
-  const ScopedFolder folder;
-  const auto database = MakeDatabase(folder / "db", TestCell(400, 500));
+  const auto database = MakeDatabase(TestCell(400, 500));
   const uint64_t before = database->Read()->generation();
   RobotImageWriter writer = MakeWriter(*database, absl::Seconds(1));
   RobotImage image;
@@ -402,8 +384,8 @@ TEST(Database, TakesManyRecordsWithoutAsManyTransactions) {
 }
 
 TEST(Database, IsSmallerWhenCompactedAndHoldsTheSame) {
-  const ScopedFolder folder;
-  const auto database = MakeDatabase(folder / "db");
+  const std::string copied = FreshFolder() / "copy";
+  const auto database = MakeDatabase();
   RobotImageWriter writer = MakeWriter(*database);
   for (uint64_t round = 0; round < 4; ++round) {
     for (ConfigurationNumber number : AllNumbers(database->grid())) {
@@ -411,9 +393,9 @@ TEST(Database, IsSmallerWhenCompactedAndHoldsTheSame) {
     }
     ASSERT_TRUE(writer.Commit().ok());
   }
-  ASSERT_TRUE(database->Compact(folder / "copy").ok());
-  EXPECT_EQ(database->Compact(folder / "copy").code(), absl::StatusCode::kAlreadyExists);
-  const auto copy = OpenDatabase(folder / "copy", Access::kWrite);
+  ASSERT_TRUE(database->Compact(copied).ok());
+  EXPECT_EQ(database->Compact(copied).code(), absl::StatusCode::kAlreadyExists);
+  const auto copy = OpenDatabase(copied, Access::kWrite);
   EXPECT_EQ(ContentOf(*copy), ContentOf(*database));
   EXPECT_EQ(copy->Read()->generation(), database->Read()->generation());
   EXPECT_LT(copy->GetUsage()->file_bytes, database->GetUsage()->file_bytes);

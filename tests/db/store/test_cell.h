@@ -1,43 +1,16 @@
 // SPDX-License-Identifier: Apache-2.0
-// Cells, robot images and folders for the tests of db/.
+// Cells and robot images for the tests of db/.
 #pragma once
 
-#include <gtest/gtest.h>
-#include <unistd.h>
-
-#include <atomic>
-#include <filesystem>
 #include <random>
 #include <string>
 #include <vector>
 
 #include "absl/strings/str_cat.h"
 #include "db/store/store.h"
+#include "tests/test_folder.h"
 
 namespace silhouette {
-
-// A new empty folder; removed with all that is in it.
-class ScopedFolder {
- public:
-  ScopedFolder() {
-    static std::atomic<int> count = 0;
-    path_ = absl::StrCat(testing::TempDir(), "/silhouette-", getpid(), "-", ++count);
-    std::filesystem::remove_all(path_);
-    std::filesystem::create_directories(path_);
-  }
-  ~ScopedFolder() {
-    std::error_code ignored;
-    std::filesystem::remove_all(path_, ignored);
-  }
-  ScopedFolder(const ScopedFolder&) = delete;
-  ScopedFolder& operator=(const ScopedFolder&) = delete;
-
-  std::string operator/(const std::string& name) const { return path_ + "/" + name; }
-  const std::string& path() const { return path_; }
-
- private:
-  std::string path_;
-};
 
 // Two grid joints, one fixed joint, views "left" of 64x64 and "top" of 33x20.
 inline storage::v1::CellDescription TestCell(int first_steps = 20, int second_steps = 30) {

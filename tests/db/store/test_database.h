@@ -8,6 +8,7 @@
 #include <iterator>
 #include <map>
 #include <memory>
+#include <random>
 #include <string>
 #include <utility>
 #include <vector>
@@ -22,8 +23,9 @@ inline constexpr char kTool[] = "gripper-open";
 
 using Content = std::map<ConfigurationNumber, RobotImage>;
 
-inline std::unique_ptr<Database> MakeDatabase(
-    const std::string& path, const storage::v1::CellDescription& cell = TestCell()) {
+// In a new folder, unless `path` says another.
+inline std::unique_ptr<Database> MakeDatabase(const storage::v1::CellDescription& cell = TestCell(),
+                                              const std::string& path = FreshFolder() / "db") {
   auto database = Database::Create(path, cell);
   EXPECT_TRUE(database.ok()) << database.status();
   return *std::move(database);
@@ -40,9 +42,9 @@ inline void PutAll(Database& database, const std::vector<RobotImage>& images,
 
 // With the test image of every `every`-th configuration of a grid of several tiles.
 inline std::unique_ptr<Database> MakeFilledDatabase(
-    const std::string& path, uint64_t every = 5,
-    const storage::v1::CellDescription& cell = TestCell(100, 140)) {
-  auto database = MakeDatabase(path, cell);
+    uint64_t every = 5, const storage::v1::CellDescription& cell = TestCell(100, 140),
+    const std::string& path = FreshFolder() / "db") {
+  auto database = MakeDatabase(cell, path);
   std::vector<RobotImage> images;
   for (const ConfigurationNumber number : AllNumbers(database->grid())) {
     if (number % every == 0) images.push_back(TestImage(*database, number));
@@ -66,6 +68,16 @@ inline Content ContentOf(const Database& database) {
 inline std::string ReadFile(const std::string& path) {
   std::ifstream file(path, std::ios::binary);
   return {std::istreambuf_iterator<char>(file), {}};
+}
+
+// Flips one to four bits of a data file, half of them where pages and entries have their heads.
+inline std::string WithFlippedBits(std::string bytes, std::mt19937_64& random) {
+  for (int flips = 1 + static_cast<int>(random() % 4); flips > 0; --flips) {
+    size_t place = random() % bytes.size();
+    if (random() % 2 == 0) place = place / 4096 * 4096 + random() % 64;
+    bytes[place] = static_cast<char>(bytes[place] ^ (1 << random() % 8));
+  }
+  return bytes;
 }
 
 inline void WriteFile(const std::string& path, const std::string& bytes) {

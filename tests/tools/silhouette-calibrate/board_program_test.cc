@@ -7,7 +7,7 @@
 #include <nlohmann/json.hpp>
 
 #include "calib/boards/board.h"
-#include "tests/clients/cpp/shell.h"
+#include "tests/shell.h"
 
 namespace silhouette {
 namespace {

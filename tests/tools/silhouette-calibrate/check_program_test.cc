@@ -13,7 +13,7 @@
 #include "calib/files/camera_file.h"
 #include "db/store/store.h"
 #include "tests/calib/fundamental/seen_cell.h"
-#include "tests/clients/cpp/shell.h"
+#include "tests/shell.h"
 
 namespace silhouette {
 namespace {

@@ -11,7 +11,7 @@
 #include "calib/boards/board.h"
 #include "calib/boards/sighting_file.h"
 #include "tests/calib/detection/rendered_board.h"
-#include "tests/clients/cpp/shell.h"
+#include "tests/shell.h"
 
 namespace silhouette {
 namespace {

@@ -12,7 +12,7 @@
 #include "calib/files/camera_file.h"
 #include "calib/fundamental/epipolar_geometry.h"
 #include "tests/calib/fundamental/seen_cell.h"
-#include "tests/clients/cpp/shell.h"
+#include "tests/shell.h"
 
 namespace silhouette {
 namespace {

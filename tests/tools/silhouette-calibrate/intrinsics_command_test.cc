@@ -10,7 +10,7 @@
 #include "calib/boards/sighting_file.h"
 #include "calib/files/camera_file.h"
 #include "tests/calib/intrinsics/synthetic_boards.h"
-#include "tests/clients/cpp/shell.h"
+#include "tests/shell.h"
 
 namespace silhouette {
 namespace {

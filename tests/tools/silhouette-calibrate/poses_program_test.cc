@@ -17,7 +17,7 @@
 #include "calib/poses/pose_files.h"
 #include "calib/robot/robot_model.h"
 #include "tests/calib/poses/pose_rig.h"
-#include "tests/clients/cpp/shell.h"
+#include "tests/shell.h"
 
 namespace silhouette {
 namespace {

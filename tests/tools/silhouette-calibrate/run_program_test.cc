@@ -8,7 +8,7 @@
 
 #include "calib/files/camera_file.h"
 #include "capture/sim/simulation.h"
-#include "tests/clients/cpp/shell.h"
+#include "tests/shell.h"
 
 namespace silhouette {
 namespace {

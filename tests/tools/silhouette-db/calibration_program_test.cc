@@ -3,10 +3,8 @@
 // cameras see.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
-#include <sys/wait.h>
 
 #include <algorithm>
-#include <cstdio>
 #include <filesystem>
 #include <nlohmann/json.hpp>
 #include <opencv2/imgcodecs.hpp>
@@ -17,6 +15,7 @@
 #include "calib/files/camera_file.h"
 #include "common/picture/files.h"
 #include "tests/db/store/test_cell.h"
+#include "tests/shell.h"
 
 namespace silhouette {
 namespace {
@@ -24,12 +23,6 @@ namespace {
 using Json = nlohmann::json;
 using testing::AllOf;
 using testing::HasSubstr;
-
-struct CalibrationProgramOutcome {
-  int exit_code = -1;
-  std::string output;  // stdout
-  std::string errors;  // stderr
-};
 
 CameraModel LookingAt(const CameraIntrinsics& intrinsics, const Eigen::Vector3d& from,
                       const Eigen::Vector3d& at, const Eigen::Vector3d& up) {
@@ -76,8 +69,10 @@ Mask BallMask(const CameraModel& camera, MaskSize size, const Eigen::Vector3d& c
       size, [&](int x, int y) { return set[static_cast<size_t>(y * size.width + x)]; });
 }
 
-class CalibrationProgram : public testing::Test {
+class CalibrationProgram : public ProgramTest {
  protected:
+  CalibrationProgram() : ProgramTest("silhouette-db calibration") {}
+
   void SetUp() override {
     const auto database = Database::Create(folder_ / "db", TestCell(6, 5));
     ASSERT_TRUE(database.ok()) << database.status();
@@ -97,27 +92,6 @@ class CalibrationProgram : public testing::Test {
     WriteCameras("cameras", TrueCameras());
   }
 
-  CalibrationProgramOutcome Run(const std::string& arguments) const {
-    const std::string command =
-        absl::StrCat("cd ", folder_.path(), " && ", SILHOUETTE_BIN_DIR,
-                     "/silhouette-db calibration ", arguments, " 2>errors.txt");
-    CalibrationProgramOutcome outcome;
-    FILE* pipe = popen(command.c_str(), "r");
-    char buffer[4096];
-    for (size_t n = 0; (n = fread(buffer, 1, sizeof(buffer), pipe)) > 0;) {
-      outcome.output.append(buffer, n);
-    }
-    const int status = pclose(pipe);
-    outcome.exit_code = WIFEXITED(status) ? WEXITSTATUS(status) : -1;
-    outcome.errors = Read("errors.txt");
-    return outcome;
-  }
-
-  void Write(const std::string& name, const std::string& text) const {
-    ASSERT_TRUE(WriteWholeFile(folder_ / name, text).ok());
-  }
-  std::string Read(const std::string& name) const { return *ReadWholeFile(folder_ / name); }
-
   void WriteCameras(const std::string& name, const std::vector<CameraModel>& cameras) const {
     std::filesystem::create_directories(folder_ / name);
     const storage::v1::CellDescription cell = TestCell(6, 5);
@@ -131,7 +105,7 @@ class CalibrationProgram : public testing::Test {
     return (*Database::Open(folder_ / "db", Database::Access::kRead))->Read()->generation();
   }
 
-  Json Shown() const { return Json::parse(Run("show db --format json").output); }
+  Json Shown() const { return Json::parse(Run("show db --format json").out); }
 
   // The matrix that `show` tells, as a file of matrices from view_b to view_a: the transpose.
   std::string MatrixFile(const Json& pair) const {
@@ -140,15 +114,13 @@ class CalibrationProgram : public testing::Test {
     for (size_t row = 0; row < 3; ++row) turned.push_back({f[0][row], f[1][row], f[2][row]});
     return Json{{{"view_a", pair["view_b"]}, {"view_b", pair["view_a"]}, {"F", turned}}}.dump();
   }
-
-  const ScopedFolder folder_;
 };
 
 TEST_F(CalibrationProgram, CamerasGoInAndComeOutAsTheyWere) {
   const uint64_t before = Generation();
-  CalibrationProgramOutcome outcome = Run("import db cameras");
-  EXPECT_EQ(outcome.exit_code, 0) << outcome.errors;
-  EXPECT_THAT(outcome.output, AllOf(HasSubstr("2 camera models imported"), HasSubstr("SIGHUP")));
+  Ended outcome = Run("import db cameras");
+  EXPECT_EQ(outcome.exit_code, 0) << outcome.err;
+  EXPECT_THAT(outcome.out, AllOf(HasSubstr("2 camera models imported"), HasSubstr("SIGHUP")));
   EXPECT_EQ(Generation(), before + 1);
   ASSERT_EQ(Run("export db out").exit_code, 0);
   for (const char* file : {"left.cameramodel", "top.cameramodel"}) {
@@ -159,13 +131,13 @@ TEST_F(CalibrationProgram, CamerasGoInAndComeOutAsTheyWere) {
   for (const char* same :
        {"out/left.cameramodel 'top=a file'", "cameras/top.cameramodel left=out/left.cameramodel"}) {
     outcome = Run(absl::StrCat("import db ", same));
-    EXPECT_EQ(outcome.exit_code, 0) << outcome.errors;
-    EXPECT_THAT(outcome.output, HasSubstr("already"));
+    EXPECT_EQ(outcome.exit_code, 0) << outcome.err;
+    EXPECT_THAT(outcome.out, HasSubstr("already"));
     EXPECT_EQ(Generation(), before + 1);
   }
   outcome = Run("export db out");
   EXPECT_EQ(outcome.exit_code, 2);
-  EXPECT_THAT(outcome.errors, HasSubstr("'out/left.cameramodel' is there already"));
+  EXPECT_THAT(outcome.err, HasSubstr("'out/left.cameramodel' is there already"));
 }
 
 TEST_F(CalibrationProgram, TheMatricesThatItShowsServeAsWellAsTheCameras) {
@@ -174,16 +146,16 @@ TEST_F(CalibrationProgram, TheMatricesThatItShowsServeAsWellAsTheCameras) {
   ASSERT_EQ(cameras["pairs"].size(), 1);
   EXPECT_EQ(cameras["pairs"][0]["F_without_distortion"], false);
   Write("matrices.yaml", MatrixFile(cameras["pairs"][0]));
-  const CalibrationProgramOutcome outcome = Run("import db matrices.yaml");
-  ASSERT_EQ(outcome.exit_code, 0) << outcome.errors;
-  EXPECT_THAT(outcome.output, HasSubstr("1 fundamental matrices imported"));
+  const Ended outcome = Run("import db matrices.yaml");
+  ASSERT_EQ(outcome.exit_code, 0) << outcome.err;
+  EXPECT_THAT(outcome.out, HasSubstr("1 fundamental matrices imported"));
   const Json matrices = Shown();
   EXPECT_EQ(matrices["kind"], "fundamental matrices");
   EXPECT_EQ(matrices["pairs"][0]["F"], cameras["pairs"][0]["F"]);
   EXPECT_EQ(matrices["worst_contradicting_share"], 0);
   // Out and in again.
   ASSERT_EQ(Run("export db again.yaml").exit_code, 0);
-  EXPECT_THAT(Run("import db again.yaml").output, HasSubstr("already"));
+  EXPECT_THAT(Run("import db again.yaml").out, HasSubstr("already"));
 }
 
 TEST_F(CalibrationProgram, ACalibrationThatTheRobotImagesContradictIsTakenOnlyByForce) {
@@ -193,11 +165,10 @@ TEST_F(CalibrationProgram, ACalibrationThatTheRobotImagesContradictIsTakenOnlyBy
   cameras[0] = CameraModel(cameras[0].intrinsics(), moved);
   WriteCameras("moved", cameras);
   const uint64_t before = Generation();
-  const CalibrationProgramOutcome refused = Run("import db moved");
+  const Ended refused = Run("import db moved");
   EXPECT_EQ(refused.exit_code, 2);
-  EXPECT_THAT(refused.errors,
-              AllOf(HasSubstr("contradicts the robot images: "), HasSubstr(" % of "),
-                    HasSubstr("robot pixels of '"), HasSubstr("--force")));
+  EXPECT_THAT(refused.err, AllOf(HasSubstr("contradicts the robot images: "), HasSubstr(" % of "),
+                                 HasSubstr("robot pixels of '"), HasSubstr("--force")));
   EXPECT_EQ(Generation(), before);
   EXPECT_EQ(Run("show db").exit_code, 1);
 
@@ -220,11 +191,11 @@ TEST_F(CalibrationProgram, ShowTellsCamerasResolutionAndPairs) {
   // 3.03 m away, and 10 image pixels of 1/600 each to a mask pixel across, 7.5 downward.
   EXPECT_NEAR(left["metres_per_mask_pixel"].get<double>(), 3.03 * 10 / 600, 1e-3);
   EXPECT_NEAR(shown["pairs"][0]["baseline"].get<double>(), std::sqrt(0.09 + 3.2 * 3.2 * 2), 1e-9);
-  const CalibrationProgramOutcome text = Run("show db");
+  const Ended text = Run("show db");
   EXPECT_EQ(text.exit_code, 0);
-  EXPECT_THAT(text.output, AllOf(HasSubstr("(0.300, -3.000, 0.800)"), HasSubstr("mm per pixel"),
-                                 HasSubstr("views left and top"), HasSubstr("baseline"),
-                                 HasSubstr("at worst 0 % of ")));
+  EXPECT_THAT(text.out, AllOf(HasSubstr("(0.300, -3.000, 0.800)"), HasSubstr("mm per pixel"),
+                              HasSubstr("views left and top"), HasSubstr("baseline"),
+                              HasSubstr("at worst 0 % of ")));
 }
 
 TEST_F(CalibrationProgram, ShowDrawsTheBandsOfPixels) {
@@ -236,9 +207,9 @@ TEST_F(CalibrationProgram, ShowDrawsTheBandsOfPixels) {
       0);
   EXPECT_FALSE(cv::imread(folder_ / "two.png").empty());
   const auto refusal = [&](const std::string& options) {
-    const CalibrationProgramOutcome outcome = Run("show db --picture p.png " + options);
+    const Ended outcome = Run("show db --picture p.png " + options);
     EXPECT_EQ(outcome.exit_code, 2);
-    return outcome.errors;
+    return outcome.err;
   };
   EXPECT_THAT(refusal("--view back"), HasSubstr("no view 'back'; the views are left, top"));
   EXPECT_THAT(refusal("--pixel 64,0"), HasSubstr("'64,0' is not X,Y of a mask of 64x64 pixels"));
@@ -251,18 +222,18 @@ TEST_F(CalibrationProgram, RemovedItIsGone) {
   EXPECT_EQ(Run("remove db").exit_code, 2);
   ASSERT_EQ(Run("import db cameras").exit_code, 0);
   EXPECT_EQ(Run("remove db").exit_code, 0);
-  const CalibrationProgramOutcome none = Run("export db out");
+  const Ended none = Run("export db out");
   EXPECT_EQ(none.exit_code, 1);
-  EXPECT_THAT(none.errors, HasSubstr("'db' has no calibration; import one"));
+  EXPECT_THAT(none.err, HasSubstr("'db' has no calibration; import one"));
 }
 
 TEST_F(CalibrationProgram, EveryMistakeIsOneSentenceAndChangesNothing) {
   const uint64_t before = Generation();
   const auto refusal = [&](const std::string& arguments) {
-    const CalibrationProgramOutcome outcome = Run(arguments);
+    const Ended outcome = Run(arguments);
     EXPECT_EQ(outcome.exit_code, 2) << arguments;
-    EXPECT_EQ(std::count(outcome.errors.begin(), outcome.errors.end(), '\n'), 1) << outcome.errors;
-    return outcome.errors;
+    EXPECT_EQ(std::count(outcome.err.begin(), outcome.err.end(), '\n'), 1) << outcome.err;
+    return outcome.err;
   };
   EXPECT_THAT(refusal("import none cameras"), HasSubstr("there is no database in 'none'"));
   EXPECT_THAT(refusal("import db cameras/top.cameramodel"),

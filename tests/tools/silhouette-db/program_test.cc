@@ -2,9 +2,7 @@
 // silhouette-db as a user runs it: what it prints, what it writes, how it ends.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
-#include <sys/wait.h>
 
-#include <cstdio>
 #include <fstream>
 #include <nlohmann/json.hpp>
 #include <opencv2/imgcodecs.hpp>
@@ -19,6 +17,7 @@
 #include "db/store/schema.h"
 #include "db/store/tile_value.h"
 #include "tests/db/store/test_cell.h"
+#include "tests/shell.h"
 
 namespace silhouette {
 namespace {
@@ -27,12 +26,6 @@ using Json = nlohmann::json;
 using testing::AllOf;
 using testing::HasSubstr;
 using testing::Not;
-
-struct ProgramOutcome {
-  int exit_code = -1;
-  std::string output;  // stdout
-  std::string errors;  // stderr
-};
 
 constexpr char kCell[] = R"(name: test cell
 robot:
@@ -47,30 +40,9 @@ views:
   - {name: top, mask_size: [33, 20]}
 )";
 
-class SilhouetteDb : public testing::Test {
+class SilhouetteDb : public ProgramTest {
  protected:
-  // Runs the program with `arguments`.
-  ProgramOutcome Run(const std::string& arguments) const {
-    const std::string command = absl::StrCat("cd ", folder_.path(), " && ", SILHOUETTE_BIN_DIR,
-                                             "/silhouette-db ", arguments, " 2>errors.txt");
-    ProgramOutcome outcome;
-    FILE* pipe = popen(command.c_str(), "r");
-    char buffer[4096];
-    for (size_t n = 0; (n = fread(buffer, 1, sizeof(buffer), pipe)) > 0;) {
-      outcome.output.append(buffer, n);
-    }
-    const int status = pclose(pipe);
-    outcome.exit_code = WIFEXITED(status) ? WEXITSTATUS(status) : -1;
-    outcome.errors = *ReadWholeFile(folder_ / "errors.txt");
-    return outcome;
-  }
-
-  void Write(const std::string& name, const std::string& text) const {
-    std::filesystem::create_directories(std::filesystem::path(folder_ / name).parent_path());
-    ASSERT_TRUE(WriteWholeFile(folder_ / name, text).ok());
-  }
-
-  std::string Read(const std::string& name) const { return *ReadWholeFile(folder_ / name); }
+  SilhouetteDb() : ProgramTest("silhouette-db") {}
 
   // A database of 6 x 5 configurations; those in `left_out` have no record.
   void MakeDatabase(const std::string& name, uint64_t seed = 0,
@@ -99,17 +71,15 @@ class SilhouetteDb : public testing::Test {
   ConfigurationNumber NumberAt(int first, int second) const {
     return GridOf(TestCell(6, 5))->NumberOf({first, second});
   }
-
-  const ScopedFolder folder_;
 };
 
 TEST_F(SilhouetteDb, InfoTellsWhatADatabaseHolds) {
   MakeDatabase("db", 0, {3});
-  const ProgramOutcome text = Run("info db");
+  const Ended text = Run("info db");
   EXPECT_EQ(text.exit_code, 0);
-  EXPECT_THAT(text.output, AllOf(HasSubstr("test cell"), HasSubstr("29 of 30"), HasSubstr("axis_2"),
-                                 HasSubstr("axis_3"), HasSubstr("33x20")));
-  const Json info = Json::parse(Run("info --database db --format json").output);
+  EXPECT_THAT(text.out, AllOf(HasSubstr("test cell"), HasSubstr("29 of 30"), HasSubstr("axis_2"),
+                              HasSubstr("axis_3"), HasSubstr("33x20")));
+  const Json info = Json::parse(Run("info --database db --format json").out);
   EXPECT_EQ(info["records"], 29);
   EXPECT_EQ(info["configurations"], 30);
   EXPECT_EQ(info["views"][1]["mask_size"], Json::parse("[33, 20]"));
@@ -134,14 +104,14 @@ TEST_F(SilhouetteDb, VerifyTellsRobotImagesCapturedWithAFixedJointElsewhere) {
     }
     ASSERT_TRUE(writer->Commit().ok());
   }
-  const ProgramOutcome text = Run("verify db");
+  const Ended text = Run("verify db");
   EXPECT_EQ(text.exit_code, 1);
-  EXPECT_THAT(text.output,
+  EXPECT_THAT(text.out,
               AllOf(HasSubstr("1 robot images were captured with a fixed joint elsewhere, the "
                               "first with joint 'axis_3' at 0.26 instead of 0.25"),
                     HasSubstr(absl::StrCat("--only ", NumberAt(2, 1), "\n")),
                     HasSubstr("fixed joint 'axis_3': captured at 0.25 to 0.26\n")));
-  const Json found = Json::parse(Run("verify db --format json").output);
+  const Json found = Json::parse(Run("verify db --format json").out);
   EXPECT_EQ(found["elsewhere"], 1);
   EXPECT_EQ(found["variants"][0]["fixed_joints"]["axis_3"]["highest"], 0.26);
   EXPECT_EQ(Run("verify db --fixed-joint-tolerance 0.02").exit_code, 0);
@@ -149,21 +119,21 @@ TEST_F(SilhouetteDb, VerifyTellsRobotImagesCapturedWithAFixedJointElsewhere) {
 
 TEST_F(SilhouetteDb, IndexIsBuiltToldAndVerified) {
   MakeDatabase("db");
-  EXPECT_THAT(Run("info db").output,
+  EXPECT_THAT(Run("info db").out,
               HasSubstr("collision index none; build it with: silhouette-db index db\n"));
-  EXPECT_EQ(Json::parse(Run("info db --format json").output)["collision_index"]["state"], "none");
+  EXPECT_EQ(Json::parse(Run("info db --format json").out)["collision_index"]["state"], "none");
   EXPECT_EQ(Run("verify db").exit_code, 0);
 
-  const ProgramOutcome built = Run("index db");
-  EXPECT_EQ(built.exit_code, 0) << built.errors;
-  EXPECT_THAT(built.output, AllOf(HasSubstr("1 built, 0 fresh already"), HasSubstr("% of their")));
-  EXPECT_THAT(Run("info db").output, HasSubstr("collision index fresh, 1 tiles"));
-  const Json again = Json::parse(Run("index db --format json").output);
+  const Ended built = Run("index db");
+  EXPECT_EQ(built.exit_code, 0) << built.err;
+  EXPECT_THAT(built.out, AllOf(HasSubstr("1 built, 0 fresh already"), HasSubstr("% of their")));
+  EXPECT_THAT(Run("info db").out, HasSubstr("collision index fresh, 1 tiles"));
+  const Json again = Json::parse(Run("index db --format json").out);
   EXPECT_EQ(again["built"], 0);
   EXPECT_EQ(again["fresh_already"], 1);
   EXPECT_EQ(again["complete"], true);
-  EXPECT_EQ(Json::parse(Run("index db --all --format json").output)["built"], 1);
-  const Json verified = Json::parse(Run("verify db --format json").output);
+  EXPECT_EQ(Json::parse(Run("index db --all --format json").out)["built"], 1);
+  const Json verified = Json::parse(Run("verify db --format json").out);
   EXPECT_EQ(verified["ok"], true);
   EXPECT_EQ(verified["collision_index"]["state"], "fresh");
   EXPECT_EQ(verified["collision_index"]["fresh"], 1);
@@ -175,14 +145,13 @@ TEST_F(SilhouetteDb, IndexIsBuiltToldAndVerified) {
     ASSERT_TRUE(writer->Put(TestImage(**database, NumberAt(2, 2), 5), true).ok());
     ASSERT_TRUE(writer->Commit().ok());
   }
-  const ProgramOutcome stale = Run("verify db");
+  const Ended stale = Run("verify db");
   EXPECT_EQ(stale.exit_code, 0);
-  EXPECT_THAT(stale.output,
-              HasSubstr("of 1 tiles 1 stale; build them with: silhouette-db index db"));
-  EXPECT_EQ(Json::parse(Run("info db --format json").output)["collision_index"]["state"], "stale");
+  EXPECT_THAT(stale.out, HasSubstr("of 1 tiles 1 stale; build them with: silhouette-db index db"));
+  EXPECT_EQ(Json::parse(Run("info db --format json").out)["collision_index"]["state"], "stale");
 
   EXPECT_EQ(Run("index nowhere").exit_code, 2);
-  EXPECT_THAT(Run("index --help").output, HasSubstr("Example:"));
+  EXPECT_THAT(Run("index --help").out, HasSubstr("Example:"));
 }
 
 TEST_F(SilhouetteDb, IndexThatIsDamagedOrNotThatOfItsRobotImagesIsFoundByVerify) {
@@ -205,35 +174,35 @@ TEST_F(SilhouetteDb, IndexThatIsDamagedOrNotThatOfItsRobotImagesIsFoundByVerify)
     value.back() = 'x';
     return value;
   });
-  const ProgramOutcome damaged = Run("verify db");
+  const Ended damaged = Run("verify db");
   EXPECT_EQ(damaged.exit_code, 1);
-  EXPECT_THAT(damaged.output, HasSubstr("the collision index of 1 tiles is damaged"));
-  EXPECT_THAT(Run("info db").output, HasSubstr("of 1 tiles 1 damaged; build them with"));
+  EXPECT_THAT(damaged.out, HasSubstr("the collision index of 1 tiles is damaged"));
+  EXPECT_THAT(Run("info db").out, HasSubstr("of 1 tiles 1 damaged; build them with"));
 
   // What a faulty program could have written: sound in itself, but of other robot images.
   spoil([&](const std::string& value) {
     std::vector<PixelTree> trees = {PixelTree({64, 64}), PixelTree({33, 20})};
     return EncodeTileValue(0, *TileHeaderIn(value), TileIndexBuilder(trees).Finish(), 4096);
   });
-  EXPECT_THAT(Run("info db").output, HasSubstr("collision index fresh"));
-  const ProgramOutcome wrong = Run("verify db");
+  EXPECT_THAT(Run("info db").out, HasSubstr("collision index fresh"));
+  const Ended wrong = Run("verify db");
   EXPECT_EQ(wrong.exit_code, 1);
-  EXPECT_THAT(wrong.output,
+  EXPECT_THAT(wrong.out,
               HasSubstr("the collision index of tile 0 is not that of its robot images"));
 }
 
 TEST_F(SilhouetteDb, VerifyIsContentWithACompleteDatabase) {
   MakeDatabase("db");
-  const ProgramOutcome outcome = Run("verify db");
+  const Ended outcome = Run("verify db");
   EXPECT_EQ(outcome.exit_code, 0);
-  EXPECT_THAT(outcome.output, AllOf(HasSubstr("0 damaged, 0 missing: sound")));
+  EXPECT_THAT(outcome.out, AllOf(HasSubstr("0 damaged, 0 missing: sound")));
 }
 
 TEST_F(SilhouetteDb, VerifyTellsEachFaultInALine) {
   MakeDatabase("db", 0, {3, 7});
-  ProgramOutcome outcome = Run("verify db");
+  Ended outcome = Run("verify db");
   EXPECT_EQ(outcome.exit_code, 1);
-  EXPECT_THAT(outcome.output, HasSubstr("2 of 30 configurations are missing, the first are "));
+  EXPECT_THAT(outcome.out, HasSubstr("2 of 30 configurations are missing, the first are "));
   EXPECT_EQ(Run("verify --allow-missing db").exit_code, 0);
 
   // Damage one record wherever it lies in the file.
@@ -253,7 +222,7 @@ TEST_F(SilhouetteDb, VerifyTellsEachFaultInALine) {
   Write("db/data.mdb", bytes);
   outcome = Run("verify db --format json");
   EXPECT_EQ(outcome.exit_code, 1);
-  const Json findings = Json::parse(outcome.output);
+  const Json findings = Json::parse(outcome.out);
   EXPECT_EQ(findings["damaged"], 1);
   EXPECT_EQ(findings["ok"], false);
   ASSERT_EQ(findings["faults"].size(), 2);
@@ -261,14 +230,14 @@ TEST_F(SilhouetteDb, VerifyTellsEachFaultInALine) {
               HasSubstr(absl::StrCat("robot image ", victim, ": its checksum does not hold")));
   EXPECT_EQ(Run(absl::StrCat("show db --number ", victim)).exit_code, 3);
   EXPECT_EQ(Run("export db out").exit_code, 1);
-  EXPECT_EQ(Json::parse(Run("stats db --format json").output)["damaged"], 1);
+  EXPECT_EQ(Json::parse(Run("stats db --format json").out)["damaged"], 1);
 }
 
 TEST_F(SilhouetteDb, CoverageCountsAndPaints) {
   MakeDatabase("db", 0, {3, 7});
-  const ProgramOutcome outcome = Run("coverage db --format json --picture coverage.png");
+  const Ended outcome = Run("coverage db --format json --picture coverage.png");
   EXPECT_EQ(outcome.exit_code, 0);
-  const Json counts = Json::parse(outcome.output);
+  const Json counts = Json::parse(outcome.out);
   EXPECT_EQ(counts["missing"], 2);
   EXPECT_EQ(counts["captured"].get<int>() + counts["excluded"].get<int>(), 28);
   EXPECT_FALSE(cv::imread(folder_ / "coverage.png").empty());
@@ -277,16 +246,16 @@ TEST_F(SilhouetteDb, CoverageCountsAndPaints) {
 TEST_F(SilhouetteDb, ShowFindsAConfigurationByNumberAndByJoints) {
   MakeDatabase("db", 0, {0});
   const ConfigurationNumber number = NumberAt(2, 3);
-  const ProgramOutcome by_joints = Run("show db --at 0.05 0.9 --format json --picture masks.png");
-  EXPECT_EQ(by_joints.exit_code, 0) << by_joints.errors;
-  const Json record = Json::parse(by_joints.output);
+  const Ended by_joints = Run("show db --at 0.05 0.9 --format json --picture masks.png");
+  EXPECT_EQ(by_joints.exit_code, 0) << by_joints.err;
+  const Json record = Json::parse(by_joints.out);
   EXPECT_EQ(record["number"], number);
-  EXPECT_EQ(Run(absl::StrCat("show db --format json --number ", number)).output, by_joints.output);
-  const ProgramOutcome missing = Run("show db --number 0");
+  EXPECT_EQ(Run(absl::StrCat("show db --format json --number ", number)).out, by_joints.out);
+  const Ended missing = Run("show db --number 0");
   EXPECT_EQ(missing.exit_code, 1);
-  EXPECT_THAT(missing.errors, HasSubstr("is not in the database"));
-  EXPECT_THAT(Run("show db --at 0.05 9").errors, HasSubstr("(0.05, 9) is outside the grid"));
-  EXPECT_THAT(Run("show db --at 0.05").errors, HasSubstr("--at takes 2 values"));
+  EXPECT_THAT(missing.err, HasSubstr("is not in the database"));
+  EXPECT_THAT(Run("show db --at 0.05 9").err, HasSubstr("(0.05, 9) is outside the grid"));
+  EXPECT_THAT(Run("show db --at 0.05").err, HasSubstr("--at takes 2 values"));
   EXPECT_EQ(Run("show db").exit_code, 2);
   EXPECT_EQ(Run("show db --number 4095").exit_code, 2);
 }
@@ -298,9 +267,9 @@ TEST_F(SilhouetteDb, SheetPaintsASlice) {
   EXPECT_FALSE(cv::imread(folder_ / "both.png").empty());
   EXPECT_FALSE(cv::imread(folder_ / "one.png").empty());
   const auto refusal = [&](const std::string& options) {
-    const ProgramOutcome outcome = Run("sheet db --picture sheet.png " + options);
+    const Ended outcome = Run("sheet db --picture sheet.png " + options);
     EXPECT_EQ(outcome.exit_code, 2);
-    return outcome.errors;
+    return outcome.err;
   };
   EXPECT_THAT(refusal("--along axis_9"), HasSubstr("no joint 'axis_9'; its joints are axis_1"));
   EXPECT_THAT(refusal("--along axis_1 axis_1"), HasSubstr("'axis_1' is named twice"));
@@ -325,25 +294,25 @@ TEST_F(SilhouetteDb, StatsListsOutliersByNumber) {
     }
     ASSERT_TRUE(writer->Commit().ok());
   }
-  const Json stats = Json::parse(Run("stats db --format json --picture covered.png").output);
+  const Json stats = Json::parse(Run("stats db --format json --picture covered.png").out);
   ASSERT_EQ(stats["outliers"].size(), 1);
   EXPECT_EQ(stats["outliers"][0]["number"], NumberAt(2, 2));
   EXPECT_EQ(stats["outliers"][0]["reason"], "empty");
   EXPECT_EQ(stats["outliers"][0]["view"], "top");
   EXPECT_EQ(stats["views"][0]["permanent_pixels"], 81);
-  EXPECT_THAT(Run("stats db").output, HasSubstr("outliers  1"));
+  EXPECT_THAT(Run("stats db").out, HasSubstr("outliers  1"));
 }
 
 TEST_F(SilhouetteDb, ExportAndImportLoseNothing) {
   MakeDatabase("db", 0, {3});
   Write("cell.yaml", kCell);
   EXPECT_EQ(Run("export db out").exit_code, 0);
-  const ProgramOutcome imported = Run("import --cell cell.yaml --database copy out");
-  EXPECT_EQ(imported.exit_code, 0) << imported.errors;
-  EXPECT_THAT(imported.output, HasSubstr("29 records imported into copy"));
-  const ProgramOutcome same = Run("diff db copy");
-  EXPECT_EQ(same.exit_code, 0) << same.output;
-  EXPECT_THAT(Run("export db out").errors, HasSubstr("folder 'out' is not empty"));
+  const Ended imported = Run("import --cell cell.yaml --database copy out");
+  EXPECT_EQ(imported.exit_code, 0) << imported.err;
+  EXPECT_THAT(imported.out, HasSubstr("29 records imported into copy"));
+  const Ended same = Run("diff db copy");
+  EXPECT_EQ(same.exit_code, 0) << same.out;
+  EXPECT_THAT(Run("export db out").err, HasSubstr("folder 'out' is not empty"));
 }
 
 TEST_F(SilhouetteDb, ImportRunAgainGoesOn) {
@@ -355,9 +324,9 @@ TEST_F(SilhouetteDb, ImportRunAgainGoesOn) {
   EXPECT_EQ(Run("import --cell cell.yaml --database copy out").exit_code, 0);
   EXPECT_EQ(Run("diff db copy").exit_code, 1);
   Write("out/configurations.csv", table);
-  const ProgramOutcome again = Run("import --cell cell.yaml --database copy out");
-  EXPECT_EQ(again.exit_code, 0) << again.errors;
-  EXPECT_THAT(again.output, HasSubstr("were there already"));
+  const Ended again = Run("import --cell cell.yaml --database copy out");
+  EXPECT_EQ(again.exit_code, 0) << again.err;
+  EXPECT_THAT(again.out, HasSubstr("were there already"));
   EXPECT_EQ(Run("diff db copy").exit_code, 0);
 }
 
@@ -370,8 +339,8 @@ TEST_F(SilhouetteDb, ImportTakesMasksMadeElsewhere) {
   Write("configurations.csv",
         "\xef\xbb\xbf"
         "top,axis_2,left,axis_1\r\nmasks/t.png,-1,\"masks/l.png\",-0.5\r\n\r\n,0.25,,-1\r\n");
-  const ProgramOutcome outcome = Run("import configurations.csv --cell cell.yaml --database db");
-  EXPECT_EQ(outcome.exit_code, 0) << outcome.errors;
+  const Ended outcome = Run("import configurations.csv --cell cell.yaml --database db");
+  EXPECT_EQ(outcome.exit_code, 0) << outcome.err;
   const auto database = Database::Open(folder_ / "db", Database::Access::kRead);
   const auto image = (*database)->Read()->Find(NumberAt(1, 0));
   ASSERT_TRUE(image.ok() && image->has_value());
@@ -400,7 +369,7 @@ TEST_F(SilhouetteDb, ImportTellsFileAndLineOfEachMistakeAndKeepsTheRest) {
         "0,-1,l.png\n"
         "-1,-1,l.png,t.png\n"
         "1.5,1.5,l.png,t.png\n");
-  const ProgramOutcome outcome = Run("import . --cell cell.yaml --database db");
+  const Ended outcome = Run("import . --cell cell.yaml --database db");
   EXPECT_EQ(outcome.exit_code, 2);
   for (const char* message : {
            "configurations.csv:3: joint 'axis_1': -0.9 is not on the grid; the nearest value is -1",
@@ -415,19 +384,19 @@ TEST_F(SilhouetteDb, ImportTellsFileAndLineOfEachMistakeAndKeepsTheRest) {
            "configurations.csv:11: the same configuration is in line 2",
            "9 lines are wrong; mend them and run it again, what is imported stays",
        }) {
-    EXPECT_THAT(outcome.errors, HasSubstr(message));
+    EXPECT_THAT(outcome.err, HasSubstr(message));
   }
-  EXPECT_THAT(outcome.output, HasSubstr("2 records imported"));
+  EXPECT_THAT(outcome.out, HasSubstr("2 records imported"));
 }
 
 TEST_F(SilhouetteDb, ImportTellsWrongColumnsBeforeItMakesADatabase) {
   Write("cell.yaml", kCell);
   const auto refusal = [&](const std::string& header) {
     Write("configurations.csv", header + "\n");
-    const ProgramOutcome outcome = Run("import . --cell cell.yaml --database db");
+    const Ended outcome = Run("import . --cell cell.yaml --database db");
     EXPECT_EQ(outcome.exit_code, 2);
     EXPECT_FALSE(std::filesystem::exists(folder_ / "db"));
-    return outcome.errors;
+    return outcome.err;
   };
   EXPECT_THAT(refusal("axis_1,axis_2,left"), HasSubstr("csv:1: column 'top' is missing"));
   EXPECT_THAT(refusal("axis_1,left,top"), HasSubstr("csv:1: column 'axis_2' is missing"));
@@ -445,15 +414,15 @@ TEST_F(SilhouetteDb, ImportRefusesADatabaseOfAnotherCellAndOtherRecords) {
   Write("cell.yaml", kCell);
   ASSERT_EQ(Run("export db out").exit_code, 0);
   MakeDatabase("other", 1);
-  const ProgramOutcome outcome = Run("import out --cell cell.yaml --database other");
+  const Ended outcome = Run("import out --cell cell.yaml --database other");
   EXPECT_EQ(outcome.exit_code, 2);
-  EXPECT_THAT(outcome.errors, HasSubstr("the database has another record of this configuration"));
+  EXPECT_THAT(outcome.err, HasSubstr("the database has another record of this configuration"));
   EXPECT_EQ(Run("import out --replace --cell cell.yaml --database other").exit_code, 0);
   EXPECT_EQ(Run("diff db other").exit_code, 0);
   Write("cell.yaml", absl::StrReplaceAll(kCell, {{"axis_1: 6", "axis_1: 7"}}));
-  const ProgramOutcome another = Run("import out --cell cell.yaml --database other");
+  const Ended another = Run("import out --cell cell.yaml --database other");
   EXPECT_EQ(another.exit_code, 2);
-  EXPECT_THAT(another.errors,
+  EXPECT_THAT(another.err,
               HasSubstr("joint 'axis_1': steps is 7 in the cell file, 6 in the database"));
 }
 
@@ -461,24 +430,23 @@ TEST_F(SilhouetteDb, CompactCopiesEverything) {
   MakeDatabase("db");
   EXPECT_EQ(Run("compact db small").exit_code, 0);
   EXPECT_EQ(Run("diff db small").exit_code, 0);
-  const ProgramOutcome again = Run("compact db small");
+  const Ended again = Run("compact db small");
   EXPECT_EQ(again.exit_code, 2);
-  EXPECT_THAT(again.errors, HasSubstr("there is a database in 'small' already"));
+  EXPECT_THAT(again.err, HasSubstr("there is a database in 'small' already"));
 }
 
 TEST_F(SilhouetteDb, DiffTellsWhatDiffers) {
   MakeDatabase("a", 0, {3});
   MakeDatabase("b", 0, {4});
-  const ProgramOutcome missing = Run("diff a b");
+  const Ended missing = Run("diff a b");
   EXPECT_EQ(missing.exit_code, 1);
-  EXPECT_THAT(missing.output,
-              AllOf(HasSubstr("only in the first"), HasSubstr("only in the second")));
+  EXPECT_THAT(missing.out, AllOf(HasSubstr("only in the first"), HasSubstr("only in the second")));
   MakeDatabase("c", 1);
-  const ProgramOutcome other = Run("diff a c");
+  const Ended other = Run("diff a c");
   EXPECT_EQ(other.exit_code, 1);
-  EXPECT_THAT(other.output, AllOf(HasSubstr("pixels of view 'left'"), HasSubstr("capture time"),
-                                  HasSubstr("more differences")));
-  EXPECT_THAT(Run("diff --masks-only a c").output, Not(HasSubstr("capture time")));
+  EXPECT_THAT(other.out, AllOf(HasSubstr("pixels of view 'left'"), HasSubstr("capture time"),
+                               HasSubstr("more differences")));
+  EXPECT_THAT(Run("diff --masks-only a c").out, Not(HasSubstr("capture time")));
 }
 
 TEST_F(SilhouetteDb, EverySubcommandTellsAMissingOrForeignDatabase) {
@@ -487,16 +455,16 @@ TEST_F(SilhouetteDb, EverySubcommandTellsAMissingOrForeignDatabase) {
        {"info %", "verify %", "coverage %", "show % --number 1", "sheet % --picture s.png",
         "stats %", "export % out", "compact % small", "diff % %"}) {
     SCOPED_TRACE(arguments);
-    const ProgramOutcome missing = Run(absl::StrReplaceAll(arguments, {{"%", "none"}}));
+    const Ended missing = Run(absl::StrReplaceAll(arguments, {{"%", "none"}}));
     EXPECT_EQ(missing.exit_code, 2);
-    EXPECT_EQ(missing.errors, "silhouette-db: there is no database in 'none'\n");
-    const ProgramOutcome foreign = Run(absl::StrReplaceAll(arguments, {{"%", "foreign"}}));
+    EXPECT_EQ(missing.err, "silhouette-db: there is no database in 'none'\n");
+    const Ended foreign = Run(absl::StrReplaceAll(arguments, {{"%", "foreign"}}));
     EXPECT_EQ(foreign.exit_code, 2);
-    EXPECT_THAT(foreign.errors, HasSubstr("'foreign/data.mdb' is not a database"));
-    const ProgramOutcome help =
+    EXPECT_THAT(foreign.err, HasSubstr("'foreign/data.mdb' is not a database"));
+    const Ended help =
         Run(std::string(arguments).substr(0, std::string(arguments).find(' ')) + " --help");
     EXPECT_EQ(help.exit_code, 0);
-    EXPECT_THAT(help.output, HasSubstr("Example:"));
+    EXPECT_THAT(help.out, HasSubstr("Example:"));
   }
   EXPECT_EQ(Run("").exit_code, 2);
   EXPECT_EQ(Run("nonsense").exit_code, 2);

@@ -8,7 +8,7 @@
 #include <map>
 #include <nlohmann/json.hpp>
 
-#include "tests/clients/cpp/shell.h"
+#include "tests/shell.h"
 
 namespace silhouette {
 namespace {

@@ -6,7 +6,7 @@
 #include <fstream>
 #include <nlohmann/json.hpp>
 
-#include "tests/clients/cpp/shell.h"
+#include "tests/shell.h"
 
 namespace silhouette {
 namespace {

@@ -19,7 +19,7 @@
 
 #include "common/picture/mask_png.h"
 #include "db/mask/mask.h"
-#include "tests/clients/cpp/shell.h"
+#include "tests/shell.h"
 
 namespace silhouette {
 

@@ -23,17 +23,17 @@ class HiddenObstacles : public testing::Test {
  protected:
   // The cell of the experiment on a coarser grid, captured once for all tests.
   static void SetUpTestSuite() {
-    folder_ = std::make_unique<ScopedFolder>();
+    const std::filesystem::path folder = FreshFolder();
     std::ifstream in(kHiddenFolder + "cell.yaml");
     std::string text((std::istreambuf_iterator<char>(in)), std::istreambuf_iterator<char>());
     text = std::regex_replace(text, std::regex("steps: .*"), "steps: {joint_1: 13, joint_3: 5}");
     text = std::regex_replace(text, std::regex("simulation: "), "simulation: " + kHiddenFolder);
     text = std::regex_replace(text, std::regex("urdf: "), "urdf: " + kHiddenFolder);
-    std::ofstream(*folder_ / "cell.yaml") << text;
-    auto loaded = SimulatedWorkplace::Load(*folder_ / "cell.yaml");
+    std::ofstream(folder / "cell.yaml") << text;
+    auto loaded = SimulatedWorkplace::Load(folder / "cell.yaml");
     ASSERT_TRUE(loaded.ok()) << loaded.status();
     workplace_ = std::make_unique<SimulatedWorkplace>(*std::move(loaded));
-    const auto database = workplace_->OpenOrCapture(*folder_ / "db", {});
+    const auto database = workplace_->OpenOrCapture(folder / "db", {});
     ASSERT_TRUE(database.ok()) << database.status();
     const auto served = workplace_->Serve(**database, {});
     ASSERT_TRUE(served.ok()) << served.status();
@@ -54,7 +54,6 @@ class HiddenObstacles : public testing::Test {
     setting_.reset();
     served_.reset();
     workplace_.reset();
-    folder_.reset();
   }
 
   static ViewedScene Viewed(int number, bool with_ball = true) {
@@ -76,13 +75,11 @@ class HiddenObstacles : public testing::Test {
     return {served_, std::make_shared<const Scene>(std::move(scene)), Reason::kNone};
   }
 
-  static std::unique_ptr<ScopedFolder> folder_;
   static std::unique_ptr<SimulatedWorkplace> workplace_;
   static std::shared_ptr<const ServedDatabase> served_;
   static std::unique_ptr<const TrialSetting> setting_;
   static std::vector<RandomScene> scenes_;
 };
-std::unique_ptr<ScopedFolder> HiddenObstacles::folder_;
 std::unique_ptr<SimulatedWorkplace> HiddenObstacles::workplace_;
 std::shared_ptr<const ServedDatabase> HiddenObstacles::served_;
 std::unique_ptr<const TrialSetting> HiddenObstacles::setting_;

@@ -7,7 +7,7 @@
 #include <stdexcept>
 
 #include "common/picture/palette.h"
-#include "tests/clients/cpp/shell.h"
+#include "tests/shell.h"
 #include "tools/silhouette/formats/inputs.h"
 #include "tools/silhouette/formats/output.h"
 #include "tools/silhouette/formats/pictures.h"

@@ -3,15 +3,16 @@
 #pragma once
 
 #include <gtest/gtest.h>
-#include <stdlib.h>
 #include <sys/wait.h>
 
 #include <cstdlib>
 #include <filesystem>
 #include <fstream>
 #include <sstream>
-#include <stdexcept>
 #include <string>
+#include <utility>
+
+#include "tests/test_folder.h"
 
 namespace silhouette {
 
@@ -33,18 +34,9 @@ struct Ended {
   std::string err;
 };
 
-// A new folder that goes away with this object.
+// A new folder, and programs that run in it.
 class Shell {
  public:
-  Shell() {
-    std::string pattern = testing::TempDir() + "silhouette-XXXXXX";
-    if (mkdtemp(pattern.data()) == nullptr) throw std::runtime_error("no temporary folder");
-    folder_ = pattern;
-  }
-  ~Shell() { std::filesystem::remove_all(folder_); }
-  Shell(const Shell&) = delete;
-  Shell& operator=(const Shell&) = delete;
-
   const std::filesystem::path& folder() const { return folder_; }
 
   // Runs a command line of sh in the folder.
@@ -57,7 +49,29 @@ class Shell {
   }
 
  private:
-  std::filesystem::path folder_;
+  const std::filesystem::path folder_ = FreshFolder();
+};
+
+// A test of a program in a new folder.
+class ProgramTest : public testing::Test {
+ protected:
+  // `program`: its name, and the arguments that all of its calls begin with.
+  explicit ProgramTest(std::string program) : program_(std::move(program)) {}
+
+  Ended Run(const std::string& arguments) const {
+    return shell_.Run(SILHOUETTE_BIN_DIR "/" + program_ + " " + arguments);
+  }
+  void Write(const std::string& name, const std::string& text) const {
+    WriteFile(folder_ / name, text);
+  }
+  std::string Read(const std::string& name) const { return ContentOf(folder_ / name); }
+
+ private:
+  const std::string program_;
+  const Shell shell_;
+
+ protected:
+  const std::filesystem::path folder_ = shell_.folder();
 };
 
 }  // namespace silhouette
