@@ -2,7 +2,6 @@
 // Folders for the files of tests.
 #pragma once
 
-#include <gtest/gtest.h>
 #include <stdlib.h>
 
 #include <atomic>
@@ -16,7 +15,7 @@ namespace silhouette {
 inline const std::filesystem::path& TestFolder() {
   struct Folder {
     Folder() {
-      std::string pattern = std::filesystem::path(::testing::TempDir()) / "silhouette-XXXXXX";
+      std::string pattern = std::filesystem::temp_directory_path() / "silhouette-XXXXXX";
       if (mkdtemp(pattern.data()) == nullptr) throw std::runtime_error("no temporary folder");
       path = pattern;
     }

@@ -8,6 +8,7 @@
 
 #include "absl/strings/str_format.h"
 #include "capture/segmentation/brightness.h"
+#include "common/picture/picture.h"
 
 namespace silhouette {
 namespace {
@@ -16,16 +17,6 @@ constexpr double kMostGain = 1.2;
 // Mask pixels away from the rim of the other mask that repeated images explain.
 constexpr int kLeastCore = 4;
 constexpr int kCoreShare = 50;
-
-cv::Mat MatOf(const Mask& mask) {
-  cv::Mat mat(mask.height(), mask.width(), CV_8UC1);
-  for (int y = 0; y < mask.height(); ++y) {
-    for (int x = 0; x < mask.width(); ++x) {
-      mat.at<uint8_t>(y, x) = mask.at(x, y) ? 255 : 0;
-    }
-  }
-  return mat;
-}
 
 cv::Mat Grown(const cv::Mat& mask, int radius) {
   cv::Mat grown;
@@ -55,8 +46,8 @@ void CompareMasks(const cv::Mat& first, const cv::Mat& now, Sight& sight) {
 
 Sight Compare(const SentinelImage& first, const SentinelImage& now, const Reference& reference) {
   Sight sight;
-  const cv::Mat mask = MatOf(first.mask);
-  CompareMasks(mask, MatOf(now.mask), sight);
+  const cv::Mat mask = MaskImage(first.mask);
+  CompareMasks(mask, MaskImage(now.mask), sight);
   if (first.grey.empty()) return sight;
   const Reference grey = reference.AsGrey();
   sight.gain = BrightnessOf(now.grey, grey).gain / BrightnessOf(first.grey, grey).gain;

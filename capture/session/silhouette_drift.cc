@@ -7,6 +7,7 @@
 
 #include "capture/segmentation/difference.h"
 #include "capture/segmentation/down_sampling.h"
+#include "common/picture/picture.h"
 
 namespace silhouette {
 namespace {
@@ -16,20 +17,12 @@ constexpr size_t kLeastRobot = 30;  // least mask pixels of a useful silhouette
 constexpr double kAlike = 0.35;     // most that may differ, of the outline
 constexpr double kSteep = 0.07;     // least that a shift by 1.5 mask pixels changes, of the outline
 
-cv::Mat MatOfMask(const Mask& mask) {
-  cv::Mat pixels(mask.height(), mask.width(), CV_8U);
-  for (int y = 0; y < mask.height(); ++y) {
-    for (int x = 0; x < mask.width(); ++x) pixels.at<uchar>(y, x) = mask.at(x, y) ? 255 : 0;
-  }
-  return pixels;
-}
-
 // How unlike the mask of a shifted foreground is to the robot image, near the robot.
 class OutlineComparison {
  public:
   OutlineComparison(cv::Mat foreground, const Mask& robot, double min_cover)
       : foreground_(std::move(foreground)), size_(robot.size()), min_cover_(min_cover) {
-    robot_ = MatOfMask(robot);
+    robot_ = MaskImage(robot);
     const cv::Mat around = cv::Mat::ones(2 * kDriftReach + 1, 2 * kDriftReach + 1, CV_8U);
     cv::dilate(robot_, near_, around);
     cv::Mat inner;
@@ -47,7 +40,7 @@ class OutlineComparison {
     const cv::Rect to = cv::Rect(cv::Point(-dx, -dy), foreground_.size()) & all;
     if (!to.empty()) foreground_(to + cv::Point(dx, dy)).copyTo(moved(to));
     cv::Mat unlike;
-    cv::bitwise_xor(MatOfMask(DownSample(moved, size_, min_cover_)), robot_, unlike);
+    cv::bitwise_xor(MaskImage(DownSample(moved, size_, min_cover_)), robot_, unlike);
     return cv::countNonZero(unlike & near_);
   }
 

@@ -151,7 +151,7 @@ class Plot {
     for (int y = 0; y < chart_.y.cells; ++y) {
       for (int x = 0; x < chart_.x.cells; ++x) {
         const Colour colour = chart_.classes[Of(chart_.cells, x, y)].colour;
-        cv::rectangle(picture, {Corner(x, y), cell_}, BgrOf(colour), cv::FILLED);
+        cv::rectangle(picture, cv::Rect(Corner(x, y), cell_), BgrOf(colour), cv::FILLED);
       }
     }
     if (!chart_.outlined.empty()) DrawOutline(picture);

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// The colours of all pictures: after Okabe & Ito, told apart by colour-blind people too, and by
-// their lightness when printed in grey.
+// The colours of all pictures, after Okabe & Ito. Colour-blind people can distinguish them, too;
+// in grey print they differ by lightness.
 #pragma once
 
 #include <cstdint>

@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <map>
 #include <numbers>
 #include <numeric>
@@ -82,64 +83,61 @@ std::string YamlNode::As<std::string>() const {
   return node_.Scalar();
 }
 
+template <typename T>
+T YamlNode::Decoded(const std::string& expected) const {
+  T value{};
+  if (!node_.IsScalar() || !YAML::convert<T>::decode(node_, value)) Fail(expected);
+  return value;
+}
+
 template <>
 bool YamlNode::As<bool>() const {
-  bool value = false;
-  if (!node_.IsScalar() || !YAML::convert<bool>::decode(node_, value)) {
-    Fail("true or false is expected");
-  }
-  return value;
+  return Decoded<bool>("true or false is expected");
 }
 
 template <>
 int YamlNode::As<int>() const {
-  int value = 0;
-  if (!node_.IsScalar() || !YAML::convert<int>::decode(node_, value)) {
-    Fail("a whole number is expected");
-  }
-  return value;
+  return Decoded<int>("a whole number is expected");
 }
 
 template <>
 double YamlNode::As<double>() const {
-  double value = 0;
-  if (!node_.IsScalar() || !YAML::convert<double>::decode(node_, value) || !std::isfinite(value)) {
-    Fail("a number is expected");
-  }
+  const auto value = Decoded<double>("a number is expected");
+  if (!std::isfinite(value)) Fail("a number is expected");
   return value;
 }
 
+double YamlNode::InUnit(const std::map<std::string, double>& units, double least,
+                        const std::string& expected) const {
+  constexpr double kMost = 1e18;
+  const std::optional<double> value =
+      node_.IsScalar() ? NumberWithUnit(node_.Scalar(), units) : std::nullopt;
+  if (!value || !(*value >= least && *value <= kMost)) Fail(expected);
+  return *value;
+}
+
 double YamlNode::AsAngle() const {
-  if (!node_.IsScalar()) Fail("an angle is expected: radians, or e.g. '90 deg'");
-  const std::optional<double> angle =
-      NumberWithUnit(node_.Scalar(), {{"rad", 1}, {"deg", std::numbers::pi / 180}});
-  if (!angle) Fail("an angle is expected: radians, or e.g. '90 deg'");
-  return *angle;
+  return InUnit({{"rad", 1}, {"deg", std::numbers::pi / 180}},
+                -std::numeric_limits<double>::infinity(),
+                "an angle is expected: radians, or e.g. '90 deg'");
 }
 
 double YamlNode::AsSeconds() const {
-  if (!node_.IsScalar()) Fail("a time is expected: seconds, or e.g. '250 ms'");
-  const std::optional<double> seconds =
-      NumberWithUnit(node_.Scalar(), {{"ms", 1e-3}, {"s", 1}, {"min", 60}, {"h", 3600}});
-  if (!seconds || *seconds < 0) Fail("a time is expected: seconds, or e.g. '250 ms'");
-  return *seconds;
+  return InUnit({{"ms", 1e-3}, {"s", 1}, {"min", 60}, {"h", 3600}}, 0,
+                "a time is expected: seconds, or e.g. '250 ms'");
 }
 
 uint64_t YamlNode::AsBytes() const {
-  constexpr double kMost = 1e18;
-  const std::string expected = "a number of bytes is expected, e.g. '8 GB'";
-  if (!node_.IsScalar()) Fail(expected);
-  const std::optional<double> bytes = NumberWithUnit(node_.Scalar(), {{"B", 1},
-                                                                      {"kB", 1e3},
-                                                                      {"MB", 1e6},
-                                                                      {"GB", 1e9},
-                                                                      {"TB", 1e12},
-                                                                      {"KiB", 0x1p10},
-                                                                      {"MiB", 0x1p20},
-                                                                      {"GiB", 0x1p30},
-                                                                      {"TiB", 0x1p40}});
-  if (!bytes || !(*bytes >= 0 && *bytes <= kMost)) Fail(expected);
-  return static_cast<uint64_t>(*bytes);
+  return static_cast<uint64_t>(InUnit({{"B", 1},
+                                       {"kB", 1e3},
+                                       {"MB", 1e6},
+                                       {"GB", 1e9},
+                                       {"TB", 1e12},
+                                       {"KiB", 0x1p10},
+                                       {"MiB", 0x1p20},
+                                       {"GiB", 0x1p30},
+                                       {"TiB", 0x1p40}},
+                                      0, "a number of bytes is expected, e.g. '8 GB'"));
 }
 
 std::vector<YamlNode> YamlNode::Items(std::optional<size_t> count) const {
@@ -169,7 +167,7 @@ YamlMap::YamlMap(const YamlNode& node) : node_(node) {
 YamlNode YamlMap::Required(const std::string& key) {
   const std::optional<YamlNode> value = Optional(key);
   if (value) return *value;
-  // A key that nobody asks for and that differs by a slip of the pen is the better clue.
+  // An unknown key with a similar spelling is the better clue.
   for (const auto& entry : node_.node_) {
     const std::string there = entry.first.as<std::string>();
     if (!asked_.contains(there) && 3 * EditDistance(there, key) <= key.size()) {

@@ -1,11 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
-// Reading YAML files that people write: every mistake is told with file, line and the nearest key
-// that would have been right.
+// Reading YAML files that people write. Each error names the file, the line and the nearest known
+// key.
 #pragma once
 
 #include <yaml-cpp/yaml.h>
 #include <cstdint>
-
+#include <map>
 #include <optional>
 #include <set>
 #include <stdexcept>
@@ -67,6 +67,13 @@ class YamlNode {
 
  private:
   friend class YamlMap;
+
+  template <typename T>
+  T Decoded(const std::string& expected) const;
+  // A number with one of the units, whose factors these are, or without; at least `least`.
+  double InUnit(const std::map<std::string, double>& units, double least,
+                const std::string& expected) const;
+
   YAML::Node node_;
   std::string file_;
   std::string name_;
@@ -98,7 +105,7 @@ class YamlMap {
   // All keys of a map whose keys are names of the user's, e.g. joints.
   std::vector<std::string> Keys();
 
-  // Throws YamlError for a key that nobody asked for, with the nearest of those asked for.
+  // Throws YamlError for an unknown key, with the nearest known one.
   void Finish() const;
 
  private:

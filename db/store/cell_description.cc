@@ -44,7 +44,7 @@ class Comparison {
     if (std::abs(a - b) <= kSameValue) return;
     std::string a_text = absl::StrCat(a);
     std::string b_text = absl::StrCat(b);
-    if (a_text == b_text) {  // six digits do not tell them apart
+    if (a_text == b_text) {  // six digits are too few
       a_text = absl::StrFormat("%.12g", a);
       b_text = absl::StrFormat("%.12g", b);
     }

@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 // The collision index of a database: reading it, and building it.
 //
-// It is made of the robot images and holds them transposed, tile by tile (db/index/tile_index.h).
-// Every tile carries a digest of the records that it was built from, so that a tile whose records
-// have changed since, by whatever program, is known as stale.
+// It holds the robot images transposed, tile by tile (db/index/tile_index.h). Every tile carries a
+// digest of the records that it was built from. A tile whose records have changed since, by
+// whatever program, is stale.
 #pragma once
 
 #include <cstdint>
@@ -42,13 +42,13 @@ struct CollisionIndexSummary {
   uint64_t bytes = 0;
 };
 
-// The index in one state of the database, for any number of threads, with no copy of it: it is read
-// where it lies in the file, mapped for its own. The map of LMDB may grow meanwhile, in this
+// The index in one state of the database, for any number of threads. It is not copied: it is read
+// where it lies in the file, through a map of its own. LMDB's map may grow meanwhile, in this
 // process and in others.
 //
-// While it lives, so does its snapshot: pages of that state are not reused. If a capture writes
-// meanwhile, the file grows by the pages that every commit writes anew (some 8, of 4 KiB) and by
-// the tiles of an index that is built then, until this is destroyed and the pages are used again.
+// It keeps its snapshot alive, so pages of that state are not reused. If a capture writes
+// meanwhile, the file grows: by the pages that each commit rewrites (some 8 of 4 KiB) and by the
+// tiles of an index that is built then. Pages are reused once this is destroyed.
 class CollisionIndex {
  public:
   // Takes the state of `snapshot`. Reads the head of every tile and of every record: some 0.1 s per
@@ -109,8 +109,8 @@ struct IndexBuildOptions {
   // How many bytes of finished tiles may wait to be written (a tile may always); twice as much is
   // being written.
   size_t buffer = size_t{32} << 20;
-  // Called on the calling thread, before the first tile and then now and again, with how many of
-  // the tiles are done; false stops.
+  // Called on the calling thread, before the first tile and then from time to time, with the number
+  // of finished tiles. Returning false stops the build.
   std::function<bool(uint64_t done, uint64_t tiles)> progress = nullptr;
 };
 
@@ -118,7 +118,7 @@ struct IndexBuildReport {
   // Tiles that have records or an index, and how many of them are done.
   uint64_t tiles = 0;
   uint64_t done = 0;
-  // Of these: built anew, or removed because there are no records any more. The others were fresh.
+  // Of these: built, or removed because they have no records any more. The others were fresh.
   uint64_t built = 0;
   uint64_t removed = 0;
   // Of those built: robot images, records that could not be read, bytes of the index, and bytes

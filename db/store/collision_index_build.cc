@@ -79,7 +79,7 @@ class IndexBuild {
   size_t mask_bytes_ = 0;
   size_t page_size_ = 0;
   std::vector<uint64_t> tiles_;
-  bool stopped_early_ = false;  // because nobody wants it any more
+  bool stopped_early_ = false;  // by the progress callback
 
   std::mutex mutex_;
   std::condition_variable changed_;

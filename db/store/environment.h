@@ -152,8 +152,8 @@ class Environment : public std::enable_shared_from_this<Environment> {
   // map had to grow. Only for the holder of the WriterLock.
   absl::Status Update(size_t new_bytes, const Change& change);
 
-  // To be held around every use of a transaction and of what it points to: the map may move while
-  // nobody holds it. Not recursive.
+  // Hold it around every use of a transaction and of what the transaction points to: otherwise the
+  // map may move. Not recursive.
   using MapHold = std::shared_lock<std::shared_mutex>;
   MapHold HoldMap() { return MapHold(map_mutex_); }
 

@@ -66,7 +66,7 @@ std::shared_ptr<Environment> Register(std::unique_ptr<Environment> environment, 
   return shared;
 }
 
-// The head of a data file tells what it is before LMDB, which trusts it, is let near it.
+// Checks the head of a data file before LMDB, which trusts it, opens the file.
 absl::Status CheckHead(const std::string& path) {
   const int file = open(path.c_str(), O_RDONLY | O_CLOEXEC);
   if (file < 0) return LmdbError(errno, absl::StrCat("'", path, "' cannot be read"));

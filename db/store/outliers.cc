@@ -55,7 +55,7 @@ class ImageCache {
   size_t bytes_ = 0;
 };
 
-// Two images along a joint that tell what an image should look like.
+// Two images along a joint that show what an image should look like.
 struct Witnesses {
   ImageCache::Image first;
   ImageCache::Image second;

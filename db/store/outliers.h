@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Robot images that are probably wrong: the robot was not where it said, a camera did not deliver
-// what it should, the light changed. They are worth to be captured anew.
+// Robot images that are probably wrong: the robot reported a wrong pose, a camera delivered a wrong
+// image, or the light changed. Recapture them.
 #pragma once
 
 #include <string>

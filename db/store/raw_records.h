@@ -83,6 +83,12 @@ struct Snapshot::Impl {
   Environment& environment() const { return *state->environment; }
   MDB_txn* transaction() const { return held->get(); }
   RecordSource records() const { return {*state, transaction()}; }
+  // A message of `meta`, as ReadMetaMessage.
+  template <typename Message>
+  absl::StatusOr<std::optional<Message>> Meta(std::string_view key) const {
+    const auto hold = environment().HoldMap();
+    return ReadMetaMessage<Message>(environment(), transaction(), key);
+  }
 };
 
 }  // namespace silhouette

@@ -16,7 +16,7 @@
 namespace silhouette {
 namespace {
 
-// Reads bytes of a file; false where there are not so many, or the disk fails.
+// Fills `bytes` from a file; false if the file is too short, or the disk fails.
 bool ReadAt(int file, uint64_t offset, std::span<char> bytes) {
   while (!bytes.empty()) {
     const ssize_t got = pread(file, bytes.data(), bytes.size(), static_cast<off_t>(offset));

@@ -32,17 +32,16 @@ using VisitRecord = std::function<void(const MetRecord&)>;
 // does, for masks alone and in less time. DataLoss: a record lies under a key that is damaged.
 absl::Status ForEachMasks(const Snapshot& snapshot, const VisitRecord& visit);
 
-// For any number of threads, which neither wait for each other nor use LMDB: of every record its
-// place in the file is known (12 bytes per configuration of a tile that has records). The file is
-// read, not mapped, so that damage to it, whatever it may be, makes a record unreadable and does
-// not end the process.
+// For any number of threads, which neither wait for each other nor use LMDB. It keeps the place of
+// every record in the file (12 bytes per configuration of a tile that has records). The file is
+// read, not mapped: damage makes a record unreadable and does not end the process.
 //
 // While it lives, so does its snapshot: see CollisionIndex (collision_index.h) for what that costs.
 class RobotImagesInPlace {
  public:
   // Reads all records once and calls `visit` for each of them, as ForEachMasks does.
-  // FailedPrecondition: this machine cannot tell where in the file records are, as another made the
-  // file with larger pages.
+  // FailedPrecondition: the places of records in the file cannot be found, because the file has
+  // larger pages than this machine.
   static absl::StatusOr<std::shared_ptr<const RobotImagesInPlace>> Open(
       std::shared_ptr<const Snapshot> snapshot, const VisitRecord& visit);
   ~RobotImagesInPlace();

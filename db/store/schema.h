@@ -43,7 +43,7 @@ inline constexpr char kRawImages[] = "raw_images";
 // variants, and some for each.
 inline constexpr unsigned kMaxSubDatabases = 96;
 
-// The variant that every database has; at most so many variants, this one included.
+// The variant that every database has, and the most variants of a database, this one included.
 inline constexpr char kDefaultVariant[] = "default";
 inline constexpr size_t kMaxVariants = 16;
 

@@ -114,15 +114,11 @@ absl::Status Snapshot::ForEach(
 }
 
 absl::StatusOr<std::optional<storage::v1::References>> Snapshot::References() const {
-  const auto hold = impl_->environment().HoldMap();
-  return ReadMetaMessage<storage::v1::References>(impl_->environment(), impl_->transaction(),
-                                                  schema::kReferencesKey);
+  return impl_->Meta<storage::v1::References>(schema::kReferencesKey);
 }
 
 absl::StatusOr<std::optional<storage::v1::Calibration>> Snapshot::Calibration() const {
-  const auto hold = impl_->environment().HoldMap();
-  auto calibration = ReadMetaMessage<storage::v1::Calibration>(
-      impl_->environment(), impl_->transaction(), schema::kCalibrationKey);
+  auto calibration = impl_->Meta<storage::v1::Calibration>(schema::kCalibrationKey);
   if (absl::IsDataLoss(calibration.status()) ||
       (calibration.ok() && *calibration &&
        !CheckCalibration(**calibration, impl_->state->cell).ok())) {
@@ -134,10 +130,8 @@ absl::StatusOr<std::optional<storage::v1::Calibration>> Snapshot::Calibration() 
 }
 
 absl::StatusOr<storage::v1::CaptureHistory> Snapshot::CaptureHistory() const {
-  const auto hold = impl_->environment().HoldMap();
-  ASSIGN_OR_RETURN(auto history, ReadMetaMessage<storage::v1::CaptureHistory>(
-                                     impl_->environment(), impl_->transaction(),
-                                     impl_->state->places.capture_key));
+  ASSIGN_OR_RETURN(auto history,
+                   impl_->Meta<storage::v1::CaptureHistory>(impl_->state->places.capture_key));
   return std::move(history).value_or(storage::v1::CaptureHistory());
 }
 

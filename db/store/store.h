@@ -134,9 +134,9 @@ class Snapshot {
   std::unique_ptr<Impl> impl_;
 };
 
-// Writes robot images in batches. Put() collects; what Commit() returned OK for is on the disk and
-// stays there whatever happens afterwards. Destruction without Commit() drops what was not
-// committed; nothing is ever half-written. May outlive its Database.
+// Writes robot images in batches. Put() collects. After Commit() has returned OK, the batch is on
+// the disk and stays there. Destruction without Commit() drops what was not committed. No record is
+// ever half-written. May outlive its Database.
 class RobotImageWriter {
  public:
   ~RobotImageWriter();
@@ -169,10 +169,10 @@ class RobotImageWriter {
   std::unique_ptr<Impl> impl_;
 };
 
-// A database has one or several variants: those of the robot with its gripper open,
-// with it closed, with a part. They share all but robot images, raw images, their collision index
-// and what capture sessions noticed. A Database speaks of one of them, that of Open() and Create()
-// of the variant `default`, which every database has; OpenVariant() gives the others.
+// A database has one or several variants of the robot: gripper open, gripper closed, with a part.
+// Each has its own robot images, raw images, collision index and capture history; they share the
+// rest. A Database object stands for one variant. Open() and Create() give the variant `default`,
+// which every database has; OpenVariant() gives the others.
 class Database {
  public:
   enum class Access { kRead, kWrite };
@@ -275,8 +275,8 @@ class Database {
  private:
   friend class IndexBuild;
 
-  // Writes `payload` under `key` in `meta`, or removes the key, as one change of `program`'s;
-  // empty: nobody's.
+  // Writes `payload` under `key` in `meta`, or removes the key, as one change by `program`. An
+  // empty program leaves no entry in the provenance log.
   absl::Status ChangeMeta(std::string_view key, const std::optional<std::string>& payload,
                           const std::string& program);
 

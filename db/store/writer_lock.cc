@@ -69,7 +69,7 @@ bool ReadersKeepWritersOut(const std::string& folder) {
   const bool there = faccessat(AT_FDCWD, readers.c_str(), F_OK, AT_EACCESS) == 0;
   const std::string& needed = there ? readers : folder;
   if (faccessat(AT_FDCWD, needed.c_str(), R_OK | W_OK, AT_EACCESS) == 0) return false;
-  // Where nobody ever wrote, there is nothing to keep them out by.
+  // A database that was never written has no lock file.
   return faccessat(AT_FDCWD, WriterLockLockPath(folder).c_str(), F_OK, AT_EACCESS) == 0;
 }
 

@@ -16,8 +16,8 @@ class WriterLock {
   static absl::StatusOr<WriterLock> Take(const std::string& folder);
 
   // For a reader that cannot register itself with LMDB: keeps every writer out while the returned
-  // file is open (-1: there is no lock file, thus nobody ever wrote here). FailedPrecondition if
-  // somebody is writing.
+  // file is open (-1: there is no lock file, so the database was never written).
+  // FailedPrecondition if a process is writing.
   static absl::StatusOr<int> KeepWritersOut(const std::string& folder);
 
   WriterLock(WriterLock&& other) noexcept;

@@ -11,13 +11,14 @@
 #include "tests/benchmark/large_cells.h"
 #include "tests/benchmark/running_server.h"
 #include "tests/benchmark/timing.h"
+#include "tests/test_folder.h"
 
 namespace silhouette::benchmarks {
 namespace {
 
 // Of 1 M configurations, with a scene in it that does not grow old.
 const LocalSpace& Space() {
-  static const RunningServer server("unix:" + TemporaryFolder() + "/local", TheCellOf1M().cell,
+  static const RunningServer server("unix:" + TestFolder().string() + "/local", TheCellOf1M().cell,
                                     TheCellOf1M().database);
   static const LocalSpace space(Client::Connect(server.address()).value(),
                                 {.max_age = absl::Hours(1)});
@@ -68,8 +69,7 @@ void ClientBatch(benchmark::State& state) {
   const std::vector<uint32_t> packed(numbers.begin(), numbers.end());
   const LocalSpace& space = Space();
   for (auto _ : state) benchmark::DoNotOptimize(space.CheckNumbers(packed));
-  state.counters["per_second"] =
-      benchmark::Counter(kCount, benchmark::Counter::kIsIterationInvariantRate);
+  ReportBatch(state, kCount);
 }
 
 const bool kClientRegistered = [] {

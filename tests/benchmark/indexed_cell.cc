@@ -1,13 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "tests/benchmark/indexed_cell.h"
 
-#include <algorithm>
 #include <atomic>
 #include <cstring>
-#include <functional>
 #include <new>
-#include <thread>
 #include <utility>
+
+#include "common/parallel/parallel.h"
 
 namespace silhouette::benchmarks {
 namespace {
@@ -22,27 +21,6 @@ uint64_t BytesOfMasks(std::span<const MaskSize> sizes) {
   uint64_t bytes = 0;
   for (const MaskSize size : sizes) bytes += size.words() * sizeof(uint64_t);
   return bytes;
-}
-
-// The indices of tiles 0 .. count - 1, made in several threads, each with a builder of its own:
-// `add(tile, builder)` adds the places of a tile.
-std::vector<std::vector<std::byte>> BuildAll(
-    uint64_t count, int threads, std::span<const PixelTree> trees,
-    const std::function<void(uint64_t, TileIndexBuilder&)>& add) {
-  std::vector<std::vector<std::byte>> built(count);
-  std::atomic<uint64_t> next = 0;
-  std::vector<std::jthread> workers;
-  for (int i = 0; i < threads; ++i) {
-    workers.emplace_back([&] {
-      TileIndexBuilder builder(trees);
-      for (uint64_t tile = next++; tile < count; tile = next++) {
-        add(tile, builder);
-        built[tile] = builder.Finish();
-      }
-    });
-  }
-  workers.clear();
-  return built;
 }
 
 }  // namespace
@@ -67,9 +45,10 @@ void IndexedCell::AppendAll(std::vector<std::vector<std::byte>> built) {
 IndexedCell::IndexedCell(const SyntheticCell& cell, uint64_t stride)
     : trees_(TreesFor(cell.mask_sizes())) {
   const uint64_t count = (cell.grid().tiles() + stride - 1) / stride;
-  const int threads = static_cast<int>(std::max(1u, std::thread::hardware_concurrency()));
   std::atomic<uint64_t> configurations = 0;
-  auto built = BuildAll(count, threads, trees_, [&](uint64_t i, TileIndexBuilder& builder) {
+  std::vector<std::vector<std::byte>> built(count);
+  ParallelFor(count, [&](size_t i) {
+    TileIndexBuilder builder(trees_);
     const TileMasks masks = cell.RenderTile(i * stride);
     std::array<MaskWords, kViews> images;
     for (uint64_t place = 0; place < kTileSize; ++place) {
@@ -80,6 +59,7 @@ IndexedCell::IndexedCell(const SyntheticCell& cell, uint64_t stride)
       builder.Add(place, images);
       ++configurations;
     }
+    built[i] = builder.Finish();
   });
   AppendAll(std::move(built));
   mask_bytes_ = configurations * BytesOfMasks(cell.mask_sizes());

@@ -2,17 +2,15 @@
 #include "tests/benchmark/large_cells.h"
 
 #include <malloc.h>
-#include <stdlib.h>
 #include <unistd.h>
 
 #include <algorithm>
-#include <filesystem>
 #include <fstream>
 #include <map>
 #include <random>
-#include <stdexcept>
 
 #include "absl/time/clock.h"
+#include "tests/test_folder.h"
 
 namespace silhouette::benchmarks {
 namespace {
@@ -40,7 +38,7 @@ std::shared_ptr<const ServedDatabase> Load(const std::string& path, const LoadSe
 }  // namespace
 
 CellOf1M::CellOf1M() : cell({.steps = StepsOfSize1M()}) {
-  const std::string path = TemporaryFolder() + "/1m.lmdb";
+  const std::string path = TestFolder() / "1m.lmdb";
   WriteDatabase(cell, path);
   index_build = BuildIndex(path);
   database_bytes = BytesInUse(path);
@@ -95,21 +93,6 @@ std::vector<ConfigurationNumber> RandomEdges(const ConfigurationGrid& grid, int 
     }
   }
   return numbers;
-}
-
-const std::string& TemporaryFolder() {
-  struct Folder {
-    Folder() : path(std::filesystem::temp_directory_path() / "silhouette-bench-XXXXXX") {
-      if (mkdtemp(path.data()) == nullptr) throw std::runtime_error("no temporary folder");
-    }
-    ~Folder() {
-      std::error_code ignored;
-      std::filesystem::remove_all(path, ignored);
-    }
-    std::string path;
-  };
-  static const Folder folder;
-  return folder.path;
 }
 
 }  // namespace silhouette::benchmarks

@@ -49,7 +49,4 @@ std::vector<ConfigurationNumber> RandomNumbers(const ConfigurationGrid& grid, in
 // `count` times 32 configurations on a line along a random joint, one after another.
 std::vector<ConfigurationNumber> RandomEdges(const ConfigurationGrid& grid, int count);
 
-// A folder that goes away with the program.
-const std::string& TemporaryFolder();
-
 }  // namespace silhouette::benchmarks

@@ -16,12 +16,14 @@
 
 #include "absl/time/clock.h"
 #include "capture/segmentation/difference.h"
+#include "common/picture/picture.h"
 #include "server/live/live_loop.h"
 #include "server/scene/configuration_space.h"
 #include "server/service/server.h"
 #include "tests/benchmark/large_cells.h"
 #include "tests/benchmark/timing.h"
 #include "tests/capture/segmentation/images.h"
+#include "tests/test_folder.h"
 
 namespace silhouette::benchmarks {
 namespace {
@@ -32,12 +34,8 @@ const BenchmarkScene& TheScene(size_t scene) { return ScenesOf1M(SceneKind::kPer
 cv::Mat PictureOf(size_t scene, int view) {
   const ObstacleImage& image = *TheScene(scene).images[static_cast<size_t>(view)];
   const Mask foreground = image.obstacle() | image.unknown();
-  cv::Mat small(foreground.height(), foreground.width(), CV_8UC1);
-  for (int y = 0; y < small.rows; ++y) {
-    for (int x = 0; x < small.cols; ++x) small.at<uint8_t>(y, x) = foreground.at(x, y) ? 255 : 0;
-  }
   cv::Mat where;
-  cv::resize(small, where, EmptyCellPicture().size(), 0, 0, cv::INTER_NEAREST);
+  cv::resize(MaskImage(foreground), where, EmptyCellPicture().size(), 0, 0, cv::INTER_NEAREST);
   cv::Mat light = EmptyCellPicture().clone();
   light.setTo(20, where);
   std::mt19937_64 random(scene * kViews + static_cast<size_t>(view));
@@ -115,7 +113,7 @@ LiveStatus RunServer(size_t scene, uint64_t maps) {
   const auto record = std::make_shared<LiveRecord>(views, config.scene.max_age, SystemClock);
   ServingSettings settings;
   settings.live = record;
-  auto server = Server::Start("unix:" + TemporaryFolder() + "/live", database, settings);
+  auto server = Server::Start("unix:" + TestFolder().string() + "/live", database, settings);
   if (!server.ok()) throw std::runtime_error(std::string(server.status().message()));
   const auto loop = LiveLoop::Start(
       config,

@@ -43,8 +43,7 @@ void MasksBatch(benchmark::State& state, SceneKind kind) {
       benchmark::DoNotOptimize(test.Check(number));
     }
   }
-  state.counters["per_second"] =
-      benchmark::Counter(kCount, benchmark::Counter::kIsIterationInvariantRate);
+  ReportBatch(state, kCount);
 }
 
 void MasksEdge(benchmark::State& state, SceneKind kind, Masks masks) {

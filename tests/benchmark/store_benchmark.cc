@@ -13,6 +13,7 @@
 #include "tests/benchmark/large_cells.h"
 #include "tests/benchmark/synthetic_database.h"
 #include "tests/benchmark/timing.h"
+#include "tests/test_folder.h"
 
 namespace silhouette::benchmarks {
 namespace {
@@ -27,7 +28,7 @@ const SyntheticCell& StoredCell() {
 // The folder of its database.
 const std::string& StoredCellsPath() {
   static const std::string path = [] {
-    std::string folder = TemporaryFolder() + "/cell.lmdb";
+    std::string folder = TestFolder() / "cell.lmdb";
     WriteDatabase(StoredCell(), folder);
     return folder;
   }();

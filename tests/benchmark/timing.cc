@@ -94,28 +94,15 @@ void ReportCalls(benchmark::State& state, const Samples& samples) {
   state.counters["timer_ns"] = TimerCost();
 }
 
+void ReportBatch(benchmark::State& state, int count) {
+  state.counters["per_second"] =
+      benchmark::Counter(count, benchmark::Counter::kIsIterationInvariantRate);
+}
+
 void MeasureCalls(benchmark::State& state, int count, const std::function<void(int)>& call,
                   Caches caches) {
-  if (caches == Caches::kWarm) {
-    MeasureShortCalls(state, count, [&](int i) { call(i); });
-    return;
-  }
-  Samples samples;
-  for (auto _ : state) {
-    double total = 0;
-    for (int i = 0; i < count; ++i) {
-      if (i % 16 == 0) SweepCaches();
-      const uint64_t begin = Ticks();
-      call(i);
-      const uint64_t end = Ticks();
-      const double time =
-          std::max(0.0, static_cast<double>(end - begin) * TickLength() - TimerCost());
-      samples.Add(time);
-      total += time;
-    }
-    state.SetIterationTime(total * 1e-9);
-  }
-  ReportCalls(state, samples);
+  MeasureShortCalls(
+      state, count, [&](int i) { call(i); }, 1, caches);
 }
 
 void MeasureScenes(benchmark::State& state, size_t scenes, Caches caches,

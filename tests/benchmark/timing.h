@@ -46,7 +46,8 @@ void MeasureCalls(benchmark::State& state, int count, const std::function<void(i
 // parts; p50_ns and p99_ns are those of one part, on the average over its call: the time stamp of
 // some processors goes on by 10 ns at a time.
 template <typename Call>
-void MeasureShortCalls(benchmark::State& state, int count, Call call, int parts = 1);
+void MeasureShortCalls(benchmark::State& state, int count, Call call, int parts = 1,
+                       Caches caches = Caches::kWarm);
 
 // Times `evaluate(i)` for scene i = 0 .. scenes - 1; one iteration of the benchmark is all scenes.
 // Counters: median_ns and worst_ns over the scenes, each scene standing for the median of its
@@ -57,13 +58,17 @@ void MeasureScenes(benchmark::State& state, size_t scenes, Caches caches,
 // Sets p50_ns, p99_ns and timer_ns.
 void ReportCalls(benchmark::State& state, const Samples& samples);
 
+// Sets per_second, of `count` checks per iteration.
+void ReportBatch(benchmark::State& state, int count);
+
 template <typename Call>
-void MeasureShortCalls(benchmark::State& state, int count, Call call, int parts) {
+void MeasureShortCalls(benchmark::State& state, int count, Call call, int parts, Caches caches) {
   Samples samples;
   const double timer = TimerCost();
   for (auto _ : state) {
     double total = 0;
     for (int i = 0; i < count; ++i) {
+      if (caches == Caches::kSwept && i % 16 == 0) SweepCaches();
       const uint64_t begin = Ticks();
       call(i);
       const uint64_t end = Ticks();

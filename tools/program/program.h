@@ -2,11 +2,15 @@
 // The manners that all programs share: exit codes, error messages, --version, Ctrl-C.
 #pragma once
 
-#include <CLI/CLI.hpp>
 #include <functional>
 #include <string>
 
 #include "absl/status/status.h"
+
+namespace CLI {
+class App;
+class Validator;
+}  // namespace CLI
 
 namespace silhouette {
 

@@ -14,7 +14,7 @@ struct MaskPixel {
   int y = 0;
 };
 
-// At most so many pixels have colours of their own.
+// The most pixels in one picture: each has a colour of its own.
 inline constexpr size_t kMostPixels = 4;
 
 // Pixels of the robot in `view`, spread over its image, those that contradict another view first;

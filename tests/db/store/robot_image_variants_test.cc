@@ -62,6 +62,22 @@ Content AsContent(const std::vector<RobotImage>& images) {
   return content;
 }
 
+// A database and another variant of it.
+class Variants : public testing::Test {
+ protected:
+  // Puts images into both: those of the other variant have something on the robot's hand. Returns
+  // those of the default variant.
+  std::vector<RobotImage> Fill(uint64_t seed, uint64_t tool_seed) {
+    std::vector<RobotImage> plain = Images(*database_, seed);
+    PutAll(*database_, plain);
+    PutAll(*variant_, WithTools(plain, tool_seed));
+    return plain;
+  }
+
+  std::unique_ptr<Database> database_ = MakeDatabase();
+  std::unique_ptr<Database> variant_ = MakeVariant(*database_);
+};
+
 // How many records of a variant are stored by their difference from the default variant's.
 int SharedRecords(const std::string& folder, const std::string& variant) {
   const auto environment = Environment::Open(folder);
@@ -78,7 +94,7 @@ int SharedRecords(const std::string& folder, const std::string& variant) {
   return shared;
 }
 
-TEST(Variants, AreKeptBesideEachOther) {
+TEST_F(Variants, AreKeptBesideEachOther) {
   std::vector<RobotImage> plain;
   std::vector<RobotImage> tool;
   {
@@ -100,24 +116,22 @@ TEST(Variants, AreKeptBesideEachOther) {
   for (const RobotImage& image : tool) EXPECT_EQ(**found->Find(image.number), image);
 }
 
-TEST(Variants, ThatDifferInFewPixelsCostLittle) {
-  const auto database = MakeDatabase();
-  const auto variant = MakeVariant(*database);
-  std::vector<RobotImage> plain = Images(*database, 2);
+TEST_F(Variants, ThatDifferInFewPixelsCostLittle) {
+  std::vector<RobotImage> plain = Images(*database_, 2);
   for (RobotImage& image : plain) {
     image.commanded.clear();
     image.measured.clear();
   }
-  PutAll(*database, plain);
-  PutAll(*variant, WithTools(plain, 3));
-  const auto usage = database->GetUsage();
+  PutAll(*database_, plain);
+  PutAll(*variant_, WithTools(plain, 3));
+  const auto usage = database_->GetUsage();
   ASSERT_EQ(usage->variants.size(), 2);
   EXPECT_EQ(usage->variants[1].records, plain.size());
   EXPECT_LT(usage->variants[1].record_bytes, usage->variants[0].record_bytes);
 }
 
 // Whatever is replaced in whichever variant, in whatever order.
-TEST(Variants, KeepTheirImagesWhateverIsReplaced) {
+TEST_F(Variants, KeepTheirImagesWhateverIsReplaced) {
   const auto seed = static_cast<uint64_t>(absl::ToUnixNanos(absl::Now()));
   SCOPED_TRACE(absl::StrCat("seed ", seed));
   std::mt19937_64 random(seed);
@@ -153,21 +167,19 @@ TEST(Variants, KeepTheirImagesWhateverIsReplaced) {
 
 // The record of the default variant is lost, or another one gets in its place without Silhouette's
 // doing: those that rest on it are damaged, and nothing else.
-TEST(Variants, DoNotTakeAnotherRecordForTheOneTheyRestOn) {
-  const auto database = MakeDatabase();
-  const auto variant = MakeVariant(*database);
-  RobotImage image = TestImage(*database, 5, 1);
+TEST_F(Variants, DoNotTakeAnotherRecordForTheOneTheyRestOn) {
+  RobotImage image = TestImage(*database_, 5, 1);
   image.excluded = false;
   image.masks = {Mask({64, 64}), Mask({33, 20})};
   image.masks[0] = Mask::FromPredicate({64, 64}, [](int x, int y) { return x * y % 7 == 3; });
-  PutAll(*database, {image});
-  PutAll(*variant, {WithTool(image, 1)});
-  ASSERT_EQ(SharedRecords(database->path(), kTool), 1);
-  const auto environment = *Environment::Open(database->path());
+  PutAll(*database_, {image});
+  PutAll(*variant_, {WithTool(image, 1)});
+  ASSERT_EQ(SharedRecords(database_->path(), kTool), 1);
+  const auto environment = *Environment::Open(database_->path());
   const schema::NumberKey key = schema::EncodeKey(5);
   const auto change = [&](const std::function<absl::Status(WriteTransaction&)>& how) {
     ASSERT_TRUE(environment->Update(0, how).ok());
-    const auto snapshot = variant->Read();
+    const auto snapshot = variant_->Read();
     const auto found = snapshot->Find(5);
     EXPECT_EQ(found.status().code(), absl::StatusCode::kDataLoss);
     EXPECT_THAT(found.status().message(), HasSubstr("that it rests on is missing or different"));
@@ -181,7 +193,7 @@ TEST(Variants, DoNotTakeAnotherRecordForTheOneTheyRestOn) {
   change([&](WriteTransaction& transaction) {
     return transaction.Delete(environment->robot_images(), {key.data(), key.size()});
   });
-  for (RobotImage other : {TestImage(*database, 5, 2), WithTool(image, 9)}) {
+  for (RobotImage other : {TestImage(*database_, 5, 2), WithTool(image, 9)}) {
     change([&](WriteTransaction& transaction) {
       return transaction.Put(environment->robot_images(), {key.data(), key.size()},
                              EncodeRobotImage(other));
@@ -189,14 +201,12 @@ TEST(Variants, DoNotTakeAnotherRecordForTheOneTheyRestOn) {
   }
 }
 
-TEST(Variants, AreReadInPlaceAsTheyAreStored) {
-  const auto database = MakeDatabase();
-  const auto variant = MakeVariant(*database);
-  const std::vector<RobotImage> plain = Images(*database, 4);
+TEST_F(Variants, AreReadInPlaceAsTheyAreStored) {
+  const std::vector<RobotImage> plain = Images(*database_, 4);
   const std::vector<RobotImage> tool = WithTools(plain, 5);
-  PutAll(*database, plain);
-  PutAll(*variant, tool);
-  auto snapshot = std::make_shared<const Snapshot>(*variant->Read());
+  PutAll(*database_, plain);
+  PutAll(*variant_, tool);
+  auto snapshot = std::make_shared<const Snapshot>(*variant_->Read());
   const auto images = RobotImagesInPlace::Open(snapshot, [](const MetRecord&) {});
   ASSERT_TRUE(images.ok()) << images.status();
   for (const RobotImage& image : tool) {
@@ -205,7 +215,7 @@ TEST(Variants, AreReadInPlaceAsTheyAreStored) {
       expected.insert(expected.end(), mask.words().begin(), mask.words().end());
     }
     size_t words = 0;
-    for (const MaskSize size : database->mask_sizes()) words += size.words();
+    for (const MaskSize size : database_->mask_sizes()) words += size.words();
     std::vector<uint64_t> read(words);
     EXPECT_EQ((*images)->Read(image.number, read), !image.excluded);
     if (!image.excluded) {
@@ -214,36 +224,28 @@ TEST(Variants, AreReadInPlaceAsTheyAreStored) {
   }
 }
 
-TEST(Variants, HaveACollisionIndexEach) {
-  const auto database = MakeDatabase();
-  const auto variant = MakeVariant(*database);
-  const std::vector<RobotImage> plain = Images(*database, 6);
-  PutAll(*database, plain);
-  PutAll(*variant, WithTools(plain, 5));
-  const auto report = BuildCollisionIndex(*database);
+TEST_F(Variants, HaveACollisionIndexEach) {
+  const std::vector<RobotImage> plain = Fill(6, 5);
+  const auto report = BuildCollisionIndex(*database_);
   ASSERT_TRUE(report.ok()) << report.status();
   EXPECT_EQ(report->done, report->tiles);
-  ExpectIndexHoldsTheRobotImages(*database);
-  ExpectIndexHoldsTheRobotImages(*variant);
+  ExpectIndexHoldsTheRobotImages(*database_);
+  ExpectIndexHoldsTheRobotImages(*variant_);
   // A change of one says nothing wrong of the other.
-  PutAll(*database, {TestImage(*database, plain[3].number, 77)}, true);
-  ExpectIndexHoldsTheRobotImages(*database, false);
-  ExpectIndexHoldsTheRobotImages(*variant, false);
-  ASSERT_TRUE(BuildCollisionIndex(*database).ok());
-  ExpectIndexHoldsTheRobotImages(*database);
-  ExpectIndexHoldsTheRobotImages(*variant);
+  PutAll(*database_, {TestImage(*database_, plain[3].number, 77)}, true);
+  ExpectIndexHoldsTheRobotImages(*database_, false);
+  ExpectIndexHoldsTheRobotImages(*variant_, false);
+  ASSERT_TRUE(BuildCollisionIndex(*database_).ok());
+  ExpectIndexHoldsTheRobotImages(*database_);
+  ExpectIndexHoldsTheRobotImages(*variant_);
 }
 
 // Earlier programs coded another variant's index by its differences from the default variant's.
-TEST(Variants, IndexInAnEarlierFormIsStaleAndIsBuiltAgain) {
-  const auto database = MakeDatabase();
-  const auto variant = MakeVariant(*database);
-  const std::vector<RobotImage> plain = Images(*database, 6);
-  PutAll(*database, plain);
-  PutAll(*variant, WithTools(plain, 5));
-  ASSERT_TRUE(BuildCollisionIndex(*database).ok());
-  EXPECT_EQ(OpenIndex(*variant)->State(0), TileState::kFresh);
-  const auto environment = *Environment::Open(database->path());
+TEST_F(Variants, IndexInAnEarlierFormIsStaleAndIsBuiltAgain) {
+  Fill(6, 5);
+  ASSERT_TRUE(BuildCollisionIndex(*database_).ok());
+  EXPECT_EQ(OpenIndex(*variant_)->State(0), TileState::kFresh);
+  const auto environment = *Environment::Open(database_->path());
   const auto values = *environment->Find(schema::PlacesOfVariant(kTool).collision_index);
   const schema::NumberKey key = schema::EncodeKey(0);
   const std::string_view key_view(key.data(), key.size());
@@ -269,20 +271,20 @@ TEST(Variants, IndexInAnEarlierFormIsStaleAndIsBuiltAgain) {
                                return transaction.Put(values, key_view, value);
                              })
                     .ok());
-    ExpectIndexHoldsTheRobotImages(*variant, false);
-    return OpenIndex(*variant)->State(0);
+    ExpectIndexHoldsTheRobotImages(*variant_, false);
+    return OpenIndex(*variant_)->State(0);
   };
   EXPECT_EQ(state_with(0, std::byte{0}), TileState::kFresh);
   EXPECT_EQ(state_with(0, std::byte{0x80}), TileState::kDamaged);
   EXPECT_EQ(state_with(1, std::byte{0}), TileState::kStale);
   EXPECT_EQ(state_with(0x0123456789abcdef, std::byte{0x80}), TileState::kStale);
-  const auto report = BuildCollisionIndex(*database);
+  const auto report = BuildCollisionIndex(*database_);
   ASSERT_TRUE(report.ok()) << report.status();
   EXPECT_EQ(report->built, 1);
-  ExpectIndexHoldsTheRobotImages(*variant);
+  ExpectIndexHoldsTheRobotImages(*variant_);
 }
 
-TEST(Variants, HaveNamesThatAreOnesAndAreAtMostSoMany) {
+TEST_F(Variants, HaveNamesThatAreOnesAndAreAtMostSoMany) {
   const auto database = MakeDatabase();
   for (const char* name : {"", "Open", "a b", "a/b", "0123456789012345678901234567890123"}) {
     EXPECT_EQ(database->CreateVariant(name, "test").status().code(),
@@ -302,82 +304,66 @@ TEST(Variants, HaveNamesThatAreOnesAndAreAtMostSoMany) {
   EXPECT_EQ(database->GetUsage()->variants.size(), schema::kMaxVariants);
 }
 
-TEST(Variants, AreRemovedWithWhatIsTheirOwn) {
-  const auto database = MakeDatabase();
-  const std::vector<RobotImage> plain = Images(*database, 8);
-  PutAll(*database, plain);
-  auto variant = MakeVariant(*database);
-  PutAll(*variant, WithTools(plain, 1));
-  ASSERT_TRUE(BuildCollisionIndex(*database).ok());
-  const auto before = variant->Read();
-  ASSERT_TRUE(database->RemoveVariant(kTool, "test").ok());
+TEST_F(Variants, AreRemovedWithWhatIsTheirOwn) {
+  const std::vector<RobotImage> plain = Fill(8, 1);
+  ASSERT_TRUE(BuildCollisionIndex(*database_).ok());
+  const auto before = variant_->Read();
+  ASSERT_TRUE(database_->RemoveVariant(kTool, "test").ok());
   EXPECT_EQ(before->size(), plain.size());
-  EXPECT_THAT(*database->Variants(), ElementsAre("default"));
-  EXPECT_EQ(database->OpenVariant(kTool).status().code(), absl::StatusCode::kNotFound);
-  EXPECT_EQ(database->RemoveVariant(kTool, "test").code(), absl::StatusCode::kNotFound);
-  EXPECT_EQ(database->RemoveVariant("default", "test").code(), absl::StatusCode::kInvalidArgument);
-  EXPECT_EQ(ContentOf(*database), AsContent(plain));
-  variant = MakeVariant(*database);
-  EXPECT_TRUE(ContentOf(*variant).empty());
-  EXPECT_TRUE(OpenIndex(*variant)->Tiles().empty());
+  EXPECT_THAT(*database_->Variants(), ElementsAre("default"));
+  EXPECT_EQ(database_->OpenVariant(kTool).status().code(), absl::StatusCode::kNotFound);
+  EXPECT_EQ(database_->RemoveVariant(kTool, "test").code(), absl::StatusCode::kNotFound);
+  EXPECT_EQ(database_->RemoveVariant("default", "test").code(), absl::StatusCode::kInvalidArgument);
+  EXPECT_EQ(ContentOf(*database_), AsContent(plain));
+  variant_ = MakeVariant(*database_);
+  EXPECT_TRUE(ContentOf(*variant_).empty());
+  EXPECT_TRUE(OpenIndex(*variant_)->Tiles().empty());
 }
 
-TEST(Variants, ShareReferencesAndOneGeneration) {
-  const auto database = MakeDatabase();
-  const auto variant = MakeVariant(*database);
+TEST_F(Variants, ShareReferencesAndOneGeneration) {
   storage::v1::References references;
   for (int i = 0; i < 2; ++i) references.add_views()->set_images(20);
-  ASSERT_TRUE(variant->SetReferences(references, "test").ok());
-  EXPECT_TRUE(database->Read()->References()->has_value());
-  const uint64_t before = database->Read()->generation();
-  PutAll(*variant, {TestImage(*database, 1)});
-  EXPECT_GT(database->Read()->generation(), before);
-  const auto provenance = database->Read()->Provenance();
+  ASSERT_TRUE(variant_->SetReferences(references, "test").ok());
+  EXPECT_TRUE(database_->Read()->References()->has_value());
+  const uint64_t before = database_->Read()->generation();
+  PutAll(*variant_, {TestImage(*database_, 1)});
+  EXPECT_GT(database_->Read()->generation(), before);
+  const auto provenance = database_->Read()->Provenance();
   EXPECT_EQ(provenance->entries(provenance->entries_size() - 1).variant(), kTool);
-  auto writer = database->Write("test");
+  auto writer = database_->Write("test");
   ASSERT_TRUE(writer.ok());
-  EXPECT_EQ(variant->Write("test").status().code(), absl::StatusCode::kFailedPrecondition);
+  EXPECT_EQ(variant_->Write("test").status().code(), absl::StatusCode::kFailedPrecondition);
 }
 
-TEST(Variants, OutliveTheDatabaseTheyAreOf) {
-  auto database = MakeDatabase();
-  const auto variant = MakeVariant(*database);
-  database.reset();
-  PutAll(*variant, {TestImage(*variant, 1)});
-  EXPECT_EQ(ContentOf(*variant).size(), 1);
-  EXPECT_EQ(Database::Open(variant->path(), Access::kWrite).status().code(),
+TEST_F(Variants, OutliveTheDatabaseTheyAreOf) {
+  database_.reset();
+  PutAll(*variant_, {TestImage(*variant_, 1)});
+  EXPECT_EQ(ContentOf(*variant_).size(), 1);
+  EXPECT_EQ(Database::Open(variant_->path(), Access::kWrite).status().code(),
             absl::StatusCode::kFailedPrecondition);
 }
 
-TEST(Variants, MasksOfAllAreReplacedAtOnce) {
-  const auto database = MakeDatabase();
-  const auto variant = MakeVariant(*database);
-  const std::vector<RobotImage> plain = Images(*database, 3);
-  PutAll(*database, plain);
-  PutAll(*variant, WithTools(plain, 1));
-  storage::v1::CellDescription cell = database->cell();
+TEST_F(Variants, MasksOfAllAreReplacedAtOnce) {
+  const std::vector<RobotImage> plain = Fill(3, 1);
+  storage::v1::CellDescription cell = database_->cell();
   cell.set_segmentation("x: 1\n");
   const auto made = MakeDatabase(cell);
   PutAll(*made, WithTools(plain, 2));
-  EXPECT_TRUE(absl::IsInvalidArgument(database->ReplaceMasks(*made, "test")));  // no such variant
+  EXPECT_TRUE(absl::IsInvalidArgument(database_->ReplaceMasks(*made, "test")));  // no such variant
   const auto made_variant = MakeVariant(*made);
   PutAll(*made_variant, WithTools(plain, 4));
-  const auto before = database->ReadVariants();
-  ASSERT_TRUE(database->ReplaceMasks(*made, "test").ok());
-  EXPECT_EQ(ContentOf(*database), AsContent(WithTools(plain, 2)));
-  EXPECT_EQ(ContentOf(*variant), AsContent(WithTools(plain, 4)));
+  const auto before = database_->ReadVariants();
+  ASSERT_TRUE(database_->ReplaceMasks(*made, "test").ok());
+  EXPECT_EQ(ContentOf(*database_), AsContent(WithTools(plain, 2)));
+  EXPECT_EQ(ContentOf(*variant_), AsContent(WithTools(plain, 4)));
   EXPECT_EQ(**(*before)[1].snapshot.Find(plain[3].number), WithTools(plain, 1)[3]);
-  EXPECT_GT(SharedRecords(database->path(), kTool), 0);
+  EXPECT_GT(SharedRecords(database_->path(), kTool), 0);
 }
 
-TEST(Variants, AreInACompactCopy) {
-  const auto database = MakeDatabase();
-  const auto variant = MakeVariant(*database);
-  const std::vector<RobotImage> plain = Images(*database, 9);
-  PutAll(*database, plain);
-  PutAll(*variant, WithTools(plain, 2));
+TEST_F(Variants, AreInACompactCopy) {
+  const std::vector<RobotImage> plain = Fill(9, 2);
   const std::string copied = FreshFolder() / "copy";
-  ASSERT_TRUE(database->Compact(copied).ok());
+  ASSERT_TRUE(database_->Compact(copied).ok());
   const auto copy = *Database::Open(copied, Access::kRead);
   EXPECT_EQ(ContentOf(**copy->OpenVariant(kTool)), AsContent(WithTools(plain, 2)));
 }

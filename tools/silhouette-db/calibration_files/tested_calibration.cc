@@ -63,6 +63,52 @@ void Add(const std::vector<Mask>& robot, ConfigurationNumber number, const Epipo
   }
 }
 
+// Numbers of captured configurations, at most `most`, spread over the grid; the same ones each
+// time.
+absl::StatusOr<std::vector<ConfigurationNumber>> SampledConfigurations(const Database& database,
+                                                                       const Snapshot& snapshot,
+                                                                       size_t most) {
+  // Steps of the golden section visit every number once, and are well spread wherever one stops.
+  const ConfigurationNumber limit = database.grid().number_limit();
+  ConfigurationNumber step = std::max<ConfigurationNumber>(
+      1, static_cast<ConfigurationNumber>(0.6180339887498949 * static_cast<double>(limit)));
+  while (std::gcd(step, limit) != 1) ++step;
+  std::vector<ConfigurationNumber> chosen;
+  ConfigurationNumber number = 0;
+  for (ConfigurationNumber i = 0; i < limit && chosen.size() < most; ++i) {
+    if (database.grid().Contains(number)) {
+      const auto image = snapshot.Find(number);
+      if (!image.ok() && !absl::IsDataLoss(image.status())) return image.status();
+      if (image.ok() && *image && !(*image)->excluded) chosen.push_back(number);
+    }
+    number = (number + step) % limit;
+  }
+  return chosen;
+}
+
+// Over `configurations`; damaged records are left out. Cancelled after Ctrl-C.
+absl::StatusOr<Contradictions> FindContradictions(
+    const Snapshot& snapshot, const EpipolarBands& bands,
+    const std::vector<ConfigurationNumber>& configurations) {
+  Contradictions found;
+  for (int view = 0; view < bands.views(); ++view) {
+    for (int other = 0; other < bands.views(); ++other) {
+      if (view == other || !bands.Known(view, other)) continue;
+      found.pairs.push_back({.view = view, .other = other});
+    }
+  }
+  Progress progress("check", configurations.size(), "configurations");
+  for (const ConfigurationNumber number : configurations) {
+    if (StopRequested()) return absl::CancelledError("stopped; run it again");
+    const auto image = snapshot.Find(number);
+    if (!image.ok() && !absl::IsDataLoss(image.status())) return image.status();
+    if (!image.ok() || !*image || (*image)->excluded) continue;
+    for (PairContradictions& pair : found.pairs) Add((*image)->masks, number, bands, pair);
+    progress.Update(++found.configurations);
+  }
+  return found;
+}
+
 }  // namespace
 
 double PairContradictions::share() const {
@@ -96,49 +142,6 @@ Mask ContradictingPixels(const std::vector<Mask>& robot, const EpipolarBands& ba
     if (!met) words[p / 64] |= uint64_t{1} << (p % 64);
   }
   return Mask::FromWords(here.size(), std::move(words));
-}
-
-absl::StatusOr<std::vector<ConfigurationNumber>> SampledConfigurations(const Database& database,
-                                                                       const Snapshot& snapshot,
-                                                                       size_t most) {
-  // Steps of the golden section visit every number once, and are well spread wherever one stops.
-  const ConfigurationNumber limit = database.grid().number_limit();
-  ConfigurationNumber step = std::max<ConfigurationNumber>(
-      1, static_cast<ConfigurationNumber>(0.6180339887498949 * static_cast<double>(limit)));
-  while (std::gcd(step, limit) != 1) ++step;
-  std::vector<ConfigurationNumber> chosen;
-  ConfigurationNumber number = 0;
-  for (ConfigurationNumber i = 0; i < limit && chosen.size() < most; ++i) {
-    if (database.grid().Contains(number)) {
-      const auto image = snapshot.Find(number);
-      if (!image.ok() && !absl::IsDataLoss(image.status())) return image.status();
-      if (image.ok() && *image && !(*image)->excluded) chosen.push_back(number);
-    }
-    number = (number + step) % limit;
-  }
-  return chosen;
-}
-
-absl::StatusOr<Contradictions> FindContradictions(
-    const Snapshot& snapshot, const EpipolarBands& bands,
-    const std::vector<ConfigurationNumber>& configurations) {
-  Contradictions found;
-  for (int view = 0; view < bands.views(); ++view) {
-    for (int other = 0; other < bands.views(); ++other) {
-      if (view == other || !bands.Known(view, other)) continue;
-      found.pairs.push_back({.view = view, .other = other});
-    }
-  }
-  Progress progress("check", configurations.size(), "configurations");
-  for (const ConfigurationNumber number : configurations) {
-    if (StopRequested()) return absl::CancelledError("stopped; run it again");
-    const auto image = snapshot.Find(number);
-    if (!image.ok() && !absl::IsDataLoss(image.status())) return image.status();
-    if (!image.ok() || !*image || (*image)->excluded) continue;
-    for (PairContradictions& pair : found.pairs) Add((*image)->masks, number, bands, pair);
-    progress.Update(++found.configurations);
-  }
-  return found;
 }
 
 absl::StatusOr<TestedCalibration> TestCalibration(const Database& database,

@@ -48,17 +48,6 @@ struct Contradictions {
 Mask ContradictingPixels(const std::vector<Mask>& robot, const EpipolarBands& bands, int view,
                          int other);
 
-// Numbers of captured configurations, at most `most`, spread over the grid; the same ones each
-// time.
-absl::StatusOr<std::vector<ConfigurationNumber>> SampledConfigurations(const Database& database,
-                                                                       const Snapshot& snapshot,
-                                                                       size_t most);
-
-// Over `configurations`; damaged records are left out. Cancelled after Ctrl-C.
-absl::StatusOr<Contradictions> FindContradictions(
-    const Snapshot& snapshot, const EpipolarBands& bands,
-    const std::vector<ConfigurationNumber>& configurations);
-
 // With its bands, and what the robot images say of them.
 struct TestedCalibration {
   Calibration calibration;
