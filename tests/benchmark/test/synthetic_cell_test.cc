@@ -9,6 +9,7 @@
 #include <random>
 
 #include "tests/benchmark/scenes.h"
+#include "tests/seeded_random.h"
 
 namespace silhouette::benchmarks {
 namespace {
@@ -37,9 +38,7 @@ double DistanceOfSquare(int x, int y, const Disc& a, const Disc& b) {
 }
 
 TEST(DrawHull, SetsThePixelsThatTheHullTouches) {
-  const auto seed = std::random_device()();
-  SCOPED_TRACE("seed " + std::to_string(seed));
-  std::mt19937 random(seed);
+  std::mt19937_64 random = SeededRandom();
   const auto number = [&](double low, double high) {
     return std::uniform_real_distribution(low, high)(random);
   };

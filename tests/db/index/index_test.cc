@@ -5,22 +5,16 @@
 
 #include <cmath>
 #include <cstring>
-#include <iostream>
 #include <map>
 #include <random>
 
 #include "db/index/tile_index.h"
+#include "tests/seeded_random.h"
 
 namespace silhouette {
 namespace {
 
 using Random = std::mt19937_64;
-
-Random SeededRandom() {
-  const uint64_t seed = std::random_device()();
-  std::cout << "seed " << seed << std::endl;
-  return Random(seed);
-}
 
 double Uniform(Random& random, double from, double to) {
   return std::uniform_real_distribution<double>(from, to)(random);

@@ -6,12 +6,13 @@
 
 #include <cmath>
 #include <functional>
-#include <iostream>
 #include <numbers>
 #include <numeric>
 #include <random>
 #include <set>
 #include <stdexcept>
+
+#include "tests/seeded_random.h"
 
 namespace silhouette {
 namespace {
@@ -45,9 +46,6 @@ ConfigurationGrid RandomGrid(int joints, std::mt19937_64& random) {
 
 class RandomGrids : public testing::TestWithParam<int> {
  protected:
-  RandomGrids() : seed_(std::random_device()()), random_(seed_) {
-    std::cout << "seed " << seed_ << std::endl;
-  }
   ConfigurationGrid Next() { return RandomGrid(GetParam(), random_); }
 
   // A configuration within the grid's ranges.
@@ -60,8 +58,7 @@ class RandomGrids : public testing::TestWithParam<int> {
     return q;
   }
 
-  const uint64_t seed_;
-  std::mt19937_64 random_;
+  std::mt19937_64 random_ = SeededRandom();
 };
 
 INSTANTIATE_TEST_SUITE_P(Joints, RandomGrids, testing::Range(1, 8));

@@ -7,11 +7,12 @@
 #include <algorithm>
 #include <cmath>
 #include <functional>
-#include <iostream>
 #include <random>
 #include <stdexcept>
 #include <string>
 #include <vector>
+
+#include "tests/seeded_random.h"
 
 namespace silhouette {
 namespace {
@@ -60,11 +61,7 @@ std::vector<MaskSize> SomeSizes(std::mt19937_64& random) {
 
 class RandomMasks : public testing::Test {
  protected:
-  RandomMasks() : seed_(std::random_device()()), random_(seed_) {
-    std::cout << "seed " << seed_ << std::endl;
-  }
-  const uint64_t seed_;
-  std::mt19937_64 random_;
+  std::mt19937_64 random_ = SeededRandom();
 };
 
 TEST_F(RandomMasks, HoldThePixelsTheyWereMadeOf) {
@@ -196,9 +193,7 @@ double Apart(int dx, int dy) {
 }
 
 TEST(GrownMask, HasThePixelsNearerThanTheRadiusAndNoOthers) {
-  const unsigned seed = std::random_device()();
-  SCOPED_TRACE("seed " + std::to_string(seed));
-  std::mt19937 random(seed);
+  std::mt19937_64 random = SeededRandom();
   for (int round = 0; round < 60; ++round) {
     const MaskSize size{1 + static_cast<int>(random() % 140), 1 + static_cast<int>(random() % 40)};
     const double radius = round % 4 == 0 ? round / 8.0 : 0.1 + random() % 900 / 100.0;

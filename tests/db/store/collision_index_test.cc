@@ -17,6 +17,7 @@
 #include "db/store/schema.h"
 #include "tests/db/store/index_checks.h"
 #include "tests/db/store/test_database.h"
+#include "tests/seeded_random.h"
 
 namespace silhouette {
 namespace {
@@ -284,11 +285,9 @@ TEST(CollisionIndex, StoppedBuildKeepsWhatIsBuiltAndGoesOn) {
 // What is fresh is what the records are, while they change under the build.
 TEST(CollisionIndex, NeverClaimsRecordsThatItWasNotBuiltFrom) {
   const auto database = MakeFilledDatabase();
-  const uint64_t seed = std::random_device()();
-  std::cout << "seed " << seed << std::endl;
+  std::mt19937_64 random = SeededRandom();
   std::atomic<bool> done = false;
   std::jthread changes([&] {
-    std::mt19937_64 random(seed);
     const std::vector<ConfigurationNumber> numbers = AllNumbers(database->grid());
     while (!done) {
       const ConfigurationNumber number = numbers[random() % numbers.size()];

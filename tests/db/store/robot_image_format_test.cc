@@ -9,6 +9,7 @@
 
 #include "db/store/schema.h"
 #include "tests/db/store/test_cell.h"
+#include "tests/seeded_random.h"
 
 namespace silhouette {
 namespace {
@@ -64,15 +65,12 @@ void ExpectSameMasks(ConfigurationNumber number, const std::string& value,
 
 // `value` with the checksum that it needs.
 std::string Sealed(ConfigurationNumber number, std::string value) {
-  std::string checksum;
-  schema::AppendU64(checksum, XXH3_64bits_withSeed(value.data() + 8, value.size() - 8, number));
-  return value.replace(0, 8, checksum);
+  schema::Seal(value, number);
+  return value;
 }
 
 TEST(RobotImageFormat, MasksAloneAreThoseOfTheWholeRecord) {
-  const uint64_t seed = std::random_device()();
-  const ::testing::ScopedTrace trace(__FILE__, __LINE__, "seed " + std::to_string(seed));
-  std::mt19937_64 random(seed);
+  std::mt19937_64 random = SeededRandom();
   for (int i = 0; i < 500; ++i) {
     RobotImage image = SomeImage(random, i % 2 == 0);
     if (i % 10 == 0) {

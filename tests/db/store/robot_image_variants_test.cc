@@ -16,6 +16,7 @@
 #include "db/store/tile_value.h"
 #include "tests/db/store/index_checks.h"
 #include "tests/db/store/test_database.h"
+#include "tests/seeded_random.h"
 
 namespace silhouette {
 namespace {
@@ -132,9 +133,7 @@ TEST_F(Variants, ThatDifferInFewPixelsCostLittle) {
 
 // Whatever is replaced in whichever variant, in whatever order.
 TEST_F(Variants, KeepTheirImagesWhateverIsReplaced) {
-  const auto seed = static_cast<uint64_t>(absl::ToUnixNanos(absl::Now()));
-  SCOPED_TRACE(absl::StrCat("seed ", seed));
-  std::mt19937_64 random(seed);
+  std::mt19937_64 random = SeededRandom();
   std::vector<Content> expected(3);
   {
     const auto database = MakeDatabase();

@@ -52,9 +52,7 @@ using testing::HasSubstr;
 TEST(RobotImageWriter, KilledAtAnyInstantKeepsWhatItAcknowledgedAndNothingHalf) {
   const std::string path = FreshFolder() / "db";
   ASSERT_TRUE(Database::Create(path, TestCell(64, 64)).ok());
-  const uint64_t seed = std::random_device()();
-  std::cout << "seed " << seed << std::endl;
-  std::mt19937_64 random(seed);
+  std::mt19937_64 random = SeededRandom();
   std::vector<ConfigurationNumber> acknowledged;
   int killed = 0;
   for (bool finished = false; !finished;) {
