@@ -65,6 +65,13 @@ int RunProgram(CLI::App& app, int argc, char** argv, const std::function<int()>&
   }
 }
 
+int RunProgram(CLI::App& app, int argc, char** argv, const Work& work) {
+  return RunProgram(app, argc, argv, [&]() -> int {
+    const absl::StatusOr<ExitCode> result = work();
+    return result.ok() ? *result : Report(app.get_name(), result.status());
+  });
+}
+
 CLI::Validator PositiveNumber() {
   return CLI::Validator(
       [](const std::string& text) {

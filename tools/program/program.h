@@ -6,6 +6,7 @@
 #include <string>
 
 #include "absl/status/status.h"
+#include "absl/status/statusor.h"
 
 namespace CLI {
 class App;
@@ -32,6 +33,10 @@ ExitCode Report(const std::string& program, const absl::Status& status);
 // stderr and kUserMistake; --help and --version go to stdout with kDone. An exception that leaves
 // `run` is one sentence too: std::invalid_argument kUserMistake, any other kWorldFailed.
 int RunProgram(CLI::App& app, int argc, char** argv, const std::function<int()>& run);
+
+// What a chosen subcommand does. RunProgram reports an error status and returns its exit code.
+using Work = std::function<absl::StatusOr<ExitCode>()>;
+int RunProgram(CLI::App& app, int argc, char** argv, const Work& work);
 
 // Takes numbers above zero: option->check(PositiveNumber()).
 CLI::Validator PositiveNumber();

@@ -12,7 +12,7 @@
 namespace silhouette {
 
 // What a chosen command does; an error is reported and becomes the exit code (ExitCodeOf).
-using Run = std::function<absl::StatusOr<ExitCode>()>;
+using Run = Work;
 
 void AddBoardCommand(CLI::App& program, Run& run);
 void AddDetectCommand(CLI::App& program, Run& run);

@@ -22,8 +22,5 @@ int main(int argc, char** argv) {
   silhouette::AddCheckCommand(app, run);
   silhouette::AddRunCommand(app, run);
   silhouette::AddReportCommand(app, run);
-  return silhouette::RunProgram(app, argc, argv, [&]() -> int {
-    const absl::StatusOr<silhouette::ExitCode> code = run();
-    return code.ok() ? *code : silhouette::Report("silhouette-calibrate", code.status());
-  });
+  return silhouette::RunProgram(app, argc, argv, run);
 }

@@ -3,15 +3,10 @@
 #pragma once
 
 #include <CLI/CLI.hpp>
-#include <functional>
 
-#include "absl/status/statusor.h"
 #include "tools/program/program.h"
 
 namespace silhouette {
-
-// What the chosen subcommand does. An error status is told by its message and exit code.
-using Work = std::function<absl::StatusOr<ExitCode>()>;
 
 // Each adds its subcommand to `app` and, when it is chosen, sets `work`.
 void AddCameras(CLI::App& app, Work& work);

@@ -26,8 +26,5 @@ int main(int argc, char** argv) {
   }
   // Images are small: handing their parts to other threads costs more than it saves.
   cv::setNumThreads(1);
-  return RunProgram(app, argc, argv, [&]() -> int {
-    const absl::StatusOr<ExitCode> result = work();
-    return result.ok() ? *result : Report("silhouette-capture", result.status());
-  });
+  return RunProgram(app, argc, argv, work);
 }

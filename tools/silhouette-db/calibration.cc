@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// silhouette-db calibration: how the views see space, or each other, into the database and out.
+// silhouette-db calibration: import, export, show and remove it.
 #include <iostream>
 #include <memory>
 #include <optional>
@@ -203,8 +203,8 @@ void AddMargin(CLI::App& command, CalibrationOptions& options) {
 }
 
 void AddImportTo(CLI::App& parent, Work& work) {
-  auto [command, options] = AddCommand(parent, work, "import",
-                                       "Takes a calibration into the database", CalibrationImport);
+  auto [command, options] =
+      AddCommand(parent, work, "import", "Imports a calibration", CalibrationImport);
   command
       .add_option("files", options.inputs,
                   "A folder of camera models, or one per view: FILE, named VIEW.cameramodel, or "
@@ -238,7 +238,8 @@ void AddExportTo(CLI::App& parent, Work& work) {
 void AddShowTo(CLI::App& parent, Work& work) {
   auto [command, options] = AddCommand(
       parent, work, "show",
-      "Cameras, pairs of views, and what the robot images say of the calibration", CalibrationShow);
+      "Cameras, pairs of views, and how well the robot images agree with the calibration",
+      CalibrationShow);
   command.add_option("--picture", options.picture,
                      "Draw some pixels' bands in the other views into this PNG file");
   command.add_option("--view", options.view, "The view of these pixels; default: the first");
@@ -248,7 +249,7 @@ void AddShowTo(CLI::App& parent, Work& work) {
       ->take_all();
   command.add_option("--number", options.number,
                      "The configuration of the robot in the picture; default: the one that "
-                     "contradicts the calibration most, if any");
+                     "contradicts the calibration most");
   AddMargin(command, options);
   AddFormatOption(command, options.format);
   command.footer(
@@ -264,8 +265,8 @@ void AddRemoveTo(CLI::App& parent, Work& work) {
 }  // namespace
 
 void AddCalibration(CLI::App& app, Work& work) {
-  CLI::App* command = app.add_subcommand(
-      "calibration", "How the views see space or each other: import, export, show, remove");
+  CLI::App* command =
+      app.add_subcommand("calibration", "Imports, exports, shows or removes the calibration");
   command->require_subcommand(1);
   AddImportTo(*command, work);
   AddExportTo(*command, work);

@@ -3,7 +3,6 @@
 #pragma once
 
 #include <CLI/CLI.hpp>
-#include <functional>
 #include <memory>
 #include <string>
 #include <type_traits>
@@ -14,9 +13,6 @@
 #include "tools/program/program.h"
 
 namespace silhouette {
-
-// What the chosen subcommand does. An error status becomes a message and an exit code.
-using Work = std::function<absl::StatusOr<ExitCode>()>;
 
 // The options that most subcommands have.
 struct DatabaseOptions {

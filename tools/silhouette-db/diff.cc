@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// silhouette-db diff: in what two databases differ.
+// silhouette-db diff: compares two databases.
 #include <iostream>
 #include <memory>
 
@@ -162,14 +162,15 @@ absl::StatusOr<ExitCode> Diff(const DiffOptions& options) {
 
 void AddDiff(CLI::App& app, Work& work) {
   auto [command, options] =
-      AddCommand(app, work, "diff", "In what two databases differ; exit code 1 if they do", Diff);
+      AddCommand(app, work, "diff", "Compares two databases; exit code 1 if they differ", Diff);
   command.add_option("first", options.first, "Folder of a database")->required();
   command.add_option("second", options.second, "Folder of another")->required();
   AddVariantOption(command, options.variant);
-  command.add_option("--second-variant", options.second_variant,
-                     "That of the other database, if it has another name; both may be one");
+  command.add_option(
+      "--second-variant", options.second_variant,
+      "Variant of the second database, if it has another name; both may be one database");
   command.add_flag("--masks-only", options.masks_only,
-                   "Neither capture times, joint values, reference images nor calibration count");
+                   "Ignore capture times, joint values, reference images and calibration");
   command.footer(
       "Example:\n  silhouette-db diff --masks-only monday.lmdb tuesday.lmdb\n"
       "  silhouette-db diff --masks-only cell.lmdb cell.lmdb --second-variant gripper-open");

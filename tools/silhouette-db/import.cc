@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// silhouette-db import: masks made elsewhere, or exported, into a database.
+// silhouette-db import: masks that another program made, or that export wrote.
 #include <algorithm>
 #include <filesystem>
 #include <fstream>
@@ -197,18 +197,19 @@ absl::StatusOr<ExitCode> ImportHere(const ImportOptions& options) {
 void AddImport(CLI::App& app, Work& work) {
   auto [command, options] =
       AddCommand(app, work, "import",
-                 "Takes masks that were made elsewhere, or exported, into a database", ImportHere);
+                 "Imports masks that another program made, or that export wrote", ImportHere);
   command
       .add_option("folder", options.folder,
                   "Folder with configurations.csv, or the path of such a file")
       ->required();
   command.add_option("--cell", options.cell, "The cell file")->required();
-  command.add_option("--database", options.database,
-                     "Folder of the database, made if it is not there; by default the cell file's");
-  command.add_option("--variant", options.variant, "The variant; made if it is not there")
+  command.add_option(
+      "--database", options.database,
+      "Folder of the database, made if it is missing; default: that of the cell file");
+  command.add_option("--variant", options.variant, "The variant; made if it is missing")
       ->capture_default_str();
   command.add_flag("--replace", options.replace,
-                   "Records that are there already are replaced, instead of compared");
+                   "Replace existing records instead of comparing them");
   command.footer(
       "configurations.csv has one column per joint of the grid, by its name (radians, metres), "
       "and\n"

@@ -93,18 +93,17 @@ absl::StatusOr<ExitCode> Index(const IndexOptions& options) {
 void AddIndex(CLI::App& app, Work& work) {
   auto [command, options] = AddCommand(
       app, work, "index",
-      "Builds the collision index: by it the server tests the whole configuration space at once",
+      "Builds the collision index, with which the server checks the whole configuration space",
       Index);
   command.add_option("--variant", options.variant, "Only of this variant; default: of all");
   command.add_flag("--all", options.all,
-                   "Also the tiles that are fresh; by default only those whose records have "
-                   "changed since");
+                   "Rebuild fresh tiles, too; by default only tiles whose records have changed");
   AddFormatOption(command, options.format);
   command.footer(
-      "silhouette-capture builds it at the end of a capture; after an import, or a change of\n"
-      "records, this does. What is built stays, whatever happens: the same command goes on.\n"
+      "silhouette-capture builds it at the end of a capture. After an import or a change of\n"
+      "records, run this. Safe to interrupt: run the same command again to resume.\n"
       "Example:\n  silhouette-db index cell.lmdb\n"
-      "Exit codes: 0 all is built; 1 stopped; 2 a mistake in what was asked; 3 the disk failed.");
+      "Exit codes: 0 all is built; 1 stopped; 2 wrong arguments; 3 the disk failed.");
 }
 
 }  // namespace silhouette

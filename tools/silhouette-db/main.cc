@@ -3,8 +3,7 @@
 
 int main(int argc, char** argv) {
   using namespace silhouette;
-  CLI::App app("Looks into the database of a cell: robot images and what they belong to.",
-               "silhouette-db");
+  CLI::App app("Inspects and maintains the database of a cell.", "silhouette-db");
   app.require_subcommand(1);
   app.footer(
       "Examples:\n"
@@ -16,8 +15,5 @@ int main(int argc, char** argv) {
                          AddExport, AddImport, AddIndex, AddCompact, AddDiff, AddCalibration}) {
     add(app, work);
   }
-  return RunProgram(app, argc, argv, [&]() -> int {
-    const absl::StatusOr<ExitCode> result = work();
-    return result.ok() ? *result : Report("silhouette-db", result.status());
-  });
+  return RunProgram(app, argc, argv, work);
 }

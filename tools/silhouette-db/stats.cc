@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// silhouette-db stats: areas per view, what the robot always covers, outliers.
+// silhouette-db stats: areas per view, pixels that the robot always covers, outliers.
 #include <map>
 #include <memory>
 #include <nlohmann/json.hpp>
@@ -137,7 +137,7 @@ void AddStats(CLI::App& app, Work& work) {
       app, work, "stats", "The robot's area per view, what it always covers, outliers", Stats);
   AddVariantOption(command, options.variant);
   command.add_option("--picture", options.picture,
-                     "Write what the robot covers always and ever to this PNG file");
+                     "Write the pixels that the robot covers always or sometimes to this PNG file");
   AddFormatOption(command, options.format);
   command.footer("Example:\n  silhouette-db stats cell.lmdb --picture covered.png");
 }

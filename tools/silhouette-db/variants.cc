@@ -37,9 +37,9 @@ absl::StatusOr<ExitCode> Variants(const VariantsOptions& options) {
 }  // namespace
 
 void AddVariants(CLI::App& app, Work& work) {
-  auto [command, options] =
-      AddCommand(app, work, "variants",
-                 "The variants: of the robot with its gripper open, closed, with a part", Variants);
+  auto [command, options] = AddCommand(
+      app, work, "variants",
+      "Lists, adds or removes variants, e.g. gripper open, gripper closed, with a part", Variants);
   CLI::Option* add = command.add_option("--add", options.add, "Make this variant, without images");
   command
       .add_option("--remove", options.remove,
@@ -47,7 +47,7 @@ void AddVariants(CLI::App& app, Work& work) {
       ->excludes(add);
   AddFormatOption(command, options.format);
   command.footer(
-      "silhouette-capture run and silhouette-db import make a variant if it is not there.\n"
+      "silhouette-capture run and silhouette-db import make a variant if it is missing.\n"
       "Example:\n  silhouette-db variants cell.lmdb --remove gripper-open");
 }
 

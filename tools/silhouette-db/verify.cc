@@ -301,15 +301,15 @@ absl::StatusOr<ExitCode> Verify(const VerifyOptions& options) {
 void AddVerify(CLI::App& app, Work& work) {
   auto [command, options] = AddCommand(
       app, work, "verify",
-      "Reads everything, checks checksums, completeness, where fixed joints stood, and the\n"
-      "collision index against the robot images; exit code 1 if not sound",
+      "Reads the whole database. Checks checksums, completeness, the positions of fixed joints\n"
+      "and the collision index; exit code 1 if it is not sound",
       Verify);
   command.add_flag("--allow-missing", options.allow_missing,
                    "Configurations without a record are no fault");
   command
       .add_option("--fixed-joint-tolerance", options.fixed_joint_tolerance,
-                  "How far a joint outside the grid may have been from where the cell has it;\n"
-                  "radians, metres: fixed_joint_tolerance of the cell file")
+                  "How far a joint outside the grid may have been from its position in the cell\n"
+                  "file; radians, metres: fixed_joint_tolerance of the cell file")
       ->check(CLI::PositiveNumber)
       ->capture_default_str();
   AddFormatOption(command, options.format);
