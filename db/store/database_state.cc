@@ -87,8 +87,8 @@ absl::StatusOr<std::vector<MDB_dbi>> OtherVariants(Environment& environment) {
   return found;
 }
 
-absl::Status Change(const DatabaseState& state, size_t new_bytes,
-                    const storage::v1::Provenance& entry, const Environment::Change& write) {
+absl::Status WriteChange(const DatabaseState& state, size_t new_bytes,
+                         const storage::v1::Provenance& entry, const Environment::Change& write) {
   Environment& environment = *state.environment;
   return environment.Update(new_bytes, [&](WriteTransaction& transaction) -> absl::Status {
     RETURN_IF_ERROR(write(transaction));

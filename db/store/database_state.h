@@ -116,7 +116,7 @@ storage::v1::Provenance NewProvenance(absl::Time time, const std::string& progra
 
 // Runs `write` as one change (Environment::Update), which raises the generation. `entry` goes into
 // the provenance log unless it names no program.
-absl::Status Change(const DatabaseState& state, size_t new_bytes,
-                    const storage::v1::Provenance& entry, const Environment::Change& write);
+absl::Status WriteChange(const DatabaseState& state, size_t new_bytes,
+                         const storage::v1::Provenance& entry, const Environment::Change& write);
 
 }  // namespace silhouette

@@ -110,7 +110,7 @@ absl::Status Database::ReplaceMasks(const Database& made, const std::string& pro
                      description.SerializeAsString());
   };
   RETURN_IF_ERROR(
-      Change(*state_, usage.used_bytes, NewProvenance(absl::Now(), program, records), change));
+      WriteChange(*state_, usage.used_bytes, NewProvenance(absl::Now(), program, records), change));
   state_->cell = description;
   return absl::OkStatus();
 }

@@ -86,7 +86,7 @@ absl::Status Database::RemoveVariant(const std::string& name, const std::string&
   }
   storage::v1::Provenance entry = NewProvenance(absl::Now(), program, 0);
   entry.set_variant(name);
-  return Change(*state_, 0, entry, [&](WriteTransaction& transaction) -> absl::Status {
+  return WriteChange(*state_, 0, entry, [&](WriteTransaction& transaction) -> absl::Status {
     ASSIGN_OR_RETURN(std::vector<std::string> names,
                      silhouette::ReadVariants(environment, transaction.get()));
     std::erase(names, name);

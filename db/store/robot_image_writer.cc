@@ -260,7 +260,7 @@ absl::Status RobotImageWriter::Commit() {
       ASSIGN_OR_RETURN(provenance_entry, impl_->WriteProvenance(transaction));
       return absl::OkStatus();
     };
-    RETURN_IF_ERROR(Change(*impl_->state, impl_->batch_bytes, {}, write));
+    RETURN_IF_ERROR(WriteChange(*impl_->state, impl_->batch_bytes, {}, write));
     impl_->provenance_entry = provenance_entry;
     impl_->committed += impl_->batch.size();
     impl_->batch.clear();

@@ -168,11 +168,11 @@ absl::Status Database::ChangeMeta(std::string_view key, const std::optional<std:
                                   const std::string& program) {
   RETURN_IF_ERROR(CheckWritable(*state_));
   const Environment& environment = *state_->environment;
-  return Change(*state_, payload ? payload->size() : 0, NewProvenance(absl::Now(), program, 0),
-                [&](WriteTransaction& transaction) {
-                  return payload ? WriteMeta(environment, transaction, key, *payload)
-                                 : transaction.Delete(environment.meta(), key);
-                });
+  return WriteChange(*state_, payload ? payload->size() : 0, NewProvenance(absl::Now(), program, 0),
+                     [&](WriteTransaction& transaction) {
+                       return payload ? WriteMeta(environment, transaction, key, *payload)
+                                      : transaction.Delete(environment.meta(), key);
+                     });
 }
 
 absl::Status Database::SetReferences(const storage::v1::References& references,
