@@ -96,10 +96,11 @@ int SharedRecords(const std::string& folder, const std::string& variant) {
 }
 
 TEST_F(Variants, AreKeptBesideEachOther) {
+  const std::string path = FreshFolder() / "db";
   std::vector<RobotImage> plain;
   std::vector<RobotImage> tool;
   {
-    const auto database = MakeDatabase();
+    const auto database = MakeDatabase(TestCell(), path);
     EXPECT_THAT(*database->Variants(), ElementsAre("default"));
     const auto variant = MakeVariant(*database);
     EXPECT_EQ(variant->variant(), kTool);
@@ -109,10 +110,10 @@ TEST_F(Variants, AreKeptBesideEachOther) {
     PutAll(*database, plain);
     PutAll(*variant, tool);
   }
-  const auto database = *Database::Open(database->path(), Access::kRead);
+  const auto database = *Database::Open(path, Access::kRead);
   EXPECT_EQ(ContentOf(*database), AsContent(plain));
   EXPECT_EQ(ContentOf(**database->OpenVariant(kTool)), AsContent(tool));
-  EXPECT_GT(SharedRecords(database->path(), kTool), static_cast<int>(tool.size()) * 3 / 4);
+  EXPECT_GT(SharedRecords(path, kTool), static_cast<int>(tool.size()) * 3 / 4);
   const auto found = (*database->OpenVariant(kTool))->Read();
   for (const RobotImage& image : tool) EXPECT_EQ(**found->Find(image.number), image);
 }
@@ -134,9 +135,10 @@ TEST_F(Variants, ThatDifferInFewPixelsCostLittle) {
 // Whatever is replaced in whichever variant, in whatever order.
 TEST_F(Variants, KeepTheirImagesWhateverIsReplaced) {
   std::mt19937_64 random = SeededRandom();
+  const std::string path = FreshFolder() / "db";
   std::vector<Content> expected(3);
   {
-    const auto database = MakeDatabase();
+    const auto database = MakeDatabase(TestCell(), path);
     std::vector<std::unique_ptr<Database>> variants;
     variants.push_back(*database->OpenVariant("default"));
     variants.push_back(MakeVariant(*database, "a"));
@@ -154,7 +156,7 @@ TEST_F(Variants, KeepTheirImagesWhateverIsReplaced) {
       PutAll(*variants[which], images, true);
     }
   }
-  const auto database = *Database::Open(database->path(), Access::kRead);
+  const auto database = *Database::Open(path, Access::kRead);
   const auto states = database->ReadVariants();
   ASSERT_TRUE(states.ok()) << states.status();
   ASSERT_EQ(states->size(), 3);

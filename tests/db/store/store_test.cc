@@ -33,9 +33,10 @@ RobotImageWriter MakeWriter(Database& database, absl::Duration max_delay = absl:
 }
 
 TEST(Database, GivesBackWhatWasPutAfterReopening) {
+  const std::string path = FreshFolder() / "db";
   std::map<ConfigurationNumber, RobotImage> expected;
   {
-    const auto database = MakeDatabase();
+    const auto database = MakeDatabase(TestCell(), path);
     RobotImageWriter writer = MakeWriter(*database);
     std::vector<ConfigurationNumber> numbers = AllNumbers(database->grid());
     std::shuffle(numbers.begin(), numbers.end(), std::mt19937_64(1));
@@ -49,7 +50,7 @@ TEST(Database, GivesBackWhatWasPutAfterReopening) {
     ASSERT_TRUE(writer.Commit().ok());
     EXPECT_EQ(writer.committed(), expected.size());
   }
-  const auto database = OpenDatabase(database->path());
+  const auto database = OpenDatabase(path);
   EXPECT_EQ(ContentOf(*database), expected);
   const absl::StatusOr<Snapshot> snapshot = database->Read();
   EXPECT_EQ(snapshot->size(), expected.size());
