@@ -25,7 +25,9 @@ void MakeFullDatabase(const std::string& path) {
   auto writer = database->Write("test", absl::Hours(1));
   for (ConfigurationNumber number : AllNumbers(database->grid())) {
     ASSERT_TRUE(writer->Put(TestImage(*database, number)).ok());
-    if (number % 50 == 0) ASSERT_TRUE(writer->Commit().ok());
+    if (number % 50 == 0) {
+      ASSERT_TRUE(writer->Commit().ok());
+    }
   }
   ASSERT_TRUE(writer->Commit().ok());
 }
