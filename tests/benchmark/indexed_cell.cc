@@ -3,15 +3,13 @@
 
 #include <atomic>
 #include <cstring>
-#include <new>
+#include <span>
 #include <utility>
 
 #include "common/parallel/parallel.h"
 
 namespace silhouette::benchmarks {
 namespace {
-
-constexpr std::align_val_t kAlignment{64};
 
 std::vector<PixelTree> TreesFor(std::span<const MaskSize> sizes) {
   return {sizes.begin(), sizes.end()};
@@ -25,21 +23,11 @@ uint64_t BytesOfMasks(std::span<const MaskSize> sizes) {
 
 }  // namespace
 
-void IndexedCell::Free::operator()(std::byte* bytes) const { ::operator delete(bytes, kAlignment); }
-
-IndexedCell::Bytes IndexedCell::Aligned(const std::vector<std::byte>& bytes) {
-  Bytes aligned(static_cast<std::byte*>(::operator new(bytes.size(), kAlignment)));
-  std::memcpy(aligned.get(), bytes.data(), bytes.size());
-  return aligned;
-}
-
-void IndexedCell::AppendAll(std::vector<std::vector<std::byte>> built) {
-  for (std::vector<std::byte>& bytes : built) {
-    kept_.push_back(Aligned(bytes));
-    tiles_.emplace_back(std::span<const std::byte>(kept_.back().get(), bytes.size()), trees_);
-    bytes_ += bytes.size();
-    bytes = {};
-  }
+void IndexedCell::Append(const std::vector<std::byte>& bytes) {
+  std::vector<PlaceSet>& kept = kept_.emplace_back(bytes.size() / sizeof(PlaceSet) + 1);
+  std::memcpy(kept.data(), bytes.data(), bytes.size());
+  tiles_.emplace_back(std::as_bytes(std::span(kept)).first(bytes.size()), trees_);
+  bytes_ += bytes.size();
 }
 
 IndexedCell::IndexedCell(const SyntheticCell& cell, uint64_t stride)
@@ -61,7 +49,7 @@ IndexedCell::IndexedCell(const SyntheticCell& cell, uint64_t stride)
     }
     built[i] = builder.Finish();
   });
-  AppendAll(std::move(built));
+  for (std::vector<std::byte>& bytes : built) Append(std::exchange(bytes, {}));
   mask_bytes_ = configurations * BytesOfMasks(cell.mask_sizes());
 }
 

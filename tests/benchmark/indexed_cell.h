@@ -3,10 +3,10 @@
 #pragma once
 
 #include <cstddef>
-#include <memory>
 #include <vector>
 
 #include "db/index/pixel_tree.h"
+#include "db/index/place_set.h"
 #include "db/index/tile_index.h"
 #include "tests/benchmark/synthetic_cell.h"
 
@@ -28,17 +28,11 @@ class IndexedCell {
   uint64_t mask_bytes() const { return mask_bytes_; }
 
  private:
-  struct Free {
-    void operator()(std::byte* bytes) const;
-  };
-  using Bytes = std::unique_ptr<std::byte, Free>;
-
-  // Memory that begins at a multiple of 64, as the index likes it.
-  static Bytes Aligned(const std::vector<std::byte>& bytes);
-  void AppendAll(std::vector<std::vector<std::byte>> built);
+  void Append(const std::vector<std::byte>& bytes);
 
   std::vector<PixelTree> trees_;
-  std::vector<Bytes> kept_;
+  // The bytes of the tiles, at multiples of 64 as the index likes them.
+  std::vector<std::vector<PlaceSet>> kept_;
   std::vector<TileIndex> tiles_;
   uint64_t bytes_ = 0;
   uint64_t mask_bytes_ = 0;

@@ -2,9 +2,7 @@
 // tools/benchmark, without its measuring: from what Google Benchmark tells to the rows.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
-#include <sys/wait.h>
 
-#include <cstdlib>
 #include <fstream>
 #include <map>
 #include <nlohmann/json.hpp>
@@ -12,7 +10,7 @@
 #include <sstream>
 #include <string>
 
-#include "tests/test_folder.h"
+#include "tests/shell.h"
 
 namespace silhouette {
 namespace {
@@ -22,21 +20,11 @@ using ::testing::HasSubstr;
 
 const std::string kSource = SILHOUETTE_SOURCE_DIR;
 
-std::string ContentOf(const std::filesystem::path& file) {
-  std::ifstream in(file);
-  return {std::istreambuf_iterator<char>(in), {}};
-}
-
-// Exit code of a command whose standard output goes to a file.
-int ExitCodeOf(const std::string& command, const std::filesystem::path& out) {
-  const int status = std::system((command + " >" + out.string() + " 2>&1").c_str());
-  return WEXITSTATUS(status);
-}
-
 Json Table() { return Json::parse(ContentOf(kSource + "/tests/benchmark/rows.json")); }
 
 TEST(BenchmarkScript, ComparesWhatRanAndLeavesOutWhatDidNot) {
-  const auto folder = FreshFolder();
+  const Shell shell;
+  const std::filesystem::path& folder = shell.folder();
   std::ofstream(folder / "results.json") << R"({
     "context": {"date": "today", "num_cpus": 2, "load_avg": [0.1]},
     "benchmarks": [
@@ -44,10 +32,10 @@ TEST(BenchmarkScript, ComparesWhatRanAndLeavesOutWhatDidNot) {
       {"name": "scene_to_map_1m/person/manual_time", "median_ns": 0.5e6, "worst_ns": 1e6},
       {"name": "grpc_batch/tcp/iterations:3/real_time", "per_second": 40e6},
       {"name": "lmdb_get/manual_time", "error_occurred": true, "error_message": "no disk"}]})";
-  const std::string command = kSource + "/tools/benchmark --results " +
-                              (folder / "results.json").string() + " --out " + folder.string();
-  EXPECT_EQ(ExitCodeOf(command, folder / "log"), 1);
-  EXPECT_THAT(ContentOf(folder / "log"), HasSubstr("lmdb_get/manual_time: no disk"));
+  const Ended ended =
+      shell.Run(kSource + "/tools/benchmark --results $PWD/results.json --out $PWD 2>&1");
+  EXPECT_EQ(ended.exit_code, 1);
+  EXPECT_THAT(ended.out, HasSubstr("lmdb_get/manual_time: no disk"));
 
   std::map<std::string, Json> rows;
   for (const Json& row : Json::parse(ContentOf(folder / "ratios.json"))) {
@@ -69,12 +57,10 @@ TEST(BenchmarkScript, ComparesWhatRanAndLeavesOutWhatDidNot) {
 }
 
 TEST(BenchmarkScript, EveryRowHasItsBenchmarkAndItsBaseline) {
-  const auto folder = FreshFolder();
-  ASSERT_EQ(
-      ExitCodeOf(SILHOUETTE_BIN_DIR "/silhouette-bench --benchmark_list_tests", folder / "list"),
-      0);
+  const Ended listed = Shell().Run(SILHOUETTE_BIN_DIR "/silhouette-bench --benchmark_list_tests");
+  ASSERT_EQ(listed.exit_code, 0);
   std::set<std::string> benchmarks;
-  std::istringstream lines(ContentOf(folder / "list"));
+  std::istringstream lines(listed.out);
   for (std::string line; std::getline(lines, line);) {
     for (const char* added : {"/manual_time", "/real_time", "/iterations:"}) {
       line = line.substr(0, line.find(added));
@@ -90,13 +76,15 @@ TEST(BenchmarkScript, EveryRowHasItsBenchmarkAndItsBaseline) {
 }
 
 TEST(BenchmarkScript, MistakesAreTheUsersAndHelpIsHelp) {
-  const auto folder = FreshFolder();
-  EXPECT_EQ(ExitCodeOf(kSource + "/tools/benchmark --fast", folder / "log"), 2);
-  EXPECT_THAT(ContentOf(folder / "log"), HasSubstr("unknown argument '--fast'"));
-  EXPECT_EQ(ExitCodeOf(kSource + "/tools/benchmark --results nowhere", folder / "log"), 2);
-  EXPECT_THAT(ContentOf(folder / "log"), HasSubstr("there is no 'nowhere'"));
-  EXPECT_EQ(ExitCodeOf(kSource + "/tools/benchmark --help", folder / "log"), 0);
-  EXPECT_THAT(ContentOf(folder / "log"), HasSubstr("--quick"));
+  const Shell shell;
+  const auto expect = [&](const std::string& arguments, int exit_code, const char* said) {
+    const Ended ended = shell.Run(kSource + "/tools/benchmark " + arguments + " 2>&1");
+    EXPECT_EQ(ended.exit_code, exit_code) << arguments;
+    EXPECT_THAT(ended.out, HasSubstr(said));
+  };
+  expect("--fast", 2, "unknown argument '--fast'");
+  expect("--results nowhere", 2, "there is no 'nowhere'");
+  expect("--help", 0, "--quick");
 }
 
 }  // namespace
