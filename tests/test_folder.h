@@ -18,6 +18,8 @@ inline const std::filesystem::path& TestFolder() {
       std::string pattern = std::filesystem::temp_directory_path() / "silhouette-XXXXXX";
       if (mkdtemp(pattern.data()) == nullptr) throw std::runtime_error("no temporary folder");
       path = pattern;
+      // Other users may enter it, as any folder.
+      std::filesystem::permissions(path, std::filesystem::perms(0755));
     }
     ~Folder() {
       std::error_code ignored;

@@ -67,7 +67,6 @@ void TakePermission(const std::string& path) {
 
 TEST(Database, WithoutPermissionToWriteCanBeRead) {
   const std::filesystem::path folder = FreshFolder();
-  ASSERT_EQ(chmod(TestFolder().c_str(), 0755), 0);
   MakeReadableDatabase(folder / "db");
   EXPECT_FALSE(ReadersKeepWritersOut(folder / "db"));
   TakePermission(folder / "db");
@@ -84,7 +83,6 @@ TEST(Database, WithoutPermissionToWriteCanBeRead) {
 TEST(Database, WithoutPermissionToRegisterIsNotReadWhileItIsWritten) {
   if (geteuid() != 0) GTEST_SKIP() << "needs a second user, thus root";
   const std::filesystem::path folder = FreshFolder();
-  ASSERT_EQ(chmod(TestFolder().c_str(), 0755), 0);
   MakeReadableDatabase(folder / "db");
   TakePermission(folder / "db");
   const auto writer = Database::Open(folder / "db", Access::kWrite);
@@ -101,7 +99,6 @@ TEST(Database, WithoutPermissionToRegisterIsNotReadWhileItIsWritten) {
 
 TEST(Database, WithoutPermissionToReadSaysSo) {
   const std::filesystem::path folder = FreshFolder();
-  ASSERT_EQ(chmod(TestFolder().c_str(), 0755), 0);
   MakeReadableDatabase(folder / "db");
   ASSERT_EQ(chmod((folder / "db/data.mdb").c_str(), 0), 0);
   EXPECT_TRUE(HoldsForAnOrdinaryUser([&] {
