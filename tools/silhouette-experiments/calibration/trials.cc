@@ -22,17 +22,47 @@
 namespace silhouette::calibration_experiment {
 namespace {
 
+// Of the sensor, grey levels and pixels.
+constexpr double kNoise = 2;
+constexpr double kBlur = 0.6;
+
+SimulationSettings SettingsOf(const NamedCamera& camera, const Board& board, uint64_t seed) {
+  SimulationSettings settings;
+  settings.cameras = {{camera.view, camera.model}};
+  settings.boards = {{.board = board, .margin = 0.02}};
+  settings.noise_sigma = kNoise;
+  settings.blur = kBlur;
+  settings.seed = seed;
+  return settings;
+}
+
 // Images of a board by a camera of the simulated cell, without a robot.
 class Photographer {
  public:
-  // Of the sensor, grey levels and pixels.
-  static constexpr double kNoise = 2;
-  static constexpr double kBlur = 0.6;
-
-  Photographer(const NamedCamera& camera, const Board& board, uint64_t seed);
+  Photographer(const NamedCamera& camera, const Board& board, uint64_t seed)
+      : settings_(SettingsOf(camera, board, seed)), renderer_(settings_, {}), sensor_(settings_) {}
 
   // Row by row from the top left, of the camera's size.
-  std::vector<uint8_t> Take(const Eigen::Isometry3d& world_from_board);
+  std::vector<uint8_t> Take(const Eigen::Isometry3d& world_from_board) {
+    const CameraIntrinsics& lens = settings_.cameras[0].model.intrinsics();
+    const auto width = static_cast<size_t>(lens.width);
+    std::vector<float> sharp(width * static_cast<size_t>(lens.height));
+    const std::vector<std::optional<Eigen::Isometry3d>> boards{world_from_board};
+    renderer_.Render(std::vector<size_t>{0}, nullptr, boards, {},
+                     [&](size_t, int y, const Renderer::Row& row) {
+                       const ptrdiff_t first = static_cast<ptrdiff_t>(y) * std::ssize(row.levels);
+                       std::copy(row.levels.begin(), row.levels.end(), sharp.begin() + first);
+                     });
+    Blur(sharp, lens.width, settings_.blur);
+    std::vector<uint8_t> pixels(sharp.size());
+    for (int y = 0; y < lens.height; ++y) {
+      const size_t first = static_cast<size_t>(y) * width;
+      sensor_.Expose(std::span(sharp).subspan(first, width), {}, {.frame = frame_, .y = y},
+                     std::span(pixels).subspan(first, width));
+    }
+    ++frame_;
+    return pixels;
+  }
 
  private:
   const SimulationSettings settings_;
@@ -40,40 +70,6 @@ class Photographer {
   ImageSensor sensor_;
   uint64_t frame_ = 0;
 };
-
-SimulationSettings SettingsOf(const NamedCamera& camera, const Board& board, uint64_t seed) {
-  SimulationSettings settings;
-  settings.cameras = {{camera.view, camera.model}};
-  settings.boards = {{.board = board, .margin = 0.02}};
-  settings.noise_sigma = Photographer::kNoise;
-  settings.blur = Photographer::kBlur;
-  settings.seed = seed;
-  return settings;
-}
-
-Photographer::Photographer(const NamedCamera& camera, const Board& board, uint64_t seed)
-    : settings_(SettingsOf(camera, board, seed)), renderer_(settings_, {}), sensor_(settings_) {}
-
-std::vector<uint8_t> Photographer::Take(const Eigen::Isometry3d& world_from_board) {
-  const CameraIntrinsics& lens = settings_.cameras[0].model.intrinsics();
-  const auto width = static_cast<size_t>(lens.width);
-  std::vector<float> sharp(width * static_cast<size_t>(lens.height));
-  const std::vector<std::optional<Eigen::Isometry3d>> boards{world_from_board};
-  renderer_.Render(std::vector<size_t>{0}, nullptr, boards, {},
-                   [&](size_t, int y, const Renderer::Row& row) {
-                     std::copy(row.levels.begin(), row.levels.end(),
-                               sharp.begin() + static_cast<ptrdiff_t>(y) * std::ssize(row.levels));
-                   });
-  Blur(sharp, lens.width, settings_.blur);
-  std::vector<uint8_t> pixels(sharp.size());
-  for (int y = 0; y < lens.height; ++y) {
-    const size_t first = static_cast<size_t>(y) * width;
-    sensor_.Expose(std::span(sharp).subspan(first, width), {}, {.frame = frame_, .y = y},
-                   std::span(pixels).subspan(first, width));
-  }
-  ++frame_;
-  return pixels;
-}
 
 constexpr size_t kFrames = 6;
 constexpr double kLeastSize = 60;  // of a tag's shortest side, pixels

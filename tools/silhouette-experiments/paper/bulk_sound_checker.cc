@@ -163,73 +163,44 @@ std::span<const SoundSpace::Row> SoundSpace::Touched(size_t index, size_t sphere
   return {rows_.data() + starts_[place], rows_.data() + starts_[place + 1]};
 }
 
-SoundVerdicts SoundOnGrid(const SoundSpace& sound, std::span<const ObstacleImage> images,
-                          ViewSet views, const RobotVoxels& body, std::span<const Sphere> robot) {
+SoundVerdicts CheckSound(const SoundSpace& sound, std::span<const ObstacleImage> images,
+                         ViewSet views, const RobotVoxels& body, const Spheres* robot) {
   const SphereCell& cell = sound.cell();
+  const bool in_cells = robot == nullptr;
   const ObstacleImages chosen = Chosen(images, views);
   const PossibleSpace possible(sound.space(), chosen, body);
   const int all = sound.space().views();
-  SoundVerdicts verdicts{MetByPlanes(possible, cell.OnGrid()), {}};
+  SoundVerdicts verdicts{MetByPlanes(possible, in_cells ? cell.InCells() : cell.OnGrid()), {}};
   verdicts.voxels.assign(verdicts.planes.size(), 0);
   const bool any_always_met = !possible.always_met().Empty();
   std::vector<MaskWords> words(images.size());
-  const auto any_moved = [&](size_t index, const VoxelSet& set, auto visit) {
+  const auto touches = [&](size_t index, const VoxelSet& set, auto visit) {
     const Spheres& there = cell.arms().At(index);
     for (size_t i = 0; i < there.size(); ++i) {
-      if (there[i].centre == robot[i].centre) continue;
+      if (!in_cells && there[i].centre == (*robot)[i].centre) continue;
       if (AnyTouched(set, sound.Touched(index, i), visit)) return true;
     }
     return false;
   };
   for (size_t index = 0; index < cell.arms().size(); ++index) {
-    bool met = Contains(verdicts.planes, index);
-    if (!met && any_always_met) {
-      met = any_moved(index, possible.always_met(), [](int, int, int) { return true; });
-      if (met) Insert(verdicts.planes, index);
+    if (any_always_met && !Contains(verdicts.planes, index)) {
+      const auto any = [](int, int, int) { return true; };
+      if (in_cells || touches(index, possible.always_met(), any)) Insert(verdicts.planes, index);
     }
-    if (!met) continue;
-    for (size_t view = 0; view < words.size(); ++view) {
-      words[view] = cell.RobotImages(static_cast<int>(view))[index].words();
+    if (!Contains(verdicts.planes, index)) continue;
+    for (int view = 0; view < cell.views(); ++view) {
+      const auto robot_images = in_cells ? cell.CellImages(view) : cell.RobotImages(view);
+      words[static_cast<size_t>(view)] = robot_images[index].words();
     }
     const auto in_images = [&](int x, int y, int z) {
       return possible.VoxelMeets(words, all, x, y, z);
     };
-    if (any_moved(index, possible.remaining(), in_images)) Insert(verdicts.voxels, index);
-  }
-  return verdicts;
-}
-
-SoundVerdicts SoundInCells(const SoundSpace& sound, std::span<const ObstacleImage> images,
-                           ViewSet views, const RobotVoxels& body) {
-  const SphereCell& cell = sound.cell();
-  const ObstacleImages chosen = Chosen(images, views);
-  const PossibleSpace possible(sound.space(), chosen, body);
-  const int all = sound.space().views();
-  const size_t configurations = cell.arms().size();
-  SoundVerdicts verdicts{MetByPlanes(possible, cell.InCells()), {}};
-  verdicts.voxels.assign(verdicts.planes.size(), 0);
-  std::vector<std::vector<uint64_t>> unions(images.size());
-  std::vector<MaskWords> words(images.size());
-  for (size_t index = 0; index < configurations; ++index) {
-    if (!possible.always_met().Empty()) Insert(verdicts.planes, index);
-    if (!Contains(verdicts.planes, index)) continue;
-    const std::array<size_t, 4> corners = cell.arms().CellFrom(index);
-    for (size_t view = 0; view < images.size(); ++view) {
-      const std::span<const Mask> at = cell.RobotImages(static_cast<int>(view));
-      unions[view].assign(at[0].words().size(), 0);
-      for (size_t corner : corners) {
-        for (size_t i = 0; i < unions[view].size(); ++i) unions[view][i] |= at[corner].words()[i];
-      }
-      words[view] = unions[view];
+    // In a grid cell, a voxel that the body at its lowest corner touches is the likeliest; else
+    // any.
+    if (touches(index, possible.remaining(), in_images) ||
+        (in_cells && possible.VoxelsMeet(words, all))) {
+      Insert(verdicts.voxels, index);
     }
-    // A voxel that the body touches is the likeliest; else any.
-    bool met = false;
-    for (size_t i = 0; !met && i < cell.arms().At(index).size(); ++i) {
-      met = AnyTouched(possible.remaining(), sound.Touched(index, i), [&](int x, int y, int z) {
-        return possible.VoxelMeets(words, all, x, y, z);
-      });
-    }
-    if (met || possible.VoxelsMeet(words, all)) Insert(verdicts.voxels, index);
   }
   return verdicts;
 }

@@ -53,14 +53,11 @@ struct SoundVerdicts {
   ConfigurationSet voxels;  // sound
 };
 
-// Checks the configurations of the grid in a scene with the views of `views`. `images`: of all
-// views. `robot`: its spheres at present.
-SoundVerdicts SoundOnGrid(const SoundSpace& sound, std::span<const ObstacleImage> images,
-                          ViewSet views, const RobotVoxels& body, std::span<const Sphere> robot);
-
-// Checks configurations in the grid cells, by the union of the robot images at their corners,
-// without the robot's body there.
-SoundVerdicts SoundInCells(const SoundSpace& sound, std::span<const ObstacleImage> images,
-                           ViewSet views, const RobotVoxels& body);
+// Checks all configurations of the grid in a scene with the views of `views`. `images`: of all
+// views. `body`, `robot`: at its present configuration. Without `robot` it checks configurations in
+// the grid cells instead, by the union of the robot images at their corners, without the robot's
+// body there.
+SoundVerdicts CheckSound(const SoundSpace& sound, std::span<const ObstacleImage> images,
+                         ViewSet views, const RobotVoxels& body, const Spheres* robot);
 
 }  // namespace silhouette::paper

@@ -139,7 +139,7 @@ SphereCell::SphereCell(const ArmTable& arms, std::vector<ParallelCamera> cameras
       images.push_back(ImageOf(cameras_[view], arms.At(i), raster));
     }
     on_grid_.emplace_back(images);
-    std::vector<Mask> unions;
+    std::vector<Mask>& unions = cell_images_.emplace_back();
     for (size_t i = 0; i < arms.size(); ++i) {
       const auto [c0, c1, c2, c3] = arms.CellFrom(i);
       unions.push_back(images[c0] | images[c1] | images[c2] | images[c3]);
@@ -161,12 +161,13 @@ std::vector<ObstacleImage> SphereCell::Look(std::span<const Sphere> obstacles,
 std::vector<ObstacleImage> SphereCell::LookOffGrid(std::span<const Sphere> obstacles,
                                                    std::array<double, 2> current) const {
   const Spheres robot = arms_.AtJoints(current);
-  const auto [c0, c1, c2, c3] = arms_.CellFrom(arms_.CellOf(current));
+  const size_t cell = arms_.CellOf(current);
+  const auto [c0, c1, c2, c3] = arms_.CellFrom(cell);
   std::vector<ObstacleImage> images;
   for (int view = 0; view < views(); ++view) {
     const std::span<const Mask> at = RobotImages(view);
     images.push_back(ObstacleImage::FromScene(ImageIn(view, obstacles) | ImageIn(view, robot),
-                                              at[c0] | at[c1] | at[c2] | at[c3],
+                                              CellImages(view)[cell],
                                               at[c0] & at[c1] & at[c2] & at[c3]));
   }
   return images;

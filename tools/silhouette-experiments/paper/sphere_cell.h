@@ -89,7 +89,11 @@ class SphereCell {
   std::span<const Mask> RobotImages(int view) const {
     return robot_images_[static_cast<size_t>(view)];
   }
-  // Per view: the robot images, and their unions over the corners of every grid cell.
+  // Their unions over the corners of the grid cell that begins at each configuration.
+  std::span<const Mask> CellImages(int view) const {
+    return cell_images_[static_cast<size_t>(view)];
+  }
+  // Per view: the robot images and the cell images.
   std::span<const TransposedImages> OnGrid() const { return on_grid_; }
   std::span<const TransposedImages> InCells() const { return in_cells_; }
 
@@ -110,6 +114,7 @@ class SphereCell {
   EpipolarBands bands_;
   LineTables lines_;
   std::vector<std::vector<Mask>> robot_images_;
+  std::vector<std::vector<Mask>> cell_images_;
   std::vector<TransposedImages> on_grid_;
   std::vector<TransposedImages> in_cells_;
 };

@@ -189,10 +189,9 @@ class Measurer {
   void MeasureSound(const Part& part, const Trial& trial) {
     const RobotVoxels body = sound_->BodyOf(trial.robot);
     for (ViewSet views = 1; views < ViewSet{1} << cell_.views(); ++views) {
+      const bool in_cells = part.experiment == Experiment::kTestOffGrid;
       const SoundVerdicts verdicts =
-          part.experiment == Experiment::kTestOffGrid
-              ? SoundInCells(*sound_, trial.images, views, body)
-              : SoundOnGrid(*sound_, trial.images, views, body, trial.robot);
+          CheckSound(*sound_, trial.images, views, body, in_cells ? nullptr : &trial.robot);
       for (Preset preset : presets_) {
         if (!IsSound(preset)) continue;
         Add(part, preset, Threshold::kAll, std::popcount(views), trial.truth,

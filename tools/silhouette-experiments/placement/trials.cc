@@ -6,6 +6,7 @@
 #include <bit>
 #include <numbers>
 #include <opencv2/imgproc.hpp>
+#include <optional>
 #include <random>
 #include <utility>
 
@@ -22,6 +23,8 @@ namespace silhouette {
 namespace {
 
 using Random = std::mt19937_64;
+
+constexpr int kMostAttempts = 200;  // to sample a scene that is a measure
 
 double Between(double lower, double upper, Random& random) {
   return lower + (upper - lower) * std::generate_canonical<double, 53>(random);
@@ -132,6 +135,47 @@ int64_t CountBits(const std::vector<uint64_t>& words) {
   return count;
 }
 
+// What stands in a sampled scene, and where the robot is.
+struct SampledScene {
+  std::vector<Obstacle> obstacles;
+  std::vector<uint64_t> touching;  // one bit per configuration
+  size_t current = 0;
+};
+
+// Nothing if the robot touches an obstacle at every configuration.
+std::optional<SampledScene> SampleScene(const RobotModel& robot, const std::vector<Poses>& poses,
+                                        const PlacementSamples& samples,
+                                        const Eigen::AlignedBox3d& reach, uint64_t seed) {
+  Random random(seed);
+  SampledScene scene;
+  const auto all = static_cast<int64_t>(poses.size());
+  int64_t touching = 0;
+  // A scene that blocks nothing, or nearly everything, is no measure.
+  for (int attempt = 0; attempt < kMostAttempts; ++attempt) {
+    scene.obstacles.clear();
+    const auto spread = static_cast<size_t>(samples.most_obstacles - samples.least_obstacles);
+    const size_t count = static_cast<size_t>(samples.least_obstacles) + Below(spread + 1, random);
+    for (size_t i = 0; i < count; ++i) {
+      scene.obstacles.push_back(RandomObstacle(samples, reach, random));
+    }
+    const ContactChecker checker(robot, scene.obstacles);
+    const Poses obstacle_poses = ObstaclePoses(scene.obstacles, 0);
+    scene.touching.assign((poses.size() + 63) / 64, 0);
+    for (size_t q = 0; q < poses.size(); ++q) {
+      if (checker.Check(poses[q], obstacle_poses).touching) {
+        scene.touching[q / 64] |= uint64_t{1} << (q % 64);
+      }
+    }
+    touching = CountBits(scene.touching);
+    if (touching > 0 && touching < all * 9 / 10) break;
+  }
+  if (touching == all) return std::nullopt;
+  do {
+    scene.current = Below(poses.size(), random);
+  } while ((scene.touching[scene.current / 64] >> (scene.current % 64) & 1) != 0);
+  return scene;
+}
+
 bool Has(const CameraSet& set, int camera) {
   return std::find(set.begin(), set.end(), camera) != set.end();
 }
@@ -197,40 +241,15 @@ absl::StatusOr<Trials> Trials::Make(const RobotModel& robot, const Configuration
   // What each scene consists of must not depend on which thread makes it.
   std::vector<uint64_t> seeds;
   for (size_t i = 0; i < scene_count; ++i) seeds.push_back(random());
-  std::vector<std::vector<Obstacle>> obstacles(scene_count);
-  trials.scenes_.resize(scene_count);
+  std::vector<SampledScene> scenes(scene_count);
   std::atomic<bool> always_touching{false};
   const bool sampled = ParallelWhile(scene_count, [&](size_t i) {
-    Random own(seeds[i]);
-    Scene& scene = trials.scenes_[i];
-    // A scene that blocks nothing, or nearly everything, is no measure.
-    for (int attempt = 0; attempt < 200; ++attempt) {
-      obstacles[i].clear();
-      const int least = places.samples.least_obstacles;
-      const size_t count =
-          static_cast<size_t>(least) +
-          Below(static_cast<size_t>(places.samples.most_obstacles - least) + 1, own);
-      for (size_t k = 0; k < count; ++k) {
-        obstacles[i].push_back(RandomObstacle(places.samples, bounds.box, own));
-      }
-      const ContactChecker checker(robot, obstacles[i]);
-      const Poses obstacle_poses = ObstaclePoses(obstacles[i], 0);
-      scene.touching.assign((poses.size() + 63) / 64, 0);
-      for (size_t q = 0; q < poses.size(); ++q) {
-        if (checker.Check(poses[q], obstacle_poses).touching) {
-          scene.touching[q / 64] |= uint64_t{1} << (q % 64);
-        }
-      }
-      const int64_t touching = CountBits(scene.touching);
-      if (touching > 0 && touching < static_cast<int64_t>(poses.size()) * 9 / 10) break;
-    }
-    if (CountBits(scene.touching) == static_cast<int64_t>(poses.size())) {
+    auto scene = SampleScene(robot, poses, places.samples, bounds.box, seeds[i]);
+    if (!scene) {
       always_touching = true;
       return false;
     }
-    do {
-      scene.current = Below(poses.size(), own);
-    } while ((scene.touching[scene.current / 64] >> (scene.current % 64) & 1) != 0);
+    scenes[i] = *std::move(scene);
     return progress(++done, total);
   });
   if (always_touching) {
@@ -241,24 +260,27 @@ absl::StatusOr<Trials> Trials::Make(const RobotModel& robot, const Configuration
   trials.robot_images_.resize(trials.cameras_.size());
   std::vector<std::vector<Mask>> foreground(trials.cameras_.size());
   std::vector<std::vector<Solid>> solid_obstacles;
-  for (const auto& in_scene : obstacles)
-    solid_obstacles.push_back(SolidsOf(ObstacleParts(in_scene)));
-  const bool drawn =
-      sampled && ParallelWhile(trials.cameras_.size(), [&](size_t camera) {
-        const CameraModel& model = trials.cameras_[camera];
-        for (const Poses& pose : poses) {
-          trials.robot_images_[camera].push_back(SilhouetteOf(solids, pose, model));
-        }
-        for (size_t i = 0; i < scene_count; ++i) {
-          const Mask& current = trials.robot_images_[camera][trials.scenes_[i].current];
-          foreground[camera].push_back(
-              current | SilhouetteOf(solid_obstacles[i], ObstaclePoses(obstacles[i], 0), model));
-        }
-        return progress(++done, total);
-      });
-  if (!drawn) return absl::AbortedError("stopped; start it again to have a result");
+  for (const SampledScene& scene : scenes) {
+    solid_obstacles.push_back(SolidsOf(ObstacleParts(scene.obstacles)));
+  }
+  const auto draw = [&](size_t camera) {
+    const CameraModel& model = trials.cameras_[camera];
+    for (const Poses& pose : poses) {
+      trials.robot_images_[camera].push_back(SilhouetteOf(solids, pose, model));
+    }
+    for (size_t i = 0; i < scene_count; ++i) {
+      const Poses at = ObstaclePoses(scenes[i].obstacles, 0);
+      foreground[camera].push_back(trials.robot_images_[camera][scenes[i].current] |
+                                   SilhouetteOf(solid_obstacles[i], at, model));
+    }
+    return progress(++done, total);
+  };
+  if (!sampled || !ParallelWhile(trials.cameras_.size(), draw)) {
+    return absl::AbortedError("stopped; start it again to have a result");
+  }
   for (size_t i = 0; i < scene_count; ++i) {
-    Scene& scene = trials.scenes_[i];
+    Scene& scene =
+        trials.scenes_.emplace_back(Scene{scenes[i].current, std::move(scenes[i].touching), {}});
     for (size_t camera = 0; camera < trials.cameras_.size(); ++camera) {
       scene.obstacle_images.push_back(ObstacleImage::FromScene(
           foreground[camera][i], trials.robot_images_[camera][scene.current]));

@@ -126,9 +126,8 @@ class BulkCheckerTest : public testing::Test {
           return false;
         };
       }
-      const SoundVerdicts verdicts = offsets == nullptr
-                                         ? SoundOnGrid(sound, images, views, body, robot)
-                                         : SoundInCells(sound, images, views, body);
+      const SoundVerdicts verdicts =
+          CheckSound(sound, images, views, body, offsets == nullptr ? &robot : nullptr);
       for (Preset preset : {Preset::kSoundPlanes, Preset::kSound}) {
         const CollisionChecker test(all.table(), chosen, {.preset = preset}, support);
         const auto& occupied = preset == Preset::kSound ? verdicts.voxels : verdicts.planes;

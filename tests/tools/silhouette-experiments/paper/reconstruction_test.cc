@@ -16,21 +16,15 @@ namespace {
 
 using testing::HasSubstr;
 
-const OnProgress kReconstructionGoOn = [](uint64_t, uint64_t) { return true; };
-
 Settings Small() {
   Settings settings = SmallSettings();
   settings.reconstruction = {.voxels = {24, 48}, .scenes = 3};
   return settings;
 }
 
-Selection ReconstructionEverything() {
-  return {{}, {Variant::kPlanar, Variant::kSpatial}, {"A", "B"}, {Raster::kTouch}, AllPresets()};
-}
-
 const std::vector<Row>& Rows() {
   static const std::vector<Row> rows =
-      CompareWithReconstruction(Small(), ReconstructionEverything(), 2, kReconstructionGoOn);
+      CompareWithReconstruction(Small(), Everything({}, AllPresets()), 2, kGoOn);
   return rows;
 }
 
@@ -90,15 +84,14 @@ TEST(Reconstruction, ButForTheTimesRowsDoNotDependOnTheNumberOfThreads) {
     }
     return array;
   };
-  EXPECT_EQ(without_times(Rows()),
-            without_times(CompareWithReconstruction(Small(), ReconstructionEverything(), 1,
-                                                    kReconstructionGoOn)));
+  EXPECT_EQ(without_times(Rows()), without_times(CompareWithReconstruction(
+                                       Small(), Everything({}, AllPresets()), 1, kGoOn)));
 }
 
 TEST(Reconstruction, JsonHasTheKeysOfTheOtherExperimentsAndTheTimes) {
-  Selection selection = ReconstructionEverything();
+  Selection selection = Everything({}, AllPresets());
   selection.experiments = {Experiment::kFigure7};
-  const auto others = JsonOf(Measure(Small(), selection, 2, kReconstructionGoOn));
+  const auto others = JsonOf(Measure(Small(), selection, 2, kGoOn));
   const auto rows = JsonOf(Rows());
   for (const auto& row : rows) {
     for (const auto& [key, value] : others[0].items()) {
@@ -157,7 +150,7 @@ TEST(Reconstruction, TheConclusionIsThatOfTheNumbers) {
 
 TEST(Reconstruction, StopsWhenAskedTo) {
   EXPECT_TRUE(
-      CompareWithReconstruction(Small(), ReconstructionEverything(), 2, [](uint64_t, uint64_t) {
+      CompareWithReconstruction(Small(), Everything({}, AllPresets()), 2, [](uint64_t, uint64_t) {
         return false;
       }).empty());
 }

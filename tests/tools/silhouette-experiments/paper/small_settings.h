@@ -2,7 +2,10 @@
 // The default settings, made small: fewer pixels, configurations and scenes.
 #pragma once
 
-#include "tools/silhouette-experiments/paper/settings.h"
+#include <utility>
+#include <vector>
+
+#include "tools/silhouette-experiments/paper/study.h"
 
 namespace silhouette::paper {
 
@@ -20,6 +23,16 @@ inline Settings SmallSettings(int pixels = 24, int steps = 12) {
     rig = cameras;
   }
   return settings;
+}
+
+inline const OnProgress kGoOn = [](uint64_t, uint64_t) { return true; };
+
+inline Selection Everything(std::vector<Experiment> experiments, std::vector<Preset> presets) {
+  return {std::move(experiments),
+          {Variant::kPlanar, Variant::kSpatial},
+          {"A", "B"},
+          {Raster::kCentre, Raster::kTouch},
+          std::move(presets)};
 }
 
 }  // namespace silhouette::paper

@@ -18,23 +18,13 @@ namespace {
 using testing::HasSubstr;
 using testing::ThrowsMessage;
 
-const OnProgress kStudyGoOn = [](uint64_t, uint64_t) { return true; };
-
-Selection StudyEverything(std::vector<Experiment> experiments, std::vector<Preset> presets) {
-  return {std::move(experiments),
-          {Variant::kPlanar, Variant::kSpatial},
-          {"A", "B"},
-          {Raster::kCentre, Raster::kTouch},
-          std::move(presets)};
-}
-
-// method.md's independent simulation of Figure 7's scene: additional and missing configurations in
+// An independent simulation of Figure 7's scene: additional and missing configurations in
 // percent with one to four cameras, the paper's literal threshold.
 TEST(PaperStudy, Figure7IsThatOfAnIndependentSimulation) {
-  Selection selection = StudyEverything({Experiment::kFigure7}, {Preset::kPaper});
+  Selection selection = Everything({Experiment::kFigure7}, {Preset::kPaper});
   selection.variants = {Variant::kPlanar};
   selection.rigs = {"A"};
-  const std::vector<Row> rows = Measure(ReadSettings(""), selection, 2, kStudyGoOn);
+  const std::vector<Row> rows = Measure(ReadSettings(""), selection, 2, kGoOn);
   const double additional[2][4] = {{17.23, 2.82, 0.55, 0.12}, {21.11, 6.83, 4.61, 4.17}};
   const double missing[2][4] = {{0.256, 0.501, 0.738, 0.965}, {0, 0, 0, 0}};
   int compared = 0;
@@ -53,18 +43,17 @@ TEST(PaperStudy, Figure7IsThatOfAnIndependentSimulation) {
 
 TEST(PaperStudy, RowsDoNotDependOnTheNumberOfThreads) {
   const Settings settings = SmallSettings();
-  const Selection selection = StudyEverything(
-      AllExperiments(), {Preset::kPaper, Preset::kCalibrated, Preset::kPaperCalibrated});
-  const auto one = JsonOf(Measure(settings, selection, 1, kStudyGoOn));
-  const auto three = JsonOf(Measure(settings, selection, 3, kStudyGoOn));
+  const Selection selection =
+      Everything(AllExperiments(), {Preset::kPaper, Preset::kCalibrated, Preset::kPaperCalibrated});
+  const auto one = JsonOf(Measure(settings, selection, 1, kGoOn));
+  const auto three = JsonOf(Measure(settings, selection, 3, kGoOn));
   EXPECT_EQ(one.size(), 5u * 2 * 2 * 2 * 3 * 2 * 4);
   EXPECT_EQ(one, three);
 }
 
 TEST(PaperStudy, MeansLieWithinTheirRanges) {
   for (const Row& row :
-       Measure(SmallSettings(), StudyEverything(AllExperiments(), {Preset::kCalibrated}), 2,
-               kStudyGoOn)) {
+       Measure(SmallSettings(), Everything(AllExperiments(), {Preset::kCalibrated}), 2, kGoOn)) {
     for (const Spread& spread : {row.additional, row.missing}) {
       EXPECT_LE(static_cast<double>(spread.least), spread.mean());
       EXPECT_GE(static_cast<double>(spread.greatest), spread.mean());
@@ -77,10 +66,9 @@ TEST(PaperStudy, MeansLieWithinTheirRanges) {
 }
 
 TEST(PaperStudy, NothingSeenIsMissedWhenTheRobotIsParkedAndPixelsAreTouched) {
-  for (const Row& row :
-       Measure(SmallSettings(),
-               StudyEverything({Experiment::kFigure7}, {Preset::kPaper, Preset::kCalibrated}), 2,
-               kStudyGoOn)) {
+  for (const Row& row : Measure(
+           SmallSettings(),
+           Everything({Experiment::kFigure7}, {Preset::kPaper, Preset::kCalibrated}), 2, kGoOn)) {
     if (row.raster == Raster::kTouch) {
       EXPECT_EQ(row.missing.greatest, 0);
     }
@@ -92,10 +80,10 @@ TEST(PaperStudy, TheSoundPresetsMissNothingWithAnyCamerasWhenPixelsAreTouched) {
   settings.sound.edge = 0.03;
   int compared = 0;
   for (const Row& row : Measure(settings,
-                                StudyEverything({Experiment::kFigure7, Experiment::kFigure7Occluded,
-                                                 Experiment::kRandom, Experiment::kCurrentOffGrid},
-                                                {Preset::kSoundPlanes, Preset::kSound}),
-                                2, kStudyGoOn)) {
+                                Everything({Experiment::kFigure7, Experiment::kFigure7Occluded,
+                                            Experiment::kRandom, Experiment::kCurrentOffGrid},
+                                           {Preset::kSoundPlanes, Preset::kSound}),
+                                2, kGoOn)) {
     EXPECT_EQ(row.threshold, Threshold::kAll);
     if (row.raster != Raster::kTouch) continue;
     EXPECT_EQ(row.missing.greatest, 0) << row.experiment << ", " << row.views << " views";
@@ -105,7 +93,7 @@ TEST(PaperStudy, TheSoundPresetsMissNothingWithAnyCamerasWhenPixelsAreTouched) {
 }
 
 TEST(PaperStudy, StopsWhenAskedTo) {
-  EXPECT_TRUE(Measure(SmallSettings(), StudyEverything(AllExperiments(), {Preset::kPaper}), 2,
+  EXPECT_TRUE(Measure(SmallSettings(), Everything(AllExperiments(), {Preset::kPaper}), 2,
                       [](uint64_t, uint64_t) { return false; })
                   .empty());
 }
@@ -114,9 +102,7 @@ TEST(PaperStudy, ARobotParkedInTheWayIsAMistake) {
   Settings settings = SmallSettings();
   settings.parked = {2.4, 0};
   EXPECT_THAT(
-      [&] {
-        Measure(settings, StudyEverything({Experiment::kFigure7}, {Preset::kPaper}), 1, kStudyGoOn);
-      },
+      [&] { Measure(settings, Everything({Experiment::kFigure7}, {Preset::kPaper}), 1, kGoOn); },
       ThrowsMessage<std::invalid_argument>(HasSubstr("park it elsewhere")));
 }
 
