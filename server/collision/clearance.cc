@@ -154,10 +154,7 @@ ClearanceMeter::ClearanceMeter(const CollisionChecker& test, const ObstacleImage
   }
   if (!fits) throw std::invalid_argument("the distances are not those of the scene");
   if (IsSound(policy.preset)) possible_space_ = support.possible_space;
-  if (IsCalibrated(policy.preset) && EpipolarDomainOf(policy) == EpipolarDomain::kIntersection) {
-    searched_bands_ = support.bands;
-    errors_convict_ = ErrorsConvict(policy);
-  }
+  if (policy.preset == Preset::kCalibrated) searched_bands_ = support.bands;
 }
 
 std::optional<double> ClearanceMeter::Measure(std::span<const double> q, const Verdict& verdict,
@@ -185,7 +182,8 @@ size_t ClearanceMeter::CountExceeded(std::span<const double> q,
     return static_cast<size_t>(first_not_below(Squared(*robot, kInfinite)) - levels.begin());
   }
   const std::vector<uint32_t> to_planes = ToPlanes(*robot);
-  const auto first = first_not_below(LeastAlongLines(to_planes));
+  // Nothing convicts before some view shows an obstacle.
+  const auto first = first_not_below(std::ranges::min(to_planes));
   const auto last = first_not_below(MinViewsSmallest(to_planes));
   if (first >= last) return static_cast<size_t>(last - levels.begin());
   const std::vector<DistanceImage> from_robot(robot->begin(), robot->end());
@@ -217,13 +215,8 @@ uint32_t ClearanceMeter::Squared(const RobotImages& robot, uint32_t limit) const
   limit = std::min(limit, MinViewsSmallest(to_planes));
   if (searched_bands_ == nullptr) return limit;
   // As soon as min_views views show an obstacle, no line matters.
-  const uint32_t least = LeastAlongLines(to_planes);
+  const uint32_t least = std::ranges::min(to_planes);
   return least < limit ? SquaredAlongLines(robot, least, limit) : limit;
-}
-
-// Nothing convicts before some view shows an obstacle, or perhaps an error.
-uint32_t ClearanceMeter::LeastAlongLines(std::span<const uint32_t> to_planes) const {
-  return errors_convict_ ? 0 : std::ranges::min(to_planes);
 }
 
 std::vector<uint32_t> ClearanceMeter::ToPlanes(const RobotImages& robot) const {
@@ -290,7 +283,7 @@ bool ClearanceMeter::OccupiedAlongLines(std::span<const DistanceImage> from_robo
     images[view] = {cut.obstacle().words(), cut.unknown().words(), cut.error().words()};
   }
   LineSearch search;
-  search.Begin(*searched_bands_, images, errors_convict_);
+  search.Begin(*searched_bands_, images);
   return search.CountShowing(test_.min_views()) >= test_.min_views();
 }
 

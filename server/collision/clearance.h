@@ -122,8 +122,6 @@ class ClearanceMeter {
   uint32_t Squared(const RobotImages& robot, uint32_t limit) const;
   uint32_t SquaredFromParts(const RobotImages& robot) const;
   uint32_t SquaredAlongLines(const RobotImages& robot, uint32_t least, uint32_t limit) const;
-  // Where lines decide: nothing less makes a robot occupied whose views have these distances.
-  uint32_t LeastAlongLines(std::span<const uint32_t> to_planes) const;
   bool OccupiedAlongLines(std::span<const DistanceImage> from_robot, uint32_t squared) const;
   // Per view the squared distance to the plane that decides, 0 if the view is missing.
   std::vector<uint32_t> ToPlanes(const RobotImages& robot) const;
@@ -133,7 +131,6 @@ class ClearanceMeter {
   const ObstacleImages& obstacle_images_;
   const DistanceImages& distances_;
   const EpipolarBands* searched_bands_ = nullptr;  // set if lines in intersection images decide
-  bool errors_convict_ = false;
   const PossibleSpace* possible_space_ = nullptr;  // set if the preset is a sound one
 };
 

@@ -135,14 +135,13 @@ void CollisionChecker::PrepareLines(const Policy& policy, const TestSupport& sup
   if (!std::ranges::equal(support.bands->mask_sizes(), table_.mask_sizes())) {
     throw std::invalid_argument("the calibration does not fit the views");
   }
-  errors_convict_ = ErrorsConvict(policy);
-  if (EpipolarDomainOf(policy) == EpipolarDomain::kIntersection) {
+  if (policy.preset == Preset::kCalibrated) {
     searched_bands_ = support.bands;
     return;
   }
   resolved_ = support.resolved;
   if (resolved_ == nullptr) {
-    own_resolved_ = ResolvedObstacleImages(obstacle_images_, *support.bands, errors_convict_);
+    own_resolved_ = ResolvedObstacleImages(obstacle_images_, *support.bands);
     return;
   }
   bool fits = resolved_->size() == obstacle_images_.size();
@@ -227,11 +226,10 @@ bool CollisionChecker::SomethingPossible(Numbers corners, const TestRobot& test_
 
 int CollisionChecker::ShowingAlongLines(const TestRobot& test_robot, int showing) const {
   // Where no view shows an obstacle, none can convict.
-  if (showing == 0 && !errors_convict_) return 0;
+  if (showing == 0) return 0;
   thread_local IntersectionWords intersection;
   thread_local LineSearch search;
-  search.Begin(*searched_bands_, intersection.Fill(table_, obstacle_images_, test_robot),
-               errors_convict_);
+  search.Begin(*searched_bands_, intersection.Fill(table_, obstacle_images_, test_robot));
   return search.CountShowing(min_views_);
 }
 

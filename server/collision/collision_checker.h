@@ -64,8 +64,7 @@ struct TestedPlace {
 struct TestSupport {
   // Calibrated presets: the lines between the views.
   const EpipolarBands* bands = nullptr;
-  // Calibrated presets with EpipolarDomain::kObstacle: ResolvedObstacleImages of the scene, if they
-  // are there already.
+  // Preset::kPaperCalibrated: ResolvedObstacleImages of the scene, if they are there already.
   const CollisionImages* resolved = nullptr;
   // Sound presets: where the scene's obstacles could be.
   const PossibleSpace* possible_space = nullptr;
@@ -146,7 +145,6 @@ class CollisionChecker {
   const ObstacleImages& obstacle_images_;
   // Set if lines are searched in the intersection images.
   const EpipolarBands* searched_bands_ = nullptr;
-  bool errors_convict_ = false;
   // Set, one or the other, if lines are searched in the obstacle images.
   const CollisionImages* resolved_ = nullptr;
   CollisionImages own_resolved_;

@@ -40,10 +40,6 @@ bool LineSearchAnySet(const std::vector<uint64_t>& bins, const Runs& runs) {
   return false;
 }
 
-bool LineSearchNothing(MaskWords words) {
-  return std::all_of(words.begin(), words.end(), [](uint64_t word) { return word == 0; });
-}
-
 }  // namespace
 
 void LineSearch::Begin(const EpipolarBands& bands, std::span<const SearchedImage> images,
@@ -119,13 +115,13 @@ int LineSearch::CountShowing(int enough) {
   int showing = 0;
   int undecided = 0;
   for (const SearchedImage& image : images_) {
-    ++(image.missing() || !LineSearchNothing(image.obstacle) ? showing : undecided);
+    ++(image.missing() || !NothingSet(image.obstacle) ? showing : undecided);
   }
   // Where no view shows an obstacle, none can convict.
-  if (showing == 0 && !errors_convict_) return 0;
+  if (showing == 0) return 0;
   for (size_t view = 0; view < images_.size(); ++view) {
     const SearchedImage& image = images_[view];
-    if (image.missing() || !LineSearchNothing(image.obstacle)) continue;
+    if (image.missing() || !NothingSet(image.obstacle)) continue;
     if (showing >= enough || showing + undecided < enough) break;
     --undecided;
     if (AnyObstacle(static_cast<int>(view))) ++showing;
@@ -185,13 +181,12 @@ CollisionImages UncalibratedCollisionImages(const IntersectionImages& images) {
 }
 
 CollisionImages CalibratedCollisionImages(const IntersectionImages& images,
-                                          const EpipolarBands& bands, bool errors_convict) {
-  return Resolve(images, bands, errors_convict);
+                                          const EpipolarBands& bands) {
+  return Resolve(images, bands, /*errors_convict=*/false);
 }
 
-CollisionImages ResolvedObstacleImages(const ObstacleImages& images, const EpipolarBands& bands,
-                                       bool errors_convict) {
-  return Resolve(images, bands, errors_convict);
+CollisionImages ResolvedObstacleImages(const ObstacleImages& images, const EpipolarBands& bands) {
+  return Resolve(images, bands, /*errors_convict=*/true);
 }
 
 }  // namespace silhouette

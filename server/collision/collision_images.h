@@ -42,13 +42,13 @@ class LineSearch {
  public:
   // One image per view of `bands`; their words must stay as they are during the search.
   void Begin(const EpipolarBands& bands, std::span<const SearchedImage> images,
-             bool errors_convict);
+             bool errors_convict = false);
 
   // Whether any unknown or error pixel of `view` is an obstacle. The image is not missing.
   bool AnyObstacle(int view);
 
   // How many images show an obstacle once their unknown and error pixels are resolved; missing ones
-  // do. Counts on only while it matters whether there are `enough`.
+  // do. Counts on only while it matters whether there are `enough`. Not with `errors_convict`.
   int CountShowing(int enough);
 
   // Sets, in `words`, the bits of all unknown and error pixels of `view` that are obstacles.
@@ -83,14 +83,13 @@ using CollisionImages = std::vector<std::optional<Mask>>;
 // number of views that must show an obstacle (policy.h) makes up for it.
 CollisionImages UncalibratedCollisionImages(const IntersectionImages& images);
 
-// Resolved along the epipolar lines (LineSearch) in the intersection images. One image, or
-// nothing, per view of `bands`, of its mask size, else std::invalid_argument.
+// Preset::kCalibrated: resolved along the epipolar lines (LineSearch) in the intersection images.
+// One image, or nothing, per view of `bands`, of its mask size, else std::invalid_argument.
 CollisionImages CalibratedCollisionImages(const IntersectionImages& images,
-                                          const EpipolarBands& bands, bool errors_convict);
+                                          const EpipolarBands& bands);
 
-// The same in the obstacle images, which does not depend on the test configuration: cut with the
-// test robot image it is the collision image.
-CollisionImages ResolvedObstacleImages(const ObstacleImages& images, const EpipolarBands& bands,
-                                       bool errors_convict);
+// Preset::kPaperCalibrated: the same in the obstacle images, where errors convict. It does not
+// depend on the test configuration: cut with the test robot image it is the collision image.
+CollisionImages ResolvedObstacleImages(const ObstacleImages& images, const EpipolarBands& bands);
 
 }  // namespace silhouette

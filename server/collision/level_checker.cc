@@ -74,18 +74,15 @@ void LevelChecker::AddParts(std::span<const PixelTree> trees) {
 }
 
 // A view shows an obstacle only by a pixel other than background, and only if some view has an
-// obstacle pixel, or an error pixel where those convict (SpaceChecker).
+// obstacle pixel (SpaceChecker).
 void LevelChecker::BoundLines(std::span<const PixelTree> trees) {
   CollisionImages something(meter_.obstacle_images_.size());
-  CollisionImages witness(something.size());
   for (size_t view = 0; view < something.size(); ++view) {
     const std::optional<ObstacleImage>& image = meter_.obstacle_images_[view];
-    if (!image) continue;
-    something[view] = ~image->Background();
-    witness[view] = meter_.errors_convict_ ? image->obstacle() | image->error() : image->obstacle();
+    if (image) something[view] = ~image->Background();
   }
   const DistanceImages to_something = DistancesTo(something);
-  const DistanceImages to_witness = DistancesTo(witness);
+  const DistanceImages to_witness = DistancesTo(ObstaclePlanes(meter_.obstacle_images_));
   for (size_t i = 0; i < levels_.size(); ++i) {
     std::vector<PlaneVotes>& perhaps = levels_[i].perhaps;
     perhaps.emplace_back(trees, Within(to_something, squared_[i]), meter_.test_.min_views());

@@ -13,9 +13,16 @@
 // cannot be changed once made.
 #pragma once
 
+#include <algorithm>
+#include <cstdint>
+
 #include "db/mask/mask.h"
 
 namespace silhouette {
+
+inline bool NothingSet(MaskWords words) {
+  return std::all_of(words.begin(), words.end(), [](uint64_t word) { return word == 0; });
+}
 
 class ObstacleImage {
  public:

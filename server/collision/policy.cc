@@ -29,39 +29,16 @@ bool IsCalibrated(Preset preset) {
 
 bool IsSound(Preset preset) { return preset == Preset::kSound || preset == Preset::kSoundPlanes; }
 
-EpipolarDomain EpipolarDomainOf(const Policy& policy) {
-  return policy.epipolar.value_or(policy.preset == Preset::kPaperCalibrated
-                                      ? EpipolarDomain::kObstacle
-                                      : EpipolarDomain::kIntersection);
-}
-
-bool ErrorsConvict(const Policy& policy) {
-  return policy.errors_convict.value_or(policy.preset == Preset::kPaperCalibrated);
-}
-
 std::optional<Preset> PresetFromName(const std::string& name) {
-  for (Preset preset : AllPresets()) {
-    if (NameOf(preset) == name) return preset;
-  }
-  return std::nullopt;
+  const auto found =
+      std::ranges::find(AllPresets(), name, [](Preset preset) { return NameOf(preset); });
+  return found != AllPresets().end() ? std::optional(*found) : std::nullopt;
 }
 
 std::string NameOf(Preset preset) {
-  switch (preset) {
-    case Preset::kUncalibrated:
-      return "uncalibrated";
-    case Preset::kPaper:
-      return "paper";
-    case Preset::kCalibrated:
-      return "calibrated";
-    case Preset::kPaperCalibrated:
-      return "paper-calibrated";
-    case Preset::kSoundPlanes:
-      return "sound-planes";
-    case Preset::kSound:
-      return "sound";
-  }
-  return "";
+  constexpr const char* kNames[] = {"uncalibrated",     "paper",        "calibrated",
+                                    "paper-calibrated", "sound-planes", "sound"};
+  return kNames[static_cast<size_t>(preset)];
 }
 
 const std::vector<Preset>& AllPresets() {

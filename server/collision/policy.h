@@ -18,19 +18,14 @@ enum class Preset {
   // Unknown and error pixels are resolved along the epipolar lines in the intersection images; all
   // views must show the obstacle.
   kCalibrated,
-  // The same by the letter of the paper: lines in the obstacle images, Table 3's reading of E.
+  // The same by the letter of the paper: lines in the obstacle images, and by Table 3 an error
+  // pixel convicts as an obstacle pixel does. (The prose of §3.3 makes such a pixel background.)
   kPaperCalibrated,
   // Whether an obstacle of a least size could be anywhere the robot would be, seen or not
   // (possible_space.h): what is possible is projected into the views ...
   kSoundPlanes,
   // ... and one and the same possible place must meet the robot image in every view.
   kSound,
-};
-
-// Which images an epipolar line is searched in.
-enum class EpipolarDomain {
-  kIntersection,  // what the robot image of the test configuration covers
-  kObstacle,      // all of the obstacle image
 };
 
 // What stands for a test configuration off the grid.
@@ -45,11 +40,6 @@ struct Policy {
   std::optional<int> min_views = std::nullopt;
   // kUncalibrated: min_views is max(1, views - max_occluded_views).
   int max_occluded_views = 1;
-  // Calibrated presets: set, they override the preset.
-  std::optional<EpipolarDomain> epipolar = std::nullopt;
-  // An error pixel convicts as an obstacle pixel does: on every line of a pixel there is something,
-  // on some line an error (Table 3; the prose of §3.3 makes such a pixel background).
-  std::optional<bool> errors_convict = std::nullopt;
   OffGrid off_grid = OffGrid::kCell;
 
   bool operator==(const Policy&) const = default;
@@ -63,9 +53,6 @@ int MinViews(const Policy& policy, int views);
 // Whether a preset needs epipolar lines; whether it needs the space of possible obstacles.
 bool IsCalibrated(Preset preset);
 bool IsSound(Preset preset);
-
-EpipolarDomain EpipolarDomainOf(const Policy& policy);
-bool ErrorsConvict(const Policy& policy);
 
 // "uncalibrated", "paper", "calibrated", "paper-calibrated", "sound-planes", "sound"; nothing for
 // any other name.

@@ -51,38 +51,6 @@ void CheckSizes(const VoxelSpace& space, const ObstacleImages& images, const Rob
   }
 }
 
-// Whether a pixel of the rectangle is set in both.
-bool AnyCommon(MaskWords a, MaskWords b, int image_width, const PixelRectangle& pixels) {
-  for (int y = 0; y < pixels.height; ++y) {
-    int bit = (pixels.y + y) * image_width + pixels.x;
-    for (int left = pixels.width; left > 0;) {
-      const int in_word = std::min(left, 64 - bit % 64);
-      const uint64_t wanted = (in_word == 64 ? ~uint64_t{0} : (uint64_t{1} << in_word) - 1)
-                              << (bit % 64);
-      const size_t word = static_cast<size_t>(bit) / 64;
-      if ((a[word] & b[word] & wanted) != 0) return true;
-      bit += in_word;
-      left -= in_word;
-    }
-  }
-  return false;
-}
-
-bool PossibleSpaceNothing(MaskWords words) {
-  return std::all_of(words.begin(), words.end(), [](uint64_t word) { return word == 0; });
-}
-
-// Whether a robot image may be of a robot that reaches beyond the image: it touches the rim, or is
-// nowhere in it.
-bool MayReachBeyond(MaskWords words, MaskSize size) {
-  const auto any = [&](const PixelRectangle& pixels) {
-    return AnyCommon(words, words, size.width, pixels);
-  };
-  return any({0, 0, size.width, 1}) || any({0, size.height - 1, size.width, 1}) ||
-         any({0, 0, 1, size.height}) || any({size.width - 1, 0, 1, size.height}) ||
-         PossibleSpaceNothing(words);
-}
-
 Mask Rim(MaskSize size) {
   return Mask::FromPredicate(size, [size](int x, int y) {
     return x == 0 || y == 0 || x + 1 == size.width || y + 1 == size.height;
@@ -90,17 +58,11 @@ Mask Rim(MaskSize size) {
 }
 
 // Sets pixels of an image.
-void PossibleSpaceSet(std::span<uint64_t> words, int image_width, const PixelRectangle& pixels) {
-  for (int y = 0; y < pixels.height; ++y) {
-    int bit = (pixels.y + y) * image_width + pixels.x;
-    for (int left = pixels.width; left > 0;) {
-      const int in_word = std::min(left, 64 - bit % 64);
-      const uint64_t all = ~uint64_t{0} >> (64 - in_word);
-      words[static_cast<size_t>(bit) / 64] |= all << (bit % 64);
-      bit += in_word;
-      left -= in_word;
-    }
-  }
+void SetPixels(std::span<uint64_t> words, int image_width, const PixelRectangle& pixels) {
+  AnyWord(image_width, pixels, [&](size_t word, uint64_t wanted) {
+    words[word] |= wanted;
+    return false;
+  });
 }
 
 // The planes of one part, while they are drawn.
@@ -118,7 +80,7 @@ class PartPlanes {
       const VoxelSpace::Look& look = space_.look(static_cast<int>(view));
       const PixelRectangle pixels = look.Rectangle(look.touched[place]);
       if (!pixels.whole) beyond_[view] = true;
-      PossibleSpaceSet(words_[view], look.mask_size.width, pixels);
+      SetPixels(words_[view], look.mask_size.width, pixels);
     }
   }
 
@@ -394,7 +356,7 @@ bool PossibleSpace::PlanesMeet(std::span<const MaskWords> robot, int min_views,
     for (size_t view = 0; view < robot.size() && missed <= may_miss; ++view) {
       const std::optional<Mask>& plane = part.planes[view];
       if (!plane || Intersects(plane->words(), robot[view])) continue;
-      if (!part.beyond[view] || !PossibleSpaceNothing(robot[view])) ++missed;
+      if (!part.beyond[view] || !NothingSet(robot[view])) ++missed;
     }
     return missed <= may_miss;
   });

@@ -2,6 +2,7 @@
 #include "server/collision/robot_image_table.h"
 
 #include <algorithm>
+#include <numeric>
 #include <stdexcept>
 #include <string>
 #include <utility>
@@ -18,21 +19,8 @@ RobotImageTable::RobotImageTable(ConfigurationGrid grid, std::vector<MaskSize> m
     if (!size.valid()) throw std::invalid_argument("a view's mask size is not valid");
     words_ += size.words();
   }
-  slots_.assign(grid_.number_limit(), kMissingMark);
+  slots_.assign(grid_.number_limit(), kFirstMark);
   present_sets_.resize(grid_.tiles());
-}
-
-RobotImageState RobotImageTable::StateOfMark(uint32_t mark) {
-  switch (mark) {
-    case kExcludedMark:
-      return RobotImageState::kExcluded;
-    case kCorruptMark:
-      return RobotImageState::kCorrupt;
-    case kElsewhereMark:
-      return RobotImageState::kElsewhere;
-    default:
-      return RobotImageState::kMissing;
-  }
 }
 
 bool RobotImageTable::Read(ConfigurationNumber number, std::span<uint64_t> words) const {
@@ -64,19 +52,8 @@ Mask RobotImageTable::ImageAsMask(int view, ConfigurationNumber number) const {
 }
 
 uint64_t RobotImageTable::Count(RobotImageState state) const {
-  switch (state) {
-    case RobotImageState::kPresent:
-      return present_;
-    case RobotImageState::kExcluded:
-      return excluded_;
-    case RobotImageState::kCorrupt:
-      return corrupt_;
-    case RobotImageState::kElsewhere:
-      return elsewhere_;
-    case RobotImageState::kMissing:
-      break;
-  }
-  return grid_.size() - present_ - excluded_ - corrupt_ - elsewhere_;
+  if (state != RobotImageState::kMissing) return counts_[static_cast<size_t>(state)];
+  return grid_.size() - std::accumulate(counts_.begin(), counts_.end(), uint64_t{0});
 }
 
 RobotImageTable::Builder::Builder(ConfigurationGrid grid, std::vector<MaskSize> mask_sizes,
@@ -98,7 +75,7 @@ void RobotImageTable::Builder::RequireNew(ConfigurationNumber number) const {
   if (!table_.grid_.Contains(number)) {
     throw std::invalid_argument("configuration " + std::to_string(number) + " is not in the grid");
   }
-  if (table_.slots_[number] != kMissingMark) {
+  if (table_.state(number) != RobotImageState::kMissing) {
     throw std::invalid_argument("configuration " + std::to_string(number) + " was added twice");
   }
 }
@@ -141,26 +118,18 @@ void RobotImageTable::Builder::Add(ConfigurationNumber number, std::span<const u
       left = left.subspan(count);
     }
   }
-  table_.slots_[number] = static_cast<uint32_t>(table_.present_++);
+  uint64_t& present = table_.counts_[static_cast<size_t>(RobotImageState::kPresent)];
+  table_.slots_[number] = static_cast<uint32_t>(present++);
   table_.present_sets_[number / kTileSize].Insert(number % kTileSize);
 }
 
-void RobotImageTable::Builder::AddExcluded(ConfigurationNumber number) {
+void RobotImageTable::Builder::AddWithout(ConfigurationNumber number, RobotImageState state) {
   RequireNew(number);
-  table_.slots_[number] = kExcludedMark;
-  ++table_.excluded_;
-}
-
-void RobotImageTable::Builder::AddCorrupt(ConfigurationNumber number) {
-  RequireNew(number);
-  table_.slots_[number] = kCorruptMark;
-  ++table_.corrupt_;
-}
-
-void RobotImageTable::Builder::AddElsewhere(ConfigurationNumber number) {
-  RequireNew(number);
-  table_.slots_[number] = kElsewhereMark;
-  ++table_.elsewhere_;
+  if (state == RobotImageState::kPresent || state == RobotImageState::kMissing) {
+    throw std::invalid_argument("that a robot image is not usable has a reason");
+  }
+  table_.slots_[number] = kFirstMark + static_cast<uint32_t>(state);
+  ++table_.counts_[static_cast<size_t>(state)];
 }
 
 RobotImageTable RobotImageTable::Builder::Build() && {

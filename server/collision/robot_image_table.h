@@ -41,7 +41,9 @@ class RobotImageTable {
 
   RobotImageState state(ConfigurationNumber number) const {
     if (number >= slots_.size()) return RobotImageState::kMissing;
-    return slots_[number] < kFirstMark ? RobotImageState::kPresent : StateOfMark(slots_[number]);
+    const uint32_t slot = slots_[number];
+    return slot < kFirstMark ? RobotImageState::kPresent
+                             : static_cast<RobotImageState>(slot - kFirstMark);
   }
 
   // Whether robot images are held in memory, and not read when they are needed.
@@ -81,13 +83,8 @@ class RobotImageTable {
   // slots_ has for every number the place of its images in images_ (anything but a mark, where they
   // are not held), or one of these marks.
   static constexpr uint32_t kFirstMark = 0xfffffff0;
-  static constexpr uint32_t kMissingMark = 0xffffffff;
-  static constexpr uint32_t kExcludedMark = 0xfffffffe;
-  static constexpr uint32_t kCorruptMark = 0xfffffffd;
-  static constexpr uint32_t kElsewhereMark = 0xfffffffc;
 
   RobotImageTable(ConfigurationGrid grid, std::vector<MaskSize> mask_sizes);
-  static RobotImageState StateOfMark(uint32_t mark);
   std::vector<Mask> MasksOf(std::span<const uint64_t> words) const;
 
   ConfigurationGrid grid_;
@@ -99,10 +96,7 @@ class RobotImageTable {
   std::vector<PlaceSet> present_sets_;         // by tile
   std::vector<Mask> permanent_;
   std::vector<Mask> covered_;
-  uint64_t present_ = 0;
-  uint64_t excluded_ = 0;
-  uint64_t corrupt_ = 0;
-  uint64_t elsewhere_ = 0;
+  std::array<uint64_t, 5> counts_{};  // by state; not of what is missing
 };
 
 class RobotImageTable::Builder {
@@ -121,9 +115,8 @@ class RobotImageTable::Builder {
   void Add(ConfigurationNumber number, std::span<const Mask> masks);
   // The words of the masks, one view after another.
   void Add(ConfigurationNumber number, std::span<const uint64_t> words);
-  void AddExcluded(ConfigurationNumber number);
-  void AddCorrupt(ConfigurationNumber number);
-  void AddElsewhere(ConfigurationNumber number);
+  // One without a robot image that can be used. `state`: why.
+  void AddWithout(ConfigurationNumber number, RobotImageState state);
 
   // The finished table; the builder is empty afterwards.
   RobotImageTable Build() &&;

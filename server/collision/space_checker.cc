@@ -81,8 +81,7 @@ bool PlaneVotes::AnyTouchesIn(size_t i, const TileIndex& index) const {
 
 bool PlaneVotes::TouchesIn(size_t i, MaskWords robot_image) const {
   if (Intersects(views_[i].plane.words(), robot_image)) return true;
-  return views_[i].beyond &&
-         std::ranges::all_of(robot_image, [](uint64_t word) { return word == 0; });
+  return views_[i].beyond && NothingSet(robot_image);
 }
 
 PlaceSet PlaneVotes::InEnough(std::span<const PlaceSet> touching) const {
@@ -105,34 +104,27 @@ SpaceChecker::SpaceChecker(const CollisionChecker& test, std::span<const PixelTr
     BoundPossibleSpace(trees);
     return;
   }
-  CollisionImages shown;
-  for (size_t view = 0; view < test.obstacle_images_.size(); ++view) {
-    if (!test.obstacle_images_[view]) {
-      shown.emplace_back();
-    } else {
-      const MaskWords words = test.ShownBy(static_cast<int>(view));
-      shown.push_back(Mask::FromWords(test.obstacle_images_[view]->size(),
-                                      std::vector<uint64_t>(words.begin(), words.end())));
-    }
+  CollisionImages shown(test.obstacle_images_.size());
+  for (size_t view = 0; view < shown.size(); ++view) {
+    if (!test.obstacle_images_[view]) continue;
+    const MaskWords words = test.ShownBy(static_cast<int>(view));
+    shown[view] =
+        Mask::FromWords(test.obstacle_images_[view]->size(), {words.begin(), words.end()});
   }
   occupied_.emplace_back(trees, shown, test.min_views_);
   if (test.searched_bands_ != nullptr) BoundLines(trees);
 }
 
 // A view without an obstacle pixel in the intersection image convicts only by unknown or error
-// pixels there, and only if some view has an obstacle pixel, or an error pixel where those convict.
+// pixels there, and only if some view has an obstacle pixel.
 void SpaceChecker::BoundLines(std::span<const PixelTree> trees) {
-  CollisionImages something;
-  CollisionImages witness;
-  for (const std::optional<ObstacleImage>& image : test_.obstacle_images_) {
-    if (!image) {
-      something.emplace_back();
-      witness.emplace_back();
-      continue;
-    }
-    something.push_back(~image->Background());
-    witness.push_back(test_.errors_convict_ ? image->obstacle() | image->error()
-                                            : image->obstacle());
+  CollisionImages something(test_.obstacle_images_.size());
+  CollisionImages witness(something.size());
+  for (size_t view = 0; view < something.size(); ++view) {
+    const std::optional<ObstacleImage>& image = test_.obstacle_images_[view];
+    if (!image) continue;
+    something[view] = ~image->Background();
+    witness[view] = image->obstacle();
   }
   possible_.emplace_back(trees, something, test_.min_views_);
   witnesses_.emplace_back(trees, witness, 1);

@@ -1,64 +1,39 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "server/collision/verdict.h"
 
+#include <iterator>
 #include <stdexcept>
 
 namespace silhouette {
 
 std::string NameOf(Reason reason) {
-  switch (reason) {
-    case Reason::kNone:
-      return "none";
-    case Reason::kNoScene:
-      return "no scene";
-    case Reason::kSceneStale:
-      return "scene stale";
-    case Reason::kSceneSkewed:
-      return "scene skewed";
-    case Reason::kViewMissing:
-      return "view missing";
-    case Reason::kRobotPositionUnknown:
-      return "robot position unknown";
-    case Reason::kFixedJointMoved:
-      return "fixed joint moved";
-    case Reason::kRobotImageOfSceneMissing:
-      return "robot image of scene missing";
-    case Reason::kErrorArea:
-      return "error area";
-    case Reason::kOutsideGrid:
-      return "outside grid";
-    case Reason::kRobotImageMissing:
-      return "robot image missing";
-    case Reason::kExcluded:
-      return "excluded";
-    case Reason::kRobotImageCorrupt:
-      return "robot image corrupt";
-    case Reason::kGenerationMismatch:
-      return "generation mismatch";
-    case Reason::kInternal:
-      return "internal";
-    case Reason::kMarginUnknown:
-      return "margin unknown";
-    case Reason::kRegionEnded:
-      return "region ended";
-    case Reason::kCalibrationDoubtful:
-      return "calibration doubtful";
-    case Reason::kVariantUnknown:
-      return "variant unknown";
-  }
-  return "internal";
+  // By their numbers.
+  constexpr const char* kNames[] = {"none",
+                                    "no scene",
+                                    "scene stale",
+                                    "scene skewed",
+                                    "view missing",
+                                    "robot position unknown",
+                                    "fixed joint moved",
+                                    "robot image of scene missing",
+                                    "error area",
+                                    "outside grid",
+                                    "robot image missing",
+                                    "excluded",
+                                    "robot image corrupt",
+                                    "generation mismatch",
+                                    "internal",
+                                    "margin unknown",
+                                    "region ended",
+                                    "calibration doubtful",
+                                    "variant unknown"};
+  static_assert(std::size(kNames) == static_cast<size_t>(Reason::kVariantUnknown) + 1);
+  const auto number = static_cast<size_t>(reason);
+  return number < std::size(kNames) ? kNames[number] : NameOf(Reason::kInternal);
 }
 
 std::string NameOf(State state) {
-  switch (state) {
-    case State::kUnknown:
-      return "unknown";
-    case State::kFree:
-      return "free";
-    case State::kOccupied:
-      return "occupied";
-  }
-  return "unknown";
+  return state == State::kFree ? "free" : state == State::kOccupied ? "occupied" : "unknown";
 }
 
 Verdict Verdict::Free(bool hidden_possible) {

@@ -9,6 +9,8 @@
 #include <span>
 #include <stdexcept>
 
+#include "server/collision/obstacle_image.h"
+
 namespace silhouette {
 
 namespace {
@@ -28,10 +30,6 @@ void Widen(std::span<const uint64_t> row, int reach, std::span<uint64_t> wide) {
       from_left = word >> 63;
     }
   }
-}
-
-bool VoxelGridNothing(std::span<const uint64_t> words) {
-  return std::all_of(words.begin(), words.end(), [](uint64_t word) { return word == 0; });
 }
 
 // How far along x the voxels reach that a ball of `radius` edges meets whose centre lies in a voxel
@@ -74,7 +72,7 @@ int64_t VoxelSet::Count() const {
   return count;
 }
 
-bool VoxelSet::Empty() const { return VoxelGridNothing(words_); }
+bool VoxelSet::Empty() const { return NothingSet(words_); }
 
 VoxelSet MetByBalls(const VoxelSet& centres, const VoxelGrid& grid, double radius) {
   VoxelSet met(grid);
@@ -95,7 +93,7 @@ VoxelSet MetByBalls(const VoxelSet& centres, const VoxelGrid& grid, double radiu
   for (int z = 0; z < grid.size(2); ++z) {
     for (int y = 0; y < grid.size(1); ++y) {
       const std::span<const uint64_t> row = centres.row(y, z);
-      if (VoxelGridNothing(row)) continue;
+      if (NothingSet(row)) continue;
       std::copy(row.begin(), row.end(), widened(0).begin());
       for (int by = 1; by <= reach; ++by) {
         Widen(widened(by - 1), 1, widened(by));

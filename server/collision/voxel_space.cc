@@ -31,24 +31,18 @@ VoxelGrid GridOf(const Eigen::AlignedBox3d& workspace, double rho, std::optional
   return VoxelGrid(WithRoom(workspace, room), length);
 }
 
-bool VoxelSpaceAnySet(const Mask& mask, const PixelRectangle& pixels) {
-  for (int y = pixels.y; y < pixels.y + pixels.height; ++y) {
-    for (int x = pixels.x; x < pixels.x + pixels.width; ++x) {
-      if (mask.at(x, y)) return true;
-    }
-  }
-  return false;
+bool AnySet(const Mask& mask, const PixelRectangle& pixels) {
+  return AnyCommon(mask.words(), mask.words(), mask.width(), pixels);
 }
 
-// Whether the robot may be where a view does not look. It is of one piece, so that it would then
-// touch the rim of the image, or be nowhere in it.
-bool MayLeaveImage(const Mask& swept) {
-  if (swept.Empty()) return true;
-  const MaskSize size = swept.size();
-  return VoxelSpaceAnySet(swept, {0, 0, size.width, 1}) ||
-         VoxelSpaceAnySet(swept, {0, 0, 1, size.height}) ||
-         VoxelSpaceAnySet(swept, {0, size.height - 1, size.width, 1}) ||
-         VoxelSpaceAnySet(swept, {size.width - 1, 0, 1, size.height});
+// Per view, whether the robot may be where the view does not look; not where that is not known.
+std::vector<bool> LeavesOf(std::span<const VoxelView> views) {
+  std::vector<bool> leaves;
+  for (const VoxelView& view : views) {
+    leaves.push_back(view.swept.size() != MaskSize{} &&
+                     MayReachBeyond(view.swept.words(), view.swept.size()));
+  }
+  return leaves;
 }
 
 }  // namespace
@@ -87,18 +81,17 @@ void VoxelSpace::FindActiveBlocks(std::span<const VoxelView> views,
                          kVoxelSpaceEdge * grid_.edge());
   VoxelSet reached(blocks);
   std::vector<VoxelLooker> lookers;
-  std::vector<bool> leaves;
   for (size_t view = 0; view < views.size(); ++view) {
     lookers.emplace_back(views[view], grid_, least_obstacle_, looks_[view]);
-    leaves.push_back(views[view].swept.size() != MaskSize{} && MayLeaveImage(views[view].swept));
   }
+  const std::vector<bool> leaves = LeavesOf(views);
   const auto may_be_reached = [&](const Block& block) {
     if (!workspace.intersects(BoxOf(block))) return false;
     for (size_t view = 0; view < views.size(); ++view) {
       const Mask& swept = views[view].swept;
       if (swept.size() == MaskSize{}) continue;
       const PixelRectangle pixels = lookers[view].BlockRectangle(block);
-      if (!VoxelSpaceAnySet(swept, pixels) && (pixels.whole || !leaves[view])) return false;
+      if (!AnySet(swept, pixels) && (pixels.whole || !leaves[view])) return false;
     }
     return true;
   };
@@ -127,22 +120,18 @@ void VoxelSpace::FindReached(std::span<const VoxelView> views,
   reached_ = VoxelSet(grid_);
   seen_ = VoxelSet(grid_);
   always_covered_.assign(views.size(), VoxelSet(grid_));
-  std::vector<bool> leaves;
-  for (const VoxelView& view : views) {
-    leaves.push_back(view.swept.size() != MaskSize{} && MayLeaveImage(view.swept));
-  }
+  const std::vector<bool> leaves = LeavesOf(views);
   const auto visit = [&](int x, int y, int z, size_t place) {
     bool reached = workspace.intersects(grid_.Box(x, y, z));
     for (size_t view = 0; view < views.size(); ++view) {
       const PixelRectangle pixels = looks_[view].Rectangle(looks_[view].touched[place]);
       if (pixels.whole) seen_.Insert(x, y, z);
-      if (views[view].permanent.size() != MaskSize{} &&
-          VoxelSpaceAnySet(views[view].permanent, pixels)) {
+      if (views[view].permanent.size() != MaskSize{} && AnySet(views[view].permanent, pixels)) {
         always_covered_[view].Insert(x, y, z);
       }
       const Mask& swept = views[view].swept;
       if (!reached || swept.size() == MaskSize{}) continue;
-      reached = VoxelSpaceAnySet(swept, pixels) || (!pixels.whole && leaves[view]);
+      reached = AnySet(swept, pixels) || (!pixels.whole && leaves[view]);
     }
     if (reached) reached_.Insert(x, y, z);
   };

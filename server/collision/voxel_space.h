@@ -12,6 +12,7 @@
 #pragma once
 
 #include <Eigen/Geometry>
+#include <algorithm>
 #include <array>
 #include <cstdint>
 #include <functional>
@@ -21,6 +22,7 @@
 #include <vector>
 
 #include "db/mask/mask.h"
+#include "server/collision/obstacle_image.h"
 #include "server/collision/voxel_grid.h"
 
 namespace silhouette {
@@ -51,6 +53,40 @@ struct PixelRectangle {
 
   bool operator==(const PixelRectangle&) const = default;
 };
+
+// Whether `test` is true of a word of an image of this width, and the bits in it that belong to the
+// rectangle: test(word, bits).
+template <typename Test>
+bool AnyWord(int image_width, const PixelRectangle& pixels, const Test& test) {
+  for (int y = 0; y < pixels.height; ++y) {
+    int bit = (pixels.y + y) * image_width + pixels.x;
+    for (int left = pixels.width; left > 0;) {
+      const int in_word = std::min(left, 64 - bit % 64);
+      const uint64_t bits = ~uint64_t{0} >> (64 - in_word) << (bit % 64);
+      if (test(static_cast<size_t>(bit) / 64, bits)) return true;
+      bit += in_word;
+      left -= in_word;
+    }
+  }
+  return false;
+}
+
+// Whether a pixel of the rectangle is set in both images, which have this width.
+inline bool AnyCommon(MaskWords a, MaskWords b, int image_width, const PixelRectangle& pixels) {
+  return AnyWord(image_width, pixels,
+                 [&](size_t word, uint64_t bits) { return (a[word] & b[word] & bits) != 0; });
+}
+
+// Whether the robot in this image may reach beyond it. It is of one piece: it then touches the rim
+// of the image, or is nowhere in it.
+inline bool MayReachBeyond(MaskWords robot, MaskSize size) {
+  const auto any = [&](const PixelRectangle& pixels) {
+    return AnyCommon(robot, robot, size.width, pixels);
+  };
+  return any({0, 0, size.width, 1}) || any({0, size.height - 1, size.width, 1}) ||
+         any({0, 0, 1, size.height}) || any({size.width - 1, 0, 1, size.height}) ||
+         NothingSet(robot);
+}
 
 // Pixels of one row of a mask, relative to some pixel: (first..last, dy).
 struct PixelRun {

@@ -1,13 +1,18 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "server/live/helpers.h"
 
-#include <algorithm>
 #include <chrono>
 #include <condition_variable>
+#include <exception>
 #include <mutex>
+
+#include "absl/strings/str_cat.h"
 
 namespace silhouette {
 
+namespace {
+
+// Waits so long, or until it is to stop.
 void Pause(const std::stop_token& stop, absl::Duration time) {
   if (time <= absl::ZeroDuration()) return;
   std::mutex mutex;
@@ -16,10 +21,36 @@ void Pause(const std::stop_token& stop, absl::Duration time) {
   never.wait_for(lock, stop, absl::ToChronoNanoseconds(time), [] { return false; });
 }
 
-absl::Duration Backoff::Next() {
-  const absl::Duration wait = next_;
-  next_ = std::min(2 * next_, longest_);
-  return wait;
+}  // namespace
+
+void AskAgainAndAgain(const std::stop_token& stop, const Clock& clock, const LiveSettings& settings,
+                      absl::Duration interval, const std::function<absl::Status()>& ask,
+                      const std::function<void(const absl::Status&)>& failed,
+                      const std::function<void()>& close) {
+  Backoff backoff(settings.first_retry, settings.longest_retry);
+  absl::Duration last_good = clock().running;
+  while (!stop.stop_requested()) {
+    const absl::Duration begun = clock().running;
+    absl::Status status;
+    try {
+      status = ask();
+    } catch (const std::exception& error) {
+      status = absl::InternalError(absl::StrCat("internal error: ", error.what()));
+    }
+    const absl::Duration now = clock().running;
+    if (status.ok()) {
+      last_good = now;
+      backoff.Reset();
+      Pause(stop, interval - (now - begun));
+      continue;
+    }
+    failed(status);
+    if (now - last_good > settings.reopen_after) {
+      close();
+      last_good = now;
+    }
+    Pause(stop, backoff.Next());
+  }
 }
 
 Helpers::Helpers(int threads) {

@@ -1,22 +1,23 @@
 // SPDX-License-Identifier: Apache-2.0
-// The same work on several things at once, again and again.
+// The same work again and again: with pauses, and on several things at once.
 #pragma once
 
+#include <algorithm>
 #include <condition_variable>
 #include <cstddef>
 #include <functional>
 #include <mutex>
 #include <stop_token>
 #include <thread>
+#include <utility>
 #include <vector>
 
+#include "absl/status/status.h"
 #include "absl/time/time.h"
+#include "server/live/live_settings.h"
+#include "server/scene/clock.h"
 
 namespace silhouette {
-
-// Waiting in a thread that may be asked to stop.
-// Waits so long, or until it is to stop.
-void Pause(const std::stop_token& stop, absl::Duration time);
 
 // How long to wait before a device that failed is asked again: twice as long each time.
 class Backoff {
@@ -24,7 +25,7 @@ class Backoff {
   Backoff(absl::Duration first, absl::Duration longest)
       : first_(first), longest_(longest), next_(first) {}
 
-  absl::Duration Next();
+  absl::Duration Next() { return std::exchange(next_, std::min(2 * next_, longest_)); }
   void Reset() { next_ = first_; }
 
  private:
@@ -32,6 +33,15 @@ class Backoff {
   absl::Duration longest_;
   absl::Duration next_;
 };
+
+// Calls `ask`, which asks a device, until it is to stop. Begins a call `interval` after the last
+// one began; after an error, which `failed` gets, it waits by a Backoff from first_retry to
+// longest_retry. Calls `close` when there were only errors for reopen_after. An exception that
+// leaves `ask` is an error.
+void AskAgainAndAgain(const std::stop_token& stop, const Clock& clock, const LiveSettings& settings,
+                      absl::Duration interval, const std::function<absl::Status()>& ask,
+                      const std::function<void(const absl::Status&)>& failed,
+                      const std::function<void()>& close);
 
 // Threads that wait for work: waking one takes less time than starting one for each set of images.
 class Helpers {

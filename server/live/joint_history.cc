@@ -172,31 +172,13 @@ absl::Status JointPoller::Ask() {
 }
 
 void JointPoller::Run(const std::stop_token& stop) {
-  Backoff backoff(settings_.first_retry, settings_.longest_retry);
-  absl::Duration last_good = clock_().running;
-  while (!stop.stop_requested()) {
-    const absl::Duration begun = clock_().running;
-    absl::Status status;
-    try {
-      status = Ask();
-    } catch (const std::exception& error) {
-      status = absl::InternalError(absl::StrCat("internal error: ", error.what()));
-    }
-    const absl::Duration now = clock_().running;
-    if (status.ok()) {
-      last_good = now;
-      backoff.Reset();
-      Pause(stop, settings_.joints_interval - (now - begun));
-      continue;
-    }
-    history_.Fail(status);
-    record_.NoteJointsError(status);
-    if (now - last_good > settings_.reopen_after) {
-      robot_.reset();
-      last_good = now;
-    }
-    Pause(stop, backoff.Next());
-  }
+  const auto failed = [this](const absl::Status& error) {
+    history_.Fail(error);
+    record_.NoteJointsError(error);
+  };
+  AskAgainAndAgain(
+      stop, clock_, settings_, settings_.joints_interval, [this] { return Ask(); }, failed,
+      [this] { robot_.reset(); });
 }
 
 }  // namespace silhouette

@@ -132,36 +132,19 @@ absl::Status LiveLoop::OpenCameras() {
 }
 
 void LiveLoop::Run(const std::stop_token& stop) {
-  const LiveSettings& live = config_.live;
-  Backoff backoff(live.first_retry, live.longest_retry);
-  absl::Duration last_good = config_.clock().running;
-  absl::Duration last_report = last_good;
-  while (!stop.stop_requested()) {
-    const absl::Duration begun = config_.clock().running;
-    absl::Status taken;
-    try {
-      taken = TakeSet();
-    } catch (const std::exception& error) {
-      taken = absl::InternalError(absl::StrCat("internal error: ", error.what()));
-    }
+  absl::Duration last_report = config_.clock().running;
+  const auto take_set = [&] {
     const absl::Duration now = config_.clock().running;
-    if (now - last_report >= live.report_interval) {
+    if (now - last_report >= config_.live.report_interval) {
       spdlog::info("acquisition: {}", Spoken(record_->Status()));
       last_report = now;
     }
-    if (taken.ok()) {
-      last_good = now;
-      backoff.Reset();
-      Pause(stop, live.interval - (now - begun));
-      continue;
-    }
-    record_->NoteLostSet(taken);
-    if (now - last_good > live.reopen_after) {
-      cameras_.reset();
-      last_good = now;
-    }
-    Pause(stop, backoff.Next());
-  }
+    return TakeSet();
+  };
+  AskAgainAndAgain(
+      stop, config_.clock, config_.live, config_.live.interval, take_set,
+      [this](const absl::Status& error) { record_->NoteLostSet(error); },
+      [this] { cameras_.reset(); });
 }
 
 absl::Status LiveLoop::TakeSet() {

@@ -87,11 +87,9 @@ std::string Spoken(const LiveStatus& status) {
 
 LiveRecord::LiveRecord(const std::vector<std::string>& views, absl::Duration max_age, Clock clock,
                        KnownVariant known_variant)
-    : max_age_(max_age),
-      clock_(std::move(clock)),
-      started_(clock_().time),
-      known_variant_(std::move(known_variant)) {
-  for (const std::string& view : views) cameras_.push_back({.name = view, .last = std::nullopt});
+    : max_age_(max_age), clock_(std::move(clock)), known_variant_(std::move(known_variant)) {
+  status_.started = clock_().time;
+  for (const std::string& view : views) cameras_.emplace_back().status.name = view;
 }
 
 void LiveRecord::Say(FaultLog& log, const std::string& what, const absl::Status& status,
@@ -106,20 +104,19 @@ void LiveRecord::Say(FaultLog& log, const std::string& what, const absl::Status&
 }
 
 void LiveRecord::NoteGood(Device& device, absl::Time taken, const Moment& arrived) {
-  ++device.good;
-  device.last = taken;
+  ++device.status.good;
+  device.status.last = taken;
+  device.status.fault.clear();
   device.arrived = arrived;
-  device.fault = absl::OkStatus();
-  Say(device.log, TitleOf(device.name), device.fault, arrived);
+  Say(device.log, TitleOf(device.status.name), absl::OkStatus(), arrived);
 }
 
 void LiveRecord::NoteError(Device& device, const absl::Status& error) {
   const Moment now = clock_();
-  ++device.errors;
-  device.fault = error;
-  device.last_error = std::string(error.message());
-  device.last_error_time = now.time;
-  Say(device.log, TitleOf(device.name), error, now);
+  ++device.status.errors;
+  device.status.fault = device.status.last_error = std::string(error.message());
+  device.status.last_error_time = now.time;
+  Say(device.log, TitleOf(device.status.name), error, now);
 }
 
 void LiveRecord::NoteImage(size_t view, absl::Time captured, const Moment& arrived) {
@@ -144,7 +141,7 @@ void LiveRecord::NoteJointsError(const absl::Status& error) {
 
 void LiveRecord::NoteJoined(const absl::Status& status) {
   const std::lock_guard lock(mutex_);
-  joined_ = status;
+  without_joints_ = std::string(status.message());
   // A robot that moves is no fault.
   const bool moves = absl::IsAborted(status);
   Say(join_log_, "scenes without joints", moves ? absl::OkStatus() : status, clock_());
@@ -159,15 +156,15 @@ void LiveRecord::NoteScene(const Moment& arrived) {
   const std::lock_guard lock(mutex_);
   const Moment now = clock_();
   to_scene_.Add(now.running - arrived.running);
-  ++scenes_;
-  fault_ = absl::OkStatus();
-  Say(set_log_, "acquisition", fault_, now);
+  ++status_.scenes;
+  status_.fault.clear();
+  Say(set_log_, "acquisition", absl::OkStatus(), now);
 }
 
 void LiveRecord::NoteLostSet(const absl::Status& error) {
   const std::lock_guard lock(mutex_);
-  ++lost_sets_;
-  fault_ = error;
+  ++status_.lost_sets;
+  status_.fault = std::string(error.message());
   Say(set_log_, "acquisition", error, clock_());
 }
 
@@ -197,18 +194,10 @@ KnownVariant LiveRecord::known_variant() const {
 }
 
 DeviceStatus LiveRecord::StatusOf(const Device& device, const Moment& now) const {
-  DeviceStatus status{.name = device.name,
-                      .serving = false,
-                      .good = device.good,
-                      .errors = device.errors,
-                      .last = device.last,
-                      .age = std::nullopt,
-                      .fault = std::string(device.fault.message()),
-                      .last_error = device.last_error,
-                      .last_error_time = device.last_error_time};
-  if (device.last) {
+  DeviceStatus status = device.status;
+  if (status.last) {
     // After its arrival only the running clock counts.
-    status.age = std::max(device.arrived.time - *device.last, absl::ZeroDuration()) +
+    status.age = std::max(device.arrived.time - *status.last, absl::ZeroDuration()) +
                  (now.running - device.arrived.running);
     status.serving = *status.age <= max_age_;
   }
@@ -217,14 +206,10 @@ DeviceStatus LiveRecord::StatusOf(const Device& device, const Moment& now) const
 
 LiveStatus LiveRecord::WithoutLatencies() const {
   const Moment now = clock_();
-  LiveStatus status;
-  status.started = started_;
-  status.scenes = scenes_;
-  status.lost_sets = lost_sets_;
-  status.fault = std::string(fault_.message());
+  LiveStatus status = status_;
   for (const Device& camera : cameras_) status.cameras.push_back(StatusOf(camera, now));
   status.robot = StatusOf(robot_, now);
-  if (status.robot.fault.empty()) status.robot.fault = std::string(joined_.message());
+  if (status.robot.fault.empty()) status.robot.fault = without_joints_;
   status.serving = status.robot.serving &&
                    std::ranges::all_of(status.cameras, [](const auto& c) { return c.serving; });
   return status;

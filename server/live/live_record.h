@@ -142,14 +142,8 @@ class LiveRecord {
 
  private:
   struct Device {
-    std::string name;
-    uint64_t good = 0;
-    uint64_t errors = 0;
-    std::optional<absl::Time> last;
+    DeviceStatus status;  // but for `serving` and `age`, which time alone changes
     Moment arrived = {};  // of the last
-    absl::Status fault = absl::OkStatus();
-    std::string last_error = {};
-    absl::Time last_error_time = {};
     FaultLog log = {};
   };
 
@@ -163,16 +157,13 @@ class LiveRecord {
 
   const absl::Duration max_age_;
   const Clock clock_;
-  const absl::Time started_;
   mutable std::mutex mutex_;
   KnownVariant known_variant_;
   std::vector<Device> cameras_;
   Device robot_;
-  absl::Status joined_;
+  std::string without_joints_;  // why the newest scene is
   FaultLog join_log_;
-  uint64_t scenes_ = 0;
-  uint64_t lost_sets_ = 0;
-  absl::Status fault_;
+  LiveStatus status_;  // but for devices and latencies
   FaultLog set_log_;
   LatencyRecord to_masks_;
   LatencyRecord to_scene_;

@@ -5,8 +5,6 @@
 #include <stdexcept>
 #include <utility>
 
-#include "server/scene/configuration_space.h"
-
 namespace silhouette {
 
 Reason BlockedReason(const Served& served, const SceneSettings& settings, const Moment& now) {
@@ -62,10 +60,6 @@ void RequireServable(const Served& served, const Policy& policy) {
 
 namespace {
 
-bool SearchesObstacleImages(const Policy& policy) {
-  return IsCalibrated(policy.preset) && EpipolarDomainOf(policy) == EpipolarDomain::kObstacle;
-}
-
 // Per view, where obstacles are allowed; empty if nowhere.
 std::vector<std::optional<Mask>> AllowedPixels(const Served& served) {
   std::vector<std::optional<Mask>> allowed;
@@ -83,9 +77,9 @@ std::vector<std::optional<Mask>> AllowedPixels(const Served& served) {
 
 TestSupport SupportFor(const Served& served, const Policy& policy) {
   TestSupport support{.bands = served.database->bands()};
-  if (SearchesObstacleImages(policy)) {
-    support.resolved = &served.scene->resolved.Get(served.scene->obstacle_images, *support.bands,
-                                                   ErrorsConvict(policy));
+  if (policy.preset == Preset::kPaperCalibrated) {
+    support.resolved = &served.scene->resolved.Get(
+        [&] { return ResolvedObstacleImages(served.scene->obstacle_images, *support.bands); });
   }
   if (IsSound(policy.preset)) {
     support.possible_space =
@@ -100,12 +94,12 @@ TestSupport SupportFor(const Served& served, const Policy& policy) {
   return support;
 }
 
-const DistanceImages& DistancesFor(const Served& served, const Policy& policy,
-                                   const TestSupport& support) {
+const DistanceImages& DistancesFor(const Served& served, const TestSupport& support) {
   const Scene& scene = *served.scene;
-  return support.resolved != nullptr
-             ? scene.distances.ToResolved(*support.resolved, ErrorsConvict(policy))
-             : scene.distances.ToObstacles(scene.obstacle_images);
+  if (support.resolved != nullptr) {
+    return scene.to_resolved.Get([&] { return DistancesTo(*support.resolved); });
+  }
+  return scene.to_obstacles.Get([&] { return DistancesTo(ObstaclePlanes(scene.obstacle_images)); });
 }
 
 Checker::Checker(Served served, const Policy& policy, const SceneSettings& settings,
@@ -157,7 +151,7 @@ std::optional<ClearanceMeter> Checker::Clearances() const {
   if (blocked_ != Reason::kNone || !test_) return std::nullopt;
   const TestSupport support = SupportFor(served_, policy_);
   return ClearanceMeter(*test_, served_.scene->obstacle_images, policy_, support,
-                        DistancesFor(served_, policy_, support));
+                        DistancesFor(served_, support));
 }
 
 std::optional<Mask> Checker::TestRobotImage(int view, std::span<const double> q) const {
@@ -193,15 +187,14 @@ CollisionImages Checker::CollisionImagesAt(std::span<const double> q) const {
       images[view] = *(*resolved)[view] & *robot;
     }
   }
-  if (SearchesObstacleImages(policy_)) return images;
+  if (policy_.preset == Preset::kPaperCalibrated) return images;
   if (!IsCalibrated(policy_.preset)) return UncalibratedCollisionImages(intersections);
-  return CalibratedCollisionImages(intersections, *served_.database->bands(),
-                                   ErrorsConvict(policy_));
+  return CalibratedCollisionImages(intersections, *served_.database->bands());
 }
 
 std::vector<std::string> Checker::RegionsAt(std::span<const double> q) const {
   // These look beyond the test robot image.
-  if (SearchesObstacleImages(policy_) || IsSound(policy_.preset)) {
+  if (policy_.preset == Preset::kPaperCalibrated || IsSound(policy_.preset)) {
     return RegionsIn(served_, policy_);
   }
   std::vector<std::string> names;
@@ -224,13 +217,6 @@ std::vector<std::string> RegionsIn(const Served& served, const Policy& policy) {
     for (const RegionEffect& effect : served.scene->region_effects) names.push_back(effect.name);
   }
   return names;
-}
-
-std::vector<TileVerdicts> CheckAllTiles(const Served& served, const Policy& policy) {
-  const ConfigurationSpace space(served, policy);
-  std::vector<TileVerdicts> tiles;
-  for (uint64_t tile = 0; tile < space.tiles(); ++tile) tiles.push_back(space.tile(tile));
-  return tiles;
 }
 
 }  // namespace silhouette

@@ -77,10 +77,8 @@ void RequireServable(const Served& served, const Policy& policy);
 // be there and made with the database; the policy servable.
 TestSupport SupportFor(const Served& served, const Policy& policy);
 
-// The distances that clearances under the policy are measured with, kept by the scene. `support`:
-// SupportFor these.
-const DistanceImages& DistancesFor(const Served& served, const Policy& policy,
-                                   const TestSupport& support);
+// The distances that clearances are measured with, kept by the scene. `support`: SupportFor these.
+const DistanceImages& DistancesFor(const Served& served, const TestSupport& support);
 
 // Whether verdicts under the policy rest on the calibration.
 bool RestsOnCalibration(const Policy& policy);
@@ -107,8 +105,5 @@ absl::Duration ValidFor(const Served& served, const Policy& policy, const SceneS
 // The names of the allowed regions without which verdicts under the policy might be others: those
 // that took any pixel of the scene away; all in force, if the policy looks at space instead.
 std::vector<std::string> RegionsIn(const Served& served, const Policy& policy);
-
-// The tiles of ConfigurationSpace (configuration_space.h), all of them.
-std::vector<TileVerdicts> CheckAllTiles(const Served& served, const Policy& policy);
 
 }  // namespace silhouette

@@ -19,13 +19,10 @@ std::vector<PixelTree> TreesOf(const ServedDatabase& database) {
 }  // namespace
 
 ConfigurationSpace::ConfigurationSpace(Served served, const Policy& policy)
-    : served_(std::move(served)) {
+    : served_(std::move(served)), tiles_(served_.database->grid().tiles()) {
   if (served_.scene == nullptr) throw std::invalid_argument("there is no scene");
   RequireServable(served_, policy);
   const ServedDatabase& database = *served_.database;
-  tiles_.resize(database.grid().tiles());
-  ready_ = std::make_unique<std::atomic<bool>[]>(tiles());
-  once_ = std::make_unique<std::once_flag[]>(tiles());
   if (served_.scene->generation != database.generation()) return;
   if (served_.scene->Blocked() != Reason::kNone) return;
   test_.emplace(database.robot_images(), served_.scene->obstacle_images, policy,
@@ -40,16 +37,10 @@ bool ConfigurationSpace::looked_up(uint64_t tile) const {
          (by_index_ && served_.database->index()->Tile(tile) != nullptr);
 }
 
-void ConfigurationSpace::WorkOut(uint64_t tile) const {
-  std::call_once(once_[tile], [&] {
-    const TileIndex* index = by_index_ ? served_.database->index()->Tile(tile) : nullptr;
-    if (index != nullptr) {
-      tiles_[tile] = by_index_->CheckTile(tile, *index);
-    } else if (test_) {
-      tiles_[tile] = test_->CheckTile(tile);
-    }
-    ready_[tile].store(true, std::memory_order_release);
-  });
+TileVerdicts ConfigurationSpace::WorkOut(uint64_t tile) const {
+  const TileIndex* index = by_index_ ? served_.database->index()->Tile(tile) : nullptr;
+  if (index != nullptr) return by_index_->CheckTile(tile, *index);
+  return test_ ? test_->CheckTile(tile) : TileVerdicts();
 }
 
 void ConfigurationSpace::States(std::span<const uint32_t> numbers, std::span<uint64_t> free,
@@ -109,9 +100,7 @@ ClearanceSpace::ClearanceSpace(std::shared_ptr<const ConfigurationSpace> verdict
       served_(std::move(served)),
       policy_(policy),
       levels_(std::move(levels)),
-      tiles_(verdicts_->tiles()),
-      ready_(std::make_unique<std::atomic<bool>[]>(verdicts_->tiles())),
-      once_(std::make_unique<std::once_flag[]>(verdicts_->tiles())) {
+      tiles_(verdicts_->tiles()) {
   RequireLevels(levels_);
 }
 
@@ -121,7 +110,7 @@ const LevelChecker& ClearanceSpace::Test() const {
     const ObstacleImages& images = served_.scene->obstacle_images;
     const TestSupport support = SupportFor(served_, policy_);
     test_.emplace(database.robot_images(), images, policy_, support);
-    meter_.emplace(*test_, images, policy_, support, DistancesFor(served_, policy_, support));
+    meter_.emplace(*test_, images, policy_, support, DistancesFor(served_, support));
     std::span<const PixelTree> trees;
     if (database.index() != nullptr) trees = database.index()->trees();
     level_checker_.emplace(*meter_, levels_, trees);
@@ -129,18 +118,11 @@ const LevelChecker& ClearanceSpace::Test() const {
   return *level_checker_;
 }
 
-void ClearanceSpace::WorkOut(uint64_t tile) const {
-  std::call_once(once_[tile], [&] {
-    const PlaceSet free{verdicts_->tile(tile).free};
-    if (free.Empty()) {
-      tiles_[tile].resize(levels_.size());
-    } else {
-      const LevelChecker& test = Test();
-      const CollisionIndex* index = served_.database->index();
-      tiles_[tile] = test.Above(tile, index != nullptr ? index->Tile(tile) : nullptr, free);
-    }
-    ready_[tile].store(true, std::memory_order_release);
-  });
+std::vector<PlaceSet> ClearanceSpace::WorkOut(uint64_t tile) const {
+  const PlaceSet free{verdicts_->tile(tile).free};
+  if (free.Empty()) return std::vector<PlaceSet>(levels_.size());
+  const CollisionIndex* index = served_.database->index();
+  return Test().Above(tile, index != nullptr ? index->Tile(tile) : nullptr, free);
 }
 
 }  // namespace silhouette

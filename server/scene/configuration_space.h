@@ -21,6 +21,7 @@
 #include "server/collision/policy.h"
 #include "server/collision/space_checker.h"
 #include "server/collision/verdict.h"
+#include "server/scene/made_once.h"
 #include "server/scene/scene_store.h"
 
 namespace silhouette {
@@ -39,15 +40,14 @@ class ConfigurationSpace {
   uint64_t tiles() const { return tiles_.size(); }
 
   const TileVerdicts& tile(uint64_t tile) const {
-    if (!ready(tile)) WorkOut(tile);
-    return tiles_[tile];
+    return tiles_.Get(tile, [this](uint64_t asked) { return WorkOut(asked); });
   }
 
   // Whether working the tile out is a look into the index, and nothing has to be tested singly.
   bool looked_up(uint64_t tile) const;
 
   // Whether the tile has been worked out.
-  bool ready(uint64_t tile) const { return ready_[tile].load(std::memory_order_acquire); }
+  bool ready(uint64_t tile) const { return tiles_.ready(tile); }
 
   // The state of a configuration; kUnknown for a number that no configuration has.
   State state(ConfigurationNumber number) const {
@@ -85,15 +85,13 @@ class ConfigurationSpace {
     FreeCells free;
   };
 
-  void WorkOut(uint64_t tile) const;
+  TileVerdicts WorkOut(uint64_t tile) const;
 
   Served served_;
   // Nothing where all is unknown.
   std::optional<CollisionChecker> test_;
   std::optional<SpaceChecker> by_index_;
-  mutable std::vector<TileVerdicts> tiles_;
-  std::unique_ptr<std::atomic<bool>[]> ready_;
-  std::unique_ptr<std::once_flag[]> once_;
+  TilesMadeOnce<TileVerdicts> tiles_;
   mutable std::once_flag cells_once_;
   mutable std::atomic<bool> cells_made_ = false;
   mutable std::unique_ptr<Cells> cells_;
@@ -115,19 +113,18 @@ class ClearanceSpace {
 
   // Per level the configurations of the tile that are free and have more clearance.
   std::span<const PlaceSet> tile(uint64_t tile) const {
-    if (!ready(tile)) WorkOut(tile);
-    return tiles_[tile];
+    return tiles_.Get(tile, [this](uint64_t asked) { return WorkOut(asked); });
   }
 
   // Whether the tile has been worked out.
-  bool ready(uint64_t tile) const { return ready_[tile].load(std::memory_order_acquire); }
+  bool ready(uint64_t tile) const { return tiles_.ready(tile); }
 
   // What it takes when all tiles are worked out.
   uint64_t bytes() const { return tiles_.size() * levels_.size() * sizeof(PlaceSet); }
 
  private:
   const LevelChecker& Test() const;
-  void WorkOut(uint64_t tile) const;
+  std::vector<PlaceSet> WorkOut(uint64_t tile) const;
 
   std::shared_ptr<const ConfigurationSpace> verdicts_;
   Served served_;
@@ -138,9 +135,7 @@ class ClearanceSpace {
   mutable std::optional<CollisionChecker> test_;
   mutable std::optional<ClearanceMeter> meter_;
   mutable std::optional<LevelChecker> level_checker_;
-  mutable std::vector<std::vector<PlaceSet>> tiles_;
-  std::unique_ptr<std::atomic<bool>[]> ready_;
-  std::unique_ptr<std::once_flag[]> once_;
+  TilesMadeOnce<std::vector<PlaceSet>> tiles_;
 };
 
 }  // namespace silhouette

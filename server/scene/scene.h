@@ -3,10 +3,8 @@
 // that instant, and what it is good for.
 #pragma once
 
-#include <array>
 #include <cstdint>
 #include <memory>
-#include <mutex>
 #include <optional>
 #include <string>
 #include <vector>
@@ -20,6 +18,7 @@
 #include "server/scene/allowed_regions.h"
 #include "server/scene/clock.h"
 #include "server/scene/joint_position.h"
+#include "server/scene/made_once.h"
 #include "server/scene/sound_basis.h"
 
 namespace silhouette {
@@ -41,48 +40,6 @@ struct SceneView {
   // Pixels that prove nothing in this view, and its safety margin in pixels.
   std::optional<Mask> ignored;
   double margin = 0;
-};
-
-// The scene's obstacle images resolved along epipolar lines, worked out once for all who ask. Used
-// by any number of threads. A copy starts empty.
-class ResolvedImages {
- public:
-  ResolvedImages() = default;
-  ResolvedImages(const ResolvedImages&) {}
-  ResolvedImages& operator=(const ResolvedImages&) = delete;
-
-  // ResolvedObstacleImages (collision_images.h). `images` and `bands` are the scene's own and those
-  // of the database that it was made with: always the same.
-  const CollisionImages& Get(const ObstacleImages& images, const EpipolarBands& bands,
-                             bool errors_convict) const;
-
- private:
-  struct Entry {
-    std::once_flag once;
-    CollisionImages images;
-  };
-  mutable std::array<Entry, 2> entries_;  // by errors_convict
-};
-
-// The distances from the pixels that show obstacles, worked out once for all who ask. Used by any
-// number of threads. A copy starts empty.
-class SceneDistances {
- public:
-  SceneDistances() = default;
-  SceneDistances(const SceneDistances&) {}
-  SceneDistances& operator=(const SceneDistances&) = delete;
-
-  // Both: of the scene's own images, always the same.
-  const DistanceImages& ToObstacles(const ObstacleImages& images) const;
-  const DistanceImages& ToResolved(const CollisionImages& resolved, bool errors_convict) const;
-
- private:
-  struct Entry {
-    std::once_flag once;
-    DistanceImages distances;
-  };
-  mutable Entry obstacles_;
-  mutable std::array<Entry, 2> resolved_;  // by errors_convict
 };
 
 // A plain value; shared as SharedScene, and then never changed.
@@ -107,8 +64,11 @@ struct Scene {
   // When it arrived.
   Moment arrived;
   std::vector<SceneDefect> defects;
-  ResolvedImages resolved;
-  SceneDistances distances;
+  // Made for the first who asks (checker.cc): the obstacle images resolved along epipolar lines,
+  // and the distances from the pixels that show obstacles, in the obstacle images and in those.
+  MadeOnce<CollisionImages> resolved;
+  MadeOnce<DistanceImages> to_obstacles;
+  MadeOnce<DistanceImages> to_resolved;
   ScenePossibleSpace possible_space;
   // What allowed regions in force did to the obstacle images; empty in a scene as it was published.
   std::vector<RegionEffect> region_effects;

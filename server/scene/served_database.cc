@@ -31,7 +31,7 @@ void AddImage(const MetRecord& record, FixedJointsOfVariant& joints,
     return builder.Add(record.number, record.words);
   }
   if (joints.elsewhere.empty()) joints.elsewhere = *elsewhere;
-  builder.AddElsewhere(record.number);
+  builder.AddWithout(record.number, RobotImageState::kElsewhere);
 }
 
 void AddRecord(const MetRecord& record, FixedJointsOfVariant& joints,
@@ -40,9 +40,9 @@ void AddRecord(const MetRecord& record, FixedJointsOfVariant& joints,
     case StoredMasks::kPresent:
       return AddImage(record, joints, builder);
     case StoredMasks::kExcluded:
-      return builder.AddExcluded(record.number);
+      return builder.AddWithout(record.number, RobotImageState::kExcluded);
     case StoredMasks::kDamaged:
-      return builder.AddCorrupt(record.number);
+      return builder.AddWithout(record.number, RobotImageState::kCorrupt);
   }
 }
 

@@ -174,10 +174,8 @@ const PossibleSpace& ScenePossibleSpace::Get(const std::shared_ptr<const SoundBa
     const auto found = std::ranges::find(entries_, basis, &Entry::basis);
     entry = found != entries_.end() ? &*found : &entries_.emplace_back(basis);
   }
-  std::call_once(entry->once, [&] {
-    entry->space.emplace(basis->space(), images, basis->RobotAt(joints), allowed);
-  });
-  return *entry->space;
+  return entry->space.Get(
+      [&] { return PossibleSpace(basis->space(), images, basis->RobotAt(joints), allowed); });
 }
 
 }  // namespace silhouette

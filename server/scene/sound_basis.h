@@ -22,6 +22,7 @@
 #include "server/collision/robot_image_table.h"
 #include "server/collision/voxel_space.h"
 #include "server/scene/joint_position.h"
+#include "server/scene/made_once.h"
 #include "server/scene/sound_settings.h"
 #include "silhouette/storage/v1/storage.pb.h"
 
@@ -94,8 +95,7 @@ class ScenePossibleSpace {
   struct Entry {
     explicit Entry(std::shared_ptr<const SoundBasis> the_basis) : basis(std::move(the_basis)) {}
     const std::shared_ptr<const SoundBasis> basis;
-    std::once_flag once;
-    std::optional<PossibleSpace> space;
+    MadeOnce<PossibleSpace> space;
   };
   mutable std::mutex mutex_;
   mutable std::list<Entry> entries_;  // a variant each

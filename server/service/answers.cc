@@ -13,6 +13,7 @@
 #include <utility>
 #include <vector>
 
+#include "absl/status/status.h"
 #include "absl/strings/str_cat.h"
 #include "common/picture/picture.h"
 #include "db/status/status_macros.h"
@@ -29,13 +30,16 @@ namespace {
 // Up to so many configurations are checked in gRPC's own threads.
 constexpr int kFewChecks = 64;
 
+absl::Status AtMost(int limit, int count, const std::string& field) {
+  if (count <= limit) return absl::OkStatus();
+  return absl::InvalidArgumentError(
+      absl::StrCat(field, ": there are ", count, "; ask for at most ", limit, " at once"));
+}
+
 absl::StatusOr<std::vector<Configuration>> ConfigurationsFrom(
     const google::protobuf::RepeatedPtrField<v1::Configuration>& messages,
     const ConfigurationGrid& grid, const std::string& field, int limit) {
-  if (messages.size() > limit) {
-    return absl::InvalidArgumentError(absl::StrCat(field, ": there are ", messages.size(),
-                                                   "; ask for at most ", limit, " at once"));
-  }
+  RETURN_IF_ERROR(AtMost(limit, messages.size(), field));
   std::vector<Configuration> configurations;
   for (int i = 0; i < messages.size(); ++i) {
     ASSIGN_OR_RETURN(Configuration q,
@@ -82,34 +86,27 @@ void CountVerdicts(std::span<const uint64_t> free, std::span<const uint64_t> occ
 }
 
 // An answer by numbers.
-grpc::Status AnswerNumbers(Serving& serving, const v1::CheckConfigurationsRequest& request,
+absl::Status AnswerNumbers(Serving& serving, const v1::CheckConfigurationsRequest& request,
                            v1::CheckConfigurationsResponse* response) {
   if (!request.configurations().empty()) {
-    return {grpc::StatusCode::INVALID_ARGUMENT,
-            "numbers: ask for numbers or for configurations, not for both at once"};
+    return absl::InvalidArgumentError(
+        "numbers: ask for numbers or for configurations, not for both at once");
   }
   if (request.include_clearance()) {
-    return {grpc::StatusCode::INVALID_ARGUMENT,
-            "include_clearance: clearances are for configurations, not for numbers"};
+    return absl::InvalidArgumentError(
+        "include_clearance: clearances are for configurations, not for numbers");
   }
-  if (request.numbers_size() > kMaxNumbers) {
-    return ToGrpc(
-        absl::InvalidArgumentError(absl::StrCat("numbers: there are ", request.numbers_size(),
-                                                "; ask for at most ", kMaxNumbers, " at once")));
-  }
-  const absl::StatusOr<Served> found =
-      WithVariant(serving.scenes.Newest(serving.settings.clock()), request.variant());
-  if (!found.ok()) return ToGrpc(found.status());
-  const Served& served = *found;
-  const absl::StatusOr<Policy> policy = PolicyFor(serving, request.policy(), *served.database);
-  if (!policy.ok()) return ToGrpc(policy.status());
+  RETURN_IF_ERROR(AtMost(kMaxNumbers, request.numbers_size(), "numbers"));
+  ASSIGN_OR_RETURN(const Served served,
+                   WithVariant(serving.scenes.Newest(serving.settings.clock()), request.variant()));
+  ASSIGN_OR_RETURN(const Policy policy, PolicyFor(serving, request.policy(), *served.database));
   const auto count = static_cast<size_t>(request.numbers_size());
   std::vector<uint64_t> free((count + 63) / 64, 0);
   std::vector<uint64_t> occupied(free.size(), 0);
   if (served.scene != nullptr) {
-    serving.spaces.Get(served, *policy)->States({request.numbers().data(), count}, free, occupied);
+    serving.spaces.Get(served, policy)->States({request.numbers().data(), count}, free, occupied);
   }
-  const Reason blocked = Conclude(serving, served, *policy, response->mutable_basis());
+  const Reason blocked = Conclude(serving, served, policy, response->mutable_basis());
   if (blocked != Reason::kNone) {
     std::ranges::fill(free, 0);
     std::ranges::fill(occupied, 0);
@@ -118,7 +115,7 @@ grpc::Status AnswerNumbers(Serving& serving, const v1::CheckConfigurationsReques
   response->set_unknown_reason(ToMessage(blocked));
   response->set_free(PackedBits(free, count));
   response->set_occupied(PackedBits(occupied, count));
-  return grpc::Status::OK;
+  return absl::OkStatus();
 }
 
 }  // namespace
@@ -181,61 +178,58 @@ bool AnsweredAtOnce(const Serving& serving, const v1::CheckConfigurationsRequest
   return !policy.ok() || !IsSound(policy->preset);
 }
 
-grpc::Status Answer(Serving& serving, const v1::CheckConfigurationsRequest& request,
+absl::Status Answer(Serving& serving, const v1::CheckConfigurationsRequest& request,
                     const std::function<bool()>& cancelled,
                     v1::CheckConfigurationsResponse* response) {
   if (!request.numbers().empty()) return AnswerNumbers(serving, request, response);
-  const absl::StatusOr<Checker> checker = CheckerFor(serving, request.policy(), request.variant());
-  if (!checker.ok()) return ToGrpc(checker.status());
-  const ServedDatabase& database = *checker->served().database;
-  const auto configurations = ConfigurationsFrom(request.configurations(), database.grid(),
-                                                 "configurations", kMaxConfigurations);
-  if (!configurations.ok()) return ToGrpc(configurations.status());
+  ASSIGN_OR_RETURN(const Checker checker, CheckerFor(serving, request.policy(), request.variant()));
+  const ServedDatabase& database = *checker.served().database;
+  ASSIGN_OR_RETURN(const auto configurations,
+                   ConfigurationsFrom(request.configurations(), database.grid(), "configurations",
+                                      kMaxConfigurations));
   const size_t views = request.omit_evidence() ? 0 : static_cast<size_t>(database.views());
   const std::optional<ClearanceMeter> meter =
-      request.include_clearance() ? checker->Clearances() : std::nullopt;
+      request.include_clearance() ? checker.Clearances() : std::nullopt;
   std::vector<Finding> findings;
-  std::vector<ViewEvidence> evidence(views * configurations->size());
+  std::vector<ViewEvidence> evidence(views * configurations.size());
   const auto evidence_of = [&](size_t i) { return std::span(evidence).subspan(i * views, views); };
-  for (size_t i = 0; i < configurations->size(); ++i) {
-    if (meter && cancelled()) return grpc::Status::CANCELLED;  // this may take long
+  for (size_t i = 0; i < configurations.size(); ++i) {
+    if (meter && cancelled()) return absl::CancelledError();  // this may take long
     findings.push_back(
-        CheckOne(*checker, (*configurations)[i], evidence_of(i), meter ? &*meter : nullptr));
+        CheckOne(checker, configurations[i], evidence_of(i), meter ? &*meter : nullptr));
   }
   const Reason blocked =
-      Conclude(serving, checker->served(), checker->policy(), response->mutable_basis());
+      Conclude(serving, checker.served(), checker.policy(), response->mutable_basis());
   for (size_t i = 0; i < findings.size(); ++i) {
     const Verdict verdict = Final(findings[i].verdict, blocked);
     serving.verdicts.Add(verdict);
-    ToMessage(verdict, evidence_of(i), checker->RegionsAt((*configurations)[i]),
-              findings[i].clearance, database, response->add_verdicts());
+    ToMessage(verdict, evidence_of(i), checker.RegionsAt(configurations[i]), findings[i].clearance,
+              database, response->add_verdicts());
   }
-  return grpc::Status::OK;
+  return absl::OkStatus();
 }
 
-grpc::Status Answer(Serving& serving, const v1::CheckPathRequest& request,
+absl::Status Answer(Serving& serving, const v1::CheckPathRequest& request,
                     v1::CheckPathResponse* response, absl::Duration* valid_for) {
-  const absl::StatusOr<Checker> checker = CheckerFor(serving, request.policy(), request.variant());
-  if (!checker.ok()) return ToGrpc(checker.status());
-  const ServedDatabase& database = *checker->served().database;
-  const auto waypoints =
-      ConfigurationsFrom(request.waypoints(), database.grid(), "waypoints", kMaxWaypoints);
-  if (!waypoints.ok()) return ToGrpc(waypoints.status());
-  if (waypoints->empty()) {
-    return {grpc::StatusCode::INVALID_ARGUMENT, "waypoints: a path has at least one"};
+  ASSIGN_OR_RETURN(const Checker checker, CheckerFor(serving, request.policy(), request.variant()));
+  const ServedDatabase& database = *checker.served().database;
+  ASSIGN_OR_RETURN(const auto waypoints, ConfigurationsFrom(request.waypoints(), database.grid(),
+                                                            "waypoints", kMaxWaypoints));
+  if (waypoints.empty()) {
+    return absl::InvalidArgumentError("waypoints: a path has at least one");
   }
-  const double places = MostPlaces(database.grid(), *waypoints);
+  const double places = MostPlaces(database.grid(), waypoints);
   if (std::isfinite(places) && places > kMaxPlaces) {
-    return {grpc::StatusCode::INVALID_ARGUMENT,
-            "waypoints: the path passes more than 1,000,000 places of the grid; split it"};
+    return absl::InvalidArgumentError(
+        "waypoints: the path passes more than 1,000,000 places of the grid; split it");
   }
   std::vector<ViewEvidence> evidence(static_cast<size_t>(database.views()));
   std::set<std::string> touched;
   std::optional<PathClearance> narrowest;
-  const PathVerdict path = checker->CheckPath(*waypoints, evidence, &touched,
-                                              request.include_clearance() ? &narrowest : nullptr);
+  const PathVerdict path = checker.CheckPath(waypoints, evidence, &touched,
+                                             request.include_clearance() ? &narrowest : nullptr);
   const Reason blocked =
-      Conclude(serving, checker->served(), checker->policy(), response->mutable_basis(), valid_for);
+      Conclude(serving, checker.served(), checker.policy(), response->mutable_basis(), valid_for);
   const Verdict verdict = Final(path.verdict, blocked);
   serving.verdicts.Add(verdict);
   if (path.verdict.free()) evidence.clear();
@@ -250,25 +244,23 @@ grpc::Status Answer(Serving& serving, const v1::CheckPathRequest& request,
     response->mutable_configuration()->add_positions(position);
   }
   response->set_checked(path.checked);
-  return grpc::Status::OK;
+  return absl::OkStatus();
 }
 
-grpc::Status Answer(Serving& serving, const v1::ExplainRequest& request,
+absl::Status Answer(Serving& serving, const v1::ExplainRequest& request,
                     v1::ExplainResponse* response) {
-  const absl::StatusOr<Checker> checker = CheckerFor(serving, request.policy(), request.variant());
-  if (!checker.ok()) return ToGrpc(checker.status());
-  const ServedDatabase& database = *checker->served().database;
-  const absl::StatusOr<Configuration> q =
-      ConfigurationFrom(request.configuration(), database.grid(), "configuration");
-  if (!q.ok()) return ToGrpc(q.status());
+  ASSIGN_OR_RETURN(const Checker checker, CheckerFor(serving, request.policy(), request.variant()));
+  const ServedDatabase& database = *checker.served().database;
+  ASSIGN_OR_RETURN(const Configuration q,
+                   ConfigurationFrom(request.configuration(), database.grid(), "configuration"));
   std::vector<ViewEvidence> evidence(static_cast<size_t>(database.views()));
-  const Verdict verdict = CheckOne(*checker, *q, evidence).verdict;
-  ExplainViews(*checker, *q, response);
+  const Verdict verdict = CheckOne(checker, q, evidence).verdict;
+  ExplainViews(checker, q, response);
   const Reason blocked =
-      Conclude(serving, checker->served(), checker->policy(), response->mutable_basis());
-  ToMessage(Final(verdict, blocked), evidence, checker->RegionsAt(*q), std::nullopt, database,
+      Conclude(serving, checker.served(), checker.policy(), response->mutable_basis());
+  ToMessage(Final(verdict, blocked), evidence, checker.RegionsAt(q), std::nullopt, database,
             response->mutable_verdict());
-  return grpc::Status::OK;
+  return absl::OkStatus();
 }
 
 namespace {

@@ -7,6 +7,7 @@
 #include <span>
 #include <string>
 
+#include "absl/status/status.h"
 #include "absl/status/statusor.h"
 #include "absl/time/time.h"
 #include "server/scene/checker.h"
@@ -43,13 +44,13 @@ Verdict Final(const Verdict& verdict, Reason blocked);
 bool AnsweredAtOnce(const Serving& serving, const v1::CheckConfigurationsRequest& request);
 
 // The answer of the newest scene. `cancelled`: asked now and again whether anybody still waits.
-grpc::Status Answer(Serving& serving, const v1::CheckConfigurationsRequest& request,
+absl::Status Answer(Serving& serving, const v1::CheckConfigurationsRequest& request,
                     const std::function<bool()>& cancelled,
                     v1::CheckConfigurationsResponse* response);
 // `valid_for`: as in Conclude.
-grpc::Status Answer(Serving& serving, const v1::CheckPathRequest& request,
+absl::Status Answer(Serving& serving, const v1::CheckPathRequest& request,
                     v1::CheckPathResponse* response, absl::Duration* valid_for = nullptr);
-grpc::Status Answer(Serving& serving, const v1::ExplainRequest& request,
+absl::Status Answer(Serving& serving, const v1::ExplainRequest& request,
                     v1::ExplainResponse* response);
 
 // The pictures of one verdict.

@@ -2,8 +2,6 @@
 // Between the API's messages and our own values.
 #pragma once
 
-#include <grpcpp/support/status.h>
-
 #include <optional>
 #include <span>
 #include <string>
@@ -24,9 +22,6 @@
 #include "silhouette/v1/scene_service.pb.h"
 
 namespace silhouette {
-
-grpc::Status ToGrpc(const absl::Status& status);
-absl::Status FromGrpc(const grpc::Status& status);
 
 // From messages (requests.cc). InvalidArgument names the field.
 

@@ -107,15 +107,6 @@ absl::Status SetOffGrid(const v1::Policy& message, Policy& policy) {
 
 }  // namespace
 
-grpc::Status ToGrpc(const absl::Status& status) {
-  if (status.ok()) return grpc::Status::OK;
-  return grpc::Status(static_cast<grpc::StatusCode>(status.code()), std::string(status.message()));
-}
-
-absl::Status FromGrpc(const grpc::Status& status) {
-  return absl::Status(static_cast<absl::StatusCode>(status.error_code()), status.error_message());
-}
-
 absl::StatusOr<Policy> PolicyFrom(const v1::Policy& message, const Policy& defaults, int views) {
   Policy policy = defaults;
   if (!message.preset().empty()) {

@@ -1,17 +1,21 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "server/service/services.h"
-
 #include <spdlog/spdlog.h>
 
 #include <algorithm>
+#include <memory>
+#include <mutex>
 #include <string>
 #include <utility>
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_join.h"
+#include "db/status/status_macros.h"
 #include "server/scene/checker.h"
 #include "server/scene/make_scene.h"
 #include "server/service/messages.h"
+#include "server/service/serving.h"
+#include "silhouette/v1/database_service.grpc.pb.h"
+#include "silhouette/v1/scene_service.grpc.pb.h"
 
 namespace silhouette {
 
@@ -51,162 +55,185 @@ std::string WhyWithdrawn(const KnownVariant& known, const std::vector<std::strin
                       "'; wait for the next scene");
 }
 
-}  // namespace
+// What the owner of the cameras calls.
+class SceneService final : public v1::SceneService::CallbackService {
+ public:
+  explicit SceneService(Serving& serving) : serving_(serving) {}
 
-grpc::ServerUnaryReactor* SceneService::PublishScene(grpc::CallbackServerContext* context,
-                                                     const v1::PublishSceneRequest* request,
-                                                     v1::PublishSceneResponse* response) {
-  const Moment arrived = serving_.settings.clock();
-  if (serving_.settings.live != nullptr) {
-    return AnswerHere(context, [] {
-      return grpc::Status(grpc::StatusCode::FAILED_PRECONDITION,
-                          "the server takes images of the cell itself (--live), and scenes of two "
-                          "sources must not mix; start it without --live to publish scenes");
+  grpc::ServerUnaryReactor* PublishScene(grpc::CallbackServerContext* context,
+                                         const v1::PublishSceneRequest* request,
+                                         v1::PublishSceneResponse* response) override {
+    const Moment arrived = serving_.settings.clock();
+    if (serving_.settings.live != nullptr) {
+      return AnswerHere(context, [] {
+        return absl::FailedPreconditionError(
+            "the server takes images of the cell itself (--live), and scenes of two sources must "
+            "not "
+            "mix; start it without --live to publish scenes");
+      });
+    }
+    return AnswerOnWorker(serving_, context, [this, request, response, arrived]() -> absl::Status {
+      const ServingSettings& settings = serving_.settings;
+      ASSIGN_OR_RETURN(const SceneInput input, SceneInputFrom(*request));
+      const std::shared_ptr<const ServedDatabase> database = serving_.scenes.database();
+      ASSIGN_OR_RETURN(Scene scene,
+                       MakeScene(*database, input, settings.scene, settings.segmentation, arrived));
+      ASSIGN_OR_RETURN(const SharedScene published,
+                       serving_.publisher.Publish(std::move(scene), database));
+      ToMessage(*published, /*include_planes=*/false, settings.scene, settings.clock(),
+                response->mutable_scene());
+      return absl::OkStatus();
     });
   }
-  return AnswerOnWorker(serving_, context, [this, request, response, arrived]() -> grpc::Status {
-    const ServingSettings& settings = serving_.settings;
-    const absl::StatusOr<SceneInput> input = SceneInputFrom(*request);
-    if (!input.ok()) return ToGrpc(input.status());
-    const std::shared_ptr<const ServedDatabase> database = serving_.scenes.database();
-    absl::StatusOr<Scene> scene =
-        MakeScene(*database, *input, settings.scene, settings.segmentation, arrived);
-    if (!scene.ok()) return ToGrpc(scene.status());
-    const absl::StatusOr<SharedScene> published =
-        serving_.publisher.Publish(*std::move(scene), database);
-    if (!published.ok()) return ToGrpc(published.status());
-    ToMessage(**published, /*include_planes=*/false, settings.scene, settings.clock(),
-              response->mutable_scene());
-    return grpc::Status::OK;
-  });
-}
 
-grpc::ServerUnaryReactor* SceneService::GetScene(grpc::CallbackServerContext* context,
-                                                 const v1::GetSceneRequest* request,
-                                                 v1::GetSceneResponse* response) {
-  const auto work = [this, request, response]() -> grpc::Status {
-    const SharedScene scene = serving_.scenes.Find(request->id());
-    if (scene == nullptr) {
-      return {grpc::StatusCode::NOT_FOUND,
-              request->id() == 0
-                  ? "there is no scene; publish one"
-                  : absl::StrCat("there is no scene ", request->id(), ", or no longer")};
-    }
-    ToMessage(*scene, request->include_planes(), serving_.settings.scene, serving_.settings.clock(),
-              response->mutable_scene());
-    return grpc::Status::OK;
-  };
-  return request->include_planes() ? AnswerOnWorker(serving_, context, work)
-                                   : AnswerHere(context, work);
-}
+  grpc::ServerUnaryReactor* GetScene(grpc::CallbackServerContext* context,
+                                     const v1::GetSceneRequest* request,
+                                     v1::GetSceneResponse* response) override {
+    const auto work = [this, request, response]() -> absl::Status {
+      const SharedScene scene = serving_.scenes.Find(request->id());
+      if (scene == nullptr) {
+        return absl::NotFoundError(
+            request->id() == 0
+                ? "there is no scene; publish one"
+                : absl::StrCat("there is no scene ", request->id(), ", or no longer"));
+      }
+      ToMessage(*scene, request->include_planes(), serving_.settings.scene,
+                serving_.settings.clock(), response->mutable_scene());
+      return absl::OkStatus();
+    };
+    return request->include_planes() ? AnswerOnWorker(serving_, context, work)
+                                     : AnswerHere(context, work);
+  }
 
-grpc::ServerUnaryReactor* SceneService::GetAcquisition(grpc::CallbackServerContext* context,
-                                                       const v1::GetAcquisitionRequest*,
-                                                       v1::GetAcquisitionResponse* response) {
-  return AnswerHere(context, [this, response]() -> grpc::Status {
-    if (serving_.settings.live == nullptr) {
-      return {grpc::StatusCode::FAILED_PRECONDITION,
-              "the server does not take images of the cell itself; start it with --live"};
-    }
-    ToMessage(serving_.settings.live->Status(), response->mutable_acquisition());
-    ToMessage(serving_.settings.live->known_variant(), serving_.scenes.database()->variants(),
-              response->mutable_acquisition()->mutable_robot_variant());
-    return grpc::Status::OK;
-  });
-}
+  grpc::ServerUnaryReactor* GetAcquisition(grpc::CallbackServerContext* context,
+                                           const v1::GetAcquisitionRequest*,
+                                           v1::GetAcquisitionResponse* response) override {
+    return AnswerHere(context, [this, response]() -> absl::Status {
+      if (serving_.settings.live == nullptr) {
+        return absl::FailedPreconditionError(
+            "the server does not take images of the cell itself; start it with --live");
+      }
+      ToMessage(serving_.settings.live->Status(), response->mutable_acquisition());
+      ToMessage(serving_.settings.live->known_variant(), serving_.scenes.database()->variants(),
+                response->mutable_acquisition()->mutable_robot_variant());
+      return absl::OkStatus();
+    });
+  }
 
-grpc::ServerUnaryReactor* SceneService::ChangeVariant(grpc::CallbackServerContext* context,
-                                                      const v1::ChangeVariantRequest* request,
-                                                      v1::ChangeVariantResponse* response) {
-  const Moment arrived = serving_.settings.clock();
-  return AnswerHere(context, [=, this]() -> grpc::Status {
-    const std::shared_ptr<LiveRecord>& live = serving_.settings.live;
-    if (live == nullptr) {
-      return {grpc::StatusCode::FAILED_PRECONDITION,
-              "the server does not take images of the cell itself (--live); publish scenes that "
-              "name their variant"};
-    }
-    const std::vector<std::string> variants = serving_.scenes.database()->variants();
-    if (const absl::Status valid = CheckChange(*request, variants); !valid.ok())
-      return ToGrpc(valid);
-    const std::lock_guard lock(changing_variant_);
-    const bool is_new = request->changing()
-                            ? live->TellVariantChanging()
-                            : live->TellVariant(request->variant(), arrived.running);
-    const KnownVariant known = live->known_variant();
-    if (is_new) {
-      serving_.scenes.Withdraw(WhyWithdrawn(known, variants), serving_.settings.clock());
-      spdlog::info("{} reports that the robot's variant {}", context->peer(),
-                   request->changing() ? "is changing" : "is '" + request->variant() + "'");
-    }
-    ToMessage(known, variants, response->mutable_robot_variant());
-    response->set_last_scene_before(serving_.scenes.last_withdrawn());
-    return grpc::Status::OK;
-  });
-}
+  grpc::ServerUnaryReactor* ChangeVariant(grpc::CallbackServerContext* context,
+                                          const v1::ChangeVariantRequest* request,
+                                          v1::ChangeVariantResponse* response) override {
+    const Moment arrived = serving_.settings.clock();
+    return AnswerHere(context, [=, this]() -> absl::Status {
+      const std::shared_ptr<LiveRecord>& live = serving_.settings.live;
+      if (live == nullptr) {
+        return absl::FailedPreconditionError(
+            "the server does not take images of the cell itself (--live); publish scenes that name "
+            "their variant");
+      }
+      const std::vector<std::string> variants = serving_.scenes.database()->variants();
+      RETURN_IF_ERROR(CheckChange(*request, variants));
+      const std::lock_guard lock(changing_variant_);
+      const bool is_new = request->changing()
+                              ? live->TellVariantChanging()
+                              : live->TellVariant(request->variant(), arrived.running);
+      const KnownVariant known = live->known_variant();
+      if (is_new) {
+        serving_.scenes.Withdraw(WhyWithdrawn(known, variants), serving_.settings.clock());
+        spdlog::info("{} reports that the robot's variant {}", context->peer(),
+                     request->changing() ? "is changing" : "is '" + request->variant() + "'");
+      }
+      ToMessage(known, variants, response->mutable_robot_variant());
+      response->set_last_scene_before(serving_.scenes.last_withdrawn());
+      return absl::OkStatus();
+    });
+  }
 
-grpc::ServerUnaryReactor* SceneService::AllowRegion(grpc::CallbackServerContext* context,
-                                                    const v1::AllowRegionRequest* request,
-                                                    v1::AllowRegionResponse* response) {
-  const Moment now = serving_.settings.clock();
-  return AnswerOnWorker(serving_, context, [=, this]() -> grpc::Status {
-    const std::shared_ptr<const ServedDatabase> database = serving_.scenes.database();
-    absl::StatusOr<std::vector<std::optional<Mask>>> pixels = RegionPixelsFrom(*request, *database);
-    if (!pixels.ok()) return ToGrpc(pixels.status());
-    const absl::StatusOr<AllowedRegion> region = serving_.scenes.Allow(
-        request->name(), *std::move(pixels), DurationFrom(request->duration()), now, database);
-    if (!region.ok()) return ToGrpc(region.status());
-    spdlog::info("{} allows region '{}' for {}: {}", context->peer(), region->name,
-                 absl::FormatDuration(region->end - now.running), PixelCounts(*region, *database));
-    serving_.region_log.Watch();
-    ToMessage(*region, *database, serving_.settings.clock(), response->mutable_region());
-    return grpc::Status::OK;
-  });
-}
-
-grpc::ServerUnaryReactor* SceneService::RevokeRegion(grpc::CallbackServerContext* context,
-                                                     const v1::RevokeRegionRequest* request,
-                                                     v1::RevokeRegionResponse* response) {
-  return AnswerHere(context, [=, this] {
-    const bool was_in_force = serving_.scenes.Revoke(request->name(), serving_.settings.clock());
-    if (was_in_force) spdlog::info("{} revokes region '{}'", context->peer(), request->name());
-    response->set_was_in_force(was_in_force);
-    return grpc::Status::OK;
-  });
-}
-
-grpc::ServerUnaryReactor* SceneService::ListAllowedRegions(
-    grpc::CallbackServerContext* context, const v1::ListAllowedRegionsRequest*,
-    v1::ListAllowedRegionsResponse* response) {
-  return AnswerHere(context, [this, response] {
+  grpc::ServerUnaryReactor* AllowRegion(grpc::CallbackServerContext* context,
+                                        const v1::AllowRegionRequest* request,
+                                        v1::AllowRegionResponse* response) override {
     const Moment now = serving_.settings.clock();
-    const Served served = serving_.scenes.Newest(now);
-    for (const AllowedRegion& region : served.regions->regions) {
-      ToMessage(region, *served.database, now, response->add_regions());
-    }
-    return grpc::Status::OK;
-  });
+    return AnswerOnWorker(serving_, context, [=, this]() -> absl::Status {
+      const std::shared_ptr<const ServedDatabase> database = serving_.scenes.database();
+      ASSIGN_OR_RETURN(auto pixels, RegionPixelsFrom(*request, *database));
+      ASSIGN_OR_RETURN(const AllowedRegion region,
+                       serving_.scenes.Allow(request->name(), std::move(pixels),
+                                             DurationFrom(request->duration()), now, database));
+      spdlog::info("{} allows region '{}' for {}: {}", context->peer(), region.name,
+                   absl::FormatDuration(region.end - now.running), PixelCounts(region, *database));
+      ToMessage(region, *database, serving_.settings.clock(), response->mutable_region());
+      return absl::OkStatus();
+    });
+  }
+
+  grpc::ServerUnaryReactor* RevokeRegion(grpc::CallbackServerContext* context,
+                                         const v1::RevokeRegionRequest* request,
+                                         v1::RevokeRegionResponse* response) override {
+    return AnswerHere(context, [=, this] {
+      const bool was_in_force = serving_.scenes.Revoke(request->name(), serving_.settings.clock());
+      if (was_in_force) spdlog::info("{} revokes region '{}'", context->peer(), request->name());
+      response->set_was_in_force(was_in_force);
+      return absl::OkStatus();
+    });
+  }
+
+  grpc::ServerUnaryReactor* ListAllowedRegions(grpc::CallbackServerContext* context,
+                                               const v1::ListAllowedRegionsRequest*,
+                                               v1::ListAllowedRegionsResponse* response) override {
+    return AnswerHere(context, [this, response] {
+      const Moment now = serving_.settings.clock();
+      const Served served = serving_.scenes.Newest(now);
+      for (const AllowedRegion& region : served.regions->regions) {
+        ToMessage(region, *served.database, now, response->add_regions());
+      }
+      return absl::OkStatus();
+    });
+  }
+
+ private:
+  Serving& serving_;
+  // Held from when a change of the variant is recorded until older scenes are withdrawn.
+  std::mutex changing_variant_;
+};
+
+// What the served database is.
+class DatabaseService final : public v1::DatabaseService::CallbackService {
+ public:
+  explicit DatabaseService(Serving& serving) : serving_(serving) {}
+
+  grpc::ServerUnaryReactor* GetDatabase(grpc::CallbackServerContext* context,
+                                        const v1::GetDatabaseRequest*,
+                                        v1::GetDatabaseResponse* response) override {
+    return AnswerHere(context, [this, response] {
+      const std::shared_ptr<const ServedDatabase> database = serving_.scenes.database();
+      ToMessage(*database, DefaultPolicy(serving_.settings, *database), response);
+      if (const auto trust = serving_.scenes.trust()) {
+        Served served;
+        served.database = database;
+        served.trust = trust;
+        const bool holds = CalibrationReason(served, serving_.settings.clock()) == Reason::kNone;
+        v1::CalibrationCheck& check = *response->mutable_calibration_check();
+        check.set_holds(holds);
+        check.set_message(trust->holds && !holds
+                              ? "the check is too old, or of another calibration: " + trust->message
+                              : trust->message);
+      }
+      return absl::OkStatus();
+    });
+  }
+
+ private:
+  Serving& serving_;
+};
+
+}  // namespace
+
+std::unique_ptr<grpc::Service> NewSceneService(Serving& serving) {
+  return std::make_unique<SceneService>(serving);
 }
 
-grpc::ServerUnaryReactor* DatabaseService::GetDatabase(grpc::CallbackServerContext* context,
-                                                       const v1::GetDatabaseRequest*,
-                                                       v1::GetDatabaseResponse* response) {
-  return AnswerHere(context, [this, response] {
-    const std::shared_ptr<const ServedDatabase> database = serving_.scenes.database();
-    ToMessage(*database, DefaultPolicy(serving_.settings, *database), response);
-    if (const auto trust = serving_.scenes.trust()) {
-      Served served;
-      served.database = database;
-      served.trust = trust;
-      const bool holds = CalibrationReason(served, serving_.settings.clock()) == Reason::kNone;
-      v1::CalibrationCheck& check = *response->mutable_calibration_check();
-      check.set_holds(holds);
-      check.set_message(trust->holds && !holds
-                            ? "the check is too old, or of another calibration: " + trust->message
-                            : trust->message);
-    }
-    return grpc::Status::OK;
-  });
+std::unique_ptr<grpc::Service> NewDatabaseService(Serving& serving) {
+  return std::make_unique<DatabaseService>(serving);
 }
 
 }  // namespace silhouette

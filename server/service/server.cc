@@ -11,7 +11,6 @@
 
 #include <grpcpp/ext/proto_server_reflection_plugin.h>
 #include <algorithm>
-#include <atomic>
 #include <cerrno>
 #include <chrono>
 #include <cstring>
@@ -24,6 +23,9 @@
 #include "absl/strings/numbers.h"
 #include "absl/strings/str_cat.h"
 #include "db/status/status_macros.h"
+#include "silhouette/v1/collision_service.grpc.pb.h"
+#include "silhouette/v1/database_service.grpc.pb.h"
+#include "silhouette/v1/scene_service.grpc.pb.h"
 
 namespace silhouette {
 
@@ -125,71 +127,52 @@ absl::Status CheckListenAddress(const std::string& address) {
 
 namespace {
 
-// Reports to the health service whether the calibration is known to hold.
-class CalibrationHealth : public Watcher {
+// Reports to the health service, as far as it has changed: whether the calibration is known to
+// hold, if that is checked from the start, and the state of the server's own acquisition, if there
+// is one.
+class HealthReport : public Watcher {
  public:
   // Reports at once. Both must outlive the watching.
-  CalibrationHealth(Serving& serving, grpc::HealthCheckServiceInterface& health)
+  HealthReport(Serving& serving, grpc::HealthCheckServiceInterface& health)
       : serving_(serving), health_(health) {
-    Say();
-  }
-
-  void Tell(uint64_t version) override {
-    if (told_.exchange(version) != version) Say();
-  }
-  void End() override {}
-
- private:
-  void Say() {
-    const Moment now = serving_.settings.clock();
-    const bool holds = CalibrationReason(serving_.scenes.Newest(now), now) == Reason::kNone;
-    health_.SetServingStatus("silhouette.v1.Calibration", holds);
-  }
-
-  Serving& serving_;
-  grpc::HealthCheckServiceInterface& health_;
-  std::atomic<uint64_t> told_ = 0;
-};
-
-// Reports the state of the server's own acquisition to the health service.
-class LiveHealth : public Watcher {
- public:
-  // Reports at once. `health` must outlive the watching.
-  LiveHealth(std::shared_ptr<const LiveRecord> record, grpc::HealthCheckServiceInterface& health)
-      : record_(std::move(record)), health_(health) {
     Tell(0);
   }
 
   void Tell(uint64_t) override {
     const std::lock_guard lock(mutex_);
-    const LiveStatus status = record_->StatusOfDevices();
-    Say("silhouette.v1.Acquisition", status.serving);
+    if (serving_.settings.trust != nullptr) {
+      const Moment now = serving_.settings.clock();
+      Report("silhouette.v1.Calibration",
+             CalibrationReason(serving_.scenes.Newest(now), now) == Reason::kNone);
+    }
+    if (serving_.settings.live == nullptr) return;
+    const LiveStatus status = serving_.settings.live->StatusOfDevices();
+    Report("silhouette.v1.Acquisition", status.serving);
     for (const DeviceStatus& camera : status.cameras) {
-      Say(absl::StrCat("silhouette.v1.Camera/", camera.name), camera.serving);
+      Report(absl::StrCat("silhouette.v1.Camera/", camera.name), camera.serving);
     }
   }
   void End() override {}
 
  private:
-  void Say(const std::string& service, bool serving) {
-    const auto [told, is_new] = told_.emplace(service, serving);
-    if (!is_new && std::exchange(told->second, serving) == serving) return;
+  void Report(const std::string& service, bool serving) {
+    const auto [reported, is_new] = reported_.emplace(service, serving);
+    if (!is_new && std::exchange(reported->second, serving) == serving) return;
     health_.SetServingStatus(service, serving);
   }
 
-  const std::shared_ptr<const LiveRecord> record_;
+  Serving& serving_;
   grpc::HealthCheckServiceInterface& health_;
   std::mutex mutex_;
-  std::map<std::string, bool> told_;
+  std::map<std::string, bool> reported_;
 };
 
 }  // namespace
 
 Server::Server(std::shared_ptr<const ServedDatabase> database, ServingSettings settings)
     : serving_(std::move(database), std::move(settings)),
-      collision_service_(serving_),
-      scene_service_(serving_),
-      database_service_(serving_) {}
+      services_{NewCollisionService(serving_), NewSceneService(serving_),
+                NewDatabaseService(serving_)} {}
 
 absl::StatusOr<std::unique_ptr<Server>> Server::Start(
     const std::string& address, std::shared_ptr<const ServedDatabase> database,
@@ -216,9 +199,7 @@ absl::StatusOr<std::unique_ptr<Server>> Server::Start(
   builder.AddChannelArgument(GRPC_ARG_HTTP2_MAX_PINGS_WITHOUT_DATA, 0);
   builder.SetMaxReceiveMessageSize(kMaxRequestBytes);
   builder.SetMaxSendMessageSize(kMaxRequestBytes);
-  builder.RegisterService(&server->collision_service_);
-  builder.RegisterService(&server->scene_service_);
-  builder.RegisterService(&server->database_service_);
+  for (const auto& service : server->services_) builder.RegisterService(service.get());
   server->server_ = builder.BuildAndStart();
   if (server->server_ == nullptr || port == 0) {
     return absl::FailedPreconditionError(
@@ -233,14 +214,8 @@ absl::StatusOr<std::unique_ptr<Server>> Server::Start(
         v1::DatabaseService::service_full_name()}) {
     health->SetServingStatus(name, true);
   }
-  if (server->serving_.settings.trust != nullptr) {
-    server->calibration_health_ = std::make_shared<CalibrationHealth>(server->serving_, *health);
-    server->serving_.watches.Add(server->calibration_health_);
-  }
-  if (server->serving_.settings.live != nullptr) {
-    server->live_health_ = std::make_shared<LiveHealth>(server->serving_.settings.live, *health);
-    server->serving_.watches.Add(server->live_health_);
-  }
+  server->health_ = std::make_shared<HealthReport>(server->serving_, *health);
+  server->serving_.watches.Add(server->health_);
   return server;
 }
 

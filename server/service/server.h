@@ -1,13 +1,14 @@
 // SPDX-License-Identifier: Apache-2.0
-// The server: three services, health and reflection on one address. The health service tells as
-// "silhouette.v1.Calibration" whether the calibration is known to hold (CalibrationReason), if that
-// is checked from the start; what changes it is told a moment later. So is what LiveStatus says of
-// the server's own acquisition, if there is one, as "silhouette.v1.Acquisition", and of its cameras
-// as "silhouette.v1.Camera/NAME".
+// The server: three services, health and reflection on one address. The health service reports
+// whether the calibration is known to hold (CalibrationReason) as "silhouette.v1.Calibration", if
+// that is checked from the start. It reports the server's own acquisition (LiveStatus), if there is
+// one, as "silhouette.v1.Acquisition", and its cameras as "silhouette.v1.Camera/NAME". Changes are
+// reported a moment later.
 #pragma once
 
 #include <grpcpp/server.h>
 
+#include <array>
 #include <memory>
 #include <string>
 #include <utility>
@@ -16,12 +17,10 @@
 #include "absl/status/statusor.h"
 #include "absl/time/time.h"
 #include "server/service/metrics.h"
-#include "server/service/services.h"
 #include "server/service/serving.h"
 
 namespace silhouette {
 
-// Where a server listens.
 // Whether a server can listen on `address`: "host:port", "[::1]:port" or "unix:path"; port 0 stands
 // for any free one. InvalidArgument: it is not an address. FailedPrecondition: it is taken, or is
 // none of this machine's. The messages say what to do.
@@ -70,14 +69,11 @@ class Server {
   Server(std::shared_ptr<const ServedDatabase> database, ServingSettings settings);
 
   Serving serving_;
-  CollisionService collision_service_;
-  SceneService scene_service_;
-  DatabaseService database_service_;
+  const std::array<std::unique_ptr<grpc::Service>, 3> services_;
   std::string address_;
   std::unique_ptr<Metrics> metrics_;  // null: there are none
   std::unique_ptr<grpc::Server> server_;
-  std::shared_ptr<Watcher> calibration_health_;  // null: the calibration is not checked
-  std::shared_ptr<Watcher> live_health_;         // null: there is no acquisition
+  std::shared_ptr<Watcher> health_;
 };
 
 }  // namespace silhouette

@@ -12,40 +12,6 @@
 
 namespace silhouette {
 
-RegionLog::RegionLog(SceneStore& scenes, Clock clock)
-    : scenes_(scenes),
-      clock_(std::move(clock)),
-      thread_([this](const std::stop_token& stop) { Run(stop); }) {}
-
-void RegionLog::Watch() {
-  {
-    const std::lock_guard lock(mutex_);
-    watching_ = true;
-  }
-  changed_.notify_one();
-}
-
-void RegionLog::Run(const std::stop_token& stop) {
-  std::unique_lock lock(mutex_);
-  while (changed_.wait(lock, stop, [this] { return watching_; }) && !stop.stop_requested()) {
-    changed_.wait_for(lock, stop, kPeriod, [] { return false; });
-    try {
-      watching_ = TellEnded();
-    } catch (const std::exception& error) {
-      spdlog::error("internal error: {}", error.what());
-    }
-  }
-}
-
-bool RegionLog::TellEnded() {
-  const Moment now = clock_();
-  for (const AllowedRegion& region : scenes_.TakeEnded(now)) {
-    spdlog::info("allowed region '{}' has ended{}", region.name,
-                 region.end > now.running ? " with its database" : "");
-  }
-  return !scenes_.Newest(now).regions->regions.empty();
-}
-
 void ScenePublisher::LogDefects(const Scene& scene) {
   std::set<Reason> reasons;
   std::string messages;
@@ -116,33 +82,36 @@ void WorkerPool::Work() {
   }
 }
 
-grpc::Status Guarded(const std::function<grpc::Status()>& work) {
+absl::Status Guarded(const std::function<absl::Status()>& work) {
   try {
     return work();
   } catch (const std::exception& error) {
     spdlog::error("internal error: {}", error.what());
-    return {grpc::StatusCode::INTERNAL, "internal error of the server; its log says more"};
+    return absl::InternalError("internal error of the server; its log says more");
   }
 }
 
-grpc::Status TooBusy() {
-  return {grpc::StatusCode::RESOURCE_EXHAUSTED, "the server is busy; try again"};
+absl::Status TooBusy() { return absl::ResourceExhaustedError("the server is busy; try again"); }
+
+grpc::Status ToGrpc(const absl::Status& status) {
+  if (status.ok()) return grpc::Status::OK;
+  return grpc::Status(static_cast<grpc::StatusCode>(status.code()), std::string(status.message()));
 }
 
 grpc::ServerUnaryReactor* AnswerHere(grpc::CallbackServerContext* context,
-                                     const std::function<grpc::Status()>& work) {
+                                     const std::function<absl::Status()>& work) {
   grpc::ServerUnaryReactor* reactor = context->DefaultReactor();
-  reactor->Finish(Guarded(work));
+  reactor->Finish(ToGrpc(Guarded(work)));
   return reactor;
 }
 
 grpc::ServerUnaryReactor* AnswerOnWorker(Serving& serving, grpc::CallbackServerContext* context,
-                                         std::function<grpc::Status()> work) {
+                                         std::function<absl::Status()> work) {
   grpc::ServerUnaryReactor* reactor = context->DefaultReactor();
   const bool accepted = serving.workers.Run([=, work = std::move(work)] {
-    reactor->Finish(context->IsCancelled() ? grpc::Status::CANCELLED : Guarded(work));
+    reactor->Finish(ToGrpc(context->IsCancelled() ? absl::CancelledError() : Guarded(work)));
   });
-  if (!accepted) reactor->Finish(TooBusy());
+  if (!accepted) reactor->Finish(ToGrpc(TooBusy()));
   return reactor;
 }
 

@@ -2,6 +2,7 @@
 // What the three services share, and how they answer.
 #pragma once
 
+#include <grpcpp/impl/service_type.h>
 #include <grpcpp/server_context.h>
 #include <grpcpp/support/server_callback.h>
 
@@ -19,6 +20,7 @@
 #include <utility>
 #include <vector>
 
+#include "absl/status/status.h"
 #include "absl/status/statusor.h"
 #include "server/collision/verdict.h"
 #include "server/scene/clock.h"
@@ -30,32 +32,6 @@
 #include "server/service/watch_hub.h"
 
 namespace silhouette {
-
-// Logs when allowed regions end.
-// Looks with a thread of its own, as long as regions are in force.
-class RegionLog {
- public:
-  // `scenes` must outlive it.
-  RegionLog(SceneStore& scenes, Clock clock);
-
-  // A region has been allowed.
-  void Watch();
-
- private:
-  // Ended regions are logged at most so much later.
-  static constexpr std::chrono::milliseconds kPeriod{100};
-
-  void Run(const std::stop_token& stop);
-  // Whether regions are still in force.
-  bool TellEnded();
-
-  SceneStore& scenes_;
-  const Clock clock_;
-  std::mutex mutex_;
-  std::condition_variable_any changed_;
-  bool watching_ = false;
-  std::jthread thread_;  // last: it uses the others
-};
 
 // How many verdicts were returned, by state and reason.
 // Thread-safe.
@@ -141,7 +117,6 @@ struct Serving {
       : settings(std::move(the_settings)),
         scenes(std::move(database)),
         publisher(settings, scenes),
-        region_log(scenes, settings.clock),
         watches(scenes, settings.scene, settings.clock),
         map_keeper(std::make_shared<MapKeeper>(settings, scenes, spaces)),
         watch_workers(settings.worker_threads, settings.worker_queue),
@@ -153,7 +128,6 @@ struct Serving {
   const ServingSettings settings;
   SceneStore scenes;
   ScenePublisher publisher;
-  RegionLog region_log;
   SpaceCache spaces;
   ClearanceCache clearances;
   WatchHub watches;
@@ -164,18 +138,25 @@ struct Serving {
   WorkerPool workers;
 };
 
+// The three services; `serving` must outlive them.
+std::unique_ptr<grpc::Service> NewCollisionService(Serving& serving);
+std::unique_ptr<grpc::Service> NewSceneService(Serving& serving);
+std::unique_ptr<grpc::Service> NewDatabaseService(Serving& serving);
+
 // Finishes a call with what `work` returns, at once.
 grpc::ServerUnaryReactor* AnswerHere(grpc::CallbackServerContext* context,
-                                     const std::function<grpc::Status()>& work);
+                                     const std::function<absl::Status()>& work);
 
 // The same on a worker thread: for work that takes longer than a look-up. RESOURCE_EXHAUSTED if too
 // much waits already.
 grpc::ServerUnaryReactor* AnswerOnWorker(Serving& serving, grpc::CallbackServerContext* context,
-                                         std::function<grpc::Status()> work);
+                                         std::function<absl::Status()> work);
 
-// What `work` returns; an exception that leaves it is INTERNAL.
-grpc::Status Guarded(const std::function<grpc::Status()>& work);
+// What `work` returns; an exception that leaves it is Internal.
+absl::Status Guarded(const std::function<absl::Status()>& work);
 
-grpc::Status TooBusy();
+absl::Status TooBusy();
+
+grpc::Status ToGrpc(const absl::Status& status);
 
 }  // namespace silhouette

@@ -15,8 +15,6 @@ Policy OnGrid(const Policy& policy, int views) {
   plain.min_views = MinViews(policy, views);
   if (policy.preset == Preset::kUncalibrated || policy.preset == Preset::kPaper) return plain;
   plain.preset = policy.preset;
-  plain.epipolar = EpipolarDomainOf(policy);
-  plain.errors_convict = ErrorsConvict(policy);
   return plain;
 }
 
@@ -47,11 +45,8 @@ std::shared_ptr<SpaceCache::Entry> SpaceCache::EntryFor(const Served& served,
 std::shared_ptr<const ConfigurationSpace> SpaceCache::Get(const Served& served,
                                                           const Policy& policy) {
   const std::shared_ptr<Entry> entry = EntryFor(served, OnGrid(policy, served.database->views()));
-  const std::lock_guard lock(entry->mutex);
-  if (entry->space == nullptr) {
-    entry->space = std::make_shared<const ConfigurationSpace>(served, policy);
-  }
-  return entry->space;
+  return entry->space.Get(
+      [&] { return std::make_shared<const ConfigurationSpace>(served, policy); });
 }
 
 std::shared_ptr<const ClearanceSpace> ClearanceCache::Get(

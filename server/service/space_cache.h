@@ -11,6 +11,7 @@
 
 #include "server/collision/policy.h"
 #include "server/scene/configuration_space.h"
+#include "server/scene/made_once.h"
 #include "server/scene/scene_store.h"
 
 namespace silhouette {
@@ -28,8 +29,7 @@ class SpaceCache {
     SharedScene scene;
     std::shared_ptr<const ServedDatabase> database;
     Policy policy;
-    std::mutex mutex;  // held while it is made
-    std::shared_ptr<const ConfigurationSpace> space;
+    MadeOnce<std::shared_ptr<const ConfigurationSpace>> space;
   };
   static constexpr size_t kEntries = 4;
 

@@ -52,8 +52,7 @@ void AddCells(uint64_t tile, const ConfigurationSpace& space, v1::ConfigurationS
 
 absl::StatusOr<Deadline> DeadlineOf(const v1::GetConfigurationSpaceRequest& request) {
   if (!request.has_max_time()) return Deadline::max();
-  const absl::Duration time =
-      absl::Seconds(request.max_time().seconds()) + absl::Nanoseconds(request.max_time().nanos());
+  const absl::Duration time = DurationFrom(request.max_time());
   if (time < absl::ZeroDuration()) {
     return absl::InvalidArgumentError("max_time: a time cannot be negative");
   }

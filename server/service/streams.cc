@@ -18,8 +18,7 @@ absl::StatusOr<bool> PathWatch::Prepare() {
   if (state == told_of_) return false;
   v1::WatchPathResponse update;
   absl::Duration valid_for;
-  const grpc::Status status = Answer(serving(), request_, update.mutable_check(), &valid_for);
-  if (!status.ok()) return FromGrpc(status);
+  RETURN_IF_ERROR(Answer(serving(), request_, update.mutable_check(), &valid_for));
   ToMessage(valid_for, update.mutable_valid_for());
   const uint64_t scene = update.check().basis().scene_id();
   update.set_skipped_scenes(ScenesSkipped(last_scene_, scene));
@@ -36,9 +35,8 @@ bool PathWatch::NextPart(v1::WatchPathResponse& part) {
 
 absl::StatusOr<bool> SpaceWatch::Prepare() {
   ASSIGN_OR_RETURN(
-      const Served found,
+      const Served served,
       WithVariant(serving().scenes.Newest(serving().settings.clock()), request_.variant()));
-  const Served& served = found;
   ASSIGN_OR_RETURN(const Policy policy, PolicyFor(serving(), request_.policy(), *served.database));
   ASSIGN_OR_RETURN(const std::vector<uint64_t> tiles,
                    TilesFrom(request_.tiles(), served.database->grid()));
@@ -105,15 +103,14 @@ void CheckStream::Start() {
 }
 
 void CheckStream::End() {
-  const grpc::Status status(grpc::StatusCode::UNAVAILABLE,
-                            "the server stops; ask again when it is back");
+  const absl::Status status = absl::UnavailableError("the server stops; ask again when it is back");
   {
     const std::lock_guard lock(mutex_);
     if (step_ == Step::kAnswering) ending_ = status;
     if (step_ != Step::kReading) return;
     step_ = Step::kOver;
   }
-  Finish(status);
+  Finish(ToGrpc(status));
 }
 
 void CheckStream::OnReadDone(bool ok) {
@@ -130,7 +127,7 @@ void CheckStream::OnReadDone(bool ok) {
   if (!serving_.workers.Run(work)) Work(TooBusy);
 }
 
-grpc::Status CheckStream::AnswerQuestion() {
+absl::Status CheckStream::AnswerQuestion() {
   switch (question_.question_case()) {
     case v1::StreamChecksRequest::kConfigurations:
       return Answer(
@@ -141,16 +138,16 @@ grpc::Status CheckStream::AnswerQuestion() {
     case v1::StreamChecksRequest::QUESTION_NOT_SET:
       break;
   }
-  return {grpc::StatusCode::INVALID_ARGUMENT, "question: ask for configurations or for a path"};
+  return absl::InvalidArgumentError("question: ask for configurations or for a path");
 }
 
-void CheckStream::Work(const std::function<grpc::Status()>& answer) {
+void CheckStream::Work(const std::function<absl::Status()>& answer) {
   answer_.Clear();
   answer_.set_id(question_.id());
-  const grpc::Status status = Guarded(answer);
+  const absl::Status status = Guarded(answer);
   if (!status.ok()) {
-    answer_.mutable_error()->set_code(status.error_code());
-    answer_.mutable_error()->set_message(status.error_message());
+    answer_.mutable_error()->set_code(status.raw_code());
+    answer_.mutable_error()->set_message(std::string(status.message()));
   }
   StartWrite(&answer_);
 }
@@ -164,7 +161,7 @@ void CheckStream::OnWriteDone(bool ok) {
   }
   step_ = Step::kOver;
   lock.unlock();
-  Finish(ok ? *ending_ : grpc::Status::CANCELLED);  // not ok: nobody listens any more
+  Finish(ok ? ToGrpc(*ending_) : grpc::Status::CANCELLED);  // not ok: nobody listens any more
 }
 
 void CheckStream::OnDone() {

@@ -15,7 +15,9 @@
 #include <utility>
 #include <vector>
 
+#include "absl/status/status.h"
 #include "absl/status/statusor.h"
+#include "db/status/status_macros.h"
 #include "server/scene/configuration_space.h"
 #include "server/service/messages.h"
 #include "server/service/serving.h"
@@ -59,7 +61,7 @@ class WatchWriter : public grpc::ServerWriteReactor<Response>,
   }
 
   void End() final {
-    Stop({grpc::StatusCode::UNAVAILABLE, "the server stops; watch again when it is back"});
+    Stop(absl::UnavailableError("the server stops; watch again when it is back"));
   }
 
  protected:
@@ -78,7 +80,7 @@ class WatchWriter : public grpc::ServerWriteReactor<Response>,
   enum class Step { kWaiting, kWorking, kWriting, kOver };
 
   // What the call is to end with; it goes on until it waits.
-  void Stop(const grpc::Status& status) {
+  void Stop(const absl::Status& status) {
     std::unique_lock lock(mutex_);
     if (!ending_) ending_ = status;
     GoOn(lock);
@@ -90,7 +92,7 @@ class WatchWriter : public grpc::ServerWriteReactor<Response>,
     if (ending_) {
       step_ = Step::kOver;
       lock.unlock();
-      this->Finish(*ending_);
+      this->Finish(ToGrpc(*ending_));
     } else if (told_ != done_) {
       // If too much waits already, the hub's next word comes soon.
       const bool accepted =
@@ -105,12 +107,10 @@ class WatchWriter : public grpc::ServerWriteReactor<Response>,
       done_ = told_;
     }
     bool something = false;
-    const grpc::Status status = Guarded([&]() -> grpc::Status {
-      if (cancelled()) return grpc::Status::CANCELLED;
-      const absl::StatusOr<bool> prepared = Prepare();
-      if (!prepared.ok()) return ToGrpc(prepared.status());
-      something = *prepared;
-      return grpc::Status::OK;
+    const absl::Status status = Guarded([&]() -> absl::Status {
+      if (cancelled()) return absl::CancelledError();
+      ASSIGN_OR_RETURN(something, Prepare());
+      return absl::OkStatus();
     });
     std::unique_lock lock(mutex_);
     if (!status.ok() && !ending_) ending_ = status;
@@ -130,13 +130,13 @@ class WatchWriter : public grpc::ServerWriteReactor<Response>,
 
   void OnWriteDone(bool ok) final {
     std::unique_lock lock(mutex_);
-    if (!ok && !ending_) ending_ = grpc::Status::CANCELLED;  // nobody listens any more
+    if (!ok && !ending_) ending_ = absl::CancelledError();  // nobody listens any more
     if (more_ && !ending_) return Write(lock);
     step_ = Step::kWaiting;
     GoOn(lock);
   }
 
-  void OnCancel() final { Stop(grpc::Status::CANCELLED); }
+  void OnCancel() final { Stop(absl::CancelledError()); }
 
   void OnDone() final {
     const std::shared_ptr<Watcher> last = std::move(self_);  // perhaps a worker still holds it
@@ -152,7 +152,7 @@ class WatchWriter : public grpc::ServerWriteReactor<Response>,
   Clock::time_point write_end_;
   uint64_t told_ = 0;
   std::optional<uint64_t> done_;
-  std::optional<grpc::Status> ending_;
+  std::optional<absl::Status> ending_;
 };
 
 // WatchPath: one call.
@@ -224,9 +224,9 @@ class CheckStream final
   void OnDone() override;
 
   // The answer to the question that was read, into answer_.
-  grpc::Status AnswerQuestion();
+  absl::Status AnswerQuestion();
   // Sends what `answer` leaves in answer_, or its error.
-  void Work(const std::function<grpc::Status()>& answer);
+  void Work(const std::function<absl::Status()>& answer);
 
   Serving& serving_;
   grpc::CallbackServerContext* const context_;
@@ -235,7 +235,7 @@ class CheckStream final
   v1::StreamChecksResponse answer_;
   std::mutex mutex_;
   Step step_ = Step::kReading;
-  std::optional<grpc::Status> ending_;
+  std::optional<absl::Status> ending_;
 };
 
 }  // namespace silhouette

@@ -69,6 +69,10 @@ void WatchHub::Run(const std::stop_token& stop) {
 
 void WatchHub::Look() {
   const Moment now = clock_();
+  for (const AllowedRegion& region : scenes_.TakeEnded(now)) {
+    spdlog::info("allowed region '{}' has ended{}", region.name,
+                 region.end > now.running ? " with its database" : "");
+  }
   const Served served = scenes_.Newest(now);
   WatchedState state(served, BlockedReason(served, settings_, now), CalibrationReason(served, now));
   if (state != state_) {

@@ -48,7 +48,7 @@ class Watcher {
 
 // What answers rest on changes with a scene, an allowed region that begins or ends, another
 // database, a check of the calibration, and when the newest scene or check becomes too old. Looks
-// with a thread of its own.
+// with a thread of its own. Also logs when allowed regions end.
 class WatchHub {
  public:
   // `scenes` must outlive it.

@@ -23,6 +23,7 @@
 #include "db/store/collision_index.h"
 #include "db/store/robot_image_format.h"
 #include "db/store/store.h"
+#include "server/scene/configuration_space.h"
 #include "server/scene/make_scene.h"
 #include "server/scene/served_database.h"
 #include "tests/test_folder.h"
@@ -241,6 +242,14 @@ inline TreatmentSettings Ignoring(int view, const Mask& pixels) {
 
 inline std::vector<JointPosition> JointsAt(const Configuration& q) {
   return {{"a", q[0]}, {"b", q[1]}, {"lift", 0.5}};
+}
+
+// The tiles of the configuration space, all of them.
+inline std::vector<TileVerdicts> CheckAllTiles(const Served& served, const Policy& policy) {
+  const ConfigurationSpace space(served, policy);
+  std::vector<TileVerdicts> tiles;
+  for (uint64_t tile = 0; tile < space.tiles(); ++tile) tiles.push_back(space.tile(tile));
+  return tiles;
 }
 
 // All views see the robot at grid point (a, b), and nothing else.

@@ -6,11 +6,11 @@
 #include <gtest/gtest.h>
 
 #include <optional>
-#include <random>
 #include <stdexcept>
 
 #include "silhouette/client.h"
 #include "tests/clients/cpp/watched_space.h"
+#include "tests/random.h"
 
 namespace silhouette::client {
 namespace {
@@ -48,9 +48,7 @@ absl::StatusOr<ConfigurationSpace> Fetch(const std::vector<Part>& parts,
 }
 
 TEST(ConfigurationSpace, IsReadAsItWasSent) {
-  const unsigned seed = std::random_device()();
-  SCOPED_TRACE("seed " + std::to_string(seed));
-  std::mt19937 random(seed);
+  Random random;
   std::vector<Part> parts = {FirstPart()};
   std::vector<State> states(ConfigurationSpaceGrid().number_limit(), State::kUnknown);
   StateCounts expected;

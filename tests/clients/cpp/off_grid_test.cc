@@ -5,12 +5,12 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
-#include <iostream>
 #include <numbers>
 #include <numeric>
 #include <random>
 
 #include "server/collision/free_cells.h"
+#include "tests/random.h"
 #include "tests/server/collision/random_cell.h"
 #include "tests/server/collision/random_geometry.h"
 
@@ -53,7 +53,7 @@ RobotImageTable TableWithGaps(const std::vector<MaskSize>& sizes, std::mt19937& 
     const auto chance = random() % 60;
     if (chance == 0) continue;
     if (chance == 1) {
-      builder.AddExcluded(number);
+      builder.AddWithout(number, RobotImageState::kExcluded);
       continue;
     }
     std::vector<Mask> masks;
@@ -131,9 +131,7 @@ void ExpectTheServersWordOrUnknown(const CollisionChecker& test,
 }
 
 TEST(OffGrid, MapSaysWhatTheServerSaysOrUnknown) {
-  const unsigned seed = std::random_device()();
-  std::cout << "seed " << seed << std::endl;
-  std::mt19937 random(seed);
+  Random random;
   Counts counts;
   Counts with_cells;
   for (int round = 0; round < 160; ++round) {
@@ -165,9 +163,7 @@ TEST(OffGrid, MapSaysWhatTheServerSaysOrUnknown) {
 }
 
 TEST(OffGrid, HowManyViewsMayHideAnObstacleIsNotGuessedWhereARequestNamesThePreset) {
-  const unsigned seed = std::random_device()();
-  std::cout << "seed " << seed << std::endl;
-  std::mt19937 random(seed);
+  Random random;
   Counts counts;
   for (int round = 0; round < 400; ++round) {
     const std::vector<MaskSize> sizes = RandomSizes(2, random);

@@ -10,6 +10,7 @@
 
 #include "silhouette/client.h"
 #include "silhouette/local_space.h"
+#include "tests/random.h"
 #include "tests/server/service/test_server.h"
 
 namespace silhouette::client {
@@ -46,9 +47,7 @@ bool Follows(const LocalSpace& space, uint64_t scene, bool off_grid = false) {
 }
 
 TEST(ServedLocalSpace, SaysWhatTheServerSaysOrUnknown) {
-  const unsigned seed = std::random_device()();
-  SCOPED_TRACE("seed " + std::to_string(seed));
-  std::mt19937 random(seed);
+  Random random;
   RunningServer running(absl::Minutes(10), {.missing = {{2, 3}}, .index = random() % 2 == 0});
   int free_between = 0;
   int undecided = 0;

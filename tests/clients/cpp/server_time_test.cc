@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // What is known of the server's clock: never that something is younger than it is.
 #include "clients/cpp/server_clock.h"
+#include "tests/random.h"
 
 #include <gtest/gtest.h>
 
@@ -36,9 +37,7 @@ TEST(ServerTime, IsThatOfTheQuestionAtTheEarliest) {
 }
 
 TEST(ServerTime, IsNeverLaterThanTheTruthThoughClocksDrift) {
-  const unsigned seed = std::random_device()();
-  SCOPED_TRACE("seed " + std::to_string(seed));
-  std::mt19937 random(seed);
+  Random random;
   const auto uniform = [&random](double low, double high) {
     return std::uniform_real_distribution<double>(low, high)(random);
   };

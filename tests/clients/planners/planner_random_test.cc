@@ -11,6 +11,7 @@
 #include <vector>
 
 #include "clients/planners/wave_propagation.h"
+#include "tests/random.h"
 
 namespace silhouette {
 namespace {
@@ -148,9 +149,7 @@ ConfigurationNumber RandomFree(const Puzzle& puzzle, std::mt19937& random) {
 class RandomPlans : public testing::TestWithParam<Moves> {};
 
 TEST_P(RandomPlans, AreAsShortAsTheBruteForceSaysAndTouchOnlyFreePoints) {
-  const unsigned seed = std::random_device()();
-  SCOPED_TRACE("seed " + std::to_string(seed));
-  std::mt19937 random(seed);
+  Random random;
   int found = 0;
   int not_connected = 0;
   for (int round = 0; round < 120; ++round) {
@@ -181,9 +180,7 @@ TEST_P(RandomPlans, AreAsShortAsTheBruteForceSaysAndTouchOnlyFreePoints) {
 }
 
 TEST_P(RandomPlans, SimplifiedOnesPassTheSamePoints) {
-  const unsigned seed = std::random_device()();
-  SCOPED_TRACE("seed " + std::to_string(seed));
-  std::mt19937 random(seed);
+  Random random;
   for (int round = 0; round < 40; ++round) {
     const Puzzle puzzle = RandomPuzzle(random, 2, 15, 0.2);
     if (std::count(puzzle.free.begin(), puzzle.free.end(), true) == 0) continue;
@@ -220,9 +217,7 @@ TEST_P(RandomPlans, SimplifiedOnesPassTheSamePoints) {
 }
 
 TEST_P(RandomPlans, NeverMakeABlockedMove) {
-  const unsigned seed = std::random_device()();
-  SCOPED_TRACE("seed " + std::to_string(seed));
-  std::mt19937 random(seed);
+  Random random;
   int found = 0;
   for (int round = 0; round < 60; ++round) {
     const Puzzle puzzle = RandomPuzzle(random, 2 + round % 2, 8, 0.1);
@@ -245,9 +240,7 @@ TEST_P(RandomPlans, NeverMakeABlockedMove) {
 }
 
 TEST_P(RandomPlans, AreTheSameEveryTime) {
-  const unsigned seed = std::random_device()();
-  SCOPED_TRACE("seed " + std::to_string(seed));
-  std::mt19937 random(seed);
+  Random random;
   const Puzzle puzzle = RandomPuzzle(random, 3, 8, 0.1);
   const Configuration start = puzzle.grid.At(RandomFree(puzzle, random));
   const Configuration goal = puzzle.grid.At(RandomFree(puzzle, random));
@@ -262,9 +255,7 @@ TEST_P(RandomPlans, AreTheSameEveryTime) {
 // What CheckPath of the server asks: every place between two waypoints lies in a grid cell whose
 // corners are all free.
 TEST_P(RandomPlans, BetweenEndsOffTheGridPassOnlyThroughFreeCells) {
-  const unsigned seed = std::random_device()();
-  SCOPED_TRACE("seed " + std::to_string(seed));
-  std::mt19937 random(seed);
+  Random random;
   int found = 0;
   for (int round = 0; round < 200; ++round) {
     const Puzzle puzzle = RandomPuzzle(random, 1 + round % 3, 10, 0.1);

@@ -6,6 +6,7 @@
 #include <string>
 
 #include "server/collision/collision_checker.h"
+#include "tests/random.h"
 #include "tests/server/collision/random_cell.h"
 #include "tests/server/collision/random_geometry.h"
 
@@ -44,19 +45,26 @@ std::string ObstaclePixels(const Mask& mask) {
 }
 
 // What a pixel of the first of three views becomes, by what its lines show in the others.
-char Resolved(char pixel, char second, char third, bool errors_convict) {
-  const auto column = [](char value) { return Column(std::string(1, value)); };
-  const CollisionImages images = ResolvedObstacleImages(
-      {column(pixel), column(second), column(third)}, RowsMeetRows(3, 1), errors_convict);
-  return ObstaclePixels(*images[0])[0];
+// `by_table`: as Table 3 has it; else as the prose, in intersection images of a robot everywhere.
+char Resolved(char pixel, char second, char third, bool by_table) {
+  const EpipolarBands bands = RowsMeetRows(3, 1);
+  ObstacleImages images;
+  IntersectionImages intersections;
+  for (const char value : {pixel, second, third}) {
+    images.push_back(Column(std::string(1, value)));
+    intersections.emplace_back(IntersectionImage(*images.back(), ~Mask({1, 1})));
+  }
+  const CollisionImages collision = by_table ? ResolvedObstacleImages(images, bands)
+                                             : CalibratedCollisionImages(intersections, bands);
+  return ObstaclePixels(*collision[0])[0];
 }
 
 TEST(Table3, SomeLineAllBackgroundMakesBackground) {
   for (char pixel : {'U', 'E'}) {
     for (char other : {'B', 'O', 'U', 'E'}) {
-      for (bool errors_convict : {false, true}) {
-        EXPECT_EQ(Resolved(pixel, 'B', other, errors_convict), 'B') << pixel << other;
-        EXPECT_EQ(Resolved(pixel, other, 'B', errors_convict), 'B') << pixel << other;
+      for (bool by_table : {false, true}) {
+        EXPECT_EQ(Resolved(pixel, 'B', other, by_table), 'B') << pixel << other;
+        EXPECT_EQ(Resolved(pixel, other, 'B', by_table), 'B') << pixel << other;
       }
     }
   }
@@ -65,18 +73,18 @@ TEST(Table3, SomeLineAllBackgroundMakesBackground) {
 TEST(Table3, ElseSomeLineWithAnObstacleMakesAnObstacle) {
   for (char pixel : {'U', 'E'}) {
     for (char other : {'O', 'U', 'E'}) {
-      for (bool errors_convict : {false, true}) {
-        EXPECT_EQ(Resolved(pixel, 'O', other, errors_convict), 'O') << pixel << other;
-        EXPECT_EQ(Resolved(pixel, other, 'O', errors_convict), 'O') << pixel << other;
+      for (bool by_table : {false, true}) {
+        EXPECT_EQ(Resolved(pixel, 'O', other, by_table), 'O') << pixel << other;
+        EXPECT_EQ(Resolved(pixel, other, 'O', by_table), 'O') << pixel << other;
       }
     }
   }
 }
 
 TEST(Table3, OnlyUnknownPixelsOnTheLinesMakeBackground) {
-  for (bool errors_convict : {false, true}) {
-    EXPECT_EQ(Resolved('U', 'U', 'U', errors_convict), 'B');
-    EXPECT_EQ(Resolved('E', 'U', 'U', errors_convict), 'B');
+  for (bool by_table : {false, true}) {
+    EXPECT_EQ(Resolved('U', 'U', 'U', by_table), 'B');
+    EXPECT_EQ(Resolved('E', 'U', 'U', by_table), 'B');
   }
 }
 
@@ -95,20 +103,20 @@ TEST(Table3, ObstacleAndBackgroundPixelsStayWhatTheyAre) {
 }
 
 TEST(Table3, SingleViewResolvesNothing) {
-  const CollisionImages images = ResolvedObstacleImages({Column("UEOB")}, RowsMeetRows(1, 4), true);
+  const CollisionImages images = ResolvedObstacleImages({Column("UEOB")}, RowsMeetRows(1, 4));
   EXPECT_EQ(ObstaclePixels(*images[0]), "BBOB");
 }
 
 TEST(Table3, EveryPixelHasItsOwnLines) {
   const CollisionImages images =
-      ResolvedObstacleImages({Column("UUEO"), Column("OBOU")}, RowsMeetRows(2, 4), false);
+      ResolvedObstacleImages({Column("UUEO"), Column("OBOU")}, RowsMeetRows(2, 4));
   EXPECT_EQ(ObstaclePixels(*images[0]), "OBOO");
   EXPECT_EQ(ObstaclePixels(*images[1]), "OBOO");
 }
 
 // A line that only passes the test robot image: all background in the intersection image, an
 // obstacle in the obstacle image.
-TEST(EpipolarDomain, LinesInTheIntersectionImagesAcquitWhatLinesInTheObstacleImagesConvict) {
+TEST(CalibratedPresets, LinesInTheIntersectionImagesAcquitWhatLinesInTheObstacleImagesConvict) {
   const ConfigurationGrid grid({{.name = "a", .lower = 0, .upper = 0, .steps = 1}});
   const std::vector<MaskSize> sizes(2, MaskSize{1, 3});
   const auto rows = [](const std::string& pixels) {
@@ -119,31 +127,22 @@ TEST(EpipolarDomain, LinesInTheIntersectionImagesAcquitWhatLinesInTheObstacleIma
   const RobotImageTable table = std::move(builder).Build();
   const ObstacleImages images = {Column("UBB"), Column("OOB")};
   const EpipolarBands bands = RowsMeetRows(2, 3);
-  const auto check = [&](EpipolarDomain domain) {
-    const Policy policy{.preset = Preset::kCalibrated, .epipolar = domain};
-    return CollisionChecker(table, images, policy, {.bands = &bands}).Check(ConfigurationNumber{0});
+  const auto check = [&](Preset preset) {
+    return CollisionChecker(table, images, {.preset = preset}, {.bands = &bands})
+        .Check(ConfigurationNumber{0});
   };
-  EXPECT_TRUE(check(EpipolarDomain::kIntersection).free());
-  EXPECT_EQ(check(EpipolarDomain::kObstacle).state(), State::kOccupied);
+  EXPECT_TRUE(check(Preset::kCalibrated).free());
+  EXPECT_EQ(check(Preset::kPaperCalibrated).state(), State::kOccupied);
 }
 
 struct CalibratedTest : ::testing::Test {
-  const unsigned seed = std::random_device()();
-  std::mt19937 random{seed};
-  ::testing::ScopedTrace trace{__FILE__, __LINE__, "seed " + std::to_string(seed)};
+  Random random;
 };
 
 std::vector<Policy> CalibratedPolicies(int views) {
   std::vector<Policy> policies;
   for (Preset preset : {Preset::kCalibrated, Preset::kPaperCalibrated}) {
-    for (std::optional<bool> errors :
-         {std::optional<bool>(), std::optional(false), std::optional(true)}) {
-      for (std::optional<EpipolarDomain> domain :
-           {std::optional<EpipolarDomain>(), std::optional(EpipolarDomain::kIntersection),
-            std::optional(EpipolarDomain::kObstacle)}) {
-        policies.push_back({.preset = preset, .epipolar = domain, .errors_convict = errors});
-      }
-    }
+    policies.push_back({.preset = preset});
     for (int min_views = 1; min_views <= views; ++min_views) {
       policies.push_back({.preset = preset, .min_views = min_views});
     }
@@ -186,9 +185,9 @@ bool IsObstacle(const ObstacleImages& images, const EpipolarBands& bands, int vi
 
 State CalibratedReference(const ObstacleImages& images, const std::vector<Mask>& test_robot,
                           const EpipolarBands& bands, const Policy& policy) {
-  const bool cut = EpipolarDomainOf(policy) == EpipolarDomain::kIntersection;
+  const bool paper = policy.preset == Preset::kPaperCalibrated;
   const auto seen = [&](int view, int x, int y) {
-    return cut && !test_robot[view].at(x, y) ? 'B' : PixelOf(*images[view], x, y);
+    return !paper && !test_robot[view].at(x, y) ? 'B' : PixelOf(*images[view], x, y);
   };
   int showing = 0;
   bool missing = false;
@@ -199,9 +198,8 @@ State CalibratedReference(const ObstacleImages& images, const std::vector<Mask>&
       for (int x = 0; x < images[view]->size().width; ++x) {
         if (!test_robot[view].at(x, y)) continue;
         const char pixel = PixelOf(*images[view], x, y);
-        shows =
-            shows || pixel == 'O' ||
-            (pixel != 'B' && IsObstacle(images, bands, view, x, y, ErrorsConvict(policy), seen));
+        shows = shows || pixel == 'O' ||
+                (pixel != 'B' && IsObstacle(images, bands, view, x, y, paper, seen));
       }
     }
     if (shows) ++showing;
@@ -259,14 +257,13 @@ TEST_F(CalibratedTest, VerdictsAreThoseOfTheCollisionImages) {
     const RobotImageTable table = RandomTable(grid, sizes, 0.1, random);
     const ObstacleImages images = RandomObstacleImages(sizes, 0.3, random);
     for (const Policy& policy : CalibratedPolicies(3)) {
-      const bool errors_convict = ErrorsConvict(policy);
-      CollisionImages collision = ResolvedObstacleImages(images, bands, errors_convict);
-      if (EpipolarDomainOf(policy) == EpipolarDomain::kIntersection) {
+      CollisionImages collision = ResolvedObstacleImages(images, bands);
+      if (policy.preset == Preset::kCalibrated) {
         IntersectionImages intersections;
         for (int view = 0; view < 3; ++view) {
           intersections.emplace_back(IntersectionImage(*images[view], table.ImageAsMask(view, 0)));
         }
-        collision = CalibratedCollisionImages(intersections, bands, errors_convict);
+        collision = CalibratedCollisionImages(intersections, bands);
       }
       int showing = 0;
       for (int view = 0; view < 3; ++view) {
@@ -285,7 +282,7 @@ TEST_F(CalibratedTest, ImagesResolvedBeforehandGiveTheSameVerdicts) {
   const RobotImageTable table = RandomTable(grid, sizes, 0.05, random);
   const ObstacleImages images = RandomObstacleImages(sizes, 0.2, random);
   const Policy policy{.preset = Preset::kPaperCalibrated};
-  const CollisionImages resolved = ResolvedObstacleImages(images, bands, true);
+  const CollisionImages resolved = ResolvedObstacleImages(images, bands);
   const CollisionChecker own(table, images, policy, {.bands = &bands});
   const CollisionChecker given(table, images, policy, {.bands = &bands, .resolved = &resolved});
   for (uint64_t tile = 0; tile < grid.tiles(); ++tile) {
@@ -354,8 +351,8 @@ TEST(CalibratedPresets, AreRefusedWithoutWhatTheyNeed) {
   EXPECT_THROW(CollisionChecker(table, images, policy, {.bands = &others}), std::invalid_argument);
   EXPECT_THROW(CollisionChecker(table, images, policy, {.bands = &bands, .resolved = &missing}),
                std::invalid_argument);
-  EXPECT_THROW(ResolvedObstacleImages(images, others, false), std::invalid_argument);
-  EXPECT_THROW(ResolvedObstacleImages({Column("UBB")}, bands, false), std::invalid_argument);
+  EXPECT_THROW(ResolvedObstacleImages(images, others), std::invalid_argument);
+  EXPECT_THROW(ResolvedObstacleImages({Column("UBB")}, bands), std::invalid_argument);
 }
 
 }  // namespace

@@ -11,6 +11,7 @@
 #include <numbers>
 #include <stdexcept>
 
+#include "tests/random.h"
 #include "tests/server/collision/random_cell.h"
 #include "tests/server/collision/random_geometry.h"
 #include "tests/server/collision/sphere_world.h"
@@ -55,10 +56,6 @@ RobotImageTable GrownTable(const RobotImageTable& table, double radius) {
   return std::move(builder).Build();
 }
 
-bool InIntersectionImages(const Policy& policy) {
-  return IsCalibrated(policy.preset) && EpipolarDomainOf(policy) == EpipolarDomain::kIntersection;
-}
-
 // A random cell and scene under one policy.
 struct MeasuredCell {
   MeasuredCell(const Policy& the_policy, int views, std::mt19937& random)
@@ -68,9 +65,8 @@ struct MeasuredCell {
         images(RandomImages(sizes, random)),
         bands(RandomCalibration(views, 0.2, random), sizes) {
     if (random() % 5 == 0) images[random() % images.size()].reset();
-    resolved = ResolvedObstacleImages(images, bands, ErrorsConvict(policy));
-    planes = IsCalibrated(policy.preset) && !InIntersectionImages(policy) ? resolved
-                                                                          : ObstaclePlanes(images);
+    resolved = ResolvedObstacleImages(images, bands);
+    planes = policy.preset == Preset::kPaperCalibrated ? resolved : ObstaclePlanes(images);
     distances = DistancesTo(planes);
   }
 
@@ -105,9 +101,7 @@ struct MeasuredCell {
 };
 
 struct Clearances : ::testing::Test {
-  const unsigned seed = std::random_device()();
-  std::mt19937 random{seed};
-  ::testing::ScopedTrace trace{__FILE__, __LINE__, "seed " + std::to_string(seed)};
+  Random random;
 
   int AnyOf(int least, int most) { return std::uniform_int_distribution(least, most)(random); }
 
@@ -115,11 +109,6 @@ struct Clearances : ::testing::Test {
     Policy policy{.preset = AllPresets()[AnyOf(0, 3)]};
     if (random() % 2 == 0) policy.min_views = AnyOf(1, views);
     if (random() % 2 == 0) policy.off_grid = OffGrid::kNearest;
-    if (IsCalibrated(policy.preset) && random() % 2 == 0) {
-      policy.epipolar =
-          random() % 2 == 0 ? EpipolarDomain::kIntersection : EpipolarDomain::kObstacle;
-      policy.errors_convict = random() % 2 == 0;
-    }
     return policy;
   }
 

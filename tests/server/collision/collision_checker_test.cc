@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <stdexcept>
 
+#include "tests/random.h"
 #include "tests/server/collision/random_cell.h"
 
 namespace silhouette {
@@ -30,9 +31,7 @@ std::vector<Policy> AllPolicies(int views) {
 }
 
 struct Seeded : ::testing::Test {
-  const unsigned seed = std::random_device()();
-  std::mt19937 random{seed};
-  ::testing::ScopedTrace trace{__FILE__, __LINE__, "seed " + std::to_string(seed)};
+  Random random;
 };
 
 using CollisionTestAgainstReference = Seeded;
@@ -185,8 +184,8 @@ TEST(CollisionChecker, CellWithAnUnusableCornerIsNeverFree) {
   const std::vector<Mask> masks = {Mask({4, 4})};
   RobotImageTable::Builder builder(grid, {{4, 4}});
   builder.Add(grid.NumberOf({0}), masks);
-  builder.AddExcluded(grid.NumberOf({1}));
-  builder.AddCorrupt(grid.NumberOf({2}));
+  builder.AddWithout(grid.NumberOf({1}), RobotImageState::kExcluded);
+  builder.AddWithout(grid.NumberOf({2}), RobotImageState::kCorrupt);
   builder.Add(grid.NumberOf({4}), masks);
   const RobotImageTable table = std::move(builder).Build();
   const ObstacleImages images = {ObstacleImage::FromScene(masks[0], masks[0])};
@@ -291,7 +290,8 @@ TEST_F(TileTest, WholeSpaceEqualsSingleChecks) {
     if (!grid.Contains(number) || number % 11 == 0) continue;
     std::vector<Mask> masks;
     for (MaskSize size : sizes) masks.push_back(RandomBox(size, random));
-    number % 13 == 0 ? builder.AddExcluded(number) : builder.Add(number, masks);
+    number % 13 == 0 ? builder.AddWithout(number, RobotImageState::kExcluded)
+                     : builder.Add(number, masks);
   }
   const RobotImageTable table = std::move(builder).Build();
   const ObstacleImages images = RandomObstacleImages(sizes, 0.1, random);

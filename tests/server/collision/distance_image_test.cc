@@ -8,6 +8,7 @@
 #include <random>
 #include <stdexcept>
 
+#include "tests/random.h"
 #include "tests/server/collision/random_cell.h"
 
 namespace silhouette {
@@ -51,9 +52,7 @@ TEST(DistanceImage, MaskOfNoSizeIsRefused) {
 
 // The promise that clearances rest on, for every distance that there is in the images.
 TEST(DistanceImage, GrowingByADistanceStopsShortOfItAndByAnyMoreReachesIt) {
-  const unsigned seed = std::random_device()();
-  SCOPED_TRACE("seed " + std::to_string(seed));
-  std::mt19937 random(seed);
+  Random random;
   std::vector<MaskSize> sizes = {{1, 1}, {1, 40}, {90, 1}, {64, 64}, {65, 33}, {7, 130}};
   for (int i = 0; i < 20; ++i) sizes.push_back(RandomSizes(1, random)[0]);
   for (const MaskSize size : sizes) {

@@ -6,15 +6,14 @@
 #include <cmath>
 #include <stdexcept>
 
+#include "tests/random.h"
 #include "tests/server/collision/random_geometry.h"
 
 namespace silhouette {
 namespace {
 
 struct EpipolarBandsTest : ::testing::Test {
-  const unsigned seed = std::random_device()();
-  std::mt19937 random{seed};
-  ::testing::ScopedTrace trace{__FILE__, __LINE__, "seed " + std::to_string(seed)};
+  Random random;
 
   double Number(double lower, double upper) {
     return std::uniform_real_distribution<double>(lower, upper)(random);

@@ -11,6 +11,7 @@
 #include <random>
 #include <thread>
 
+#include "tests/random.h"
 #include "tests/server/collision/index_of_table.h"
 #include "tests/server/collision/random_cell.h"
 #include "tests/server/collision/random_geometry.h"
@@ -20,12 +21,8 @@
 namespace silhouette {
 namespace {
 
-class FreeCellsTest : public ::testing::Test {
- protected:
-  FreeCellsTest() { std::cout << "seed " << seed_ << std::endl; }
-
-  const unsigned seed_ = std::random_device{}();
-  std::mt19937 random_{seed_};
+struct FreeCellsTest : ::testing::Test {
+  Random random_;
 };
 
 // What the tests of one run met with, to show that they met with everything.
@@ -116,7 +113,7 @@ TEST_F(FreeCellsTest, FreeOnesAreFreeThroughoutAndWherePlanesDecideTheOthersAreN
     const bool gaps = round % 5 == 0;
     for (const Preset preset :
          {Preset::kUncalibrated, Preset::kPaper, Preset::kCalibrated, Preset::kPaperCalibrated}) {
-      Policy policy{.preset = preset, .errors_convict = round % 2 == 0};
+      Policy policy{.preset = preset};
       if (round % 4 != 0) policy.min_views = 1 + static_cast<int>(random_()) % views;
       policy.min_views = std::clamp(policy.min_views.value_or(views), 1, views);
       const CollisionChecker test(table, images, policy, {.bands = &bands});

@@ -8,6 +8,7 @@
 
 #include "server/collision/collision_checker.h"
 #include "server/collision/segment_places.h"
+#include "tests/random.h"
 #include "tests/server/collision/random_cell.h"
 
 namespace silhouette {
@@ -166,9 +167,7 @@ TEST(CheckPath, HiddenPossibleAnywhereIsTold) {
 }
 
 struct RandomPaths : ::testing::TestWithParam<OffGrid> {
-  const unsigned seed = std::random_device()();
-  std::mt19937 random{seed};
-  ::testing::ScopedTrace trace{__FILE__, __LINE__, "seed " + std::to_string(seed)};
+  Random random;
 };
 
 // The place at waypoint number plus fraction of the way to the next one.

@@ -6,6 +6,7 @@
 
 #include <stdexcept>
 
+#include "tests/random.h"
 #include "tests/server/collision/random_cell.h"
 #include "tests/server/collision/sphere_world.h"
 
@@ -124,9 +125,7 @@ VoxelSet PossibleSpaceReference(const VoxelSpace& space, const PossibleSpaceRand
 }
 
 TEST(PossibleSpace, IsTheReferencesOnRandomImages) {
-  const unsigned seed = std::random_device{}();
-  SCOPED_TRACE(::testing::Message() << "seed " << seed);
-  std::mt19937 random(seed);
+  Random random;
   const VoxelSpace space = SomeSpace();
   int64_t remaining = 0;
   for (int i = 0; i < 8; ++i) {
@@ -160,9 +159,7 @@ bool PossibleSpaceMeets(const PossibleSpace& possible, const ObstacleImages& ima
 }
 
 TEST(PossibleSpace, AnswersForTestRobotsAsItsVoxelsDo) {
-  const unsigned seed = std::random_device{}();
-  SCOPED_TRACE(::testing::Message() << "seed " << seed);
-  std::mt19937 random(seed);
+  Random random;
   const VoxelSpace space = SomeSpace();
   const VoxelGrid& grid = space.grid();
   int met = 0;

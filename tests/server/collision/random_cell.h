@@ -75,9 +75,9 @@ inline RobotImageTable TableWithGaps(const ConfigurationGrid& grid,
     const auto chance = random() % 100;
     if (chance == 0) continue;
     if (chance == 1) {
-      builder.AddExcluded(number);
+      builder.AddWithout(number, RobotImageState::kExcluded);
     } else if (chance == 2) {
-      builder.AddCorrupt(number);
+      builder.AddWithout(number, RobotImageState::kCorrupt);
     } else {
       std::vector<Mask> masks;
       for (size_t view = 0; view < sizes.size(); ++view) {

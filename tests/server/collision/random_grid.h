@@ -56,11 +56,11 @@ inline RobotImageTable MovingTable(const ConfigurationGrid& grid,
     const auto chance = random() % 1000;
     if (chance == 0) continue;
     if (chance == 1) {
-      builder.AddExcluded(number);
+      builder.AddWithout(number, RobotImageState::kExcluded);
       continue;
     }
     if (chance == 2) {
-      builder.AddCorrupt(number);
+      builder.AddWithout(number, RobotImageState::kCorrupt);
       continue;
     }
     std::vector<Mask> masks;

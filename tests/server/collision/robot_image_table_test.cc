@@ -5,6 +5,7 @@
 
 #include <stdexcept>
 
+#include "tests/random.h"
 #include "tests/server/collision/random_cell.h"
 
 namespace silhouette {
@@ -25,8 +26,8 @@ TEST(RobotImageTable, TellsPresentExcludedCorruptAndMissingApart) {
   const ConfigurationGrid grid = Grid();
   RobotImageTable::Builder builder(grid, kSizes);
   builder.Add(At(grid, 0, 0), std::vector<Mask>{Mask(kSizes[0]), Mask(kSizes[1])});
-  builder.AddExcluded(At(grid, 0, 1));
-  builder.AddCorrupt(At(grid, 0, 2));
+  builder.AddWithout(At(grid, 0, 1), RobotImageState::kExcluded);
+  builder.AddWithout(At(grid, 0, 2), RobotImageState::kCorrupt);
   const RobotImageTable table = std::move(builder).Build();
   EXPECT_EQ(table.state(At(grid, 0, 0)), RobotImageState::kPresent);
   EXPECT_EQ(table.state(At(grid, 0, 1)), RobotImageState::kExcluded);
@@ -41,9 +42,7 @@ TEST(RobotImageTable, TellsPresentExcludedCorruptAndMissingApart) {
 }
 
 TEST(RobotImageTable, GivesBackTheMasksInWhateverOrderTheyWereAdded) {
-  const unsigned seed = std::random_device()();
-  SCOPED_TRACE("seed " + std::to_string(seed));
-  std::mt19937 random(seed);
+  Random random;
   const ConfigurationGrid grid = Grid();
   std::vector<ConfigurationNumber> numbers;
   for (int a = 0; a < 5; ++a) {
@@ -73,7 +72,7 @@ TEST(RobotImageTable, PermanentPixelsAreThoseOfAllImages) {
   builder.Add(At(grid, 0, 0), std::vector<Mask>{column(0, 5)});
   builder.Add(At(grid, 1, 0), std::vector<Mask>{column(3, 8)});
   builder.Add(At(grid, 2, 0), std::vector<Mask>{column(2, 4)});
-  builder.AddExcluded(At(grid, 3, 0));
+  builder.AddWithout(At(grid, 3, 0), RobotImageState::kExcluded);
   EXPECT_EQ(std::move(builder).Build().permanent(0), column(3, 4));
 }
 
@@ -90,9 +89,9 @@ TEST(RobotImageTable, WrongMasksAreRefused) {
   EXPECT_THROW(builder.Add(0, std::vector<Mask>{second, first}), std::invalid_argument);
   EXPECT_THROW(builder.Add(grid.number_limit(), std::vector<Mask>{first, second}),
                std::invalid_argument);
-  builder.AddExcluded(0);
+  builder.AddWithout(0, RobotImageState::kExcluded);
   EXPECT_THROW(builder.Add(0, std::vector<Mask>{first, second}), std::invalid_argument);
-  EXPECT_THROW(builder.AddCorrupt(0), std::invalid_argument);
+  EXPECT_THROW(builder.AddWithout(0, RobotImageState::kCorrupt), std::invalid_argument);
   EXPECT_THROW(RobotImageTable::Builder(grid, {}), std::invalid_argument);
 }
 

@@ -4,6 +4,7 @@
 
 #include <stdexcept>
 
+#include "tests/random.h"
 #include "tests/server/collision/sphere_world.h"
 
 namespace silhouette {
@@ -97,9 +98,7 @@ void ExpectHolds(const PossibleSpace& possible, const Balls& obstacles, std::mt1
 }
 
 void NeverMisses(std::vector<BallCamera> cameras, int scenes) {
-  const unsigned seed = std::random_device{}();
-  SCOPED_TRACE(::testing::Message() << "seed " << seed);
-  std::mt19937 random(seed);
+  Random random;
   const SphereWorld world(std::move(cameras), kSoundRho, kVoxel);
   int64_t touching = 0;
   for (int scene = 0; scene < scenes; ++scene) {
@@ -142,9 +141,7 @@ TEST(SoundTest, NeverMissesWhereAViewDoesNotSeeAll) { NeverMisses(CamerasThatDoN
 // The scene is of one variant, the check of another: of an arm that carries something,
 // or does not. What it carries is not in the model.
 TEST(SoundTest, NeverMissesWithAnotherVariantThanTheScenes) {
-  const unsigned seed = std::random_device{}();
-  SCOPED_TRACE(::testing::Message() << "seed " << seed);
-  std::mt19937 random(seed);
+  Random random;
   const SphereWorld bare(ThreeCameras(), kSoundRho, kVoxel);
   const SphereWorld carrying(ThreeCameras(), kSoundRho, kVoxel, 0.13);
   int64_t touching = 0;

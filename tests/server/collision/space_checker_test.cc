@@ -5,9 +5,9 @@
 #include <gtest/gtest.h>
 
 #include <bit>
-#include <iostream>
 #include <random>
 
+#include "tests/random.h"
 #include "tests/server/collision/index_of_table.h"
 #include "tests/server/collision/random_cell.h"
 #include "tests/server/collision/random_geometry.h"
@@ -16,12 +16,8 @@
 namespace silhouette {
 namespace {
 
-class SpaceTestTest : public ::testing::Test {
- protected:
-  SpaceTestTest() { std::cout << "seed " << seed_ << std::endl; }
-
-  const unsigned seed_ = std::random_device{}();
-  std::mt19937 random_{seed_};
+struct SpaceTestTest : ::testing::Test {
+  Random random_;
 };
 
 // What the tests of one run met with, to show that they met with everything.
@@ -65,14 +61,11 @@ TEST_F(SpaceTestTest, EveryPresetOfPlanesAndLinesIsTheSameAsOneByOne) {
     const ObstacleImages images = RandomBoxScene(sizes, round % 2 == 0, random_);
     for (const Preset preset :
          {Preset::kUncalibrated, Preset::kPaper, Preset::kCalibrated, Preset::kPaperCalibrated}) {
-      for (const bool errors_convict : {false, true}) {
-        for (int min_views = 1; min_views <= views; ++min_views) {
-          const Policy policy{
-              .preset = preset, .min_views = min_views, .errors_convict = errors_convict};
-          const CollisionChecker test(table, images, policy, {.bands = &bands});
-          ASSERT_NO_FATAL_FAILURE(SpaceTestExpectSame(test, table, index, met))
-              << NameOf(preset) << ", " << min_views << " of " << views << " views";
-        }
+      for (int min_views = 1; min_views <= views; ++min_views) {
+        const CollisionChecker test(table, images, {.preset = preset, .min_views = min_views},
+                                    {.bands = &bands});
+        ASSERT_NO_FATAL_FAILURE(SpaceTestExpectSame(test, table, index, met))
+            << NameOf(preset) << ", " << min_views << " of " << views << " views";
       }
     }
   }
@@ -128,7 +121,7 @@ TEST_F(SpaceTestTest, ConfigurationThatOnlyTheIndexHasIsUnknown) {
   RobotImageTable::Builder builder(grid, sizes);
   for (ConfigurationNumber number = 0; number < 100; ++number) {
     if (number == 40) {
-      builder.AddCorrupt(number);
+      builder.AddWithout(number, RobotImageState::kCorrupt);
     } else if (number != 50) {
       builder.Add(number, std::vector{RandomMask(sizes[0], 0.1, random_)});
     }

@@ -11,6 +11,7 @@
 #include <vector>
 
 #include "server/collision/robot_image_table.h"
+#include "tests/random.h"
 #include "tests/server/collision/random_cell.h"
 
 namespace silhouette {
@@ -25,9 +26,11 @@ inline RobotImageTable ReadFrom(const RobotImageTable& held, const std::set<uint
   std::vector<uint64_t> words(held.words());
   for (ConfigurationNumber number = 0; number < held.grid().number_limit(); ++number) {
     const RobotImageState state = held.state(number);
-    if (state == RobotImageState::kExcluded) builder.AddExcluded(number);
-    if (state == RobotImageState::kCorrupt) builder.AddCorrupt(number);
-    if (state != RobotImageState::kPresent) continue;
+    if (state == RobotImageState::kMissing) continue;
+    if (state != RobotImageState::kPresent) {
+      builder.AddWithout(number, state);
+      continue;
+    }
     held.Read(number, words);
     builder.Add(number, words);
   }
@@ -35,9 +38,7 @@ inline RobotImageTable ReadFrom(const RobotImageTable& held, const std::set<uint
 }
 
 struct TableInPlace : ::testing::Test {
-  const unsigned seed = std::random_device{}();
-  std::mt19937 random{seed};
-  ::testing::ScopedTrace trace{__FILE__, __LINE__, "seed " + std::to_string(seed)};
+  Random random;
 
   ConfigurationGrid Grid() {
     return ConfigurationGrid({{.name = "a", .lower = 0, .upper = 1, .steps = 20},

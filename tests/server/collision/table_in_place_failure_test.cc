@@ -21,7 +21,7 @@ TEST_F(TableInPlace, PathWithAPlaceThatCouldNotBeReadIsNotFree) {
   const ConfigurationGrid grid = Grid();
   const std::vector<MaskSize> sizes = {{8, 8}};
   const RobotImageTable held = RandomTable(grid, sizes, 0, random);
-  std::mt19937 failures(seed);
+  std::mt19937 failures(random());
   RobotImageTable::Builder builder(grid, sizes,
                                    [&](ConfigurationNumber number, std::span<uint64_t> words) {
                                      return failures() % 30 != 0 && held.Read(number, words);
@@ -110,8 +110,7 @@ TEST_F(TableInPlace, WhatCannotBeReadIsUnknownWhereTheIndexLeavesItOpen) {
     const IndexOfTable index(held_table);
     const EpipolarBands bands(RandomCalibration(3, 0, random), sizes, 0.3);
     const ObstacleImages images = RandomBoxScene(sizes, false, random);
-    const Policy policy{.preset = Preset::kPaperCalibrated,
-                        .epipolar = EpipolarDomain::kIntersection};
+    const Policy policy{.preset = Preset::kCalibrated};
     const CollisionChecker held(held_table, images, policy, {.bands = &bands});
     const CollisionChecker read(read_table, images, policy, {.bands = &bands});
     const SpaceChecker held_space(held, index.trees());

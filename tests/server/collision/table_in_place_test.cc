@@ -101,10 +101,7 @@ TEST_F(SameInPlace, GivesTheSameAnswersUnderEveryPresetOfPlanesAndLines) {
     for (const Preset preset :
          {Preset::kUncalibrated, Preset::kPaper, Preset::kCalibrated, Preset::kPaperCalibrated}) {
       for (const OffGrid off_grid : {OffGrid::kCell, OffGrid::kNearest}) {
-        Policy policy{.preset = preset, .min_views = 1 + round % views, .off_grid = off_grid};
-        if (IsCalibrated(preset) && random() % 2 == 0) {
-          policy.epipolar = EpipolarDomain::kIntersection;
-        }
+        const Policy policy{.preset = preset, .min_views = 1 + round % views, .off_grid = off_grid};
         const TestSupport support{.bands = &bands};
         const CollisionChecker held(held_table, images, policy, support);
         const CollisionChecker read(read_table, images, policy, support);

@@ -8,6 +8,7 @@
 #include <stdexcept>
 
 #include "server/collision/voxel_grid.h"
+#include "tests/random.h"
 #include "tests/server/collision/sphere_world.h"
 
 namespace silhouette {
@@ -52,9 +53,7 @@ Eigen::Vector3i RandomVoxel(const VoxelGrid& grid, std::mt19937& random) {
 }
 
 TEST(VoxelSpace, EveryPointOfAVoxelIsSeenInItsPixels) {
-  const unsigned seed = std::random_device{}();
-  SCOPED_TRACE(::testing::Message() << "seed " << seed);
-  std::mt19937 random(seed);
+  Random random;
   const std::vector<BallCamera> cameras = SomeCameras();
   for (double margin : {0.0, 0.4}) {
     const VoxelSpace space(kBox, 0.06, ViewsOf(cameras, margin));
@@ -83,9 +82,7 @@ TEST(VoxelSpace, EveryPointOfAVoxelIsSeenInItsPixels) {
 }
 
 TEST(VoxelSpace, EveryBallWithItsCentreInAVoxelTouchesTheCertainPixels) {
-  const unsigned seed = std::random_device{}();
-  SCOPED_TRACE(::testing::Message() << "seed " << seed);
-  std::mt19937 random(seed);
+  Random random;
   const std::vector<BallCamera> cameras = SomeCameras();
   constexpr double kRho = 0.07;
   const VoxelSpace space(kBox, kRho, ViewsOf(cameras));
@@ -164,9 +161,7 @@ VoxelSet RandomSet(const VoxelGrid& grid, int voxels, std::mt19937& random) {
 }
 
 TEST(MetByBalls, HoldsExactlyTheVoxelsThatSomeBallMeets) {
-  const unsigned seed = std::random_device{}();
-  SCOPED_TRACE(::testing::Message() << "seed " << seed);
-  std::mt19937 random(seed);
+  Random random;
   const VoxelGrid grid({Vector3d(0, 0, 0), Vector3d(72, 16, 24)}, 1);
   for (double radius : {0.5, 2.0, 3.3}) {
     VoxelSet centres(grid);
@@ -222,9 +217,7 @@ TEST(VoxelParts, HalvesAreAllOfAPart) {
 }
 
 TEST(ConnectedParts, AreThoseOfAFloodFill) {
-  const unsigned seed = std::random_device{}();
-  SCOPED_TRACE(::testing::Message() << "seed " << seed);
-  std::mt19937 random(seed);
+  Random random;
   const VoxelGrid grid({Vector3d(0, 0, 0), Vector3d(72, 16, 16)}, 1);
   const VoxelSet set = RandomSet(grid, 1500, random);
   std::vector<int> part(static_cast<size_t>(grid.voxels()), -1);

@@ -3,10 +3,10 @@
 
 #include <gmock/gmock.h>
 
-#include <iostream>
 #include <random>
 
 #include "server/scene/make_scene.h"
+#include "tests/random.h"
 
 namespace silhouette {
 namespace {
@@ -94,9 +94,7 @@ TEST(KnownVariant, ADatabaseThatIsNotNotedYetIsNotTakenForOneThatHasTheVariant) 
 // A robot that changes again and again, told before and after, and a camera whose clock is up to
 // kClockTolerance ahead, or as far behind as it likes.
 TEST(KnownVariant, AnImageNeverHasAVariantThatTheRobotDidNotHave) {
-  const unsigned seed = std::random_device()();
-  std::cout << "seed " << seed << '\n';
-  std::mt19937 random(seed);
+  Random random;
   const auto between = [&](double a, double b) {
     return std::uniform_real_distribution<double>(a, b)(random);
   };

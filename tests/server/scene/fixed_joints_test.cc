@@ -4,10 +4,10 @@
 
 #include <functional>
 #include <limits>
-#include <random>
 
 #include "server/scene/checker.h"
 #include "server/scene/configuration_space.h"
+#include "tests/random.h"
 #include "tests/server/tool_variant.h"
 
 namespace silhouette {
@@ -166,9 +166,7 @@ TEST_P(FixedJointsTest, SceneMustFitTheRobotImagesOfAllVariants) {
 
 // Against a database without the images that were captured elsewhere.
 TEST_P(FixedJointsTest, ImagesCapturedElsewhereAreAsGoodAsMissing) {
-  const unsigned seed = std::random_device{}();
-  SCOPED_TRACE(absl::StrCat("seed ", seed));
-  std::mt19937 random(seed);
+  Random random;
   for (int round = 0; round < 6; ++round) {
     std::vector<double> lift(40, 0.5);
     TestDatabase without{.index = GetParam().index};

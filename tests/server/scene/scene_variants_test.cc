@@ -8,6 +8,7 @@
 #include "absl/strings/substitute.h"
 #include "server/scene/checker.h"
 #include "server/scene/configuration_space.h"
+#include "tests/random.h"
 #include "tests/server/collision/sphere_world.h"
 #include "tests/server/tool_variant.h"
 
@@ -88,9 +89,7 @@ struct SceneVariants : ::testing::TestWithParam<bool> {
 // A scene and checks with the variant X say what a database says that has X as its only variant.
 TEST_P(SceneVariants, AnswerAsADatabaseOfTheirOwn) {
   ASSERT_THAT(both->variants(), ElementsAre("default", kTool));
-  const unsigned seed = std::random_device{}();
-  SCOPED_TRACE("seed " + std::to_string(seed));
-  std::mt19937 random(seed);
+  Random random;
   for (int round = 0; round < 12; ++round) {
     const int a = static_cast<int>(random() % 4);
     const int b = static_cast<int>(random() % 8);

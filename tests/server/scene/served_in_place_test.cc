@@ -8,6 +8,7 @@
 
 #include "server/scene/checker.h"
 #include "server/scene/configuration_space.h"
+#include "tests/random.h"
 #include "tests/server/test_cell.h"
 
 namespace silhouette {
@@ -44,9 +45,7 @@ TEST_P(ServedInPlace, AnswersAsFromMemory) {
   ASSERT_TRUE(databases[0]->robot_images().in_memory());
   ASSERT_FALSE(databases[1]->robot_images().in_memory());
   ASSERT_EQ(databases[1]->index() != nullptr, GetParam());
-  const unsigned seed = std::random_device{}();
-  const ::testing::ScopedTrace trace(__FILE__, __LINE__, "seed " + std::to_string(seed));
-  std::mt19937 random(seed);
+  Random random;
   for (int round = 0; round < 40; ++round) {
     const int block = static_cast<int>(random() % 5);
     const SceneInput input =

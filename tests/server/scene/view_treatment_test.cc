@@ -9,6 +9,7 @@
 #include <stdexcept>
 
 #include "server/scene/checker.h"
+#include "tests/random.h"
 #include "tests/server/test_cell.h"
 
 namespace silhouette {
@@ -35,9 +36,7 @@ TreatmentSettings OneView(const Margin& margin, double nearest) {
 }
 
 TEST(TreatmentsOf, NothingThatIsNearerToTheRobotThanTheMarginLooksFartherAway) {
-  const unsigned seed = std::random_device()();
-  SCOPED_TRACE("seed " + std::to_string(seed));
-  std::mt19937 random(seed);
+  Random random;
   std::uniform_real_distribution<double> number(-1, 1);
   const Calibration calibration = OneCamera();
   const double metres = 0.2;

@@ -30,9 +30,9 @@ struct AcquisitionServiceTest : ::testing::Test {
     record->NoteJoints(Now());
   }
   static grpc::Status Get(TestServer& server, v1::Acquisition* acquisition) {
-    grpc::ClientContext context;
     v1::GetAcquisitionResponse response;
-    const grpc::Status status = server.scene->GetAcquisition(&context, {}, &response);
+    const grpc::Status status = server.Call(&v1::SceneService::Stub::GetAcquisition,
+                                            v1::GetAcquisitionRequest(), &response);
     *acquisition = response.acquisition();
     return status;
   }

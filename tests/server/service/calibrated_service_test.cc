@@ -12,12 +12,6 @@ namespace {
 using ::testing::ElementsAre;
 using ::testing::HasSubstr;
 
-v1::Policy PolicyOf(const std::string& preset) {
-  v1::Policy policy;
-  policy.set_preset(preset);
-  return policy;
-}
-
 ServingSettings ChoosingPreset() {
   ServingSettings settings;
   settings.choose_preset = true;
@@ -73,34 +67,35 @@ TEST_F(CalibratedService, FindsWhatTheRobotHidesInAllViewsButOne) {
   server.Publish(HiddenByTheRobot());
   // The test robot image takes in what is seen beside the post, and the post's own rows elsewhere.
   const Configuration between = {2.5, At(2, 7)[1]};
-  EXPECT_EQ(StateAt(between, PolicyOf("uncalibrated")), v1::Verdict::STATE_FREE);
-  EXPECT_EQ(StateAt(between, PolicyOf("paper")), v1::Verdict::STATE_FREE);
-  EXPECT_EQ(StateAt(between, PolicyOf("calibrated")), v1::Verdict::STATE_OCCUPIED);
-  EXPECT_EQ(StateAt(between, PolicyOf("paper-calibrated")), v1::Verdict::STATE_OCCUPIED);
+  EXPECT_EQ(StateAt(between, PolicyNamed("uncalibrated")), v1::Verdict::STATE_FREE);
+  EXPECT_EQ(StateAt(between, PolicyNamed("paper")), v1::Verdict::STATE_FREE);
+  EXPECT_EQ(StateAt(between, PolicyNamed("calibrated")), v1::Verdict::STATE_OCCUPIED);
+  EXPECT_EQ(StateAt(between, PolicyNamed("paper-calibrated")), v1::Verdict::STATE_OCCUPIED);
   EXPECT_EQ(StateAt(between), v1::Verdict::STATE_OCCUPIED) << "calibrated by default";
 }
 
 TEST_F(CalibratedService, LetsGoWhatOneViewSeesToBeEmpty) {
   server.Publish(SceneWithBlock(3, 2));
-  EXPECT_EQ(StateEverywhere(3, 3, PolicyOf("uncalibrated")), v1::Verdict::STATE_OCCUPIED);
-  EXPECT_EQ(StateEverywhere(3, 3, PolicyOf("calibrated")), v1::Verdict::STATE_FREE);
-  EXPECT_EQ(StateEverywhere(3, 3, PolicyOf("paper-calibrated")), v1::Verdict::STATE_FREE);
+  EXPECT_EQ(StateEverywhere(3, 3, PolicyNamed("uncalibrated")), v1::Verdict::STATE_OCCUPIED);
+  EXPECT_EQ(StateEverywhere(3, 3, PolicyNamed("calibrated")), v1::Verdict::STATE_FREE);
+  EXPECT_EQ(StateEverywhere(3, 3, PolicyNamed("paper-calibrated")), v1::Verdict::STATE_FREE);
   // Fewer views are enough if the request says so.
-  v1::Policy two = PolicyOf("calibrated");
+  v1::Policy two = PolicyNamed("calibrated");
   two.set_min_views(2);
   EXPECT_EQ(StateEverywhere(3, 3, two), v1::Verdict::STATE_OCCUPIED);
   // The margin lets the foot's row, unknown in "top", meet the block's.
   TestServer wide(NewDatabase({.calibration = TestCalibration()}, {.margin = 0.25}));
   wide.Publish(SceneWithBlock(3, 2));
-  EXPECT_EQ(wide.CheckOne(At(3, 3), PolicyOf("calibrated")).state(), v1::Verdict::STATE_OCCUPIED);
+  EXPECT_EQ(wide.CheckOne(At(3, 3), PolicyNamed("calibrated")).state(),
+            v1::Verdict::STATE_OCCUPIED);
 }
 
 TEST_F(CalibratedService, SearchesLinesWhereThePresetSays) {
   // What "left" shows beside the post is outside the test robot image of grid point (2, 3), whose
   // post is in the rows of it: the obstacle images have it on the lines, the intersections do not.
   server.Publish(HiddenByTheRobot());
-  EXPECT_EQ(StateEverywhere(2, 3, PolicyOf("calibrated")), v1::Verdict::STATE_FREE);
-  v1::Policy policy = PolicyOf("paper-calibrated");
+  EXPECT_EQ(StateEverywhere(2, 3, PolicyNamed("calibrated")), v1::Verdict::STATE_FREE);
+  v1::Policy policy = PolicyNamed("paper-calibrated");
   policy.set_min_views(2);
   EXPECT_EQ(StateEverywhere(2, 3, policy), v1::Verdict::STATE_OCCUPIED);
 }
@@ -113,7 +108,7 @@ TEST_F(CalibratedService, ErrorsConvictWhereThePresetSays) {
   SceneInput input = EmptyCellScene(2, 7);
   input.views[0].image = SceneMask{RobotMask(0, 4, 0) & RobotMask(0, 2, 0)};  // the foot alone
   lenient.Publish(input);
-  v1::Policy policy = PolicyOf("calibrated");
+  v1::Policy policy = PolicyNamed("calibrated");
   EXPECT_EQ(lenient.CheckOne(At(2, 3), policy).state(), v1::Verdict::STATE_FREE);
   policy.set_min_views(2);
   EXPECT_EQ(lenient.CheckOne(At(2, 3), policy).state(), v1::Verdict::STATE_FREE);
@@ -126,7 +121,7 @@ TEST_F(CalibratedService, ExplainsTheCollisionImageOfThePolicy) {
   const auto collision_png = [&](const std::string& preset, int view) {
     v1::ExplainRequest request;
     Set({2.5, At(2, 7)[1]}, request.mutable_configuration());
-    *request.mutable_policy() = PolicyOf(preset);
+    *request.mutable_policy() = PolicyNamed(preset);
     v1::ExplainResponse response;
     EXPECT_TRUE(server.Call(request, &response).ok());
     return response.views(view).collision_png();
@@ -139,9 +134,7 @@ TEST_F(CalibratedService, ExplainsTheCollisionImageOfThePolicy) {
 }
 
 TEST_F(CalibratedService, TellsThatItIsCalibratedAndWhatItCanServe) {
-  grpc::ClientContext context;
-  v1::GetDatabaseResponse response;
-  ASSERT_TRUE(server.database_service->GetDatabase(&context, {}, &response).ok());
+  const v1::GetDatabaseResponse response = server.GetDatabase();
   EXPECT_TRUE(response.calibrated());
   EXPECT_THAT(response.presets(),
               ElementsAre("uncalibrated", "paper", "calibrated", "paper-calibrated"));
@@ -159,10 +152,10 @@ TEST_F(CalibratedService, RefusesOptionsThatDoNotGoWithThePreset) {
     EXPECT_EQ(status.error_code(), grpc::StatusCode::INVALID_ARGUMENT);
     return status.error_message();
   };
-  v1::Policy policy = PolicyOf("calibrated");
+  v1::Policy policy = PolicyNamed("calibrated");
   policy.set_max_occluded_views(1);
   EXPECT_THAT(refusal(policy), HasSubstr("policy.max_occluded_views: it goes with"));
-  EXPECT_THAT(refusal(PolicyOf("best")), HasSubstr("known are 'uncalibrated', 'paper', 'cal"));
+  EXPECT_THAT(refusal(PolicyNamed("best")), HasSubstr("known are 'uncalibrated', 'paper', 'cal"));
 }
 
 TEST_F(CalibratedService, WithAMissingViewIsNeverFree) {
@@ -171,7 +164,7 @@ TEST_F(CalibratedService, WithAMissingViewIsNeverFree) {
   server.Publish(input);
   for (const char* preset : {"calibrated", "paper-calibrated"}) {
     for (const int min_views : {1, 2, 3}) {
-      v1::Policy policy = PolicyOf(preset);
+      v1::Policy policy = PolicyNamed(preset);
       policy.set_min_views(min_views);
       for (int a = 0; a < 5; ++a) {
         for (int b = 0; b < 8; ++b) {
@@ -197,9 +190,7 @@ TEST_F(CalibratedService, AfterAnotherCalibrationOldScenesAreOfNoUse) {
   EXPECT_EQ(changing.CheckOne(At(1, 0)).reason(), v1::Verdict::REASON_GENERATION_MISMATCH);
   changing.Publish(EmptyCellScene());
   EXPECT_EQ(changing.CheckOne(At(1, 0)).state(), v1::Verdict::STATE_FREE);
-  grpc::ClientContext context;
-  v1::GetDatabaseResponse response;
-  ASSERT_TRUE(changing.database_service->GetDatabase(&context, {}, &response).ok());
+  const v1::GetDatabaseResponse response = changing.GetDatabase();
   EXPECT_FALSE(response.calibrated());
   EXPECT_EQ(response.default_policy().preset(), "uncalibrated");
 }
@@ -216,22 +207,22 @@ TEST(ServiceWithoutCalibration, RefusesPresetsThatNeedOneInEveryCall) {
       };
       v1::CheckConfigurationsRequest check;
       Set(At(0, 0), check.add_configurations());
-      *check.mutable_policy() = PolicyOf(preset);
+      *check.mutable_policy() = PolicyNamed(preset);
       v1::CheckConfigurationsResponse checked;
       expect_refusal(server.Call(check, &checked));
       EXPECT_EQ(checked.verdicts_size(), 0);
       v1::CheckPathRequest path;
       Set(At(0, 0), path.add_waypoints());
-      *path.mutable_policy() = PolicyOf(preset);
+      *path.mutable_policy() = PolicyNamed(preset);
       v1::CheckPathResponse on_path;
       expect_refusal(server.Call(path, &on_path));
       v1::ExplainRequest explain;
       Set(At(0, 0), explain.mutable_configuration());
-      *explain.mutable_policy() = PolicyOf(preset);
+      *explain.mutable_policy() = PolicyNamed(preset);
       v1::ExplainResponse explanation;
       expect_refusal(server.Call(explain, &explanation));
       v1::GetConfigurationSpaceRequest space;
-      *space.mutable_policy() = PolicyOf(preset);
+      *space.mutable_policy() = PolicyNamed(preset);
       std::vector<v1::GetConfigurationSpaceResponse> messages;
       expect_refusal(server.Call(space, &messages));
       EXPECT_TRUE(messages.empty());

@@ -43,9 +43,7 @@ struct CalibrationTrustTest : ::testing::Test {
     server.server->SetTrust(std::make_shared<const CalibrationTrust>(trust));
   }
   v1::CalibrationCheck Told() {
-    grpc::ClientContext context;
-    v1::GetDatabaseResponse response;
-    EXPECT_TRUE(server.database_service->GetDatabase(&context, {}, &response).ok());
+    const v1::GetDatabaseResponse response = server.GetDatabase();
     EXPECT_TRUE(response.has_calibration_check());
     return response.calibration_check();
   }
@@ -62,11 +60,7 @@ struct CalibrationTrustTest : ::testing::Test {
     EXPECT_EQ(said, wanted);
   }
 
-  static v1::Policy Uncalibrated() {
-    v1::Policy policy;
-    policy.set_preset("uncalibrated");
-    return policy;
-  }
+  static v1::Policy Uncalibrated() { return PolicyNamed("uncalibrated"); }
 
   // Under the default policy, in every way that one can ask.
   void ExpectOnlyDoubt() {
@@ -100,9 +94,7 @@ TEST_F(CalibrationTrustTest, ThatIsNotCheckedIsServedAndSaysNothing) {
   server.server->SetTrust(nullptr);
   server.Publish(EmptyCellScene());
   EXPECT_EQ(server.CheckOne(At(1, 0)).state(), v1::Verdict::STATE_FREE);
-  grpc::ClientContext context;
-  v1::GetDatabaseResponse response;
-  ASSERT_TRUE(server.database_service->GetDatabase(&context, {}, &response).ok());
+  const v1::GetDatabaseResponse response = server.GetDatabase();
   EXPECT_FALSE(response.has_calibration_check());
 }
 

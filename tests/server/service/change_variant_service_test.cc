@@ -3,6 +3,7 @@
 #include "server/service/answers.h"
 #include "silhouette/client.h"
 #include "silhouette/local_space.h"
+#include "silhouette/v1/scene_service.pb.h"
 #include "tests/server/live/http_get.h"
 #include "tests/server/service/test_server.h"
 #include "tests/server/tool_variant.h"
@@ -37,8 +38,7 @@ struct ChangeVariantServiceTest : ::testing::Test {
     v1::ChangeVariantRequest request;
     request.set_variant(variant);
     request.set_changing(changing);
-    grpc::ClientContext context;
-    return server.scene->ChangeVariant(&context, request, response);
+    return server.Call(&v1::SceneService::Stub::ChangeVariant, request, response);
   }
   // Empty: it is changing.
   static v1::ChangeVariantResponse Tell(TestServer& server, const std::string& variant) {
@@ -64,10 +64,9 @@ struct ChangeVariantServiceTest : ::testing::Test {
   }
 
   static v1::RobotVariant Acquired(TestServer& server) {
-    grpc::ClientContext context;
-    v1::GetAcquisitionResponse response;
-    EXPECT_TRUE(server.scene->GetAcquisition(&context, {}, &response).ok());
-    return response.acquisition().robot_variant();
+    return server.Ask(&v1::SceneService::Stub::GetAcquisition, v1::GetAcquisitionRequest())
+        .acquisition()
+        .robot_variant();
   }
 };
 

@@ -80,8 +80,7 @@ TEST(ClearanceLevels, AreAsMeasuredSinglyUnderEveryPresetWithAndWithoutAnIndex) 
       for (const SceneInput& scene :
            {SceneWithHighBlock(3), SceneWithBlock(2, 2), EmptyCellScene()}) {
         server.Publish(scene);
-        v1::Policy policy;
-        policy.set_preset(preset);
+        v1::Policy policy = PolicyNamed(preset);
         above += ExpectAsMeasuredSingly(server, policy);
         policy.set_min_views(1);
         above += ExpectAsMeasuredSingly(server, policy);
@@ -112,17 +111,7 @@ TEST(ClearanceLevels, AllowedRegionIsAsInSingleClearances) {
   TestServer server(NewDatabase({.index = true}));
   server.Publish(SceneWithHighBlock(3));
   const int before = ExpectAsMeasuredSingly(server);
-  v1::AllowRegionRequest request;
-  request.set_name("part");
-  for (int view = 0; view < 3; ++view) {
-    v1::RegionPixels& pixels = *request.add_views();
-    pixels.set_view(kViewNames[static_cast<size_t>(view)]);
-    Set(HighBlock(view, 3), pixels.mutable_mask());
-  }
-  request.mutable_duration()->set_seconds(10);
-  grpc::ClientContext context;
-  v1::AllowRegionResponse response;
-  ASSERT_TRUE(server.scene->AllowRegion(&context, request, &response).ok());
+  server.Allow("part", 3, absl::Seconds(10), HighBlock);
   EXPECT_GT(ExpectAsMeasuredSingly(server), before);
   server.clock.Advance(absl::Seconds(11));
   server.Publish(SceneWithHighBlock(3));

@@ -102,15 +102,11 @@ TEST_F(ClearanceService, OfAPathThatIsNotFreeHasNoPlaceOfItsOwn) {
 
 TEST_F(ClearanceService, IsOfferedUnderEveryPresetThatIsServed) {
   server.Publish(SceneWithHighBlock(3));
-  grpc::ClientContext context;
-  v1::GetDatabaseResponse described;
-  ASSERT_TRUE(server.database_service->GetDatabase(&context, {}, &described).ok());
+  const v1::GetDatabaseResponse described = server.GetDatabase();
   ASSERT_EQ(described.presets_size(), 4);
   for (const std::string& preset : described.presets()) {
-    v1::Policy policy;
-    policy.set_preset(preset);
     for (int a = 0; a < 5; ++a) {
-      const v1::Verdict verdict = Measured(At(a, 0), policy);
+      const v1::Verdict verdict = Measured(At(a, 0), PolicyNamed(preset));
       EXPECT_NE(verdict.state(), v1::Verdict::STATE_UNKNOWN);
       EXPECT_TRUE(verdict.has_clearance()) << preset;
       const bool occupied = verdict.state() == v1::Verdict::STATE_OCCUPIED;
@@ -123,17 +119,7 @@ TEST_F(ClearanceService, IsOfferedUnderEveryPresetThatIsServed) {
 TEST_F(ClearanceService, OfEverySceneAndRegionIsItsOwn) {
   server.Publish(SceneWithHighBlock(3));
   EXPECT_EQ(Measured(At(2, 0)).clearance(), 1);
-  v1::AllowRegionRequest request;
-  request.set_name("part");
-  for (int view = 0; view < 3; ++view) {
-    v1::RegionPixels& pixels = *request.add_views();
-    pixels.set_view(kViewNames[static_cast<size_t>(view)]);
-    Set(HighBlock(view, 3), pixels.mutable_mask());
-  }
-  request.mutable_duration()->set_seconds(10);
-  grpc::ClientContext context;
-  v1::AllowRegionResponse response;
-  ASSERT_TRUE(server.scene->AllowRegion(&context, request, &response).ok());
+  server.Allow("part", 3, absl::Seconds(10), HighBlock);
   const v1::CheckConfigurationsResponse allowed = server.Check({At(2, 0)}, {}, true);
   EXPECT_EQ(allowed.verdicts(0).clearance(), kInfinity);
   EXPECT_THAT(allowed.basis().regions(), ::testing::ElementsAre("part"));

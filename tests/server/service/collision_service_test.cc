@@ -1,6 +1,4 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "server/service/services.h"
-
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -66,9 +64,7 @@ TEST_F(CollisionServiceTest, EvidenceIsPerViewAndCanBeLeftOut) {
 TEST_F(CollisionServiceTest, PolicyOfTheRequestDecides) {
   server.Publish(SceneWithBlock(3, 2));  // two of three views show the block
   EXPECT_EQ(server.CheckOne(At(3, 0)).state(), v1::Verdict::STATE_OCCUPIED) << "the default";
-  v1::Policy paper;
-  paper.set_preset("paper");
-  EXPECT_EQ(server.CheckOne(At(3, 0), paper).state(), v1::Verdict::STATE_FREE);
+  EXPECT_EQ(server.CheckOne(At(3, 0), PolicyNamed("paper")).state(), v1::Verdict::STATE_FREE);
   v1::Policy three;
   three.set_min_views(3);
   EXPECT_EQ(server.CheckOne(At(3, 0), three).state(), v1::Verdict::STATE_FREE);
@@ -87,9 +83,7 @@ TEST_F(CollisionServiceTest, PresetOfTheRequestOverridesTheDefaultNumberOfViews)
   TestServer careful(database, settings);
   careful.Publish(SceneWithBlock(3, 1));
   EXPECT_EQ(careful.CheckOne(At(3, 0)).state(), v1::Verdict::STATE_OCCUPIED);
-  v1::Policy paper;
-  paper.set_preset("paper");
-  EXPECT_EQ(careful.CheckOne(At(3, 0), paper).state(), v1::Verdict::STATE_FREE);
+  EXPECT_EQ(careful.CheckOne(At(3, 0), PolicyNamed("paper")).state(), v1::Verdict::STATE_FREE);
 }
 
 TEST_F(CollisionServiceTest, WrongPoliciesAreRefusedByName) {
@@ -364,9 +358,7 @@ TEST(GetDatabase, TellsWhatIsServed) {
   ServingSettings settings;
   settings.policy = {.max_occluded_views = 2, .off_grid = OffGrid::kNearest};
   TestServer server(database, settings);
-  grpc::ClientContext context;
-  v1::GetDatabaseResponse response;
-  ASSERT_TRUE(server.database_service->GetDatabase(&context, {}, &response).ok());
+  const v1::GetDatabaseResponse response = server.GetDatabase();
   EXPECT_EQ(response.cell_name(), "server test");
   EXPECT_EQ(response.generation(), database->generation());
   EXPECT_EQ(response.grid().joints(0).steps(), 5);
@@ -391,9 +383,7 @@ TEST(GetDatabase, TellsHowManyViewsMayHideAnObstacleBesideMinViews) {
   ServingSettings settings;
   settings.policy = {.min_views = 1, .max_occluded_views = 0};
   TestServer server(NewDatabase(), settings);
-  grpc::ClientContext context;
-  v1::GetDatabaseResponse response;
-  ASSERT_TRUE(server.database_service->GetDatabase(&context, {}, &response).ok());
+  const v1::GetDatabaseResponse response = server.GetDatabase();
   EXPECT_EQ(response.default_policy().min_views(), 1);
   EXPECT_TRUE(response.default_policy().has_max_occluded_views());
   EXPECT_EQ(response.default_policy().max_occluded_views(), 0);

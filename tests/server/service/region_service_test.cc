@@ -21,44 +21,26 @@ ServingSettings Patient() {
   return settings;
 }
 
-// Masks of the block where joint a is at `a`, in all views.
-v1::AllowRegionRequest RequestFor(const std::string& name, int a, absl::Duration duration) {
-  v1::AllowRegionRequest request;
-  request.set_name(name);
-  for (int view = 0; view < 3; ++view) {
-    v1::RegionPixels& pixels = *request.add_views();
-    pixels.set_view(kViewNames[static_cast<size_t>(view)]);
-    Set(Block(view, a), pixels.mutable_mask());
-  }
-  request.mutable_duration()->set_seconds(absl::ToInt64Seconds(duration));
-  return request;
-}
-
 class RegionService : public testing::Test {
  protected:
   grpc::Status Allow(const v1::AllowRegionRequest& request, v1::AllowedRegion* region = nullptr) {
-    grpc::ClientContext context;
     v1::AllowRegionResponse response;
-    const grpc::Status status = server.scene->AllowRegion(&context, request, &response);
+    const grpc::Status status =
+        server.Call(&v1::SceneService::Stub::AllowRegion, request, &response);
     if (region != nullptr) *region = response.region();
     return status;
   }
   void AllowAt(int a, absl::Duration duration = absl::Seconds(10)) {
-    const grpc::Status status = Allow(RequestFor("part", a, duration));
-    ASSERT_TRUE(status.ok()) << status.error_message();
+    server.Allow("part", a, duration);
   }
   bool Revoke(const std::string& name) {
-    grpc::ClientContext context;
     v1::RevokeRegionRequest request;
     request.set_name(name);
-    v1::RevokeRegionResponse response;
-    EXPECT_TRUE(server.scene->RevokeRegion(&context, request, &response).ok());
-    return response.was_in_force();
+    return server.Ask(&v1::SceneService::Stub::RevokeRegion, request).was_in_force();
   }
   std::vector<v1::AllowedRegion> List() {
-    grpc::ClientContext context;
-    v1::ListAllowedRegionsResponse response;
-    EXPECT_TRUE(server.scene->ListAllowedRegions(&context, {}, &response).ok());
+    const v1::ListAllowedRegionsResponse response =
+        server.Ask(&v1::SceneService::Stub::ListAllowedRegions, v1::ListAllowedRegionsRequest());
     return {response.regions().begin(), response.regions().end()};
   }
   // Whether the configuration space has grid point (a, b) free.
@@ -165,7 +147,7 @@ TEST_F(RegionService, WhatCannotBeARegionIsRefusedAndChangesNothing) {
     EXPECT_EQ(status.error_code(), grpc::StatusCode::INVALID_ARGUMENT);
     return status.error_message();
   };
-  const v1::AllowRegionRequest good = RequestFor("part", 3, absl::Seconds(10));
+  const v1::AllowRegionRequest good = RegionAt("part", 3, absl::Seconds(10));
   v1::AllowRegionRequest bad = good;
   bad.mutable_views(1)->set_view("back");
   EXPECT_THAT(refusal(bad), HasSubstr("views[1] 'back': the cell has no such view"));
@@ -213,18 +195,11 @@ TEST_F(RegionService, HasItsOwnColourInThePicturesOfExplain) {
   }
 }
 
-v1::GetDatabaseResponse DatabaseOf(TestServer& server) {
-  grpc::ClientContext context;
-  v1::GetDatabaseResponse response;
-  EXPECT_TRUE(server.database_service->GetDatabase(&context, {}, &response).ok());
-  return response;
-}
-
 TEST(TreatmentService, TellsMarginsAndIgnoredPixelsOfDatabaseAndScene) {
   TreatmentSettings treatments = Ignoring(1, Block(1, 3));
   treatments.views[2].margin.pixels = 1.5;
   TestServer server(NewDatabase({}, {}, treatments));
-  const v1::GetDatabaseResponse database = DatabaseOf(server);
+  const v1::GetDatabaseResponse database = server.GetDatabase();
   EXPECT_EQ(database.views(0).ignored_pixels(), 0u);
   EXPECT_EQ(database.views(1).ignored_pixels(), 4u);
   EXPECT_EQ(database.views(2).margin(), 1.5);
@@ -232,11 +207,9 @@ TEST(TreatmentService, TellsMarginsAndIgnoredPixelsOfDatabaseAndScene) {
   EXPECT_EQ(scene.views(1).ignored_pixels(), 4u);
   EXPECT_EQ(scene.views(1).margin(), 0);
   EXPECT_EQ(scene.views(2).margin(), 1.5);
-  grpc::ClientContext context;
   v1::GetSceneRequest request;
   request.set_include_planes(true);
-  v1::GetSceneResponse response;
-  ASSERT_TRUE(server.scene->GetScene(&context, request, &response).ok());
+  const v1::GetSceneResponse response = server.Ask(&v1::SceneService::Stub::GetScene, request);
   EXPECT_TRUE(response.scene().views(1).has_ignored());
   EXPECT_FALSE(response.scene().views(0).has_ignored());
 }

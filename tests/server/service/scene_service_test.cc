@@ -1,6 +1,4 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "server/service/services.h"
-
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -21,12 +19,11 @@ struct SceneServiceTest : ::testing::Test {
     return status.error_message();
   }
   grpc::Status Get(uint64_t id, bool planes, v1::Scene* scene) {
-    grpc::ClientContext context;
     v1::GetSceneRequest get;
     get.set_id(id);
     get.set_include_planes(planes);
     v1::GetSceneResponse response;
-    const grpc::Status status = server.scene->GetScene(&context, get, &response);
+    const grpc::Status status = server.Call(&v1::SceneService::Stub::GetScene, get, &response);
     *scene = response.scene();
     return status;
   }

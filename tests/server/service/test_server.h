@@ -77,6 +77,28 @@ inline v1::PublishSceneRequest RequestOf(const SceneInput& input) {
   return request;
 }
 
+// Allows obstacles where `block` has them.
+inline v1::AllowRegionRequest RegionAt(const std::string& name, int a, absl::Duration duration,
+                                       Mask (*block)(int view, int a) = Block) {
+  v1::AllowRegionRequest request;
+  request.set_name(name);
+  for (int view = 0; view < 3; ++view) {
+    v1::RegionPixels& pixels = *request.add_views();
+    pixels.set_view(kViewNames[static_cast<size_t>(view)]);
+    Set(block(view, a), pixels.mutable_mask());
+  }
+  absl::Duration rest;
+  request.mutable_duration()->set_seconds(absl::IDivDuration(duration, absl::Seconds(1), &rest));
+  request.mutable_duration()->set_nanos(static_cast<int32_t>(absl::ToInt64Nanoseconds(rest)));
+  return request;
+}
+
+inline v1::Policy PolicyNamed(const std::string& preset) {
+  v1::Policy policy;
+  policy.set_preset(preset);
+  return policy;
+}
+
 class TestServer {
  public:
   // `wrap` may put something around the test clock.
@@ -89,38 +111,24 @@ class TestServer {
     server = *std::move(started);
     channel = grpc::CreateChannel(server->address(), grpc::InsecureChannelCredentials());
     collision = v1::CollisionService::NewStub(channel);
-    scene = v1::SceneService::NewStub(channel);
-    database_service = v1::DatabaseService::NewStub(channel);
   }
 
   v1::Scene Publish(const SceneInput& input) { return Publish(RequestOf(input)); }
   v1::Scene Publish(const v1::PublishSceneRequest& request) {
-    grpc::ClientContext context;
-    v1::PublishSceneResponse response;
-    const grpc::Status status = scene->PublishScene(&context, request, &response);
-    EXPECT_TRUE(status.ok()) << status.error_message();
-    return response.scene();
+    return Ask(&v1::SceneService::Stub::PublishScene, request).scene();
   }
   grpc::Status PublishStatus(const v1::PublishSceneRequest& request) {
-    grpc::ClientContext context;
     v1::PublishSceneResponse response;
-    return scene->PublishScene(&context, request, &response);
+    return Call(&v1::SceneService::Stub::PublishScene, request, &response);
+  }
+  v1::GetDatabaseResponse GetDatabase() {
+    return Ask(&v1::DatabaseService::Stub::GetDatabase, v1::GetDatabaseRequest());
   }
 
-  // Allows obstacles on the way of joint a at `a` (Block), in all views.
-  void Allow(const std::string& name, int a, absl::Duration duration) {
-    v1::AllowRegionRequest request;
-    request.set_name(name);
-    for (int view = 0; view < 3; ++view) {
-      v1::RegionPixels& pixels = *request.add_views();
-      pixels.set_view(kViewNames[static_cast<size_t>(view)]);
-      Set(Block(view, a), pixels.mutable_mask());
-    }
-    request.mutable_duration()->set_nanos(static_cast<int32_t>(absl::ToInt64Nanoseconds(duration)));
-    grpc::ClientContext context;
-    v1::AllowRegionResponse response;
-    const grpc::Status status = scene->AllowRegion(&context, request, &response);
-    EXPECT_TRUE(status.ok()) << status.error_message();
+  // Allows obstacles on the way of joint a at `a` (Block or HighBlock), in all views.
+  void Allow(const std::string& name, int a, absl::Duration duration,
+             Mask (*block)(int view, int a) = Block) {
+    Ask(&v1::SceneService::Stub::AllowRegion, RegionAt(name, a, duration, block));
   }
 
   v1::CheckConfigurationsResponse Check(const std::vector<Configuration>& configurations,
@@ -129,9 +137,7 @@ class TestServer {
     for (const Configuration& q : configurations) Set(q, request.add_configurations());
     *request.mutable_policy() = policy;
     request.set_include_clearance(clearance);
-    v1::CheckConfigurationsResponse response;
-    const grpc::Status status = Call(request, &response);
-    EXPECT_TRUE(status.ok()) << status.error_message();
+    const auto response = Ask(&v1::CollisionService::Stub::CheckConfigurations, request);
     EXPECT_EQ(response.verdicts_size(), static_cast<int>(configurations.size()));
     return response;
   }
@@ -142,26 +148,17 @@ class TestServer {
     v1::CheckPathRequest request;
     for (const Configuration& q : waypoints) Set(q, request.add_waypoints());
     request.set_include_clearance(clearance);
-    v1::CheckPathResponse response;
-    const grpc::Status status = Call(request, &response);
-    EXPECT_TRUE(status.ok()) << status.error_message();
-    return response;
+    return Ask(&v1::CollisionService::Stub::CheckPath, request);
   }
   v1::ExplainResponse Explain(const Configuration& q) {
     v1::ExplainRequest request;
     Set(q, request.mutable_configuration());
-    v1::ExplainResponse response;
-    const grpc::Status status = Call(request, &response);
-    EXPECT_TRUE(status.ok()) << status.error_message();
-    return response;
+    return Ask(&v1::CollisionService::Stub::Explain, request);
   }
   v1::CheckConfigurationsResponse CheckNumbers(const std::vector<uint32_t>& numbers) {
     v1::CheckConfigurationsRequest request;
     request.mutable_numbers()->Add(numbers.begin(), numbers.end());
-    v1::CheckConfigurationsResponse response;
-    const grpc::Status status = Call(request, &response);
-    EXPECT_TRUE(status.ok()) << status.error_message();
-    return response;
+    return Ask(&v1::CollisionService::Stub::CheckConfigurations, request);
   }
 
   std::vector<v1::GetConfigurationSpaceResponse> Space(
@@ -174,16 +171,29 @@ class TestServer {
 
   grpc::Status Call(const v1::CheckConfigurationsRequest& request,
                     v1::CheckConfigurationsResponse* response) {
-    grpc::ClientContext context;
-    return collision->CheckConfigurations(&context, request, response);
+    return Call(&v1::CollisionService::Stub::CheckConfigurations, request, response);
   }
   grpc::Status Call(const v1::CheckPathRequest& request, v1::CheckPathResponse* response) {
-    grpc::ClientContext context;
-    return collision->CheckPath(&context, request, response);
+    return Call(&v1::CollisionService::Stub::CheckPath, request, response);
   }
   grpc::Status Call(const v1::ExplainRequest& request, v1::ExplainResponse* response) {
+    return Call(&v1::CollisionService::Stub::Explain, request, response);
+  }
+  // One unary call.
+  template <typename Stub, typename Request, typename Response>
+  grpc::Status Call(grpc::Status (Stub::*method)(grpc::ClientContext*, const Request&, Response*),
+                    const Request& request, Response* response) {
     grpc::ClientContext context;
-    return collision->Explain(&context, request, response);
+    return (Stub(channel).*method)(&context, request, response);
+  }
+  // The same, which must succeed.
+  template <typename Stub, typename Request, typename Response>
+  Response Ask(grpc::Status (Stub::*method)(grpc::ClientContext*, const Request&, Response*),
+               const Request& request) {
+    Response response;
+    const grpc::Status status = Call(method, request, &response);
+    EXPECT_TRUE(status.ok()) << status.error_message();
+    return response;
   }
   grpc::Status Call(const v1::GetConfigurationSpaceRequest& request,
                     std::vector<v1::GetConfigurationSpaceResponse>* messages) {
@@ -203,8 +213,6 @@ class TestServer {
   std::unique_ptr<Server> server;
   std::shared_ptr<grpc::Channel> channel;
   std::unique_ptr<v1::CollisionService::Stub> collision;
-  std::unique_ptr<v1::SceneService::Stub> scene;
-  std::unique_ptr<v1::DatabaseService::Stub> database_service;
 };
 
 }  // namespace silhouette

@@ -123,9 +123,7 @@ TEST(VariantsService, ASceneOfAnUnknownVariantIsTakenAndNeverFree) {
 
 TEST(VariantsService, TheDatabaseTellsItsVariants) {
   TestServer server(VariantsServiceBothVariants(/*index=*/false));
-  grpc::ClientContext context;
-  v1::GetDatabaseResponse response;
-  ASSERT_TRUE(server.database_service->GetDatabase(&context, {}, &response).ok());
+  const v1::GetDatabaseResponse response = server.GetDatabase();
   ASSERT_EQ(response.variants_size(), 2);
   EXPECT_EQ(response.variants(0).name(), "default");
   EXPECT_EQ(response.variants(1).name(), kTool);
