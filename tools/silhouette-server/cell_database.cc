@@ -171,34 +171,43 @@ uint64_t TilesWithoutIndex(const ServedDatabase& database) {
   return without;
 }
 
-void LogElsewhere(const ServedDatabase& variant, const std::string& of) {
-  const uint64_t count = variant.robot_images().Count(RobotImageState::kElsewhere);
-  if (count == 0) return;
-  spdlog::warn(
-      "{}{} with a robot image that was captured with a fixed joint elsewhere, as {}: unknown "
-      "until captured again; 'silhouette-db verify' lists them",
-      of, Counted(count, "configuration"), variant.elsewhere());
+// How many robot images of a variant can be used, and why not the others. `title` and `of` begin
+// the lines on what was loaded and what is wrong.
+void LogVariant(const ServedDatabase& variant, const std::string& title, const std::string& of,
+                const std::string& path) {
+  const RobotImageTable& images = variant.robot_images();
+  spdlog::info("{}{} captured, {} excluded; {}", title, images.Count(RobotImageState::kPresent),
+               images.Count(RobotImageState::kExcluded),
+               images.in_memory() ? "in memory" : "read from the database when needed");
+  const auto warn = [&](RobotImageState state, const std::string& what) {
+    if (const uint64_t count = images.Count(state); count > 0) {
+      spdlog::warn("{}{} {}", of, Counted(count, "configuration"), what);
+    }
+  };
+  warn(RobotImageState::kMissing, "without a robot image: unknown until captured");
+  warn(RobotImageState::kCorrupt,
+       "with a robot image that fails its checksum: unknown until captured again");
+  warn(RobotImageState::kElsewhere,
+       absl::StrCat("with a robot image that was captured with a fixed joint elsewhere, as ",
+                    variant.elsewhere(),
+                    ": unknown until captured again; 'silhouette-db verify' lists them"));
+  if (const uint64_t without = TilesWithoutIndex(variant); without > 0) {
+    spdlog::warn(
+        "{}{} of {} without a collision index that matches the robot images: the configuration "
+        "space takes longer; run 'silhouette-db index {}' and reload",
+        of, without, Counted(variant.grid().tiles(), "tile"), path);
+  }
 }
 
 void LogLoaded(const ServedDatabase& database, const std::string& path) {
-  const RobotImageTable& images = database.robot_images();
-  spdlog::info("loaded '{}', generation {}: {}, {} captured, {} excluded", path,
-               database.generation(), Counted(database.grid().size(), "configuration"),
-               images.Count(RobotImageState::kPresent), images.Count(RobotImageState::kExcluded));
-  if (const uint64_t missing = images.Count(RobotImageState::kMissing); missing > 0) {
-    spdlog::warn("{} without a robot image: unknown until captured",
-                 Counted(missing, "configuration"));
-  }
-  if (const uint64_t corrupt = images.Count(RobotImageState::kCorrupt); corrupt > 0) {
-    spdlog::warn("{} with a robot image that fails its checksum: unknown until captured again",
-                 Counted(corrupt, "configuration"));
-  }
-  LogElsewhere(database, "");
-  if (const uint64_t without = TilesWithoutIndex(database); without > 0) {
-    spdlog::warn(
-        "{} of {} without a collision index that matches the robot images: the configuration space "
-        "takes longer; run 'silhouette-db index {}' and reload",
-        without, Counted(database.grid().tiles(), "tile"), path);
+  LogVariant(database,
+             absl::StrCat("loaded '", path, "', generation ", database.generation(), ": ",
+                          Counted(database.grid().size(), "configuration"), ", "),
+             "", path);
+  for (const std::string& name : database.variants()) {
+    if (name == database.variant()) continue;
+    const std::string of = absl::StrCat("variant '", name, "': ");
+    LogVariant(*database.Variant(name), of, of, path);
   }
   if (!database.has_references()) {
     spdlog::warn("no reference images: camera images are refused, scene masks are accepted");
@@ -216,25 +225,6 @@ void LogLoaded(const ServedDatabase& database, const std::string& path) {
       spdlog::info("view '{}': {} ignored", database.view_name(view),
                    Counted(treatment.ignored->Count(), "pixel"));
     }
-  }
-}
-
-// Of a variant beside the default one.
-void LogVariant(const ServedDatabase& variant) {
-  const RobotImageTable& images = variant.robot_images();
-  spdlog::info("variant '{}': {} captured, {} excluded; {}", variant.variant(),
-               images.Count(RobotImageState::kPresent), images.Count(RobotImageState::kExcluded),
-               images.in_memory() ? "in memory" : "read from the database when needed");
-  const uint64_t unknown =
-      images.Count(RobotImageState::kMissing) + images.Count(RobotImageState::kCorrupt);
-  if (unknown > 0) {
-    spdlog::warn("variant '{}': {} without a usable robot image: unknown until captured",
-                 variant.variant(), Counted(unknown, "configuration"));
-  }
-  LogElsewhere(variant, absl::StrCat("variant '", variant.variant(), "': "));
-  if (const uint64_t without = TilesWithoutIndex(variant); without > 0) {
-    spdlog::warn("variant '{}': {} without a collision index; run 'silhouette-db index' and reload",
-                 variant.variant(), Counted(without, "tile"));
   }
 }
 
@@ -293,10 +283,6 @@ absl::StatusOr<std::shared_ptr<const ServedDatabase>> LoadDatabase(const Cell& c
   if (!served.ok()) return served;
   LogLoaded(**served, path);
   LogRobotImages(**served, path, load);
-  for (const std::string& name : (*served)->variants()) {
-    const ServedDatabase* variant = (*served)->Variant(name);
-    if (variant != served->get()) LogVariant(*variant);
-  }
   if (sound) LogSound(**served);
   if (cell.choose_preset) return served;
   const absl::Status servable = (*served)->CanServe(cell.policy);

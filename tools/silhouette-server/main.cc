@@ -11,21 +11,26 @@
 #include <iostream>
 #include <memory>
 #include <optional>
+#include <stdexcept>
 #include <string>
 #include <thread>
+#include <utility>
 #include <vector>
 
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
 #include "absl/strings/str_cat.h"
+#include "capture/session/travel.h"
 #include "db/status/status_macros.h"
 #include "server/live/calibration_watch.h"
+#include "server/live/live_loop.h"
+#include "server/live/live_record.h"
 #include "server/scene/served_database.h"
 #include "server/service/server.h"
 #include "tools/cell/cell.h"
+#include "tools/cell/devices/cell_devices.h"
 #include "tools/program/program.h"
 #include "tools/silhouette-server/cell_database.h"
-#include "tools/silhouette-server/live.h"
 
 namespace silhouette {
 namespace {
@@ -88,60 +93,86 @@ void WaitForEnd(const Cell& cell, const std::string& path, Server& server) {
   }
 }
 
-int Run(const Options& options) {
-  absl::StatusOr<Cell> cell = LoadCell(options.cell);
-  if (!cell.ok()) return Report(kName, cell.status());
-  if (options.robot_image_memory) cell->server.robot_image_memory = options.robot_image_memory;
-  const std::string path = options.database.empty() ? cell->database : options.database;
+std::shared_ptr<LiveRecord> NewLiveRecord(const Cell& cell) {
+  std::vector<std::string> views;
+  for (const ViewSettings& view : cell.views) views.push_back(view.name);
+  const std::string& variant = cell.server.live.variant;
+  return std::make_shared<LiveRecord>(views, cell.server.scene.max_age, SystemClock,
+                                      variant.empty() ? KnownVariant() : KnownVariant(variant));
+}
+
+// Opens the devices that the cell's file names and publishes scenes to `server`, which must outlive
+// it. `obstacles`: a file of the obstacles in a simulated cell; empty: none. Errors: those of
+// OpenersOf and LiveLoop::Start.
+absl::StatusOr<std::unique_ptr<LiveLoop>> StartLive(const Cell& cell, const std::string& obstacles,
+                                                    std::shared_ptr<LiveRecord> record,
+                                                    Server& server) {
+  std::optional<Travel> travel;
+  try {
+    travel.emplace(cell.grid, cell.capture.forbidden_regions);
+  } catch (const std::invalid_argument& error) {
+    return absl::InvalidArgumentError(cell.file + ": " + error.what());
+  }
+  ASSIGN_OR_RETURN(CellOpeners openers, OpenersOf(cell, *travel, obstacles));
+  LiveConfig config{
+      .live = cell.server.live, .scene = cell.server.scene, .segmentation = cell.segmentation};
+  config.live.threads = static_cast<int>(std::max(1u, std::thread::hardware_concurrency()));
+  return LiveLoop::Start(
+      config, {.open_cameras = std::move(openers.cameras), .open_robot = std::move(openers.robot)},
+      {.database = [&server] { return server.database(); },
+       .publish = [&server](
+                      Scene scene,
+                      const auto& database) { return server.Publish(std::move(scene), database); }},
+      std::move(record));
+}
+
+absl::Status Serve(const Options& options) {
+  ASSIGN_OR_RETURN(Cell cell, LoadCell(options.cell));
+  if (options.robot_image_memory) cell.server.robot_image_memory = options.robot_image_memory;
+  const std::string path = options.database.empty() ? cell.database : options.database;
   if (path.empty()) {
-    return Report(kName, absl::InvalidArgumentError(absl::StrCat(
-                             "'", options.cell, "' names no database; use --database DIR")));
+    return absl::InvalidArgumentError(
+        absl::StrCat("'", options.cell, "' names no database; use --database DIR"));
   }
-  absl::StatusOr<std::shared_ptr<const ServedDatabase>> database = LoadDatabase(*cell, path);
-  if (!database.ok()) return Report(kName, database.status());
-  if (const absl::Status known = MarginsKnown(*cell, **database); !known.ok()) {
-    return Report(kName, known);
-  }
+  ASSIGN_OR_RETURN(auto database, LoadDatabase(cell, path));
+  RETURN_IF_ERROR(MarginsKnown(cell, *database));
 
   ServingSettings settings;
-  settings.policy = cell->policy;
-  settings.choose_preset = cell->choose_preset;
-  settings.scene = cell->server.scene;
-  settings.map_time = cell->server.map_time;
-  settings.segmentation = cell->segmentation;
+  settings.policy = cell.policy;
+  settings.choose_preset = cell.choose_preset;
+  settings.scene = cell.server.scene;
+  settings.map_time = cell.server.map_time;
+  settings.segmentation = cell.segmentation;
   settings.worker_threads = static_cast<int>(std::max(2u, std::thread::hardware_concurrency()));
   const CalibrationWatchSettings check{.file = options.calibration_check.empty()
-                                                   ? cell->server.calibration_check
+                                                   ? cell.server.calibration_check
                                                    : options.calibration_check,
-                                       .max_age = cell->server.calibration_check_max_age};
+                                       .max_age = cell.server.calibration_check_max_age};
   if (!check.file.empty()) {
     settings.trust = std::make_shared<const CalibrationTrust>(ReadTrust(check, SystemClock()));
   }
-  settings.metrics = options.metrics.empty() ? cell->server.metrics : options.metrics;
-  if (options.live) settings.live = NewLiveRecord(*cell);
+  settings.metrics = options.metrics.empty() ? cell.server.metrics : options.metrics;
+  if (options.live) settings.live = NewLiveRecord(cell);
   const std::shared_ptr<LiveRecord> live_record = settings.live;
-  const std::string listen = options.listen.empty() ? cell->server.listen : options.listen;
-  const absl::StatusOr<std::unique_ptr<Server>> server =
-      Server::Start(listen, *std::move(database), std::move(settings));
-  if (!server.ok()) return Report(kName, server.status());
+  const std::string listen = options.listen.empty() ? cell.server.listen : options.listen;
+  ASSIGN_OR_RETURN(const std::unique_ptr<Server> server,
+                   Server::Start(listen, std::move(database), std::move(settings)));
   std::optional<CalibrationWatch> calibration_watch;
   if (!check.file.empty()) {
     calibration_watch.emplace(check, SystemClock,
-                              [&server](auto trust) { (*server)->SetTrust(std::move(trust)); });
+                              [&server](auto trust) { server->SetTrust(std::move(trust)); });
   }
   std::unique_ptr<LiveLoop> live;
   if (options.live) {
-    auto started = StartLive(*cell, options.obstacles, live_record, **server);
-    if (!started.ok()) return Report(kName, started.status());
-    live = *std::move(started);
+    ASSIGN_OR_RETURN(live, StartLive(cell, options.obstacles, live_record, *server));
   }
-  std::cout << "listening on " << (*server)->address() << std::endl;
-  spdlog::info("serving cell '{}' on {}", cell->name, (*server)->address());
-  if (!(*server)->metrics_address().empty()) {
-    spdlog::info("metrics at http://{}/metrics", (*server)->metrics_address());
+  std::cout << "listening on " << server->address() << std::endl;
+  spdlog::info("serving cell '{}' on {}", cell.name, server->address());
+  if (!server->metrics_address().empty()) {
+    spdlog::info("metrics at http://{}/metrics", server->metrics_address());
   }
 
-  WaitForEnd(*cell, path, **server);
+  WaitForEnd(cell, path, *server);
   live.reset();
   calibration_watch.reset();
   spdlog::info("stopping; calls in flight may take {} more", absl::FormatDuration(kGrace));
@@ -149,9 +180,9 @@ int Run(const Options& options) {
   sigset_t ending = AwaitedSignals();
   sigdelset(&ending, SIGHUP);
   pthread_sigmask(SIG_UNBLOCK, &ending, nullptr);
-  (*server)->Stop(kGrace);
+  server->Stop(kGrace);
   spdlog::info("stopped");
-  return kDone;
+  return absl::OkStatus();
 }
 
 int Main(int argc, char** argv) {
@@ -196,7 +227,7 @@ int Main(int argc, char** argv) {
       "Example:\n"
       "  silhouette-server --cell cell.yaml --database cell.lmdb --listen 127.0.0.1:50051\n"
       "  silhouette-server --cell cell.yaml --live --metrics 127.0.0.1:9464");
-  return RunProgram(app, argc, argv, [&options] { return Run(options); });
+  return RunProgram(app, argc, argv, [&options] { return Report(kName, Serve(options)); });
 }
 
 }  // namespace
