@@ -13,6 +13,7 @@
 #include "calib/boards/csv.h"
 #include "calib/boards/tag_family.h"
 #include "common/yaml/strict_yaml.h"
+#include "db/status/status_macros.h"
 
 namespace silhouette {
 namespace {
@@ -137,7 +138,7 @@ std::string BoardFault(std::span<const Board> boards, size_t at) {
 absl::Status CheckBoards(std::span<const Board> boards) {
   for (size_t i = 0; i < boards.size(); ++i) {
     if (const std::string fault = BoardFault(boards, i); !fault.empty()) {
-      return absl::InvalidArgumentError(fault);
+      return InvalidArgument(fault);
     }
   }
   return absl::OkStatus();
@@ -171,7 +172,7 @@ absl::StatusOr<std::vector<Board>> BoardsFromText(const std::string& text,
     if (boards.empty()) root.Fail("there is no board");
     return boards;
   } catch (const YamlError& error) {
-    return absl::InvalidArgumentError(error.what());
+    return InvalidArgument(error.what());
   }
 }
 

@@ -40,6 +40,9 @@ class Board {
   int tags() const { return description_.rows * description_.columns; }
 
   bool HasTag(int id) const;
+  bool HasTag(const std::string& family, int id) const {
+    return family == description_.family && HasTag(id);
+  }
   // Throws std::out_of_range if the board does not have the tag.
   TagCorners CornersOf(int id) const;
 

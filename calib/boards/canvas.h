@@ -25,7 +25,7 @@ struct Paper {
 // std::invalid_argument with the known names.
 std::vector<Paper> PapersFromText(const std::string& text);
 
-// What is tried when nobody names a paper: A4 to A0, the smallest first, portrait before landscape.
+// The papers to try if none is specified: A4 to A0, the smallest first, portrait before landscape.
 std::vector<Paper> AutomaticPapers();
 
 // Millimetres from the paper's top left corner, x to the right, y down.

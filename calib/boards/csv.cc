@@ -59,25 +59,22 @@ absl::StatusOr<std::vector<size_t>> Places(const std::vector<std::string>& heade
   std::vector<size_t> places(columns.size(), header.size());
   for (size_t i = 0; i < header.size(); ++i) {
     const std::string name(absl::StripAsciiWhitespace(header[i]));
-    const size_t column = std::find(columns.begin(), columns.end(), name) - columns.begin();
+    const size_t column = std::ranges::find(columns, name) - columns.begin();
     if (column == columns.size()) {
       const std::string near = NearestWord(name, columns);
-      return absl::InvalidArgumentError(
-          absl::StrCat(place, ": unknown column '", name, "'",
-                       near.empty() ? "" : absl::StrCat(", did you mean '", near, "'?"),
-                       "; the first line is ", absl::StrJoin(columns, ",")));
+      return InvalidArgument(place, ": unknown column '", name, "'",
+                             near.empty() ? "" : absl::StrCat(", did you mean '", near, "'?"),
+                             "; the first line is ", absl::StrJoin(columns, ","));
     }
     if (places[column] != header.size()) {
-      return absl::InvalidArgumentError(
-          absl::StrCat(place, ": the column '", name, "' is there twice"));
+      return InvalidArgument(place, ": the column '", name, "' is there twice");
     }
     places[column] = i;
   }
   for (size_t column = 0; column < columns.size(); ++column) {
     if (places[column] == header.size()) {
-      return absl::InvalidArgumentError(absl::StrCat(place, ": the column '", columns[column],
-                                                     "' is missing; the first line is ",
-                                                     absl::StrJoin(columns, ",")));
+      return InvalidArgument(place, ": the column '", columns[column],
+                             "' is missing; the first line is ", absl::StrJoin(columns, ","));
     }
   }
   return places;
@@ -88,8 +85,7 @@ absl::StatusOr<std::vector<size_t>> Places(const std::vector<std::string>& heade
 absl::StatusOr<double> CsvRow::Number(size_t column) const {
   double value = 0;
   if (!absl::SimpleAtod(Text(column), &value) || !std::isfinite(value)) {
-    return absl::InvalidArgumentError(
-        absl::StrCat(place_, ": '", Text(column), "' is not a finite number"));
+    return InvalidArgument(place_, ": '", Text(column), "' is not a finite number");
   }
   return value;
 }
@@ -97,8 +93,7 @@ absl::StatusOr<double> CsvRow::Number(size_t column) const {
 absl::StatusOr<int> CsvRow::Integer(size_t column) const {
   int value = 0;
   if (!absl::SimpleAtoi(Text(column), &value)) {
-    return absl::InvalidArgumentError(
-        absl::StrCat(place_, ": '", Text(column), "' is not a whole number"));
+    return InvalidArgument(place_, ": '", Text(column), "' is not a whole number");
   }
   return value;
 }
@@ -115,7 +110,7 @@ absl::StatusOr<std::vector<CsvRow>> CsvRows(const std::string& text, const std::
     absl::ConsumeSuffix(&line, "\r");
     std::optional<std::vector<std::string>> fields = Fields(line);
     if (!fields) {
-      return absl::InvalidArgumentError(absl::StrCat(place, ": the double quotes do not match"));
+      return InvalidArgument(place, ": the double quotes do not match");
     }
     if (!places) {
       ASSIGN_OR_RETURN(std::vector<size_t> found, Places(*fields, columns, place));
@@ -123,17 +118,16 @@ absl::StatusOr<std::vector<CsvRow>> CsvRows(const std::string& text, const std::
       continue;
     }
     if (fields->size() != columns.size()) {
-      return absl::InvalidArgumentError(
-          absl::StrCat(place, ": ", fields->size(), " fields, ", columns.size(),
-                       " are expected: ", absl::StrJoin(columns, ",")));
+      return InvalidArgument(place, ": ", fields->size(), " fields, ", columns.size(),
+                             " are expected: ", absl::StrJoin(columns, ","));
     }
     std::vector<std::string> ordered;
     for (const size_t from : *places) ordered.push_back(std::move((*fields)[from]));
     rows.emplace_back(place, std::move(ordered));
   }
   if (!places) {
-    return absl::InvalidArgumentError(
-        absl::StrCat(file, ": the file is empty; its first line is ", absl::StrJoin(columns, ",")));
+    return InvalidArgument(file, ": the file is empty; its first line is ",
+                           absl::StrJoin(columns, ","));
   }
   return rows;
 }

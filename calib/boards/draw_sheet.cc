@@ -111,7 +111,7 @@ void DrawMeasures(Canvas& canvas, const Piece& piece, double away) {
 void DrawIds(Canvas& canvas, const Piece& piece) {
   const double gap = piece.pitch - piece.tag - 2 * piece.rim;
   const double height = std::min(kSmallText, 0.5 * gap);
-  if (piece.placed.board.tags() > 1 && height < 1) return;  // nobody could read them
+  if (piece.placed.board.tags() > 1 && height < 1) return;  // too small to read
   canvas.SetGrey(kFaint);
   for (int i = 0; i < piece.placed.board.tags(); ++i) {
     const double x = piece.square.left + piece.pitch * (i % piece.d.columns) + piece.tag / 2;

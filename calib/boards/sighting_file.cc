@@ -33,7 +33,7 @@ struct CornerLine {
 };
 
 absl::Status Mistake(const CsvRow& row, const std::string& what) {
-  return absl::InvalidArgumentError(absl::StrCat(row.place(), ": ", what));
+  return InvalidArgument(row.place(), ": ", what);
 }
 
 absl::StatusOr<CornerLine> ReadLine(const CsvRow& row) {
@@ -127,8 +127,8 @@ absl::StatusOr<std::vector<TagSighting>> SightingsFromText(const std::string& te
   for (const auto& [key, partial] : partials) {
     for (int corner = 0; corner < 4; ++corner) {
       if (partial.seen[corner]) continue;
-      return absl::InvalidArgumentError(absl::StrCat(
-          partial.place, ": ", Name(sightings[partial.index]), " has no corner ", corner));
+      return InvalidArgument(partial.place, ": ", Name(sightings[partial.index]), " has no corner ",
+                             corner);
     }
   }
   return sightings;

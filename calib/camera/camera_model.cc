@@ -89,8 +89,7 @@ CameraModel::CameraModel(const CameraIntrinsics& intrinsics,
     throw std::invalid_argument("a camera's focal length must be positive");
   }
   if (!std::isfinite(intrinsics.cx) || !std::isfinite(intrinsics.cy) ||
-      !std::all_of(intrinsics.distortion.begin(), intrinsics.distortion.end(),
-                   [](double k) { return std::isfinite(k); }) ||
+      !std::ranges::all_of(intrinsics.distortion, [](double k) { return std::isfinite(k); }) ||
       !camera_from_world.matrix().allFinite()) {
     throw std::invalid_argument("a camera's parameters must be finite");
   }
@@ -196,19 +195,26 @@ double ScaleAt(const CameraModel& camera, const Eigen::Vector3d& point) {
 
 }  // namespace
 
+std::vector<Eigen::Vector3d> PointsOf(const Eigen::AlignedBox3d& box, int steps) {
+  std::vector<Eigen::Vector3d> points;
+  for (int x = 0; x <= steps; ++x) {
+    for (int y = 0; y <= steps; ++y) {
+      for (int z = 0; z <= steps; ++z) {
+        const Eigen::Vector3d share = Eigen::Vector3d(x, y, z) / steps;
+        points.push_back(box.min() + share.cwiseProduct(box.sizes()));
+      }
+    }
+  }
+  return points;
+}
+
 std::optional<double> PixelsPerMetre(const CameraModel& camera, const Eigen::AlignedBox3d& box) {
   const Eigen::Vector3d centre = camera.Centre();
   const Eigen::Vector3d nearest = centre.cwiseMax(box.min()).cwiseMin(box.max());
   if ((nearest - centre).norm() < 1e-3) return std::nullopt;
   double greatest = ScaleAt(camera, nearest);
-  for (int x = 0; x <= kLattice; ++x) {
-    for (int y = 0; y <= kLattice; ++y) {
-      for (int z = 0; z <= kLattice; ++z) {
-        const Eigen::Vector3d share = Eigen::Vector3d(x, y, z) / kLattice;
-        const Eigen::Vector3d point = box.min() + share.cwiseProduct(box.sizes());
-        greatest = std::max(greatest, ScaleAt(camera, point));
-      }
-    }
+  for (const Eigen::Vector3d& point : PointsOf(box, kLattice)) {
+    greatest = std::max(greatest, ScaleAt(camera, point));
   }
   return greatest;
 }

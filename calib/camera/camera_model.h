@@ -11,6 +11,7 @@
 #include <Eigen/Geometry>
 #include <array>
 #include <optional>
+#include <vector>
 
 namespace silhouette {
 
@@ -92,6 +93,9 @@ class CameraModel {
   Eigen::Isometry3d camera_from_world_;
   double fold_ = 0;  // least radius, at z = 1, where the radial distortion stops growing
 };
+
+// A lattice of points all over a box, with `steps` steps from side to side along each axis.
+std::vector<Eigen::Vector3d> PointsOf(const Eigen::AlignedBox3d& box, int steps);
 
 // The largest distance in the image, in pixels, that a metre between two near points of `box` can
 // have, as far as the image shows the box: from the largest singular value of the projection's

@@ -96,8 +96,8 @@ absl::Status DetectSession::Add(ImageTags tags, const std::string& source) {
 }
 
 void DetectSession::Judge() {
-  std::sort(images_.begin(), images_.end(), [](const SessionImage& a, const SessionImage& b) {
-    return std::tie(a.tags.view, a.tags.frame) < std::tie(b.tags.view, b.tags.frame);
+  std::ranges::sort(images_, {}, [](const SessionImage& image) {
+    return std::tie(image.tags.view, image.tags.frame);
   });
   first_of_view_.clear();
   by_digest_.clear();

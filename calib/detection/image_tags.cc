@@ -8,6 +8,8 @@
 #include <set>
 #include <utility>
 
+#include "absl/hash/hash.h"
+#include "absl/strings/string_view.h"
 #include "common/numbers/numbers.h"
 
 namespace silhouette {
@@ -17,17 +19,13 @@ constexpr double kRim = 4;          // pixels
 constexpr double kSamePlace = 0.5;  // pixels
 
 uint64_t DigestOf(const cv::Mat& image) {
-  uint64_t digest = 0xcbf29ce484222325;  // FNV-1a
-  for (int y = 0; y < image.rows; ++y) {
-    const uint8_t* row = image.ptr<uint8_t>(y);
-    for (int x = 0; x < image.cols; ++x) digest = (digest ^ row[x]) * 0x100000001b3;
-  }
-  return digest;
+  const cv::Mat whole = image.isContinuous() ? image : image.clone();
+  return absl::HashOf(absl::string_view(whole.ptr<char>(), whole.total()));
 }
 
 const Board* BoardOf(const DetectedTag& tag, std::span<const Board> boards) {
   for (const Board& board : boards) {
-    if (board.description().family == tag.family && board.HasTag(tag.tag)) return &board;
+    if (board.HasTag(tag.family, tag.tag)) return &board;
   }
   return nullptr;
 }
@@ -47,8 +45,8 @@ bool ShowsBoardsMirrored(TagDetector& detector, const cv::Mat& image,
   cv::Mat mirrored;
   cv::flip(image, mirrored, 1);
   const std::vector<DetectedTag> tags = detector.Detect(mirrored);
-  return std::any_of(tags.begin(), tags.end(),
-                     [&](const DetectedTag& tag) { return BoardOf(tag, boards) != nullptr; });
+  return std::ranges::any_of(
+      tags, [&](const DetectedTag& tag) { return BoardOf(tag, boards) != nullptr; });
 }
 
 }  // namespace

@@ -41,7 +41,7 @@ ImageTags FindTags(TagDetector& detector, const cv::Mat& image,
 std::vector<TagSighting> SightingsOf(const ImageTags& image);
 
 // Whether two images of a view show the same tags at the same places, to half a pixel: the second
-// tells nothing new.
+// adds no information.
 bool ShowTheSame(const ImageTags& a, const ImageTags& b);
 
 // Where in a view's images corners have been seen.

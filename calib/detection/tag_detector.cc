@@ -15,9 +15,9 @@
 namespace silhouette {
 namespace {
 
-// Narrower modules are too much mixed with each other to be told apart by their edges.
+// The blur mixes narrower modules too much for their edges to be fitted.
 constexpr double kLeastModuleInBlurs = 3.5;
-constexpr double kUsualBlur = 0.7;  // pixels, where no edge tells
+constexpr double kUsualBlur = 0.7;  // pixels, if no edge could be fitted
 
 double MeanSide(const PixelCorners& corners) {
   double sum = 0;
@@ -110,9 +110,7 @@ std::vector<DetectedTag> TagDetector::Detect(const cv::Mat& image,
   for (size_t i = 0; i < tags.size(); ++i) {
     if (!tags[i].fitted) tags[i].sigma = LibrarySigma(tags[i].size, modules[i], blur);
   }
-  std::sort(tags.begin(), tags.end(), [](const DetectedTag& a, const DetectedTag& b) {
-    return std::tie(a.family, a.tag) < std::tie(b.family, b.tag);
-  });
+  std::ranges::sort(tags, {}, [](const DetectedTag& tag) { return std::tie(tag.family, tag.tag); });
   return tags;
 }
 

@@ -7,6 +7,7 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
 #include "absl/strings/str_join.h"
+#include "db/status/status_macros.h"
 
 namespace silhouette {
 namespace {
@@ -16,8 +17,7 @@ constexpr int kCalibrationCheckVersion = 1;
 }  // namespace
 
 bool CalibrationCheck::Holds() const {
-  return !views.empty() && std::all_of(views.begin(), views.end(),
-                                       [](const CheckedView& view) { return view.holds; });
+  return !views.empty() && std::ranges::all_of(views, &CheckedView::holds);
 }
 
 std::string CalibrationCheck::Summary() const {
@@ -60,15 +60,14 @@ absl::StatusOr<CalibrationCheck> CheckFromText(const std::string& text, const st
   try {
     const nlohmann::json json = nlohmann::json::parse(text);
     if (json.at("check").get<int>() != kCalibrationCheckVersion) {
-      return absl::InvalidArgumentError(absl::StrCat("'", file, "' is of version ",
-                                                     json.at("check").get<int>(), ", not ",
-                                                     kCalibrationCheckVersion));
+      return InvalidArgument("'", file, "' is of version ", json.at("check").get<int>(), ", not ",
+                             kCalibrationCheckVersion);
     }
     CalibrationCheck check;
     std::string error;
     const std::string time = json.at("time").get<std::string>();
     if (!absl::ParseTime(absl::RFC3339_full, time, &check.time, &error)) {
-      return absl::InvalidArgumentError(absl::StrCat("'", file, "': time: ", error));
+      return InvalidArgument("'", file, "': time: ", error);
     }
     check.calibration = json.at("calibration").get<std::string>();
     check.limit_mask_px = json.at("limit_mask_px").get<double>();
@@ -86,8 +85,8 @@ absl::StatusOr<CalibrationCheck> CheckFromText(const std::string& text, const st
     }
     return check;
   } catch (const nlohmann::json::exception& error) {
-    return absl::InvalidArgumentError(
-        absl::StrCat("'", file, "' is no result of 'silhouette-calibrate check': ", error.what()));
+    return InvalidArgument("'", file,
+                           "' is no result of 'silhouette-calibrate check': ", error.what());
   }
 }
 

@@ -6,6 +6,7 @@
 
 #include "absl/status/status.h"
 #include "absl/strings/str_cat.h"
+#include "db/status/status_macros.h"
 
 namespace silhouette {
 
@@ -34,7 +35,7 @@ absl::StatusOr<CameraModel> CameraFrom(const storage::v1::CameraModel& message) 
                               .cy = message.cy()};
   if (message.rotation_size() != 3 || message.translation_size() != 3 ||
       message.distortion_size() > static_cast<int>(intrinsics.distortion.size())) {
-    return absl::InvalidArgumentError("a camera model has too few or too many values");
+    return InvalidArgument("a camera model has too few or too many values");
   }
   std::copy(message.distortion().begin(), message.distortion().end(),
             intrinsics.distortion.begin());
@@ -42,7 +43,7 @@ absl::StatusOr<CameraModel> CameraFrom(const storage::v1::CameraModel& message) 
     return CameraModel(intrinsics, PoseOf(Eigen::Vector3d(message.rotation().data()),
                                           Eigen::Vector3d(message.translation().data())));
   } catch (const std::invalid_argument& error) {
-    return absl::InvalidArgumentError(error.what());
+    return InvalidArgument(error.what());
   }
 }
 
@@ -61,14 +62,13 @@ absl::StatusOr<Calibration> CalibrationFrom(const storage::v1::Calibration& mess
   for (int i = 0; i < message.cameras_size(); ++i) {
     absl::StatusOr<CameraModel> camera = CameraFrom(message.cameras(i));
     if (!camera.ok()) {
-      return absl::InvalidArgumentError(
-          absl::StrCat("camera ", i + 1, ": ", camera.status().message()));
+      return InvalidArgument("camera ", i + 1, ": ", camera.status().message());
     }
     calibration.cameras.push_back(*std::move(camera));
   }
   for (const storage::v1::FundamentalMatrix& stored : message.fundamental_matrices()) {
     if (stored.f_size() != 9) {
-      return absl::InvalidArgumentError("a fundamental matrix has not 9 values");
+      return InvalidArgument("a fundamental matrix has not 9 values");
     }
     using RowMajor = Eigen::Matrix<double, 3, 3, Eigen::RowMajor>;
     calibration.fundamental_matrices.push_back(

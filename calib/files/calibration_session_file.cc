@@ -10,6 +10,7 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
 #include "common/yaml/strict_yaml.h"
+#include "db/status/status_macros.h"
 
 namespace silhouette {
 namespace {
@@ -81,7 +82,7 @@ absl::StatusOr<storage::v1::Calibration> MatricesFromText(
   try {
     return MatricesFromYaml(YamlNode::FromText(text, file), cell);
   } catch (const YamlError& error) {
-    return absl::InvalidArgumentError(error.what());
+    return InvalidArgument(error.what());
   }
 }
 
@@ -248,7 +249,7 @@ absl::StatusOr<CalibrationSession> SessionFromText(const std::string& text, cons
   try {
     return ReadSession(YamlNode::FromText(text, file), cell);
   } catch (const YamlError& error) {
-    return absl::InvalidArgumentError(error.what());
+    return InvalidArgument(error.what());
   }
 }
 

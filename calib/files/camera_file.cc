@@ -147,7 +147,7 @@ absl::StatusOr<storage::v1::CameraModel> StoredCameraFromText(const std::string&
   try {
     return ReadCamera(YamlNode::FromText(YamlOf(text), file));
   } catch (const YamlError& error) {
-    return absl::InvalidArgumentError(error.what());
+    return InvalidArgument(error.what());
   }
 }
 
@@ -155,7 +155,7 @@ absl::StatusOr<CameraModel> CameraFromText(const std::string& text, const std::s
   ASSIGN_OR_RETURN(const storage::v1::CameraModel stored, StoredCameraFromText(text, file));
   absl::StatusOr<CameraModel> camera = CameraFrom(stored);
   if (camera.ok()) return camera;
-  return absl::InvalidArgumentError(absl::StrCat(file, ": ", camera.status().message()));
+  return InvalidArgument(file, ": ", camera.status().message());
 }
 
 namespace {
@@ -314,7 +314,7 @@ ForeignCamera FromYaml(const YamlNode& root, const ForeignCameraOptions& options
   }
   std::string chosen = options.camera;
   if (chosen.empty() && cameras.size() == 1) chosen = cameras[0];
-  if (std::find(cameras.begin(), cameras.end(), chosen) == cameras.end()) {
+  if (std::ranges::find(cameras, chosen) == cameras.end()) {
     root.Fail(absl::StrCat(chosen.empty() ? "say which camera is meant"
                                           : absl::StrCat("there is no camera '", chosen, "'"),
                            "; there are ", ListOfWords(cameras)));
@@ -338,9 +338,9 @@ absl::StatusOr<ForeignCamera> CameraFromForeignText(const std::string& text,
     }
     return FromYaml(YamlNode::FromText(AsYaml(text), file), options);
   } catch (const YamlError& error) {
-    return absl::InvalidArgumentError(error.what());
+    return InvalidArgument(error.what());
   } catch (const std::invalid_argument& error) {
-    return absl::InvalidArgumentError(absl::StrCat(file, ": ", error.what()));
+    return InvalidArgument(file, ": ", error.what());
   }
 }
 

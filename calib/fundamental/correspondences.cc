@@ -70,7 +70,7 @@ std::vector<Correspondence> Chosen(std::span<const Correspondence> corners,
 std::vector<std::string> ViewsOf(std::span<const TagSighting> sightings) {
   std::vector<std::string> views;
   for (const TagSighting& sighting : sightings) {
-    if (std::find(views.begin(), views.end(), sighting.view) == views.end()) {
+    if (std::ranges::find(views, sighting.view) == views.end()) {
       views.push_back(sighting.view);
     }
   }

@@ -144,7 +144,7 @@ LineDistances LineDistanceSum::Result() const {
   LineDistances result{.corners = static_cast<int>(distances_.size() / 2), .margin = margin_};
   if (distances_.empty()) return result;
   std::vector<double> sorted = distances_;
-  std::sort(sorted.begin(), sorted.end());
+  std::ranges::sort(sorted);
   double squares = 0;
   for (const double distance : sorted) squares += distance * distance;
   result.rms = std::sqrt(squares / static_cast<double>(sorted.size()));
@@ -158,7 +158,7 @@ namespace {
 
 bool HasDistortion(const CameraModel& camera) {
   const auto& distortion = camera.intrinsics().distortion;
-  return std::any_of(distortion.begin(), distortion.end(), [](double k) { return k != 0; });
+  return std::ranges::any_of(distortion, [](double k) { return k != 0; });
 }
 
 // The images in `b` of points along a pixel's ray.

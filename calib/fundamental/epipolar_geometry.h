@@ -52,7 +52,7 @@ double NeededMargin(const Eigen::Matrix3d& f, const Eigen::Vector2d& a, const Ei
 double SampsonDistance(const Eigen::Matrix3d& f, const Eigen::Vector2d& a, double sigma_a,
                        const Eigen::Vector2d& b, double sigma_b);
 
-// How far corners are from the lines of a matrix: what tells whether it is any good.
+// Distances of corners from the lines of a matrix: they show how good it is.
 
 // Sizes of a view's camera images, and of the masks that are made of them.
 struct ViewSizes {

@@ -198,7 +198,7 @@ std::vector<bool> Within(std::span<const Correspondence> corners, const Eigen::M
 }
 
 int CountOf(const std::vector<bool>& which) {
-  return static_cast<int>(std::count(which.begin(), which.end(), true));
+  return static_cast<int>(std::ranges::count(which, true));
 }
 
 // Eight corners, of as many tags as there are.
@@ -207,7 +207,7 @@ std::vector<Correspondence> Sample(std::span<const Correspondence> corners, std:
   std::uniform_int_distribution<size_t> any(0, corners.size() - 1);
   for (int attempt = 0; sample.size() < kSample; ++attempt) {
     const Correspondence& corner = corners[any(random)];
-    const bool taken = std::any_of(sample.begin(), sample.end(), [&](const Correspondence& other) {
+    const bool taken = std::ranges::any_of(sample, [&](const Correspondence& other) {
       return attempt < 4 * kSample ? other.tag == corner.tag : other.a == corner.a;
     });
     if (!taken) sample.push_back(corner);

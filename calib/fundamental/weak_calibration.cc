@@ -2,11 +2,16 @@
 #include "calib/fundamental/weak_calibration.h"
 
 #include <algorithm>
-#include <array>
 #include <cmath>
-#include <cstdio>
+#include <map>
+#include <opencv2/calib3d.hpp>
+#include <opencv2/imgproc.hpp>
+#include <optional>
 #include <set>
+#include <unsupported/Eigen/NonLinearOptimization>
+#include <unsupported/Eigen/NumericalDiff>
 
+#include "absl/strings/str_format.h"
 #include "calib/fundamental/epipolar_geometry.h"
 #include "calib/fundamental/matrix_fit.h"
 
@@ -21,11 +26,7 @@ constexpr double kFewCovered = 0.25;  // of an image
 constexpr double kSpreadOdd = 2;
 constexpr double kBowed = 30;  // gain of the lenses
 
-std::string Number(double value) {
-  std::array<char, 32> text{};
-  std::snprintf(text.data(), text.size(), "%.3g", value);
-  return text.data();
-}
+std::string Number(double value) { return absl::StrFormat("%.3g", value); }
 
 // Which fold a corner is left out in.
 std::vector<int> FoldsOf(const ViewPair& pair, const std::vector<Correspondence>& corners,
@@ -188,6 +189,208 @@ WeakCalibration CalibrateWeakly(const ViewPair& pair, const ViewSizes& a, const 
   result.warnings = Warnings(pair, result, a, b);
   result.refusal = WhyRefused(pair, result, most_margin);
   return result;
+}
+
+namespace {
+
+constexpr size_t kLeastCorners = 16;
+constexpr double kSamePlace = 1;      // pixels
+constexpr double kLeastShare = 0.04;  // of an image
+// How well a plane may fit: standard deviations of the corners, or pixels, for lenses that bow it.
+constexpr double kPlaneDeviations = 3;
+constexpr double kPlanePixels = 2;
+
+std::vector<cv::Point2d> PointsOf(std::span<const Correspondence> corners,
+                                  Eigen::Vector2d Correspondence::*point) {
+  std::vector<cv::Point2d> points;
+  for (const Correspondence& corner : corners) {
+    points.emplace_back((corner.*point).x(), (corner.*point).y());
+  }
+  return points;
+}
+
+std::string Percent(double share) {
+  return std::to_string(static_cast<int>(std::lround(100 * share))) + " %";
+}
+
+// Whether all points lie at nearly one place in both images, frame by frame.
+bool Stood(const std::vector<const Correspondence*>& one,
+           const std::vector<const Correspondence*>& other) {
+  if (one.size() != other.size()) return false;
+  for (size_t i = 0; i < one.size(); ++i) {
+    if ((one[i]->a - other[i]->a).norm() > kSamePlace) return false;
+    if ((one[i]->b - other[i]->b).norm() > kSamePlace) return false;
+  }
+  return true;
+}
+
+std::string OutOfPlane(const ViewPair& pair) {
+  const std::vector<int> first = FirstAtSamePlace(pair);
+  int places = 0;
+  for (size_t i = 0; i < first.size(); ++i) places += first[i] == static_cast<int>(i) ? 1 : 0;
+  const std::string mend =
+      "; a plane looks the same for many pairs of cameras. Move and tilt the board between frames, "
+      "so that the tags fill the space that both views see";
+  if (pair.frames.size() == 1)
+    return "there is one frame, and all its tags lie on one plane" + mend;
+  if (places == 1) {
+    return "the tags stand at the same place in all " + std::to_string(pair.frames.size()) +
+           " frames, all on one plane" + mend;
+  }
+  return "all tags of all frames lie on one plane" + mend;
+}
+
+}  // namespace
+
+std::vector<int> FirstAtSamePlace(const ViewPair& pair) {
+  std::vector<std::vector<const Correspondence*>> by_frame(pair.frames.size());
+  for (const Correspondence& corner : pair.corners) {
+    by_frame[static_cast<size_t>(corner.frame)].push_back(&corner);
+  }
+  std::vector<int> first;
+  for (size_t i = 0; i < by_frame.size(); ++i) {
+    size_t same = 0;
+    while (same < i && !Stood(by_frame[same], by_frame[i])) ++same;
+    first.push_back(static_cast<int>(same));
+  }
+  return first;
+}
+
+bool OnOnePlane(std::span<const Correspondence> corners) {
+  if (corners.size() < 5) return true;
+  const std::vector<cv::Point2d> a = PointsOf(corners, &Correspondence::a);
+  const std::vector<cv::Point2d> b = PointsOf(corners, &Correspondence::b);
+  const cv::Mat homography = cv::findHomography(a, b);
+  if (homography.empty()) return true;
+  std::vector<cv::Point2d> there;
+  cv::perspectiveTransform(a, there, homography);
+  double squares = 0;
+  for (size_t i = 0; i < corners.size(); ++i) {
+    const double sigma = std::hypot(corners[i].sigma_a, corners[i].sigma_b);
+    const double limit = std::max(kPlanePixels, kPlaneDeviations * sigma);
+    squares += std::pow(cv::norm(there[i] - b[i]) / limit, 2) / 2;
+  }
+  return squares < static_cast<double>(corners.size());
+}
+
+double ShareOfImage(std::span<const Correspondence> corners, Eigen::Vector2d Correspondence::*point,
+                    PixelSize image) {
+  std::vector<cv::Point2f> points;
+  for (const cv::Point2d& p : PointsOf(corners, point)) points.emplace_back(p);
+  std::vector<cv::Point2f> hull;
+  cv::convexHull(points, hull);
+  return hull.size() < 3 ? 0 : cv::contourArea(hull) / image.width / image.height;
+}
+
+std::optional<std::string> WhyDegenerate(const ViewPair& pair, PixelSize image_a,
+                                         PixelSize image_b) {
+  if (pair.corners.size() < kLeastCorners) {
+    return "both views saw only " + std::to_string(pair.corners.size()) +
+           " corners of tags at once, where at least " + std::to_string(kLeastCorners) +
+           " are needed; take more frames in which both see a board";
+  }
+  if (OnOnePlane(pair.corners)) return OutOfPlane(pair);
+  const double share_a = ShareOfImage(pair.corners, &Correspondence::a, image_a);
+  const double share_b = ShareOfImage(pair.corners, &Correspondence::b, image_b);
+  if (std::min(share_a, share_b) < kLeastShare) {
+    return "all corners lie in one place of the image of '" +
+           (share_a < share_b ? pair.view_a : pair.view_b) + "', within " +
+           Percent(std::min(share_a, share_b)) +
+           " of it; a matrix holds only where tags were: show boards all over what both views see";
+  }
+  return std::nullopt;
+}
+
+namespace {
+
+using Eigen::Vector2d;
+
+// Straightens what a lens bows, and bows it again.
+class Lens {
+ public:
+  Lens(PixelSize image, double bend)
+      : middle_(0.5 * (image.width - 1), 0.5 * (image.height - 1)),
+        corner_(0.5 * std::hypot(image.width, image.height)),
+        bend_(bend) {}
+
+  Vector2d Straightened(const Vector2d& pixel) const {
+    const Vector2d from = (pixel - middle_) / corner_;
+    return middle_ + (pixel - middle_) / (1 + bend_ * from.squaredNorm());
+  }
+
+  std::optional<Vector2d> Bowed(const Vector2d& straight) const {
+    const double radius = (straight - middle_).norm() / corner_;
+    const double root = 1 - 4 * bend_ * radius * radius;
+    if (root < 0) return std::nullopt;
+    return middle_ + (straight - middle_) * 2 / (1 + std::sqrt(root));
+  }
+
+ private:
+  Vector2d middle_;
+  double corner_;
+  double bend_;
+};
+
+struct LensEstimateDistances : CornerFunction {
+  PixelSize image_a;
+  PixelSize image_b;
+
+  int inputs() const { return kMatrixFreedoms + 2; }
+
+  int operator()(const Eigen::VectorXd& p, Eigen::VectorXd& distances) const {
+    const Eigen::Matrix3d f = chart.At(p);
+    const Lens a(image_a, p[kMatrixFreedoms]);
+    const Lens b(image_b, p[kMatrixFreedoms + 1]);
+    for (size_t i = 0; i < corners.size(); ++i) {
+      const Correspondence& c = corners[i];
+      distances[static_cast<Eigen::Index>(i)] =
+          SampsonDistance(f, a.Straightened(c.a), c.sigma_a, b.Straightened(c.b), c.sigma_b);
+    }
+    return 0;
+  }
+};
+
+// Adds what `f` is wrong by if the truth is `true_f` behind the lenses.
+void AddMargin(const Eigen::Matrix3d& f, const Eigen::Matrix3d& true_f, const Lens& lens_a,
+               const Lens& lens_b, const ViewSizes& a, const ViewSizes& b, LensEstimate& estimate) {
+  constexpr int kSteps = 10;
+  const Eigen::Matrix3d of_masks = ScaledTo(f, a.image, a.mask, b.image, b.mask);
+  for (const Vector2d& pixel : PointsAllOver(a.image, kSteps)) {
+    const Eigen::Vector3d line = true_f * lens_a.Straightened(pixel).homogeneous();
+    for (const Vector2d& straight : PointsOnLine(line, b.image, kSteps)) {
+      const std::optional<Vector2d> there = lens_b.Bowed(straight);
+      if (!there || !Contains(b.image, *there)) continue;
+      estimate.off_lines = std::max(estimate.off_lines, DistanceBetween(f, pixel, *there).in_b);
+      estimate.margin =
+          std::max(estimate.margin, NeededMargin(of_masks, ScaledTo(pixel, a.image, a.mask),
+                                                 ScaledTo(*there, b.image, b.mask)));
+    }
+  }
+}
+
+}  // namespace
+
+LensEstimate EstimateLenses(const Eigen::Matrix3d& f, std::span<const Correspondence> corners,
+                            const ViewSizes& a, const ViewSizes& b) {
+  const MatrixChart chart(f, NormalisingOf(corners, &Correspondence::a),
+                          NormalisingOf(corners, &Correspondence::b));
+  Eigen::NumericalDiff<LensEstimateDistances> distances(
+      LensEstimateDistances{{chart, corners}, a.image, b.image});
+  Eigen::VectorXd p = Eigen::VectorXd::Zero(kMatrixFreedoms + 2);
+  Eigen::VectorXd left(distances.values());
+  distances(p, left);
+  const double without = left.squaredNorm();
+  Eigen::LevenbergMarquardt<Eigen::NumericalDiff<LensEstimateDistances>> minimiser(distances);
+  minimiser.parameters.maxfev = 600;
+  minimiser.minimize(p);
+  distances(p, left);
+
+  LensEstimate estimate{.bend_a = p[kMatrixFreedoms], .bend_b = p[kMatrixFreedoms + 1]};
+  const double per_corner = left.squaredNorm() / static_cast<double>(corners.size());
+  estimate.gain = (without - left.squaredNorm()) / std::max(1.0, per_corner);
+  AddMargin(f, chart.At(p), Lens(a.image, estimate.bend_a), Lens(b.image, estimate.bend_b), a, b,
+            estimate);
+  return estimate;
 }
 
 }  // namespace silhouette

@@ -3,13 +3,16 @@
 
 #include <algorithm>
 #include <cmath>
+#include <functional>
 #include <map>
+#include <opencv2/calib3d.hpp>
 #include <set>
 #include <tuple>
 
 #include "absl/status/status.h"
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
+#include "common/numbers/numbers.h"
 #include "db/status/status_macros.h"
 
 namespace silhouette {
@@ -21,9 +24,7 @@ constexpr double kBeyondRim = 0.02;
 // Nothing if no board has the tag.
 std::optional<size_t> BoardOf(const std::vector<Board>& boards, const TagSighting& sighting) {
   for (size_t i = 0; i < boards.size(); ++i) {
-    if (boards[i].description().family == sighting.family && boards[i].HasTag(sighting.tag)) {
-      return i;
-    }
+    if (boards[i].HasTag(sighting.family, sighting.tag)) return i;
   }
   return std::nullopt;
 }
@@ -33,9 +34,9 @@ absl::StatusOr<size_t> CameraOf(const std::vector<LensCamera>& cameras,
   for (size_t i = 0; i < cameras.size(); ++i) {
     if (cameras[i].name == sighting.view) return i;
   }
-  return absl::InvalidArgumentError(
-      absl::StrCat("there are corners of the view '", sighting.view,
-                   "', but the size of its images is not given; give it, or leave the view out"));
+  return InvalidArgument(
+      "there are corners of the view '", sighting.view,
+      "', but the size of its images is not given; give it, or leave the view out");
 }
 
 // How far a corner lies outside the image; 0 inside.
@@ -46,22 +47,22 @@ double Outside(const LensCamera& camera, const Eigen::Vector2d& corner) {
 
 // Detection may put the corner of a tag that the image's rim cuts a little beyond it.
 bool IsCutByRim(const LensCamera& camera, const TagSighting& sighting) {
-  return std::any_of(sighting.corners.begin(), sighting.corners.end(),
-                     [&](const Eigen::Vector2d& corner) { return Outside(camera, corner) > 0; });
+  return std::ranges::any_of(
+      sighting.corners, [&](const Eigen::Vector2d& corner) { return Outside(camera, corner) > 0; });
 }
 
 absl::Status CheckSighting(const LensCamera& camera, const TagSighting& sighting) {
   const std::string where =
       absl::StrCat("view '", sighting.view, "', frame '", sighting.frame, "', tag ", sighting.tag);
   if (!(sighting.sigma > 0) || !std::isfinite(sighting.sigma)) {
-    return absl::InvalidArgumentError(absl::StrCat(where, ": sigma must be positive"));
+    return InvalidArgument(where, ": sigma must be positive");
   }
   for (const Eigen::Vector2d& corner : sighting.corners) {
     if (!corner.allFinite()) {
-      return absl::InvalidArgumentError(absl::StrCat(where, ": a corner is not finite"));
+      return InvalidArgument(where, ": a corner is not finite");
     }
     if (Outside(camera, corner) > kBeyondRim * std::max(camera.width, camera.height)) {
-      return absl::InvalidArgumentError(absl::StrFormat(
+      return InvalidArgument(absl::StrFormat(
           "%s: the corner (%.1f, %.1f) lies outside the image of %d x %d pixels; give the size of "
           "the images from which the corners are, and take images of one size for each camera",
           where, corner.x(), corner.y(), camera.width, camera.height));
@@ -84,7 +85,7 @@ absl::Status ChooseBoards(const std::vector<Board>& boards, const std::set<size_
       continue;
     }
     if (!board.IsLattice()) {
-      return absl::InvalidArgumentError(absl::StrFormat(
+      return InvalidArgument(absl::StrFormat(
           "board '%s': its corners are no regular lattice, as the gap of %g m is not the tag's "
           "size "
           "of %g m; print a board whose gap equals its tag's size (tagStandard41h12 with a gap of "
@@ -97,9 +98,9 @@ absl::Status ChooseBoards(const std::vector<Board>& boards, const std::set<size_
       out.lattice = lattice;
     } else if (lattice.width != out.lattice.width || lattice.height != out.lattice.height ||
                std::abs(lattice.spacing - out.lattice.spacing) > 1e-9) {
-      return absl::InvalidArgumentError(absl::StrCat(
+      return InvalidArgument(
           "boards '", boards[*first].description().name, "' and '", name,
-          "' differ in rows, columns or tag size; use only boards of one kind for the lenses"));
+          "' differ in rows, columns or tag size; use only boards of one kind for the lenses");
     }
     out.boards.push_back(i);
   }
@@ -110,7 +111,7 @@ absl::Status ChooseBoards(const std::vector<Board>& boards, const std::set<size_
 void LeaveOutCopies(const std::vector<LensCamera>& cameras, BoardViews& out) {
   std::vector<BoardView> kept;
   for (BoardView& view : out.views) {
-    const auto copy = std::find_if(kept.begin(), kept.end(), [&](const BoardView& other) {
+    const auto copy = std::ranges::find_if(kept, [&](const BoardView& other) {
       return other.camera == view.camera && other.board == view.board && other.seen == view.seen &&
              other.corners == view.corners;
     });
@@ -161,7 +162,7 @@ absl::StatusOr<BoardViews> GatherBoardViews(const std::vector<LensCamera>& camer
     seen_boards.insert(*board);
   }
   if (seen.empty()) {
-    return absl::InvalidArgumentError(
+    return InvalidArgument(
         "none of the tags that were seen is on a board; give the boards that were used (their tag "
         "family and first_id matter)");
   }
@@ -171,7 +172,7 @@ absl::StatusOr<BoardViews> GatherBoardViews(const std::vector<LensCamera>& camer
       static_cast<size_t>(out.lattice.width) * static_cast<size_t>(out.lattice.height);
   std::map<std::tuple<std::string, size_t, size_t>, size_t> places;
   for (const Seen& each : seen) {
-    if (std::find(out.boards.begin(), out.boards.end(), each.board) == out.boards.end()) continue;
+    if (std::ranges::find(out.boards, each.board) == out.boards.end()) continue;
     const TagSighting& sighting = *each.sighting;
     const auto [place, is_new] =
         places.try_emplace({sighting.frame, each.camera, each.board}, out.views.size());
@@ -187,9 +188,9 @@ absl::StatusOr<BoardViews> GatherBoardViews(const std::vector<LensCamera>& camer
     for (int corner = 0; corner < 4; ++corner) {
       const size_t at = LatticeIndex(board, sighting.tag - board.description().first_id, corner);
       if (view.corners[at].z() != kNoCorner) {
-        return absl::InvalidArgumentError(absl::StrCat(
-            "tag ", sighting.tag, " occurs twice in the frame '", sighting.frame, "' of the view '",
-            sighting.view, "'; give each image once, and print no tag twice"));
+        return InvalidArgument("tag ", sighting.tag, " occurs twice in the frame '", sighting.frame,
+                               "' of the view '", sighting.view,
+                               "'; give each image once, and print no tag twice");
       }
       const Eigen::Vector2d& pixel = sighting.corners[static_cast<size_t>(corner)];
       view.corners[at] = {pixel.x(), pixel.y(), 1 / sighting.sigma};
@@ -198,11 +199,155 @@ absl::StatusOr<BoardViews> GatherBoardViews(const std::vector<LensCamera>& camer
   }
   LeaveOutCopies(cameras, out);
   RETURN_IF_ERROR(CheckBoardShapes(cameras, boards, out.views));
-  // Too little of a board to tell its pose.
+  // Too little of a board to determine its pose.
   std::erase_if(out.views, [&](const BoardView& view) {
     return view.seen < std::min(8, 4 * boards[view.board].tags());
   });
   return out;
+}
+
+namespace {
+
+// Largest rms of a view's corners about their homography, as a share of the tags' sides: lenses
+// bend less.
+constexpr double kLargestMisfit = 0.3;
+
+// A way to lay the tags' ids out: the place (row by row) of the tag that stands at (row, column).
+using Order = std::function<int(int row, int column, int rows, int columns)>;
+
+struct Mistake {
+  const char* says;
+  bool exchanged;  // rows and columns
+  Order order;
+};
+
+const std::vector<Mistake>& Mistakes() {
+  static const std::vector<Mistake> mistakes = {
+      {"its ids run from right to left: the print or the images are mirrored", false,
+       [](int row, int column, int, int columns) { return row * columns + columns - 1 - column; }},
+      {"its ids run from bottom to top: the print or the images are mirrored", false,
+       [](int row, int column, int rows, int columns) {
+         return (rows - 1 - row) * columns + column;
+       }},
+      {"its rows and columns seem to be exchanged", true,
+       [](int row, int column, int, int columns) { return row * columns + column; }},
+      {"its ids run down the columns, not along the rows", false,
+       [](int row, int column, int rows, int) { return column * rows + row; }},
+  };
+  return mistakes;
+}
+
+// rms of the distances from the best homography over the mean side of the tags, if they lay in
+// `order`; nothing if too few were seen.
+std::optional<double> Misfit(const Board& board, const BoardView& view, const Order& order,
+                             bool exchanged) {
+  const BoardDescription& d = board.description();
+  const int rows = exchanged ? d.columns : d.rows;
+  const int columns = exchanged ? d.rows : d.columns;
+  const double pitch = d.tag_size + d.gap;
+  std::vector<cv::Point2d> on_board;
+  std::vector<cv::Point2d> seen;
+  double sides = 0;
+  for (int row = 0; row < rows; ++row) {
+    for (int column = 0; column < columns; ++column) {
+      const int place = order(row, column, rows, columns);
+      std::array<Eigen::Vector3d, 4> pixels;
+      const TagCorners corners = board.CornersOf(d.first_id);
+      for (int corner = 0; corner < 4; ++corner) {
+        pixels[static_cast<size_t>(corner)] = view.corners[LatticeIndex(board, place, corner)];
+      }
+      if (pixels[0].z() == kNoCorner) continue;
+      for (size_t corner = 0; corner < 4; ++corner) {
+        on_board.emplace_back(corners[corner].x() + pitch * column,
+                              corners[corner].y() + pitch * row);
+        seen.emplace_back(pixels[corner].x(), pixels[corner].y());
+        sides += (pixels[corner] - pixels[(corner + 1) % 4]).head<2>().norm() / 4;
+      }
+    }
+  }
+  if (seen.size() < 12) return std::nullopt;
+  const cv::Mat homography = cv::findHomography(on_board, seen, 0);
+  if (homography.empty()) return std::nullopt;
+  std::vector<cv::Point2d> mapped;
+  cv::perspectiveTransform(on_board, mapped, homography);
+  double squares = 0;
+  for (size_t i = 0; i < seen.size(); ++i) {
+    const cv::Point2d off = mapped[i] - seen[i];
+    squares += off.dot(off);
+  }
+  const double tags = static_cast<double>(seen.size()) / 4;
+  return std::sqrt(squares / static_cast<double>(seen.size())) / (sides / tags);
+}
+
+std::optional<double> MedianMisfit(const Board& board, const std::vector<const BoardView*>& views,
+                                   const Order& order, bool exchanged = false) {
+  std::vector<double> misfits;
+  for (const BoardView* view : views) {
+    if (const auto misfit = Misfit(board, *view, order, exchanged)) misfits.push_back(*misfit);
+  }
+  if (misfits.empty()) return std::nullopt;
+  return Median(std::move(misfits));
+}
+
+// Whether the corners of most tags run the wrong way round.
+bool MostTagsMirrored(const Board& board, const std::vector<const BoardView*>& views) {
+  int tags = 0;
+  int mirrored = 0;
+  for (const BoardView* view : views) {
+    for (int place = 0; place < board.tags(); ++place) {
+      double area = 0;
+      const auto pixel = [&](int corner) {
+        return view->corners[LatticeIndex(board, place, corner % 4)];
+      };
+      if (pixel(0).z() == kNoCorner) continue;
+      for (int corner = 0; corner < 4; ++corner) {
+        const Eigen::Vector3d a = pixel(corner);
+        const Eigen::Vector3d b = pixel(corner + 1);
+        area += a.x() * b.y() - a.y() * b.x();
+      }
+      ++tags;
+      if (area > 0) ++mirrored;
+    }
+  }
+  return 2 * mirrored > tags;
+}
+
+}  // namespace
+
+absl::Status CheckBoardShapes(const std::vector<LensCamera>& cameras,
+                              const std::vector<Board>& boards,
+                              const std::vector<BoardView>& views) {
+  std::map<std::pair<size_t, size_t>, std::vector<const BoardView*>> by_camera;
+  for (const BoardView& view : views) by_camera[{view.camera, view.board}].push_back(&view);
+  for (const auto& [key, group] : by_camera) {
+    const Board& board = boards[key.second];
+    const std::string where = absl::StrCat("board '", board.description().name, "', seen by '",
+                                           cameras[key.first].name, "': ");
+    if (MostTagsMirrored(board, group)) {
+      return InvalidArgument(
+          where,
+          "the tags' corners run the wrong way round; the images are mirrored (switch off the "
+          "camera's mirroring), or their order is not bottom left, bottom right, top right, top "
+          "left");
+    }
+    const Order as_described = [](int row, int column, int, int columns) {
+      return row * columns + column;
+    };
+    const auto misfit = MedianMisfit(board, group, as_described);
+    if (!misfit || *misfit < kLargestMisfit) continue;
+    for (const Mistake& mistake : Mistakes()) {
+      const auto other = MedianMisfit(board, group, mistake.order, mistake.exchanged);
+      if (other && *other < kLargestMisfit) {
+        return InvalidArgument(where, mistake.says,
+                               "; print the board again, or describe it as it is");
+      }
+    }
+    return InvalidArgument(
+        where,
+        "its tags do not lie as the description says; compare rows, columns, gap and first_id with "
+        "the print, and see that it is flat");
+  }
+  return absl::OkStatus();
 }
 
 }  // namespace silhouette

@@ -66,8 +66,8 @@ Tie TieOf(const std::vector<Evidence>& evidence) {
   Tie tie;
   tie.shared = evidence.size();
   for (const Evidence& candidate : evidence) {
-    const auto agreeing = static_cast<size_t>(
-        std::count_if(evidence.begin(), evidence.end(), [&](const Evidence& other) {
+    const auto agreeing =
+        static_cast<size_t>(std::ranges::count_if(evidence, [&](const Evidence& other) {
           return Agree(candidate.b_from_a, other.b_from_a, other.distance);
         }));
     if (agreeing > tie.agreeing) {
@@ -92,7 +92,7 @@ absl::Status Contradiction(const LensCamera& a, const LensCamera& b, const Tie& 
   }
   absl::StrAppend(&message,
                   "; images with one frame's name must be taken at once, with the board at rest");
-  return absl::InvalidArgumentError(message);
+  return InvalidArgument(message);
 }
 
 absl::StatusOr<std::vector<Tie>> AllTies(const std::vector<LensCamera>& cameras,
@@ -149,7 +149,7 @@ void MakeGroups(size_t cameras, const std::vector<Tie>& ties, CameraTies& out) {
       joined[to] = true;
       group.push_back(to);
     }
-    std::sort(group.begin(), group.end());
+    std::ranges::sort(group);
     out.groups.push_back(group);
   }
 }

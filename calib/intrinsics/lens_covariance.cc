@@ -38,7 +38,7 @@ std::vector<Matrix6> MotionByBoards(const LensProblem& problem) {
 }
 
 absl::Status Undetermined() {
-  return absl::FailedPreconditionError(
+  return FailedPrecondition(
       "the images leave some of the lenses or poses undetermined; take more, with the board tilted "
       "and moved all over each image");
 }
@@ -94,10 +94,7 @@ absl::StatusOr<LensCovariance> CovarianceOf(const LensProblem& problem, const Fr
   result.chi_squared = n.squares / freedom;
   result.covariance *= result.chi_squared;
   if (!result.covariance.allFinite()) return undetermined;
-  result.intrinsics = n.intrinsics;
-  result.first_intrinsic = n.first_intrinsic;
-  result.free_intrinsics = n.free_intrinsics;
-  result.pose = n.pose;
+  result.places = n.places;
   return result;
 }
 
@@ -112,11 +109,12 @@ std::optional<Eigen::Matrix<double, 2, Eigen::Dynamic>> DerivativeOfProjection(
   const Eigen::Index states = covariance.covariance.rows();
   Eigen::Matrix<double, 2, Eigen::Dynamic> derivative =
       Eigen::Matrix<double, 2, Eigen::Dynamic>::Zero(2, states);
-  if (const int at = covariance.intrinsics[camera]; at >= 0 && covariance.free_intrinsics > 0) {
-    derivative.middleCols(at, covariance.free_intrinsics) =
-        lens.by_intrinsics.middleCols(covariance.first_intrinsic, covariance.free_intrinsics);
+  const StatePlaces& places = covariance.places;
+  if (const int at = places.intrinsics[camera]; at >= 0 && places.free_intrinsics > 0) {
+    derivative.middleCols(at, places.free_intrinsics) =
+        lens.by_intrinsics.middleCols(places.first_intrinsic, places.free_intrinsics);
   }
-  if (const int at = covariance.pose[camera]; at >= 0) {
+  if (const int at = places.pose[camera]; at >= 0) {
     derivative.middleCols(at, 6) = lens.by_point * DerivativeByPose(camera_from_reference, point);
   }
   derivative.rightCols(6) =

@@ -114,23 +114,23 @@ double EdgeSigma(const LensSolution& solution, size_t i) {
 int PlacesBeyondTheFold(const SolvedCamera& camera) {
   if (!camera.model) return 0;
   const std::vector<Eigen::Vector2d> rim = Rim(camera);
-  return static_cast<int>(std::count_if(rim.begin(), rim.end(), [&](const Eigen::Vector2d& pixel) {
-    return !camera.model->Ray(pixel).has_value();
-  }));
+  return static_cast<int>(std::ranges::count_if(
+      rim, [&](const Eigen::Vector2d& pixel) { return !camera.model->Ray(pixel).has_value(); }));
 }
 
 double FocalLengthSigma(const LensSolution& solution, size_t i) {
   const SolvedCamera& camera = solution.cameras[i];
   const LensGroup& group = solution.groups[camera.group];
   const LensCovariance& c = group.covariance;
-  const auto place = static_cast<size_t>(std::find(group.cameras.begin(), group.cameras.end(), i) -
-                                         group.cameras.begin());
+  const auto place =
+      static_cast<size_t>(std::ranges::find(group.cameras, i) - group.cameras.begin());
   // Another parameter of this model can stand for the focal length.
   if (camera.lens_model == "LENSMODEL_CAHVOR") return 0;
-  if (c.first_intrinsic != 0 || c.intrinsics[place] < 0) return 0;
+  const int first = c.places.intrinsics[place];
+  if (c.places.first_intrinsic != 0 || first < 0) return 0;
   double worst = 0;
   for (int axis = 0; axis < 2; ++axis) {
-    const int at = c.intrinsics[place] + axis;
+    const int at = first + axis;
     worst = std::max(worst, std::sqrt(std::max(0.0, c.covariance(at, at))) /
                                 std::abs(camera.intrinsics[static_cast<size_t>(axis)]));
   }
@@ -143,8 +143,7 @@ std::string Percent(double share) { return absl::StrFormat("%.0f %%", 100 * shar
 std::vector<std::string> Lacks(const SolvedCamera& camera, const Seen& seen,
                                double enough_covered = 0.6) {
   std::vector<std::string> lacks;
-  const auto tilted = std::count_if(seen.tilts.begin(), seen.tilts.end(),
-                                    [](double tilt) { return tilt > kTilted; });
+  const auto tilted = std::ranges::count_if(seen.tilts, [](double tilt) { return tilt > kTilted; });
   if (static_cast<double>(tilted) < 0.25 * static_cast<double>(seen.tilts.size())) {
     lacks.push_back(absl::StrFormat(
         "too few tilts: in only %d of %d images is the board tilted by more than %.0f degrees "
@@ -173,7 +172,7 @@ absl::Status JudgeCamera(const LensSettings& settings, const Seen& seen, SolvedC
   const std::string view = absl::StrCat("view '", camera.name, "': ");
   const int all = camera.corners + camera.outliers;
   if (!(camera.rms <= kWorstFit) || camera.outliers > kMostOutliers * all) {
-    return absl::InvalidArgumentError(
+    return InvalidArgument(
         absl::StrFormat("%sno lens fits its images: %d of %d corners had to be left out, the "
                         "others are off by %.2g "
                         "px; the images may be of several sizes, zoom or focus settings, blurred, "
@@ -183,16 +182,15 @@ absl::Status JudgeCamera(const LensSettings& settings, const Seen& seen, SolvedC
   }
   const std::vector<std::string> lacks = Lacks(camera, seen);
   if (!(camera.focal_length_sigma <= settings.most_uncertain_focal_length)) {
-    return absl::FailedPreconditionError(
-        absl::StrFormat("%sthe focal length is known only to %.2g %%%s", view,
-                        100 * camera.focal_length_sigma, Because(lacks)));
+    return FailedPrecondition(absl::StrFormat("%sthe focal length is known only to %.2g %%%s", view,
+                                              100 * camera.focal_length_sigma, Because(lacks)));
   }
   if (!(camera.edge_sigma <= settings.most_uncertain)) {
     const std::string by = std::isfinite(camera.edge_sigma)
                                ? absl::StrFormat("is uncertain by %.2g px", camera.edge_sigma)
                                : "is not determined";
-    return absl::FailedPreconditionError(absl::StrCat(view, "the lens ", by, " at the image's rim",
-                                                      Because(Lacks(camera, seen, kWellCovered))));
+    return FailedPrecondition(view, "the lens ", by, " at the image's rim",
+                              Because(Lacks(camera, seen, kWellCovered)));
   }
   if (const int folded = PlacesBeyondTheFold(camera); folded > 0) {
     warnings.push_back(absl::StrCat(view, "the lens model folds over within the image (at ", folded,
@@ -218,8 +216,8 @@ absl::Status JudgeLenses(const std::vector<LensCamera>& cameras, const LensSetti
     SolvedCamera& camera = solution.cameras[i];
     camera.distance = Median(seen[i].distances);
     if (camera.corners == 0) {
-      return absl::InvalidArgumentError(absl::StrCat(
-          "view '", camera.name, "': none of its corners fits; the lens or the board is another"));
+      return InvalidArgument("view '", camera.name,
+                             "': none of its corners fits; the lens or the board is another");
     }
     if (cameras[i].fixed) continue;
     const Eigen::Vector2d middle((camera.width - 1) / 2.0, (camera.height - 1) / 2.0);

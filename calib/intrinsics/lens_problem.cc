@@ -33,12 +33,11 @@ absl::StatusOr<int> LensParameters(const std::string& lens_model) {
     for (const char* const* name = mrcal_supported_lensmodel_names(); *name != nullptr; ++name) {
       absl::StrAppend(&known, known.empty() ? "" : ", ", *name);
     }
-    return absl::InvalidArgumentError(
-        absl::StrCat("no lens model is called '", lens_model, "'; there are ", known));
+    return InvalidArgument("no lens model is called '", lens_model, "'; there are ", known);
   }
   if (!mrcal_lensmodel_metadata(&model).has_gradients) {
-    return absl::InvalidArgumentError(absl::StrCat("the lens model ", lens_model,
-                                                   " cannot be solved for; use LENSMODEL_OPENCV8"));
+    return InvalidArgument("the lens model ", lens_model,
+                           " cannot be solved for; use LENSMODEL_OPENCV8");
   }
   return mrcal_lensmodel_num_params(&model);
 }
@@ -312,15 +311,15 @@ absl::StatusOr<NormalEquations> NormalEquationsOf(const LensProblem& problem,
   const int board_states = 6 * a.Boards();
   const int shared = n.states - board_states;
   for (int i = 0; i < a.Cameras(); ++i) {
-    n.intrinsics.push_back(mrcal_state_index_intrinsics(i, a.Cameras(), a.Poses(), a.Boards(), 0, 0,
-                                                        a.Observations(), a.selections, &a.model));
-    n.pose.push_back(i == 0 ? -1
-                            : mrcal_state_index_extrinsics(i - 1, a.Cameras(), a.Poses(),
-                                                           a.Boards(), 0, 0, a.Observations(),
-                                                           a.selections, &a.model));
+    n.places.intrinsics.push_back(mrcal_state_index_intrinsics(
+        i, a.Cameras(), a.Poses(), a.Boards(), 0, 0, a.Observations(), a.selections, &a.model));
+    n.places.pose.push_back(
+        i == 0 ? -1
+               : mrcal_state_index_extrinsics(i - 1, a.Cameras(), a.Poses(), a.Boards(), 0, 0,
+                                              a.Observations(), a.selections, &a.model));
   }
-  n.free_intrinsics = mrcal_num_intrinsics_optimization_params(a.selections, &a.model);
-  n.first_intrinsic = a.selections.do_optimize_intrinsics_core ? 0 : 4;
+  n.places.free_intrinsics = mrcal_num_intrinsics_optimization_params(a.selections, &a.model);
+  n.places.first_intrinsic = a.selections.do_optimize_intrinsics_core ? 0 : 4;
   n.shared = LongMatrix::Zero(shared, shared);
   n.board.assign(a.boards.size(), LongMatrix6::Zero());
   n.mixed.assign(a.boards.size(), LongMatrix::Zero(shared, 6));

@@ -102,6 +102,14 @@ std::vector<Eigen::Vector2d> Residuals(const LensProblem& problem);
 using LongMatrix = Eigen::Matrix<long double, Eigen::Dynamic, Eigen::Dynamic>;
 using LongMatrix6 = Eigen::Matrix<long double, 6, 6>;
 
+// Where in the shared part of a solve's state the parameters are; -1: held fixed.
+struct StatePlaces {
+  std::vector<int> intrinsics;  // of each camera
+  int first_intrinsic = 0;      // which of the lens's parameters stands there
+  int free_intrinsics = 0;      // and how many follow, with it
+  std::vector<int> pose;        // of each camera: rotation vector, translation
+};
+
 // The derivatives of all weighted residuals by the state that a solve may change, summed up as the
 // normal equations need them: the state is `shared` (lenses, cameras, warp), then 6 of each
 // placing. The terms of a rational lens are so much alike that their squares would be lost in a
@@ -110,12 +118,8 @@ struct NormalEquations {
   LongMatrix shared;               // shared x shared
   std::vector<LongMatrix6> board;  // of each placing
   std::vector<LongMatrix> mixed;   // shared x 6, of each placing
-  // Where in `shared` the parameters are; -1: held fixed.
-  std::vector<int> intrinsics;  // of each camera
-  int first_intrinsic = 0;      // which of the lens's parameters stands there
-  int free_intrinsics = 0;      // and how many follow, with it
-  std::vector<int> pose;        // of each camera: rotation vector, translation
-  int measurements = 0;         // residuals that count, two of a corner
+  StatePlaces places;
+  int measurements = 0;  // residuals that count, two of a corner
   int states = 0;
   double squares = 0;  // sum of the squared weighted residuals
 };
@@ -129,11 +133,7 @@ absl::StatusOr<NormalEquations> NormalEquationsOf(const LensProblem& problem,
 // did in truth. Points of a workspace are fixed to the boards, so they are moved by it.
 struct LensCovariance {
   Eigen::MatrixXd covariance;
-  // Where in it the parameters are; -1: held fixed.
-  std::vector<int> intrinsics;
-  int first_intrinsic = 0;
-  int free_intrinsics = 0;
-  std::vector<int> pose;
+  StatePlaces places;
   double chi_squared = 0;  // of the solve, per degree of freedom
 };
 

@@ -3,9 +3,10 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
+#include <opencv2/calib3d.hpp>
 
 #include "absl/status/status.h"
-#include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
 #include "common/numbers/numbers.h"
 #include "db/status/status_macros.h"
@@ -205,7 +206,7 @@ LensProblem ProblemOfOne(const LensCamera& camera, const std::vector<PosedView>&
 absl::Status CheckCount(const LensCamera& camera, size_t images, const LensSettings& settings) {
   const auto least = static_cast<size_t>(camera.fixed ? 1 : settings.least_images);
   if (images >= least) return absl::OkStatus();
-  return absl::FailedPreconditionError(
+  return FailedPrecondition(
       absl::StrFormat("view '%s': only %d images show enough of a board, at least %d are needed; "
                       "take 20 to 40, with "
                       "the board tilted and moved all over the image",
@@ -244,7 +245,7 @@ absl::StatusOr<SingleCamera> SolveAlone(const LensCamera& camera,
     RETURN_IF_ERROR(SolveRoughly(problem));
     result.intrinsics = problem.intrinsics[0];
     const std::vector<double> medians = MedianResiduals(problem);
-    const auto worst = std::max_element(medians.begin(), medians.end());
+    const auto worst = std::ranges::max_element(medians);
     const auto place = worst - medians.begin();
     for (size_t i = 0; i < result.views.size(); ++i) {
       result.views[i].camera_from_board = problem.reference_from_board[i];
@@ -256,12 +257,12 @@ absl::StatusOr<SingleCamera> SolveAlone(const LensCamera& camera,
     }
     if (*worst <= kMisfit * std::max(sigma, Median(medians))) break;
     if (++worst_count > kMostMisfits * static_cast<double>(all)) {
-      return absl::InvalidArgumentError(
-          absl::StrCat("view '", camera.name,
-                       "': more than a quarter of its images do not fit the others; they "
-                       "may be of several sizes, zoom or focus settings, or of several cameras: "
-                       "take all with one "
-                       "camera that nobody touches"));
+      return InvalidArgument(
+          "view '", camera.name,
+          "': more than a quarter of its images do not fit the others; they "
+          "may be of several sizes, zoom or focus settings, or of several cameras: "
+          "take all with one "
+          "camera that nobody touches");
     }
     result.warnings.push_back(absl::StrFormat(
         "view '%s': the image of the frame '%s' fits far worse than the others (%.2g against %.2g "
@@ -270,6 +271,82 @@ absl::StatusOr<SingleCamera> SolveAlone(const LensCamera& camera,
     result.views.erase(result.views.begin() + place);
   }
   return result;
+}
+
+namespace {
+
+struct PosedBoard {
+  Eigen::Isometry3d pose = Eigen::Isometry3d::Identity();
+  double error = 0;  // rms, pixels
+};
+
+std::optional<PosedBoard> Pose(const std::vector<Eigen::Vector3d>& corners, const Lattice& lattice,
+                               double focal_length, const Eigen::Vector2d& centre) {
+  std::vector<cv::Point3d> on_board;
+  std::vector<cv::Point2d> seen;
+  for (size_t i = 0; i < corners.size(); ++i) {
+    if (!(corners[i].z() > 0)) continue;
+    const auto width = static_cast<size_t>(lattice.width);
+    const size_t row = i / width;
+    const size_t column = i % width;
+    on_board.emplace_back(lattice.spacing * static_cast<double>(column),
+                          lattice.spacing * static_cast<double>(row), 0);
+    seen.emplace_back(corners[i].x(), corners[i].y());
+  }
+  if (seen.size() < 4) return std::nullopt;
+  const cv::Matx33d camera(focal_length, 0, centre.x(), 0, focal_length, centre.y(), 0, 0, 1);
+  std::vector<cv::Vec3d> rotations;
+  std::vector<cv::Vec3d> translations;
+  std::vector<double> errors;
+  try {
+    cv::solvePnPGeneric(on_board, seen, camera, cv::noArray(), rotations, translations, false,
+                        cv::SOLVEPNP_IPPE, cv::noArray(), cv::noArray(), errors);
+  } catch (const cv::Exception&) {
+    return std::nullopt;  // corners on one line, or otherwise of no plane
+  }
+  std::optional<PosedBoard> best;
+  for (size_t i = 0; i < rotations.size(); ++i) {
+    const cv::Vec3d& r = rotations[i];
+    const cv::Vec3d& t = translations[i];
+    if (!std::isfinite(errors[i]) || !(t[2] > 0) || (best && best->error <= errors[i])) continue;
+    best = PosedBoard{PoseOf({r[0], r[1], r[2]}, {t[0], t[1], t[2]}), errors[i]};
+  }
+  return best;
+}
+
+}  // namespace
+
+std::optional<Eigen::Isometry3d> CameraFromBoard(const std::vector<Eigen::Vector3d>& corners,
+                                                 const Lattice& lattice, double focal_length,
+                                                 const Eigen::Vector2d& centre) {
+  const std::optional<PosedBoard> posed = Pose(corners, lattice, focal_length, centre);
+  if (!posed) return std::nullopt;
+  return posed->pose;
+}
+
+double GuessFocalLength(const std::vector<const BoardView*>& views, const Lattice& lattice,
+                        int width, int height) {
+  constexpr size_t kViews = 20;
+  constexpr int kGuesses = 14;
+  const double longer = std::max(width, height);
+  const Eigen::Vector2d centre((width - 1) / 2.0, (height - 1) / 2.0);
+  double best = longer;
+  double least = std::numeric_limits<double>::infinity();
+  for (int i = 0; i < kGuesses; ++i) {
+    const double guess = 0.35 * longer * std::pow(1.22, i);  // up to 4.6 times the longer side
+    double sum = 0;
+    const size_t step = std::max<size_t>(1, views.size() / kViews);
+    for (size_t k = 0; k < views.size(); k += step) {
+      const auto posed = Pose(views[k]->corners, lattice, guess, centre);
+      // Some images may be bad: they must not decide.
+      sum += posed ? std::min(posed->error, 0.02 * longer) : 0.02 * longer;
+    }
+    if (sum < least) {
+      least = sum;
+      best = guess;
+    }
+  }
+  return best;
 }
 
 }  // namespace silhouette

@@ -7,7 +7,6 @@
 #include <set>
 
 #include "absl/status/status.h"
-#include "absl/strings/str_cat.h"
 #include "calib/files/camera_file.h"
 #include "calib/intrinsics/board_views.h"
 #include "calib/intrinsics/lens_stages.h"
@@ -18,27 +17,24 @@ namespace silhouette {
 namespace {
 
 absl::Status CheckCameras(const std::vector<LensCamera>& cameras) {
-  if (cameras.empty()) return absl::InvalidArgumentError("there is no camera to solve for");
+  if (cameras.empty()) return InvalidArgument("there is no camera to solve for");
   std::set<std::string> names;
   for (const LensCamera& camera : cameras) {
     if (!names.insert(camera.name).second) {
-      return absl::InvalidArgumentError(
-          absl::StrCat("the view '", camera.name, "' is given twice"));
+      return InvalidArgument("the view '", camera.name, "' is given twice");
     }
     if (camera.width <= 0 || camera.height <= 0) {
-      return absl::InvalidArgumentError(
-          absl::StrCat("view '", camera.name, "': its images need a size"));
+      return InvalidArgument("view '", camera.name, "': its images need a size");
     }
     if (camera.fixed.has_value() != cameras[0].fixed.has_value()) {
-      return absl::InvalidArgumentError(
-          absl::StrCat("the lens of '", camera.fixed ? cameras[0].name : camera.name,
-                       "' is not given; fix the lenses of all views or of none"));
+      return InvalidArgument("the lens of '", camera.fixed ? cameras[0].name : camera.name,
+                             "' is not given; fix the lenses of all views or of none");
     }
     if (camera.fixed &&
         (camera.fixed->width != camera.width || camera.fixed->height != camera.height)) {
-      return absl::InvalidArgumentError(absl::StrCat(
-          "view '", camera.name, "': its lens is given for images of ", camera.fixed->width, "x",
-          camera.fixed->height, " pixels, not of ", camera.width, "x", camera.height));
+      return InvalidArgument("view '", camera.name, "': its lens is given for images of ",
+                             camera.fixed->width, "x", camera.fixed->height, " pixels, not of ",
+                             camera.width, "x", camera.height);
     }
   }
   return absl::OkStatus();
@@ -78,7 +74,7 @@ GroupProblem GroupProblemOf(size_t group, const std::vector<LensCamera>& cameras
     if (placing.group != group) continue;
     for (const size_t i : placing.views) {
       const BoardView& view = *views[i].view;
-      const auto place = std::find(members.begin(), members.end(), view.camera) - members.begin();
+      const auto place = std::ranges::find(members, view.camera) - members.begin();
       problem.observations.push_back(
           {.camera = static_cast<int>(place),
            .board = static_cast<int>(problem.reference_from_board.size())});
@@ -228,8 +224,7 @@ std::optional<Eigen::Matrix<double, 2, Eigen::Dynamic>> ProjectionDerivative(
     const LensSolution& solution, size_t camera, const Eigen::Vector3d& point_in_reference) {
   const SolvedCamera& solved = solution.cameras[camera];
   const LensGroup& group = solution.groups[solved.group];
-  const auto place =
-      std::find(group.cameras.begin(), group.cameras.end(), camera) - group.cameras.begin();
+  const auto place = std::ranges::find(group.cameras, camera) - group.cameras.begin();
   return DerivativeOfProjection(group.covariance, static_cast<size_t>(place), solved.lens_model,
                                 solved.intrinsics, solved.camera_from_reference,
                                 point_in_reference);

@@ -13,7 +13,6 @@
 #include <utility>
 
 #include "absl/status/status.h"
-#include "absl/strings/str_cat.h"
 #include "calib/poses/pose_problem.h"
 #include "common/numbers/numbers.h"
 #include "db/status/status_macros.h"
@@ -159,9 +158,9 @@ std::vector<Chosen> ChooseBy(const std::vector<LinkedLook>& looks, const HandEye
 
 absl::Status CheckMotion(const std::vector<LinkedLook>& looks) {
   if (looks.size() < 3) {
-    return absl::FailedPreconditionError(absl::StrCat(
+    return FailedPrecondition(
         "in only ", looks.size(),
-        " usable frame(s); three with different orientations are the least, twenty are good"));
+        " usable frame(s); three with different orientations are the least, twenty are good");
   }
   Eigen::Matrix3d spread = Eigen::Matrix3d::Zero();
   double pairs = 0;
@@ -174,12 +173,12 @@ absl::Status CheckMotion(const std::vector<LinkedLook>& looks) {
   const Eigen::Vector3d spreads =
       Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d>(spread / pairs).eigenvalues();
   if (std::sqrt(std::max(0.0, spreads[2])) < kLeastTurn) {
-    return absl::FailedPreconditionError(
+    return FailedPrecondition(
         "but the flange hardly turned between the frames; turn it by 20 degrees and more about "
         "two axes");
   }
   if (std::sqrt(std::max(0.0, spreads[1])) < kLeastTurn) {
-    return absl::FailedPreconditionError(
+    return FailedPrecondition(
         "but the flange turned about one axis only, so that the position along this axis is not "
         "determined; add poses that turn it about another axis too");
   }
@@ -218,7 +217,7 @@ absl::StatusOr<HandEye> SolveHandEye(const CameraModel& lens,
     if (best && best->median_px < kGoodEnough && i >= kLeastSamples) break;
   }
   if (!best) {
-    return absl::FailedPreconditionError("but no pose of the camera explains three of its frames");
+    return FailedPrecondition("but no pose of the camera explains three of its frames");
   }
   for (int i = 0; i < 2; ++i) {
     const std::vector<Chosen> chosen = ChooseBy(looks, *best);

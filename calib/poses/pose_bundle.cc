@@ -4,18 +4,134 @@
 #include <ceres/autodiff_cost_function.h>
 #include <ceres/loss_function.h>
 #include <ceres/problem.h>
+#include <ceres/rotation.h>
 #include <ceres/solver.h>
-
+#include <Eigen/Geometry>
+#include <Eigen/SparseCholesky>
 #include <array>
 #include <cmath>
 #include <limits>
 #include <map>
 #include <optional>
 
-#include "calib/poses/pose_bundle_costs.h"
-
 namespace silhouette {
 namespace {
+
+// The residuals, for Ceres to derive. A pose is sought as reference * motion, the motion a rotation
+// vector and a translation.
+
+// Of a board's size factor about 1.
+constexpr double kSizeSigma = 0.2;
+
+struct Frame {
+  Eigen::Quaterniond rotation;
+  Eigen::Vector3d translation;
+};
+
+Frame FrameOf(const Eigen::Isometry3d& pose) {
+  return {Eigen::Quaterniond(pose.linear()).normalized(), pose.translation()};
+}
+
+template <typename T>
+using Vector3 = Eigen::Matrix<T, 3, 1>;
+
+// reference * motion * point
+template <typename T>
+Vector3<T> Apply(const Frame& reference, const T* motion, const Vector3<T>& point) {
+  Vector3<T> moved;
+  ceres::AngleAxisRotatePoint(motion, point.data(), moved.data());
+  moved += Eigen::Map<const Vector3<T>>(motion + 3);
+  return reference.rotation.cast<T>() * moved + reference.translation.cast<T>();
+}
+
+// (reference * motion)^-1 * point
+template <typename T>
+Vector3<T> ApplyInverse(const Frame& reference, const T* motion, const Vector3<T>& point) {
+  const Vector3<T> moved =
+      reference.rotation.conjugate().cast<T>() * (point - reference.translation.cast<T>()) -
+      Eigen::Map<const Vector3<T>>(motion + 3);
+  const T back[3] = {-motion[0], -motion[1], -motion[2]};
+  Vector3<T> result;
+  ceres::AngleAxisRotatePoint(back, moved.data(), result.data());
+  return result;
+}
+
+// Of r^2 at z = 1: further out (85 degrees) no lens of this model sees.
+constexpr double kLargestRadius2 = 144;
+
+// As CameraModel::Project, for the camera's frame. False behind the camera and far aside.
+template <typename T>
+bool Project(const CameraIntrinsics& lens, const Vector3<T>& point, T* pixel) {
+  if (!(point.z() > T(1e-6))) return false;
+  const T x = point.x() / point.z();
+  const T y = point.y() / point.z();
+  if (!(x * x + y * y < T(kLargestRadius2))) return false;
+  const Eigen::Matrix<T, 2, 1> distorted = Distort(lens, x, y);
+  pixel[0] = lens.fx * distorted.x() + lens.cx;
+  pixel[1] = lens.fy * distorted.y() + lens.cy;
+  return true;
+}
+
+// The residual of a corner, in sigmas. What is constant of a corner's chain.
+struct CornerCost {
+  const CameraIntrinsics& lens;
+  const BundleCorner& corner;
+  Frame camera;
+  Frame flange;
+  Frame board;
+
+  // Blocks: camera, board, size.
+  template <typename T>
+  bool operator()(const T* camera_motion, const T* board_motion, const T* size, T* residual) const {
+    return Finish(camera_motion, InWorld(board_motion, size), residual);
+  }
+
+  // Blocks: camera, board, size, flange.
+  template <typename T>
+  bool operator()(const T* camera_motion, const T* board_motion, const T* size,
+                  const T* flange_motion, T* residual) const {
+    const Vector3<T> point = InWorld(board_motion, size);
+    return Finish(camera_motion,
+                  corner.camera_on_flange ? ApplyInverse(flange, flange_motion, point)
+                                          : Apply(flange, flange_motion, point),
+                  residual);
+  }
+
+ private:
+  template <typename T>
+  Vector3<T> InWorld(const T* board_motion, const T* size) const {
+    return Apply<T>(board, board_motion, corner.point.cast<T>() * size[0]);
+  }
+  template <typename T>
+  bool Finish(const T* camera_motion, const Vector3<T>& point, T* residual) const {
+    if (!Project(lens, Apply(camera, camera_motion, point), residual)) return false;
+    residual[0] = (residual[0] - corner.pixel.x()) / corner.sigma;
+    residual[1] = (residual[1] - corner.pixel.y()) / corner.sigma;
+    return true;
+  }
+};
+
+struct MotionPrior {
+  double rotation_sigma;
+  double position_sigma;
+
+  template <typename T>
+  bool operator()(const T* motion, T* residual) const {
+    for (int i = 0; i < 3; ++i) {
+      residual[i] = motion[i] / rotation_sigma;
+      residual[i + 3] = motion[i + 3] / position_sigma;
+    }
+    return true;
+  }
+};
+
+struct SizePrior {
+  template <typename T>
+  bool operator()(const T* size, T* residual) const {
+    residual[0] = (size[0] - T(1)) / kSizeSigma;
+    return true;
+  }
+};
 
 // A prior's six residuals count for less and less from here, in sigmas, where corners do.
 constexpr double kRobustPrior = 6;
@@ -40,12 +156,9 @@ class CeresBundle {
   CeresBundle(Bundle& bundle, double robust)
       : bundle_(bundle), robust_(robust), sizes_(bundle.sizes) {
     for (auto* poses : Kinds()) {
-      for (BundlePose& pose : *poses) places_[&pose] = motions_.size(), motions_.push_back({});
-    }
-    for (auto* poses : Kinds()) {
       for (BundlePose& pose : *poses) {
         const Eigen::Isometry3d& reference = pose.has_prior ? pose.measured : pose.pose;
-        motions_[places_[&pose]] = MotionOf(reference.inverse() * pose.pose);
+        motions_[&pose] = MotionOf(reference.inverse() * pose.pose);
       }
     }
     for (BundleCorner& corner : bundle.corners) {
@@ -68,7 +181,7 @@ class CeresBundle {
     for (auto* poses : Kinds()) {
       for (BundlePose& pose : *poses) {
         const Eigen::Isometry3d reference = pose.has_prior ? pose.measured : pose.pose;
-        pose.pose = reference * IsometryOf(motions_[places_[&pose]]);
+        pose.pose = reference * IsometryOf(motions_[&pose]);
         pose.pose.linear() = Eigen::Quaterniond(pose.pose.linear()).normalized().matrix();
       }
     }
@@ -84,7 +197,7 @@ class CeresBundle {
   }
 
   double* MotionOfPose(BundlePose& pose) {
-    double* motion = motions_[places_[&pose]].data();
+    double* motion = motions_[&pose].data();
     if (!problem_.HasParameterBlock(motion)) {
       problem_.AddParameterBlock(motion, 6);
       if (pose.constant) problem_.SetParameterBlockConstant(motion);
@@ -121,7 +234,7 @@ class CeresBundle {
   void AddPriors() {
     for (auto* poses : Kinds()) {
       for (BundlePose& pose : *poses) {
-        double* motion = motions_[places_[&pose]].data();
+        double* motion = motions_[&pose].data();
         if (!pose.has_prior || pose.left_out || pose.constant ||
             !problem_.HasParameterBlock(motion))
           continue;
@@ -144,8 +257,7 @@ class CeresBundle {
   Bundle& bundle_;
   const double robust_;
   ceres::Problem problem_;
-  std::map<const BundlePose*, size_t> places_;
-  std::vector<Motion> motions_;
+  std::map<const BundlePose*, Motion> motions_;
   std::vector<double> sizes_;
   std::map<int, int> corners_of_size_;
 };
@@ -157,7 +269,7 @@ std::optional<BundleJacobian> CeresBundle::Jacobian() {
   int columns = 0;
   for (auto* poses : Kinds()) {
     for (BundlePose& pose : *poses) {
-      double* motion = motions_[places_[&pose]].data();
+      double* motion = motions_[&pose].data();
       if (!problem_.HasParameterBlock(motion) || pose.constant) continue;
       result.blocks.push_back({.pose = &pose, .column = columns});
       options.parameter_blocks.push_back(motion);
@@ -187,19 +299,29 @@ std::optional<BundleJacobian> CeresBundle::Jacobian() {
 Eigen::Matrix<double, 6, 1> BundlePose::PriorResidual() const {
   const Motion motion = MotionOf(measured.inverse() * pose);
   Eigen::Matrix<double, 6, 1> residual;
-  for (int i = 0; i < 3; ++i) {
-    residual[i] = motion[i] / rotation_sigma;
-    residual[i + 3] = motion[i + 3] / position_sigma;
-  }
+  MotionPrior{rotation_sigma, position_sigma}(motion.data(), residual.data());
   return residual;
+}
+
+BundlePose MeasuredPose(const Eigen::Isometry3d& measured, double position_sigma,
+                        double rotation_sigma) {
+  return {.name{},
+          .pose = measured,
+          .has_prior = true,
+          .measured = measured,
+          .position_sigma = position_sigma,
+          .rotation_sigma = rotation_sigma};
+}
+
+Eigen::Isometry3d Bundle::LinkOf(const BundleCorner& corner) const {
+  if (corner.flange < 0) return Eigen::Isometry3d::Identity();
+  const Eigen::Isometry3d& flange = flanges[corner.flange].pose;
+  return corner.camera_on_flange ? flange.inverse() : flange;
 }
 
 void FindResiduals(Bundle& bundle) {
   for (BundleCorner& corner : bundle.corners) {
-    Eigen::Isometry3d link = Eigen::Isometry3d::Identity();
-    if (corner.flange >= 0) link = bundle.flanges[corner.flange].pose;
-    if (corner.camera_on_flange) link = link.inverse();
-    const Eigen::Vector3d point = bundle.cameras[corner.camera].pose * link *
+    const Eigen::Vector3d point = bundle.cameras[corner.camera].pose * bundle.LinkOf(corner) *
                                   bundle.board_poses[corner.board_pose].pose *
                                   (bundle.sizes[corner.size] * corner.point);
     Eigen::Vector2d pixel;
@@ -221,6 +343,91 @@ bool Adjust(Bundle& bundle, double robust) {
 
 std::optional<BundleJacobian> JacobianOf(Bundle& bundle) {
   return CeresBundle(bundle, 0).Jacobian();
+}
+
+namespace {
+
+using Sparse = Eigen::SparseMatrix<double>;
+
+// With the diagonal scaled to one, a pivot is the share of a parameter's effect that the others
+// cannot imitate; below this it is rounding.
+constexpr double kLeastPivot = 1e-11;
+
+std::string NameAt(const std::vector<BundleBlock>& blocks, Eigen::Index column) {
+  for (const BundleBlock& block : blocks) {
+    if (block.pose && column >= block.column && column < block.column + 6) return block.pose->name;
+  }
+  return "the boards' size";
+}
+
+// The priors' sum of squares, and its expectation.
+void SumPriors(const std::vector<BundlePose>& poses, double& chi2, double& redundancy) {
+  for (const BundlePose& pose : poses) {
+    if (!pose.has_prior || pose.left_out || pose.constant || pose.covariance.isZero(0)) continue;
+    chi2 += pose.PriorResidual().squaredNorm();
+    for (int i = 0; i < 6; ++i) {
+      const double sigma = i < 3 ? pose.rotation_sigma : pose.position_sigma;
+      redundancy += 1 - pose.covariance(i, i) / (sigma * sigma);
+    }
+  }
+}
+
+}  // namespace
+
+BundleStatistics FindCovariances(Bundle& bundle) {
+  bundle.size_sigmas.assign(bundle.sizes.size(), 0);
+  for (auto* poses : {&bundle.cameras, &bundle.flanges, &bundle.board_poses}) {
+    for (BundlePose& pose : *poses) pose.covariance.setZero();
+  }
+  BundleStatistics statistics;
+  const std::optional<BundleJacobian> derivatives = JacobianOf(bundle);
+  if (!derivatives) {
+    statistics.undetermined = "anything";
+    return statistics;
+  }
+  const Eigen::Index columns = derivatives->jacobian.cols();
+  statistics.chi2 = derivatives->chi2;
+  statistics.dof = static_cast<int>(derivatives->jacobian.rows() - columns);
+  Eigen::VectorXd scale(columns);
+  for (Eigen::Index i = 0; i < columns; ++i) {
+    const double norm = derivatives->jacobian.col(i).norm();
+    if (!(norm > 0)) {
+      statistics.undetermined = NameAt(derivatives->blocks, i);
+      return statistics;
+    }
+    scale[i] = 1 / norm;
+  }
+  const Sparse scaled = derivatives->jacobian * scale.asDiagonal();
+  const Sparse normal = scaled.transpose() * scaled;
+  const Eigen::SimplicialLDLT<Sparse> solver(normal);
+  Eigen::Index least = 0;
+  if (solver.info() != Eigen::Success) {
+    statistics.undetermined = "a pose";
+    return statistics;
+  }
+  if (!(solver.vectorD().minCoeff(&least) > kLeastPivot)) {
+    statistics.undetermined =
+        NameAt(derivatives->blocks, solver.permutationPinv().indices()[least]);
+    return statistics;
+  }
+  for (const BundleBlock& block : derivatives->blocks) {
+    Eigen::MatrixXd unit = Eigen::MatrixXd::Zero(columns, block.width());
+    unit.middleRows(block.column, block.width()).setIdentity();
+    const Eigen::MatrixXd solved = solver.solve(unit);
+    const auto part = scale.segment(block.column, block.width()).asDiagonal();
+    const Eigen::MatrixXd covariance = part * solved.middleRows(block.column, block.width()) * part;
+    if (block.pose) {
+      block.pose->covariance = (covariance + covariance.transpose()) / 2;
+    } else {
+      bundle.size_sigmas[block.size] = std::sqrt(covariance(0, 0));
+    }
+  }
+  SumPriors(bundle.flanges, statistics.flange_chi2, statistics.flange_redundancy);
+  SumPriors(bundle.board_poses, statistics.survey_chi2, statistics.survey_redundancy);
+  statistics.corner_chi2 = statistics.chi2 - statistics.flange_chi2 - statistics.survey_chi2;
+  statistics.corner_redundancy =
+      statistics.dof - statistics.flange_redundancy - statistics.survey_redundancy;
+  return statistics;
 }
 
 }  // namespace silhouette

@@ -12,7 +12,7 @@
 #include <vector>
 
 #include "calib/camera/camera_model.h"
-#include "calib/poses/pose_solution.h"
+#include "calib/poses/pose_calibration.h"
 
 namespace silhouette {
 
@@ -31,6 +31,10 @@ struct BundlePose {
   // measured^-1 * pose as rotation vector and translation, each in its sigma.
   Eigen::Matrix<double, 6, 1> PriorResidual() const;
 };
+
+// A pose that a measurement gives, with these standard deviations per axis.
+BundlePose MeasuredPose(const Eigen::Isometry3d& measured, double position_sigma,
+                        double rotation_sigma);
 
 struct BundleCorner {
   int camera = 0;
@@ -56,6 +60,9 @@ struct Bundle {
   std::vector<double> size_sigmas;  // see FindCovariances
   bool free_sizes = false;          // find them too; drawn to 1 by a sigma of 20 %
   std::vector<BundleCorner> corners;
+
+  // Between the corner's camera and its board: the identity, the flange's pose or its inverse.
+  Eigen::Isometry3d LinkOf(const BundleCorner& corner) const;
 };
 
 // Moves the poses to the least sum of squares over the used corners and the priors. `robust`: the

@@ -6,7 +6,6 @@
 #include <vector>
 
 #include "absl/status/status.h"
-#include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
 #include "calib/poses/pose_fit.h"
 #include "db/status/status_macros.h"
@@ -19,17 +18,17 @@ constexpr double kFirstRobust = 60;  // sigmas
 constexpr double kNoiseExcess = 1.3;
 
 absl::Status Undetermined(const std::string& what) {
-  return absl::FailedPreconditionError(absl::StrCat(
+  return FailedPrecondition(
       "the data do not determine the pose of ", what,
       "; add frames in which the flange is turned about other axes, or surveyed boards "
-      "that this view sees"));
+      "that this view sees");
 }
 
-// Noise that is larger than stated is reckoned with, but not contradictions.
+// Noise larger than stated is taken into account; contradictions are refused.
 absl::Status CheckNoise(const Bundle& bundle, const NoiseFactors& factors) {
   constexpr double kContradiction = 10;
   if (factors.survey > kContradiction) {
-    return absl::FailedPreconditionError(absl::StrFormat(
+    return FailedPrecondition(absl::StrFormat(
         "the survey contradicts what was seen, or the robot's poses: boards are off by %.0f times "
         "the survey's sigma; see whether survey and robot have the same base frame, in metres, and "
         "whether origins and axes are those of the boards' description",
@@ -37,7 +36,7 @@ absl::Status CheckNoise(const Bundle& bundle, const NoiseFactors& factors) {
   }
   if (factors.robot > kContradiction) {
     const BundlePose& flange = bundle.flanges.front();  // enlarged already
-    return absl::FailedPreconditionError(absl::StrFormat(
+    return FailedPrecondition(absl::StrFormat(
         "the robot's poses are off by %.0f times their sigma, about %.1f mm and %.2f deg; see "
         "whether the robot stood still and its model is right, or state how exact it is with "
         "--robot-sigma",
@@ -55,7 +54,7 @@ class FinalSolve {
   absl::Status Run() {
     for (int i = 0; i < 4; ++i) {
       if (!Adjust(bundle_, 0)) {
-        return absl::FailedPreconditionError("no poses were found that explain what was seen");
+        return FailedPrecondition("no poses were found that explain what was seen");
       }
       statistics_ = FindCovariances(bundle_);
       if (!statistics_.undetermined.empty()) return Undetermined(statistics_.undetermined);
@@ -118,7 +117,7 @@ absl::StatusOr<PoseSolution> CalibratePoses(const PoseProblem& problem) {
   // Flanges that the robot stated wrongly follow their corners first; then single corners that are
   // wrong lose their pull.
   if (!Adjust(bundle, kFirstRobust) || !AdjustStepwise(bundle, kRobust)) {
-    return absl::FailedPreconditionError("no poses were found that explain what was seen");
+    return FailedPrecondition("no poses were found that explain what was seen");
   }
   for (int i = 0; i < 5 && MarkOutliers(bundle); ++i) {
     if (!Adjust(bundle, 0)) break;

@@ -71,7 +71,7 @@ std::optional<PoseProblem> MirroredBoards(PoseProblem problem) {
   for (TagSighting& seen : problem.sightings) {
     for (const PoseBoard& board : problem.boards) {
       const BoardDescription& d = board.board.description();
-      if (d.family != seen.family || !board.board.HasTag(seen.tag) || d.columns == 1) continue;
+      if (!board.board.HasTag(seen.family, seen.tag) || d.columns == 1) continue;
       const int place = seen.tag - d.first_id;
       const int column = place % d.columns;
       seen.tag = d.first_id + place - column + (d.columns - 1 - column);
@@ -122,10 +122,11 @@ PoseProblem OfView(const PoseProblem& problem, const std::string& view) {
 std::optional<double> MedianOfFit(const PoseProblem& problem) {
   const absl::StatusOr<PoseFit> fit = FitWithExactRobot(problem);
   if (!fit.ok()) return std::nullopt;
-  return *std::max_element(fit->median_px.begin(), fit->median_px.end());
+  return *std::ranges::max_element(fit->median_px);
 }
 
-// The boards' size by closed form from the robot's motion; nothing if it does not tell.
+// The boards' size by closed form from the robot's motion; nothing if the motion does not determine
+// it.
 std::optional<double> SizeByMotion(const PoseFit& fit) {
   std::vector<LinkedLook> looks;
   for (const Look& look : fit.network.looks) {
@@ -173,7 +174,7 @@ absl::Status TryGuesses(const PoseProblem& problem, const std::string& view, dou
     }
   }
   if (!least || *least > alone_median / kFarBetter) return absl::OkStatus();
-  return absl::FailedPreconditionError(
+  return FailedPrecondition(
       absl::StrFormat("view '%s': corners are off by %.2f px (median); it looks as if %s (then "
                       "%.2f px)",
                       view, alone_median, says, *least));
@@ -187,14 +188,13 @@ absl::Status CheckFit(const PoseProblem& problem, const PoseFit& fit) {
   for (size_t i = 0; i < fit.network.views.size(); ++i) {
     if (std::isfinite(fit.expected_px[i]) && !(excess(i) < kDoubted)) doubted.push_back(i);
   }
-  std::sort(doubted.begin(), doubted.end(),
-            [&](size_t a, size_t b) { return excess(a) > excess(b); });
+  std::ranges::sort(doubted, std::greater(), excess);
   for (const size_t view : doubted) {
     RETURN_IF_ERROR(TryGuesses(problem, problem.views[view].name, fit.median_px[view]));
   }
   if (doubted.empty() || excess(doubted.front()) < kRefused) return absl::OkStatus();
   const size_t worst = doubted.front();
-  return absl::FailedPreconditionError(absl::StrFormat(
+  return FailedPrecondition(absl::StrFormat(
       "the data contradict each other: corners of view '%s' are off by %.2f px (median) where "
       "%.2f px are expected; see whether its lens, the boards' description, the robot's poses and "
       "the frames' names belong together",
@@ -222,8 +222,7 @@ absl::Status CheckSizes(const PoseNetwork& network, const Bundle& bundle,
     const std::string measure = absl::StrCat("the tags of board '", board.name, "' measure ",
                                              SizeText(board, sized.sizes[i]));
     if (off > kRefusedSize) {
-      return absl::FailedPreconditionError(
-          absl::StrCat("by all else that is known ", measure, "; measure the print"));
+      return FailedPrecondition("by all else that is known ", measure, "; measure the print");
     }
     warnings.push_back(
         absl::StrCat("by all else that is known ", measure, "; measure the print if it matters"));

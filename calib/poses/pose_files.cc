@@ -24,7 +24,7 @@ const std::vector<std::string>& Columns() {
 }
 
 absl::Status Mistake(const CsvRow& row, const std::string& what) {
-  return absl::InvalidArgumentError(absl::StrCat(row.place(), ": ", what));
+  return InvalidArgument(row.place(), ": ", what);
 }
 
 absl::StatusOr<RobotPose> RobotPoseOf(const CsvRow& row) {
@@ -152,7 +152,7 @@ absl::StatusOr<std::vector<SurveyedBoard>> SurveyFromText(const std::string& tex
     }
     return boards;
   } catch (const YamlError& error) {
-    return absl::InvalidArgumentError(error.what());
+    return InvalidArgument(error.what());
   }
 }
 

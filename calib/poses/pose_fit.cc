@@ -24,17 +24,17 @@ const std::string& NameOf(const PoseNetwork& network, const BoardPose& board_pos
 }
 
 // Loose boards that one view saw in a frame say nothing of the view's pose.
-std::vector<bool> TellingLooks(const PoseNetwork& network) {
+std::vector<bool> UsableLooks(const PoseNetwork& network) {
   std::map<int, int> looks_of_board;
   for (const Look& look : network.looks) ++looks_of_board[look.board_pose];
-  std::vector<bool> telling;
+  std::vector<bool> usable;
   for (const Look& look : network.looks) {
     const BoardPose& board = network.board_poses[look.board_pose];
     const bool loose = network.boards[board.board].place == BoardPlace::kLoose;
-    telling.push_back(board.pose && network.camera_poses[look.view] &&
-                      !(loose && looks_of_board[look.board_pose] == 1));
+    usable.push_back(board.pose && network.camera_poses[look.view] &&
+                     !(loose && looks_of_board[look.board_pose] == 1));
   }
-  return telling;
+  return usable;
 }
 
 void AddPoses(const PoseNetwork& network, const RobotNoise& noise, Bundle& bundle) {
@@ -44,24 +44,20 @@ void AddPoses(const PoseNetwork& network, const RobotNoise& noise, Bundle& bundl
                               .pose = *network.camera_poses[i]});
   }
   for (const RobotPose& robot : network.robot_poses) {
-    bundle.flanges.push_back({.name = absl::StrCat("the flange in frame '", robot.frame, "'"),
-                              .pose = robot.base_from_flange,
-                              .has_prior = true,
-                              .measured = robot.base_from_flange,
-                              .position_sigma = noise.position_sigma,
-                              .rotation_sigma = noise.rotation_sigma,
-                              .constant = true});
+    BundlePose pose =
+        MeasuredPose(robot.base_from_flange, noise.position_sigma, noise.rotation_sigma);
+    pose.name = absl::StrCat("the flange in frame '", robot.frame, "'");
+    pose.constant = true;
+    bundle.flanges.push_back(std::move(pose));
   }
   for (const BoardPose& board_pose : network.board_poses) {
     const PoseBoard& board = network.boards[board_pose.board];
-    BundlePose pose{.name = absl::StrCat("the board '", NameOf(network, board_pose), "'")};
-    if (board_pose.pose) pose.pose = *board_pose.pose;
+    BundlePose pose;
     if (board.place == BoardPlace::kSurveyed) {
-      pose.has_prior = true;
-      pose.measured = board.base_from_board;
-      pose.position_sigma = board.position_sigma;
-      pose.rotation_sigma = board.rotation_sigma;
+      pose = MeasuredPose(board.base_from_board, board.position_sigma, board.rotation_sigma);
     }
+    pose.name = absl::StrCat("the board '", NameOf(network, board_pose), "'");
+    pose.pose = board_pose.pose.value_or(Eigen::Isometry3d::Identity());
     bundle.board_poses.push_back(std::move(pose));
   }
   bundle.sizes.assign(network.boards.size(), 1);
@@ -71,21 +67,11 @@ void AddPoses(const PoseNetwork& network, const RobotNoise& noise, Bundle& bundl
 Bundle BundleOf(const PoseNetwork& network, const RobotNoise& noise) {
   Bundle bundle;
   AddPoses(network, noise, bundle);
-  const std::vector<bool> telling = TellingLooks(network);
+  const std::vector<bool> usable = UsableLooks(network);
   for (size_t i = 0; i < network.looks.size(); ++i) {
-    if (!telling[i]) continue;
-    const Look& look = network.looks[i];
-    for (size_t k = 0; k < look.corners.size(); ++k) {
-      bundle.corners.push_back({.camera = look.view,
-                                .flange = look.flange,
-                                .camera_on_flange = network.views[look.view].on_flange,
-                                .board_pose = look.board_pose,
-                                .size = network.board_poses[look.board_pose].board,
-                                .point = look.corners[k].point,
-                                .pixel = look.corners[k].pixel,
-                                .sigma = look.corners[k].sigma,
-                                .look = i,
-                                .place = k});
+    if (!usable[i]) continue;
+    for (size_t k = 0; k < network.looks[i].corners.size(); ++k) {
+      bundle.corners.push_back(CornerOf(network, i, k));
     }
   }
   return bundle;
@@ -123,13 +109,28 @@ void FindMedians(const RobotNoise& noise, PoseFit& fit) {
 
 // Whether anything at all ties something to the robot's base.
 bool HasBase(const PoseNetwork& network) {
-  return std::any_of(network.looks.begin(), network.looks.end(), [&](const Look& look) {
+  return std::ranges::any_of(network.looks, [&](const Look& look) {
     const int board = network.board_poses[look.board_pose].board;
     return look.flange >= 0 || network.boards[board].place == BoardPlace::kSurveyed;
   });
 }
 
 }  // namespace
+
+BundleCorner CornerOf(const PoseNetwork& network, size_t look, size_t place) {
+  const Look& of = network.looks[look];
+  const LookCorner& corner = of.corners[place];
+  return {.camera = of.view,
+          .flange = of.flange,
+          .camera_on_flange = network.views[of.view].on_flange,
+          .board_pose = of.board_pose,
+          .size = network.board_poses[of.board_pose].board,
+          .point = corner.point,
+          .pixel = corner.pixel,
+          .sigma = corner.sigma,
+          .look = look,
+          .place = place};
+}
 
 bool AdjustStepwise(Bundle& bundle, double robust) {
   // The first residuals are those of the seeds: many sigmas, as the solver could not see else.
@@ -150,17 +151,17 @@ bool AdjustStepwise(Bundle& bundle, double robust) {
 absl::StatusOr<PoseFit> FitWithExactRobot(const PoseProblem& problem) {
   ASSIGN_OR_RETURN(PoseNetwork network, NetworkOf(problem));
   if (!HasBase(network)) {
-    return absl::FailedPreconditionError(
+    return FailedPrecondition(
         "nothing says where the robot's base is: only boards were seen whose place is not known; "
         "put one on the flange and give the robot's poses, or survey one");
   }
   FindCandidates(network);
   const std::vector<std::string> reasons = SeedPoses(network);
-  if (!reasons.empty()) return absl::FailedPreconditionError(absl::StrJoin(reasons, "; "));
+  if (!reasons.empty()) return FailedPrecondition(absl::StrJoin(reasons, "; "));
   PoseFit fit{.network = std::move(network), .bundle{}, .median_px{}, .expected_px{}};
   fit.bundle = BundleOf(fit.network, problem.robot_noise);
   FindResiduals(fit.bundle);
-  // Where it fails the residuals stay large, which is what counts.
+  // If it fails, the residuals stay large, and the checks find them.
   AdjustStepwise(fit.bundle, kRobust);
   FindMedians(problem.robot_noise, fit);
   return fit;
@@ -242,24 +243,24 @@ absl::Status CheckOutliers(const Bundle& bundle) {
       share.left_out += corner.used ? 0 : 1;
     }
     if (share.TooMuch()) {
-      return absl::FailedPreconditionError(absl::StrFormat(
+      return FailedPrecondition(absl::StrFormat(
           "%s: %.0f of %.0f corners do not fit the rest; see whether its lens, the boards' "
           "description and the frames' names are right",
           bundle.cameras[view].name, share.left_out, share.all));
     }
   }
   if (const Share robot = ShareOf(bundle.flanges); robot.TooMuch()) {
-    return absl::FailedPreconditionError(
-        absl::StrCat(robot.left_out, " of ", robot.all,
-                     " poses of the robot do not fit what was seen; see whether they belong to "
-                     "these frames"));
+    return FailedPrecondition(
+        robot.left_out, " of ", robot.all,
+        " poses of the robot do not fit what was seen; see whether they belong to "
+        "these frames");
   }
   if (const Share survey = ShareOf(bundle.board_poses); survey.TooMuch()) {
-    return absl::FailedPreconditionError(absl::StrCat(
+    return FailedPrecondition(
         "the survey contradicts what was seen, or the robot's poses: ", survey.left_out, " of ",
         survey.all,
         " surveyed boards do not fit; see whether both are in the robot's base frame, "
-        "in metres, and the boards' origins and axes as in their description"));
+        "in metres, and the boards' origins and axes as in their description");
   }
   return absl::OkStatus();
 }

@@ -9,8 +9,8 @@
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
 #include "calib/poses/pose_bundle.h"
+#include "calib/poses/pose_calibration.h"
 #include "calib/poses/pose_network.h"
-#include "calib/poses/pose_solution.h"
 
 namespace silhouette {
 
@@ -21,6 +21,9 @@ struct PoseFit {
   std::vector<double> median_px;
   std::vector<double> expected_px;
 };
+
+// A corner of a look; its board's pose and size are to be set where they differ from the network's.
+BundleCorner CornerOf(const PoseNetwork& network, size_t look, size_t place);
 
 // Errors as those of CalibratePoses, except for what only a contradiction in the data shows.
 absl::StatusOr<PoseFit> FitWithExactRobot(const PoseProblem& problem);

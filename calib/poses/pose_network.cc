@@ -40,9 +40,7 @@ Names NamesOf(const PoseProblem& problem) {
 // The index of the board that has the tag; -1 if none has.
 int BoardOf(const std::vector<PoseBoard>& boards, const TagSighting& seen) {
   for (size_t i = 0; i < boards.size(); ++i) {
-    if (boards[i].board.description().family == seen.family && boards[i].board.HasTag(seen.tag)) {
-      return static_cast<int>(i);
-    }
+    if (boards[i].board.HasTag(seen.family, seen.tag)) return static_cast<int>(i);
   }
   return -1;
 }
@@ -83,13 +81,13 @@ class LookSorter {
   absl::Status Finish() {
     const std::vector<std::string> without(without_pose_.begin(), without_pose_.end());
     if (!without.empty() && !with_pose_) {
-      return absl::FailedPreconditionError(absl::StrCat(
+      return FailedPrecondition(
           "no frame has a pose of the robot: ",
           problem_.robot_poses.empty()
               ? std::string("give the robot's poses, as a board or a view is on the flange")
               : absl::StrCat("sightings are of frames like '", without.front(),
                              "', poses of frames like '", problem_.robot_poses.front().frame,
-                             "'; call them alike")));
+                             "'; call them alike"));
     }
     if (!without.empty()) {
       network_.warnings.push_back(absl::StrCat(
@@ -174,7 +172,7 @@ absl::StatusOr<PoseNetwork> NetworkOf(const PoseProblem& problem) {
     try {
       network.lenses.emplace_back(view.lens);
     } catch (const std::invalid_argument& error) {
-      return absl::InvalidArgumentError(absl::StrCat("view '", view.name, "': ", error.what()));
+      return InvalidArgument("view '", view.name, "': ", error.what());
     }
   }
   const Names names = NamesOf(problem);

@@ -23,17 +23,15 @@ absl::Status CheckRobotPoses(const PoseProblem& problem) {
   std::set<std::string> frames;
   for (const RobotPose& pose : problem.robot_poses) {
     if (!frames.insert(pose.frame).second) {
-      return absl::InvalidArgumentError(
-          absl::StrCat("frame '", pose.frame, "' has two poses of the robot; leave one"));
+      return InvalidArgument("frame '", pose.frame, "' has two poses of the robot; leave one");
     }
     const Eigen::Matrix3d rotation = pose.base_from_flange.linear();
     if (!pose.base_from_flange.matrix().allFinite() ||
         !(rotation * rotation.transpose()).isIdentity(1e-6)) {
-      return absl::InvalidArgumentError(
-          absl::StrCat("the robot's pose of frame '", pose.frame, "' is not one"));
+      return InvalidArgument("the robot's pose of frame '", pose.frame, "' is not one");
     }
     if (pose.base_from_flange.translation().norm() > kFarthestFlange) {
-      return absl::FailedPreconditionError(absl::StrFormat(
+      return FailedPrecondition(absl::StrFormat(
           "the robot's pose of frame '%s' is %.0f m from its base; it looks as if positions are in "
           "millimetres; give metres",
           pose.frame, pose.base_from_flange.translation().norm()));
@@ -46,7 +44,7 @@ absl::Status CheckViews(const PoseProblem& problem) {
   std::set<std::string> views;
   for (const PoseView& view : problem.views) {
     if (!views.insert(view.name).second) {
-      return absl::InvalidArgumentError(absl::StrCat("view '", view.name, "' is there twice"));
+      return InvalidArgument("view '", view.name, "' is there twice");
     }
   }
   return absl::OkStatus();
@@ -58,19 +56,17 @@ absl::Status CheckBoardsOf(const PoseProblem& problem) {
   for (const PoseBoard& board : problem.boards) {
     const BoardDescription& d = board.board.description();
     if (!boards.insert(d.name).second) {
-      return absl::InvalidArgumentError(absl::StrCat("board '", d.name, "' is there twice"));
+      return InvalidArgument("board '", d.name, "' is there twice");
     }
     if (board.place == BoardPlace::kSurveyed &&
         (!(board.position_sigma > 0) || !(board.rotation_sigma > 0))) {
-      return absl::InvalidArgumentError(
-          absl::StrCat("the survey of board '", d.name, "' must have positive sigmas"));
+      return InvalidArgument("the survey of board '", d.name, "' must have positive sigmas");
     }
     for (int tag = d.first_id; tag < d.first_id + board.board.tags(); ++tag) {
       const auto [other, added] = tags.emplace(std::pair(d.family, tag), d.name);
       if (!added) {
-        return absl::InvalidArgumentError(absl::StrCat("tag ", tag, " (", d.family,
-                                                       ") is on the boards '", other->second,
-                                                       "' and '", d.name, "'"));
+        return InvalidArgument("tag ", tag, " (", d.family, ") is on the boards '", other->second,
+                               "' and '", d.name, "'");
       }
     }
   }
@@ -78,12 +74,11 @@ absl::Status CheckBoardsOf(const PoseProblem& problem) {
 }
 
 absl::Status CheckSighting(const TagSighting& seen) {
-  const bool finite = std::all_of(seen.corners.begin(), seen.corners.end(),
-                                  [](const Eigen::Vector2d& corner) { return corner.allFinite(); });
+  const bool finite = std::ranges::all_of(
+      seen.corners, [](const Eigen::Vector2d& corner) { return corner.allFinite(); });
   if (finite && seen.sigma > 0 && std::isfinite(seen.sigma)) return absl::OkStatus();
-  return absl::InvalidArgumentError(absl::StrCat("frame '", seen.frame, "', view '", seen.view,
-                                                 "', tag ", seen.tag,
-                                                 ": corners must be finite and sigma positive"));
+  return InvalidArgument("frame '", seen.frame, "', view '", seen.view, "', tag ", seen.tag,
+                         ": corners must be finite and sigma positive");
 }
 
 absl::Status CheckSightings(const PoseProblem& problem) {
@@ -93,13 +88,12 @@ absl::Status CheckSightings(const PoseProblem& problem) {
   for (const TagSighting& seen : problem.sightings) {
     RETURN_IF_ERROR(CheckSighting(seen));
     if (!views.contains(seen.view)) {
-      return absl::InvalidArgumentError(absl::StrCat("tags were seen by view '", seen.view,
-                                                     "', of which there is no camera model"));
+      return InvalidArgument("tags were seen by view '", seen.view,
+                             "', of which there is no camera model");
     }
     if (!tags.insert({seen.frame, seen.view, seen.family, seen.tag}).second) {
-      return absl::InvalidArgumentError(absl::StrCat("frame '", seen.frame, "', view '", seen.view,
-                                                     "' has tag ", seen.tag,
-                                                     " twice; a frame must be one image"));
+      return InvalidArgument("frame '", seen.frame, "', view '", seen.view, "' has tag ", seen.tag,
+                             " twice; a frame must be one image");
     }
   }
   return absl::OkStatus();
@@ -125,11 +119,11 @@ absl::Status CheckMirrored(const PoseProblem& problem) {
   }
   for (const auto& [view, counts] : wrong_of_all) {
     if (counts.first > 0.5 * counts.second) {
-      return absl::FailedPreconditionError(
-          absl::StrCat("view '", view, "': the tags' corners go round the wrong way in ",
-                       counts.first, " of ", counts.second,
-                       " sightings, so the images or the tags are mirrored, or the corners are not "
-                       "in the order bottom left, bottom right, top right, top left"));
+      return FailedPrecondition(
+          "view '", view, "': the tags' corners go round the wrong way in ", counts.first, " of ",
+          counts.second,
+          " sightings, so the images or the tags are mirrored, or the corners are not "
+          "in the order bottom left, bottom right, top right, top left");
     }
   }
   return absl::OkStatus();
@@ -142,21 +136,18 @@ absl::Status CheckSameImages(const PoseProblem& problem) {
   std::map<std::tuple<std::string, std::string, int, double, double>, std::string> frames;
   for (const TagSighting& seen : problem.sightings) {
     const bool moves =
-        on_flange[seen.view] ||
-        std::any_of(problem.boards.begin(), problem.boards.end(), [&](const PoseBoard& board) {
-          return board.place == BoardPlace::kFlange &&
-                 board.board.description().family == seen.family && board.board.HasTag(seen.tag);
+        on_flange[seen.view] || std::ranges::any_of(problem.boards, [&](const PoseBoard& board) {
+          return board.place == BoardPlace::kFlange && board.board.HasTag(seen.family, seen.tag);
         });
     if (!moves) continue;
     const auto [other, added] = frames.emplace(
         std::tuple(seen.view, seen.family, seen.tag, seen.corners[0].x(), seen.corners[0].y()),
         seen.frame);
     if (!added) {
-      return absl::FailedPreconditionError(
-          absl::StrCat("view '", seen.view, "' has the same image in the frames '", other->second,
-                       "' and '", seen.frame,
-                       "'; leave out the one that does not belong to its "
-                       "pose of the robot"));
+      return FailedPrecondition("view '", seen.view, "' has the same image in the frames '",
+                                other->second, "' and '", seen.frame,
+                                "'; leave out the one that does not belong to its "
+                                "pose of the robot");
     }
   }
   return absl::OkStatus();
@@ -165,11 +156,11 @@ absl::Status CheckSameImages(const PoseProblem& problem) {
 }  // namespace
 
 absl::Status CheckProblem(const PoseProblem& problem) {
-  if (problem.views.empty()) return absl::InvalidArgumentError("there is no view");
-  if (problem.sightings.empty()) return absl::FailedPreconditionError("no tag was seen");
+  if (problem.views.empty()) return InvalidArgument("there is no view");
+  if (problem.sightings.empty()) return FailedPrecondition("no tag was seen");
   const RobotNoise& noise = problem.robot_noise;
   if (!(noise.position_sigma > 0) || !(noise.rotation_sigma > 0)) {
-    return absl::InvalidArgumentError("the robot's sigmas must be positive");
+    return InvalidArgument("the robot's sigmas must be positive");
   }
   for (const auto check : {CheckViews, CheckBoardsOf, CheckRobotPoses, CheckSightings,
                            CheckSameImages, CheckMirrored}) {

@@ -51,7 +51,7 @@ struct RobotPose {
   Eigen::Isometry3d base_from_flange = Eigen::Isometry3d::Identity();
 };
 
-// How exactly the robot goes where it says: standard deviations per axis.
+// Errors of the robot's reported poses: standard deviations per axis.
 struct RobotNoise {
   double position_sigma = 0.2e-3;
   double rotation_sigma = 0.02 * kDegree;

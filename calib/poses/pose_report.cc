@@ -38,10 +38,8 @@ Eigen::AlignedBox3d SeenSpace(const PoseFit& fit, bool on_flange) {
   Eigen::AlignedBox3d box;
   for (const BundleCorner& corner : fit.bundle.corners) {
     if (!corner.used || corner.camera_on_flange != on_flange) continue;
-    Eigen::Isometry3d link = Eigen::Isometry3d::Identity();
-    if (corner.flange >= 0) link = fit.bundle.flanges[corner.flange].pose;
-    if (corner.camera_on_flange) link = link.inverse();
-    box.extend(link * fit.bundle.board_poses[corner.board_pose].pose * corner.point);
+    box.extend(fit.bundle.LinkOf(corner) * fit.bundle.board_poses[corner.board_pose].pose *
+               corner.point);
   }
   return box;
 }
@@ -50,16 +48,10 @@ void FindWorkspaceSigma(const Eigen::AlignedBox3d& box, SolvedView& view) {
   constexpr int kSteps = 4;
   if (box.isEmpty()) return;
   double sum = 0;
-  for (int i = 0; i <= kSteps; ++i) {
-    for (int j = 0; j <= kSteps; ++j) {
-      for (int k = 0; k <= kSteps; ++k) {
-        const Eigen::Vector3d share = Eigen::Vector3d(i, j, k) / kSteps;
-        const double sigma =
-            PointSigma(view.covariance, box.min() + share.cwiseProduct(box.sizes()));
-        sum += sigma * sigma;
-        view.workspace_sigma_worst = std::max(view.workspace_sigma_worst, sigma);
-      }
-    }
+  for (const Eigen::Vector3d& point : PointsOf(box, kSteps)) {
+    const double sigma = PointSigma(view.covariance, point);
+    sum += sigma * sigma;
+    view.workspace_sigma_worst = std::max(view.workspace_sigma_worst, sigma);
   }
   view.workspace_sigma = std::sqrt(sum / std::pow(kSteps + 1, 3));
 }

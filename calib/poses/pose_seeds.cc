@@ -54,10 +54,8 @@ Poses PosesBy(const CameraModel& lens, const std::vector<LookCorner>& corners) {
 
 // The two that explain the whole look best.
 void KeepBest(const CameraModel& lens, const Look& look, Poses& poses) {
-  std::stable_sort(poses.begin(), poses.end(),
-                   [&](const Eigen::Isometry3d& a, const Eigen::Isometry3d& b) {
-                     return MedianError(lens, look, a) < MedianError(lens, look, b);
-                   });
+  std::ranges::stable_sort(
+      poses, {}, [&](const Eigen::Isometry3d& pose) { return MedianError(lens, look, pose); });
   if (poses.size() > 2) poses.resize(2);
 }
 

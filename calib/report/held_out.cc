@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "calib/report/held_out.h"
+#include "calib/poses/pose_fit.h"
+#include "calib/report/view_errors.h"
 
 #include <algorithm>
 #include <cmath>
@@ -11,7 +12,6 @@
 #include "calib/fundamental/epipolar_geometry.h"
 #include "calib/poses/pose_bundle.h"
 #include "calib/poses/pose_network.h"
-#include "calib/report/view_errors.h"
 
 namespace silhouette {
 namespace {
@@ -60,15 +60,11 @@ class FrameBundle {
     for (size_t place = 0; place < look.corners.size(); ++place) {
       const LookCorner& corner = look.corners[place];
       if (task_.outliers.contains({task_.sightings[corner.sighting], corner.corner})) continue;
-      bundle_.corners.push_back({.camera = look.view,
-                                 .flange = flange,
-                                 .camera_on_flange = network_.views[look.view].on_flange,
-                                 .board_pose = board,
-                                 .point = corner.point,
-                                 .pixel = corner.pixel,
-                                 .sigma = corner.sigma * image_factor_,
-                                 .look = index,
-                                 .place = place});
+      BundleCorner& added = bundle_.corners.emplace_back(CornerOf(network_, index, place));
+      added.flange = flange;
+      added.board_pose = board;
+      added.size = 0;
+      added.sigma *= image_factor_;
     }
   }
 
@@ -76,17 +72,12 @@ class FrameBundle {
     if (!bundle_.flanges.empty()) return 0;
     const RobotPose& robot = network_.robot_poses[look.flange];
     const double factor = std::max(1.0, task_.training.robot_noise_factor);
-    const auto frame =
-        std::find_if(task_.full.frames.begin(), task_.full.frames.end(),
-                     [&](const SolvedFrame& solved) { return solved.name == robot.frame; });
-    bundle_.flanges.push_back({.name{},
-                               .pose = robot.base_from_flange,
-                               .has_prior = true,
-                               .measured = robot.base_from_flange,
-                               .position_sigma = factor * task_.problem.robot_noise.position_sigma,
-                               .rotation_sigma = factor * task_.problem.robot_noise.rotation_sigma,
-                               .left_out = frame != task_.full.frames.end() && frame->robot_outlier,
-                               .constant = task_.problem.robot_exact});
+    const auto frame = std::ranges::find(task_.full.frames, robot.frame, &SolvedFrame::name);
+    const RobotNoise& noise = task_.problem.robot_noise;
+    BundlePose& flange = bundle_.flanges.emplace_back(MeasuredPose(
+        robot.base_from_flange, factor * noise.position_sigma, factor * noise.rotation_sigma));
+    flange.left_out = frame != task_.full.frames.end() && frame->robot_outlier;
+    flange.constant = task_.problem.robot_exact;
     return 0;
   }
 
@@ -96,21 +87,16 @@ class FrameBundle {
         places_.emplace(look.board_pose, static_cast<int>(bundle_.board_poses.size()));
     if (!added) return place->second;
     const PoseBoard& board = network_.boards[network_.board_poses[look.board_pose].board];
-    const auto solved = std::find_if(
-        task_.training.boards.begin(), task_.training.boards.end(),
-        [&](const SolvedBoard& known) { return known.name == board.board.description().name; });
+    const auto solved = std::ranges::find(task_.training.boards, board.board.description().name,
+                                          &SolvedBoard::name);
     BundlePose pose;
     if (board.place != BoardPlace::kLoose && solved != task_.training.boards.end()) {
       pose.pose = solved->pose;
       pose.constant = true;
     } else if (board.place == BoardPlace::kSurveyed) {
       const double factor = std::max(1.0, task_.training.survey_noise_factor);
-      pose = {.name{},
-              .pose = board.base_from_board,
-              .has_prior = true,
-              .measured = board.base_from_board,
-              .position_sigma = factor * board.position_sigma,
-              .rotation_sigma = factor * board.rotation_sigma};
+      pose = MeasuredPose(board.base_from_board, factor * board.position_sigma,
+                          factor * board.rotation_sigma);
     } else if (board.place != BoardPlace::kLoose) {
       return place->second = -1;
     }
@@ -163,8 +149,7 @@ class FrameBundle {
   void PredictView(int view, std::vector<HeldOutCorner>& predicted) {
     for (BundleCorner& corner : bundle_.corners) corner.used = corner.camera != view;
     SeedLooseBoards();
-    const bool others = std::any_of(bundle_.corners.begin(), bundle_.corners.end(),
-                                    [](const BundleCorner& corner) { return corner.used; });
+    const bool others = std::ranges::any_of(bundle_.corners, &BundleCorner::used);
     if (others) {
       Adjust(bundle_, 0);
       FindCovariances(bundle_);
@@ -194,9 +179,7 @@ class FrameBundle {
     const CameraModel& lens = network_.lenses[corner.camera];
     const Eigen::Isometry3d& camera = bundle_.cameras[corner.camera].pose;
     const BundlePose& board = bundle_.board_poses[corner.board_pose];
-    Eigen::Isometry3d link = Eigen::Isometry3d::Identity();
-    if (corner.flange >= 0) link = bundle_.flanges[corner.flange].pose;
-    if (corner.camera_on_flange) link = link.inverse();
+    const Eigen::Isometry3d link = bundle_.LinkOf(corner);
     double sum = 2 * corner.sigma * corner.sigma;
     const auto add = [&](const std::optional<Eigen::Matrix<double, 2, 6>>& by,
                          const std::optional<PoseCovariance>& covariance) {

@@ -1,25 +1,161 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "calib/report/make_report.h"
-
+// MakeReport.
 #include <algorithm>
+#include <array>
 #include <cmath>
+#include <cstddef>
 #include <map>
 #include <numbers>
 #include <set>
 #include <string>
 #include <utility>
+#include <vector>
 
 #include "absl/status/status.h"
 #include "absl/strings/str_cat.h"
 #include "calib/poses/pose_calibration.h"
 #include "calib/poses/pose_network.h"
 #include "calib/poses/pose_problem.h"
-#include "calib/report/held_out.h"
-#include "calib/report/problem_parts.h"
+#include "calib/report/quality_report.h"
 #include "calib/report/view_errors.h"
 
 namespace silhouette {
 namespace {
+
+constexpr int kLeast = 4;  // of what is left out in turn
+
+// Per sighting the place of its surveyed board among these; -1: it is of none.
+std::vector<int> SurveyedBoardsOf(const PoseProblem& problem) {
+  std::vector<int> boards;
+  for (const TagSighting& seen : problem.sightings) {
+    int place = 0;
+    int found = -1;
+    for (const PoseBoard& board : problem.boards) {
+      if (board.place != BoardPlace::kSurveyed) continue;
+      if (board.board.HasTag(seen.family, seen.tag)) found = place;
+      ++place;
+    }
+    boards.push_back(found);
+  }
+  return boards;
+}
+
+std::map<std::string, int> PlacesOf(const std::vector<std::string>& frames) {
+  std::map<std::string, int> places;
+  for (const std::string& frame : frames) places.emplace(frame, static_cast<int>(places.size()));
+  return places;
+}
+
+struct SightingGroups {
+  HeldOutBy by = HeldOutBy::kNothing;
+  int count = 0;
+  std::vector<int> group;  // per sighting
+};
+
+struct LeftOutPart {
+  PoseSolution solution;
+  std::vector<size_t> left_out;  // sightings
+};
+
+// All frames with sightings: those with a pose of the robot in the order in which it drove, then
+// the others as they come.
+std::vector<std::string> FramesInOrder(const PoseProblem& problem) {
+  std::set<std::string> seen;
+  for (const TagSighting& sighting : problem.sightings) seen.insert(sighting.frame);
+  std::vector<std::string> frames;
+  const auto take = [&](const std::string& frame) {
+    if (seen.erase(frame) > 0) frames.push_back(frame);
+  };
+  for (const RobotPose& pose : problem.robot_poses) take(pose.frame);
+  for (const TagSighting& sighting : problem.sightings) take(sighting.frame);
+  return frames;
+}
+
+// Groups alike in size: of frames, one after the other into the next group; of surveyed boards
+// where there are fewer than four frames; none where there are fewer than four of these too.
+SightingGroups GroupsOf(const PoseProblem& problem, int groups) {
+  SightingGroups result;
+  const std::vector<std::string> frames = FramesInOrder(problem);
+  if (static_cast<int>(frames.size()) >= kLeast) {
+    result.by = HeldOutBy::kFrames;
+    result.count = std::min(groups, static_cast<int>(frames.size()));
+    const std::map<std::string, int> places = PlacesOf(frames);
+    for (const TagSighting& seen : problem.sightings) {
+      result.group.push_back(places.at(seen.frame) % result.count);
+    }
+    return result;
+  }
+  std::vector<int> boards = SurveyedBoardsOf(problem);
+  const int count =
+      static_cast<int>(std::set<int>(boards.begin(), boards.end()).size() -
+                       static_cast<size_t>(std::ranges::count(boards, -1) > 0 ? 1 : 0));
+  if (count < kLeast) return result;
+  result.by = HeldOutBy::kBoards;
+  result.count = std::min(groups, count);
+  for (const int board : boards) result.group.push_back(board < 0 ? -1 : board % result.count);
+  return result;
+}
+
+// Per sighting 0 for the first half of the frames in order, else 1: of those with a pose of the
+// robot and of the others by themselves. None of fewer than four frames.
+SightingGroups HalvesOf(const PoseProblem& problem) {
+  SightingGroups result;
+  std::set<std::string> driven;
+  for (const RobotPose& pose : problem.robot_poses) driven.insert(pose.frame);
+  std::array<std::vector<std::string>, 2> kinds;
+  for (const std::string& frame : FramesInOrder(problem)) {
+    kinds[driven.contains(frame) ? 0 : 1].push_back(frame);
+  }
+  if (static_cast<int>(kinds[0].size() + kinds[1].size()) < kLeast) return result;
+  result.by = HeldOutBy::kFrames;
+  result.count = 2;
+  std::map<std::string, int> half;
+  for (const std::vector<std::string>& frames : kinds) {
+    for (size_t i = 0; i < frames.size(); ++i) half[frames[i]] = 2 * i < frames.size() ? 0 : 1;
+  }
+  for (const TagSighting& seen : problem.sightings) result.group.push_back(half.at(seen.frame));
+  return result;
+}
+
+// The problem with the sightings of one group alone (`inside`), or with all others.
+PoseProblem PartOf(const PoseProblem& problem, const SightingGroups& groups, int group,
+                   bool inside) {
+  PoseProblem part = problem;
+  part.sightings.clear();
+  for (size_t i = 0; i < problem.sightings.size(); ++i) {
+    if ((groups.group[i] == group) == inside) part.sightings.push_back(problem.sightings[i]);
+  }
+  return part;
+}
+
+// One per group, but for those without which there is no calibration: of these `report` is warned.
+// Fills what the report says of groups.
+std::vector<LeftOutPart> SolveWithoutEach(const PoseProblem& problem, const SightingGroups& groups,
+                                          QualityReport& report) {
+  std::vector<LeftOutPart> parts;
+  std::vector<std::string> failed;
+  for (int group = 0; group < groups.count; ++group) {
+    absl::StatusOr<PoseSolution> solution = CalibratePoses(PartOf(problem, groups, group, false));
+    if (!solution.ok()) {
+      failed.emplace_back(solution.status().message());
+      continue;
+    }
+    LeftOutPart part{.solution = *std::move(solution), .left_out{}};
+    for (size_t i = 0; i < groups.group.size(); ++i) {
+      if (groups.group[i] == group) part.left_out.push_back(i);
+    }
+    parts.push_back(std::move(part));
+  }
+  if (!failed.empty()) {
+    report.warnings.push_back(absl::StrCat(
+        "there is no calibration if ", failed.size() == 1 ? "one" : absl::StrCat(failed.size()),
+        " of ", groups.count, " groups of ", groups.by == HeldOutBy::kFrames ? "frames" : "boards",
+        " is left out: ", failed.front()));
+  }
+  report.held_out_by = parts.empty() ? HeldOutBy::kNothing : groups.by;
+  report.groups = static_cast<int>(parts.size());
+  return parts;
+}
 
 class Maker {
  public:
@@ -214,8 +350,8 @@ class Maker {
   void CompareHalves() {
     const SightingGroups halves = HalvesOf(problem_);
     if (halves.count < 2) return;
-    const absl::StatusOr<PoseSolution> first = CalibratePoses(Only(problem_, halves, 0));
-    const absl::StatusOr<PoseSolution> second = CalibratePoses(Only(problem_, halves, 1));
+    const absl::StatusOr<PoseSolution> first = CalibratePoses(PartOf(problem_, halves, 0, true));
+    const absl::StatusOr<PoseSolution> second = CalibratePoses(PartOf(problem_, halves, 1, true));
     if (!first.ok() || !second.ok()) {
       report_.warnings.push_back(absl::StrCat(
           "the ", first.ok() ? "second" : "first",

@@ -2,9 +2,9 @@
 #include "calib/report/quality_report.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 
-#include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
 #include "calib/poses/pose_problem.h"
 
@@ -22,6 +22,11 @@ Grade GradeOfRatio(double px, double expected, double good, double bad) {
   if (!(expected > 0)) return Grade::kUnknown;
   if (px < good * expected) return Grade::kGood;
   return px < bad * expected ? Grade::kFair : Grade::kBad;
+}
+
+Grade GradeAbove(double value, double good, double fair) {
+  if (value > good) return Grade::kGood;
+  return value > fair ? Grade::kFair : Grade::kBad;
 }
 
 const HeldOutError* HeldOutOf(const QualityReport& report, const std::string& view) {
@@ -47,63 +52,59 @@ class Warnings {
           "surveyed boards; errors are those of the fit, and promise too much");
     }
     if (report_.dof > 0 && report_.chi2_per_dof < 0.4) {
-      Say(
-          absl::StrFormat("errors are smaller than the stated sigmas explain (chi2/dof %.2f): "
-                          "what is predicted is too careful",
-                          report_.chi2_per_dof));
+      Say("errors are smaller than the stated sigmas explain (chi2/dof %.2f): "
+          "what is predicted is too careful",
+          report_.chi2_per_dof);
     }
     return all_;
   }
 
  private:
-  void Say(std::string sentence) { all_.push_back(std::move(sentence)); }
+  template <typename... Values>
+  void Say(const absl::FormatSpec<Values...>& format, const Values&... values) {
+    all_.push_back(absl::StrFormat(format, values...));
+  }
 
   void OfImages(const ReportView& view) {
     if (view.corners == 0) {
-      Say(absl::StrFormat("view '%s' saw no tag of a board", view.name));
+      Say("view '%s' saw no tag of a board", view.name);
       return;
     }
     const bool by_frames = report_.held_out_by == HeldOutBy::kFrames;
     if (by_frames && view.frames < kFewFrames) {
-      Say(absl::StrFormat("view '%s' saw boards in only %d frames; twenty make a good camera",
-                          view.name, view.frames));
+      Say("view '%s' saw boards in only %d frames; twenty make a good camera", view.name,
+          view.frames);
     }
     if (InOnePlace(view)) {
-      Say(
-          absl::StrFormat("all boards of view '%s' were in one place of its image, over %.0f %% of "
-                          "its width and %.0f %% of its height; bring them to its rim too",
-                          view.name, 100 * view.span_x, 100 * view.span_y));
+      Say("all boards of view '%s' were in one place of its image, over %.0f %% of "
+          "its width and %.0f %% of its height; bring them to its rim too",
+          view.name, 100 * view.span_x, 100 * view.span_y);
     } else if (view.predicted.points > 0 && GradeOfCoverage(view) == Grade::kBad) {
-      Say(
-          absl::StrFormat("view '%s' saw boards in only %.0f %% of where its image shows the "
-                          "workspace; bring them to the rest",
-                          view.name, 100 * view.reached));
+      Say("view '%s' saw boards in only %.0f %% of where its image shows the "
+          "workspace; bring them to the rest",
+          view.name, 100 * view.reached);
     }
     if (GradeOfTilt(view) == Grade::kBad) {
-      Say(
-          absl::StrFormat("view '%s' saw too few tilts: about one axis the boards turned by %.1f "
-                          "deg only; tilt them by 20 deg and more about two axes",
-                          view.name, *view.tilt_deg));
+      Say("view '%s' saw too few tilts: about one axis the boards turned by %.1f "
+          "deg only; tilt them by 20 deg and more about two axes",
+          view.name, *view.tilt_deg);
     }
   }
 
   void OfErrors(const ReportView& view) {
     if (GradeOf(view.held_out) == Grade::kBad) {
-      Say(
-          absl::StrFormat("view '%s' is off by %.3f px in images that it was not calibrated from, "
-                          "where %.3f were to be expected; see its map of residuals, whether its "
-                          "lens is right, and whether it stood still",
-                          view.name, view.held_out.px, view.held_out.expected_px));
+      Say("view '%s' is off by %.3f px in images that it was not calibrated from, "
+          "where %.3f were to be expected; see its map of residuals, whether its "
+          "lens is right, and whether it stood still",
+          view.name, view.held_out.px, view.held_out.expected_px);
     }
     if (view.repeatability && GradeOf(*view.repeatability, view.predicted) == Grade::kBad) {
-      Say(
-          absl::StrFormat("view '%s' is not stable: by which frames are left out, points of the "
-                          "workspace move by %.3f px, where %.3f are predicted",
-                          view.name, view.repeatability->px, view.predicted.px));
+      Say("view '%s' is not stable: by which frames are left out, points of the "
+          "workspace move by %.3f px, where %.3f are predicted",
+          view.name, view.repeatability->px, view.predicted.px);
     }
     if (report_.refusal.empty() && view.predicted.points == 0) {
-      Say(absl::StrFormat("view '%s' shows nothing of the workspace (%s)", view.name,
-                          report_.workspace));
+      Say("view '%s' shows nothing of the workspace (%s)", view.name, report_.workspace);
     }
   }
 
@@ -116,33 +117,30 @@ class Warnings {
     }
     if (moved.empty()) return;
     const bool all = moved.size() == report_.views.size() && moved.size() > 1;
-    Say(absl::StrCat(
-        "between the first half of the frames and the second, points of the workspace moved in ",
+    Say("between the first half of the frames and the second, points of the workspace moved in "
+        "%s: %s",
         FewOf(moved),
-        all ? ": did the board on the flange slip, or the robot's base move?"
-            : ": was the camera touched?"));
+        all ? "did the board on the flange slip, or the robot's base move?"
+            : "was the camera touched?");
   }
 
   void OfPairs() {
     for (const ReportView& view : report_.views) {
       if (view.on_flange || view.corners == 0 || report_.views.size() < 2) continue;
-      const bool seen =
-          std::any_of(report_.pairs.begin(), report_.pairs.end(), [&](const ReportPair& pair) {
-            return (pair.view_a == view.name || pair.view_b == view.name) && pair.seen > 0;
-          });
+      const bool seen = std::ranges::any_of(report_.pairs, [&](const ReportPair& pair) {
+        return (pair.view_a == view.name || pair.view_b == view.name) && pair.seen > 0;
+      });
       if (!seen) {
-        Say(
-            absl::StrFormat("view '%s' is not connected to the others: it never saw a tag at the "
-                            "same time as one of them, and nothing checks its epipolar lines",
-                            view.name));
+        Say("view '%s' is not connected to the others: it never saw a tag at the "
+            "same time as one of them, and nothing checks its epipolar lines",
+            view.name);
       }
     }
     for (const ReportPair& pair : report_.pairs) {
       if (GradeOfLines(pair, report_) != Grade::kBad) continue;
-      Say(
-          absl::StrFormat("corners that '%s' and '%s' saw at once are %.2f px from their epipolar "
-                          "lines; were the images taken at the same instant?",
-                          pair.view_a, pair.view_b, pair.px));
+      Say("corners that '%s' and '%s' saw at once are %.2f px from their epipolar "
+          "lines; were the images taken at the same instant?",
+          pair.view_a, pair.view_b, pair.px);
     }
   }
 
@@ -153,17 +151,7 @@ class Warnings {
 }  // namespace
 
 const char* NameOf(Grade grade) {
-  switch (grade) {
-    case Grade::kGood:
-      return "good";
-    case Grade::kFair:
-      return "fair";
-    case Grade::kBad:
-      return "bad";
-    case Grade::kUnknown:
-      break;
-  }
-  return "unknown";
+  return std::array{"unknown", "good", "fair", "bad"}[static_cast<size_t>(grade)];
 }
 
 Grade GradeOf(const HeldOutError& error) {
@@ -181,21 +169,17 @@ Grade GradeOf(const HalvesDifference& halves) {
 
 Grade GradeOf(const PredictedError& predicted, int width) {
   if (predicted.points == 0) return Grade::kUnknown;
-  if (predicted.px * 2000 < width) return Grade::kGood;
-  return predicted.px * 500 < width ? Grade::kFair : Grade::kBad;
+  return GradeAbove(width, 2000 * predicted.px, 500 * predicted.px);
 }
 
 Grade GradeOfCoverage(const ReportView& view) {
   if (InOnePlace(view)) return Grade::kBad;
   if (view.predicted.points == 0) return Grade::kUnknown;
-  if (view.reached > 0.7) return Grade::kGood;
-  return view.reached > 0.4 ? Grade::kFair : Grade::kBad;
+  return GradeAbove(view.reached, 0.7, 0.4);
 }
 
 Grade GradeOfTilt(const ReportView& view) {
-  if (!view.tilt_deg) return Grade::kUnknown;
-  if (*view.tilt_deg > 10) return Grade::kGood;
-  return *view.tilt_deg > 5 ? Grade::kFair : Grade::kBad;
+  return view.tilt_deg ? GradeAbove(*view.tilt_deg, 10, 5) : Grade::kUnknown;
 }
 
 Grade GradeOfLines(const ReportPair& pair, const QualityReport& report) {

@@ -10,6 +10,9 @@
 #include <string>
 #include <vector>
 
+#include "absl/status/statusor.h"
+#include "calib/poses/pose_problem.h"
+
 namespace silhouette {
 
 // A corner of a tag, for the map of residuals. Residuals: computed minus seen.
@@ -162,5 +165,18 @@ Grade GradeOf(const QualityReport& report);
 
 // What the report's figures give reason to warn of, one sentence each.
 std::vector<std::string> WarningsOf(const QualityReport& report);
+
+struct ReportSettings {
+  // Points of the robot's workspace in the base, metres, and what they are in words. None: the
+  // space in which boards were seen.
+  std::vector<Eigen::Vector3d> workspace;
+  std::string workspace_name;
+  int groups = 8;  // of frames, left out one at a time; at least 2
+};
+
+// What CalibratePoses refuses with FailedPrecondition becomes the report's refusal, beside what can
+// be said all the same. InvalidArgument as CalibratePoses, and for fewer than two groups.
+absl::StatusOr<QualityReport> MakeReport(const PoseProblem& problem,
+                                         const ReportSettings& settings = {});
 
 }  // namespace silhouette

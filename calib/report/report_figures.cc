@@ -8,6 +8,7 @@
 #include "absl/strings/str_format.h"
 #include "calib/report/report_page.h"
 #include "calib/report/view_errors.h"
+#include "common/numbers/numbers.h"
 #include "common/result/page.h"
 
 namespace silhouette {
@@ -20,17 +21,26 @@ constexpr size_t kMostArrows = 700;  // that are drawn
 
 double HeightOf(const ReportView& view) { return kWidth * view.height / view.width; }
 
+// `rest`: what follows the attributes of its place, with the element's end.
+std::string Rect(double x, double y, double width, double height, const std::string& rest) {
+  return absl::StrFormat("<rect x=\"%.2f\" y=\"%.2f\" width=\"%.2f\" height=\"%.2f\" %s\n", x, y,
+                         width, height, rest);
+}
+
+// `more`: attributes.
+std::string Text(double x, double y, const std::string& text, const char* more = "") {
+  return absl::StrFormat("<text x=\"%.1f\" y=\"%.1f\" %s>%s</text>\n", x, y, more, text);
+}
+
 std::string Begin(const ReportView& view, const std::string& says) {
   return absl::StrFormat(
-      "<svg class=\"map\" viewBox=\"0 0 %.0f %.1f\" role=\"img\" aria-label=\"%s\">\n"
-      "<rect class=\"field\" x=\"0\" y=\"0\" width=\"%.0f\" height=\"%.1f\"/>\n",
-      kWidth, HeightOf(view) + kLegend, Escaped(says), kWidth, HeightOf(view));
+      "<svg class=\"map\" viewBox=\"0 0 %.0f %.1f\" role=\"img\" aria-label=\"%s\">\n%s", kWidth,
+      HeightOf(view) + kLegend, Escaped(says),
+      Rect(0, 0, kWidth, HeightOf(view), "class=\"field\"/>"));
 }
 
 std::string Frame(const ReportView& view) {
-  return absl::StrFormat(
-      "<rect class=\"frame\" x=\"0.5\" y=\"0.5\" width=\"%.1f\" height=\"%.1f\"/>\n", kWidth - 1,
-      HeightOf(view) - 1);
+  return Rect(0.5, 0.5, kWidth - 1, HeightOf(view) - 1, "class=\"frame\"/>");
 }
 
 // From a light to a dark shade of a colour.
@@ -55,9 +65,7 @@ std::string Fields(const ReportView& view, const Fill& fill) {
     if (paint.empty()) continue;
     const auto column = static_cast<int>(i) % view.map.columns;
     const auto row = static_cast<int>(i) / view.map.columns;
-    absl::StrAppendFormat(&svg,
-                          "<rect x=\"%.2f\" y=\"%.2f\" width=\"%.2f\" height=\"%.2f\" %s</rect>\n",
-                          column * width, row * height, width, height, paint);
+    svg += Rect(column * width, row * height, width, height, paint + "</rect>");
   }
   return svg;
 }
@@ -66,23 +74,11 @@ std::string Fields(const ReportView& view, const Fill& fill) {
 std::string ShadeLegend(const ReportView& view, const std::array<int, 3>& dark,
                         const std::string& least, const std::string& most) {
   const double y = HeightOf(view) + 9;
-  std::string svg = absl::StrFormat("<text x=\"0\" y=\"%.1f\">%s</text>\n", y + 11, least);
+  std::string svg = Text(0, y + 11, least);
   for (int i = 0; i < 10; ++i) {
-    absl::StrAppendFormat(&svg,
-                          "<rect x=\"%d\" y=\"%.1f\" width=\"10\" height=\"13\" fill=\"%s\"/>\n",
-                          62 + 10 * i, y, Shade(i / 9.0, dark));
+    svg += Rect(62 + 10 * i, y, 10, 13, absl::StrCat("fill=\"", Shade(i / 9.0, dark), "\"/>"));
   }
-  absl::StrAppendFormat(&svg, "<text x=\"168\" y=\"%.1f\">%s</text>\n", y + 11, most);
-  return svg;
-}
-
-// The largest of 1, 2 and 5 times a power of ten that is not above `value`.
-double RoundBelow(double value) {
-  const double power = std::pow(10, std::floor(std::log10(value)));
-  for (const double step : {5.0, 2.0}) {
-    if (step * power <= value) return step * power;
-  }
-  return power;
+  return svg + Text(168, y + 11, most);
 }
 
 std::string Arrow(const ReportView& view, const ReportCorner& corner, double magnify) {
@@ -115,14 +111,11 @@ std::string ResidualFigure(const ReportView& view) {
   }
   const double bar = RoundBelow(70 / magnify);
   const double y = HeightOf(view) + 16;
-  absl::StrAppendFormat(&svg,
-                        "</g>\n%s<path class=\"bar\" d=\"M1 %.1fh%.1f\"/><text x=\"%.1f\" "
-                        "y=\"%.1f\">%g px</text>\n",
-                        Frame(view), y, bar * magnify, bar * magnify + 9, y + 4, bar);
+  absl::StrAppendFormat(&svg, "</g>\n%s<path class=\"bar\" d=\"M1 %.1fh%.1f\"/>%s", Frame(view), y,
+                        bar * magnify,
+                        Text(bar * magnify + 9, y + 4, absl::StrFormat("%g px", bar)));
   if (step > 1) {
-    absl::StrAppendFormat(&svg,
-                          "<text x=\"%.0f\" y=\"%.1f\" class=\"right\">1 of %d corners</text>\n",
-                          kWidth, y + 4, step);
+    svg += Text(kWidth, y + 4, absl::StrCat("1 of ", step, " corners"), "class=\"right\"");
   }
   return absl::StrCat(svg, "</svg>\n");
 }
@@ -147,10 +140,7 @@ std::string CoverageFigure(const ReportView& view) {
   absl::StrAppend(&svg, Frame(view), ShadeLegend(view, kBlue, "1 corner", absl::StrCat(most)));
   if (missed) {
     const double y = HeightOf(view) + 9;
-    absl::StrAppendFormat(&svg,
-                          "<rect class=\"missed\" x=\"214\" y=\"%.1f\" width=\"13\" "
-                          "height=\"13\"/><text x=\"232\" y=\"%.1f\">workspace only</text>\n",
-                          y, y + 11);
+    svg += Rect(214, y, 13, 13, "class=\"missed\"/>") + Text(232, y + 11, "workspace only");
   }
   return absl::StrCat(svg, "</svg>\n");
 }
@@ -193,17 +183,14 @@ std::string ImageFigure(const QualityReport& report) {
       "aria-label=\"all images\">\n",
       width, height, width);
   for (const auto& [name, row] : rows) {
-    absl::StrAppendFormat(&svg, "<text x=\"0\" y=\"%.1f\">%s</text>\n",
-                          kRow * static_cast<double>(row) + 14, Escaped(name));
+    svg += Text(0, kRow * static_cast<double>(row) + 14, Escaped(name));
   }
   const auto cell = [&](size_t row, size_t place, const std::string& kind, bool left_out,
                         const std::string& says) {
     const double x = kLeft + column * static_cast<double>(place);
     const double y = kRow * static_cast<double>(row);
-    absl::StrAppendFormat(&svg,
-                          "<g><title>%s</title><rect class=\"%s\" x=\"%.1f\" y=\"%.1f\" "
-                          "width=\"%.1f\" height=\"%.1f\"/>",
-                          Escaped(says), kind, x, y + 1, column - 1, kRow - 3);
+    absl::StrAppend(&svg, "<g><title>", Escaped(says), "</title>",
+                    Rect(x, y + 1, column - 1, kRow - 3, "class=\"" + kind + "\"/>"));
     if (left_out) {
       absl::StrAppendFormat(&svg, "<circle class=\"mark\" cx=\"%.1f\" cy=\"%.1f\" r=\"3\"/>",
                             x + (column - 1) / 2, y + kRow / 2);
@@ -232,15 +219,11 @@ std::string ImageFigure(const QualityReport& report) {
                         frame.name, frame.robot_mm, frame.robot_deg));
   }
   if (robot) {
-    absl::StrAppendFormat(&svg, "<text x=\"0\" y=\"%.1f\">robot pose</text>\n",
-                          kRow * static_cast<double>(rows.size()) + 14);
+    svg += Text(0, kRow * static_cast<double>(rows.size()) + 14, "robot pose");
   }
   if (!report.frames.empty()) {
-    absl::StrAppendFormat(&svg,
-                          "<text x=\"%.0f\" y=\"%.1f\">frame %s</text><text x=\"%.0f\" y=\"%.1f\" "
-                          "class=\"right\">%s</text>\n",
-                          kLeft, height - 5, Escaped(report.frames.front().name), width, height - 5,
-                          Escaped(report.frames.back().name));
+    svg += Text(kLeft, height - 5, "frame " + Escaped(report.frames.front().name)) +
+           Text(width, height - 5, Escaped(report.frames.back().name), "class=\"right\"");
   }
   return absl::StrCat(svg, "</svg>\n");
 }

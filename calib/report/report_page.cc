@@ -2,6 +2,8 @@
 #include "calib/report/report_page.h"
 
 #include <algorithm>
+#include <array>
+#include <functional>
 #include <nlohmann/json.hpp>
 
 #include "absl/strings/str_cat.h"
@@ -16,15 +18,7 @@ namespace {
 using Json = nlohmann::ordered_json;
 
 const char* NameOf(HeldOutBy by) {
-  switch (by) {
-    case HeldOutBy::kFrames:
-      return "frames";
-    case HeldOutBy::kBoards:
-      return "boards";
-    case HeldOutBy::kNothing:
-      break;
-  }
-  return "nothing";
+  return std::array{"nothing", "frames", "boards"}[static_cast<size_t>(by)];
 }
 
 constexpr char kDash[] = "\u2013";
@@ -47,22 +41,27 @@ Json UnknownTile(const std::string& name, const std::string& why) {
   return Tile(name, NameOf(Grade::kUnknown), kDash, "", why);
 }
 
+// The figure of the worst view; `more`: the rest of what it says of that view.
+template <typename GradeIt, typename Value, typename More>
+Json ViewTile(const QualityReport& report, const std::string& name, const GradeIt& grade,
+              const Value& value, const More& more) {
+  const ReportView* view = Worst(report, grade, value);
+  if (view == nullptr) return UnknownTile(name, "not known");
+  return Tile(name, NameOf(grade(*view)), PixelText(value(*view)), "px",
+              absl::StrCat("worst view, ", view->name, "; ", more(*view)));
+}
+
 Json HeldOutTile(const QualityReport& report) {
-  const ReportView* view = Worst(
-      report, [](const ReportView& v) { return GradeOf(v.held_out); },
-      [](const ReportView& v) { return v.held_out.corners > 0 ? v.held_out.px : 0; });
-  if (view == nullptr) return UnknownTile("Held-out corners", "not known");
-  return Tile("Held-out corners", NameOf(GradeOf(view->held_out)), PixelText(view->held_out.px),
-              "px",
-              absl::StrCat("worst view, ", view->name, "; expected ",
-                           PixelText(view->held_out.expected_px)));
+  return ViewTile(
+      report, "Held-out corners", [](const ReportView& v) { return GradeOf(v.held_out); },
+      [](const ReportView& v) { return v.held_out.corners > 0 ? v.held_out.px : 0; },
+      [](const ReportView& v) { return "expected " + PixelText(v.held_out.expected_px); });
 }
 
 Json LineTile(const QualityReport& report) {
-  const auto worst = std::max_element(
-      report.pairs.begin(), report.pairs.end(), [&](const ReportPair& x, const ReportPair& y) {
-        return std::pair(GradeOfLines(x, report), x.px) < std::pair(GradeOfLines(y, report), y.px);
-      });
+  const auto worst = std::ranges::max_element(report.pairs, {}, [&](const ReportPair& pair) {
+    return std::pair(GradeOfLines(pair, report), pair.px);
+  });
   if (worst == report.pairs.end() || worst->corners == 0) {
     return UnknownTile("Epipolar lines, held out", "no corners seen by two views");
   }
@@ -72,24 +71,21 @@ Json LineTile(const QualityReport& report) {
 }
 
 Json PredictionTile(const QualityReport& report) {
-  const ReportView* view = Worst(
-      report, [](const ReportView& v) { return GradeOf(v.predicted, v.width); },
-      [](const ReportView& v) { return v.predicted.px; });
-  if (view == nullptr) return UnknownTile("Predicted, workspace", "not known");
-  return Tile("Predicted, workspace", NameOf(GradeOf(view->predicted, view->width)),
-              PixelText(view->predicted.px), "px",
-              absl::StrFormat("worst view, %s; %.2f mm", view->name, view->predicted.mm));
+  return ViewTile(
+      report, "Predicted, workspace",
+      [](const ReportView& v) { return GradeOf(v.predicted, v.width); },
+      [](const ReportView& v) { return v.predicted.px; },
+      [](const ReportView& v) { return absl::StrFormat("%.2f mm", v.predicted.mm); });
 }
 
 Json RepeatabilityTile(const QualityReport& report) {
-  const ReportView* view = Worst(
-      report, [](const ReportView& v) { return GradeOf(*v.repeatability, v.predicted); },
-      [](const ReportView& v) { return v.repeatability ? v.repeatability->px : 0; });
-  if (view == nullptr) return UnknownTile("Repeatability", "not known");
-  return Tile("Repeatability", NameOf(GradeOf(*view->repeatability, view->predicted)),
-              PixelText(view->repeatability->px), "px",
-              absl::StrFormat("worst view, %s; %.2f mm, %.3f\u00b0", view->name,
-                              view->repeatability->mm, view->repeatability->deg));
+  return ViewTile(
+      report, "Repeatability",
+      [](const ReportView& v) { return GradeOf(*v.repeatability, v.predicted); },
+      [](const ReportView& v) { return v.repeatability ? v.repeatability->px : 0; },
+      [](const ReportView& v) {
+        return absl::StrFormat("%.2f mm, %.3f\u00b0", v.repeatability->mm, v.repeatability->deg);
+      });
 }
 
 TableCell Graded(Grade grade, const std::string& text, const std::string& small = "") {
@@ -191,9 +187,7 @@ Json WorstImages(const QualityReport& report) {
     if (image.outliers > 0 || GradeOf(image.held_out) == Grade::kBad) worst.push_back(image);
   }
   if (worst.empty()) return {};
-  std::stable_sort(worst.begin(), worst.end(), [&](const ReportImage& a, const ReportImage& b) {
-    return excess(a) > excess(b);
-  });
+  std::ranges::stable_sort(worst, std::greater(), excess);
   Table table{{"image", "view", "corners", "left out", "fit px", "held out px (expected)"}};
   table.narrow = true;
   for (size_t i = 0; i < std::min(kMost, worst.size()); ++i) {
@@ -304,14 +298,12 @@ Json JsonOf(const ReportView& view, bool solved) {
                {"held_out", JsonOf(view.held_out)},
                {"predicted", JsonOf(view.predicted)}};
   json["repeatability"] = nullptr;
-  if (view.repeatability) {
-    json["repeatability"] = {{"px", view.repeatability->px},
-                             {"mm", view.repeatability->mm},
-                             {"deg", view.repeatability->deg}};
+  if (const auto& r = view.repeatability) {
+    json["repeatability"] = {{"px", r->px}, {"mm", r->mm}, {"deg", r->deg}};
   }
   json["halves"] = nullptr;
-  if (view.halves) {
-    json["halves"] = {{"px", view.halves->px}, {"expected_px", view.halves->expected_px}};
+  if (const auto& halves = view.halves) {
+    json["halves"] = {{"px", halves->px}, {"expected_px", halves->expected_px}};
   }
   json["map"] = JsonOf(view.map, solved);
   return json;

@@ -98,11 +98,7 @@ std::optional<Eigen::Matrix<double, 2, 6>> PixelByMotion(const CameraModel& lens
     if (!more || !less) return std::nullopt;
     by_point.col(axis) = (*more - *less) / (2 * kStep);
   }
-  Eigen::Matrix<double, 3, 6> motion;
-  motion << 0, point.z(), -point.y(), 1, 0, 0,  //
-      -point.z(), 0, point.x(), 0, 1, 0,        //
-      point.y(), -point.x(), 0, 0, 0, 1;
-  return by_point * (before.linear() * pose.linear()) * motion;
+  return by_point * (before.linear() * pose.linear()) * DerivativeByMotion(point);
 }
 
 std::optional<double> PixelVariance(const CameraModel& lens, const SolvedView& view,
@@ -130,12 +126,11 @@ Repeatability JackknifeOf(const PoseProblem& problem, size_t view,
   const auto groups = static_cast<Eigen::Index>(parts.size());
   Eigen::Matrix3Xd centres(3, groups);
   Eigen::Matrix3Xd turns(3, groups);
-  const Eigen::Matrix3d first = parts.front().views[view].camera_pose.linear();
+  const Eigen::Isometry3d& first = parts.front().views[view].camera_pose;
   for (Eigen::Index i = 0; i < groups; ++i) {
     const Eigen::Isometry3d& pose = parts[static_cast<size_t>(i)].views[view].camera_pose;
     centres.col(i) = pose.inverse().translation();
-    const Eigen::AngleAxisd turn(Eigen::Matrix3d(first.transpose() * pose.linear()));
-    turns.col(i) = turn.angle() * turn.axis();
+    turns.col(i) = RotationVectorOf(first.inverse() * pose);
   }
   PixelSum sum;
   for (const Eigen::Vector3d& point : points) {
@@ -215,17 +210,7 @@ std::vector<Eigen::Vector3d> SpaceOfBoards(const PoseNetwork& network, const Pos
       box.extend(network.LinkOf(look) * board->second * corner.point);
     }
   }
-  std::vector<Eigen::Vector3d> points;
-  if (box.isEmpty()) return points;
-  for (int i = 0; i <= kSteps; ++i) {
-    for (int j = 0; j <= kSteps; ++j) {
-      for (int k = 0; k <= kSteps; ++k) {
-        const Eigen::Vector3d share = Eigen::Vector3d(i, j, k) / kSteps;
-        points.push_back(box.min() + share.cwiseProduct(box.sizes()));
-      }
-    }
-  }
-  return points;
+  return box.isEmpty() ? std::vector<Eigen::Vector3d>() : PointsOf(box, kSteps);
 }
 
 std::optional<double> TiltOf(const PoseNetwork& network, int view) {

@@ -54,8 +54,8 @@ bool IsClosedWelded(const TriangleMesh& mesh) {
       passes[std::minmax(a, b)] += a < b ? 1 : -1;
     }
   }
-  return !mesh.triangles.empty() && std::all_of(passes.begin(), passes.end(),
-                                                [](const auto& edge) { return edge.second == 0; });
+  return !mesh.triangles.empty() &&
+         std::ranges::all_of(passes, [](const auto& edge) { return edge.second == 0; });
 }
 
 double SignedVolume(const TriangleMesh& mesh) {
@@ -82,8 +82,6 @@ int SideOf(const Vector3d& a, const Vector3d& b, double y, double z) {
 struct Crossing {
   double x = 0;
   int turn = 0;  // 1: into the body, along x; -1: out of it
-
-  bool operator<(const Crossing& other) const { return x < other.x; }
 };
 
 // Where the line along x through (y, z) crosses a triangle; turn 0: nowhere.
@@ -153,7 +151,7 @@ std::vector<bool> DistanceField::Enclosed(const TriangleMesh& mesh) const {
   std::vector<bool> enclosed(samples_.size(), false);
   for (size_t row = 0; row < rows.size(); ++row) {
     std::vector<Crossing>& crossings = rows[row];
-    std::sort(crossings.begin(), crossings.end());
+    std::ranges::sort(crossings, {}, &Crossing::x);
     int turns = 0;
     for (const Crossing& crossing : crossings) turns += crossing.turn;
     if (turns != 0) continue;  // lost to rounding: nothing is known of the row

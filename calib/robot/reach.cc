@@ -11,7 +11,6 @@
 #include <utility>
 #include <vector>
 
-#include "absl/strings/str_cat.h"
 #include "db/status/status_macros.h"
 
 namespace silhouette {
@@ -113,8 +112,7 @@ class ReachFinder {
 };
 
 absl::Status NoSuchJoint(const RobotModel& robot, const std::string& name) {
-  return absl::InvalidArgumentError(
-      absl::StrCat("the robot '", robot.name(), "' has no joint '", name, "'"));
+  return InvalidArgument("the robot '", robot.name(), "' has no joint '", name, "'");
 }
 
 // Whether link `outer` is `inner` or hangs on it.
@@ -155,9 +153,8 @@ absl::Status RequireAllKnown(const RobotModel& robot, size_t first, const KnownJ
     const int outboard = robot.links()[link].joint;
     if (outboard >= 0 && IsOutboard(robot, first, link) &&
         !known.joints.contains(static_cast<size_t>(outboard))) {
-      return absl::InvalidArgumentError(
-          absl::StrCat("joint '", robot.joints()[static_cast<size_t>(outboard)].name,
-                       "' neither moves nor has a fixed position"));
+      return InvalidArgument("joint '", robot.joints()[static_cast<size_t>(outboard)].name,
+                             "' neither moves nor has a fixed position");
     }
   }
   return absl::OkStatus();
@@ -165,7 +162,7 @@ absl::Status RequireAllKnown(const RobotModel& robot, size_t first, const KnownJ
 
 absl::Status RequireRadius(double payload_radius) {
   if (payload_radius >= 0) return absl::OkStatus();
-  return absl::InvalidArgumentError("the payload's radius must not be below 0");
+  return InvalidArgument("the payload's radius must not be below 0");
 }
 
 }  // namespace
@@ -177,7 +174,7 @@ absl::StatusOr<double> Reach(const RobotModel& robot, const std::string& joint,
   const std::optional<size_t> index = robot.JointIndex(joint);
   if (!index) return NoSuchJoint(robot, joint);
   if (robot.joints()[*index].type == JointType::kPrismatic) {
-    return absl::InvalidArgumentError("joint '" + joint + "' is prismatic: it has no reach");
+    return InvalidArgument("joint '" + joint + "' is prismatic: it has no reach");
   }
   ASSIGN_OR_RETURN(const KnownJoints known, Find(robot, moving, fixed));
   size_t first = 0;

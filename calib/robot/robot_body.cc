@@ -60,7 +60,7 @@ double PosedBody::AtMost(const Eigen::Vector3d& point, size_t& hint) const {
 }
 
 bool PosedBody::MayReach(const Eigen::Vector3d& point, double radius) const {
-  return std::any_of(links_.begin(), links_.end(), [&](const Link& link) {
+  return std::ranges::any_of(links_, [&](const Link& link) {
     const double reach = radius + tolerance_ + link.payload_radius;
     if (link.payload_radius > 0 && (point - link.origin).norm() <= reach) return true;
     if (link.field == nullptr || link.box.squaredExteriorDistance(point) > reach * reach) {

@@ -7,6 +7,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_join.h"
+#include "db/status/status_macros.h"
 
 namespace silhouette {
 namespace {
@@ -82,27 +83,26 @@ absl::StatusOr<std::vector<double>> RobotModel::Positions(std::span<const std::s
   for (size_t i = 0; i < names.size(); ++i) {
     const std::optional<size_t> index = JointIndex(names[i]);
     if (!index) {
-      return absl::InvalidArgumentError(absl::StrCat("the robot '", name_, "' has no joint '",
-                                                     names[i], "'; it has ", NamesOf(joints_)));
+      return InvalidArgument("the robot '", name_, "' has no joint '", names[i], "'; it has ",
+                             NamesOf(joints_));
     }
     const RobotJoint& joint = joints_[*index];
     if (positions[*index]) {
-      return absl::InvalidArgumentError(absl::StrCat("joint '", names[i], "' is given twice"));
+      return InvalidArgument("joint '", names[i], "' is given twice");
     }
     const bool inside =
         values[i] >= joint.lower - kLimitTolerance && values[i] <= joint.upper + kLimitTolerance;
     if (!std::isfinite(values[i]) || (joint.type != JointType::kContinuous && !inside)) {
-      return absl::InvalidArgumentError(absl::StrCat("joint '", joint.name, "' cannot stand at ",
-                                                     values[i], "; it moves from ", joint.lower,
-                                                     " to ", joint.upper));
+      return InvalidArgument("joint '", joint.name, "' cannot stand at ", values[i],
+                             "; it moves from ", joint.lower, " to ", joint.upper);
     }
     positions[*index] = values[i];
   }
   std::vector<double> result;
   for (size_t i = 0; i < joints_.size(); ++i) {
     if (!positions[i]) {
-      return absl::InvalidArgumentError(
-          absl::StrCat("joint '", joints_[i].name, "' of the robot '", name_, "' has no position"));
+      return InvalidArgument("joint '", joints_[i].name, "' of the robot '", name_,
+                             "' has no position");
     }
     result.push_back(*positions[i]);
   }

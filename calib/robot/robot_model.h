@@ -59,7 +59,7 @@ TriangleMesh Tessellate(const Shape& shape);
 struct LinkGeometry {
   Shape shape;
   Eigen::Isometry3d link_from_shape = Eigen::Isometry3d::Identity();
-  std::optional<Eigen::Vector3d> colour;  // red, green, blue, 0..1, where the file tells it
+  std::optional<Eigen::Vector3d> colour;  // red, green, blue, 0..1, if the file states it
 };
 
 struct RobotLink {

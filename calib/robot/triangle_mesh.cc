@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "calib/robot/triangle_mesh.h"
+#include "db/status/status_macros.h"
 
 #include <assimp/config.h>
 #include <assimp/postprocess.h>
@@ -108,7 +109,7 @@ void Append(const aiMesh& part, const Eigen::Vector3d& scale, TriangleMesh& mesh
 
 absl::StatusOr<TriangleMesh> LoadMesh(const std::string& path, const Eigen::Vector3d& scale) {
   if (!std::filesystem::is_regular_file(path)) {
-    return absl::NotFoundError("the mesh '" + path + "' does not exist");
+    return NotFound("the mesh '" + path + "' does not exist");
   }
   Assimp::Importer importer;
   importer.SetPropertyBool(AI_CONFIG_IMPORT_COLLADA_IGNORE_UP_DIRECTION, true);
@@ -120,17 +121,16 @@ absl::StatusOr<TriangleMesh> LoadMesh(const std::string& path, const Eigen::Vect
       importer.ReadFile(path, aiProcess_RemoveComponent | aiProcess_Triangulate |
                                   aiProcess_JoinIdenticalVertices | aiProcess_PreTransformVertices);
   if (scene == nullptr) {
-    return absl::InvalidArgumentError("the mesh '" + path +
-                                      "' cannot be read: " + importer.GetErrorString());
+    return InvalidArgument("the mesh '" + path + "' cannot be read: " + importer.GetErrorString());
   }
   TriangleMesh mesh;
   for (unsigned i = 0; i < scene->mNumMeshes; ++i) Append(*scene->mMeshes[i], scale, mesh);
   if (mesh.triangles.empty()) {
-    return absl::InvalidArgumentError("the mesh '" + path + "' has no triangles");
+    return InvalidArgument("the mesh '" + path + "' has no triangles");
   }
   for (const Eigen::Vector3d& vertex : mesh.vertices) {
     if (!vertex.allFinite()) {
-      return absl::InvalidArgumentError("the mesh '" + path + "' has a vertex that is no number");
+      return InvalidArgument("the mesh '" + path + "' has a vertex that is no number");
     }
   }
   return mesh;

@@ -19,6 +19,7 @@
 #include "absl/strings/str_join.h"
 #include "calib/robot/robot_model.h"
 #include "calib/robot/triangle_mesh.h"
+#include "db/status/status_macros.h"
 
 namespace silhouette {
 namespace {
@@ -65,8 +66,7 @@ Eigen::Isometry3d PoseOf(const urdf::Pose& pose) {
 std::string ReadText(const std::string& path) {
   std::ifstream in(path);
   if (!in || !fs::is_regular_file(path)) {
-    throw UrdfError{
-        absl::NotFoundError("the robot's file '" + path + "' does not exist or cannot be read")};
+    throw UrdfError{NotFound("the robot's file '" + path + "' does not exist or cannot be read")};
   }
   std::stringstream text;
   text << in.rdbuf();
@@ -78,13 +78,13 @@ urdf::ModelInterfaceSharedPtr Parse(const std::string& path) {
   TiXmlDocument document;
   document.Parse(text.c_str());
   if (document.Error()) {
-    throw UrdfError{absl::InvalidArgumentError(absl::StrCat(
-        path, ":", document.ErrorRow(), ": not well-formed XML: ", document.ErrorDesc()))};
+    throw UrdfError{InvalidArgument(path, ":", document.ErrorRow(),
+                                    ": not well-formed XML: ", document.ErrorDesc())};
   }
   Complaints complaints;
   urdf::ModelInterfaceSharedPtr model = urdf::parseURDF(text);
   if (model == nullptr || model->getRoot() == nullptr) {
-    throw UrdfError{absl::InvalidArgumentError(
+    throw UrdfError{InvalidArgument(
         path + ": not a valid URDF: " +
         (complaints.first().empty() ? "there is no robot in it" : complaints.first()))};
   }
@@ -107,7 +107,7 @@ class UrdfReader {
 
  private:
   [[noreturn]] void Fail(const std::string& message) const {
-    throw UrdfError{absl::InvalidArgumentError(path_ + ": " + message)};
+    throw UrdfError{InvalidArgument(path_ + ": " + message)};
   }
 
   void AddLink(const urdf::Link& urdf, int parent) {
@@ -240,11 +240,11 @@ class UrdfReader {
       const fs::path own = root.has_filename() ? root : root.parent_path();
       if (own.filename() == package && fs::exists(root / inside)) return (root / inside).string();
     }
-    throw UrdfError{absl::NotFoundError(
-        absl::StrCat(path_, ": link '", link, "': the mesh '", name,
-                     "' was not found; add the folder that holds the package '", package,
-                     "' to package_paths (now: ",
-                     package_paths_.empty() ? "none" : absl::StrJoin(package_paths_, ", "), ")"))};
+    throw UrdfError{NotFound(path_, ": link '", link, "': the mesh '", name,
+                             "' was not found; add the folder that holds the package '", package,
+                             "' to package_paths (now: ",
+                             package_paths_.empty() ? "none" : absl::StrJoin(package_paths_, ", "),
+                             ")")};
   }
 
   const std::string path_;

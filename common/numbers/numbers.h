@@ -3,6 +3,7 @@
 #pragma once
 
 #include <algorithm>
+#include <cmath>
 #include <cstddef>
 #include <limits>
 #include <utility>
@@ -14,6 +15,15 @@ namespace silhouette {
 template <typename Part, typename Whole>
 double Percent(Part part, Whole whole) {
   return whole == 0 ? 0 : 100.0 * static_cast<double>(part) / static_cast<double>(whole);
+}
+
+// The largest of 1, 2 and 5 times a power of ten that is not above `value`, which is positive.
+inline double RoundBelow(double value) {
+  const double power = std::pow(10, std::floor(std::log10(value)));
+  for (const double step : {5.0, 2.0}) {
+    if (step * power <= value) return step * power;
+  }
+  return power;
 }
 
 // The upper of two middle values; `of_nothing` of nothing.

@@ -1,12 +1,31 @@
 // SPDX-License-Identifier: Apache-2.0
 // RETURN_IF_ERROR and ASSIGN_OR_RETURN: pass an error on to the caller. For functions that return
-// absl::Status or absl::StatusOr.
+// absl::Status or absl::StatusOr. InvalidArgument, FailedPrecondition, NotFound: make an error.
 #pragma once
 
 #include <utility>
 
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
+#include "absl/strings/str_cat.h"
+
+namespace silhouette {
+
+// Errors whose message is the parts joined as absl::StrCat joins them.
+template <typename... Parts>
+absl::Status InvalidArgument(const Parts&... parts) {
+  return absl::InvalidArgumentError(absl::StrCat(parts...));
+}
+template <typename... Parts>
+absl::Status FailedPrecondition(const Parts&... parts) {
+  return absl::FailedPreconditionError(absl::StrCat(parts...));
+}
+template <typename... Parts>
+absl::Status NotFound(const Parts&... parts) {
+  return absl::NotFoundError(absl::StrCat(parts...));
+}
+
+}  // namespace silhouette
 
 // Returns the status of the expression if it is an error.
 #define RETURN_IF_ERROR(...)                                              \

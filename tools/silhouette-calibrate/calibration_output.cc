@@ -101,12 +101,9 @@ absl::Status SetFixedTags(const FoundCalibration& found, std::span<const TagSigh
   ASSIGN_OR_RETURN(const auto means, MeanSightings(fixed));
   record.clear_fixed_tags();
   for (const auto& [key, mean] : means) {
-    const auto view = std::find_if(
-        found.views.begin(), found.views.end(),
-        [&view_name = mean.view](const PairedView& each) { return each.name == view_name; });
+    const auto view = std::ranges::find(found.views, mean.view, &PairedView::name);
     if (view == found.views.end()) {
-      return absl::InvalidArgumentError(
-          absl::StrCat("the fixed tags are of a view '", mean.view, "' that is not there"));
+      return InvalidArgument("the fixed tags are of a view '", mean.view, "' that is not there");
     }
     storage::v1::FixedTag& tag = *record.add_fixed_tags();
     tag.set_view(static_cast<int>(view - found.views.begin()));
@@ -124,7 +121,7 @@ absl::Status SetFixedTags(const FoundCalibration& found, std::span<const TagSigh
 absl::Status WriteMatrices(const FoundCalibration& found, const std::string& file) {
   const storage::v1::Calibration calibration = MatricesOf(found, false);
   if (calibration.fundamental_matrices().empty()) {
-    return absl::FailedPreconditionError("no pair of views has a matrix; nothing is written");
+    return FailedPrecondition("no pair of views has a matrix; nothing is written");
   }
   return WriteWholeFile(file, MatrixFileText(calibration, CellOf(found)));
 }
@@ -146,7 +143,7 @@ absl::Status WriteCalibrationFile(const FoundCalibration& found,
   CalibrationSession session{.calibration = MatricesOf(found, !found.cameras.empty()),
                              .camera_files = CameraFilesOf(found, file)};
   if (session.camera_files.empty() && session.calibration.fundamental_matrices().empty()) {
-    return absl::FailedPreconditionError("no pair of views has a matrix; nothing is written");
+    return FailedPrecondition("no pair of views has a matrix; nothing is written");
   }
   AddPairs(found, record);
   if (record.time().empty()) {

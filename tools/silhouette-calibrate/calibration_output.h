@@ -14,15 +14,14 @@
 
 namespace silhouette {
 
-// A figure of merit, in place of one of the same name that is there. `of`: the view or pair; empty:
-// of all.
+// Sets a figure of merit; replaces one of the same name. `of`: the view or pair; empty: all.
 void SetFigure(const std::string& what, const std::string& of, double value, const char* unit,
                storage::v1::CalibrationRecord& record);
 
 struct FoundCalibration {
   // The size of their masks may be unknown (0): then there are no matrices.
-  const std::vector<PairedView>& views;
-  const std::vector<PairResult>& pairs;
+  std::vector<PairedView> views;
+  std::vector<PairResult> pairs;
   std::string cameras;  // folder of the camera models; empty: weak calibration
 };
 
@@ -36,12 +35,12 @@ absl::Status WriteMatrices(const FoundCalibration& found, const std::string& fil
 absl::Status WriteCalibrationFile(const FoundCalibration& found,
                                   storage::v1::CalibrationRecord record, const std::string& file);
 
-// The record of the calibration.yaml that is there already, if it is of the same camera files.
+// The record of an existing calibration.yaml, if it names the same camera files.
 std::optional<storage::v1::CalibrationRecord> RecordOfFile(const FoundCalibration& found,
                                                            const std::string& file);
 
-// Puts tags that stay in the cell, as they were seen, into a record in place of those that are
-// there. InvalidArgument if one does not stay, or is seen by a view that is not there.
+// Replaces the record's fixed tags, those that stay in the cell. InvalidArgument if a tag moved
+// between frames, or if its view is not among `found.views`.
 absl::Status SetFixedTags(const FoundCalibration& found, std::span<const TagSighting> fixed,
                           storage::v1::CalibrationRecord& record);
 

@@ -1,18 +1,41 @@
 // SPDX-License-Identifier: Apache-2.0
 // silhouette-calibrate check
 #include <filesystem>
+#include <map>
 #include <memory>
 #include <nlohmann/json.hpp>
 #include <numbers>
+#include <opencv2/core/mat.hpp>
+#include <opencv2/imgcodecs.hpp>
+#include <opencv2/imgproc.hpp>
+#include <optional>
+#include <string>
+#include <vector>
 
+#include "absl/status/statusor.h"
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
+#include "absl/strings/str_join.h"
+#include "absl/time/clock.h"
+#include "calib/boards/sighting_file.h"
+#include "calib/detection/image_tags.h"
+#include "calib/files/calibration_check_file.h"
+#include "calib/files/calibration_message.h"
+#include "calib/fundamental/tag_drift.h"
+#include "capture/session/cell_cameras.h"
+#include "capture/session/silhouette_drift.h"
 #include "common/picture/files.h"
 #include "common/result/result.h"
+#include "db/mask/configuration_grid.h"
 #include "db/status/status_macros.h"
+#include "db/store/store.h"
+#include "server/scene/scene_settings.h"
+#include "silhouette/storage/v1/storage.pb.h"
+#include "tools/cell/cell.h"
+#include "tools/cell/devices/cell_devices.h"
 #include "tools/program/program.h"
-#include "tools/silhouette-calibrate/check_views.h"
 #include "tools/silhouette-calibrate/commands.h"
+#include "tools/silhouette-calibrate/detect.h"
 #include "tools/silhouette-calibrate/files.h"
 #include "tools/silhouette-calibrate/pictures.h"
 
@@ -20,6 +43,309 @@ namespace silhouette {
 namespace {
 
 namespace fs = std::filesystem;
+
+struct CheckRequest {
+  std::string database;
+  std::string corners;    // current; empty: tags are not checked
+  std::string reference;  // corners at calibration; empty: those in the database
+  std::string images;     // folder with VIEW.png; empty: silhouettes are not checked
+  std::optional<ConfigurationNumber> number;
+  std::string cell;  // cell.yaml, whose segmentation makes the masks
+  // Instead of files, images from the cell's cameras: tags of `boards`, and with `number` the
+  // silhouettes.
+  bool live = false;
+  std::vector<std::string> boards;
+  int sets = 5;  // of live images, in which tags are looked for
+  // Mask pixels: what the server's margin leaves for moves, if the calibration itself errs by no
+  // more than 0.05. Cameras that all moved by m need a margin of m.
+  double limit = CalibrationSettings{}.margin - 0.05;
+};
+
+struct Checked {
+  CalibrationCheck check;
+  std::vector<ViewDrift> drifts;  // per view
+  std::vector<ViewSizes> sizes;
+};
+
+using Sightings = std::map<SeenTag, TagSighting>;
+
+struct CellNow {
+  std::optional<Sightings> tags;  // nothing: they were not asked for
+  std::vector<cv::Mat> images;    // by view; empty: as before
+};
+
+// Adds the tags that a set of images shows.
+absl::Status AddTags(const DetectSettings& settings, TagDetector& detector, const Cell& cell,
+                     const ImageSet& set, const std::string& frame,
+                     std::vector<TagSighting>& sightings) {
+  for (size_t v = 0; v < cell.views.size(); ++v) {
+    ASSIGN_OR_RETURN(const auto seen,
+                     Look(settings, detector, set.images[v], cell.views[v].name, frame));
+    const std::vector<TagSighting> tags = SightingsOf(seen);
+    sightings.insert(sightings.end(), tags.begin(), tags.end());
+  }
+  return absl::OkStatus();
+}
+
+absl::StatusOr<Sightings> LookForTags(const CheckRequest& request, const Cell& cell,
+                                      CellCameras& cameras, ImageSet& last) {
+  ASSIGN_OR_RETURN(const auto settings, LoadDetectSettings(request.boards));
+  TagDetector detector(FamiliesOf(settings.boards));
+  std::vector<TagSighting> sightings;
+  for (int i = 0; i < request.sets; ++i) {
+    if (StopRequested()) return absl::AbortedError("stopped; nothing is known of the cameras");
+    ASSIGN_OR_RETURN(last, GrabSet(cameras));
+    RETURN_IF_ERROR(AddTags(settings, detector, cell, last, absl::StrCat(i), sightings));
+  }
+  if (sightings.empty()) {
+    return NotFound("no camera of the cell sees a tag of ", absl::StrJoin(request.boards, ", "),
+                    "; are they the boards that stay in the cell, and is the light on?");
+  }
+  return MeanSightings(sightings);
+}
+
+// A sighting file's tags, each the mean of all frames. InvalidArgument, naming the file.
+absl::StatusOr<Sightings> ReadMeanSightings(const std::string& file) {
+  ASSIGN_OR_RETURN(const std::vector<TagSighting> sightings, ReadSightings(file));
+  auto means = MeanSightings(sightings);
+  if (means.ok()) return means;
+  return absl::Status(means.status().code(), absl::StrCat(file, ": ", means.status().message()));
+}
+
+// From files; an empty name skips its check.
+absl::StatusOr<CellNow> ReadNow(const CheckRequest& request,
+                                const storage::v1::CellDescription& cell) {
+  CellNow now;
+  if (!request.corners.empty()) {
+    ASSIGN_OR_RETURN(now.tags, ReadMeanSightings(request.corners));
+  }
+  for (int i = 0; i < cell.views_size() && !request.images.empty(); ++i) {
+    const std::string file = (fs::path(request.images) / (cell.views(i).name() + ".png")).string();
+    now.images.push_back(cv::imread(file, cv::IMREAD_COLOR));
+    if (now.images.back().empty()) return NotFound("'" + file + "' is no image");
+  }
+  return now;
+}
+
+// From the cell's cameras. NotFound if no tag of the boards is seen; Aborted if a stop was asked
+// for; else the errors of files and cameras.
+absl::StatusOr<CellNow> LookNow(const CheckRequest& request, const Cell& cell) {
+  std::optional<Configuration> parked;
+  if (request.number) {
+    if (!cell.grid.Contains(*request.number)) {
+      return NotFound("no configuration has the number ", *request.number,
+                      "; 'silhouette-db show --at' reports the number nearest to joint values");
+    }
+    parked = cell.grid.At(*request.number);
+  }
+  auto rig = OpenCamerasOfCell(cell, false, parked);
+  if (!rig.ok()) {
+    return absl::Status(rig.status().code(),
+                        absl::StrCat(rig.status().message(),
+                                     "; or take the images otherwise and give them (--images, or "
+                                     "--corners of them)"));
+  }
+  ASSIGN_OR_RETURN(auto cameras, CellCameras::Create(DescriptionOf(cell), **rig));
+  CellNow now;
+  ImageSet set;
+  if (!request.boards.empty()) {
+    ASSIGN_OR_RETURN(now.tags, LookForTags(request, cell, cameras, set));
+  } else {
+    ASSIGN_OR_RETURN(set, GrabSet(cameras));
+  }
+  for (const cv::Mat& image : set.images) {
+    if (!parked) break;
+    cv::Mat colour = image;
+    if (image.channels() == 1) cv::cvtColor(image, colour, cv::COLOR_GRAY2BGR);
+    now.images.push_back(colour);
+  }
+  return now;
+}
+
+// As the calibration's record has them.
+Sightings FixedTagsOf(const storage::v1::CalibrationRecord& record,
+                      const storage::v1::CellDescription& cell) {
+  Sightings sightings;
+  for (const storage::v1::FixedTag& tag : record.fixed_tags()) {
+    TagSighting sighting{.frame = "",
+                         .view = cell.views(tag.view()).name(),
+                         .family = tag.family(),
+                         .tag = tag.tag(),
+                         .sigma = tag.sigma()};
+    for (int i = 0; i < 4; ++i) {
+      sighting.corners[static_cast<size_t>(i)] = {tag.corners(2 * i), tag.corners(2 * i + 1)};
+    }
+    sightings.emplace(SeenTag{sighting.view, sighting.family, sighting.tag}, sighting);
+  }
+  return sightings;
+}
+
+CheckedView Summary(const ViewDrift& drift, double limit) {
+  return {.name = drift.view,
+          .method = drift.method,
+          .checked = drift.checked,
+          .moved_px = drift.moved,
+          .moved_mask_px = drift.moved_mask,
+          .holds = drift.checked && drift.moved_mask <= limit,
+          .message = drift.message};
+}
+
+absl::StatusOr<Sightings> TagsOfThen(const CheckRequest& request,
+                                     const storage::v1::Calibration& stored,
+                                     const storage::v1::CellDescription& cell) {
+  if (!request.reference.empty()) return ReadMeanSightings(request.reference);
+  Sightings before = FixedTagsOf(stored.record(), cell);
+  if (!before.empty()) return before;
+  return FailedPrecondition(
+      "the stored calibration has no corners of tags that stay in the cell; give --reference, "
+      "their corners at calibration time, or import a calibration.yaml with fixed_tags");
+}
+
+absl::StatusOr<std::vector<ViewDrift>> ByTags(const CheckRequest& request,
+                                              const storage::v1::Calibration& stored,
+                                              const storage::v1::CellDescription& cell,
+                                              const std::vector<ViewSizes>& sizes,
+                                              const Sightings& after) {
+  ASSIGN_OR_RETURN(const Sightings before, TagsOfThen(request, stored, cell));
+  std::vector<ViewDrift> drifts;
+  for (int i = 0; i < cell.views_size(); ++i) {
+    drifts.push_back(
+        DriftByTags(cell.views(i).name(), sizes[static_cast<size_t>(i)], before, after));
+  }
+  return drifts;
+}
+
+// The cell file, if it is of the database.
+absl::StatusOr<Cell> CellFor(const CheckRequest& request,
+                             const storage::v1::CellDescription& cell) {
+  absl::StatusOr<Cell> file = LoadCell(request.cell);
+  if (!file.ok()) return file;
+  const std::vector<std::string> differences =
+      Differences(DescriptionOf(*file), "the cell file", cell, "the database");
+  if (differences.empty()) return file;
+  return FailedPrecondition("the database '", request.database, "' does not fit the cell file '",
+                            request.cell, "': ", absl::StrJoin(differences, "; "));
+}
+
+absl::StatusOr<CellNow> NowOf(const CheckRequest& request,
+                              const storage::v1::CellDescription& description) {
+  if (!request.live) return ReadNow(request, description);
+  ASSIGN_OR_RETURN(const Cell cell, CellFor(request, description));
+  return LookNow(request, cell);
+}
+
+absl::StatusOr<std::vector<ViewDrift>> BySilhouettes(const CheckRequest& request,
+                                                     const Snapshot& snapshot,
+                                                     const storage::v1::CellDescription& cell,
+                                                     const std::vector<ViewSizes>& sizes,
+                                                     const std::vector<cv::Mat>& images) {
+  ASSIGN_OR_RETURN(const Cell file, CellFor(request, cell));
+  ASSIGN_OR_RETURN(const auto robot, snapshot.Find(*request.number));
+  if (!robot || robot->excluded) {
+    return NotFound("configuration ", *request.number, " has no robot images");
+  }
+  ASSIGN_OR_RETURN(const auto references, snapshot.References());
+  if (!references) {
+    return FailedPrecondition("the database has no reference images to difference with");
+  }
+  std::vector<ViewDrift> drifts;
+  for (int i = 0; i < cell.views_size(); ++i) {
+    const std::string& name = cell.views(i).name();
+    const cv::Mat& image = images[static_cast<size_t>(i)];
+    const storage::v1::Reference& png = references->views(i);
+    ASSIGN_OR_RETURN(const Reference reference,
+                     Reference::FromPng(png.mean_png(), png.noise_png()));
+    if (image.size() != reference.size()) {
+      return InvalidArgument("the image of '", name, "' is not of the size of its reference image");
+    }
+    drifts.push_back(DriftBySilhouette(name, sizes[static_cast<size_t>(i)], image, reference,
+                                       file.segmentation, robot->masks[static_cast<size_t>(i)]));
+  }
+  return drifts;
+}
+
+// If both checks ran for a view, the larger motion counts. A motion that one check sees is reported
+// even if the other check could not run.
+ViewDrift Worse(const ViewDrift& one, const ViewDrift& other, double limit) {
+  if (!one.checked || !other.checked) {
+    const ViewDrift& seen = one.checked ? one : other;
+    const ViewDrift& unseen = one.checked ? other : one;
+    return seen.checked && seen.moved_mask > limit ? seen : unseen;
+  }
+  return one.moved_mask >= other.moved_mask ? one : other;
+}
+
+absl::StatusOr<std::vector<ViewSizes>> SizesOf(const storage::v1::CellDescription& cell) {
+  std::vector<ViewSizes> sizes;
+  for (const storage::v1::View& view : cell.views()) {
+    if (view.image_width() <= 0) {
+      return FailedPrecondition("the database does not say how large the images of view '",
+                                view.name(),
+                                "' are; state image_size in the cell file and capture with it");
+    }
+    sizes.push_back({.image = {view.image_width(), view.image_height()},
+                     .mask = {view.mask_width(), view.mask_height()}});
+  }
+  return sizes;
+}
+
+absl::Status CheckAsked(const CheckRequest& request) {
+  if (request.live && request.boards.empty() && !request.number) {
+    return InvalidArgument(
+        "--live needs --boards, those whose tags stay in the cell, or --number, the configuration "
+        "in which the robot is parked");
+  }
+  if (!request.live && request.corners.empty() && request.images.empty()) {
+    return InvalidArgument(
+        "give --corners, tags as they are seen now, or --images of the parked robot, or --live");
+  }
+  if (!request.images.empty() && (!request.number || request.cell.empty())) {
+    return InvalidArgument(
+        "--images needs --number, the configuration in which the robot is parked, and --cell");
+  }
+  return absl::OkStatus();
+}
+
+// If both checks ran for a view, the result is the larger motion. If one requested check could not
+// run, the view is not checked, unless the other one found a motion beyond the limit. Errors name
+// what is missing.
+absl::StatusOr<Checked> CheckViews(const CheckRequest& request) {
+  RETURN_IF_ERROR(CheckAsked(request));
+  ASSIGN_OR_RETURN(const auto database, Database::Open(request.database, Database::Access::kRead));
+  ASSIGN_OR_RETURN(const Snapshot snapshot, database->Read());
+  ASSIGN_OR_RETURN(const auto stored, snapshot.Calibration());
+  if (!stored) {
+    return FailedPrecondition(
+        "'", request.database,
+        "' has no calibration to check; import one with 'silhouette-db calibration "
+        "import'");
+  }
+  const storage::v1::CellDescription& cell = database->cell();
+  Checked checked;
+  ASSIGN_OR_RETURN(checked.sizes, SizesOf(cell));
+  checked.check.time = absl::Now();
+  checked.check.calibration = FingerprintOf(*stored);
+  checked.check.limit_mask_px = request.limit;
+  ASSIGN_OR_RETURN(const CellNow now, NowOf(request, cell));
+  if (now.tags) {
+    ASSIGN_OR_RETURN(checked.drifts, ByTags(request, *stored, cell, checked.sizes, *now.tags));
+  }
+  if (!now.images.empty()) {
+    ASSIGN_OR_RETURN(auto drifts,
+                     BySilhouettes(request, snapshot, cell, checked.sizes, now.images));
+    for (size_t i = 0; i < drifts.size(); ++i) {
+      if (!now.tags) {
+        checked.drifts.push_back(drifts[i]);
+      } else {
+        checked.drifts[i] = Worse(checked.drifts[i], drifts[i], request.limit);
+      }
+    }
+  }
+  for (const ViewDrift& drift : checked.drifts) {
+    checked.check.views.push_back(Summary(drift, request.limit));
+  }
+  return checked;
+}
 
 struct CheckArguments {
   CheckRequest request;

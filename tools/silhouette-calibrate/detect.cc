@@ -82,28 +82,10 @@ std::string FrameOf(const std::string& path, const std::string& pattern) {
 
 std::string FileName(const std::string& name) { return absl::StrReplaceAll(name, {{"/", "_"}}); }
 
-absl::Status LoadBoards(const std::vector<std::string>& files, DetectSettings& settings) {
-  for (const std::string& file : files) {
-    ASSIGN_OR_RETURN(const auto boards, ReadBoards(file));
-    settings.boards.insert(settings.boards.end(), boards.begin(), boards.end());
-  }
-  settings.families = FamiliesOf(settings.boards);
-  return CheckBoards(settings.boards);
-}
-
-absl::Status LoadLens(const std::string& folder, const std::string& view,
-                      DetectSettings& settings) {
-  const std::string file = (fs::path(folder) / CameraFileName(view)).string();
-  ASSIGN_OR_RETURN(const CameraModel camera, ReadCameraFile(file));
-  settings.lenses.emplace(view, camera);
-  return absl::OkStatus();
-}
-
 constexpr double kLittleCoverage = 0.6;
 
 int Fitted(const ImageTags& image) {
-  return static_cast<int>(std::count_if(image.tags.begin(), image.tags.end(),
-                                        [](const DetectedTag& tag) { return tag.fitted; }));
+  return static_cast<int>(std::ranges::count_if(image.tags, &DetectedTag::fitted));
 }
 
 nlohmann::ordered_json JsonOf(const SessionImage& image) {
@@ -139,13 +121,13 @@ absl::StatusOr<std::vector<ListedImage>> ListImages(const std::vector<std::strin
   for (const std::string& argument : patterns) {
     const size_t equals = argument.find('=');
     if (equals == std::string::npos || equals == 0 || equals + 1 == argument.size()) {
-      return absl::InvalidArgumentError(
-          absl::StrCat("--images '", argument, "' is not VIEW=PATTERN, e.g. 'left=left/*.png'"));
+      return InvalidArgument("--images '", argument,
+                             "' is not VIEW=PATTERN, e.g. 'left=left/*.png'");
     }
     const std::string view = argument.substr(0, equals);
     std::string pattern = argument.substr(equals + 1);
     if (!views.insert(view).second) {
-      return absl::InvalidArgumentError(absl::StrCat("--images has the view '", view, "' twice"));
+      return InvalidArgument("--images has the view '", view, "' twice");
     }
     std::error_code error;
     const bool folder = fs::is_directory(pattern, error);
@@ -155,37 +137,42 @@ absl::StatusOr<std::vector<ListedImage>> ListImages(const std::vector<std::strin
       if (folder && !IsImage(path)) continue;
       const std::string frame = folder ? fs::path(path).stem().string() : FrameOf(path, pattern);
       if (const auto [other, fresh] = path_of_frame.emplace(frame, path); !fresh) {
-        return absl::InvalidArgumentError(
-            absl::StrCat("'", other->second, "' and '", path, "' are both frame '", frame,
-                         "' of view '", view, "'; put the * where the names differ"));
+        return InvalidArgument("'", other->second, "' and '", path, "' are both frame '", frame,
+                               "' of view '", view, "'; put the * where the names differ");
       }
       const std::string real = fs::weakly_canonical(path, error).string();
       if (const auto [other, fresh] = view_of_path.emplace(real, view); !fresh) {
-        return absl::InvalidArgumentError(absl::StrCat("'", path, "' is an image of view '",
-                                                       other->second, "' and of view '", view,
-                                                       "'; mend one of the patterns"));
+        return InvalidArgument("'", path, "' is an image of view '", other->second,
+                               "' and of view '", view, "'; mend one of the patterns");
       }
       images.push_back({view, frame, path});
     }
     if (path_of_frame.empty()) {
-      return absl::InvalidArgumentError(absl::StrCat("no image of view '", view, "' matches '",
-                                                     argument.substr(equals + 1), "'"));
+      return InvalidArgument("no image of view '", view, "' matches '", argument.substr(equals + 1),
+                             "'");
     }
   }
   return images;
 }
 
-absl::StatusOr<DetectSettings> LoadDetectSettings(const DetectArguments& arguments,
-                                                  const std::vector<std::string>& views) {
-  DetectSettings settings;
-  settings.draw = arguments.draw;
-  RETURN_IF_ERROR(LoadBoards(arguments.boards, settings));
+absl::StatusOr<DetectSettings> LoadDetectSettings(const std::vector<std::string>& boards,
+                                                  const std::string& cameras,
+                                                  const std::vector<std::string>& views,
+                                                  const std::string& draw) {
+  DetectSettings settings{.boards = {}, .draw = draw};
+  for (const std::string& file : boards) {
+    ASSIGN_OR_RETURN(const auto of_file, ReadBoards(file));
+    settings.boards.insert(settings.boards.end(), of_file.begin(), of_file.end());
+  }
+  RETURN_IF_ERROR(CheckBoards(settings.boards));
   for (const std::string& view : views) {
-    if (!arguments.cameras.empty()) {
-      RETURN_IF_ERROR(LoadLens(arguments.cameras, view, settings));
+    if (!cameras.empty()) {
+      ASSIGN_OR_RETURN(const CameraModel camera,
+                       ReadCameraFile((fs::path(cameras) / CameraFileName(view)).string()));
+      settings.lenses.emplace(view, camera);
     }
-    if (!settings.draw.empty()) {
-      RETURN_IF_ERROR(MakeFolder((fs::path(settings.draw) / FileName(view)).string()));
+    if (!draw.empty()) {
+      RETURN_IF_ERROR(MakeFolder((fs::path(draw) / FileName(view)).string()));
     }
   }
   return settings;
@@ -199,18 +186,18 @@ absl::StatusOr<ImageTags> Look(const DetectSettings& settings, TagDetector& dete
     lens = known->second;
     const CameraIntrinsics& k = lens->intrinsics();
     if (cv::Size(k.width, k.height) != image.size()) {
-      return absl::InvalidArgumentError(
-          absl::StrCat("frame '", frame, "' of view '", view, "' has ", image.cols, "x", image.rows,
-                       " pixels, but its camera model is for ", k.width, "x", k.height,
-                       "; give images of that size, or leave --cameras out"));
+      return InvalidArgument("frame '", frame, "' of view '", view, "' has ", image.cols, "x",
+                             image.rows, " pixels, but its camera model is for ", k.width, "x",
+                             k.height, "; give images of that size, or leave --cameras out");
     }
   }
-  ImageTags tags = FindTags(detector, image, lens, settings.boards);
+  const cv::Mat grey = GreyOf(image);
+  ImageTags tags = FindTags(detector, grey, lens, settings.boards);
   tags.view = view;
   tags.frame = frame;
   if (!settings.draw.empty()) {
     const fs::path file = fs::path(settings.draw) / FileName(view) / (FileName(frame) + ".png");
-    RETURN_IF_ERROR(WritePng(file.string(), PictureOfTags(image, tags)));
+    RETURN_IF_ERROR(WritePng(file.string(), PictureOfTags(grey, tags)));
   }
   return tags;
 }

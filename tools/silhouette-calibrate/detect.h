@@ -29,34 +29,22 @@ struct ListedImage {
 // mend: no such pattern, a view twice, no image, a file or a frame of a view twice.
 absl::StatusOr<std::vector<ListedImage>> ListImages(const std::vector<std::string>& patterns);
 
-struct DetectArguments {
-  std::vector<std::string> images;  // VIEW=PATTERN
-  std::string cell;
-  int count = 0;        // sets of live images; 0: until Ctrl-C
-  double interval = 1;  // seconds between them
-  std::string save;     // folder for live images; empty: not kept
-  std::vector<std::string> boards;
-  std::string cameras;  // folder of .cameramodel files; empty: none
-  std::string out;
-  bool overwrite = false;
-  std::string draw;  // folder; empty: no pictures
-  std::string format = "text";
-};
-
 struct DetectSettings {
   std::vector<Board> boards;
-  std::vector<std::string> families;
-  std::map<std::string, CameraModel> lenses;  // by view; empty: none known
-  std::string draw;
+  std::map<std::string, CameraModel> lenses = {};  // by view; empty: none known
+  std::string draw = {};                           // folder; empty: no pictures
 };
 
-// InvalidArgument or NotFound, naming file and mend: a boards file, two boards that share a name or
-// a tag, a camera file that is not there for one of `views`.
-absl::StatusOr<DetectSettings> LoadDetectSettings(const DetectArguments& arguments,
-                                                  const std::vector<std::string>& views);
+// `boards`: files. `cameras`: folder of .cameramodel files; empty: none. `draw` is as
+// DetectSettings::draw. InvalidArgument or NotFound, naming file and mend: a boards file, two
+// boards that share a name or a tag, a camera file that is not there for one of `views`.
+absl::StatusOr<DetectSettings> LoadDetectSettings(const std::vector<std::string>& boards,
+                                                  const std::string& cameras = "",
+                                                  const std::vector<std::string>& views = {},
+                                                  const std::string& draw = "");
 
-// The tags in a view's image, and its picture if one is wanted. InvalidArgument: the image has not
-// the size that the view's lens is for.
+// Finds the tags in a view's image (8 bits, grey or blue, green, red), and draws its picture if
+// `settings.draw` asks for it. InvalidArgument: the view's lens is for another image size.
 absl::StatusOr<ImageTags> Look(const DetectSettings& settings, TagDetector& detector,
                                const cv::Mat& image, const std::string& view,
                                const std::string& frame);

@@ -1,15 +1,14 @@
 // SPDX-License-Identifier: Apache-2.0
 // silhouette-calibrate detect
 #include <algorithm>
-#include <atomic>
 #include <filesystem>
 #include <iostream>
 #include <memory>
 #include <mutex>
 #include <nlohmann/json.hpp>
 #include <opencv2/imgcodecs.hpp>
+#include <optional>
 #include <set>
-#include <thread>
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
@@ -17,6 +16,7 @@
 #include "absl/time/clock.h"
 #include "calib/boards/tag_family.h"
 #include "capture/session/cell_cameras.h"
+#include "common/parallel/parallel.h"
 #include "common/picture/files.h"
 #include "common/picture/picture.h"
 #include "common/result/result.h"
@@ -33,67 +33,70 @@ namespace {
 
 namespace fs = std::filesystem;
 
+struct DetectArguments {
+  std::vector<std::string> images;  // VIEW=PATTERN
+  std::string cell;
+  int count = 0;        // sets of live images; 0: until Ctrl-C
+  double interval = 1;  // seconds between them
+  std::string save;     // folder for live images; empty: not kept
+  std::vector<std::string> boards;
+  std::string cameras;  // folder of .cameramodel files; empty: none
+  std::string out;
+  bool overwrite = false;
+  std::string draw;  // folder; empty: no pictures
+  std::string format = "text";
+};
+
+absl::StatusOr<DetectSettings> SettingsFor(const DetectArguments& arguments,
+                                           const std::vector<std::string>& views) {
+  return LoadDetectSettings(arguments.boards, arguments.cameras, views, arguments.draw);
+}
+
 // Grey, in the camera's own orientation whatever the file says of how to hold it.
 absl::StatusOr<cv::Mat> ReadImage(const std::string& path) {
   cv::Mat image = cv::imread(path, cv::IMREAD_GRAYSCALE | cv::IMREAD_IGNORE_ORIENTATION);
   if (image.empty()) {
-    return absl::InvalidArgumentError(
-        absl::StrCat("'", path,
-                     "' cannot be read as an image; remove it, or mend its view's "
-                     "pattern"));
+    return InvalidArgument("'", path,
+                           "' cannot be read as an image; remove it, or mend its view's "
+                           "pattern");
   }
   return image;
 }
 
-// Looks at all images with all processors. The first mistake ends it.
-class FileDetection {
- public:
-  FileDetection(const std::vector<ListedImage>& images, const DetectSettings& settings,
-                DetectSession& session)
-      : images_(images),
-        settings_(settings),
-        session_(session),
-        progress_("detect", images.size(), "images") {}
-
-  absl::Status Run() {
-    std::vector<std::jthread> helpers;
-    for (unsigned i = 1; i < std::thread::hardware_concurrency(); ++i) {
-      helpers.emplace_back([this] { Work(); });
+// Looks at all images with all processors. The first mistake, or a stop signal, ends it. Returns
+// how many images were looked at.
+absl::StatusOr<size_t> DetectAll(const std::vector<ListedImage>& images,
+                                 const DetectSettings& settings, DetectSession& session) {
+  Progress progress("detect", images.size(), "images");
+  std::mutex mutex;               // guards all below
+  std::vector<TagDetector> idle;  // slow to make; one thread at a time may use each
+  absl::Status status;
+  size_t done = 0;
+  ParallelWhile(images.size(), [&](size_t i) {
+    if (StopRequested()) return false;
+    const ListedImage& file = images[i];
+    std::optional<TagDetector> detector;
+    std::unique_lock lock(mutex);
+    if (!idle.empty()) {
+      detector = std::move(idle.back());
+      idle.pop_back();
     }
-    Work();
-    helpers.clear();
-    return status_;
-  }
-
-  size_t done() const { return done_; }
-
- private:
-  void Work() {
-    TagDetector detector(settings_.families);
-    for (size_t i = next_++; i < images_.size() && !StopRequested(); i = next_++) {
-      absl::StatusOr<ImageTags> tags = LookAt(images_[i], detector);
-      const std::lock_guard lock(mutex_);
-      if (!status_.ok()) return;
-      status_ = tags.ok() ? session_.Add(*std::move(tags), images_[i].path) : tags.status();
-      if (!status_.ok()) return;
-      progress_.Update(++done_);
-    }
-  }
-
-  absl::StatusOr<ImageTags> LookAt(const ListedImage& file, TagDetector& detector) const {
-    ASSIGN_OR_RETURN(const cv::Mat image, ReadImage(file.path));
-    return Look(settings_, detector, image, file.view, file.frame);
-  }
-
-  const std::vector<ListedImage>& images_;
-  const DetectSettings& settings_;
-  std::atomic<size_t> next_ = 0;
-  std::mutex mutex_;  // guards all below
-  DetectSession& session_;
-  Progress progress_;
-  size_t done_ = 0;
-  absl::Status status_;
-};
+    lock.unlock();
+    if (!detector) detector.emplace(FamiliesOf(settings.boards));
+    const absl::StatusOr<cv::Mat> image = ReadImage(file.path);
+    absl::StatusOr<ImageTags> tags = image.ok()
+                                         ? Look(settings, *detector, *image, file.view, file.frame)
+                                         : absl::StatusOr<ImageTags>(image.status());
+    lock.lock();
+    idle.push_back(*std::move(detector));
+    if (!status.ok()) return false;
+    status = tags.ok() ? session.Add(*std::move(tags), file.path) : tags.status();
+    if (status.ok()) progress.Update(++done);
+    return status.ok();
+  });
+  RETURN_IF_ERROR(status);
+  return done;
+}
 
 // For those who gave the wrong boards: whose tags the first images show, of the families that are
 // not among `looked_for`. Empty if of none.
@@ -103,7 +106,7 @@ std::string OtherFamilies(const std::vector<ListedImage>& images,
   constexpr int kMostTags = 10000;  // larger families take seconds to prepare, and are rare
   std::vector<std::string> others;
   for (const std::string& family : TagFamily::Names()) {
-    if (std::find(looked_for.begin(), looked_for.end(), family) == looked_for.end() &&
+    if (std::ranges::find(looked_for, family) == looked_for.end() &&
         TagFamily(family).tags() <= kMostTags) {
       others.push_back(family);
     }
@@ -123,15 +126,15 @@ absl::Status CheckThatTagsWereSeen(const DetectSession& session,
                                    const std::vector<ListedImage>& images,
                                    const std::vector<std::string>& families) {
   const absl::Status status = session.CheckThatTagsWereSeen();
-  const bool reason_known = std::any_of(
-      session.images().begin(), session.images().end(),
-      [](const SessionImage& image) { return image.tags.mirrored || !image.tags.foreign.empty(); });
+  const bool reason_known = std::ranges::any_of(session.images(), [](const SessionImage& image) {
+    return image.tags.mirrored || !image.tags.foreign.empty();
+  });
   if (status.ok() || reason_known) return status;
   const std::string others = OtherFamilies(images, families);
   if (others.empty()) return status;
-  return absl::NotFoundError(absl::StrCat("none of ", images.size(),
-                                          " images shows a tag of the boards; they show tags of ",
-                                          others, ": is --boards the right file?"));
+  return NotFound("none of ", images.size(),
+                  " images shows a tag of the boards; they show tags of ", others,
+                  ": is --boards the right file?");
 }
 
 absl::Status DetectInFiles(const DetectArguments& arguments, DetectSession& session) {
@@ -140,15 +143,10 @@ absl::Status DetectInFiles(const DetectArguments& arguments, DetectSession& sess
   for (const ListedImage& image : images) {
     if (views.empty() || views.back() != image.view) views.push_back(image.view);
   }
-  ASSIGN_OR_RETURN(const DetectSettings settings, LoadDetectSettings(arguments, views));
-  size_t done = 0;
-  {
-    FileDetection detection(images, settings, session);
-    RETURN_IF_ERROR(detection.Run());
-    done = detection.done();
-  }
+  ASSIGN_OR_RETURN(const DetectSettings settings, SettingsFor(arguments, views));
+  ASSIGN_OR_RETURN(const size_t done, DetectAll(images, settings, session));
   if (done == images.size()) {
-    RETURN_IF_ERROR(CheckThatTagsWereSeen(session, images, settings.families));
+    RETURN_IF_ERROR(CheckThatTagsWereSeen(session, images, FamiliesOf(settings.boards)));
   }
   RETURN_IF_ERROR(DrawCoverage(settings, session));
   if (done == images.size()) return absl::OkStatus();
@@ -166,7 +164,7 @@ class LiveDetection {
       : arguments_(arguments),
         settings_(settings),
         views_(views),
-        detector_(settings.families),
+        detector_(FamiliesOf(settings.boards)),
         session_(session) {}
 
   int kept() const { return kept_; }
@@ -245,7 +243,7 @@ absl::Status DetectLive(const DetectArguments& arguments, DetectSession& session
   ASSIGN_OR_RETURN(auto cameras, CellCameras::Create(DescriptionOf(cell), **rig));
   std::vector<std::string> views;
   for (const ViewSettings& view : cell.views) views.push_back(view.name);
-  ASSIGN_OR_RETURN(const auto settings, LoadDetectSettings(arguments, views));
+  ASSIGN_OR_RETURN(const auto settings, SettingsFor(arguments, views));
 
   if (arguments.count == 0) {
     std::cerr << "Move the board; sets in which it has moved are kept. Ctrl-C ends." << std::endl;

@@ -39,62 +39,25 @@ std::vector<std::string> HeaderOf(const std::string& text) {
   return names;
 }
 
-// One line's values, by the names of the columns.
-class JointReader {
- public:
-  JointReader(const RobotModel& robot, const JointFileSettings& settings,
-              std::vector<std::string> columns)
-      : robot_(robot), settings_(settings), columns_(std::move(columns)) {
-    for (const FixedJoint& joint : settings.fixed_joints) {
-      if (std::find(columns_.begin(), columns_.end(), joint.name) == columns_.end()) {
-        fixed_.push_back(joint);
-      }
-    }
+// The value of the joint `name`, in radians or metres.
+absl::StatusOr<double> JointValue(const RobotModel& robot, AngleUnit unit, const std::string& name,
+                                  const CsvRow& row, size_t column) {
+  const std::optional<size_t> joint = robot.JointIndex(name);
+  const bool turns = !joint || robot.joints()[*joint].type != JointType::kPrismatic;
+  double value = 0;
+  try {
+    value = ParseJointValue(row.Text(column), turns ? unit : AngleUnit::kRadians);
+  } catch (const std::invalid_argument& error) {
+    return InvalidArgument(row.place(), ": '", name, "': ", error.what());
   }
-
-  absl::StatusOr<std::vector<double>> Positions(const CsvRow& row) const {
-    std::vector<std::string> names;
-    std::vector<double> values;
-    for (const FixedJoint& joint : fixed_) {
-      names.push_back(joint.name);
-      values.push_back(joint.position);
-    }
-    for (size_t i = 1; i < columns_.size(); ++i) {
-      ASSIGN_OR_RETURN(const double value, ValueOf(row, i));
-      names.push_back(columns_[i]);
-      values.push_back(value);
-    }
-    absl::StatusOr<std::vector<double>> positions = robot_.Positions(names, values);
-    if (positions.ok()) return positions;
-    return absl::InvalidArgumentError(
-        absl::StrCat(row.place(), ": ", positions.status().message()));
+  if (turns && std::abs(value) > 1.01 * kFullTurn) {
+    return InvalidArgument(absl::StrFormat(
+        "%s: '%s' is %g rad, more than a full turn; if it is in degrees write %sdeg, or give "
+        "--degrees",
+        row.place(), name, value, row.Text(column)));
   }
-
- private:
-  absl::StatusOr<double> ValueOf(const CsvRow& row, size_t column) const {
-    const std::optional<size_t> joint = robot_.JointIndex(columns_[column]);
-    const bool turns = !joint || robot_.joints()[*joint].type != JointType::kPrismatic;
-    double value = 0;
-    try {
-      value = ParseJointValue(row.Text(column), turns ? settings_.unit : AngleUnit::kRadians);
-    } catch (const std::invalid_argument& error) {
-      return absl::InvalidArgumentError(
-          absl::StrCat(row.place(), ": '", columns_[column], "': ", error.what()));
-    }
-    if (turns && std::abs(value) > 1.01 * kFullTurn) {
-      return absl::InvalidArgumentError(absl::StrFormat(
-          "%s: '%s' is %g rad, more than a full turn; if it is in degrees write %sdeg, or give "
-          "--degrees",
-          row.place(), columns_[column], value, row.Text(column)));
-    }
-    return value;
-  }
-
-  const RobotModel& robot_;
-  const JointFileSettings& settings_;
-  std::vector<std::string> columns_;
-  std::vector<FixedJoint> fixed_;
-};
+  return value;
+}
 
 }  // namespace
 
@@ -114,8 +77,7 @@ absl::Status ReplaceFile(const std::string& path, const std::string& text) {
   std::error_code error;
   fs::rename(unfinished, path, error);
   if (!error) return absl::OkStatus();
-  return absl::FailedPreconditionError(
-      absl::StrCat("'", path, "' cannot be written: ", error.message()));
+  return FailedPrecondition("'", path, "' cannot be written: ", error.message());
 }
 
 std::string TextOfFiles(const std::vector<std::string>& files) {
@@ -131,8 +93,7 @@ absl::StatusOr<PixelSize> SizeFromText(const std::string& text, const std::strin
       absl::SimpleAtoi(parts[1], &size.height) && size.width > 0 && size.height > 0) {
     return size;
   }
-  return absl::InvalidArgumentError(
-      absl::StrCat(option, " '", text, "' is not WIDTHxHEIGHT in pixels, e.g. 640x480"));
+  return InvalidArgument(option, " '", text, "' is not WIDTHxHEIGHT in pixels, e.g. 640x480");
 }
 
 absl::StatusOr<size_t> FlangeLink(const RobotModel& robot, const std::string& name) {
@@ -142,8 +103,7 @@ absl::StatusOr<size_t> FlangeLink(const RobotModel& robot, const std::string& na
     if (names.back() == (name.empty() ? "flange" : name)) return i;
   }
   if (name.empty()) return robot.links().size() - 1;
-  return absl::InvalidArgumentError(
-      absl::StrCat("the robot has no link '", name, "'; it has ", ListOfWords(names)));
+  return InvalidArgument("the robot has no link '", name, "'; it has ", ListOfWords(names));
 }
 
 std::string ViewOfCameraFile(const std::string& path) {
@@ -174,14 +134,12 @@ absl::StatusOr<std::vector<CameraFile>> ReadCameraFolder(const std::string& fold
     if (entry.path().extension() == kCameraFileExtension) files.push_back(entry.path());
   }
   if (error) {
-    return absl::NotFoundError(
-        absl::StrCat("the folder '", folder, "' cannot be read: ", error.message()));
+    return NotFound("the folder '", folder, "' cannot be read: ", error.message());
   }
   if (files.empty()) {
-    return absl::NotFoundError(absl::StrCat("there is no camera model (VIEW", kCameraFileExtension,
-                                            ") in '", folder, "'"));
+    return NotFound("there is no camera model (VIEW", kCameraFileExtension, ") in '", folder, "'");
   }
-  std::sort(files.begin(), files.end());
+  std::ranges::sort(files);
   std::vector<CameraFile> cameras;
   for (const fs::path& file : files) {
     ASSIGN_OR_RETURN(const CameraModel camera, ReadCameraFile(file.string()));
@@ -204,26 +162,40 @@ absl::StatusOr<std::vector<RobotPose>> RobotPosesOfJoints(const std::string& tex
                                                           const JointFileSettings& settings) {
   ASSIGN_OR_RETURN(const size_t flange, FlangeLink(robot, settings.flange_link));
   if (text.empty()) {
-    return absl::InvalidArgumentError(absl::StrCat(
-        file, ": the file is empty; its first line is frame and the names of the joints"));
+    return InvalidArgument(
+        file, ": the file is empty; its first line is frame and the names of the joints");
   }
   std::vector<std::string> columns = {"frame"};
   for (const std::string& name : HeaderOf(text)) {
     if (name != "frame") columns.push_back(name);
   }
   ASSIGN_OR_RETURN(const std::vector<CsvRow> rows, CsvRows(text, file, columns));
-  const JointReader reader(robot, settings, columns);
+  std::vector<std::string> joints(columns.begin() + 1, columns.end());
+  std::vector<double> fixed;
+  for (const FixedJoint& joint : settings.fixed_joints) {
+    if (std::ranges::find(columns, joint.name) != columns.end()) continue;
+    joints.push_back(joint.name);
+    fixed.push_back(joint.position);
+  }
   std::vector<RobotPose> poses;
   std::map<std::string, std::string> places;
   for (const CsvRow& row : rows) {
     const auto [other, added] = places.emplace(row.Text(0), row.place());
     if (!added) {
-      return absl::InvalidArgumentError(absl::StrCat(row.place(), ": frame '", row.Text(0),
-                                                     "' is there already, at ", other->second,
-                                                     "; leave one"));
+      return InvalidArgument(row.place(), ": frame '", row.Text(0), "' is there already, at ",
+                             other->second, "; leave one");
     }
-    ASSIGN_OR_RETURN(const std::vector<double> positions, reader.Positions(row));
-    poses.push_back({row.Text(0), robot.LinkPoses(positions)[flange]});
+    std::vector<double> values;
+    for (size_t i = 1; i < columns.size(); ++i) {
+      ASSIGN_OR_RETURN(const double value, JointValue(robot, settings.unit, columns[i], row, i));
+      values.push_back(value);
+    }
+    values.insert(values.end(), fixed.begin(), fixed.end());
+    const absl::StatusOr<std::vector<double>> positions = robot.Positions(joints, values);
+    if (!positions.ok()) {
+      return InvalidArgument(row.place(), ": ", positions.status().message());
+    }
+    poses.push_back({row.Text(0), robot.LinkPoses(*positions)[flange]});
   }
   return poses;
 }

@@ -6,26 +6,260 @@
 #include <map>
 #include <memory>
 #include <nlohmann/json.hpp>
+#include <nlohmann/json_fwd.hpp>
 #include <opencv2/imgcodecs.hpp>
+#include <span>
+#include <string>
+#include <vector>
 
+#include "absl/status/statusor.h"
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
+#include "absl/strings/str_join.h"
+#include "calib/boards/sighting_file.h"
+#include "calib/files/camera_file.h"
+#include "calib/fundamental/correspondences.h"
 #include "calib/fundamental/view_pairs.h"
 #include "common/picture/files.h"
 #include "common/result/result.h"
 #include "db/status/status_macros.h"
 #include "server/scene/scene_settings.h"
+#include "tools/cell/cell.h"
 #include "tools/program/program.h"
 #include "tools/silhouette-calibrate/calibration_output.h"
 #include "tools/silhouette-calibrate/commands.h"
 #include "tools/silhouette-calibrate/files.h"
-#include "tools/silhouette-calibrate/fundamental_views.h"
 #include "tools/silhouette-calibrate/pictures.h"
 
 namespace silhouette {
 namespace {
 
 namespace fs = std::filesystem;
+
+// Sources of the views; empty: not given.
+struct ViewSources {
+  std::string cell;     // cell.yaml: names and sizes
+  std::string cameras;  // folder of .cameramodel files
+  std::string image_size;
+  std::string mask_size;
+};
+
+absl::StatusOr<std::vector<PairedView>> NamedViews(const ViewSources& sources,
+                                                   std::span<const TagSighting> sightings) {
+  std::vector<PairedView> views;
+  if (!sources.cell.empty()) {
+    ASSIGN_OR_RETURN(const Cell cell, LoadCell(sources.cell));
+    for (const ViewSettings& view : cell.views) {
+      views.push_back({.name = view.name,
+                       .sizes = {.image = {view.image_width, view.image_height},
+                                 .mask = {view.mask_size.width, view.mask_size.height}},
+                       .camera = std::nullopt});
+    }
+    return views;
+  }
+  std::vector<std::string> names = ViewsOf(sightings);
+  if (!sources.cameras.empty()) {
+    ASSIGN_OR_RETURN(const std::vector<CameraFile> cameras, ReadCameraFolder(sources.cameras));
+    names.clear();
+    for (const CameraFile& camera : cameras) names.push_back(camera.view);
+  }
+  for (const std::string& name : names) views.push_back({.name = name, .sizes = {}, .camera = {}});
+  return views;
+}
+
+std::string Text(PixelSize size) { return absl::StrCat(size.width, "x", size.height); }
+
+bool Same(PixelSize one, PixelSize other) {
+  return one.width == other.width && one.height == other.height;
+}
+
+absl::Status TakeCamera(const std::string& folder, PairedView& view) {
+  const std::string file = (fs::path(folder) / CameraFileName(view.name)).string();
+  ASSIGN_OR_RETURN(CameraModel camera, ReadCameraFile(file));
+  const PixelSize size{camera.intrinsics().width, camera.intrinsics().height};
+  if (view.sizes.image.width > 0 && !Same(view.sizes.image, size)) {
+    return InvalidArgument("'", file, "' is for images of ", Text(size), ", but those of view '",
+                           view.name, "' are ", Text(view.sizes.image));
+  }
+  view.sizes.image = size;
+  view.camera = std::move(camera);
+  return absl::OkStatus();
+}
+
+absl::Status CheckSightings(const std::vector<PairedView>& views,
+                            std::span<const TagSighting> sightings) {
+  for (const TagSighting& sighting : sightings) {
+    const auto view = std::ranges::find(views, sighting.view, &PairedView::name);
+    if (view == views.end()) {
+      return InvalidArgument(
+          "the corners are of a view '", sighting.view, "' that is not there; the views are ",
+          absl::StrJoin(views, ", ", [](std::string* out, const PairedView& each) {
+            absl::StrAppend(out, each.name);
+          }));
+    }
+    const PixelSize image = view->sizes.image;
+    for (const Eigen::Vector2d& corner : sighting.corners) {
+      if (corner.x() >= -0.5 && corner.x() <= image.width - 0.5 && corner.y() >= -0.5 &&
+          corner.y() <= image.height - 0.5) {
+        continue;
+      }
+      return InvalidArgument("frame '", sighting.frame, "', view '", sighting.view, "', tag ",
+                             sighting.tag, ": a corner at (", corner.x(), ", ", corner.y(),
+                             ") is not in an image of ", Text(image),
+                             "; the images' size is wrong, or sizes are mixed");
+    }
+  }
+  return absl::OkStatus();
+}
+
+using nlohmann::ordered_json;
+
+ordered_json MatrixJson(const Eigen::Matrix3d& f) {
+  ordered_json rows = ordered_json::array();
+  for (int row = 0; row < 3; ++row) rows.push_back({f(row, 0), f(row, 1), f(row, 2)});
+  return rows;
+}
+
+ordered_json DistancesJson(const LineDistances& distances) {
+  return {{"corners", distances.corners},
+          {"rms_px", distances.rms},
+          {"noise_px", distances.noise},
+          {"median_px", distances.median},
+          {"worst_px", distances.worst}};
+}
+
+ordered_json PairJson(const std::vector<PairedView>& views, const PairResult& pair) {
+  ordered_json json = {{"view_a", views[static_cast<size_t>(pair.a)].name},
+                       {"view_b", views[static_cast<size_t>(pair.b)].name},
+                       {"frames", pair.frames},
+                       {"corners", pair.corners},
+                       {"unseen", pair.unseen},
+                       {"refusal", nullptr}};
+  if (pair.refusal) json["refusal"] = *pair.refusal;
+  if (pair.f.norm() > 0) {
+    json["F_of_images"] = MatrixJson(pair.f);
+    json["F_of_masks"] = MatrixJson(pair.f_of_masks);
+    json["margin"] = pair.margin;
+  }
+  if (pair.weak && pair.f.norm() > 0) {
+    json["outliers"] = pair.weak->outliers;
+    json["spread"] = pair.weak->spread;
+    json["predicted_margin"] = pair.weak->predicted_margin;
+    json["held_out"] = DistancesJson(pair.weak->held_out);
+    json["held_out"]["by"] = pair.weak->frames_held_out ? "frames" : "tags";
+    json["lenses_bow"] = pair.weak->bowed;
+  }
+  if (pair.weak) json["warnings"] = pair.weak->warnings;
+  if (pair.bow) {
+    json["bow"] = {{"curve_px", pair.bow->curve},
+                   {"off_lines_px", pair.bow->off_lines},
+                   {"margin", pair.bow->margin}};
+  }
+  if (pair.distances) json["distances"] = DistancesJson(*pair.distances);
+  return json;
+}
+
+std::string DistancesText(const LineDistances& distances) {
+  return absl::StrFormat(
+      "%d corners, %.3f px rms from their lines (%.3f by the corners' own sigma), median %.3f, "
+      "worst %.2f",
+      distances.corners, distances.rms, distances.noise, distances.median, distances.worst);
+}
+
+std::string PairText(const PairResult& pair) {
+  if (pair.unseen) return "no tag was seen by both at once: the pair has no lines";
+  if (pair.weak && pair.f.norm() == 0) return "";
+  std::string text;
+  if (pair.weak) {
+    text = absl::StrFormat("%s held out by %s; %d of %d wrong; margin %.3f mask px",
+                           DistancesText(pair.weak->held_out),
+                           pair.weak->frames_held_out ? "frames" : "tags", pair.weak->outliers,
+                           pair.corners, pair.margin);
+  } else if (pair.distances) {
+    text = DistancesText(*pair.distances);
+  } else {
+    text = "from the camera models";
+  }
+  if (pair.bow && pair.bow->off_lines > 0) {
+    absl::StrAppendFormat(
+        &text,
+        "\n  distortion bows epipolar lines by up to %.1f px and takes points up to %.1f px off "
+        "the matrix's: that is\n  true of undistorted pixels only, or with a margin of %.2g mask "
+        "pixels; bands of the camera models follow distortion",
+        pair.bow->curve, pair.bow->off_lines, pair.bow->margin);
+  }
+  return text;
+}
+
+// In the order of the cell, else of the cameras' files, else of the sightings. InvalidArgument or
+// NotFound in a sentence: an unspecified size, a camera that is missing or for another size, a
+// sighting of a view that is not there or beyond its image, less than two views.
+absl::StatusOr<std::vector<PairedView>> PairedViews(const ViewSources& sources,
+                                                    std::span<const TagSighting> sightings) {
+  absl::StatusOr<std::vector<PairedView>> views = NamedViews(sources, sightings);
+  if (!views.ok()) return views;
+  for (PairedView& view : *views) {
+    for (const bool of_image : {true, false}) {
+      const std::string& text = of_image ? sources.image_size : sources.mask_size;
+      if (text.empty()) continue;
+      ASSIGN_OR_RETURN(const auto size,
+                       SizeFromText(text, of_image ? "--image-size" : "--mask-size"));
+      (of_image ? view.sizes.image : view.sizes.mask) = size;
+    }
+    if (!sources.cameras.empty()) {
+      RETURN_IF_ERROR(TakeCamera(sources.cameras, view));
+    }
+    if (view.sizes.image.width <= 0) {
+      return InvalidArgument("how large the images of view '", view.name,
+                             "' are is not said; give --cell, "
+                             "--image-size or --cameras");
+    }
+    if (view.sizes.mask.width <= 0) {
+      return InvalidArgument("how large the masks of view '", view.name,
+                             "' are is not said; give --cell or "
+                             "--mask-size");
+    }
+  }
+  if (views->size() < 2) {
+    return InvalidArgument("there must be at least two views to pair");
+  }
+  RETURN_IF_ERROR(CheckSightings(*views, sightings));
+  return views;
+}
+
+// In words. `refusals`: whether matrices are wanted, so that it matters which must not be used.
+std::string PairsText(const std::vector<PairedView>& views, const std::vector<PairResult>& pairs,
+                      bool refusals) {
+  std::string text;
+  for (const PairResult& pair : pairs) {
+    absl::StrAppend(&text, views[static_cast<size_t>(pair.a)].name, " - ",
+                    views[static_cast<size_t>(pair.b)].name, ": ", PairText(pair), "\n");
+    if (pair.refusal && refusals) absl::StrAppend(&text, "  refused: ", *pair.refusal, "\n");
+    if (!pair.weak) continue;
+    for (const std::string& warning : pair.weak->warnings) {
+      absl::StrAppend(&text, "  note: ", warning, "\n");
+    }
+  }
+  return text;
+}
+
+ordered_json PairsJson(const std::vector<PairedView>& views, const std::vector<PairResult>& pairs) {
+  ordered_json json = {{"views", ordered_json::array()}, {"pairs", ordered_json::array()}};
+  for (const PairedView& view : views) {
+    const ViewSizes& sizes = view.sizes;
+    json["views"].push_back({{"name", view.name},
+                             {"image_size", {sizes.image.width, sizes.image.height}},
+                             {"mask_size", {sizes.mask.width, sizes.mask.height}},
+                             {"camera", view.camera.has_value()}});
+  }
+  double margin = 0;
+  for (const PairResult& pair : pairs) {
+    json["pairs"].push_back(PairJson(views, pair));
+    if (!pair.refusal) margin = std::max(margin, pair.margin);
+  }
+  json["margin"] = margin;
+  return json;
+}
 
 struct FundamentalArguments {
   std::string corners;
@@ -43,34 +277,29 @@ struct FundamentalArguments {
 
 struct Found {
   std::vector<TagSighting> sightings;
-  std::vector<PairedView> views;
-  std::vector<PairResult> pairs;
-
-  bool AnyRefused() const {
-    return std::any_of(pairs.begin(), pairs.end(),
-                       [](const PairResult& pair) { return pair.refusal.has_value(); });
-  }
+  FoundCalibration calibration;
 };
 
 absl::StatusOr<Found> Find(const FundamentalArguments& arguments) {
   if (arguments.corners.empty() && arguments.sources.cameras.empty()) {
-    return absl::InvalidArgumentError(
+    return InvalidArgument(
         "give --corners, for weak calibration straight from tags, or --cameras, a folder of camera "
         "models");
   }
-  Found found;
+  Found found{.sightings = {},
+              .calibration = {.views = {}, .pairs = {}, .cameras = arguments.sources.cameras}};
   if (!arguments.corners.empty()) {
     ASSIGN_OR_RETURN(found.sightings, ReadSightings(arguments.corners));
   }
-  ASSIGN_OR_RETURN(found.views, PairedViews(arguments.sources, found.sightings));
-  found.pairs = FindPairs(found.views, found.sightings, arguments.settings);
+  ASSIGN_OR_RETURN(found.calibration.views, PairedViews(arguments.sources, found.sightings));
+  found.calibration.pairs = FindPairs(found.calibration.views, found.sightings, arguments.settings);
   return found;
 }
 
-// What bands are drawn of: cameras where all are known, else the matrices that are not refused.
-Calibration CalibrationOf(const Found& found, bool of_models) {
+// What bands are drawn of: the cameras if they are known, else the matrices.
+Calibration CalibrationOf(const FoundCalibration& found) {
   Calibration calibration;
-  if (of_models) {
+  if (!found.cameras.empty()) {
     for (const PairedView& view : found.views) calibration.cameras.push_back(*view.camera);
     return calibration;
   }
@@ -86,13 +315,13 @@ Calibration CalibrationOf(const Found& found, bool of_models) {
 std::string BestFrame(const std::vector<TagSighting>& sightings) {
   std::map<std::string, int> seen;
   for (const TagSighting& sighting : sightings) ++seen[sighting.frame];
-  const auto most = std::max_element(
-      seen.begin(), seen.end(), [](const auto& a, const auto& b) { return a.second < b.second; });
+  const auto most =
+      std::ranges::max_element(seen, {}, [](const auto& frame) { return frame.second; });
   return most == seen.end() ? "" : most->first;
 }
 
 absl::StatusOr<std::map<std::string, Picture>> ReadImages(const FundamentalArguments& arguments,
-                                                          const Found& found) {
+                                                          const FoundCalibration& found) {
   std::map<std::string, Picture> images;
   for (const PairedView& view : found.views) {
     for (const std::string& given : arguments.images) {
@@ -106,32 +335,32 @@ absl::StatusOr<std::map<std::string, Picture>> ReadImages(const FundamentalArgum
         continue;
       }
       const Picture image = cv::imread(file, cv::IMREAD_COLOR);
-      if (image.empty()) return absl::NotFoundError(absl::StrCat("'", file, "' is no image"));
+      if (image.empty()) return NotFound("'", file, "' is no image");
       images[view.name] = image;
     }
   }
   if (images.empty() && !arguments.images.empty()) {
-    return absl::NotFoundError(
-        "--images has no image of any view; give a folder with VIEW.png, or VIEW=FILE");
+    return NotFound("--images has no image of any view; give a folder with VIEW.png, or VIEW=FILE");
   }
   return images;
 }
 
 absl::StatusOr<std::vector<std::string>> DrawBands(const FundamentalArguments& arguments,
-                                                   const Found& found, bool of_models) {
-  ASSIGN_OR_RETURN(auto images, ReadImages(arguments, found));
+                                                   const Found& all) {
+  const FoundCalibration& found = all.calibration;
+  ASSIGN_OR_RETURN(const auto images, ReadImages(arguments, found));
   RETURN_IF_ERROR(MakeFolder(arguments.draw));
-  const Calibration calibration = CalibrationOf(found, of_models);
+  const Calibration calibration = CalibrationOf(found);
   // An image shows one frame.
   const bool any_frame = arguments.images.empty() || !arguments.frame.empty();
-  const std::string frame = any_frame ? arguments.frame : BestFrame(found.sightings);
+  const std::string frame = any_frame ? arguments.frame : BestFrame(all.sightings);
   std::vector<std::string> written;
   for (const PairResult& pair : found.pairs) {
     if (pair.f.norm() == 0) continue;
     const BandPictures pictures{.views = found.views,
                                 .calibration = calibration,
-                                .margin = of_models ? 0 : pair.margin,
-                                .sightings = found.sightings,
+                                .margin = found.cameras.empty() ? pair.margin : 0,
+                                .sightings = all.sightings,
                                 .frame = frame,
                                 .images = images};
     const std::string name =
@@ -159,21 +388,22 @@ absl::Status WriteRecord(const FundamentalArguments& arguments, const FoundCalib
 }
 
 absl::StatusOr<ExitCode> FundamentalWork(const FundamentalArguments& arguments) {
-  ASSIGN_OR_RETURN(const Found found, Find(arguments));
-  const bool of_models = !arguments.sources.cameras.empty();
+  ASSIGN_OR_RETURN(const Found all, Find(arguments));
+  const FoundCalibration& found = all.calibration;
+  const bool of_models = !found.cameras.empty();
   std::vector<std::string> written;
   if (!arguments.draw.empty()) {
-    ASSIGN_OR_RETURN(written, DrawBands(arguments, found, of_models));
+    ASSIGN_OR_RETURN(written, DrawBands(arguments, all));
   }
-  const bool refused = found.AnyRefused() && !arguments.skip_refused;
-  const FoundCalibration calibration{
-      .views = found.views, .pairs = found.pairs, .cameras = arguments.sources.cameras};
+  const bool any_refused = std::ranges::any_of(
+      found.pairs, [](const PairResult& pair) { return pair.refusal.has_value(); });
+  const bool refused = any_refused && !arguments.skip_refused;
   if (!arguments.out.empty() && !refused) {
-    RETURN_IF_ERROR(WriteMatrices(calibration, arguments.out));
+    RETURN_IF_ERROR(WriteMatrices(found, arguments.out));
     written.push_back(arguments.out);
   }
   if (!arguments.calibration.empty() && (!refused || of_models)) {
-    RETURN_IF_ERROR(WriteRecord(arguments, calibration));
+    RETURN_IF_ERROR(WriteRecord(arguments, found));
     written.push_back(arguments.calibration);
   }
   nlohmann::ordered_json json = PairsJson(found.views, found.pairs);

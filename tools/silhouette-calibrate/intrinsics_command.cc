@@ -7,6 +7,7 @@
 #include <set>
 
 #include "absl/strings/str_cat.h"
+#include "absl/strings/str_format.h"
 #include "calib/files/camera_file.h"
 #include "calib/intrinsics/solve_lenses.h"
 #include "common/picture/files.h"
@@ -68,7 +69,7 @@ absl::StatusOr<ForeignCamera> ReadCamera(const std::string& file,
 // --from: one file to a .cameramodel.
 absl::StatusOr<ExitCode> Convert(const IntrinsicsArguments& arguments) {
   if (arguments.views.size() != 1) {
-    return absl::InvalidArgumentError("--from needs --view, one view's name");
+    return InvalidArgument("--from needs --view, one view's name");
   }
   const std::string& view = arguments.views[0];
   ASSIGN_OR_RETURN(const auto size, SizeGivenFor(arguments, view));
@@ -96,18 +97,15 @@ struct Input {
 absl::Status TakeBoards(const IntrinsicsArguments& arguments, Input& input) {
   ASSIGN_OR_RETURN(std::vector<Board> boards, ReadBoards(arguments.boards));
   for (const std::string& name : arguments.board_names) {
-    const bool there = std::any_of(boards.begin(), boards.end(), [&](const Board& board) {
-      return board.description().name == name;
-    });
+    const bool there = std::ranges::any_of(
+        boards, [&](const Board& board) { return board.description().name == name; });
     if (!there) {
-      return absl::InvalidArgumentError(
-          absl::StrCat("there is no board '", name, "' in ", arguments.boards));
+      return InvalidArgument("there is no board '", name, "' in ", arguments.boards);
     }
   }
   for (Board& board : boards) {
     const auto& names = arguments.board_names;
-    if (names.empty() ||
-        std::find(names.begin(), names.end(), board.description().name) != names.end()) {
+    if (names.empty() || std::ranges::find(names, board.description().name) != names.end()) {
       input.boards.push_back(std::move(board));
     }
   }
@@ -128,8 +126,8 @@ absl::Status AddCamera(const IntrinsicsArguments& arguments, const std::string& 
     camera.width = size->width;
     camera.height = size->height;
   } else {
-    return absl::InvalidArgumentError(absl::StrCat("give the size of the images of the view '",
-                                                   view, "', as --image-size ", view, "=1280x960"));
+    return InvalidArgument("give the size of the images of the view '", view, "', as --image-size ",
+                           view, "=1280x960");
   }
   input.cameras.push_back(camera);
   return absl::OkStatus();
@@ -137,7 +135,7 @@ absl::Status AddCamera(const IntrinsicsArguments& arguments, const std::string& 
 
 absl::StatusOr<Input> ReadInput(const IntrinsicsArguments& arguments) {
   if (arguments.corners.empty() || arguments.boards.empty()) {
-    return absl::InvalidArgumentError(
+    return InvalidArgument(
         "give --corners and --boards to solve for lenses, or --from FILE --view NAME to read one");
   }
   Input input;
@@ -149,13 +147,12 @@ absl::StatusOr<Input> ReadInput(const IntrinsicsArguments& arguments) {
   if (views.empty()) views.assign(seen.begin(), seen.end());
   for (const std::string& view : views) {
     if (!seen.contains(view)) {
-      return absl::InvalidArgumentError(
-          absl::StrCat("there is no corner of the view '", view, "' in ", arguments.corners));
+      return InvalidArgument("there is no corner of the view '", view, "' in ", arguments.corners);
     }
     RETURN_IF_ERROR(AddCamera(arguments, view, input));
   }
   for (TagSighting& sighting : sightings) {
-    if (std::find(views.begin(), views.end(), sighting.view) != views.end()) {
+    if (std::ranges::find(views, sighting.view) != views.end()) {
       input.sightings.push_back(std::move(sighting));
     }
   }
@@ -173,9 +170,17 @@ absl::StatusOr<std::vector<std::string>> Write(const IntrinsicsArguments& argume
   if (arguments.draw.empty()) return files;
   RETURN_IF_ERROR(MakeFolder(arguments.draw));
   for (size_t i = 0; i < solution.cameras.size(); ++i) {
-    const fs::path name = fs::path(CameraFileName(solution.cameras[i].name)).stem();
+    const SolvedCamera& camera = solution.cameras[i];
+    const fs::path name = fs::path(CameraFileName(camera.name)).stem();
     files.push_back((fs::path(arguments.draw) / (name.string() + "-residuals.png")).string());
-    RETURN_IF_ERROR(WritePng(files.back(), ResidualPicture(solution, i)));
+    std::vector<LensResidual> residuals = solution.residuals;
+    std::erase_if(residuals, [&](const LensResidual& r) { return r.camera != i; });
+    const std::string caption = absl::StrFormat(
+        "%d images, %d corners, %d left out; rms %.3f px per axis; %.0f %% of the image seen",
+        camera.images, camera.corners, camera.outliers, camera.rms, 100 * camera.covered);
+    RETURN_IF_ERROR(
+        WritePng(files.back(), PictureOfResiduals(camera.name, {camera.width, camera.height},
+                                                  camera.rms, residuals, caption)));
   }
   return files;
 }
@@ -192,10 +197,9 @@ absl::StatusOr<ExitCode> RunIntrinsics(IntrinsicsArguments arguments) {
   }
   if (solution->groups.size() > 1 && !arguments.unconnected) {
     Report("silhouette-calibrate",
-           absl::FailedPreconditionError(
-               absl::StrCat(solution->warnings.back(),
-                            "; take images in which they see a board at once, or accept lenses "
-                            "without common poses by --unconnected")));
+           FailedPrecondition(solution->warnings.back(),
+                              "; take images in which they see a board at once, or accept lenses "
+                              "without common poses by --unconnected"));
     return kNo;
   }
   ASSIGN_OR_RETURN(const auto files, Write(arguments, *solution));

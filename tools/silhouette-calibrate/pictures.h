@@ -11,11 +11,9 @@
 #include "calib/camera/calibration.h"
 #include "calib/detection/image_tags.h"
 #include "calib/fundamental/tag_drift.h"
+#include "calib/fundamental/view_pairs.h"
 #include "calib/intrinsics/solve_lenses.h"
-#include "calib/poses/pose_problem.h"
-#include "calib/poses/pose_solution.h"
 #include "common/picture/picture.h"
-#include "tools/silhouette-calibrate/fundamental_views.h"
 
 namespace silhouette {
 
@@ -40,12 +38,11 @@ Picture PictureOfTags(const cv::Mat& image, const ImageTags& tags);
 // All corners that a view has seen, over the cells of its coverage.
 Picture PictureOfCoverage(const std::string& view, const Coverage& coverage);
 
-// `view`: index in the problem and the solution.
-Picture ResidualPicture(const PoseProblem& problem, const PoseSolution& solution, size_t view);
-
-// Each residual as a line from its corner to where it was projected, 10, 100 or 500 times as long;
-// fields of the image are darker the more corners they have, and white without any.
-Picture ResidualPicture(const LensSolution& solution, size_t camera);
+// Each residual (pixels) as a line from its corner to where it was projected, lengthened so that
+// the `rms` per axis can be seen, no line longer than 120 pixels of the picture. Fields of the
+// image are darker the more corners they have, and white without any.
+Picture PictureOfResiduals(const std::string& view, PixelSize image, double rms,
+                           const std::vector<LensResidual>& residuals, const std::string& caption);
 
 // Arrows from where corners were to where they are, lengthened so that they can be seen.
 Picture PaintDrift(const ViewDrift& drift, const ViewSizes& sizes, double limit_mask);

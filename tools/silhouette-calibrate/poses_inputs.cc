@@ -11,6 +11,7 @@
 #include "absl/strings/str_format.h"
 #include "absl/strings/str_split.h"
 #include "absl/strings/strip.h"
+#include "calib/camera/camera_model.h"
 #include "calib/poses/pose_calibration.h"
 #include "calib/poses/pose_files.h"
 #include "calib/robot/robot_model.h"
@@ -46,35 +47,30 @@ absl::StatusOr<RobotNoise> NoiseFrom(const std::string& text) {
       ParseWithUnit(parts[1], "rad", "deg", std::numbers::pi / 180, noise.rotation_sigma)) {
     return noise;
   }
-  return absl::InvalidArgumentError(
-      absl::StrCat("--robot-sigma '", text, "' is not like 0.2mm,0.02deg"));
+  return InvalidArgument("--robot-sigma '", text, "' is not like 0.2mm,0.02deg");
 }
 
-absl::Status NoSuchBoard(const std::string& board, const PoseProblem& problem,
-                         const PoseSources& sources, const std::string& who) {
+// InvalidArgument, beginning with `who`, if there is no such board.
+absl::StatusOr<PoseBoard*> BoardNamed(const std::string& name, PoseProblem& problem,
+                                      const PoseSources& sources, const std::string& who) {
   std::vector<std::string> names;
-  for (const PoseBoard& known : problem.boards) names.push_back(known.board.description().name);
-  return absl::InvalidArgumentError(absl::StrCat(who, ": there is no board '", board, "' in '",
-                                                 sources.boards, "', which has ",
-                                                 ListOfWords(names)));
-}
-
-PoseBoard* BoardNamed(const std::string& name, PoseProblem& problem) {
-  const auto board =
-      std::find_if(problem.boards.begin(), problem.boards.end(),
-                   [&](const PoseBoard& known) { return known.board.description().name == name; });
-  return board == problem.boards.end() ? nullptr : &*board;
+  for (PoseBoard& board : problem.boards) {
+    names.push_back(board.board.description().name);
+    if (names.back() == name) return &board;
+  }
+  return InvalidArgument(who, ": there is no board '", name, "' in '", sources.boards,
+                         "', which has ", ListOfWords(names));
 }
 
 absl::Status PlaceSurveyed(const PoseSources& sources, PoseProblem& problem) {
   ASSIGN_OR_RETURN(const std::string text, ReadWholeFile(sources.survey));
   ASSIGN_OR_RETURN(const std::vector<SurveyedBoard> survey, SurveyFromText(text, sources.survey));
   for (const SurveyedBoard& surveyed : survey) {
-    PoseBoard* board = BoardNamed(surveyed.board, problem);
-    if (board == nullptr) return NoSuchBoard(surveyed.board, problem, sources, sources.survey);
+    ASSIGN_OR_RETURN(PoseBoard* const board,
+                     BoardNamed(surveyed.board, problem, sources, sources.survey));
     if (board->place == BoardPlace::kFlange) {
-      return absl::InvalidArgumentError(absl::StrCat(sources.survey, ": board '", surveyed.board,
-                                                     "' is on the flange and cannot be surveyed"));
+      return InvalidArgument(sources.survey, ": board '", surveyed.board,
+                             "' is on the flange and cannot be surveyed");
     }
     board->place = BoardPlace::kSurveyed;
     board->base_from_board = surveyed.base_from_board;
@@ -92,38 +88,49 @@ absl::Status PlaceBoards(const PoseSources& sources, PoseProblem& problem) {
          .place = sources.eye_in_hand.empty() ? BoardPlace::kLoose : BoardPlace::kStanding});
   }
   for (const std::string& name : sources.standing_boards) {
-    PoseBoard* board = BoardNamed(name, problem);
-    if (board == nullptr) return NoSuchBoard(name, problem, sources, "--standing");
+    ASSIGN_OR_RETURN(PoseBoard* const board, BoardNamed(name, problem, sources, "--standing"));
     board->place = BoardPlace::kStanding;
   }
   if (!sources.flange_board.empty()) {
-    PoseBoard* board = BoardNamed(sources.flange_board, problem);
-    if (board == nullptr) {
-      return NoSuchBoard(sources.flange_board, problem, sources, "--flange-board");
-    }
+    ASSIGN_OR_RETURN(PoseBoard* const board,
+                     BoardNamed(sources.flange_board, problem, sources, "--flange-board"));
     board->place = BoardPlace::kFlange;
   }
   return sources.survey.empty() ? absl::OkStatus() : PlaceSurveyed(sources, problem);
 }
 
-absl::StatusOr<std::vector<RobotPose>> PosesOfJoints(const PoseSources& sources) {
-  JointFileSettings settings{
-      .fixed_joints{}, .unit = sources.joint_unit, .flange_link = sources.flange_link};
+// The cell and the robot's model, as far as the sources name them.
+struct CellAndRobot {
+  std::optional<Cell> cell;
+  std::optional<RobotModel> robot;
+};
+
+absl::StatusOr<CellAndRobot> LoadRobot(const PoseSources& sources) {
+  CellAndRobot loaded;
   std::string urdf = sources.urdf;
   std::vector<std::string> packages;
   if (!sources.cell.empty()) {
-    ASSIGN_OR_RETURN(const Cell cell, LoadCell(sources.cell));
-    urdf = cell.robot.urdf;
-    packages = cell.robot.package_paths;
-    settings.fixed_joints = cell.fixed_joints;
+    ASSIGN_OR_RETURN(loaded.cell, LoadCell(sources.cell));
+    urdf = loaded.cell->robot.urdf;
+    packages = loaded.cell->robot.package_paths;
   }
-  if (urdf.empty()) {
-    return absl::InvalidArgumentError(
+  if (!urdf.empty()) {
+    ASSIGN_OR_RETURN(loaded.robot, RobotModel::FromUrdf(urdf, packages));
+  }
+  return loaded;
+}
+
+absl::StatusOr<std::vector<RobotPose>> PosesOfJoints(const PoseSources& sources) {
+  ASSIGN_OR_RETURN(const CellAndRobot loaded, LoadRobot(sources));
+  if (!loaded.robot) {
+    return InvalidArgument(
         "joint values need the robot's model: give --urdf, or --cell whose robot has a urdf");
   }
-  ASSIGN_OR_RETURN(const RobotModel robot, RobotModel::FromUrdf(urdf, packages));
+  JointFileSettings settings{
+      .fixed_joints{}, .unit = sources.joint_unit, .flange_link = sources.flange_link};
+  if (loaded.cell) settings.fixed_joints = loaded.cell->fixed_joints;
   ASSIGN_OR_RETURN(const std::string text, ReadWholeFile(sources.joints));
-  return RobotPosesOfJoints(text, sources.joints, robot, settings);
+  return RobotPosesOfJoints(text, sources.joints, *loaded.robot, settings);
 }
 
 absl::StatusOr<std::vector<RobotPose>> ReadRobotPoses(const PoseSources& sources) {
@@ -143,31 +150,18 @@ absl::Status ReadViews(const PoseSources& sources, PoseProblem& problem) {
         {.name = named.view, .lens = named.camera.intrinsics(), .on_flange = on_flange});
   }
   if (found) return absl::OkStatus();
-  return absl::InvalidArgumentError(
-      absl::StrCat("--eye-in-hand: there is no camera model of view '", sources.eye_in_hand,
-                   "' in '", sources.cameras, "'"));
+  return InvalidArgument("--eye-in-hand: there is no camera model of view '", sources.eye_in_hand,
+                         "' in '", sources.cameras, "'");
 }
 
 constexpr int kConfigurations = 300;
 
-WorkspacePoints PointsOfBox(const Eigen::AlignedBox3d& box, const std::string& name) {
-  constexpr int kSteps = 8;
-  WorkspacePoints result{.points{}, .name = name};
-  for (int i = 0; i <= kSteps; ++i) {
-    for (int j = 0; j <= kSteps; ++j) {
-      for (int k = 0; k <= kSteps; ++k) {
-        const Eigen::Vector3d share = Eigen::Vector3d(i, j, k) / kSteps;
-        result.points.push_back(box.min() + share.cwiseProduct(box.sizes()));
-      }
-    }
-  }
-  return result;
-}
+constexpr int kBoxSteps = 8;  // of points in a box
 
 absl::StatusOr<Eigen::AlignedBox3d> BoxFrom(const std::string& text) {
   const auto wrong = [&] {
-    return absl::InvalidArgumentError(absl::StrCat(
-        "--workspace '", text, "' is not like -0.5:0.5,-0.4:0.4,0:1.2 (metres, x, y and z)"));
+    return InvalidArgument("--workspace '", text,
+                           "' is not like -0.5:0.5,-0.4:0.4,0:1.2 (metres, x, y and z)");
   };
   const std::vector<std::string> ranges = absl::StrSplit(text, ',');
   if (ranges.size() != 3) return wrong();
@@ -183,7 +177,7 @@ absl::StatusOr<Eigen::AlignedBox3d> BoxFrom(const std::string& text) {
 }
 
 // The origins of all links in configurations by chance, the same ones each time.
-WorkspacePoints PointsOfRobot(const RobotModel& robot, const Cell* cell) {
+WorkspacePoints PointsOfRobot(const RobotModel& robot, const std::optional<Cell>& cell) {
   std::vector<double> lower;
   std::vector<double> upper;
   for (const RobotJoint& joint : robot.joints()) {
@@ -196,7 +190,7 @@ WorkspacePoints PointsOfRobot(const RobotModel& robot, const Cell* cell) {
       upper[*joint] = to;
     }
   };
-  if (cell != nullptr) {
+  if (cell) {
     for (const FixedJoint& joint : cell->fixed_joints) {
       set(joint.name, joint.position, joint.position);
     }
@@ -231,7 +225,7 @@ absl::StatusOr<PoseProblem> ReadPoseProblem(const PoseSources& sources) {
   return problem;
 }
 
-void AddPoseSources(CLI::App& command, PoseSources& s, bool& degrees) {
+void AddPoseSources(CLI::App& command, PoseSources& s) {
   command.add_option("--corners", s.corners, "Corners of tags (CSV)")->required();
   command.add_option("--boards", s.boards, "The boards (YAML)")->required();
   command
@@ -245,7 +239,11 @@ void AddPoseSources(CLI::App& command, PoseSources& s, bool& degrees) {
                      .add_option("--joints", s.joints,
                                  "Instead: its joint values (CSV: frame and the joints' names)")
                      ->excludes(poses);
-  command.add_flag("--degrees", degrees, "Joint values without a unit are degrees")->needs(joints);
+  command
+      .add_flag_callback(
+          "--degrees", [&s] { s.joint_unit = AngleUnit::kDegrees; },
+          "Joint values without a unit are degrees")
+      ->needs(joints);
   command.add_option("--cell", s.cell,
                      "cell.yaml: the URDF for the pose of the flange, and the workspace");
   command.add_option("--urdf", s.urdf, "Instead: the robot's URDF")
@@ -265,15 +263,12 @@ void AddPoseSources(CLI::App& command, PoseSources& s, bool& degrees) {
                      "The view on the flange; boards stand still then");
 }
 
-PoseSources WithUnit(PoseSources sources, bool degrees) {
-  sources.joint_unit = degrees ? AngleUnit::kDegrees : AngleUnit::kRadians;
-  return sources;
-}
-
 std::string HintOfUnit(const PoseSources& sources) {
   if (sources.joints.empty()) return "";
   const bool degrees = sources.joint_unit == AngleUnit::kDegrees;
-  const absl::StatusOr<PoseProblem> problem = ReadPoseProblem(WithUnit(sources, !degrees));
+  PoseSources other = sources;
+  other.joint_unit = degrees ? AngleUnit::kRadians : AngleUnit::kDegrees;
+  const absl::StatusOr<PoseProblem> problem = ReadPoseProblem(other);
   if (!problem.ok() || !CalibratePoses(*problem).ok()) return "";
   return degrees ? "with joint values in radians (without --degrees) they fit"
                  : "with joint values in degrees (--degrees) they fit";
@@ -283,22 +278,12 @@ absl::StatusOr<WorkspacePoints> WorkspacePointsOf(const PoseSources& sources,
                                                   const std::string& box) {
   if (!box.empty()) {
     ASSIGN_OR_RETURN(const Eigen::AlignedBox3d given, BoxFrom(box));
-    return PointsOfBox(given, absl::StrCat("the box ", box, " (metres)"));
+    return WorkspacePoints{PointsOf(given, kBoxSteps), absl::StrCat("the box ", box, " (metres)")};
   }
-  std::optional<Cell> cell;
-  std::string urdf = sources.urdf;
-  if (!sources.cell.empty()) {
-    ASSIGN_OR_RETURN(cell, LoadCell(sources.cell));
-    urdf = cell->robot.urdf;
-  }
-  if (urdf.empty()) {
-    if (!cell || !cell->workspace) return WorkspacePoints{};
-    return PointsOfBox(*cell->workspace, "the cell's workspace");
-  }
-  ASSIGN_OR_RETURN(
-      const RobotModel robot,
-      RobotModel::FromUrdf(urdf, cell ? cell->robot.package_paths : std::vector<std::string>()));
-  return PointsOfRobot(robot, cell ? &*cell : nullptr);
+  ASSIGN_OR_RETURN(const auto loaded, LoadRobot(sources));
+  if (loaded.robot) return PointsOfRobot(*loaded.robot, loaded.cell);
+  if (!loaded.cell || !loaded.cell->workspace) return WorkspacePoints{};
+  return WorkspacePoints{PointsOf(*loaded.cell->workspace, kBoxSteps), "the cell's workspace"};
 }
 
 }  // namespace silhouette

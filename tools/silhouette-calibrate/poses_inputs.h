@@ -34,18 +34,15 @@ struct PoseSources {
 // InvalidArgument or NotFound in a sentence, with file and line where a file is wrong.
 absl::StatusOr<PoseProblem> ReadPoseProblem(const PoseSources& sources);
 
-// `degrees`: whether joint values without a unit are degrees (WithUnit).
-void AddPoseSources(CLI::App& command, PoseSources& sources, bool& degrees);
+void AddPoseSources(CLI::App& command, PoseSources& sources);
 
-PoseSources WithUnit(PoseSources sources, bool degrees);
-
-// If the data give no calibration, but would with joint values in the other unit: a sentence that
-// says so; else empty.
+// For data that give no calibration: a sentence, if joint values in the other unit would give one;
+// else empty.
 std::string HintOfUnit(const PoseSources& sources);
 
 struct WorkspacePoints {
-  std::vector<Eigen::Vector3d> points;  // in the base, metres; none: nothing is known
-  std::string name;                     // what they are, in words
+  std::vector<Eigen::Vector3d> points;  // in the base, metres; none: unknown
+  std::string name;                     // in words
 };
 
 // `box`: "x0:x1,y0:y1,z0:z1" in metres, or empty: then where the links of the robot get by its

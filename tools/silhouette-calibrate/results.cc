@@ -2,6 +2,7 @@
 #include "tools/silhouette-calibrate/results.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <filesystem>
 #include <nlohmann/json.hpp>
@@ -17,7 +18,7 @@
 #include "absl/time/time.h"
 #include "calib/boards/csv.h"
 #include "calib/files/calibration_session_file.h"
-#include "calib/report/make_report.h"
+#include "calib/report/quality_report.h"
 #include "calib/report/report_page.h"
 #include "common/picture/files.h"
 #include "common/result/result.h"
@@ -104,17 +105,7 @@ CalibrationRecord RecordOf(const PoseSolution& solution, const PoseProvenance& p
 }
 
 const char* NameOf(BoardPlace place) {
-  switch (place) {
-    case BoardPlace::kFlange:
-      return "flange";
-    case BoardPlace::kStanding:
-      return "standing";
-    case BoardPlace::kSurveyed:
-      return "surveyed";
-    case BoardPlace::kLoose:
-      return "loose";
-  }
-  return "";
+  return std::array{"loose", "flange", "standing", "surveyed"}[static_cast<size_t>(place)];
 }
 
 Json JsonOf(const Eigen::Isometry3d& pose) {
@@ -126,11 +117,7 @@ Json JsonOf(const Eigen::Isometry3d& pose) {
 
 Json JsonOf(const PoseCovariance& covariance) {
   Json rows = Json::array();
-  for (int i = 0; i < 6; ++i) {
-    Json row = Json::array();
-    for (int j = 0; j < 6; ++j) row.push_back(covariance(i, j));
-    rows.push_back(row);
-  }
+  for (const auto& row : covariance.rowwise()) rows.push_back(std::vector(row.begin(), row.end()));
   return rows;
 }
 
@@ -195,6 +182,24 @@ std::string ResidualText(const PoseProblem& problem, const PoseSolution& solutio
                     CsvNumber(corner.residual.y()), ",", corner.outlier ? 1 : 0, "\n");
   }
   return text;
+}
+
+Picture ResidualPicture(const PoseProblem& problem, const PoseSolution& solution, size_t view) {
+  const CameraIntrinsics& lens = problem.views[view].lens;
+  const SolvedView& solved = solution.views[view];
+  std::vector<LensResidual> residuals;
+  for (const CornerResidual& corner : solution.residuals) {
+    const TagSighting& seen = problem.sightings[corner.sighting];
+    if (seen.view != solved.name) continue;
+    residuals.push_back({.frame{},
+                         .board{},
+                         .seen = seen.corners[static_cast<size_t>(corner.corner)],
+                         .residual = corner.residual,
+                         .outlier = corner.outlier});
+  }
+  return PictureOfResiduals(solved.name, {lens.width, lens.height}, solved.rms_px, residuals,
+                            absl::StrFormat("%d corners, %.3f px rms per axis, %d left out",
+                                            solved.corners, solved.rms_px, solved.outliers));
 }
 
 std::vector<std::pair<std::string, std::string>> OriginOf(const PoseSources& sources) {
@@ -313,8 +318,8 @@ absl::StatusOr<MaskSizes> MaskSizesFrom(const std::string& cell, const std::stri
 }
 
 bool HasViews(const PoseSolution& solution) {
-  return std::any_of(solution.views.begin(), solution.views.end(),
-                     [](const SolvedView& view) { return !view.on_flange; });
+  return std::ranges::any_of(solution.views,
+                             [](const SolvedView& view) { return !view.on_flange; });
 }
 
 absl::StatusOr<std::string> WritePoseCalibration(const std::string& folder,
@@ -324,8 +329,8 @@ absl::StatusOr<std::string> WritePoseCalibration(const std::string& folder,
   const std::vector<PairedView> views = PairedViewsOf(problem, solution, provenance.masks);
   CalibrationRecord record = RecordOf(solution, provenance);
   std::vector<PairResult> pairs;
-  const bool sized = std::all_of(views.begin(), views.end(),
-                                 [](const PairedView& view) { return view.sizes.mask.width > 0; });
+  const bool sized =
+      std::ranges::all_of(views, [](const PairedView& view) { return view.sizes.mask.width > 0; });
   try {
     if (sized) pairs = FindPairs(views, GoodSightings(problem, solution), {});
   } catch (const std::invalid_argument& error) {

@@ -12,7 +12,7 @@
 #include "calib/camera/epipolar_angles.h"
 #include "calib/intrinsics/solve_lenses.h"
 #include "calib/poses/pose_problem.h"
-#include "calib/poses/pose_solution.h"
+#include "calib/poses/pose_calibration.h"
 #include "calib/report/quality_report.h"
 #include "silhouette/storage/v1/storage.pb.h"
 #include "tools/cell/cell.h"
@@ -39,18 +39,18 @@ storage::v1::CalibrationRecord RecordOf(const LensSolution& solution);
 
 struct PoseProvenance {
   std::string command;  // of silhouette-calibrate
-  std::string lenses;   // where they are from
-  MaskSizes masks;      // there are matrices if those of all views are known
-  // Figures and warnings of what came before the poses.
+  std::string lenses;   // folder of their camera models
+  MaskSizes masks;      // matrices are written if the sizes of all views are known
+  // Figures and warnings of the lenses.
   storage::v1::CalibrationRecord record = {};
 };
 
 // Whether any camera is in the base frame: only those are views of a cell.
 bool HasViews(const PoseSolution& solution);
 
-// The file beside the camera models in `folder`, which must be there: views, matrices, and how
-// good they are by the solution, with what it warns of. HasViews(solution) must hold. Returns its
-// path; errors as WriteWholeFile.
+// Writes calibration.yaml beside the camera models in `folder`, which must exist: views, matrices,
+// figures of merit and warnings of the solution. HasViews(solution) must hold. Returns the path;
+// errors as WriteWholeFile.
 absl::StatusOr<std::string> WritePoseCalibration(const std::string& folder,
                                                  const PoseProblem& problem,
                                                  const PoseSolution& solution,
@@ -62,10 +62,10 @@ nlohmann::ordered_json PosesJson(const PoseSolution& solution);
 
 std::string PosesText(const PoseSolution& solution);
 
-// Camera models with their poses, calibration.yaml, poses.json and residuals.csv in `folder`, which
-// is made. A camera on the flange has its pose there, and its file is called
-// VIEW.flange.cameramodel, so that nobody takes it for one in the base; calibration.yaml is of the
-// others. With `draw` residuals_VIEW.png too. Returns the files.
+// Writes camera models with their poses, calibration.yaml, poses.json and residuals.csv into
+// `folder`, which it makes. A camera on the flange has its pose in the flange's frame. Its file is
+// named VIEW.flange.cameramodel, and calibration.yaml does not contain it. `draw` adds
+// residuals_VIEW.png. Returns the files.
 absl::StatusOr<std::vector<std::string>> WritePoses(const std::string& folder,
                                                     const PoseProblem& problem,
                                                     const PoseSolution& solution,

@@ -3,37 +3,204 @@
 #include <algorithm>
 #include <filesystem>
 #include <iostream>
+#include <map>
 #include <memory>
 #include <nlohmann/json.hpp>
+#include <numbers>
 #include <optional>
+#include <string>
 #include <utility>
+#include <vector>
 
 #include "absl/strings/str_cat.h"
+#include "absl/strings/str_split.h"
+#include "calib/boards/csv.h"
 #include "calib/poses/pose_calibration.h"
 #include "common/picture/files.h"
 #include "common/result/result.h"
+#include "common/yaml/strict_yaml.h"
 #include "db/status/status_macros.h"
 #include "tools/cell/devices/cell_devices.h"
+#include "tools/program/joint_values.h"
 #include "tools/program/program.h"
 #include "tools/silhouette-calibrate/commands.h"
 #include "tools/silhouette-calibrate/files.h"
 #include "tools/silhouette-calibrate/poses_inputs.h"
 #include "tools/silhouette-calibrate/results.h"
 #include "tools/silhouette-calibrate/run_session.h"
-#include "tools/silhouette-calibrate/run_settings.h"
 
 namespace silhouette {
 namespace {
 
 namespace fs = std::filesystem;
 
-struct RunCommandArguments {
-  RunArguments session;
+// The arguments of the session, and of what follows it.
+struct RunArguments {
+  std::string cell;
+  std::string boards;
+  std::string out;
+  std::string flange_board;
+  std::string flange_link;
+  std::string cameras;
+  size_t frames = 30;
+  std::vector<std::string> joints;  // name=lower:upper
+  std::optional<double> floor;
+  std::string poses;
+  uint64_t seed = 1;
   bool resume = false;
   std::string robot_sigma;
   bool draw = false;
   std::string format = "text";
 };
+
+constexpr size_t kWristJoints = 3;
+constexpr double kWristRange = std::numbers::pi / 3;
+
+absl::StatusOr<std::string> FlangeBoardOf(const std::vector<Board>& boards,
+                                          const std::string& name) {
+  std::vector<std::string> names;
+  for (const Board& board : boards) {
+    names.push_back(board.description().name);
+    if (names.back() == (name.empty() ? "flange" : name)) return names.back();
+  }
+  if (name.empty() && boards.size() == 1) return names[0];
+  return InvalidArgument("which board is on the flange? --flange-board is one of ",
+                         ListOfWords(names));
+}
+
+// The joints in front of the link, from the base outward.
+std::vector<size_t> JointsTo(const RobotModel& robot, size_t link) {
+  std::vector<size_t> joints;
+  for (int i = static_cast<int>(link); i >= 0; i = robot.links()[static_cast<size_t>(i)].parent) {
+    const int joint = robot.links()[static_cast<size_t>(i)].joint;
+    if (joint >= 0) joints.insert(joints.begin(), static_cast<size_t>(joint));
+  }
+  return joints;
+}
+
+PosePlan::Positions RestOf(const Cell& cell, const RobotModel& robot) {
+  PosePlan::Positions rest;
+  for (const RobotJoint& joint : robot.joints()) {
+    rest.push_back(std::clamp(0.0, joint.lower, joint.upper));
+  }
+  for (const FixedJoint& joint : cell.fixed_joints) {
+    if (const auto index = robot.JointIndex(joint.name)) rest[*index] = joint.position;
+  }
+  return rest;
+}
+
+std::vector<MovingJoint> UsualJoints(const Cell& cell, const RobotModel& robot,
+                                     const SessionSettings& settings) {
+  std::vector<MovingJoint> moving;
+  for (const GridJoint& joint : cell.grid.joints()) {
+    moving.push_back({robot.JointIndex(joint.name).value(), joint.lower, joint.upper});
+  }
+  const std::vector<size_t> chain = JointsTo(robot, settings.flange);
+  for (size_t i = chain.size() - std::min(kWristJoints, chain.size()); i < chain.size(); ++i) {
+    const bool in_grid = std::ranges::count(moving, chain[i], &MovingJoint::joint) > 0;
+    if (in_grid) continue;
+    const RobotJoint& joint = robot.joints()[chain[i]];
+    moving.push_back({chain[i], std::max(joint.lower, settings.rest[chain[i]] - kWristRange),
+                      std::min(joint.upper, settings.rest[chain[i]] + kWristRange)});
+  }
+  return moving;
+}
+
+absl::StatusOr<MovingJoint> ParseRange(const std::string& text, const RobotModel& robot) {
+  const std::vector<std::string> sides = absl::StrSplit(text, absl::MaxSplits('=', 1));
+  const std::vector<std::string> bounds =
+      sides.size() == 2 ? std::vector<std::string>(absl::StrSplit(sides[1], ':'))
+                        : std::vector<std::string>();
+  if (bounds.size() != 2) {
+    return InvalidArgument("--joint ", text,
+                           ": name=lower:upper is expected, e.g. wrist=-30deg:30deg");
+  }
+  const auto index = robot.JointIndex(sides[0]);
+  if (!index) {
+    return InvalidArgument("--joint ", text, ": the robot has no joint '", sides[0], "'");
+  }
+  const double lower = ParseJointValue(bounds[0]);
+  const double upper = ParseJointValue(bounds[1]);
+  const RobotJoint& joint = robot.joints()[*index];
+  if (!(lower <= upper && lower >= joint.lower && upper <= joint.upper)) {
+    return InvalidArgument("--joint ", text,
+                           ": the bounds are not in order, or beyond the joint's ", joint.lower,
+                           " to ", joint.upper);
+  }
+  return MovingJoint{*index, lower, upper};
+}
+
+absl::StatusOr<std::vector<PosePlan::Positions>> ReadPoses(const std::string& path,
+                                                           const RobotModel& robot) {
+  ASSIGN_OR_RETURN(const auto text, ReadWholeFile(path));
+  std::vector<std::string> names;
+  for (const RobotJoint& joint : robot.joints()) names.push_back(joint.name);
+  ASSIGN_OR_RETURN(const auto rows, CsvRows(text, path, names));
+  std::vector<PosePlan::Positions> poses;
+  for (const CsvRow& row : rows) {
+    PosePlan::Positions values;
+    for (size_t j = 0; j < names.size(); ++j) {
+      ASSIGN_OR_RETURN(const auto value, row.Number(j));
+      values.push_back(value);
+    }
+    const auto positions = robot.Positions(names, values);
+    if (!positions.ok()) {
+      return InvalidArgument(row.place(), ": ", positions.status().message());
+    }
+    poses.push_back(*positions);
+  }
+  if (poses.empty()) return InvalidArgument(path + ": there is no pose in it");
+  return poses;
+}
+
+absl::StatusOr<std::map<std::string, CameraModel>> ReadLenses(const std::string& folder,
+                                                              const Cell& cell) {
+  ASSIGN_OR_RETURN(const auto cameras, ReadCameraFolder(folder));
+  std::map<std::string, CameraModel> lenses;
+  for (const ViewSettings& view : cell.views) {
+    const auto found = std::ranges::find(cameras, view.name, &CameraFile::view);
+    if (found == cameras.end()) {
+      return NotFound("there is no camera model of the view '", view.name, "' in ", folder);
+    }
+    const CameraIntrinsics& lens = found->camera.intrinsics();
+    if (lens.width != view.image_width || lens.height != view.image_height) {
+      return InvalidArgument(folder, ": the camera of '", view.name, "' is for images of ",
+                             lens.width, " x ", lens.height, ", the cell's are ", view.image_width,
+                             " x ", view.image_height);
+    }
+    lenses.emplace(view.name, lens);
+  }
+  return lenses;
+}
+
+// InvalidArgument or NotFound in a sentence: files that are not there or wrong, boards, links or
+// joints that there are not, a range that is none.
+absl::StatusOr<SessionSettings> SettingsOf(const RunArguments& arguments, const Cell& cell,
+                                           const RobotModel& robot) {
+  SessionSettings settings;
+  settings.folder = arguments.out;
+  settings.frames = arguments.frames;
+  settings.seed = arguments.seed;
+  settings.floor = arguments.floor.value_or(cell.workspace ? cell.workspace->min().z() : 0);
+  ASSIGN_OR_RETURN(settings.tags.boards, ReadBoards(arguments.boards));
+  ASSIGN_OR_RETURN(settings.flange_board,
+                   FlangeBoardOf(settings.tags.boards, arguments.flange_board));
+  ASSIGN_OR_RETURN(settings.flange, FlangeLink(robot, arguments.flange_link));
+  settings.rest = RestOf(cell, robot);
+  settings.joints = UsualJoints(cell, robot, settings);
+  if (!arguments.joints.empty()) settings.joints.clear();
+  for (const std::string& range : arguments.joints) {
+    ASSIGN_OR_RETURN(const auto joint, ParseRange(range, robot));
+    settings.joints.push_back(joint);
+  }
+  if (!arguments.poses.empty()) {
+    ASSIGN_OR_RETURN(settings.given, ReadPoses(arguments.poses, robot));
+  }
+  if (!arguments.cameras.empty()) {
+    ASSIGN_OR_RETURN(settings.tags.lenses, ReadLenses(arguments.cameras, cell));
+  }
+  return settings;
+}
 
 struct FoundLenses {
   LensSolution solution;
@@ -46,7 +213,8 @@ absl::StatusOr<LensSolution> SolveSessionLenses(const Cell& cell, const SessionS
   for (const ViewSettings& view : cell.views) {
     cameras.push_back({.name = view.name, .width = view.image_width, .height = view.image_height});
   }
-  absl::StatusOr<LensSolution> solution = SolveLenses(cameras, settings.boards, record.sightings);
+  absl::StatusOr<LensSolution> solution =
+      SolveLenses(cameras, settings.tags.boards, record.sightings);
   if (solution.ok()) return solution;
   return absl::Status(solution.status().code(),
                       absl::StrCat("the lenses: ", solution.status().message()));
@@ -65,13 +233,12 @@ absl::StatusOr<FoundLenses> FindLenses(const Cell& cell, const RobotModel& robot
                                        const SessionSettings& settings, SessionRecord& record) {
   ASSIGN_OR_RETURN(LensSolution solution, SolveSessionLenses(cell, settings, record));
   std::vector<std::string> views;
-  std::vector<CameraIntrinsics> lenses;
+  DetectSettings known{.boards = settings.tags.boards};
   for (const SolvedCamera& camera : solution.cameras) {
     views.push_back(camera.name);
-    lenses.push_back(camera.model->intrinsics());
+    known.lenses.emplace(camera.name, *camera.model);
   }
-  ASSIGN_OR_RETURN(record.sightings,
-                   DetectAgain(settings.folder, record.frames, views, lenses, settings.boards));
+  ASSIGN_OR_RETURN(record.sightings, DetectAgain(settings.folder, record.frames, views, known));
   RETURN_IF_ERROR(WriteRecord(settings.folder, robot, record));
   ASSIGN_OR_RETURN(solution, SolveSessionLenses(cell, settings, record));
   // That no board ties cameras together is no matter: the robot does.
@@ -85,21 +252,20 @@ absl::StatusOr<FoundLenses> FindLenses(const Cell& cell, const RobotModel& robot
   return found;
 }
 
-std::string InFolder(const RunCommandArguments& arguments, const std::string& name) {
-  return (fs::path(arguments.session.out) / name).string();
+std::string InFolder(const RunArguments& arguments, const std::string& name) {
+  return (fs::path(arguments.out) / name).string();
 }
 
 // The command that solves with the data in the folder.
-std::string PosesCommand(const RunCommandArguments& arguments) {
+std::string PosesCommand(const RunArguments& arguments) {
   return absl::StrCat("silhouette-calibrate poses --corners ", InFolder(arguments, "corners.csv"),
                       " --robot-poses ", InFolder(arguments, "robot_poses.csv"), " --boards ",
-                      arguments.session.boards, " --cameras ", arguments.session.cameras,
-                      " --flange-board ", arguments.session.flange_board, " --out ",
-                      InFolder(arguments, "cameras"));
+                      arguments.boards, " --cameras ", arguments.cameras, " --flange-board ",
+                      arguments.flange_board, " --out ", InFolder(arguments, "cameras"));
 }
 
 // report.html in the session's folder; returns its path.
-absl::StatusOr<std::string> WriteSessionReport(const RunCommandArguments& arguments,
+absl::StatusOr<std::string> WriteSessionReport(const RunArguments& arguments,
                                                const PoseProblem& problem,
                                                const PoseSources& sources) {
   ASSIGN_OR_RETURN(const QualityReport report, ReportOn(problem, sources));
@@ -109,17 +275,17 @@ absl::StatusOr<std::string> WriteSessionReport(const RunCommandArguments& argume
 }
 
 // `found`: the lenses, where they were not given.
-absl::StatusOr<ExitCode> RunSolve(const RunCommandArguments& arguments, const Cell& cell,
+absl::StatusOr<ExitCode> RunSolve(const RunArguments& arguments, const Cell& cell,
                                   const std::optional<FoundLenses>& found) {
-  const std::string lenses = found ? LensFolder(arguments.session.out) : arguments.session.cameras;
+  const std::string lenses = found ? LensFolder(arguments.out) : arguments.cameras;
   PoseSources sources;
   sources.corners = InFolder(arguments, "corners.csv");
-  sources.boards = arguments.session.boards;
+  sources.boards = arguments.boards;
   sources.cameras = lenses;
   sources.robot_poses = InFolder(arguments, "robot_poses.csv");
-  sources.flange_board = arguments.session.flange_board;
+  sources.flange_board = arguments.flange_board;
   sources.robot_sigma = arguments.robot_sigma;
-  sources.cell = arguments.session.cell;  // for the report's workspace
+  sources.cell = arguments.cell;  // for the report's workspace
   ASSIGN_OR_RETURN(const PoseProblem problem, ReadPoseProblem(sources));
   const absl::StatusOr<PoseSolution> solution = CalibratePoses(problem);
   if (absl::IsFailedPrecondition(solution.status())) {
@@ -143,8 +309,8 @@ absl::StatusOr<ExitCode> RunSolve(const RunCommandArguments& arguments, const Ce
 }
 
 // After a session that did not come to its end.
-absl::StatusOr<ExitCode> TellHowToGoOn(const RunCommandArguments& arguments,
-                                       const absl::Status& why, size_t frames) {
+absl::StatusOr<ExitCode> TellHowToGoOn(const RunArguments& arguments, const absl::Status& why,
+                                       size_t frames) {
   const bool stopped = absl::IsCancelled(why);
   if (!stopped && frames == 0) return why;
   const ExitCode code = stopped ? kNo : Report("silhouette-calibrate", why);
@@ -152,23 +318,23 @@ absl::StatusOr<ExitCode> TellHowToGoOn(const RunCommandArguments& arguments,
             << (stopped ? absl::StrCat("stopped, and so is the robot; ", frames, " frames are kept")
                         : absl::StrCat(frames, " frames are kept"))
             << ". Go on with the same command and --resume";
-  if (!arguments.session.cameras.empty() && frames > 0) {
+  if (!arguments.cameras.empty() && frames > 0) {
     std::cerr << ", or\nsolve with what there is: " << PosesCommand(arguments);
   }
   std::cerr << std::endl;
   return code;
 }
 
-absl::StatusOr<ExitCode> RunWork(RunCommandArguments arguments) {
+absl::StatusOr<ExitCode> RunWork(RunArguments arguments) {
   CatchStopSignals();
-  ASSIGN_OR_RETURN(const Cell cell, LoadCell(arguments.session.cell));
+  ASSIGN_OR_RETURN(const Cell cell, LoadCell(arguments.cell));
   if (cell.robot.urdf.empty()) {
-    return absl::InvalidArgumentError(cell.file + ": the robot needs a 'urdf' for this");
+    return InvalidArgument(cell.file + ": the robot needs a 'urdf' for this");
   }
   ASSIGN_OR_RETURN(const auto robot,
                    RobotModel::FromUrdf(cell.robot.urdf, cell.robot.package_paths));
-  ASSIGN_OR_RETURN(auto settings, SettingsOf(arguments.session, cell, robot));
-  arguments.session.flange_board = settings.flange_board;
+  ASSIGN_OR_RETURN(auto settings, SettingsOf(arguments, cell, robot));
+  arguments.flange_board = settings.flange_board;
   RETURN_IF_ERROR(MakeFolder(settings.folder));
   ASSIGN_OR_RETURN(auto record, ReadRecord(settings.folder, robot));
   if (!arguments.resume && !record.frames.empty()) {
@@ -181,7 +347,7 @@ absl::StatusOr<ExitCode> RunWork(RunCommandArguments arguments) {
       RecordSession(cell, robot, settings, *devices.robot, *devices.cameras, record);
   if (!recorded.ok()) return TellHowToGoOn(arguments, recorded, record.frames.size());
   std::optional<FoundLenses> found;
-  if (arguments.session.cameras.empty()) {
+  if (arguments.cameras.empty()) {
     auto lenses = FindLenses(cell, robot, settings, record);
     if (absl::IsFailedPrecondition(lenses.status())) {
       std::cerr
@@ -199,32 +365,32 @@ absl::StatusOr<ExitCode> RunWork(RunCommandArguments arguments) {
   return RunSolve(arguments, cell, found);
 }
 
-void AddOptions(CLI::App& command, RunCommandArguments& a) {
-  command.add_option("--cell", a.session.cell, "The cell file, cell.yaml")->required();
-  command.add_option("--boards", a.session.boards, "The boards (YAML)")->required();
-  command.add_option("--out", a.session.out, "Folder for images, data and results")->required();
-  command.add_option("--flange-board", a.session.flange_board,
+void AddOptions(CLI::App& command, RunArguments& a) {
+  command.add_option("--cell", a.cell, "The cell file, cell.yaml")->required();
+  command.add_option("--boards", a.boards, "The boards (YAML)")->required();
+  command.add_option("--out", a.out, "Folder for images, data and results")->required();
+  command.add_option("--flange-board", a.flange_board,
                      "The board on the flange; default: 'flange', or the only one");
-  command.add_option("--flange-link", a.session.flange_link,
+  command.add_option("--flange-link", a.flange_link,
                      "The link that carries it; default: 'flange', else the last");
-  command.add_option("--cameras", a.session.cameras,
+  command.add_option("--cameras", a.cameras,
                      "Folder of camera models, VIEW.cameramodel, for their lenses; without it "
                      "they are found from the boards");
-  command.add_option("--frames", a.session.frames, "How many sets of images that show the board")
+  command.add_option("--frames", a.frames, "How many sets of images that show the board")
       ->check(CLI::Range(3, 10000))
       ->capture_default_str();
   command
-      .add_option("--joint", a.session.joints,
+      .add_option("--joint", a.joints,
                   "name=lower:upper: a joint that may be moved, and how far; default: those of the "
                   "grid in its range,\nthe last three up to 60 deg from where they stand")
       ->allow_extra_args(false);
-  command.add_option("--floor", a.session.floor,
+  command.add_option("--floor", a.floor,
                      "Height in the robot's base that nothing goes below, metres; default: the "
                      "workspace's, else 0");
   command.add_option(
-      "--poses", a.session.poses,
+      "--poses", a.poses,
       "Drive to these poses instead (CSV: a column per joint of the robot; radians)");
-  command.add_option("--seed", a.session.seed, "Of the choice of poses")->capture_default_str();
+  command.add_option("--seed", a.seed, "Of the choice of poses")->capture_default_str();
   command.add_option("--robot-sigma", a.robot_sigma,
                      "Standard deviation of the robot's poses, per axis; default: 0.2mm,0.02deg");
   command.add_flag("--resume", a.resume, "Go on with the session in the folder");
@@ -237,7 +403,7 @@ void AddOptions(CLI::App& command, RunCommandArguments& a) {
 void AddRunCommand(CLI::App& program, Run& run) {
   CLI::App* command = program.add_subcommand(
       "run", "A whole session on a cell: drives the robot, takes images, solves");
-  auto arguments = std::make_shared<RunCommandArguments>();
+  auto arguments = std::make_shared<RunArguments>();
   AddOptions(*command, *arguments);
   command->footer(
       "The robot moves. It observes joint limits, forbidden regions and the floor. It does not "

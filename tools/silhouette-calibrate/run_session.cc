@@ -62,36 +62,8 @@ constexpr size_t kMostInVain = 6;
 // Longest delay until the robot receives a stop.
 constexpr absl::Duration kGuardPeriod = absl::Milliseconds(10);
 
-absl::Status WriteImages(const std::string& folder, const std::string& frame,
-                         const std::vector<std::string>& views,
-                         const std::vector<CameraImage>& images) {
-  for (size_t v = 0; v < views.size(); ++v) {
-    const fs::path place = fs::path(folder) / "images" / views[v];
-    RETURN_IF_ERROR(MakeFolder(place.string()));
-    const CameraImage& image = images[v];
-    RETURN_IF_ERROR(
-        WritePng((place / (frame + ".png")).string(),
-                 PictureOfPixels(image.width, image.height, image.channels, image.pixels)));
-  }
-  return absl::OkStatus();
-}
-
-cv::Mat MatOf(CameraImage& image) {
-  return {image.height, image.width, image.channels == 1 ? CV_8UC1 : CV_8UC3, image.pixels.data()};
-}
-
-// `image`: 8 bits, grey or blue, green, red.
-std::vector<TagSighting> TagsIn(const cv::Mat& image, const std::string& view,
-                                const std::string& frame, const std::vector<Board>& boards,
-                                const std::optional<CameraModel>& lens, TagDetector& detector) {
-  ImageTags tags = FindTags(detector, GreyOf(image), lens, boards);
-  tags.view = view;
-  tags.frame = frame;
-  return SightingsOf(tags);
-}
-
-// Whether the robot may go from one pose to another: the joints' limits, the cell's forbidden
-// regions, and the floor; nothing, or what is in the way.
+// What is in the way from one pose to another: a forbidden region of the cell, or the floor.
+// Nothing: the way is free.
 std::optional<std::string> InTheWay(const Cell& cell, const RobotModel& robot,
                                     const SessionSettings& settings,
                                     const PosePlan::Positions& from,
@@ -109,7 +81,7 @@ std::optional<std::string> InTheWay(const Cell& cell, const RobotModel& robot,
   }
   // Half of the board's diagonal: however it is mounted, it does not reach farther down.
   double reach = 0;
-  for (const Board& board : settings.boards) {
+  for (const Board& board : settings.tags.boards) {
     if (board.description().name != settings.flange_board) continue;
     const int last = board.description().first_id + board.tags() - 1;
     reach =
@@ -134,11 +106,10 @@ class Recorder {
         settings_(settings),
         driver_(driver),
         cameras_(cameras),
-        detector_(FamiliesOf(settings.boards)),
-        flange_board_(
-            std::find_if(settings.boards.begin(), settings.boards.end(), [&](const Board& board) {
-              return board.description().name == settings.flange_board;
-            })) {}
+        detector_(FamiliesOf(settings.tags.boards)),
+        flange_board_(std::ranges::find_if(settings.tags.boards, [&](const Board& board) {
+          return board.description().name == settings.flange_board;
+        })) {}
 
   // Where the robot stands, in the order of the model's joints.
   absl::StatusOr<PosePlan::Positions> Measure() {
@@ -152,8 +123,7 @@ class Recorder {
     for (const std::string& name : driver_.joints()) {
       const std::optional<size_t> joint = robot_.JointIndex(name);
       if (!joint) {
-        return absl::InvalidArgumentError(
-            absl::StrCat("the robot's joint '", name, "' is not in its model"));
+        return InvalidArgument("the robot's joint '", name, "' is not in its model");
       }
       ordered.push_back(positions[*joint]);
     }
@@ -164,25 +134,32 @@ class Recorder {
   }
 
   // Takes images and finds tags. The views that see the flange's board; empty: nothing is added.
-  absl::StatusOr<std::vector<std::string>> Look(const std::string& frame, SessionRecord& record) {
+  absl::StatusOr<std::vector<std::string>> TakeFrame(const std::string& frame,
+                                                     SessionRecord& record) {
     ASSIGN_OR_RETURN(const PosePlan::Positions positions, Measure());
-    ASSIGN_OR_RETURN(std::vector<CameraImage> images, cameras_.Grab());
+    ASSIGN_OR_RETURN(const std::vector<CameraImage> images, cameras_.Grab());
+    std::vector<Picture> pictures;
     std::vector<TagSighting> sightings;
     std::vector<std::string> views;
     for (size_t v = 0; v < images.size(); ++v) {
       const std::string& view = cameras_.views()[v];
-      std::optional<CameraModel> lens;
-      if (!settings_.lenses.empty()) lens.emplace(settings_.lenses[v]);
-      const std::vector<TagSighting> found =
-          TagsIn(MatOf(images[v]), view, frame, settings_.boards, lens, detector_);
+      const CameraImage& image = images[v];
+      pictures.push_back(PictureOfPixels(image.width, image.height, image.channels, image.pixels));
+      ASSIGN_OR_RETURN(const ImageTags tags,
+                       Look(settings_.tags, detector_, pictures.back(), view, frame));
+      const std::vector<TagSighting> found = SightingsOf(tags);
       sightings.insert(sightings.end(), found.begin(), found.end());
-      const bool seen = std::any_of(found.begin(), found.end(), [&](const TagSighting& tag) {
-        return flange_board_->description().family == tag.family && flange_board_->HasTag(tag.tag);
+      const bool seen = std::ranges::any_of(found, [&](const TagSighting& tag) {
+        return flange_board_->HasTag(tag.family, tag.tag);
       });
       if (seen) views.push_back(view);
     }
     if (views.empty()) return views;
-    RETURN_IF_ERROR(WriteImages(settings_.folder, frame, cameras_.views(), images));
+    for (size_t v = 0; v < pictures.size(); ++v) {
+      const fs::path place = fs::path(settings_.folder) / "images" / cameras_.views()[v];
+      RETURN_IF_ERROR(MakeFolder(place.string()));
+      RETURN_IF_ERROR(WritePng((place / (frame + ".png")).string(), pictures[v]));
+    }
     record.frames.push_back(frame);
     record.positions.push_back(positions);
     record.robot_poses.push_back(
@@ -193,8 +170,8 @@ class Recorder {
   }
 
  private:
-  // Stops the robot if the user asks for it before it has arrived. Tells it again and again, as it
-  // may just be about to set off.
+  // Stops the robot if a stop signal comes before it has arrived. Repeats the stop, as the robot
+  // may be about to start.
   void StopIfAsked(const std::stop_token& arrived) {
     bool complained = false;
     for (; !arrived.stop_requested(); absl::SleepFor(kGuardPeriod)) {
@@ -216,8 +193,8 @@ class Recorder {
 
 std::string FrameName(size_t number) { return absl::StrFormat("%04d", number); }
 
-// Which views saw the flange's board in the frames of a record that is gone on with.
-void TellPlan(const SessionRecord& record, PosePlan& plan) {
+// Reports to the plan which views saw the flange's board in the frames of a resumed record.
+void ReportFrames(const SessionRecord& record, PosePlan& plan) {
   for (size_t f = 0; f < record.frames.size(); ++f) {
     std::set<std::string> views;
     for (const TagSighting& sighting : record.sightings) {
@@ -258,30 +235,27 @@ absl::StatusOr<SessionRecord> ReadRecord(const std::string& folder, const RobotM
   ASSIGN_OR_RETURN(record.robot_poses, RobotPosesFromText(poses_text, poses));
   ASSIGN_OR_RETURN(record.sightings, ReadSightings(corners));
   if (record.robot_poses.size() != record.frames.size()) {
-    return absl::InvalidArgumentError(
-        absl::StrCat(poses, " has not the frames of ", joints, "; begin with an empty folder"));
+    return InvalidArgument(poses, " and ", joints,
+                           " have different frames; start with an empty folder");
   }
   return record;
 }
 
-namespace fs = std::filesystem;
-
 absl::StatusOr<std::vector<TagSighting>> DetectAgain(const std::string& folder,
                                                      const std::vector<std::string>& frames,
                                                      const std::vector<std::string>& views,
-                                                     const std::vector<CameraIntrinsics>& lenses,
-                                                     const std::vector<Board>& boards) {
-  TagDetector detector(FamiliesOf(boards));
+                                                     const DetectSettings& settings) {
+  TagDetector detector(FamiliesOf(settings.boards));
   std::vector<TagSighting> sightings;
   for (const std::string& frame : frames) {
-    for (size_t v = 0; v < views.size(); ++v) {
-      const fs::path file = fs::path(folder) / "images" / views[v] / (frame + ".png");
+    for (const std::string& view : views) {
+      const fs::path file = fs::path(folder) / "images" / view / (frame + ".png");
       const cv::Mat image = cv::imread(file.string(), cv::IMREAD_UNCHANGED);
       if (image.empty()) {
-        return absl::NotFoundError(
-            absl::StrCat("the image '", file.string(), "' of the session is not there any more"));
+        return NotFound("the image '", file.string(), "' of the session is not there any more");
       }
-      const auto found = TagsIn(image, views[v], frame, boards, CameraModel(lenses[v]), detector);
+      ASSIGN_OR_RETURN(const auto tags, Look(settings, detector, image, view, frame));
+      const std::vector<TagSighting> found = SightingsOf(tags);
       sightings.insert(sightings.end(), found.begin(), found.end());
     }
   }
@@ -293,7 +267,7 @@ absl::Status RecordSession(const Cell& cell, const RobotModel& robot,
                            SessionRecord& record) {
   Recorder recorder(cell, robot, settings, driver, cameras);
   PosePlan plan(robot, settings.flange, settings.rest, settings.joints, settings.seed);
-  TellPlan(record, plan);
+  ReportFrames(record, plan);
   const bool listed = !settings.given.empty();
   const size_t wanted = listed ? settings.given.size() : settings.frames;
   Progress progress("taking images", wanted, listed ? "poses" : "frames");
@@ -308,15 +282,14 @@ absl::Status RecordSession(const Cell& cell, const RobotModel& robot,
     if (listed) {
       goal = settings.given[next];
       if (const auto obstacle = InTheWay(cell, robot, settings, here, *goal)) {
-        return absl::FailedPreconditionError(
-            absl::StrCat("pose ", next + 1, " of the list: ", *obstacle, " is in the way"));
+        return FailedPrecondition("pose ", next + 1, " of the list: ", *obstacle, " is in the way");
       }
     } else {
       goal = plan.Next([&](const PosePlan::Positions& to) {
         return !InTheWay(cell, robot, settings, here, to);
       });
       if (!goal) {
-        return absl::FailedPreconditionError(
+        return FailedPrecondition(
             "there is no pose that the robot may be driven to; give its joints more room "
             "(--joint), or the poses (--poses)");
       }
@@ -326,15 +299,15 @@ absl::Status RecordSession(const Cell& cell, const RobotModel& robot,
       return StopRequested() ? absl::CancelledError("stopped") : moved;
     }
     const std::string frame = FrameName(listed ? next : record.frames.size() + 1);
-    ASSIGN_OR_RETURN(const auto views, recorder.Look(frame, record));
+    ASSIGN_OR_RETURN(const auto views, recorder.TakeFrame(frame, record));
     plan.Tell(*goal, views);
     for (const std::string& view : views) ++seen[view];
     in_vain += views.empty() ? 1 : 0;
     if (!listed && in_vain > kMostInVain * wanted) {
-      return absl::FailedPreconditionError(
-          absl::StrCat("the board '", settings.flange_board, "' was seen in ", record.frames.size(),
-                       " of ", record.frames.size() + in_vain,
-                       " poses only; is it on the flange, and large enough in the images?"));
+      return FailedPrecondition(
+          "the board '", settings.flange_board, "' was seen in ", record.frames.size(), " of ",
+          record.frames.size() + in_vain,
+          " poses only; is it on the flange, and large enough in the images?");
     }
     progress.Update(listed ? next : record.frames.size());
   }

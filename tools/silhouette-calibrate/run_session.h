@@ -11,13 +11,13 @@
 #include "absl/status/statusor.h"
 #include "calib/boards/board.h"
 #include "calib/boards/sighting_file.h"
-#include "calib/camera/camera_model.h"
 #include "calib/detection/tag_detector.h"
 #include "calib/poses/pose_problem.h"
 #include "calib/robot/pose_plan.h"
 #include "calib/robot/robot_model.h"
 #include "capture/devices/devices.h"
 #include "tools/cell/cell.h"
+#include "tools/silhouette-calibrate/detect.h"
 
 namespace silhouette {
 
@@ -36,18 +36,17 @@ absl::StatusOr<SessionRecord> ReadRecord(const std::string& folder, const RobotM
 absl::Status WriteRecord(const std::string& folder, const RobotModel& robot,
                          const SessionRecord& record);
 
-// Looks at the images again, images/VIEW/FRAME.png in the folder, now that the lenses are known, by
-// view: corners are better for it. NotFound: an image is not there any more.
+// Looks at the images images/VIEW/FRAME.png in the folder again, now that the lenses are known:
+// corners are more accurate with them. NotFound: an image is missing.
 absl::StatusOr<std::vector<TagSighting>> DetectAgain(const std::string& folder,
                                                      const std::vector<std::string>& frames,
                                                      const std::vector<std::string>& views,
-                                                     const std::vector<CameraIntrinsics>& lenses,
-                                                     const std::vector<Board>& boards);
+                                                     const DetectSettings& settings);
 
 struct SessionSettings {
   std::string folder;
-  size_t frames = 30;  // that show the board of the flange
-  std::vector<Board> boards;
+  size_t frames = 30;   // that show the board of the flange
+  DetectSettings tags;  // boards, and lenses if they are known
   std::string flange_board;
   size_t flange = 0;                // the link that carries it
   std::vector<MovingJoint> joints;  // that are moved; the others stay
@@ -55,15 +54,13 @@ struct SessionSettings {
   // Instead of poses of its own choice: these, one after the other.
   std::vector<PosePlan::Positions> given;
   double floor = 0;  // height under which nothing of robot and board may go, metres
-  // Lenses where they are known, by view, in the order of the cell; or empty.
-  std::vector<CameraIntrinsics> lenses;
   uint64_t seed = 1;
 };
 
-// Goes on with `record` until it has as many frames as it shall, or all given poses were driven to.
-// Cancelled: a signal came, and the robot was stopped. All records are on the disk.
-// FailedPrecondition: no pose that is allowed, or the cameras see too little of the board.
-// Otherwise the devices' errors.
+// Adds frames to `record` until it has `frames`, or until the robot was at all given poses.
+// Cancelled: a stop signal came; the robot is stopped, all records are on the disk.
+// FailedPrecondition: no pose is allowed, or the cameras see too little of the board. Otherwise the
+// devices' errors.
 absl::Status RecordSession(const Cell& cell, const RobotModel& robot,
                            const SessionSettings& settings, Robot& driver, CameraRig& cameras,
                            SessionRecord& record);

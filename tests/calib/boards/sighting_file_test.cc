@@ -25,8 +25,7 @@ constexpr char kSightingFileFile[] =
     "0001,left,tag36h11,5,3,10,5.25,0.02\n";
 
 std::string SightingFileMessageFor(const std::string& text) {
-  const auto sightings = SightingsFromText(text, "corners.csv");
-  return sightings.ok() ? "" : std::string(sightings.status().message());
+  return std::string(SightingsFromText(text, "corners.csv").status().message());
 }
 
 // The message for kSightingFileFile with `from` replaced.

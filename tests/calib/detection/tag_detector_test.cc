@@ -1,12 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
 // The corners of tags against where they really are, in rendered images.
-#include "calib/detection/tag_detector.h"
-
 #include <gtest/gtest.h>
-
 #include <algorithm>
+#include <opencv2/core.hpp>
 #include <stdexcept>
 
+#include "calib/detection/image_tags.h"
+#include "calib/detection/tag_detector.h"
 #include "tests/calib/detection/rendered_board.h"
 
 namespace silhouette {
@@ -163,5 +163,111 @@ TEST(TagDetector, WrongImagesAndFamiliesAreRefused) {
   EXPECT_THROW(TagDetector({"tag36h11"}).Detect(cv::Mat(20, 20, CV_8UC3)), std::invalid_argument);
 }
 
+constexpr double kImageTagsTag = 0.05;
+
+Board ImageTagsBoardOf(const std::string& name, int columns, int first_id) {
+  return Board({.name = name,
+                .rows = 1,
+                .columns = columns,
+                .tag_size = kImageTagsTag,
+                .gap = columns > 1 ? kImageTagsTag : 0,
+                .first_id = first_id});
+}
+
+// Tags 0 and 1, about 50 pixels large.
+RenderedBoard Rendered(const RenderSettings& settings = {}, double shift = 0) {
+  const Board board = ImageTagsBoardOf("two", 2, 0);
+  std::mt19937_64 random(1);
+  Eigen::Isometry3d pose = RandomPose(board, 0.3, 0.2, random);
+  pose.pretranslate(Eigen::Vector3d(shift, 0, 0));
+  return RenderedBoard(board, Intrinsics(320, 240, 300, 0), pose, settings, random);
+}
+
+class ImageTagsTest : public testing::Test {
+ protected:
+  TagDetector detector_{std::vector<std::string>{"tagStandard41h12"}};
+  std::vector<Board> boards_ = {ImageTagsBoardOf("two", 2, 0)};
+};
+
+TEST_F(ImageTagsTest, CountsTheTagsOfTheBoardsThatAreSeen) {
+  boards_.push_back(ImageTagsBoardOf("elsewhere", 1, 9));
+  const ImageTags found = FindTags(detector_, Rendered().image(), {}, boards_);
+  EXPECT_EQ(found.tags.size(), 2u);
+  EXPECT_EQ(found.expected, 2);
+  EXPECT_TRUE(found.foreign.empty());
+  EXPECT_FALSE(found.mirrored);
+  EXPECT_EQ(found.at_rim, 0);
+  EXPECT_NEAR(found.MeanSize(), 50, 8);
+  EXPECT_NEAR(found.MedianBlur(), 0.55, 0.15);
+  EXPECT_GT(found.TypicalSigma(), 0.004);
+  EXPECT_LT(found.TypicalSigma(), 0.03);
+}
+
+TEST_F(ImageTagsTest, ForeignTagsAreLeftOut) {
+  boards_ = {ImageTagsBoardOf("one", 1, 1)};
+  const ImageTags found = FindTags(detector_, Rendered().image(), {}, boards_);
+  ASSERT_EQ(found.tags.size(), 1u);
+  EXPECT_EQ(found.tags.front().tag, 1);
+  ASSERT_EQ(found.foreign.size(), 1u);
+  EXPECT_EQ(found.foreign.front().tag, 0);
+}
+
+TEST_F(ImageTagsTest, TagThatIsThereTwiceIsLeftOut) {
+  cv::Mat twice;
+  cv::vconcat(Rendered().image(), Rendered().image(), twice);
+  const ImageTags found = FindTags(detector_, twice, {}, boards_);
+  EXPECT_TRUE(found.tags.empty());
+  EXPECT_EQ(found.ambiguous.size(), 4u);
+}
+
+TEST_F(ImageTagsTest, MirroredBoardIsToldFromNone) {
+  const ImageTags mirrored = FindTags(detector_, Rendered({.mirrored = true}).image(), {}, boards_);
+  EXPECT_TRUE(mirrored.tags.empty());
+  EXPECT_TRUE(mirrored.mirrored);
+  EXPECT_FALSE(
+      FindTags(detector_, cv::Mat(240, 320, CV_8UC1, cv::Scalar(99)), {}, boards_).mirrored);
+}
+
+TEST_F(ImageTagsTest, TellWhetherAnythingMoved) {
+  const auto found = [&](double noise, double shift) {
+    return FindTags(detector_, Rendered({.noise = noise}, shift).image(), {}, boards_);
+  };
+  const ImageTags first = found(2, 0);
+  EXPECT_TRUE(ShowTheSame(first, found(3, 0)));
+  EXPECT_NE(first.digest, found(3, 0).digest);
+  EXPECT_EQ(first.digest, found(2, 0).digest);
+  // A millimetre is a pixel.
+  EXPECT_FALSE(ShowTheSame(first, found(2, 0.001)));
+}
+
+TEST_F(ImageTagsTest, SightingsCarryFrameViewAndSigma) {
+  ImageTags found = FindTags(detector_, Rendered().image(), {}, boards_);
+  found.view = "left";
+  found.frame = "7";
+  const std::vector<TagSighting> sightings = SightingsOf(found);
+  ASSERT_EQ(sightings.size(), 2u);
+  EXPECT_EQ(sightings[1].frame, "7");
+  EXPECT_EQ(sightings[1].view, "left");
+  EXPECT_EQ(sightings[1].tag, 1);
+  EXPECT_EQ(sightings[1].corners, found.tags[1].corners);
+  EXPECT_EQ(sightings[1].sigma, found.tags[1].sigma);
+}
+
+TEST(Coverage, CountsCornersByTheirPlace) {
+  ImageTags image;
+  image.size = {80, 60};
+  DetectedTag tag;
+  tag.corners = {Eigen::Vector2d(-0.4, -0.4), Eigen::Vector2d(9.4, 9.4), Eigen::Vector2d(9.6, 0),
+                 Eigen::Vector2d(79.4, 59.4)};
+  image.tags = {tag};
+  Coverage coverage;
+  coverage.Add(image);
+  EXPECT_EQ(coverage.Count(0, 0), 2);
+  EXPECT_EQ(coverage.Count(1, 0), 1);
+  EXPECT_EQ(coverage.Count(7, 5), 1);
+  EXPECT_DOUBLE_EQ(coverage.Share(), 3.0 / 48);
+}
+
 }  // namespace
+
 }  // namespace silhouette

@@ -15,6 +15,7 @@ namespace {
 
 using testing::Contains;
 using testing::HasSubstr;
+using testing::Optional;
 
 constexpr double kServersMargin = 0.25;
 
@@ -84,9 +85,8 @@ TEST(WeakCalibration, TheSameSeedGivesTheSameMatrix) {
 
 TEST(WeakCalibration, OneFrameOfABoardIsRefused) {
   const Cell cell = SeenCell(1, 8);
-  const WeakCalibration found = cell.Calibrate(cell.Pair());
-  ASSERT_TRUE(found.refusal);
-  EXPECT_THAT(*found.refusal, HasSubstr("there is one frame, and all its tags lie on one plane"));
+  EXPECT_THAT(cell.Calibrate(cell.Pair()).refusal,
+              Optional(HasSubstr("there is one frame, and all its tags lie on one plane")));
 }
 
 TEST(WeakCalibration, FramesInWhichNothingMovedAreOneFrame) {
@@ -102,9 +102,7 @@ TEST(WeakCalibration, FramesInWhichNothingMovedAreOneFrame) {
       pair.corners.push_back(corner);
     }
   }
-  const WeakCalibration found = cell.Calibrate(pair);
-  ASSERT_TRUE(found.refusal);
-  EXPECT_THAT(*found.refusal, HasSubstr("the same place in all 12 frames"));
+  EXPECT_THAT(cell.Calibrate(pair).refusal, Optional(HasSubstr("the same place in all 12 frames")));
 }
 
 TEST(WeakCalibration, RepeatedFramesAreSaid) {
@@ -140,9 +138,8 @@ TEST(WeakCalibration, ABoardThatOnlySlidesInItsPlaneIsRefused) {
   }
   const ViewPair pair = cell.Pair();
   ASSERT_GT(pair.corners.size(), 100u);
-  const WeakCalibration found = cell.Calibrate(pair);
-  ASSERT_TRUE(found.refusal);
-  EXPECT_THAT(*found.refusal, HasSubstr("all tags of all frames lie on one plane"));
+  EXPECT_THAT(cell.Calibrate(pair).refusal,
+              Optional(HasSubstr("all tags of all frames lie on one plane")));
 }
 
 TEST(WeakCalibration, TagsInOneCornerOfTheImageAreRefused) {
@@ -151,18 +148,15 @@ TEST(WeakCalibration, TagsInOneCornerOfTheImageAreRefused) {
   for (TagSighting& sighting : cell.board.sightings) {
     for (Eigen::Vector2d& corner : sighting.corners) corner = 0.3 * corner;  // into the corner
   }
-  const WeakCalibration found = cell.Calibrate(cell.Pair());
-  ASSERT_TRUE(found.refusal);
-  EXPECT_THAT(*found.refusal, HasSubstr("all corners lie in one place of the image"));
+  EXPECT_THAT(cell.Calibrate(cell.Pair()).refusal,
+              Optional(HasSubstr("all corners lie in one place of the image")));
 }
 
 TEST(WeakCalibration, TooFewCornersAreRefused) {
   const Cell cell = SeenCell(20, 4);
   ViewPair pair = cell.Pair();
   pair.corners.resize(12);
-  const WeakCalibration found = cell.Calibrate(pair);
-  ASSERT_TRUE(found.refusal);
-  EXPECT_THAT(*found.refusal, HasSubstr("only 12 corners"));
+  EXPECT_THAT(cell.Calibrate(pair).refusal, Optional(HasSubstr("only 12 corners")));
 }
 
 TEST(WeakCalibration, FramesThatDoNotBelongTogetherAreRefused) {
@@ -172,16 +166,12 @@ TEST(WeakCalibration, FramesThatDoNotBelongTogetherAreRefused) {
     if (sighting.view != cell.cameras[1].view) continue;
     sighting.frame = cell.board.frames[std::stoul(sighting.frame) % 20];
   }
-  const WeakCalibration found = cell.Calibrate(cell.Pair());
-  ASSERT_TRUE(found.refusal);
-  EXPECT_THAT(*found.refusal, HasSubstr("the same instants"));
+  EXPECT_THAT(cell.Calibrate(cell.Pair()).refusal, Optional(HasSubstr("the same instants")));
 }
 
 TEST(WeakCalibration, LensesThatBowLinesAreRefusedOrSaid) {
   const Cell bowed = SeenCell(60, 2, -0.25);
-  const WeakCalibration refused = bowed.Calibrate(bowed.Pair());
-  ASSERT_TRUE(refused.refusal);
-  EXPECT_THAT(*refused.refusal, HasSubstr("camera models"));
+  EXPECT_THAT(bowed.Calibrate(bowed.Pair()).refusal, Optional(HasSubstr("camera models")));
   const Cell slightly = SeenCell(60, 2, -0.02);
   const WeakCalibration said = slightly.Calibrate(slightly.Pair());
   ASSERT_FALSE(said.refusal) << *said.refusal;

@@ -12,6 +12,7 @@
 #include <set>
 #include <tuple>
 
+#include "calib/intrinsics/board_views.h"
 #include "tests/calib/intrinsics/synthetic_boards.h"
 
 namespace silhouette {
@@ -27,12 +28,7 @@ struct Truth {
 // The motion from the world to the reference that fits best to where the boards stood.
 Eigen::Isometry3d ReferenceFromWorld(const Truth& truth, const LensSolution& solution,
                                      const Board& board) {
-  const struct {
-    int width;
-    int height;
-    double spacing;
-  } lattice = {2 * board.description().columns, 2 * board.description().rows,
-               board.description().tag_size};
+  const Lattice lattice = LatticeOf(board);
   Eigen::Matrix3Xd in_world(3, 4 * solution.boards.size());
   Eigen::Matrix3Xd in_reference(3, 4 * solution.boards.size());
   Eigen::Index at = 0;
@@ -52,6 +48,14 @@ struct Errors {
   double squares = 0;  // of the projections' errors, pixels
   double chi_squared = 0;
   int points = 0;
+
+  void Add(const Errors& more) {
+    squares += more.squares;
+    chi_squared += more.chi_squared;
+    points += more.points;
+  }
+  double Chi2PerDof() const { return chi_squared / (2 * points); }
+  double RmsPerAxis() const { return std::sqrt(squares / (2 * points)); }
 };
 
 // Adds how far the projection of a point is off, and what was predicted.
@@ -127,9 +131,7 @@ TEST(SolveLenses, PredictsHowFarProjectionsAreOff) {
   const auto cameras = CamerasOnAnArc(4);
   const Board board = LatticeBoard();
   constexpr unsigned kRuns = 6;
-  double chi_squared = 0;
-  double squares = 0;
-  int points = 0;
+  Errors all;
   Errors rim;
   for (unsigned seed = 1; seed <= kRuns; ++seed) {
     std::mt19937 random(seed);
@@ -138,21 +140,17 @@ TEST(SolveLenses, PredictsHowFarProjectionsAreOff) {
     ASSERT_TRUE(solution.ok()) << "seed " << seed << ": " << solution.status();
     EXPECT_NEAR(solution->groups[0].noise, 1, 0.03) << "seed " << seed;
     const Errors errors = WorkspaceErrors(cameras, session.truth, *solution, board, random);
-    std::cout << "seed " << seed << ": chi2/dof " << errors.chi_squared / (2 * errors.points)
-              << ", rms per axis " << std::sqrt(errors.squares / (2 * errors.points)) << " px\n";
-    chi_squared += errors.chi_squared;
-    squares += errors.squares;
-    points += errors.points;
-    const Errors at_rim = RimErrors(cameras, session.truth, *solution, board);
-    rim.chi_squared += at_rim.chi_squared;
-    rim.points += at_rim.points;
+    std::cout << "seed " << seed << ": chi2/dof " << errors.Chi2PerDof() << ", rms per axis "
+              << errors.RmsPerAxis() << " px\n";
+    all.Add(errors);
+    rim.Add(RimErrors(cameras, session.truth, *solution, board));
   }
-  std::cout << "at the images' rims: chi2/dof " << rim.chi_squared / (2 * rim.points) << "\n";
-  EXPECT_GT(rim.chi_squared / (2 * rim.points), 0.6);
-  EXPECT_LT(rim.chi_squared / (2 * rim.points), 1.6);
-  EXPECT_GT(chi_squared / (2 * points), 0.8);
-  EXPECT_LT(chi_squared / (2 * points), 1.25);
-  EXPECT_LT(std::sqrt(squares / (2 * points)), 0.02);
+  std::cout << "at the images' rims: chi2/dof " << rim.Chi2PerDof() << "\n";
+  EXPECT_GT(rim.Chi2PerDof(), 0.6);
+  EXPECT_LT(rim.Chi2PerDof(), 1.6);
+  EXPECT_GT(all.Chi2PerDof(), 0.8);
+  EXPECT_LT(all.Chi2PerDof(), 1.25);
+  EXPECT_LT(all.RmsPerAxis(), 0.02);
 }
 
 TEST(SolveLenses, TellsOfEachCameraWhatItSawAndHowWellItIsKnown) {
@@ -242,7 +240,7 @@ TEST(SolveLenses, LosesNoCornerOfNoiseFreeDataAndIsHardlyBiased) {
   ASSERT_TRUE(solution.ok()) << solution.status();
   EXPECT_EQ(solution->cameras[0].outliers, 0);
   const Errors errors = WorkspaceErrors(cameras, session.truth, *solution, board, random);
-  EXPECT_LT(std::sqrt(errors.squares / (2 * errors.points)), 0.003);
+  EXPECT_LT(errors.RmsPerAxis(), 0.003);
 }
 
 TEST(SolveLenses, KeepsLensesThatAreGiven) {

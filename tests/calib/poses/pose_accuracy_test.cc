@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "calib/poses/pose_calibration.h"
+#include "common/numbers/numbers.h"
 #include "tests/calib/poses/pose_rig.h"
 
 namespace silhouette {
@@ -21,8 +22,12 @@ struct Errors {
   std::vector<double> workspace;  // root mean square over points of the workspace, metres
   std::vector<double> chi2;       // of six errors by the predicted covariance, a pose each
 
+  std::vector<double> chi2_per_dof;  // of each solution
+
   void Add(const PoseRig& rig, const PoseSolution& solution) {
+    chi2_per_dof.push_back(solution.chi2_per_dof);
     for (size_t i = 0; i < solution.views.size(); ++i) {
+      EXPECT_EQ(solution.views[i].on_flange, rig.problem.views[i].on_flange);
       const Eigen::Isometry3d& solved = solution.views[i].camera_pose;
       const Eigen::Isometry3d& truth = rig.camera_poses[i];
       centre.push_back((solved.inverse().translation() - truth.inverse().translation()).norm());
@@ -45,10 +50,6 @@ struct Errors {
   }
 };
 
-double Median(std::vector<double> values) {
-  std::sort(values.begin(), values.end());
-  return values[values.size() / 2];
-}
 double Worst(const std::vector<double>& values) {
   return *std::max_element(values.begin(), values.end());
 }
@@ -66,22 +67,28 @@ void Print(const std::string& what, const Errors& errors) {
             << ") mm, chi2 " << Mean(errors.chi2) / 6 << '\n';
 }
 
-TEST(PoseAccuracy, ThirtyPosesOfATagOnTheFlange) {
-  Errors modelled;
-  Errors exact;
-  for (unsigned seed = 1; seed <= 10; ++seed) {
-    PoseRig rig(seed);
-    rig.AddFlangeBoard();
-    rig.Drive(30);
+// Of the solutions of the rigs that `make` makes of the seeds 1, 2, ...
+template <typename Make>
+Errors ErrorsOf(unsigned seeds, const Make& make) {
+  Errors errors;
+  for (unsigned seed = 1; seed <= seeds; ++seed) {
+    const PoseRig rig = make(seed);
     const absl::StatusOr<PoseSolution> solution = CalibratePoses(rig.problem);
-    ASSERT_TRUE(solution.ok()) << "seed " << seed << ": " << solution.status();
-    modelled.Add(rig, *solution);
-    EXPECT_NEAR(solution->chi2_per_dof, 1, 0.2) << "seed " << seed;
-    rig.problem.robot_exact = true;
-    const absl::StatusOr<PoseSolution> naive = CalibratePoses(rig.problem);
-    ASSERT_TRUE(naive.ok()) << "seed " << seed << ": " << naive.status();
-    exact.Add(rig, *naive);
+    EXPECT_TRUE(solution.ok()) << "seed " << seed << ": " << solution.status();
+    if (!solution.ok()) continue;
+    errors.Add(rig, *solution);
   }
+  return errors;
+}
+
+TEST(PoseAccuracy, ThirtyPosesOfATagOnTheFlange) {
+  const Errors modelled = ErrorsOf(10, [](unsigned seed) { return FlangeRig(seed); });
+  const Errors exact = ErrorsOf(10, [](unsigned seed) {
+    PoseRig rig = FlangeRig(seed);
+    rig.problem.robot_exact = true;
+    return rig;
+  });
+  for (const double chi2_per_dof : modelled.chi2_per_dof) EXPECT_NEAR(chi2_per_dof, 1, 0.2);
   Print("30 poses, robot noise modelled", modelled);
   Print("30 poses, robot taken at its word", exact);
   EXPECT_LT(Median(modelled.centre), 0.85e-3);
@@ -96,18 +103,15 @@ TEST(PoseAccuracy, ThirtyPosesOfATagOnTheFlange) {
 
 // A view saw its board only in two of three frames above: here in each of thirty.
 TEST(PoseAccuracy, ThirtySightingsByOneView) {
-  Errors errors;
-  for (unsigned seed = 1; seed <= 10; ++seed) {
+  const Errors errors = ErrorsOf(10, [](unsigned seed) {
     PoseRig rig(seed, 1);
     rig.AddFlangeBoard();
     const Eigen::Vector3d at = rig.camera_poses[0].inverse().translation();
     for (int i = 0; rig.problem.sightings.size() < 30; ++i) {
       rig.Take("frame" + std::to_string(i), rig.RandomFlange(at));
     }
-    const absl::StatusOr<PoseSolution> solution = CalibratePoses(rig.problem);
-    ASSERT_TRUE(solution.ok()) << "seed " << seed << ": " << solution.status();
-    errors.Add(rig, *solution);
-  }
+    return rig;
+  });
   Print("30 sightings", errors);
   EXPECT_LT(Median(errors.centre), 0.85e-3);
   EXPECT_LT(Median(errors.rotation), 0.022 * kRigDegree);
@@ -116,8 +120,7 @@ TEST(PoseAccuracy, ThirtySightingsByOneView) {
 }
 
 TEST(PoseAccuracy, CameraOnTheFlange) {
-  Errors errors;
-  for (unsigned seed = 1; seed <= 6; ++seed) {
+  const Errors errors = ErrorsOf(6, [](unsigned seed) {
     PoseRig rig(seed, 0);
     Eigen::Isometry3d camera_from_flange = Eigen::Isometry3d::Identity();
     camera_from_flange.linear() =
@@ -129,11 +132,8 @@ TEST(PoseAccuracy, CameraOnTheFlange) {
     standing.translation() = Eigen::Vector3d(-0.2, 0.3, 0.01);
     rig.AddBoard("table", BoardPlace::kStanding, standing, 0.07, 2, 2);
     rig.Drive(25);
-    const absl::StatusOr<PoseSolution> solution = CalibratePoses(rig.problem);
-    ASSERT_TRUE(solution.ok()) << "seed " << seed << ": " << solution.status();
-    ASSERT_TRUE(solution->views[0].on_flange);
-    errors.Add(rig, *solution);
-  }
+    return rig;
+  });
   Print("camera on the flange", errors);
   EXPECT_LT(Median(errors.centre), 0.4e-3);
   EXPECT_LT(Median(errors.rotation), 0.022 * kRigDegree);
@@ -143,20 +143,7 @@ TEST(PoseAccuracy, CameraOnTheFlange) {
 
 // Two views never see the flange; they are tied by boards that were held into the cell.
 TEST(PoseAccuracy, BoardsSeenTogetherTieViewsThatDoNotSeeTheFlange) {
-  Errors errors;
-  for (unsigned seed = 1; seed <= 4; ++seed) {
-    PoseRig rig(seed);
-    rig.AddFlangeBoard();
-    rig.AddBoard("held", BoardPlace::kLoose, Eigen::Isometry3d::Identity(), 0.06, 2, 2);
-    rig.Drive(30);
-    std::erase_if(rig.problem.sightings, [](const TagSighting& seen) {
-      return seen.view == "camera2" || seen.view == "camera3";
-    });
-    rig.Hold(1, 15);
-    const absl::StatusOr<PoseSolution> solution = CalibratePoses(rig.problem);
-    ASSERT_TRUE(solution.ok()) << "seed " << seed << ": " << solution.status();
-    errors.Add(rig, *solution);
-  }
+  const Errors errors = ErrorsOf(4, [](unsigned seed) { return HeldBoardRig(seed, 15); });
   Print("two views by shared boards", errors);
   EXPECT_LT(Median(errors.workspace), 0.5e-3);
   EXPECT_GT(Mean(errors.chi2) / 6, 0.5);
@@ -164,23 +151,13 @@ TEST(PoseAccuracy, BoardsSeenTogetherTieViewsThatDoNotSeeTheFlange) {
 }
 
 TEST(PoseAccuracy, SurveyedTagsPutViewsInTheBase) {
-  Errors errors;
-  for (unsigned seed = 1; seed <= 10; ++seed) {
+  const Errors errors = ErrorsOf(10, [](unsigned seed) {
     PoseRig rig(seed);
-    for (const auto& [x, y] : {std::pair(-0.7, -0.7), std::pair(0.7, -0.6), std::pair(0.6, 0.7),
-                               std::pair(-0.6, 0.6), std::pair(0.0, 0.1)}) {
-      Eigen::Isometry3d pose = Eigen::Isometry3d::Identity();
-      pose.linear() = Eigen::AngleAxisd(3.14159, Eigen::Vector3d::UnitX()).matrix();
-      pose.translation() = Eigen::Vector3d(x, y, 0.2 * (1 + x));
-      rig.AddBoard("floor" + std::to_string(rig.problem.boards.size()), BoardPlace::kSurveyed, pose,
-                   0.15);
-    }
+    rig.AddFloorTags();
     for (int i = 0; i < 3; ++i)
       rig.Take("frame" + std::to_string(i), Eigen::Isometry3d::Identity());
-    const absl::StatusOr<PoseSolution> solution = CalibratePoses(rig.problem);
-    ASSERT_TRUE(solution.ok()) << "seed " << seed << ": " << solution.status();
-    errors.Add(rig, *solution);
-  }
+    return rig;
+  });
   Print("five tags surveyed to 1 mm", errors);
   EXPECT_LT(Median(errors.workspace), 2e-3);
   EXPECT_GT(Mean(errors.chi2) / 6, 0.7);

@@ -16,8 +16,7 @@ using testing::HasSubstr;
 constexpr char kHeader[] = "frame,tx,ty,tz,qx,qy,qz,qw\n";
 
 std::string PoseMistake(const std::string& rows) {
-  const auto poses = RobotPosesFromText(kHeader + rows, "poses.csv");
-  return poses.ok() ? "" : std::string(poses.status().message());
+  return std::string(RobotPosesFromText(kHeader + rows, "poses.csv").status().message());
 }
 
 TEST(RobotPoseFile, ReadsBackWhatItWrote) {
@@ -58,8 +57,7 @@ TEST(SurveyFile, ReadsPosesAndSigmas) {
 
 TEST(SurveyFile, MistakesAreToldWithTheirLine) {
   const auto mistake = [](const std::string& text) {
-    const auto boards = SurveyFromText(text, "survey.yaml");
-    return boards.ok() ? "" : std::string(boards.status().message());
+    return std::string(SurveyFromText(text, "survey.yaml").status().message());
   };
   EXPECT_THAT(mistake("- {board: a, position: [0, 0, 0]}\n- {board: a, position: [0, 0, 0]}\n"),
               AllOf(HasSubstr("survey.yaml:2"), HasSubstr("twice")));

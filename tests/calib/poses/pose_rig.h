@@ -100,6 +100,17 @@ class PoseRig {
     AddBoard("flange", BoardPlace::kFlange, pose, tag_size);
   }
 
+  // Five floor tags that were surveyed.
+  void AddFloorTags() {
+    for (const auto& [x, y] :
+         {std::pair(-0.7, -0.7), {0.7, -0.6}, {0.6, 0.7}, {-0.6, 0.6}, {0.0, 0.1}}) {
+      Eigen::Isometry3d pose = Eigen::Isometry3d::Identity();
+      pose.linear() = Eigen::AngleAxisd(3.14159, Eigen::Vector3d::UnitX()).matrix();
+      pose.translation() = Eigen::Vector3d(x, y, 0.2 * (1 + x));
+      AddBoard("floor" + std::to_string(problem.boards.size()), BoardPlace::kSurveyed, pose, 0.15);
+    }
+  }
+
   // A flange pose in the workspace whose z axis looks at `at`, not exactly.
   Eigen::Isometry3d RandomFlange(const Eigen::Vector3d& at, double tilt = 25 * kRigDegree) {
     Eigen::Isometry3d pose = Eigen::Isometry3d::Identity();
@@ -188,6 +199,27 @@ class PoseRig {
   std::mt19937 random_;
   int next_tag_ = 0;
 };
+
+// A session with the board on the flange.
+inline PoseRig FlangeRig(unsigned seed, int cameras = 4, int frames = 30) {
+  PoseRig rig(seed, cameras);
+  rig.AddFlangeBoard();
+  rig.Drive(frames);
+  return rig;
+}
+
+// A session with a board held into the cell too, which ties two views that never see the flange.
+inline PoseRig HeldBoardRig(unsigned seed, int held_frames) {
+  PoseRig rig(seed);
+  rig.AddFlangeBoard();
+  rig.AddBoard("held", BoardPlace::kLoose, Eigen::Isometry3d::Identity(), 0.06, 2, 2);
+  rig.Drive(30);
+  std::erase_if(rig.problem.sightings, [](const TagSighting& seen) {
+    return seen.view == "camera2" || seen.view == "camera3";
+  });
+  rig.Hold(1, held_frames);
+  return rig;
+}
 
 // What a solved pose is off: measured^-1 * true as rotation vector and translation.
 inline Eigen::Matrix<double, 6, 1> PoseError(const Eigen::Isometry3d& solved,

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // What a report says of made-up sessions whose truth is known.
-#include "calib/report/make_report.h"
+#include "calib/report/quality_report.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -10,7 +10,6 @@
 #include <vector>
 
 #include "calib/poses/pose_calibration.h"
-#include "calib/report/quality_report.h"
 #include "tests/calib/poses/pose_rig.h"
 
 namespace silhouette {
@@ -22,13 +21,6 @@ using testing::ElementsAre;
 using testing::HasSubstr;
 using testing::IsEmpty;
 using testing::Not;
-
-PoseRig FlangeRig(unsigned seed, int cameras = 4, int frames = 30) {
-  PoseRig rig(seed, cameras);
-  rig.AddFlangeBoard();
-  rig.Drive(frames);
-  return rig;
-}
 
 // Three groups: they are quicker than eight.
 QualityReport ReportOf(const PoseProblem& problem,
@@ -182,14 +174,7 @@ TEST(QualityReport, ARefusalLeavesWhatWasSeen) {
 
 TEST(QualityReport, OfOneImageSurveyedBoardsAreHeldOut) {
   PoseRig rig(10);
-  for (const auto& [x, y] : {std::pair(-0.7, -0.7), std::pair(0.7, -0.6), std::pair(0.6, 0.7),
-                             std::pair(-0.6, 0.6), std::pair(0.0, 0.1)}) {
-    Eigen::Isometry3d pose = Eigen::Isometry3d::Identity();
-    pose.linear() = Eigen::AngleAxisd(3.14159, Eigen::Vector3d::UnitX()).matrix();
-    pose.translation() = Eigen::Vector3d(x, y, 0.2 * (1 + x));
-    rig.AddBoard("floor" + std::to_string(rig.problem.boards.size()), BoardPlace::kSurveyed, pose,
-                 0.15);
-  }
+  rig.AddFloorTags();
   rig.Take("one", Eigen::Isometry3d::Identity());
   const QualityReport report = ReportOf(rig.problem);
   EXPECT_EQ(report.held_out_by, HeldOutBy::kBoards);
@@ -201,14 +186,7 @@ TEST(QualityReport, OfOneImageSurveyedBoardsAreHeldOut) {
 }
 
 TEST(QualityReport, BoardsInTheHandAreHeldOutByTheOtherViews) {
-  PoseRig rig(12);
-  rig.AddFlangeBoard();
-  rig.AddBoard("held", BoardPlace::kLoose, Eigen::Isometry3d::Identity(), 0.06, 2, 2);
-  rig.Drive(30);
-  std::erase_if(rig.problem.sightings, [](const TagSighting& seen) {
-    return seen.view == "camera2" || seen.view == "camera3";
-  });
-  rig.Hold(1, 16);
+  const PoseRig rig = HeldBoardRig(12, 16);
   const QualityReport report = ReportOf(rig.problem);
   EXPECT_GT(report.views[2].held_out.corners, 100);
   EXPECT_LT(report.views[2].held_out.px, 2 * report.views[2].held_out.expected_px);

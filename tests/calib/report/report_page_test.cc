@@ -8,7 +8,7 @@
 #include <string>
 #include <vector>
 
-#include "calib/report/make_report.h"
+#include "calib/report/quality_report.h"
 #include "calib/report/report_page.h"
 #include "tests/calib/poses/pose_rig.h"
 

@@ -1,12 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "calib/robot/reach.h"
-
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
-
 #include <cmath>
 #include <random>
+#include <span>
+#include <vector>
 
+#include "calib/robot/pose_plan.h"
+#include "calib/robot/reach.h"
 #include "tests/calib/robot/urdf_files.h"
 
 namespace silhouette {
@@ -14,12 +15,23 @@ namespace {
 
 using testing::HasSubstr;
 
-RobotModel ReachThreeJoints() {
-  return RobotModel::FromUrdf(WriteFile(FreshFolder() / "three.urdf", ThreeJointUrdf())).value();
+// The links' origins and the corners of their bodies, in the base's frame.
+std::vector<Eigen::Vector3d> PointsOf(const RobotModel& robot, std::span<const double> positions) {
+  std::vector<Eigen::Vector3d> points;
+  const auto base_from_link = robot.LinkPoses(positions);
+  for (size_t link = 0; link < robot.links().size(); ++link) {
+    points.emplace_back(base_from_link[link].translation());
+    for (const LinkGeometry& geometry : robot.links()[link].body()) {
+      for (const Eigen::Vector3d& vertex : Tessellate(geometry.shape).vertices) {
+        points.emplace_back(base_from_link[link] * (geometry.link_from_shape * vertex));
+      }
+    }
+  }
+  return points;
 }
 
 TEST(Reach, IsExactOverFixedJoints) {
-  const RobotModel robot = ReachThreeJoints();
+  const RobotModel robot = ThreeJoints();
   const std::vector<std::string> moving{"turn"};
   // Bent straight up, slid out: the ball's far side is 0.5 + 0.05 from the axis of `turn`; the
   // farthest corner of the upper arm's box is (0.5, 0.05).
@@ -30,14 +42,14 @@ TEST(Reach, IsExactOverFixedJoints) {
 }
 
 TEST(Reach, OverMovingJointsIsTheArmStretchedOut) {
-  const RobotModel robot = ReachThreeJoints();
+  const RobotModel robot = ThreeJoints();
   const std::vector<std::string> moving{"turn", "bend", "slide"};
   EXPECT_NEAR(Reach(robot, "turn", moving, {}, 0).value(), 0.5 + 0.4 + 0.3 + 0.05, 1e-9);
   EXPECT_NEAR(Reach(robot, "bend", moving, {}, 0).value(), 0.4 + 0.3 + 0.05, 1e-9);
 }
 
 TEST(Reach, PayloadReachesBeyondTheLastLink) {
-  const RobotModel robot = ReachThreeJoints();
+  const RobotModel robot = ThreeJoints();
   const std::vector<std::string> moving{"bend"};
   const std::vector<FixedJoint> fixed{{"turn", 0}, {"slide", 0}};
   EXPECT_NEAR(Reach(robot, "bend", moving, fixed, 0.1).value(), 0.4 + 0.05 + 0.1, 1e-9);
@@ -47,7 +59,7 @@ TEST(Reach, NoConfigurationReachesFarther) {
   const unsigned seed = std::random_device()();
   SCOPED_TRACE("seed " + std::to_string(seed));
   std::mt19937 random(seed);
-  const RobotModel robot = ReachThreeJoints();
+  const RobotModel robot = ThreeJoints();
   const std::vector<std::string> names{"turn", "bend", "slide"};
   for (int round = 0; round < 50; ++round) {
     std::vector<double> positions;
@@ -65,14 +77,8 @@ TEST(Reach, NoConfigurationReachesFarther) {
       }
     }
     const double reach = Reach(robot, "turn", moving, fixed, 0).value();
-    const auto base_from_link = robot.LinkPoses(positions);
-    for (size_t link = 1; link < robot.links().size(); ++link) {
-      for (const LinkGeometry& geometry : robot.links()[link].body()) {
-        for (const Eigen::Vector3d& vertex : Tessellate(geometry.shape).vertices) {
-          const Eigen::Vector3d point = base_from_link[link] * (geometry.link_from_shape * vertex);
-          EXPECT_LE(point.head<2>().norm(), reach + 1e-9);  // the axis of `turn` is z
-        }
-      }
+    for (const Eigen::Vector3d& point : PointsOf(robot, positions)) {
+      EXPECT_LE(point.head<2>().norm(), reach + 1e-9);  // the axis of `turn` is z
     }
   }
 }
@@ -81,7 +87,7 @@ TEST(ReachBox, HoldsTheRobotAtEveryConfigurationAndIsTightWhereNothingMoves) {
   const unsigned seed = std::random_device()();
   SCOPED_TRACE("seed " + std::to_string(seed));
   std::mt19937 random(seed);
-  const RobotModel robot = ReachThreeJoints();
+  const RobotModel robot = ThreeJoints();
   const std::vector<std::string> names{"turn", "bend", "slide"};
   for (int round = 0; round < 50; ++round) {
     std::vector<double> positions;
@@ -98,15 +104,7 @@ TEST(ReachBox, HoldsTheRobotAtEveryConfigurationAndIsTightWhereNothingMoves) {
     }
     const Eigen::AlignedBox3d box = ReachBox(robot, moving, fixed, 0).value();
     Eigen::AlignedBox3d occupied;
-    const auto base_from_link = robot.LinkPoses(positions);
-    for (size_t link = 0; link < robot.links().size(); ++link) {
-      occupied.extend(base_from_link[link].translation());
-      for (const LinkGeometry& geometry : robot.links()[link].body()) {
-        for (const Eigen::Vector3d& vertex : Tessellate(geometry.shape).vertices) {
-          occupied.extend(base_from_link[link] * (geometry.link_from_shape * vertex));
-        }
-      }
-    }
+    for (const Eigen::Vector3d& point : PointsOf(robot, positions)) occupied.extend(point);
     const Eigen::Vector3d slack = Eigen::Vector3d::Constant(1e-9);
     EXPECT_TRUE(Eigen::AlignedBox3d(box.min() - slack, box.max() + slack).contains(occupied));
     if (moving.empty()) {
@@ -116,7 +114,7 @@ TEST(ReachBox, HoldsTheRobotAtEveryConfigurationAndIsTightWhereNothingMoves) {
 }
 
 TEST(Reach, MistakesAreNamed) {
-  const RobotModel robot = ReachThreeJoints();
+  const RobotModel robot = ThreeJoints();
   const std::vector<std::string> moving{"turn"};
   const auto error = [&](const std::string& joint, std::vector<FixedJoint> fixed) {
     return std::string(Reach(robot, joint, moving, fixed, 0).status().message());
@@ -129,5 +127,57 @@ TEST(Reach, MistakesAreNamed) {
               HasSubstr("'bend' neither moves"));
 }
 
+PosePlan::Positions Rest(const RobotModel& robot) {
+  return PosePlan::Positions(robot.joints().size(), 0.1);
+}
+
+const PosePlan::Allowed kAll = [](const PosePlan::Positions&) { return true; };
+
+TEST(PosePlan, OnlyTheNamedJointsMoveAndStayInTheirRange) {
+  const RobotModel robot = ThreeJoints();
+  PosePlan plan(robot, 3, Rest(robot), {{0, -0.5, 0.25}}, 1);
+  for (int i = 0; i < 20; ++i) {
+    const auto next = plan.Next(kAll);
+    ASSERT_TRUE(next.has_value());
+    EXPECT_GE((*next)[0], -0.5);
+    EXPECT_LE((*next)[0], 0.25);
+    EXPECT_EQ((*next)[1], 0.1);
+    EXPECT_EQ((*next)[2], 0.1);
+    plan.Tell(*next, {});
+  }
+}
+
+TEST(PosePlan, WhatIsNotAllowedIsNeverProposed) {
+  const RobotModel robot = ThreeJoints();
+  PosePlan plan(robot, 3, Rest(robot), {{0, -1, 1}, {1, -1, 1}}, 2);
+  const auto next = plan.Next([](const PosePlan::Positions& p) { return p[0] > 0.5; });
+  ASSERT_TRUE(next.has_value());
+  EXPECT_GT((*next)[0], 0.5);
+  EXPECT_FALSE(plan.Next([](const PosePlan::Positions&) { return false; }).has_value());
+}
+
+TEST(PosePlan, MostPosesAreNearThoseInWhichTheBoardWasSeen) {
+  const RobotModel robot = ThreeJoints();
+  PosePlan plan(robot, 3, Rest(robot), {{0, -2, 2}}, 3);
+  // A camera on one side: the board is seen where the first joint is beyond 1.
+  const std::vector<std::string> view{"left"};
+  int seen = 0;
+  for (int i = 0; i < 40; ++i) {
+    const auto next = plan.Next(kAll).value();
+    const bool sees = next[0] > 1;
+    seen += sees ? 1 : 0;
+    plan.Tell(next, sees ? view : std::vector<std::string>());
+  }
+  EXPECT_GT(seen, 13) << "by chance it would be ten";
+}
+
+TEST(PosePlan, NoJointOrAnUnknownOneIsAMistake) {
+  const RobotModel robot = ThreeJoints();
+  EXPECT_THROW(PosePlan(robot, 3, Rest(robot), {}, 1), std::invalid_argument);
+  EXPECT_THROW(PosePlan(robot, 3, Rest(robot), {{7, 0, 1}}, 1), std::invalid_argument);
+  EXPECT_THROW(PosePlan(robot, 3, {0.0}, {{0, 0, 1}}, 1), std::invalid_argument);
+}
+
 }  // namespace
+
 }  // namespace silhouette

@@ -14,10 +14,6 @@ namespace {
 using testing::AllOf;
 using testing::HasSubstr;
 
-RobotModel RobotModelThreeJoints() {
-  return RobotModel::FromUrdf(WriteFile(FreshFolder() / "three.urdf", ThreeJointUrdf())).value();
-}
-
 std::string ErrorOf(const std::string& urdf, std::vector<std::string> package_paths = {}) {
   const auto model =
       RobotModel::FromUrdf(WriteFile(FreshFolder() / "bad.urdf", urdf), package_paths);
@@ -34,7 +30,7 @@ std::string WithMesh(const std::string& file) {
 }
 
 TEST(RobotModel, JointsStandFromTheBaseOutward) {
-  const RobotModel robot = RobotModelThreeJoints();
+  const RobotModel robot = ThreeJoints();
   ASSERT_EQ(robot.joints().size(), 3u);
   EXPECT_EQ(robot.joints()[0].name, "turn");
   EXPECT_EQ(robot.joints()[0].lower, -2);
@@ -46,7 +42,7 @@ TEST(RobotModel, JointsStandFromTheBaseOutward) {
 }
 
 TEST(RobotModel, LinkPosesFollowTheJoints) {
-  const RobotModel robot = RobotModelThreeJoints();
+  const RobotModel robot = ThreeJoints();
   const std::vector<double> positions{std::numbers::pi / 2, -std::numbers::pi / 2, 0.1};
   const auto poses = robot.LinkPoses(positions);
   ASSERT_EQ(poses.size(), 4u);
@@ -58,7 +54,7 @@ TEST(RobotModel, LinkPosesFollowTheJoints) {
 }
 
 TEST(RobotModel, BodyIsVisualElseCollisionGeometry) {
-  const RobotModel robot = RobotModelThreeJoints();
+  const RobotModel robot = ThreeJoints();
   EXPECT_EQ(robot.links()[0].body().size(), 0u);
   ASSERT_EQ(robot.links()[1].body().size(), 1u);
   EXPECT_TRUE(std::holds_alternative<BoxShape>(robot.links()[1].body()[0].shape));
@@ -68,7 +64,7 @@ TEST(RobotModel, BodyIsVisualElseCollisionGeometry) {
 }
 
 TEST(RobotModel, PositionsAreLookedUpByNameAndChecked) {
-  const RobotModel robot = RobotModelThreeJoints();
+  const RobotModel robot = ThreeJoints();
   const std::vector<std::string> names{"slide", "turn", "bend"};
   const auto positions = robot.Positions(names, std::vector<double>{0.1, 0.2, 4});
   ASSERT_TRUE(positions.ok()) << positions.status();

@@ -6,6 +6,7 @@
 #include <fstream>
 #include <string>
 
+#include "calib/robot/robot_model.h"
 #include "tests/test_folder.h"
 
 namespace silhouette {
@@ -80,6 +81,10 @@ inline std::string ThreeJointUrdf() {
   </joint>
 </robot>
 )";
+}
+
+inline RobotModel ThreeJoints() {
+  return RobotModel::FromUrdf(WriteFile(FreshFolder() / "three.urdf", ThreeJointUrdf())).value();
 }
 
 }  // namespace silhouette
