@@ -10,7 +10,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "clients/cpp/connection.h"
-#include "clients/cpp/messages.h"
+#include "silhouette/messages.h"
 
 namespace silhouette::client {
 

@@ -1,5 +1,5 @@
-// SPDX-License-Identifier: Apache-2.0 Questions of the collision service, and the checks that their
-// answers must pass.
+// SPDX-License-Identifier: Apache-2.0
+// Questions of the collision service, and the checks that their answers must pass.
 #pragma once
 
 #include <chrono>

@@ -9,16 +9,12 @@
 #include <utility>
 
 #include "clients/cpp/check_answers.h"
-#include "clients/cpp/check_stream.h"
 #include "clients/cpp/connection.h"
-#include "clients/cpp/messages.h"
-#include "clients/cpp/path_watch.h"
+#include "silhouette/messages.h"
 
 namespace silhouette::client {
 
 namespace {
-
-using Clock = std::chrono::steady_clock;
 
 // A question about verdicts; its answer must use the requested variant.
 template <typename Request, typename Response>
@@ -26,13 +22,36 @@ absl::StatusOr<Response> Ask(const Connection& connection,
                              grpc::Status (v1::CollisionService::Stub::*method)(
                                  grpc::ClientContext*, const Request&, Response*),
                              const Request& request, absl::Duration timeout) {
-  absl::StatusOr<Response> response =
-      connection.Call(connection.collisions(), method, request, timeout);
+  absl::StatusOr<Response> response = connection.Call(method, request, timeout);
   if (!response.ok()) return response;
   const absl::Status of_variant =
       RequireVariant(request.variant(), response->basis(), connection.address());
   if (!of_variant.ok()) return of_variant;
   return response;
+}
+
+void RequireMasks(const v1::Scene& scene) {
+  for (const v1::SceneView& view : scene.views()) {
+    if (!view.has_obstacle()) continue;
+    for (const v1::Mask* mask : {&view.scene(), &view.obstacle(), &view.unknown(), &view.error()}) {
+      FromMessage(*mask);
+    }
+    if (view.has_ignored()) FromMessage(view.ignored());
+  }
+}
+void RequireMasks(const v1::AllowedRegion& region) {
+  for (const v1::RegionPixels& view : region.views()) FromMessage(view.mask());
+}
+
+// The message; Malformed if one of its masks cannot be.
+template <typename Message>
+absl::StatusOr<Message> WithMasks(const Message& message, const std::string& address) {
+  try {
+    RequireMasks(message);
+    return message;
+  } catch (const std::invalid_argument& error) {
+    return Malformed(address, absl::StrCat("a mask cannot be: ", error.what()));
+  }
 }
 
 }  // namespace
@@ -64,7 +83,7 @@ absl::StatusOr<ConfigurationChecks> Client::CheckConfigurations(
     Clearance clearance) const {
   v1::CheckConfigurationsRequest request = QuestionOf(configurations, policy, evidence, clearance);
   request.set_variant(variant_);
-  const Clock::time_point asked = Clock::now();
+  const SteadyClock::time_point asked = SteadyClock::now();
   const auto response =
       Ask(*connection_, &v1::CollisionService::Stub::CheckConfigurations, request, timeout_);
   if (!response.ok()) return response.status();
@@ -78,7 +97,7 @@ absl::StatusOr<NumberChecks> Client::CheckNumbers(std::span<const uint32_t> numb
   request.mutable_numbers()->Add(numbers.begin(), numbers.end());
   *request.mutable_policy() = ToMessage(policy);
   request.set_variant(variant_);
-  const Clock::time_point asked = Clock::now();
+  const SteadyClock::time_point asked = SteadyClock::now();
   const auto response =
       Ask(*connection_, &v1::CollisionService::Stub::CheckConfigurations, request, timeout_);
   if (!response.ok()) return response.status();
@@ -90,24 +109,11 @@ absl::StatusOr<PathCheck> Client::CheckPath(std::span<const Configuration> waypo
   if (waypoints.empty()) return absl::InvalidArgumentError("a path has at least one waypoint");
   v1::CheckPathRequest request = QuestionOf(waypoints, policy, clearance);
   request.set_variant(variant_);
-  const Clock::time_point asked = Clock::now();
+  const SteadyClock::time_point asked = SteadyClock::now();
   const auto response =
       Ask(*connection_, &v1::CollisionService::Stub::CheckPath, request, timeout_);
   if (!response.ok()) return response.status();
   return AnswerFrom(*response, clearance, asked, address());
-}
-
-absl::StatusOr<PathWatch> Client::WatchPath(std::span<const Configuration> waypoints,
-                                            const Policy& policy, Clearance clearance) const {
-  if (waypoints.empty()) return absl::InvalidArgumentError("a path has at least one waypoint");
-  v1::CheckPathRequest request = QuestionOf(waypoints, policy, clearance);
-  request.set_variant(variant_);
-  return PathWatch(
-      std::make_unique<PathWatch::Impl>(connection_, timeout_, std::move(request), clearance));
-}
-
-CheckStream Client::StreamChecks() const {
-  return CheckStream(std::make_unique<CheckStream::Impl>(connection_, variant_));
 }
 
 absl::StatusOr<ConfigurationSpace> Client::GetConfigurationSpace(
@@ -121,7 +127,7 @@ absl::StatusOr<ConfigurationSpace> Client::GetConfigurationSpace(
   request.set_variant(variant_);
   grpc::ClientContext context;
   context.set_deadline(absl::ToChronoTime(absl::Now() + timeout_));
-  const Clock::time_point asked = Clock::now();
+  const SteadyClock::time_point asked = SteadyClock::now();
   const auto reader = connection_->collisions().GetConfigurationSpace(&context, request);
 
   Basis basis;
@@ -169,7 +175,7 @@ absl::StatusOr<Explanation> Client::Explain(const Configuration& configuration,
   *request.mutable_configuration() = ToMessage(configuration);
   *request.mutable_policy() = ToMessage(policy);
   request.set_variant(variant_);
-  const Clock::time_point asked = Clock::now();
+  const SteadyClock::time_point asked = SteadyClock::now();
   const auto response = Ask(*connection_, &v1::CollisionService::Stub::Explain, request, timeout_);
   if (!response.ok()) return response.status();
   Explanation explanation{
@@ -185,75 +191,74 @@ absl::StatusOr<Explanation> Client::Explain(const Configuration& configuration,
   return explanation;
 }
 
-absl::StatusOr<Scene> Client::PublishScene(std::span<const JointPosition> joints,
-                                           std::span<const ViewImage> images) const {
-  v1::PublishSceneRequest request;
-  for (const JointPosition& joint : joints) {
-    v1::JointPosition* message = request.add_joints();
-    message->set_name(joint.name);
-    message->set_position(joint.position);
-  }
-  for (const ViewImage& image : images) *request.add_views() = ToMessage(image);
-  request.set_variant(variant_);
-  const auto response = connection_->Call(connection_->scenes(),
-                                          &v1::SceneService::Stub::PublishScene, request, timeout_);
+absl::StatusOr<v1::Scene> Client::PublishScene(v1::PublishSceneRequest scene) const {
+  scene.set_variant(variant_);
+  const auto response = connection_->Call(&v1::SceneService::Stub::PublishScene, scene, timeout_);
   if (!response.ok()) return response.status();
   if (!variant_.empty() && response->scene().variant() != variant_) return NoVariants(address());
-  return Usable(FromMessage(response->scene()), address());
+  return WithMasks(response->scene(), address());
 }
 
-absl::StatusOr<Scene> Client::GetScene(uint64_t id, bool with_planes) const {
+absl::StatusOr<v1::Scene> Client::GetScene(uint64_t id, bool with_planes) const {
   v1::GetSceneRequest request;
   request.set_id(id);
   request.set_include_planes(with_planes);
-  const auto response = connection_->Call(connection_->scenes(), &v1::SceneService::Stub::GetScene,
-                                          request, timeout_);
+  const auto response = connection_->Call(&v1::SceneService::Stub::GetScene, request, timeout_);
   if (!response.ok()) return response.status();
-  return Usable(FromMessage(response->scene()), address());
+  return WithMasks(response->scene(), address());
 }
 
-absl::StatusOr<AllowedRegion> Client::AllowRegion(const std::string& name,
-                                                  std::span<const RegionPixels> views,
-                                                  absl::Duration duration) const {
-  v1::AllowRegionRequest request;
-  request.set_name(name);
-  for (const RegionPixels& view : views) *request.add_views() = ToMessage(view);
-  *request.mutable_duration() = ToMessage(duration);
-  const auto response = connection_->Call(connection_->scenes(),
-                                          &v1::SceneService::Stub::AllowRegion, request, timeout_);
+absl::StatusOr<v1::Acquisition> Client::GetAcquisition() const {
+  const auto response = connection_->Call(&v1::SceneService::Stub::GetAcquisition,
+                                          v1::GetAcquisitionRequest(), timeout_);
   if (!response.ok()) return response.status();
-  return Usable(FromMessage(response->region()), address());
+  return response->acquisition();
+}
+
+absl::StatusOr<v1::ChangeVariantResponse> Client::BeginVariantChange() const {
+  v1::ChangeVariantRequest request;
+  request.set_changing(true);
+  return connection_->Call(&v1::SceneService::Stub::ChangeVariant, request, timeout_);
+}
+
+absl::StatusOr<v1::ChangeVariantResponse> Client::ChangeVariant(const std::string& variant) const {
+  v1::ChangeVariantRequest request;
+  request.set_variant(variant);
+  return connection_->Call(&v1::SceneService::Stub::ChangeVariant, request, timeout_);
+}
+
+absl::StatusOr<v1::AllowedRegion> Client::AllowRegion(const v1::AllowRegionRequest& region) const {
+  const auto response = connection_->Call(&v1::SceneService::Stub::AllowRegion, region, timeout_);
+  if (!response.ok()) return response.status();
+  return WithMasks(response->region(), address());
 }
 
 absl::StatusOr<bool> Client::RevokeRegion(const std::string& name) const {
   v1::RevokeRegionRequest request;
   request.set_name(name);
-  const auto response = connection_->Call(connection_->scenes(),
-                                          &v1::SceneService::Stub::RevokeRegion, request, timeout_);
+  const auto response = connection_->Call(&v1::SceneService::Stub::RevokeRegion, request, timeout_);
   if (!response.ok()) return response.status();
   return response->was_in_force();
 }
 
-absl::StatusOr<std::vector<AllowedRegion>> Client::ListAllowedRegions() const {
-  const auto response =
-      connection_->Call(connection_->scenes(), &v1::SceneService::Stub::ListAllowedRegions,
-                        v1::ListAllowedRegionsRequest(), timeout_);
-  if (!response.ok()) return response.status();
-  std::vector<AllowedRegion> regions;
-  for (const v1::AllowedRegion& message : response->regions()) {
-    absl::StatusOr<AllowedRegion> region = FromMessage(message);
-    if (!region.ok()) return Malformed(address(), region.status().message());
-    regions.push_back(*std::move(region));
+absl::StatusOr<v1::ListAllowedRegionsResponse> Client::ListAllowedRegions() const {
+  auto response = connection_->Call(&v1::SceneService::Stub::ListAllowedRegions,
+                                    v1::ListAllowedRegionsRequest(), timeout_);
+  if (!response.ok()) return response;
+  for (const v1::AllowedRegion& region : response->regions()) {
+    const absl::Status usable = WithMasks(region, address()).status();
+    if (!usable.ok()) return usable;
   }
-  return regions;
+  return response;
 }
 
-absl::StatusOr<Database> Client::GetDatabase() const {
-  const auto response =
-      connection_->Call(connection_->databases(), &v1::DatabaseService::Stub::GetDatabase,
-                        v1::GetDatabaseRequest(), timeout_);
-  if (!response.ok()) return response.status();
-  return Usable(FromMessage(*response), address());
+absl::StatusOr<v1::GetDatabaseResponse> Client::GetDatabase() const {
+  auto response = connection_->Call(&v1::DatabaseService::Stub::GetDatabase,
+                                    v1::GetDatabaseRequest(), timeout_);
+  if (!response.ok()) return response;
+  const absl::Status grid = FromMessage(response->grid()).status();
+  if (!grid.ok()) return Malformed(address(), grid.message());
+  return response;
 }
 
 }  // namespace silhouette::client

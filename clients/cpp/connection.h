@@ -1,15 +1,16 @@
-// SPDX-License-Identifier: Apache-2.0 The connection to a server: address, channel, and the error
-// messages of calls.
+// SPDX-License-Identifier: Apache-2.0
+// The connection to a server: address, channel, and the error messages of calls.
 #pragma once
 
 #include <grpcpp/channel.h>
 #include <grpcpp/client_context.h>
 
+#include <chrono>
 #include <memory>
 #include <mutex>
 #include <set>
 #include <string>
-#include <utility>
+#include <type_traits>
 
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
@@ -22,17 +23,13 @@
 
 namespace silhouette::client {
 
+using SteadyClock = std::chrono::steady_clock;
+
 // InvalidArgument if no server can be at this address.
 absl::Status RequireAddress(const std::string& address);
 
 // The server's answer is malformed.
 absl::Status Malformed(const std::string& address, absl::string_view what);
-
-// The value read from an answer; Malformed if reading failed.
-template <typename T>
-absl::StatusOr<T> Usable(absl::StatusOr<T> read, const std::string& address) {
-  return read.ok() ? std::move(read) : Malformed(address, read.status().message());
-}
 
 // Ends the calls of one object from any thread.
 class Cancellation {
@@ -83,34 +80,43 @@ class Connection {
 
   const std::string& address() const { return address_; }
   v1::CollisionService::Stub& collisions() const { return *collisions_; }
-  v1::SceneService::Stub& scenes() const { return *scenes_; }
-  v1::DatabaseService::Stub& databases() const { return *databases_; }
 
   // The end of a call, in one sentence. `timeout`: the call's.
   absl::Status SentenceFor(const grpc::Status& status, absl::Duration timeout) const;
 
   // One unary call; `context` may be cancelled from another thread.
   template <typename Stub, typename Request, typename Response>
-  absl::StatusOr<Response> Call(grpc::ClientContext& context, Stub& stub,
+  absl::StatusOr<Response> Call(grpc::ClientContext& context,
                                 grpc::Status (Stub::*method)(grpc::ClientContext*, const Request&,
                                                              Response*),
                                 const Request& request, absl::Duration timeout) const {
     context.set_deadline(absl::ToChronoTime(absl::Now() + timeout));
     Response response;
-    const absl::Status status = SentenceFor((stub.*method)(&context, request, &response), timeout);
+    const absl::Status status =
+        SentenceFor((StubOf<Stub>().*method)(&context, request, &response), timeout);
     if (!status.ok()) return status;
     return response;
   }
   template <typename Stub, typename Request, typename Response>
-  absl::StatusOr<Response> Call(Stub& stub,
-                                grpc::Status (Stub::*method)(grpc::ClientContext*, const Request&,
+  absl::StatusOr<Response> Call(grpc::Status (Stub::*method)(grpc::ClientContext*, const Request&,
                                                              Response*),
                                 const Request& request, absl::Duration timeout) const {
     grpc::ClientContext context;
-    return Call(context, stub, method, request, timeout);
+    return Call(context, method, request, timeout);
   }
 
  private:
+  template <typename Stub>
+  Stub& StubOf() const {
+    if constexpr (std::is_same_v<Stub, v1::CollisionService::Stub>) {
+      return *collisions_;
+    } else if constexpr (std::is_same_v<Stub, v1::SceneService::Stub>) {
+      return *scenes_;
+    } else {
+      return *databases_;
+    }
+  }
+
   const std::string address_;
   const std::shared_ptr<grpc::Channel> channel_;
   const std::unique_ptr<v1::CollisionService::Stub> collisions_;

@@ -13,16 +13,15 @@
 
 #include "clients/cpp/check_answers.h"
 #include "clients/cpp/connection.h"
-#include "clients/cpp/messages.h"
 #include "clients/cpp/published.h"
 #include "clients/cpp/server_clock.h"
 #include "clients/cpp/space_assembly.h"
 #include "clients/cpp/space_snapshot.h"
+#include "silhouette/messages.h"
 
 namespace silhouette::client {
 namespace {
 
-using LocalSpaceClock = std::chrono::steady_clock;
 using Content = SpaceSnapshot::Content;
 
 // Between attempts to connect: at first, and at most.
@@ -116,7 +115,7 @@ class LocalSpace::Impl {
     std::optional<OffGridRule> rule;
     v1::WatchConfigurationSpaceResponse part;
     while (reader.Read(&part)) {
-      const LocalSpaceClock::time_point received = LocalSpaceClock::now();
+      const SteadyClock::time_point received = SteadyClock::now();
       absl::StatusOr<std::optional<SpaceUpdate>> update = assembly.Add(part);
       if (!update.ok()) {
         reason = Reason::kUpdateMalformed;
@@ -129,8 +128,7 @@ class LocalSpace::Impl {
         reason = Reason::kUpdateMalformed;
         return of_variant;
       }
-      const absl::StatusOr<LocalSpaceClock::time_point> made =
-          clock.MadeAt((*update)->basis, received);
+      const absl::StatusOr<SteadyClock::time_point> made = clock.MadeAt((*update)->basis, received);
       if (!made.ok()) {
         reason = Reason::kAgeUnknown;
         return made.status();
@@ -144,7 +142,7 @@ class LocalSpace::Impl {
     return absl::OkStatus();
   }
 
-  void Take(const SpaceUpdate& update, LocalSpaceClock::time_point made,
+  void Take(const SpaceUpdate& update, SteadyClock::time_point made,
             const std::optional<OffGridRule>& rule) {
     Publish([&](Content& content) {
       const uint64_t number = content.number + 1;
@@ -189,14 +187,12 @@ class LocalSpace::Impl {
   std::optional<OffGridRule> AskForRule(uint64_t generation) {
     grpc::ClientContext context;
     const Cancellation::Call call(cancellation_, context);
-    const auto response = connection_->Call(
-        context, connection_->databases(), &v1::DatabaseService::Stub::GetDatabase,
-        v1::GetDatabaseRequest(), std::min(timeout_, absl::Seconds(1)));
-    if (!response.ok()) return std::nullopt;
-    const absl::StatusOr<Database> database = FromMessage(*response);
-    if (!database.ok() || database->generation != generation) return std::nullopt;
-    return OffGridRuleOf(Effective(options_.policy, database->default_policy),
-                         static_cast<int>(database->views.size()));
+    const auto response =
+        connection_->Call(context, &v1::DatabaseService::Stub::GetDatabase,
+                          v1::GetDatabaseRequest(), std::min(timeout_, absl::Seconds(1)));
+    if (!response.ok() || response->generation() != generation) return std::nullopt;
+    return OffGridRuleOf(Effective(options_.policy, FromMessage(response->default_policy())),
+                         response->views_size());
   }
 
   const std::shared_ptr<const Connection> connection_;

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "clients/cpp/messages.h"
+#include "silhouette/messages.h"
 
 #include <bit>
 #include <span>
@@ -11,68 +11,6 @@
 
 namespace silhouette::client {
 namespace {
-
-google::protobuf::Timestamp ToMessage(absl::Time time) {
-  google::protobuf::Timestamp message;
-  const int64_t seconds = absl::ToUnixSeconds(time);
-  message.set_seconds(seconds);
-  message.set_nanos(
-      static_cast<int32_t>(absl::ToInt64Nanoseconds(time - absl::FromUnixSeconds(seconds))));
-  return message;
-}
-
-v1::Mask ToMessage(const Mask& mask) {
-  v1::Mask message;
-  message.set_width(mask.width());
-  message.set_height(mask.height());
-  message.set_bits(mask.ToBytes());
-  return message;
-}
-
-// Throws std::invalid_argument.
-Mask MaskFrom(const v1::Mask& mask) {
-  const std::string& bits = mask.bits();
-  return Mask::FromBytes({.width = mask.width(), .height = mask.height()},
-                         {reinterpret_cast<const uint8_t*>(bits.data()), bits.size()});
-}
-
-Policy FromMessage(const v1::Policy& message) {
-  Policy policy{.preset = message.preset()};
-  if (message.has_min_views()) policy.min_views = message.min_views();
-  if (message.has_max_occluded_views()) policy.max_occluded_views = message.max_occluded_views();
-  if (message.off_grid() == v1::OFF_GRID_CELL) policy.off_grid = OffGrid::kCell;
-  if (message.off_grid() == v1::OFF_GRID_NEAREST) policy.off_grid = OffGrid::kNearest;
-  return policy;
-}
-
-SceneView FromMessage(const v1::SceneView& message) {
-  SceneView view{.view = message.view(),
-                 .capture_time = client::FromMessage(message.capture_time()),
-                 .foreground_pixels = message.foreground_pixels(),
-                 .obstacle_pixels = message.obstacle_pixels(),
-                 .unknown_pixels = message.unknown_pixels(),
-                 .error_pixels = message.error_pixels(),
-                 .core_error_pixels = message.core_error_pixels(),
-                 .margin = message.margin(),
-                 .ignored_pixels = message.ignored_pixels(),
-                 .planes = std::nullopt};
-  if (message.has_obstacle()) {
-    view.planes = ScenePlanes{.scene = MaskFrom(message.scene()),
-                              .obstacle = MaskFrom(message.obstacle()),
-                              .unknown = MaskFrom(message.unknown()),
-                              .error = MaskFrom(message.error())};
-    if (message.has_ignored()) view.planes->ignored = MaskFrom(message.ignored());
-  }
-  return view;
-}
-
-std::vector<JointPosition> FromMessage(
-    const google::protobuf::RepeatedPtrField<v1::JointPosition>& messages) {
-  std::vector<JointPosition> joints;
-  for (const v1::JointPosition& joint : messages)
-    joints.push_back({joint.name(), joint.position()});
-  return joints;
-}
 
 // The bits of one state of a tile.
 absl::StatusOr<TileBits> BitsFrom(const std::string& bytes, uint64_t tile) {
@@ -107,33 +45,20 @@ v1::Policy ToMessage(const Policy& policy) {
   return message;
 }
 
-v1::ViewImage ToMessage(const ViewImage& image) {
-  v1::ViewImage message;
-  message.set_view(image.view);
-  if (image.capture_time) *message.mutable_capture_time() = ToMessage(*image.capture_time);
-  if (const auto* scene = std::get_if<SceneMask>(&image.image)) {
-    *message.mutable_scene_mask() = ToMessage(scene->mask);
-  } else if (const auto* camera = std::get_if<CameraImage>(&image.image)) {
-    message.set_camera_image(camera->bytes);
-  } else if (const auto* obstacles = std::get_if<ObstacleMask>(&image.image)) {
-    *message.mutable_obstacle_mask() = ToMessage(obstacles->mask);
-  }
+v1::Mask ToMessage(const Mask& mask) {
+  v1::Mask message;
+  message.set_width(mask.width());
+  message.set_height(mask.height());
+  message.set_bits(mask.ToBytes());
   return message;
 }
 
-v1::RegionPixels ToMessage(const RegionPixels& pixels) {
-  v1::RegionPixels message;
-  message.set_view(pixels.view);
-  if (const auto* mask = std::get_if<Mask>(&pixels.pixels)) {
-    *message.mutable_mask() = ToMessage(*mask);
-    return message;
-  }
-  v1::Polygon& polygon = *message.mutable_polygon();
-  for (const auto& [x, y] : std::get<Polygon>(pixels.pixels).corners) {
-    v1::Point& corner = *polygon.add_corners();
-    corner.set_x(x);
-    corner.set_y(y);
-  }
+google::protobuf::Timestamp ToMessage(absl::Time time) {
+  google::protobuf::Timestamp message;
+  const int64_t seconds = absl::ToUnixSeconds(time);
+  message.set_seconds(seconds);
+  message.set_nanos(
+      static_cast<int32_t>(absl::ToInt64Nanoseconds(time - absl::FromUnixSeconds(seconds))));
   return message;
 }
 
@@ -143,6 +68,21 @@ google::protobuf::Duration ToMessage(absl::Duration duration) {
   message.set_seconds(absl::IDivDuration(duration, absl::Seconds(1), &rest));
   message.set_nanos(static_cast<int32_t>(absl::ToInt64Nanoseconds(rest)));
   return message;
+}
+
+Policy FromMessage(const v1::Policy& message) {
+  Policy policy{.preset = message.preset()};
+  if (message.has_min_views()) policy.min_views = message.min_views();
+  if (message.has_max_occluded_views()) policy.max_occluded_views = message.max_occluded_views();
+  if (message.off_grid() == v1::OFF_GRID_CELL) policy.off_grid = OffGrid::kCell;
+  if (message.off_grid() == v1::OFF_GRID_NEAREST) policy.off_grid = OffGrid::kNearest;
+  return policy;
+}
+
+Mask FromMessage(const v1::Mask& mask) {
+  const std::string& bits = mask.bits();
+  return Mask::FromBytes({.width = mask.width(), .height = mask.height()},
+                         {reinterpret_cast<const uint8_t*>(bits.data()), bits.size()});
 }
 
 absl::Time FromMessage(const google::protobuf::Timestamp& time) {
@@ -237,72 +177,6 @@ absl::StatusOr<ConfigurationSpaceTile> FromMessage(const v1::ConfigurationSpaceT
     tile.free_cells = *free_cells;
   }
   return tile;
-}
-
-absl::StatusOr<Scene> FromMessage(const v1::Scene& message) {
-  Scene scene{.id = message.id(),
-              .database_generation = message.database_generation(),
-              .time = FromMessage(message.time()),
-              .skew = FromMessage(message.skew()),
-              .joints = FromMessage(message.joints()),
-              .variant = message.variant(),
-              .views = {},
-              .defects = {}};
-  for (const v1::SceneDefect& defect : message.defects()) {
-    scene.defects.push_back({FromMessage(defect.reason()), defect.message()});
-  }
-  try {
-    for (const v1::SceneView& view : message.views()) scene.views.push_back(FromMessage(view));
-  } catch (const std::invalid_argument& error) {
-    return absl::InternalError(absl::StrCat("a mask of the scene cannot be: ", error.what()));
-  }
-  return scene;
-}
-
-absl::StatusOr<AllowedRegion> FromMessage(const v1::AllowedRegion& message) {
-  AllowedRegion region{.name = message.name(),
-                       .views = {},
-                       .remaining = FromMessage(message.remaining()),
-                       .end_time = FromMessage(message.end_time())};
-  try {
-    for (const v1::RegionPixels& view : message.views()) {
-      region.views.emplace_back(view.view(), MaskFrom(view.mask()));
-    }
-  } catch (const std::invalid_argument& error) {
-    return absl::InternalError(absl::StrCat("a mask of the region cannot be: ", error.what()));
-  }
-  return region;
-}
-
-absl::StatusOr<Database> FromMessage(const v1::GetDatabaseResponse& message) {
-  absl::StatusOr<ConfigurationGrid> grid = FromMessage(message.grid());
-  if (!grid.ok()) return grid.status();
-  Database database{.cell_name = message.cell_name(),
-                    .generation = message.generation(),
-                    .grid = *std::move(grid),
-                    .fixed_joints = FromMessage(message.fixed_joints()),
-                    .views = {},
-                    .configurations = message.configurations(),
-                    .captured = message.captured(),
-                    .excluded = message.excluded(),
-                    .corrupt = message.corrupt(),
-                    .default_policy = FromMessage(message.default_policy()),
-                    .calibrated = message.calibrated(),
-                    .presets = {message.presets().begin(), message.presets().end()}};
-  for (const v1::RobotImageVariant& variant : message.variants())
-    database.variants.push_back(variant.name());
-  for (int i = 0; i < message.views_size(); ++i) {
-    const v1::View& view = message.views(i);
-    database.views.push_back(
-        {.name = view.name(),
-         .image_width = view.image_width(),
-         .image_height = view.image_height(),
-         .mask_size = {.width = view.mask_width(), .height = view.mask_height()},
-         .permanent_pixels = i < message.permanent_pixels_size() ? message.permanent_pixels(i) : 0,
-         .margin = view.margin(),
-         .ignored_pixels = view.ignored_pixels()});
-  }
-  return database;
 }
 
 }  // namespace silhouette::client

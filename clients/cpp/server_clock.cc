@@ -6,15 +6,13 @@
 #include <utility>
 
 #include "absl/strings/str_cat.h"
-#include "clients/cpp/messages.h"
+#include "silhouette/messages.h"
 
 namespace silhouette::client {
 namespace {
 
-using ServerClockClock = std::chrono::steady_clock;
-
 constexpr absl::Duration kLongestRoundTrip = absl::Seconds(1);
-constexpr ServerClockClock::duration kBetweenRoundTrips = std::chrono::seconds(1);
+constexpr SteadyClock::duration kBetweenRoundTrips = std::chrono::seconds(1);
 
 // The greatest age that is reported: longer durations overflow.
 constexpr absl::Duration kServerTimeVeryLong = absl::Hours(24 * 36500);
@@ -54,11 +52,10 @@ ServerClock::ServerClock(std::shared_ptr<const Connection> connection, absl::Dur
 absl::Status ServerClock::Measure() {
   grpc::ClientContext context;
   const Cancellation::Call call(cancellation_, context);
-  const ServerClockClock::time_point asked = ServerClockClock::now();
-  const auto response = connection_->Call(context, connection_->collisions(),
-                                          &v1::CollisionService::Stub::CheckConfigurations,
+  const SteadyClock::time_point asked = SteadyClock::now();
+  const auto response = connection_->Call(context, &v1::CollisionService::Stub::CheckConfigurations,
                                           v1::CheckConfigurationsRequest(), timeout_);
-  const ServerClockClock::time_point answered = ServerClockClock::now();
+  const SteadyClock::time_point answered = SteadyClock::now();
   // A slow server is asked less often.
   next_ = answered + std::max(kBetweenRoundTrips, 4 * (answered - asked));
   if (!response.ok()) return response.status();
@@ -75,7 +72,7 @@ absl::Status ServerClock::Measure() {
 absl::StatusOr<ServerTime::Time> ServerClock::MadeAt(const v1::Basis& basis,
                                                      ServerTime::Time received) {
   absl::Status measured;
-  if (ServerClockClock::now() >= next_) measured = Measure();
+  if (SteadyClock::now() >= next_) measured = Measure();
   if (measured.code() == absl::StatusCode::kUnimplemented) return measured;
   if (!basis.has_server_clock()) {
     return absl::UnimplementedError(absl::StrCat("the server at ", connection_->address(),

@@ -1,4 +1,5 @@
-// SPDX-License-Identifier: Apache-2.0 The age of a stream's messages.
+// SPDX-License-Identifier: Apache-2.0
+// The age of a stream's messages.
 #pragma once
 
 #include <chrono>

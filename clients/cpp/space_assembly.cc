@@ -4,7 +4,7 @@
 #include <utility>
 
 #include "absl/strings/str_cat.h"
-#include "clients/cpp/messages.h"
+#include "silhouette/messages.h"
 
 namespace silhouette::client {
 

@@ -1,4 +1,5 @@
-// SPDX-License-Identifier: Apache-2.0 Joins the parts of WatchConfigurationSpace.
+// SPDX-License-Identifier: Apache-2.0
+// Joins the parts of WatchConfigurationSpace.
 #pragma once
 
 #include <cstdint>

@@ -1,4 +1,5 @@
-// SPDX-License-Identifier: Apache-2.0 The tiles of a map of the configuration space.
+// SPDX-License-Identifier: Apache-2.0
+// The tiles of a map of the configuration space.
 #pragma once
 
 #include <memory>

@@ -1,4 +1,5 @@
-// SPDX-License-Identifier: Apache-2.0 Implementation of SpaceSnapshot.
+// SPDX-License-Identifier: Apache-2.0
+// Implementation of SpaceSnapshot.
 #pragma once
 
 #include <chrono>

@@ -29,7 +29,8 @@ TableCell TableCell::Unknown() {
 }
 
 std::string TextOf(const Table& table) {
-  std::vector<std::vector<std::string>> rows = {table.headings};
+  std::vector<std::vector<std::string>> rows;
+  if (!table.headings.empty()) rows.push_back(table.headings);
   for (const std::vector<TableCell>& row : table.rows) {
     rows.emplace_back();
     for (const TableCell& cell : row) {
@@ -37,8 +38,9 @@ std::string TextOf(const Table& table) {
                                                : absl::StrCat(cell.text, " ", cell.small));
     }
   }
-  std::vector<size_t> widths(table.headings.size());
+  std::vector<size_t> widths;
   for (const std::vector<std::string>& row : rows) {
+    widths.resize(std::max(widths.size(), row.size()));
     for (size_t i = 0; i < row.size(); ++i) widths[i] = std::max(widths[i], row[i].size());
   }
   std::string text;

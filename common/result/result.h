@@ -30,7 +30,8 @@ struct Table {
   bool narrow = false;  // a page shows it no wider than its text
 };
 
-// The table's columns aligned, the first to the left, the others to the right; without dots.
+// The table's columns aligned, the first to the left, the others to the right; without dots. The
+// rows alone if there are no headings.
 std::string TextOf(const Table& table);
 
 // The table as the template part {{>table.html}} takes it. Its headings are HTML.

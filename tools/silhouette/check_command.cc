@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// silhouette check
+// silhouette check, path, explain
 #include <poll.h>
 #include <unistd.h>
 
@@ -19,7 +19,7 @@
 #include "tools/silhouette/commands.h"
 #include "tools/silhouette/formats/inputs.h"
 #include "tools/silhouette/formats/output.h"
-#include "tools/silhouette/options.h"
+#include "tools/silhouette/formats/pictures.h"
 
 namespace silhouette {
 namespace {
@@ -27,25 +27,18 @@ namespace {
 struct CheckArguments {
   std::vector<std::string> configurations;
   std::string file;
-  bool degrees = false;
-  PolicyOptions policy;
-  client::Clearance clearance = client::Clearance::kOmit;
   int repeat = 0;
   bool stream = false;
-
-  AngleUnit unit() const { return UnitOf(degrees); }
 };
 
-using CheckQuestion = std::function<absl::StatusOr<client::ConfigurationChecks>()>;
-
-absl::StatusOr<std::vector<Configuration>> ConfigurationsOf(const CheckArguments& arguments) {
-  const AngleUnit unit = arguments.unit();
+absl::StatusOr<std::vector<Configuration>> ConfigurationsOf(const Session& session,
+                                                            const CheckArguments& arguments) {
   std::vector<Configuration> configurations;
   for (const std::string& text : arguments.configurations) {
-    configurations.push_back(ParseConfiguration(text, unit));
+    configurations.push_back(ParseConfiguration(text, session.unit));
   }
   if (!arguments.file.empty()) {
-    ASSIGN_OR_RETURN(const auto read, ReadConfigurations(arguments.file, unit));
+    ASSIGN_OR_RETURN(const auto read, ReadConfigurations(arguments.file, session.unit));
     configurations.insert(configurations.end(), read.begin(), read.end());
   }
   if (configurations.empty()) {
@@ -55,7 +48,8 @@ absl::StatusOr<std::vector<Configuration>> ConfigurationsOf(const CheckArguments
 }
 
 // How long each of the checks of --repeat took, in microseconds, sorted; fewer after Ctrl-C.
-absl::StatusOr<std::vector<double>> Measure(const CheckQuestion& ask, int repeat) {
+absl::StatusOr<std::vector<double>> Measure(
+    const std::function<absl::StatusOr<client::ConfigurationChecks>()>& ask, int repeat) {
   std::vector<double> times;
   for (int i = 0; i < repeat && !StopRequested(); ++i) {
     const auto start = std::chrono::steady_clock::now();
@@ -168,7 +162,7 @@ struct CheckLinesOutcome {
   absl::Status status;  // why they ended, if before the last one
 };
 
-void PrintAnswers(client::CheckStream& stream, Asked& asked, bool json, client::Clearance clearance,
+void PrintAnswers(const Session& session, client::CheckStream& stream, Asked& asked,
                   CheckLinesOutcome& outcome) {
   while (true) {
     const absl::StatusOr<client::StreamedAnswer> answer = stream.Receive();
@@ -182,10 +176,10 @@ void PrintAnswers(client::CheckStream& stream, Asked& asked, bool json, client::
     const Configuration q = asked.Take(answer->id);
     const client::Verdict& verdict = answer->checks->verdicts[0];
     outcome.all_free = outcome.all_free && verdict.free();
-    if (json) {
+    if (session.json()) {
       Json line{{"line", answer->id}, {"configuration", q}};
       line.update(JsonOf(answer->checks->basis));
-      line.update(JsonOf(verdict, clearance));
+      line.update(JsonOf(verdict, session.clearance));
       std::cout << line.dump() << std::endl;
     } else {
       std::cout << Spoken(q) << ": " << Spoken(verdict) << std::endl;
@@ -195,19 +189,19 @@ void PrintAnswers(client::CheckStream& stream, Asked& asked, bool json, client::
 
 // Asks about all lines. Returns the mistake in a line that ended it early; an error of the stream
 // is returned by its answers.
-absl::Status CheckLinesAsk(client::CheckStream& stream, Asked& asked, AngleUnit unit,
-                           const client::Policy& policy, client::Clearance clearance) {
+absl::Status CheckLinesAsk(const Session& session, client::CheckStream& stream, Asked& asked) {
   InputLines input;
   uint64_t number = 0;
   while (const std::optional<std::string> line = input.Next()) {
     ++number;
     try {
-      const std::optional<Configuration> q = ParseLine(*line, unit);
+      const std::optional<Configuration> q = ParseLine(*line, session.unit);
       if (!q) continue;
       asked.Add(number, *q);
       absl::Status sent;
       do {
-        sent = stream.Send(number, {*q}, policy, client::Evidence::kPerView, clearance);
+        sent = stream.Send(number, {*q}, session.policy, client::Evidence::kPerView,
+                           session.clearance);
         // The answers are being printed.
         if (absl::IsResourceExhausted(sent)) {
           std::this_thread::sleep_for(std::chrono::milliseconds(1));
@@ -224,50 +218,73 @@ absl::Status CheckLinesAsk(client::CheckStream& stream, Asked& asked, AngleUnit 
 // --stream: configurations from standard input, answered one by one as they come. One line of
 // output for each line with a configuration, in their order. kDone if all are free; ends with
 // Ctrl-C, or with the first line that is no configuration.
-absl::StatusOr<ExitCode> CheckLines(const Session& session, AngleUnit unit,
-                                    const client::Policy& policy, client::Clearance clearance) {
+absl::StatusOr<ExitCode> CheckLines(const Session& session) {
   ASSIGN_OR_RETURN(const Client client, session.Connect());
   CatchStopSignals();
   client::CheckStream stream = client.StreamChecks();
   Asked asked;
   CheckLinesOutcome outcome;
-  std::jthread printer([&] { PrintAnswers(stream, asked, session.json(), clearance, outcome); });
-  const absl::Status mistake = CheckLinesAsk(stream, asked, unit, policy, clearance);
+  std::jthread printer([&] { PrintAnswers(session, stream, asked, outcome); });
+  const absl::Status mistake = CheckLinesAsk(session, stream, asked);
   stream.EndQuestions();
   printer.join();
-  if (!outcome.status.ok()) return outcome.status;
-  if (!mistake.ok()) return mistake;
+  RETURN_IF_ERROR(outcome.status);
+  RETURN_IF_ERROR(mistake);
   return outcome.all_free ? kDone : kNo;
 }
 
 absl::StatusOr<ExitCode> Check(const Session& session, const CheckArguments& arguments) {
-  if (arguments.stream) {
-    return CheckLines(session, arguments.unit(), arguments.policy.policy(), arguments.clearance);
-  }
-  ASSIGN_OR_RETURN(const auto configurations, ConfigurationsOf(arguments));
+  if (arguments.stream) return CheckLines(session);
+  ASSIGN_OR_RETURN(const auto configurations, ConfigurationsOf(session, arguments));
   ASSIGN_OR_RETURN(const Client client, session.Connect());
   const auto ask = [&] {
-    return client.CheckConfigurations(configurations, arguments.policy.policy(),
-                                      client::Evidence::kPerView, arguments.clearance);
+    return client.CheckConfigurations(configurations, session.policy, client::Evidence::kPerView,
+                                      session.clearance);
   };
   ASSIGN_OR_RETURN(const auto checks, ask());
   CatchStopSignals();
   ASSIGN_OR_RETURN(const auto times, Measure(ask, arguments.repeat));
-  PrintResult(session.format, CheckJsonOf(configurations, checks, arguments.clearance, times),
+  PrintResult(session.format, CheckJsonOf(configurations, checks, session.clearance, times),
               CheckTextOf(configurations, checks, times));
   return checks.AllFree() ? kDone : kNo;
 }
 
+absl::StatusOr<ExitCode> CheckPath(const Session& session, const PathArguments& arguments) {
+  ASSIGN_OR_RETURN(const auto waypoints, WaypointsOf(session, arguments));
+  ASSIGN_OR_RETURN(const Client client, session.Connect());
+  ASSIGN_OR_RETURN(const auto check,
+                   client.CheckPath(waypoints, session.policy, session.clearance));
+  PrintResult(session.format, JsonOf(check, session.clearance), TextOf(check));
+  return check.verdict.free() ? kDone : kNo;
+}
+
+struct ExplainArguments {
+  std::string configuration;
+  std::string out;
+};
+
+absl::StatusOr<ExitCode> Explain(const Session& session, const ExplainArguments& arguments) {
+  const Configuration configuration = ParseConfiguration(arguments.configuration, session.unit);
+  ASSIGN_OR_RETURN(const Client client, session.Connect());
+  ASSIGN_OR_RETURN(const auto explanation, client.Explain(configuration, session.policy));
+  if (!arguments.out.empty()) {
+    RETURN_IF_ERROR(WriteExplanation(explanation, arguments.out));
+  }
+  PrintResult(session.format, JsonOf(configuration, explanation),
+              TextOf(configuration, explanation));
+  return explanation.verdict.free() ? kDone : kNo;
+}
+
 }  // namespace
 
-void AddCheckCommand(CLI::App& program, Session& session, Run& run) {
+void AddCheckCommand(CLI::App& program, Session& session) {
   CLI::App* command = program.add_subcommand("check", "Report whether configurations are free");
   auto arguments = std::make_shared<CheckArguments>();
   command->add_option("configurations", arguments->configurations,
                       "Joint values with commas between them: radians, or 30deg, or 0.2m");
   command->add_option("--file", arguments->file, "Read them from a file, one a line; -: stdin");
-  AddDegreesFlag(*command, arguments->degrees);
-  AddClearanceFlag(*command, arguments->clearance);
+  AddDegreesFlag(*command, session);
+  AddClearanceFlag(*command, session);
   command
       ->add_option("--repeat", arguments->repeat,
                    "Repeat the request this many times and report the latency")
@@ -276,9 +293,7 @@ void AddCheckCommand(CLI::App& program, Session& session, Run& run) {
       ->add_flag("--stream", arguments->stream,
                  "Read them from stdin, one a line, and answer each at once, over one call")
       ->excludes("configurations", "--file", "--repeat");
-  AddFormatOption(*command, session.format);
-  AddPolicyOptions(*command, arguments->policy);
-  AddVariantOption(*command, session);
+  AddVerdictOptions(*command, session);
   command->footer(
       "Exit code 0 if all are free, 1 if not. With --stream a line for each, with --format json\n"
       "an object on each.\n\n"
@@ -286,7 +301,43 @@ void AddCheckCommand(CLI::App& program, Session& session, Run& run) {
       "  silhouette check 0.1,0.2 30deg,-10deg --clearance\n"
       "  silhouette check --degrees 30,-10 --repeat 1000 --format json\n"
       "  my-planner | silhouette check --stream");
-  Runs(*command, session, run, arguments, Check);
+  Runs(*command, session, Check, arguments);
+}
+
+void AddPathCommand(CLI::App& program, Session& session) {
+  CLI::App* command = program.add_subcommand(
+      "path", "Report whether a path is free, or the first place where it is not");
+  auto arguments = std::make_shared<PathArguments>();
+  AddPathArguments(*command, session, *arguments);
+  AddClearanceFlag(*command, session);
+  AddVerdictOptions(*command, session);
+  command->footer(
+      "Between waypoints the path is straight; on a continuous joint go on beyond the turn.\n"
+      "Exit code 0 if the path is free, 1 if not.\n\n"
+      "Example:\n"
+      "  silhouette path 0.1,0.2 0.5,0.2 0.5,-30deg\n"
+      "  silhouette path --file path.json --clearance");
+  Runs(*command, session, CheckPath, arguments);
+}
+
+void AddExplainCommand(CLI::App& program, Session& session) {
+  CLI::App* command =
+      program.add_subcommand("explain", "Report why a configuration is free or not, view by view");
+  auto arguments = std::make_shared<ExplainArguments>();
+  command
+      ->add_option("configuration", arguments->configuration,
+                   "Joint values with commas between them")
+      ->required();
+  AddDegreesFlag(*command, session);
+  command->add_option("--out", arguments->out,
+                      "Write the images of every view into this folder: VIEW_scene.png and so on, "
+                      "and explanation.png with all of them");
+  AddVerdictOptions(*command, session);
+  command->footer(
+      "Exit code 0 if the configuration is free, 1 if not.\n\n"
+      "Example:\n"
+      "  silhouette explain 30deg,-10deg --out why");
+  Runs(*command, session, Explain, arguments);
 }
 
 }  // namespace silhouette

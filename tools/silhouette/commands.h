@@ -1,44 +1,76 @@
 // SPDX-License-Identifier: Apache-2.0
-// The subcommands of `silhouette`. Each adds itself to the program; when it is chosen, it puts what
-// is to be done into `run`.
+// The subcommands of `silhouette`, and the options that several of them share.
 #pragma once
 
 #include <CLI/CLI.hpp>
 #include <functional>
 #include <memory>
-#include <utility>
+#include <string>
+#include <vector>
 
 #include "absl/status/statusor.h"
+#include "silhouette/client.h"
+#include "tools/program/joint_values.h"
 #include "tools/program/program.h"
-#include "tools/silhouette/options.h"
 
 namespace silhouette {
 
-using Run = std::function<absl::StatusOr<ExitCode>()>;
+// What the shared options say, and what the chosen subcommand does.
+struct Session {
+  std::string server = client::kDefaultAddress;
+  double timeout = 10;  // seconds for each call
+  std::string format = "text";
+  std::string variant;  // of robot images; empty: none is named
+  client::Policy policy;
+  client::Clearance clearance = client::Clearance::kOmit;
+  AngleUnit unit = AngleUnit::kRadians;  // of joint values without one
+  std::function<absl::StatusOr<ExitCode>()> run;
 
-// When `command` is chosen, `run` calls `action` with the session and the arguments that it read.
-template <typename Arguments>
-void Runs(CLI::App& command, const Session& session, Run& run, std::shared_ptr<Arguments> arguments,
-          absl::StatusOr<ExitCode> (*action)(const Session&, const Arguments&)) {
-  command.callback([arguments = std::move(arguments), action, &session, &run] {
-    run = [arguments, action, &session] { return action(session, *arguments); };
-  });
+  bool json() const { return format == "json"; }
+  absl::StatusOr<Client> Connect() const;
+};
+
+// --server (or the environment's SILHOUETTE_SERVER) and --timeout.
+void AddServerOptions(CLI::App& program, Session& session);
+
+// Of a subcommand that asks for verdicts: --format, --preset, --min-views, --max-occluded-views,
+// --off-grid, --variant.
+void AddVerdictOptions(CLI::App& command, Session& session);
+
+// --clearance: it is measured.
+void AddClearanceFlag(CLI::App& command, Session& session);
+
+// --degrees. `what`: the values that it is for.
+void AddDegreesFlag(CLI::App& command, Session& session, const std::string& what = "Values");
+
+// A path on the command line: waypoints, or --file; --degrees.
+struct PathArguments {
+  std::vector<std::string> waypoints;
+  std::string file;
+};
+void AddPathArguments(CLI::App& command, Session& session, PathArguments& arguments);
+// InvalidArgument if there is none, or both.
+absl::StatusOr<std::vector<Configuration>> WaypointsOf(const Session& session,
+                                                       const PathArguments& arguments);
+
+// When `command` is chosen, session.run calls `action` with the session and the arguments that the
+// command has read, if it has any.
+template <typename... Arguments>
+void Runs(CLI::App& command, Session& session,
+          absl::StatusOr<ExitCode> (*action)(const Session&, const Arguments&...),
+          std::shared_ptr<Arguments>... arguments) {
+  command.callback(
+      [=, &session] { session.run = [=, &session] { return action(session, *arguments...); }; });
 }
 
-void AddCheckCommand(CLI::App& program, Session& session, Run& run);
-void AddPathCommand(CLI::App& program, Session& session, Run& run);
-void AddSpaceCommand(CLI::App& program, Session& session, Run& run);
-void AddWatchCommand(CLI::App& program, Session& session, Run& run);
-void AddPlanCommand(CLI::App& program, Session& session, Run& run);
-void AddExplainCommand(CLI::App& program, Session& session, Run& run);
-// Below `region`.
-void AddRegionAllowCommand(CLI::App& region, Session& session, Run& run);
-void AddRegionRevokeCommand(CLI::App& region, Session& session, Run& run);
-void AddRegionListCommand(CLI::App& region, Session& session, Run& run);
-// Below `scene`.
-void AddScenePublishCommand(CLI::App& scene, Session& session, Run& run);
-void AddSceneLiveCommand(CLI::App& scene, Session& session, Run& run);
-void AddSceneVariantCommand(CLI::App& scene, Session& session, Run& run);
-void AddSceneShowCommand(CLI::App& scene, Session& session, Run& run);
+// Each adds itself to the program.
+void AddCheckCommand(CLI::App& program, Session& session);
+void AddPathCommand(CLI::App& program, Session& session);
+void AddExplainCommand(CLI::App& program, Session& session);
+void AddSpaceCommand(CLI::App& program, Session& session);
+void AddWatchCommand(CLI::App& program, Session& session);
+void AddPlanCommand(CLI::App& program, Session& session);
+void AddRegionCommands(CLI::App& program, Session& session);
+void AddSceneCommands(CLI::App& program, Session& session);
 
 }  // namespace silhouette

@@ -7,7 +7,6 @@
 
 #include "tools/program/program.h"
 #include "tools/silhouette/commands.h"
-#include "tools/silhouette/options.h"
 
 namespace silhouette {
 namespace {
@@ -27,30 +26,17 @@ int Main(int argc, char** argv) {
       "Asks silhouette-server whether the robot may be somewhere, publishes scenes, plans.",
       "silhouette");
   Session session;
-  Run run;
   AddServerOptions(app, session);
   app.fallthrough();
   app.require_subcommand(1);
-  AddCheckCommand(app, session, run);
-  AddPathCommand(app, session, run);
-  AddSpaceCommand(app, session, run);
-  AddWatchCommand(app, session, run);
-  CLI::App* scene = app.add_subcommand("scene", "What the cameras see: publish it, or look at it");
-  scene->require_subcommand(1);
-  scene->fallthrough();
-  AddScenePublishCommand(*scene, session, run);
-  AddSceneShowCommand(*scene, session, run);
-  AddSceneLiveCommand(*scene, session, run);
-  AddSceneVariantCommand(*scene, session, run);
-  CLI::App* region = app.add_subcommand(
-      "region", "Where obstacles are allowed for a while, such as around a part to be grasped");
-  region->require_subcommand(1);
-  region->fallthrough();
-  AddRegionAllowCommand(*region, session, run);
-  AddRegionRevokeCommand(*region, session, run);
-  AddRegionListCommand(*region, session, run);
-  AddExplainCommand(app, session, run);
-  AddPlanCommand(app, session, run);
+  AddCheckCommand(app, session);
+  AddPathCommand(app, session);
+  AddSpaceCommand(app, session);
+  AddWatchCommand(app, session);
+  AddSceneCommands(app, session);
+  AddRegionCommands(app, session);
+  AddExplainCommand(app, session);
+  AddPlanCommand(app, session);
   app.footer(
       "Joint values are in radians (prismatic joints: metres), in the order of the grid's joints;\n"
       "30deg is in degrees. Exit codes: 0 done, 1 the answer is no (not free, no path), 2 a "
@@ -64,7 +50,7 @@ int Main(int argc, char** argv) {
   std::vector<char*> pointers;
   for (std::string& argument : arguments) pointers.push_back(argument.data());
   return RunProgram(app, argc, pointers.data(), [&]() -> int {
-    const absl::StatusOr<ExitCode> code = run();
+    const absl::StatusOr<ExitCode> code = session.run();
     return code.ok() ? *code : Report("silhouette", code.status());
   });
 }

@@ -7,6 +7,7 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
 #include "clients/planners/path_search.h"
+#include "common/numbers/numbers.h"
 #include "common/picture/files.h"
 #include "db/status/status_macros.h"
 #include "tools/silhouette/commands.h"
@@ -14,7 +15,6 @@
 #include "tools/silhouette/formats/output.h"
 #include "tools/silhouette/formats/pictures.h"
 #include "tools/silhouette/formats/truth.h"
-#include "tools/silhouette/options.h"
 
 namespace silhouette {
 namespace {
@@ -22,12 +22,10 @@ namespace {
 struct PlanArguments {
   std::string start;
   std::string goal;
-  bool degrees = false;
   bool diagonal = false;
   std::string out;
   std::string picture;
   std::string truth;
-  PolicyOptions policy;
 };
 
 // All that is found out, step by step.
@@ -69,11 +67,11 @@ std::string OutcomeText(const Findings& findings) {
   return Describe(outcome);
 }
 
-absl::StatusOr<Findings> FindPath(const Client& client, const PlanArguments& arguments) {
-  const AngleUnit unit = UnitOf(arguments.degrees);
-  const Configuration start = ParseConfiguration(arguments.start, unit);
-  const Configuration goal = ParseConfiguration(arguments.goal, unit);
-  const client::Policy policy = arguments.policy.policy();
+absl::StatusOr<Findings> FindPath(const Session& session, const Client& client,
+                                  const PlanArguments& arguments) {
+  const Configuration start = ParseConfiguration(arguments.start, session.unit);
+  const Configuration goal = ParseConfiguration(arguments.goal, session.unit);
+  const client::Policy& policy = session.policy;
   const auto begin = std::chrono::steady_clock::now();
   auto space = client.GetConfigurationSpace(policy);
   const std::chrono::duration<double, std::milli> taken = std::chrono::steady_clock::now() - begin;
@@ -199,7 +197,7 @@ std::string PlanTextOf(const Findings& findings) {
 absl::StatusOr<ExitCode> PlanPath(const Session& session, const PlanArguments& arguments) {
   ASSIGN_OR_RETURN(const Client client, session.Connect());
   CatchStopSignals();
-  ASSIGN_OR_RETURN(Findings findings, FindPath(client, arguments));
+  ASSIGN_OR_RETURN(Findings findings, FindPath(session, client, arguments));
   if (!arguments.truth.empty()) {
     ASSIGN_OR_RETURN(auto truth, Truth::Read(arguments.truth, findings.space.grid()));
     findings.truth = std::move(truth);
@@ -214,14 +212,14 @@ absl::StatusOr<ExitCode> PlanPath(const Session& session, const PlanArguments& a
 
 }  // namespace
 
-void AddPlanCommand(CLI::App& program, Session& session, Run& run) {
+void AddPlanCommand(CLI::App& program, Session& session) {
   CLI::App* command = program.add_subcommand(
       "plan", "Plan a path by wave propagation on the configuration space, and check it");
   auto arguments = std::make_shared<PlanArguments>();
   command->add_option("start", arguments->start, "Joint values with commas between them")
       ->required();
   command->add_option("goal", arguments->goal, "Joint values with commas between them")->required();
-  AddDegreesFlag(*command, arguments->degrees);
+  AddDegreesFlag(*command, session);
   command->add_flag("--diagonal", arguments->diagonal, "Move several joints at once");
   command->add_option("--out", arguments->out,
                       "Write the path as JSON: configurations under the key \"waypoints\",\n"
@@ -230,16 +228,14 @@ void AddPlanCommand(CLI::App& program, Session& session, Run& run) {
                       "Draw configuration space and path as a PNG, for grids of two joints");
   command->add_option("--truth", arguments->truth,
                       "What silhouette-sim truth wrote: judge the configuration space by it");
-  AddFormatOption(*command, session.format);
-  AddPolicyOptions(*command, arguments->policy);
-  AddVariantOption(*command, session);
+  AddVerdictOptions(*command, session);
   command->footer(
       "Unknown counts as occupied. On a continuous joint the path goes on beyond the turn.\n"
       "Exit code 0 if there is a path, 1 if not.\n\n"
       "Example:\n"
       "  silhouette plan -100deg,70deg 100deg,70deg --out path.json \\\n"
       "      --picture configuration-space.png");
-  Runs(*command, session, run, arguments, PlanPath);
+  Runs(*command, session, PlanPath, arguments);
 }
 
 }  // namespace silhouette

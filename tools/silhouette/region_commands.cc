@@ -5,6 +5,7 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
 #include "db/status/status_macros.h"
+#include "silhouette/messages.h"
 #include "tools/silhouette/commands.h"
 #include "tools/silhouette/formats/inputs.h"
 #include "tools/silhouette/formats/output.h"
@@ -20,36 +21,35 @@ struct AllowArguments {
 };
 
 // "left 12, top 9 pixels"
-std::string PixelsOf(const client::AllowedRegion& region) {
+std::string PixelsOf(const v1::AllowedRegion& region) {
   std::string text;
-  for (const auto& [view, mask] : region.views) {
-    absl::StrAppend(&text, text.empty() ? "" : ", ", view, " ", mask.Count());
+  for (const v1::RegionPixels& view : region.views()) {
+    absl::StrAppend(&text, text.empty() ? "" : ", ", view.view(), " ",
+                    client::FromMessage(view.mask()).Count());
   }
   return text + " pixels";
 }
 
 absl::StatusOr<ExitCode> Allow(const Session& session, const AllowArguments& arguments) {
   ASSIGN_OR_RETURN(const absl::Duration duration, ParseDuration(arguments.duration));
-  std::vector<client::RegionPixels> views;
-  const auto add = [&](absl::StatusOr<client::RegionPixels> view) {
-    if (view.ok()) views.push_back(*std::move(view));
-    return view.status();
-  };
+  v1::AllowRegionRequest request;
+  request.set_name(arguments.name);
+  *request.mutable_duration() = client::ToMessage(duration);
   for (const std::string& text : arguments.polygons) {
-    RETURN_IF_ERROR(add(ParseRegionPolygon(text)));
+    ASSIGN_OR_RETURN(*request.add_views(), ParseRegionPolygon(text));
   }
   for (const std::string& text : arguments.masks) {
-    RETURN_IF_ERROR(add(ReadRegionMask(text)));
+    ASSIGN_OR_RETURN(*request.add_views(), ReadRegionMask(text));
   }
-  if (views.empty()) {
+  if (request.views().empty()) {
     return absl::InvalidArgumentError(
         "say where: VIEW:x,y;x,y;x,y for a polygon, or --mask VIEW=FILE");
   }
   ASSIGN_OR_RETURN(const Client client, session.Connect());
-  ASSIGN_OR_RETURN(const auto region, client.AllowRegion(arguments.name, views, duration));
+  ASSIGN_OR_RETURN(const auto region, client.AllowRegion(request));
   PrintResult(session.format, JsonOf(region),
-              absl::StrFormat("obstacles are allowed in '%s' until %s: %s\n", region.name,
-                              Spoken(region.end_time), PixelsOf(region)));
+              absl::StrFormat("obstacles are allowed in '%s' until %s: %s\n", region.name(),
+                              Spoken(client::FromMessage(region.end_time())), PixelsOf(region)));
   return kDone;
 }
 
@@ -65,21 +65,20 @@ absl::StatusOr<ExitCode> Revoke(const Session& session, const std::string& name)
 
 absl::StatusOr<ExitCode> List(const Session& session) {
   ASSIGN_OR_RETURN(const Client client, session.Connect());
-  ASSIGN_OR_RETURN(const auto regions, client.ListAllowedRegions());
+  ASSIGN_OR_RETURN(const auto listed, client.ListAllowedRegions());
   Json json{{"regions", Json::array()}};
-  std::string text = regions.empty() ? "no allowed region is in force\n" : "";
-  for (const client::AllowedRegion& region : regions) {
+  std::string text = listed.regions().empty() ? "no allowed region is in force\n" : "";
+  for (const v1::AllowedRegion& region : listed.regions()) {
     json["regions"].push_back(JsonOf(region));
-    absl::StrAppendFormat(&text, "'%s' for %.1f s more: %s\n", region.name,
-                          absl::ToDoubleSeconds(region.remaining), PixelsOf(region));
+    absl::StrAppendFormat(&text, "'%s' for %.1f s more: %s\n", region.name(),
+                          absl::ToDoubleSeconds(client::FromMessage(region.remaining())),
+                          PixelsOf(region));
   }
   PrintResult(session.format, json, text);
   return kDone;
 }
 
-}  // namespace
-
-void AddRegionAllowCommand(CLI::App& region, Session& session, Run& run) {
+void AddAllowCommand(CLI::App& region, Session& session) {
   CLI::App* command = region.add_subcommand(
       "allow", "Allow obstacles in a part of the images for a while, ten minutes at most");
   auto arguments = std::make_shared<AllowArguments>();
@@ -106,10 +105,10 @@ void AddRegionAllowCommand(CLI::App& region, Session& session, Run& run) {
       "Example:\n"
       "  silhouette region allow part 'left:20,30;28,30;28,40;20,40' --mask top=part.png --for "
       "30s");
-  Runs(*command, session, run, arguments, Allow);
+  Runs(*command, session, Allow, arguments);
 }
 
-void AddRegionRevokeCommand(CLI::App& region, Session& session, Run& run) {
+void AddRevokeCommand(CLI::App& region, Session& session) {
   CLI::App* command = region.add_subcommand("revoke", "End an allowed region at once");
   auto name = std::make_shared<std::string>();
   command->add_option("name", *name, "The region's name")->required();
@@ -117,15 +116,26 @@ void AddRegionRevokeCommand(CLI::App& region, Session& session, Run& run) {
   command->footer(
       "Exit code 1 if no region of this name was in force.\n\n"
       "Example:\n  silhouette region revoke part");
-  command->callback(
-      [name, &session, &run] { run = [name, &session] { return Revoke(session, *name); }; });
+  Runs(*command, session, Revoke, name);
 }
 
-void AddRegionListCommand(CLI::App& region, Session& session, Run& run) {
+void AddListCommand(CLI::App& region, Session& session) {
   CLI::App* command = region.add_subcommand("list", "List the allowed regions in force");
   AddFormatOption(*command, session.format);
   command->footer("Example:\n  silhouette region list --format json");
-  command->callback([&session, &run] { run = [&session] { return List(session); }; });
+  Runs(*command, session, List);
+}
+
+}  // namespace
+
+void AddRegionCommands(CLI::App& program, Session& session) {
+  CLI::App* region = program.add_subcommand(
+      "region", "Where obstacles are allowed for a while, such as around a part to be grasped");
+  region->require_subcommand(1);
+  region->fallthrough();
+  AddAllowCommand(*region, session);
+  AddRevokeCommand(*region, session);
+  AddListCommand(*region, session);
 }
 
 }  // namespace silhouette

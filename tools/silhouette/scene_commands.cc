@@ -8,6 +8,7 @@
 #include "common/picture/files.h"
 #include "common/picture/mask_png.h"
 #include "db/status/status_macros.h"
+#include "silhouette/messages.h"
 #include "tools/silhouette/commands.h"
 #include "tools/silhouette/formats/inputs.h"
 #include "tools/silhouette/formats/output.h"
@@ -22,11 +23,10 @@ struct PublishArguments {
   std::vector<std::string> joints;
   std::string kind = "camera";
   bool now = false;
-  bool degrees = false;
 };
 
 // What the folder says, then what the options say: the later wins.
-absl::StatusOr<ImagesFolder> ImagesOf(const PublishArguments& arguments) {
+absl::StatusOr<ImagesFolder> ImagesOf(const Session& session, const PublishArguments& arguments) {
   ImagesFolder images;
   if (!arguments.folder.empty()) {
     ASSIGN_OR_RETURN(auto read, ReadImagesFolder(arguments.folder));
@@ -43,11 +43,10 @@ absl::StatusOr<ImagesFolder> ImagesOf(const PublishArguments& arguments) {
     images.images.push_back(image);
   }
   for (const std::string& text : arguments.joints) {
-    const auto [name, position] = ParseJoint(text, UnitOf(arguments.degrees));
-    std::erase_if(images.joints, [&, &joint = name](const client::JointPosition& other) {
-      return other.name == joint;
-    });
-    images.joints.push_back({name, position});
+    const auto [name, position] = ParseJoint(text, session.unit);
+    std::erase_if(images.joints,
+                  [&, &joint = name](const auto& other) { return other.first == joint; });
+    images.joints.emplace_back(name, position);
   }
   if (images.images.empty()) {
     return absl::InvalidArgumentError(
@@ -57,53 +56,54 @@ absl::StatusOr<ImagesFolder> ImagesOf(const PublishArguments& arguments) {
   return images;
 }
 
-absl::StatusOr<MaskSize> MaskSizeOf(const client::Database& database, const std::string& view) {
+absl::StatusOr<MaskSize> MaskSizeOf(const v1::GetDatabaseResponse& database,
+                                    const std::string& view) {
   std::string known;
-  for (const client::View& each : database.views) {
-    if (each.name == view) return each.mask_size;
-    absl::StrAppend(&known, known.empty() ? "" : ", ", each.name);
+  for (const v1::View& each : database.views()) {
+    if (each.name() == view) return MaskSize{each.mask_width(), each.mask_height()};
+    absl::StrAppend(&known, known.empty() ? "" : ", ", each.name());
   }
   return absl::InvalidArgumentError(
       absl::StrCat("the database has no view '", view, "'; it has ", known));
 }
 
 // `database` is needed for masks only.
-absl::StatusOr<client::ViewImage> ReadImage(const ImageFile& file,
-                                            const PublishArguments& arguments,
-                                            const client::Database* database) {
-  client::ViewImage image{.view = file.view, .capture_time = std::nullopt, .image = {}};
-  if (database == nullptr) {
-    ASSIGN_OR_RETURN(auto bytes, ReadWholeFile(file.path));
-    image.image = client::CameraImage{std::move(bytes)};
+absl::StatusOr<v1::ViewImage> ReadImage(const ImageFile& file, const PublishArguments& arguments,
+                                        const v1::GetDatabaseResponse& database) {
+  v1::ViewImage image;
+  image.set_view(file.view);
+  if (arguments.kind == "camera") {
+    ASSIGN_OR_RETURN(*image.mutable_camera_image(), ReadWholeFile(file.path));
     return image;
   }
-  ASSIGN_OR_RETURN(const auto size, MaskSizeOf(*database, file.view));
-  ASSIGN_OR_RETURN(auto mask, ReadMaskPng(file.path, size));
-  if (arguments.kind == "mask") {
-    image.image = client::SceneMask{std::move(mask)};
-  } else {
-    image.image = client::ObstacleMask{std::move(mask)};
-  }
+  ASSIGN_OR_RETURN(const auto size, MaskSizeOf(database, file.view));
+  ASSIGN_OR_RETURN(const auto mask, ReadMaskPng(file.path, size));
+  *(arguments.kind == "mask" ? image.mutable_scene_mask() : image.mutable_obstacle_mask()) =
+      client::ToMessage(mask);
   return image;
 }
 
 absl::StatusOr<ExitCode> Publish(const Session& session, const PublishArguments& arguments) {
-  ASSIGN_OR_RETURN(const auto files, ImagesOf(arguments));
+  ASSIGN_OR_RETURN(const auto files, ImagesOf(session, arguments));
   ASSIGN_OR_RETURN(const Client client, session.Connect());
-  absl::StatusOr<client::Database> database = absl::InternalError("not asked for");
+  v1::GetDatabaseResponse database;
   if (arguments.kind != "camera") {
-    database = client.GetDatabase();
-    if (!database.ok()) return database.status();
+    ASSIGN_OR_RETURN(database, client.GetDatabase());
   }
-  std::vector<client::ViewImage> images;
+  v1::PublishSceneRequest request;
+  for (const auto& [name, position] : files.joints) {
+    v1::JointPosition& joint = *request.add_joints();
+    joint.set_name(name);
+    joint.set_position(position);
+  }
   for (const ImageFile& file : files.images) {
-    ASSIGN_OR_RETURN(auto image, ReadImage(file, arguments, database.ok() ? &*database : nullptr));
-    image.capture_time = files.time;
-    images.push_back(std::move(image));
+    v1::ViewImage& image = *request.add_views();
+    ASSIGN_OR_RETURN(image, ReadImage(file, arguments, database));
+    if (files.time) *image.mutable_capture_time() = client::ToMessage(*files.time);
   }
-  ASSIGN_OR_RETURN(const auto scene, client.PublishScene(files.joints, images));
+  ASSIGN_OR_RETURN(const auto scene, client.PublishScene(std::move(request)));
   PrintResult(session.format, JsonOf(scene), TextOf(scene));
-  return scene.defects.empty() ? kDone : kNo;
+  return scene.defects().empty() ? kDone : kNo;
 }
 
 struct ShowArguments {
@@ -112,7 +112,7 @@ struct ShowArguments {
   std::string images;
 };
 
-absl::Status WritePicture(const client::Scene& scene, const ShowArguments& arguments) {
+absl::Status WritePicture(const v1::Scene& scene, const ShowArguments& arguments) {
   std::map<std::string, std::string> cameras;
   if (!arguments.images.empty()) {
     ASSIGN_OR_RETURN(const auto folder, ReadImagesFolder(arguments.images));
@@ -134,9 +134,9 @@ absl::StatusOr<ExitCode> Show(const Session& session, const ShowArguments& argum
 
 absl::StatusOr<ExitCode> Live(const Session& session) {
   ASSIGN_OR_RETURN(const Client client, session.Connect());
-  ASSIGN_OR_RETURN(const client::Acquisition acquisition, client.GetAcquisition());
+  ASSIGN_OR_RETURN(const auto acquisition, client.GetAcquisition());
   PrintResult(session.format, JsonOf(acquisition), TextOf(acquisition));
-  return acquisition.serving ? kDone : kNo;
+  return acquisition.serving() ? kDone : kNo;
 }
 
 struct VariantArguments {
@@ -150,16 +150,13 @@ absl::StatusOr<ExitCode> Variant(const Session& session, const VariantArguments&
         "name the variant that the robot has, or say --changing while it changes");
   }
   ASSIGN_OR_RETURN(const Client client, session.Connect());
-  ASSIGN_OR_RETURN(const client::VariantChange change, arguments.changing
-                                                           ? client.BeginVariantChange()
-                                                           : client.ChangeVariant(arguments.name));
+  ASSIGN_OR_RETURN(const auto change, arguments.changing ? client.BeginVariantChange()
+                                                         : client.ChangeVariant(arguments.name));
   PrintResult(session.format, JsonOf(change), TextOf(change));
   return kDone;
 }
 
-}  // namespace
-
-void AddScenePublishCommand(CLI::App& scene, Session& session, Run& run) {
+void AddPublishCommand(CLI::App& scene, Session& session) {
   CLI::App* command = scene.add_subcommand(
       "publish", "Publish the images of one moment; from then on verdicts rest on them");
   auto arguments = std::make_shared<PublishArguments>();
@@ -182,8 +179,7 @@ void AddScenePublishCommand(CLI::App& scene, Session& session, Run& run) {
                       "part. Default: the default variant");
   command->add_flag("--now", arguments->now,
                     "The images are of this moment, whatever images.json says");
-  command->add_flag("--degrees", arguments->degrees,
-                    "Values of --joint without a unit are degrees");
+  AddDegreesFlag(*command, session, "Values of --joint");
   AddFormatOption(*command, session.format);
   command->footer(
       "images.json: {\"time\": \"2026-01-31T12:00:00Z\", \"joints\": {\"axis_1\": 0.5},\n"
@@ -193,10 +189,10 @@ void AddScenePublishCommand(CLI::App& scene, Session& session, Run& run) {
       "Example:\n"
       "  silhouette scene publish images\n"
       "  silhouette scene publish --as mask --view top=top.png --joint axis_1=30deg");
-  Runs(*command, session, run, arguments, Publish);
+  Runs(*command, session, Publish, arguments);
 }
 
-void AddSceneShowCommand(CLI::App& scene, Session& session, Run& run) {
+void AddShowCommand(CLI::App& scene, Session& session) {
   CLI::App* command =
       scene.add_subcommand("show", "Show a scene: counts per view, defects, a picture");
   auto arguments = std::make_shared<ShowArguments>();
@@ -209,10 +205,10 @@ void AddSceneShowCommand(CLI::App& scene, Session& session, Run& run) {
       ->needs("--picture");
   AddFormatOption(*command, session.format);
   command->footer("Example:\n  silhouette scene show --images images --picture views.png");
-  Runs(*command, session, run, arguments, Show);
+  Runs(*command, session, Show, arguments);
 }
 
-void AddSceneLiveCommand(CLI::App& scene, Session& session, Run& run) {
+void AddLiveCommand(CLI::App& scene, Session& session) {
   CLI::App* command = scene.add_subcommand(
       "live", "State of the image acquisition of a server that runs with --live");
   AddFormatOption(*command, session.format);
@@ -222,10 +218,10 @@ void AddSceneLiveCommand(CLI::App& scene, Session& session, Run& run) {
       "and bad samples, the age of the last one, and the error.\n"
       "Exit code 1 if a camera or the robot does not serve.\n\n"
       "Example:\n  silhouette scene live --format json | jq '.cameras[] | {view, age_ms, fault}'");
-  command->callback([&session, &run] { run = [&session] { return Live(session); }; });
+  Runs(*command, session, Live);
 }
 
-void AddSceneVariantCommand(CLI::App& scene, Session& session, Run& run) {
+void AddVariantCommand(CLI::App& scene, Session& session) {
   CLI::App* command = scene.add_subcommand(
       "variant", "Report to a server that runs with --live which variant the robot has");
   auto arguments = std::make_shared<VariantArguments>();
@@ -241,7 +237,20 @@ void AddSceneVariantCommand(CLI::App& scene, Session& session, Run& run) {
       "Example:\n"
       "  silhouette scene variant --changing\n"
       "  silhouette scene variant with-part --format json");
-  Runs(*command, session, run, arguments, Variant);
+  Runs(*command, session, Variant, arguments);
+}
+
+}  // namespace
+
+void AddSceneCommands(CLI::App& program, Session& session) {
+  CLI::App* scene =
+      program.add_subcommand("scene", "What the cameras see: publish it, or look at it");
+  scene->require_subcommand(1);
+  scene->fallthrough();
+  AddPublishCommand(*scene, session);
+  AddShowCommand(*scene, session);
+  AddLiveCommand(*scene, session);
+  AddVariantCommand(*scene, session);
 }
 
 }  // namespace silhouette

@@ -6,12 +6,13 @@
 #include "absl/strings/match.h"
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
+#include "common/numbers/numbers.h"
+#include "common/result/result.h"
 #include "db/status/status_macros.h"
 #include "tools/silhouette/commands.h"
 #include "tools/silhouette/formats/inputs.h"
 #include "tools/silhouette/formats/output.h"
 #include "tools/silhouette/formats/pictures.h"
-#include "tools/silhouette/options.h"
 
 namespace silhouette {
 namespace {
@@ -21,7 +22,6 @@ struct SpaceArguments {
   std::string picture;
   std::string max_time;
   std::vector<double> clearance_levels;
-  PolicyOptions policy;
 };
 
 absl::Status SpaceWritePicture(const client::ConfigurationSpace& space, const std::string& path) {
@@ -54,15 +54,15 @@ Json JsonOfLevels(const client::ConfigurationSpace& space) {
 }
 
 std::string TableOfLevels(const client::ConfigurationSpace& space) {
-  std::vector<std::vector<std::string>> rows;
+  Table table;
   const std::vector<uint64_t> counts = space.CountAbove();
   for (size_t i = 0; i < counts.size(); ++i) {
-    rows.push_back(
+    table.rows.push_back(
         {absl::StrCat("free with a clearance above ", space.clearance_levels()[i], " px:"),
          absl::StrCat(counts[i]),
          absl::StrFormat("(%.1f %%)", Percent(counts[i], space.grid().size()))});
   }
-  return Table(rows);
+  return TextOf(table);
 }
 
 absl::StatusOr<ExitCode> FetchSpace(const Session& session, const SpaceArguments& arguments) {
@@ -77,7 +77,7 @@ absl::StatusOr<ExitCode> FetchSpace(const Session& session, const SpaceArguments
     max_time = time;
   }
   ASSIGN_OR_RETURN(const Client client, session.Connect());
-  const client::Policy policy = arguments.policy.policy();
+  const client::Policy& policy = session.policy;
   const auto start = std::chrono::steady_clock::now();
   const auto space = client.GetConfigurationSpace(policy, {}, max_time, arguments.clearance_levels);
   const std::chrono::duration<double, std::milli> taken = std::chrono::steady_clock::now() - start;
@@ -124,7 +124,7 @@ absl::StatusOr<ExitCode> FetchSpace(const Session& session, const SpaceArguments
 
 }  // namespace
 
-void AddSpaceCommand(CLI::App& program, Session& session, Run& run) {
+void AddSpaceCommand(CLI::App& program, Session& session) {
   CLI::App* command = program.add_subcommand(
       "space", "Fetch the verdicts of all configurations of the grid: the configuration space");
   auto arguments = std::make_shared<SpaceArguments>();
@@ -138,13 +138,11 @@ void AddSpaceCommand(CLI::App& program, Session& session, Run& run) {
                    "Also report which free configurations have more clearance than each of these "
                    "levels, in mask pixels, ascending: --clearance 1,2,4,8")
       ->delimiter(',');
-  AddFormatOption(*command, session.format);
-  AddPolicyOptions(*command, arguments->policy);
-  AddVariantOption(*command, session);
+  AddVerdictOptions(*command, session);
   command->footer(
       "Example:\n  silhouette space --out space.csv --picture space.png\n"
       "  silhouette space --clearance 1,2,4,8 --picture clearance.png");
-  Runs(*command, session, run, arguments, FetchSpace);
+  Runs(*command, session, FetchSpace, arguments);
 }
 
 }  // namespace silhouette

@@ -15,7 +15,6 @@
 #include "tools/silhouette/commands.h"
 #include "tools/silhouette/formats/inputs.h"
 #include "tools/silhouette/formats/output.h"
-#include "tools/silhouette/options.h"
 
 namespace silhouette {
 namespace {
@@ -29,8 +28,6 @@ struct WatchArguments {
   std::string max_age = "1s";
   int count = 0;  // 0: no end
   bool no_retry = false;
-  PolicyOptions policy;
-  client::Clearance clearance = client::Clearance::kOmit;
 };
 
 // What no server will answer, however often it is asked.
@@ -104,10 +101,10 @@ void PrintSpace(const client::SpaceSnapshot& snapshot, std::optional<client::Rea
   }
 }
 
-absl::StatusOr<ExitCode> WatchSpace(const Client& client, const WatchArguments& arguments,
-                                    Lines& lines) {
+absl::StatusOr<ExitCode> WatchSpace(const Session& session, const Client& client,
+                                    const WatchArguments& arguments, Lines& lines) {
   ASSIGN_OR_RETURN(const absl::Duration max_age, ParseDuration(arguments.max_age));
-  const LocalSpace space(client, {.policy = arguments.policy.policy(), .max_age = max_age});
+  const LocalSpace space(client, {.policy = session.policy, .max_age = max_age});
   uint64_t printed = 0;
   std::optional<client::Reason> last;
   while (!lines.End()) {
@@ -128,16 +125,15 @@ absl::StatusOr<ExitCode> WatchSpace(const Client& client, const WatchArguments& 
 }
 
 // One call, until it ends: why it ended, OK if nothing more is wanted.
-absl::Status WatchPathOnce(const Client& client, const std::vector<Configuration>& waypoints,
-                           const WatchArguments& arguments, Lines& lines) {
-  ASSIGN_OR_RETURN(auto watch,
-                   client.WatchPath(waypoints, arguments.policy.policy(), arguments.clearance));
+absl::Status WatchPathOnce(const Session& session, const Client& client,
+                           const std::vector<Configuration>& waypoints, Lines& lines) {
+  ASSIGN_OR_RETURN(auto watch, client.WatchPath(waypoints, session.policy, session.clearance));
   std::optional<client::PathUpdate> relied_on;  // the last one, as long as it is free
   while (!lines.End()) {
     const absl::StatusOr<client::PathUpdate> update = watch.Next(kLook);
     if (update.ok()) {
       const client::PathCheck& check = update->check;
-      Json json = JsonOf(check, arguments.clearance);
+      Json json = JsonOf(check, session.clearance);
       json["skipped_scenes"] = update->skipped_scenes;
       lines.PrintUpdate(
           absl::StrCat(Spoken(check.basis), ": ", Spoken(check), Skipped(update->skipped_scenes)),
@@ -151,7 +147,7 @@ absl::Status WatchPathOnce(const Client& client, const std::vector<Configuration
       check.verdict = {.reason = client::Reason::kUpdateExpired};
       check.narrowest.reset();
       Json json = JsonOf(check.basis);
-      json.update(JsonOf(check.verdict, arguments.clearance));
+      json.update(JsonOf(check.verdict, session.clearance));
       lines.PrintNews(check.verdict.reason,
                       absl::StrCat(Spoken(check.basis), ": ", Spoken(check.verdict)), json);
       relied_on.reset();
@@ -160,15 +156,15 @@ absl::Status WatchPathOnce(const Client& client, const std::vector<Configuration
   return absl::OkStatus();
 }
 
-absl::StatusOr<ExitCode> WatchPath(const Client& client, const WatchArguments& arguments,
-                                   Lines& lines) {
-  ASSIGN_OR_RETURN(const auto waypoints, WaypointsOf(arguments.path));
+absl::StatusOr<ExitCode> WatchPath(const Session& session, const Client& client,
+                                   const WatchArguments& arguments, Lines& lines) {
+  ASSIGN_OR_RETURN(const auto waypoints, WaypointsOf(session, arguments.path));
   while (!lines.End()) {
-    const absl::Status ended = WatchPathOnce(client, waypoints, arguments, lines);
+    const absl::Status ended = WatchPathOnce(session, client, waypoints, lines);
     if (ended.ok()) break;
     if (IsHopeless(ended) || arguments.no_retry) return ended;
     const client::Verdict lost{.reason = client::Reason::kConnectionLost};
-    Json json = JsonOf(lost, arguments.clearance);
+    Json json = JsonOf(lost, session.clearance);
     json["problem"] = std::string(ended.message());
     lines.PrintNews(lost.reason, absl::StrCat(Spoken(lost), " (", ended.message(), ")"), json);
     for (absl::Duration waited; waited < kBetweenAttempts && !lines.End(); waited += kLook) {
@@ -183,16 +179,17 @@ absl::StatusOr<ExitCode> Watch(const Session& session, const WatchArguments& arg
   CatchStopSignals();
   Lines lines(session.json(), arguments.count);
   const bool path = !arguments.path.waypoints.empty() || !arguments.path.file.empty();
-  return path ? WatchPath(client, arguments, lines) : WatchSpace(client, arguments, lines);
+  return path ? WatchPath(session, client, arguments, lines)
+              : WatchSpace(session, client, arguments, lines);
 }
 
 }  // namespace
 
-void AddWatchCommand(CLI::App& program, Session& session, Run& run) {
+void AddWatchCommand(CLI::App& program, Session& session) {
   CLI::App* command = program.add_subcommand(
       "watch", "Report the configuration space, or a path, with every scene");
   auto arguments = std::make_shared<WatchArguments>();
-  AddPathArguments(*command, arguments->path);
+  AddPathArguments(*command, session, arguments->path);
   command
       ->add_option("--max-age", arguments->max_age,
                    "How old a scene may be until all is unknown, e.g. 300ms; not for a path")
@@ -201,10 +198,8 @@ void AddWatchCommand(CLI::App& program, Session& session, Run& run) {
       ->check(PositiveNumber());
   command->add_flag("--no-retry", arguments->no_retry,
                     "End with exit code 3 when the server is lost, instead of trying again");
-  AddClearanceFlag(*command, arguments->clearance);
-  AddFormatOption(*command, session.format);
-  AddPolicyOptions(*command, arguments->policy);
-  AddVariantOption(*command, session);
+  AddClearanceFlag(*command, session);
+  AddVerdictOptions(*command, session);
   command->footer(
       "Prints a line for each update; with --format json an object per line. Prints a line, too,\n"
       "when the last verdict expires and when the server is lost. Without waypoints it watches "
@@ -214,7 +209,7 @@ void AddWatchCommand(CLI::App& program, Session& session, Run& run) {
       "  silhouette watch --max-age 300ms\n"
       "  silhouette watch 0.1,0.2 0.5,0.2 --format json\n"
       "  silhouette watch --file path.json --no-retry");
-  Runs(*command, session, run, arguments, Watch);
+  Runs(*command, session, Watch, arguments);
 }
 
 }  // namespace silhouette

@@ -1,5 +1,5 @@
-// SPDX-License-Identifier: Apache-2.0 The server's answers, each with the scene and the database
-// that it used.
+// SPDX-License-Identifier: Apache-2.0
+// The server's answers, each with the scene and the database that it used.
 #pragma once
 
 #include <chrono>

@@ -1,5 +1,5 @@
-// SPDX-License-Identifier: Apache-2.0 Pipelined checks over one call: many questions may be in
-// flight at once.
+// SPDX-License-Identifier: Apache-2.0
+// Pipelined checks over one call: many questions may be in flight at once.
 //
 //   silhouette::client::CheckStream stream = client->StreamChecks();
 //   stream.Send(1, {{0.1, 0.2}});

@@ -26,16 +26,25 @@
 
 #include "absl/status/statusor.h"
 #include "absl/time/time.h"
-#include "silhouette/acquisition.h"
 #include "silhouette/answers.h"
 #include "silhouette/check_stream.h"
 #include "silhouette/configuration_space.h"
-#include "silhouette/database.h"
 #include "silhouette/path_watch.h"
 #include "silhouette/policy.h"
-#include "silhouette/region.h"
-#include "silhouette/scene.h"
 #include "silhouette/verdict.h"
+
+// What the server reports beside verdicts are the API's own messages: who uses one includes
+// silhouette/messages.h.
+namespace silhouette::v1 {
+class Acquisition;
+class AllowedRegion;
+class AllowRegionRequest;
+class ChangeVariantResponse;
+class GetDatabaseResponse;
+class ListAllowedRegionsResponse;
+class PublishSceneRequest;
+class Scene;
+}  // namespace silhouette::v1
 
 namespace silhouette::client {
 
@@ -106,17 +115,17 @@ class Client {
   absl::StatusOr<Explanation> Explain(const Configuration& configuration,
                                       const Policy& policy = {}) const;
 
-  // Publishes one simultaneous set of images. `joints`: the robot's joint values at that time, all
-  // joints of the grid and all fixed joints. The returned scene may have defects.
-  absl::StatusOr<Scene> PublishScene(std::span<const JointPosition> joints,
-                                     std::span<const ViewImage> images) const;
+  // Publishes one simultaneous set of images, with the robot's joint values at that time: all
+  // joints of the grid and all fixed joints. WithVariant names the variant. The returned scene may
+  // have defects.
+  absl::StatusOr<v1::Scene> PublishScene(v1::PublishSceneRequest scene) const;
 
   // A scene by its id, 0 for the newest; `with_planes`: also its masks.
-  absl::StatusOr<Scene> GetScene(uint64_t id = 0, bool with_planes = false) const;
+  absl::StatusOr<v1::Scene> GetScene(uint64_t id = 0, bool with_planes = false) const;
 
   // State of the server's own acquisition. FailedPrecondition: the server does not acquire images
   // itself.
-  absl::StatusOr<Acquisition> GetAcquisition() const;
+  absl::StatusOr<v1::Acquisition> GetAcquisition() const;
 
   // Report to a server that takes images itself which variant shows the robot: before the gripper
   // closes, or a part or tool is taken or left, that the variant is changing; afterwards which it
@@ -124,20 +133,18 @@ class Client {
   // be called again. InvalidArgument: the database has no such variant. FailedPrecondition: the
   // server does not acquire images itself; publish scenes that name their variant. After any other
   // error the server may not know the change: call again.
-  absl::StatusOr<VariantChange> BeginVariantChange() const;
-  absl::StatusOr<VariantChange> ChangeVariant(const std::string& variant) const;
+  absl::StatusOr<v1::ChangeVariantResponse> BeginVariantChange() const;
+  absl::StatusOr<v1::ChangeVariantResponse> ChangeVariant(const std::string& variant) const;
 
-  // Puts an allowed region into force, in place of the one of its name: in `views` obstacle pixels
-  // are unknown for `duration`, ten minutes at most.
-  absl::StatusOr<AllowedRegion> AllowRegion(const std::string& name,
-                                            std::span<const RegionPixels> views,
-                                            absl::Duration duration) const;
+  // Puts an allowed region into force, in place of the one of its name: in its views obstacle
+  // pixels are unknown for its duration, ten minutes at most.
+  absl::StatusOr<v1::AllowedRegion> AllowRegion(const v1::AllowRegionRequest& region) const;
   // Ends a region at once; whether one of this name was in force.
   absl::StatusOr<bool> RevokeRegion(const std::string& name) const;
   // The regions in force, by name.
-  absl::StatusOr<std::vector<AllowedRegion>> ListAllowedRegions() const;
+  absl::StatusOr<v1::ListAllowedRegionsResponse> ListAllowedRegions() const;
 
-  absl::StatusOr<Database> GetDatabase() const;
+  absl::StatusOr<v1::GetDatabaseResponse> GetDatabase() const;
 
  private:
   friend class LocalSpace;

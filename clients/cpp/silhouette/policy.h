@@ -1,5 +1,6 @@
-// SPDX-License-Identifier: Apache-2.0 How verdicts follow from images, and what they include. Unset
-// fields of a policy take the server's default.
+// SPDX-License-Identifier: Apache-2.0
+// How verdicts follow from images, and what they include. Unset fields of a policy take the
+// server's default.
 #pragma once
 
 #include <optional>

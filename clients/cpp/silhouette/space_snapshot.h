@@ -1,5 +1,5 @@
-// SPDX-License-Identifier: Apache-2.0 A map of the configuration space, from one scene: what
-// LocalSpace holds.
+// SPDX-License-Identifier: Apache-2.0
+// A map of the configuration space, from one scene: what LocalSpace holds.
 #pragma once
 
 #include <chrono>

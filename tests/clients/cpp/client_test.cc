@@ -8,6 +8,7 @@
 #include <cmath>
 #include <thread>
 
+#include "silhouette/messages.h"
 #include "tests/clients/cpp/fake_server.h"
 
 namespace silhouette::client {
@@ -262,7 +263,7 @@ TEST(Variants, OfAServerThatDoesNotKnowThemAreAnErrorAndNoVerdict) {
   const Client client = ClientOfHere(server).WithVariant("tool");
   for (const absl::Status& status :
        {client.CheckConfigurations(kOne).status(), client.CheckPath(kOne).status(),
-        client.PublishScene({}, {}).status()}) {
+        client.PublishScene({}).status()}) {
     EXPECT_EQ(status.code(), absl::StatusCode::kUnimplemented) << status;
     EXPECT_THAT(status.message(), HasSubstr("knows no variants"));
   }
@@ -454,52 +455,32 @@ TEST(Scene, IsSentAndReadWhole) {
     seen = request;
     v1::Scene& scene = *response.mutable_scene();
     scene.set_id(4);
-    scene.mutable_time()->set_seconds(50);
-    scene.mutable_skew()->set_nanos(1000);
+    scene.set_variant(request.variant());
     *scene.mutable_joints() = request.joints();
     v1::SceneView& view = *scene.add_views();
-    view.set_view("top");
-    view.set_foreground_pixels(5);
-    view.set_core_error_pixels(6);
     *view.mutable_scene() = request.views(0).scene_mask();
     *view.mutable_obstacle() = *view.mutable_unknown() = *view.mutable_error() = view.scene();
-    v1::SceneDefect& defect = *scene.add_defects();
-    defect.set_reason(v1::Verdict::REASON_VIEW_MISSING);
-    defect.set_message("the view 'left' is missing");
+    scene.add_defects()->set_reason(v1::Verdict::REASON_VIEW_MISSING);
     return grpc::Status::OK;
   };
   const Mask mask = Mask::FromPredicate({5, 3}, [](int x, int y) { return x == 2 * y; });
-  const absl::Time time = absl::FromUnixNanos(1'700'000'000'123'456'789);
-  const std::vector<JointPosition> joints = {{"a", 0.5}};
-  const std::vector<ViewImage> images = {
-      {.view = "top", .capture_time = time, .image = SceneMask{mask}},
-      {.view = "left", .capture_time = std::nullopt, .image = CameraImage{"a png"}},
-      {.view = "back", .capture_time = std::nullopt, .image = ObstacleMask{mask}}};
-  const auto scene = ClientOfHere(server).PublishScene(joints, images);
+  v1::PublishSceneRequest request;
+  request.add_joints()->set_position(0.5);
+  v1::ViewImage& image = *request.add_views();
+  *image.mutable_scene_mask() = ToMessage(mask);
+  *image.mutable_capture_time() = ToMessage(absl::FromUnixNanos(1'700'000'000'123'456'789));
+  const auto scene = ClientOfHere(server).WithVariant("tool").PublishScene(request);
   ASSERT_TRUE(scene.ok()) << scene.status();
 
-  ASSERT_EQ(seen.views_size(), 3);
+  ASSERT_EQ(seen.views_size(), 1);
   EXPECT_EQ(seen.views(0).capture_time().seconds(), 1'700'000'000);
   EXPECT_EQ(seen.views(0).capture_time().nanos(), 123'456'789);
-  EXPECT_EQ(seen.views(0).scene_mask().width(), 5);
-  EXPECT_EQ(seen.views(0).scene_mask().height(), 3);
   EXPECT_EQ(seen.views(0).scene_mask().bits(), mask.ToBytes());
-  EXPECT_FALSE(seen.views(1).has_capture_time());
-  EXPECT_EQ(seen.views(1).camera_image(), "a png");
-  EXPECT_TRUE(seen.views(2).has_obstacle_mask());
-
-  EXPECT_EQ(scene->id, 4u);
-  EXPECT_EQ(scene->time, absl::FromUnixSeconds(50));
-  EXPECT_EQ(scene->skew, absl::Microseconds(1));
-  ASSERT_EQ(scene->joints.size(), 1u);
-  EXPECT_EQ(scene->joints[0].position, 0.5);
-  ASSERT_EQ(scene->views.size(), 1u);
-  EXPECT_EQ(scene->views[0].core_error_pixels, 6u);
-  ASSERT_TRUE(scene->views[0].planes.has_value());
-  EXPECT_EQ(scene->views[0].planes->scene, mask);
-  ASSERT_EQ(scene->defects.size(), 1u);
-  EXPECT_EQ(scene->defects[0].reason, Reason::kViewMissing);
-  EXPECT_EQ(scene->defects[0].message, "the view 'left' is missing");
+  EXPECT_EQ(scene->id(), 4u);
+  EXPECT_EQ(scene->variant(), "tool");
+  EXPECT_EQ(scene->joints(0).position(), 0.5);
+  EXPECT_EQ(FromMessage(scene->views(0).scene()), mask);
+  EXPECT_EQ(FromMessage(scene->defects(0).reason()), Reason::kViewMissing);
 }
 
 TEST(Scene, WithAMaskThatCannotBeIsAnError) {
@@ -517,37 +498,21 @@ TEST(Database, IsReadWhole) {
   FakeServer server;
   server.get_database = [](auto&, auto&, v1::GetDatabaseResponse& response) {
     response.set_cell_name("demo");
-    response.set_generation(9);
     v1::GridJoint& joint = *response.mutable_grid()->add_joints();
     joint.set_name("a");
     joint.set_upper(1);
     joint.set_steps(11);
     response.mutable_grid()->add_tile_edges(4096);
-    v1::View& view = *response.add_views();
-    view.set_name("top");
-    view.set_mask_width(64);
-    view.set_mask_height(48);
-    response.add_permanent_pixels(12);
-    response.set_configurations(11);
-    response.set_captured(8);
-    response.set_excluded(2);
-    response.set_corrupt(1);
+    response.add_views()->set_mask_width(64);
     response.mutable_default_policy()->set_preset("paper");
-    response.set_calibrated(true);
-    response.add_presets("paper");
     return grpc::Status::OK;
   };
   const auto database = ClientOfHere(server).GetDatabase();
   ASSERT_TRUE(database.ok()) << database.status();
-  EXPECT_EQ(database->cell_name, "demo");
-  EXPECT_EQ(database->grid.size(), 11u);
-  ASSERT_EQ(database->views.size(), 1u);
-  EXPECT_EQ(database->views[0].mask_size, (MaskSize{64, 48}));
-  EXPECT_EQ(database->views[0].permanent_pixels, 12u);
-  EXPECT_EQ(database->captured, 8u);
-  EXPECT_EQ(database->default_policy.preset, "paper");
-  EXPECT_TRUE(database->calibrated);
-  EXPECT_THAT(database->presets, ElementsAre("paper"));
+  EXPECT_EQ(database->cell_name(), "demo");
+  EXPECT_EQ(FromMessage(database->grid())->size(), 11u);
+  EXPECT_EQ(database->views(0).mask_width(), 64);
+  EXPECT_EQ(FromMessage(database->default_policy()).preset, "paper");
 }
 
 TEST(Explain, BringsThePictures) {

@@ -132,19 +132,19 @@ TEST_F(ChangeVariantServiceTest, AcquisitionAndMetricsTellWhatClientsTold) {
   settings.metrics = "127.0.0.1:0";
   TestServer server(database, settings);
   const Client client = Client::Connect(server.server->address()).value();
-  const auto acquired = [&] { return client.GetAcquisition().value().robot_variant; };
+  const auto acquired = [&] { return client.GetAcquisition().value().robot_variant(); };
   const auto metrics = [&] { return HttpGet(server.server->metrics_address(), "/metrics"); };
-  EXPECT_THAT(acquired().unknown, HasSubstr("the robot's variant is not known"));
+  EXPECT_THAT(acquired().unknown(), HasSubstr("the robot's variant is not known"));
   EXPECT_THAT(metrics(), HasSubstr("silhouette_live_variant_known 0"));
-  const absl::StatusOr<client::VariantChange> begun = client.BeginVariantChange();
+  const auto begun = client.BeginVariantChange();
   ASSERT_TRUE(begun.ok()) << begun.status();
-  EXPECT_TRUE(begun->robot_variant.changing);
-  EXPECT_TRUE(acquired().changing);
-  const absl::StatusOr<client::VariantChange> done = client.ChangeVariant(kTool);
+  EXPECT_TRUE(begun->robot_variant().changing());
+  EXPECT_TRUE(acquired().changing());
+  const auto done = client.ChangeVariant(kTool);
   ASSERT_TRUE(done.ok()) << done.status();
-  EXPECT_EQ(done->robot_variant.variant, kTool);
-  EXPECT_EQ(acquired().variant, kTool);
-  EXPECT_FALSE(acquired().changing);
+  EXPECT_EQ(done->robot_variant().variant(), kTool);
+  EXPECT_EQ(acquired().variant(), kTool);
+  EXPECT_FALSE(acquired().changing());
   EXPECT_THAT(metrics(), HasSubstr("silhouette_live_variant_known 1"));
   EXPECT_EQ(client.ChangeVariant("none").status().code(), absl::StatusCode::kInvalidArgument);
 }

@@ -1,15 +1,16 @@
 // SPDX-License-Identifier: Apache-2.0
 // silhouette-server --live on a simulated cell, as a user runs it.
 #include <gmock/gmock.h>
-#include <sys/wait.h>
 
 #include <chrono>
 #include <csignal>
 #include <filesystem>
 #include <nlohmann/json.hpp>
+#include <optional>
 #include <thread>
 
 #include "tests/capture/session/program_cell.h"
+#include "tests/running_program.h"
 #include "tests/server/live/http_get.h"
 
 namespace silhouette {
@@ -31,40 +32,19 @@ struct LiveProgramTest : ::testing::Test {
     delete cell;
     cell = nullptr;
   }
-  void TearDown() override {
-    if (server > 0) {
-      kill(server, SIGKILL);
-      waitpid(server, nullptr, 0);
-    }
-  }
-
   // Starts the server and waits for its address.
   void Start(const std::string& more) {
     StartOnly(more);
-    const std::string line = AwaitText(*cell / "server.out", "\n");
-    address = line.substr(std::string("listening on ").size());
-    address.pop_back();
+    address = server->Address();
   }
   void StartOnly(const std::string& more, const std::string& file = cell->cell()) {
     const std::string command =
         absl::StrCat("exec '", SILHOUETTE_BIN_DIR, "/silhouette-server' --cell '", file,
-                     "' --database '", database, "' --listen 127.0.0.1:0 ", more, " >'",
-                     *cell / "server.out", "' 2>'", *cell / "server.err", "'");
-    WriteText(*cell / "server.out", "");
-    server = fork();
-    if (server == 0) {
-      execl("/bin/sh", "sh", "-c", command.c_str(), nullptr);
-      _exit(127);
-    }
+                     "' --database '", database, "' --listen 127.0.0.1:0 ", more);
+    server.emplace(std::vector<std::string>{"/bin/sh", "-c", command}, *cell / "server.out",
+                   *cell / "server.err");
   }
-  int End(int signal) {
-    if (signal != 0) kill(server, signal);
-    int status = 0;
-    waitpid(server, &status, 0);
-    server = -1;
-    return WIFEXITED(status) ? WEXITSTATUS(status) : -1;
-  }
-  std::string Log() const { return ReadText(*cell / "server.err"); }
+  std::string Log() const { return server->Errors(); }
 
   // The file's text, once it has `part`.
   std::string AwaitText(const std::string& file, const std::string& part) const {
@@ -101,7 +81,7 @@ struct LiveProgramTest : ::testing::Test {
   }
 
   static ProgramCell* cell;
-  pid_t server = -1;
+  std::optional<RunningProgram> server;
   std::string database = cell->database();
   std::string address;
 };
@@ -128,7 +108,7 @@ TEST_F(LiveProgramTest, ScenesOfItsOwnImagesMakeVerdicts) {
   EXPECT_THAT(HttpGet(metrics.substr(0, metrics.find('/')), "/metrics"),
               HasSubstr("silhouette_live_images_total{view=\"front\"}"));
 
-  EXPECT_EQ(End(SIGTERM), 0);
+  EXPECT_EQ(server->End(SIGTERM), 0);
   EXPECT_THAT(Log(), AllOf(HasSubstr("acquisition stopped: "), HasSubstr("to the map: median")));
 }
 
@@ -140,7 +120,7 @@ TEST_F(LiveProgramTest, ObstaclesInTheSimulatedCellAreSeen) {
   AwaitStatus([](const Json& now) { return now["serving"] == true && now["scenes"] > 1; });
   const Json scene = Json::parse(Ask("scene show --format json").out, nullptr, false);
   EXPECT_GT(scene["views"][0]["obstacle_pixels"], 0) << scene.dump(1);
-  EXPECT_EQ(End(SIGINT), 0);
+  EXPECT_EQ(server->End(SIGINT), 0);
 }
 
 TEST_F(LiveProgramTest, MistakesAreToldInOneSentence) {
@@ -148,7 +128,7 @@ TEST_F(LiveProgramTest, MistakesAreToldInOneSentence) {
             absl::StrReplaceAll(ReadText(cell->cell()), {{"  driver: sim\n", ""}}));
   const auto refused = [&](const std::string& more, const std::string& file = cell->cell()) {
     StartOnly(more, file);
-    EXPECT_EQ(End(0), 2) << Log();
+    EXPECT_EQ(server->ExitCode(), 2) << Log();
     return Log();
   };
   EXPECT_THAT(refused("--live", *cell / "bare.yaml"), HasSubstr("put 'driver: sim'"));
@@ -187,7 +167,7 @@ TEST_F(LiveProgramTest, TheVariantIsToldByTheProgram) {
   const Outcome unknown = Ask("scene variant none");
   EXPECT_EQ(unknown.exit_code, 2);
   EXPECT_THAT(unknown.err, HasSubstr("its variants are default, same"));
-  EXPECT_EQ(End(SIGTERM), 0);
+  EXPECT_EQ(server->End(SIGTERM), 0);
   EXPECT_THAT(Log(), HasSubstr("reports that the robot's variant is 'same'"));
 }
 

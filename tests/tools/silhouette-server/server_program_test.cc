@@ -3,7 +3,6 @@
 #include <gmock/gmock.h>
 #include <grpcpp/create_channel.h>
 #include <gtest/gtest.h>
-#include <sys/wait.h>
 
 #include <csignal>
 #include <cstdio>
@@ -12,6 +11,7 @@
 #include "silhouette/v1/collision_service.grpc.pb.h"
 #include "silhouette/v1/database_service.grpc.pb.h"
 #include "silhouette/v1/scene_service.grpc.pb.h"
+#include "tests/running_program.h"
 #include "tests/server/test_cell.h"
 #include "tools/cell/cell.h"
 
@@ -37,73 +37,17 @@ views:
   - {name: top, mask_size: [10, 10]}
 )";
 
-std::string ReadFile(const std::string& path) {
-  std::ifstream in(path, std::ios::binary);
-  return {std::istreambuf_iterator<char>(in), {}};
-}
-
 void WriteFile(const std::string& path, const std::string& text) {
   std::ofstream(path, std::ios::binary) << text;
 }
 
-// A running silhouette-server; killed when the test forgets it.
-class ServerProgram {
- public:
-  ServerProgram(const std::filesystem::path& folder, const std::vector<std::string>& arguments)
-      : out_(folder / "out"), err_(folder / "err") {
-    std::remove(out_.c_str());
-    pid_ = fork();
-    if (pid_ == 0) {
-      if (std::freopen(out_.c_str(), "w", stdout) == nullptr) _exit(99);
-      if (std::freopen(err_.c_str(), "w", stderr) == nullptr) _exit(99);
-      std::vector<std::string> words = {SILHOUETTE_BIN_DIR "/silhouette-server"};
-      words.insert(words.end(), arguments.begin(), arguments.end());
-      std::vector<char*> argv;
-      for (std::string& word : words) argv.push_back(word.data());
-      argv.push_back(nullptr);
-      execv(argv[0], argv.data());
-      _exit(98);
-    }
-  }
-  ~ServerProgram() {
-    if (pid_ > 0) {
-      kill(pid_, SIGKILL);
-      waitpid(pid_, nullptr, 0);
-    }
-  }
-
-  // The address of its first line; empty if it ends without one.
-  std::string Address() {
-    const std::string start = "listening on ";
-    while (true) {
-      const std::string text = Output();
-      if (text.starts_with(start) && text.ends_with('\n')) {
-        return text.substr(start.size(), text.size() - start.size() - 1);
-      }
-      int status = 0;
-      if (waitpid(pid_, &status, WNOHANG) == pid_) {
-        ADD_FAILURE() << "it ended: " << Errors();
-        pid_ = -1;
-        return "";
-      }
-      std::this_thread::sleep_for(std::chrono::milliseconds(5));
-    }
-  }
-  void Signal(int signal) { kill(pid_, signal); }
-  // Waits for its end; its exit code, or -1 after a signal.
-  int ExitCode() {
-    int status = 0;
-    waitpid(pid_, &status, 0);
-    pid_ = -1;
-    return WIFEXITED(status) ? WEXITSTATUS(status) : -1;
-  }
-  std::string Output() const { return ReadFile(out_); }
-  std::string Errors() const { return ReadFile(err_); }
-
- private:
-  std::string out_;
-  std::string err_;
-  pid_t pid_ = -1;
+// A running silhouette-server.
+struct ServerProgram : RunningProgram {
+  ServerProgram(const std::filesystem::path& folder, std::vector<std::string> arguments)
+      : RunningProgram(
+            (arguments.insert(arguments.begin(), SILHOUETTE_BIN_DIR "/silhouette-server"),
+             arguments),
+            folder / "out", folder / "err") {}
 };
 
 struct ServerProgramTest : ::testing::Test {

@@ -16,6 +16,7 @@
 #include "common/picture/files.h"
 #include "common/picture/mask_png.h"
 #include "db/status/status_macros.h"
+#include "silhouette/messages.h"
 
 namespace silhouette {
 namespace {
@@ -123,7 +124,7 @@ absl::StatusOr<ImagesFolder> ReadImagesFolder(const std::string& folder) {
   return absl::InvalidArgumentError(absl::StrCat(file, ": ", images.status().message()));
 }
 
-absl::StatusOr<client::RegionPixels> ParseRegionPolygon(const std::string& text) {
+absl::StatusOr<v1::RegionPixels> ParseRegionPolygon(const std::string& text) {
   const absl::Status wrong = absl::InvalidArgumentError(absl::StrCat(
       "'", text,
       "' is not VIEW:x,y;x,y;x,y: a view and at least three corners in pixels of its mask; in most "
@@ -131,7 +132,8 @@ absl::StatusOr<client::RegionPixels> ParseRegionPolygon(const std::string& text)
   // A view may have a colon in its name, corners have none.
   const size_t colon = text.rfind(':');
   if (colon == std::string::npos || colon == 0) return wrong;
-  client::Polygon polygon;
+  v1::RegionPixels region;
+  region.set_view(text.substr(0, colon));
   for (const absl::string_view corner : absl::StrSplit(text.substr(colon + 1), ';')) {
     const std::vector<absl::string_view> values = absl::StrSplit(corner, ',');
     double x = 0;
@@ -140,17 +142,22 @@ absl::StatusOr<client::RegionPixels> ParseRegionPolygon(const std::string& text)
         !absl::SimpleAtod(values[1], &y)) {
       return wrong;
     }
-    polygon.corners.emplace_back(x, y);
+    v1::Point& added = *region.mutable_polygon()->add_corners();
+    added.set_x(x);
+    added.set_y(y);
   }
-  if (polygon.corners.size() < 3) return wrong;
-  return client::RegionPixels{text.substr(0, colon), std::move(polygon)};
+  if (region.polygon().corners_size() < 3) return wrong;
+  return region;
 }
 
-absl::StatusOr<client::RegionPixels> ReadRegionMask(const std::string& text) {
+absl::StatusOr<v1::RegionPixels> ReadRegionMask(const std::string& text) {
   const auto parts = SplitAtEquals(text);
   if (!parts) return absl::InvalidArgumentError(absl::StrCat("'", text, "' is not VIEW=FILE"));
-  ASSIGN_OR_RETURN(Mask mask, ReadMaskPng(parts->second));
-  return client::RegionPixels{parts->first, std::move(mask)};
+  ASSIGN_OR_RETURN(const Mask mask, ReadMaskPng(parts->second));
+  v1::RegionPixels region;
+  region.set_view(parts->first);
+  *region.mutable_mask() = client::ToMessage(mask);
+  return region;
 }
 
 std::optional<std::pair<std::string, std::string>> SplitAtEquals(const std::string& text) {

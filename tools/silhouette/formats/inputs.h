@@ -5,14 +5,14 @@
 #include <optional>
 #include <string>
 #include <string_view>
+#include <utility>
 #include <vector>
 
 #include "absl/status/statusor.h"
 #include "absl/strings/string_view.h"
 #include "absl/time/time.h"
 #include "silhouette/configuration_grid.h"
-#include "silhouette/region.h"
-#include "silhouette/scene.h"
+#include "silhouette/v1/scene_service.pb.h"
 #include "tools/program/joint_values.h"
 
 namespace silhouette {
@@ -36,8 +36,8 @@ struct ImageFile {
 struct ImagesFolder {
   // When the images were taken; nothing if that is not recorded.
   std::optional<absl::Time> time;
-  // Where the robot stood then.
-  std::vector<client::JointPosition> joints;
+  // Where the robot stood then: names and values.
+  std::vector<std::pair<std::string, double>> joints;
   std::vector<ImageFile> images;
 };
 
@@ -47,11 +47,11 @@ absl::StatusOr<ImagesFolder> ReadImagesFolder(const std::string& folder);
 
 // "VIEW:x,y;x,y;x,y": a polygon in pixels of the mask. InvalidArgument, naming the text, if it is
 // none.
-absl::StatusOr<client::RegionPixels> ParseRegionPolygon(const std::string& text);
+absl::StatusOr<v1::RegionPixels> ParseRegionPolygon(const std::string& text);
 
 // "VIEW=FILE": an image file of the mask, white where the region lies. Errors name the text or the
 // file.
-absl::StatusOr<client::RegionPixels> ReadRegionMask(const std::string& text);
+absl::StatusOr<v1::RegionPixels> ReadRegionMask(const std::string& text);
 
 // "name=value" in its two parts; nothing if one of them is missing.
 std::optional<std::pair<std::string, std::string>> SplitAtEquals(const std::string& text);

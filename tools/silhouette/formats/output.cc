@@ -4,12 +4,14 @@
 #include <algorithm>
 #include <cmath>
 #include <fstream>
-#include <iostream>
+#include <optional>
+#include <ostream>
 
 #include "absl/strings/match.h"
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
 #include "absl/strings/str_join.h"
+#include "silhouette/messages.h"
 #include "tools/program/progress.h"
 
 namespace silhouette {
@@ -31,47 +33,67 @@ Json JsonOfPixels(const std::optional<double>& pixels) {
   return std::isinf(*pixels) ? Json("Infinity") : Json(*pixels);
 }
 
-double Milliseconds(absl::Duration duration) { return absl::ToDoubleMilliseconds(duration); }
+double Milliseconds(const google::protobuf::Duration& duration) {
+  return absl::ToDoubleMilliseconds(client::FromMessage(duration));
+}
+
+std::string Spoken(const google::protobuf::Timestamp& time) {
+  return silhouette::Spoken(client::FromMessage(time));
+}
 
 // null if empty
 Json JsonOrNull(const std::string& text) { return text.empty() ? Json(nullptr) : Json(text); }
 
-Json JsonOf(const client::AcquiredDevice& device) {
-  Json json = Json::object();
-  if (!device.view.empty()) json["view"] = device.view;
-  json["serving"] = device.serving;
-  json[device.view.empty() ? "samples" : "images"] = device.good;
-  json["errors"] = device.errors;
-  json["age_ms"] = device.age ? Json(Milliseconds(*device.age)) : Json(nullptr);
-  json["fault"] = JsonOrNull(device.fault);
-  json["last_error"] = JsonOrNull(device.last_error);
-  json["last_error_time"] =
-      device.last_error.empty() ? Json(nullptr) : Json(Spoken(device.last_error_time));
-  return json;
+// A camera, or the robot.
+struct Device {
+  std::string title;
+  bool serving = false;
+  uint64_t good = 0;  // images, or joint values, that could be used
+  std::optional<google::protobuf::Duration> age;
+};
+
+Device DeviceOf(const v1::AcquiredCamera& camera) {
+  return {"camera " + camera.view(), camera.serving(), camera.images(),
+          camera.has_last_image_age() ? std::optional(camera.last_image_age()) : std::nullopt};
 }
 
-Json JsonOf(const client::AcquisitionLatency& latency) {
-  return {{"count", latency.count},
-          {"median_ms", Milliseconds(latency.median)},
-          {"p99_ms", Milliseconds(latency.p99)},
-          {"longest_ms", Milliseconds(latency.longest)}};
+Device DeviceOf(const v1::AcquiredRobot& robot) {
+  return {"robot", robot.serving(), robot.samples(),
+          robot.has_last_sample_age() ? std::optional(robot.last_sample_age()) : std::nullopt};
 }
 
-std::string LatencyText(const client::AcquisitionLatency& latency) {
-  if (latency.count == 0) return "none yet";
+// `good`: what the number of good ones is called.
+template <typename Message>
+Json JsonOf(const Message& message, const char* good) {
+  const Device device = DeviceOf(message);
+  return {{"serving", device.serving},
+          {good, device.good},
+          {"errors", message.errors()},
+          {"age_ms", device.age ? Json(Milliseconds(*device.age)) : Json()},
+          {"fault", JsonOrNull(message.fault())},
+          {"last_error", JsonOrNull(message.last_error())},
+          {"last_error_time",
+           message.last_error().empty() ? Json() : Json(Spoken(message.last_error_time()))}};
+}
+
+Json JsonOf(const v1::RobotVariant& variant) {
+  return {{"variant", JsonOrNull(variant.variant())},
+          {"changing", variant.changing()},
+          {"unknown", JsonOrNull(variant.unknown())}};
+}
+
+Json JsonOf(const v1::AcquisitionLatency& latency) {
+  return {{"count", latency.count()},
+          {"median_ms", Milliseconds(latency.median())},
+          {"p99_ms", Milliseconds(latency.p99())},
+          {"longest_ms", Milliseconds(latency.longest())}};
+}
+
+std::string LatencyText(const v1::AcquisitionLatency& latency) {
+  if (latency.count() == 0) return "none yet";
   return absl::StrFormat("median %.1f ms, 99 of 100 within %.1f ms, longest %.1f ms",
-                         Milliseconds(latency.median), Milliseconds(latency.p99),
-                         Milliseconds(latency.longest));
-}
-
-std::string TitleOf(const client::AcquiredDevice& device) {
-  return device.view.empty() ? "robot" : absl::StrCat("camera ", device.view);
-}
-
-std::vector<std::string> RowOf(const client::AcquiredDevice& device) {
-  return {TitleOf(device), device.serving ? "yes" : "no", absl::StrCat(device.good),
-          absl::StrCat(device.errors),
-          device.age ? absl::StrFormat("%.0f ms", Milliseconds(*device.age)) : "-"};
+                         Milliseconds(latency.median()), Milliseconds(latency.p99()),
+                         Milliseconds(latency.longest()));
 }
 
 // In how many views an obstacle is plainly seen; the policy may find one in more.
@@ -128,15 +150,11 @@ void WriteJson(const client::ConfigurationSpace& space, std::ostream& out) {
 
 // Where on a path.
 std::string SpokenPlace(const Configuration& configuration, double fraction, int segment) {
-  return absl::StrFormat("%s, %.0f %% on the way from waypoint %d", Spoken(configuration),
-                         100 * fraction, segment);
+  return absl::StrFormat("%s, %.0f %% on the way from waypoint %d",
+                         silhouette::Spoken(configuration), 100 * fraction, segment);
 }
 
 }  // namespace
-
-void PrintResult(const std::string& format, const Json& json, const std::string& text) {
-  std::cout << (format == "json" ? json.dump(2) + "\n" : text) << std::flush;
-}
 
 std::string Spoken(const client::Verdict& verdict) {
   std::string words = NameOf(verdict.state);
@@ -232,147 +250,133 @@ Json JsonOf(const client::PathCheck& check, client::Clearance clearance) {
   return json;
 }
 
-Json JsonOf(const client::RobotVariant& variant) {
-  return {{"variant", JsonOrNull(variant.variant)},
-          {"changing", variant.changing},
-          {"unknown", JsonOrNull(variant.unknown)}};
-}
-
-std::string Table(const std::vector<std::vector<std::string>>& rows) {
-  std::vector<size_t> widths;
-  for (const std::vector<std::string>& row : rows) {
-    widths.resize(std::max(widths.size(), row.size()));
-    for (size_t i = 0; i < row.size(); ++i) widths[i] = std::max(widths[i], row[i].size());
-  }
-  std::string table;
-  for (const std::vector<std::string>& row : rows) {
-    for (size_t i = 0; i < row.size(); ++i) {
-      const std::string padding(widths[i] - row[i].size(), ' ');
-      if (i == 0) {
-        absl::StrAppend(&table, row[i], padding);
-      } else {
-        absl::StrAppend(&table, "  ", padding, row[i]);
-      }
-    }
-    absl::StrAppend(&table, "\n");
-  }
-  return table;
-}
-
-double Percent(uint64_t part, uint64_t whole) {
-  return whole == 0 ? 0 : 100.0 * static_cast<double>(part) / static_cast<double>(whole);
-}
-
 std::string Spoken(absl::Time time) {
   return absl::FormatTime(absl::RFC3339_full, time, absl::UTCTimeZone());
 }
 
-Json JsonOf(const client::VariantChange& change) {
-  Json json = JsonOf(change.robot_variant);
-  json["last_scene_before"] = change.last_scene_before;
+Json JsonOf(const v1::ChangeVariantResponse& change) {
+  Json json = JsonOf(change.robot_variant());
+  json["last_scene_before"] = change.last_scene_before();
   return json;
 }
 
-std::string TextOf(const client::VariantChange& change) {
-  const client::RobotVariant& variant = change.robot_variant;
-  if (!variant.unknown.empty()) return absl::StrCat("not free: ", variant.unknown, "\n");
-  return absl::StrCat("the robot has the variant ", variant.variant, ", in scenes after ",
-                      change.last_scene_before, "\n");
+std::string TextOf(const v1::ChangeVariantResponse& change) {
+  const v1::RobotVariant& variant = change.robot_variant();
+  if (!variant.unknown().empty()) return absl::StrCat("not free: ", variant.unknown(), "\n");
+  return absl::StrCat("the robot has the variant ", variant.variant(), ", in scenes after ",
+                      change.last_scene_before(), "\n");
 }
 
-Json JsonOf(const client::Scene& scene) {
-  Json json{{"scene_id", scene.id},       {"database_generation", scene.database_generation},
-            {"time", Spoken(scene.time)}, {"skew_ms", absl::ToDoubleMilliseconds(scene.skew)},
-            {"variant", scene.variant},   {"joints", Json::object()},
-            {"views", Json::array()},     {"defects", Json::array()}};
-  for (const client::JointPosition& joint : scene.joints) {
-    json["joints"][joint.name] = joint.position;
+Json JsonOf(const v1::Scene& scene) {
+  Json json{{"scene_id", scene.id()},       {"database_generation", scene.database_generation()},
+            {"time", Spoken(scene.time())}, {"skew_ms", Milliseconds(scene.skew())},
+            {"variant", scene.variant()},   {"joints", Json::object()},
+            {"views", Json::array()},       {"defects", Json::array()}};
+  for (const v1::JointPosition& joint : scene.joints()) {
+    json["joints"][joint.name()] = joint.position();
   }
-  for (const client::SceneView& view : scene.views) {
-    json["views"].push_back({{"view", view.view},
-                             {"capture_time", Spoken(view.capture_time)},
-                             {"foreground_pixels", view.foreground_pixels},
-                             {"obstacle_pixels", view.obstacle_pixels},
-                             {"unknown_pixels", view.unknown_pixels},
-                             {"error_pixels", view.error_pixels},
-                             {"core_error_pixels", view.core_error_pixels},
-                             {"margin_pixels", view.margin},
-                             {"ignored_pixels", view.ignored_pixels}});
+  for (const v1::SceneView& view : scene.views()) {
+    json["views"].push_back({{"view", view.view()},
+                             {"capture_time", Spoken(view.capture_time())},
+                             {"foreground_pixels", view.foreground_pixels()},
+                             {"obstacle_pixels", view.obstacle_pixels()},
+                             {"unknown_pixels", view.unknown_pixels()},
+                             {"error_pixels", view.error_pixels()},
+                             {"core_error_pixels", view.core_error_pixels()},
+                             {"margin_pixels", view.margin()},
+                             {"ignored_pixels", view.ignored_pixels()}});
   }
-  for (const client::SceneDefect& defect : scene.defects) {
-    json["defects"].push_back({{"reason", NameOf(defect.reason)}, {"message", defect.message}});
+  for (const v1::SceneDefect& defect : scene.defects()) {
+    json["defects"].push_back(
+        {{"reason", NameOf(client::FromMessage(defect.reason()))}, {"message", defect.message()}});
   }
   return json;
 }
 
-std::string TextOf(const client::Scene& scene) {
-  std::string text = absl::StrFormat(
-      "scene %d of %s, skew %.1f ms, database generation %d\n", scene.id, Spoken(scene.time),
-      absl::ToDoubleMilliseconds(scene.skew), scene.database_generation);
-  if (!scene.variant.empty() && scene.variant != "default") {
-    absl::StrAppend(&text, "variant ", scene.variant, "\n");
+std::string TextOf(const v1::Scene& scene) {
+  std::string text = absl::StrFormat("scene %d of %s, skew %.1f ms, database generation %d\n",
+                                     scene.id(), Spoken(scene.time()), Milliseconds(scene.skew()),
+                                     scene.database_generation());
+  if (!scene.variant().empty() && scene.variant() != "default") {
+    absl::StrAppend(&text, "variant ", scene.variant(), "\n");
   }
-  for (const client::JointPosition& joint : scene.joints) {
-    absl::StrAppendFormat(&text, "%s = %.6g\n", joint.name, joint.position);
+  for (const v1::JointPosition& joint : scene.joints()) {
+    absl::StrAppendFormat(&text, "%s = %.6g\n", joint.name(), joint.position());
   }
-  std::vector<std::vector<std::string>> rows = {
-      {"view", "foreground", "obstacle", "unknown", "error", "core error", "margin", "ignored"}};
-  for (const client::SceneView& view : scene.views) {
-    rows.push_back({view.view, absl::StrCat(view.foreground_pixels),
-                    absl::StrCat(view.obstacle_pixels), absl::StrCat(view.unknown_pixels),
-                    absl::StrCat(view.error_pixels), absl::StrCat(view.core_error_pixels),
-                    absl::StrFormat("%.2f", view.margin), absl::StrCat(view.ignored_pixels)});
+  Table table{.headings = {"view", "foreground", "obstacle", "unknown", "error", "core error",
+                           "margin", "ignored"}};
+  for (const v1::SceneView& view : scene.views()) {
+    table.rows.push_back({view.view(), absl::StrCat(view.foreground_pixels()),
+                          absl::StrCat(view.obstacle_pixels()), absl::StrCat(view.unknown_pixels()),
+                          absl::StrCat(view.error_pixels()), absl::StrCat(view.core_error_pixels()),
+                          absl::StrFormat("%.2f", view.margin()),
+                          absl::StrCat(view.ignored_pixels())});
   }
-  absl::StrAppend(&text, Table(rows));
-  for (const client::SceneDefect& defect : scene.defects) {
-    absl::StrAppend(&text, "not free: ", defect.message, "\n");
+  absl::StrAppend(&text, TextOf(table));
+  for (const v1::SceneDefect& defect : scene.defects()) {
+    absl::StrAppend(&text, "not free: ", defect.message(), "\n");
   }
   return text;
 }
 
-Json JsonOf(const client::Acquisition& acquisition) {
-  Json json{{"serving", acquisition.serving},         {"started", Spoken(acquisition.started)},
-            {"scenes", acquisition.scenes},           {"lost_sets", acquisition.lost_sets},
-            {"fault", JsonOrNull(acquisition.fault)}, {"cameras", Json::array()}};
-  for (const client::AcquiredDevice& camera : acquisition.cameras) {
-    json["cameras"].push_back(JsonOf(camera));
+Json JsonOf(const v1::Acquisition& acquisition) {
+  Json json{
+      {"serving", acquisition.serving()},         {"started", Spoken(acquisition.start_time())},
+      {"scenes", acquisition.scenes()},           {"lost_sets", acquisition.lost_sets()},
+      {"fault", JsonOrNull(acquisition.fault())}, {"cameras", Json::array()}};
+  for (const v1::AcquiredCamera& camera : acquisition.cameras()) {
+    Json entry{{"view", camera.view()}};
+    entry.update(JsonOf(camera, "images"));
+    json["cameras"].push_back(entry);
   }
-  json["robot"] = JsonOf(acquisition.robot);
-  json["robot_variant"] = JsonOf(acquisition.robot_variant);
-  json["to_scene"] = JsonOf(acquisition.to_scene);
-  json["to_map"] = JsonOf(acquisition.to_map);
+  json["robot"] = JsonOf(acquisition.robot(), "samples");
+  json["robot_variant"] = JsonOf(acquisition.robot_variant());
+  json["to_scene"] = JsonOf(acquisition.to_scene());
+  json["to_map"] = JsonOf(acquisition.to_map());
   return json;
 }
 
-std::string TextOf(const client::Acquisition& acquisition) {
-  std::string text = absl::StrCat(
-      acquisition.serving ? "serving" : "not serving", ", since ", Spoken(acquisition.started),
-      ": ", acquisition.scenes, " scenes, ", acquisition.lost_sets, " lost sets of images\n",
-      "from the last pixel to the scene: ", LatencyText(acquisition.to_scene),
-      "\nfrom the last pixel to the map:   ", LatencyText(acquisition.to_map), "\n");
-  std::vector<client::AcquiredDevice> devices = acquisition.cameras;
-  devices.push_back(acquisition.robot);
-  std::vector<std::vector<std::string>> rows = {{"device", "serving", "good", "errors", "age"}};
-  for (const client::AcquiredDevice& device : devices) rows.push_back(RowOf(device));
-  absl::StrAppend(&text, Table(rows));
-  const client::RobotVariant& variant = acquisition.robot_variant;
-  if (!variant.variant.empty())
-    absl::StrAppend(&text, "the robot's variant: ", variant.variant, "\n");
-  if (!variant.unknown.empty()) absl::StrAppend(&text, "not free: ", variant.unknown, "\n");
-  if (!acquisition.fault.empty()) absl::StrAppend(&text, "no scene: ", acquisition.fault, "\n");
-  for (const client::AcquiredDevice& device : devices) {
-    if (!device.fault.empty()) absl::StrAppend(&text, TitleOf(device), ": ", device.fault, "\n");
+std::string TextOf(const v1::Acquisition& acquisition) {
+  std::string text =
+      absl::StrCat(acquisition.serving() ? "serving" : "not serving", ", since ",
+                   Spoken(acquisition.start_time()), ": ", acquisition.scenes(), " scenes, ",
+                   acquisition.lost_sets(), " lost sets of images\n",
+                   "from the last pixel to the scene: ", LatencyText(acquisition.to_scene()),
+                   "\nfrom the last pixel to the map:   ", LatencyText(acquisition.to_map()), "\n");
+  Table table{.headings = {"device", "serving", "good", "errors", "age"}};
+  std::string faults;
+  const auto add = [&](const auto& message) {
+    const Device device = DeviceOf(message);
+    table.rows.push_back(
+        {device.title, device.serving ? "yes" : "no", absl::StrCat(device.good),
+         absl::StrCat(message.errors()),
+         device.age ? absl::StrFormat("%.0f ms", Milliseconds(*device.age)) : "-"});
+    if (!message.fault().empty()) {
+      absl::StrAppend(&faults, device.title, ": ", message.fault(), "\n");
+    }
+  };
+  for (const v1::AcquiredCamera& camera : acquisition.cameras()) add(camera);
+  add(acquisition.robot());
+  absl::StrAppend(&text, TextOf(table));
+  const v1::RobotVariant& variant = acquisition.robot_variant();
+  if (!variant.variant().empty()) {
+    absl::StrAppend(&text, "the robot's variant: ", variant.variant(), "\n");
   }
-  return text;
+  if (!variant.unknown().empty()) absl::StrAppend(&text, "not free: ", variant.unknown(), "\n");
+  if (!acquisition.fault().empty()) {
+    absl::StrAppend(&text, "no scene: ", acquisition.fault(), "\n");
+  }
+  return text + faults;
 }
 
-Json JsonOf(const client::AllowedRegion& region) {
-  Json json{{"name", region.name},
-            {"remaining_s", absl::ToDoubleSeconds(region.remaining)},
-            {"end_time", Spoken(region.end_time)},
+Json JsonOf(const v1::AllowedRegion& region) {
+  Json json{{"name", region.name()},
+            {"remaining_s", absl::ToDoubleSeconds(client::FromMessage(region.remaining()))},
+            {"end_time", Spoken(region.end_time())},
             {"views", Json::array()}};
-  for (const auto& [view, mask] : region.views) {
-    json["views"].push_back({{"view", view}, {"pixels", mask.Count()}});
+  for (const v1::RegionPixels& view : region.views()) {
+    json["views"].push_back(
+        {{"view", view.view()}, {"pixels", client::FromMessage(view.mask()).Count()}});
   }
   return json;
 }
@@ -400,17 +404,16 @@ std::string TextOf(const Configuration& configuration, const client::Explanation
   const std::string text = absl::StrCat(Spoken(configuration), " is ", Spoken(verdict), "\n",
                                         Spoken(explanation.basis), "\n");
   if (verdict.views.empty()) return text;
-  std::vector<std::vector<std::string>> rows = {
-      {"pixels inside the robot", "obstacle", "unknown", "error"}};
+  Table table{.headings = {"pixels inside the robot", "obstacle", "unknown", "error"}};
   for (const client::ViewEvidence& view : verdict.views) {
     if (view.missing) {
-      rows.push_back({absl::StrCat(view.view, " (no image: counts as an obstacle)")});
+      table.rows.push_back({absl::StrCat(view.view, " (no image: counts as an obstacle)")});
     } else {
-      rows.push_back({view.view, absl::StrCat(view.obstacle_pixels),
-                      absl::StrCat(view.unknown_pixels), absl::StrCat(view.error_pixels)});
+      table.rows.push_back({view.view, absl::StrCat(view.obstacle_pixels),
+                            absl::StrCat(view.unknown_pixels), absl::StrCat(view.error_pixels)});
     }
   }
-  return absl::StrCat(text, PlainlySeen(verdict), "\n", Table(rows));
+  return absl::StrCat(text, PlainlySeen(verdict), "\n", TextOf(table));
 }
 
 absl::Status WriteSpace(const client::ConfigurationSpace& space, const std::string& path) {

@@ -7,20 +7,16 @@
 
 #include "absl/status/status.h"
 #include "absl/time/time.h"
-#include "silhouette/acquisition.h"
+#include "common/result/result.h"
 #include "silhouette/answers.h"
 #include "silhouette/client.h"
 #include "silhouette/configuration_space.h"
-#include "silhouette/region.h"
-#include "silhouette/scene.h"
+#include "silhouette/v1/scene_service.pb.h"
 #include "silhouette/verdict.h"
 
 namespace silhouette {
 
 using Json = nlohmann::ordered_json;
-
-// Prints a result, as `format` asks for ("text", "json"): its JSON, indented, or its text.
-void PrintResult(const std::string& format, const Json& json, const std::string& text);
 
 // "free", "occupied", "unknown: no scene has been published yet: publish one"; with a word on
 // obstacles that may hide, and the clearance if it is free and has one.
@@ -42,20 +38,18 @@ Json JsonOf(const client::Basis& basis);
 // The basis, the verdict, "checked", and where it is not free, or narrowest.
 Json JsonOf(const client::PathCheck& check, client::Clearance clearance);
 
-// {"variant", "changing", "unknown"}; null where the variant, or why it is unknown, is empty.
-Json JsonOf(const client::RobotVariant& variant);
+// {"variant", "changing", "unknown", "last_scene_before"}; null where the variant, or why it is
+// unknown, is empty.
+Json JsonOf(const v1::ChangeVariantResponse& change);
+std::string TextOf(const v1::ChangeVariantResponse& change);
 
-// The same with "last_scene_before".
-Json JsonOf(const client::VariantChange& change);
-std::string TextOf(const client::VariantChange& change);
+Json JsonOf(const v1::Scene& scene);
+std::string TextOf(const v1::Scene& scene);
 
-Json JsonOf(const client::Scene& scene);
-std::string TextOf(const client::Scene& scene);
+Json JsonOf(const v1::Acquisition& acquisition);
+std::string TextOf(const v1::Acquisition& acquisition);
 
-Json JsonOf(const client::Acquisition& acquisition);
-std::string TextOf(const client::Acquisition& acquisition);
-
-Json JsonOf(const client::AllowedRegion& region);
+Json JsonOf(const v1::AllowedRegion& region);
 
 // The answer to `silhouette path`.
 std::string TextOf(const client::PathCheck& check);
@@ -70,12 +64,6 @@ absl::Status WriteSpace(const client::ConfigurationSpace& space, const std::stri
 
 // "0.5,-0.52": radians, with as many digits as people read.
 std::string Spoken(const Configuration& configuration);
-
-// A table of text: the first column to the left, the others to the right.
-std::string Table(const std::vector<std::vector<std::string>>& rows);
-
-// 100 * part / whole; 0 of nothing.
-double Percent(uint64_t part, uint64_t whole);
 
 // RFC 3339 in UTC.
 std::string Spoken(absl::Time time);

@@ -14,6 +14,7 @@
 #include "common/picture/palette.h"
 #include "common/picture/sheet.h"
 #include "db/status/status_macros.h"
+#include "silhouette/messages.h"
 
 namespace silhouette {
 namespace {
@@ -43,23 +44,25 @@ Picture Stretched(const Picture& picture, int height, int interpolation) {
 }
 
 // The rows of one view, top to bottom.
-struct Column {
+struct ViewColumn {
   std::string view;
   Picture camera;  // empty: there is none
   Picture scene;
   Picture obstacle;
 };
 
-absl::StatusOr<Column> ColumnOf(const client::SceneView& view,
-                                const std::map<std::string, std::string>& cameras) {
-  if (!view.planes) {
-    return absl::InternalError(absl::StrCat("the server sent no planes of view '", view.view, "'"));
+absl::StatusOr<ViewColumn> ColumnOf(const v1::SceneView& view,
+                                    const std::map<std::string, std::string>& cameras) {
+  if (!view.has_obstacle()) {
+    return absl::InternalError(
+        absl::StrCat("the server sent no planes of view '", view.view(), "'"));
   }
-  const client::ScenePlanes& planes = *view.planes;
-  Column column{.view = view.view, .camera = {}, .scene = {}, .obstacle = {}};
+  const Mask scene = client::FromMessage(view.scene());
+  const Mask unknown = client::FromMessage(view.unknown());
+  ViewColumn column{.view = view.view(), .camera = {}, .scene = {}, .obstacle = {}};
   // Masks are stretched to the shape of the camera image, so that places correspond.
-  double shape = static_cast<double>(planes.scene.height()) / planes.scene.width();
-  const auto file = cameras.find(view.view);
+  double shape = static_cast<double>(scene.height()) / scene.width();
+  const auto file = cameras.find(view.view());
   if (file != cameras.end()) {
     ASSIGN_OR_RETURN(const auto camera, ReadCameraImage(file->second));
     shape = static_cast<double>(camera.rows) / camera.cols;
@@ -67,10 +70,14 @@ absl::StatusOr<Column> ColumnOf(const client::SceneView& view,
   }
   const int height = std::max(1, static_cast<int>(kColumnWidth * shape));
   if (!column.camera.empty()) column.camera = Stretched(column.camera, height, cv::INTER_AREA);
-  column.scene = Stretched(PictureOf(planes.scene), height, cv::INTER_NEAREST);
-  Picture obstacle = PictureOfPlanes(planes.obstacle, planes.unknown, planes.error);
-  if (planes.ignored.size() == planes.unknown.size()) {
-    obstacle = WithVeil(obstacle, planes.ignored & planes.unknown, palette::kIgnored, 1);
+  column.scene = Stretched(PictureOf(scene), height, cv::INTER_NEAREST);
+  Picture obstacle = PictureOfPlanes(client::FromMessage(view.obstacle()), unknown,
+                                     client::FromMessage(view.error()));
+  if (view.has_ignored()) {
+    const Mask ignored = client::FromMessage(view.ignored());
+    if (ignored.size() == unknown.size()) {
+      obstacle = WithVeil(obstacle, ignored & unknown, palette::kIgnored, 1);
+    }
   }
   column.obstacle = Stretched(obstacle, height, cv::INTER_NEAREST);
   return column;
@@ -198,32 +205,32 @@ uint8_t ClassOf(client::State state) {
 
 }  // namespace
 
-absl::StatusOr<Picture> PictureOfScene(const client::Scene& scene,
+absl::StatusOr<Picture> PictureOfScene(const v1::Scene& scene,
                                        const std::map<std::string, std::string>& cameras) {
   std::vector<CaptionedPicture> camera_row;
   std::vector<CaptionedPicture> scene_row;
   std::vector<CaptionedPicture> obstacle_row;
-  for (const client::SceneView& view : scene.views) {
-    ASSIGN_OR_RETURN(const Column column, ColumnOf(view, cameras));
-    camera_row.push_back({column.camera, view.view + ": camera image"});
-    scene_row.push_back({column.scene, view.view + ": scene image"});
-    obstacle_row.push_back({column.obstacle, view.view + ": obstacle image"});
+  for (const v1::SceneView& view : scene.views()) {
+    ASSIGN_OR_RETURN(const ViewColumn column, ColumnOf(view, cameras));
+    camera_row.push_back({column.camera, view.view() + ": camera image"});
+    scene_row.push_back({column.scene, view.view() + ": scene image"});
+    obstacle_row.push_back({column.obstacle, view.view() + ": obstacle image"});
   }
-  if (scene.views.empty()) return absl::InvalidArgumentError("the scene has no views to draw");
+  if (scene.views().empty()) return absl::InvalidArgumentError("the scene has no views to draw");
   std::vector<CaptionedPicture> pictures;
   if (!cameras.empty()) pictures = camera_row;
   pictures.insert(pictures.end(), scene_row.begin(), scene_row.end());
   pictures.insert(pictures.end(), obstacle_row.begin(), obstacle_row.end());
-  SheetOptions options{.title = absl::StrCat("Scene ", scene.id),
-                       .columns = static_cast<int>(scene.views.size()),
+  SheetOptions options{.title = absl::StrCat("Scene ", scene.id()),
+                       .columns = scene.views_size(),
                        .legend = {{palette::kInk, "foreground"},
                                   {palette::kBackground, "background"},
                                   {palette::kObstacle, "obstacle"},
                                   {palette::kUnknown, "unknown (robot)"},
                                   {palette::kError, "error"}}};
   const bool ignores =
-      std::any_of(scene.views.begin(), scene.views.end(),
-                  [](const client::SceneView& view) { return view.ignored_pixels > 0; });
+      std::any_of(scene.views().begin(), scene.views().end(),
+                  [](const v1::SceneView& view) { return view.ignored_pixels() > 0; });
   if (ignores) options.legend.push_back({palette::kIgnored, "ignored (unknown)"});
   return ContactSheet(pictures, options);
 }

@@ -11,13 +11,13 @@
 #include "common/picture/picture.h"
 #include "silhouette/answers.h"
 #include "silhouette/configuration_space.h"
-#include "silhouette/scene.h"
+#include "silhouette/v1/scene_service.pb.h"
 
 namespace silhouette {
 
 // Figure 9: a column per view with its camera image (as far as there is one), scene image and
 // obstacle image. The scene comes with its planes. `cameras`: view -> file of the camera image.
-absl::StatusOr<Picture> PictureOfScene(const client::Scene& scene,
+absl::StatusOr<Picture> PictureOfScene(const v1::Scene& scene,
                                        const std::map<std::string, std::string>& cameras);
 
 // Writes the images of an explanation into a folder: a file per view and image, and

@@ -89,8 +89,8 @@ TEST(ImagesFolder, IsReadWithTimeJointsAndViews) {
   ASSERT_TRUE(images.ok()) << images.status();
   EXPECT_EQ(images->time, absl::FromUnixMillis(1769860800500));
   ASSERT_EQ(images->joints.size(), 2u);
-  EXPECT_EQ(images->joints[0].name, "b");
-  EXPECT_EQ(images->joints[1].position, -1);
+  EXPECT_EQ(images->joints[0].first, "b");
+  EXPECT_EQ(images->joints[1].second, -1);
   ASSERT_EQ(images->images.size(), 2u);
   EXPECT_EQ(images->images[1].path, (shell.folder() / "sub/left.png").string());
 }
@@ -263,7 +263,10 @@ TEST(Output, SaysWhyAVerdictIsUnknownAndWhereAnObstacleMayHide) {
 }
 
 TEST(Output, TableAlignsItsColumns) {
-  EXPECT_EQ(Table({{"view", "a"}, {"x", "100"}}), "view    a\nx     100\n");
+  EXPECT_EQ(TextOf(Table{.headings = {"view", "a"}, .rows = {{"x", "100"}}}),
+            "view    a\nx     100\n");
+  EXPECT_EQ(TextOf(Table{.headings = {}, .rows = {{"view", "a"}, {"x", "100"}}}),
+            "view    a\nx     100\n");
 }
 
 }  // namespace
