@@ -27,24 +27,6 @@ Eigen::Quaterniond ReadRotation(const YamlNode& node) {
   return RotationOf({angles[0].AsAngle(), angles[1].AsAngle(), angles[2].AsAngle()});
 }
 
-double ReadPositive(const YamlNode& node) {
-  const double value = node.As<double>();
-  if (!(value > 0)) node.Fail("a number greater than 0 is expected");
-  return value;
-}
-
-double ReadNotNegative(const YamlNode& node) {
-  const double value = node.As<double>();
-  if (!(value >= 0)) node.Fail("a number not below 0 is expected");
-  return value;
-}
-
-double ReadShare(const YamlNode& node) {
-  const double value = node.As<double>();
-  if (!(value >= 0 && value <= 1)) node.Fail("a number from 0 to 1 is expected");
-  return value;
-}
-
 Eigen::Vector3d ReadColour(const YamlNode& node) {
   const Eigen::Vector3d colour = ReadVector(node);
   if (!(colour.minCoeff() >= 0 && colour.maxCoeff() <= 1)) {

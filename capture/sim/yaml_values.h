@@ -19,15 +19,6 @@ Eigen::Vector3d RollPitchYawOf(const Eigen::Matrix3d& rotation);
 // [roll, pitch, yaw], as RotationOf.
 Eigen::Quaterniond ReadRotation(const YamlNode& node);
 
-// A number greater than 0.
-double ReadPositive(const YamlNode& node);
-
-// A number not below 0.
-double ReadNotNegative(const YamlNode& node);
-
-// A number from 0 to 1.
-double ReadShare(const YamlNode& node);
-
 // [red, green, blue], each from 0 to 1.
 Eigen::Vector3d ReadColour(const YamlNode& node);
 // The same, as multiples of its luminance; a colour that is not black.

@@ -127,6 +127,40 @@ double YamlNode::AsSeconds() const {
                 "a time is expected: seconds, or e.g. '250 ms'");
 }
 
+absl::Duration YamlNode::AsPositiveTime() const {
+  const double seconds = AsSeconds();
+  if (!(seconds > 0)) Fail("a time greater than 0 is expected");
+  return absl::Seconds(seconds);
+}
+
+double YamlNode::AsPositive() const {
+  const double value = As<double>();
+  if (!(value > 0)) Fail("a number greater than 0 is expected");
+  return value;
+}
+
+double YamlNode::AsNotNegative() const {
+  const double value = As<double>();
+  if (!(value >= 0)) Fail("a number not below 0 is expected");
+  return value;
+}
+
+double YamlNode::AsShare() const {
+  const double value = As<double>();
+  if (!(value >= 0 && value <= 1)) Fail("a number from 0 to 1 is expected");
+  return value;
+}
+
+size_t YamlNode::AsWordOf(const std::vector<std::string>& words) const {
+  const auto found = std::ranges::find(words, As<std::string>());
+  if (found != words.end()) return static_cast<size_t>(found - words.begin());
+  std::string expected;
+  for (size_t i = 0; i < words.size(); ++i) {
+    expected += (i == 0 ? "'" : i + 1 == words.size() ? " or '" : ", '") + words[i] + "'";
+  }
+  Fail(expected + " is expected");
+}
+
 uint64_t YamlNode::AsBytes() const {
   return static_cast<uint64_t>(InUnit({{"B", 1},
                                        {"kB", 1e3},

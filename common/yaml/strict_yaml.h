@@ -5,12 +5,15 @@
 
 #include <yaml-cpp/yaml.h>
 #include <cstdint>
+#include <functional>
 #include <map>
 #include <optional>
 #include <set>
 #include <stdexcept>
 #include <string>
 #include <vector>
+
+#include "absl/time/time.h"
 
 namespace silhouette {
 
@@ -50,6 +53,17 @@ class YamlNode {
 
   // A time span: "250 ms", "2 s", "1.5 min"; a number without a unit is seconds.
   double AsSeconds() const;
+  absl::Duration AsTime() const { return absl::Seconds(AsSeconds()); }
+  // The same, greater than 0.
+  absl::Duration AsPositiveTime() const;
+
+  // A number greater than 0, not below 0, or from 0 to 1.
+  double AsPositive() const;
+  double AsNotNegative() const;
+  double AsShare() const;
+
+  // The place of the scalar among `words`, of which there are two or more.
+  size_t AsWordOf(const std::vector<std::string>& words) const;
 
   // A number of bytes, not negative: "8 GB", "500 MB", "2 GiB"; a number without a unit is bytes.
   uint64_t AsBytes() const;
@@ -100,6 +114,13 @@ class YamlMap {
   T Get(const std::string& key, T default_value) {
     const std::optional<YamlNode> node = Optional(key);
     return node ? node->As<T>() : default_value;
+  }
+
+  // Sets `value` to what `read`, a function or a member of YamlNode, makes of the key's value;
+  // leaves it if the key is not there.
+  template <typename T, typename Reader>
+  void Read(const std::string& key, T& value, const Reader& read) {
+    if (const std::optional<YamlNode> node = Optional(key)) value = std::invoke(read, *node);
   }
 
   // All keys of a map whose keys are names of the user's, e.g. joints.

@@ -62,7 +62,7 @@ struct ServerSettings {
   absl::Duration calibration_check_max_age = absl::InfiniteDuration();
   // How images are taken, where the server takes them itself.
   LiveSettings live;
-  std::string metrics;  // address:port where metrics are told; empty: nowhere
+  std::string metrics;  // address:port where metrics are served; empty: nowhere
 };
 
 // Paths are absolute, or relative to the working directory; those in the file are relative to it.

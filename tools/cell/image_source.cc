@@ -1,6 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
 // The key `source` of a view in cell.yaml: where its images come from.
-#include <cmath>
 #include <utility>
 
 #include "capture/devices/camera_settings.h"
@@ -13,15 +12,11 @@ constexpr char kKinds[] =
     "'sim', or what it is with its settings: gige, usb3, v4l2, rtsp, video, folder or grpc, as in "
     "{gige: {serial: \"12345\"}}";
 
-absl::Duration ReadTime(YamlMap& map, const std::string& key, absl::Duration default_value) {
-  const auto node = map.Optional(key);
-  return node ? absl::Seconds(node->AsSeconds()) : default_value;
-}
-
-absl::Duration ReadTimeout(YamlMap& map, absl::Duration default_value) {
-  const absl::Duration timeout = ReadTime(map, "timeout", default_value);
+// Above 0, at most 10 minutes.
+absl::Duration Timeout(const YamlNode& node) {
+  const absl::Duration timeout = node.AsTime();
   if (timeout <= absl::ZeroDuration() || timeout > absl::Minutes(10)) {
-    map.Required("timeout").Fail("a time above 0, of at most 10 minutes, is expected");
+    node.Fail("a time above 0, of at most 10 minutes, is expected");
   }
   return timeout;
 }
@@ -29,8 +24,8 @@ absl::Duration ReadTimeout(YamlMap& map, absl::Duration default_value) {
 // Of a source whose images are not there yet when they are asked for.
 template <typename Source>
 void ReadTimes(YamlMap& map, Source& source) {
-  source.latency = ReadTime(map, "latency", source.latency);
-  source.timeout = ReadTimeout(map, source.timeout);
+  map.Read("latency", source.latency, &YamlNode::AsTime);
+  map.Read("timeout", source.timeout, Timeout);
   if (source.latency >= source.timeout) {
     map.node().Fail("its 'timeout' must be longer than its 'latency'");
   }
@@ -38,14 +33,8 @@ void ReadTimes(YamlMap& map, Source& source) {
 
 template <typename Source>
 void ReadExposure(YamlMap& map, Source& source) {
-  if (const auto exposure = map.Optional("exposure")) {
-    source.exposure = absl::Seconds(exposure->AsSeconds());
-    if (*source.exposure <= absl::ZeroDuration()) exposure->Fail("a time above 0 is expected");
-  }
-  if (const auto gain = map.Optional("gain")) {
-    source.gain = gain->As<double>();
-    if (!std::isfinite(*source.gain)) gain->Fail("a number is expected");
-  }
+  map.Read("exposure", source.exposure, &YamlNode::AsPositiveTime);
+  map.Read("gain", source.gain, &YamlNode::As<double>);
 }
 
 std::string NotEmpty(const YamlNode& node) {
@@ -71,9 +60,9 @@ GenicamSource ReadGenicam(const YamlNode& node, GenicamSource::Bus bus) {
   GenicamSource source;
   source.bus = bus;
   const bool gige = bus == GenicamSource::Bus::kGigE;
-  if (const auto serial = map.Optional("serial")) source.serial = NotEmpty(*serial);
+  map.Read("serial", source.serial, NotEmpty);
   if (gige) {
-    if (const auto address = map.Optional("address")) source.address = NotEmpty(*address);
+    map.Read("address", source.address, NotEmpty);
     if (const auto size = map.Optional("packet_size")) {
       source.packet_size = size->As<int>();
       if (*source.packet_size < 576 || *source.packet_size > 16384) {
@@ -81,20 +70,16 @@ GenicamSource ReadGenicam(const YamlNode& node, GenicamSource::Bus bus) {
       }
     }
   }
-  const auto trigger = map.Optional("trigger");
-  const std::string word = trigger ? trigger->As<std::string>() : "software";
-  if (word == "hardware") {
-    source.trigger = CameraTrigger::kHardware;
-    if (const auto line = map.Optional("line")) source.line = NotEmpty(*line);
-  } else if (word == "free") {
-    source.trigger = CameraTrigger::kFree;
-  } else if (word != "software") {
-    trigger->Fail("'software', 'hardware' or 'free' is expected");
-  }
+  map.Read("trigger", source.trigger, [](const YamlNode& trigger) {
+    constexpr CameraTrigger kTriggers[] = {CameraTrigger::kSoftware, CameraTrigger::kHardware,
+                                           CameraTrigger::kFree};
+    return kTriggers[trigger.AsWordOf({"software", "hardware", "free"})];
+  });
+  if (source.trigger == CameraTrigger::kHardware) map.Read("line", source.line, NotEmpty);
   ReadExposure(map, source);
   source.colour = map.Get<bool>("colour", source.colour);
   if (source.trigger == CameraTrigger::kSoftware) {
-    source.timeout = ReadTimeout(map, source.timeout);
+    map.Read("timeout", source.timeout, Timeout);
   } else {
     ReadTimes(map, source);
   }
@@ -144,8 +129,8 @@ GrpcSource ImageSourceReadGrpc(const YamlNode& node, const std::string& view) {
   GrpcSource source;
   source.camera = view;
   source.address = ReadMain(node, "address", [&](YamlMap& map) {
-    if (const auto camera = map.Optional("camera")) source.camera = NotEmpty(*camera);
-    source.timeout = ReadTimeout(map, source.timeout);
+    map.Read("camera", source.camera, NotEmpty);
+    map.Read("timeout", source.timeout, Timeout);
   });
   return source;
 }

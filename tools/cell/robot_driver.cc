@@ -1,9 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "tools/cell/robot_driver.h"
-
+// The key `driver` in the section `robot` of cell.yaml: who moves the robot.
 #include <set>
 #include <string>
 #include <vector>
+
+#include "tools/cell/sections.h"
 
 namespace silhouette {
 namespace {
@@ -14,27 +15,10 @@ constexpr char kSimpleMessage[] = "simple_message";
 constexpr char kGrpc[] = "grpc";
 constexpr char kManual[] = "manual";
 
-// Whether the word is the first of the two that it may be.
-bool IsFirst(const YamlNode& node, const std::string& first, const std::string& second) {
-  const std::string word = node.As<std::string>();
-  if (word != first && word != second) node.Fail("'" + first + "' or '" + second + "' is expected");
-  return word == first;
-}
-
-int Port(YamlMap& map, const std::string& key, int default_value) {
-  const auto node = map.Optional(key);
-  if (!node) return default_value;
-  const int port = node->As<int>();
-  if (port < 1 || port > 65535) node->Fail("a port of 1 to 65535 is expected");
+int Port(const YamlNode& node) {
+  const int port = node.As<int>();
+  if (port < 1 || port > 65535) node.Fail("a port of 1 to 65535 is expected");
   return port;
-}
-
-absl::Duration Timeout(YamlMap& map, absl::Duration default_value) {
-  const auto node = map.Optional("timeout");
-  if (!node) return default_value;
-  const double seconds = node->AsSeconds();
-  if (!(seconds > 0)) node->Fail("a time greater than 0 is expected");
-  return absl::Seconds(seconds);
 }
 
 std::vector<std::string> Joints(const YamlNode& node) {
@@ -53,29 +37,28 @@ SimpleMessageSettings ReadSimpleMessage(const YamlNode& node) {
   YamlMap map(node);
   SimpleMessageSettings settings;
   settings.host = map.Get<std::string>("host");
-  settings.motion_port = Port(map, "motion_port", settings.motion_port);
-  settings.state_port = Port(map, "state_port", settings.state_port);
-  if (IsFirst(map.Required("byte_order"), "big", "little")) {
+  map.Read("motion_port", settings.motion_port, Port);
+  map.Read("state_port", settings.state_port, Port);
+  if (map.Required("byte_order").AsWordOf({"big", "little"}) == 0) {
     settings.byte_order = simple_message::ByteOrder::kBig;
   }
   settings.joints = Joints(map.Required("joints"));
-  if (const auto trajectory = map.Optional("trajectory")) {
-    if (IsFirst(*trajectory, "download", "streaming")) {
-      settings.trajectory = SimpleMessageSettings::Trajectory::kDownload;
-    }
-  }
-  if (const auto message = map.Optional("message")) {
-    if (IsFirst(*message, "full", "simple")) {
-      settings.point = SimpleMessageSettings::PointMessage::kFull;
-    }
-  }
+  map.Read("trajectory", settings.trajectory, [](const YamlNode& trajectory) {
+    return trajectory.AsWordOf({"download", "streaming"}) == 0
+               ? SimpleMessageSettings::Trajectory::kDownload
+               : SimpleMessageSettings::Trajectory::kStreaming;
+  });
+  map.Read("message", settings.point, [](const YamlNode& message) {
+    return message.AsWordOf({"full", "simple"}) == 0 ? SimpleMessageSettings::PointMessage::kFull
+                                                     : SimpleMessageSettings::PointMessage::kSimple;
+  });
   if (const auto velocity = map.Optional("velocity")) {
     settings.velocity = velocity->As<double>();
     if (!(settings.velocity > 0 && settings.velocity <= 1)) {
       velocity->Fail("a share above 0 and up to 1 is expected");
     }
   }
-  settings.timeout = Timeout(map, settings.timeout);
+  map.Read("timeout", settings.timeout, &YamlNode::AsPositiveTime);
   map.Finish();
   return settings;
 }
@@ -84,7 +67,7 @@ GrpcRobotSettings RobotDriverReadGrpc(const YamlNode& node) {
   YamlMap map(node);
   GrpcRobotSettings settings;
   settings.address = map.Get<std::string>("address");
-  settings.timeout = Timeout(map, settings.timeout);
+  map.Read("timeout", settings.timeout, &YamlNode::AsPositiveTime);
   map.Finish();
   return settings;
 }
@@ -93,7 +76,7 @@ ManualRobotSettings ReadManual(const YamlNode& node) {
   YamlMap map(node);
   ManualRobotSettings settings;
   const auto joints = map.Optional("joints");
-  if (joints) settings.typed = IsFirst(*joints, "typed", "confirmed");
+  if (joints) settings.typed = joints->AsWordOf({"typed", "confirmed"}) == 0;
   const auto read = map.Optional("read");
   map.Finish();
   if (!read) return settings;

@@ -8,19 +8,10 @@
 namespace silhouette {
 namespace {
 
-double Positive(const YamlNode& node, double value) {
-  if (!(value > 0)) node.Fail("a number greater than 0 is expected");
-  return value;
-}
-
-double NotNegative(const YamlNode& node, double value) {
-  if (!(value >= 0)) node.Fail("a number not below 0 is expected");
-  return value;
-}
-
-absl::Duration Time(YamlMap& map, const std::string& key, absl::Duration default_value) {
-  const auto node = map.Optional(key);
-  return node ? absl::Seconds(node->AsSeconds()) : default_value;
+double PositiveAngle(const YamlNode& node) {
+  const double angle = node.AsAngle();
+  if (!(angle > 0)) node.Fail("a number greater than 0 is expected");
+  return angle;
 }
 
 int AtLeast(YamlMap& map, const std::string& key, int default_value, int least) {
@@ -31,7 +22,6 @@ int AtLeast(YamlMap& map, const std::string& key, int default_value, int least) 
   return value;
 }
 
-// Permissions as chmod has them.
 ForbiddenRegion ReadForbiddenRegion(const YamlNode& node, const ConfigurationGrid& grid) {
   YamlMap map(node);
   ForbiddenRegion region;
@@ -62,60 +52,38 @@ Preset ReadPreset(const YamlNode& node) {
   node.Fail("the presets are " + ListOfWords(names));
 }
 
-// Whether the word is the first of the two that it may be.
-bool OneOf(const YamlNode& node, const std::string& first, const std::string& second) {
-  const std::string word = node.As<std::string>();
-  if (word != first && word != second) {
-    node.Fail("'" + first + "' or '" + second + "' is expected");
-  }
-  return word == first;
-}
-
 // `live`: what the keys that are not stated are.
 LiveSettings ReadLive(const YamlNode& node, LiveSettings live) {
   YamlMap map(node);
   live.variant = map.Get<std::string>("variant", live.variant);
-  live.interval = Time(map, "interval", live.interval);
-  const auto positive_time = [&](const std::string& key, absl::Duration& time) {
-    const auto value = map.Optional(key);
-    if (value) time = absl::Seconds(Positive(*value, value->AsSeconds()));
-  };
-  positive_time("joints_interval", live.joints_interval);
-  positive_time("joints_gap", live.joints_gap);
-  positive_time("reopen_after", live.reopen_after);
+  map.Read("interval", live.interval, &YamlNode::AsTime);
+  map.Read("joints_interval", live.joints_interval, &YamlNode::AsPositiveTime);
+  map.Read("joints_gap", live.joints_gap, &YamlNode::AsPositiveTime);
+  map.Read("reopen_after", live.reopen_after, &YamlNode::AsPositiveTime);
   map.Finish();
   return live;
 }
 
 RawImages ReadRawImages(const YamlNode& node) {
-  const std::string word = node.As<std::string>();
-  if (word == "none") return RawImages::kNone;
-  if (word == "sentinels") return RawImages::kSentinels;
-  if (word != "all") node.Fail("'none', 'sentinels' or 'all' is expected");
-  return RawImages::kAll;
+  constexpr RawImages kChoices[] = {RawImages::kNone, RawImages::kSentinels, RawImages::kAll};
+  return kChoices[node.AsWordOf({"none", "sentinels", "all"})];
 }
 
 // "1 px"
 double ReadPixels(const YamlNode& node) {
-  const std::string text = node.As<std::string>();
-  size_t end = 0;
-  double pixels = 0;
-  try {
-    pixels = std::stod(text, &end);
-  } catch (const std::exception&) {
+  const LengthText length = ReadLength(node);
+  if (!(length.number > 0) || length.unit != "px") {
     node.Fail("a number of pixels is expected, as in '1 px'");
   }
-  const std::string unit = text.substr(std::min(text.find_first_not_of(' ', end), text.size()));
-  if (unit != "px") node.Fail("a number of pixels is expected, as in '1 px'");
-  return Positive(node, pixels);
+  return length.number;
 }
 
 SentinelSettings ReadSentinels(const YamlNode& node) {
   YamlMap map(node);
   SentinelSettings sentinels;
   sentinels.count = AtLeast(map, "count", sentinels.count, 0);
-  sentinels.every = Time(map, "every", sentinels.every);
-  if (const auto shift = map.Optional("most_shift")) sentinels.most_shift = ReadPixels(*shift);
+  map.Read("every", sentinels.every, &YamlNode::AsTime);
+  map.Read("most_shift", sentinels.most_shift, ReadPixels);
   map.Finish();
   return sentinels;
 }
@@ -138,38 +106,28 @@ Workspace ReadWorkspace(const YamlNode& node) {
 CaptureSettings ReadCapture(const YamlNode& node, const ConfigurationGrid& grid) {
   YamlMap map(node);
   CaptureSettings capture;
-  capture.settle = Time(map, "settle", capture.settle);
-  capture.settle_timeout = Time(map, "settle_timeout", capture.settle_timeout);
+  map.Read("settle", capture.settle, &YamlNode::AsTime);
+  map.Read("settle_timeout", capture.settle_timeout, &YamlNode::AsTime);
   capture.still_images = AtLeast(map, "still_images", capture.still_images, 1);
-  capture.commit_interval = Time(map, "commit_interval", capture.commit_interval);
+  map.Read("commit_interval", capture.commit_interval, &YamlNode::AsTime);
   if (capture.commit_interval > absl::Seconds(2)) {
     map.Required("commit_interval").Fail("at most 2 s, so that little work is at risk");
   }
-  if (const auto tolerance = map.Optional("joint_tolerance")) {
-    capture.joint_tolerance = Positive(*tolerance, tolerance->AsAngle());
-  }
-  if (const auto speed = map.Optional("joint_speed")) {
-    capture.joint_speed = Positive(*speed, speed->AsAngle());
-  }
-  if (const auto timeout = map.Optional("arrival_timeout")) {
-    capture.arrival_timeout = absl::Seconds(Positive(*timeout, timeout->AsSeconds()));
-  }
+  map.Read("joint_tolerance", capture.joint_tolerance, PositiveAngle);
+  map.Read("joint_speed", capture.joint_speed, PositiveAngle);
+  map.Read("arrival_timeout", capture.arrival_timeout, &YamlNode::AsPositiveTime);
   capture.reference_images = AtLeast(map, "reference_images", capture.reference_images, 2);
   if (const auto regions = map.Optional("forbidden_regions")) {
     for (const YamlNode& region : regions->Items()) {
       capture.forbidden_regions.push_back(ReadForbiddenRegion(region, grid));
     }
   }
-  if (const auto raw_images = map.Optional("raw_images")) {
-    capture.raw_images = ReadRawImages(*raw_images);
-  }
-  if (const auto sentinels = map.Optional("sentinels")) {
-    capture.sentinels = ReadSentinels(*sentinels);
-  }
-  capture.retry = Time(map, "retry", capture.retry);
+  map.Read("raw_images", capture.raw_images, ReadRawImages);
+  map.Read("sentinels", capture.sentinels, ReadSentinels);
+  map.Read("retry", capture.retry, &YamlNode::AsTime);
   capture.continue_after_reconnect =
       map.Get<bool>("continue_after_reconnect", capture.continue_after_reconnect);
-  if (const auto keep_free = map.Optional("keep_free")) capture.keep_free = keep_free->AsBytes();
+  map.Read("keep_free", capture.keep_free, &YamlNode::AsBytes);
   map.Finish();
   return capture;
 }
@@ -177,14 +135,10 @@ CaptureSettings ReadCapture(const YamlNode& node, const ConfigurationGrid& grid)
 SegmentationSettings ReadSegmentation(const YamlNode& node, const SegmentationSettings& usual) {
   YamlMap map(node);
   SegmentationSettings settings = usual;
-  const auto number = [&](const std::string& key, double default_value) {
-    const auto value = map.Optional(key);
-    return value ? NotNegative(*value, value->As<double>()) : default_value;
-  };
-  settings.noise_factor = number("noise_factor", settings.noise_factor);
-  settings.min_difference = number("min_difference", settings.min_difference);
-  settings.faint_difference = number("faint_difference", settings.faint_difference);
-  settings.texture_difference = number("texture_difference", settings.texture_difference);
+  map.Read("noise_factor", settings.noise_factor, &YamlNode::AsNotNegative);
+  map.Read("min_difference", settings.min_difference, &YamlNode::AsNotNegative);
+  map.Read("faint_difference", settings.faint_difference, &YamlNode::AsNotNegative);
+  map.Read("texture_difference", settings.texture_difference, &YamlNode::AsNotNegative);
   settings.faint_side = AtLeast(map, "faint_side", settings.faint_side, 3);
   if (settings.faint_side > SegmentationSettings::kMostFaintSide || settings.faint_side % 2 == 0) {
     map.Required("faint_side").Fail("an odd number from 3 to 15 is expected");
@@ -192,15 +146,12 @@ SegmentationSettings ReadSegmentation(const YamlNode& node, const SegmentationSe
   settings.follow_brightness = map.Get<bool>("follow_brightness", settings.follow_brightness);
   settings.clean_up_radius = AtLeast(map, "clean_up_radius", settings.clean_up_radius, 0);
   settings.min_blob_pixels = AtLeast(map, "min_blob_pixels", settings.min_blob_pixels, 0);
-  settings.min_cover = number("min_cover", settings.min_cover);
+  map.Read("min_cover", settings.min_cover, &YamlNode::AsNotNegative);
   if (settings.min_cover >= 1) map.Required("min_cover").Fail("a share below 1 is expected");
-  if (const auto shadows = map.Optional("shadows")) {
-    const auto value = shadows->As<std::string>();
-    if (value != "foreground" && value != "ignore") {
-      shadows->Fail("'foreground' or 'ignore' is expected");
-    }
-    settings.shadows = value == "ignore" ? Shadows::kIgnore : Shadows::kForeground;
-  }
+  map.Read("shadows", settings.shadows, [](const YamlNode& shadows) {
+    return shadows.AsWordOf({"foreground", "ignore"}) == 0 ? Shadows::kForeground
+                                                           : Shadows::kIgnore;
+  });
   map.Finish();
   return settings;
 }
@@ -210,11 +161,11 @@ PolicySettings ReadPolicy(const YamlNode& node, int views) {
   Policy policy;
   const auto preset = map.Optional("preset");
   if (preset) policy.preset = ReadPreset(*preset);
-  if (const auto min_views = map.Optional("min_views")) policy.min_views = min_views->As<int>();
+  map.Read("min_views", policy.min_views, &YamlNode::As<int>);
   policy.max_occluded_views = map.Get<int>("max_occluded_views", policy.max_occluded_views);
-  if (const auto off_grid = map.Optional("off_grid")) {
-    policy.off_grid = OneOf(*off_grid, "cell", "nearest") ? OffGrid::kCell : OffGrid::kNearest;
-  }
+  map.Read("off_grid", policy.off_grid, [](const YamlNode& off_grid) {
+    return off_grid.AsWordOf({"cell", "nearest"}) == 0 ? OffGrid::kCell : OffGrid::kNearest;
+  });
   map.Finish();
   try {
     MinViews(policy, views);
@@ -227,9 +178,7 @@ PolicySettings ReadPolicy(const YamlNode& node, int views) {
 CalibrationSettings ReadCalibration(const YamlNode& node) {
   YamlMap map(node);
   CalibrationSettings settings;
-  if (const auto margin = map.Optional("margin")) {
-    settings.margin = NotNegative(*margin, margin->As<double>());
-  }
+  map.Read("margin", settings.margin, &YamlNode::AsNotNegative);
   map.Finish();
   return settings;
 }
@@ -237,17 +186,15 @@ CalibrationSettings ReadCalibration(const YamlNode& node) {
 SoundSettings ReadSound(const YamlNode& node) {
   YamlMap map(node);
   SoundSettings settings;
-  const YamlNode least = map.Required("least_obstacle");
-  settings.least_obstacle = Positive(least, least.As<double>());
+  settings.least_obstacle = map.Required("least_obstacle").AsPositive();
   if (const auto edge = map.Optional("voxel_edge")) {
-    settings.voxel_edge = Positive(*edge, edge->As<double>());
+    settings.voxel_edge = edge->AsPositive();
     if (*settings.voxel_edge > settings.least_obstacle) {
-      edge->Fail("it must not exceed least_obstacle, or no obstacle is told from the robot");
+      edge->Fail(
+          "it must not exceed least_obstacle, or obstacles cannot be distinguished from the robot");
     }
   }
-  if (const auto tolerance = map.Optional("model_tolerance")) {
-    settings.model_tolerance = NotNegative(*tolerance, tolerance->As<double>());
-  }
+  map.Read("model_tolerance", settings.model_tolerance, &YamlNode::AsNotNegative);
   settings.whole_model = map.Get<bool>("whole_model", settings.whole_model);
   map.Finish();
   return settings;
@@ -257,31 +204,20 @@ ServerSettings ReadServer(const YamlNode& node, const std::filesystem::path& fol
   YamlMap map(node);
   ServerSettings server;
   server.listen = map.Get<std::string>("listen", server.listen);
-  server.scene.max_age = Time(map, "max_age", server.scene.max_age);
-  server.scene.max_skew = Time(map, "max_skew", server.scene.max_skew);
-  server.map_time = Time(map, "map_time", server.map_time);
-  if (const auto share = map.Optional("max_core_error")) {
-    server.scene.max_core_error = NotNegative(*share, share->As<double>());
-    if (server.scene.max_core_error > 1) share->Fail("a share of 0 to 1 is expected");
-  }
-  if (const auto tolerance = map.Optional("fixed_joint_tolerance")) {
-    server.scene.fixed_joint_tolerance = Positive(*tolerance, tolerance->AsAngle());
-  }
-  if (const auto memory = map.Optional("robot_image_memory")) {
-    server.robot_image_memory = memory->AsBytes();
-  }
+  map.Read("max_age", server.scene.max_age, &YamlNode::AsTime);
+  map.Read("max_skew", server.scene.max_skew, &YamlNode::AsTime);
+  map.Read("map_time", server.map_time, &YamlNode::AsTime);
+  map.Read("max_core_error", server.scene.max_core_error, &YamlNode::AsShare);
+  map.Read("fixed_joint_tolerance", server.scene.fixed_joint_tolerance, PositiveAngle);
+  map.Read("robot_image_memory", server.robot_image_memory, &YamlNode::AsBytes);
   server.variants_in_memory = map.Get<bool>("variants_in_memory", server.variants_in_memory);
   if (const auto checked = map.Optional("calibration_check")) {
     YamlMap check(*checked);
     server.calibration_check = ResolvePath(folder, check.Get<std::string>("file"));
-    if (const auto age = check.Optional("max_age")) {
-      server.calibration_check_max_age = absl::Seconds(Positive(*age, age->AsSeconds()));
-    }
+    check.Read("max_age", server.calibration_check_max_age, &YamlNode::AsPositiveTime);
     check.Finish();
   }
-  if (const auto movement = map.Optional("max_joint_movement")) {
-    server.live.max_joint_movement = Positive(*movement, movement->AsAngle());
-  }
+  map.Read("max_joint_movement", server.live.max_joint_movement, PositiveAngle);
   if (const auto live = map.Optional("live")) server.live = ReadLive(*live, server.live);
   server.metrics = map.Get<std::string>("metrics", server.metrics);
   map.Finish();

@@ -23,9 +23,18 @@ struct RobotAndGrid {
 RobotAndGrid ReadRobotAndGrid(const YamlNode& robot, const YamlNode& grid,
                               const std::filesystem::path& folder);
 
+// "sim", or a map of one key that names the driver.
+RobotDriver ReadRobotDriver(const YamlNode& node);
+
 // Where the images of the view `view` come from.
 ImageSource ReadImageSource(const YamlNode& node, const std::string& view,
                             const std::filesystem::path& folder);
+// "2 px": a number and its unit; a text that is anything else has no unit.
+struct LengthText {
+  double number = 0;
+  std::string unit;
+};
+LengthText ReadLength(const YamlNode& node);
 // "2 px", "5 cm"
 Margin ReadMargin(const YamlNode& node);
 Workspace ReadWorkspace(const YamlNode& node);

@@ -1,10 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 // The section `views` of cell.yaml: the stationary cameras.
-#include <algorithm>
-#include <cmath>
 #include <map>
 #include <set>
-#include <stdexcept>
+#include <sstream>
 
 #include "tools/cell/sections.h"
 
@@ -52,20 +50,21 @@ ViewSettings ReadView(const YamlNode& node, const Margin& margin,
 
 }  // namespace
 
+LengthText ReadLength(const YamlNode& node) {
+  std::istringstream in(node.As<std::string>());
+  LengthText length;
+  std::string rest;
+  if (!(in >> length.number >> length.unit) || in >> rest) return {};
+  return length;
+}
+
 Margin ReadMargin(const YamlNode& node) {
-  const std::string text = node.As<std::string>();
-  size_t end = 0;
-  double number = -1;
-  try {
-    number = std::stod(text, &end);
-  } catch (const std::exception&) {
-    end = 0;
-  }
-  const std::string unit = text.substr(std::min(text.size(), text.find_first_not_of(' ', end)));
+  const LengthText length = ReadLength(node);
   const std::map<std::string, double> metres = {{"m", 1}, {"cm", 1e-2}, {"mm", 1e-3}};
-  if (end > 0 && number >= 0 && std::isfinite(number)) {
-    if (unit == "px") return {.pixels = number};
-    if (metres.contains(unit)) return {.metres = number * metres.at(unit)};
+  if (length.number >= 0) {
+    if (length.unit == "px") return {.pixels = length.number};
+    const auto unit = metres.find(length.unit);
+    if (unit != metres.end()) return {.metres = length.number * unit->second};
   }
   node.Fail("a margin with its unit is expected, as in '2 px' or '5 cm'");
 }

@@ -64,6 +64,26 @@ TEST(StrictYaml, WrongKindOfValueIsRefused) {
   EXPECT_THAT(ErrorOf([] { Parse("[1, 2]").Items(3); }), HasSubstr("a list of 3 is expected"));
 }
 
+TEST(StrictYaml, BoundsAndChoicesAreChecked) {
+  EXPECT_EQ(Parse("0").AsNotNegative(), 0);
+  EXPECT_EQ(Parse("1").AsShare(), 1);
+  EXPECT_EQ(Parse("c").AsWordOf({"a", "b", "c"}), 2u);
+  EXPECT_THAT(ErrorOf([] { Parse("0").AsPositive(); }), HasSubstr("greater than 0"));
+  EXPECT_THAT(ErrorOf([] { Parse("-1").AsNotNegative(); }), HasSubstr("not below 0"));
+  EXPECT_THAT(ErrorOf([] { Parse("1.1").AsShare(); }), HasSubstr("from 0 to 1"));
+  EXPECT_THAT(ErrorOf([] { Parse("0 s").AsPositiveTime(); }), HasSubstr("greater than 0"));
+  EXPECT_THAT(ErrorOf([] {
+                Parse("d").AsWordOf({"a", "b", "c"});
+              }),
+              HasSubstr("'a', 'b' or 'c' is expected"));
+  YamlMap map(Parse("a: 2 s"));
+  absl::Duration a, b = absl::Seconds(7);
+  map.Read("a", a, &YamlNode::AsTime);
+  map.Read("b", b, &YamlNode::AsTime);
+  EXPECT_EQ(a, absl::Seconds(2));
+  EXPECT_EQ(b, absl::Seconds(7)) << "as it was";
+}
+
 TEST(StrictYaml, AnglesAndTimesTakeUnits) {
   EXPECT_DOUBLE_EQ(Parse("1.5").AsAngle(), 1.5);
   EXPECT_DOUBLE_EQ(Parse("180 deg").AsAngle(), std::numbers::pi);

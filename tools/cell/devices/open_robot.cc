@@ -34,7 +34,7 @@ absl::StatusOr<std::unique_ptr<Robot>> FeedbackRobotOf(absl::StatusOr<Link> link
   return std::make_unique<FeedbackRobot>(*std::move(link), limits);
 }
 
-// The joints of a robot that is told by a person: of its model, else those that the file names.
+// The joints of a robot that an operator moves: those of its model, else those in the file.
 absl::StatusOr<std::vector<ManualJoint>> ManualJointsOf(const Cell& cell) {
   std::vector<ManualJoint> joints;
   if (cell.robot.urdf.empty()) {
