@@ -4,7 +4,6 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <limits>
 #include <optional>
 
 namespace silhouette {
@@ -12,8 +11,6 @@ namespace {
 
 constexpr float kPaper = 0.9F;  // share of the light that is thrown back
 constexpr float kInk = 0.05F;
-constexpr float kBoardTracerLift =
-    1e-4F;  // metres off a surface, so that it does not shadow itself
 constexpr int kNothing = -1;
 constexpr size_t kRays = 64;  // through a pixel that shows more than one thing
 
@@ -74,8 +71,6 @@ class BoardTracer::Work {
     const CameraModel& model = tracer.settings_.cameras[pixels.camera].model;
     world_from_camera_ = model.camera_from_world().linear().transpose();
     centre_ = model.Centre();
-    rtcInitIntersectContext(&context_);
-    context_.flags = RTC_INTERSECT_CONTEXT_FLAG_COHERENT;
     for (size_t b = 0; b < tracer.textures_.size(); ++b) {
       const size_t part = pixels.first_part + b;
       const Eigen::Isometry3d board_from_world = pixels.scene->world_from_part(part).inverse();
@@ -126,40 +121,22 @@ class BoardTracer::Work {
     return (world_from_camera_ * ray.homogeneous()).cast<float>();
   }
 
-  RTCRay RayFrom(const Eigen::Vector3f& origin, const Eigen::Vector3f& direction) const {
-    RTCRay ray{};
-    ray.org_x = origin.x();
-    ray.org_y = origin.y();
-    ray.org_z = origin.z();
-    ray.dir_x = direction.x();
-    ray.dir_y = direction.y();
-    ray.dir_z = direction.z();
-    ray.tfar = std::numeric_limits<float>::infinity();
-    ray.mask = ~0U;
-    return ray;
-  }
-
-  Hit Trace(const Eigen::Vector2d& ray) {
-    RTCRayHit hit{.ray = RayFrom(centre_.cast<float>(), Direction(ray)), .hit = {}};
-    hit.hit.geomID = RTC_INVALID_GEOMETRY_ID;
-    hit.hit.instID[0] = RTC_INVALID_GEOMETRY_ID;
-    rtcIntersect1(pixels_.scene->scene(), &context_, &hit);
+  Hit Trace(const Eigen::Vector2d& ray) const {
+    const RTCRayHit hit = pixels_.scene->First(centre_.cast<float>(), Direction(ray));
     if (hit.hit.geomID == RTC_INVALID_GEOMETRY_ID) return {};
     return {static_cast<int>(hit.hit.instID[0]),
             hit.ray.tfar,
             {hit.hit.Ng_x, hit.hit.Ng_y, hit.hit.Ng_z}};
   }
 
-  bool InShadow(const Eigen::Vector3f& point) {
-    RTCRay ray = RayFrom(point, -light_.direction.cast<float>());
-    rtcOccluded1(pixels_.scene->scene(), &context_, &ray);
-    return ray.tfar < 0;
+  bool InShadow(const Eigen::Vector3f& point) const {
+    return pixels_.scene->Meets(point, -light_.direction.cast<float>());
   }
 
   // The share of the light that a surface at `point` gets; `normal` towards the camera.
   float LightAt(const Eigen::Vector3f& point, const Eigen::Vector3f& normal) {
     const double cosine = -normal.dot(light_.direction.cast<float>());
-    const bool shadow = cosine <= 0 || InShadow(point + kBoardTracerLift * normal);
+    const bool shadow = cosine <= 0 || InShadow(point + RayScene::kLift * normal);
     return static_cast<float>(Illumination(light_, cosine, shadow));
   }
 
@@ -211,7 +188,7 @@ class BoardTracer::Work {
         static_cast<size_t>(tracer_.settings_.cameras[pixels_.camera].model.intrinsics().width);
     const size_t pixel = static_cast<size_t>(pixels_.y) * width + x;
     if (background.receives_shadow[pixel] == 0) return background.lit[pixel];
-    const float reach = background.distance[pixel] - kBoardTracerLift;
+    const float reach = background.distance[pixel] - RayScene::kLift;
     const bool shadow = InShadow(centre_.cast<float>() + reach * background.ray[pixel]);
     return shadow ? background.shadowed[pixel] : background.lit[pixel];
   }
@@ -234,7 +211,6 @@ class BoardTracer::Work {
   Eigen::Vector3d centre_;
   std::vector<Eigen::Matrix3d> board_from_camera_;
   std::vector<Eigen::Vector3d> centre_in_board_;
-  RTCIntersectContext context_;
 };
 
 BoardTracer::BoardTracer(const SimulationSettings& settings) : settings_(settings) {

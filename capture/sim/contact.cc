@@ -213,7 +213,7 @@ MotionChecker::MotionChecker(const RobotModel& robot, const ContactChecker& chec
   std::vector<std::string> names;
   for (const RobotJoint& joint : robot.joints()) names.push_back(joint.name);
   for (const RobotJoint& joint : robot.joints()) {
-    // Every joint is told to move: Reach has nothing left to refuse.
+    // Every joint moves: Reach has nothing left to refuse.
     reach_.push_back(
         joint.type == JointType::kPrismatic ? 1 : Reach(robot, joint.name, names, {}, 0).value());
   }

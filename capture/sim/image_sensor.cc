@@ -4,8 +4,10 @@
 #include <algorithm>
 #include <cmath>
 #include <numbers>
-#include <random>
+#include <opencv2/imgproc.hpp>
 #include <vector>
+
+#include "capture/sim/chance.h"
 
 namespace silhouette {
 namespace {
@@ -20,15 +22,10 @@ uint64_t Scatter(uint64_t x) {
   return x ^ (x >> 31);
 }
 
-// std::normal_distribution gives other numbers with other libraries; this does not.
 std::vector<float> NormalNumbers(uint64_t seed, double sigma) {
-  std::mt19937_64 random(seed);
-  const auto uniform = [&] { return (static_cast<double>(random() >> 11) + 0.5) * 0x1p-53; };
+  Chance chance(seed);
   std::vector<float> numbers(kNoiseNumbers);
-  for (float& number : numbers) {
-    const double radius = std::sqrt(-2 * std::log(uniform()));
-    number = static_cast<float>(sigma * radius * std::cos(2 * std::numbers::pi * uniform()));
-  }
+  for (float& number : numbers) number = static_cast<float>(sigma * chance.Normal());
   return numbers;
 }
 
@@ -82,49 +79,17 @@ void ImageSensor::AddJumps(const Place& place, size_t channels, std::span<uint8_
   }
 }
 
-namespace {
-
-// The share of each pixel from -n to n, integrated over its area.
-std::vector<float> Kernel(double sigma) {
+void Blur(cv::Mat& image, double sigma) {
+  if (!(sigma > 0) || image.empty()) return;
+  // The share of each pixel from -reach to reach, integrated over its area.
   const int reach = static_cast<int>(std::ceil(4 * sigma));
   const auto below = [&](double x) { return 0.5 * std::erfc(-x / (sigma * std::sqrt(2.0))); };
   std::vector<float> kernel;
-  double sum = 0;
-  for (int i = -reach; i <= reach; ++i) sum += below(i + 0.5) - below(i - 0.5);
   for (int i = -reach; i <= reach; ++i) {
-    kernel.push_back(static_cast<float>((below(i + 0.5) - below(i - 0.5)) / sum));
+    kernel.push_back(static_cast<float>(below(i + 0.5) - below(i - 0.5)));
   }
-  return kernel;
-}
-
-// Convolves `count` values that lie `step` apart.
-void BlurLine(float* first, int count, ptrdiff_t step, const std::vector<float>& kernel,
-              std::vector<float>& line) {
-  const int reach = static_cast<int>(kernel.size() / 2);
-  line.clear();
-  for (int i = -reach; i < count + reach; ++i) {
-    line.push_back(first[std::clamp(i, 0, count - 1) * step]);
-  }
-  for (int i = 0; i < count; ++i) {
-    float sum = 0;
-    for (size_t k = 0; k < kernel.size(); ++k) sum += kernel[k] * line[static_cast<size_t>(i) + k];
-    first[i * step] = sum;
-  }
-}
-
-}  // namespace
-
-void Blur(std::span<float> image, int width, double sigma) {
-  if (!(sigma > 0) || image.empty()) return;
-  const std::vector<float> kernel = Kernel(sigma);
-  const int height = static_cast<int>(image.size()) / width;
-  std::vector<float> line;
-  for (int y = 0; y < height; ++y) {
-    BlurLine(&image[static_cast<size_t>(y) * static_cast<size_t>(width)], width, 1, kernel, line);
-  }
-  for (int x = 0; x < width; ++x) {
-    BlurLine(&image[static_cast<size_t>(x)], height, width, kernel, line);
-  }
+  cv::normalize(kernel, kernel, 1, 0, cv::NORM_L1);
+  cv::sepFilter2D(image, image, -1, kernel, kernel, {-1, -1}, 0, cv::BORDER_REPLICATE);
 }
 
 }  // namespace silhouette

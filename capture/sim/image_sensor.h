@@ -4,6 +4,7 @@
 #pragma once
 
 #include <cstdint>
+#include <opencv2/core/mat.hpp>
 #include <span>
 #include <vector>
 
@@ -46,8 +47,9 @@ class ImageSensor {
 
 // The blur of a lens.
 
-// Convolves an image of `width` columns, row by row, with a Gaussian of standard deviation `sigma`
-// pixels; beyond the border lies what is at the border. 0: leaves it alone.
-void Blur(std::span<float> image, int width, double sigma);
+// Convolves `image`, of floating-point channels, with a Gaussian of standard deviation `sigma`
+// pixels that is integrated over each pixel. Beyond the border lies what is at the border. 0:
+// leaves it as it is.
+void Blur(cv::Mat& image, double sigma);
 
 }  // namespace silhouette

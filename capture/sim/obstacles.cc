@@ -37,7 +37,7 @@ Obstacle ReadObstacle(const YamlNode& node, const std::string& folder) {
   obstacle.world_from_obstacle = placed.pose;
   obstacle.brightness = placed.brightness;
   obstacle.tint = placed.tint;
-  if (const auto velocity = map.Optional("velocity")) obstacle.velocity = ReadVector(*velocity);
+  map.Read("velocity", obstacle.velocity, ReadVector);
   if (const auto waypoints = map.Optional("waypoints")) {
     if (!obstacle.velocity.isZero()) waypoints->Fail("give either a velocity or waypoints");
     obstacle.waypoints = ReadWaypoints(*waypoints);

@@ -28,7 +28,7 @@ TriangleMesh ReadMesh(YamlMap& shape, const std::string& folder) {
 TriangleMesh ReadShape(const std::string& kind, const YamlNode& node, const std::string& folder) {
   YamlMap shape(node);
   TriangleMesh mesh;
-  const auto length = [&](const char* key) { return ReadPositive(shape.Required(key)); };
+  const auto length = [&](const char* key) { return shape.Required(key).AsPositive(); };
   if (kind == "box") {
     const YamlNode size = shape.Required("size");
     const Eigen::Vector3d edges = ReadVector(size);
@@ -63,9 +63,7 @@ PlacedShape ReadPlacedShape(YamlMap& map, const std::string& what, const std::st
   const auto rotation = map.Optional("rotation");
   placed.pose = Eigen::Translation3d(ReadVector(position)) *
                 (rotation ? ReadRotation(*rotation) : Eigen::Quaterniond::Identity());
-  if (const auto brightness = map.Optional("brightness")) {
-    placed.brightness = ReadShare(*brightness);
-  }
+  map.Read("brightness", placed.brightness, &YamlNode::AsShare);
   if (const auto colour = map.Optional("colour")) {
     if (map.Optional("brightness")) colour->Fail("give either a colour or a brightness");
     const Eigen::Vector3d value = ReadColour(*colour);

@@ -88,20 +88,38 @@ void RayScene::Commit() { rtcCommitScene(scene_.get()); }
 
 namespace {
 
-RTCRay RayOf(const Eigen::Vector3d& origin, const Eigen::Vector3d& direction) {
+RTCRay RayOf(const Eigen::Vector3f& origin, const Eigen::Vector3f& direction) {
   RTCRay ray{};
-  ray.org_x = static_cast<float>(origin.x());
-  ray.org_y = static_cast<float>(origin.y());
-  ray.org_z = static_cast<float>(origin.z());
-  ray.dir_x = static_cast<float>(direction.x());
-  ray.dir_y = static_cast<float>(direction.y());
-  ray.dir_z = static_cast<float>(direction.z());
+  ray.org_x = origin.x();
+  ray.org_y = origin.y();
+  ray.org_z = origin.z();
+  ray.dir_x = direction.x();
+  ray.dir_y = direction.y();
+  ray.dir_z = direction.z();
   ray.tfar = std::numeric_limits<float>::infinity();
   ray.mask = ~0U;
   return ray;
 }
 
 }  // namespace
+
+bool RayScene::Meets(const Eigen::Vector3f& origin, const Eigen::Vector3f& direction) const {
+  RTCIntersectContext context;
+  rtcInitIntersectContext(&context);
+  RTCRay ray = RayOf(origin, direction);
+  rtcOccluded1(scene_.get(), &context, &ray);
+  return ray.tfar < 0;
+}
+
+RTCRayHit RayScene::First(const Eigen::Vector3f& origin, const Eigen::Vector3f& direction) const {
+  RTCIntersectContext context;
+  rtcInitIntersectContext(&context);
+  RTCRayHit hit{.ray = RayOf(origin, direction), .hit = {}};
+  hit.hit.geomID = RTC_INVALID_GEOMETRY_ID;
+  hit.hit.instID[0] = RTC_INVALID_GEOMETRY_ID;
+  rtcIntersect1(scene_.get(), &context, &hit);
+  return hit;
+}
 
 BodyRays::BodyRays(std::span<const BodyPart> parts) {
   for (const BodyPart& part : parts) frames_.push_back(part.frame);
@@ -115,20 +133,11 @@ void BodyRays::Place(const Poses& poses) {
 }
 
 bool BodyRays::Meets(const Eigen::Vector3d& origin, const Eigen::Vector3d& direction) const {
-  RTCIntersectContext context;
-  rtcInitIntersectContext(&context);
-  RTCRay ray = RayOf(origin, direction);
-  rtcOccluded1(scene_.scene(), &context, &ray);
-  return ray.tfar < 0;
+  return scene_.Meets(origin.cast<float>(), direction.cast<float>());
 }
 
 double BodyRays::FirstOn(const Eigen::Vector3d& origin, const Eigen::Vector3d& direction) const {
-  RTCIntersectContext context;
-  rtcInitIntersectContext(&context);
-  RTCRayHit hit{.ray = RayOf(origin, direction), .hit = {}};
-  hit.hit.geomID = RTC_INVALID_GEOMETRY_ID;
-  hit.hit.instID[0] = RTC_INVALID_GEOMETRY_ID;
-  rtcIntersect1(scene_.scene(), &context, &hit);
+  const RTCRayHit hit = scene_.First(origin.cast<float>(), direction.cast<float>());
   const bool met = hit.hit.geomID != RTC_INVALID_GEOMETRY_ID;
   return met ? double{hit.ray.tfar} : std::numeric_limits<double>::infinity();
 }

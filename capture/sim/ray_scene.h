@@ -25,6 +25,9 @@ using EmbreeScene = std::unique_ptr<std::remove_pointer_t<RTCScene>, ReleaseEmbr
 // Tracing may go on in several threads at once, but not while parts are placed or replaced.
 class RayScene {
  public:
+  // Metres off a surface at which rays begin, so that the surface does not shadow itself.
+  static constexpr float kLift = 1e-4F;
+
   // Throws std::runtime_error if Embree cannot start.
   RayScene();
 
@@ -42,6 +45,12 @@ class RayScene {
   void Commit();
 
   RTCScene scene() const { return scene_.get(); }
+
+  // Whether a ray, which does not end, meets a part.
+  bool Meets(const Eigen::Vector3f& origin, const Eigen::Vector3f& direction) const;
+  // The first part on a ray: hit.instID[0] is its number, ray.tfar the distance in units of
+  // `direction`'s length; hit.geomID is RTC_INVALID_GEOMETRY_ID if there is none.
+  RTCRayHit First(const Eigen::Vector3f& origin, const Eigen::Vector3f& direction) const;
 
   size_t parts() const { return parts_.size(); }
   bool visible(size_t part) const { return parts_[part].visible; }

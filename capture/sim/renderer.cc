@@ -12,11 +12,10 @@
 namespace silhouette {
 namespace {
 
-constexpr size_t kPacket = 8;           // rays traced at once
-constexpr int kRowsAtOnce = 8;          // rows that a thread takes at a time
-constexpr float kRendererLift = 1e-4F;  // metres off a surface, so that it does not shadow itself
-constexpr uint8_t kBody = 1;            // a part may be seen in the pixel
-constexpr uint8_t kFloorShadow = 2;     // a shadow may fall on the floor in the pixel
+constexpr size_t kPacket = 8;        // rays traced at once
+constexpr int kRowsAtOnce = 8;       // rows that a thread takes at a time
+constexpr uint8_t kBody = 1;         // a part may be seen in the pixel
+constexpr uint8_t kFloorShadow = 2;  // a shadow may fall on the floor in the pixel
 constexpr size_t kMostThreads = 8;
 
 // Corners of a box and the middles of its edges, faces and itself: distortion bends edges.
@@ -214,7 +213,7 @@ void Renderer::TraceBodies(size_t camera, int y, RowWork& work) const {
   const auto shade_floor = [&](size_t x) {
     const size_t pixel = first + x;
     if ((work.touched[x] & kFloorShadow) == 0 || background.receives_shadow[pixel] == 0) return;
-    const float reach = background.distance[pixel] - kRendererLift;
+    const float reach = background.distance[pixel] - RayScene::kLift;
     work.shaded.push_back({x, centre + reach * background.ray[pixel], background.lit[pixel],
                            background.shadowed[pixel], true});
   };
@@ -232,7 +231,7 @@ void Renderer::TraceBodies(size_t camera, int y, RowWork& work) const {
     work.row[x] = level(true);
     if (cosine <= 0) return;
     work.shaded.push_back(
-        {x, centre + distance * ray + kRendererLift * normal, level(false), level(true), false});
+        {x, centre + distance * ray + RayScene::kLift * normal, level(false), level(true), false});
   };
 
   RTCIntersectContext context;

@@ -42,7 +42,7 @@ class Renderer {
     std::span<const Seen> seen;
     std::span<const Eigen::Vector3f> tints;  // red, green, blue, as multiples of the grey level
   };
-  // Takes a row of a camera, told by its index.
+  // Takes a row of a camera, given by its index.
   using RowSink = std::function<void(size_t camera, int y, const Row& row)>;
 
   // Renders the images of `cameras` (indices of settings.cameras), with both cores where there are

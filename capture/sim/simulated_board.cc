@@ -38,7 +38,7 @@ SimulatedBoard ReadSimulatedBoard(const YamlNode& node) {
   YamlMap map(node);
   const YamlNode file = map.Required("file");
   SimulatedBoard board{.board = BoardOfFile(file, map.Required("name"))};
-  if (const auto margin = map.Optional("margin")) board.margin = ReadNotNegative(*margin);
+  map.Read("margin", board.margin, &YamlNode::AsNotNegative);
   board.link = map.Get<std::string>("link", "");
   board.always = map.Get<bool>("always", true);
   const auto position = map.Optional("position");

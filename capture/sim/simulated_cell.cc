@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <chrono>
+#include <opencv2/core.hpp>
 #include <stdexcept>
 #include <utility>
 
@@ -27,36 +28,20 @@ std::vector<double> RestPositions(const RobotModel& robot) {
 
 // Index of the link of that name.
 std::optional<size_t> LinkIndex(const RobotModel& robot, const std::string& name) {
-  for (size_t i = 0; i < robot.links().size(); ++i) {
-    if (robot.links()[i].name == name) return i;
+  const auto link = std::ranges::find(robot.links(), name, &RobotLink::name);
+  if (link == robot.links().end()) return std::nullopt;
+  return static_cast<size_t>(link - robot.links().begin());
+}
+
+// Writes the levels of a row: grey, or blue, green and red.
+void WriteLevels(const Renderer::Row& row, int channels, float* levels) {
+  if (channels == 1) {
+    std::ranges::copy(row.levels, levels);
+    return;
   }
-  return std::nullopt;
-}
-
-using Plane = std::vector<float>;
-
-// A channel of a pixel: grey, or blue, green, red.
-float LevelOf(const Renderer::Row& row, size_t x, size_t channel, size_t channels) {
-  if (channels == 1) return row.levels[x];
-  return row.levels[x] * row.tints[x][2 - static_cast<Eigen::Index>(channel)];
-}
-
-std::vector<float> Coloured(const Renderer::Row& row) {
-  std::vector<float> levels;
   for (size_t x = 0; x < row.levels.size(); ++x) {
-    for (size_t c = 0; c < 3; ++c) levels.push_back(LevelOf(row, x, c, 3));
+    for (const Eigen::Index colour : {2, 1, 0}) *levels++ = row.levels[x] * row.tints[x][colour];
   }
-  return levels;
-}
-
-// Row `y` of planes of the same width, pixel by pixel.
-std::vector<float> Interleaved(const std::vector<Plane>& planes, size_t width, int y) {
-  std::vector<float> levels;
-  const size_t first = static_cast<size_t>(y) * width;
-  for (size_t x = 0; x < width; ++x) {
-    for (const Plane& plane : planes) levels.push_back(plane[first + x]);
-  }
-  return levels;
 }
 
 }  // namespace
@@ -217,9 +202,7 @@ std::vector<CameraImage> SimulatedCell::TakeImages(std::span<const size_t> camer
   const Instant instant = InstantNow(/*go_on=*/true);
   std::vector<CameraImage> by_camera(settings_.cameras.size());
   std::vector<ImageSensor::Gain> gains(settings_.cameras.size());
-  // With blur a row needs its neighbours.
-  const bool blurred = settings_.blur > 0;
-  std::vector<std::vector<Plane>> sharp(settings_.cameras.size());  // by camera and channel
+  std::vector<cv::Mat> light(settings_.cameras.size());  // that reaches the sensor, grey levels
   for (size_t camera : cameras) {
     const CameraIntrinsics& intrinsics = settings_.cameras[camera].model.intrinsics();
     CameraImage& image = by_camera[camera];
@@ -227,36 +210,29 @@ std::vector<CameraImage> SimulatedCell::TakeImages(std::span<const size_t> camer
     image.height = intrinsics.height;
     image.channels = settings_.cameras[camera].colour ? 3 : 1;
     image.captured = instant.captured;
-    const size_t pixels = static_cast<size_t>(image.width) * static_cast<size_t>(image.height);
-    image.pixels.resize(pixels * static_cast<size_t>(image.channels));
+    light[camera].create(image.height, image.width, CV_32FC(image.channels));
+    image.pixels.resize(light[camera].total() * static_cast<size_t>(image.channels));
     gains[camera] = sensor_.GainAt(instant.time, instant.frame, camera);
-    if (blurred) sharp[camera].assign(static_cast<size_t>(image.channels), Plane(pixels));
   }
-  const auto expose = [&](size_t camera, int y, std::span<const float> row) {
-    const std::span pixels(by_camera[camera].pixels);
-    sensor_.Expose(row, gains[camera], {.frame = instant.frame, .camera = camera, .y = y},
-                   pixels.subspan(static_cast<size_t>(y) * row.size(), row.size()),
-                   static_cast<size_t>(by_camera[camera].channels));
+  const auto expose = [&](size_t camera, int y) {
+    CameraImage& image = by_camera[camera];
+    const auto channels = static_cast<size_t>(image.channels);
+    const size_t values = static_cast<size_t>(image.width) * channels;
+    sensor_.Expose({light[camera].ptr<float>(y), values}, gains[camera],
+                   {.frame = instant.frame, .camera = camera, .y = y},
+                   std::span(image.pixels).subspan(static_cast<size_t>(y) * values, values),
+                   channels);
   };
+  // With blur a row needs its neighbours.
+  const bool blurred = settings_.blur > 0;
   Render(cameras, instant, [&](size_t camera, int y, const Renderer::Row& row) {
-    const auto channels = static_cast<size_t>(by_camera[camera].channels);
-    if (!blurred && channels == 1) return expose(camera, y, row.levels);
-    if (!blurred) return expose(camera, y, Coloured(row));
-    const size_t first = static_cast<size_t>(y) * row.levels.size();
-    for (size_t c = 0; c < channels; ++c) {
-      for (size_t x = 0; x < row.levels.size(); ++x) {
-        sharp[camera][c][first + x] = LevelOf(row, x, c, channels);
-      }
-    }
+    WriteLevels(row, by_camera[camera].channels, light[camera].ptr<float>(y));
+    if (!blurred) expose(camera, y);
   });
-  if (blurred) {
-    for (size_t camera : cameras) {
-      const CameraImage& image = by_camera[camera];
-      for (Plane& plane : sharp[camera]) Blur(plane, image.width, settings_.blur);
-      for (int y = 0; y < image.height; ++y) {
-        expose(camera, y, Interleaved(sharp[camera], static_cast<size_t>(image.width), y));
-      }
-    }
+  for (size_t camera : cameras) {
+    if (!blurred) break;
+    Blur(light[camera], settings_.blur);
+    for (int y = 0; y < light[camera].rows; ++y) expose(camera, y);
   }
   std::vector<CameraImage> images;
   for (size_t camera : cameras) images.push_back(by_camera[camera]);

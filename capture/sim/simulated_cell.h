@@ -149,6 +149,8 @@ struct SimulatedView {
 // The camera that takes a view's images, as index of settings.cameras. InvalidArgument: there is no
 // camera of its name, or it has not the view's image size.
 absl::StatusOr<size_t> CameraOf(const SimulationSettings& settings, const SimulatedView& view);
+absl::StatusOr<std::vector<size_t>> CamerasOf(const SimulationSettings& settings,
+                                              std::span<const SimulatedView> views);
 
 // Cameras of a simulated cell.
 class SimulatedCameraRig : public CameraRig {

@@ -96,17 +96,22 @@ absl::StatusOr<size_t> CameraOf(const SimulationSettings& settings, const Simula
   return static_cast<size_t>(camera - cameras.begin());
 }
 
+absl::StatusOr<std::vector<size_t>> CamerasOf(const SimulationSettings& settings,
+                                              std::span<const SimulatedView> views) {
+  std::vector<size_t> cameras;
+  for (const SimulatedView& view : views) {
+    ASSIGN_OR_RETURN(cameras.emplace_back(), CameraOf(settings, view));
+  }
+  return cameras;
+}
+
 absl::StatusOr<std::unique_ptr<SimulatedCameraRig>> SimulatedCameraRig::Create(
     std::shared_ptr<SimulatedCell> cell, std::span<const SimulatedView> views) {
+  ASSIGN_OR_RETURN(auto cameras, CamerasOf(cell->settings(), views));
   std::vector<std::string> names;
-  std::vector<size_t> indices;
-  for (const SimulatedView& view : views) {
-    ASSIGN_OR_RETURN(const size_t camera, CameraOf(cell->settings(), view));
-    names.push_back(view.name);
-    indices.push_back(camera);
-  }
+  for (const SimulatedView& view : views) names.push_back(view.name);
   return std::unique_ptr<SimulatedCameraRig>(
-      new SimulatedCameraRig(std::move(cell), std::move(names), std::move(indices)));
+      new SimulatedCameraRig(std::move(cell), std::move(names), std::move(cameras)));
 }
 
 absl::StatusOr<std::vector<CameraImage>> SimulatedCameraRig::Grab() {

@@ -48,7 +48,7 @@ void ReadFocalLength(YamlMap& map, CameraIntrinsics& intrinsics) {
     map.node().Fail("a camera needs either 'focal_length' in pixels or 'field_of_view'");
   }
   if (focal_length) {
-    intrinsics.fx = intrinsics.fy = ReadPositive(*focal_length);
+    intrinsics.fx = intrinsics.fy = focal_length->AsPositive();
     return;
   }
   const double angle = field_of_view->AsAngle();
@@ -84,8 +84,7 @@ SimulatedCamera ReadCamera(const std::string& name, const YamlNode& node) {
   }
   if (const auto distortion = map.Optional("distortion")) ReadDistortion(*distortion, intrinsics);
   const Eigen::Isometry3d camera_from_world = ReadPose(map);
-  const auto colour = map.Optional("colour");
-  const bool coloured = colour && colour->As<bool>();
+  const bool coloured = map.Get<bool>("colour", false);
   map.Finish();
   const CameraModel model(intrinsics, camera_from_world);
   for (int corner = 0; corner < 4; ++corner) {
@@ -118,8 +117,8 @@ Light ReadLight(const YamlNode& node) {
     }
     light.direction.normalize();
   }
-  if (const auto ambient = map.Optional("ambient")) light.ambient = ReadShare(*ambient);
-  if (const auto shadow = map.Optional("shadow")) light.shadow = ReadShare(*shadow);
+  map.Read("ambient", light.ambient, &YamlNode::AsShare);
+  map.Read("shadow", light.shadow, &YamlNode::AsShare);
   map.Finish();
   return light;
 }
@@ -127,11 +126,11 @@ Light ReadLight(const YamlNode& node) {
 Room ReadRoom(const YamlNode& node) {
   YamlMap map(node);
   Room room;
-  if (const auto lower = map.Optional("lower")) room.lower = ReadVector(*lower);
-  if (const auto upper = map.Optional("upper")) room.upper = ReadVector(*upper);
-  if (const auto brightness = map.Optional("brightness")) room.brightness = ReadShare(*brightness);
-  if (const auto texture = map.Optional("texture")) room.texture = ReadShare(*texture);
-  if (const auto colour = map.Optional("colour")) room.tint = ReadTint(*colour);
+  map.Read("lower", room.lower, ReadVector);
+  map.Read("upper", room.upper, ReadVector);
+  map.Read("brightness", room.brightness, &YamlNode::AsShare);
+  map.Read("texture", room.texture, &YamlNode::AsShare);
+  map.Read("colour", room.tint, ReadTint);
   map.Finish();
   if (!((room.upper - room.lower).minCoeff() > 0)) {
     node.Fail("'upper' must be greater than 'lower' along every axis");
@@ -144,41 +143,33 @@ SimulationSettings ReadSimulation(const YamlNode& node) {
   SimulationSettings settings;
   const YamlNode cameras = map.Required("cameras");
   settings.cameras = ReadCameras(cameras);
-  if (const auto light = map.Optional("light")) settings.light = ReadLight(*light);
-  if (const auto room = map.Optional("room")) settings.room = ReadRoom(*room);
-  if (const auto boards = map.Optional("boards")) settings.boards = ReadBoards(*boards);
-  if (const auto parts = map.Optional("parts")) settings.parts = ReadCarriedParts(*parts);
-  if (const auto blur = map.Optional("blur")) {
-    settings.blur = ReadNotNegative(*blur);
-    if (settings.blur > kMostBlur) blur->Fail("a blur of at most 20 pixels is expected");
+  map.Read("light", settings.light, ReadLight);
+  map.Read("room", settings.room, ReadRoom);
+  map.Read("boards", settings.boards, ReadBoards);
+  map.Read("parts", settings.parts, ReadCarriedParts);
+  map.Read("blur", settings.blur, &YamlNode::AsNotNegative);
+  if (settings.blur > kMostBlur) {
+    map.Required("blur").Fail("a blur of at most 20 pixels is expected");
   }
-  if (const auto noise = map.Optional("noise")) settings.noise_sigma = ReadNotNegative(*noise);
+  map.Read("noise", settings.noise_sigma, &YamlNode::AsNotNegative);
   if (const auto drift = map.Optional("drift")) {
     YamlMap drift_map(*drift);
-    settings.drift_amplitude = ReadShare(drift_map.Required("amplitude"));
-    if (const auto slope = drift_map.Optional("slope")) settings.drift_slope = ReadShare(*slope);
-    const YamlNode period = drift_map.Required("period");
-    settings.drift_period = period.AsSeconds();
-    if (!(settings.drift_period > 0)) period.Fail("a time greater than 0 is expected");
+    settings.drift_amplitude = drift_map.Required("amplitude").AsShare();
+    drift_map.Read("slope", settings.drift_slope, &YamlNode::AsShare);
+    settings.drift_period = absl::ToDoubleSeconds(drift_map.Required("period").AsPositiveTime());
     drift_map.Finish();
   }
-  if (const auto exposure = map.Optional("exposure")) {
-    settings.exposure = ReadPositive(*exposure);
-  }
+  map.Read("exposure", settings.exposure, &YamlNode::AsPositive);
   if (const auto flicker = map.Optional("flicker")) {
     YamlMap flicker_map(*flicker);
-    settings.flicker_amplitude = ReadShare(flicker_map.Required("amplitude"));
-    if (const auto slope = flicker_map.Optional("slope")) {
-      settings.flicker_slope = ReadShare(*slope);
-    }
+    settings.flicker_amplitude = flicker_map.Required("amplitude").AsShare();
+    flicker_map.Read("slope", settings.flicker_slope, &YamlNode::AsShare);
     flicker_map.Finish();
   }
   if (const auto unsteady = map.Optional("unsteady_pixels")) {
     YamlMap unsteady_map(*unsteady);
-    settings.unsteady_share = ReadShare(unsteady_map.Required("share"));
-    if (const auto jump = unsteady_map.Optional("jump")) {
-      settings.unsteady_jump = ReadNotNegative(*jump);
-    }
+    settings.unsteady_share = unsteady_map.Required("share").AsShare();
+    unsteady_map.Read("jump", settings.unsteady_jump, &YamlNode::AsNotNegative);
     unsteady_map.Finish();
   }
   if (const auto seed = map.Optional("seed")) {
@@ -186,12 +177,10 @@ SimulationSettings ReadSimulation(const YamlNode& node) {
     if (value < 0) seed->Fail("a number not below 0 is expected");
     settings.seed = static_cast<uint64_t>(value);
   }
-  if (const auto interval = map.Optional("frame_interval")) {
-    settings.frame_interval = interval->AsSeconds();
-  }
-  if (const auto speed = map.Optional("joint_speed")) {
-    settings.joint_speed = speed->AsAngle();
-    if (!(settings.joint_speed >= 0)) speed->Fail("a speed not below 0 is expected");
+  map.Read("frame_interval", settings.frame_interval, &YamlNode::AsSeconds);
+  map.Read("joint_speed", settings.joint_speed, &YamlNode::AsAngle);
+  if (!(settings.joint_speed >= 0)) {
+    map.Required("joint_speed").Fail("a speed not below 0 is expected");
   }
   map.Finish();
   for (const SimulatedCamera& camera : settings.cameras) {

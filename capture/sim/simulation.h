@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What the simulated cell is told about its cameras, light and room: simulation.yaml.
+// The settings of the simulated cell, its cameras, light and room: simulation.yaml.
 //
 // The world is the robot's base frame: metres, z up. Grey levels are 0..255.
 #pragma once

@@ -74,17 +74,16 @@ absl::StatusOr<Written> CalibrationWriteTruth(const CalibrationArguments& argume
   return written;
 }
 
-int RunCalibration(const CalibrationArguments& arguments) {
-  const auto written = CalibrationWriteTruth(arguments);
-  if (!written.ok()) return Report("silhouette-sim", written.status());
+absl::StatusOr<ExitCode> RunCalibration(const CalibrationArguments& arguments) {
+  ASSIGN_OR_RETURN(const Written written, CalibrationWriteTruth(arguments));
   if (arguments.format == "json") {
-    nlohmann::ordered_json json{{"cameras", written->cameras}};
-    if (!written->boards.empty()) json["boards"] = written->boards;
+    nlohmann::ordered_json json{{"cameras", written.cameras}};
+    if (!written.boards.empty()) json["boards"] = written.boards;
     std::cout << json.dump(2) << '\n';
     return kDone;
   }
-  for (const std::string& path : written->cameras) std::cout << "wrote " << path << '\n';
-  if (!written->boards.empty()) std::cout << "wrote " << written->boards << '\n';
+  for (const std::string& path : written.cameras) std::cout << "wrote " << path << '\n';
+  if (!written.boards.empty()) std::cout << "wrote " << written.boards << '\n';
   return kDone;
 }
 

@@ -3,11 +3,12 @@
 #pragma once
 
 #include <CLI/CLI.hpp>
-#include <functional>
+
+#include "tools/program/program.h"
 
 namespace silhouette {
 
-using Run = std::function<int()>;
+using Run = Work;
 
 void AddRenderCommand(CLI::App& program, Run& run);
 void AddContactCommand(CLI::App& program, Run& run);

@@ -3,6 +3,7 @@
 #include <iostream>
 #include <memory>
 
+#include "db/status/status_macros.h"
 #include "tools/program/joint_values.h"
 #include "tools/program/program.h"
 #include "tools/silhouette-sim/commands.h"
@@ -16,21 +17,19 @@ struct ContactArguments {
   std::vector<std::string> configurations;
 };
 
-int RunContact(const ContactArguments& arguments) {
+absl::StatusOr<ExitCode> RunContact(const ContactArguments& arguments) {
   std::vector<std::vector<double>> configurations;
   for (const std::string& text : arguments.configurations) {
     configurations.push_back(ParseConfiguration(text));
   }
-  const absl::StatusOr<Workplace> workplace = LoadWorkplace(arguments.workplace);
-  if (!workplace.ok()) return Report("silhouette-sim", workplace.status());
-  const ContactChecker checker(workplace->robot, workplace->obstacles);
+  ASSIGN_OR_RETURN(const Workplace workplace, LoadWorkplace(arguments.workplace));
+  const ContactChecker checker(workplace.robot, workplace.obstacles);
   nlohmann::ordered_json results = nlohmann::ordered_json::array();
   int contacts = 0;
   for (const std::vector<double>& configuration : configurations) {
-    const auto positions = workplace->Positions(configuration);
-    if (!positions.ok()) return Report("silhouette-sim", positions.status());
+    ASSIGN_OR_RETURN(const auto positions, workplace.Positions(configuration));
     const Contact contact =
-        checker.Check(workplace->robot.LinkPoses(*positions), workplace->obstacle_poses);
+        checker.Check(workplace.robot.LinkPoses(positions), workplace.obstacle_poses);
     contacts += contact.touching ? 1 : 0;
     nlohmann::ordered_json result{{"configuration", configuration}};
     result.update(JsonOf(contact));
@@ -50,7 +49,7 @@ int RunContact(const ContactArguments& arguments) {
 
 void AddContactCommand(CLI::App& program, Run& run) {
   CLI::App* command = program.add_subcommand(
-      "contact", "Tell whether the robot touches an obstacle in given configurations");
+      "contact", "Check whether the robot touches an obstacle in given configurations");
   auto arguments = std::make_shared<ContactArguments>();
   AddWorkplaceOptions(*command, arguments->workplace, true);
   command

@@ -6,6 +6,7 @@
 #include "tools/silhouette-sim/commands.h"
 
 int main(int argc, char** argv) {
+  using namespace silhouette;
   CLI::App app("Pictures, truth and devices of the simulated cell that a cell.yaml names.",
                "silhouette-sim");
   app.require_subcommand(1);
@@ -19,15 +20,12 @@ int main(int argc, char** argv) {
       "  silhouette-sim path --cell cell.yaml --scene obstacles.yaml --path path.json\n"
       "  silhouette-sim calibration --cell cell.yaml --out cameras\n"
       "  silhouette-sim serve --cell cell.yaml --robot simple_message --cameras rtsp\n\n"
-      "Exit codes: 0 done, 1 the robot touches an obstacle, 2 a mistake in the arguments or "
-      "files,\n"
+      "Exit codes: 0 done, 1 the robot touches an obstacle, 2 wrong arguments or files,\n"
       "3 the world failed.");
-  silhouette::Run run;
-  silhouette::AddRenderCommand(app, run);
-  silhouette::AddContactCommand(app, run);
-  silhouette::AddServeCommand(app, run);
-  silhouette::AddTruthCommand(app, run);
-  silhouette::AddPathCommand(app, run);
-  silhouette::AddCalibrationCommand(app, run);
-  return silhouette::RunProgram(app, argc, argv, [&] { return run(); });
+  Run run;
+  for (const auto add : {AddRenderCommand, AddContactCommand, AddServeCommand, AddTruthCommand,
+                         AddPathCommand, AddCalibrationCommand}) {
+    add(app, run);
+  }
+  return RunProgram(app, argc, argv, run);
 }

@@ -42,19 +42,6 @@ absl::StatusOr<std::vector<std::vector<double>>> ReadWaypoints(const std::string
   }
 }
 
-absl::StatusOr<std::vector<std::vector<double>>> AllPositions(
-    const Workplace& workplace, const std::vector<std::vector<double>>& waypoints) {
-  std::vector<std::vector<double>> positions;
-  for (size_t i = 0; i < waypoints.size(); ++i) {
-    const auto at = workplace.Positions(waypoints[i]);
-    if (!at.ok()) {
-      return absl::InvalidArgumentError(absl::StrCat("waypoint ", i, ": ", at.status().message()));
-    }
-    positions.push_back(*at);
-  }
-  return positions;
-}
-
 // The first contact, else the narrowest place.
 Place Judge(const Workplace& workplace, const std::vector<std::vector<double>>& positions) {
   const ContactChecker checker(workplace.robot, workplace.obstacles);
@@ -81,21 +68,23 @@ Configuration GridValues(const Workplace& workplace, const std::vector<double>& 
   return configuration;
 }
 
-int RunPath(const PathArguments& arguments) {
-  const absl::StatusOr<Workplace> workplace = LoadWorkplace(arguments.workplace);
-  if (!workplace.ok()) return Report("silhouette-sim", workplace.status());
-  const auto waypoints = ReadWaypoints(arguments.path);
-  if (!waypoints.ok()) return Report("silhouette-sim", waypoints.status());
-  const auto positions = AllPositions(*workplace, *waypoints);
-  if (!positions.ok()) {
-    return Report("silhouette-sim", absl::InvalidArgumentError(absl::StrCat(
-                                        arguments.path, ": ", positions.status().message())));
+absl::StatusOr<ExitCode> RunPath(const PathArguments& arguments) {
+  ASSIGN_OR_RETURN(const Workplace workplace, LoadWorkplace(arguments.workplace));
+  ASSIGN_OR_RETURN(const auto waypoints, ReadWaypoints(arguments.path));
+  std::vector<std::vector<double>> positions;
+  for (size_t i = 0; i < waypoints.size(); ++i) {
+    const auto at = workplace.Positions(waypoints[i]);
+    if (!at.ok()) {
+      return absl::InvalidArgumentError(
+          absl::StrCat(arguments.path, ": waypoint ", i, ": ", at.status().message()));
+    }
+    positions.push_back(*at);
   }
-  const Place place = Judge(*workplace, *positions);
+  const Place place = Judge(workplace, positions);
   const Contact& contact = place.motion.contact;
-  const Configuration configuration = GridValues(*workplace, place.motion.positions);
+  const Configuration configuration = GridValues(workplace, place.motion.positions);
   if (arguments.workplace.json()) {
-    nlohmann::ordered_json json{{"waypoints", waypoints->size()}};
+    nlohmann::ordered_json json{{"waypoints", waypoints.size()}};
     json.update(JsonOf(contact));
     json["waypoint"] = place.waypoint;
     json["fraction"] = place.motion.fraction;
@@ -103,9 +92,9 @@ int RunPath(const PathArguments& arguments) {
     std::cout << json.dump(2) << '\n';
   } else {
     std::cout << absl::StrFormat(
-        "path of %d waypoints: %s%s at %s, %.0f %% on the way from waypoint %d\n",
-        waypoints->size(), contact.touching ? "" : "narrowest place: ", Spoken(contact),
-        Spoken(configuration), 100 * place.motion.fraction, place.waypoint);
+        "path of %d waypoints: %s%s at %s, %.0f %% on the way from waypoint %d\n", waypoints.size(),
+        contact.touching ? "" : "narrowest place: ", Spoken(contact), Spoken(configuration),
+        100 * place.motion.fraction, place.waypoint);
   }
   return contact.touching ? kNo : kDone;
 }
@@ -114,7 +103,7 @@ int RunPath(const PathArguments& arguments) {
 
 void AddPathCommand(CLI::App& program, Run& run) {
   CLI::App* command = program.add_subcommand(
-      "path", "Tell whether the robot touches an obstacle anywhere on a path");
+      "path", "Check whether the robot touches an obstacle anywhere on a path");
   auto arguments = std::make_shared<PathArguments>();
   AddWorkplaceOptions(*command, arguments->workplace, true);
   command

@@ -135,9 +135,8 @@ absl::Status Render(const RenderArguments& arguments) {
   return WriteImages(arguments.out, rig->views(), images, joints);
 }
 
-int RunRender(const RenderArguments& arguments) {
-  const absl::Status status = Render(arguments);
-  if (!status.ok()) return Report("silhouette-sim", status);
+absl::StatusOr<ExitCode> RunRender(const RenderArguments& arguments) {
+  RETURN_IF_ERROR(Render(arguments));
   const std::string index = (fs::path(arguments.out) / "images.json").string();
   if (arguments.workplace.json()) {
     std::cout << nlohmann::ordered_json{{"images", index}}.dump(2) << '\n';

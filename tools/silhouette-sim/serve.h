@@ -12,6 +12,7 @@
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
 #include "absl/time/time.h"
+#include "capture/sim/served/network_cameras.h"
 #include "capture/sim/served/served_views.h"
 #include "capture/sim/served/simulated_controller.h"
 #include "capture/sim/simulated_cell.h"
@@ -26,7 +27,7 @@ inline const std::vector<std::string> kRobotKinds = {"simple_message", "grpc"};
 struct ServedRobot {
   std::unique_ptr<SimulatedController> controller;
   std::shared_ptr<void> server;  // ends before the controller
-  // Makes the server anew, where it was.
+  // Starts the server again at the same address.
   std::function<absl::StatusOr<std::shared_ptr<void>>()> start;
   nlohmann::ordered_json told;  // where it is
 };
@@ -47,11 +48,10 @@ inline const std::vector<std::string> kCameraKinds = {"gige", "grpc", "rtsp"};
 // The views of a cell as cameras on the network, until it goes.
 struct ServedCameras {
   std::unique_ptr<ServedViews> views;
-  std::shared_ptr<void> server;  // ends before the views
-  // Makes the server anew, where it was.
-  std::function<absl::StatusOr<std::shared_ptr<void>>()> start;
-  // Lets `server` lose packets (GigeCameras::LosePackets); null but for gige.
-  void (*lose_packets)(void* server, double share) = nullptr;
+  std::unique_ptr<NetworkCameras> server;  // ends before the views
+  // Starts the server again at the same address.
+  std::function<absl::StatusOr<std::unique_ptr<NetworkCameras>>()> start;
+  bool loses_packets = false;  // NetworkCameras::LosePackets has an effect
   nlohmann::ordered_json told = nlohmann::ordered_json::array();  // where they are
 };
 
@@ -70,7 +70,7 @@ inline const std::vector<std::string> kCameraFaults = {"lost", "drops", "freezes
 
 struct FaultArguments {
   std::string robot;      // of kRobotFaults; empty: none
-  int after_moves = 10;   // that the robot was told to make
+  int after_moves = 10;   // move commands to the robot
   std::string cameras;    // of kCameraFaults; empty: none
   int after_images = 10;  // of each camera
   double seconds = 0;     // how long they last; 0: for good
@@ -79,16 +79,12 @@ struct FaultArguments {
 // A fault of one device: begins when its time has come, and ends `seconds` later.
 class ServedFault {
  public:
-  struct Acts {
-    std::function<bool()> due;
-    std::function<absl::Status()> begin;
-    std::function<absl::Status()> end;
-  };
-  // `name`: "robot: lost" and the like.
-  ServedFault(std::string name, double seconds, Acts acts);
+  // `name`: "robot: lost" and the like. `due`: whether it is time to begin. `set`: begins the fault
+  // (true) or ends it.
+  ServedFault(std::string name, double seconds, std::function<bool()> due,
+              std::function<absl::Status(bool on)> set);
 
-  // Begins or ends it if it is time, and says so to standard error. Errors: those of `begin`,
-  // `end`.
+  // Begins or ends it if it is time, and reports that on standard error. Errors: those of `set`.
   absl::Status Step(absl::Time now);
 
  private:
@@ -96,7 +92,8 @@ class ServedFault {
 
   const std::string name_;
   const absl::Duration lasts_;
-  const Acts acts_;
+  const std::function<bool()> due_;
+  const std::function<absl::Status(bool)> set_;
   State state_ = State::kWaiting;
   absl::Time begun_;
 };

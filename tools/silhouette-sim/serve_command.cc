@@ -18,7 +18,6 @@
 namespace silhouette {
 namespace {
 
-constexpr char kProgram[] = "silhouette-sim serve";
 constexpr absl::Duration kTick = absl::Milliseconds(20);
 
 struct ServeArguments {
@@ -43,7 +42,7 @@ absl::Status PlaceRobot(const Workplace& workplace, SimulatedCell& simulation) {
   return absl::OkStatus();
 }
 
-absl::Status Serve(const ServeArguments& arguments) {
+absl::StatusOr<ExitCode> Serve(const ServeArguments& arguments) {
   ASSIGN_OR_RETURN(Workplace workplace, LoadWorkplace(arguments.workplace));
   if (arguments.robot.empty() && arguments.cameras.empty()) {
     return absl::InvalidArgumentError("say what to serve, with --robot, --cameras or both");
@@ -86,20 +85,17 @@ absl::Status Serve(const ServeArguments& arguments) {
     }
     absl::SleepFor(kTick);
   }
-  return absl::OkStatus();
+  return kDone;
 }
 
 void AddFaultOptions(CLI::App& command, FaultArguments& faults) {
   command
-      .add_option(
-          "--robot-fault", faults.robot,
-          "What goes wrong with the robot: stays, it is told to move and does not set off;\n"
-          "half-way, it stops on its way; drifts, it moves though nobody told it to;\n"
-          "e-stop, on its way; lost, its connection")
+      .add_option("--robot-fault", faults.robot,
+                  "What goes wrong with the robot: stays, it ignores move commands;\n"
+                  "half-way, it stops on its way; drifts, it moves without a command;\n"
+                  "e-stop, on its way; lost, its connection")
       ->check(CLI::IsMember(kRobotFaults));
-  command
-      .add_option("--after-moves", faults.after_moves,
-                  "When the robot was told so many times to move")
+  command.add_option("--after-moves", faults.after_moves, "Begin after this many move commands")
       ->check(CLI::NonNegativeNumber)
       ->capture_default_str();
   command
@@ -107,9 +103,7 @@ void AddFaultOptions(CLI::App& command, FaultArguments& faults) {
                   "What goes wrong with the cameras: lost, their connection; drops, they lose\n"
                   "packets and so images (gige); freezes, they send the same image again and again")
       ->check(CLI::IsMember(kCameraFaults));
-  command
-      .add_option("--after-images", faults.after_images,
-                  "When they have taken so many sets of images")
+  command.add_option("--after-images", faults.after_images, "Begin after this many sets of images")
       ->check(CLI::NonNegativeNumber)
       ->capture_default_str();
   command
@@ -159,12 +153,7 @@ void AddServeCommand(CLI::App& program, Run& run) {
       "  silhouette-sim serve --cell cell.yaml --robot simple_message --cameras gige\n"
       "  silhouette-sim serve --cell cell.yaml --robot grpc --robot-fault lost --after-moves 20 "
       "--fault-time 10");
-  command->callback([arguments, &run] {
-    run = [arguments]() -> int {
-      const absl::Status status = Serve(*arguments);
-      return status.ok() ? kDone : Report(kProgram, status);
-    };
-  });
+  command->callback([arguments, &run] { run = [arguments] { return Serve(*arguments); }; });
 }
 
 }  // namespace silhouette

@@ -6,6 +6,7 @@
 #include <utility>
 
 #include "absl/strings/str_cat.h"
+#include "db/status/status_macros.h"
 
 namespace silhouette {
 namespace {
@@ -13,25 +14,14 @@ namespace {
 // The share of the packets that a camera loses which drops images.
 constexpr double kLostPackets = 0.002;
 
+// Ends the device's server, or starts it again at the same address.
 template <typename Device>
-absl::Status ServeAgain(Device& device) {
-  absl::StatusOr<std::shared_ptr<void>> server = device.start();
-  if (server.ok()) device.server = *std::move(server);
-  return server.status();
-}
-
-// The device is gone, and comes back where it was.
-template <typename Device>
-ServedFault Lost(const std::string& name, double seconds, Device& device,
-                 std::function<bool()> due) {
-  return ServedFault(name, seconds,
-                     {.due = std::move(due),
-                      .begin =
-                          [&device] {
-                            device.server.reset();
-                            return absl::OkStatus();
-                          },
-                      .end = [&device] { return ServeAgain(device); }});
+absl::Status Lose(Device& device, bool lost) {
+  device.server.reset();
+  if (!lost) {
+    ASSIGN_OR_RETURN(device.server, device.start());
+  }
+  return absl::OkStatus();
 }
 
 ServedFault RobotFault(const FaultArguments& arguments, ServedRobot& robot) {
@@ -40,67 +30,51 @@ ServedFault RobotFault(const FaultArguments& arguments, ServedRobot& robot) {
       {"half-way", ControllerFault::kStopsHalfWay},
       {"drifts", ControllerFault::kDrifts},
       {"e-stop", ControllerFault::kTripsOnTheWay}};
-  const std::string name = "robot: " + arguments.robot;
-  const auto due = [&robot, moves = arguments.after_moves] {
-    return robot.controller->moves() >= moves;
-  };
-  if (arguments.robot == "lost") return Lost(name, arguments.seconds, robot, due);
-  const auto set = [&robot](ControllerFault fault) {
-    robot.controller->SetFault(fault);
-    return absl::OkStatus();
-  };
-  return ServedFault(name, arguments.seconds,
-                     {.due = due,
-                      .begin = [set, fault = faults.at(arguments.robot)] { return set(fault); },
-                      .end = [set] { return set(ControllerFault::kNone); }});
+  return {"robot: " + arguments.robot, arguments.seconds,
+          [&robot, moves = arguments.after_moves] { return robot.controller->moves() >= moves; },
+          [&robot, kind = arguments.robot](bool on) {
+            if (kind == "lost") return Lose(robot, on);
+            robot.controller->SetFault(on ? faults.at(kind) : ControllerFault::kNone);
+            return absl::OkStatus();
+          }};
 }
 
 ServedFault CameraFault(const FaultArguments& arguments, ServedCameras& cameras) {
-  const std::string name = "cameras: " + arguments.cameras;
-  const auto due = [&cameras, images = static_cast<uint64_t>(arguments.after_images)] {
-    return cameras.views->sets() >= images;
-  };
-  if (arguments.cameras == "lost") return Lost(name, arguments.seconds, cameras, due);
-  const auto act = [&](std::function<void(bool)> on) {
-    return ServedFault(name, arguments.seconds,
-                       {.due = due,
-                        .begin =
-                            [on] {
-                              on(true);
-                              return absl::OkStatus();
-                            },
-                        .end =
-                            [on] {
-                              on(false);
-                              return absl::OkStatus();
-                            }});
-  };
-  if (arguments.cameras == "freezes") {
-    return act([&cameras](bool frozen) { cameras.views->Freeze(frozen); });
-  }
-  return act([&cameras](bool drops) {
-    cameras.lose_packets(cameras.server.get(), drops ? kLostPackets : 0);
-  });
+  return {"cameras: " + arguments.cameras, arguments.seconds,
+          [&cameras, images = static_cast<uint64_t>(arguments.after_images)] {
+            return cameras.views->sets() >= images;
+          },
+          [&cameras, kind = arguments.cameras](bool on) {
+            if (kind == "lost") return Lose(cameras, on);
+            if (kind == "freezes") {
+              cameras.views->Freeze(on);
+            } else {
+              cameras.server->LosePackets(on ? kLostPackets : 0);
+            }
+            return absl::OkStatus();
+          }};
 }
 
 }  // namespace
 
-ServedFault::ServedFault(std::string name, double seconds, Acts acts)
+ServedFault::ServedFault(std::string name, double seconds, std::function<bool()> due,
+                         std::function<absl::Status(bool)> set)
     : name_(std::move(name)),
       lasts_(seconds > 0 ? absl::Seconds(seconds) : absl::InfiniteDuration()),
-      acts_(std::move(acts)) {}
+      due_(std::move(due)),
+      set_(std::move(set)) {}
 
 absl::Status ServedFault::Step(absl::Time now) {
-  if (state_ == State::kWaiting && acts_.due()) {
+  if (state_ == State::kWaiting && due_()) {
     state_ = State::kOn;
     begun_ = now;
     std::cerr << "fault begins: " << name_ << std::endl;
-    return acts_.begin();
+    return set_(true);
   }
   if (state_ == State::kOn && now - begun_ >= lasts_) {
     state_ = State::kOver;
     std::cerr << "fault ends: " << name_ << std::endl;
-    return acts_.end();
+    return set_(false);
   }
   return absl::OkStatus();
 }
@@ -114,7 +88,7 @@ absl::StatusOr<std::vector<ServedFault>> FaultsOf(const FaultArguments& argument
   }
   if (!arguments.cameras.empty()) {
     if (cameras == nullptr) return absl::InvalidArgumentError("--camera-fault needs --cameras");
-    if (arguments.cameras == "drops" && cameras->lose_packets == nullptr) {
+    if (arguments.cameras == "drops" && !cameras->loses_packets) {
       return absl::InvalidArgumentError("--camera-fault drops needs --cameras gige");
     }
     faults.push_back(CameraFault(arguments, *cameras));

@@ -108,22 +108,20 @@ absl::StatusOr<Summary> WriteTruthFile(const Workplace& workplace, const std::st
   return summary;
 }
 
-int RunTruth(const TruthArguments& arguments) {
-  const absl::StatusOr<Workplace> workplace = LoadWorkplace(arguments.workplace);
-  if (!workplace.ok()) return Report("silhouette-sim", workplace.status());
+absl::StatusOr<ExitCode> RunTruth(const TruthArguments& arguments) {
+  ASSIGN_OR_RETURN(const Workplace workplace, LoadWorkplace(arguments.workplace));
   CatchStopSignals();
   const absl::Time start = absl::Now();
-  const absl::StatusOr<Summary> summary = WriteTruthFile(*workplace, arguments.out);
-  if (!summary.ok()) return Report("silhouette-sim", summary.status());
+  ASSIGN_OR_RETURN(const Summary summary, WriteTruthFile(workplace, arguments.out));
   if (arguments.workplace.json()) {
-    std::cout << nlohmann::ordered_json{{"configurations", summary->configurations},
-                                        {"occupied", summary->occupied},
+    std::cout << nlohmann::ordered_json{{"configurations", summary.configurations},
+                                        {"occupied", summary.occupied},
                                         {"seconds", absl::ToDoubleSeconds(absl::Now() - start)},
                                         {"truth", arguments.out}}
                      .dump(2)
               << '\n';
   } else {
-    std::cout << summary->occupied << " of " << summary->configurations
+    std::cout << summary.occupied << " of " << summary.configurations
               << " configurations touch an obstacle; wrote " << arguments.out << '\n';
   }
   return kDone;

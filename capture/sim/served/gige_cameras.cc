@@ -82,7 +82,7 @@ void Fill(ArvBuffer* buffer, void* data, guint32 /*exposure*/, guint32 /*gain*/,
   std::copy_n(taken.begin(), std::min(taken.size(), room), pixels);
 }
 
-class ArvGigeCameras : public GigeCameras {
+class GigeCameras : public NetworkCameras {
  public:
   absl::Status Add(ServedViews& views, size_t view, const std::string& genicam) {
     const SimulatedView& shown = views.views()[view];
@@ -117,19 +117,16 @@ class ArvGigeCameras : public GigeCameras {
     }
   }
 
-  std::vector<std::string> addresses() const override { return addresses_; }
-
  private:
-  std::vector<std::string> addresses_;
   std::vector<std::unique_ptr<Filling>> fillings_;  // outlive the cameras
   std::vector<std::unique_ptr<ArvGvFakeCamera, GigeCamerasUnref>> cameras_;
 };
 
 }  // namespace
 
-absl::StatusOr<std::unique_ptr<GigeCameras>> GigeCameras::Start(ServedViews& views,
-                                                                const std::string& genicam) {
-  auto cameras = std::make_unique<ArvGigeCameras>();
+absl::StatusOr<std::unique_ptr<NetworkCameras>> ServeGigeCameras(ServedViews& views,
+                                                                 const std::string& genicam) {
+  auto cameras = std::make_unique<GigeCameras>();
   for (size_t v = 0; v < views.views().size(); ++v) {
     const std::string& name = views.views()[v].name;
     if (name.size() > kLongestSerial) {

@@ -23,7 +23,7 @@ class GrpcRobotServer {
   std::string address() const;
 
  private:
-  class Impl;  // keeps gRPC out of this header
+  struct Impl;  // keeps gRPC out of this header
 
   explicit GrpcRobotServer(std::unique_ptr<Impl> impl);
 

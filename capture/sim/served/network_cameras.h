@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Views of a simulated cell as GigE Vision cameras: Aravis' simulated camera, with rendered images.
+// The views of a simulated cell as cameras on the network.
 #pragma once
 
 #include <memory>
@@ -12,50 +12,38 @@
 namespace silhouette {
 
 // The cameras end with it.
-class GigeCameras {
+class NetworkCameras {
  public:
-  // Camera v is at the loopback address 127.0.0.(v + 1); its serial number is the name of the view.
-  // Its images are grey, in colour or Bayer mosaics, as it is told. `genicam`: the file that says
-  // what the cameras can be told; empty: Aravis' own. `views` must outlive it. FailedPrecondition:
-  // the machine has not these addresses, or something else is at their port. InvalidArgument: a
-  // view's name is too long for a serial number.
-  static absl::StatusOr<std::unique_ptr<GigeCameras>> Start(ServedViews& views,
-                                                            const std::string& genicam = "");
-  virtual ~GigeCameras() = default;
+  virtual ~NetworkCameras() = default;
 
-  // From now on so large a share of the packets with which images are sent gets lost; 0 to 1.
-  virtual void LosePackets(double share) = 0;
+  // By view: an IP address (GigE Vision), host:port (gRPC) or a URL (RTSP).
+  const std::vector<std::string>& addresses() const { return addresses_; }
 
-  // By view.
-  virtual std::vector<std::string> addresses() const = 0;
+  // From now on this share of the packets that carry images gets lost; 0 to 1. Only GigE Vision
+  // cameras lose packets.
+  virtual void LosePackets(double /*share*/) {}
+
+ protected:
+  std::vector<std::string> addresses_;
 };
 
-// Views of a simulated cell behind a CameraDriverService.
+// `views` must outlive the cameras of all three.
 
-// The service ends with it.
-class GrpcCameras {
- public:
-  // At 127.0.0.1:port; port 0: a free one. The cameras have the names of the views. `views` must
-  // outlive it. FailedPrecondition: the port is in use.
-  static absl::StatusOr<std::unique_ptr<GrpcCameras>> Start(ServedViews& views, int port);
-  virtual ~GrpcCameras() = default;
+// GigE Vision cameras: Aravis' simulated camera with rendered images. Camera v is at the loopback
+// address 127.0.0.(v + 1); its serial number is the name of the view. Its images are grey, in
+// colour or Bayer mosaics, as its client sets. `genicam`: the file that describes the cameras'
+// features; empty: Aravis' own. FailedPrecondition: the machine does not have these addresses, or
+// something else is at their port. InvalidArgument: a view's name is too long for a serial number.
+absl::StatusOr<std::unique_ptr<NetworkCameras>> ServeGigeCameras(ServedViews& views,
+                                                                 const std::string& genicam = "");
 
-  virtual const std::string& address() const = 0;
-};
+// A CameraDriverService at 127.0.0.1:port; port 0: a free one. The cameras have the names of the
+// views. FailedPrecondition: the port is in use.
+absl::StatusOr<std::unique_ptr<NetworkCameras>> ServeGrpcCameras(ServedViews& views, int port);
 
-// Views of a simulated cell as RTSP streams, as network cameras send them.
-
-// The streams end with it.
-class RtspCameras {
- public:
-  // Streams of JPEG images (RFC 2435), ten a second, at rtsp://127.0.0.1:port/<view>; port 0: a
-  // free one. `views` must outlive it. InvalidArgument: an image's sides are not multiples of 8.
-  // FailedPrecondition: the port is in use.
-  static absl::StatusOr<std::unique_ptr<RtspCameras>> Start(ServedViews& views, int port);
-  virtual ~RtspCameras() = default;
-
-  // By view.
-  virtual std::vector<std::string> urls() const = 0;
-};
+// RTSP streams of JPEG images (RFC 2435), ten a second, at rtsp://127.0.0.1:port/<view>; port 0: a
+// free one. InvalidArgument: an image's sides are not multiples of 8. FailedPrecondition: the port
+// is in use.
+absl::StatusOr<std::unique_ptr<NetworkCameras>> ServeRtspCameras(ServedViews& views, int port);
 
 }  // namespace silhouette

@@ -101,14 +101,14 @@ void ConfigureStream(GstRTSPMediaFactory* /*factory*/, GstRTSPMedia* media, gpoi
   gst_object_unref(element);
 }
 
-class GstRtspCameras : public RtspCameras {
+class RtspCameras : public NetworkCameras {
  public:
-  GstRtspCameras()
+  RtspCameras()
       : context_(g_main_context_new()),
         loop_(g_main_loop_new(context_, FALSE)),
         server_(gst_rtsp_server_new()) {}
 
-  ~GstRtspCameras() override {
+  ~RtspCameras() override {
     gst_rtsp_server_client_filter(
         server_.get(),
         [](GstRTSPServer*, GstRTSPClient*, gpointer) { return GST_RTSP_FILTER_REMOVE; }, nullptr);
@@ -144,30 +144,27 @@ class GstRtspCameras : public RtspCameras {
     g_object_unref(places);
     if (gst_rtsp_server_attach(server_.get(), context_) == 0) {
       return absl::FailedPreconditionError(
-          absl::StrCat("127.0.0.1:", port, " cannot be listened at; is the port in use?"));
+          absl::StrCat("cannot listen on 127.0.0.1:", port, "; is the port in use?"));
     }
     const int bound = gst_rtsp_server_get_bound_port(server_.get());
     for (const SimulatedView& view : views.views()) {
-      urls_.push_back(absl::StrCat("rtsp://127.0.0.1:", bound, "/", view.name));
+      addresses_.push_back(absl::StrCat("rtsp://127.0.0.1:", bound, "/", view.name));
     }
     thread_ = std::thread([this] { g_main_loop_run(loop_); });
     return absl::OkStatus();
   }
-
-  std::vector<std::string> urls() const override { return urls_; }
 
  private:
   std::vector<StreamHandle> streams_;
   GMainContext* const context_;
   GMainLoop* const loop_;
   std::unique_ptr<GstRTSPServer, RtspCamerasUnref> server_;
-  std::vector<std::string> urls_;
   std::thread thread_;
 };
 
 }  // namespace
 
-absl::StatusOr<std::unique_ptr<RtspCameras>> RtspCameras::Start(ServedViews& views, int port) {
+absl::StatusOr<std::unique_ptr<NetworkCameras>> ServeRtspCameras(ServedViews& views, int port) {
   for (const SimulatedView& view : views.views()) {
     if (view.image_width % 8 == 0 && view.image_height % 8 == 0) continue;
     return absl::InvalidArgumentError(
@@ -175,7 +172,7 @@ absl::StatusOr<std::unique_ptr<RtspCameras>> RtspCameras::Start(ServedViews& vie
                      view.image_width, " x ", view.image_height, ", are not multiples of 8"));
   }
   gst_init(nullptr, nullptr);
-  auto cameras = std::make_unique<GstRtspCameras>();
+  auto cameras = std::make_unique<RtspCameras>();
   RETURN_IF_ERROR(cameras->Run(views, port));
   return cameras;
 }

@@ -16,11 +16,7 @@ constexpr absl::Duration kTogether = absl::Milliseconds(50);
 
 absl::StatusOr<std::unique_ptr<ServedViews>> ServedViews::Create(
     std::shared_ptr<SimulatedCell> cell, const std::vector<SimulatedView>& views) {
-  std::vector<size_t> cameras;
-  for (const SimulatedView& view : views) {
-    ASSIGN_OR_RETURN(const auto camera, CameraOf(cell->settings(), view));
-    cameras.push_back(camera);
-  }
+  ASSIGN_OR_RETURN(auto cameras, CamerasOf(cell->settings(), views));
   return std::unique_ptr<ServedViews>(new ServedViews(std::move(cell), views, std::move(cameras)));
 }
 

@@ -69,7 +69,7 @@ class SimpleMessageServer {
   bool Execute(const simple_message::Message& request);
   bool Execute(const simple_message::JointTrajPt& point);
   bool Execute(const simple_message::JointTrajPtFull& point);
-  // Where the robot is told to be.
+  // The commanded joint values.
   std::vector<double> JointsIn(const simple_message::JointValues& positions) const;
 
   SimulatedController& controller_;

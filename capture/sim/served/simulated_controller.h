@@ -23,8 +23,8 @@ enum class ControllerFault {
   kNone,
   kStaysWhereItIs,  // takes moves and does not set off
   kStopsHalfWay,    // without a word
-  kDrifts,          // moves off at once, though nobody told it to
-  kTooFast,         // ten times as fast as it was told
+  kDrifts,          // moves off at once, without a command
+  kTooFast,         // ten times as fast as commanded
   kEmergencyStop,   // says so, and refuses to move
   kTripsOnTheWay,   // emergency stop half way
 };
@@ -38,7 +38,7 @@ class SimulatedController {
     bool e_stopped = false;
   };
 
-  // `show` is told where the robot is whenever that changes, from a thread of the controller's.
+  // `show` receives the robot's position whenever it changes, from a thread of the controller.
   // joint_speed: radians or metres per second, the most that the robot can; 0: any.
   using Show = std::function<void(std::span<const double>)>;
   SimulatedController(RobotModel robot, double joint_speed, std::vector<double> start, Show show);
@@ -57,7 +57,7 @@ class SimulatedController {
   void Stop();
 
   void SetFault(ControllerFault fault);
-  // How often it was told to move, and to stop.
+  // The numbers of move and stop commands.
   int moves() const;
   int stops() const;
 

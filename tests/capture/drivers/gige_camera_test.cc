@@ -43,7 +43,7 @@ class GigeCamera : public ServedCell {
 
   void Serve(const std::string& genicam = "") {
     cameras_.reset();
-    auto cameras = GigeCameras::Start(*views_, genicam);
+    auto cameras = ServeGigeCameras(*views_, genicam);
     ASSERT_TRUE(cameras.ok()) << cameras.status();
     cameras_ = *std::move(cameras);
   }
@@ -68,7 +68,7 @@ class GigeCamera : public ServedCell {
     return OpenGenicamCamera("top", width, height, source).status();
   }
 
-  std::unique_ptr<GigeCameras> cameras_;
+  std::unique_ptr<NetworkCameras> cameras_;
 };
 
 TEST_F(GigeCamera, AreFoundBySerialNumber) {

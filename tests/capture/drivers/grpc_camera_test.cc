@@ -36,18 +36,18 @@ class GrpcCamera : public ServedCell {
 
   void Serve(int port) {
     cameras_.reset();
-    auto cameras = GrpcCameras::Start(*views_, port);
+    auto cameras = ServeGrpcCameras(*views_, port);
     ASSERT_TRUE(cameras.ok()) << cameras.status();
     cameras_ = *std::move(cameras);
   }
 
-  std::unique_ptr<GrpcCameras> cameras_;
+  std::unique_ptr<NetworkCameras> cameras_;
 };
 
 TEST_F(GrpcCamera, GiveOneSetInTheOrderOfTheViews) {
   const auto opened = OpenGrpcCameras(
-      cameras_->address(), {{"behind", "back", kWidth, kHeight}, {"above", "top", kWidth, kHeight}},
-      absl::Seconds(20));
+      cameras_->addresses()[0],
+      {{"behind", "back", kWidth, kHeight}, {"above", "top", kWidth, kHeight}}, absl::Seconds(20));
   ASSERT_TRUE(opened.ok()) << opened.status();
   for (int i = 0; i < 3; ++i) {
     Turn(0.4 * i);
@@ -64,7 +64,7 @@ TEST_F(GrpcCamera, GiveOneSetInTheOrderOfTheViews) {
 
 TEST_F(GrpcCamera, ThatAreNotThereOrOfAnotherSizeAreTold) {
   const auto status = [&](const std::string& camera, int width) {
-    return OpenGrpcCameras(cameras_->address(), {{"above", camera, width, kHeight}},
+    return OpenGrpcCameras(cameras_->addresses()[0], {{"above", camera, width, kHeight}},
                            absl::Seconds(20))
         .status();
   };
@@ -75,7 +75,7 @@ TEST_F(GrpcCamera, ThatAreNotThereOrOfAnotherSizeAreTold) {
 }
 
 TEST_F(GrpcCamera, DriverThatGoesAwayIsToldAndComesBack) {
-  const std::string address = cameras_->address();
+  const std::string address = cameras_->addresses()[0];
   const auto opened =
       OpenGrpcCameras(address, {{"above", "top", kWidth, kHeight}}, absl::Seconds(5));
   ASSERT_TRUE(opened.ok()) << opened.status();

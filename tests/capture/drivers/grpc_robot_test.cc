@@ -96,7 +96,7 @@ TEST_F(GrpcRobotTest, DriverThatEndsOnTheWayStopsTheRobotAndTheNextOneGoesOn) {
   ASSERT_TRUE(Eventually([&] { return controller_.state().moving; }));
   server_.reset();
   EXPECT_TRUE(Eventually([&] { return !controller_.state().moving; }));
-  EXPECT_THAT(move.get().message(), HasSubstr("could not be told to stop"));
+  EXPECT_THAT(move.get().message(), HasSubstr("the stop command failed"));
   Serve();
   robot = Connect(server_->address(), {.joint_speed = 4});
   EXPECT_TRUE(robot->MoveTo(kHere).ok());

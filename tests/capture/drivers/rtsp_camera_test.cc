@@ -31,14 +31,14 @@ class RtspCamera : public ServedCell {
 
   void Serve(int port) {
     cameras_.reset();
-    auto cameras = RtspCameras::Start(*views_, port);
+    auto cameras = ServeRtspCameras(*views_, port);
     ASSERT_TRUE(cameras.ok()) << cameras.status();
     cameras_ = *std::move(cameras);
   }
 
   RtspSource Top() const {
     RtspSource source;
-    source.url = cameras_->urls()[0];
+    source.url = cameras_->addresses()[0];
     // On a busy machine images are long under way.
     source.latency = absl::Seconds(3);
     source.timeout = absl::Seconds(60);
@@ -55,7 +55,7 @@ class RtspCamera : public ServedCell {
   // The present image of the first view.
   CameraImage Now() { return views_->TakeAll()[0]; }
 
-  std::unique_ptr<RtspCameras> cameras_;
+  std::unique_ptr<NetworkCameras> cameras_;
 };
 
 TEST_F(RtspCamera, ShowsTheCellAsItIsAndNoBufferedImage) {
@@ -80,7 +80,7 @@ TEST_F(RtspCamera, ShowsTheCellAsItIsAndNoBufferedImage) {
 TEST_F(RtspCamera, StreamThatBreaksOffIsToldAndOpenedAgain) {
   const auto camera = OpenRtspCamera("top", Top());
   ASSERT_TRUE(camera.ok()) << camera.status();
-  const std::string url = cameras_->urls()[0];
+  const std::string url = cameras_->addresses()[0];
   const int port = std::stoi(url.substr(url.rfind(':') + 1));
   cameras_.reset();
   absl::Status status;

@@ -11,26 +11,23 @@
 #include <string>
 #include <vector>
 
+#include "tests/capture/session/program_cell.h"
+
 namespace silhouette {
 
 // silhouette-sim serve, for as long as it lives.
 class Served {
  public:
   Served(const std::string& cell, const std::vector<std::string>& more) {
-    const std::string program = std::string(SILHOUETTE_BIN_DIR) + "/silhouette-sim";
-    std::vector<std::string> words = {program, "serve", "--cell", cell, "--format", "json"};
+    std::vector<std::string> words = {"serve", "--cell", cell, "--format", "json"};
     words.insert(words.end(), more.begin(), more.end());
-    std::vector<char*> argv;
-    for (std::string& word : words) argv.push_back(word.data());
-    argv.push_back(nullptr);
     int ends[2];
     EXPECT_EQ(pipe(ends), 0);
     child_ = fork();
     if (child_ == 0) {
       dup2(ends[1], STDOUT_FILENO);
       close(ends[0]);
-      execv(program.c_str(), argv.data());
-      _exit(127);
+      Become("silhouette-sim", words);
     }
     close(ends[1]);
     // It says where its devices are as soon as they can be reached.

@@ -13,6 +13,7 @@
 
 #include "absl/strings/escaping.h"
 #include "absl/strings/str_replace.h"
+#include "tests/seeded_random.h"
 
 namespace silhouette::simple_message {
 namespace {
@@ -112,9 +113,7 @@ TEST(SimpleMessage, WrongByteOrderIsSaid) {
 }
 
 TEST(SimpleMessage, AnyMessagesInAnyPiecesComeBackAsTheyWere) {
-  const uint64_t seed = std::random_device{}();
-  SCOPED_TRACE(testing::Message() << "seed " << seed);
-  std::mt19937_64 random(seed);
+  std::mt19937_64 random = SeededRandom();
   for (const ByteOrder order : {ByteOrder::kLittle, ByteOrder::kBig}) {
     std::vector<Message> sent;
     std::vector<uint8_t> stream;
@@ -143,9 +142,7 @@ TEST(SimpleMessage, AnyMessagesInAnyPiecesComeBackAsTheyWere) {
 }
 
 TEST(SimpleMessage, GarbageEndsInAnErrorAndStaysOne) {
-  const uint64_t seed = std::random_device{}();
-  SCOPED_TRACE(testing::Message() << "seed " << seed);
-  std::mt19937_64 random(seed);
+  std::mt19937_64 random = SeededRandom();
   for (int round = 0; round < 300; ++round) {
     MessageReader reader(round % 2 == 0 ? ByteOrder::kLittle : ByteOrder::kBig);
     size_t bytes = 0;

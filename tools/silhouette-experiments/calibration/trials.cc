@@ -53,7 +53,8 @@ class Photographer {
                        const ptrdiff_t first = static_cast<ptrdiff_t>(y) * std::ssize(row.levels);
                        std::copy(row.levels.begin(), row.levels.end(), sharp.begin() + first);
                      });
-    Blur(sharp, lens.width, settings_.blur);
+    cv::Mat light(lens.height, lens.width, CV_32FC1, sharp.data());
+    Blur(light, settings_.blur);
     std::vector<uint8_t> pixels(sharp.size());
     for (int y = 0; y < lens.height; ++y) {
       const size_t first = static_cast<size_t>(y) * width;
