@@ -85,8 +85,8 @@ std::vector<absl::Status> CameraSet::TriggerAll() {
 std::vector<absl::StatusOr<CameraImage>> CameraSet::GrabEach() {
   std::vector<absl::StatusOr<CameraImage>> images(views_.size());
   const auto fail = [&](size_t source, const absl::Status& status) {
-    const absl::Status told = Failed(source, status);
-    for (const size_t view : places_[source]) images[view] = told;
+    const absl::Status error = Failed(source, status);
+    for (const size_t view : places_[source]) images[view] = error;
   };
   const std::vector<absl::Status> asked = TriggerAll();
   const absl::Time begin = absl::Now();

@@ -45,7 +45,7 @@ class CameraSet : public CameraRig {
   // time.
   std::vector<absl::Status> TriggerAll();
 
-  // What is told of a source that failed: the views count it.
+  // The error to report for a source that failed; its views count it.
   absl::Status Failed(size_t source, const absl::Status& status);
 
   const std::vector<std::string> views_;

@@ -43,7 +43,7 @@ class Robot {
 
   // Moves to `positions`, in the order of joints(), and returns when the robot has arrived.
   // InvalidArgument: not as many values as joints, or beyond a limit. DeadlineExceeded: it did not
-  // arrive. Unavailable: no connection. In every case of failure the robot has been told to stop.
+  // arrive. Unavailable: no connection. After every failure the robot has received a stop command.
   virtual absl::Status MoveTo(std::span<const double> positions) = 0;
 
   virtual absl::StatusOr<RobotState> State() = 0;

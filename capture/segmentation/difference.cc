@@ -131,7 +131,7 @@ void DropSmallAreas(cv::Mat& foreground, int min_pixels) {
   if (min_pixels > 1) Runs(foreground).Drop(foreground, min_pixels);
 }
 
-// Foreground(); `steps`, unless null, is told the steps.
+// Foreground(); stores the steps in `steps` unless it is null.
 cv::Mat Find(const cv::Mat& image, const Reference& reference, const SegmentationSettings& settings,
              const SlowLight& slow_light, ForegroundSteps* steps) {
   Validate(settings);

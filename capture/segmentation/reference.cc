@@ -272,7 +272,7 @@ void Check(std::span<const cv::Mat> images, std::span<const cv::Mat> covered) {
     throw std::invalid_argument("a reference with the robot in it needs at least five images");
   }
   if (covered.size() != images.size()) {
-    throw std::invalid_argument("every image needs to be told where the robot is, or an empty one");
+    throw std::invalid_argument("every image needs a mask of where the robot is, or an empty one");
   }
   for (size_t i = 0; i < images.size(); ++i) {
     Grey(images[i]);  // throws if it is no camera image
@@ -281,7 +281,8 @@ void Check(std::span<const cv::Mat> images, std::span<const cv::Mat> covered) {
     }
     if (!covered[i].empty() &&
         (covered[i].size() != images[0].size() || covered[i].type() != CV_8UC1)) {
-      throw std::invalid_argument("where the robot is must be told as an 8-bit image of the size");
+      throw std::invalid_argument(
+          "the mask of where the robot is must be an 8-bit image of the same size");
     }
   }
 }

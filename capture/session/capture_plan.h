@@ -17,14 +17,13 @@ namespace silhouette {
 struct CaptureSelection {
   enum class Kind {
     kMissing,  // what has no robot image, or was excluded and no longer is
-    kListed,   // those in `listed`, anew
-    kAll,      // everything, anew
+    kListed,   // those in `listed`, again
+    kAll,      // everything, again
     kNothing,  // only the sentinels are visited
   };
   Kind kind = Kind::kMissing;
   std::vector<ConfigurationNumber> listed = {};
-  // Whether the sentinels are captured anew and how they look now is how they are to look; so it is
-  // with kAll.
+  // Whether the sentinels are recaptured and become the new baseline; so it is with kAll.
   bool new_sentinels = false;
   // Whether robot images that lie in a forbidden region now are replaced by excluded records.
   bool exclude_captured = false;

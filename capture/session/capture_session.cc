@@ -291,7 +291,7 @@ absl::StatusOr<Visit> CaptureRun::VisitPatiently(ConfigurationNumber number) {
       },
       [&] {
         static_cast<void>(StopRobot(absl::OkStatus()));
-        // What comes of it is told by the next commit.
+        // The next commit reports its error.
         static_cast<void>(writer_.Commit());
       },
       observer_, report_);
@@ -371,7 +371,7 @@ absl::Status CaptureRun::Store(ConfigurationNumber number, const Visit& visit) {
 absl::Status CaptureRun::StopRobot(const absl::Status& why) {
   const absl::Status stopped = parts_.robot.Stop();
   if (!stopped.ok()) {
-    observer_.say(absl::StrCat("the robot could not be told to stop: ", stopped.message()));
+    observer_.say(absl::StrCat("the stop command to the robot failed: ", stopped.message()));
   }
   return why;
 }

@@ -33,7 +33,7 @@ class CaptureSession {
                                                const SegmentationSettings& segmentation);
 
   // Captures what `plan` says. Whatever happens, what was captured until then is stored: the report
-  // says how much, and a plan made anew goes on from there. `program` goes into the provenance log.
+  // says how much, and a new plan resumes there. `program` goes into the provenance log.
   //
   // For each configuration: move (around forbidden regions), settle, measure, take a set of images,
   // measure again, difference, store. A configuration where a joint is off by more than the

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What a capture session is told about a cell.
+// The settings of a capture session.
 #pragma once
 
 #include <cstdint>
@@ -44,8 +44,8 @@ struct CaptureSettings {
   double joint_tolerance = 0.002;
   // Images of the empty cell that a reference is made from.
   int reference_images = 20;
-  // Speed of the fastest joint on a way, radians or metres per second; what the robot is told, and
-  // what a dry run reckons with.
+  // Speed of the fastest joint on a way, radians or metres per second; the robot is commanded
+  // at it, and a dry run calculates with it.
   double joint_speed = 0.5;
   // How much longer than twice its time a way may take.
   absl::Duration arrival_timeout = absl::Seconds(5);

@@ -28,8 +28,8 @@ class CellCameras {
                                             CameraRig& rig);
 
   // A complete set. A set that does not come (Unavailable, DeadlineExceeded) is asked for again, up
-  // to kAttempts times; `say` is told. FailedPrecondition, naming the view, if an image has not the
-  // size that the cell says; Internal if it is no image.
+  // to kAttempts times, and reported to `say`. FailedPrecondition, naming the view, if an image has
+  // not the size that the cell says; Internal if it is no image.
   absl::StatusOr<ImageSet> Grab(const std::function<void(const std::string&)>& say);
 
   static constexpr int kAttempts = 3;

@@ -62,7 +62,7 @@ absl::Status CellRobot::MoveTo(const Configuration& configuration) {
 absl::StatusOr<std::vector<double>> CellRobot::Measure() {
   ASSIGN_OR_RETURN(RobotState state, robot_->State());
   if (state.positions.size() != place_.size()) {
-    return absl::InternalError(absl::StrCat("the robot told the positions of ",
+    return absl::InternalError(absl::StrCat("the robot reported positions of ",
                                             state.positions.size(), " joints and has ",
                                             place_.size()));
   }

@@ -54,7 +54,7 @@ absl::StatusOr<std::vector<ConfigurationNumber>> SuspectNumbers(const Snapshot& 
         if (image.ok() && !image->excluded && suspect(image->captured)) numbers.push_back(number);
         return true;
       });
-  // What is damaged is told by others.
+  // Others report damaged records.
   if (!status.ok() && !absl::IsDataLoss(status)) return status;
   return numbers;
 }

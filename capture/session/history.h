@@ -23,7 +23,7 @@ absl::Status ChangeHistory(Database& database,
 // The beginning of the last check that found nothing; absl::InfinitePast() without one.
 absl::Time LastGoodCheck(const storage::v1::CaptureHistory& history);
 
-// The captured configurations that are suspect, in order. One that was captured anew since is none.
+// The captured configurations that are suspect, in order. One that was recaptured since is not.
 absl::StatusOr<std::vector<ConfigurationNumber>> SuspectNumbers(const Snapshot& snapshot);
 
 // How well the sentinels repeated in a view, over all checks that found nothing.

@@ -20,7 +20,7 @@ std::vector<std::string> RawImagesOf(const ImageSet& images);
 // An image out of the database; empty if it is none.
 cv::Mat ImageInPng(const std::string& png);
 
-// About how many bytes the raw images of one configuration take, told from the reference images:
+// About how many bytes the raw images of one configuration take, estimated from the references:
 // the empty cell with its noise, compressed. `database` null, or without references: a byte per
 // pixel; colour takes up to three times as much.
 uint64_t EstimateRawBytes(const storage::v1::CellDescription& cell, const Database* database);

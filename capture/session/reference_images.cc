@@ -11,10 +11,23 @@
 #include "absl/strings/str_cat.h"
 #include "absl/time/clock.h"
 #include "absl/time/time.h"
+#include "capture/session/history.h"
 #include "capture/session/visitor.h"
 #include "db/status/status_macros.h"
 
 namespace silhouette {
+namespace {
+
+storage::v1::Reference Stored(const Reference& reference, size_t images, absl::Time captured) {
+  storage::v1::Reference stored;
+  stored.set_mean_png(reference.MeanPng());
+  stored.set_noise_png(reference.NoisePng());
+  stored.set_images(static_cast<int>(images));
+  SetTime(captured, *stored.mutable_time());
+  return stored;
+}
+
+}  // namespace
 
 absl::StatusOr<storage::v1::References> TakeReferences(CellCameras& cameras, int count,
                                                        const CaptureObserver& observer) {
@@ -33,15 +46,7 @@ absl::StatusOr<storage::v1::References> TakeReferences(CellCameras& cameras, int
   }
   storage::v1::References references;
   for (const std::vector<cv::Mat>& view : images) {
-    const Reference reference = Reference::FromImages(view);
-    storage::v1::Reference& stored = *references.add_views();
-    stored.set_mean_png(reference.MeanPng());
-    stored.set_noise_png(reference.NoisePng());
-    stored.set_images(count);
-    const absl::Duration since_epoch = captured - absl::UnixEpoch();
-    stored.mutable_time()->set_seconds(absl::ToInt64Seconds(since_epoch));
-    stored.mutable_time()->set_nanos(
-        static_cast<int32_t>(absl::ToInt64Nanoseconds(since_epoch) % 1'000'000'000));
+    *references.add_views() = Stored(Reference::FromImages(view), view.size(), captured);
   }
   return references;
 }
@@ -68,13 +73,13 @@ absl::StatusOr<std::vector<Reference>> ReferencesIn(const storage::v1::Reference
     if (!reference.ok()) {
       return absl::DataLossError(absl::StrCat("view '", views[v].name(),
                                               "': ", reference.status().message(),
-                                              "; take the reference images anew"));
+                                              "; take the reference images again"));
     }
     if (reference->size() != cv::Size(views[v].image_width(), views[v].image_height())) {
       return absl::FailedPreconditionError(absl::StrCat(
           "the reference image of the view '", views[v].name(), "' has ", reference->size().width,
           " x ", reference->size().height, " pixels, its camera image ", views[v].image_width(),
-          " x ", views[v].image_height(), "; take the reference images anew"));
+          " x ", views[v].image_height(), "; take the reference images again"));
     }
     references.push_back(*std::move(reference));
   }
@@ -94,33 +99,17 @@ double Halton(uint64_t i, uint64_t base) {
   return value;
 }
 
-// 255 where the mask, or a pixel next to it, covers a pixel of a camera image; empty for no mask.
+// 255 where the mask, or a pixel next to it, covers a pixel of a camera image.
 cv::Mat CoveredBy(const Mask& mask, cv::Size size) {
-  cv::Mat covered(size, CV_8UC1, cv::Scalar(0));
+  const Mask grown = Grown(mask, 1);
+  cv::Mat covered(size, CV_8UC1);
   for (int y = 0; y < size.height; ++y) {
     const int row = y * mask.height() / size.height;
     for (int x = 0; x < size.width; ++x) {
-      const int column = x * mask.width() / size.width;
-      bool any = false;
-      for (int v = std::max(row - 1, 0); v <= std::min(row + 1, mask.height() - 1); ++v) {
-        for (int u = std::max(column - 1, 0); u <= std::min(column + 1, mask.width() - 1); ++u) {
-          any |= mask.at(u, v);
-        }
-      }
-      covered.at<uint8_t>(y, x) = any ? 255 : 0;
+      covered.at<uint8_t>(y, x) = grown.at(x * mask.width() / size.width, row) ? 255 : 0;
     }
   }
   return covered;
-}
-
-storage::v1::Reference Stored(const Reference& reference, size_t images) {
-  storage::v1::Reference stored;
-  stored.set_mean_png(reference.MeanPng());
-  stored.set_noise_png(reference.NoisePng());
-  stored.set_images(static_cast<int>(images));
-  stored.mutable_time()->set_seconds(absl::ToUnixSeconds(absl::Now()));
-  stored.set_with_robot(true);
-  return stored;
 }
 
 }  // namespace
@@ -192,8 +181,10 @@ absl::StatusOr<storage::v1::References> TakeReferencesWithRobot(
   }
   storage::v1::References references;
   for (size_t v = 0; v < views; ++v) {
-    *references.add_views() =
-        Stored(Reference::FromImagesWithRobot(images[v], covered[v]), images[v].size());
+    storage::v1::Reference& stored = *references.add_views();
+    stored = Stored(Reference::FromImagesWithRobot(images[v], covered[v]), images[v].size(),
+                    absl::Now());
+    stored.set_with_robot(true);
   }
   return references;
 }

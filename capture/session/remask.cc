@@ -2,17 +2,16 @@
 #include "capture/session/remask.h"
 
 #include <algorithm>
-#include <atomic>
 #include <map>
 #include <mutex>
 #include <stdexcept>
-#include <thread>
 #include <utility>
 
 #include "absl/strings/str_cat.h"
 #include "capture/segmentation/difference.h"
 #include "capture/session/raw_archive.h"
 #include "capture/session/reference_images.h"
+#include "common/parallel/parallel.h"
 #include "db/status/status_macros.h"
 #include "db/store/schema.h"
 
@@ -45,12 +44,8 @@ void Count(const Mask& before, const Mask& after, ViewChange& change) {
   change.before += before.Count();
   if (before == after) return;
   ++change.images;
-  for (int y = 0; y < before.height(); ++y) {
-    for (int x = 0; x < before.width(); ++x) {
-      change.added += after.at(x, y) && !before.at(x, y) ? 1 : 0;
-      change.removed += before.at(x, y) && !after.at(x, y) ? 1 : 0;
-    }
-  }
+  change.added += (after - before).Count();
+  change.removed += (before - after).Count();
 }
 
 // The work on one variant.
@@ -116,20 +111,13 @@ class VariantRemask {
   absl::Status MakeBatch(const std::vector<MaskSize>& sizes, std::vector<RobotImage>& batch,
                          RobotImageWriter& writer) {
     std::vector<std::vector<Mask>> masks(batch.size());
-    std::atomic<size_t> next = 0;
-    std::mutex mutex;
-    absl::Status status;  // guarded by the mutex
-    const auto work = [&] {
-      const absl::Status made = MakeMasks(sizes, batch, next, masks);
-      if (made.ok()) return;
-      next = batch.size();
-      const std::lock_guard lock(mutex);
-      status.Update(made);
-    };
-    {
-      std::vector<std::jthread> threads;
-      for (int i = std::max(options_.threads, 1); i > 0; --i) threads.emplace_back(work);
-    }
+    std::vector<absl::Status> made(batch.size());
+    ParallelWhile(batch.size(), [&](size_t i) {
+      if (!batch[i].excluded) made[i] = MakeMasks(batch[i].number, sizes, masks[i]);
+      return made[i].ok();
+    });
+    absl::Status status;
+    for (const absl::Status& each : made) status.Update(each);
     for (size_t i = 0; i < batch.size() && status.ok(); ++i) {
       if (!batch[i].excluded) {
         for (size_t v = 0; v < masks[i].size(); ++v) {
@@ -142,23 +130,9 @@ class VariantRemask {
     return status;
   }
 
-  // Takes one robot image after another of those that are left.
-  absl::Status MakeMasks(const std::vector<MaskSize>& sizes, const std::vector<RobotImage>& batch,
-                         std::atomic<size_t>& next, std::vector<std::vector<Mask>>& masks) {
+  absl::Status MakeMasks(ConfigurationNumber number, const std::vector<MaskSize>& sizes,
+                         std::vector<Mask>& masks) try {
     ASSIGN_OR_RETURN(const auto snapshot, database_.Read());
-    for (size_t i = next++; i < batch.size(); i = next++) {
-      if (batch[i].excluded) continue;
-      try {
-        RETURN_IF_ERROR(Make(snapshot, batch[i].number, sizes, masks[i]));
-      } catch (const std::invalid_argument& error) {
-        return absl::InvalidArgumentError(error.what());
-      }
-    }
-    return absl::OkStatus();
-  }
-
-  absl::Status Make(const Snapshot& snapshot, ConfigurationNumber number,
-                    const std::vector<MaskSize>& sizes, std::vector<Mask>& masks) {
     for (int v = 0; v < database_.cell().views_size(); ++v) {
       ASSIGN_OR_RETURN(const auto raw, snapshot.FindRawImage(number, v));
       if (!raw.has_value()) return Unreadable(number, v);
@@ -171,12 +145,14 @@ class VariantRemask {
           Difference(picture, reference, options_.segmentation, sizes[static_cast<size_t>(v)]));
     }
     return absl::OkStatus();
+  } catch (const std::invalid_argument& error) {
+    return absl::InvalidArgumentError(error.what());
   }
 
   absl::Status Unreadable(ConfigurationNumber number, int view) const {
     return absl::DataLossError(absl::StrCat("the raw image of configuration ", number,
                                             " in the view '", database_.cell().views(view).name(),
-                                            "' cannot be read; capture it anew"));
+                                            "' cannot be read; recapture it"));
   }
 
   const Database& database_;
@@ -194,7 +170,7 @@ absl::Status CheckLeftOut(const RemaskedVariant& variant) {
                    variant.name == schema::kDefaultVariant
                        ? ""
                        : absl::StrCat(" of the variant '", variant.name, "'"),
-                   " have no raw images that can be read: their masks cannot be made anew"));
+                   " have no raw images that can be read: their masks cannot be rebuilt"));
 }
 
 }  // namespace

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Masks made anew from the camera images that a database kept, with other settings, as a capture
-// with these settings would have made them. Nothing moves.
+// Rebuilds masks from the camera images that a database kept, with other settings: the masks that a
+// capture with these settings would have made. Nothing moves.
 #pragma once
 
 #include <cstdint>
@@ -18,7 +18,6 @@ struct RemaskOptions {
   SegmentationSettings segmentation;
   // Whether robot images without raw images are left out, rather than refused.
   bool leave_out = false;
-  int threads = 2;
   // Called on the calling thread now and again; false stops.
   std::function<bool(uint64_t done, uint64_t total)> progress = nullptr;
 };

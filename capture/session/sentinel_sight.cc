@@ -8,6 +8,7 @@
 
 #include "absl/strings/str_format.h"
 #include "capture/segmentation/brightness.h"
+#include "common/numbers/numbers.h"
 #include "common/picture/picture.h"
 
 namespace silhouette {
@@ -35,24 +36,23 @@ std::string Direction(const ImageShift& shift) {
   return absl::StrFormat("%.1f px %s and %.1f px %s", x, across, y, along);
 }
 
-void CompareMasks(const cv::Mat& first, const cv::Mat& now, Sight& sight) {
-  sight.mask_area = cv::countNonZero(first);
-  sight.mask_pixels = cv::countNonZero(first != now);
+void CompareMasks(const Mask& first, const Mask& now, Sight& sight) {
+  sight.mask_area = static_cast<int>(first.Count());
+  sight.mask_pixels = static_cast<int>((first - now).Count() + (now - first).Count());
   sight.core_pixels =
-      cv::countNonZero(now & ~Grown(first, 1)) + cv::countNonZero(first & ~Grown(now, 1));
+      static_cast<int>((now - Grown(first, 1)).Count() + (first - Grown(now, 1)).Count());
 }
 
 }  // namespace
 
 Sight Compare(const SentinelImage& first, const SentinelImage& now, const Reference& reference) {
   Sight sight;
-  const cv::Mat mask = MaskImage(first.mask);
-  CompareMasks(mask, MaskImage(now.mask), sight);
+  CompareMasks(first.mask, now.mask, sight);
   if (first.grey.empty()) return sight;
   const Reference grey = reference.AsGrey();
   sight.gain = BrightnessOf(now.grey, grey).gain / BrightnessOf(first.grey, grey).gain;
   cv::Mat robot;
-  cv::resize(mask, robot, first.grey.size(), 0, 0, cv::INTER_NEAREST);
+  cv::resize(MaskImage(first.mask), robot, first.grey.size(), 0, 0, cv::INTER_NEAREST);
   robot = Grown(robot, 4);
   cv::Mat background = ~Grown(robot, 2);
   const bool sees_background =
@@ -123,8 +123,7 @@ class Alignment {
  public:
   Alignment(const cv::Mat& first, const cv::Mat& now, const cv::Mat& region, double gain)
       : first_(Smooth(first, gain)), now_(Smooth(now, 1)), region_(region) {
-    cv::Sobel(first_, slope_x_, CV_32F, 1, 0, 3, 1.0 / 8);
-    cv::Sobel(first_, slope_y_, CV_32F, 0, 1, 3, 1.0 / 8);
+    Slopes(first_, slope_x_, slope_y_);
   }
 
   bool Tells() const {
@@ -170,7 +169,7 @@ class Alignment {
 
   // Grey levels that most pixels are off by at a shift.
   double TypicalDifference(cv::Point2d shift) const {
-    std::vector<float> differences;
+    std::vector<double> differences;
     const cv::Mat there = Moved(shift.x, shift.y);
     for (int y = 0; y < first_.rows; y += 2) {
       for (int x = 0; x < first_.cols; x += 2) {
@@ -178,10 +177,7 @@ class Alignment {
         differences.push_back(std::abs(there.at<float>(y, x) - first_.at<float>(y, x)));
       }
     }
-    if (differences.empty()) return 1;
-    const auto middle = differences.begin() + static_cast<std::ptrdiff_t>(differences.size() / 2);
-    std::nth_element(differences.begin(), middle, differences.end());
-    return std::max(1.0, 4.5 * static_cast<double>(*middle));
+    return std::max(1.0, 4.5 * Median(std::move(differences)));
   }
 
  private:
@@ -195,12 +191,16 @@ class Alignment {
     double count = 0;
   };
 
+  static void Slopes(const cv::Mat& smooth, cv::Mat& x, cv::Mat& y) {
+    cv::Sobel(smooth, x, CV_32F, 1, 0, 3, 1.0 / 8);
+    cv::Sobel(smooth, y, CV_32F, 0, 1, 3, 1.0 / 8);
+  }
+
   static cv::Mat Edges(const cv::Mat& smooth) {
     cv::Mat x;
     cv::Mat y;
     cv::Mat edges;
-    cv::Sobel(smooth, x, CV_32F, 1, 0, 3, 1.0 / 8);
-    cv::Sobel(smooth, y, CV_32F, 0, 1, 3, 1.0 / 8);
+    Slopes(smooth, x, y);
     cv::magnitude(x, y, edges);
     return edges;
   }

@@ -31,7 +31,7 @@ std::optional<ImageShift> ShiftBetween(const cv::Mat& first, const cv::Mat& now,
                                        const cv::Mat& region, double gain);
 
 // The shift of the whole region, or that of one of its quarters if that is clearly larger: that
-// tells a camera that turned about its axis, too. Nothing if none of them can be told.
+// finds a camera that turned about its axis, too. Nothing if none of them can be measured.
 std::optional<ImageShift> LargestShift(const cv::Mat& first, const cv::Mat& now,
                                        const cv::Mat& region, double gain);
 

@@ -66,8 +66,8 @@ absl::StatusOr<Sentinels> Sentinels::Open(SessionParts& parts, const CapturePlan
       sentinels.numbers_.push_back(number);
     }
   }
-  const bool anew = plan.new_sentinels || sentinels.numbers_.size() != static_cast<size_t>(count);
-  if (anew && !plan.captures.empty()) {
+  const bool renew = plan.new_sentinels || sentinels.numbers_.size() != static_cast<size_t>(count);
+  if (renew && !plan.captures.empty()) {
     sentinels.numbers_ = WellSpread(parts.travel->grid(), plan.captures, count);
   }
   const std::set<ConfigurationNumber> planned(plan.captures.begin(), plan.captures.end());
@@ -83,7 +83,7 @@ absl::StatusOr<Sentinels> Sentinels::Open(SessionParts& parts, const CapturePlan
   return sentinels;
 }
 
-// But of those that are captured (anew).
+// Those that are captured or recaptured are left out.
 absl::Status Sentinels::ReadFirsts(const Snapshot& snapshot,
                                    const std::set<ConfigurationNumber>& planned) {
   for (const ConfigurationNumber number : numbers_) {

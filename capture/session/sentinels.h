@@ -36,7 +36,7 @@ class Sentinels {
   // In the order of visits.
   const std::vector<ConfigurationNumber>& numbers() const { return numbers_; }
 
-  // Sentinels that `plan` captures, for the first time or anew: before everything else.
+  // Sentinels that `plan` captures, for the first time or again: before everything else.
   std::vector<ConfigurationNumber> ToCapture() const { return to_capture_; }
 
   // Tells how a sentinel out of ToCapture() looks, which was just captured.

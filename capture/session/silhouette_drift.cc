@@ -3,7 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
-#include <opencv2/imgproc.hpp>
+#include <utility>
 
 #include "capture/segmentation/difference.h"
 #include "capture/segmentation/down_sampling.h"
@@ -21,17 +21,12 @@ constexpr double kSteep = 0.07;     // least that a shift by 1.5 mask pixels cha
 class OutlineComparison {
  public:
   OutlineComparison(cv::Mat foreground, const Mask& robot, double min_cover)
-      : foreground_(std::move(foreground)), size_(robot.size()), min_cover_(min_cover) {
-    robot_ = MaskImage(robot);
-    const cv::Mat around = cv::Mat::ones(2 * kDriftReach + 1, 2 * kDriftReach + 1, CV_8U);
-    cv::dilate(robot_, near_, around);
-    cv::Mat inner;
-    cv::erode(robot_, inner, cv::Mat::ones(3, 3, CV_8U));
-    outline_ = cv::countNonZero(robot_) - cv::countNonZero(inner);
+      : foreground_(std::move(foreground)), robot_(robot), near_(robot), min_cover_(min_cover) {
+    for (int i = 0; i < kDriftReach; ++i) near_ = Grown(near_, 1);
   }
 
   // Mask pixels of the robot's rim.
-  int outline() const { return outline_; }
+  int outline() const { return static_cast<int>(robot_.Count() - Core(robot_).Count()); }
 
   // For a foreground that is moved back by (dx, dy) pixels of the camera image.
   int Unlike(int dx, int dy) const {
@@ -39,18 +34,15 @@ class OutlineComparison {
     const cv::Rect all({0, 0}, foreground_.size());
     const cv::Rect to = cv::Rect(cv::Point(-dx, -dy), foreground_.size()) & all;
     if (!to.empty()) foreground_(to + cv::Point(dx, dy)).copyTo(moved(to));
-    cv::Mat unlike;
-    cv::bitwise_xor(MaskImage(DownSample(moved, size_, min_cover_)), robot_, unlike);
-    return cv::countNonZero(unlike & near_);
+    const Mask mask = DownSample(moved, robot_.size(), min_cover_);
+    return static_cast<int>((((mask - robot_) | (robot_ - mask)) & near_).Count());
   }
 
  private:
-  cv::Mat foreground_;
-  MaskSize size_;
-  double min_cover_;
-  cv::Mat robot_;
-  cv::Mat near_;
-  int outline_ = 0;
+  const cv::Mat foreground_;
+  const Mask robot_;
+  Mask near_;  // the robot and up to kDriftReach pixels around it
+  const double min_cover_;
 };
 
 struct BestShift {

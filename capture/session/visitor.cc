@@ -20,11 +20,6 @@ constexpr absl::Duration kLeastWait = absl::Milliseconds(1);
 
 }  // namespace
 
-absl::StatusOr<Visit> Visitor::Go(ConfigurationNumber number) {
-  robot_lost_ = false;
-  return GoTo(number);
-}
-
 absl::StatusOr<std::vector<double>> Visitor::Measure() {
   absl::StatusOr<std::vector<double>> measured = parts_.robot.Measure();
   robot_lost_ = absl::IsUnavailable(measured.status());
@@ -37,7 +32,8 @@ absl::Status Visitor::MoveTo(const Configuration& place) {
   return status;
 }
 
-absl::StatusOr<Visit> Visitor::GoTo(ConfigurationNumber number) {
+absl::StatusOr<Visit> Visitor::Go(ConfigurationNumber number) {
+  robot_lost_ = false;
   absl::StatusOr<std::vector<Configuration>> route;
   if (at_) {
     route = parts_.travel->Route(*at_, number);

@@ -60,7 +60,7 @@ struct Visit {
 
 class Visitor {
  public:
-  // `parts` must outlive it; `say` is told of images that are asked for again.
+  // `parts` must outlive it; images that are asked for again are reported to `say`.
   Visitor(SessionParts& parts, std::function<void(const std::string&)> say)
       : parts_(parts), say_(std::move(say)) {}
 
@@ -73,7 +73,6 @@ class Visitor {
   bool robot_lost() const { return robot_lost_; }
 
  private:
-  absl::StatusOr<Visit> GoTo(ConfigurationNumber number);
   // Where the robot's joints are. It and MoveTo() notice that the robot is lost.
   absl::StatusOr<std::vector<double>> Measure();
   absl::Status MoveTo(const Configuration& place);

@@ -34,29 +34,28 @@ absl::StatusOr<cv::Mat> Pixels(ArvBuffer* buffer) {
     return absl::DataLossError("an image is smaller than it says");
   }
   const cv::Mat image(height, width, colour ? CV_8UC3 : CV_8UC1, data);
-  cv::Mat converted;
+  const auto to_bgr = [&](int code) {
+    cv::Mat converted;
+    cv::cvtColor(image, converted, code);
+    return converted;
+  };
   switch (format) {
     case ARV_PIXEL_FORMAT_MONO_8:
     case ARV_PIXEL_FORMAT_BGR_8_PACKED:
       return image;
     case ARV_PIXEL_FORMAT_RGB_8_PACKED:
-      cv::cvtColor(image, converted, cv::COLOR_RGB2BGR);
-      return converted;
+      return to_bgr(cv::COLOR_RGB2BGR);
     case ARV_PIXEL_FORMAT_BAYER_RG_8:
-      cv::cvtColor(image, converted, cv::COLOR_BayerRGGB2BGR);
-      return converted;
+      return to_bgr(cv::COLOR_BayerRGGB2BGR);
     case ARV_PIXEL_FORMAT_BAYER_GR_8:
-      cv::cvtColor(image, converted, cv::COLOR_BayerGRBG2BGR);
-      return converted;
+      return to_bgr(cv::COLOR_BayerGRBG2BGR);
     case ARV_PIXEL_FORMAT_BAYER_GB_8:
-      cv::cvtColor(image, converted, cv::COLOR_BayerGBRG2BGR);
-      return converted;
+      return to_bgr(cv::COLOR_BayerGBRG2BGR);
     case ARV_PIXEL_FORMAT_BAYER_BG_8:
-      cv::cvtColor(image, converted, cv::COLOR_BayerBGGR2BGR);
-      return converted;
+      return to_bgr(cv::COLOR_BayerBGGR2BGR);
     default:
       return absl::InternalError(absl::StrCat("it sends pixels of the format ", absl::Hex(format),
-                                              ", which it was not told to"));
+                                              ", which it was not set to"));
   }
 }
 
@@ -75,13 +74,12 @@ class GenicamCamera : public CameraSource {
     static std::mutex
         one_at_a_time;  // Aravis' parts that devices share are not for several threads
     const std::lock_guard lock(one_at_a_time);
-    absl::Status status = SetUpDevice(camera.get(), width_, height_, source_);
-    if (!status.ok()) return status;
+    RETURN_IF_ERROR(SetUpDevice(camera.get(), width_, height_, source_));
     ASSIGN_OR_RETURN(auto stream, MakeStream(camera.get()));
     lost_ = false;
     g_signal_connect(arv_camera_get_device(camera.get()), "control-lost",
                      G_CALLBACK(&GenicamCamera::ControlLost), this);
-    status = Call(kAravisCameraGone, arv_camera_start_acquisition, camera.get());
+    const absl::Status status = Call(kAravisCameraGone, arv_camera_start_acquisition, camera.get());
     camera_ = std::move(camera);
     stream_ = std::move(stream);
     if (!status.ok()) Close();
@@ -93,15 +91,15 @@ class GenicamCamera : public CameraSource {
 
   absl::Status Trigger() override {
     if (!ready()) return Lost();
-    absl::Status status;
-    if (overdue_) status = Restart();
-    if (!status.ok()) return status;
+    if (overdue_) {
+      RETURN_IF_ERROR(Restart());
+    }
     while (ArvBuffer* old = arv_stream_try_pop_buffer(stream_.get())) {
       arv_stream_push_buffer(stream_.get(), old);
     }
     asked_ = absl::Now();
     if (source_.trigger != CameraTrigger::kSoftware) return absl::OkStatus();
-    status = Call(kAravisCameraGone, arv_camera_software_trigger, camera_.get());
+    const absl::Status status = Call(kAravisCameraGone, arv_camera_software_trigger, camera_.get());
     if (status.ok()) return status;
     lost_ = true;
     return Lost();
@@ -138,7 +136,7 @@ class GenicamCamera : public CameraSource {
     return absl::UnavailableError("the connection to it was lost; check its power and cable");
   }
 
-  // Nothing: the image is of before it was asked for.
+  // Nothing: the image is older than the request.
   absl::StatusOr<std::optional<CameraImage>> Read(ArvBuffer* buffer) {
     const ArvBufferStatus status = arv_buffer_get_status(buffer);
     const absl::Time arrived =
@@ -146,7 +144,7 @@ class GenicamCamera : public CameraSource {
     const bool software = source_.trigger == CameraTrigger::kSoftware;
     if (arrived < (software ? asked_ : asked_ + source_.latency)) return std::nullopt;
     if (status == ARV_BUFFER_STATUS_SIZE_MISMATCH) {
-      return absl::DataLossError("it sends larger images than it was told to");
+      return absl::DataLossError("it sends larger images than it was set to");
     }
     if (status != ARV_BUFFER_STATUS_SUCCESS) {
       return absl::DataLossError(

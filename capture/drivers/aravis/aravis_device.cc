@@ -135,40 +135,36 @@ absl::Status SetPixels(ArvCamera* camera, const GenicamSource& source) {
 
 absl::Status SetRegion(ArvCamera* camera, int width, int height) {
   gint x = 0, y = 0, has_width = 0, has_height = 0;
-  absl::Status status =
-      Call(kRefused, arv_camera_get_region, camera, &x, &y, &has_width, &has_height);
-  if (!status.ok() || (has_width == width && has_height == height)) return status;
+  const auto ask = [&] {
+    return Call(kRefused, arv_camera_get_region, camera, &x, &y, &has_width, &has_height);
+  };
+  RETURN_IF_ERROR(ask());
+  if (has_width == width && has_height == height) return absl::OkStatus();
   gint sensor_width = 0, sensor_height = 0;
-  status = Call(kRefused, arv_camera_get_sensor_size, camera, &sensor_width, &sensor_height);
-  if (!status.ok()) return status;
+  RETURN_IF_ERROR(
+      Call(kRefused, arv_camera_get_sensor_size, camera, &sensor_width, &sensor_height));
   if (width > sensor_width || height > sensor_height) {
     return absl::FailedPreconditionError(absl::StrCat("its sensor has ", sensor_width, " x ",
                                                       sensor_height, " pixels; the cell says ",
                                                       width, " x ", height));
   }
-  status = Call(kRefused, arv_camera_set_region, camera, 0, 0, width, height);
-  if (!status.ok()) return status;
-  status = Call(kRefused, arv_camera_get_region, camera, &x, &y, &has_width, &has_height);
-  if (!status.ok() || (has_width == width && has_height == height)) return status;
+  RETURN_IF_ERROR(Call(kRefused, arv_camera_set_region, camera, 0, 0, width, height));
+  RETURN_IF_ERROR(ask());
+  if (has_width == width && has_height == height) return absl::OkStatus();
   return absl::FailedPreconditionError(absl::StrCat("it makes images of ", has_width, " x ",
                                                     has_height, " of the ", width, " x ", height,
                                                     " pixels that the cell says"));
 }
 
 absl::Status SetTrigger(ArvCamera* camera, const GenicamSource& source) {
-  absl::Status status =
-      Call(kRefused, arv_camera_set_acquisition_mode, camera, ARV_ACQUISITION_MODE_CONTINUOUS);
-  if (!status.ok()) return status;
-  switch (source.trigger) {
-    case CameraTrigger::kFree:
-      return Call(kRefused, arv_camera_clear_triggers, camera);
-    case CameraTrigger::kHardware:
-      status = Call(kRefused, arv_camera_set_trigger, camera, source.line.c_str());
-      break;
-    case CameraTrigger::kSoftware:
-      status = Call(kRefused, arv_camera_set_trigger, camera, "Software");
-      break;
+  RETURN_IF_ERROR(
+      Call(kRefused, arv_camera_set_acquisition_mode, camera, ARV_ACQUISITION_MODE_CONTINUOUS));
+  if (source.trigger == CameraTrigger::kFree) {
+    return Call(kRefused, arv_camera_clear_triggers, camera);
   }
+  const bool hardware = source.trigger == CameraTrigger::kHardware;
+  const absl::Status status =
+      Call(kRefused, arv_camera_set_trigger, camera, hardware ? source.line.c_str() : "Software");
   if (status.ok()) return status;
   return absl::FailedPreconditionError(
       absl::StrCat("it takes no such trigger: ", status.message()));
@@ -279,12 +275,11 @@ absl::StatusOr<CameraHandle> FindDevice(const GenicamSource& source) {
 }
 
 absl::Status SetUpDevice(ArvCamera* camera, int width, int height, const GenicamSource& source) {
-  absl::Status status = SetPixels(camera, source);
-  if (status.ok()) status = SetRegion(camera, width, height);
-  if (status.ok()) status = SetTrigger(camera, source);
-  if (status.ok()) status = FixExposure(camera, source);
-  if (status.ok()) status = SetPackets(camera, source);
-  return status;
+  RETURN_IF_ERROR(SetPixels(camera, source));
+  RETURN_IF_ERROR(SetRegion(camera, width, height));
+  RETURN_IF_ERROR(SetTrigger(camera, source));
+  RETURN_IF_ERROR(FixExposure(camera, source));
+  return SetPackets(camera, source);
 }
 
 absl::StatusOr<StreamHandle> MakeStream(ArvCamera* camera) {

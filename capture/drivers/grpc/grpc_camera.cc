@@ -28,7 +28,6 @@ std::chrono::system_clock::time_point Until(absl::Time deadline) {
 }
 
 absl::Status GrpcCameraStatusOf(const grpc::Status& status, const std::string& address) {
-  if (status.ok()) return absl::OkStatus();
   return absl::Status(static_cast<absl::StatusCode>(status.error_code()),
                       absl::StrCat("the camera driver at ", address, ": ", status.error_message()));
 }

@@ -153,7 +153,7 @@ std::string WithoutPassword(const std::string& url) {
   return at == std::string::npos ? url : url.substr(0, begin) + url.substr(at + 1);
 }
 
-// FFmpeg would tell every attempt on stderr; what went wrong is told by statuses. A user who wants
+// FFmpeg would log every attempt to stderr; statuses report what went wrong. A user who wants
 // to see it sets the variable.
 void QuietFfmpeg() {
   static const int once = setenv("OPENCV_FFMPEG_LOGLEVEL", "-8", /*overwrite=*/0);

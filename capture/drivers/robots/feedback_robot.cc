@@ -43,7 +43,7 @@ absl::Status FeedbackRobot::CheckHold(const RobotFeedback& feedback) const {
     return absl::AbortedError(absl::StrCat("the robot reports: ", feedback.fault));
   }
   if (feedback.positions.size() != hold_->size())
-    return absl::AbortedError("the robot told no positions");
+    return absl::AbortedError("the robot reported no positions");
   const JointDeviation off = GreatestDeviation(*hold_, feedback.positions);
   if (off.deviation <= limits_.tolerance) return absl::OkStatus();
   return absl::AbortedError(
@@ -92,7 +92,7 @@ void FeedbackRobot::StopWhenAlarmed() {
     lock.lock();
     if (!stopped.ok()) {
       alarm_ = absl::AbortedError(
-          absl::StrCat(alarm_.message(), "; it could not be told to stop: ", stopped.message()));
+          absl::StrCat(alarm_.message(), "; the stop command failed: ", stopped.message()));
     }
   }
 }
@@ -105,15 +105,14 @@ absl::Status FeedbackRobot::Silence(absl::Time now) {
   silence_told_ = silence_told_ || silent;
   if (!link_failure_.ok()) return link_failure_;
   if (silent) {
-    return absl::UnavailableError(absl::StrCat("the robot has not told for ",
+    return absl::UnavailableError(absl::StrCat("the robot has not reported its position for ",
                                                spoken(now - newest_time_),
-                                               " where it is; the connection to it is lost"));
+                                               "; the connection to it is lost"));
   }
   const absl::Duration gap = std::exchange(untold_gap_, absl::ZeroDuration());
   if (gap == absl::ZeroDuration()) return absl::OkStatus();
-  return absl::UnavailableError(
-      absl::StrCat("the connection to the robot was lost: it did not tell ", "for ", spoken(gap),
-                   " where it is"));
+  return absl::UnavailableError(absl::StrCat(
+      "the connection to the robot was lost: it did not report its position for ", spoken(gap)));
 }
 
 absl::StatusOr<RobotFeedback> FeedbackRobot::Newest(std::unique_lock<std::mutex>& lock) {
@@ -121,8 +120,8 @@ absl::StatusOr<RobotFeedback> FeedbackRobot::Newest(std::unique_lock<std::mutex>
                     [&] { return newest_.has_value() || !link_failure_.ok(); });
   if (!alarm_.ok()) return alarm_;
   if (link_failure_.ok() && !newest_) {
-    return absl::UnavailableError(absl::StrCat(
-        "the robot did not tell within ", absl::FormatDuration(limits_.silence), " where it is"));
+    return absl::UnavailableError(absl::StrCat("the robot did not report its position within ",
+                                               absl::FormatDuration(limits_.silence)));
   }
   RETURN_IF_ERROR(Silence(absl::Now()));
   return *newest_;
@@ -160,7 +159,7 @@ absl::Status FeedbackRobot::MoveTo(std::span<const double> positions) {
     }
   }
   if (start.positions.size() != names_.size()) {
-    return absl::AbortedError("the robot told no positions");
+    return absl::AbortedError("the robot reported no positions");
   }
   hold_.reset();
   move_failure_ = absl::OkStatus();
@@ -177,9 +176,9 @@ absl::Status FeedbackRobot::MoveTo(std::span<const double> positions) {
   }
   lock.unlock();
   if (const absl::Status stopped = link_->Stop(); !stopped.ok()) {
-    return absl::Status(status.code(),
-                        absl::StrCat(status.message(),
-                                     "; the robot could not be told to stop: ", stopped.message()));
+    return absl::Status(
+        status.code(),
+        absl::StrCat(status.message(), "; the stop command failed: ", stopped.message()));
   }
   return status;
 }

@@ -27,7 +27,7 @@ namespace silhouette {
 class ControllerLink {
  public:
   struct Observer {
-    // The robot told how it is.
+    // The robot reported its state.
     std::function<void(const RobotFeedback&)> feedback;
     // The connection failed, or the robot refused a move after it had been sent.
     std::function<void(const absl::Status&)> failed;
@@ -38,12 +38,12 @@ class ControllerLink {
   // In the robot's order.
   virtual const std::vector<std::string>& joints() const = 0;
 
-  // From then on the observer is told, from threads of the link, until the link is destroyed.
+  // From then on threads of the link call the observer, until the link is destroyed.
   // Called once, before everything below.
   virtual void Start(Observer observer) = 0;
 
-  // Sends the robot off. Returns when it has been told, at the latest when it has arrived; whether
-  // it arrives is told by its feedback alone.
+  // Sends a move command. Returns once the robot has it, at the latest on arrival. Only the
+  // feedback reports arrival.
   virtual absl::Status Move(std::span<const double> goal, absl::Duration duration) = 0;
 
   // Tells the robot to stop, at once. May be called at any time from any thread but the link's own.
@@ -53,7 +53,7 @@ class ControllerLink {
 // Thread-safe; one MoveTo at a time.
 //
 // Where a move has ended the robot must stay: if it leaves that place by more than the tolerance
-// before the next one, or reports a fault, it is told to stop, and from then on every call but
+// before the next one, or reports a fault, it receives a stop command; then every call but
 // Stop() is Aborted with the reason. Before the first move, and after a Stop(), it may be moved by
 // anybody.
 class FeedbackRobot : public Robot {
@@ -94,7 +94,7 @@ class FeedbackRobot : public Robot {
   std::condition_variable changed_;
   std::optional<RobotFeedback> newest_;
   absl::Time newest_time_;
-  absl::Duration untold_gap_;  // a silence that is over and that nobody was told of; 0: none
+  absl::Duration untold_gap_;  // a past silence that no call has reported yet; 0: none
   bool silence_told_ = false;  // of the one that goes on
   Stillness stillness_;
   absl::Status link_failure_;        // the last one; OK again with the next feedback
@@ -107,7 +107,7 @@ class FeedbackRobot : public Robot {
   bool ending_ = false;
 
   std::thread guard_;
-  // Tells until it is destroyed, which is first; what it tells is taken without it.
+  // Destroyed first: until then it calls OnFeedback() and OnFailure().
   std::unique_ptr<ControllerLink> link_;
 };
 

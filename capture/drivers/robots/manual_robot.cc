@@ -100,7 +100,7 @@ absl::Status ManualRobot::WaitUntilThere(std::span<const double> goal) {
     RETURN_IF_ERROR(Ask("Enter when it stands there, or stop: ").status());
     ASSIGN_OR_RETURN(const RobotState state, reader_->State());
     if (state.positions.size() != joints_.size()) {
-      return absl::InternalError("the robot told no positions");
+      return absl::InternalError("the robot reported no positions");
     }
     std::vector<std::string> off;
     for (size_t j = 0; j < joints_.size(); ++j) {

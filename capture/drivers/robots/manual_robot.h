@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// ManualRobot: a robot that a person moves, with its pendant, to where he is told.
+// ManualRobot: a robot that an operator moves with its pendant, as the program asks.
 #pragma once
 
 #include <functional>
@@ -24,20 +24,20 @@ struct Operator {
 
 struct ManualJoint {
   std::string name;
-  bool prismatic = false;  // told in millimetres, else in degrees
+  bool prismatic = false;  // shown in millimetres, else in degrees
 };
 
 class ManualRobot : public Robot {
  public:
   // How it is known where the robot is.
   enum class Reading {
-    kConfirmed,  // the operator says that it is where he was told to move it, or types the values
-    kTyped,      // he types the values
+    kConfirmed,  // the operator confirms the position, or enters the joint values
+    kTyped,      // the operator enters the joint values
   };
 
   ManualRobot(std::vector<ManualJoint> joints, Operator person, Reading reading);
-  // Joints are read from `reader`, whose joints these are; the operator is told by how much the
-  // robot is off until it is not by more than `tolerance`, radians and metres.
+  // Joints are read from `reader`, whose joints these are; the operator sees the
+  // deviation until it is at most `tolerance`, radians and metres.
   ManualRobot(std::vector<ManualJoint> joints, Operator person, std::unique_ptr<Robot> reader,
               double tolerance);
 

@@ -91,7 +91,7 @@ absl::Status MotionWatch::Tell(absl::Time now, const RobotFeedback& feedback) {
     return absl::AbortedError(absl::StrCat("the robot reports: ", feedback.fault));
   }
   if (feedback.positions.size() != names_.size()) {
-    return absl::AbortedError(absl::StrCat("the robot told the positions of ",
+    return absl::AbortedError(absl::StrCat("the robot reported positions of ",
                                            feedback.positions.size(), " joints and has ",
                                            names_.size()));
   }
@@ -99,7 +99,7 @@ absl::Status MotionWatch::Tell(absl::Time now, const RobotFeedback& feedback) {
   const double seconds = absl::ToDoubleSeconds(now - begin_ + kLatency);
   if (!std::isfinite(gone.deviation)) {
     return absl::AbortedError(
-        absl::StrCat("the robot told no number for '", names_[gone.joint], "'"));
+        absl::StrCat("the robot reported no number for '", names_[gone.joint], "'"));
   }
   if (gone.deviation > kTooFast * limits_.joint_speed * seconds + limits_.tolerance) {
     return absl::AbortedError(absl::StrFormat(

@@ -1,6 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// MotionWatch: whether a robot that was told to go somewhere goes there, judged by nothing but what
-// it says of where it is.
+// MotionWatch: whether a robot carries out a move, judged only by the positions that it reports.
 #pragma once
 
 #include <deque>

@@ -46,9 +46,9 @@ struct GrpcRobotSettings {
   absl::Duration timeout = absl::Seconds(1);
 };
 
-// A person moves the robot where he is told to.
+// An operator moves the robot as the program asks.
 struct ManualRobotSettings {
-  // He types where it is; else he may just confirm that it is where it should be.
+  // The operator enters the joint values; else a confirmation suffices.
   bool typed = false;
   // Or what its joints are read from; first: nothing.
   std::variant<std::monostate, SimpleMessageSettings, GrpcRobotSettings> read = {};

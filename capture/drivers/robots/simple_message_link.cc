@@ -155,7 +155,7 @@ absl::Status SimpleMessageLink::Request(const Message& request, const std::strin
   }
   if (answers_ < number) {
     return In(address,
-              absl::DeadlineExceededError(absl::StrCat("no answer when it was told to ", what)));
+              absl::DeadlineExceededError(absl::StrCat("no answer to the command to ", what)));
   }
   const bool success = results_[number];
   results_.erase(number);

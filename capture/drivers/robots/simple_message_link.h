@@ -25,9 +25,9 @@
 namespace silhouette {
 
 // The state comes as JOINT_POSITION or JOINT_FEEDBACK (of the first group), and STATUS. Motion is
-// told with JOINT_TRAJ_PT or JOINT_TRAJ_PT_FULL. The motion connection is made when it is needed
-// first, and again after it was lost, for a robot that must be stopped; that of the state is made
-// again every now and then.
+// commanded with JOINT_TRAJ_PT or JOINT_TRAJ_PT_FULL. The motion connection is made when it is
+// needed first, and again after it was lost, for a robot that must be stopped; that of the state is
+// made again every now and then.
 class SimpleMessageLink : public ControllerLink {
  public:
   // Connects to the state's port. Unavailable, InvalidArgument: ConnectTcp's. Throws
