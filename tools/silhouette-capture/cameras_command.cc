@@ -20,6 +20,7 @@
 #include "common/picture/files.h"
 #include "common/picture/picture.h"
 #include "common/picture/sheet.h"
+#include "common/result/result.h"
 #include "db/status/status_macros.h"
 #include "tools/cell/devices/cell_devices.h"
 #include "tools/silhouette-capture/commands.h"
@@ -117,27 +118,23 @@ void PrintFound(const Found& found) {
 void PrintTaken(const CamerasOptions& options, const CamerasTaken& taken) {
   std::cout << absl::StreamFormat("\n%d of %d sets of images are complete\n", taken.complete,
                                   options.sets);
-  std::cout << "view                  image         mean level  taken at      images  lost  "
-               "incomplete\n";
+  Table table{{"view", "image", "mean level", "taken at", "images", "lost", "incomplete"}};
   for (size_t v = 0; v < taken.views.size(); ++v) {
     const ViewCounts& counts = taken.counts[v];
-    std::string image = "none";
-    std::string level, time;
+    std::string image = "none", level, time;
     if (!taken.images.empty()) {
       const CameraImage& last = taken.images[v];
       image = absl::StrCat(last.width, "x", last.height, last.channels == 3 ? " colour" : "");
       level = absl::StrFormat("%.1f", MeanLevel(last));
       time = TimeText(last.captured);
     }
-    std::cout << absl::StreamFormat("  %-18s  %-14s  %8s  %-12s  %6d  %4d  %10d\n", taken.views[v],
-                                    image, level, time, counts.taken, counts.lost,
-                                    counts.incomplete);
+    table.rows.push_back({taken.views[v], image, level, time, absl::StrCat(counts.taken),
+                          absl::StrCat(counts.lost), absl::StrCat(counts.incomplete)});
   }
+  std::cout << TextOf(table);
   if (taken.images.empty()) return;
-  std::cout << absl::StreamFormat(
-      "skew: %s at most (the time from the oldest to the newest image "
-      "of a set)\n",
-      absl::FormatDuration(taken.largest_skew));
+  std::cout << "skew: " << taken.largest_skew
+            << " at most (the time from the oldest to the newest image of a set)\n";
   if (!options.out.empty()) {
     std::cout << "wrote the images, and all on one sheet to " << options.out << "/all.png\n";
   }
@@ -211,13 +208,12 @@ void AddCameras(CLI::App& app, Work& work) {
   CLI::App* command = app.add_subcommand(
       "cameras",
       "Lists the cameras that answer: GigE Vision, USB3 Vision, and those with a Linux driver.\n"
-      "With a cell: takes sets of images with its cameras, and says how that went.");
+      "With a cell: takes sets of images with its cameras and reports the result.");
   command->footer(
       "Examples:\n"
       "  silhouette-capture cameras\n"
       "  silhouette-capture cameras --cell cell.yaml --out pictures\n"
-      "Exit codes: 0 done; 1 some sets of images were not complete; 2 a mistake in what was "
-      "asked;\n"
+      "Exit codes: 0 done; 1 some sets of images were not complete; 2 wrong arguments or files;\n"
       "3 no set was complete.");
   const auto options = std::make_shared<CamerasOptions>();
   command->add_option("--cell", options->cell, "The cell's file, cell.yaml");

@@ -7,7 +7,7 @@ int main(int argc, char** argv) {
   using namespace silhouette;
   CLI::App app(
       "Captures the robot images of a cell: drives the robot through every configuration of the\n"
-      "grid and stores how each view sees it.",
+      "grid and stores its mask in each view.",
       "silhouette-capture");
   app.require_subcommand(1);
   app.footer(

@@ -13,7 +13,7 @@
 
 namespace silhouette {
 
-// What all subcommands are told.
+// The arguments of all subcommands.
 struct CellArguments {
   std::string cell;
   std::string database;
@@ -37,7 +37,7 @@ struct CellFile {
   std::string variant;
 };
 
-// InvalidArgument if the file is not valid, or nobody says where the database is.
+// InvalidArgument if the file is not valid, or the database's folder is not specified.
 absl::StatusOr<CellFile> OpenCellFile(const CellArguments& arguments);
 
 // The database, if it is that of the cell; else FailedPrecondition says in what they differ.

@@ -1,6 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
 // silhouette-capture reference: takes the images of the empty cell.
-#include <functional>
 #include <iostream>
 #include <memory>
 #include <nlohmann/json.hpp>
@@ -11,6 +10,7 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
 #include "capture/session/reference_images.h"
+#include "common/result/result.h"
 #include "db/status/status_macros.h"
 #include "db/store/schema.h"
 #include "tools/cell/devices/cell_devices.h"
@@ -60,31 +60,31 @@ std::string RemarksOn(const Reference& reference) {
   return remarks;
 }
 
-void ReferencePrintText(const CellArguments& arguments, const CellFile& file, uint64_t robot_images,
-                        const std::vector<Reference>& references) {
-  std::cout << absl::StreamFormat("reference images in %s: %d per view\n", file.database,
-                                  file.cell.capture.reference_images);
-  std::cout << "view                  image       noise, grey levels\n";
+std::string ReferenceText(const CellArguments& arguments, const CellFile& file,
+                          uint64_t robot_images, const std::vector<Reference>& references) {
+  std::string text = absl::StrFormat("reference images in %s: %d per view\n", file.database,
+                                     file.cell.capture.reference_images);
+  text += "view                  image       noise, grey levels\n";
   for (size_t v = 0; v < references.size(); ++v) {
     const cv::Size size = references[v].size();
-    std::cout << absl::StreamFormat("  %-18s  %-10s  %.2f%s\n", file.cell.views[v].name,
-                                    absl::StrFormat("%dx%d", size.width, size.height),
-                                    references[v].Describe().mean_noise, RemarksOn(references[v]));
+    absl::StrAppendFormat(&text, "  %-18s  %-10s  %.2f%s\n", file.cell.views[v].name,
+                          absl::StrFormat("%dx%d", size.width, size.height),
+                          references[v].Describe().mean_noise, RemarksOn(references[v]));
   }
   if (robot_images > 0) {
-    std::cout << absl::StreamFormat(
-        "the %d records that are there were made with the reference images before these\n",
-        robot_images);
+    absl::StrAppendFormat(&text,
+                          "the %d existing records were made with the previous reference images\n",
+                          robot_images);
   }
-  std::cout << "next: " << arguments.Command("run") << std::endl;
+  return absl::StrCat(text, "next: ", arguments.Command("run"), "\n");
 }
 
-void ReferencePrintJson(const CellArguments& arguments, const CellFile& file,
-                        const std::vector<Reference>& references) {
-  nlohmann::json json = {{"database", file.database},
-                         {"images", file.cell.capture.reference_images},
-                         {"views", nlohmann::json::array()},
-                         {"next", arguments.Command("run")}};
+nlohmann::ordered_json ReferenceJson(const CellArguments& arguments, const CellFile& file,
+                                     const std::vector<Reference>& references) {
+  nlohmann::ordered_json json = {{"database", file.database},
+                                 {"images", file.cell.capture.reference_images},
+                                 {"views", nlohmann::ordered_json::array()},
+                                 {"next", arguments.Command("run")}};
   for (size_t v = 0; v < references.size(); ++v) {
     const Reference::Figures figures = references[v].Describe();
     json["views"].push_back({{"name", file.cell.views[v].name},
@@ -94,7 +94,7 @@ void ReferencePrintJson(const CellArguments& arguments, const CellFile& file,
                              {"saturated", ReferenceShare(figures.saturated, references[v])},
                              {"unsteady", ReferenceShare(figures.unsteady, references[v])}});
   }
-  std::cout << json.dump(2) << std::endl;
+  return json;
 }
 
 struct ReferenceArguments {
@@ -105,37 +105,17 @@ struct ReferenceArguments {
 
 constexpr int kImagesWithRobot = 40;
 
-using ReferenceTaken = absl::StatusOr<storage::v1::References>;
-
-// Takes so many sets of images with devices that are open.
-using Take =
-    std::function<ReferenceTaken(Database& database, int count, const CaptureObserver& observer)>;
-
-absl::StatusOr<Take> OpenEmptyCell(const Cell& cell) {
-  ASSIGN_OR_RETURN(auto opened, OpenCamerasOfEmptyCell(cell));
-  const std::shared_ptr<CameraRig> rig = std::move(opened);
-  return [rig](Database& database, int count, const CaptureObserver& observer) -> ReferenceTaken {
-    ASSIGN_OR_RETURN(auto cameras, CellCameras::Create(database.cell(), *rig));
-    return TakeReferences(cameras, count, observer);
-  };
-}
-
-absl::StatusOr<Take> OpenCellWithRobot(const Cell& cell) {
-  const auto travel = std::make_shared<const Travel>(cell.grid, cell.capture.forbidden_regions);
-  ASSIGN_OR_RETURN(auto opened, OpenDevices(cell, *travel, schema::kDefaultVariant));
-  const auto devices = std::make_shared<CellDevices>(std::move(opened));
-  return [travel, devices, settings = cell.capture](Database& database, int count,
-                                                    const CaptureObserver& observer) {
-    return TakeReferencesWithRobot(database, *travel, *devices->robot, *devices->cameras, settings,
-                                   count, observer);
-  };
-}
-
 absl::StatusOr<ExitCode> ReferenceRun(const ReferenceArguments& options) {
   const CellArguments& arguments = options.cell;
   ASSIGN_OR_RETURN(CellFile file, OpenCellFile(arguments));
-  ASSIGN_OR_RETURN(const auto take,
-                   options.with_robot ? OpenCellWithRobot(file.cell) : OpenEmptyCell(file.cell));
+  std::optional<Travel> travel;
+  CellDevices devices;
+  if (options.with_robot) {
+    travel.emplace(file.cell.grid, file.cell.capture.forbidden_regions);
+    ASSIGN_OR_RETURN(devices, OpenDevices(file.cell, *travel, schema::kDefaultVariant));
+  } else {
+    ASSIGN_OR_RETURN(devices.cameras, OpenCamerasOfEmptyCell(file.cell));
+  }
   ASSIGN_OR_RETURN(auto database, OpenOrCreateDatabase(file));
   int& count = file.cell.capture.reference_images;
   if (options.with_robot) count = kImagesWithRobot;
@@ -148,7 +128,11 @@ absl::StatusOr<ExitCode> ReferenceRun(const ReferenceArguments& options) {
   observer.progress = [&](uint64_t done) { progress->Update(done); };
   observer.say = [&](const std::string& line) { progress->Say(line); };
   observer.stop_requested = StopRequested;
-  const ReferenceTaken taken = (take)(*database, count, observer);
+  ASSIGN_OR_RETURN(auto cameras, CellCameras::Create(database->cell(), *devices.cameras));
+  const auto taken =
+      travel ? TakeReferencesWithRobot(*database, *travel, *devices.robot, *devices.cameras,
+                                       file.cell.capture, count, observer)
+             : TakeReferences(cameras, count, observer);
   progress.reset();
   if (absl::IsCancelled(taken.status())) {
     std::cerr << taken.status().message() << "; take them with: " << arguments.Command("reference")
@@ -159,11 +143,8 @@ absl::StatusOr<ExitCode> ReferenceRun(const ReferenceArguments& options) {
   ASSIGN_OR_RETURN(const auto snapshot, database->Read());
   RETURN_IF_ERROR(database->SetReferences(*taken, kReferenceProgram));
   ASSIGN_OR_RETURN(const auto references, ReadReferences(*database));
-  if (arguments.json()) {
-    ReferencePrintJson(arguments, file, references);
-  } else {
-    ReferencePrintText(arguments, file, snapshot.size(), references);
-  }
+  PrintResult(arguments.format, ReferenceJson(arguments, file, references),
+              ReferenceText(arguments, file, snapshot.size(), references));
   return kDone;
 }
 
@@ -182,7 +163,7 @@ void AddReference(CLI::App& app, Work& work) {
   AddCellOptions(*command, arguments->cell);
   command->add_flag("--with-robot", arguments->with_robot,
                     "Drive the robot to configurations spread over the grid, one set of images at "
-                    "each, and\ntake what is seen where it is not");
+                    "each, and\nuse what is seen where the robot is not");
   command
       ->add_option("--images", arguments->images,
                    "Sets of images (default: reference_images of the cell's file; 40 with the "

@@ -1,16 +1,16 @@
 // SPDX-License-Identifier: Apache-2.0
-// silhouette-capture remask: makes the masks anew from the images that were kept.
+// silhouette-capture remask: rebuilds the masks from the stored camera images.
 #include <filesystem>
 #include <iostream>
 #include <memory>
 #include <nlohmann/json.hpp>
 #include <optional>
-#include <thread>
 
 #include "absl/cleanup/cleanup.h"
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
 #include "capture/session/remask.h"
+#include "common/result/result.h"
 #include "db/status/status_macros.h"
 #include "db/store/collision_index.h"
 #include "tools/program/progress.h"
@@ -47,7 +47,6 @@ absl::StatusOr<std::vector<RemaskedVariant>> MakeMasks(const RemaskArguments& op
   RemaskOptions remask;
   remask.segmentation = file.cell.segmentation;
   remask.leave_out = options.leave_out;
-  remask.threads = static_cast<int>(std::max(1U, std::thread::hardware_concurrency()));
   std::optional<Progress> progress;
   remask.progress = [&](uint64_t done, uint64_t total) {
     if (!progress && total > 0) progress.emplace("masks", total, "configurations");
@@ -118,31 +117,33 @@ absl::StatusOr<std::vector<RemaskedVariant>> RemaskInPlace(const RemaskArguments
   return made;
 }
 
-void RemaskPrintText(const std::string& where, const std::vector<RemaskedVariant>& made) {
+std::string RemaskText(const std::string& where, const std::vector<RemaskedVariant>& made) {
+  std::string text;
   for (const RemaskedVariant& variant : made) {
-    if (made.size() > 1) std::cout << absl::StreamFormat("variant '%s'\n", variant.name);
-    std::cout << absl::StreamFormat("masks made anew    %d configurations, in %s\n",
-                                    variant.configurations, where);
-    if (variant.excluded > 0)
-      std::cout << absl::StreamFormat("excluded           %d\n", variant.excluded);
+    if (made.size() > 1) absl::StrAppendFormat(&text, "variant '%s'\n", variant.name);
+    absl::StrAppendFormat(&text, "masks rebuilt      %d configurations, in %s\n",
+                          variant.configurations, where);
+    if (variant.excluded > 0) {
+      absl::StrAppendFormat(&text, "excluded           %d\n", variant.excluded);
+    }
     if (variant.left_out > 0) {
-      std::cout << absl::StreamFormat("left out           %d, without raw images\n",
-                                      variant.left_out);
+      absl::StrAppendFormat(&text, "left out           %d, without raw images\n", variant.left_out);
     }
-    std::cout << "view                masks changed   pixels before        added      removed\n";
+    Table table{{"view", "masks changed", "pixels before", "added", "removed"}};
     for (const ViewChange& view : variant.views) {
-      std::cout << absl::StreamFormat("  %-16s  %13d   %13d   %10d   %10d\n", view.name,
-                                      view.images, view.before, view.added, view.removed);
+      table.rows.push_back({view.name, absl::StrCat(view.images), absl::StrCat(view.before),
+                            absl::StrCat(view.added), absl::StrCat(view.removed)});
     }
+    text += TextOf(table);
   }
-  std::cout << std::flush;
+  return text;
 }
 
-nlohmann::json Json(const RemaskedVariant& variant) {
-  nlohmann::json json = {{"configurations", variant.configurations},
-                         {"excluded", variant.excluded},
-                         {"left_out", variant.left_out},
-                         {"views", nlohmann::json::array()}};
+nlohmann::ordered_json RemaskJson(const RemaskedVariant& variant) {
+  nlohmann::ordered_json json = {{"configurations", variant.configurations},
+                                 {"excluded", variant.excluded},
+                                 {"left_out", variant.left_out},
+                                 {"views", nlohmann::ordered_json::array()}};
   for (const ViewChange& view : variant.views) {
     json["views"].push_back({{"name", view.name},
                              {"masks_changed", view.images},
@@ -171,14 +172,15 @@ RemaskedVariant Together(const std::vector<RemaskedVariant>& variants) {
   return sum;
 }
 
-void RemaskPrintJson(const std::string& where, const std::vector<RemaskedVariant>& made) {
-  nlohmann::json json = Json(Together(made));
+nlohmann::ordered_json RemaskJson(const std::string& where,
+                                  const std::vector<RemaskedVariant>& made) {
+  nlohmann::ordered_json json = RemaskJson(Together(made));
   json["database"] = where;
   for (const RemaskedVariant& variant : made) {
-    json["variants"].push_back(Json(variant));
+    json["variants"].push_back(RemaskJson(variant));
     json["variants"].back()["name"] = variant.name;
   }
-  std::cout << json.dump(2) << std::endl;
+  return json;
 }
 
 absl::StatusOr<ExitCode> RemaskRun(const RemaskArguments& options) {
@@ -200,7 +202,7 @@ absl::StatusOr<ExitCode> RemaskRun(const RemaskArguments& options) {
   }
   if (!made.ok()) return made.status();
   const std::string& where = into ? options.into : file.database;
-  options.cell.json() ? RemaskPrintJson(where, *made) : RemaskPrintText(where, *made);
+  PrintResult(options.cell.format, RemaskJson(where, *made), RemaskText(where, *made));
   return kDone;
 }
 
@@ -209,25 +211,22 @@ absl::StatusOr<ExitCode> RemaskRun(const RemaskArguments& options) {
 void AddRemask(CLI::App& app, Work& work) {
   CLI::App* command = app.add_subcommand(
       "remask",
-      "Makes all masks of all variants anew from the camera images that were kept (capture:\n"
-      "{raw_images: all}), with the segmentation settings of the cell file; the robot does not "
-      "move.\n"
-      "All masks change at once, or none: stopped or killed, it leaves the database as it was. "
-      "They "
-      "are\n"
-      "made in a folder beside it (NAME.remask), which needs room meanwhile. Says how many pixels\n"
-      "changed.");
+      "Rebuilds all masks of all variants from the stored camera images (capture:\n"
+      "{raw_images: all}) with the segmentation settings of the cell file. The robot does not\n"
+      "move. All masks change at once, or none: a stopped or killed run leaves the database as it\n"
+      "was. The masks are built in a folder beside it (NAME.remask), which needs disk space\n"
+      "meanwhile. Reports how many pixels changed.");
   command->footer(
       "Examples:\n"
       "  silhouette-capture remask --cell cell.yaml --database cell.lmdb\n"
       "  silhouette-capture remask --cell finer.yaml --database cell.lmdb --into finer.lmdb\n"
-      "Exit codes: 0 done; 1 stopped; 2 a mistake in what was asked; 3 the disk failed.");
+      "Exit codes: 0 done; 1 stopped; 2 wrong arguments or files; 3 the disk failed.");
   const auto options = std::make_shared<RemaskArguments>();
   AddCellOptions(*command, options->cell);
   command->add_option(
       "--into", options->into,
-      "A new folder for a database with the new masks; the other stays as it is. It "
-      "gets\nno raw images. Masks may have another size there");
+      "Write the new masks into a new database in this folder, without raw images; the\n"
+      "other stays as it is. The masks may have another size");
   command->add_flag("--leave-out", options->leave_out,
                     "With --into: leave out robot images that have no raw images");
   command->add_flag("--no-index", options->no_index,

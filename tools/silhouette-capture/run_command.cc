@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// silhouette-capture run: captures what is missing, or is to be captured anew.
+// silhouette-capture run: captures what is missing, or what --only selects.
 #include <iostream>
 #include <memory>
 #include <optional>
@@ -120,15 +120,15 @@ ExitCode TellIndex(const absl::StatusOr<IndexBuildReport>& index, const std::str
 void TellSuspects(const RunOptions& options, const CaptureReport& report) {
   if (report.suspect == 0) return;
   std::cerr << report.suspect
-            << " robot images were captured while the cell may have been changed; when it is as it "
-               "was, capture them anew with: "
+            << " robot images were captured while the cell may have changed; when it is as it was, "
+               "recapture them with: "
             << options.cell.Command("run") << " --only suspect" << std::endl;
 }
 
 ExitCode TellAlarm(const RunOptions& options, const CaptureReport& report) {
   const std::string run = options.cell.Command("run");
   std::cerr << "put it back, and look whether it matches with: " << run << " --only sentinels\n"
-            << "or let it be, take the reference images and all robot images anew: "
+            << "or accept the change, recapture reference images and robot images: "
             << options.cell.Command("reference") << " && " << run << " --only all" << std::endl;
   TellSuspects(options, report);
   if (report.captured < report.planned) {
@@ -252,7 +252,7 @@ void AddRun(CLI::App& app, Work& work) {
       "  silhouette-capture run --cell cell.yaml --variant gripper-open\n"
       "Exit codes: 0 all is captured; 1 stopped, the cell is not as it was, or some "
       "configurations\n"
-      "could not be captured; 2 a mistake in what was asked; 3 a device or the disk failed.");
+      "could not be captured; 2 wrong arguments or files; 3 a device or the disk failed.");
   const auto options = std::make_shared<RunOptions>();
   AddCellOptions(*command, options->cell);
   AddVariantOption(*command, options->cell);

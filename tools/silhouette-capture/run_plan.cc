@@ -17,21 +17,17 @@
 #include "db/status/status_macros.h"
 #include "db/store/outliers.h"
 #include "tools/program/progress.h"
+#include "tools/silhouette-capture/session_facts.h"
 
 namespace silhouette {
 namespace {
 
 using Numbers = std::vector<ConfigurationNumber>;
 
-// Robot images that a new capture may mend: one that touches the border stays as it is.
 absl::StatusOr<Numbers> Outliers(const Database& database) {
   ASSIGN_OR_RETURN(const auto snapshot, database.Read());
   ASSIGN_OR_RETURN(const auto outliers, FindOutliers(snapshot, database.grid()));
-  std::set<ConfigurationNumber> numbers;
-  for (const Outlier& outlier : outliers) {
-    if (outlier.reason != OutlierReason::kTouchesBorder) numbers.insert(outlier.number);
-  }
-  return Numbers(numbers.begin(), numbers.end());
+  return Mendable(outliers);
 }
 
 absl::StatusOr<Numbers> Suspects(const Database& database) {
@@ -63,21 +59,18 @@ absl::StatusOr<CaptureSelection> Select(const PlanArguments& arguments, const Da
     selection.kind = Kind::kNothing;
     return selection;
   }
-  absl::StatusOr<Numbers> listed = Numbers();
-  if (arguments.only == "outliers") {
-    listed = Outliers(*database);
-  } else if (arguments.only == "suspect") {
-    listed = Suspects(*database);
-  } else {
-    listed = ParseNumbers(arguments.only).value_or(Numbers());
-  }
-  if (!listed.ok()) return listed.status();
   selection.kind = Kind::kListed;
-  selection.listed = *std::move(listed);
+  if (arguments.only == "outliers") {
+    ASSIGN_OR_RETURN(selection.listed, Outliers(*database));
+  } else if (arguments.only == "suspect") {
+    ASSIGN_OR_RETURN(selection.listed, Suspects(*database));
+  } else {
+    selection.listed = ParseNumbers(arguments.only).value_or(Numbers());
+  }
   return selection;
 }
 
-// The sentinels that the database knows, to be captured anew, too.
+// Adds the sentinels that the database knows.
 absl::Status AddSentinels(const Database& database, CaptureSelection& selection) {
   ASSIGN_OR_RETURN(const auto snapshot, database.Read());
   ASSIGN_OR_RETURN(const auto history, snapshot.CaptureHistory());
@@ -104,8 +97,7 @@ absl::StatusOr<CapturePlan> MakePlan(const PlanArguments& arguments,
   ASSIGN_OR_RETURN(CaptureSelection selection, Select(arguments, database));
   std::vector<StoredRecord> records = NoRecords(travel.grid());
   if (database != nullptr) {
-    ASSIGN_OR_RETURN(auto stored, ReadRecords(*database));
-    records = std::move(stored);
+    ASSIGN_OR_RETURN(records, ReadRecords(*database));
     if (arguments.new_sentinels && selection.kind != CaptureSelection::Kind::kAll) {
       RETURN_IF_ERROR(AddSentinels(*database, selection));
     }
@@ -230,7 +222,7 @@ std::string ReportText(const CaptureReport& report) {
   count("failed", report.failed, "where the robot was not within joint_tolerance");
   count("unreachable", report.unreachable, "to which no way leads around the forbidden regions");
   count("sentinels", report.sentinel_checks, "times visited");
-  count("suspect", report.suspect, "captured while the cell may have been changed");
+  count("suspect", report.suspect, "captured while the cell may have changed");
   if (report.losses > 0) {
     absl::StrAppendFormat(&text, "waited             %s for lost devices, %d times\n",
                           Spoken(report.waited), report.losses);

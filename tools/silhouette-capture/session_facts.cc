@@ -14,16 +14,16 @@ namespace {
 
 constexpr size_t kStoryLines = 200;
 
-std::vector<Standing> StandingsOf(const Database& database, const Snapshot& snapshot,
-                                  const SessionFacts& facts) {
-  std::vector<Standing> standings(database.grid().number_limit(), Standing::kMissing);
-  const absl::Status ignored =
-      snapshot.ForEach([&](ConfigurationNumber number, const absl::StatusOr<RobotImage>& image) {
-        standings[number] = !image.ok()       ? Standing::kDamaged
-                            : image->excluded ? Standing::kExcluded
-                                              : Standing::kCaptured;
-        return true;
-      });
+absl::StatusOr<std::vector<Standing>> StandingsOf(const Database& database,
+                                                  const SessionFacts& facts) {
+  ASSIGN_OR_RETURN(const auto records, ReadRecords(database));
+  std::vector<Standing> standings;
+  for (const StoredRecord record : records) {
+    standings.push_back(record == StoredRecord::kDamaged    ? Standing::kDamaged
+                        : record == StoredRecord::kExcluded ? Standing::kExcluded
+                        : record == StoredRecord::kCaptured ? Standing::kCaptured
+                                                            : Standing::kMissing);
+  }
   for (const Outlier& outlier : facts.outliers) {
     Standing& standing = standings[outlier.number];
     if (outlier.reason != OutlierReason::kDamaged)
@@ -33,23 +33,6 @@ std::vector<Standing> StandingsOf(const Database& database, const Snapshot& snap
     standings[number] = std::max(standings[number], Standing::kSuspect);
   }
   return standings;
-}
-
-absl::StatusOr<VariantFacts> FactsOf(const Database& variant) {
-  VariantFacts facts;
-  facts.name = variant.variant();
-  ASSIGN_OR_RETURN(const auto records, ReadRecords(variant));
-  const auto count = [&](StoredRecord kind) {
-    return static_cast<uint64_t>(std::ranges::count(records, kind));
-  };
-  facts.captured = count(StoredRecord::kCaptured);
-  facts.excluded = count(StoredRecord::kExcluded);
-  facts.damaged = count(StoredRecord::kDamaged);
-  facts.missing = variant.grid().size() - facts.captured - facts.excluded - facts.damaged;
-  ASSIGN_OR_RETURN(const auto snapshot, variant.Read());
-  ASSIGN_OR_RETURN(const auto suspects, SuspectNumbers(snapshot));
-  facts.suspect = suspects.size();
-  return facts;
 }
 
 absl::StatusOr<std::vector<VariantFacts>> FactsOfVariants(const Database& database) {
@@ -86,28 +69,49 @@ std::vector<std::string> RepairOf(const CellArguments& arguments, const SessionF
 
 }  // namespace
 
-uint64_t SessionFacts::mendable() const {
+absl::StatusOr<VariantFacts> FactsOf(const Database& variant) {
+  VariantFacts facts;
+  facts.name = variant.variant();
+  ASSIGN_OR_RETURN(const auto records, ReadRecords(variant));
+  const auto count = [&](StoredRecord kind) {
+    return static_cast<uint64_t>(std::ranges::count(records, kind));
+  };
+  facts.captured = count(StoredRecord::kCaptured);
+  facts.excluded = count(StoredRecord::kExcluded);
+  facts.damaged = count(StoredRecord::kDamaged);
+  facts.missing = variant.grid().size() - facts.captured - facts.excluded - facts.damaged;
+  ASSIGN_OR_RETURN(const auto snapshot, variant.Read());
+  ASSIGN_OR_RETURN(const auto suspects, SuspectNumbers(snapshot));
+  facts.suspect = suspects.size();
+  return facts;
+}
+
+nlohmann::ordered_json JsonOf(const VariantFacts& facts) {
+  return {{"captured", facts.captured},
+          {"excluded", facts.excluded},
+          {"damaged", facts.damaged},
+          {"missing", facts.missing},
+          {"suspect", facts.suspect}};
+}
+
+std::vector<ConfigurationNumber> Mendable(const std::vector<Outlier>& outliers) {
   std::set<ConfigurationNumber> numbers;
   for (const Outlier& outlier : outliers) {
     if (outlier.reason != OutlierReason::kTouchesBorder) numbers.insert(outlier.number);
   }
-  return numbers.size();
+  return {numbers.begin(), numbers.end()};
 }
 
 absl::StatusOr<SessionFacts> GatherFacts(const CellArguments& arguments, const Database& database,
                                          const Snapshot& snapshot, const std::string& log) {
   SessionFacts facts;
   facts.variant = database.variant();
-  ASSIGN_OR_RETURN(auto variants, FactsOfVariants(database));
-  facts.variants = std::move(variants);
-  ASSIGN_OR_RETURN(auto statistics, StatisticsOf(snapshot, database.grid(), database.mask_sizes()));
-  facts.statistics = std::move(statistics);
-  ASSIGN_OR_RETURN(auto outliers, FindOutliers(snapshot, database.grid()));
-  facts.outliers = std::move(outliers);
-  ASSIGN_OR_RETURN(auto suspects, SuspectNumbers(snapshot));
-  facts.suspects = std::move(suspects);
-  ASSIGN_OR_RETURN(auto history, snapshot.CaptureHistory());
-  facts.history = std::move(history);
+  ASSIGN_OR_RETURN(facts.variants, FactsOfVariants(database));
+  ASSIGN_OR_RETURN(facts.statistics,
+                   StatisticsOf(snapshot, database.grid(), database.mask_sizes()));
+  ASSIGN_OR_RETURN(facts.outliers, FindOutliers(snapshot, database.grid()));
+  ASSIGN_OR_RETURN(facts.suspects, SuspectNumbers(snapshot));
+  ASSIGN_OR_RETURN(facts.history, snapshot.CaptureHistory());
   facts.repeatability = RepeatabilityOf(facts.history, database.cell());
   ASSIGN_OR_RETURN(const auto raw_images, snapshot.RawImageNumbers());
   facts.raw_images = raw_images.size();
@@ -116,7 +120,7 @@ absl::StatusOr<SessionFacts> GatherFacts(const CellArguments& arguments, const D
     if (outlier.reason != OutlierReason::kTouchesBorder || outlier.view < 0) continue;
     ++facts.touching[static_cast<size_t>(outlier.view)];
   }
-  facts.standings = StandingsOf(database, snapshot, facts);
+  ASSIGN_OR_RETURN(facts.standings, StandingsOf(database, facts));
   ReadStory(log, facts);
   facts.repair = RepairOf(arguments, facts);
   return facts;

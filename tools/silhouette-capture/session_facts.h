@@ -3,6 +3,7 @@
 #pragma once
 
 #include <cstdint>
+#include <nlohmann/json.hpp>
 #include <string>
 #include <vector>
 
@@ -15,7 +16,7 @@
 
 namespace silhouette {
 
-// What is told of a configuration; the worst counts.
+// The state of a configuration; the worst counts.
 enum class Standing : uint8_t { kCaptured, kExcluded, kOutlier, kSuspect, kDamaged, kMissing };
 
 // How complete a variant is.
@@ -25,8 +26,17 @@ struct VariantFacts {
   uint64_t excluded = 0;
   uint64_t damaged = 0;
   uint64_t missing = 0;
-  uint64_t suspect = 0;
+  uint64_t suspect = 0;  // of the captured ones
+
+  bool good() const { return damaged == 0 && suspect == 0; }
 };
+absl::StatusOr<VariantFacts> FactsOf(const Database& variant);
+// The counts by name.
+nlohmann::ordered_json JsonOf(const VariantFacts& facts);
+
+// The configurations of outliers that a new capture may mend, in order: an image that touches the
+// border stays as it is.
+std::vector<ConfigurationNumber> Mendable(const std::vector<Outlier>& outliers);
 
 // Of one variant, but for `variants`.
 struct SessionFacts {
@@ -54,8 +64,7 @@ struct SessionFacts {
   bool alarmed() const {
     return !history.checks().empty() && !history.checks().rbegin()->alarm().empty();
   }
-  // Outliers that a new capture may mend.
-  uint64_t mendable() const;
+  uint64_t mendable() const { return Mendable(outliers).size(); }
   bool good() const { return repair.empty(); }
 };
 

@@ -36,7 +36,7 @@ absl::StatusOr<SessionLog> SessionLog::Open(const std::string& file) {
   }
   log.logger_->set_pattern("%Y-%m-%d %H:%M:%S  %v");
   log.logger_->flush_on(spdlog::level::info);
-  // A full disk is told by the capture itself.
+  // The capture itself reports a full disk.
   log.logger_->set_error_handler([](const std::string&) {});
   log.file_ = file;
   return log;

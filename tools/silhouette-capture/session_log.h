@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // The log of a database's capture sessions: plain sentences with time stamps, appended session by
-// session, so that the next morning tells the story of the night.
+// session, so that it shows the next morning what happened at night.
 #pragma once
 
 #include <cstdint>
@@ -42,7 +42,7 @@ class SessionLog {
   absl::Time next_progress_ = absl::InfinitePast();
 };
 
-// What a run tells its user and its log, and asks its user.
+// Reports a run to its user and its log, and asks its user.
 
 class RunObserver {
  public:

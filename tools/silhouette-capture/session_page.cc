@@ -27,19 +27,18 @@ PageJson TilesOf(const SessionFacts& facts) {
   for (const ViewRepeatability& view : repeat.views) {
     if (std::isfinite(view.greatest_shift)) shift = std::max(shift, view.greatest_shift);
   }
-  return {
-      Tile("captured", all.missing == 0 ? "good" : "fair", absl::StrCat(all.captured), "",
-           absl::StrCat("of ", facts.configurations(), "; ", all.excluded, " excluded, ",
-                        all.missing, " missing")),
-      Tile("outliers", facts.mendable() == 0 ? "good" : "fair", absl::StrCat(facts.mendable()), "",
-           absl::StrCat(all.damaged, " of them damaged")),
-      Tile("suspect", facts.suspects.empty() ? "good" : "bad", absl::StrCat(facts.suspects.size()),
-           "", "captured while the cell may have been changed"),
-      Tile("largest shift", repeat.checks == 0 ? "" : "good",
-           repeat.checks == 0 ? "-" : Pixels(shift) + " px", "",
-           absl::StrCat("over ", repeat.checks, " visits to the sentinels")),
-      Tile("raw images", "", absl::StrCat(facts.raw_images), "",
-           "configurations whose images were kept")};
+  return {Tile("captured", all.missing == 0 ? "good" : "fair", absl::StrCat(all.captured), "",
+               absl::StrCat("of ", facts.configurations(), "; ", all.excluded, " excluded, ",
+                            all.missing, " missing")),
+          Tile("outliers", facts.mendable() == 0 ? "good" : "fair", absl::StrCat(facts.mendable()),
+               "", absl::StrCat(all.damaged, " of them damaged")),
+          Tile("suspect", facts.suspects.empty() ? "good" : "bad",
+               absl::StrCat(facts.suspects.size()), "", "captured while the cell may have changed"),
+          Tile("largest shift", repeat.checks == 0 ? "" : "good",
+               repeat.checks == 0 ? "-" : Pixels(shift) + " px", "",
+               absl::StrCat("over ", repeat.checks, " visits to the sentinels")),
+          Tile("raw images", "", absl::StrCat(facts.raw_images), "",
+               "configurations whose images were kept")};
 }
 
 // Null where there is but one.
@@ -100,8 +99,8 @@ PageJson AlarmsOf(const SessionFacts& facts, const char* time) {
   return alarms;
 }
 
-nlohmann::json NumberOrNull(double value) {
-  return std::isfinite(value) ? nlohmann::json(value) : nlohmann::json();
+nlohmann::ordered_json NumberOrNull(double value) {
+  return std::isfinite(value) ? nlohmann::ordered_json(value) : nlohmann::ordered_json();
 }
 
 }  // namespace
@@ -127,9 +126,9 @@ std::string VerdictOf(const SessionFacts& facts) {
 std::string SessionPage(const SessionFacts& facts, const storage::v1::CellDescription& cell,
                         const std::vector<std::pair<std::string, std::string>>& origin,
                         const ReportPictures& pictures) {
-  const auto figure = [](const std::optional<std::string>& png, const char* caption,
-                         const char* alt) {
-    return png ? PageJson(PngFigure(*png, caption, alt)) : PageJson();
+  const auto figure = [&](const char* name, const char* caption, const char* alt) {
+    const auto png = pictures.find(name);
+    return png == pictures.end() ? PageJson() : PageJson(PngFigure(png->second, caption, alt));
   };
   const PageJson alarms = AlarmsOf(facts, "%a %Y-%m-%d %H:%M:%S");
   const PageJson json = {
@@ -141,22 +140,20 @@ std::string SessionPage(const SessionFacts& facts, const storage::v1::CellDescri
       {"repair", facts.repair},
       {"tiles", TilesOf(facts)},
       {"coverage",
-       figure(pictures.coverage,
+       figure("coverage",
               "Over two joints; where a cell stands for several configurations, the worst",
               "coverage of the configuration space")},
       {"variants", VariantTable(facts)},
       {"views", ViewTable(facts, cell)},
       {"repeatability", RepeatabilityTable(facts)},
-      {"sentinel_history",
-       figure(pictures.history, "The sentinel that differed most, per visit and view",
-              "shift, mask pixels and brightness over time")},
+      {"sentinel_history", figure("history", "The sentinel that differed most, per visit and view",
+                                  "shift, mask pixels and brightness over time")},
       {"alarmed", !alarms.empty()},
       {"alarms", alarms},
-      {"sentinels",
-       figure(pictures.sentinels, "As the cameras saw them, with the robot's masks in blue",
-              "robot images of the sentinels")},
+      {"sentinels", figure("sentinels", "As the cameras saw them, with the robot's masks in blue",
+                           "robot images of the sentinels")},
       {"outliers",
-       figure(pictures.outliers, "To be looked at, at most 24", "robot images that stand out")},
+       figure("outliers", "To be looked at, at most 24", "robot images that stand out")},
       {"told", !facts.story.empty()},
       {"story_lines",
        facts.story_lines > facts.story.size() ? PageJson(facts.story_lines) : PageJson()},
@@ -165,32 +162,29 @@ std::string SessionPage(const SessionFacts& facts, const storage::v1::CellDescri
   return Page("Capture report", origin, Filled(templates::session_report_html, json));
 }
 
-nlohmann::json SessionJson(const SessionFacts& facts, const storage::v1::CellDescription& cell) {
-  nlohmann::json json = {{"variant", facts.variant},
-                         {"variants", nlohmann::json::array()},
-                         {"verdict", VerdictOf(facts)},
-                         {"good", facts.good()},
-                         {"configurations", facts.configurations()},
-                         {"captured", facts.statistics.captured},
-                         {"excluded", facts.statistics.excluded},
-                         {"damaged", facts.statistics.damaged},
-                         {"missing", facts.statistics.missing},
-                         {"suspect", facts.suspects},
-                         {"outliers", nlohmann::json::array()},
-                         {"raw_images", facts.raw_images},
-                         {"views", nlohmann::json::array()},
-                         {"sentinel_checks", facts.repeatability.checks},
-                         {"alarms", AlarmsOf(facts, absl::RFC3339_full)},
-                         {"joint_rms", facts.repeatability.joint},
-                         {"joint_greatest", facts.repeatability.greatest_joint},
-                         {"repair", facts.repair}};
+nlohmann::ordered_json SessionJson(const SessionFacts& facts,
+                                   const storage::v1::CellDescription& cell) {
+  nlohmann::ordered_json json = {{"variant", facts.variant},
+                                 {"variants", nlohmann::ordered_json::array()},
+                                 {"verdict", VerdictOf(facts)},
+                                 {"good", facts.good()},
+                                 {"configurations", facts.configurations()},
+                                 {"captured", facts.statistics.captured},
+                                 {"excluded", facts.statistics.excluded},
+                                 {"damaged", facts.statistics.damaged},
+                                 {"missing", facts.statistics.missing},
+                                 {"suspect", facts.suspects},
+                                 {"outliers", nlohmann::ordered_json::array()},
+                                 {"raw_images", facts.raw_images},
+                                 {"views", nlohmann::ordered_json::array()},
+                                 {"sentinel_checks", facts.repeatability.checks},
+                                 {"alarms", AlarmsOf(facts, absl::RFC3339_full)},
+                                 {"joint_rms", facts.repeatability.joint},
+                                 {"joint_greatest", facts.repeatability.greatest_joint},
+                                 {"repair", facts.repair}};
   for (const VariantFacts& variant : facts.variants) {
-    json["variants"].push_back({{"name", variant.name},
-                                {"captured", variant.captured},
-                                {"excluded", variant.excluded},
-                                {"damaged", variant.damaged},
-                                {"missing", variant.missing},
-                                {"suspect", variant.suspect}});
+    json["variants"].push_back(JsonOf(variant));
+    json["variants"].back()["name"] = variant.name;
   }
   for (const Outlier& outlier : facts.outliers) {
     json["outliers"].push_back(

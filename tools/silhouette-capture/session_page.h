@@ -2,8 +2,8 @@
 // The report of a database's capture sessions as a page, and as JSON.
 #pragma once
 
+#include <map>
 #include <nlohmann/json.hpp>
-#include <optional>
 #include <string>
 #include <utility>
 #include <vector>
@@ -12,13 +12,9 @@
 
 namespace silhouette {
 
-// PNG files.
-struct ReportPictures {
-  std::string coverage;
-  std::string sentinels;
-  std::optional<std::string> outliers;
-  std::optional<std::string> history;
-};
+// PNG files by the name of their picture: coverage, sentinels; outliers and history if there are
+// any.
+using ReportPictures = std::map<std::string, std::string>;
 
 // What is to be said first, in a sentence.
 std::string VerdictOf(const SessionFacts& facts);
@@ -27,6 +23,7 @@ std::string SessionPage(const SessionFacts& facts, const storage::v1::CellDescri
                         const std::vector<std::pair<std::string, std::string>>& origin,
                         const ReportPictures& pictures);
 
-nlohmann::json SessionJson(const SessionFacts& facts, const storage::v1::CellDescription& cell);
+nlohmann::ordered_json SessionJson(const SessionFacts& facts,
+                                   const storage::v1::CellDescription& cell);
 
 }  // namespace silhouette

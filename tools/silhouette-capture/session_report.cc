@@ -5,7 +5,6 @@
 #include <cmath>
 #include <map>
 #include <optional>
-#include <set>
 #include <vector>
 
 #include "absl/strings/str_cat.h"
@@ -17,6 +16,7 @@
 #include "common/picture/sheet.h"
 #include "db/status/status_macros.h"
 #include "tools/silhouette-capture/session_page.h"
+#include "tools/silhouette-capture/tune_pictures.h"
 
 namespace silhouette {
 namespace {
@@ -24,13 +24,13 @@ namespace {
 absl::StatusOr<ReportPictures> Paint(const Database& database, const Snapshot& snapshot,
                                      const SessionFacts& facts) {
   ReportPictures pictures;
-  pictures.coverage = EncodePng(CoveragePicture(database.grid(), facts));
+  pictures["coverage"] = EncodePng(CoveragePicture(database.grid(), facts));
   ASSIGN_OR_RETURN(const auto sentinels, SentinelPicture(database, snapshot, facts));
-  pictures.sentinels = EncodePng(sentinels);
+  pictures["sentinels"] = EncodePng(sentinels);
   ASSIGN_OR_RETURN(const auto outliers, OutlierPicture(database, snapshot, facts));
-  if (outliers) pictures.outliers = EncodePng(*outliers);
+  if (outliers) pictures["outliers"] = EncodePng(*outliers);
   const auto history = HistoryPicture(database.cell(), facts);
-  if (history) pictures.history = EncodePng(*history);
+  if (history) pictures["history"] = EncodePng(*history);
   return pictures;
 }
 
@@ -38,13 +38,8 @@ absl::Status WriteAll(const std::string& folder, const std::string& page, const 
                       const ReportPictures& pictures) {
   absl::Status status = WriteWholeFile(folder + "/report.html", page);
   status.Update(WriteWholeFile(folder + "/report.json", json));
-  status.Update(WriteWholeFile(folder + "/coverage.png", pictures.coverage));
-  status.Update(WriteWholeFile(folder + "/sentinels.png", pictures.sentinels));
-  if (pictures.outliers) {
-    status.Update(WriteWholeFile(folder + "/outliers.png", *pictures.outliers));
-  }
-  if (pictures.history) {
-    status.Update(WriteWholeFile(folder + "/history.png", *pictures.history));
+  for (const auto& [name, png] : pictures) {
+    status.Update(WriteWholeFile(absl::StrCat(folder, "/", name, ".png"), png));
   }
   return status;
 }
@@ -62,17 +57,16 @@ absl::StatusOr<SessionFacts> WriteSessionReport(const CellArguments& arguments,
                                                 const std::string& folder) {
   RETURN_IF_ERROR(MakeFolder(folder));
   ASSIGN_OR_RETURN(const auto snapshot, database.Read());
-  auto facts = GatherFacts(arguments, database, snapshot, log);
-  if (!facts.ok()) return facts.status();
-  ASSIGN_OR_RETURN(const auto pictures, Paint(database, snapshot, *facts));
+  ASSIGN_OR_RETURN(SessionFacts facts, GatherFacts(arguments, database, snapshot, log));
+  ASSIGN_OR_RETURN(const auto pictures, Paint(database, snapshot, facts));
   const std::string now = absl::FormatTime("%Y-%m-%d %H:%M", absl::Now(), absl::LocalTimeZone());
   std::vector<std::pair<std::string, std::string>> origin = {{"cell", cell_name},
                                                              {"database", database.path()}};
-  if (facts->variants.size() > 1) origin.emplace_back("variant", facts->variant);
+  if (facts.variants.size() > 1) origin.emplace_back("variant", facts.variant);
   origin.emplace_back("made", now);
-  const std::string page = SessionPage(*facts, database.cell(), origin, pictures);
+  const std::string page = SessionPage(facts, database.cell(), origin, pictures);
   RETURN_IF_ERROR(
-      WriteAll(folder, page, SessionJson(*facts, database.cell()).dump(2) + "\n", pictures));
+      WriteAll(folder, page, SessionJson(facts, database.cell()).dump(2) + "\n", pictures));
   return facts;
 }
 
@@ -123,10 +117,8 @@ absl::StatusOr<Picture> PictureIn(const Snapshot& snapshot, ConfigurationNumber 
   cv::Mat camera;
   if (raw.ok() && raw->has_value()) camera = ImageInPng((*raw)->png);
   if (camera.empty()) return FittedInto(PictureOf(mask, palette::kRobot), kPictureSide, high);
-  const Picture picture =
-      PictureOfPixels(camera.cols, camera.rows, camera.channels(),
-                      {camera.data, camera.total() * static_cast<size_t>(camera.channels())});
-  return FittedInto(WithVeil(picture, mask, palette::kRobot, 0.45), kPictureSide, high);
+  return FittedInto(WithVeil(CameraPicture(camera), mask, palette::kRobot, 0.45), kPictureSide,
+                    high);
 }
 
 std::string At(const ConfigurationGrid& grid, ConfigurationNumber number) {

@@ -1,35 +1,32 @@
 // SPDX-License-Identifier: Apache-2.0
 // silhouette-capture status: what is there, what is missing, what to do next.
 #include <algorithm>
-#include <iostream>
 #include <memory>
 #include <nlohmann/json.hpp>
 
+#include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
-#include "capture/session/capture_plan.h"
-#include "capture/session/history.h"
+#include "common/result/result.h"
 #include "db/status/status_macros.h"
 #include "tools/silhouette-capture/commands.h"
 #include "tools/silhouette-capture/opened_cell.h"
+#include "tools/silhouette-capture/session_facts.h"
 
 namespace silhouette {
 namespace {
 
-struct Standing {
+struct Status {
   bool database = false;
   int references = 0;  // images per view that they were made from; 0: none
-  uint64_t configurations = 0;
-  uint64_t captured = 0;
-  uint64_t excluded = 0;
-  uint64_t damaged = 0;
-  uint64_t suspect = 0;  // of the captured ones
-  uint64_t missing() const { return configurations - captured - excluded - damaged; }
-  bool complete() const { return references > 0 && missing() == 0 && damaged == 0 && suspect == 0; }
+  VariantFacts variant;
+
+  bool complete() const { return references > 0 && variant.missing == 0 && variant.good(); }
 };
 
-absl::StatusOr<Standing> Look(const CellFile& file) {
-  Standing standing;
-  standing.configurations = file.cell.grid.size();
+absl::StatusOr<Status> Look(const CellFile& file) {
+  Status status;
+  status.variant.name = file.variant;
+  status.variant.missing = file.cell.grid.size();
   auto database = OpenDatabase(file, Database::Access::kRead);
   const bool no_variant =
       absl::IsNotFound(database.status()) && file.variant != schema::kDefaultVariant;
@@ -39,82 +36,61 @@ absl::StatusOr<Standing> Look(const CellFile& file) {
     others.variant = schema::kDefaultVariant;
     database = OpenDatabase(others, Database::Access::kRead);
   }
-  if (absl::IsNotFound(database.status())) return standing;
+  if (absl::IsNotFound(database.status())) return status;
   if (!database.ok()) return database.status();
-  standing.database = true;
+  status.database = true;
   ASSIGN_OR_RETURN(const auto snapshot, (*database)->Read());
   ASSIGN_OR_RETURN(const auto references, snapshot.References());
-  if (references.has_value()) standing.references = std::max(1, references->views(0).images());
-  if (no_variant) return standing;
-  ASSIGN_OR_RETURN(const auto records, ReadRecords(**database));
-  const auto count = [&](StoredRecord kind) {
-    return static_cast<uint64_t>(std::count(records.begin(), records.end(), kind));
-  };
-  standing.captured = count(StoredRecord::kCaptured);
-  standing.excluded = count(StoredRecord::kExcluded);
-  standing.damaged = count(StoredRecord::kDamaged);
-  ASSIGN_OR_RETURN(const auto suspects, SuspectNumbers(snapshot));
-  standing.suspect = suspects.size();
-  return standing;
+  if (references.has_value()) status.references = std::max(1, references->views(0).images());
+  if (no_variant) return status;
+  ASSIGN_OR_RETURN(status.variant, FactsOf(**database));
+  return status;
 }
 
 // The next command; empty: there is nothing left to do.
-std::string Next(const CellArguments& arguments, const Standing& standing) {
-  if (standing.references == 0) return arguments.Command("reference");
-  if (standing.missing() > 0) return arguments.Command("run");
-  if (standing.suspect > 0) return arguments.Command("run") + " --only suspect";
-  if (standing.damaged > 0) return arguments.Command("run") + " --only outliers";
+std::string Next(const CellArguments& arguments, const Status& status) {
+  if (status.references == 0) return arguments.Command("reference");
+  if (status.variant.missing > 0) return arguments.Command("run");
+  if (status.variant.suspect > 0) return arguments.Command("run") + " --only suspect";
+  if (status.variant.damaged > 0) return arguments.Command("run") + " --only outliers";
   return "";
 }
 
-void StatusPrintText(const CellFile& file, const Standing& standing, const std::string& next) {
-  std::cout << absl::StreamFormat(
-      "cell '%s', database %s%s%s\n", file.cell.name, file.database,
-      standing.database ? "" : " (not there yet)",
-      file.variant == schema::kDefaultVariant ? "" : ", variant " + file.variant);
-  if (standing.references > 0) {
-    std::cout << absl::StreamFormat("reference images   %d per view\n", standing.references);
-  } else {
-    std::cout << "reference images   none\n";
+std::string StatusText(const CellFile& file, const Status& status, const std::string& next) {
+  const VariantFacts& variant = status.variant;
+  std::string text =
+      absl::StrFormat("cell '%s', database %s%s%s\n", file.cell.name, file.database,
+                      status.database ? "" : " (not there yet)",
+                      file.variant == schema::kDefaultVariant ? "" : ", variant " + file.variant);
+  absl::StrAppend(&text, "reference images   ",
+                  status.references > 0 ? absl::StrCat(status.references, " per view") : "none",
+                  "\n");
+  absl::StrAppendFormat(
+      &text, "configurations     %d: %d captured, %d excluded, %d damaged, %d missing\n",
+      file.cell.grid.size(), variant.captured, variant.excluded, variant.damaged, variant.missing);
+  if (variant.suspect > 0) {
+    absl::StrAppendFormat(&text,
+                          "suspect            %d, captured while the cell may have changed\n",
+                          variant.suspect);
   }
-  std::cout << absl::StreamFormat(
-      "configurations     %d: %d captured, %d excluded, %d damaged, %d missing\n",
-      standing.configurations, standing.captured, standing.excluded, standing.damaged,
-      standing.missing());
-  if (standing.suspect > 0) {
-    std::cout << absl::StreamFormat(
-        "suspect            %d, captured while the cell may have been changed\n", standing.suspect);
-  }
-  std::cout << (next.empty() ? std::string("all is captured") : "next: " + next) << std::endl;
-}
-
-void StatusPrintJson(const CellFile& file, const Standing& standing, const std::string& next) {
-  const nlohmann::json json = {{"cell", file.cell.name},
-                               {"database", file.database},
-                               {"database_exists", standing.database},
-                               {"variant", file.variant},
-                               {"reference_images", standing.references},
-                               {"configurations", standing.configurations},
-                               {"captured", standing.captured},
-                               {"excluded", standing.excluded},
-                               {"damaged", standing.damaged},
-                               {"missing", standing.missing()},
-                               {"suspect", standing.suspect},
-                               {"complete", standing.complete()},
-                               {"next", next}};
-  std::cout << json.dump(2) << std::endl;
+  return text + (next.empty() ? "all is captured" : "next: " + next) + "\n";
 }
 
 absl::StatusOr<ExitCode> StatusRun(const CellArguments& arguments) {
   ASSIGN_OR_RETURN(const CellFile file, OpenCellFile(arguments));
-  ASSIGN_OR_RETURN(const Standing standing, Look(file));
-  const std::string next = Next(arguments, standing);
-  if (arguments.json()) {
-    StatusPrintJson(file, standing, next);
-  } else {
-    StatusPrintText(file, standing, next);
-  }
-  return standing.complete() ? kDone : kNo;
+  ASSIGN_OR_RETURN(const Status status, Look(file));
+  const std::string next = Next(arguments, status);
+  nlohmann::ordered_json json = {{"cell", file.cell.name},
+                                 {"database", file.database},
+                                 {"database_exists", status.database},
+                                 {"variant", file.variant},
+                                 {"reference_images", status.references},
+                                 {"configurations", file.cell.grid.size()},
+                                 {"complete", status.complete()},
+                                 {"next", next}};
+  json.update(JsonOf(status.variant));
+  PrintResult(arguments.format, json, StatusText(file, status, next));
+  return status.complete() ? kDone : kNo;
 }
 
 }  // namespace
@@ -122,8 +98,8 @@ absl::StatusOr<ExitCode> StatusRun(const CellArguments& arguments) {
 void AddStatus(CLI::App& app, Work& work) {
   CLI::App* command = app.add_subcommand(
       "status",
-      "Says what is captured, what is missing and what to do next; may be asked while a\n"
-      "capture goes on. Exit code 0: all is captured; 1: something is missing.");
+      "Shows what is captured, what is missing and what to do next. Works during a capture.\n"
+      "Exit code 0: all is captured; 1: something is missing.");
   command->footer("Example:\n  silhouette-capture status --cell cell.yaml --database cell.lmdb");
   const auto arguments = std::make_shared<CellArguments>();
   AddCellOptions(*command, *arguments);

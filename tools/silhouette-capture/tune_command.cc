@@ -77,7 +77,7 @@ absl::StatusOr<std::vector<std::string>> Advice(const TuneOptions& options,
     lines.push_back(options.cell.Command("remask"));
   } else {
     lines.push_back(absl::StrFormat(
-        "only %d of %d robot images have raw images: capture all anew, into a new database: "
+        "only %d of %d robot images have raw images: capture all again, into a new database: "
         "silhouette-capture run --cell %s --database NEW",
         raw.size(), snapshot.size(), options.cell.cell));
   }
@@ -174,7 +174,7 @@ void AddTune(CLI::App& app, Work& work) {
       "  silhouette-capture tune --cell cell.yaml --try 'faint_side: 7, min_difference: 6'\n"
       "  silhouette-capture cameras --cell cell.yaml --out empty     while the cell is empty\n"
       "  silhouette-capture tune --cell cell.yaml --empty empty --try 'min_difference: 5'\n"
-      "Exit codes: 0 done; 1 stopped; 2 a mistake in what was asked; 3 the disk failed.");
+      "Exit codes: 0 done; 1 stopped; 2 wrong arguments or files; 3 the disk failed.");
   const auto options = std::make_shared<TuneOptions>();
   AddCellOptions(*command, options->cell);
   command

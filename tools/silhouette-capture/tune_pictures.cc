@@ -9,6 +9,13 @@
 #include "common/picture/sheet.h"
 
 namespace silhouette {
+
+Picture CameraPicture(const cv::Mat& image) {
+  Picture picture = image.clone();
+  if (image.channels() == 1) cv::cvtColor(image, picture, cv::COLOR_GRAY2BGR);
+  return picture;
+}
+
 namespace {
 
 constexpr int kWidth = 420;
@@ -38,12 +45,6 @@ void Veil(Picture& picture, const cv::Mat& where, Colour colour) {
 
 Picture Fitted(const Picture& picture) {
   return FittedInto(picture, kWidth, std::max(1, kWidth * picture.rows / picture.cols));
-}
-
-Picture CameraPicture(const cv::Mat& image) {
-  Picture picture = image.clone();
-  if (image.channels() == 1) cv::cvtColor(image, picture, cv::COLOR_GRAY2BGR);
-  return picture;
 }
 
 Picture ClosenessPicture(const cv::Mat& over_limit) {

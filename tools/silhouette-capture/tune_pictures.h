@@ -10,6 +10,9 @@
 
 namespace silhouette {
 
+// A camera image, grey or blue, green, red.
+Picture CameraPicture(const cv::Mat& image);
+
 // One sheet: the image as the camera took it, how close the decisions about its pixels are with the
 // first variant, and what each variant finds in it, with what it finds more and less than the
 // first.
