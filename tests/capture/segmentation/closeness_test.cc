@@ -6,14 +6,13 @@
 #include <opencv2/imgproc.hpp>
 
 #include "tests/capture/segmentation/images.h"
+#include "tests/seeded_random.h"
 
 namespace silhouette {
 namespace {
 
 TEST(DifferenceOverLimit, IsAboveOneWhereAPixelDeviates) {
-  const uint64_t seed = std::random_device{}();
-  SCOPED_TRACE(testing::Message() << "seed " << seed);
-  std::mt19937_64 random(seed);
+  std::mt19937_64 random = SeededRandom();
   const cv::Mat cell = EmptyCell({120, 90});
   const Reference reference = Reference::FromImages(ExposeSeries(cell, 20, 1.5, random));
   cv::Mat light = cell.clone();

@@ -8,6 +8,7 @@
 
 #include "capture/segmentation/brightness.h"
 #include "tests/capture/segmentation/images.h"
+#include "tests/seeded_random.h"
 
 namespace silhouette {
 namespace {
@@ -123,26 +124,15 @@ class PlainSegmentation {
   Plane Dilate(const Plane& plane) const { return Each(plane, false); }
 
   Plane WithoutBlobsBelow(Plane plane, int min_pixels) const {
-    Plane seen(plane.size(), std::vector<bool>(plane.front().size()));
+    cv::Mat set(height_, width_, CV_8UC1), labels, statistics, centres;
+    for (int y = 0; y < height_; ++y) {
+      for (int x = 0; x < width_; ++x) set.at<uint8_t>(y, x) = plane[size_t(y)][size_t(x)];
+    }
+    cv::connectedComponentsWithStats(set, labels, statistics, centres, 8);
     for (int y = 0; y < height_; ++y) {
       for (int x = 0; x < width_; ++x) {
-        if (!plane[size_t(y)][size_t(x)] || seen[size_t(y)][size_t(x)]) continue;
-        std::vector<std::pair<int, int>> blob = {{x, y}};
-        seen[size_t(y)][size_t(x)] = true;
-        for (size_t i = 0; i < blob.size(); ++i) {
-          for (int dy = -1; dy <= 1; ++dy) {
-            for (int dx = -1; dx <= 1; ++dx) {
-              const int nx = blob[i].first + dx;
-              const int ny = blob[i].second + dy;
-              if (!Inside(nx, ny) || !plane[size_t(ny)][size_t(nx)]) continue;
-              if (seen[size_t(ny)][size_t(nx)]) continue;
-              seen[size_t(ny)][size_t(nx)] = true;
-              blob.emplace_back(nx, ny);
-            }
-          }
-        }
-        if (static_cast<int>(blob.size()) >= min_pixels) continue;
-        for (const auto& [bx, by] : blob) plane[size_t(by)][size_t(bx)] = false;
+        const int area = statistics.at<int>(labels.at<int>(y, x), cv::CC_STAT_AREA);
+        if (set.at<uint8_t>(y, x) != 0 && area < min_pixels) plane[size_t(y)][size_t(x)] = false;
       }
     }
     return plane;
@@ -154,9 +144,7 @@ class PlainSegmentation {
 };
 
 TEST(Foreground, AgreesWithAPlainSegmentation) {
-  const uint64_t seed = std::random_device{}();
-  SCOPED_TRACE(testing::Message() << "seed " << seed);
-  std::mt19937_64 random(seed);
+  std::mt19937_64 random = SeededRandom();
   const auto up_to = [&](int limit) { return static_cast<int>(random() % uint64_t(limit)); };
   for (int round = 0; round < 40; ++round) {
     const cv::Size size(20 + up_to(60), 20 + up_to(60));
@@ -250,9 +238,7 @@ TEST(Difference, SpeckIsDroppedAndPinholeIsFilled) {
 
 // A box 5 levels brighter than the cell: less than any pixel's threshold.
 TEST(Difference, FaintObstacleIsFoundByItsMean) {
-  const uint64_t seed = std::random_device{}();
-  SCOPED_TRACE(testing::Message() << "seed " << seed);
-  std::mt19937_64 random(seed);
+  std::mt19937_64 random = SeededRandom();
   const cv::Mat cell = EmptyCell({320, 240});
   const Reference reference = Reference::FromImages(ExposeSeries(cell, 20, 1.5, random));
   const cv::Rect box(100, 80, 40, 60);
@@ -281,9 +267,7 @@ TEST(Difference, WhatIsPlainlyVisibleDoesNotSpreadByTheMean) {
 }
 
 TEST(Brightness, IsNotBiasedByWhatStandsInTheCell) {
-  const uint64_t seed = std::random_device{}();
-  SCOPED_TRACE(testing::Message() << "seed " << seed);
-  std::mt19937_64 random(seed);
+  std::mt19937_64 random = SeededRandom();
   const cv::Mat cell = EmptyCell({320, 240});
   const Reference reference = Reference::FromImages(ExposeSeries(cell, 20, 2, random));
   for (const double gain : {0.9, 1.0, 1.1}) {
@@ -299,9 +283,7 @@ TEST(Brightness, IsNotBiasedByWhatStandsInTheCell) {
 }
 
 TEST(Brightness, StrayLightIsAnOffset) {
-  const uint64_t seed = std::random_device{}();
-  SCOPED_TRACE(testing::Message() << "seed " << seed);
-  std::mt19937_64 random(seed);
+  std::mt19937_64 random = SeededRandom();
   const cv::Mat cell = EmptyCell({320, 240});
   const Reference reference = Reference::FromImages(ExposeSeries(cell, 20, 1.5, random));
   for (const double offset : {-15.0, 0.0, 12.0, 20.0}) {
@@ -333,9 +315,7 @@ TEST(Difference, SaturatedPixelsSayNothingByBeingBrighterThanExpected) {
 }
 
 TEST(Difference, TextureThatIsNotTheCellsIsFound) {
-  const uint64_t seed = std::random_device{}();
-  SCOPED_TRACE(testing::Message() << "seed " << seed);
-  std::mt19937_64 random(seed);
+  std::mt19937_64 random = SeededRandom();
   cv::Mat cell(120, 160, CV_64FC1);
   std::normal_distribution<double> texture(100, 4);
   for (auto it = cell.begin<double>(); it != cell.end<double>(); ++it) *it = texture(random);
@@ -365,9 +345,7 @@ class ShadowsTest : public testing::Test {
   }
 
   static constexpr SegmentationSettings kIgnoring{.shadows = Shadows::kIgnore};
-  const uint64_t seed_ = std::random_device{}();
-  const testing::ScopedTrace trace_{__FILE__, __LINE__, testing::Message() << "seed " << seed_};
-  std::mt19937_64 random_{seed_};
+  std::mt19937_64 random_ = SeededRandom();
   const cv::Mat cell_ = TexturedCell(random_);
   const Reference reference_ = Reference::FromImages(ExposeSeries(cell_, 20, 1.5, random_));
   const cv::Rect box_{50, 30, 60, 50};

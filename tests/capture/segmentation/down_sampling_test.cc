@@ -7,6 +7,8 @@
 #include <random>
 #include <stdexcept>
 
+#include "tests/seeded_random.h"
+
 namespace silhouette {
 namespace {
 
@@ -30,9 +32,7 @@ bool IsSet(const cv::Mat& foreground, MaskSize size, double min_cover, int mask_
 }
 
 TEST(DownSample, AgreesWithTheDefinition) {
-  const uint64_t seed = std::random_device{}();
-  SCOPED_TRACE(testing::Message() << "seed " << seed);
-  std::mt19937_64 random(seed);
+  std::mt19937_64 random = SeededRandom();
   const auto up_to = [&](int limit) { return static_cast<int>(random() % uint64_t(limit)) + 1; };
   for (int round = 0; round < 60; ++round) {
     cv::Mat foreground(up_to(40), up_to(40), CV_8UC1);

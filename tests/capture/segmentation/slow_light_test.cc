@@ -9,6 +9,7 @@
 
 #include "capture/segmentation/difference.h"
 #include "tests/capture/segmentation/images.h"
+#include "tests/seeded_random.h"
 
 namespace silhouette {
 namespace {
@@ -39,9 +40,7 @@ class SlowLightTest : public testing::Test {
     return cv::countNonZero(Foreground(Expose(light, 1, 1.5, random_), reference_, {}, slow_light));
   }
 
-  const uint64_t seed_ = std::random_device{}();
-  const testing::ScopedTrace trace_{__FILE__, __LINE__, testing::Message() << "seed " << seed_};
-  std::mt19937_64 random_{seed_};
+  std::mt19937_64 random_ = SeededRandom();
   const cv::Mat cell_ = EmptyCell(kSize);
   const Reference reference_ = Reference::FromImages(ExposeSeries(cell_, 20, 1.5, random_));
 };

@@ -196,20 +196,7 @@ class FakeCell {
     return session->Run(*plan, "test", observer);
   }
 
-  // The records without what differs from session to session: the times.
-  std::map<ConfigurationNumber, RobotImage> Content() const {
-    std::map<ConfigurationNumber, RobotImage> content;
-    const auto snapshot = database->Read();
-    EXPECT_TRUE(snapshot.ok());
-    const absl::Status status = snapshot->ForEach([&](ConfigurationNumber number, auto image) {
-      EXPECT_TRUE(image.ok()) << image.status();
-      image->captured = absl::UnixEpoch();
-      content[number] = *image;
-      return true;
-    });
-    EXPECT_TRUE(status.ok()) << status;
-    return content;
-  }
+  std::map<ConfigurationNumber, RobotImage> Content() const { return ContentOf(*database); }
 
   // Grid joints of all commanded positions: turn, lift.
   std::vector<Configuration> Commanded() const {

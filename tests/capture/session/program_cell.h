@@ -33,6 +33,18 @@ inline void WriteText(const std::string& path, const std::string& text) {
   std::ofstream(path) << text;
 }
 
+// This process goes on as the program with these arguments.
+[[noreturn]] inline void Become(const std::string& program,
+                                const std::vector<std::string>& arguments) {
+  std::vector<std::string> words = {std::string(SILHOUETTE_BIN_DIR) + "/" + program};
+  words.insert(words.end(), arguments.begin(), arguments.end());
+  std::vector<char*> argv;
+  for (std::string& word : words) argv.push_back(word.data());
+  argv.push_back(nullptr);
+  execv(argv[0], argv.data());
+  _exit(127);
+}
+
 struct Outcome {
   int exit_code = -1;  // -1: ended by a signal
   std::string out;
@@ -90,12 +102,6 @@ class ProgramCell {
 
   // Starts silhouette-capture; its output goes into files. As another user where `user` is not 0.
   pid_t Start(const std::vector<std::string>& arguments, uid_t user = 0) const {
-    const std::string program = std::string(SILHOUETTE_BIN_DIR) + "/silhouette-capture";
-    std::vector<std::string> words = {program};
-    words.insert(words.end(), arguments.begin(), arguments.end());
-    std::vector<char*> argv;
-    for (std::string& word : words) argv.push_back(word.data());
-    argv.push_back(nullptr);
     const std::string out = folder_ / "out.txt";
     const std::string err = folder_ / "err.txt";
     const pid_t child = fork();
@@ -103,8 +109,7 @@ class ProgramCell {
       dup2(open(out.c_str(), O_CREAT | O_TRUNC | O_WRONLY, 0666), STDOUT_FILENO);
       dup2(open(err.c_str(), O_CREAT | O_TRUNC | O_WRONLY, 0666), STDERR_FILENO);
       if (user != 0 && (setgid(user) != 0 || setuid(user) != 0)) _exit(126);
-      execv(program.c_str(), argv.data());
-      _exit(127);
+      Become("silhouette-capture", arguments);
     }
     return child;
   }
@@ -155,21 +160,12 @@ class ProgramCell {
 
   // All records of a variant without their times.
   std::map<ConfigurationNumber, RobotImage> Content(const std::string& variant = "default") const {
-    std::map<ConfigurationNumber, RobotImage> content;
     const auto database = Database::Open(this->database(), Database::Access::kRead);
     EXPECT_TRUE(database.ok()) << database.status();
-    if (!database.ok()) return content;
+    if (!database.ok()) return {};
     const auto of_variant = (*database)->OpenVariant(variant);
     EXPECT_TRUE(of_variant.ok()) << of_variant.status();
-    const absl::Status status =
-        (*of_variant)->Read()->ForEach([&](ConfigurationNumber number, auto image) {
-          EXPECT_TRUE(image.ok()) << image.status();
-          image->captured = absl::UnixEpoch();
-          content[number] = *image;
-          return true;
-        });
-    EXPECT_TRUE(status.ok()) << status;
-    return content;
+    return ContentOf(**of_variant);
   }
 
  private:

@@ -10,6 +10,8 @@
 #include <set>
 #include <stdexcept>
 
+#include "tests/seeded_random.h"
+
 namespace silhouette {
 namespace {
 
@@ -77,9 +79,7 @@ bool MayTouch(const ConfigurationGrid& grid, const std::vector<ForbiddenRegion>&
 }
 
 TEST(Travel, SerpentineVisitsEveryConfigurationOnceStepByStep) {
-  const uint64_t seed = std::random_device{}();
-  SCOPED_TRACE(testing::Message() << "seed " << seed);
-  std::mt19937_64 random(seed);
+  std::mt19937_64 random = SeededRandom();
   for (int round = 0; round < 50; ++round) {
     const ConfigurationGrid grid = RandomGrid(random, 4, 9);
     const std::vector<ConfigurationNumber> order = Travel(grid, {}).Serpentine();
@@ -105,9 +105,7 @@ TEST(Travel, JointWithTheSmallestStepsRunsFastest) {
 }
 
 TEST(Travel, RoutesNeverTouchARegion) {
-  const uint64_t seed = std::random_device{}();
-  SCOPED_TRACE(testing::Message() << "seed " << seed);
-  std::mt19937_64 random(seed);
+  std::mt19937_64 random = SeededRandom();
   int around = 0;
   for (int round = 0; round < 60; ++round) {
     const ConfigurationGrid grid = RandomGrid(random, 3, 8);

@@ -2,6 +2,9 @@
 // Cells and robot images for the tests of db/.
 #pragma once
 
+#include <gtest/gtest.h>
+
+#include <map>
 #include <random>
 #include <string>
 #include <vector>
@@ -88,6 +91,21 @@ inline RobotImage TestImage(const Database& database, ConfigurationNumber number
     }
   }
   return image;
+}
+
+// All records without what differs from session to session: the times.
+inline std::map<ConfigurationNumber, RobotImage> ContentOf(const Database& database) {
+  std::map<ConfigurationNumber, RobotImage> content;
+  const auto snapshot = database.Read();
+  EXPECT_TRUE(snapshot.ok()) << snapshot.status();
+  const absl::Status status = snapshot->ForEach([&](ConfigurationNumber number, auto image) {
+    EXPECT_TRUE(image.ok()) << image.status();
+    image->captured = absl::UnixEpoch();
+    content[number] = *image;
+    return true;
+  });
+  EXPECT_TRUE(status.ok()) << status;
+  return content;
 }
 
 }  // namespace silhouette

@@ -7,6 +7,7 @@
 #include <random>
 
 #include "tests/capture/session/program_cell.h"
+#include "tests/seeded_random.h"
 
 namespace silhouette {
 namespace {
@@ -20,9 +21,7 @@ void WaitForRecords(const ProgramCell& cell, uint64_t records) {
 }
 
 TEST(KilledCapture, ResumedHoldsWhatAnUninterruptedOneHolds) {
-  const uint64_t seed = std::random_device{}();
-  SCOPED_TRACE(testing::Message() << "seed " << seed);
-  std::mt19937_64 random(seed);
+  std::mt19937_64 random = SeededRandom();
   const std::pair<std::string, std::string> keep_images = {"keep_free: 0 B",
                                                            "raw_images: all\n  keep_free: 0 B"};
   const ProgramCell whole;

@@ -19,17 +19,8 @@ using testing::HasSubstr;
 class AtTerminal {
  public:
   explicit AtTerminal(const std::vector<std::string>& arguments) {
-    const std::string program = std::string(SILHOUETTE_BIN_DIR) + "/silhouette-capture";
-    std::vector<std::string> words = {program};
-    words.insert(words.end(), arguments.begin(), arguments.end());
-    std::vector<char*> argv;
-    for (std::string& word : words) argv.push_back(word.data());
-    argv.push_back(nullptr);
     child_ = forkpty(&terminal_, nullptr, nullptr, nullptr);
-    if (child_ == 0) {
-      execv(program.c_str(), argv.data());
-      _exit(127);
-    }
+    if (child_ == 0) Become("silhouette-capture", arguments);
   }
   ~AtTerminal() {
     kill(child_, SIGKILL);
