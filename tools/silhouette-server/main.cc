@@ -227,7 +227,11 @@ int Main(int argc, char** argv) {
       "Example:\n"
       "  silhouette-server --cell cell.yaml --database cell.lmdb --listen 127.0.0.1:50051\n"
       "  silhouette-server --cell cell.yaml --live --metrics 127.0.0.1:9464");
-  return RunProgram(app, argc, argv, [&options] { return Report(kName, Serve(options)); });
+  const Work serve = [&options]() -> absl::StatusOr<ExitCode> {
+    RETURN_IF_ERROR(Serve(options));
+    return kDone;
+  };
+  return RunProgram(app, argc, argv, serve);
 }
 
 }  // namespace
