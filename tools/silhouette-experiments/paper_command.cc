@@ -2,14 +2,12 @@
 // silhouette-experiments paper
 #include <algorithm>
 #include <iostream>
-#include <map>
 #include <memory>
 #include <nlohmann/json.hpp>
 #include <thread>
 #include <utility>
 
 #include "absl/strings/str_cat.h"
-#include "absl/strings/str_split.h"
 #include "common/result/result.h"
 #include "common/yaml/strict_yaml.h"
 #include "db/status/status_macros.h"
