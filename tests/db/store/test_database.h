@@ -53,6 +53,18 @@ inline std::unique_ptr<Database> MakeFilledDatabase(
   return database;
 }
 
+// All records; expects that they can be read.
+inline Content ContentOf(const Database& database) {
+  Content content;
+  const auto visit = [&](ConfigurationNumber number, absl::StatusOr<RobotImage> image) {
+    EXPECT_TRUE(image.ok()) << image.status();
+    if (image.ok()) content[number] = *std::move(image);
+    return true;
+  };
+  EXPECT_TRUE(database.Read()->ForEach(visit).ok());
+  return content;
+}
+
 inline std::string ReadFile(const std::string& path) {
   std::ifstream file(path, std::ios::binary);
   return {std::istreambuf_iterator<char>(file), {}};
