@@ -196,7 +196,9 @@ class FakeCell {
     return session->Run(*plan, "test", observer);
   }
 
-  std::map<ConfigurationNumber, RobotImage> Content() const { return ContentOf(*database); }
+  std::map<ConfigurationNumber, RobotImage> Content() const {
+    return ContentWithoutTimes(*database);
+  }
 
   // Grid joints of all commanded positions: turn, lift.
   std::vector<Configuration> Commanded() const {

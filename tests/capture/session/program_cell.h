@@ -165,7 +165,7 @@ class ProgramCell {
     if (!database.ok()) return {};
     const auto of_variant = (*database)->OpenVariant(variant);
     EXPECT_TRUE(of_variant.ok()) << of_variant.status();
-    return ContentOf(**of_variant);
+    return ContentWithoutTimes(**of_variant);
   }
 
  private:

@@ -94,7 +94,7 @@ inline RobotImage TestImage(const Database& database, ConfigurationNumber number
 }
 
 // All records without what differs from session to session: the times.
-inline std::map<ConfigurationNumber, RobotImage> ContentOf(const Database& database) {
+inline std::map<ConfigurationNumber, RobotImage> ContentWithoutTimes(const Database& database) {
   std::map<ConfigurationNumber, RobotImage> content;
   const auto snapshot = database.Read();
   EXPECT_TRUE(snapshot.ok()) << snapshot.status();
