@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "db/store/tile_value.h"
 
+#include <xxhash.h>
+
 #include <algorithm>
 
 #include "db/store/schema.h"
