@@ -5,19 +5,16 @@
 #include <gtest/gtest.h>
 
 #include <random>
-#include <string>
 
 namespace silhouette {
 
-// Begins with another seed each time. Failures report the seed, as long as this lives.
-class Random : public std::mt19937 {
+// The same numbers in every run, so that a failure comes again; others with --gtest_shuffle, which
+// prints its seed and takes it back by --gtest_random_seed.
+class Random : public std::mt19937_64 {
  public:
-  Random() : Random(std::random_device{}()) {}
-  explicit Random(unsigned seed)
-      : std::mt19937(seed), trace_(__FILE__, __LINE__, "seed " + std::to_string(seed)) {}
-
- private:
-  const ::testing::ScopedTrace trace_;
+  Random()
+      : std::mt19937_64(static_cast<result_type>(testing::UnitTest::GetInstance()->random_seed())) {
+  }
 };
 
 }  // namespace silhouette

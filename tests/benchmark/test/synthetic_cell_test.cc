@@ -9,7 +9,7 @@
 #include <random>
 
 #include "tests/benchmark/scenes.h"
-#include "tests/seeded_random.h"
+#include "tests/random.h"
 
 namespace silhouette::benchmarks {
 namespace {
@@ -38,7 +38,7 @@ double DistanceOfSquare(int x, int y, const Disc& a, const Disc& b) {
 }
 
 TEST(DrawHull, SetsThePixelsThatTheHullTouches) {
-  std::mt19937_64 random = SeededRandom();
+  Random random;
   const auto number = [&](double low, double high) {
     return std::uniform_real_distribution(low, high)(random);
   };

@@ -9,6 +9,7 @@
 #include <stdexcept>
 
 #include "absl/strings/str_replace.h"
+#include "tests/random.h"
 
 namespace silhouette {
 namespace {
@@ -49,9 +50,7 @@ TEST(SightingFile, GivesSightings) {
 }
 
 TEST(SightingFile, GivesBackWhatWasWrittenToTheLastBit) {
-  const auto seed = std::random_device()();
-  SCOPED_TRACE(testing::Message() << "seed " << seed);
-  std::mt19937_64 random(seed);
+  Random random;
   std::uniform_real_distribution<double> pixel(-5, 4000);
   std::vector<TagSighting> written;
   for (const char* frame : {"2", "1", "a,b", " \"quoted\" "}) {

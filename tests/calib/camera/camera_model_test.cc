@@ -4,6 +4,7 @@
 #include <random>
 
 #include "calib/camera/camera_model.h"
+#include "tests/random.h"
 
 namespace silhouette {
 namespace {
@@ -60,9 +61,7 @@ TEST(CameraModel, DistortsAsOpenCvDoes) {
 }
 
 TEST(CameraModel, RayOfAPixelProjectsBackToIt) {
-  const unsigned seed = std::random_device()();
-  SCOPED_TRACE("seed " + std::to_string(seed));
-  std::mt19937 random(seed);
+  Random random;
   std::uniform_real_distribution<double> x(-0.5, 639.5), y(-0.5, 479.5), depth(0.1, 10);
   for (const std::array<double, 8>& distortion :
        std::vector<std::array<double, 8>>{{},
@@ -132,9 +131,7 @@ TEST(PixelsPerMetre, IsTheFocalLengthOverTheLeastDistanceOnTheAxis) {
 }
 
 TEST(PixelsPerMetre, BoundsEverySmallMoveInTheBox) {
-  const unsigned seed = std::random_device()();
-  SCOPED_TRACE("seed " + std::to_string(seed));
-  std::mt19937 random(seed);
+  Random random;
   std::uniform_real_distribution<double> number(-1, 1);
   const CameraModel camera = CameraAtOrigin({-0.2, 0.05, 1e-3, 1e-3, 0, 0, 0, 0});
   const Eigen::AlignedBox3d box(Eigen::Vector3d(-1, -0.6, 2), Eigen::Vector3d(0.7, 1, 4));

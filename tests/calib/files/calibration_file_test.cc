@@ -2,7 +2,6 @@
 // Camera models and fundamental matrices as files, and as stored.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
-#include <iostream>
 #include <numbers>
 #include <random>
 
@@ -10,6 +9,7 @@
 #include "calib/files/calibration_message.h"
 #include "calib/files/calibration_session_file.h"
 #include "calib/files/camera_file.h"
+#include "tests/random.h"
 
 namespace silhouette {
 namespace {
@@ -84,9 +84,7 @@ TEST(CameraFile, SaysWhatIsWrongAndWhere) {
 }
 
 TEST(CameraFile, GivesBackEveryBitOfWhatWasWritten) {
-  const uint64_t seed = std::random_device()();
-  std::cout << "seed " << seed << std::endl;
-  std::mt19937_64 random(seed);
+  Random random;
   std::normal_distribution<double> normal;
   for (const int parameters : {0, 4, 5, 8}) {
     storage::v1::CameraModel camera;
@@ -112,9 +110,7 @@ TEST(CameraFile, IsNamedAfterItsView) {
 }
 
 TEST(CameraMessage, SpeaksOfTheSameCamera) {
-  const uint64_t seed = std::random_device()();
-  std::cout << "seed " << seed << std::endl;
-  std::mt19937_64 random(seed);
+  Random random;
   std::normal_distribution<double> normal;
   // Turns of nothing and of half a circle are where rotation vectors are awkward.
   for (const double angle : {0.0, 1e-9, 0.7, 2.5, std::numbers::pi - 1e-9, std::numbers::pi}) {
@@ -198,9 +194,7 @@ TEST(MatrixFile, SaysWhatIsWrongAndWhere) {
 }
 
 TEST(MatrixFile, GivesBackEveryBitOfWhatWasWritten) {
-  const uint64_t seed = std::random_device()();
-  std::cout << "seed " << seed << std::endl;
-  std::mt19937_64 random(seed);
+  Random random;
   std::normal_distribution<double> normal;
   storage::v1::Calibration calibration;
   for (const auto& [a, b] : {std::pair(0, 1), std::pair(2, 1)}) {

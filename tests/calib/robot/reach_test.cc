@@ -9,6 +9,7 @@
 #include "calib/robot/pose_plan.h"
 #include "calib/robot/reach.h"
 #include "tests/calib/robot/urdf_files.h"
+#include "tests/random.h"
 
 namespace silhouette {
 namespace {
@@ -56,9 +57,7 @@ TEST(Reach, PayloadReachesBeyondTheLastLink) {
 }
 
 TEST(Reach, NoConfigurationReachesFarther) {
-  const unsigned seed = std::random_device()();
-  SCOPED_TRACE("seed " + std::to_string(seed));
-  std::mt19937 random(seed);
+  Random random;
   const RobotModel robot = ThreeJoints();
   const std::vector<std::string> names{"turn", "bend", "slide"};
   for (int round = 0; round < 50; ++round) {
@@ -84,9 +83,7 @@ TEST(Reach, NoConfigurationReachesFarther) {
 }
 
 TEST(ReachBox, HoldsTheRobotAtEveryConfigurationAndIsTightWhereNothingMoves) {
-  const unsigned seed = std::random_device()();
-  SCOPED_TRACE("seed " + std::to_string(seed));
-  std::mt19937 random(seed);
+  Random random;
   const RobotModel robot = ThreeJoints();
   const std::vector<std::string> names{"turn", "bend", "slide"};
   for (int round = 0; round < 50; ++round) {

@@ -8,12 +8,11 @@
 #include <bit>
 
 #include <limits>
-#include <random>
 #include <string>
 
 #include "absl/strings/escaping.h"
 #include "absl/strings/str_replace.h"
-#include "tests/seeded_random.h"
+#include "tests/random.h"
 
 namespace silhouette::simple_message {
 namespace {
@@ -113,7 +112,7 @@ TEST(SimpleMessage, WrongByteOrderIsSaid) {
 }
 
 TEST(SimpleMessage, AnyMessagesInAnyPiecesComeBackAsTheyWere) {
-  std::mt19937_64 random = SeededRandom();
+  Random random;
   for (const ByteOrder order : {ByteOrder::kLittle, ByteOrder::kBig}) {
     std::vector<Message> sent;
     std::vector<uint8_t> stream;
@@ -142,7 +141,7 @@ TEST(SimpleMessage, AnyMessagesInAnyPiecesComeBackAsTheyWere) {
 }
 
 TEST(SimpleMessage, GarbageEndsInAnErrorAndStaysOne) {
-  std::mt19937_64 random = SeededRandom();
+  Random random;
   for (int round = 0; round < 300; ++round) {
     MessageReader reader(round % 2 == 0 ? ByteOrder::kLittle : ByteOrder::kBig);
     size_t bytes = 0;

@@ -6,13 +6,13 @@
 #include <opencv2/imgproc.hpp>
 
 #include "tests/capture/segmentation/images.h"
-#include "tests/seeded_random.h"
+#include "tests/random.h"
 
 namespace silhouette {
 namespace {
 
 TEST(DifferenceOverLimit, IsAboveOneWhereAPixelDeviates) {
-  std::mt19937_64 random = SeededRandom();
+  Random random;
   const cv::Mat cell = EmptyCell({120, 90});
   const Reference reference = Reference::FromImages(ExposeSeries(cell, 20, 1.5, random));
   cv::Mat light = cell.clone();

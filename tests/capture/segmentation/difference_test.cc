@@ -8,7 +8,7 @@
 
 #include "capture/segmentation/brightness.h"
 #include "tests/capture/segmentation/images.h"
-#include "tests/seeded_random.h"
+#include "tests/random.h"
 
 namespace silhouette {
 namespace {
@@ -144,7 +144,7 @@ class PlainSegmentation {
 };
 
 TEST(Foreground, AgreesWithAPlainSegmentation) {
-  std::mt19937_64 random = SeededRandom();
+  Random random;
   const auto up_to = [&](int limit) { return static_cast<int>(random() % uint64_t(limit)); };
   for (int round = 0; round < 40; ++round) {
     const cv::Size size(20 + up_to(60), 20 + up_to(60));
@@ -238,7 +238,7 @@ TEST(Difference, SpeckIsDroppedAndPinholeIsFilled) {
 
 // A box 5 levels brighter than the cell: less than any pixel's threshold.
 TEST(Difference, FaintObstacleIsFoundByItsMean) {
-  std::mt19937_64 random = SeededRandom();
+  Random random;
   const cv::Mat cell = EmptyCell({320, 240});
   const Reference reference = Reference::FromImages(ExposeSeries(cell, 20, 1.5, random));
   const cv::Rect box(100, 80, 40, 60);
@@ -267,7 +267,7 @@ TEST(Difference, WhatIsPlainlyVisibleDoesNotSpreadByTheMean) {
 }
 
 TEST(Brightness, IsNotBiasedByWhatStandsInTheCell) {
-  std::mt19937_64 random = SeededRandom();
+  Random random;
   const cv::Mat cell = EmptyCell({320, 240});
   const Reference reference = Reference::FromImages(ExposeSeries(cell, 20, 2, random));
   for (const double gain : {0.9, 1.0, 1.1}) {
@@ -283,7 +283,7 @@ TEST(Brightness, IsNotBiasedByWhatStandsInTheCell) {
 }
 
 TEST(Brightness, StrayLightIsAnOffset) {
-  std::mt19937_64 random = SeededRandom();
+  Random random;
   const cv::Mat cell = EmptyCell({320, 240});
   const Reference reference = Reference::FromImages(ExposeSeries(cell, 20, 1.5, random));
   for (const double offset : {-15.0, 0.0, 12.0, 20.0}) {
@@ -315,7 +315,7 @@ TEST(Difference, SaturatedPixelsSayNothingByBeingBrighterThanExpected) {
 }
 
 TEST(Difference, TextureThatIsNotTheCellsIsFound) {
-  std::mt19937_64 random = SeededRandom();
+  Random random;
   cv::Mat cell(120, 160, CV_64FC1);
   std::normal_distribution<double> texture(100, 4);
   for (auto it = cell.begin<double>(); it != cell.end<double>(); ++it) *it = texture(random);
@@ -345,7 +345,7 @@ class ShadowsTest : public testing::Test {
   }
 
   static constexpr SegmentationSettings kIgnoring{.shadows = Shadows::kIgnore};
-  std::mt19937_64 random_ = SeededRandom();
+  Random random_;
   const cv::Mat cell_ = TexturedCell(random_);
   const Reference reference_ = Reference::FromImages(ExposeSeries(cell_, 20, 1.5, random_));
   const cv::Rect box_{50, 30, 60, 50};

@@ -4,10 +4,9 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
-#include <random>
 #include <stdexcept>
 
-#include "tests/seeded_random.h"
+#include "tests/random.h"
 
 namespace silhouette {
 namespace {
@@ -32,7 +31,7 @@ bool IsSet(const cv::Mat& foreground, MaskSize size, double min_cover, int mask_
 }
 
 TEST(DownSample, AgreesWithTheDefinition) {
-  std::mt19937_64 random = SeededRandom();
+  Random random;
   const auto up_to = [&](int limit) { return static_cast<int>(random() % uint64_t(limit)) + 1; };
   for (int round = 0; round < 60; ++round) {
     cv::Mat foreground(up_to(40), up_to(40), CV_8UC1);

@@ -9,7 +9,7 @@
 
 #include "capture/segmentation/difference.h"
 #include "tests/capture/segmentation/images.h"
-#include "tests/seeded_random.h"
+#include "tests/random.h"
 
 namespace silhouette {
 namespace {
@@ -40,7 +40,7 @@ class SlowLightTest : public testing::Test {
     return cv::countNonZero(Foreground(Expose(light, 1, 1.5, random_), reference_, {}, slow_light));
   }
 
-  std::mt19937_64 random_ = SeededRandom();
+  Random random_;
   const cv::Mat cell_ = EmptyCell(kSize);
   const Reference reference_ = Reference::FromImages(ExposeSeries(cell_, 20, 1.5, random_));
 };

@@ -9,7 +9,7 @@
 #include <utility>
 
 #include "tests/capture/session/fake_cell.h"
-#include "tests/seeded_random.h"
+#include "tests/random.h"
 
 namespace silhouette {
 namespace {
@@ -335,7 +335,7 @@ TEST_F(ForbiddenCellTest, IsNeverEnteredAndStoredAsExcluded) {
 }
 
 TEST_F(ForbiddenCellTest, IsNeverEnteredFromAnywhereNorOnTheWayToHoles) {
-  std::mt19937_64 random = SeededRandom();
+  Random random;
   std::uniform_real_distribution<double> turn(-1.5, 1.5);
   std::uniform_real_distribution<double> lift(-0.5, 1);
   cell_.robot.at = {0.25, 0.5, 0};

@@ -6,7 +6,7 @@
 #include <opencv2/imgproc.hpp>
 #include <random>
 
-#include "tests/seeded_random.h"
+#include "tests/random.h"
 
 namespace silhouette {
 namespace {
@@ -34,7 +34,7 @@ cv::Mat ImageShiftWall(double x, double y, double turn, double gain, double nois
 cv::Mat Everywhere() { return {240, 320, CV_8UC1, cv::Scalar(255)}; }
 
 TEST(ImageShift, IsFoundToATenthOfAPixel) {
-  std::mt19937_64 random = SeededRandom();
+  Random random;
   std::uniform_real_distribution<double> far(-25, 25);
   std::uniform_real_distribution<double> near(-1.5, 1.5);
   const cv::Mat first = ImageShiftWall(0, 0, 0, 1, 1.5, random());

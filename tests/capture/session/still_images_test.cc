@@ -1,11 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
 // Two images of one view, one after the other.
 #include "capture/session/visitor.h"
+#include "tests/random.h"
 
 #include <gtest/gtest.h>
 
 #include <opencv2/imgproc.hpp>
-#include <random>
 
 namespace silhouette {
 namespace {
@@ -19,9 +19,7 @@ cv::Mat NoisyImage(cv::RNG& random, int type, double brightness = 1) {
 }
 
 void ExpectJudged(int type) {
-  const uint64_t seed = std::random_device{}();
-  SCOPED_TRACE(testing::Message() << "seed " << seed);
-  cv::RNG random(seed);
+  cv::RNG random(Random()());
   std::vector<cv::Mat> empty;
   for (int i = 0; i < 20; ++i) empty.push_back(NoisyImage(random, type));
   const Reference reference = Reference::FromImages(empty);

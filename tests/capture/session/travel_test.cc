@@ -10,7 +10,7 @@
 #include <set>
 #include <stdexcept>
 
-#include "tests/seeded_random.h"
+#include "tests/random.h"
 
 namespace silhouette {
 namespace {
@@ -79,7 +79,7 @@ bool MayTouch(const ConfigurationGrid& grid, const std::vector<ForbiddenRegion>&
 }
 
 TEST(Travel, SerpentineVisitsEveryConfigurationOnceStepByStep) {
-  std::mt19937_64 random = SeededRandom();
+  Random random;
   for (int round = 0; round < 50; ++round) {
     const ConfigurationGrid grid = RandomGrid(random, 4, 9);
     const std::vector<ConfigurationNumber> order = Travel(grid, {}).Serpentine();
@@ -105,7 +105,7 @@ TEST(Travel, JointWithTheSmallestStepsRunsFastest) {
 }
 
 TEST(Travel, RoutesNeverTouchARegion) {
-  std::mt19937_64 random = SeededRandom();
+  Random random;
   int around = 0;
   for (int round = 0; round < 60; ++round) {
     const ConfigurationGrid grid = RandomGrid(random, 3, 8);

@@ -3,11 +3,11 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
-#include <random>
 
 #include "capture/sim/chance.h"
 #include "capture/sim/simulated_board.h"
 #include "tests/capture/sim/small_cell.h"
+#include "tests/random.h"
 
 namespace silhouette {
 namespace {
@@ -67,9 +67,7 @@ std::optional<double> BlackByRays(const CameraModel& camera, const BoardTexture&
 }
 
 TEST(BoardImage, PixelsShowTheShareOfBlackInTheirArea) {
-  const uint64_t seed = std::random_device()();
-  SCOPED_TRACE("seed " + std::to_string(seed));
-  Chance chance(seed);
+  Chance chance(Random()());
   Eigen::Isometry3d pose = FacingX({1, -0.25, 1.25});
   pose.rotate(Eigen::AngleAxisd(chance.Uniform(-0.5, 0.5), chance.Direction()));
   SimulatedCell cell(ThreeJointRobot(), WithWall(pose));

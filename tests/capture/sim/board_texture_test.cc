@@ -3,9 +3,9 @@
 
 #include <gtest/gtest.h>
 
-#include <random>
 
 #include "capture/sim/chance.h"
+#include "tests/random.h"
 
 namespace silhouette {
 namespace {
@@ -37,9 +37,7 @@ TEST(BoardTexture, ModulesLieWhereTheFamilySaysIt) {
 }
 
 TEST(BoardTexture, BlackShareIsTheShareOfPointsThatAreBlack) {
-  const uint64_t seed = std::random_device()();
-  SCOPED_TRACE("seed " + std::to_string(seed));
-  Chance chance(seed);
+  Chance chance(Random()());
   const BoardTexture texture(TwoByThree(), 0.01);
   for (int round = 0; round < 40; ++round) {
     const double size = chance.Uniform(0.001, 0.08);

@@ -8,6 +8,7 @@
 #include <random>
 
 #include "tests/capture/sim/small_cell.h"
+#include "tests/random.h"
 
 namespace silhouette {
 namespace {
@@ -93,9 +94,7 @@ TEST(Contact, WithoutObstaclesNothingIsNear) {
 
 // The tool alone against spheres: ball against ball is easily said otherwise.
 TEST(Contact, AgreesWithBallsOnTheTool) {
-  const unsigned seed = std::random_device()();
-  SCOPED_TRACE("seed " + std::to_string(seed));
-  std::mt19937 random(seed);
+  Random random;
   const RobotModel robot = ThreeJointRobot();
   std::uniform_real_distribution<double> angle(-2, 2), slide(0, 0.3), beyond(0.01, 0.5);
   for (int i = 0; i < 50; ++i) {

@@ -9,6 +9,7 @@
 #include "capture/sim/contact.h"
 #include "capture/sim/yaml_values.h"
 #include "tests/capture/sim/small_cell.h"
+#include "tests/random.h"
 
 namespace silhouette {
 namespace {
@@ -30,9 +31,7 @@ class SimulatedImage : public testing::Test {
 };
 
 TEST_F(SimulatedImage, RobotIsWhereTheCameraModelSaysIt) {
-  const unsigned seed = std::random_device()();
-  SCOPED_TRACE("seed " + std::to_string(seed));
-  std::mt19937 random(seed);
+  Random random;
   SimulationSettings settings = SmallSimulation();
   settings.cameras[kTop] = {"top", CameraModel({.width = 160,
                                                 .height = 120,
@@ -111,9 +110,7 @@ TEST_F(SimulatedImage, ShadowFallsAwayFromTheLight) {
 // Retracing only touched rectangles must not change a pixel: an obstacle far from the rest, whose
 // rectangles cover the whole image, forces every pixel to be traced.
 TEST_F(SimulatedImage, TracingEveryPixelGivesTheSameImage) {
-  const unsigned seed = std::random_device()();
-  SCOPED_TRACE("seed " + std::to_string(seed));
-  std::mt19937 random(seed);
+  Random random;
   std::uniform_real_distribution<double> angle(-2, 2), slide(0, 0.3), place(-1, 1);
   const SimulationSettings settings = SmallSimulation();
   SimulatedCell cell(ThreeJointRobot(), settings);

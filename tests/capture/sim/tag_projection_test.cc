@@ -2,10 +2,10 @@
 #include <gtest/gtest.h>
 
 #include <map>
-#include <random>
 
 #include "capture/sim/simulation.h"
 #include "capture/sim/tag_projection.h"
+#include "tests/random.h"
 
 namespace silhouette {
 namespace {
@@ -70,8 +70,7 @@ TEST(TagProjection, TagsBeyondTheImageOrTooSmallAreNotSeen) {
 }
 
 TEST(TagProjection, FramesAreSeenByAsManyViewsAsAskedAndSpreadOverTheImages) {
-  const uint64_t seed = std::random_device()();
-  SCOPED_TRACE("seed " + std::to_string(seed));
+  const uint64_t seed = Random()();
   const auto cameras = FourCameras();
   const BoardPlaces places{
       .volume = {Eigen::Vector3d(-0.6, -0.6, 0.2), Eigen::Vector3d(0.6, 0.6, 1)}, .least_views = 2};

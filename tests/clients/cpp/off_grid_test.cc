@@ -46,7 +46,7 @@ const ConfigurationGrid& OffGridGrid() {
   return grid;
 }
 
-RobotImageTable TableWithGaps(const std::vector<MaskSize>& sizes, std::mt19937& random) {
+RobotImageTable TableWithGaps(const std::vector<MaskSize>& sizes, std::mt19937_64& random) {
   RobotImageTable::Builder builder(OffGridGrid(), sizes);
   for (ConfigurationNumber number = 0; number < OffGridGrid().number_limit(); ++number) {
     if (!OffGridGrid().Contains(number)) continue;
@@ -64,7 +64,7 @@ RobotImageTable TableWithGaps(const std::vector<MaskSize>& sizes, std::mt19937& 
 }
 
 // On grid values along some joints, between them along others, at times outside.
-Configuration RandomConfiguration(std::mt19937& random) {
+Configuration RandomConfiguration(std::mt19937_64& random) {
   std::uniform_real_distribution<double> place(-0.2, 8.2);
   Configuration q;
   for (const GridJoint& joint : OffGridGrid().joints()) {
@@ -94,7 +94,7 @@ auto CellsOf(const FreeCells& cells) {
 void ExpectTheServersWordOrUnknown(const CollisionChecker& test,
                                    const std::vector<PixelTree>& trees,
                                    const client::OffGridRule& rule, bool with_cells,
-                                   std::mt19937& random, Counts& counts) {
+                                   std::mt19937_64& random, Counts& counts) {
   const SpaceChecker space(test, trees);
   FreeCells cells(space, [](uint64_t) { return nullptr; });
   std::vector<uint64_t> tiles(OffGridGrid().tiles());

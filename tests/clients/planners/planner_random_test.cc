@@ -24,7 +24,7 @@ struct Puzzle {
   bool operator()(ConfigurationNumber number) const { return free[number]; }
 };
 
-Puzzle RandomPuzzle(std::mt19937& random, int joints, int most_steps, double blocked) {
+Puzzle RandomPuzzle(std::mt19937_64& random, int joints, int most_steps, double blocked) {
   std::vector<GridJoint> list;
   for (int j = 0; j < joints; ++j) {
     const bool continuous = random() % 2 == 0;
@@ -139,7 +139,7 @@ double WalkedLength(const Puzzle& puzzle, const std::vector<Configuration>& wayp
   return length;
 }
 
-ConfigurationNumber RandomFree(const Puzzle& puzzle, std::mt19937& random) {
+ConfigurationNumber RandomFree(const Puzzle& puzzle, std::mt19937_64& random) {
   for (;;) {
     const ConfigurationNumber number = random() % puzzle.free.size();
     if (puzzle.free[number]) return number;

@@ -4,12 +4,10 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include <iostream>
 #include <opencv2/imgcodecs.hpp>
-#include <random>
 
 #include "common/picture/files.h"
-#include "tests/seeded_random.h"
+#include "tests/random.h"
 #include "tests/test_folder.h"
 
 namespace silhouette {
@@ -20,7 +18,7 @@ using testing::HasSubstr;
 std::string TempFile(const std::string& name) { return (TestFolder() / name).string(); }
 
 TEST(MaskPng, RoundTripsEverySize) {
-  std::mt19937_64 random = SeededRandom();
+  Random random;
   for (int i = 0; i < 100; ++i) {
     const MaskSize size{1 + static_cast<int>(random() % 130), 1 + static_cast<int>(random() % 130)};
     const Mask mask = Mask::FromPredicate(size, [&](int, int) { return random() % 3 == 0; });

@@ -9,12 +9,10 @@
 #include <random>
 
 #include "db/index/tile_index.h"
-#include "tests/seeded_random.h"
+#include "tests/random.h"
 
 namespace silhouette {
 namespace {
-
-using Random = std::mt19937_64;
 
 double Uniform(Random& random, double from, double to) {
   return std::uniform_real_distribution<double>(from, to)(random);
@@ -77,7 +75,7 @@ struct RandomTile {
 class TileIndexOfSize : public testing::TestWithParam<MaskSize> {};
 
 TEST_P(TileIndexOfSize, TouchesWhatTheRobotImagesTouchWithEveryInstructionSet) {
-  Random random = SeededRandom();
+  Random random;
   for (const double there : {1.0, 0.3}) {
     const RandomTile tile(random, {GetParam(), {7, 5}}, there);
     const TileIndex index(tile.bytes, tile.trees);
@@ -100,7 +98,7 @@ TEST_P(TileIndexOfSize, TouchesWhatTheRobotImagesTouchWithEveryInstructionSet) {
 }
 
 TEST_P(TileIndexOfSize, GivesTheRobotImagesBack) {
-  Random random = SeededRandom();
+  Random random;
   const RandomTile tile(random, {{9, 9}, GetParam()}, 0.05);
   const TileIndex index(tile.bytes, tile.trees);
   for (uint64_t place = 0; place < kTileSize; ++place) {
@@ -121,7 +119,7 @@ INSTANTIATE_TEST_SUITE_P(Sizes, TileIndexOfSize,
                          });
 
 TEST(TileIndex, BuilderBeginsAnewForEveryTile) {
-  Random random = SeededRandom();
+  Random random;
   const RandomTile one(random, {{20, 20}}, 0.5);
   TileIndexBuilder builder(one.trees);
   const std::vector<std::byte> empty = builder.Finish();
@@ -159,7 +157,7 @@ TEST(TileIndex, PlacesOutOfOrderAndImagesOfOtherSizesAreRefused) {
 
 // Whatever the bytes are: an index that can be asked without reading beyond them, or a refusal.
 TEST(TileIndex, DamagedBytesAreRefusedOrHarmless) {
-  Random random = SeededRandom();
+  Random random;
   const RandomTile tile(random, {{24, 24}, {10, 10}}, 0.1);
   const Mask everything = ~Mask(MaskSize{24, 24});
   const auto ask = [&](const std::vector<std::byte>& bytes) {
@@ -188,7 +186,7 @@ TEST(TileIndex, DamagedBytesAreRefusedOrHarmless) {
 }
 
 TEST(PixelTree, CoverIsJustTheMaskWithTheFewestNodes) {
-  Random random = SeededRandom();
+  Random random;
   for (const MaskSize size : {MaskSize{64, 64}, MaskSize{37, 53}, MaskSize{1, 9}}) {
     const PixelTree tree(size);
     for (int i = 0; i < 20; ++i) {

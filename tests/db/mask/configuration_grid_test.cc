@@ -12,7 +12,7 @@
 #include <set>
 #include <stdexcept>
 
-#include "tests/seeded_random.h"
+#include "tests/random.h"
 
 namespace silhouette {
 namespace {
@@ -58,7 +58,7 @@ class RandomGrids : public testing::TestWithParam<int> {
     return q;
   }
 
-  std::mt19937_64 random_ = SeededRandom();
+  Random random_;
 };
 
 INSTANTIATE_TEST_SUITE_P(Joints, RandomGrids, testing::Range(1, 8));

@@ -12,7 +12,7 @@
 #include <string>
 #include <vector>
 
-#include "tests/seeded_random.h"
+#include "tests/random.h"
 
 namespace silhouette {
 namespace {
@@ -61,7 +61,7 @@ std::vector<MaskSize> SomeSizes(std::mt19937_64& random) {
 
 class RandomMasks : public testing::Test {
  protected:
-  std::mt19937_64 random_ = SeededRandom();
+  Random random_;
 };
 
 TEST_F(RandomMasks, HoldThePixelsTheyWereMadeOf) {
@@ -193,7 +193,7 @@ double Apart(int dx, int dy) {
 }
 
 TEST(GrownMask, HasThePixelsNearerThanTheRadiusAndNoOthers) {
-  std::mt19937_64 random = SeededRandom();
+  Random random;
   for (int round = 0; round < 60; ++round) {
     const MaskSize size{1 + static_cast<int>(random() % 140), 1 + static_cast<int>(random() % 40)};
     const double radius = round % 4 == 0 ? round / 8.0 : 0.1 + random() % 900 / 100.0;

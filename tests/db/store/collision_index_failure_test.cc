@@ -17,7 +17,7 @@
 #include "tests/db/store/full_disk.h"
 #include "tests/db/store/index_checks.h"
 #include "tests/db/store/test_database.h"
-#include "tests/seeded_random.h"
+#include "tests/random.h"
 
 namespace silhouette {
 namespace {
@@ -37,7 +37,7 @@ void ExpectRecordsAreThere(const Database& database, uint64_t every) {
 
 TEST(CollisionIndex, KilledBuildLeavesWholeTilesOrNone) {
   const std::string path = MakeFilledDatabase(40)->path();
-  std::mt19937_64 random = SeededRandom();
+  Random random;
   int killed = 0;
   for (int round = 0; round < 25; ++round) {
     int ready[2];
@@ -168,7 +168,7 @@ TEST(CollisionIndex, OfAnotherTileIsDamaged) {
 TEST(CollisionIndex, WithFlippedBitsAnywhereNeverGivesWrongRobotImages) {
   const std::filesystem::path folder = FreshFolder();
   const std::string sound = MakeIndexedDatabase(folder / "db");
-  std::mt19937_64 random = SeededRandom();
+  Random random;
   uint64_t fresh = 0;
   uint64_t unusable = 0;
   std::filesystem::create_directories(folder / "spoilt");

@@ -7,7 +7,6 @@
 
 #include <atomic>
 #include <cstring>
-#include <iostream>
 #include <thread>
 
 #include "db/store/collision_index.h"
@@ -17,7 +16,7 @@
 #include "db/store/schema.h"
 #include "tests/db/store/index_checks.h"
 #include "tests/db/store/test_database.h"
-#include "tests/seeded_random.h"
+#include "tests/random.h"
 
 namespace silhouette {
 namespace {
@@ -285,7 +284,7 @@ TEST(CollisionIndex, StoppedBuildKeepsWhatIsBuiltAndGoesOn) {
 // What is fresh is what the records are, while they change under the build.
 TEST(CollisionIndex, NeverClaimsRecordsThatItWasNotBuiltFrom) {
   const auto database = MakeFilledDatabase();
-  std::mt19937_64 random = SeededRandom();
+  Random random;
   std::atomic<bool> done = false;
   std::jthread changes([&] {
     const std::vector<ConfigurationNumber> numbers = AllNumbers(database->grid());

@@ -9,7 +9,7 @@
 
 #include "db/store/schema.h"
 #include "tests/db/store/test_cell.h"
-#include "tests/seeded_random.h"
+#include "tests/random.h"
 
 namespace silhouette {
 namespace {
@@ -70,7 +70,7 @@ std::string Sealed(ConfigurationNumber number, std::string value) {
 }
 
 TEST(RobotImageFormat, MasksAloneAreThoseOfTheWholeRecord) {
-  std::mt19937_64 random = SeededRandom();
+  Random random;
   for (int i = 0; i < 500; ++i) {
     RobotImage image = SomeImage(random, i % 2 == 0);
     if (i % 10 == 0) {

@@ -16,7 +16,7 @@
 #include "db/store/tile_value.h"
 #include "tests/db/store/index_checks.h"
 #include "tests/db/store/test_database.h"
-#include "tests/seeded_random.h"
+#include "tests/random.h"
 
 namespace silhouette {
 namespace {
@@ -134,7 +134,7 @@ TEST_F(Variants, ThatDifferInFewPixelsCostLittle) {
 
 // Whatever is replaced in whichever variant, in whatever order.
 TEST_F(Variants, KeepTheirImagesWhateverIsReplaced) {
-  std::mt19937_64 random = SeededRandom();
+  Random random;
   const std::string path = FreshFolder() / "db";
   std::vector<Content> expected(3);
   {

@@ -13,7 +13,7 @@
 
 #include "db/store/environment.h"
 #include "tests/db/store/test_database.h"
-#include "tests/seeded_random.h"
+#include "tests/random.h"
 
 namespace silhouette {
 namespace {
@@ -162,7 +162,7 @@ struct DamagedUnderTheReader : ::testing::Test {
 
 TEST_F(DamagedUnderTheReader, RecordIsNotReadOrAsItWas) {
   const size_t all = Readable();
-  std::mt19937_64 random = SeededRandom();
+  Random random;
   std::fstream bytes(file, std::ios::in | std::ios::out | std::ios::binary);
   bytes.seekg(0, std::ios::end);
   const auto size = static_cast<uint64_t>(bytes.tellg());

@@ -9,13 +9,12 @@
 #include <chrono>
 #include <fstream>
 #include <functional>
-#include <iostream>
 #include <limits>
 #include <thread>
 
 #include "db/store/store.h"
 #include "tests/db/store/test_database.h"
-#include "tests/seeded_random.h"
+#include "tests/random.h"
 
 namespace silhouette {
 namespace {
@@ -188,7 +187,7 @@ TEST(Calibration, WithFlippedBitsIsTakenForNoneAndTheRestCanBeRead) {
 TEST(Calibration, IsNeverHalfWrittenByAProcessThatIsKilled) {
   const std::filesystem::path folder = FreshFolder();
   ASSERT_TRUE(Database::Create(folder / "db", TestCell()).ok());
-  std::mt19937_64 random = SeededRandom();
+  Random random;
   uint64_t generation = 1;
   for (int round = 0; round < 12; ++round) {
     const pid_t child = fork();

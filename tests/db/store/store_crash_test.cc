@@ -17,7 +17,7 @@
 #include "db/store/store.h"
 #include "tests/db/store/full_disk.h"
 #include "tests/db/store/test_database.h"
-#include "tests/seeded_random.h"
+#include "tests/random.h"
 
 namespace silhouette {
 namespace {
@@ -52,7 +52,7 @@ using testing::HasSubstr;
 TEST(RobotImageWriter, KilledAtAnyInstantKeepsWhatItAcknowledgedAndNothingHalf) {
   const std::string path = FreshFolder() / "db";
   ASSERT_TRUE(Database::Create(path, TestCell(64, 64)).ok());
-  std::mt19937_64 random = SeededRandom();
+  Random random;
   std::vector<ConfigurationNumber> acknowledged;
   int killed = 0;
   for (bool finished = false; !finished;) {
@@ -124,7 +124,7 @@ RobotImage WithTool(RobotImage image) {
 
 TEST(RobotImageWriter, KilledWhileItReplacesWhatOtherVariantsRestOnLeavesAllVariantsWhole) {
   const std::string path = FreshFolder() / "db";
-  std::mt19937_64 random = SeededRandom();
+  Random random;
   // The records of the variant are made with version 0 of the default variant's, and never written
   // again.
   std::map<ConfigurationNumber, RobotImage> tools;

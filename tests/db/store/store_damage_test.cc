@@ -12,7 +12,7 @@
 #include "db/store/schema.h"
 #include "db/store/store.h"
 #include "tests/db/store/test_database.h"
-#include "tests/seeded_random.h"
+#include "tests/random.h"
 
 namespace silhouette {
 namespace {
@@ -55,7 +55,7 @@ TEST(Database, TruncatedAnywhereIsRefusedOrWhole) {
   const std::filesystem::path folder = FreshFolder();
   MakeFullDatabase(folder / "db");
   const std::string bytes = ReadFile(folder / "db/data.mdb");
-  std::mt19937_64 random = SeededRandom();
+  Random random;
   std::vector<size_t> lengths = {0, 1, 15, 63, 64, 4095, 4096, 4200, 8191, 8192, bytes.size() - 1};
   for (int i = 0; i < 100; ++i) lengths.push_back(random() % bytes.size());
   int refused = 0;
@@ -134,7 +134,7 @@ TEST(Database, WithFlippedBitsAnywhereNeverGivesWrongRecords) {
   const std::filesystem::path folder = FreshFolder();
   MakeFullDatabase(folder / "db");
   const std::string sound = ReadFile(folder / "db/data.mdb");
-  std::mt19937_64 random = SeededRandom();
+  Random random;
   int refused = 0;
   int lost = 0;
   std::filesystem::create_directories(folder / "spoilt");

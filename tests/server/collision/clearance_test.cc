@@ -30,7 +30,7 @@ ConfigurationGrid ClearanceSmallGrid() {
 }
 
 // Few pixels each, so that there is room between them.
-RobotImageTable ClearanceSparseTable(const std::vector<MaskSize>& sizes, std::mt19937& random) {
+RobotImageTable ClearanceSparseTable(const std::vector<MaskSize>& sizes, std::mt19937_64& random) {
   const ConfigurationGrid grid = ClearanceSmallGrid();
   RobotImageTable::Builder builder(grid, sizes);
   for (ConfigurationNumber number = 0; number < grid.number_limit(); ++number) {
@@ -58,7 +58,7 @@ RobotImageTable GrownTable(const RobotImageTable& table, double radius) {
 
 // A random cell and scene under one policy.
 struct MeasuredCell {
-  MeasuredCell(const Policy& the_policy, int views, std::mt19937& random)
+  MeasuredCell(const Policy& the_policy, int views, std::mt19937_64& random)
       : policy(the_policy),
         sizes(RandomSizes(views, random)),
         table(ClearanceSparseTable(sizes, random)),
@@ -71,7 +71,7 @@ struct MeasuredCell {
   }
 
   // From scenes with next to no obstacles to such with many, and the same for errors.
-  static ObstacleImages RandomImages(const std::vector<MaskSize>& sizes, std::mt19937& random) {
+  static ObstacleImages RandomImages(const std::vector<MaskSize>& sizes, std::mt19937_64& random) {
     const double foreground = random() % 2 == 0 ? 0.01 : 0.06;
     const double robot = random() % 2 == 0 ? 0.06 : 0.3;
     ObstacleImages images;
@@ -313,8 +313,9 @@ struct SoundClearances : Clearances {
 
 TEST_F(SoundClearances, PlanesOfPossibleSpaceAreMetByAnyMoreAndSoundIsNot) {
   const std::vector<ConfigurationNumber> all = SphereWorld::Configurations();
-  int planes_free = 0, finite = 0;
-  for (int scene = 0; scene < 6; ++scene) {
+  int finite = 0;
+  for (int scene = 0; scene < 6 || finite == 0; ++scene) {
+    ASSERT_LT(scene, 100) << "no configuration had room for a clearance";
     const ConfigurationNumber present = all[static_cast<size_t>(AnyOf(0, 399))];
     std::uniform_real_distribution<double> place(-0.8, 0.8);
     const Balls obstacles{{{place(random), place(random), 0.5 * place(random)}, 0.15}};
@@ -341,7 +342,6 @@ TEST_F(SoundClearances, PlanesOfPossibleSpaceAreMetByAnyMoreAndSoundIsNot) {
         const bool sound = preset == Preset::kSound;
         EXPECT_FALSE(planes_meet && (!sound || possible.VoxelsMeet(robot.words, min_views)));
         if (sound) continue;
-        ++planes_free;
         if (clearance == kClearanceInfinity) continue;
         ++finite;
         const GrownRobot larger(world.table, number, clearance + kLittle);
@@ -357,8 +357,6 @@ TEST_F(SoundClearances, PlanesOfPossibleSpaceAreMetByAnyMoreAndSoundIsNot) {
       }
     }
   }
-  EXPECT_GT(planes_free, 0);
-  EXPECT_GT(finite, 0);
 }
 
 }  // namespace

@@ -162,7 +162,7 @@ TEST_F(OffGridTest, NearestIsTheNearestGridPoint) {
 TEST(CollisionChecker, ConfigurationOutsideTheGridIsNeverFree) {
   const ConfigurationGrid grid = CollisionSmallGrid();
   const std::vector<MaskSize> sizes = {{4, 4}};
-  std::mt19937 random(1);
+  std::mt19937_64 random(1);
   const RobotImageTable table = RandomTable(grid, sizes, 0.5, random);
   const ObstacleImages images = {ObstacleImage::FromScene(Mask(sizes[0]), Mask(sizes[0]))};
   const double nan = std::numeric_limits<double>::quiet_NaN();
@@ -311,7 +311,7 @@ TEST_F(TileTest, WholeSpaceEqualsSingleChecks) {
 }
 
 TEST(CollisionChecker, WhatDoesNotFitTheTableIsRefused) {
-  std::mt19937 random(1);
+  std::mt19937_64 random(1);
   const ConfigurationGrid grid = CollisionSmallGrid();
   const RobotImageTable table = RandomTable(grid, {{4, 4}, {5, 5}}, 0.5, random);
   EXPECT_THROW(CollisionChecker(table, {}, {}), std::invalid_argument);

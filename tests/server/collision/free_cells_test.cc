@@ -45,7 +45,7 @@ bool Never() { return false; }
 // A place in the cell that begins at `low`; `inside`: on none of the grid's values, where the cell
 // has more than one.
 Configuration PlaceIn(const ConfigurationGrid& grid, const GridIndex& low, bool inside,
-                      std::mt19937& random) {
+                      std::mt19937_64& random) {
   Configuration q = grid.At(low);
   for (size_t j = 0; j < q.size(); ++j) {
     const GridJoint& joint = grid.joints()[j];
@@ -59,7 +59,7 @@ Configuration PlaceIn(const ConfigurationGrid& grid, const GridIndex& low, bool 
 
 // Some places of `count` cells, by their bits and by the test itself.
 void ExpectTrue(const CollisionChecker& test, const FreeCells& cells, int count,
-                std::mt19937& random, FreeCellsMet& met) {
+                std::mt19937_64& random, FreeCellsMet& met) {
   const ConfigurationGrid& grid = test.grid();
   for (int i = 0; i < count; ++i) {
     GridIndex low{};

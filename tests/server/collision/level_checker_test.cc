@@ -49,7 +49,7 @@ std::vector<std::optional<double>> ClearancesOf(const CollisionChecker& test,
 
 // Levels of which some are clearances that occur, and their neighbours.
 std::vector<double> LevelsAmong(const std::vector<std::optional<double>>& clearances,
-                                std::mt19937& random) {
+                                std::mt19937_64& random) {
   std::vector<double> levels = {0, 0.7, 1, 3, 1e300};
   for (int i = 0; i < 20; ++i) {
     const std::optional<double>& clearance = clearances[random() % clearances.size()];
@@ -64,7 +64,7 @@ std::vector<double> LevelsAmong(const std::vector<std::optional<double>>& cleara
 }
 
 void LevelTestExpectSame(const CollisionChecker& test, const ClearanceMeter& meter,
-                         const IndexOfTable& index, std::mt19937& random, LevelTestMet& met) {
+                         const IndexOfTable& index, std::mt19937_64& random, LevelTestMet& met) {
   for (uint64_t tile = 0; tile < test.grid().tiles(); ++tile) {
     const PlaceSet free{test.CheckTile(tile).free};
     const auto clearances = ClearancesOf(test, meter, tile, free);
@@ -98,7 +98,7 @@ void ExpectEverythingMet(const LevelTestMet& met) {
 
 // Few pixels each, so that there is room between them; some configurations have no robot image.
 RobotImageTable LevelTestSparseTable(const ConfigurationGrid& grid,
-                                     const std::vector<MaskSize>& sizes, std::mt19937& random) {
+                                     const std::vector<MaskSize>& sizes, std::mt19937_64& random) {
   RobotImageTable::Builder builder(grid, sizes, grid.size());
   for (ConfigurationNumber number = 0; number < grid.number_limit(); ++number) {
     if (!grid.Contains(number) || random() % 50 == 0) continue;
@@ -114,7 +114,7 @@ RobotImageTable LevelTestSparseTable(const ConfigurationGrid& grid,
 }
 
 ObstacleImages LevelTestRandomScene(const std::vector<MaskSize>& sizes, bool may_lack_a_view,
-                                    std::mt19937& random) {
+                                    std::mt19937_64& random) {
   const double foreground = random() % 2 == 0 ? 0.01 : 0.05;
   const double robot = random() % 2 == 0 ? 0.05 : 0.2;
   ObstacleImages images;

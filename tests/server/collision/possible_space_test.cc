@@ -32,7 +32,7 @@ VoxelSpace SomeSpace() {
                     views);
 }
 
-Mask RandomBlobs(MaskSize size, int blobs, std::mt19937& random) {
+Mask RandomBlobs(MaskSize size, int blobs, std::mt19937_64& random) {
   Mask mask(size);
   for (int i = 0; i < blobs; ++i) {
     const int cx = std::uniform_int_distribution<int>(0, size.width - 1)(random);
@@ -56,7 +56,7 @@ bool Touches(const Mask& mask, const PixelRectangle& pixels) {
 }
 
 struct PossibleSpaceRandomScene {
-  PossibleSpaceRandomScene(const VoxelSpace& space, std::mt19937& random, bool missing_view,
+  PossibleSpaceRandomScene(const VoxelSpace& space, std::mt19937_64& random, bool missing_view,
                            bool any_allowed) {
     for (int view = 0; view < space.views(); ++view) {
       const MaskSize size = space.mask_size(view);
@@ -196,7 +196,7 @@ TEST(PossibleSpace, AnswersForTestRobotsAsItsVoxelsDo) {
 
 TEST(PossibleSpace, RefusesWhatDoesNotFit) {
   const VoxelSpace space = SomeSpace();
-  std::mt19937 random(1);
+  std::mt19937_64 random(1);
   const PossibleSpaceRandomScene scene(space, random, false, false);
   const std::vector<std::optional<Mask>> two(2);
   EXPECT_THROW(PossibleSpace(space, ObstacleImages(2), {}), std::invalid_argument);

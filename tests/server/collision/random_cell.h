@@ -8,17 +8,18 @@
 #include <vector>
 
 #include "server/collision/collision_checker.h"
+#include "tests/random.h"
 
 namespace silhouette {
 
 // Each pixel is set with this probability.
-inline Mask RandomMask(MaskSize size, double density, std::mt19937& random) {
+inline Mask RandomMask(MaskSize size, double density, std::mt19937_64& random) {
   std::bernoulli_distribution set(density);
   return Mask::FromPredicate(size, [&](int, int) { return set(random); });
 }
 
 // A box of random place and extent, as robots and obstacles are: compact.
-inline Mask RandomBox(MaskSize size, std::mt19937& random) {
+inline Mask RandomBox(MaskSize size, std::mt19937_64& random) {
   const auto range = [&](int limit) {
     int a = std::uniform_int_distribution<int>(0, limit - 1)(random);
     int b = std::uniform_int_distribution<int>(0, limit - 1)(random);
@@ -31,7 +32,7 @@ inline Mask RandomBox(MaskSize size, std::mt19937& random) {
   });
 }
 
-inline std::vector<MaskSize> RandomSizes(int views, std::mt19937& random) {
+inline std::vector<MaskSize> RandomSizes(int views, std::mt19937_64& random) {
   std::vector<MaskSize> sizes;
   for (int view = 0; view < views; ++view) {
     std::uniform_int_distribution<int> side(3, 12);
@@ -43,7 +44,7 @@ inline std::vector<MaskSize> RandomSizes(int views, std::mt19937& random) {
 // Sparse masks for every configuration of the grid.
 inline RobotImageTable RandomTable(const ConfigurationGrid& grid,
                                    const std::vector<MaskSize>& sizes, double density,
-                                   std::mt19937& random) {
+                                   std::mt19937_64& random) {
   RobotImageTable::Builder builder(grid, sizes, grid.size());
   for (ConfigurationNumber number = 0; number < grid.number_limit(); ++number) {
     if (!grid.Contains(number)) continue;
@@ -55,7 +56,7 @@ inline RobotImageTable RandomTable(const ConfigurationGrid& grid,
 }
 
 inline ObstacleImages RandomObstacleImages(const std::vector<MaskSize>& sizes, double density,
-                                           std::mt19937& random) {
+                                           std::mt19937_64& random) {
   ObstacleImages images;
   for (MaskSize size : sizes) {
     images.push_back(ObstacleImage::FromScene(RandomMask(size, density, random),
@@ -66,7 +67,7 @@ inline ObstacleImages RandomObstacleImages(const std::vector<MaskSize>& sizes, d
 
 // Some configurations have no robot image, some are excluded, some corrupt, some images are empty.
 inline RobotImageTable TableWithGaps(const ConfigurationGrid& grid,
-                                     const std::vector<MaskSize>& sizes, std::mt19937& random) {
+                                     const std::vector<MaskSize>& sizes, std::mt19937_64& random) {
   RobotImageTable::Builder builder(grid, sizes, grid.size());
   std::vector<Mask> base;
   for (const MaskSize size : sizes) base.push_back(RandomBox(size, random));
@@ -92,7 +93,7 @@ inline RobotImageTable TableWithGaps(const ConfigurationGrid& grid,
 }
 
 inline ObstacleImages RandomBoxScene(const std::vector<MaskSize>& sizes, bool may_lack_views,
-                                     std::mt19937& random) {
+                                     std::mt19937_64& random) {
   ObstacleImages images;
   for (const MaskSize size : sizes) {
     const Mask scene = RandomMask(size, 0.03, random) | RandomBox(size, random);

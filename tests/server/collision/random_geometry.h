@@ -6,11 +6,12 @@
 #include <random>
 
 #include "calib/camera/calibration.h"
+#include "tests/random.h"
 
 namespace silhouette {
 
 // A matrix of rank 2 whose epipoles lie anywhere, in the images too; sometimes affine.
-inline Eigen::Matrix3d RandomFundamentalMatrix(std::mt19937& random) {
+inline Eigen::Matrix3d RandomFundamentalMatrix(std::mt19937_64& random) {
   std::uniform_real_distribution<double> number(-1, 1);
   if (random() % 4 == 0) {
     Eigen::Matrix3d affine = Eigen::Matrix3d::Zero();
@@ -28,7 +29,7 @@ inline Eigen::Matrix3d RandomFundamentalMatrix(std::mt19937& random) {
 }
 
 // Between all pairs of views, but for some that are left out.
-inline Calibration RandomCalibration(int views, double left_out, std::mt19937& random) {
+inline Calibration RandomCalibration(int views, double left_out, std::mt19937_64& random) {
   Calibration calibration;
   std::bernoulli_distribution leave_out(left_out);
   for (int a = 0; a < views; ++a) {

@@ -11,11 +11,12 @@
 #include <vector>
 
 #include "server/collision/robot_image_table.h"
+#include "tests/random.h"
 
 namespace silhouette {
 
 // Of several tiles as a rule, most of them with absent places, any of the joints continuous.
-inline ConfigurationGrid RandomGrid(int joints, std::mt19937& random) {
+inline ConfigurationGrid RandomGrid(int joints, std::mt19937_64& random) {
   for (;;) {
     std::vector<int> edges(static_cast<size_t>(joints), 1);
     for (int i = 0; i < 12; ++i) edges[random() % edges.size()] *= 2;
@@ -41,7 +42,7 @@ inline ConfigurationGrid RandomGrid(int joints, std::mt19937& random) {
 // A box of pixels that each joint moves in every view; now and then outside, and without an image
 // at a few configurations.
 inline RobotImageTable MovingTable(const ConfigurationGrid& grid,
-                                   const std::vector<MaskSize>& sizes, std::mt19937& random) {
+                                   const std::vector<MaskSize>& sizes, std::mt19937_64& random) {
   RobotImageTable::Builder builder(grid, sizes, grid.size());
   std::uniform_real_distribution<double> part(-1, 1);
   std::vector<std::vector<double>> ways;  // per view along x and y, in images over the joint

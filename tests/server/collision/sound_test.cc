@@ -38,13 +38,13 @@ std::vector<BallCamera> CamerasThatDoNotSeeAll() {
           BallCamera(LookingAt({-0.3, -0.2, 2.6}, {0, 0, 0}, {44, 44}, 0.75))};
 }
 
-ConfigurationNumber RandomConfiguration(std::mt19937& random) {
+ConfigurationNumber RandomConfiguration(std::mt19937_64& random) {
   const std::vector<ConfigurationNumber> all = SphereWorld::Configurations();
   return all[std::uniform_int_distribution<size_t>(0, all.size() - 1)(random)];
 }
 
 // One to four obstacles of at least the least size, none of which touches the robot.
-Balls RandomObstacles(const Balls& robot, std::mt19937& random) {
+Balls RandomObstacles(const Balls& robot, std::mt19937_64& random) {
   std::uniform_real_distribution<double> place(-0.75, 0.75);
   std::uniform_real_distribution<double> radius(kSoundRho, 0.15);
   Balls obstacles;
@@ -81,7 +81,7 @@ TestSupport Without(const PossibleSpace& possible) {
 }
 
 // Every point of the obstacles that the robot can reach lies in a voxel that remains.
-void ExpectHolds(const PossibleSpace& possible, const Balls& obstacles, std::mt19937& random) {
+void ExpectHolds(const PossibleSpace& possible, const Balls& obstacles, std::mt19937_64& random) {
   const VoxelSpace& space = possible.space();
   std::uniform_real_distribution<double> share(-1, 1);
   for (int i = 0; i < 2000; ++i) {
@@ -218,7 +218,7 @@ TEST(SoundTest, FindsWhatTheRobotHidesInAllViewsAndNoOtherPresetDoes) {
 
 TEST(SoundTest, FindsNothingInAnEmptyCell) {
   const SphereWorld world(ThreeParallelCameras(), 0.1, 0.025);
-  std::mt19937 random(7);
+  std::mt19937_64 random(7);
   for (int i = 0; i < 10; ++i) {
     const ConfigurationNumber present = RandomConfiguration(random);
     const ObstacleImages images = world.See({}, present);
@@ -320,7 +320,7 @@ TEST(SoundTest, AMissingViewIsNeverFree) {
 TEST(SoundTest, TilesAreWhatSingleChecksAre) {
   const SphereWorld world(ThreeCameras(), kSoundRho, kVoxel);
   const ConfigurationNumber present = SphereWorld::Configurations()[123];
-  std::mt19937 random(3);
+  std::mt19937_64 random(3);
   const Balls obstacles = RandomObstacles(SphereWorld::Arm(present), random);
   const ObstacleImages images = world.See(obstacles, present);
   const PossibleSpace possible(world.space, images, world.Body(present));
@@ -349,7 +349,7 @@ TEST(SoundTest, OffTheGridACellIsTheUnionOfItsCorners) {
   const ObstacleImages images = world.See(obstacles, present);
   const PossibleSpace possible(world.space, images, world.Body(present));
   const CollisionChecker test(world.table, images, {.preset = Preset::kSound}, Without(possible));
-  std::mt19937 random(5);
+  std::mt19937_64 random(5);
   std::uniform_real_distribution<double> angle(0, 2 * std::numbers::pi);
   for (int i = 0; i < 300; ++i) {
     const Configuration q{angle(random), angle(random)};

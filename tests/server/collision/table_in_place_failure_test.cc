@@ -21,7 +21,7 @@ TEST_F(TableInPlace, PathWithAPlaceThatCouldNotBeReadIsNotFree) {
   const ConfigurationGrid grid = Grid();
   const std::vector<MaskSize> sizes = {{8, 8}};
   const RobotImageTable held = RandomTable(grid, sizes, 0, random);
-  std::mt19937 failures(random());
+  std::mt19937_64 failures(random());
   RobotImageTable::Builder builder(grid, sizes,
                                    [&](ConfigurationNumber number, std::span<uint64_t> words) {
                                      return failures() % 30 != 0 && held.Read(number, words);

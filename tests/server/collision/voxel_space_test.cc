@@ -35,7 +35,7 @@ std::vector<VoxelView> ViewsOf(const std::vector<BallCamera>& cameras, double ma
   return views;
 }
 
-Vector3d RandomIn(const Eigen::AlignedBox3d& box, std::mt19937& random) {
+Vector3d RandomIn(const Eigen::AlignedBox3d& box, std::mt19937_64& random) {
   std::uniform_real_distribution<double> share(0, 1);
   Vector3d point;
   for (int axis = 0; axis < 3; ++axis) {
@@ -44,7 +44,7 @@ Vector3d RandomIn(const Eigen::AlignedBox3d& box, std::mt19937& random) {
   return point;
 }
 
-Eigen::Vector3i RandomVoxel(const VoxelGrid& grid, std::mt19937& random) {
+Eigen::Vector3i RandomVoxel(const VoxelGrid& grid, std::mt19937_64& random) {
   Eigen::Vector3i voxel;
   for (int axis = 0; axis < 3; ++axis) {
     voxel[axis] = std::uniform_int_distribution<int>(0, grid.size(axis) - 1)(random);
@@ -151,7 +151,7 @@ TEST(VoxelSpace, RefusesWhatCannotBe) {
   EXPECT_THROW(VoxelSpace(kBox, 0.06, other), std::invalid_argument);
 }
 
-VoxelSet RandomSet(const VoxelGrid& grid, int voxels, std::mt19937& random) {
+VoxelSet RandomSet(const VoxelGrid& grid, int voxels, std::mt19937_64& random) {
   VoxelSet set(grid);
   for (int i = 0; i < voxels; ++i) {
     const Eigen::Vector3i at = RandomVoxel(grid, random);
@@ -184,7 +184,7 @@ TEST(MetByBalls, HoldsExactlyTheVoxelsThatSomeBallMeets) {
 }
 
 TEST(VoxelParts, HalvesAreAllOfAPart) {
-  std::mt19937 random(11);
+  std::mt19937_64 random(11);
   const VoxelGrid grid({Vector3d(0, 0, 0), Vector3d(72, 16, 40)}, 1);
   const VoxelSet set = RandomSet(grid, 1500, random);
   std::vector<VoxelPart> parts = PartsOf(ConnectedParts(set, 5));

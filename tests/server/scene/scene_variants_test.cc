@@ -39,7 +39,7 @@ Served ServedWith(const std::shared_ptr<const ServedDatabase>& whole,
 
 // That both say the same of every configuration, on and off the grid and as a map.
 void ExpectSame(const Served& one, const Served& other, const Policy& policy,
-                std::mt19937& random) {
+                std::mt19937_64& random) {
   const Checker a(one, policy, {}, kSceneVariantsNow);
   const Checker b(other, policy, {}, kSceneVariantsNow);
   const ConfigurationGrid& grid = one.database->grid();
@@ -237,7 +237,7 @@ TEST(SceneVariantsInPlace, AnswerAsInMemory) {
   const auto in_place = LoadDatabase(folder / "db", {.margin = 0}, {}, {.robot_image_memory = 0});
   ASSERT_FALSE(in_place->robot_images().in_memory());
   ASSERT_FALSE(in_place->Variant(kTool)->robot_images().in_memory());
-  std::mt19937 random(1);
+  std::mt19937_64 random(1);
   for (int block = 0; block < 5; ++block) {
     const SceneInput input = ToolScene(0, 3, block);
     ExpectSame(ServedWith(held, SceneVariantsSceneOf(*held, input), ""),

@@ -4,10 +4,9 @@
 #include <gtest/gtest.h>
 
 #include <csignal>
-#include <random>
 
 #include "tests/capture/session/program_cell.h"
-#include "tests/seeded_random.h"
+#include "tests/random.h"
 
 namespace silhouette {
 namespace {
@@ -21,7 +20,7 @@ void WaitForRecords(const ProgramCell& cell, uint64_t records) {
 }
 
 TEST(KilledCapture, ResumedHoldsWhatAnUninterruptedOneHolds) {
-  std::mt19937_64 random = SeededRandom();
+  Random random;
   const std::pair<std::string, std::string> keep_images = {"keep_free: 0 B",
                                                            "raw_images: all\n  keep_free: 0 B"};
   const ProgramCell whole;

@@ -3,10 +3,10 @@
 #include <gtest/gtest.h>
 
 #include <bit>
-#include <iostream>
 #include <random>
 
 #include "server/collision/collision_checker.h"
+#include "tests/random.h"
 #include "tests/tools/silhouette-experiments/paper/small_settings.h"
 #include "tools/silhouette-experiments/paper/bulk_sound_checker.h"
 #include "tools/silhouette-experiments/paper/sphere_cell.h"
@@ -66,12 +66,6 @@ class Views {
 
 class BulkCheckerTest : public testing::Test {
  protected:
-  void SetUp() override {
-    const unsigned seed = std::random_device{}();
-    std::cout << "seed " << seed << '\n';
-    random_.seed(seed);
-  }
-
   // Every verdict with every set of views, preset and threshold.
   void ExpectAgreement(const SphereCell& cell, std::span<const ObstacleImage> images,
                        const std::vector<std::array<double, 2>>* offsets) {
@@ -142,7 +136,7 @@ class BulkCheckerTest : public testing::Test {
     }
   }
 
-  std::mt19937 random_;
+  Random random_;
 };
 
 TEST_F(BulkCheckerTest, IsTheSoundTestOnEveryConfigurationWithEverySetOfViews) {

@@ -9,6 +9,7 @@
 
 #include "common/yaml/strict_yaml.h"
 #include "server/collision/epipolar_bands.h"
+#include "tests/random.h"
 #include "tests/tools/silhouette-experiments/paper/small_settings.h"
 #include "tools/silhouette-experiments/paper/sphere_cell.h"
 
@@ -20,12 +21,6 @@ constexpr double kPi = std::numbers::pi;
 
 class Geometry : public testing::Test {
  protected:
-  void SetUp() override {
-    seed_ = std::random_device{}();
-    random_.seed(seed_);
-    RecordProperty("seed", std::to_string(seed_));
-    std::cout << "seed " << seed_ << '\n';
-  }
   double Uniform(double from, double to) {
     return std::uniform_real_distribution<double>(from, to)(random_);
   }
@@ -39,8 +34,7 @@ class Geometry : public testing::Test {
     return {{Uniform(-1, 1), Uniform(-1, 1), Uniform(-1, 1)}, Uniform(0.01, 0.3)};
   }
 
-  unsigned seed_ = 0;
-  std::mt19937 random_;
+  Random random_;
 };
 
 TEST_F(Geometry, TheArmStretchesFromTheOriginAlongX) {

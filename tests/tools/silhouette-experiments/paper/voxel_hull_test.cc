@@ -3,9 +3,9 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
-#include <iostream>
 #include <random>
 
+#include "tests/random.h"
 #include "tests/tools/silhouette-experiments/paper/small_settings.h"
 #include "tools/silhouette-experiments/paper/sphere_cell.h"
 #include "tools/silhouette-experiments/paper/voxel_hull.h"
@@ -19,12 +19,6 @@ constexpr int kEdge = 20;
 
 class VoxelHullTest : public testing::Test {
  protected:
-  void SetUp() override {
-    const unsigned seed = std::random_device{}();
-    std::cout << "seed " << seed << '\n';
-    random_.seed(seed);
-  }
-
   double Uniform(double from, double to) {
     return std::uniform_real_distribution<double>(from, to)(random_);
   }
@@ -40,7 +34,7 @@ class VoxelHullTest : public testing::Test {
   const Settings settings_ = SmallSettings();
   const std::vector<ParallelCamera>& rig_ = settings_.rigs.at("B");
   const VoxelCube cube_{rig_, 1, kEdge};
-  std::mt19937 random_;
+  Random random_;
 
   std::vector<ObstacleImage> Look(const Spheres& obstacles, const Spheres& robot) const {
     std::vector<ObstacleImage> images;

@@ -4,8 +4,9 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
-#include <random>
 #include <set>
+
+#include "tests/random.h"
 
 namespace silhouette {
 namespace {
@@ -40,9 +41,7 @@ TEST(Select, ExchangesWhatGreedyChoiceGotWrong) {
 }
 
 TEST(Select, NoExchangeOfOneCameraImprovesWhatIsChosen) {
-  const unsigned seed = std::random_device()();
-  SCOPED_TRACE("seed " + std::to_string(seed));
-  std::mt19937_64 random(seed);
+  Random random;
   for (int round = 0; round < 20; ++round) {
     std::vector<uint64_t> covers;
     for (int camera = 0; camera < 12; ++camera) covers.push_back(random() & random());

@@ -7,6 +7,7 @@
 #include <random>
 
 #include "tests/capture/sim/small_cell.h"
+#include "tests/random.h"
 #include "tools/silhouette-experiments/placement/silhouettes.h"
 
 namespace silhouette {
@@ -27,9 +28,7 @@ Candidate CandidateAt(const std::string& name, const Eigen::Vector3d& position,
 // Every point of a solid that is a quarter of a pixel inside its pixel makes it a part of the
 // silhouette, and no pixel far from all points is one.
 TEST(Silhouette, HasThePixelsThatThePartsTouch) {
-  const unsigned seed = std::random_device()();
-  SCOPED_TRACE("seed " + std::to_string(seed));
-  std::mt19937_64 random(seed);
+  Random random;
   std::uniform_real_distribution<double> number(-1, 1);
   const CameraModel camera = CameraAt({3, 0.4, 1}, {0, 0, 0}, 30);
   for (bool convex : {true, false}) {
