@@ -3,7 +3,6 @@
 
 #include <gtest/gtest.h>
 
-
 #include "capture/sim/chance.h"
 #include "tests/random.h"
 
