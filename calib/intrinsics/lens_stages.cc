@@ -20,7 +20,7 @@ constexpr double kMedianLength = 1.1774;
 // Other lens models keep the regularisation to the end: the terms of a rational lens can stand for
 // each other (k1 and k4 grow into the thousands, the focal length becomes uncertain by a per cent,
 // and the solve takes ten times as long), as can those of LENSMODEL_CAHVOR, and knots of a spline
-// that nobody looked through are not determined at all. It moves projections by some 0.001 px.
+// without any observation are not determined at all. It moves projections by some 0.001 px.
 bool IsWellDetermined(const LensProblem& problem) {
   const size_t parameters = problem.intrinsics[0].size();
   return problem.lens_model.starts_with("LENSMODEL_OPENCV") ? parameters <= 9 : parameters == 4;
@@ -261,8 +261,7 @@ absl::StatusOr<SingleCamera> SolveAlone(const LensCamera& camera,
           "view '", camera.name,
           "': more than a quarter of its images do not fit the others; they "
           "may be of several sizes, zoom or focus settings, or of several cameras: "
-          "take all with one "
-          "camera that nobody touches");
+          "take all with one camera, without touching it");
     }
     result.warnings.push_back(absl::StrFormat(
         "view '%s': the image of the frame '%s' fits far worse than the others (%.2g against %.2g "

@@ -12,7 +12,7 @@ namespace {
 
 constexpr int kCandidates = 80;      // of which the best is taken
 constexpr int kMostDraws = 4000;     // for all of them
-constexpr size_t kExploreEvery = 4;  // one in so many poses is taken whatever was seen
+constexpr size_t kExploreEvery = 4;  // every n-th pose is taken, whatever was seen
 constexpr double kFar = 10;
 constexpr double kNews = 0.25;  // metres from all others; what is farther is no better
 constexpr double kMetresPerRadian = 0.4;

@@ -76,7 +76,7 @@ class CameraRig {
 
 // Need not be thread-safe, but may be opened, triggered and destroyed by another thread. Trigger()
 // and Wait() take turns.
-// Messages do not name the view of a source that has only one: whoever asks knows it.
+// Messages do not name the view of a source that has only one: the caller knows it.
 class CameraSource {
  public:
   virtual ~CameraSource() = default;

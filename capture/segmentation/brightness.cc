@@ -9,8 +9,8 @@
 namespace silhouette {
 namespace {
 
-constexpr int kSamples = 2000;   // about so many pixels tell the gain
-constexpr size_t kFewest = 50;   // fewer tell nothing
+constexpr int kSamples = 2000;   // pixels to find the gain from, about
+constexpr size_t kFewest = 50;   // fewer are not enough
 constexpr int kCandidates = 40;  // gains that are tried
 constexpr double kBrightnessDarkest =
     12;  // grey levels; darker pixels hardly change with the light
@@ -18,7 +18,7 @@ constexpr double kBrightnessBrightest = 250;  // brighter ones may have been cut
 constexpr double kLeastGain = 0.5;
 constexpr double kGreatestGain = 2;
 constexpr double kGreatestOffset = 30;  // grey levels
-// An offset must explain so many times the pixels that a gain alone does.
+// An offset must explain this many times the pixels that a gain alone does.
 constexpr double kOffsetsWorth = 1.05;
 
 // One beside the other, for the compiler to vectorise what is done with all of them.

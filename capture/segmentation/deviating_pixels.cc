@@ -50,7 +50,7 @@ struct OpenRow {
   explicit OpenRow(size_t values)
       : difference(values), counted(values), square(values), variance(values) {}
 
-  // Noise and number in one: so many bits have sums of the noise of any surroundings.
+  // Noise and number in one: bits that hold the sum of the noise of any surroundings.
   static constexpr int kNoiseBits = 24;
   static_assert(int64_t{SegmentationSettings::kMostFaintSide} *
                     SegmentationSettings::kMostFaintSide * Reference::kUndefined <

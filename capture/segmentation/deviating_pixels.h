@@ -15,8 +15,8 @@ namespace silhouette {
 // 255 where `image` deviates, else 0. With all numbers in 128ths of a grey level:
 //   the difference is 128 * level - expected, where expected is mean * units / 65536, rounded down,
 //   and the offset, within 0 and 128 * 255, `units` being the gain times the slow light's factor in
-//   32768ths; if the reference's pixel is saturated, it is 0 at the most: how bright the
-//   pixel really is, nobody knows; a pixel deviates if |difference| is more than noise_factor
+//   32768ths; if the reference's pixel is saturated, it is 0 at the most: the pixel's
+//   real brightness is not known; a pixel deviates if |difference| is more than noise_factor
 //   standard deviations of its noise and more than min_difference, in any channel, or if it is
 //   undefined; or if, of the faint_side x faint_side pixels around it, more than half lie in the
 //   image and do not deviate by themselves, and in some channel

@@ -48,7 +48,7 @@ absl::StatusOr<cv::Mat> DecodePng(const std::string& png, const std::string& nam
       cv::Mat image = cv::imdecode(bytes, cv::IMREAD_UNCHANGED);
       if ((image.type() == CV_16UC1 || image.type() == CV_16UC3) && !image.empty()) return image;
     } catch (const cv::Exception&) {
-      // Told below.
+      // Reported below.
     }
   }
   return absl::InvalidArgumentError(
@@ -223,7 +223,7 @@ std::string Reference::NoisePng() const { return EncodePng(noise_); }
 
 namespace {
 
-// Values that differ from the median by more grey levels than that, and than so many times the
+// Values that differ from the median by more grey levels than that, and than this many times the
 // typical deviation of the pixel's values, are something else than the cell.
 constexpr double kNear = 6;
 constexpr double kNearDeviations = 4;

@@ -24,7 +24,7 @@ class Reference {
   static constexpr int kGreyLevel = 256;
   // The noise of a pixel of which nothing is known, in all its channels.
   static constexpr uint16_t kUndefined = 65535;
-  // Pixels whose mean is at least so many grey levels may be brighter than can be told.
+  // Pixels whose mean is at least this many grey levels may be saturated.
   static constexpr int kSaturated = 250;
 
   // From at least two images of the empty cell, of one size; all grey, or all blue, green, red. A
@@ -38,8 +38,9 @@ class Reference {
   // the robot cannot leave. `covered`, by image: 8-bit, not 0 where the robot may be; empty: not
   // known. Of every pixel only the images count in which it is not covered: their median and the
   // noise of those near it. A pixel is undefined if they are fewer than kFewestUncovered, or if not
-  // at least three of five are near the median. A part of the robot that never moves cannot be told
-  // from the cell unless `covered` shows it. Throws std::invalid_argument as FromImages does.
+  // at least three of five are near the median. A part of the robot that never moves cannot be
+  // distinguished from the cell unless `covered` shows it. Throws std::invalid_argument as
+  // FromImages does.
   static constexpr int kFewestUncovered = 5;
   static Reference FromImagesWithRobot(std::span<const cv::Mat> images,
                                        std::span<const cv::Mat> covered);

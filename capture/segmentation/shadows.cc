@@ -13,7 +13,7 @@ namespace {
 constexpr int kSide = 9;                 // of the surroundings that are looked at
 constexpr float kShadowsDarkest = 0.3F;  // a shadow leaves so much of the light
 constexpr float kFaintest = 0.99F;
-// Residuals may be so many standard deviations above what noise alone makes.
+// Residuals may be this many standard deviations above what noise alone makes.
 constexpr float kResidual = 5;
 // Systematic errors of the expected image, share of it.
 constexpr float kModelError = 0.006F;

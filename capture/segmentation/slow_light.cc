@@ -15,8 +15,8 @@ namespace silhouette {
 namespace {
 
 constexpr int kTiles = SlowLight::kColumns * SlowLight::kRows;
-constexpr int kStride = 3;                // every so many pixels are looked at, along both axes
-constexpr double kSlowLightEnough = 0.2;  // share of a tile's pixels that tell its factor
+constexpr int kStride = 3;                // every n-th pixel is used, along both axes
+constexpr double kSlowLightEnough = 0.2;  // share of a tile's pixels that its factor needs
 constexpr int kFewestTiles = 8;           // that tell how the light changes elsewhere
 // A single image's noise moves a factor as little as the time since the one before is shorter than
 // that.

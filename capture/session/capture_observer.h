@@ -26,8 +26,8 @@ struct CaptureObserver {
   std::function<AfterAlarm(const std::string& why)> alarm = [](const std::string&) {
     return AfterAlarm::kEnd;
   };
-  // Asked when a lost robot can be reached again: whether it may move, of which nobody else warns
-  // who is with it.
+  // Asked when a lost robot can be reached again: whether it may move. The
+  // operator must make sure that nobody is in the cell.
   std::function<bool()> robot_may_move = [] { return false; };
   // Asked between two configurations or sets, and while a lost device is waited for.
   std::function<bool()> stop_requested = [] { return false; };

@@ -87,7 +87,7 @@ class CaptureRun {
   // The sentinels that are not known yet, then what is planned, with visits to the sentinels
   // before, between and after.
   absl::Status CaptureAll();
-  // Whether to go on: nobody asked for a stop.
+  // False: a stop was requested.
   absl::StatusOr<bool> CaptureInTurn(const std::vector<ConfigurationNumber>& numbers);
   // Whether to go on: all is as it was, or somebody says so.
   absl::StatusOr<bool> CheckSentinels();

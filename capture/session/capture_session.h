@@ -21,7 +21,7 @@ namespace silhouette {
 // What it is made from must outlive it.
 class CaptureSession {
  public:
-  // So many configurations in a row that are not reached end a session.
+  // This many configurations in a row that are not reached end a session.
   static constexpr int kMostFailuresInARow = 3;
 
   // `database` is open for writing, `travel` belongs to its grid. InvalidArgument: robot or cameras

@@ -37,7 +37,7 @@ struct CaptureSettings {
   absl::Duration settle = absl::Milliseconds(200);
   // How long it may take the robot to settle beyond that.
   absl::Duration settle_timeout = absl::Seconds(2);
-  // So many sets of images one after the other must be alike before the last of them is taken; 1:
+  // How many sets of images one after the other must be alike before the last of them is taken; 1:
   // they are not compared.
   int still_images = 2;
   // Largest deviation between a commanded and a measured joint value: radians, metres.

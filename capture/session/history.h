@@ -30,8 +30,8 @@ absl::StatusOr<std::vector<ConfigurationNumber>> SuspectNumbers(const Snapshot& 
 struct ViewRepeatability {
   std::string name;
   int sights = 0;
-  // Camera pixels: root mean square of the background's shift, and the largest; NaN: not to be
-  // told.
+  // Camera pixels: root mean square of the background's shift, and the largest; NaN: not
+  // known.
   double shift = 0;
   double greatest_shift = 0;
   // Mask pixels that differed, on the mean and at most.

@@ -32,7 +32,7 @@ absl::StatusOr<std::vector<Reference>> ReferencesIn(const storage::v1::Reference
 // Reference images of a cell that the robot cannot leave.
 
 // `count` different configurations of the grid, spread evenly over it, none of them forbidden;
-// fewer if there are not so many.
+// fewer if the grid has fewer.
 std::vector<ConfigurationNumber> SpreadConfigurations(const Travel& travel, int count);
 
 // Drives the robot to `count` such configurations, one image set at each, and makes references of

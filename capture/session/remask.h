@@ -45,7 +45,8 @@ struct RemaskedVariant {
 // provenance log. What is excluded is excluded there. Memory: some hundred robot images at a time.
 // FailedPrecondition, with their number, if robot images have no raw images and are not to be left
 // out; DataLoss if one cannot be read; Cancelled if `progress` said so; InvalidArgument if a
-// setting is not valid; errors of writing. Nobody writes into `database` meanwhile.
+// setting is not valid; errors of writing. Nothing else may write into `database`
+// meanwhile.
 absl::StatusOr<std::vector<RemaskedVariant>> Remask(const Database& database,
                                                     const RemaskOptions& options,
                                                     const std::string& program, Database& into);

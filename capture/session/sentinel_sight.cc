@@ -101,7 +101,7 @@ constexpr double kMostError = 0.25;     // pixels
 constexpr int kFewestPixels = 400;
 constexpr int kRounds = 12;
 constexpr double kSettled = 0.002;  // pixels
-// Blurred pixels are not independent of each other; so many are worth one.
+// Blurred pixels are not independent of each other; this many are worth one.
 constexpr double kPixelsPerSample = 4 * CV_PI * kBlur * kBlur;
 
 cv::Mat Smooth(const cv::Mat& grey, double factor) {

@@ -42,7 +42,7 @@ struct SentinelImage {
 };
 
 struct Sight {
-  // Of what stands still, and of the robot; nothing: not to be told.
+  // Of what stands still, and of the robot; nothing: it cannot be found.
   std::optional<ImageShift> background;
   std::optional<ImageShift> robot;
   double gain = 1;      // how many times as bright

@@ -20,7 +20,7 @@
 namespace silhouette {
 
 // `count` of the configurations `among`, the first of them first, each as far from the others as
-// can be; fewer if there are not so many.
+// can be; fewer if there are fewer.
 std::vector<ConfigurationNumber> WellSpread(const ConfigurationGrid& grid,
                                             const std::vector<ConfigurationNumber>& among,
                                             int count);

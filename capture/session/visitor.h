@@ -92,7 +92,7 @@ class Visitor {
   // Where the robot stands; nothing if that is not known for sure.
   std::optional<ConfigurationNumber> at_;
   bool robot_lost_ = false;
-  // So many sets of images one after the other are alike, of which `before_` is the last.
+  // How many sets of images in a row were alike; `before_` is the last of them.
   int alike_ = 0;
   std::vector<cv::Mat> before_;
 };

@@ -57,7 +57,7 @@ struct SimulationSettings {
   double flicker_amplitude = 0;  // largest random change of an image's brightness, share
   double flicker_slope = 0;      // the same at the right edge, against the left one
   double unsteady_share = 0;     // share of the pixels that jump from image to image
-  double unsteady_jump = 40;     // by so many grey levels at the most
+  double unsteady_jump = 40;     // grey levels, at the most
   uint64_t seed = 1;             // noise and texture
   double frame_interval = 0.04;  // simulated seconds from one set of images to the next
   double joint_speed = 0;        // radians or metres a second in real time; 0: the robot jumps

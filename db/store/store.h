@@ -228,8 +228,8 @@ class Database {
   // are collected; a caller that pauses between two Put() calls does Commit() first. Needs kWrite.
   // FailedPrecondition while there is another writer of this database, of whatever variant.
   // Robot images of another variant are stored by their difference from those of the default
-  // variant where that is smaller. Whoever replaces the latter keeps the former, in the same
-  // change.
+  // variant where that is smaller. Replacing a default image keeps the others valid, in the same
+  // transaction.
   absl::StatusOr<RobotImageWriter> Write(const std::string& program,
                                          absl::Duration max_delay = absl::Seconds(1));
 

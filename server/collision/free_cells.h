@@ -37,8 +37,8 @@ class JointStep {
   // step further is in `set`, or in `next`, the set of the tile after it. The last value of a
   // joint that wraps is followed by the first: `next` of the last tile is that of the first one.
   // That of a joint that does not wrap is followed by nothing: `next` is not looked at then. Of
-  // places beyond the grid's rim nothing is told. `next` is another object than `set`, unless it is
-  // not looked at. Never allocates.
+  // places beyond the grid's rim nothing is stated. `next` is another object than `set`, unless it
+  // is not looked at. Never allocates.
   void AddPlacesBefore(uint64_t at, const PlaceSet& next, PlaceSet& set) const;
 
  private:
@@ -46,7 +46,7 @@ class JointStep {
   struct Way {
     PlaceSet within;  // places that are followed by one of the same tile,
     bool some_within = false;
-    PlaceSet across;  // and by one of the next, so many places before
+    PlaceSet across;  // and by one of the next, as seen from the place before
     bool some_across = false;
     uint64_t back = 0;
   };

@@ -39,7 +39,7 @@ class LevelChecker {
 
  private:
   struct Level {
-    // Whoever touches one of these has no more clearance ...
+    // A robot image that touches one of these has no more clearance ...
     std::vector<PlaneVotes> reached;
     // ... and perhaps who touches all of these, if there are any; everybody else has.
     std::vector<PlaneVotes> perhaps;

@@ -44,7 +44,7 @@ class ObstacleImage {
   // camera: they are unknown, whatever they were. Throws std::invalid_argument if the sizes differ.
   ObstacleImage Ignoring(const Mask& ignored) const;
 
-  // The image with a safety margin of so many pixels (Grown in db/mask/mask.h): obstacle pixels
+  // The image with a safety margin, in pixels (Grown in db/mask/mask.h): obstacle pixels
   // grow over everything, unknown and error pixels over background, so that nothing within the
   // margin of what may be an obstacle proves that there is none. A margin of 0 changes nothing.
   // Throws std::invalid_argument if the margin is negative or not finite.

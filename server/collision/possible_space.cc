@@ -104,7 +104,7 @@ class PartPlanes {
 // Which voxels a robot is seen with.
 class RobotQuery {
  public:
-  // `may_miss`: in so many views it need not be seen.
+  // `may_miss`: the number of views in which it need not be seen.
   RobotQuery(const VoxelSpace& space, const CollisionImages& possible_pixels,
              std::span<const MaskWords> robot, int may_miss)
       : space_(space), possible_pixels_(possible_pixels), robot_(robot), may_miss_(may_miss) {}

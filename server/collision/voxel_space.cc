@@ -23,7 +23,7 @@ double CheckedLength(double length, const char* what) {
   throw std::invalid_argument(std::string(what) + " must be positive");
 }
 
-// So many edges around the workspace: what the centre of a ball that meets it may be away.
+// Voxels around the workspace: how far the centre of a ball that meets it may be away.
 VoxelGrid GridOf(const Eigen::AlignedBox3d& workspace, double rho, std::optional<double> edge) {
   CheckedLength(rho, "the least obstacle");
   const double length = CheckedLength(edge.value_or(rho / 3), "the edge of a voxel");

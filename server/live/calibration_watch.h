@@ -23,8 +23,9 @@ struct CalibrationWatchSettings {
 CalibrationTrust ReadTrust(const CalibrationWatchSettings& settings, const Moment& now);
 
 // Reads the file every half second, and reports its content: at once, in the constructor, and
-// whenever its content or what follows from it has changed; that a check becomes too old is not
-// told (CalibrationTrust::until). The calls come from the constructor and a thread of its own.
+// whenever its content or what follows from it has changed; a check that becomes too old is not
+// reported (CalibrationTrust::until has its end). The calls come from the constructor and a thread
+// of its own.
 class CalibrationWatch {
  public:
   using Tell = std::function<void(std::shared_ptr<const CalibrationTrust>)>;

@@ -41,13 +41,13 @@ class JointHistory {
   absl::Status Add(absl::Duration asked, absl::Duration answered,
                    std::span<const double> positions);
 
-  // The robot did not answer; `why` is one sentence. Until the next Add() nobody waits for it.
+  // The robot did not answer; `why` is one sentence. Until the next Add() At() does not wait.
   void Fail(const absl::Status& why);
 
-  // Where the robot was from `first` to `last`: in the middle of all that it told from just before
-  // to just after. Waits until it has told, at most so long. Aborted: it moved too much.
-  // Unavailable, DeadlineExceeded, or what Fail() was told: it did not tell near enough before or
-  // after.
+  // Where the robot was from `first` to `last`: the middle of its samples from just before to just
+  // after. Waits for the sample after `last`, at most `longest`. Aborted: it moved too much.
+  // Unavailable, DeadlineExceeded, or the status given to Fail(): no sample is near enough before
+  // or after.
   absl::StatusOr<std::vector<double>> Between(absl::Duration first, absl::Duration last,
                                               absl::Duration longest) const;
 

@@ -20,9 +20,9 @@ class KnownVariant {
   // The robot has the variant in all images, until another report.
   explicit KnownVariant(std::string variant);
 
-  // Told at `now`: the robot has the variant, in images taken from now on. Whether that is new.
+  // The robot has the variant in images taken from `now` on. Returns whether that is new.
   bool Tell(const std::string& variant, absl::Duration now);
-  // Told: it is being changed, and looks like no variant. Whether that is new.
+  // The variant is being changed: the robot looks like none. Returns whether that is new.
   bool TellChanging();
   // The database is another, which has `variants`. A variant that it lacks is unknown from now on,
   // until it is reported again.

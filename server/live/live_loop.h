@@ -33,7 +33,7 @@ struct LiveDevices {
   OpenRobotFunction open_robot;
 };
 
-// Where scenes go: what SceneStore has, whoever stands before it.
+// Where scenes go: the functions of SceneStore that the loop calls.
 struct LiveScenes {
   std::function<std::shared_ptr<const ServedDatabase>()> database;
   std::function<absl::StatusOr<SharedScene>(Scene, const std::shared_ptr<const ServedDatabase>&)>

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// How the server's own acquisition goes: counts, ages, faults and latencies; and what it was told
-// of the robot's variant.
+// How the server's own acquisition goes: counts, ages, faults and latencies; and the
+// variant of the robot that it was given.
 #pragma once
 
 #include <array>
@@ -25,8 +25,8 @@ class FaultLog {
   // It has recovered when it was good for so long.
   static constexpr absl::Duration kRecovered = absl::Seconds(2);
 
-  // How it went at the moment `running`. What is to be said, if anything: a fault of a kind (status
-  // code) that has not been told since it last was good; OK, if it has recovered.
+  // How it went at the moment `running`. What to log, if anything: a fault of a kind (status code)
+  // that has not been logged since it last was good; OK, if it has recovered.
   std::optional<absl::Status> Note(const absl::Status& status, absl::Duration running);
 
  private:

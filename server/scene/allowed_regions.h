@@ -50,7 +50,7 @@ struct RegionEffect {
 };
 
 // Turns the obstacle pixels inside the regions into unknown ones, and makes `images` of
-// `without_margins` anew, with the views' `margins` in pixels: what a region takes away has no
+// `without_margins` again, with the views' `margins` in pixels: what a region takes away has no
 // margin any more, what is beside it keeps its own, into the region too. Tells, for every region
 // that took obstacle pixels of `images` away, which.
 std::vector<RegionEffect> Apply(const RegionSet& regions, std::span<const double> margins,

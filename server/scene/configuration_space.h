@@ -29,7 +29,7 @@ namespace silhouette {
 // Keeps database and scene alive. A tile is worked out when it is first asked for, by the collision
 // index where the database has one, and never changes. Used by any number of threads.
 //
-// Speaks of the scene, not of its age: whoever uses a verdict asks BlockedReason (checker.h) too.
+// Speaks of the scene, not of its age: who uses a verdict must ask BlockedReason (checker.h), too.
 class ConfigurationSpace {
  public:
   // The scene must be there; std::invalid_argument if not, if the policy cannot be, or if the

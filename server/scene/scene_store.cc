@@ -91,7 +91,7 @@ void SceneStore::ReplaceDatabase(std::shared_ptr<const ServedDatabase> database)
   regions_.Clear();
   with_regions_ = nullptr;
   NoteChange();
-  database_.swap(database);  // the old one is freed by whoever lets go of it last, not in here
+  database_.swap(database);  // the last reader frees the old one
 }
 
 SharedScene SceneStore::WithRegions(const SharedScene& scene, const RegionSet& regions) {

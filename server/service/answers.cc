@@ -27,7 +27,7 @@ namespace silhouette {
 
 namespace {
 
-// Up to so many configurations are checked in gRPC's own threads.
+// Up to this many configurations are checked in gRPC's own threads.
 constexpr int kFewChecks = 64;
 
 absl::Status AtMost(int limit, int count, const std::string& field) {

@@ -42,13 +42,13 @@ class VerdictCounts {
   }
   void Add(const Verdict& verdict) { Add(verdict.state(), verdict.reason()); }
 
-  // `told(state, reason, verdicts)` for all that were returned at least once.
-  template <typename Told>
-  void ForEach(const Told& told) const {
+  // `visit(state, reason, verdicts)` for all that were returned at least once.
+  template <typename Visit>
+  void ForEach(const Visit& visit) const {
     for (size_t place = 0; place < counts_.size(); ++place) {
       const uint64_t verdicts = counts_[place].load(std::memory_order_relaxed);
       if (verdicts == 0) continue;
-      told(static_cast<State>(place / kReasons), static_cast<Reason>(place % kReasons), verdicts);
+      visit(static_cast<State>(place / kReasons), static_cast<Reason>(place % kReasons), verdicts);
     }
   }
 

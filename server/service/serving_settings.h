@@ -32,8 +32,8 @@ struct ServingSettings {
   absl::Duration longest_write = absl::Seconds(30);
   // What is known at first of whether the calibration holds; null: it is not checked.
   std::shared_ptr<const CalibrationTrust> trust;
-  // Of the server's own acquisition, if it takes images itself; then nobody else may publish
-  // scenes.
+  // Of the server's own acquisition, if it takes images itself; then PublishScene is
+  // refused.
   std::shared_ptr<LiveRecord> live;
   // host:port where metrics are served; empty: nowhere.
   std::string metrics;

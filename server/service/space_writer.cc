@@ -92,7 +92,7 @@ void SpaceWriter::Send(v1::GetConfigurationSpaceResponse first,
 
 void SpaceWriter::OnWriteDone(bool ok) {
   if (!ok) {
-    Finish(grpc::Status::CANCELLED);  // nobody listens any more
+    Finish(grpc::Status::CANCELLED);  // the caller is gone
   } else if (next_ == tiles_.size()) {
     Finish(grpc::Status::OK);
   } else {

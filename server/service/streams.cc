@@ -161,7 +161,7 @@ void CheckStream::OnWriteDone(bool ok) {
   }
   step_ = Step::kOver;
   lock.unlock();
-  Finish(ok ? ToGrpc(*ending_) : grpc::Status::CANCELLED);  // not ok: nobody listens any more
+  Finish(ok ? ToGrpc(*ending_) : grpc::Status::CANCELLED);  // not ok: the caller is gone
 }
 
 void CheckStream::OnDone() {

@@ -32,7 +32,7 @@ inline uint64_t ScenesSkipped(uint64_t last, uint64_t now) {
 }
 
 // Works on one update at a time, by a worker thread, and begins the next one only when all of it
-// has been taken by the transport: a caller who reads slowly holds back nobody, and has at most one
+// has been taken by the transport: a slow caller does not delay others, and has at most one
 // update waiting. The next one is of the newest scene then.
 //
 // Who does not take a part for ServingSettings::longest_write is cut off.
@@ -130,7 +130,7 @@ class WatchWriter : public grpc::ServerWriteReactor<Response>,
 
   void OnWriteDone(bool ok) final {
     std::unique_lock lock(mutex_);
-    if (!ok && !ending_) ending_ = absl::CancelledError();  // nobody listens any more
+    if (!ok && !ending_) ending_ = absl::CancelledError();  // the caller is gone
     if (more_ && !ending_) return Write(lock);
     step_ = Step::kWaiting;
     GoOn(lock);
@@ -200,7 +200,7 @@ class SpaceWatch final : public WatchWriter<v1::WatchConfigurationSpaceResponse>
 
 // StreamChecks: one call.
 // Reads a question only when the answer to the one before has been taken by the transport: a caller
-// who does not read his answers holds back nobody. Keeps itself alive until the call is over.
+// that does not read its answers does not delay others. Keeps itself alive until the call is over.
 class CheckStream final
     : public grpc::ServerBidiReactor<v1::StreamChecksRequest, v1::StreamChecksResponse>,
       public Watcher,
@@ -216,7 +216,7 @@ class CheckStream final
   void End() override;
 
  private:
-  // Whoever makes it kOver, from kReading or at the end of kAnswering, finishes the call.
+  // The step to kOver, from kReading or at the end of kAnswering, finishes the call.
   enum class Step { kReading, kAnswering, kOver };
 
   void OnReadDone(bool ok) override;

@@ -38,8 +38,8 @@ class Watcher {
  public:
   virtual ~Watcher() = default;
 
-  // What answers rest on has changed for the `version`th time: now, or earlier, for it is told
-  // again and again.
+  // What answers rest on has changed for the `version`th time: now, or earlier, as it is
+  // reported again and again.
   virtual void Tell(uint64_t version) = 0;
 
   // The server stops: no further call follows.
@@ -55,8 +55,8 @@ class WatchHub {
   WatchHub(SceneStore& scenes, SceneSettings settings, Clock clock);
   ~WatchHub() { Close(); }
 
-  // From now on the watcher is notified. It is forgotten once nobody else holds it. After Close()
-  // it is ended at once.
+  // From now on the watcher is notified. It is forgotten when its last other reference goes. After
+  // Close() it is ended at once.
   void Add(const std::shared_ptr<Watcher>& watcher);
 
   // Ends all watchers.

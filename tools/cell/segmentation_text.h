@@ -22,7 +22,7 @@ absl::StatusOr<SegmentationSettings> SegmentationIn(const std::string& text,
 absl::StatusOr<SegmentationSettings> SegmentationOf(const storage::v1::CellDescription& cell);
 
 // What to write into a cell file so that it has the database's settings, as half a sentence that
-// begins with "; "; empty if it has them, or they cannot be told.
+// begins with "; "; empty if it has them, or they are not known.
 std::string SegmentationAdvice(const SegmentationSettings& of_cell_file,
                                const storage::v1::CellDescription& database);
 

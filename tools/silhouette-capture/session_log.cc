@@ -69,8 +69,8 @@ bool Typed() {
   return false;
 }
 
-// Which of `answers` somebody at the terminal gives; empty: he ends the session, or there is
-// nobody.
+// Which of `answers` the operator gives at the terminal; empty: the operator ends the session, or
+// there is no terminal.
 std::string Ask(const std::string& question, const std::vector<std::string>& answers) {
   if (isatty(STDIN_FILENO) == 0 || isatty(STDERR_FILENO) == 0) return "";
   std::string answer;

@@ -54,7 +54,7 @@ class RunObserver {
 
  private:
   void Say(const std::string& line);
-  // Both ask who sits there; nobody does: end.
+  // Both ask the operator; without a terminal: end.
   AfterAlarm AskAfterAlarm(const std::string& why);
   bool AskWhetherRobotMayMove();
 

@@ -154,7 +154,7 @@ std::string SessionPage(const SessionFacts& facts, const storage::v1::CellDescri
                            "robot images of the sentinels")},
       {"outliers",
        figure("outliers", "To be looked at, at most 24", "robot images that stand out")},
-      {"told", !facts.story.empty()},
+      {"has_story", !facts.story.empty()},
       {"story_lines",
        facts.story_lines > facts.story.size() ? PageJson(facts.story_lines) : PageJson()},
       {"shown_lines", facts.story.size()},

@@ -13,7 +13,7 @@
 
 namespace silhouette {
 
-// Where the report of a database's variant is kept if nobody says otherwise: beside its folder.
+// Where the report of a database's variant is kept by default: beside its folder.
 std::string DefaultReportFolder(const std::string& database, const std::string& variant);
 
 // Writes report.html, report.json and the pictures into `folder`, which is made if it is not there.

@@ -193,7 +193,7 @@ void AddTune(CLI::App& app, Work& work) {
       ->allow_extra_args(false);
   command
       ->add_option("--most", options->most,
-                   "At most so many configurations whose images were kept; 0: none")
+                   "The most configurations with kept images to use; 0: none")
       ->check(CLI::Range(0, 1000))
       ->capture_default_str();
   command->add_option("--out", options->out,

@@ -25,7 +25,7 @@ constexpr double kOpacity = 0.6;
 const Colour kGained = palette::kCaptured;
 const Colour kLost = palette::kObstacle;
 
-// How close decisions are: up to so many times the limit.
+// How close decisions are: up to this many times the limit.
 struct Closeness {
   double up_to;
   Colour colour;

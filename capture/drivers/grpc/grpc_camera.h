@@ -20,9 +20,9 @@ struct GrpcView {
   int height = 0;
 };
 
-// All of `views` are grabbed by one call, which takes `timeout` at most. Unavailable: nobody
-// answers at the address. NotFound: there is no such camera; FailedPrecondition: its images have
-// another size than the view says.
+// All of `views` are grabbed by one call, which takes `timeout` at most. Unavailable:
+// no server answers at the address. NotFound: there is no such camera; FailedPrecondition: its
+// images have another size than the view says.
 absl::StatusOr<std::unique_ptr<CameraSource>> OpenGrpcCameras(const std::string& address,
                                                               const std::vector<GrpcView>& views,
                                                               absl::Duration timeout);

@@ -144,7 +144,7 @@ class GrpcRobotLink : public ControllerLink {
   std::condition_variable changed_;
   bool ending_ = false;
   std::shared_ptr<MoveCall> move_;  // under way
-  int calls_ = 0;                   // whose end is not yet told
+  int calls_ = 0;                   // that have not ended yet
 
   std::thread thread_;
 };

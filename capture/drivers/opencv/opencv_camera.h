@@ -22,7 +22,8 @@ namespace silhouette {
 absl::StatusOr<std::unique_ptr<CameraSource>> OpenV4l2Camera(const std::string& view, int width,
                                                              int height, const V4l2Source& source);
 
-// The same for a stream; Unavailable: nobody sends it. If it breaks off it is opened again.
+// The same for a stream; Unavailable: there is none at the URL. It is opened again if
+// it ends.
 absl::StatusOr<std::unique_ptr<CameraSource>> OpenRtspCamera(const std::string& view,
                                                              const RtspSource& source);
 

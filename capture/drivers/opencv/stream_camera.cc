@@ -146,7 +146,7 @@ absl::StatusOr<std::unique_ptr<CameraSource>> OpenStream(const std::string& view
   return std::make_unique<StreamCamera>(view, std::move(stream), std::move(open), latency, timeout);
 }
 
-// rtsp://user:password@host/path without what nobody else should read.
+// rtsp://user:password@host/path without user and password.
 std::string WithoutPassword(const std::string& url) {
   const size_t begin = url.find("://") + 3;
   const size_t at = url.find('@', begin);

@@ -69,8 +69,8 @@ class FeedbackRobot : public Robot {
   absl::Status MoveTo(std::span<const double> positions) override;
 
   // The newest feedback; waits for the first. Unavailable: there is none that is new enough, or
-  // there was none for too long since the last call, of which one call, of this or MoveTo(), is
-  // told.
+  // feedback was silent for too long since the last call; one call of State() or MoveTo() reports
+  // such a silence.
   absl::StatusOr<RobotState> State() override;
 
   absl::Status Stop() override;
@@ -78,7 +78,7 @@ class FeedbackRobot : public Robot {
  private:
   void OnFeedback(const RobotFeedback& feedback);
   void OnFailure(const absl::Status& why);
-  // Tells a robot to stop that gives reason to when nobody waits for it.
+  // Stops a robot that gives reason to while no call waits for it.
   void StopWhenAlarmed();
 
   // With mutex_ held.

@@ -168,7 +168,7 @@ absl::StatusOr<std::string> Ask(const std::string& question) {
     // Unlike a read, it is not taken up again after a signal.
     if (poll(&place, 1, -1) < 0) {
       if (errno == EINTR) return absl::CancelledError("stopped by the operator");
-      return absl::FailedPreconditionError("nobody can be asked: stdin cannot be read");
+      return absl::FailedPreconditionError("the operator cannot be asked: stdin cannot be read");
     }
     char letter = 0;
     if (read(STDIN_FILENO, &letter, 1) != 1) {

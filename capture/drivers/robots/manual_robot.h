@@ -15,7 +15,7 @@
 
 namespace silhouette {
 
-// Whoever moves the robot.
+// The person who moves the robot.
 struct Operator {
   std::function<void(const std::string& line)> tell;
   // His answer, a line; an error: he is gone, or wants to stop.
@@ -44,7 +44,7 @@ class ManualRobot : public Robot {
   const std::vector<std::string>& joints() const override { return names_; }
   // Cancelled: the operator wants to stop.
   absl::Status MoveTo(std::span<const double> positions) override;
-  // Asks the operator where the robot stands if nobody has said so yet.
+  // Asks the operator where the robot stands if that is not known yet.
   absl::StatusOr<RobotState> State() override;
   // Tells the operator.
   absl::Status Stop() override;
@@ -70,8 +70,8 @@ class ManualRobot : public Robot {
 
 // The operator at the terminal that the program runs in.
 
-// Lines and questions go to stderr, answers come from stdin. FailedPrecondition: nobody is there,
-// as stdin has ended; Cancelled: a signal came, such as that of Ctrl-C where the program catches
+// Lines and questions go to stderr, answers come from stdin. FailedPrecondition: stdin
+// has ended; Cancelled: a signal came, such as that of Ctrl-C where the program catches
 // it.
 Operator OperatorAtTerminal();
 

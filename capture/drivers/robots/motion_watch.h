@@ -43,7 +43,7 @@ void CheckLimits(const MotionLimits& limits);
 // The positions of the last moments: does it stand still?
 class Stillness {
  public:
-  // How long positions must not change: shorter than that nobody knows.
+  // How long positions must not change before the robot counts as standing.
   static constexpr absl::Duration kMoment = absl::Milliseconds(80);
 
   // `tolerance`: a change below its half is none.

@@ -54,7 +54,7 @@ struct ManualRobotSettings {
   std::variant<std::monostate, SimpleMessageSettings, GrpcRobotSettings> read = {};
 };
 
-// Who moves the robot; first: nobody.
+// What moves the robot; std::monostate: no driver is set.
 using RobotDriver = std::variant<std::monostate, SimulatedRobotDriver, SimpleMessageSettings,
                                  GrpcRobotSettings, ManualRobotSettings>;
 

@@ -35,8 +35,8 @@ class FileDescriptor {
 // "host:port"
 std::string AddressOf(const std::string& host, int port);
 
-// A connection that does not wait for more bytes to send. Unavailable, naming the address: nobody
-// answers there within `timeout`; InvalidArgument: the host is not known.
+// A connection that does not wait for more bytes to send. Unavailable, naming the address: no
+// answer within `timeout`; InvalidArgument: the host is not known.
 absl::StatusOr<FileDescriptor> ConnectTcp(const std::string& host, int port,
                                           absl::Duration timeout);
 

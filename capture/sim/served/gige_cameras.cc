@@ -14,7 +14,7 @@
 namespace silhouette {
 namespace {
 
-// GigE Vision's bootstrap registers have room for so many characters of a serial number.
+// GigE Vision's bootstrap registers have room for this many characters of a serial number.
 constexpr size_t kLongestSerial = 15;
 // A trigger waits for the next multiple of it.
 constexpr guint32 kFramePeriodMicroseconds = 10'000;

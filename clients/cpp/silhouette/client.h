@@ -129,7 +129,7 @@ class Client {
 
   // Report to a server that takes images itself which variant shows the robot: before the gripper
   // closes, or a part or tool is taken or left, that the variant is changing; afterwards which it
-  // is. From then on nothing that rests on images of before is free, nor while it is changing. May
+  // is. From then on no verdict from older images is free, and none while it is changing. May
   // be called again. InvalidArgument: the database has no such variant. FailedPrecondition: the
   // server does not acquire images itself; publish scenes that name their variant. After any other
   // error the server may not know the change: call again.

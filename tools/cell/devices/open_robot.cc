@@ -59,7 +59,7 @@ struct Opener {
 
   Result operator()(std::monostate) const {
     return CellMistake(cell,
-                       "nobody moves the robot; put 'driver: sim' into 'robot', or the driver "
+                       "no robot driver is set; put 'driver: sim' into 'robot', or the driver "
                        "of your controller");
   }
   Result operator()(const SimulatedRobotDriver&) const {

@@ -165,7 +165,7 @@ std::string TextOf(std::span<const Row> rows) {
   }
   text +=
       "additional / missing configurations in percent of the configuration space: means over all\n"
-      "sets of so many cameras and over the scenes\n";
+      "sets of that number of cameras and over the scenes\n";
   if (compared == 0) return text;
   return absl::StrCat(
       text,

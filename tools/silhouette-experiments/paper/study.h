@@ -89,7 +89,7 @@ struct MethodTimes {
   double check_seconds = 0;    // one configuration, asked alone: the mean over all
 };
 
-// One line of the table: what one method found with sets of so many cameras.
+// One line of the table: what one method found with sets of one number of cameras.
 struct Row : Tally {
   std::string experiment;
   Variant variant{};
