@@ -4,10 +4,10 @@
 #include <Eigen/Eigenvalues>
 #include <Eigen/Geometry>
 #include <Eigen/LU>
-#include <Eigen/QR>
 #include <Eigen/SVD>
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <random>
 #include <unsupported/Eigen/NonLinearOptimization>
 
@@ -113,6 +113,16 @@ struct MatrixFitDistances : CornerFunction {
   }
 };
 
+// Of a symmetric matrix without negative eigenvalues.
+Eigen::MatrixXd PseudoInverse(const Eigen::MatrixXd& matrix) {
+  const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> solver(matrix);
+  const double least = static_cast<double>(matrix.rows()) *
+                       std::numeric_limits<double>::epsilon() * solver.eigenvalues().maxCoeff();
+  const Eigen::VectorXd inverse =
+      solver.eigenvalues().unaryExpr([&](double value) { return value > least ? 1 / value : 0; });
+  return solver.eigenvectors() * inverse.asDiagonal() * solver.eigenvectors().transpose();
+}
+
 }  // namespace
 
 double MatrixFit::MarginDeviation(const Eigen::Vector2d& a, const Eigen::Vector2d& b) const {
@@ -135,7 +145,7 @@ Eigen::Matrix3d EightPoints(std::span<const Correspondence> corners) {
     row << b.x() * a, b.y() * a, b.z() * a;
     squares.selfadjointView<Eigen::Lower>().rankUpdate(row);
   }
-  const Eigen::SelfAdjointEigenSolver<Eigen::Matrix<double, 9, 9>> solver(squares);
+  const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> solver(squares);
   const Eigen::Matrix<double, 9, 1> least = solver.eigenvectors().col(0);
   Eigen::Matrix3d normal;
   normal << least.head<3>().transpose(), least.segment<3>(3).transpose(),
@@ -161,7 +171,7 @@ MatrixFit Refined(const Eigen::Matrix3d& start, std::span<const Correspondence> 
   distances.df(p, jacobian);
   MatrixFit fit{.f = chart.At(p), .slopes = chart.SlopesAt(p), .covariance = {}};
   const MatrixCovariance information = jacobian.transpose() * jacobian;
-  fit.covariance = information.completeOrthogonalDecomposition().pseudoInverse();
+  fit.covariance = PseudoInverse(information);
   const double norm = fit.f.norm();
   fit.f /= norm;
   for (Eigen::Matrix3d& slope : fit.slopes) slope /= norm;
