@@ -116,8 +116,8 @@ struct MatrixFitDistances : CornerFunction {
 // Of a symmetric matrix without negative eigenvalues.
 Eigen::MatrixXd PseudoInverse(const Eigen::MatrixXd& matrix) {
   const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> solver(matrix);
-  const double least = static_cast<double>(matrix.rows()) *
-                       std::numeric_limits<double>::epsilon() * solver.eigenvalues().maxCoeff();
+  const double least = static_cast<double>(matrix.rows()) * std::numeric_limits<double>::epsilon() *
+                       solver.eigenvalues().maxCoeff();
   const Eigen::VectorXd inverse =
       solver.eigenvalues().unaryExpr([&](double value) { return value > least ? 1 / value : 0; });
   return solver.eigenvectors() * inverse.asDiagonal() * solver.eigenvectors().transpose();

@@ -19,7 +19,7 @@ cv::Mat NoisyImage(cv::RNG& random, int type, double brightness = 1) {
 }
 
 void ExpectJudged(int type) {
-  cv::RNG random(Random()());
+  cv::RNG random{Random()()};
   std::vector<cv::Mat> empty;
   for (int i = 0; i < 20; ++i) empty.push_back(NoisyImage(random, type));
   const Reference reference = Reference::FromImages(empty);

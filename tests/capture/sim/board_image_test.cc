@@ -67,7 +67,7 @@ std::optional<double> BlackByRays(const CameraModel& camera, const BoardTexture&
 }
 
 TEST(BoardImage, PixelsShowTheShareOfBlackInTheirArea) {
-  Chance chance(Random()());
+  Chance chance{Random()()};
   Eigen::Isometry3d pose = FacingX({1, -0.25, 1.25});
   pose.rotate(Eigen::AngleAxisd(chance.Uniform(-0.5, 0.5), chance.Direction()));
   SimulatedCell cell(ThreeJointRobot(), WithWall(pose));

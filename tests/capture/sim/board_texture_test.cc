@@ -36,7 +36,7 @@ TEST(BoardTexture, ModulesLieWhereTheFamilySaysIt) {
 }
 
 TEST(BoardTexture, BlackShareIsTheShareOfPointsThatAreBlack) {
-  Chance chance(Random()());
+  Chance chance{Random()()};
   const BoardTexture texture(TwoByThree(), 0.01);
   for (int round = 0; round < 40; ++round) {
     const double size = chance.Uniform(0.001, 0.08);
