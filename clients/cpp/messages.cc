@@ -107,10 +107,7 @@ Basis FromMessage(const v1::Basis& basis, std::chrono::steady_clock::time_point 
 }
 
 Reason FromMessage(v1::Verdict::Reason reason) {
-  if (reason < v1::Verdict::REASON_UNSPECIFIED || reason > v1::Verdict::REASON_VARIANT_UNKNOWN) {
-    return Reason::kUnspecified;
-  }
-  return static_cast<Reason>(reason);
+  return v1::Verdict::Reason_IsValid(reason) ? static_cast<Reason>(reason) : Reason::kUnspecified;
 }
 
 Verdict FromMessage(const v1::Verdict& message, const Basis& basis) {
