@@ -23,6 +23,12 @@ int MinViews(const Policy& policy, int views) {
   return std::max(1, views - std::min(policy.max_occluded_views, views));
 }
 
+int MaxOccludedViews(const Policy& policy, int views) {
+  MinViews(policy, views);
+  const int by_min_views = policy.min_views ? views - *policy.min_views : 0;
+  return std::min(std::max(policy.max_occluded_views, by_min_views), views - 1);
+}
+
 bool IsCalibrated(Preset preset) {
   return preset == Preset::kCalibrated || preset == Preset::kPaperCalibrated;
 }

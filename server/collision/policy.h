@@ -38,7 +38,8 @@ struct Policy {
   Preset preset = Preset::kUncalibrated;
   // Occupied if at least this many views show an obstacle; set, it overrides the preset.
   std::optional<int> min_views = std::nullopt;
-  // kUncalibrated: min_views is max(1, views - max_occluded_views).
+  // kUncalibrated: min_views is max(1, views - max_occluded_views). Sound presets: what all but so
+  // many views see is never opened away (possible_space.h).
   int max_occluded_views = 1;
   OffGrid off_grid = OffGrid::kCell;
 
@@ -49,6 +50,10 @@ struct Policy {
 // database was built with. Throws std::invalid_argument if the policy cannot be: min_views outside
 // 1..views, max_occluded_views negative.
 int MinViews(const Policy& policy, int views);
+
+// Sound presets: what all but this many of the views see as an obstacle stays, however small it is.
+// At least what the other presets permit with the same numbers. Throws as MinViews does.
+int MaxOccludedViews(const Policy& policy, int views);
 
 // Whether a preset needs epipolar lines; whether it needs the space of possible obstacles.
 bool IsCalibrated(Preset preset);

@@ -30,6 +30,28 @@ uint64_t Gather(const uint8_t* table, const uint32_t* indices) {
   return bytes;
 }
 
+// Eight voxels: which of them are seen plainly, in all but so many views.
+class PlainVoxels {
+ public:
+  // `bytes`: LookTables' bits of each voxel in one more view. A view that says nothing has
+  // kObstacle, and not kShown.
+  void Add(uint64_t bytes) {
+    occluded_ += ~bytes >> 1 & kLowestBits;
+    shown_ |= bytes;
+  }
+  // A bit per voxel. Up to VoxelSpace::kMostViews views, no byte overflows.
+  unsigned Bits(int max_occluded_views) const {
+    constexpr uint64_t kAll = VoxelSpace::kMostViews;
+    const uint64_t may = std::min<uint64_t>(kAll, static_cast<uint64_t>(max_occluded_views));
+    const unsigned too_many = BitOfBytes(occluded_ + (kAll - may) * kLowestBits, 7);
+    return ~too_many & BitOfBytes(shown_, 3);
+  }
+
+ private:
+  uint64_t occluded_ = 0;  // per byte, how many views
+  uint64_t shown_ = 0;
+};
+
 void CheckSizes(const VoxelSpace& space, const ObstacleImages& images, const RobotVoxels& robot,
                 std::span<const std::optional<Mask>> allowed) {
   const auto views = static_cast<size_t>(space.views());
@@ -206,9 +228,13 @@ RobotVoxels VoxelsOfRobot(const VoxelSpace& space,
 }
 
 PossibleSpace::PossibleSpace(const VoxelSpace& space, const ObstacleImages& images,
-                             const RobotVoxels& robot, std::span<const std::optional<Mask>> allowed)
+                             const RobotVoxels& robot, std::span<const std::optional<Mask>> allowed,
+                             int max_occluded_views)
     : space_(space) {
   CheckSizes(space, images, robot, allowed);
+  if (max_occluded_views < 0) {
+    throw std::invalid_argument("max_occluded_views must not be negative");
+  }
   const auto views = static_cast<size_t>(space.views());
   std::vector<LookTables> tables;
   tables.reserve(views);
@@ -237,9 +263,12 @@ PossibleSpace::PossibleSpace(const VoxelSpace& space, const ObstacleImages& imag
     for (int row = 0; row < kPossibleSpaceEdge * kPossibleSpaceEdge;
          ++row, place += kPossibleSpaceEdge) {
       uint64_t bytes = ~uint64_t{0};
+      PlainVoxels plain_voxels;
       for (size_t view = 0; view < views && BitOfBytes(bytes, 0) != 0; ++view) {
-        bytes &= Gather(tables[view].touched(),
-                        space.look(static_cast<int>(view)).touched.data() + place);
+        const uint64_t in_view = Gather(tables[view].touched(),
+                                        space.look(static_cast<int>(view)).touched.data() + place);
+        bytes &= in_view;
+        plain_voxels.Add(in_view);
       }
       const int y = block.y * kPossibleSpaceEdge + row % kPossibleSpaceEdge;
       const int z = block.z * kPossibleSpaceEdge + row / kPossibleSpaceEdge;
@@ -247,7 +276,7 @@ PossibleSpace::PossibleSpace(const VoxelSpace& space, const ObstacleImages& imag
       if (bits == 0) continue;
       const unsigned seen = space.seen().RowOfBlock(block.x, y, z);
       possible.InsertRowOfBlock(block.x, y, z, bits);
-      plain.InsertRowOfBlock(block.x, y, z, bits & seen & BitOfBytes(bytes, 1));
+      plain.InsertRowOfBlock(block.x, y, z, bits & plain_voxels.Bits(max_occluded_views));
       if (any_allowed) taken.InsertRowOfBlock(block.x, y, z, bits & seen & BitOfBytes(bytes, 2));
       unsigned centre = bits & ~row_of(robot.no_centre, block.x, y, z);
       for (size_t view = 0; view < views && centre != 0; ++view) {

@@ -6,7 +6,9 @@
 //   * it does not reach into the robot's own body at the robot's present configuration.
 // What such balls cover is the possible space, opened by the ball: the thin shell between the robot
 // and what its silhouettes enclose holds no ball and vanishes; what is left can hold an obstacle. A
-// voxel that every view sees as obstacle stays, whatever its size.
+// possible voxel that an image shows as obstacle stays, however small what is there, unless more
+// than max_occluded_views of the images that show it have unknown or error pixels alone there: what
+// most views see plainly is never opened away.
 //
 // What is left falls into parts, and where the robot meets an obstacle there is a point of one of
 // them. It remains in two forms. As planes per part and view, which do not depend on the test
@@ -22,6 +24,7 @@
 
 #include "db/mask/mask.h"
 #include "server/collision/collision_images.h"
+#include "server/collision/policy.h"
 #include "server/collision/voxel_grid.h"
 #include "server/collision/voxel_space.h"
 
@@ -48,9 +51,11 @@ class PossibleSpace {
   // `images`: one, or nothing, per view of the space, of its mask size. A view without an image
   // says nothing. `allowed`: empty, or per view the pixels in which an obstacle is allowed, if any;
   // a voxel is taken away if in every view that sees it all pixels other than background that it
-  // touches are allowed. Throws std::invalid_argument if something has not the right size.
+  // touches are allowed. `max_occluded_views`: MaxOccludedViews of the policy. Throws
+  // std::invalid_argument if something has not the right size, or it is negative.
   PossibleSpace(const VoxelSpace& space, const ObstacleImages& images, const RobotVoxels& robot,
-                std::span<const std::optional<Mask>> allowed = {});
+                std::span<const std::optional<Mask>> allowed = {},
+                int max_occluded_views = Policy{}.max_occluded_views);
 
   const VoxelSpace& space() const { return space_; }
 

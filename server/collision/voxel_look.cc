@@ -337,7 +337,7 @@ void LookTables::FillTouched(const VoxelSpace::Look& look, const ObstacleImage& 
   for (size_t i = 0; i < pixels; ++i) {
     const auto bit = [i](MaskWords words) { return (words[i / 64] >> (i % 64) & 1) != 0; };
     if (!bit(obstacle) && !bit(unknown) && !bit(error)) continue;
-    rows[i] = kPossible | (bit(obstacle) ? kObstacle : 0) |
+    rows[i] = kPossible | (bit(obstacle) ? kObstacle | kShown : 0) |
               (allowed && bit(allowed->words()) ? 0 : kNotAllowed);
   }
   for (size_t width = 2; width <= static_cast<size_t>(widest); ++width) {

@@ -67,6 +67,7 @@ class LookTables {
   static constexpr uint8_t kPossible = 1;  // one is not background, or the view says nothing
   static constexpr uint8_t kObstacle = 2;  // one is an obstacle, or the view says nothing
   static constexpr uint8_t kAllowed = 4;   // all that are not background are allowed
+  static constexpr uint8_t kShown = 8;     // one is an obstacle
 
   // Without an image the view says nothing, and allows nothing. `allowed`: the allowed pixels, if
   // any.

@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 #include <stdexcept>
+#include <string>
 
 #include "server/collision/voxel_look.h"
 
@@ -50,7 +51,9 @@ std::vector<bool> LeavesOf(std::span<const VoxelView> views) {
 VoxelSpace::VoxelSpace(const Eigen::AlignedBox3d& workspace, double least_obstacle,
                        std::vector<VoxelView> views, std::optional<double> edge)
     : least_obstacle_(least_obstacle), grid_(GridOf(workspace, least_obstacle, edge)) {
-  if (views.empty()) throw std::invalid_argument("there must be at least one view");
+  if (views.empty() || views.size() > kMostViews) {
+    throw std::invalid_argument("there must be 1 to " + std::to_string(kMostViews) + " views");
+  }
   for (const VoxelView& view : views) {
     if (!view.mask_size.valid()) throw std::invalid_argument("a view has no mask size");
     if (!(view.margin.minCoeff() >= 0) || !view.margin.allFinite()) {

@@ -100,10 +100,12 @@ using PixelShape = std::vector<PixelRun>;
 
 class VoxelSpace {
  public:
+  static constexpr int kMostViews = 127;
+
   // `workspace`: holds every point that the robot ever reaches. `least_obstacle`: rho, the radius
   // of the balls that every obstacle is a union of. `edge`: of the voxels; nothing: a third of rho.
-  // Throws std::invalid_argument if there is no view, a length is not positive, a mask or margin
-  // cannot be, or as VoxelGrid does.
+  // Throws std::invalid_argument if there is no view or more than kMostViews, a length is not
+  // positive, a mask or margin cannot be, or as VoxelGrid does.
   VoxelSpace(const Eigen::AlignedBox3d& workspace, double least_obstacle,
              std::vector<VoxelView> views, std::optional<double> edge = std::nullopt);
 

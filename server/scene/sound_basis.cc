@@ -167,15 +167,20 @@ std::function<bool(ConfigurationNumber, const Eigen::AlignedBox3d&)> SoundBasis:
 const PossibleSpace& ScenePossibleSpace::Get(const std::shared_ptr<const SoundBasis>& basis,
                                              const ObstacleImages& images,
                                              std::span<const JointPosition> joints,
-                                             std::span<const std::optional<Mask>> allowed) const {
+                                             std::span<const std::optional<Mask>> allowed,
+                                             int max_occluded_views) const {
   Entry* entry = nullptr;
   {
     const std::lock_guard lock(mutex_);
-    const auto found = std::ranges::find(entries_, basis, &Entry::basis);
-    entry = found != entries_.end() ? &*found : &entries_.emplace_back(basis);
+    const auto found = std::ranges::find_if(entries_, [&](const Entry& known) {
+      return known.basis == basis && known.max_occluded_views == max_occluded_views;
+    });
+    entry = found != entries_.end() ? &*found : &entries_.emplace_back(basis, max_occluded_views);
   }
-  return entry->space.Get(
-      [&] { return PossibleSpace(basis->space(), images, basis->RobotAt(joints), allowed); });
+  return entry->space.Get([&] {
+    return PossibleSpace(basis->space(), images, basis->RobotAt(joints), allowed,
+                         max_occluded_views);
+  });
 }
 
 }  // namespace silhouette

@@ -86,19 +86,23 @@ class ScenePossibleSpace {
   ScenePossibleSpace& operator=(const ScenePossibleSpace&) = delete;
 
   // `basis`: of one of the variants of the scene's database. The other arguments belong to the
-  // scene, and are always the same. `joints`, of the robot; `allowed`: see PossibleSpace.
+  // scene, and are always the same. `joints`, of the robot; `allowed`,
+  // `max_occluded_views`: see PossibleSpace.
   const PossibleSpace& Get(const std::shared_ptr<const SoundBasis>& basis,
                            const ObstacleImages& images, std::span<const JointPosition> joints,
-                           std::span<const std::optional<Mask>> allowed) const;
+                           std::span<const std::optional<Mask>> allowed,
+                           int max_occluded_views) const;
 
  private:
   struct Entry {
-    explicit Entry(std::shared_ptr<const SoundBasis> the_basis) : basis(std::move(the_basis)) {}
+    Entry(std::shared_ptr<const SoundBasis> the_basis, int occluded_views)
+        : basis(std::move(the_basis)), max_occluded_views(occluded_views) {}
     const std::shared_ptr<const SoundBasis> basis;
+    const int max_occluded_views;
     MadeOnce<PossibleSpace> space;
   };
   mutable std::mutex mutex_;
-  mutable std::list<Entry> entries_;  // a variant each
+  mutable std::list<Entry> entries_;  // one per variant and max_occluded_views
 };
 
 }  // namespace silhouette

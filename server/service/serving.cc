@@ -32,10 +32,12 @@ void ScenePublisher::LogDefects(const Scene& scene) {
 }
 
 void ScenePublisher::PrepareSpace(const ServedDatabase& whole, const Scene& scene) const {
-  if (!IsSound(DefaultPolicy(settings_, whole).preset)) return;
+  const Policy policy = DefaultPolicy(settings_, whole);
+  if (!IsSound(policy.preset)) return;
   const ServedDatabase* variant = whole.Variant(scene.variant);
   if (variant == nullptr || variant->sound() == nullptr || scene.Blocked() != Reason::kNone) return;
-  scene.possible_space.Get(variant->sound(), scene.obstacle_images, scene.joints, {});
+  scene.possible_space.Get(variant->sound(), scene.obstacle_images, scene.joints, {},
+                           MaxOccludedViews(policy, whole.views()));
 }
 
 absl::StatusOr<SharedScene> ScenePublisher::Publish(

@@ -23,6 +23,7 @@
 #include "db/store/schema.h"
 #include "db/store/store.h"
 #include "db/store/writer_lock.h"
+#include "server/scene/what_is_missed.h"
 #include "tools/cell/segmentation_text.h"
 
 namespace silhouette {
@@ -237,8 +238,6 @@ void LogSound(const ServedDatabase& database) {
   }
   const SoundBasis& sound = *database.sound();
   const double least = sound.space().least_obstacle();
-  spdlog::info("sound presets: obstacles of {:.3f} m and more are found, visible or occluded",
-               least);
   if (sound.mask_scale() > 1) {
     spdlog::warn(
         "the masks resolve only obstacles of about {:.3f} m beside the robot, so much free space "
@@ -284,6 +283,13 @@ absl::StatusOr<std::shared_ptr<const ServedDatabase>> LoadDatabase(const Cell& c
   LogLoaded(**served, path);
   LogRobotImages(**served, path, load);
   if (sound) LogSound(**served);
+  Policy policy = cell.policy;
+  if (cell.choose_preset) policy.preset = (*served)->BestPreset();
+  if ((*served)->CanServe(policy).ok()) {
+    const double least = IsSound(policy.preset) ? (*served)->sound()->space().least_obstacle() : 0;
+    spdlog::info("preset '{}': {}", NameOf(policy.preset),
+                 WhatIsMissed(policy, (*served)->views(), least));
+  }
   if (cell.choose_preset) return served;
   const absl::Status servable = (*served)->CanServe(cell.policy);
   if (servable.ok()) return served;

@@ -37,6 +37,17 @@ TEST(MinViews, PolicyThatCannotBeIsRefused) {
   EXPECT_THROW(MinViews({}, 0), std::invalid_argument);
 }
 
+TEST(MaxOccludedViews, PermitsAtLeastWhatMinViewsDoes) {
+  EXPECT_EQ(MaxOccludedViews({.preset = Preset::kSound}, 4), 1);
+  EXPECT_EQ(MaxOccludedViews({.preset = Preset::kSound, .max_occluded_views = 2}, 4), 2);
+  EXPECT_EQ(MaxOccludedViews({.preset = Preset::kSound, .max_occluded_views = 0}, 4), 0);
+  EXPECT_EQ(MaxOccludedViews({.preset = Preset::kSound, .min_views = 4}, 4), 1);
+  EXPECT_EQ(MaxOccludedViews({.preset = Preset::kSound, .min_views = 1}, 4), 3);
+  EXPECT_EQ(MaxOccludedViews({.preset = Preset::kSound, .max_occluded_views = 9}, 4), 3);
+  EXPECT_EQ(MaxOccludedViews({.preset = Preset::kSound}, 1), 0);
+  EXPECT_THROW(MaxOccludedViews({.max_occluded_views = -1}, 4), std::invalid_argument);
+}
+
 TEST(Preset, NamesLeadThereAndBack) {
   for (Preset preset : {Preset::kUncalibrated, Preset::kPaper}) {
     EXPECT_EQ(PresetFromName(NameOf(preset)), preset);

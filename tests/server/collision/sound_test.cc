@@ -258,6 +258,60 @@ TEST(SoundTest, KeepsWhatAllViewsSeeHoweverSmallItIs) {
   EXPECT_GT(touching, 0);
 }
 
+// A small ball, or a piece of a forearm, behind the arm as a camera at `camera` sees it.
+Balls SmallThingBehind(const Balls& arm, const Vector3d& camera, std::mt19937_64& random) {
+  const size_t at = std::uniform_int_distribution<size_t>(0, arm.size() - 2)(random);
+  const Vector3d behind = (arm[at].centre - camera).normalized();
+  const Vector3d along = arm[at + 1].centre - arm[at].centre;
+  const Vector3d from =
+      arm[at].centre + std::uniform_real_distribution<double>(0.12, 0.4)(random) * behind;
+  Balls thing{{from, 0.03}};
+  if (random() % 2 == 0) return thing;
+  for (double share : {0.3, 0.6}) thing.push_back({from + share * along, 0.035});
+  return thing;
+}
+
+TEST(SoundTest, WhatAllViewsButOneSeeIsOccupiedHoweverSmallItIs) {
+  Random random;
+  const Vector3d fourth(0.9, -2.4, 0.3);
+  std::vector<BallCamera> cameras = ThreeCameras();
+  cameras.emplace_back(LookingAt(fourth, {0, 0, 0}, {48, 40}, 0.75));
+  const SphereWorld world(std::move(cameras), 0.16, 0.04);
+  int scenes = 0;
+  int found_by_the_rule = 0;
+  for (int i = 0; i < 5000 && scenes < 12; ++i) {
+    const ConfigurationNumber present = RandomConfiguration(random);
+    const Balls arm = SphereWorld::Arm(present);
+    const Balls small = SmallThingBehind(arm, fourth, random);
+    if (Touch(arm, small)) continue;
+    const ObstacleImages images = world.See(small, present);
+    bool hidden_in_the_fourth_alone = images[3]->obstacle().Empty();
+    for (size_t view = 0; view < 3; ++view) {
+      const Mask shows = world.cameras[view].See(small);
+      hidden_in_the_fourth_alone =
+          hidden_in_the_fourth_alone && (shows & images[view]->unknown()).Empty();
+    }
+    if (!hidden_in_the_fourth_alone) continue;
+    ++scenes;
+    const PossibleSpace possible(world.space, images, world.Body(present));
+    const PossibleSpace only_what_all_see(world.space, images, world.Body(present), {}, 0);
+    const auto checker = [&](Preset preset, const PossibleSpace& space) {
+      return CollisionChecker(world.table, images, {.preset = preset}, WithBody(space, present));
+    };
+    const CollisionChecker planes = checker(Preset::kSoundPlanes, possible);
+    const CollisionChecker sound = checker(Preset::kSound, possible);
+    const CollisionChecker strict = checker(Preset::kSound, only_what_all_see);
+    for (ConfigurationNumber number : SphereWorld::Configurations()) {
+      if (!Touch(SphereWorld::Arm(number), small)) continue;
+      EXPECT_EQ(planes.Check(number).state(), State::kOccupied) << "scene " << i;
+      EXPECT_EQ(sound.Check(number).state(), State::kOccupied) << "scene " << i;
+      if (strict.Check(number).free()) ++found_by_the_rule;
+    }
+  }
+  EXPECT_EQ(scenes, 12);
+  EXPECT_GT(found_by_the_rule, 0);
+}
+
 TEST(SoundTest, AFreeConfigurationHidesNothing) {
   const Hiding& hiding = TheHiding();
   const CollisionChecker sound(hiding.world.table, hiding.images, {.preset = Preset::kSound},

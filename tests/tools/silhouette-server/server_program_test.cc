@@ -89,6 +89,7 @@ TEST_F(ServerProgramTest, ServesUntilSigtermAndEndsWithZero) {
     EXPECT_THAT(address, StartsWith("127.0.0.1:"));
     EXPECT_EQ(DatabaseAt(address).captured(), 39u);
     EXPECT_THAT(program.Errors(), AllOf(HasSubstr("1 configuration without a robot image"),
+                                        HasSubstr("preset 'uncalibrated': an obstacle of any size"),
                                         HasSubstr("no reference images")));
     program.Signal(signal);
     EXPECT_EQ(program.ExitCode(), 0);

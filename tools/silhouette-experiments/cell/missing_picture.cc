@@ -174,7 +174,8 @@ Picture DrawPossible(const TrialSetting& setting, const ViewedScene& viewed) {
   const ServedDatabase& database = setting.database;
   const std::vector<CameraModel> cameras = setting.workplace.TrueCalibration().cameras;
   const PossibleSpace& possible = viewed.scene.possible_space.Get(
-      database.sound(), viewed.scene.obstacle_images, viewed.scene.joints, {});
+      database.sound(), viewed.scene.obstacle_images, viewed.scene.joints, {},
+      MaxOccludedViews({}, database.views()));
   std::vector<CaptionedPicture> above;
   std::vector<CaptionedPicture> below;
   for (int view = 0; view < database.views(); ++view) {

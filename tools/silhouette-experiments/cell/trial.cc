@@ -102,8 +102,9 @@ TrialResult Judge(const TrialSetting& setting, const ViewedScene& viewed, int nu
                                  [](const Policy& policy) { return IsSound(policy.preset); });
   if (sound) {
     const Scene& scene = viewed.scene;
-    support.possible_space = &scene.possible_space.Get(setting.database.sound(),
-                                                       scene.obstacle_images, scene.joints, {});
+    support.possible_space =
+        &scene.possible_space.Get(setting.database.sound(), scene.obstacle_images, scene.joints, {},
+                                  MaxOccludedViews({}, setting.database.views()));
     support.robot_may_touch = setting.database.sound()->RobotMayTouch(scene.joints);
   }
   std::vector<std::unique_ptr<CollisionChecker>> policies;
