@@ -14,6 +14,7 @@
 #include "capture/segmentation/down_sampling.h"
 #include "capture/session/cell_robot.h"
 #include "db/status/status_macros.h"
+#include "server/scene/robot_in_scene.h"
 
 namespace silhouette {
 namespace {
@@ -43,6 +44,15 @@ absl::Status CheckVariant(const ServedDatabase& database, const std::string& var
   return absl::InvalidArgumentError(
       absl::StrCat("server: live: variant: the database has no variant '", variant, "'; it has ",
                    absl::StrJoin(database.variants(), ", ")));
+}
+
+std::vector<bool> HaveNoise(const storage::v1::CellDescription& cell,
+                            const std::set<std::string>& without_noise) {
+  std::vector<bool> have;
+  for (const storage::v1::View& view : cell.views()) {
+    have.push_back(!without_noise.contains(view.name()));
+  }
+  return have;
 }
 
 // How often a view's slow light learns, and how long ago the image before may have been taken.
@@ -82,6 +92,7 @@ LiveLoop::LiveLoop(const LiveConfig& config, LiveScenes scenes, std::shared_ptr<
       record_(std::move(record)),
       cell_(cell),
       judge_(cell, config.scene.max_age),
+      life_(config.live.life, HaveNoise(cell, config.without_noise)),
       helpers_(config.live.threads) {}
 
 absl::StatusOr<std::unique_ptr<LiveLoop>> LiveLoop::Start(const LiveConfig& config,
@@ -157,50 +168,85 @@ absl::Status LiveLoop::TakeSet() {
     return absl::InternalError(absl::StrCat("the cameras gave ", grabbed.size(), " images for ",
                                             cameras_->views().size(), " views"));
   }
-  SceneInput input;
-  const auto images = UsableImages(std::move(grabbed), arrived, input);
-  if (std::ranges::none_of(images, [](const auto& image) { return image.has_value(); })) {
-    return absl::UnavailableError(
-        absl::StrCat("no image can be used: ", input.without_views.begin()->second));
-  }
-  if (!judge_.TakeNews()) return absl::OkStatus();
-  // What is wrong from here on is no fault of the cameras.
-  if (absl::Status published = Publish(images, arrived, std::move(input)); !published.ok()) {
-    record_->NoteLostSet(published);
-  }
-  return absl::OkStatus();
-}
-
-std::vector<std::optional<CameraImage>> LiveLoop::UsableImages(
-    std::vector<absl::StatusOr<CameraImage>> grabbed, const Moment& arrived, SceneInput& input) {
-  std::vector<std::optional<CameraImage>> images(places_.size());
-  for (size_t view = 0; view < places_.size(); ++view) {
-    absl::StatusOr<CameraImage>& image = grabbed[places_[view]];
-    absl::Status status = image.status();
-    if (image.ok()) status = judge_.Judge(view, *image, arrived);
-    if (status.ok()) {
-      record_->NoteImage(view, image->captured, arrived);
-      images[view] = *std::move(image);
-    } else {
-      record_->NoteImageError(view, status);
-      input.without_views[cell_.views(static_cast<int>(view)).name()] =
-          std::string(status.message());
-    }
-  }
-  return images;
-}
-
-absl::Status LiveLoop::Publish(const std::vector<std::optional<CameraImage>>& images,
-                               const Moment& arrived, SceneInput input) {
   const std::shared_ptr<const ServedDatabase> database = scenes_.database();
   if (!database->has_references()) {
     return absl::FailedPreconditionError("the database has no reference images any more");
   }
+  SceneInput input;
+  const auto images = UsableImages(std::move(grabbed), arrived, *database, input);
+  const bool none =
+      std::ranges::none_of(images, [](const auto& image) { return image.has_value(); });
+  const bool news = judge_.TakeNews();
+  absl::Status status;
+  if (none) {
+    status = absl::UnavailableError(
+        absl::StrCat("no image can be used: ", input.without_views.begin()->second));
+    // The newest scene may rest on images of a camera that was frozen already.
+    if (!life_.AnyDead()) return status;
+  } else if (!news) {
+    return absl::OkStatus();
+  }
+  // What is wrong from here on is no fault of the cameras.
+  const absl::Status published = Publish(database, images, arrived, std::move(input));
+  if (!published.ok()) record_->NoteLostSet(published);
+  return status;
+}
+
+void LiveLoop::NoteUnusable(size_t view, const absl::Status& why, SceneInput& input) {
+  record_->NoteImageError(view, why);
+  input.without_views[cell_.views(static_cast<int>(view)).name()] = std::string(why.message());
+}
+
+std::vector<std::optional<CameraImage>> LiveLoop::UsableImages(
+    std::vector<absl::StatusOr<CameraImage>> grabbed, const Moment& arrived,
+    const ServedDatabase& database, SceneInput& input) {
+  std::vector<std::optional<CameraImage>> images(places_.size());
+  for (size_t view = 0; view < places_.size(); ++view) {
+    absl::StatusOr<CameraImage>& image = grabbed[places_[view]];
+    absl::Status status = image.status();
+    if (status.ok()) status = judge_.Judge(view, *image, arrived);
+    if (status.ok()) {
+      status = life_.Judge(view, *image, database.reference(static_cast<int>(view)));
+    }
+    if (!status.ok()) {
+      NoteUnusable(view, status, input);
+      continue;
+    }
+    record_->NoteImage(view, image->captured, arrived);
+    images[view] = *std::move(image);
+  }
+  return images;
+}
+
+std::vector<bool> LiveLoop::MovedWithTheRobot(const ServedDatabase& database,
+                                              const std::vector<std::optional<CameraImage>>& images,
+                                              const std::vector<absl::StatusOr<Mask>>& masks,
+                                              SceneInput& input) {
+  std::vector<bool> live(images.size(), true);
+  const ServedDatabase* variant =
+      input.without_variant.empty() ? database.Variant(input.variant) : nullptr;
+  if (variant == nullptr || input.joints.empty()) return live;
+  const auto robot = FindRobot(*variant, input.joints, config_.scene.fixed_joint_tolerance);
+  if (!robot.ok() || robot->covers.empty()) return live;
+  for (size_t view = 0; view < images.size(); ++view) {
+    if (!images[view]) continue;
+    const absl::Status moved = life_.JudgeMotion(view, robot->covers[view], *masks[view],
+                                                 database.reference(static_cast<int>(view)));
+    live[view] = moved.ok();
+    if (!moved.ok()) NoteUnusable(view, moved, input);
+  }
+  return live;
+}
+
+absl::Status LiveLoop::Publish(const std::shared_ptr<const ServedDatabase>& database,
+                               const std::vector<std::optional<CameraImage>>& images,
+                               const Moment& arrived, SceneInput input) {
   if (light_of_ != database) {
     light_of_ = database;
     lights_.assign(images.size(), {});
     lights_learnt_ = arrived.running;
     since_learnt_.assign(images.size(), absl::ZeroDuration());
+    life_.ForgetRobot();
   }
   for (absl::Duration& since : since_learnt_) since += arrived.running - lights_learnt_;
   lights_learnt_ = arrived.running;
@@ -211,18 +257,15 @@ absl::Status LiveLoop::Publish(const std::vector<std::optional<CameraImage>>& im
                                config_.segmentation, lights_[view], since_learnt_[view]);
   });
   record_->NoteMasks(arrived);
-  absl::Time oldest = arrived.time;
+  absl::Time oldest = absl::InfiniteFuture();
   absl::Time newest = absl::InfinitePast();
   for (size_t view = 0; view < images.size(); ++view) {
     if (!images[view]) continue;
     if (!masks[view].ok()) return masks[view].status();
-    const absl::Time captured = images[view]->captured;
-    oldest = std::min(oldest, captured);
-    newest = std::max(newest, captured);
-    input.views.push_back({.view = database->view_name(static_cast<int>(view)),
-                           .captured = captured,
-                           .image = SceneMask{*std::move(masks[view])}});
+    oldest = std::min(oldest, images[view]->captured);
+    newest = std::max(newest, images[view]->captured);
   }
+  if (oldest > newest) oldest = newest = arrived.time;
   // By the clock that never steps back; no image was taken after it arrived.
   const auto running = [&](absl::Time captured) {
     return arrived.running - std::max(arrived.time - captured, absl::ZeroDuration());
@@ -241,6 +284,13 @@ absl::Status LiveLoop::Publish(const std::vector<std::optional<CameraImage>>& im
     input.variant = *variant;
   } else {
     input.without_variant = std::string(variant.status().message());
+  }
+  const std::vector<bool> live = MovedWithTheRobot(*database, images, masks, input);
+  for (size_t view = 0; view < images.size(); ++view) {
+    if (!images[view] || !live[view]) continue;
+    input.views.push_back({.view = database->view_name(static_cast<int>(view)),
+                           .captured = images[view]->captured,
+                           .image = SceneMask{*std::move(masks[view])}});
   }
   ASSIGN_OR_RETURN(Scene scene,
                    MakeScene(*database, input, config_.scene, config_.segmentation, arrived));

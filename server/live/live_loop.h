@@ -5,6 +5,8 @@
 #include <functional>
 #include <memory>
 #include <optional>
+#include <set>
+#include <string>
 #include <thread>
 #include <vector>
 
@@ -19,6 +21,7 @@
 #include "server/live/joint_history.h"
 #include "server/live/live_record.h"
 #include "server/live/live_settings.h"
+#include "server/live/proof_of_life.h"
 #include "server/scene/make_scene.h"
 #include "server/scene/scene.h"
 #include "server/scene/served_database.h"
@@ -45,6 +48,8 @@ struct LiveConfig {
   SceneSettings scene;
   SegmentationSettings segmentation;
   Clock clock = SystemClock;
+  // The views whose sources have no noise.
+  std::set<std::string> without_noise = {};
 };
 
 // One thread takes images, another asks the robot. Nothing that a device does ends them: what is
@@ -75,9 +80,20 @@ class LiveLoop {
   // The images of the views that can be used, by view of the cell; nothing for the others, which
   // `input` says the reasons of.
   std::vector<std::optional<CameraImage>> UsableImages(
-      std::vector<absl::StatusOr<CameraImage>> grabbed, const Moment& arrived, SceneInput& input);
-  absl::Status Publish(const std::vector<std::optional<CameraImage>>& images, const Moment& arrived,
+      std::vector<absl::StatusOr<CameraImage>> grabbed, const Moment& arrived,
+      const ServedDatabase& database, SceneInput& input);
+  // `database` has reference images.
+  absl::Status Publish(const std::shared_ptr<const ServedDatabase>& database,
+                       const std::vector<std::optional<CameraImage>>& images, const Moment& arrived,
                        SceneInput input);
+  // Records that a view's image cannot be used.
+  void NoteUnusable(size_t view, const absl::Status& why, SceneInput& input);
+  // The views of which the robot's motion does not show that they are frozen; `input` has the
+  // robot's place.
+  std::vector<bool> MovedWithTheRobot(const ServedDatabase& database,
+                                      const std::vector<std::optional<CameraImage>>& images,
+                                      const std::vector<absl::StatusOr<Mask>>& masks,
+                                      SceneInput& input);
 
   const LiveConfig config_;
   const LiveScenes scenes_;
@@ -87,6 +103,7 @@ class LiveLoop {
   std::unique_ptr<CameraRig> cameras_;  // null: to be opened
   std::vector<size_t> places_;          // in the rig, by view of the cell
   ImageJudge judge_;
+  ProofOfLife life_;
   // What the light has slowly become, by view, since the references of this database were made;
   // begun again with another database.
   std::shared_ptr<const ServedDatabase> light_of_;

@@ -8,6 +8,17 @@
 
 namespace silhouette {
 
+// When a camera is taken for frozen (proof_of_life.h).
+struct LifeSettings {
+  // Least noise from one image to the next, as a share of the reference's (standard deviations).
+  // Live cameras have about 1, also if lights flickered or drifted while the reference was made;
+  // still images that are encoded again, or whose noise is filtered away, less than 0.1.
+  double least_noise = 0.15;
+  // Least share of the pixels that change where the robot moved to. It covers them all, and looks
+  // different from the cell on most; a still image changes on none.
+  double least_change = 0.1;
+};
+
 struct LiveSettings {
   // The variant that shows the robot when the server starts; empty: it has to be sent,
   // where the database has several.
@@ -29,6 +40,7 @@ struct LiveSettings {
   absl::Duration report_interval = absl::Minutes(1);
   // Images that are differenced at once.
   int threads = 2;
+  LifeSettings life = {};
 };
 
 }  // namespace silhouette

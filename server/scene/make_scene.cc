@@ -2,7 +2,6 @@
 #include "server/scene/make_scene.h"
 
 #include <algorithm>
-#include <cmath>
 #include <cstddef>
 #include <cstdint>
 #include <map>
@@ -18,9 +17,9 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_join.h"
 #include "capture/segmentation/difference.h"
-#include "db/mask/configuration_grid.h"
 #include "db/mask/mask.h"
 #include "db/status/status_macros.h"
+#include "server/scene/robot_in_scene.h"
 #include "server/scene/scene.h"
 #include "server/scene/served_database.h"
 
@@ -86,176 +85,6 @@ std::optional<ImageSize> SizeOfWholeImage(std::string_view bytes) {
   if (bytes.starts_with(kPngStart)) return PngSize(bytes);
   if (bytes.starts_with(kJpegStart)) return JpegSize(bytes);
   return std::nullopt;
-}
-
-// Where the robot is in a scene, and what it covers.
-
-// What the robot covers in one view at its present configuration, which is on a grid point or
-// somewhere in a grid cell: no pixel outside `anywhere`, every pixel of `certain`.
-struct RobotCover {
-  Mask anywhere;
-  Mask certain;
-};
-
-struct RobotInScene {
-  // One per view; empty if a defect says why it is not known.
-  std::vector<RobotCover> covers;
-  std::vector<SceneDefect> defects;
-};
-
-using Positions = std::map<std::string, double>;
-
-std::vector<std::string> JointNames(const storage::v1::CellDescription& cell) {
-  std::vector<std::string> names;
-  for (const auto& joint : cell.grid_joints()) names.push_back(joint.name());
-  for (const auto& joint : cell.fixed_joints()) names.push_back(joint.name());
-  return names;
-}
-
-absl::StatusOr<Positions> PositionsByName(const storage::v1::CellDescription& cell,
-                                          const std::vector<JointPosition>& joints) {
-  const std::vector<std::string> known = JointNames(cell);
-  Positions positions;
-  for (size_t i = 0; i < joints.size(); ++i) {
-    const std::string field = absl::StrCat("joints[", i, "]: ");
-    const std::string& name = joints[i].name;
-    if (std::find(known.begin(), known.end(), name) == known.end()) {
-      return absl::InvalidArgumentError(absl::StrCat(field, "the cell has no joint '", name,
-                                                     "'; its joints are ",
-                                                     absl::StrJoin(known, ", ")));
-    }
-    if (!std::isfinite(joints[i].position)) {
-      return absl::InvalidArgumentError(
-          absl::StrCat(field, "the position of '", name, "' is not a finite number"));
-    }
-    if (!positions.emplace(name, joints[i].position).second) {
-      return absl::InvalidArgumentError(absl::StrCat(field, "joint '", name, "' is given twice"));
-    }
-  }
-  return positions;
-}
-
-// "0.5", or "0.499 to 0.502".
-std::string PlacesOf(const FixedJointRange& joint) {
-  if (joint.lowest == joint.highest) return absl::StrCat(joint.lowest);
-  return absl::StrCat(joint.lowest, " to ", joint.highest);
-}
-
-void CheckFixedJoints(const ServedDatabase& database, const Positions& positions, double tolerance,
-                      std::vector<SceneDefect>& defects) {
-  for (const FixedJointRange& joint : database.fixed_joints()) {
-    const auto told = positions.find(joint.name);
-    if (told == positions.end()) {
-      defects.push_back({Reason::kFixedJointMoved,
-                         absl::StrCat("joint '", joint.name,
-                                      "' has no value; publish its position: the robot images "
-                                      "hold only where it stood at capture")});
-    } else if (!(std::abs(told->second - joint.lowest) <= tolerance &&
-                 std::abs(told->second - joint.highest) <= tolerance)) {
-      defects.push_back(
-          {Reason::kFixedJointMoved,
-           absl::StrCat("joint '", joint.name, "' is at ", told->second, "; move it to ",
-                        joint.position, ": the robot images were captured with it at ",
-                        PlacesOf(joint), " (tolerance ", tolerance, ")")});
-    }
-  }
-}
-
-// The grid joints' values; nothing, and a defect, if one is missing.
-std::optional<Configuration> GridConfiguration(const ConfigurationGrid& grid,
-                                               const Positions& positions,
-                                               std::vector<SceneDefect>& defects) {
-  Configuration q;
-  for (const GridJoint& joint : grid.joints()) {
-    const auto told = positions.find(joint.name);
-    if (told == positions.end()) {
-      defects.push_back(
-          {Reason::kRobotPositionUnknown, absl::StrCat("joint '", joint.name,
-                                                       "' has no value; publish the robot's "
-                                                       "joints together with the images")});
-      return std::nullopt;
-    }
-    q.push_back(told->second);
-  }
-  return q;
-}
-
-std::string WhyUnusable(const ServedDatabase& database, RobotImageState state) {
-  switch (state) {
-    case RobotImageState::kExcluded:
-      return "lies in a region the robot must never enter";
-    case RobotImageState::kCorrupt:
-      return "has a robot image that fails its checksum; capture it again";
-    case RobotImageState::kElsewhere:
-      return absl::StrCat("has a robot image that was captured with a fixed joint elsewhere, as ",
-                          database.elsewhere(),
-                          "; 'silhouette-db verify' lists it; capture it again");
-    default:
-      return "has no robot image; capture it";
-  }
-}
-
-// The robot images at the corners around `q`; none, and a defect, if one cannot be used.
-std::vector<RobotCover> CoversAt(const ServedDatabase& database, const Configuration& q,
-                                 std::vector<SceneDefect>& defects) {
-  const RobotImageTable& images = database.robot_images();
-  const std::string place = absl::StrCat("(", absl::StrJoin(q, ", "), ")");
-  const CellCorners corners = database.grid().CornersAround(q);
-  if (corners.count() == 0) {
-    defects.push_back(
-        {Reason::kRobotPositionUnknown,
-         absl::StrCat("the robot is at ", place, ", outside the grid; move it back")});
-    return {};
-  }
-  const auto reason_of = [](RobotImageState state) {
-    return state == RobotImageState::kElsewhere ? Reason::kFixedJointMoved
-                                                : Reason::kRobotImageOfSceneMissing;
-  };
-  const auto add_defect = [&](ConfigurationNumber corner, RobotImageState state) {
-    const std::string which =
-        corners.count() == 1 ? "which"
-                             : absl::StrCat("and next to it (",
-                                            absl::StrJoin(database.grid().At(corner), ", "), ")");
-    defects.push_back({reason_of(state), absl::StrCat("the robot is at ", place, ", ", which, " ",
-                                                      WhyUnusable(database, state))});
-  };
-  for (ConfigurationNumber corner : corners.numbers()) {
-    const RobotImageState state = images.state(corner);
-    if (state == RobotImageState::kPresent) continue;
-    add_defect(corner, state);
-    return {};
-  }
-  std::vector<RobotCover> covers;
-  for (ConfigurationNumber corner : corners.numbers()) {
-    const std::optional<std::vector<Mask>> masks = images.Images(corner);
-    if (!masks) {
-      add_defect(corner, RobotImageState::kCorrupt);
-      return {};
-    }
-    for (size_t view = 0; view < masks->size(); ++view) {
-      const Mask& mask = (*masks)[view];
-      if (covers.size() == view) {
-        covers.push_back({mask, mask});
-      } else {
-        covers[view] = {covers[view].anywhere | mask, covers[view].certain & mask};
-      }
-    }
-  }
-  return covers;
-}
-
-// `fixed_joint_tolerance`: as in SceneSettings. InvalidArgument: a joint that the cell does not
-// have, that is given twice, or whose value is not finite.
-absl::StatusOr<RobotInScene> FindRobot(const ServedDatabase& database,
-                                       const std::vector<JointPosition>& joints,
-                                       double fixed_joint_tolerance) {
-  ASSIGN_OR_RETURN(const Positions positions, PositionsByName(database.cell(), joints));
-  RobotInScene robot;
-  const std::optional<Configuration> q =
-      GridConfiguration(database.grid(), positions, robot.defects);
-  if (q) robot.covers = CoversAt(database, *q, robot.defects);
-  CheckFixedJoints(database, positions, fixed_joint_tolerance, robot.defects);
-  return robot;
 }
 
 std::string SizeText(int width, int height) { return absl::StrCat(width, "x", height); }
@@ -433,7 +262,7 @@ absl::StatusOr<Scene> MakeScene(const ServedDatabase& whole, const SceneInput& i
   const ServedDatabase* variant =
       input.without_variant.empty() ? whole.Variant(input.variant) : nullptr;
   const ServedDatabase& database = variant != nullptr ? *variant : whole;
-  if (input.views.empty()) {
+  if (input.views.empty() && input.without_views.empty()) {
     return absl::InvalidArgumentError("views: a scene has an image of at least one view");
   }
   const auto views = static_cast<size_t>(database.views());
@@ -459,6 +288,7 @@ absl::StatusOr<Scene> MakeScene(const ServedDatabase& whole, const SceneInput& i
     scene.oldest = std::min(scene.oldest, captured);
     scene.newest = std::max(scene.newest, captured);
   }
+  if (input.views.empty()) scene.oldest = scene.newest = arrived.time;
   if (variant == nullptr) {
     robot.covers.clear();
     robot.defects.insert(robot.defects.begin(),

@@ -38,6 +38,7 @@ struct RobotSettings {
 struct ViewSettings {
   std::string name;
   ImageSource source;
+  bool has_noise = true;  // whether the images of the source have noise
   int image_width = 0;
   int image_height = 0;
   MaskSize mask_size;

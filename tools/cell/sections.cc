@@ -60,6 +60,8 @@ LiveSettings ReadLive(const YamlNode& node, LiveSettings live) {
   map.Read("joints_interval", live.joints_interval, &YamlNode::AsPositiveTime);
   map.Read("joints_gap", live.joints_gap, &YamlNode::AsPositiveTime);
   map.Read("reopen_after", live.reopen_after, &YamlNode::AsPositiveTime);
+  map.Read("least_noise", live.life.least_noise, &YamlNode::AsShare);
+  map.Read("least_change", live.life.least_change, &YamlNode::AsShare);
   map.Finish();
   return live;
 }

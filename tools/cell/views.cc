@@ -25,6 +25,9 @@ ViewSettings ReadView(const YamlNode& node, const Margin& margin,
   if (const auto source = map.Optional("source")) {
     view.source = ReadImageSource(*source, view.name, folder);
   }
+  map.Read("noise", view.has_noise, [](const YamlNode& noise) {
+    return noise.AsWordOf({"camera", "none"}) == 0;
+  });
   const auto mask_size = map.Optional("mask_size");
   view.mask_size = mask_size ? ReadMaskSize(*mask_size) : MaskSize{64, 64};
   const auto image_size = map.Optional("image_size");

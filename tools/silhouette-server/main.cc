@@ -116,6 +116,9 @@ absl::StatusOr<std::unique_ptr<LiveLoop>> StartLive(const Cell& cell, const std:
   ASSIGN_OR_RETURN(CellOpeners openers, OpenersOf(cell, *travel, obstacles));
   LiveConfig config{
       .live = cell.server.live, .scene = cell.server.scene, .segmentation = cell.segmentation};
+  for (const ViewSettings& view : cell.views) {
+    if (!view.has_noise) config.without_noise.insert(view.name);
+  }
   config.live.threads = static_cast<int>(std::max(1u, std::thread::hardware_concurrency()));
   return LiveLoop::Start(
       config, {.open_cameras = std::move(openers.cameras), .open_robot = std::move(openers.robot)},

@@ -9,6 +9,7 @@
 #include <functional>
 #include <memory>
 #include <mutex>
+#include <random>
 #include <thread>
 #include <utility>
 #include <vector>
@@ -36,6 +37,7 @@ struct LiveScript {
   std::vector<int> blocks = {-1, -1, -1};                          // blocks where a is; -1: none
   // Changes a set of images, in the order of the cameras.
   std::function<void(std::vector<absl::StatusOr<CameraImage>>&)> change = nullptr;
+  bool noise = true;  // of up to a grey level, other with every set
   absl::Status open_cameras = absl::OkStatus();
   absl::Status open_robot = absl::OkStatus();
   int cameras_opened = 0;
@@ -48,7 +50,11 @@ inline CameraImage ImageOfView(int view, const LiveScript& script) {
   Mask foreground =
       script.tool ? ToolMask(view, script.robot_a, 0) : RobotMask(view, script.robot_a, 0);
   if (block >= 0) foreground = foreground | Block(view, block);
-  const cv::Mat picture = CameraPicture(view, foreground);
+  cv::Mat picture = CameraPicture(view, foreground);
+  if (script.noise) {
+    std::minstd_rand random(static_cast<unsigned>(script.grabs));
+    for (uint8_t& level : cv::Mat_<uint8_t>(picture)) level += random() >> 8 & 1;
+  }
   return {.width = picture.cols,
           .height = picture.rows,
           .channels = 1,

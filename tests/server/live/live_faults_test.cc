@@ -2,6 +2,9 @@
 // The loop with devices that fail: nothing is free, the reason is told, and it goes on.
 #include <gmock/gmock.h>
 
+#include <memory>
+#include <optional>
+#include <random>
 #include <stdexcept>
 
 #include "tests/server/live/live_cell.h"
@@ -39,6 +42,119 @@ TEST_F(LiveFaultsTest, CameraThatFailsIsMissingAndNothingIsFree) {
   ViewIsMissingBecause("cable pulled");
   Script([](LiveScript& to) { to.camera_errors[1] = absl::OkStatus(); });
   AllIsWellAgain();
+}
+
+// The camera gives the same pixels again and again, with the time of now.
+void Freeze(LiveScript& to, int place) {
+  to.change = [place, still = std::optional<CameraImage>()](
+                  std::vector<absl::StatusOr<CameraImage>>& images) mutable {
+    absl::StatusOr<CameraImage>& image = images[static_cast<size_t>(place)];
+    if (!still) still = *image;
+    image->pixels = still->pixels;
+  };
+}
+
+TEST_F(LiveFaultsTest, FrozenCameraIsMissingAndNothingIsFree) {
+  ASSERT_TRUE(Start().ok());
+  AllIsWellAgain();
+  Script([](LiveScript& to) { Freeze(to, 2); });
+  ViewIsMissingBecause("its camera is frozen: it repeats an image byte for byte");
+  Script([](LiveScript& to) { to.change = nullptr; });
+  AllIsWellAgain();
+}
+
+TEST_F(LiveFaultsTest, CamerasThatFreezeTogetherReplaceTheLastSceneAtOnce) {
+  ASSERT_TRUE(Start().ok());
+  AllIsWellAgain();
+  const uint64_t last = Newest()->id;
+  Script([](LiveScript& to) {
+    to.change = [still = std::vector<CameraImage>()](auto& images) mutable {
+      if (still.empty()) {
+        for (const auto& image : images) still.push_back(*image);
+      }
+      for (size_t i = 0; i < images.size(); ++i) images[i]->pixels = still[i].pixels;
+    };
+    to.blocks = {3, 3, 3};  // comes unseen
+  });
+  const SharedScene scene = NextScene("a scene without views", [](const Scene& made) {
+    return made.defects.size() == 3 && made.Blocked() == Reason::kNone;
+  });
+  EXPECT_EQ(FreeBy(scene), 0);
+  EXPECT_EQ(FreeBy(nullptr), 0);
+  for (const SceneDefect& defect : scene->defects) {
+    EXPECT_EQ(defect.reason, Reason::kViewMissing);
+    EXPECT_THAT(defect.message, HasSubstr("frozen"));
+  }
+  EXPECT_GT(scene->id, last);
+  Script([](LiveScript& to) { to.change = nullptr; });
+  const SharedScene good = GoodScene();
+  EXPECT_FALSE(CheckerNow(good).Check(At(3, 0)).free());
+}
+
+TEST_F(LiveFaultsTest, SourceWithoutNoiseMayRepeatItsImages) {
+  config.without_noise = {"left", "right", "top"};
+  Script([](LiveScript& to) { to.noise = false; });
+  ASSERT_TRUE(Start().ok());
+  const uint64_t first = GoodScene()->id;
+  NextScene("more scenes", [&](const Scene& scene) { return scene.id >= first + 5; });
+  EXPECT_GT(FreeBy(GoodScene()), 0);
+}
+
+// A robot wide enough for its motion to be seen: in the upper rows, at the left for a below 2, else
+// at the right.
+constexpr char kWide[] = "wide";
+Mask WideRobot(int view, int a) {
+  const MaskSize size = kViewSizes[static_cast<size_t>(view)];
+  return Mask::FromPredicate(
+      size, [=](int x, int y) { return y < 8 && (a < 2 ? x < 4 : x >= size.width - 4); });
+}
+
+std::shared_ptr<const ServedDatabase> WithWideRobot() {
+  const std::filesystem::path folder = FreshFolder();
+  MakeDatabase(folder / "db", {.references = true});
+  {
+    const auto database = Database::Open(folder / "db", Database::Access::kWrite);
+    const auto variant = (*database)->CreateVariant(kWide, "test");
+    auto writer = (*variant)->Write("test");
+    for (int a = 0; a < 5; ++a) {
+      for (int b = 0; b < 8; ++b) {
+        RobotImage image = TestRobotImage((*variant)->grid(), a, b);
+        for (int view = 0; view < 3; ++view) {
+          image.masks[static_cast<size_t>(view)] = WideRobot(view, a);
+        }
+        EXPECT_TRUE(writer->Put(image).ok());
+      }
+    }
+    EXPECT_TRUE(writer->Commit().ok());
+  }
+  return LoadDatabase(folder / "db");
+}
+
+TEST_F(LiveFaultsTest, CameraThatDoesNotSeeTheRobotMoveIsMissingUntilItDoes) {
+  scenes.ReplaceDatabase(WithWideRobot());
+  config.live.variant = kWide;
+  // What the cameras show: by camera, where the robot is.
+  auto shown = std::make_shared<std::vector<int>>(3, 0);
+  Script([&](LiveScript& to) {
+    to.change = [shown, &to](auto& images) {
+      const int views[] = {2, 0, 1};
+      for (size_t i = 0; i < images.size(); ++i) {
+        const cv::Mat picture = CameraPicture(views[i], WideRobot(views[i], (*shown)[i]));
+        images[i]->pixels.assign(picture.datastart, picture.dataend);
+        std::minstd_rand random(static_cast<unsigned>(to.grabs));
+        for (uint8_t& level : images[i]->pixels) level += random() >> 8 & 1;
+      }
+    };
+  });
+  ASSERT_TRUE(Start().ok());
+  GoodScene();
+  Script([&](LiveScript& to) {
+    to.joints[2] = At(4, 0)[0];
+    *shown = {4, 4, 0};
+  });
+  ViewIsMissingBecause("the robot moved");
+  Script([&](LiveScript&) { *shown = {4, 4, 4}; });
+  GoodScene();
 }
 
 TEST_F(LiveFaultsTest, ImageOfTheFutureIsMissing) {

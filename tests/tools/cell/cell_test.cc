@@ -464,6 +464,15 @@ TEST(Cell, MarginOfAViewGoesBeforeThatOfTheCell) {
             0.005);
 }
 
+TEST(Cell, SourcesHaveNoiseUnlessTheirViewSaysOtherwise) {
+  const absl::StatusOr<Cell> cell = Load(Changed("{name: top}", "{name: top, noise: none}"));
+  ASSERT_TRUE(cell.ok()) << cell.status();
+  EXPECT_FALSE(cell->views[0].has_noise);
+  EXPECT_TRUE(cell->views[1].has_noise);
+  EXPECT_THAT(MessageOf(Changed("{name: top}", "{name: top, noise: little}")),
+              HasSubstr("'camera' or 'none'"));
+}
+
 TEST(Cell, MistakesInMarginAndWorkspaceAreNamed) {
   for (const char* margin : {"5", "px", "-1 px", "2 inch", "1e999 m", ""}) {
     EXPECT_THAT(
