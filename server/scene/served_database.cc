@@ -293,8 +293,7 @@ absl::Status ServedDatabase::CanServe(const Policy& policy) const {
 }
 
 Preset ServedDatabase::BestPreset() const {
-  if (sound_ != nullptr) return Preset::kSound;
-  return bands_ ? Preset::kCalibrated : Preset::kUncalibrated;
+  return sound_ != nullptr ? Preset::kSound : Preset::kUncalibrated;
 }
 
 std::optional<int> ServedDatabase::ViewOf(const std::string& name) const {

@@ -119,8 +119,8 @@ class ServedDatabase {
 
   // Whether the database has what a policy needs. FailedPrecondition: what it lacks, and the mend.
   absl::Status CanServe(const Policy& policy) const;
-  // The best of the presets that can be served: sound where the cell is set up for it, else
-  // calibrated where there is a calibration.
+  // The default preset: sound where the cell is set up for it, else uncalibrated. Not calibrated:
+  // it blocks most of a cell in which a person stands (docs/verdict-quality.md).
   Preset BestPreset() const;
 
  private:

@@ -89,7 +89,7 @@ TEST(ServedDatabase, HasTheCalibrationOfItsGeneration) {
   EXPECT_GT(with->generation(), without->generation());
   ASSERT_NE(with->bands(), nullptr);
   EXPECT_EQ(with->calibration()->fundamental_matrices.size(), 3u);
-  EXPECT_EQ(with->BestPreset(), Preset::kCalibrated);
+  EXPECT_EQ(with->BestPreset(), Preset::kUncalibrated);
   // Rows 3 of the first two views are one line, rows 3 and 1 of the first and the third.
   EXPECT_TRUE(with->bands()->Meet(0, 3 * 16, 1, 3 * 16 + 7));
   EXPECT_FALSE(with->bands()->Meet(0, 3 * 16, 1, 4 * 16));

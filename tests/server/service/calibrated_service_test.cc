@@ -71,7 +71,7 @@ TEST_F(CalibratedService, FindsWhatTheRobotHidesInAllViewsButOne) {
   EXPECT_EQ(StateAt(between, PolicyNamed("paper")), v1::Verdict::STATE_FREE);
   EXPECT_EQ(StateAt(between, PolicyNamed("calibrated")), v1::Verdict::STATE_OCCUPIED);
   EXPECT_EQ(StateAt(between, PolicyNamed("paper-calibrated")), v1::Verdict::STATE_OCCUPIED);
-  EXPECT_EQ(StateAt(between), v1::Verdict::STATE_OCCUPIED) << "calibrated by default";
+  EXPECT_EQ(StateAt(between), v1::Verdict::STATE_FREE) << "uncalibrated by default";
 }
 
 TEST_F(CalibratedService, LetsGoWhatOneViewSeesToBeEmpty) {
@@ -138,8 +138,7 @@ TEST_F(CalibratedService, TellsThatItIsCalibratedAndWhatItCanServe) {
   EXPECT_TRUE(response.calibrated());
   EXPECT_THAT(response.presets(),
               ElementsAre("uncalibrated", "paper", "calibrated", "paper-calibrated"));
-  EXPECT_EQ(response.default_policy().preset(), "calibrated");
-  EXPECT_FALSE(response.default_policy().has_max_occluded_views());
+  EXPECT_EQ(response.default_policy().preset(), "uncalibrated");
 }
 
 TEST_F(CalibratedService, RefusesOptionsThatDoNotGoWithThePreset) {
