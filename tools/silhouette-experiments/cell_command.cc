@@ -33,6 +33,7 @@ struct CellArguments {
   std::vector<std::string> presets;
   int scenes = 120;
   int hidden = 10;
+  int near = 0;
   int off_grid = 1000;
   int pictures = 12;
   uint64_t seed = 1;
@@ -178,11 +179,33 @@ std::vector<RandomScene> HiddenScenes(const SimulatedWorkplace& workplace,
   return scenes;
 }
 
+// Scenes of one kind, by name: small things near the robot.
+using NamedScenes = std::vector<std::pair<std::string, std::vector<RandomScene>>>;
+
+// `arguments.near` scenes, as far as they are found, evenly spread over sizes and distances.
+NamedScenes NearScenes(const SimulatedWorkplace& workplace, const CellArguments& arguments) {
+  NamedScenes scenes;
+  if (arguments.near == 0) return scenes;
+  const std::vector<NearThing> things = NearThings();
+  for (const NearThing& thing : things) scenes.push_back({NameOf(thing), {}});
+  Progress progress("looking for places near the robot", static_cast<uint64_t>(arguments.near),
+                    "scenes");
+  for (int i = 0; i < arguments.near && !StopRequested(); ++i) {
+    const size_t kind = static_cast<size_t>(i) % things.size();
+    if (auto scene = MakeNearScene(workplace, things[kind], arguments.seed, i)) {
+      scenes[kind].second.push_back(*std::move(scene));
+    }
+    progress.Update(static_cast<uint64_t>(i) + 1);
+  }
+  return scenes;
+}
+
 // All scenes with one calibration. `prefix`: of the experiments' names in files. Adds what came of
 // them to `done`. The rows.
 absl::StatusOr<std::vector<Row>> RunAll(const CellArguments& arguments, const TrialSetting& setting,
                                         const std::vector<RandomScene>& hidden,
-                                        const std::string& prefix, std::vector<Experiment>& done) {
+                                        const NamedScenes& near, const std::string& prefix,
+                                        std::vector<Experiment>& done) {
   const SimulatedWorkplace& workplace = setting.workplace;
   const Eigen::AlignedBox3d box = SweptBox(workplace);
   Explainer explainer(setting);
@@ -204,9 +227,15 @@ absl::StatusOr<std::vector<Row>> RunAll(const CellArguments& arguments, const Tr
     int count;
     SceneSource source;
   };
-  for (const auto& [name, count, source] : {Kind{"random", arguments.scenes, random},
-                                            {"hidden", balls, with_ball},
-                                            {"empty", balls, without}}) {
+  std::vector<Kind> kinds = {{"random", arguments.scenes, random},
+                             {"hidden", balls, with_ball},
+                             {"empty", balls, without}};
+  for (const auto& [name, scenes] : near) {
+    kinds.push_back({name, static_cast<int>(scenes.size()), [&of_kind = scenes](int number) {
+                       return of_kind[static_cast<size_t>(number)];
+                     }});
+  }
+  for (const auto& [name, count, source] : kinds) {
     if (count == 0) continue;
     Experiment& experiment = done.emplace_back(Experiment{prefix + name, &setting, source, {}});
     RETURN_IF_ERROR(RunScenes(explainer, count, experiment));
@@ -234,12 +263,14 @@ absl::StatusOr<ExitCode> Test(const CellArguments& arguments, const SimulatedWor
     found = std::move(side);
   }
   const std::vector<RandomScene> hidden = HiddenScenes(workplace, arguments);
+  const NamedScenes near = NearScenes(workplace, arguments);
   std::vector<Experiment> experiments;
-  ASSIGN_OR_RETURN(const auto rows, RunAll(arguments, *truth.setting, hidden, "", experiments));
+  ASSIGN_OR_RETURN(const auto rows,
+                   RunAll(arguments, *truth.setting, hidden, near, "", experiments));
   std::vector<Comparison> comparisons;
   if (found) {
     ASSIGN_OR_RETURN(const auto others,
-                     RunAll(arguments, *found->setting, hidden, "found-", experiments));
+                     RunAll(arguments, *found->setting, hidden, near, "found-", experiments));
     comparisons = Compare(rows, others);
   }
   std::string text = TextOf(rows) + "\n";
@@ -313,6 +344,13 @@ void AddCellCommand(CLI::App& program, Run& run) {
       ->add_option("--hidden", arguments->hidden,
                    "Scenes with a ball of the least obstacle's size where the robot hides it from\n"
                    "all views; each is tested again without the ball (experiment 'empty')")
+      ->check(count)
+      ->capture_default_str();
+  command
+      ->add_option(
+          "--near", arguments->near,
+          "Scenes with a ball or a forearm of 3 to 6 cm radius, 1 to 12 cm from the robot:\n"
+          "a table for each size and distance. The robot touches nothing where it stands")
       ->check(count)
       ->capture_default_str();
   command

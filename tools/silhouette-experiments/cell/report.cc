@@ -21,6 +21,8 @@ const std::vector<Column> kFigures = {
     {"additional", "additional_percent", 2, " %"},
     {"missing", "missing_percent", 4, " %"},
     {"count", "missing_count"},
+    {"of occupied", "missed_collisions_percent", 2, " %"},
+    {"flagged", "missing_hidden_possible"},
 };
 
 // Their names, for columns; the JSON has them in an object of their own.
@@ -81,6 +83,8 @@ double Row::AdditionalPercent() const { return Percent(tally.additional, tally.t
 
 double Row::MissingPercent() const { return Percent(tally.missing, tally.tested); }
 
+double Row::MissedCollisionsPercent() const { return Percent(tally.missing, tally.occupied); }
+
 std::string NameOf(Where where) { return where == kOnGrid ? "on_grid" : "off_grid"; }
 
 std::vector<Row> RowsOf(const std::string& experiment, const TrialSetting& setting,
@@ -139,6 +143,8 @@ Json JsonOf(std::span<const Row> rows) {
                     {"additional_percent", row.AdditionalPercent()},
                     {"missing_percent", row.MissingPercent()},
                     {"missing_count", row.tally.missing},
+                    {"missed_collisions_percent", row.MissedCollisionsPercent()},
+                    {"missing_hidden_possible", row.tally.flagged},
                     {"causes", causes}});
   }
   return json;

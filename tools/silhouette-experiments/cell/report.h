@@ -27,6 +27,8 @@ struct Row {
   // Of the configurations tested.
   double AdditionalPercent() const;
   double MissingPercent() const;
+  // Of those that are occupied in truth.
+  double MissedCollisionsPercent() const;
 };
 
 // In the order of the policies, on the grid first.

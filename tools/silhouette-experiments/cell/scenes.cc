@@ -8,6 +8,7 @@
 #include <utility>
 
 #include "absl/strings/str_cat.h"
+#include "absl/strings/str_format.h"
 #include "capture/sim/contact.h"
 #include "capture/sim/ray_scene.h"
 
@@ -162,52 +163,74 @@ namespace {
 constexpr uint64_t kHiddenStream = uint64_t{1} << 41;  // of chance: apart from other scenes'
 constexpr int kRobots = 200;                           // configurations that are tried
 constexpr int kPlaces = 2000;                          // places near the robot, for each
+constexpr int kNearPlaces = 100;                       // the same for a near thing
 constexpr double kFarthest = 0.3;                      // metres from the robot's surface
-constexpr int kTests = 100;                            // configurations, of which some must touch
-constexpr double kLargest = 1.25;                      // radius of a ball, as multiple of the least
+constexpr double kForearm = 0.25;                      // metres between the ends' centres
+constexpr uint64_t kNearStream = uint64_t{1} << 42;
+constexpr int kTests = 100;        // configurations, of which some must touch
+constexpr double kLargest = 1.25;  // radius of a ball, as multiple of the least
 
+// For a place of one thing beside the robot.
 class Search {
  public:
-  // For a place for `ball`.
-  Search(const SimulatedWorkplace& workplace, Chance& chance, const Obstacle& ball, double radius)
+  // `radius`: least height above the floor.
+  Search(const SimulatedWorkplace& workplace, Chance& chance, const Obstacle& thing, double radius)
       : workplace_(workplace),
         chance_(chance),
-        ball_(ball),
+        thing_(thing),
         radius_(radius),
-        contact_(workplace.robot(), {&ball, 1}),
+        contact_(workplace.robot(), {&thing, 1}),
         parts_(RobotParts(workplace.robot())),
         rays_(parts_),
         cameras_(workplace.TrueCalibration().cameras) {}
 
   // The ball's pose, hidden near the robot at `links`.
-  std::optional<Eigen::Isometry3d> Near(const Poses& links) {
+  std::optional<Eigen::Isometry3d> Hidden(const Poses& links) {
     rays_.Place(links);
     for (int i = 0; i < kPlaces; ++i) {
-      const BodyPart& part = parts_[static_cast<size_t>(chance_.Below(int(parts_.size())))];
-      const Eigen::Vector3d& vertex =
-          part.mesh.vertices[static_cast<size_t>(chance_.Below(int(part.mesh.vertices.size())))];
-      const Eigen::Vector3d away = chance_.Rotation() * Eigen::Vector3d::UnitZ();
-      Eigen::Isometry3d pose = Eigen::Isometry3d::Identity();
-      pose.translation() = links[part.frame] * vertex + chance_.Between(0, kFarthest) * away;
-      const bool above_floor =
-          pose.translation().z() > workplace_.simulation().settings().room.lower.z() + radius_;
-      if (!above_floor || !Hidden(pose.translation()) || contact_.Touches(links, {pose})) continue;
+      const std::optional<Eigen::Isometry3d> pose = Beside(links, 0, kFarthest);
+      if (!pose || !Hidden(pose->translation()) || contact_.Touches(links, {*pose})) continue;
       const bool all_hidden =
-          std::all_of(ball_.mesh.vertices.begin(), ball_.mesh.vertices.end(),
-                      [&](const Eigen::Vector3d& point) { return Hidden(pose * point); });
-      if (all_hidden && InTheWay(pose)) return pose;
+          std::all_of(thing_.mesh.vertices.begin(), thing_.mesh.vertices.end(),
+                      [&](const Eigen::Vector3d& point) { return Hidden(*pose * point); });
+      if (all_hidden && InTheWay(*pose)) return pose;
+    }
+    return std::nullopt;
+  }
+
+  // The thing's pose, its surface that far from the robot at `links`.
+  std::optional<Eigen::Isometry3d> Near(const Poses& links, double least, double largest) {
+    for (int i = 0; i < kNearPlaces; ++i) {
+      std::optional<Eigen::Isometry3d> pose = Beside(links, least + radius_, largest + radius_);
+      if (!pose) continue;
+      pose->linear() = chance_.Rotation().toRotationMatrix();
+      const double distance = contact_.Check(links, {*pose}).distance;
+      if (distance >= least && distance <= largest && InTheWay(*pose)) return pose;
     }
     return std::nullopt;
   }
 
  private:
+  // Some place, so far from a corner of the robot's meshes; nothing if it is not above the floor.
+  std::optional<Eigen::Isometry3d> Beside(const Poses& links, double least, double largest) {
+    const BodyPart& part = parts_[static_cast<size_t>(chance_.Below(int(parts_.size())))];
+    const Eigen::Vector3d& vertex =
+        part.mesh.vertices[static_cast<size_t>(chance_.Below(int(part.mesh.vertices.size())))];
+    const Eigen::Vector3d away = chance_.Rotation() * Eigen::Vector3d::UnitZ();
+    Eigen::Isometry3d pose = Eigen::Isometry3d::Identity();
+    pose.translation() = links[part.frame] * vertex + chance_.Between(least, largest) * away;
+    const double floor = workplace_.simulation().settings().room.lower.z();
+    if (pose.translation().z() <= floor + radius_) return std::nullopt;
+    return pose;
+  }
+
   bool Hidden(const Eigen::Vector3d& point) const {
     return std::all_of(cameras_.begin(), cameras_.end(), [&](const CameraModel& camera) {
       return rays_.Meets(camera.Centre(), point - camera.Centre());
     });
   }
 
-  // Whether the robot touches the ball in some configurations.
+  // Whether the robot touches the thing in some configurations.
   bool InTheWay(const Eigen::Isometry3d& pose) const {
     for (int i = 0; i < kTests; ++i) {
       const Configuration q = RandomConfiguration(chance_, workplace_.cell().grid, true);
@@ -218,7 +241,7 @@ class Search {
 
   const SimulatedWorkplace& workplace_;
   Chance& chance_;
-  const Obstacle& ball_;
+  const Obstacle& thing_;
   const double radius_;
   const ContactChecker contact_;
   const std::vector<BodyPart> parts_;
@@ -241,10 +264,50 @@ std::optional<RandomScene> MakeHiddenScene(const SimulatedWorkplace& workplace, 
     RandomScene scene;
     scene.robot_on_grid = true;
     scene.robot = RandomConfiguration(chance, workplace.cell().grid, true);
-    const auto pose = search.Near(workplace.LinkPoses(scene.robot));
+    const auto pose = search.Hidden(workplace.LinkPoses(scene.robot));
     if (!pose) continue;
     ball.world_from_obstacle = *pose;
     scene.obstacles = {ball};
+    return scene;
+  }
+  return std::nullopt;
+}
+
+std::string NameOf(const NearThing& thing) {
+  return absl::StrFormat("near-radius-%g-%g-cm-distance-%g-%g-cm", 100 * thing.least_radius,
+                         100 * thing.largest_radius, 100 * thing.least_distance,
+                         100 * thing.largest_distance);
+}
+
+std::vector<NearThing> NearThings() {
+  std::vector<NearThing> things;
+  for (const auto& [least_radius, largest_radius] : {std::pair(0.03, 0.045), {0.045, 0.06}}) {
+    for (const auto& [least, largest] : {std::pair(0.01, 0.04), {0.04, 0.08}, {0.08, 0.12}}) {
+      things.push_back({least_radius, largest_radius, least, largest});
+    }
+  }
+  return things;
+}
+
+std::optional<RandomScene> MakeNearScene(const SimulatedWorkplace& workplace,
+                                         const NearThing& thing, uint64_t seed, int number) {
+  Chance chance(seed, kNearStream + static_cast<uint64_t>(number));
+  const double radius = chance.Between(thing.least_radius, thing.largest_radius);
+  Obstacle near;
+  const bool forearm = chance.Below(2) == 0;
+  near.name = forearm ? "forearm" : "ball";
+  near.mesh = forearm ? CapsuleMesh(radius, kForearm) : SphereMesh(radius);
+  near.brightness = chance.Between(0.02, 0.95);
+  Search search(workplace, chance, near, radius);
+  for (int i = 0; i < kRobots; ++i) {
+    RandomScene scene;
+    scene.robot_on_grid = true;
+    scene.robot = RandomConfiguration(chance, workplace.cell().grid, true);
+    const auto pose =
+        search.Near(workplace.LinkPoses(scene.robot), thing.least_distance, thing.largest_distance);
+    if (!pose) continue;
+    near.world_from_obstacle = *pose;
+    scene.obstacles = {near};
     return scene;
   }
   return std::nullopt;

@@ -7,6 +7,7 @@
 #include <cstdint>
 #include <optional>
 #include <random>
+#include <string>
 #include <vector>
 
 #include "capture/sim/obstacles.h"
@@ -60,5 +61,27 @@ RandomScene MakeRandomScene(const SimulatedWorkplace& workplace, const Eigen::Al
 // seconds.
 std::optional<RandomScene> MakeHiddenScene(const SimulatedWorkplace& workplace, double radius,
                                            uint64_t seed, int number);
+
+// A small thing close to the robot.
+struct NearThing {
+  // Metres: of a ball, or of a forearm, which is a capsule.
+  double least_radius = 0;
+  double largest_radius = 0;
+  // Metres between its surface and the robot's.
+  double least_distance = 0;
+  double largest_distance = 0;
+};
+
+// "near-radius-3-4.5-cm-distance-1-4-cm".
+std::string NameOf(const NearThing& thing);
+
+// A hand's sizes and distances, from the smallest and nearest on.
+std::vector<NearThing> NearThings();
+
+// A scene with a ball or a forearm as `thing` says, as bright or dark as chance has it. The robot
+// stands on a grid point and touches nothing; some configurations of the grid touch the thing.
+// Nothing if no such place was found, in a search that takes seconds.
+std::optional<RandomScene> MakeNearScene(const SimulatedWorkplace& workplace,
+                                         const NearThing& thing, uint64_t seed, int number);
 
 }  // namespace silhouette::cell_experiment

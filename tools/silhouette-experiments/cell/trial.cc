@@ -9,6 +9,7 @@
 #include "common/picture/picture.h"
 #include "db/status/status_macros.h"
 #include "server/collision/collision_checker.h"
+#include "server/collision/verdict.h"
 #include "server/scene/make_scene.h"
 
 namespace silhouette::cell_experiment {
@@ -54,7 +55,7 @@ std::vector<JointPosition> JointsOf(const SimulatedWorkplace& workplace, const C
 // What the truth and all policies say of one test configuration.
 struct Answer {
   bool touches = false;
-  std::vector<bool> free;  // by policy
+  std::vector<Verdict> verdicts;  // by policy
 };
 
 }  // namespace
@@ -64,6 +65,7 @@ void Tally::Add(const Tally& other) {
   occupied += other.occupied;
   additional += other.additional;
   missing += other.missing;
+  flagged += other.flagged;
 }
 
 absl::StatusOr<ViewedScene> View(const TrialSetting& setting, RandomScene scene, int number) {
@@ -118,18 +120,21 @@ TrialResult Judge(const TrialSetting& setting, const ViewedScene& viewed, int nu
     for (size_t i = part * kAtOnce; i < std::min(tests.size(), (part + 1) * kAtOnce); ++i) {
       const Configuration& q = tests[i].configuration;
       answers[i].touches = contact.Touches(setting.workplace.LinkPoses(q), obstacles);
-      for (const auto& policy : policies) answers[i].free.push_back(policy->Check(q).free());
+      for (const auto& policy : policies) answers[i].verdicts.push_back(policy->Check(q));
     }
   });
   for (size_t i = 0; i < tests.size(); ++i) {
-    const auto& [touches, free] = answers[i];
+    const auto& [touches, verdicts] = answers[i];
     MissedConfiguration missed{tests[i].configuration, tests[i].where, {}};
     for (size_t p = 0; p < policies.size(); ++p) {
-      const bool is_missed = touches && free[p];
+      const bool free = verdicts[p].free();
+      const bool is_missed = touches && free;
+      const bool is_flagged = is_missed && verdicts[p].hidden_possible();
       result.tallies[p][tests[i].where].Add({.tested = 1,
                                              .occupied = touches ? 1u : 0u,
-                                             .additional = !touches && !free[p] ? 1u : 0u,
-                                             .missing = is_missed ? 1u : 0u});
+                                             .additional = !touches && !free ? 1u : 0u,
+                                             .missing = is_missed ? 1u : 0u,
+                                             .flagged = is_flagged ? 1u : 0u});
       if (is_missed) missed.policies.push_back(p);
     }
     if (!missed.policies.empty()) result.missed.push_back(std::move(missed));

@@ -31,6 +31,7 @@ struct Tally {
   uint64_t occupied = 0;    // in truth
   uint64_t additional = 0;  // not reported free, and free in truth
   uint64_t missing = 0;     // reported free, and occupied in truth
+  uint64_t flagged = 0;     // of the missing: reported as hidden_possible
 
   void Add(const Tally& other);
 };

@@ -3,6 +3,9 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
+#include <limits>
+
 #include "tests/tools/silhouette-experiments/cell/small_workplace.h"
 #include "tools/silhouette-experiments/cell/explanation.h"
 
@@ -38,6 +41,30 @@ TEST(CellTrial, OccupiedIsWhatTouchesExactly) {
     EXPECT_EQ(tally[kOnGrid].tested, small.served().grid().size());
     EXPECT_EQ(tally[kOnGrid].occupied, touching);
     EXPECT_EQ(tally[kOffGrid].tested, 50u);
+  }
+}
+
+TEST(CellTrial, NearThingsAreAsFarFromTheRobotAsTheyShouldBeAndInItsWay) {
+  const SmallWorkplace small;
+  const SimulatedWorkplace& workplace = small.workplace();
+  for (const NearThing& thing : NearThings()) {
+    const auto scene = MakeNearScene(workplace, thing, 1, 0);
+    ASSERT_TRUE(scene.has_value()) << NameOf(thing);
+    const ContactChecker contact(workplace.robot(), scene->obstacles);
+    const Poses obstacles = ObstaclePoses(scene->obstacles, 0);
+    const double distance = contact.Check(workplace.LinkPoses(scene->robot), obstacles).distance;
+    EXPECT_GE(distance, thing.least_distance) << NameOf(thing);
+    EXPECT_LE(distance, thing.largest_distance) << NameOf(thing);
+    const TriangleMesh& mesh = scene->obstacles[0].mesh;
+    double least = std::numeric_limits<double>::infinity();
+    for (const Eigen::Vector3d& vertex : mesh.vertices) least = std::min(least, vertex.norm());
+    EXPECT_LE(least, thing.largest_radius * 1.001) << NameOf(thing);
+    bool touches = false;
+    for (ConfigurationNumber i = 0; i < small.served().grid().number_limit() && !touches; ++i) {
+      if (!small.served().grid().Contains(i)) continue;
+      touches = contact.Touches(workplace.LinkPoses(small.served().grid().At(i)), obstacles);
+    }
+    EXPECT_TRUE(touches) << NameOf(thing);
   }
 }
 
