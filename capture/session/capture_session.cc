@@ -16,7 +16,6 @@
 #include "absl/strings/str_format.h"
 #include "absl/time/clock.h"
 #include "absl/time/time.h"
-#include "capture/segmentation/difference.h"
 #include "capture/session/capture_observer.h"
 #include "capture/session/capture_plan.h"
 #include "capture/session/capture_report.h"
@@ -353,11 +352,8 @@ absl::Status CaptureRun::Store(ConfigurationNumber number, const Visit& visit) {
   image.captured = visit.images.captured;
   image.commanded = parts_.robot.Commanded(parts_.travel->grid().At(number));
   image.measured = visit.measured;
-  for (size_t v = 0; v < report_.views.size(); ++v) {
-    image.masks.push_back(Difference(visit.images.images[v], parts_.references[v],
-                                     parts_.segmentation, parts_.database->mask_sizes()[v]));
-    report_.views[v].Add(image.masks.back());
-  }
+  image.masks = RobotMasks(parts_, visit);
+  for (size_t v = 0; v < report_.views.size(); ++v) report_.views[v].Add(image.masks[v]);
   unchecked_ = true;
   if (first_sights_) sentinels_->Captured(number, visit, image.masks);
   const bool keep =
@@ -365,7 +361,7 @@ absl::Status CaptureRun::Store(ConfigurationNumber number, const Visit& visit) {
       (parts_.settings.raw_images == RawImages::kSentinels &&
        std::ranges::find(sentinels_->numbers(), number) != sentinels_->numbers().end());
   return writer_.Put(image, /*replace=*/true,
-                     keep ? RawImagesOf(visit.images) : std::vector<std::string>());
+                     keep ? RawImagesOf(visit) : std::vector<std::string>());
 }
 
 absl::Status CaptureRun::StopRobot(const absl::Status& why) {

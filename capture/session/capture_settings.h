@@ -37,8 +37,8 @@ struct CaptureSettings {
   absl::Duration settle = absl::Milliseconds(200);
   // How long it may take the robot to settle beyond that.
   absl::Duration settle_timeout = absl::Seconds(2);
-  // How many sets of images one after the other must be alike before the last of them is taken; 1:
-  // they are not compared.
+  // How many sets of images one after the other must be alike; the robot image is the union of
+  // their masks (RobotMasks() in visitor.h). 1: they are not compared.
   int still_images = 2;
   // Largest deviation between a commanded and a measured joint value: radians, metres.
   double joint_tolerance = 0.002;

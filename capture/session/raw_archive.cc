@@ -14,6 +14,21 @@ std::string Png(const cv::Mat& image) {
   return {bytes.begin(), bytes.end()};
 }
 
+// Bytes of the PNG file that `bytes` begins with; all of them if it does not end.
+size_t LengthOfPng(std::string_view bytes) {
+  constexpr size_t kSignature = 8;
+  constexpr size_t kAroundData = 12;  // length and type before a chunk's data, checksum behind it
+  size_t at = kSignature;
+  while (bytes.size() >= kAroundData && at <= bytes.size() - kAroundData) {
+    uint32_t data = 0;
+    for (size_t i = 0; i < 4; ++i) data = data << 8 | static_cast<uint8_t>(bytes[at + i]);
+    const bool last = bytes.substr(at + 4, 4) == "IEND";
+    at += kAroundData + data;
+    if (last && at <= bytes.size()) return at;
+  }
+  return bytes.size();
+}
+
 // An image as the camera takes it of the empty cell.
 cv::Mat Likely(const Reference& reference) {
   cv::RNG random(1);
@@ -31,9 +46,12 @@ cv::Mat Likely(const Reference& reference) {
 
 }  // namespace
 
-std::vector<std::string> RawImagesOf(const ImageSet& images) {
+std::vector<std::string> RawImagesOf(const Visit& visit) {
   std::vector<std::string> raw;
-  for (const cv::Mat& image : images.images) raw.push_back(Png(image));
+  for (size_t v = 0; v < visit.images.images.size(); ++v) {
+    raw.push_back(Png(visit.images.images[v]));
+    for (const std::vector<cv::Mat>& set : visit.earlier) raw.back() += Png(set[v]);
+  }
   return raw;
 }
 
@@ -41,6 +59,16 @@ cv::Mat ImageInPng(const std::string& png) {
   if (png.empty()) return {};
   const cv::Mat bytes(1, static_cast<int>(png.size()), CV_8UC1, const_cast<char*>(png.data()));
   return cv::imdecode(bytes, cv::IMREAD_UNCHANGED);
+}
+
+std::vector<cv::Mat> ImagesInPng(std::string_view png) {
+  std::vector<cv::Mat> images;
+  do {
+    const size_t length = LengthOfPng(png);
+    images.push_back(ImageInPng(std::string(png.substr(0, length))));
+    png.remove_prefix(length);
+  } while (!png.empty());
+  return images;
 }
 
 uint64_t EstimateRawBytes(const storage::v1::CellDescription& cell, const Database* database) {

@@ -138,11 +138,14 @@ class VariantRemask {
       if (!raw.has_value()) return Unreadable(number, v);
       ASSIGN_OR_RETURN(const auto references,
                        references_.Get(snapshot, database_.cell(), raw->references));
-      const cv::Mat picture = ImageInPng(raw->png);
       const Reference& reference = (*references)[static_cast<size_t>(v)];
-      if (picture.size() != reference.size()) return Unreadable(number, v);
-      masks.push_back(
-          Difference(picture, reference, options_.segmentation, sizes[static_cast<size_t>(v)]));
+      const MaskSize size = sizes[static_cast<size_t>(v)];
+      Mask mask(size);
+      for (const cv::Mat& picture : ImagesInPng(raw->png)) {
+        if (picture.size() != reference.size()) return Unreadable(number, v);
+        mask = mask | Difference(picture, reference, options_.segmentation, size);
+      }
+      masks.push_back(std::move(mask));
     }
     return absl::OkStatus();
   } catch (const std::invalid_argument& error) {

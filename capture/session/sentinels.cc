@@ -11,7 +11,6 @@
 #include "absl/strings/str_format.h"
 #include "absl/strings/str_join.h"
 #include "absl/time/clock.h"
-#include "capture/segmentation/difference.h"
 #include "capture/session/history.h"
 #include "capture/session/raw_archive.h"
 #include "db/status/status_macros.h"
@@ -122,19 +121,18 @@ bool Sentinels::Due(absl::Time now) const {
   return Known() && now - last_check_ >= parts_->settings.sentinels.every;
 }
 
-std::vector<SentinelImage> Sentinels::Look(const ImageSet& images) const {
+std::vector<SentinelImage> Sentinels::Look(const Visit& visit) const {
+  std::vector<Mask> masks = RobotMasks(*parts_, visit);
   std::vector<SentinelImage> views;
-  for (size_t v = 0; v < images.images.size(); ++v) {
-    views.push_back({Grey(images.images[v]),
-                     Difference(images.images[v], parts_->references[v], parts_->segmentation,
-                                parts_->database->mask_sizes()[v])});
+  for (size_t v = 0; v < masks.size(); ++v) {
+    views.push_back({Grey(visit.images.images[v]), std::move(masks[v])});
   }
   return views;
 }
 
 void Sentinels::Note(ConfigurationNumber number, First& first, const Visit& visit,
                      storage::v1::SentinelCheck& check, std::vector<Complaints>& complaints) {
-  std::vector<SentinelImage> now = Look(visit.images);
+  std::vector<SentinelImage> now = Look(visit);
   for (size_t v = 0; v < now.size(); ++v) {
     const Sight sight = Compare(first.views[v], now[v], parts_->references[v]);
     storage::v1::SentinelSight& noted = *check.add_sights();

@@ -70,7 +70,7 @@ class Sentinels {
 
   explicit Sentinels(SessionParts& parts) : parts_(&parts) {}
   absl::Status ReadFirsts(const Snapshot& snapshot, const std::set<ConfigurationNumber>& planned);
-  std::vector<SentinelImage> Look(const ImageSet& images) const;
+  std::vector<SentinelImage> Look(const Visit& visit) const;
   // What is said against a view: at how many sentinels, and the first of it.
   struct Complaints {
     int count = 0;

@@ -2,6 +2,8 @@
 #include "capture/session/visitor.h"
 
 #include <algorithm>
+#include <cmath>
+#include <iterator>
 #include <numbers>
 #include <opencv2/imgproc.hpp>
 #include <stdexcept>
@@ -10,6 +12,7 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
 #include "absl/time/clock.h"
+#include "capture/segmentation/difference.h"
 #include "db/status/status_macros.h"
 
 namespace silhouette {
@@ -17,6 +20,17 @@ namespace {
 
 constexpr int kLeastAttempts = 2;
 constexpr absl::Duration kLeastWait = absl::Milliseconds(1);
+
+// The standard deviation that normally distributed values of the same median size have.
+double TypicalSize(const cv::Mat& values) {
+  constexpr double kDeviations = 1.4826;  // in a median size
+  std::vector<float> sizes(values.begin<float>(), values.end<float>());
+  if (sizes.empty()) return 0;
+  for (float& size : sizes) size = std::abs(size);
+  const auto middle = sizes.begin() + std::ssize(sizes) / 2;
+  std::nth_element(sizes.begin(), middle, sizes.end());
+  return kDeviations * *middle;
+}
 
 }  // namespace
 
@@ -60,7 +74,7 @@ absl::StatusOr<Visit> Visitor::TakeImages(ConfigurationNumber number) {
   const absl::Duration settle = parts_.settings.settle;
   absl::SleepFor(settle);
   const absl::Time end = absl::Now() + parts_.settings.settle_timeout;
-  alike_ = 0;
+  alike_.clear();
   for (int attempt = 1;; ++attempt) {
     absl::StatusOr<Visit> visit = Look(number);
     if (!visit.ok() || visit->outcome == Visit::Outcome::kTaken) return visit;
@@ -99,28 +113,30 @@ absl::StatusOr<Visit> Visitor::Look(ConfigurationNumber number) {
         number, *view);
     return visit;
   }
-  if (alike_ < parts_.settings.still_images) return visit;
+  if (std::ssize(alike_) < parts_.settings.still_images) return visit;
+  alike_.pop_back();  // `images`
+  visit.earlier = std::exchange(alike_, {});
   visit.outcome = Visit::Outcome::kTaken;
   at_ = number;
   return visit;
 }
 
 std::optional<std::string> Visitor::ChangedView(const ImageSet& images) {
-  const std::vector<cv::Mat> before = std::exchange(before_, images.images);
-  ++alike_;
-  for (size_t v = 0; alike_ > 1 && v < before.size(); ++v) {
-    if (!ImagesDiffer(before[v], images.images[v], parts_.references[v], parts_.segmentation)) {
-      continue;
+  std::optional<std::string> changed;
+  for (size_t v = 0; !alike_.empty() && v < images.images.size() && !changed; ++v) {
+    const Reference* reference = parts_.references.empty() ? nullptr : &parts_.references[v];
+    if (ImagesDiffer(alike_.back()[v], images.images[v], reference, parts_.segmentation)) {
+      changed = parts_.database->cell().views(static_cast<int>(v)).name();
     }
-    alike_ = 1;
-    return parts_.database->cell().views(static_cast<int>(v)).name();
   }
-  return std::nullopt;
+  if (changed) alike_.clear();
+  alike_.push_back(images.images);
+  return changed;
 }
 
 Visit Visitor::Missed(ConfigurationNumber number, const std::vector<double>& commanded,
                       const std::vector<double>& measured) {
-  alike_ = 0;
+  alike_.clear();
   Visit visit;
   visit.deviation = parts_.robot.Deviation(commanded, measured);
   visit.why = absl::StrFormat("configuration %d: %s, off by %.4f, more than %.4f", number,
@@ -129,9 +145,24 @@ Visit Visitor::Missed(ConfigurationNumber number, const std::vector<double>& com
   return visit;
 }
 
-bool ImagesDiffer(const cv::Mat& before, const cv::Mat& after, const Reference& reference,
+std::vector<Mask> RobotMasks(const SessionParts& parts, const Visit& visit) {
+  const std::vector<MaskSize> sizes = parts.database->mask_sizes();
+  std::vector<Mask> masks;
+  for (size_t v = 0; v < visit.images.images.size(); ++v) {
+    const auto mask_of = [&](const cv::Mat& image) {
+      return Difference(image, parts.references[v], parts.segmentation, sizes[v]);
+    };
+    Mask mask = mask_of(visit.images.images[v]);
+    for (const std::vector<cv::Mat>& set : visit.earlier) mask = mask | mask_of(set[v]);
+    masks.push_back(std::move(mask));
+  }
+  return masks;
+}
+
+bool ImagesDiffer(const cv::Mat& before, const cv::Mat& after, const Reference* reference,
                   const SegmentationSettings& settings) {
-  if (before.size() != reference.size() || after.size() != reference.size()) {
+  if (before.size() != after.size() ||
+      (reference != nullptr && after.size() != reference->size())) {
     throw std::invalid_argument("images and reference of a view differ in size");
   }
   cv::Mat first;
@@ -142,9 +173,13 @@ bool ImagesDiffer(const cv::Mat& before, const cv::Mat& after, const Reference& 
   const double gain = dark > 0 && settings.follow_brightness ? cv::mean(second)[0] / dark : 1;
   cv::Mat difference;
   cv::addWeighted(second, 1, first, -gain, 0, difference);
-  cv::Mat least;
-  reference.AsGrey().noise().convertTo(
-      least, CV_32F, settings.noise_factor * std::numbers::sqrt2 / Reference::kGreyLevel);
+  cv::Mat least(difference.size(), CV_32F, cv::Scalar(0));
+  if (reference != nullptr) {
+    reference->AsGrey().noise().convertTo(
+        least, CV_32F, settings.noise_factor * std::numbers::sqrt2 / Reference::kGreyLevel);
+  } else {
+    least = settings.noise_factor * TypicalSize(difference);
+  }
   least = cv::max(least, settings.min_difference);
   const cv::Mat changed = cv::abs(difference) > least;
   cv::Mat labels;

@@ -18,6 +18,7 @@
 #include "capture/session/cell_robot.h"
 #include "capture/session/travel.h"
 #include "db/mask/configuration_grid.h"
+#include "db/mask/mask.h"
 #include "db/store/store.h"
 
 namespace silhouette {
@@ -27,8 +28,9 @@ namespace silhouette {
 // Whether an area of `settings.min_blob_pixels` pixels or more differs between two images of one
 // view: by more than min_difference grey levels and by more than noise_factor standard deviations
 // of the difference of two images, a change of the whole image's brightness taken out. `reference`:
-// that of the view, for its noise. Throws std::invalid_argument if the sizes differ.
-bool ImagesDiffer(const cv::Mat& before, const cv::Mat& after, const Reference& reference,
+// that of the view, for its noise; null: there is none yet, and the typical difference between the
+// two images stands in. Throws std::invalid_argument if the sizes differ.
+bool ImagesDiffer(const cv::Mat& before, const cv::Mat& after, const Reference* reference,
                   const SegmentationSettings& settings);
 
 // What a capture session is made of.
@@ -38,7 +40,7 @@ struct SessionParts {
   const Travel* travel;
   CellRobot robot;
   CellCameras cameras;
-  std::vector<Reference> references;  // one per view
+  std::vector<Reference> references;  // one per view; empty: they are yet to be made
   CaptureSettings settings;
   SegmentationSettings segmentation;
 };
@@ -56,7 +58,15 @@ struct Visit {
   std::vector<double> measured;
   double deviation = 0;
   ImageSet images;
+  // The sets before, by view, in which the robot stood as still: still_images sets in all.
+  std::vector<std::vector<cv::Mat>> earlier;
 };
+
+// The robot image of each view: the union over all sets of the visit. Where the robot alone was
+// foreground once, it may be again: at faint rims, such as those of its shadow, noise decides from
+// image to image. A pixel that a scene finds there must not count as an obstacle. A larger test
+// image only makes more configurations occupied.
+std::vector<Mask> RobotMasks(const SessionParts& parts, const Visit& visit);
 
 class Visitor {
  public:
@@ -81,7 +91,7 @@ class Visitor {
   // Measures, takes one set of images, measures. Without `why` unless kTaken: all is well, but more
   // sets are needed.
   absl::StatusOr<Visit> Look(ConfigurationNumber number);
-  // A view whose image is not that of the set before.
+  // A view whose image is not that of the set before. Adds the set to those that are alike.
   std::optional<std::string> ChangedView(const ImageSet& images);
   // The joints are not where they were commanded.
   Visit Missed(ConfigurationNumber number, const std::vector<double>& commanded,
@@ -92,9 +102,8 @@ class Visitor {
   // Where the robot stands; nothing if that is not known for sure.
   std::optional<ConfigurationNumber> at_;
   bool robot_lost_ = false;
-  // How many sets of images in a row were alike; `before_` is the last of them.
-  int alike_ = 0;
-  std::vector<cv::Mat> before_;
+  // The last sets of images that were alike, oldest first.
+  std::vector<std::vector<cv::Mat>> alike_;
 };
 
 }  // namespace silhouette

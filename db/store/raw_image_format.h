@@ -5,16 +5,17 @@
 // CellDescription.views; or 2^64 - 1 and the id of reference images, which is XXH3-64, seed 0, of
 // their payload (the message References as it lies in `meta`).
 //
-// Under the former, one camera image:
+// Under the former, the camera images of one view:
 //
 //   offset  size  content
 //   0       8     checksum: XXH3-64 of all bytes after it; the seed is the configuration number
 //                 XOR 2^56 times the view's place
 //   8       8     capture time: nanoseconds since 1970-01-01 UTC, signed
 //   16      8     id of the reference images that its mask was made with
-//   24      1     codec: 1 a PNG file; others are not used
+//   24      1     codec: 1 PNG files; others are not used
 //   25      7     0
-//   32      rest  the image, losslessly compressed
+//   32      rest  the images that the mask unites, one file after another; the last one taken is
+//                 the first
 //
 // Under the latter, the reference images as a value of `meta`: checksum, payload.
 //

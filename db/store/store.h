@@ -39,12 +39,12 @@ struct RobotImage {
   bool operator==(const RobotImage&) const = default;
 };
 
-// The camera image that a mask was made from.
+// The camera images that a mask was made from.
 struct RawImage {
   absl::Time captured = absl::UnixEpoch();
   // Which reference images the mask was made with, as Snapshot::ReferencesOf knows them.
   uint64_t references = 0;
-  std::string png;  // a PNG file
+  std::string png;  // PNG files, one after another: the mask is the union of what they show
 
   bool operator==(const RawImage&) const = default;
 };
@@ -150,7 +150,7 @@ class RobotImageWriter {
   // Commits by itself, this record included, when `max_delay` (see Database::Write) has passed
   // since the last commit, or the batch is 32 MiB large. Every other error is that commit's; the
   // record is in the batch then, and Commit() tries again.
-  // `raw_images`: PNG files, one per view (InvalidArgument if not), which are written with the
+  // `raw_images`: RawImage::png, one per view (InvalidArgument if not), which are written with the
   // record, all or none. Empty: those that it has are removed.
   absl::Status Put(const RobotImage& image, bool replace = false,
                    std::vector<std::string> raw_images = {});

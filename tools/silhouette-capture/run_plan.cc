@@ -120,6 +120,7 @@ DiskRoom RoomFor(const CapturePlan& plan, const CellFile& file, const Database* 
   if (settings.raw_images == RawImages::kSentinels) {
     images = std::min<uint64_t>(images, static_cast<uint64_t>(settings.sentinels.count));
   }
+  images *= static_cast<uint64_t>(settings.still_images);
   if (images > 0) room.raw_bytes = images * EstimateRawBytes(DescriptionOf(file.cell), database);
   // Where the folder is, or will be.
   std::error_code error;

@@ -32,6 +32,15 @@ TEST(ReferencesWithRobot, AreThoseOfTheEmptyCell) {
   EXPECT_TRUE(cell.Capture().status.ok());
 }
 
+TEST(ReferencesWithRobot, AreTakenWhereTheRobotStandsStill) {
+  FakeCell cell;
+  cell.settings.still_images = CaptureSettings{}.still_images;
+  const auto taken = TakeReferencesWithRobot(*cell.database, *cell.travel, cell.robot, cell.rig,
+                                             cell.settings, 10);
+  ASSERT_TRUE(taken.ok()) << taken.status();
+  EXPECT_EQ(cell.rig.grabs, 20u);
+}
+
 TEST(ReferencesWithRobot, RobotImagesTellWhereTheRobotIs) {
   FakeCell cell;
   cell.TakeReferences();

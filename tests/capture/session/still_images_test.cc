@@ -26,28 +26,41 @@ void ExpectJudged(int type) {
   const SegmentationSettings settings;
   for (int i = 0; i < 20; ++i) {
     const cv::Mat before = NoisyImage(random, type);
-    EXPECT_FALSE(ImagesDiffer(before, NoisyImage(random, type), reference, settings)) << "noise";
-    EXPECT_FALSE(ImagesDiffer(before, NoisyImage(random, type, 1.2), reference, settings))
+    EXPECT_FALSE(ImagesDiffer(before, NoisyImage(random, type), &reference, settings)) << "noise";
+    EXPECT_FALSE(ImagesDiffer(before, NoisyImage(random, type, 1.2), &reference, settings))
         << "brightness";
     // An edge of the robot that has moved by a pixel.
     cv::Mat edge = NoisyImage(random, type);
     cv::rectangle(edge, {40, 20, 1, 15}, cv::Scalar::all(200), cv::FILLED);
-    EXPECT_TRUE(ImagesDiffer(before, edge, reference, settings)) << "edge";
+    EXPECT_TRUE(ImagesDiffer(before, edge, &reference, settings)) << "edge";
     cv::Mat speck = NoisyImage(random, type);
     cv::rectangle(speck, {40, 20, 2, 2}, cv::Scalar::all(200), cv::FILLED);
-    EXPECT_FALSE(ImagesDiffer(before, speck, reference, settings)) << "speck";
+    EXPECT_FALSE(ImagesDiffer(before, speck, &reference, settings)) << "speck";
   }
 }
 
 TEST(StillImages, OnlyWhatMovedDiffersInGrey) { ExpectJudged(CV_8UC1); }
 TEST(StillImages, OnlyWhatMovedDiffersInColour) { ExpectJudged(CV_8UC3); }
 
+TEST(StillImages, WithoutAReferenceTheImagesShowTheirNoise) {
+  cv::RNG random{Random()()};
+  for (int i = 0; i < 20; ++i) {
+    const cv::Mat before = NoisyImage(random, CV_8UC1);
+    EXPECT_FALSE(ImagesDiffer(before, NoisyImage(random, CV_8UC1), nullptr, {})) << "noise";
+    cv::Mat edge = NoisyImage(random, CV_8UC1);
+    cv::rectangle(edge, {40, 20, 1, 15}, cv::Scalar::all(200), cv::FILLED);
+    EXPECT_TRUE(ImagesDiffer(before, edge, nullptr, {})) << "edge";
+  }
+}
+
 TEST(StillImages, OtherSizesAreRefused) {
   cv::RNG random(1);
   const std::vector<cv::Mat> empty = {NoisyImage(random, CV_8UC1), NoisyImage(random, CV_8UC1)};
-  EXPECT_THROW(
-      ImagesDiffer(empty[0], cv::Mat::zeros(5, 5, CV_8UC1), Reference::FromImages(empty), {}),
-      std::invalid_argument);
+  const Reference reference = Reference::FromImages(empty);
+  const cv::Mat small = cv::Mat::zeros(5, 5, CV_8UC1);
+  EXPECT_THROW(ImagesDiffer(empty[0], small, &reference, {}), std::invalid_argument);
+  EXPECT_THROW(ImagesDiffer(empty[0], small, nullptr, {}), std::invalid_argument);
+  EXPECT_THROW(ImagesDiffer(small, small, &reference, {}), std::invalid_argument);
 }
 
 }  // namespace
