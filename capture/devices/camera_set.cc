@@ -7,7 +7,7 @@
 #include <utility>
 
 #include "absl/strings/str_cat.h"
-#include "absl/time/clock.h"
+#include "capture/devices/running_clock.h"
 
 namespace silhouette {
 namespace {
@@ -89,7 +89,7 @@ std::vector<absl::StatusOr<CameraImage>> CameraSet::GrabEach() {
     for (const size_t view : places_[source]) images[view] = error;
   };
   const std::vector<absl::Status> asked = TriggerAll();
-  const absl::Time begin = absl::Now();
+  const absl::Duration begin = RunningNow();
   for (size_t s = 0; s < sources_.size(); ++s) {  // even if one failed: nothing may be left over
     if (!asked[s].ok()) {
       fail(s, asked[s]);

@@ -99,11 +99,12 @@ class CameraSource {
   virtual absl::Status Trigger() = 0;
 
   // The images, in the order of views(). None of them was taken before Trigger(); `captured` is the
-  // earliest moment at which each can have been taken, by this machine's clock. DeadlineExceeded:
+  // earliest moment at which each can have been taken, by this machine's wall clock. `deadline`: by
+  // the running clock. DeadlineExceeded:
   // an image did not come. DataLoss: it is not whole. Unavailable: the device is not there any
   // more. OutOfRange: the recording has no more images. After an error the source is as ready as
   // after a success.
-  virtual absl::StatusOr<std::vector<CameraImage>> Wait(absl::Time deadline) = 0;
+  virtual absl::StatusOr<std::vector<CameraImage>> Wait(absl::Duration deadline) = 0;
 };
 
 }  // namespace silhouette

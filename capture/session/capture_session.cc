@@ -16,6 +16,7 @@
 #include "absl/strings/str_format.h"
 #include "absl/time/clock.h"
 #include "absl/time/time.h"
+#include "capture/devices/running_clock.h"
 #include "capture/session/capture_observer.h"
 #include "capture/session/capture_plan.h"
 #include "capture/session/capture_report.h"
@@ -34,10 +35,10 @@ constexpr absl::Duration kMoment = absl::Milliseconds(50);
 
 // Returns whether to go on waiting.
 bool Wait(absl::Duration duration, const CaptureObserver& observer) {
-  const absl::Time end = absl::Now() + duration;
-  while (absl::Now() < end) {
+  const absl::Duration end = RunningNow() + duration;
+  while (RunningNow() < end) {
     if (observer.stop_requested()) return false;
-    absl::SleepFor(std::min(kMoment, end - absl::Now()));
+    absl::SleepFor(std::min(kMoment, end - RunningNow()));
   }
   return !observer.stop_requested();
 }
@@ -50,16 +51,16 @@ absl::Status WithPatience(absl::Duration retry, const std::function<absl::Status
                           CaptureReport& report) {
   absl::Status status = work();
   if (!absl::IsUnavailable(status) || retry <= absl::ZeroDuration()) return status;
-  const absl::Time begin = absl::Now();
+  const absl::Duration begin = RunningNow();
   ++report.losses;
   observer.say(absl::StrCat(status.message(), "; waiting up to ", absl::FormatDuration(retry),
                             " for it to come back"));
-  while (absl::IsUnavailable(status) && absl::Now() - begin < retry) {
+  while (absl::IsUnavailable(status) && RunningNow() - begin < retry) {
     lost();
     if (!Wait(std::min(kBetween, retry / 10), observer)) break;
     status = work();
   }
-  const absl::Duration waited = absl::Now() - begin;
+  const absl::Duration waited = RunningNow() - begin;
   report.waited += waited;
   const std::string spoken = absl::FormatDuration(absl::Trunc(waited, absl::Milliseconds(100)));
   if (absl::IsUnavailable(status)) {
@@ -97,7 +98,7 @@ class CaptureRun {
   // Whether VisitPatiently ended because somebody did not want to wait for a lost device.
   bool StoppedWaiting(const absl::Status& status) const;
   // Commits now unless the next configuration will be done before it is due.
-  absl::Status CommitIfDue(absl::Time now);
+  absl::Status CommitIfDue(absl::Duration now);
   absl::Status CheckDisk() const;
   // Not OK: the session ends. So do the others.
   absl::Status CaptureOne(ConfigurationNumber number);
@@ -119,7 +120,7 @@ class CaptureRun {
   bool going_on_ = false;      // although they did not match
   bool robot_lost_ = false;    // and must not move by itself
   int failures_in_a_row_ = 0;
-  absl::Time last_commit_;
+  absl::Duration last_commit_;
   absl::Duration last_cycle_;
 };
 
@@ -130,7 +131,7 @@ CaptureRun::CaptureRun(SessionParts& parts, RobotImageWriter& writer, const Capt
       plan_(plan),
       observer_(observer),
       visitor_(parts, observer.say),
-      last_commit_(absl::Now()) {
+      last_commit_(RunningNow()) {
   report_.planned = plan.captures.size();
   report_.kept = plan.kept;
   for (const storage::v1::View& view : parts.database->cell().views()) {
@@ -139,7 +140,7 @@ CaptureRun::CaptureRun(SessionParts& parts, RobotImageWriter& writer, const Capt
 }
 
 CaptureReport CaptureRun::Go() {
-  const absl::Time begin = absl::Now();
+  const absl::Duration begin = RunningNow();
   report_.status = Exclude();
   if (report_.status.ok()) report_.status = CaptureAll();
   const absl::Status committed = writer_.Commit();
@@ -149,7 +150,7 @@ CaptureReport CaptureRun::Go() {
   report_.captured = writer_.committed() - report_.excluded;
   absl::Status suspects = CountSuspects();
   if (report_.status.ok()) report_.status = suspects;
-  report_.duration = absl::Now() - begin;
+  report_.duration = RunningNow() - begin;
   return std::move(report_);
 }
 
@@ -171,7 +172,7 @@ absl::Status CaptureRun::Exclude() {
     image.captured = absl::Now();
     RETURN_IF_ERROR(writer_.Put(image, /*replace=*/true));
   }
-  last_commit_ = absl::Now();
+  last_commit_ = RunningNow();
   return writer_.Commit();
 }
 
@@ -206,14 +207,14 @@ absl::StatusOr<bool> CaptureRun::CaptureInTurn(const std::vector<ConfigurationNu
       report_.stopped = true;
       return false;
     }
-    const absl::Time begin = absl::Now();
+    const absl::Duration begin = RunningNow();
     if (!first_sights_ && sentinels_->Due(begin)) {
       const absl::StatusOr<bool> go_on = CheckSentinels();
       if (!go_on.ok() || !*go_on) return go_on;
     }
     RETURN_IF_ERROR(CommitIfDue(begin));
     RETURN_IF_ERROR(CaptureOne(number));
-    last_cycle_ = absl::Now() - begin;
+    last_cycle_ = RunningNow() - begin;
     observer_.progress(++done_);
   }
   return true;
@@ -299,7 +300,7 @@ absl::StatusOr<Visit> CaptureRun::VisitPatiently(ConfigurationNumber number) {
 }
 
 // The writer commits at the next Put(); not later than commit_interval after the last commit.
-absl::Status CaptureRun::CommitIfDue(absl::Time now) {
+absl::Status CaptureRun::CommitIfDue(absl::Duration now) {
   if (now + last_cycle_ - last_commit_ < parts_.settings.commit_interval) return absl::OkStatus();
   last_commit_ = now;
   RETURN_IF_ERROR(writer_.Commit());

@@ -10,7 +10,7 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
 #include "absl/strings/str_join.h"
-#include "absl/time/clock.h"
+#include "capture/devices/running_clock.h"
 #include "capture/session/history.h"
 #include "capture/session/raw_archive.h"
 #include "db/status/status_macros.h"
@@ -114,10 +114,10 @@ void Sentinels::Captured(ConfigurationNumber number, const Visit& visit,
   }
   firsts_[number] = std::move(first);
   last_good_ = std::max(last_good_, visit.images.captured);
-  last_check_ = absl::Now();
+  last_check_ = RunningNow();
 }
 
-bool Sentinels::Due(absl::Time now) const {
+bool Sentinels::Due(absl::Duration now) const {
   return Known() && now - last_check_ >= parts_->settings.sentinels.every;
 }
 
@@ -198,7 +198,7 @@ absl::StatusOr<std::string> Sentinels::Check(const Go& go) {
     begin = std::min(begin, visit.images.captured);
     Note(number, first->second, visit, check, complaints);
   }
-  last_check_ = absl::Now();
+  last_check_ = RunningNow();
   if (check.sights().empty()) {
     summary_ = "no sentinel could be reached";
     return std::string();

@@ -47,7 +47,7 @@ class Sentinels {
 
   // Whether there is something to compare with, and whether it is time.
   bool Known() const { return !firsts_.empty(); }
-  bool Due(absl::Time now) const;
+  bool Due(absl::Duration now) const;  // running clock
 
   // Visits all that are known, compares, and keeps in the database what came out. In plain words
   // what no longer matches, empty: all does. Errors: those of `go` and of the database. A sentinel
@@ -85,7 +85,7 @@ class Sentinels {
   std::vector<ConfigurationNumber> numbers_;
   std::vector<ConfigurationNumber> to_capture_;
   std::map<ConfigurationNumber, First> firsts_;
-  absl::Time last_check_ = absl::InfinitePast();
+  absl::Duration last_check_ = -absl::InfiniteDuration();
   absl::Time last_good_ = absl::InfinitePast();
   std::string summary_;
 };

@@ -12,6 +12,7 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
 #include "absl/time/clock.h"
+#include "capture/devices/running_clock.h"
 #include "capture/segmentation/difference.h"
 #include "db/status/status_macros.h"
 
@@ -73,14 +74,14 @@ absl::StatusOr<Visit> Visitor::Go(ConfigurationNumber number) {
 absl::StatusOr<Visit> Visitor::TakeImages(ConfigurationNumber number) {
   const absl::Duration settle = parts_.settings.settle;
   absl::SleepFor(settle);
-  const absl::Time end = absl::Now() + parts_.settings.settle_timeout;
+  const absl::Duration end = RunningNow() + parts_.settings.settle_timeout;
   alike_.clear();
   for (int attempt = 1;; ++attempt) {
     absl::StatusOr<Visit> visit = Look(number);
     if (!visit.ok() || visit->outcome == Visit::Outcome::kTaken) return visit;
     if (visit->why.empty()) continue;  // alike so far: the next, whatever the time
     // Some robots take longer to settle.
-    if (attempt >= kLeastAttempts && absl::Now() >= end) return visit;
+    if (attempt >= kLeastAttempts && RunningNow() >= end) return visit;
     absl::SleepFor(std::max(settle, kLeastWait));
   }
 }

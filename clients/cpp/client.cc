@@ -3,13 +3,18 @@
 
 #include <grpcpp/grpcpp.h>
 
+#include <algorithm>
 #include <chrono>
+#include <mutex>
 #include <optional>
+#include <span>
 #include <stdexcept>
 #include <utility>
+#include <vector>
 
 #include "clients/cpp/check_answers.h"
 #include "clients/cpp/connection.h"
+#include "clients/cpp/server_clock.h"
 #include "silhouette/messages.h"
 
 namespace silhouette::client {
@@ -56,24 +61,62 @@ absl::StatusOr<Message> WithMasks(const Message& message, const std::string& add
 
 }  // namespace
 
-Client::Client(std::shared_ptr<const Connection> connection, absl::Duration timeout,
+// Stamps images that are published. Thread-safe.
+class PublishingClock {
+ public:
+  PublishingClock(std::shared_ptr<const Connection> connection, absl::Duration timeout)
+      : clock_(std::move(connection), timeout, never_cancelled_) {}
+
+  // These images were taken at `taken` or later.
+  absl::Status Stamp(SteadyClock::time_point taken, std::span<v1::ViewImage* const> images) {
+    if (images.empty()) return absl::OkStatus();
+    const std::lock_guard lock(mutex_);
+    const absl::StatusOr<absl::Duration> clock = clock_.ClockAt(taken);
+    if (!clock.ok()) return clock.status();
+    const absl::Time time = absl::Now() - absl::FromChrono(SteadyClock::now() - taken);
+    for (v1::ViewImage* image : images) {
+      *image->mutable_server_clock() = ToMessage(*clock);
+      *image->mutable_capture_time() = ToMessage(time);  // for people
+    }
+    return absl::OkStatus();
+  }
+
+  // The server's clock is another now.
+  void Forget() {
+    const std::lock_guard lock(mutex_);
+    clock_.Forget();
+  }
+
+ private:
+  std::mutex mutex_;
+  Cancellation never_cancelled_;
+  ServerClock clock_;
+};
+
+Client::Client(std::shared_ptr<const Connection> connection,
+               std::shared_ptr<PublishingClock> publishing_clock, absl::Duration timeout,
                std::string variant)
-    : connection_(std::move(connection)), timeout_(timeout), variant_(std::move(variant)) {}
+    : connection_(std::move(connection)),
+      publishing_clock_(std::move(publishing_clock)),
+      timeout_(timeout),
+      variant_(std::move(variant)) {}
 
 absl::StatusOr<Client> Client::Connect(const std::string& address, absl::Duration timeout) {
   if (absl::Status status = RequireAddress(address); !status.ok()) return status;
   if (timeout <= absl::ZeroDuration()) {
     return absl::InvalidArgumentError("the time for a call must be positive");
   }
-  return Client(std::make_shared<const Connection>(address), timeout, /*variant=*/"");
+  auto connection = std::make_shared<const Connection>(address);
+  auto clock = std::make_shared<PublishingClock>(connection, timeout);
+  return Client(std::move(connection), std::move(clock), timeout, /*variant=*/"");
 }
 
 Client Client::WithTimeout(absl::Duration timeout) const {
-  return Client(connection_, timeout, variant_);
+  return Client(connection_, publishing_clock_, timeout, variant_);
 }
 
 Client Client::WithVariant(std::string variant) const {
-  return Client(connection_, timeout_, std::move(variant));
+  return Client(connection_, publishing_clock_, timeout_, std::move(variant));
 }
 
 const std::string& Client::address() const { return connection_->address(); }
@@ -191,9 +234,24 @@ absl::StatusOr<Explanation> Client::Explain(const Configuration& configuration,
   return explanation;
 }
 
-absl::StatusOr<v1::Scene> Client::PublishScene(v1::PublishSceneRequest scene) const {
+absl::StatusOr<v1::Scene> Client::PublishScene(
+    v1::PublishSceneRequest scene, std::optional<SteadyClock::time_point> taken) const {
+  if (!taken) taken = SteadyClock::now();
   scene.set_variant(variant_);
-  const auto response = connection_->Call(&v1::SceneService::Stub::PublishScene, scene, timeout_);
+  std::vector<v1::ViewImage*> unstamped;
+  for (v1::ViewImage& image : *scene.mutable_views()) {
+    if (!image.has_capture_time() && !image.has_server_clock()) unstamped.push_back(&image);
+  }
+  const auto publish = [&]() -> absl::StatusOr<v1::PublishSceneResponse> {
+    const absl::Status status = publishing_clock_->Stamp(*taken, unstamped);
+    if (!status.ok()) return status;
+    return connection_->Call(&v1::SceneService::Stub::PublishScene, scene, timeout_);
+  };
+  absl::StatusOr<v1::PublishSceneResponse> response = publish();
+  if (absl::IsOutOfRange(response.status()) && !unstamped.empty()) {
+    publishing_clock_->Forget();
+    response = publish();
+  }
   if (!response.ok()) return response.status();
   if (!variant_.empty() && response->scene().variant() != variant_) return NoVariants(address());
   return WithMasks(response->scene(), address());

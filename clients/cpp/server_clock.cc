@@ -25,17 +25,29 @@ absl::Duration SinceEpoch(ServerTime::Time time) {
 
 void ServerTime::Observe(Time asked, Time answered, absl::Duration server_clock) {
   const std::optional<Time> earliest = Earliest(server_clock, answered);
-  if (earliest && *earliest >= asked) return;
-  best_ = {.asked = SinceEpoch(asked), .server_clock = server_clock};
+  if (!earliest || *earliest < asked) {
+    asked_ = {.local = SinceEpoch(asked), .server_clock = server_clock};
+  }
+  const std::optional<absl::Duration> at_least = ClockAt(answered);
+  const bool better = !at_least || *at_least <= server_clock;
+  if (better || *ClockAt(asked) > server_clock) {
+    answered_ = {.local = SinceEpoch(answered), .server_clock = server_clock};
+  }
+}
+
+std::optional<absl::Duration> ServerTime::ClockAt(Time at) const {
+  if (!answered_) return std::nullopt;
+  const absl::Duration later = SinceEpoch(at) - answered_->local;
+  return answered_->server_clock + later - kMostDrift * absl::AbsDuration(later);
 }
 
 std::optional<ServerTime::Time> ServerTime::Earliest(absl::Duration server_clock, Time received) {
-  if (!best_) return std::nullopt;
-  const absl::Duration later = server_clock - best_->server_clock;
-  const absl::Duration earliest = best_->asked + later - kMostDrift * absl::AbsDuration(later);
+  if (!asked_) return std::nullopt;
+  const absl::Duration later = server_clock - asked_->server_clock;
+  const absl::Duration earliest = asked_->local + later - kMostDrift * absl::AbsDuration(later);
   const absl::Duration waited = SinceEpoch(received) - earliest;
   if (waited < absl::ZeroDuration()) {
-    best_.reset();
+    asked_.reset();
     return std::nullopt;
   }
   // Rounded up, as all of it.
@@ -69,10 +81,26 @@ absl::Status ServerClock::Measure() {
   return absl::OkStatus();
 }
 
+absl::Status ServerClock::MeasureIfDue() {
+  return SteadyClock::now() >= next_ ? Measure() : absl::OkStatus();
+}
+
+absl::StatusOr<absl::Duration> ServerClock::ClockAt(ServerTime::Time at) {
+  if (absl::Status measured = MeasureIfDue(); !measured.ok()) return measured;
+  const std::optional<absl::Duration> clock = time_.ClockAt(at);
+  if (clock) return *clock;
+  return absl::UnavailableError(
+      absl::StrCat("the clock of the server at ", connection_->address(), " is not known"));
+}
+
+void ServerClock::Forget() {
+  time_ = {};
+  next_ = ServerTime::Time::min();
+}
+
 absl::StatusOr<ServerTime::Time> ServerClock::MadeAt(const v1::Basis& basis,
                                                      ServerTime::Time received) {
-  absl::Status measured;
-  if (SteadyClock::now() >= next_) measured = Measure();
+  absl::Status measured = MeasureIfDue();
   if (measured.code() == absl::StatusCode::kUnimplemented) return measured;
   if (!basis.has_server_clock()) {
     return absl::UnimplementedError(absl::StrCat("the server at ", connection_->address(),

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The age of a stream's messages.
+// The server's running clock: the age of a stream's messages, and the stamps of published images.
 #pragma once
 
 #include <chrono>
@@ -14,8 +14,9 @@
 
 namespace silhouette::client {
 
-// The earliest time, by this computer's clock, at which the server can have made a message.
+// What round trips tell about the server's running clock.
 //
+// Earliest: the earliest time, by this computer's clock, at which the server can have made a message.
 // A message of a stream may have been delayed for any time. It states the server's running clock
 // when it was made. Round trips relate this clock to the local one: if a question was sent at
 // `asked` and the answer states the server's clock s, the clock showed s at `asked` or later. The
@@ -23,7 +24,14 @@ namespace silhouette::client {
 // server's clock was not made before asked + d - kMostDrift * |d|.
 //
 // If earlier round trips imply that a message was made after its arrival, for example because a
-// computer slept, they are all dropped. Not thread-safe.
+// computer slept, they are all dropped.
+//
+// ClockAt: what the server's clock showed at a local time, at least. If an answer that states s
+// arrived at `answered`, the clock showed s at `answered` or earlier; so d later it showed
+// s + d - kMostDrift * |d| at least. A round trip that states less than that (the server's computer
+// was restarted or slept) takes the place of all earlier ones.
+//
+// Not thread-safe.
 class ServerTime {
  public:
   using Time = std::chrono::steady_clock::time_point;
@@ -36,16 +44,22 @@ class ServerTime {
   // arrived at `received`; nothing without a round trip.
   std::optional<Time> Earliest(absl::Duration server_clock, Time received);
 
+  // What the server's clock showed at the local time `at`, or less; nothing without a round trip.
+  std::optional<absl::Duration> ClockAt(Time at) const;
+
  private:
-  struct RoundTrip {
-    absl::Duration asked;  // since the epoch of the steady clock
+  // An end of a round trip, and the server's clock during it.
+  struct RoundTripEnd {
+    absl::Duration local;  // since the epoch of the steady clock
     absl::Duration server_clock;
   };
-  std::optional<RoundTrip> best_;  // gives the latest Earliest of what the server makes now
+  std::optional<RoundTripEnd> asked_;     // gives the latest Earliest of what the server makes now
+  std::optional<RoundTripEnd> answered_;  // gives the greatest ClockAt of now
 };
 
-// A ServerTime with its round trips. For one stream, created after it was opened: a restarted
-// server has another clock. Not thread-safe.
+// A ServerTime with its round trips. Created after a stream was opened, and for it alone: a restarted
+// server has another clock. For stamps: as long as the server does not refuse one (Forget). Not
+// thread-safe.
 class ServerClock {
  public:
   // `timeout`: of a round trip. `cancellation` ends a running one.
@@ -57,8 +71,16 @@ class ServerClock {
   // reports no clock; Unavailable if no round trip was answered.
   absl::StatusOr<ServerTime::Time> MadeAt(const v1::Basis& basis, ServerTime::Time received);
 
+  // What the server's clock showed at the local time `at`, or less; errors as MadeAt.
+  absl::StatusOr<absl::Duration> ClockAt(ServerTime::Time at);
+
+  // Drops all round trips: the server's clock is another now.
+  void Forget();
+
  private:
   absl::Status Measure();
+  // A round trip, if one is due.
+  absl::Status MeasureIfDue();
 
   const std::shared_ptr<const Connection> connection_;
   const absl::Duration timeout_;

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <algorithm>
+#include <chrono>
 #include <map>
 #include <utility>
 
@@ -107,7 +108,7 @@ struct RobotImageWriter::Impl {
   std::map<ConfigurationNumber, Waiting> batch;
   size_t batch_bytes = 0;
   const absl::Time started = absl::Now();
-  absl::Time last_commit = started;
+  std::chrono::steady_clock::time_point last_commit = std::chrono::steady_clock::now();
   uint64_t committed = 0;
   // This session's place in the provenance log, once it has one.
   std::optional<int> provenance_entry;
@@ -238,7 +239,8 @@ absl::Status RobotImageWriter::Impl::Add(const RobotImage& image, bool replace,
 absl::Status RobotImageWriter::Put(const RobotImage& image, bool replace,
                                    std::vector<std::string> raw_images) {
   RETURN_IF_ERROR(impl_->Add(image, replace, std::move(raw_images)));
-  const bool due = absl::Now() - impl_->last_commit >= impl_->max_delay;
+  const bool due = std::chrono::steady_clock::now() - impl_->last_commit >=
+                   absl::ToChronoNanoseconds(impl_->max_delay);
   return due || impl_->batch_bytes >= kBatchBytes ? Commit() : absl::OkStatus();
 }
 
@@ -266,7 +268,7 @@ absl::Status RobotImageWriter::Commit() {
     impl_->batch.clear();
     impl_->batch_bytes = 0;
   }
-  impl_->last_commit = absl::Now();
+  impl_->last_commit = std::chrono::steady_clock::now();
   return absl::OkStatus();
 }
 

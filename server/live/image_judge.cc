@@ -7,12 +7,6 @@
 #include "server/scene/make_scene.h"
 
 namespace silhouette {
-namespace {
-
-// By how much two readings of both clocks may differ.
-constexpr absl::Duration kJitter = absl::Microseconds(100);
-
-}  // namespace
 
 ImageJudge::ImageJudge(const storage::v1::CellDescription& cell, absl::Duration max_age)
     : max_age_(max_age) {
@@ -21,7 +15,8 @@ ImageJudge::ImageJudge(const storage::v1::CellDescription& cell, absl::Duration 
   }
 }
 
-absl::Status ImageJudge::Judge(size_t view, const CameraImage& image, const Moment& arrived) {
+absl::StatusOr<Moment> ImageJudge::Judge(size_t view, const CameraImage& image,
+                                         const Moment& asked, const Moment& arrived) {
   View& known = views_[view];
   if (image.width != known.width || image.height != known.height) {
     return absl::FailedPreconditionError(absl::StrCat("it gave an image of ", image.width, " x ",
@@ -34,25 +29,28 @@ absl::Status ImageJudge::Judge(size_t view, const CameraImage& image, const Mome
     return absl::InternalError(
         absl::StrCat("it gave ", image.pixels.size(), " bytes, not an image"));
   }
-  if (image.captured > arrived.time + kClockTolerance) {
-    return absl::OutOfRangeError(
-        absl::StrCat("its image is stamped ", absl::FormatDuration(image.captured - arrived.time),
-                     " in the future; let the clocks of camera and server agree"));
+  const Moment stamp = MomentOf(image.captured, asked, arrived);
+  const absl::Duration age = arrived.running - stamp.running;
+  if (age < -kClockTolerance) {
+    return absl::OutOfRangeError(absl::StrCat("its image is stamped ", absl::FormatDuration(-age),
+                                              " in the future; let the clocks of camera and "
+                                              "server agree"));
   }
-  if (arrived.time - image.captured > max_age_) {
-    return absl::DeadlineExceededError(
-        absl::StrCat("its image was taken ", absl::FormatDuration(arrived.time - image.captured),
-                     " ago, longer than max_age, ", absl::FormatDuration(max_age_)));
+  if (age > max_age_) {
+    return absl::DeadlineExceededError(absl::StrCat("its image was taken ",
+                                                    absl::FormatDuration(age),
+                                                    " ago, longer than max_age, ",
+                                                    absl::FormatDuration(max_age_)));
   }
-  const absl::Duration taken = arrived.running - (arrived.time - image.captured);
-  if (taken < known.newest - kJitter) {
+  const absl::Duration taken = std::min(stamp.running, arrived.running);
+  if (taken < known.newest - kClockJitter) {
     return absl::AbortedError(absl::StrCat("its image was taken ",
                                            absl::FormatDuration(known.newest - taken),
                                            " before one that came earlier"));
   }
-  news_ = news_ || taken > known.newest + kJitter;
+  news_ = news_ || taken > known.newest + kClockJitter;
   known.newest = std::max(taken, known.newest);
-  return absl::OkStatus();
+  return stamp;
 }
 
 bool ImageJudge::TakeNews() {

@@ -162,6 +162,7 @@ absl::Status LiveLoop::TakeSet() {
   if (cameras_ == nullptr) {
     RETURN_IF_ERROR(OpenCameras());
   }
+  const Moment asked = config_.clock();
   std::vector<absl::StatusOr<CameraImage>> grabbed = cameras_->GrabEach();
   const Moment arrived = config_.clock();
   if (grabbed.size() != cameras_->views().size()) {
@@ -173,7 +174,7 @@ absl::Status LiveLoop::TakeSet() {
     return absl::FailedPreconditionError("the database has no reference images any more");
   }
   SceneInput input;
-  const auto images = UsableImages(std::move(grabbed), arrived, *database, input);
+  const auto images = UsableImages(std::move(grabbed), asked, arrived, *database, input);
   const bool none =
       std::ranges::none_of(images, [](const auto& image) { return image.has_value(); });
   const bool news = judge_.TakeNews();
@@ -197,14 +198,15 @@ void LiveLoop::NoteUnusable(size_t view, const absl::Status& why, SceneInput& in
   input.without_views[cell_.views(static_cast<int>(view)).name()] = std::string(why.message());
 }
 
-std::vector<std::optional<CameraImage>> LiveLoop::UsableImages(
-    std::vector<absl::StatusOr<CameraImage>> grabbed, const Moment& arrived,
+std::vector<std::optional<LiveLoop::LiveImage>> LiveLoop::UsableImages(
+    std::vector<absl::StatusOr<CameraImage>> grabbed, const Moment& asked, const Moment& arrived,
     const ServedDatabase& database, SceneInput& input) {
-  std::vector<std::optional<CameraImage>> images(places_.size());
+  std::vector<std::optional<LiveImage>> images(places_.size());
   for (size_t view = 0; view < places_.size(); ++view) {
     absl::StatusOr<CameraImage>& image = grabbed[places_[view]];
-    absl::Status status = image.status();
-    if (status.ok()) status = judge_.Judge(view, *image, arrived);
+    const absl::StatusOr<Moment> taken =
+        image.ok() ? judge_.Judge(view, *image, asked, arrived) : image.status();
+    absl::Status status = taken.status();
     if (status.ok()) {
       status = life_.Judge(view, *image, database.reference(static_cast<int>(view)));
     }
@@ -212,14 +214,14 @@ std::vector<std::optional<CameraImage>> LiveLoop::UsableImages(
       NoteUnusable(view, status, input);
       continue;
     }
-    record_->NoteImage(view, image->captured, arrived);
-    images[view] = *std::move(image);
+    record_->NoteImage(view, *taken, arrived);
+    images[view] = LiveImage{*std::move(image), *taken};
   }
   return images;
 }
 
 std::vector<bool> LiveLoop::MovedWithTheRobot(const ServedDatabase& database,
-                                              const std::vector<std::optional<CameraImage>>& images,
+                                              const std::vector<std::optional<LiveImage>>& images,
                                               const std::vector<absl::StatusOr<Mask>>& masks,
                                               SceneInput& input) {
   std::vector<bool> live(images.size(), true);
@@ -239,7 +241,7 @@ std::vector<bool> LiveLoop::MovedWithTheRobot(const ServedDatabase& database,
 }
 
 absl::Status LiveLoop::Publish(const std::shared_ptr<const ServedDatabase>& database,
-                               const std::vector<std::optional<CameraImage>>& images,
+                               const std::vector<std::optional<LiveImage>>& images,
                                const Moment& arrived, SceneInput input) {
   if (light_of_ != database) {
     light_of_ = database;
@@ -253,25 +255,22 @@ absl::Status LiveLoop::Publish(const std::shared_ptr<const ServedDatabase>& data
   std::vector<absl::StatusOr<Mask>> masks(images.size(), absl::StatusOr<Mask>(Mask()));
   helpers_.ForEach(images.size(), [&](size_t view) {
     if (!images[view]) return;
-    masks[view] = ForegroundOf(*images[view], *database, static_cast<int>(view),
+    masks[view] = ForegroundOf(images[view]->image, *database, static_cast<int>(view),
                                config_.segmentation, lights_[view], since_learnt_[view]);
   });
   record_->NoteMasks(arrived);
-  absl::Time oldest = absl::InfiniteFuture();
-  absl::Time newest = absl::InfinitePast();
+  absl::Duration oldest = absl::InfiniteDuration();
+  absl::Duration newest = -absl::InfiniteDuration();
   for (size_t view = 0; view < images.size(); ++view) {
     if (!images[view]) continue;
     if (!masks[view].ok()) return masks[view].status();
-    oldest = std::min(oldest, images[view]->captured);
-    newest = std::max(newest, images[view]->captured);
+    // A stamp of a clock that is ahead makes no image younger than its arrival.
+    const absl::Duration taken = std::min(images[view]->taken.running, arrived.running);
+    oldest = std::min(oldest, taken);
+    newest = std::max(newest, taken);
   }
-  if (oldest > newest) oldest = newest = arrived.time;
-  // By the clock that never steps back; no image was taken after it arrived.
-  const auto running = [&](absl::Time captured) {
-    return arrived.running - std::max(arrived.time - captured, absl::ZeroDuration());
-  };
-  absl::StatusOr<std::vector<JointPosition>> joints =
-      joints_->Between(running(oldest), running(newest));
+  if (oldest > newest) oldest = newest = arrived.running;
+  absl::StatusOr<std::vector<JointPosition>> joints = joints_->Between(oldest, newest);
   record_->NoteJoined(joints.status());
   if (joints.ok()) {
     input.joints = *std::move(joints);
@@ -279,7 +278,7 @@ absl::Status LiveLoop::Publish(const std::shared_ptr<const ServedDatabase>& data
     input.without_joints = std::string(joints.status().message());
   }
   const absl::StatusOr<std::string> variant =
-      record_->known_variant().Of(running(oldest), database->variants());
+      record_->known_variant().Of(oldest, database->variants());
   if (variant.ok()) {
     input.variant = *variant;
   } else {
@@ -289,7 +288,7 @@ absl::Status LiveLoop::Publish(const std::shared_ptr<const ServedDatabase>& data
   for (size_t view = 0; view < images.size(); ++view) {
     if (!images[view] || !live[view]) continue;
     input.views.push_back({.view = database->view_name(static_cast<int>(view)),
-                           .captured = images[view]->captured,
+                           .captured = images[view]->taken,
                            .image = SceneMask{*std::move(masks[view])}});
   }
   ASSIGN_OR_RETURN(Scene scene,

@@ -77,21 +77,25 @@ class LiveLoop {
   // One set of images; an error if none of its images can be had.
   absl::Status TakeSet();
   absl::Status OpenCameras();
+  struct LiveImage {
+    CameraImage image;
+    Moment taken;  // as ImageJudge::Judge
+  };
   // The images of the views that can be used, by view of the cell; nothing for the others, which
   // `input` says the reasons of.
-  std::vector<std::optional<CameraImage>> UsableImages(
-      std::vector<absl::StatusOr<CameraImage>> grabbed, const Moment& arrived,
+  std::vector<std::optional<LiveImage>> UsableImages(
+      std::vector<absl::StatusOr<CameraImage>> grabbed, const Moment& asked, const Moment& arrived,
       const ServedDatabase& database, SceneInput& input);
   // `database` has reference images.
   absl::Status Publish(const std::shared_ptr<const ServedDatabase>& database,
-                       const std::vector<std::optional<CameraImage>>& images, const Moment& arrived,
+                       const std::vector<std::optional<LiveImage>>& images, const Moment& arrived,
                        SceneInput input);
   // Records that a view's image cannot be used.
   void NoteUnusable(size_t view, const absl::Status& why, SceneInput& input);
   // The views of which the robot's motion does not show that they are frozen; `input` has the
   // robot's place.
   std::vector<bool> MovedWithTheRobot(const ServedDatabase& database,
-                                      const std::vector<std::optional<CameraImage>>& images,
+                                      const std::vector<std::optional<LiveImage>>& images,
                                       const std::vector<absl::StatusOr<Mask>>& masks,
                                       SceneInput& input);
 

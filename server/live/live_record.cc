@@ -103,11 +103,12 @@ void LiveRecord::Say(FaultLog& log, const std::string& what, const absl::Status&
   }
 }
 
-void LiveRecord::NoteGood(Device& device, absl::Time taken, const Moment& arrived) {
+void LiveRecord::NoteGood(Device& device, const Moment& taken, const Moment& arrived) {
   ++device.status.good;
-  device.status.last = taken;
+  device.status.last = taken.time;
   device.status.fault.clear();
-  device.arrived = arrived;
+  // A stamp of a clock that is ahead makes nothing younger than its arrival.
+  device.taken = std::min(taken.running, arrived.running);
   Say(device.log, TitleOf(device.status.name), absl::OkStatus(), arrived);
 }
 
@@ -119,9 +120,9 @@ void LiveRecord::NoteError(Device& device, const absl::Status& error) {
   Say(device.log, TitleOf(device.status.name), error, now);
 }
 
-void LiveRecord::NoteImage(size_t view, absl::Time captured, const Moment& arrived) {
+void LiveRecord::NoteImage(size_t view, const Moment& taken, const Moment& arrived) {
   const std::lock_guard lock(mutex_);
-  NoteGood(cameras_[view], captured, arrived);
+  NoteGood(cameras_[view], taken, arrived);
 }
 
 void LiveRecord::NoteImageError(size_t view, const absl::Status& error) {
@@ -131,7 +132,7 @@ void LiveRecord::NoteImageError(size_t view, const absl::Status& error) {
 
 void LiveRecord::NoteJoints(const Moment& answered) {
   const std::lock_guard lock(mutex_);
-  NoteGood(robot_, answered.time, answered);
+  NoteGood(robot_, answered, answered);
 }
 
 void LiveRecord::NoteJointsError(const absl::Status& error) {
@@ -196,9 +197,7 @@ KnownVariant LiveRecord::known_variant() const {
 DeviceStatus LiveRecord::StatusOf(const Device& device, const Moment& now) const {
   DeviceStatus status = device.status;
   if (status.last) {
-    // After its arrival only the running clock counts.
-    status.age = std::max(device.arrived.time - *status.last, absl::ZeroDuration()) +
-                 (now.running - device.arrived.running);
+    status.age = now.running - device.taken;
     status.serving = *status.age <= max_age_;
   }
   return status;

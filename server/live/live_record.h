@@ -113,8 +113,8 @@ class LiveRecord {
   LiveRecord(const std::vector<std::string>& views, absl::Duration max_age, Clock clock,
              KnownVariant known_variant = {});
 
-  // What a view gave: an image taken at `captured` that arrived at `arrived`, or an error.
-  void NoteImage(size_t view, absl::Time captured, const Moment& arrived);
+  // What a view gave: an image taken at `taken` that arrived at `arrived`, or an error.
+  void NoteImage(size_t view, const Moment& taken, const Moment& arrived);
   void NoteImageError(size_t view, const absl::Status& error);
   // The same of the robot's joints.
   void NoteJoints(const Moment& answered);
@@ -143,12 +143,12 @@ class LiveRecord {
  private:
   struct Device {
     DeviceStatus status;  // but for `serving` and `age`, which time alone changes
-    Moment arrived = {};  // of the last
+    absl::Duration taken = {};  // of the last: running clock
     FaultLog log = {};
   };
 
   // With the mutex held.
-  void NoteGood(Device& device, absl::Time taken, const Moment& arrived);
+  void NoteGood(Device& device, const Moment& taken, const Moment& arrived);
   void NoteError(Device& device, const absl::Status& error);
   static void Say(FaultLog& log, const std::string& what, const absl::Status& status,
                   const Moment& now);

@@ -1,8 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
-// Time in the server: the wall clock, by which images are stamped, and a clock that never
-// steps back, by which they age.
+// Time in the server: the wall clock, for people and time stamps, and the running clock, by which
+// everything is ordered and ages.
 #pragma once
 
+#include <algorithm>
 #include <chrono>
 #include <functional>
 
@@ -12,16 +13,38 @@
 namespace silhouette {
 
 struct Moment {
-  absl::Time time;         // wall clock
-  absl::Duration running;  // since some fixed instant, whatever happens to the wall clock
+  absl::Time time;         // wall clock; may be set at any time, in either direction
+  absl::Duration running;  // since some fixed instant; never steps
 };
 
 // Returns the present moment; may be called from any thread.
 using Clock = std::function<Moment()>;
 
+// How far two readings of both clocks, which are read one after the other, may disagree.
+inline constexpr absl::Duration kClockJitter = absl::Microseconds(100);
+
 inline Moment SystemClock() {
-  const auto running = std::chrono::steady_clock::now().time_since_epoch();
-  return {absl::Now(), absl::FromChrono(running)};
+  const auto running = [] {
+    return absl::FromChrono(std::chrono::steady_clock::now().time_since_epoch());
+  };
+  constexpr int kAttempts = 4;  // a thread may pause between the two readings, but rarely again
+  for (int attempt = 1;; ++attempt) {
+    const absl::Duration before = running();
+    const absl::Time time = absl::Now();
+    if (attempt == kAttempts || running() - before <= kClockJitter) return {time, before};
+  }
+}
+
+// The moment that the wall clock stamped `time`, given the reading `now` of both clocks. Right if
+// the wall clock has not been set between the stamp and `now`.
+inline Moment MomentOf(absl::Time time, const Moment& now) {
+  return {time, now.running - (now.time - time)};
+}
+
+// The same of a stamp made between the readings `before` and `after`: if the wall clock was set
+// between these, the earlier of the two moments that the stamp can mean.
+inline Moment MomentOf(absl::Time time, const Moment& before, const Moment& after) {
+  return {time, std::min(MomentOf(time, before).running, MomentOf(time, after).running)};
 }
 
 }  // namespace silhouette

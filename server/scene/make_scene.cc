@@ -155,15 +155,9 @@ absl::StatusOr<int> NewView(const ServedDatabase& database, const Scene& scene,
 }
 
 absl::Status AddView(const ServedDatabase& database, const ViewInput& input,
-                     const SegmentationSettings& segmentation, Scene& scene,
+                     const SegmentationSettings& segmentation, absl::Time captured, Scene& scene,
                      std::vector<const ViewInput*>& inputs) {
   ASSIGN_OR_RETURN(const int view, NewView(database, scene, input.view));
-  const absl::Time captured = input.captured.value_or(scene.arrived.time);
-  if (captured > scene.arrived.time + kClockTolerance) {
-    return absl::InvalidArgumentError(
-        absl::StrCat("capture_time is ", absl::FormatDuration(captured - scene.arrived.time),
-                     " in the future; let the clocks of camera and server agree"));
-  }
   ASSIGN_OR_RETURN(Mask foreground, ForegroundOf(database, view, input, segmentation));
   const ViewTreatment& treatment = database.treatment(view);
   scene.views[static_cast<size_t>(view)] = SceneView{.name = input.view,
@@ -223,10 +217,10 @@ void FindDefects(const ServedDatabase& database, const SceneSettings& settings,
     scene.defects.push_back(
         {Reason::kMarginUnknown, std::string(database.margins_known().message())});
   }
-  if (scene.skew() > settings.max_skew) {
+  if (scene.skew > settings.max_skew) {
     scene.defects.push_back(
         {Reason::kSceneSkewed,
-         absl::StrCat("the images were taken ", absl::FormatDuration(scene.skew()),
+         absl::StrCat("the images were taken ", absl::FormatDuration(scene.skew),
                       " apart, more than max_skew, ", absl::FormatDuration(settings.max_skew),
                       "; trigger the cameras together")});
   }
@@ -247,6 +241,15 @@ void FindDefects(const ServedDatabase& database, const SceneSettings& settings,
                         "where it says, the camera moved, or the light changed")});
     }
   }
+}
+
+// When the image was taken.
+absl::StatusOr<Moment> CaptureOf(const ViewInput& input, const Moment& arrived) {
+  const Moment captured = input.captured.value_or(arrived);
+  if (captured.running <= arrived.running + kClockTolerance) return captured;
+  return absl::InvalidArgumentError(
+      absl::StrCat("capture_time is ", absl::FormatDuration(captured.running - arrived.running),
+                   " in the future; let the clocks of camera and server agree"));
 }
 
 absl::Status InField(const absl::Status& status, size_t i, const ViewInput& input) {
@@ -278,17 +281,24 @@ absl::StatusOr<Scene> MakeScene(const ServedDatabase& whole, const SceneInput& i
   scene.without_margins.resize(views);
   ASSIGN_OR_RETURN(RobotInScene robot, RobotOf(database, input, settings));
   std::vector<const ViewInput*> inputs(views);
-  scene.oldest = absl::InfiniteFuture();
-  scene.newest = absl::InfinitePast();
+  scene.oldest = {absl::InfiniteFuture(), absl::InfiniteDuration()};
+  absl::Duration newest = -absl::InfiniteDuration();
   for (size_t i = 0; i < input.views.size(); ++i) {
     const ViewInput& view = input.views[i];
-    const absl::Status added = AddView(database, view, segmentation, scene, inputs);
+    const absl::StatusOr<Moment> captured = CaptureOf(view, arrived);
+    if (!captured.ok()) return InField(captured.status(), i, view);
+    const absl::Status added = AddView(database, view, segmentation, captured->time, scene, inputs);
     if (!added.ok()) return InField(added, i, view);
-    const absl::Time captured = view.captured.value_or(arrived.time);
-    scene.oldest = std::min(scene.oldest, captured);
-    scene.newest = std::max(scene.newest, captured);
+    if (captured->running < scene.oldest.running) scene.oldest = *captured;
+    newest = std::max(newest, captured->running);
   }
-  if (input.views.empty()) scene.oldest = scene.newest = arrived.time;
+  if (input.views.empty()) {
+    scene.oldest = arrived;
+    newest = arrived.running;
+  }
+  scene.skew = newest - scene.oldest.running;
+  // A stamp of a clock that is a little ahead makes no image younger than its arrival.
+  scene.oldest.running = std::min(scene.oldest.running, arrived.running);
   if (variant == nullptr) {
     robot.covers.clear();
     robot.defects.insert(robot.defects.begin(),

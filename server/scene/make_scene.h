@@ -37,7 +37,7 @@ struct EncodedImage {
 
 struct ViewInput {
   std::string view;
-  std::optional<absl::Time> captured;  // nothing: the moment of arrival
+  std::optional<Moment> captured;  // nothing: the moment of arrival
   std::variant<SceneMask, ObstacleMask, EncodedImage> image;
 };
 

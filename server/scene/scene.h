@@ -32,7 +32,7 @@ struct SceneDefect {
 // What one view saw.
 struct SceneView {
   std::string name;
-  absl::Time captured;
+  absl::Time captured;  // by a wall clock
   // The foreground; from a sensor that separates obstacles by itself: its obstacle pixels.
   Mask foreground;
   // Error pixels whose neighbours are all error pixels.
@@ -58,9 +58,10 @@ struct Scene {
   ObstacleImages obstacle_images;
   // The same without safety margins: what the views really show, and allowed regions act on.
   ObstacleImages without_margins;
-  // Capture times of the oldest and the newest image.
-  absl::Time oldest;
-  absl::Time newest;
+  // When the oldest image was taken; never after it arrived. Scenes are ordered by it.
+  Moment oldest;
+  // Time from the oldest to the newest image.
+  absl::Duration skew;
   // When it arrived.
   Moment arrived;
   std::vector<SceneDefect> defects;
@@ -73,9 +74,8 @@ struct Scene {
   // What allowed regions in force did to the obstacle images; empty in a scene as it was published.
   std::vector<RegionEffect> region_effects;
 
-  absl::Duration skew() const { return newest - oldest; }
-  // Age of the oldest image. After the scene's arrival only the running clock counts.
-  absl::Duration AgeAt(const Moment& now) const;
+  // Age of the oldest image.
+  absl::Duration AgeAt(const Moment& now) const { return now.running - oldest.running; }
   // Why every verdict is unknown, whatever the configuration; kNone if verdicts can be made. A
   // missing view does not block: it counts as showing an obstacle.
   Reason Blocked() const;

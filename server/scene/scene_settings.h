@@ -9,6 +9,9 @@ namespace silhouette {
 struct SceneSettings {
   // Oldest image that a verdict may rest on.
   absl::Duration max_age = absl::Seconds(1);
+  // Whether a published image without a capture time counts as taken at its arrival. Dangerous: an
+  // image that was held up on its way is then older than it seems, by any time.
+  bool accept_arrival_times = false;
   // Largest time between the images of one scene.
   absl::Duration max_skew = absl::Milliseconds(50);
   // More core error pixels than this in any view, as a share of the view's pixels, and the scene is

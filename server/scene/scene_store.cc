@@ -48,10 +48,13 @@ absl::StatusOr<SharedScene> SceneStore::Publish(
     return absl::AbortedError(
         "the database was replaced while the scene was being made; publish it again");
   }
-  if (!scenes_.empty() && scene.oldest < scenes_.back()->oldest) {
-    return absl::FailedPreconditionError(
-        absl::StrCat("the images are ", absl::FormatDuration(scenes_.back()->oldest - scene.oldest),
-                     " older than those of scene ", scenes_.back()->id, ", which is served"));
+  if (!scenes_.empty()) {
+    const absl::Duration older = scenes_.back()->oldest.running - scene.oldest.running;
+    if (older > kClockJitter) {
+      return absl::FailedPreconditionError(
+          absl::StrCat("the images are ", absl::FormatDuration(older),
+                       " older than those of scene ", scenes_.back()->id, ", which is served"));
+    }
   }
   return Add(std::move(scene));
 }

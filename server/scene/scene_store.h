@@ -59,7 +59,8 @@ class SceneStore {
   explicit SceneStore(std::shared_ptr<const ServedDatabase> database, size_t kept = 16);
 
   // Gives the scene its id and makes it the newest. `database`: what it was made with.
-  // FailedPrecondition if its oldest image is older than that of the newest scene. Aborted if the
+  // FailedPrecondition if its oldest image is older than that of the newest scene, by more than
+  // kClockJitter. Aborted if the
   // database has been replaced since the scene was made.
   absl::StatusOr<SharedScene> Publish(Scene scene,
                                       const std::shared_ptr<const ServedDatabase>& database);

@@ -104,7 +104,7 @@ void ToMessage(const Served& served, const Policy& policy, const Moment& now, v1
   if (served.scene == nullptr) return;
   message->set_scene_id(served.scene->id);
   message->set_scene_variant(served.scene->variant);
-  ToMessage(served.scene->oldest, message->mutable_scene_time());
+  ToMessage(served.scene->oldest.time, message->mutable_scene_time());
   ToMessage(served.scene->AgeAt(now), message->mutable_scene_age());
   for (const std::string& name : RegionsIn(served, policy)) message->add_regions(name);
 }
@@ -127,8 +127,8 @@ void ToMessage(const Scene& scene, bool include_planes, const SceneSettings& set
   message->set_id(scene.id);
   message->set_database_generation(scene.generation);
   message->set_variant(scene.variant);
-  ToMessage(scene.oldest, message->mutable_time());
-  ToMessage(scene.skew(), message->mutable_skew());
+  ToMessage(scene.oldest.time, message->mutable_time());
+  ToMessage(scene.skew, message->mutable_skew());
   for (const JointPosition& joint : scene.joints) {
     v1::JointPosition& added = *message->add_joints();
     added.set_name(joint.name);

@@ -31,7 +31,10 @@ absl::StatusOr<Policy> PolicyFrom(const v1::Policy& message, const Policy& defau
 absl::StatusOr<Configuration> ConfigurationFrom(const v1::Configuration& message,
                                                 const ConfigurationGrid& grid,
                                                 const std::string& field);
-absl::StatusOr<SceneInput> SceneInputFrom(const v1::PublishSceneRequest& message);
+// `arrived`: when the message arrived; `settings`: whether it may leave out capture times. OutOfRange:
+// a server_clock later than that.
+absl::StatusOr<SceneInput> SceneInputFrom(const v1::PublishSceneRequest& message,
+                                          const SceneSettings& settings, const Moment& arrived);
 // Per view of the database: where the region lies.
 absl::StatusOr<std::vector<std::optional<Mask>>> RegionPixelsFrom(
     const v1::AllowRegionRequest& message, const ServedDatabase& database);

@@ -36,13 +36,41 @@ absl::StatusOr<Mask> MaskFrom(const v1::Mask& message, const std::string& field)
   }
 }
 
-absl::StatusOr<ViewInput> ViewInputFrom(const v1::ViewImage& message, const std::string& field) {
-  ViewInput input;
-  input.view = message.view();
+// When the image was taken; nothing: it does not say.
+absl::StatusOr<std::optional<Moment>> CaptureFrom(const v1::ViewImage& message,
+                                                  const Moment& arrived, const std::string& field) {
+  std::optional<Moment> captured;
   if (message.has_capture_time()) {
     ASSIGN_OR_RETURN(const absl::Time time,
                      TimeFrom(message.capture_time(), absl::StrCat(field, ".capture_time")));
-    input.captured = time;
+    captured = MomentOf(time, arrived);
+  }
+  if (!message.has_server_clock()) return captured;
+  constexpr int64_t kTenThousandYears = 315'576'000'000;
+  const int64_t seconds = message.server_clock().seconds();
+  if (seconds > kTenThousandYears || seconds < -kTenThousandYears) {
+    return InField(absl::StrCat(field, ".server_clock"), "it is not a time of the server's clock");
+  }
+  const absl::Duration clock = DurationFrom(message.server_clock());
+  const absl::Duration ago = arrived.running - clock;
+  if (ago < absl::ZeroDuration()) {
+    return absl::OutOfRangeError(
+        absl::StrCat(field, ".server_clock: it is ", absl::FormatDuration(-ago),
+                     " in the future; the server's computer was restarted since the caller read "
+                     "its clock: read it again"));
+  }
+  return Moment{captured ? captured->time : arrived.time - ago, clock};
+}
+
+absl::StatusOr<ViewInput> ViewInputFrom(const v1::ViewImage& message, const SceneSettings& settings,
+                                        const Moment& arrived, const std::string& field) {
+  ViewInput input;
+  input.view = message.view();
+  ASSIGN_OR_RETURN(input.captured, CaptureFrom(message, arrived, field));
+  if (!input.captured && !settings.accept_arrival_times) {
+    return InField(field,
+                   "the image has no capture time, and one that was held up is older than its "
+                   "arrival says; state server_clock or capture_time");
   }
   switch (message.image_case()) {
     case v1::ViewImage::kSceneMask: {
@@ -150,7 +178,8 @@ absl::StatusOr<Configuration> ConfigurationFrom(const v1::Configuration& message
                                      " positions and takes one for each of ", joints));
 }
 
-absl::StatusOr<SceneInput> SceneInputFrom(const v1::PublishSceneRequest& message) {
+absl::StatusOr<SceneInput> SceneInputFrom(const v1::PublishSceneRequest& message,
+                                          const SceneSettings& settings, const Moment& arrived) {
   SceneInput input;
   input.variant = message.variant();
   for (const v1::JointPosition& joint : message.joints()) {
@@ -158,7 +187,7 @@ absl::StatusOr<SceneInput> SceneInputFrom(const v1::PublishSceneRequest& message
   }
   for (int i = 0; i < message.views_size(); ++i) {
     const std::string field = absl::StrCat("views[", i, "] '", message.views(i).view(), "'");
-    ASSIGN_OR_RETURN(ViewInput view, ViewInputFrom(message.views(i), field));
+    ASSIGN_OR_RETURN(ViewInput view, ViewInputFrom(message.views(i), settings, arrived, field));
     input.views.push_back(std::move(view));
   }
   return input;

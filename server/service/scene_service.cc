@@ -74,7 +74,7 @@ class SceneService final : public v1::SceneService::CallbackService {
     }
     return AnswerOnWorker(serving_, context, [this, request, response, arrived]() -> absl::Status {
       const ServingSettings& settings = serving_.settings;
-      ASSIGN_OR_RETURN(const SceneInput input, SceneInputFrom(*request));
+      ASSIGN_OR_RETURN(const SceneInput input, SceneInputFrom(*request, settings.scene, arrived));
       const std::shared_ptr<const ServedDatabase> database = serving_.scenes.database();
       ASSIGN_OR_RETURN(Scene scene,
                        MakeScene(*database, input, settings.scene, settings.segmentation, arrived));

@@ -6,6 +6,7 @@
 #include <stdexcept>
 #include <utility>
 
+#include "absl/time/clock.h"
 #include "silhouette/v1/scene_service.grpc.pb.h"
 
 namespace silhouette::benchmarks {
@@ -35,6 +36,7 @@ void RunningServer::Publish(const SyntheticCell& cell, const BenchmarkScene& sce
   for (int view = 0; view < kViews; ++view) {
     v1::ViewImage& added = *request.add_views();
     added.set_view("view_" + std::to_string(view + 1));
+    added.mutable_capture_time()->set_seconds(absl::ToUnixSeconds(absl::Now()));
     const ObstacleImage& image = *scene.images[static_cast<size_t>(view)];
     const Mask foreground = image.obstacle() | image.unknown();
     added.mutable_scene_mask()->set_width(foreground.width());

@@ -207,6 +207,8 @@ ServerSettings ReadServer(const YamlNode& node, const std::filesystem::path& fol
   ServerSettings server;
   server.listen = map.Get<std::string>("listen", server.listen);
   map.Read("max_age", server.scene.max_age, &YamlNode::AsTime);
+  server.scene.accept_arrival_times =
+      map.Get<bool>("accept_arrival_times", server.scene.accept_arrival_times);
   map.Read("max_skew", server.scene.max_skew, &YamlNode::AsTime);
   map.Read("map_time", server.map_time, &YamlNode::AsTime);
   map.Read("max_core_error", server.scene.max_core_error, &YamlNode::AsShare);

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // silhouette scene publish, show, live, variant
 #include <algorithm>
+#include <chrono>
 #include <map>
 #include <memory>
 
@@ -84,6 +85,7 @@ absl::StatusOr<v1::ViewImage> ReadImage(const ImageFile& file, const PublishArgu
 }
 
 absl::StatusOr<ExitCode> Publish(const Session& session, const PublishArguments& arguments) {
+  const auto called = std::chrono::steady_clock::now();
   ASSIGN_OR_RETURN(const auto files, ImagesOf(session, arguments));
   ASSIGN_OR_RETURN(const Client client, session.Connect());
   v1::GetDatabaseResponse database;
@@ -101,7 +103,7 @@ absl::StatusOr<ExitCode> Publish(const Session& session, const PublishArguments&
     ASSIGN_OR_RETURN(image, ReadImage(file, arguments, database));
     if (files.time) *image.mutable_capture_time() = client::ToMessage(*files.time);
   }
-  ASSIGN_OR_RETURN(const auto scene, client.PublishScene(std::move(request)));
+  ASSIGN_OR_RETURN(const auto scene, client.PublishScene(std::move(request), called));
   PrintResult(session.format, JsonOf(scene), TextOf(scene));
   return scene.defects().empty() ? kDone : kNo;
 }
@@ -178,13 +180,14 @@ void AddPublishCommand(CLI::App& scene, Session& session) {
                       "The variant that shows the robot as it is: with this tool, this "
                       "part. Default: the default variant");
   command->add_flag("--now", arguments->now,
-                    "The images are of this moment, whatever images.json says");
+                    "The images count as taken when this command is called, whatever images.json says");
   AddDegreesFlag(*command, session, "Values of --joint");
   AddFormatOption(*command, session.format);
   command->footer(
       "images.json: {\"time\": \"2026-01-31T12:00:00Z\", \"joints\": {\"axis_1\": 0.5},\n"
-      "\"views\": {\"top\": \"top.png\"}}; without a time, and with --view, the images are of "
-      "now.\n"
+      "\"views\": {\"top\": \"top.png\"}}; the time is by a wall clock that agrees with the server's.\n"
+      "Without a time, and with --view, the images count as taken when this command is called:\n"
+      "call it at once, or the images are older than the server knows.\n"
       "Exit code 1 if the scene was taken but verdicts from it are not free; it is said why.\n\n"
       "Example:\n"
       "  silhouette scene publish images\n"

@@ -9,6 +9,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "absl/time/clock.h"
+#include "capture/devices/running_clock.h"
 #include "capture/drivers/aravis/aravis_device.h"
 #include "capture/drivers/opencv/opencv_camera.h"
 #include "db/status/status_macros.h"
@@ -105,9 +106,9 @@ class GenicamCamera : public CameraSource {
     return Lost();
   }
 
-  absl::StatusOr<std::vector<CameraImage>> Wait(absl::Time deadline) override {
+  absl::StatusOr<std::vector<CameraImage>> Wait(absl::Duration deadline) override {
     for (;;) {
-      const absl::Duration left = deadline - absl::Now();
+      const absl::Duration left = deadline - RunningNow();
       if (left <= absl::ZeroDuration()) break;
       if (lost_) return Lost();
       ArvBuffer* buffer = arv_stream_timeout_pop_buffer(

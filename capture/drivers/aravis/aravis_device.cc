@@ -11,6 +11,7 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_join.h"
 #include "absl/time/clock.h"
+#include "capture/devices/running_clock.h"
 #include "capture/drivers/aravis/aravis_camera.h"
 #include "db/status/status_macros.h"
 
@@ -49,12 +50,12 @@ std::string PlaceOf(const GenicamSource& source) {
 
 // Calls all cameras, unless somebody began to do so at about the moment `wanted` or later: several
 // that are lost need not be looked for one by one.
-void CallAllCameras(absl::Time wanted) {
+void CallAllCameras(absl::Duration wanted) {
   constexpr absl::Duration kTogether = absl::Milliseconds(100);
-  static absl::Time begun = absl::InfinitePast();
+  static absl::Duration begun = -absl::InfiniteDuration();
   const std::lock_guard lock(list_mutex);
   if (begun > wanted - kTogether) return;
-  begun = absl::Now();
+  begun = RunningNow();
   arv_update_device_list();
 }
 
@@ -248,7 +249,7 @@ std::vector<FoundCamera> FindGenicamCameras() {
 }
 
 absl::StatusOr<CameraHandle> FindDevice(const GenicamSource& source) {
-  const absl::Time wanted = absl::Now();
+  const absl::Duration wanted = RunningNow();
   std::string id = source.address;
   if (id.empty()) {
     id = PlaceOf(source);

@@ -11,6 +11,7 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_join.h"
 #include "absl/time/clock.h"
+#include "capture/devices/running_clock.h"
 #include "capture/drivers/opencv/opencv_camera.h"
 #include "db/status/status_macros.h"
 #include "silhouette/v1/camera_driver.grpc.pb.h"
@@ -22,9 +23,9 @@ namespace {
 constexpr absl::Duration kClockTolerance = absl::Milliseconds(20);
 constexpr int kLargestMessage = 1 << 30;
 
-// A deadline for gRPC.
-std::chrono::system_clock::time_point Until(absl::Time deadline) {
-  return absl::ToChronoTime(deadline);
+// The deadline of a call that begins now, which gRPC takes by the wall clock and keeps by another.
+std::chrono::system_clock::time_point Within(absl::Duration time) {
+  return absl::ToChronoTime(absl::Now() + time);
 }
 
 absl::Status GrpcCameraStatusOf(const grpc::Status& status, const std::string& address) {
@@ -97,7 +98,7 @@ class GrpcCameras : public CameraSource {
   ~GrpcCameras() override {
     if (call_ != nullptr) {
       call_->context.TryCancel();
-      Await(absl::InfiniteFuture());
+      Await(absl::InfiniteDuration());
     }
     queue_.Shutdown();
     void* tag = nullptr;
@@ -109,7 +110,7 @@ class GrpcCameras : public CameraSource {
   // Whether the service has the cameras, with images of the views' size.
   absl::Status Check(const std::vector<GrpcView>& views) {
     grpc::ClientContext context;
-    context.set_deadline(Until(absl::Now() + timeout_));
+    context.set_deadline(Within(timeout_));
     v1::GetCamerasResponse response;
     RETURN_IF_ERROR(GrpcCameraStatusOf(
         stub_->GetCameras(&context, v1::GetCamerasRequest(), &response), address_));
@@ -142,16 +143,16 @@ class GrpcCameras : public CameraSource {
   absl::Status Trigger() override {
     call_ = std::make_unique<Grab>();
     call_->begin = absl::Now();
-    call_->context.set_deadline(Until(call_->begin + timeout_));
+    call_->context.set_deadline(Within(timeout_));
     call_->reader = stub_->AsyncGrab(&call_->context, request_, &queue_);
     call_->reader->Finish(&call_->response, &call_->status, call_.get());
     return absl::OkStatus();
   }
 
-  absl::StatusOr<std::vector<CameraImage>> Wait(absl::Time deadline) override {
+  absl::StatusOr<std::vector<CameraImage>> Wait(absl::Duration deadline) override {
     if (!Await(deadline)) {
       call_->context.TryCancel();
-      Await(absl::InfiniteFuture());
+      Await(absl::InfiniteDuration());
     }
     const absl::Time end = absl::Now();
     const std::unique_ptr<Grab> call = std::move(call_);
@@ -187,11 +188,12 @@ class GrpcCameras : public CameraSource {
   };
 
   // Whether the call has ended by then.
-  bool Await(absl::Time deadline) {
+  bool Await(absl::Duration deadline) {
     void* tag = nullptr;
     bool ok = false;
-    if (deadline == absl::InfiniteFuture()) return queue_.Next(&tag, &ok);
-    return queue_.AsyncNext(&tag, &ok, Until(deadline)) == grpc::CompletionQueue::GOT_EVENT;
+    if (deadline == absl::InfiniteDuration()) return queue_.Next(&tag, &ok);
+    return queue_.AsyncNext(&tag, &ok, Within(deadline - RunningNow())) ==
+           grpc::CompletionQueue::GOT_EVENT;
   }
 
   absl::Status Faulty(const absl::Status& status) const {

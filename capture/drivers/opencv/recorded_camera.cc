@@ -33,7 +33,7 @@ class RecordedCamera : public CameraSource {
     return absl::OkStatus();
   }
 
-  absl::StatusOr<std::vector<CameraImage>> Wait(absl::Time) override {
+  absl::StatusOr<std::vector<CameraImage>> Wait(absl::Duration) override {
     ASSIGN_OR_RETURN(const cv::Mat image, next_());
     return std::vector<CameraImage>{CameraImageOf(image, asked_)};
   }

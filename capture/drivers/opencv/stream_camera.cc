@@ -16,6 +16,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "absl/time/clock.h"
+#include "capture/devices/running_clock.h"
 #include "capture/drivers/opencv/opencv_camera.h"
 #include "db/status/status_macros.h"
 
@@ -54,15 +55,15 @@ class StreamCamera : public CameraSource {
   absl::Status Trigger() override {
     const std::lock_guard lock(mutex_);
     if (!error_.ok()) return error_;
-    asked_ = absl::Now();
+    asked_ = RunningNow();
     image_.reset();
     return absl::OkStatus();
   }
 
-  absl::StatusOr<std::vector<CameraImage>> Wait(absl::Time deadline) override {
+  absl::StatusOr<std::vector<CameraImage>> Wait(absl::Duration deadline) override {
     std::unique_lock lock(mutex_);
-    changed_.wait_until(lock, absl::ToChronoTime(deadline),
-                        [&] { return image_.has_value() || !error_.ok(); });
+    changed_.wait_for(lock, absl::ToChronoNanoseconds(deadline - RunningNow()),
+                      [&] { return image_.has_value() || !error_.ok(); });
     asked_.reset();
     if (!error_.ok()) return error_;
     if (!image_) {
@@ -82,7 +83,7 @@ class StreamCamera : public CameraSource {
         continue;
       }
       const absl::Time arrived = absl::Now();
-      if (!Wanted(arrived)) continue;
+      if (!Wanted(RunningNow())) continue;
       cv::Mat image;
       if (!stream_.retrieve(image) || image.depth() != CV_8U) continue;
       const std::lock_guard lock(mutex_);
@@ -97,7 +98,7 @@ class StreamCamera : public CameraSource {
   }
 
   // Whether an image that comes now may be the one that is waited for.
-  bool Wanted(absl::Time now) {
+  bool Wanted(absl::Duration now) {
     const std::lock_guard lock(mutex_);
     return asked_ && !image_ && now >= *asked_ + latency_;
   }
@@ -131,7 +132,7 @@ class StreamCamera : public CameraSource {
   std::condition_variable changed_;
   bool stopping_ = false;
   absl::Status error_;               // why there are no images just now
-  std::optional<absl::Time> asked_;  // since when an image is waited for
+  std::optional<absl::Duration> asked_;  // since when an image is waited for
   std::optional<CameraImage> image_;
 
   std::thread reader_;  // last: it uses all the others

@@ -7,7 +7,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
-#include "absl/time/clock.h"
+#include "capture/devices/running_clock.h"
 #include "db/status/status_macros.h"
 
 namespace silhouette {
@@ -53,7 +53,7 @@ absl::Status FeedbackRobot::CheckHold(const RobotFeedback& feedback) const {
 
 void FeedbackRobot::OnFeedback(const RobotFeedback& feedback) {
   const std::lock_guard lock(mutex_);
-  const absl::Time now = absl::Now();
+  const absl::Duration now = RunningNow();
   if (newest_ && !silence_told_ && now - newest_time_ > limits_.silence) {
     untold_gap_ = now - newest_time_;
   }
@@ -97,7 +97,7 @@ void FeedbackRobot::StopWhenAlarmed() {
   }
 }
 
-absl::Status FeedbackRobot::Silence(absl::Time now) {
+absl::Status FeedbackRobot::Silence(absl::Duration now) {
   const auto spoken = [](absl::Duration silence) {
     return absl::FormatDuration(absl::Trunc(silence, absl::Milliseconds(10)));
   };
@@ -123,13 +123,13 @@ absl::StatusOr<RobotFeedback> FeedbackRobot::Newest(std::unique_lock<std::mutex>
     return absl::UnavailableError(absl::StrCat("the robot did not report its position within ",
                                                absl::FormatDuration(limits_.silence)));
   }
-  RETURN_IF_ERROR(Silence(absl::Now()));
+  RETURN_IF_ERROR(Silence(RunningNow()));
   return *newest_;
 }
 
 absl::Status FeedbackRobot::WaitForArrival(std::unique_lock<std::mutex>& lock) {
   while (true) {
-    const absl::Time now = absl::Now();
+    const absl::Duration now = RunningNow();
     if (!move_failure_.ok()) return move_failure_;
     if (stop_asked_) return absl::AbortedError("the robot was stopped on the way");
     RETURN_IF_ERROR(Silence(now));
@@ -163,7 +163,7 @@ absl::Status FeedbackRobot::MoveTo(std::span<const double> positions) {
   }
   hold_.reset();
   move_failure_ = absl::OkStatus();
-  move_.emplace(names_, start.positions, goal, limits_, absl::Now());
+  move_.emplace(names_, start.positions, goal, limits_, RunningNow());
   const absl::Duration duration = move_->duration();
   lock.unlock();
   absl::Status status = link_->Move(goal, duration);

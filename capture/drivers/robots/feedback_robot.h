@@ -83,7 +83,7 @@ class FeedbackRobot : public Robot {
 
   // With mutex_ held.
   absl::StatusOr<RobotFeedback> Newest(std::unique_lock<std::mutex>& lock);
-  absl::Status Silence(absl::Time now);
+  absl::Status Silence(absl::Duration now);
   absl::Status CheckHold(const RobotFeedback& feedback) const;
   absl::Status WaitForArrival(std::unique_lock<std::mutex>& lock);
 
@@ -93,7 +93,7 @@ class FeedbackRobot : public Robot {
   std::mutex mutex_;  // guards all below but link_
   std::condition_variable changed_;
   std::optional<RobotFeedback> newest_;
-  absl::Time newest_time_;
+  absl::Duration newest_time_;  // running clock
   absl::Duration untold_gap_;  // a past silence that no call has reported yet; 0: none
   bool silence_told_ = false;  // of the one that goes on
   Stillness stillness_;

@@ -44,7 +44,7 @@ JointDeviation GreatestDeviation(std::span<const double> from, std::span<const d
   return greatest;
 }
 
-void Stillness::Add(absl::Time when, const std::vector<double>& positions) {
+void Stillness::Add(absl::Duration when, const std::vector<double>& positions) {
   samples_.push_back({when, positions});
   // One sample that is a moment old or older stays.
   while (samples_.size() > 2 && when - samples_[1].when >= kMoment) samples_.pop_front();
@@ -67,7 +67,7 @@ bool Stillness::still() const {
 bool Stillness::moving() const { return Change() > change_; }
 
 MotionWatch::MotionWatch(std::vector<std::string> names, std::vector<double> start,
-                         std::vector<double> goal, const MotionLimits& limits, absl::Time begin)
+                         std::vector<double> goal, const MotionLimits& limits, absl::Duration begin)
     : names_(std::move(names)),
       start_(std::move(start)),
       goal_(std::move(goal)),
@@ -86,7 +86,7 @@ MotionWatch::MotionWatch(std::vector<std::string> names, std::vector<double> sta
   duration_ = std::max(absl::Seconds(farthest / limits_.joint_speed), kLeastDuration);
 }
 
-absl::Status MotionWatch::Tell(absl::Time now, const RobotFeedback& feedback) {
+absl::Status MotionWatch::Tell(absl::Duration now, const RobotFeedback& feedback) {
   if (!feedback.fault.empty()) {
     return absl::AbortedError(absl::StrCat("the robot reports: ", feedback.fault));
   }
@@ -133,7 +133,7 @@ std::string MotionWatch::WhereItIs() const {
   return absl::StrFormat("'%s' is %.4f from where it should be", names_[off.joint], off.deviation);
 }
 
-absl::Status MotionWatch::CheckTime(absl::Time now) const {
+absl::Status MotionWatch::CheckTime(absl::Duration now) const {
   if (now - last_progress_ > limits_.patience) {
     return absl::DeadlineExceededError(absl::StrFormat(
         "the robot did not arrive: it has not moved on for %s, and %s",

@@ -49,7 +49,7 @@ class Stillness {
   // `tolerance`: a change below its half is none.
   explicit Stillness(double tolerance) : change_(tolerance / 2) {}
 
-  void Add(absl::Time when, const std::vector<double>& positions);
+  void Add(absl::Duration when, const std::vector<double>& positions);
   // Whether they have not changed for kMoment; false as long as that is not known.
   bool still() const;
   // Whether they have changed within the last kMoment.
@@ -57,7 +57,7 @@ class Stillness {
 
  private:
   struct Sample {
-    absl::Time when;
+    absl::Duration when;
     std::vector<double> positions;
   };
   double Change() const;
@@ -71,16 +71,16 @@ class MotionWatch {
  public:
   // `names` of the joints, for messages. All of one size; sent at `begin`.
   MotionWatch(std::vector<std::string> names, std::vector<double> start, std::vector<double> goal,
-              const MotionLimits& limits, absl::Time begin);
+              const MotionLimits& limits, absl::Duration begin);
 
   // How long the way should take if the joints move at joint_speed.
   absl::Duration duration() const { return duration_; }
 
   // A message came. Aborted: the robot must be stopped, for the reason that the status says: a
   // fault, no positions, much too fast, or a joint that leaves the range between start and goal.
-  absl::Status Tell(absl::Time now, const RobotFeedback& feedback);
+  absl::Status Tell(absl::Duration now, const RobotFeedback& feedback);
   // Asked now and then. DeadlineExceeded: the robot does not arrive; it must be stopped.
-  absl::Status CheckTime(absl::Time now) const;
+  absl::Status CheckTime(absl::Duration now) const;
   // Whether it is where it should be, and stands still.
   bool arrived() const { return arrived_; }
 
@@ -91,12 +91,12 @@ class MotionWatch {
   const std::vector<double> start_;
   const std::vector<double> goal_;
   const MotionLimits limits_;
-  const absl::Time begin_;
+  const absl::Duration begin_;
   absl::Duration duration_;
   Stillness stillness_;
   std::vector<double> progress_;  // where it was at last_progress_
   std::vector<double> newest_;
-  absl::Time last_progress_;
+  absl::Duration last_progress_;
   bool arrived_ = false;
 };
 

@@ -10,7 +10,7 @@
 #include <utility>
 
 #include "absl/strings/str_cat.h"
-#include "absl/time/clock.h"
+#include "capture/devices/running_clock.h"
 #include "db/status/status_macros.h"
 
 namespace silhouette {
@@ -224,13 +224,13 @@ void SimpleMessageLink::ReadState() {
 void SimpleMessageLink::LoseState(const absl::Status& why) {
   state_ = FileDescriptor();
   status_.reset();
-  next_try_ = absl::Now() + kTryAgain;
+  next_try_ = RunningNow() + kTryAgain;
   observer_.failed(In(AddressOf(settings_.host, settings_.state_port), why));
 }
 
 void SimpleMessageLink::ConnectAgain() {
-  if (absl::Now() < next_try_) return;
-  next_try_ = absl::Now() + kTryAgain;
+  if (RunningNow() < next_try_) return;
+  next_try_ = RunningNow() + kTryAgain;
   absl::StatusOr<FileDescriptor> socket =
       ConnectTcp(settings_.host, settings_.state_port, settings_.timeout);
   if (!socket.ok()) return;

@@ -70,7 +70,7 @@ class SimpleMessageLink : public ControllerLink {
   // Of the reading thread.
   FileDescriptor state_;
   simple_message::MessageReader state_reader_;
-  absl::Time next_try_;
+  absl::Duration next_try_;  // running clock
   std::optional<simple_message::RobotStatus> status_;
 
   std::mutex mutex_;  // guards all below

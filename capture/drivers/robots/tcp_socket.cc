@@ -14,6 +14,7 @@
 #include <memory>
 
 #include "absl/strings/str_cat.h"
+#include "capture/devices/running_clock.h"
 #include "db/status/status_macros.h"
 
 namespace silhouette {
@@ -38,10 +39,10 @@ absl::Status Lost(const std::string& what) {
 // Whether `events` came within `timeout`.
 bool WaitFor(int fd, int16_t events, absl::Duration timeout) {
   pollfd place{.fd = fd, .events = events, .revents = 0};
-  const absl::Time end = absl::Now() + timeout;
+  const absl::Duration end = RunningNow() + timeout;
   while (true) {
     const auto left =
-        absl::ToInt64Milliseconds(absl::Ceil(end - absl::Now(), absl::Milliseconds(1)));
+        absl::ToInt64Milliseconds(absl::Ceil(end - RunningNow(), absl::Milliseconds(1)));
     const int ready = poll(&place, 1, static_cast<int>(std::max<int64_t>(left, 0)));
     if (ready >= 0 || errno != EINTR) return ready > 0;
   }

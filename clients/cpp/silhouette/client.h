@@ -16,6 +16,7 @@
 // No error is ever a verdict, and a part of an answer is never handed out.
 #pragma once
 
+#include <chrono>
 #include <cstdint>
 #include <initializer_list>
 #include <memory>
@@ -51,6 +52,7 @@ namespace silhouette::client {
 inline constexpr char kDefaultAddress[] = "127.0.0.1:50051";
 
 class Connection;
+class PublishingClock;
 
 // Any number of threads may use a client at once. Copies share the connection.
 class Client {
@@ -118,7 +120,13 @@ class Client {
   // Publishes one simultaneous set of images, with the robot's joint values at that time: all
   // joints of the grid and all fixed joints. WithVariant names the variant. The returned scene may
   // have defects.
-  absl::StatusOr<v1::Scene> PublishScene(v1::PublishSceneRequest scene) const;
+  // `taken`: an instant not later than the capture of the images that state no time, for example
+  // that before the cameras were triggered; default: the call. They get it as server_clock, by
+  // round trips, at most one a second: however long the request is under way, the server knows how
+  // old they are. Images with a capture_time or server_clock keep it.
+  absl::StatusOr<v1::Scene> PublishScene(
+      v1::PublishSceneRequest scene,
+      std::optional<std::chrono::steady_clock::time_point> taken = std::nullopt) const;
 
   // A scene by its id, 0 for the newest; `with_planes`: also its masks.
   absl::StatusOr<v1::Scene> GetScene(uint64_t id = 0, bool with_planes = false) const;
@@ -148,9 +156,12 @@ class Client {
 
  private:
   friend class LocalSpace;
-  Client(std::shared_ptr<const Connection> connection, absl::Duration timeout, std::string variant);
+  Client(std::shared_ptr<const Connection> connection,
+         std::shared_ptr<PublishingClock> publishing_clock, absl::Duration timeout,
+         std::string variant);
 
   std::shared_ptr<const Connection> connection_;
+  std::shared_ptr<PublishingClock> publishing_clock_;
   absl::Duration timeout_;
   std::string variant_;
 };

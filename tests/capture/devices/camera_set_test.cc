@@ -47,7 +47,7 @@ class FakeSource : public CameraSource {
     return on_trigger;
   }
 
-  absl::StatusOr<std::vector<CameraImage>> Wait(absl::Time deadline) override {
+  absl::StatusOr<std::vector<CameraImage>> Wait(absl::Duration deadline) override {
     log_->push_back("wait " + views_.front());
     deadlines.push_back(deadline);
     if (!on_wait.ok()) return on_wait;
@@ -65,7 +65,7 @@ class FakeSource : public CameraSource {
   bool short_of_one = false;
   absl::Status on_trigger;
   absl::Status on_wait;
-  std::vector<absl::Time> deadlines;
+  std::vector<absl::Duration> deadlines;
 
  private:
   std::vector<std::string> views_;

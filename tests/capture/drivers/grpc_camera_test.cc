@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Cameras behind a CameraDriverService: that of the simulated cell, and one that does wrong.
+#include "capture/devices/running_clock.h"
 #include "capture/drivers/grpc/grpc_camera.h"
 
 #include <gmock/gmock.h>
@@ -27,7 +28,7 @@ using testing::HasSubstr;
 
 absl::StatusOr<std::vector<CameraImage>> GrpcCameraTake(CameraSource& source) {
   if (absl::Status status = source.Trigger(); !status.ok()) return status;
-  return source.Wait(absl::Now() + source.timeout());
+  return source.Wait(RunningNow() + source.timeout());
 }
 
 class GrpcCamera : public ServedCell {

@@ -31,8 +31,8 @@ class MotionWatchTest : public testing::Test {
     return absl::OkStatus();
   }
 
-  absl::Time begin_ = absl::UnixEpoch();
-  absl::Time now_ = begin_;
+  absl::Duration begin_ = absl::Seconds(50);
+  absl::Duration now_ = begin_;
   MotionWatch watch_{{"turn", "lift"}, {0, 0}, {1, -0.5}, kLimits, begin_};
 };
 

@@ -9,6 +9,7 @@
 #include <opencv2/videoio.hpp>
 
 #include "absl/time/clock.h"
+#include "capture/devices/running_clock.h"
 #include "capture/drivers/opencv/opencv_camera.h"
 #include "tests/test_folder.h"
 
@@ -21,7 +22,7 @@ cv::Mat Grey(int level) { return {24, 32, CV_8UC1, cv::Scalar(level)}; }
 
 absl::StatusOr<CameraImage> RecordedCameraTake(CameraSource& source) {
   if (absl::Status status = source.Trigger(); !status.ok()) return status;
-  auto images = source.Wait(absl::Now() + source.timeout());
+  auto images = source.Wait(RunningNow() + source.timeout());
   if (!images.ok()) return images.status();
   EXPECT_EQ(images->size(), 1u);
   return std::move(images->front());

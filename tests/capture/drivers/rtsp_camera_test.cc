@@ -7,6 +7,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "absl/time/clock.h"
+#include "capture/devices/running_clock.h"
 #include "capture/drivers/opencv/opencv_camera.h"
 #include "capture/sim/served/network_cameras.h"
 #include "tests/capture/drivers/served_cell.h"
@@ -47,7 +48,7 @@ class RtspCamera : public ServedCell {
 
   static absl::StatusOr<CameraImage> Take(CameraSource& camera) {
     if (absl::Status status = camera.Trigger(); !status.ok()) return status;
-    auto images = camera.Wait(absl::Now() + camera.timeout());
+    auto images = camera.Wait(RunningNow() + camera.timeout());
     if (!images.ok()) return images.status();
     return std::move(images->front());
   }

@@ -5,6 +5,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <atomic>
 #include <cmath>
 #include <thread>
 
@@ -481,6 +482,75 @@ TEST(Scene, IsSentAndReadWhole) {
   EXPECT_EQ(scene->joints(0).position(), 0.5);
   EXPECT_EQ(FromMessage(scene->views(0).scene()), mask);
   EXPECT_EQ(FromMessage(scene->defects(0).reason()), Reason::kViewMissing);
+}
+
+// A server whose clock shows `clock` when it answers; it keeps what is published.
+struct ClockedServer : FakeServer {
+  ClockedServer() {
+    check_configurations = [this](auto&, auto&, v1::CheckConfigurationsResponse& response) {
+      ++round_trips;
+      *response.mutable_basis()->mutable_server_clock() = ToMessage(Clock());
+      return grpc::Status::OK;
+    };
+    publish_scene = [this](auto&, const v1::PublishSceneRequest& request,
+                           v1::PublishSceneResponse&) -> grpc::Status {
+      std::this_thread::sleep_for(hold_up);
+      for (const v1::ViewImage& image : request.views()) {
+        if (FromMessage(image.server_clock()) > Clock()) {
+          return {grpc::StatusCode::OUT_OF_RANGE, "the future"};
+        }
+      }
+      seen = request;
+      return grpc::Status::OK;
+    };
+  }
+  absl::Duration Clock() const {
+    return ahead + absl::FromChrono(std::chrono::steady_clock::now().time_since_epoch());
+  }
+  absl::Duration ahead = absl::Hours(1000);
+  std::atomic<int> round_trips = 0;
+  std::chrono::milliseconds hold_up{0};
+  v1::PublishSceneRequest seen;
+};
+
+TEST(Scene, ImagesAreStampedByTheServersClockBeforeTheyAreSent) {
+  ClockedServer server;
+  server.hold_up = std::chrono::milliseconds(30);
+  const Client client = ClientOfHere(server);
+  v1::PublishSceneRequest request;
+  request.add_views()->set_view("top");
+  *request.add_views()->mutable_capture_time() = ToMessage(absl::FromUnixSeconds(1'700'000'000));
+  const absl::Duration called = server.Clock();
+  ASSERT_TRUE(client.PublishScene(request).ok());
+  EXPECT_LE(FromMessage(server.seen.views(0).server_clock()), called + absl::Milliseconds(20));
+  EXPECT_GE(FromMessage(server.seen.views(0).server_clock()), called - absl::Seconds(1));
+  EXPECT_FALSE(server.seen.views(1).has_server_clock()) << "it has a time";
+  EXPECT_EQ(server.seen.views(1).capture_time().seconds(), 1'700'000'000);
+  const auto earlier = std::chrono::steady_clock::now() - std::chrono::seconds(3);
+  ASSERT_TRUE(client.WithTimeout(absl::Seconds(5)).PublishScene(request, earlier).ok());
+  EXPECT_LE(FromMessage(server.seen.views(0).server_clock()), server.Clock() - absl::Seconds(3));
+  EXPECT_EQ(server.round_trips, 1) << "one a second, for all copies of the client";
+}
+
+TEST(Scene, IsStampedAgainWhenTheServersComputerWasRestarted) {
+  ClockedServer server;
+  const Client client = ClientOfHere(server);
+  v1::PublishSceneRequest request;
+  request.add_views()->set_view("top");
+  ASSERT_TRUE(client.PublishScene(request).ok());
+  server.ahead = absl::ZeroDuration();
+  ASSERT_TRUE(client.PublishScene(request).ok());
+  EXPECT_LE(FromMessage(server.seen.views(0).server_clock()), server.Clock());
+  EXPECT_EQ(server.round_trips, 2);
+}
+
+TEST(Scene, OfAServerThatReportsNoClockIsAnError) {
+  FakeServer server;
+  server.check_configurations = [](auto&, auto&, auto&) { return grpc::Status::OK; };
+  v1::PublishSceneRequest request;
+  request.add_views()->set_view("top");
+  EXPECT_EQ(ClientOfHere(server).PublishScene(request).status().code(),
+            absl::StatusCode::kUnimplemented);
 }
 
 TEST(Scene, WithAMaskThatCannotBeIsAnError) {

@@ -96,6 +96,49 @@ TEST(ServerTime, RoundTripThatContradictsTakesThePlaceOfAll) {
   EXPECT_NEAR(Seconds(*time.Earliest(absl::Seconds(4000), At(2))), 1, 1e-6);
 }
 
+TEST(ServerTime, ClockAtIsNeverMoreThanTheClockShowed) {
+  Random random;
+  const auto uniform = [&random](double low, double high) {
+    return std::uniform_real_distribution<double>(low, high)(random);
+  };
+  for (int run = 0; run < 200; ++run) {
+    const double rate = 1 + uniform(-0.9e-3, 0.9e-3);
+    double begin = uniform(-1e5, 1e5);
+    const auto server = [&](double now) { return absl::Seconds(begin + rate * now); };
+    ServerTime time;
+    double now = 0;
+    double loosest = 0;
+    absl::Duration before = -absl::InfiniteDuration();
+    EXPECT_FALSE(time.ClockAt(At(0)));
+    for (int step = 0; step < 100; ++step) {
+      now += uniform(0, 3);
+      if (step % 3 == 0) {
+        if (step == 51) begin = -1e6;  // the server's computer was restarted
+        const double there = uniform(0, step % 2 == 0 ? 1e-3 : 0.4);
+        const double answered = now + there + uniform(0, step % 2 == 0 ? 1e-3 : 0.4);
+        time.Observe(At(now), At(answered), server(now + there));
+        now = answered;
+        if (step == 51) before = -absl::InfiniteDuration();
+      }
+      const double taken = now;
+      const absl::Duration clock = *time.ClockAt(At(taken));
+      ASSERT_LE(clock, server(taken) + absl::Microseconds(1)) << "run " << run << ", step " << step;
+      EXPECT_GE(clock, before - absl::Microseconds(10)) << "stamps are in order";
+      before = clock;
+      loosest = std::max(loosest, absl::ToDoubleSeconds(server(taken) - clock));
+    }
+    EXPECT_LT(loosest, 0.9) << "a bound that tells nothing";
+  }
+}
+
+TEST(ServerTime, ClockAtIsThatOfTheAnswerLessTheDrift) {
+  ServerTime time;
+  time.Observe(At(10), At(10.5), absl::Seconds(700));
+  EXPECT_NEAR(absl::ToDoubleSeconds(*time.ClockAt(At(10.5))), 700, 1e-6);
+  EXPECT_NEAR(absl::ToDoubleSeconds(*time.ClockAt(At(12.5))), 701.998, 1e-6);
+  EXPECT_NEAR(absl::ToDoubleSeconds(*time.ClockAt(At(8.5))), 697.998, 1e-6);
+}
+
 TEST(ServerTime, BeyondAllMeasureIsVeryOld) {
   ServerTime time;
   time.Observe(At(0), At(0.001), absl::Seconds(100));

@@ -37,7 +37,7 @@ CameraImage ImageAt(absl::Duration passed, int channels = 1) {
 struct ImageJudgeTest : ::testing::Test {
   ImageJudge judge{TwoViews(), absl::Seconds(1)};
   absl::StatusCode Judge(const CameraImage& image, absl::Duration arrived) {
-    return judge.Judge(0, image, ImageJudgeAt(arrived)).code();
+    return judge.Judge(0, image, ImageJudgeAt(arrived), ImageJudgeAt(arrived)).status().code();
   }
 };
 
@@ -66,9 +66,8 @@ TEST_F(ImageJudgeTest, ImagesOfTheFutureOfLongAgoAndOutOfOrderDoNotPass) {
             absl::StatusCode::kDeadlineExceeded);
   EXPECT_EQ(Judge(ImageAt(absl::Seconds(3)), absl::Seconds(3)), absl::StatusCode::kOk);
   EXPECT_EQ(Judge(ImageAt(absl::Seconds(2.9)), absl::Seconds(3)), absl::StatusCode::kAborted);
-  EXPECT_EQ(judge.Judge(1, ImageAt(absl::Seconds(2.9)), ImageJudgeAt(absl::Seconds(3))).code(),
-            absl::StatusCode::kOk)
-      << "another view";
+  const Moment now = ImageJudgeAt(absl::Seconds(3));
+  EXPECT_TRUE(judge.Judge(1, ImageAt(absl::Seconds(2.9)), now, now).ok()) << "another view";
 }
 
 TEST_F(ImageJudgeTest, TheSameImageAgainIsGoodButNoNews) {
@@ -81,7 +80,29 @@ TEST_F(ImageJudgeTest, TheSameImageAgainIsGoodButNoNews) {
 TEST_F(ImageJudgeTest, WallClockThatIsSetBackMakesNoImageOld) {
   EXPECT_EQ(Judge(ImageAt(absl::Seconds(100)), absl::Seconds(100)), absl::StatusCode::kOk);
   const Moment set_back{kStart + absl::Seconds(41), absl::Seconds(50) + absl::Seconds(101)};
-  EXPECT_TRUE(judge.Judge(0, ImageAt(absl::Seconds(41)), set_back).ok());
+  EXPECT_TRUE(judge.Judge(0, ImageAt(absl::Seconds(41)), set_back, set_back).ok());
+}
+
+TEST_F(ImageJudgeTest, WallClockThatIsSetWhileAnImageComesMakesItNoYounger) {
+  for (const double set : {-60.0, -5.0, -2.4, 2.4, 5.0, 60.0}) {
+    ImageJudge of_step{TwoViews(), absl::Seconds(1)};
+    const Moment asked = ImageJudgeAt(absl::Seconds(100));
+    const auto judge_at = [&](double stamp, double arrived) {
+      Moment later = ImageJudgeAt(absl::Seconds(arrived));
+      later.time += absl::Seconds(set);
+      return of_step.Judge(0, ImageAt(absl::Seconds(stamp)), asked, later);
+    };
+    EXPECT_FALSE(judge_at(100.1, 102.6).ok()) << "2.5 s old; set by " << set;
+    const absl::StatusOr<Moment> taken = judge_at(100.1, 100.2);
+    EXPECT_EQ(taken.ok(), set < 0) << set;
+    if (taken.ok()) {
+      EXPECT_EQ(taken->running, ImageJudgeAt(absl::Seconds(100.1)).running);
+    }
+    // The next one, stamped after the step, is as any other.
+    Moment next = ImageJudgeAt(absl::Seconds(100.3));
+    next.time += absl::Seconds(set);
+    EXPECT_TRUE(of_step.Judge(0, ImageAt(absl::Seconds(100.3 + set)), next, next).ok()) << set;
+  }
 }
 
 TEST(FaultLog, FaultIsSaidOnceAndSoIsRecovery) {

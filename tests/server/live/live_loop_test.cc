@@ -4,6 +4,9 @@
 
 #include <gmock/gmock.h>
 
+#include <atomic>
+#include <memory>
+
 #include "tests/server/live/live_cell.h"
 
 namespace silhouette {
@@ -19,7 +22,7 @@ TEST_F(LiveLoopTest, ImagesAndJointsBecomeScenesAgainAndAgain) {
   EXPECT_GT(FreeBy(first), 0);
   const SharedScene later =
       NextScene("three more scenes", [&](const Scene& scene) { return scene.id >= first->id + 3; });
-  EXPECT_GT(later->oldest, first->oldest);
+  EXPECT_GT(later->oldest.running, first->oldest.running);
   EXPECT_TRUE(record->Status().serving);
   EXPECT_GE(record->Status().to_scene.count, 3u);
 }
@@ -86,7 +89,7 @@ TEST_F(LiveLoopTest, ScenesHaveTheVariantThatShowsTheRobotOrNone) {
     const SharedScene good = GoodScene();
     EXPECT_EQ(good->variant, tool ? kTool : "default");
     EXPECT_GT(good->id, last);
-    EXPECT_GE(good->oldest, told + kClockTolerance);
+    EXPECT_GE(good->oldest.time, told + kClockTolerance);
     EXPECT_EQ(good->obstacle_images[0]->obstacle().Count(), 0u);
     for (uint64_t id = changing->id; id < good->id; ++id) {
       const SharedScene between = scenes.Find(id);
@@ -107,7 +110,7 @@ TEST_F(LiveLoopTest, CameraWhoseClockIsAheadGivesNoNewVariantToAnOldImage) {
   Script([](LiveScript& to) { to.tool = true; });
   const SharedScene first =
       NextScene("one of the tool", [](const Scene& scene) { return scene.variant == kTool; });
-  EXPECT_GE(first->oldest - absl::Milliseconds(90), told) << "by a clock that is right";
+  EXPECT_GE(first->oldest.time - absl::Milliseconds(90), told) << "by a clock that is right";
 }
 
 TEST_F(LiveLoopTest, WhatStandsInTheCellIsInTheNextScene) {
@@ -152,6 +155,39 @@ TEST_F(LiveLoopTest, SameImagesAgainAreNoNewScene) {
   const uint64_t id = Newest()->id;
   WaitUntil([&] { return sets() >= before + 6; }, "six more sets");
   EXPECT_EQ(Newest()->id, id);
+}
+
+TEST_F(LiveLoopTest, WallClockThatIsSetCostsAtMostOneSet) {
+  // Set while a set of images is on its way: by then they have their stamps.
+  const auto set = std::make_shared<std::atomic<double>>(0);
+  const auto to_set = std::make_shared<std::atomic<double>>(0);
+  config.clock = [set] {
+    Moment now = SystemClock();
+    now.time += absl::Seconds(set->load());
+    return now;
+  };
+  Script([=](LiveScript& to) {
+    to.change = [=](auto& images) {
+      for (auto& image : images) image->captured += absl::Seconds(set->load());
+      *set = *set + to_set->exchange(0);
+    };
+  });
+  ASSERT_TRUE(Start().ok());
+  GoodScene();
+  uint64_t errors = 0;
+  for (const double step : {-60.0, 60.0, -5.0, 5.0}) {
+    const absl::Duration before = SystemClock().running;
+    *to_set = step;
+    const SharedScene scene = NextScene("a scene after it", [&](const Scene& made) {
+      return *to_set == 0 && made.oldest.running > before && made.defects.empty();
+    });
+    EXPECT_LE(scene->oldest.running, scene->arrived.running);
+    EXPECT_TRUE(record->Status().serving) << step;
+    for (const DeviceStatus& camera : record->Status().cameras) {
+      EXPECT_LE(camera.errors, errors + 1) << step;
+    }
+    errors = record->Status().cameras[0].errors;
+  }
 }
 
 TEST_F(LiveLoopTest, AnotherDatabaseIsServedFromTheNextSetOn) {

@@ -19,8 +19,8 @@ struct LiveRecordTest : ::testing::Test {
     now.running += time;
   }
   void AllGood() {
-    record.NoteImage(0, now.time, now);
-    record.NoteImage(1, now.time, now);
+    record.NoteImage(0, now, now);
+    record.NoteImage(1, now, now);
     record.NoteJoints(now);
   }
 };
@@ -45,7 +45,7 @@ TEST_F(LiveRecordTest, AllServeWhileTheirNewestIsYoungEnough) {
 TEST_F(LiveRecordTest, OneCameraThatStoppedEndsServingOfTheWhole) {
   AllGood();
   Pass(absl::Seconds(2));
-  record.NoteImage(0, now.time, now);
+  record.NoteImage(0, now, now);
   record.NoteImageError(1, absl::UnavailableError("unplugged"));
   record.NoteJoints(now);
   const LiveStatus status = record.Status();
@@ -61,8 +61,8 @@ TEST_F(LiveRecordTest, OneCameraThatStoppedEndsServingOfTheWhole) {
 TEST_F(LiveRecordTest, RobotThatIsSilentEndsServing) {
   AllGood();
   Pass(absl::Seconds(2));
-  record.NoteImage(0, now.time, now);
-  record.NoteImage(1, now.time, now);
+  record.NoteImage(0, now, now);
+  record.NoteImage(1, now, now);
   EXPECT_FALSE(record.Status().robot.serving);
   EXPECT_FALSE(record.Status().serving);
 }
@@ -76,7 +76,7 @@ TEST_F(LiveRecordTest, FaultGoesWithTheNextGoodImageAndTheErrorStays) {
 }
 
 TEST_F(LiveRecordTest, AgeIsThatOfTheCaptureAndNotOfTheArrival) {
-  record.NoteImage(0, now.time - absl::Milliseconds(800), now);
+  record.NoteImage(0, MomentOf(now.time - absl::Milliseconds(800), now), now);
   EXPECT_TRUE(record.Status().cameras[0].serving);
   Pass(absl::Milliseconds(300));
   EXPECT_EQ(record.Status().cameras[0].age, absl::Milliseconds(1100));
@@ -84,7 +84,7 @@ TEST_F(LiveRecordTest, AgeIsThatOfTheCaptureAndNotOfTheArrival) {
 }
 
 TEST_F(LiveRecordTest, SettingTheWallClockChangesNoAge) {
-  record.NoteImage(0, now.time, now);
+  record.NoteImage(0, now, now);
   now.time -= absl::Hours(1);
   now.running += absl::Seconds(2);
   EXPECT_EQ(record.Status().cameras[0].age, absl::Seconds(2));

@@ -76,7 +76,7 @@ TEST_F(CheckerTest, SceneOlderThanMaxAgeIsNeverFree) {
 
 TEST_F(CheckerTest, SceneThatArrivedOldIsNeverFree) {
   SceneInput input = EmptyCellScene();
-  for (ViewInput& view : input.views) view.captured = kCheckerNow.time - absl::Seconds(3);
+  for (ViewInput& view : input.views) view.captured = MomentOf(kCheckerNow.time - absl::Seconds(3), kCheckerNow);
   const Checker checker = CheckerOf(input);
   EXPECT_EQ(checker.served().scene->AgeAt(kCheckerNow), absl::Seconds(3));
   ExpectNothingFree(checker, Reason::kSceneStale);
@@ -89,7 +89,7 @@ TEST_F(CheckerTest, WallClockThatStepsBackMakesNoSceneYoung) {
 
 TEST_F(CheckerTest, ViewsFurtherApartThanMaxSkewAreNeverFree) {
   SceneInput input = EmptyCellScene();
-  input.views[0].captured = kCheckerNow.time - absl::Milliseconds(60);
+  input.views[0].captured = MomentOf(kCheckerNow.time - absl::Milliseconds(60), kCheckerNow);
   ExpectNothingFree(CheckerOf(input), Reason::kSceneSkewed);
 }
 

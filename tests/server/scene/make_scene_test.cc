@@ -57,7 +57,7 @@ TEST_F(MakeSceneTest, OfAnEmptyCellHasOnlyUnknownPixelsAndNoDefects) {
     EXPECT_EQ(scene->obstacle_images[view]->unknown(), RobotMask(view, 0, 0));
   }
   EXPECT_EQ(scene->generation, database->generation());
-  EXPECT_EQ(scene->oldest, kMakeSceneNow.time);
+  EXPECT_EQ(scene->oldest.time, kMakeSceneNow.time);
 }
 
 TEST_F(MakeSceneTest, KeepsObstaclesApartFromTheRobot) {
@@ -131,9 +131,9 @@ TEST_F(MakeSceneTest, WithoutAViewIsDefectButDoesNotBlock) {
 }
 
 TEST_F(MakeSceneTest, WithImagesFurtherApartThanMaxSkewIsDefect) {
-  input.views[1].captured = kMakeSceneNow.time - absl::Milliseconds(51);
+  input.views[1].captured = MomentOf(kMakeSceneNow.time - absl::Milliseconds(51), kMakeSceneNow);
   EXPECT_EQ(TheDefect(), Reason::kSceneSkewed);
-  input.views[1].captured = kMakeSceneNow.time - absl::Milliseconds(50);
+  input.views[1].captured = MomentOf(kMakeSceneNow.time - absl::Milliseconds(50), kMakeSceneNow);
   EXPECT_THAT(Make(*database, input)->defects, IsEmpty());
 }
 
@@ -193,7 +193,7 @@ TEST_F(MakeSceneTest, WithTooLargeAnAreaOfCoreErrorsIsDefect) {
 TEST_F(MakeSceneTest, WithSeveralDefectsTellsThemAll) {
   input.joints.clear();
   input.views.pop_back();
-  input.views[0].captured = kMakeSceneNow.time - absl::Seconds(1);
+  input.views[0].captured = MomentOf(kMakeSceneNow.time - absl::Seconds(1), kMakeSceneNow);
   const absl::StatusOr<Scene> scene = Make(*database, input);
   EXPECT_THAT(ReasonsOf(*scene),
               ElementsAre(Reason::kRobotPositionUnknown, Reason::kFixedJointMoved,
@@ -248,9 +248,9 @@ TEST_F(MakeSceneTest, RefusesCameraImagesWithoutReferences) {
 }
 
 TEST_F(MakeSceneTest, RefusesATimeInTheFutureByMoreThanTheTolerance) {
-  input.views[0].captured = kMakeSceneNow.time + kClockTolerance + absl::Nanoseconds(1);
+  input.views[0].captured = MomentOf(kMakeSceneNow.time + kClockTolerance + absl::Nanoseconds(1), kMakeSceneNow);
   EXPECT_THAT(Refusal(), HasSubstr("in the future"));
-  for (ViewInput& view : input.views) view.captured = kMakeSceneNow.time + kClockTolerance;
+  for (ViewInput& view : input.views) view.captured = MomentOf(kMakeSceneNow.time + kClockTolerance, kMakeSceneNow);
   EXPECT_TRUE(Make(*database, input).ok());
 }
 

@@ -11,14 +11,13 @@ namespace {
 
 using ::testing::HasSubstr;
 
-Scene SceneStoreSceneOf(const ServedDatabase& database, absl::Time captured) {
-  SceneInput input = EmptyCellScene();
-  for (ViewInput& view : input.views) view.captured = captured;
-  return *MakeScene(database, input, {}, {}, {captured, absl::ZeroDuration()});
-}
-
 const absl::Time kStart = absl::FromUnixSeconds(1'000'000);
 const Moment kSceneStoreNow{kStart, absl::Seconds(50)};
+
+// Taken at `captured` by the wall clock, and arrived by then.
+Scene SceneStoreSceneOf(const ServedDatabase& database, absl::Time captured) {
+  return *MakeScene(database, EmptyCellScene(), {}, {}, MomentOf(captured, kSceneStoreNow));
+}
 
 TEST(SceneStore, HasNoSceneAtFirst) {
   const auto database = NewDatabase();
@@ -56,6 +55,30 @@ TEST(SceneStore, OlderImagesThanThoseServedAreRefused) {
             "the images are 3ms older than those of scene 1, which is served");
   EXPECT_EQ(store.Newest(kSceneStoreNow).scene->id, 1u);
   EXPECT_TRUE(store.Publish(SceneStoreSceneOf(*database, kStart), database).ok()) << "equally old";
+}
+
+TEST(SceneStore, WallClockThatIsSetNeitherRefusesNewImagesNorMakesOldOnesYoung) {
+  for (const double step : {-60.0, -5.0, 5.0, 60.0}) {
+    const auto database = NewDatabase();
+    SceneStore store(database);
+    const auto publish = [&](const Moment& arrived, absl::Duration ago) {
+      SceneInput input = EmptyCellScene();
+      for (ViewInput& view : input.views) {
+        view.captured = MomentOf(arrived.time - ago, arrived);
+      }
+      return store.Publish(*MakeScene(*database, input, {}, {}, arrived), database);
+    };
+    Moment now = kSceneStoreNow;
+    ASSERT_TRUE(publish(now, absl::Milliseconds(20)).ok());
+    now.time += absl::Seconds(step);
+    EXPECT_EQ(store.Newest(now).scene->AgeAt(now), absl::Milliseconds(20)) << step;
+    now = {now.time + absl::Milliseconds(30), now.running + absl::Milliseconds(30)};
+    const auto next = publish(now, absl::Milliseconds(20));
+    ASSERT_TRUE(next.ok()) << step << ": " << next.status();
+    EXPECT_EQ((*next)->AgeAt(now), absl::Milliseconds(20)) << step;
+    const auto older = publish(now, absl::Milliseconds(50));
+    EXPECT_TRUE(absl::IsFailedPrecondition(older.status())) << step;
+  }
 }
 
 Scene SceneThatArrived(const ServedDatabase& database, const Moment& arrived) {

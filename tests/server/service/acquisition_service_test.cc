@@ -26,7 +26,7 @@ struct AcquisitionServiceTest : ::testing::Test {
   }
   Moment Now() { return clock.clock()(); }
   void AllGood() {
-    for (size_t view = 0; view < 3; ++view) record->NoteImage(view, clock.now(), Now());
+    for (size_t view = 0; view < 3; ++view) record->NoteImage(view, Now(), Now());
     record->NoteJoints(Now());
   }
   static grpc::Status Get(TestServer& server, v1::Acquisition* acquisition) {
@@ -104,7 +104,7 @@ TEST_F(AcquisitionServiceTest, HealthServiceTellsCamerasAndTheWhole) {
   wait_for("silhouette.v1.Acquisition", true);
   wait_for("silhouette.v1.Camera/right", true);
   clock.Advance(absl::Seconds(2));
-  record->NoteImage(0, clock.now(), Now());
+  record->NoteImage(0, Now(), Now());
   wait_for("silhouette.v1.Camera/right", false);
   wait_for("silhouette.v1.Camera/left", true);
   wait_for("silhouette.v1.Acquisition", false);

@@ -86,13 +86,13 @@ TEST_F(NeverFree, SceneOlderThanMaxAge) {
 
 TEST_F(NeverFree, SceneThatWasStaleOnArrival) {
   SceneInput input = EmptyCellScene();
-  for (ViewInput& view : input.views) view.captured = server.clock.now() - absl::Seconds(2);
+  for (ViewInput& view : input.views) view.captured = MomentOf(server.clock.now() - absl::Seconds(2), server.clock.clock()());
   ExpectDefect(server.Publish(input), v1::Verdict::REASON_SCENE_STALE);
 }
 
 TEST_F(NeverFree, ViewsFurtherApartThanMaxSkew) {
   SceneInput input = EmptyCellScene();
-  input.views[2].captured = server.clock.now() - absl::Milliseconds(80);
+  input.views[2].captured = MomentOf(server.clock.now() - absl::Milliseconds(80), server.clock.clock()());
   ExpectDefect(server.Publish(input), v1::Verdict::REASON_SCENE_SKEWED);
 }
 
@@ -139,7 +139,7 @@ TEST_F(NeverFree, CameraThatStopped) {
 
 TEST_F(NeverFree, CameraThatRepeatsItsLastImage) {
   SceneInput input = EmptyCellScene();
-  input.views[1].captured = server.clock.now();
+  input.views[1].captured = MomentOf(server.clock.now(), server.clock.clock()());
   server.clock.Advance(absl::Milliseconds(400));
   ExpectDefect(server.Publish(input), v1::Verdict::REASON_SCENE_SKEWED);
 }

@@ -7,11 +7,12 @@
 namespace silhouette {
 namespace {
 
+using ::testing::AllOf;
 using ::testing::HasSubstr;
 
 struct SceneServiceTest : ::testing::Test {
   TestServer server{NewDatabase({.references = true})};
-  v1::PublishSceneRequest request = RequestOf(EmptyCellScene());
+  v1::PublishSceneRequest request = server.Stamped(RequestOf(EmptyCellScene()));
 
   std::string Refusal(grpc::StatusCode code = grpc::StatusCode::INVALID_ARGUMENT) {
     const grpc::Status status = server.PublishStatus(request);
@@ -144,6 +145,65 @@ TEST_F(SceneServiceTest, RefusesTimesThatAreNoneOrInTheFuture) {
   EXPECT_THAT(Refusal(), HasSubstr("views[2] 'top'.capture_time"));
 }
 
+TEST_F(SceneServiceTest, ImageWithoutATimeIsRefused) {
+  request.mutable_views(1)->clear_capture_time();
+  EXPECT_THAT(Refusal(), AllOf(HasSubstr("views[1] 'right'"), HasSubstr("no capture time")));
+  request.mutable_views(1)->mutable_server_clock();  // the clock begins at zero
+  EXPECT_EQ(server.Publish(request).id(), 1u);
+}
+
+TEST(SceneService, ImageWithoutATimeIsAcceptedIfTheCellSaysSo) {
+  ServingSettings settings;
+  settings.scene.accept_arrival_times = true;
+  TestServer server(NewDatabase(), settings);
+  EXPECT_TRUE(server.PublishStatus(RequestOf(EmptyCellScene())).ok());
+}
+
+TEST_F(SceneServiceTest, HeldUpRequestIsAsOldAsItsImages) {
+  for (const bool by_server_clock : {false, true}) {
+    request = server.Stamped(RequestOf(EmptyCellScene()));
+    for (v1::ViewImage& image : *request.mutable_views()) {
+      if (!by_server_clock) continue;
+      image.clear_capture_time();
+      image.mutable_server_clock()->set_seconds(
+          absl::ToInt64Seconds(server.clock.clock()().running));
+    }
+    server.clock.Advance(absl::Seconds(3));  // on its way
+    server.Publish(request);
+    const v1::CheckConfigurationsResponse response = server.Check({At(3, 0)});
+    EXPECT_EQ(response.basis().scene_age().seconds(), 3) << by_server_clock;
+    EXPECT_EQ(response.verdicts(0).reason(), v1::Verdict::REASON_SCENE_STALE) << by_server_clock;
+  }
+}
+
+TEST_F(SceneServiceTest, ServerClockDecidesWhateverTheWallClocksAre) {
+  for (const double set : {-60.0, -5.0, 5.0, 60.0}) {
+    request = server.Stamped(RequestOf(EmptyCellScene()));  // the caller's wall clock stays as it is
+    server.clock.Set(absl::Seconds(set));
+    server.clock.Advance(absl::Milliseconds(250));
+    for (v1::ViewImage& image : *request.mutable_views()) {
+      *image.mutable_server_clock() = server.Check({}).basis().server_clock();
+    }
+    server.clock.Advance(absl::Milliseconds(20));
+    EXPECT_EQ(server.Publish(request).defects_size(), 0) << set;
+    const v1::CheckConfigurationsResponse response = server.Check({At(3, 0)});
+    EXPECT_EQ(response.basis().scene_age().nanos(), 20'000'000) << set;
+    EXPECT_EQ(response.verdicts(0).state(), v1::Verdict::STATE_FREE) << set;
+    server.clock.Advance(absl::Milliseconds(990));
+    EXPECT_EQ(server.CheckOne(At(3, 0)).reason(), v1::Verdict::REASON_SCENE_STALE) << set;
+  }
+}
+
+TEST_F(SceneServiceTest, ServerClockInTheFutureOrOfNoTimeIsRefused) {
+  request.mutable_views(1)->mutable_server_clock()->set_nanos(1);
+  EXPECT_THAT(Refusal(grpc::StatusCode::OUT_OF_RANGE), HasSubstr("views[1] 'right'.server_clock"));
+  for (const int64_t seconds :
+       {std::numeric_limits<int64_t>::max(), std::numeric_limits<int64_t>::min()}) {
+    request.mutable_views(1)->mutable_server_clock()->set_seconds(seconds);
+    EXPECT_THAT(Refusal(), HasSubstr("views[1] 'right'.server_clock"));
+  }
+}
+
 TEST_F(SceneServiceTest, WhatIsRefusedChangesNothing) {
   server.Publish(SceneWithBlock(3));
   request.mutable_views(1)->set_view("bottom");
@@ -159,7 +219,7 @@ TEST_F(SceneServiceTest, RequestThatIsTooLargeIsRefused) {
 
 TEST(SceneService, CameraImagesWithoutReferencesAreRefused) {
   TestServer server(NewDatabase());
-  v1::PublishSceneRequest request = RequestOf(EmptyCellScene());
+  v1::PublishSceneRequest request = server.Stamped(RequestOf(EmptyCellScene()));
   request.mutable_views(0)->set_camera_image(PngOf(CameraPicture(0, Mask(kViewSizes[0]))));
   const grpc::Status status = server.PublishStatus(request);
   EXPECT_EQ(status.error_code(), grpc::StatusCode::FAILED_PRECONDITION);

@@ -77,7 +77,7 @@ TEST(ServerThreads, ReloadUnderLoadNeverMixesGenerations) {
   std::thread publisher([&] {
     while (!stop) {
       // Aborted is what a scene gets that was made with the database of before.
-      const grpc::Status status = server.PublishStatus(RequestOf(EmptyCellScene()));
+      const grpc::Status status = server.PublishStatus(server.Stamped(RequestOf(EmptyCellScene())));
       EXPECT_TRUE(status.ok() || status.error_code() == grpc::StatusCode::ABORTED);
     }
   });

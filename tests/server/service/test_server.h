@@ -27,13 +27,17 @@ class TestClock {
   Clock clock() {
     return [this] {
       const absl::Duration passed = absl::Nanoseconds(passed_.load());
-      return Moment{absl::FromUnixSeconds(1'000'000) + passed, passed};
+      return Moment{absl::FromUnixSeconds(1'000'000) + passed + absl::Nanoseconds(set_.load()),
+                    passed};
     };
   }
   absl::Time now() { return clock()().time; }
   void Advance(absl::Duration duration) { passed_ += absl::ToInt64Nanoseconds(duration); }
+  // Sets the wall clock forward, or back.
+  void Set(absl::Duration by) { set_ += absl::ToInt64Nanoseconds(by); }
 
  private:
+  std::atomic<int64_t> set_ = 0;
   std::atomic<int64_t> passed_ = 0;
 };
 
@@ -65,7 +69,7 @@ inline v1::PublishSceneRequest RequestOf(const SceneInput& input) {
   for (const ViewInput& view : input.views) {
     v1::ViewImage& added = *request.add_views();
     added.set_view(view.view);
-    if (view.captured) Set(*view.captured, added.mutable_capture_time());
+    if (view.captured) Set(view.captured->time, added.mutable_capture_time());
     if (const auto* scene = std::get_if<SceneMask>(&view.image)) {
       Set(scene->mask, added.mutable_scene_mask());
     } else if (const auto* obstacles = std::get_if<ObstacleMask>(&view.image)) {
@@ -113,9 +117,16 @@ class TestServer {
     collision = v1::CollisionService::NewStub(channel);
   }
 
-  v1::Scene Publish(const SceneInput& input) { return Publish(RequestOf(input)); }
+  v1::Scene Publish(const SceneInput& input) { return Publish(Stamped(RequestOf(input))); }
   v1::Scene Publish(const v1::PublishSceneRequest& request) {
     return Ask(&v1::SceneService::Stub::PublishScene, request).scene();
+  }
+  // The request with the present time for images that state none.
+  v1::PublishSceneRequest Stamped(v1::PublishSceneRequest request) {
+    for (v1::ViewImage& image : *request.mutable_views()) {
+      if (!image.has_capture_time()) Set(clock.now(), image.mutable_capture_time());
+    }
+    return request;
   }
   grpc::Status PublishStatus(const v1::PublishSceneRequest& request) {
     v1::PublishSceneResponse response;
