@@ -234,8 +234,8 @@ absl::StatusOr<Explanation> Client::Explain(const Configuration& configuration,
   return explanation;
 }
 
-absl::StatusOr<v1::Scene> Client::PublishScene(
-    v1::PublishSceneRequest scene, std::optional<SteadyClock::time_point> taken) const {
+absl::StatusOr<v1::Scene> Client::PublishScene(v1::PublishSceneRequest scene,
+                                               std::optional<SteadyClock::time_point> taken) const {
   if (!taken) taken = SteadyClock::now();
   scene.set_variant(variant_);
   std::vector<v1::ViewImage*> unstamped;

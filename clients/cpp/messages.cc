@@ -98,6 +98,9 @@ Basis FromMessage(const v1::Basis& basis, std::chrono::steady_clock::time_point 
                .scene_id = basis.scene_id(),
                .variant = basis.variant(),
                .asked = asked};
+  for (const v1::SceneDefect& defect : basis.defects()) {
+    result.defects.push_back({FromMessage(defect.reason()), defect.message()});
+  }
   if (basis.scene_id() == 0) return result;
   result.scene_time = FromMessage(basis.scene_time());
   result.scene_age = FromMessage(basis.scene_age());

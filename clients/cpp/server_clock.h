@@ -16,9 +16,9 @@ namespace silhouette::client {
 
 // What round trips tell about the server's running clock.
 //
-// Earliest: the earliest time, by this computer's clock, at which the server can have made a message.
-// A message of a stream may have been delayed for any time. It states the server's running clock
-// when it was made. Round trips relate this clock to the local one: if a question was sent at
+// Earliest: the earliest time, by this computer's clock, at which the server can have made a
+// message. A message of a stream may have been delayed for any time. It states the server's running
+// clock when it was made. Round trips relate this clock to the local one: if a question was sent at
 // `asked` and the answer states the server's clock s, the clock showed s at `asked` or later. The
 // two clocks may drift apart by kMostDrift of the passing time. So a message made d later by the
 // server's clock was not made before asked + d - kMostDrift * |d|.
@@ -57,9 +57,9 @@ class ServerTime {
   std::optional<RoundTripEnd> answered_;  // gives the greatest ClockAt of now
 };
 
-// A ServerTime with its round trips. Created after a stream was opened, and for it alone: a restarted
-// server has another clock. For stamps: as long as the server does not refuse one (Forget). Not
-// thread-safe.
+// A ServerTime with its round trips. Created after a stream was opened, and for it alone: a
+// restarted server has another clock. For stamps: as long as the server does not refuse one
+// (Forget). Not thread-safe.
 class ServerClock {
  public:
   // `timeout`: of a round trip. `cancellation` ends a running one.

@@ -14,18 +14,16 @@ Words WordsFor(Reason reason) {
     case Reason::kUnspecified:
       break;
     case Reason::kNoScene:
-      return {"no scene", "no scene has been published yet: publish one"};
+      return {"no scene", "the server has no scene yet"};
     case Reason::kSceneStale:
-      return {"scene stale", "the newest scene is older than max_age: publish scenes more often"};
+      return {"scene stale", "the newest scene is older than max_age"};
     case Reason::kSceneSkewed:
-      return {"scene skewed",
-              "the images of the scene were taken further apart than max_skew: take them at once"};
+      return {"scene skewed", "the images of the scene were taken further apart than max_skew"};
     case Reason::kViewMissing:
-      return {"view missing", "the scene lacks a view of the database: publish an image of each"};
+      return {"view missing", "the scene lacks a view of the database"};
     case Reason::kRobotPositionUnknown:
       return {"robot position unknown",
-              "the scene has no joint values, or they are outside the grid: publish them with the "
-              "images"};
+              "it is not known where the robot was in the scene, or it was outside the grid"};
     case Reason::kFixedJointMoved:
       return {"fixed joint moved",
               "a fixed joint is not where it was when the robot images were captured, or was not "
@@ -80,9 +78,10 @@ Words WordsFor(Reason reason) {
     case Reason::kConnectionLost:
       return {"connection lost", "no connection to the server: reconnecting"};
     case Reason::kUpdateTooOld:
-      return {"update too old",
-              "the scene of the last update is older than max_age: publish scenes more often, or "
-              "check whether the network stalls"};
+      return {
+          "update too old",
+          "the scene of the last update is older than max_age: no newer one came, or the network "
+          "stalls"};
     case Reason::kUpdateExpired:
       return {"update expired",
               "the last update of the server has expired, and no other has followed"};

@@ -157,9 +157,10 @@ void CompareSegmentation(const CellDescription& a, const CellDescription& b,
   if (a.segmentation().empty() || b.segmentation().empty()) return;  // masks made elsewhere
   std::map<std::string, std::string> x = SegmentationLines(a.segmentation());
   std::map<std::string, std::string> y = SegmentationLines(b.segmentation());
-  for (const auto& [key, value] : y) x.try_emplace(key, "missing");
+  // A description leaves out what is off.
+  for (const auto& [key, value] : y) x.try_emplace(key, "off");
   for (const auto& [key, value] : x) {
-    y.try_emplace(key, "missing");
+    y.try_emplace(key, "off");
     comparison.Text("segmentation", key, value, y[key]);
   }
 }

@@ -35,7 +35,9 @@ class EpipolarBands {
 
   // A pair of views that the calibration does not speak of has one bin, which all pixels share: any
   // two of them may show the same point. `mask_sizes`: one per view. `margin`: pixels, as in
-  // calib/camera/epipolar_angles.h. Throws std::invalid_argument if there are cameras, but not one
+  // calib/camera/epipolar_angles.h. With margin 0, squares of which only edges lie in a common
+  // epipolar plane do not meet: a point on an edge is in the squares on both sides of it, and
+  // any-touch masks have both. Throws std::invalid_argument if there are cameras, but not one
   // per view, if a fundamental matrix names a view that is not there or a pair comes twice, and as
   // AnglesBetween does.
   EpipolarBands(const Calibration& calibration, std::span<const MaskSize> mask_sizes,

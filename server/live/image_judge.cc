@@ -15,8 +15,8 @@ ImageJudge::ImageJudge(const storage::v1::CellDescription& cell, absl::Duration 
   }
 }
 
-absl::StatusOr<Moment> ImageJudge::Judge(size_t view, const CameraImage& image,
-                                         const Moment& asked, const Moment& arrived) {
+absl::StatusOr<Moment> ImageJudge::Judge(size_t view, const CameraImage& image, const Moment& asked,
+                                         const Moment& arrived) {
   View& known = views_[view];
   if (image.width != known.width || image.height != known.height) {
     return absl::FailedPreconditionError(absl::StrCat("it gave an image of ", image.width, " x ",
@@ -37,10 +37,9 @@ absl::StatusOr<Moment> ImageJudge::Judge(size_t view, const CameraImage& image,
                                               "server agree"));
   }
   if (age > max_age_) {
-    return absl::DeadlineExceededError(absl::StrCat("its image was taken ",
-                                                    absl::FormatDuration(age),
-                                                    " ago, longer than max_age, ",
-                                                    absl::FormatDuration(max_age_)));
+    return absl::DeadlineExceededError(
+        absl::StrCat("its image was taken ", absl::FormatDuration(age),
+                     " ago, longer than max_age, ", absl::FormatDuration(max_age_)));
   }
   const absl::Duration taken = std::min(stamp.running, arrived.running);
   if (taken < known.newest - kClockJitter) {

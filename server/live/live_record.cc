@@ -4,23 +4,14 @@
 #include <spdlog/spdlog.h>
 
 #include <algorithm>
+#include <set>
 #include <utility>
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
+#include "absl/strings/str_join.h"
 
 namespace silhouette {
-
-std::optional<absl::Status> FaultLog::Note(const absl::Status& status, absl::Duration running) {
-  if (!status.ok()) {
-    last_fault_ = running;
-    if (told_.insert(status.code()).second) return status;
-    return std::nullopt;
-  }
-  if (told_.empty() || running - last_fault_ < kRecovered) return std::nullopt;
-  told_.clear();
-  return absl::OkStatus();
-}
 
 void LatencyRecord::Add(absl::Duration latency) {
   if (newest_.size() < kNewest) {
@@ -64,6 +55,10 @@ std::string Spoken(const LatencyFigures& figures) {
                          absl::ToDoubleMilliseconds(figures.p99));
 }
 
+std::string Aged(absl::Duration age) {
+  return absl::FormatDuration(absl::Trunc(age, absl::Milliseconds(1)));
+}
+
 // `view`: empty for the robot.
 std::string TitleOf(const std::string& view) {
   return view.empty() ? "robot" : absl::StrCat("camera '", view, "'");
@@ -75,14 +70,25 @@ std::string Spoken(const LiveStatus& status) {
   std::string text = absl::StrCat(status.scenes, " scenes, ", status.lost_sets,
                                   " lost sets of images; from the last pixel to the scene: ",
                                   Spoken(status.to_scene), "; to the map: ", Spoken(status.to_map));
+  if (!status.serving) absl::StrAppend(&text, "; ", FaultsOf(status));
+  return text;
+}
+
+std::string FaultsOf(const LiveStatus& status) {
   std::vector<DeviceStatus> devices = status.cameras;
   devices.push_back(status.robot);
+  std::vector<std::string> faults;
   for (const DeviceStatus& device : devices) {
     if (device.serving) continue;
-    absl::StrAppend(&text, "; ", TitleOf(device.name), " does not serve");
-    if (!device.last_error.empty()) absl::StrAppend(&text, ": ", device.last_error);
+    const std::string gives = device.name.empty() ? "joint values" : "image";
+    const std::string why =
+        !device.fault.empty() ? device.fault
+        : device.age ? absl::StrCat("its last ", gives, " came ", Aged(*device.age), " ago")
+                     : absl::StrCat("no ", gives, " yet");
+    faults.push_back(absl::StrCat(TitleOf(device.name), " does not serve: ", why));
   }
-  return text;
+  if (!faults.empty()) return absl::StrJoin(faults, "; ");
+  return status.fault.empty() ? "the next scene is not ready" : status.fault;
 }
 
 LiveRecord::LiveRecord(const std::vector<std::string>& views, absl::Duration max_age, Clock clock,
@@ -92,14 +98,18 @@ LiveRecord::LiveRecord(const std::vector<std::string>& views, absl::Duration max
   for (const std::string& view : views) cameras_.emplace_back().status.name = view;
 }
 
-void LiveRecord::Say(FaultLog& log, const std::string& what, const absl::Status& status,
+void LiveRecord::Say(StatusLog& log, const std::string& what, const absl::Status& status,
                      const Moment& now) {
-  const std::optional<absl::Status> said = log.Note(status, now.running);
-  if (!said) return;
-  if (said->ok()) {
-    spdlog::info("{} is good again", what);
-  } else {
-    spdlog::warn("{}: {}", what, std::string(said->message()));
+  std::set<absl::StatusCode> faults;
+  if (!status.ok()) faults.insert(status.code());
+  switch (log.Note(faults, now.running)) {
+    case StatusLog::News::kNone:
+      return;
+    case StatusLog::News::kFault:
+      spdlog::warn("{}: {}", what, std::string(status.message()));
+      return;
+    case StatusLog::News::kRecovered:
+      spdlog::info("{} is good again", what);
   }
 }
 

@@ -7,32 +7,16 @@
 #include <cstdint>
 #include <mutex>
 #include <optional>
-#include <set>
 #include <string>
 #include <vector>
 
 #include "absl/status/status.h"
 #include "absl/time/time.h"
+#include "server/live/fault_log.h"
 #include "server/live/known_variant.h"
 #include "server/scene/clock.h"
 
 namespace silhouette {
-
-// What is said of something that fails and recovers: once, and not each time.
-// Not thread-safe.
-class FaultLog {
- public:
-  // It has recovered when it was good for so long.
-  static constexpr absl::Duration kRecovered = absl::Seconds(2);
-
-  // How it went at the moment `running`. What to log, if anything: a fault of a kind (status code)
-  // that has not been logged since it last was good; OK, if it has recovered.
-  std::optional<absl::Status> Note(const absl::Status& status, absl::Duration running);
-
- private:
-  std::set<absl::StatusCode> told_;  // empty: it is good
-  absl::Duration last_fault_;
-};
 
 // How long something took, again and again.
 struct LatencyFigures {
@@ -105,6 +89,9 @@ struct LiveStatus {
 // One line for the log.
 std::string Spoken(const LiveStatus& status);
 
+// What the devices that do not serve do, or else why there is no scene: half a sentence.
+std::string FaultsOf(const LiveStatus& status);
+
 // Thread-safe. Writes a line to the log when a device or the acquisition as a whole fails in
 // another way than before, and when it has recovered.
 class LiveRecord {
@@ -141,16 +128,18 @@ class LiveRecord {
   LiveStatus StatusOfDevices() const;
 
  private:
+  using StatusLog = FaultLog<absl::StatusCode>;
+
   struct Device {
-    DeviceStatus status;  // but for `serving` and `age`, which time alone changes
+    DeviceStatus status;        // but for `serving` and `age`, which time alone changes
     absl::Duration taken = {};  // of the last: running clock
-    FaultLog log = {};
+    StatusLog log = {};
   };
 
   // With the mutex held.
   void NoteGood(Device& device, const Moment& taken, const Moment& arrived);
   void NoteError(Device& device, const absl::Status& error);
-  static void Say(FaultLog& log, const std::string& what, const absl::Status& status,
+  static void Say(StatusLog& log, const std::string& what, const absl::Status& status,
                   const Moment& now);
   DeviceStatus StatusOf(const Device& device, const Moment& now) const;
   LiveStatus WithoutLatencies() const;
@@ -162,9 +151,9 @@ class LiveRecord {
   std::vector<Device> cameras_;
   Device robot_;
   std::string without_joints_;  // why the newest scene is
-  FaultLog join_log_;
+  StatusLog join_log_;
   LiveStatus status_;  // but for devices and latencies
-  FaultLog set_log_;
+  StatusLog set_log_;
   LatencyRecord to_masks_;
   LatencyRecord to_scene_;
   LatencyRecord to_map_;

@@ -20,6 +20,7 @@
 #include "server/collision/collision_images.h"
 #include "server/collision/obstacle_image.h"
 #include "server/collision/segment_places.h"
+#include "server/service/defects.h"
 #include "server/service/messages.h"
 #include "server/service/space_writer.h"
 
@@ -150,6 +151,9 @@ Reason Conclude(const Serving& serving, const Served& served, const Policy& poli
   }
   if (blocked == Reason::kNone && serving.scenes.Withdrawn(*served.scene)) {
     blocked = Reason::kVariantUnknown;
+  }
+  for (const SceneDefect& defect : DefectsOf(of_now, blocked, serving.settings, now)) {
+    ToMessage(defect, basis->add_defects());
   }
   if (valid_for != nullptr) {
     *valid_for = blocked == Reason::kNone ? ValidFor(of_now, policy, serving.settings.scene, now)

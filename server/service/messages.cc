@@ -122,8 +122,13 @@ void ToMessage(const AllowedRegion& region, const ServedDatabase& database, cons
   ToMessage(region.end_time, message->mutable_end_time());
 }
 
-void ToMessage(const Scene& scene, bool include_planes, const SceneSettings& settings,
-               const Moment& now, v1::Scene* message) {
+void ToMessage(const SceneDefect& defect, v1::SceneDefect* message) {
+  message->set_reason(ToMessage(defect.reason));
+  message->set_message(defect.message);
+}
+
+void ToMessage(const Scene& scene, bool include_planes, std::span<const SceneDefect> defects,
+               v1::Scene* message) {
   message->set_id(scene.id);
   message->set_database_generation(scene.generation);
   message->set_variant(scene.variant);
@@ -156,18 +161,7 @@ void ToMessage(const Scene& scene, bool include_planes, const SceneSettings& set
     ToMessage(image.unknown(), view.mutable_unknown());
     ToMessage(image.error(), view.mutable_error());
   }
-  for (const SceneDefect& defect : scene.defects) {
-    v1::SceneDefect& added = *message->add_defects();
-    added.set_reason(ToMessage(defect.reason));
-    added.set_message(defect.message);
-  }
-  if (const absl::Duration age = scene.AgeAt(now); age > settings.max_age) {
-    v1::SceneDefect& added = *message->add_defects();
-    added.set_reason(v1::Verdict::REASON_SCENE_STALE);
-    added.set_message(absl::StrCat(
-        "the oldest image is ", absl::FormatDuration(age), " old, older than max_age, ",
-        absl::FormatDuration(settings.max_age), "; publish a new scene"));
-  }
+  for (const SceneDefect& defect : defects) ToMessage(defect, message->add_defects());
 }
 
 void ToMessage(const ServedDatabase& database, const Policy& default_policy,

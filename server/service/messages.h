@@ -31,8 +31,8 @@ absl::StatusOr<Policy> PolicyFrom(const v1::Policy& message, const Policy& defau
 absl::StatusOr<Configuration> ConfigurationFrom(const v1::Configuration& message,
                                                 const ConfigurationGrid& grid,
                                                 const std::string& field);
-// `arrived`: when the message arrived; `settings`: whether it may leave out capture times. OutOfRange:
-// a server_clock later than that.
+// `arrived`: when the message arrived; `settings`: whether it may leave out capture times.
+// OutOfRange: a server_clock later than that.
 absl::StatusOr<SceneInput> SceneInputFrom(const v1::PublishSceneRequest& message,
                                           const SceneSettings& settings, const Moment& arrived);
 // Per view of the database: where the region lies.
@@ -59,9 +59,10 @@ void ToMessage(const Mask& mask, v1::Mask* message);
 void ToMessage(const Served& served, const Policy& policy, const Moment& now, v1::Basis* message);
 void ToMessage(const AllowedRegion& region, const ServedDatabase& database, const Moment& now,
                v1::AllowedRegion* message);
-// Staleness at the moment `now` is one of the scene's defects.
-void ToMessage(const Scene& scene, bool include_planes, const SceneSettings& settings,
-               const Moment& now, v1::Scene* message);
+void ToMessage(const SceneDefect& defect, v1::SceneDefect* message);
+// `defects`: DefectsOf it.
+void ToMessage(const Scene& scene, bool include_planes, std::span<const SceneDefect> defects,
+               v1::Scene* message);
 // All but the robot's variant.
 void ToMessage(const LiveStatus& status, v1::Acquisition* message);
 // `variants`: of the database.

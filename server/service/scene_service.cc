@@ -12,6 +12,7 @@
 #include "db/status/status_macros.h"
 #include "server/scene/checker.h"
 #include "server/scene/make_scene.h"
+#include "server/service/defects.h"
 #include "server/service/messages.h"
 #include "server/service/serving.h"
 #include "silhouette/v1/database_service.grpc.pb.h"
@@ -80,8 +81,8 @@ class SceneService final : public v1::SceneService::CallbackService {
                        MakeScene(*database, input, settings.scene, settings.segmentation, arrived));
       ASSIGN_OR_RETURN(const SharedScene published,
                        serving_.publisher.Publish(std::move(scene), database));
-      ToMessage(*published, /*include_planes=*/false, settings.scene, settings.clock(),
-                response->mutable_scene());
+      ToMessage(*published, /*include_planes=*/false,
+                DefectsOf(*published, settings, settings.clock()), response->mutable_scene());
       return absl::OkStatus();
     });
   }
@@ -92,13 +93,15 @@ class SceneService final : public v1::SceneService::CallbackService {
     const auto work = [this, request, response]() -> absl::Status {
       const SharedScene scene = serving_.scenes.Find(request->id());
       if (scene == nullptr) {
-        return absl::NotFoundError(
-            request->id() == 0
-                ? "there is no scene; publish one"
-                : absl::StrCat("there is no scene ", request->id(), ", or no longer"));
+        if (request->id() != 0) {
+          return absl::NotFoundError(
+              absl::StrCat("there is no scene ", request->id(), ", or no longer"));
+        }
+        return absl::NotFoundError(WhyNoScene(Reason::kNoScene, serving_.settings));
       }
-      ToMessage(*scene, request->include_planes(), serving_.settings.scene,
-                serving_.settings.clock(), response->mutable_scene());
+      const ServingSettings& settings = serving_.settings;
+      ToMessage(*scene, request->include_planes(), DefectsOf(*scene, settings, settings.clock()),
+                response->mutable_scene());
       return absl::OkStatus();
     };
     return request->include_planes() ? AnswerOnWorker(serving_, context, work)

@@ -22,13 +22,15 @@ void ScenePublisher::LogDefects(const Scene& scene) {
   const std::lock_guard lock(mutex_);
   if (scene.id < logged_scene_) return;  // overtaken by a newer one
   logged_scene_ = scene.id;
-  if (reasons == logged_reasons_) return;
-  if (reasons.empty()) {
-    spdlog::info("scene {} is good again", scene.id);
-  } else {
-    spdlog::warn("scene {} is not good: {}", scene.id, messages);
+  switch (log_.Note(reasons, scene.arrived.running)) {
+    case FaultLog<Reason>::News::kNone:
+      return;
+    case FaultLog<Reason>::News::kFault:
+      spdlog::warn("scene {} is not good: {}", scene.id, messages);
+      return;
+    case FaultLog<Reason>::News::kRecovered:
+      spdlog::info("scenes are good again, as scene {}", scene.id);
   }
-  logged_reasons_ = std::move(reasons);
 }
 
 void ScenePublisher::PrepareSpace(const ServedDatabase& whole, const Scene& scene) const {

@@ -71,7 +71,8 @@ class ScenePublisher {
   ScenePublisher(const ServingSettings& settings, SceneStore& scenes)
       : settings_(settings), scenes_(scenes) {}
 
-  // As SceneStore::Publish. Writes a line to the log when the scenes' defects change.
+  // As SceneStore::Publish. Writes a line to the log when scenes have a new defect, and when they
+  // have recovered.
   absl::StatusOr<SharedScene> Publish(Scene scene,
                                       const std::shared_ptr<const ServedDatabase>& database);
 
@@ -84,7 +85,7 @@ class ScenePublisher {
   SceneStore& scenes_;
   std::mutex mutex_;
   uint64_t logged_scene_ = 0;
-  std::set<Reason> logged_reasons_;
+  FaultLog<Reason> log_;
 };
 
 // Threads for the work that must not block gRPC's own.

@@ -40,7 +40,8 @@ std::string SegmentationAdvice(const SegmentationSettings& of_cell_file,
   const absl::StatusOr<SegmentationSettings> settings = SegmentationOf(database);
   if (!settings.ok() || Describe(*settings) == Describe(of_cell_file)) return "";
   return absl::StrCat("; for the database's settings write '", CellFileLine(*settings),
-                      "' into the cell file");
+                      "' into the cell file; for the cell file's make the masks again from kept "
+                      "camera images: 'silhouette-capture remask'");
 }
 
 }  // namespace silhouette

@@ -77,7 +77,8 @@ std::string CheckTextOf(const std::vector<Configuration>& configurations,
                         const std::vector<double>& times) {
   std::string text;
   for (size_t i = 0; i < configurations.size(); ++i) {
-    absl::StrAppend(&text, Spoken(configurations[i]), ": ", Spoken(checks.verdicts[i]), "\n");
+    absl::StrAppend(&text, Spoken(configurations[i]), ": ",
+                    Spoken(checks.verdicts[i], checks.basis), "\n");
   }
   absl::StrAppend(&text, Spoken(checks.basis), "\n");
   if (times.empty()) return text;
@@ -182,7 +183,7 @@ void PrintAnswers(const Session& session, client::CheckStream& stream, Asked& as
       line.update(JsonOf(verdict, session.clearance));
       std::cout << line.dump() << std::endl;
     } else {
-      std::cout << Spoken(q) << ": " << Spoken(verdict) << std::endl;
+      std::cout << Spoken(q) << ": " << Spoken(verdict, answer->checks->basis) << std::endl;
     }
   }
 }

@@ -47,8 +47,9 @@ struct Findings {
 // Why there is no path; that there is one.
 std::string OutcomeText(const Findings& findings) {
   const PlanOutcome outcome = findings.search.plan.outcome;
-  const auto end = [](const client::Verdict& verdict, const std::string& what) {
-    return absl::StrCat("the ", what, " is ", Spoken(verdict));
+  const client::Basis& basis = findings.space.basis();
+  const auto end = [&](const client::Verdict& verdict, const std::string& what) {
+    return absl::StrCat("the ", what, " is ", Spoken(verdict, basis));
   };
   if (outcome == PlanOutcome::kStartBlocked && !findings.at_start.free()) {
     return end(findings.at_start, "start");
@@ -58,11 +59,12 @@ std::string OutcomeText(const Findings& findings) {
   }
   if (findings.check && !findings.check->verdict.free()) {
     return absl::StrCat("the path found is not free at ", Spoken(findings.check->configuration),
-                        ": ", Spoken(findings.check->verdict),
+                        ": ", Spoken(findings.check->verdict, findings.check->basis),
                         "; has the scene changed? plan again");
   }
   if (findings.search.unknown) {
-    return absl::StrCat("while it was planned, verdicts became ", Spoken(*findings.search.unknown));
+    return absl::StrCat("while it was planned, verdicts became ",
+                        Spoken(*findings.search.unknown, basis));
   }
   return Describe(outcome);
 }

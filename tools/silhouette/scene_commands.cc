@@ -179,13 +179,15 @@ void AddPublishCommand(CLI::App& scene, Session& session) {
   command->add_option("--variant", session.variant,
                       "The variant that shows the robot as it is: with this tool, this "
                       "part. Default: the default variant");
-  command->add_flag("--now", arguments->now,
-                    "The images count as taken when this command is called, whatever images.json says");
+  command->add_flag(
+      "--now", arguments->now,
+      "The images count as taken when this command is called, whatever images.json says");
   AddDegreesFlag(*command, session, "Values of --joint");
   AddFormatOption(*command, session.format);
   command->footer(
       "images.json: {\"time\": \"2026-01-31T12:00:00Z\", \"joints\": {\"axis_1\": 0.5},\n"
-      "\"views\": {\"top\": \"top.png\"}}; the time is by a wall clock that agrees with the server's.\n"
+      "\"views\": {\"top\": \"top.png\"}}; the time is by a wall clock that agrees with the "
+      "server's.\n"
       "Without a time, and with --view, the images count as taken when this command is called:\n"
       "call it at once, or the images are older than the server knows.\n"
       "Exit code 1 if the scene was taken but verdicts from it are not free; it is said why.\n\n"

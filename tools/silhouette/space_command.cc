@@ -114,7 +114,8 @@ absl::StatusOr<ExitCode> FetchSpace(const Session& session, const SpaceArguments
         space->tiles_left_out(), space->grid().tiles());
   }
   if (told) {
-    absl::StrAppend(&text, "unknown, the first of them: ", Describe(unknown->reason), "\n");
+    absl::StrAppend(&text, "unknown, the first of them: ", Spoken(unknown->reason, space->basis()),
+                    "\n");
   }
   absl::StrAppend(&text, Spoken(space->basis()),
                   absl::StrFormat("; fetched in %.1f ms\n", taken.count()));

@@ -77,7 +77,7 @@ std::string Skipped(uint64_t scenes) {
 void PrintSpace(const client::SpaceSnapshot& snapshot, std::optional<client::Reason> reason,
                 const absl::Status& problem, bool update, Lines& lines) {
   const client::StateCounts counts = snapshot.Count();
-  std::string text = reason ? absl::StrCat("all unknown: ", Describe(*reason))
+  std::string text = reason ? absl::StrCat("all unknown: ", Spoken(*reason, snapshot.basis()))
                             : absl::StrFormat("%d free, %d occupied, %d unknown", counts.free,
                                               counts.occupied, counts.unknown);
   if (!problem.ok()) absl::StrAppend(&text, " (", problem.message(), ")");
@@ -149,7 +149,8 @@ absl::Status WatchPathOnce(const Session& session, const Client& client,
       Json json = JsonOf(check.basis);
       json.update(JsonOf(check.verdict, session.clearance));
       lines.PrintNews(check.verdict.reason,
-                      absl::StrCat(Spoken(check.basis), ": ", Spoken(check.verdict)), json);
+                      absl::StrCat(Spoken(check.basis), ": ", Spoken(check.verdict, check.basis)),
+                      json);
       relied_on.reset();
     }
   }
@@ -166,7 +167,7 @@ absl::StatusOr<ExitCode> WatchPath(const Session& session, const Client& client,
     const client::Verdict lost{.reason = client::Reason::kConnectionLost};
     Json json = JsonOf(lost, session.clearance);
     json["problem"] = std::string(ended.message());
-    lines.PrintNews(lost.reason, absl::StrCat(Spoken(lost), " (", ended.message(), ")"), json);
+    lines.PrintNews(lost.reason, absl::StrCat(Spoken(lost, {}), " (", ended.message(), ")"), json);
     for (absl::Duration waited; waited < kBetweenAttempts && !lines.End(); waited += kLook) {
       std::this_thread::sleep_for(absl::ToChronoMilliseconds(kLook));
     }

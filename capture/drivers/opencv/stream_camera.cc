@@ -131,7 +131,7 @@ class StreamCamera : public CameraSource {
   std::mutex mutex_;  // guards all below
   std::condition_variable changed_;
   bool stopping_ = false;
-  absl::Status error_;               // why there are no images just now
+  absl::Status error_;                   // why there are no images just now
   std::optional<absl::Duration> asked_;  // since when an image is waited for
   std::optional<CameraImage> image_;
 

@@ -94,8 +94,8 @@ class FeedbackRobot : public Robot {
   std::condition_variable changed_;
   std::optional<RobotFeedback> newest_;
   absl::Duration newest_time_;  // running clock
-  absl::Duration untold_gap_;  // a past silence that no call has reported yet; 0: none
-  bool silence_told_ = false;  // of the one that goes on
+  absl::Duration untold_gap_;   // a past silence that no call has reported yet; 0: none
+  bool silence_told_ = false;   // of the one that goes on
   Stillness stillness_;
   absl::Status link_failure_;        // the last one; OK again with the next feedback
   std::optional<MotionWatch> move_;  // under way

@@ -14,6 +14,12 @@
 
 namespace silhouette::client {
 
+// Why no verdict from a scene is free: one sentence that names the thing and the mend.
+struct Defect {
+  Reason reason = Reason::kUnspecified;
+  std::string message;
+};
+
 // The scene and the generation of the database behind an answer.
 struct Basis {
   uint64_t database_generation = 0;
@@ -29,6 +35,9 @@ struct Basis {
   // Both empty: the server knows no variants.
   std::string variant = {};
   std::string scene_variant = {};
+  // Why no verdict from the scene is free, or why there is no scene; if the server acquires images
+  // itself, what its devices do.
+  std::vector<Defect> defects = {};
   // When the question was sent. For messages of a stream: the earliest time at which the server can
   // have made them.
   std::chrono::steady_clock::time_point asked = {};

@@ -51,7 +51,8 @@ enum class Reason : uint8_t {
 std::string NameOf(State state);
 // "scene stale" and the like.
 std::string NameOf(Reason reason);
-// The reason and the mend, as a sentence that follows "unknown: ".
+// What the reason means, as a sentence that follows "unknown: ". Basis.defects names the thing and
+// the mend.
 std::string Describe(Reason reason);
 
 // Evidence of one view about one configuration: the pixels inside the robot image.

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Cameras behind a CameraDriverService: that of the simulated cell, and one that does wrong.
-#include "capture/devices/running_clock.h"
 #include "capture/drivers/grpc/grpc_camera.h"
+#include "capture/devices/running_clock.h"
 
 #include <gmock/gmock.h>
 #include <google/protobuf/util/time_util.h>

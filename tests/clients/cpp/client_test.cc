@@ -485,15 +485,15 @@ TEST(Scene, IsSentAndReadWhole) {
 }
 
 // A server whose clock shows `clock` when it answers; it keeps what is published.
-struct ClockedServer : FakeServer {
+struct ClockedServer {
   ClockedServer() {
-    check_configurations = [this](auto&, auto&, v1::CheckConfigurationsResponse& response) {
+    fake.check_configurations = [this](auto&, auto&, v1::CheckConfigurationsResponse& response) {
       ++round_trips;
       *response.mutable_basis()->mutable_server_clock() = ToMessage(Clock());
       return grpc::Status::OK;
     };
-    publish_scene = [this](auto&, const v1::PublishSceneRequest& request,
-                           v1::PublishSceneResponse&) -> grpc::Status {
+    fake.publish_scene = [this](auto&, const v1::PublishSceneRequest& request,
+                                v1::PublishSceneResponse&) -> grpc::Status {
       std::this_thread::sleep_for(hold_up);
       for (const v1::ViewImage& image : request.views()) {
         if (FromMessage(image.server_clock()) > Clock()) {
@@ -511,12 +511,13 @@ struct ClockedServer : FakeServer {
   std::atomic<int> round_trips = 0;
   std::chrono::milliseconds hold_up{0};
   v1::PublishSceneRequest seen;
+  FakeServer fake;  // last: its handlers use the others
 };
 
 TEST(Scene, ImagesAreStampedByTheServersClockBeforeTheyAreSent) {
   ClockedServer server;
   server.hold_up = std::chrono::milliseconds(30);
-  const Client client = ClientOfHere(server);
+  const Client client = ClientOfHere(server.fake);
   v1::PublishSceneRequest request;
   request.add_views()->set_view("top");
   *request.add_views()->mutable_capture_time() = ToMessage(absl::FromUnixSeconds(1'700'000'000));
@@ -534,7 +535,7 @@ TEST(Scene, ImagesAreStampedByTheServersClockBeforeTheyAreSent) {
 
 TEST(Scene, IsStampedAgainWhenTheServersComputerWasRestarted) {
   ClockedServer server;
-  const Client client = ClientOfHere(server);
+  const Client client = ClientOfHere(server.fake);
   v1::PublishSceneRequest request;
   request.add_views()->set_view("top");
   ASSERT_TRUE(client.PublishScene(request).ok());

@@ -66,6 +66,8 @@ TEST(Differences, AreOneSentenceEach) {
          "view 3: name is missing in the cell file, 'right' in the database");
   expect([](auto& cell) { cell.set_segmentation("min_blob_pixels: 12\nnoise_factor: 8\n"); },
          "segmentation: noise_factor is 6 in the cell file, 8 in the database");
+  expect([](auto& cell) { cell.set_segmentation(cell.segmentation() + "faint_difference: 3\n"); },
+         "segmentation: faint_difference is off in the cell file, 3 in the database");
 }
 
 TEST(Differences, TellTileEdgesAndTheOrderOfFixedJoints) {

@@ -106,17 +106,32 @@ TEST_F(ImageJudgeTest, WallClockThatIsSetWhileAnImageComesMakesItNoYounger) {
 }
 
 TEST(FaultLog, FaultIsSaidOnceAndSoIsRecovery) {
-  FaultLog log;
-  const absl::Status gone = absl::UnavailableError("gone");
-  EXPECT_EQ(log.Note(absl::OkStatus(), absl::Seconds(1)), std::nullopt);
-  EXPECT_EQ(log.Note(gone, absl::Seconds(2)), gone);
-  EXPECT_EQ(log.Note(gone, absl::Seconds(3)), std::nullopt);
-  EXPECT_EQ(log.Note(absl::InternalError("odd"), absl::Seconds(3)), absl::InternalError("odd"));
-  EXPECT_EQ(log.Note(absl::OkStatus(), absl::Seconds(4)), std::nullopt) << "not for long";
-  EXPECT_EQ(log.Note(gone, absl::Seconds(4.5)), std::nullopt);
-  EXPECT_EQ(log.Note(absl::OkStatus(), absl::Seconds(7)), absl::OkStatus());
-  EXPECT_EQ(log.Note(absl::OkStatus(), absl::Seconds(8)), std::nullopt);
-  EXPECT_EQ(log.Note(gone, absl::Seconds(9)), gone);
+  using Log = FaultLog<int>;
+  using News = Log::News;
+  Log log;
+  EXPECT_EQ(log.Note({}, absl::Seconds(1)), News::kNone);
+  EXPECT_EQ(log.Note({7}, absl::Seconds(2)), News::kFault);
+  EXPECT_EQ(log.Note({7}, absl::Seconds(3)), News::kNone);
+  EXPECT_EQ(log.Note({7, 8}, absl::Seconds(3)), News::kFault) << "another kind";
+  EXPECT_EQ(log.Note({8}, absl::Seconds(3)), News::kNone);
+  EXPECT_EQ(log.Note({}, absl::Seconds(12)), News::kNone) << "not for long";
+  EXPECT_EQ(log.Note({7}, absl::Seconds(12.5)), News::kNone);
+  EXPECT_EQ(log.Note({}, absl::Seconds(22.5)), News::kRecovered);
+  EXPECT_EQ(log.Note({}, absl::Seconds(23)), News::kNone);
+  EXPECT_EQ(log.Note({7}, absl::Seconds(24)), News::kFault);
+}
+
+TEST(FaultLog, FaultThatComesAndGoesIsLoggedOnce) {
+  using Log = FaultLog<int>;
+  Log log;
+  int lines = 0;
+  for (int i = 0; i < 1000; ++i) {
+    if (log.Note(i % 2 == 0 ? std::set<int>{7} : std::set<int>{}, i * absl::Milliseconds(500)) !=
+        Log::News::kNone) {
+      ++lines;
+    }
+  }
+  EXPECT_EQ(lines, 1);
 }
 
 TEST(LatencyRecord, TellsMedianTailAndBuckets) {

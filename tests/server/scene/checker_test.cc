@@ -76,7 +76,8 @@ TEST_F(CheckerTest, SceneOlderThanMaxAgeIsNeverFree) {
 
 TEST_F(CheckerTest, SceneThatArrivedOldIsNeverFree) {
   SceneInput input = EmptyCellScene();
-  for (ViewInput& view : input.views) view.captured = MomentOf(kCheckerNow.time - absl::Seconds(3), kCheckerNow);
+  for (ViewInput& view : input.views)
+    view.captured = MomentOf(kCheckerNow.time - absl::Seconds(3), kCheckerNow);
   const Checker checker = CheckerOf(input);
   EXPECT_EQ(checker.served().scene->AgeAt(kCheckerNow), absl::Seconds(3));
   ExpectNothingFree(checker, Reason::kSceneStale);

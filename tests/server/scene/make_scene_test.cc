@@ -248,9 +248,11 @@ TEST_F(MakeSceneTest, RefusesCameraImagesWithoutReferences) {
 }
 
 TEST_F(MakeSceneTest, RefusesATimeInTheFutureByMoreThanTheTolerance) {
-  input.views[0].captured = MomentOf(kMakeSceneNow.time + kClockTolerance + absl::Nanoseconds(1), kMakeSceneNow);
+  input.views[0].captured =
+      MomentOf(kMakeSceneNow.time + kClockTolerance + absl::Nanoseconds(1), kMakeSceneNow);
   EXPECT_THAT(Refusal(), HasSubstr("in the future"));
-  for (ViewInput& view : input.views) view.captured = MomentOf(kMakeSceneNow.time + kClockTolerance, kMakeSceneNow);
+  for (ViewInput& view : input.views)
+    view.captured = MomentOf(kMakeSceneNow.time + kClockTolerance, kMakeSceneNow);
   EXPECT_TRUE(Make(*database, input).ok());
 }
 

@@ -10,6 +10,7 @@ namespace silhouette {
 namespace {
 
 using ::testing::AllOf;
+using ::testing::AnyOf;
 using ::testing::HasSubstr;
 using ::testing::Not;
 
@@ -63,6 +64,33 @@ TEST_F(AcquisitionServiceTest, ScenesMadeInProcessAreServed) {
   ASSERT_TRUE(scene.ok()) << scene.status();
   ASSERT_TRUE(server.server->Publish(*std::move(scene), database).ok());
   EXPECT_EQ(server.CheckOne(At(3, 0)).state(), v1::Verdict::STATE_FREE);
+}
+
+TEST_F(AcquisitionServiceTest, ReasonNamesTheDeviceAndWhatItDoes) {
+  const auto database = NewDatabase();
+  TestServer server(database, Live());
+  const auto the_defect = [&](v1::Verdict::Reason reason) {
+    const v1::CheckConfigurationsResponse response = server.Check({At(3, 0)});
+    EXPECT_EQ(response.verdicts(0).reason(), reason);
+    EXPECT_EQ(response.basis().defects_size(), 1);
+    EXPECT_EQ(response.basis().defects(0).reason(), reason);
+    return response.basis().defects(0).message();
+  };
+  EXPECT_THAT(the_defect(v1::Verdict::REASON_NO_SCENE),
+              AllOf(HasSubstr("camera 'left' does not serve: no image yet"),
+                    HasSubstr("robot does not serve: no joint values yet")));
+  AllGood();
+  Scene scene = *MakeScene(*database, EmptyCellScene(), {}, {}, server.clock.clock()());
+  ASSERT_TRUE(server.server->Publish(std::move(scene), database).ok());
+  EXPECT_EQ(server.Check({At(3, 0)}).basis().defects_size(), 0);
+  for (TestClock* each : {&clock, &server.clock}) each->Advance(absl::Seconds(2));
+  record->NoteImage(0, Now(), Now());
+  record->NoteImageError(1, absl::UnavailableError("cable pulled"));
+  record->NoteJoints(Now());
+  const std::string stale = the_defect(v1::Verdict::REASON_SCENE_STALE);
+  EXPECT_THAT(stale, AllOf(HasSubstr("2s old"), HasSubstr("camera 'right' does not serve: cable"),
+                           HasSubstr("camera 'top' does not serve: its last image came 2s ago")));
+  EXPECT_THAT(stale, Not(AnyOf(HasSubstr("'left'"), HasSubstr("robot"), HasSubstr("publish"))));
 }
 
 TEST_F(AcquisitionServiceTest, AcquisitionIsToldPerCameraAndRobot) {

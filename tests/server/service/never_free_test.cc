@@ -86,13 +86,15 @@ TEST_F(NeverFree, SceneOlderThanMaxAge) {
 
 TEST_F(NeverFree, SceneThatWasStaleOnArrival) {
   SceneInput input = EmptyCellScene();
-  for (ViewInput& view : input.views) view.captured = MomentOf(server.clock.now() - absl::Seconds(2), server.clock.clock()());
+  for (ViewInput& view : input.views)
+    view.captured = MomentOf(server.clock.now() - absl::Seconds(2), server.clock.clock()());
   ExpectDefect(server.Publish(input), v1::Verdict::REASON_SCENE_STALE);
 }
 
 TEST_F(NeverFree, ViewsFurtherApartThanMaxSkew) {
   SceneInput input = EmptyCellScene();
-  input.views[2].captured = MomentOf(server.clock.now() - absl::Milliseconds(80), server.clock.clock()());
+  input.views[2].captured =
+      MomentOf(server.clock.now() - absl::Milliseconds(80), server.clock.clock()());
   ExpectDefect(server.Publish(input), v1::Verdict::REASON_SCENE_SKEWED);
 }
 

@@ -178,7 +178,8 @@ TEST_F(SceneServiceTest, HeldUpRequestIsAsOldAsItsImages) {
 
 TEST_F(SceneServiceTest, ServerClockDecidesWhateverTheWallClocksAre) {
   for (const double set : {-60.0, -5.0, 5.0, 60.0}) {
-    request = server.Stamped(RequestOf(EmptyCellScene()));  // the caller's wall clock stays as it is
+    request =
+        server.Stamped(RequestOf(EmptyCellScene()));  // the caller's wall clock stays as it is
     server.clock.Set(absl::Seconds(set));
     server.clock.Advance(absl::Milliseconds(250));
     for (v1::ViewImage& image : *request.mutable_views()) {

@@ -109,7 +109,7 @@ class TestServer {
   explicit TestServer(
       std::shared_ptr<const ServedDatabase> database, ServingSettings settings = {},
       const std::function<Clock(Clock)>& wrap = [](Clock inner) { return inner; }) {
-    settings.clock = wrap(clock.clock());
+    settings.clock = now_ = wrap(clock.clock());
     auto started = Server::Start("unix:" + (folder_ / "s").string(), std::move(database), settings);
     EXPECT_TRUE(started.ok()) << started.status();
     server = *std::move(started);
@@ -124,7 +124,7 @@ class TestServer {
   // The request with the present time for images that state none.
   v1::PublishSceneRequest Stamped(v1::PublishSceneRequest request) {
     for (v1::ViewImage& image : *request.mutable_views()) {
-      if (!image.has_capture_time()) Set(clock.now(), image.mutable_capture_time());
+      if (!image.has_capture_time()) Set(now_().time, image.mutable_capture_time());
     }
     return request;
   }
@@ -218,6 +218,7 @@ class TestServer {
   TestClock clock;
 
  private:
+  Clock now_;  // of the server
   const std::filesystem::path folder_ = FreshFolder();
 
  public:

@@ -138,6 +138,7 @@ TEST(Segmentation, CellFileThatDiffersFromItsDatabaseIsToldWhatToWrite) {
   EXPECT_THAT(SegmentationAdvice({}, database),
               HasSubstr("'segmentation: {faint_difference: 3, faint_side: 5, "
                         "texture_difference: 0}'"));
+  EXPECT_THAT(SegmentationAdvice({}, database), HasSubstr("silhouette-capture remask"));
   const auto settings = SegmentationIn("faint_difference: 3, faint_side: 5, texture_difference: 0",
                                        "the command line", {});
   ASSERT_TRUE(settings.ok()) << settings.status();

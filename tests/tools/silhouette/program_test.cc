@@ -43,7 +43,7 @@ class Silhouette : public testing::Test {
 TEST_F(Silhouette, BeforeTheFirstSceneNothingIsFree) {
   const Ended check = cell_.Run("check 0.1,0.2");
   EXPECT_EQ(check.exit_code, 1);
-  EXPECT_THAT(check.out, AllOf(HasSubstr("unknown: no scene"), HasSubstr("publish")));
+  EXPECT_THAT(check.out, AllOf(HasSubstr("unknown: there is no scene"), HasSubstr("publish")));
   const Json space = RunJson("space", 0);
   EXPECT_EQ(space["unknown"], 121);
   EXPECT_EQ(space["free"], 0);
@@ -52,7 +52,7 @@ TEST_F(Silhouette, BeforeTheFirstSceneNothingIsFree) {
   std::ofstream(cell_.shell().folder() / "path.json") << R"({"waypoints": [[0, 0]]})";
   const Ended plan = cell_.Run("plan 0,0 1,1 --out path.json");
   EXPECT_EQ(plan.exit_code, 1);
-  EXPECT_THAT(plan.out, HasSubstr("no path: the start is unknown: no scene"));
+  EXPECT_THAT(plan.out, HasSubstr("no path: the start is unknown: there is no scene"));
   const Json no_path = Json::parse(ContentOf(cell_.shell().folder() / "path.json"));
   EXPECT_EQ(no_path["waypoints"], Json::array()) << "a path of an earlier plan must not stay";
   EXPECT_EQ(cell_.Run("path --file path.json").exit_code, 2);

@@ -156,13 +156,21 @@ std::string SpokenPlace(const Configuration& configuration, double fraction, int
 
 }  // namespace
 
-std::string Spoken(const client::Verdict& verdict) {
+std::string Spoken(client::Reason reason, const client::Basis& basis) {
+  std::vector<std::string> messages;
+  for (const client::Defect& defect : basis.defects) {
+    if (defect.reason == reason || basis.scene_id == 0) messages.push_back(defect.message);
+  }
+  return messages.empty() ? Describe(reason) : absl::StrJoin(messages, "; ");
+}
+
+std::string Spoken(const client::Verdict& verdict, const client::Basis& basis) {
   std::string words = NameOf(verdict.state);
   if (verdict.free() && verdict.clearance) {
     absl::StrAppend(&words, ", clearance ", SpokenClearance(*verdict.clearance));
   }
   if (verdict.state == client::State::kUnknown) {
-    absl::StrAppend(&words, ": ", Describe(verdict.reason));
+    absl::StrAppend(&words, ": ", Spoken(verdict.reason, basis));
   } else if (verdict.hidden_possible) {
     absl::StrAppend(&words, " (but an obstacle may hide there from every view)");
   }
@@ -189,16 +197,21 @@ std::string Spoken(const client::Basis& basis) {
   if (!basis.regions.empty()) {
     absl::StrAppend(&words, ", obstacles allowed in ", Quoted(basis.regions));
   }
+  // A missing view alone blocks nothing, but counts as an obstacle everywhere.
+  for (const client::Defect& defect : basis.defects) {
+    if (defect.reason == client::Reason::kViewMissing)
+      absl::StrAppend(&words, "; ", defect.message);
+  }
   return words;
 }
 
 std::string Spoken(const client::PathCheck& check) {
   if (check.verdict.free()) {
-    return absl::StrCat(Spoken(check.verdict), ": ", check.checked, " places checked");
+    return absl::StrCat(Spoken(check.verdict, check.basis), ": ", check.checked, " places checked");
   }
   return absl::StrCat("not free at ",
                       SpokenPlace(check.configuration, check.fraction, check.segment), ": ",
-                      Spoken(check.verdict));
+                      Spoken(check.verdict, check.basis));
 }
 
 Json JsonOf(const client::Verdict& verdict, client::Clearance clearance) {
@@ -224,13 +237,18 @@ Json JsonOf(const client::Verdict& verdict, client::Clearance clearance) {
 
 Json JsonOf(const client::Basis& basis) {
   const bool scene = basis.scene_id != 0;
+  Json defects = Json::array();
+  for (const client::Defect& defect : basis.defects) {
+    defects.push_back({{"reason", NameOf(defect.reason)}, {"message", defect.message}});
+  }
   return {{"scene_id", scene ? Json(basis.scene_id) : Json()},
           {"scene_time", scene ? Json(Spoken(basis.scene_time)) : Json()},
           {"scene_age_s", scene ? Json(absl::ToDoubleSeconds(basis.Age())) : Json()},
           {"database_generation", basis.database_generation},
           {"variant", basis.variant},
           {"scene_variant", basis.scene_variant.empty() ? Json() : Json(basis.scene_variant)},
-          {"scene_regions", basis.regions}};
+          {"scene_regions", basis.regions},
+          {"defects", defects}};
 }
 
 Json JsonOf(const client::PathCheck& check, client::Clearance clearance) {
@@ -401,8 +419,9 @@ Json JsonOf(const Configuration& configuration, const client::Explanation& expla
 
 std::string TextOf(const Configuration& configuration, const client::Explanation& explanation) {
   const client::Verdict& verdict = explanation.verdict;
-  const std::string text = absl::StrCat(Spoken(configuration), " is ", Spoken(verdict), "\n",
-                                        Spoken(explanation.basis), "\n");
+  const std::string text =
+      absl::StrCat(Spoken(configuration), " is ", Spoken(verdict, explanation.basis), "\n",
+                   Spoken(explanation.basis), "\n");
   if (verdict.views.empty()) return text;
   Table table{.headings = {"pixels inside the robot", "obstacle", "unknown", "error"}};
   for (const client::ViewEvidence& view : verdict.views) {

@@ -20,7 +20,9 @@ using Json = nlohmann::ordered_json;
 
 // "free", "occupied", "unknown: no scene has been published yet: publish one"; with a word on
 // obstacles that may hide, and the clearance if it is free and has one.
-std::string Spoken(const client::Verdict& verdict);
+std::string Spoken(const client::Verdict& verdict, const client::Basis& basis);
+// Why all or some is unknown: what the basis says of the reason, or else what the reason means.
+std::string Spoken(client::Reason reason, const client::Basis& basis);
 // "scene 3, 120 ms old, database generation 7", "no scene".
 std::string Spoken(const client::Basis& basis);
 

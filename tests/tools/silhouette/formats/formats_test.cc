@@ -252,14 +252,21 @@ TEST(SpacePicture, PathOverTheRimOfAContinuousJointIsDrawnInPieces) {
 }
 
 TEST(Output, SaysWhyAVerdictIsUnknownAndWhereAnObstacleMayHide) {
-  EXPECT_EQ(Spoken(client::Verdict{.state = client::State::kFree}), "free");
-  EXPECT_THAT(Spoken(client::Verdict{.reason = client::Reason::kNoScene}),
-              AllOf(HasSubstr("unknown: no scene"), HasSubstr("publish")));
-  EXPECT_THAT(Spoken(client::Verdict{.state = client::State::kFree, .hidden_possible = true}),
+  EXPECT_EQ(Spoken(client::Verdict{.state = client::State::kFree}, {}), "free");
+  EXPECT_THAT(Spoken(client::Verdict{.reason = client::Reason::kNoScene}, {}),
+              HasSubstr("unknown: the server has no scene"));
+  EXPECT_THAT(Spoken(client::Verdict{.state = client::State::kFree, .hidden_possible = true}, {}),
               HasSubstr("may hide"));
   EXPECT_EQ(JsonOf(client::Verdict{})["state"], "unknown");
   EXPECT_TRUE(JsonOf(client::Basis{})["scene_id"].is_null());
   EXPECT_EQ(Spoken(client::Basis{}), "no scene, database generation 0");
+  const client::Basis stale{
+      .scene_id = 3,
+      .defects = {{client::Reason::kSceneStale, "camera 'left' does not serve: cable pulled"},
+                  {client::Reason::kViewMissing, "view 'left' is missing"}}};
+  EXPECT_EQ(Spoken(client::Verdict{.reason = client::Reason::kSceneStale}, stale),
+            "unknown: camera 'left' does not serve: cable pulled");
+  EXPECT_THAT(Spoken(stale), HasSubstr("; view 'left' is missing"));
 }
 
 TEST(Output, TableAlignsItsColumns) {

@@ -1,0 +1,49 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "server/service/defects.h"
+
+#include <string>
+
+#include "absl/strings/str_cat.h"
+#include "server/live/live_record.h"
+
+namespace silhouette {
+
+std::vector<SceneDefect> DefectsOf(const Scene& scene, const ServingSettings& settings,
+                                   const Moment& now) {
+  std::vector<SceneDefect> defects = scene.defects;
+  const absl::Duration age = scene.AgeAt(now);
+  if (age <= settings.scene.max_age) return defects;
+  const std::string why =
+      settings.live == nullptr ? "publish a new scene" : FaultsOf(settings.live->StatusOfDevices());
+  defects.push_back({Reason::kSceneStale,
+                     absl::StrCat("the oldest image is ",
+                                  absl::FormatDuration(absl::Trunc(age, absl::Milliseconds(1))),
+                                  " old, older than max_age, ",
+                                  absl::FormatDuration(settings.scene.max_age), "; ", why)});
+  return defects;
+}
+
+std::string WhyNoScene(Reason without_scene, const ServingSettings& settings) {
+  return absl::StrCat(
+      without_scene == Reason::kGenerationMismatch
+          ? "the database was replaced and there is no scene since; "
+          : "there is no scene yet; ",
+      settings.live == nullptr ? "publish one" : FaultsOf(settings.live->StatusOfDevices()));
+}
+
+std::vector<SceneDefect> DefectsOf(const Served& served, Reason blocked,
+                                   const ServingSettings& settings, const Moment& now) {
+  std::vector<SceneDefect> defects;
+  if (served.scene != nullptr) {
+    defects = DefectsOf(*served.scene, settings, now);
+  } else {
+    defects.push_back({served.without_scene, WhyNoScene(served.without_scene, settings)});
+  }
+  if (blocked == Reason::kCalibrationDoubtful && served.trust != nullptr) {
+    defects.push_back(
+        {blocked, absl::StrCat("the calibration is not confirmed: ", served.trust->message)});
+  }
+  return defects;
+}
+
+}  // namespace silhouette
