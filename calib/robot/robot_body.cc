@@ -10,9 +10,9 @@ namespace silhouette {
 namespace {
 
 // The closed meshes of a link, in its frame.
-std::vector<TriangleMesh> ClosedMeshes(const RobotLink& link, bool& any_open) {
+std::vector<TriangleMesh> ClosedMeshes(const RobotLink& link, BodyGeometry kind, bool& any_open) {
   std::vector<TriangleMesh> meshes;
-  for (const LinkGeometry& geometry : link.body()) {
+  for (const LinkGeometry& geometry : link.body(kind)) {
     TriangleMesh mesh = Tessellate(geometry.shape);
     if (!IsClosed(mesh)) {
       any_open = true;
@@ -61,7 +61,7 @@ double PosedBody::AtMost(const Eigen::Vector3d& point, size_t& hint) const {
 
 bool PosedBody::MayReach(const Eigen::Vector3d& point, double radius) const {
   return std::ranges::any_of(links_, [&](const Link& link) {
-    const double reach = radius + tolerance_ + link.payload_radius;
+    const double reach = radius + tolerance_ + link.payload_radius + link.movement;
     if (link.payload_radius > 0 && (point - link.origin).norm() <= reach) return true;
     if (link.field == nullptr || link.box.squaredExteriorDistance(point) > reach * reach) {
       return false;
@@ -74,10 +74,13 @@ PosedBody PosedBody::MovedFrom(const PosedBody& other) const {
   constexpr double kSame = 1e-9;
   PosedBody moved;
   moved.tolerance_ = tolerance_;
-  for (size_t i = 0; i < links_.size(); ++i) {
-    const auto difference =
-        links_[i].link_from_base.matrix() - other.links_.at(i).link_from_base.matrix();
-    if (difference.cwiseAbs().maxCoeff() > kSame) moved.links_.push_back(links_[i]);
+  for (const Link& link : links_) {
+    const auto before = std::ranges::find(other.links_, link.number, &Link::number);
+    const bool same =
+        link.movement == 0 && before != other.links_.end() &&
+        (link.link_from_base.matrix() - before->link_from_base.matrix()).cwiseAbs().maxCoeff() <=
+            kSame;
+    if (!same) moved.links_.push_back(link);
   }
   return moved;
 }
@@ -93,7 +96,7 @@ RobotBody::RobotBody(const RobotModel& robot, const Settings& settings)
   for (const RobotLink& link : robot.links()) {
     if (link.parent >= 0) payload_radii_[static_cast<size_t>(link.parent)] = 0;
     bool any_open = false;
-    std::vector<TriangleMesh> meshes = ClosedMeshes(link, any_open);
+    std::vector<TriangleMesh> meshes = ClosedMeshes(link, settings.geometry, any_open);
     if (any_open) open_links_.push_back(link.name);
     fields.push_back(std::async(std::launch::async, [settings, meshes = std::move(meshes)] {
       std::optional<DistanceField> field;
@@ -105,12 +108,95 @@ RobotBody::RobotBody(const RobotModel& robot, const Settings& settings)
 }
 
 PosedBody RobotBody::At(std::span<const double> positions) const {
-  const std::vector<Eigen::Isometry3d> base_from_link = robot_.LinkPoses(positions);
   PosedBody body;
   body.tolerance_ = settings_.tolerance;
+  AddLinks(positions, std::vector<double>(positions.size(), 0), /*still=*/true, body);
+  return body;
+}
+
+PosedBody RobotBody::Between(std::span<const double> lower, std::span<const double> upper,
+                             double fine) const {
+  PosedBody body;
+  body.tolerance_ = settings_.tolerance;
+  std::vector<double> half(lower.size());
+  for (size_t j = 0; j < half.size(); ++j) half[j] = (upper[j] - lower[j]) / 2;
+  std::vector<int> pieces(half.size(), 1);
+  size_t poses = 1;
+  const auto middle = [&](size_t j, int piece) { return lower[j] + (2 * piece + 1) * half[j]; };
+  std::vector<double> positions(half.size());
+  while (2 * poses <= kMostPoses) {
+    for (size_t j = 0; j < half.size(); ++j) positions[j] = middle(j, pieces[j] / 2);
+    const std::vector<Eigen::Isometry3d> base_from_link = robot_.LinkPoses(positions);
+    // The joint that moves a link the most.
+    size_t joint = half.size();
+    double farthest = fine;
+    for (size_t j = 0; j < half.size(); ++j) {
+      std::vector<double> alone(half.size(), 0);
+      alone[j] = half[j];
+      for (size_t i = 0; i < fields_.size(); ++i) {
+        const double movement = MovementOf(i, base_from_link, alone);
+        if (movement <= farthest) continue;
+        farthest = movement;
+        joint = j;
+      }
+    }
+    if (joint == half.size()) break;
+    half[joint] /= 2;
+    pieces[joint] *= 2;
+    poses *= 2;
+  }
+  for (size_t pose = 0; pose < poses; ++pose) {
+    size_t left = pose;
+    for (size_t j = 0; j < half.size(); ++j) {
+      positions[j] = middle(j, static_cast<int>(left) % pieces[j]);
+      left /= static_cast<size_t>(pieces[j]);
+    }
+    AddLinks(positions, half, /*still=*/pose == 0, body);
+  }
+  return body;
+}
+
+double RobotBody::MovementOf(size_t link, std::span<const Eigen::Isometry3d> base_from_link,
+                             std::span<const double> half_ranges) const {
+  std::vector<Eigen::Vector3d> points;
+  if (payload_radii_[link] > 0) points.push_back(base_from_link[link].translation());
+  if (fields_[link]) {
+    for (int corner = 0; corner < 8; ++corner) {
+      points.push_back(
+          base_from_link[link] *
+          fields_[link]->box().corner(static_cast<Eigen::AlignedBox3d::CornerType>(corner)));
+    }
+  }
+  // One joint moves after the other, the outermost first. A point then has moved by no more than
+  // those moved it, and is by no more than that farther from the axis of the next one.
+  double movement = 0;
+  for (int at = static_cast<int>(link); at >= 0;) {
+    const RobotLink& moved = robot_.links()[static_cast<size_t>(at)];
+    if (moved.joint >= 0) {
+      const auto joint = static_cast<size_t>(moved.joint);
+      const Eigen::Isometry3d& frame = base_from_link[static_cast<size_t>(at)];
+      const Eigen::Vector3d axis = frame.linear() * moved.axis;
+      double farthest = 0;
+      for (const Eigen::Vector3d& point : points) {
+        farthest = std::max(farthest, (point - frame.translation()).cross(axis).norm());
+      }
+      const bool slides = robot_.joints()[joint].type == JointType::kPrismatic;
+      movement += half_ranges[joint] * (slides ? 1 : farthest + movement);
+    }
+    at = moved.parent;
+  }
+  return movement;
+}
+
+void RobotBody::AddLinks(std::span<const double> positions, std::span<const double> half_ranges,
+                         bool still, PosedBody& body) const {
+  const std::vector<Eigen::Isometry3d> base_from_link = robot_.LinkPoses(positions);
   for (size_t i = 0; i < fields_.size(); ++i) {
     if (!fields_[i] && payload_radii_[i] == 0) continue;
     PosedBody::Link link;
+    link.number = i;
+    link.movement = MovementOf(i, base_from_link, half_ranges);
+    if (link.movement == 0 && !still) continue;
     link.payload_radius = payload_radii_[i];
     link.origin = base_from_link[i].translation();
     link.link_from_base = base_from_link[i].inverse();
@@ -120,7 +206,6 @@ PosedBody RobotBody::At(std::span<const double> positions) const {
     }
     body.links_.push_back(link);
   }
-  return body;
 }
 
 }  // namespace silhouette

@@ -14,8 +14,8 @@
 
 namespace silhouette {
 
-// The robot at some joint values. Refers to the body, which must outlive it. Points are in the
-// robot's base frame, metres.
+// The robot at some joint values, or anywhere between some. Refers to the body, which must outlive
+// it. Points are in the robot's base frame, metres.
 class PosedBody {
  public:
   // The distance of a point from the robot's surface, negative inside, or more: never less. The
@@ -24,21 +24,24 @@ class PosedBody {
   double AtMost(const Eigen::Vector3d& point, size_t& hint) const;
 
   // Whether any point of the true robot, tool and payload included, may lie within `radius` of the
-  // point.
+  // point; of RobotBody::Between, at any of its joint values.
   bool MayReach(const Eigen::Vector3d& point, double radius) const;
 
-  // The links, of the same body, that stand elsewhere than in `other`.
+  // The links, of the same body, that stand elsewhere than in `other`, or move. `other`: of
+  // RobotBody::At.
   PosedBody MovedFrom(const PosedBody& other) const;
 
  private:
   friend class RobotBody;
 
   struct Link {
+    size_t number = 0;                     // in the model
     const DistanceField* field = nullptr;  // null: a frame alone, which carries tool or payload
     double payload_radius = 0;
     Eigen::Vector3d origin;  // in the base frame
     Eigen::Isometry3d link_from_base;
     Eigen::AlignedBox3d box;  // in the base frame
+    double movement = 0;      // no point of it is ever farther from where it is here
   };
   std::vector<Link> links_;
   double tolerance_ = 0;
@@ -50,6 +53,8 @@ class RobotBody {
  public:
   // Lengths in metres.
   struct Settings {
+    // Of the links.
+    BodyGeometry geometry = BodyGeometry::kVisual;
     // By how much a point of the true robot's surface may be away from the model's.
     double tolerance = 0;
     // How far tool and payload reach beyond the outermost links.
@@ -71,7 +76,22 @@ class RobotBody {
   // std::invalid_argument is thrown.
   PosedBody At(std::span<const double> positions) const;
 
+  // The body wherever every joint is from `lower` to `upper`: for MayReach alone. It is that of
+  // some joint values in between, grown by how far its links move from there at most; of no more
+  // than kMostPoses of them, and more than one only while a link moves by more than `fine`, metres.
+  static constexpr size_t kMostPoses = 16;
+  PosedBody Between(std::span<const double> lower, std::span<const double> upper,
+                    double fine) const;
+
  private:
+  // Adds the links with the joints at `positions`, each up to `half_ranges` to either side; those
+  // that do not move only if `still`.
+  void AddLinks(std::span<const double> positions, std::span<const double> half_ranges, bool still,
+                PosedBody& body) const;
+  // How far any point of the link moves at most while the joints move by up to `half_ranges`.
+  double MovementOf(size_t link, std::span<const Eigen::Isometry3d> base_from_link,
+                    std::span<const double> half_ranges) const;
+
   RobotModel robot_;
   Settings settings_;
   std::vector<std::optional<DistanceField>> fields_;  // by link

@@ -62,13 +62,19 @@ struct LinkGeometry {
   std::optional<Eigen::Vector3d> colour;  // red, green, blue, 0..1, if the file states it
 };
 
+enum class BodyGeometry { kVisual, kCollision };
+
 struct RobotLink {
   std::string name;
   std::vector<LinkGeometry> visual;
   std::vector<LinkGeometry> collision;
 
-  // What the robot looks like and is: the visual geometry; a link without takes that for collision.
-  const std::vector<LinkGeometry>& body() const { return visual.empty() ? collision : visual; }
+  // What stands for the link; one without geometry of this kind takes the other. The visual one is
+  // what the robot looks like and is.
+  const std::vector<LinkGeometry>& body(BodyGeometry kind = BodyGeometry::kVisual) const {
+    const bool takes_visual = kind == BodyGeometry::kVisual ? !visual.empty() : collision.empty();
+    return takes_visual ? visual : collision;
+  }
 
   int parent = -1;  // index of the parent link; -1 for the base
   int joint = -1;   // index of the moving joint in front of this link; -1 if it is fixed

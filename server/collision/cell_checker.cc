@@ -15,11 +15,13 @@ CellChecker::CellChecker(const SpaceChecker& test) : test_(test), sets_(1) {
     sets_ += votes.views();
     beyond = beyond || votes.beyond();
   });
-  // Something is possible at any place off the grid.
+  // Something is possible at any place off the grid, unless the body is known.
   const bool always = test.everything_possible_;
+  const bool body = test.test_.robot_may_touch_ != nullptr;
   const bool complete = test.test_.missing_views_ == 0;
   none_free_ = always || !complete;
-  exact_ = complete && (always ? !test.test_.voxels_decide_ : test.possible_.empty() && !beyond);
+  exact_ = complete &&
+           (always ? !test.test_.voxels_decide_ && !body : test.possible_.empty() && !beyond);
 }
 
 template <typename Each>

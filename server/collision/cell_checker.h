@@ -16,7 +16,7 @@
 //     inside the image, and only if some view has what convicts there. A larger image has no less
 //     of either. What is not ruled out by that is not free.
 //   * What is possible in space (the sound presets) is found, at most, where its planes touch. The
-//     robot's body, which may clear a configuration of the grid, is not looked at.
+//     robot's body, with which the test may find a place free all the same, is not looked at.
 // A corner that has no robot image that can be read makes the cell not free.
 #pragma once
 

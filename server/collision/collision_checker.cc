@@ -215,9 +215,9 @@ bool CollisionChecker::SomethingPossible(Numbers corners, const TestRobot& test_
     left = left.subspan(robot.back().size());
   }
   PossibleSpace::MayTouch body;
-  if (robot_may_touch_ && corners.size() == 1) {
-    body = [this, number = corners[0]](const Eigen::AlignedBox3d& box) {
-      return robot_may_touch_(number, box);
+  if (robot_may_touch_) {
+    body = [this, corners](const Eigen::AlignedBox3d& box) {
+      return robot_may_touch_(corners, box);
     };
   }
   return possible_space_->PlanesMeet(robot, min_views_, body) &&

@@ -69,10 +69,12 @@ struct TestSupport {
   // Sound presets: where the scene's obstacles could be.
   const PossibleSpace* possible_space = nullptr;
   // Sound presets, if the model of the robot holds all there is of it, tool and payload: whether it
-  // may touch a box at a configuration. Links that are exactly where they are at present may be
-  // left out: what they touched then, they would touch now. Configurations off the grid are tested
-  // without.
-  std::function<bool(ConfigurationNumber, const Eigen::AlignedBox3d&)> robot_may_touch = nullptr;
+  // may touch a box anywhere in the grid cell with these corners, as CornersAround orders them; one
+  // corner: at that configuration. Links that are exactly where they are at present, all over the
+  // cell, may be left out: what they touched then, they would touch now.
+  using RobotMayTouch =
+      std::function<bool(std::span<const ConfigurationNumber>, const Eigen::AlignedBox3d&)>;
+  RobotMayTouch robot_may_touch = nullptr;
 };
 
 // Refers to a table, to obstacle images and to its support, which must outlive it. May be used by
@@ -150,7 +152,7 @@ class CollisionChecker {
   CollisionImages own_resolved_;
   // Set if the preset is a sound one.
   const PossibleSpace* possible_space_ = nullptr;
-  std::function<bool(ConfigurationNumber, const Eigen::AlignedBox3d&)> robot_may_touch_;
+  TestSupport::RobotMayTouch robot_may_touch_;
   bool voxels_decide_ = false;
   int min_views_ = 1;
   int missing_views_ = 0;

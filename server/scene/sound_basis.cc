@@ -19,6 +19,8 @@ constexpr double kStepsPerEdge = 3;
 constexpr double kLeastStep = 0.005;  // metres
 // A camera image is looked at in the centres of its pixels: a rim that lies between them is missed.
 constexpr double kRim = 0.5;  // camera pixels
+// How often the edges of a box are halved at most to see whether the body touches it.
+constexpr int kHalvings = 2;
 
 double EdgeOf(const SoundSettings& settings) {
   return settings.voxel_edge.value_or(settings.least_obstacle / 3);
@@ -74,7 +76,8 @@ SoundBasis::SoundBasis(const SoundCell& sound, const storage::v1::CellDescriptio
       whole_model_(sound.settings.whole_model),
       space_(sound.workspace, sound.settings.least_obstacle, std::move(views),
              sound.settings.voxel_edge),
-      body_(*sound.robot, {.tolerance = sound.settings.model_tolerance,
+      body_(*sound.robot, {.geometry = sound.settings.geometry,
+                           .tolerance = sound.settings.model_tolerance,
                            .payload_radius = sound.payload_radius,
                            .range = sound.settings.least_obstacle,
                            .step = std::max(EdgeOf(sound.settings) / kStepsPerEdge, kLeastStep)}) {
@@ -136,31 +139,66 @@ RobotVoxels SoundBasis::RobotAt(std::span<const JointPosition> joints) const {
   });
 }
 
-// The body at one configuration after the other.
+std::optional<std::vector<double>> SoundBasis::PositionsAt(const Configuration& q) const {
+  std::vector<JointPosition> there = fixed_joints_;
+  for (size_t i = 0; i < q.size(); ++i) there.push_back({grid_.joints()[i].name, q[i]});
+  return Positions(there);
+}
+
+std::optional<PosedBody> SoundBasis::BodyIn(std::span<const ConfigurationNumber> corners) const {
+  const Configuration first = grid_.At(corners.front());
+  const Configuration last = grid_.At(corners.back());
+  const std::optional<std::vector<double>> lower = PositionsAt(first);
+  if (!lower) return std::nullopt;
+  if (corners.size() == 1) return body_.At(*lower);
+  Configuration beyond = first;
+  for (size_t j = 0; j < beyond.size(); ++j) {
+    if (last[j] != first[j]) beyond[j] += grid_.joints()[j].step();  // round the turn, too
+  }
+  const std::optional<std::vector<double>> upper = PositionsAt(beyond);
+  if (!upper) return std::nullopt;
+  return body_.Between(*lower, *upper, space_.grid().edge() / 2);
+}
+
+// The body in one grid cell after the other.
 struct TestBody {
   uint64_t owner = 0;
-  ConfigurationNumber number = 0;
+  ConfigurationNumber first = 0;
+  ConfigurationNumber last = 0;
   PosedBody body;
+  size_t hint = 0;
+
+  // Whether it may touch a point of a box that is not inside the robot now. Eighths are looked at
+  // as balls around them, which hold less than one ball around all of the box.
+  bool MayTouch(const Eigen::AlignedBox3d& box, const PosedBody& present, int halvings) {
+    const Eigen::Vector3d centre = box.center();
+    const double radius = box.diagonal().norm() / 2;
+    if (!body.MayReach(centre, radius)) return false;
+    if (present.AtMost(centre, hint) + radius <= 0) return false;
+    if (halvings == 0) return true;
+    for (int corner = 0; corner < 8; ++corner) {
+      Eigen::AlignedBox3d eighth(centre);
+      eighth.extend(box.corner(static_cast<Eigen::AlignedBox3d::CornerType>(corner)));
+      if (MayTouch(eighth, present, halvings - 1)) return true;
+    }
+    return false;
+  }
 };
 
-std::function<bool(ConfigurationNumber, const Eigen::AlignedBox3d&)> SoundBasis::RobotMayTouch(
-    std::span<const JointPosition> joints) const {
+TestSupport::RobotMayTouch SoundBasis::RobotMayTouch(std::span<const JointPosition> joints) const {
   const std::optional<std::vector<double>> now = Positions(joints);
   if (!whole_model_ || !body_.open_links().empty() || !now) return nullptr;
   static std::atomic<uint64_t> last_owner = 0;
-  return [this, present = body_.At(*now), owner = ++last_owner](ConfigurationNumber number,
-                                                                const Eigen::AlignedBox3d& box) {
-    // A configuration is asked about many boxes, by one thread.
+  return [this, present = body_.At(*now), owner = ++last_owner](
+             std::span<const ConfigurationNumber> corners, const Eigen::AlignedBox3d& box) {
+    // A cell is asked about many boxes, by one thread.
     thread_local TestBody test;
-    if (test.owner != owner || test.number != number) {
-      std::vector<JointPosition> there = fixed_joints_;
-      const Configuration q = grid_.At(number);
-      for (size_t i = 0; i < q.size(); ++i) there.push_back({grid_.joints()[i].name, q[i]});
-      const std::optional<std::vector<double>> positions = Positions(there);
-      if (!positions) return true;
-      test = {owner, number, body_.At(*positions).MovedFrom(present)};
+    if (test.owner != owner || test.first != corners.front() || test.last != corners.back()) {
+      const std::optional<PosedBody> body = BodyIn(corners);
+      if (!body) return true;
+      test = {owner, corners.front(), corners.back(), body->MovedFrom(present)};
     }
-    return test.body.MayReach(box.center(), box.diagonal().norm() / 2);
+    return test.MayTouch(box, present, kHalvings);
   };
 }
 

@@ -18,6 +18,7 @@
 #include "calib/camera/calibration.h"
 #include "calib/robot/robot_body.h"
 #include "db/mask/configuration_grid.h"
+#include "server/collision/collision_checker.h"
 #include "server/collision/possible_space.h"
 #include "server/collision/robot_image_table.h"
 #include "server/collision/voxel_space.h"
@@ -56,9 +57,9 @@ class SoundBasis {
 
   // TestSupport::robot_may_touch while the robot stands at `joints`; null unless the model holds
   // the whole robot. What the robot does not touch now, it does not touch with the links that then
-  // stand as they stand now. Refers to this.
-  std::function<bool(ConfigurationNumber, const Eigen::AlignedBox3d&)> RobotMayTouch(
-      std::span<const JointPosition> joints) const;
+  // stand as they stand now. In a grid cell it is RobotBody::Between its corners: a box that the
+  // robot touches at any place in the cell is found. Refers to this.
+  TestSupport::RobotMayTouch RobotMayTouch(std::span<const JointPosition> joints) const;
 
  private:
   SoundBasis(const SoundCell& sound, const storage::v1::CellDescription& cell,
@@ -66,6 +67,10 @@ class SoundBasis {
 
   // The positions of the model's joints; nothing if one has no value.
   std::optional<std::vector<double>> Positions(std::span<const JointPosition> joints) const;
+  // The same with the joints of the grid at `q`, the others as the cell has them.
+  std::optional<std::vector<double>> PositionsAt(const Configuration& q) const;
+  // The body in a grid cell; nothing if a joint has no value.
+  std::optional<PosedBody> BodyIn(std::span<const ConfigurationNumber> corners) const;
 
   std::shared_ptr<const RobotModel> robot_;
   ConfigurationGrid grid_;

@@ -15,6 +15,9 @@ struct SoundSettings {
   double least_obstacle = 0;
   // Edge of the voxels, metres; nothing: a third of least_obstacle.
   std::optional<double> voxel_edge;
+  // Which of the model's geometries is the robot's body. That for collision must be no larger than
+  // the robot, but for model_tolerance: no obstacle is looked for inside.
+  BodyGeometry geometry = BodyGeometry::kVisual;
   // By how much a point of the true robot's surface may be away from the model's, metres.
   double model_tolerance = 0.01;
   // Whether the model holds all there is of the robot, cables and tool included, but for the

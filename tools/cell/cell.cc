@@ -57,6 +57,7 @@ Cell ReadCell(const std::string& path) {
       .simulation = std::move(simulation),
       .robot = std::move(robot.robot),
       .grid = std::move(robot.grid),
+      .grid_move = robot.grid_move,
       .fixed_joints = std::move(robot.fixed_joints),
       .views = ReadViews(views_node, margin_node ? ReadMargin(*margin_node) : Margin{}, folder),
       .workspace = std::nullopt,

@@ -74,6 +74,9 @@ struct Cell {
   std::string simulation;  // file that describes the simulated cell; empty: none
   RobotSettings robot;
   ConfigurationGrid grid;
+  // How far any point of the robot moves at most in a grid step of one joint, metres; 0: there is
+  // no model.
+  double grid_move = 0;
   std::vector<FixedJoint> fixed_joints;  // the joints outside the grid
   std::vector<ViewSettings> views;
   // What the robot never leaves; nothing: not said.

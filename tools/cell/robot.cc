@@ -159,14 +159,19 @@ MaxMoveRule ReadRule(const std::optional<YamlNode>& node) {
   return node && node->AsWordOf({"each", "sum"}) == 1 ? MaxMoveRule::kSum : MaxMoveRule::kEach;
 }
 
-// The grid's tiles are even in the metres that the robot moves, if there is a model.
-ConfigurationGrid MakeGrid(std::vector<GridJoint> joints,
-                           const std::vector<std::optional<double>>& reaches) {
-  std::vector<double> extents;
+// Metres that the robot moves in a step of each joint; nothing without a model.
+std::vector<double> MovesOf(const std::vector<GridJoint>& joints,
+                            const std::vector<std::optional<double>>& reaches) {
+  std::vector<double> moves;
   for (size_t j = 0; j < reaches.size(); ++j) {
-    const double metres = joints[j].step() * reaches[j].value_or(1);
-    extents.push_back(metres > 0 ? metres : 1);
+    moves.push_back(joints[j].step() * reaches[j].value_or(1));
   }
+  return moves;
+}
+
+// The grid's tiles are even in the metres that the robot moves.
+ConfigurationGrid MakeGrid(std::vector<GridJoint> joints, std::vector<double> extents) {
+  for (double& extent : extents) extent = extent > 0 ? extent : 1;
   std::vector<int> edges = ChooseTileEdges(joints, extents);
   return ConfigurationGrid(std::move(joints), std::move(edges));
 }
@@ -198,7 +203,9 @@ RobotAndGrid ReadRobotAndGrid(const YamlNode& robot_node, const YamlNode& grid_n
     } else {
       joints = StepsAsSaid(std::move(joints), *steps);
     }
-    return {robot.settings, MakeGrid(std::move(joints), reaches), robot.fixed};
+    const std::vector<double> moves = MovesOf(joints, reaches);
+    const double most = moves.empty() ? 0 : std::ranges::max(moves);
+    return {robot.settings, MakeGrid(std::move(joints), moves), most, robot.fixed};
   } catch (const std::invalid_argument& error) {
     grid_node.Fail(error.what());
   }

@@ -18,6 +18,7 @@ std::string ResolvePath(const std::filesystem::path& folder, const std::string& 
 struct RobotAndGrid {
   RobotSettings robot;
   ConfigurationGrid grid;
+  double grid_move = 0;  // Cell::grid_move
   std::vector<FixedJoint> fixed_joints;
 };
 RobotAndGrid ReadRobotAndGrid(const YamlNode& robot, const YamlNode& grid,

@@ -230,7 +230,7 @@ void LogLoaded(const ServedDatabase& database, const std::string& path) {
 }
 
 // Of a cell that states the section 'sound'.
-void LogSound(const ServedDatabase& database) {
+void LogSound(const ServedDatabase& database, const Cell& cell) {
   if (database.sound() == nullptr) {
     spdlog::warn("the sound presets are not served: {}",
                  std::string(database.CanServe({.preset = Preset::kSound}).message()));
@@ -245,11 +245,21 @@ void LogSound(const ServedDatabase& database) {
         "times as many pixels along each side",
         sound.resolvable_obstacle(), least, sound.mask_scale());
   }
-  for (const std::string& link : sound.open_links()) {
+  if (!sound.open_links().empty()) {
     spdlog::warn(
-        "link '{}' has a shape that is not closed: the sound presets ignore it and may block "
-        "the space inside it; close its mesh",
-        link);
+        "the sound presets call nothing free: the meshes of {} are not closed, so that an obstacle "
+        "may be inside; close them, or set 'sound: {{geometry: collision}}' if the URDF has closed "
+        "collision meshes",
+        absl::StrJoin(sound.open_links(), ", ", [](std::string* out, const std::string& link) {
+          absl::StrAppend(out, "link '", link, "'");
+        }));
+  }
+  if (cell.grid_move > least) {
+    spdlog::warn(
+        "a step of the grid moves the robot by up to {:.3f} m, more than least_obstacle, {:.3f} m: "
+        "an obstacle between grid points may be in no robot image and is then missed; lower "
+        "'grid: max_move' or add steps, and capture again",
+        cell.grid_move, least);
   }
   for (int view = 0; view < database.views(); ++view) {
     if (database.treatment(view).margin == 0) continue;
@@ -282,7 +292,7 @@ absl::StatusOr<std::shared_ptr<const ServedDatabase>> LoadDatabase(const Cell& c
   if (!served.ok()) return served;
   LogLoaded(**served, path);
   LogRobotImages(**served, path, load);
-  if (sound) LogSound(**served);
+  if (sound) LogSound(**served, cell);
   Policy policy = cell.policy;
   if (cell.choose_preset) policy.preset = (*served)->BestPreset();
   if ((*served)->CanServe(policy).ok()) {

@@ -12,6 +12,7 @@
 #include <stdexcept>
 
 #include "calib/robot/distance_field.h"
+#include "tests/random.h"
 #include "tests/test_folder.h"
 
 namespace silhouette {
@@ -215,6 +216,75 @@ TEST_F(RobotBodyTest, LinksThatStandStillHaveNotMoved) {
   EXPECT_TRUE(moved.MayReach({0.3 * std::cos(0.5), 0.3 * std::sin(0.5), 1}, 0)) << "the arm";
 }
 
+TEST_F(RobotBodyTest, BetweenJointValuesHoldsTheBodyAtEachOfThem) {
+  const RobotModel robot = Read(R"(<robot name="three">
+    <link name="foot"><visual><geometry><box size="0.2 0.2 0.2"/></geometry></visual></link>
+    <link name="upper">
+      <visual><origin xyz="0.3 0 0"/><geometry><box size="0.6 0.1 0.1"/></geometry></visual>
+    </link>
+    <link name="lower">
+      <visual><origin xyz="0.2 0 0.1"/><geometry><box size="0.4 0.06 0.2"/></geometry></visual>
+    </link>
+    <link name="slide">
+      <visual><origin xyz="0 0.1 0"/><geometry><box size="0.1 0.3 0.1"/></geometry></visual>
+    </link>
+    <joint name="turn" type="revolute">
+      <parent link="foot"/><child link="upper"/><origin xyz="0 0 1"/><axis xyz="0 0 1"/>
+      <limit lower="-3" upper="3" effort="1" velocity="1"/>
+    </joint>
+    <joint name="bend" type="revolute">
+      <parent link="upper"/><child link="lower"/><origin xyz="0.6 0 0"/><axis xyz="0 1 0"/>
+      <limit lower="-3" upper="3" effort="1" velocity="1"/>
+    </joint>
+    <joint name="push" type="prismatic">
+      <parent link="lower"/><child link="slide"/><origin xyz="0.4 0 0"/><axis xyz="1 0 0"/>
+      <limit lower="-1" upper="1" effort="1" velocity="1"/>
+    </joint></robot>)");
+  const RobotBody body(robot, {.payload_radius = 0.15, .range = kRange, .step = kStep});
+  Random random;
+  std::uniform_real_distribution<double> share(0, 1);
+  int far_away = 0;
+  for (int i = 0; i < 60; ++i) {
+    std::vector<double> lower, upper;
+    for (const double widest : {0.5, 0.8, 0.3}) {
+      lower.push_back(2 * share(random) - 1);
+      upper.push_back(lower.back() + (share(random) < 0.3 ? 0 : widest * share(random)));
+    }
+    const PosedBody between = body.Between(lower, upper, i % 2 == 0 ? 0.02 : 1);
+    for (int j = 0; j < 100; ++j) {
+      std::vector<double> q;
+      for (size_t k = 0; k < 3; ++k) {
+        q.push_back(lower[k] + share(random) * (upper[k] - lower[k]));
+      }
+      const std::vector<Eigen::Isometry3d> poses = robot.LinkPoses(q);
+      const Vector3d corner(share(random) < 0.5 ? 0 : 1, share(random) < 0.5 ? 0 : 1,
+                            share(random) < 0.5 ? 0 : 1);
+      const Vector3d at = corner - Vector3d(0.5, 0.5, 0.5);
+      const std::vector<Vector3d> points = {
+          poses[1] * (Vector3d(0.3, 0, 0) + at.cwiseProduct(Vector3d(0.6, 0.1, 0.1))),
+          poses[2] * (Vector3d(0.2, 0, 0.1) + at.cwiseProduct(Vector3d(0.4, 0.06, 0.2))),
+          poses[3] * (Vector3d(0, 0.1, 0) + at.cwiseProduct(Vector3d(0.1, 0.3, 0.1))),
+          poses[3].translation() + 0.15 * (poses[3].linear() * at.normalized())};
+      for (const Vector3d& point : points) {
+        ASSERT_TRUE(between.MayReach(point, 1e-6)) << "range " << i << ", " << point.transpose();
+      }
+    }
+    if (!between.MayReach({-0.5, 0, 1}, 0.1)) ++far_away;
+  }
+  EXPECT_GT(far_away, 40) << "it is not everything";
+}
+
+TEST_F(RobotBodyTest, WhatStandsStillInARangeHasNotMoved) {
+  const RobotBody body(robot_, {.range = kRange, .step = kStep});
+  const PosedBody present = body.At(std::vector{0.0});
+  const std::vector<double> here{0.0}, there{0.2};
+  const PosedBody moved = body.Between(here, there, 0.01).MovedFrom(present);
+  EXPECT_FALSE(moved.MayReach({0, 0, 0}, 0)) << "the foot";
+  EXPECT_TRUE(moved.MayReach({0.5, 0, 1}, 0)) << "the arm, though it is there now";
+  EXPECT_FALSE(moved.MayReach({0.5, -0.12, 1}, 0)) << "it turns the other way";
+  EXPECT_FALSE(body.Between(here, here, 0.01).MovedFrom(present).MayReach({0.5, 0, 1}, 0));
+}
+
 TEST_F(RobotBodyTest, LinkThatIsNotClosedCountsAsNothing) {
   const std::string folder = TestFolder().string();
   std::ofstream(folder + "/open.obj") << "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\n"
@@ -224,6 +294,13 @@ TEST_F(RobotBodyTest, LinkThatIsNotClosedCountsAsNothing) {
   const RobotBody body(robot, {.range = kRange, .step = kStep});
   EXPECT_EQ(body.open_links(), std::vector<std::string>{"lid"});
   EXPECT_GT(AtMost(body.At({}), {0.1, 0.1, 0.1}), 0);
+}
+
+TEST_F(RobotBodyTest, TakesTheCollisionGeometryWhereItIsAskedTo) {
+  const RobotBody body(robot_,
+                       {.geometry = BodyGeometry::kCollision, .range = kRange, .step = kStep});
+  EXPECT_LT(AtMost(body.At(std::vector{0.0}), {0.5, 0.5, 0.5}), 0) << "the foot's envelope";
+  EXPECT_LT(AtMost(body.At(std::vector{0.0}), {0.5, 0, 1}), 0) << "the arm has none";
 }
 
 }  // namespace

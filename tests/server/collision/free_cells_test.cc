@@ -161,9 +161,8 @@ TEST_F(FreeCellsTest, UnderSoundPresetsFreeOnesAreFreeThroughout) {
     for (const Preset preset : {Preset::kSoundPlanes, Preset::kSound}) {
       TestSupport support{.possible_space = &possible};
       if (round % 2 == 0) {
-        support.robot_may_touch = [](ConfigurationNumber, const Eigen::AlignedBox3d&) {
-          return false;
-        };
+        support.robot_may_touch = [](std::span<const ConfigurationNumber>,
+                                     const Eigen::AlignedBox3d&) { return false; };
       }
       const CollisionChecker test(world.table, images, {.preset = preset}, support);
       const SpaceChecker space(test, index.trees());

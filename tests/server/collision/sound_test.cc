@@ -56,14 +56,35 @@ Balls RandomObstacles(const Balls& robot, std::mt19937_64& random) {
   return obstacles;
 }
 
-// With the true body: balls that are where they are at present touch nothing, as now.
+// The middle of a grid cell, and how far every joint may be from it.
+struct Cell {
+  explicit Cell(std::span<const ConfigurationNumber> corners) {
+    const ConfigurationGrid grid = SphereWorld::Grid();
+    const Configuration first = grid.At(corners.front());
+    const Configuration last = grid.At(corners.back());
+    for (size_t j = 0; j < first.size(); ++j) {
+      half.push_back(first[j] == last[j] ? 0 : grid.joints()[j].step() / 2);
+      middle.push_back(first[j] + half[j]);
+    }
+  }
+  Configuration middle;
+  Configuration half;
+};
+
+// With the true body: balls that are where they are at present touch nothing, as now. In a grid
+// cell, those of its middle, grown by how far they move.
 TestSupport WithBody(const PossibleSpace& possible, ConfigurationNumber present) {
-  const auto may_touch = [present](ConfigurationNumber number, const Eigen::AlignedBox3d& box) {
+  const auto may_touch = [present](std::span<const ConfigurationNumber> corners,
+                                   const Eigen::AlignedBox3d& box) {
+    const Cell cell(corners);
     const Balls now = SphereWorld::Arm(present);
-    const Balls then = SphereWorld::Arm(number);
+    const Balls then = testing::ArmAt(cell.middle[0], cell.middle[1]);
+    const Vector3d elbow = then[4].centre;
     for (size_t i = 0; i < then.size(); ++i) {
-      if (then[i].centre == now[i].centre) continue;
-      if (box.exteriorDistance(then[i].centre) <= then[i].radius) return true;
+      const double by_pitch = i > 4 ? cell.half[1] * (then[i].centre - elbow).norm() : 0;
+      const double growth = by_pitch + cell.half[0] * (then[i].centre.norm() + by_pitch);
+      if (growth == 0 && (then[i].centre - now[i].centre).norm() < 1e-9) continue;
+      if (box.exteriorDistance(then[i].centre) <= then[i].radius + growth) return true;
     }
     return false;
   };
@@ -414,6 +435,84 @@ TEST(SoundTest, OffTheGridACellIsTheUnionOfItsCorners) {
       }
     }
   }
+}
+
+TEST(SoundTest, TheBodyFreesNothingThatTouchesBetweenGridPoints) {
+  Random random;
+  const SphereWorld world(ThreeCameras(), kSoundRho, kVoxel);
+  std::uniform_real_distribution<double> angle(0, 2 * std::numbers::pi);
+  int touching = 0;
+  int freed = 0;
+  for (int scene = 0; scene < 10; ++scene) {
+    const ConfigurationNumber present = RandomConfiguration(random);
+    const Balls obstacles = RandomObstacles(SphereWorld::Arm(present), random);
+    const ObstacleImages images = world.See(obstacles, present);
+    const PossibleSpace possible(world.space, images, world.Body(present));
+    for (Preset preset : {Preset::kSoundPlanes, Preset::kSound}) {
+      const CollisionChecker without(world.table, images, {.preset = preset}, Without(possible));
+      const CollisionChecker with(world.table, images, {.preset = preset},
+                                  WithBody(possible, present));
+      for (int i = 0; i < 400; ++i) {
+        const Configuration q{angle(random), angle(random)};
+        if (with.Check(q).free() && !without.Check(q).free()) ++freed;
+        if (!Touch(testing::ArmAt(q[0], q[1]), obstacles)) continue;
+        ++touching;
+        // The corners' images may lack what lies between them; the body takes nothing more away.
+        EXPECT_EQ(with.Check(q).state(), without.Check(q).state()) << "scene " << scene;
+      }
+    }
+  }
+  EXPECT_GT(touching, 100);
+  EXPECT_GT(freed, 100);
+}
+
+// The steps to the neighbouring grid points, diagonal ones included, that are free.
+int FreeSteps(const CollisionChecker& test, ConfigurationNumber from) {
+  const ConfigurationGrid grid = SphereWorld::Grid();
+  const Configuration start = grid.At(from);
+  int free = 0;
+  for (int a : {-1, 0, 1}) {
+    for (int b : {-1, 0, 1}) {
+      if (a == 0 && b == 0) continue;
+      const Configuration end{start[0] + a * grid.joints()[0].step(),
+                              start[1] + b * grid.joints()[1].step()};
+      const std::vector<Configuration> path{start, end};
+      if (test.CheckPath(path).verdict.free()) ++free;
+    }
+  }
+  return free;
+}
+
+// Without the body the images of the robot's own place, which cover all that it hides, refuse every
+// step.
+TEST(SoundTest, WhereTheRobotMayStandItMayLeave) {
+  Random random;
+  const SphereWorld world(ThreeCameras(), kSoundRho, kVoxel);
+  std::uniform_real_distribution<double> place(-0.7, 0.7);
+  int scenes = 0;
+  int locked = 0;
+  int locked_without_body = 0;
+  while (scenes < 30) {
+    const ConfigurationNumber present = RandomConfiguration(random);
+    const testing::Ball person{{place(random), place(random), 0.5 * place(random)}, 0.12};
+    const double distance =
+        testing::DistanceTo(SphereWorld::Arm(present), person.centre) - person.radius;
+    if (distance < 0.1 || distance > 0.3) continue;
+    const ObstacleImages images = world.See(Balls{person}, present);
+    const PossibleSpace possible(world.space, images, world.Body(present));
+    const CollisionChecker without(world.table, images, {.preset = Preset::kSound},
+                                   Without(possible));
+    const CollisionChecker with(world.table, images, {.preset = Preset::kSound},
+                                WithBody(possible, present));
+    if (!with.Check(present).free()) continue;
+    ++scenes;
+    const int free_without = FreeSteps(without, present);
+    const int free_with = FreeSteps(with, present);
+    EXPECT_LE(free_without, free_with) << "scene " << scenes;
+    locked += free_with == 0 ? 1 : 0;
+    locked_without_body += free_without == 0 ? 1 : 0;
+  }
+  EXPECT_LT(locked, locked_without_body);
 }
 
 TEST(SoundTest, AnAllowedRegionTakesAwayWhatLiesInItInAllViews) {

@@ -100,9 +100,8 @@ TEST_F(SpaceTestTest, SoundPresetsAreTheSameAsOneByOne) {
       for (const bool body : {false, true}) {
         TestSupport support{.possible_space = &possible};
         if (body) {
-          support.robot_may_touch = [](ConfigurationNumber number, const Eigen::AlignedBox3d&) {
-            return number % 2 == 0;
-          };
+          support.robot_may_touch = [](std::span<const ConfigurationNumber> corners,
+                                       const Eigen::AlignedBox3d&) { return corners[0] % 2 == 0; };
         }
         const CollisionChecker test(world.table, images, {.preset = preset}, support);
         ASSERT_NO_FATAL_FAILURE(SpaceTestExpectSame(test, world.table, index, met))

@@ -346,8 +346,13 @@ TEST(Cell, SoundIsReadAndNeedsTheRobotsModel) {
   EXPECT_EQ(cell->sound->voxel_edge, 0.01);
   EXPECT_EQ(cell->sound->model_tolerance, 0.002);
   EXPECT_FALSE(cell->sound->whole_model);
+  EXPECT_EQ(cell->sound->geometry, BodyGeometry::kVisual);
+  EXPECT_EQ(Load(cell_with + "sound: {least_obstacle: 1, geometry: collision}\n")->sound->geometry,
+            BodyGeometry::kCollision);
   const auto sound = SoundCellOf(*cell);
   ASSERT_TRUE(sound.ok() && sound->has_value()) << sound.status();
+  EXPECT_GT(cell->grid_move, 0.5) << "four steps a turn";
+  EXPECT_EQ(Load(kBareCell)->grid_move, 0) << "without a model it is not known";
   EXPECT_EQ((*sound)->payload_radius, 0.2);
   EXPECT_GT((*sound)->workspace.sizes().minCoeff(), 0.5) << "the robot's reach";
 
