@@ -63,6 +63,11 @@ Words WordsFor(Reason reason) {
     case Reason::kVariantUnknown:
       return {"variant unknown",
               "the robot's variant is unknown: see the scene's defects (silhouette scene show)"};
+    case Reason::kDatabaseDamaged:
+      return {
+          "database damaged",
+          "the database changed or was damaged while the server used it: restore its files, "
+          "check them with 'silhouette-db verify', and let the server load them again (SIGHUP)"};
     case Reason::kNotInMap:
       return {
           "not in map",

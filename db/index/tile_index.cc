@@ -37,7 +37,7 @@ TileIndex::TileIndex(std::span<const std::byte> bytes, std::span<const PixelTree
   if (TileIndexAt<uint64_t>(bytes, 0, 1)[0] != trees.size()) Malformed();
   const auto offsets = TileIndexAt<uint64_t>(bytes, 8, trees.size());
   const uint64_t present_at = RoundedUp(8 + 8 * trees.size());
-  present_ = TileIndexAt<PlaceSet>(bytes, present_at, 1).data();
+  present_ = TileIndexAt<PlaceSet>(bytes, present_at, 1)[0];
   views_.reserve(trees.size());
   for (size_t view = 0; view < trees.size(); ++view) {
     views_.push_back(ViewIn(bytes, offsets[view], trees[view]));
@@ -49,20 +49,21 @@ TileIndex::View TileIndex::ViewIn(std::span<const std::byte> bytes, uint64_t off
   const auto counts = TileIndexAt<uint64_t>(bytes, offset, 2);
   if (counts[0] != tree.words() || offset % 64 != 0) Malformed();
   View view;
-  view.words = TileIndexAt<Word>(bytes, offset + 16, counts[0]);
+  const auto words = TileIndexAt<Word>(bytes, offset + 16, tree.words());
+  view.words.assign(words.begin(), words.end());
   uint64_t sets = 0;
   for (const Word& word : view.words) {
     if (word.before != sets || (word.some & word.all) != 0) Malformed();
     sets += static_cast<uint64_t>(std::popcount(word.some));
   }
   if (sets != counts[1]) Malformed();
-  const uint64_t words_end = offset + 16 + counts[0] * sizeof(Word);
+  const uint64_t words_end = offset + 16 + view.words.size() * sizeof(Word);
   view.sets = TileIndexAt<PlaceSet>(bytes, RoundedUp(words_end), sets).data()->words.data();
   return view;
 }
 
 bool TileIndex::AnyTouches(int view, const Nodes& nodes) const {
-  const std::span<const Word> words = views_[static_cast<size_t>(view)].words;
+  const std::vector<Word>& words = views_[static_cast<size_t>(view)].words;
   for (const NodeWord& at : nodes) {
     if (((words[at.word].some | words[at.word].all) & at.bits) != 0) return true;
   }

@@ -33,6 +33,8 @@
 namespace silhouette {
 
 // Refers to the bytes and to the trees, which must outlive it. Used by any number of threads.
+// Copies what says where sets lie: bytes that change later make answers wrong, but no access leaves
+// them.
 class TileIndex {
  public:
   // `bytes`: as above, at an address that is a multiple of 8 (of 64: faster). `trees`: one per
@@ -42,7 +44,7 @@ class TileIndex {
   int views() const { return static_cast<int>(views_.size()); }
 
   // The configurations that have robot images.
-  const PlaceSet& present() const { return *present_; }
+  const PlaceSet& present() const { return present_; }
 
   // Adds to `touching` the configurations whose robot image touches one of the nodes. Never
   // allocates.
@@ -62,14 +64,14 @@ class TileIndex {
     uint64_t before;
   };
   struct View {
-    std::span<const Word> words;
+    std::vector<Word> words;
     const uint64_t* sets = nullptr;
   };
 
   static View ViewIn(std::span<const std::byte> bytes, uint64_t offset, const PixelTree& tree);
 
   std::span<const PixelTree> trees_;
-  const PlaceSet* present_ = nullptr;
+  PlaceSet present_;
   std::vector<View> views_;
 };
 

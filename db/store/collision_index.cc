@@ -8,11 +8,14 @@
 #include <mutex>
 #include <optional>
 #include <stdexcept>
+#include <string>
 #include <string_view>
 #include <utility>
 
+#include "absl/strings/str_cat.h"
 #include "db/status/status_macros.h"
 #include "db/store/raw_records.h"
+#include "db/store/read_at.h"
 #include "db/store/schema.h"
 #include "db/store/tile_value.h"
 
@@ -30,7 +33,7 @@ class CollisionIndex::File {
     const auto size = static_cast<size_t>(status.st_size);
     void* map = mmap(nullptr, size, PROT_READ, MAP_SHARED, file, 0);
     if (map == MAP_FAILED) return environment.ReadError(errno);
-    return std::unique_ptr<const File>(new File(static_cast<const char*>(map), size));
+    return std::unique_ptr<const File>(new File(file, static_cast<const char*>(map), size));
   }
   ~File() { munmap(const_cast<char*>(map_), size_); }
   File(const File&) = delete;
@@ -45,9 +48,16 @@ class CollisionIndex::File {
     return value;
   }
 
- private:
-  File(const char* map, size_t size) : map_(map), size_(size) {}
+  // Reads a value that Find() gave from the file; false if that fails.
+  bool Read(std::string_view value, std::string& bytes) const {
+    bytes.resize(value.size());
+    return ReadAt(file_, static_cast<uint64_t>(value.data() - map_), bytes);
+  }
 
+ private:
+  File(int file, const char* map, size_t size) : file_(file), map_(map), size_(size) {}
+
+  const int file_;  // the environment's
   const char* const map_;
   const size_t size_;
 };
@@ -170,6 +180,21 @@ std::span<const std::byte> CollisionIndex::Bytes(uint64_t tile) const {
 TileState CollisionIndex::State(uint64_t tile) const {
   const Entry* entry = Checked(tile);
   return entry == nullptr ? TileState::kNoRecords : entry->state;
+}
+
+absl::StatusOr<uint64_t> CollisionIndex::CheckAgain(uint64_t tile) const {
+  const Entry* entry = Checked(tile);
+  if (entry == nullptr || entry->state != TileState::kFresh) return 0;
+  std::string value;
+  if (file_->Read(*entry->value, value) && TileValueHolds(tile, value) &&
+      TileHeaderIn(value)->digest == entry->digest) {
+    return value.size();
+  }
+  return absl::DataLossError(absl::StrCat("the file of the database '",
+                                          snapshot_->impl_->state->path,
+                                          "' has changed since it was loaded: the collision index "
+                                          "of tile ",
+                                          tile, " fails its checksum"));
 }
 
 std::vector<uint64_t> CollisionIndex::Tiles() const {

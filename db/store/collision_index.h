@@ -79,6 +79,12 @@ class CollisionIndex {
   // Checks the checksum as Tile() does.
   TileState State(uint64_t tile) const;
 
+  // Reads a fresh tile again, from the file instead of the map, and checks its checksum: the file
+  // may have been damaged after Tile() checked it. Returns the bytes read; 0 for a tile that is not
+  // fresh. DataLoss names the tile; what Tile() gives is wrong then. For background threads: no
+  // other call waits for it.
+  absl::StatusOr<uint64_t> CheckAgain(uint64_t tile) const;
+
   // The tiles that have records or an index, in order.
   std::vector<uint64_t> Tiles() const;
 

@@ -48,6 +48,10 @@ std::optional<uint64_t> PlaceInFile(std::string_view shown, size_t page_size);
 // first fault found. Unavailable if the state has been overwritten: try again with the present one.
 absl::Status CheckPages(int file, const std::string& name, uint64_t transaction);
 
+// Whether both meta pages of an open data file make sense (meta_pages.cc); `name` names it in
+// messages. FailedPrecondition: it is no data file of LMDB's. DataLoss: what is wrong.
+absl::Status CheckMetaPages(int file, const std::string& name);
+
 class Environment;
 
 struct EndTransaction {
@@ -107,8 +111,8 @@ class Environment : public std::enable_shared_from_this<Environment> {
   static absl::StatusOr<std::shared_ptr<Environment>> Create(const std::string& folder,
                                                              const Change& fill);
 
-  // Opens an existing one; the errors are those of Database::Open. NotFound also where Create() was
-  // interrupted.
+  // Opens an existing one, and checks its pages even if the process has it open already; the errors
+  // are those of Database::Open. NotFound also where Create() was interrupted.
   static absl::StatusOr<std::shared_ptr<Environment>> Open(const std::string& folder);
 
   ~Environment();

@@ -8,7 +8,6 @@
 
 #include <cerrno>
 #include <condition_variable>
-#include <cstring>
 #include <map>
 #include <mutex>
 #include <optional>
@@ -26,9 +25,6 @@ namespace {
 
 constexpr size_t kFirstMapBytes = size_t{64} << 20;
 constexpr off_t kLockFileBytes = 8192;
-constexpr uint32_t kLmdbMagic = 0xBEEFC0DE;
-constexpr size_t kMagicOffset = 16;
-constexpr size_t kPageSizeOffset = 40;
 
 // The environments that are open in this process, by their data file. The process is part of the
 // key because a forked child must not use its parent's.
@@ -70,23 +66,9 @@ std::shared_ptr<Environment> Register(std::unique_ptr<Environment> environment, 
 absl::Status CheckHead(const std::string& path) {
   const int file = open(path.c_str(), O_RDONLY | O_CLOEXEC);
   if (file < 0) return LmdbError(errno, absl::StrCat("'", path, "' cannot be read"));
-  char head[64] = {};
-  const ssize_t length = pread(file, head, sizeof(head), 0);
+  const absl::Status status = CheckMetaPages(file, path);
   close(file);
-  if (length < 0) return LmdbError(errno, absl::StrCat("'", path, "' cannot be read"));
-  uint32_t magic = 0;
-  uint32_t page_size = 0;
-  std::memcpy(&magic, head + kMagicOffset, sizeof(magic));
-  std::memcpy(&page_size, head + kPageSizeOffset, sizeof(page_size));
-  if (length < static_cast<ssize_t>(sizeof(head)) || magic != kLmdbMagic) {
-    return absl::FailedPreconditionError(absl::StrCat(
-        "'", path, "' is not a database: it does not begin as an LMDB data file does"));
-  }
-  if (page_size < 512 || page_size > 32768 || (page_size & (page_size - 1)) != 0) {
-    return absl::DataLossError(
-        absl::StrCat("'", path, "' is damaged: its page size is ", page_size));
-  }
-  return absl::OkStatus();
+  return status;
 }
 
 }  // namespace
@@ -124,7 +106,12 @@ absl::StatusOr<std::shared_ptr<Environment>> Environment::Open(const std::string
   for (;;) {
     const auto found = registry.open.find(IdOf(file));
     if (found == registry.open.end()) break;
-    if (std::shared_ptr<Environment> shared = found->second.lock()) return shared;
+    if (std::shared_ptr<Environment> shared = found->second.lock()) {
+      lock.unlock();  // the last of it may go here, and is taken out under the lock
+      RETURN_IF_ERROR(CheckHead(data));
+      RETURN_IF_ERROR(shared->CheckState());
+      return shared;
+    }
     registry.closed.wait(lock);
   }
   RETURN_IF_ERROR(CheckHead(data));

@@ -1,9 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "db/store/robot_images_in_place.h"
 
-#include <unistd.h>
-
-#include <cerrno>
 #include <optional>
 #include <string>
 #include <utility>
@@ -11,24 +8,10 @@
 #include "absl/strings/str_cat.h"
 #include "db/status/status_macros.h"
 #include "db/store/raw_records.h"
+#include "db/store/read_at.h"
 #include "db/store/schema.h"
 
 namespace silhouette {
-namespace {
-
-// Fills `bytes` from a file; false if the file is too short, or the disk fails.
-bool ReadAt(int file, uint64_t offset, std::span<char> bytes) {
-  while (!bytes.empty()) {
-    const ssize_t got = pread(file, bytes.data(), bytes.size(), static_cast<off_t>(offset));
-    if (got < 0 && errno == EINTR) continue;
-    if (got <= 0) return false;
-    bytes = bytes.subspan(static_cast<size_t>(got));
-    offset += static_cast<uint64_t>(got);
-  }
-  return true;
-}
-
-}  // namespace
 
 // Calls `visit` for every record, as it is stored and as it is met.
 class RecordWalk {

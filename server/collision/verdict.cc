@@ -26,8 +26,9 @@ std::string NameOf(Reason reason) {
                                     "margin unknown",
                                     "region ended",
                                     "calibration doubtful",
-                                    "variant unknown"};
-  static_assert(std::size(kNames) == static_cast<size_t>(Reason::kVariantUnknown) + 1);
+                                    "variant unknown",
+                                    "database damaged"};
+  static_assert(std::size(kNames) == static_cast<size_t>(Reason::kDatabaseDamaged) + 1);
   const auto number = static_cast<size_t>(reason);
   return number < std::size(kNames) ? kNames[number] : NameOf(Reason::kInternal);
 }

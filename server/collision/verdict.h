@@ -35,6 +35,7 @@ enum class Reason : uint8_t {
   kRegionEnded = 16,
   kCalibrationDoubtful = 17,
   kVariantUnknown = 18,
+  kDatabaseDamaged = 19,
 };
 
 // "scene stale" and the like, for logs and messages.

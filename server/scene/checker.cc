@@ -8,6 +8,7 @@
 namespace silhouette {
 
 Reason BlockedReason(const Served& served, const SceneSettings& settings, const Moment& now) {
+  if (served.database->damage().found()) return Reason::kDatabaseDamaged;
   if (served.scene == nullptr) {
     return served.without_scene == Reason::kNone ? Reason::kNoScene : served.without_scene;
   }

@@ -2,6 +2,8 @@
 // When a scene is good enough to rest a verdict on.
 #pragma once
 
+#include <cstdint>
+
 #include "absl/time/time.h"
 
 namespace silhouette {
@@ -19,6 +21,17 @@ struct SceneSettings {
   double max_core_error = 0.005;
   // Largest deviation of a joint outside the grid from where it stood at capture: radians, metres.
   double fixed_joint_tolerance = 0.005;
+};
+
+// How the collision index is checked while it is served. It lies in the database's file, which
+// other programs and a failing disk can change after it was loaded.
+struct IndexCheckSettings {
+  // Bytes of the index that are read again, and verified, each second: a pass of 30 MB takes half a
+  // second then, one of 0.4 GB seven seconds; it costs about a hundredth of a core.
+  uint64_t rate = 64'000'000;
+  // Random configurations per scene whose verdict in the map must be that of their robot images.
+  // They cost less than a map, and find what no checksum covers.
+  int samples = 16;
 };
 
 // How far a calibration is trusted.

@@ -3,11 +3,13 @@
 // variant or several; what is loaded is the default variant, which has the others.
 #pragma once
 
+#include <atomic>
 #include <cstdint>
 #include <functional>
 #include <limits>
 #include <map>
 #include <memory>
+#include <mutex>
 #include <optional>
 #include <string>
 #include <vector>
@@ -28,6 +30,25 @@
 
 namespace silhouette {
 
+// What was found wrong with a database since it was loaded. Stays. Thread-safe.
+class DatabaseDamage {
+ public:
+  // Takes the first finding, which is not empty. Whether this is it.
+  bool Note(const std::string& what) {
+    const std::lock_guard lock(mutex_);
+    if (!what_.empty()) return false;
+    what_ = what;
+    found_.store(true, std::memory_order_release);
+    return true;
+  }
+  bool found() const { return found_.load(std::memory_order_acquire); }
+
+ private:
+  std::atomic<bool> found_ = false;
+  std::mutex mutex_;
+  std::string what_;
+};
+
 struct LoadSettings {
   // Bytes of robot images, uncompressed, that are held in memory. If all of a variant's are more,
   // or than the variants before it left, none of it is: they are read from the database when they
@@ -44,7 +65,7 @@ struct LoadSettings {
   std::optional<Calibration> calibration = std::nullopt;
 };
 
-// Cannot be changed once loaded; used by any number of threads.
+// Cannot be changed once loaded, but can be found damaged; used by any number of threads.
 class ServedDatabase {
  public:
   // Reads all robot images of all variants once, in one state of the database, the reference images
@@ -70,6 +91,9 @@ class ServedDatabase {
   static std::shared_ptr<const ServedDatabase> VariantOf(
       const std::shared_ptr<const ServedDatabase>& whole, const std::string& name);
   const ServedDatabase* Variant(const std::string& name) const;
+
+  // Of all variants. Once it is found, no verdict can rest on them (BlockedReason).
+  DatabaseDamage& damage() const { return *damage_; }
 
   const storage::v1::CellDescription& cell() const { return cell_; }
   uint64_t generation() const { return generation_; }
@@ -135,6 +159,7 @@ class ServedDatabase {
     std::string calibration_fingerprint;
     std::shared_ptr<const EpipolarBands> bands;
     ViewTreatments treatments;
+    std::shared_ptr<DatabaseDamage> damage = std::make_shared<DatabaseDamage>();
     std::shared_ptr<FixedJointRanges> fixed_joints;  // gets what is met as variants are loaded
   };
   static absl::StatusOr<Common> LoadCommon(const Database& database, const Snapshot& snapshot,
@@ -156,6 +181,7 @@ class ServedDatabase {
   storage::v1::CellDescription cell_;
   uint64_t generation_ = 0;
   RobotImageTable robot_images_;
+  std::shared_ptr<DatabaseDamage> damage_;
   std::shared_ptr<const FixedJointRanges> fixed_joints_;
   std::string elsewhere_;
   std::shared_ptr<const CollisionIndex> index_;

@@ -69,6 +69,14 @@ class Families {
 void TellScene(const Serving& serving, Families& to) {
   to.Gauge("silhouette_database_generation", "Generation of the database that is served",
            static_cast<double>(serving.scenes.database()->generation()));
+  to.Gauge("silhouette_database_damaged",
+           "Whether the database was found damaged since it was loaded; nothing is free then",
+           serving.scenes.database()->damage().found() ? 1 : 0);
+  const IndexCheck::Counts checked = serving.index_check.counts();
+  to.Counter("silhouette_index_checked_bytes_total", "Bytes of the collision index verified again",
+             checked.bytes);
+  to.Counter("silhouette_index_compared_total",
+             "Verdicts of maps that were compared with robot images", checked.compared);
   const SharedScene scene = serving.scenes.Find(0);
   if (scene == nullptr) return;
   to.Counter("silhouette_scenes_total", "Scenes published since the server started", scene->id);

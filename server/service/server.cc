@@ -127,9 +127,9 @@ absl::Status CheckListenAddress(const std::string& address) {
 
 namespace {
 
-// Reports to the health service, as far as it has changed: whether the calibration is known to
-// hold, if that is checked from the start, and the state of the server's own acquisition, if there
-// is one.
+// Reports to the health service, as far as it has changed: whether the database is undamaged,
+// whether the calibration is known to hold, if that is checked from the start, and the state of the
+// server's own acquisition, if there is one.
 class HealthReport : public Watcher {
  public:
   // Reports at once. Both must outlive the watching.
@@ -140,6 +140,7 @@ class HealthReport : public Watcher {
 
   void Tell(uint64_t) override {
     const std::lock_guard lock(mutex_);
+    Report("silhouette.v1.Database", !serving_.scenes.database()->damage().found());
     if (serving_.settings.trust != nullptr) {
       const Moment now = serving_.settings.clock();
       Report("silhouette.v1.Calibration",

@@ -1,9 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 // The server: three services, health and reflection on one address. The health service reports
-// whether the calibration is known to hold (CalibrationReason) as "silhouette.v1.Calibration", if
-// that is checked from the start. It reports the server's own acquisition (LiveStatus), if there is
-// one, as "silhouette.v1.Acquisition", and its cameras as "silhouette.v1.Camera/NAME". Changes are
-// reported a moment later.
+// whether the database is undamaged as "silhouette.v1.Database", and whether the calibration is
+// known to hold (CalibrationReason) as "silhouette.v1.Calibration", if that is checked from the
+// start. It reports the server's own acquisition (LiveStatus), if there is one, as
+// "silhouette.v1.Acquisition", and its cameras as "silhouette.v1.Camera/NAME". Changes are reported
+// a moment later.
 #pragma once
 
 #include <grpcpp/server.h>

@@ -26,6 +26,7 @@
 #include "server/scene/clock.h"
 #include "server/scene/scene.h"
 #include "server/scene/scene_store.h"
+#include "server/service/index_check.h"
 #include "server/service/map_keeper.h"
 #include "server/service/serving_settings.h"
 #include "server/service/space_cache.h"
@@ -120,10 +121,12 @@ struct Serving {
         publisher(settings, scenes),
         watches(scenes, settings.scene, settings.clock),
         map_keeper(std::make_shared<MapKeeper>(settings, scenes, spaces)),
+        index_check(settings, scenes, spaces),
         watch_workers(settings.worker_threads, settings.worker_queue),
         workers(settings.worker_threads, settings.worker_queue) {
     scenes.SetTrust(settings.trust);
     if (map_keeper->needed()) watches.Add(map_keeper);
+    index_check.Start();
   }
 
   const ServingSettings settings;
@@ -133,6 +136,7 @@ struct Serving {
   ClearanceCache clearances;
   WatchHub watches;
   std::shared_ptr<MapKeeper> map_keeper;
+  IndexCheck index_check;
   VerdictCounts verdicts;
   // Their tasks use the others. Watches have their own, so that they do not hold up scenes.
   WorkerPool watch_workers;

@@ -27,6 +27,7 @@ struct ServingSettings {
   // How long the map of the default policy is worked out after each scene, before anybody asks for
   // it. Zero: not at all.
   absl::Duration map_time = absl::Milliseconds(20);
+  IndexCheckSettings index_check;
   // A watch whose caller does not take an update for so long is ended: it keeps the update's scene
   // and database alive.
   absl::Duration longest_write = absl::Seconds(30);

@@ -177,6 +177,24 @@ inline void BuildIndex(const std::string& path) {
   ASSERT_TRUE(report.ok()) << report.status();
 }
 
+// Zeroes the pages of the first tile of the collision index in the database's file, but for the
+// first of them, as a failing disk does: the tile says then that no robot image touches anything.
+inline void ZeroIndex(const Database& database) {
+  std::string held;
+  {
+    const auto index = CollisionIndex::Open(*database.Read());
+    ASSERT_TRUE(index.ok()) << index.status();
+    const std::span<const std::byte> bytes = (*index)->Bytes(0);
+    held.assign(reinterpret_cast<const char*>(bytes.data()), bytes.size());
+  }
+  ASSERT_GT(held.size(), 8192u);
+  std::fstream file(database.path() + "/data.mdb", std::ios::in | std::ios::out | std::ios::binary);
+  const std::string content{std::istreambuf_iterator<char>(file), {}};
+  const size_t at = content.find(held);
+  ASSERT_NE(at, std::string::npos);
+  file.seekp(static_cast<std::streamoff>(at + 4096)) << std::string(held.size() - 4096, '\0');
+}
+
 inline void MakeDatabase(const std::string& path, const TestDatabase& test = {}) {
   const auto among = [](const auto& list, int a, int b) {
     return std::find(list.begin(), list.end(), std::pair(a, b)) != list.end();

@@ -58,6 +58,7 @@ struct ServerSettings {
   std::optional<uint64_t> robot_image_memory;
   // Whether variants beside the default one are among them.
   bool variants_in_memory = false;
+  IndexCheckSettings index_check;
   // File of the newest check of the calibration; empty: it is taken to hold. Older checks are none.
   std::string calibration_check;
   absl::Duration calibration_check_max_age = absl::InfiniteDuration();

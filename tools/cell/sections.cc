@@ -14,6 +14,9 @@ double PositiveAngle(const YamlNode& node) {
   return angle;
 }
 
+// With less, a pass over the index of a large cell takes longer than a shift.
+constexpr uint64_t kLeastIndexCheckRate = 1'000'000;
+
 int AtLeast(YamlMap& map, const std::string& key, int default_value, int least) {
   const auto node = map.Optional(key);
   if (!node) return default_value;
@@ -219,6 +222,15 @@ ServerSettings ReadServer(const YamlNode& node, const std::filesystem::path& fol
   map.Read("fixed_joint_tolerance", server.scene.fixed_joint_tolerance, PositiveAngle);
   map.Read("robot_image_memory", server.robot_image_memory, &YamlNode::AsBytes);
   server.variants_in_memory = map.Get<bool>("variants_in_memory", server.variants_in_memory);
+  if (const auto checked = map.Optional("index_check")) {
+    YamlMap check(*checked);
+    check.Read("rate", server.index_check.rate, &YamlNode::AsBytes);
+    if (server.index_check.rate < kLeastIndexCheckRate) {
+      check.Required("rate").Fail("at least 1 MB is expected");
+    }
+    server.index_check.samples = AtLeast(check, "samples", server.index_check.samples, 1);
+    check.Finish();
+  }
   if (const auto checked = map.Optional("calibration_check")) {
     YamlMap check(*checked);
     server.calibration_check = ResolvePath(folder, check.Get<std::string>("file"));

@@ -1,10 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "tools/program/program.h"
 
+#include <unistd.h>
+
 #include <CLI/CLI.hpp>
 #include <csignal>
 #include <iostream>
 #include <stdexcept>
+#include <string>
 
 namespace silhouette {
 namespace {
@@ -12,6 +15,20 @@ namespace {
 constexpr char kVersion[] = SILHOUETTE_VERSION;
 
 volatile std::sig_atomic_t stop_requested = 0;
+
+// What OnLostPage writes: made before, because a handler may not allocate.
+std::string lost_page_sentence;
+
+void OnLostPage(int signal, siginfo_t* info, void*) {
+  if (info->si_code != BUS_ADRERR) {  // a fault of the program: end as without a handler
+    std::signal(signal, SIG_DFL);
+    return;
+  }
+  const ssize_t written =
+      write(STDERR_FILENO, lost_page_sentence.data(), lost_page_sentence.size());
+  (void)written;
+  _exit(kWorldFailed);
+}
 
 void OnStopSignal(int signal) {
   if (stop_requested != 0) {
@@ -44,7 +61,20 @@ ExitCode Report(const std::string& program, const absl::Status& status) {
   return ExitCodeOf(status);
 }
 
+void EndOnLostPages(const std::string& program) {
+  lost_page_sentence =
+      program +
+      ": a mapped file was cut while it was in use, or its disk fails (a database's "
+      "data.mdb or lock.mdb); restore the database from a copy and start again\n";
+  struct sigaction action {};
+  action.sa_sigaction = OnLostPage;
+  action.sa_flags = SA_SIGINFO;
+  sigemptyset(&action.sa_mask);
+  sigaction(SIGBUS, &action, nullptr);
+}
+
 int RunProgram(CLI::App& app, int argc, char** argv, const std::function<int()>& run) {
+  EndOnLostPages(app.get_name());
   app.set_version_flag("--version", app.get_name() + " " + kVersion);
   app.failure_message([](const CLI::App* failed, const CLI::Error& error) {
     return failed->get_name() + ": " + error.what() + "; see --help\n";

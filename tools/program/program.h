@@ -29,6 +29,10 @@ ExitCode ExitCodeOf(const absl::Status& status);
 // Prints "<program>: <message>" on stderr and returns ExitCodeOf(status).
 ExitCode Report(const std::string& program, const absl::Status& status);
 
+// From then on a page of a mapped file that cannot be read (SIGBUS: the file was cut, or its disk
+// fails) ends the process with one sentence on stderr and kWorldFailed. RunProgram calls it.
+void EndOnLostPages(const std::string& program);
+
 // Adds --version, parses, and returns what `run` returns. A wrong command line is one sentence on
 // stderr and kUserMistake; --help and --version go to stdout with kDone. An exception that leaves
 // `run` is one sentence too: std::invalid_argument kUserMistake, any other kWorldFailed.

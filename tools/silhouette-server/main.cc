@@ -145,6 +145,7 @@ absl::Status Serve(const Options& options) {
   settings.choose_preset = cell.choose_preset;
   settings.scene = cell.server.scene;
   settings.map_time = cell.server.map_time;
+  settings.index_check = cell.server.index_check;
   settings.segmentation = cell.segmentation;
   settings.worker_threads = static_cast<int>(std::max(2u, std::thread::hardware_concurrency()));
   const CalibrationWatchSettings check{.file = options.calibration_check.empty()

@@ -37,6 +37,7 @@ enum class Reason : uint8_t {
   kRegionEnded = 16,
   kCalibrationDoubtful = 17,
   kVariantUnknown = 18,
+  kDatabaseDamaged = 19,
   kNotInMap = 200,
   kBetweenGridPoints = 201,
   kNoUpdate = 203,

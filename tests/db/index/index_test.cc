@@ -185,6 +185,21 @@ TEST(TileIndex, DamagedBytesAreRefusedOrHarmless) {
   EXPECT_THROW(TileIndex(tile.bytes, std::span(tile.trees).first(1)), std::invalid_argument);
 }
 
+// The file under a map can change: answers are wrong then, but nothing beyond the bytes is read.
+TEST(TileIndex, BytesThatChangeWhileItIsUsedAreHarmless) {
+  Random random;
+  RandomTile tile(random, {{24, 24}, {10, 10}}, 0.1);
+  const TileIndex index(tile.bytes, tile.trees);
+  const PlaceSet present = index.present();
+  for (const int value : {0x00, 0xff}) {
+    std::ranges::fill(tile.bytes, std::byte(value));
+    PlaceSet touching;
+    index.AddTouching(0, tile.trees[0].Cover(~Mask(MaskSize{24, 24})), touching);
+    index.Image(1, 17);
+    EXPECT_EQ(index.present(), present);
+  }
+}
+
 TEST(PixelTree, CoverIsJustTheMaskWithTheFewestNodes) {
   Random random;
   for (const MaskSize size : {MaskSize{64, 64}, MaskSize{37, 53}, MaskSize{1, 9}}) {

@@ -7,8 +7,11 @@
 
 #include <atomic>
 #include <cstring>
+#include <filesystem>
+#include <fstream>
 #include <thread>
 
+#include "absl/strings/str_cat.h"
 #include "db/store/collision_index.h"
 #include "db/store/environment.h"
 #include "db/store/raw_records.h"
@@ -74,6 +77,38 @@ INSTANTIATE_TEST_SUITE_P(Sizes, CollisionIndexOfMasks,
                            return std::to_string(tested.param.width) + "x" +
                                   std::to_string(tested.param.height);
                          });
+
+TEST(CollisionIndex, CheckedAgainFindsWhatChangedInItsFile) {
+  const auto database = MakeFilledDatabase(7);
+  Build(*database);
+  const auto index = OpenIndex(*database);
+  const std::vector<uint64_t> tiles = index->Tiles();
+  for (const uint64_t tile : tiles) {
+    const auto bytes = index->CheckAgain(tile);
+    ASSERT_TRUE(bytes.ok()) << bytes.status();
+    EXPECT_GE(*bytes, index->Bytes(tile).size());
+  }
+  EXPECT_EQ(*index->CheckAgain(1'000'000), 0u);
+
+  const std::filesystem::path path = database->path() + "/data.mdb";
+  const std::string sound = ReadFile(path);
+  const std::span<const std::byte> bytes = index->Bytes(tiles[1]);
+  const std::string held(reinterpret_cast<const char*>(bytes.data()), bytes.size());
+  std::fstream file(path, std::ios::in | std::ios::out | std::ios::binary);
+  const size_t at = sound.find(held);
+  ASSERT_NE(at, std::string::npos);
+  file.seekp(static_cast<std::streamoff>(at + held.size() / 2)).put('x').flush();
+  EXPECT_NE(index->Tile(tiles[1]), nullptr) << "which was checked when it was first asked for";
+  EXPECT_TRUE(index->CheckAgain(tiles[0]).ok());
+  const absl::Status damaged = index->CheckAgain(tiles[1]).status();
+  EXPECT_EQ(damaged.code(), absl::StatusCode::kDataLoss);
+  EXPECT_THAT(std::string(damaged.message()),
+              testing::HasSubstr(absl::StrCat("index of tile ", tiles[1], " fails its checksum")));
+
+  std::filesystem::resize_file(path, 8192);  // no page of the index is left under the map
+  EXPECT_EQ(index->CheckAgain(tiles[0]).status().code(), absl::StatusCode::kDataLoss);
+  std::filesystem::resize_file(path, sound.size());
+}
 
 TEST(CollisionIndex, OfNoRobotImagesIsEmpty) {
   const auto database = MakeDatabase();

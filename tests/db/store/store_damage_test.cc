@@ -180,6 +180,73 @@ TEST(Database, WithADamagedPageIsRefusedByName) {
   EXPECT_THAT(status.message(), HasSubstr("restore it from a copy"));
 }
 
+// Opens a database whose file has `bytes`; what can be read of it is right. Whether it opens.
+bool OpensRightly(const std::string& folder, const RobotImage& first) {
+  const auto database = Database::Open(folder, Access::kRead);
+  if (!database.ok()) {
+    EXPECT_THAT(std::string(database.status().message()), HasSubstr(folder));
+    return false;
+  }
+  const auto snapshot = (*database)->Read();
+  if (!snapshot.ok()) return false;
+  const auto found = snapshot->Find(first.number);
+  if (found.ok() && *found) {
+    EXPECT_EQ(**found, first);
+  }
+  return true;
+}
+
+// LMDB believes its meta pages: a wrong page size or page number there ended the process.
+TEST(Database, WithAnyBitFlippedInItsMetaPagesIsRefusedOrRight) {
+  constexpr size_t kPage = 4096;
+  constexpr size_t kMeta = 152;  // the head of a meta page and what it says
+  const std::filesystem::path folder = FreshFolder();
+  RobotImage first;
+  {
+    const auto database = MakeDatabase(TestCell(6, 5), folder / "db");
+    for (const ConfigurationNumber number : {0, 1}) {
+      PutAll(*database, {TestImage(*database, number)});
+    }
+    first = TestImage(*database, 0);
+  }
+  std::fstream file(folder / "db/data.mdb", std::ios::in | std::ios::out | std::ios::binary);
+  const std::string sound = ReadFile(folder / "db/data.mdb");
+  const auto opens_with = [&](size_t at, char byte) {
+    const auto write = [&](char written) {
+      file.seekp(static_cast<std::streamoff>(at)).put(written).flush();
+    };
+    write(byte);
+    const bool opens = OpensRightly(folder / "db", first);
+    write(sound[at]);
+    return opens;
+  };
+  int refused = 0;
+  for (size_t at = 0; at < 2 * kPage; ++at) {
+    SCOPED_TRACE(at);
+    const bool meta = at % kPage < kMeta;
+    for (int bit = 0; bit < (meta ? 8 : 1); ++bit) {
+      const bool opens = opens_with(at, static_cast<char>(sound[at] ^ (meta ? 1 << bit : 0xff)));
+      if (!opens) ++refused;
+      EXPECT_TRUE(opens || meta);  // the rest of the pages has no meaning
+    }
+  }
+  EXPECT_GT(refused, 1000);
+  EXPECT_TRUE(opens_with(0, sound[0]));
+}
+
+TEST(Database, OpenedAgainWhileItIsInUseHasItsPagesCheckedAgain) {
+  const std::filesystem::path folder = FreshFolder();
+  MakeFullDatabase(folder / "db");
+  const auto in_use = Database::Open(folder / "db", Access::kRead);
+  ASSERT_TRUE(in_use.ok());
+  EXPECT_TRUE(Database::Open(folder / "db", Access::kRead).ok());
+  std::fstream file(folder / "db/data.mdb", std::ios::in | std::ios::out | std::ios::binary);
+  for (std::streamoff page = 2; page < 8; ++page) file.seekp(page * 4096).put('x');  // its number
+  file.flush();
+  EXPECT_EQ(Database::Open(folder / "db", Access::kRead).status().code(),
+            absl::StatusCode::kDataLoss);
+}
+
 TEST(Database, WithADamagedDescriptionIsRefused) {
   const std::filesystem::path folder = FreshFolder();
   MakeFullDatabase(folder / "db");

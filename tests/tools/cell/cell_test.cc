@@ -315,6 +315,19 @@ TEST(Cell, RobotImageMemoryIsASizeOrLeftOpen) {
               HasSubstr("robot_image_memory: a number of bytes is expected"));
 }
 
+TEST(Cell, IndexIsAlwaysChecked) {
+  const std::string bare = kBareCell;
+  const auto with = [&](const std::string& keys) {
+    return bare + "server: {index_check: {" + keys + "}}\n";
+  };
+  EXPECT_EQ(Load(bare)->server.index_check.rate, 64'000'000u);
+  EXPECT_EQ(Load(bare)->server.index_check.samples, 16);
+  EXPECT_EQ(Load(with("rate: 2 MB, samples: 3"))->server.index_check.rate, 2'000'000u);
+  EXPECT_EQ(Load(with("rate: 2 MB, samples: 3"))->server.index_check.samples, 3);
+  EXPECT_THAT(MessageOf(with("rate: 0 B")), HasSubstr("at least 1 MB is expected"));
+  EXPECT_THAT(MessageOf(with("samples: 0")), HasSubstr("at least 1 is expected"));
+}
+
 TEST(Cell, VariantOfTheLiveRobotIsStatedOrLeftOpen) {
   const std::string bare = kBareCell;
   EXPECT_EQ(Load(bare)->server.live.variant, "");

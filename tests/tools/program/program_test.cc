@@ -1,15 +1,20 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "tools/program/program.h"
 
+#include <fcntl.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
+#include <sys/mman.h>
 
 #include <CLI/CLI.hpp>
 #include <csignal>
+#include <filesystem>
+#include <fstream>
 #include <stdexcept>
 #include <string>
 #include <vector>
 
+#include "tests/test_folder.h"
 #include "tools/program/progress.h"
 
 namespace silhouette {
@@ -33,6 +38,20 @@ TEST(Program, MistakesOfTheUserAndFailuresOfTheWorldHaveTheirOwnExitCodes) {
   EXPECT_EQ(ExitCodeOf(absl::ResourceExhaustedError("")), 3);
   EXPECT_EQ(ExitCodeOf(absl::UnavailableError("")), 3);
   EXPECT_EQ(ExitCodeOf(absl::DataLossError("")), 3);
+}
+
+TEST(ProgramDeathTest, FileThatIsCutUnderItsMapEndsTheProgramWithOneSentence) {
+  const std::filesystem::path file = FreshFolder() / "mapped";
+  std::ofstream(file) << std::string(3 * 4096, 'x');
+  const auto read_what_is_cut = [&] {
+    const int descriptor = open(file.c_str(), O_RDONLY);
+    const auto* map =
+        static_cast<const char*>(mmap(nullptr, 3 * 4096, PROT_READ, MAP_SHARED, descriptor, 0));
+    std::filesystem::resize_file(file, 100);
+    return static_cast<int>(*const_cast<const volatile char*>(map + 2 * 4096));
+  };
+  EXPECT_EXIT(RunTester({}, read_what_is_cut), testing::ExitedWithCode(kWorldFailed),
+              "^tester: a mapped file was cut while it was in use[^\n]*start again\n$");
 }
 
 TEST(Program, WrongCommandLineIsOneSentenceAndTheUsersMistake) {

@@ -12,6 +12,8 @@
 #include "silhouette/v1/database_service.grpc.pb.h"
 #include "silhouette/v1/scene_service.grpc.pb.h"
 #include "tests/running_program.h"
+#include "tests/server/service/raw_call.h"
+#include "tests/server/service/test_server.h"
 #include "tests/server/test_cell.h"
 #include "tools/cell/cell.h"
 
@@ -307,6 +309,86 @@ TEST_F(ServerProgramTest, TruncatedDatabaseIsTold) {
   std::filesystem::resize_file(file, std::filesystem::file_size(file) / 2);
   EXPECT_EQ(Refused({"--cell", cell, "--database", database}), 3);
   EXPECT_THAT(errors, HasSubstr(database));
+}
+
+// A server of a database with a collision index, and scenes for it.
+struct DamagedFileTest : ServerProgramTest {
+  void SetUp() override {
+    ServerProgramTest::SetUp();
+    database = folder / "indexed";
+    MakeDatabase(database, {.index = true, .cell = DescriptionOf(*LoadCell(cell))});
+    program.emplace(folder, std::vector<std::string>{"--cell", cell, "--database", database,
+                                                     "--listen", "127.0.0.1:0"});
+    channel = grpc::CreateChannel(program->Address(), grpc::InsecureChannelCredentials());
+  }
+
+  // A scene with a block, and its map.
+  v1::GetConfigurationSpaceResponse NewMap() {
+    SceneInput input = SceneWithBlock(3);
+    for (ViewInput& view : input.views) view.captured = absl::Now();
+    grpc::ClientContext publishing, asking;
+    v1::PublishSceneResponse published;
+    const grpc::Status status =
+        v1::SceneService::NewStub(channel)->PublishScene(&publishing, RequestOf(input), &published);
+    EXPECT_TRUE(status.ok()) << status.error_message();
+    v1::GetConfigurationSpaceResponse map;
+    const auto reader = v1::CollisionService::NewStub(channel)->GetConfigurationSpace(&asking, {});
+    EXPECT_TRUE(reader->Read(&map));
+    while (v1::GetConfigurationSpaceResponse more; reader->Read(&more)) {
+    }
+    EXPECT_TRUE(reader->Finish().ok());
+    return map;
+  }
+
+  // Whether all 8 configurations are occupied that the block is in the way of.
+  static bool BlockIsOccupied(const v1::GetConfigurationSpaceResponse& map) {
+    const ConfigurationGrid grid = *GridOf(ServerTestCell());
+    if (map.tiles_size() != 1) return false;
+    for (int b = 0; b < 8; ++b) {
+      const uint64_t place = grid.NumberOf({3, b});
+      if ((map.tiles(0).occupied()[place / 8] >> (place % 8) & 1) == 0) return false;
+    }
+    return true;
+  }
+
+  void WaitForLog(const std::string& text) const {
+    for (int i = 0; i < 1000 && program->Errors().find(text) == std::string::npos; ++i) {
+      std::this_thread::sleep_for(std::chrono::milliseconds(10));
+    }
+    EXPECT_THAT(program->Errors(), HasSubstr(text));
+  }
+
+  std::optional<ServerProgram> program;
+  std::shared_ptr<grpc::Channel> channel;
+};
+
+TEST_F(DamagedFileTest, PagesZeroedUnderARunningServerMakeAllUnknownUntilItReloads) {
+  EXPECT_TRUE(BlockIsOccupied(NewMap()));
+  EXPECT_EQ(HealthOf(channel, "silhouette.v1.Database"), "\x08\x01");
+  ZeroIndex(**Database::Open(database, Database::Access::kRead));
+  WaitForLog("nothing is free: the file of the database '" + database + "' has changed");
+  EXPECT_EQ(NewMap().unknown_reason(), v1::Verdict::REASON_DATABASE_DAMAGED);
+  const std::string not_serving = "\x08\x02";
+  for (int i = 0; i < 1000 && HealthOf(channel, "silhouette.v1.Database") != not_serving; ++i) {
+    std::this_thread::sleep_for(std::chrono::milliseconds(10));
+  }
+  EXPECT_EQ(HealthOf(channel, "silhouette.v1.Database"), not_serving);
+  program->Signal(SIGHUP);
+  WaitForLog("reloaded; ");
+  const v1::GetConfigurationSpaceResponse map = NewMap();
+  EXPECT_EQ(map.unknown_reason(), v1::Verdict::REASON_UNSPECIFIED);
+  EXPECT_TRUE(BlockIsOccupied(map)) << "without the damaged tile";
+}
+
+TEST_F(DamagedFileTest, FileCutUnderARunningServerMakesAllUnknown) {
+  EXPECT_TRUE(BlockIsOccupied(NewMap()));
+  std::filesystem::resize_file(database + "/data.mdb", 8192);
+  WaitForLog("nothing is free: the file of the database");
+  EXPECT_EQ(NewMap().unknown_reason(), v1::Verdict::REASON_DATABASE_DAMAGED);
+  program->Signal(SIGHUP);
+  WaitForLog("not reloaded, still serving the old state");
+  EXPECT_EQ(NewMap().unknown_reason(), v1::Verdict::REASON_DATABASE_DAMAGED);
+  EXPECT_EQ(program->End(SIGTERM), 0);
 }
 
 TEST_F(ServerProgramTest, WrongCommandLinesAreTheUsersMistake) {

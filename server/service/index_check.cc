@@ -1,0 +1,122 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "server/service/index_check.h"
+
+#include <spdlog/spdlog.h>
+
+#include <algorithm>
+#include <chrono>
+#include <exception>
+#include <optional>
+#include <utility>
+
+#include "absl/strings/str_cat.h"
+#include "db/status/status_macros.h"
+#include "server/collision/collision_checker.h"
+#include "server/scene/checker.h"
+#include "server/service/serving.h"
+
+namespace silhouette {
+namespace {
+
+// Some configuration of the table that has a robot image; nothing if its tile has none.
+std::optional<ConfigurationNumber> SomeConfiguration(const RobotImageTable& table,
+                                                     std::mt19937_64& random) {
+  const uint64_t tile = random() % table.grid().tiles();
+  const PlaceSet& present = table.present(tile);
+  if (present.Empty()) return std::nullopt;
+  uint64_t place = random() % kTileSize;
+  while (!present.Contains(place)) place = (place + 1) % kTileSize;
+  return tile * kTileSize + place;
+}
+
+absl::Status Differs(ConfigurationNumber number, State in_map, State by_images) {
+  return absl::DataLossError(absl::StrCat("configuration ", number, " is ", NameOf(in_map),
+                                          " in the map and ", NameOf(by_images),
+                                          " by its robot images"));
+}
+
+}  // namespace
+
+void IndexCheck::Start() {
+  thread_ = std::jthread([this](const std::stop_token& stop) { Run(stop); });
+}
+
+void IndexCheck::Run(const std::stop_token& stop) {
+  uint64_t seen = 0;
+  auto last = std::chrono::steady_clock::now();
+  while (!stop.stop_requested()) {
+    seen = scenes_.WaitForChange(seen, kPeriod, stop);
+    const auto now = std::chrono::steady_clock::now();
+    try {
+      Look(absl::FromChrono(now - std::exchange(last, now)));
+    } catch (const std::exception& error) {
+      spdlog::error("internal error: {}", error.what());
+    }
+  }
+}
+
+void IndexCheck::Look(absl::Duration passed) {
+  const std::shared_ptr<const ServedDatabase> database = scenes_.database();
+  if (database_.lock() != database) Begin(database);
+  if (tiles_.empty() || database->damage().found()) return;
+  absl::Status status = CheckTiles(passed);
+  if (status.ok()) status = CompareMap();
+  if (status.ok() || !database->damage().Note(std::string(status.message()))) return;
+  spdlog::error(
+      "nothing is free: {}; restore the database, check it with 'silhouette-db verify', and reload "
+      "it (SIGHUP)",
+      std::string(status.message()));
+}
+
+void IndexCheck::Begin(const std::shared_ptr<const ServedDatabase>& database) {
+  database_ = database;
+  tiles_.clear();
+  next_ = 0;
+  for (const std::string& name : database->variants()) {
+    const CollisionIndex* index = database->Variant(name)->index();
+    if (index == nullptr) continue;
+    for (const uint64_t tile : index->Tiles()) tiles_.push_back({index, tile});
+  }
+}
+
+absl::Status IndexCheck::CheckTiles(absl::Duration passed) {
+  // A tile may take more than there is, and the next look less.
+  const auto rate = static_cast<double>(settings_.index_check.rate);
+  credit_ = std::min(rate, credit_ + rate * absl::ToDoubleSeconds(passed));
+  for (size_t i = 0; i < tiles_.size() && credit_ > 0; ++i) {
+    const Tile& tile = tiles_[next_];
+    next_ = (next_ + 1) % tiles_.size();
+    ASSIGN_OR_RETURN(const uint64_t bytes, tile.index->CheckAgain(tile.tile));
+    credit_ -= static_cast<double>(bytes);
+    bytes_ += bytes;
+  }
+  return absl::OkStatus();
+}
+
+absl::Status IndexCheck::CompareMap() {
+  const Moment now = settings_.clock();
+  ASSIGN_OR_RETURN(const Served served, WithVariant(scenes_.Newest(now), /*name=*/""));
+  const ServedDatabase& database = *served.database;
+  const Policy policy = DefaultPolicy(settings_, database);
+  if (database.index() == nullptr || !database.CanServe(policy).ok() ||
+      BlockedReason(served, policy, settings_.scene, now) != Reason::kNone) {
+    return absl::OkStatus();
+  }
+  const std::shared_ptr<const ConfigurationSpace> space = spaces_.Get(served, policy);
+  const CollisionChecker by_images(database.robot_images(), served.scene->obstacle_images, policy,
+                                   SupportFor(served, policy));
+  for (int i = 0; i < settings_.index_check.samples; ++i) {
+    const auto number = SomeConfiguration(database.robot_images(), random_);
+    // Where a map is not a look into the index, it is not worked out for this.
+    const uint64_t tile = number.value_or(0) / kTileSize;
+    if (!number || !(space->ready(tile) || space->looked_up(tile))) continue;
+    const State in_map = space->state(*number);
+    const State expected = by_images.Check(*number).state();
+    if (in_map == State::kUnknown || expected == State::kUnknown) continue;
+    if (in_map != expected) return Differs(*number, in_map, expected);
+    ++compared_;
+  }
+  return absl::OkStatus();
+}
+
+}  // namespace silhouette
