@@ -2,11 +2,7 @@
 #include "capture/session/visitor.h"
 
 #include <algorithm>
-#include <cmath>
 #include <iterator>
-#include <numbers>
-#include <opencv2/imgproc.hpp>
-#include <stdexcept>
 #include <utility>
 
 #include "absl/strings/str_cat.h"
@@ -14,6 +10,7 @@
 #include "absl/time/clock.h"
 #include "capture/devices/running_clock.h"
 #include "capture/segmentation/difference.h"
+#include "capture/session/image_change.h"
 #include "db/status/status_macros.h"
 
 namespace silhouette {
@@ -21,17 +18,6 @@ namespace {
 
 constexpr int kLeastAttempts = 2;
 constexpr absl::Duration kLeastWait = absl::Milliseconds(1);
-
-// The standard deviation that normally distributed values of the same median size have.
-double TypicalSize(const cv::Mat& values) {
-  constexpr double kDeviations = 1.4826;  // in a median size
-  std::vector<float> sizes(values.begin<float>(), values.end<float>());
-  if (sizes.empty()) return 0;
-  for (float& size : sizes) size = std::abs(size);
-  const auto middle = sizes.begin() + std::ssize(sizes) / 2;
-  std::nth_element(sizes.begin(), middle, sizes.end());
-  return kDeviations * *middle;
-}
 
 }  // namespace
 
@@ -158,39 +144,6 @@ std::vector<Mask> RobotMasks(const SessionParts& parts, const Visit& visit) {
     masks.push_back(std::move(mask));
   }
   return masks;
-}
-
-bool ImagesDiffer(const cv::Mat& before, const cv::Mat& after, const Reference* reference,
-                  const SegmentationSettings& settings) {
-  if (before.size() != after.size() ||
-      (reference != nullptr && after.size() != reference->size())) {
-    throw std::invalid_argument("images and reference of a view differ in size");
-  }
-  cv::Mat first;
-  cv::Mat second;
-  Grey(before).convertTo(first, CV_32F);
-  Grey(after).convertTo(second, CV_32F);
-  const double dark = cv::mean(first)[0];
-  const double gain = dark > 0 && settings.follow_brightness ? cv::mean(second)[0] / dark : 1;
-  cv::Mat difference;
-  cv::addWeighted(second, 1, first, -gain, 0, difference);
-  cv::Mat least(difference.size(), CV_32F, cv::Scalar(0));
-  if (reference != nullptr) {
-    reference->AsGrey().noise().convertTo(
-        least, CV_32F, settings.noise_factor * std::numbers::sqrt2 / Reference::kGreyLevel);
-  } else {
-    least = settings.noise_factor * TypicalSize(difference);
-  }
-  least = cv::max(least, settings.min_difference);
-  const cv::Mat changed = cv::abs(difference) > least;
-  cv::Mat labels;
-  cv::Mat areas;
-  cv::Mat centres;
-  const int count = cv::connectedComponentsWithStats(changed, labels, areas, centres);
-  for (int area = 1; area < count; ++area) {  // 0: what did not change
-    if (areas.at<int>(area, cv::CC_STAT_AREA) >= std::max(settings.min_blob_pixels, 1)) return true;
-  }
-  return false;
 }
 
 }  // namespace silhouette

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Two images of one view, one after the other.
-#include "capture/session/visitor.h"
+#include "capture/session/image_change.h"
 #include "tests/random.h"
 
 #include <gtest/gtest.h>
