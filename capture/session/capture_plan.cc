@@ -106,6 +106,7 @@ absl::StatusOr<CapturePlan> PlanCapture(const storage::v1::CellDescription& cell
       plan.captures.push_back(number);
     } else {
       ++plan.kept;
+      if (record == StoredRecord::kCaptured || record == StoredRecord::kDamaged) ++plan.kept_images;
     }
   }
   if (captured_in_region > 0 && !selection.exclude_captured) {

@@ -40,6 +40,7 @@ struct CapturePlan {
   bool check_sentinels = false;
   // Configurations whose records stay as they are.
   uint64_t kept = 0;
+  uint64_t kept_images = 0;  // of these: with a robot image
   // Estimates. The robot's way to the first configuration is not known.
   absl::Duration duration;
   uint64_t bytes = 0;  // that the database grows by, at most, raw images left out

@@ -6,6 +6,7 @@
 #include <filesystem>
 #include <optional>
 #include <set>
+#include <string>
 #include <system_error>
 #include <utility>
 #include <vector>
@@ -20,6 +21,7 @@
 #include "capture/session/capture_observer.h"
 #include "capture/session/capture_plan.h"
 #include "capture/session/capture_report.h"
+#include "capture/session/first_look.h"
 #include "capture/session/history.h"
 #include "capture/session/raw_archive.h"
 #include "capture/session/reference_images.h"
@@ -104,6 +106,8 @@ class CaptureRun {
   absl::Status CaptureOne(ConfigurationNumber number);
   absl::Status CountMiss(const Visit& visit);
   absl::Status Store(ConfigurationNumber number, const Visit& visit);
+  // Stores what the first look has let wait, unless it finds it wrong. Once.
+  absl::Status EndFirstLook();
   // Tells the robot to stop; returns `why`.
   absl::Status StopRobot(const absl::Status& why);
 
@@ -113,6 +117,13 @@ class CaptureRun {
   const CaptureObserver& observer_;
   Visitor visitor_;
   std::optional<Sentinels> sentinels_;
+  // Nothing: it is over.
+  std::optional<FirstLook> first_look_;
+  struct Waiting {
+    RobotImage image;
+    std::vector<std::string> raw_images;
+  };
+  std::vector<Waiting> waiting_;
   CaptureReport report_;
   uint64_t done_ = 0;
   bool first_sights_ = false;  // the sentinels are being captured
@@ -137,6 +148,10 @@ CaptureRun::CaptureRun(SessionParts& parts, RobotImageWriter& writer, const Capt
   for (const storage::v1::View& view : parts.database->cell().views()) {
     report_.views.push_back({.name = view.name()});
   }
+  if (plan.kept_images > 0) return;  // resumed
+  std::vector<std::string> names;
+  for (const ViewQuality& view : report_.views) names.push_back(view.name);
+  first_look_.emplace(parts.settings.first_look, std::move(names));
 }
 
 CaptureReport CaptureRun::Go() {
@@ -189,6 +204,7 @@ absl::Status CaptureRun::CaptureAll() {
   first_sights_ = false;
   if (!go_on.ok() || !*go_on) return go_on.status();
   if (!first.empty()) {
+    RETURN_IF_ERROR(EndFirstLook());  // which sentinels wait for
     RETURN_IF_ERROR(sentinels_->Remember());
   }
   const std::set<ConfigurationNumber> there(first.begin(), first.end());
@@ -198,6 +214,7 @@ absl::Status CaptureRun::CaptureAll() {
   }
   go_on = CaptureInTurn(rest);
   if (!go_on.ok() || !*go_on) return go_on.status();
+  RETURN_IF_ERROR(EndFirstLook());
   return unchecked_ && sentinels_->Known() ? CheckSentinels().status() : absl::OkStatus();
 }
 
@@ -361,8 +378,26 @@ absl::Status CaptureRun::Store(ConfigurationNumber number, const Visit& visit) {
       parts_.settings.raw_images == RawImages::kAll ||
       (parts_.settings.raw_images == RawImages::kSentinels &&
        std::ranges::find(sentinels_->numbers(), number) != sentinels_->numbers().end());
-  return writer_.Put(image, /*replace=*/true,
-                     keep ? RawImagesOf(visit) : std::vector<std::string>());
+  std::vector<std::string> raw_images;
+  if (keep) raw_images = RawImagesOf(visit);
+  if (!first_look_) return writer_.Put(image, /*replace=*/true, raw_images);
+  if (!first_look_->complete()) {
+    const std::string fault = first_look_->Add(number, image.masks);
+    if (!fault.empty()) return StopRobot(absl::FailedPreconditionError(fault));
+  }
+  waiting_.push_back({std::move(image), std::move(raw_images)});
+  return first_look_->complete() ? EndFirstLook() : absl::OkStatus();
+}
+
+absl::Status CaptureRun::EndFirstLook() {
+  if (!first_look_) return absl::OkStatus();
+  const std::string fault = first_look_->Judge();
+  if (!fault.empty()) return StopRobot(absl::FailedPreconditionError(fault));
+  first_look_.reset();
+  for (Waiting& waiting : std::exchange(waiting_, {})) {
+    RETURN_IF_ERROR(writer_.Put(waiting.image, /*replace=*/true, waiting.raw_images));
+  }
+  return absl::OkStatus();
 }
 
 absl::Status CaptureRun::StopRobot(const absl::Status& why) {

@@ -38,7 +38,8 @@ class CaptureSession {
   // For each configuration: move (around forbidden regions), settle, measure, take a set of images,
   // measure again, difference, store. A configuration where a joint is off by more than the
   // tolerance is not stored; it counts as failed. A device's error ends the session and stops the
-  // robot.
+  // robot. FailedPrecondition: the first images are not those of the robot (FirstLook); none of
+  // them is stored.
   CaptureReport Run(const CapturePlan& plan, const std::string& program,
                     const CaptureObserver& observer = {});
 

@@ -32,6 +32,17 @@ struct SentinelSettings {
   double most_shift = 1;
 };
 
+// What the first robot images of a database must be like, or the session ends at once.
+struct FirstLookSettings {
+  // How many of them are looked at; by default the sentinels, which are far apart. 0: none.
+  int configurations = 3;
+  // Share of a view's mask: less is no robot, and no person. A hand in a cell of 3 m is about twice
+  // that; noise leaves far less.
+  double least_area = 0.002;
+  // Whether the border of an image may cut the robot.
+  bool may_be_cut = false;
+};
+
 struct CaptureSettings {
   // How long to wait after the robot has arrived before the images are taken.
   absl::Duration settle = absl::Milliseconds(200);
@@ -54,6 +65,7 @@ struct CaptureSettings {
   std::vector<ForbiddenRegion> forbidden_regions;
   RawImages raw_images = RawImages::kSentinels;
   SentinelSettings sentinels;
+  FirstLookSettings first_look;
   // How long a lost camera or robot is waited for.
   absl::Duration retry = absl::Minutes(5);
   // Whether a robot that was lost moves on by itself when it is back; else somebody is asked.

@@ -4,7 +4,9 @@
 #include <algorithm>
 #include <array>
 #include <cstdint>
+#include <optional>
 #include <set>
+#include <span>
 #include <utility>
 
 #include "absl/status/status.h"
@@ -12,6 +14,7 @@
 #include "absl/time/clock.h"
 #include "absl/time/time.h"
 #include "capture/session/history.h"
+#include "capture/session/image_change.h"
 #include "capture/session/visitor.h"
 #include "db/status/status_macros.h"
 
@@ -27,10 +30,25 @@ storage::v1::Reference Stored(const Reference& reference, size_t images, absl::T
   return stored;
 }
 
+// Where what moved from the first image of a view on; empty: nothing did.
+std::optional<MovedInView> FindMoved(size_t view, const std::vector<cv::Mat>& images) {
+  const SegmentationSettings settings;
+  const auto least = static_cast<int>(images[0].size().area() * MovedInView::kLeastShare);
+  std::optional<MovedInView> found;
+  int most = 0;
+  for (const cv::Mat& image : std::span(images).subspan(1)) {
+    const cv::Mat moved = ChangedAreas(images[0], image, nullptr, settings, least);
+    const int pixels = cv::countNonZero(moved);
+    if (pixels > std::exchange(most, std::max(most, pixels))) found = {view, image, moved};
+  }
+  return found;
+}
+
 }  // namespace
 
 absl::StatusOr<storage::v1::References> TakeReferences(CellCameras& cameras, int count,
-                                                       const CaptureObserver& observer) {
+                                                       const CaptureObserver& observer,
+                                                       std::vector<MovedInView>* moved) {
   if (count < 2) return absl::InvalidArgumentError("a reference needs at least two images");
   std::vector<std::vector<cv::Mat>> images;  // by view
   absl::Time captured;
@@ -43,6 +61,9 @@ absl::StatusOr<storage::v1::References> TakeReferences(CellCameras& cameras, int
     for (size_t v = 0; v < images.size(); ++v) images[v].push_back(std::move(set.images[v]));
     captured = set.captured;
     observer.progress(static_cast<uint64_t>(i) + 1);
+  }
+  for (size_t v = 0; moved != nullptr && v < images.size(); ++v) {
+    if (const auto found = FindMoved(v, images[v])) moved->push_back(*found);
   }
   storage::v1::References references;
   for (const std::vector<cv::Mat>& view : images) {

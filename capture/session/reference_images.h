@@ -2,6 +2,7 @@
 // The reference images of a cell: taken by its cameras, kept in its database.
 #pragma once
 
+#include <opencv2/core.hpp>
 #include <vector>
 
 #include "absl/status/statusor.h"
@@ -15,10 +16,23 @@
 
 namespace silhouette {
 
-// Takes `count` sets of images of the empty cell, at least two. Errors are those of
-// the cameras; Cancelled if a stop was requested.
+// A view in which something moved while its reference images were taken: a person, or the robot.
+struct MovedInView {
+  // Least connected share of an image that counts: a hand at arm's length from a person counts, a
+  // cable in the wind does not.
+  static constexpr double kLeastShare = 0.001;
+
+  size_t view = 0;
+  cv::Mat image;  // in which most had moved
+  cv::Mat moved;  // 255 where
+};
+
+// Takes `count` sets of images of the empty cell, at least two. `moved`: if it is not null, gets
+// the views in which some image differs from the first one. Errors are those of the cameras;
+// Cancelled if a stop was requested.
 absl::StatusOr<storage::v1::References> TakeReferences(CellCameras& cameras, int count,
-                                                       const CaptureObserver& observer = {});
+                                                       const CaptureObserver& observer = {},
+                                                       std::vector<MovedInView>* moved = nullptr);
 
 // The database's references as the segmentation wants them, one per view. NotFound if there are
 // none. DataLoss, naming the view, if one cannot be read. FailedPrecondition if one has not the

@@ -93,6 +93,16 @@ SentinelSettings ReadSentinels(const YamlNode& node) {
   return sentinels;
 }
 
+FirstLookSettings ReadFirstLook(const YamlNode& node) {
+  YamlMap map(node);
+  FirstLookSettings look;
+  look.configurations = AtLeast(map, "configurations", look.configurations, 0);
+  map.Read("least_area", look.least_area, &YamlNode::AsShare);
+  look.may_be_cut = map.Get<bool>("may_be_cut", look.may_be_cut);
+  map.Finish();
+  return look;
+}
+
 }  // namespace
 
 Workspace ReadWorkspace(const YamlNode& node) {
@@ -129,6 +139,7 @@ CaptureSettings ReadCapture(const YamlNode& node, const ConfigurationGrid& grid)
   }
   map.Read("raw_images", capture.raw_images, ReadRawImages);
   map.Read("sentinels", capture.sentinels, ReadSentinels);
+  map.Read("first_look", capture.first_look, ReadFirstLook);
   map.Read("retry", capture.retry, &YamlNode::AsTime);
   capture.continue_after_reconnect =
       map.Get<bool>("continue_after_reconnect", capture.continue_after_reconnect);

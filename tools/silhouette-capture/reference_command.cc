@@ -3,13 +3,17 @@
 #include <iostream>
 #include <memory>
 #include <nlohmann/json.hpp>
+#include <opencv2/core.hpp>
 #include <optional>
 #include <string>
 #include <vector>
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
+#include "absl/strings/str_join.h"
 #include "capture/session/reference_images.h"
+#include "common/picture/picture.h"
+#include "common/picture/sheet.h"
 #include "common/result/result.h"
 #include "db/status/status_macros.h"
 #include "db/store/schema.h"
@@ -97,9 +101,47 @@ nlohmann::ordered_json ReferenceJson(const CellArguments& arguments, const CellF
   return json;
 }
 
+// The views in which something moved, it in colour.
+absl::Status WriteMoved(const CellFile& file, const std::vector<MovedInView>& moved,
+                        const std::string& path) {
+  std::vector<CaptionedPicture> pictures;
+  for (const MovedInView& view : moved) {
+    const cv::Mat image = view.image.isContinuous() ? view.image : view.image.clone();
+    Picture picture =
+        PictureOfPixels(image.cols, image.rows, image.channels(),
+                        {image.data, image.total() * static_cast<size_t>(image.channels())});
+    Picture marked = picture.clone();
+    marked.setTo(BgrOf(palette::kObstacle), view.moved);
+    cv::addWeighted(picture, 0.4, marked, 0.6, 0, picture);
+    pictures.push_back({picture, absl::StrFormat("%s: %d pixels", file.cell.views[view.view].name,
+                                                 cv::countNonZero(view.moved))});
+  }
+  return WritePng(path, ContactSheet(pictures, {.title = "Moved while reference images were taken",
+                                                .columns = 0,
+                                                .legend = {}}));
+}
+
+// Says so.
+absl::StatusOr<ExitCode> RefuseMoved(const CellArguments& arguments, const CellFile& file,
+                                     const std::vector<MovedInView>& moved) {
+  const std::string picture = BesideDatabase(file.database, ".moved.png");
+  RETURN_IF_ERROR(WriteMoved(file, moved, picture));
+  std::vector<std::string> names;
+  for (const MovedInView& view : moved) names.push_back(file.cell.views[view.view].name);
+  std::cerr << "silhouette-capture: something moved in '" << absl::StrJoin(names, "', '")
+            << "' while the reference images were taken (see " << picture
+            << "); no reference images were stored. The robot, or a person, would be part of the "
+               "empty cell: take them out of all views, then: "
+            << arguments.Command("reference")
+            << " (with --accept-motion where something always moves, such as a screen)"
+            << std::endl;
+  return kNo;
+}
+
 struct ReferenceArguments {
   CellArguments cell;
   bool with_robot = false;
+  bool accept_motion = false;
   int images = 0;  // 0: as the cell's file says; with the robot kImagesWithRobot
 };
 
@@ -129,10 +171,11 @@ absl::StatusOr<ExitCode> ReferenceRun(const ReferenceArguments& options) {
   observer.say = [&](const std::string& line) { progress->Say(line); };
   observer.stop_requested = StopRequested;
   ASSIGN_OR_RETURN(auto cameras, CellCameras::Create(database->cell(), *devices.cameras));
+  std::vector<MovedInView> moved;
   const auto taken =
       travel ? TakeReferencesWithRobot(*database, *travel, *devices.robot, *devices.cameras,
                                        file.cell.capture, count, observer)
-             : TakeReferences(cameras, count, observer);
+             : TakeReferences(cameras, count, observer, &moved);
   progress.reset();
   if (absl::IsCancelled(taken.status())) {
     std::cerr << taken.status().message() << "; take them with: " << arguments.Command("reference")
@@ -140,6 +183,7 @@ absl::StatusOr<ExitCode> ReferenceRun(const ReferenceArguments& options) {
     return kNo;
   }
   if (!taken.ok()) return taken.status();
+  if (!moved.empty() && !options.accept_motion) return RefuseMoved(arguments, file, moved);
   ASSIGN_OR_RETURN(const auto snapshot, database->Read());
   RETURN_IF_ERROR(database->SetReferences(*taken, kReferenceProgram));
   ASSIGN_OR_RETURN(const auto references, ReadReferences(*database));
@@ -164,6 +208,9 @@ void AddReference(CLI::App& app, Work& work) {
   command->add_flag("--with-robot", arguments->with_robot,
                     "Drive the robot to configurations spread over the grid, one set of images at "
                     "each, and\nuse what is seen where the robot is not");
+  command->add_flag("--accept-motion", arguments->accept_motion,
+                    "Store them although something moved in a view, such as a screen or a fan.\n"
+                    "Make sure that neither the robot nor a person is in any view");
   command
       ->add_option("--images", arguments->images,
                    "Sets of images (default: reference_images of the cell's file; 40 with the "

@@ -184,6 +184,28 @@ TEST(ReferenceImages, OfAnotherImageSizeAreRefused) {
   EXPECT_THAT(status.message(), HasSubstr("'front' has 30 x 30 pixels"));
 }
 
+TEST(ReferenceImages, WhatMovesMeanwhileIsFoundInItsView) {
+  FakeCell cell;
+  cell.rig.robot_present = false;
+  auto cameras = CellCameras::Create(cell.database->cell(), cell.rig);
+  std::vector<MovedInView> moved;
+  ASSERT_TRUE(TakeReferences(*cameras, 5, {}, &moved).ok());
+  EXPECT_TRUE(moved.empty());
+  // Somebody passes through "top" in the third set, and is gone in the last.
+  cell.rig.grabs = 0;
+  cell.rig.on_grab = [](size_t grab, std::vector<CameraImage>& images) {
+    for (int y = 20; y < 30 && grab == 3; ++y) {
+      for (int x = 10; x < 15; ++x) images[0].pixels[static_cast<size_t>(y * 64 + x)] = 200;
+    }
+    return absl::OkStatus();
+  };
+  ASSERT_TRUE(TakeReferences(*cameras, 5, {}, &moved).ok());
+  ASSERT_EQ(moved.size(), 1u);
+  EXPECT_EQ(cell.database->cell().views(static_cast<int>(moved[0].view)).name(), "top");
+  EXPECT_EQ(cv::countNonZero(moved[0].moved), 50);
+  EXPECT_EQ(cv::countNonZero(moved[0].moved({10, 20, 5, 10})), 50);
+}
+
 TEST(ReferenceImages, StopLeavesTheDatabaseAsItWas) {
   FakeCell cell;
   auto cameras = CellCameras::Create(cell.database->cell(), cell.rig);

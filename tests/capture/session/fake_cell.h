@@ -30,6 +30,7 @@ inline CaptureSettings QuickSettings() {
   settings.still_images = 1;
   settings.reference_images = 3;
   settings.sentinels.count = 0;
+  settings.first_look.configurations = 0;
   settings.retry = absl::ZeroDuration();
   settings.keep_free = 0;
   return settings;
