@@ -13,8 +13,7 @@ namespace silhouette {
 namespace {
 
 constexpr char kHowToGoOn[] =
-    "; nothing was stored. Mend it and run the same command again, or see 'first_look' in "
-    "docs/cell.yaml";
+    "; none of these images was stored (see 'first_look' in docs/cell.yaml)";
 
 // The connected areas of a mask, neighbours at corners included, that lie wholly in `within`.
 Mask AreasWithin(const Mask& mask, const Mask& within) {

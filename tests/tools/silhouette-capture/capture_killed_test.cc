@@ -19,7 +19,8 @@ void WaitForRecords(const ProgramCell& cell, uint64_t records) {
   for (int i = 0; i < 3000 && cell.Records() < records; ++i) absl::SleepFor(absl::Milliseconds(5));
 }
 
-TEST(KilledCapture, ResumedHoldsWhatAnUninterruptedOneHolds) {
+// Where no noise differs from image to image, as in ProgramCell.
+TEST(KilledCapture, ResumedHoldsWhatAnUninterruptedOneHoldsBitByBit) {
   Random random;
   const std::pair<std::string, std::string> keep_images = {"keep_free: 0 B",
                                                            "raw_images: all\n  keep_free: 0 B"};
@@ -51,6 +52,45 @@ TEST(KilledCapture, ResumedHoldsWhatAnUninterruptedOneHolds) {
   EXPECT_EQ(last.exit_code, 0) << last.err;
   EXPECT_EQ(cell.Content(), expected) << kills << " kills";
   EXPECT_EQ(cell.RawImages(), 45u);
+}
+
+// A cell whose camera noise differs from image to image, as it does in a real one.
+void AddNoise(const ProgramCell& cell) {
+  WriteText(cell / "simulation.yaml",
+            absl::StrReplaceAll(ReadText(cell / "simulation.yaml"), {{"noise: 0", "noise: 1.5"}}));
+}
+
+TEST(KilledCapture, ResumedDiffersByNoMoreThanTheNoiseAtTheRobotsRim) {
+  const ProgramCell whole;
+  AddNoise(whole);
+  whole.CaptureAll();
+  const ProgramCell cell;
+  AddNoise(cell);
+  cell.TakeReferences();
+  const pid_t run = cell.Start(cell.Arguments("run"));
+  WaitForRecords(cell, 20);
+  kill(run, SIGKILL);
+  cell.Wait(run);
+  EXPECT_LT(cell.Records(), 45u);
+  const Outcome last = cell.Run(cell.Arguments("run"));
+  EXPECT_EQ(last.exit_code, 0) << last.err;
+
+  const auto expected = whole.Content();
+  const auto content = cell.Content();
+  ASSERT_THAT(content, SizeIs(45));
+  size_t differing = 0;
+  for (const auto& [number, image] : content) {
+    for (size_t view = 0; view < image.masks.size(); ++view) {
+      const Mask& one = image.masks[view];
+      const Mask& other = expected.at(number).masks[view];
+      EXPECT_TRUE((one - Grown(other, 3)).Empty()) << number;
+      EXPECT_TRUE((other - Grown(one, 3)).Empty()) << number;
+      const size_t pixels = ((one - other) | (other - one)).Count();
+      EXPECT_LE(pixels, 16u) << number;
+      differing += pixels;
+    }
+  }
+  EXPECT_GT(differing, 0u) << "noise is not repeated";
 }
 
 TEST(StoppedCapture, EndsCleanlyAndSaysHowToGoOn) {

@@ -276,5 +276,40 @@ TEST_F(CaptureProgram, FullDiskIsToldAndMendedByGoingOn) {
   umount2(disk.c_str(), MNT_DETACH);
 }
 
+// The cell of tools/demo without what it sets for speed.
+TEST(DemoCell, TakesReferencesWithItsRobotAndIsCapturedByTheDefaults) {
+  const std::string folder = std::string(SILHOUETTE_SOURCE_DIR) + "/capture/sim/cells/demo/";
+  std::string text = ReadText(folder + "cell.yaml");
+  const size_t capture = text.find("capture:\n");
+  text.erase(capture, text.find("server:\n") - capture);
+  const ProgramCell cell;
+  WriteText(cell.cell(),
+            absl::StrReplaceAll(text, {{": simulation.yaml", ": " + folder + "simulation.yaml"},
+                                       {": ../../", ": " + folder + "../../"},
+                                       {"max_move: 0.08", "max_move: 1.2"}}));
+  Outcome outcome = cell.Run(cell.Arguments("reference", {"--with-robot", "--images", "12"}));
+  EXPECT_EQ(outcome.exit_code, 0) << outcome.err;
+  outcome = cell.Run(cell.Arguments("reference"));
+  EXPECT_EQ(outcome.exit_code, 0) << outcome.err;
+  outcome = cell.Run(cell.Arguments("run"));
+  EXPECT_EQ(outcome.exit_code, 0) << outcome.err;
+  EXPECT_GT(cell.Records(), 5u);
+}
+
+// Nothing is captured with a robot that no camera sees.
+TEST_F(CaptureProgram, RobotThatNoViewSeesIsRefusedBeforeAnythingIsStored) {
+  cell_.TakeReferences();
+  // The cameras look at the floor beside it.
+  WriteText(cell_ / "simulation.yaml",
+            absl::StrReplaceAll(ReadText(cell_ / "simulation.yaml"),
+                                {{"look_at: [0, 0, 1]", "look_at: [5, 5, 0]"}}));
+  cell_.TakeReferences();
+  const Outcome outcome = cell_.Run(cell_.Arguments("run"));
+  EXPECT_EQ(outcome.exit_code, 2);
+  EXPECT_THAT(outcome.err, AllOf(HasSubstr("configuration 0: no view sees the robot; check"),
+                                 HasSubstr("none of these images was stored")));
+  EXPECT_EQ(cell_.Records(), 0u);
+}
+
 }  // namespace
 }  // namespace silhouette

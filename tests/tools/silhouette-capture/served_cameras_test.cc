@@ -94,6 +94,8 @@ TEST_F(ServedSession, RobotAndCamerasOfTheNetworkGiveTheRobotImagesOfTheCell) {
 }
 
 TEST_F(ServedSession, EndsSafelyWhenTheCamerasGoAwayAndGoesOnWhenTheyAreBack) {
+  // The served robot stands still: the one that moves is not the one that the cameras see.
+  WriteCell({{"keep_free: 0 B", "keep_free: 0 B\n  first_look: {configurations: 0}"}});
   TakeReferences();
   Served served(cell_.cell(), {"--cameras", "gige"});
   const pid_t run = cell_.Start(cell_.Arguments("run"));
