@@ -60,7 +60,7 @@ void IndexCheck::Look(absl::Duration passed) {
   if (database_.lock() != database) Begin(database);
   if (tiles_.empty() || database->damage().found()) return;
   absl::Status status = CheckTiles(passed);
-  if (status.ok()) status = CompareMap();
+  if (status.ok()) status = CompareMap(database);
   if (status.ok() || !database->damage().Note(std::string(status.message()))) return;
   spdlog::error(
       "nothing is free: {}; restore the database, check it with 'silhouette-db verify', and reload "
@@ -93,12 +93,12 @@ absl::Status IndexCheck::CheckTiles(absl::Duration passed) {
   return absl::OkStatus();
 }
 
-absl::Status IndexCheck::CompareMap() {
+absl::Status IndexCheck::CompareMap(const std::shared_ptr<const ServedDatabase>& whole) {
   const Moment now = settings_.clock();
   ASSIGN_OR_RETURN(const Served served, WithVariant(scenes_.Newest(now), /*name=*/""));
   const ServedDatabase& database = *served.database;
   const Policy policy = DefaultPolicy(settings_, database);
-  if (database.index() == nullptr || !database.CanServe(policy).ok() ||
+  if (served.whole != whole || database.index() == nullptr || !database.CanServe(policy).ok() ||
       BlockedReason(served, policy, settings_.scene, now) != Reason::kNone) {
     return absl::OkStatus();
   }

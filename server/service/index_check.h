@@ -3,6 +3,7 @@
 #pragma once
 
 #include <atomic>
+#include <chrono>
 #include <cstdint>
 #include <memory>
 #include <random>
@@ -11,7 +12,7 @@
 #include <thread>
 #include <vector>
 
-#include "absl/status/statusor.h"
+#include "absl/status/status.h"
 #include "absl/time/time.h"
 #include "server/scene/scene_store.h"
 #include "server/service/serving_settings.h"
@@ -55,8 +56,9 @@ class IndexCheck {
   void Begin(const std::shared_ptr<const ServedDatabase>& database);
   // DataLoss: a tile has changed.
   absl::Status CheckTiles(absl::Duration passed);
-  // DataLoss: the map of the newest scene, under the default policy, is not that of its masks.
-  absl::Status CompareMap();
+  // DataLoss: the map of the newest scene of this database, under the default policy, is not that
+  // of its masks.
+  absl::Status CompareMap(const std::shared_ptr<const ServedDatabase>& whole);
 
   const ServingSettings& settings_;
   SceneStore& scenes_;
