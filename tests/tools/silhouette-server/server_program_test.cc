@@ -334,8 +334,8 @@ struct DamagedFileTest : ServerProgramTest {
     v1::GetConfigurationSpaceResponse map;
     const auto reader = v1::CollisionService::NewStub(channel)->GetConfigurationSpace(&asking, {});
     EXPECT_TRUE(reader->Read(&map));
-    while (v1::GetConfigurationSpaceResponse more; reader->Read(&more)) {
-    }
+    v1::GetConfigurationSpaceResponse rest;
+    EXPECT_FALSE(reader->Read(&rest));
     EXPECT_TRUE(reader->Finish().ok());
     return map;
   }
