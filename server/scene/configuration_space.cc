@@ -23,7 +23,7 @@ ConfigurationSpace::ConfigurationSpace(Served served, const Policy& policy)
   if (served_.scene == nullptr) throw std::invalid_argument("there is no scene");
   RequireServable(served_, policy);
   const ServedDatabase& database = *served_.database;
-  if (served_.scene->generation != database.generation()) return;
+  if (served_.scene->generation != database.generation() || database.damage().found()) return;
   if (served_.scene->Blocked() != Reason::kNone) return;
   test_.emplace(database.robot_images(), served_.scene->obstacle_images, policy,
                 SupportFor(served_, policy));
@@ -38,6 +38,8 @@ bool ConfigurationSpace::looked_up(uint64_t tile) const {
 }
 
 TileVerdicts ConfigurationSpace::WorkOut(uint64_t tile) const {
+  // Its index may be gone from under the map.
+  if (served_.database->damage().found()) return TileVerdicts();
   const TileIndex* index = by_index_ ? served_.database->index()->Tile(tile) : nullptr;
   if (index != nullptr) return by_index_->CheckTile(tile, *index);
   return test_ ? test_->CheckTile(tile) : TileVerdicts();
