@@ -42,10 +42,15 @@ class DatabaseDamage {
     return true;
   }
   bool found() const { return found_.load(std::memory_order_acquire); }
+  // Empty: nothing.
+  std::string what() const {
+    const std::lock_guard lock(mutex_);
+    return what_;
+  }
 
  private:
   std::atomic<bool> found_ = false;
-  std::mutex mutex_;
+  mutable std::mutex mutex_;
   std::string what_;
 };
 

@@ -39,6 +39,9 @@ std::vector<SceneDefect> DefectsOf(const Served& served, Reason blocked,
   } else {
     defects.push_back({served.without_scene, WhyNoScene(served.without_scene, settings)});
   }
+  if (blocked == Reason::kDatabaseDamaged) {
+    defects.push_back({blocked, served.database->damage().what()});
+  }
   if (blocked == Reason::kCalibrationDoubtful && served.trust != nullptr) {
     defects.push_back(
         {blocked, absl::StrCat("the calibration is not confirmed: ", served.trust->message)});

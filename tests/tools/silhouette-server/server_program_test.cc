@@ -325,7 +325,7 @@ struct DamagedFileTest : ServerProgramTest {
   // A scene with a block, and its map.
   v1::GetConfigurationSpaceResponse NewMap() {
     SceneInput input = SceneWithBlock(3);
-    for (ViewInput& view : input.views) view.captured = absl::Now();
+    for (ViewInput& view : input.views) view.captured = SystemClock();
     grpc::ClientContext publishing, asking;
     v1::PublishSceneResponse published;
     const grpc::Status status =
