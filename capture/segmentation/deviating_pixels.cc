@@ -104,7 +104,7 @@ SILHOUETTE_WIDER_VECTORS void FindDifferences(const uint8_t* __restrict image,
   }
 }
 
-// Judges single values: `deviates` becomes 255 or 0.
+// Judges single values: `deviates` becomes kStrongEvidence or 0.
 SILHOUETTE_WIDER_VECTORS void JudgeValues(const int16_t* __restrict difference,
                                           const uint16_t* __restrict noise,
                                           const DeviationLimits& limits, int values,
@@ -115,7 +115,7 @@ SILHOUETTE_WIDER_VECTORS void JudgeValues(const int16_t* __restrict difference,
     const auto own = static_cast<int32_t>(noise[i]);
     const float allowed = std::max(factor * static_cast<float>(own), least);
     const auto size = static_cast<float>(std::abs(static_cast<int32_t>(difference[i])));
-    deviates[i] = (size > allowed) | (own == Reference::kUndefined) ? 255 : 0;
+    deviates[i] = (size > allowed) | (own == Reference::kUndefined) ? kStrongEvidence : 0;
   }
 }
 
@@ -232,7 +232,8 @@ SILHOUETTE_WIDER_VECTORS void JudgeMeans(const int32_t* __restrict differences,
     // The mean of `count` values has the noise of one over the root of `count`.
     const bool mean =
         (count > fewest) & (size > least * count) & (size * size * count > noisy * noisy);
-    deviates[i] = mean ? 255 : 0;
+    const bool strong = size > kStrongFactor * least * count;
+    deviates[i] = static_cast<uint8_t>(mean ? (strong ? kStrongEvidence : kWeakEvidence) : 0);
   }
 }
 
@@ -244,6 +245,7 @@ SILHOUETTE_WIDER_VECTORS void JudgeSquares(const int32_t* __restrict squares,
   const float fewest = static_cast<float>(side * side) / 2;
   const float factor = limits.squared_factor;
   const float least = limits.texture_squared;
+  const float strong_least = kStrongFactor * kStrongFactor * least;
   for (int i = 0; i < values; ++i) {
     const auto count = static_cast<float>(NumberIn(counted[i]));
     const auto variance = static_cast<float>(variances[i]);
@@ -251,7 +253,9 @@ SILHOUETTE_WIDER_VECTORS void JudgeSquares(const int32_t* __restrict squares,
     // The mean of `count` squares has the noise of one, root 2 of the variance, over the root.
     const bool texture = (count > fewest) & (beyond > least * count) &
                          (beyond * beyond * count > factor * variance * variance);
-    deviates[i] = static_cast<uint8_t>(deviates[i] | (texture ? 255 : 0));
+    const bool strong = beyond > strong_least * count;
+    const int found = texture ? (strong ? kStrongEvidence : kWeakEvidence) : 0;
+    deviates[i] = static_cast<uint8_t>(deviates[i] | found);
   }
 }
 
@@ -265,7 +269,7 @@ class Surroundings {
   // A row comes in, one goes: null if there is none.
   void Move(const OpenRow* in, const OpenRow* out);
 
-  // `deviates` becomes 255 where the values around deviate in their mean or in their squares, as
+  // `deviates` becomes the evidence of the values around, in their mean or in their squares, as
   // DeviatingPixels() says, else 0.
   void Judge(const DeviationLimits& limits, uint8_t* deviates);
 

@@ -131,7 +131,15 @@ void DropSmallAreas(cv::Mat& foreground, int min_pixels) {
   if (min_pixels > 1) Runs(foreground).Drop(foreground, min_pixels);
 }
 
-// Foreground(); stores the steps in `steps` unless it is null.
+// Makes strong areas weak that would be dropped if there were no weak evidence.
+void WeakenSmallAreas(cv::Mat& foreground, int min_pixels) {
+  cv::Mat strong = foreground == kStrongEvidence;
+  DropSmallAreas(strong, min_pixels);
+  strong |= kWeakEvidence;
+  cv::min(foreground, strong, foreground);
+}
+
+// GradedForeground(); stores the steps in `steps` unless it is null.
 cv::Mat Find(const cv::Mat& image, const Reference& reference, const SegmentationSettings& settings,
              const SlowLight& slow_light, ForegroundSteps* steps) {
   Validate(settings);
@@ -149,24 +157,35 @@ cv::Mat Find(const cv::Mat& image, const Reference& reference, const Segmentatio
   cv::Mat foreground = DeviatingPixels(grey, reference, brightness, slow_light, settings);
   if (steps != nullptr) {
     steps->over_limit = DifferenceOverLimit(grey, reference, brightness, settings);
-    steps->deviating = foreground.clone();
+    steps->deviating = foreground > 0;
   }
   if (settings.shadows == Shadows::kIgnore) {
     DropShadows(grey, reference, brightness, slow_light, foreground);
   }
-  if (steps != nullptr) steps->no_shadow = foreground.clone();
+  if (steps != nullptr) steps->no_shadow = foreground > 0;
   CleanUp(foreground, settings.clean_up_radius);
   DropSmallAreas(foreground, settings.min_blob_pixels);
+  WeakenSmallAreas(foreground, settings.min_blob_pixels);
   if (!reference.undefined().empty()) foreground |= reference.undefined();
-  if (steps != nullptr) steps->foreground = foreground;
+  if (steps != nullptr) steps->foreground = foreground > 0;
   return foreground;
 }
 
 }  // namespace
 
+cv::Mat GradedForeground(const cv::Mat& image, const Reference& reference,
+                         const SegmentationSettings& settings, const SlowLight& slow_light) {
+  return Find(image, reference, settings, slow_light, nullptr);
+}
+
 cv::Mat Foreground(const cv::Mat& image, const Reference& reference,
                    const SegmentationSettings& settings, const SlowLight& slow_light) {
-  return Find(image, reference, settings, slow_light, nullptr);
+  return GradedForeground(image, reference, settings, slow_light) > 0;
+}
+
+GradedMask Graded(const cv::Mat& foreground, MaskSize mask_size, double min_cover) {
+  return {.all = DownSample(foreground, mask_size, min_cover),
+          .strong = DownSample(foreground == kStrongEvidence, mask_size, min_cover)};
 }
 
 ForegroundSteps StepsToForeground(const cv::Mat& image, const Reference& reference,

@@ -24,6 +24,19 @@ namespace silhouette {
 cv::Mat Foreground(const cv::Mat& image, const Reference& reference,
                    const SegmentationSettings& settings, const SlowLight& slow_light = {});
 
+// Foreground() with the strength of its evidence: kStrongEvidence or kWeakEvidence
+// (deviating_pixels.h) where foreground, else 0.
+cv::Mat GradedForeground(const cv::Mat& image, const Reference& reference,
+                         const SegmentationSettings& settings, const SlowLight& slow_light = {});
+
+// A GradedForeground() in mask pixels, by DownSample().
+struct GradedMask {
+  Mask all;
+  // The pixels of it that rest on strong evidence.
+  Mask strong;
+};
+GradedMask Graded(const cv::Mat& foreground, MaskSize mask_size, double min_cover);
+
 // What becomes of an image on the way to its foreground. All images are 8-bit, 255 or 0.
 struct ForegroundSteps {
   cv::Mat deviating;   // what differs, by itself or with what is around

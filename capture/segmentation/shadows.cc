@@ -165,7 +165,7 @@ cv::Mat Among(const cv::Mat& factors, const cv::Mat& foreground) {
   cv::Mat certain;
   cv::Mat all;
   cv::Mat(factors > 0).convertTo(certain, CV_32F);
-  foreground.convertTo(all, CV_32F);
+  cv::Mat(foreground > 0).convertTo(all, CV_32F);
   SumAround(certain);
   SumAround(all);
   return certain >= kShadowsEnough * all;

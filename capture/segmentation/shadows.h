@@ -17,7 +17,7 @@ namespace silhouette {
 // Shadows on what has no texture stay foreground: a flat grey thing before a flat grey wall looks
 // the same. Among such pixels - where they are half of the foreground around, at least - those
 // belong to the shadow that are no darker than it and no brighter than expected. `foreground`:
-// 8-bit, 255 or 0, of the image's size.
+// 8-bit, not 0 where foreground, of the image's size.
 void DropShadows(const cv::Mat& image, const Reference& reference, const Brightness& brightness,
                  const SlowLight& slow_light, cv::Mat& foreground);
 

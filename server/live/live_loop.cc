@@ -11,7 +11,6 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_join.h"
 #include "capture/segmentation/difference.h"
-#include "capture/segmentation/down_sampling.h"
 #include "capture/session/cell_robot.h"
 #include "db/status/status_macros.h"
 #include "server/scene/robot_in_scene.h"
@@ -61,14 +60,14 @@ constexpr absl::Duration kLongestGap = absl::Seconds(10);
 
 // The scene image of a view; `image` is as the cell says (ImageJudge). `light` learns from it, if
 // `since`, the time since it did so, is long enough; it is then set to 0.
-absl::StatusOr<Mask> ForegroundOf(const CameraImage& image, const ServedDatabase& database,
-                                  int view, const SegmentationSettings& segmentation,
-                                  SlowLight& light, absl::Duration& since) {
+absl::StatusOr<SceneMask> ForegroundOf(const CameraImage& image, const ServedDatabase& database,
+                                       int view, const SegmentationSettings& segmentation,
+                                       SlowLight& light, absl::Duration& since) {
   try {
     const cv::Mat pixels(image.height, image.width, image.channels == 3 ? CV_8UC3 : CV_8UC1,
                          const_cast<uint8_t*>(image.pixels.data()));
     const Reference& reference = database.reference(view);
-    const cv::Mat foreground = Foreground(pixels, reference, segmentation, light);
+    const cv::Mat foreground = GradedForeground(pixels, reference, segmentation, light);
     const cv::Mat seen = reference.channels() == 1 ? Grey(pixels) : pixels;
     if (segmentation.follow_brightness && since >= kLearnInterval &&
         seen.channels() == reference.channels()) {
@@ -76,8 +75,10 @@ absl::StatusOr<Mask> ForegroundOf(const CameraImage& image, const ServedDatabase
       light = light.Learn(seen, reference, foreground, absl::ToDoubleSeconds(gap));
       since = absl::ZeroDuration();
     }
-    return DownSample(foreground, database.robot_images().mask_sizes()[static_cast<size_t>(view)],
-                      segmentation.min_cover);
+    GradedMask mask =
+        Graded(foreground, database.robot_images().mask_sizes()[static_cast<size_t>(view)],
+               segmentation.min_cover);
+    return SceneMask{std::move(mask.all), std::move(mask.strong)};
   } catch (const std::exception& error) {
     return absl::InternalError(error.what());
   }
@@ -222,7 +223,7 @@ std::vector<std::optional<LiveLoop::LiveImage>> LiveLoop::UsableImages(
 
 std::vector<bool> LiveLoop::MovedWithTheRobot(const ServedDatabase& database,
                                               const std::vector<std::optional<LiveImage>>& images,
-                                              const std::vector<absl::StatusOr<Mask>>& masks,
+                                              const std::vector<absl::StatusOr<SceneMask>>& masks,
                                               SceneInput& input) {
   std::vector<bool> live(images.size(), true);
   const ServedDatabase* variant =
@@ -232,7 +233,7 @@ std::vector<bool> LiveLoop::MovedWithTheRobot(const ServedDatabase& database,
   if (!robot.ok() || robot->covers.empty()) return live;
   for (size_t view = 0; view < images.size(); ++view) {
     if (!images[view]) continue;
-    const absl::Status moved = life_.JudgeMotion(view, robot->covers[view], *masks[view],
+    const absl::Status moved = life_.JudgeMotion(view, robot->covers[view], masks[view]->mask,
                                                  database.reference(static_cast<int>(view)));
     live[view] = moved.ok();
     if (!moved.ok()) NoteUnusable(view, moved, input);
@@ -252,7 +253,7 @@ absl::Status LiveLoop::Publish(const std::shared_ptr<const ServedDatabase>& data
   }
   for (absl::Duration& since : since_learnt_) since += arrived.running - lights_learnt_;
   lights_learnt_ = arrived.running;
-  std::vector<absl::StatusOr<Mask>> masks(images.size(), absl::StatusOr<Mask>(Mask()));
+  std::vector<absl::StatusOr<SceneMask>> masks(images.size(), SceneMask());
   helpers_.ForEach(images.size(), [&](size_t view) {
     if (!images[view]) return;
     masks[view] = ForegroundOf(images[view]->image, *database, static_cast<int>(view),
@@ -289,7 +290,7 @@ absl::Status LiveLoop::Publish(const std::shared_ptr<const ServedDatabase>& data
     if (!images[view] || !live[view]) continue;
     input.views.push_back({.view = database->view_name(static_cast<int>(view)),
                            .captured = images[view]->taken,
-                           .image = SceneMask{*std::move(masks[view])}});
+                           .image = *std::move(masks[view])});
   }
   ASSIGN_OR_RETURN(Scene scene,
                    MakeScene(*database, input, config_.scene, config_.segmentation, arrived));

@@ -96,7 +96,7 @@ class LiveLoop {
   // robot's place.
   std::vector<bool> MovedWithTheRobot(const ServedDatabase& database,
                                       const std::vector<std::optional<LiveImage>>& images,
-                                      const std::vector<absl::StatusOr<Mask>>& masks,
+                                      const std::vector<absl::StatusOr<SceneMask>>& masks,
                                       SceneInput& input);
 
   const LiveConfig config_;

@@ -89,15 +89,15 @@ std::optional<ImageSize> SizeOfWholeImage(std::string_view bytes) {
 
 std::string SizeText(int width, int height) { return absl::StrCat(width, "x", height); }
 
-absl::StatusOr<Mask> CheckedMask(const Mask& mask, MaskSize size) {
-  if (mask.size() == size) return mask;
+absl::Status CheckMask(const Mask& mask, MaskSize size) {
+  if (mask.size() == size) return absl::OkStatus();
   return absl::InvalidArgumentError(
       absl::StrCat("the mask is ", SizeText(mask.width(), mask.height()), ", and should be ",
                    SizeText(size.width, size.height)));
 }
 
-absl::StatusOr<Mask> MaskOfImage(const EncodedImage& image, const Reference& reference,
-                                 const SegmentationSettings& settings, MaskSize size) {
+absl::StatusOr<SceneMask> MaskOfImage(const EncodedImage& image, const Reference& reference,
+                                      const SegmentationSettings& settings, MaskSize size) {
   const absl::Status unreadable = absl::InvalidArgumentError(
       "the camera image cannot be decoded; send a whole PNG or JPEG image");
   const std::optional<ImageSize> told = SizeOfWholeImage(image.bytes);
@@ -114,20 +114,26 @@ absl::StatusOr<Mask> MaskOfImage(const EncodedImage& image, const Reference& ref
     const cv::Mat decoded =
         cv::imdecode(bytes, cv::IMREAD_ANYCOLOR | cv::IMREAD_IGNORE_ORIENTATION);
     if (decoded.size() != reference.size()) return unreadable;
-    return Difference(decoded, reference, settings, size);
+    GradedMask mask =
+        Graded(GradedForeground(decoded, reference, settings), size, settings.min_cover);
+    return SceneMask{std::move(mask.all), std::move(mask.strong)};
   } catch (const cv::Exception&) {
     return unreadable;
   }
 }
 
-absl::StatusOr<Mask> ForegroundOf(const ServedDatabase& database, int view, const ViewInput& input,
-                                  const SegmentationSettings& segmentation) {
+absl::StatusOr<SceneMask> ForegroundOf(const ServedDatabase& database, int view,
+                                       const ViewInput& input,
+                                       const SegmentationSettings& segmentation) {
   const MaskSize size = database.robot_images().mask_sizes()[static_cast<size_t>(view)];
   if (const auto* scene = std::get_if<SceneMask>(&input.image)) {
-    return CheckedMask(scene->mask, size);
+    RETURN_IF_ERROR(CheckMask(scene->mask, size));
+    if (scene->strong) RETURN_IF_ERROR(CheckMask(*scene->strong, size));
+    return *scene;
   }
   if (const auto* obstacles = std::get_if<ObstacleMask>(&input.image)) {
-    return CheckedMask(obstacles->mask, size);
+    RETURN_IF_ERROR(CheckMask(obstacles->mask, size));
+    return SceneMask{obstacles->mask};
   }
   if (!database.has_references()) {
     return absl::FailedPreconditionError(
@@ -158,11 +164,12 @@ absl::Status AddView(const ServedDatabase& database, const ViewInput& input,
                      const SegmentationSettings& segmentation, absl::Time captured, Scene& scene,
                      std::vector<const ViewInput*>& inputs) {
   ASSIGN_OR_RETURN(const int view, NewView(database, scene, input.view));
-  ASSIGN_OR_RETURN(Mask foreground, ForegroundOf(database, view, input, segmentation));
+  ASSIGN_OR_RETURN(SceneMask seen, ForegroundOf(database, view, input, segmentation));
   const ViewTreatment& treatment = database.treatment(view);
   scene.views[static_cast<size_t>(view)] = SceneView{.name = input.view,
                                                      .captured = captured,
-                                                     .foreground = std::move(foreground),
+                                                     .foreground = std::move(seen.mask),
+                                                     .strong = std::move(seen.strong),
                                                      .ignored = treatment.ignored,
                                                      .margin = treatment.margin};
   inputs[static_cast<size_t>(view)] = &input;
@@ -170,7 +177,8 @@ absl::Status AddView(const ServedDatabase& database, const ViewInput& input,
 }
 
 void MakeObstacleImages(const std::vector<RobotCover>& covers,
-                        const std::vector<const ViewInput*>& inputs, Scene& scene) {
+                        const std::vector<const ViewInput*>& inputs, WeakRim weak_rim,
+                        Scene& scene) {
   if (covers.empty()) return;
   for (size_t view = 0; view < scene.views.size(); ++view) {
     if (!scene.views[view]) continue;
@@ -180,6 +188,9 @@ void MakeObstacleImages(const std::vector<RobotCover>& covers,
     ObstacleImage image = std::holds_alternative<ObstacleMask>(inputs[view]->image)
                               ? ObstacleImage::FromObstacles(foreground, robot.anywhere)
                               : ObstacleImage::FromScene(foreground, robot.anywhere, robot.certain);
+    if (seen.strong && weak_rim == WeakRim::kUnknown) {
+      image = image.WithoutWeakRim(*seen.strong, robot.anywhere);
+    }
     if (seen.ignored) image = image.Ignoring(*seen.ignored);
     seen.core_error_pixels = static_cast<uint32_t>(Core(image.error()).Count());
     scene.obstacle_images[view] = image.WithMargin(seen.margin);
@@ -305,7 +316,7 @@ absl::StatusOr<Scene> MakeScene(const ServedDatabase& whole, const SceneInput& i
                          {Reason::kVariantUnknown, WhyNoVariant(whole, input)});
   }
   scene.defects = std::move(robot.defects);
-  MakeObstacleImages(robot.covers, inputs, scene);
+  MakeObstacleImages(robot.covers, inputs, settings.weak_rim, scene);
   FindDefects(database, settings, input, scene);
   return scene;
 }

@@ -25,6 +25,9 @@ inline constexpr absl::Duration kClockTolerance = absl::Milliseconds(100);
 // The difference to the reference image: foreground pixels.
 struct SceneMask {
   Mask mask;
+  // The pixels of it that rest on strong evidence (GradedMask); nothing: that is not known, and
+  // none counts as weak.
+  std::optional<Mask> strong = std::nullopt;
 };
 // From a sensor that separates obstacles from the robot: the obstacle pixels.
 struct ObstacleMask {

@@ -35,6 +35,8 @@ struct SceneView {
   absl::Time captured;  // by a wall clock
   // The foreground; from a sensor that separates obstacles by itself: its obstacle pixels.
   Mask foreground;
+  // As SceneMask::strong.
+  std::optional<Mask> strong;
   // Error pixels whose neighbours are all error pixels.
   uint32_t core_error_pixels = 0;
   // Pixels that prove nothing in this view, and its safety margin in pixels.

@@ -8,6 +8,10 @@
 
 namespace silhouette {
 
+// What faint obstacle components are that lie alone at the rim of the robot's image
+// (ObstacleImage::WithoutWeakRim).
+enum class WeakRim { kUnknown, kObstacle };
+
 struct SceneSettings {
   // Oldest image that a verdict may rest on.
   absl::Duration max_age = absl::Seconds(1);
@@ -21,6 +25,8 @@ struct SceneSettings {
   double max_core_error = 0.005;
   // Largest deviation of a joint outside the grid from where it stood at capture: radians, metres.
   double fixed_joint_tolerance = 0.005;
+  // Noise at the rim of the robot and its shadow, unless there is a reason to block for it.
+  WeakRim weak_rim = WeakRim::kUnknown;
 };
 
 // How the collision index is checked while it is served. It lies in the database's file, which

@@ -231,6 +231,9 @@ ServerSettings ReadServer(const YamlNode& node, const std::filesystem::path& fol
   map.Read("map_time", server.map_time, &YamlNode::AsTime);
   map.Read("max_core_error", server.scene.max_core_error, &YamlNode::AsShare);
   map.Read("fixed_joint_tolerance", server.scene.fixed_joint_tolerance, PositiveAngle);
+  map.Read("weak_rim", server.scene.weak_rim, [](const YamlNode& weak_rim) {
+    return weak_rim.AsWordOf({"unknown", "obstacle"}) == 0 ? WeakRim::kUnknown : WeakRim::kObstacle;
+  });
   map.Read("robot_image_memory", server.robot_image_memory, &YamlNode::AsBytes);
   server.variants_in_memory = map.Get<bool>("variants_in_memory", server.variants_in_memory);
   if (const auto checked = map.Optional("index_check")) {

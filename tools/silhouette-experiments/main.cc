@@ -15,7 +15,8 @@ int main(int argc, char** argv) {
       "  silhouette-experiments cell --cell cell.yaml --database cell.lmdb --scenes 0 --hidden 50\n"
       "  silhouette-experiments calibration --runs 10\n"
       "  silhouette-experiments placement --cell cell.yaml --places places.yaml --out out\n"
-      "  silhouette-experiments segmentation --cell cell.yaml --scenes 20\n\n"
+      "  silhouette-experiments segmentation --cell cell.yaml --scenes 20\n"
+      "  silhouette-experiments still --cell cell.yaml --database cell.lmdb\n\n"
       "Exit codes: 0 done, 2 a mistake in the arguments or files, 3 the world failed.");
   silhouette::Run run;
   silhouette::AddPaperCommand(app, run);
@@ -23,5 +24,6 @@ int main(int argc, char** argv) {
   silhouette::AddCalibrationCommand(app, run);
   silhouette::AddPlacementCommand(app, run);
   silhouette::AddSegmentationCommand(app, run);
+  silhouette::AddStillCommand(app, run);
   return silhouette::RunProgram(app, argc, argv, [&] { return run(); });
 }

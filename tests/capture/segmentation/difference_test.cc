@@ -7,6 +7,8 @@
 #include <stdexcept>
 
 #include "capture/segmentation/brightness.h"
+#include "capture/segmentation/deviating_pixels.h"
+#include "capture/segmentation/down_sampling.h"
 #include "tests/capture/segmentation/images.h"
 #include "tests/random.h"
 
@@ -188,6 +190,36 @@ TEST(Foreground, AgreesWithAPlainSegmentation) {
       }
     }
   }
+}
+
+TEST(GradedForeground, StrongIsWhatHigherLimitsFind) {
+  Random random;
+  const auto up_to = [&](int limit) { return static_cast<int>(random() % unsigned(limit)); };
+  int weak = 0;
+  for (int i = 0; i < 60; ++i) {
+    const cv::Size size(20 + up_to(60), 20 + up_to(40));
+    const cv::Mat cell(size, CV_64FC1, cv::Scalar(100));
+    const Reference reference = Reference::FromImages(ExposeSeries(cell, 10, 1.5, random));
+    cv::Mat light = cell.clone();
+    for (int boxes = 3; boxes > 0; --boxes) {
+      const cv::Rect box(up_to(size.width), up_to(size.height), 5 + up_to(20), 5 + up_to(20));
+      cv::rectangle(light, box, cv::Scalar(97 + up_to(8)), cv::FILLED);
+    }
+    const cv::Mat image = Expose(light, 1, 1.5, random);
+    SegmentationSettings settings;
+    const cv::Mat graded = GradedForeground(image, reference, settings);
+    const cv::Mat found = Foreground(image, reference, settings);
+    EXPECT_EQ(cv::norm(graded > 0, found, cv::NORM_INF), 0);
+    settings.faint_difference *= kStrongFactor;
+    settings.texture_difference *= kStrongFactor;
+    const cv::Mat strong = Foreground(image, reference, settings);
+    EXPECT_EQ(cv::norm(graded == kStrongEvidence, strong, cv::NORM_INF), 0);
+    weak += cv::countNonZero(graded == kWeakEvidence);
+    const GradedMask mask = Graded(graded, {10, 10}, 0);
+    EXPECT_EQ(mask.all, DownSample(found, {10, 10}, 0));
+    EXPECT_EQ(mask.strong, DownSample(strong, {10, 10}, 0));
+  }
+  EXPECT_GT(weak, 1000);
 }
 
 TEST(Difference, EmptyCellIsBackgroundUnderNoiseAndDrift) {

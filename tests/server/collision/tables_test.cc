@@ -8,6 +8,7 @@
 
 #include "server/collision/collision_images.h"
 #include "server/collision/obstacle_image.h"
+#include "tests/random.h"
 
 namespace silhouette {
 namespace {
@@ -126,6 +127,52 @@ TEST(ObstacleImage, IgnoredPixelsAreUnknownAndNothingElse) {
   EXPECT_EQ(RowsOf(image.Ignoring(PixelsOf({"XXXX"}, 'X')))[0], "UUUU");
   EXPECT_EQ(RowsOf(image.Ignoring(PixelsOf({"-X--"}, 'X')))[0], "BUEU");
   EXPECT_EQ(RowsOf(image.Ignoring(PixelsOf({"----"}, 'X')))[0], "BOEU");
+}
+
+// The robot R at the left; o: foreground with weak evidence, F: with strong evidence.
+Rows WithoutWeakRim(const Rows& rows) {
+  const Mask robot = PixelsOf(rows, 'R');
+  const Mask strong = PixelsOf(rows, 'F') | robot;
+  const ObstacleImage image = ObstacleImage::FromScene(strong | PixelsOf(rows, 'o'), robot);
+  return RowsOf(image.WithoutWeakRim(strong, robot));
+}
+
+TEST(WeakRim, LoneFaintComponentsThatTouchTheRobotAreUnknown) {
+  EXPECT_EQ(WithoutWeakRim({"RBBB", "RoBB", "RBBB", "RoBB", "RoBB", "BBBB"}),
+            (Rows{"UBBB", "UUBB", "UBBB", "UUBB", "UUBB", "BBBB"}));
+  EXPECT_EQ(WithoutWeakRim({"RBB", "BoB"}), (Rows{"UBB", "BUB"})) << "at a corner";
+}
+
+TEST(WeakRim, WhatIsPlainFartherAwayOrJoinsSuchStaysAnObstacle) {
+  EXPECT_EQ(WithoutWeakRim({"RFB"}), (Rows{"UOB"})) << "plain";
+  EXPECT_EQ(WithoutWeakRim({"RoB", "RoB", "RFB"}), (Rows{"UOB", "UOB", "UOB"})) << "joins plain";
+  EXPECT_EQ(WithoutWeakRim({"RooB"}), (Rows{"UOOB"})) << "reaches farther";
+  EXPECT_EQ(WithoutWeakRim({"RoBB", "RBoB"}), (Rows{"UOBB", "UBOB"})) << "joins by a corner";
+  EXPECT_EQ(WithoutWeakRim({"RBoB"}), (Rows{"UBOB"})) << "touches nothing";
+}
+
+TEST(WeakRim, NothingBecomesBackgroundAndNoPlainObstacleIsLost) {
+  Random random;
+  const auto some = [&](MaskSize size, int of_ten) {
+    return Mask::FromPredicate(size,
+                               [&](int, int) { return static_cast<int>(random() % 10) < of_ten; });
+  };
+  for (int i = 0; i < 300; ++i) {
+    const MaskSize size{1 + static_cast<int>(random() % 80), 1 + static_cast<int>(random() % 9)};
+    const Mask scene = some(size, 1 + i % 5);
+    const Mask robot = some(size, 2);
+    const Mask strong = some(size, 1);
+    const ObstacleImage image = ObstacleImage::FromScene(scene, robot);
+    const ObstacleImage result = image.WithoutWeakRim(strong, robot);
+    EXPECT_EQ(result.Background(), image.Background());
+    EXPECT_EQ(result.error(), image.error());
+    EXPECT_EQ(result.obstacle() | result.unknown(), image.obstacle() | image.unknown());
+    EXPECT_TRUE(((image.obstacle() & strong) - result.obstacle()).Empty());
+    EXPECT_TRUE((image.obstacle() - Grown(robot, 1) - result.obstacle()).Empty());
+    // What stays is whole components: none of it touches what became unknown.
+    const Mask gone = image.obstacle() - result.obstacle();
+    EXPECT_TRUE((Grown(gone, 1) & result.obstacle()).Empty());
+  }
 }
 
 TEST(ObstacleImage, MarginGrowsObstaclesOverEverythingAndTheRestOverBackground) {

@@ -67,6 +67,26 @@ TEST_F(MakeSceneTest, KeepsObstaclesApartFromTheRobot) {
   EXPECT_EQ(scene->views[1]->foreground, Block(1, 3) | RobotMask(1, 0, 0));
 }
 
+TEST_F(MakeSceneTest, FaintRimOfTheRobotIsUnknownIfItIsKnownToBeFaint) {
+  const Mask robot = RobotMask(0, 0, 0);
+  const Mask rim = Grown(robot, 1) - robot;
+  ASSERT_FALSE(rim.Empty());
+  const auto obstacle = [&](const std::optional<Mask>& strong, WeakRim weak_rim) {
+    input.views[0].image = SceneMask{robot | rim, strong};
+    const absl::StatusOr<Scene> scene = Make(*database, input, {.weak_rim = weak_rim});
+    EXPECT_TRUE(scene.ok()) << scene.status();
+    const ObstacleImage& image = *scene->obstacle_images[0];
+    EXPECT_EQ(image.obstacle() | image.unknown(), robot | rim);
+    return image.obstacle();
+  };
+  EXPECT_TRUE(obstacle(robot, WeakRim::kUnknown).Empty());
+  EXPECT_EQ(obstacle(robot | rim, WeakRim::kUnknown), rim) << "plain";
+  EXPECT_EQ(obstacle(std::nullopt, WeakRim::kUnknown), rim) << "a mask without evidence";
+  EXPECT_EQ(obstacle(robot, WeakRim::kObstacle), rim) << "not wanted";
+  input.views[0].image = SceneMask{robot, Mask({3, 3})};
+  EXPECT_THAT(Refusal(), HasSubstr("the mask is 3x3"));
+}
+
 TEST_F(MakeSceneTest, TakesViewsInAnyOrder) {
   std::swap(input.views[0], input.views[2]);
   const absl::StatusOr<Scene> scene = Make(*database, input);

@@ -97,6 +97,7 @@ TEST(Cell, TheCommentedSampleIsACellAndShowsTheDefaults) {
   EXPECT_EQ(cell->server.scene.max_age, SceneSettings{}.max_age);
   EXPECT_EQ(cell->server.scene.max_skew, SceneSettings{}.max_skew);
   EXPECT_EQ(cell->server.scene.max_core_error, SceneSettings{}.max_core_error);
+  EXPECT_EQ(cell->server.scene.weak_rim, SceneSettings{}.weak_rim);
   EXPECT_EQ(cell->capture.forbidden_regions.size(), 1u);
 }
 
