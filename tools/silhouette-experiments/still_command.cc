@@ -140,9 +140,11 @@ Obstacle StillPerson(double floor) {
 }
 
 // `robots` configurations, the grid's first and random ones, that touch none of the obstacles.
-std::vector<StillPlace> StillPlaces(const SimulatedWorkplace& workplace,
-                                    const StillArguments& arguments,
-                                    const std::vector<Obstacle>& things) {
+// InvalidArgument if too few are found.
+absl::StatusOr<std::vector<StillPlace>> StillPlaces(const SimulatedWorkplace& workplace,
+                                                    const StillArguments& arguments,
+                                                    const std::vector<Obstacle>& things) {
+  constexpr int kTriesForEach = 1000;
   std::vector<Obstacle> all = things;
   all.push_back(StillPerson(workplace.simulation().settings().room.lower.z()));
   const ConfigurationGrid& grid = workplace.cell().grid;
@@ -151,6 +153,10 @@ std::vector<StillPlace> StillPlaces(const SimulatedWorkplace& workplace,
   cell_experiment::Chance chance(arguments.seed, 0);
   std::vector<Configuration> robots;
   for (int i = 0; std::ssize(robots) < arguments.robots; ++i) {
+    if (i == kTriesForEach * arguments.robots) {
+      return absl::InvalidArgumentError(
+          "the robot touches what stands in the cell nearly everywhere; take away obstacles");
+    }
     const Configuration q = i == 0 ? grid.At(0)
                                    : cell_experiment::RandomConfiguration(
                                          chance, grid, /*on_grid=*/robots.size() % 2 == 0);
@@ -182,6 +188,9 @@ absl::StatusOr<StillRow> WatchStill(const SimulatedWorkplace& workplace,
   LiveConfig config{
       .live = server.live, .scene = server.scene, .segmentation = workplace.cell().segmentation};
   config.live.interval = absl::ZeroDuration();
+  for (const ViewSettings& view : workplace.cell().views) {
+    if (!view.has_noise) config.without_noise.insert(view.name);
+  }
   if (arguments.weak_rim != "cell") {
     config.scene.weak_rim =
         arguments.weak_rim == "unknown" ? WeakRim::kUnknown : WeakRim::kObstacle;
@@ -277,7 +286,8 @@ absl::StatusOr<ExitCode> RunStill(const StillArguments& arguments) {
   ASSIGN_OR_RETURN(const auto database, workplace.Serve(*stored, {}));
   workplace.simulation().RunInRealTime();
   std::vector<StillRow> rows;
-  for (const StillPlace& place : StillPlaces(workplace, arguments, things)) {
+  ASSIGN_OR_RETURN(const auto places, StillPlaces(workplace, arguments, things));
+  for (const StillPlace& place : places) {
     ASSIGN_OR_RETURN(StillRow row, WatchStill(workplace, database, place, arguments));
     rows.push_back(std::move(row));
   }
