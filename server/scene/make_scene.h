@@ -61,10 +61,10 @@ struct SceneInput {
 // Makes a scene of images that arrived at the moment `arrived`. `whole`: the database with all of
 // its variants. What is wrong with the state of the
 // cell becomes a defect of the scene; InvalidArgument, naming the field, is for input that says
-// nothing of the cell: no view at all, nor why; an unknown view or joint or one that is given twice, a mask
-// or an image of the wrong size, an image that cannot be decoded, a time in the future, a joint
-// value that is not finite. FailedPrecondition: a camera image, and the database has no reference
-// images.
+// nothing of the cell: no view at all, nor why; an unknown view or joint or one that is given
+// twice, a mask or an image of the wrong size, an image that cannot be decoded, a time in the
+// future, a joint value that is not finite. FailedPrecondition: a camera image, and the database
+// has no reference images.
 absl::StatusOr<Scene> MakeScene(const ServedDatabase& whole, const SceneInput& input,
                                 const SceneSettings& settings,
                                 const SegmentationSettings& segmentation, const Moment& arrived);
