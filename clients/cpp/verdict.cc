@@ -68,6 +68,22 @@ Words WordsFor(Reason reason) {
           "database damaged",
           "the database changed or was damaged while the server used it: restore its files, "
           "check them with 'silhouette-db verify', and let the server load them again (SIGHUP)"};
+    case Reason::kLightChanged:
+      return {"light changed",
+              "a view is far darker or brighter than its reference: restore the light and the "
+              "camera's exposure"};
+    case Reason::kViewCovered:
+      return {"view covered",
+              "a view does not show the cell: uncover its lens, and see the scene's defects"};
+    case Reason::kViewsSwapped:
+      return {"views swapped", "a view shows what another view should: exchange their cameras"};
+    case Reason::kCameraMoved:
+      return {"camera moved",
+              "a view shows the cell moved: turn its camera back, or capture again"};
+    case Reason::kRobotElsewhere:
+      return {"robot elsewhere",
+              "a view shows the empty cell where the robot should be: the robot is not where it "
+              "reports, or its variant is another"};
     case Reason::kNotInMap:
       return {
           "not in map",

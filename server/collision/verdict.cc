@@ -27,8 +27,13 @@ std::string NameOf(Reason reason) {
                                     "region ended",
                                     "calibration doubtful",
                                     "variant unknown",
-                                    "database damaged"};
-  static_assert(std::size(kNames) == static_cast<size_t>(Reason::kDatabaseDamaged) + 1);
+                                    "database damaged",
+                                    "light changed",
+                                    "view covered",
+                                    "views swapped",
+                                    "camera moved",
+                                    "robot elsewhere"};
+  static_assert(std::size(kNames) == static_cast<size_t>(Reason::kRobotElsewhere) + 1);
   const auto number = static_cast<size_t>(reason);
   return number < std::size(kNames) ? kNames[number] : NameOf(Reason::kInternal);
 }

@@ -36,6 +36,11 @@ enum class Reason : uint8_t {
   kCalibrationDoubtful = 17,
   kVariantUnknown = 18,
   kDatabaseDamaged = 19,
+  kLightChanged = 20,
+  kViewCovered = 21,
+  kViewsSwapped = 22,
+  kCameraMoved = 23,
+  kRobotElsewhere = 24,
 };
 
 // "scene stale" and the like, for logs and messages.

@@ -11,6 +11,7 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_join.h"
 #include "capture/segmentation/difference.h"
+#include "capture/segmentation/image_condition.h"
 #include "capture/session/cell_robot.h"
 #include "db/status/status_macros.h"
 #include "server/scene/robot_in_scene.h"
@@ -58,11 +59,17 @@ std::vector<bool> HaveNoise(const storage::v1::CellDescription& cell,
 constexpr absl::Duration kLearnInterval = absl::Seconds(1);
 constexpr absl::Duration kLongestGap = absl::Seconds(10);
 
-// The scene image of a view; `image` is as the cell says (ImageJudge). `light` learns from it, if
+// What a view sees.
+struct Seen {
+  SceneMask foreground;
+  ImageCondition condition;
+};
+
+// What a view sees in `image`, which is as the cell says (ImageJudge). `light` learns from it, if
 // `since`, the time since it did so, is long enough; it is then set to 0.
-absl::StatusOr<SceneMask> ForegroundOf(const CameraImage& image, const ServedDatabase& database,
-                                       int view, const SegmentationSettings& segmentation,
-                                       SlowLight& light, absl::Duration& since) {
+absl::StatusOr<Seen> SeenIn(const CameraImage& image, const ServedDatabase& database, int view,
+                            const SegmentationSettings& segmentation, SlowLight& light,
+                            absl::Duration& since) {
   try {
     const cv::Mat pixels(image.height, image.width, image.channels == 3 ? CV_8UC3 : CV_8UC1,
                          const_cast<uint8_t*>(image.pixels.data()));
@@ -78,7 +85,8 @@ absl::StatusOr<SceneMask> ForegroundOf(const CameraImage& image, const ServedDat
     GradedMask mask =
         Graded(foreground, database.robot_images().mask_sizes()[static_cast<size_t>(view)],
                segmentation.min_cover);
-    return SceneMask{std::move(mask.all), std::move(mask.strong)};
+    return Seen{SceneMask{std::move(mask.all), std::move(mask.strong)},
+                ConditionOf(pixels, database.outlines(), static_cast<size_t>(view))};
   } catch (const std::exception& error) {
     return absl::InternalError(error.what());
   }
@@ -223,7 +231,7 @@ std::vector<std::optional<LiveLoop::LiveImage>> LiveLoop::UsableImages(
 
 std::vector<bool> LiveLoop::MovedWithTheRobot(const ServedDatabase& database,
                                               const std::vector<std::optional<LiveImage>>& images,
-                                              const std::vector<absl::StatusOr<SceneMask>>& masks,
+                                              const std::vector<const Mask*>& masks,
                                               SceneInput& input) {
   std::vector<bool> live(images.size(), true);
   const ServedDatabase* variant =
@@ -233,7 +241,7 @@ std::vector<bool> LiveLoop::MovedWithTheRobot(const ServedDatabase& database,
   if (!robot.ok() || robot->covers.empty()) return live;
   for (size_t view = 0; view < images.size(); ++view) {
     if (!images[view]) continue;
-    const absl::Status moved = life_.JudgeMotion(view, robot->covers[view], masks[view]->mask,
+    const absl::Status moved = life_.JudgeMotion(view, robot->covers[view], *masks[view],
                                                  database.reference(static_cast<int>(view)));
     live[view] = moved.ok();
     if (!moved.ok()) NoteUnusable(view, moved, input);
@@ -253,18 +261,18 @@ absl::Status LiveLoop::Publish(const std::shared_ptr<const ServedDatabase>& data
   }
   for (absl::Duration& since : since_learnt_) since += arrived.running - lights_learnt_;
   lights_learnt_ = arrived.running;
-  std::vector<absl::StatusOr<SceneMask>> masks(images.size(), SceneMask());
+  std::vector<absl::StatusOr<Seen>> seen(images.size(), absl::StatusOr<Seen>(Seen()));
   helpers_.ForEach(images.size(), [&](size_t view) {
     if (!images[view]) return;
-    masks[view] = ForegroundOf(images[view]->image, *database, static_cast<int>(view),
-                               config_.segmentation, lights_[view], since_learnt_[view]);
+    seen[view] = SeenIn(images[view]->image, *database, static_cast<int>(view),
+                        config_.segmentation, lights_[view], since_learnt_[view]);
   });
   record_->NoteMasks(arrived);
   absl::Duration oldest = absl::InfiniteDuration();
   absl::Duration newest = -absl::InfiniteDuration();
   for (size_t view = 0; view < images.size(); ++view) {
     if (!images[view]) continue;
-    if (!masks[view].ok()) return masks[view].status();
+    if (!seen[view].ok()) return seen[view].status();
     // A stamp of a clock that is ahead makes no image younger than its arrival.
     const absl::Duration taken = std::min(images[view]->taken.running, arrived.running);
     oldest = std::min(oldest, taken);
@@ -285,12 +293,15 @@ absl::Status LiveLoop::Publish(const std::shared_ptr<const ServedDatabase>& data
   } else {
     input.without_variant = std::string(variant.status().message());
   }
+  std::vector<const Mask*> masks;
+  for (const absl::StatusOr<Seen>& view : seen) masks.push_back(&view->foreground.mask);
   const std::vector<bool> live = MovedWithTheRobot(*database, images, masks, input);
   for (size_t view = 0; view < images.size(); ++view) {
     if (!images[view] || !live[view]) continue;
     input.views.push_back({.view = database->view_name(static_cast<int>(view)),
                            .captured = images[view]->taken,
-                           .image = *std::move(masks[view])});
+                           .image = std::move(seen[view]->foreground),
+                           .condition = seen[view]->condition});
   }
   ASSIGN_OR_RETURN(Scene scene,
                    MakeScene(*database, input, config_.scene, config_.segmentation, arrived));

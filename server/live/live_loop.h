@@ -96,8 +96,7 @@ class LiveLoop {
   // robot's place.
   std::vector<bool> MovedWithTheRobot(const ServedDatabase& database,
                                       const std::vector<std::optional<LiveImage>>& images,
-                                      const std::vector<absl::StatusOr<SceneMask>>& masks,
-                                      SceneInput& input);
+                                      const std::vector<const Mask*>& masks, SceneInput& input);
 
   const LiveConfig config_;
   const LiveScenes scenes_;

@@ -4,9 +4,11 @@
 #include <algorithm>
 #include <cstddef>
 #include <cstdint>
+#include <iterator>
 #include <map>
 #include <opencv2/imgcodecs.hpp>
 #include <optional>
+#include <span>
 #include <string>
 #include <string_view>
 #include <utility>
@@ -22,6 +24,7 @@
 #include "server/scene/robot_in_scene.h"
 #include "server/scene/scene.h"
 #include "server/scene/served_database.h"
+#include "server/scene/view_check.h"
 
 namespace silhouette {
 
@@ -96,8 +99,15 @@ absl::Status CheckMask(const Mask& mask, MaskSize size) {
                    SizeText(size.width, size.height)));
 }
 
-absl::StatusOr<SceneMask> MaskOfImage(const EncodedImage& image, const Reference& reference,
-                                      const SegmentationSettings& settings, MaskSize size) {
+// What a view shows: its foreground, and what its image is, where there is one.
+struct Shown {
+  SceneMask foreground;
+  std::optional<ImageCondition> condition = std::nullopt;
+};
+
+absl::StatusOr<Shown> ShownBy(const EncodedImage& image, const ServedDatabase& database, int view,
+                              const SegmentationSettings& settings, MaskSize size) {
+  const Reference& reference = database.reference(view);
   const absl::Status unreadable = absl::InvalidArgumentError(
       "the camera image cannot be decoded; send a whole PNG or JPEG image");
   const std::optional<ImageSize> told = SizeOfWholeImage(image.bytes);
@@ -116,32 +126,31 @@ absl::StatusOr<SceneMask> MaskOfImage(const EncodedImage& image, const Reference
     if (decoded.size() != reference.size()) return unreadable;
     GradedMask mask =
         Graded(GradedForeground(decoded, reference, settings), size, settings.min_cover);
-    return SceneMask{std::move(mask.all), std::move(mask.strong)};
+    return Shown{SceneMask{std::move(mask.all), std::move(mask.strong)},
+                 ConditionOf(decoded, database.outlines(), static_cast<size_t>(view))};
   } catch (const cv::Exception&) {
     return unreadable;
   }
 }
 
-absl::StatusOr<SceneMask> ForegroundOf(const ServedDatabase& database, int view,
-                                       const ViewInput& input,
-                                       const SegmentationSettings& segmentation) {
+absl::StatusOr<Shown> ShownIn(const ServedDatabase& database, int view, const ViewInput& input,
+                              const SegmentationSettings& segmentation) {
   const MaskSize size = database.robot_images().mask_sizes()[static_cast<size_t>(view)];
   if (const auto* scene = std::get_if<SceneMask>(&input.image)) {
     RETURN_IF_ERROR(CheckMask(scene->mask, size));
     if (scene->strong) RETURN_IF_ERROR(CheckMask(*scene->strong, size));
-    return *scene;
+    return Shown{*scene, input.condition};
   }
   if (const auto* obstacles = std::get_if<ObstacleMask>(&input.image)) {
     RETURN_IF_ERROR(CheckMask(obstacles->mask, size));
-    return SceneMask{obstacles->mask};
+    return Shown{SceneMask{obstacles->mask}};
   }
   if (!database.has_references()) {
     return absl::FailedPreconditionError(
         "the database has no reference images to difference a camera image with; take them, or "
         "publish scene masks");
   }
-  return MaskOfImage(std::get<EncodedImage>(input.image), database.reference(view), segmentation,
-                     size);
+  return ShownBy(std::get<EncodedImage>(input.image), database, view, segmentation, size);
 }
 
 // The view that the input speaks of, and is the first to.
@@ -160,32 +169,50 @@ absl::StatusOr<int> NewView(const ServedDatabase& database, const Scene& scene,
   return *view;
 }
 
+// When the image was taken.
+absl::StatusOr<Moment> CaptureOf(const ViewInput& input, const Moment& arrived) {
+  const Moment captured = input.captured.value_or(arrived);
+  if (captured.running <= arrived.running + kClockTolerance) return captured;
+  return absl::InvalidArgumentError(
+      absl::StrCat("capture_time is ", absl::FormatDuration(captured.running - arrived.running),
+                   " in the future; let the clocks of camera and server agree"));
+}
+
+// What was made into a view of a scene.
+struct ViewSource {
+  const ViewInput* input = nullptr;
+  std::optional<ImageCondition> condition = std::nullopt;
+};
+
 absl::Status AddView(const ServedDatabase& database, const ViewInput& input,
                      const SegmentationSettings& segmentation, absl::Time captured, Scene& scene,
-                     std::vector<const ViewInput*>& inputs) {
+                     std::vector<ViewSource>& sources) {
   ASSIGN_OR_RETURN(const int view, NewView(database, scene, input.view));
-  ASSIGN_OR_RETURN(SceneMask seen, ForegroundOf(database, view, input, segmentation));
+  ASSIGN_OR_RETURN(Shown shown, ShownIn(database, view, input, segmentation));
   const ViewTreatment& treatment = database.treatment(view);
   scene.views[static_cast<size_t>(view)] = SceneView{.name = input.view,
                                                      .captured = captured,
-                                                     .foreground = std::move(seen.mask),
-                                                     .strong = std::move(seen.strong),
+                                                     .foreground = std::move(shown.foreground.mask),
+                                                     .strong = std::move(shown.foreground.strong),
                                                      .ignored = treatment.ignored,
                                                      .margin = treatment.margin};
-  inputs[static_cast<size_t>(view)] = &input;
+  sources[static_cast<size_t>(view)] = {&input, shown.condition};
   return absl::OkStatus();
 }
 
+bool SeparatesTheRobot(const ViewSource& source) {
+  return std::holds_alternative<ObstacleMask>(source.input->image);
+}
+
 void MakeObstacleImages(const std::vector<RobotCover>& covers,
-                        const std::vector<const ViewInput*>& inputs, WeakRim weak_rim,
-                        Scene& scene) {
+                        const std::vector<ViewSource>& sources, WeakRim weak_rim, Scene& scene) {
   if (covers.empty()) return;
   for (size_t view = 0; view < scene.views.size(); ++view) {
     if (!scene.views[view]) continue;
     SceneView& seen = *scene.views[view];
     const Mask& foreground = seen.foreground;
     const RobotCover& robot = covers[view];
-    ObstacleImage image = std::holds_alternative<ObstacleMask>(inputs[view]->image)
+    ObstacleImage image = SeparatesTheRobot(sources[view])
                               ? ObstacleImage::FromObstacles(foreground, robot.anywhere)
                               : ObstacleImage::FromScene(foreground, robot.anywhere, robot.certain);
     if (seen.strong && weak_rim == WeakRim::kUnknown) {
@@ -222,8 +249,31 @@ std::string WhyNoVariant(const ServedDatabase& whole, const SceneInput& input) {
                       "publish the scene with one of ", absl::StrJoin(whole.variants(), ", "));
 }
 
+// What is wrong with what the views of the scene show.
+std::vector<SceneDefect> DefectsOfViews(const ServedDatabase& database,
+                                        const SceneSettings& settings,
+                                        const std::vector<ViewSource>& sources,
+                                        const std::vector<RobotCover>& covers, const Scene& scene) {
+  std::vector<std::string> names;
+  std::vector<CheckedView> checked;
+  for (size_t view = 0; view < scene.views.size(); ++view) {
+    names.push_back(database.view_name(static_cast<int>(view)));
+    const std::optional<SceneView>& seen = scene.views[view];
+    if (!seen) continue;
+    const ViewSource& source = sources[view];
+    checked.push_back({.name = seen->name,
+                       .condition = source.condition ? &*source.condition : nullptr,
+                       .foreground = SeparatesTheRobot(source) ? nullptr : &seen->foreground,
+                       .robot = covers.empty() ? nullptr : &covers[view],
+                       .base = &database.robot_images().permanent(static_cast<int>(view)),
+                       .ignored = seen->ignored ? &*seen->ignored : nullptr});
+  }
+  return CheckViews(checked, names, settings.view_check);
+}
+
 void FindDefects(const ServedDatabase& database, const SceneSettings& settings,
-                 const SceneInput& input, Scene& scene) {
+                 const SceneInput& input, const std::vector<ViewSource>& sources,
+                 const std::vector<RobotCover>& covers, Scene& scene) {
   if (!database.margins_known().ok()) {
     scene.defects.push_back(
         {Reason::kMarginUnknown, std::string(database.margins_known().message())});
@@ -235,6 +285,8 @@ void FindDefects(const ServedDatabase& database, const SceneSettings& settings,
                       " apart, more than max_skew, ", absl::FormatDuration(settings.max_skew),
                       "; trigger the cameras together")});
   }
+  std::ranges::move(DefectsOfViews(database, settings, sources, covers, scene),
+                    std::back_inserter(scene.defects));
   for (int view = 0; view < database.views(); ++view) {
     const std::optional<SceneView>& seen = scene.views[static_cast<size_t>(view)];
     const std::string name = absl::StrCat("view '", database.view_name(view), "' ");
@@ -252,15 +304,6 @@ void FindDefects(const ServedDatabase& database, const SceneSettings& settings,
                         "where it says, the camera moved, or the light changed")});
     }
   }
-}
-
-// When the image was taken.
-absl::StatusOr<Moment> CaptureOf(const ViewInput& input, const Moment& arrived) {
-  const Moment captured = input.captured.value_or(arrived);
-  if (captured.running <= arrived.running + kClockTolerance) return captured;
-  return absl::InvalidArgumentError(
-      absl::StrCat("capture_time is ", absl::FormatDuration(captured.running - arrived.running),
-                   " in the future; let the clocks of camera and server agree"));
 }
 
 absl::Status InField(const absl::Status& status, size_t i, const ViewInput& input) {
@@ -291,14 +334,15 @@ absl::StatusOr<Scene> MakeScene(const ServedDatabase& whole, const SceneInput& i
   scene.obstacle_images.resize(views);
   scene.without_margins.resize(views);
   ASSIGN_OR_RETURN(RobotInScene robot, RobotOf(database, input, settings));
-  std::vector<const ViewInput*> inputs(views);
+  std::vector<ViewSource> sources(views);
   scene.oldest = {absl::InfiniteFuture(), absl::InfiniteDuration()};
   absl::Duration newest = -absl::InfiniteDuration();
   for (size_t i = 0; i < input.views.size(); ++i) {
     const ViewInput& view = input.views[i];
     const absl::StatusOr<Moment> captured = CaptureOf(view, arrived);
     if (!captured.ok()) return InField(captured.status(), i, view);
-    const absl::Status added = AddView(database, view, segmentation, captured->time, scene, inputs);
+    const absl::Status added =
+        AddView(database, view, segmentation, captured->time, scene, sources);
     if (!added.ok()) return InField(added, i, view);
     if (captured->running < scene.oldest.running) scene.oldest = *captured;
     newest = std::max(newest, captured->running);
@@ -316,8 +360,8 @@ absl::StatusOr<Scene> MakeScene(const ServedDatabase& whole, const SceneInput& i
                          {Reason::kVariantUnknown, WhyNoVariant(whole, input)});
   }
   scene.defects = std::move(robot.defects);
-  MakeObstacleImages(robot.covers, inputs, settings.weak_rim, scene);
-  FindDefects(database, settings, input, scene);
+  MakeObstacleImages(robot.covers, sources, settings.weak_rim, scene);
+  FindDefects(database, settings, input, sources, robot.covers, scene);
   return scene;
 }
 

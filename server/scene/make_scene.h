@@ -10,6 +10,7 @@
 
 #include "absl/status/statusor.h"
 #include "absl/time/time.h"
+#include "capture/segmentation/image_condition.h"
 #include "capture/segmentation/settings.h"
 #include "db/mask/mask.h"
 #include "server/scene/clock.h"
@@ -42,6 +43,8 @@ struct ViewInput {
   std::string view;
   std::optional<Moment> captured;  // nothing: the moment of arrival
   std::variant<SceneMask, ObstacleMask, EncodedImage> image;
+  // Of the camera image that a SceneMask was made of, where there was one.
+  std::optional<ImageCondition> condition = std::nullopt;
 };
 
 struct SceneInput {

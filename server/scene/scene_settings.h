@@ -11,6 +11,29 @@ namespace silhouette {
 // What faint obstacle components are that lie alone at the rim of the robot's image
 // (ObstacleImage::WithoutWeakRim).
 enum class WeakRim { kUnknown, kObstacle };
+// When a view is not as its reference and the robot images say (view_check.h). The figures are
+// those of the demo's cell while people walk about (docs/live.md).
+struct ViewCheckSettings {
+  // Brightness of a view, as a multiple of its reference's. Within these bounds the segmentation
+  // follows; light that is switched off, halved or doubled is outside.
+  double least_gain = 0.6;
+  double greatest_gain = 1.7;
+  // Largest share of saturated pixels: they show no obstacle.
+  double most_saturated = 0.5;
+  // Least share of the cell's structure. People who walk about leave 0.13 and more, unless they
+  // stand close before the camera; another view or a cover less than 0.08.
+  double least_structure = 0.1;
+  // How far the cell may have moved in a view, in camera pixels. People and noise move it by less
+  // than 0.5; a camera that turns by 1 degree, by 4 and more.
+  double most_shift = 1.5;
+  // Largest share of a view's mask that is foreground beside the robot. People fill more only where
+  // they stand close before a camera.
+  double most_foreground = 0.75;
+  // Largest share of the pixels which the robot certainly covers, its base apart, that show
+  // background in two views. Rims make up to 0.04 in any; an arm that is 8 degrees away, 0.1 and
+  // more.
+  double most_robot_missing = 0.05;
+};
 
 struct SceneSettings {
   // Oldest image that a verdict may rest on.
@@ -27,6 +50,7 @@ struct SceneSettings {
   double fixed_joint_tolerance = 0.005;
   // Noise at the rim of the robot and its shadow, unless there is a reason to block for it.
   WeakRim weak_rim = WeakRim::kUnknown;
+  ViewCheckSettings view_check = {};
 };
 
 // How the collision index is checked while it is served. It lies in the database's file, which

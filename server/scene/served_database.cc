@@ -172,6 +172,7 @@ ServedDatabase::ServedDatabase(std::string variant, const Common& common,
       elsewhere_(std::move(elsewhere)),
       index_(std::move(index)),
       references_(common.references),
+      outlines_(common.outlines),
       calibration_(common.calibration),
       calibration_fingerprint_(common.calibration_fingerprint),
       bands_(common.bands),
@@ -187,6 +188,7 @@ absl::StatusOr<ServedDatabase::Common> ServedDatabase::LoadCommon(
   common.fixed_joints = std::make_shared<FixedJointRanges>(common.cell);
   ASSIGN_OR_RETURN(std::vector<Reference> references, LoadReferences(database, snapshot));
   common.references = std::move(references);
+  for (const Reference& reference : common.references) common.outlines.emplace_back(reference);
   absl::StatusOr<std::optional<Calibration>> calibration = load.calibration;
   if (!load.calibration) calibration = LoadCalibration(database, snapshot);
   if (!calibration.ok()) return calibration.status();

@@ -11,12 +11,14 @@
 #include <memory>
 #include <mutex>
 #include <optional>
+#include <span>
 #include <string>
 #include <vector>
 
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
 #include "calib/camera/calibration.h"
+#include "capture/segmentation/image_condition.h"
 #include "capture/segmentation/reference.h"
 #include "db/store/collision_index.h"
 #include "db/store/fixed_joints.h"
@@ -129,6 +131,9 @@ class ServedDatabase {
   // The reference image of a view; has_references() must hold.
   const Reference& reference(int view) const { return references_[static_cast<size_t>(view)]; }
 
+  // Of all reference images; empty where there are none.
+  std::span<const Outline> outlines() const { return outlines_; }
+
   // Which calibration it is (FingerprintOf in calib/files/calibration_message.h); empty where there
   // is none.
   const std::string& calibration_fingerprint() const { return calibration_fingerprint_; }
@@ -160,6 +165,7 @@ class ServedDatabase {
     storage::v1::CellDescription cell;
     uint64_t generation = 0;
     std::vector<Reference> references;
+    std::vector<Outline> outlines;
     std::optional<Calibration> calibration;
     std::string calibration_fingerprint;
     std::shared_ptr<const EpipolarBands> bands;
@@ -191,6 +197,7 @@ class ServedDatabase {
   std::string elsewhere_;
   std::shared_ptr<const CollisionIndex> index_;
   std::vector<Reference> references_;
+  std::vector<Outline> outlines_;
   std::optional<Calibration> calibration_;
   std::string calibration_fingerprint_;
   std::shared_ptr<const EpipolarBands> bands_;

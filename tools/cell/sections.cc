@@ -55,6 +55,29 @@ Preset ReadPreset(const YamlNode& node) {
   node.Fail("the presets are " + ListOfWords(names));
 }
 
+// "1 px"
+double ReadPixels(const YamlNode& node) {
+  const LengthText length = ReadLength(node);
+  if (!(length.number > 0) || length.unit != "px") {
+    node.Fail("a number of pixels is expected, as in '1 px'");
+  }
+  return length.number;
+}
+
+// `check`: what the keys that are not stated are.
+ViewCheckSettings ReadViewCheck(const YamlNode& node, ViewCheckSettings check) {
+  YamlMap map(node);
+  map.Read("least_gain", check.least_gain, &YamlNode::AsNotNegative);
+  map.Read("greatest_gain", check.greatest_gain, &YamlNode::AsPositive);
+  map.Read("most_saturated", check.most_saturated, &YamlNode::AsShare);
+  map.Read("least_structure", check.least_structure, &YamlNode::AsShare);
+  map.Read("most_shift", check.most_shift, ReadPixels);
+  map.Read("most_foreground", check.most_foreground, &YamlNode::AsShare);
+  map.Read("most_robot_missing", check.most_robot_missing, &YamlNode::AsShare);
+  map.Finish();
+  return check;
+}
+
 // `live`: what the keys that are not stated are.
 LiveSettings ReadLive(const YamlNode& node, LiveSettings live) {
   YamlMap map(node);
@@ -72,15 +95,6 @@ LiveSettings ReadLive(const YamlNode& node, LiveSettings live) {
 RawImages ReadRawImages(const YamlNode& node) {
   constexpr RawImages kChoices[] = {RawImages::kNone, RawImages::kSentinels, RawImages::kAll};
   return kChoices[node.AsWordOf({"none", "sentinels", "all"})];
-}
-
-// "1 px"
-double ReadPixels(const YamlNode& node) {
-  const LengthText length = ReadLength(node);
-  if (!(length.number > 0) || length.unit != "px") {
-    node.Fail("a number of pixels is expected, as in '1 px'");
-  }
-  return length.number;
 }
 
 SentinelSettings ReadSentinels(const YamlNode& node) {
@@ -230,6 +244,9 @@ ServerSettings ReadServer(const YamlNode& node, const std::filesystem::path& fol
   map.Read("max_skew", server.scene.max_skew, &YamlNode::AsTime);
   map.Read("map_time", server.map_time, &YamlNode::AsTime);
   map.Read("max_core_error", server.scene.max_core_error, &YamlNode::AsShare);
+  if (const auto check = map.Optional("view_check")) {
+    server.scene.view_check = ReadViewCheck(*check, server.scene.view_check);
+  }
   map.Read("fixed_joint_tolerance", server.scene.fixed_joint_tolerance, PositiveAngle);
   map.Read("weak_rim", server.scene.weak_rim, [](const YamlNode& weak_rim) {
     return weak_rim.AsWordOf({"unknown", "obstacle"}) == 0 ? WeakRim::kUnknown : WeakRim::kObstacle;

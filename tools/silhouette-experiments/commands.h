@@ -24,6 +24,7 @@ void AddCalibrationCommand(CLI::App& program, Run& run);
 void AddPlacementCommand(CLI::App& program, Run& run);
 void AddSegmentationCommand(CLI::App& program, Run& run);
 void AddStillCommand(CLI::App& program, Run& run);
+void AddFaultsCommand(CLI::App& program, Run& run);
 
 // When `command` is chosen, `run` makes the folder `arguments->out`, if there is such an option and
 // it is given, and does `work`. An error is printed on stderr.

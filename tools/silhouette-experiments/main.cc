@@ -16,6 +16,7 @@ int main(int argc, char** argv) {
       "  silhouette-experiments calibration --runs 10\n"
       "  silhouette-experiments placement --cell cell.yaml --places places.yaml --out out\n"
       "  silhouette-experiments segmentation --cell cell.yaml --scenes 20\n"
+      "  silhouette-experiments faults --cell cell.yaml --minutes 60\n"
       "  silhouette-experiments still --cell cell.yaml --database cell.lmdb\n\n"
       "Exit codes: 0 done, 2 a mistake in the arguments or files, 3 the world failed.");
   silhouette::Run run;
@@ -25,5 +26,6 @@ int main(int argc, char** argv) {
   silhouette::AddPlacementCommand(app, run);
   silhouette::AddSegmentationCommand(app, run);
   silhouette::AddStillCommand(app, run);
+  silhouette::AddFaultsCommand(app, run);
   return silhouette::RunProgram(app, argc, argv, [&] { return run(); });
 }

@@ -1,0 +1,167 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "server/scene/view_check.h"
+
+#include <gmock/gmock.h>
+
+#include <functional>
+#include <memory>
+#include <utility>
+#include <vector>
+
+#include "server/scene/checker.h"
+#include "tests/server/test_cell.h"
+
+namespace silhouette {
+namespace {
+
+using ::testing::ElementsAre;
+using ::testing::HasSubstr;
+using ::testing::IsEmpty;
+
+constexpr MaskSize kCheckedSize = {64, 48};
+const std::vector<std::string> kCheckedNames = {"top", "left"};
+
+Mask Columns(int from, int to) {
+  return Mask::FromPredicate(kCheckedSize, [=](int x, int) { return x >= from && x < to; });
+}
+
+struct ViewCheckTest : ::testing::Test {
+  ImageCondition condition{.structure = 1};
+  Mask foreground = Columns(10, 14);
+  RobotCover robot{Columns(10, 14), Columns(10, 14)};
+  ViewCheckSettings settings;
+
+  std::vector<SceneDefect> Check(const CheckedView& view) const {
+    return CheckViews({&view, 1}, kCheckedNames, settings);
+  }
+  std::vector<SceneDefect> Defects() const {
+    return Check(
+        {.name = "top", .condition = &condition, .foreground = &foreground, .robot = &robot});
+  }
+  std::vector<Reason> Reasons() const {
+    std::vector<Reason> reasons;
+    for (const SceneDefect& defect : Defects()) {
+      EXPECT_THAT(defect.message, HasSubstr("view 'top' "));
+      reasons.push_back(defect.reason);
+    }
+    return reasons;
+  }
+};
+
+TEST_F(ViewCheckTest, ViewAsItShouldBeHasNoDefect) { EXPECT_THAT(Defects(), IsEmpty()); }
+
+TEST_F(ViewCheckTest, EveryFaultHasItsReason) {
+  for (const double gain : {0.01, 0.5, 2.0}) {
+    condition.gain = gain;
+    EXPECT_THAT(Reasons(), ElementsAre(Reason::kLightChanged)) << gain;
+  }
+  condition = {.saturated = 0.9, .structure = 0};
+  EXPECT_THAT(Reasons(), ElementsAre(Reason::kLightChanged));
+  condition = {.structure = 0.05};
+  EXPECT_THAT(Reasons(), ElementsAre(Reason::kViewCovered));
+  condition = {.structure = 0.05, .other = 1};
+  EXPECT_THAT(Reasons(), ElementsAre(Reason::kViewsSwapped));
+  EXPECT_THAT(Defects()[0].message, HasSubstr("'left'"));
+  condition = {.structure = 0.9, .shift = 2};
+  EXPECT_THAT(Reasons(), ElementsAre(Reason::kCameraMoved));
+  condition = {.structure = 1};
+  foreground = Columns(0, 60);
+  EXPECT_THAT(Reasons(), ElementsAre(Reason::kViewCovered));
+  foreground = Columns(12, 16);
+  EXPECT_THAT(Reasons(), ElementsAre(Reason::kRobotElsewhere));
+}
+
+TEST_F(ViewCheckTest, MasksAloneAreCheckedForForegroundAndRobot) {
+  foreground = Columns(0, 60);
+  EXPECT_EQ(Check({.name = "top", .foreground = &foreground}).size(), 1u);
+  foreground = Mask(kCheckedSize);
+  EXPECT_EQ(Check({.name = "top", .foreground = &foreground, .robot = &robot}).size(), 1u);
+  EXPECT_THAT(Check({.name = "top"}), IsEmpty());
+}
+
+TEST_F(ViewCheckTest, BaseOfTheRobotIsNoProofOfItsPlace) {
+  robot = {Columns(10, 40), Columns(10, 40)};
+  foreground = Columns(10, 39);
+  EXPECT_THAT(Defects(), IsEmpty()) << "a thirtieth";
+  const Mask base = Columns(10, 34);
+  EXPECT_EQ(
+      Check({.name = "top", .foreground = &foreground, .robot = &robot, .base = &base}).size(), 1u)
+      << "a sixth";
+}
+
+TEST_F(ViewCheckTest, WhatHidesTheRobotInOneViewOfSeveralMovesItNowhere) {
+  const Mask empty(kCheckedSize);
+  const CheckedView good{.name = "top", .foreground = &foreground, .robot = &robot};
+  const CheckedView bad{.name = "left", .foreground = &empty, .robot = &robot};
+  EXPECT_THAT(CheckViews(std::vector{good, bad}, kCheckedNames, settings), IsEmpty());
+  EXPECT_EQ(CheckViews(std::vector{good, bad, bad}, kCheckedNames, settings).size(), 2u);
+}
+
+TEST_F(ViewCheckTest, IgnoredPixelsDoNotCount) {
+  foreground = Mask(kCheckedSize);
+  const Mask ignored = Columns(0, 30);
+  EXPECT_THAT(Check({.name = "top",
+                     .condition = &condition,
+                     .foreground = &foreground,
+                     .robot = &robot,
+                     .ignored = &ignored}),
+              IsEmpty());
+}
+
+// Scenes of camera images, and what may be done with them.
+struct CheckedSceneTest : ::testing::Test {
+  std::shared_ptr<const ServedDatabase> database = NewDatabase({.references = true});
+  Moment now{absl::FromUnixSeconds(1'000'000), absl::Seconds(50)};
+
+  // The cell with the robot at (0, 0), a picture changed.
+  Scene SceneOf(const std::function<void(std::vector<cv::Mat>&)>& change) {
+    std::vector<cv::Mat> pictures;
+    for (int view = 0; view < 3; ++view)
+      pictures.push_back(CameraPicture(view, RobotMask(view, 0, 0)));
+    change(pictures);
+    SceneInput input;
+    input.joints = JointsAt(At(0, 0));
+    for (size_t view = 0; view < 3; ++view) {
+      input.views.push_back({kViewNames[view], std::nullopt, EncodedImage{PngOf(pictures[view])}});
+    }
+    auto scene = MakeScene(*database, input, {}, {}, now);
+    EXPECT_TRUE(scene.ok()) << scene.status();
+    return *std::move(scene);
+  }
+  int Free(Scene scene) {
+    const Checker checker({.database = database,
+                           .scene = std::make_shared<const Scene>(std::move(scene)),
+                           .without_scene = Reason::kNone},
+                          {}, {}, now);
+    int free = 0;
+    for (int a = 0; a < 5; ++a) {
+      for (int b = 0; b < 8; ++b) free += checker.Check(At(a, b)).free() ? 1 : 0;
+    }
+    return free;
+  }
+};
+
+TEST_F(CheckedSceneTest, ImagesAsTheyShouldBeAreFree) {
+  const Scene scene = SceneOf([](auto&) {});
+  EXPECT_THAT(scene.defects, IsEmpty());
+  EXPECT_GT(Free(scene), 0);
+}
+
+TEST_F(CheckedSceneTest, NothingIsFreeInAViewThatIsNotAsItWas) {
+  const std::vector<std::pair<Reason, std::function<void(cv::Mat&)>>> faults = {
+      {Reason::kLightChanged, [](cv::Mat& image) { image *= 0.5; }},
+      {Reason::kLightChanged, [](cv::Mat& image) { image *= 0.01; }},
+      {Reason::kLightChanged, [](cv::Mat& image) { image.setTo(255); }},
+      {Reason::kViewCovered, [](cv::Mat& image) { image.setTo(150); }},
+  };
+  for (const auto& [reason, fault] : faults) {
+    const Scene scene = SceneOf([&](auto& pictures) { fault(pictures[1]); });
+    EXPECT_EQ(scene.Blocked(), reason);
+    EXPECT_EQ(Free(scene), 0);
+    ASSERT_FALSE(scene.defects.empty());
+    EXPECT_THAT(scene.defects[0].message, HasSubstr("'right'"));
+  }
+}
+
+}  // namespace
+}  // namespace silhouette
