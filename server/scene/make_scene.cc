@@ -255,7 +255,7 @@ std::vector<SceneDefect> DefectsOfViews(const ServedDatabase& database,
                                         const std::vector<ViewSource>& sources,
                                         const std::vector<RobotCover>& covers, const Scene& scene) {
   std::vector<std::string> names;
-  std::vector<CheckedView> checked;
+  std::vector<ViewToCheck> checked;
   for (size_t view = 0; view < scene.views.size(); ++view) {
     names.push_back(database.view_name(static_cast<int>(view)));
     const std::optional<SceneView>& seen = scene.views[view];

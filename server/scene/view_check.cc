@@ -17,7 +17,7 @@ constexpr size_t kFewestMissingPixels = 4;
 
 class ViewCheck {
  public:
-  ViewCheck(const CheckedView& view, const ViewCheckSettings& settings)
+  ViewCheck(const ViewToCheck& view, const ViewCheckSettings& settings)
       : view_(view), settings_(settings) {}
 
   std::vector<SceneDefect> Defects(std::span<const std::string> names) {
@@ -95,18 +95,18 @@ class ViewCheck {
                         100 * share));
   }
 
-  const CheckedView& view_;
+  const ViewToCheck& view_;
   const ViewCheckSettings& settings_;
   std::vector<SceneDefect> defects_;
 };
 
 }  // namespace
 
-std::vector<SceneDefect> CheckViews(std::span<const CheckedView> views,
+std::vector<SceneDefect> CheckViews(std::span<const ViewToCheck> views,
                                     std::span<const std::string> names,
                                     const ViewCheckSettings& settings) {
   std::vector<SceneDefect> defects;
-  for (const CheckedView& view : views) {
+  for (const ViewToCheck& view : views) {
     std::ranges::move(ViewCheck(view, settings).Defects(names), std::back_inserter(defects));
   }
   const auto elsewhere = [](const SceneDefect& defect) {

@@ -16,7 +16,7 @@
 namespace silhouette {
 
 // What is known of one view of a scene. Pointers: null where it is not known.
-struct CheckedView {
+struct ViewToCheck {
   std::string name;
   const ImageCondition* condition = nullptr;  // of its camera image
   const Mask* foreground = nullptr;           // not of a sensor that separates the robot by itself
@@ -28,7 +28,7 @@ struct CheckedView {
 // What is wrong with the views of a scene: each a defect with which no verdict is free. `names`: of
 // all views of the cell, for ImageCondition::other. Where a scene has several views, two must miss
 // the robot: what is as bright as the floor hides it in one.
-std::vector<SceneDefect> CheckViews(std::span<const CheckedView> views,
+std::vector<SceneDefect> CheckViews(std::span<const ViewToCheck> views,
                                     std::span<const std::string> names,
                                     const ViewCheckSettings& settings);
 

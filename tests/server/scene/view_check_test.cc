@@ -31,7 +31,7 @@ struct ViewCheckTest : ::testing::Test {
   RobotCover robot{Columns(10, 14), Columns(10, 14)};
   ViewCheckSettings settings;
 
-  std::vector<SceneDefect> Check(const CheckedView& view) const {
+  std::vector<SceneDefect> Check(const ViewToCheck& view) const {
     return CheckViews({&view, 1}, kCheckedNames, settings);
   }
   std::vector<SceneDefect> Defects() const {
@@ -91,8 +91,8 @@ TEST_F(ViewCheckTest, BaseOfTheRobotIsNoProofOfItsPlace) {
 
 TEST_F(ViewCheckTest, WhatHidesTheRobotInOneViewOfSeveralMovesItNowhere) {
   const Mask empty(kCheckedSize);
-  const CheckedView good{.name = "top", .foreground = &foreground, .robot = &robot};
-  const CheckedView bad{.name = "left", .foreground = &empty, .robot = &robot};
+  const ViewToCheck good{.name = "top", .foreground = &foreground, .robot = &robot};
+  const ViewToCheck bad{.name = "left", .foreground = &empty, .robot = &robot};
   EXPECT_THAT(CheckViews(std::vector{good, bad}, kCheckedNames, settings), IsEmpty());
   EXPECT_EQ(CheckViews(std::vector{good, bad, bad}, kCheckedNames, settings).size(), 2u);
 }

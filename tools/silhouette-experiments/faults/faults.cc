@@ -305,7 +305,7 @@ class Watcher {
       masks_.push_back(cell_.MaskOf(images[view], view));
     }
     std::vector<ImageCondition> conditions(images.size());
-    std::vector<CheckedView> checked;
+    std::vector<ViewToCheck> checked;
     for (size_t view = 0; view < images.size(); ++view) {
       const auto before = std::chrono::steady_clock::now();
       conditions[view] = ConditionOf(Pixels(images[view]), cell_.outlines(), view);
@@ -328,7 +328,7 @@ class Watcher {
     return reasons;
   }
 
-  static void Extend(WatchResult& extremes, const CheckedView& view, const Mask& missing) {
+  static void Extend(WatchResult& extremes, const ViewToCheck& view, const Mask& missing) {
     const ImageCondition& condition = *view.condition;
     extremes.least_gain = std::min(extremes.least_gain, condition.gain);
     extremes.greatest_gain = std::max(extremes.greatest_gain, condition.gain);
