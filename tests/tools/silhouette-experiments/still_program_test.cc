@@ -25,7 +25,10 @@ TEST(StillExperimentProgram, WithoutNoiseNoVerdictChanges) {
     EXPECT_EQ(row["configurations"], 45);
     EXPECT_EQ(row["median_changed"], 0);
     EXPECT_EQ(row["least_occupied"], row["most_occupied"]);
-    EXPECT_EQ(row["median_occupied"] > 0, row["name"] == "and a person");
+  }
+  for (const size_t robot : {0u, 1u}) {
+    EXPECT_EQ(rows[robot]["robot"], rows[robot + 2]["robot"]);
+    EXPECT_LT(rows[robot]["median_occupied"], rows[robot + 2]["median_occupied"]) << "a person";
   }
 }
 
