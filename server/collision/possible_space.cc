@@ -30,7 +30,7 @@ uint64_t Gather(const uint8_t* table, const uint32_t* indices) {
   return bytes;
 }
 
-// Eight voxels: which of them are seen plainly, in all but so many views.
+// Eight voxels: which of them all views but `max_occluded_views` see as an obstacle.
 class PlainVoxels {
  public:
   // `bytes`: LookTables' bits of each voxel in one more view. A view that says nothing has

@@ -41,7 +41,7 @@ struct ProofOfLifeTest : ::testing::Test {
     }
     return scene;
   }
-  // With noise of so many grey levels, at the next moment.
+  // With this noise, in grey levels, at the next moment.
   CameraImage Image(double sigma, const cv::Mat& scene) {
     std::normal_distribution<float> noise(0, static_cast<float>(sigma));
     CameraImage image;

@@ -17,7 +17,7 @@ struct WatchSettings {
   double minutes = 10;   // of simulated time
   double interval = 1;   // seconds from one scene to the next
   int people = 3;        // who walk about
-  int fault_every = 30;  // scenes; each fault is tried in one of so many
+  int fault_every = 30;  // each fault is tried once in this many scenes
   int reference_images = 20;
   uint64_t seed = 1;
 };
