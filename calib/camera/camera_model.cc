@@ -28,7 +28,7 @@ double RadialSlope(const std::array<double, 8>& d, double r2) {
 
 // The least r at which r * RadialFactor(r^2) stops growing; infinity if it grows up to the widest
 // angle that a pinhole image can sensibly show.
-double FoldRadius(const std::array<double, 8>& d) {
+double FirstFold(const std::array<double, 8>& d) {
   constexpr int kSteps = 12000;  // up to 85 degrees off the axis
   constexpr double kStep = 1e-3;
   for (int i = 1; i < kSteps; ++i) {
@@ -93,7 +93,7 @@ CameraModel::CameraModel(const CameraIntrinsics& intrinsics,
       !camera_from_world.matrix().allFinite()) {
     throw std::invalid_argument("a camera's parameters must be finite");
   }
-  fold_ = FoldRadius(intrinsics.distortion);
+  fold_ = FirstFold(intrinsics.distortion);
 }
 
 CameraModel CameraModel::ScaledTo(int width, int height) const {

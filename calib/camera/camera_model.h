@@ -81,6 +81,10 @@ class CameraModel {
   std::optional<Eigen::Vector2d> Undistorted(const Eigen::Vector2d& pixel) const;
   std::optional<Eigen::Vector2d> Distorted(const Eigen::Vector2d& undistorted) const;
 
+  // The distance from the axis, at z = 1, where the radial distortion folds back: nothing is seen
+  // from there on. Infinity if it does not.
+  double FoldRadius() const { return fold_; }
+
   // Whether a pixel coordinate lies on the image.
   bool Contains(const Eigen::Vector2d& pixel) const;
 

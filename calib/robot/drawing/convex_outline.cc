@@ -1,0 +1,84 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "calib/robot/drawing/convex_outline.h"
+
+#include <algorithm>
+#include <cmath>
+
+namespace silhouette {
+namespace {
+
+using Eigen::Vector2d;
+
+double CrossOf(const Vector2d& a, const Vector2d& b) { return a.x() * b.y() - a.y() * b.x(); }
+
+// Appends the corners of a polygon about the part of a circle from the direction `from` to `to`,
+// counter-clockwise by at most half a turn: where the tangents meet, no two of which are more than
+// 30 degrees apart.
+void AppendArc(const Vector2d& centre, double radius, const Vector2d& from, const Vector2d& to,
+               std::vector<Vector2d>& points) {
+  constexpr double kCos30 = 0.8660254037844386;
+  if (from.dot(to) >= kCos30) {
+    const Vector2d sum = from + to;
+    points.emplace_back(centre + 2 * radius / sum.squaredNorm() * sum);
+    return;
+  }
+  // Half a turn has no sum.
+  const Vector2d between = from.dot(to) < -0.5
+                               ? Vector2d(Vector2d(-from.y(), from.x()) + Vector2d(to.y(), -to.x()))
+                               : Vector2d(from + to);
+  const Vector2d middle = between.normalized();
+  AppendArc(centre, radius, from, middle, points);
+  AppendArc(centre, radius, middle, to, points);
+}
+
+}  // namespace
+
+void ConvexHull(std::vector<Vector2d>& points, std::vector<Vector2d>& hull) {
+  std::ranges::sort(points, [](const Vector2d& a, const Vector2d& b) {
+    return a.x() < b.x() || (a.x() == b.x() && a.y() < b.y());
+  });
+  hull.clear();
+  const auto add = [&](const Vector2d& point, size_t least) {
+    while (hull.size() >= least + 2 &&
+           CrossOf(hull.back() - hull[hull.size() - 2], point - hull.back()) <= 0) {
+      hull.pop_back();
+    }
+    if (hull.size() == least || hull.back() != point) hull.push_back(point);
+  };
+  for (const Vector2d& point : points) add(point, 0);
+  if (hull.size() < 2) return;
+  // The lower side is done; the upper one goes back from its end.
+  const size_t lower = hull.size() - 1;
+  for (size_t i = points.size() - 1; i-- > 0;) add(points[i], lower);
+  hull.pop_back();  // the first again
+}
+
+void WidenOutline(std::span<const Vector2d> hull, double radius, std::vector<Vector2d>& outline) {
+  outline.clear();
+  if (radius == 0) {
+    outline.assign(hull.begin(), hull.end());
+    return;
+  }
+  if (hull.size() == 1) {
+    AppendAround(hull[0], radius, outline);
+    return;
+  }
+  const auto normal = [&](size_t edge) {
+    const Vector2d along = (hull[(edge + 1) % hull.size()] - hull[edge]).normalized();
+    return Vector2d(along.y(), -along.x());
+  };
+  Vector2d before = normal(hull.size() - 1);
+  for (size_t i = 0; i < hull.size(); ++i) {
+    const Vector2d after = normal(i);
+    AppendArc(hull[i], radius, before, after, outline);
+    before = after;
+  }
+}
+
+void AppendAround(const Vector2d& centre, double radius, std::vector<Vector2d>& points) {
+  const Vector2d right = Vector2d::UnitX();
+  AppendArc(centre, radius, right, -right, points);
+  AppendArc(centre, radius, -right, right, points);
+}
+
+}  // namespace silhouette

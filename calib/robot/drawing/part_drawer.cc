@@ -1,0 +1,434 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "calib/robot/drawing/part_drawer.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <numbers>
+#include <optional>
+#include <stdexcept>
+
+#include "calib/robot/drawing/convex_outline.h"
+
+namespace silhouette {
+namespace {
+
+using Eigen::AlignedBox2d;
+using Eigen::Vector2d;
+using Eigen::Vector3d;
+
+constexpr double kNear = 0.01;        // metres before the camera's plane; nothing is seen nearer
+constexpr double kSag = 1.0 / 16;     // pixels that a chord may be off the image of its edge
+constexpr double kRounding = 1e-4;    // pixels
+constexpr double kBeyond = 2;         // pixels about the image that the window holds too
+constexpr double kWidest = 12;        // at z = 1: 85 degrees off the axis, as CameraModel has it
+constexpr int kMostChords = 64;       // of an edge
+constexpr double kLensSafety = 1.25;  // sampled bounds of the lens are multiplied by this
+
+void RequireWords(MaskSize size, size_t points, size_t words) {
+  if (points == 0) throw std::invalid_argument("a body to draw has no points");
+  if (words != size.words()) throw std::invalid_argument("not the words of a mask of this view");
+}
+
+void SetBits(std::span<uint64_t> words, size_t first, size_t last) {
+  const size_t begin = first / 64;
+  const size_t end = last / 64;
+  const uint64_t head = ~uint64_t{0} << (first % 64);
+  const uint64_t tail = ~uint64_t{0} >> (63 - last % 64);
+  if (begin == end) {
+    words[begin] |= head & tail;
+    return;
+  }
+  words[begin] |= head;
+  for (size_t word = begin + 1; word < end; ++word) words[word] = ~uint64_t{0};
+  words[end] |= tail;
+}
+
+// Appends the vertices of the hull of `points`, between the planes z = low and z = high, and maybe
+// points of the hull's inside.
+void CutBetween(const std::vector<Vector3d>& points, double low, double high,
+                std::vector<Vector3d>& cut) {
+  for (const Vector3d& point : points) {
+    if (point.z() >= low && point.z() <= high) cut.push_back(point);
+  }
+  for (const double plane : {low, high}) {
+    if (!std::isfinite(plane)) continue;
+    for (const Vector3d& below : points) {
+      if (!(below.z() < plane)) continue;
+      for (const Vector3d& above : points) {
+        if (!(above.z() > plane)) continue;
+        const double share = (plane - below.z()) / (above.z() - below.z());
+        cut.push_back(below + share * (above - below));
+        cut.back().z() = plane;
+      }
+    }
+  }
+}
+
+// How far from its centre's image, at z = 1, a ball's image reaches at most: tan(b + a) - tan b for
+// a ball of angular radius a whose centre is b off the axis.
+double ReachOfBall(const Vector3d& centre, double radius) {
+  const double off_axis = centre.head<2>().norm() / centre.z();
+  const double tan_radius = radius / std::sqrt(centre.squaredNorm() - radius * radius);
+  return tan_radius * (1 + off_axis * off_axis) / (1 - off_axis * tan_radius);
+}
+
+}  // namespace
+
+PartDrawer::PartDrawer(const CameraModel& camera, MaskSize size)
+    : camera_(size.valid() ? camera.ScaledTo(size.width, size.height) : camera), size_(size) {
+  if (!size.valid()) throw std::invalid_argument("a mask of this size cannot be drawn");
+  margin_ = kRounding;
+  FindWindow();
+  BoundLens();
+  UndistortCorners();
+}
+
+Vector2d PartDrawer::PixelAt(const Vector2d& p) const {
+  const CameraIntrinsics& in = camera_.intrinsics();
+  const Vector2d distorted = Distort(in, p.x(), p.y());
+  return {in.fx * distorted.x() + in.cx, in.fy * distorted.y() + in.cy};
+}
+
+void PartDrawer::FindWindow() {
+  const CameraIntrinsics& in = camera_.intrinsics();
+  const auto at_one_metre = [&](const Vector2d& pixel) -> std::optional<Vector2d> {
+    const auto p = camera_.Undistorted(pixel);
+    if (!p) return std::nullopt;
+    return Vector2d((p->x() - in.cx) / in.fx, (p->y() - in.cy) / in.fy);
+  };
+  // Around the image, and a little beyond it.
+  const Vector2d low = Vector2d::Constant(-0.5 - kBeyond);
+  const Vector2d high(size_.width - 0.5 + kBeyond, size_.height - 0.5 + kBeyond);
+  const std::vector<Vector2d> round = {low, {high.x(), low.y()}, high, {low.x(), high.y()}};
+  bool all_seen = true;
+  double step = 0;
+  double farthest = 0;
+  std::optional<Vector2d> before;
+  for (size_t side = 0; side < 4 && all_seen; ++side) {
+    const Vector2d along = round[(side + 1) % 4] - round[side];
+    const int steps = 2 * static_cast<int>(std::ceil(along.norm()));
+    for (int i = 0; i <= steps && all_seen; ++i) {
+      const auto p = at_one_metre(round[side] + along * i / steps);
+      all_seen = p.has_value();
+      if (!p) break;
+      window_box_.extend(*p);
+      farthest = std::max(farthest, p->norm());
+      if (before) step = std::max(step, (*p - *before).norm());
+      before = p;
+    }
+  }
+  window_box_.min() -= Vector2d::Constant(step);
+  window_box_.max() += Vector2d::Constant(step);
+  farthest += step;
+  const double fold = camera_.FoldRadius();
+  const double widest = std::min(fold, kWidest);
+  all_seen = all_seen && farthest < kWidest && NothingBeyond(window_box_, widest);
+  const Vector2d corner = window_box_.min().cwiseAbs().cwiseMax(window_box_.max().cwiseAbs());
+  if (all_seen && corner.norm() < 0.98 * fold) {
+    window_ = {{{-1, 0}, -window_box_.min().x()},
+               {{1, 0}, window_box_.max().x()},
+               {{0, -1}, -window_box_.min().y()},
+               {{0, 1}, window_box_.max().y()}};
+    return;
+  }
+  // A polygon about a circle, which is a little smaller than the lens's fold if the image is. Where
+  // the lens folds within the image the image of what is between circle and polygon hardly moves.
+  constexpr int kSides = 64;
+  constexpr double kCorner = 1.0013;  // 1 / cos(pi / kSides), rounded up
+  const bool clear_of_fold = all_seen && farthest * kCorner < fold;
+  window_radius_ = clear_of_fold ? farthest : widest;
+  window_box_ = AlignedBox2d(Vector2d::Constant(-kCorner * window_radius_),
+                             Vector2d::Constant(kCorner * window_radius_));
+  for (int i = 0; i < kSides; ++i) {
+    const double angle = 2 * std::numbers::pi * i / kSides;
+    window_.push_back({{std::cos(angle), std::sin(angle)}, window_radius_});
+  }
+  if (!clear_of_fold) margin_ += 0.5;
+}
+
+// Whether no direction outside `box` and within `widest` appears in the image, on a lattice.
+bool PartDrawer::NothingBeyond(const AlignedBox2d& box, double widest) const {
+  constexpr int kSteps = 200;
+  for (int y = -kSteps; y <= kSteps; ++y) {
+    for (int x = -kSteps; x <= kSteps; ++x) {
+      const Vector2d p = Vector2d(x, y) * (widest / kSteps);
+      if (p.norm() < widest && !box.contains(p) && camera_.Contains(PixelAt(p))) return false;
+    }
+  }
+  return true;
+}
+
+void PartDrawer::BoundLens() {
+  constexpr int kSteps = 96;
+  const double h = 1e-4 * window_box_.sizes().maxCoeff();
+  const Vector2d x(h, 0);
+  const Vector2d y(0, h);
+  for (int i = 0; i < (kSteps + 1) * (kSteps + 1); ++i) {
+    const Vector2d share =
+        Vector2d(i % (kSteps + 1), i / (kSteps + 1)) / static_cast<double>(kSteps);
+    const Vector2d p = window_box_.min() + share.cwiseProduct(window_box_.sizes());
+    const double beyond = p.norm() / (1.001 * camera_.FoldRadius());
+    const Vector2d at = beyond > 1 ? Vector2d(p / beyond) : p;
+    const Vector2d middle = PixelAt(at);
+    const Vector2d dx = (PixelAt(at + x) - PixelAt(at - x)) / (2 * h);
+    const Vector2d dy = (PixelAt(at + y) - PixelAt(at - y)) / (2 * h);
+    const Vector2d dxx = (PixelAt(at + x) - 2 * middle + PixelAt(at - x)) / (h * h);
+    const Vector2d dyy = (PixelAt(at + y) - 2 * middle + PixelAt(at - y)) / (h * h);
+    const Vector2d dxy =
+        (PixelAt(at + x + y) - PixelAt(at + x - y) - PixelAt(at - x + y) + PixelAt(at - x - y)) /
+        (4 * h * h);
+    const double scale = std::sqrt(dx.squaredNorm() + dy.squaredNorm());
+    const double bend = std::sqrt(dxx.squaredNorm() + 2 * dxy.squaredNorm() + dyy.squaredNorm());
+    // Not a number stays.
+    if (!(scale <= scale_)) scale_ = scale;
+    if (!(bend <= bend_)) bend_ = bend;
+    if (std::isnan(scale_) || std::isnan(bend_)) break;
+  }
+  scale_ *= kLensSafety;
+  bend_ *= kLensSafety;
+}
+
+void PartDrawer::UndistortCorners() {
+  const CameraIntrinsics& in = camera_.intrinsics();
+  const double none = std::numeric_limits<double>::quiet_NaN();
+  const int columns = size_.width + 1;
+  const int rows = size_.height + 1;
+  for (int y = 0; y < rows; ++y) {
+    for (int x = 0; x < columns; ++x) {
+      const auto p = camera_.Undistorted({x - 0.5, y - 0.5});
+      corners_.push_back(p ? Vector2d((p->x() - in.cx) / in.fx, (p->y() - in.cy) / in.fy)
+                           : Vector2d(none, none));
+    }
+  }
+  const auto corner = [&](int x, int y) {
+    return corners_[static_cast<size_t>(y) * static_cast<size_t>(columns) + static_cast<size_t>(x)];
+  };
+  // A side that bends by its second derivative d is d / 8 off its chord in the middle; d is the
+  // second difference of three corners. Twice that, for what is between.
+  double second = 0;
+  for (int y = 0; y < rows; ++y) {
+    for (int x = 0; x < columns; ++x) {
+      const auto bend = [&](const Vector2d& a, const Vector2d& b) {
+        const double size = (a - 2 * corner(x, y) + b).norm();
+        if (size > second) second = size;
+      };
+      if (x > 0 && x + 1 < columns) bend(corner(x - 1, y), corner(x + 1, y));
+      if (y > 0 && y + 1 < rows) bend(corner(x, y - 1), corner(x, y + 1));
+    }
+  }
+  corner_bend_ = 2 * second / 8 + 1e-9;
+}
+
+void PartDrawer::PointsInCamera(const Eigen::Isometry3d& world_from_body,
+                                const Eigen::Matrix3Xd& points, DrawingScratch& scratch) const {
+  const Eigen::Isometry3d camera_from_body = camera_.camera_from_world() * world_from_body;
+  const Eigen::Matrix3d turn = camera_from_body.linear();
+  const Vector3d move = camera_from_body.translation();
+  scratch.points.clear();
+  for (Eigen::Index i = 0; i < points.cols(); ++i) {
+    scratch.points.emplace_back(turn * points.col(i) + move);
+  }
+}
+
+bool PartDrawer::CutNearPlane(double growth, double least, DrawingScratch& scratch) const {
+  constexpr double kInfinity = std::numeric_limits<double>::infinity();
+  scratch.near.clear();
+  CutBetween(scratch.points, -growth, least, scratch.near);
+  Eigen::AlignedBox3d box;
+  for (const Vector3d& point : scratch.near) box.extend(point);
+  // All that is seen up to z = farthest is in this box.
+  const double farthest = least + growth;
+  const Vector2d low = (farthest * window_box_.min()).cwiseMin(0);
+  const Vector2d high = (farthest * window_box_.max()).cwiseMax(0);
+  const Vector3d reach = Vector3d::Constant(growth);
+  const Eigen::AlignedBox3d seen(Vector3d(low.x(), low.y(), 0),
+                                 Vector3d(high.x(), high.y(), farthest));
+  if (!scratch.near.empty() &&
+      seen.intersects(Eigen::AlignedBox3d(box.min() - reach, box.max() + reach))) {
+    return false;
+  }
+  scratch.near.clear();
+  CutBetween(scratch.points, least, kInfinity, scratch.near);
+  std::swap(scratch.points, scratch.near);
+  return true;
+}
+
+void PartDrawer::WidenedOutline(double growth, DrawingScratch& scratch) const {
+  scratch.projected.clear();
+  double least = std::numeric_limits<double>::infinity();
+  double most = 0;
+  for (const Vector3d& point : scratch.points) {
+    scratch.projected.emplace_back(point.head<2>() / point.z());
+    if (growth == 0) continue;
+    const double reach = ReachOfBall(point, growth);
+    least = std::min(least, reach);
+    most = std::max(most, reach);
+  }
+  constexpr double kAlike = 0.1;  // pixels
+  if (growth == 0 || (most - least) * scale_ < kAlike) {
+    ConvexHull(scratch.projected, scratch.hull);
+    WidenOutline(scratch.hull, most, scratch.outline);
+    return;
+  }
+  // Near the camera, or far off its axis: each ball has a size of its own.
+  const size_t points = scratch.points.size();
+  scratch.projected.clear();
+  for (size_t i = 0; i < points; ++i) {
+    const Vector3d& point = scratch.points[i];
+    AppendAround(point.head<2>() / point.z(), ReachOfBall(point, growth), scratch.projected);
+  }
+  ConvexHull(scratch.projected, scratch.outline);
+}
+
+void PartDrawer::ClipToWindow(DrawingScratch& scratch) const {
+  AlignedBox2d box;
+  for (const Vector2d& point : scratch.outline) box.extend(point);
+  const Vector2d corner = box.min().cwiseAbs().cwiseMax(box.max().cwiseAbs());
+  if (window_radius_ > 0 ? corner.norm() <= window_radius_ : window_box_.contains(box)) return;
+  for (const HalfPlane& side : window_) {
+    const auto within = [&](const Vector2d& p) { return side.offset - side.normal.dot(p); };
+    if (std::ranges::all_of(scratch.outline, [&](const Vector2d& p) { return within(p) >= 0; })) {
+      continue;
+    }
+    scratch.clipped.clear();
+    for (size_t i = 0; i < scratch.outline.size(); ++i) {
+      const Vector2d& from = scratch.outline[i];
+      const Vector2d& to = scratch.outline[(i + 1) % scratch.outline.size()];
+      const double before = within(from);
+      const double after = within(to);
+      if (before >= 0) scratch.clipped.push_back(from);
+      if ((before >= 0) != (after >= 0)) {
+        scratch.clipped.push_back(from + before / (before - after) * (to - from));
+      }
+    }
+    std::swap(scratch.outline, scratch.clipped);
+    if (scratch.outline.empty()) return;
+  }
+}
+
+void PartDrawer::TraceSegment(const Vector2d& from, const Vector2d& to, double margin,
+                              DrawingScratch& scratch) const {
+  const Vector2d& top = from.y() < to.y() ? from : to;
+  const Vector2d& bottom = from.y() < to.y() ? to : from;
+  const double reach = margin + 0.5;
+  // Clamped before the conversion: what is far outside does not fit an int.
+  const int first = static_cast<int>(std::ceil(std::max(top.y() - reach, 0.0)));
+  const int last = static_cast<int>(
+      std::floor(std::min(bottom.y() + reach, static_cast<double>(size_.height - 1))));
+  const double height = bottom.y() - top.y();
+  const double slope = height > 1e-12 ? (bottom.x() - top.x()) / height : 0;
+  for (int row = first; row <= last; ++row) {
+    double a = top.x();
+    double b = bottom.x();
+    if (height > 1e-12) {
+      if (const double above = row - reach - top.y(); above > 0) a += slope * above;
+      if (const double below = bottom.y() - row - reach; below > 0) b -= slope * below;
+    }
+    const auto at = static_cast<size_t>(row);
+    scratch.left[at] = std::min(scratch.left[at], std::min(a, b) - margin);
+    scratch.right[at] = std::max(scratch.right[at], std::max(a, b) + margin);
+  }
+}
+
+void PartDrawer::TraceEdge(const Vector2d& from, const Vector2d& to,
+                           DrawingScratch& scratch) const {
+  const double bend = bend_ * (to - from).squaredNorm() / 8;  // off one chord
+  const int chords =
+      std::clamp(static_cast<int>(std::ceil(std::sqrt(bend / kSag))), 1, kMostChords);
+  const double margin = margin_ + bend / (chords * chords);
+  Vector2d before = PixelAt(from);
+  for (int i = 1; i <= chords; ++i) {
+    const Vector2d after = PixelAt(from + (to - from) * i / chords);
+    TraceSegment(before, after, margin, scratch);
+    before = after;
+  }
+}
+
+void PartDrawer::Fill(const DrawingScratch& scratch, std::span<uint64_t> words) const {
+  for (int row = 0; row < size_.height; ++row) {
+    const auto at = static_cast<size_t>(row);
+    const double left = std::max(std::ceil(scratch.left[at] - 0.5), 0.0);
+    const double right = std::min(std::floor(scratch.right[at] + 0.5), size_.width - 1.0);
+    if (!(left <= right)) continue;
+    const size_t begin = at * static_cast<size_t>(size_.width);
+    SetBits(words, begin + static_cast<size_t>(left), begin + static_cast<size_t>(right));
+  }
+}
+
+void PartDrawer::SetAll(std::span<uint64_t> words) const { SetBits(words, 0, size_.pixels() - 1); }
+
+void PartDrawer::AddTouched(const Eigen::Isometry3d& world_from_body,
+                            const Eigen::Matrix3Xd& points, double growth, DrawingScratch& scratch,
+                            std::span<uint64_t> words) const {
+  RequireWords(size_, static_cast<size_t>(points.cols()), words.size());
+  if (!(growth >= 0) || !std::isfinite(growth)) {
+    throw std::invalid_argument("a body cannot grow by less than nothing");
+  }
+  PointsInCamera(world_from_body, points, scratch);
+  double nearest = std::numeric_limits<double>::infinity();
+  double farthest = -nearest;
+  bool finite = true;
+  for (const Vector3d& point : scratch.points) {
+    nearest = std::min(nearest, point.z());
+    farthest = std::max(farthest, point.z());
+    finite = finite && point.allFinite();
+  }
+  if (!finite || !std::isfinite(scale_) || !std::isfinite(bend_)) return SetAll(words);
+  if (farthest + growth <= 0) return;  // behind the camera
+  const double least = 2 * growth + kNear;
+  if (nearest < least && !CutNearPlane(growth, least, scratch)) return SetAll(words);
+  if (scratch.points.empty()) return;
+
+  WidenedOutline(growth, scratch);
+  ClipToWindow(scratch);
+  if (scratch.outline.empty()) return;
+  scratch.left.assign(static_cast<size_t>(size_.height), std::numeric_limits<double>::infinity());
+  scratch.right.assign(static_cast<size_t>(size_.height), -std::numeric_limits<double>::infinity());
+  for (size_t i = 0; i < scratch.outline.size(); ++i) {
+    TraceEdge(scratch.outline[i], scratch.outline[(i + 1) % scratch.outline.size()], scratch);
+  }
+  Fill(scratch, words);
+}
+
+void PartDrawer::AddCovered(const Eigen::Isometry3d& world_from_body,
+                            const Eigen::Matrix3Xd& points, DrawingScratch& scratch,
+                            std::span<uint64_t> words) const {
+  RequireWords(size_, static_cast<size_t>(points.cols()), words.size());
+  PointsInCamera(world_from_body, points, scratch);
+  scratch.projected.clear();
+  for (const Vector3d& point : scratch.points) {
+    if (!(point.z() >= kNear)) return;
+    scratch.projected.emplace_back(point.head<2>() / point.z());
+  }
+  ConvexHull(scratch.projected, scratch.hull);
+  if (scratch.hull.size() < 3) return;
+  AlignedBox2d box;
+  for (const Vector2d& point : scratch.hull) box.extend(point);
+
+  const auto columns = static_cast<size_t>(size_.width) + 1;
+  const auto is_inside = [&](const Vector2d& p) {
+    if (!box.contains(p)) return false;  // not a number is not
+    for (size_t i = 0; i < scratch.hull.size(); ++i) {
+      const Vector2d& from = scratch.hull[i];
+      const Vector2d edge = scratch.hull[(i + 1) % scratch.hull.size()] - from;
+      const Vector2d to = p - from;
+      if (!(edge.x() * to.y() - edge.y() * to.x() >= corner_bend_ * edge.norm())) return false;
+    }
+    return true;
+  };
+  scratch.inside.assign(2 * columns, 0);
+  for (size_t y = 0; y <= static_cast<size_t>(size_.height); ++y) {
+    uint8_t* const above = scratch.inside.data() + (y + 1) % 2 * columns;
+    uint8_t* const here = scratch.inside.data() + y % 2 * columns;
+    for (size_t x = 0; x < columns; ++x) {
+      here[x] = is_inside(corners_[y * columns + x]) ? 1 : 0;
+      if (x == 0 || y == 0) continue;
+      if ((here[x] & here[x - 1] & above[x] & above[x - 1]) == 0) continue;
+      const size_t bit = (y - 1) * static_cast<size_t>(size_.width) + x - 1;
+      words[bit / 64] |= uint64_t{1} << (bit % 64);
+    }
+  }
+}
+
+}  // namespace silhouette

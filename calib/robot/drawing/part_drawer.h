@@ -1,0 +1,100 @@
+// SPDX-License-Identifier: Apache-2.0
+// PartDrawer: draws convex bodies into the mask of one view. Uses the standard library and Eigen
+// alone.
+//
+// A body is the convex hull of some points. `Touched` is for what must not be missed: a superset of
+// all pixels whose squares show a point of the grown body. `Covered` is for what must be certain:
+// pixels whose whole squares show the body. Both count lens distortion. Where the camera is in or
+// beside the body, Touched sets all pixels and Covered none.
+#pragma once
+
+#include <Eigen/Geometry>
+#include <cstdint>
+#include <span>
+#include <vector>
+
+#include "calib/camera/camera_model.h"
+#include "db/mask/mask.h"
+
+namespace silhouette {
+
+// What a drawing needs room for. For one thread at a time; after a few drawings nothing allocates.
+struct DrawingScratch {
+  std::vector<Eigen::Vector3d> points;     // in the camera's frame
+  std::vector<Eigen::Vector3d> near;       // those of them that are near the camera's plane
+  std::vector<Eigen::Vector2d> projected;  // at z = 1
+  std::vector<Eigen::Vector2d> hull;
+  std::vector<Eigen::Vector2d> outline;  // the hull, widened and clipped
+  std::vector<Eigen::Vector2d> clipped;
+  std::vector<double> left;   // by row: the least x of the outline, in mask pixels
+  std::vector<double> right;  // by row: the greatest
+  std::vector<uint8_t> inside;
+};
+
+class PartDrawer {
+ public:
+  // `camera`: of any image size; masks of `size` show the same field. Throws std::invalid_argument
+  // if `size` is not valid.
+  PartDrawer(const CameraModel& camera, MaskSize size);
+
+  MaskSize size() const { return size_; }
+  const CameraModel& camera() const { return camera_; }
+
+  // Sets every pixel whose square shows a point of the body or one within `growth` metres of it.
+  // `points`: at least one, as columns, metres. `words`: of a mask of size(). Throws
+  // std::invalid_argument if `growth` is negative or not finite, or a word is missing.
+  //
+  // Sets at most about 0.2 pixels more on every side, and the corners of the growth, which is taken
+  // for a polygon about it (3.5 %).
+  void AddTouched(const Eigen::Isometry3d& world_from_body, const Eigen::Matrix3Xd& points,
+                  double growth, DrawingScratch& scratch, std::span<uint64_t> words) const;
+
+  // Sets pixels in whose squares every ray meets the body.
+  void AddCovered(const Eigen::Isometry3d& world_from_body, const Eigen::Matrix3Xd& points,
+                  DrawingScratch& scratch, std::span<uint64_t> words) const;
+
+ private:
+  // x * normal <= offset
+  struct HalfPlane {
+    Eigen::Vector2d normal;
+    double offset;
+  };
+
+  void FindWindow();
+  bool NothingBeyond(const Eigen::AlignedBox2d& box, double widest) const;
+  void BoundLens();
+  void UndistortCorners();
+
+  Eigen::Vector2d PixelAt(const Eigen::Vector2d& at_one_metre) const;
+  void PointsInCamera(const Eigen::Isometry3d& world_from_body, const Eigen::Matrix3Xd& points,
+                      DrawingScratch& scratch) const;
+  // Keeps the part of the body that is before the camera. False: what is near the camera's plane
+  // may be seen.
+  bool CutNearPlane(double growth, double least, DrawingScratch& scratch) const;
+  // The hull of the projected body, widened by the growth, as the outline.
+  void WidenedOutline(double growth, DrawingScratch& scratch) const;
+  void ClipToWindow(DrawingScratch& scratch) const;
+  void TraceEdge(const Eigen::Vector2d& from, const Eigen::Vector2d& to,
+                 DrawingScratch& scratch) const;
+  void TraceSegment(const Eigen::Vector2d& from, const Eigen::Vector2d& to, double margin,
+                    DrawingScratch& scratch) const;
+  void Fill(const DrawingScratch& scratch, std::span<uint64_t> words) const;
+  void SetAll(std::span<uint64_t> words) const;
+
+  CameraModel camera_;  // of images of size_
+  MaskSize size_;
+  // At z = 1: a convex region with all that the image shows, and the box about it.
+  std::vector<HalfPlane> window_;
+  Eigen::AlignedBox2d window_box_;
+  double window_radius_ = 0;  // of the circle within it; 0: it is the box
+  // In the window, for a step of 1 at z = 1: pixels by which the image of a line moves at most, and
+  // pixels by which it bends at most (second derivative). Not finite: the lens cannot be bounded.
+  double scale_ = 0;
+  double bend_ = 0;
+  double margin_ = 0;  // pixels
+  // At z = 1, by corner of the pixels' squares, row by row; NaN where no ray is seen.
+  std::vector<Eigen::Vector2d> corners_;
+  double corner_bend_ = 0;  // how far a square's side bends there at most
+};
+
+}  // namespace silhouette
