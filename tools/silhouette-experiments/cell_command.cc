@@ -12,6 +12,7 @@
 #include "tools/program/progress.h"
 #include "tools/silhouette-db/calibration_files/calibration_files.h"
 #include "tools/silhouette-db/calibration_files/tested_calibration.h"
+#include "tools/silhouette-experiments/cell/leave.h"
 #include "tools/silhouette-experiments/cell/missing_picture.h"
 #include "tools/silhouette-experiments/cell/report.h"
 #include "tools/silhouette-experiments/cell/scenes.h"
@@ -33,6 +34,7 @@ struct CellArguments {
   std::vector<std::string> presets;
   int scenes = 120;
   int hidden = 10;
+  int leave = 0;
   int near = 0;
   int off_grid = 1000;
   int pictures = 12;
@@ -262,6 +264,12 @@ absl::StatusOr<ExitCode> Test(const CellArguments& arguments, const SimulatedWor
     ASSIGN_OR_RETURN(auto side, Serve(arguments, workplace, database, calibration, true));
     found = std::move(side);
   }
+  if (arguments.leave > 0) {
+    ASSIGN_OR_RETURN(const auto rows, RunLeave(*truth.setting, arguments.leave));
+    PrintResult(arguments.format, JsonOf(rows),
+                absl::StrCat(TextOf(rows), "\nseed ", arguments.seed, "\n"));
+    return kDone;
+  }
   const std::vector<RandomScene> hidden = HiddenScenes(workplace, arguments);
   const NamedScenes near = NearScenes(workplace, arguments);
   std::vector<Experiment> experiments;
@@ -351,6 +359,12 @@ void AddCellCommand(CLI::App& program, Run& run) {
           "--near", arguments->near,
           "Scenes with a ball or a forearm of 3 to 6 cm radius, 1 to 12 cm from the robot:\n"
           "a table for each size and distance. The robot touches nothing where it stands")
+      ->check(count)
+      ->capture_default_str();
+  command
+      ->add_option("--leave", arguments->leave,
+                   "In place of all others: scenes with a person 5 to 30 cm from the robot;\n"
+                   "'locked' counts those in which no step of the robot is free")
       ->check(count)
       ->capture_default_str();
   command

@@ -30,9 +30,8 @@ struct Test {
 std::vector<Test> TestsOf(const TrialSetting& setting, int number) {
   const ConfigurationGrid& grid = setting.database.grid();
   std::vector<Test> tests;
-  for (ConfigurationNumber i = 0; i < grid.number_limit(); ++i) {
-    if (setting.database.robot_images().state(i) != RobotImageState::kPresent) continue;
-    tests.push_back({grid.At(i), kOnGrid});
+  for (Configuration& q : PresentConfigurations(setting.database)) {
+    tests.push_back({std::move(q), kOnGrid});
   }
   Chance chance(setting.seed, kTestStream + static_cast<uint64_t>(number));
   for (int i = 0; i < setting.off_grid_tests; ++i) {
@@ -68,6 +67,15 @@ void Tally::Add(const Tally& other) {
   flagged += other.flagged;
 }
 
+std::vector<Configuration> PresentConfigurations(const ServedDatabase& database) {
+  std::vector<Configuration> present;
+  for (ConfigurationNumber i = 0; i < database.grid().number_limit(); ++i) {
+    if (database.robot_images().state(i) != RobotImageState::kPresent) continue;
+    present.push_back(database.grid().At(i));
+  }
+  return present;
+}
+
 absl::StatusOr<ViewedScene> View(const TrialSetting& setting, RandomScene scene, int number) {
   const SimulatedWorkplace& workplace = setting.workplace;
   SimulatedCell& cell = workplace.simulation();
@@ -91,14 +99,8 @@ absl::StatusOr<ViewedScene> View(const TrialSetting& setting, RandomScene scene,
   return ViewedScene{std::move(scene), std::move(images), std::move(made)};
 }
 
-TrialResult Judge(const TrialSetting& setting, const ViewedScene& viewed, int number) {
-  TrialResult result;
-  result.tallies.resize(setting.policies.size());
-  result.blocked = viewed.scene.Blocked();
-  if (result.blocked != Reason::kNone) return result;
-
-  const ContactChecker contact(setting.workplace.robot(), viewed.truth.obstacles);
-  const Poses obstacles = ObstaclePoses(viewed.truth.obstacles, 0);
+std::vector<std::unique_ptr<CollisionChecker>> CheckersOf(const TrialSetting& setting,
+                                                          const ViewedScene& viewed) {
   TestSupport support{.bands = setting.database.bands()};
   const bool sound = std::any_of(setting.policies.begin(), setting.policies.end(),
                                  [](const Policy& policy) { return IsSound(policy.preset); });
@@ -114,6 +116,18 @@ TrialResult Judge(const TrialSetting& setting, const ViewedScene& viewed, int nu
     policies.push_back(std::make_unique<CollisionChecker>(
         setting.database.robot_images(), viewed.scene.obstacle_images, policy, support));
   }
+  return policies;
+}
+
+TrialResult Judge(const TrialSetting& setting, const ViewedScene& viewed, int number) {
+  TrialResult result;
+  result.tallies.resize(setting.policies.size());
+  result.blocked = viewed.scene.Blocked();
+  if (result.blocked != Reason::kNone) return result;
+
+  const ContactChecker contact(setting.workplace.robot(), viewed.truth.obstacles);
+  const Poses obstacles = ObstaclePoses(viewed.truth.obstacles, 0);
+  const auto policies = CheckersOf(setting, viewed);
   const std::vector<Test> tests = TestsOf(setting, number);
   std::vector<Answer> answers(tests.size());
   ParallelFor((tests.size() + kAtOnce - 1) / kAtOnce, [&](size_t part) {

@@ -6,6 +6,7 @@
 #include <array>
 #include <cstdint>
 #include <functional>
+#include <memory>
 #include <span>
 #include <string>
 #include <vector>
@@ -13,6 +14,7 @@
 #include "absl/status/statusor.h"
 #include "capture/devices/devices.h"
 #include "capture/sim/contact.h"
+#include "server/collision/collision_checker.h"
 #include "server/collision/policy.h"
 #include "server/scene/scene.h"
 #include "server/scene/served_database.h"
@@ -70,6 +72,13 @@ struct TrialSetting {
 // Puts the scene into the simulated cell, takes its images and makes the scene of them as the
 // server does. `number` decides the noise.
 absl::StatusOr<ViewedScene> View(const TrialSetting& setting, RandomScene scene, int number);
+
+// One per policy of the setting. Refer to the setting and to `viewed`.
+std::vector<std::unique_ptr<CollisionChecker>> CheckersOf(const TrialSetting& setting,
+                                                          const ViewedScene& viewed);
+
+// The configurations of the grid that have a robot image.
+std::vector<Configuration> PresentConfigurations(const ServedDatabase& database);
 
 // Uses both cores where there are two.
 TrialResult Judge(const TrialSetting& setting, const ViewedScene& viewed, int number);

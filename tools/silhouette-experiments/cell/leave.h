@@ -1,0 +1,45 @@
+// SPDX-License-Identifier: Apache-2.0
+// Whether the robot may leave: a person near it, and the steps that it may take.
+#pragma once
+
+#include <nlohmann/json.hpp>
+#include <optional>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "absl/status/statusor.h"
+#include "tools/silhouette-experiments/cell/trial.h"
+
+namespace silhouette::cell_experiment {
+
+// A person, a trunk on the floor, 5 to 30 cm from the robot, which stands on a grid point; three
+// ranges of distance in turn by `number`. Some configuration of the grid touches the person.
+// Nothing if no such place was found.
+struct LeaveScene {
+  RandomScene scene;
+  double distance = 0;  // metres
+};
+std::optional<LeaveScene> MakeLeaveScene(const SimulatedWorkplace& workplace, uint64_t seed,
+                                         int number);
+
+// One policy on persons at distances of one range.
+struct LeaveRow {
+  Policy policy;
+  double nearest = 0;  // metres
+  double farthest = 0;
+  int scenes = 0;
+  int stays = 0;  // scenes in which the robot's own place is free
+  // Scenes in which no step to a neighbouring grid point, diagonal ones included, is free, though
+  // in truth one is.
+  int locked = 0;
+  Tally tally{};  // on the grid
+};
+
+// Scenes that are not found, or that no verdict can be made on, are left out.
+absl::StatusOr<std::vector<LeaveRow>> RunLeave(const TrialSetting& setting, int scenes);
+
+std::string TextOf(std::span<const LeaveRow> rows);
+nlohmann::ordered_json JsonOf(std::span<const LeaveRow> rows);
+
+}  // namespace silhouette::cell_experiment
