@@ -237,6 +237,15 @@ absl::StatusOr<std::vector<Row>> RunAll(const CellArguments& arguments, const Tr
                        return of_kind[static_cast<size_t>(number)];
                      }});
   }
+  std::vector<RandomScene> nothing_near;
+  for (const auto& [name, scenes] : near) {
+    for (RandomScene scene : scenes) {
+      scene.obstacles.clear();
+      nothing_near.push_back(std::move(scene));
+    }
+  }
+  kinds.push_back({"near-empty", static_cast<int>(nothing_near.size()),
+                   [&](int number) { return nothing_near[static_cast<size_t>(number)]; }});
   for (const auto& [name, count, source] : kinds) {
     if (count == 0) continue;
     Experiment& experiment = done.emplace_back(Experiment{prefix + name, &setting, source, {}});
@@ -358,7 +367,8 @@ void AddCellCommand(CLI::App& program, Run& run) {
       ->add_option(
           "--near", arguments->near,
           "Scenes with a ball or a forearm of 3 to 6 cm radius, 1 to 12 cm from the robot:\n"
-          "a table for each size and distance. The robot touches nothing where it stands")
+          "a table for each size and distance. The robot touches nothing where it stands.\n"
+          "Each is tested again with nothing but the robot (experiment 'near-empty')")
       ->check(count)
       ->capture_default_str();
   command
