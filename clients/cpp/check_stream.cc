@@ -119,36 +119,35 @@ class CheckStream::Impl {
 
   // Reads answers to the end of the call. Returns why it ended; OK if nothing is missing.
   absl::Status ReadAnswers() {
-    v1::StreamChecksResponse response;
-    absl::Status fault;
-    while (fault.ok() && stream_->Read(&response)) {
-      Question question;
-      {
-        const std::lock_guard lock(mutex_);
-        if (unanswered_.empty()) {
-          fault = Malformed(connection_->address(), "it answers a question that was not asked");
-          break;
-        }
-        question = unanswered_.front();
-        unanswered_.pop_front();
-      }
-      absl::StatusOr<StreamedAnswer> answer = AnswerTo(question, response);
-      fault = answer.status();
-      if (!fault.ok()) break;
-      {
-        const std::lock_guard lock(mutex_);
-        answers_.push_back(*std::move(answer));
-      }
-      changed_.notify_all();
-    }
-    if (!fault.ok()) context_.TryCancel();
-    const grpc::Status finished = stream_->Finish();
-    if (!fault.ok()) return fault;
-    if (!finished.ok()) return connection_->SentenceFor(finished, absl::InfiniteDuration());
+    const absl::Status ended = connection_->ReadAll<v1::StreamChecksResponse>(
+        *stream_, context_, absl::InfiniteDuration(),
+        [this](const auto& response) { return Take(response); });
+    if (!ended.ok()) return ended;
     const std::lock_guard lock(mutex_);
     if (unanswered_.empty()) return absl::OkStatus();
     return Malformed(connection_->address(),
                      absl::StrCat("it left ", unanswered_.size(), " questions unanswered"));
+  }
+
+  // Takes the answer to the oldest question. Returns an error if the call must end.
+  absl::Status Take(const v1::StreamChecksResponse& response) {
+    Question question;
+    {
+      const std::lock_guard lock(mutex_);
+      if (unanswered_.empty()) {
+        return Malformed(connection_->address(), "it answers a question that was not asked");
+      }
+      question = unanswered_.front();
+      unanswered_.pop_front();
+    }
+    absl::StatusOr<StreamedAnswer> answer = AnswerTo(question, response);
+    if (!answer.ok()) return answer.status();
+    {
+      const std::lock_guard lock(mutex_);
+      answers_.push_back(*std::move(answer));
+    }
+    changed_.notify_all();
+    return absl::OkStatus();
   }
 
   absl::StatusOr<StreamedAnswer> AnswerTo(const Question& question,

@@ -178,29 +178,27 @@ absl::StatusOr<ConfigurationSpace> Client::GetConfigurationSpace(
   std::vector<ConfigurationSpaceTile> received;
   uint64_t left_out = 0;
   bool tells_levels = true;
-  absl::Status fault;
   absl::Status of_variant;
-  v1::GetConfigurationSpaceResponse part;
-  for (bool first = true; fault.ok() && reader->Read(&part); first = false) {
-    if (first) {
+  bool first = true;
+  using Part = v1::GetConfigurationSpaceResponse;
+  const auto take = [&](const Part& part) -> absl::Status {
+    if (std::exchange(first, false)) {
       basis = FromMessage(part.basis(), asked);
       of_variant = RequireVariant(variant_, part.basis(), address());
       left_out = part.tiles_left_out();
       if (part.has_grid()) grid = FromMessage(part.grid());
-      fault = grid.status();
+      if (!grid.ok()) return Malformed(address(), grid.status().message());
     }
     for (const v1::ConfigurationSpaceTile& message : part.tiles()) {
       absl::StatusOr<ConfigurationSpaceTile> tile = FromMessage(message);
-      fault.Update(tile.status());
-      if (!fault.ok()) break;
+      if (!tile.ok()) return Malformed(address(), tile.status().message());
       tells_levels = tells_levels && (clearance_levels.empty() || !tile->above.empty());
       received.push_back(*std::move(tile));
     }
-  }
-  if (!fault.ok()) context.TryCancel();
-  const grpc::Status finished = reader->Finish();
-  if (!fault.ok()) return Malformed(address(), fault.message());
-  if (!finished.ok()) return connection_->SentenceFor(finished, timeout_);
+    return absl::OkStatus();
+  };
+  const absl::Status ended = connection_->ReadAll<Part>(*reader, context, timeout_, take);
+  if (!ended.ok()) return ended;
   if (!grid.ok()) return Malformed(address(), grid.status().message());
   if (!of_variant.ok()) return of_variant;
   if (!tells_levels) return NoClearances(address());

@@ -105,6 +105,18 @@ class Connection {
     return Call(context, method, request, timeout);
   }
 
+  // Reads the stream of `context` to its end; an error of `take(message)` ends it. Returns this
+  // error, or how the server ended the call.
+  template <typename Message, typename Stream, typename Take>
+  absl::Status ReadAll(Stream& stream, grpc::ClientContext& context, absl::Duration timeout,
+                       const Take& take) const {
+    absl::Status fault;
+    for (Message message; fault.ok() && stream.Read(&message);) fault = take(message);
+    if (!fault.ok()) context.TryCancel();
+    const grpc::Status finished = stream.Finish();
+    return fault.ok() ? SentenceFor(finished, timeout) : fault;
+  }
+
  private:
   template <typename Stub>
   Stub& StubOf() const {

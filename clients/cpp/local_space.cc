@@ -98,47 +98,43 @@ class LocalSpace::Impl {
     grpc::ClientContext context;
     const Cancellation::Call call(cancellation_, context);
     const auto reader = connection_->collisions().WatchConfigurationSpace(&context, request);
-    const absl::Status fault = ReadUpdates(*reader, reason);
-    if (!fault.ok()) context.TryCancel();
-    const grpc::Status finished = reader->Finish();
-    if (!fault.ok()) return fault;
-    if (!finished.ok()) return connection_->SentenceFor(finished, timeout_);
+    SpaceAssembly assembly;
+    ServerClock clock(connection_, timeout_, cancellation_);
+    std::optional<OffGridRule> rule;
+    const absl::Status ended = connection_->ReadAll<v1::WatchConfigurationSpaceResponse>(
+        *reader, context, timeout_,
+        [&](const auto& part) { return Take(part, assembly, clock, rule, reason); });
+    if (!ended.ok()) return ended;
     return absl::UnavailableError("the server at " + connection_->address() +
                                   " ended the subscription");
   }
 
-  // OK when nothing more can be read.
-  absl::Status ReadUpdates(grpc::ClientReader<v1::WatchConfigurationSpaceResponse>& reader,
-                           Reason& reason) {
-    SpaceAssembly assembly;
-    ServerClock clock(connection_, timeout_, cancellation_);
-    std::optional<OffGridRule> rule;
-    v1::WatchConfigurationSpaceResponse part;
-    while (reader.Read(&part)) {
-      const SteadyClock::time_point received = SteadyClock::now();
-      absl::StatusOr<std::optional<SpaceUpdate>> update = assembly.Add(part);
-      if (!update.ok()) {
-        reason = Reason::kUpdateMalformed;
-        return Malformed(connection_->address(), update.status().message());
-      }
-      if (!*update) continue;
-      const absl::Status of_variant =
-          RequireVariant(variant_, (*update)->basis, connection_->address());
-      if (!of_variant.ok()) {
-        reason = Reason::kUpdateMalformed;
-        return of_variant;
-      }
-      const absl::StatusOr<SteadyClock::time_point> made = clock.MadeAt((*update)->basis, received);
-      if (!made.ok()) {
-        reason = Reason::kAgeUnknown;
-        return made.status();
-      }
-      if ((*update)->whole) rule.reset();
-      Take(**update, *made, rule);
-      if (rule) continue;
-      rule = AskForRule((*update)->basis.database_generation());
-      if (rule) Publish([&](Content& content) { content.rule = rule; });
+  // Publishes the update that `part` completes, if it does. Returns an error if the call must end.
+  absl::Status Take(const v1::WatchConfigurationSpaceResponse& part, SpaceAssembly& assembly,
+                    ServerClock& clock, std::optional<OffGridRule>& rule, Reason& reason) {
+    const SteadyClock::time_point received = SteadyClock::now();
+    absl::StatusOr<std::optional<SpaceUpdate>> update = assembly.Add(part);
+    if (!update.ok()) {
+      reason = Reason::kUpdateMalformed;
+      return Malformed(connection_->address(), update.status().message());
     }
+    if (!*update) return absl::OkStatus();
+    const absl::Status of_variant =
+        RequireVariant(variant_, (*update)->basis, connection_->address());
+    if (!of_variant.ok()) {
+      reason = Reason::kUpdateMalformed;
+      return of_variant;
+    }
+    const absl::StatusOr<SteadyClock::time_point> made = clock.MadeAt((*update)->basis, received);
+    if (!made.ok()) {
+      reason = Reason::kAgeUnknown;
+      return made.status();
+    }
+    if ((*update)->whole) rule.reset();
+    Take(**update, *made, rule);
+    if (rule) return absl::OkStatus();
+    rule = AskForRule((*update)->basis.database_generation());
+    if (rule) Publish([&](Content& content) { content.rule = rule; });
     return absl::OkStatus();
   }
 

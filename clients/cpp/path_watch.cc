@@ -70,13 +70,9 @@ class PathWatch::Impl {
     const Cancellation::Call call(cancellation_, context);
     const auto reader = connection_->collisions().WatchPath(&context, request_);
     ServerClock clock(connection_, timeout_, cancellation_);
-    absl::Status fault;
-    v1::WatchPathResponse response;
-    while (fault.ok() && reader->Read(&response)) fault = Take(response, clock);
-    if (!fault.ok()) context.TryCancel();
-    const grpc::Status finished = reader->Finish();
-    if (!fault.ok()) return fault;
-    if (!finished.ok()) return connection_->SentenceFor(finished, timeout_);
+    const absl::Status ended = connection_->ReadAll<v1::WatchPathResponse>(
+        *reader, context, timeout_, [&](const auto& response) { return Take(response, clock); });
+    if (!ended.ok()) return ended;
     return absl::UnavailableError(
         absl::StrCat("the server at ", connection_->address(), " ended the watch"));
   }
