@@ -5,6 +5,8 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <functional>
+
 #include "tests/capture/session/fake_cell.h"
 
 namespace silhouette {
@@ -101,6 +103,47 @@ TEST_F(FirstLookTest, ResumedSessionIsNotLookedAtAgain) {
   cell_.settings.first_look.may_be_cut = false;  // it would be found now
   cell_.settings.sentinels.count = 0;
   EXPECT_TRUE(cell_.Capture().complete());
+}
+
+// By themselves, in views of 40 x 40: the first images see an arm of 6 x 20 that goes to the right.
+class FirstLookAtMasksTest : public testing::Test {
+ protected:
+  static Mask Box(int x, int y, int width, int height) {
+    return Mask::FromPredicate({40, 40}, [=](int px, int py) {
+      return px >= x && px < x + width && py >= y && py < y + height;
+    });
+  }
+  // What `sees(i)` shows in the second of `views` views, the others show the arm.
+  static std::string Found(size_t views, const std::function<Mask(int)>& sees) {
+    FirstLook look({}, std::vector<std::string>(views, "view"));
+    for (int i = 0; i < 3; ++i) {
+      std::vector<Mask> masks(views, Box(10 + 8 * i, 10, 6, 20));
+      masks[1] = sees(i);
+      EXPECT_EQ(look.Add(static_cast<ConfigurationNumber>(i), masks), "");
+    }
+    return look.Judge();
+  }
+};
+
+TEST_F(FirstLookAtMasksTest, WhatStandsApartInHalfOfTheViewsThatSeeTheRobotIsFound) {
+  const auto apart = [](int i) { return Box(10 + 8 * i, 10, 6, 20) | Box(2, 30, 5, 5); };
+  EXPECT_THAT(Found(2, apart), HasSubstr("apart from the robot"));
+  EXPECT_EQ(Found(3, apart), "") << "in one view, a dark part splits the robot's image";
+  const auto flickers = [&](int i) { return apart(i) | Box(2 + i, 29, 1, 1); };
+  EXPECT_THAT(Found(2, flickers), HasSubstr("apart from the robot")) << "rims change by a pixel";
+}
+
+TEST_F(FirstLookAtMasksTest, BaseThatTheArmJoinsIsTheRobot) {
+  const auto base = [](int i) { return Box(10 + 8 * i, 10, 6, 20) | Box(2, 28, 36, 5); };
+  EXPECT_EQ(Found(2, base), "");
+}
+
+TEST_F(FirstLookAtMasksTest, ViewThatNeverSeesTheRobotIsNoMotion) {
+  FirstLook look({}, {"sees", "does not"});
+  for (const ConfigurationNumber number : {1, 2}) {
+    EXPECT_EQ(look.Add(number, {Box(10, 10, 6, 20), Box(static_cast<int>(number), 5, 1, 1)}), "");
+  }
+  EXPECT_THAT(look.Judge(), HasSubstr("as if the robot did not move"));
 }
 
 }  // namespace

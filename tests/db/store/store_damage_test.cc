@@ -1,11 +1,16 @@
 // SPDX-License-Identifier: Apache-2.0
 // Truncated, damaged and foreign files.
+#include <fcntl.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <lmdb.h>
+#include <unistd.h>
 
+#include <atomic>
+#include <cstring>
 #include <fstream>
 #include <iostream>
+#include <thread>
 
 #include "db/store/environment.h"
 #include "db/store/robot_image_format.h"
@@ -245,6 +250,67 @@ TEST(Database, OpenedAgainWhileItIsInUseHasItsPagesCheckedAgain) {
   file.flush();
   EXPECT_EQ(Database::Open(folder / "db", Access::kRead).status().code(),
             absl::StatusCode::kDataLoss);
+}
+
+// LMDB does not look at the meta pages of a file that is in use.
+TEST(Database, OpenedAgainWhileItIsInUseHasEachValueOfItsMetaPagesChecked) {
+  const std::filesystem::path folder = FreshFolder();
+  MakeFullDatabase(folder / "db");
+  const auto in_use = Database::Open(folder / "db", Access::kRead);
+  ASSERT_TRUE(in_use.ok());
+  const std::string sound = ReadFile(folder / "db/data.mdb");
+  std::fstream file(folder / "db/data.mdb", std::ios::in | std::ios::out | std::ios::binary);
+  const auto said_with = [&](size_t at, const auto& value) {
+    const auto place = static_cast<std::streamoff>(at);
+    file.seekp(place).write(reinterpret_cast<const char*>(&value), sizeof(value)).flush();
+    const absl::Status status = Database::Open(folder / "db", Access::kRead).status();
+    file.seekp(place).write(sound.data() + at, sizeof(value)).flush();
+    EXPECT_TRUE(absl::IsDataLoss(status)) << status;
+    return std::string(status.message());
+  };
+  for (const size_t page : {0, 4096}) {
+    SCOPED_TRACE(page);
+    uint64_t transaction = 0;
+    std::memcpy(&transaction, sound.data() + page + 144, sizeof(transaction));
+    EXPECT_THAT(said_with(page, uint64_t{7}), HasSubstr("its page number is 7"));
+    EXPECT_THAT(said_with(page + 10, uint16_t{2}), HasSubstr("its page flags are 2"));
+    if (page > 0) {
+      EXPECT_THAT(said_with(page + 16, uint32_t{0}), HasSubstr("does not begin as a meta page"));
+    }
+    EXPECT_THAT(said_with(page + 20, uint32_t{2}), HasSubstr("its data version is 2"));
+    EXPECT_THAT(said_with(page + 32, ~uint64_t{0}), HasSubstr("its map has"));
+    EXPECT_THAT(said_with(page + 40, uint32_t{0}), HasSubstr("its page size is 0"));
+    EXPECT_THAT(said_with(page + 44, uint16_t{0}), HasSubstr("the flags of its trees"));
+    EXPECT_THAT(said_with(page + 88, uint32_t{1}), HasSubstr("the flags of its trees"));
+    EXPECT_THAT(said_with(page + 92, uint16_t{4}), HasSubstr("the flags of its trees"));
+    for (const size_t root : {80, 128}) {
+      EXPECT_THAT(said_with(page + root, uint64_t{1}), HasSubstr("a tree begins at page 1"));
+      EXPECT_THAT(said_with(page + root, uint64_t{1} << 40), HasSubstr("a tree begins at page"));
+    }
+    EXPECT_THAT(said_with(page + 136, uint64_t{0}), HasSubstr("its last page is 0"));
+    EXPECT_THAT(said_with(page + 136, uint64_t{1} << 40), HasSubstr("beyond its map"));
+    EXPECT_THAT(said_with(page + 144, transaction + 1), HasSubstr("does not write it"));
+    EXPECT_THAT(said_with(page + 144, transaction + 4), HasSubstr("are of transactions"));
+  }
+  EXPECT_TRUE(Database::Open(folder / "db", Access::kRead).ok());
+}
+
+TEST(Database, MetaPagesThatAreWrittenWhileTheyAreReadAreNoFault) {
+  const std::filesystem::path folder = FreshFolder();
+  MakeFullDatabase(folder / "db");
+  const std::string path = folder / "db/data.mdb";
+  std::atomic<bool> written = false;
+  const std::jthread writer([&] {
+    std::fstream file(path, std::ios::in | std::ios::out | std::ios::binary);
+    for (uint64_t transaction = 1000; transaction < 300'000; ++transaction) {
+      file.seekp(static_cast<std::streamoff>(transaction % 2 * 4096 + 144));
+      file.write(reinterpret_cast<const char*>(&transaction), sizeof(transaction)).flush();
+    }
+    written = true;
+  });
+  const int file = open(path.c_str(), O_RDONLY | O_CLOEXEC);
+  while (!written) ASSERT_TRUE(CheckMetaPages(file, path).ok());
+  close(file);
 }
 
 TEST(Database, WithADamagedDescriptionIsRefused) {

@@ -70,6 +70,12 @@ TEST_F(ImageJudgeTest, ImagesOfTheFutureOfLongAgoAndOutOfOrderDoNotPass) {
   EXPECT_TRUE(judge.Judge(1, ImageAt(absl::Seconds(2.9)), now, now).ok()) << "another view";
 }
 
+TEST_F(ImageJudgeTest, StampAheadOfItsArrivalRefusesNoLaterImage) {
+  EXPECT_EQ(Judge(ImageAt(absl::Seconds(1.09)), absl::Seconds(1)), absl::StatusCode::kOk);
+  EXPECT_EQ(Judge(ImageAt(absl::Seconds(1.04)), absl::Seconds(1.04)), absl::StatusCode::kOk);
+  EXPECT_TRUE(judge.TakeNews());
+}
+
 TEST_F(ImageJudgeTest, TheSameImageAgainIsGoodButNoNews) {
   EXPECT_EQ(Judge(ImageAt(absl::Seconds(1)), absl::Seconds(1)), absl::StatusCode::kOk);
   EXPECT_TRUE(judge.TakeNews());

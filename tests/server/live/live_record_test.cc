@@ -83,6 +83,12 @@ TEST_F(LiveRecordTest, AgeIsThatOfTheCaptureAndNotOfTheArrival) {
   EXPECT_FALSE(record.Status().cameras[0].serving);
 }
 
+TEST_F(LiveRecordTest, StampAheadOfItsArrivalMakesNoImageYounger) {
+  record.NoteImage(0, MomentOf(now.time + absl::Milliseconds(90), now), now);
+  Pass(absl::Milliseconds(1050));
+  EXPECT_EQ(record.Status().cameras[0].age, absl::Milliseconds(1050));
+}
+
 TEST_F(LiveRecordTest, SettingTheWallClockChangesNoAge) {
   record.NoteImage(0, now, now);
   now.time -= absl::Hours(1);

@@ -131,7 +131,7 @@ TEST_F(ProofOfLifeTest, ImagesWithFarLessNoiseThanTheReferenceAreDeadWithinThree
       frame.at<float>(static_cast<int>(random() % kHeight), static_cast<int>(random() % kWidth)) +=
           1;
     }
-    frame(cv::Rect(100, 100, 50, 12)) = static_cast<float>(50 + i);
+    frame(cv::Rect(100, 100, 50, 12)) = static_cast<float>(50 + i % 2 * 100);
     const absl::Status status = Judge(Image(0, frame));
     EXPECT_EQ(status.ok(), i < 2) << i << status;
     if (i >= 2) {
@@ -180,6 +180,16 @@ TEST_F(ProofOfLifeTest, ImagesThatFollowTheRobotPass) {
     robot = static_cast<int>(random() % 26);
     ASSERT_TRUE(Moved(life, Live(), robot, Bar(robot)).ok()) << i;
   }
+}
+
+TEST_F(ProofOfLifeTest, RobotImagesThatChangedAreNoMotion) {
+  ASSERT_TRUE(Moved(life, Live(), 2, Bar(2)).ok());
+  life.ForgetRobot();  // those of another database have the robot elsewhere
+  ASSERT_TRUE(Moved(life, Live(), 12, Bar(2)).ok());
+  EXPECT_FALSE(Moved(life, Live(), 22, Bar(2)).ok());
+  EXPECT_TRUE(life.AnyDead());
+  life.ForgetRobot();
+  EXPECT_FALSE(life.AnyDead());
 }
 
 TEST_F(ProofOfLifeTest, RobotThatHidesBehindWhatStandsThereIsNoProof) {

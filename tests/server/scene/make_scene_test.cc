@@ -273,7 +273,9 @@ TEST_F(MakeSceneTest, RefusesATimeInTheFutureByMoreThanTheTolerance) {
   EXPECT_THAT(Refusal(), HasSubstr("in the future"));
   for (ViewInput& view : input.views)
     view.captured = MomentOf(kMakeSceneNow.time + kClockTolerance, kMakeSceneNow);
-  EXPECT_TRUE(Make(*database, input).ok());
+  const absl::StatusOr<Scene> scene = Make(*database, input);
+  ASSERT_TRUE(scene.ok()) << scene.status();
+  EXPECT_EQ(scene->AgeAt(kMakeSceneNow), absl::ZeroDuration()) << "no younger than its arrival";
 }
 
 TEST_F(MakeSceneTest, RefusesUnknownRepeatedAndInfiniteJoints) {
