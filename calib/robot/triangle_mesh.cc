@@ -225,6 +225,11 @@ void MeshTree::Search(uint32_t node, const Vector3d& point, double& least,
   }
 }
 
+double MeshTree::DistanceFrom(uint32_t triangle, const Vector3d& point) const {
+  constexpr double kInfinity = std::numeric_limits<double>::infinity();
+  return std::sqrt(triangles_.at(triangle).SquaredDistance(point, kInfinity));
+}
+
 double MeshTree::Distance(const Vector3d& point, uint32_t& hint) const {
   if (triangles_.empty()) return std::numeric_limits<double>::infinity();
   double least = triangles_[hint].SquaredDistance(point, std::numeric_limits<double>::infinity());

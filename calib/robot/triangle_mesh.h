@@ -54,6 +54,9 @@ class MeshTree {
   // with.
   double Distance(const Eigen::Vector3d& point, uint32_t& hint) const;
 
+  // The distance of `point` from one triangle, by its place in the tree.
+  double DistanceFrom(uint32_t triangle, const Eigen::Vector3d& point) const;
+
  private:
   struct Triangle {
     std::array<Eigen::Vector3d, 3> corners;

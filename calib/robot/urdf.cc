@@ -5,9 +5,11 @@
 #include <urdf_model/model.h>
 #include <urdf_parser/urdf_parser.h>
 
+#include <algorithm>
 #include <cmath>
 #include <filesystem>
 #include <fstream>
+#include <map>
 #include <mutex>
 #include <numbers>
 #include <sstream>
@@ -25,6 +27,8 @@ namespace silhouette {
 namespace {
 
 namespace fs = std::filesystem;
+
+constexpr char kTree[] = "; the links must form a tree: leave out a joint of the loop";
 
 // Carries a status out of the depth of a file.
 struct UrdfError {
@@ -101,13 +105,31 @@ class UrdfReader {
   RobotModel Read() {
     const urdf::ModelInterfaceSharedPtr urdf = Parse(path_);
     model_.name_ = urdf->getName();
+    RequireOneJointEach(*urdf);
     AddLink(*urdf->getRoot(), -1);
+    for (const auto& [name, link] : urdf->links_) {
+      if (std::ranges::any_of(model_.links_, [&](const auto& l) { return l.name == name; }))
+        continue;
+      Fail("link '" + name + "' is part of a loop of joints that does not hang on the base" +
+           kTree);
+    }
     return std::move(model_);
   }
 
  private:
   [[noreturn]] void Fail(const std::string& message) const {
     throw UrdfError{InvalidArgument(path_ + ": " + message)};
+  }
+
+  // urdfdom reads links that hang on two joints; a loop of them has no end.
+  void RequireOneJointEach(const urdf::ModelInterface& urdf) const {
+    std::map<std::string, std::string> joints;  // by the link that hangs on it
+    for (const auto& [name, joint] : urdf.joints_) {
+      const auto [first, is_new] = joints.emplace(joint->child_link_name, name);
+      if (is_new) continue;
+      Fail("link '" + joint->child_link_name + "' hangs on two joints, '" + first->second +
+           "' and '" + name + "', as in a loop" + kTree);
+    }
   }
 
   void AddLink(const urdf::Link& urdf, int parent) {

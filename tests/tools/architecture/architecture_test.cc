@@ -28,7 +28,8 @@ const std::vector<std::string> kRooms = {"proto",   "db",     "common",  "calib"
 // What clients/ may use of the other rooms.
 const Names kForClients = {"proto", "db/mask"};
 // The pure core knows the standard library and Eigen alone.
-const Names kPureCore = {"db/mask", "db/index", "calib/camera", "server/collision"};
+const Names kPureCore = {"db/mask", "db/index", "calib/camera", "calib/robot/drawing",
+                         "server/collision"};
 
 // Who includes a header that begins like this links a library of this name.
 const std::map<std::string, std::string> kLibraries = {{"Eigen/", "Eigen"},
@@ -45,6 +46,7 @@ const std::map<std::string, std::string> kLibraries = {{"Eigen/", "Eigen"},
                                                        {"embree3/", "embree"},
                                                        {"assimp/", "assimp"},
                                                        {"fcl/", "fcl"},
+                                                       {"libqhull_r/", "Qhull"},
                                                        {"urdf_parser/", "urdfdom"},
                                                        {"urdf_model/", "urdfdom"},
                                                        {"arv.h", "aravis"},

@@ -1,0 +1,58 @@
+// SPDX-License-Identifier: Apache-2.0
+// DrawnRobot: the masks that views have of a robot, drawn from its convex parts at any joint
+// values. Uses the standard library and Eigen alone.
+#pragma once
+
+#include <Eigen/Geometry>
+#include <cstdint>
+#include <span>
+#include <vector>
+
+#include "calib/robot/drawing/part_drawer.h"
+#include "db/mask/mask.h"
+
+namespace silhouette {
+
+// A convex part of a robot's link. Lengths in metres; points as columns in the frame of the link
+// that it moves with.
+struct RobotPart {
+  size_t link = 0;  // that it is of, by its index in the model
+  // That it moves with: a part that is round about its joint's axis moves with the link before.
+  size_t moves_with = 0;
+  // All of the model's part is in the hull of `points`, grown by `radius`.
+  Eigen::Matrix3Xd points;
+  double radius = 0;
+  // The hull of `inner` is in the true part, wherever within the model's tolerance its surface is.
+  // No columns: nothing is certain.
+  Eigen::Matrix3Xd inner;
+};
+
+// A value; used by any number of threads, each with scratch of its own.
+class DrawnRobot {
+ public:
+  // Throws std::invalid_argument if there are no parts or a part has no points.
+  DrawnRobot(std::vector<RobotPart> parts, std::vector<PartDrawer> views);
+
+  const std::vector<RobotPart>& parts() const { return parts_; }
+  const std::vector<PartDrawer>& views() const { return views_; }
+
+  // Sets every pixel of a view that the robot touches if each part is grown by `growth`, metres.
+  // `base_from_link`: of all links of the model (RobotModel::LinkPoses); throws std::out_of_range
+  // if one is missing. The cameras' world is the base.
+  void AddTouched(size_t view, std::span<const Eigen::Isometry3d> base_from_link, double growth,
+                  DrawingScratch& scratch, std::span<uint64_t> words) const;
+
+  // Sets pixels that certainly show nothing but the robot.
+  void AddCovered(size_t view, std::span<const Eigen::Isometry3d> base_from_link,
+                  DrawingScratch& scratch, std::span<uint64_t> words) const;
+
+  // The same as masks.
+  Mask Touched(size_t view, std::span<const Eigen::Isometry3d> base_from_link, double growth) const;
+  Mask Covered(size_t view, std::span<const Eigen::Isometry3d> base_from_link) const;
+
+ private:
+  std::vector<RobotPart> parts_;
+  std::vector<PartDrawer> views_;
+};
+
+}  // namespace silhouette

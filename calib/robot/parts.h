@@ -1,0 +1,56 @@
+// SPDX-License-Identifier: Apache-2.0
+// RobotParts: the links of a robot as convex parts, to be drawn.
+//
+// Primitive shapes are one part each. A mesh is its convex hull; where that adds too much, the mesh
+// is cut by planes, and each piece is a hull: all triangles stay in the parts, whether the mesh is
+// closed or not.
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "absl/status/statusor.h"
+#include "calib/robot/drawing/drawn_robot.h"
+#include "calib/robot/robot_model.h"
+
+namespace silhouette {
+
+// Lengths in metres.
+struct PartSettings {
+  BodyGeometry geometry = BodyGeometry::kVisual;
+  // By how much a point of the true robot's surface may be away from the model's. Robots agree with
+  // their data sheets to a millimetre or two; covers and paint add as much.
+  double tolerance = 0.005;
+  // A mesh is cut while its hulls add more than this: a fifth of a pixel at 64 pixels over 3 m.
+  double most_excess = 0.01;
+  // Nor is it cut into more parts: each costs as much time as a whole convex link.
+  size_t most_parts = 16;
+  // A mesh with more triangles is refused: it would be cut for minutes.
+  size_t most_triangles = 500'000;
+  // A mesh that is longer is taken for one in millimetres, and refused.
+  double most_size = 10;
+};
+
+class RobotParts {
+ public:
+  // InvalidArgument, in one sentence that names the link, its mesh and the mend: a mesh that is
+  // flat, too large or of too many triangles; a robot without any geometry.
+  static absl::StatusOr<RobotParts> Of(const RobotModel& robot, const PartSettings& settings);
+
+  const std::vector<RobotPart>& parts() const { return parts_; }
+
+  // What the parts add, by link, metres: every straight line that meets a part of the link's
+  // passes its shapes at no more than this distance. The tolerance is not in it.
+  const std::vector<double>& excess() const { return excess_; }
+
+  // Names of the links with a part that has no inner: of a mesh that is not closed, or that is too
+  // thin or too far from convex for its inside to be known.
+  const std::vector<std::string>& uncertain_links() const { return uncertain_links_; }
+
+ private:
+  std::vector<RobotPart> parts_;
+  std::vector<double> excess_;  // by link
+  std::vector<std::string> uncertain_links_;
+};
+
+}  // namespace silhouette

@@ -1,0 +1,266 @@
+// SPDX-License-Identifier: Apache-2.0
+// Drawn images of whole robots: compared with dense samples of their true, grown surfaces.
+#include "calib/robot/drawing/drawn_robot.h"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <memory>
+#include <numbers>
+#include <stdexcept>
+#include <string>
+#include <variant>
+#include <vector>
+
+#include "calib/robot/parts.h"
+#include "calib/robot/robot_model.h"
+#include "tests/calib/robot/drawing/random_views.h"
+#include "tests/calib/robot/urdf_files.h"
+#include "tests/random.h"
+
+namespace silhouette {
+namespace {
+
+using Eigen::Isometry3d;
+using Eigen::Vector2d;
+using Eigen::Vector3d;
+
+constexpr double kTolerance = 0.005;
+
+RobotModel Rx130() {
+  return RobotModel::FromUrdf(std::string(SILHOUETTE_SOURCE_DIR) + "/capture/sim/robots/rx130.urdf")
+      .value();
+}
+
+// Three joints, with bodies like an egg's and a bent one's on every link.
+RobotModel OfMeshes(Random& random) {
+  RobotModel robot = ThreeJoints();
+  for (size_t link = 0; link < robot.links().size(); ++link) {
+    const Vector3d size(Uniform(random, 0.05, 0.2), Uniform(random, 0.05, 0.2),
+                        Uniform(random, 0.1, 0.4));
+    auto mesh = std::make_shared<TriangleMesh>(link % 2 == 0 ? SphereMesh(1) : BoxMesh({2, 2, 2}));
+    for (Vector3d& vertex : mesh->vertices) {
+      vertex = vertex.cwiseProduct(size).eval();
+      vertex.x() += 2 * vertex.z() * vertex.z();
+    }
+    robot = robot.WithBody(link, {.shape = MeshShape{"body.stl", mesh},
+                                  .link_from_shape = RandomPose(random, {0.1, 0, 0}),
+                                  .colour = {}});
+  }
+  return robot;
+}
+
+// A point of the true surface, in the shape's frame.
+Vector3d PointOf(Random& random, const Shape& shape) {
+  if (const auto* cylinder = std::get_if<CylinderShape>(&shape)) {
+    const double angle = Uniform(random, 0, 2 * std::numbers::pi);
+    const double half = cylinder->length / 2;
+    const double z = random() % 2 == 0 ? half : Uniform(random, -half, half);
+    return {cylinder->radius * std::cos(angle), cylinder->radius * std::sin(angle),
+            random() % 2 == 0 ? z : -z};
+  }
+  if (const auto* sphere = std::get_if<SphereShape>(&shape)) {
+    return sphere->radius * RandomDirection(random);
+  }
+  if (const auto* mesh = std::get_if<MeshShape>(&shape)) return SurfacePoint(random, *mesh->mesh);
+  return SurfacePoint(random, Tessellate(shape));
+}
+
+std::vector<double> RandomPositions(Random& random, const RobotModel& robot) {
+  std::vector<double> positions;
+  for (const RobotJoint& joint : robot.joints()) {
+    positions.push_back(Uniform(random, joint.lower, joint.upper));
+  }
+  return positions;
+}
+
+// A camera of random lens that looks at the robot from a random side.
+CameraModel CameraAbout(Random& random) {
+  const Vector3d centre = Vector3d(0, 0, 0.8) + Uniform(random, 1.8, 4.5) * RandomDirection(random);
+  const Vector3d along = (Vector3d(0, 0, 0.8) - centre).normalized();
+  Eigen::Matrix3d world_from_camera;
+  world_from_camera.col(2) = along;
+  world_from_camera.col(0) = along.cross(RandomDirection(random)).normalized();
+  world_from_camera.col(1) = along.cross(world_from_camera.col(0));
+  Isometry3d pose = Isometry3d::Identity();
+  pose.linear() = world_from_camera;
+  pose.translation() = centre;
+  return RandomCamera(random, pose.inverse());
+}
+
+struct Tally {
+  size_t missing = 0;
+  size_t samples = 0;
+  size_t drawn = 0;
+  size_t touched = 0;  // by a sample, or between two in a row of 64 pixels
+};
+
+void Compare(Random& random, const RobotModel& robot, const DrawnRobot& drawn, int samples,
+             Tally& tally) {
+  const std::vector<Isometry3d> poses = robot.LinkPoses(RandomPositions(random, robot));
+  const double growth = kTolerance + (random() % 2 == 0 ? 0 : 0.03);
+  for (size_t view = 0; view < drawn.views().size(); ++view) {
+    const Mask mask = drawn.Touched(view, poses, growth);
+    const CameraModel& camera = drawn.views()[view].camera();
+    std::vector<bool> touched(mask.size().pixels());
+    for (size_t link = 0; link < poses.size(); ++link) {
+      for (const LinkGeometry& geometry : robot.links()[link].body()) {
+        for (int i = 0; i < samples; ++i) {
+          const Vector3d point =
+              poses[link] * geometry.link_from_shape * PointOf(random, geometry.shape) +
+              growth * RandomDirection(random);
+          const auto at = camera.Project(point);
+          if (!at || !camera.Contains(*at)) continue;
+          const int x = std::min(static_cast<int>(at->x() + 0.5), mask.width() - 1);
+          const int y = std::min(static_cast<int>(at->y() + 0.5), mask.height() - 1);
+          ++tally.samples;
+          if (!mask.at(x, y)) ++tally.missing;
+          touched[static_cast<size_t>(y * mask.width() + x)] = true;
+        }
+      }
+    }
+    tally.drawn += mask.Count();
+    for (const bool set : touched) tally.touched += set ? 1 : 0;
+  }
+}
+
+DrawnRobot Drawn(const RobotModel& robot, std::vector<PartDrawer> views) {
+  PartSettings settings;
+  settings.tolerance = kTolerance;
+  return {RobotParts::Of(robot, settings).value().parts(), std::move(views)};
+}
+
+TEST(DrawnRobot, NoPixelOfTheRobotIsMissing) {
+  Random random;
+  Tally tally;
+  for (int trial = 0; trial < 12; ++trial) {
+    const RobotModel robot = trial % 3 == 2 ? OfMeshes(random) : Rx130();
+    std::vector<PartDrawer> views;
+    for (int view = 0; view < 3; ++view) {
+      views.emplace_back(CameraAbout(random), RandomMaskSize(random));
+    }
+    const DrawnRobot drawn = Drawn(robot, views);
+    for (int i = 0; i < 4; ++i) Compare(random, robot, drawn, 400, tally);
+  }
+  EXPECT_EQ(tally.missing, 0u);
+  EXPECT_GT(tally.samples, 300000u);
+}
+
+TEST(DrawnRobot, FewPixelsAreDrawnThatTheRobotDoesNotTouch) {
+  Random random;
+  Tally tally;
+  const RobotModel robot = Rx130();
+  for (int trial = 0; trial < 4; ++trial) {
+    CameraIntrinsics in{.width = 64, .height = 64, .fx = 70, .fy = 70, .cx = 31.5, .cy = 31.5};
+    in.distortion = {-0.15, 0.03, 0.001, -0.001, 0};
+    const DrawnRobot drawn =
+        Drawn(robot, {PartDrawer({in, CameraAbout(random).camera_from_world()}, {64, 64})});
+    for (int i = 0; i < 3; ++i) Compare(random, robot, drawn, 20000, tally);
+  }
+  EXPECT_EQ(tally.missing, 0u);
+  RecordProperty("drawn_for_1000_touched", static_cast<int>(1000 * tally.drawn / tally.touched));
+  EXPECT_LT(static_cast<double>(tally.drawn), 1.12 * static_cast<double>(tally.touched));
+}
+
+// Whether a ray meets the solid of a primitive shape that is shrunk by `less`.
+bool Meets(const Shape& shape, double less, const Vector3d& from, const Vector3d& along) {
+  double first = 0;
+  double last = 1e9;
+  const auto between = [&](double at, double speed, double half) {
+    if (std::abs(speed) < 1e-15) {
+      if (std::abs(at) > half) last = -1;
+      return;
+    }
+    const double a = (-half - at) / speed;
+    const double b = (half - at) / speed;
+    first = std::max(first, std::min(a, b));
+    last = std::min(last, std::max(a, b));
+  };
+  if (const auto* box = std::get_if<BoxShape>(&shape)) {
+    for (int axis = 0; axis < 3; ++axis) {
+      between(from[axis], along[axis], box->size[axis] / 2 - less);
+    }
+    return first <= last;
+  }
+  const auto* cylinder = std::get_if<CylinderShape>(&shape);
+  if (cylinder == nullptr) return false;
+  between(from.z(), along.z(), cylinder->length / 2 - less);
+  const double a = along.head<2>().squaredNorm();
+  const double b = from.head<2>().dot(along.head<2>());
+  const double radius = cylinder->radius - less;
+  const double root = b * b - a * (from.head<2>().squaredNorm() - radius * radius);
+  if (root < 0) return false;
+  first = std::max(first, (-b - std::sqrt(root)) / a);
+  last = std::min(last, (-b + std::sqrt(root)) / a);
+  return first <= last;
+}
+
+TEST(DrawnRobot, EveryRayOfACoveredPixelMeetsTheShrunkRobot) {
+  Random random;
+  const RobotModel robot = Rx130();
+  size_t looks = 0;
+  size_t wrong = 0;
+  for (int trial = 0; trial < 12; ++trial) {
+    const DrawnRobot drawn =
+        Drawn(robot, {PartDrawer(CameraAbout(random), {trial % 2 == 0 ? 96 : 320, 96})});
+    const CameraModel& camera = drawn.views()[0].camera();
+    const std::vector<Isometry3d> poses = robot.LinkPoses(RandomPositions(random, robot));
+    const Mask mask = drawn.Covered(0, poses);
+    for (int y = 0; y < mask.height(); ++y) {
+      for (int x = 0; x < mask.width(); ++x) {
+        if (!mask.at(x, y)) continue;
+        for (int i = 0; i < 6; ++i) {
+          const Vector2d in_pixel(Uniform(random, -0.5, 0.5), Uniform(random, -0.5, 0.5));
+          const auto ray = camera.Ray(Vector2d(x, y) + in_pixel);
+          bool meets = false;
+          for (size_t link = 0; ray && link < poses.size() && !meets; ++link) {
+            for (const LinkGeometry& geometry : robot.links()[link].body()) {
+              const Isometry3d shape_from_base = (poses[link] * geometry.link_from_shape).inverse();
+              meets = meets || Meets(geometry.shape, kTolerance, shape_from_base * camera.Centre(),
+                                     shape_from_base.linear() * *ray);
+            }
+          }
+          ++looks;
+          if (!meets) ++wrong;
+        }
+      }
+    }
+    // It is not little.
+    const size_t touched = drawn.Touched(0, poses, 0).Count();
+    EXPECT_TRUE(touched < 600 || 4 * mask.Count() > touched);
+  }
+  EXPECT_EQ(wrong, 0u);
+  EXPECT_GT(looks, 2000u);
+}
+
+TEST(DrawnRobot, RoundPartsThatMoveWithTheLinkBeforeAreWhereTheyWere) {
+  Random random;
+  const RobotModel robot = Rx130();
+  PartSettings settings;
+  std::vector<RobotPart> parts = RobotParts::Of(robot, settings).value().parts();
+  const PartDrawer view(CameraAbout(random), {128, 128});
+  for (int trial = 0; trial < 20; ++trial) {
+    const std::vector<Isometry3d> poses = robot.LinkPoses(RandomPositions(random, robot));
+    for (const RobotPart& part : parts) {
+      // Its middle is the same seen from the link that it is of, wherever that stands.
+      const std::vector<Isometry3d> at_zero =
+          robot.LinkPoses(std::vector<double>(robot.joints().size(), 0));
+      const Vector3d middle = part.points.rowwise().mean();
+      const Vector3d in_link = at_zero[part.link].inverse() * (at_zero[part.moves_with] * middle);
+      EXPECT_LT((poses[part.link] * in_link - poses[part.moves_with] * middle).norm(), 1e-6);
+    }
+  }
+}
+
+TEST(DrawnRobot, PartsThatCannotBeAreRefused) {
+  EXPECT_THROW(DrawnRobot({}, {}), std::invalid_argument);
+  EXPECT_THROW(DrawnRobot({RobotPart{}}, {}), std::invalid_argument);
+  const RobotModel robot = Rx130();
+  Random random;
+  const DrawnRobot drawn = Drawn(robot, {PartDrawer(CameraAbout(random), {64, 64})});
+  EXPECT_THROW(drawn.Touched(0, std::vector<Isometry3d>(3), 0), std::out_of_range);
+}
+
+}  // namespace
+}  // namespace silhouette
