@@ -2,6 +2,7 @@
 #include "calib/robot/robot_body.h"
 
 #include <algorithm>
+#include <cmath>
 #include <future>
 #include <limits>
 #include <stdexcept>
@@ -70,6 +71,68 @@ bool PosedBody::MayReach(const Eigen::Vector3d& point, double radius) const {
   });
 }
 
+bool PosedBody::MayMeet(const Eigen::Vector3d& centre, double room, double radius) const {
+  constexpr int kHalvings = 4;  // to squares of a sixteenth of the ball
+  const Ball ball{centre, room, radius};
+  return std::ranges::any_of(links_, [&](const Link& link) {
+    const double reach = radius + room + tolerance_ + link.payload_radius + link.movement;
+    const bool near = link.payload_radius > 0 && (centre - link.origin).norm() <= reach;
+    if (!near) {
+      if (link.field == nullptr || link.box.squaredExteriorDistance(centre) > reach * reach) {
+        return false;
+      }
+      if (link.field->AtLeast(link.link_from_base * centre) > reach) return false;
+    }
+    for (int axis = 0; axis < 3; ++axis) {
+      const Eigen::Vector3d right = Eigen::Vector3d::Unit((axis + 1) % 3);
+      const Eigen::Vector3d up = Eigen::Vector3d::Unit((axis + 2) % 3);
+      for (const double side : {-1.0, 1.0}) {
+        const Eigen::Vector3d middle = side * Eigen::Vector3d::Unit(axis);
+        if (MayMeetOn(link, ball, middle, right, up, kHalvings)) return true;
+      }
+    }
+    return false;
+  });
+}
+
+bool PosedBody::MayMeetOn(const Link& link, const Ball& ball, const Eigen::Vector3d& middle,
+                          const Eigen::Vector3d& right, const Eigen::Vector3d& up,
+                          int halvings) const {
+  // Of all directions that the square shows, how far, at most, from that of its middle.
+  const Eigen::Vector3d outwards = middle.normalized();
+  double spread = 0;
+  for (int corner = 0; corner < 4; ++corner) {
+    const Eigen::Vector3d at =
+        middle + (corner % 2 == 0 ? right : -right) + (corner < 2 ? up : -up);
+    spread = std::max(spread, (at.normalized() - outwards).norm());
+  }
+  // Every point of the ball's surface in question is no farther from this one than `slack`.
+  const Eigen::Vector3d point = ball.centre + ball.radius * outwards;
+  const double slack = ball.radius * spread + ball.room;
+  const double reach = slack + tolerance_ + link.payload_radius + link.movement;
+  const bool of_payload = link.payload_radius > 0 && (point - link.origin).norm() <= reach;
+  const bool of_link = link.field != nullptr &&
+                       link.box.squaredExteriorDistance(point) <= reach * reach &&
+                       link.field->AtLeast(link.link_from_base * point) <= reach;
+  if (!of_payload && !of_link) return false;
+  // Where every joint moves the points away from the centre, so do all together.
+  const bool approaches = std::ranges::any_of(link.motions, [&](const Motion& motion) {
+    const Eigen::Vector3d lever = point - motion.origin;
+    const Eigen::Vector3d velocity = motion.slides ? motion.axis : motion.axis.cross(lever);
+    const double error =
+        motion.slides ? motion.turn : motion.turn * lever.norm() + slack + motion.shift;
+    return outwards.dot(velocity) - spread * velocity.norm() - error <= 0;
+  });
+  if (!approaches) return false;
+  if (halvings == 0) return true;
+  for (int quarter = 0; quarter < 4; ++quarter) {
+    const Eigen::Vector3d to =
+        (quarter % 2 == 0 ? right : -right) / 2 + (quarter < 2 ? up : -up) / 2;
+    if (MayMeetOn(link, ball, middle + to, right / 2, up / 2, halvings - 1)) return true;
+  }
+  return false;
+}
+
 PosedBody PosedBody::MovedFrom(const PosedBody& other) const {
   constexpr double kSame = 1e-9;
   PosedBody moved;
@@ -114,15 +177,15 @@ PosedBody RobotBody::At(std::span<const double> positions) const {
   return body;
 }
 
-PosedBody RobotBody::Between(std::span<const double> lower, std::span<const double> upper,
+PosedBody RobotBody::Between(std::span<const double> from, std::span<const double> to,
                              double fine) const {
   PosedBody body;
   body.tolerance_ = settings_.tolerance;
-  std::vector<double> half(lower.size());
-  for (size_t j = 0; j < half.size(); ++j) half[j] = (upper[j] - lower[j]) / 2;
+  std::vector<double> half(from.size());
+  for (size_t j = 0; j < half.size(); ++j) half[j] = (to[j] - from[j]) / 2;
   std::vector<int> pieces(half.size(), 1);
   size_t poses = 1;
-  const auto middle = [&](size_t j, int piece) { return lower[j] + (2 * piece + 1) * half[j]; };
+  const auto middle = [&](size_t j, int piece) { return from[j] + (2 * piece + 1) * half[j]; };
   std::vector<double> positions(half.size());
   while (2 * poses <= kMostPoses) {
     for (size_t j = 0; j < half.size(); ++j) positions[j] = middle(j, pieces[j] / 2);
@@ -167,10 +230,16 @@ double RobotBody::MovementOf(size_t link, std::span<const Eigen::Isometry3d> bas
           fields_[link]->box().corner(static_cast<Eigen::AlignedBox3d::CornerType>(corner)));
     }
   }
+  return MovementOf(points, static_cast<int>(link), base_from_link, half_ranges);
+}
+
+double RobotBody::MovementOf(std::span<const Eigen::Vector3d> points, int link,
+                             std::span<const Eigen::Isometry3d> base_from_link,
+                             std::span<const double> half_ranges) const {
   // One joint moves after the other, the outermost first. A point then has moved by no more than
   // those moved it, and is by no more than that farther from the axis of the next one.
   double movement = 0;
-  for (int at = static_cast<int>(link); at >= 0;) {
+  for (int at = link; at >= 0;) {
     const RobotLink& moved = robot_.links()[static_cast<size_t>(at)];
     if (moved.joint >= 0) {
       const auto joint = static_cast<size_t>(moved.joint);
@@ -181,11 +250,37 @@ double RobotBody::MovementOf(size_t link, std::span<const Eigen::Isometry3d> bas
         farthest = std::max(farthest, (point - frame.translation()).cross(axis).norm());
       }
       const bool slides = robot_.joints()[joint].type == JointType::kPrismatic;
-      movement += half_ranges[joint] * (slides ? 1 : farthest + movement);
+      movement += std::abs(half_ranges[joint]) * (slides ? 1 : farthest + movement);
     }
     at = moved.parent;
   }
   return movement;
+}
+
+std::vector<PosedBody::Motion> RobotBody::MotionsOf(
+    size_t link, std::span<const Eigen::Isometry3d> base_from_link,
+    std::span<const double> half_ranges) const {
+  std::vector<PosedBody::Motion> motions;
+  for (int at = static_cast<int>(link); at >= 0;) {
+    const RobotLink& moved = robot_.links()[static_cast<size_t>(at)];
+    const double half = moved.joint < 0 ? 0 : half_ranges[static_cast<size_t>(moved.joint)];
+    const bool slides =
+        moved.joint >= 0 &&
+        robot_.joints()[static_cast<size_t>(moved.joint)].type == JointType::kPrismatic;
+    if (half != 0) {
+      // The joints outside this one are found already: it turns their axes.
+      for (PosedBody::Motion& outer : motions) outer.turn += slides ? 0 : std::abs(half);
+      const Eigen::Isometry3d& frame = base_from_link[static_cast<size_t>(at)];
+      PosedBody::Motion motion;
+      motion.axis = frame.linear() * moved.axis * (half > 0 ? 1 : -1);
+      motion.origin = frame.translation();
+      motion.slides = slides;
+      motion.shift = MovementOf({&motion.origin, 1}, moved.parent, base_from_link, half_ranges);
+      motions.push_back(motion);
+    }
+    at = moved.parent;
+  }
+  return motions;
 }
 
 void RobotBody::AddLinks(std::span<const double> positions, std::span<const double> half_ranges,
@@ -197,6 +292,7 @@ void RobotBody::AddLinks(std::span<const double> positions, std::span<const doub
     link.number = i;
     link.movement = MovementOf(i, base_from_link, half_ranges);
     if (link.movement == 0 && !still) continue;
+    link.motions = MotionsOf(i, base_from_link, half_ranges);
     link.payload_radius = payload_radii_[i];
     link.origin = base_from_link[i].translation();
     link.link_from_base = base_from_link[i].inverse();

@@ -27,6 +27,13 @@ class PosedBody {
   // point; of RobotBody::Between, at any of its joint values.
   bool MayReach(const Eigen::Vector3d& point, double radius) const;
 
+  // Whether a ball of `radius`, its centre anywhere within `room` of `centre`, that the robot does
+  // not touch with the joints at the `from` of RobotBody::Between, may be met by any link while
+  // they move on towards `to`. Where a link first touches the ball, a point of it lies on the
+  // ball's surface and moves no farther away from its centre: such points of the links, enlarged by
+  // the tolerance, are looked for. What moves away is not met, however near it is.
+  bool MayMeet(const Eigen::Vector3d& centre, double room, double radius) const;
+
   // The links, of the same body, that stand elsewhere than in `other`, or move. `other`: of
   // RobotBody::At.
   PosedBody MovedFrom(const PosedBody& other) const;
@@ -34,6 +41,15 @@ class PosedBody {
  private:
   friend class RobotBody;
 
+  // How a joint that moves carries the points of a link.
+  struct Motion {
+    Eigen::Vector3d axis;    // unit, in the base frame; as the joint moves from `from` to `to`
+    Eigen::Vector3d origin;  // a point of it
+    bool slides = false;
+    // How far the joints before it turn the axis, radians, and move the origin, at most.
+    double turn = 0;
+    double shift = 0;
+  };
   struct Link {
     size_t number = 0;                     // in the model
     const DistanceField* field = nullptr;  // null: a frame alone, which carries tool or payload
@@ -42,7 +58,17 @@ class PosedBody {
     Eigen::Isometry3d link_from_base;
     Eigen::AlignedBox3d box;  // in the base frame
     double movement = 0;      // no point of it is ever farther from where it is here
+    std::vector<Motion> motions;
   };
+  struct Ball {
+    Eigen::Vector3d centre;
+    double room = 0;
+    double radius = 0;
+  };
+  // MayMeet, by the points that a square of a cube around the ball shows from its centre: `middle`
+  // of the square, and half its edges.
+  bool MayMeetOn(const Link& link, const Ball& ball, const Eigen::Vector3d& middle,
+                 const Eigen::Vector3d& right, const Eigen::Vector3d& up, int halvings) const;
   std::vector<Link> links_;
   double tolerance_ = 0;
 };
@@ -76,21 +102,29 @@ class RobotBody {
   // std::invalid_argument is thrown.
   PosedBody At(std::span<const double> positions) const;
 
-  // The body wherever every joint is from `lower` to `upper`: for MayReach alone. It is that of
-  // some joint values in between, grown by how far its links move from there at most; of no more
-  // than kMostPoses of them, and more than one only while a link moves by more than `fine`, metres.
+  // The body wherever every joint is between `from` and `to`: for MayReach and MayMeet alone. It is
+  // that of some joint values in between, grown by how far its links move from there at most; of no
+  // more than kMostPoses of them, and more than one only while a link moves by more than `fine`,
+  // metres.
   static constexpr size_t kMostPoses = 16;
-  PosedBody Between(std::span<const double> lower, std::span<const double> upper,
-                    double fine) const;
+  PosedBody Between(std::span<const double> from, std::span<const double> to, double fine) const;
 
  private:
   // Adds the links with the joints at `positions`, each up to `half_ranges` to either side; those
   // that do not move only if `still`.
   void AddLinks(std::span<const double> positions, std::span<const double> half_ranges, bool still,
                 PosedBody& body) const;
-  // How far any point of the link moves at most while the joints move by up to `half_ranges`.
+  // How far any of the points of the link moves at most while the joints move by up to
+  // `half_ranges`, of either sign.
+  double MovementOf(std::span<const Eigen::Vector3d> points, int link,
+                    std::span<const Eigen::Isometry3d> base_from_link,
+                    std::span<const double> half_ranges) const;
+  // The same of all points of the link.
   double MovementOf(size_t link, std::span<const Eigen::Isometry3d> base_from_link,
                     std::span<const double> half_ranges) const;
+  std::vector<PosedBody::Motion> MotionsOf(size_t link,
+                                           std::span<const Eigen::Isometry3d> base_from_link,
+                                           std::span<const double> half_ranges) const;
 
   RobotModel robot_;
   Settings settings_;

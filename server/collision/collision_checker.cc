@@ -126,6 +126,7 @@ void CollisionChecker::CheckSpace(const Policy& policy, const TestSupport& suppo
   possible_space_ = support.possible_space;
   voxels_decide_ = policy.preset == Preset::kSound;
   robot_may_touch_ = support.robot_may_touch;
+  if (voxels_decide_) robot_may_meet_ = support.robot_may_meet;
 }
 
 void CollisionChecker::PrepareLines(const Policy& policy, const TestSupport& support) {
@@ -169,7 +170,8 @@ Reason CollisionChecker::Unusable(Numbers corners) const {
   return missing ? Reason::kRobotImageMissing : Reason::kNone;
 }
 
-Verdict CollisionChecker::Judge(Numbers corners, std::span<ViewEvidence> evidence) const {
+Verdict CollisionChecker::Judge(Numbers corners, const Asked& asked,
+                                std::span<ViewEvidence> evidence) const {
   if (!evidence.empty() && evidence.size() != obstacle_images_.size()) {
     throw std::invalid_argument("there must be one evidence per view, or none");
   }
@@ -192,7 +194,7 @@ Verdict CollisionChecker::Judge(Numbers corners, std::span<ViewEvidence> evidenc
     if (!evidence.empty()) evidence[view] = CountIn(image, robot);
   }
   if (possible_space_ != nullptr) {
-    if (SomethingPossible(corners, test_robot)) return Verdict::Occupied(hidden_possible);
+    if (SomethingPossible(corners, test_robot, asked)) return Verdict::Occupied(hidden_possible);
     if (missing_views_ > 0) return Verdict::Unknown(Reason::kViewMissing);
     return Verdict::Free(/*hidden_possible=*/false);
   }
@@ -204,7 +206,8 @@ Verdict CollisionChecker::Judge(Numbers corners, std::span<ViewEvidence> evidenc
   return Verdict::Free(hidden_possible);
 }
 
-bool CollisionChecker::SomethingPossible(Numbers corners, const TestRobot& test_robot) const {
+bool CollisionChecker::SomethingPossible(Numbers corners, const TestRobot& test_robot,
+                                         const Asked& asked) const {
   thread_local std::vector<uint64_t> room;
   thread_local std::vector<MaskWords> robot;
   room.resize(table_.words());
@@ -220,8 +223,12 @@ bool CollisionChecker::SomethingPossible(Numbers corners, const TestRobot& test_
       return robot_may_touch_(corners, box);
     };
   }
-  return possible_space_->PlanesMeet(robot, min_views_, body) &&
-         (!voxels_decide_ || possible_space_->VoxelsMeet(robot, min_views_, body));
+  const bool possible = possible_space_->PlanesMeet(robot, min_views_, body) &&
+                        (!voxels_decide_ || possible_space_->VoxelsMeet(robot, min_views_, body));
+  if (!possible || !robot_may_meet_) return possible;
+  if (!asked.from.empty()) return robot_may_meet_(asked.from, asked.to);
+  const Configuration q = table_.grid().At(corners.front());
+  return robot_may_meet_(q, q);
 }
 
 int CollisionChecker::ShowingAlongLines(const TestRobot& test_robot, int showing) const {
@@ -235,14 +242,21 @@ int CollisionChecker::ShowingAlongLines(const TestRobot& test_robot, int showing
 
 Verdict CollisionChecker::Check(ConfigurationNumber number,
                                 std::span<ViewEvidence> evidence) const {
-  if (!table_.grid().Contains(number)) return Judge({}, evidence);
-  return Judge({&number, 1}, evidence);
+  if (!table_.grid().Contains(number)) return Judge({}, {}, evidence);
+  return Judge({&number, 1}, {}, evidence);
 }
 
 Verdict CollisionChecker::Check(std::span<const double> q, std::span<ViewEvidence> evidence) const {
-  if (off_grid_ == OffGrid::kCell) return Judge(table_.grid().CornersAround(q).numbers(), evidence);
+  return CheckPart(q, {q, q}, evidence);
+}
+
+Verdict CollisionChecker::CheckPart(std::span<const double> q, const Asked& part,
+                                    std::span<ViewEvidence> evidence) const {
+  if (off_grid_ == OffGrid::kCell) {
+    return Judge(table_.grid().CornersAround(q).numbers(), part, evidence);
+  }
   const std::optional<ConfigurationNumber> nearest = table_.grid().Nearest(q);
-  return nearest ? Judge({&*nearest, 1}, evidence) : Judge({}, evidence);
+  return nearest ? Judge({&*nearest, 1}, part, evidence) : Judge({}, {}, evidence);
 }
 
 PathVerdict CollisionChecker::CheckPath(std::span<const Configuration> waypoints,
@@ -252,13 +266,14 @@ PathVerdict CollisionChecker::CheckPath(std::span<const Configuration> waypoints
   PathVerdict result;
   bool hidden_possible = false;
   // Whether the path ends here, because this place is not free.
-  const auto stops_at = [&](const Configuration& q, size_t segment, double fraction) {
+  const auto stops_at = [&](const Configuration& q, size_t segment, double fraction,
+                            const Asked& part) {
     ++result.checked;
-    const Verdict verdict = Check(q);
+    const Verdict verdict = CheckPart(q, part, {});
     if (tested) tested({q, static_cast<int>(segment), fraction, verdict});
     hidden_possible = hidden_possible || verdict.hidden_possible();
     if (verdict.free()) return false;
-    if (!evidence.empty()) Check(q, evidence);
+    if (!evidence.empty()) CheckPart(q, part, evidence);
     result.verdict = verdict;  // not the second one: an image may be read now that was not before
     result.segment = static_cast<int>(segment);
     result.fraction = fraction;
@@ -266,20 +281,29 @@ PathVerdict CollisionChecker::CheckPath(std::span<const Configuration> waypoints
     return true;
   };
   for (size_t i = 0; i < waypoints.size(); ++i) {
-    if (stops_at(waypoints[i], i, 0)) return result;
+    if (stops_at(waypoints[i], i, 0, {waypoints[i], waypoints[i]})) return result;
     if (i + 1 == waypoints.size()) break;
     const Configuration& to = waypoints[i + 1];
     if (to.size() != waypoints[i].size()) continue;  // outside the grid, as its own turn will show
     SegmentPlaces places(table_.grid(), waypoints[i], to, off_grid_);
     if (!places.resolvable()) {
-      if (stops_at(to, i + 1, 0)) return result;
+      if (stops_at(to, i + 1, 0, {to, to})) return result;
       result.verdict = Verdict::Unknown(Reason::kOutsideGrid);  // too many turns away
       result.segment = static_cast<int>(i + 1);
       result.configuration = to;
       return result;
     }
+    // Places between crossings and crossings, in turn: the first stand for all of the line up to
+    // the next crossing.
+    double begin = 0;
+    bool crossing = false;
     while (const std::optional<double> place = places.Next()) {
-      if (stops_at(Between(waypoints[i], to, *place), i, *place)) return result;
+      if (crossing) begin = *place;
+      const double end = crossing ? *place : std::min(1.0, 2 * *place - begin);
+      const Configuration first = Between(waypoints[i], to, begin);
+      const Configuration last = Between(waypoints[i], to, end);
+      if (stops_at(Between(waypoints[i], to, *place), i, *place, {first, last})) return result;
+      crossing = !crossing;
     }
   }
   result.verdict = Verdict::Free(hidden_possible);
@@ -296,7 +320,7 @@ State CollisionChecker::StateOf(ConfigurationNumber number) const {
 }
 
 bool CollisionChecker::Occupied(Numbers corners, const TestRobot& test_robot) const {
-  if (possible_space_ != nullptr) return SomethingPossible(corners, test_robot);
+  if (possible_space_ != nullptr) return SomethingPossible(corners, test_robot, {});
   int showing = missing_views_;
   for (int view = 0; view < table_.views() && showing < min_views_; ++view) {
     if (!obstacle_images_[view]) continue;

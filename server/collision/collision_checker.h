@@ -75,6 +75,11 @@ struct TestSupport {
   using RobotMayTouch =
       std::function<bool(std::span<const ConfigurationNumber>, const Eigen::AlignedBox3d&)>;
   RobotMayTouch robot_may_touch = nullptr;
+  // Preset::kSound, under the same condition: whether the robot, which touches nothing where it
+  // stands, may meet something possible on its straight way from there to any configuration
+  // between two, along each joint. True if that is not known, as far away.
+  using RobotMayMeet = std::function<bool(std::span<const double>, std::span<const double>)>;
+  RobotMayMeet robot_may_meet = nullptr;
 };
 
 // Refers to a table, to obstacle images and to its support, which must outlive it. May be used by
@@ -96,6 +101,8 @@ class CollisionChecker {
   // Any configuration: joint values in the order of the grid. Off the grid, Policy::off_grid says
   // what stands for it; with OffGrid::kCell a view shows what it shows at any corner.
   Verdict Check(std::span<const double> q, std::span<ViewEvidence> evidence = {}) const;
+
+  // A verdict holds for `q` alone, or for a path through it, not for all of its grid cell.
 
   // The path through the waypoints, at least one (else std::invalid_argument), joint values
   // interpolated linearly and without wrapping. Exact: see segment_places.h. `evidence` is filled
@@ -124,12 +131,21 @@ class CollisionChecker {
 
   void PrepareLines(const Policy& policy, const TestSupport& support);
   void CheckSpace(const Policy& policy, const TestSupport& support);
+  // The configurations that a test is asked about, between two along each joint. Empty: that of
+  // the grid at the only corner.
+  struct Asked {
+    std::span<const double> from{};
+    std::span<const double> to{};
+  };
+  // Check, for all of a part of a straight line within one grid cell.
+  Verdict CheckPart(std::span<const double> q, const Asked& part,
+                    std::span<ViewEvidence> evidence) const;
   // Whether something possible meets the robot at these corners.
-  bool SomethingPossible(Numbers corners, const TestRobot& test_robot) const;
+  bool SomethingPossible(Numbers corners, const TestRobot& test_robot, const Asked& asked) const;
   // The verdict on a configuration that is present; unknown, too, if its image cannot be read.
   State StateOf(ConfigurationNumber number) const;
   bool Occupied(Numbers corner, const TestRobot& test_robot) const;
-  Verdict Judge(Numbers corners, std::span<ViewEvidence> evidence) const;
+  Verdict Judge(Numbers corners, const Asked& asked, std::span<ViewEvidence> evidence) const;
   // How many of the views, of which `showing` have an obstacle pixel in the intersection image,
   // show an obstacle once the lines are searched; counts on only while it matters.
   int ShowingAlongLines(const TestRobot& test_robot, int showing) const;
@@ -153,6 +169,7 @@ class CollisionChecker {
   // Set if the preset is a sound one.
   const PossibleSpace* possible_space_ = nullptr;
   TestSupport::RobotMayTouch robot_may_touch_;
+  TestSupport::RobotMayMeet robot_may_meet_;
   bool voxels_decide_ = false;
   int min_views_ = 1;
   int missing_views_ = 0;

@@ -292,9 +292,14 @@ PossibleSpace::PossibleSpace(const VoxelSpace& space, const ObstacleImages& imag
   remaining_ = MetByBalls(centres, grid, space.least_obstacle());
   const std::span<uint64_t> words = remaining_.words();
   for (size_t i = 0; i < words.size(); ++i) {
-    words[i] = ((words[i] & possible.words()[i]) | plain.words()[i]) & space.reached().words()[i] &
-               ~taken.words()[i];
+    const uint64_t reached = space.reached().words()[i] & ~taken.words()[i];
+    plain.words()[i] &= reached;
+    words[i] = (words[i] & possible.words()[i] & reached) | plain.words()[i];
   }
+  plain_ = std::move(plain);
+  centres_ = std::move(centres);
+  plain_blocks_ = BlocksOf(plain_);
+  centre_blocks_ = BlocksOf(centres_);
   FindParts(images);
 }
 
@@ -321,12 +326,16 @@ void PossibleSpace::FindParts(const ObstacleImages& images) {
       parts_.push_back(Drawn(parts[i], surface));
     }
   }
+  remaining_blocks_ = BlocksOf(remaining_);
+  always_met_blocks_ = BlocksOf(always_met_);
+}
+
+std::vector<int> PossibleSpace::BlocksOf(const VoxelSet& voxels) const {
+  std::vector<int> blocks;
   for (size_t slot = 0; slot < space_.active().size(); ++slot) {
-    const VoxelSpace::Block& block = space_.active()[slot];
-    if (!AnyInBlock(remaining_, block)) continue;
-    remaining_blocks_.push_back(static_cast<int>(slot));
-    if (AnyInBlock(always_met_, block)) always_met_blocks_.push_back(static_cast<int>(slot));
+    if (AnyInBlock(voxels, space_.active()[slot])) blocks.push_back(static_cast<int>(slot));
   }
+  return blocks;
 }
 
 bool PossibleSpace::AlwaysMet(const VoxelPart& part) const {
@@ -413,6 +422,10 @@ bool PossibleSpace::VoxelsMeet(std::span<const MaskWords> robot, int min_views,
     }
   }
   return false;
+}
+
+bool PossibleSpace::AnyMet(const MayTouch& touched, const MayTouch& met) const {
+  return BodyTouches(plain_, plain_blocks_, touched) || BodyTouches(centres_, centre_blocks_, met);
 }
 
 bool PossibleSpace::VoxelMeets(std::span<const MaskWords> robot, int min_views, int x, int y,

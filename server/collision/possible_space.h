@@ -96,6 +96,12 @@ class PossibleSpace {
   bool VoxelsMeet(std::span<const MaskWords> robot, int min_views,
                   const MayTouch& body = nullptr) const;
 
+  // Whether a voxel remains whose content an image shows, so that an obstacle smaller than the
+  // least may be in it, and `touched` is true of it; or there is a voxel in which a ball of the
+  // least obstacle may have its centre, and `met` is true of it. Both are also asked of boxes that
+  // hold such voxels, and true if they are of one of them.
+  bool AnyMet(const MayTouch& touched, const MayTouch& met) const;
+
   // Whether a voxel meets it in `min_views` views; one that the space looks at at all.
   bool VoxelMeets(std::span<const MaskWords> robot, int min_views, int x, int y, int z) const;
 
@@ -103,13 +109,18 @@ class PossibleSpace {
   void FindParts(const ObstacleImages& images);
   bool AlwaysMet(const VoxelPart& part) const;
   Part Drawn(const VoxelPart& part, const VoxelSet& surface) const;
+  std::vector<int> BlocksOf(const VoxelSet& voxels) const;
   bool BodyTouches(const VoxelSet& voxels, std::span<const int> blocks, const MayTouch& body) const;
 
   const VoxelSpace& space_;
   VoxelSet remaining_;
+  VoxelSet plain_;    // of those that remain
+  VoxelSet centres_;  // where balls of the least obstacle may have their centres
   VoxelSet always_met_;
   std::vector<int> always_met_blocks_;  // places in space_.active()
   std::vector<int> remaining_blocks_;   // places in space_.active()
+  std::vector<int> plain_blocks_;       // places in space_.active()
+  std::vector<int> centre_blocks_;      // places in space_.active()
   std::vector<Part> parts_;
   CollisionImages possible_pixels_;  // those that are not background
 };

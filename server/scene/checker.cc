@@ -89,7 +89,9 @@ TestSupport SupportFor(const Served& served, const Policy& policy) {
     // It takes links that stand as in the scene for what touches nothing. With another tool or part
     // than in the scene that is not known.
     if (served.database->variant() == served.scene->variant) {
-      support.robot_may_touch = served.database->sound()->RobotMayTouch(served.scene->joints);
+      const SoundBasis& basis = *served.database->sound();
+      support.robot_may_touch = basis.RobotMayTouch(served.scene->joints);
+      support.robot_may_meet = basis.RobotMayMeet(served.scene->joints, *support.possible_space);
     }
   }
   return support;

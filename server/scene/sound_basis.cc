@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <atomic>
+#include <cmath>
 #include <stdexcept>
 #include <utility>
 
@@ -25,6 +26,11 @@ constexpr int kHalvings = 2;
 double EdgeOf(const SoundSettings& settings) {
   return settings.voxel_edge.value_or(settings.least_obstacle / 3);
 }
+
+// A joint moves by no more than this, radians or metres, on a way that begins at its value.
+constexpr double kSameJoint = 1e-6;
+// The body's movement while it leaves a place is resolved to this share of an edge of a voxel.
+constexpr double kFineMovement = 0.125;
 
 // The pixels that the robot covers in any, and in every configuration that is there.
 struct CoveredPixels {
@@ -185,6 +191,31 @@ struct TestBody {
   }
 };
 
+// The body while it leaves the place where it touches nothing.
+struct LeavingBody {
+  TestBody test;
+  const PosedBody& present;
+  double radius = 0;  // of the least obstacle
+  double voxel = 0;   // edge
+
+  // Whether it may meet a ball that has its centre in a box, of the voxel's size or larger; eighths
+  // of a voxel as above.
+  bool MayMeet(const Eigen::AlignedBox3d& box, int halvings) {
+    const Eigen::Vector3d centre = box.center();
+    const double room = box.diagonal().norm() / 2;
+    if (present.AtMost(centre, test.hint) + room < radius) return false;
+    if (box.sizes().x() > 1.5 * voxel) return test.body.MayReach(centre, room + radius);
+    if (!test.body.MayMeet(centre, room, radius)) return false;
+    if (halvings == 0) return true;
+    for (int corner = 0; corner < 8; ++corner) {
+      Eigen::AlignedBox3d eighth(centre);
+      eighth.extend(box.corner(static_cast<Eigen::AlignedBox3d::CornerType>(corner)));
+      if (MayMeet(eighth, halvings - 1)) return true;
+    }
+    return false;
+  }
+};
+
 TestSupport::RobotMayTouch SoundBasis::RobotMayTouch(std::span<const JointPosition> joints) const {
   const std::optional<std::vector<double>> now = Positions(joints);
   if (!whole_model_ || !body_.open_links().empty() || !now) return nullptr;
@@ -199,6 +230,52 @@ TestSupport::RobotMayTouch SoundBasis::RobotMayTouch(std::span<const JointPositi
       test = {owner, corners.front(), corners.back(), body->MovedFrom(present)};
     }
     return test.MayTouch(box, present, kHalvings);
+  };
+}
+
+std::optional<PosedBody> SoundBasis::BodyOnTheWay(std::span<const double> now,
+                                                  std::span<const double> from,
+                                                  std::span<const double> to) const {
+  for (size_t i = 0; i < from.size(); ++i) {
+    const GridJoint& joint = grid_.joints()[i];
+    const double start = now[*robot_->JointIndex(joint.name)];
+    const double farthest = std::max(std::abs(from[i] - start), std::abs(to[i] - start));
+    if (!(farthest <= joint.step() + kSameJoint)) return std::nullopt;
+  }
+  const auto one = PositionsAt({from.begin(), from.end()});
+  const auto other = PositionsAt({to.begin(), to.end()});
+  if (!one || !other) return std::nullopt;
+  std::vector<double> end;
+  for (size_t j = 0; j < now.size(); ++j) {
+    const auto [least, most] = std::minmax((*one)[j], (*other)[j]);
+    if (least < now[j] - kSameJoint && most > now[j] + kSameJoint) return std::nullopt;
+    const bool moves = most > now[j] + kSameJoint || least < now[j] - kSameJoint;
+    end.push_back(!moves ? now[j] : most > now[j] + kSameJoint ? most : least);
+  }
+  return body_.Between(now, end, kFineMovement * space_.grid().edge());
+}
+
+TestSupport::RobotMayMeet SoundBasis::RobotMayMeet(std::span<const JointPosition> joints,
+                                                   const PossibleSpace& space) const {
+  const std::optional<std::vector<double>> now = Positions(joints);
+  const auto in_model = [this](const GridJoint& joint) {
+    return robot_->JointIndex(joint.name).has_value();
+  };
+  if (!whole_model_ || !body_.open_links().empty() || !now) return nullptr;
+  if (!std::ranges::all_of(grid_.joints(), in_model)) return nullptr;
+  return [this, &space, now = *now, present = body_.At(*now)](std::span<const double> from,
+                                                              std::span<const double> to) {
+    const std::optional<PosedBody> body = BodyOnTheWay(now, from, to);
+    if (!body) return true;
+    LeavingBody leaving{.test = {.body = body->MovedFrom(present)},
+                        .present = present,
+                        .radius = space_.least_obstacle(),
+                        .voxel = space_.grid().edge()};
+    return space.AnyMet(
+        [&](const Eigen::AlignedBox3d& box) {
+          return leaving.test.MayTouch(box, present, kHalvings);
+        },
+        [&](const Eigen::AlignedBox3d& box) { return leaving.MayMeet(box, kHalvings); });
   };
 }
 

@@ -61,6 +61,13 @@ class SoundBasis {
   // robot touches at any place in the cell is found. Refers to this.
   TestSupport::RobotMayTouch RobotMayTouch(std::span<const JointPosition> joints) const;
 
+  // TestSupport::robot_may_meet while the robot stands at `joints`; null as above. `space`: of the
+  // scene, and of this; must outlive it. A ball of the least obstacle that may be anywhere in space
+  // is met only if a link moves towards it (PosedBody::MayMeet), an obstacle smaller than that if a
+  // link may touch it. For configurations up to one step of the grid away along each joint.
+  TestSupport::RobotMayMeet RobotMayMeet(std::span<const JointPosition> joints,
+                                         const PossibleSpace& space) const;
+
  private:
   SoundBasis(const SoundCell& sound, const storage::v1::CellDescription& cell,
              const ConfigurationGrid& grid, std::vector<VoxelView> views);
@@ -71,6 +78,10 @@ class SoundBasis {
   std::optional<std::vector<double>> PositionsAt(const Configuration& q) const;
   // The body in a grid cell; nothing if a joint has no value.
   std::optional<PosedBody> BodyIn(std::span<const ConfigurationNumber> corners) const;
+  // The body on its straight way from `now` to any configuration between the two; nothing if they
+  // are more than a step of the grid away, or lie on either side of `now`.
+  std::optional<PosedBody> BodyOnTheWay(std::span<const double> now, std::span<const double> from,
+                                        std::span<const double> to) const;
 
   std::shared_ptr<const RobotModel> robot_;
   ConfigurationGrid grid_;

@@ -141,6 +141,44 @@ class RobotBodyTest : public testing::Test {
     return RobotModel::FromUrdf(path).value();
   }
 
+  // An arm of three boxes, of which the outermost slides.
+  static RobotModel Three() {
+    return Read(R"(<robot name="three">
+    <link name="foot"><visual><geometry><box size="0.2 0.2 0.2"/></geometry></visual></link>
+    <link name="upper">
+      <visual><origin xyz="0.3 0 0"/><geometry><box size="0.6 0.1 0.1"/></geometry></visual>
+    </link>
+    <link name="lower">
+      <visual><origin xyz="0.2 0 0.1"/><geometry><box size="0.4 0.06 0.2"/></geometry></visual>
+    </link>
+    <link name="slide">
+      <visual><origin xyz="0 0.1 0"/><geometry><box size="0.1 0.3 0.1"/></geometry></visual>
+    </link>
+    <joint name="turn" type="revolute">
+      <parent link="foot"/><child link="upper"/><origin xyz="0 0 1"/><axis xyz="0 0 1"/>
+      <limit lower="-3" upper="3" effort="1" velocity="1"/>
+    </joint>
+    <joint name="bend" type="revolute">
+      <parent link="upper"/><child link="lower"/><origin xyz="0.6 0 0"/><axis xyz="0 1 0"/>
+      <limit lower="-3" upper="3" effort="1" velocity="1"/>
+    </joint>
+    <joint name="push" type="prismatic">
+      <parent link="lower"/><child link="slide"/><origin xyz="0.4 0 0"/><axis xyz="1 0 0"/>
+      <limit lower="-1" upper="1" effort="1" velocity="1"/>
+    </joint></robot>)");
+  }
+  // Of the boxes of Three() with the joints there.
+  static double DistanceOfThree(const RobotModel& robot, const std::vector<double>& q,
+                                const Vector3d& point) {
+    const std::vector<Eigen::Isometry3d> poses = robot.LinkPoses(q);
+    const auto of_box = [&](size_t link, const Vector3d& middle, const Vector3d& size) {
+      return DistanceOfBox(size, poses[link].inverse() * point - middle);
+    };
+    return std::min({of_box(0, {0, 0, 0}, {0.2, 0.2, 0.2}), of_box(1, {0.3, 0, 0}, {0.6, 0.1, 0.1}),
+                     of_box(2, {0.2, 0, 0.1}, {0.4, 0.06, 0.2}),
+                     of_box(3, {0, 0.1, 0}, {0.1, 0.3, 0.1})});
+  }
+
   // A box on the floor and an arm that turns about z, one metre above it.
   const RobotModel robot_ = Read(R"(<robot name="two">
     <link name="foot">
@@ -217,29 +255,7 @@ TEST_F(RobotBodyTest, LinksThatStandStillHaveNotMoved) {
 }
 
 TEST_F(RobotBodyTest, BetweenJointValuesHoldsTheBodyAtEachOfThem) {
-  const RobotModel robot = Read(R"(<robot name="three">
-    <link name="foot"><visual><geometry><box size="0.2 0.2 0.2"/></geometry></visual></link>
-    <link name="upper">
-      <visual><origin xyz="0.3 0 0"/><geometry><box size="0.6 0.1 0.1"/></geometry></visual>
-    </link>
-    <link name="lower">
-      <visual><origin xyz="0.2 0 0.1"/><geometry><box size="0.4 0.06 0.2"/></geometry></visual>
-    </link>
-    <link name="slide">
-      <visual><origin xyz="0 0.1 0"/><geometry><box size="0.1 0.3 0.1"/></geometry></visual>
-    </link>
-    <joint name="turn" type="revolute">
-      <parent link="foot"/><child link="upper"/><origin xyz="0 0 1"/><axis xyz="0 0 1"/>
-      <limit lower="-3" upper="3" effort="1" velocity="1"/>
-    </joint>
-    <joint name="bend" type="revolute">
-      <parent link="upper"/><child link="lower"/><origin xyz="0.6 0 0"/><axis xyz="0 1 0"/>
-      <limit lower="-3" upper="3" effort="1" velocity="1"/>
-    </joint>
-    <joint name="push" type="prismatic">
-      <parent link="lower"/><child link="slide"/><origin xyz="0.4 0 0"/><axis xyz="1 0 0"/>
-      <limit lower="-1" upper="1" effort="1" velocity="1"/>
-    </joint></robot>)");
+  const RobotModel robot = Three();
   const RobotBody body(robot, {.payload_radius = 0.15, .range = kRange, .step = kStep});
   Random random;
   std::uniform_real_distribution<double> share(0, 1);
@@ -272,6 +288,48 @@ TEST_F(RobotBodyTest, BetweenJointValuesHoldsTheBodyAtEachOfThem) {
     if (!between.MayReach({-0.5, 0, 1}, 0.1)) ++far_away;
   }
   EXPECT_GT(far_away, 40) << "it is not everything";
+}
+
+TEST_F(RobotBodyTest, BallsAreMetOnlyIfALinkMovesTowardsThem) {
+  constexpr double kRadius = 0.1;
+  const RobotModel robot = Three();
+  const RobotBody body(robot, {.tolerance = 0.005, .range = kRange, .step = kStep});
+  Random random;
+  std::uniform_real_distribution<double> share(-1, 1);
+  int met = 0;
+  int not_met = 0;
+  for (int i = 0; i < 200; ++i) {
+    std::vector<double> from, to;
+    for (const double widest : {0.15, 0.2, 0.1}) {
+      from.push_back(share(random));
+      to.push_back(from.back() + (share(random) < -0.2 ? 0 : widest * share(random)));
+    }
+    const PosedBody way = body.Between(from, to, 0.005);
+    for (int balls = 0; balls < 20;) {
+      const Vector3d centre =
+          Vector3d(0.4, 0, 1) + 0.9 * Vector3d(share(random), share(random), share(random));
+      const double distance = DistanceOfThree(robot, from, centre);
+      if (distance <= kRadius || distance > kRadius + 0.05) continue;
+      ++balls;
+      bool touched = false;
+      for (int j = 0; j < 60 && !touched; ++j) {
+        std::vector<double> q;
+        for (size_t k = 0; k < 3; ++k) {
+          const double along = j == 0 ? 1 : std::abs(share(random));
+          q.push_back(from[k] + along * (to[k] - from[k]));
+        }
+        touched = DistanceOfThree(robot, q, centre) <= kRadius;
+      }
+      const double room = balls % 2 == 0 ? 0 : 0.01;
+      const Vector3d off = room * Vector3d(share(random), share(random), share(random)) / 2;
+      const bool may_meet = way.MayMeet(centre + off, room, kRadius);
+      ASSERT_TRUE(may_meet || !touched) << "range " << i << ", " << centre.transpose();
+      met += touched ? 1 : 0;
+      not_met += !may_meet && way.MayReach(centre, kRadius) ? 1 : 0;
+    }
+  }
+  EXPECT_GT(met, 300);
+  EXPECT_GT(not_met, 50) << "of what is in reach";
 }
 
 TEST_F(RobotBodyTest, WhatStandsStillInARangeHasNotMoved) {

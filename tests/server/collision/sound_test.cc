@@ -466,6 +466,58 @@ TEST(SoundTest, TheBodyFreesNothingThatTouchesBetweenGridPoints) {
   EXPECT_GT(freed, 100);
 }
 
+// What the robot does not meet on its straight way is free, and a path asks about all of itself.
+TEST(SoundTest, WhatIsNotMetOnTheWayIsFree) {
+  const SphereWorld world(ThreeCameras(), kSoundRho, kVoxel);
+  const ConfigurationNumber present = SphereWorld::Configurations()[123];
+  const Balls obstacles{{Vector3d(0.45, -0.3, 0.05), 0.1}};
+  const ObstacleImages images = world.See(obstacles, present);
+  const PossibleSpace possible(world.space, images, world.Body(present));
+  bool meets = true;
+  std::vector<std::pair<Configuration, Configuration>> asked;
+  TestSupport support = Without(possible);
+  support.robot_may_meet = [&](std::span<const double> from, std::span<const double> to) {
+    asked.emplace_back(Configuration(from.begin(), from.end()),
+                       Configuration(to.begin(), to.end()));
+    return meets;
+  };
+  const CollisionChecker test(world.table, images, {.preset = Preset::kSound}, support);
+  const CollisionChecker planes(world.table, images, {.preset = Preset::kSoundPlanes}, support);
+  const CollisionChecker without(world.table, images, {.preset = Preset::kSound},
+                                 Without(possible));
+  int occupied = 0;
+  for (ConfigurationNumber number : SphereWorld::Configurations()) {
+    meets = true;
+    EXPECT_EQ(test.Check(number), without.Check(number));
+    if (without.Check(number).free()) continue;
+    ++occupied;
+    asked.clear();
+    meets = false;
+    EXPECT_TRUE(test.Check(number).free());
+    EXPECT_EQ(test.CheckTile(number / kTileSize).occupied[0], 0u);
+    ASSERT_FALSE(asked.empty());
+    EXPECT_EQ(asked.front().first, SphereWorld::Grid().At(number));
+    EXPECT_EQ(asked.front().second, asked.front().first);
+    const size_t before = asked.size();
+    EXPECT_EQ(planes.Check(number).state(), State::kOccupied);
+    EXPECT_EQ(asked.size(), before);
+    if (occupied > 20) break;
+  }
+  ASSERT_GT(occupied, 20);
+  const Configuration start{0.1, 0.2};
+  const Configuration end{4.3, 1.1};
+  asked.clear();
+  EXPECT_TRUE(test.CheckPath(std::vector{start, end}).verdict.free());
+  ASSERT_GT(asked.size(), 3u);
+  const double step = SphereWorld::Grid().joints()[0].step();
+  for (const auto& [from, to] : asked) {
+    for (size_t j = 0; j < from.size(); ++j) {
+      EXPECT_LE(from[j], to[j]);
+      EXPECT_LE(to[j] / step, std::floor(from[j] / step + 1e-9) + 1 + 1e-9) << "not of one cell";
+    }
+  }
+}
+
 // The steps to the neighbouring grid points, diagonal ones included, that are free.
 int FreeSteps(const CollisionChecker& test, ConfigurationNumber from) {
   const ConfigurationGrid grid = SphereWorld::Grid();

@@ -117,11 +117,12 @@ void JudgeLeave(const TrialSetting& setting, const ViewedScene& viewed, std::spa
     }
   });
   std::vector<Configuration> ways;
+  std::vector<Configuration> blocked;
   const MotionChecker motion(workplace.robot(), contact);
   for (const Configuration& to : NeighboursOf(setting.database.grid(), viewed.truth.robot)) {
     const MotionContact way =
         motion.Check(workplace.Positions(viewed.truth.robot), workplace.Positions(to), obstacles);
-    if (!way.contact.touching) ways.push_back(to);
+    (way.contact.touching ? blocked : ways).push_back(to);
   }
   for (size_t p = 0; p < rows.size(); ++p) {
     LeaveRow& row = *rows[p];
@@ -134,11 +135,16 @@ void JudgeLeave(const TrialSetting& setting, const ViewedScene& viewed, std::spa
                      .missing = answer.touches && free ? 1u : 0u});
     }
     if (checkers[p]->Check(viewed.truth.robot).free()) ++row.stays;
-    const bool leaves = std::ranges::any_of(ways, [&](const Configuration& to) {
+    const auto is_free = [&](const Configuration& to) {
       const std::vector<Configuration> path = {viewed.truth.robot, to};
       return checkers[p]->CheckPath(path).verdict.free();
-    });
-    if (!ways.empty() && !leaves) ++row.locked;
+    };
+    const auto free_steps = std::ranges::count_if(ways, is_free);
+    if (!ways.empty() && free_steps == 0) ++row.locked;
+    row.steps += static_cast<int>(ways.size());
+    row.free_steps += static_cast<int>(free_steps);
+    row.touching_steps += static_cast<int>(blocked.size());
+    row.wrong_steps += static_cast<int>(std::ranges::count_if(blocked, is_free));
   }
 }
 
@@ -182,14 +188,16 @@ absl::StatusOr<std::vector<LeaveRow>> RunLeave(const TrialSetting& setting, int 
 
 std::string TextOf(std::span<const LeaveRow> rows) {
   std::string text =
-      "preset            views distance     scenes  stays locked   occupied    additional   "
+      "preset            views distance     scenes  stays locked free steps wrong steps   occupied "
+      "   additional   "
       "missing\n";
   for (const LeaveRow& row : rows) {
-    absl::StrAppendFormat(&text, "%-17s %5d %2.0f..%2.0f cm %9d %6d %6d %10d %10.2f %% %9d\n",
-                          NameOf(row.policy.preset), row.policy.min_views.value_or(0),
-                          100 * row.nearest, 100 * row.farthest, row.scenes, row.stays, row.locked,
-                          row.tally.occupied, Percent(row.tally.additional, row.tally.tested),
-                          row.tally.missing);
+    absl::StrAppendFormat(
+        &text, "%-17s %5d %2.0f..%2.0f cm %9d %6d %6d %4d of %3d %4d of %3d %10d %10.2f %% %9d\n",
+        NameOf(row.policy.preset), row.policy.min_views.value_or(0), 100 * row.nearest,
+        100 * row.farthest, row.scenes, row.stays, row.locked, row.free_steps, row.steps,
+        row.wrong_steps, row.touching_steps, row.tally.occupied,
+        Percent(row.tally.additional, row.tally.tested), row.tally.missing);
   }
   return text;
 }
@@ -204,6 +212,10 @@ nlohmann::ordered_json JsonOf(std::span<const LeaveRow> rows) {
                     {"scenes", row.scenes},
                     {"stays", row.stays},
                     {"locked", row.locked},
+                    {"steps", row.steps},
+                    {"free_steps", row.free_steps},
+                    {"touching_steps", row.touching_steps},
+                    {"wrong_steps", row.wrong_steps},
                     {"tested", row.tally.tested},
                     {"occupied", row.tally.occupied},
                     {"additional", row.tally.additional},

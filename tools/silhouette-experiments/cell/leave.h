@@ -33,6 +33,12 @@ struct LeaveRow {
   // Scenes in which no step to a neighbouring grid point, diagonal ones included, is free, though
   // in truth one is.
   int locked = 0;
+  // Steps that in truth touch nothing, and those of them that are free; steps that touch the
+  // person, and those of them that are called free.
+  int steps = 0;
+  int free_steps = 0;
+  int touching_steps = 0;
+  int wrong_steps = 0;
   Tally tally{};  // on the grid
 };
 

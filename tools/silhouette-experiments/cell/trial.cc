@@ -110,6 +110,8 @@ std::vector<std::unique_ptr<CollisionChecker>> CheckersOf(const TrialSetting& se
         &scene.possible_space.Get(setting.database.sound(), scene.obstacle_images, scene.joints, {},
                                   MaxOccludedViews({}, setting.database.views()));
     support.robot_may_touch = setting.database.sound()->RobotMayTouch(scene.joints);
+    support.robot_may_meet =
+        setting.database.sound()->RobotMayMeet(scene.joints, *support.possible_space);
   }
   std::vector<std::unique_ptr<CollisionChecker>> policies;
   for (const Policy& policy : setting.policies) {
