@@ -109,7 +109,8 @@ Mask WideRobot(int view, int a) {
       size, [=](int x, int y) { return y < 8 && (a < 2 ? x < 4 : x >= size.width - 4); });
 }
 
-std::shared_ptr<const ServedDatabase> WithWideRobot() {
+// `shift`: its robot images are those of another a.
+std::shared_ptr<const ServedDatabase> WithWideRobot(int shift = 0) {
   const std::filesystem::path folder = FreshFolder();
   MakeDatabase(folder / "db", {.references = true});
   {
@@ -120,7 +121,7 @@ std::shared_ptr<const ServedDatabase> WithWideRobot() {
       for (int b = 0; b < 8; ++b) {
         RobotImage image = TestRobotImage((*variant)->grid(), a, b);
         for (int view = 0; view < 3; ++view) {
-          image.masks[static_cast<size_t>(view)] = WideRobot(view, a);
+          image.masks[static_cast<size_t>(view)] = WideRobot(view, (a + shift) % 5);
         }
         EXPECT_TRUE(writer->Put(image).ok());
       }
@@ -130,31 +131,48 @@ std::shared_ptr<const ServedDatabase> WithWideRobot() {
   return LoadDatabase(folder / "db");
 }
 
-TEST_F(LiveFaultsTest, CameraThatDoesNotSeeTheRobotMoveIsMissingUntilItDoes) {
-  scenes.ReplaceDatabase(WithWideRobot());
-  config.live.variant = kWide;
+struct WideRobotTest : LiveFaultsTest {
   // What the cameras show: by camera, where the robot is.
-  auto shown = std::make_shared<std::vector<int>>(3, 0);
-  Script([&](LiveScript& to) {
-    to.change = [shown, &to](auto& images) {
-      const int views[] = {2, 0, 1};
-      for (size_t i = 0; i < images.size(); ++i) {
-        const cv::Mat picture = CameraPicture(views[i], WideRobot(views[i], (*shown)[i]));
-        images[i]->pixels.assign(picture.datastart, picture.dataend);
-        std::minstd_rand random(static_cast<unsigned>(to.grabs));
-        for (uint8_t& level : images[i]->pixels) level += random() >> 8 & 1;
-      }
-    };
-  });
-  ASSERT_TRUE(Start().ok());
-  GoodScene();
+  std::shared_ptr<std::vector<int>> shown = std::make_shared<std::vector<int>>(3, 0);
+
+  void SetUp() override {
+    scenes.ReplaceDatabase(WithWideRobot());
+    config.live.variant = kWide;
+    Script([&](LiveScript& to) {
+      to.change = [shown = shown, &to](auto& images) {
+        const int views[] = {2, 0, 1};
+        for (size_t i = 0; i < images.size(); ++i) {
+          const cv::Mat picture = CameraPicture(views[i], WideRobot(views[i], (*shown)[i]));
+          images[i]->pixels.assign(picture.datastart, picture.dataend);
+          std::minstd_rand random(static_cast<unsigned>(to.grabs));
+          for (uint8_t& level : images[i]->pixels) level += random() >> 8 & 1;
+        }
+      };
+    });
+    ASSERT_TRUE(Start().ok());
+    GoodScene();
+  }
+};
+
+TEST_F(WideRobotTest, CameraThatDoesNotSeeTheRobotMoveIsMissingUntilItDoes) {
   Script([&](LiveScript& to) {
     to.joints[2] = At(4, 0)[0];
     *shown = {4, 4, 0};
   });
   ViewIsMissingBecause("the robot moved");
+  for (uint64_t id = Newest()->id; id > 0; --id) {
+    const SharedScene scene = scenes.Find(id);
+    if (scene == nullptr || scene->joints.empty() || scene->joints[0].position == 0) break;
+    EXPECT_FALSE(scene->views[1]) << "from the first scene on";
+  }
   Script([&](LiveScript&) { *shown = {4, 4, 4}; });
   GoodScene();
+}
+
+TEST_F(WideRobotTest, OtherRobotImagesAreNoMotion) {
+  scenes.ReplaceDatabase(WithWideRobot(4));
+  const SharedScene scene = NextScene("a scene with them", [](const Scene&) { return true; });
+  EXPECT_EQ(DefectOf(*scene, Reason::kViewMissing), nullptr);
 }
 
 TEST_F(LiveFaultsTest, ImageOfTheFutureIsMissing) {

@@ -113,6 +113,13 @@ TEST_F(LiveLoopTest, CameraWhoseClockIsAheadGivesNoNewVariantToAnOldImage) {
   EXPECT_GE(first->oldest.time - absl::Milliseconds(90), told) << "by a clock that is right";
 }
 
+TEST_F(LiveLoopTest, StampAheadOfItsArrivalFindsTheRobotsJoints) {
+  config.live.joints_gap = absl::Milliseconds(60);
+  Script([](LiveScript& to) { to.stamps.assign(3, absl::Milliseconds(90)); });
+  ASSERT_TRUE(Start().ok());
+  GoodScene();
+}
+
 TEST_F(LiveLoopTest, WhatStandsInTheCellIsInTheNextScene) {
   ASSERT_TRUE(Start().ok());
   EXPECT_TRUE(CheckerNow(GoodScene()).Check(At(3, 0)).free());

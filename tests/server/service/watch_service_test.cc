@@ -46,6 +46,13 @@ TEST_F(WatchServiceTest, FirstUpdateIsTheWholeSpace) {
   EXPECT_EQ(watching.free(), FreeNow());
 }
 
+TEST_F(WatchServiceTest, UpdateIsValidUntilItsSceneIsTooOld) {
+  server.Publish(EmptyCellScene());
+  server.clock.Advance(absl::Milliseconds(400));
+  EXPECT_EQ(SpaceWatching(server).Next().first.valid_for().nanos(), 600'000'000);
+  EXPECT_EQ(PathWatching(server, {At(0, 0)}).Next().valid_for().nanos(), 600'000'000);
+}
+
 TEST_F(WatchServiceTest, EverySceneIsTold) {
   server.Publish(EmptyCellScene());
   SpaceWatching watching(server);
