@@ -6,12 +6,12 @@
 
 #include <algorithm>
 #include <cerrno>
-#include <cstring>
 #include <filesystem>
 #include <utility>
 
 #include "absl/strings/str_cat.h"
 #include "db/status/status_macros.h"
+#include "db/store/read_at.h"
 
 namespace silhouette {
 namespace {
@@ -22,15 +22,11 @@ constexpr uint16_t kEnvironmentLeaf = 0x02;
 constexpr uint16_t kOverflow = 0x04;
 constexpr uint64_t kMostPages = uint64_t{1} << 47;
 struct PageHead {
-  static PageHead At(const char* page) {
-    PageHead head;
-    std::memcpy(&head.number, page, sizeof(head.number));
-    std::memcpy(&head.flags, page + 10, sizeof(head.flags));
-    return head;
-  }
+  explicit PageHead(const char* page)
+      : number(Load<uint64_t>(page)), flags(Load<uint16_t>(page + 10)) {}
 
-  uint64_t number = 0;
-  uint16_t flags = 0;
+  uint64_t number;
+  uint16_t flags;
 };
 
 constexpr size_t kMapStep = size_t{1} << 20;
@@ -65,7 +61,7 @@ absl::Status LmdbError(int code, const std::string& what) {
 }
 
 std::optional<uint64_t> OffsetInFile(std::string_view shown, size_t page_size) {
-  const PageHead head = PageHead::At(shown.data() - kPageHead);
+  const PageHead head(shown.data() - kPageHead);
   if (head.flags != kOverflow || head.number >= kMostPages) return std::nullopt;
   return head.number * page_size + kPageHead;
 }
@@ -74,7 +70,7 @@ std::optional<uint64_t> PlaceInFile(std::string_view shown, size_t page_size) {
   if (page_size > static_cast<size_t>(sysconf(_SC_PAGESIZE))) return std::nullopt;
   const size_t in_page = reinterpret_cast<uintptr_t>(shown.data()) % page_size;
   if (in_page < kPageHead) return std::nullopt;
-  const PageHead head = PageHead::At(shown.data() - in_page);
+  const PageHead head(shown.data() - in_page);
   if (head.flags != kEnvironmentLeaf && head.flags != kOverflow) return std::nullopt;
   if (head.number >= kMostPages) return std::nullopt;
   return head.number * page_size + in_page;

@@ -5,11 +5,7 @@
 // LMDB (0.9, data version 1) writes them in turn, page 0 by transactions with an even id, page 1 by
 // those with an odd one. Thus their ids differ by one; both are 0 before the first transaction.
 #include <array>
-#include <cerrno>
-#include <cstring>
-#include <optional>
 #include <string>
-#include <string_view>
 
 #include "absl/strings/str_cat.h"
 #include "db/store/environment.h"
@@ -18,8 +14,7 @@
 namespace silhouette {
 namespace {
 
-constexpr size_t kMetaHeader = 16;
-constexpr size_t kMetaEnd = kMetaHeader + 136;
+constexpr size_t kMetaEnd = 16 + 136;  // the page header and MDB_meta
 constexpr uint32_t kLmdbMagic = 0xBEEFC0DE;
 constexpr uint32_t kDataVersion = 1;
 constexpr uint16_t kMetaFlag = 0x08;
@@ -29,29 +24,22 @@ constexpr uint64_t kNoRoot = ~uint64_t{0};
 // No machine maps more.
 constexpr uint64_t kMostMapBytes = uint64_t{1} << 46;
 
-template <typename T>
-T MetaValue(std::string_view page, size_t at) {
-  T value;
-  std::memcpy(&value, page.data() + at, sizeof(value));
-  return value;
-}
-
 // A meta page's values by their place in it (MDB_page, MDB_meta).
 struct MetaPage {
-  explicit MetaPage(std::string_view page)
-      : number(MetaValue<uint64_t>(page, 0)),
-        flags(MetaValue<uint16_t>(page, 10)),
-        magic(MetaValue<uint32_t>(page, 16)),
-        version(MetaValue<uint32_t>(page, 20)),
-        map_bytes(MetaValue<uint64_t>(page, 32)),
-        page_size(MetaValue<uint32_t>(page, 40)),
-        free_flags(MetaValue<uint16_t>(page, 44)),
-        free_root(MetaValue<uint64_t>(page, 80)),
-        main_pad(MetaValue<uint32_t>(page, 88)),
-        main_flags(MetaValue<uint16_t>(page, 92)),
-        main_root(MetaValue<uint64_t>(page, 128)),
-        last_page(MetaValue<uint64_t>(page, 136)),
-        transaction(MetaValue<uint64_t>(page, 144)) {}
+  explicit MetaPage(const char* page)
+      : number(Load<uint64_t>(page)),
+        flags(Load<uint16_t>(page + 10)),
+        magic(Load<uint32_t>(page + 16)),
+        version(Load<uint32_t>(page + 20)),
+        map_bytes(Load<uint64_t>(page + 32)),
+        page_size(Load<uint32_t>(page + 40)),
+        free_flags(Load<uint16_t>(page + 44)),
+        free_root(Load<uint64_t>(page + 80)),
+        main_pad(Load<uint32_t>(page + 88)),
+        main_flags(Load<uint16_t>(page + 92)),
+        main_root(Load<uint64_t>(page + 128)),
+        last_page(Load<uint64_t>(page + 136)),
+        transaction(Load<uint64_t>(page + 144)) {}
 
   uint64_t number;
   uint16_t flags;
@@ -111,9 +99,8 @@ using MetaBytes = std::array<std::array<char, kMetaEnd>, 2>;
 // Checks what the file has now, and leaves it in `read`.
 absl::Status CheckOnce(int file, const std::string& name, MetaBytes& read) {
   read = {};
-  const auto page = [&](size_t i) { return std::string_view(read[i].data(), kMetaEnd); };
   const bool whole = ReadAt(file, 0, read[0]);
-  const MetaPage first(page(0));
+  const MetaPage first(read[0].data());
   if (first.magic != kLmdbMagic) {
     return absl::FailedPreconditionError(absl::StrCat(
         "'", name, "' is not a database: it does not begin as an LMDB data file does"));
@@ -126,7 +113,7 @@ absl::Status CheckOnce(int file, const std::string& name, MetaBytes& read) {
   if (!ReadAt(file, size, read[1])) {
     return Damaged(name, "meta page 1 cannot be read; the file is truncated");
   }
-  const MetaPage second(page(1));
+  const MetaPage second(read[1].data());
   for (uint64_t i = 0; i < 2; ++i) {
     const std::string fault = FaultOf(i == 0 ? first : second, i, size);
     if (!fault.empty()) return Damaged(name, absl::StrCat("meta page ", i, ": ", fault));

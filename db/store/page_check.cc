@@ -13,13 +13,12 @@
 #include <sys/stat.h>
 
 #include <cerrno>
-#include <cstring>
 #include <optional>
 #include <string_view>
 #include <vector>
 
 #include "absl/strings/str_cat.h"
-#include "db/store/environment.h"
+#include "db/store/read_at.h"
 
 namespace silhouette {
 namespace {
@@ -38,13 +37,6 @@ constexpr uint16_t kDuplicates = 0x04;
 // mn_flags
 constexpr uint16_t kBigData = 0x01;
 constexpr uint16_t kSubData = 0x02;
-
-template <typename T>
-T Load(const char* at) {
-  T value;
-  std::memcpy(&value, at, sizeof(value));
-  return value;
-}
 
 // MDB_db: where a tree begins and what it should hold.
 struct Tree {

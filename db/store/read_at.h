@@ -1,11 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
-// Reading at a place of a file without a map: damage makes a read fail, and the process lives.
+// Reading at a place of a file without a map: damage makes a read fail, and the process lives; and
+// values in what was read.
 #pragma once
 
 #include <unistd.h>
 
 #include <cerrno>
 #include <cstdint>
+#include <cstring>
 #include <span>
 
 namespace silhouette {
@@ -20,6 +22,14 @@ inline bool ReadAt(int file, uint64_t offset, std::span<char> bytes) {
     offset += static_cast<uint64_t>(got);
   }
   return true;
+}
+
+// A value as it stands in memory or in a file.
+template <typename T>
+T Load(const char* at) {
+  T value;
+  std::memcpy(&value, at, sizeof(value));
+  return value;
 }
 
 }  // namespace silhouette

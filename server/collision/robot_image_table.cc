@@ -46,11 +46,6 @@ std::optional<std::vector<Mask>> RobotImageTable::Images(ConfigurationNumber num
   return MasksOf(words);
 }
 
-Mask RobotImageTable::ImageAsMask(int view, ConfigurationNumber number) const {
-  const MaskWords words = image(view, number);
-  return Mask::FromWords(mask_sizes_[static_cast<size_t>(view)], {words.begin(), words.end()});
-}
-
 uint64_t RobotImageTable::Count(RobotImageState state) const {
   if (state != RobotImageState::kMissing) return counts_[static_cast<size_t>(state)];
   return grid_.size() - std::accumulate(counts_.begin(), counts_.end(), uint64_t{0});

@@ -65,7 +65,6 @@ class RobotImageTable {
     const size_t words = mask_sizes_[static_cast<size_t>(view)].words();
     return {images_[static_cast<size_t>(view)].data() + slots_[number] * words, words};
   }
-  Mask ImageAsMask(int view, ConfigurationNumber number) const;
 
   // The configurations of a tile of the grid whose state is kPresent.
   const PlaceSet& present(uint64_t tile) const { return present_sets_[tile]; }

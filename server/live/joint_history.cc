@@ -12,6 +12,7 @@
 #include "capture/session/cell_robot.h"
 #include "db/status/status_macros.h"
 #include "server/live/helpers.h"
+#include "server/scene/robot_in_scene.h"
 
 namespace silhouette {
 
@@ -104,13 +105,6 @@ absl::StatusOr<std::vector<double>> JointHistory::Between(absl::Duration first, 
 }
 
 namespace {
-
-std::vector<std::string> JointNames(const storage::v1::CellDescription& cell) {
-  std::vector<std::string> names;
-  for (const auto& joint : cell.grid_joints()) names.push_back(joint.name());
-  for (const auto& joint : cell.fixed_joints()) names.push_back(joint.name());
-  return names;
-}
 
 std::vector<bool> Continuous(const storage::v1::CellDescription& cell) {
   std::vector<bool> continuous;

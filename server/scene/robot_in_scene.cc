@@ -14,9 +14,6 @@
 #include "db/status/status_macros.h"
 
 namespace silhouette {
-namespace {
-
-using Positions = std::map<std::string, double>;
 
 std::vector<std::string> JointNames(const storage::v1::CellDescription& cell) {
   std::vector<std::string> names;
@@ -24,6 +21,10 @@ std::vector<std::string> JointNames(const storage::v1::CellDescription& cell) {
   for (const auto& joint : cell.fixed_joints()) names.push_back(joint.name());
   return names;
 }
+
+namespace {
+
+using Positions = std::map<std::string, double>;
 
 absl::StatusOr<Positions> PositionsByName(const storage::v1::CellDescription& cell,
                                           const std::vector<JointPosition>& joints) {

@@ -2,6 +2,7 @@
 // Where the robot is in a scene, and what it covers.
 #pragma once
 
+#include <string>
 #include <vector>
 
 #include "absl/status/statusor.h"
@@ -9,8 +10,12 @@
 #include "server/scene/joint_position.h"
 #include "server/scene/scene.h"
 #include "server/scene/served_database.h"
+#include "silhouette/storage/v1/storage.pb.h"
 
 namespace silhouette {
+
+// Of the cell: those of the grid, then the fixed ones.
+std::vector<std::string> JointNames(const storage::v1::CellDescription& cell);
 
 // What the robot covers in one view at its present configuration, which is on a grid point or
 // somewhere in a grid cell: no pixel outside `anywhere`, every pixel of `certain`.

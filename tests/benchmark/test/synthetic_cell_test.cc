@@ -116,7 +116,7 @@ TEST(SyntheticCell, GivesTheSameImagesByTheTileAndSingly) {
           continue;
         }
         EXPECT_EQ(drawn, cell.RobotImage(view, cell.grid().At(number)));
-        EXPECT_EQ(drawn, table.ImageAsMask(view, number));
+        EXPECT_EQ(drawn, (*table.Images(number))[view]);
       }
     }
   });

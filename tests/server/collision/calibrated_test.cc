@@ -261,7 +261,7 @@ TEST_F(CalibratedTest, VerdictsAreThoseOfTheCollisionImages) {
       if (policy.preset == Preset::kCalibrated) {
         IntersectionImages intersections;
         for (int view = 0; view < 3; ++view) {
-          intersections.emplace_back(IntersectionImage(*images[view], table.ImageAsMask(view, 0)));
+          intersections.emplace_back(IntersectionImage(*images[view], (*table.Images(0))[view]));
         }
         collision = CalibratedCollisionImages(intersections, bands);
       }

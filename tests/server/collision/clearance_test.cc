@@ -49,7 +49,7 @@ RobotImageTable GrownTable(const RobotImageTable& table, double radius) {
     if (!table.grid().Contains(number)) continue;
     std::vector<Mask> masks;
     for (int view = 0; view < table.views(); ++view) {
-      masks.push_back(Grown(table.ImageAsMask(view, number), radius));
+      masks.push_back(Grown((*table.Images(number))[view], radius));
     }
     builder.Add(number, masks);
   }
@@ -283,7 +283,7 @@ using testing::Vector3d;
 struct GrownRobot {
   GrownRobot(const RobotImageTable& table, ConfigurationNumber number, double radius) {
     for (int view = 0; view < table.views(); ++view) {
-      masks.push_back(Grown(table.ImageAsMask(view, number), radius));
+      masks.push_back(Grown((*table.Images(number))[view], radius));
     }
     for (const Mask& mask : masks) words.push_back(mask.words());
   }

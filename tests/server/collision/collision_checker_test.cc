@@ -105,7 +105,7 @@ TEST_F(CollisionTestAgainstReference, ViewsShowWhatTheirCollisionImagesShow) {
   const CollisionChecker test(table, images, {});
   for (int a = 0; a < 5; ++a) {
     const ConfigurationNumber number = grid.NumberOf({a, 2});
-    const bool shown = !(images[0]->obstacle() & table.ImageAsMask(0, number)).Empty();
+    const bool shown = !(images[0]->obstacle() & (*table.Images(number))[0]).Empty();
     EXPECT_EQ(test.Check(number).state(), shown ? State::kOccupied : State::kFree);
   }
 }
@@ -130,7 +130,7 @@ TEST_F(OffGridTest, CellIsTheUnionOfTheCornersPerView) {
         Mask robot(sizes[view]);
         bool hit_at_a_corner = false;
         for (ConfigurationNumber corner : corners.numbers()) {
-          robot = robot | table.ImageAsMask(view, corner);
+          robot = robot | (*table.Images(corner))[view];
           hit_at_a_corner = hit_at_a_corner ||
                             Intersects(table.image(view, corner), images[view]->obstacle().words());
         }
@@ -155,7 +155,7 @@ TEST_F(OffGridTest, NearestIsTheNearestGridPoint) {
   for (int round = 0; round < 200; ++round) {
     const Configuration q = {a(random), b(random)};
     EXPECT_EQ(test.Check(q), test.Check(*grid.Nearest(q)));
-    EXPECT_EQ(test.TestRobotImage(1, q), table.ImageAsMask(1, *grid.Nearest(q)));
+    EXPECT_EQ(test.TestRobotImage(1, q), (*table.Images(*grid.Nearest(q)))[1]);
   }
 }
 

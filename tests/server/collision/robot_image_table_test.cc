@@ -56,11 +56,7 @@ TEST(RobotImageTable, GivesBackTheMasksInWhateverOrderTheyWereAdded) {
     builder.Add(number, added.back());
   }
   const RobotImageTable table = std::move(builder).Build();
-  for (size_t i = 0; i < numbers.size(); ++i) {
-    for (int view = 0; view < 2; ++view) {
-      EXPECT_EQ(table.ImageAsMask(view, numbers[i]), added[i][view]);
-    }
-  }
+  for (size_t i = 0; i < numbers.size(); ++i) EXPECT_EQ(table.Images(numbers[i]), added[i]);
 }
 
 TEST(RobotImageTable, PermanentPixelsAreThoseOfAllImages) {

@@ -76,24 +76,14 @@ TEST_F(SpaceTestTest, EveryPresetOfPlanesAndLinesIsTheSameAsOneByOne) {
 }
 
 TEST_F(SpaceTestTest, SoundPresetsAreTheSameAsOneByOne) {
-  using testing::BallCamera;
-  using testing::Balls;
   using testing::SphereWorld;
-  using testing::Vector3d;
-  const SphereWorld world({BallCamera(Vector3d(0, 0, -1), 40), BallCamera(Vector3d(1, 0, 0), 40),
-                           BallCamera(Vector3d(-1, 1, -1), 40)},
-                          0.06, 0.02);
+  const SphereWorld world = testing::ParallelWorld();
   const IndexOfTable index(world.table);
   const std::vector<ConfigurationNumber> all = SphereWorld::Configurations();
-  std::uniform_real_distribution<double> place(-0.75, 0.75);
   SpaceTestMet met;
   for (int round = 0; round < 6; ++round) {
     const ConfigurationNumber present = all[random_() % all.size()];
-    Balls obstacles;
-    for (int i = 0; i <= round % 3; ++i) {
-      obstacles.push_back({{place(random_), place(random_), 0.6 * place(random_)}, 0.12});
-    }
-    ObstacleImages images = world.See(obstacles, present);
+    ObstacleImages images = world.See(testing::SomeObstacles(1 + round % 3, random_), present);
     if (round == 5) images[1].reset();
     const PossibleSpace possible(world.space, images, world.Body(present));
     for (const Preset preset : {Preset::kSoundPlanes, Preset::kSound}) {

@@ -207,8 +207,9 @@ struct SphereWorld {
       Mask swept(cameras[view].size());
       Mask permanent = ~swept;
       for (ConfigurationNumber number : Configurations()) {
-        swept = swept | table.ImageAsMask(static_cast<int>(view), number);
-        permanent = permanent & table.ImageAsMask(static_cast<int>(view), number);
+        const Mask robot = (*table.Images(number))[view];
+        swept = swept | robot;
+        permanent = permanent & robot;
       }
       views.push_back(
           {cameras[view].size(), cameras[view].project(), Vector2d::Zero(), swept, permanent});
@@ -219,7 +220,7 @@ struct SphereWorld {
   ObstacleImages See(const Balls& obstacles, ConfigurationNumber present) const {
     ObstacleImages images;
     for (size_t view = 0; view < cameras.size(); ++view) {
-      const Mask robot = table.ImageAsMask(static_cast<int>(view), present);
+      const Mask robot = (*table.Images(present))[view];
       images.push_back(ObstacleImage::FromScene(cameras[view].See(obstacles) | robot, robot));
     }
     return images;
@@ -234,5 +235,22 @@ struct SphereWorld {
   RobotImageTable table;
   VoxelSpace space;
 };
+
+// Seen by three parallel cameras.
+inline SphereWorld ParallelWorld() {
+  return SphereWorld({BallCamera(Vector3d(0, 0, -1), 40), BallCamera(Vector3d(1, 0, 0), 40),
+                      BallCamera(Vector3d(-1, 1, -1), 40)},
+                     0.06, 0.02);
+}
+
+// So many, anywhere.
+inline Balls SomeObstacles(int count, std::mt19937_64& random) {
+  std::uniform_real_distribution<double> place(-0.75, 0.75);
+  Balls obstacles;
+  for (int i = 0; i < count; ++i) {
+    obstacles.push_back({{place(random), place(random), 0.6 * place(random)}, 0.12});
+  }
+  return obstacles;
+}
 
 }  // namespace silhouette::testing

@@ -2,6 +2,7 @@
 // Robot images that are read when they are needed: the same answers as with images in memory.
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <random>
 #include <vector>
 
@@ -74,10 +75,11 @@ TEST_F(SameInPlace, IsTheSameTable) {
   for (ConfigurationNumber number = 0; number < held.grid().number_limit(); ++number) {
     ASSERT_EQ(held.state(number), read.state(number));
     if (held.state(number) != RobotImageState::kPresent) continue;
-    std::vector<Mask> masks;
-    for (int view = 0; view < 3; ++view) masks.push_back(held.ImageAsMask(view, number));
-    ASSERT_EQ(held.Images(number), masks);
-    ASSERT_EQ(read.Images(number), masks);
+    ASSERT_EQ(held.Images(number), read.Images(number));
+    for (int view = 0; view < 3; ++view) {
+      ASSERT_TRUE(
+          std::ranges::equal(held.image(view, number), (*read.Images(number))[view].words()));
+    }
   }
   for (int view = 0; view < 3; ++view) {
     EXPECT_EQ(held.permanent(view), read.permanent(view));
@@ -116,20 +118,14 @@ TEST_F(SameInPlace, GivesTheSameAnswersUnderEveryPresetOfPlanesAndLines) {
 }
 
 TEST_F(SameInPlace, GivesTheSameAnswersUnderTheSoundPresets) {
-  using testing::BallCamera;
   using testing::SphereWorld;
-  using testing::Vector3d;
-  const SphereWorld world({BallCamera(Vector3d(0, 0, -1), 40), BallCamera(Vector3d(1, 0, 0), 40),
-                           BallCamera(Vector3d(-1, 1, -1), 40)},
-                          0.06, 0.02);
+  const SphereWorld world = testing::ParallelWorld();
   const RobotImageTable read_table = ReadFrom(world.table);
   const IndexOfTable index(world.table);
   const std::vector<ConfigurationNumber> all = SphereWorld::Configurations();
-  std::uniform_real_distribution<double> place(-0.75, 0.75);
   for (int round = 0; round < 4; ++round) {
     const ConfigurationNumber present = all[random() % all.size()];
-    const ObstacleImages images =
-        world.See({{{place(random), place(random), 0.6 * place(random)}, 0.12}}, present);
+    const ObstacleImages images = world.See(testing::SomeObstacles(1, random), present);
     const PossibleSpace possible(world.space, images, world.Body(present));
     for (const Preset preset : {Preset::kSoundPlanes, Preset::kSound}) {
       const TestSupport support{.possible_space = &possible};

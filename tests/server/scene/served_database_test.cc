@@ -19,7 +19,7 @@ TEST(ServedDatabase, HoldsTheRobotImagesOfTheStore) {
   for (int a = 0; a < 5; ++a) {
     for (int b = 0; b < 8; ++b) {
       for (int view = 0; view < 3; ++view) {
-        EXPECT_EQ(database->robot_images().ImageAsMask(view, database->grid().NumberOf({a, b})),
+        EXPECT_EQ((*database->robot_images().Images(database->grid().NumberOf({a, b})))[view],
                   RobotMask(view, a, b));
       }
     }
