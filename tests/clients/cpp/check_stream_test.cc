@@ -54,9 +54,7 @@ void Serve(FakeServer& server, const std::function<Answer(const Question&)>& ans
   };
 }
 
-CheckStream StreamTo(const FakeServer& server) {
-  return Client::Connect(server.address).value().StreamChecks();
-}
+CheckStream StreamTo(const FakeServer& server) { return ClientOfHere(server).StreamChecks(); }
 
 TEST(CheckStream, AnswersComeInTheOrderOfTheQuestions) {
   FakeServer server;

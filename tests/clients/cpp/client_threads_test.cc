@@ -22,7 +22,7 @@ TEST(ClientThreads, EachGetsTheAnswerToItsOwnQuestion) {
     }
     return grpc::Status::OK;
   };
-  const Client client = Client::Connect(server.address).value();
+  const Client client = ClientOfHere(server);
   std::vector<int> right(4, 0);
   std::vector<std::jthread> threads;
   for (size_t t = 0; t < right.size(); ++t) {

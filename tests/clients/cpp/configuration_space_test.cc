@@ -42,9 +42,7 @@ absl::StatusOr<ConfigurationSpace> Fetch(const std::vector<Part>& parts,
     for (const Part& part : parts) writer.Write(part);
     return end;
   };
-  return Client::Connect(server.address)
-      .value()
-      .GetConfigurationSpace({}, {}, std::nullopt, levels);
+  return ClientOfHere(server).GetConfigurationSpace({}, {}, std::nullopt, levels);
 }
 
 TEST(ConfigurationSpace, IsReadAsItWasSent) {
@@ -179,10 +177,7 @@ TEST(ConfigurationSpace, AsksForTheTilesThatAreWanted) {
     return grpc::Status::OK;
   };
   const std::vector<uint64_t> tiles = {1, 3};
-  ASSERT_TRUE(Client::Connect(server.address)
-                  .value()
-                  .GetConfigurationSpace({.preset = "paper"}, tiles)
-                  .ok());
+  ASSERT_TRUE(ClientOfHere(server).GetConfigurationSpace({.preset = "paper"}, tiles).ok());
   EXPECT_THAT(seen.tiles(), testing::ElementsAre(1, 3));
   EXPECT_EQ(seen.policy().preset(), "paper");
 }

@@ -8,6 +8,7 @@
 #include <memory>
 #include <string>
 
+#include "silhouette/client.h"
 #include "silhouette/v1/collision_service.grpc.pb.h"
 #include "silhouette/v1/database_service.grpc.pb.h"
 #include "silhouette/v1/scene_service.grpc.pb.h"
@@ -114,4 +115,11 @@ struct FakeServer final : v1::CollisionService::Service,
   std::unique_ptr<grpc::Server> server;
 };
 
+namespace client {
+
+inline Client ClientOfHere(const FakeServer& server, absl::Duration timeout = absl::Seconds(20)) {
+  return Client::Connect(server.address, timeout).value();
+}
+
+}  // namespace client
 }  // namespace silhouette

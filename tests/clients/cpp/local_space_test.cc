@@ -23,9 +23,7 @@ constexpr ConfigurationNumber kFreePlace = 5;
 constexpr ConfigurationNumber kOccupiedPlace = kTileSize + 5;
 constexpr ConfigurationNumber kNotSent = 3 * kTileSize + 5;
 
-Client LocalSpaceClientOf(const WatchedServer& server) {
-  return Client::Connect(server.fake.address).value();
-}
+Client LocalSpaceClientOf(const WatchedServer& server) { return ClientOfHere(server.fake); }
 
 // Waits until all is unknown for `reason`; whether that came.
 bool TurnsUnknown(const LocalSpace& space, Reason reason) {
@@ -334,7 +332,7 @@ TEST(LocalSpace, ServerWhoseClockIsNotToldInTimeIsUnknown) {
 
 TEST(LocalSpace, ServerThatCannotBeWatchedIsNamed) {
   FakeServer server;
-  const LocalSpace space(Client::Connect(server.address).value());
+  const LocalSpace space(ClientOfHere(server));
   space.WaitForUpdate(0, kLocalSpaceLong);
   ExpectUnknown(space, Reason::kConnectionLost);
   EXPECT_EQ(space.status().problem.code(), absl::StatusCode::kUnimplemented);

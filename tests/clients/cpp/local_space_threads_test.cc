@@ -50,8 +50,7 @@ TEST(Published, ReadersSeeOneValueWholeAndNeverAnOlderOneAfterwards) {
 
 TEST(LocalSpaceThreads, ASnapshotIsOfOneScene) {
   WatchedServer server;
-  const LocalSpace space(Client::Connect(server.fake.address).value(),
-                         {.max_age = absl::Minutes(1)});
+  const LocalSpace space(ClientOfHere(server.fake), {.max_age = absl::Minutes(1)});
   server.Send(FirstUpdate(BasisOf(1)));
   const auto first = space.WaitForUpdate(0, absl::Seconds(20));
   ASSERT_EQ(first->unknown_reason(), std::nullopt);

@@ -52,7 +52,7 @@ struct PathServer {
   }
 
   PathWatch Watch(Clearance clearance = Clearance::kOmit) const {
-    const Client client = Client::Connect(server.address).value();
+    const Client client = ClientOfHere(server);
     return client.WatchPath(kPath, {.preset = "paper"}, clearance).value();
   }
 
@@ -201,7 +201,7 @@ TEST(PathWatch, WithoutASceneOrAStateIsUnknown) {
 
 TEST(PathWatch, ServerThatCannotIsNamed) {
   FakeServer server;
-  const Client client = Client::Connect(server.address).value();
+  const Client client = ClientOfHere(server);
   EXPECT_EQ(client.WatchPath(kPath).value().Next(kPathWatchLong).status().code(),
             absl::StatusCode::kUnimplemented);
   EXPECT_EQ(client.WatchPath({}).status().code(), absl::StatusCode::kInvalidArgument);

@@ -20,6 +20,26 @@ Time At(double seconds) {
 
 double Seconds(Time time) { return std::chrono::duration<double>(time - At(0)).count(); }
 
+// A server whose clock drifts from the local one, and round trips to it.
+struct DriftingServer {
+  Random& random;
+  double rate = 1 + Uniform(-0.9e-3, 0.9e-3);
+  double begin = Uniform(-1e5, 1e5);
+  double now = 0;  // local
+  ServerTime time = {};
+
+  double Uniform(double low, double high) {
+    return std::uniform_real_distribution<double>(low, high)(random);
+  }
+  absl::Duration Clock(double at) const { return absl::Seconds(begin + rate * at); }
+  void RoundTrip(double longest) {
+    const double there = Uniform(0, longest);
+    const double answered = now + there + Uniform(0, longest);
+    time.Observe(At(now), At(answered), Clock(now + there));
+    now = answered;
+  }
+};
+
 TEST(ServerTime, WithoutARoundTripNothingIsKnown) {
   ServerTime time;
   EXPECT_FALSE(time.Earliest(absl::Seconds(5), At(0)));
@@ -38,26 +58,14 @@ TEST(ServerTime, IsThatOfTheQuestionAtTheEarliest) {
 
 TEST(ServerTime, IsNeverLaterThanTheTruthThoughClocksDrift) {
   Random random;
-  const auto uniform = [&random](double low, double high) {
-    return std::uniform_real_distribution<double>(low, high)(random);
-  };
   for (int run = 0; run < 200; ++run) {
-    const double rate = 1 + uniform(-0.9e-3, 0.9e-3);
-    const double begin = uniform(-1e5, 1e5);
-    const auto server = [&](double now) { return absl::Seconds(begin + rate * now); };
-    ServerTime time;
-    double now = 0;
+    DriftingServer server{random};
     double loosest = 0;
     for (int step = 0; step < 100; ++step) {
-      now += uniform(0, 3);
-      if (step % 3 == 0) {
-        const double there = uniform(0, step % 2 == 0 ? 1e-3 : 0.4);
-        const double answered = now + there + uniform(0, 0.3);
-        time.Observe(At(now), At(answered), server(now + there));
-        now = answered;
-      }
-      const double made = now - uniform(0, 5);  // it waited on its way
-      const auto earliest = time.Earliest(server(made), At(now));
+      server.now += server.Uniform(0, 3);
+      if (step % 3 == 0) server.RoundTrip(step % 2 == 0 ? 1e-3 : 0.4);
+      const double made = server.now - server.Uniform(0, 5);  // it waited on its way
+      const auto earliest = server.time.Earliest(server.Clock(made), At(server.now));
       ASSERT_TRUE(earliest);
       ASSERT_LE(Seconds(*earliest), made + 1e-6) << "run " << run << ", step " << step;
       loosest = std::max(loosest, made - Seconds(*earliest));
@@ -98,34 +106,24 @@ TEST(ServerTime, RoundTripThatContradictsTakesThePlaceOfAll) {
 
 TEST(ServerTime, ClockAtIsNeverMoreThanTheClockShowed) {
   Random random;
-  const auto uniform = [&random](double low, double high) {
-    return std::uniform_real_distribution<double>(low, high)(random);
-  };
   for (int run = 0; run < 200; ++run) {
-    const double rate = 1 + uniform(-0.9e-3, 0.9e-3);
-    double begin = uniform(-1e5, 1e5);
-    const auto server = [&](double now) { return absl::Seconds(begin + rate * now); };
-    ServerTime time;
-    double now = 0;
+    DriftingServer server{random};
     double loosest = 0;
     absl::Duration before = -absl::InfiniteDuration();
-    EXPECT_FALSE(time.ClockAt(At(0)));
+    EXPECT_FALSE(server.time.ClockAt(At(0)));
     for (int step = 0; step < 100; ++step) {
-      now += uniform(0, 3);
-      if (step % 3 == 0) {
-        if (step == 51) begin = -1e6;  // the server's computer was restarted
-        const double there = uniform(0, step % 2 == 0 ? 1e-3 : 0.4);
-        const double answered = now + there + uniform(0, step % 2 == 0 ? 1e-3 : 0.4);
-        time.Observe(At(now), At(answered), server(now + there));
-        now = answered;
-        if (step == 51) before = -absl::InfiniteDuration();
+      server.now += server.Uniform(0, 3);
+      if (step == 51) {  // the server's computer was restarted
+        server.begin = -1e6;
+        before = -absl::InfiniteDuration();
       }
-      const double taken = now;
-      const absl::Duration clock = *time.ClockAt(At(taken));
-      ASSERT_LE(clock, server(taken) + absl::Microseconds(1)) << "run " << run << ", step " << step;
+      if (step % 3 == 0) server.RoundTrip(step % 2 == 0 ? 1e-3 : 0.4);
+      const absl::Duration clock = *server.time.ClockAt(At(server.now));
+      const absl::Duration shown = server.Clock(server.now);
+      ASSERT_LE(clock, shown + absl::Microseconds(1)) << "run " << run << ", step " << step;
       EXPECT_GE(clock, before - absl::Microseconds(10)) << "stamps are in order";
       before = clock;
-      loosest = std::max(loosest, absl::ToDoubleSeconds(server(taken) - clock));
+      loosest = std::max(loosest, absl::ToDoubleSeconds(shown - clock));
     }
     EXPECT_LT(loosest, 0.9) << "a bound that tells nothing";
   }

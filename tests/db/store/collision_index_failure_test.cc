@@ -16,6 +16,7 @@
 #include "db/store/schema.h"
 #include "tests/db/store/full_disk.h"
 #include "tests/db/store/index_checks.h"
+#include "tests/db/store/raw_values.h"
 #include "tests/db/store/test_database.h"
 #include "tests/random.h"
 
@@ -144,22 +145,7 @@ TEST(CollisionIndex, OfAnotherTileIsDamaged) {
   const std::filesystem::path folder = FreshFolder();
   MakeIndexedDatabase(folder / "db");
   const auto database = Database::Open(folder / "db", Access::kWrite);
-  const auto environment = Environment::Open(folder / "db");
-  const auto index = *(*environment)->Find(schema::kCollisionIndex);
-  const auto key = [](uint64_t tile) {
-    const schema::NumberKey bytes = schema::EncodeKey(tile);
-    return std::string(bytes.data(), bytes.size());
-  };
-  ASSERT_TRUE((*environment)
-                  ->Update(0,
-                           [&](WriteTransaction& transaction) {
-                             const std::string from = key(1);
-                             MDB_val key_val = ToVal(from);
-                             MDB_val value;
-                             EXPECT_EQ(mdb_get(transaction.get(), index, &key_val, &value), 0);
-                             return transaction.Put(index, key(2), std::string(FromVal(value)));
-                           })
-                  .ok());
+  PutRaw(folder / "db", schema::kCollisionIndex, 1, 2, [](const auto& value) { return value; });
   EXPECT_EQ(OpenIndex(**database)->State(1), TileState::kFresh);
   EXPECT_EQ(OpenIndex(**database)->State(2), TileState::kDamaged);
 }

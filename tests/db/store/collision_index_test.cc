@@ -344,12 +344,7 @@ TEST(CollisionIndex, IsReadByManyThreadsWhileTheMapGrowsAndTheIndexIsBuiltAnew) 
   Build(*database);
   const auto index = OpenIndex(*database);
   const auto tiles = ReadTiles(index->snapshot());
-  const auto map_size = [&] {
-    MDB_envinfo info;
-    mdb_env_info((*Environment::Open(database->path()))->get(), &info);
-    return info.me_mapsize;
-  };
-  const size_t before = map_size();
+  const size_t before = MapSize(*database);
   std::atomic<bool> done = false;
   std::vector<std::jthread> readers;
   for (int i = 0; i < 3; ++i) {
@@ -366,20 +361,17 @@ TEST(CollisionIndex, IsReadByManyThreadsWhileTheMapGrowsAndTheIndexIsBuiltAnew) 
     });
   }
   // Every record anew, the index too, and much besides.
-  storage::v1::References references;
-  references.add_views();
-  references.add_views()->set_mean_png(std::string(size_t{30} << 20, 'x'));
-  for (uint64_t round = 1; map_size() == before; ++round) {
+  for (uint64_t round = 1; MapSize(*database) == before; ++round) {
     ASSERT_LT(round, 20);
     for (const auto& [tile, images] : tiles) {
       PutAll(*database, {TestImage(*database, tile * kTileSize, round)}, true);
     }
-    ASSERT_TRUE(database->SetReferences(references, "test").ok());
+    PutMuch(*database);
     EXPECT_EQ(Build(*database).built, tiles.size());
   }
   done = true;
   readers.clear();
-  EXPECT_NE(map_size(), before);
+  EXPECT_NE(MapSize(*database), before);
   for (const auto& [tile, images] : tiles) {
     ExpectHolds(*index->Tile(tile), index->trees(), images);
   }

@@ -13,6 +13,7 @@
 #include <utility>
 #include <vector>
 
+#include "db/store/environment.h"
 #include "tests/db/store/test_cell.h"
 
 namespace silhouette {
@@ -63,6 +64,19 @@ inline Content ContentOf(const Database& database) {
   };
   EXPECT_TRUE(database.Read()->ForEach(visit).ok());
   return content;
+}
+
+// How much of the file the process has mapped, and what soon needs more.
+inline size_t MapSize(const Database& database) {
+  MDB_envinfo info;
+  mdb_env_info((*Environment::Open(database.path()))->get(), &info);
+  return info.me_mapsize;
+}
+inline void PutMuch(Database& database) {
+  storage::v1::References references;
+  references.add_views();
+  references.add_views()->set_mean_png(std::string(size_t{30} << 20, 'x'));
+  ASSERT_TRUE(database.SetReferences(references, "test").ok());
 }
 
 inline std::string ReadFile(const std::string& path) {

@@ -7,10 +7,10 @@
 #include <memory>
 #include <vector>
 
-#include "db/store/environment.h"
 #include "db/store/schema.h"
 #include "db/store/tile_value.h"
 #include "server/scene/checker.h"
+#include "tests/db/store/raw_values.h"
 #include "tests/server/service/test_server.h"
 #include "tests/server/tool_variant.h"
 
@@ -25,7 +25,7 @@ class IndexCheckTest : public ::testing::Test {
   }
 
   void Serve() {
-    database = LoadDatabase(path);
+    database = LoadDatabase(path, {.margin = 0}, {}, load);
     if (scenes == nullptr) {
       scenes = std::make_unique<SceneStore>(database);
       check = std::make_unique<IndexCheck>(settings, *scenes, spaces);
@@ -53,6 +53,7 @@ class IndexCheckTest : public ::testing::Test {
   }
 
   const std::string path = FreshFolder() / "db";
+  LoadSettings load;
   TestClock clock;
   ServingSettings settings;
   std::shared_ptr<const ServedDatabase> database;
@@ -113,30 +114,18 @@ TEST_F(IndexCheckTest, DamageOfOneVariantIsDamageOfAll) {
 
 // A tile that is sound in itself, but says that no robot image touches anything.
 TEST_F(IndexCheckTest, MapThatDiffersFromTheRobotImagesMakesAllUnknown) {
-  {
-    const auto opened = Database::Open(path, Database::Access::kWrite);
-    const auto environment = Environment::Open(path);
-    const MDB_dbi index = *(*environment)->Find(schema::kCollisionIndex);
-    const schema::NumberKey key = schema::EncodeKey(0);
-    const auto write = [&](WriteTransaction& transaction) {
-      MDB_val key_val = ToVal({key.data(), key.size()});
-      MDB_val stored;
-      EXPECT_EQ(mdb_get(transaction.get(), index, &key_val, &stored), 0);
-      std::vector<PixelTree> trees(kViewSizes.begin(), kViewSizes.end());
-      TileIndexBuilder builder(trees);
-      const ConfigurationGrid& grid = (*opened)->grid();
-      const std::vector<Mask> empty(kViewSizes.begin(), kViewSizes.end());
-      for (ConfigurationNumber number = 0; number < kTileSize; ++number) {
-        if (!grid.Contains(number)) continue;
-        builder.Add(number,
-                    std::vector<MaskWords>{empty[0].words(), empty[1].words(), empty[2].words()});
-      }
-      return transaction.Put(
-          index, {key.data(), key.size()},
-          EncodeTileValue(0, *TileHeaderIn(FromVal(stored)), builder.Finish(), 4096));
-    };
-    ASSERT_TRUE((*environment)->Update(0, write).ok());
-  }
+  PutRaw(path, schema::kCollisionIndex, 0, 0, [](const std::string& value) {
+    const std::vector<PixelTree> trees(kViewSizes.begin(), kViewSizes.end());
+    TileIndexBuilder builder(trees);
+    const ConfigurationGrid grid = *GridOf(ServerTestCell());
+    const std::vector<Mask> empty(kViewSizes.begin(), kViewSizes.end());
+    for (ConfigurationNumber number = 0; number < kTileSize; ++number) {
+      if (!grid.Contains(number)) continue;
+      builder.Add(number,
+                  std::vector<MaskWords>{empty[0].words(), empty[1].words(), empty[2].words()});
+    }
+    return EncodeTileValue(0, *TileHeaderIn(value), builder.Finish(), 4096);
+  });
   settings.index_check.samples = 40;
   Serve();
   Publish(EmptyCellScene());
@@ -146,6 +135,17 @@ TEST_F(IndexCheckTest, MapThatDiffersFromTheRobotImagesMakesAllUnknown) {
   EXPECT_EQ(OfTheBlock(), State::kFree);
   for (int i = 0; i < 20 && Blocked() == Reason::kNone; ++i) check->Look(absl::Milliseconds(50));
   EXPECT_EQ(Blocked(), Reason::kDatabaseDamaged);
+}
+
+TEST_F(IndexCheckTest, RobotImageThatCannotBeReadIsNoDifference) {
+  load.robot_image_memory = 0;
+  Serve();
+  DamageRecord(path, TestRobotImage(database->grid(), 3, 0));
+  for (int i = 0; i < 20; ++i) {
+    Publish();
+    check->Look(absl::Milliseconds(50));
+    ASSERT_EQ(Blocked(), Reason::kNone);
+  }
 }
 
 TEST_F(IndexCheckTest, ReadsNoMoreThanItsRate) {
@@ -158,6 +158,8 @@ TEST_F(IndexCheckTest, ReadsNoMoreThanItsRate) {
   const uint64_t before = check->counts().bytes;
   check->Look(absl::Hours(1));  // the thread was held up
   EXPECT_EQ(check->counts().bytes, before + tile) << "once is enough";
+  for (int i = 0; i < 1000; ++i) check->Look(absl::ZeroDuration());
+  EXPECT_LE(check->counts().bytes, before + 1'000'000 + tile) << "what a second allows";
 }
 
 }  // namespace

@@ -16,6 +16,7 @@
 #include "db/store/robot_image_format.h"
 #include "db/store/schema.h"
 #include "db/store/tile_value.h"
+#include "tests/db/store/raw_values.h"
 #include "tests/db/store/test_cell.h"
 #include "tests/shell.h"
 
@@ -158,17 +159,7 @@ TEST_F(SilhouetteDb, IndexThatIsDamagedOrNotThatOfItsRobotImagesIsFoundByVerify)
   MakeDatabase("db");
   const auto spoil = [&](const auto& change) {
     EXPECT_EQ(Run("index db --all").exit_code, 0);
-    const auto database = Database::Open(folder_ / "db", Database::Access::kWrite);
-    const auto environment = Environment::Open(folder_ / "db");
-    const MDB_dbi index = *(*environment)->Find(schema::kCollisionIndex);
-    const schema::NumberKey key = schema::EncodeKey(0);
-    const auto write = [&](WriteTransaction& transaction) {
-      MDB_val key_val = ToVal({key.data(), key.size()});
-      MDB_val stored;
-      EXPECT_EQ(mdb_get(transaction.get(), index, &key_val, &stored), 0);
-      return transaction.Put(index, {key.data(), key.size()}, change(std::string(FromVal(stored))));
-    };
-    ASSERT_TRUE((*environment)->Update(0, write).ok());
+    PutRaw(folder_ / "db", schema::kCollisionIndex, 0, 0, change);
   };
   spoil([](std::string value) {
     value.back() = 'x';

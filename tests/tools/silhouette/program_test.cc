@@ -440,20 +440,25 @@ TEST_F(Silhouette, ServerThatIsGoneIsTheWorldsFailure) {
   }
 }
 
+// A whole configuration space of one joint, all free.
+v1::GetConfigurationSpaceResponse FreeLine() {
+  v1::GetConfigurationSpaceResponse part;
+  part.mutable_basis()->set_scene_id(1);
+  v1::GridJoint& joint = *part.mutable_grid()->add_joints();
+  joint.set_name("a");
+  joint.set_upper(1);
+  joint.set_steps(11);
+  part.mutable_grid()->add_tile_edges(4096);
+  v1::ConfigurationSpaceTile& tile = *part.add_tiles();
+  tile.set_free(std::string(512, '\xff'));
+  tile.set_occupied(std::string(512, '\0'));
+  return part;
+}
+
 TEST(SilhouetteProgram, BrokenStreamIsNoSpace) {
   FakeServer server;
   server.configuration_space = [](auto&, auto&, auto& writer) {
-    v1::GetConfigurationSpaceResponse part;
-    part.mutable_basis()->set_scene_id(1);
-    v1::GridJoint& joint = *part.mutable_grid()->add_joints();
-    joint.set_name("a");
-    joint.set_upper(1);
-    joint.set_steps(2);
-    part.mutable_grid()->add_tile_edges(4096);
-    v1::ConfigurationSpaceTile& tile = *part.add_tiles();
-    tile.set_free(std::string(512, '\xff'));
-    tile.set_occupied(std::string(512, '\0'));
-    writer.Write(part);
+    writer.Write(FreeLine());
     return grpc::Status(grpc::StatusCode::INTERNAL, "broke off");
   };
   const Shell shell;
@@ -467,17 +472,7 @@ TEST(SilhouetteProgram, BrokenStreamIsNoSpace) {
 TEST(SilhouetteProgram, PlanEndsWhenTheSceneGoesStaleMeanwhile) {
   FakeServer server;
   server.configuration_space = [](auto&, auto&, auto& writer) {
-    v1::GetConfigurationSpaceResponse part;
-    part.mutable_basis()->set_scene_id(1);
-    v1::GridJoint& joint = *part.mutable_grid()->add_joints();
-    joint.set_name("a");
-    joint.set_upper(1);
-    joint.set_steps(11);
-    part.mutable_grid()->add_tile_edges(4096);
-    v1::ConfigurationSpaceTile& tile = *part.add_tiles();
-    tile.set_free(std::string(512, '\xff'));
-    tile.set_occupied(std::string(512, '\0'));
-    writer.Write(part);
+    writer.Write(FreeLine());
     return grpc::Status::OK;
   };
   int calls = 0;

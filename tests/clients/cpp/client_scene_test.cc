@@ -1,0 +1,134 @@
+// SPDX-License-Identifier: Apache-2.0
+// Scenes that a client publishes and reads, and the times of its images.
+#include <gtest/gtest.h>
+
+#include <atomic>
+#include <chrono>
+#include <thread>
+
+#include "silhouette/client.h"
+#include "silhouette/messages.h"
+#include "tests/clients/cpp/fake_server.h"
+
+namespace silhouette::client {
+namespace {
+
+TEST(Scene, IsSentAndReadWhole) {
+  FakeServer server;
+  v1::PublishSceneRequest seen;
+  server.publish_scene = [&](auto&, const v1::PublishSceneRequest& request,
+                             v1::PublishSceneResponse& response) {
+    seen = request;
+    v1::Scene& scene = *response.mutable_scene();
+    scene.set_id(4);
+    scene.set_variant(request.variant());
+    *scene.mutable_joints() = request.joints();
+    v1::SceneView& view = *scene.add_views();
+    *view.mutable_scene() = request.views(0).scene_mask();
+    *view.mutable_obstacle() = *view.mutable_unknown() = *view.mutable_error() = view.scene();
+    scene.add_defects()->set_reason(v1::Verdict::REASON_VIEW_MISSING);
+    return grpc::Status::OK;
+  };
+  const Mask mask = Mask::FromPredicate({5, 3}, [](int x, int y) { return x == 2 * y; });
+  v1::PublishSceneRequest request;
+  request.add_joints()->set_position(0.5);
+  v1::ViewImage& image = *request.add_views();
+  *image.mutable_scene_mask() = ToMessage(mask);
+  *image.mutable_capture_time() = ToMessage(absl::FromUnixNanos(1'700'000'000'123'456'789));
+  const auto scene = ClientOfHere(server).WithVariant("tool").PublishScene(request);
+  ASSERT_TRUE(scene.ok()) << scene.status();
+
+  ASSERT_EQ(seen.views_size(), 1);
+  EXPECT_EQ(seen.views(0).capture_time().seconds(), 1'700'000'000);
+  EXPECT_EQ(seen.views(0).capture_time().nanos(), 123'456'789);
+  EXPECT_EQ(seen.views(0).scene_mask().bits(), mask.ToBytes());
+  EXPECT_EQ(scene->id(), 4u);
+  EXPECT_EQ(scene->variant(), "tool");
+  EXPECT_EQ(scene->joints(0).position(), 0.5);
+  EXPECT_EQ(FromMessage(scene->views(0).scene()), mask);
+  EXPECT_EQ(FromMessage(scene->defects(0).reason()), Reason::kViewMissing);
+}
+
+// A server whose clock shows `clock` when it answers; it keeps what is published.
+struct ClockedServer {
+  ClockedServer() {
+    fake.check_configurations = [this](auto&, auto&, v1::CheckConfigurationsResponse& response) {
+      ++round_trips;
+      *response.mutable_basis()->mutable_server_clock() = ToMessage(Clock());
+      return grpc::Status::OK;
+    };
+    fake.publish_scene = [this](auto&, const v1::PublishSceneRequest& request,
+                                v1::PublishSceneResponse&) -> grpc::Status {
+      std::this_thread::sleep_for(hold_up);
+      for (const v1::ViewImage& image : request.views()) {
+        if (FromMessage(image.server_clock()) > Clock()) {
+          return {grpc::StatusCode::OUT_OF_RANGE, "the future"};
+        }
+      }
+      seen = request;
+      return grpc::Status::OK;
+    };
+  }
+  absl::Duration Clock() const {
+    return ahead + absl::FromChrono(std::chrono::steady_clock::now().time_since_epoch());
+  }
+  absl::Duration ahead = absl::Hours(1000);
+  std::atomic<int> round_trips = 0;
+  std::chrono::milliseconds hold_up{0};
+  v1::PublishSceneRequest seen;
+  FakeServer fake;  // last: its handlers use the others
+};
+
+TEST(Scene, ImagesAreStampedByTheServersClockBeforeTheyAreSent) {
+  ClockedServer server;
+  server.hold_up = std::chrono::milliseconds(30);
+  const Client client = ClientOfHere(server.fake);
+  v1::PublishSceneRequest request;
+  request.add_views()->set_view("top");
+  *request.add_views()->mutable_capture_time() = ToMessage(absl::FromUnixSeconds(1'700'000'000));
+  const absl::Duration called = server.Clock();
+  ASSERT_TRUE(client.PublishScene(request).ok());
+  EXPECT_LE(FromMessage(server.seen.views(0).server_clock()), called + absl::Milliseconds(20));
+  EXPECT_GE(FromMessage(server.seen.views(0).server_clock()), called - absl::Seconds(1));
+  EXPECT_FALSE(server.seen.views(1).has_server_clock()) << "it has a time";
+  EXPECT_EQ(server.seen.views(1).capture_time().seconds(), 1'700'000'000);
+  const auto earlier = std::chrono::steady_clock::now() - std::chrono::seconds(3);
+  ASSERT_TRUE(client.WithTimeout(absl::Seconds(5)).PublishScene(request, earlier).ok());
+  EXPECT_LE(FromMessage(server.seen.views(0).server_clock()), server.Clock() - absl::Seconds(3));
+  EXPECT_EQ(server.round_trips, 1) << "one a second, for all copies of the client";
+}
+
+TEST(Scene, IsStampedAgainWhenTheServersComputerWasRestarted) {
+  ClockedServer server;
+  const Client client = ClientOfHere(server.fake);
+  v1::PublishSceneRequest request;
+  request.add_views()->set_view("top");
+  ASSERT_TRUE(client.PublishScene(request).ok());
+  server.ahead = absl::ZeroDuration();
+  ASSERT_TRUE(client.PublishScene(request).ok());
+  EXPECT_LE(FromMessage(server.seen.views(0).server_clock()), server.Clock());
+  EXPECT_EQ(server.round_trips, 2);
+}
+
+TEST(Scene, OfAServerThatReportsNoClockIsAnError) {
+  FakeServer server;
+  server.check_configurations = [](auto&, auto&, auto&) { return grpc::Status::OK; };
+  v1::PublishSceneRequest request;
+  request.add_views()->set_view("top");
+  EXPECT_EQ(ClientOfHere(server).PublishScene(request).status().code(),
+            absl::StatusCode::kUnimplemented);
+}
+
+TEST(Scene, WithAMaskThatCannotBeIsAnError) {
+  FakeServer server;
+  server.get_scene = [](auto&, auto&, v1::GetSceneResponse& response) {
+    v1::SceneView& view = *response.mutable_scene()->add_views();
+    view.mutable_obstacle()->set_width(8);
+    view.mutable_obstacle()->set_height(8);
+    return grpc::Status::OK;
+  };
+  EXPECT_EQ(ClientOfHere(server).GetScene().status().code(), absl::StatusCode::kInternal);
+}
+
+}  // namespace
+}  // namespace silhouette::client
