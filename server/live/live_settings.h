@@ -14,8 +14,9 @@ struct LifeSettings {
   // Live cameras have about 1, also if lights flickered or drifted while the reference was made;
   // still images that are encoded again, or whose noise is filtered away, less than 0.1.
   double least_noise = 0.15;
-  // Least share of the pixels that change where the robot moved to. It covers them all, and looks
-  // different from the cell on most; a still image changes on none.
+  // Least number of pixels that change where the robot moved to, or where it was, as a share of
+  // those where it moved to. It covers them all, and looks different from the cell on most; a still
+  // image changes on none.
   double least_change = 0.1;
 };
 

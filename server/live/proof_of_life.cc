@@ -30,10 +30,10 @@ constexpr double kLeastReferenceNoise = 0.25;
 // of the difference of two images.
 constexpr double kChange = 4;
 constexpr double kChangeDeviations = 4;
-// The robot must be on this share of a mask's pixels, and this many, where it was not. Rims do not
-// count.
-constexpr double kLeastMovedShare = 0.002;
-constexpr double kLeastMovedPixels = 6;
+// The robot must have come to this share of a mask's pixels, and this many: fewer could be rims, of
+// which it covers little.
+constexpr double kLeastMovedShare = 0.004;
+constexpr double kLeastMovedPixels = 16;
 
 constexpr char kNoNoise[] =
     "; if its source has no noise (a recording, a simulator, strong compression), state "
@@ -192,22 +192,27 @@ absl::Status ProofOfLife::JudgeMotion(size_t view, const RobotCover& robot, cons
     before.sample = known.sample;
     return absl::OkStatus();
   }
-  const Mask entered = Core(robot.certain - before.robot.anywhere - before.foreground);
+  const Mask entered = robot.certain - before.robot.anywhere - before.foreground;
   const double least =
       std::max(kLeastMovedPixels, kLeastMovedShare * static_cast<double>(entered.size().pixels()));
   if (static_cast<double>(entered.Count()) < least) return absl::OkStatus();
-  const Change change = ChangeOf(before.sample, known.sample, reference, &entered);
-  const double least_changed = settings_.least_change * static_cast<double>(change.pixels);
-  if (change.pixels == 0 || static_cast<double>(change.changed) >= least_changed) {
+  const Change there = ChangeOf(before.sample, known.sample, reference, &entered);
+  const double least_changed = settings_.least_change * static_cast<double>(there.pixels);
+  // Someone as bright as the cell may have come there meanwhile. Where the robot was the image
+  // changes, too; if it does not, that proves nothing: someone may have hidden the robot.
+  const Mask left = before.robot.certain - robot.anywhere;
+  const Change where_it_was = ChangeOf(before.sample, known.sample, reference, &left);
+  const size_t changed = there.changed + where_it_was.changed;
+  if (there.pixels == 0 || static_cast<double>(changed) >= least_changed) {
     stand();
     return absl::OkStatus();
   }
   known.least_changed = std::max<size_t>(1, static_cast<size_t>(std::ceil(least_changed)));
   known.still = absl::DataLossError(absl::StrFormat(
-      "its camera is frozen: the robot moved, and of the %d pixels compared where it is now %d "
-      "changed, a share of less than least_change, %g; restart the camera, and move something in "
+      "its camera is frozen: the robot moved, and %d pixels changed where it was or is, less than "
+      "least_change, %g, of the %d compared where it is; restart the camera, and move something in "
       "its view",
-      change.pixels, change.changed, settings_.least_change));
+      changed, settings_.least_change, there.pixels));
   return known.still;
 }
 

@@ -26,7 +26,8 @@ namespace silhouette {
 // - kDeadPairs times in a row pixels change from image to image by less than least_noise of the
 //   reference's noise.
 // Both only where the source has noise. A view is dead, too, if the robot moved to where its image
-// showed the empty cell, and the image did not change there; it stays dead until its image changes.
+// showed the empty cell, and the image changed neither there nor where the robot was; it stays dead
+// until its image changes.
 class ProofOfLife {
  public:
   static constexpr size_t kRemembered = 1024;

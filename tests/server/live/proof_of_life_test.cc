@@ -175,6 +175,24 @@ TEST_F(ProofOfLifeTest, StillImageWhileTheRobotMovesIsDeadUntilItChanges) {
   }
 }
 
+TEST_F(ProofOfLifeTest, ThinRobotThatMovesInAStillImageProvesItDead) {
+  const auto line = [](int x) {
+    return Mask::FromPredicate(kMask, [=](int px, int py) { return px == x && py < 20; });
+  };
+  robot = -100;
+  ASSERT_TRUE(Judge(Live()).ok());
+  ASSERT_TRUE(life.JudgeMotion(0, {line(2), line(2)}, line(2), reference).ok());
+  ASSERT_TRUE(Judge(Live()).ok());
+  EXPECT_FALSE(life.JudgeMotion(0, {line(12), line(12)}, line(2), reference).ok());
+}
+
+TEST_F(ProofOfLifeTest, SomeoneAsBrightAsTheCellBeforeTheRobotIsNoProofIfItLeftItsPlace) {
+  ASSERT_TRUE(Moved(life, Live(), 2, Bar(2)).ok());
+  robot = -100;  // nothing is seen of it
+  EXPECT_TRUE(Moved(life, Live(), 12, Mask(kMask)).ok());
+  EXPECT_FALSE(Moved(life, Live(), 22, Mask(kMask)).ok()) << "it left no place where it was seen";
+}
+
 TEST_F(ProofOfLifeTest, ImagesThatFollowTheRobotPass) {
   for (int i = 0; i < 100; ++i) {
     robot = static_cast<int>(random() % 26);
