@@ -12,6 +12,12 @@ namespace {
 constexpr int kBlock = 8;             // pixels of the outline per side
 constexpr double kKnownShare = 0.75;  // of a block's pixels
 constexpr size_t kFewestOutlineBlocks = 6;
+// More foreground than this share of a block, and it may show something else than the cell. Slopes
+// reach kSlopeReach pixels.
+constexpr double kMostHidden = 0.1;
+constexpr int kSlopeReach = 2;
+// A block's structure hardly ever is there by chance.
+constexpr size_t kFewestVisibleBlocks = 2;
 // Grey levels per pixel of the outline, root mean square: less is no structure.
 constexpr double kLeastSlope = 0.5;
 constexpr float kOutlineDarkest = 12;
@@ -123,18 +129,23 @@ class OutlineComparison {
   double gain() const { return gain_; }
   bool tells() const { return outline_.blocks_.size() >= kFewestOutlineBlocks; }
 
-  // ImageCondition::structure, if the image's structure lies `by` further to the right and down.
+  // ImageCondition::structure of all blocks, if the image's structure lies `by` further to the
+  // right and down.
   double Structure(cv::Point by = {0, 0}) const {
-    size_t inside = 0;
-    size_t same = 0;
+    return StructureOf(outline_.blocks_, by, kFewestOutlineBlocks).value_or(0);
+  }
+
+  // Of the blocks that are not foreground; nothing: too few. `foreground`: as the image.
+  std::optional<double> VisibleStructure(const cv::Mat& foreground) const {
+    cv::Mat hidden;
+    cv::resize(foreground != 0, hidden, image_.size(), 0, 0, cv::INTER_AREA);
+    cv::dilate(hidden != 0, hidden,
+               cv::Mat::ones(2 * kSlopeReach + 1, 2 * kSlopeReach + 1, CV_8UC1));
+    std::vector<cv::Rect> visible;
     for (const cv::Rect& block : outline_.blocks_) {
-      const std::optional<double> correlation = CorrelationOf(block, by);
-      if (!correlation) continue;
-      ++inside;
-      same += *correlation >= kSameStructure ? 1 : 0;
+      if (cv::countNonZero(hidden(block)) <= kMostHidden * block.area()) visible.push_back(block);
     }
-    return inside < kFewestOutlineBlocks ? 0
-                                         : static_cast<double>(same) / static_cast<double>(inside);
+    return StructureOf(visible, {0, 0}, kFewestVisibleBlocks);
   }
 
   // In pixels of the outline.
@@ -189,6 +200,21 @@ class OutlineComparison {
       }
     }
     return MedianOfLevels(gains, 1);
+  }
+
+  // Nothing: fewer than `fewest` of them are in the image.
+  std::optional<double> StructureOf(std::span<const cv::Rect> blocks, cv::Point by,
+                                    size_t fewest) const {
+    size_t inside = 0;
+    size_t same = 0;
+    for (const cv::Rect& block : blocks) {
+      const std::optional<double> correlation = CorrelationOf(block, by);
+      if (!correlation) continue;
+      ++inside;
+      same += *correlation >= kSameStructure ? 1 : 0;
+    }
+    if (inside < fewest) return std::nullopt;
+    return static_cast<double>(same) / static_cast<double>(inside);
   }
 
   // How the image's slopes correlate with a block's; nothing: the block is not in the image.
@@ -252,8 +278,10 @@ class OutlineComparison {
   cv::Mat slope_y_;
 };
 
-ImageCondition ConditionOf(const cv::Mat& image, std::span<const Outline> outlines, size_t view) {
-  if (view >= outlines.size() || !OutlineComparison::Fits(image, outlines[view])) {
+ImageCondition ConditionOf(const cv::Mat& image, const cv::Mat& foreground,
+                           std::span<const Outline> outlines, size_t view) {
+  if (view >= outlines.size() || !OutlineComparison::Fits(image, outlines[view]) ||
+      !OutlineComparison::Fits(foreground, outlines[view])) {
     throw std::invalid_argument("an image of the size of its reference is expected");
   }
   const Outline& own = outlines[view];
@@ -264,10 +292,11 @@ ImageCondition ConditionOf(const cv::Mat& image, std::span<const Outline> outlin
   condition.saturated =
       cv::countNonZero(small >= Reference::kSaturated) / static_cast<double>(small.total());
   if (!comparison.tells()) return condition;
-  condition.structure = comparison.Structure();
+  const double all = comparison.Structure();
+  condition.structure = comparison.VisibleStructure(foreground).value_or(all);
   condition.shift = own.scale() * comparison.Shift();
-  if (*condition.structure >= kMostInPlace) return condition;
-  double most = std::max(kMostInPlace, *condition.structure);
+  if (all >= kMostInPlace) return condition;
+  double most = kMostInPlace;
   for (size_t other = 0; other < outlines.size(); ++other) {
     if (other == view || !OutlineComparison::Fits(image, outlines[other])) continue;
     const OutlineComparison with(small, outlines[other]);
@@ -276,7 +305,7 @@ ImageCondition ConditionOf(const cv::Mat& image, std::span<const Outline> outlin
     most = structure;
     condition.other = other;
   }
-  if (!condition.other && *condition.structure < kHardlyInPlace) {
+  if (!condition.other && all < kHardlyInPlace) {
     condition.shift = std::max(condition.shift, own.scale() * comparison.FarShift());
   }
   return condition;

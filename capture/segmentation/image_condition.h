@@ -44,8 +44,9 @@ struct ImageCondition {
   // Share of the pixels that are saturated.
   double saturated = 0;
   // Share of the reference's blocks with structure that the image has with their structure (its
-  // slopes correlate with theirs by kSameStructure at least): 1, less what people hide; 0 if it has
-  // another structure. Nothing: the cell is too plain to say.
+  // slopes correlate with theirs by kSameStructure at least): 1 if it is the cell; 0 if it has
+  // another structure. Of the blocks that are not foreground: what people hide does not count. Of
+  // all, if fewer than two are left. Nothing: the cell is too plain to say.
   std::optional<double> structure = std::nullopt;
   // By how many camera pixels the structure has moved, root mean square over the image. Found by
   // least squares over the blocks that roughly have it; if few have, by trying, too.
@@ -56,8 +57,10 @@ struct ImageCondition {
 
 inline constexpr double kSameStructure = 0.7;
 
-// The condition of an image of the view `view`. `outlines`: of all views. `image`: 8-bit, grey or
-// blue, green, red, of the size of the view's reference; else std::invalid_argument.
-ImageCondition ConditionOf(const cv::Mat& image, std::span<const Outline> outlines, size_t view);
+// The condition of an image of the view `view`. `foreground`: the image's, 8-bit, not 0 where it
+// is. `outlines`: of all views. `image`: 8-bit, grey or blue, green, red. Both of the size of the
+// view's reference; else std::invalid_argument.
+ImageCondition ConditionOf(const cv::Mat& image, const cv::Mat& foreground,
+                           std::span<const Outline> outlines, size_t view);
 
 }  // namespace silhouette

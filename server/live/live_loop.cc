@@ -11,7 +11,6 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_join.h"
 #include "capture/segmentation/difference.h"
-#include "capture/segmentation/image_condition.h"
 #include "capture/session/cell_robot.h"
 #include "db/status/status_macros.h"
 #include "server/scene/robot_in_scene.h"
@@ -59,17 +58,11 @@ std::vector<bool> HaveNoise(const storage::v1::CellDescription& cell,
 constexpr absl::Duration kLearnInterval = absl::Seconds(1);
 constexpr absl::Duration kLongestGap = absl::Seconds(10);
 
-// What a view sees.
-struct Seen {
-  SceneMask foreground;
-  ImageCondition condition;
-};
-
 // What a view sees in `image`, which is as the cell says (ImageJudge). `light` learns from it, if
 // `since`, the time since it did so, is long enough; it is then set to 0.
-absl::StatusOr<Seen> SeenIn(const CameraImage& image, const ServedDatabase& database, int view,
-                            const SegmentationSettings& segmentation, SlowLight& light,
-                            absl::Duration& since) {
+absl::StatusOr<SceneMask> SeenIn(const CameraImage& image, const ServedDatabase& database, int view,
+                                 const SegmentationSettings& segmentation, SlowLight& light,
+                                 absl::Duration& since) {
   try {
     const cv::Mat pixels(image.height, image.width, image.channels == 3 ? CV_8UC3 : CV_8UC1,
                          const_cast<uint8_t*>(image.pixels.data()));
@@ -82,11 +75,7 @@ absl::StatusOr<Seen> SeenIn(const CameraImage& image, const ServedDatabase& data
       light = light.Learn(seen, reference, foreground, absl::ToDoubleSeconds(gap));
       since = absl::ZeroDuration();
     }
-    GradedMask mask =
-        Graded(foreground, database.robot_images().mask_sizes()[static_cast<size_t>(view)],
-               segmentation.min_cover);
-    return Seen{SceneMask{std::move(mask.all), std::move(mask.strong)},
-                ConditionOf(pixels, database.outlines(), static_cast<size_t>(view))};
+    return SceneMaskOf(pixels, foreground, database, view, segmentation.min_cover);
   } catch (const std::exception& error) {
     return absl::InternalError(error.what());
   }
@@ -261,7 +250,7 @@ absl::Status LiveLoop::Publish(const std::shared_ptr<const ServedDatabase>& data
   }
   for (absl::Duration& since : since_learnt_) since += arrived.running - lights_learnt_;
   lights_learnt_ = arrived.running;
-  std::vector<absl::StatusOr<Seen>> seen(images.size(), absl::StatusOr<Seen>(Seen()));
+  std::vector<absl::StatusOr<SceneMask>> seen(images.size(), SceneMask());
   helpers_.ForEach(images.size(), [&](size_t view) {
     if (!images[view]) return;
     seen[view] = SeenIn(images[view]->image, *database, static_cast<int>(view),
@@ -294,14 +283,13 @@ absl::Status LiveLoop::Publish(const std::shared_ptr<const ServedDatabase>& data
     input.without_variant = std::string(variant.status().message());
   }
   std::vector<const Mask*> masks;
-  for (const absl::StatusOr<Seen>& view : seen) masks.push_back(&view->foreground.mask);
+  for (const absl::StatusOr<SceneMask>& view : seen) masks.push_back(&view->mask);
   const std::vector<bool> live = MovedWithTheRobot(*database, images, masks, input);
   for (size_t view = 0; view < images.size(); ++view) {
     if (!images[view] || !live[view]) continue;
     input.views.push_back({.view = database->view_name(static_cast<int>(view)),
                            .captured = images[view]->taken,
-                           .image = std::move(seen[view]->foreground),
-                           .condition = seen[view]->condition});
+                           .image = *std::move(seen[view])});
   }
   ASSIGN_OR_RETURN(Scene scene,
                    MakeScene(*database, input, config_.scene, config_.segmentation, arrived));

@@ -99,14 +99,8 @@ absl::Status CheckMask(const Mask& mask, MaskSize size) {
                    SizeText(size.width, size.height)));
 }
 
-// What a view shows: its foreground, and what its image is, where there is one.
-struct Shown {
-  SceneMask foreground;
-  std::optional<ImageCondition> condition = std::nullopt;
-};
-
-absl::StatusOr<Shown> ShownBy(const EncodedImage& image, const ServedDatabase& database, int view,
-                              const SegmentationSettings& settings, MaskSize size) {
+absl::StatusOr<SceneMask> ShownBy(const EncodedImage& image, const ServedDatabase& database,
+                                  int view, const SegmentationSettings& settings) {
   const Reference& reference = database.reference(view);
   const absl::Status unreadable = absl::InvalidArgumentError(
       "the camera image cannot be decoded; send a whole PNG or JPEG image");
@@ -124,33 +118,31 @@ absl::StatusOr<Shown> ShownBy(const EncodedImage& image, const ServedDatabase& d
     const cv::Mat decoded =
         cv::imdecode(bytes, cv::IMREAD_ANYCOLOR | cv::IMREAD_IGNORE_ORIENTATION);
     if (decoded.size() != reference.size()) return unreadable;
-    GradedMask mask =
-        Graded(GradedForeground(decoded, reference, settings), size, settings.min_cover);
-    return Shown{SceneMask{std::move(mask.all), std::move(mask.strong)},
-                 ConditionOf(decoded, database.outlines(), static_cast<size_t>(view))};
+    return SceneMaskOf(decoded, GradedForeground(decoded, reference, settings), database, view,
+                       settings.min_cover);
   } catch (const cv::Exception&) {
     return unreadable;
   }
 }
 
-absl::StatusOr<Shown> ShownIn(const ServedDatabase& database, int view, const ViewInput& input,
-                              const SegmentationSettings& segmentation) {
+absl::StatusOr<SceneMask> ShownIn(const ServedDatabase& database, int view, const ViewInput& input,
+                                  const SegmentationSettings& segmentation) {
   const MaskSize size = database.robot_images().mask_sizes()[static_cast<size_t>(view)];
   if (const auto* scene = std::get_if<SceneMask>(&input.image)) {
     RETURN_IF_ERROR(CheckMask(scene->mask, size));
     if (scene->strong) RETURN_IF_ERROR(CheckMask(*scene->strong, size));
-    return Shown{*scene, input.condition};
+    return *scene;
   }
   if (const auto* obstacles = std::get_if<ObstacleMask>(&input.image)) {
     RETURN_IF_ERROR(CheckMask(obstacles->mask, size));
-    return Shown{SceneMask{obstacles->mask}};
+    return SceneMask{obstacles->mask};
   }
   if (!database.has_references()) {
     return absl::FailedPreconditionError(
         "the database has no reference images to difference a camera image with; take them, or "
         "publish scene masks");
   }
-  return ShownBy(std::get<EncodedImage>(input.image), database, view, segmentation, size);
+  return ShownBy(std::get<EncodedImage>(input.image), database, view, segmentation);
 }
 
 // The view that the input speaks of, and is the first to.
@@ -188,12 +180,12 @@ absl::Status AddView(const ServedDatabase& database, const ViewInput& input,
                      const SegmentationSettings& segmentation, absl::Time captured, Scene& scene,
                      std::vector<ViewSource>& sources) {
   ASSIGN_OR_RETURN(const int view, NewView(database, scene, input.view));
-  ASSIGN_OR_RETURN(Shown shown, ShownIn(database, view, input, segmentation));
+  ASSIGN_OR_RETURN(SceneMask shown, ShownIn(database, view, input, segmentation));
   const ViewTreatment& treatment = database.treatment(view);
   scene.views[static_cast<size_t>(view)] = SceneView{.name = input.view,
                                                      .captured = captured,
-                                                     .foreground = std::move(shown.foreground.mask),
-                                                     .strong = std::move(shown.foreground.strong),
+                                                     .foreground = std::move(shown.mask),
+                                                     .strong = std::move(shown.strong),
                                                      .ignored = treatment.ignored,
                                                      .margin = treatment.margin};
   sources[static_cast<size_t>(view)] = {&input, shown.condition};
@@ -312,6 +304,14 @@ absl::Status InField(const absl::Status& status, size_t i, const ViewInput& inpu
 }
 
 }  // namespace
+
+SceneMask SceneMaskOf(const cv::Mat& image, const cv::Mat& foreground,
+                      const ServedDatabase& database, int view, double min_cover) {
+  const auto at = static_cast<size_t>(view);
+  GradedMask mask = Graded(foreground, database.robot_images().mask_sizes()[at], min_cover);
+  return {std::move(mask.all), std::move(mask.strong),
+          ConditionOf(image, foreground, database.outlines(), at)};
+}
 
 absl::StatusOr<Scene> MakeScene(const ServedDatabase& whole, const SceneInput& input,
                                 const SceneSettings& settings,

@@ -29,7 +29,14 @@ struct SceneMask {
   // The pixels of it that rest on strong evidence (GradedMask); nothing: that is not known, and
   // none counts as weak.
   std::optional<Mask> strong = std::nullopt;
+  // Of the camera image that the mask was made of, where there was one.
+  std::optional<ImageCondition> condition = std::nullopt;
 };
+// Of a camera image of a view of the database, and its GradedForeground(). Throws what
+// ConditionOf() does.
+SceneMask SceneMaskOf(const cv::Mat& image, const cv::Mat& foreground,
+                      const ServedDatabase& database, int view, double min_cover);
+
 // From a sensor that separates obstacles from the robot: the obstacle pixels.
 struct ObstacleMask {
   Mask mask;
@@ -43,8 +50,6 @@ struct ViewInput {
   std::string view;
   std::optional<Moment> captured;  // nothing: the moment of arrival
   std::variant<SceneMask, ObstacleMask, EncodedImage> image;
-  // Of the camera image that a SceneMask was made of, where there was one.
-  std::optional<ImageCondition> condition = std::nullopt;
 };
 
 struct SceneInput {

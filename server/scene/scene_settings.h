@@ -20,9 +20,9 @@ struct ViewCheckSettings {
   double greatest_gain = 1.7;
   // Largest share of saturated pixels: they show no obstacle.
   double most_saturated = 0.5;
-  // Least share of the cell's structure. People who walk about leave 0.13 and more, unless they
-  // stand close before the camera; another view or a cover less than 0.08.
-  double least_structure = 0.1;
+  // Least share of the cell's structure where nothing is foreground. People who walk about leave
+  // 0.77 and more; another view or a cover less than 0.08.
+  double least_structure = 0.4;
   // How far the cell may have moved in a view, in camera pixels. People and noise move it by less
   // than 0.5; a camera that turns by 1 degree, by 4 and more.
   double most_shift = 1.5;
@@ -30,8 +30,9 @@ struct ViewCheckSettings {
   // they stand close before a camera.
   double most_foreground = 0.75;
   // Largest share of the pixels which the robot certainly covers, its base apart, that show
-  // background in two views. Rims make up to 0.04 in any; an arm that is 8 degrees away, 0.1 and
-  // more.
+  // background: the sum over all views but the worst; 1.7 times that with three views and more.
+  // Someone as bright as the floor hides up to 0.4 of them in one view, and 0.07 in the others.
+  // With an arm that is 8 degrees away they miss 0.1 and more together, if it is not folded.
   double most_robot_missing = 0.05;
 };
 

@@ -3,6 +3,7 @@
 #include <memory>
 #include <nlohmann/json.hpp>
 
+#include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
 #include "absl/strings/str_join.h"
 #include "common/numbers/numbers.h"
@@ -26,13 +27,15 @@ struct FaultsArguments {
 };
 
 std::string FaultsTextOf(const WatchResult& result) {
-  std::string text =
-      absl::StrFormat("%d scenes, %.2f h: %d false alarms, %.2f an hour, in %d scenes\n",
-                      result.scenes, result.hours, result.alarms,
-                      result.hours > 0 ? result.alarms / result.hours : 0.0, result.none.found);
+  std::string text = absl::StrFormat(
+      "%d scenes, %.2f h: %d false alarms, %.2f an hour, in %d scenes\n", result.scenes,
+      result.hours, result.alarms.size(),
+      result.hours > 0 ? static_cast<double>(result.alarms.size()) / result.hours : 0.0,
+      result.none.found);
   for (const auto& [reason, count] : result.none.reasons) {
     absl::StrAppendFormat(&text, "  %s: %d\n", reason, count);
   }
+  for (const std::string& alarm : result.alarms) absl::StrAppend(&text, "  ", alarm, "\n");
   absl::StrAppendFormat(
       &text,
       "nearest to the limits: structure %.2f, shift %.2f px, foreground %.2f, robot missing %.2f, "
@@ -42,8 +45,12 @@ std::string FaultsTextOf(const WatchResult& result) {
       result.greatest_robot_missing, result.least_gain, result.greatest_gain, result.condition_time,
       result.life_time);
   for (const FaultRow& row : result.faults) {
-    absl::StrAppendFormat(&text, "| %s | %d of %d | %s |\n", row.name, row.found, row.tried,
+    absl::StrAppendFormat(&text, "| %s | %d of %d | %s", row.name, row.found, row.tried,
                           absl::StrJoin(row.reasons, ", ", absl::PairFormatter(" ")));
+    if (!row.after.empty()) {
+      absl::StrAppendFormat(&text, ", after %.1f s of motion (median)", Median(row.after));
+    }
+    absl::StrAppend(&text, " |\n");
   }
   return text;
 }
@@ -51,7 +58,8 @@ std::string FaultsTextOf(const WatchResult& result) {
 nlohmann::ordered_json FaultsJsonOf(const WatchResult& result) {
   nlohmann::ordered_json json = {{"scenes", result.scenes},
                                  {"hours", result.hours},
-                                 {"false_alarms", result.alarms},
+                                 {"false_alarms", result.alarms.size()},
+                                 {"alarms", result.alarms},
                                  {"false_alarm_scenes", result.none.found},
                                  {"false_alarms_by_reason", result.none.reasons},
                                  {"condition_us", result.condition_time},
@@ -60,7 +68,8 @@ nlohmann::ordered_json FaultsJsonOf(const WatchResult& result) {
     json["faults"].push_back({{"fault", row.name},
                               {"tried", row.tried},
                               {"found", row.found},
-                              {"reasons", row.reasons}});
+                              {"reasons", row.reasons},
+                              {"seconds", row.after}});
   }
   return json;
 }

@@ -40,8 +40,14 @@ struct ImageConditionTest : ::testing::Test {
           Reference::FromImages(ExposeSeries(CellOfView(view), 10, kConditionSigma, chance)));
     }
   }
+  const cv::Mat nothing = cv::Mat::zeros(kConditionSize, CV_8UC1);
+
   ImageCondition Of(const cv::Mat& light, double gain = 1, size_t view = 0) {
-    return ConditionOf(Expose(light, gain, kConditionSigma, chance), outlines, view);
+    return Of(light, nothing, gain, view);
+  }
+  ImageCondition Of(const cv::Mat& light, const cv::Mat& foreground, double gain = 1,
+                    size_t view = 0) {
+    return ConditionOf(Expose(light, gain, kConditionSigma, chance), foreground, outlines, view);
   }
   // The cell moved by a shift, in pixels, and turned about its middle, in degrees.
   static cv::Mat Moved(double x, double y, double turn) {
@@ -86,6 +92,19 @@ TEST_F(ImageConditionTest, PeopleInTheImageChangeNeitherStructureNorPlace) {
   EXPECT_LT(condition.shift, 0.5);
 }
 
+TEST_F(ImageConditionTest, WhatIsForegroundHidesNoStructure) {
+  cv::Mat light = CellOfView(0);
+  const cv::Rect person(0, 0, 240, 240);
+  light(person) = 60.0;
+  cv::Mat foreground = nothing.clone();
+  foreground(person) = 255;
+  EXPECT_LT(*Of(light).structure, 0.3);
+  EXPECT_GT(*Of(light, foreground).structure, 0.9);
+  // What hides nearly everything hides the evidence, too.
+  foreground = 255;
+  EXPECT_LT(*Of(light, foreground).structure, 0.3);
+}
+
 TEST_F(ImageConditionTest, SmallMotionIsMeasured) {
   for (const auto& [x, y] : {std::pair(2.0, 0.0), {0.0, -3.0}, {3.0, 3.0}, {-5.0, 1.0}}) {
     EXPECT_NEAR(Of(Moved(x, y, 0)).shift, std::hypot(x, y), 0.25 * std::hypot(x, y)) << x << y;
@@ -123,8 +142,10 @@ TEST_F(ImageConditionTest, PlainCellSaysNothingOfStructure) {
 TEST_F(ImageConditionTest, ColourImagesAndUndefinedPixelsAreTaken) {
   cv::Mat colour;
   cv::cvtColor(Expose(CellOfView(0), 1, kConditionSigma, chance), colour, cv::COLOR_GRAY2BGR);
-  EXPECT_NEAR(ConditionOf(colour, outlines, 0).gain, 1, 0.02);
-  EXPECT_THROW(ConditionOf(colour(cv::Rect(0, 0, 100, 100)), outlines, 0), std::invalid_argument);
+  EXPECT_NEAR(ConditionOf(colour, nothing, outlines, 0).gain, 1, 0.02);
+  const cv::Rect part(0, 0, 100, 100);
+  EXPECT_THROW(ConditionOf(colour(part), nothing, outlines, 0), std::invalid_argument);
+  EXPECT_THROW(ConditionOf(colour, nothing(part), outlines, 0), std::invalid_argument);
 }
 
 }  // namespace

@@ -89,12 +89,26 @@ TEST_F(ViewCheckTest, BaseOfTheRobotIsNoProofOfItsPlace) {
       << "a sixth";
 }
 
-TEST_F(ViewCheckTest, WhatHidesTheRobotInOneViewOfSeveralMovesItNowhere) {
-  const Mask empty(kCheckedSize);
-  const ViewToCheck good{.name = "top", .foreground = &foreground, .robot = &robot};
-  const ViewToCheck bad{.name = "left", .foreground = &empty, .robot = &robot};
-  EXPECT_THAT(CheckViews(std::vector{good, bad}, kCheckedNames, settings), IsEmpty());
-  EXPECT_EQ(CheckViews(std::vector{good, bad, bad}, kCheckedNames, settings).size(), 2u);
+TEST_F(ViewCheckTest, WhatHidesTheRobotInOneViewOrALittleInTwoMovesItNowhere) {
+  // Of 192 pixels that should show the robot.
+  const auto seen_but = [](int pixels) {
+    return Mask::FromPredicate(
+        kCheckedSize, [=](int x, int y) { return x >= 10 && x < 14 && (x > 10 || y >= pixels); });
+  };
+  const auto defects = [&](std::vector<int> missing) {
+    std::vector<Mask> masks;
+    for (const int pixels : missing) masks.push_back(seen_but(pixels));
+    std::vector<ViewToCheck> views;
+    for (const Mask& mask : masks) {
+      views.push_back({.name = "top", .foreground = &mask, .robot = &robot});
+    }
+    return CheckViews(views, kCheckedNames, settings).size();
+  };
+  EXPECT_EQ(defects({0, 48}), 0u);
+  EXPECT_EQ(defects({12, 12}), 2u) << "0.06";
+  EXPECT_EQ(defects({48, 14, 2, 0}), 0u) << "0.08 but in one: someone as bright as the floor";
+  EXPECT_EQ(defects({48, 24, 0, 0}), 2u) << "0.13";
+  EXPECT_EQ(defects({9, 9, 0, 9}), 3u) << "a little, but in three";
 }
 
 TEST_F(ViewCheckTest, IgnoredPixelsDoNotCount) {

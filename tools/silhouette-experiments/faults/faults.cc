@@ -4,13 +4,20 @@
 #include <algorithm>
 #include <chrono>
 #include <cmath>
+#include <iterator>
+#include <list>
+#include <map>
 #include <memory>
 #include <numbers>
 #include <opencv2/core.hpp>
 #include <optional>
 #include <set>
+#include <string>
 #include <utility>
 
+#include "absl/strings/str_cat.h"
+#include "absl/strings/str_format.h"
+#include "absl/strings/str_join.h"
 #include "calib/robot/triangle_mesh.h"
 #include "capture/segmentation/difference.h"
 #include "capture/segmentation/image_condition.h"
@@ -27,10 +34,16 @@ using cell_experiment::SimulatedWorkplace;
 
 constexpr double kWalked = 0.65;   // share of the room: not close before a camera
 constexpr double kWalk = 1.2;      // metres a second
-constexpr int kPoses = 12;         // of the robot
-constexpr double kPoseTime = 10;   // seconds in each
+constexpr int kPoses = 12;         // of the robot, in turn
+constexpr double kPoseTime = 10;   // seconds to and in each
+constexpr double kRobotSpeed = 1;  // radians a second, of the joint that moves farthest
 constexpr double kTurn = 1;        // degrees, of a camera
 constexpr double kRobotError = 8;  // degrees, of the first joint
+// How a camera freezes where the robot leaves a pose (Watcher::Freeze).
+constexpr const char* kFreezes[] = {"still image with noise, until the robot stands again",
+                                    "loop with people, until the robot stands again"};
+constexpr double kLoop = 37;  // seconds by which the loop is late
+constexpr char kFrozen[] = "frozen";
 constexpr double kDegree = std::numbers::pi / 180;
 
 using Images = std::vector<CameraImage>;
@@ -67,6 +80,7 @@ std::vector<Obstacle> Walkers(Chance& chance, int people, const Room& room, doub
 }
 
 struct Pose {
+  bool leaves = false;  // the robot has just begun to move
   std::vector<double> positions;
   std::vector<double> wrong;  // kRobotError away
   std::vector<RobotCover> covers;
@@ -82,6 +96,7 @@ class WatchedCell {
     simulation.drift_amplitude = 0.05;
     simulation.flicker_amplitude = 0.005;
     cell_ = std::make_unique<SimulatedCell>(workplace.robot(), simulation);
+    without_people_ = std::make_unique<SimulatedCell>(workplace.robot(), simulation);
     room_ = simulation.room;
     const Eigen::Vector3d turns[] = {Eigen::Vector3d::UnitX(), Eigen::Vector3d::UnitY(),
                                      Eigen::Vector3d::UnitZ(), 4 * Eigen::Vector3d::UnitY()};
@@ -96,7 +111,14 @@ class WatchedCell {
       turned_.push_back(std::make_unique<SimulatedCell>(workplace.robot(), turned));
     }
     TakeReferences();
-    for (int i = 0; i < kPoses; ++i) poses_.push_back(NewPose());
+    const ConfigurationGrid& grid = workplace.cell().grid;
+    for (int i = 0; i < kPoses; ++i) {
+      Configuration& stand = stands_.emplace_back();
+      for (const GridJoint& joint : grid.joints()) {
+        stand.push_back(chance_.Uniform(joint.lower + 10 * kDegree, joint.upper - 10 * kDegree));
+      }
+      for (const ConfigurationNumber corner : grid.CornersAround(stand).numbers()) MasksAt(corner);
+    }
     const auto walkers = Walkers(chance_, settings.people, room_, 60 * settings.minutes);
     cell_->SetObstacles(walkers);
     for (const auto& turned : turned_) turned->SetObstacles(walkers);
@@ -105,14 +127,51 @@ class WatchedCell {
   size_t views() const { return references_.size(); }
   const Reference& reference(size_t view) const { return references_[view]; }
   std::span<const Outline> outlines() const { return outlines_; }
-  // What the robot covers in all its poses.
+  // What the robot covers wherever it was.
   const Mask& base(size_t view) const { return bases_[view]; }
-  const Pose& PoseAt(double time) const {
-    return poses_[static_cast<size_t>(time / kPoseTime) % poses_.size()];
+  // On the straight way from one stand to the next, or there. Covers are those of the corners
+  // around, as in a scene.
+  Pose PoseAt(double time) {
+    const auto turn = static_cast<size_t>(time / kPoseTime);
+    const Configuration& from = stands_[turn % stands_.size()];
+    const Configuration& to = stands_[(turn + 1) % stands_.size()];
+    double way = 0;
+    for (size_t i = 0; i < to.size(); ++i) way = std::max(way, std::abs(to[i] - from[i]));
+    const double moved = kRobotSpeed * (time - static_cast<double>(turn) * kPoseTime);
+    Configuration q = to;
+    if (moved < way) {
+      for (size_t i = 0; i < q.size(); ++i) q[i] = std::lerp(from[i], to[i], moved / way);
+    }
+    Configuration wrong = q;
+    wrong[0] += kRobotError * kDegree;
+    Pose pose{turn != last_turn_, workplace_.Positions(q), workplace_.Positions(wrong), {}};
+    last_turn_ = turn;
+    const CellCorners corners = workplace_.cell().grid.CornersAround(q);
+    for (const ConfigurationNumber corner : corners.numbers()) {
+      const std::vector<Mask>& masks = MasksAt(corner);
+      for (size_t view = 0; view < masks.size(); ++view) {
+        if (pose.covers.size() == view) pose.covers.push_back({masks[view], masks[view]});
+        RobotCover& cover = pose.covers[view];
+        cover = {cover.anywhere | masks[view], cover.certain & masks[view]};
+      }
+    }
+    return pose;
+  }
+  // Where the robot has come to at the end of a turn, some turns later.
+  std::vector<double> StandAfter(double time, size_t turns) const {
+    const auto turn = static_cast<size_t>(time / kPoseTime);
+    return workplace_.Positions(stands_[(turn + turns) % stands_.size()]);
+  }
+  cv::Mat ForegroundOf(const CameraImage& image, size_t view) const {
+    return GradedForeground(Pixels(image), references_[view], workplace_.cell().segmentation);
+  }
+  Mask MaskOf(const cv::Mat& foreground, size_t view) const {
+    return Graded(foreground, workplace_.cell().views[view].mask_size,
+                  workplace_.cell().segmentation.min_cover)
+        .all;
   }
   Mask MaskOf(const CameraImage& image, size_t view) const {
-    return Difference(Pixels(image), references_[view], workplace_.cell().segmentation,
-                      workplace_.cell().views[view].mask_size);
+    return MaskOf(ForegroundOf(image, view), view);
   }
 
   Images Take(double time, std::span<const double> robot) { return TakeWith(*cell_, time, robot); }
@@ -142,31 +201,18 @@ class WatchedCell {
     cell_->SetRobotPresent(true);
   }
 
-  // Anywhere in the grid: covers are those of the corners around, as in a scene.
-  Pose NewPose() {
-    const ConfigurationGrid& grid = workplace_.cell().grid;
-    Configuration q;
-    for (const GridJoint& joint : grid.joints()) {
-      q.push_back(chance_.Uniform(joint.lower + 10 * kDegree, joint.upper - 10 * kDegree));
+  // The robot image of a configuration.
+  const std::vector<Mask>& MasksAt(ConfigurationNumber number) {
+    const auto [at, added] = masks_.try_emplace(number);
+    if (!added) return at->second;
+    const Configuration q = workplace_.cell().grid.At(number);
+    const Images images = TakeWith(*without_people_, 0, workplace_.Positions(q));
+    for (size_t view = 0; view < images.size(); ++view) {
+      at->second.push_back(MaskOf(images[view], view));
+      if (bases_.size() == view) bases_.push_back(at->second.back());
+      bases_[view] = bases_[view] & at->second.back();
     }
-    Configuration wrong = q;
-    wrong[0] += kRobotError * kDegree;
-    Pose pose{workplace_.Positions(q), workplace_.Positions(wrong), {}};
-    const CellCorners corners = grid.CornersAround(q);
-    for (const ConfigurationNumber corner : corners.numbers()) {
-      const Images images = Take(0, workplace_.Positions(grid.At(corner)));
-      for (size_t view = 0; view < images.size(); ++view) {
-        const Mask mask = MaskOf(images[view], view);
-        if (bases_.size() == view) bases_.push_back(mask);
-        bases_[view] = bases_[view] & mask;
-        if (pose.covers.size() == view) {
-          pose.covers.push_back({mask, mask});
-        } else {
-          pose.covers[view] = {pose.covers[view].anywhere | mask, pose.covers[view].certain & mask};
-        }
-      }
-    }
-    return pose;
+    return at->second;
   }
 
   const SimulatedWorkplace& workplace_;
@@ -174,17 +220,21 @@ class WatchedCell {
   Chance chance_;
   Room room_;
   std::unique_ptr<SimulatedCell> cell_;
+  std::unique_ptr<SimulatedCell> without_people_;
   std::vector<std::unique_ptr<SimulatedCell>> turned_;  // all cameras turned
   std::vector<Reference> references_;
   std::vector<Outline> outlines_;
-  std::vector<Pose> poses_;
+  std::vector<Configuration> stands_;
+  size_t last_turn_ = 0;
+  std::map<ConfigurationNumber, std::vector<Mask>> masks_;  // of robot images
   std::vector<Mask> bases_;
 };
 
 // What a fault makes of the images of a good scene.
 struct Fault {
   std::string name;
-  std::function<Images(WatchedCell& cell, Images good, double time, size_t view, Chance& chance)>
+  std::function<Images(WatchedCell& cell, Images good, double time, const Pose& pose, size_t view,
+                       Chance& chance)>
       images;
 };
 
@@ -200,18 +250,19 @@ Images Scaled(Images images, double factor, double offset, double sigma, Chance&
 
 std::vector<Fault> Faults() {
   const auto scaled = [](double factor, double offset, double sigma) {
-    return [=](WatchedCell&, Images good, double, size_t, Chance& chance) {
+    return [=](WatchedCell&, Images good, double, const Pose&, size_t, Chance& chance) {
       return Scaled(std::move(good), factor, offset, sigma, chance);
     };
   };
   const auto turned = [](size_t axis) {
-    return [=](WatchedCell& cell, Images good, double time, size_t view, Chance&) {
-      good[view] = cell.TakeTurned(axis, time, cell.PoseAt(time).positions)[view];
-      return good;
-    };
+    return
+        [=](WatchedCell& cell, Images good, double time, const Pose& pose, size_t view, Chance&) {
+          good[view] = cell.TakeTurned(axis, time, pose.positions)[view];
+          return good;
+        };
   };
   const auto one = [](double factor, double offset, double sigma) {
-    return [=](WatchedCell&, Images good, double, size_t view, Chance& chance) {
+    return [=](WatchedCell&, Images good, double, const Pose&, size_t view, Chance& chance) {
       good[view] = Scaled({good[view]}, factor, offset, sigma, chance)[0];
       return good;
     };
@@ -225,7 +276,7 @@ std::vector<Fault> Faults() {
       {"a lens covered, dark", one(0, 15, 1.5)},
       {"a lens covered, grey", one(0, 90, 1.5)},
       {"two views exchanged",
-       [](WatchedCell&, Images good, double, size_t view, Chance&) {
+       [](WatchedCell&, Images good, double, const Pose&, size_t view, Chance&) {
          std::swap(good[view], good[(view + 1) % good.size()]);
          return good;
        }},
@@ -234,13 +285,11 @@ std::vector<Fault> Faults() {
       {"a camera turned by 1 degree, about its axis", turned(2)},
       {"a camera turned by 4 degrees, sideways", turned(3)},
       {"robot 8 degrees from where it says",
-       [](WatchedCell& cell, Images, double time, size_t, Chance&) {
-         return cell.Take(time, cell.PoseAt(time).wrong);
+       [](WatchedCell& cell, Images, double time, const Pose& pose, size_t, Chance&) {
+         return cell.Take(time, pose.wrong);
        }},
-      {"no robot where it says",
-       [](WatchedCell& cell, Images, double time, size_t, Chance&) {
-         return cell.Take(time, cell.PoseAt(time + 3 * kPoseTime).positions);
-       }},
+      {"no robot where it says", [](WatchedCell& cell, Images, double time, const Pose&, size_t,
+                                    Chance&) { return cell.Take(time, cell.StandAfter(time, 4)); }},
   };
 }
 
@@ -253,35 +302,29 @@ class Watcher {
   Watcher(const SimulatedWorkplace& workplace, const WatchSettings& settings)
       : cell_(workplace, settings),
         checks_(workplace.cell().server.scene),
-        life_(workplace.cell().server.live.life, std::vector<bool>(cell_.views(), true)) {
+        life_settings_(workplace.cell().server.live.life),
+        life_(life_settings_, std::vector<bool>(cell_.views(), true)) {
     for (const ViewSettings& view : workplace.cell().views) names_.push_back(view.name);
     result_.none.name = "nothing";
     for (const Fault& fault : faults_) result_.faults.push_back({.name = fault.name});
+    for (const char* name : kFreezes) result_.faults.push_back({.name = name});
   }
 
-  void Good(const Images& images, double time) {
-    std::set<std::string> reasons = ReasonsOf(images, time, &result_);
-    for (size_t view = 0; view < images.size(); ++view) {
-      const auto before = std::chrono::steady_clock::now();
-      absl::Status alive = life_.Judge(view, images[view], cell_.reference(view));
-      life_times_.push_back(Microseconds(std::chrono::steady_clock::now() - before));
-      if (alive.ok()) {
-        alive = life_.JudgeMotion(view, cell_.PoseAt(time).covers[view], masks_[view],
-                                  cell_.reference(view));
-      }
-      if (!alive.ok()) reasons.insert("frozen");
-    }
-    Count(reasons, result_.none);
-    result_.alarms += !reasons.empty() && !alarmed_ ? 1 : 0;
-    alarmed_ = !reasons.empty();
+  // A scene without a fault; then, if it is a fault's turn, with it in the view `view`.
+  void Scene(double time, std::optional<size_t> fault, size_t view, Chance& chance) {
+    const Pose pose = cell_.PoseAt(time);
+    const Images images = cell_.Take(time, pose.positions);
+    Good(images, time, pose);
+    if (pose.leaves && last_) Freeze();
+    Frozen(time, pose, chance);
+    last_ = Last{time, pose, images};
+    if (!fault) return;
+    const Images faulty = faults_[*fault].images(cell_, images, time, pose, view, chance);
+    Count(ReasonsOf(faulty, pose, nullptr), result_.faults[*fault]);
   }
 
-  void Faulty(size_t fault, const Images& good, double time, size_t view, Chance& chance) {
-    const Images images = faults_[fault].images(cell_, good, time, view, chance);
-    Count(ReasonsOf(images, time, nullptr), result_.faults[fault]);
-  }
-
-  WatchedCell& cell() { return cell_; }
+  size_t views() const { return cell_.views(); }
+  // Those of single scenes.
   size_t faults() const { return faults_.size(); }
 
   WatchResult Result() {
@@ -291,41 +334,119 @@ class Watcher {
   }
 
  private:
+  struct Last {
+    double time = 0;
+    Pose pose;
+    Images images;
+  };
+  // Passes for a live one.
+  struct FrozenCamera {
+    size_t way = 0;
+    size_t view = 0;
+    Last from;
+    ProofOfLife life;
+  };
+
+  bool Lives(FrozenCamera& frozen, const CameraImage& image, const Pose& pose) const {
+    const Reference& reference = cell_.reference(frozen.view);
+    return frozen.life.Judge(0, image, reference).ok() &&
+           frozen.life
+               .JudgeMotion(0, pose.covers[frozen.view], cell_.MaskOf(image, frozen.view),
+                            reference)
+               .ok();
+  }
+
   static void Count(const std::set<std::string>& reasons, FaultRow& row) {
     ++row.tried;
     row.found += reasons.empty() ? 0 : 1;
     for (const std::string& reason : reasons) ++row.reasons[reason];
   }
 
-  // `extremes`: gets what came near to the limits, if it is not null.
-  std::set<std::string> ReasonsOf(const Images& images, double time, WatchResult* extremes) {
-    std::set<std::string> reasons;
-    masks_.clear();
+  void Good(const Images& images, double time, const Pose& pose) {
+    std::set<std::string> reasons = ReasonsOf(images, pose, &result_);
     for (size_t view = 0; view < images.size(); ++view) {
-      masks_.push_back(cell_.MaskOf(images[view], view));
+      const auto before = std::chrono::steady_clock::now();
+      absl::Status alive = life_.Judge(view, images[view], cell_.reference(view));
+      life_times_.push_back(Microseconds(std::chrono::steady_clock::now() - before));
+      if (alive.ok()) {
+        alive = life_.JudgeMotion(view, pose.covers[view], masks_[view], cell_.reference(view));
+      }
+      if (alive.ok()) continue;
+      reasons.insert(kFrozen);
+      messages_.push_back(absl::StrCat("view '", names_[view], "': ", alive.message()));
+    }
+    Count(reasons, result_.none);
+    if (!reasons.empty() && !alarmed_) {
+      result_.alarms.push_back(absl::StrFormat("%.1f s: %s", time, absl::StrJoin(messages_, "; ")));
+    }
+    alarmed_ = !reasons.empty();
+  }
+
+  // `extremes`: gets what came near to the limits, if it is not null.
+  std::set<std::string> ReasonsOf(const Images& images, const Pose& pose, WatchResult* extremes) {
+    std::set<std::string> reasons;
+    messages_.clear();
+    masks_.clear();
+    std::vector<cv::Mat> foregrounds;
+    for (size_t view = 0; view < images.size(); ++view) {
+      foregrounds.push_back(cell_.ForegroundOf(images[view], view));
+      masks_.push_back(cell_.MaskOf(foregrounds.back(), view));
     }
     std::vector<ImageCondition> conditions(images.size());
     std::vector<ViewToCheck> checked;
     for (size_t view = 0; view < images.size(); ++view) {
       const auto before = std::chrono::steady_clock::now();
-      conditions[view] = ConditionOf(Pixels(images[view]), cell_.outlines(), view);
+      conditions[view] =
+          ConditionOf(Pixels(images[view]), foregrounds[view], cell_.outlines(), view);
       condition_times_.push_back(Microseconds(std::chrono::steady_clock::now() - before));
       checked.push_back({.name = names_[view],
                          .condition = &conditions[view],
                          .foreground = &masks_[view],
-                         .robot = &cell_.PoseAt(time).covers[view],
+                         .robot = &pose.covers[view],
                          .base = &cell_.base(view)});
       const Mask missing = checked.back().robot->certain - masks_[view];
       const auto pixels = static_cast<double>(missing.size().pixels());
       if (static_cast<double>(Core(missing).Count()) > checks_.max_core_error * pixels) {
         reasons.insert(NameOf(Reason::kErrorArea));
+        messages_.push_back(absl::StrCat("view '", names_[view], "': error area"));
       }
       if (extremes != nullptr) Extend(*extremes, checked.back(), missing);
     }
     for (const SceneDefect& defect : CheckViews(checked, names_, checks_.view_check)) {
       reasons.insert(NameOf(defect.reason));
+      messages_.push_back(defect.message);
     }
     return reasons;
+  }
+
+  // The robot leaves where it stood in the last scene. Every camera freezes there, in every way.
+  void Freeze() {
+    frozen_.clear();
+    for (size_t way = 0; way < std::size(kFreezes); ++way) {
+      result_.faults[faults_.size() + way].tried += static_cast<int>(cell_.views());
+      for (size_t view = 0; view < cell_.views(); ++view) {
+        frozen_.push_back({way, view, *last_, ProofOfLife(life_settings_, {true})});
+        (void)Lives(frozen_.back(), last_->images[view], last_->pose);
+      }
+    }
+  }
+
+  // What the frozen cameras that pass for live ones show now, and whether they still do.
+  void Frozen(double time, const Pose& pose, Chance& chance) {
+    if (frozen_.empty() || pose.leaves) return;
+    if (pose.positions == last_->pose.positions) return frozen_.clear();
+    const Images loop = cell_.Take(time + kLoop, frozen_.front().from.pose.positions);
+    std::erase_if(frozen_, [&](FrozenCamera& frozen) {
+      CameraImage image = loop[frozen.view];
+      if (frozen.way == 0) image = Scaled({frozen.from.images[frozen.view]}, 1, 0, 1.5, chance)[0];
+      image.captured = absl::UnixEpoch() + absl::Seconds(time);
+      if (Lives(frozen, image, pose)) return false;
+      FaultRow& row = result_.faults[faults_.size() + frozen.way];
+      ++row.found;
+      ++row.reasons[kFrozen];
+      row.after.push_back(time - frozen.from.time);
+      return true;
+    });
   }
 
   static void Extend(WatchResult& extremes, const ViewToCheck& view, const Mask& missing) {
@@ -348,10 +469,14 @@ class Watcher {
 
   WatchedCell cell_;
   const SceneSettings checks_;
+  const LifeSettings life_settings_;
   ProofOfLife life_;
   const std::vector<Fault> faults_ = Faults();
   std::vector<std::string> names_;
-  std::vector<Mask> masks_;  // of the newest images
+  std::vector<Mask> masks_;            // of the newest images
+  std::vector<std::string> messages_;  // of their defects
+  std::optional<Last> last_;           // scene without a fault
+  std::list<FrozenCamera> frozen_;
   std::vector<double> condition_times_;
   std::vector<double> life_times_;
   WatchResult result_;
@@ -372,14 +497,10 @@ WatchResult Watch(const SimulatedWorkplace& workplace, const WatchSettings& sett
   int taken = 0;
   for (; taken < scenes && !stop(); ++taken) {
     const double time = settings.interval * taken;
-    const Images images = watcher.cell().Take(time, watcher.cell().PoseAt(time).positions);
-    watcher.Good(images, time);
     // One fault after the other, and none for all views at once.
-    const int turn = taken % settings.fault_every;
-    if (turn < static_cast<int>(watcher.faults())) {
-      watcher.Faulty(static_cast<size_t>(turn), images, time, chance.Index(watcher.cell().views()),
-                     chance);
-    }
+    const auto turn = static_cast<size_t>(taken % settings.fault_every);
+    watcher.Scene(time, turn < watcher.faults() ? std::optional(turn) : std::nullopt,
+                  chance.Index(watcher.views()), chance);
     done(taken + 1);
   }
   WatchResult result = watcher.Result();

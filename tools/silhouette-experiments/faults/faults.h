@@ -28,14 +28,15 @@ struct FaultRow {
   int tried = 0;
   int found = 0;                            // scenes with a defect
   std::map<std::string, int> reasons = {};  // of the defects; scenes with them
+  std::vector<double> after = {};           // seconds of the robot's motion, where that finds it
 };
 
 struct WatchResult {
   int scenes = 0;
   double hours = 0;
-  int alarms = 0;                     // false ones; scenes in a row are one
-  FaultRow none = {};                 // nothing is wrong: what is found is a false alarm
-  std::vector<FaultRow> faults = {};  // in turn
+  std::vector<std::string> alarms = {};  // false ones, when and what; scenes in a row are one
+  FaultRow none = {};                    // nothing is wrong: what is found is a false alarm
+  std::vector<FaultRow> faults = {};     // in turn
   // Median over the views' images, microseconds.
   double condition_time = 0;
   double life_time = 0;
