@@ -382,7 +382,10 @@ absl::Status CaptureRun::Store(ConfigurationNumber number, const Visit& visit) {
   if (keep) raw_images = RawImagesOf(visit);
   if (!first_look_) return writer_.Put(image, /*replace=*/true, raw_images);
   if (!first_look_->complete()) {
-    const std::string fault = first_look_->Add(number, image.masks);
+    std::string fault = first_look_->Add(number, image.masks);
+    if (fault.empty() && parts_.expected) {
+      fault = first_look_->Compare(number, image.masks, parts_.expected->At(image.measured));
+    }
     if (!fault.empty()) return StopRobot(absl::FailedPreconditionError(fault));
   }
   waiting_.push_back({std::move(image), std::move(raw_images)});
@@ -424,7 +427,8 @@ double ViewQuality::mean_area() const {
 absl::StatusOr<CaptureSession> CaptureSession::Create(Database& database, const Travel& travel,
                                                       Robot& robot, CameraRig& rig,
                                                       const CaptureSettings& settings,
-                                                      const SegmentationSettings& segmentation) {
+                                                      const SegmentationSettings& segmentation,
+                                                      std::optional<ExpectedRobot> expected) {
   ASSIGN_OR_RETURN(CellRobot cell_robot, CellRobot::Create(database.cell(), robot));
   ASSIGN_OR_RETURN(CellCameras cameras, CellCameras::Create(database.cell(), rig));
   if (database.cell().segmentation() != Describe(segmentation)) {
@@ -439,7 +443,8 @@ absl::StatusOr<CaptureSession> CaptureSession::Create(Database& database, const 
                          .cameras = std::move(cameras),
                          .references = std::move(references),
                          .settings = settings,
-                         .segmentation = segmentation});
+                         .segmentation = segmentation,
+                         .expected = std::move(expected)});
 }
 
 CaptureSession::CaptureSession(SessionParts parts) : parts_(std::move(parts)) {}

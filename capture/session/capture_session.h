@@ -3,6 +3,7 @@
 // every view.
 #pragma once
 
+#include <optional>
 #include <string>
 
 #include "absl/status/statusor.h"
@@ -12,6 +13,7 @@
 #include "capture/session/capture_plan.h"
 #include "capture/session/capture_report.h"
 #include "capture/session/capture_settings.h"
+#include "capture/session/expected_robot.h"
 #include "capture/session/travel.h"
 #include "capture/session/visitor.h"
 #include "db/store/store.h"
@@ -26,11 +28,13 @@ class CaptureSession {
 
   // `database` is open for writing, `travel` belongs to its grid. InvalidArgument: robot or cameras
   // do not have the joints and views of the database's cell. FailedPrecondition: the database was
-  // made with other segmentation settings. NotFound, DataLoss: see ReadReferences().
+  // made with other segmentation settings. NotFound, DataLoss: see ReadReferences(). `expected`:
+  // what the first images are compared with; nothing: they are not.
   static absl::StatusOr<CaptureSession> Create(Database& database, const Travel& travel,
                                                Robot& robot, CameraRig& rig,
                                                const CaptureSettings& settings,
-                                               const SegmentationSettings& segmentation);
+                                               const SegmentationSettings& segmentation,
+                                               std::optional<ExpectedRobot> expected = {});
 
   // Captures what `plan` says. Whatever happens, what was captured until then is stored: the report
   // says how much, and a new plan resumes there. `program` goes into the provenance log.

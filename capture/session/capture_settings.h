@@ -41,6 +41,10 @@ struct FirstLookSettings {
   double least_area = 0.002;
   // Whether the border of an image may cut the robot.
   bool may_be_cut = false;
+  // Where the model says where the robot is: the share of its drawn image that a view must show as
+  // foreground. A robot of the background's colour, or behind a post, loses some of it; one in the
+  // wrong place keeps little but its base. 0: not looked at.
+  double least_overlap = 0.5;
 };
 
 struct CaptureSettings {

@@ -6,6 +6,7 @@
 #include <opencv2/imgproc.hpp>
 
 #include "absl/strings/str_cat.h"
+#include "absl/strings/str_format.h"
 #include "absl/strings/str_join.h"
 #include "common/picture/picture.h"
 
@@ -66,6 +67,24 @@ std::string FirstLook::Add(ConfigurationNumber number, const std::vector<Mask>& 
                         "; what is beyond it is in no robot image. Turn the camera, or check the "
                         "light: a change of the whole image looks alike",
                         kHowToGoOn);
+  }
+  return "";
+}
+
+std::string FirstLook::Compare(ConfigurationNumber number, const std::vector<Mask>& masks,
+                               const std::vector<Mask>& expected) const {
+  for (size_t view = 0; view < masks.size(); ++view) {
+    const size_t drawn = expected[view].Count();
+    if (drawn < LeastArea(masks[view])) continue;
+    const auto seen = static_cast<double>(CountCommon(masks[view].words(), expected[view].words()));
+    const double overlap = seen / static_cast<double>(drawn);
+    if (overlap >= settings_.least_overlap) continue;
+    return absl::StrFormat(
+        "configuration %d: '%s' shows the robot in the wrong place: of the image that its model "
+        "has there, %.0f %% is foreground, less than %.0f %%. Check the joint values that the "
+        "robot "
+        "reports, that each camera feeds its own view, and the calibration%s",
+        number, views_[view], 100 * overlap, 100 * settings_.least_overlap, kHowToGoOn);
   }
   return "";
 }

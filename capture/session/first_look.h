@@ -26,6 +26,11 @@ class FirstLook {
   // sentence: no view sees the robot, or the border of an image cuts it. Empty: nothing.
   std::string Add(ConfigurationNumber number, const std::vector<Mask>& masks);
 
+  // Whether the masks show the robot where it must be: `expected` by view, as large
+  // (ExpectedRobot). What is wrong, in one sentence; empty: nothing.
+  std::string Compare(ConfigurationNumber number, const std::vector<Mask>& masks,
+                      const std::vector<Mask>& expected) const;
+
   // What is wrong with all of them together, at least two: nothing moves with the robot, or
   // something beside it is always foreground, as where the robot stands in the reference image too.
   std::string Judge() const;

@@ -16,6 +16,7 @@
 #include "capture/session/capture_settings.h"
 #include "capture/session/cell_cameras.h"
 #include "capture/session/cell_robot.h"
+#include "capture/session/expected_robot.h"
 #include "capture/session/travel.h"
 #include "db/mask/configuration_grid.h"
 #include "db/mask/mask.h"
@@ -33,6 +34,8 @@ struct SessionParts {
   std::vector<Reference> references;  // one per view; empty: they are yet to be made
   CaptureSettings settings;
   SegmentationSettings segmentation;
+  // Where the model says that the robot is; nothing: it is not known.
+  std::optional<ExpectedRobot> expected = std::nullopt;
 };
 
 struct Visit {

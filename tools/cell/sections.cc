@@ -112,6 +112,7 @@ FirstLookSettings ReadFirstLook(const YamlNode& node) {
   FirstLookSettings look;
   look.configurations = AtLeast(map, "configurations", look.configurations, 0);
   map.Read("least_area", look.least_area, &YamlNode::AsShare);
+  map.Read("least_overlap", look.least_overlap, &YamlNode::AsShare);
   look.may_be_cut = map.Get<bool>("may_be_cut", look.may_be_cut);
   map.Finish();
   return look;

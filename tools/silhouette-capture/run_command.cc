@@ -7,7 +7,11 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
 #include "absl/time/clock.h"
+#include "calib/camera/calibration.h"
+#include "calib/files/calibration_message.h"
+#include "calib/robot/robot_model.h"
 #include "capture/session/capture_session.h"
+#include "capture/session/expected_robot.h"
 #include "db/status/status_macros.h"
 #include "db/store/collision_index.h"
 #include "tools/cell/devices/cell_devices.h"
@@ -195,6 +199,32 @@ void WriteReport(const RunOptions& options, const CellFile& file, const Database
   std::cerr << VerdictOf(*facts) << "; report: " << folder << "/report.html" << std::endl;
 }
 
+// Where the robot must be in the images; nothing, and a line on stderr where that is a loss, if
+// model or camera models are not there.
+absl::StatusOr<std::optional<ExpectedRobot>> ExpectedRobotOf(const CellFile& file,
+                                                             const Database& database) {
+  const Cell& cell = file.cell;
+  const FirstLookSettings& look = cell.capture.first_look;
+  const std::optional<ExpectedRobot> none;
+  if (cell.robot.urdf.empty() || look.configurations == 0 || look.least_overlap == 0) return none;
+  ASSIGN_OR_RETURN(const Snapshot snapshot, database.Read());
+  ASSIGN_OR_RETURN(const auto stored, snapshot.Calibration());
+  if (!stored) return none;
+  ASSIGN_OR_RETURN(const Calibration calibration, CalibrationFrom(*stored));
+  if (calibration.cameras.empty()) return none;
+  ASSIGN_OR_RETURN(const RobotModel robot,
+                   RobotModel::FromUrdf(cell.robot.urdf, cell.robot.package_paths));
+  PartSettings settings;
+  settings.most_parts = 4;  // coarse is enough
+  auto expected = ExpectedRobot::Create(robot, settings, calibration, database.cell());
+  if (!expected.ok()) {
+    std::cerr << "whether the robot is in the right place in the first images is not checked: "
+              << expected.status().message() << std::endl;
+    return none;
+  }
+  return std::optional<ExpectedRobot>(*std::move(expected));
+}
+
 absl::StatusOr<ExitCode> RunHere(const RunOptions& options) {
   ASSIGN_OR_RETURN(const CellFile file, OpenCellFile(options.cell));
   const Travel travel(file.cell.grid, file.cell.capture.forbidden_regions);
@@ -210,8 +240,10 @@ absl::StatusOr<ExitCode> RunHere(const RunOptions& options) {
                                             take_references));
   }
   if (!database.ok()) return database.status();
-  auto session = CaptureSession::Create(**database, travel, *devices.robot, *devices.cameras,
-                                        file.cell.capture, file.cell.segmentation);
+  ASSIGN_OR_RETURN(auto expected, ExpectedRobotOf(file, **database));
+  auto session =
+      CaptureSession::Create(**database, travel, *devices.robot, *devices.cameras,
+                             file.cell.capture, file.cell.segmentation, std::move(expected));
   if (absl::IsNotFound(session.status())) {
     return absl::NotFoundError(absl::StrCat(session.status().message(), take_references));
   }

@@ -175,7 +175,8 @@ class FakeCell {
   }
 
   absl::StatusOr<CaptureSession> Session() {
-    return CaptureSession::Create(*database, *travel, robot, rig, settings, SegmentationSettings{});
+    return CaptureSession::Create(*database, *travel, robot, rig, settings, SegmentationSettings{},
+                                  expected);
   }
 
   absl::StatusOr<CapturePlan> Plan(const CaptureSelection& selection = {}) {
@@ -208,6 +209,7 @@ class FakeCell {
     return commanded;
   }
 
+  std::optional<ExpectedRobot> expected;
   CaptureSettings settings;
   std::unique_ptr<Database> database;
   std::optional<Travel> travel;

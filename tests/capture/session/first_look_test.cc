@@ -7,6 +7,7 @@
 
 #include <functional>
 
+#include "tests/calib/robot/urdf_files.h"
 #include "tests/capture/session/fake_cell.h"
 
 namespace silhouette {
@@ -90,6 +91,53 @@ TEST_F(FirstLookTest, RobotInTheReferenceImagesEndsTheSession) {
   cell_.TakeReferences();
   cell_.rig.on_grab = nullptr;
   ExpectRefused("is always foreground and apart from the robot that moves");
+}
+
+TEST(FirstLook, RobotInTheWrongPlaceIsFound) {
+  const auto square = [](int left) {
+    return Mask::FromPredicate(
+        {64, 64}, [&](int x, int y) { return x >= left && x < left + 10 && y >= 20 && y < 40; });
+  };
+  FirstLook look(FirstLookSettings{}, {"front", "side"});
+  EXPECT_EQ(look.Compare(7, {square(20), square(30)}, {square(20), square(30)}), "");
+  EXPECT_EQ(look.Compare(7, {square(20), square(30)}, {square(24), square(27)}), "");
+  const std::string fault = look.Compare(7, {square(20), square(30)}, {square(20), square(37)});
+  EXPECT_THAT(fault, HasSubstr("configuration 7: 'side' shows the robot in the wrong place"));
+  EXPECT_THAT(fault, HasSubstr("30 % is foreground, less than 50 %"));
+  // More than the robot is no fault: shadows, cables.
+  EXPECT_EQ(look.Compare(7, {square(20) | square(5), square(30)}, {square(20), square(30)}), "");
+  // A view that does not see the robot says nothing.
+  EXPECT_EQ(look.Compare(7, {Mask({64, 64}), square(30)}, {Mask({64, 64}), square(30)}), "");
+}
+
+TEST_F(FirstLookTest, RobotThatIsNotWhereItsModelSaysEndsTheSession) {
+  cell_.TakeReferences();
+  // A ball that the views see nowhere near the fake robot.
+  const auto expect_at = [&](double x) {
+    const std::string joint =
+        "<joint name='turn' type='revolute'><parent link='a'/><child link='b'/>"
+        "<limit lower='-1' upper='1' effort='1' velocity='1'/></joint>";
+    const auto model = RobotModel::FromUrdf(
+        WriteFile(FreshFolder() / "r.urdf",
+                  absl::StrCat("<robot name='r'><link name='a'><visual><origin xyz='", x,
+                               " 0 2'/><geometry><sphere radius='0.2'/></geometry></visual></link>"
+                               "<link name='b'/>",
+                               joint, "</robot>")));
+    const CameraModel front(
+        {.width = 80, .height = 60, .fx = 60, .fy = 60, .cx = 39.5, .cy = 29.5});
+    const CameraModel top({.width = 64, .height = 64, .fx = 60, .fy = 60, .cx = 31.5, .cy = 31.5});
+    return ExpectedRobot::Create(*model, {}, Calibration{{front, top}, {}}, FakeDescription());
+  };
+  const auto expected = expect_at(-1);
+  ASSERT_TRUE(expected.ok()) << expected.status();
+  const std::vector<Mask> masks = expected->At(std::vector<double>{0, 0, 0.25});
+  ASSERT_THAT(masks, SizeIs(2));
+  EXPECT_EQ(masks[0].size(), (MaskSize{16, 16}));
+  EXPECT_FALSE(masks[0].Empty());
+  cell_.expected = *expected;
+  ExpectRefused("shows the robot in the wrong place");
+  cell_.expected.reset();
+  EXPECT_TRUE(cell_.Capture().complete());
 }
 
 TEST_F(FirstLookTest, ResumedSessionIsNotLookedAtAgain) {

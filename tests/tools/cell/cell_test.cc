@@ -320,11 +320,14 @@ TEST(Cell, FirstRobotImagesAreLookedAtUnlessTheFileSaysOtherwise) {
   const std::string bare = kBareCell;
   EXPECT_EQ(Load(bare)->capture.first_look.configurations, 3);
   EXPECT_FALSE(Load(bare)->capture.first_look.may_be_cut);
-  const auto cell = Load(
-      bare + "capture: {first_look: {configurations: 0, least_area: 0.01, may_be_cut: true}}\n");
+  const auto cell =
+      Load(bare +
+           "capture: {first_look: {configurations: 0, least_area: 0.01, may_be_cut: true, "
+           "least_overlap: 0.7}}\n");
   EXPECT_EQ(cell->capture.first_look.configurations, 0);
   EXPECT_EQ(cell->capture.first_look.least_area, 0.01);
   EXPECT_TRUE(cell->capture.first_look.may_be_cut);
+  EXPECT_EQ(cell->capture.first_look.least_overlap, 0.7);
   EXPECT_THAT(MessageOf(bare + "capture: {first_look: {least_area: 2}}\n"),
               HasSubstr("a number from 0 to 1 is expected"));
 }
