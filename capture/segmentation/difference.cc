@@ -185,7 +185,8 @@ cv::Mat Foreground(const cv::Mat& image, const Reference& reference,
 
 GradedMask Graded(const cv::Mat& foreground, MaskSize mask_size, double min_cover) {
   return {.all = DownSample(foreground, mask_size, min_cover),
-          .strong = DownSample(foreground == kStrongEvidence, mask_size, min_cover)};
+          .strong = DownSample(foreground == kStrongEvidence, mask_size,
+                               std::max(min_cover, kStrongCover))};
 }
 
 ForegroundSteps StepsToForeground(const cv::Mat& image, const Reference& reference,

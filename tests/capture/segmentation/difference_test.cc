@@ -217,9 +217,22 @@ TEST(GradedForeground, StrongIsWhatHigherLimitsFind) {
     weak += cv::countNonZero(graded == kWeakEvidence);
     const GradedMask mask = Graded(graded, {10, 10}, 0);
     EXPECT_EQ(mask.all, DownSample(found, {10, 10}, 0));
-    EXPECT_EQ(mask.strong, DownSample(strong, {10, 10}, 0));
+    EXPECT_EQ(mask.strong, DownSample(strong, {10, 10}, kStrongCover));
   }
   EXPECT_GT(weak, 1000);
+}
+
+TEST(GradedForeground, StrongEvidenceOnASliverOfAMaskPixelIsWeak) {
+  cv::Mat foreground = cv::Mat::zeros({100, 100}, CV_8UC1);
+  foreground(cv::Rect(10, 10, 5, 1)) = kStrongEvidence;  // 5 % of the mask pixel 1, 1
+  foreground(cv::Rect(30, 10, 6, 1)) = kStrongEvidence;  // 6 % of 3, 1
+  foreground(cv::Rect(50, 10, 10, 10)) = kWeakEvidence;  // all of 5, 1
+  const GradedMask mask = Graded(foreground, {10, 10}, 0);
+  EXPECT_TRUE(mask.all.at(1, 1) && mask.all.at(3, 1) && mask.all.at(5, 1));
+  EXPECT_EQ(mask.all.Count(), 3);
+  EXPECT_TRUE(mask.strong.at(3, 1));
+  EXPECT_EQ(mask.strong.Count(), 1);
+  EXPECT_EQ(Graded(foreground, {10, 10}, 0.1).strong.Count(), 0) << "min_cover counts, too";
 }
 
 TEST(Difference, EmptyCellIsBackgroundUnderNoiseAndDrift) {
