@@ -42,9 +42,9 @@ struct FirstLookSettings {
   // Whether the border of an image may cut the robot.
   bool may_be_cut = false;
   // Where the model says where the robot is: the share of its drawn image that a view must show as
-  // foreground. A robot of the background's colour, or behind a post, loses some of it; one in the
-  // wrong place keeps little but its base. 0: not looked at.
-  double least_overlap = 0.5;
+  // foreground. A robot in the wrong place, behind a post or of the background's colour shows less,
+  // and its robot images would miss as much. 0: not looked at.
+  double least_overlap = 0.75;
 };
 
 struct CaptureSettings {

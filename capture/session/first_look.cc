@@ -82,8 +82,8 @@ std::string FirstLook::Compare(ConfigurationNumber number, const std::vector<Mas
     return absl::StrFormat(
         "configuration %d: '%s' shows the robot in the wrong place: of the image that its model "
         "has there, %.0f %% is foreground, less than %.0f %%. Check the joint values that the "
-        "robot "
-        "reports, that each camera feeds its own view, and the calibration%s",
+        "robot reports, that each camera feeds its own view, the calibration, and that the robot "
+        "contrasts with the cell%s",
         number, views_[view], 100 * overlap, 100 * settings_.least_overlap, kHowToGoOn);
   }
   return "";

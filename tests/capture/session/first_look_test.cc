@@ -100,10 +100,10 @@ TEST(FirstLook, RobotInTheWrongPlaceIsFound) {
   };
   FirstLook look(FirstLookSettings{}, {"front", "side"});
   EXPECT_EQ(look.Compare(7, {square(20), square(30)}, {square(20), square(30)}), "");
-  EXPECT_EQ(look.Compare(7, {square(20), square(30)}, {square(24), square(27)}), "");
+  EXPECT_EQ(look.Compare(7, {square(20), square(30)}, {square(22), square(28)}), "");
   const std::string fault = look.Compare(7, {square(20), square(30)}, {square(20), square(37)});
   EXPECT_THAT(fault, HasSubstr("configuration 7: 'side' shows the robot in the wrong place"));
-  EXPECT_THAT(fault, HasSubstr("30 % is foreground, less than 50 %"));
+  EXPECT_THAT(fault, HasSubstr("30 % is foreground, less than 75 %"));
   // More than the robot is no fault: shadows, cables.
   EXPECT_EQ(look.Compare(7, {square(20) | square(5), square(30)}, {square(20), square(30)}), "");
   // A view that does not see the robot says nothing.
