@@ -12,9 +12,12 @@ namespace silhouette {
 // prints its seed and takes it back by --gtest_random_seed.
 class Random : public std::mt19937_64 {
  public:
+  // Without shuffling GoogleTest 1.12 takes its seed from the time.
   Random()
-      : std::mt19937_64(static_cast<result_type>(testing::UnitTest::GetInstance()->random_seed())) {
-  }
+      : std::mt19937_64(
+            GTEST_FLAG_GET(shuffle)
+                ? static_cast<result_type>(testing::UnitTest::GetInstance()->random_seed())
+                : result_type{0}) {}
 };
 
 }  // namespace silhouette

@@ -64,18 +64,20 @@ TEST_F(CellExperimentProgram, CapturesMeasuresExplainsAndDraws) {
   EXPECT_EQ(Run(options).out, first.out) << "the same seed, the same answer";
 }
 
-TEST_F(CellExperimentProgram, SmallThingsNearTheRobotHaveATableForEachSizeAndDistance) {
+TEST_F(CellExperimentProgram,
+       SmallThingsNearTheRobotHaveATableForEachSizeAndDistanceAndOneWithoutThem) {
   const Outcome outcome =
       Run("--scenes 0 --hidden 0 --near 6 --off-grid 0 --pictures 0 --format json");
   ASSERT_EQ(outcome.exit_code, 0) << outcome.err;
   std::set<std::string> experiments;
   for (const auto& row : nlohmann::json::parse(outcome.out)) {
     experiments.insert(row["experiment"]);
-    EXPECT_EQ(row["scenes"].get<int>() + row["refused_scenes"].get<int>(), 1);
+    const bool empty = row["experiment"] == "near-empty";
+    EXPECT_EQ(row["scenes"].get<int>() + row["refused_scenes"].get<int>(), empty ? 6 : 1);
     EXPECT_LE(row["missing_hidden_possible"], row["missing_count"]);
-    EXPECT_GT(row["occupied_percent"], 0) << "the thing is in the way";
+    EXPECT_EQ(row["occupied_percent"] > 0, !empty) << "the thing is in the way, if there is one";
   }
-  EXPECT_EQ(experiments.size(), 6u);
+  EXPECT_EQ(experiments.size(), 7u);
 }
 
 TEST_F(CellExperimentProgram, CalibrationThatWasFoundIsComparedWithTheTrueOneUnlessItContradicts) {
