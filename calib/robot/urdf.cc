@@ -107,7 +107,8 @@ class UrdfReader {
     model_.name_ = urdf->getName();
     RequireOneJointEach(*urdf);
     AddLink(*urdf->getRoot(), -1);
-    for (const auto& [name, link] : urdf->links_) {
+    for (const auto& entry : urdf->links_) {
+      const std::string& name = entry.first;
       if (std::ranges::any_of(model_.links_, [&](const auto& l) { return l.name == name; }))
         continue;
       Fail("link '" + name + "' is part of a loop of joints that does not hang on the base" +
