@@ -243,7 +243,7 @@ inline SphereWorld ParallelWorld() {
                      0.06, 0.02);
 }
 
-// So many, anywhere.
+// `count` balls at random places.
 inline Balls SomeObstacles(int count, std::mt19937_64& random) {
   std::uniform_real_distribution<double> place(-0.75, 0.75);
   Balls obstacles;
