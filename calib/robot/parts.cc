@@ -217,4 +217,21 @@ absl::StatusOr<RobotParts> RobotParts::Of(const RobotModel& robot, const PartSet
   return result;
 }
 
+absl::StatusOr<DrawnRobot> DrawnRobotOf(const RobotModel& robot, const PartSettings& settings,
+                                        std::span<const std::string> moving,
+                                        std::span<const FixedJoint> fixed,
+                                        const Calibration& calibration,
+                                        std::span<const MaskSize> mask_sizes) {
+  if (calibration.cameras.size() != mask_sizes.size()) {
+    return InvalidArgument("the calibration has no camera model for each view");
+  }
+  ASSIGN_OR_RETURN(KinematicChain chain, robot.ChainOf(moving, fixed));
+  ASSIGN_OR_RETURN(const RobotParts parts, RobotParts::Of(robot, settings));
+  std::vector<PartDrawer> views;
+  for (size_t view = 0; view < mask_sizes.size(); ++view) {
+    views.emplace_back(calibration.cameras[view], mask_sizes[view]);
+  }
+  return DrawnRobot(std::move(chain), parts.parts(), std::move(views));
+}
+
 }  // namespace silhouette

@@ -6,10 +6,12 @@
 // closed or not.
 #pragma once
 
+#include <span>
 #include <string>
 #include <vector>
 
 #include "absl/status/statusor.h"
+#include "calib/camera/calibration.h"
 #include "calib/robot/drawing/drawn_robot.h"
 #include "calib/robot/robot_model.h"
 
@@ -52,5 +54,14 @@ class RobotParts {
   std::vector<double> excess_;  // by link
   std::vector<std::string> uncertain_links_;
 };
+
+// The robot as the cameras of `calibration` see it in masks of `mask_sizes`, a view each. Joints as
+// RobotModel::ChainOf has them. The parts are without the tolerance. InvalidArgument: the
+// calibration has not a camera model for each view, or as RobotParts::Of and ChainOf.
+absl::StatusOr<DrawnRobot> DrawnRobotOf(const RobotModel& robot, const PartSettings& settings,
+                                        std::span<const std::string> moving,
+                                        std::span<const FixedJoint> fixed,
+                                        const Calibration& calibration,
+                                        std::span<const MaskSize> mask_sizes);
 
 }  // namespace silhouette

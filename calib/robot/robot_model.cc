@@ -47,6 +47,11 @@ std::optional<size_t> RobotModel::JointIndex(const std::string& name) const {
   return std::nullopt;
 }
 
+absl::Status RobotModel::NoJoint(const std::string& name) const {
+  return InvalidArgument("the robot '", name_, "' has no joint '", name, "'; it has ",
+                         NamesOf(joints_));
+}
+
 RobotModel RobotModel::WithBody(size_t link, LinkGeometry body) const {
   RobotModel model = *this;
   RobotLink& of = model.links_.at(link);
@@ -76,16 +81,52 @@ std::vector<Eigen::Isometry3d> RobotModel::LinkPoses(std::span<const double> pos
   return base_from_link;
 }
 
+absl::StatusOr<KinematicChain> RobotModel::ChainOf(std::span<const std::string> moving,
+                                                   std::span<const FixedJoint> fixed) const {
+  std::vector<ChainJoint> joints;
+  std::vector<std::optional<int>> place(joints_.size());  // in `joints`
+  std::vector<std::optional<double>> stands(joints_.size());
+  for (const std::string& name : moving) {
+    const std::optional<size_t> index = JointIndex(name);
+    if (!index) return NoJoint(name);
+    const RobotJoint& joint = joints_[*index];
+    place[*index] = static_cast<int>(joints.size());
+    joints.push_back({joint.name, joint.lower, joint.upper, joint.type == JointType::kContinuous});
+  }
+  for (const FixedJoint& joint : fixed) {
+    const std::optional<size_t> index = JointIndex(joint.name);
+    if (!index) return NoJoint(joint.name);
+    stands[*index] = joint.position;
+  }
+  std::vector<ChainLink> links;
+  for (const RobotLink& link : links_) {
+    ChainLink& of_chain = links.emplace_back();
+    of_chain.parent = link.parent;
+    of_chain.parent_from_link = link.parent_from_joint;
+    of_chain.axis = link.axis;
+    if (link.joint < 0) continue;
+    const auto index = static_cast<size_t>(link.joint);
+    const RobotJoint& joint = joints_[index];
+    if (place[index]) {
+      of_chain.joint = *place[index];
+      of_chain.slides = joint.type == JointType::kPrismatic;
+    } else if (stands[index]) {
+      of_chain.parent_from_link = ParentFromLink(link, joint.type, *stands[index]);
+    } else {
+      return InvalidArgument("joint '", joint.name, "' of the robot '", name_,
+                             "' neither moves nor is fixed");
+    }
+  }
+  return KinematicChain(std::move(joints), std::move(links));
+}
+
 absl::StatusOr<std::vector<double>> RobotModel::Positions(std::span<const std::string> names,
                                                           std::span<const double> values) const {
   if (names.size() != values.size()) throw std::invalid_argument("as many names as values");
   std::vector<std::optional<double>> positions(joints_.size());
   for (size_t i = 0; i < names.size(); ++i) {
     const std::optional<size_t> index = JointIndex(names[i]);
-    if (!index) {
-      return InvalidArgument("the robot '", name_, "' has no joint '", names[i], "'; it has ",
-                             NamesOf(joints_));
-    }
+    if (!index) return NoJoint(names[i]);
     const RobotJoint& joint = joints_[*index];
     if (positions[*index]) {
       return InvalidArgument("joint '", names[i], "' is given twice");

@@ -15,7 +15,9 @@
 #include <variant>
 #include <vector>
 
+#include "absl/status/status.h"
 #include "absl/status/statusor.h"
+#include "calib/robot/drawing/kinematic_chain.h"
 #include "calib/robot/triangle_mesh.h"
 
 namespace silhouette {
@@ -110,6 +112,12 @@ class RobotModel {
   // or fewer values.
   std::vector<Eigen::Isometry3d> LinkPoses(std::span<const double> positions) const;
 
+  // The chain that moves with the joints `moving`, in their order, while the others stand at
+  // `fixed`; its links are in the order of links(). InvalidArgument if a name is not a joint of the
+  // model, or a joint of the model is in neither.
+  absl::StatusOr<KinematicChain> ChainOf(std::span<const std::string> moving,
+                                         std::span<const FixedJoint> fixed) const;
+
   // Values in the order of joints(), looked up by name. InvalidArgument if a joint of the model has
   // no value, a name is not a joint of the model (the nearest is named) or stands twice, or a value
   // is beyond the joint's limits by more than a millionth. As many values as names, else
@@ -120,6 +128,7 @@ class RobotModel {
  private:
   friend class UrdfReader;
   RobotModel() = default;
+  absl::Status NoJoint(const std::string& name) const;
 
   std::string name_;
   std::vector<RobotJoint> joints_;

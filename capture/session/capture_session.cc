@@ -384,7 +384,7 @@ absl::Status CaptureRun::Store(ConfigurationNumber number, const Visit& visit) {
   if (!first_look_->complete()) {
     std::string fault = first_look_->Add(number, image.masks);
     if (fault.empty() && parts_.expected) {
-      fault = first_look_->Compare(number, image.masks, parts_.expected->At(image.measured));
+      fault = first_look_->Compare(number, image.masks, parts_.expected->Touched(image.measured));
     }
     if (!fault.empty()) return StopRobot(absl::FailedPreconditionError(fault));
   }
@@ -428,7 +428,7 @@ absl::StatusOr<CaptureSession> CaptureSession::Create(Database& database, const 
                                                       Robot& robot, CameraRig& rig,
                                                       const CaptureSettings& settings,
                                                       const SegmentationSettings& segmentation,
-                                                      std::optional<ExpectedRobot> expected) {
+                                                      std::optional<DrawnRobot> expected) {
   ASSIGN_OR_RETURN(CellRobot cell_robot, CellRobot::Create(database.cell(), robot));
   ASSIGN_OR_RETURN(CellCameras cameras, CellCameras::Create(database.cell(), rig));
   if (database.cell().segmentation() != Describe(segmentation)) {

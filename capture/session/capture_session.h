@@ -7,13 +7,13 @@
 #include <string>
 
 #include "absl/status/statusor.h"
+#include "calib/robot/drawing/drawn_robot.h"
 #include "capture/devices/devices.h"
 #include "capture/segmentation/settings.h"
 #include "capture/session/capture_observer.h"
 #include "capture/session/capture_plan.h"
 #include "capture/session/capture_report.h"
 #include "capture/session/capture_settings.h"
-#include "capture/session/expected_robot.h"
 #include "capture/session/travel.h"
 #include "capture/session/visitor.h"
 #include "db/store/store.h"
@@ -34,7 +34,7 @@ class CaptureSession {
                                                Robot& robot, CameraRig& rig,
                                                const CaptureSettings& settings,
                                                const SegmentationSettings& segmentation,
-                                               std::optional<ExpectedRobot> expected = {});
+                                               std::optional<DrawnRobot> expected = {});
 
   // Captures what `plan` says. Whatever happens, what was captured until then is stored: the report
   // says how much, and a new plan resumes there. `program` goes into the provenance log.

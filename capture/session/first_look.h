@@ -27,7 +27,7 @@ class FirstLook {
   std::string Add(ConfigurationNumber number, const std::vector<Mask>& masks);
 
   // Whether the masks show the robot where it must be: `expected` by view, as large
-  // (ExpectedRobot). What is wrong, in one sentence; empty: nothing.
+  // (DrawnRobot). What is wrong, in one sentence; empty: nothing.
   std::string Compare(ConfigurationNumber number, const std::vector<Mask>& masks,
                       const std::vector<Mask>& expected) const;
 

@@ -11,12 +11,12 @@
 #include <vector>
 
 #include "absl/status/statusor.h"
+#include "calib/robot/drawing/drawn_robot.h"
 #include "capture/segmentation/reference.h"
 #include "capture/segmentation/settings.h"
 #include "capture/session/capture_settings.h"
 #include "capture/session/cell_cameras.h"
 #include "capture/session/cell_robot.h"
-#include "capture/session/expected_robot.h"
 #include "capture/session/travel.h"
 #include "db/mask/configuration_grid.h"
 #include "db/mask/mask.h"
@@ -35,7 +35,7 @@ struct SessionParts {
   CaptureSettings settings;
   SegmentationSettings segmentation;
   // Where the model says that the robot is; nothing: it is not known.
-  std::optional<ExpectedRobot> expected = std::nullopt;
+  std::optional<DrawnRobot> expected = std::nullopt;
 };
 
 struct Visit {

@@ -9,9 +9,9 @@
 #include "absl/time/clock.h"
 #include "calib/camera/calibration.h"
 #include "calib/files/calibration_message.h"
+#include "calib/robot/parts.h"
 #include "calib/robot/robot_model.h"
 #include "capture/session/capture_session.h"
-#include "capture/session/expected_robot.h"
 #include "db/status/status_macros.h"
 #include "db/store/collision_index.h"
 #include "tools/cell/devices/cell_devices.h"
@@ -201,11 +201,11 @@ void WriteReport(const RunOptions& options, const CellFile& file, const Database
 
 // Where the robot must be in the images; nothing, and a line on stderr where that is a loss, if
 // model or camera models are not there.
-absl::StatusOr<std::optional<ExpectedRobot>> ExpectedRobotOf(const CellFile& file,
-                                                             const Database& database) {
+absl::StatusOr<std::optional<DrawnRobot>> ExpectedRobotOf(const CellFile& file,
+                                                          const Database& database) {
   const Cell& cell = file.cell;
   const FirstLookSettings& look = cell.capture.first_look;
-  const std::optional<ExpectedRobot> none;
+  const std::optional<DrawnRobot> none;
   if (cell.robot.urdf.empty() || look.configurations == 0 || look.least_overlap == 0) return none;
   ASSIGN_OR_RETURN(const Snapshot snapshot, database.Read());
   ASSIGN_OR_RETURN(const auto stored, snapshot.Calibration());
@@ -216,13 +216,16 @@ absl::StatusOr<std::optional<ExpectedRobot>> ExpectedRobotOf(const CellFile& fil
                    RobotModel::FromUrdf(cell.robot.urdf, cell.robot.package_paths));
   PartSettings settings;
   settings.most_parts = 4;  // coarse is enough
-  auto expected = ExpectedRobot::Create(robot, settings, calibration, database.cell());
+  std::vector<std::string> joints;
+  for (const GridJoint& joint : cell.grid.joints()) joints.push_back(joint.name);
+  for (const FixedJoint& joint : cell.fixed_joints) joints.push_back(joint.name);
+  auto expected = DrawnRobotOf(robot, settings, joints, {}, calibration, database.mask_sizes());
   if (!expected.ok()) {
     std::cerr << "whether the robot is in the right place in the first images is not checked: "
               << expected.status().message() << std::endl;
     return none;
   }
-  return std::optional<ExpectedRobot>(*std::move(expected));
+  return std::optional<DrawnRobot>(*std::move(expected));
 }
 
 absl::StatusOr<ExitCode> RunHere(const RunOptions& options) {

@@ -5,21 +5,16 @@
 #include <utility>
 
 namespace silhouette {
-namespace {
 
-const Eigen::Isometry3d& PoseFor(const RobotPart& part,
-                                 std::span<const Eigen::Isometry3d> base_from_link) {
-  if (part.moves_with >= base_from_link.size()) throw std::out_of_range("a link has no pose");
-  return base_from_link[part.moves_with];
-}
-
-}  // namespace
-
-DrawnRobot::DrawnRobot(std::vector<RobotPart> parts, std::vector<PartDrawer> views)
-    : parts_(std::move(parts)), views_(std::move(views)) {
+DrawnRobot::DrawnRobot(KinematicChain chain, std::vector<RobotPart> parts,
+                       std::vector<PartDrawer> views)
+    : chain_(std::move(chain)), parts_(std::move(parts)), views_(std::move(views)) {
   if (parts_.empty()) throw std::invalid_argument("a robot without parts cannot be drawn");
   for (const RobotPart& part : parts_) {
     if (part.points.cols() == 0) throw std::invalid_argument("a part of the robot has no points");
+    if (part.moves_with >= chain_.links().size()) {
+      throw std::invalid_argument("a part of the robot is of no link");
+    }
   }
 }
 
@@ -27,7 +22,7 @@ void DrawnRobot::AddTouched(size_t view, std::span<const Eigen::Isometry3d> base
                             double growth, DrawingScratch& scratch,
                             std::span<uint64_t> words) const {
   for (const RobotPart& part : parts_) {
-    views_[view].AddTouched(PoseFor(part, base_from_link), part.points, part.radius + growth,
+    views_[view].AddTouched(base_from_link[part.moves_with], part.points, part.radius + growth,
                             scratch, words);
   }
 }
@@ -36,23 +31,34 @@ void DrawnRobot::AddCovered(size_t view, std::span<const Eigen::Isometry3d> base
                             DrawingScratch& scratch, std::span<uint64_t> words) const {
   for (const RobotPart& part : parts_) {
     if (part.inner.cols() == 0) continue;
-    views_[view].AddCovered(PoseFor(part, base_from_link), part.inner, scratch, words);
+    views_[view].AddCovered(base_from_link[part.moves_with], part.inner, scratch, words);
   }
 }
 
-Mask DrawnRobot::Touched(size_t view, std::span<const Eigen::Isometry3d> base_from_link,
-                         double growth) const {
+std::vector<Mask> DrawnRobot::Touched(std::span<const double> q, double growth) const {
   DrawingScratch scratch;
-  std::vector<uint64_t> words(views_.at(view).size().words());
-  AddTouched(view, base_from_link, growth, scratch, words);
-  return Mask::FromWords(views_[view].size(), std::move(words));
+  std::vector<Eigen::Isometry3d> base_from_link;
+  chain_.Pose(q, base_from_link);
+  std::vector<Mask> masks;
+  for (size_t view = 0; view < views_.size(); ++view) {
+    std::vector<uint64_t> words(views_[view].size().words());
+    AddTouched(view, base_from_link, growth, scratch, words);
+    masks.push_back(Mask::FromWords(views_[view].size(), std::move(words)));
+  }
+  return masks;
 }
 
-Mask DrawnRobot::Covered(size_t view, std::span<const Eigen::Isometry3d> base_from_link) const {
+std::vector<Mask> DrawnRobot::Covered(std::span<const double> q) const {
   DrawingScratch scratch;
-  std::vector<uint64_t> words(views_.at(view).size().words());
-  AddCovered(view, base_from_link, scratch, words);
-  return Mask::FromWords(views_[view].size(), std::move(words));
+  std::vector<Eigen::Isometry3d> base_from_link;
+  chain_.Pose(q, base_from_link);
+  std::vector<Mask> masks;
+  for (size_t view = 0; view < views_.size(); ++view) {
+    std::vector<uint64_t> words(views_[view].size().words());
+    AddCovered(view, base_from_link, scratch, words);
+    masks.push_back(Mask::FromWords(views_[view].size(), std::move(words)));
+  }
+  return masks;
 }
 
 }  // namespace silhouette

@@ -8,6 +8,7 @@
 #include <span>
 #include <vector>
 
+#include "calib/robot/drawing/kinematic_chain.h"
 #include "calib/robot/drawing/part_drawer.h"
 #include "db/mask/mask.h"
 
@@ -27,18 +28,21 @@ struct RobotPart {
   Eigen::Matrix3Xd inner;
 };
 
-// A value; used by any number of threads, each with scratch of its own.
+// A value; used by any number of threads, each with scratch of its own. `q`: joint values in the
+// order of chain().joints(); as many, else std::invalid_argument is thrown. Limits are not looked
+// at.
 class DrawnRobot {
  public:
-  // Throws std::invalid_argument if there are no parts or a part has no points.
-  DrawnRobot(std::vector<RobotPart> parts, std::vector<PartDrawer> views);
+  // The cameras' world is the frame of the chain's first link. Throws std::invalid_argument if
+  // there are no parts, a part has no points or moves with a link that is not in the chain.
+  DrawnRobot(KinematicChain chain, std::vector<RobotPart> parts, std::vector<PartDrawer> views);
 
+  const KinematicChain& chain() const { return chain_; }
   const std::vector<RobotPart>& parts() const { return parts_; }
   const std::vector<PartDrawer>& views() const { return views_; }
 
   // Sets every pixel of a view that the robot touches if each part is grown by `growth`, metres.
-  // `base_from_link`: of all links of the model (RobotModel::LinkPoses); throws std::out_of_range
-  // if one is missing. The cameras' world is the base.
+  // `base_from_link`: KinematicChain::Pose.
   void AddTouched(size_t view, std::span<const Eigen::Isometry3d> base_from_link, double growth,
                   DrawingScratch& scratch, std::span<uint64_t> words) const;
 
@@ -46,11 +50,12 @@ class DrawnRobot {
   void AddCovered(size_t view, std::span<const Eigen::Isometry3d> base_from_link,
                   DrawingScratch& scratch, std::span<uint64_t> words) const;
 
-  // The same as masks.
-  Mask Touched(size_t view, std::span<const Eigen::Isometry3d> base_from_link, double growth) const;
-  Mask Covered(size_t view, std::span<const Eigen::Isometry3d> base_from_link) const;
+  // The same as masks, one a view.
+  std::vector<Mask> Touched(std::span<const double> q, double growth = 0) const;
+  std::vector<Mask> Covered(std::span<const double> q) const;
 
  private:
+  KinematicChain chain_;
   std::vector<RobotPart> parts_;
   std::vector<PartDrawer> views_;
 };

@@ -209,7 +209,7 @@ class FakeCell {
     return commanded;
   }
 
-  std::optional<ExpectedRobot> expected;
+  std::optional<DrawnRobot> expected;
   CaptureSettings settings;
   std::unique_ptr<Database> database;
   std::optional<Travel> travel;

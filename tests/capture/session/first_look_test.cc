@@ -7,6 +7,7 @@
 
 #include <functional>
 
+#include "calib/robot/parts.h"
 #include "tests/calib/robot/urdf_files.h"
 #include "tests/capture/session/fake_cell.h"
 
@@ -114,23 +115,27 @@ TEST_F(FirstLookTest, RobotThatIsNotWhereItsModelSaysEndsTheSession) {
   cell_.TakeReferences();
   // A ball that the views see nowhere near the fake robot.
   const auto expect_at = [&](double x) {
-    const std::string joint =
-        "<joint name='turn' type='revolute'><parent link='a'/><child link='b'/>"
-        "<limit lower='-1' upper='1' effort='1' velocity='1'/></joint>";
+    const auto joint = [](const std::string& name, const std::string& parent,
+                          const std::string& child) {
+      return absl::StrCat("<joint name='", name, "' type='revolute'><parent link='", parent,
+                          "'/><child link='", child, "'/><limit lower='-1' upper='1' effort='1' ",
+                          "velocity='1'/></joint><link name='", child, "'/>");
+    };
     const auto model = RobotModel::FromUrdf(
         WriteFile(FreshFolder() / "r.urdf",
                   absl::StrCat("<robot name='r'><link name='a'><visual><origin xyz='", x,
-                               " 0 2'/><geometry><sphere radius='0.2'/></geometry></visual></link>"
-                               "<link name='b'/>",
-                               joint, "</robot>")));
+                               " 0 2'/><geometry><sphere radius='0.2'/></geometry></visual></link>",
+                               joint("turn", "a", "b"), joint("lift", "b", "c"),
+                               joint("wrist", "c", "d"), "</robot>")));
     const CameraModel front(
         {.width = 80, .height = 60, .fx = 60, .fy = 60, .cx = 39.5, .cy = 29.5});
     const CameraModel top({.width = 64, .height = 64, .fx = 60, .fy = 60, .cx = 31.5, .cy = 31.5});
-    return ExpectedRobot::Create(*model, {}, Calibration{{front, top}, {}}, FakeDescription());
+    return DrawnRobotOf(*model, {}, std::vector<std::string>{"turn", "lift", "wrist"}, {},
+                        Calibration{{front, top}, {}}, std::vector<MaskSize>{{16, 16}, {20, 20}});
   };
   const auto expected = expect_at(-1);
   ASSERT_TRUE(expected.ok()) << expected.status();
-  const std::vector<Mask> masks = expected->At(std::vector<double>{0, 0, 0.25});
+  const std::vector<Mask> masks = expected->Touched(std::vector<double>{0, 0, 0.25});
   ASSERT_THAT(masks, SizeIs(2));
   EXPECT_EQ(masks[0].size(), (MaskSize{16, 16}));
   EXPECT_FALSE(masks[0].Empty());

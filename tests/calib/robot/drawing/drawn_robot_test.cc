@@ -89,6 +89,12 @@ CameraModel CameraAbout(Random& random) {
   return RandomCamera(random, pose.inverse());
 }
 
+KinematicChain ChainOf(const RobotModel& robot) {
+  std::vector<std::string> moving;
+  for (const RobotJoint& joint : robot.joints()) moving.push_back(joint.name);
+  return robot.ChainOf(moving, {}).value();
+}
+
 struct Tally {
   size_t missing = 0;
   size_t samples = 0;
@@ -98,10 +104,12 @@ struct Tally {
 
 void Compare(Random& random, const RobotModel& robot, const DrawnRobot& drawn, int samples,
              Tally& tally) {
-  const std::vector<Isometry3d> poses = robot.LinkPoses(RandomPositions(random, robot));
+  const std::vector<double> q = RandomPositions(random, robot);
+  const std::vector<Isometry3d> poses = robot.LinkPoses(q);
   const double growth = kTolerance + (random() % 2 == 0 ? 0 : 0.03);
+  const std::vector<Mask> masks = drawn.Touched(q, growth);
   for (size_t view = 0; view < drawn.views().size(); ++view) {
-    const Mask mask = drawn.Touched(view, poses, growth);
+    const Mask& mask = masks[view];
     const CameraModel& camera = drawn.views()[view].camera();
     std::vector<bool> touched(mask.size().pixels());
     for (size_t link = 0; link < poses.size(); ++link) {
@@ -128,7 +136,7 @@ void Compare(Random& random, const RobotModel& robot, const DrawnRobot& drawn, i
 DrawnRobot Drawn(const RobotModel& robot, std::vector<PartDrawer> views) {
   PartSettings settings;
   settings.tolerance = kTolerance;
-  return {RobotParts::Of(robot, settings).value().parts(), std::move(views)};
+  return {ChainOf(robot), RobotParts::Of(robot, settings).value().parts(), std::move(views)};
 }
 
 TEST(DrawnRobot, NoPixelOfTheRobotIsMissing) {
@@ -207,8 +215,9 @@ TEST(DrawnRobot, EveryRayOfACoveredPixelMeetsTheShrunkRobot) {
     const DrawnRobot drawn =
         Drawn(robot, {PartDrawer(CameraAbout(random), {trial % 2 == 0 ? 96 : 320, 96})});
     const CameraModel& camera = drawn.views()[0].camera();
-    const std::vector<Isometry3d> poses = robot.LinkPoses(RandomPositions(random, robot));
-    const Mask mask = drawn.Covered(0, poses);
+    const std::vector<double> q = RandomPositions(random, robot);
+    const std::vector<Isometry3d> poses = robot.LinkPoses(q);
+    const Mask mask = drawn.Covered(q)[0];
     for (int y = 0; y < mask.height(); ++y) {
       for (int x = 0; x < mask.width(); ++x) {
         if (!mask.at(x, y)) continue;
@@ -229,7 +238,7 @@ TEST(DrawnRobot, EveryRayOfACoveredPixelMeetsTheShrunkRobot) {
       }
     }
     covered += mask.Count();
-    touched += drawn.Touched(0, poses, 0).Count();
+    touched += drawn.Touched(q)[0].Count();
   }
   EXPECT_GT(4 * covered, touched) << "it is not little";
   EXPECT_EQ(wrong, 0u);
@@ -256,12 +265,15 @@ TEST(DrawnRobot, RoundPartsThatMoveWithTheLinkBeforeAreWhereTheyWere) {
 }
 
 TEST(DrawnRobot, PartsThatCannotBeAreRefused) {
-  EXPECT_THROW(DrawnRobot({}, {}), std::invalid_argument);
-  EXPECT_THROW(DrawnRobot({RobotPart{}}, {}), std::invalid_argument);
   const RobotModel robot = Rx130();
+  const KinematicChain chain = ChainOf(robot);
+  EXPECT_THROW(DrawnRobot(chain, {}, {}), std::invalid_argument);
+  EXPECT_THROW(DrawnRobot(chain, {RobotPart{}}, {}), std::invalid_argument);
+  RobotPart of_no_link{.moves_with = 99, .points = Eigen::Matrix3Xd::Zero(3, 1), .inner = {}};
+  EXPECT_THROW(DrawnRobot(chain, {of_no_link}, {}), std::invalid_argument);
   Random random;
   const DrawnRobot drawn = Drawn(robot, {PartDrawer(CameraAbout(random), {64, 64})});
-  EXPECT_THROW(drawn.Touched(0, std::vector<Isometry3d>(3), 0), std::out_of_range);
+  EXPECT_THROW(drawn.Touched(std::vector<double>(3)), std::invalid_argument);
 }
 
 }  // namespace

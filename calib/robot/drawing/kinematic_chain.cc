@@ -1,0 +1,92 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "calib/robot/drawing/kinematic_chain.h"
+
+#include <algorithm>
+#include <cmath>
+#include <stdexcept>
+#include <utility>
+
+namespace silhouette {
+namespace {
+
+constexpr double kLimitTolerance = 1e-6;
+
+bool IsFinite(const ChainLink& link) {
+  return link.parent_from_link.matrix().allFinite() && link.axis.allFinite() &&
+         std::isfinite(link.factor) && std::isfinite(link.offset);
+}
+
+}  // namespace
+
+KinematicChain::KinematicChain(std::vector<ChainJoint> joints, std::vector<ChainLink> links)
+    : joints_(std::move(joints)), links_(std::move(links)) {
+  for (const ChainJoint& joint : joints_) {
+    if (!std::isfinite(joint.lower) || !std::isfinite(joint.upper) || joint.lower > joint.upper) {
+      throw std::invalid_argument("joint '" + joint.name + "' has limits that cannot be");
+    }
+  }
+  for (size_t i = 0; i < links_.size(); ++i) {
+    const ChainLink& link = links_[i];
+    const bool placed = i == 0 ? link.parent == -1 && link.joint == -1
+                               : link.parent >= 0 && link.parent < static_cast<int>(i);
+    if (!placed || link.joint < -1 || link.joint >= static_cast<int>(joints_.size()) ||
+        !IsFinite(link)) {
+      throw std::invalid_argument("a link of the robot hangs on nothing");
+    }
+  }
+}
+
+bool KinematicChain::Contains(std::span<const double> q) const {
+  if (q.size() != joints_.size()) return false;
+  for (size_t j = 0; j < q.size(); ++j) {
+    if (!std::isfinite(q[j])) return false;
+    if (joints_[j].continuous) continue;
+    if (q[j] < joints_[j].lower - kLimitTolerance) return false;
+    if (q[j] > joints_[j].upper + kLimitTolerance) return false;
+  }
+  return true;
+}
+
+void KinematicChain::Pose(std::span<const double> q,
+                          std::vector<Eigen::Isometry3d>& base_from_link) const {
+  if (q.size() != joints_.size()) throw std::invalid_argument("not a value for each joint");
+  base_from_link.resize(links_.size());
+  for (size_t i = 0; i < links_.size(); ++i) {
+    const ChainLink& link = links_[i];
+    if (link.parent < 0) {
+      base_from_link[i] = link.parent_from_link;
+      continue;
+    }
+    Eigen::Isometry3d& pose = base_from_link[i];
+    pose = base_from_link[static_cast<size_t>(link.parent)] * link.parent_from_link;
+    if (link.joint < 0) continue;
+    const double value = link.factor * q[static_cast<size_t>(link.joint)] + link.offset;
+    if (link.slides) {
+      pose.translate(value * link.axis);
+    } else {
+      pose.rotate(Eigen::AngleAxisd(value, link.axis));
+    }
+  }
+}
+
+double KinematicChain::LeverOf(size_t joint, size_t link, double radius) const {
+  double lever = 0;
+  // How far the point is at most from the origin of the link `at`, from the tip to the base.
+  double distance = radius;
+  for (int at = static_cast<int>(link); at > 0;) {
+    const ChainLink& here = links_[static_cast<size_t>(at)];
+    if (here.joint == static_cast<int>(joint)) {
+      lever += std::abs(here.factor) * (here.slides ? 1 : distance);
+    }
+    distance += here.parent_from_link.translation().norm();
+    if (here.slides && here.joint >= 0) {
+      const ChainJoint& slide = joints_[static_cast<size_t>(here.joint)];
+      const double most = std::max(std::abs(slide.lower), std::abs(slide.upper));
+      distance += std::abs(here.factor) * most + std::abs(here.offset);
+    }
+    at = here.parent;
+  }
+  return lever;
+}
+
+}  // namespace silhouette

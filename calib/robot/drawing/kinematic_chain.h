@@ -1,0 +1,61 @@
+// SPDX-License-Identifier: Apache-2.0
+// KinematicChain: where the links of a robot are at given joint values, and how far joints move
+// them at most. Uses the standard library and Eigen alone.
+//
+// Lengths in metres, angles in radians. Cannot be changed once made; used by any number of threads.
+#pragma once
+
+#include <Eigen/Geometry>
+#include <span>
+#include <string>
+#include <vector>
+
+namespace silhouette {
+
+struct ChainJoint {
+  std::string name;
+  double lower = 0;
+  double upper = 0;
+  bool continuous = false;  // turns without end; limits do not count
+};
+
+// A link as it hangs on its parent.
+struct ChainLink {
+  int parent = -1;  // index of the parent link, which stands before this; -1: the base
+  int joint = -1;   // index of the joint that moves it against its parent; -1: it is fixed
+  bool slides = false;
+  // The joint's value moves the link by factor * value + offset: of a joint that mimics another.
+  double factor = 1;
+  double offset = 0;
+  Eigen::Isometry3d parent_from_link = Eigen::Isometry3d::Identity();  // moved by nothing
+  Eigen::Vector3d axis = Eigen::Vector3d::UnitZ();                     // unit, in the link's frame
+};
+
+class KinematicChain {
+ public:
+  // Throws std::invalid_argument if a link stands before its parent, the first has one, another has
+  // none, a joint is not there, limits are not in order, or a number is not finite.
+  KinematicChain(std::vector<ChainJoint> joints, std::vector<ChainLink> links);
+
+  std::span<const ChainJoint> joints() const { return joints_; }
+  std::span<const ChainLink> links() const { return links_; }
+
+  // Whether all values are finite and within the joints' limits, to a millionth, and as many as
+  // joints.
+  bool Contains(std::span<const double> q) const;
+
+  // Sets the pose of every link. Limits are not looked at. Throws std::invalid_argument if there
+  // are not as many values as joints. Allocates only while `base_from_link` has no room.
+  void Pose(std::span<const double> q, std::vector<Eigen::Isometry3d>& base_from_link) const;
+
+  // How far a point of the link moves at most, metres, per radian or metre of the joint, whatever
+  // the values: `radius`, how far the point is from the link's origin. The sum of the lengths in
+  // between; 0 if the joint does not move the link.
+  double LeverOf(size_t joint, size_t link, double radius) const;
+
+ private:
+  std::vector<ChainJoint> joints_;
+  std::vector<ChainLink> links_;
+};
+
+}  // namespace silhouette

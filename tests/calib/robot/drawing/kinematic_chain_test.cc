@@ -1,0 +1,125 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "calib/robot/drawing/kinematic_chain.h"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <limits>
+#include <stdexcept>
+#include <string>
+#include <vector>
+
+#include "calib/robot/robot_model.h"
+#include "tests/calib/robot/drawing/random_views.h"
+#include "tests/random.h"
+#include "tests/test_folder.h"
+
+namespace silhouette {
+namespace {
+
+using Eigen::Isometry3d;
+using Eigen::Vector3d;
+
+// Three links; the second slides, and the third turns about an axis across.
+constexpr char kRobot[] =
+    "<robot name='r'><link name='a'/><link name='b'/><link name='c'/><link name='d'/>"
+    "<joint name='turn' type='revolute'><parent link='a'/><child link='b'/><axis xyz='0 0 1'/>"
+    "<origin xyz='0 0 0.5' rpy='0.1 0.2 0.3'/><limit lower='-2' upper='2' effort='1' "
+    "velocity='1'/></joint>"
+    "<joint name='slide' type='prismatic'><parent link='b'/><child link='c'/><axis xyz='1 0 0'/>"
+    "<origin xyz='0.3 0 0'/><limit lower='-0.1' upper='0.4' effort='1' velocity='1'/></joint>"
+    "<joint name='bend' type='continuous'><parent link='c'/><child link='d'/><axis xyz='0 1 0'/>"
+    "<origin xyz='0 0.2 0'/></joint></robot>";
+
+RobotModel Model() {
+  return RobotModel::FromUrdf(WriteFile(FreshFolder() / "r.urdf", kRobot)).value();
+}
+
+std::vector<double> RandomValues(Random& random) {
+  return {Uniform(random, -2, 2), Uniform(random, -0.1, 0.4), Uniform(random, -3, 3)};
+}
+
+TEST(KinematicChain, LinksStandAsInTheModelWhicheverJointsMove) {
+  Random random;
+  const RobotModel model = Model();
+  for (int trial = 0; trial < 50; ++trial) {
+    const std::vector<double> q = RandomValues(random);
+    const std::vector<Isometry3d> expected = model.LinkPoses(q);
+    const auto all = model.ChainOf(std::vector<std::string>{"bend", "turn", "slide"}, {});
+    const auto some = model.ChainOf(std::vector<std::string>{"bend", "turn"},
+                                    std::vector<FixedJoint>{{"slide", q[1]}});
+    ASSERT_TRUE(all.ok() && some.ok()) << all.status() << some.status();
+    std::vector<Isometry3d> poses;
+    all->Pose(std::vector<double>{q[2], q[0], q[1]}, poses);
+    ASSERT_EQ(poses.size(), expected.size());
+    std::vector<Isometry3d> of_some;
+    some->Pose(std::vector<double>{q[2], q[0]}, of_some);
+    for (size_t link = 0; link < poses.size(); ++link) {
+      EXPECT_TRUE(poses[link].isApprox(expected[link], 1e-12));
+      EXPECT_TRUE(of_some[link].isApprox(expected[link], 1e-12));
+    }
+  }
+}
+
+TEST(KinematicChain, NoPointMovesFartherThanItsLevers) {
+  Random random;
+  const RobotModel model = Model();
+  const KinematicChain chain =
+      model.ChainOf(std::vector<std::string>{"turn", "slide", "bend"}, {}).value();
+  EXPECT_EQ(chain.LeverOf(2, 2, 0.3), 0);  // a joint farther out
+  double closest = 0;
+  for (int trial = 0; trial < 2000; ++trial) {
+    const std::vector<double> from = RandomValues(random);
+    std::vector<double> to = RandomValues(random);
+    if (trial % 2 == 0) {
+      const size_t moved = random() % 3;
+      for (size_t j = 0; j < 3; ++j) to[j] = j == moved ? to[j] : from[j];
+    }
+    const Vector3d point = RandomDirection(random) * 0.3;
+    const double moved =
+        (model.LinkPoses(from).back() * point - model.LinkPoses(to).back() * point).norm();
+    double bound = 0;
+    for (size_t j = 0; j < 3; ++j) {
+      bound += std::abs(to[j] - from[j]) * chain.LeverOf(j, 3, 0.3);
+    }
+    EXPECT_LE(moved, bound + 1e-12);
+    closest = std::max(closest, moved / bound);
+  }
+  EXPECT_GT(closest, 0.9);  // of a slide, which moves all by the same
+}
+
+TEST(KinematicChain, ConfigurationsBeyondTheLimitsAreNotContained) {
+  const KinematicChain chain =
+      Model().ChainOf(std::vector<std::string>{"turn", "slide", "bend"}, {}).value();
+  const auto contains = [&](std::vector<double> q) { return chain.Contains(q); };
+  EXPECT_TRUE(contains({2, 0.4, 0}));
+  EXPECT_TRUE(contains({-2, -0.1, 100}));  // turns without end
+  EXPECT_FALSE(contains({2.01, 0, 0}));
+  EXPECT_FALSE(contains({0, 0.41, 0}));
+  EXPECT_FALSE(contains({0, 0}));
+  EXPECT_FALSE(contains({0, 0, std::numeric_limits<double>::quiet_NaN()}));
+  EXPECT_FALSE(contains({0, 0, std::numeric_limits<double>::infinity()}));
+}
+
+TEST(KinematicChain, JointsThatAreNotThereAndThoseWithoutValueAreNamed) {
+  const RobotModel model = Model();
+  const auto message = [&](std::vector<std::string> moving, std::vector<FixedJoint> fixed) {
+    return std::string(model.ChainOf(moving, fixed).status().message());
+  };
+  EXPECT_EQ(message({"turn", "bend"}, {}),
+            "joint 'slide' of the robot 'r' neither moves nor is fixed");
+  EXPECT_EQ(message({"turn", "tilt"}, {}),
+            "the robot 'r' has no joint 'tilt'; it has 'turn', 'slide', 'bend'");
+}
+
+TEST(KinematicChain, ChainsThatCannotBeAreRefused) {
+  EXPECT_THROW(KinematicChain({}, {ChainLink{.parent = 0}}), std::invalid_argument);
+  EXPECT_THROW(KinematicChain({}, {ChainLink{}, ChainLink{}}), std::invalid_argument);
+  EXPECT_THROW(KinematicChain({}, {ChainLink{}, ChainLink{.parent = 0, .joint = 0}}),
+               std::invalid_argument);
+  EXPECT_THROW(KinematicChain({{.name = "a", .lower = 1, .upper = 0}}, {ChainLink{}}),
+               std::invalid_argument);
+}
+
+}  // namespace
+}  // namespace silhouette
