@@ -11,6 +11,7 @@
 #include "absl/strings/str_format.h"
 #include "absl/strings/str_join.h"
 #include "capture/devices/running_clock.h"
+#include "capture/segmentation/difference.h"
 #include "capture/session/history.h"
 #include "capture/session/raw_archive.h"
 #include "db/status/status_macros.h"
@@ -98,7 +99,7 @@ absl::Status Sentinels::ReadFirsts(const Snapshot& snapshot,
       if (raw.ok() && raw->has_value()) grey = ImageInPng((*raw)->png);
       if (!grey.empty()) grey = Grey(grey);
       if (grey.size() != parts_->references[v].size()) grey.release();
-      first.views.push_back({grey, (*image)->masks[v]});
+      first.views.push_back(WithShadows(v, {grey, (*image)->masks[v]}));
     }
     last_good_ = std::max(last_good_, first.captured);
     firsts_[number] = std::move(first);
@@ -110,7 +111,7 @@ void Sentinels::Captured(ConfigurationNumber number, const Visit& visit,
                          const std::vector<Mask>& masks) {
   First first{.views = {}, .measured = visit.measured, .captured = visit.images.captured};
   for (size_t v = 0; v < masks.size(); ++v) {
-    first.views.push_back({Grey(visit.images.images[v]).clone(), masks[v]});
+    first.views.push_back(WithShadows(v, {Grey(visit.images.images[v]).clone(), masks[v]}));
   }
   firsts_[number] = std::move(first);
   last_good_ = std::max(last_good_, visit.images.captured);
@@ -125,16 +126,28 @@ std::vector<SentinelImage> Sentinels::Look(const Visit& visit) const {
   std::vector<Mask> masks = RobotMasks(*parts_, visit);
   std::vector<SentinelImage> views;
   for (size_t v = 0; v < masks.size(); ++v) {
-    views.push_back({Grey(visit.images.images[v]), std::move(masks[v])});
+    views.push_back(WithShadows(v, {Grey(visit.images.images[v]), std::move(masks[v])}));
   }
   return views;
+}
+
+SentinelImage Sentinels::WithShadows(size_t view, SentinelImage image) const {
+  if (parts_->segmentation.shadows == Shadows::kForeground || image.grey.empty()) return image;
+  SegmentationSettings settings = parts_->segmentation;
+  settings.shadows = Shadows::kForeground;
+  image.mask = Difference(image.grey, parts_->references[view], settings, image.mask.size());
+  return image;
 }
 
 void Sentinels::Note(ConfigurationNumber number, First& first, const Visit& visit,
                      storage::v1::SentinelCheck& check, std::vector<Complaints>& complaints) {
   std::vector<SentinelImage> now = Look(visit);
   for (size_t v = 0; v < now.size(); ++v) {
-    const Sight sight = Compare(first.views[v], now[v], parts_->references[v]);
+    SentinelImage& at_first = first.views[v];
+    // Where no image was kept, this is the first; its mask is comparable only with shadows in it.
+    const bool is_first = at_first.grey.empty();
+    if (is_first && parts_->segmentation.shadows == Shadows::kIgnore) at_first.mask = now[v].mask;
+    const Sight sight = Compare(at_first, now[v], parts_->references[v]);
     storage::v1::SentinelSight& noted = *check.add_sights();
     noted.set_number(number);
     noted.set_view(static_cast<int>(v));
@@ -149,8 +162,7 @@ void Sentinels::Note(ConfigurationNumber number, First& first, const Visit& visi
         first.measured.empty() ? 0 : parts_->robot.Deviation(first.measured, visit.measured));
     const std::string complaint = Complaint(sight, parts_->settings.sentinels.most_shift);
     if (!complaint.empty() && complaints[v].count++ == 0) complaints[v].first = complaint;
-    // Where no image was kept this is the first.
-    if (first.views[v].grey.empty()) first.views[v].grey = now[v].grey.clone();
+    if (is_first) at_first.grey = now[v].grey.clone();
   }
 }
 

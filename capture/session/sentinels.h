@@ -71,6 +71,9 @@ class Sentinels {
   explicit Sentinels(SessionParts& parts) : parts_(&parts) {}
   absl::Status ReadFirsts(const Snapshot& snapshot, const std::set<ConfigurationNumber>& planned);
   std::vector<SentinelImage> Look(const Visit& visit) const;
+  // The image with its mask as it is if shadows are foreground: whether a place is a shadow is a
+  // close decision, and may be another in the next image.
+  SentinelImage WithShadows(size_t view, SentinelImage image) const;
   // What is said against a view: at how many sentinels, and the first of it.
   struct Complaints {
     int count = 0;

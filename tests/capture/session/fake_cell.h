@@ -37,7 +37,8 @@ inline CaptureSettings QuickSettings() {
 }
 
 // Grid joints "turn" and "lift", joint "wrist" fixed; views "front" and "top".
-inline storage::v1::CellDescription FakeDescription(int turns = 6, int lifts = 5) {
+inline storage::v1::CellDescription FakeDescription(int turns = 6, int lifts = 5,
+                                                    const SegmentationSettings& segmentation = {}) {
   storage::v1::CellDescription cell;
   cell.set_name("fake cell");
   const auto add_joint = [&](const std::string& name, double lower, double upper, int steps) {
@@ -62,7 +63,7 @@ inline storage::v1::CellDescription FakeDescription(int turns = 6, int lifts = 5
   };
   add_view("front", 80, 60, 16);
   add_view("top", 64, 64, 20);
-  cell.set_segmentation(Describe(SegmentationSettings{}));
+  cell.set_segmentation(Describe(segmentation));
   return cell;
 }
 
@@ -154,8 +155,9 @@ class FakeCell {
  public:
   explicit FakeCell(storage::v1::CellDescription description = FakeDescription(),
                     CaptureSettings capture_settings = QuickSettings(),
-                    const std::string& path = "")
+                    const std::string& path = "", SegmentationSettings of_masks = {})
       : settings(std::move(capture_settings)),
+        segmentation(of_masks),
         path_(path.empty() ? (folder_ / "db").string() : path) {
     auto created = Database::Create(path_, description);
     EXPECT_TRUE(created.ok()) << created.status();
@@ -175,8 +177,7 @@ class FakeCell {
   }
 
   absl::StatusOr<CaptureSession> Session() {
-    return CaptureSession::Create(*database, *travel, robot, rig, settings, SegmentationSettings{},
-                                  expected);
+    return CaptureSession::Create(*database, *travel, robot, rig, settings, segmentation, expected);
   }
 
   absl::StatusOr<CapturePlan> Plan(const CaptureSelection& selection = {}) {
@@ -211,6 +212,7 @@ class FakeCell {
 
   std::optional<DrawnRobot> expected;
   CaptureSettings settings;
+  SegmentationSettings segmentation;
   std::unique_ptr<Database> database;
   std::optional<Travel> travel;
   FakeRobot robot;

@@ -98,6 +98,40 @@ TEST_F(SentinelsTest, AreVisitedAtIntervalsAndAtTheEnd) {
   EXPECT_TRUE(cell_.robot.moves.empty());
 }
 
+// Makes a square of the image darker: as a shadow does, or so that the cell is no longer seen
+// there.
+void Darken(CameraImage& image, bool is_shadow) {
+  for (int y = 36; y < 58; ++y) {
+    for (int x = 4; x < 26; ++x) {
+      uint8_t& pixel = image.pixels[static_cast<size_t>(y * image.width + x)];
+      pixel = is_shadow ? static_cast<uint8_t>(pixel * 6 / 10) : 48;
+    }
+  }
+}
+
+TEST_F(SentinelsTest, WhetherAPlaceIsAShadowIsNoAlarm) {
+  SegmentationSettings segmentation;
+  segmentation.shadows = Shadows::kIgnore;
+  FakeCell cell(FakeDescription(6, 5, segmentation), QuickSettings(), "", segmentation);
+  cell.settings.sentinels = {.count = 2, .every = absl::ZeroDuration()};
+  cell.TakeReferences();
+  cell.rig.on_grab = [this](size_t, std::vector<CameraImage>& images) {
+    Darken(images[1], /*is_shadow=*/done_ < 12);
+    return absl::OkStatus();
+  };
+  const CaptureReport report = cell.Capture({}, observer_);
+  EXPECT_TRUE(report.complete()) << report.status << report.alarm;
+  // It is one to the masks.
+  const auto content = cell.Content();
+  size_t least = SIZE_MAX;
+  size_t most = 0;
+  for (const auto& [number, image] : content) {
+    least = std::min(least, image.masks[0].Count());
+    most = std::max(most, image.masks[0].Count());
+  }
+  EXPECT_GT(most, least + 8);
+}
+
 TEST_F(SentinelsTest, CameraThatMovedPausesTheSessionWhichNamesViewAndPixels) {
   MoveFrontAfter(12);
   cell_.settings.sentinels.every = absl::ZeroDuration();
