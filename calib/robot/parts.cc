@@ -155,19 +155,16 @@ void MoveWithLinkBefore(const RobotModel& robot, const LinkGeometry& geometry,
   for (;;) {
     const RobotLink& link = robot.links()[at];
     if (link.parent < 0) break;
-    if (link.joint >= 0) {
-      const JointType type = robot.joints()[static_cast<size_t>(link.joint)].type;
-      if (type == JointType::kPrismatic ||
-          !std::visit(IsRoundAbout{here_from_shape, link.axis}, geometry.shape)) {
-        break;
-      }
+    if (link.joint >= 0 &&
+        (link.slides || !std::visit(IsRoundAbout{here_from_shape, link.axis}, geometry.shape))) {
+      break;
     }
-    here_from_shape = link.parent_from_joint * here_from_shape;
+    here_from_shape = link.parent_from_link * here_from_shape;
     at = static_cast<size_t>(link.parent);
     for (RobotPart& part : parts) {
       part.moves_with = at;
-      part.points = (link.parent_from_joint * part.points).eval();
-      if (part.inner.cols() > 0) part.inner = (link.parent_from_joint * part.inner).eval();
+      part.points = (link.parent_from_link * part.points).eval();
+      if (part.inner.cols() > 0) part.inner = (link.parent_from_link * part.inner).eval();
     }
   }
 }

@@ -85,23 +85,23 @@ class ReachFinder {
   double FarthestBeyond(size_t child, const Eigen::Isometry3d& frame_from_parent,
                         const Distance& distance) const {
     const RobotLink& link = robot_.links()[child];
-    const auto at = [&](JointType type, double position) {
-      return frame_from_parent * ParentFromLink(link, type, position);
+    const auto at = [&](double position) {
+      return frame_from_parent * ParentFromLink(link, position);
     };
     if (link.joint < 0) {
-      return Farthest(child, frame_from_parent * link.parent_from_joint, distance);
+      return Farthest(child, frame_from_parent * link.parent_from_link, distance);
     }
     const RobotJoint& joint = robot_.joints()[static_cast<size_t>(link.joint)];
     const auto fixed = fixed_.find(static_cast<size_t>(link.joint));
-    if (fixed != fixed_.end()) return Farthest(child, at(joint.type, fixed->second), distance);
-    if (joint.type == JointType::kPrismatic) {
+    if (fixed != fixed_.end()) return Farthest(child, at(fixed->second), distance);
+    if (link.slides) {
       // Distances are convex along a line: the ends are the farthest.
-      return std::max(Farthest(child, at(joint.type, joint.lower), distance),
-                      Farthest(child, at(joint.type, joint.upper), distance));
+      return std::max(Farthest(child, at(joint.lower), distance),
+                      Farthest(child, at(joint.upper), distance));
     }
     // The joint's origin stands still, and no point ever gets farther from it than it is now.
     const Distance from_origin = [](const Eigen::Vector3d& p) { return p.norm(); };
-    return distance(at(joint.type, 0).translation()) +
+    return distance(at(0).translation()) +
            Farthest(child, Eigen::Isometry3d::Identity(), from_origin);
   }
 
@@ -173,18 +173,26 @@ absl::StatusOr<double> Reach(const RobotModel& robot, const std::string& joint,
   RETURN_IF_ERROR(RequireRadius(payload_radius));
   const std::optional<size_t> index = robot.JointIndex(joint);
   if (!index) return NoSuchJoint(robot, joint);
-  if (robot.joints()[*index].type == JointType::kPrismatic) {
-    return InvalidArgument("joint '" + joint + "' is prismatic: it has no reach");
-  }
   ASSIGN_OR_RETURN(const KnownJoints known, Find(robot, moving, fixed));
-  size_t first = 0;
-  while (robot.links()[first].joint != static_cast<int>(*index)) ++first;
-  RETURN_IF_ERROR(RequireAllKnown(robot, first, known));
-
-  const Eigen::Vector3d axis = robot.links()[first].axis;
-  const Distance from_axis = [&](const Eigen::Vector3d& p) { return axis.cross(p).norm(); };
-  return ReachFinder(robot, known.positions, payload_radius)
-      .Farthest(first, Eigen::Isometry3d::Identity(), from_axis);
+  const ReachFinder finder(robot, known.positions, payload_radius);
+  // By link: what the joint moves its points, and those of all outboard, by itself or by what
+  // mimics it.
+  std::vector<double> moved(robot.links().size(), 0);
+  for (size_t i = moved.size() - 1; i > 0; --i) {
+    const RobotLink& link = robot.links()[i];
+    if (link.joint == static_cast<int>(*index)) {
+      RETURN_IF_ERROR(RequireAllKnown(robot, i, known));
+      const Distance from_axis = [&](const Eigen::Vector3d& p) {
+        return link.axis.cross(p).norm();
+      };
+      const double reach =
+          link.slides ? 1 : finder.Farthest(i, Eigen::Isometry3d::Identity(), from_axis);
+      moved[i] += std::abs(link.factor) * reach;
+    }
+    double& of_parent = moved[static_cast<size_t>(link.parent)];
+    of_parent = std::max(of_parent, moved[i]);
+  }
+  return moved[0];
 }
 
 absl::StatusOr<Eigen::AlignedBox3d> ReachBox(const RobotModel& robot,

@@ -11,9 +11,10 @@
 
 namespace silhouette {
 
-// r of joint `joint` (revolute or continuous) in metres: no point of the robot, tool or payload
-// outboard of the joint is ever farther from its axis, whatever values the joints `moving` take
-// within their limits while the others stand at `fixed`.
+// r of joint `joint` in metres: no point of the robot, tool or payload outboard of the joint is
+// ever farther from its axis, whatever values the joints `moving` take within their limits while
+// the others stand at `fixed`. 1 where the joint slides. Where others mimic it, what they add: no
+// point ever moves by more than r metres per radian, or metre, of the joint.
 //
 // It is the exact distance where no moving joint is outboard. Over outboard moving joints it is the
 // sum of the links' lengths, exact for an arm that can stretch straight out at right angles to the
@@ -22,9 +23,8 @@ namespace silhouette {
 // `payload_radius`: how far, in metres, tool and payload reach beyond the outermost links; 0: the
 // model's geometry is all there is.
 //
-// InvalidArgument: `joint` is not in the model or is prismatic (its reach is of no use: its step is
-// delta itself), `payload_radius` is negative, `moving` or `fixed` name a joint that is not in the
-// model, or a joint outboard is in neither.
+// InvalidArgument: `joint` is not in the model, `payload_radius` is negative, `moving` or `fixed`
+// name a joint that is not in the model, or a joint outboard is in neither.
 absl::StatusOr<double> Reach(const RobotModel& robot, const std::string& joint,
                              std::span<const std::string> moving, std::span<const FixedJoint> fixed,
                              double payload_radius);

@@ -249,8 +249,8 @@ double RobotBody::MovementOf(std::span<const Eigen::Vector3d> points, int link,
       for (const Eigen::Vector3d& point : points) {
         farthest = std::max(farthest, (point - frame.translation()).cross(axis).norm());
       }
-      const bool slides = robot_.joints()[joint].type == JointType::kPrismatic;
-      movement += std::abs(half_ranges[joint]) * (slides ? 1 : farthest + movement);
+      movement +=
+          std::abs(moved.factor * half_ranges[joint]) * (moved.slides ? 1 : farthest + movement);
     }
     at = moved.parent;
   }
@@ -263,18 +263,16 @@ std::vector<PosedBody::Motion> RobotBody::MotionsOf(
   std::vector<PosedBody::Motion> motions;
   for (int at = static_cast<int>(link); at >= 0;) {
     const RobotLink& moved = robot_.links()[static_cast<size_t>(at)];
-    const double half = moved.joint < 0 ? 0 : half_ranges[static_cast<size_t>(moved.joint)];
-    const bool slides =
-        moved.joint >= 0 &&
-        robot_.joints()[static_cast<size_t>(moved.joint)].type == JointType::kPrismatic;
+    const double half =
+        moved.joint < 0 ? 0 : moved.factor * half_ranges[static_cast<size_t>(moved.joint)];
     if (half != 0) {
       // The joints outside this one are found already: it turns their axes.
-      for (PosedBody::Motion& outer : motions) outer.turn += slides ? 0 : std::abs(half);
+      for (PosedBody::Motion& outer : motions) outer.turn += moved.slides ? 0 : std::abs(half);
       const Eigen::Isometry3d& frame = base_from_link[static_cast<size_t>(at)];
       PosedBody::Motion motion;
       motion.axis = frame.linear() * moved.axis * (half > 0 ? 1 : -1);
       motion.origin = frame.translation();
-      motion.slides = slides;
+      motion.slides = moved.slides;
       motion.shift = MovementOf({&motion.origin, 1}, moved.parent, base_from_link, half_ranges);
       motions.push_back(motion);
     }

@@ -33,13 +33,6 @@ std::string NamesOf(const std::vector<RobotJoint>& joints) {
 
 TriangleMesh Tessellate(const Shape& shape) { return std::visit(TessellateShape(), shape); }
 
-Eigen::Isometry3d ParentFromLink(const RobotLink& link, JointType type, double position) {
-  if (type == JointType::kPrismatic) {
-    return link.parent_from_joint * Eigen::Translation3d(position * link.axis);
-  }
-  return link.parent_from_joint * Eigen::AngleAxisd(position, link.axis);
-}
-
 std::optional<size_t> RobotModel::JointIndex(const std::string& name) const {
   for (size_t i = 0; i < joints_.size(); ++i) {
     if (joints_[i].name == name) return i;
@@ -66,18 +59,7 @@ std::vector<Eigen::Isometry3d> RobotModel::LinkPoses(std::span<const double> pos
         absl::StrCat("the robot has ", joints_.size(), " joints, not ", positions.size()));
   }
   std::vector<Eigen::Isometry3d> base_from_link;
-  base_from_link.reserve(links_.size());
-  for (const RobotLink& link : links_) {
-    if (link.parent < 0) {
-      base_from_link.push_back(Eigen::Isometry3d::Identity());
-      continue;
-    }
-    const auto joint = static_cast<size_t>(link.joint);
-    const Eigen::Isometry3d parent_from_link =
-        link.joint < 0 ? link.parent_from_joint
-                       : ParentFromLink(link, joints_[joint].type, positions[joint]);
-    base_from_link.push_back(base_from_link[static_cast<size_t>(link.parent)] * parent_from_link);
-  }
+  chain_.Pose(positions, base_from_link);
   return base_from_link;
 }
 
@@ -100,20 +82,15 @@ absl::StatusOr<KinematicChain> RobotModel::ChainOf(std::span<const std::string> 
   }
   std::vector<ChainLink> links;
   for (const RobotLink& link : links_) {
-    ChainLink& of_chain = links.emplace_back();
-    of_chain.parent = link.parent;
-    of_chain.parent_from_link = link.parent_from_joint;
-    of_chain.axis = link.axis;
+    ChainLink& of_chain = links.emplace_back(static_cast<const ChainLink&>(link));
     if (link.joint < 0) continue;
     const auto index = static_cast<size_t>(link.joint);
-    const RobotJoint& joint = joints_[index];
     if (place[index]) {
       of_chain.joint = *place[index];
-      of_chain.slides = joint.type == JointType::kPrismatic;
     } else if (stands[index]) {
-      of_chain.parent_from_link = ParentFromLink(link, joint.type, *stands[index]);
+      of_chain = {.parent = link.parent, .parent_from_link = ParentFromLink(link, *stands[index])};
     } else {
-      return InvalidArgument("joint '", joint.name, "' of the robot '", name_,
+      return InvalidArgument("joint '", joints_[index].name, "' of the robot '", name_,
                              "' neither moves nor is fixed");
     }
   }

@@ -23,7 +23,6 @@
 namespace silhouette {
 
 // A joint that stands still, and where.
-
 struct FixedJoint {
   std::string name;
   double position = 0;  // radians; prismatic: metres
@@ -66,7 +65,10 @@ struct LinkGeometry {
 
 enum class BodyGeometry { kVisual, kCollision };
 
-struct RobotLink {
+// A link as it hangs on its parent by the joints of RobotModel::joints(), and what it looks like. A
+// link behind a joint that mimics another is moved by that other one, with ChainLink's factor and
+// offset.
+struct RobotLink : ChainLink {
   std::string name;
   std::vector<LinkGeometry> visual;
   std::vector<LinkGeometry> collision;
@@ -77,11 +79,6 @@ struct RobotLink {
     const bool takes_visual = kind == BodyGeometry::kVisual ? !visual.empty() : collision.empty();
     return takes_visual ? visual : collision;
   }
-
-  int parent = -1;  // index of the parent link; -1 for the base
-  int joint = -1;   // index of the moving joint in front of this link; -1 if it is fixed
-  Eigen::Isometry3d parent_from_joint = Eigen::Isometry3d::Identity();  // with the joint at 0
-  Eigen::Vector3d axis = Eigen::Vector3d::UnitZ();  // unit, in the joint's frame
 };
 
 class RobotModel {
@@ -89,14 +86,15 @@ class RobotModel {
   // Reads a URDF file and its meshes. `package://name/rest` is looked for as root/name/rest, and as
   // root/rest where root itself is called name, in every root of `package_paths`; other mesh paths
   // are relative to the file. NotFound: the file, a package or a mesh is not there.
-  // InvalidArgument: it is not URDF, or has a joint that mimics another, floats, is planar or has
-  // no valid limits. The message names what is meant and what would mend it.
+  // InvalidArgument: it is not URDF but xacro, say, or has a joint that floats, is planar, has no
+  // valid limits or mimics what it cannot. The message names what is meant and what would mend it.
   static absl::StatusOr<RobotModel> FromUrdf(const std::string& path,
                                              std::span<const std::string> package_paths = {});
 
   const std::string& name() const { return name_; }
 
-  // Joints that move, from the base outward: the order of all joint values.
+  // Joints that move by themselves, from the base outward: the order of all joint values. Those
+  // that mimic another are not among them.
   const std::vector<RobotJoint>& joints() const { return joints_; }
   // Index in joints(); nothing if there is none of that name.
   std::optional<size_t> JointIndex(const std::string& name) const;
@@ -133,9 +131,7 @@ class RobotModel {
   std::string name_;
   std::vector<RobotJoint> joints_;
   std::vector<RobotLink> links_;
+  KinematicChain chain_{{}, {}};  // of all joints
 };
-
-// `parent_from_link` for a link whose joint stands at `position`.
-Eigen::Isometry3d ParentFromLink(const RobotLink& link, JointType type, double position);
 
 }  // namespace silhouette

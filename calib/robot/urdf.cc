@@ -28,6 +28,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
+constexpr char kMimic[] = "; name a joint that moves by itself, or make it type=\"fixed\"";
 constexpr char kTree[] = "; the links must form a tree: leave out a joint of the loop";
 
 // Carries a status out of the depth of a file.
@@ -77,6 +78,32 @@ std::string ReadText(const std::string& path) {
   return text.str();
 }
 
+bool MimicsAnother(const urdf::Joint& joint) {
+  return joint.mimic != nullptr && joint.type != urdf::Joint::FIXED;
+}
+
+// Whether anything in the element is for xacro to expand. Expanded files often declare its
+// namespace still.
+bool IsXacro(const TiXmlElement& element) {
+  if (element.ValueStr() == "gazebo") return false;  // the simulator's own
+  if (element.ValueStr().starts_with("xacro:")) return true;
+  for (const TiXmlAttribute* at = element.FirstAttribute(); at != nullptr; at = at->Next()) {
+    const std::string_view value = at->Value();
+    if (value.find("${") != value.npos || value.find("$(") != value.npos) return true;
+  }
+  for (const TiXmlElement* child = element.FirstChildElement(); child != nullptr;
+       child = child->NextSiblingElement()) {
+    if (IsXacro(*child)) return true;
+  }
+  return false;
+}
+
+std::string ExpandedName(const std::string& path) {
+  const fs::path name = fs::path(path).filename();
+  if (name.extension() != ".xacro") return name.stem().string() + "_expanded.urdf";
+  return name.stem().extension() == ".urdf" ? name.stem().string() : name.stem().string() + ".urdf";
+}
+
 urdf::ModelInterfaceSharedPtr Parse(const std::string& path) {
   const std::string text = ReadText(path);
   TiXmlDocument document;
@@ -84,6 +111,10 @@ urdf::ModelInterfaceSharedPtr Parse(const std::string& path) {
   if (document.Error()) {
     throw UrdfError{InvalidArgument(path, ":", document.ErrorRow(),
                                     ": not well-formed XML: ", document.ErrorDesc())};
+  }
+  if (document.RootElement() != nullptr && IsXacro(*document.RootElement())) {
+    throw UrdfError{InvalidArgument(path, ": this is xacro; expand it first: xacro ", path, " > ",
+                                    ExpandedName(path))};
   }
   Complaints complaints;
   urdf::ModelInterfaceSharedPtr model = urdf::parseURDF(text);
@@ -103,21 +134,29 @@ class UrdfReader {
       : path_(std::move(path)), package_paths_(package_paths) {}
 
   RobotModel Read() {
-    const urdf::ModelInterfaceSharedPtr urdf = Parse(path_);
-    model_.name_ = urdf->getName();
-    RequireOneJointEach(*urdf);
-    AddLink(*urdf->getRoot(), -1);
-    for (const auto& entry : urdf->links_) {
+    urdf_ = Parse(path_);
+    model_.name_ = urdf_->getName();
+    RequireOneJointEach(*urdf_);
+    AddLink(*urdf_->getRoot(), -1);
+    for (const auto& entry : urdf_->links_) {
       const std::string& name = entry.first;
       if (std::ranges::any_of(model_.links_, [&](const auto& l) { return l.name == name; }))
         continue;
       Fail("link '" + name + "' is part of a loop of joints that does not hang on the base" +
            kTree);
     }
+    for (const Mimic& mimic : mimics_) Resolve(mimic);
+    model_.chain_ = ChainOfAll();
     return std::move(model_);
   }
 
  private:
+  // A link whose joint mimics another.
+  struct Mimic {
+    size_t link;
+    const urdf::Joint& joint;
+  };
+
   [[noreturn]] void Fail(const std::string& message) const {
     throw UrdfError{InvalidArgument(path_ + ": " + message)};
   }
@@ -154,14 +193,13 @@ class UrdfReader {
   }
 
   void AddJoint(const urdf::Joint& urdf, RobotLink& link) {
-    link.parent_from_joint = PoseOf(urdf.parent_to_joint_origin_transform);
+    link.parent_from_link = PoseOf(urdf.parent_to_joint_origin_transform);
+    if (!link.parent_from_link.matrix().allFinite()) {
+      Fail("the origin of joint '" + urdf.name + "' is not a number");
+    }
     if (urdf.type == urdf::Joint::FIXED) return;
     RobotJoint joint;
     joint.name = urdf.name;
-    if (urdf.mimic != nullptr) {
-      Fail("joint '" + urdf.name + "' mimics '" + urdf.mimic->joint_name +
-           "', which is not supported; make it a joint of its own or a fixed one");
-    }
     switch (urdf.type) {
       case urdf::Joint::REVOLUTE:
         joint.type = JointType::kRevolute;
@@ -176,12 +214,56 @@ class UrdfReader {
         Fail("joint '" + urdf.name +
              "' is of a type that is not supported; revolute, continuous, prismatic and fixed are");
     }
-    ReadLimits(urdf, joint);
     const Eigen::Vector3d axis = VectorOf(urdf.axis);
     if (!(axis.norm() > 1e-9)) Fail("the axis of joint '" + urdf.name + "' has no direction");
     link.axis = axis.normalized();
+    link.slides = joint.type == JointType::kPrismatic;
+    if (MimicsAnother(urdf)) {
+      mimics_.push_back({model_.links_.size(), urdf});
+      return;
+    }
+    ReadLimits(urdf, joint);
     link.joint = static_cast<int>(model_.joints_.size());
     model_.joints_.push_back(std::move(joint));
+  }
+
+  // Finds the joint that moves a link in the end, and how.
+  void Resolve(const Mimic& mimic) {
+    RobotLink& link = model_.links_[mimic.link];
+    const std::string& name = mimic.joint.name;
+    const urdf::Joint* joint = &mimic.joint;
+    for (size_t followed = 0; MimicsAnother(*joint); ++followed) {
+      const urdf::JointMimic& by = *joint->mimic;
+      if (followed == mimics_.size()) Fail("joint '" + name + "' mimics itself" + kMimic);
+      if (!std::isfinite(by.multiplier) || !std::isfinite(by.offset)) {
+        Fail("the multiplier or offset by which joint '" + joint->name +
+             "' mimics another is not a number");
+      }
+      link.offset += link.factor * by.offset;
+      link.factor *= by.multiplier;
+      const auto found = urdf_->joints_.find(by.joint_name);
+      if (found == urdf_->joints_.end()) {
+        Fail("joint '" + joint->name + "' mimics '" + by.joint_name + "', which is not there" +
+             kMimic);
+      }
+      joint = found->second.get();
+    }
+    const std::optional<size_t> index = model_.JointIndex(joint->name);
+    if (!index) Fail("joint '" + name + "' mimics '" + joint->name + "', which is fixed" + kMimic);
+    // A whole turn leads back to where it was.
+    const bool comes_back = !link.slides && link.factor == std::round(link.factor);
+    if (model_.joints_[*index].type == JointType::kContinuous && !comes_back) {
+      Fail("joint '" + name + "' mimics '" + joint->name +
+           "', which turns without end; a turn later it is elsewhere; give '" + joint->name +
+           "' limits, with type=\"revolute\"");
+    }
+    link.joint = static_cast<int>(*index);
+  }
+
+  KinematicChain ChainOfAll() const {
+    std::vector<std::string> moving;
+    for (const RobotJoint& joint : model_.joints_) moving.push_back(joint.name);
+    return model_.ChainOf(moving, {}).value();
   }
 
   void ReadLimits(const urdf::Joint& urdf, RobotJoint& joint) const {
@@ -203,6 +285,9 @@ class UrdfReader {
     if (urdf.geometry == nullptr) Fail("link '" + link + "' has an element without geometry");
     LinkGeometry geometry;
     geometry.link_from_shape = PoseOf(urdf.origin);
+    if (!geometry.link_from_shape.matrix().allFinite()) {
+      Fail("an origin in link '" + link + "' is not a number");
+    }
     geometry.shape = ShapeOf(link, *urdf.geometry);
     return geometry;
   }
@@ -272,7 +357,9 @@ class UrdfReader {
 
   const std::string path_;
   const std::span<const std::string> package_paths_;
+  urdf::ModelInterfaceSharedPtr urdf_;
   RobotModel model_;
+  std::vector<Mimic> mimics_;
 };
 
 absl::StatusOr<RobotModel> RobotModel::FromUrdf(const std::string& path,

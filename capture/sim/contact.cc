@@ -214,8 +214,7 @@ MotionChecker::MotionChecker(const RobotModel& robot, const ContactChecker& chec
   for (const RobotJoint& joint : robot.joints()) names.push_back(joint.name);
   for (const RobotJoint& joint : robot.joints()) {
     // Every joint moves: Reach has nothing left to refuse.
-    reach_.push_back(
-        joint.type == JointType::kPrismatic ? 1 : Reach(robot, joint.name, names, {}, 0).value());
+    reach_.push_back(Reach(robot, joint.name, names, {}, 0).value());
   }
 }
 

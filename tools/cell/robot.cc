@@ -128,23 +128,27 @@ RobotSection ReadRobot(const YamlNode& node, const std::filesystem::path& folder
   return robot;
 }
 
-// How far each joint moves the robot's points: metres per radian; nothing for prismatic joints,
-// whose metres are the robot's.
-std::vector<std::optional<double>> Reaches(const RobotSection& robot, const YamlNode& node) {
+// How far each joint moves the robot's points: metres per radian or metre.
+std::vector<double> Reaches(const RobotSection& robot, const YamlNode& node) {
   std::vector<std::string> moving;
   for (const GridJoint& joint : robot.moving) moving.push_back(joint.name);
-  std::vector<std::optional<double>> reaches;
+  std::vector<double> reaches;
   for (const std::string& name : moving) {
-    if (ModelJoint(*robot.model, name, node).type == JointType::kPrismatic) {
-      reaches.emplace_back();
-      continue;
-    }
     const auto reach =
         Reach(*robot.model, name, moving, robot.fixed, robot.settings.payload_radius);
     if (!reach.ok()) node.Fail(std::string(reach.status().message()));
-    reaches.emplace_back(*reach);
+    reaches.push_back(*reach);
   }
   return reaches;
+}
+
+// Whether the joint turns all that it moves about its axis: points move along chords then. Nothing
+// mimics it.
+bool TurnsAll(const RobotModel& model, const std::string& joint) {
+  const auto index = static_cast<int>(model.JointIndex(joint).value());
+  const auto moved = [&](const RobotLink& link) { return link.joint == index; };
+  return std::ranges::count_if(model.links(), moved) == 1 &&
+         !std::ranges::find_if(model.links(), moved)->slides;
 }
 
 std::vector<GridJoint> StepsAsSaid(std::vector<GridJoint> joints, const YamlNode& node) {
@@ -161,10 +165,10 @@ MaxMoveRule ReadRule(const std::optional<YamlNode>& node) {
 
 // Metres that the robot moves in a step of each joint; nothing without a model.
 std::vector<double> MovesOf(const std::vector<GridJoint>& joints,
-                            const std::vector<std::optional<double>>& reaches) {
+                            const std::vector<double>& reaches) {
   std::vector<double> moves;
   for (size_t j = 0; j < reaches.size(); ++j) {
-    moves.push_back(joints[j].step() * reaches[j].value_or(1));
+    moves.push_back(joints[j].step() * reaches[j]);
   }
   return moves;
 }
@@ -190,7 +194,7 @@ RobotAndGrid ReadRobotAndGrid(const YamlNode& robot_node, const YamlNode& grid_n
   if (max_move && !robot.model) max_move->Fail("max_move needs the robot's urdf; or say steps");
   if (rule && !max_move) rule->Fail("max_move_rule goes with max_move");
 
-  std::vector<std::optional<double>> reaches;
+  std::vector<double> reaches;
   if (robot.model) reaches = Reaches(robot, robot_node);
   try {
     std::vector<GridJoint> joints = robot.moving;
@@ -198,7 +202,9 @@ RobotAndGrid ReadRobotAndGrid(const YamlNode& robot_node, const YamlNode& grid_n
       const double delta =
           DeltaPerJoint(max_move->As<double>(), static_cast<int>(joints.size()), ReadRule(rule));
       for (size_t j = 0; j < joints.size(); ++j) {
-        joints[j] = MaxMoveJoint(joints[j], reaches[j], delta);
+        joints[j] = TurnsAll(*robot.model, joints[j].name)
+                        ? MaxMoveJoint(joints[j], reaches[j], delta)
+                        : MaxMoveJoint(joints[j], std::nullopt, delta / reaches[j]);
       }
     } else {
       joints = StepsAsSaid(std::move(joints), *steps);

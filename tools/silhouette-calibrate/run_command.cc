@@ -73,7 +73,8 @@ std::vector<size_t> JointsTo(const RobotModel& robot, size_t link) {
   std::vector<size_t> joints;
   for (int i = static_cast<int>(link); i >= 0; i = robot.links()[static_cast<size_t>(i)].parent) {
     const int joint = robot.links()[static_cast<size_t>(i)].joint;
-    if (joint >= 0) joints.insert(joints.begin(), static_cast<size_t>(joint));
+    if (joint < 0 || std::ranges::count(joints, static_cast<size_t>(joint)) > 0) continue;
+    joints.insert(joints.begin(), static_cast<size_t>(joint));
   }
   return joints;
 }

@@ -18,6 +18,12 @@ bool IsFinite(const ChainLink& link) {
 
 }  // namespace
 
+Eigen::Isometry3d ParentFromLink(const ChainLink& link, double value) {
+  const double moved = link.factor * value + link.offset;
+  if (link.slides) return link.parent_from_link * Eigen::Translation3d(moved * link.axis);
+  return link.parent_from_link * Eigen::AngleAxisd(moved, link.axis);
+}
+
 KinematicChain::KinematicChain(std::vector<ChainJoint> joints, std::vector<ChainLink> links)
     : joints_(std::move(joints)), links_(std::move(links)) {
   for (const ChainJoint& joint : joints_) {
@@ -57,15 +63,10 @@ void KinematicChain::Pose(std::span<const double> q,
       base_from_link[i] = link.parent_from_link;
       continue;
     }
-    Eigen::Isometry3d& pose = base_from_link[i];
-    pose = base_from_link[static_cast<size_t>(link.parent)] * link.parent_from_link;
-    if (link.joint < 0) continue;
-    const double value = link.factor * q[static_cast<size_t>(link.joint)] + link.offset;
-    if (link.slides) {
-      pose.translate(value * link.axis);
-    } else {
-      pose.rotate(Eigen::AngleAxisd(value, link.axis));
-    }
+    const Eigen::Isometry3d& parent = base_from_link[static_cast<size_t>(link.parent)];
+    base_from_link[i] =
+        parent * (link.joint < 0 ? link.parent_from_link
+                                 : ParentFromLink(link, q[static_cast<size_t>(link.joint)]));
   }
 }
 

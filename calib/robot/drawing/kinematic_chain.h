@@ -31,6 +31,9 @@ struct ChainLink {
   Eigen::Vector3d axis = Eigen::Vector3d::UnitZ();                     // unit, in the link's frame
 };
 
+// The link's pose in its parent's frame while its joint stands at `value`.
+Eigen::Isometry3d ParentFromLink(const ChainLink& link, double value);
+
 class KinematicChain {
  public:
   // Throws std::invalid_argument if a link stands before its parent, the first has one, another has

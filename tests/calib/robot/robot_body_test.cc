@@ -5,13 +5,13 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
-#include <filesystem>
-#include <fstream>
 #include <numbers>
 #include <random>
 #include <stdexcept>
 
 #include "calib/robot/distance_field.h"
+#include "tests/calib/robot/drawing/random_views.h"
+#include "tests/calib/robot/urdf_files.h"
 #include "tests/random.h"
 #include "tests/test_folder.h"
 
@@ -35,8 +35,8 @@ double DistanceOfBox(const Vector3d& size, const Vector3d& point) {
 }
 
 Vector3d RandomPoint(std::mt19937& random, double reach) {
-  std::uniform_real_distribution<double> within(-reach, reach);
-  return {within(random), within(random), within(random)};
+  return {Uniform(random, -reach, reach), Uniform(random, -reach, reach),
+          Uniform(random, -reach, reach)};
 }
 
 TEST(DistanceField, BoundsTheDistanceFromBothSides) {
@@ -136,9 +136,7 @@ double AtMost(const PosedBody& body, const Vector3d& point) {
 class RobotBodyTest : public testing::Test {
  protected:
   static RobotModel Read(const std::string& urdf) {
-    const std::string path = (TestFolder() / "robot.urdf").string();
-    std::ofstream(path) << urdf;
-    return RobotModel::FromUrdf(path).value();
+    return RobotModel::FromUrdf(WriteFile(TestFolder() / "robot.urdf", urdf)).value();
   }
 
   // An arm of three boxes, of which the outermost slides.
@@ -290,6 +288,33 @@ TEST_F(RobotBodyTest, BetweenJointValuesHoldsTheBodyAtEachOfThem) {
   EXPECT_GT(far_away, 40) << "it is not everything";
 }
 
+TEST_F(RobotBodyTest, BetweenJointValuesHoldsWhatMimics) {
+  const RobotModel robot = Gripper();
+  const RobotBody body(robot, {.range = kRange, .step = kStep});
+  Random random;
+  for (int i = 0; i < 40; ++i) {
+    std::vector<double> lower, upper;
+    for (size_t j = 0; j < robot.joints().size(); ++j) {
+      lower.push_back(Uniform(random, -0.1, 0.3));
+      upper.push_back(lower.back() + (j + 1 < robot.joints().size() ? 0 : 0.1));
+    }
+    const PosedBody between = body.Between(lower, upper, i % 2 == 0 ? 0.01 : 1);
+    const PosedBody moved = between.MovedFrom(body.At(lower));
+    for (int j = 0; j < 50; ++j) {
+      std::vector<double> q = lower;
+      q.back() = Uniform(random, lower.back(), upper.back());
+      const auto poses = robot.LinkPoses(q);
+      for (size_t link = 1; link < poses.size(); ++link) {
+        const LinkGeometry& geometry = robot.links()[link].visual[0];
+        const Vector3d point = poses[link] * geometry.link_from_shape *
+                               SurfacePoint(random, Tessellate(geometry.shape));
+        ASSERT_TRUE(between.MayReach(point, 1e-6)) << robot.links()[link].name;
+        ASSERT_TRUE(link < 8 || moved.MayReach(point, 1e-6)) << robot.links()[link].name;
+      }
+    }
+  }
+}
+
 TEST_F(RobotBodyTest, BallsAreMetOnlyIfALinkMovesTowardsThem) {
   constexpr double kRadius = 0.1;
   const RobotModel robot = Three();
@@ -344,9 +369,8 @@ TEST_F(RobotBodyTest, WhatStandsStillInARangeHasNotMoved) {
 }
 
 TEST_F(RobotBodyTest, LinkThatIsNotClosedCountsAsNothing) {
-  const std::string folder = TestFolder().string();
-  std::ofstream(folder + "/open.obj") << "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\n"
-                                         "f 1 3 2\nf 1 2 4\nf 1 4 3\n";
+  WriteFile(TestFolder() / "open.obj",
+            "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 3 2\nf 1 2 4\nf 1 4 3\n");
   const RobotModel robot = Read(R"(<robot name="open"><link name="lid">
       <visual><geometry><mesh filename="open.obj"/></geometry></visual></link></robot>)");
   const RobotBody body(robot, {.range = kRange, .step = kStep});

@@ -151,10 +151,6 @@ TEST(RobotModel, BadFilesAreOneSentence) {
 
 TEST(RobotModel, UnsupportedJointsAreNamed) {
   const std::string links = "<parent link='a'/><child link='b'/>";
-  const std::string limit = "<limit lower='-1' upper='1' effort='1' velocity='1'/>";
-  EXPECT_THAT(ErrorOf(OneJoint("<joint name='j' type='revolute'>" + links + limit +
-                               "<mimic joint='k'/></joint>")),
-              HasSubstr("joint 'j' mimics 'k'"));
   EXPECT_THAT(ErrorOf(OneJoint("<joint name='j' type='floating'>" + links + "</joint>")),
               HasSubstr("joint 'j' is of a type that is not supported"));
   EXPECT_THAT(ErrorOf(OneJoint("<joint name='j' type='revolute'>" + links +
@@ -163,6 +159,71 @@ TEST(RobotModel, UnsupportedJointsAreNamed) {
   EXPECT_THAT(ErrorOf(OneJoint("<joint name='j' type='continuous'>" + links +
                                "<axis xyz='0 0 0'/></joint>")),
               HasSubstr("axis of joint 'j'"));
+}
+
+TEST(RobotModel, MimicsOfWhatTheyCannotAreNamed) {
+  const auto error = [](const std::string& first, const std::string& type,
+                        const std::string& second) {
+    const std::string limit = "<limit lower='-1' upper='1' effort='1' velocity='1'/>";
+    return ErrorOf(
+        "<robot name='r'><link name='a'/><link name='b'/><link name='c'/>"
+        "<joint name='j' type='revolute'><parent link='a'/><child link='b'/>" +
+        limit + first + "</joint><joint name='k' type='" + type +
+        "'><parent link='a'/><child link='c'/>" + limit + second + "</joint></robot>");
+  };
+  EXPECT_EQ(error("<mimic joint='k'/>", "revolute", ""), "no error");
+  EXPECT_EQ(error("<mimic joint='k'/>", "prismatic", ""), "no error");
+  EXPECT_THAT(error("<mimic joint='x'/>", "revolute", ""),
+              HasSubstr("joint 'j' mimics 'x', which is not there; name a joint that moves"));
+  EXPECT_THAT(error("<mimic joint='j'/>", "revolute", ""),
+              HasSubstr("joint 'j' mimics itself; name a joint"));
+  EXPECT_THAT(error("<mimic joint='k'/>", "revolute", "<mimic joint='j'/>"),
+              HasSubstr("mimics itself"));
+  EXPECT_THAT(error("<mimic joint='k'/>", "fixed", ""),
+              HasSubstr("joint 'j' mimics 'k', which is fixed"));
+  EXPECT_THAT(error("<mimic joint='k'/>", "fixed", "<mimic joint='j'/>"), HasSubstr("is fixed"));
+  // A whole turn of a continuous joint changes nothing.
+  EXPECT_EQ(error("<mimic joint='k' multiplier='-2' offset='0.3'/>", "continuous", ""), "no error");
+  EXPECT_THAT(error("<mimic joint='k' multiplier='0.5'/>", "continuous", ""),
+              HasSubstr("joint 'j' mimics 'k', which turns without end"));
+  EXPECT_THAT(error("<mimic joint='k' multiplier='nan'/>", "revolute", ""), HasSubstr("bad.urdf"));
+}
+
+TEST(RobotModel, JointThatMimicsByNoNumbersMovesAsTheOther) {
+  const std::string urdf =
+      "<robot name='r'><link name='a'/><link name='b'/><link name='c'/>"
+      "<joint name='j' type='revolute'><parent link='a'/><child link='b'/><mimic joint='k'/>"
+      "<limit lower='0' upper='1' effort='1' velocity='1'/></joint>"
+      "<joint name='k' type='revolute'><parent link='a'/><child link='c'/>"
+      "<limit lower='0' upper='1' effort='1' velocity='1'/></joint></robot>";
+  const auto robot = RobotModel::FromUrdf(WriteFile(FreshFolder() / "r.urdf", urdf));
+  ASSERT_TRUE(robot.ok()) << robot.status();
+  ASSERT_EQ(robot->joints().size(), 1u);
+  EXPECT_EQ(robot->joints()[0].name, "k");
+  const auto poses = robot->LinkPoses(std::vector<double>{0.7});
+  EXPECT_TRUE(poses[1].isApprox(poses[2]));
+  EXPECT_FALSE(poses[1].isApprox(poses[0]));
+}
+
+TEST(RobotModel, XacroIsToBeExpandedFirst) {
+  const auto error = [](const std::string& name, const std::string& urdf) {
+    const auto model = RobotModel::FromUrdf(WriteFile(FreshFolder() / name, urdf));
+    return model.ok() ? "no error" : std::string(model.status().message());
+  };
+  const std::string with_macro =
+      "<robot name='r' xmlns:xacro='http://ros.org/xacro'><xacro:arm prefix=''/></robot>";
+  EXPECT_THAT(error("r.urdf.xacro", with_macro),
+              testing::MatchesRegex(".*: this is xacro; expand it first: xacro .*/r.urdf.xacro > "
+                                    "r.urdf"));
+  EXPECT_THAT(error("r.xacro", with_macro), testing::EndsWith(" > r.urdf"));
+  EXPECT_THAT(error("r.urdf", with_macro), testing::EndsWith(" > r_expanded.urdf"));
+  EXPECT_THAT(error("r.urdf", "<robot name='r'><link name='${prefix}base'/></robot>"),
+              HasSubstr("this is xacro"));
+  // What xacro writes declares its namespace still.
+  EXPECT_EQ(error("r.urdf",
+                  "<robot name='r' xmlns:xacro='http://ros.org/xacro'><link name='a'/>"
+                  "<gazebo><plugin filename='$(find x)'/></gazebo></robot>"),
+            "no error");
 }
 
 TEST(RobotModel, ShapesWithoutSizeAreRefused) {

@@ -5,6 +5,7 @@
 #include <filesystem>
 #include <fstream>
 #include <string>
+#include <vector>
 
 #include "calib/robot/robot_model.h"
 #include "tests/test_folder.h"
@@ -85,6 +86,46 @@ inline std::string ThreeJointUrdf() {
 
 inline RobotModel ThreeJoints() {
   return RobotModel::FromUrdf(WriteFile(FreshFolder() / "three.urdf", ThreeJointUrdf())).value();
+}
+
+// Seven joints, of which the first slides, and a gripper of two fingers, of which one mimics the
+// other; a tip on it turns as that finger slides. `mimic`: else each is a joint of its own.
+inline std::string GripperUrdf(bool mimic = true) {
+  std::string urdf = "<robot name='gripper'><link name='link0'/>";
+  const auto joint = [&](const std::string& name, const std::string& type,
+                         const std::string& parent, const std::string& child,
+                         const std::string& origin, const std::string& axis,
+                         const std::string& mimicked) {
+    urdf += "<link name='" + child + "'><visual><origin xyz='0.04 0.02 0.03' rpy='0.3 0.2 0.1'/>" +
+            "<geometry><box size='0.12 0.05 0.07'/></geometry></visual></link><joint name='" +
+            name + "' type='" + type + "'><parent link='" + parent + "'/><child link='" + child +
+            "'/><origin " + origin + "/><axis xyz='" + axis +
+            "'/><limit lower='-0.1' upper='0.4' effort='1' velocity='1'/>" +
+            (mimic ? mimicked : "") + "</joint>";
+  };
+  for (int i = 0; i < 7; ++i) {
+    joint("joint" + std::to_string(i), i == 0 ? "prismatic" : "revolute",
+          "link" + std::to_string(i), "link" + std::to_string(i + 1),
+          "xyz='0.1 0 0.15' rpy='0 0.2 0.1'", i % 2 == 0 ? "0 0 1" : "0.6 0.8 0", "");
+  }
+  joint("left", "prismatic", "link7", "left_finger", "xyz='0 0 0.1'", "0 1 0", "");
+  joint("right", "prismatic", "link7", "right_finger", "xyz='0 0 0.1'", "0 1 0",
+        "<mimic joint='left' multiplier='-1' offset='0.01'/>");
+  joint("tip", "revolute", "right_finger", "tip", "xyz='0 0 0.1'", "0 0 1",
+        "<mimic joint='right' multiplier='3' offset='0.2'/>");
+  return urdf + "</robot>";
+}
+
+inline RobotModel Gripper(bool mimic = true) {
+  return RobotModel::FromUrdf(WriteFile(FreshFolder() / "gripper.urdf", GripperUrdf(mimic)))
+      .value();
+}
+
+// The values of the joints of Gripper(false) at those of Gripper(true).
+inline std::vector<double> WithMimics(std::vector<double> q) {
+  q.push_back(0.01 - q.back());
+  q.push_back(0.2 + 3 * q.back());
+  return q;
 }
 
 }  // namespace silhouette

@@ -9,6 +9,7 @@
 #include <regex>
 #include <variant>
 
+#include "tests/calib/robot/urdf_files.h"
 #include "tests/test_folder.h"
 #include "tools/cell/segmentation_text.h"
 
@@ -427,6 +428,21 @@ TEST(Cell, MaxMoveGridObeysTheLargestMovementAndSumDividesIt) {
   EXPECT_GE(each[0], 25);
   EXPECT_LE(each[0], 45);
   EXPECT_NEAR(sum[0], 2 * each[0], 2);
+}
+
+// Of two fingers one mimics the other, and a tip turns as that one slides.
+TEST(Cell, MaxMoveCountsJointsThatMimic) {
+  const auto folder = FreshFolder();
+  WriteFile(folder / "gripper.urdf", GripperUrdf());
+  const absl::StatusOr<Cell> cell = Load(
+      "name: x\nrobot:\n  urdf: " + (folder / "gripper.urdf").string() +
+      "\n  joints: [{name: left}]\n"
+      "  fixed: {joint0: 0, joint1: 0, joint2: 0, joint3: 0, joint4: 0, joint5: 0, joint6: 0}\n"
+      "grid: {max_move: 0.05}\nviews: [{name: top}]\n");
+  ASSERT_TRUE(cell.ok()) << cell.status();
+  // The finger's 0.5 m alone would take eleven steps.
+  EXPECT_GT(cell->grid.joints()[0].steps, 12);
+  EXPECT_LE(cell->grid_move, 0.05);
 }
 
 TEST(Cell, MistakesAreToldWithLineAndMend) {

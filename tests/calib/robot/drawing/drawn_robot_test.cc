@@ -143,7 +143,9 @@ TEST(DrawnRobot, NoPixelOfTheRobotIsMissing) {
   Random random;
   Tally tally;
   for (int trial = 0; trial < 12; ++trial) {
-    const RobotModel robot = trial % 3 == 2 ? OfMeshes(random) : Rx130();
+    const RobotModel robot = trial % 3 == 2   ? OfMeshes(random)
+                             : trial % 3 == 1 ? Gripper()
+                                              : Rx130();
     std::vector<PartDrawer> views;
     for (int view = 0; view < 3; ++view) {
       views.emplace_back(CameraAbout(random), RandomMaskSize(random));

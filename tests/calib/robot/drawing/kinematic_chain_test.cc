@@ -11,8 +11,8 @@
 
 #include "calib/robot/robot_model.h"
 #include "tests/calib/robot/drawing/random_views.h"
+#include "tests/calib/robot/urdf_files.h"
 #include "tests/random.h"
-#include "tests/test_folder.h"
 
 namespace silhouette {
 namespace {
@@ -86,6 +86,44 @@ TEST(KinematicChain, NoPointMovesFartherThanItsLevers) {
     closest = std::max(closest, moved / bound);
   }
   EXPECT_GT(closest, 0.9);  // of a slide, which moves all by the same
+}
+
+TEST(KinematicChain, LinksThatMimicMoveWithTheJointThatTheyMimic) {
+  Random random;
+  const RobotModel model = Gripper();
+  const RobotModel without_mimics = Gripper(false);
+  std::vector<std::string> names;
+  for (const RobotJoint& joint : model.joints()) names.push_back(joint.name);
+  ASSERT_EQ(names.size(), 8u);
+  ASSERT_EQ(names.back(), "left");
+  const KinematicChain all = model.ChainOf(names, {}).value();
+  for (int trial = 0; trial < 50; ++trial) {
+    std::vector<double> q;
+    for (size_t j = 0; j < names.size(); ++j) q.push_back(Uniform(random, -0.1, 0.4));
+    const std::vector<Isometry3d> expected = without_mimics.LinkPoses(WithMimics(q));
+    const std::vector<Isometry3d> poses = model.LinkPoses(q);
+    const std::vector<std::string> moving(names.begin(), names.end() - 1);
+    const auto arm = model.ChainOf(moving, std::vector<FixedJoint>{{"left", q.back()}});
+    ASSERT_TRUE(arm.ok()) << arm.status();
+    std::vector<Isometry3d> of_arm;
+    arm->Pose(std::span(q).first(moving.size()), of_arm);
+    ASSERT_EQ(poses.size(), expected.size());
+    for (size_t link = 0; link < poses.size(); ++link) {
+      EXPECT_TRUE(poses[link].isApprox(expected[link], 1e-12)) << model.links()[link].name;
+      EXPECT_TRUE(of_arm[link].isApprox(expected[link], 1e-12)) << model.links()[link].name;
+    }
+    std::vector<double> to = q;
+    for (double& value : to) value += Uniform(random, -0.05, 0.05);
+    const std::vector<Isometry3d> there = model.LinkPoses(to);
+    const Vector3d point = RandomDirection(random) * 0.1;
+    for (size_t link = 0; link < poses.size(); ++link) {
+      double bound = 0;
+      for (size_t j = 0; j < q.size(); ++j) {
+        bound += std::abs(to[j] - q[j]) * all.LeverOf(j, link, 0.1);
+      }
+      EXPECT_LE((there[link] * point - poses[link] * point).norm(), bound + 1e-12);
+    }
+  }
 }
 
 TEST(KinematicChain, ConfigurationsBeyondTheLimitsAreNotContained) {
