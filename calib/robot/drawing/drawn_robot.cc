@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "calib/robot/drawing/drawn_robot.h"
 
+#include <cmath>
 #include <stdexcept>
 #include <utility>
 
@@ -8,22 +9,35 @@ namespace silhouette {
 
 DrawnRobot::DrawnRobot(KinematicChain chain, std::vector<RobotPart> parts,
                        std::vector<PartDrawer> views)
-    : chain_(std::move(chain)), parts_(std::move(parts)), views_(std::move(views)) {
+    : chain_(std::move(chain)),
+      parts_(std::move(parts)),
+      views_(std::move(views)),
+      joints_(chain_.joints().size()) {
   if (parts_.empty()) throw std::invalid_argument("a robot without parts cannot be drawn");
   for (const RobotPart& part : parts_) {
     if (part.points.cols() == 0) throw std::invalid_argument("a part of the robot has no points");
+    if (!part.points.allFinite() || !std::isfinite(part.radius) || part.radius < 0) {
+      throw std::invalid_argument("a part of the robot has no finite size");
+    }
     if (part.moves_with >= chain_.links().size()) {
       throw std::invalid_argument("a part of the robot is of no link");
+    }
+    const double reach = part.points.colwise().norm().maxCoeff() + part.radius;
+    for (size_t joint = 0; joint < joints_; ++joint) {
+      levers_.push_back(chain_.LeverOf(joint, part.moves_with, reach));
     }
   }
 }
 
 void DrawnRobot::AddTouched(size_t view, std::span<const Eigen::Isometry3d> base_from_link,
-                            double growth, DrawingScratch& scratch,
+                            Growth growth, DrawingScratch& scratch,
                             std::span<uint64_t> words) const {
-  for (const RobotPart& part : parts_) {
-    views_[view].AddTouched(base_from_link[part.moves_with], part.points, part.radius + growth,
-                            scratch, words);
+  if (!growth.empty() && growth.size() != parts_.size()) {
+    throw std::invalid_argument("not a growth for each part");
+  }
+  for (size_t i = 0; i < parts_.size(); ++i) {
+    views_[view].AddTouched(base_from_link[parts_[i].moves_with], parts_[i].points,
+                            parts_[i].radius + (growth.empty() ? 0 : growth[i]), scratch, words);
   }
 }
 
@@ -39,10 +53,11 @@ std::vector<Mask> DrawnRobot::Touched(std::span<const double> q, double growth) 
   DrawingScratch scratch;
   std::vector<Eigen::Isometry3d> base_from_link;
   chain_.Pose(q, base_from_link);
+  const std::vector<double> all(parts_.size(), growth);
   std::vector<Mask> masks;
   for (size_t view = 0; view < views_.size(); ++view) {
     std::vector<uint64_t> words(views_[view].size().words());
-    AddTouched(view, base_from_link, growth, scratch, words);
+    AddTouched(view, base_from_link, all, scratch, words);
     masks.push_back(Mask::FromWords(views_[view].size(), std::move(words)));
   }
   return masks;

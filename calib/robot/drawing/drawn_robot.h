@@ -28,29 +28,37 @@ struct RobotPart {
   Eigen::Matrix3Xd inner;
 };
 
+// By part of the robot: how far it is grown, metres, finite and not negative. Empty: by nothing.
+using Growth = std::span<const double>;
+
 // A value; used by any number of threads, each with scratch of its own. `q`: joint values in the
 // order of chain().joints(); as many, else std::invalid_argument is thrown. Limits are not looked
 // at.
 class DrawnRobot {
  public:
   // The cameras' world is the frame of the chain's first link. Throws std::invalid_argument if
-  // there are no parts, a part has no points or moves with a link that is not in the chain.
+  // there are no parts, a part has no points, one that is not finite or a negative radius, or it
+  // moves with a link that is not in the chain.
   DrawnRobot(KinematicChain chain, std::vector<RobotPart> parts, std::vector<PartDrawer> views);
 
   const KinematicChain& chain() const { return chain_; }
   const std::vector<RobotPart>& parts() const { return parts_; }
   const std::vector<PartDrawer>& views() const { return views_; }
 
-  // Sets every pixel of a view that the robot touches if each part is grown by `growth`, metres.
-  // `base_from_link`: KinematicChain::Pose.
-  void AddTouched(size_t view, std::span<const Eigen::Isometry3d> base_from_link, double growth,
+  // How far a point of the part moves at most, metres, per radian or metre of the joint: 0 if the
+  // joint does not move it. Holds for all joint values within the limits, and along the way.
+  double Lever(size_t part, size_t joint) const { return levers_[part * joints_ + joint]; }
+
+  // Sets every pixel of a view that the grown robot touches. `base_from_link`:
+  // KinematicChain::Pose. Throws std::invalid_argument if `growth` has not a number for each part.
+  void AddTouched(size_t view, std::span<const Eigen::Isometry3d> base_from_link, Growth growth,
                   DrawingScratch& scratch, std::span<uint64_t> words) const;
 
   // Sets pixels that certainly show nothing but the robot.
   void AddCovered(size_t view, std::span<const Eigen::Isometry3d> base_from_link,
                   DrawingScratch& scratch, std::span<uint64_t> words) const;
 
-  // The same as masks, one a view.
+  // The same as masks, one a view; every part grown by `growth`.
   std::vector<Mask> Touched(std::span<const double> q, double growth = 0) const;
   std::vector<Mask> Covered(std::span<const double> q) const;
 
@@ -58,6 +66,8 @@ class DrawnRobot {
   KinematicChain chain_;
   std::vector<RobotPart> parts_;
   std::vector<PartDrawer> views_;
+  size_t joints_ = 0;
+  std::vector<double> levers_;  // by part, then joint
 };
 
 }  // namespace silhouette

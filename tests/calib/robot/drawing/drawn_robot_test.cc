@@ -15,8 +15,8 @@
 
 #include "calib/robot/parts.h"
 #include "calib/robot/robot_model.h"
+#include "tests/calib/robot/drawing/random_robots.h"
 #include "tests/calib/robot/drawing/random_views.h"
-#include "tests/calib/robot/urdf_files.h"
 #include "tests/random.h"
 
 namespace silhouette {
@@ -25,31 +25,6 @@ namespace {
 using Eigen::Isometry3d;
 using Eigen::Vector2d;
 using Eigen::Vector3d;
-
-constexpr double kTolerance = 0.005;
-
-RobotModel Rx130() {
-  return RobotModel::FromUrdf(std::string(SILHOUETTE_SOURCE_DIR) + "/capture/sim/robots/rx130.urdf")
-      .value();
-}
-
-// Three joints, with bodies like an egg's and a bent one's on every link.
-RobotModel OfMeshes(Random& random) {
-  RobotModel robot = ThreeJoints();
-  for (size_t link = 0; link < robot.links().size(); ++link) {
-    const Vector3d size(Uniform(random, 0.05, 0.2), Uniform(random, 0.05, 0.2),
-                        Uniform(random, 0.1, 0.4));
-    auto mesh = std::make_shared<TriangleMesh>(link % 2 == 0 ? SphereMesh(1) : BoxMesh({2, 2, 2}));
-    for (Vector3d& vertex : mesh->vertices) {
-      vertex = vertex.cwiseProduct(size).eval();
-      vertex.x() += 2 * vertex.z() * vertex.z();
-    }
-    robot = robot.WithBody(link, {.shape = MeshShape{"body.stl", mesh},
-                                  .link_from_shape = RandomPose(random, {0.1, 0, 0}),
-                                  .colour = {}});
-  }
-  return robot;
-}
 
 // A point of the true surface, in the shape's frame.
 Vector3d PointOf(Random& random, const Shape& shape) {
@@ -65,34 +40,6 @@ Vector3d PointOf(Random& random, const Shape& shape) {
   }
   if (const auto* mesh = std::get_if<MeshShape>(&shape)) return SurfacePoint(random, *mesh->mesh);
   return SurfacePoint(random, Tessellate(shape));
-}
-
-std::vector<double> RandomPositions(Random& random, const RobotModel& robot) {
-  std::vector<double> positions;
-  for (const RobotJoint& joint : robot.joints()) {
-    positions.push_back(Uniform(random, joint.lower, joint.upper));
-  }
-  return positions;
-}
-
-// A camera of random lens that looks at the robot from a random side.
-CameraModel CameraAbout(Random& random) {
-  const Vector3d centre = Vector3d(0, 0, 0.8) + Uniform(random, 1.8, 4.5) * RandomDirection(random);
-  const Vector3d along = (Vector3d(0, 0, 0.8) - centre).normalized();
-  Eigen::Matrix3d world_from_camera;
-  world_from_camera.col(2) = along;
-  world_from_camera.col(0) = along.cross(RandomDirection(random)).normalized();
-  world_from_camera.col(1) = along.cross(world_from_camera.col(0));
-  Isometry3d pose = Isometry3d::Identity();
-  pose.linear() = world_from_camera;
-  pose.translation() = centre;
-  return RandomCamera(random, pose.inverse());
-}
-
-KinematicChain ChainOf(const RobotModel& robot) {
-  std::vector<std::string> moving;
-  for (const RobotJoint& joint : robot.joints()) moving.push_back(joint.name);
-  return robot.ChainOf(moving, {}).value();
 }
 
 struct Tally {
@@ -131,12 +78,6 @@ void Compare(Random& random, const RobotModel& robot, const DrawnRobot& drawn, i
     tally.drawn += mask.Count();
     for (const bool set : touched) tally.touched += set ? 1 : 0;
   }
-}
-
-DrawnRobot Drawn(const RobotModel& robot, std::vector<PartDrawer> views) {
-  PartSettings settings;
-  settings.tolerance = kTolerance;
-  return {ChainOf(robot), RobotParts::Of(robot, settings).value().parts(), std::move(views)};
 }
 
 TEST(DrawnRobot, NoPixelOfTheRobotIsMissing) {

@@ -1,0 +1,113 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "calib/robot/drawing/motion_check.h"
+
+#include <algorithm>
+#include <cmath>
+#include <stdexcept>
+#include <vector>
+
+namespace silhouette {
+namespace {
+
+// By part, how far a point of it moves at most from one end to the other.
+std::vector<double> Displacements(const DrawnRobot& robot, std::span<const double> from,
+                                  std::span<const double> to) {
+  const size_t joints = robot.chain().joints().size();
+  if (from.size() != joints || to.size() != joints) {
+    throw std::invalid_argument("not a value for each joint");
+  }
+  std::vector<double> moved(robot.parts().size());
+  for (size_t joint = 0; joint < joints; ++joint) {
+    const double by = std::abs(to[joint] - from[joint]);
+    if (!std::isfinite(by)) throw std::invalid_argument("a joint value is not finite");
+    for (size_t part = 0; part < moved.size(); ++part) {
+      moved[part] += by * robot.Lever(part, joint);
+    }
+  }
+  return moved;
+}
+
+class MotionHalver {
+ public:
+  MotionHalver(const DrawnRobot& robot, std::span<const double> from, std::span<const double> to,
+               double resolution,
+               const std::function<bool(std::span<const double> q, Growth growth)>& is_free)
+      : from_(from),
+        to_(to),
+        resolution_(resolution),
+        is_free_(is_free),
+        moved_(Displacements(robot, from, to)),
+        farthest_(std::ranges::max(moved_)),
+        q_(from.size()),
+        growth_(moved_.size()) {}
+
+  MotionCheck Check() {
+    result_.free = IsFree(0, 1);
+    return result_;
+  }
+
+ private:
+  void GoTo(double place) {
+    for (size_t j = 0; j < q_.size(); ++j) q_[j] = std::lerp(from_[j], to_[j], place);
+  }
+
+  bool IsProven(double first, double last) {
+    GoTo((first + last) / 2);
+    // A little more, for rounding.
+    const double share = (last - first) / 2 * (1 + 1e-9);
+    for (size_t part = 0; part < moved_.size(); ++part) growth_[part] = share * moved_[part];
+    ++result_.checks;
+    return is_free_(q_, growth_);
+  }
+
+  bool IsFreeAt(double place) {
+    if (place == known_free_) return true;
+    GoTo(place);
+    ++result_.checks;
+    if (!is_free_(q_, {})) {
+      result_.fraction = place;
+      return false;
+    }
+    known_free_ = place;
+    return true;
+  }
+
+  bool IsFree(double first, double last) {
+    if (IsProven(first, last)) return true;
+    const double middle = (first + last) / 2;
+    // Numbers have no middle any more if the motion is astronomic.
+    if ((last - first) * farthest_ > resolution_ && first < middle && middle < last) {
+      return IsFree(first, middle) && IsFree(middle, last);
+    }
+    result_.sampled_step = std::max(result_.sampled_step, (last - first) / 2 * farthest_);
+    return IsFreeAt(first) && IsFreeAt(middle) && IsFreeAt(last);
+  }
+
+  std::span<const double> from_;
+  std::span<const double> to_;
+  double resolution_;
+  const std::function<bool(std::span<const double> q, Growth growth)>& is_free_;
+  std::vector<double> moved_;  // by part, metres, all along
+  double farthest_;
+  std::vector<double> q_;
+  std::vector<double> growth_;
+  double known_free_ = -1;  // the last place found free, ungrown
+  MotionCheck result_;
+};
+
+}  // namespace
+
+MotionCheck CheckMotion(
+    const DrawnRobot& robot, std::span<const double> from, std::span<const double> to,
+    double resolution,
+    const std::function<bool(std::span<const double> q, Growth growth)>& is_free) {
+  if (!(resolution > 0)) throw std::invalid_argument("a resolution is above 0");
+  return MotionHalver(robot, from, to, resolution, is_free).Check();
+}
+
+double GreatestDisplacement(const DrawnRobot& robot, std::span<const double> from,
+                            std::span<const double> to) {
+  return std::ranges::max(Displacements(robot, from, to));
+}
+
+}  // namespace silhouette

@@ -1,0 +1,187 @@
+// SPDX-License-Identifier: Apache-2.0
+// Answers of DrawnChecker, compared with masks that are drawn whole and intersected.
+#include "calib/robot/drawing/drawn_checker.h"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <memory>
+#include <optional>
+#include <stdexcept>
+#include <utility>
+#include <vector>
+
+#include "tests/calib/robot/drawing/random_robots.h"
+#include "tests/calib/robot/drawing/random_views.h"
+#include "tests/random.h"
+
+namespace silhouette {
+namespace {
+
+// A few balls, a lone pixel, noise, nothing, or all.
+Mask RandomPlane(Random& random, MaskSize size) {
+  switch (random() % 6) {
+    case 0:
+      return Mask(size);
+    case 1:
+      return ~Mask(size);
+    case 2:
+      return Mask::FromPredicate(size, [&](int, int) { return random() % 200 == 0; });
+    case 3: {
+      const int x = static_cast<int>(random() % static_cast<size_t>(size.width));
+      const int y = static_cast<int>(random() % static_cast<size_t>(size.height));
+      return Mask::FromPredicate(size, [&](int u, int v) { return u == x && v == y; });
+    }
+    default: {
+      const double x = Uniform(random, 0, size.width);
+      const double y = Uniform(random, 0, size.height);
+      const double radius = Uniform(random, 1, 0.3 * size.width);
+      return Mask::FromPredicate(size,
+                                 [&](int u, int v) { return std::hypot(u - x, v - y) < radius; });
+    }
+  }
+}
+
+// By part, each its own.
+std::vector<double> RandomGrowth(Random& random, const DrawnRobot& robot) {
+  std::vector<double> growth(robot.parts().size());
+  for (double& part : growth) part = random() % 3 == 0 ? 0 : Uniform(random, 0, 0.2);
+  return growth;
+}
+
+std::shared_ptr<const DrawnRobot> RobotOf(const RobotModel& model, Random& random) {
+  std::vector<PartDrawer> views;
+  for (int view = 0; view < 4; ++view) {
+    views.emplace_back(CameraAbout(random), RandomMaskSize(random));
+  }
+  return std::make_shared<const DrawnRobot>(Drawn(model, std::move(views)));
+}
+
+// What DrawnChecker promises, the long way.
+int Reference(const DrawnRobot& robot, const std::vector<std::optional<Mask>>& planes,
+              const std::vector<double>& q, Growth growth) {
+  DrawingScratch scratch;
+  std::vector<Eigen::Isometry3d> poses;
+  robot.chain().Pose(q, poses);
+  int showing = 0;
+  for (size_t view = 0; view < planes.size(); ++view) {
+    std::vector<uint64_t> words(robot.views()[view].size().words());
+    robot.AddTouched(view, poses, growth, scratch, words);
+    if (!planes[view] || Intersects(planes[view]->words(), words)) ++showing;
+  }
+  return showing;
+}
+
+TEST(DrawnChecker, AnswersAsMasksDrawnWholeDo) {
+  Random random;
+  int answers[5] = {};
+  for (int trial = 0; trial < 12; ++trial) {
+    const RobotModel model = trial % 3 == 2 ? OfMeshes(random) : Rx130();
+    const auto robot = RobotOf(model, random);
+    DrawnCheckScratch scratch;
+    for (int scene = 0; scene < 4; ++scene) {
+      std::vector<std::optional<Mask>> planes;
+      for (const PartDrawer& view : robot->views()) {
+        planes.push_back(random() % 8 == 0 ? std::nullopt
+                                           : std::optional(RandomPlane(random, view.size())));
+      }
+      const DrawnChecker checker(robot, planes);
+      for (int i = 0; i < 15; ++i) {
+        const std::vector<double> q = RandomPositions(random, model);
+        const std::vector<double> grown = RandomGrowth(random, *robot);
+        const Growth growth = i % 2 == 0 ? Growth(grown) : Growth();
+        const int expected = Reference(*robot, planes, q, growth);
+        ++answers[expected];
+        for (int enough = 1; enough <= 5; ++enough) {
+          ASSERT_EQ(checker.Showing(q, growth, enough, scratch), std::min(enough, expected))
+              << "trial " << trial << ", scene " << scene << ", question " << i;
+        }
+      }
+    }
+  }
+  for (const int count : answers) EXPECT_GT(count, 20);
+}
+
+TEST(DrawnChecker, GrownRobotsShowNoFewerViews) {
+  Random random;
+  const RobotModel model = Rx130();
+  const auto robot = RobotOf(model, random);
+  DrawnCheckScratch scratch;
+  int more = 0;
+  for (int scene = 0; scene < 12; ++scene) {
+    std::vector<std::optional<Mask>> planes;
+    for (const PartDrawer& view : robot->views())
+      planes.push_back(RandomPlane(random, view.size()));
+    const DrawnChecker checker(robot, planes);
+    for (int i = 0; i < 10; ++i) {
+      const std::vector<double> q = RandomPositions(random, model);
+      std::vector<double> growth(robot->parts().size());
+      int before = checker.Showing(q, {}, 4, scratch);
+      for (int step = 0; step < 6; ++step) {
+        const int showing = checker.Showing(q, growth, 4, scratch);
+        if (step == 0) {
+          EXPECT_EQ(showing, before);
+        }
+        EXPECT_GE(showing, before) << "scene " << scene << ", step " << step;
+        more += showing - before;
+        before = showing;
+        for (double& part : growth) part += Uniform(random, 0, 0.05);
+      }
+    }
+  }
+  EXPECT_GT(more, 10);
+}
+
+TEST(DrawnChecker, MissingViewShowsAnObstacle) {
+  Random random;
+  const auto robot = RobotOf(Rx130(), random);
+  std::vector<std::optional<Mask>> planes;
+  for (const PartDrawer& view : robot->views()) planes.emplace_back(Mask(view.size()));
+  DrawnCheckScratch scratch;
+  const std::vector<double> q(6);
+  EXPECT_EQ(DrawnChecker(robot, planes).Showing(q, {}, 4, scratch), 0);
+  planes[1] = std::nullopt;
+  EXPECT_EQ(DrawnChecker(robot, planes).Showing(q, {}, 4, scratch), 1);
+  planes[3] = std::nullopt;
+  EXPECT_EQ(DrawnChecker(robot, planes).Showing(q, {}, 4, scratch), 2);
+  EXPECT_EQ(DrawnChecker(robot, planes).Showing(q, {}, 1, scratch), 1);
+}
+
+TEST(DrawnChecker, JointValuesThatAreNoNumbersShowInAllViews) {
+  Random random;
+  const auto robot = RobotOf(Rx130(), random);
+  std::vector<std::optional<Mask>> planes;
+  for (const PartDrawer& view : robot->views()) planes.emplace_back(Mask(view.size()));
+  const DrawnChecker checker(robot, planes);
+  DrawnCheckScratch scratch;
+  for (const double bad :
+       {std::numeric_limits<double>::quiet_NaN(), std::numeric_limits<double>::infinity()}) {
+    EXPECT_EQ(checker.Showing(std::vector<double>{0, 0, bad, 0, 0, 0}, {}, 4, scratch), 4);
+    EXPECT_EQ(checker.Showing(std::vector<double>{0, 0, 0, 0, 0, bad}, {}, 3, scratch), 3);
+  }
+}
+
+TEST(DrawnChecker, QuestionsThatCannotBeAreRefused) {
+  Random random;
+  const auto robot = RobotOf(Rx130(), random);
+  std::vector<std::optional<Mask>> planes(4);
+  EXPECT_THROW(DrawnChecker(nullptr, planes), std::invalid_argument);
+  EXPECT_THROW(DrawnChecker(robot, std::vector<std::optional<Mask>>(3)), std::invalid_argument);
+  planes[2] = Mask({7, 7});
+  EXPECT_THROW(DrawnChecker(robot, planes), std::invalid_argument);
+  planes[2] = Mask(robot->views()[2].size());
+  const DrawnChecker checker(robot, planes);
+  DrawnCheckScratch scratch;
+  const std::vector<double> q(6);
+  EXPECT_THROW(checker.Showing(q, {}, 0, scratch), std::invalid_argument);
+  EXPECT_THROW(checker.Showing(std::vector<double>(5), {}, 4, scratch), std::invalid_argument);
+  EXPECT_THROW(checker.Showing(q, std::vector<double>(2), 4, scratch), std::invalid_argument);
+  std::vector<double> shrunk(robot->parts().size());
+  shrunk.back() = -0.01;
+  EXPECT_THROW(checker.Showing(q, shrunk, 4, scratch), std::invalid_argument);
+}
+
+}  // namespace
+}  // namespace silhouette
