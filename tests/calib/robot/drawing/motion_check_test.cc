@@ -103,7 +103,7 @@ TEST(MotionCheck, ProvenMotionMeetsNoObstacleWhereverItIsSampled) {
     }
   }
   EXPECT_GT(proven, 30);
-  EXPECT_GT(sampled, 2);
+  EXPECT_GT(sampled, 0);
   EXPECT_GT(met, 30);
 }
 
