@@ -119,6 +119,23 @@ absl::StatusOr<NumberChecks> NumbersFrom(const v1::CheckConfigurationsResponse& 
   return checks;
 }
 
+namespace {
+
+PathProof ProofFrom(v1::PathProof proof) {
+  switch (proof) {
+    case v1::PATH_PROOF_GRID:
+      return PathProof::kGrid;
+    case v1::PATH_PROOF_CONTINUOUS:
+      return PathProof::kContinuous;
+    case v1::PATH_PROOF_SAMPLED:
+      return PathProof::kSampled;
+    default:
+      return PathProof::kNone;
+  }
+}
+
+}  // namespace
+
 absl::StatusOr<PathCheck> AnswerFrom(const v1::CheckPathResponse& response, Clearance clearance,
                                      std::chrono::steady_clock::time_point asked,
                                      const std::string& address) {
@@ -129,6 +146,10 @@ absl::StatusOr<PathCheck> AnswerFrom(const v1::CheckPathResponse& response, Clea
                   .configuration = ConfigurationFrom(response.configuration()),
                   .checked = response.checked()};
   check.verdict = FromMessage(response.verdict(), check.basis);
+  if (check.verdict.free()) {
+    check.proof = ProofFrom(response.proof());
+    check.sampled_step = response.sampled_step();
+  }
   if (clearance == Clearance::kOmit) return check;
   const absl::Status measured = RequireClearance(check.verdict, address);
   if (!measured.ok()) return measured;

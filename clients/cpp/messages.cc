@@ -101,6 +101,7 @@ Basis FromMessage(const v1::Basis& basis, std::chrono::steady_clock::time_point 
   for (const v1::SceneDefect& defect : basis.defects()) {
     result.defects.push_back({FromMessage(defect.reason()), defect.message()});
   }
+  result.unverified_model = basis.unverified_model();
   if (basis.scene_id() == 0) return result;
   result.scene_time = FromMessage(basis.scene_time());
   result.scene_age = FromMessage(basis.scene_age());

@@ -199,7 +199,8 @@ void ClearanceMeter::Narrow(const TestedPlace& place,
   uint32_t squared = 0;
   if (place.verdict.free()) {
     // One that cannot be read any more may be anywhere.
-    const std::optional<RobotImages> robot = test_.TestRobotImages(place.configuration);
+    const std::optional<RobotImages> robot =
+        test_.TestRobotImages(place.configuration, place.growth);
     if (robot) squared = Squared(*robot, smallest ? smallest->squared : kInfinite);
   }
   if (smallest && squared >= smallest->squared) return;

@@ -2,7 +2,9 @@
 #include "server/collision/collision_checker.h"
 
 #include <algorithm>
+#include <array>
 #include <bit>
+#include <cmath>
 #include <stdexcept>
 
 #include "server/collision/collision_images.h"
@@ -80,7 +82,8 @@ ViewEvidence CountIn(const ObstacleImage& image, const TestRobot::View& robot) {
   return evidence;
 }
 
-Configuration Between(std::span<const double> from, std::span<const double> to, double fraction) {
+Configuration PlaceOnWay(std::span<const double> from, std::span<const double> to,
+                         double fraction) {
   Configuration q(from.begin(), from.end());
   for (size_t j = 0; j < q.size(); ++j) q[j] += fraction * (to[j] - from[j]);
   return q;
@@ -108,6 +111,21 @@ CollisionChecker::CollisionChecker(const RobotImageTable& table,
   }
   if (IsCalibrated(policy.preset)) PrepareLines(policy, support);
   if (IsSound(policy.preset)) CheckSpace(policy, support);
+  if (!IsCalibrated(policy.preset) && !IsSound(policy.preset)) TakePrepared(support);
+}
+
+void CollisionChecker::TakePrepared(const TestSupport& support) {
+  // Where a view is missing, what is occupied may be hidden_possible.
+  if (support.drawn == nullptr || missing_views_ > 0) return;
+  if (&support.drawn->robot() != table_.drawn().get()) return;  // prepared for another one
+  drawn_ = support.drawn;
+  always_hiding_ = true;
+  for (int view = 0; view < table_.views(); ++view) {
+    const ObstacleImage& image = *obstacle_images_[static_cast<size_t>(view)];
+    const MaskWords always = table_.permanent(view).words();
+    always_hiding_ = always_hiding_ && (Intersects(image.unknown().words(), always) ||
+                                        Intersects(image.error().words(), always));
+  }
 }
 
 void CollisionChecker::CheckSpace(const Policy& policy, const TestSupport& support) {
@@ -170,18 +188,90 @@ Reason CollisionChecker::Unusable(Numbers corners) const {
   return missing ? Reason::kRobotImageMissing : Reason::kNone;
 }
 
-Verdict CollisionChecker::Judge(Numbers corners, const Asked& asked,
-                                std::span<ViewEvidence> evidence) const {
+// The grid cell with some corners, as CornersAround orders them; one corner: that configuration.
+class CollisionChecker::Cell {
+ public:
+  Cell(const ConfigurationGrid& grid, Numbers corners)
+      : joints_(static_cast<size_t>(grid.dimensions())) {
+    const GridIndex low = grid.IndexOf(corners.front()).value();
+    const GridIndex high = grid.IndexOf(corners.back()).value();
+    for (size_t j = 0; j < joints_; ++j) {
+      const GridJoint& joint = grid.joints()[j];
+      const bool last = !joint.continuous && joint.steps > 1 && low[j] == joint.steps - 1;
+      from_[j] = last ? joint.upper : joint.lower + low[j] * joint.step();
+      to_[j] = from_[j];
+      if (high[j] != low[j]) to_[j] += joint.step();  // round the turn, too
+    }
+  }
+
+  Between whole() const { return {{from_.data(), joints_}, {to_.data(), joints_}}; }
+
+ private:
+  size_t joints_;
+  std::array<double, kMaxJoints> from_{};
+  std::array<double, kMaxJoints> to_{};
+};
+
+void CollisionChecker::BeginEvidence(std::span<ViewEvidence> evidence) const {
   if (!evidence.empty() && evidence.size() != obstacle_images_.size()) {
     throw std::invalid_argument("there must be one evidence per view, or none");
   }
   for (size_t view = 0; view < evidence.size(); ++view) {
     evidence[view] = ViewEvidence{.missing = !obstacle_images_[view]};
   }
+}
+
+Verdict CollisionChecker::Judge(Numbers corners, const Between& part,
+                                std::span<ViewEvidence> evidence) const {
+  BeginEvidence(evidence);
   const Reason unusable = corners.empty() ? Reason::kOutsideGrid : Unusable(corners);
   if (unusable != Reason::kNone) return Verdict::Unknown(unusable);
   thread_local TestRobot test_robot;
-  if (!test_robot.Take(table_, corners)) return Verdict::Unknown(Reason::kRobotImageCorrupt);
+  if (!test_robot.Take(table_, corners)) {
+    return Verdict::Unknown(table_.drawn() ? Reason::kInternal : Reason::kRobotImageCorrupt);
+  }
+  if (possible_space_ == nullptr) return JudgeTaken(test_robot, /*grown=*/false, {}, evidence);
+  const Cell cell(table_.grid(), corners);
+  const Between& places = part.from.empty() ? cell.whole() : part;
+  return JudgeTaken(test_robot, /*grown=*/false, {cell.whole(), places}, evidence);
+}
+
+Verdict CollisionChecker::JudgeDrawn(std::span<const double> q, Growth growth, const Between& part,
+                                     const Between& places,
+                                     std::span<ViewEvidence> evidence) const {
+  BeginEvidence(evidence);
+  switch (table_.StateBetween(places.from, places.to)) {
+    case RobotImageState::kPresent:
+      break;
+    case RobotImageState::kExcluded:
+      return Verdict::Unknown(Reason::kExcluded);
+    default:
+      return Verdict::Unknown(Reason::kOutsideGrid);
+  }
+  thread_local TestRobot test_robot;
+  try {
+    if (drawn_ != nullptr && evidence.empty()) {
+      if (const std::optional<Verdict> verdict = JudgePrepared(q, growth)) return *verdict;
+    }
+    test_robot.Draw(table_, q, growth);
+  } catch (const std::exception&) {
+    return Verdict::Unknown(Reason::kInternal);
+  }
+  return JudgeTaken(test_robot, !growth.empty(), {part, part}, evidence);
+}
+
+std::optional<Verdict> CollisionChecker::JudgePrepared(std::span<const double> q,
+                                                       Growth growth) const {
+  thread_local DrawnCheckScratch scratch;
+  const int showing = drawn_->Showing(q, growth, min_views_, scratch);
+  if (showing >= min_views_) return Verdict::Occupied(/*hidden_possible=*/false);
+  if (always_hiding_) return Verdict::Free(showing == 0 || !growth.empty());
+  if (showing > 0 && growth.empty()) return Verdict::Free(/*hidden_possible=*/false);
+  return std::nullopt;
+}
+
+Verdict CollisionChecker::JudgeTaken(const TestRobot& test_robot, bool grown, const Asked& asked,
+                                     std::span<ViewEvidence> evidence) const {
   int showing = missing_views_;
   bool hidden_possible = true;
   for (int view = 0; view < table_.views(); ++view) {
@@ -190,11 +280,12 @@ Verdict CollisionChecker::Judge(Numbers corners, const Asked& asked,
     const TestRobot::View robot = test_robot.view(view);
     const Look look = LookAt(image, ShownBy(view), robot);
     if (look.shown) ++showing;
-    hidden_possible = hidden_possible && look.hiding && !look.obstacle;
+    // What a grown robot touches, the robot may not.
+    hidden_possible = hidden_possible && look.hiding && (grown || !look.obstacle);
     if (!evidence.empty()) evidence[view] = CountIn(image, robot);
   }
   if (possible_space_ != nullptr) {
-    if (SomethingPossible(corners, test_robot, asked)) return Verdict::Occupied(hidden_possible);
+    if (SomethingPossible(test_robot, asked)) return Verdict::Occupied(hidden_possible);
     if (missing_views_ > 0) return Verdict::Unknown(Reason::kViewMissing);
     return Verdict::Free(/*hidden_possible=*/false);
   }
@@ -206,8 +297,7 @@ Verdict CollisionChecker::Judge(Numbers corners, const Asked& asked,
   return Verdict::Free(hidden_possible);
 }
 
-bool CollisionChecker::SomethingPossible(Numbers corners, const TestRobot& test_robot,
-                                         const Asked& asked) const {
+bool CollisionChecker::SomethingPossible(const TestRobot& test_robot, const Asked& asked) const {
   thread_local std::vector<uint64_t> room;
   thread_local std::vector<MaskWords> robot;
   room.resize(table_.words());
@@ -219,16 +309,14 @@ bool CollisionChecker::SomethingPossible(Numbers corners, const TestRobot& test_
   }
   PossibleSpace::MayTouch body;
   if (robot_may_touch_) {
-    body = [this, corners](const Eigen::AlignedBox3d& box) {
-      return robot_may_touch_(corners, box);
+    body = [this, &asked](const Eigen::AlignedBox3d& box) {
+      return robot_may_touch_(asked.robot.from, asked.robot.to, box);
     };
   }
   const bool possible = possible_space_->PlanesMeet(robot, min_views_, body) &&
                         (!voxels_decide_ || possible_space_->VoxelsMeet(robot, min_views_, body));
   if (!possible || !robot_may_meet_) return possible;
-  if (!asked.from.empty()) return robot_may_meet_(asked.from, asked.to);
-  const Configuration q = table_.grid().At(corners.front());
-  return robot_may_meet_(q, q);
+  return robot_may_meet_(asked.places.from, asked.places.to);
 }
 
 int CollisionChecker::ShowingAlongLines(const TestRobot& test_robot, int showing) const {
@@ -250,8 +338,9 @@ Verdict CollisionChecker::Check(std::span<const double> q, std::span<ViewEvidenc
   return CheckPart(q, {q, q}, evidence);
 }
 
-Verdict CollisionChecker::CheckPart(std::span<const double> q, const Asked& part,
+Verdict CollisionChecker::CheckPart(std::span<const double> q, const Between& part,
                                     std::span<ViewEvidence> evidence) const {
+  if (table_.drawn() != nullptr) return JudgeDrawn(q, {}, part, part, evidence);
   if (off_grid_ == OffGrid::kCell) {
     return Judge(table_.grid().CornersAround(q).numbers(), part, evidence);
   }
@@ -260,14 +349,15 @@ Verdict CollisionChecker::CheckPart(std::span<const double> q, const Asked& part
 }
 
 PathVerdict CollisionChecker::CheckPath(std::span<const Configuration> waypoints,
-                                        std::span<ViewEvidence> evidence,
-                                        const Tested& tested) const {
+                                        std::span<ViewEvidence> evidence, const Tested& tested,
+                                        double resolution) const {
   if (waypoints.empty()) throw std::invalid_argument("a path has at least one waypoint");
+  if (table_.drawn() != nullptr) return CheckDrawnPath(waypoints, resolution, evidence, tested);
   PathVerdict result;
   bool hidden_possible = false;
   // Whether the path ends here, because this place is not free.
   const auto stops_at = [&](const Configuration& q, size_t segment, double fraction,
-                            const Asked& part) {
+                            const Between& part) {
     ++result.checked;
     const Verdict verdict = CheckPart(q, part, {});
     if (tested) tested({q, static_cast<int>(segment), fraction, verdict});
@@ -300,11 +390,111 @@ PathVerdict CollisionChecker::CheckPath(std::span<const Configuration> waypoints
     while (const std::optional<double> place = places.Next()) {
       if (crossing) begin = *place;
       const double end = crossing ? *place : std::min(1.0, 2 * *place - begin);
-      const Configuration first = Between(waypoints[i], to, begin);
-      const Configuration last = Between(waypoints[i], to, end);
-      if (stops_at(Between(waypoints[i], to, *place), i, *place, {first, last})) return result;
+      const Configuration first = PlaceOnWay(waypoints[i], to, begin);
+      const Configuration last = PlaceOnWay(waypoints[i], to, end);
+      if (stops_at(PlaceOnWay(waypoints[i], to, *place), i, *place, {first, last})) return result;
       crossing = !crossing;
     }
+  }
+  result.verdict = Verdict::Free(hidden_possible);
+  return result;
+}
+
+namespace {
+
+// A segment of a path of a drawn robot.
+class DrawnSegment {
+ public:
+  DrawnSegment(const DrawnRobot& robot, std::span<const double> from, std::span<const double> to)
+      : from_(from), to_(to), low_(from.begin(), from.end()), high_(low_) {
+    for (size_t part = 0; part < robot.parts().size(); ++part) {
+      double moved = 0;
+      for (size_t j = 0; j < from.size(); ++j) {
+        moved += std::abs(to[j] - from[j]) * robot.Lever(part, j);
+      }
+      if (moved <= moved_) continue;
+      moved_ = moved;
+      part_ = part;
+    }
+  }
+
+  // Makes low() and high() the ends of the stretch about `q` in which the robot that is grown by
+  // this holds the robot, by how CheckMotion grows it.
+  void GoTo(std::span<const double> q, Growth growth) {
+    const double share = moved_ > 0 ? growth[part_] / moved_ : 1;
+    for (size_t j = 0; j < q.size(); ++j) {
+      const double by = share * (to_[j] - from_[j]);
+      const auto [least, most] = std::minmax(from_[j], to_[j]);
+      low_[j] = std::clamp(q[j] - by, least, most);
+      high_[j] = std::clamp(q[j] + by, least, most);
+    }
+  }
+  const Configuration& low() const { return low_; }
+  const Configuration& high() const { return high_; }
+
+  double FractionAt(std::span<const double> q) const {
+    size_t widest = 0;
+    for (size_t j = 0; j < q.size(); ++j) {
+      if (std::abs(to_[j] - from_[j]) > std::abs(to_[widest] - from_[widest])) widest = j;
+    }
+    const double way = to_[widest] - from_[widest];
+    return way == 0 ? 0 : std::clamp((q[widest] - from_[widest]) / way, 0.0, 1.0);
+  }
+
+ private:
+  std::span<const double> from_;
+  std::span<const double> to_;
+  double moved_ = 0;  // metres, of the part that moves farthest
+  size_t part_ = 0;
+  Configuration low_;
+  Configuration high_;
+};
+
+}  // namespace
+
+PathVerdict CollisionChecker::CheckDrawnPath(std::span<const Configuration> waypoints,
+                                             double resolution, std::span<ViewEvidence> evidence,
+                                             const Tested& tested) const {
+  PathVerdict result;
+  bool hidden_possible = false;
+  // Whether it is free.
+  const auto note = [&](std::span<const double> q, Growth growth, const Between& places,
+                        const Verdict& verdict, size_t segment, double fraction) {
+    if (!growth.empty() && !verdict.free()) return false;  // that proves nothing
+    if (tested) tested({q, static_cast<int>(segment), fraction, verdict, growth});
+    hidden_possible = hidden_possible || verdict.hidden_possible();
+    if (verdict.free()) return true;
+    if (!evidence.empty()) JudgeDrawn(q, {}, {q, q}, places, evidence);
+    result.verdict = verdict;
+    result.segment = static_cast<int>(segment);
+    result.fraction = fraction;
+    result.configuration.assign(q.begin(), q.end());
+    return false;
+  };
+  for (size_t i = 0; i < waypoints.size(); ++i) {
+    const Configuration& here = waypoints[i];
+    ++result.checked;
+    const Between place{here, here};
+    if (!note(here, {}, place, JudgeDrawn(here, {}, place, place, {}), i, 0)) return result;
+    if (i + 1 == waypoints.size()) break;
+    const Configuration& next = waypoints[i + 1];
+    // Beyond the limits, as its own turn will show.
+    if (table_.StateBetween(next, next) == RobotImageState::kMissing) continue;
+    DrawnSegment segment(*table_.drawn(), here, next);
+    const auto is_free = [&](std::span<const double> q, Growth growth) {
+      // A stretch that is sampled is the last that was not proven.
+      if (!growth.empty()) segment.GoTo(q, growth);
+      const Between places{segment.low(), segment.high()};
+      const Between part = growth.empty() ? Between{q, q} : places;
+      const Verdict verdict = JudgeDrawn(q, growth, part, places, {});
+      return note(q, growth, places, verdict, i, segment.FractionAt(q));
+    };
+    const MotionCheck motion = CheckMotion(*table_.drawn(), here, next, resolution, is_free);
+    result.checked += motion.checks;
+    result.sampled_step = std::max(result.sampled_step, motion.sampled_step);
+    if (motion.free) continue;
+    result.sampled_step = 0;
+    return result;
   }
   result.verdict = Verdict::Free(hidden_possible);
   return result;
@@ -320,7 +510,10 @@ State CollisionChecker::StateOf(ConfigurationNumber number) const {
 }
 
 bool CollisionChecker::Occupied(Numbers corners, const TestRobot& test_robot) const {
-  if (possible_space_ != nullptr) return SomethingPossible(corners, test_robot, {});
+  if (possible_space_ != nullptr) {
+    const Cell cell(table_.grid(), corners);
+    return SomethingPossible(test_robot, {cell.whole(), cell.whole()});
+  }
   int showing = missing_views_;
   for (int view = 0; view < table_.views() && showing < min_views_; ++view) {
     if (!obstacle_images_[view]) continue;
@@ -345,15 +538,24 @@ TileVerdicts CollisionChecker::CheckTile(uint64_t tile) const {
   return verdicts;
 }
 
-std::optional<std::vector<Mask>> CollisionChecker::TestRobotImages(
-    std::span<const double> q) const {
+std::optional<std::vector<Mask>> CollisionChecker::TestRobotImages(std::span<const double> q,
+                                                                   Growth growth) const {
+  TestRobot robot;
+  if (table_.drawn() != nullptr) {
+    if (table_.StateBetween(q, q) != RobotImageState::kPresent) return std::nullopt;
+    robot.Draw(table_, q, growth);
+    return ImagesOf(robot);
+  }
   const std::optional<ConfigurationNumber> nearest = table_.grid().Nearest(q);
   const CellCorners cell = table_.grid().CornersAround(q);
   Numbers corners = cell.numbers();
   if (off_grid_ == OffGrid::kNearest && nearest) corners = {&*nearest, 1};
   if (corners.empty() || Unusable(corners) != Reason::kNone) return std::nullopt;
-  TestRobot robot;
   if (!robot.Take(table_, corners)) return std::nullopt;
+  return ImagesOf(robot);
+}
+
+std::vector<Mask> CollisionChecker::ImagesOf(const TestRobot& robot) const {
   std::vector<Mask> images;
   for (int view = 0; view < table_.views(); ++view) {
     const MaskSize size = table_.mask_sizes()[static_cast<size_t>(view)];

@@ -10,6 +10,10 @@
 // The sound presets ask instead whether an obstacle could be where the robot would be
 // (possible_space.h); a view shows what is possible there. A configuration that they find free has
 // no place for an obstacle of the least size, so that it is never hidden_possible.
+//
+// A robot whose images are drawn is tested at exactly the joint values that are asked about. A
+// motion is free if the robot is that is grown by what it moves: no policy frees anything for a
+// larger robot image.
 #pragma once
 
 #include <array>
@@ -19,6 +23,8 @@
 #include <span>
 #include <vector>
 
+#include "calib/robot/drawing/drawn_checker.h"
+#include "calib/robot/drawing/motion_check.h"
 #include "db/mask/configuration_grid.h"
 #include "server/collision/collision_images.h"
 #include "server/collision/epipolar_bands.h"
@@ -49,6 +55,8 @@ struct PathVerdict {
   Configuration configuration;
   // Places tested, up to there.
   int64_t checked = 0;
+  // Free, and drawn: 0, or what MotionCheck::sampled_step is of a motion that is not proven.
+  double sampled_step = 0;
 };
 
 // A place of a path that was tested.
@@ -58,6 +66,8 @@ struct TestedPlace {
   int segment = 0;
   double fraction = 0;
   Verdict verdict;
+  // By how much the drawn robot was grown: the verdict holds for a part of the path.
+  Growth growth = {};
 };
 
 // What a test rests on beside the obstacle images, as far as its policy needs it.
@@ -68,12 +78,14 @@ struct TestSupport {
   const CollisionImages* resolved = nullptr;
   // Sound presets: where the scene's obstacles could be.
   const PossibleSpace* possible_space = nullptr;
+  // Drawn robots, presets that only count views: the scene's obstacle planes, if they are prepared.
+  const DrawnChecker* drawn = nullptr;
   // Sound presets, if the model of the robot holds all there is of it, tool and payload: whether it
-  // may touch a box anywhere in the grid cell with these corners, as CornersAround orders them; one
-  // corner: at that configuration. Links that are exactly where they are at present, all over the
-  // cell, may be left out: what they touched then, they would touch now.
-  using RobotMayTouch =
-      std::function<bool(std::span<const ConfigurationNumber>, const Eigen::AlignedBox3d&)>;
+  // may touch a box anywhere between two configurations, along each joint. Links that are exactly
+  // where they are at present, at all of them, may be left out: what they touched then, they would
+  // touch now.
+  using RobotMayTouch = std::function<bool(std::span<const double>, std::span<const double>,
+                                           const Eigen::AlignedBox3d&)>;
   RobotMayTouch robot_may_touch = nullptr;
   // Preset::kSound, under the same condition: whether the robot, which touches nothing where it
   // stands, may meet something possible on its straight way from there to any configuration
@@ -99,18 +111,20 @@ class CollisionChecker {
   Verdict Check(ConfigurationNumber number, std::span<ViewEvidence> evidence = {}) const;
 
   // Any configuration: joint values in the order of the grid. Off the grid, Policy::off_grid says
-  // what stands for it; with OffGrid::kCell a view shows what it shows at any corner.
+  // what stands for it; with OffGrid::kCell a view shows what it shows at any corner. A robot that
+  // is drawn stands for itself.
   Verdict Check(std::span<const double> q, std::span<ViewEvidence> evidence = {}) const;
 
   // A verdict holds for `q` alone, or for a path through it, not for all of its grid cell.
 
   // The path through the waypoints, at least one (else std::invalid_argument), joint values
-  // interpolated linearly and without wrapping. Exact: see segment_places.h. `evidence` is filled
-  // in only if the path is not free. `tested`: if it is one, called with every place that is
-  // tested, in their order.
+  // interpolated linearly and without wrapping. Exact: see segment_places.h; of a drawn robot,
+  // as CheckMotion has it, down to `resolution`, metres. `evidence` is filled in only if the path
+  // is not free. `tested`: if it is one, called with every place that is tested, in their order.
   using Tested = std::function<void(const TestedPlace&)>;
   PathVerdict CheckPath(std::span<const Configuration> waypoints,
-                        std::span<ViewEvidence> evidence = {}, const Tested& tested = {}) const;
+                        std::span<ViewEvidence> evidence = {}, const Tested& tested = {},
+                        double resolution = kMotionResolution) const;
 
   // All configurations of a tile of the grid.
   TileVerdicts CheckTile(uint64_t tile) const;
@@ -119,8 +133,10 @@ class CollisionChecker {
   const ConfigurationGrid& grid() const { return table_.grid(); }
 
   // The test robot images of `q`, one per view: what the verdict looked at. Nothing if a robot
-  // image that it takes is not there or cannot be read, or `q` is outside the grid.
-  std::optional<std::vector<Mask>> TestRobotImages(std::span<const double> q) const;
+  // image that it takes is not there or cannot be read, or `q` is outside the grid. `growth`: of a
+  // drawn robot.
+  std::optional<std::vector<Mask>> TestRobotImages(std::span<const double> q,
+                                                   Growth growth = {}) const;
   // That of one view.
   std::optional<Mask> TestRobotImage(int view, std::span<const double> q) const;
 
@@ -131,21 +147,41 @@ class CollisionChecker {
 
   void PrepareLines(const Policy& policy, const TestSupport& support);
   void CheckSpace(const Policy& policy, const TestSupport& support);
-  // The configurations that a test is asked about, between two along each joint. Empty: that of
-  // the grid at the only corner.
-  struct Asked {
+  void TakePrepared(const TestSupport& support);
+  std::vector<Mask> ImagesOf(const TestRobot& robot) const;
+  // Configurations between two, along each joint.
+  struct Between {
     std::span<const double> from{};
     std::span<const double> to{};
   };
+  // What a test is asked about: where the test robot may be, and, if it is less, which of that.
+  struct Asked {
+    Between robot;
+    Between places;
+  };
+  class Cell;
   // Check, for all of a part of a straight line within one grid cell.
-  Verdict CheckPart(std::span<const double> q, const Asked& part,
+  Verdict CheckPart(std::span<const double> q, const Between& part,
                     std::span<ViewEvidence> evidence) const;
-  // Whether something possible meets the robot at these corners.
-  bool SomethingPossible(Numbers corners, const TestRobot& test_robot, const Asked& asked) const;
+  PathVerdict CheckDrawnPath(std::span<const Configuration> waypoints, double resolution,
+                             std::span<ViewEvidence> evidence, const Tested& tested) const;
+  // Whether something possible meets the robot.
+  bool SomethingPossible(const TestRobot& test_robot, const Asked& asked) const;
   // The verdict on a configuration that is present; unknown, too, if its image cannot be read.
   State StateOf(ConfigurationNumber number) const;
   bool Occupied(Numbers corner, const TestRobot& test_robot) const;
-  Verdict Judge(Numbers corners, const Asked& asked, std::span<ViewEvidence> evidence) const;
+  // `part`: empty: the configuration of the grid at the only corner.
+  Verdict Judge(Numbers corners, const Between& part, std::span<ViewEvidence> evidence) const;
+  // The robot as it is drawn at `q`. `growth` holds it all over `part`; `places`: of which nothing
+  // may be forbidden.
+  Verdict JudgeDrawn(std::span<const double> q, Growth growth, const Between& part,
+                     const Between& places, std::span<ViewEvidence> evidence) const;
+  // The same by planes that are prepared; nothing: that does not decide.
+  std::optional<Verdict> JudgePrepared(std::span<const double> q, Growth growth) const;
+  // `grown`: the test robot is larger than at any place.
+  Verdict JudgeTaken(const TestRobot& test_robot, bool grown, const Asked& asked,
+                     std::span<ViewEvidence> evidence) const;
+  void BeginEvidence(std::span<ViewEvidence> evidence) const;
   // How many of the views, of which `showing` have an obstacle pixel in the intersection image,
   // show an obstacle once the lines are searched; counts on only while it matters.
   int ShowingAlongLines(const TestRobot& test_robot, int showing) const;
@@ -171,6 +207,9 @@ class CollisionChecker {
   TestSupport::RobotMayTouch robot_may_touch_;
   TestSupport::RobotMayMeet robot_may_meet_;
   bool voxels_decide_ = false;
+  const DrawnChecker* drawn_ = nullptr;  // set if it decides
+  // Whether every view has unknown or error pixels inside any test robot image.
+  bool always_hiding_ = false;
   int min_views_ = 1;
   int missing_views_ = 0;
   OffGrid off_grid_ = OffGrid::kCell;

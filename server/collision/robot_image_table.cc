@@ -19,12 +19,112 @@ RobotImageTable::RobotImageTable(ConfigurationGrid grid, std::vector<MaskSize> m
     if (!size.valid()) throw std::invalid_argument("a view's mask size is not valid");
     words_ += size.words();
   }
-  slots_.assign(grid_.number_limit(), kFirstMark);
-  present_sets_.resize(grid_.tiles());
+}
+
+namespace {
+
+std::vector<MaskSize> SizesOf(const std::shared_ptr<const DrawnRobot>& robot) {
+  if (robot == nullptr) throw std::invalid_argument("there must be a robot to draw");
+  std::vector<MaskSize> sizes;
+  for (const PartDrawer& view : robot->views()) sizes.push_back(view.size());
+  return sizes;
+}
+
+void RequireWithinLimits(const ConfigurationGrid& grid, const KinematicChain& chain) {
+  const auto same = [](const GridJoint& a, const ChainJoint& b) { return a.name == b.name; };
+  if (!std::ranges::equal(grid.joints(), chain.joints(), same)) {
+    throw std::invalid_argument("the grid's joints are not those that move the drawn robot");
+  }
+  GridIndex last{};
+  for (size_t j = 0; j < chain.joints().size(); ++j) last[j] = grid.joints()[j].steps - 1;
+  if (chain.Contains(grid.At(GridIndex{})) && chain.Contains(grid.At(last))) return;
+  throw std::invalid_argument("the grid goes beyond the limits of the robot's joints");
+}
+
+// Whether no joint moves a link.
+bool IsFixed(const KinematicChain& chain, size_t link) {
+  for (int at = static_cast<int>(link); at >= 0;
+       at = chain.links()[static_cast<size_t>(at)].parent) {
+    if (chain.links()[static_cast<size_t>(at)].joint >= 0) return false;
+  }
+  return true;
+}
+
+}  // namespace
+
+RobotImageTable RobotImageTable::Drawn(ConfigurationGrid grid,
+                                       std::shared_ptr<const DrawnRobot> robot,
+                                       Forbidden forbidden) {
+  RobotImageTable table(std::move(grid), SizesOf(robot));
+  RequireWithinLimits(table.grid_, robot->chain());
+  table.drawn_ = std::move(robot);
+  table.forbidden_ = std::move(forbidden);
+  table.present_sets_.resize(1);
+  table.counts_[static_cast<size_t>(RobotImageState::kPresent)] = table.grid_.size();
+  table.permanent_ = table.DrawnFixedParts();
+  for (const MaskSize size : table.mask_sizes_) table.covered_.push_back(~Mask(size));
+  return table;
+}
+
+std::vector<Mask> RobotImageTable::DrawnFixedParts() const {
+  std::vector<Eigen::Isometry3d> base_from_link;
+  drawn_->chain().Pose(grid_.At(GridIndex{}), base_from_link);
+  DrawingScratch scratch;
+  std::vector<Mask> masks;
+  for (const PartDrawer& view : drawn_->views()) {
+    std::vector<uint64_t> words(view.size().words());
+    for (const RobotPart& part : drawn_->parts()) {
+      if (!IsFixed(drawn_->chain(), part.moves_with)) continue;
+      view.AddTouched(base_from_link[part.moves_with], part.points, part.radius, scratch, words);
+    }
+    masks.push_back(Mask::FromWords(view.size(), std::move(words)));
+  }
+  return masks;
+}
+
+RobotImageState RobotImageTable::DrawnState(ConfigurationNumber number) const {
+  const std::optional<GridIndex> index = grid_.IndexOf(number);
+  if (!index) return RobotImageState::kMissing;
+  if (forbidden_ == nullptr) return RobotImageState::kPresent;
+  const Configuration q = grid_.At(*index);
+  return StateBetween(q, q);
+}
+
+RobotImageState RobotImageTable::StateBetween(std::span<const double> from,
+                                              std::span<const double> to) const {
+  const KinematicChain& chain = drawn_->chain();
+  if (!chain.Contains(from) || !chain.Contains(to)) return RobotImageState::kMissing;
+  for (int j = 0; j < grid_.dimensions(); ++j) {
+    const auto at = static_cast<size_t>(j);
+    if (!grid_.Place(j, from[at]) || !grid_.Place(j, to[at])) return RobotImageState::kMissing;
+  }
+  const bool excluded = forbidden_ != nullptr && forbidden_(from, to);
+  return excluded ? RobotImageState::kExcluded : RobotImageState::kPresent;
+}
+
+void RobotImageTable::Draw(std::span<const double> q, Growth growth,
+                           std::span<uint64_t> words) const {
+  thread_local DrawingScratch scratch;
+  thread_local std::vector<Eigen::Isometry3d> base_from_link;
+  drawn_->chain().Pose(q, base_from_link);
+  std::ranges::fill(words, uint64_t{0});
+  for (size_t view = 0; view < mask_sizes_.size(); ++view) {
+    const size_t count = mask_sizes_[view].words();
+    drawn_->AddTouched(view, base_from_link, growth, scratch, words.first(count));
+    words = words.subspan(count);
+  }
 }
 
 bool RobotImageTable::Read(ConfigurationNumber number, std::span<uint64_t> words) const {
-  if (!in_memory()) return reader_(number, words);
+  if (reader_ != nullptr) return reader_(number, words);
+  if (drawn_ != nullptr) {
+    try {
+      Draw(grid_.At(number), {}, words);
+      return true;
+    } catch (const std::exception&) {
+      return false;
+    }
+  }
   auto to = words.begin();
   for (int view = 0; view < views(); ++view) to = std::ranges::copy(image(view, number), to).out;
   return true;
@@ -54,6 +154,7 @@ uint64_t RobotImageTable::Count(RobotImageState state) const {
 RobotImageTable::Builder::Builder(ConfigurationGrid grid, std::vector<MaskSize> mask_sizes,
                                   uint64_t expected)
     : table_(std::move(grid), std::move(mask_sizes)), covered_(table_.words_, 0) {
+  HoldNothing();
   for (size_t view = 0; view < table_.images_.size(); ++view) {
     table_.images_[view].reserve(expected * table_.mask_sizes_[view].words());
   }
@@ -62,8 +163,14 @@ RobotImageTable::Builder::Builder(ConfigurationGrid grid, std::vector<MaskSize> 
 RobotImageTable::Builder::Builder(ConfigurationGrid grid, std::vector<MaskSize> mask_sizes,
                                   Reader reader)
     : table_(std::move(grid), std::move(mask_sizes)), covered_(table_.words_, 0) {
+  HoldNothing();
   if (reader == nullptr) throw std::invalid_argument("there must be a reader");
   table_.reader_ = std::move(reader);
+}
+
+void RobotImageTable::Builder::HoldNothing() {
+  table_.slots_.assign(table_.grid_.number_limit(), kFirstMark);
+  table_.present_sets_.resize(table_.grid_.tiles());
 }
 
 void RobotImageTable::Builder::RequireNew(ConfigurationNumber number) const {
@@ -146,6 +253,13 @@ bool TestRobot::Take(const RobotImageTable& table, std::span<const Configuration
     for (size_t i = 0; i < united_.size(); ++i) united_[i] |= read_[i];
   }
   return true;
+}
+
+void TestRobot::Draw(const RobotImageTable& table, std::span<const double> q, Growth growth) {
+  table_ = &table;
+  corners_ = {};
+  united_.resize(table.words());
+  table.Draw(q, growth, united_);
 }
 
 TestRobot::View TestRobot::view(int view) const {

@@ -1,17 +1,20 @@
 // SPDX-License-Identifier: Apache-2.0
 // All robot images of one generation of a database. A table holds them in memory, per view one
 // contiguous block; or it reads them whenever they are needed, from where they are stored, and
-// holds but a few bytes for each. Cannot be changed once built; read by any number of threads.
+// holds but a few bytes for each; or it draws them, on the grid and off it, and holds none. Cannot
+// be changed once built; read by any number of threads.
 #pragma once
 
 #include <array>
 #include <cstdint>
 #include <functional>
+#include <memory>
 #include <optional>
 #include <span>
 #include <utility>
 #include <vector>
 
+#include "calib/robot/drawing/drawn_robot.h"
 #include "db/index/place_set.h"
 #include "db/mask/configuration_grid.h"
 #include "db/mask/mask.h"
@@ -35,26 +38,48 @@ class RobotImageTable {
   // if that cannot be done, or not any more. Called by any number of threads.
   using Reader = std::function<bool(ConfigurationNumber number, std::span<uint64_t> words)>;
 
+  // Whether the robot must never be at some place between two configurations, whatever the way of
+  // its joints. Called by any number of threads.
+  using Forbidden = std::function<bool(std::span<const double> from, std::span<const double> to)>;
+
+  // A table that draws. All that is to be added to the robot, its tolerance among it, is in the
+  // radii of its parts. `forbidden`: null: nowhere. Throws std::invalid_argument if there is no
+  // robot, its joints are not those of the grid, in their order, or the grid goes beyond their
+  // limits.
+  static RobotImageTable Drawn(ConfigurationGrid grid, std::shared_ptr<const DrawnRobot> robot,
+                               Forbidden forbidden = nullptr);
+
   const ConfigurationGrid& grid() const { return grid_; }
   int views() const { return static_cast<int>(mask_sizes_.size()); }
   std::span<const MaskSize> mask_sizes() const { return mask_sizes_; }
 
   RobotImageState state(ConfigurationNumber number) const {
-    if (number >= slots_.size()) return RobotImageState::kMissing;
+    if (number >= slots_.size()) return drawn_ ? DrawnState(number) : RobotImageState::kMissing;
     const uint32_t slot = slots_[number];
     return slot < kFirstMark ? RobotImageState::kPresent
                              : static_cast<RobotImageState>(slot - kFirstMark);
   }
 
-  // Whether robot images are held in memory, and not read when they are needed.
-  bool in_memory() const { return reader_ == nullptr; }
+  // Whether robot images are held in memory, and not read or drawn when they are needed.
+  bool in_memory() const { return reader_ == nullptr && drawn_ == nullptr; }
+
+  // What is drawn; null for any other table.
+  const std::shared_ptr<const DrawnRobot>& drawn() const { return drawn_; }
+
+  // Drawn tables, both:
+  // What stands for all joint values between two, along each joint: kPresent, kExcluded where one
+  // may be forbidden, or kMissing where one is beyond the grid's or the robot's limits.
+  RobotImageState StateBetween(std::span<const double> from, std::span<const double> to) const;
+  // Draws the robot at exactly `q`, each part grown by `growth`, into `words`, as Read does. Memory
+  // is the thread's. Throws std::invalid_argument if it cannot be drawn.
+  void Draw(std::span<const double> q, Growth growth, std::span<uint64_t> words) const;
 
   // Words of a configuration's robot images in all views.
   size_t words() const { return words_; }
 
-  // Copies or reads the robot images of a configuration whose state is kPresent into `words`, which
-  // has just the room, one view after another. False if they cannot be read: then nothing is known
-  // of them. Tables in memory always can.
+  // Copies, reads or draws the robot images of a configuration whose state is kPresent into
+  // `words`, which has just the room, one view after another. False if that fails: then nothing is
+  // known of them. It does not in tables in memory.
   bool Read(ConfigurationNumber number, std::span<uint64_t> words) const;
 
   // The same as masks, one per view; nothing if they cannot be read.
@@ -66,16 +91,16 @@ class RobotImageTable {
     return {images_[static_cast<size_t>(view)].data() + slots_[number] * words, words};
   }
 
-  // The configurations of a tile of the grid whose state is kPresent.
-  const PlaceSet& present(uint64_t tile) const { return present_sets_[tile]; }
+  // The configurations of a tile of the grid whose state is kPresent; none of a table that draws.
+  const PlaceSet& present(uint64_t tile) const { return present_sets_[drawn_ ? 0 : tile]; }
 
-  // Number of configurations in a state.
+  // Number of configurations in a state; where a table draws, all of the grid's are kPresent.
   uint64_t Count(RobotImageState state) const;
 
   // The pixels that the robot covers in every configuration that is present; none if there is no
-  // such configuration.
+  // such configuration. Of a robot that is drawn, those that its fixed parts touch.
   const Mask& permanent(int view) const { return permanent_[static_cast<size_t>(view)]; }
-  // The pixels that it covers in any of them.
+  // The pixels that it covers in any of them. Of a robot that is drawn, all pixels.
   const Mask& covered(int view) const { return covered_[static_cast<size_t>(view)]; }
 
  private:
@@ -84,15 +109,19 @@ class RobotImageTable {
   static constexpr uint32_t kFirstMark = 0xfffffff0;
 
   RobotImageTable(ConfigurationGrid grid, std::vector<MaskSize> mask_sizes);
+  RobotImageState DrawnState(ConfigurationNumber number) const;
+  std::vector<Mask> DrawnFixedParts() const;
   std::vector<Mask> MasksOf(std::span<const uint64_t> words) const;
 
   ConfigurationGrid grid_;
   std::vector<MaskSize> mask_sizes_;
   size_t words_ = 0;
-  Reader reader_;  // null: images are in memory
+  Reader reader_;  // null: images are in memory, or drawn
+  std::shared_ptr<const DrawnRobot> drawn_;
+  Forbidden forbidden_;
   std::vector<uint32_t> slots_;
   std::vector<std::vector<uint64_t>> images_;  // per view, if in memory
-  std::vector<PlaceSet> present_sets_;         // by tile
+  std::vector<PlaceSet> present_sets_;         // by tile; a single one if images are drawn
   std::vector<Mask> permanent_;
   std::vector<Mask> covered_;
   std::array<uint64_t, 5> counts_{};  // by state; not of what is missing
@@ -121,6 +150,7 @@ class RobotImageTable::Builder {
   RobotImageTable Build() &&;
 
  private:
+  void HoldNothing();
   void RequireNew(ConfigurationNumber number) const;
 
   RobotImageTable table_;
@@ -130,7 +160,7 @@ class RobotImageTable::Builder {
 };
 
 // The test robot images of one test: in every view the union of the robot images at the corners of
-// a grid cell.
+// a grid cell, or the robot as it is drawn.
 // For one thread, test after test: where images are read, they come into memory that is used again.
 class TestRobot {
  public:
@@ -138,6 +168,10 @@ class TestRobot {
   // state is kPresent; both must outlive what is done with it. False if one of them cannot be read:
   // nothing is known then.
   bool Take(const RobotImageTable& table, std::span<const ConfigurationNumber> corners);
+
+  // Takes the robot as the table draws it at `q`, each part grown by `growth`. The table must
+  // outlive what is done with it. Throws as RobotImageTable::Draw does.
+  void Draw(const RobotImageTable& table, std::span<const double> q, Growth growth);
 
   // The test robot image of a view, as it is looked at word by word. Refers to the TestRobot until
   // it takes the next.
@@ -162,7 +196,7 @@ class TestRobot {
  private:
   const RobotImageTable* table_ = nullptr;
   std::span<const ConfigurationNumber> corners_;
-  // If images are not in memory: the union of those that were read, one view after another.
+  // If images are not in memory: the union of those read or drawn, one view after another.
   std::vector<uint64_t> united_;
   std::vector<uint64_t> read_;
 };

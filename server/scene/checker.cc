@@ -21,8 +21,9 @@ Reason BlockedReason(const Served& served, const SceneSettings& settings, const 
   return scene.Blocked();
 }
 
-bool RestsOnCalibration(const Policy& policy) {
-  return IsCalibrated(policy.preset) || IsSound(policy.preset);
+bool RestsOnCalibration(const ServedDatabase& database, const Policy& policy) {
+  return database.robot_images().drawn() != nullptr || IsCalibrated(policy.preset) ||
+         IsSound(policy.preset);
 }
 
 Reason CalibrationReason(const Served& served, const Moment& now) {
@@ -36,7 +37,7 @@ Reason CalibrationReason(const Served& served, const Moment& now) {
 Reason BlockedReason(const Served& served, const Policy& policy, const SceneSettings& settings,
                      const Moment& now) {
   const Reason blocked = BlockedReason(served, settings, now);
-  if (blocked != Reason::kNone || !RestsOnCalibration(policy)) return blocked;
+  if (blocked != Reason::kNone || !RestsOnCalibration(*served.database, policy)) return blocked;
   return CalibrationReason(served, now);
 }
 
@@ -47,7 +48,7 @@ absl::Duration ValidFor(const Served& served, const Policy& policy, const SceneS
   for (const AllowedRegion& region : served.regions->regions) {
     valid = std::min(valid, region.end - now.running);
   }
-  if (served.trust != nullptr && RestsOnCalibration(policy)) {
+  if (served.trust != nullptr && RestsOnCalibration(*served.database, policy)) {
     valid = std::min(valid, served.trust->until - now.running);
   }
   return valid;
@@ -78,6 +79,11 @@ std::vector<std::optional<Mask>> AllowedPixels(const Served& served) {
 
 TestSupport SupportFor(const Served& served, const Policy& policy) {
   TestSupport support{.bands = served.database->bands()};
+  const std::shared_ptr<const DrawnRobot>& drawn = served.database->robot_images().drawn();
+  if (drawn != nullptr && !IsCalibrated(policy.preset) && !IsSound(policy.preset)) {
+    support.drawn = &served.scene->drawn.Get(
+        [&] { return DrawnChecker(drawn, ObstaclePlanes(served.scene->obstacle_images)); });
+  }
   if (policy.preset == Preset::kPaperCalibrated) {
     support.resolved = &served.scene->resolved.Get(
         [&] { return ResolvedObstacleImages(served.scene->obstacle_images, *support.bands); });
@@ -129,7 +135,7 @@ Verdict Checker::Check(std::span<const double> q, std::span<ViewEvidence> eviden
 
 PathVerdict Checker::CheckPath(std::span<const Configuration> waypoints,
                                std::span<ViewEvidence> evidence, std::set<std::string>* regions,
-                               std::optional<PathClearance>* clearance) const {
+                               std::optional<PathClearance>* clearance, double resolution) const {
   if (waypoints.empty()) throw std::invalid_argument("a path has at least one waypoint");
   if (blocked_ != Reason::kNone || !test_) {
     PathVerdict result;
@@ -138,14 +144,17 @@ PathVerdict Checker::CheckPath(std::span<const Configuration> waypoints,
     return result;
   }
   if (served_.regions->regions.empty()) regions = nullptr;
-  if (regions == nullptr && clearance == nullptr) return test_->CheckPath(waypoints, evidence);
+  if (regions == nullptr && clearance == nullptr) {
+    return test_->CheckPath(waypoints, evidence, {}, resolution);
+  }
   const std::optional<ClearanceMeter> meter = clearance != nullptr ? Clearances() : std::nullopt;
-  const PathVerdict path = test_->CheckPath(waypoints, evidence, [&](const TestedPlace& place) {
+  const auto look = [&](const TestedPlace& place) {
     if (meter) meter->Narrow(place, *clearance);
     if (regions == nullptr) return;
-    const std::vector<std::string> names = RegionsAt(place.configuration);
+    const std::vector<std::string> names = RegionsAt(place.configuration, place.growth);
     regions->insert(names.begin(), names.end());
-  });
+  };
+  const PathVerdict path = test_->CheckPath(waypoints, evidence, look, resolution);
   if (meter && !path.verdict.free()) meter->Measure(path.configuration, path.verdict, evidence);
   return path;
 }
@@ -195,14 +204,14 @@ CollisionImages Checker::CollisionImagesAt(std::span<const double> q) const {
   return CalibratedCollisionImages(intersections, *served_.database->bands());
 }
 
-std::vector<std::string> Checker::RegionsAt(std::span<const double> q) const {
+std::vector<std::string> Checker::RegionsAt(std::span<const double> q, Growth growth) const {
   // These look beyond the test robot image.
   if (policy_.preset == Preset::kPaperCalibrated || IsSound(policy_.preset)) {
     return RegionsIn(served_, policy_);
   }
   std::vector<std::string> names;
   if (served_.scene == nullptr || served_.scene->region_effects.empty()) return names;
-  const auto images = test_ ? test_->TestRobotImages(q) : std::nullopt;
+  const auto images = test_ ? test_->TestRobotImages(q, growth) : std::nullopt;
   if (!images) return names;
   const std::vector<std::optional<Mask>> robot(images->begin(), images->end());
   for (const RegionEffect& effect : served_.scene->region_effects) {

@@ -39,7 +39,8 @@ class Checker {
   PathVerdict CheckPath(std::span<const Configuration> waypoints,
                         std::span<ViewEvidence> evidence = {},
                         std::set<std::string>* regions = nullptr,
-                        std::optional<PathClearance>* clearance = nullptr) const;
+                        std::optional<PathClearance>* clearance = nullptr,
+                        double resolution = kMotionResolution) const;
 
   // Measures the clearances of configurations; nothing where all verdicts are unknown. Refers to
   // this, which must stay where it is.
@@ -56,8 +57,8 @@ class Checker {
 
   // The names of the allowed regions without which the verdict on `q` might be another: those that
   // took obstacle pixels away inside its test robot image; all that took any away, if the policy
-  // looks beyond that image.
-  std::vector<std::string> RegionsAt(std::span<const double> q) const;
+  // looks beyond that image. `growth`: of a drawn robot.
+  std::vector<std::string> RegionsAt(std::span<const double> q, Growth growth = {}) const;
 
  private:
   // CollisionImagesAt for the sound presets.
@@ -80,8 +81,8 @@ TestSupport SupportFor(const Served& served, const Policy& policy);
 // The distances that clearances are measured with, kept by the scene. `support`: SupportFor these.
 const DistanceImages& DistancesFor(const Served& served, const TestSupport& support);
 
-// Whether verdicts under the policy rest on the calibration.
-bool RestsOnCalibration(const Policy& policy);
+// Whether verdicts under the policy rest on the calibration: all do on robot images that are drawn.
+bool RestsOnCalibration(const ServedDatabase& database, const Policy& policy);
 
 // kCalibrationDoubtful if the calibration is checked, and not known to hold at the moment `now`;
 // kNone else.

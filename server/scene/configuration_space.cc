@@ -32,6 +32,7 @@ ConfigurationSpace::ConfigurationSpace(Served served, const Policy& policy)
 
 bool ConfigurationSpace::looked_up(uint64_t tile) const {
   if (!test_) return true;
+  if (served_.database->robot_images().drawn() != nullptr) return false;
   if (by_index_ && !by_index_->planes_decide()) return false;
   return served_.database->robot_images().present(tile).Empty() ||
          (by_index_ && served_.database->index()->Tile(tile) != nullptr);
@@ -75,7 +76,7 @@ ConfigurationSpace::Cells::Cells(const CollisionChecker& checker, const ServedDa
 
 bool ConfigurationSpace::WorkOutCells(std::span<const uint64_t> tiles,
                                       const std::function<bool()>& stop) const {
-  if (!test_) return true;
+  if (!HasCells()) return true;
   std::call_once(cells_once_, [this] {
     cells_ = std::make_unique<Cells>(*test_, *served_.database);
     cells_made_.store(true, std::memory_order_release);
@@ -83,13 +84,17 @@ bool ConfigurationSpace::WorkOutCells(std::span<const uint64_t> tiles,
   return cells_->free.WorkOut(tiles, stop);
 }
 
+bool ConfigurationSpace::HasCells() const {
+  return test_ && served_.database->robot_images().drawn() == nullptr;
+}
+
 bool ConfigurationSpace::cells_ready(uint64_t tile) const {
-  return !test_ || (cells_made_.load(std::memory_order_acquire) && cells_->free.ready(tile));
+  return !HasCells() || (cells_made_.load(std::memory_order_acquire) && cells_->free.ready(tile));
 }
 
 const PlaceSet& ConfigurationSpace::free_cells(uint64_t tile) const {
   static const PlaceSet none;
-  return test_ && cells_ready(tile) ? cells_->free.tile(tile) : none;
+  return HasCells() && cells_ready(tile) ? cells_->free.tile(tile) : none;
 }
 
 bool ConfigurationSpace::cells_exact() const {

@@ -66,8 +66,9 @@ class ConfigurationSpace {
               std::span<uint64_t> occupied) const;
 
   // Which grid cells are free off the grid (OffGrid::kCell), as cell_checker.h has it: what the
-  // whole map takes again, and only if it is asked for. As FreeCells::WorkOut; `tiles` and others
-  // are worked out, and the sets of cells_ready ones can be looked at.
+  // whole map takes again, and only if it is asked for. None of a robot that is drawn: its images
+  // at the corners say nothing of what is in between. As FreeCells::WorkOut; `tiles` and others are
+  // worked out, and the sets of cells_ready ones can be looked at.
   bool WorkOutCells(std::span<const uint64_t> tiles, const std::function<bool()>& stop) const;
   bool cells_ready(uint64_t tile) const;
   // The cells that begin at the configurations of a tile; none of one that is not ready.
@@ -86,6 +87,7 @@ class ConfigurationSpace {
   };
 
   TileVerdicts WorkOut(uint64_t tile) const;
+  bool HasCells() const;
 
   Served served_;
   // Nothing where all is unknown.

@@ -109,10 +109,36 @@ std::string WhyUnusable(const ServedDatabase& database, RobotImageState state) {
   }
 }
 
+// The robot as it is drawn at `q`; none, and a defect, if it cannot be there.
+std::vector<RobotCover> DrawnCoversAt(const ServedDatabase& database, const Configuration& q,
+                                      std::vector<SceneDefect>& defects) {
+  const RobotImageTable& images = database.robot_images();
+  const RobotImageState state = images.StateBetween(q, q);
+  if (state != RobotImageState::kPresent) {
+    const std::string place = absl::StrCat("the robot is at (", absl::StrJoin(q, ", "), "), ");
+    defects.push_back(state == RobotImageState::kExcluded
+                          ? SceneDefect{Reason::kRobotImageOfSceneMissing,
+                                        absl::StrCat(place, "which ", WhyUnusable(database, state))}
+                          : SceneDefect{Reason::kRobotPositionUnknown,
+                                        absl::StrCat(place,
+                                                     "outside the limits of its joints, or "
+                                                     "outside the grid; move it back")});
+    return {};
+  }
+  const std::vector<Mask> touched = images.drawn()->Touched(q);
+  const std::vector<Mask> covered = images.drawn()->Covered(q);
+  std::vector<RobotCover> covers;
+  for (size_t view = 0; view < touched.size(); ++view) {
+    covers.push_back({touched[view], touched[view] & covered[view]});
+  }
+  return covers;
+}
+
 // The robot images at the corners around `q`; none, and a defect, if one cannot be used.
 std::vector<RobotCover> CoversAt(const ServedDatabase& database, const Configuration& q,
                                  std::vector<SceneDefect>& defects) {
   const RobotImageTable& images = database.robot_images();
+  if (images.drawn() != nullptr) return DrawnCoversAt(database, q, defects);
   const std::string place = absl::StrCat("(", absl::StrJoin(q, ", "), ")");
   const CellCorners corners = database.grid().CornersAround(q);
   if (corners.count() == 0) {

@@ -18,7 +18,7 @@ namespace silhouette {
 std::vector<std::string> JointNames(const storage::v1::CellDescription& cell);
 
 // What the robot covers in one view at its present configuration, which is on a grid point or
-// somewhere in a grid cell: no pixel outside `anywhere`, every pixel of `certain`.
+// somewhere in a grid cell, or drawn: no pixel outside `anywhere`, every pixel of `certain`.
 struct RobotCover {
   Mask anywhere;
   Mask certain;

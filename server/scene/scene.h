@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "absl/time/time.h"
+#include "calib/robot/drawing/drawn_checker.h"
 #include "db/mask/mask.h"
 #include "db/store/schema.h"
 #include "server/collision/clearance.h"
@@ -72,6 +73,8 @@ struct Scene {
   MadeOnce<CollisionImages> resolved;
   MadeOnce<DistanceImages> to_obstacles;
   MadeOnce<DistanceImages> to_resolved;
+  // The same: the pixels that show obstacles, for a robot that is drawn.
+  MadeOnce<DrawnChecker> drawn;
   ScenePossibleSpace possible_space;
   // What allowed regions in force did to the obstacle images; empty in a scene as it was published.
   std::vector<RegionEffect> region_effects;

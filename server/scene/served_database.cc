@@ -151,6 +151,33 @@ absl::StatusOr<std::shared_ptr<const CollisionIndex>> LoadIndex(
   return usable ? index : nullptr;
 }
 
+// The robot images of a database whose only variant is the default one.
+absl::StatusOr<RobotImageTable> DrawRobotImages(const Database& database, const DrawnCell& cell,
+                                                const std::optional<Calibration>& calibration) {
+  if (!calibration || calibration->cameras.empty()) {
+    return absl::FailedPreconditionError(absl::StrCat(
+        "'", database.path(),
+        "': robot images can be drawn only with a calibration with camera models, which the "
+        "database does not have; import one with 'silhouette-db calibration import', or state "
+        "'images: captured' of the robot in the cell file"));
+  }
+  std::vector<std::string> moving;
+  for (const GridJoint& joint : database.grid().joints()) moving.push_back(joint.name);
+  std::vector<FixedJoint> fixed;
+  for (const auto& joint : database.cell().fixed_joints()) {
+    fixed.push_back({joint.name(), joint.position()});
+  }
+  absl::StatusOr<DrawnRobot> robot =
+      DrawnRobotOf(cell, moving, fixed, *calibration, database.mask_sizes());
+  if (!robot.ok()) {
+    return absl::Status(robot.status().code(),
+                        absl::StrCat("'", database.path(), "': its robot images cannot be drawn: ",
+                                     robot.status().message()));
+  }
+  return RobotImageTable::Drawn(
+      database.grid(), std::make_shared<const DrawnRobot>(*std::move(robot)), cell.forbidden);
+}
+
 std::vector<std::string> NamesOfViews(const storage::v1::CellDescription& cell) {
   std::vector<std::string> names;
   for (const storage::v1::View& view : cell.views()) names.push_back(view.name());
@@ -177,7 +204,9 @@ ServedDatabase::ServedDatabase(std::string variant, const Common& common,
       calibration_fingerprint_(common.calibration_fingerprint),
       bands_(common.bands),
       treatments_(common.treatments),
-      sound_(std::move(sound)) {}
+      sound_(std::move(sound)) {
+  unverified_model_ = robot_images_.drawn() != nullptr;
+}
 
 absl::StatusOr<ServedDatabase::Common> ServedDatabase::LoadCommon(
     const Database& database, const Snapshot& snapshot, const CalibrationSettings& settings,
@@ -210,14 +239,20 @@ absl::StatusOr<std::shared_ptr<ServedDatabase>> ServedDatabase::LoadVariant(
     const CalibrationSettings& settings, const std::optional<SoundCell>& sound,
     LoadSettings& load) {
   FixedJointsOfVariant joints{*common.fixed_joints, load.fixed_joint_tolerance, ""};
-  ASSIGN_OR_RETURN(RobotImageTable robot_images, LoadRobotImages(database, snapshot, load, joints));
+  absl::StatusOr<RobotImageTable> loaded =
+      load.drawn ? DrawRobotImages(database, *load.drawn, common.calibration)
+                 : LoadRobotImages(database, snapshot, load, joints);
+  ASSIGN_OR_RETURN(RobotImageTable robot_images, std::move(loaded));
   std::shared_ptr<const SoundBasis> sound_basis;
   if (sound && common.calibration && !common.calibration->cameras.empty()) {
     ASSIGN_OR_RETURN(auto made, SoundBasis::Make(*sound, database.cell(), robot_images,
                                                  *common.calibration, settings.margin));
     sound_basis = std::move(made);
   }
-  ASSIGN_OR_RETURN(auto index, LoadIndex(std::move(snapshot)));
+  std::shared_ptr<const CollisionIndex> index;
+  if (!load.drawn) {
+    ASSIGN_OR_RETURN(index, LoadIndex(std::move(snapshot)));
+  }
   return std::shared_ptr<ServedDatabase>(
       new ServedDatabase(database.variant(), common, std::move(robot_images),
                          std::move(joints.elsewhere), std::move(index), std::move(sound_basis)));
@@ -229,6 +264,15 @@ absl::StatusOr<std::shared_ptr<const ServedDatabase>> ServedDatabase::Load(
     const LoadSettings& load) {
   try {
     ASSIGN_OR_RETURN(std::vector<VariantState> variants, database.ReadVariants());
+    if (load.drawn && variants.size() > 1) {
+      return absl::FailedPreconditionError(absl::StrCat(
+          "'", database.path(),
+          "': a robot whose images are drawn is as its model has it, and the "
+          "database has the variant '",
+          variants[1].database->variant(),
+          "' as well; make a database for each tool, with a model of its own, or state 'images: "
+          "captured' of the robot in the cell file"));
+    }
     ASSIGN_OR_RETURN(const Common common,
                      LoadCommon(database, variants.front().snapshot, settings, treatments, load));
     LoadSettings left = load;

@@ -18,6 +18,7 @@
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
 #include "calib/camera/calibration.h"
+#include "calib/robot/drawn_cell.h"
 #include "capture/segmentation/image_condition.h"
 #include "capture/segmentation/reference.h"
 #include "db/store/collision_index.h"
@@ -70,6 +71,9 @@ struct LoadSettings {
   double fixed_joint_tolerance = 0.005;
   // In place of the database's own, for experiments: that it is of these cameras is not checked.
   std::optional<Calibration> calibration = std::nullopt;
+  // What robot images are drawn from, by the calibration; nothing: they are those that were
+  // captured. No verdict rests on captured ones then, nor on a collision index.
+  std::optional<DrawnCell> drawn = std::nullopt;
 };
 
 // Cannot be changed once loaded, but can be found damaged; used by any number of threads.
@@ -81,9 +85,10 @@ class ServedDatabase {
   // it is ever free. DataLoss: the database cannot be read as a
   // whole, or its calibration is damaged. InvalidArgument: its grid has more places than a
   // RobotImageTable can have, its calibration is none (two cameras at one place, a matrix that is
-  // not of rank 2), the margin is negative, or `treatments` (TreatmentsOf) or `sound`
-  // (SoundBasis::Make) cannot be. `sound`: what the sound presets are served with, where the
-  // calibration has camera models; nothing: they are not served.
+  // not of rank 2), the margin is negative, or `treatments` (TreatmentsOf), `sound`
+  // (SoundBasis::Make) or `load.drawn` (DrawnRobotOf) cannot be. FailedPrecondition: robot images
+  // are to be drawn, and there are no camera models, or several variants. `sound`: what the sound
+  // presets are served with, where the calibration has camera models; nothing: they are not served.
   static absl::StatusOr<std::shared_ptr<const ServedDatabase>> Load(
       const Database& database, const CalibrationSettings& settings = {},
       const TreatmentSettings& treatments = {},
@@ -105,7 +110,7 @@ class ServedDatabase {
   const storage::v1::CellDescription& cell() const { return cell_; }
   uint64_t generation() const { return generation_; }
   // In memory, or read from the file of the database, of which they hold one state then, as the
-  // collision index does.
+  // collision index does; or drawn.
   const RobotImageTable& robot_images() const { return robot_images_; }
   const ConfigurationGrid& grid() const { return robot_images_.grid(); }
 
@@ -113,6 +118,9 @@ class ServedDatabase {
   const std::string& view_name(int view) const { return cell_.views(view).name(); }
   // The view of this name; nothing if there is none.
   std::optional<int> ViewOf(const std::string& name) const;
+
+  // Whether robot images are drawn from a model that no captured ones were found to agree with.
+  bool unverified_model() const { return unverified_model_; }
 
   // Where the fixed joints stood when the robot images that are used were captured, those of all
   // variants, in the cell's order: within fixed_joint_tolerance of where the cell has them.
@@ -188,6 +196,7 @@ class ServedDatabase {
                  std::shared_ptr<const SoundBasis> sound);
 
   std::string variant_;
+  bool unverified_model_ = false;
   std::map<std::string, std::shared_ptr<const ServedDatabase>> other_variants_;
   storage::v1::CellDescription cell_;
   uint64_t generation_ = 0;

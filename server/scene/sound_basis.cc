@@ -76,9 +76,9 @@ absl::Status CheckNumbers(const SoundCell& sound) {
 }  // namespace
 
 SoundBasis::SoundBasis(const SoundCell& sound, const storage::v1::CellDescription& cell,
-                       const ConfigurationGrid& grid, std::vector<VoxelView> views)
+                       const RobotImageTable& robot_images, std::vector<VoxelView> views)
     : robot_(sound.robot),
-      grid_(grid),
+      grid_(robot_images.grid()),
       whole_model_(sound.settings.whole_model),
       space_(sound.workspace, sound.settings.least_obstacle, std::move(views),
              sound.settings.voxel_edge),
@@ -89,6 +89,9 @@ SoundBasis::SoundBasis(const SoundCell& sound, const storage::v1::CellDescriptio
                            .step = std::max(EdgeOf(sound.settings) / kStepsPerEdge, kLeastStep)}) {
   for (const auto& joint : cell.fixed_joints()) {
     fixed_joints_.push_back({joint.name(), joint.position()});
+  }
+  for (const GridJoint& joint : grid_.joints()) {
+    most_way_.push_back(robot_images.drawn() ? std::min(joint.step(), kDrawnWay) : joint.step());
   }
 }
 
@@ -111,7 +114,7 @@ absl::StatusOr<std::shared_ptr<const SoundBasis>> SoundBasis::Make(
       most_margin = std::max(most_margin, views.back().margin.maxCoeff());
     }
     const std::shared_ptr<SoundBasis> basis(
-        new SoundBasis(sound, cell, robot_images.grid(), std::move(views)));
+        new SoundBasis(sound, cell, robot_images, std::move(views)));
     const ResolutionInput resolution{.cameras = cameras,
                                      .margin = most_margin,
                                      .workspace = sound.workspace,
@@ -151,26 +154,21 @@ std::optional<std::vector<double>> SoundBasis::PositionsAt(const Configuration& 
   return Positions(there);
 }
 
-std::optional<PosedBody> SoundBasis::BodyIn(std::span<const ConfigurationNumber> corners) const {
-  const Configuration first = grid_.At(corners.front());
-  const Configuration last = grid_.At(corners.back());
-  const std::optional<std::vector<double>> lower = PositionsAt(first);
+std::optional<PosedBody> SoundBasis::BodyBetween(std::span<const double> from,
+                                                 std::span<const double> to) const {
+  const std::optional<std::vector<double>> lower = PositionsAt({from.begin(), from.end()});
   if (!lower) return std::nullopt;
-  if (corners.size() == 1) return body_.At(*lower);
-  Configuration beyond = first;
-  for (size_t j = 0; j < beyond.size(); ++j) {
-    if (last[j] != first[j]) beyond[j] += grid_.joints()[j].step();  // round the turn, too
-  }
-  const std::optional<std::vector<double>> upper = PositionsAt(beyond);
+  if (std::ranges::equal(from, to)) return body_.At(*lower);
+  const std::optional<std::vector<double>> upper = PositionsAt({to.begin(), to.end()});
   if (!upper) return std::nullopt;
   return body_.Between(*lower, *upper, space_.grid().edge() / 2);
 }
 
-// The body in one grid cell after the other.
+// The body at one place, or between two, after the other.
 struct TestBody {
   uint64_t owner = 0;
-  ConfigurationNumber first = 0;
-  ConfigurationNumber last = 0;
+  Configuration from = {};
+  Configuration to = {};
   PosedBody body;
   size_t hint = 0;
 
@@ -220,14 +218,16 @@ TestSupport::RobotMayTouch SoundBasis::RobotMayTouch(std::span<const JointPositi
   const std::optional<std::vector<double>> now = Positions(joints);
   if (!whole_model_ || !body_.open_links().empty() || !now) return nullptr;
   static std::atomic<uint64_t> last_owner = 0;
-  return [this, present = body_.At(*now), owner = ++last_owner](
-             std::span<const ConfigurationNumber> corners, const Eigen::AlignedBox3d& box) {
-    // A cell is asked about many boxes, by one thread.
+  return [this, present = body_.At(*now), owner = ++last_owner](std::span<const double> from,
+                                                                std::span<const double> to,
+                                                                const Eigen::AlignedBox3d& box) {
+    // A place is asked about many boxes, by one thread.
     thread_local TestBody test;
-    if (test.owner != owner || test.first != corners.front() || test.last != corners.back()) {
-      const std::optional<PosedBody> body = BodyIn(corners);
+    if (test.owner != owner || !std::ranges::equal(test.from, from) ||
+        !std::ranges::equal(test.to, to)) {
+      const std::optional<PosedBody> body = BodyBetween(from, to);
       if (!body) return true;
-      test = {owner, corners.front(), corners.back(), body->MovedFrom(present)};
+      test = {owner, {from.begin(), from.end()}, {to.begin(), to.end()}, body->MovedFrom(present)};
     }
     return test.MayTouch(box, present, kHalvings);
   };
@@ -237,10 +237,9 @@ std::optional<PosedBody> SoundBasis::BodyOnTheWay(std::span<const double> now,
                                                   std::span<const double> from,
                                                   std::span<const double> to) const {
   for (size_t i = 0; i < from.size(); ++i) {
-    const GridJoint& joint = grid_.joints()[i];
-    const double start = now[*robot_->JointIndex(joint.name)];
+    const double start = now[*robot_->JointIndex(grid_.joints()[i].name)];
     const double farthest = std::max(std::abs(from[i] - start), std::abs(to[i] - start));
-    if (!(farthest <= joint.step() + kSameJoint)) return std::nullopt;
+    if (!(farthest <= most_way_[i] + kSameJoint)) return std::nullopt;
   }
   const auto one = PositionsAt({from.begin(), from.end()});
   const auto other = PositionsAt({to.begin(), to.end()});

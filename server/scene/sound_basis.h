@@ -35,6 +35,10 @@ class SoundBasis {
   // Voxels that the workspace may have: what fits into memory.
   static constexpr double kMostVoxels = 1e8;
 
+  // How far the joints of a drawn robot, whose grid may have hardly a step, move at most on a way
+  // away from where it is: radians, metres. About a step of a grid of 10 cm.
+  static constexpr double kDrawnWay = 0.1;
+
   // `calibration` must have a camera model per view. `margin`: pixels of the masks by which its
   // projection may err. InvalidArgument: `sound` has a length that cannot be, or a least obstacle
   // so small that there would be more voxels than kMostVoxels.
@@ -57,27 +61,29 @@ class SoundBasis {
 
   // TestSupport::robot_may_touch while the robot stands at `joints`; null unless the model holds
   // the whole robot. What the robot does not touch now, it does not touch with the links that then
-  // stand as they stand now. In a grid cell it is RobotBody::Between its corners: a box that the
-  // robot touches at any place in the cell is found. Refers to this.
+  // stand as they stand now. Between two configurations it is RobotBody::Between them: a box that
+  // the robot touches at any place there is found. Refers to this.
   TestSupport::RobotMayTouch RobotMayTouch(std::span<const JointPosition> joints) const;
 
   // TestSupport::robot_may_meet while the robot stands at `joints`; null as above. `space`: of the
   // scene, and of this; must outlive it. A ball of the least obstacle that may be anywhere in space
   // is met only if a link moves towards it (PosedBody::MayMeet), an obstacle smaller than that if a
-  // link may touch it. For configurations up to one step of the grid away along each joint.
+  // link may touch it. For configurations up to one step of the grid away along each joint; of a
+  // robot that is drawn, no farther than kDrawnWay.
   TestSupport::RobotMayMeet RobotMayMeet(std::span<const JointPosition> joints,
                                          const PossibleSpace& space) const;
 
  private:
   SoundBasis(const SoundCell& sound, const storage::v1::CellDescription& cell,
-             const ConfigurationGrid& grid, std::vector<VoxelView> views);
+             const RobotImageTable& robot_images, std::vector<VoxelView> views);
 
   // The positions of the model's joints; nothing if one has no value.
   std::optional<std::vector<double>> Positions(std::span<const JointPosition> joints) const;
   // The same with the joints of the grid at `q`, the others as the cell has them.
   std::optional<std::vector<double>> PositionsAt(const Configuration& q) const;
-  // The body in a grid cell; nothing if a joint has no value.
-  std::optional<PosedBody> BodyIn(std::span<const ConfigurationNumber> corners) const;
+  // The body between two configurations; nothing if a joint has no value.
+  std::optional<PosedBody> BodyBetween(std::span<const double> from,
+                                       std::span<const double> to) const;
   // The body on its straight way from `now` to any configuration between the two; nothing if they
   // are more than a step of the grid away, or lie on either side of `now`.
   std::optional<PosedBody> BodyOnTheWay(std::span<const double> now, std::span<const double> from,
@@ -85,6 +91,7 @@ class SoundBasis {
 
   std::shared_ptr<const RobotModel> robot_;
   ConfigurationGrid grid_;
+  std::vector<double> most_way_;  // by joint of the grid, see RobotMayMeet
   std::vector<JointPosition> fixed_joints_;
   bool whole_model_ = false;
   double resolvable_obstacle_ = 0;

@@ -176,7 +176,9 @@ bool AnsweredAtOnce(const Serving& serving, const v1::CheckConfigurationsRequest
   const bool as_scene = request.variant().empty() && scene != nullptr;
   const ServedDatabase* database = whole->Variant(as_scene ? scene->variant : request.variant());
   if (database == nullptr) return true;
-  if (!database->robot_images().in_memory() && !request.configurations().empty()) return false;
+  const RobotImageTable& images = database->robot_images();
+  const bool reads = !images.in_memory() && images.drawn() == nullptr;
+  if (reads && !request.configurations().empty()) return false;
   // Under the sound presets even a few checks may take longer than look-ups.
   const absl::StatusOr<Policy> policy = PolicyFor(serving, request.policy(), *database);
   return !policy.ok() || !IsSound(policy->preset);
@@ -213,6 +215,50 @@ absl::Status Answer(Serving& serving, const v1::CheckConfigurationsRequest& requ
   return absl::OkStatus();
 }
 
+namespace {
+
+absl::StatusOr<double> PathResolutionOf(const v1::CheckPathRequest& request) {
+  if (!request.has_path_resolution()) return kMotionResolution;
+  const double resolution = request.path_resolution();
+  if (resolution >= kLeastPathResolution && resolution <= kMostPathResolution) return resolution;
+  return absl::InvalidArgumentError(absl::StrCat("path_resolution: it is ", resolution,
+                                                 " m; state ", kLeastPathResolution, " to ",
+                                                 kMostPathResolution, " m"));
+}
+
+// Whether a path can be answered for at once.
+absl::Status CheckLength(const ServedDatabase& database, std::span<const Configuration> waypoints,
+                         double resolution) {
+  if (const auto& robot = database.robot_images().drawn()) {
+    double way = 0;
+    for (size_t i = 1; i < waypoints.size(); ++i) {
+      if (robot->chain().Contains(waypoints[i - 1]) && robot->chain().Contains(waypoints[i])) {
+        way += GreatestDisplacement(*robot, waypoints[i - 1], waypoints[i]);
+      }
+    }
+    if (way / resolution <= kMaxPlaces / kCallsPerResolution) return absl::OkStatus();
+    return absl::InvalidArgumentError(
+        "waypoints: the path may take more than 1,000,000 checks; split it, or state a greater "
+        "path_resolution");
+  }
+  const double places = MostPlaces(database.grid(), waypoints);
+  if (!std::isfinite(places) || places <= kMaxPlaces) return absl::OkStatus();
+  return absl::InvalidArgumentError(
+      "waypoints: the path passes more than 1,000,000 places of the grid; split it");
+}
+
+void ProofToMessage(const ServedDatabase& database, const PathVerdict& path,
+                    v1::CheckPathResponse* response) {
+  if (database.robot_images().drawn() == nullptr) {
+    response->set_proof(v1::PATH_PROOF_GRID);
+    return;
+  }
+  response->set_proof(path.sampled_step > 0 ? v1::PATH_PROOF_SAMPLED : v1::PATH_PROOF_CONTINUOUS);
+  response->set_sampled_step(path.sampled_step);
+}
+
+}  // namespace
+
 absl::Status Answer(Serving& serving, const v1::CheckPathRequest& request,
                     v1::CheckPathResponse* response, absl::Duration* valid_for) {
   ASSIGN_OR_RETURN(const Checker checker, CheckerFor(serving, request.policy(), request.variant()));
@@ -222,16 +268,14 @@ absl::Status Answer(Serving& serving, const v1::CheckPathRequest& request,
   if (waypoints.empty()) {
     return absl::InvalidArgumentError("waypoints: a path has at least one");
   }
-  const double places = MostPlaces(database.grid(), waypoints);
-  if (std::isfinite(places) && places > kMaxPlaces) {
-    return absl::InvalidArgumentError(
-        "waypoints: the path passes more than 1,000,000 places of the grid; split it");
-  }
+  ASSIGN_OR_RETURN(const double resolution, PathResolutionOf(request));
+  RETURN_IF_ERROR(CheckLength(database, waypoints, resolution));
   std::vector<ViewEvidence> evidence(static_cast<size_t>(database.views()));
   std::set<std::string> touched;
   std::optional<PathClearance> narrowest;
-  const PathVerdict path = checker.CheckPath(waypoints, evidence, &touched,
-                                             request.include_clearance() ? &narrowest : nullptr);
+  const PathVerdict path =
+      checker.CheckPath(waypoints, evidence, &touched,
+                        request.include_clearance() ? &narrowest : nullptr, resolution);
   const Reason blocked =
       Conclude(serving, checker.served(), checker.policy(), response->mutable_basis(), valid_for);
   const Verdict verdict = Final(path.verdict, blocked);
@@ -248,6 +292,7 @@ absl::Status Answer(Serving& serving, const v1::CheckPathRequest& request,
     response->mutable_configuration()->add_positions(position);
   }
   response->set_checked(path.checked);
+  if (verdict.free()) ProofToMessage(database, path, response);
   return absl::OkStatus();
 }
 

@@ -21,6 +21,12 @@ inline constexpr int kMaxConfigurations = 10'000;
 inline constexpr int kMaxNumbers = 8'000'000;
 inline constexpr int kMaxWaypoints = 10'000;
 inline constexpr double kMaxPlaces = 1e6;
+// Of drawn robots: bounds of CheckPathRequest.path_resolution, metres, and how many checks a path
+// may take for each (GreatestDisplacement in motion_check.h). Finer is nothing that a mask shows,
+// coarser no proof between two places.
+inline constexpr double kLeastPathResolution = 0.0005;
+inline constexpr double kMostPathResolution = 0.1;
+inline constexpr double kCallsPerResolution = 8;
 
 // The policy of a request. FailedPrecondition if the database cannot serve it.
 absl::StatusOr<Policy> PolicyFor(const Serving& serving, const v1::Policy& message,

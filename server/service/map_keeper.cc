@@ -62,7 +62,9 @@ void MapKeeper::WorkOut(uint64_t version, const std::stop_token& stop) {
   if (!found.ok()) throw std::runtime_error(std::string(found.status().message()));
   const Served& served = *found;
   const Policy policy = DefaultPolicy(settings_, *served.database);
-  if (BlockedReason(served, policy, settings_.scene, now) != Reason::kNone ||
+  // A map of drawn images is all drawing: it is worked out for those who ask.
+  if (served.database->robot_images().drawn() != nullptr ||
+      BlockedReason(served, policy, settings_.scene, now) != Reason::kNone ||
       !served.database->CanServe(policy).ok()) {
     return;
   }

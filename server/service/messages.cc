@@ -100,6 +100,7 @@ void ToMessage(const Mask& mask, v1::Mask* message) {
 void ToMessage(const Served& served, const Policy& policy, const Moment& now, v1::Basis* message) {
   message->set_database_generation(served.database->generation());
   message->set_variant(served.database->variant());
+  message->set_unverified_model(served.database->unverified_model());
   ToMessage(now.running, message->mutable_server_clock());
   if (served.scene == nullptr) return;
   message->set_scene_id(served.scene->id);
@@ -190,6 +191,7 @@ void ToMessage(const ServedDatabase& database, const Policy& default_policy,
     }
     message->add_permanent_pixels(static_cast<uint32_t>(images.permanent(i).Count()));
   }
+  message->set_images(images.drawn() != nullptr ? "drawn" : "captured");
   message->set_configurations(database.grid().size());
   message->set_captured(images.Count(RobotImageState::kPresent));
   message->set_excluded(images.Count(RobotImageState::kExcluded));

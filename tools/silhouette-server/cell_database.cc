@@ -145,6 +145,10 @@ void LogRobotImages(const ServedDatabase& database, const std::string& path,
   const RobotImageTable& images = database.robot_images();
   const uint64_t bytes =
       images.Count(RobotImageState::kPresent) * images.words() * sizeof(uint64_t);
+  if (images.drawn() != nullptr) {
+    spdlog::info("robot images: drawn, of {} parts", images.drawn()->parts().size());
+    return;
+  }
   if (images.in_memory()) {
     spdlog::info("robot images: {}, in memory", Gigabytes(bytes));
   } else {
@@ -177,6 +181,10 @@ uint64_t TilesWithoutIndex(const ServedDatabase& database) {
 void LogVariant(const ServedDatabase& variant, const std::string& title, const std::string& of,
                 const std::string& path) {
   const RobotImageTable& images = variant.robot_images();
+  if (images.drawn() != nullptr) {
+    spdlog::info("{}robot images are drawn", title);
+    return;
+  }
   spdlog::info("{}{} captured, {} excluded; {}", title, images.Count(RobotImageState::kPresent),
                images.Count(RobotImageState::kExcluded),
                images.in_memory() ? "in memory" : "read from the database when needed");

@@ -38,6 +38,8 @@ struct Basis {
   // Why no verdict from the scene is free, or why there is no scene; if the server acquires images
   // itself, what its devices do.
   std::vector<Defect> defects = {};
+  // Robot images are drawn from a model that was not verified with captured ones.
+  bool unverified_model = false;
   // When the question was sent. For messages of a stream: the earliest time at which the server can
   // have made them.
   std::chrono::steady_clock::time_point asked = {};
@@ -82,6 +84,14 @@ struct NumberChecks {
   }
 };
 
+// What a free path is known to be free by.
+enum class PathProof {
+  kNone = 0,    // the path is not free, or the server does not say
+  kGrid,        // every grid cell on it is free
+  kContinuous,  // the robot is free at all places of it
+  kSampled,     // the same, but for parts that are free at places PathCheck::sampled_step apart
+};
+
 struct PathCheck {
   Basis basis;
   // Free if the whole path is free. Otherwise the verdict at the first place that is not. Its
@@ -95,6 +105,9 @@ struct PathCheck {
   int64_t checked = 0;
   // The first place with the smallest clearance; only if requested and the path is free.
   std::optional<PathPlace> narrowest = std::nullopt;
+  PathProof proof = PathProof::kNone;
+  // With kSampled: how far any point of the robot moves at most between two places, metres.
+  double sampled_step = 0;
 };
 
 // PNG images, one pixel per mask pixel.

@@ -152,7 +152,7 @@ TEST_F(FreeCellsTest, UnderSoundPresetsFreeOnesAreFreeThroughout) {
     for (const Preset preset : {Preset::kSoundPlanes, Preset::kSound}) {
       TestSupport support{.possible_space = &possible};
       if (round % 2 == 0) {
-        support.robot_may_touch = [](std::span<const ConfigurationNumber>,
+        support.robot_may_touch = [](std::span<const double>, std::span<const double>,
                                      const Eigen::AlignedBox3d&) { return false; };
       }
       const CollisionChecker test(world.table, images, {.preset = preset}, support);

@@ -56,15 +56,12 @@ Balls RandomObstacles(const Balls& robot, std::mt19937_64& random) {
   return obstacles;
 }
 
-// The middle of a grid cell, and how far every joint may be from it.
-struct Cell {
-  explicit Cell(std::span<const ConfigurationNumber> corners) {
-    const ConfigurationGrid grid = SphereWorld::Grid();
-    const Configuration first = grid.At(corners.front());
-    const Configuration last = grid.At(corners.back());
-    for (size_t j = 0; j < first.size(); ++j) {
-      half.push_back(first[j] == last[j] ? 0 : grid.joints()[j].step() / 2);
-      middle.push_back(first[j] + half[j]);
+// The middle between two configurations, and how far every joint may be from it.
+struct Range {
+  Range(std::span<const double> from, std::span<const double> to) {
+    for (size_t j = 0; j < from.size(); ++j) {
+      half.push_back((to[j] - from[j]) / 2);
+      middle.push_back(from[j] + half[j]);
     }
   }
   Configuration middle;
@@ -74,9 +71,9 @@ struct Cell {
 // With the true body: balls that are where they are at present touch nothing, as now. In a grid
 // cell, those of its middle, grown by how far they move.
 TestSupport WithBody(const PossibleSpace& possible, ConfigurationNumber present) {
-  const auto may_touch = [present](std::span<const ConfigurationNumber> corners,
+  const auto may_touch = [present](std::span<const double> from, std::span<const double> to,
                                    const Eigen::AlignedBox3d& box) {
-    const Cell cell(corners);
+    const Range cell(from, to);
     const Balls now = SphereWorld::Arm(present);
     const Balls then = testing::ArmAt(cell.middle[0], cell.middle[1]);
     const Vector3d elbow = then[4].centre;

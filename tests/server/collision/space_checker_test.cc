@@ -5,6 +5,7 @@
 #include <gtest/gtest.h>
 
 #include <bit>
+#include <cmath>
 #include <random>
 
 #include "tests/random.h"
@@ -90,8 +91,10 @@ TEST_F(SpaceTestTest, SoundPresetsAreTheSameAsOneByOne) {
       for (const bool body : {false, true}) {
         TestSupport support{.possible_space = &possible};
         if (body) {
-          support.robot_may_touch = [](std::span<const ConfigurationNumber> corners,
-                                       const Eigen::AlignedBox3d&) { return corners[0] % 2 == 0; };
+          support.robot_may_touch = [](std::span<const double> from, std::span<const double>,
+                                       const Eigen::AlignedBox3d&) {
+            return std::lround(1000 * (from[0] + from[1])) % 2 == 0;
+          };
         }
         const CollisionChecker test(world.table, images, {.preset = preset}, support);
         ASSERT_NO_FATAL_FAILURE(SpaceTestExpectSame(test, world.table, index, met))

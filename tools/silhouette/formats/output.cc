@@ -194,6 +194,7 @@ std::string Spoken(const client::Basis& basis) {
   } else if (!basis.variant.empty() && basis.variant != "default") {
     absl::StrAppend(&words, ", variant ", basis.variant);
   }
+  if (basis.unverified_model) absl::StrAppend(&words, ", drawn from a model that is not verified");
   if (!basis.regions.empty()) {
     absl::StrAppend(&words, ", obstacles allowed in ", Quoted(basis.regions));
   }
@@ -205,9 +206,41 @@ std::string Spoken(const client::Basis& basis) {
   return words;
 }
 
+namespace {
+
+std::string NameOf(client::PathProof proof) {
+  switch (proof) {
+    case client::PathProof::kGrid:
+      return "grid";
+    case client::PathProof::kContinuous:
+      return "continuous";
+    case client::PathProof::kSampled:
+      return "sampled";
+    case client::PathProof::kNone:
+      break;
+  }
+  return "none";
+}
+
+std::string SpokenProof(const client::PathCheck& check) {
+  switch (check.proof) {
+    case client::PathProof::kContinuous:
+      return ", proven free all along";
+    case client::PathProof::kSampled:
+      return absl::StrFormat(
+          ", in part sampled: no point moves more than %.1f mm between two places",
+          1000 * check.sampled_step);
+    default:
+      return "";
+  }
+}
+
+}  // namespace
+
 std::string Spoken(const client::PathCheck& check) {
   if (check.verdict.free()) {
-    return absl::StrCat(Spoken(check.verdict, check.basis), ": ", check.checked, " places checked");
+    return absl::StrCat(Spoken(check.verdict, check.basis), ": ", check.checked, " places checked",
+                        SpokenProof(check));
   }
   return absl::StrCat("not free at ",
                       SpokenPlace(check.configuration, check.fraction, check.segment), ": ",
@@ -248,6 +281,7 @@ Json JsonOf(const client::Basis& basis) {
           {"variant", basis.variant},
           {"scene_variant", basis.scene_variant.empty() ? Json() : Json(basis.scene_variant)},
           {"scene_regions", basis.regions},
+          {"unverified_model", basis.unverified_model},
           {"defects", defects}};
 }
 
@@ -255,6 +289,8 @@ Json JsonOf(const client::PathCheck& check, client::Clearance clearance) {
   Json json = JsonOf(check.basis);
   json.update(JsonOf(check.verdict, clearance));
   json["checked"] = check.checked;
+  if (check.verdict.free()) json["proof"] = NameOf(check.proof);
+  if (check.proof == client::PathProof::kSampled) json["sampled_step_m"] = check.sampled_step;
   if (!check.verdict.free()) {
     json["segment"] = check.segment;
     json["fraction"] = check.fraction;

@@ -33,11 +33,12 @@ std::string Spoken(const client::PathCheck& check);
 // "clearance" (null if unknown) after the reason, and in each view the "distance", if it was asked
 // for.
 Json JsonOf(const client::Verdict& verdict, client::Clearance clearance = client::Clearance::kOmit);
-// {"scene_id", "scene_time", "scene_age_s", "database_generation", "scene_regions"}; null where
-// there is no scene.
+// {"scene_id", "scene_time", "scene_age_s", "database_generation", "scene_regions",
+// "unverified_model"}; null where there is no scene.
 Json JsonOf(const client::Basis& basis);
 
-// The basis, the verdict, "checked", and where it is not free, or narrowest.
+// The basis, the verdict, "checked", where it is not free, or narrowest; "proof" if it is free, and
+// "sampled_step_m" where it is sampled.
 Json JsonOf(const client::PathCheck& check, client::Clearance clearance);
 
 // {"variant", "changing", "unknown", "last_scene_before"}; null where the variant, or why it is

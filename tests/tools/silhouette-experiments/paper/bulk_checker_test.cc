@@ -110,9 +110,10 @@ class BulkCheckerTest : public testing::Test {
       const PossibleSpace possible(sound.space(), chosen, body);
       TestSupport support{.possible_space = &possible};
       if (offsets == nullptr) {
-        support.robot_may_touch = [&](std::span<const ConfigurationNumber> corners,
+        support.robot_may_touch = [&](std::span<const double> from, std::span<const double>,
                                       const Eigen::AlignedBox3d& box) {
-          const Spheres& there = cell.arms().At(all.IndexOf(corners[0]));
+          const ConfigurationNumber number = all.table().grid().Nearest(from).value();
+          const Spheres& there = cell.arms().At(all.IndexOf(number));
           for (size_t i = 0; i < there.size(); ++i) {
             if (there[i].centre == robot[i].centre) continue;
             const double distance = box.squaredExteriorDistance(there[i].centre);

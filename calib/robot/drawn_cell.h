@@ -1,0 +1,39 @@
+// SPDX-License-Identifier: Apache-2.0
+// What robot images of a cell are drawn from.
+#pragma once
+
+#include <functional>
+#include <memory>
+#include <span>
+#include <string>
+
+#include "absl/status/statusor.h"
+#include "calib/camera/calibration.h"
+#include "calib/robot/drawing/drawn_robot.h"
+#include "calib/robot/parts.h"
+#include "calib/robot/robot_model.h"
+
+namespace silhouette {
+
+struct DrawnCell {
+  std::shared_ptr<const RobotModel> robot;
+  PartSettings parts;
+  // How far tool and payload reach beyond the outermost links, metres.
+  double payload_radius = 0;
+  // Whether the robot must never be at some place between two configurations of the grid's joints,
+  // whatever the way of its joints; null: nowhere. Called by any number of threads.
+  std::function<bool(std::span<const double> from, std::span<const double> to)> forbidden = nullptr;
+};
+
+// The robot to draw, with all that is to be added to it in the radii of its parts: the tolerance,
+// `link_growth` (metres, by link of the model; empty: none), and on the outermost links tool and
+// payload, about the links' origins as well. Otherwise as the DrawnRobotOf of parts.h.
+// InvalidArgument, too: the payload's radius or a growth is negative or not finite, or there is not
+// a growth for each link.
+absl::StatusOr<DrawnRobot> DrawnRobotOf(const DrawnCell& cell, std::span<const std::string> moving,
+                                        std::span<const FixedJoint> fixed,
+                                        const Calibration& calibration,
+                                        std::span<const MaskSize> mask_sizes,
+                                        std::span<const double> link_growth = {});
+
+}  // namespace silhouette
