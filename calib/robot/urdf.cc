@@ -28,6 +28,8 @@ namespace {
 
 namespace fs = std::filesystem;
 
+// No link is as long as this, in metres.
+constexpr double kMostLength = 100;
 constexpr char kMimic[] = "; name a joint that moves by itself, or make it type=\"fixed\"";
 constexpr char kTree[] = "; the links must form a tree: leave out a joint of the loop";
 
@@ -47,8 +49,11 @@ class Complaints : public console_bridge::OutputHandler {
 
   void log(const std::string& text, console_bridge::LogLevel level, const char* /*file*/,
            int /*line*/) override {
-    if (level >= console_bridge::CONSOLE_BRIDGE_LOG_ERROR && first_.empty()) first_ = text;
+    if (level < console_bridge::CONSOLE_BRIDGE_LOG_ERROR || count_ == 2) return;
+    absl::StrAppend(&first_, first_.empty() ? "" : "; ", text);
+    ++count_;
   }
+  // The first two: what is wrong, and often where. Empty: there is none.
   const std::string& first() const { return first_; }
 
  private:
@@ -58,6 +63,7 @@ class Complaints : public console_bridge::OutputHandler {
   }
   std::lock_guard<std::mutex> lock_;
   std::string first_;
+  int count_ = 0;
 };
 
 Eigen::Vector3d VectorOf(const urdf::Vector3& v) { return {v.x, v.y, v.z}; }
@@ -118,7 +124,8 @@ urdf::ModelInterfaceSharedPtr Parse(const std::string& path) {
   }
   Complaints complaints;
   urdf::ModelInterfaceSharedPtr model = urdf::parseURDF(text);
-  if (model == nullptr || model->getRoot() == nullptr) {
+  // An element that it cannot read is left out: that robot would have no body there.
+  if (model == nullptr || model->getRoot() == nullptr || !complaints.first().empty()) {
     throw UrdfError{InvalidArgument(
         path + ": not a valid URDF: " +
         (complaints.first().empty() ? "there is no robot in it" : complaints.first()))};
@@ -194,9 +201,8 @@ class UrdfReader {
 
   void AddJoint(const urdf::Joint& urdf, RobotLink& link) {
     link.parent_from_link = PoseOf(urdf.parent_to_joint_origin_transform);
-    if (!link.parent_from_link.matrix().allFinite()) {
-      Fail("the origin of joint '" + urdf.name + "' is not a number");
-    }
+    RequireLength("the origin of joint '" + urdf.name + "'",
+                  link.parent_from_link.translation().norm());
     if (urdf.type == urdf::Joint::FIXED) return;
     RobotJoint joint;
     joint.name = urdf.name;
@@ -280,14 +286,21 @@ class UrdfReader {
     }
   }
 
+  // `what`: in front of "is ... m".
+  void RequireLength(const std::string& what, double length) const {
+    if (length <= kMostLength) return;
+    Fail(absl::StrCat(what, " is ", length, " m, more than ", kMostLength,
+                      " m; lengths in URDF are metres: a mesh in millimetres needs "
+                      "scale=\"0.001 0.001 0.001\""));
+  }
+
   template <typename VisualOrCollision>
   LinkGeometry Geometry(const std::string& link, const VisualOrCollision& urdf) const {
     if (urdf.geometry == nullptr) Fail("link '" + link + "' has an element without geometry");
     LinkGeometry geometry;
     geometry.link_from_shape = PoseOf(urdf.origin);
-    if (!geometry.link_from_shape.matrix().allFinite()) {
-      Fail("an origin in link '" + link + "' is not a number");
-    }
+    RequireLength("a geometry's origin in link '" + link + "'",
+                  geometry.link_from_shape.translation().norm());
     geometry.shape = ShapeOf(link, *urdf.geometry);
     return geometry;
   }
@@ -310,16 +323,19 @@ class UrdfReader {
 
   BoxShape Checked(const std::string& link, BoxShape box) const {
     if (!(box.size.minCoeff() > 0)) Fail("a box of link '" + link + "' has no size");
+    RequireLength("a box of link '" + link + "'", box.size.maxCoeff());
     return box;
   }
   CylinderShape Checked(const std::string& link, CylinderShape cylinder) const {
     if (!(cylinder.radius > 0 && cylinder.length > 0)) {
       Fail("a cylinder of link '" + link + "' has no size");
     }
+    RequireLength("a cylinder of link '" + link + "'", std::max(cylinder.radius, cylinder.length));
     return cylinder;
   }
   SphereShape Checked(const std::string& link, SphereShape sphere) const {
     if (!(sphere.radius > 0)) Fail("a sphere of link '" + link + "' has no size");
+    RequireLength("a sphere of link '" + link + "'", sphere.radius);
     return sphere;
   }
 
@@ -331,6 +347,9 @@ class UrdfReader {
           absl::Status(mesh.status().code(),
                        absl::StrCat(path_, ": link '", link, "': ", mesh.status().message()))};
     }
+    Eigen::AlignedBox3d box;
+    for (const Eigen::Vector3d& vertex : mesh->vertices) box.extend(vertex);
+    RequireLength("the mesh '" + path + "' of link '" + link + "'", box.sizes().maxCoeff());
     return MeshShape{path, std::make_shared<const TriangleMesh>(*std::move(mesh))};
   }
 

@@ -232,6 +232,47 @@ TEST(RobotModel, ShapesWithoutSizeAreRefused) {
               HasSubstr("a box of link 'a' has no size"));
 }
 
+TEST(RobotModel, ShapesThatCannotBeReadAreNamedAndNeverLeftOut) {
+  for (const std::string number : {"nan", "inf", "wide"}) {
+    EXPECT_THAT(ErrorOf("<robot name='r'><link name='a'><visual><geometry><box size='" + number +
+                        " 1 1'/></geometry></visual></link></robot>"),
+                AllOf(HasSubstr("[" + number + "]"), HasSubstr("Link [a]")));
+    EXPECT_THAT(ErrorOf("<robot name='r'><link name='a'><visual><origin xyz='0 0 " + number +
+                        "'/><geometry><box size='1 1 1'/></geometry></visual></link></robot>"),
+                HasSubstr("[" + number + "]"));
+  }
+  EXPECT_THAT(ErrorOf("<robot name='r'><link name='a'><collision><geometry><capsule radius='1' "
+                      "length='2'/></geometry></collision></link></robot>"),
+              HasSubstr("'capsule'"));
+}
+
+TEST(RobotModel, LengthsThatNoRobotHasAreNamedWithTheUnit) {
+  const auto error = [](const std::string& origin, const std::string& geometry) {
+    return ErrorOf("<robot name='r'><link name='a'><visual><origin xyz='" + origin +
+                   "'/><geometry>" + geometry + "</geometry></visual></link></robot>");
+  };
+  const std::string box = "<box size='1 1 1'/>";
+  EXPECT_EQ(error("0 0 0", box), "no error");
+  EXPECT_THAT(error("0 0 0", "<box size='300 100 100'/>"),
+              AllOf(HasSubstr("a box of link 'a' is 300 m"), HasSubstr("are metres")));
+  EXPECT_THAT(error("0 0 0", "<cylinder radius='50' length='400'/>"), HasSubstr("is 400 m"));
+  EXPECT_THAT(error("0 0 0", "<sphere radius='200'/>"), HasSubstr("is 200 m"));
+  EXPECT_THAT(error("300 0 0", box), HasSubstr("origin in link 'a' is 300 m"));
+  const std::string limit = "<limit lower='-1' upper='1' effort='1' velocity='1'/>";
+  EXPECT_THAT(ErrorOf(OneJoint("<joint name='j' type='revolute'><parent link='a'/>"
+                               "<child link='b'/><origin xyz='0 0 500'/>" +
+                               limit + "</joint>")),
+              HasSubstr("the origin of joint 'j' is 500 m"));
+  const auto folder = FreshFolder();
+  WriteFile(folder / "link.stl", TetrahedronStl());
+  const auto robot = RobotModel::FromUrdf(
+      WriteFile(folder / "r.urdf",
+                "<robot name='r'><link name='a'><visual><geometry><mesh filename='link.stl' "
+                "scale='400 400 400'/></geometry></visual></link></robot>"));
+  EXPECT_THAT(std::string(robot.status().message()),
+              AllOf(HasSubstr("link.stl' of link 'a' is 400 m"), HasSubstr("scale=\"0.001")));
+}
+
 // Sum of the signed volumes of the tetrahedra between the origin and the triangles.
 double Volume(const TriangleMesh& mesh) {
   double volume = 0;
