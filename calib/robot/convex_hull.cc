@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <limits>
 #include <unordered_map>
+#include <utility>
 
 extern "C" {
 #include <libqhull_r/qhull_ra.h>
@@ -64,6 +65,7 @@ ConvexBody QhullRun::Body() {
     FOREACHvertex_(facet->vertices) {
       if (count < 3) corners[count++] = places.at(vertex->id);
     }
+    if (facet->toporient != qh_ORIENTclock) std::swap(corners[1], corners[2]);
     body.triangles.push_back(corners);
   }
   qh_getarea(qh, qh->facet_list);

@@ -20,7 +20,8 @@ struct ConvexBody {
 
   std::vector<Eigen::Vector3d> vertices;
   std::vector<Plane> planes;
-  std::vector<std::array<uint32_t, 3>> triangles;  // of its surface, in no order of their corners
+  // Of its surface, counter-clockwise seen from outside.
+  std::vector<std::array<uint32_t, 3>> triangles;
   double volume = 0;
 
   // How deep inside a point is: the distance from the nearest face's plane; negative outside.

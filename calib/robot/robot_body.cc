@@ -5,24 +5,46 @@
 #include <cmath>
 #include <future>
 #include <limits>
+#include <optional>
 #include <stdexcept>
+
+#include "calib/robot/convex_hull.h"
+#include "calib/robot/triangle_mesh.h"
 
 namespace silhouette {
 namespace {
 
-// The closed meshes of a link, in its frame.
-std::vector<TriangleMesh> ClosedMeshes(const RobotLink& link, BodyGeometry kind, bool& any_open) {
-  std::vector<TriangleMesh> meshes;
-  for (const LinkGeometry& geometry : link.body(kind)) {
-    TriangleMesh mesh = Tessellate(geometry.shape);
-    if (!IsClosed(mesh)) {
-      any_open = true;
-      continue;
+// What a flat mesh is thickened by to either side, metres.
+constexpr double kThickness = 0.001;
+
+// A closed mesh that holds another one and all that it may enclose.
+TriangleMesh HullAround(const TriangleMesh& mesh) {
+  std::vector<Eigen::Vector3d> points = mesh.vertices;
+  std::optional<ConvexBody> hull = HullOf(points);
+  if (!hull) {
+    for (const Eigen::Vector3d& vertex : mesh.vertices) {
+      for (int axis = 0; axis < 3; ++axis) {
+        points.emplace_back(vertex + kThickness * Eigen::Vector3d::Unit(axis));
+        points.emplace_back(vertex - kThickness * Eigen::Vector3d::Unit(axis));
+      }
     }
-    for (Eigen::Vector3d& vertex : mesh.vertices) vertex = geometry.link_from_shape * vertex;
-    meshes.push_back(std::move(mesh));
+    hull = HullOf(points);
   }
-  return meshes;
+  TriangleMesh surface{hull.value().vertices, hull->triangles};
+  if (IsClosed(surface)) return surface;
+  // Lost to rounding: its box holds it, too.
+  Eigen::AlignedBox3d box;
+  for (const Eigen::Vector3d& point : points) box.extend(point);
+  surface = BoxMesh(box.sizes());
+  for (Eigen::Vector3d& vertex : surface.vertices) vertex += box.center();
+  return surface;
+}
+
+// In the link's frame.
+TriangleMesh MeshOf(const LinkGeometry& geometry) {
+  TriangleMesh mesh = Tessellate(geometry.shape);
+  for (Eigen::Vector3d& vertex : mesh.vertices) vertex = geometry.link_from_shape * vertex;
+  return mesh;
 }
 
 Eigen::AlignedBox3d BoxIn(const Eigen::Isometry3d& base_from_link, const Eigen::AlignedBox3d& box) {
@@ -38,8 +60,8 @@ Eigen::AlignedBox3d BoxIn(const Eigen::Isometry3d& base_from_link, const Eigen::
 
 double PosedBody::AtMost(const Eigen::Vector3d& point, size_t& hint) const {
   double least = std::numeric_limits<double>::infinity();
-  if (hint < links_.size() && links_[hint].field != nullptr) {
-    least = links_[hint].field->AtMost(links_[hint].link_from_base * point);
+  if (hint < links_.size() && links_[hint].certain != nullptr) {
+    least = links_[hint].certain->AtMost(links_[hint].link_from_base * point);
   }
   // Outside a box, what is in it is at least as far away as the box.
   const auto no_nearer = [&](double squared_distance) {
@@ -48,11 +70,11 @@ double PosedBody::AtMost(const Eigen::Vector3d& point, size_t& hint) const {
   const size_t first = hint;
   for (size_t i = 0; i < links_.size(); ++i) {
     const Link& link = links_[i];
-    if (i == first || link.field == nullptr) continue;
+    if (i == first || link.certain == nullptr) continue;
     if (no_nearer(link.box.squaredExteriorDistance(point))) continue;
     const Eigen::Vector3d at = link.link_from_base * point;
-    if (no_nearer(link.field->box().squaredExteriorDistance(at))) continue;
-    const double distance = link.field->AtMost(at);
+    if (no_nearer(link.certain->box().squaredExteriorDistance(at))) continue;
+    const double distance = link.certain->AtMost(at);
     if (distance >= least) continue;
     least = distance;
     hint = i;
@@ -64,10 +86,10 @@ bool PosedBody::MayReach(const Eigen::Vector3d& point, double radius) const {
   return std::ranges::any_of(links_, [&](const Link& link) {
     const double reach = radius + tolerance_ + link.payload_radius + link.movement;
     if (link.payload_radius > 0 && (point - link.origin).norm() <= reach) return true;
-    if (link.field == nullptr || link.box.squaredExteriorDistance(point) > reach * reach) {
+    if (link.whole == nullptr || link.box.squaredExteriorDistance(point) > reach * reach) {
       return false;
     }
-    return link.field->AtLeast(link.link_from_base * point) <= reach;
+    return link.whole->AtLeast(link.link_from_base * point) <= reach;
   });
 }
 
@@ -78,10 +100,10 @@ bool PosedBody::MayMeet(const Eigen::Vector3d& centre, double room, double radiu
     const double reach = radius + room + tolerance_ + link.payload_radius + link.movement;
     const bool near = link.payload_radius > 0 && (centre - link.origin).norm() <= reach;
     if (!near) {
-      if (link.field == nullptr || link.box.squaredExteriorDistance(centre) > reach * reach) {
+      if (link.whole == nullptr || link.box.squaredExteriorDistance(centre) > reach * reach) {
         return false;
       }
-      if (link.field->AtLeast(link.link_from_base * centre) > reach) return false;
+      if (link.whole->AtLeast(link.link_from_base * centre) > reach) return false;
     }
     for (int axis = 0; axis < 3; ++axis) {
       const Eigen::Vector3d right = Eigen::Vector3d::Unit((axis + 1) % 3);
@@ -111,9 +133,9 @@ bool PosedBody::MayMeetOn(const Link& link, const Ball& ball, const Eigen::Vecto
   const double slack = ball.radius * spread + ball.room;
   const double reach = slack + tolerance_ + link.payload_radius + link.movement;
   const bool of_payload = link.payload_radius > 0 && (point - link.origin).norm() <= reach;
-  const bool of_link = link.field != nullptr &&
+  const bool of_link = link.whole != nullptr &&
                        link.box.squaredExteriorDistance(point) <= reach * reach &&
-                       link.field->AtLeast(link.link_from_base * point) <= reach;
+                       link.whole->AtLeast(link.link_from_base * point) <= reach;
   if (!of_payload && !of_link) return false;
   // Where every joint moves the points away from the centre, so do all together.
   const bool approaches = std::ranges::any_of(link.motions, [&](const Motion& motion) {
@@ -155,19 +177,35 @@ RobotBody::RobotBody(const RobotModel& robot, const Settings& settings)
     throw std::invalid_argument("a length of the robot's body cannot be");
   }
   payload_radii_.assign(robot.links().size(), settings.payload_radius);
-  std::vector<std::future<std::optional<DistanceField>>> fields;
+  std::vector<std::future<Fields>> fields;
   for (const RobotLink& link : robot.links()) {
     if (link.parent >= 0) payload_radii_[static_cast<size_t>(link.parent)] = 0;
-    bool any_open = false;
-    std::vector<TriangleMesh> meshes = ClosedMeshes(link, settings.geometry, any_open);
-    if (any_open) open_links_.push_back(link.name);
-    fields.push_back(std::async(std::launch::async, [settings, meshes = std::move(meshes)] {
-      std::optional<DistanceField> field;
-      if (!meshes.empty()) field.emplace(meshes, settings.range, settings.step);
-      return field;
-    }));
+    fields.push_back(
+        std::async(std::launch::async, [&link, &settings] { return FieldsOf(link, settings); }));
   }
-  for (auto& field : fields) fields_.push_back(field.get());
+  for (size_t i = 0; i < fields.size(); ++i) {
+    fields_.push_back(fields[i].get());
+    if (fields_[i].certain != fields_[i].whole) open_links_.push_back(robot.links()[i].name);
+  }
+}
+
+RobotBody::Fields RobotBody::FieldsOf(const RobotLink& link, const Settings& settings) {
+  const auto field_of = [&](const std::vector<TriangleMesh>& meshes) {
+    return meshes.empty()
+               ? nullptr
+               : std::make_shared<const DistanceField>(meshes, settings.range, settings.step);
+  };
+  std::vector<TriangleMesh> certain;
+  std::vector<TriangleMesh> whole;
+  for (const LinkGeometry& geometry : link.body(settings.geometry)) {
+    const TriangleMesh mesh = MeshOf(geometry);
+    const bool closed = IsClosed(mesh);
+    if (closed) certain.push_back(mesh);
+    whole.push_back(closed ? mesh : HullAround(mesh));
+  }
+  Fields fields{.certain = field_of(certain), .whole = nullptr};
+  fields.whole = certain.size() == whole.size() ? fields.certain : field_of(whole);
+  return fields;
 }
 
 PosedBody RobotBody::At(std::span<const double> positions) const {
@@ -223,11 +261,11 @@ double RobotBody::MovementOf(size_t link, std::span<const Eigen::Isometry3d> bas
                              std::span<const double> half_ranges) const {
   std::vector<Eigen::Vector3d> points;
   if (payload_radii_[link] > 0) points.push_back(base_from_link[link].translation());
-  if (fields_[link]) {
+  if (fields_[link].whole) {
     for (int corner = 0; corner < 8; ++corner) {
       points.push_back(
           base_from_link[link] *
-          fields_[link]->box().corner(static_cast<Eigen::AlignedBox3d::CornerType>(corner)));
+          fields_[link].whole->box().corner(static_cast<Eigen::AlignedBox3d::CornerType>(corner)));
     }
   }
   return MovementOf(points, static_cast<int>(link), base_from_link, half_ranges);
@@ -285,7 +323,7 @@ void RobotBody::AddLinks(std::span<const double> positions, std::span<const doub
                          bool still, PosedBody& body) const {
   const std::vector<Eigen::Isometry3d> base_from_link = robot_.LinkPoses(positions);
   for (size_t i = 0; i < fields_.size(); ++i) {
-    if (!fields_[i] && payload_radii_[i] == 0) continue;
+    if (!fields_[i].whole && payload_radii_[i] == 0) continue;
     PosedBody::Link link;
     link.number = i;
     link.movement = MovementOf(i, base_from_link, half_ranges);
@@ -294,9 +332,10 @@ void RobotBody::AddLinks(std::span<const double> positions, std::span<const doub
     link.payload_radius = payload_radii_[i];
     link.origin = base_from_link[i].translation();
     link.link_from_base = base_from_link[i].inverse();
-    if (fields_[i]) {
-      link.field = &*fields_[i];
-      link.box = BoxIn(base_from_link[i], fields_[i]->box());
+    link.certain = fields_[i].certain.get();
+    if (fields_[i].whole) {
+      link.whole = fields_[i].whole.get();
+      link.box = BoxIn(base_from_link[i], fields_[i].whole->box());
     }
     body.links_.push_back(link);
   }

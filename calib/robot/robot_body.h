@@ -4,7 +4,6 @@
 
 #include <Eigen/Geometry>
 #include <memory>
-#include <optional>
 #include <span>
 #include <string>
 #include <vector>
@@ -18,9 +17,9 @@ namespace silhouette {
 // it. Points are in the robot's base frame, metres.
 class PosedBody {
  public:
-  // The distance of a point from the robot's surface, negative inside, or more: never less. The
-  // true robot has every point at which it is negative. `hint`: the link that was the nearest to
-  // some point near by, 0 to begin with; on return, to this one.
+  // The distance of a point from what is certain of the robot, negative inside, or more: never
+  // less. The true robot has every point at which it is negative. `hint`: the link that was the
+  // nearest to some point near by, 0 to begin with; on return, to this one.
   double AtMost(const Eigen::Vector3d& point, size_t& hint) const;
 
   // Whether any point of the true robot, tool and payload included, may lie within `radius` of the
@@ -51,12 +50,14 @@ class PosedBody {
     double shift = 0;
   };
   struct Link {
-    size_t number = 0;                     // in the model
-    const DistanceField* field = nullptr;  // null: a frame alone, which carries tool or payload
+    size_t number = 0;  // in the model
+    // Null: nothing. A link may be a frame alone, which carries tool or payload.
+    const DistanceField* certain = nullptr;
+    const DistanceField* whole = nullptr;
     double payload_radius = 0;
     Eigen::Vector3d origin;  // in the base frame
     Eigen::Isometry3d link_from_base;
-    Eigen::AlignedBox3d box;  // in the base frame
+    Eigen::AlignedBox3d box;  // of the whole, in the base frame
     double movement = 0;      // no point of it is ever farther from where it is here
     std::vector<Motion> motions;
   };
@@ -73,8 +74,9 @@ class PosedBody {
   double tolerance_ = 0;
 };
 
-// The closed shapes of a robot's links (RobotLink::body), with a distance field each. Cannot be
-// changed once made; used by any number of threads.
+// The shapes of a robot's links (RobotLink::body) with distance fields. Of a mesh that is not
+// closed nothing is certain, and all of its convex hull may be touched. Cannot be changed once
+// made; used by any number of threads.
 class RobotBody {
  public:
   // Lengths in metres.
@@ -94,8 +96,7 @@ class RobotBody {
   // positive.
   RobotBody(const RobotModel& robot, const Settings& settings);
 
-  // Names of the links that have a shape whose mesh is not closed. It counts as nothing: its
-  // inside is not known, and MayReach must not be called.
+  // Names of the links that have a shape whose mesh is not closed.
   const std::vector<std::string>& open_links() const { return open_links_; }
 
   // The body with the joints at `positions`, in the order of the model's joints; as many, else
@@ -128,8 +129,15 @@ class RobotBody {
 
   RobotModel robot_;
   Settings settings_;
-  std::vector<std::optional<DistanceField>> fields_;  // by link
-  std::vector<double> payload_radii_;                 // by link
+  // Of a link; one field where they are the same.
+  struct Fields {
+    std::shared_ptr<const DistanceField> certain;
+    std::shared_ptr<const DistanceField> whole;
+  };
+  static Fields FieldsOf(const RobotLink& link, const Settings& settings);
+
+  std::vector<Fields> fields_;         // by link
+  std::vector<double> payload_radii_;  // by link
   std::vector<std::string> open_links_;
 };
 

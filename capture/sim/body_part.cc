@@ -6,7 +6,7 @@
 #include "capture/sim/yaml_values.h"
 
 namespace silhouette {
-std::vector<BodyPart> RobotParts(const RobotModel& robot) {
+std::vector<BodyPart> BodyPartsOf(const RobotModel& robot) {
   std::vector<BodyPart> parts;
   for (size_t link = 0; link < robot.links().size(); ++link) {
     for (const LinkGeometry& geometry : robot.links()[link].body()) {

@@ -27,7 +27,7 @@ struct BodyPart {
 };
 
 // One part per piece of the links' geometry; the frames are the model's links.
-std::vector<BodyPart> RobotParts(const RobotModel& robot);
+std::vector<BodyPart> BodyPartsOf(const RobotModel& robot);
 
 // One part per obstacle; the frames are the obstacles.
 std::vector<BodyPart> ObstacleParts(std::span<const Obstacle> obstacles);

@@ -117,7 +117,7 @@ struct ContactChecker::Body {
 };
 
 ContactChecker::ContactChecker(const RobotModel& robot, std::span<const Obstacle> obstacles) {
-  for (const BodyPart& part : RobotParts(robot)) robot_.emplace_back(part);
+  for (const BodyPart& part : BodyPartsOf(robot)) robot_.emplace_back(part);
   for (const BodyPart& part : ObstacleParts(obstacles)) obstacles_.emplace_back(part);
 }
 

@@ -50,7 +50,7 @@ SimulatedCell::SimulatedCell(RobotModel robot, SimulationSettings settings)
     : robot_(std::move(robot)),
       settings_(std::move(settings)),
       sensor_(settings_),
-      renderer_(settings_, RobotParts(robot_)),
+      renderer_(settings_, BodyPartsOf(robot_)),
       positions_(RestPositions(robot_)),
       holds_(settings_.boards.size()) {
   for (const SimulatedBoard& board : settings_.boards) {

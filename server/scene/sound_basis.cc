@@ -57,8 +57,16 @@ VoxelView ViewOf(const storage::v1::View& view, const CameraModel& camera, doubl
           .permanent = covered.every};
 }
 
-absl::Status CheckNumbers(const SoundCell& sound) {
+absl::Status CheckCell(const SoundCell& sound) {
   const SoundSettings& settings = sound.settings;
+  // As far as the model goes, such a robot would touch nothing.
+  if (std::ranges::all_of(sound.robot->links(),
+                          [&](const RobotLink& link) { return link.body().empty(); })) {
+    return absl::InvalidArgumentError(
+        absl::StrCat("sound: the robot '", sound.robot->name(),
+                     "' has no visual or collision geometry in its URDF; add it, or leave the "
+                     "section 'sound' out"));
+  }
   if (!(settings.least_obstacle > 0) || !(EdgeOf(settings) > 0) ||
       !(settings.model_tolerance >= 0) || !(sound.workspace.sizes().minCoeff() > 0)) {
     return absl::InvalidArgumentError(
@@ -98,7 +106,7 @@ SoundBasis::SoundBasis(const SoundCell& sound, const storage::v1::CellDescriptio
 absl::StatusOr<std::shared_ptr<const SoundBasis>> SoundBasis::Make(
     const SoundCell& sound, const storage::v1::CellDescription& cell,
     const RobotImageTable& robot_images, const Calibration& calibration, double margin) {
-  RETURN_IF_ERROR(CheckNumbers(sound));
+  RETURN_IF_ERROR(CheckCell(sound));
   try {
     // Without segmentation settings the masks were made elsewhere, and show all that they touch.
     const double rim = cell.segmentation().empty() ? 0 : kRim;
@@ -216,7 +224,7 @@ struct LeavingBody {
 
 TestSupport::RobotMayTouch SoundBasis::RobotMayTouch(std::span<const JointPosition> joints) const {
   const std::optional<std::vector<double>> now = Positions(joints);
-  if (!whole_model_ || !body_.open_links().empty() || !now) return nullptr;
+  if (!whole_model_ || !now) return nullptr;
   static std::atomic<uint64_t> last_owner = 0;
   return [this, present = body_.At(*now), owner = ++last_owner](std::span<const double> from,
                                                                 std::span<const double> to,
@@ -260,7 +268,7 @@ TestSupport::RobotMayMeet SoundBasis::RobotMayMeet(std::span<const JointPosition
   const auto in_model = [this](const GridJoint& joint) {
     return robot_->JointIndex(joint.name).has_value();
   };
-  if (!whole_model_ || !body_.open_links().empty() || !now) return nullptr;
+  if (!whole_model_ || !now) return nullptr;
   if (!std::ranges::all_of(grid_.joints(), in_model)) return nullptr;
   return [this, &space, now = *now, present = body_.At(*now)](std::span<const double> from,
                                                               std::span<const double> to) {

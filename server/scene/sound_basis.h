@@ -40,15 +40,15 @@ class SoundBasis {
   static constexpr double kDrawnWay = 0.1;
 
   // `calibration` must have a camera model per view. `margin`: pixels of the masks by which its
-  // projection may err. InvalidArgument: `sound` has a length that cannot be, or a least obstacle
-  // so small that there would be more voxels than kMostVoxels.
+  // projection may err. InvalidArgument: `sound` has a length that cannot be, a robot without
+  // geometry, or a least obstacle so small that there would be more voxels than kMostVoxels.
   static absl::StatusOr<std::shared_ptr<const SoundBasis>> Make(
       const SoundCell& sound, const storage::v1::CellDescription& cell,
       const RobotImageTable& robot_images, const Calibration& calibration, double margin);
 
   const VoxelSpace& space() const { return space_; }
 
-  // The links whose shape is not closed, and counts as nothing.
+  // The links with a shape that is not closed: nothing is certain of it.
   const std::vector<std::string>& open_links() const { return body_.open_links(); }
 
   // The least obstacle that the masks can tell from the robot, and by how much they must have more

@@ -255,9 +255,9 @@ void LogSound(const ServedDatabase& database, const Cell& cell) {
   }
   if (!sound.open_links().empty()) {
     spdlog::warn(
-        "the sound presets call nothing free: the meshes of {} are not closed, so that an obstacle "
-        "may be inside; close them, or set 'sound: {{geometry: collision}}' if the URDF has closed "
-        "collision meshes",
+        "the meshes of {} are not closed: an obstacle may be inside, so that the sound presets "
+        "may block what is near them, or all; close them, or set 'sound: {{geometry: collision}}' "
+        "if the URDF has closed collision meshes",
         absl::StrJoin(sound.open_links(), ", ", [](std::string* out, const std::string& link) {
           absl::StrAppend(out, "link '", link, "'");
         }));

@@ -12,6 +12,7 @@
 #include <numbers>
 
 #include "calib/robot/convex_hull.h"
+#include "calib/robot/distance_field.h"
 #include "calib/robot/mesh_parts.h"
 #include "tests/calib/robot/drawing/random_views.h"
 #include "tests/calib/robot/urdf_files.h"
@@ -75,6 +76,14 @@ TEST(ConvexHull, HoldsItsPointsAndShrinks) {
   ASSERT_TRUE(hull);
   for (const Vector3d& point : points) EXPECT_GE(hull->Depth(point), -1e-9);
   EXPECT_LT(hull->vertices.size(), points.size());
+  EXPECT_TRUE(IsClosed({hull->vertices, hull->triangles}));
+  for (size_t i = 0; i < hull->planes.size(); ++i) {
+    const auto& [a, b, c] = hull->triangles[i];
+    const Vector3d normal = (hull->vertices[b] - hull->vertices[a])
+                                .cross(hull->vertices[c] - hull->vertices[a])
+                                .normalized();
+    EXPECT_GT(normal.dot(hull->planes[i].normal), 0.99);
+  }
   const auto shrunk = Shrunk(*hull, 0.1);
   ASSERT_TRUE(shrunk);
   double least = 1;

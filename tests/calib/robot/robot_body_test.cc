@@ -4,7 +4,9 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
+#include <memory>
 #include <numbers>
 #include <random>
 #include <stdexcept>
@@ -368,14 +370,58 @@ TEST_F(RobotBodyTest, WhatStandsStillInARangeHasNotMoved) {
   EXPECT_FALSE(body.Between(here, here, 0.01).MovedFrom(present).MayReach({0.5, 0, 1}, 0));
 }
 
-TEST_F(RobotBodyTest, LinkThatIsNotClosedCountsAsNothing) {
+// A shell with holes, concave or flat.
+TriangleMesh OpenMesh(Random& random) {
+  TriangleMesh mesh = random() % 2 == 0 ? SphereMesh(0.1) : BoxMesh({0.3, 0.2, 0.1});
+  const double bend = Uniform(random, 0, 3);
+  const bool flat = random() % 5 == 0;
+  for (Vector3d& vertex : mesh.vertices) {
+    vertex.z() = flat ? 0.02 : vertex.z() + bend * vertex.x() * vertex.x();
+  }
+  std::ranges::shuffle(mesh.triangles, random);
+  mesh.triangles.resize(mesh.triangles.size() * (1 + random() % 9) / 10 + 1);
+  return mesh;
+}
+
+TEST_F(RobotBodyTest, SurfaceOfAnOpenMeshIsNeverMissedAndNothingInItIsCertain) {
+  Random random;
+  const RobotModel bare = Read("<robot name='bare'><link name='shell'/></robot>");
+  for (int i = 0; i < 30; ++i) {
+    const auto mesh = std::make_shared<const TriangleMesh>(OpenMesh(random));
+    ASSERT_FALSE(IsClosed(*mesh));
+    const Eigen::Isometry3d pose = RandomPose(random, {0.2, 0, 0});
+    const RobotModel robot = bare.WithBody(
+        0, {.shape = MeshShape{"shell.stl", mesh}, .link_from_shape = pose, .colour = {}});
+    const RobotBody body(robot, {.range = kRange, .step = kStep});
+    EXPECT_EQ(body.open_links(), std::vector<std::string>{"shell"});
+    const PosedBody posed = body.At({});
+    const MeshTree tree(*mesh);
+    for (int j = 0; j < 300; ++j) {
+      const Vector3d on = SurfacePoint(random, *mesh);
+      ASSERT_TRUE(posed.MayReach(pose * on, 1e-6)) << "mesh " << i;
+      // What the shell may enclose, too.
+      const Vector3d within = on + Uniform(random, 0, 1) * (SurfacePoint(random, *mesh) - on);
+      ASSERT_TRUE(posed.MayReach(pose * within, 1e-6)) << "mesh " << i;
+      ASSERT_GT(AtMost(posed, pose * within), 0);
+      const Vector3d beside = on + Uniform(random, 0, 0.3) * RandomDirection(random);
+      uint32_t hint = 0;
+      ASSERT_TRUE(posed.MayReach(pose * beside, tree.Distance(beside, hint) + 1e-6));
+    }
+    EXPECT_FALSE(posed.MayReach({1, 1, 1}, 0.5));
+  }
+}
+
+TEST_F(RobotBodyTest, OfALinkWithAnOpenMeshTheClosedOnesAreCertain) {
   WriteFile(TestFolder() / "open.obj",
             "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 3 2\nf 1 2 4\nf 1 4 3\n");
   const RobotModel robot = Read(R"(<robot name="open"><link name="lid">
-      <visual><geometry><mesh filename="open.obj"/></geometry></visual></link></robot>)");
+      <visual><geometry><mesh filename="open.obj"/></geometry></visual>
+      <visual><origin xyz="-1 0 0"/><geometry><box size="0.1 0.1 0.1"/></geometry></visual>
+      </link></robot>)");
   const RobotBody body(robot, {.range = kRange, .step = kStep});
   EXPECT_EQ(body.open_links(), std::vector<std::string>{"lid"});
   EXPECT_GT(AtMost(body.At({}), {0.1, 0.1, 0.1}), 0);
+  EXPECT_LT(AtMost(body.At({}), {-1, 0, 0}), 0);
 }
 
 TEST_F(RobotBodyTest, TakesTheCollisionGeometryWhereItIsAskedTo) {

@@ -18,7 +18,7 @@ class DemoCell : public testing::Test {
   const SimulationSettings settings_ =
       LoadSimulation(kFolder + "cells/demo/simulation.yaml").value();
   const RobotModel robot_ = RobotModel::FromUrdf(kFolder + "robots/rx130.urdf").value();
-  const std::vector<BodyPart> parts_ = RobotParts(robot_);
+  const std::vector<BodyPart> parts_ = BodyPartsOf(robot_);
 
   // Joints 1 and 3 move; the others stand where the demo's cell.yaml puts them.
   Poses PosesAt(double joint_1, double joint_3) const {

@@ -85,12 +85,12 @@ TEST_F(SimulationFileParts, AreOnTheirLinksInTheirVariantAlone) {
   const auto bodies = [&](const std::string& variant) {
     const auto carrying = Carrying(robot, settings->parts, variant);
     EXPECT_TRUE(carrying.ok()) << carrying.status();
-    return RobotParts(*carrying);
+    return BodyPartsOf(*carrying);
   };
-  EXPECT_EQ(bodies("default").size(), RobotParts(robot).size());
-  EXPECT_EQ(bodies("open").size(), RobotParts(robot).size());
+  EXPECT_EQ(bodies("default").size(), BodyPartsOf(robot).size());
+  EXPECT_EQ(bodies("open").size(), BodyPartsOf(robot).size());
   std::vector<BodyPart> more = bodies("box");
-  ASSERT_EQ(more.size(), RobotParts(robot).size() + 1);
+  ASSERT_EQ(more.size(), BodyPartsOf(robot).size() + 1);
   const auto box = std::ranges::find_if(more, [](const BodyPart& part) {
     return part.name == "forearm" && part.mesh.vertices.size() == 8 &&
            std::abs(part.mesh.vertices[0].z() - 0.5) < 0.151;

@@ -175,18 +175,20 @@ INSTANTIATE_TEST_SUITE_P(WithAndWithoutIndex, SceneVariants, ::testing::Bool(),
                          [](const auto& with) { return with.param ? "Index" : "NoIndex"; });
 
 // A database of both variants that the sound presets can be served with, by cameras somewhere.
-std::shared_ptr<const ServedDatabase> SoundDatabase(const std::filesystem::path& folder) {
+absl::StatusOr<std::shared_ptr<const ServedDatabase>> SoundDatabase(
+    const std::filesystem::path& folder,
+    const std::string& ball =
+        "<collision><geometry><sphere radius=\"0.1\"/></geometry></collision>") {
   MakeDatabase(folder / "db");
   AddTools(folder / "db");
   const char* joint =
       R"(<joint name="$0" type="prismatic"><parent link="$1"/><child link="$0_end"/>
          <axis xyz="1 0 0"/><limit lower="-4" upper="4" effort="1" velocity="1"/></joint>
-         <link name="$0_end"><collision><geometry><sphere radius="0.1"/></geometry></collision>
-         </link>)";
-  std::ofstream(folder / "robot.urdf")
-      << R"(<robot name="robot"><link name="base"/>)" << absl::Substitute(joint, "lift", "base")
-      << absl::Substitute(joint, "a", "lift_end") << absl::Substitute(joint, "b", "a_end")
-      << "</robot>";
+         <link name="$0_end">$2</link>)";
+  std::ofstream(folder / "robot.urdf") << R"(<robot name="robot"><link name="base"/>)"
+                                       << absl::Substitute(joint, "lift", "base", ball)
+                                       << absl::Substitute(joint, "a", "lift_end", ball)
+                                       << absl::Substitute(joint, "b", "a_end", ball) << "</robot>";
   auto robot = RobotModel::FromUrdf(folder / "robot.urdf");
   EXPECT_TRUE(robot.ok()) << robot.status();
   Calibration calibration;
@@ -202,17 +204,22 @@ std::shared_ptr<const ServedDatabase> SoundDatabase(const std::filesystem::path&
       .robot = std::make_shared<const RobotModel>(*std::move(robot))};
   const auto database = Database::Open(folder / "db", Database::Access::kRead);
   EXPECT_TRUE(database.ok()) << database.status();
-  auto served =
-      ServedDatabase::Load(**database, {}, {}, sound, LoadSettings{.calibration = calibration});
-  EXPECT_TRUE(served.ok()) << served.status();
-  return *std::move(served);
+  return ServedDatabase::Load(**database, {}, {}, sound, LoadSettings{.calibration = calibration});
+}
+
+// As far as its model goes, it would touch nothing.
+TEST(SoundVariants, RobotWithoutGeometryIsRefused) {
+  EXPECT_THAT(std::string(SoundDatabase(FreshFolder(), "").status().message()),
+              HasSubstr("has no visual or collision geometry"));
 }
 
 // Links that stand as in the scene touch nothing, as they do now - unless they carry something
 // else.
 TEST(SoundVariants, WhatStandsAsInTheSceneMayTouchWithAnotherVariant) {
   const std::filesystem::path folder = FreshFolder();
-  const auto both = SoundDatabase(folder);
+  const auto made = SoundDatabase(folder);
+  ASSERT_TRUE(made.ok()) << made.status();
+  const auto& both = *made;
   for (const std::string scene_variant : {"default", kTool}) {
     SceneInput input = scene_variant == kTool ? ToolScene(0, 0, 4) : EmptyCellScene();
     const auto scene = SceneVariantsSceneOf(*both, input);

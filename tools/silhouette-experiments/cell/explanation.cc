@@ -101,7 +101,7 @@ CauseFound FindCause(std::span<const Place> places, const Policy& policy, bool o
 Explainer::Explainer(const TrialSetting& setting)
     : setting_(setting),
       cameras_(setting.workplace.TrueCalibration().cameras),
-      robot_(RobotParts(setting.workplace.robot())) {
+      robot_(BodyPartsOf(setting.workplace.robot())) {
   for (size_t view = 0; view < cameras_.size(); ++view) {
     const MaskSize size = setting.database.robot_images().mask_sizes()[view];
     mask_cameras_.push_back(cameras_[view].ScaledTo(size.width, size.height));

@@ -39,7 +39,7 @@ Obstacle RandomTrunk(Chance& chance) {
 class PersonSearch {
  public:
   PersonSearch(const SimulatedWorkplace& workplace, Chance& chance)
-      : workplace_(workplace), chance_(chance), parts_(RobotParts(workplace.robot())) {}
+      : workplace_(workplace), chance_(chance), parts_(BodyPartsOf(workplace.robot())) {}
 
   // False if no place was found for it.
   bool Place(LeaveScene& near, double nearest, double farthest) {

@@ -67,7 +67,7 @@ Eigen::Quaterniond Chance::Rotation() {
 Eigen::AlignedBox3d SweptBox(const SimulatedWorkplace& workplace) {
   constexpr uint64_t kConfigurations = 400;
   const ConfigurationGrid& grid = workplace.cell().grid;
-  const std::vector<BodyPart> parts = RobotParts(workplace.robot());
+  const std::vector<BodyPart> parts = BodyPartsOf(workplace.robot());
   const uint64_t stride = std::max<uint64_t>(1, grid.number_limit() / kConfigurations);
   Eigen::AlignedBox3d box;
   for (uint64_t number = 0; number < grid.number_limit(); ++number) {
@@ -180,7 +180,7 @@ class Search {
         thing_(thing),
         radius_(radius),
         contact_(workplace.robot(), {&thing, 1}),
-        parts_(RobotParts(workplace.robot())),
+        parts_(BodyPartsOf(workplace.robot())),
         rays_(parts_),
         cameras_(workplace.TrueCalibration().cameras) {}
 

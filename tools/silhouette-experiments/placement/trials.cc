@@ -198,7 +198,7 @@ absl::StatusOr<Trials> Trials::Make(const RobotModel& robot, const Configuration
                                     const PositionsAt& positions_at, const Places& places,
                                     const OnProgress& progress) {
   Random random(places.samples.seed);
-  const std::vector<Solid> solids = SolidsOf(RobotParts(robot));
+  const std::vector<Solid> solids = SolidsOf(BodyPartsOf(robot));
   std::vector<Poses> poses;
   std::vector<Poses> looked_at;  // the extremes, too
   Bounds bounds;
