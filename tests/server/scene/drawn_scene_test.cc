@@ -1,0 +1,305 @@
+// SPDX-License-Identifier: Apache-2.0
+// Databases whose robot images are drawn: scenes, the sound presets, what verdicts rest on.
+#include <gmock/gmock.h>
+
+#include <cmath>
+
+#include "server/scene/checker.h"
+#include "tests/random.h"
+#include "tests/server/drawn_cell.h"
+#include "tests/server/test_cell.h"
+#include "tests/server/tool_variant.h"
+
+namespace silhouette {
+namespace {
+
+using Eigen::Vector3d;
+using ::testing::HasSubstr;
+
+const Moment kDrawnNow{absl::FromUnixSeconds(1'000'000), absl::Seconds(50)};
+
+struct DrawnSceneTest : ::testing::Test {
+  absl::StatusOr<std::shared_ptr<const ServedDatabase>> Load(const LoadSettings& load) {
+    const auto opened = Database::Open(folder / "db", Database::Access::kRead);
+    EXPECT_TRUE(opened.ok()) << opened.status();
+    return ServedDatabase::Load(**opened, {.margin = 0}, {}, sound, load);
+  }
+
+  std::shared_ptr<const ServedDatabase> New() {
+    EXPECT_TRUE(Database::Create(folder / "db", DrawnCellDescription()).ok());
+    auto loaded = Load({.calibration = calibration, .drawn = cell});
+    EXPECT_TRUE(loaded.ok()) << loaded.status();
+    return *loaded;
+  }
+
+  Configuration Any() {
+    return {std::uniform_real_distribution<double>(-4, 4)(random),
+            std::uniform_real_distribution<double>(-2, 2)(random)};
+  }
+
+  bool Touches(const Configuration& q, const std::vector<DrawnCellBall>& balls) const {
+    const std::vector<Eigen::Isometry3d> poses =
+        model->LinkPoses(std::vector<double>{q[0], q[1], 0.1});
+    for (size_t link = 0; link < poses.size(); ++link) {
+      const LinkGeometry& geometry = model->links()[link].visual[0];
+      const Vector3d half = std::get<BoxShape>(geometry.shape).size / 2;
+      const Eigen::AlignedBox3d box(-half, half);
+      for (const DrawnCellBall& ball : balls) {
+        const Vector3d at = (poses[link] * geometry.link_from_shape).inverse() * ball.centre;
+        if (box.exteriorDistance(at) <= ball.radius) return true;
+      }
+    }
+    return false;
+  }
+
+  SceneInput InputOf(const Configuration& now, const std::vector<DrawnCellBall>& balls) const {
+    return DrawnSceneInput(*truth, now, balls);
+  }
+
+  Served ServedScene(const SceneInput& input) const {
+    absl::StatusOr<Scene> scene = MakeScene(*database, input, settings, {}, kDrawnNow);
+    EXPECT_TRUE(scene.ok()) << scene.status();
+    scene->id = 1;
+    return {database, std::make_shared<const Scene>(*std::move(scene)), Reason::kNone};
+  }
+  Checker CheckerOf(const SceneInput& input, const Policy& policy = {}) const {
+    return Checker(ServedScene(input), policy, settings, kDrawnNow);
+  }
+
+  std::vector<DrawnCellBall> SomeBalls(const Configuration& now, double least) {
+    const auto between = [&](double a, double b) {
+      return std::uniform_real_distribution<double>(a, b)(random);
+    };
+    while (true) {
+      const std::vector<DrawnCellBall> balls = {
+          {{between(-0.8, 0.8), between(-0.8, 0.8), between(0.2, 1.4)}, between(least, 0.15)}};
+      if (!Touches(now, balls)) return balls;
+    }
+  }
+
+  Random random;
+  std::filesystem::path folder = FreshFolder();
+  std::shared_ptr<const RobotModel> model = std::make_shared<const RobotModel>(DrawnModel());
+  Calibration calibration = DrawnCalibration();
+  DrawnCell cell{.robot = model, .parts = {}};
+  std::optional<SoundCell> sound;
+  std::shared_ptr<const ServedDatabase> database = New();
+  // Without tolerance.
+  std::shared_ptr<const DrawnRobot> truth = std::make_shared<const DrawnRobot>(
+      DrawnRobotOf(*model, {}, std::vector<std::string>{"turn", "lift"},
+                   std::vector<FixedJoint>{{"reach", 0.1}}, calibration,
+                   std::vector<MaskSize>(4, kDrawnSize))
+          .value());
+  SceneSettings settings;
+};
+
+struct DrawnSoundTest : DrawnSceneTest {
+  DrawnSoundTest() {
+    sound = SoundCell{
+        .settings = {.least_obstacle = 0.09,
+                     .voxel_edge = {},
+                     .model_tolerance = 0.005,
+                     .whole_model = true},
+        .workspace = Eigen::AlignedBox3d(Vector3d(-1.1, -1.1, 0), Vector3d(1.1, 1.1, 1.8)),
+        .payload_radius = 0,
+        .robot = model};
+    auto loaded = Load({.calibration = calibration, .drawn = cell});
+    EXPECT_TRUE(loaded.ok()) << loaded.status();
+    database = *loaded;
+  }
+};
+
+TEST_F(DrawnSoundTest, RobotThatTouchesAnObstacleIsNeverFreeUnderSoundAtAnyConfiguration) {
+  size_t touching = 0;
+  size_t free[2] = {0, 0};
+  for (int scene = 0; scene < 8; ++scene) {
+    const Configuration now = Any();
+    const std::vector<DrawnCellBall> balls = SomeBalls(now, 0.09);
+    const Served served = ServedScene(InputOf(now, balls));
+    for (const Preset preset : {Preset::kSoundPlanes, Preset::kSound}) {
+      const Checker checker(served, {.preset = preset}, settings, kDrawnNow);
+      for (int i = 0; i < 100; ++i) {
+        const Configuration q = Any();
+        const Verdict verdict = checker.Check(q);
+        const bool touches = Touches(q, balls);
+        ASSERT_FALSE(touches && verdict.free()) << NameOf(preset) << ", scene " << scene;
+        touching += touches ? 1 : 0;
+        free[preset == Preset::kSound ? 1 : 0] += verdict.free() ? 1 : 0;
+      }
+    }
+  }
+  RecordProperty("free_of_800_under_sound_planes", static_cast<int>(free[0]));
+  RecordProperty("free_of_800_under_sound", static_cast<int>(free[1]));
+  EXPECT_GT(touching, 30u);
+  EXPECT_GT(free[1], 200u);
+}
+
+TEST_F(DrawnSoundTest, NoFreeMotionTouchesAnObstacleUnderSound) {
+  size_t free = 0;
+  size_t proven = 0;
+  for (int scene = 0; scene < 6; ++scene) {
+    const Configuration now = Any();
+    const std::vector<DrawnCellBall> balls = SomeBalls(now, 0.09);
+    const Checker checker = CheckerOf(InputOf(now, balls), {.preset = Preset::kSound});
+    for (int i = 0; i < 12; ++i) {
+      // Every other one begins where the robot stands.
+      const std::vector<Configuration> path = {i % 2 == 0 ? now : Any(), Any()};
+      const PathVerdict verdict = checker.CheckPath(path, {}, nullptr, nullptr, 0.02);
+      if (!verdict.verdict.free()) continue;
+      ++free;
+      proven += verdict.sampled_step == 0 ? 1 : 0;
+      for (int step = 0; step <= 400; ++step) {
+        Configuration q = path[0];
+        for (size_t j = 0; j < 2; ++j) q[j] += step / 400.0 * (path[1][j] - path[0][j]);
+        ASSERT_FALSE(Touches(q, balls) && verdict.sampled_step == 0);
+        ASSERT_FALSE(Touches(q, balls) && checker.Check(q).free());
+      }
+    }
+  }
+  EXPECT_GT(free, 10u);
+  EXPECT_GT(proven, 5u);
+}
+
+TEST_F(DrawnSoundTest, EveryPresetAnswersAtAnyConfigurationAndExplains) {
+  const Configuration now = {0.123, 0.456};
+  const Served served = ServedScene(InputOf(now, {{{-0.7, 0.2, 0.9}, 0.1}}));
+  EXPECT_TRUE(served.scene->defects.empty()) << served.scene->defects[0].message;
+  for (const Preset preset : AllPresets()) {
+    const Checker checker(served, {.preset = preset}, settings, kDrawnNow);
+    const Configuration q = {0.3, 0.2};
+    std::vector<ViewEvidence> evidence(4);
+    EXPECT_EQ(checker.Check(q, evidence), checker.Check(q)) << NameOf(preset);
+    EXPECT_NE(checker.Check(q).state(), State::kUnknown) << NameOf(preset);
+    EXPECT_GT(evidence[0].unknown_pixels, 0u);
+    for (int view = 0; view < 4; ++view) {
+      EXPECT_EQ(checker.TestRobotImage(view, q),
+                database->robot_images().drawn()->Touched(q)[static_cast<size_t>(view)]);
+      EXPECT_TRUE(checker.CollisionImagesAt(q)[static_cast<size_t>(view)]);
+    }
+    EXPECT_EQ(checker.Check(Configuration{0, 2.1}), Verdict::Unknown(Reason::kOutsideGrid));
+    const auto meter = checker.Clearances();
+    ASSERT_TRUE(meter);
+    EXPECT_TRUE(meter->Measure(q, checker.Check(q)));
+  }
+}
+
+TEST_F(DrawnSceneTest, UnknownAndErrorPixelsAreDrawnAtTheJointsOfTheScene) {
+  const Configuration now = {0.123, 0.456};
+  SceneInput input = InputOf(now, {});
+  const Served served = ServedScene(input);
+  const std::vector<Mask> touched = database->robot_images().drawn()->Touched(now);
+  for (size_t view = 0; view < 4; ++view) {
+    const ObstacleImage& image = *served.scene->obstacle_images[view];
+    EXPECT_TRUE(image.obstacle().Empty());
+    EXPECT_TRUE(image.error().Empty());
+    EXPECT_TRUE((image.unknown() - touched[view]).Empty());
+    input.views[view].image = SceneMask{Mask(kDrawnSize)};
+  }
+  SceneSettings lenient;
+  lenient.max_core_error = 1;
+  const auto without = MakeScene(*database, input, lenient, {}, kDrawnNow);
+  ASSERT_TRUE(without.ok()) << without.status();
+  for (size_t view = 0; view < 4; ++view) {
+    const Mask& error = without->obstacle_images[view]->error();
+    EXPECT_EQ(error, touched[view] & database->robot_images().drawn()->Covered(now)[view]);
+    EXPECT_FALSE(error.Empty());
+  }
+}
+
+TEST_F(DrawnSoundTest, RobotThatIsNotWhereItsModelCanBeIsNeverFree) {
+  const std::vector<std::vector<JointPosition>> wrong = {
+      {{"turn", 0}, {"lift", 2.1}, {"reach", 0.1}},
+      {{"turn", 0}, {"reach", 0.1}},
+      {{"lift", 0}, {"reach", 0.1}},
+      {{"turn", 0}, {"lift", 0}},
+      {{"turn", 0}, {"lift", 0}, {"reach", 0.11}}};
+  for (const std::vector<JointPosition>& joints : wrong) {
+    SceneInput input = InputOf({0, 0}, {});
+    input.joints = joints;
+    for (const Preset preset : AllPresets()) {
+      const Checker checker = CheckerOf(input, {.preset = preset});
+      EXPECT_EQ(checker.Check(Configuration{1, 0}).state(), State::kUnknown);
+      EXPECT_FALSE(checker.CheckPath(std::vector<Configuration>{{1, 0}, {1.2, 0}}).verdict.free());
+    }
+  }
+}
+
+TEST_F(DrawnSoundTest, AllVerdictsRestOnTheCalibration) {
+  Served served = ServedScene(InputOf({0, 0}, {}));
+  EXPECT_TRUE(Checker(served, {}, settings, kDrawnNow).Check(Configuration{1, 0}).free());
+  served.trust = std::make_shared<const CalibrationTrust>();
+  for (const Preset preset : AllPresets()) {
+    const Checker checker(served, {.preset = preset}, settings, kDrawnNow);
+    EXPECT_EQ(checker.Check(Configuration{1, 0}), Verdict::Unknown(Reason::kCalibrationDoubtful));
+  }
+}
+
+TEST_F(DrawnSceneTest, ItsMapIsDrawnAndHasNoFreeCells) {
+  const Served served = ServedScene(InputOf({0, 0}, {}));
+  const ConfigurationSpace space(served, {});
+  EXPECT_FALSE(space.looked_up(0));
+  EXPECT_EQ(space.state(database->grid().NumberOf({1, 0})), State::kFree);
+  EXPECT_EQ(space.state(database->grid().number_limit() - 1), State::kUnknown);
+  const std::vector<uint64_t> tiles = {0};
+  EXPECT_TRUE(space.WorkOutCells(tiles, [] { return false; }));
+  EXPECT_TRUE(space.cells_ready(0));
+  EXPECT_TRUE(space.free_cells(0).Empty());
+  EXPECT_FALSE(space.cells_exact());
+}
+
+TEST_F(DrawnSceneTest, CapturedImagesAndTheirIndexAreNotLookedAt) {
+  {
+    const auto opened = Database::Open(folder / "db", Database::Access::kWrite);
+    auto writer = (*opened)->Write("test");
+    RobotImage image;
+    image.number = (*opened)->grid().NumberOf({0, 0});
+    image.masks = std::vector<Mask>(4, Mask(kDrawnSize));
+    ASSERT_TRUE(writer->Put(image).ok());
+    ASSERT_TRUE(writer->Commit().ok());
+  }
+  BuildIndex(folder / "db");
+  const auto loaded = Load({.calibration = calibration, .drawn = cell});
+  ASSERT_TRUE(loaded.ok()) << loaded.status();
+  EXPECT_EQ((*loaded)->index(), nullptr);
+  EXPECT_EQ((*loaded)->robot_images().Images((*loaded)->grid().NumberOf({0, 0})),
+            (*loaded)->robot_images().drawn()->Touched((*loaded)->grid().At(GridIndex{})));
+  EXPECT_EQ((*loaded)->robot_images().Count(RobotImageState::kPresent), 6u);
+  EXPECT_TRUE((*loaded)->unverified_model());
+}
+
+TEST_F(DrawnSceneTest, WithoutCameraModelsOrWithAnotherVariantItIsNotLoaded) {
+  const auto without = Load({.drawn = cell});
+  EXPECT_TRUE(absl::IsFailedPrecondition(without.status())) << without.status();
+  EXPECT_THAT(without.status().message(), HasSubstr("silhouette-db calibration import"));
+  {
+    const auto opened = Database::Open(folder / "db", Database::Access::kWrite);
+    ASSERT_TRUE((*opened)->CreateVariant("tool", "test").ok());
+  }
+  const auto two = Load({.calibration = calibration, .drawn = cell});
+  EXPECT_TRUE(absl::IsFailedPrecondition(two.status())) << two.status();
+  EXPECT_THAT(two.status().message(), HasSubstr("'tool'"));
+}
+
+TEST_F(DrawnSceneTest, TolerancePayloadAndLinkGrowthAreDrawn) {
+  cell.parts.tolerance = 0.02;
+  cell.payload_radius = 0.1;
+  const std::vector<std::string> moving = {"turn", "lift"};
+  const std::vector<FixedJoint> fixed = {{"reach", 0.1}};
+  const std::vector<MaskSize> sizes(4, kDrawnSize);
+  const DrawnRobot grown =
+      DrawnRobotOf(cell, moving, fixed, calibration, sizes, std::vector<double>{0, 0, 0.03, 0})
+          .value();
+  ASSERT_EQ(grown.parts().size(), 5u);
+  EXPECT_DOUBLE_EQ(grown.parts()[0].radius, 0.02);
+  EXPECT_DOUBLE_EQ(grown.parts()[2].radius, 0.05);
+  EXPECT_DOUBLE_EQ(grown.parts()[3].radius, 0.12);
+  EXPECT_DOUBLE_EQ(grown.parts()[4].radius, 0.12);
+  EXPECT_EQ(grown.parts()[4].moves_with, 3u);
+  for (const std::vector<double>& growth :
+       std::vector<std::vector<double>>{{0, 0, 0}, {0, 0, 0, -0.01}, {0, 0, 0, NAN}}) {
+    EXPECT_FALSE(DrawnRobotOf(cell, moving, fixed, calibration, sizes, growth).ok());
+  }
+}
+
+}  // namespace
+}  // namespace silhouette

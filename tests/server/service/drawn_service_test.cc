@@ -1,0 +1,131 @@
+// SPDX-License-Identifier: Apache-2.0
+// The API with robot images that are drawn.
+#include <gmock/gmock.h>
+
+#include "silhouette/client.h"
+#include "tests/server/drawn_cell.h"
+#include "tests/server/service/test_server.h"
+
+namespace silhouette {
+namespace {
+
+using ::testing::HasSubstr;
+
+std::shared_ptr<const ServedDatabase> DrawnDatabase(
+    const std::shared_ptr<const RobotModel>& model) {
+  const std::filesystem::path folder = FreshFolder();
+  const auto created = Database::Create(folder / "db", DrawnCellDescription());
+  EXPECT_TRUE(created.ok()) << created.status();
+  auto served = ServedDatabase::Load(
+      **created, {.margin = 0}, {}, std::nullopt,
+      {.calibration = DrawnCalibration(), .drawn = DrawnCell{.robot = model, .parts = {}}});
+  EXPECT_TRUE(served.ok()) << served.status();
+  return *std::move(served);
+}
+
+struct DrawnServiceTest : ::testing::Test {
+  std::shared_ptr<const RobotModel> model = std::make_shared<const RobotModel>(DrawnModel());
+  std::shared_ptr<const ServedDatabase> database = DrawnDatabase(model);
+  TestServer server{database};
+
+  // A ball that the beam meets at turn 0.
+  void Publish() {
+    server.Publish(
+        DrawnSceneInput(*database->robot_images().drawn(), {2, 0}, {{{0.6, 0, 0.8}, 0.05}}));
+  }
+};
+
+TEST_F(DrawnServiceTest, DatabaseSaysThatItsImagesAreDrawnAndWhole) {
+  const v1::GetDatabaseResponse response = server.GetDatabase();
+  EXPECT_EQ(response.images(), "drawn");
+  EXPECT_EQ(response.configurations(), 6u);
+  EXPECT_EQ(response.captured(), 6u);
+}
+
+TEST_F(DrawnServiceTest, AnswersSayThatTheModelIsNotVerified) {
+  EXPECT_TRUE(server.Check({{0.5, 0.5}}).basis().unverified_model()) << "without a scene, too";
+  Publish();
+  EXPECT_TRUE(server.Check({{0.5, 0.5}}).basis().unverified_model());
+  EXPECT_TRUE(server.Path({{1, 0}, {1.1, 0}}).basis().unverified_model());
+  EXPECT_TRUE(server.Explain({1, 0}).basis().unverified_model());
+  const auto client = client::Client::Connect(server.server->address());
+  ASSERT_TRUE(client.ok()) << client.status();
+  const auto checks = client->CheckConfigurations(std::vector<Configuration>{{0.5, 0.5}});
+  ASSERT_TRUE(checks.ok()) << checks.status();
+  EXPECT_TRUE(checks->basis.unverified_model);
+}
+
+TEST_F(DrawnServiceTest, FreeMotionIsProvenAndAWallIsFound) {
+  Publish();
+  const v1::CheckPathResponse away = server.Path({{1, 0}, {2, 0.1}, {3, 0}});
+  EXPECT_EQ(away.verdict().state(), v1::Verdict::STATE_FREE);
+  EXPECT_EQ(away.proof(), v1::PATH_PROOF_CONTINUOUS);
+  EXPECT_EQ(away.sampled_step(), 0);
+  const v1::CheckPathResponse wall = server.Path({{-1.5, 0}, {1.5, 0}});
+  EXPECT_EQ(wall.verdict().state(), v1::Verdict::STATE_OCCUPIED);
+  EXPECT_EQ(wall.proof(), v1::PATH_PROOF_UNSPECIFIED);
+  EXPECT_GT(wall.fraction(), 0.3);
+  EXPECT_LT(wall.fraction(), 0.5);
+  const auto client = client::Client::Connect(server.server->address());
+  ASSERT_TRUE(client.ok()) << client.status();
+  const auto path = client->CheckPath(std::vector<Configuration>{{1, 0}, {2, 0.1}});
+  ASSERT_TRUE(path.ok()) << path.status();
+  EXPECT_EQ(path->proof, client::PathProof::kContinuous);
+}
+
+TEST_F(DrawnServiceTest, SampledMotionSaysItsStep) {
+  Publish();
+  // Along the ball, as near as it is free.
+  double turn = 0.05;
+  while (server.CheckOne({turn, 0}).state() != v1::Verdict::STATE_FREE) turn += 0.0005;
+  v1::CheckPathRequest request;
+  Set({turn, 0}, request.add_waypoints());
+  Set({turn + 0.5, 0}, request.add_waypoints());
+  request.set_path_resolution(0.1);
+  v1::CheckPathResponse response;
+  ASSERT_TRUE(server.Call(request, &response).ok());
+  ASSERT_EQ(response.verdict().state(), v1::Verdict::STATE_FREE);
+  EXPECT_EQ(response.proof(), v1::PATH_PROOF_SAMPLED);
+  EXPECT_GT(response.sampled_step(), 0);
+  EXPECT_LE(response.sampled_step(), 0.0501);
+}
+
+TEST_F(DrawnServiceTest, ResolutionThatCannotBeAndPathThatIsTooLongAreRefused) {
+  v1::CheckPathRequest request;
+  Set({0, 0}, request.add_waypoints());
+  Set({1, 0}, request.add_waypoints());
+  v1::CheckPathResponse response;
+  for (const double resolution : {0.0, -1.0, 0.0001, 0.2, double{NAN}}) {
+    request.set_path_resolution(resolution);
+    const grpc::Status status = server.Call(request, &response);
+    EXPECT_EQ(status.error_code(), grpc::StatusCode::INVALID_ARGUMENT);
+    EXPECT_THAT(status.error_message(), HasSubstr("path_resolution"));
+  }
+  request.clear_path_resolution();
+  Set({1e5, 0}, request.add_waypoints());
+  const grpc::Status status = server.Call(request, &response);
+  EXPECT_EQ(status.error_code(), grpc::StatusCode::INVALID_ARGUMENT);
+  EXPECT_THAT(status.error_message(), HasSubstr("split it"));
+}
+
+TEST_F(DrawnServiceTest, OutsideTheLimitsIsUnknown) {
+  Publish();
+  EXPECT_EQ(server.CheckOne({0, 2.1}).reason(), v1::Verdict::REASON_OUTSIDE_GRID);
+  EXPECT_EQ(server.Path({{1, 0}, {1, 2.1}}).verdict().reason(), v1::Verdict::REASON_OUTSIDE_GRID);
+}
+
+TEST_F(DrawnServiceTest, MapIsDrawnForThoseWhoAskAndHasNoCells) {
+  Publish();
+  v1::GetConfigurationSpaceRequest request;
+  request.set_include_cells(true);
+  const auto messages = server.Space(request);
+  ASSERT_FALSE(messages.empty());
+  EXPECT_FALSE(messages[0].cells_exact());
+  ASSERT_EQ(messages[0].tiles_size(), 1);
+  const v1::ConfigurationSpaceTile& tile = messages[0].tiles(0);
+  EXPECT_NE(tile.free().find_first_not_of('\0'), std::string::npos);
+  EXPECT_EQ(tile.free_cells().find_first_not_of('\0'), std::string::npos);
+}
+
+}  // namespace
+}  // namespace silhouette
