@@ -3,10 +3,26 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <stdexcept>
 #include <utility>
 
 namespace silhouette {
+namespace {
+
+using Candidate = DrawnCheckScratch::Candidate;
+
+void RequireGrowth(Growth growth, size_t parts) {
+  if (growth.empty()) return;
+  if (growth.size() != parts) throw std::invalid_argument("not a growth for each part");
+  for (const double part : growth) {
+    if (!(part >= 0) || !std::isfinite(part)) {
+      throw std::invalid_argument("a body cannot grow by less than nothing");
+    }
+  }
+}
+
+}  // namespace
 
 DrawnChecker::DrawnChecker(std::shared_ptr<const DrawnRobot> robot,
                            std::vector<std::optional<Mask>> shown)
@@ -16,37 +32,109 @@ DrawnChecker::DrawnChecker(std::shared_ptr<const DrawnRobot> robot,
     throw std::invalid_argument("not a plane for each view of the robot");
   }
   for (size_t view = 0; view < shown.size(); ++view) {
-    if (shown[view] && shown[view]->size() != robot_->views()[view].size()) {
+    Plane& plane = planes_.emplace_back();
+    if (!shown[view]) {
+      ++missing_;
+      continue;
+    }
+    if (shown[view]->size() != robot_->views()[view].size()) {
       throw std::invalid_argument("a plane has not the size of the view");
     }
-    if (!shown[view]) ++missing_;
-    planes_.push_back(std::move(shown[view]).value_or(Mask()));
+    if (shown[view]->Empty()) continue;
+    plane.distances = PlaneDistances(*shown[view]);
+    plane.mask = *std::move(shown[view]);
   }
 }
 
-bool DrawnChecker::Shows(size_t view, Growth growth, DrawnCheckScratch& scratch) const {
-  const Mask& plane = planes_[view];
-  scratch.words.assign(plane.words().size(), 0);
-  robot_->AddTouched(view, scratch.base_from_link, growth, scratch.drawing, scratch.words);
-  return Intersects(plane.words(), scratch.words);
+bool DrawnChecker::Look(size_t view, DrawnCheckScratch& scratch) const {
+  const PartBalls& balls = robot_->balls();
+  const size_t begin = scratch.candidates.size();
+  if (!robot_->looks()[view].bounded()) {
+    for (size_t part = 0; part < robot_->parts().size(); ++part) {
+      scratch.candidates.push_back({view, part, 0});
+    }
+    return false;
+  }
+  robot_->looks()[view].See(balls, scratch.balls, scratch.seen);
+  const PlaneDistances& distances = planes_[view].distances;
+  for (size_t i = 0; i < scratch.seen.size(); ++i) {
+    const SeenBall& ball = scratch.seen[i];
+    const float distance = distances.At(static_cast<size_t>(ball.pixel));
+    if (distance > ball.reach) continue;
+    if (distance == 0 && ball.centred) {
+      scratch.candidates.resize(begin);
+      return true;
+    }
+    // Balls of a part stand together.
+    if (scratch.candidates.size() > begin && scratch.candidates.back().part == balls.part(i)) {
+      float& depth = scratch.candidates.back().depth;
+      depth = std::max(depth, ball.reach - distance);
+    } else {
+      scratch.candidates.push_back({view, balls.part(i), ball.reach - distance});
+    }
+  }
+  return false;
+}
+
+bool DrawnChecker::IsMet(const Candidate& candidate, Growth growth,
+                         DrawnCheckScratch& scratch) const {
+  const RobotPart& part = robot_->parts()[candidate.part];
+  return robot_->views()[candidate.view].Meets(
+      scratch.base_from_link[part.moves_with], part.points,
+      part.radius + (growth.empty() ? 0 : growth[candidate.part]), scratch.drawing,
+      planes_[candidate.view].mask.words());
+}
+
+int DrawnChecker::Count(std::span<const double> q, Growth growth, int least, int most,
+                        DrawnCheckScratch& scratch) const {
+  RequireGrowth(growth, robot_->parts().size());
+  robot_->chain().Pose(q, scratch.base_from_link);
+  if (!std::ranges::all_of(q, [](double value) { return std::isfinite(value); })) {
+    return static_cast<int>(planes_.size());
+  }
+  robot_->balls().Place(scratch.base_from_link, growth, scratch.balls);
+  scratch.candidates.clear();
+  int showing = missing_;
+  int open = 0;  // views
+  for (size_t view = 0; view < planes_.size() && showing < most; ++view) {
+    if (planes_[view].mask.words().empty()) continue;
+    const size_t before = scratch.candidates.size();
+    if (Look(view, scratch)) {
+      ++showing;
+    } else if (scratch.candidates.size() > before) {
+      ++open;
+    }
+  }
+  for (size_t i = 0; i < scratch.candidates.size();) {
+    if (showing >= most || showing + open <= least) break;
+    const size_t view = scratch.candidates[i].view;
+    size_t end = i;
+    while (end < scratch.candidates.size() && scratch.candidates[end].view == view) ++end;
+    // What reaches farthest into the plane first: most likely it meets it.
+    std::sort(scratch.candidates.begin() + static_cast<std::ptrdiff_t>(i),
+              scratch.candidates.begin() + static_cast<std::ptrdiff_t>(end),
+              [](const Candidate& a, const Candidate& b) { return a.depth > b.depth; });
+    --open;
+    for (; i < end; ++i) {
+      if (!IsMet(scratch.candidates[i], growth, scratch)) continue;
+      ++showing;
+      break;
+    }
+    i = end;
+  }
+  return showing;
 }
 
 int DrawnChecker::Showing(std::span<const double> q, Growth growth, int enough,
                           DrawnCheckScratch& scratch) const {
   if (enough < 1) throw std::invalid_argument("no view is not enough");
-  if (!growth.empty() && growth.size() != robot_->parts().size()) {
-    throw std::invalid_argument("not a growth for each part");
-  }
-  robot_->chain().Pose(q, scratch.base_from_link);
-  if (!std::ranges::all_of(q, [](double value) { return std::isfinite(value); })) {
-    return std::min(enough, static_cast<int>(planes_.size()));
-  }
-  int showing = missing_;
-  for (size_t view = 0; view < planes_.size() && showing < enough; ++view) {
-    if (planes_[view].words().empty()) continue;
-    if (Shows(view, growth, scratch)) ++showing;
-  }
-  return std::min(showing, enough);
+  return std::min(enough, Count(q, growth, -1, enough, scratch));
+}
+
+bool DrawnChecker::ShownBy(int views, std::span<const double> q, Growth growth,
+                           DrawnCheckScratch& scratch) const {
+  if (views < 1) throw std::invalid_argument("no view is not enough");
+  return Count(q, growth, views - 1, views, scratch) >= views;
 }
 
 }  // namespace silhouette

@@ -27,6 +27,8 @@ DrawnRobot::DrawnRobot(KinematicChain chain, std::vector<RobotPart> parts,
       levers_.push_back(chain_.LeverOf(joint, part.moves_with, reach));
     }
   }
+  balls_ = PartBalls(parts_);
+  for (const PartDrawer& view : views_) looks_.emplace_back(view);
 }
 
 void DrawnRobot::AddTouched(size_t view, std::span<const Eigen::Isometry3d> base_from_link,

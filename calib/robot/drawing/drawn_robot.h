@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "calib/robot/drawing/kinematic_chain.h"
+#include "calib/robot/drawing/part_balls.h"
 #include "calib/robot/drawing/part_drawer.h"
 #include "db/mask/mask.h"
 
@@ -44,6 +45,9 @@ class DrawnRobot {
   const KinematicChain& chain() const { return chain_; }
   const std::vector<RobotPart>& parts() const { return parts_; }
   const std::vector<PartDrawer>& views() const { return views_; }
+  const PartBalls& balls() const { return balls_; }
+  // By view.
+  const std::vector<BallLook>& looks() const { return looks_; }
 
   // How far a point of the part moves at most, metres, per radian or metre of the joint: 0 if the
   // joint does not move it. Holds for all joint values within the limits, and along the way.
@@ -66,6 +70,8 @@ class DrawnRobot {
   KinematicChain chain_;
   std::vector<RobotPart> parts_;
   std::vector<PartDrawer> views_;
+  PartBalls balls_;
+  std::vector<BallLook> looks_;
   size_t joints_ = 0;
   std::vector<double> levers_;  // by part, then joint
 };

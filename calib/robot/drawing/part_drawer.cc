@@ -44,6 +44,17 @@ void SetBits(std::span<uint64_t> words, size_t first, size_t last) {
   words[end] |= tail;
 }
 
+bool AnyBit(MaskWords words, size_t first, size_t last) {
+  const size_t begin = first / 64;
+  const size_t end = last / 64;
+  const uint64_t head = ~uint64_t{0} << (first % 64);
+  const uint64_t tail = ~uint64_t{0} >> (63 - last % 64);
+  if (begin == end) return (words[begin] & head & tail) != 0;
+  uint64_t any = (words[begin] & head) | (words[end] & tail);
+  for (size_t word = begin + 1; word < end; ++word) any |= words[word];
+  return any != 0;
+}
+
 // Appends the vertices of the hull of `points`, between the planes z = low and z = high, and maybe
 // points of the hull's inside.
 void CutBetween(const std::vector<Vector3d>& points, double low, double high,
@@ -145,6 +156,7 @@ void PartDrawer::FindWindow() {
     window_.push_back({{std::cos(angle), std::sin(angle)}, window_radius_});
   }
   if (!clear_of_fold) margin_ += 0.5;
+  clear_of_fold_ = clear_of_fold;
 }
 
 // Whether no direction outside `box` and within `widest` appears in the image, on a lattice.
@@ -179,12 +191,19 @@ void PartDrawer::BoundLens() {
         (PixelAt(at + x + y) - PixelAt(at + x - y) - PixelAt(at - x + y) + PixelAt(at - x - y)) /
         (4 * h * h);
     const double scale = std::sqrt(dx.squaredNorm() + dy.squaredNorm());
+    // The greatest singular value.
+    const double sum = dx.squaredNorm() + dy.squaredNorm();
+    const double area = dx.x() * dy.y() - dx.y() * dy.x();
+    const double apart = std::sqrt(std::max(0.0, sum * sum - 4 * area * area));
+    stretch_ = std::max(stretch_, std::sqrt((sum + apart) / 2));
     const double bend = std::sqrt(dxx.squaredNorm() + 2 * dxy.squaredNorm() + dyy.squaredNorm());
     // Not a number stays.
     if (!(scale <= scale_)) scale_ = scale;
     if (!(bend <= bend_)) bend_ = bend;
     if (std::isnan(scale_) || std::isnan(bend_)) break;
   }
+  // Between two samples it changes by no more than it bends.
+  stretch_ = 1.001 * stretch_ + kLensSafety * bend_ * window_box_.sizes().norm() / (2 * kSteps);
   scale_ *= kLensSafety;
   bend_ *= kLensSafety;
 }
@@ -318,6 +337,10 @@ void PartDrawer::TraceSegment(const Vector2d& from, const Vector2d& to, double m
       std::floor(std::min(bottom.y() + reach, static_cast<double>(size_.height - 1))));
   const double height = bottom.y() - top.y();
   const double slope = height > 1e-12 ? (bottom.x() - top.x()) / height : 0;
+  if (first <= last) {
+    scratch.first_row = std::min(scratch.first_row, first);
+    scratch.last_row = std::max(scratch.last_row, last);
+  }
   for (int row = first; row <= last; ++row) {
     double a = top.x();
     double b = bottom.x();
@@ -345,23 +368,22 @@ void PartDrawer::TraceEdge(const Vector2d& from, const Vector2d& to,
   }
 }
 
-void PartDrawer::Fill(const DrawingScratch& scratch, std::span<uint64_t> words) const {
-  for (int row = 0; row < size_.height; ++row) {
+template <typename Take>
+bool PartDrawer::ForEachRow(const DrawingScratch& scratch, Take take) const {
+  for (int row = scratch.first_row; row <= scratch.last_row; ++row) {
     const auto at = static_cast<size_t>(row);
     const double left = std::max(std::ceil(scratch.left[at] - 0.5), 0.0);
     const double right = std::min(std::floor(scratch.right[at] + 0.5), size_.width - 1.0);
     if (!(left <= right)) continue;
     const size_t begin = at * static_cast<size_t>(size_.width);
-    SetBits(words, begin + static_cast<size_t>(left), begin + static_cast<size_t>(right));
+    if (!take(begin + static_cast<size_t>(left), begin + static_cast<size_t>(right))) return false;
   }
+  return true;
 }
 
-void PartDrawer::SetAll(std::span<uint64_t> words) const { SetBits(words, 0, size_.pixels() - 1); }
-
-void PartDrawer::AddTouched(const Eigen::Isometry3d& world_from_body,
-                            const Eigen::Matrix3Xd& points, double growth, DrawingScratch& scratch,
-                            std::span<uint64_t> words) const {
-  RequireWords(size_, static_cast<size_t>(points.cols()), words.size());
+PartDrawer::Extent PartDrawer::Trace(const Eigen::Isometry3d& world_from_body,
+                                     const Eigen::Matrix3Xd& points, double growth,
+                                     DrawingScratch& scratch) const {
   if (!(growth >= 0) || !std::isfinite(growth)) {
     throw std::invalid_argument("a body cannot grow by less than nothing");
   }
@@ -374,21 +396,74 @@ void PartDrawer::AddTouched(const Eigen::Isometry3d& world_from_body,
     farthest = std::max(farthest, point.z());
     finite = finite && point.allFinite();
   }
-  if (!finite || !std::isfinite(scale_) || !std::isfinite(bend_)) return SetAll(words);
-  if (farthest + growth <= 0) return;  // behind the camera
+  if (!finite || !std::isfinite(scale_) || !std::isfinite(bend_)) return Extent::kAll;
+  if (farthest + growth <= 0) return Extent::kNothing;  // behind the camera
   const double least = 2 * growth + kNear;
-  if (nearest < least && !CutNearPlane(growth, least, scratch)) return SetAll(words);
-  if (scratch.points.empty()) return;
+  if (nearest < least && !CutNearPlane(growth, least, scratch)) return Extent::kAll;
+  if (scratch.points.empty()) return Extent::kNothing;
 
   WidenedOutline(growth, scratch);
   ClipToWindow(scratch);
-  if (scratch.outline.empty()) return;
-  scratch.left.assign(static_cast<size_t>(size_.height), std::numeric_limits<double>::infinity());
-  scratch.right.assign(static_cast<size_t>(size_.height), -std::numeric_limits<double>::infinity());
+  if (scratch.outline.empty()) return Extent::kNothing;
+  // Only the rows of the drawing before are not clear.
+  const auto height = static_cast<size_t>(size_.height);
+  constexpr double kInfinity = std::numeric_limits<double>::infinity();
+  if (scratch.left.size() < height) {
+    scratch.left.resize(height, kInfinity);
+    scratch.right.resize(height, -kInfinity);
+  }
+  for (int row = scratch.first_row; row <= scratch.last_row; ++row) {
+    scratch.left[static_cast<size_t>(row)] = kInfinity;
+    scratch.right[static_cast<size_t>(row)] = -kInfinity;
+  }
+  scratch.first_row = size_.height;
+  scratch.last_row = -1;
   for (size_t i = 0; i < scratch.outline.size(); ++i) {
     TraceEdge(scratch.outline[i], scratch.outline[(i + 1) % scratch.outline.size()], scratch);
   }
-  Fill(scratch, words);
+  return Extent::kRows;
+}
+
+void PartDrawer::AddTouched(const Eigen::Isometry3d& world_from_body,
+                            const Eigen::Matrix3Xd& points, double growth, DrawingScratch& scratch,
+                            std::span<uint64_t> words) const {
+  RequireWords(size_, static_cast<size_t>(points.cols()), words.size());
+  switch (Trace(world_from_body, points, growth, scratch)) {
+    case Extent::kNothing:
+      return;
+    case Extent::kAll:
+      return SetBits(words, 0, size_.pixels() - 1);
+    case Extent::kRows:
+      ForEachRow(scratch, [&](size_t first, size_t last) {
+        SetBits(words, first, last);
+        return true;
+      });
+  }
+}
+
+bool PartDrawer::Meets(const Eigen::Isometry3d& world_from_body, const Eigen::Matrix3Xd& points,
+                       double growth, DrawingScratch& scratch, MaskWords plane) const {
+  RequireWords(size_, static_cast<size_t>(points.cols()), plane.size());
+  switch (Trace(world_from_body, points, growth, scratch)) {
+    case Extent::kNothing:
+      return false;
+    case Extent::kAll:
+      return AnyBit(plane, 0, size_.pixels() - 1);
+    case Extent::kRows:
+      break;
+  }
+  return !ForEachRow(scratch,
+                     [&](size_t first, size_t last) { return !AnyBit(plane, first, last); });
+}
+
+PartDrawer::Bounds PartDrawer::bounds() const {
+  return {.bounded = clear_of_fold_ && std::isfinite(scale_) && std::isfinite(bend_) &&
+                     std::isfinite(stretch_),
+          .box = window_box_,
+          .circle = window_radius_ > 0 ? 1.0014 * window_radius_ : 0,
+          .stretch = stretch_,
+          .bend = bend_,
+          .margin = margin_};
 }
 
 void PartDrawer::AddCovered(const Eigen::Isometry3d& world_from_body,

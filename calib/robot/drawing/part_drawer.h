@@ -28,6 +28,8 @@ struct DrawingScratch {
   std::vector<Eigen::Vector2d> clipped;
   std::vector<double> left;   // by row: the least x of the outline, in mask pixels
   std::vector<double> right;  // by row: the greatest
+  int first_row = 0;          // with an outline
+  int last_row = -1;
   std::vector<uint8_t> inside;
 };
 
@@ -49,9 +51,24 @@ class PartDrawer {
   void AddTouched(const Eigen::Isometry3d& world_from_body, const Eigen::Matrix3Xd& points,
                   double growth, DrawingScratch& scratch, std::span<uint64_t> words) const;
 
+  // Whether AddTouched would set a pixel that `plane` has.
+  bool Meets(const Eigen::Isometry3d& world_from_body, const Eigen::Matrix3Xd& points,
+             double growth, DrawingScratch& scratch, MaskWords plane) const;
+
   // Sets pixels in whose squares every ray meets the body.
   void AddCovered(const Eigen::Isometry3d& world_from_body, const Eigen::Matrix3Xd& points,
                   DrawingScratch& scratch, std::span<uint64_t> words) const;
+
+  // Where AddTouched sets pixels, for those who want to know without drawing.
+  struct Bounds {
+    bool bounded = false;     // else nothing is known
+    Eigen::AlignedBox2d box;  // at z = 1: what is beyond is cut off
+    double circle = 0;        // the same, if it is not 0, beyond this distance from the axis
+    double stretch = 0;       // pixels by which a step of 1 at z = 1 moves at most, within
+    double bend = 0;          // and by which it bends (second derivative)
+    double margin = 0;        // pixels on every side
+  };
+  Bounds bounds() const;
 
  private:
   // x * normal <= offset
@@ -78,8 +95,14 @@ class PartDrawer {
                  DrawingScratch& scratch) const;
   void TraceSegment(const Eigen::Vector2d& from, const Eigen::Vector2d& to, double margin,
                     DrawingScratch& scratch) const;
-  void Fill(const DrawingScratch& scratch, std::span<uint64_t> words) const;
-  void SetAll(std::span<uint64_t> words) const;
+  // What is touched: nothing, all, or the rows of the scratch.
+  enum class Extent { kNothing, kAll, kRows };
+  Extent Trace(const Eigen::Isometry3d& world_from_body, const Eigen::Matrix3Xd& points,
+               double growth, DrawingScratch& scratch) const;
+  // Calls `take(first, last)` with the bits of each row of the scratch while it returns true;
+  // whether it always did.
+  template <typename Take>
+  bool ForEachRow(const DrawingScratch& scratch, Take take) const;
 
   CameraModel camera_;  // of images of size_
   MaskSize size_;
@@ -91,7 +114,9 @@ class PartDrawer {
   // pixels by which it bends at most (second derivative). Not finite: the lens cannot be bounded.
   double scale_ = 0;
   double bend_ = 0;
-  double margin_ = 0;  // pixels
+  double stretch_ = 0;  // as scale_, without a margin for what is between samples
+  double margin_ = 0;   // pixels
+  bool clear_of_fold_ = true;
   // At z = 1, by corner of the pixels' squares, row by row; NaN where no ray is seen.
   std::vector<Eigen::Vector2d> corners_;
   double corner_bend_ = 0;  // how far a square's side bends there at most

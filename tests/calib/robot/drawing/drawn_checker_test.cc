@@ -97,11 +97,41 @@ TEST(DrawnChecker, AnswersAsMasksDrawnWholeDo) {
         for (int enough = 1; enough <= 5; ++enough) {
           ASSERT_EQ(checker.Showing(q, growth, enough, scratch), std::min(enough, expected))
               << "trial " << trial << ", scene " << scene << ", question " << i;
+          ASSERT_EQ(checker.ShownBy(enough, q, growth, scratch), expected >= enough);
         }
       }
     }
   }
   for (const int count : answers) EXPECT_GT(count, 20);
+}
+
+TEST(PlaneDistances, AreOfTheNearestSquareAndNeverMore) {
+  Random random;
+  for (int trial = 0; trial < 40; ++trial) {
+    const MaskSize size = trial == 0 ? MaskSize{1, 1} : RandomMaskSize(random);
+    if (size.width > 128) continue;
+    const Mask plane = RandomPlane(random, size);
+    const PlaneDistances distances(plane);
+    std::vector<std::pair<int, int>> set;
+    for (int y = 0; y < size.height; ++y) {
+      for (int x = 0; x < size.width; ++x) {
+        if (plane.at(x, y)) set.emplace_back(x, y);
+      }
+    }
+    if (set.size() > 300) continue;
+    for (int y = 0; y < size.height; ++y) {
+      for (int x = 0; x < size.width; ++x) {
+        double nearest = PlaneDistances::kMost;
+        for (const auto& [u, v] : set) {
+          nearest = std::min(nearest, std::hypot(std::max(std::abs(u - x) - 0.5, 0.0),
+                                                 std::max(std::abs(v - y) - 0.5, 0.0)));
+        }
+        const double got = distances.At(static_cast<size_t>(y * size.width + x));
+        ASSERT_LE(got, nearest) << x << ' ' << y;
+        ASSERT_GE(got, nearest - 1.0 / 32 - 1e-9) << x << ' ' << y;
+      }
+    }
+  }
 }
 
 TEST(DrawnChecker, GrownRobotsShowNoFewerViews) {

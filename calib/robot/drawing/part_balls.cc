@@ -1,0 +1,304 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "calib/robot/drawing/part_balls.h"
+
+#include <Eigen/Eigenvalues>
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+#include "calib/robot/drawing/drawn_robot.h"
+
+// Functions over vectors of eight floats are there for every x86-64 processor and once more for
+// those with AVX2; which of them is called is decided when the program is loaded. Sanitizers have
+// the first only: the decision is made before they are ready.
+#if defined(__x86_64__) && !defined(__SANITIZE_ADDRESS__) && !defined(__SANITIZE_THREAD__)
+#define SILHOUETTE_BALL_VECTORS [[gnu::target_clones("avx2", "default")]]
+#else
+#define SILHOUETTE_BALL_VECTORS
+#endif
+
+namespace silhouette {
+namespace {
+
+using Eigen::Vector3d;
+using Lanes = BallNumbers::Lanes;
+using IntLanes [[gnu::vector_size(32)]] = int32_t;
+
+constexpr float kInfinity = std::numeric_limits<float>::infinity();
+// Single-precision sums of three products are this precise, and some more.
+constexpr double kFloat = 1e-6;
+
+// Balls about a part, whose centres are in the hull of its points. A part is cut across its length
+// into pieces about as long as it is thick.
+struct Cover {
+  std::vector<Vector3d> centres;
+  double radius = 0;
+};
+
+Cover CoverOf(const Eigen::Matrix3Xd& points) {
+  constexpr double kMostPieces = 6;
+  constexpr double kPiece = 0.7;  // of the thickness: shorter ones hardly make smaller balls
+  constexpr double kEnd = 0.05;   // of the length
+  const Vector3d mean = points.rowwise().mean();
+  const Eigen::Matrix3Xd about = points.colwise() - mean;
+  const Eigen::Matrix3d spread = about * about.transpose();
+  const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> axes(spread);
+  const Eigen::VectorXd along = (axes.eigenvectors().col(2).transpose() * about).transpose();
+  const double low = along.minCoeff();
+  const double high = along.maxCoeff();
+  // From the middle of one end to that of the other: in the hull.
+  Vector3d ends[2] = {Vector3d::Zero(), Vector3d::Zero()};
+  double counts[2] = {};
+  for (Eigen::Index i = 0; i < points.cols(); ++i) {
+    const bool at_end[2] = {along[i] <= low + kEnd * (high - low),
+                            along[i] >= high - kEnd * (high - low)};
+    for (int end = 0; end < 2; ++end) {
+      if (!at_end[end]) continue;
+      ends[end] += points.col(i);
+      ++counts[end];
+    }
+  }
+  const Vector3d from = ends[0] / counts[0];
+  const Vector3d axis = ends[1] / counts[1] - from;
+  const double length = axis.norm();
+  if (!(length > 1e-9)) {
+    return {{mean}, about.colwise().norm().maxCoeff()};
+  }
+  const Vector3d unit = axis / length;
+  double first = 0;
+  double last = length;
+  double thick = 0;
+  for (Eigen::Index i = 0; i < points.cols(); ++i) {
+    const Vector3d p = points.col(i) - from;
+    const double at = unit.dot(p);
+    first = std::min(first, at);
+    last = std::max(last, at);
+    thick = std::max(thick, (p - at * unit).norm());
+  }
+  const double pieces =
+      std::clamp(std::round((last - first) / (kPiece * 2 * thick + 1e-9)), 1.0, kMostPieces);
+  const double half = (last - first) / pieces / 2;
+  Cover cover;
+  double off = 0;
+  for (int piece = 0; piece < pieces; ++piece) {
+    const double middle = first + (2 * piece + 1) * half;
+    const double at = std::clamp(middle, 0.0, length);
+    off = std::max(off, std::abs(middle - at));
+    cover.centres.emplace_back(from + at * unit);
+  }
+  cover.radius = std::hypot(thick, half + off);
+  return cover;
+}
+
+}  // namespace
+
+PartBalls::PartBalls(std::span<const RobotPart> parts) {
+  size_t links = 0;
+  for (const RobotPart& part : parts) links = std::max(links, part.moves_with + 1);
+  for (size_t link = 0; link < links; ++link) {
+    for (size_t i = 0; i < parts.size(); ++i) {
+      if (parts[i].moves_with != link) continue;
+      const Cover cover = CoverOf(parts[i].points);
+      for (const Vector3d& centre : cover.centres) {
+        const double far = (parts[i].points.colwise() - centre).colwise().norm().maxCoeff();
+        Append(i, link, centre, std::min(cover.radius, far), far);
+        part_radius_[balls() - 1] = static_cast<float>(parts[i].radius);
+      }
+    }
+    // The last one again, up to whole vectors.
+    while (balls() % BallNumbers::kLanes != 0) {
+      const size_t last = balls() - 1;
+      Append(part_[last], link, {x_[last], y_[last], z_[last]}, radius_[last], far_[last]);
+      part_radius_[last + 1] = part_radius_[last];
+    }
+  }
+}
+
+void PartBalls::Append(size_t part, size_t link, const Vector3d& centre, double radius,
+                       double far) {
+  const size_t ball = balls();
+  if (ball % BallNumbers::kLanes == 0) {
+    link_.push_back(link);
+    for (BallNumbers* numbers : {&x_, &y_, &z_, &radius_, &far_, &part_radius_}) {
+      numbers->resize(link_.size());
+    }
+  }
+  part_.push_back(part);
+  x_[ball] = static_cast<float>(centre.x());
+  y_[ball] = static_cast<float>(centre.y());
+  z_[ball] = static_cast<float>(centre.z());
+  radius_[ball] = static_cast<float>(radius);
+  far_[ball] = static_cast<float>(far);
+  reach_ = std::max(reach_, centre.lpNorm<1>() + far);
+}
+
+SILHOUETTE_BALL_VECTORS [[gnu::no_sanitize_address]] static void MoveBalls(
+    const float* turn, const float* move, const Lanes& x, const Lanes& y, const Lanes& z,
+    Lanes& to_x, Lanes& to_y, Lanes& to_z) {
+  to_x = turn[0] * x + turn[1] * y + turn[2] * z + move[0];
+  to_y = turn[3] * x + turn[4] * y + turn[5] * z + move[1];
+  to_z = turn[6] * x + turn[7] * y + turn[8] * z + move[2];
+}
+
+void PartBalls::Place(std::span<const Eigen::Isometry3d> base_from_link,
+                      std::span<const double> growth, PlacedBalls& placed) const {
+  for (BallNumbers* numbers : {&placed.x, &placed.y, &placed.z, &placed.growth}) {
+    numbers->resize(link_.size());
+  }
+  double away = 0;
+  for (size_t i = 0; i < link_.size(); ++i) {
+    const Eigen::Isometry3d& pose = base_from_link[link_[i]];
+    float turn[9];
+    float move[3];
+    for (int row = 0; row < 3; ++row) {
+      for (int column = 0; column < 3; ++column) {
+        turn[3 * row + column] = static_cast<float>(pose(row, column));
+      }
+      move[row] = static_cast<float>(pose(row, 3));
+    }
+    away = std::max(away, pose.translation().lpNorm<1>());
+    MoveBalls(turn, move, x_.vector(i), y_.vector(i), z_.vector(i), placed.x.vector(i),
+              placed.y.vector(i), placed.z.vector(i));
+    placed.growth.vector(i) = part_radius_.vector(i);
+  }
+  if (!growth.empty()) {
+    for (size_t ball = 0; ball < balls(); ++ball) {
+      placed.growth[ball] += static_cast<float>(growth[part_[ball]]);
+    }
+  }
+  placed.slack = static_cast<float>(kFloat * (away + reach_));
+}
+
+BallLook::BallLook(const PartDrawer& view) {
+  const PartDrawer::Bounds bounds = view.bounds();
+  const CameraModel& camera = view.camera();
+  const CameraIntrinsics& in = camera.intrinsics();
+  bounded_ = bounds.bounded;
+  if (!bounded_) return;
+  for (int row = 0; row < 3; ++row) {
+    for (int column = 0; column < 3; ++column) {
+      turn_[3 * row + column] = static_cast<float>(camera.camera_from_world()(row, column));
+    }
+    move_[row] = static_cast<float>(camera.camera_from_world()(row, 3));
+  }
+  slack_ = static_cast<float>(kFloat * camera.camera_from_world().translation().lpNorm<1>());
+  for (size_t i = 0; i < 8; ++i) lens_[i] = static_cast<float>(in.distortion[i]);
+  focal_[0] = static_cast<float>(in.fx);
+  focal_[1] = static_cast<float>(in.fy);
+  centre_[0] = static_cast<float>(in.cx);
+  centre_[1] = static_cast<float>(in.cy);
+  for (int axis = 0; axis < 2; ++axis) {
+    low_[axis] = static_cast<float>(bounds.box.min()[axis]);
+    high_[axis] = static_cast<float>(bounds.box.max()[axis]);
+  }
+  circle_ = static_cast<float>(bounds.circle);
+  stretch_ = static_cast<float>(bounds.stretch);
+  bend_ = static_cast<float>(bounds.bend);
+  margin_ = static_cast<float>(bounds.margin);
+  width_ = view.size().width;
+  height_ = view.size().height;
+  // How far single precision is off, on a lattice.
+  constexpr int kSteps = 32;
+  double off = 0;
+  for (int y = 0; y <= kSteps; ++y) {
+    for (int x = 0; x <= kSteps; ++x) {
+      const Eigen::Vector2d p =
+          bounds.box.min() +
+          Eigen::Vector2d(x, y).cwiseProduct(bounds.box.sizes()) / static_cast<double>(kSteps);
+      if (bounds.circle > 0 && p.norm() > bounds.circle) continue;
+      const auto rough = Distort(in, static_cast<float>(p.x()), static_cast<float>(p.y()));
+      const auto exact = Distort(in, p.x(), p.y());
+      off = std::max(
+          {off, in.fx * std::abs(rough.x() - exact.x()), in.fy * std::abs(rough.y() - exact.y())});
+    }
+  }
+  const double most = bounds.box.min().cwiseAbs().cwiseMax(bounds.box.max().cwiseAbs()).maxCoeff();
+  rounding_ = static_cast<float>(4 * off + 4 * kFloat * (1 + most) * std::max(in.fx, in.fy) +
+                                 kFloat * (width_ + height_) + 1e-3);
+}
+
+SILHOUETTE_BALL_VECTORS [[gnu::no_sanitize_address]] void BallLook::See(
+    const PartBalls& balls, const PlacedBalls& placed, std::vector<SeenBall>& seen) const {
+  seen.resize(balls.balls());
+  const float slack = placed.slack + slack_;
+  const float* const d = lens_;
+  for (size_t i = 0; i < balls.link_.size(); ++i) {
+    const Lanes& px = placed.x.vector(i);
+    const Lanes& py = placed.y.vector(i);
+    const Lanes& pz = placed.z.vector(i);
+    const Lanes x = turn_[0] * px + turn_[1] * py + turn_[2] * pz + move_[0];
+    const Lanes y = turn_[3] * px + turn_[4] * py + turn_[5] * pz + move_[1];
+    const Lanes z = turn_[6] * px + turn_[7] * py + turn_[8] * pz + move_[2];
+    const Lanes radius = balls.radius_.vector(i) * 1.00001F + slack;
+    const Lanes far = balls.far_.vector(i) * 1.00001F + slack;
+    const Lanes growth = placed.growth.vector(i) * 1.00001F;
+    const Lanes none = x - x;  // zero
+    const IntLanes behind = z + far + growth < none - 1e-3F;
+    // What is near the camera's plane is drawn otherwise.
+    const IntLanes ahead = z - far > 2 * growth + 0.011F;
+
+    // At z = 1: a point that is r away from one at o, z is no farther than r sqrt(1 + o^2) / (z -
+    // r) from it there. sqrt(1 + o^2) is no more than 1 + o^2 / 2.
+    const Lanes u = x / z;
+    const Lanes v = y / z;
+    const Lanes square = u * u + v * v;
+    const Lanes au = u < 0 ? -u : u;
+    const Lanes av = v < 0 ? -v : v;
+    const Lanes off_axis = (au > av ? au : av) + 0.42F * (au > av ? av : au);
+    const Lanes own = radius * (1 + 0.5F * square) / (z - radius);
+    const Lanes apart = far * (1 + 0.5F * square) / (z - far);
+    const Lanes outer = off_axis + apart;
+    const Lanes wide = 1.036F * growth * (1 + 0.5F * outer * outer) / (z - far - growth);
+    const Lanes disc = own + wide;
+    const Lanes extent = 2 * (apart + wide);
+    const Lanes bow = bend_ * 0.125F * extent * extent;
+    const Lanes chord = 0.0626F + bow * (1.0F / 4096);
+    const Lanes margin = margin_ + (bow < chord ? bow : chord);
+
+    // In the window; what is beyond it is cut off.
+    const Lanes cu = u > low_[0] ? (u < high_[0] ? u : none + high_[0]) : none + low_[0];
+    const Lanes cv = v > low_[1] ? (v < high_[1] ? v : none + high_[1]) : none + low_[1];
+    IntLanes unknown = ~ahead;
+    IntLanes hidden = behind;
+    if (circle_ > 0) {
+      const IntLanes beyond = square > circle_ * circle_ * 0.9999F;
+      const IntLanes wholly =
+          square > (circle_ * 1.0001F + disc) * (circle_ * 1.0001F + disc) * 1.0001F;
+      hidden |= wholly & ahead;
+      unknown |= beyond;
+    }
+
+    const Lanes r2 = cu * cu + cv * cv;
+    const Lanes uv = cu * cv;
+    const Lanes radial =
+        (1 + r2 * (d[0] + r2 * (d[1] + r2 * d[4]))) / (1 + r2 * (d[5] + r2 * (d[6] + r2 * d[7])));
+    const Lanes at_x =
+        focal_[0] * (cu * radial + 2 * d[2] * uv + d[3] * (r2 + 2 * cu * cu)) + centre_[0];
+    const Lanes at_y =
+        focal_[1] * (cv * radial + d[2] * (r2 + 2 * cv * cv) + 2 * d[3] * uv) + centre_[1];
+    const float right = static_cast<float>(width_ - 1);
+    const float bottom = static_cast<float>(height_ - 1);
+    const Lanes in_x = at_x > 0 ? (at_x < right ? at_x : none + right) : none;
+    const Lanes in_y = at_y > 0 ? (at_y < bottom ? at_y : none + bottom) : none;
+    const IntLanes column = __builtin_convertvector(in_x + 0.5F, IntLanes);
+    const IntLanes row = __builtin_convertvector(in_y + 0.5F, IntLanes);
+    const Lanes off_x = at_x - __builtin_convertvector(column, Lanes);
+    const Lanes off_y = at_y - __builtin_convertvector(row, Lanes);
+    const Lanes ax = off_x < 0 ? -off_x : off_x;
+    const Lanes ay = off_y < 0 ? -off_y : off_y;
+    const Lanes more = ax > ay ? ax : ay;
+    const Lanes less = ax > ay ? ay : ax;
+    const Lanes away = more + 0.4143F * less;
+    const Lanes reach = stretch_ * disc * 1.00001F + bow + 2.5F * margin + rounding_ + away;
+    const Lanes known = unknown ? none + kInfinity : reach;
+    const Lanes result = hidden ? none - 1 : known;
+    const IntLanes centred =
+        ahead & (u == cu) & (v == cv) & (more < 0.5F - rounding_) & ~hidden & ~unknown;
+    const IntLanes pixel = row * width_ + column;
+    for (size_t lane = 0; lane < BallNumbers::kLanes; ++lane) {
+      seen[BallNumbers::kLanes * i + lane] = {pixel[lane], result[lane], centred[lane] != 0};
+    }
+  }
+}
+
+}  // namespace silhouette
