@@ -31,6 +31,8 @@ struct CellArguments {
   std::string calibration;
   std::string out;
   std::string format = "text";
+  std::string images = "captured";
+  PartSettings parts;
   std::vector<std::string> presets;
   int scenes = 120;
   int hidden = 10;
@@ -126,17 +128,15 @@ struct Side {
   std::unique_ptr<const TrialSetting> setting;
 };
 
-// `found`: only presets that need a calibration.
+// `calibrated`: only presets that need a calibration.
 absl::StatusOr<Side> Serve(const CellArguments& arguments, const SimulatedWorkplace& workplace,
-                           const Database& database, const std::optional<Calibration>& calibration,
-                           bool found) {
-  ServeSettings settings = arguments.serve;
-  settings.calibration = calibration;
+                           const Database& database, const ServeSettings& settings,
+                           bool calibrated) {
   ASSIGN_OR_RETURN(const auto served, workplace.Serve(database, settings));
   if (!served->margins_known().ok()) return served->margins_known();
   ASSIGN_OR_RETURN(auto policies, PoliciesFor(arguments.presets, *served));
   std::erase_if(policies, [&](const Policy& policy) {
-    return found && !IsCalibrated(policy.preset) && !IsSound(policy.preset);
+    return calibrated && !IsCalibrated(policy.preset) && !IsSound(policy.preset);
   });
   if (policies.empty()) {
     return absl::InvalidArgumentError(
@@ -148,6 +148,49 @@ absl::StatusOr<Side> Serve(const CellArguments& arguments, const SimulatedWorkpl
                              .off_grid_tests = arguments.off_grid,
                              .seed = arguments.seed};
   return Side{served, std::make_unique<const TrialSetting>(setting)};
+}
+
+// What the database is compared with, on the same scenes.
+struct OtherSide : Side {
+  OtherWay way;
+};
+
+absl::StatusOr<OtherSide> FoundSide(const CellArguments& arguments,
+                                    const SimulatedWorkplace& workplace, const Database& database) {
+  ServeSettings settings = arguments.serve;
+  ASSIGN_OR_RETURN(settings.calibration, FoundCalibration(arguments.calibration, database,
+                                                          workplace.cell().calibration.margin));
+  ASSIGN_OR_RETURN(auto side, Serve(arguments, workplace, database, settings, true));
+  return OtherSide{std::move(side), {"found", "with the true calibration and with the one found"}};
+}
+
+absl::StatusOr<OtherSide> DrawnSide(const CellArguments& arguments,
+                                    const SimulatedWorkplace& workplace, const Database& database) {
+  ServeSettings settings = arguments.serve;
+  settings.drawn = arguments.parts;
+  ASSIGN_OR_RETURN(auto side, Serve(arguments, workplace, database, settings, false));
+  return OtherSide{std::move(side), {"drawn", "with captured robot images and with drawn ones"}};
+}
+
+// How drawn robot images differ from those captured at the same configurations.
+std::string DifferenceOf(const ServedDatabase& captured, const ServedDatabase& drawn) {
+  double pixels = 0;
+  double more = 0;
+  double less = 0;
+  for (ConfigurationNumber number = 0; number < captured.grid().number_limit(); ++number) {
+    if (captured.robot_images().state(number) != RobotImageState::kPresent) continue;
+    const auto before = captured.robot_images().Images(number);
+    const auto after = drawn.robot_images().Images(number);
+    for (size_t view = 0; before && after && view < before->size(); ++view) {
+      const auto both = static_cast<double>(((*before)[view] & (*after)[view]).Count());
+      pixels += static_cast<double>((*before)[view].Count());
+      less += static_cast<double>((*before)[view].Count()) - both;
+      more += static_cast<double>((*after)[view].Count()) - both;
+    }
+  }
+  return absl::StrFormat(
+      "of the captured robot images' pixels the drawn ones lack %.2f %%; they add %.2f %%\n",
+      100 * less / pixels, 100 * more / pixels);
 }
 
 // Cancelled after a stop signal.
@@ -258,21 +301,18 @@ absl::StatusOr<std::vector<Row>> RunAll(const CellArguments& arguments, const Tr
 
 absl::StatusOr<ExitCode> Test(const CellArguments& arguments, const SimulatedWorkplace& workplace,
                               const Database& database) {
-  std::optional<Calibration> calibration;
+  ServeSettings usual = arguments.serve;
+  std::optional<OtherSide> other;
   if (!arguments.calibration.empty()) {
-    ASSIGN_OR_RETURN(auto found, FoundCalibration(arguments.calibration, database,
-                                                  workplace.cell().calibration.margin));
-    calibration = std::move(found);
+    ASSIGN_OR_RETURN(auto side, FoundSide(arguments, workplace, database));
+    other = std::move(side);
+    // It is compared with the truth, not with the database's own.
+    usual.calibration = workplace.TrueCalibration();
+  } else if (arguments.images == "drawn") {
+    ASSIGN_OR_RETURN(auto side, DrawnSide(arguments, workplace, database));
+    other = std::move(side);
   }
-  // The found calibration is compared with the truth, not with the database's own.
-  std::optional<Calibration> compared_with;
-  if (calibration) compared_with = workplace.TrueCalibration();
-  ASSIGN_OR_RETURN(const auto truth, Serve(arguments, workplace, database, compared_with, false));
-  std::optional<Side> found;
-  if (calibration) {
-    ASSIGN_OR_RETURN(auto side, Serve(arguments, workplace, database, calibration, true));
-    found = std::move(side);
-  }
+  ASSIGN_OR_RETURN(const auto truth, Serve(arguments, workplace, database, usual, false));
   if (arguments.leave > 0) {
     ASSIGN_OR_RETURN(const auto rows, RunLeave(*truth.setting, arguments.leave));
     PrintResult(arguments.format, JsonOf(rows),
@@ -285,19 +325,24 @@ absl::StatusOr<ExitCode> Test(const CellArguments& arguments, const SimulatedWor
   ASSIGN_OR_RETURN(const auto rows,
                    RunAll(arguments, *truth.setting, hidden, near, "", experiments));
   std::vector<Comparison> comparisons;
-  if (found) {
+  OtherWay way;
+  if (other) {
+    way = other->way;
     ASSIGN_OR_RETURN(const auto others,
-                     RunAll(arguments, *found->setting, hidden, near, "found-", experiments));
+                     RunAll(arguments, *other->setting, hidden, near, way.name + "-", experiments));
     comparisons = Compare(rows, others);
   }
   std::string text = TextOf(rows) + "\n";
-  if (found) absl::StrAppend(&text, LossTextOf(comparisons), "\n");
+  if (other && other->served->robot_images().drawn() != nullptr) {
+    absl::StrAppend(&text, DifferenceOf(*truth.served, *other->served));
+  }
+  if (other) absl::StrAppend(&text, LossTextOf(comparisons, way), "\n");
   absl::StrAppend(&text, "seed ", arguments.seed, "\n");
-  PrintResult(arguments.format, JsonOf(rows, comparisons), text);
+  PrintResult(arguments.format, JsonOf(rows, comparisons, way), text);
   const std::string& out = arguments.out;
   if (out.empty()) return kDone;
   RETURN_IF_ERROR(WriteWholeFile(out + "/table.csv", CsvOf(rows)));
-  if (found) RETURN_IF_ERROR(WriteWholeFile(out + "/loss.csv", LossCsvOf(comparisons)));
+  if (other) RETURN_IF_ERROR(WriteWholeFile(out + "/loss.csv", LossCsvOf(comparisons, way)));
   if (!hidden.empty() && truth.served->sound() != nullptr) {
     ASSIGN_OR_RETURN(const auto viewed, View(*truth.setting, hidden.front(), 0));
     RETURN_IF_ERROR(WritePng(out + "/hidden.png", DrawPossible(*truth.setting, viewed)));
@@ -339,9 +384,12 @@ void AddCellCommand(CLI::App& program, Run& run) {
       "      --database out/demo.lmdb --out out/cell\n"
       "  silhouette-experiments cell --cell capture/sim/cells/demo/cell.yaml \\\n"
       "      --database out/demo.lmdb --calibration session/cameras\n"
+      "  silhouette-experiments cell --cell capture/sim/cells/demo/cell.yaml \\\n"
+      "      --database out/demo.lmdb --images drawn\n"
       "Writes to --out: table.csv, EXPERIMENT-scenes.csv (every scene), EXPERIMENT-missing.csv\n"
       "(every missing configuration with its cause and sentence) and pictures of the worst; with\n"
-      "--calibration loss.csv, and the same of found-EXPERIMENT.");
+      "--calibration loss.csv, and the same of found-EXPERIMENT; with --images drawn, of\n"
+      "drawn-EXPERIMENT.");
   auto arguments = std::make_shared<cell_experiment::CellArguments>();
   const auto count = CLI::Range(0, 1000000);
   command->add_option("--cell", arguments->cell, "The cell's file, cell.yaml, of a simulated cell")
@@ -349,11 +397,26 @@ void AddCellCommand(CLI::App& program, Run& run) {
   command->add_option("--database", arguments->database,
                       "The database's folder; what it lacks is captured first.\n"
                       "Default: the one that the cell's file names");
-  command->add_option(
+  CLI::Option* calibration = command->add_option(
       "--calibration", arguments->calibration,
       "A found calibration: calibration.yaml, matrices, or a folder of camera\n"
       "models. The presets that need one are tested with it and with the true cameras\n"
       "on the same scenes. The result states the difference");
+  CLI::Option* images =
+      command
+          ->add_option("--images", arguments->images,
+                       "drawn: all is tested with the captured robot images, and with images that\n"
+                       "are drawn from the robot's model at the captured configurations, on the\n"
+                       "same scenes")
+          ->check(CLI::IsMember({"captured", "drawn"}))
+          ->capture_default_str()
+          ->excludes(calibration);
+  command
+      ->add_option("--tolerance", arguments->parts.tolerance,
+                   "Metres by which the drawn robot is grown for what the model may err")
+      ->check(CLI::Range(0.0, 1.0))
+      ->capture_default_str()
+      ->needs(images);
   command->add_option("--scenes", arguments->scenes, "Random scenes")
       ->check(count)
       ->capture_default_str();

@@ -117,6 +117,26 @@ TEST_F(CellExperimentProgram, CalibrationThatWasFoundIsComparedWithTheTrueOneUnl
   EXPECT_THAT(exchanged.err, HasSubstr("contradicts the robot images"));
 }
 
+TEST_F(CellExperimentProgram, DrawnRobotImagesAreComparedWithCapturedOnesOnTheSameScenes) {
+  const std::string options = "--scenes 4 --hidden 0 --off-grid 20 --pictures 0 --format json";
+  const Outcome alone = Run(options);
+  ASSERT_EQ(alone.exit_code, 0) << alone.err;
+  const Outcome both = Run(options + " --images drawn --out '" + files_ / "out" + "'");
+  ASSERT_EQ(both.exit_code, 0) << both.err;
+  auto rows = nlohmann::json::parse(both.out);
+  for (auto& row : rows) {
+    ASSERT_TRUE(row.contains("drawn")) << row;
+    EXPECT_EQ(row["drawn"]["occupied_percent"], row["occupied_percent"]) << "the same tests";
+    EXPECT_LE(row["loss"]["missing_count"], 0);
+    row.erase("loss");
+    row.erase("drawn");
+  }
+  EXPECT_EQ(rows, nlohmann::json::parse(alone.out));
+  EXPECT_FALSE(ReadText(files_ / "out/drawn-random-scenes.csv").empty());
+  EXPECT_THAT(Run("--scenes 1 --hidden 0 --pictures 0 --images drawn").out,
+              HasSubstr("robot images' pixels the drawn ones lack"));
+}
+
 TEST_F(CellExperimentProgram, MistakesAreOneSentenceAndExitCodeTwo) {
   const auto expect_mistake = [&](const std::string& options, const std::string& message) {
     const Outcome outcome = Run(options);
@@ -125,6 +145,8 @@ TEST_F(CellExperimentProgram, MistakesAreOneSentenceAndExitCodeTwo) {
   };
   expect_mistake("--presets fast", "fast");
   expect_mistake("--margin -1", "margin");
+  expect_mistake("--images drawn --calibration nowhere", "--images");
+  expect_mistake("--images sketched", "sketched");
   expect_mistake("--calibration nowhere", "'nowhere' is not there");
   files_.WriteCell({{"simulation: simulation.yaml\n", ""}, {"driver: sim", "driver: none"}});
   expect_mistake("--scenes 1", "cell.yaml");

@@ -59,18 +59,18 @@ bool SameTests(const Row& a, const Row& b) {
   return a.experiment == b.experiment && a.policy == b.policy && a.where == b.where;
 }
 
-Json LossJsonOf(std::span<const Comparison> comparisons) {
+Json LossJsonOf(std::span<const Comparison> comparisons, const OtherWay& way) {
   Json rows = Json::array();
   for (const Comparison& both : comparisons) {
-    rows.push_back({{"experiment", both.truth.experiment},
-                    {"preset", NameOf(both.truth.policy.preset)},
-                    {"min_views", both.truth.min_views},
-                    {"where", NameOf(both.truth.where)},
-                    {"additional_percent", both.truth.AdditionalPercent()},
-                    {"found_additional_percent", both.found.AdditionalPercent()},
+    rows.push_back({{"experiment", both.usual.experiment},
+                    {"preset", NameOf(both.usual.policy.preset)},
+                    {"min_views", both.usual.min_views},
+                    {"where", NameOf(both.usual.where)},
+                    {"additional_percent", both.usual.AdditionalPercent()},
+                    {way.name + "_additional_percent", both.other.AdditionalPercent()},
                     {"additional_loss_percent", both.AdditionalLoss()},
-                    {"missing_percent", both.truth.MissingPercent()},
-                    {"found_missing_percent", both.found.MissingPercent()},
+                    {"missing_percent", both.usual.MissingPercent()},
+                    {way.name + "_missing_percent", both.other.MissingPercent()},
                     {"missing_loss_percent", both.MissingLoss()},
                     {"missing_loss_count", both.MissingLossCount()}});
   }
@@ -200,42 +200,43 @@ std::string MissingCsvOf(const TrialSetting& setting, const std::vector<SceneRec
   return silhouette::CsvOf(rows, keys);
 }
 
-std::vector<Comparison> Compare(std::span<const Row> truth, std::span<const Row> found) {
+std::vector<Comparison> Compare(std::span<const Row> usual, std::span<const Row> other) {
   std::vector<Comparison> comparisons;
-  for (const Row& row : truth) {
-    const auto other = std::find_if(found.begin(), found.end(),
-                                    [&](const Row& each) { return SameTests(row, each); });
-    if (other != found.end()) comparisons.push_back({row, *other});
+  for (const Row& row : usual) {
+    const auto same =
+        std::ranges::find_if(other, [&](const Row& each) { return SameTests(row, each); });
+    if (same != other.end()) comparisons.push_back({row, *same});
   }
   return comparisons;
 }
 
-std::string LossTextOf(std::span<const Comparison> comparisons) {
-  return absl::StrCat(
-      "with the true calibration and with the one found, percent of the configurations\n",
-      silhouette::TextOf(TableOf(LossJsonOf(comparisons), {{"experiment", "experiment"},
-                                                           {"preset", "preset"},
-                                                           {"views", "min_views"},
-                                                           {"tests", "where"},
-                                                           {"additional", "additional_percent", 2},
-                                                           {"found", "found_additional_percent", 2},
-                                                           {"loss", "additional_loss_percent", 4},
-                                                           {"missing", "missing_percent", 4},
-                                                           {"found", "found_missing_percent", 4},
-                                                           {"loss", "missing_loss_percent", 4},
-                                                           {"count", "missing_loss_count"}})));
+std::string LossTextOf(std::span<const Comparison> comparisons, const OtherWay& way) {
+  return absl::StrCat(way.heading, ", percent of the configurations\n",
+                      silhouette::TextOf(TableOf(LossJsonOf(comparisons, way),
+                                                 {{"experiment", "experiment"},
+                                                  {"preset", "preset"},
+                                                  {"views", "min_views"},
+                                                  {"tests", "where"},
+                                                  {"additional", "additional_percent", 2},
+                                                  {way.name, way.name + "_additional_percent", 2},
+                                                  {"loss", "additional_loss_percent", 4},
+                                                  {"missing", "missing_percent", 4},
+                                                  {way.name, way.name + "_missing_percent", 4},
+                                                  {"loss", "missing_loss_percent", 4},
+                                                  {"count", "missing_loss_count"}})));
 }
 
-std::string LossCsvOf(std::span<const Comparison> comparisons) {
-  return silhouette::CsvOf(LossJsonOf(comparisons));
+std::string LossCsvOf(std::span<const Comparison> comparisons, const OtherWay& way) {
+  return silhouette::CsvOf(LossJsonOf(comparisons, way));
 }
 
-Json JsonOf(std::span<const Row> rows, std::span<const Comparison> comparisons) {
+Json JsonOf(std::span<const Row> rows, std::span<const Comparison> comparisons,
+            const OtherWay& way) {
   Json json = JsonOf(rows);
   for (const Comparison& both : comparisons) {
     for (size_t i = 0; i < rows.size(); ++i) {
-      if (!SameTests(rows[i], both.truth)) continue;
-      json[i]["found"] = JsonOf({&both.found, 1})[0];
+      if (!SameTests(rows[i], both.usual)) continue;
+      json[i][way.name] = JsonOf({&both.other, 1})[0];
       json[i]["loss"] = {{"additional_percent", both.AdditionalLoss()},
                          {"missing_percent", both.MissingLoss()},
                          {"missing_count", both.MissingLossCount()}};

@@ -51,27 +51,33 @@ std::string MissingCsvOf(const TrialSetting& setting, const std::vector<SceneRec
 std::string NameOf(Where where);
 
 // One policy on an experiment's test configurations of one kind, judged with the true calibration
-// and with one that was found: the same scenes and images.
+// and captured robot images, and in another way: the same scenes and images.
 struct Comparison {
-  Row truth;
-  Row found;
+  Row usual;
+  Row other;
 
-  // By how many percent of the configurations there are more with the found calibration; below 0:
-  // fewer.
-  double AdditionalLoss() const { return found.AdditionalPercent() - truth.AdditionalPercent(); }
-  double MissingLoss() const { return found.MissingPercent() - truth.MissingPercent(); }
+  // By how many percent of the configurations there are more in the other way; below 0: fewer.
+  double AdditionalLoss() const { return other.AdditionalPercent() - usual.AdditionalPercent(); }
+  double MissingLoss() const { return other.MissingPercent() - usual.MissingPercent(); }
   int64_t MissingLossCount() const {
-    return static_cast<int64_t>(found.tally.missing) - static_cast<int64_t>(truth.tally.missing);
+    return static_cast<int64_t>(other.tally.missing) - static_cast<int64_t>(usual.tally.missing);
   }
 };
 
-// In the order of `truth`; rows that only one side has are left out.
-std::vector<Comparison> Compare(std::span<const Row> truth, std::span<const Row> found);
+// The other way, as results name it, and what the two are, in words.
+struct OtherWay {
+  std::string name;
+  std::string heading;
+};
 
-std::string LossTextOf(std::span<const Comparison> comparisons);
-std::string LossCsvOf(std::span<const Comparison> comparisons);
+// In the order of `usual`; rows that only one side has are left out.
+std::vector<Comparison> Compare(std::span<const Row> usual, std::span<const Row> other);
 
-// As JsonOf(rows); rows that are compared have `found` and `loss`, too.
-nlohmann::ordered_json JsonOf(std::span<const Row> rows, std::span<const Comparison> comparisons);
+std::string LossTextOf(std::span<const Comparison> comparisons, const OtherWay& way);
+std::string LossCsvOf(std::span<const Comparison> comparisons, const OtherWay& way);
+
+// As JsonOf(rows); rows that are compared have the name of the other way and `loss`, too.
+nlohmann::ordered_json JsonOf(std::span<const Row> rows, std::span<const Comparison> comparisons,
+                              const OtherWay& way);
 
 }  // namespace silhouette::cell_experiment

@@ -169,8 +169,13 @@ absl::StatusOr<std::shared_ptr<const ServedDatabase>> SimulatedWorkplace::Serve(
     cell.sound->voxel_edge.reset();
   }
   ASSIGN_OR_RETURN(const auto sound, SoundCellOf(cell));
-  return ServedDatabase::Load(database, cell_.calibration, treatments, sound,
-                              {.calibration = settings.calibration});
+  LoadSettings load{.calibration = settings.calibration};
+  if (settings.drawn) {
+    load.drawn = DrawnCell{.robot = std::make_shared<const RobotModel>(robot()),
+                           .parts = *settings.drawn,
+                           .payload_radius = cell.robot.payload_radius};
+  }
+  return ServedDatabase::Load(database, cell_.calibration, treatments, sound, load);
 }
 
 }  // namespace silhouette::cell_experiment

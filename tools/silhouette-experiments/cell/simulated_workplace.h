@@ -11,6 +11,7 @@
 
 #include "absl/status/statusor.h"
 #include "calib/camera/calibration.h"
+#include "calib/robot/parts.h"
 #include "capture/session/capture_observer.h"
 #include "capture/sim/simulated_cell.h"
 #include "db/store/store.h"
@@ -27,6 +28,8 @@ struct ServeSettings {
   std::optional<double> least_obstacle;
   // In place of the database's.
   std::optional<Calibration> calibration;
+  // What robot images are drawn from; nothing: they are those of the database.
+  std::optional<PartSettings> drawn;
 };
 
 // Cannot be changed once loaded, but for the state of `simulation`.

@@ -105,15 +105,16 @@ TEST(CalibrationLoss, IsFoundLessTruthOfTheSameTests) {
   // In another order; the sound test cannot be served with what was found.
   const std::vector<Row> found = {RowOf(Preset::kCalibrated, kOffGrid, 56, 1),
                                   RowOf(Preset::kCalibrated, kOnGrid, 42, 1)};
+  const OtherWay way{"found", "true and found"};
   const std::vector<Comparison> both = Compare(truth, found);
   ASSERT_EQ(both.size(), 2u);
-  EXPECT_EQ(both[0].truth.where, kOnGrid);
+  EXPECT_EQ(both[0].usual.where, kOnGrid);
   EXPECT_DOUBLE_EQ(both[0].AdditionalLoss(), 0.5);
   EXPECT_DOUBLE_EQ(both[0].MissingLoss(), -0.5);
   EXPECT_DOUBLE_EQ(both[1].AdditionalLoss(), -1);
   EXPECT_DOUBLE_EQ(both[1].MissingLoss(), 0.25);
 
-  const auto json = JsonOf(truth, both);
+  const auto json = JsonOf(truth, both, way);
   ASSERT_EQ(json.size(), 4u);
   EXPECT_FALSE(json[0].contains("loss")) << "needs no calibration";
   EXPECT_FALSE(json[3].contains("loss")) << "was not tested with the one found";
@@ -123,9 +124,9 @@ TEST(CalibrationLoss, IsFoundLessTruthOfTheSameTests) {
   EXPECT_EQ(json[1]["loss"]["missing_count"], -2);
   EXPECT_EQ(json[2]["loss"]["missing_percent"], 0.25);
 
-  EXPECT_THAT(LossTextOf(both),
+  EXPECT_THAT(LossTextOf(both, way),
               testing::ContainsRegex("10.00 +10.50 +0.5000 +0.7500 +0.2500 +-0.5000 +-2"));
-  EXPECT_THAT(LossCsvOf(both),
+  EXPECT_THAT(LossCsvOf(both, way),
               HasSubstr("random,calibrated,4,on_grid,10.0,10.5,0.5,0.75,0.25,-0.5,-2\n"));
 }
 
