@@ -34,7 +34,7 @@ void AppendArc(const Vector2d& centre, double radius, const Vector2d& from, cons
 }  // namespace
 
 void ConvexHull(std::vector<Vector2d>& points, std::vector<Vector2d>& hull) {
-  std::ranges::sort(points, [](const Vector2d& a, const Vector2d& b) {
+  std::sort(points.begin(), points.end(), [](const Vector2d& a, const Vector2d& b) {
     return a.x() < b.x() || (a.x() == b.x() && a.y() < b.y());
   });
   hull.clear();

@@ -24,6 +24,7 @@ using Eigen::Vector3d;
 using Lanes = BallNumbers::Lanes;
 using IntLanes [[gnu::vector_size(32)]] = int32_t;
 
+constexpr auto kThin = static_cast<float>(PartDrawer::kThin);
 constexpr float kInfinity = std::numeric_limits<float>::infinity();
 // Single-precision sums of three products are this precise, and some more.
 constexpr double kFloat = 1e-6;
@@ -289,7 +290,11 @@ SILHOUETTE_BALL_VECTORS [[gnu::no_sanitize_address]] void BallLook::See(
     const Lanes more = ax > ay ? ax : ay;
     const Lanes less = ax > ay ? ay : ax;
     const Lanes away = more + 0.4143F * less;
-    const Lanes reach = stretch_ * disc * 1.00001F + bow + 2.5F * margin + rounding_ + away;
+    // A margin along both axes reaches farther at corners.
+    const Lanes growth_margin = stretch_ * wide;
+    const Lanes corner = 0.42F * (growth_margin < kThin ? growth_margin : none + kThin);
+    const Lanes reach =
+        stretch_ * disc * 1.00001F + bow + 2.5F * margin + corner + rounding_ + away;
     const Lanes known = unknown ? none + kInfinity : reach;
     const Lanes result = hidden ? none - 1 : known;
     const IntLanes centred =

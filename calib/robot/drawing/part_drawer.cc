@@ -25,6 +25,36 @@ constexpr double kWidest = 12;        // at z = 1: 85 degrees off the axis, as C
 constexpr int kMostChords = 64;       // of an edge
 constexpr double kLensSafety = 1.25;  // sampled bounds of the lens are multiplied by this
 
+// Of what is above 0 and fits.
+int CeilOf(double x) {
+  const int whole = static_cast<int>(x);
+  return whole < x ? whole + 1 : whole;
+}
+
+// Drops points inside the quadrilateral of those that are farthest out: they are not on the hull.
+void DropInner(std::vector<Vector2d>& points) {
+  if (points.size() <= 8) return;
+  const auto [left, right] = std::ranges::minmax_element(
+      points, [](const Vector2d& a, const Vector2d& b) { return a.x() < b.x(); });
+  const auto [low, high] = std::ranges::minmax_element(
+      points, [](const Vector2d& a, const Vector2d& b) { return a.y() < b.y(); });
+  const Vector2d corners[5] = {*left, *low, *right, *high, *left};
+  Vector2d normals[4];  // inwards
+  double offsets[4];
+  for (int i = 0; i < 4; ++i) {
+    const Vector2d along = corners[i + 1] - corners[i];
+    normals[i] = {-along.y(), along.x()};
+    offsets[i] = normals[i].dot(corners[i]);
+  }
+  std::erase_if(points, [&](const Vector2d& p) {
+    bool inside = true;
+    for (int i = 0; i < 4; ++i) {
+      inside &= normals[i].x() * p.x() + normals[i].y() * p.y() > offsets[i];
+    }
+    return inside;
+  });
+}
+
 void RequireWords(MaskSize size, size_t points, size_t words) {
   if (points == 0) throw std::invalid_argument("a body to draw has no points");
   if (words != size.words()) throw std::invalid_argument("not the words of a mask of this view");
@@ -244,9 +274,14 @@ void PartDrawer::PointsInCamera(const Eigen::Isometry3d& world_from_body,
   const Eigen::Isometry3d camera_from_body = camera_.camera_from_world() * world_from_body;
   const Eigen::Matrix3d turn = camera_from_body.linear();
   const Vector3d move = camera_from_body.translation();
-  scratch.points.clear();
-  for (Eigen::Index i = 0; i < points.cols(); ++i) {
-    scratch.points.emplace_back(turn * points.col(i) + move);
+  scratch.points.resize(static_cast<size_t>(points.cols()));
+  const double* from = points.data();
+  for (Vector3d& point : scratch.points) {
+    for (int row = 0; row < 3; ++row) {
+      point[row] =
+          turn(row, 0) * from[0] + turn(row, 1) * from[1] + turn(row, 2) * from[2] + move[row];
+    }
+    from += 3;
   }
 }
 
@@ -274,18 +309,31 @@ bool PartDrawer::CutNearPlane(double growth, double least, DrawingScratch& scrat
 }
 
 void PartDrawer::WidenedOutline(double growth, DrawingScratch& scratch) const {
-  scratch.projected.clear();
-  double least = std::numeric_limits<double>::infinity();
-  double most = 0;
-  for (const Vector3d& point : scratch.points) {
-    scratch.projected.emplace_back(point.head<2>() / point.z());
-    if (growth == 0) continue;
-    const double reach = ReachOfBall(point, growth);
-    least = std::min(least, reach);
-    most = std::max(most, reach);
+  scratch.projected.resize(scratch.points.size());
+  scratch.widened_by = 0;
+  double nearest = std::numeric_limits<double>::infinity();
+  double farthest = 0;
+  double off_axis = 0;  // squared
+  for (size_t i = 0; i < scratch.points.size(); ++i) {
+    const Vector3d& point = scratch.points[i];
+    const double inverse = 1 / point.z();
+    Vector2d& at = scratch.projected[i];
+    at = {point.x() * inverse, point.y() * inverse};
+    nearest = std::min(nearest, point.z());
+    farthest = std::max(farthest, point.z());
+    off_axis = std::max(off_axis, at.x() * at.x() + at.y() * at.y());
   }
+  // What a ball's image reaches is between radius / depth and this: ReachOfBall.
+  const double most = growth * std::sqrt(1 + off_axis) / (nearest - growth);
+  const double least = growth / farthest;
   constexpr double kAlike = 0.1;  // pixels
   if (growth == 0 || (most - least) * scale_ < kAlike) {
+    DropInner(scratch.projected);
+    if (clear_of_fold_ && most * stretch_ <= kThin) {
+      ConvexHull(scratch.projected, scratch.outline);
+      scratch.widened_by = most * stretch_;
+      return;
+    }
     ConvexHull(scratch.projected, scratch.hull);
     WidenOutline(scratch.hull, most, scratch.outline);
     return;
@@ -331,40 +379,48 @@ void PartDrawer::TraceSegment(const Vector2d& from, const Vector2d& to, double m
   const Vector2d& top = from.y() < to.y() ? from : to;
   const Vector2d& bottom = from.y() < to.y() ? to : from;
   const double reach = margin + 0.5;
-  // Clamped before the conversion: what is far outside does not fit an int.
-  const int first = static_cast<int>(std::ceil(std::max(top.y() - reach, 0.0)));
-  const int last = static_cast<int>(
-      std::floor(std::min(bottom.y() + reach, static_cast<double>(size_.height - 1))));
+  // Compared before the conversion: what is far outside does not fit an int.
+  const double above = top.y() - reach;
+  const double below = bottom.y() + reach;
+  if (!(above <= size_.height - 1) || !(below >= 0)) return;
+  const int first = above > 0 ? CeilOf(above) : 0;
+  const int last = below < size_.height - 1 ? static_cast<int>(below) : size_.height - 1;
+  if (first > last) return;
+  scratch.first_row = std::min(scratch.first_row, first);
+  scratch.last_row = std::max(scratch.last_row, last);
   const double height = bottom.y() - top.y();
-  const double slope = height > 1e-12 ? (bottom.x() - top.x()) / height : 0;
-  if (first <= last) {
-    scratch.first_row = std::min(scratch.first_row, first);
-    scratch.last_row = std::max(scratch.last_row, last);
-  }
+  // A line that is nearly level is taken for what it spans.
+  const bool level = !(height > 1e-6);
+  const double slope = level ? 0 : (bottom.x() - top.x()) / height;
+  const double low = (level ? std::min(top.x(), bottom.x()) : top.x()) - margin;
+  const double high = (level ? std::max(top.x(), bottom.x()) : top.x()) + margin;
   for (int row = first; row <= last; ++row) {
-    double a = top.x();
-    double b = bottom.x();
-    if (height > 1e-12) {
-      if (const double above = row - reach - top.y(); above > 0) a += slope * above;
-      if (const double below = bottom.y() - row - reach; below > 0) b -= slope * below;
-    }
-    const auto at = static_cast<size_t>(row);
-    scratch.left[at] = std::min(scratch.left[at], std::min(a, b) - margin);
-    scratch.right[at] = std::max(scratch.right[at], std::max(a, b) + margin);
+    const double enters = slope * std::max(row - reach - top.y(), 0.0);
+    const double leaves = slope * std::min(row + reach - top.y(), height);
+    double& left = scratch.left[static_cast<size_t>(row)];
+    double& right = scratch.right[static_cast<size_t>(row)];
+    left = std::min(left, low + std::min(enters, leaves));
+    right = std::max(right, high + std::max(enters, leaves));
   }
 }
 
-void PartDrawer::TraceEdge(const Vector2d& from, const Vector2d& to,
+// `at`: where `from` is in the image; on return, where `to` is.
+void PartDrawer::TraceEdge(const Vector2d& from, const Vector2d& to, Vector2d& at,
                            DrawingScratch& scratch) const {
   const double bend = bend_ * (to - from).squaredNorm() / 8;  // off one chord
+  const double margin = margin_ + scratch.widened_by;
+  if (bend <= kSag) {
+    const Vector2d after = PixelAt(to);
+    TraceSegment(at, after, margin + bend, scratch);
+    at = after;
+    return;
+  }
   const int chords =
       std::clamp(static_cast<int>(std::ceil(std::sqrt(bend / kSag))), 1, kMostChords);
-  const double margin = margin_ + bend / (chords * chords);
-  Vector2d before = PixelAt(from);
   for (int i = 1; i <= chords; ++i) {
     const Vector2d after = PixelAt(from + (to - from) * i / chords);
-    TraceSegment(before, after, margin, scratch);
-    before = after;
+    TraceSegment(at, after, margin + bend / (chords * chords), scratch);
+    at = after;
   }
 }
 
@@ -372,9 +428,12 @@ template <typename Take>
 bool PartDrawer::ForEachRow(const DrawingScratch& scratch, Take take) const {
   for (int row = scratch.first_row; row <= scratch.last_row; ++row) {
     const auto at = static_cast<size_t>(row);
-    const double left = std::max(std::ceil(scratch.left[at] - 0.5), 0.0);
-    const double right = std::min(std::floor(scratch.right[at] + 0.5), size_.width - 1.0);
-    if (!(left <= right)) continue;
+    const double low = scratch.left[at] - 0.5;
+    const double high = scratch.right[at] + 0.5;
+    if (!(low <= size_.width - 1) || !(high >= 0)) continue;
+    const int left = low > 0 ? CeilOf(low) : 0;
+    const int right = high < size_.width - 1 ? static_cast<int>(high) : size_.width - 1;
+    if (left > right) continue;
     const size_t begin = at * static_cast<size_t>(size_.width);
     if (!take(begin + static_cast<size_t>(left), begin + static_cast<size_t>(right))) return false;
   }
@@ -390,13 +449,13 @@ PartDrawer::Extent PartDrawer::Trace(const Eigen::Isometry3d& world_from_body,
   PointsInCamera(world_from_body, points, scratch);
   double nearest = std::numeric_limits<double>::infinity();
   double farthest = -nearest;
-  bool finite = true;
+  double sum = 0;  // finite if all are; where it is too large, so is the body
   for (const Vector3d& point : scratch.points) {
     nearest = std::min(nearest, point.z());
     farthest = std::max(farthest, point.z());
-    finite = finite && point.allFinite();
+    sum += std::abs(point.x()) + std::abs(point.y()) + std::abs(point.z());
   }
-  if (!finite || !std::isfinite(scale_) || !std::isfinite(bend_)) return Extent::kAll;
+  if (!std::isfinite(sum) || !std::isfinite(scale_) || !std::isfinite(bend_)) return Extent::kAll;
   if (farthest + growth <= 0) return Extent::kNothing;  // behind the camera
   const double least = 2 * growth + kNear;
   if (nearest < least && !CutNearPlane(growth, least, scratch)) return Extent::kAll;
@@ -418,8 +477,11 @@ PartDrawer::Extent PartDrawer::Trace(const Eigen::Isometry3d& world_from_body,
   }
   scratch.first_row = size_.height;
   scratch.last_row = -1;
-  for (size_t i = 0; i < scratch.outline.size(); ++i) {
-    TraceEdge(scratch.outline[i], scratch.outline[(i + 1) % scratch.outline.size()], scratch);
+  Vector2d at = PixelAt(scratch.outline.back());
+  const Vector2d* before = &scratch.outline.back();
+  for (const Vector2d& corner : scratch.outline) {
+    TraceEdge(*before, corner, at, scratch);
+    before = &corner;
   }
   return Extent::kRows;
 }

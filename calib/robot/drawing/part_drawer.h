@@ -26,6 +26,7 @@ struct DrawingScratch {
   std::vector<Eigen::Vector2d> hull;
   std::vector<Eigen::Vector2d> outline;  // the hull, widened and clipped
   std::vector<Eigen::Vector2d> clipped;
+  double widened_by = 0;      // pixels on every side that the outline does not hold yet
   std::vector<double> left;   // by row: the least x of the outline, in mask pixels
   std::vector<double> right;  // by row: the greatest
   int first_row = 0;          // with an outline
@@ -35,6 +36,9 @@ struct DrawingScratch {
 
 class PartDrawer {
  public:
+  // Growth that is not more is a margin along both axes, pixels.
+  static constexpr double kThin = 0.2;
+
   // `camera`: of any image size; masks of `size` show the same field. Throws std::invalid_argument
   // if `size` is not valid.
   PartDrawer(const CameraModel& camera, MaskSize size);
@@ -88,10 +92,11 @@ class PartDrawer {
   // Keeps the part of the body that is before the camera. False: what is near the camera's plane
   // may be seen.
   bool CutNearPlane(double growth, double least, DrawingScratch& scratch) const;
-  // The hull of the projected body, widened by the growth, as the outline.
+  // The hull of the projected body, widened by the growth, as the outline; by so little growth that
+  // pixels hardly show it, as a margin.
   void WidenedOutline(double growth, DrawingScratch& scratch) const;
   void ClipToWindow(DrawingScratch& scratch) const;
-  void TraceEdge(const Eigen::Vector2d& from, const Eigen::Vector2d& to,
+  void TraceEdge(const Eigen::Vector2d& from, const Eigen::Vector2d& to, Eigen::Vector2d& at,
                  DrawingScratch& scratch) const;
   void TraceSegment(const Eigen::Vector2d& from, const Eigen::Vector2d& to, double margin,
                     DrawingScratch& scratch) const;
