@@ -225,6 +225,78 @@ TEST(RobotParts, OpenMeshIsDrawnAsIfClosedButNothingOfItIsCertain) {
   EXPECT_LT(parts->excess()[0], 0.003);
 }
 
+TriangleMesh Joined(TriangleMesh mesh, const TriangleMesh& other, const Vector3d& at) {
+  const auto first = static_cast<uint32_t>(mesh.vertices.size());
+  for (const Vector3d& vertex : other.vertices) mesh.vertices.emplace_back(vertex + at);
+  for (const auto& [a, b, c] : other.triangles) {
+    mesh.triangles.push_back({first + a, first + b, first + c});
+  }
+  return mesh;
+}
+
+// As files of robots have them that were made for looks.
+std::vector<TriangleMesh> StrangeMeshes() {
+  TriangleMesh inside_out = BoxMesh({0.2, 0.1, 0.3});
+  for (auto& corners : inside_out.triangles) std::swap(corners[0], corners[1]);
+  TriangleMesh twice = Joined(BoxMesh({0.2, 0.2, 0.2}), BoxMesh({0.2, 0.2, 0.2}), {0, 0, 0});
+  TriangleMesh slivers = CylinderMesh(0.1, 0.4);
+  slivers.triangles.push_back({0, 0, 1});
+  slivers.triangles.push_back({0, 1, 1});
+  TriangleMesh gutter = BoxMesh({0.5, 0.2, 0.2});
+  std::erase_if(gutter.triangles, [&](const auto& corners) {
+    return std::ranges::all_of(corners, [&](uint32_t at) { return gutter.vertices[at].z() > 0; });
+  });
+  return {Joined(BoxMesh({0.6, 0.08, 0.08}), BoxMesh({0.08, 0.08, 0.5}), {0.26, 0, 0.25}),
+          Joined(SphereMesh(0.1), SphereMesh(0.1), {0.5, 0, 0}),  // of two pieces
+          Joined(SphereMesh(0.2), SphereMesh(0.1), {0, 0, 0}),    // one in the other
+          Joined(TorusMesh(0.15, 0.02), CylinderMesh(0.01, 0.6), {0, 0, 0.2}),
+          BoxMesh({0.4, 0.3, 0.0002}),
+          BoxMesh({0.6, 0.002, 0.002}),
+          SphereMesh(0.001),
+          inside_out,
+          twice,
+          slivers,
+          gutter};
+}
+
+TEST(RobotParts, NothingOfAStrangeMeshIsLostAndWhatIsCertainIsInIt) {
+  Random random;
+  const PartSettings settings;
+  const std::vector<TriangleMesh> meshes = StrangeMeshes();
+  for (size_t number = 0; number < meshes.size(); ++number) {
+    const TriangleMesh& mesh = meshes[number];
+    const auto parts = PartsOfMesh(mesh);
+    ASSERT_TRUE(parts.ok()) << number << ": " << parts.status();
+    struct Outer {
+      ConvexBody hull;
+      MeshTree surface;
+      double radius;
+    };
+    std::vector<Outer> outer;
+    for (const RobotPart& part : parts->parts()) {
+      const ConvexBody hull = HullOf(VectorOf(part.points)).value();
+      outer.push_back({hull, MeshTree({hull.vertices, hull.triangles}), part.radius});
+      for (Eigen::Index i = 0; i < part.inner.cols(); ++i) {
+        const Vector3d at = part.inner.col(i);
+        uint32_t hint = 0;
+        EXPECT_TRUE(Encloses(mesh, at)) << number;
+        EXPECT_GE(MeshTree(mesh).Distance(at, hint), settings.tolerance - 1e-9) << number;
+      }
+    }
+    for (int i = 0; i < 2000; ++i) {
+      const Vector3d point = SurfacePoint(random, mesh);
+      ASSERT_TRUE(std::ranges::any_of(outer,
+                                      [&](const Outer& part) {
+                                        uint32_t hint = 0;
+                                        return part.hull.Depth(point) >= -1e-9 ||
+                                               part.surface.Distance(point, hint) <=
+                                                   part.radius + 1e-9;
+                                      }))
+          << number << ": " << point.transpose();
+    }
+  }
+}
+
 TEST(RobotParts, PartsRoundAboutTheirAxisMoveWithTheLinkBefore) {
   const auto robot =
       RobotModel::FromUrdf(std::string(SILHOUETTE_SOURCE_DIR) + "/capture/sim/robots/rx130.urdf")
