@@ -6,8 +6,10 @@
 
 #include <csignal>
 #include <cstdio>
+#include <regex>
 #include <thread>
 
+#include "calib/files/calibration_message.h"
 #include "silhouette/v1/collision_service.grpc.pb.h"
 #include "silhouette/v1/database_service.grpc.pb.h"
 #include "silhouette/v1/scene_service.grpc.pb.h"
@@ -97,6 +99,46 @@ TEST_F(ServerProgramTest, ServesUntilSigtermAndEndsWithZero) {
     EXPECT_EQ(program.ExitCode(), 0);
     EXPECT_THAT(program.Errors(), HasSubstr("stopped"));
   }
+}
+
+TEST_F(ServerProgramTest, NamesTheLinksWhoseMeshesAreNotClosedToTheSoundPresets) {
+  WriteFile(folder / "open.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 3 2\nf 1 2 4\nf 1 4 3\n");
+  const char* limit = "<limit lower='-4' upper='4' effort='1' velocity='1'/></joint>";
+  WriteFile(
+      folder / "robot.urdf",
+      absl::StrCat("<robot name='r'><link name='base'/><link name='x'/><link name='y'/>"
+                   "<link name='lid'><visual><geometry><mesh filename='open.obj'/>"
+                   "</geometry></visual></link><joint name='lift' type='prismatic'>"
+                   "<parent link='base'/><child link='x'/>",
+                   limit, "<joint name='a' type='prismatic'><parent link='x'/><child link='y'/>",
+                   limit,
+                   "<joint name='b' type='continuous'><parent link='y'/>"
+                   "<child link='lid'/></joint></robot>"));
+  std::string text = kCell;
+  text.replace(text.find("  joints:"), 0, "  urdf: robot.urdf\n");
+  text = std::regex_replace(text, std::regex("mask_size"), "image_size: [64, 48], mask_size");
+  text += "sound: {least_obstacle: 0.5, voxel_edge: 0.4}\n";
+  WriteFile(cell, text);
+  database = folder / "with-cameras";
+  MakeDatabase(database, {.cell = DescriptionOf(*LoadCell(cell))});
+  storage::v1::Calibration calibration;
+  for (size_t view = 0; view < kViewSizes.size(); ++view) {
+    Eigen::Isometry3d pose = Eigen::Isometry3d::Identity();
+    pose.translation() = Eigen::Vector3d(0, 0.1 * static_cast<double>(view), 8);
+    CameraIntrinsics in{.width = 64, .height = 48};
+    in.fx = in.fy = 40;
+    in.cx = 31.5;
+    in.cy = 23.5;
+    *calibration.add_cameras() = MessageOf(CameraModel(in, pose));
+  }
+  ASSERT_TRUE((*Database::Open(database, Database::Access::kWrite))
+                  ->SetCalibration(calibration, "test")
+                  .ok());
+  ServerProgram program(folder,
+                        {"--cell", cell, "--database", database, "--listen", "127.0.0.1:0"});
+  EXPECT_THAT(program.Address(), StartsWith("127.0.0.1:"));
+  EXPECT_THAT(program.Errors(), HasSubstr("the meshes of link 'lid' are not closed: an obstacle "
+                                          "may be inside, so that the sound presets may block"));
 }
 
 TEST_F(ServerProgramTest, ListensOnAUnixSocketAndTakesItOverFromADeadServer) {
