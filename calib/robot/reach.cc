@@ -7,7 +7,9 @@
 #include <limits>
 #include <map>
 #include <numbers>
+#include <random>
 #include <set>
+#include <stdexcept>
 #include <utility>
 #include <vector>
 
@@ -213,6 +215,70 @@ absl::StatusOr<Eigen::AlignedBox3d> ReachBox(const RobotModel& robot,
     box.max()[axis] = along(Eigen::Vector3d::Unit(axis));
   }
   return box;
+}
+
+namespace {
+
+// Points on a link's surface, and the surface that each stands for.
+struct SurfaceSample {
+  std::vector<Eigen::Vector3d> points;
+  std::vector<double> areas;
+};
+
+SurfaceSample SampleOf(const RobotLink& link) {
+  constexpr size_t kMost = 200;  // of a shape
+  SurfaceSample sample;
+  for (const LinkGeometry& geometry : link.body()) {
+    const TriangleMesh mesh = Tessellate(geometry.shape);
+    const size_t stride = mesh.triangles.size() / kMost + 1;
+    for (size_t i = 0; i < mesh.triangles.size(); i += stride) {
+      const auto& corners = mesh.triangles[i];
+      const Eigen::Vector3d& a = mesh.vertices[static_cast<size_t>(corners[0])];
+      const Eigen::Vector3d& b = mesh.vertices[static_cast<size_t>(corners[1])];
+      const Eigen::Vector3d& c = mesh.vertices[static_cast<size_t>(corners[2])];
+      sample.points.push_back(geometry.link_from_shape * Eigen::Vector3d((a + b + c) / 3));
+      sample.areas.push_back((b - a).cross(c - a).norm() / 2 * static_cast<double>(stride));
+    }
+  }
+  return sample;
+}
+
+}  // namespace
+
+absl::StatusOr<std::vector<double>> MeanSweeps(const RobotModel& robot,
+                                               std::span<const std::string> moving,
+                                               std::span<const FixedJoint> fixed,
+                                               std::span<const double> steps) {
+  if (steps.size() != moving.size()) throw std::invalid_argument("not a step for each joint");
+  ASSIGN_OR_RETURN(const KinematicChain chain, robot.ChainOf(moving, fixed));
+  std::vector<SurfaceSample> samples;
+  for (const RobotLink& link : robot.links()) samples.push_back(SampleOf(link));
+  constexpr int kConfigurations = 50;
+  std::mt19937_64 random;  // the same numbers every time
+  std::vector<double> sweeps(moving.size(), 0);
+  std::vector<Eigen::Isometry3d> here;
+  std::vector<Eigen::Isometry3d> there;
+  for (int i = 0; i < kConfigurations; ++i) {
+    std::vector<double> q;
+    for (const ChainJoint& joint : chain.joints()) {
+      q.push_back(std::uniform_real_distribution(joint.lower, joint.upper)(random));
+    }
+    chain.Pose(q, here);
+    for (size_t j = 0; j < q.size(); ++j) {
+      std::vector<double> next = q;
+      next[j] += steps[j];
+      chain.Pose(next, there);
+      for (size_t link = 0; link < samples.size(); ++link) {
+        const SurfaceSample& sample = samples[link];
+        for (size_t k = 0; k < sample.points.size(); ++k) {
+          const Eigen::Vector3d& point = sample.points[k];
+          sweeps[j] += sample.areas[k] * (there[link] * point - here[link] * point).norm();
+        }
+      }
+    }
+  }
+  for (double& sweep : sweeps) sweep /= kConfigurations;
+  return sweeps;
 }
 
 }  // namespace silhouette

@@ -5,6 +5,7 @@
 #include <Eigen/Geometry>
 #include <span>
 #include <string>
+#include <vector>
 
 #include "absl/status/statusor.h"
 #include "calib/robot/robot_model.h"
@@ -36,5 +37,13 @@ absl::StatusOr<Eigen::AlignedBox3d> ReachBox(const RobotModel& robot,
                                              std::span<const std::string> moving,
                                              std::span<const FixedJoint> fixed,
                                              double payload_radius);
+
+// How much of space the robot's surface sweeps in a step of each of the joints `moving`: surface
+// times way, in cubic metres, the mean over their ranges. By a sample of the surface. `steps`: one
+// a joint, radians or metres. InvalidArgument: as Reach().
+absl::StatusOr<std::vector<double>> MeanSweeps(const RobotModel& robot,
+                                               std::span<const std::string> moving,
+                                               std::span<const FixedJoint> fixed,
+                                               std::span<const double> steps);
 
 }  // namespace silhouette

@@ -52,23 +52,19 @@ void RequireValidEdges(std::span<const int> edges, size_t joints) {
   }
 }
 
-// How bad these edges are: doublings of absent places, plus how uneven the tile's extent is.
-double TileCost(std::span<const GridJoint> joints, std::span<const double> log_extent,
+// How large an index with such tiles is, in any unit.
+double TileCost(std::span<const GridJoint> joints, std::span<const double> change_per_step,
                 std::span<const int> exponents) {
-  double padding = 0;
-  double longest = -std::numeric_limits<double>::infinity();
-  double shortest = std::numeric_limits<double>::infinity();
+  double padding = 1;
+  // Of a tile of one image: what is left of it where nothing changes.
+  double change = std::max(std::ranges::max(change_per_step), 1e-12);
   for (size_t j = 0; j < joints.size(); ++j) {
     const int edge = 1 << exponents[j];
     const int padded = (joints[j].steps + edge - 1) / edge * edge;
-    padding += std::log2(static_cast<double>(padded) / joints[j].steps);
-    // A joint that lies within one tile cannot make the tile longer than its own range.
-    const double extent = log_extent[j] + std::log2(std::min(edge, joints[j].steps));
-    longest = std::max(longest, extent);
-    if (edge < joints[j].steps) shortest = std::min(shortest, extent);
+    padding *= static_cast<double>(padded) / joints[j].steps;
+    change += (std::min(edge, joints[j].steps) - 1) * change_per_step[j];
   }
-  const double unevenness = std::isfinite(shortest) ? std::max(0.0, longest - shortest) : 0;
-  return padding + 0.5 * unevenness;
+  return padding * change;
 }
 
 }  // namespace
@@ -217,15 +213,13 @@ std::optional<GridIndex> ConfigurationGrid::Neighbour(const GridIndex& index, in
 }
 
 std::vector<int> ChooseTileEdges(std::span<const GridJoint> joints,
-                                 std::span<const double> extent_per_step) {
+                                 std::span<const double> change_per_step) {
   RequireJointCount(joints.size());
-  if (!extent_per_step.empty() && extent_per_step.size() != joints.size()) {
-    throw std::invalid_argument("there must be one extent per joint");
-  }
-  std::vector<double> log_extent(joints.size(), 0);
-  for (size_t j = 0; j < extent_per_step.size(); ++j) {
-    if (!(extent_per_step[j] > 0)) throw std::invalid_argument("extents must be positive");
-    log_extent[j] = std::log2(extent_per_step[j]);
+  std::vector<double> change(change_per_step.begin(), change_per_step.end());
+  if (change.empty()) change.assign(joints.size(), 1);
+  if (change.size() != joints.size()) throw std::invalid_argument("not a change for each joint");
+  for (const double step : change) {
+    if (!(step >= 0) || !std::isfinite(step)) throw std::invalid_argument("a change is no number");
   }
   // All ways to share 12 doublings among the joints: 18,564 for seven joints.
   std::vector<int> exponents(joints.size(), 0);
@@ -234,8 +228,8 @@ std::vector<int> ChooseTileEdges(std::span<const GridJoint> joints,
   const auto share = [&](const auto& self, size_t j, int left) -> void {
     if (j + 1 == joints.size()) {
       exponents[j] = left;
-      const double cost = TileCost(joints, log_extent, exponents);
-      if (cost < best_cost - 1e-9) {
+      const double cost = TileCost(joints, change, exponents);
+      if (cost < best_cost * (1 - 1e-9)) {
         best_cost = cost;
         best = exponents;
       }

@@ -118,10 +118,12 @@ class ConfigurationGrid {
   uint64_t tiles_ = 0;
 };
 
-// Powers of two with product 4096, one per joint, such that the extent of a tile (edge times
-// `extent_per_step`, any unit; empty: all equal) is even over the joints and few places are absent.
+// Powers of two with product 4096, one per joint, such that the robot images of a tile are alike
+// and few places are absent: long along joints that change the images little. `change_per_step`,
+// any unit, not negative: how much an image changes in a grid step of each joint; empty: all equal.
+// The collision index grows with the sum of the changes along a tile's edges.
 std::vector<int> ChooseTileEdges(std::span<const GridJoint> joints,
-                                 std::span<const double> extent_per_step = {});
+                                 std::span<const double> change_per_step = {});
 
 // How a largest Cartesian movement bounds a grid step (Henrich, Wurll & Woern 1998).
 enum class MaxMoveRule {

@@ -72,15 +72,57 @@ std::vector<int> MovingAxes(size_t joints) {
   }
 }
 
+using Angles = std::array<double, kAxes.size()>;
+
+// The links with these angles of all axes.
+std::array<Capsule, kLinks> ArmAt(const Angles& angles, double radius_scale) {
+  std::array<Capsule, kLinks> links;
+  Eigen::Matrix3d frame = Eigen::Matrix3d::Identity();
+  Vector3d end = Vector3d::Zero();
+  for (size_t link = 0; link < kLinks; ++link) {
+    if (link > 0) {
+      const Vector3d axis = kAxes[link - 1].turns_about_z ? Vector3d::UnitZ() : Vector3d::UnitY();
+      frame = frame * Eigen::AngleAxisd(angles[link - 1], axis).toRotationMatrix();
+    }
+    const Vector3d begin = end;
+    end += kArm[link].length * frame.col(2);
+    links[link] = {begin, end, radius_scale * kArm[link].radius};
+  }
+  return links;
+}
+
+// How much of an image the links sweep in a step of `axis`, the mean: length times way.
+double MeanSweep(int axis, double step) {
+  constexpr int kConfigurations = 100;
+  std::mt19937_64 random(1);
+  double sweep = 0;
+  for (int i = 0; i < kConfigurations; ++i) {
+    Angles angles;
+    for (size_t a = 0; a < kAxes.size(); ++a) {
+      const double limit = Radians(kAxes[a].limit);
+      angles[a] = std::uniform_real_distribution(-limit, limit)(random);
+    }
+    const auto here = ArmAt(angles, 1);
+    angles[static_cast<size_t>(axis)] += step;
+    const auto there = ArmAt(angles, 1);
+    for (size_t link = 0; link < kLinks; ++link) {
+      const double ways =
+          (here[link].from - there[link].from).norm() + (here[link].to - there[link].to).norm();
+      sweep += kArm[link].length * ways / 2;
+    }
+  }
+  return sweep / kConfigurations;
+}
+
 ConfigurationGrid MakeGrid(const std::vector<int>& axes, const std::vector<int>& steps) {
   std::vector<GridJoint> joints;
-  std::vector<double> extents;
+  std::vector<double> sweeps;
   for (size_t i = 0; i < axes.size(); ++i) {
     const double limit = Radians(kAxes[static_cast<size_t>(axes[i])].limit);
     joints.push_back({"axis_" + std::to_string(axes[i] + 1), -limit, limit, steps[i]});
-    extents.push_back(joints.back().step() * ReachOf(axes[i]));
+    sweeps.push_back(MeanSweep(axes[i], joints.back().step()));
   }
-  std::vector<int> edges = ChooseTileEdges(joints, extents);
+  std::vector<int> edges = ChooseTileEdges(joints, sweeps);
   return ConfigurationGrid(std::move(joints), std::move(edges));
 }
 
@@ -144,22 +186,10 @@ double SyntheticCell::MeanFill() const {
 }
 
 std::array<Capsule, kLinks> SyntheticCell::RobotAt(std::span<const double> q) const {
-  std::array<double, kAxes.size()> angles;
+  Angles angles;
   for (size_t axis = 0; axis < kAxes.size(); ++axis) angles[axis] = Radians(kAxes[axis].rest);
   for (size_t i = 0; i < moving_.size(); ++i) angles[static_cast<size_t>(moving_[i])] = q[i];
-  std::array<Capsule, kLinks> links;
-  Eigen::Matrix3d frame = Eigen::Matrix3d::Identity();
-  Vector3d end = Vector3d::Zero();
-  for (size_t link = 0; link < kLinks; ++link) {
-    if (link > 0) {
-      const Vector3d axis = kAxes[link - 1].turns_about_z ? Vector3d::UnitZ() : Vector3d::UnitY();
-      frame = frame * Eigen::AngleAxisd(angles[link - 1], axis).toRotationMatrix();
-    }
-    const Vector3d begin = end;
-    end += kArm[link].length * frame.col(2);
-    links[link] = {begin, end, radius_scale_ * kArm[link].radius};
-  }
-  return links;
+  return ArmAt(angles, radius_scale_);
 }
 
 Mask SyntheticCell::RobotImage(int view, std::span<const double> q) const {

@@ -1,8 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "tools/cell/cell.h"
 
+#include <algorithm>
 #include <filesystem>
 #include <optional>
+#include <span>
 #include <stdexcept>
 #include <utility>
 
@@ -11,6 +13,7 @@
 #include "calib/robot/robot_model.h"
 #include "common/yaml/strict_yaml.h"
 #include "db/status/status_macros.h"
+#include "db/store/store.h"
 #include "tools/cell/sections.h"
 
 namespace silhouette {
@@ -93,15 +96,30 @@ bool HasSources(const Cell& cell) {
   return false;
 }
 
+// A database that cannot be opened, or is not of the cell, is for those to report who use it.
+void TakeTilesOfDatabase(Cell& cell) {
+  if (cell.database.empty()) return;
+  const auto database = Database::Open(cell.database, Database::Access::kRead);
+  if (!database.ok()) return;
+  const std::span<const GridJoint> joints = cell.grid.joints();
+  const std::span<const GridJoint> stored = (*database)->grid().joints();
+  if (!std::ranges::equal(joints, stored)) return;
+  const std::span<const int> edges = (*database)->grid().tile_edges();
+  cell.grid = ConfigurationGrid({joints.begin(), joints.end()}, {edges.begin(), edges.end()});
+}
+
 }  // namespace
 
 std::string ResolvePath(const std::filesystem::path& folder, const std::string& path) {
   return (folder / path).lexically_normal().string();
 }
 
-absl::StatusOr<Cell> LoadCell(const std::string& path) {
+absl::StatusOr<Cell> LoadCell(const std::string& path, const std::string& database) {
   try {
-    return ReadCell(path);
+    Cell cell = ReadCell(path);
+    if (!database.empty()) cell.database = database;
+    TakeTilesOfDatabase(cell);
+    return cell;
   } catch (const YamlError& error) {
     return absl::InvalidArgumentError(error.what());
   }

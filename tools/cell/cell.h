@@ -92,8 +92,9 @@ struct Cell {
 };
 
 // Reads and checks a file. InvalidArgument with file, line and the mend in its message; nothing in
-// a cell that was read is left unchecked.
-absl::StatusOr<Cell> LoadCell(const std::string& path);
+// a cell that was read is left unchecked. `database`: in place of the one that the file names, if
+// not empty. If it is there already, and of such a grid, the grid's tiles are those that it has.
+absl::StatusOr<Cell> LoadCell(const std::string& path, const std::string& database = "");
 
 // The box that the robot never leaves: the workspace that the file states, else the reach of its
 // model. InvalidArgument: there is neither.

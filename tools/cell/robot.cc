@@ -173,10 +173,23 @@ std::vector<double> MovesOf(const std::vector<GridJoint>& joints,
   return moves;
 }
 
-// The grid's tiles are even in the metres that the robot moves.
-ConfigurationGrid MakeGrid(std::vector<GridJoint> joints, std::vector<double> extents) {
-  for (double& extent : extents) extent = extent > 0 ? extent : 1;
-  std::vector<int> edges = ChooseTileEdges(joints, extents);
+// The configurations of a tile are alike in what the robot sweeps between them.
+ConfigurationGrid MakeGrid(std::vector<GridJoint> joints, const RobotSection& robot,
+                           const YamlNode& node) {
+  std::vector<double> sweeps;
+  if (robot.model) {
+    std::vector<std::string> moving;
+    std::vector<double> steps;
+    for (const GridJoint& joint : joints) {
+      moving.push_back(joint.name);
+      steps.push_back(joint.step());
+    }
+    absl::StatusOr<std::vector<double>> found =
+        MeanSweeps(*robot.model, moving, robot.fixed, steps);
+    if (!found.ok()) node.Fail(std::string(found.status().message()));
+    sweeps = *std::move(found);
+  }
+  std::vector<int> edges = ChooseTileEdges(joints, sweeps);
   return ConfigurationGrid(std::move(joints), std::move(edges));
 }
 
@@ -211,7 +224,7 @@ RobotAndGrid ReadRobotAndGrid(const YamlNode& robot_node, const YamlNode& grid_n
     }
     const std::vector<double> moves = MovesOf(joints, reaches);
     const double most = moves.empty() ? 0 : std::ranges::max(moves);
-    return {robot.settings, MakeGrid(std::move(joints), moves), most, robot.fixed};
+    return {robot.settings, MakeGrid(std::move(joints), robot, robot_node), most, robot.fixed};
   } catch (const std::invalid_argument& error) {
     grid_node.Fail(error.what());
   }

@@ -218,7 +218,7 @@ absl::StatusOr<std::vector<ViewDrift>> ByTags(const CheckRequest& request,
 // The cell file, if it is of the database.
 absl::StatusOr<Cell> CellFor(const CheckRequest& request,
                              const storage::v1::CellDescription& cell) {
-  absl::StatusOr<Cell> file = LoadCell(request.cell);
+  absl::StatusOr<Cell> file = LoadCell(request.cell, request.database);
   if (!file.ok()) return file;
   const std::vector<std::string> differences =
       Differences(DescriptionOf(*file), "the cell file", cell, "the database");

@@ -50,13 +50,13 @@ void AddVariantOption(CLI::App& command, CellArguments& arguments) {
 }
 
 absl::StatusOr<CellFile> OpenCellFile(const CellArguments& arguments) {
-  ASSIGN_OR_RETURN(Cell cell, LoadCell(arguments.cell));
-  const std::string database = arguments.database.empty() ? cell.database : arguments.database;
-  if (database.empty()) {
+  ASSIGN_OR_RETURN(Cell cell, LoadCell(arguments.cell, arguments.database));
+  if (cell.database.empty()) {
     return absl::InvalidArgumentError(
         absl::StrCat("say where the database is: --database FOLDER, or 'database: FOLDER' in '",
                      arguments.cell, "'"));
   }
+  const std::string database = cell.database;
   return CellFile{std::move(cell), database, arguments.variant};
 }
 

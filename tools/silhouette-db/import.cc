@@ -140,8 +140,8 @@ absl::Status TakeReferences(const storage::v1::References& references, const std
 }
 
 absl::StatusOr<ExitCode> ImportHere(const ImportOptions& options) {
-  ASSIGN_OR_RETURN(const Cell cell, LoadCell(options.cell));
-  const std::string path = options.database.empty() ? cell.database : options.database;
+  ASSIGN_OR_RETURN(const Cell cell, LoadCell(options.cell, options.database));
+  const std::string& path = cell.database;
   if (path.empty()) {
     return absl::InvalidArgumentError(
         absl::StrCat("cell file '", options.cell, "' names no database; give --database"));

@@ -285,8 +285,10 @@ absl::StatusOr<std::shared_ptr<const ServedDatabase>> LoadDatabase(const Cell& c
                                                                    const std::string& path) {
   ASSIGN_OR_RETURN(const std::unique_ptr<Database> database,
                    Database::Open(path, Database::Access::kRead));
+  storage::v1::CellDescription wanted = DescriptionOf(cell);
+  *wanted.mutable_tile_edges() = database->cell().tile_edges();
   const std::vector<std::string> differences =
-      Differences(DescriptionOf(cell), "the cell file", database->cell(), "the database");
+      Differences(wanted, "the cell file", database->cell(), "the database");
   if (!differences.empty()) {
     return absl::FailedPreconditionError(absl::StrCat(
         "the database '", path, "' does not fit the cell file '", cell.file, "': ",

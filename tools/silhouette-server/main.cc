@@ -130,9 +130,9 @@ absl::StatusOr<std::unique_ptr<LiveLoop>> StartLive(const Cell& cell, const std:
 }
 
 absl::Status Serve(const Options& options) {
-  ASSIGN_OR_RETURN(Cell cell, LoadCell(options.cell));
+  ASSIGN_OR_RETURN(Cell cell, LoadCell(options.cell, options.database));
   if (options.robot_image_memory) cell.server.robot_image_memory = options.robot_image_memory;
-  const std::string path = options.database.empty() ? cell.database : options.database;
+  const std::string& path = cell.database;
   if (path.empty()) {
     return absl::InvalidArgumentError(
         absl::StrCat("'", options.cell, "' names no database; use --database DIR"));

@@ -272,11 +272,19 @@ TEST(ConfigurationGrid, TellsWhatIsWrongWithItsJoints) {
   EXPECT_EQ(Refusal({good, other}, {1, 4096}), "none");
 }
 
-TEST(ChooseTileEdges, KeepsTheTilesExtentEven) {
+TEST(ChooseTileEdges, AreLongWhereImagesChangeLittle) {
   std::vector<GridJoint> joints = {{"a", 0, 1, 1024, false}, {"b", 0, 1, 1024, false}};
   EXPECT_THAT(ChooseTileEdges(joints), ElementsAre(64, 64));
-  // Steps of the second joint are four times as long.
   EXPECT_THAT(ChooseTileEdges(joints, std::vector{1.0, 4.0}), ElementsAre(128, 32));
+  // An arm and its wrist: a tile is all that the wrist does at one place of the arm.
+  joints.clear();
+  for (const int steps : {16, 16, 16, 16, 12, 13}) {
+    joints.push_back({std::string(1, static_cast<char>('a' + joints.size())), 0, 1, steps, false});
+  }
+  EXPECT_THAT(ChooseTileEdges(joints, std::vector{0.25, 0.31, 0.13, 0.01, 0.012, 0.0}),
+              ElementsAre(1, 1, 1, 16, 16, 16));
+  EXPECT_THROW(ChooseTileEdges(joints, std::vector(6, -1.0)), std::invalid_argument);
+  EXPECT_THROW(ChooseTileEdges(joints, std::vector(5, 1.0)), std::invalid_argument);
 }
 
 TEST(ChooseTileEdges, WastesLittle) {
