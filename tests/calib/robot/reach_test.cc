@@ -2,6 +2,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <cmath>
+#include <numbers>
 #include <random>
 #include <span>
 #include <vector>
@@ -54,6 +55,22 @@ TEST(Reach, PayloadReachesBeyondTheLastLink) {
   const std::vector<std::string> moving{"bend"};
   const std::vector<FixedJoint> fixed{{"turn", 0}, {"slide", 0}};
   EXPECT_NEAR(Reach(robot, "bend", moving, fixed, 0.1).value(), 0.4 + 0.05 + 0.1, 1e-9);
+}
+
+TEST(MeanSweeps, AreSurfaceTimesWay) {
+  const RobotModel robot = ThreeJoints();
+  const std::vector<std::string> moving{"turn", "bend", "slide"};
+  const auto sweeps = MeanSweeps(robot, moving, {}, std::vector{0.01, 0.01, 0.01});
+  ASSERT_TRUE(sweeps.ok()) << sweeps.status();
+  // All that slides moves by the step: a ball of radius 0.05, whose triangles are a little less.
+  const double ball = 4 * std::numbers::pi * 0.05 * 0.05 * 0.01;
+  EXPECT_LT((*sweeps)[2], ball);
+  EXPECT_GT((*sweeps)[2], 0.9 * ball);
+  EXPECT_GT((*sweeps)[0], (*sweeps)[1]);
+  EXPECT_GT((*sweeps)[1], (*sweeps)[2] / 2);
+  const auto longer = MeanSweeps(robot, moving, {}, std::vector{0.01, 0.01, 0.03});
+  EXPECT_NEAR((*longer)[2], 3 * (*sweeps)[2], 1e-12);
+  EXPECT_FALSE(MeanSweeps(robot, std::vector<std::string>{"turn"}, {}, std::vector{0.1}).ok());
 }
 
 TEST(Reach, NoConfigurationReachesFarther) {

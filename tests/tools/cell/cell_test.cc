@@ -9,6 +9,8 @@
 #include <regex>
 #include <variant>
 
+#include "absl/strings/str_cat.h"
+#include "db/store/store.h"
 #include "tests/calib/robot/urdf_files.h"
 #include "tests/test_folder.h"
 #include "tools/cell/segmentation_text.h"
@@ -69,6 +71,41 @@ TEST(Cell, BareJointsAndViewsWithoutASourceAreEnough) {
   EXPECT_EQ(cell->views[1].mask_size, (MaskSize{32, 16}));
   EXPECT_EQ(cell->views[1].image_width, 32);
   EXPECT_EQ(DescriptionOf(*cell).segmentation(), "");
+}
+
+TEST(Cell, TilesAreThoseOfADatabaseThatIsThere) {
+  const std::string path = Write(kBareCell);
+  const std::string folder = FreshFolder() / "cell.lmdb";
+  storage::v1::CellDescription description = DescriptionOf(*LoadCell(path, folder));
+  const std::vector<int> chosen(description.tile_edges().begin(), description.tile_edges().end());
+  description.clear_tile_edges();
+  for (const int edge : {1, 4096}) description.add_tile_edges(edge);
+  ASSERT_TRUE(Database::Create(folder, description).ok());
+
+  const absl::StatusOr<Cell> cell = LoadCell(path, folder);
+  ASSERT_TRUE(cell.ok()) << cell.status();
+  EXPECT_EQ(cell->database, folder);
+  EXPECT_THAT(cell->grid.tile_edges(), ElementsAre(1, 4096));
+  // Not of a grid that is another, nor where there is no database.
+  const auto edges_of = [](const absl::StatusOr<Cell>& of) {
+    return std::vector<int>(of->grid.tile_edges().begin(), of->grid.tile_edges().end());
+  };
+  const std::string other = Write(Changed("a: 10", "a: 11"));
+  EXPECT_EQ(edges_of(LoadCell(other, folder)), edges_of(LoadCell(other)));
+  EXPECT_EQ(edges_of(LoadCell(path, folder + "-not-there")), chosen);
+}
+
+TEST(Cell, TilesOfAWristAreLongAndThoseOfAnArmShort) {
+  const std::string text = absl::StrCat(
+      "name: arm\nrobot:\n  urdf: ", SILHOUETTE_SOURCE_DIR,
+      "/capture/sim/robots/rx130.urdf\n  joints: [{name: joint_1}, {name: joint_2}, {name: "
+      "joint_3}, {name: joint_4}, {name: joint_5}, {name: joint_6}]\n"
+      "grid: {max_move: 0.3}\nviews: [{name: top}]\n");
+  const absl::StatusOr<Cell> cell = Load(text);
+  ASSERT_TRUE(cell.ok()) << cell.status();
+  const std::span<const int> edges = cell->grid.tile_edges();
+  EXPECT_LE(edges[0] * edges[1] * edges[2], 16);
+  EXPECT_GE(edges[3] * edges[4] * edges[5], 256);
 }
 
 TEST(Cell, TheCommentedSampleIsACellAndShowsTheDefaults) {
