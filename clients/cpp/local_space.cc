@@ -187,6 +187,7 @@ class LocalSpace::Impl {
         connection_->Call(context, &v1::DatabaseService::Stub::GetDatabase,
                           v1::GetDatabaseRequest(), std::min(timeout_, absl::Seconds(1)));
     if (!response.ok() || response->generation() != generation) return std::nullopt;
+    if (response->images() == "drawn") return OffGridRule{.drawn = true};
     return OffGridRuleOf(Effective(options_.policy, FromMessage(response->default_policy())),
                          response->views_size());
   }

@@ -17,6 +17,8 @@ struct OffGridRule {
   // Whether a grid cell is free if all its corners are. The server tests the union of the robot
   // images at the corners, which may touch obstacles in more views than any of them does.
   bool free_corners_suffice = false;
+  // The server draws the robot off the grid: grid points say nothing of what is in between.
+  bool drawn = false;
 };
 
 // What a map knows about the grid cell that begins at a configuration: the box to the next value
@@ -79,7 +81,7 @@ template <typename StateAt, typename CellAt>
 Verdict CheckInMap(const ConfigurationGrid& grid, const OffGridRule& rule,
                    std::span<const double> q, const StateAt& state_at, const CellAt& cell_at) {
   Verdict verdict{.reason = Reason::kOutsideGrid};
-  if (rule.off_grid == OffGrid::kNearest) {
+  if (rule.off_grid == OffGrid::kNearest && !rule.drawn) {
     const std::optional<ConfigurationNumber> nearest = grid.Nearest(q);
     if (!nearest) return verdict;
     verdict.state = state_at(*nearest);
@@ -88,6 +90,7 @@ Verdict CheckInMap(const ConfigurationGrid& grid, const OffGridRule& rule,
   }
   const CellCorners corners = grid.CornersAround(q);
   if (corners.count() == 0) return verdict;
+  if (rule.drawn && corners.count() > 1) return {.reason = Reason::kBetweenGridPoints};
   bool occupied = false;
   for (const ConfigurationNumber corner : corners.numbers()) {
     const State state = state_at(corner);

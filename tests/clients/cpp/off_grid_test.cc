@@ -245,6 +245,25 @@ TEST(OffGrid, ReasonsSayWhyAMapIsNotEnough) {
   }
 }
 
+TEST(OffGrid, GridPointsOfADrawnRobotSayNothingOfWhatIsInBetween) {
+  Configuration q = OffGridGrid().At(GridIndex{1, 2, 1});
+  for (const client::OffGrid off_grid : {client::OffGrid::kCell, client::OffGrid::kNearest}) {
+    const client::OffGridRule rule{
+        .off_grid = off_grid, .free_corners_suffice = true, .drawn = true};
+    for (const client::State state : {client::State::kFree, client::State::kOccupied}) {
+      const auto all = [state](ConfigurationNumber) { return state; };
+      const auto check = [&](double off) {
+        Configuration at = q;
+        at[0] += off;
+        return client::CheckInMap(OffGridGrid(), rule, at, all, client::kNoCells);
+      };
+      EXPECT_EQ(check(0).state, state);
+      EXPECT_EQ(check(0.25).state, client::State::kUnknown);
+      EXPECT_EQ(check(0.25).reason, client::Reason::kBetweenGridPoints);
+    }
+  }
+}
+
 TEST(EffectivePolicy, IsWhatTheServerMakesOfARequest) {
   const client::Policy defaults{
       .preset = "calibrated", .min_views = 2, .off_grid = client::OffGrid::kNearest};

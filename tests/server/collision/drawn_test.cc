@@ -237,10 +237,10 @@ TEST_F(DrawnTest, AWallBetweenTwoFreeEndsIsFoundWhereItIs) {
     const PathVerdict verdict = test.CheckPath(path, evidence);
     EXPECT_EQ(verdict.verdict.state(), State::kOccupied);
     EXPECT_LT(verdict.fraction, 0.5);
-    EXPECT_GT(verdict.fraction, 0.3);
+    EXPECT_GT(verdict.fraction, 0.2);
     EXPECT_GT(evidence[0].obstacle_pixels, 0u);
     EXPECT_EQ(verdict.sampled_step, 0);
-    const PathVerdict away = test.CheckPath(std::vector<Configuration>{{1, 0, 0}, {3, 0, 0}});
+    const PathVerdict away = test.CheckPath(std::vector<Configuration>{{1.4, 0, 0}, {3, 0, 0}});
     EXPECT_TRUE(away.verdict.free());
     EXPECT_EQ(away.sampled_step, 0) << "proven";
   }

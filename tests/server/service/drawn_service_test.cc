@@ -3,6 +3,7 @@
 #include <gmock/gmock.h>
 
 #include "silhouette/client.h"
+#include "silhouette/local_space.h"
 #include "tests/server/drawn_cell.h"
 #include "tests/server/service/test_server.h"
 
@@ -57,33 +58,34 @@ TEST_F(DrawnServiceTest, AnswersSayThatTheModelIsNotVerified) {
 
 TEST_F(DrawnServiceTest, FreeMotionIsProvenAndAWallIsFound) {
   Publish();
-  const v1::CheckPathResponse away = server.Path({{1, 0}, {2, 0.1}, {3, 0}});
+  const v1::CheckPathResponse away = server.Path({{1.4, 0}, {2, 0.1}, {3, 0}});
   EXPECT_EQ(away.verdict().state(), v1::Verdict::STATE_FREE);
   EXPECT_EQ(away.proof(), v1::PATH_PROOF_CONTINUOUS);
   EXPECT_EQ(away.sampled_step(), 0);
   const v1::CheckPathResponse wall = server.Path({{-1.5, 0}, {1.5, 0}});
   EXPECT_EQ(wall.verdict().state(), v1::Verdict::STATE_OCCUPIED);
   EXPECT_EQ(wall.proof(), v1::PATH_PROOF_UNSPECIFIED);
-  EXPECT_GT(wall.fraction(), 0.3);
+  EXPECT_GT(wall.fraction(), 0.2);
   EXPECT_LT(wall.fraction(), 0.5);
   const auto client = client::Client::Connect(server.server->address());
   ASSERT_TRUE(client.ok()) << client.status();
-  const auto path = client->CheckPath(std::vector<Configuration>{{1, 0}, {2, 0.1}});
+  const auto path = client->CheckPath(std::vector<Configuration>{{1.4, 0}, {2, 0.1}});
   ASSERT_TRUE(path.ok()) << path.status();
   EXPECT_EQ(path->proof, client::PathProof::kContinuous);
 }
 
 TEST_F(DrawnServiceTest, SampledMotionSaysItsStep) {
   Publish();
-  // Along the ball, as near as it is free.
-  double turn = 0.05;
-  while (server.CheckOne({turn, 0}).state() != v1::Verdict::STATE_FREE) turn += 0.0005;
-  v1::CheckPathRequest request;
-  Set({turn, 0}, request.add_waypoints());
-  Set({turn + 0.5, 0}, request.add_waypoints());
-  request.set_path_resolution(0.1);
+  // Ever nearer to the ball, until it is no longer proven.
   v1::CheckPathResponse response;
-  ASSERT_TRUE(server.Call(request, &response).ok());
+  response.set_proof(v1::PATH_PROOF_CONTINUOUS);
+  for (double turn = 1.4; response.proof() == v1::PATH_PROOF_CONTINUOUS; turn -= 0.01) {
+    v1::CheckPathRequest request;
+    Set({turn, 0}, request.add_waypoints());
+    Set({1.5, 0}, request.add_waypoints());
+    request.set_path_resolution(0.1);
+    ASSERT_TRUE(server.Call(request, &response).ok());
+  }
   ASSERT_EQ(response.verdict().state(), v1::Verdict::STATE_FREE);
   EXPECT_EQ(response.proof(), v1::PATH_PROOF_SAMPLED);
   EXPECT_GT(response.sampled_step(), 0);
@@ -111,7 +113,33 @@ TEST_F(DrawnServiceTest, ResolutionThatCannotBeAndPathThatIsTooLongAreRefused) {
 TEST_F(DrawnServiceTest, OutsideTheLimitsIsUnknown) {
   Publish();
   EXPECT_EQ(server.CheckOne({0, 2.1}).reason(), v1::Verdict::REASON_OUTSIDE_GRID);
-  EXPECT_EQ(server.Path({{1, 0}, {1, 2.1}}).verdict().reason(), v1::Verdict::REASON_OUTSIDE_GRID);
+  EXPECT_EQ(server.Path({{1.4, 0}, {1.4, 2.1}}).verdict().reason(),
+            v1::Verdict::REASON_OUTSIDE_GRID);
+}
+
+TEST_F(DrawnServiceTest, MapInTheClientFreesNothingOffTheGrid) {
+  ServingSettings settings;
+  settings.scene.max_age = absl::Minutes(10);
+  TestServer running(database, settings, [](const Clock&) { return SystemClock; });
+  running.Publish(DrawnSceneInput(*database->robot_images().drawn(), {2, 0}, {}));
+  for (const client::OffGrid off_grid : {client::OffGrid::kCell, client::OffGrid::kNearest}) {
+    const client::LocalSpace space(
+        client::Client::Connect(running.server->address()).value(),
+        {.policy = {.min_views = 1, .off_grid = off_grid}, .max_age = absl::Minutes(5)});
+    // The second or third snapshot has the rule.
+    const Configuration on = database->grid().At(GridIndex{1, 0});
+    uint64_t number = 0;
+    for (int i = 0; i < 4; ++i) {
+      const auto snapshot = space.WaitForUpdate(number, absl::Milliseconds(500));
+      number = snapshot->number();
+      ASSERT_FALSE(snapshot->Check(Configuration{1, 0.3}).free());
+      if (snapshot->Check(on).free()) break;
+    }
+    EXPECT_TRUE(space.Check(on).free());
+    EXPECT_FALSE(space.Check({1, 0.3}).free());
+    EXPECT_FALSE(
+        space.WaitForUpdate(number, absl::Milliseconds(300))->Check(Configuration{1, 0.3}).free());
+  }
 }
 
 TEST_F(DrawnServiceTest, MapIsDrawnForThoseWhoAskAndHasNoCells) {
