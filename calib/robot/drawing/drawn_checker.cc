@@ -10,6 +10,9 @@
 namespace silhouette {
 namespace {
 
+// Of a ball's radius: a part that is grown by more is nearly as round, and dear to draw.
+constexpr double kAsBall = 0.5;
+
 using Candidate = DrawnCheckScratch::Candidate;
 
 void RequireGrowth(Growth growth, size_t parts) {
@@ -46,7 +49,7 @@ DrawnChecker::DrawnChecker(std::shared_ptr<const DrawnRobot> robot,
   }
 }
 
-bool DrawnChecker::Look(size_t view, DrawnCheckScratch& scratch) const {
+bool DrawnChecker::Look(size_t view, Growth growth, DrawnCheckScratch& scratch) const {
   const PartBalls& balls = robot_->balls();
   const size_t begin = scratch.candidates.size();
   if (!robot_->looks()[view].bounded()) {
@@ -61,7 +64,9 @@ bool DrawnChecker::Look(size_t view, DrawnCheckScratch& scratch) const {
     const SeenBall& ball = scratch.seen[i];
     const float distance = distances.At(static_cast<size_t>(ball.pixel));
     if (distance > ball.reach) continue;
-    if (distance == 0 && ball.centred) {
+    const bool as_ball =
+        !growth.empty() && growth[balls.part(i)] > kAsBall * static_cast<double>(balls.radius(i));
+    if (as_ball || (distance == 0 && ball.centred)) {
       scratch.candidates.resize(begin);
       return true;
     }
@@ -99,7 +104,7 @@ int DrawnChecker::Count(std::span<const double> q, Growth growth, int least, int
   for (size_t view = 0; view < planes_.size() && showing < most; ++view) {
     if (planes_[view].mask.words().empty()) continue;
     const size_t before = scratch.candidates.size();
-    if (Look(view, scratch)) {
+    if (Look(view, growth, scratch)) {
       ++showing;
     } else if (scratch.candidates.size() > before) {
       ++open;

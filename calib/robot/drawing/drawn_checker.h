@@ -3,8 +3,9 @@
 // the standard library and Eigen alone.
 //
 // A view shows one exactly if DrawnRobot::AddTouched sets a pixel that its plane has. Parts are
-// first looked up as balls in the distances of the plane; only those that may meet it are drawn.
-// A checker takes 2 1/8 bytes a pixel.
+// first looked up as balls in the distances of the plane; only those that may meet it are drawn. A
+// part that is grown by more than half of a ball about it is not drawn but taken for its balls,
+// which are larger: no view is missed, some may be added. A checker takes 2 1/8 bytes a pixel.
 #pragma once
 
 #include <Eigen/Geometry>
@@ -64,7 +65,7 @@ class DrawnChecker {
   int Count(std::span<const double> q, Growth growth, int least, int most,
             DrawnCheckScratch& scratch) const;
   // Whether the view certainly shows one; else appends the parts that may.
-  bool Look(size_t view, DrawnCheckScratch& scratch) const;
+  bool Look(size_t view, Growth growth, DrawnCheckScratch& scratch) const;
   bool IsMet(const DrawnCheckScratch::Candidate& candidate, Growth growth,
              DrawnCheckScratch& scratch) const;
 

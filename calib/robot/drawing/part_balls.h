@@ -62,6 +62,8 @@ class PartBalls {
 
   size_t balls() const { return part_.size(); }
   size_t part(size_t ball) const { return part_[ball]; }
+  // Metres; the ball's centre is in the hull of the part's points.
+  float radius(size_t ball) const { return radius_[ball]; }
 
   // `growth`: by part, or empty.
   void Place(std::span<const Eigen::Isometry3d> base_from_link, std::span<const double> growth,

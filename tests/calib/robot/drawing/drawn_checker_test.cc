@@ -45,9 +45,9 @@ Mask RandomPlane(Random& random, MaskSize size) {
 }
 
 // By part, each its own.
-std::vector<double> RandomGrowth(Random& random, const DrawnRobot& robot) {
+std::vector<double> RandomGrowth(Random& random, const DrawnRobot& robot, double most) {
   std::vector<double> growth(robot.parts().size());
-  for (double& part : growth) part = random() % 3 == 0 ? 0 : Uniform(random, 0, 0.2);
+  for (double& part : growth) part = random() % 3 == 0 ? 0 : Uniform(random, 0, most);
   return growth;
 }
 
@@ -90,7 +90,7 @@ TEST(DrawnChecker, AnswersAsMasksDrawnWholeDo) {
       const DrawnChecker checker(robot, planes);
       for (int i = 0; i < 15; ++i) {
         const std::vector<double> q = RandomPositions(random, model);
-        const std::vector<double> grown = RandomGrowth(random, *robot);
+        const std::vector<double> grown = RandomGrowth(random, *robot, 0.02);
         const Growth growth = i % 2 == 0 ? Growth(grown) : Growth();
         const int expected = Reference(*robot, planes, q, growth);
         ++answers[expected];
@@ -132,6 +132,34 @@ TEST(PlaneDistances, AreOfTheNearestSquareAndNeverMore) {
       }
     }
   }
+}
+
+TEST(DrawnChecker, PartsThatAreTakenForBallsMissNoView) {
+  Random random;
+  int more = 0;
+  int questions = 0;
+  for (int trial = 0; trial < 12; ++trial) {
+    const RobotModel model = trial % 3 == 2 ? OfMeshes(random) : Rx130();
+    const auto robot = RobotOf(model, random);
+    DrawnCheckScratch scratch;
+    for (int scene = 0; scene < 6; ++scene) {
+      std::vector<std::optional<Mask>> planes;
+      for (const PartDrawer& view : robot->views()) {
+        planes.emplace_back(RandomPlane(random, view.size()));
+      }
+      const DrawnChecker checker(robot, planes);
+      for (int i = 0; i < 10; ++i) {
+        const std::vector<double> q = RandomPositions(random, model);
+        const std::vector<double> growth = RandomGrowth(random, *robot, 0.3);
+        const int least = Reference(*robot, planes, q, growth);
+        const int showing = checker.Showing(q, growth, 4, scratch);
+        ASSERT_GE(showing, least);
+        more += showing - least;
+        questions += 4;
+      }
+    }
+  }
+  EXPECT_LT(more, questions / 8);
 }
 
 TEST(DrawnChecker, GrownRobotsShowNoFewerViews) {
