@@ -308,9 +308,24 @@ bool PartDrawer::CutNearPlane(double growth, double least, DrawingScratch& scrat
   return true;
 }
 
-void PartDrawer::WidenedOutline(double growth, DrawingScratch& scratch) const {
+template <typename Take>
+bool PartDrawer::ForEachRow(const DrawingScratch& scratch, Take take) const {
+  for (int row = scratch.first_row; row <= scratch.last_row; ++row) {
+    const auto at = static_cast<size_t>(row);
+    const double low = scratch.left[at] - 0.5;
+    const double high = scratch.right[at] + 0.5;
+    if (!(low <= size_.width - 1) || !(high >= 0)) continue;
+    const int left = low > 0 ? CeilOf(low) : 0;
+    const int right = high < size_.width - 1 ? static_cast<int>(high) : size_.width - 1;
+    if (left > right) continue;
+    const size_t begin = at * static_cast<size_t>(size_.width);
+    if (!take(begin + static_cast<size_t>(left), begin + static_cast<size_t>(right))) return false;
+  }
+  return true;
+}
+
+void PartDrawer::Project(double growth, DrawingScratch& scratch) const {
   scratch.projected.resize(scratch.points.size());
-  scratch.widened_by = 0;
   double nearest = std::numeric_limits<double>::infinity();
   double farthest = 0;
   double off_axis = 0;  // squared
@@ -324,10 +339,45 @@ void PartDrawer::WidenedOutline(double growth, DrawingScratch& scratch) const {
     off_axis = std::max(off_axis, at.x() * at.x() + at.y() * at.y());
   }
   // What a ball's image reaches is between radius / depth and this: ReachOfBall.
-  const double most = growth * std::sqrt(1 + off_axis) / (nearest - growth);
-  const double least = growth / farthest;
+  scratch.most_reach = growth * std::sqrt(1 + off_axis) / (nearest - growth);
+  scratch.least_reach = growth / farthest;
+}
+
+// Whether an octagon about the projected, grown points meets the plane nowhere.
+bool PartDrawer::IsClear(DrawingScratch& scratch, MaskWords plane) const {
+  constexpr double kInfinity = std::numeric_limits<double>::infinity();
+  double low[4] = {kInfinity, kInfinity, kInfinity, kInfinity};  // of x, y, x + y, x - y
+  double high[4] = {-kInfinity, -kInfinity, -kInfinity, -kInfinity};
+  for (const Vector2d& p : scratch.projected) {
+    const double at[4] = {p.x(), p.y(), p.x() + p.y(), p.x() - p.y()};
+    for (int i = 0; i < 4; ++i) {
+      low[i] = std::min(low[i], at[i]);
+      high[i] = std::max(high[i], at[i]);
+    }
+  }
+  for (int i = 0; i < 4; ++i) {
+    const double reach = 1.036 * scratch.most_reach * (i < 2 ? 1 : std::numbers::sqrt2);
+    low[i] -= reach;
+    high[i] += reach;
+  }
+  scratch.outline = {{high[0], high[2] - high[0]}, {high[2] - high[1], high[1]},
+                     {low[3] + high[1], high[1]},  {low[0], low[0] - low[3]},
+                     {low[0], low[2] - low[0]},    {low[2] - low[1], low[1]},
+                     {high[3] + low[1], low[1]},   {high[0], high[0] - high[3]}};
+  // More than what the outline's own edges bend by, and growth along both axes adds.
+  scratch.widened_by = 3 * kSag + 0.42 * std::min(kThin, 1.036 * scratch.most_reach * stretch_);
+  ClipToWindow(scratch);
+  if (scratch.outline.empty()) return true;
+  TraceOutline(scratch);
+  return ForEachRow(scratch,
+                    [&](size_t first, size_t last) { return !AnyBit(plane, first, last); });
+}
+
+void PartDrawer::WidenedOutline(double growth, DrawingScratch& scratch) const {
+  const double most = scratch.most_reach;
+  scratch.widened_by = 0;
   constexpr double kAlike = 0.1;  // pixels
-  if (growth == 0 || (most - least) * scale_ < kAlike) {
+  if (growth == 0 || (most - scratch.least_reach) * scale_ < kAlike) {
     DropInner(scratch.projected);
     if (clear_of_fold_ && most * stretch_ <= kThin) {
       ConvexHull(scratch.projected, scratch.outline);
@@ -424,46 +474,7 @@ void PartDrawer::TraceEdge(const Vector2d& from, const Vector2d& to, Vector2d& a
   }
 }
 
-template <typename Take>
-bool PartDrawer::ForEachRow(const DrawingScratch& scratch, Take take) const {
-  for (int row = scratch.first_row; row <= scratch.last_row; ++row) {
-    const auto at = static_cast<size_t>(row);
-    const double low = scratch.left[at] - 0.5;
-    const double high = scratch.right[at] + 0.5;
-    if (!(low <= size_.width - 1) || !(high >= 0)) continue;
-    const int left = low > 0 ? CeilOf(low) : 0;
-    const int right = high < size_.width - 1 ? static_cast<int>(high) : size_.width - 1;
-    if (left > right) continue;
-    const size_t begin = at * static_cast<size_t>(size_.width);
-    if (!take(begin + static_cast<size_t>(left), begin + static_cast<size_t>(right))) return false;
-  }
-  return true;
-}
-
-PartDrawer::Extent PartDrawer::Trace(const Eigen::Isometry3d& world_from_body,
-                                     const Eigen::Matrix3Xd& points, double growth,
-                                     DrawingScratch& scratch) const {
-  if (!(growth >= 0) || !std::isfinite(growth)) {
-    throw std::invalid_argument("a body cannot grow by less than nothing");
-  }
-  PointsInCamera(world_from_body, points, scratch);
-  double nearest = std::numeric_limits<double>::infinity();
-  double farthest = -nearest;
-  double sum = 0;  // finite if all are; where it is too large, so is the body
-  for (const Vector3d& point : scratch.points) {
-    nearest = std::min(nearest, point.z());
-    farthest = std::max(farthest, point.z());
-    sum += std::abs(point.x()) + std::abs(point.y()) + std::abs(point.z());
-  }
-  if (!std::isfinite(sum) || !std::isfinite(scale_) || !std::isfinite(bend_)) return Extent::kAll;
-  if (farthest + growth <= 0) return Extent::kNothing;  // behind the camera
-  const double least = 2 * growth + kNear;
-  if (nearest < least && !CutNearPlane(growth, least, scratch)) return Extent::kAll;
-  if (scratch.points.empty()) return Extent::kNothing;
-
-  WidenedOutline(growth, scratch);
-  ClipToWindow(scratch);
-  if (scratch.outline.empty()) return Extent::kNothing;
+void PartDrawer::TraceOutline(DrawingScratch& scratch) const {
   // Only the rows of the drawing before are not clear.
   const auto height = static_cast<size_t>(size_.height);
   constexpr double kInfinity = std::numeric_limits<double>::infinity();
@@ -483,6 +494,35 @@ PartDrawer::Extent PartDrawer::Trace(const Eigen::Isometry3d& world_from_body,
     TraceEdge(*before, corner, at, scratch);
     before = &corner;
   }
+}
+
+PartDrawer::Extent PartDrawer::Trace(const Eigen::Isometry3d& world_from_body,
+                                     const Eigen::Matrix3Xd& points, double growth,
+                                     DrawingScratch& scratch, MaskWords plane) const {
+  if (!(growth >= 0) || !std::isfinite(growth)) {
+    throw std::invalid_argument("a body cannot grow by less than nothing");
+  }
+  PointsInCamera(world_from_body, points, scratch);
+  double nearest = std::numeric_limits<double>::infinity();
+  double farthest = -nearest;
+  double sum = 0;  // finite if all are; where it is too large, so is the body
+  for (const Vector3d& point : scratch.points) {
+    nearest = std::min(nearest, point.z());
+    farthest = std::max(farthest, point.z());
+    sum += std::abs(point.x()) + std::abs(point.y()) + std::abs(point.z());
+  }
+  if (!std::isfinite(sum) || !std::isfinite(scale_) || !std::isfinite(bend_)) return Extent::kAll;
+  if (farthest + growth <= 0) return Extent::kNothing;  // behind the camera
+  const double least = 2 * growth + kNear;
+  if (nearest < least && !CutNearPlane(growth, least, scratch)) return Extent::kAll;
+  if (scratch.points.empty()) return Extent::kNothing;
+
+  Project(growth, scratch);
+  if (!plane.empty() && clear_of_fold_ && IsClear(scratch, plane)) return Extent::kNothing;
+  WidenedOutline(growth, scratch);
+  ClipToWindow(scratch);
+  if (scratch.outline.empty()) return Extent::kNothing;
+  TraceOutline(scratch);
   return Extent::kRows;
 }
 
@@ -490,7 +530,7 @@ void PartDrawer::AddTouched(const Eigen::Isometry3d& world_from_body,
                             const Eigen::Matrix3Xd& points, double growth, DrawingScratch& scratch,
                             std::span<uint64_t> words) const {
   RequireWords(size_, static_cast<size_t>(points.cols()), words.size());
-  switch (Trace(world_from_body, points, growth, scratch)) {
+  switch (Trace(world_from_body, points, growth, scratch, {})) {
     case Extent::kNothing:
       return;
     case Extent::kAll:
@@ -506,7 +546,7 @@ void PartDrawer::AddTouched(const Eigen::Isometry3d& world_from_body,
 bool PartDrawer::Meets(const Eigen::Isometry3d& world_from_body, const Eigen::Matrix3Xd& points,
                        double growth, DrawingScratch& scratch, MaskWords plane) const {
   RequireWords(size_, static_cast<size_t>(points.cols()), plane.size());
-  switch (Trace(world_from_body, points, growth, scratch)) {
+  switch (Trace(world_from_body, points, growth, scratch, plane)) {
     case Extent::kNothing:
       return false;
     case Extent::kAll:

@@ -26,6 +26,8 @@ struct DrawingScratch {
   std::vector<Eigen::Vector2d> hull;
   std::vector<Eigen::Vector2d> outline;  // the hull, widened and clipped
   std::vector<Eigen::Vector2d> clipped;
+  double least_reach = 0;  // of the growth's image, at z = 1
+  double most_reach = 0;
   double widened_by = 0;      // pixels on every side that the outline does not hold yet
   std::vector<double> left;   // by row: the least x of the outline, in mask pixels
   std::vector<double> right;  // by row: the greatest
@@ -100,10 +102,14 @@ class PartDrawer {
                  DrawingScratch& scratch) const;
   void TraceSegment(const Eigen::Vector2d& from, const Eigen::Vector2d& to, double margin,
                     DrawingScratch& scratch) const;
-  // What is touched: nothing, all, or the rows of the scratch.
+  // What is touched: nothing, all, or the rows of the scratch. With a plane: nothing also if that
+  // is easily seen not to be met.
   enum class Extent { kNothing, kAll, kRows };
   Extent Trace(const Eigen::Isometry3d& world_from_body, const Eigen::Matrix3Xd& points,
-               double growth, DrawingScratch& scratch) const;
+               double growth, DrawingScratch& scratch, MaskWords plane) const;
+  void Project(double growth, DrawingScratch& scratch) const;
+  bool IsClear(DrawingScratch& scratch, MaskWords plane) const;
+  void TraceOutline(DrawingScratch& scratch) const;
   // Calls `take(first, last)` with the bits of each row of the scratch while it returns true;
   // whether it always did.
   template <typename Take>
