@@ -122,6 +122,11 @@ double YamlNode::AsAngle() const {
                 "an angle is expected: radians, or e.g. '90 deg'");
 }
 
+double YamlNode::AsLength() const {
+  return InUnit({{"mm", 1e-3}, {"cm", 1e-2}, {"m", 1}}, 0,
+                "a length is expected: metres, or e.g. '5 mm'");
+}
+
 double YamlNode::AsSeconds() const {
   return InUnit({{"ms", 1e-3}, {"s", 1}, {"min", 60}, {"h", 3600}}, 0,
                 "a time is expected: seconds, or e.g. '250 ms'");

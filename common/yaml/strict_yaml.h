@@ -51,6 +51,9 @@ class YamlNode {
   // An angle in radians, or "90 deg"; a number without a unit is radians.
   double AsAngle() const;
 
+  // A length in metres, or "5 mm"; not negative.
+  double AsLength() const;
+
   // A time span: "250 ms", "2 s", "1.5 min"; a number without a unit is seconds.
   double AsSeconds() const;
   absl::Duration AsTime() const { return absl::Seconds(AsSeconds()); }

@@ -11,6 +11,7 @@
 #include "absl/strings/str_cat.h"
 #include "calib/robot/reach.h"
 #include "calib/robot/robot_model.h"
+#include "capture/session/travel.h"
 #include "common/yaml/strict_yaml.h"
 #include "db/status/status_macros.h"
 #include "db/store/store.h"
@@ -40,7 +41,7 @@ Cell ReadCell(const std::string& path) {
   std::string database = file_of("database");
   std::string simulation = file_of("simulation");
   const YamlNode robot_node = map.Required("robot");
-  const YamlNode grid_node = map.Required("grid");
+  const auto grid_node = map.Optional("grid");
   const YamlNode views_node = map.Required("views");
   const auto margin_node = map.Optional("margin");
   const auto workspace_node = map.Optional("workspace");
@@ -145,6 +146,25 @@ absl::StatusOr<std::optional<SoundCell>> SoundCellOf(const Cell& cell) {
                    RobotModel::FromUrdf(cell.robot.urdf, cell.robot.package_paths));
   return std::optional<SoundCell>({*cell.sound, workspace, cell.robot.payload_radius,
                                    std::make_shared<const RobotModel>(std::move(robot))});
+}
+
+absl::StatusOr<std::optional<DrawnCell>> DrawnCellOf(const Cell& cell) {
+  if (!cell.robot.drawn) return std::optional<DrawnCell>();
+  ASSIGN_OR_RETURN(RobotModel robot,
+                   RobotModel::FromUrdf(cell.robot.urdf, cell.robot.package_paths));
+  DrawnCell drawn{.robot = std::make_shared<const RobotModel>(std::move(robot)),
+                  .parts = *cell.robot.drawn,
+                  .payload_radius = cell.robot.payload_radius};
+  if (cell.capture.forbidden_regions.empty()) return std::optional(std::move(drawn));
+  try {
+    drawn.forbidden = [regions = ForbiddenRegions(cell.capture.forbidden_regions, cell.grid)](
+                          std::span<const double> from, std::span<const double> to) {
+      return regions.Between(from, to).has_value();
+    };
+  } catch (const std::invalid_argument& error) {
+    return absl::InvalidArgumentError(cell.file + ": " + error.what());
+  }
+  return std::optional(std::move(drawn));
 }
 
 storage::v1::CellDescription DescriptionOf(const Cell& cell) {

@@ -11,6 +11,8 @@
 
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
+#include "calib/robot/drawn_cell.h"
+#include "calib/robot/parts.h"
 #include "calib/robot/robot_model.h"
 #include "capture/devices/camera_settings.h"
 #include "capture/drivers/robots/robot_driver_settings.h"
@@ -33,6 +35,8 @@ struct RobotSettings {
   RobotDriver driver;
   // How far, in metres, tool and payload reach beyond the model's last link.
   double payload_radius = 0;
+  // How robot images are drawn; nothing: they are captured.
+  std::optional<PartSettings> drawn;
 };
 
 struct ViewSettings {
@@ -103,6 +107,10 @@ absl::StatusOr<Workspace> WorkspaceOf(const Cell& cell);
 // What the sound presets are served with; nothing if the file does not say. Errors: as those of
 // WorkspaceOf and RobotModel::FromUrdf.
 absl::StatusOr<std::optional<SoundCell>> SoundCellOf(const Cell& cell);
+
+// What robot images are drawn from; nothing if they are captured. Errors: those of
+// RobotModel::FromUrdf, and InvalidArgument for forbidden regions that cannot be.
+absl::StatusOr<std::optional<DrawnCell>> DrawnCellOf(const Cell& cell);
 
 // What the cell's database must say of it.
 storage::v1::CellDescription DescriptionOf(const Cell& cell);

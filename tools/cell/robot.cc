@@ -101,6 +101,23 @@ std::vector<FixedJoint> ReadFixedJoints(const std::optional<YamlNode>& node,
   return fixed;
 }
 
+// Nothing: they are captured.
+std::optional<PartSettings> ReadDrawn(const YamlNode& node) {
+  PartSettings settings;
+  if (!node.IsMap()) {
+    if (node.AsWordOf({"captured", "drawn"}) == 0) return std::nullopt;
+    return settings;
+  }
+  YamlMap map(node);
+  const YamlNode drawn = map.Required("drawn");
+  map.Finish();
+  YamlMap how(drawn);
+  how.Read("tolerance", settings.tolerance, &YamlNode::AsLength);
+  how.Read("geometry", settings.geometry, ReadGeometry);
+  how.Finish();
+  return settings;
+}
+
 RobotSection ReadRobot(const YamlNode& node, const std::filesystem::path& folder) {
   YamlMap map(node);
   RobotSection robot;
@@ -112,9 +129,13 @@ RobotSection ReadRobot(const YamlNode& node, const std::filesystem::path& folder
     }
   }
   map.Read("payload_radius", robot.settings.payload_radius, &YamlNode::AsNotNegative);
+  const auto images = map.Optional("images");
+  if (images) robot.settings.drawn = ReadDrawn(*images);
   const YamlNode joints = map.Required("joints");
   const auto fixed = map.Optional("fixed");
   map.Finish();
+  if (robot.settings.drawn && !urdf)
+    images->Fail("images are drawn from the robot's model; state urdf");
   if (urdf) {
     robot.settings.urdf = ResolvePath(folder, urdf->As<std::string>());
     auto model = RobotModel::FromUrdf(robot.settings.urdf, robot.settings.package_paths);
@@ -193,11 +214,29 @@ ConfigurationGrid MakeGrid(std::vector<GridJoint> joints, const RobotSection& ro
   return ConfigurationGrid(std::move(joints), std::move(edges));
 }
 
+// Of a robot whose images are drawn at any configuration: its limits, and hardly a step.
+ConfigurationGrid GridOfLimits(const RobotSection& robot, const YamlNode& node) {
+  std::vector<GridJoint> joints = robot.moving;
+  for (GridJoint& joint : joints) joint.steps = joint.continuous ? 3 : 2;
+  try {
+    return ConfigurationGrid(std::move(joints));
+  } catch (const std::invalid_argument& error) {
+    node.Fail(error.what());
+  }
+}
+
 }  // namespace
 
-RobotAndGrid ReadRobotAndGrid(const YamlNode& robot_node, const YamlNode& grid_node,
+RobotAndGrid ReadRobotAndGrid(const YamlNode& robot_node, const std::optional<YamlNode>& grid,
                               const std::filesystem::path& folder) {
   RobotSection robot = ReadRobot(robot_node, folder);
+  if (!grid) {
+    if (!robot.settings.drawn) {
+      robot_node.Fail("the cell needs a 'grid', unless the robot has 'images: drawn'");
+    }
+    return {robot.settings, GridOfLimits(robot, robot_node), 0, robot.fixed};
+  }
+  const YamlNode& grid_node = *grid;
   YamlMap map(grid_node);
   const auto max_move = map.Optional("max_move");
   const auto rule = map.Optional("max_move_rule");

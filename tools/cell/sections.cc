@@ -214,6 +214,11 @@ CalibrationSettings ReadCalibration(const YamlNode& node) {
   return settings;
 }
 
+BodyGeometry ReadGeometry(const YamlNode& node) {
+  return node.AsWordOf({"visual", "collision"}) == 0 ? BodyGeometry::kVisual
+                                                     : BodyGeometry::kCollision;
+}
+
 SoundSettings ReadSound(const YamlNode& node) {
   YamlMap map(node);
   SoundSettings settings;
@@ -225,10 +230,7 @@ SoundSettings ReadSound(const YamlNode& node) {
           "it must not exceed least_obstacle, or obstacles cannot be distinguished from the robot");
     }
   }
-  map.Read("geometry", settings.geometry, [](const YamlNode& geometry) {
-    return geometry.AsWordOf({"visual", "collision"}) == 0 ? BodyGeometry::kVisual
-                                                           : BodyGeometry::kCollision;
-  });
+  map.Read("geometry", settings.geometry, ReadGeometry);
   map.Read("model_tolerance", settings.model_tolerance, &YamlNode::AsNotNegative);
   settings.whole_model = map.Get<bool>("whole_model", settings.whole_model);
   map.Finish();

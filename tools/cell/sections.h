@@ -21,7 +21,8 @@ struct RobotAndGrid {
   double grid_move = 0;  // Cell::grid_move
   std::vector<FixedJoint> fixed_joints;
 };
-RobotAndGrid ReadRobotAndGrid(const YamlNode& robot, const YamlNode& grid,
+// `grid`: may be left out if the robot's images are drawn.
+RobotAndGrid ReadRobotAndGrid(const YamlNode& robot, const std::optional<YamlNode>& grid,
                               const std::filesystem::path& folder);
 
 // "sim", or a map of one key that names the driver.
@@ -53,6 +54,7 @@ struct PolicySettings {
 // `views`: how many there are, the bound of min_views.
 PolicySettings ReadPolicy(const YamlNode& node, int views);
 CalibrationSettings ReadCalibration(const YamlNode& node);
+BodyGeometry ReadGeometry(const YamlNode& node);
 SoundSettings ReadSound(const YamlNode& node);
 ServerSettings ReadServer(const YamlNode& node, const std::filesystem::path& folder);
 

@@ -230,6 +230,12 @@ absl::StatusOr<std::optional<DrawnRobot>> ExpectedRobotOf(const CellFile& file,
 
 absl::StatusOr<ExitCode> RunHere(const RunOptions& options) {
   ASSIGN_OR_RETURN(const CellFile file, OpenCellFile(options.cell));
+  if (file.cell.robot.drawn) {
+    return absl::InvalidArgumentError(
+        absl::StrCat("'", file.cell.file,
+                     "' says that the robot's images are drawn: there is nothing to capture; ",
+                     "to capture them, state 'images: captured' of the robot, and a grid"));
+  }
   const Travel travel(file.cell.grid, file.cell.capture.forbidden_regions);
   if (options.dry_run) return DryRun(options, file, travel);
 

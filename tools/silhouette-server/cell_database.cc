@@ -282,7 +282,8 @@ void LogSound(const ServedDatabase& database, const Cell& cell) {
 }  // namespace
 
 absl::StatusOr<std::shared_ptr<const ServedDatabase>> LoadDatabase(const Cell& cell,
-                                                                   const std::string& path) {
+                                                                   const std::string& path,
+                                                                   bool unverified) {
   ASSIGN_OR_RETURN(const std::unique_ptr<Database> database,
                    Database::Open(path, Database::Access::kRead));
   storage::v1::CellDescription wanted = DescriptionOf(cell);
@@ -297,9 +298,17 @@ absl::StatusOr<std::shared_ptr<const ServedDatabase>> LoadDatabase(const Cell& c
   }
   ASSIGN_OR_RETURN(const TreatmentSettings treatments, TreatmentSettingsOf(cell));
   ASSIGN_OR_RETURN(const std::optional<SoundCell> sound, SoundCellOf(cell));
-  const LoadSettings load = LoadSettingsOf(cell);
+  LoadSettings load = LoadSettingsOf(cell);
+  ASSIGN_OR_RETURN(load.drawn, DrawnCellOf(cell));
   const auto served = ServedDatabase::Load(*database, cell.calibration, treatments, sound, load);
   if (!served.ok()) return served;
+  if ((*served)->unverified_model() && !unverified) {
+    return absl::FailedPreconditionError(
+        absl::StrCat("the robot images of '", cell.file,
+                     "' are drawn from a model that is not verified: verdicts ",
+                     "are wrong wherever the robot is larger than it; serve it with --unverified "
+                     "if you know it"));
+  }
   LogLoaded(**served, path);
   LogRobotImages(**served, path, load);
   if (sound) LogSound(**served, cell);

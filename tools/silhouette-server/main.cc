@@ -47,6 +47,7 @@ struct Options {
   std::string calibration_check;               // empty: as in the cell file
   std::string metrics;                         // empty: as in the cell file
   bool live = false;
+  bool unverified = false;
   std::string obstacles;  // in the simulated cell; empty: none
 };
 
@@ -65,9 +66,10 @@ absl::Status MarginsKnown(const Cell& cell, const ServedDatabase& database) {
   return absl::Status(known.code(), absl::StrCat(cell.file, ": ", known.message()));
 }
 
-void Reload(const Cell& cell, const std::string& path, Server& server) {
+void Reload(const Cell& cell, const std::string& path, bool unverified, Server& server) {
   try {
-    absl::StatusOr<std::shared_ptr<const ServedDatabase>> database = LoadDatabase(cell, path);
+    absl::StatusOr<std::shared_ptr<const ServedDatabase>> database =
+        LoadDatabase(cell, path, unverified);
     if (database.ok()) {
       const absl::Status known = MarginsKnown(cell, **database);
       server.ReplaceDatabase(*std::move(database));
@@ -83,13 +85,13 @@ void Reload(const Cell& cell, const std::string& path, Server& server) {
 }
 
 // Serves until SIGTERM or SIGINT comes.
-void WaitForEnd(const Cell& cell, const std::string& path, Server& server) {
+void WaitForEnd(const Cell& cell, const std::string& path, bool unverified, Server& server) {
   const sigset_t signals = AwaitedSignals();
   for (;;) {
     int signal = 0;
     if (sigwait(&signals, &signal) != 0) continue;
     if (signal != SIGHUP) return;
-    Reload(cell, path, server);
+    Reload(cell, path, unverified, server);
   }
 }
 
@@ -137,7 +139,7 @@ absl::Status Serve(const Options& options) {
     return absl::InvalidArgumentError(
         absl::StrCat("'", options.cell, "' names no database; use --database DIR"));
   }
-  ASSIGN_OR_RETURN(auto database, LoadDatabase(cell, path));
+  ASSIGN_OR_RETURN(auto database, LoadDatabase(cell, path, options.unverified));
   RETURN_IF_ERROR(MarginsKnown(cell, *database));
 
   ServingSettings settings;
@@ -176,7 +178,7 @@ absl::Status Serve(const Options& options) {
     spdlog::info("metrics at http://{}/metrics", server->metrics_address());
   }
 
-  WaitForEnd(cell, path, *server);
+  WaitForEnd(cell, path, options.unverified, *server);
   live.reset();
   calibration_watch.reset();
   spdlog::info("stopping; calls in flight may take {} more", absl::FormatDuration(kGrace));
@@ -216,6 +218,9 @@ int Main(int argc, char** argv) {
   app.add_flag("--live", options.live,
                "Acquire images and joint values directly from the cell's devices.\n"
                "Disables PublishScene");
+  app.add_flag("--unverified", options.unverified,
+               "Serve robot images that are drawn from a model that captured images have not\n"
+               "verified. Every answer says so");
   app.add_option(
       "--metrics", options.metrics,
       "host:port where metrics are served to Prometheus, at /metrics; default: as in the "

@@ -95,13 +95,17 @@ TEST(Cell, TilesAreThoseOfADatabaseThatIsThere) {
   EXPECT_EQ(edges_of(LoadCell(path, folder + "-not-there")), chosen);
 }
 
+// The RX130 with all its joints; `robot` are further lines of the section.
+std::string SixJoints(const std::string& robot, const std::string& rest = "") {
+  return absl::StrCat("name: arm\nrobot:\n  urdf: ", SILHOUETTE_SOURCE_DIR,
+                      "/capture/sim/robots/rx130.urdf\n", robot,
+                      "  joints: [{name: joint_1}, {name: joint_2}, {name: joint_3}, {name: "
+                      "joint_4}, {name: joint_5}, {name: joint_6}]\nviews: [{name: top}]\n",
+                      rest);
+}
+
 TEST(Cell, TilesOfAWristAreLongAndThoseOfAnArmShort) {
-  const std::string text = absl::StrCat(
-      "name: arm\nrobot:\n  urdf: ", SILHOUETTE_SOURCE_DIR,
-      "/capture/sim/robots/rx130.urdf\n  joints: [{name: joint_1}, {name: joint_2}, {name: "
-      "joint_3}, {name: joint_4}, {name: joint_5}, {name: joint_6}]\n"
-      "grid: {max_move: 0.3}\nviews: [{name: top}]\n");
-  const absl::StatusOr<Cell> cell = Load(text);
+  const absl::StatusOr<Cell> cell = Load(SixJoints("", "grid: {max_move: 0.3}\n"));
   ASSERT_TRUE(cell.ok()) << cell.status();
   const std::span<const int> edges = cell->grid.tile_edges();
   EXPECT_LE(edges[0] * edges[1] * edges[2], 16);
@@ -432,6 +436,54 @@ TEST(Cell, SoundIsReadAndNeedsTheRobotsModel) {
               HasSubstr("must not exceed least_obstacle"));
   EXPECT_THAT(MessageOf(cell_with + "sound: {least_obstacle: 0.03, model_tolerance: -1}\n"),
               HasSubstr("not below 0"));
+}
+
+TEST(Cell, RobotImagesAreCapturedUnlessTheFileHasThemDrawn) {
+  EXPECT_FALSE(Load(kBareCell)->robot.drawn.has_value());
+  EXPECT_FALSE(DrawnCellOf(*Load(kBareCell))->has_value());
+  const auto captured = Load(SixJoints("  images: captured\n", "grid: {max_move: 0.3}\n"));
+  ASSERT_TRUE(captured.ok()) << captured.status();
+  EXPECT_FALSE(captured->robot.drawn.has_value());
+
+  const auto defaults = Load(SixJoints("  images: drawn\n"));
+  ASSERT_TRUE(defaults.ok()) << defaults.status();
+  EXPECT_EQ(defaults->robot.drawn->tolerance, 0.005);
+  EXPECT_EQ(defaults->robot.drawn->geometry, BodyGeometry::kVisual);
+
+  const auto cell = Load(SixJoints(
+      "  payload_radius: 0.1\n  images: {drawn: {tolerance: 8 mm, geometry: collision}}\n",
+      "capture: {forbidden_regions: [{name: door, joints: {joint_1: [0.5, 1]}}]}\n"));
+  ASSERT_TRUE(cell.ok()) << cell.status();
+  const auto drawn = DrawnCellOf(*cell);
+  ASSERT_TRUE(drawn.ok() && drawn->has_value()) << drawn.status();
+  EXPECT_EQ((*drawn)->parts.tolerance, 0.008);
+  EXPECT_EQ((*drawn)->parts.geometry, BodyGeometry::kCollision);
+  EXPECT_EQ((*drawn)->payload_radius, 0.1);
+  EXPECT_EQ((*drawn)->robot->joints().size(), 6u);
+  const Configuration before{0, 0, 0, 0, 0, 0};
+  const Configuration within{0.7, 0, 0, 0, 0, 0};
+  EXPECT_TRUE((*drawn)->forbidden(before, within));
+  EXPECT_FALSE((*drawn)->forbidden(before, before));
+}
+
+TEST(Cell, WithoutAGridOnlyTheLimitsOfADrawnRobotAreKnown) {
+  const auto cell = Load(SixJoints("  images: drawn\n"));
+  ASSERT_TRUE(cell.ok()) << cell.status();
+  EXPECT_EQ(cell->grid.size(), 64u);
+  EXPECT_EQ(cell->grid_move, 0);
+  const auto gridded = Load(SixJoints("  images: drawn\n", "grid: {max_move: 0.3}\n"));
+  EXPECT_GT(gridded->grid.size(), 100'000u);
+}
+
+TEST(Cell, MistakesInDrawnImagesAreNamed) {
+  EXPECT_THAT(MessageOf(SixJoints("  images: painted\n")), HasSubstr("captured"));
+  EXPECT_THAT(MessageOf(SixJoints("  images: {drawn: {tolerance: 5 inch}}\n")),
+              HasSubstr("a length is expected: metres, or e.g. '5 mm'"));
+  EXPECT_THAT(MessageOf(SixJoints("  images: {drawn: {tolerances: 5 mm}}\n")),
+              HasSubstr("tolerance"));
+  EXPECT_THAT(MessageOf(SixJoints("")), HasSubstr("the cell needs a 'grid', unless"));
+  EXPECT_THAT(MessageOf(Changed("  joints:", "  images: drawn\n  joints:")),
+              HasSubstr("images are drawn from the robot's model; state urdf"));
 }
 
 TEST(Cell, PolicyAndCalibrationAreRead) {
