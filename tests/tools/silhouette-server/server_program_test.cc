@@ -64,6 +64,45 @@ struct ServerProgramTest : ::testing::Test {
     MakeDatabase(database, {.missing = {{0, 7}}, .cell = DescriptionOf(*LoadCell(cell))});
   }
 
+  // The cell with a model whose one link has a mesh that is not closed, and a database with
+  // cameras. `in_robot`: further lines of the cell file's section `robot`; `rest`: further
+  // sections.
+  void GiveModelAndCameras(const std::string& in_robot, const std::string& rest) {
+    WriteFile(folder / "lid.obj",
+              "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 3 2\nf 1 2 4\nf 1 4 3\n");
+    const char* limit = "<limit lower='-4' upper='4' effort='1' velocity='1'/></joint>";
+    WriteFile(
+        folder / "robot.urdf",
+        absl::StrCat("<robot name='r'><link name='base'/><link name='x'/><link name='y'/>"
+                     "<link name='lid'><visual><geometry><mesh filename='lid.obj'/>"
+                     "</geometry></visual></link><joint name='lift' type='prismatic'>"
+                     "<parent link='base'/><child link='x'/>",
+                     limit, "<joint name='a' type='prismatic'><parent link='x'/><child link='y'/>",
+                     limit,
+                     "<joint name='b' type='continuous'><parent link='y'/>"
+                     "<child link='lid'/></joint></robot>"));
+    std::string text = kCell;
+    text.replace(text.find("  joints:"), 0, "  urdf: robot.urdf\n" + in_robot);
+    text = std::regex_replace(text, std::regex("mask_size"), "image_size: [64, 48], mask_size");
+    text += rest;
+    WriteFile(cell, text);
+    database = folder / "with-cameras";
+    MakeDatabase(database, {.cell = DescriptionOf(*LoadCell(cell))});
+    storage::v1::Calibration calibration;
+    for (size_t view = 0; view < kViewSizes.size(); ++view) {
+      Eigen::Isometry3d pose = Eigen::Isometry3d::Identity();
+      pose.translation() = Eigen::Vector3d(0, 0.1 * static_cast<double>(view), 8);
+      CameraIntrinsics in{.width = 64, .height = 48};
+      in.fx = in.fy = 40;
+      in.cx = 31.5;
+      in.cy = 23.5;
+      *calibration.add_cameras() = MessageOf(CameraModel(in, pose));
+    }
+    ASSERT_TRUE((*Database::Open(database, Database::Access::kWrite))
+                    ->SetCalibration(calibration, "test")
+                    .ok());
+  }
+
   // Exit code of a start that does not succeed, its one sentence in `errors`.
   int Refused(const std::vector<std::string>& arguments) {
     ServerProgram program(folder, arguments);
@@ -102,43 +141,24 @@ TEST_F(ServerProgramTest, ServesUntilSigtermAndEndsWithZero) {
 }
 
 TEST_F(ServerProgramTest, NamesTheLinksWhoseMeshesAreNotClosedToTheSoundPresets) {
-  WriteFile(folder / "open.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 3 2\nf 1 2 4\nf 1 4 3\n");
-  const char* limit = "<limit lower='-4' upper='4' effort='1' velocity='1'/></joint>";
-  WriteFile(
-      folder / "robot.urdf",
-      absl::StrCat("<robot name='r'><link name='base'/><link name='x'/><link name='y'/>"
-                   "<link name='lid'><visual><geometry><mesh filename='open.obj'/>"
-                   "</geometry></visual></link><joint name='lift' type='prismatic'>"
-                   "<parent link='base'/><child link='x'/>",
-                   limit, "<joint name='a' type='prismatic'><parent link='x'/><child link='y'/>",
-                   limit,
-                   "<joint name='b' type='continuous'><parent link='y'/>"
-                   "<child link='lid'/></joint></robot>"));
-  std::string text = kCell;
-  text.replace(text.find("  joints:"), 0, "  urdf: robot.urdf\n");
-  text = std::regex_replace(text, std::regex("mask_size"), "image_size: [64, 48], mask_size");
-  text += "sound: {least_obstacle: 0.5, voxel_edge: 0.4}\n";
-  WriteFile(cell, text);
-  database = folder / "with-cameras";
-  MakeDatabase(database, {.cell = DescriptionOf(*LoadCell(cell))});
-  storage::v1::Calibration calibration;
-  for (size_t view = 0; view < kViewSizes.size(); ++view) {
-    Eigen::Isometry3d pose = Eigen::Isometry3d::Identity();
-    pose.translation() = Eigen::Vector3d(0, 0.1 * static_cast<double>(view), 8);
-    CameraIntrinsics in{.width = 64, .height = 48};
-    in.fx = in.fy = 40;
-    in.cx = 31.5;
-    in.cy = 23.5;
-    *calibration.add_cameras() = MessageOf(CameraModel(in, pose));
-  }
-  ASSERT_TRUE((*Database::Open(database, Database::Access::kWrite))
-                  ->SetCalibration(calibration, "test")
-                  .ok());
+  GiveModelAndCameras("", "sound: {least_obstacle: 0.5, voxel_edge: 0.4}\n");
   ServerProgram program(folder,
                         {"--cell", cell, "--database", database, "--listen", "127.0.0.1:0"});
   EXPECT_THAT(program.Address(), StartsWith("127.0.0.1:"));
   EXPECT_THAT(program.Errors(), HasSubstr("the meshes of link 'lid' are not closed: an obstacle "
                                           "may be inside, so that the sound presets may block"));
+}
+
+TEST_F(ServerProgramTest, DrawnImagesOfAModelThatIsNotVerifiedAreServedOnlyOnDemand) {
+  GiveModelAndCameras("  images: drawn\n", "");
+  std::vector<std::string> arguments{"--cell", cell,       "--database",
+                                     database, "--listen", "127.0.0.1:0"};
+  EXPECT_EQ(Refused(arguments), 2);
+  EXPECT_THAT(errors, HasSubstr("drawn from a model that is not verified"));
+  arguments.push_back("--unverified");
+  ServerProgram program(folder, arguments);
+  EXPECT_EQ(DatabaseAt(program.Address()).images(), "drawn");
+  EXPECT_THAT(program.Errors(), HasSubstr("robot images are drawn"));
 }
 
 TEST_F(ServerProgramTest, ListensOnAUnixSocketAndTakesItOverFromADeadServer) {
