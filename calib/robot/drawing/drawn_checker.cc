@@ -60,22 +60,23 @@ bool DrawnChecker::Look(size_t view, Growth growth, DrawnCheckScratch& scratch) 
   }
   robot_->looks()[view].See(balls, scratch.balls, scratch.seen);
   const PlaneDistances& distances = planes_[view].distances;
-  for (size_t i = 0; i < scratch.seen.size(); ++i) {
-    const SeenBall& ball = scratch.seen[i];
-    const float distance = distances.At(static_cast<size_t>(ball.pixel));
-    if (distance > ball.reach) continue;
+  for (size_t i = 0; i < balls.balls(); ++i) {
+    const auto pixel = static_cast<size_t>(scratch.seen.pixel[i]);
+    const float reach = scratch.seen.reach[i];
+    const float distance = distances.At(pixel / 2);
+    if (distance > reach) continue;
     const bool as_ball =
         !growth.empty() && growth[balls.part(i)] > kAsBall * static_cast<double>(balls.radius(i));
-    if (as_ball || (distance == 0 && ball.centred)) {
+    if (as_ball || (distance == 0 && pixel % 2 == 1)) {
       scratch.candidates.resize(begin);
       return true;
     }
     // Balls of a part stand together.
     if (scratch.candidates.size() > begin && scratch.candidates.back().part == balls.part(i)) {
       float& depth = scratch.candidates.back().depth;
-      depth = std::max(depth, ball.reach - distance);
+      depth = std::max(depth, reach - distance);
     } else {
-      scratch.candidates.push_back({view, balls.part(i), ball.reach - distance});
+      scratch.candidates.push_back({view, balls.part(i), reach - distance});
     }
   }
   return false;

@@ -4,6 +4,7 @@
 #include <Eigen/Eigenvalues>
 #include <algorithm>
 #include <cmath>
+#include <cstring>
 #include <limits>
 
 #include "calib/robot/drawing/drawn_robot.h"
@@ -196,6 +197,7 @@ BallLook::BallLook(const PartDrawer& view) {
   stretch_ = static_cast<float>(bounds.stretch);
   bend_ = static_cast<float>(bounds.bend);
   margin_ = static_cast<float>(bounds.margin);
+  rational_ = in.distortion[5] != 0 || in.distortion[6] != 0 || in.distortion[7] != 0;
   width_ = view.size().width;
   height_ = view.size().height;
   // How far single precision is off, on a lattice.
@@ -218,9 +220,11 @@ BallLook::BallLook(const PartDrawer& view) {
                                  kFloat * (width_ + height_) + 1e-3);
 }
 
-SILHOUETTE_BALL_VECTORS [[gnu::no_sanitize_address]] void BallLook::See(
-    const PartBalls& balls, const PlacedBalls& placed, std::vector<SeenBall>& seen) const {
-  seen.resize(balls.balls());
+SILHOUETTE_BALL_VECTORS [[gnu::no_sanitize_address]] void BallLook::See(const PartBalls& balls,
+                                                                        const PlacedBalls& placed,
+                                                                        SeenBalls& seen) const {
+  seen.pixel.resize(balls.balls());
+  seen.reach.resize(balls.balls());
   const float slack = placed.slack + slack_;
   const float* const d = lens_;
   for (size_t i = 0; i < balls.link_.size(); ++i) {
@@ -233,15 +237,16 @@ SILHOUETTE_BALL_VECTORS [[gnu::no_sanitize_address]] void BallLook::See(
     const Lanes radius = balls.radius_.vector(i) * 1.00001F + slack;
     const Lanes far = balls.far_.vector(i) * 1.00001F + slack;
     const Lanes growth = placed.growth.vector(i) * 1.00001F;
-    const Lanes none = x - x;  // zero
+    const Lanes none = {};
     const IntLanes behind = z + far + growth < none - 1e-3F;
     // What is near the camera's plane is drawn otherwise.
     const IntLanes ahead = z - far > 2 * growth + 0.011F;
 
     // At z = 1: a point that is r away from one at o, z is no farther than r sqrt(1 + o^2) / (z -
     // r) from it there. sqrt(1 + o^2) is no more than 1 + o^2 / 2.
-    const Lanes u = x / z;
-    const Lanes v = y / z;
+    const Lanes inverse = 1 / z;
+    const Lanes u = x * inverse;
+    const Lanes v = y * inverse;
     const Lanes square = u * u + v * v;
     const Lanes au = u < 0 ? -u : u;
     const Lanes av = v < 0 ? -v : v;
@@ -271,8 +276,8 @@ SILHOUETTE_BALL_VECTORS [[gnu::no_sanitize_address]] void BallLook::See(
 
     const Lanes r2 = cu * cu + cv * cv;
     const Lanes uv = cu * cv;
-    const Lanes radial =
-        (1 + r2 * (d[0] + r2 * (d[1] + r2 * d[4]))) / (1 + r2 * (d[5] + r2 * (d[6] + r2 * d[7])));
+    Lanes radial = 1 + r2 * (d[0] + r2 * (d[1] + r2 * d[4]));
+    if (rational_) radial /= 1 + r2 * (d[5] + r2 * (d[6] + r2 * d[7]));
     const Lanes at_x =
         focal_[0] * (cu * radial + 2 * d[2] * uv + d[3] * (r2 + 2 * cu * cu)) + centre_[0];
     const Lanes at_y =
@@ -299,10 +304,9 @@ SILHOUETTE_BALL_VECTORS [[gnu::no_sanitize_address]] void BallLook::See(
     const Lanes result = hidden ? none - 1 : known;
     const IntLanes centred =
         ahead & (u == cu) & (v == cv) & (more < 0.5F - rounding_) & ~hidden & ~unknown;
-    const IntLanes pixel = row * width_ + column;
-    for (size_t lane = 0; lane < BallNumbers::kLanes; ++lane) {
-      seen[BallNumbers::kLanes * i + lane] = {pixel[lane], result[lane], centred[lane] != 0};
-    }
+    const IntLanes pixel = 2 * (row * width_ + column) + (centred & 1);
+    std::memcpy(&seen.pixel[BallNumbers::kLanes * i], &pixel, sizeof pixel);
+    std::memcpy(&seen.reach[BallNumbers::kLanes * i], &result, sizeof result);
   }
 }
 

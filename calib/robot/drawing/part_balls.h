@@ -44,15 +44,14 @@ struct PlacedBalls {
   float slack = 0;     // metres that rounding may have moved a ball by
 };
 
-// What a view sees of a ball.
-struct SeenBall {
-  int32_t pixel = 0;  // that its centre is nearest to
-  // Pixels about the centre of that pixel: all that AddTouched may set for the part's piece in the
-  // ball, if no square nearer than this is in the plane it does not meet it. Not a number or
-  // infinite: not known.
-  float reach = 0;
-  // The ball's centre, a point of the part, is in the square of the pixel for certain.
-  bool centred = false;
+// What a view sees of the balls; one of each for a ball.
+struct SeenBalls {
+  // The number of the pixel that the centre is nearest to, twice; one more if the ball's centre, a
+  // point of the part, is in the square of that pixel for certain.
+  std::vector<int32_t> pixel;
+  // Pixels about the centre of that pixel: if no square of the plane is as near, AddTouched meets
+  // it nowhere with the piece of the part that the ball holds. Not a number or infinite: not known.
+  std::vector<float> reach;
 };
 
 class PartBalls {
@@ -92,7 +91,7 @@ class BallLook {
   bool bounded() const { return bounded_; }
 
   // One for each ball. `balls`: of which `placed` is.
-  void See(const PartBalls& balls, const PlacedBalls& placed, std::vector<SeenBall>& seen) const;
+  void See(const PartBalls& balls, const PlacedBalls& placed, SeenBalls& seen) const;
 
  private:
   bool bounded_ = false;
@@ -111,6 +110,7 @@ class BallLook {
   float rounding_ = 0;  // pixels
   int width_ = 0;
   int height_ = 0;
+  bool rational_ = false;
 };
 
 }  // namespace silhouette

@@ -221,6 +221,26 @@ TEST(DrawnChecker, JointValuesThatAreNoNumbersShowInAllViews) {
   }
 }
 
+TEST(DrawnChecker, RobotBeyondSinglePrecisionIsDrawnAsItIs) {
+  Random random;
+  const KinematicChain chain({{.name = "slide", .lower = 0, .upper = 1}},
+                             {ChainLink{}, ChainLink{.parent = 0, .joint = 0, .slides = true}});
+  RobotPart part{.moves_with = 1, .points = PointsOf(BoxMesh({0.2, 0.2, 0.2})), .inner = {}};
+  std::vector<PartDrawer> views;
+  std::vector<std::optional<Mask>> planes;
+  for (int view = 0; view < 4; ++view) {
+    views.emplace_back(CameraAbout(random), MaskSize{64, 64});
+    planes.emplace_back(~Mask(MaskSize{64, 64}));
+  }
+  const auto robot = std::make_shared<const DrawnRobot>(chain, std::vector<RobotPart>{part}, views);
+  const DrawnChecker checker(robot, planes);
+  DrawnCheckScratch scratch;
+  for (const double far : {1.0, 1e30, -1e30, 1e38, -1e39, 1e200, -1e300}) {
+    const std::vector<double> q = {far};
+    EXPECT_EQ(checker.Showing(q, {}, 4, scratch), Reference(*robot, planes, q, {})) << far;
+  }
+}
+
 TEST(DrawnChecker, QuestionsThatCannotBeAreRefused) {
   Random random;
   const auto robot = RobotOf(Rx130(), random);
