@@ -160,6 +160,30 @@ TEST_F(DrawnSoundTest, NoFreeMotionTouchesAnObstacleUnderSound) {
   EXPECT_GT(proven, 5u);
 }
 
+TEST_F(DrawnSoundTest, MotionIsNotFreeForItsEndsAndMiddleAlone) {
+  size_t met = 0;
+  for (int scene = 0; scene < 6; ++scene) {
+    const Configuration now = Any();
+    const std::vector<DrawnCellBall> balls = SomeBalls(now, 0.09);
+    const Checker checker = CheckerOf(InputOf(now, balls), {.preset = Preset::kSound});
+    for (int i = 0; i < 150; ++i) {
+      const std::vector<Configuration> path = {Any(), Any()};
+      const auto at = [&](double place) {
+        return Configuration{std::lerp(path[0][0], path[1][0], place),
+                             std::lerp(path[0][1], path[1][1], place)};
+      };
+      bool touches = false;
+      for (int step = 1; step < 32; ++step) touches = touches || Touches(at(step / 32.0), balls);
+      if (!touches) continue;
+      if (!checker.Check(path[0]).free() || !checker.Check(path[1]).free()) continue;
+      if (!checker.Check(at(0.5)).free()) continue;
+      ++met;
+      ASSERT_FALSE(checker.CheckPath(path, {}, nullptr, nullptr, 0.05).verdict.free());
+    }
+  }
+  EXPECT_GT(met, 3u);
+}
+
 TEST_F(DrawnSoundTest, EveryPresetAnswersAtAnyConfigurationAndExplains) {
   const Configuration now = {0.123, 0.456};
   const Served served = ServedScene(InputOf(now, {{{-0.7, 0.2, 0.9}, 0.1}}));
