@@ -15,7 +15,7 @@
 #if defined(__x86_64__) && !defined(__SANITIZE_ADDRESS__) && !defined(__SANITIZE_THREAD__)
 #define SILHOUETTE_BALL_VECTORS [[gnu::target_clones("avx2", "default")]]
 #else
-#define SILHOUETTE_BALL_VECTORS
+#define SILHOUETTE_BALL_VECTORS [[gnu::no_sanitize_address]]
 #endif
 
 namespace silhouette {
@@ -134,9 +134,9 @@ void PartBalls::Append(size_t part, size_t link, const Vector3d& centre, double 
   reach_ = std::max(reach_, centre.lpNorm<1>() + far);
 }
 
-SILHOUETTE_BALL_VECTORS [[gnu::no_sanitize_address]] static void MoveBalls(
-    const float* turn, const float* move, const Lanes& x, const Lanes& y, const Lanes& z,
-    Lanes& to_x, Lanes& to_y, Lanes& to_z) {
+SILHOUETTE_BALL_VECTORS static void MoveBalls(const float* turn, const float* move, const Lanes& x,
+                                              const Lanes& y, const Lanes& z, Lanes& to_x,
+                                              Lanes& to_y, Lanes& to_z) {
   to_x = turn[0] * x + turn[1] * y + turn[2] * z + move[0];
   to_y = turn[3] * x + turn[4] * y + turn[5] * z + move[1];
   to_z = turn[6] * x + turn[7] * y + turn[8] * z + move[2];
@@ -220,9 +220,8 @@ BallLook::BallLook(const PartDrawer& view) {
                                  kFloat * (width_ + height_) + 1e-3);
 }
 
-SILHOUETTE_BALL_VECTORS [[gnu::no_sanitize_address]] void BallLook::See(const PartBalls& balls,
-                                                                        const PlacedBalls& placed,
-                                                                        SeenBalls& seen) const {
+SILHOUETTE_BALL_VECTORS void BallLook::See(const PartBalls& balls, const PlacedBalls& placed,
+                                           SeenBalls& seen) const {
   seen.pixel.resize(balls.balls());
   seen.reach.resize(balls.balls());
   const float slack = placed.slack + slack_;

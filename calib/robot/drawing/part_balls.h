@@ -21,13 +21,15 @@ struct RobotPart;
 class BallNumbers {
  public:
   static constexpr size_t kLanes = 8;
-  using Lanes [[gnu::vector_size(32)]] = float;
+  using Lanes [[gnu::vector_size(32), gnu::may_alias]] = float;
 
   size_t vectors() const { return vectors_.size(); }
   void resize(size_t vectors) { vectors_.resize(vectors); }
   Lanes& vector(size_t i) { return vectors_[i].lanes; }
   const Lanes& vector(size_t i) const { return vectors_[i].lanes; }
-  float& operator[](size_t ball) { return vectors_[ball / kLanes].lanes[ball % kLanes]; }
+  float& operator[](size_t ball) {
+    return reinterpret_cast<float*>(&vectors_[ball / kLanes].lanes)[ball % kLanes];
+  }
   float operator[](size_t ball) const { return vectors_[ball / kLanes].lanes[ball % kLanes]; }
 
  private:
