@@ -352,7 +352,8 @@ absl::StatusOr<ExitCode> Test(const CellArguments& arguments, const SimulatedWor
 }
 
 absl::StatusOr<ExitCode> CellMeasure(const CellArguments& arguments) {
-  ASSIGN_OR_RETURN(const auto workplace, SimulatedWorkplace::Load(arguments.cell));
+  ASSIGN_OR_RETURN(const auto workplace,
+                   SimulatedWorkplace::Load(arguments.cell, arguments.database));
   CatchStopSignals();
   const auto database = OpenDatabase(arguments, workplace);
   if (absl::IsCancelled(database.status())) {

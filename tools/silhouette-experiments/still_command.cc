@@ -267,7 +267,8 @@ nlohmann::ordered_json StillJsonOf(const std::vector<StillRow>& rows) {
 }
 
 absl::StatusOr<ExitCode> RunStill(const StillArguments& arguments) {
-  ASSIGN_OR_RETURN(const SimulatedWorkplace workplace, SimulatedWorkplace::Load(arguments.cell));
+  ASSIGN_OR_RETURN(const SimulatedWorkplace workplace,
+                   SimulatedWorkplace::Load(arguments.cell, arguments.database));
   std::vector<Obstacle> things;
   if (!arguments.obstacles.empty()) {
     ASSIGN_OR_RETURN(things, LoadObstacles(arguments.obstacles));

@@ -58,8 +58,9 @@ absl::StatusOr<std::unique_ptr<Database>> OpenOrCreate(const std::string& path, 
 
 }  // namespace
 
-absl::StatusOr<SimulatedWorkplace> SimulatedWorkplace::Load(const std::string& cell_file) {
-  ASSIGN_OR_RETURN(Cell cell, LoadCell(cell_file));
+absl::StatusOr<SimulatedWorkplace> SimulatedWorkplace::Load(const std::string& cell_file,
+                                                            const std::string& database) {
+  ASSIGN_OR_RETURN(Cell cell, LoadCell(cell_file, database));
   RETURN_IF_ERROR(CheckSimulated(cell));
   ASSIGN_OR_RETURN(auto simulation,
                    SimulatedCell::Load(cell.simulation, cell.robot.urdf, cell.robot.package_paths));

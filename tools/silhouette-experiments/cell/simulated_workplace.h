@@ -35,8 +35,10 @@ struct ServeSettings {
 // Cannot be changed once loaded, but for the state of `simulation`.
 class SimulatedWorkplace {
  public:
-  // InvalidArgument, naming the file, if robot or views are not simulated; errors of the files.
-  static absl::StatusOr<SimulatedWorkplace> Load(const std::string& cell_file);
+  // `database`: as in LoadCell. InvalidArgument, naming the file, if robot or views are not
+  // simulated; errors of the files.
+  static absl::StatusOr<SimulatedWorkplace> Load(const std::string& cell_file,
+                                                 const std::string& database = "");
 
   const Cell& cell() const { return cell_; }
   const RobotModel& robot() const { return simulation_->robot(); }
