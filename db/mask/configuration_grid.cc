@@ -52,19 +52,44 @@ void RequireValidEdges(std::span<const int> edges, size_t joints) {
   }
 }
 
-// How large an index with such tiles is, in any unit.
-double TileCost(std::span<const GridJoint> joints, std::span<const double> change_per_step,
-                std::span<const int> exponents) {
+// How many places tiles have for a configuration.
+double Padding(std::span<const GridJoint> joints, std::span<const int> exponents) {
   double padding = 1;
-  // Of a tile of one image: what is left of it where nothing changes.
-  double change = std::max(std::ranges::max(change_per_step), 1e-12);
   for (size_t j = 0; j < joints.size(); ++j) {
     const int edge = 1 << exponents[j];
     const int padded = (joints[j].steps + edge - 1) / edge * edge;
     padding *= static_cast<double>(padded) / joints[j].steps;
-    change += (std::min(edge, joints[j].steps) - 1) * change_per_step[j];
   }
-  return padding * change;
+  return padding;
+}
+
+// How much the images of a tile change along its edges, that of one image included.
+double Change(std::span<const GridJoint> joints, std::span<const double> change_per_step,
+              std::span<const int> exponents) {
+  double change = std::max(std::ranges::max(change_per_step), 1e-12);
+  for (size_t j = 0; j < joints.size(); ++j) {
+    change += (std::min(1 << exponents[j], joints[j].steps) - 1) * change_per_step[j];
+  }
+  return change;
+}
+
+// All ways to share kTileBits doublings among the joints: 18,564 for seven.
+std::vector<std::vector<int>> AllExponents(size_t joints) {
+  std::vector<std::vector<int>> all;
+  std::vector<int> exponents(joints, 0);
+  const auto share = [&](const auto& self, size_t j, int left) -> void {
+    if (j + 1 == joints) {
+      exponents[j] = left;
+      all.push_back(exponents);
+      return;
+    }
+    for (int e = 0; e <= left; ++e) {
+      exponents[j] = e;
+      self(self, j + 1, left - e);
+    }
+  };
+  share(share, 0, kTileBits);
+  return all;
 }
 
 }  // namespace
@@ -221,26 +246,22 @@ std::vector<int> ChooseTileEdges(std::span<const GridJoint> joints,
   for (const double step : change) {
     if (!(step >= 0) || !std::isfinite(step)) throw std::invalid_argument("a change is no number");
   }
-  // All ways to share 12 doublings among the joints: 18,564 for seven joints.
-  std::vector<int> exponents(joints.size(), 0);
+  const std::vector<std::vector<int>> all = AllExponents(joints.size());
+  double least_padding = std::numeric_limits<double>::infinity();
+  for (const std::vector<int>& exponents : all) {
+    least_padding = std::min(least_padding, Padding(joints, exponents));
+  }
+  // Absent places take memory, too, whatever an index may save by them.
+  constexpr double kMostPadding = 3;
   std::vector<int> best;
   double best_cost = std::numeric_limits<double>::infinity();
-  const auto share = [&](const auto& self, size_t j, int left) -> void {
-    if (j + 1 == joints.size()) {
-      exponents[j] = left;
-      const double cost = TileCost(joints, change, exponents);
-      if (cost < best_cost * (1 - 1e-9)) {
-        best_cost = cost;
-        best = exponents;
-      }
-      return;
-    }
-    for (int e = 0; e <= left; ++e) {
-      exponents[j] = e;
-      self(self, j + 1, left - e);
-    }
-  };
-  share(share, 0, kTileBits);
+  for (const std::vector<int>& exponents : all) {
+    const double padding = Padding(joints, exponents);
+    const double cost = padding * Change(joints, change, exponents);
+    if (padding > kMostPadding * least_padding || !(cost < best_cost * (1 - 1e-9))) continue;
+    best_cost = cost;
+    best = exponents;
+  }
   std::vector<int> edges;
   for (int exponent : best) edges.push_back(1 << exponent);
   return edges;

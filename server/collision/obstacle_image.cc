@@ -80,7 +80,7 @@ ObstacleImage ObstacleImage::WithoutWeakRim(const Mask& strong, const Mask& anyw
     if (!left.Has(first)) continue;
     bool joins = false;
     const std::vector<size_t> component = left.TakeComponent(first, others, joins);
-    if (joins) continue;
+    if (joins || component.size() > kMostWeakPixels) continue;
     for (const size_t pixel : component) lone[pixel / 64] |= uint64_t{1} << (pixel % 64);
   }
   const Mask weak = Mask::FromWords(size, std::move(lone));

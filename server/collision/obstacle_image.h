@@ -41,15 +41,17 @@ class ObstacleImage {
   static ObstacleImage FromObstacles(const Mask& obstacles, const Mask& anywhere);
 
   // The image without what may be noise at the robot's rim: an obstacle component (connected over
-  // edges and corners) is unknown if all of its pixels touch the robot image `anywhere` and none is
-  // in `strong`, the pixels with strong evidence. At the faint rim of the robot and of its shadow
-  // noise decides from image to image what is foreground.
+  // edges and corners) is unknown if it has no more than kMostWeakPixels, all of them touch the
+  // robot image `anywhere` and none is in `strong`, the pixels with strong evidence. At the faint
+  // rim of the robot and of its shadow noise decides from image to image what is foreground. A hand
+  // has more pixels.
   //
   // Unknown, never background: the result is that of a robot image that is larger by these pixels.
   // So whatever is possible behind the robot is possible there, and the sound presets lose nothing.
   // A preset that counts views loses at most what it loses to a robot that hides these pixels. What
   // reaches farther than one pixel from the robot, joins what does, or is plain in a single camera
   // pixel stays an obstacle. Throws std::invalid_argument if the sizes differ.
+  static constexpr size_t kMostWeakPixels = 2;
   ObstacleImage WithoutWeakRim(const Mask& strong, const Mask& anywhere) const;
 
   // The image where the pixels of `ignored` prove nothing, such as those of a pillar before the

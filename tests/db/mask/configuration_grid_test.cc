@@ -283,6 +283,10 @@ TEST(ChooseTileEdges, AreLongWhereImagesChangeLittle) {
   }
   EXPECT_THAT(ChooseTileEdges(joints, std::vector{0.25, 0.31, 0.13, 0.01, 0.012, 0.0}),
               ElementsAre(1, 1, 1, 16, 16, 16));
+  // Few places are absent, however little they would change.
+  EXPECT_THAT(
+      ChooseTileEdges(std::vector<GridJoint>{{"a", 0, 1, 4000, false}, {"b", 0, 0, 1, false}}),
+      ElementsAre(4096, 1));
   EXPECT_THROW(ChooseTileEdges(joints, std::vector(6, -1.0)), std::invalid_argument);
   EXPECT_THROW(ChooseTileEdges(joints, std::vector(5, 1.0)), std::invalid_argument);
 }

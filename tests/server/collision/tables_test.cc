@@ -149,6 +149,7 @@ TEST(WeakRim, WhatIsPlainFartherAwayOrJoinsSuchStaysAnObstacle) {
   EXPECT_EQ(WithoutWeakRim({"RooB"}), (Rows{"UOOB"})) << "reaches farther";
   EXPECT_EQ(WithoutWeakRim({"RoBB", "RBoB"}), (Rows{"UOBB", "UBOB"})) << "joins by a corner";
   EXPECT_EQ(WithoutWeakRim({"RBoB"}), (Rows{"UBOB"})) << "touches nothing";
+  EXPECT_EQ(WithoutWeakRim({"RoB", "RoB", "RoB"}), (Rows{"UOB", "UOB", "UOB"})) << "a hand";
 }
 
 TEST(WeakRim, NothingBecomesBackgroundAndNoPlainObstacleIsLost) {
