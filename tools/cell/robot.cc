@@ -217,7 +217,9 @@ ConfigurationGrid MakeGrid(std::vector<GridJoint> joints, const RobotSection& ro
 // Of a robot whose images are drawn at any configuration: its limits, and hardly a step.
 ConfigurationGrid GridOfLimits(const RobotSection& robot, const YamlNode& node) {
   std::vector<GridJoint> joints = robot.moving;
-  for (GridJoint& joint : joints) joint.steps = joint.continuous ? 3 : 2;
+  for (GridJoint& joint : joints) {
+    joint.steps = joint.continuous ? 3 : joint.lower == joint.upper ? 1 : 2;
+  }
   try {
     return ConfigurationGrid(std::move(joints));
   } catch (const std::invalid_argument& error) {

@@ -471,6 +471,9 @@ TEST(Cell, WithoutAGridOnlyTheLimitsOfADrawnRobotAreKnown) {
   ASSERT_TRUE(cell.ok()) << cell.status();
   EXPECT_EQ(cell->grid.size(), 64u);
   EXPECT_EQ(cell->grid_move, 0);
+  std::string still = SixJoints("  images: drawn\n");
+  still = std::regex_replace(still, std::regex("joint_6"), "joint_6, lower: 0, upper: 0");
+  EXPECT_EQ(Load(still)->grid.size(), 32u);
   const auto gridded = Load(SixJoints("  images: drawn\n", "grid: {max_move: 0.3}\n"));
   EXPECT_GT(gridded->grid.size(), 100'000u);
 }
