@@ -10,6 +10,7 @@ namespace silhouette {
 namespace {
 
 constexpr double kLimitTolerance = 1e-6;
+constexpr double kMostTurned = 1e6;
 
 bool IsFinite(const ChainLink& link) {
   return link.parent_from_link.matrix().allFinite() && link.axis.allFinite() &&
@@ -45,7 +46,7 @@ KinematicChain::KinematicChain(std::vector<ChainJoint> joints, std::vector<Chain
 bool KinematicChain::Contains(std::span<const double> q) const {
   if (q.size() != joints_.size()) return false;
   for (size_t j = 0; j < q.size(); ++j) {
-    if (!std::isfinite(q[j])) return false;
+    if (!(std::abs(q[j]) <= kMostTurned)) return false;
     if (joints_[j].continuous) continue;
     if (q[j] < joints_[j].lower - kLimitTolerance) return false;
     if (q[j] > joints_[j].upper + kLimitTolerance) return false;

@@ -43,8 +43,8 @@ class KinematicChain {
   std::span<const ChainJoint> joints() const { return joints_; }
   std::span<const ChainLink> links() const { return links_; }
 
-  // Whether all values are finite and within the joints' limits, to a millionth, and as many as
-  // joints.
+  // Whether all values are within the joints' limits, to a millionth, and as many as joints. Of a
+  // joint that turns without end: within a million radians, beyond which rounding moves the robot.
   bool Contains(std::span<const double> q) const;
 
   // Sets the pose of every link. Limits are not looked at. Throws std::invalid_argument if there

@@ -132,6 +132,7 @@ TEST(KinematicChain, ConfigurationsBeyondTheLimitsAreNotContained) {
   const auto contains = [&](std::vector<double> q) { return chain.Contains(q); };
   EXPECT_TRUE(contains({2, 0.4, 0}));
   EXPECT_TRUE(contains({-2, -0.1, 100}));  // turns without end
+  EXPECT_FALSE(contains({0, 0, 1e17}));    // the next number is 16 radians away
   EXPECT_FALSE(contains({2.01, 0, 0}));
   EXPECT_FALSE(contains({0, 0.41, 0}));
   EXPECT_FALSE(contains({0, 0}));
