@@ -28,7 +28,7 @@ std::vector<bool> OutermostLinks(const RobotModel& robot) {
 absl::StatusOr<DrawnRobot> DrawnRobotOf(const DrawnCell& cell, std::span<const std::string> moving,
                                         std::span<const FixedJoint> fixed,
                                         const Calibration& calibration,
-                                        std::span<const MaskSize> mask_sizes,
+                                        std::span<const MaskSize> mask_sizes, double margin,
                                         std::span<const double> link_growth) {
   if (cell.robot == nullptr) return absl::InvalidArgumentError("there is no robot to draw");
   const size_t links = cell.robot->links().size();
@@ -37,8 +37,8 @@ absl::StatusOr<DrawnRobot> DrawnRobotOf(const DrawnCell& cell, std::span<const s
     return absl::InvalidArgumentError(
         "a length that is added to the drawn robot is missing, negative or not finite");
   }
-  ASSIGN_OR_RETURN(const DrawnRobot bare,
-                   DrawnRobotOf(*cell.robot, cell.parts, moving, fixed, calibration, mask_sizes));
+  ASSIGN_OR_RETURN(const DrawnRobot bare, DrawnRobotOf(*cell.robot, cell.parts, moving, fixed,
+                                                       calibration, mask_sizes, margin));
   const std::vector<bool> outermost = OutermostLinks(*cell.robot);
   std::vector<double> added(links, cell.parts.tolerance);
   std::vector<RobotPart> parts = bare.parts();

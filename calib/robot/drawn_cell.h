@@ -33,7 +33,7 @@ struct DrawnCell {
 absl::StatusOr<DrawnRobot> DrawnRobotOf(const DrawnCell& cell, std::span<const std::string> moving,
                                         std::span<const FixedJoint> fixed,
                                         const Calibration& calibration,
-                                        std::span<const MaskSize> mask_sizes,
+                                        std::span<const MaskSize> mask_sizes, double margin,
                                         std::span<const double> link_growth = {});
 
 }  // namespace silhouette

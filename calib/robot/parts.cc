@@ -218,7 +218,10 @@ absl::StatusOr<DrawnRobot> DrawnRobotOf(const RobotModel& robot, const PartSetti
                                         std::span<const std::string> moving,
                                         std::span<const FixedJoint> fixed,
                                         const Calibration& calibration,
-                                        std::span<const MaskSize> mask_sizes) {
+                                        std::span<const MaskSize> mask_sizes, double margin) {
+  if (!(margin >= 0) || !std::isfinite(margin)) {
+    return InvalidArgument("the margin of the calibration must not be negative");
+  }
   if (calibration.cameras.size() != mask_sizes.size()) {
     return InvalidArgument("the calibration has no camera model for each view");
   }
@@ -226,7 +229,7 @@ absl::StatusOr<DrawnRobot> DrawnRobotOf(const RobotModel& robot, const PartSetti
   ASSIGN_OR_RETURN(const RobotParts parts, RobotParts::Of(robot, settings));
   std::vector<PartDrawer> views;
   for (size_t view = 0; view < mask_sizes.size(); ++view) {
-    views.emplace_back(calibration.cameras[view], mask_sizes[view]);
+    views.emplace_back(calibration.cameras[view], mask_sizes[view], margin);
   }
   return DrawnRobot(std::move(chain), parts.parts(), std::move(views));
 }

@@ -55,13 +55,14 @@ class RobotParts {
   std::vector<std::string> uncertain_links_;
 };
 
-// The robot as the cameras of `calibration` see it in masks of `mask_sizes`, a view each. Joints as
-// RobotModel::ChainOf has them. The parts are without the tolerance. InvalidArgument: the
-// calibration has not a camera model for each view, or as RobotParts::Of and ChainOf.
+// The robot as the cameras of `calibration` see it in masks of `mask_sizes`, a view each. `margin`:
+// the calibration's error, mask pixels (PartDrawer). Joints as RobotModel::ChainOf has them. The
+// parts are without the tolerance. InvalidArgument: the calibration has not a camera model for each
+// view, the margin is negative or not finite, or as RobotParts::Of and ChainOf.
 absl::StatusOr<DrawnRobot> DrawnRobotOf(const RobotModel& robot, const PartSettings& settings,
                                         std::span<const std::string> moving,
                                         std::span<const FixedJoint> fixed,
                                         const Calibration& calibration,
-                                        std::span<const MaskSize> mask_sizes);
+                                        std::span<const MaskSize> mask_sizes, double margin);
 
 }  // namespace silhouette

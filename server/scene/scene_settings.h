@@ -68,7 +68,7 @@ struct IndexCheckSettings {
 // How far a calibration is trusted.
 struct CalibrationSettings {
   // Pixels of the masks by which every pixel's square is widened on all sides before epipolar lines
-  // are drawn through it: for the error of the calibration.
+  // are drawn through it, and the outlines of drawn robots: for the error of the calibration.
   double margin = 0.25;
 };
 

@@ -153,7 +153,8 @@ absl::StatusOr<std::shared_ptr<const CollisionIndex>> LoadIndex(
 
 // The robot images of a database whose only variant is the default one.
 absl::StatusOr<RobotImageTable> DrawRobotImages(const Database& database, const DrawnCell& cell,
-                                                const std::optional<Calibration>& calibration) {
+                                                const std::optional<Calibration>& calibration,
+                                                const CalibrationSettings& settings) {
   if (!calibration || calibration->cameras.empty()) {
     return absl::FailedPreconditionError(absl::StrCat(
         "'", database.path(),
@@ -168,7 +169,7 @@ absl::StatusOr<RobotImageTable> DrawRobotImages(const Database& database, const 
     fixed.push_back({joint.name(), joint.position()});
   }
   absl::StatusOr<DrawnRobot> robot =
-      DrawnRobotOf(cell, moving, fixed, *calibration, database.mask_sizes());
+      DrawnRobotOf(cell, moving, fixed, *calibration, database.mask_sizes(), settings.margin);
   if (!robot.ok()) {
     return absl::Status(robot.status().code(),
                         absl::StrCat("'", database.path(), "': its robot images cannot be drawn: ",
@@ -240,7 +241,7 @@ absl::StatusOr<std::shared_ptr<ServedDatabase>> ServedDatabase::LoadVariant(
     LoadSettings& load) {
   FixedJointsOfVariant joints{*common.fixed_joints, load.fixed_joint_tolerance, ""};
   absl::StatusOr<RobotImageTable> loaded =
-      load.drawn ? DrawRobotImages(database, *load.drawn, common.calibration)
+      load.drawn ? DrawRobotImages(database, *load.drawn, common.calibration, settings)
                  : LoadRobotImages(database, snapshot, load, joints);
   ASSIGN_OR_RETURN(RobotImageTable robot_images, std::move(loaded));
   std::shared_ptr<const SoundBasis> sound_basis;

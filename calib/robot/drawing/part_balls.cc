@@ -196,7 +196,7 @@ BallLook::BallLook(const PartDrawer& view) {
   circle_ = static_cast<float>(bounds.circle);
   stretch_ = static_cast<float>(bounds.stretch);
   bend_ = static_cast<float>(bounds.bend);
-  margin_ = static_cast<float>(bounds.margin);
+  widened_ = static_cast<float>(bounds.widened);
   rational_ = in.distortion[5] != 0 || in.distortion[6] != 0 || in.distortion[7] != 0;
   width_ = view.size().width;
   height_ = view.size().height;
@@ -258,7 +258,8 @@ SILHOUETTE_BALL_VECTORS void BallLook::See(const PartBalls& balls, const PlacedB
     const Lanes extent = 2 * (apart + wide);
     const Lanes bow = bend_ * 0.125F * extent * extent;
     const Lanes chord = 0.0626F + bow * (1.0F / 4096);
-    const Lanes margin = margin_ + (bow < chord ? bow : chord);
+    // An edge's chord is off its image, and its margin as wide along both axes.
+    const Lanes sag = 2.5F * (bow < chord ? bow : chord);
 
     // In the window; what is beyond it is cut off.
     const Lanes cu = u > low_[0] ? (u < high_[0] ? u : none + high_[0]) : none + low_[0];
@@ -298,7 +299,7 @@ SILHOUETTE_BALL_VECTORS void BallLook::See(const PartBalls& balls, const PlacedB
     const Lanes growth_margin = stretch_ * wide;
     const Lanes corner = 0.42F * (growth_margin < kThin ? growth_margin : none + kThin);
     const Lanes reach =
-        stretch_ * disc * 1.00001F + bow + 2.5F * margin + corner + rounding_ + away;
+        stretch_ * disc * 1.00001F + bow + sag + 1.415F * widened_ + corner + rounding_ + away;
     const Lanes known = unknown ? none + kInfinity : reach;
     const Lanes result = hidden ? none - 1 : known;
     const IntLanes centred =

@@ -108,7 +108,7 @@ class BallLook {
   float circle_ = 0;  // of the window; 0: it is the box
   float stretch_ = 0;
   float bend_ = 0;
-  float margin_ = 0;
+  float widened_ = 0;
   float rounding_ = 0;  // pixels
   int width_ = 0;
   int height_ = 0;

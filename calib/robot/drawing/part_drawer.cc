@@ -20,7 +20,7 @@ using Eigen::Vector3d;
 constexpr double kNear = 0.01;        // metres before the camera's plane; nothing is seen nearer
 constexpr double kSag = 1.0 / 16;     // pixels that a chord may be off the image of its edge
 constexpr double kRounding = 1e-4;    // pixels
-constexpr double kBeyond = 2;         // pixels about the image that the window holds too
+constexpr double kBeyond = 2;         // pixels about image and margin that the window holds too
 constexpr double kWidest = 12;        // at z = 1: 85 degrees off the axis, as CameraModel has it
 constexpr int kMostChords = 64;       // of an edge
 constexpr double kLensSafety = 1.25;  // sampled bounds of the lens are multiplied by this
@@ -116,10 +116,15 @@ double ReachOfBall(const Vector3d& centre, double radius) {
 
 }  // namespace
 
-PartDrawer::PartDrawer(const CameraModel& camera, MaskSize size)
-    : camera_(size.valid() ? camera.ScaledTo(size.width, size.height) : camera), size_(size) {
+PartDrawer::PartDrawer(const CameraModel& camera, MaskSize size, double margin)
+    : camera_(size.valid() ? camera.ScaledTo(size.width, size.height) : camera),
+      size_(size),
+      margin_(margin),
+      widened_(margin + kRounding) {
   if (!size.valid()) throw std::invalid_argument("a mask of this size cannot be drawn");
-  margin_ = kRounding;
+  if (!(margin >= 0) || !std::isfinite(margin)) {
+    throw std::invalid_argument("the margin of the calibration must not be negative");
+  }
   FindWindow();
   BoundLens();
   UndistortCorners();
@@ -138,9 +143,10 @@ void PartDrawer::FindWindow() {
     if (!p) return std::nullopt;
     return Vector2d((p->x() - in.cx) / in.fx, (p->y() - in.cy) / in.fy);
   };
-  // Around the image, and a little beyond it.
-  const Vector2d low = Vector2d::Constant(-0.5 - kBeyond);
-  const Vector2d high(size_.width - 0.5 + kBeyond, size_.height - 0.5 + kBeyond);
+  // Around the image, and a little beyond what it may show.
+  const double beyond = kBeyond + margin_;
+  const Vector2d low = Vector2d::Constant(-0.5 - beyond);
+  const Vector2d high(size_.width - 0.5 + beyond, size_.height - 0.5 + beyond);
   const std::vector<Vector2d> round = {low, {high.x(), low.y()}, high, {low.x(), high.y()}};
   bool all_seen = true;
   double step = 0;
@@ -185,17 +191,19 @@ void PartDrawer::FindWindow() {
     const double angle = 2 * std::numbers::pi * i / kSides;
     window_.push_back({{std::cos(angle), std::sin(angle)}, window_radius_});
   }
-  if (!clear_of_fold) margin_ += 0.5;
+  if (!clear_of_fold) widened_ += 0.5;
   clear_of_fold_ = clear_of_fold;
 }
 
-// Whether no direction outside `box` and within `widest` appears in the image, on a lattice.
+// Whether no direction outside `box` and within `widest` may appear in the image, on a lattice.
 bool PartDrawer::NothingBeyond(const AlignedBox2d& box, double widest) const {
   constexpr int kSteps = 200;
+  const AlignedBox2d image(Vector2d::Constant(-0.5 - margin_),
+                           Vector2d(size_.width - 0.5 + margin_, size_.height - 0.5 + margin_));
   for (int y = -kSteps; y <= kSteps; ++y) {
     for (int x = -kSteps; x <= kSteps; ++x) {
       const Vector2d p = Vector2d(x, y) * (widest / kSteps);
-      if (p.norm() < widest && !box.contains(p) && camera_.Contains(PixelAt(p))) return false;
+      if (p.norm() < widest && !box.contains(p) && image.contains(PixelAt(p))) return false;
     }
   }
   return true;
@@ -240,33 +248,35 @@ void PartDrawer::BoundLens() {
 
 void PartDrawer::UndistortCorners() {
   const CameraIntrinsics& in = camera_.intrinsics();
-  const double none = std::numeric_limits<double>::quiet_NaN();
-  const int columns = size_.width + 1;
-  const int rows = size_.height + 1;
-  for (int y = 0; y < rows; ++y) {
-    for (int x = 0; x < columns; ++x) {
-      const auto p = camera_.Undistorted({x - 0.5, y - 0.5});
-      corners_.push_back(p ? Vector2d((p->x() - in.cx) / in.fx, (p->y() - in.cy) / in.fy)
-                           : Vector2d(none, none));
-    }
-  }
-  const auto corner = [&](int x, int y) {
-    return corners_[static_cast<size_t>(y) * static_cast<size_t>(columns) + static_cast<size_t>(x)];
+  const auto at_one_metre = [&](double x, double y) {
+    constexpr double kNone = std::numeric_limits<double>::quiet_NaN();
+    const auto p = camera_.Undistorted({x, y});
+    return p ? Vector2d((p->x() - in.cx) / in.fx, (p->y() - in.cy) / in.fy)
+             : Vector2d(kNone, kNone);
   };
-  // A side that bends by its second derivative d is d / 8 off its chord in the middle; d is the
-  // second difference of three corners. Twice that, for what is between.
-  double second = 0;
-  for (int y = 0; y < rows; ++y) {
-    for (int x = 0; x < columns; ++x) {
-      const auto bend = [&](const Vector2d& a, const Vector2d& b) {
-        const double size = (a - 2 * corner(x, y) + b).norm();
-        if (size > second) second = size;
-      };
-      if (x > 0 && x + 1 < columns) bend(corner(x - 1, y), corner(x + 1, y));
-      if (y > 0 && y + 1 < rows) bend(corner(x, y - 1), corner(x, y + 1));
+  const double half = 0.5 + margin_;
+  for (int y = 0; y < size_.height; ++y) {
+    for (int x = 0; x < size_.width; ++x) {
+      corners_.push_back({at_one_metre(x - half, y - half), at_one_metre(x + half, y - half),
+                          at_one_metre(x - half, y + half), at_one_metre(x + half, y + half)});
     }
   }
-  corner_bend_ = 2 * second / 8 + 1e-9;
+  // A side that bends by its second derivative d is d / 8 off its chord in the middle; d is the
+  // second difference of corners a pixel apart. Twice that, for what is between.
+  double second = 0;
+  const auto columns = static_cast<size_t>(size_.width);
+  for (size_t i = 0; i < corners_.size(); ++i) {
+    for (size_t k = 0; k < 4; ++k) {
+      const auto bend = [&](size_t step) {
+        const double size =
+            (corners_[i - step][k] - 2 * corners_[i][k] + corners_[i + step][k]).norm();
+        if (size > second) second = size;  // not a number is not
+      };
+      if (i % columns > 0 && i % columns + 1 < columns) bend(1);
+      if (i >= columns && i + columns < corners_.size()) bend(columns);
+    }
+  }
+  corner_bend_ = 2 * second * (2 * half) * (2 * half) / 8 + 1e-9;
 }
 
 void PartDrawer::PointsInCamera(const Eigen::Isometry3d& world_from_body,
@@ -458,7 +468,7 @@ void PartDrawer::TraceSegment(const Vector2d& from, const Vector2d& to, double m
 void PartDrawer::TraceEdge(const Vector2d& from, const Vector2d& to, Vector2d& at,
                            DrawingScratch& scratch) const {
   const double bend = bend_ * (to - from).squaredNorm() / 8;  // off one chord
-  const double margin = margin_ + scratch.widened_by;
+  const double margin = widened_ + scratch.widened_by;
   if (bend <= kSag) {
     const Vector2d after = PixelAt(to);
     TraceSegment(at, after, margin + bend, scratch);
@@ -565,7 +575,7 @@ PartDrawer::Bounds PartDrawer::bounds() const {
           .circle = window_radius_ > 0 ? 1.0014 * window_radius_ : 0,
           .stretch = stretch_,
           .bend = bend_,
-          .margin = margin_};
+          .widened = widened_};
 }
 
 void PartDrawer::AddCovered(const Eigen::Isometry3d& world_from_body,
@@ -583,7 +593,6 @@ void PartDrawer::AddCovered(const Eigen::Isometry3d& world_from_body,
   AlignedBox2d box;
   for (const Vector2d& point : scratch.hull) box.extend(point);
 
-  const auto columns = static_cast<size_t>(size_.width) + 1;
   const auto is_inside = [&](const Vector2d& p) {
     if (!box.contains(p)) return false;  // not a number is not
     for (size_t i = 0; i < scratch.hull.size(); ++i) {
@@ -594,17 +603,9 @@ void PartDrawer::AddCovered(const Eigen::Isometry3d& world_from_body,
     }
     return true;
   };
-  scratch.inside.assign(2 * columns, 0);
-  for (size_t y = 0; y <= static_cast<size_t>(size_.height); ++y) {
-    uint8_t* const above = scratch.inside.data() + (y + 1) % 2 * columns;
-    uint8_t* const here = scratch.inside.data() + y % 2 * columns;
-    for (size_t x = 0; x < columns; ++x) {
-      here[x] = is_inside(corners_[y * columns + x]) ? 1 : 0;
-      if (x == 0 || y == 0) continue;
-      if ((here[x] & here[x - 1] & above[x] & above[x - 1]) == 0) continue;
-      const size_t bit = (y - 1) * static_cast<size_t>(size_.width) + x - 1;
-      words[bit / 64] |= uint64_t{1} << (bit % 64);
-    }
+  for (size_t pixel = 0; pixel < corners_.size(); ++pixel) {
+    if (!std::ranges::all_of(corners_[pixel], is_inside)) continue;
+    words[pixel / 64] |= uint64_t{1} << (pixel % 64);
   }
 }
 

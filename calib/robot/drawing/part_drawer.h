@@ -4,11 +4,13 @@
 //
 // A body is the convex hull of some points. `Touched` is for what must not be missed: a superset of
 // all pixels whose squares show a point of the grown body. `Covered` is for what must be certain:
-// pixels whose whole squares show the body. Both count lens distortion. Where the camera is in or
-// beside the body, Touched sets all pixels and Covered none.
+// pixels whose whole squares show the body. Both count lens distortion, and hold for every camera
+// that shows a point no more than `margin` pixels away, along either axis, from where the model
+// does. Where the camera is in or beside the body, Touched sets all pixels and Covered none.
 #pragma once
 
 #include <Eigen/Geometry>
+#include <array>
 #include <cstdint>
 #include <span>
 #include <vector>
@@ -33,7 +35,6 @@ struct DrawingScratch {
   std::vector<double> right;  // by row: the greatest
   int first_row = 0;          // with an outline
   int last_row = -1;
-  std::vector<uint8_t> inside;
 };
 
 class PartDrawer {
@@ -41,19 +42,21 @@ class PartDrawer {
   // Growth that is not more is a margin along both axes, pixels.
   static constexpr double kThin = 0.2;
 
-  // `camera`: of any image size; masks of `size` show the same field. Throws std::invalid_argument
-  // if `size` is not valid.
-  PartDrawer(const CameraModel& camera, MaskSize size);
+  // `camera`: of any image size; masks of `size` show the same field. `margin`: the error of the
+  // calibration, pixels of the mask. Throws std::invalid_argument if `size` is not valid, or the
+  // margin is negative or not finite.
+  PartDrawer(const CameraModel& camera, MaskSize size, double margin = 0);
 
   MaskSize size() const { return size_; }
   const CameraModel& camera() const { return camera_; }
+  double margin() const { return margin_; }
 
-  // Sets every pixel whose square shows a point of the body or one within `growth` metres of it.
+  // Sets every pixel whose square may show a point of the body or one within `growth` metres of it.
   // `points`: at least one, as columns, metres. `words`: of a mask of size(). Throws
   // std::invalid_argument if `growth` is negative or not finite, or a word is missing.
   //
-  // Sets at most about 0.2 pixels more on every side, and the corners of the growth, which is taken
-  // for a polygon about it (3.5 %).
+  // Sets at most about 0.2 pixels more than the margin on every side, and the corners of the
+  // growth, which is taken for a polygon about it (3.5 %).
   void AddTouched(const Eigen::Isometry3d& world_from_body, const Eigen::Matrix3Xd& points,
                   double growth, DrawingScratch& scratch, std::span<uint64_t> words) const;
 
@@ -72,7 +75,7 @@ class PartDrawer {
     double circle = 0;        // the same, if it is not 0, beyond this distance from the axis
     double stretch = 0;       // pixels by which a step of 1 at z = 1 moves at most, within
     double bend = 0;          // and by which it bends (second derivative)
-    double margin = 0;        // pixels on every side
+    double widened = 0;       // pixels on every side, the margin included
   };
   Bounds bounds() const;
 
@@ -126,10 +129,11 @@ class PartDrawer {
   double scale_ = 0;
   double bend_ = 0;
   double stretch_ = 0;  // as scale_, without a margin for what is between samples
-  double margin_ = 0;   // pixels
+  double margin_ = 0;   // pixels: of the calibration
+  double widened_ = 0;  // pixels by which all outlines are widened: that, and rounding
   bool clear_of_fold_ = true;
-  // At z = 1, by corner of the pixels' squares, row by row; NaN where no ray is seen.
-  std::vector<Eigen::Vector2d> corners_;
+  // At z = 1, by pixel, the corners of its square widened by the margin; NaN where no ray is seen.
+  std::vector<std::array<Eigen::Vector2d, 4>> corners_;
   double corner_bend_ = 0;  // how far a square's side bends there at most
 };
 

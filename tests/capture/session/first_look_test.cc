@@ -131,7 +131,8 @@ TEST_F(FirstLookTest, RobotThatIsNotWhereItsModelSaysEndsTheSession) {
         {.width = 80, .height = 60, .fx = 60, .fy = 60, .cx = 39.5, .cy = 29.5});
     const CameraModel top({.width = 64, .height = 64, .fx = 60, .fy = 60, .cx = 31.5, .cy = 31.5});
     return DrawnRobotOf(*model, {}, std::vector<std::string>{"turn", "lift", "wrist"}, {},
-                        Calibration{{front, top}, {}}, std::vector<MaskSize>{{16, 16}, {20, 20}});
+                        Calibration{{front, top}, {}}, std::vector<MaskSize>{{16, 16}, {20, 20}},
+                        0);
   };
   const auto expected = expect_at(-1);
   ASSERT_TRUE(expected.ok()) << expected.status();

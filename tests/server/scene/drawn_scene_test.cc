@@ -22,7 +22,7 @@ struct DrawnSceneTest : ::testing::Test {
   absl::StatusOr<std::shared_ptr<const ServedDatabase>> Load(const LoadSettings& load) {
     const auto opened = Database::Open(folder / "db", Database::Access::kRead);
     EXPECT_TRUE(opened.ok()) << opened.status();
-    return ServedDatabase::Load(**opened, {.margin = 0}, {}, sound, load);
+    return ServedDatabase::Load(**opened, {.margin = margin}, {}, sound, load);
   }
 
   std::shared_ptr<const ServedDatabase> New() {
@@ -83,12 +83,13 @@ struct DrawnSceneTest : ::testing::Test {
   Calibration calibration = DrawnCalibration();
   DrawnCell cell{.robot = model, .parts = {}};
   std::optional<SoundCell> sound;
+  double margin = 0;  // of the calibration
   std::shared_ptr<const ServedDatabase> database = New();
   // Without tolerance.
   std::shared_ptr<const DrawnRobot> truth = std::make_shared<const DrawnRobot>(
       DrawnRobotOf(*model, {}, std::vector<std::string>{"turn", "lift"},
                    std::vector<FixedJoint>{{"reach", 0.1}}, calibration,
-                   std::vector<MaskSize>(4, kDrawnSize))
+                   std::vector<MaskSize>(4, kDrawnSize), 0)
           .value());
   SceneSettings settings;
 };
@@ -304,6 +305,33 @@ TEST_F(DrawnSceneTest, WithoutCameraModelsOrWithAnotherVariantItIsNotLoaded) {
   EXPECT_THAT(two.status().message(), HasSubstr("'tool'"));
 }
 
+TEST_F(DrawnSceneTest, ErrorsOfTheCalibrationWithinItsMarginHideNothingOfTheRobot) {
+  margin = 0.8;
+  Calibration off;
+  for (const CameraModel& camera : calibration.cameras) {
+    std::uniform_real_distribution<double> error(-margin, margin);
+    CameraIntrinsics in = camera.intrinsics();
+    in.cx += error(random);
+    in.cy += error(random);
+    off.cameras.emplace_back(in, camera.camera_from_world());
+  }
+  const auto loaded = Load({.calibration = off, .drawn = cell});
+  ASSERT_TRUE(loaded.ok()) << loaded.status();
+  const DrawnRobot& drawn = *(*loaded)->robot_images().drawn();
+  size_t covered = 0;
+  for (int i = 0; i < 20; ++i) {
+    const Configuration q = Any();
+    const std::vector<Mask> seen[2] = {truth->Touched(q), truth->Covered(q)};
+    const std::vector<Mask> got[2] = {drawn.Touched(q), drawn.Covered(q)};
+    for (size_t view = 0; view < 4; ++view) {
+      EXPECT_TRUE((seen[0][view] - got[0][view]).Empty());
+      EXPECT_TRUE((got[1][view] - seen[1][view]).Empty());
+      covered += got[1][view].Count();
+    }
+  }
+  EXPECT_GT(covered, 1000u);
+}
+
 TEST_F(DrawnSceneTest, TolerancePayloadAndLinkGrowthAreDrawn) {
   cell.parts.tolerance = 0.02;
   cell.payload_radius = 0.1;
@@ -311,7 +339,7 @@ TEST_F(DrawnSceneTest, TolerancePayloadAndLinkGrowthAreDrawn) {
   const std::vector<FixedJoint> fixed = {{"reach", 0.1}};
   const std::vector<MaskSize> sizes(4, kDrawnSize);
   const DrawnRobot grown =
-      DrawnRobotOf(cell, moving, fixed, calibration, sizes, std::vector<double>{0, 0, 0.03, 0})
+      DrawnRobotOf(cell, moving, fixed, calibration, sizes, 0, std::vector<double>{0, 0, 0.03, 0})
           .value();
   ASSERT_EQ(grown.parts().size(), 5u);
   EXPECT_DOUBLE_EQ(grown.parts()[0].radius, 0.02);
@@ -321,7 +349,7 @@ TEST_F(DrawnSceneTest, TolerancePayloadAndLinkGrowthAreDrawn) {
   EXPECT_EQ(grown.parts()[4].moves_with, 3u);
   for (const std::vector<double>& growth :
        std::vector<std::vector<double>>{{0, 0, 0}, {0, 0, 0, -0.01}, {0, 0, 0, NAN}}) {
-    EXPECT_FALSE(DrawnRobotOf(cell, moving, fixed, calibration, sizes, growth).ok());
+    EXPECT_FALSE(DrawnRobotOf(cell, moving, fixed, calibration, sizes, 0, growth).ok());
   }
 }
 

@@ -54,7 +54,8 @@ std::vector<double> RandomGrowth(Random& random, const DrawnRobot& robot, double
 std::shared_ptr<const DrawnRobot> RobotOf(const RobotModel& model, Random& random) {
   std::vector<PartDrawer> views;
   for (int view = 0; view < 4; ++view) {
-    views.emplace_back(CameraAbout(random), RandomMaskSize(random));
+    const double margin = view == 0 ? 0 : Uniform(random, 0, 2);
+    views.emplace_back(CameraAbout(random), RandomMaskSize(random), margin);
   }
   return std::make_shared<const DrawnRobot>(Drawn(model, std::move(views)));
 }

@@ -52,9 +52,18 @@ Mask Covered(const PartDrawer& drawer, const Isometry3d& pose, const Matrix3Xd& 
   return Mask::FromWords(drawer.size(), words);
 }
 
-// The pixel that shows a point; nothing if the image does not.
-std::optional<Eigen::Vector2i> PixelOf(const CameraModel& camera, const Vector3d& point) {
-  const auto at = camera.Project(point);
+// Half of them as large as can be.
+Vector2d RandomError(Random& random, double margin) {
+  Vector2d error(Uniform(random, -margin, margin), Uniform(random, -margin, margin));
+  if (random() % 2 == 0) error = margin * error.cwiseSign();
+  return error;
+}
+
+// The pixel that shows a point, `off` from where the model has it; nothing if the image does not.
+std::optional<Eigen::Vector2i> PixelOf(const CameraModel& camera, const Vector3d& point,
+                                       const Vector2d& off = Vector2d::Zero()) {
+  auto at = camera.Project(point);
+  if (at) *at += off;
   if (!at || !camera.Contains(*at)) return std::nullopt;
   const Vector2d limit(camera.intrinsics().width - 1, camera.intrinsics().height - 1);
   return (*at + Vector2d(0.5, 0.5)).array().floor().matrix().cwiseMin(limit).cast<int>();
@@ -98,6 +107,50 @@ TEST(PartDrawer, NoPixelOfTheGrownBodyIsMissing) {
   }
   EXPECT_GT(seen, 200000u);
   EXPECT_GT(drawn, 10000u);
+}
+
+TEST(PartDrawer, CameraThatIsOffByUpToTheMarginShowsNoOtherPixel) {
+  Random random;
+  size_t seen = 0;
+  size_t beyond = 0;  // what is drawn without the margin
+  for (int trial = 0; trial < 80; ++trial) {
+    const TriangleMesh mesh = RandomBody(random);
+    const CameraModel camera = RandomCamera(random, Isometry3d::Identity());
+    const MaskSize size = RandomMaskSize(random);
+    const double margin = Uniform(random, 0, trial % 3 == 0 ? 4 : 0.5);
+    const PartDrawer drawer(camera, size, margin);
+    const Isometry3d pose = RandomPose(
+        random, {Uniform(random, -2, 2), Uniform(random, -2, 2), Uniform(random, -0.5, 4)});
+    const double growth = trial % 4 == 0 ? 0 : std::pow(10, Uniform(random, -3, -1));
+    const Mask mask = Touched(drawer, pose, PointsOf(mesh), growth);
+    const Mask without = Touched(PartDrawer(camera, size), pose, PointsOf(mesh), growth);
+    EXPECT_TRUE((without - mask).Empty());
+    for (int i = 0; i < 8000; ++i) {
+      const Vector3d point = pose * SurfacePoint(random, mesh) + growth * RandomDirection(random);
+      const auto pixel = PixelOf(drawer.camera(), point, RandomError(random, margin));
+      if (!pixel) continue;
+      ++seen;
+      beyond += without.at(pixel->x(), pixel->y()) ? 0 : 1;
+      ASSERT_TRUE(mask.at(pixel->x(), pixel->y()))
+          << "trial " << trial << ", pixel " << pixel->transpose() << ", growth " << growth
+          << ", margin " << margin << ", point " << point.transpose();
+    }
+  }
+  EXPECT_GT(seen, 100000u);
+  EXPECT_GT(beyond, 1000u);
+}
+
+TEST(PartDrawer, OutlineIsWidenedByNoMoreThanTheMargin) {
+  const CameraModel camera({.width = 64, .height = 64, .fx = 50, .fy = 50, .cx = 31.5, .cy = 31.5});
+  const Isometry3d pose(Eigen::Translation3d(0, 0, 1));
+  const Matrix3Xd points = PointsOf(BoxMesh({0.2, 0.2, 0.002}));
+  // A square of 10 pixels about the middle of the image, which is at a pixel's corner.
+  const size_t without = Touched(PartDrawer(camera, {64, 64}), pose, points, 0).Count();
+  EXPECT_EQ(without, 12u * 12);
+  EXPECT_EQ(Touched(PartDrawer(camera, {64, 64}, 0.5), pose, points, 0).Count(), 12u * 12);
+  EXPECT_EQ(Touched(PartDrawer(camera, {64, 64}, 2.5), pose, points, 0).Count(), 16u * 16);
+  EXPECT_EQ(Covered(PartDrawer(camera, {64, 64}, 0.5), pose, points).Count(), 8u * 8);
+  EXPECT_EQ(Covered(PartDrawer(camera, {64, 64}, 2.5), pose, points).Count(), 4u * 4);
 }
 
 TEST(PartDrawer, LongEdgesBendAsTheLensDoes) {
@@ -158,14 +211,15 @@ TEST(PartDrawer, LittleMoreIsTouchedThanTheBody) {
   EXPECT_GT(sampled, 1000u);
 }
 
-TEST(PartDrawer, EveryRayOfACoveredPixelMeetsTheBody) {
+TEST(PartDrawer, EveryRayOfACoveredPixelMeetsTheBodyThoughTheCameraIsOff) {
   Random random;
   size_t covered = 0;
   size_t touched = 0;
   for (int trial = 0; trial < 80; ++trial) {
     const TriangleMesh mesh = RandomBody(random);
     const CameraModel camera = RandomCamera(random, Isometry3d::Identity());
-    const PartDrawer drawer(camera, trial % 2 == 0 ? MaskSize{64, 64} : MaskSize{96, 72});
+    const double margin = trial % 3 == 0 ? 0 : Uniform(random, 0, trial % 3 == 1 ? 0.5 : 2);
+    const PartDrawer drawer(camera, trial % 2 == 0 ? MaskSize{64, 64} : MaskSize{96, 72}, margin);
     const Isometry3d pose =
         RandomPose(random, {Uniform(random, -1, 1), Uniform(random, -1, 1), Uniform(random, 0, 3)});
     const Mask mask = Covered(drawer, pose, PointsOf(mesh));
@@ -181,7 +235,7 @@ TEST(PartDrawer, EveryRayOfACoveredPixelMeetsTheBody) {
       // On its rim as often as within.
       Vector2d in_pixel(Uniform(random, -0.5, 0.5), Uniform(random, -0.5, 0.5));
       if (i % 2 == 0) in_pixel.x() = i % 4 == 0 ? -0.5 : 0.5;
-      const auto ray = drawer.camera().Ray(Vector2d(x, y) + in_pixel);
+      const auto ray = drawer.camera().Ray(Vector2d(x, y) + in_pixel + RandomError(random, margin));
       ASSERT_TRUE(ray) << "trial " << trial;
       ASSERT_TRUE(RayMeets(mesh, body_from_world.translation(), body_from_world.linear() * *ray))
           << "trial " << trial << ", pixel " << x << ' ' << y;
@@ -216,6 +270,8 @@ TEST(PartDrawer, CameraInTheBodySeesNothingElse) {
 TEST(PartDrawer, NumbersThatCannotBeAreRefused) {
   const CameraModel camera({.width = 64, .height = 64, .fx = 50, .fy = 50, .cx = 31.5, .cy = 31.5});
   EXPECT_THROW(PartDrawer(camera, {0, 64}), std::invalid_argument);
+  EXPECT_THROW(PartDrawer(camera, {64, 64}, -0.1), std::invalid_argument);
+  EXPECT_THROW(PartDrawer(camera, {64, 64}, std::nan("")), std::invalid_argument);
   const PartDrawer drawer(camera, {64, 64});
   const Isometry3d pose(Eigen::Translation3d(0, 0, 1));
   const Matrix3Xd points = PointsOf(BoxMesh({0.2, 0.2, 0.2}));
