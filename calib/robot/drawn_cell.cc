@@ -23,7 +23,22 @@ std::vector<bool> OutermostLinks(const RobotModel& robot) {
   return outermost;
 }
 
+absl::Status NoLength() {
+  return absl::InvalidArgumentError(
+      "a length that is added to the drawn robot is missing, negative or not finite");
+}
+
 }  // namespace
+
+absl::StatusOr<DrawnRobot> Grown(const DrawnRobot& robot, std::span<const double> link_growth) {
+  if (!std::ranges::all_of(link_growth, IsLength)) return NoLength();
+  std::vector<RobotPart> parts = robot.parts();
+  for (RobotPart& part : parts) {
+    if (part.link >= link_growth.size()) return NoLength();
+    part.radius += link_growth[part.link];
+  }
+  return DrawnRobot(robot.chain(), std::move(parts), robot.views());
+}
 
 absl::StatusOr<DrawnRobot> DrawnRobotOf(const DrawnCell& cell, std::span<const std::string> moving,
                                         std::span<const FixedJoint> fixed,
@@ -32,10 +47,8 @@ absl::StatusOr<DrawnRobot> DrawnRobotOf(const DrawnCell& cell, std::span<const s
                                         std::span<const double> link_growth) {
   if (cell.robot == nullptr) return absl::InvalidArgumentError("there is no robot to draw");
   const size_t links = cell.robot->links().size();
-  if (!IsLength(cell.payload_radius) || !std::ranges::all_of(link_growth, IsLength) ||
-      !(link_growth.empty() || link_growth.size() == links)) {
-    return absl::InvalidArgumentError(
-        "a length that is added to the drawn robot is missing, negative or not finite");
+  if (!IsLength(cell.payload_radius) || !(link_growth.empty() || link_growth.size() == links)) {
+    return NoLength();
   }
   ASSIGN_OR_RETURN(const DrawnRobot bare, DrawnRobotOf(*cell.robot, cell.parts, moving, fixed,
                                                        calibration, mask_sizes, margin));
@@ -43,7 +56,6 @@ absl::StatusOr<DrawnRobot> DrawnRobotOf(const DrawnCell& cell, std::span<const s
   std::vector<double> added(links, cell.parts.tolerance);
   std::vector<RobotPart> parts = bare.parts();
   for (size_t link = 0; link < links; ++link) {
-    if (!link_growth.empty()) added[link] += link_growth[link];
     if (!outermost[link] || cell.payload_radius == 0) continue;
     added[link] += cell.payload_radius;
     parts.push_back({.link = link,
@@ -53,7 +65,9 @@ absl::StatusOr<DrawnRobot> DrawnRobotOf(const DrawnCell& cell, std::span<const s
                      .inner = {}});
   }
   for (RobotPart& part : parts) part.radius += added[part.link];
-  return DrawnRobot(bare.chain(), std::move(parts), bare.views());
+  DrawnRobot drawn(bare.chain(), std::move(parts), bare.views());
+  if (link_growth.empty()) return drawn;
+  return Grown(drawn, link_growth);
 }
 
 }  // namespace silhouette

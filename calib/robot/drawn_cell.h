@@ -36,4 +36,8 @@ absl::StatusOr<DrawnRobot> DrawnRobotOf(const DrawnCell& cell, std::span<const s
                                         std::span<const MaskSize> mask_sizes, double margin,
                                         std::span<const double> link_growth = {});
 
+// The same robot with `link_growth`, metres, by link of its model, in the radii of the links'
+// parts. InvalidArgument: a growth is negative or not finite, or there is none for a part's link.
+absl::StatusOr<DrawnRobot> Grown(const DrawnRobot& robot, std::span<const double> link_growth);
+
 }  // namespace silhouette

@@ -78,6 +78,7 @@ void AddView(const PartDrawer& view, DigestBytes& bytes) {
   const CameraIntrinsics& in = view.camera().intrinsics();
   bytes.Add(view.size().width);
   bytes.Add(view.size().height);
+  bytes.Add(view.margin());
   bytes.Add(in.width);
   bytes.Add(in.height);
   for (const double number : {in.fx, in.fy, in.cx, in.cy}) bytes.Add(number);

@@ -6,6 +6,7 @@
 //   "format"      "silhouette " and the format version as decimal ASCII; nothing else
 //   the others    checksum (u64), payload. The checksum is XXH3-64 of the payload, seed 0.
 //                 "cell": CellDescription; "references": References; "calibration": Calibration;
+//                 "verification": ModelVerification;
 //                 "provenance": ProvenanceLog; "capture": CaptureHistory; "sets":
 //                 RobotImageVariants, absent while there is but the default variant; "generation":
 //                 u64, one more in every committed change but those of `collision_index`.
@@ -66,6 +67,7 @@ inline constexpr std::string_view kFormatKey = "format";
 inline constexpr std::string_view kCellKey = "cell";
 inline constexpr std::string_view kReferencesKey = "references";
 inline constexpr std::string_view kCalibrationKey = "calibration";
+inline constexpr std::string_view kVerificationKey = "verification";
 inline constexpr std::string_view kProvenanceKey = "provenance";
 inline constexpr std::string_view kCaptureKey = "capture";
 // The text stays as the first databases have it, so that their variants are found.

@@ -129,6 +129,16 @@ absl::StatusOr<std::optional<storage::v1::Calibration>> Snapshot::Calibration() 
   return calibration;
 }
 
+absl::StatusOr<std::optional<storage::v1::ModelVerification>> Snapshot::Verification() const {
+  auto verification = impl_->Meta<storage::v1::ModelVerification>(schema::kVerificationKey);
+  if (absl::IsDataLoss(verification.status())) {
+    return absl::DataLossError(absl::StrCat("database '", impl_->state->path,
+                                            "': its verification of the model is damaged; make it "
+                                            "again with 'silhouette-capture verify-model'"));
+  }
+  return verification;
+}
+
 absl::StatusOr<storage::v1::CaptureHistory> Snapshot::CaptureHistory() const {
   ASSIGN_OR_RETURN(auto history,
                    impl_->Meta<storage::v1::CaptureHistory>(impl_->state->places.capture_key));

@@ -204,6 +204,13 @@ absl::Status Database::RemoveCalibration(const std::string& program) {
   return ChangeMeta(schema::kCalibrationKey, std::nullopt, program);
 }
 
+absl::Status Database::SetVerification(
+    const std::optional<storage::v1::ModelVerification>& verification, const std::string& program) {
+  std::optional<std::string> payload;
+  if (verification) payload = verification->SerializeAsString();
+  return ChangeMeta(schema::kVerificationKey, payload, program);
+}
+
 absl::Status Database::Compact(const std::string& target) const {
   RETURN_IF_ERROR(PrepareFolder(target));
   if (fs::exists(fs::path(target) / schema::kDataFile)) {

@@ -119,6 +119,9 @@ class Snapshot {
   // The reference images that raw images speak of, whatever was set since. NotFound; DataLoss.
   absl::StatusOr<storage::v1::References> ReferencesOf(uint64_t id) const;
 
+  // What the model was found to need; nothing: it was not compared. DataLoss if it is damaged.
+  absl::StatusOr<std::optional<storage::v1::ModelVerification>> Verification() const;
+
   // What capture sessions noticed about the cell; empty if they did not yet.
   absl::StatusOr<storage::v1::CaptureHistory> CaptureHistory() const;
 
@@ -241,6 +244,10 @@ class Database {
                               const std::string& program);
   // Removes it. Needs kWrite. NotFound if there is none.
   absl::Status RemoveCalibration(const std::string& program);
+
+  // Replaces what the model was found to need; nothing: removes it. Needs kWrite.
+  absl::Status SetVerification(const std::optional<storage::v1::ModelVerification>& verification,
+                               const std::string& program);
 
   // Replaces what capture sessions noticed. Leaves no entry in the provenance log. Needs kWrite.
   absl::Status SetCaptureHistory(const storage::v1::CaptureHistory& history);

@@ -8,6 +8,7 @@
 #include "absl/status/status.h"
 #include "absl/strings/str_cat.h"
 #include "calib/files/calibration_message.h"
+#include "capture/verification/verified_robot.h"
 #include "db/status/status_macros.h"
 #include "db/store/robot_images_in_place.h"
 #include "db/store/schema.h"
@@ -151,32 +152,14 @@ absl::StatusOr<std::shared_ptr<const CollisionIndex>> LoadIndex(
   return usable ? index : nullptr;
 }
 
-// The robot images of a database whose only variant is the default one.
-absl::StatusOr<RobotImageTable> DrawRobotImages(const Database& database, const DrawnCell& cell,
-                                                const std::optional<Calibration>& calibration,
-                                                const CalibrationSettings& settings) {
-  if (!calibration || calibration->cameras.empty()) {
-    return absl::FailedPreconditionError(absl::StrCat(
-        "'", database.path(),
-        "': robot images can be drawn only with a calibration with camera models, which the "
-        "database does not have; import one with 'silhouette-db calibration import', or state "
-        "'images: captured' of the robot in the cell file"));
-  }
-  std::vector<std::string> moving;
-  for (const GridJoint& joint : database.grid().joints()) moving.push_back(joint.name);
-  std::vector<FixedJoint> fixed;
-  for (const auto& joint : database.cell().fixed_joints()) {
-    fixed.push_back({joint.name(), joint.position()});
-  }
-  absl::StatusOr<DrawnRobot> robot =
-      DrawnRobotOf(cell, moving, fixed, *calibration, database.mask_sizes(), settings.margin);
-  if (!robot.ok()) {
-    return absl::Status(robot.status().code(),
-                        absl::StrCat("'", database.path(), "': its robot images cannot be drawn: ",
-                                     robot.status().message()));
-  }
-  return RobotImageTable::Drawn(
-      database.grid(), std::make_shared<const DrawnRobot>(*std::move(robot)), cell.forbidden);
+// The robot to draw of a database whose only variant is the default one.
+absl::StatusOr<VerifiedRobot> RobotToDraw(const Database& database, const Snapshot& snapshot,
+                                          const DrawnCell& cell,
+                                          const std::optional<Calibration>& calibration,
+                                          double margin) {
+  ASSIGN_OR_RETURN(DrawnRobot bare, BareRobotOf(cell, database, calibration, margin));
+  ASSIGN_OR_RETURN(const auto verification, snapshot.Verification());
+  return VerifiedRobotOf(cell, std::move(bare), verification);
 }
 
 std::vector<std::string> NamesOfViews(const storage::v1::CellDescription& cell) {
@@ -205,9 +188,7 @@ ServedDatabase::ServedDatabase(std::string variant, const Common& common,
       calibration_fingerprint_(common.calibration_fingerprint),
       bands_(common.bands),
       treatments_(common.treatments),
-      sound_(std::move(sound)) {
-  unverified_model_ = robot_images_.drawn() != nullptr;
-}
+      sound_(std::move(sound)) {}
 
 absl::StatusOr<ServedDatabase::Common> ServedDatabase::LoadCommon(
     const Database& database, const Snapshot& snapshot, const CalibrationSettings& settings,
@@ -240,9 +221,18 @@ absl::StatusOr<std::shared_ptr<ServedDatabase>> ServedDatabase::LoadVariant(
     const CalibrationSettings& settings, const std::optional<SoundCell>& sound,
     LoadSettings& load) {
   FixedJointsOfVariant joints{*common.fixed_joints, load.fixed_joint_tolerance, ""};
-  absl::StatusOr<RobotImageTable> loaded =
-      load.drawn ? DrawRobotImages(database, *load.drawn, common.calibration, settings)
-                 : LoadRobotImages(database, snapshot, load, joints);
+  absl::StatusOr<RobotImageTable> loaded;
+  std::string unverified;
+  if (load.drawn) {
+    ASSIGN_OR_RETURN(VerifiedRobot robot, RobotToDraw(database, *snapshot, *load.drawn,
+                                                      common.calibration, settings.margin));
+    unverified = std::move(robot.unverified);
+    loaded = RobotImageTable::Drawn(database.grid(),
+                                    std::make_shared<const DrawnRobot>(std::move(robot.robot)),
+                                    load.drawn->forbidden);
+  } else {
+    loaded = LoadRobotImages(database, snapshot, load, joints);
+  }
   ASSIGN_OR_RETURN(RobotImageTable robot_images, std::move(loaded));
   std::shared_ptr<const SoundBasis> sound_basis;
   if (sound && common.calibration && !common.calibration->cameras.empty()) {
@@ -254,9 +244,11 @@ absl::StatusOr<std::shared_ptr<ServedDatabase>> ServedDatabase::LoadVariant(
   if (!load.drawn) {
     ASSIGN_OR_RETURN(index, LoadIndex(std::move(snapshot)));
   }
-  return std::shared_ptr<ServedDatabase>(
+  std::shared_ptr<ServedDatabase> served(
       new ServedDatabase(database.variant(), common, std::move(robot_images),
                          std::move(joints.elsewhere), std::move(index), std::move(sound_basis)));
+  served->unverified_ = std::move(unverified);
+  return served;
 }
 
 absl::StatusOr<std::shared_ptr<const ServedDatabase>> ServedDatabase::Load(

@@ -119,8 +119,10 @@ class ServedDatabase {
   // The view of this name; nothing if there is none.
   std::optional<int> ViewOf(const std::string& name) const;
 
-  // Whether robot images are drawn from a model that no captured ones were found to agree with.
-  bool unverified_model() const { return unverified_model_; }
+  // Whether robot images are drawn from a model that no captured ones were found to agree with, and
+  // why (VerifiedRobot); empty: they are not.
+  bool unverified_model() const { return !unverified_.empty(); }
+  const std::string& unverified() const { return unverified_; }
 
   // Where the fixed joints stood when the robot images that are used were captured, those of all
   // variants, in the cell's order: within fixed_joint_tolerance of where the cell has them.
@@ -196,7 +198,7 @@ class ServedDatabase {
                  std::shared_ptr<const SoundBasis> sound);
 
   std::string variant_;
-  bool unverified_model_ = false;
+  std::string unverified_;
   std::map<std::string, std::shared_ptr<const ServedDatabase>> other_variants_;
   storage::v1::CellDescription cell_;
   uint64_t generation_ = 0;

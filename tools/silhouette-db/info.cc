@@ -64,13 +64,16 @@ void AppendViews(const storage::v1::CellDescription& cell, std::string& text, Js
   text += Paragraph(views);
 }
 
+std::string StampText(const google::protobuf::Timestamp& time) {
+  return absl::FormatTime("%Y-%m-%d %H:%M:%S UTC", absl::FromUnixSeconds(time.seconds()),
+                          absl::UTCTimeZone());
+}
+
 void AppendProvenance(const storage::v1::ProvenanceLog& log, std::string& text, Json& json) {
   Table entries{.headings = {"written at", "robot images", "variant", "by"}};
   json["provenance"] = Json::array();
   for (const auto& entry : log.entries()) {
-    const std::string time =
-        absl::FormatTime("%Y-%m-%d %H:%M:%S UTC", absl::FromUnixSeconds(entry.time().seconds()),
-                         absl::UTCTimeZone());
+    const std::string time = StampText(entry.time());
     const std::string variant = entry.variant().empty() ? schema::kDefaultVariant : entry.variant();
     entries.rows.push_back({time, absl::StrCat(entry.robot_images()), variant, entry.program()});
     json["provenance"].push_back({{"time", time},
@@ -81,12 +84,40 @@ void AppendProvenance(const storage::v1::ProvenanceLog& log, std::string& text, 
   text += Paragraph(entries);
 }
 
+// A line; empty without a verification of the model.
+std::string VerificationText(const std::optional<storage::v1::ModelVerification>& verification) {
+  if (!verification) return "";
+  std::string growth;
+  for (const storage::v1::LinkGrowth& link : verification->link_growth()) {
+    if (link.growth() == 0) continue;
+    absl::StrAppendFormat(&growth, ", %s grown by %.1f cm", link.link(), 100 * link.growth());
+  }
+  return absl::StrFormat("model verified  %s, by %d configurations%s\n",
+                         StampText(verification->time()), verification->configurations(), growth);
+}
+
+Json VerificationJson(const std::optional<storage::v1::ModelVerification>& verification) {
+  if (!verification) return nullptr;
+  Json json = {{"time", StampText(verification->time())},
+               {"digest", verification->digest()},
+               {"configurations", verification->configurations()},
+               {"link_growth", Json::object()},
+               {"held_out_masks", verification->held_out_masks()},
+               {"held_out_missing", verification->held_out_missing()},
+               {"additional", verification->additional()}};
+  for (const storage::v1::LinkGrowth& link : verification->link_growth()) {
+    json["link_growth"][link.link()] = link.growth();
+  }
+  return json;
+}
+
 absl::StatusOr<ExitCode> Info(const DatabaseOptions& options) {
   ASSIGN_OR_RETURN(OpenedDatabase opened, OpenForReading(options.database));
   const Database& database = *opened.database;
   ASSIGN_OR_RETURN(const Database::Usage usage, database.GetUsage());
   ASSIGN_OR_RETURN(const auto references, opened.snapshot.References());
   ASSIGN_OR_RETURN(const auto calibration, opened.snapshot.Calibration());
+  ASSIGN_OR_RETURN(const auto verification, opened.snapshot.Verification());
   ASSIGN_OR_RETURN(const storage::v1::ProvenanceLog provenance, opened.snapshot.Provenance());
   ASSIGN_OR_RETURN(const auto index, CollisionIndex::Open(std::move(opened.snapshot)));
   const uint64_t records = index->snapshot().size();
@@ -101,11 +132,13 @@ absl::StatusOr<ExitCode> Info(const DatabaseOptions& options) {
       "configurations  %d of %d recorded (%.1f %%)\n"
       "references      %s\n"
       "calibration     %s\n"
+      "%s"
       "collision index %s\n"
       "on disk         %s, %s of it in use\n",
       database.path(), schema::kFormatVersion, index->generation(), database.cell().name(), records,
       size, Percent(records, size), references ? "yes" : "none", kind,
-      StateText(summary, database.path()), MiB(usage.file_bytes), MiB(usage.used_bytes));
+      VerificationText(verification), StateText(summary, database.path()), MiB(usage.file_bytes),
+      MiB(usage.used_bytes));
   Json json = {{"database", database.path()},
                {"format_version", schema::kFormatVersion},
                {"generation", index->generation()},
@@ -114,6 +147,7 @@ absl::StatusOr<ExitCode> Info(const DatabaseOptions& options) {
                {"records", records},
                {"references", references.has_value()},
                {"calibration", kind},
+               {"verification", VerificationJson(verification)},
                {"collision_index", StateJson(summary)},
                {"file_bytes", usage.file_bytes},
                {"used_bytes", usage.used_bytes},

@@ -212,6 +212,8 @@ void CheckMeta(const storage::v1::CellDescription& cell, const Snapshot& snapsho
   } else if (*references && (*references)->views_size() != cell.views_size()) {
     findings.faults.push_back("there are reference images for another number of views");
   }
+  const auto verification = snapshot.Verification();
+  if (!verification.ok()) findings.faults.emplace_back(verification.status().message());
   const auto provenance = snapshot.Provenance();
   if (!provenance.ok()) findings.faults.emplace_back(provenance.status().message());
 }

@@ -305,9 +305,10 @@ absl::StatusOr<std::shared_ptr<const ServedDatabase>> LoadDatabase(const Cell& c
   if ((*served)->unverified_model() && !unverified) {
     return absl::FailedPreconditionError(
         absl::StrCat("the robot images of '", cell.file,
-                     "' are drawn from a model that is not verified: verdicts ",
-                     "are wrong wherever the robot is larger than it; serve it with --unverified "
-                     "if you know it"));
+                     "' are drawn from a model that is not verified: ", (*served)->unverified(),
+                     "; verdicts are wrong wherever the robot is larger than it; verify it with ",
+                     "'silhouette-capture verify-model --cell ", cell.file, " --database ", path,
+                     "', or serve it with --unverified if you know it"));
   }
   LogLoaded(**served, path);
   LogRobotImages(**served, path, load);

@@ -22,6 +22,7 @@ struct Pieces {
       .width = 64, .height = 48, .fx = 60, .fy = 61, .cx = 31, .cy = 23, .distortion = {}};
   Eigen::Isometry3d camera_from_world = Eigen::Isometry3d(Eigen::Translation3d(0, 0, 3));
   MaskSize size{64, 48};
+  double margin = 0.5;
 
   Pieces() {
     for (int i : {1, 2}) links[static_cast<size_t>(i)].parent = i - 1;
@@ -35,7 +36,7 @@ struct Pieces {
   }
 
   std::string Digest() const {
-    const PartDrawer view({intrinsics, camera_from_world}, size);
+    const PartDrawer view({intrinsics, camera_from_world}, size, margin);
     return DigestOf(DrawnRobot(KinematicChain(joints, links), parts, {view, view}));
   }
 };

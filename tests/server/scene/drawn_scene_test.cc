@@ -4,6 +4,7 @@
 
 #include <cmath>
 
+#include "calib/robot/drawn_digest.h"
 #include "server/scene/checker.h"
 #include "tests/random.h"
 #include "tests/server/drawn_cell.h"
@@ -351,6 +352,67 @@ TEST_F(DrawnSceneTest, TolerancePayloadAndLinkGrowthAreDrawn) {
        std::vector<std::vector<double>>{{0, 0, 0}, {0, 0, 0, -0.01}, {0, 0, 0, NAN}}) {
     EXPECT_FALSE(DrawnRobotOf(cell, moving, fixed, calibration, sizes, 0, growth).ok());
   }
+}
+
+struct VerifiedSceneTest : DrawnSceneTest {
+  // As silhouette-capture verify-model stores it.
+  storage::v1::ModelVerification Verification() const {
+    storage::v1::ModelVerification verification;
+    verification.set_digest(DigestOf(*database->robot_images().drawn()));
+    for (const RobotLink& link : model->links()) {
+      storage::v1::LinkGrowth& growth = *verification.add_link_growth();
+      growth.set_link(link.name);
+      growth.set_growth(link.name == "tip" ? 0.03 : 0);
+    }
+    return verification;
+  }
+
+  absl::StatusOr<std::shared_ptr<const ServedDatabase>> LoadWith(
+      const storage::v1::ModelVerification& verification) {
+    {
+      const auto opened = Database::Open(folder / "db", Database::Access::kWrite);
+      EXPECT_TRUE((*opened)->SetVerification(verification, "test").ok());
+    }
+    return Load({.calibration = calibration, .drawn = cell});
+  }
+};
+
+TEST_F(VerifiedSceneTest, GrowthOfAVerifiedModelIsDrawn) {
+  const auto loaded = LoadWith(Verification());
+  ASSERT_TRUE(loaded.ok()) << loaded.status();
+  EXPECT_FALSE((*loaded)->unverified_model());
+  const std::vector<RobotPart>& bare = database->robot_images().drawn()->parts();
+  const std::vector<RobotPart>& grown = (*loaded)->robot_images().drawn()->parts();
+  ASSERT_EQ(grown.size(), 4u);
+  for (size_t i = 0; i < 4; ++i) {
+    EXPECT_DOUBLE_EQ(grown[i].radius, bare[i].radius + (i == 3 ? 0.03 : 0));
+  }
+}
+
+TEST_F(VerifiedSceneTest, VerificationOfAnotherRobotIsNone) {
+  storage::v1::ModelVerification verification = Verification();
+  ASSERT_FALSE((*LoadWith(verification))->unverified_model());
+  calibration.cameras[1] = calibration.cameras[1].ScaledTo(128, 128);
+  EXPECT_FALSE((*Load({.calibration = calibration, .drawn = cell}))->unverified_model())
+      << "of images of another size, the same masks";
+  std::swap(calibration.cameras[1], calibration.cameras[2]);
+  const auto swapped = Load({.calibration = calibration, .drawn = cell});
+  ASSERT_TRUE(swapped.ok()) << swapped.status();
+  EXPECT_TRUE((*swapped)->unverified_model());
+  EXPECT_THAT((*swapped)->unverified(), HasSubstr("are others than when captured"));
+  for (const RobotPart& part : (*swapped)->robot_images().drawn()->parts()) {
+    EXPECT_DOUBLE_EQ(part.radius, 0.005) << "nothing of it is used";
+  }
+  std::swap(calibration.cameras[1], calibration.cameras[2]);
+  cell.parts.tolerance = 0.004;
+  EXPECT_TRUE((*Load({.calibration = calibration, .drawn = cell}))->unverified_model());
+  cell.parts.tolerance = 0.005;
+  ASSERT_FALSE((*Load({.calibration = calibration, .drawn = cell}))->unverified_model());
+  verification.mutable_link_growth(3)->set_link("tool");
+  EXPECT_TRUE((*LoadWith(verification))->unverified_model());
+  verification = Verification();
+  verification.mutable_link_growth(3)->set_growth(-0.01);
+  EXPECT_EQ(LoadWith(verification).status().code(), absl::StatusCode::kInvalidArgument);
 }
 
 }  // namespace

@@ -154,7 +154,8 @@ TEST_F(ServerProgramTest, DrawnImagesOfAModelThatIsNotVerifiedAreServedOnlyOnDem
   std::vector<std::string> arguments{"--cell", cell,       "--database",
                                      database, "--listen", "127.0.0.1:0"};
   EXPECT_EQ(Refused(arguments), 2);
-  EXPECT_THAT(errors, HasSubstr("drawn from a model that is not verified"));
+  EXPECT_THAT(errors, AllOf(HasSubstr("drawn from a model that is not verified: no captured"),
+                            HasSubstr("silhouette-capture verify-model --cell")));
   arguments.push_back("--unverified");
   ServerProgram program(folder, arguments);
   EXPECT_EQ(DatabaseAt(program.Address()).images(), "drawn");
