@@ -5,6 +5,7 @@
 #include <cmath>
 #include <limits>
 #include <numbers>
+#include <numeric>
 #include <stdexcept>
 #include <utility>
 
@@ -28,13 +29,13 @@ void ConfigurationGridRequireValid(const GridJoint& joint) {
     throw std::invalid_argument(name + ": lower and upper must be finite, lower <= upper");
   }
   if (joint.steps < 1) throw std::invalid_argument(name + ": steps must be at least 1");
-  if ((joint.steps == 1) != (joint.lower == joint.upper)) {
-    throw std::invalid_argument(name + ": one step goes with lower == upper, and only with that");
+  if (joint.steps != 1 && joint.lower == joint.upper) {
+    throw std::invalid_argument(name + ": lower == upper goes with one step");
   }
   if (joint.continuous && std::abs(joint.upper - joint.lower - kTurn) > 1e-6) {
     throw std::invalid_argument(name + ": a continuous joint spans one turn, 2 pi");
   }
-  if (joint.continuous && joint.steps < 3) {
+  if (joint.continuous && joint.steps == 2) {
     throw std::invalid_argument(name + ": a continuous joint needs at least 3 steps");
   }
 }
@@ -124,6 +125,8 @@ ConfigurationGrid::ConfigurationGrid(std::vector<GridJoint> joints, std::vector<
   }
 }
 
+bool ConfigurationGrid::has_any() const { return std::ranges::any_of(joints_, &GridJoint::any); }
+
 bool ConfigurationGrid::Contains(ConfigurationNumber number) const {
   return IndexOf(number).has_value();
 }
@@ -161,7 +164,9 @@ Configuration ConfigurationGrid::At(const GridIndex& index) const {
     const GridJoint& joint = joints_[j];
     if (index[j] < 0 || index[j] >= joint.steps) throw std::out_of_range("outside the grid");
     const bool last = !joint.continuous && joint.steps > 1 && index[j] == joint.steps - 1;
-    q[j] = last ? joint.upper : joint.lower + index[j] * joint.step();
+    q[j] = last          ? joint.upper
+           : joint.any() ? std::midpoint(joint.lower, joint.upper)
+                         : joint.lower + index[j] * joint.step();
   }
   return q;
 }
@@ -176,7 +181,10 @@ std::optional<double> ConfigurationGrid::Place(int j, double value) const {
   const GridJoint& joint = joints_[static_cast<size_t>(j)];
   if (!std::isfinite(value)) return std::nullopt;
   if (joint.steps == 1) {
-    if (std::abs(value - joint.lower) > kSnap) return std::nullopt;
+    const bool all = joint.continuous && joint.any();
+    if (!all && !(value >= joint.lower - kSnap && value <= joint.upper + kSnap)) {
+      return std::nullopt;
+    }
     return 0.0;
   }
   double place = (value - joint.lower) / joint.step();

@@ -10,6 +10,9 @@
 // fastest, so that neighbours lie together. Places of a tile beyond the grid's rim are absent: they
 // have a number that no configuration has.
 //
+// A joint with a range and one step has one value that stands for any of its range: neighbours
+// differ in other joints. No captured robot image is of such a grid; drawn ones are (DrawnKind).
+//
 // Values are in radians, for prismatic joints in metres. A grid cannot be changed once made.
 #pragma once
 
@@ -43,6 +46,8 @@ struct GridJoint {
 
   // Distance between neighbouring values; 0 where there is one value only.
   double step() const;
+  // Whether its one value stands for any from lower to upper; of a continuous joint for all.
+  bool any() const { return steps == 1 && lower < upper; }
   bool operator==(const GridJoint&) const = default;
 };
 
@@ -62,11 +67,11 @@ class CellCorners {
 
 class ConfigurationGrid {
  public:
-  // `joints`: 1 to 7, each with a unique name, finite lower <= upper, steps >= 1 (exactly 1 if and
-  // only if lower == upper), a continuous joint with a span of one turn (2 pi) and at least 3
-  // steps. `tile_edges`: one power of two per joint with product 4096; empty chooses
-  // ChooseTileEdges. Throws std::invalid_argument, naming the joint, where this does not hold, and
-  // if the grid has more than 2^40 configurations.
+  // `joints`: 1 to 7, each with a unique name, finite lower <= upper, steps >= 1 (exactly 1 if
+  // lower == upper), a continuous joint with a span of one turn (2 pi) and 1 or at least 3 steps.
+  // `tile_edges`: one power of two per joint with product 4096; empty chooses ChooseTileEdges.
+  // Throws std::invalid_argument, naming the joint, where this does not hold, and if the grid has
+  // more than 2^40 configurations.
   explicit ConfigurationGrid(std::vector<GridJoint> joints, std::vector<int> tile_edges = {});
 
   int dimensions() const { return static_cast<int>(joints_.size()); }
@@ -75,6 +80,8 @@ class ConfigurationGrid {
 
   // Number of configurations, without absent places.
   uint64_t size() const { return size_; }
+  // Whether a joint has one value that stands for any.
+  bool has_any() const;
   uint64_t tiles() const { return tiles_; }
   // One more than the greatest number that a place can have: tiles() * kTileSize.
   uint64_t number_limit() const { return tiles_ * kTileSize; }
@@ -88,7 +95,8 @@ class ConfigurationGrid {
   // The index of a configuration; nothing for an absent place.
   std::optional<GridIndex> IndexOf(ConfigurationNumber number) const;
 
-  // The joint values at a grid point. Throws std::out_of_range outside the grid.
+  // The joint values at a grid point; where a joint stands for any, the middle of its range. Throws
+  // std::out_of_range outside the grid.
   Configuration At(const GridIndex& index) const;
   Configuration At(ConfigurationNumber number) const;
 

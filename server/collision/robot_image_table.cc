@@ -169,6 +169,11 @@ RobotImageTable::Builder::Builder(ConfigurationGrid grid, std::vector<MaskSize> 
 }
 
 void RobotImageTable::Builder::HoldNothing() {
+  if (table_.grid_.has_any()) {
+    throw std::invalid_argument(
+        "the grid has a joint with one value that stands for any, which no captured robot image "
+        "does; such robot images are drawn");
+  }
   table_.slots_.assign(table_.grid_.number_limit(), kFirstMark);
   table_.present_sets_.resize(table_.grid_.tiles());
 }

@@ -131,7 +131,7 @@ class RobotImageTable::Builder {
  public:
   // A table in memory. `mask_sizes`: one per view, at least one, all valid. `expected`: about how
   // many images will be added, to reserve memory. Throws std::invalid_argument if this does not
-  // hold, or if the grid has more than 2^32 - 16 places.
+  // hold, or if the grid has more than 2^32 - 16 places, or a joint that stands for any value.
   Builder(ConfigurationGrid grid, std::vector<MaskSize> mask_sizes, uint64_t expected = 0);
 
   // A table that reads by `reader`, which must not be null. What is added is looked at and not

@@ -175,7 +175,11 @@ bool TurnsAll(const RobotModel& model, const std::string& joint) {
 std::vector<GridJoint> StepsAsSaid(std::vector<GridJoint> joints, const YamlNode& node) {
   YamlMap steps(node);
   for (const GridJoint& joint : joints) steps.Optional(joint.name);  // all are known keys
-  for (GridJoint& joint : joints) joint.steps = steps.Get<int>(joint.name);
+  for (GridJoint& joint : joints) {
+    joint.steps = steps.Get<int>(joint.name);
+    if (!joint.any()) continue;
+    steps.Required(joint.name).Fail("one step goes with lower == upper, and only with that");
+  }
   steps.Finish();
   return joints;
 }

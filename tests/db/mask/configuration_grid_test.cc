@@ -244,6 +244,29 @@ std::string Refusal(const std::vector<GridJoint>& joints, const std::vector<int>
   return "none";
 }
 
+TEST(ConfigurationGrid, HasJointsWhoseOneValueStandsForAny) {
+  const ConfigurationGrid grid(
+      {{.name = "arm", .lower = 0, .upper = 1, .steps = 3},
+       {.name = "bend", .lower = -2, .upper = 1, .steps = 1},
+       {.name = "roll", .lower = 0, .upper = kTurn, .steps = 1, .continuous = true}});
+  EXPECT_TRUE(grid.has_any());
+  EXPECT_FALSE(grid.joints()[0].any());
+  EXPECT_TRUE(grid.joints()[1].any());
+  EXPECT_EQ(grid.size(), 3U);
+  const ConfigurationNumber node = grid.NumberOf({1, 0, 0});
+  EXPECT_THAT(grid.At(node), ElementsAre(0.5, -0.5, kTurn / 2));
+  for (const Configuration& q : {Configuration{0.6, -2, 9}, {0.4, 1, -40}, grid.At(node)}) {
+    EXPECT_EQ(grid.Nearest(q), node);
+  }
+  EXPECT_EQ(grid.CornersAround(Configuration{0.6, 0.3, 1}).count(), 2);
+  EXPECT_EQ(grid.CornersAround(Configuration{0.5, 0.3, 1}).count(), 1);
+  EXPECT_FALSE(grid.Nearest(Configuration{0.5, 1.1, 0}));
+  EXPECT_FALSE(grid.Nearest(Configuration{0.5, -2.1, 0}));
+  EXPECT_FALSE(grid.Nearest(Configuration{0.5, 0, std::nan("")}));
+  EXPECT_FALSE(grid.Neighbour({1, 0, 0}, 1, 1));
+  EXPECT_FALSE(ConfigurationGrid({{.name = "still", .lower = 1, .upper = 1}}).has_any());
+}
+
 TEST(ConfigurationGrid, TellsWhatIsWrongWithItsJoints) {
   const GridJoint good{"a", 0, 1, 5, false};
   const auto with = [&](const std::function<void(GridJoint&)>& spoil) {
@@ -257,8 +280,8 @@ TEST(ConfigurationGrid, TellsWhatIsWrongWithItsJoints) {
   EXPECT_THAT(with([](GridJoint& j) { j.lower = 2; }), HasSubstr("joint 'a': lower and upper"));
   EXPECT_THAT(with([](GridJoint& j) { j.upper = HUGE_VAL; }), HasSubstr("must be finite"));
   EXPECT_THAT(with([](GridJoint& j) { j.steps = 0; }), HasSubstr("joint 'a': steps must be at"));
-  EXPECT_THAT(with([](GridJoint& j) { j.steps = 1; }), HasSubstr("one step goes with lower =="));
-  EXPECT_THAT(with([](GridJoint& j) { j.upper = 0; }), HasSubstr("one step goes with lower =="));
+  EXPECT_THAT(with([](GridJoint& j) { j.upper = 0; }),
+              HasSubstr("lower == upper goes with one step"));
   EXPECT_THAT(with([](GridJoint& j) { j.continuous = true; }), HasSubstr("spans one turn"));
   EXPECT_THAT(Refusal({{"c", 0, kTurn, 2, true}}), HasSubstr("needs at least 3 steps"));
   std::vector<GridJoint> many;
