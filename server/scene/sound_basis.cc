@@ -23,10 +23,6 @@ constexpr double kRim = 0.5;  // camera pixels
 // How often the edges of a box are halved at most to see whether the body touches it.
 constexpr int kHalvings = 2;
 
-double EdgeOf(const SoundSettings& settings) {
-  return settings.voxel_edge.value_or(settings.least_obstacle / 3);
-}
-
 // A joint moves by no more than this, radians or metres, on a way that begins at its value.
 constexpr double kSameJoint = 1e-6;
 // The body's movement while it leaves a place is resolved to this share of an edge of a voxel.
@@ -67,17 +63,17 @@ absl::Status CheckCell(const SoundCell& sound) {
                      "' has no visual or collision geometry in its URDF; add it, or leave the "
                      "section 'sound' out"));
   }
-  if (!(settings.least_obstacle > 0) || !(EdgeOf(settings) > 0) ||
+  if (!(settings.least_obstacle > 0) || !(sound.VoxelEdge() > 0) ||
       !(settings.model_tolerance >= 0) || !(sound.workspace.sizes().minCoeff() > 0)) {
     return absl::InvalidArgumentError(
         "sound: the least obstacle, the edge of the voxels and the workspace must be greater than "
         "0, the model's tolerance not below");
   }
-  const double voxels = (sound.workspace.sizes() / EdgeOf(settings)).prod();
+  const double voxels = (sound.workspace.sizes() / sound.VoxelEdge()).prod();
   if (voxels <= SoundBasis::kMostVoxels) return absl::OkStatus();
   return absl::InvalidArgumentError(absl::StrCat(
       "sound: the workspace has ", static_cast<int64_t>(voxels / 1e6), " million voxels of ",
-      EdgeOf(settings), " m, more than ", static_cast<int64_t>(SoundBasis::kMostVoxels / 1e6),
+      sound.VoxelEdge(), " m, more than ", static_cast<int64_t>(SoundBasis::kMostVoxels / 1e6),
       " million; state a greater least_obstacle or voxel_edge, or a smaller workspace"));
 }
 
@@ -88,13 +84,12 @@ SoundBasis::SoundBasis(const SoundCell& sound, const storage::v1::CellDescriptio
     : robot_(sound.robot),
       grid_(robot_images.grid()),
       whole_model_(sound.settings.whole_model),
-      space_(sound.workspace, sound.settings.least_obstacle, std::move(views),
-             sound.settings.voxel_edge),
+      space_(sound.workspace, sound.settings.least_obstacle, std::move(views), sound.VoxelEdge()),
       body_(*sound.robot, {.geometry = sound.settings.geometry,
                            .tolerance = sound.settings.model_tolerance,
                            .payload_radius = sound.payload_radius,
                            .range = sound.settings.least_obstacle,
-                           .step = std::max(EdgeOf(sound.settings) / kStepsPerEdge, kLeastStep)}) {
+                           .step = std::max(sound.VoxelEdge() / kStepsPerEdge, kLeastStep)}) {
   for (const auto& joint : cell.fixed_joints()) {
     fixed_joints_.push_back({joint.name(), joint.position()});
   }

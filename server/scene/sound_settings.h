@@ -3,6 +3,8 @@
 #pragma once
 
 #include <Eigen/Geometry>
+#include <algorithm>
+#include <cmath>
 #include <memory>
 #include <optional>
 
@@ -13,7 +15,7 @@ namespace silhouette {
 struct SoundSettings {
   // Every obstacle is a union of balls of this radius, metres.
   double least_obstacle = 0;
-  // Edge of the voxels, metres; nothing: a third of least_obstacle.
+  // Edge of the voxels, metres; nothing: SoundCell::VoxelEdge() chooses.
   std::optional<double> voxel_edge;
   // Which of the model's geometries is the robot's body. That for collision must be no larger than
   // the robot, but for model_tolerance: no obstacle is looked for inside.
@@ -32,6 +34,15 @@ struct SoundCell {
   // How far tool and payload reach beyond the model's last link, metres.
   double payload_radius = 0;
   std::shared_ptr<const RobotModel> robot;
+
+  // The finer the voxels, the less they block beside the robot. So they are an eighth of the least
+  // obstacle; coarser where there would be more than kVoxelsByDefault, but at most a third.
+  static constexpr double kVoxelsByDefault = 1.6e7;
+  double VoxelEdge() const {
+    const double rho = settings.least_obstacle;
+    const double coarser = std::cbrt(workspace.volume() / kVoxelsByDefault);
+    return settings.voxel_edge.value_or(std::max(rho / 8, std::min(coarser, rho / 3)));
+  }
 };
 
 }  // namespace silhouette

@@ -99,7 +99,7 @@ struct DrawnSoundTest : DrawnSceneTest {
   DrawnSoundTest() {
     sound = SoundCell{
         .settings = {.least_obstacle = 0.09,
-                     .voxel_edge = {},
+                     .voxel_edge = 0.03,
                      .model_tolerance = 0.005,
                      .whole_model = true},
         .workspace = Eigen::AlignedBox3d(Vector3d(-1.1, -1.1, 0), Vector3d(1.1, 1.1, 1.8)),
@@ -110,6 +110,18 @@ struct DrawnSoundTest : DrawnSceneTest {
     database = *loaded;
   }
 };
+
+TEST(SoundCell, VoxelsAreAnEighthOfTheLeastObstacleUnlessThatAreTooMany) {
+  SoundCell cell{.settings = {.least_obstacle = 0.16},
+                 .workspace = Eigen::AlignedBox3d(Vector3d(-1, -1, 0), Vector3d(1, 1, 2))};
+  EXPECT_DOUBLE_EQ(cell.VoxelEdge(), 0.02);
+  cell.settings.least_obstacle = 0.05;
+  EXPECT_DOUBLE_EQ(cell.VoxelEdge(), std::cbrt(8 / 1.6e7));
+  cell.settings.least_obstacle = 0.02;
+  EXPECT_DOUBLE_EQ(cell.VoxelEdge(), 0.02 / 3);
+  cell.settings.voxel_edge = 0.01;
+  EXPECT_EQ(cell.VoxelEdge(), 0.01);
+}
 
 TEST_F(DrawnSoundTest, RobotThatTouchesAnObstacleIsNeverFreeUnderSoundAtAnyConfiguration) {
   size_t touching = 0;
