@@ -23,6 +23,8 @@ struct DrawnCell {
   // Whether the robot must never be at some place between two configurations of the grid's joints,
   // whatever the way of its joints; null: nowhere. Called by any number of threads.
   std::function<bool(std::span<const double> from, std::span<const double> to)> forbidden = nullptr;
+  // The same as text, one region a line: equal texts forbid the same. Stored with drawn images.
+  std::string forbidden_text{};
 };
 
 // The robot to draw, with all that is to be added to it in the radii of its parts: the tolerance,

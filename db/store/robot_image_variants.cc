@@ -97,6 +97,7 @@ absl::Status Database::RemoveVariant(const std::string& name, const std::string&
     }
     RETURN_IF_ERROR(
         WriteMeta(environment, transaction, schema::kVariantsKey, VariantsPayload(names)));
+    RETURN_IF_ERROR(transaction.Delete(environment.meta(), places.drawn_key));
     return transaction.Delete(environment.meta(), places.capture_key);
   });
 }

@@ -27,7 +27,8 @@ VariantPlaces PlacesOfVariant(const std::string& name) {
           .robot_images = kRobotImages + behind,
           .collision_index = kCollisionIndex + behind,
           .raw_images = kRawImages + behind,
-          .capture_key = std::string(kCaptureKey) + behind};
+          .capture_key = std::string(kCaptureKey) + behind,
+          .drawn_key = std::string(kDrawnKey) + behind};
 }
 
 bool IsVariantName(std::string_view name) {

@@ -7,15 +7,16 @@
 //   the others    checksum (u64), payload. The checksum is XXH3-64 of the payload, seed 0.
 //                 "cell": CellDescription; "references": References; "calibration": Calibration;
 //                 "verification": ModelVerification;
-//                 "provenance": ProvenanceLog; "capture": CaptureHistory; "sets":
-//                 RobotImageVariants, absent while there is but the default variant; "generation":
-//                 u64, one more in every committed change but those of `collision_index`.
+//                 "provenance": ProvenanceLog; "capture": CaptureHistory; "drawn": DrawnImages,
+//                 absent if robot images are captured; "sets": RobotImageVariants, absent while
+//                 there is but the default variant; "generation": u64, one more in every committed
+//                 change but those of `collision_index`.
 // Sub-database `robot_images`: configuration number (u64, big-endian) ->
 // db/store/robot_image_format.h. Sub-database `collision_index`, which may be absent: tile (u64,
 // big-endian) -> db/store/tile_value.h. Sub-database `raw_images`, which may be absent:
 // db/store/raw_image_format.h. They are those of the default variant. The variant NAME has
-// `robot_images/NAME`, `collision_index/NAME` and `raw_images/NAME`, and the key "capture/NAME"
-// (PlacesOfVariant).
+// `robot_images/NAME`, `collision_index/NAME` and `raw_images/NAME`, and the keys "capture/NAME"
+// and "drawn/NAME" (PlacesOfVariant).
 //
 // Integers are little-endian unless said otherwise.
 #pragma once
@@ -55,6 +56,7 @@ struct VariantPlaces {
   std::string collision_index;
   std::string raw_images;
   std::string capture_key;
+  std::string drawn_key;
 
   bool is_default() const { return name == kDefaultVariant; }
 };
@@ -70,6 +72,7 @@ inline constexpr std::string_view kCalibrationKey = "calibration";
 inline constexpr std::string_view kVerificationKey = "verification";
 inline constexpr std::string_view kProvenanceKey = "provenance";
 inline constexpr std::string_view kCaptureKey = "capture";
+inline constexpr std::string_view kDrawnKey = "drawn";
 // The text stays as the first databases have it, so that their variants are found.
 inline constexpr std::string_view kVariantsKey = "sets";
 inline constexpr std::string_view kGenerationKey = "generation";

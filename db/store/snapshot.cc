@@ -145,6 +145,10 @@ absl::StatusOr<storage::v1::CaptureHistory> Snapshot::CaptureHistory() const {
   return std::move(history).value_or(storage::v1::CaptureHistory());
 }
 
+absl::StatusOr<std::optional<storage::v1::DrawnImages>> Snapshot::DrawnImages() const {
+  return impl_->Meta<storage::v1::DrawnImages>(impl_->state->places.drawn_key);
+}
+
 absl::StatusOr<storage::v1::ProvenanceLog> Snapshot::Provenance() const {
   const auto hold = impl_->environment().HoldMap();
   return ReadProvenance(impl_->environment(), impl_->transaction());

@@ -75,6 +75,7 @@ struct DatabaseState;
 struct VariantState;
 class IndexBuild;
 class ReadTransaction;
+class ShardMerge;
 
 // One consistent state of the database. Holds a read transaction: keep it no longer than needed
 // while a capture writes, for its pages cannot be reused until then. May outlive its Database.
@@ -125,6 +126,9 @@ class Snapshot {
   // What capture sessions noticed about the cell; empty if they did not yet.
   absl::StatusOr<storage::v1::CaptureHistory> CaptureHistory() const;
 
+  // What the variant's robot images were drawn from; nothing if they are captured.
+  absl::StatusOr<std::optional<storage::v1::DrawnImages>> DrawnImages() const;
+
   // Who wrote into the database, oldest first.
   absl::StatusOr<storage::v1::ProvenanceLog> Provenance() const;
 
@@ -132,6 +136,7 @@ class Snapshot {
   friend class Database;
   friend class CollisionIndex;
   friend class RecordWalk;
+  friend class ShardMerge;
   struct Impl;  // db/store/raw_records.h
   explicit Snapshot(std::unique_ptr<Impl> impl);
   std::unique_ptr<Impl> impl_;
@@ -252,6 +257,10 @@ class Database {
   // Replaces what capture sessions noticed. Leaves no entry in the provenance log. Needs kWrite.
   absl::Status SetCaptureHistory(const storage::v1::CaptureHistory& history);
 
+  // States what the variant's robot images are drawn from. Needs kWrite. FailedPrecondition, with
+  // the difference: they are drawn from something else, or captured (db/store/shards.h).
+  absl::Status SetDrawnImages(const storage::v1::DrawnImages& drawn, const std::string& program);
+
   // Replaces the records of all variants by those of another database, and the settings that the
   // cell's description says their masks were made with, in one change. Raw images stay.
   // InvalidArgument, saying why: `made` has not the same grid, views and mask sizes, or not just
@@ -281,6 +290,7 @@ class Database {
 
  private:
   friend class IndexBuild;
+  friend class ShardMerge;
 
   // Writes `payload` under `key` in `meta`, or removes the key, as one change by `program`. An
   // empty program leaves no entry in the provenance log.

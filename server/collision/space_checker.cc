@@ -162,7 +162,7 @@ PlaceSet SpaceChecker::Open(const TileIndex& index) const {
 
 TileVerdicts SpaceChecker::CheckTile(uint64_t tile, const TileIndex& index) const {
   PlaceSet present = index.present();
-  present &= test_.table_.present(tile);
+  if (test_.table_.drawn() == nullptr) present &= test_.table_.present(tile);
   PlaceSet occupied = Occupied(index);
   PlaceSet open = planes_decide() ? PlaceSet() : Open(index);
   open &= present;

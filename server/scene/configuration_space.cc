@@ -32,10 +32,10 @@ ConfigurationSpace::ConfigurationSpace(Served served, const Policy& policy)
 
 bool ConfigurationSpace::looked_up(uint64_t tile) const {
   if (!test_) return true;
-  if (served_.database->robot_images().drawn() != nullptr) return false;
   if (by_index_ && !by_index_->planes_decide()) return false;
-  return served_.database->robot_images().present(tile).Empty() ||
-         (by_index_ && served_.database->index()->Tile(tile) != nullptr);
+  if (by_index_ && served_.database->index()->Tile(tile) != nullptr) return true;
+  const RobotImageTable& images = served_.database->robot_images();
+  return images.drawn() == nullptr && images.present(tile).Empty();
 }
 
 TileVerdicts ConfigurationSpace::WorkOut(uint64_t tile) const {

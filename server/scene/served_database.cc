@@ -8,10 +8,12 @@
 #include "absl/status/status.h"
 #include "absl/strings/str_cat.h"
 #include "calib/files/calibration_message.h"
+#include "calib/robot/drawn_digest.h"
 #include "capture/verification/verified_robot.h"
 #include "db/status/status_macros.h"
 #include "db/store/robot_images_in_place.h"
 #include "db/store/schema.h"
+#include "db/store/shards.h"
 
 namespace silhouette {
 namespace {
@@ -162,6 +164,34 @@ absl::StatusOr<VerifiedRobot> RobotToDraw(const Database& database, const Snapsh
   return VerifiedRobotOf(cell, std::move(bare), verification);
 }
 
+// The index of drawn images, if they are those of the robot that the server draws. Otherwise null,
+// and `unused` says why if there are any.
+absl::StatusOr<std::shared_ptr<const CollisionIndex>> LoadDrawnIndex(
+    std::shared_ptr<const Snapshot> snapshot, const DrawnCell& cell, const DrawnRobot& robot,
+    std::string& unused) {
+  ASSIGN_OR_RETURN(const auto stored, snapshot->DrawnImages());
+  if (!stored) return nullptr;
+  storage::v1::DrawnImages own;
+  own.set_digest(DigestOf(robot));
+  own.set_forbidden(cell.forbidden_text);
+  own.set_tolerance(cell.parts.tolerance);
+  const std::string difference = DrawnDifference(*stored, own);
+  if (difference.empty()) return LoadIndex(std::move(snapshot));
+  unused = absl::StrCat("the stored robot images were drawn from ", difference,
+                        ": maps are drawn instead; draw the images again with 'silhouette-capture "
+                        "draw'");
+  return nullptr;
+}
+
+// Drawn images are not what cameras saw: without the model's verification they decide nothing.
+absl::Status CheckCaptured(const Database& database, const Snapshot& snapshot) {
+  ASSIGN_OR_RETURN(const auto drawn, snapshot.DrawnImages());
+  if (!drawn) return absl::OkStatus();
+  return FailedPrecondition("'", database.path(),
+                            "': its robot images were drawn, and the cell file says that they are "
+                            "captured; state 'images: drawn' of the robot in the cell file");
+}
+
 std::vector<std::string> NamesOfViews(const storage::v1::CellDescription& cell) {
   std::vector<std::string> names;
   for (const storage::v1::View& view : cell.views()) names.push_back(view.name());
@@ -241,13 +271,19 @@ absl::StatusOr<std::shared_ptr<ServedDatabase>> ServedDatabase::LoadVariant(
     sound_basis = std::move(made);
   }
   std::shared_ptr<const CollisionIndex> index;
-  if (!load.drawn) {
+  std::string index_unused;
+  if (load.drawn) {
+    ASSIGN_OR_RETURN(index, LoadDrawnIndex(std::move(snapshot), *load.drawn, *robot_images.drawn(),
+                                           index_unused));
+  } else {
+    RETURN_IF_ERROR(CheckCaptured(database, *snapshot));
     ASSIGN_OR_RETURN(index, LoadIndex(std::move(snapshot)));
   }
   std::shared_ptr<ServedDatabase> served(
       new ServedDatabase(database.variant(), common, std::move(robot_images),
                          std::move(joints.elsewhere), std::move(index), std::move(sound_basis)));
   served->unverified_ = std::move(unverified);
+  served->index_unused_ = std::move(index_unused);
   return served;
 }
 

@@ -72,7 +72,8 @@ struct LoadSettings {
   // In place of the database's own, for experiments: that it is of these cameras is not checked.
   std::optional<Calibration> calibration = std::nullopt;
   // What robot images are drawn from, by the calibration; nothing: they are those that were
-  // captured. No verdict rests on captured ones then, nor on a collision index.
+  // captured. No verdict rests on captured ones then. Maps rest on the collision index of stored
+  // drawn ones if they are of the very same robot.
   std::optional<DrawnCell> drawn = std::nullopt;
 };
 
@@ -87,8 +88,9 @@ class ServedDatabase {
   // RobotImageTable can have, its calibration is none (two cameras at one place, a matrix that is
   // not of rank 2), the margin is negative, or `treatments` (TreatmentsOf), `sound`
   // (SoundBasis::Make) or `load.drawn` (DrawnRobotOf) cannot be. FailedPrecondition: robot images
-  // are to be drawn, and there are no camera models, or several variants. `sound`: what the sound
-  // presets are served with, where the calibration has camera models; nothing: they are not served.
+  // are to be drawn, and there are no camera models, or several variants; or captured ones are to
+  // be served, and those that are stored were drawn. `sound`: what the sound presets are served
+  // with, where the calibration has camera models; nothing: they are not served.
   static absl::StatusOr<std::shared_ptr<const ServedDatabase>> Load(
       const Database& database, const CalibrationSettings& settings = {},
       const TreatmentSettings& treatments = {},
@@ -133,8 +135,12 @@ class ServedDatabase {
 
   // The collision index; null if there is none that can be used. It lies in the file of the
   // database, of which it holds one state (db/store/collision_index.h). The configurations of a
-  // tile that it lacks are tested one by one.
+  // tile that it lacks are tested one by one. Of drawn images only if they are those of the very
+  // robot that is drawn here.
   const CollisionIndex* index() const { return index_.get(); }
+  // Why the index of stored drawn images is not used, as a sentence; empty: it is, or there are
+  // none.
+  const std::string& index_unused() const { return index_unused_; }
 
   // Whether camera images can be differenced.
   bool has_references() const { return !references_.empty(); }
@@ -207,6 +213,7 @@ class ServedDatabase {
   std::shared_ptr<const FixedJointRanges> fixed_joints_;
   std::string elsewhere_;
   std::shared_ptr<const CollisionIndex> index_;
+  std::string index_unused_;
   std::vector<Reference> references_;
   std::vector<Outline> outlines_;
   std::optional<Calibration> calibration_;

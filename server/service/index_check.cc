@@ -18,11 +18,17 @@
 namespace silhouette {
 namespace {
 
-// Some configuration of the table that has a robot image; nothing if its tile has none.
-std::optional<ConfigurationNumber> SomeConfiguration(const RobotImageTable& table,
+// Some configuration that has a robot image; nothing if its tile has none. Of drawn ones, those of
+// the index.
+std::optional<ConfigurationNumber> SomeConfiguration(const ServedDatabase& database,
                                                      std::mt19937_64& random) {
-  const uint64_t tile = random() % table.grid().tiles();
-  const PlaceSet& present = table.present(tile);
+  const uint64_t tile = random() % database.grid().tiles();
+  PlaceSet present;
+  if (database.robot_images().drawn() == nullptr) {
+    present = database.robot_images().present(tile);
+  } else if (const TileIndex* index = database.index()->Tile(tile)) {
+    present = index->present();
+  }
   if (present.Empty()) return std::nullopt;
   uint64_t place = random() % kTileSize;
   while (!present.Contains(place)) place = (place + 1) % kTileSize;
@@ -106,7 +112,7 @@ absl::Status IndexCheck::CompareMap(const std::shared_ptr<const ServedDatabase>&
   const CollisionChecker by_images(database.robot_images(), served.scene->obstacle_images, policy,
                                    SupportFor(served, policy));
   for (int i = 0; i < settings_.index_check.samples; ++i) {
-    const auto number = SomeConfiguration(database.robot_images(), random_);
+    const auto number = SomeConfiguration(database, random_);
     // Where a map is not a look into the index, it is not worked out for this.
     const uint64_t tile = number.value_or(0) / kTileSize;
     if (!number || !(space->ready(tile) || space->looked_up(tile))) continue;

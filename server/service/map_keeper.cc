@@ -62,9 +62,10 @@ void MapKeeper::WorkOut(uint64_t version, const std::stop_token& stop) {
   if (!found.ok()) throw std::runtime_error(std::string(found.status().message()));
   const Served& served = *found;
   const Policy policy = DefaultPolicy(settings_, *served.database);
-  // A map of drawn images is all drawing: it is worked out for those who ask.
-  if (served.database->robot_images().drawn() != nullptr ||
-      BlockedReason(served, policy, settings_.scene, now) != Reason::kNone ||
+  // Without an index, a map of drawn images is all drawing: it is worked out for those who ask.
+  const bool drawing =
+      served.database->robot_images().drawn() != nullptr && served.database->index() == nullptr;
+  if (drawing || BlockedReason(served, policy, settings_.scene, now) != Reason::kNone ||
       !served.database->CanServe(policy).ok()) {
     return;
   }

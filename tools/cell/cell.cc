@@ -9,6 +9,7 @@
 #include <utility>
 
 #include "absl/strings/str_cat.h"
+#include "absl/strings/str_format.h"
 #include "calib/robot/reach.h"
 #include "calib/robot/robot_model.h"
 #include "capture/session/travel.h"
@@ -156,6 +157,13 @@ absl::StatusOr<std::optional<DrawnCell>> DrawnCellOf(const Cell& cell) {
                   .parts = *cell.robot.drawn,
                   .payload_radius = cell.robot.payload_radius};
   if (cell.capture.forbidden_regions.empty()) return std::optional(std::move(drawn));
+  for (const ForbiddenRegion& region : cell.capture.forbidden_regions) {
+    for (const ForbiddenRegion::Range& range : region.ranges) {
+      absl::StrAppendFormat(&drawn.forbidden_text, "%s %.17g %.17g; ", range.joint, range.lower,
+                            range.upper);
+    }
+    drawn.forbidden_text += "\n";
+  }
   try {
     drawn.forbidden = [regions = ForbiddenRegions(cell.capture.forbidden_regions, cell.grid)](
                           std::span<const double> from, std::span<const double> to) {

@@ -80,7 +80,7 @@ struct Cell {
   RobotSettings robot;
   ConfigurationGrid grid;
   // How far any point of the robot moves at most in a grid step of one joint, metres; 0: there is
-  // no model.
+  // no model, or the file states no grid.
   double grid_move = 0;
   std::vector<FixedJoint> fixed_joints;  // the joints outside the grid
   std::vector<ViewSettings> views;

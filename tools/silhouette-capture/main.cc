@@ -16,12 +16,13 @@ int main(int argc, char** argv) {
       "  silhouette-capture reference --cell cell.yaml   images of the empty cell, first of all\n"
       "  silhouette-capture run --cell cell.yaml --dry-run\n"
       "  silhouette-capture run --cell cell.yaml         again after any interruption\n"
+      "  silhouette-capture draw --cell cell.yaml --from cell.lmdb --database drawn.lmdb\n"
       "  silhouette-capture status --cell cell.yaml\n"
       "  silhouette-capture report --cell cell.yaml --out report\n"
       "  silhouette-capture tune --cell cell.yaml --try 'faint_side: 7'");
   Work work;
   for (const auto add :
-       {AddCameras, AddReference, AddRun, AddStatus, AddReport, AddRemask, AddTune}) {
+       {AddCameras, AddReference, AddRun, AddDraw, AddStatus, AddReport, AddRemask, AddTune}) {
     add(app, work);
   }
   // Images are small: handing their parts to other threads costs more than it saves.

@@ -229,6 +229,12 @@ absl::StatusOr<std::optional<DrawnRobot>> ExpectedRobotOf(const CellFile& file,
   return std::optional<DrawnRobot>(*std::move(expected));
 }
 
+absl::StatusOr<bool> HasDrawnImages(const Database& database) {
+  ASSIGN_OR_RETURN(const Snapshot snapshot, database.Read());
+  ASSIGN_OR_RETURN(const auto drawn, snapshot.DrawnImages());
+  return drawn.has_value();
+}
+
 absl::StatusOr<ExitCode> RunHere(const RunOptions& options) {
   ASSIGN_OR_RETURN(const CellFile file, OpenCellFile(options.cell));
   if (file.cell.robot.drawn) {
@@ -250,6 +256,11 @@ absl::StatusOr<ExitCode> RunHere(const RunOptions& options) {
                                             take_references));
   }
   if (!database.ok()) return database.status();
+  ASSIGN_OR_RETURN(const bool drawn, HasDrawnImages(**database));
+  if (drawn) {
+    return FailedPrecondition("the robot images in '", file.database,
+                              "' were drawn; capture into another database");
+  }
   ASSIGN_OR_RETURN(auto expected, ExpectedRobotOf(file, **database));
   auto session =
       CaptureSession::Create(**database, travel, *devices.robot, *devices.cameras,

@@ -55,6 +55,7 @@ void AddImport(CLI::App& app, Work& work);
 void AddCompact(CLI::App& app, Work& work);
 void AddIndex(CLI::App& app, Work& work);
 void AddDiff(CLI::App& app, Work& work);
+void AddMerge(CLI::App& app, Work& work);
 void AddCalibration(CLI::App& app, Work& work);
 
 }  // namespace silhouette

@@ -1,7 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 // silhouette-db info: what a database holds, without reading its robot images' masks.
+#include <map>
 #include <memory>
 #include <nlohmann/json.hpp>
+#include <string>
+#include <vector>
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
@@ -9,6 +12,7 @@
 #include "common/result/result.h"
 #include "db/status/status_macros.h"
 #include "db/store/schema.h"
+#include "db/store/shards.h"
 #include "tools/silhouette-db/commands.h"
 #include "tools/silhouette-db/common.h"
 
@@ -111,6 +115,35 @@ Json VerificationJson(const std::optional<storage::v1::ModelVerification>& verif
   return json;
 }
 
+// What robot images were drawn from; nothing of captured ones.
+void AppendDrawn(const std::map<std::string, storage::v1::DrawnImages>& drawn_by_variant,
+                 std::string& text, Json& json) {
+  Table table{.headings = {"drawn images", "tolerance", "shard", "digest"}};
+  json["drawn"] = Json::array();
+  for (const auto& [variant, drawn] : drawn_by_variant) {
+    const std::string shard = drawn.shards() > 1 ? NameOfShard(drawn) : "whole";
+    table.rows.push_back(
+        {variant, absl::StrFormat("%g mm", 1000 * drawn.tolerance()), shard, drawn.digest()});
+    json["drawn"].push_back({{"variant", variant},
+                             {"tolerance", drawn.tolerance()},
+                             {"shard", drawn.shard()},
+                             {"shards", drawn.shards()},
+                             {"digest", drawn.digest()}});
+  }
+  text += Paragraph(table);
+}
+
+absl::StatusOr<std::map<std::string, storage::v1::DrawnImages>> DrawnByVariant(
+    const Database& database) {
+  std::map<std::string, storage::v1::DrawnImages> drawn_by_variant;
+  ASSIGN_OR_RETURN(const std::vector<VariantState> variants, database.ReadVariants());
+  for (const VariantState& variant : variants) {
+    ASSIGN_OR_RETURN(const auto drawn, variant.snapshot.DrawnImages());
+    if (drawn) drawn_by_variant[variant.database->variant()] = *drawn;
+  }
+  return drawn_by_variant;
+}
+
 absl::StatusOr<ExitCode> Info(const DatabaseOptions& options) {
   ASSIGN_OR_RETURN(OpenedDatabase opened, OpenForReading(options.database));
   const Database& database = *opened.database;
@@ -119,6 +152,7 @@ absl::StatusOr<ExitCode> Info(const DatabaseOptions& options) {
   ASSIGN_OR_RETURN(const auto calibration, opened.snapshot.Calibration());
   ASSIGN_OR_RETURN(const auto verification, opened.snapshot.Verification());
   ASSIGN_OR_RETURN(const storage::v1::ProvenanceLog provenance, opened.snapshot.Provenance());
+  ASSIGN_OR_RETURN(const auto drawn, DrawnByVariant(database));
   ASSIGN_OR_RETURN(const auto index, CollisionIndex::Open(std::move(opened.snapshot)));
   const uint64_t records = index->snapshot().size();
   const uint64_t size = database.grid().size();
@@ -156,6 +190,7 @@ absl::StatusOr<ExitCode> Info(const DatabaseOptions& options) {
   AppendJoints(database, text, json);
   AppendViews(database.cell(), text, json);
   text += "\n" + VariantsText(usage, database.grid());
+  AppendDrawn(drawn, text, json);
   AppendProvenance(provenance, text, json);
   PrintResult(options.format, json, text);
   return kDone;

@@ -11,8 +11,9 @@ int main(int argc, char** argv) {
       "  silhouette-db verify cell.lmdb\n"
       "  silhouette-db COMMAND --help");
   Work work;
-  for (const auto add : {AddInfo, AddVerify, AddCoverage, AddShow, AddSheet, AddVariants, AddStats,
-                         AddExport, AddImport, AddIndex, AddCompact, AddDiff, AddCalibration}) {
+  for (const auto add :
+       {AddInfo, AddVerify, AddCoverage, AddShow, AddSheet, AddVariants, AddStats, AddExport,
+        AddImport, AddIndex, AddCompact, AddDiff, AddMerge, AddCalibration}) {
     add(app, work);
   }
   return RunProgram(app, argc, argv, work);

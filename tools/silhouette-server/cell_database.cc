@@ -146,10 +146,11 @@ void LogRobotImages(const ServedDatabase& database, const std::string& path,
   const uint64_t bytes =
       images.Count(RobotImageState::kPresent) * images.words() * sizeof(uint64_t);
   if (images.drawn() != nullptr) {
-    spdlog::info("robot images: drawn, of {} parts", images.drawn()->parts().size());
-    return;
-  }
-  if (images.in_memory()) {
+    spdlog::info("robot images: drawn, of {} parts; maps {}", images.drawn()->parts().size(),
+                 database.index() != nullptr ? "come from the collision index" : "are drawn");
+    if (!database.index_unused().empty()) spdlog::warn("{}", database.index_unused());
+    if (database.index() == nullptr) return;
+  } else if (images.in_memory()) {
     spdlog::info("robot images: {}, in memory", Gigabytes(bytes));
   } else {
     spdlog::info("robot images: {}, more than robot_image_memory ({}): read from '{}' when needed",

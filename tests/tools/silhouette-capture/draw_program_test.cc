@@ -1,0 +1,126 @@
+// SPDX-License-Identifier: Apache-2.0
+// silhouette-capture draw, as a user runs it.
+#include <gmock/gmock.h>
+#include <signal.h>
+
+#include <nlohmann/json.hpp>
+
+#include "calib/files/calibration_message.h"
+#include "db/store/collision_index.h"
+#include "tests/capture/session/program_cell.h"
+
+namespace silhouette {
+namespace {
+
+using testing::AllOf;
+using testing::HasSubstr;
+
+class DrawProgram : public testing::Test {
+ protected:
+  void SetUp() override {
+    cell_.WriteCell({{"  joints:\n", "  images: drawn\n  joints:\n"},
+                     {"{joint_1: 9, joint_3: 5}", "{joint_1: 150, joint_3: 120}"}});
+  }
+
+  // A database with two cameras that see the robot.
+  void MakeBase() const {
+    const Outcome made = cell_.Run({"reference", "--cell", cell_.cell(), "--database", base()});
+    ASSERT_EQ(made.exit_code, 0) << made.err;
+    storage::v1::Calibration calibration;
+    for (const Eigen::Vector3d& from :
+         {Eigen::Vector3d(0.2, 0, 5.4), Eigen::Vector3d(5.2, 0, 1.3)}) {
+      Eigen::Isometry3d pose = Eigen::Isometry3d::Identity();
+      pose.linear().col(2) = (Eigen::Vector3d(0, 0, 1) - from).normalized();
+      pose.linear().col(0) = pose.linear().col(2).cross(Eigen::Vector3d::UnitY()).normalized();
+      pose.linear().col(1) = pose.linear().col(2).cross(pose.linear().col(0));
+      pose.translation() = from;
+      *calibration.add_cameras() = MessageOf(
+          CameraModel({.width = 160, .height = 120, .fx = 150, .fy = 150, .cx = 79.5, .cy = 59.5},
+                      pose.inverse()));
+    }
+    const auto database = Database::Open(base(), Database::Access::kWrite);
+    ASSERT_TRUE((*database)->SetCalibration(calibration, "test").ok());
+  }
+
+  std::string base() const { return cell_ / "base.lmdb"; }
+  Outcome Draw(const std::vector<std::string>& more = {}) const {
+    std::vector<std::string> arguments = {"--from", base(), "--format", "json"};
+    arguments.insert(arguments.end(), more.begin(), more.end());
+    return cell_.Run(cell_.Arguments("draw", arguments));
+  }
+
+  ProgramCell cell_;
+};
+
+TEST_F(DrawProgram, DrawsTheGridWithCalibrationReferencesAndIndex) {
+  MakeBase();
+  const Outcome drawn = Draw();
+  ASSERT_EQ(drawn.exit_code, 0) << drawn.err;
+  const auto json = nlohmann::json::parse(drawn.out);
+  EXPECT_EQ(json["configurations"], 18000);
+  EXPECT_EQ(json["drawn"], 18000);
+  const auto database = Database::Open(cell_.database(), Database::Access::kRead);
+  ASSERT_TRUE(database.ok()) << database.status();
+  const auto snapshot = (*database)->Read();
+  EXPECT_EQ(snapshot->size(), 18000u);
+  EXPECT_TRUE(snapshot->Calibration()->has_value());
+  EXPECT_TRUE(snapshot->References()->has_value());
+  EXPECT_EQ((*snapshot->DrawnImages())->digest(), json["digest"]);
+  const CollisionIndexSummary index = (*CollisionIndex::Open(*(*database)->Read()))->Summary();
+  EXPECT_EQ(index.fresh, (*database)->grid().tiles());
+  // Once more: nothing is left to do.
+  EXPECT_EQ(nlohmann::json::parse(Draw().out)["kept"], 18000);
+}
+
+TEST_F(DrawProgram, LosesNothingThatWasCommittedWhenItIsKilled) {
+  MakeBase();
+  const pid_t child = cell_.Start(
+      cell_.Arguments("draw", {"--from", base(), "--format", "json", "--threads", "1"}));
+  while (cell_.Records() == 0) usleep(5000);
+  kill(child, SIGKILL);
+  cell_.Wait(child);
+  const uint64_t kept = cell_.Records();
+  const Outcome resumed = Draw();
+  ASSERT_EQ(resumed.exit_code, 0) << resumed.err;
+  const auto json = nlohmann::json::parse(resumed.out);
+  EXPECT_EQ(json["kept"], kept);
+  EXPECT_EQ(json["drawn"], 18000 - kept);
+  EXPECT_EQ(cell_.Records(), 18000u);
+}
+
+TEST_F(DrawProgram, SaysInOneSentenceWhatIsMissing) {
+  const auto refused = [&](const std::string& why, const std::vector<std::string>& more = {}) {
+    const Outcome outcome = cell_.Run(cell_.Arguments("draw", more));
+    EXPECT_EQ(outcome.exit_code, 2);
+    EXPECT_THAT(outcome.err, HasSubstr(why));
+    EXPECT_FALSE(std::filesystem::exists(cell_.database()));
+  };
+  refused("only with a calibration with camera models");
+  refused("--shard 8/8: state I/N", {"--shard", "8/8"});
+  refused("--shard three: state I/N", {"--shard", "three"});
+  cell_.WriteCell({});
+  refused("says that robot images are captured");
+  cell_.WriteCell({{"  joints:\n", "  images: drawn\n  joints:\n"},
+                   {"grid:\n  steps: {joint_1: 9, joint_3: 5}\n", ""}});
+  refused("states no grid");
+}
+
+TEST_F(DrawProgram, NeverMixesTolerancesShardsOrCapturedImagesInADatabase) {
+  MakeBase();
+  ASSERT_EQ(Draw({"--shard", "1/4"}).exit_code, 0);
+  const Outcome other_shard = Draw({"--shard", "2/4"});
+  EXPECT_EQ(other_shard.exit_code, 2);
+  EXPECT_THAT(other_shard.err, HasSubstr("is shard 1 of 4, not 2 of 4"));
+  cell_.WriteCell({{"  joints:\n", "  images: {drawn: {tolerance: 9 mm}}\n  joints:\n"},
+                   {"{joint_1: 9, joint_3: 5}", "{joint_1: 150, joint_3: 120}"}});
+  const Outcome other_tolerance = Draw({"--shard", "1/4"});
+  EXPECT_EQ(other_tolerance.exit_code, 2);
+  EXPECT_THAT(other_tolerance.err, HasSubstr("drawn from another tolerance"));
+  cell_.WriteCell({{"{joint_1: 9, joint_3: 5}", "{joint_1: 150, joint_3: 120}"}});
+  const Outcome captured = cell_.Run(cell_.Arguments("run"));
+  EXPECT_EQ(captured.exit_code, 2);
+  EXPECT_THAT(captured.err, AllOf(HasSubstr("were drawn"), HasSubstr("another database")));
+}
+
+}  // namespace
+}  // namespace silhouette
