@@ -148,10 +148,12 @@ absl::StatusOr<NumberChecks> Client::CheckNumbers(std::span<const uint32_t> numb
 }
 
 absl::StatusOr<PathCheck> Client::CheckPath(std::span<const Configuration> waypoints,
-                                            const Policy& policy, Clearance clearance) const {
+                                            const Policy& policy, Clearance clearance,
+                                            std::optional<double> resolution) const {
   if (waypoints.empty()) return absl::InvalidArgumentError("a path has at least one waypoint");
   v1::CheckPathRequest request = QuestionOf(waypoints, policy, clearance);
   request.set_variant(variant_);
+  if (resolution) request.set_path_resolution(*resolution);
   const SteadyClock::time_point asked = SteadyClock::now();
   const auto response =
       Ask(*connection_, &v1::CollisionService::Stub::CheckPath, request, timeout_);

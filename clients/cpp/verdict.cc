@@ -84,6 +84,10 @@ Words WordsFor(Reason reason) {
       return {"robot elsewhere",
               "a view shows the empty cell where the robot should be: the robot is not where it "
               "reports, or its variant is another"};
+    case Reason::kMotionNotProven:
+      return {"motion not proven",
+              "a stretch of the path is free only where it was sampled, and the preset requires a "
+              "proof: request a finer path_resolution, or keep more distance"};
     case Reason::kNotInMap:
       return {
           "not in map",

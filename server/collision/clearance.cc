@@ -197,7 +197,7 @@ void ClearanceMeter::Narrow(const TestedPlace& place,
                             std::optional<PathClearance>& smallest) const {
   if (place.verdict.state() == State::kUnknown || (smallest && smallest->squared == 0)) return;
   uint32_t squared = 0;
-  if (place.verdict.free()) {
+  if (place.verdict.free() && !place.sampled) {
     // One that cannot be read any more may be anywhere.
     const std::optional<RobotImages> robot =
         test_.TestRobotImages(place.configuration, place.growth);

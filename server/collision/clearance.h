@@ -111,7 +111,8 @@ class ClearanceMeter {
 
   // For the places of a path, in their order, as CollisionChecker::CheckPath tests them: makes
   // `smallest` that of the place if it is smaller. What is left over once the path is free is its
-  // clearance; of a drawn robot a lower bound, for it is grown there by what it moves.
+  // clearance; of a drawn robot a lower bound, for it is grown there by what it moves, and 0 where
+  // the path is sampled: there the grown one is not free.
   void Narrow(const TestedPlace& place, std::optional<PathClearance>& smallest) const;
 
  private:

@@ -4,11 +4,9 @@
 #include <algorithm>
 #include <array>
 #include <bit>
-#include <cmath>
 #include <stdexcept>
 
 #include "server/collision/collision_images.h"
-#include "server/collision/segment_places.h"
 
 namespace silhouette {
 namespace {
@@ -82,13 +80,6 @@ ViewEvidence CountIn(const ObstacleImage& image, const TestRobot::View& robot) {
   return evidence;
 }
 
-Configuration PlaceOnWay(std::span<const double> from, std::span<const double> to,
-                         double fraction) {
-  Configuration q(from.begin(), from.end());
-  for (size_t j = 0; j < q.size(); ++j) q[j] += fraction * (to[j] - from[j]);
-  return q;
-}
-
 }  // namespace
 
 CollisionChecker::CollisionChecker(const RobotImageTable& table,
@@ -112,64 +103,6 @@ CollisionChecker::CollisionChecker(const RobotImageTable& table,
   if (IsCalibrated(policy.preset)) PrepareLines(policy, support);
   if (IsSound(policy.preset)) CheckSpace(policy, support);
   if (!IsCalibrated(policy.preset) && !IsSound(policy.preset)) TakePrepared(support);
-}
-
-void CollisionChecker::TakePrepared(const TestSupport& support) {
-  // Where a view is missing, what is occupied may be hidden_possible.
-  if (support.drawn == nullptr || missing_views_ > 0) return;
-  if (&support.drawn->robot() != table_.drawn().get()) return;  // prepared for another one
-  drawn_ = support.drawn;
-  always_hiding_ = true;
-  for (int view = 0; view < table_.views(); ++view) {
-    const ObstacleImage& image = *obstacle_images_[static_cast<size_t>(view)];
-    const MaskWords always = table_.permanent(view).words();
-    always_hiding_ = always_hiding_ && (Intersects(image.unknown().words(), always) ||
-                                        Intersects(image.error().words(), always));
-  }
-}
-
-void CollisionChecker::CheckSpace(const Policy& policy, const TestSupport& support) {
-  if (support.possible_space == nullptr) {
-    throw std::invalid_argument("the preset '" + NameOf(policy.preset) +
-                                "' needs the space of possible obstacles");
-  }
-  const VoxelSpace& space = support.possible_space->space();
-  bool fits = space.views() == table_.views();
-  for (int view = 0; fits && view < space.views(); ++view) {
-    fits = space.mask_size(view) == table_.mask_sizes()[static_cast<size_t>(view)] &&
-           support.possible_space->sees(view) ==
-               obstacle_images_[static_cast<size_t>(view)].has_value();
-  }
-  if (!fits) throw std::invalid_argument("the space of possible obstacles is not the scene's");
-  possible_space_ = support.possible_space;
-  voxels_decide_ = policy.preset == Preset::kSound;
-  robot_may_touch_ = support.robot_may_touch;
-  if (voxels_decide_) robot_may_meet_ = support.robot_may_meet;
-}
-
-void CollisionChecker::PrepareLines(const Policy& policy, const TestSupport& support) {
-  if (support.bands == nullptr) {
-    throw std::invalid_argument("the preset '" + NameOf(policy.preset) + "' needs a calibration");
-  }
-  if (!std::ranges::equal(support.bands->mask_sizes(), table_.mask_sizes())) {
-    throw std::invalid_argument("the calibration does not fit the views");
-  }
-  if (policy.preset == Preset::kCalibrated) {
-    searched_bands_ = support.bands;
-    return;
-  }
-  resolved_ = support.resolved;
-  if (resolved_ == nullptr) {
-    own_resolved_ = ResolvedObstacleImages(obstacle_images_, *support.bands);
-    return;
-  }
-  bool fits = resolved_->size() == obstacle_images_.size();
-  for (size_t view = 0; fits && view < resolved_->size(); ++view) {
-    const std::optional<Mask>& plane = (*resolved_)[view];
-    fits = plane.has_value() == obstacle_images_[view].has_value() &&
-           (!plane || plane->size() == table_.mask_sizes()[view]);
-  }
-  if (!fits) throw std::invalid_argument("the resolved images are not those of the scene");
 }
 
 Reason CollisionChecker::Unusable(Numbers corners) const {
@@ -248,22 +181,23 @@ Verdict CollisionChecker::JudgeDrawn(std::span<const double> q, Growth growth, c
     default:
       return Verdict::Unknown(Reason::kOutsideGrid);
   }
-  thread_local TestRobot test_robot;
-  try {
-    if (drawn_ != nullptr && evidence.empty()) {
-      if (const std::optional<Verdict> verdict = JudgePrepared(q, growth)) return *verdict;
-    }
-    test_robot.Draw(table_, q, growth);
-  } catch (const std::exception&) {
-    return Verdict::Unknown(Reason::kInternal);
+  if (drawn_ != nullptr && evidence.empty()) {
+    if (const std::optional<Verdict> verdict = JudgePrepared(q, growth)) return *verdict;
   }
+  thread_local TestRobot test_robot;
+  if (!test_robot.Draw(table_, q, growth)) return Verdict::Unknown(Reason::kInternal);
   return JudgeTaken(test_robot, !growth.empty(), {part, part}, evidence);
 }
 
 std::optional<Verdict> CollisionChecker::JudgePrepared(std::span<const double> q,
                                                        Growth growth) const {
   thread_local DrawnCheckScratch scratch;
-  const int showing = drawn_->Showing(q, growth, min_views_, scratch);
+  int showing = 0;
+  try {
+    showing = drawn_->Showing(q, growth, min_views_, scratch);
+  } catch (const std::exception&) {
+    return Verdict::Unknown(Reason::kInternal);
+  }
   if (showing >= min_views_) return Verdict::Occupied(/*hidden_possible=*/false);
   if (always_hiding_) return Verdict::Free(showing == 0 || !growth.empty());
   if (showing > 0 && growth.empty()) return Verdict::Free(/*hidden_possible=*/false);
@@ -348,159 +282,12 @@ Verdict CollisionChecker::CheckPart(std::span<const double> q, const Between& pa
   return nearest ? Judge({&*nearest, 1}, part, evidence) : Judge({}, {}, evidence);
 }
 
-PathVerdict CollisionChecker::CheckPath(std::span<const Configuration> waypoints,
-                                        std::span<ViewEvidence> evidence, const Tested& tested,
-                                        double resolution) const {
-  if (waypoints.empty()) throw std::invalid_argument("a path has at least one waypoint");
-  if (table_.drawn() != nullptr) return CheckDrawnPath(waypoints, resolution, evidence, tested);
-  PathVerdict result;
-  bool hidden_possible = false;
-  // Whether the path ends here, because this place is not free.
-  const auto stops_at = [&](const Configuration& q, size_t segment, double fraction,
-                            const Between& part) {
-    ++result.checked;
-    const Verdict verdict = CheckPart(q, part, {});
-    if (tested) tested({q, static_cast<int>(segment), fraction, verdict});
-    hidden_possible = hidden_possible || verdict.hidden_possible();
-    if (verdict.free()) return false;
-    if (!evidence.empty()) CheckPart(q, part, evidence);
-    result.verdict = verdict;  // not the second one: an image may be read now that was not before
-    result.segment = static_cast<int>(segment);
-    result.fraction = fraction;
-    result.configuration = q;
-    return true;
-  };
-  for (size_t i = 0; i < waypoints.size(); ++i) {
-    if (stops_at(waypoints[i], i, 0, {waypoints[i], waypoints[i]})) return result;
-    if (i + 1 == waypoints.size()) break;
-    const Configuration& to = waypoints[i + 1];
-    if (to.size() != waypoints[i].size()) continue;  // outside the grid, as its own turn will show
-    SegmentPlaces places(table_.grid(), waypoints[i], to, off_grid_);
-    if (!places.resolvable()) {
-      if (stops_at(to, i + 1, 0, {to, to})) return result;
-      result.verdict = Verdict::Unknown(Reason::kOutsideGrid);  // too many turns away
-      result.segment = static_cast<int>(i + 1);
-      result.configuration = to;
-      return result;
-    }
-    // Places between crossings and crossings, in turn: the first stand for all of the line up to
-    // the next crossing.
-    double begin = 0;
-    bool crossing = false;
-    while (const std::optional<double> place = places.Next()) {
-      if (crossing) begin = *place;
-      const double end = crossing ? *place : std::min(1.0, 2 * *place - begin);
-      const Configuration first = PlaceOnWay(waypoints[i], to, begin);
-      const Configuration last = PlaceOnWay(waypoints[i], to, end);
-      if (stops_at(PlaceOnWay(waypoints[i], to, *place), i, *place, {first, last})) return result;
-      crossing = !crossing;
-    }
-  }
-  result.verdict = Verdict::Free(hidden_possible);
-  return result;
-}
-
-namespace {
-
-// A segment of a path of a drawn robot.
-class DrawnSegment {
- public:
-  DrawnSegment(const DrawnRobot& robot, std::span<const double> from, std::span<const double> to)
-      : from_(from), to_(to), low_(from.begin(), from.end()), high_(low_) {
-    for (size_t part = 0; part < robot.parts().size(); ++part) {
-      double moved = 0;
-      for (size_t j = 0; j < from.size(); ++j) {
-        moved += std::abs(to[j] - from[j]) * robot.Lever(part, j);
-      }
-      if (moved <= moved_) continue;
-      moved_ = moved;
-      part_ = part;
-    }
-  }
-
-  // Makes low() and high() the ends of the stretch about `q` in which the robot that is grown by
-  // this holds the robot, by how CheckMotion grows it.
-  void GoTo(std::span<const double> q, Growth growth) {
-    const double share = moved_ > 0 ? growth[part_] / moved_ : 1;
-    for (size_t j = 0; j < q.size(); ++j) {
-      const double by = share * (to_[j] - from_[j]);
-      const auto [least, most] = std::minmax(from_[j], to_[j]);
-      low_[j] = std::clamp(q[j] - by, least, most);
-      high_[j] = std::clamp(q[j] + by, least, most);
-    }
-  }
-  const Configuration& low() const { return low_; }
-  const Configuration& high() const { return high_; }
-
-  double FractionAt(std::span<const double> q) const {
-    size_t widest = 0;
-    for (size_t j = 0; j < q.size(); ++j) {
-      if (std::abs(to_[j] - from_[j]) > std::abs(to_[widest] - from_[widest])) widest = j;
-    }
-    const double way = to_[widest] - from_[widest];
-    return way == 0 ? 0 : std::clamp((q[widest] - from_[widest]) / way, 0.0, 1.0);
-  }
-
- private:
-  std::span<const double> from_;
-  std::span<const double> to_;
-  double moved_ = 0;  // metres, of the part that moves farthest
-  size_t part_ = 0;
-  Configuration low_;
-  Configuration high_;
-};
-
-}  // namespace
-
-PathVerdict CollisionChecker::CheckDrawnPath(std::span<const Configuration> waypoints,
-                                             double resolution, std::span<ViewEvidence> evidence,
-                                             const Tested& tested) const {
-  PathVerdict result;
-  bool hidden_possible = false;
-  // Whether it is free.
-  const auto note = [&](std::span<const double> q, Growth growth, const Between& places,
-                        const Verdict& verdict, size_t segment, double fraction) {
-    if (!growth.empty() && !verdict.free()) return false;  // that proves nothing
-    if (tested) tested({q, static_cast<int>(segment), fraction, verdict, growth});
-    hidden_possible = hidden_possible || verdict.hidden_possible();
-    if (verdict.free()) return true;
-    if (!evidence.empty()) JudgeDrawn(q, {}, {q, q}, places, evidence);
-    result.verdict = verdict;
-    result.segment = static_cast<int>(segment);
-    result.fraction = fraction;
-    result.configuration.assign(q.begin(), q.end());
-    return false;
-  };
-  for (size_t i = 0; i < waypoints.size(); ++i) {
-    const Configuration& here = waypoints[i];
-    ++result.checked;
-    const Between place{here, here};
-    if (!note(here, {}, place, JudgeDrawn(here, {}, place, place, {}), i, 0)) return result;
-    if (i + 1 == waypoints.size()) break;
-    const Configuration& next = waypoints[i + 1];
-    // Beyond the limits, as its own turn will show.
-    if (table_.StateBetween(next, next) == RobotImageState::kMissing) continue;
-    DrawnSegment segment(*table_.drawn(), here, next);
-    const auto is_free = [&](std::span<const double> q, Growth growth) {
-      // A stretch that is sampled is the last that was not proven.
-      if (!growth.empty()) segment.GoTo(q, growth);
-      const Between places{segment.low(), segment.high()};
-      const Between part = growth.empty() ? Between{q, q} : places;
-      const Verdict verdict = JudgeDrawn(q, growth, part, places, {});
-      return note(q, growth, places, verdict, i, segment.FractionAt(q));
-    };
-    const MotionCheck motion = CheckMotion(*table_.drawn(), here, next, resolution, is_free);
-    result.checked += motion.checks;
-    result.sampled_step = std::max(result.sampled_step, motion.sampled_step);
-    if (motion.free) continue;
-    result.sampled_step = 0;
-    return result;
-  }
-  result.verdict = Verdict::Free(hidden_possible);
-  return result;
-}
-
 State CollisionChecker::StateOf(ConfigurationNumber number) const {
+  if (drawn_ != nullptr) {
+    thread_local DrawnCheckScratch scratch;
+    const bool occupied = drawn_->ShownBy(min_views_, table_.grid().At(number), {}, scratch);
+    return occupied ? State::kOccupied : State::kFree;
+  }
   thread_local TestRobot test_robot;
   const Numbers corners(&number, 1);
   if (!test_robot.Take(table_, corners)) return State::kUnknown;
@@ -525,11 +312,12 @@ bool CollisionChecker::Occupied(Numbers corners, const TestRobot& test_robot) co
   return showing >= min_views_;
 }
 
-TileVerdicts CollisionChecker::CheckTile(uint64_t tile) const {
+std::optional<TileVerdicts> CollisionChecker::CheckTile(uint64_t tile, const Stop& stop) const {
   TileVerdicts verdicts;
   for (uint64_t place = 0; place < kTileSize; ++place) {
     const ConfigurationNumber number = tile * kTileSize + place;
     if (table_.state(number) != RobotImageState::kPresent) continue;
+    if (Stopped(stop)) return std::nullopt;
     const uint64_t bit = uint64_t{1} << (place % 64);
     const State state = StateOf(number);
     if (state == State::kOccupied) verdicts.occupied[place / 64] |= bit;
@@ -543,7 +331,7 @@ std::optional<std::vector<Mask>> CollisionChecker::TestRobotImages(std::span<con
   TestRobot robot;
   if (table_.drawn() != nullptr) {
     if (table_.StateBetween(q, q) != RobotImageState::kPresent) return std::nullopt;
-    robot.Draw(table_, q, growth);
+    if (!robot.Draw(table_, q, growth)) return std::nullopt;
     return ImagesOf(robot);
   }
   const std::optional<ConfigurationNumber> nearest = table_.grid().Nearest(q);

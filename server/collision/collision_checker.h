@@ -24,13 +24,14 @@
 #include <vector>
 
 #include "calib/robot/drawing/drawn_checker.h"
-#include "calib/robot/drawing/motion_check.h"
 #include "db/mask/configuration_grid.h"
 #include "server/collision/collision_images.h"
-#include "server/collision/epipolar_bands.h"
+#include "server/collision/path_verdict.h"
 #include "server/collision/policy.h"
 #include "server/collision/possible_space.h"
 #include "server/collision/robot_image_table.h"
+#include "server/collision/stop.h"
+#include "server/collision/test_support.h"
 #include "server/collision/verdict.h"
 
 namespace silhouette {
@@ -42,56 +43,6 @@ struct TileVerdicts {
   std::array<uint64_t, kTileSize / 64> occupied{};
 
   bool operator==(const TileVerdicts&) const = default;
-};
-
-// The verdict on a path.
-struct PathVerdict {
-  // Free if all of the path is; hidden_possible() if it is for any place. Else the verdict at
-  // `configuration`, a place of the first part of the path that is not free.
-  Verdict verdict;
-  // Where that is: waypoint number and fraction of the way to the next one. Only if not free.
-  int segment = 0;
-  double fraction = 0;
-  Configuration configuration;
-  // Places tested, up to there.
-  int64_t checked = 0;
-  // Free, and drawn: 0, or what MotionCheck::sampled_step is of a motion that is not proven.
-  double sampled_step = 0;
-};
-
-// A place of a path that was tested.
-struct TestedPlace {
-  std::span<const double> configuration;
-  // Waypoint number and fraction of the way to the next one.
-  int segment = 0;
-  double fraction = 0;
-  Verdict verdict;
-  // By how much the drawn robot was grown: the verdict holds for a part of the path.
-  Growth growth = {};
-};
-
-// What a test rests on beside the obstacle images, as far as its policy needs it.
-struct TestSupport {
-  // Calibrated presets: the lines between the views.
-  const EpipolarBands* bands = nullptr;
-  // Preset::kPaperCalibrated: ResolvedObstacleImages of the scene, if they are there already.
-  const CollisionImages* resolved = nullptr;
-  // Sound presets: where the scene's obstacles could be.
-  const PossibleSpace* possible_space = nullptr;
-  // Drawn robots, presets that only count views: the scene's obstacle planes, if they are prepared.
-  const DrawnChecker* drawn = nullptr;
-  // Sound presets, if the model of the robot holds all there is of it, tool and payload: whether it
-  // may touch a box anywhere between two configurations, along each joint. Links that are exactly
-  // where they are at present, at all of them, may be left out: what they touched then, they would
-  // touch now.
-  using RobotMayTouch = std::function<bool(std::span<const double>, std::span<const double>,
-                                           const Eigen::AlignedBox3d&)>;
-  RobotMayTouch robot_may_touch = nullptr;
-  // Preset::kSound, under the same condition: whether the robot, which touches nothing where it
-  // stands, may meet something possible on its straight way from there to any configuration
-  // between two, along each joint. True if that is not known, as far away.
-  using RobotMayMeet = std::function<bool(std::span<const double>, std::span<const double>)>;
-  RobotMayMeet robot_may_meet = nullptr;
 };
 
 // Refers to a table, to obstacle images and to its support, which must outlive it. May be used by
@@ -119,22 +70,21 @@ class CollisionChecker {
 
   // The path through the waypoints, at least one (else std::invalid_argument), joint values
   // interpolated linearly and without wrapping. Exact: see segment_places.h; of a drawn robot,
-  // as CheckMotion has it, down to `resolution`, metres. `evidence` is filled in only if the path
-  // is not free. `tested`: if it is one, called with every place that is tested, in their order.
-  using Tested = std::function<void(const TestedPlace&)>;
+  // as CheckMotion has it. `evidence` is filled in only if the path is not free.
   PathVerdict CheckPath(std::span<const Configuration> waypoints,
-                        std::span<ViewEvidence> evidence = {}, const Tested& tested = {},
-                        double resolution = kMotionResolution) const;
+                        std::span<ViewEvidence> evidence = {},
+                        const PathSettings& settings = {}) const;
 
-  // All configurations of a tile of the grid.
-  TileVerdicts CheckTile(uint64_t tile) const;
+  // All configurations of a tile of the grid. Nothing: it was given up.
+  TileVerdicts CheckTile(uint64_t tile) const { return *CheckTile(tile, nullptr); }
+  std::optional<TileVerdicts> CheckTile(uint64_t tile, const Stop& stop) const;
 
   int min_views() const { return min_views_; }
   const ConfigurationGrid& grid() const { return table_.grid(); }
 
   // The test robot images of `q`, one per view: what the verdict looked at. Nothing if a robot
-  // image that it takes is not there or cannot be read, or `q` is outside the grid. `growth`: of a
-  // drawn robot.
+  // image that it takes is not there, cannot be read or drawn, or `q` is outside the grid.
+  // `growth`: of a drawn robot.
   std::optional<std::vector<Mask>> TestRobotImages(std::span<const double> q,
                                                    Growth growth = {}) const;
   // That of one view.
@@ -163,8 +113,8 @@ class CollisionChecker {
   // Check, for all of a part of a straight line within one grid cell.
   Verdict CheckPart(std::span<const double> q, const Between& part,
                     std::span<ViewEvidence> evidence) const;
-  PathVerdict CheckDrawnPath(std::span<const Configuration> waypoints, double resolution,
-                             std::span<ViewEvidence> evidence, const Tested& tested) const;
+  PathVerdict CheckDrawnPath(std::span<const Configuration> waypoints,
+                             std::span<ViewEvidence> evidence, const PathSettings& settings) const;
   // Whether something possible meets the robot.
   bool SomethingPossible(const TestRobot& test_robot, const Asked& asked) const;
   // The verdict on a configuration that is present; unknown, too, if its image cannot be read.

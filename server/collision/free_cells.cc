@@ -97,11 +97,11 @@ FreeCells::FreeCells(const SpaceChecker& test, IndexOf index_of)
   ready_ = std::make_unique<std::atomic<bool>[]>(grid.tiles());
 }
 
-bool FreeCells::WorkOut(std::span<const uint64_t> tiles, const std::function<bool()>& stop) {
+bool FreeCells::WorkOut(std::span<const uint64_t> tiles, const Stop& stop) {
   for (const uint64_t tile : tiles) {
     if (test_.none_free()) ready_[tile].store(true, std::memory_order_release);
     while (!ready(tile)) {
-      if (stop()) return false;
+      if (Stopped(stop)) return false;
       const std::lock_guard lock(mutex_);
       if (!ready(tile)) Step(tile / slab_tiles_);
     }

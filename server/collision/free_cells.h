@@ -15,6 +15,7 @@
 #include "db/index/place_set.h"
 #include "db/mask/configuration_grid.h"
 #include "server/collision/cell_checker.h"
+#include "server/collision/stop.h"
 
 namespace silhouette {
 
@@ -74,7 +75,7 @@ class FreeCells {
   // Works these tiles out, and more of their slabs. Looks now and again whether it is to stop; then
   // it is false if any is left, and another call goes on from there. Threads that come meanwhile
   // help it along.
-  bool WorkOut(std::span<const uint64_t> tiles, const std::function<bool()>& stop);
+  bool WorkOut(std::span<const uint64_t> tiles, const Stop& stop);
 
   bool ready(uint64_t tile) const { return ready_[tile].load(std::memory_order_acquire); }
   // Of a tile that is ready: the cells that begin at its configurations.

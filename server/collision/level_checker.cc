@@ -90,11 +90,12 @@ void LevelChecker::BoundLines(std::span<const PixelTree> trees) {
   }
 }
 
-std::vector<PlaceSet> LevelChecker::Above(uint64_t tile, const TileIndex* index,
-                                          const PlaceSet& free) const {
+std::optional<std::vector<PlaceSet>> LevelChecker::Above(uint64_t tile, const TileIndex* index,
+                                                         const PlaceSet& free,
+                                                         const Stop& stop) const {
   std::vector<PlaceSet> above(squared_.size());
   if (index == nullptr || levels_.empty()) {
-    MeasureSingly(tile, free, above);
+    if (!MeasureSingly(tile, free, stop, above)) return std::nullopt;
     return above;
   }
   PlaceSet left = free;
@@ -110,20 +111,22 @@ std::vector<PlaceSet> LevelChecker::Above(uint64_t tile, const TileIndex* index,
     above[i] -= perhaps;
     open |= perhaps;
   }
-  MeasureSingly(tile, open, above);
+  if (!MeasureSingly(tile, open, stop, above)) return std::nullopt;
   return above;
 }
 
-void LevelChecker::MeasureSingly(uint64_t tile, const PlaceSet& places,
+bool LevelChecker::MeasureSingly(uint64_t tile, const PlaceSet& places, const Stop& stop,
                                  std::vector<PlaceSet>& above) const {
   for (size_t word = 0; word < PlaceSet::kWords; ++word) {
     for (uint64_t bits = places.words[word]; bits != 0; bits &= bits - 1) {
+      if (Stopped(stop)) return false;
       const uint64_t place = 64 * word + static_cast<uint64_t>(std::countr_zero(bits));
       const Configuration q = meter_.test_.grid().At(tile * kTileSize + place);
       const size_t exceeded = meter_.CountExceeded(q, squared_);
       for (size_t i = 0; i < exceeded; ++i) above[i].Insert(place);
     }
   }
+  return true;
 }
 
 }  // namespace silhouette

@@ -35,7 +35,12 @@ class LevelChecker {
   // greater. `free`: configurations of the tile that CollisionChecker finds free. `index`: that of
   // the tile, made of robot images that are those of the test's table; null if it has none: then
   // all are measured singly.
-  std::vector<PlaceSet> Above(uint64_t tile, const TileIndex* index, const PlaceSet& free) const;
+  std::vector<PlaceSet> Above(uint64_t tile, const TileIndex* index, const PlaceSet& free) const {
+    return *Above(tile, index, free, nullptr);
+  }
+  // Nothing: it was given up.
+  std::optional<std::vector<PlaceSet>> Above(uint64_t tile, const TileIndex* index,
+                                             const PlaceSet& free, const Stop& stop) const;
 
  private:
   struct Level {
@@ -48,7 +53,9 @@ class LevelChecker {
   void AddDecidingPlanes(std::span<const PixelTree> trees);
   void AddParts(std::span<const PixelTree> trees);
   void BoundLines(std::span<const PixelTree> trees);
-  void MeasureSingly(uint64_t tile, const PlaceSet& places, std::vector<PlaceSet>& above) const;
+  // False: it was given up.
+  bool MeasureSingly(uint64_t tile, const PlaceSet& places, const Stop& stop,
+                     std::vector<PlaceSet>& above) const;
 
   const ClearanceMeter& meter_;
   std::vector<uint32_t> squared_;  // of each level, the greatest squared clearance not above it

@@ -260,11 +260,16 @@ bool TestRobot::Take(const RobotImageTable& table, std::span<const Configuration
   return true;
 }
 
-void TestRobot::Draw(const RobotImageTable& table, std::span<const double> q, Growth growth) {
+bool TestRobot::Draw(const RobotImageTable& table, std::span<const double> q, Growth growth) {
   table_ = &table;
   corners_ = {};
   united_.resize(table.words());
-  table.Draw(q, growth, united_);
+  try {
+    table.Draw(q, growth, united_);
+    return true;
+  } catch (const std::exception&) {
+    return false;
+  }
 }
 
 TestRobot::View TestRobot::view(int view) const {

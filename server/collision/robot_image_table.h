@@ -170,8 +170,8 @@ class TestRobot {
   bool Take(const RobotImageTable& table, std::span<const ConfigurationNumber> corners);
 
   // Takes the robot as the table draws it at `q`, each part grown by `growth`. The table must
-  // outlive what is done with it. Throws as RobotImageTable::Draw does.
-  void Draw(const RobotImageTable& table, std::span<const double> q, Growth growth);
+  // outlive what is done with it. False where RobotImageTable::Draw throws: nothing is known then.
+  bool Draw(const RobotImageTable& table, std::span<const double> q, Growth growth);
 
   // The test robot image of a view, as it is looked at word by word. Refers to the TestRobot until
   // it takes the next.

@@ -92,25 +92,4 @@ std::optional<double> SegmentPlaces::Next() {
   return middle;
 }
 
-double MostPlaces(const ConfigurationGrid& grid, std::span<const Configuration> waypoints) {
-  double places = 0;
-  for (size_t i = 0; i < waypoints.size(); ++i) {
-    RequireOneValuePerJoint(grid, waypoints[i]);
-    places += 1;
-    if (i == 0) continue;
-    double crossings = 1;  // where the line leaves the grid
-    for (size_t j = 0; j < waypoints[i].size(); ++j) {
-      const double way = std::abs(waypoints[i][j] - waypoints[i - 1][j]);
-      if (!std::isfinite(way)) return std::numeric_limits<double>::infinity();
-      const GridJoint& joint = grid.joints()[j];
-      if (joint.steps == 1) continue;
-      const double steps = way / joint.step();
-      // Where a joint leaves the grid the path ends.
-      crossings += (joint.continuous ? steps : std::min<double>(steps, joint.steps)) + 1;
-    }
-    places += 2 * crossings + 1;
-  }
-  return places;
-}
-
 }  // namespace silhouette

@@ -51,9 +51,4 @@ class SegmentPlaces {
   std::optional<double> pending_;  // a crossing whose middle place was given last
 };
 
-// No more than this many places are tested on a path through these waypoints, infinity if a value
-// is not finite. Takes only as long as the path has waypoints. std::invalid_argument for a waypoint
-// with the wrong number of values.
-double MostPlaces(const ConfigurationGrid& grid, std::span<const Configuration> waypoints);
-
 }  // namespace silhouette

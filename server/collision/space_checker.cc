@@ -160,7 +160,8 @@ PlaceSet SpaceChecker::Open(const TileIndex& index) const {
   return open;
 }
 
-TileVerdicts SpaceChecker::CheckTile(uint64_t tile, const TileIndex& index) const {
+std::optional<TileVerdicts> SpaceChecker::CheckTile(uint64_t tile, const TileIndex& index,
+                                                    const Stop& stop) const {
   PlaceSet present = index.present();
   if (test_.table_.drawn() == nullptr) present &= test_.table_.present(tile);
   PlaceSet occupied = Occupied(index);
@@ -169,6 +170,7 @@ TileVerdicts SpaceChecker::CheckTile(uint64_t tile, const TileIndex& index) cons
   PlaceSet unread;
   for (size_t word = 0; word < PlaceSet::kWords; ++word) {
     for (uint64_t left = open.words[word]; left != 0; left &= left - 1) {
+      if (Stopped(stop)) return std::nullopt;
       const uint64_t place = 64 * word + static_cast<uint64_t>(std::countr_zero(left));
       const State state = test_.StateOf(tile * kTileSize + place);
       if (state == State::kOccupied) occupied.Insert(place);

@@ -16,6 +16,7 @@
 #include "db/index/place_set.h"
 #include "db/index/tile_index.h"
 #include "server/collision/collision_checker.h"
+#include "server/collision/stop.h"
 
 namespace silhouette {
 
@@ -66,7 +67,12 @@ class SpaceChecker {
 
   // The same as test.CheckTile(tile). `index`: that of the tile, made of robot images that are
   // those of the test's table; a configuration that it does not have is unknown.
-  TileVerdicts CheckTile(uint64_t tile, const TileIndex& index) const;
+  TileVerdicts CheckTile(uint64_t tile, const TileIndex& index) const {
+    return *CheckTile(tile, index, nullptr);
+  }
+  // Nothing: it was given up.
+  std::optional<TileVerdicts> CheckTile(uint64_t tile, const TileIndex& index,
+                                        const Stop& stop) const;
 
   // Whether CheckTile tests none singly, whatever the tile.
   bool planes_decide() const { return possible_.empty() && !everything_possible_; }

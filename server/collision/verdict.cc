@@ -32,8 +32,9 @@ std::string NameOf(Reason reason) {
                                     "view covered",
                                     "views swapped",
                                     "camera moved",
-                                    "robot elsewhere"};
-  static_assert(std::size(kNames) == static_cast<size_t>(Reason::kRobotElsewhere) + 1);
+                                    "robot elsewhere",
+                                    "motion not proven"};
+  static_assert(std::size(kNames) == static_cast<size_t>(Reason::kMotionNotProven) + 1);
   const auto number = static_cast<size_t>(reason);
   return number < std::size(kNames) ? kNames[number] : NameOf(Reason::kInternal);
 }

@@ -41,6 +41,7 @@ enum class Reason : uint8_t {
   kViewsSwapped = 22,
   kCameraMoved = 23,
   kRobotElsewhere = 24,
+  kMotionNotProven = 25,
 };
 
 // "scene stale" and the like, for logs and messages.

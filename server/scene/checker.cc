@@ -135,7 +135,8 @@ Verdict Checker::Check(std::span<const double> q, std::span<ViewEvidence> eviden
 
 PathVerdict Checker::CheckPath(std::span<const Configuration> waypoints,
                                std::span<ViewEvidence> evidence, std::set<std::string>* regions,
-                               std::optional<PathClearance>* clearance, double resolution) const {
+                               std::optional<PathClearance>* clearance,
+                               const PathSettings& settings) const {
   if (waypoints.empty()) throw std::invalid_argument("a path has at least one waypoint");
   if (blocked_ != Reason::kNone || !test_) {
     PathVerdict result;
@@ -145,16 +146,18 @@ PathVerdict Checker::CheckPath(std::span<const Configuration> waypoints,
   }
   if (served_.regions->regions.empty()) regions = nullptr;
   if (regions == nullptr && clearance == nullptr) {
-    return test_->CheckPath(waypoints, evidence, {}, resolution);
+    return test_->CheckPath(waypoints, evidence, settings);
   }
   const std::optional<ClearanceMeter> meter = clearance != nullptr ? Clearances() : std::nullopt;
-  const auto look = [&](const TestedPlace& place) {
+  PathSettings looking = settings;
+  looking.tested = [&](const TestedPlace& place) {
+    if (settings.tested) settings.tested(place);
     if (meter) meter->Narrow(place, *clearance);
     if (regions == nullptr) return;
     const std::vector<std::string> names = RegionsAt(place.configuration, place.growth);
     regions->insert(names.begin(), names.end());
   };
-  const PathVerdict path = test_->CheckPath(waypoints, evidence, look, resolution);
+  const PathVerdict path = test_->CheckPath(waypoints, evidence, looking);
   if (meter && !path.verdict.free()) meter->Measure(path.configuration, path.verdict, evidence);
   return path;
 }

@@ -40,7 +40,7 @@ class Checker {
                         std::span<ViewEvidence> evidence = {},
                         std::set<std::string>* regions = nullptr,
                         std::optional<PathClearance>* clearance = nullptr,
-                        double resolution = kMotionResolution) const;
+                        const PathSettings& settings = {}) const;
 
   // Measures the clearances of configurations; nothing where all verdicts are unknown. Refers to
   // this, which must stay where it is.

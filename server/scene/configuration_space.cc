@@ -38,16 +38,23 @@ bool ConfigurationSpace::looked_up(uint64_t tile) const {
   return images.drawn() == nullptr && images.present(tile).Empty();
 }
 
-TileVerdicts ConfigurationSpace::WorkOut(uint64_t tile) const {
+bool ConfigurationSpace::WorkOut(std::span<const uint64_t> tiles, const Stop& stop) const {
+  return std::ranges::all_of(tiles, [&](uint64_t tile) {
+    return ready(tile) ||
+           (!Stopped(stop) && tiles_.Get(tile, stop, [&](uint64_t at) { return Make(at, stop); }));
+  });
+}
+
+std::optional<TileVerdicts> ConfigurationSpace::Make(uint64_t tile, const Stop& stop) const {
   // Its index may be gone from under the map.
   if (served_.database->damage().found()) return TileVerdicts();
   const TileIndex* index = by_index_ ? served_.database->index()->Tile(tile) : nullptr;
-  if (index != nullptr) return by_index_->CheckTile(tile, *index);
-  return test_ ? test_->CheckTile(tile) : TileVerdicts();
+  if (index != nullptr) return by_index_->CheckTile(tile, *index, stop);
+  return test_ ? test_->CheckTile(tile, stop) : TileVerdicts();
 }
 
-void ConfigurationSpace::States(std::span<const uint32_t> numbers, std::span<uint64_t> free,
-                                std::span<uint64_t> occupied) const {
+bool ConfigurationSpace::States(std::span<const uint32_t> numbers, std::span<uint64_t> free,
+                                std::span<uint64_t> occupied, const Stop& stop) const {
   const size_t words = (numbers.size() + 63) / 64;
   if (free.size() != words || occupied.size() != words) {
     throw std::invalid_argument("there must be a bit per number");
@@ -59,6 +66,7 @@ void ConfigurationSpace::States(std::span<const uint32_t> numbers, std::span<uin
     for (size_t i = 0; i < part.size(); ++i) {
       const uint64_t at = part[i] / kTileSize;
       if (at >= tiles()) continue;
+      if (!ready(at) && !WorkOut({&at, 1}, stop)) return false;
       const TileVerdicts& verdicts = tile(at);
       const uint64_t place = part[i] % kTileSize;
       is_free |= (verdicts.free[place / 64] >> (place % 64) & 1) << i;
@@ -67,6 +75,7 @@ void ConfigurationSpace::States(std::span<const uint32_t> numbers, std::span<uin
     free[word] = is_free;
     occupied[word] = is_occupied;
   }
+  return true;
 }
 
 ConfigurationSpace::Cells::Cells(const CollisionChecker& checker, const ServedDatabase& database)
@@ -74,8 +83,7 @@ ConfigurationSpace::Cells::Cells(const CollisionChecker& checker, const ServedDa
         return database.index() != nullptr ? database.index()->Tile(tile) : nullptr;
       }) {}
 
-bool ConfigurationSpace::WorkOutCells(std::span<const uint64_t> tiles,
-                                      const std::function<bool()>& stop) const {
+bool ConfigurationSpace::WorkOutCells(std::span<const uint64_t> tiles, const Stop& stop) const {
   if (!HasCells()) return true;
   std::call_once(cells_once_, [this] {
     cells_ = std::make_unique<Cells>(*test_, *served_.database);
@@ -125,11 +133,19 @@ const LevelChecker& ClearanceSpace::Test() const {
   return *level_checker_;
 }
 
-std::vector<PlaceSet> ClearanceSpace::WorkOut(uint64_t tile) const {
+bool ClearanceSpace::WorkOut(std::span<const uint64_t> tiles, const Stop& stop) const {
+  return std::ranges::all_of(tiles, [&](uint64_t tile) {
+    return ready(tile) ||
+           (!Stopped(stop) && tiles_.Get(tile, stop, [&](uint64_t at) { return Make(at, stop); }));
+  });
+}
+
+std::optional<std::vector<PlaceSet>> ClearanceSpace::Make(uint64_t tile, const Stop& stop) const {
+  if (!verdicts_->WorkOut({&tile, 1}, stop)) return std::nullopt;
   const PlaceSet free{verdicts_->tile(tile).free};
   if (free.Empty()) return std::vector<PlaceSet>(levels_.size());
   const CollisionIndex* index = served_.database->index();
-  return Test().Above(tile, index != nullptr ? index->Tile(tile) : nullptr, free);
+  return Test().Above(tile, index != nullptr ? index->Tile(tile) : nullptr, free, stop);
 }
 
 }  // namespace silhouette

@@ -5,7 +5,6 @@
 
 #include <atomic>
 #include <cstdint>
-#include <functional>
 #include <memory>
 #include <mutex>
 #include <optional>
@@ -20,6 +19,7 @@
 #include "server/collision/level_checker.h"
 #include "server/collision/policy.h"
 #include "server/collision/space_checker.h"
+#include "server/collision/stop.h"
 #include "server/collision/verdict.h"
 #include "server/scene/made_once.h"
 #include "server/scene/scene_store.h"
@@ -40,8 +40,11 @@ class ConfigurationSpace {
   uint64_t tiles() const { return tiles_.size(); }
 
   const TileVerdicts& tile(uint64_t tile) const {
-    return tiles_.Get(tile, [this](uint64_t asked) { return WorkOut(asked); });
+    return *tiles_.Get(tile, nullptr, [this](uint64_t asked) { return Make(asked, nullptr); });
   }
+  // Works these tiles out. False if it was given up; what is ready stays so, another call goes on
+  // from there.
+  bool WorkOut(std::span<const uint64_t> tiles, const Stop& stop) const;
 
   // Whether working the tile out is a look into the index, and nothing has to be tested singly.
   bool looked_up(uint64_t tile) const;
@@ -61,15 +64,15 @@ class ConfigurationSpace {
 
   // The states of many configurations: bit i % 64 of word i / 64 of `free` or `occupied` is set for
   // numbers[i], the other bits are not. Each of both has a word for every 64 numbers begun, else
-  // std::invalid_argument.
-  void States(std::span<const uint32_t> numbers, std::span<uint64_t> free,
-              std::span<uint64_t> occupied) const;
+  // std::invalid_argument. False if it was given up, as WorkOut is.
+  bool States(std::span<const uint32_t> numbers, std::span<uint64_t> free,
+              std::span<uint64_t> occupied, const Stop& stop = nullptr) const;
 
   // Which grid cells are free off the grid (OffGrid::kCell), as cell_checker.h has it: what the
   // whole map takes again, and only if it is asked for. None of a robot that is drawn: its images
   // at the corners say nothing of what is in between. As FreeCells::WorkOut; `tiles` and others are
   // worked out, and the sets of cells_ready ones can be looked at.
-  bool WorkOutCells(std::span<const uint64_t> tiles, const std::function<bool()>& stop) const;
+  bool WorkOutCells(std::span<const uint64_t> tiles, const Stop& stop) const;
   bool cells_ready(uint64_t tile) const;
   // The cells that begin at the configurations of a tile; none of one that is not ready.
   const PlaceSet& free_cells(uint64_t tile) const;
@@ -86,7 +89,7 @@ class ConfigurationSpace {
     FreeCells free;
   };
 
-  TileVerdicts WorkOut(uint64_t tile) const;
+  std::optional<TileVerdicts> Make(uint64_t tile, const Stop& stop) const;
   bool HasCells() const;
 
   Served served_;
@@ -115,8 +118,10 @@ class ClearanceSpace {
 
   // Per level the configurations of the tile that are free and have more clearance.
   std::span<const PlaceSet> tile(uint64_t tile) const {
-    return tiles_.Get(tile, [this](uint64_t asked) { return WorkOut(asked); });
+    return *tiles_.Get(tile, nullptr, [this](uint64_t asked) { return Make(asked, nullptr); });
   }
+  // As ConfigurationSpace::WorkOut, the verdicts of the tiles as well.
+  bool WorkOut(std::span<const uint64_t> tiles, const Stop& stop) const;
 
   // Whether the tile has been worked out.
   bool ready(uint64_t tile) const { return tiles_.ready(tile); }
@@ -126,7 +131,7 @@ class ClearanceSpace {
 
  private:
   const LevelChecker& Test() const;
-  std::vector<PlaceSet> WorkOut(uint64_t tile) const;
+  std::optional<std::vector<PlaceSet>> Make(uint64_t tile, const Stop& stop) const;
 
   std::shared_ptr<const ConfigurationSpace> verdicts_;
   Served served_;

@@ -3,12 +3,16 @@
 #pragma once
 
 #include <atomic>
-#include <cstddef>
+#include <chrono>
+#include <condition_variable>
 #include <cstdint>
 #include <memory>
 #include <mutex>
 #include <optional>
+#include <utility>
 #include <vector>
+
+#include "server/collision/stop.h"
 
 namespace silhouette {
 
@@ -37,31 +41,55 @@ template <typename T>
 class TilesMadeOnce {
  public:
   explicit TilesMadeOnce(uint64_t tiles)
-      : values_(tiles),
-        ready_(std::make_unique<std::atomic<bool>[]>(tiles)),
-        once_(std::make_unique<std::once_flag[]>(tiles)) {}
+      : values_(tiles), steps_(std::make_unique<std::atomic<Step>[]>(tiles)) {}
 
   uint64_t size() const { return values_.size(); }
 
   // Whether the tile's value has been made.
-  bool ready(uint64_t tile) const { return ready_[tile].load(std::memory_order_acquire); }
+  bool ready(uint64_t tile) const {
+    return steps_[tile].load(std::memory_order_acquire) == Step::kReady;
+  }
 
-  // What `make(tile)` returned the first time.
+  // What `make(tile)`, an optional<T>, was the first time that it was one. Null if it is none now:
+  // it was given up; or if another thread makes it and `stop` says so meanwhile.
   template <typename Make>
-  const T& Get(uint64_t tile, const Make& make) const {
-    if (!ready(tile)) {
-      std::call_once(once_[tile], [&] {
-        values_[tile] = make(tile);
-        ready_[tile].store(true, std::memory_order_release);
-      });
+  const T* Get(uint64_t tile, const Stop& stop, const Make& make) const {
+    if (ready(tile)) return &values_[tile];
+    {
+      std::unique_lock lock(mutex_);
+      while (steps_[tile] == Step::kMaking) {
+        changed_.wait_for(lock, std::chrono::milliseconds(5));
+        if (steps_[tile] == Step::kMaking && Stopped(stop)) return nullptr;
+      }
+      if (ready(tile)) return &values_[tile];
+      steps_[tile] = Step::kMaking;
     }
-    return values_[tile];
+    const EndOfMaking end{*this, tile};  // of an exception, too
+    std::optional<T> made = make(tile);
+    if (!made) return nullptr;
+    values_[tile] = *std::move(made);
+    steps_[tile].store(Step::kReady, std::memory_order_release);
+    return &values_[tile];
   }
 
  private:
+  enum class Step : uint8_t { kNone, kMaking, kReady };
+
+  struct EndOfMaking {
+    const TilesMadeOnce& tiles;
+    uint64_t tile;
+
+    ~EndOfMaking() {
+      const std::lock_guard lock(tiles.mutex_);
+      if (tiles.steps_[tile] == Step::kMaking) tiles.steps_[tile] = Step::kNone;
+      tiles.changed_.notify_all();
+    }
+  };
+
   mutable std::vector<T> values_;
-  std::unique_ptr<std::atomic<bool>[]> ready_;
-  std::unique_ptr<std::once_flag[]> once_;
+  std::unique_ptr<std::atomic<Step>[]> steps_;
+  mutable std::mutex mutex_;
+  mutable std::condition_variable changed_;
 };
 
 }  // namespace silhouette

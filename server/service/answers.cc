@@ -19,7 +19,6 @@
 #include "db/status/status_macros.h"
 #include "server/collision/collision_images.h"
 #include "server/collision/obstacle_image.h"
-#include "server/collision/segment_places.h"
 #include "server/service/defects.h"
 #include "server/service/messages.h"
 #include "server/service/space_writer.h"
@@ -88,7 +87,7 @@ void CountVerdicts(std::span<const uint64_t> free, std::span<const uint64_t> occ
 
 // An answer by numbers.
 absl::Status AnswerNumbers(Serving& serving, const v1::CheckConfigurationsRequest& request,
-                           v1::CheckConfigurationsResponse* response) {
+                           const Stop& cancelled, v1::CheckConfigurationsResponse* response) {
   if (!request.configurations().empty()) {
     return absl::InvalidArgumentError(
         "numbers: ask for numbers or for configurations, not for both at once");
@@ -105,7 +104,9 @@ absl::Status AnswerNumbers(Serving& serving, const v1::CheckConfigurationsReques
   std::vector<uint64_t> free((count + 63) / 64, 0);
   std::vector<uint64_t> occupied(free.size(), 0);
   if (served.scene != nullptr) {
-    serving.spaces.Get(served, policy)->States({request.numbers().data(), count}, free, occupied);
+    const std::span<const uint32_t> numbers(request.numbers().data(), count);
+    const auto space = serving.spaces.Get(served, policy);
+    if (!space->States(numbers, free, occupied, cancelled)) return absl::CancelledError();
   }
   const Reason blocked = Conclude(serving, served, policy, response->mutable_basis());
   if (blocked != Reason::kNone) {
@@ -185,9 +186,8 @@ bool AnsweredAtOnce(const Serving& serving, const v1::CheckConfigurationsRequest
 }
 
 absl::Status Answer(Serving& serving, const v1::CheckConfigurationsRequest& request,
-                    const std::function<bool()>& cancelled,
-                    v1::CheckConfigurationsResponse* response) {
-  if (!request.numbers().empty()) return AnswerNumbers(serving, request, response);
+                    const Stop& cancelled, v1::CheckConfigurationsResponse* response) {
+  if (!request.numbers().empty()) return AnswerNumbers(serving, request, cancelled, response);
   ASSIGN_OR_RETURN(const Checker checker, CheckerFor(serving, request.policy(), request.variant()));
   const ServedDatabase& database = *checker.served().database;
   ASSIGN_OR_RETURN(const auto configurations,
@@ -200,7 +200,7 @@ absl::Status Answer(Serving& serving, const v1::CheckConfigurationsRequest& requ
   std::vector<ViewEvidence> evidence(views * configurations.size());
   const auto evidence_of = [&](size_t i) { return std::span(evidence).subspan(i * views, views); };
   for (size_t i = 0; i < configurations.size(); ++i) {
-    if (meter && cancelled()) return absl::CancelledError();  // this may take long
+    if (Stopped(cancelled)) return absl::CancelledError();
     findings.push_back(
         CheckOne(checker, configurations[i], evidence_of(i), meter ? &*meter : nullptr));
   }
@@ -226,25 +226,16 @@ absl::StatusOr<double> PathResolutionOf(const v1::CheckPathRequest& request) {
                                                  kMostPathResolution, " m"));
 }
 
-// Whether a path can be answered for at once.
-absl::Status CheckLength(const ServedDatabase& database, std::span<const Configuration> waypoints,
-                         double resolution) {
-  if (const auto& robot = database.robot_images().drawn()) {
-    double way = 0;
-    for (size_t i = 1; i < waypoints.size(); ++i) {
-      if (robot->chain().Contains(waypoints[i - 1]) && robot->chain().Contains(waypoints[i])) {
-        way += GreatestDisplacement(*robot, waypoints[i - 1], waypoints[i]);
-      }
-    }
-    if (way / resolution <= kMaxPlaces / kCallsPerResolution) return absl::OkStatus();
-    return absl::InvalidArgumentError(
-        "waypoints: the path may take more than 1,000,000 checks; split it, or state a greater "
-        "path_resolution");
-  }
-  const double places = MostPlaces(database.grid(), waypoints);
-  if (!std::isfinite(places) || places <= kMaxPlaces) return absl::OkStatus();
-  return absl::InvalidArgumentError(
-      "waypoints: the path passes more than 1,000,000 places of the grid; split it");
+// How many checks the request may take.
+int64_t MostChecks(const ServingSettings& settings, const Policy& policy) {
+  const bool searches = IsCalibrated(policy.preset) || IsSound(policy.preset);
+  return searches ? settings.most_path_searches : settings.most_path_checks;
+}
+
+absl::Status TooManyChecks(int64_t most, const PathVerdict& path, bool drawn) {
+  return absl::ResourceExhaustedError(absl::StrCat(
+      "waypoints: the path takes more than ", most, " checks, as many were made up to waypoint ",
+      path.segment, "; split it there", drawn ? ", or state a greater path_resolution" : ""));
 }
 
 void ProofToMessage(const ServedDatabase& database, const PathVerdict& path,
@@ -259,7 +250,7 @@ void ProofToMessage(const ServedDatabase& database, const PathVerdict& path,
 
 }  // namespace
 
-absl::Status Answer(Serving& serving, const v1::CheckPathRequest& request,
+absl::Status Answer(Serving& serving, const v1::CheckPathRequest& request, const Stop& cancelled,
                     v1::CheckPathResponse* response, absl::Duration* valid_for) {
   ASSIGN_OR_RETURN(const Checker checker, CheckerFor(serving, request.policy(), request.variant()));
   const ServedDatabase& database = *checker.served().database;
@@ -269,13 +260,19 @@ absl::Status Answer(Serving& serving, const v1::CheckPathRequest& request,
     return absl::InvalidArgumentError("waypoints: a path has at least one");
   }
   ASSIGN_OR_RETURN(const double resolution, PathResolutionOf(request));
-  RETURN_IF_ERROR(CheckLength(database, waypoints, resolution));
   std::vector<ViewEvidence> evidence(static_cast<size_t>(database.views()));
   std::set<std::string> touched;
   std::optional<PathClearance> narrowest;
-  const PathVerdict path =
-      checker.CheckPath(waypoints, evidence, &touched,
-                        request.include_clearance() ? &narrowest : nullptr, resolution);
+  const int64_t most = MostChecks(serving.settings, checker.policy());
+  int64_t checks = 0;
+  const auto stop = [&] { return ++checks > most || Stopped(cancelled); };
+  const PathVerdict path = checker.CheckPath(waypoints, evidence, &touched,
+                                             request.include_clearance() ? &narrowest : nullptr,
+                                             {.resolution = resolution, .stop = stop});
+  if (path.stopped) {
+    if (checks <= most) return absl::CancelledError();
+    return TooManyChecks(most, path, database.robot_images().drawn() != nullptr);
+  }
   const Reason blocked =
       Conclude(serving, checker.served(), checker.policy(), response->mutable_basis(), valid_for);
   const Verdict verdict = Final(path.verdict, blocked);

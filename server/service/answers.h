@@ -3,13 +3,13 @@
 #pragma once
 
 #include <grpcpp/support/status.h>
-#include <functional>
 #include <span>
 #include <string>
 
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
 #include "absl/time/time.h"
+#include "server/collision/stop.h"
 #include "server/scene/checker.h"
 #include "server/service/serving.h"
 #include "silhouette/v1/collision_service.pb.h"
@@ -20,13 +20,13 @@ namespace silhouette {
 inline constexpr int kMaxConfigurations = 10'000;
 inline constexpr int kMaxNumbers = 8'000'000;
 inline constexpr int kMaxWaypoints = 10'000;
-inline constexpr double kMaxPlaces = 1e6;
-// Of drawn robots: bounds of CheckPathRequest.path_resolution, metres, and how many checks a path
-// may take for each (GreatestDisplacement in motion_check.h). Finer is nothing that a mask shows,
-// coarser no proof between two places.
+// Of drawn robots: bounds of CheckPathRequest.path_resolution, metres. Finer is nothing that a mask
+// shows, coarser no proof between two places.
 inline constexpr double kLeastPathResolution = 0.0005;
 inline constexpr double kMostPathResolution = 0.1;
-inline constexpr double kCallsPerResolution = 8;
+// Of a drawn robot that has no index, tiles of its map that a watch may ask for: it draws them for
+// each scene, and a tile takes about 10 ms, under the sound presets up to seconds.
+inline constexpr int kMaxDrawnTiles = 64;
 
 // The policy of a request. FailedPrecondition if the database cannot serve it.
 absl::StatusOr<Policy> PolicyFor(const Serving& serving, const v1::Policy& message,
@@ -49,12 +49,13 @@ Verdict Final(const Verdict& verdict, Reason blocked);
 // Whether a question is answered by a few look-ups, at once.
 bool AnsweredAtOnce(const Serving& serving, const v1::CheckConfigurationsRequest& request);
 
-// The answer of the newest scene. `cancelled`: asked now and again whether anybody still waits.
+// The answer of the newest scene. `cancelled`: whether the call is over, as its caller is gone, its
+// deadline has passed or the server stops; then the answer is given up: Cancelled.
 absl::Status Answer(Serving& serving, const v1::CheckConfigurationsRequest& request,
-                    const std::function<bool()>& cancelled,
-                    v1::CheckConfigurationsResponse* response);
-// `valid_for`: as in Conclude.
-absl::Status Answer(Serving& serving, const v1::CheckPathRequest& request,
+                    const Stop& cancelled, v1::CheckConfigurationsResponse* response);
+// `valid_for`: as in Conclude. ResourceExhausted: it takes more checks than
+// ServingSettings::most_path_checks has it.
+absl::Status Answer(Serving& serving, const v1::CheckPathRequest& request, const Stop& cancelled,
                     v1::CheckPathResponse* response, absl::Duration* valid_for = nullptr);
 absl::Status Answer(Serving& serving, const v1::ExplainRequest& request,
                     v1::ExplainResponse* response);

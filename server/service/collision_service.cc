@@ -14,6 +14,10 @@ namespace silhouette {
 
 namespace {
 
+Stop CancelOf(const grpc::CallbackServerContext* context) {
+  return [context] { return context->IsCancelled(); };
+}
+
 // What planners ask. No reply says free unless a Checker of one database and one scene said so, and
 // the scene was still good when the reply was ready.
 class CollisionService final : public v1::CollisionService::CallbackService {
@@ -24,8 +28,7 @@ class CollisionService final : public v1::CollisionService::CallbackService {
       grpc::CallbackServerContext* context, const v1::CheckConfigurationsRequest* request,
       v1::CheckConfigurationsResponse* response) override {
     const auto work = [this, context, request, response] {
-      return Answer(
-          serving_, *request, [context] { return context->IsCancelled(); }, response);
+      return Answer(serving_, *request, CancelOf(context), response);
     };
     return AnsweredAtOnce(serving_, *request) ? AnswerHere(context, work)
                                               : AnswerOnWorker(serving_, context, work);
@@ -34,8 +37,8 @@ class CollisionService final : public v1::CollisionService::CallbackService {
   grpc::ServerUnaryReactor* CheckPath(grpc::CallbackServerContext* context,
                                       const v1::CheckPathRequest* request,
                                       v1::CheckPathResponse* response) override {
-    return AnswerOnWorker(serving_, context, [this, request, response] {
-      return Answer(serving_, *request, response);
+    return AnswerOnWorker(serving_, context, [this, context, request, response] {
+      return Answer(serving_, *request, CancelOf(context), response);
     });
   }
 
@@ -66,10 +69,9 @@ class CollisionService final : public v1::CollisionService::CallbackService {
         const auto stop = [&] {
           return context->IsCancelled() || std::chrono::steady_clock::now() >= deadline;
         };
-        for (const uint64_t tile : tiles) {
-          if (stop()) break;
-          space->tile(tile);
-          if (clearances != nullptr) clearances->tile(tile);
+        for (const uint64_t& tile : tiles) {
+          if (!space->WorkOut({&tile, 1}, stop)) break;
+          if (clearances != nullptr && !clearances->WorkOut({&tile, 1}, stop)) break;
         }
         if (cells) space->WorkOutCells(tiles, stop);
         if (context->IsCancelled()) return absl::CancelledError();

@@ -3,6 +3,7 @@
 #pragma once
 
 #include <cstddef>
+#include <cstdint>
 #include <memory>
 #include <string>
 
@@ -33,6 +34,11 @@ struct ServingSettings {
   absl::Duration longest_write = absl::Seconds(30);
   // What is known at first of whether the calibration holds; null: it is not checked.
   std::shared_ptr<const CalibrationTrust> trust;
+  // Checks that one request for a path may take: a million by views alone take some seconds of a
+  // worker thread. Under presets that search lines or space one takes up to a hundred times as
+  // long.
+  int64_t most_path_checks = 1'000'000;
+  int64_t most_path_searches = 20'000;
   // Of the server's own acquisition, if it takes images itself; then PublishScene is
   // refused.
   std::shared_ptr<LiveRecord> live;

@@ -2,6 +2,7 @@
 #include <algorithm>
 #include <utility>
 
+#include "absl/strings/str_cat.h"
 #include "db/status/status_macros.h"
 #include "server/service/answers.h"
 #include "server/service/messages.h"
@@ -18,7 +19,8 @@ absl::StatusOr<bool> PathWatch::Prepare() {
   if (state == told_of_) return false;
   v1::WatchPathResponse update;
   absl::Duration valid_for;
-  RETURN_IF_ERROR(Answer(serving(), request_, update.mutable_check(), &valid_for));
+  RETURN_IF_ERROR(Answer(
+      serving(), request_, [this] { return cancelled(); }, update.mutable_check(), &valid_for));
   ToMessage(valid_for, update.mutable_valid_for());
   const uint64_t scene = update.check().basis().scene_id();
   update.set_skipped_scenes(ScenesSkipped(last_scene_, scene));
@@ -33,6 +35,19 @@ bool PathWatch::NextPart(v1::WatchPathResponse& part) {
   return false;
 }
 
+namespace {
+
+absl::Status CheckWatched(const ServedDatabase& database, size_t tiles) {
+  const bool drawn = database.robot_images().drawn() != nullptr && database.index() == nullptr;
+  if (!drawn || tiles <= kMaxDrawnTiles) return absl::OkStatus();
+  return absl::FailedPreconditionError(absl::StrCat(
+      "tiles: the robot's images are drawn and not stored, so each scene's map is drawn again; "
+      "there are ",
+      tiles, " tiles, watch at most ", kMaxDrawnTiles, ", or check configurations and paths"));
+}
+
+}  // namespace
+
 absl::StatusOr<bool> SpaceWatch::Prepare() {
   ASSIGN_OR_RETURN(
       const Served served,
@@ -40,17 +55,14 @@ absl::StatusOr<bool> SpaceWatch::Prepare() {
   ASSIGN_OR_RETURN(const Policy policy, PolicyFor(serving(), request_.policy(), *served.database));
   ASSIGN_OR_RETURN(const std::vector<uint64_t> tiles,
                    TilesFrom(request_.tiles(), served.database->grid()));
+  RETURN_IF_ERROR(CheckWatched(*served.database, tiles.size()));
   const bool cells = TellsCells(request_.include_cells(), policy);
   std::shared_ptr<const ConfigurationSpace> space;
   if (served.scene != nullptr) {
     space = serving().spaces.Get(served, policy);
-    for (const uint64_t tile : tiles) {
-      if (cancelled()) return absl::CancelledError();
-      space->tile(tile);
-    }
-    if (cells && !space->WorkOutCells(tiles, [this] { return cancelled(); })) {
-      return absl::CancelledError();
-    }
+    const auto stop = [this] { return cancelled(); };
+    if (!space->WorkOut(tiles, stop)) return absl::CancelledError();
+    if (cells && !space->WorkOutCells(tiles, stop)) return absl::CancelledError();
   }
   v1::WatchConfigurationSpaceResponse first;
   absl::Duration valid_for;
@@ -128,13 +140,12 @@ void CheckStream::OnReadDone(bool ok) {
 }
 
 absl::Status CheckStream::AnswerQuestion() {
+  const auto stop = [this] { return context_->IsCancelled(); };
   switch (question_.question_case()) {
     case v1::StreamChecksRequest::kConfigurations:
-      return Answer(
-          serving_, question_.configurations(), [this] { return context_->IsCancelled(); },
-          answer_.mutable_configurations());
+      return Answer(serving_, question_.configurations(), stop, answer_.mutable_configurations());
     case v1::StreamChecksRequest::kPath:
-      return Answer(serving_, question_.path(), answer_.mutable_path());
+      return Answer(serving_, question_.path(), stop, answer_.mutable_path());
     case v1::StreamChecksRequest::QUESTION_NOT_SET:
       break;
   }

@@ -73,7 +73,13 @@ class WatchWriter : public grpc::ServerWriteReactor<Response>,
   virtual bool NextPart(Response& message) = 0;
 
   Serving& serving() { return serving_; }
-  bool cancelled() const { return context_->IsCancelled(); }
+  // Whether the update that is worked on is of no use any more: the caller is gone, or the server
+  // stops.
+  bool cancelled() {
+    if (context_->IsCancelled()) return true;
+    const std::lock_guard lock(mutex_);
+    return ending_.has_value();
+  }
 
  private:
   using Clock = std::chrono::steady_clock;

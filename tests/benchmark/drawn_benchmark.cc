@@ -230,8 +230,8 @@ void MotionAnyQ(benchmark::State& state, Thing thing) {
     const DrawnChecker& checker = checkers[i % checkers.size()];
     const MotionCheck check =
         CheckMotion(*bench.robot, bench.questions[i], ends[i], kMotionResolution,
-                    [&](std::span<const double> q, Growth growth) {
-                      return !checker.ShownBy(kMinViews, q, growth, scratch);
+                    [&](const MotionPlace& place) {
+                      return !checker.ShownBy(kMinViews, place.q, place.growth, scratch);
                     });
     free += check.free ? 1 : 0;
     proven += check.free && check.sampled_step == 0 ? 1 : 0;

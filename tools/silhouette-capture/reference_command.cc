@@ -64,6 +64,11 @@ std::string RemarksOn(const Reference& reference) {
   return remarks;
 }
 
+// What is to be done next: no run captures what is drawn.
+std::string NextCommand(const CellArguments& arguments, const CellFile& file) {
+  return arguments.Command(file.cell.robot.drawn ? "verify-model" : "run");
+}
+
 std::string ReferenceText(const CellArguments& arguments, const CellFile& file,
                           uint64_t robot_images, const std::vector<Reference>& references) {
   std::string text = absl::StrFormat("reference images in %s: %d per view\n", file.database,
@@ -80,7 +85,7 @@ std::string ReferenceText(const CellArguments& arguments, const CellFile& file,
                           "the %d existing records were made with the previous reference images\n",
                           robot_images);
   }
-  return absl::StrCat(text, "next: ", arguments.Command("run"), "\n");
+  return absl::StrCat(text, "next: ", NextCommand(arguments, file), "\n");
 }
 
 nlohmann::ordered_json ReferenceJson(const CellArguments& arguments, const CellFile& file,
@@ -88,7 +93,7 @@ nlohmann::ordered_json ReferenceJson(const CellArguments& arguments, const CellF
   nlohmann::ordered_json json = {{"database", file.database},
                                  {"images", file.cell.capture.reference_images},
                                  {"views", nlohmann::ordered_json::array()},
-                                 {"next", arguments.Command("run")}};
+                                 {"next", NextCommand(arguments, file)}};
   for (size_t v = 0; v < references.size(); ++v) {
     const Reference::Figures figures = references[v].Describe();
     json["views"].push_back({{"name", file.cell.views[v].name},

@@ -11,6 +11,7 @@
 #include <map>
 #include <memory>
 #include <mutex>
+#include <optional>
 #include <thread>
 
 #include "absl/strings/str_cat.h"
@@ -250,11 +251,16 @@ absl::StatusOr<ExitCode> Check(const Session& session, const CheckArguments& arg
   return checks.AllFree() ? kDone : kNo;
 }
 
-absl::StatusOr<ExitCode> CheckPath(const Session& session, const PathArguments& arguments) {
-  ASSIGN_OR_RETURN(const auto waypoints, WaypointsOf(session, arguments));
+struct CheckPathArguments {
+  PathArguments path;
+  std::optional<double> resolution;
+};
+
+absl::StatusOr<ExitCode> CheckPath(const Session& session, const CheckPathArguments& arguments) {
+  ASSIGN_OR_RETURN(const auto waypoints, WaypointsOf(session, arguments.path));
   ASSIGN_OR_RETURN(const Client client, session.Connect());
-  ASSIGN_OR_RETURN(const auto check,
-                   client.CheckPath(waypoints, session.policy, session.clearance));
+  ASSIGN_OR_RETURN(const auto check, client.CheckPath(waypoints, session.policy, session.clearance,
+                                                      arguments.resolution));
   PrintResult(session.format, JsonOf(check, session.clearance), TextOf(check));
   return check.verdict.free() ? kDone : kNo;
 }
@@ -308,8 +314,9 @@ void AddCheckCommand(CLI::App& program, Session& session) {
 void AddPathCommand(CLI::App& program, Session& session) {
   CLI::App* command = program.add_subcommand(
       "path", "Report whether a path is free, or the first place where it is not");
-  auto arguments = std::make_shared<PathArguments>();
-  AddPathArguments(*command, session, *arguments);
+  auto arguments = std::make_shared<CheckPathArguments>();
+  AddPathArguments(*command, session, arguments->path);
+  AddResolutionOption(*command, arguments->resolution);
   AddClearanceFlag(*command, session);
   AddVerdictOptions(*command, session);
   command->footer(
@@ -317,7 +324,8 @@ void AddPathCommand(CLI::App& program, Session& session) {
       "Exit code 0 if the path is free, 1 if not.\n\n"
       "Example:\n"
       "  silhouette path 0.1,0.2 0.5,0.2 0.5,-30deg\n"
-      "  silhouette path --file path.json --clearance");
+      "  silhouette path --file path.json --clearance\n"
+      "  silhouette path 0,0,0,0,0,0 0.5,0,0,0,0,0 --resolution 0.001");
   Runs(*command, session, CheckPath, arguments);
 }
 

@@ -66,6 +66,13 @@ void AddDegreesFlag(CLI::App& command, Session& session, const std::string& what
       what + " without a unit are degrees");
 }
 
+void AddResolutionOption(CLI::App& command, std::optional<double>& resolution) {
+  command.add_option("--resolution", resolution,
+                     "If robot images are drawn: sample the path in steps of this, in metres that "
+                     "some point of the robot moves, where it cannot be proven free; 0.0005 to 0.1 "
+                     "[0.005]");
+}
+
 void AddPathArguments(CLI::App& command, Session& session, PathArguments& arguments) {
   command.add_option("waypoints", arguments.waypoints,
                      "Configurations: joint values with commas between them");

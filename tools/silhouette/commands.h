@@ -5,6 +5,7 @@
 #include <CLI/CLI.hpp>
 #include <functional>
 #include <memory>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -42,6 +43,9 @@ void AddClearanceFlag(CLI::App& command, Session& session);
 
 // --degrees. `what`: the values that it is for.
 void AddDegreesFlag(CLI::App& command, Session& session, const std::string& what = "Values");
+
+// --resolution, of CheckPath, metres.
+void AddResolutionOption(CLI::App& command, std::optional<double>& resolution);
 
 // A path on the command line: waypoints, or --file; --degrees.
 struct PathArguments {

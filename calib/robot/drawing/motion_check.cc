@@ -30,8 +30,7 @@ std::vector<double> Displacements(const DrawnRobot& robot, std::span<const doubl
 class MotionHalver {
  public:
   MotionHalver(const DrawnRobot& robot, std::span<const double> from, std::span<const double> to,
-               double resolution,
-               const std::function<bool(std::span<const double> q, Growth growth)>& is_free)
+               double resolution, const std::function<bool(const MotionPlace&)>& is_free)
       : from_(from),
         to_(to),
         resolution_(resolution),
@@ -52,19 +51,20 @@ class MotionHalver {
   }
 
   bool IsProven(double first, double last) {
-    GoTo((first + last) / 2);
+    const double middle = (first + last) / 2;
+    GoTo(middle);
     // A little more, for rounding.
     const double share = (last - first) / 2 * (1 + 1e-9);
     for (size_t part = 0; part < moved_.size(); ++part) growth_[part] = share * moved_[part];
     ++result_.checks;
-    return is_free_(q_, growth_);
+    return is_free_({q_, growth_, middle, first, last});
   }
 
-  bool IsFreeAt(double place) {
+  bool IsFreeAt(double place, double first, double last) {
     if (place == known_free_) return true;
     GoTo(place);
     ++result_.checks;
-    if (!is_free_(q_, {})) {
+    if (!is_free_({q_, {}, place, first, last})) {
       result_.fraction = place;
       return false;
     }
@@ -80,13 +80,14 @@ class MotionHalver {
       return IsFree(first, middle) && IsFree(middle, last);
     }
     result_.sampled_step = std::max(result_.sampled_step, (last - first) / 2 * farthest_);
-    return IsFreeAt(first) && IsFreeAt(middle) && IsFreeAt(last);
+    return IsFreeAt(first, first, last) && IsFreeAt(middle, first, last) &&
+           IsFreeAt(last, first, last);
   }
 
   std::span<const double> from_;
   std::span<const double> to_;
   double resolution_;
-  const std::function<bool(std::span<const double> q, Growth growth)>& is_free_;
+  const std::function<bool(const MotionPlace&)>& is_free_;
   std::vector<double> moved_;  // by part, metres, all along
   double farthest_;
   std::vector<double> q_;
@@ -97,10 +98,9 @@ class MotionHalver {
 
 }  // namespace
 
-MotionCheck CheckMotion(
-    const DrawnRobot& robot, std::span<const double> from, std::span<const double> to,
-    double resolution,
-    const std::function<bool(std::span<const double> q, Growth growth)>& is_free) {
+MotionCheck CheckMotion(const DrawnRobot& robot, std::span<const double> from,
+                        std::span<const double> to, double resolution,
+                        const std::function<bool(const MotionPlace&)>& is_free) {
   if (!(resolution > 0)) throw std::invalid_argument("a resolution is above 0");
   return MotionHalver(robot, from, to, resolution, is_free).Check();
 }

@@ -27,17 +27,27 @@ struct MotionCheck {
   int checks = 0;  // calls of `is_free`
 };
 
-// `is_free(q, growth)`: whether the robot at q is free, each part grown by `growth`; if it is, so
-// is it with less growth. Called along the motion, first half first, until a place is not free.
-// Stretches on which no point moves farther than `resolution`, metres, and that are not proven, are
-// decided ungrown at their ends and middle. The proof holds between configurations within the
+// What CheckMotion asks about: the robot at `q`, each part grown by `growth`.
+struct MotionPlace {
+  std::span<const double> q;
+  Growth growth;
+  double fraction = 0;  // of the way, where q is
+  // The stretch of the way that all of is free if the grown robot is. Without growth, one that is
+  // not proven, of which this is an end or the middle.
+  double first = 0;
+  double last = 0;
+};
+
+// `is_free(place)`: whether the robot is free there; if it is, so is it with less growth. Called
+// along the motion, first half first, until a place is not free. Stretches on which no point moves
+// farther than `resolution`, metres, and that are not proven, are decided ungrown at their ends and
+// middle. The proof holds between configurations within the
 // joints' limits, which are not looked at; values of continuous joints count as they are, not by
 // the shorter way. Throws std::invalid_argument if there is not a finite value for each joint, or
 // `resolution` is not above 0.
-MotionCheck CheckMotion(
-    const DrawnRobot& robot, std::span<const double> from, std::span<const double> to,
-    double resolution,
-    const std::function<bool(std::span<const double> q, Growth growth)>& is_free);
+MotionCheck CheckMotion(const DrawnRobot& robot, std::span<const double> from,
+                        std::span<const double> to, double resolution,
+                        const std::function<bool(const MotionPlace&)>& is_free);
 
 // How far a point of the robot moves at most along the motion, metres: CheckMotion makes no more
 // than about 8 calls for each `resolution` of it.

@@ -43,6 +43,7 @@ enum class Reason : uint8_t {
   kViewsSwapped = 22,
   kCameraMoved = 23,
   kRobotElsewhere = 24,
+  kMotionNotProven = 25,
   kNotInMap = 200,
   kBetweenGridPoints = 201,
   kNoUpdate = 203,

@@ -171,15 +171,16 @@ TEST_F(Clearances, SmallestOnAPathIsThatOfThePlacesTested) {
     std::optional<PathClearance> smallest;
     double least = kClearanceInfinity;
     std::optional<std::pair<int, double>> first_place;
-    const PathVerdict path = test.CheckPath(waypoints, {}, [&](const TestedPlace& place) {
-      meter.Narrow(place, smallest);
-      EXPECT_EQ(place.verdict, test.Check(place.configuration));
-      const std::optional<double> here = meter.Measure(place.configuration, place.verdict);
-      if (here && (*here < least || !first_place)) {
-        least = *here;
-        first_place = {place.segment, place.fraction};
-      }
-    });
+    const PathVerdict path = test.CheckPath(
+        waypoints, {}, {.tested = [&](const TestedPlace& place) {
+          meter.Narrow(place, smallest);
+          EXPECT_EQ(place.verdict, test.Check(place.configuration));
+          const std::optional<double> here = meter.Measure(place.configuration, place.verdict);
+          if (here && (*here < least || !first_place)) {
+            least = *here;
+            first_place = {place.segment, place.fraction};
+          }
+        }});
     if (path.verdict.state() == State::kUnknown) continue;
     ASSERT_TRUE(smallest && first_place);
     EXPECT_EQ(smallest->pixels(), least);

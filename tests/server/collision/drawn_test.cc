@@ -174,7 +174,7 @@ TEST_F(DrawnTest, ForbiddenIsNeverFreeNorIsAMotionAcrossIt) {
     EXPECT_EQ(test.Check(Configuration{0, 0.505, 0}), Verdict::Unknown(Reason::kExcluded));
     EXPECT_TRUE(test.Check(Configuration{0, 0.4, 0}).free());
     const PathVerdict path =
-        test.CheckPath(std::vector<Configuration>{{0, 0, 0}, {0, 1, 0}}, {}, {}, 0.1);
+        test.CheckPath(std::vector<Configuration>{{0, 0, 0}, {0, 1, 0}}, {}, {.resolution = 0.1});
     EXPECT_EQ(path.verdict, Verdict::Unknown(Reason::kExcluded));
     EXPECT_NEAR(path.fraction, 0.5, 0.1);
   }
@@ -250,23 +250,75 @@ TEST_F(DrawnTest, ClearanceOfAMotionIsNoMoreThanOfAnyPlaceOnIt) {
   const auto [balls, images] = arm_.SomeScene(random_, 1);
   const DistanceImages distances = DistancesTo(ObstaclePlanes(images));
   size_t free = 0;
+  size_t sampled = 0;
   const CollisionChecker test(table_, images, {});
   const ClearanceMeter meter(test, images, {}, {}, distances);
-  for (int i = 0; i < 60; ++i) {
+  for (int i = 0; i < 200; ++i) {
     const std::vector<Configuration> path = {DrawnArm::Any(random_), DrawnArm::Any(random_)};
     std::optional<PathClearance> narrowest;
-    const PathVerdict verdict =
-        test.CheckPath(path, {}, [&](const TestedPlace& place) { meter.Narrow(place, narrowest); });
+    const PathVerdict verdict = test.CheckPath(
+        path, {},
+        {.resolution = i % 2 == 0 ? kMotionResolution : 0.4,
+         .tested = [&](const TestedPlace& place) { meter.Narrow(place, narrowest); }});
     if (!verdict.verdict.free()) continue;
     ++free;
     ASSERT_TRUE(narrowest);
-    for (int step = 0; step <= 50 && verdict.sampled_step == 0; ++step) {
+    if (verdict.sampled_step > 0) {
+      ++sampled;
+      ASSERT_EQ(narrowest->pixels(), 0) << "between the samples nothing is known";
+    }
+    for (int step = 0; step <= 50; ++step) {
       Configuration q = path[0];
       for (size_t j = 0; j < 3; ++j) q[j] += step / 50.0 * (path[1][j] - path[0][j]);
-      ASSERT_LE(narrowest->pixels(), meter.Measure(q, test.Check(q)).value());
+      ASSERT_LE(narrowest->pixels(), meter.Measure(q, test.Check(q)).value_or(0));
     }
   }
   EXPECT_GT(free, 5u);
+  EXPECT_GT(sampled, 0u);
+}
+
+TEST_F(DrawnTest, WhatIsGivenUpIsUnknownAndTestsNoMore) {
+  const auto [balls, images] = arm_.SomeScene(random_, 3);
+  for (const Preset preset : kPresets) {
+    const CollisionChecker test(table_, images, {.preset = preset}, Prepared(images));
+    for (int i = 0; i < 20; ++i) {
+      const std::vector<Configuration> path = {DrawnArm::Any(random_), DrawnArm::Any(random_),
+                                               DrawnArm::Any(random_)};
+      const PathVerdict whole = test.CheckPath(path);
+      EXPECT_FALSE(whole.stopped);
+      const int64_t most = whole.checked / 2;
+      int64_t asked = 0;
+      int64_t looked = 0;
+      const PathVerdict verdict = test.CheckPath(path, {},
+                                                 {.tested = [&](const TestedPlace&) { ++looked; },
+                                                  .stop = [&] { return ++asked > most; }});
+      EXPECT_TRUE(verdict.stopped);
+      EXPECT_EQ(verdict.verdict.state(), State::kUnknown);
+      EXPECT_LE(looked, most);
+    }
+    int asked = 0;
+    EXPECT_EQ(test.CheckTile(0, [&] { return ++asked > 20; }), std::nullopt);
+    EXPECT_EQ(asked, 21);
+  }
+}
+
+TEST_F(DrawnTest, MapIsWhatChecksOfItsConfigurationsAre) {
+  const ConfigurationGrid& grid = table_.grid();
+  for (int scene = 0; scene < 4; ++scene) {
+    auto [balls, images] = arm_.SomeScene(random_, 2);
+    if (scene == 3) images[1].reset();
+    for (const Preset preset : kPresets) {
+      const CollisionChecker test(table_, images, {.preset = preset}, Prepared(images));
+      const TileVerdicts tile = test.CheckTile(0);
+      for (ConfigurationNumber number = 0; number < kTileSize; ++number) {
+        if (!grid.Contains(number)) continue;
+        const State state = test.Check(number).state();
+        EXPECT_EQ(tile.free[number / 64] >> (number % 64) & 1, state == State::kFree ? 1u : 0u);
+        EXPECT_EQ(tile.occupied[number / 64] >> (number % 64) & 1,
+                  state == State::kOccupied ? 1u : 0u);
+      }
+    }
+  }
 }
 
 TEST_F(DrawnTest, TheTableKnowsItsGridAndRefusesAnotherRobot) {

@@ -204,7 +204,6 @@ TEST_P(RandomPaths, ExactTraversalFindsWhatDenseSamplesFindAndNothingElse) {
           {waypoints.empty() ? a(random) : waypoints.back()[0] + a(random) / 8, b(random)});
     }
     const PathVerdict exact = test.CheckPath(waypoints);
-    EXPECT_LE(exact.checked, MostPlaces(cell.grid, waypoints));
     const auto not_free_at = [&](double at) {
       const Configuration q = OnPath(waypoints, at);
       return !NearACrossing(cell.grid, q, GetParam()) && !test.Check(q).free();
@@ -249,17 +248,32 @@ TEST(SegmentPlaces, AreTheCrossingsAndOnePlaceBetweenEachTwo) {
   EXPECT_EQ(nearest, (std::vector<double>{0.1875, 0.375, 0.625, 0.875, 0.9375}));
 }
 
+TEST(CheckPath, GivenUpItIsUnknownAndNoPlaceMoreIsTested) {
+  const PointCell cell(TurningGrid(), [](int, int) { return false; });
+  const CollisionChecker test(cell.table, cell.images, {});
+  const std::vector<Configuration> path = {{0, 0}, {100 * kTurn, 0}};
+  const int64_t all = test.CheckPath(path).checked;
+  for (const int64_t most : {int64_t{0}, int64_t{1}, int64_t{100}, all - 1}) {
+    int64_t asked = 0;
+    int64_t tested = 0;
+    const PathVerdict verdict = test.CheckPath(
+        path, {},
+        {.tested = [&](const TestedPlace&) { ++tested; }, .stop = [&] { return ++asked > most; }});
+    EXPECT_TRUE(verdict.stopped);
+    EXPECT_EQ(verdict.verdict.state(), State::kUnknown);
+    EXPECT_EQ(verdict.checked, most);
+    EXPECT_EQ(tested, most);
+  }
+  int64_t asked = 0;
+  const PathVerdict whole = test.CheckPath(path, {}, {.stop = [&] { return ++asked > all; }});
+  EXPECT_FALSE(whole.stopped);
+  EXPECT_TRUE(whole.verdict.free());
+}
+
 TEST(SegmentPlaces, LineThatDoesNotMoveHasNone) {
   const Configuration q = {0.5, 1};
   SegmentPlaces places(UnitGrid(5, 5), q, q, OffGrid::kCell);
   EXPECT_EQ(places.Next(), std::nullopt);
-}
-
-TEST(MostPlaces, GrowsWithTheTurnsOfAContinuousJointAndIsInfiniteForValuesThatAre) {
-  const ConfigurationGrid grid = TurningGrid();
-  EXPECT_GT(MostPlaces(grid, std::vector<Configuration>{{0, 0}, {1e6 * kTurn, 0}}), 2.4e7);
-  EXPECT_TRUE(std::isinf(MostPlaces(grid, std::vector<Configuration>{{0, 0}, {INFINITY, 0}})));
-  EXPECT_THROW(MostPlaces(grid, std::vector<Configuration>{{0}}), std::invalid_argument);
 }
 
 }  // namespace

@@ -45,10 +45,11 @@ TEST_F(TableInPlace, PathWithAPlaceThatCouldNotBeReadIsNotFree) {
     bool all_free = true;
     std::optional<PathClearance> clearance;
     const std::vector<Configuration> path = {from, to};
-    const PathVerdict verdict = test.CheckPath(path, evidence, [&](const TestedPlace& place) {
-      all_free = all_free && place.verdict.free();
-      meter.Narrow(place, clearance);
-    });
+    const PathVerdict verdict =
+        test.CheckPath(path, evidence, {.tested = [&](const TestedPlace& place) {
+                         all_free = all_free && place.verdict.free();
+                         meter.Narrow(place, clearance);
+                       }});
     ASSERT_EQ(verdict.verdict.free(), all_free);
     (all_free ? free_paths : other_paths) += 1;
     // Images without a pixel have no clearance; one that was not read counts as touching.

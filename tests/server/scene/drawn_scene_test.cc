@@ -150,7 +150,6 @@ TEST_F(DrawnSoundTest, RobotThatTouchesAnObstacleIsNeverFreeUnderSoundAtAnyConfi
 
 TEST_F(DrawnSoundTest, NoFreeMotionTouchesAnObstacleUnderSound) {
   size_t free = 0;
-  size_t proven = 0;
   for (int scene = 0; scene < 6; ++scene) {
     const Configuration now = Any();
     const std::vector<DrawnCellBall> balls = SomeBalls(now, 0.09);
@@ -158,20 +157,50 @@ TEST_F(DrawnSoundTest, NoFreeMotionTouchesAnObstacleUnderSound) {
     for (int i = 0; i < 12; ++i) {
       // Every other one begins where the robot stands.
       const std::vector<Configuration> path = {i % 2 == 0 ? now : Any(), Any()};
-      const PathVerdict verdict = checker.CheckPath(path, {}, nullptr, nullptr, 0.02);
+      const PathVerdict verdict =
+          checker.CheckPath(path, {}, nullptr, nullptr, {.resolution = 0.02});
       if (!verdict.verdict.free()) continue;
       ++free;
-      proven += verdict.sampled_step == 0 ? 1 : 0;
+      ASSERT_EQ(verdict.sampled_step, 0) << "all of it is proven";
       for (int step = 0; step <= 400; ++step) {
         Configuration q = path[0];
         for (size_t j = 0; j < 2; ++j) q[j] += step / 400.0 * (path[1][j] - path[0][j]);
-        ASSERT_FALSE(Touches(q, balls) && verdict.sampled_step == 0);
-        ASSERT_FALSE(Touches(q, balls) && checker.Check(q).free());
+        ASSERT_FALSE(Touches(q, balls));
       }
     }
   }
   EXPECT_GT(free, 10u);
-  EXPECT_GT(proven, 5u);
+}
+
+TEST_F(DrawnSoundTest, UnderSoundMotionThatIsOnlySampledIsUnknown) {
+  size_t unproven = 0;
+  size_t proven_finer = 0;
+  for (const Preset preset : {Preset::kSoundPlanes, Preset::kSound}) {
+    for (int scene = 0; scene < 6; ++scene) {
+      const Configuration now = Any();
+      const std::vector<DrawnCellBall> balls = SomeBalls(now, 0.09);
+      const Checker checker = CheckerOf(InputOf(now, balls), {.preset = preset});
+      for (int i = 0; i < 20; ++i) {
+        const std::vector<Configuration> path = {Any(), Any()};
+        std::vector<ViewEvidence> evidence(4);
+        const PathVerdict coarse =
+            checker.CheckPath(path, evidence, nullptr, nullptr, {.resolution = 0.1});
+        EXPECT_EQ(coarse.sampled_step, 0);
+        if (coarse.verdict != Verdict::Unknown(Reason::kMotionNotProven)) continue;
+        ++unproven;
+        EXPECT_TRUE(checker.Check(coarse.configuration).free()) << "what is there, was looked at";
+        for (size_t j = 0; j < 2; ++j) {
+          const double at = path[static_cast<size_t>(coarse.segment)][j];
+          EXPECT_NEAR(coarse.configuration[j], std::lerp(at, path[1][j], coarse.fraction), 1e-9);
+        }
+        const PathVerdict fine =
+            checker.CheckPath(path, {}, nullptr, nullptr, {.resolution = 0.001});
+        proven_finer += fine.verdict.free() ? 1 : 0;
+      }
+    }
+  }
+  EXPECT_GT(unproven, 5u);
+  EXPECT_GT(proven_finer, 0u);
 }
 
 TEST_F(DrawnSoundTest, MotionIsNotFreeForItsEndsAndMiddleAlone) {
@@ -192,7 +221,8 @@ TEST_F(DrawnSoundTest, MotionIsNotFreeForItsEndsAndMiddleAlone) {
       if (!checker.Check(path[0]).free() || !checker.Check(path[1]).free()) continue;
       if (!checker.Check(at(0.5)).free()) continue;
       ++met;
-      ASSERT_FALSE(checker.CheckPath(path, {}, nullptr, nullptr, 0.05).verdict.free());
+      ASSERT_FALSE(
+          checker.CheckPath(path, {}, nullptr, nullptr, {.resolution = 0.05}).verdict.free());
     }
   }
   EXPECT_GT(met, 3u);
@@ -283,6 +313,34 @@ TEST_F(DrawnSceneTest, ItsMapIsDrawnAndHasNoFreeCells) {
   EXPECT_TRUE(space.cells_ready(0));
   EXPECT_TRUE(space.free_cells(0).Empty());
   EXPECT_FALSE(space.cells_exact());
+}
+
+TEST_F(DrawnSceneTest, MapThatIsGivenUpGoesOnFromThere) {
+  const Served served = ServedScene(InputOf({0, 0}, {{{0.6, 0, 0.8}, 0.1}}));
+  const ConfigurationSpace whole(served, {});
+  const ConfigurationSpace space(served, {});
+  const std::vector<uint64_t> tiles = {0};
+  for (const int most : {0, 1, 4}) {
+    int asked = 0;
+    EXPECT_FALSE(space.WorkOut(tiles, [&] { return ++asked > most; }));
+    EXPECT_EQ(asked, most + 1) << "a configuration at a time";
+    EXPECT_FALSE(space.ready(0));
+  }
+  const std::vector<uint32_t> numbers = {0, 1};
+  std::vector<uint64_t> bits(1);
+  std::vector<uint64_t> others(1);
+  EXPECT_FALSE(space.States(numbers, bits, others, [] { return true; }));
+  EXPECT_TRUE(space.WorkOut(tiles, nullptr));
+  EXPECT_EQ(space.tile(0), whole.tile(0));
+  EXPECT_TRUE(space.WorkOut(tiles, [] { return true; })) << "nothing is left to do";
+
+  const auto verdicts = std::make_shared<const ConfigurationSpace>(served, Policy());
+  const ClearanceSpace levels(verdicts, served, {}, {1.0});
+  EXPECT_FALSE(levels.WorkOut(tiles, [] { return true; }));
+  int asked = 0;
+  EXPECT_FALSE(levels.WorkOut(tiles, [&] { return ++asked > 8; }));
+  EXPECT_FALSE(levels.ready(0));
+  EXPECT_TRUE(levels.WorkOut(tiles, nullptr));
 }
 
 TEST_F(DrawnSceneTest, CapturedImagesAndTheirIndexAreNotLookedAt) {

@@ -123,9 +123,6 @@ TEST_F(CollisionServiceTest, TooMuchAtOnceIsRefused) {
   v1::CheckConfigurationsRequest request;
   for (int i = 0; i <= kMaxConfigurations; ++i) request.add_configurations();
   EXPECT_EQ(Refusal(request), "configurations: there are 10001; ask for at most 10000 at once");
-  v1::CheckPathRequest path;
-  for (double turns : {0.0, 1e6}) Set({0, turns * 2 * std::numbers::pi}, path.add_waypoints());
-  EXPECT_THAT(Refusal(path), HasSubstr("split it"));
 }
 
 TEST_F(CollisionServiceTest, LargeBatchIsAnsweredWhole) {

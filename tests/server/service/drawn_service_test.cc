@@ -92,7 +92,7 @@ TEST_F(DrawnServiceTest, SampledMotionSaysItsStep) {
   EXPECT_LE(response.sampled_step(), 0.0501);
 }
 
-TEST_F(DrawnServiceTest, ResolutionThatCannotBeAndPathThatIsTooLongAreRefused) {
+TEST_F(DrawnServiceTest, ResolutionThatCannotBeIsRefused) {
   v1::CheckPathRequest request;
   Set({0, 0}, request.add_waypoints());
   Set({1, 0}, request.add_waypoints());
@@ -103,11 +103,6 @@ TEST_F(DrawnServiceTest, ResolutionThatCannotBeAndPathThatIsTooLongAreRefused) {
     EXPECT_EQ(status.error_code(), grpc::StatusCode::INVALID_ARGUMENT);
     EXPECT_THAT(status.error_message(), HasSubstr("path_resolution"));
   }
-  request.clear_path_resolution();
-  Set({1e5, 0}, request.add_waypoints());
-  const grpc::Status status = server.Call(request, &response);
-  EXPECT_EQ(status.error_code(), grpc::StatusCode::INVALID_ARGUMENT);
-  EXPECT_THAT(status.error_message(), HasSubstr("split it"));
 }
 
 TEST_F(DrawnServiceTest, OutsideTheLimitsIsUnknown) {
@@ -115,6 +110,20 @@ TEST_F(DrawnServiceTest, OutsideTheLimitsIsUnknown) {
   EXPECT_EQ(server.CheckOne({0, 2.1}).reason(), v1::Verdict::REASON_OUTSIDE_GRID);
   EXPECT_EQ(server.Path({{1.4, 0}, {1.4, 2.1}}).verdict().reason(),
             v1::Verdict::REASON_OUTSIDE_GRID);
+  const double huge = 1e308;
+  for (const std::vector<Configuration>& path :
+       std::vector<std::vector<Configuration>>{{{huge, 0}, {-huge, 0}},
+                                               {{0, huge}, {0, -huge}},
+                                               {{huge, huge}, {-huge, -huge}},
+                                               {{1.4, 0}, {huge, 0}},
+                                               {{1.4, 0}, {NAN, 0}}}) {
+    for (const bool clearance : {false, true}) {
+      EXPECT_EQ(server.Path(path, clearance).verdict().reason(), v1::Verdict::REASON_OUTSIDE_GRID);
+    }
+    EXPECT_EQ(server.Check(path, {}, /*clearance=*/true).verdicts(1).reason(),
+              v1::Verdict::REASON_OUTSIDE_GRID);
+    EXPECT_EQ(server.Explain(path[1]).verdict().reason(), v1::Verdict::REASON_OUTSIDE_GRID);
+  }
 }
 
 TEST_F(DrawnServiceTest, MapInTheClientFreesNothingOffTheGrid) {

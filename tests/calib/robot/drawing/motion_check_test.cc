@@ -8,6 +8,7 @@
 #include <cmath>
 #include <limits>
 #include <memory>
+#include <numeric>
 #include <optional>
 #include <stdexcept>
 #include <utility>
@@ -72,12 +73,14 @@ TEST(MotionCheck, ProvenMotionMeetsNoObstacleWhereverItIsSampled) {
     const DrawnChecker scene = cell.RandomScene();
     const auto [from, to] = cell.RandomMotion(Uniform(cell.random, 0.05, 1.2));
     const int views = 1 + trial % 4;
-    const auto is_free = [&](std::span<const double> q, Growth growth) {
-      return scene.Showing(q, growth, views, scratch) < views;
+    const auto is_free = [&](const MotionPlace& place) {
+      return scene.Showing(place.q, place.growth, views, scratch) < views;
     };
     const double resolution = trial % 3 == 0 ? 0.6 : 0.02;
     const MotionCheck check = CheckMotion(*cell.robot, from, to, resolution, is_free);
-    const auto is_free_at = [&](double place) { return is_free(At(from, to, place), {}); };
+    const auto is_free_at = [&](double place) {
+      return is_free({.q = At(from, to, place), .growth = {}});
+    };
     const double moved = GreatestDisplacement(*cell.robot, from, to);
     if (!check.free) {
       ++met;
@@ -115,22 +118,14 @@ TEST(MotionCheck, PlaceThatIsFoundIsTheFirst) {
     // Not free from a place on, and again free beyond another: the first is reported.
     const double first = Uniform(cell.random, 0, 0.9);
     const double length = Uniform(cell.random, 0.06, 0.2);
-    const auto place_of = [&, &from = from, &to = to](std::span<const double> q) {
-      size_t widest = 0;
-      for (size_t j = 1; j < q.size(); ++j) {
-        if (std::abs(to[j] - from[j]) > std::abs(to[widest] - from[widest])) widest = j;
-      }
-      return (q[widest] - from[widest]) / (to[widest] - from[widest]);
-    };
     double asked = 0;
     const MotionCheck check =
-        CheckMotion(*cell.robot, from, to, 0.005, [&](std::span<const double> q, Growth growth) {
-          const double place = place_of(q);
-          if (!growth.empty()) return false;  // nothing is proven
-          EXPECT_GE(place, asked - 1e-9) << "along the motion";
-          asked = place;
-          const bool here = place >= first && place <= first + length;
-          return !here && place < 0.97;
+        CheckMotion(*cell.robot, from, to, 0.005, [&](const MotionPlace& place) {
+          if (!place.growth.empty()) return false;  // nothing is proven
+          EXPECT_GE(place.fraction, asked) << "along the motion";
+          asked = place.fraction;
+          const bool here = asked >= first && asked <= first + length;
+          return !here && asked < 0.97;
         });
     EXPECT_FALSE(check.free);
     EXPECT_GE(check.fraction, first);
@@ -144,12 +139,11 @@ TEST(MotionCheck, StepThatIsReportedIsHowItWasSampled) {
   for (const double resolution : {0.1, 0.01, 0.005}) {
     std::vector<double> places;
     const MotionCheck check =
-        CheckMotion(*cell.robot, from, to, resolution,
-                    [&, &from = from, &to = to](std::span<const double> q, Growth growth) {
-                      if (!growth.empty()) return false;
-                      places.push_back((q[0] - from[0]) / (to[0] - from[0]));
-                      return true;
-                    });
+        CheckMotion(*cell.robot, from, to, resolution, [&](const MotionPlace& place) {
+          if (!place.growth.empty()) return false;
+          places.push_back(place.fraction);
+          return true;
+        });
     EXPECT_TRUE(check.free);
     EXPECT_LE(check.sampled_step, resolution / 2);
     EXPECT_GT(check.sampled_step, resolution / 4.1);
@@ -169,8 +163,8 @@ TEST(MotionCheck, OneLookProvesAMotionFarFromObstacles) {
   const auto [from, to] = cell.RandomMotion(0.3);
   std::vector<double> grown;
   const MotionCheck check =
-      CheckMotion(*cell.robot, from, to, 0.005, [&](std::span<const double>, Growth growth) {
-        grown.assign(growth.begin(), growth.end());
+      CheckMotion(*cell.robot, from, to, 0.005, [&](const MotionPlace& place) {
+        grown.assign(place.growth.begin(), place.growth.end());
         return true;
       });
   EXPECT_TRUE(check.free);
@@ -211,13 +205,38 @@ TEST(MotionCheck, GrownPartsHoldWhereTheyAreAllAlong) {
   }
 }
 
+TEST(MotionCheck, PlacesKnowWhereTheyAreAndWhatStretchTheyStandFor) {
+  MotionCell cell;
+  const auto [from, to] = cell.RandomMotion(0.3);
+  int grown = 0;
+  int sampled = 0;
+  CheckMotion(*cell.robot, from, to, 0.005, [&, &from = from, &to = to](const MotionPlace& place) {
+    const std::vector<double> q = At(from, to, place.fraction);
+    EXPECT_TRUE(std::ranges::equal(q, place.q));
+    if (place.growth.empty()) {
+      ++sampled;
+      return place.fraction == place.first || place.fraction == place.last ||
+             place.fraction == std::midpoint(place.first, place.last);
+    }
+    ++grown;
+    EXPECT_DOUBLE_EQ(place.fraction, std::midpoint(place.first, place.last));
+    // The part that moves farthest is grown by what it moves from the middle to either end.
+    const double half =
+        GreatestDisplacement(*cell.robot, At(from, to, place.first), At(from, to, place.last)) / 2;
+    EXPECT_NEAR(std::ranges::max(place.growth), half, 1e-8);
+    return false;
+  });
+  EXPECT_GT(grown, 100);
+  EXPECT_GT(sampled, 100);
+}
+
 TEST(MotionCheck, RobotThatRestsIsCheckedWhereItIs) {
   MotionCell cell;
   const std::vector<double> q = RandomPositions(cell.random, cell.model);
   const auto check = [&](bool free) {
-    return CheckMotion(*cell.robot, q, q, 0.005, [&](std::span<const double> at, Growth growth) {
-      EXPECT_TRUE(std::ranges::equal(at, q));
-      EXPECT_TRUE(std::ranges::all_of(growth, [](double part) { return part == 0; }));
+    return CheckMotion(*cell.robot, q, q, 0.005, [&](const MotionPlace& place) {
+      EXPECT_TRUE(std::ranges::equal(place.q, q));
+      EXPECT_TRUE(std::ranges::all_of(place.growth, [](double part) { return part == 0; }));
       return free;
     });
   };
@@ -230,8 +249,7 @@ TEST(MotionCheck, RobotThatRestsIsCheckedWhereItIs) {
 TEST(MotionCheck, MotionsThatCannotBeAreRefused) {
   MotionCell cell;
   const auto check = [&](std::vector<double> from, std::vector<double> to, double resolution) {
-    return CheckMotion(*cell.robot, from, to, resolution,
-                       [](std::span<const double>, Growth) { return true; });
+    return CheckMotion(*cell.robot, from, to, resolution, [](const MotionPlace&) { return true; });
   };
   const std::vector<double> q(6);
   EXPECT_THROW(check(q, std::vector<double>(5), 0.005), std::invalid_argument);

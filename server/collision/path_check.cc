@@ -1,0 +1,144 @@
+// SPDX-License-Identifier: Apache-2.0
+// CollisionChecker::CheckPath.
+#include <algorithm>
+#include <cmath>
+#include <optional>
+#include <stdexcept>
+
+#include "server/collision/collision_checker.h"
+#include "server/collision/segment_places.h"
+
+namespace silhouette {
+namespace {
+
+void GoTo(std::span<const double> from, std::span<const double> to, double fraction,
+          Configuration& q) {
+  q.resize(from.size());
+  for (size_t j = 0; j < q.size(); ++j) q[j] = std::lerp(from[j], to[j], fraction);
+}
+
+Configuration PlaceOnWay(std::span<const double> from, std::span<const double> to,
+                         double fraction) {
+  Configuration q;
+  GoTo(from, to, fraction, q);
+  return q;
+}
+
+void EndAt(std::span<const double> q, size_t segment, double fraction, const Verdict& verdict,
+           PathVerdict& result) {
+  result.verdict = verdict;
+  result.segment = static_cast<int>(segment);
+  result.fraction = fraction;
+  result.configuration.assign(q.begin(), q.end());
+}
+
+}  // namespace
+
+PathVerdict CollisionChecker::CheckPath(std::span<const Configuration> waypoints,
+                                        std::span<ViewEvidence> evidence,
+                                        const PathSettings& settings) const {
+  if (waypoints.empty()) throw std::invalid_argument("a path has at least one waypoint");
+  if (table_.drawn() != nullptr) return CheckDrawnPath(waypoints, evidence, settings);
+  PathVerdict result;
+  bool hidden_possible = false;
+  // Whether the path ends here, because this place is not free.
+  const auto stops_at = [&](const Configuration& q, size_t segment, double fraction,
+                            const Between& part) {
+    result.stopped = Stopped(settings.stop);
+    if (result.stopped) return true;
+    ++result.checked;
+    const Verdict verdict = CheckPart(q, part, {});
+    if (settings.tested) settings.tested({q, static_cast<int>(segment), fraction, verdict});
+    hidden_possible = hidden_possible || verdict.hidden_possible();
+    if (verdict.free()) return false;
+    if (!evidence.empty()) CheckPart(q, part, evidence);
+    // Not the second verdict: an image may be read now that was not before.
+    EndAt(q, segment, fraction, verdict, result);
+    return true;
+  };
+  for (size_t i = 0; i < waypoints.size(); ++i) {
+    if (stops_at(waypoints[i], i, 0, {waypoints[i], waypoints[i]})) return result;
+    if (i + 1 == waypoints.size()) break;
+    const Configuration& to = waypoints[i + 1];
+    if (to.size() != waypoints[i].size()) continue;  // outside the grid, as its own turn will show
+    SegmentPlaces places(table_.grid(), waypoints[i], to, off_grid_);
+    if (!places.resolvable()) {
+      if (stops_at(to, i + 1, 0, {to, to})) return result;
+      // Too many turns away.
+      EndAt(to, i + 1, 0, Verdict::Unknown(Reason::kOutsideGrid), result);
+      return result;
+    }
+    // Places between crossings and crossings, in turn: the first stand for all of the line up to
+    // the next crossing.
+    double begin = 0;
+    bool crossing = false;
+    while (const std::optional<double> place = places.Next()) {
+      if (crossing) begin = *place;
+      const double end = crossing ? *place : std::min(1.0, 2 * *place - begin);
+      const Configuration first = PlaceOnWay(waypoints[i], to, begin);
+      const Configuration last = PlaceOnWay(waypoints[i], to, end);
+      if (stops_at(PlaceOnWay(waypoints[i], to, *place), i, *place, {first, last})) return result;
+      crossing = !crossing;
+    }
+  }
+  result.verdict = Verdict::Free(hidden_possible);
+  return result;
+}
+
+PathVerdict CollisionChecker::CheckDrawnPath(std::span<const Configuration> waypoints,
+                                             std::span<ViewEvidence> evidence,
+                                             const PathSettings& settings) const {
+  PathVerdict result;
+  bool hidden_possible = false;
+  Configuration first;
+  Configuration last;
+  // Whether it is free; `places`: of which nothing may be forbidden.
+  const auto note = [&](const TestedPlace& place, const Between& places) {
+    if (settings.tested) settings.tested(place);
+    hidden_possible = hidden_possible || place.verdict.hidden_possible();
+    if (place.verdict.free()) return true;
+    const std::span<const double> q = place.configuration;
+    if (!evidence.empty()) JudgeDrawn(q, {}, {q, q}, places, evidence);
+    EndAt(q, static_cast<size_t>(place.segment), place.fraction, place.verdict, result);
+    return false;
+  };
+  for (size_t i = 0; i < waypoints.size(); ++i) {
+    const Configuration& here = waypoints[i];
+    const auto segment = static_cast<int>(i);
+    const Between place{here, here};
+    result.stopped = Stopped(settings.stop);
+    if (result.stopped) return result;
+    ++result.checked;
+    if (!note({here, segment, 0, JudgeDrawn(here, {}, place, place, {})}, place)) return result;
+    if (i + 1 == waypoints.size()) break;
+    const Configuration& next = waypoints[i + 1];
+    // Beyond the limits, as its own turn will show.
+    if (table_.StateBetween(next, next) == RobotImageState::kMissing) continue;
+    const auto is_free = [&](const MotionPlace& at) {
+      result.stopped = result.stopped || Stopped(settings.stop);
+      if (result.stopped) return false;
+      GoTo(here, next, at.first, first);
+      GoTo(here, next, at.last, last);
+      const bool sampled = at.growth.empty();
+      const Between places{first, last};
+      Verdict verdict =
+          JudgeDrawn(at.q, at.growth, sampled ? Between{at.q, at.q} : places, places, {});
+      if (!sampled && !verdict.free()) return false;  // that proves nothing
+      // The sound presets promise that nothing is missed in between either.
+      const bool unproven = sampled && at.fraction == at.last && possible_space_ != nullptr;
+      if (unproven && verdict.free()) verdict = Verdict::Unknown(Reason::kMotionNotProven);
+      return note({at.q, segment, at.fraction, verdict, at.growth, sampled}, places);
+    };
+    const MotionCheck motion =
+        CheckMotion(*table_.drawn(), here, next, settings.resolution, is_free);
+    result.checked += motion.checks;
+    result.sampled_step = std::max(result.sampled_step, motion.sampled_step);
+    if (motion.free) continue;
+    result.sampled_step = 0;
+    return result;
+  }
+  result.verdict = Verdict::Free(hidden_possible);
+  return result;
+}
+
+}  // namespace silhouette
