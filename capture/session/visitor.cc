@@ -7,6 +7,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
+#include "absl/strings/str_join.h"
 #include "absl/time/clock.h"
 #include "capture/devices/running_clock.h"
 #include "capture/segmentation/difference.h"
@@ -18,6 +19,8 @@ namespace {
 
 constexpr int kLeastAttempts = 2;
 constexpr absl::Duration kLeastWait = absl::Milliseconds(1);
+
+std::string NameOf(ConfigurationNumber number) { return absl::StrCat("configuration ", number); }
 
 }  // namespace
 
@@ -47,23 +50,32 @@ absl::StatusOr<Visit> Visitor::Go(ConfigurationNumber number) {
   if (!route.ok()) {
     Visit visit;
     visit.outcome = Visit::Outcome::kUnreachable;
-    visit.why = absl::StrCat("configuration ", number, ": ", route.status().message());
+    visit.why = absl::StrCat(NameOf(number), ": ", route.status().message());
     return visit;
   }
   at_.reset();
   for (const Configuration& place : *route) {
     RETURN_IF_ERROR(MoveTo(place));
   }
-  return TakeImages(number);
+  ASSIGN_OR_RETURN(Visit visit, TakeImages(parts_.travel->grid().At(number), NameOf(number)));
+  if (visit.outcome == Visit::Outcome::kTaken) at_ = number;
+  return visit;
 }
 
-absl::StatusOr<Visit> Visitor::TakeImages(ConfigurationNumber number) {
+absl::StatusOr<Visit> Visitor::GoStraight(const Configuration& place) {
+  robot_lost_ = false;
+  at_.reset();
+  RETURN_IF_ERROR(MoveTo(place));
+  return TakeImages(place, absl::StrCat("configuration (", absl::StrJoin(place, ", "), ")"));
+}
+
+absl::StatusOr<Visit> Visitor::TakeImages(const Configuration& place, const std::string& name) {
   const absl::Duration settle = parts_.settings.settle;
   absl::SleepFor(settle);
   const absl::Duration end = RunningNow() + parts_.settings.settle_timeout;
   alike_.clear();
   for (int attempt = 1;; ++attempt) {
-    absl::StatusOr<Visit> visit = Look(number);
+    absl::StatusOr<Visit> visit = Look(place, name);
     if (!visit.ok() || visit->outcome == Visit::Outcome::kTaken) return visit;
     if (visit->why.empty()) continue;  // alike so far: the next, whatever the time
     // Some robots take longer to settle.
@@ -72,14 +84,14 @@ absl::StatusOr<Visit> Visitor::TakeImages(ConfigurationNumber number) {
   }
 }
 
-absl::StatusOr<Visit> Visitor::Look(ConfigurationNumber number) {
-  const std::vector<double> commanded = parts_.robot.Commanded(parts_.travel->grid().At(number));
+absl::StatusOr<Visit> Visitor::Look(const Configuration& place, const std::string& name) {
+  const std::vector<double> commanded = parts_.robot.Commanded(place);
   const double tolerance = parts_.settings.joint_tolerance;
   Visit visit;
   ASSIGN_OR_RETURN(std::vector<double> measured, Measure());
   visit.measured = std::move(measured);
   visit.deviation = parts_.robot.Deviation(commanded, visit.measured);
-  if (visit.deviation > tolerance) return Missed(number, commanded, visit.measured);
+  if (visit.deviation > tolerance) return Missed(name, commanded, visit.measured);
   absl::StatusOr<ImageSet> images = parts_.cameras.Grab(say_);
   if (absl::IsDeadlineExceeded(images.status())) {
     return absl::UnavailableError(images.status().message());
@@ -89,22 +101,20 @@ absl::StatusOr<Visit> Visitor::Look(ConfigurationNumber number) {
   ASSIGN_OR_RETURN(const std::vector<double> after, Measure());
   const double moved = parts_.robot.Deviation(visit.measured, after);
   if (moved > tolerance) {
-    return absl::AbortedError(absl::StrFormat(
-        "configuration %d: the robot moved by %.4f while its images were taken", number, moved));
+    return absl::AbortedError(
+        absl::StrFormat("%s: the robot moved by %.4f while its images were taken", name, moved));
   }
   visit.deviation = std::max(visit.deviation, parts_.robot.Deviation(commanded, after));
-  if (visit.deviation > tolerance) return Missed(number, commanded, after);
+  if (visit.deviation > tolerance) return Missed(name, commanded, after);
   if (const std::optional<std::string> view = ChangedView(visit.images)) {
     visit.why = absl::StrFormat(
-        "configuration %d: the images of the view '%s' still change though the robot stands still",
-        number, *view);
+        "%s: the images of the view '%s' still change though the robot stands still", name, *view);
     return visit;
   }
   if (std::ssize(alike_) < parts_.settings.still_images) return visit;
   alike_.pop_back();  // `images`
   visit.earlier = std::exchange(alike_, {});
   visit.outcome = Visit::Outcome::kTaken;
-  at_ = number;
   return visit;
 }
 
@@ -121,12 +131,12 @@ std::optional<std::string> Visitor::ChangedView(const ImageSet& images) {
   return changed;
 }
 
-Visit Visitor::Missed(ConfigurationNumber number, const std::vector<double>& commanded,
+Visit Visitor::Missed(const std::string& name, const std::vector<double>& commanded,
                       const std::vector<double>& measured) {
   alike_.clear();
   Visit visit;
   visit.deviation = parts_.robot.Deviation(commanded, measured);
-  visit.why = absl::StrFormat("configuration %d: %s, off by %.4f, more than %.4f", number,
+  visit.why = absl::StrFormat("%s: %s, off by %.4f, more than %.4f", name,
                               parts_.robot.WhichDeviates(commanded, measured), visit.deviation,
                               parts_.settings.joint_tolerance);
   return visit;

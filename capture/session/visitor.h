@@ -72,6 +72,9 @@ class Visitor {
   // Unavailable: a device is lost, and may come back.
   absl::StatusOr<Visit> Go(ConfigurationNumber number);
 
+  // The same straight to a place that need not be in the grid, whatever is in the way.
+  absl::StatusOr<Visit> GoStraight(const Configuration& place);
+
   // Whether Go() ended the last time because the robot was lost.
   bool robot_lost() const { return robot_lost_; }
 
@@ -80,14 +83,14 @@ class Visitor {
   absl::StatusOr<std::vector<double>> Measure();
   absl::Status MoveTo(const Configuration& place);
   // Until measurements and images say that the robot has settled, or for settle_timeout.
-  absl::StatusOr<Visit> TakeImages(ConfigurationNumber number);
+  absl::StatusOr<Visit> TakeImages(const Configuration& place, const std::string& name);
   // Measures, takes one set of images, measures. Without `why` unless kTaken: all is well, but more
   // sets are needed.
-  absl::StatusOr<Visit> Look(ConfigurationNumber number);
+  absl::StatusOr<Visit> Look(const Configuration& place, const std::string& name);
   // A view whose image is not that of the set before. Adds the set to those that are alike.
   std::optional<std::string> ChangedView(const ImageSet& images);
   // The joints are not where they were commanded.
-  Visit Missed(ConfigurationNumber number, const std::vector<double>& commanded,
+  Visit Missed(const std::string& name, const std::vector<double>& commanded,
                const std::vector<double>& measured);
 
   SessionParts& parts_;

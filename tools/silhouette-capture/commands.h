@@ -17,5 +17,6 @@ void AddReport(CLI::App& app, Work& work);
 void AddRun(CLI::App& app, Work& work);
 void AddStatus(CLI::App& app, Work& work);
 void AddTune(CLI::App& app, Work& work);
+void AddVerifyModel(CLI::App& app, Work& work);
 
 }  // namespace silhouette

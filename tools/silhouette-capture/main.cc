@@ -19,10 +19,11 @@ int main(int argc, char** argv) {
       "  silhouette-capture draw --cell cell.yaml --from cell.lmdb --database drawn.lmdb\n"
       "  silhouette-capture status --cell cell.yaml\n"
       "  silhouette-capture report --cell cell.yaml --out report\n"
-      "  silhouette-capture tune --cell cell.yaml --try 'faint_side: 7'");
+      "  silhouette-capture tune --cell cell.yaml --try 'faint_side: 7'\n"
+      "  silhouette-capture verify-model --cell cell.yaml   of a robot whose images are drawn");
   Work work;
-  for (const auto add :
-       {AddCameras, AddReference, AddRun, AddDraw, AddStatus, AddReport, AddRemask, AddTune}) {
+  for (const auto add : {AddCameras, AddReference, AddRun, AddDraw, AddStatus, AddReport, AddRemask,
+                         AddTune, AddVerifyModel}) {
     add(app, work);
   }
   // Images are small: handing their parts to other threads costs more than it saves.

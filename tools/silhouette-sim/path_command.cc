@@ -11,6 +11,7 @@
 #include "db/status/status_macros.h"
 #include "tools/program/program.h"
 #include "tools/silhouette-sim/commands.h"
+#include "tools/silhouette-sim/path_picture.h"
 #include "tools/silhouette-sim/workplace.h"
 
 namespace silhouette {
@@ -19,6 +20,7 @@ namespace {
 struct PathArguments {
   WorkplaceArguments workplace;
   std::string path;
+  std::string picture;
 };
 
 // What was found, and on the way from which waypoint to the next.
@@ -80,6 +82,9 @@ absl::StatusOr<ExitCode> RunPath(const PathArguments& arguments) {
     }
     positions.push_back(*at);
   }
+  if (!arguments.picture.empty()) {
+    RETURN_IF_ERROR(WriteMotion(workplace, positions, arguments.picture));
+  }
   const Place place = Judge(workplace, positions);
   const Contact& contact = place.motion.contact;
   const Configuration configuration = GridValues(workplace, place.motion.positions);
@@ -110,6 +115,8 @@ void AddPathCommand(CLI::App& program, Run& run) {
       ->add_option("--path", arguments->path,
                    "A JSON file with a list of configurations under the key \"waypoints\"")
       ->required();
+  command->add_option("--picture", arguments->picture,
+                      "Write the robot's silhouettes along the path, in every view, as a PNG");
   command->callback([arguments, &run] { run = [arguments] { return RunPath(*arguments); }; });
 }
 

@@ -15,6 +15,7 @@
 #include "tools/silhouette/formats/output.h"
 #include "tools/silhouette/formats/pictures.h"
 #include "tools/silhouette/formats/truth.h"
+#include "tools/silhouette/plan_drawn.h"
 
 namespace silhouette {
 namespace {
@@ -199,6 +200,16 @@ std::string PlanTextOf(const Findings& findings) {
 absl::StatusOr<ExitCode> PlanPath(const Session& session, const PlanArguments& arguments) {
   ASSIGN_OR_RETURN(const Client client, session.Connect());
   CatchStopSignals();
+  ASSIGN_OR_RETURN(const auto database, client.GetDatabase());
+  if (database.images() == "drawn") {
+    if (!arguments.picture.empty() || !arguments.truth.empty()) {
+      return absl::InvalidArgumentError(
+          "--picture and --truth need the configuration space of a grid, and the robot images of "
+          "this cell are drawn: plan without them");
+    }
+    return PlanDrawn(session, client, database, ParseConfiguration(arguments.start, session.unit),
+                     ParseConfiguration(arguments.goal, session.unit), arguments.out);
+  }
   ASSIGN_OR_RETURN(Findings findings, FindPath(session, client, arguments));
   if (!arguments.truth.empty()) {
     ASSIGN_OR_RETURN(auto truth, Truth::Read(arguments.truth, findings.space.grid()));
@@ -233,6 +244,9 @@ void AddPlanCommand(CLI::App& program, Session& session) {
   AddVerdictOptions(*command, session);
   command->footer(
       "Unknown counts as occupied. On a continuous joint the path goes on beyond the turn.\n"
+      "A robot whose images are drawn has no grid: two trees of motions grow from start and goal,\n"
+      "and the server checks each (RRT-Connect). A joint stays within the range of its values "
+      "then.\n"
       "Exit code 0 if there is a path, 1 if not.\n\n"
       "Example:\n"
       "  silhouette plan -100deg,70deg 100deg,70deg --out path.json \\\n"

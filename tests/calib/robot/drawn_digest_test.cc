@@ -87,6 +87,7 @@ TEST(DrawnDigest, EverySingleChangeGivesAnotherDigest) {
       [](Pieces& p) {
         p.size = {32, 24};
       },
+      [](Pieces& p) { p.margin = 0.51; },
   };
   std::set<std::string> digests = {pieces.Digest()};
   for (size_t i = 0; i < changes.size(); ++i) {

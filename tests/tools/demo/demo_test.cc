@@ -52,4 +52,23 @@ TEST(Demo, PlansAroundTheObstaclesAndReportsNoContactFree) {
   }
 }
 
+TEST(Demo, PlansForSixAxesWithoutContactByAModelThatCapturedImagesVerified) {
+  const fs::path folder = silhouette::TestFolder() / "six-axes";
+  const std::string log = folder.string() + ".log";
+  const std::string command = std::string(SILHOUETTE_SOURCE_DIR) + "/tools/demo --six-axes" +
+                              " --programs " + SILHOUETTE_BIN_DIR + " --out " + folder.string() +
+                              " >" + log + " 2>&1";
+  ASSERT_EQ(std::system(command.c_str()), 0) << Read(log);
+  const nlohmann::json summary = nlohmann::json::parse(Read(folder / "summary.json"));
+  EXPECT_TRUE(summary.at("path_collision_free_in_truth").get<bool>());
+  EXPECT_GE(summary.at("path_waypoints").get<int>(), 3) << "the obstacles are in the way";
+  EXPECT_FALSE(summary.at("unverified_model").get<bool>());
+  EXPECT_EQ(summary.at("verified_configurations").get<int>(), 300);
+  EXPECT_GT(summary.at("link_growth").at("forearm").get<double>(), 0.03) << "its cable";
+  EXPECT_LT(summary.at("link_growth").at("base").get<double>(), 0.02);
+  for (const char* name : {"motion.png", "verification.png"}) {
+    EXPECT_GT(cv::imread((folder / name).string()).cols, 300) << name;
+  }
+}
+
 }  // namespace

@@ -49,9 +49,17 @@ absl::Status Park(const Cell& cell, const Configuration& configuration, Robot& r
   return cell_robot.MoveTo(configuration);
 }
 
-// Puts a simulated robot where somebody would have driven it before a capture.
+// Puts a simulated robot where somebody would have driven it before a capture. One whose images are
+// drawn stands with its joints near 0: at their limits it may be in itself.
 absl::Status PlaceRobot(const Cell& cell, const Travel& travel, const Simulation& simulation) {
   SimulatedRobot robot(simulation);
+  if (cell.robot.drawn) {
+    Configuration upright;
+    for (const GridJoint& joint : cell.grid.joints()) {
+      upright.push_back(std::clamp(0.0, joint.lower, joint.upper));
+    }
+    if (!travel.regions().At(upright)) return Park(cell, upright, robot);
+  }
   for (const ConfigurationNumber number : travel.Serpentine()) {
     if (travel.Forbidden(number)) continue;
     return Park(cell, travel.grid().At(number), robot);

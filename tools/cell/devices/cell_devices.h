@@ -23,7 +23,8 @@ struct CellDevices {
 
 // For captures. InvalidArgument, saying what to put where, if the file names no driver, no source
 // of a view, or what they need is missing. A simulated robot stands at the first configuration that
-// is not forbidden, with what it carries in `variant` (simulation.yaml, `parts`).
+// is not forbidden, or with its joints near 0 if its images are drawn, with what it carries in
+// `variant` (simulation.yaml, `parts`).
 absl::StatusOr<CellDevices> OpenDevices(const Cell& cell, const Travel& travel,
                                         const std::string& variant);
 

@@ -1,0 +1,455 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "capture/verification/model_comparison.h"
+
+#include <algorithm>
+#include <cmath>
+#include <optional>
+#include <stdexcept>
+#include <utility>
+
+#include "absl/strings/str_cat.h"
+#include "absl/strings/str_format.h"
+#include "capture/verification/growth_fit.h"
+#include "capture/verification/mask_shift.h"
+
+namespace silhouette {
+namespace {
+
+// Costs are counted on so many samples: they are needed to a tenth.
+constexpr size_t kCostSamples = 24;
+// A robot with fewer pixels says nothing of a shift.
+constexpr size_t kLeastForShift = 20;
+// Fewer pixels say nothing of a link.
+constexpr uint64_t kLeastOfLink = 100;
+constexpr size_t kMostWorst = 8;
+
+// A pixel of a mask that is captured and not drawn.
+struct MissingPixel {
+  size_t sample = 0;
+  size_t view = 0;
+  int x = 0;
+  int y = 0;
+  GrowthFit::Needs needs;
+  bool noise = false;
+};
+
+std::vector<cv::Point> PixelsOf(const Mask& mask) {
+  std::vector<cv::Point> pixels;
+  for (int y = 0; y < mask.height(); ++y) {
+    for (int x = 0; x < mask.width(); ++x) {
+      if (mask.at(x, y)) pixels.emplace_back(x, y);
+    }
+  }
+  return pixels;
+}
+
+// Draws single links.
+class LinkDrawer {
+ public:
+  explicit LinkDrawer(const DrawnRobot& robot) : robot_(robot) {}
+
+  void At(std::span<const double> q) { robot_.chain().Pose(q, poses_); }
+
+  Mask Touched(size_t view, size_t link, double growth) {
+    return Draw(view, link, [&](const RobotPart& part, std::span<uint64_t> words) {
+      robot_.views()[view].AddTouched(poses_[part.moves_with], part.points, part.radius + growth,
+                                      scratch_, words);
+    });
+  }
+  Mask Covered(size_t view, size_t link) {
+    return Draw(view, link, [&](const RobotPart& part, std::span<uint64_t> words) {
+      if (part.inner.cols() == 0) return;
+      robot_.views()[view].AddCovered(poses_[part.moves_with], part.inner, scratch_, words);
+    });
+  }
+  // By link: its growth.
+  Mask Grown(size_t view, const std::vector<double>& growth) {
+    const MaskSize size = robot_.views()[view].size();
+    Mask all(size);
+    for (size_t link = 0; link < growth.size(); ++link) {
+      all = all | Touched(view, link, growth[link]);
+    }
+    return all;
+  }
+
+ private:
+  template <typename Add>
+  Mask Draw(size_t view, size_t link, const Add& add) {
+    const MaskSize size = robot_.views()[view].size();
+    std::vector<uint64_t> words(size.words());
+    for (const RobotPart& part : robot_.parts()) {
+      if (part.link == link) add(part, words);
+    }
+    return Mask::FromWords(size, std::move(words));
+  }
+
+  const DrawnRobot& robot_;
+  std::vector<Eigen::Isometry3d> poses_;
+  DrawingScratch scratch_;
+};
+
+// The connected area of `mask` with a pixel, or as many pixels of it as `most` + 1.
+size_t AreaAt(const Mask& mask, int x, int y, size_t most) {
+  std::vector<cv::Point> area = {{x, y}};
+  for (size_t i = 0; i < area.size() && area.size() <= most; ++i) {
+    for (int dy = -1; dy <= 1; ++dy) {
+      for (int dx = -1; dx <= 1; ++dx) {
+        const cv::Point next(area[i].x + dx, area[i].y + dy);
+        if (next.x < 0 || next.y < 0 || next.x >= mask.width() || next.y >= mask.height()) continue;
+        if (mask.at(next.x, next.y) && std::ranges::find(area, next) == area.end()) {
+          area.push_back(next);
+        }
+      }
+    }
+  }
+  return area.size();
+}
+
+// One comparison. Goes once.
+class Comparing {
+ public:
+  Comparing(const DrawnRobot& bare, std::span<const std::string> link_names,
+            std::span<const std::string> view_names, std::span<const ModelSample> samples,
+            const ComparisonSettings& settings, const std::function<void(uint64_t)>& progress);
+
+  ModelComparison Go();
+
+ private:
+  size_t links() const { return link_names_.size(); }
+  double GrowthOf(int steps) const { return steps * settings_.growth_step; }
+  void Compare(size_t sample, size_t view);
+  void CompareCertain(size_t sample, size_t view);
+  void FindNeeds(size_t sample, size_t view, const Mask& missing);
+  GrowthFit::Costs FindCosts();
+  void Fit();
+  void CountAdded();
+  void Judge();
+  void JudgeView(size_t view);
+  std::string NearestLink(size_t view) const;
+
+  const DrawnRobot& bare_;
+  const std::span<const std::string> link_names_;
+  const std::span<const std::string> view_names_;
+  const std::span<const ModelSample> samples_;
+  const ComparisonSettings& settings_;
+  const std::function<void(uint64_t)>& progress_;
+  const int steps_;
+  LinkDrawer drawer_;
+  std::vector<Mask> ever_captured_;  // by view
+  std::vector<MissingPixel> missing_;
+  std::vector<double> amounts_;  // sums, by view
+  std::vector<uint64_t> shifts_;
+  uint64_t drawn_ = 0;  // pixels without growth
+  uint64_t done_ = 0;
+  ModelComparison result_;
+};
+
+Comparing::Comparing(const DrawnRobot& bare, std::span<const std::string> link_names,
+                     std::span<const std::string> view_names, std::span<const ModelSample> samples,
+                     const ComparisonSettings& settings,
+                     const std::function<void(uint64_t)>& progress)
+    : bare_(bare),
+      link_names_(link_names),
+      view_names_(view_names),
+      samples_(samples),
+      settings_(settings),
+      progress_(progress),
+      steps_(static_cast<int>(std::lround(settings.most_growth / settings.growth_step))),
+      drawer_(bare) {
+  if (steps_ < 1 || steps_ > 200) throw std::invalid_argument("growth has 1 to 200 steps");
+  const size_t views = bare.views().size();
+  for (const RobotPart& part : bare.parts()) {
+    if (part.link >= links()) throw std::invalid_argument("a part is of a link without a name");
+  }
+  for (const ModelSample& sample : samples) {
+    bool fits = sample.q.size() == bare.chain().joints().size() && sample.captured.size() == views;
+    for (size_t view = 0; fits && view < views; ++view) {
+      fits = sample.captured[view].size() == bare.views()[view].size();
+    }
+    if (!fits) throw std::invalid_argument("a captured configuration is not of this robot");
+  }
+  result_.views.resize(views);
+  result_.links.resize(links());
+  amounts_.resize(views);
+  shifts_.resize(views);
+  for (size_t view = 0; view < views; ++view) {
+    Mask ever(bare.views()[view].size());
+    for (const ModelSample& sample : samples) ever = ever | sample.captured[view];
+    ever_captured_.push_back(std::move(ever));
+  }
+}
+
+ModelComparison Comparing::Go() {
+  for (size_t i = 0; i < samples_.size(); ++i) {
+    drawer_.At(samples_[i].q);
+    for (size_t view = 0; view < result_.views.size(); ++view) {
+      Compare(i, view);
+      progress_(++done_);
+    }
+  }
+  for (size_t view = 0; view < result_.views.size(); ++view) {
+    if (shifts_[view] == 0) continue;
+    const auto count = static_cast<double>(shifts_[view]);
+    result_.views[view].mean_shift /= count;
+    result_.views[view].mean_amount = amounts_[view] / count;
+  }
+  Fit();
+  CountAdded();
+  std::ranges::stable_sort(result_.worst, [](const WorstMask& a, const WorstMask& b) {
+    return a.missing + a.uncaptured > b.missing + b.uncaptured;
+  });
+  if (result_.worst.size() > kMostWorst) result_.worst.resize(kMostWorst);
+  Judge();
+  return std::move(result_);
+}
+
+void Comparing::Compare(size_t sample, size_t view) {
+  const Mask& captured = samples_[sample].captured[view];
+  const Mask drawn = drawer_.Grown(view, std::vector<double>(links()));
+  ComparedView& compared = result_.views[view];
+  drawn_ += drawn.Count();
+  compared.captured += captured.Count();
+  result_.worst.push_back({.sample = sample, .view = view});
+  if (drawn.Count() >= kLeastForShift && captured.Count() >= kLeastForShift) {
+    const Eigen::Vector2d shift = ShiftOf(captured, drawn);
+    compared.mean_shift += shift;
+    amounts_[view] += shift.norm();
+    ++shifts_[view];
+  }
+  CompareCertain(sample, view);
+  const Mask missing = captured - drawn;
+  if (missing.Empty()) return;
+  compared.missing += missing.Count();
+  ++compared.missing_by;
+  result_.worst.back().missing = missing.Count();
+  FindNeeds(sample, view, missing);
+}
+
+void Comparing::CompareCertain(size_t sample, size_t view) {
+  const Mask& captured = samples_[sample].captured[view];
+  Mask certain(captured.size());
+  std::vector<Mask> touched;
+  for (size_t link = 0; link < links(); ++link) touched.push_back(drawer_.Touched(view, link, 0));
+  for (size_t link = 0; link < links(); ++link) {
+    const Mask all = drawer_.Covered(view, link);
+    Mask of_link = all & ever_captured_[view];
+    for (size_t other = 0; other < links(); ++other) {
+      if (other != link) of_link = of_link - touched[other];
+    }
+    result_.links[link].certain += of_link.Count();
+    result_.links[link].uncaptured += (of_link - captured).Count();
+    certain = certain | all;
+  }
+  const Mask seen = certain & ever_captured_[view];
+  const uint64_t uncaptured = (seen - captured).Count();
+  result_.views[view].hidden += (certain - ever_captured_[view]).Count();
+  result_.views[view].certain += seen.Count();
+  result_.views[view].uncaptured += uncaptured;
+  result_.worst.back().uncaptured = uncaptured;
+}
+
+void Comparing::FindNeeds(size_t sample, size_t view, const Mask& missing) {
+  const Mask& captured = samples_[sample].captured[view];
+  const std::vector<cv::Point> pixels = PixelsOf(missing);
+  const auto none = static_cast<uint8_t>(steps_ + 1);
+  std::vector<GrowthFit::Needs> needs(pixels.size(), GrowthFit::Needs(links(), none));
+  for (size_t link = 0; link < links(); ++link) {
+    size_t left = pixels.size();
+    for (int k = 1; k <= steps_ && left > 0; ++k) {
+      const Mask grown = drawer_.Touched(view, link, GrowthOf(k));
+      for (size_t i = 0; i < pixels.size(); ++i) {
+        if (needs[i][link] != none || !grown.at(pixels[i].x, pixels[i].y)) continue;
+        needs[i][link] = static_cast<uint8_t>(k);
+        --left;
+      }
+    }
+  }
+  for (size_t i = 0; i < pixels.size(); ++i) {
+    const bool reached =
+        std::ranges::any_of(needs[i], [&](uint8_t need) { return need <= steps_; });
+    const bool noise =
+        !reached && AreaAt(captured, pixels[i].x, pixels[i].y, settings_.most_noise_pixels) <=
+                        settings_.most_noise_pixels;
+    if (!reached) ++(noise ? result_.views[view].noise : result_.views[view].unreached);
+    missing_.push_back({.sample = sample,
+                        .view = view,
+                        .x = pixels[i].x,
+                        .y = pixels[i].y,
+                        .needs = std::move(needs[i]),
+                        .noise = noise});
+  }
+}
+
+GrowthFit::Costs Comparing::FindCosts() {
+  GrowthFit::Costs costs(links(), std::vector<double>(static_cast<size_t>(steps_) + 1));
+  const size_t stride = std::max<size_t>(1, samples_.size() / kCostSamples);
+  for (size_t i = 0; i < samples_.size(); i += stride) {
+    drawer_.At(samples_[i].q);
+    for (size_t view = 0; view < result_.views.size(); ++view) {
+      const Mask drawn = drawer_.Grown(view, std::vector<double>(links()));
+      for (size_t link = 0; link < links(); ++link) {
+        for (int k = 1; k <= steps_; ++k) {
+          const Mask added = drawer_.Touched(view, link, GrowthOf(k)) - drawn;
+          costs[link][static_cast<size_t>(k)] += static_cast<double>(stride * added.Count());
+        }
+      }
+    }
+  }
+  return costs;
+}
+
+void Comparing::Fit() {
+  GrowthFit half(steps_, FindCosts());
+  GrowthFit all = half;
+  for (const MissingPixel& pixel : missing_) {
+    if (!all.Reached(pixel.needs)) continue;
+    all.Add(pixel.needs);
+    if (pixel.sample % 2 == 0) half.Add(pixel.needs);
+  }
+  const std::vector<int> fitted = half.Steps(std::vector<int>(links()));
+  const std::vector<int> steps = all.Steps(fitted);
+  for (size_t link = 0; link < links(); ++link) result_.links[link].growth = GrowthOf(steps[link]);
+  // Of the masks held out.
+  result_.held_out_masks = samples_.size() / 2 * result_.views.size();
+  std::optional<std::pair<size_t, size_t>> last;
+  for (const MissingPixel& pixel : missing_) {
+    if (pixel.sample % 2 == 0 || !all.Reached(pixel.needs)) continue;
+    bool drawn = false;
+    for (size_t link = 0; link < links(); ++link) {
+      drawn = drawn || pixel.needs[link] <= fitted[link];
+    }
+    if (drawn) continue;
+    ++result_.held_out_pixels;
+    const std::pair mask(pixel.sample, pixel.view);
+    if (last != mask) ++result_.held_out_missing;
+    last = mask;
+  }
+}
+
+void Comparing::CountAdded() {
+  const std::vector<double> growth = result_.LinkGrowth();
+  uint64_t grown = 0;
+  for (const ModelSample& sample : samples_) {
+    drawer_.At(sample.q);
+    for (size_t view = 0; view < result_.views.size(); ++view) {
+      grown += drawer_.Grown(view, growth).Count();
+      progress_(++done_);
+    }
+  }
+  if (drawn_ == 0) return;
+  result_.additional = static_cast<double>(grown) / static_cast<double>(drawn_) - 1;
+}
+
+double ShareOf(uint64_t part, uint64_t whole) {
+  return whole == 0 ? 0 : static_cast<double>(part) / static_cast<double>(whole);
+}
+
+// The link that would reach most of a view's unreached pixels first, if it grew on.
+std::string Comparing::NearestLink(size_t view) const {
+  LinkDrawer drawer(bare_);
+  std::vector<size_t> votes(links());
+  for (const MissingPixel& pixel : missing_) {
+    if (pixel.view != view || pixel.noise) continue;
+    if (std::ranges::any_of(pixel.needs, [&](uint8_t need) { return need <= steps_; })) continue;
+    drawer.At(samples_[pixel.sample].q);
+    bool found = false;
+    for (double growth = 1.5 * settings_.most_growth; growth < 2 && !found; growth *= 1.5) {
+      for (size_t link = 0; link < links(); ++link) {
+        if (!drawer.Touched(view, link, growth).at(pixel.x, pixel.y)) continue;
+        ++votes[link];
+        found = true;
+      }
+    }
+    if (*std::ranges::max_element(votes) >= 100) break;
+  }
+  return link_names_[static_cast<size_t>(std::ranges::max_element(votes) - votes.begin())];
+}
+
+void Comparing::JudgeView(size_t view) {
+  const ComparedView& compared = result_.views[view];
+  const std::string& name = view_names_[view];
+  const auto fault = [&](std::string text) { result_.faults.push_back(std::move(text)); };
+  if (compared.captured == 0) {
+    fault(absl::StrFormat("view '%s': the robot was captured in no mask", name));
+    return;
+  }
+  if (compared.unreached > 0) {
+    fault(absl::StrFormat(
+        "view '%s': %d captured pixels (%.2f %%) are farther than most_growth, %g m, from the "
+        "model, nearest to the link '%s'",
+        name, compared.unreached, 100 * ShareOf(compared.unreached, compared.captured),
+        settings_.most_growth, NearestLink(view)));
+  }
+  if (ShareOf(compared.noise, compared.captured) > settings_.most_noise) {
+    fault(absl::StrFormat(
+        "view '%s': %.2f %% of the captured pixels are specks far from the robot, more than %.2f "
+        "%%",
+        name, 100 * ShareOf(compared.noise, compared.captured), 100 * settings_.most_noise));
+  }
+  if (ShareOf(compared.uncaptured, compared.certain) > settings_.most_uncaptured) {
+    fault(absl::StrFormat(
+        "view '%s': %.1f %% of what certainly shows the robot by its model was not captured, more "
+        "than %.1f %%",
+        name, 100 * ShareOf(compared.uncaptured, compared.certain),
+        100 * settings_.most_uncaptured));
+  }
+  if (compared.mean_shift.norm() > settings_.most_shift) {
+    fault(absl::StrFormat(
+        "view '%s': captured masks are shifted by %.2f pixels to the right and %.2f down against "
+        "the model, more than %.2f",
+        name, compared.mean_shift.x(), compared.mean_shift.y(), settings_.most_shift));
+  }
+}
+
+void Comparing::Judge() {
+  if (samples_.size() < settings_.least_configurations) {
+    result_.faults.push_back(
+        absl::StrFormat("%d configurations are too few to compare, at least %d are needed",
+                        samples_.size(), settings_.least_configurations));
+  }
+  for (size_t view = 0; view < result_.views.size(); ++view) JudgeView(view);
+  for (size_t link = 0; link < links(); ++link) {
+    const ComparedLink& compared = result_.links[link];
+    const double share = ShareOf(compared.uncaptured, compared.certain);
+    if (compared.certain < kLeastOfLink || share <= settings_.most_uncaptured_of_link) continue;
+    result_.faults.push_back(absl::StrFormat(
+        "link '%s': %.0f %% of where it certainly is by the model was not captured, more than "
+        "%.0f %%: it is not there, or elsewhere",
+        link_names_[link], 100 * share, 100 * settings_.most_uncaptured_of_link));
+  }
+  const double missing = ShareOf(result_.held_out_missing, result_.held_out_masks);
+  if (missing > settings_.most_held_out) {
+    result_.faults.push_back(absl::StrFormat(
+        "%.1f %% of the masks held out have a captured pixel that the growth by the others lacks, "
+        "more than %.1f %%: take a larger sample",
+        100 * missing, 100 * settings_.most_held_out));
+  }
+}
+
+}  // namespace
+
+std::string Describe(const ComparisonSettings& settings) {
+  return absl::StrFormat(
+      "growth_step: %g\nleast_configurations: %d\nmost_growth: %g\nmost_held_out: %g\nmost_noise: "
+      "%g\nmost_noise_pixels: %d\nmost_shift: %g\nmost_uncaptured: %g\nmost_uncaptured_of_link: "
+      "%g\n",
+      settings.growth_step, settings.least_configurations, settings.most_growth,
+      settings.most_held_out, settings.most_noise, settings.most_noise_pixels, settings.most_shift,
+      settings.most_uncaptured, settings.most_uncaptured_of_link);
+}
+
+std::vector<double> ModelComparison::LinkGrowth() const {
+  std::vector<double> growth;
+  for (const ComparedLink& link : links) growth.push_back(link.growth);
+  return growth;
+}
+
+ModelComparison CompareModel(const DrawnRobot& bare, std::span<const std::string> link_names,
+                             std::span<const std::string> view_names,
+                             std::span<const ModelSample> samples,
+                             const ComparisonSettings& settings,
+                             const std::function<void(uint64_t done)>& progress) {
+  return Comparing(bare, link_names, view_names, samples, settings, progress).Go();
+}
+
+}  // namespace silhouette

@@ -1,0 +1,76 @@
+// SPDX-License-Identifier: Apache-2.0
+// ModelSampler: configurations all over a robot's joint space, and whether it can go there
+// straight.
+#pragma once
+
+#include <Eigen/Geometry>
+#include <cstdint>
+#include <functional>
+#include <optional>
+#include <random>
+#include <span>
+#include <utility>
+#include <vector>
+
+#include "calib/robot/drawing/drawn_robot.h"
+#include "db/mask/configuration_grid.h"
+
+namespace silhouette {
+
+struct SamplerSettings {
+  // Links that are no neighbours keep this distance, and all keep it from the workspace's faces:
+  // cables and hoses are not in the model. Metres.
+  double clearance = 0.08;
+  // Motions are looked at where no point of the robot moves farther than this, metres.
+  double step = 0.04;
+  // Configurations that are tried until one can be reached.
+  int most_tries = 20'000;
+};
+
+// For one thread.
+class ModelSampler {
+ public:
+  // Whether the robot must not move between two configurations of its joints; empty: it may.
+  using Forbidden = std::function<bool(std::span<const double> from, std::span<const double> to)>;
+
+  // `joints`: the ranges that the joints of the robot are driven in. `workspace`: what the robot
+  // must not leave, in its base's frame; what no joint moves may. The same seed gives the same
+  // configurations. Throws std::invalid_argument if there is not a range for each joint.
+  ModelSampler(const DrawnRobot& robot, std::span<const GridJoint> joints,
+               const Eigen::AlignedBox3d& workspace, Forbidden forbidden,
+               const SamplerSettings& settings, uint64_t seed);
+
+  // The next one, to which the way from `here` is clear; nothing if chance finds none.
+  std::optional<Configuration> Next(const Configuration& here);
+
+  // Whether the robot touches neither itself nor the workspace's faces, with the clearance.
+  bool IsClear(std::span<const double> q);
+  // Whether it is so all along the straight motion, and no forbidden region is in the way.
+  bool IsClearWay(std::span<const double> from, std::span<const double> to);
+
+ private:
+  Configuration Any();
+  // Whether two parts may be nearer than the clearance: by their balls, and by their points (E. G.
+  // Gilbert, An iterative procedure for computing the minimum of a quadratic form on a convex set,
+  // 1966).
+  bool BallsAreNear(size_t a, size_t b) const;
+  bool AreNear(size_t a, size_t b) const;
+  // Whether parts that are looked at are near each other; or, to learn, how often each pair is.
+  bool MeetsItself(bool learn);
+  void LearnPairs();
+
+  const DrawnRobot& robot_;
+  const std::vector<GridJoint> joints_;
+  const Eigen::AlignedBox3d workspace_;
+  const Forbidden forbidden_;
+  const SamplerSettings settings_;
+  std::mt19937_64 random_;
+  std::vector<bool> moves_;                       // by part
+  std::vector<std::pair<size_t, size_t>> pairs_;  // of parts that may meet
+  std::vector<std::vector<size_t>> balls_;        // by part
+  std::vector<int> met_;                          // by pair, while they are learnt
+  PlacedBalls placed_;
+  std::vector<Eigen::Isometry3d> poses_;
+};
+
+}  // namespace silhouette

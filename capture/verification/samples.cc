@@ -1,0 +1,187 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "capture/verification/samples.h"
+
+#include <algorithm>
+#include <cmath>
+#include <optional>
+#include <random>
+#include <string>
+#include <utility>
+
+#include "absl/status/status.h"
+#include "absl/strings/str_cat.h"
+#include "absl/strings/str_format.h"
+#include "db/status/status_macros.h"
+
+namespace silhouette {
+namespace {
+
+constexpr int kMostMisses = 3;
+
+std::vector<std::string> JointsOf(const storage::v1::CellDescription& cell) {
+  std::vector<std::string> names;
+  for (const auto& joint : cell.grid_joints()) names.push_back(joint.name());
+  for (const auto& joint : cell.fixed_joints()) names.push_back(joint.name());
+  return names;
+}
+
+absl::StatusOr<size_t> PlaceOf(const std::string& name, const std::vector<std::string>& names,
+                               const std::string& what, const Database& captured) {
+  const auto found = std::ranges::find(names, name);
+  if (found != names.end()) return static_cast<size_t>(found - names.begin());
+  return absl::InvalidArgumentError(absl::StrCat("the captured database '", captured.path(),
+                                                 "' has no ", what, " '", name,
+                                                 "'; take one of this cell"));
+}
+
+// Where the joints and views of a cell are in captured records.
+struct CapturedPlaces {
+  std::vector<size_t> joints;
+  std::vector<std::pair<size_t, double>> fixed;  // and where they must stand
+  std::vector<size_t> views;
+};
+
+absl::StatusOr<CapturedPlaces> PlacesIn(const Database& captured,
+                                        const storage::v1::CellDescription& cell) {
+  CapturedPlaces places;
+  const std::vector<std::string> joints = JointsOf(captured.cell());
+  for (const auto& joint : cell.grid_joints()) {
+    ASSIGN_OR_RETURN(const size_t place, PlaceOf(joint.name(), joints, "joint", captured));
+    places.joints.push_back(place);
+  }
+  for (const auto& joint : cell.fixed_joints()) {
+    ASSIGN_OR_RETURN(const size_t place, PlaceOf(joint.name(), joints, "joint", captured));
+    places.fixed.emplace_back(place, joint.position());
+  }
+  std::vector<std::string> views;
+  for (const auto& view : captured.cell().views()) views.push_back(view.name());
+  for (const auto& view : cell.views()) {
+    ASSIGN_OR_RETURN(const size_t place, PlaceOf(view.name(), views, "view", captured));
+    const auto& there = captured.cell().views(static_cast<int>(place));
+    if (there.mask_width() != view.mask_width() || there.mask_height() != view.mask_height()) {
+      return absl::InvalidArgumentError(absl::StrFormat(
+          "the captured database '%s' has masks of %dx%d pixels of the view '%s', the cell of "
+          "%dx%d; rebuild them with 'silhouette-capture remask --into', or capture them again",
+          captured.path(), there.mask_width(), there.mask_height(), view.name(), view.mask_width(),
+          view.mask_height()));
+    }
+    places.views.push_back(place);
+  }
+  return places;
+}
+
+}  // namespace
+
+absl::StatusOr<std::vector<ModelSample>> SamplesIn(const Database& captured,
+                                                   const storage::v1::CellDescription& cell,
+                                                   size_t count, double fixed_joint_tolerance,
+                                                   uint64_t seed) {
+  ASSIGN_OR_RETURN(const CapturedPlaces places, PlacesIn(captured, cell));
+  ASSIGN_OR_RETURN(const Snapshot snapshot, captured.Read());
+  std::vector<ConfigurationNumber> numbers;
+  RETURN_IF_ERROR(
+      snapshot.ForEach([&](ConfigurationNumber number, const absl::StatusOr<RobotImage>& image) {
+        if (image.ok() && !image->excluded && !image->measured.empty()) numbers.push_back(number);
+        return true;
+      }));
+  if (numbers.empty()) {
+    return absl::FailedPreconditionError(
+        absl::StrCat("the captured database '", captured.path(),
+                     "' has no robot images with their joint values; capture some"));
+  }
+  std::mt19937_64 random(seed);
+  std::ranges::shuffle(numbers, random);
+  if (numbers.size() > count) numbers.resize(count);
+  std::vector<ModelSample> samples;
+  for (const ConfigurationNumber number : numbers) {
+    ASSIGN_OR_RETURN(const auto image, snapshot.Find(number));
+    for (const auto& [place, position] : places.fixed) {
+      const double off = std::abs(image->measured[place] - position);
+      if (off <= fixed_joint_tolerance) continue;
+      return absl::InvalidArgumentError(absl::StrFormat(
+          "the captured database '%s' has the fixed joint '%s' at %g, the cell at %g; state it "
+          "there as it was captured",
+          captured.path(), JointsOf(captured.cell())[place], image->measured[place], position));
+    }
+    ModelSample& sample = samples.emplace_back();
+    for (const size_t place : places.joints) sample.q.push_back(image->measured[place]);
+    for (const size_t view : places.views) sample.captured.push_back(image->masks[view]);
+  }
+  return samples;
+}
+
+namespace {
+
+// Drives, and stops the robot if it cannot go on.
+class SampleDrive {
+ public:
+  SampleDrive(SessionParts& parts, ModelSampler& sampler, const CaptureObserver& observer)
+      : parts_(parts), sampler_(sampler), visitor_(parts, observer.say), observer_(observer) {}
+
+  absl::Status Go(size_t count, std::vector<ModelSample>& samples);
+
+ private:
+  absl::Status VisitOne(const Configuration& place, std::vector<ModelSample>& samples);
+  absl::StatusOr<Configuration> Here();
+
+  SessionParts& parts_;
+  ModelSampler& sampler_;
+  Visitor visitor_;
+  const CaptureObserver& observer_;
+  int misses_ = 0;
+};
+
+absl::StatusOr<Configuration> SampleDrive::Here() {
+  ASSIGN_OR_RETURN(Configuration here, parts_.robot.Measure());
+  here.resize(static_cast<size_t>(parts_.travel->grid().dimensions()));
+  return here;
+}
+
+absl::Status SampleDrive::Go(size_t count, std::vector<ModelSample>& samples) {
+  while (samples.size() < count && !observer_.stop_requested()) {
+    ASSIGN_OR_RETURN(const Configuration here, Here());
+    const std::optional<Configuration> next = sampler_.Next(here);
+    if (!next) {
+      return absl::FailedPreconditionError(absl::StrCat(
+          sampler_.IsClear(here) ? ""
+                                 : "the robot stands too near to itself or to a face of the "
+                                   "workspace; move it by hand: ",
+          "no configuration was found to which the robot can go straight, within its limits and "
+          "'workspace', past itself and the forbidden regions"));
+    }
+    RETURN_IF_ERROR(VisitOne(*next, samples));
+    observer_.progress(samples.size());
+  }
+  return absl::OkStatus();
+}
+
+absl::Status SampleDrive::VisitOne(const Configuration& place, std::vector<ModelSample>& samples) {
+  ASSIGN_OR_RETURN(const Visit visit, visitor_.GoStraight(place));
+  if (visit.outcome != Visit::Outcome::kTaken) {
+    if (++misses_ == kMostMisses) return absl::AbortedError(visit.why);
+    observer_.say(visit.why);
+    return absl::OkStatus();
+  }
+  misses_ = 0;
+  Configuration q(visit.measured.begin(),
+                  visit.measured.begin() + parts_.travel->grid().dimensions());
+  samples.push_back({.q = std::move(q), .captured = RobotMasks(parts_, visit)});
+  return absl::OkStatus();
+}
+
+}  // namespace
+
+absl::StatusOr<std::vector<ModelSample>> TakeSamples(SessionParts& parts, ModelSampler& sampler,
+                                                     size_t count,
+                                                     const CaptureObserver& observer) {
+  std::vector<ModelSample> samples;
+  absl::Status status = SampleDrive(parts, sampler, observer).Go(count, samples);
+  if (status.ok()) return samples;
+  const absl::Status stopped = parts.robot.Stop();
+  if (!stopped.ok()) {
+    observer.say(absl::StrCat("the stop command to the robot failed: ", stopped.message()));
+  }
+  return status;
+}
+
+}  // namespace silhouette

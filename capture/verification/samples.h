@@ -1,0 +1,36 @@
+// SPDX-License-Identifier: Apache-2.0
+// Captured configurations to compare a model with: from a database, or taken by driving the robot.
+#pragma once
+
+#include <cstdint>
+#include <vector>
+
+#include "absl/status/statusor.h"
+#include "calib/robot/drawing/drawn_robot.h"
+#include "capture/session/capture_observer.h"
+#include "capture/session/visitor.h"
+#include "capture/verification/model_comparison.h"
+#include "capture/verification/sampler.h"
+#include "db/store/store.h"
+
+namespace silhouette {
+
+// `count` of a database's captured configurations, or as many as there are, by chance. The joints
+// of `cell`, whose robot is drawn, are found by their names. InvalidArgument, naming it: a joint or
+// a view is not in the database, a view's masks have another size, or a joint that is fixed in
+// `cell` was captured farther from there than `fixed_joint_tolerance`. FailedPrecondition: the
+// database has no captured configuration with its measured joint values.
+absl::StatusOr<std::vector<ModelSample>> SamplesIn(const Database& captured,
+                                                   const storage::v1::CellDescription& cell,
+                                                   size_t count, double fixed_joint_tolerance,
+                                                   uint64_t seed);
+
+// Drives the robot to `count` configurations, straight from one to the next, and makes its masks as
+// a capture does. Fewer: a stop was requested. `parts.travel` is of the database's grid, which has
+// the joints of the sampler's robot. FailedPrecondition: the robot stands where the sampler finds
+// no way, or there is none to go on. Aborted: it misses three places in a row. Errors of devices;
+// the robot is stopped then.
+absl::StatusOr<std::vector<ModelSample>> TakeSamples(SessionParts& parts, ModelSampler& sampler,
+                                                     size_t count, const CaptureObserver& observer);
+
+}  // namespace silhouette

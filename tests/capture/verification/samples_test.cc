@@ -1,0 +1,114 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "capture/verification/samples.h"
+
+#include <gmock/gmock.h>
+
+#include <memory>
+#include <string>
+
+#include "tests/test_folder.h"
+
+namespace silhouette {
+namespace {
+
+using ::testing::HasSubstr;
+
+// A captured cell of one moving joint, one fixed joint and two views.
+storage::v1::CellDescription CapturedCell() {
+  storage::v1::CellDescription cell;
+  storage::v1::GridJoint& joint = *cell.add_grid_joints();
+  joint.set_name("turn");
+  joint.set_upper(9);
+  joint.set_steps(10);
+  storage::v1::FixedJoint& fixed = *cell.add_fixed_joints();
+  fixed.set_name("reach");
+  fixed.set_position(0.1);
+  for (const char* name : {"top", "left"}) {
+    storage::v1::View& view = *cell.add_views();
+    view.set_name(name);
+    view.set_mask_width(8);
+    view.set_mask_height(8);
+  }
+  return cell;
+}
+
+Mask OnePixel(int x, int y) {
+  return Mask::FromPredicate({8, 8}, [&](int u, int v) { return u == x && v == y; });
+}
+
+struct SamplesTest : ::testing::Test {
+  SamplesTest() {
+    auto writer = *database->Write("test");
+    for (int i = 0; i < 8; ++i) {
+      RobotImage image;
+      image.number = database->grid().NumberOf({i});
+      image.excluded = i == 3;
+      if (!image.excluded) {
+        image.masks = {OnePixel(i, 0), OnePixel(i, 1)};
+        image.commanded = {static_cast<double>(i), 0.1};
+        image.measured = {i + 0.01, 0.102};
+      }
+      EXPECT_TRUE(writer.Put(image).ok());
+    }
+    EXPECT_TRUE(writer.Commit().ok());
+  }
+
+  std::unique_ptr<Database> database = *Database::Create(FreshFolder() / "db", CapturedCell());
+  storage::v1::CellDescription cell = CapturedCell();
+};
+
+TEST_F(SamplesTest, AreTheCapturedOnesAtTheirMeasuredJointValues) {
+  const auto samples = SamplesIn(*database, cell, 100, 0.005, 1);
+  ASSERT_TRUE(samples.ok()) << samples.status();
+  ASSERT_EQ(samples->size(), 7u);
+  for (const ModelSample& sample : *samples) {
+    ASSERT_EQ(sample.q.size(), 1u);
+    const int i = static_cast<int>(sample.q[0]);
+    EXPECT_DOUBLE_EQ(sample.q[0], i + 0.01);
+    EXPECT_EQ(sample.captured[0], OnePixel(i, 0));
+    EXPECT_EQ(sample.captured[1], OnePixel(i, 1));
+  }
+  EXPECT_EQ(SamplesIn(*database, cell, 3, 0.005, 1)->size(), 3u);
+}
+
+TEST_F(SamplesTest, JointsAndViewsAreFoundByTheirNames) {
+  cell.mutable_views()->SwapElements(0, 1);
+  // The drawn cell moves both joints.
+  storage::v1::GridJoint& reach = *cell.add_grid_joints();
+  reach.set_name("reach");
+  cell.clear_fixed_joints();
+  const auto samples = SamplesIn(*database, cell, 1, 0.005, 1);
+  ASSERT_TRUE(samples.ok()) << samples.status();
+  const ModelSample& sample = samples->front();
+  ASSERT_EQ(sample.q.size(), 2u);
+  EXPECT_DOUBLE_EQ(sample.q[1], 0.102);
+  EXPECT_EQ(sample.captured[0], OnePixel(static_cast<int>(sample.q[0]), 1));
+}
+
+TEST_F(SamplesTest, OfAnotherCellAreRefusedByName) {
+  const auto refusal = [&] {
+    const auto samples = SamplesIn(*database, cell, 100, 0.005, 1);
+    EXPECT_EQ(samples.status().code(), absl::StatusCode::kInvalidArgument);
+    return std::string(samples.status().message());
+  };
+  cell.mutable_fixed_joints(0)->set_position(0.12);
+  EXPECT_THAT(refusal(), HasSubstr("fixed joint 'reach' at 0.102, the cell at 0.12"));
+  cell = CapturedCell();
+  cell.mutable_grid_joints(0)->set_name("axis");
+  EXPECT_THAT(refusal(), HasSubstr("no joint 'axis'"));
+  cell = CapturedCell();
+  cell.mutable_views(1)->set_name("front");
+  EXPECT_THAT(refusal(), HasSubstr("no view 'front'"));
+  cell = CapturedCell();
+  cell.mutable_views(1)->set_mask_width(16);
+  EXPECT_THAT(refusal(), HasSubstr("of the view 'left'"));
+}
+
+TEST(Samples, OfADatabaseWithoutCapturedImagesAreNone) {
+  const auto empty = *Database::Create(FreshFolder() / "db", CapturedCell());
+  EXPECT_EQ(SamplesIn(*empty, CapturedCell(), 10, 0.005, 1).status().code(),
+            absl::StatusCode::kFailedPrecondition);
+}
+
+}  // namespace
+}  // namespace silhouette

@@ -1,0 +1,134 @@
+// SPDX-License-Identifier: Apache-2.0
+// silhouette-capture verify-model in a simulated cell whose arm has a cable that its model lacks.
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <cstdlib>
+#include <filesystem>
+#include <nlohmann/json.hpp>
+#include <string>
+
+#include "tests/capture/session/program_cell.h"
+
+namespace silhouette {
+namespace {
+
+using testing::HasSubstr;
+using testing::Not;
+
+struct VerifyModelProgram : testing::Test {
+  VerifyModelProgram() {
+    const std::string simulation = ReadText(cell_ / "simulation.yaml");
+    WriteText(cell_ / "simulation.yaml",
+              simulation +
+                  "light: {shadow: 0}\n"
+                  "parts:\n"
+                  "  default:\n"
+                  "    - {link: forearm, capsule: {radius: 0.02, length: 0.3},\n"
+                  "       position: [0.14, 0, 0.25], brightness: 0.9}\n");
+    Write("captured.yaml", "", "grid:\n  steps: {joint_1: 9, joint_3: 5}\n");
+    Write("drawn.yaml", "  images: drawn\n",
+          "workspace: {lower: [-1.9, -1.9, 0], upper: [1.9, 1.9, 2.4]}\n");
+  }
+
+  void Write(const std::string& file, const std::string& robot, const std::string& more) {
+    cell_.WriteCell({{"  driver: sim\n", "  driver: sim\n" + robot},
+                     {"grid:\n  steps: {joint_1: 9, joint_3: 5}\n", more},
+                     {"[32, 32]", "[64, 64]"},
+                     {"[40, 30]", "[80, 60]"}});
+    std::filesystem::rename(cell_.cell(), cell_ / file);
+  }
+
+  Outcome Run(const std::string& subcommand, const std::string& cell, const std::string& database,
+              const std::vector<std::string>& more = {}) const {
+    std::vector<std::string> arguments = {subcommand, "--cell", cell_ / cell, "--database",
+                                          cell_ / database};
+    arguments.insert(arguments.end(), more.begin(), more.end());
+    return cell_.Run(arguments);
+  }
+
+  static void Shell(const std::string& command) {
+    const std::string whole = std::string(SILHOUETTE_BIN_DIR) + "/" + command + " >/dev/null 2>&1";
+    ASSERT_EQ(std::system(whole.c_str()), 0) << whole;
+  }
+
+  // The drawn cell's database with the true cameras.
+  void MakeDrawn() const {
+    ASSERT_EQ(Run("reference", "drawn.yaml", "drawn.lmdb").exit_code, 0);
+    Shell("silhouette-sim calibration --cell " + cell_ / "drawn.yaml" + " --out " + cell_ / "true");
+    Shell("silhouette-db calibration import " + cell_ / "drawn.lmdb" + " " + cell_ / "true");
+  }
+
+  bool IsVerified() const {
+    const auto database = *Database::Open(cell_ / "drawn.lmdb", Database::Access::kRead);
+    return database->Read()->Verification()->has_value();
+  }
+
+  ProgramCell cell_;
+};
+
+TEST_F(VerifyModelProgram, CapturedImagesOfADatabaseVerifyTheModelAndRefuseAWrongOne) {
+  ASSERT_EQ(Run("reference", "captured.yaml", "captured.lmdb").exit_code, 0);
+  ASSERT_EQ(Run("run", "captured.yaml", "captured.lmdb").exit_code, 0);
+  MakeDrawn();
+  const std::vector<std::string> by_database = {"--captured", cell_ / "captured.lmdb", "--format",
+                                                "json"};
+  Outcome outcome = Run("verify-model", "drawn.yaml", "drawn.lmdb", by_database);
+  ASSERT_EQ(outcome.exit_code, 0) << outcome.err << outcome.out;
+  const nlohmann::json found = nlohmann::json::parse(outcome.out);
+  EXPECT_EQ(found["passed"], true);
+  EXPECT_EQ(found["configurations"], 45);
+  double growth = 0;
+  for (const auto& link : found["links"]) growth += link["growth"].get<double>();
+  EXPECT_GT(growth, 0) << "the cable";
+  EXPECT_TRUE(IsVerified());
+  EXPECT_TRUE(std::filesystem::exists(std::string(found["picture"])));
+
+  // The arm stands elsewhere than its model has it.
+  std::string text = ReadText(cell_ / "drawn.yaml");
+  ASSERT_NE(text.find("joint_2: 40 deg"), std::string::npos);
+  const std::string urdf =
+      ReadText(std::string(SILHOUETTE_SOURCE_DIR) + "/capture/sim/robots/rx130.urdf");
+  const std::string shoulder = "<origin xyz=\"0 0 0.34\"/>";
+  ASSERT_NE(urdf.find(shoulder), std::string::npos);
+  WriteText(cell_ / "wrong.urdf",
+            absl::StrReplaceAll(urdf, {{shoulder, "<origin xyz=\"0.12 0 0.34\"/>"}}));
+  WriteText(cell_ / "wrong.yaml", absl::StrReplaceAll(text, {{std::string(SILHOUETTE_SOURCE_DIR) +
+                                                                  "/capture/sim/robots/rx130.urdf",
+                                                              "wrong.urdf"}}));
+  outcome = Run("verify-model", "wrong.yaml", "drawn.lmdb", by_database);
+  EXPECT_EQ(outcome.exit_code, 1) << outcome.out;
+  EXPECT_THAT(outcome.err, HasSubstr("not verified: "));
+  EXPECT_THAT(outcome.err, HasSubstr("the verification that the database had is removed"));
+  EXPECT_FALSE(IsVerified());
+}
+
+TEST_F(VerifyModelProgram, DrivesTheRobotWithinItsWorkspace) {
+  MakeDrawn();
+  const Outcome outcome = Run("verify-model", "drawn.yaml", "drawn.lmdb", {"--sample", "40"});
+  EXPECT_EQ(outcome.exit_code, 0) << outcome.err << outcome.out;
+  EXPECT_THAT(outcome.out, HasSubstr("compared           40 configurations, 2 views"));
+  EXPECT_THAT(outcome.out, HasSubstr("the model is verified"));
+  EXPECT_TRUE(IsVerified());
+}
+
+TEST_F(VerifyModelProgram, WhatIsMissingIsNamedWithItsMend) {
+  const auto mistake = [&](const std::string& cell, const std::vector<std::string>& more) {
+    const Outcome outcome = Run("verify-model", cell, "drawn.lmdb", more);
+    EXPECT_EQ(outcome.exit_code, 2) << outcome.out;
+    EXPECT_THAT(outcome.err, Not(HasSubstr("\n\n")));
+    return outcome.err;
+  };
+  EXPECT_THAT(mistake("captured.yaml", {}), HasSubstr("state 'images: drawn'"));
+  EXPECT_THAT(mistake("drawn.yaml", {}), HasSubstr("take them first with: silhouette-capture ref"));
+  ASSERT_EQ(Run("reference", "drawn.yaml", "drawn.lmdb").exit_code, 0);
+  EXPECT_THAT(mistake("drawn.yaml", {}), HasSubstr("silhouette-db calibration import"));
+  MakeDrawn();
+  EXPECT_THAT(mistake("drawn.yaml", {"--captured", cell_ / "none.lmdb"}), HasSubstr("none.lmdb"));
+  Write("anywhere.yaml", "  images: drawn\n", "");
+  EXPECT_THAT(mistake("anywhere.yaml", {}), HasSubstr("state 'workspace'"));
+  EXPECT_FALSE(IsVerified());
+}
+
+}  // namespace
+}  // namespace silhouette

@@ -1,0 +1,359 @@
+// SPDX-License-Identifier: Apache-2.0
+// silhouette-capture verify-model: compares the model that robot images are drawn from with
+// captured ones.
+#include <algorithm>
+#include <iostream>
+#include <memory>
+#include <nlohmann/json.hpp>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "absl/strings/match.h"
+#include "absl/strings/str_cat.h"
+#include "absl/strings/str_format.h"
+#include "absl/time/clock.h"
+#include "calib/files/calibration_message.h"
+#include "calib/robot/drawn_digest.h"
+#include "capture/session/reference_images.h"
+#include "capture/verification/model_comparison.h"
+#include "capture/verification/samples.h"
+#include "capture/verification/verified_robot.h"
+#include "common/picture/picture.h"
+#include "common/picture/sheet.h"
+#include "common/result/result.h"
+#include "db/status/status_macros.h"
+#include "tools/cell/devices/cell_devices.h"
+#include "tools/program/progress.h"
+#include "tools/silhouette-capture/commands.h"
+#include "tools/silhouette-capture/opened_cell.h"
+
+namespace silhouette {
+namespace {
+
+constexpr char kVerifyModelProgram[] = "silhouette-capture verify-model";
+constexpr int kPictureScale = 4;
+
+struct VerifyModelOptions {
+  CellArguments cell;
+  uint64_t sample = 300;
+  std::string captured;  // empty: the robot is driven
+  std::string picture;   // empty: beside the database
+  uint64_t seed = 1;
+};
+
+// What is compared.
+struct ModelOfCell {
+  std::unique_ptr<Database> database;
+  DrawnCell cell;
+  DrawnRobot bare;
+  std::vector<std::string> links;
+  std::vector<std::string> views;
+};
+
+absl::StatusOr<ModelOfCell> ModelOf(const VerifyModelOptions& options, const CellFile& file) {
+  ASSIGN_OR_RETURN(std::optional<DrawnCell> drawn, DrawnCellOf(file.cell));
+  if (!drawn) {
+    return absl::InvalidArgumentError(
+        absl::StrCat("'", file.cell.file,
+                     "' says that the robot's images are captured: there is no model to verify; "
+                     "state 'images: drawn' of the robot to have them drawn"));
+  }
+  auto database = OpenDatabase(file, Database::Access::kWrite);
+  if (absl::IsNotFound(database.status())) {
+    return absl::NotFoundError(
+        absl::StrCat("there is no database in '", file.database,
+                     "' yet, and no reference images of the empty cell; take them first with: ",
+                     options.cell.Command("reference")));
+  }
+  if (!database.ok()) return database.status();
+  ASSIGN_OR_RETURN(const Snapshot snapshot, (*database)->Read());
+  ASSIGN_OR_RETURN(const auto stored, snapshot.Calibration());
+  std::optional<Calibration> calibration;
+  if (stored) {
+    ASSIGN_OR_RETURN(calibration, CalibrationFrom(*stored));
+  }
+  ASSIGN_OR_RETURN(DrawnRobot bare,
+                   BareRobotOf(*drawn, **database, calibration, file.cell.calibration.margin));
+  std::vector<std::string> links;
+  for (const RobotLink& link : drawn->robot->links()) links.push_back(link.name);
+  std::vector<std::string> views;
+  for (const auto& view : (*database)->cell().views()) views.push_back(view.name());
+  return ModelOfCell{*std::move(database), *std::move(drawn), std::move(bare), std::move(links),
+                     std::move(views)};
+}
+
+// By driving the robot.
+absl::StatusOr<std::vector<ModelSample>> DrivenSamples(const VerifyModelOptions& options,
+                                                       const CellFile& file,
+                                                       const ModelOfCell& model) {
+  if (!file.cell.workspace) {
+    return absl::InvalidArgumentError(absl::StrCat(
+        file.cell.file,
+        ": state 'workspace', the box that the robot must not leave while it is driven to "
+        "configurations by chance: floor, walls and what stands about it are not in its model; or "
+        "compare with captured images: --captured DATABASE"));
+  }
+  const Travel travel(file.cell.grid, file.cell.capture.forbidden_regions);
+  ASSIGN_OR_RETURN(const auto devices, OpenDevices(file.cell, travel, file.variant));
+  const storage::v1::CellDescription& cell = model.database->cell();
+  ASSIGN_OR_RETURN(CellRobot robot, CellRobot::Create(cell, *devices.robot));
+  ASSIGN_OR_RETURN(CellCameras cameras, CellCameras::Create(cell, *devices.cameras));
+  absl::StatusOr<std::vector<Reference>> references = ReadReferences(*model.database);
+  if (absl::IsNotFound(references.status())) {
+    return absl::NotFoundError(
+        absl::StrCat(references.status().message(),
+                     "; take them first with: ", options.cell.Command("reference")));
+  }
+  if (!references.ok()) return references.status();
+  SessionParts parts{.database = model.database.get(),
+                     .travel = &travel,
+                     .robot = std::move(robot),
+                     .cameras = std::move(cameras),
+                     .references = *std::move(references),
+                     .settings = file.cell.capture,
+                     .segmentation = file.cell.segmentation};
+  ModelSampler sampler(model.bare, travel.grid().joints(), *file.cell.workspace,
+                       model.cell.forbidden, {}, options.seed);
+  std::optional<Progress> progress;
+  progress.emplace("images", options.sample, "configurations");
+  CaptureObserver observer;
+  observer.progress = [&](uint64_t done) { progress->Update(done); };
+  observer.say = [&](const std::string& line) { progress->Say(line); };
+  observer.stop_requested = StopRequested;
+  return TakeSamples(parts, sampler, options.sample, observer);
+}
+
+absl::StatusOr<std::vector<ModelSample>> StoredSamples(const VerifyModelOptions& options,
+                                                       const CellFile& file,
+                                                       const ModelOfCell& model) {
+  ASSIGN_OR_RETURN(const auto captured, Database::Open(options.captured, Database::Access::kRead));
+  return SamplesIn(*captured, model.database->cell(), options.sample,
+                   file.cell.server.scene.fixed_joint_tolerance, options.seed);
+}
+
+// Whether the masks that were compared may hold the robot's shadow.
+absl::StatusOr<bool> MayHoldShadows(const VerifyModelOptions& options, const CellFile& file) {
+  if (options.captured.empty()) return file.cell.segmentation.shadows == Shadows::kForeground;
+  ASSIGN_OR_RETURN(const auto captured, Database::Open(options.captured, Database::Access::kRead));
+  return !absl::StrContains(captured->cell().segmentation(), "shadows: ignore");
+}
+
+double Share(uint64_t part, uint64_t whole) {
+  return whole == 0 ? 0 : static_cast<double>(part) / static_cast<double>(whole);
+}
+
+storage::v1::ModelVerification VerificationOf(const ModelOfCell& model,
+                                              const ModelComparison& found, size_t configurations,
+                                              const ComparisonSettings& settings) {
+  storage::v1::ModelVerification verification;
+  verification.mutable_time()->set_seconds(absl::ToUnixSeconds(absl::Now()));
+  verification.set_digest(DigestOf(model.bare));
+  for (size_t link = 0; link < model.links.size(); ++link) {
+    storage::v1::LinkGrowth& growth = *verification.add_link_growth();
+    growth.set_link(model.links[link]);
+    growth.set_growth(found.links[link].growth);
+  }
+  verification.set_configurations(static_cast<uint32_t>(configurations));
+  verification.set_held_out_masks(static_cast<uint32_t>(found.held_out_masks));
+  verification.set_held_out_missing(static_cast<uint32_t>(found.held_out_missing));
+  verification.set_additional(found.additional);
+  for (size_t view = 0; view < model.views.size(); ++view) {
+    const ComparedView& compared = found.views[view];
+    storage::v1::ViewAgreement& agreement = *verification.add_views();
+    agreement.set_view(model.views[view]);
+    agreement.set_strays(Share(compared.noise, compared.captured));
+    agreement.set_uncaptured(Share(compared.uncaptured, compared.certain));
+    agreement.set_shift_x(compared.mean_shift.x());
+    agreement.set_shift_y(compared.mean_shift.y());
+    agreement.set_shift(compared.mean_amount);
+  }
+  verification.set_settings(Describe(settings));
+  return verification;
+}
+
+std::string Percents(uint64_t part, uint64_t whole) {
+  return absl::StrFormat("%.2f", 100 * Share(part, whole));
+}
+
+std::string ComparisonText(const ModelOfCell& model, const ModelComparison& found,
+                           size_t configurations) {
+  Table links{{"link", "growth, cm", "not captured, %"}};
+  for (size_t link = 0; link < model.links.size(); ++link) {
+    const ComparedLink& compared = found.links[link];
+    links.rows.push_back({model.links[link], absl::StrFormat("%.1f", 100 * compared.growth),
+                          Percents(compared.uncaptured, compared.certain)});
+  }
+  Table views{{"view", "missing, %", "unreached, %", "noise, %", "not captured, %", "hidden, %",
+               "shift right", "down", "mean amount"}};
+  for (size_t view = 0; view < model.views.size(); ++view) {
+    const ComparedView& compared = found.views[view];
+    views.rows.push_back({model.views[view], Percents(compared.missing, compared.captured),
+                          Percents(compared.unreached, compared.captured),
+                          Percents(compared.noise, compared.captured),
+                          Percents(compared.uncaptured, compared.certain),
+                          Percents(compared.hidden, compared.certain + compared.hidden),
+                          absl::StrFormat("%.2f", compared.mean_shift.x()),
+                          absl::StrFormat("%.2f", compared.mean_shift.y()),
+                          absl::StrFormat("%.2f", compared.mean_amount)});
+  }
+  return absl::StrCat(
+      absl::StrFormat("compared           %d configurations, %d views\n", configurations,
+                      model.views.size()),
+      TextOf(links), "\n", TextOf(views), "\n",
+      absl::StrFormat("held out           %d masks, %d of them lack a pixel (%d pixels)\n",
+                      found.held_out_masks, found.held_out_missing, found.held_out_pixels),
+      absl::StrFormat("the growth adds    %.1f %% pixels\n", 100 * found.additional));
+}
+
+nlohmann::ordered_json ComparisonJson(const ModelOfCell& model, const ModelComparison& found,
+                                      size_t configurations) {
+  nlohmann::ordered_json json = {
+      {"passed", found.faults.empty()},           {"faults", found.faults},
+      {"digest", DigestOf(model.bare)},           {"configurations", configurations},
+      {"held_out_masks", found.held_out_masks},   {"held_out_missing", found.held_out_missing},
+      {"held_out_pixels", found.held_out_pixels}, {"additional", found.additional},
+      {"links", nlohmann::ordered_json::array()}, {"views", nlohmann::ordered_json::array()}};
+  for (size_t link = 0; link < model.links.size(); ++link) {
+    const ComparedLink& compared = found.links[link];
+    json["links"].push_back({{"name", model.links[link]},
+                             {"growth", compared.growth},
+                             {"uncaptured", Share(compared.uncaptured, compared.certain)}});
+  }
+  for (size_t view = 0; view < model.views.size(); ++view) {
+    const ComparedView& compared = found.views[view];
+    json["views"].push_back({{"name", model.views[view]},
+                             {"missing", Share(compared.missing, compared.captured)},
+                             {"masks_missing", compared.missing_by},
+                             {"unreached", Share(compared.unreached, compared.captured)},
+                             {"noise", Share(compared.noise, compared.captured)},
+                             {"uncaptured", Share(compared.uncaptured, compared.certain)},
+                             {"hidden", Share(compared.hidden, compared.certain + compared.hidden)},
+                             {"shift", {compared.mean_shift.x(), compared.mean_shift.y()}},
+                             {"mean_amount", compared.mean_amount}});
+  }
+  return json;
+}
+
+// The worst masks: what is drawn, what growth adds, what was captured beyond either, and what
+// certainly shows the robot by its model but was not captured.
+absl::Status WriteWorst(const ModelOfCell& model, const ModelComparison& found,
+                        const std::vector<ModelSample>& samples, const std::string& path) {
+  ASSIGN_OR_RETURN(const DrawnRobot grown, Grown(model.bare, found.LinkGrowth()));
+  std::vector<CaptionedPicture> pictures;
+  for (const WorstMask& worst : found.worst) {
+    const ModelSample& sample = samples[worst.sample];
+    const Mask& captured = sample.captured[worst.view];
+    const Mask bare = model.bare.Touched(sample.q)[worst.view];
+    const Mask all = grown.Touched(sample.q)[worst.view];
+    const Mask certain = model.bare.Covered(sample.q)[worst.view];
+    Picture picture = PictureOf(all, palette::kFaint);
+    picture.setTo(BgrOf(palette::kIgnored), MaskImage(bare));
+    picture.setTo(BgrOf(palette::kRobot), MaskImage(captured & bare));
+    picture.setTo(BgrOf(palette::kTight), MaskImage(certain - captured));
+    picture.setTo(BgrOf(palette::kUnknown), MaskImage((captured & all) - bare));
+    picture.setTo(BgrOf(palette::kObstacle), MaskImage(captured - all));
+    pictures.push_back({Enlarged(picture, kPictureScale),
+                        absl::StrFormat("%s: %d missing, %d not captured", model.views[worst.view],
+                                        worst.missing, worst.uncaptured)});
+  }
+  return WritePng(path,
+                  ContactSheet(pictures, {.title = "Captured and drawn: the worst masks",
+                                          .columns = 0,
+                                          .legend = {{palette::kRobot, "captured and drawn"},
+                                                     {palette::kIgnored, "drawn only"},
+                                                     {palette::kFaint, "added by growth"},
+                                                     {palette::kUnknown, "captured, in growth"},
+                                                     {palette::kObstacle, "captured, missing"},
+                                                     {palette::kTight, "certain, not captured"}}}));
+}
+
+// Says why.
+absl::StatusOr<ExitCode> RefuseModel(const VerifyModelOptions& options, const CellFile& file,
+                                     Database& database, const ModelComparison& found) {
+  ASSIGN_OR_RETURN(const Snapshot snapshot, database.Read());
+  const auto before = snapshot.Verification();
+  if (!before.ok() || *before) {
+    RETURN_IF_ERROR(database.SetVerification(std::nullopt, kVerifyModelProgram));
+    std::cerr << "the verification that the database had is removed\n";
+  }
+  for (const std::string& fault : found.faults) std::cerr << "not verified: " << fault << "\n";
+  const bool unreached =
+      std::ranges::any_of(found.views, [](const ComparedView& view) { return view.unreached > 0; });
+  ASSIGN_OR_RETURN(const bool shadows, MayHoldShadows(options, file));
+  if (unreached && shadows) {
+    std::cerr
+        << "captured masks may hold the robot's shadow, which drawn ones lack: light the cell "
+           "diffusely, or state 'segmentation: {shadows: ignore}' in the cell file, and make "
+           "the masks again\n";
+  }
+  std::cerr << std::flush;
+  return kNo;
+}
+
+absl::StatusOr<ExitCode> VerifyModelRun(const VerifyModelOptions& options) {
+  ASSIGN_OR_RETURN(const CellFile file, OpenCellFile(options.cell));
+  ASSIGN_OR_RETURN(const ModelOfCell model, ModelOf(options, file));
+  CatchStopSignals();
+  ASSIGN_OR_RETURN(const std::vector<ModelSample> samples,
+                   options.captured.empty() ? DrivenSamples(options, file, model)
+                                            : StoredSamples(options, file, model));
+  if (StopRequested()) {
+    std::cerr << "stopped; nothing was verified" << std::endl;
+    return kNo;
+  }
+  const ComparisonSettings settings;
+  std::optional<Progress> progress;
+  progress.emplace("comparison", 2 * samples.size() * model.views.size(), "masks");
+  const ModelComparison found =
+      CompareModel(model.bare, model.links, model.views, samples, settings,
+                   [&](uint64_t done) { progress->Update(done); });
+  progress.reset();
+  const std::string picture = options.picture.empty()
+                                  ? BesideDatabase(file.database, ".verification.png")
+                                  : options.picture;
+  RETURN_IF_ERROR(WriteWorst(model, found, samples, picture));
+  nlohmann::ordered_json json = ComparisonJson(model, found, samples.size());
+  json["picture"] = picture;
+  PrintResult(options.cell.format, json,
+              absl::StrCat(ComparisonText(model, found, samples.size()), "worst masks        ",
+                           picture, "\n", found.faults.empty() ? "the model is verified\n" : ""));
+  if (!found.faults.empty()) return RefuseModel(options, file, *model.database, found);
+  RETURN_IF_ERROR(model.database->SetVerification(
+      VerificationOf(model, found, samples.size(), settings), kVerifyModelProgram));
+  return kDone;
+}
+
+}  // namespace
+
+void AddVerifyModel(CLI::App& app, Work& work) {
+  CLI::App* command = app.add_subcommand(
+      "verify-model",
+      "Compares the model that robot images are drawn from with captured ones, finds by how much\n"
+      "each link must grow to hold them (cables, hoses, tools), and stores that in the database.\n"
+      "Drives the robot to configurations by chance, straight from one to the next, within\n"
+      "'workspace' and past itself and the forbidden regions; or takes those of a database.\n"
+      "Refuses a model that is wrong, and says which link and view.");
+  command->footer(
+      "Examples:\n"
+      "  silhouette-capture verify-model --cell cell.yaml --database cell.lmdb\n"
+      "  silhouette-capture verify-model --cell cell.yaml --database cell.lmdb --captured "
+      "old.lmdb\n"
+      "Exit codes: 0 verified; 1 not verified, or stopped; 2 wrong arguments or files; 3 a device "
+      "or "
+      "the disk failed.");
+  const auto options = std::make_shared<VerifyModelOptions>();
+  AddCellOptions(*command, options->cell);
+  command->add_option("--sample", options->sample, "Configurations that are compared")
+      ->capture_default_str()
+      ->check(CLI::Range(2, 1'000'000));
+  command->add_option("--captured", options->captured,
+                      "A database with captured robot images of the same cell: nothing is driven");
+  command->add_option("--picture", options->picture,
+                      "PNG of the worst masks; default: beside the database (.verification.png)");
+  command->add_option("--seed", options->seed, "Of the choice of configurations")
+      ->capture_default_str();
+  command->callback([options, &work] { work = [options] { return VerifyModelRun(*options); }; });
+}
+
+}  // namespace silhouette

@@ -1,0 +1,123 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "tools/silhouette/plan_drawn.h"
+
+#include <chrono>
+#include <utility>
+#include <vector>
+
+#include "absl/strings/str_cat.h"
+#include "absl/strings/str_format.h"
+#include "clients/planners/joint_search.h"
+#include "common/picture/files.h"
+#include "db/status/status_macros.h"
+#include "tools/silhouette/formats/output.h"
+
+namespace silhouette {
+namespace {
+
+// What was found.
+struct DrawnPlan {
+  client::ConfigurationChecks ends;
+  JointSearch search;
+  double search_ms = 0;
+  std::optional<client::PathCheck> check;  // of the whole path, if one was found
+
+  bool found() const { return check && check->verdict.free(); }
+};
+
+std::vector<GridJoint> JointsOf(const v1::GetDatabaseResponse& database) {
+  std::vector<GridJoint> joints;
+  for (const v1::GridJoint& joint : database.grid().joints()) {
+    joints.push_back({.name = joint.name(),
+                      .lower = joint.lower(),
+                      .upper = joint.upper(),
+                      .steps = joint.steps(),
+                      .continuous = joint.continuous()});
+  }
+  return joints;
+}
+
+absl::StatusOr<DrawnPlan> FindDrawnPath(const Session& session, const Client& client,
+                                        const std::vector<GridJoint>& joints,
+                                        const Configuration& start, const Configuration& goal) {
+  DrawnPlan plan;
+  ASSIGN_OR_RETURN(plan.ends, client.CheckConfigurations({start, goal}, session.policy));
+  if (!plan.ends.verdicts[0].free() || !plan.ends.verdicts[1].free()) return plan;
+  const auto is_free = [&](const Configuration& from,
+                           const Configuration& to) -> absl::StatusOr<bool> {
+    const std::vector<Configuration> motion = {from, to};
+    ASSIGN_OR_RETURN(const auto check, client.CheckPath(motion, session.policy));
+    return check.verdict.free();
+  };
+  const auto begin = std::chrono::steady_clock::now();
+  ASSIGN_OR_RETURN(plan.search, SearchJoints(joints, start, goal, {}, is_free, StopRequested));
+  const std::chrono::duration<double, std::milli> taken = std::chrono::steady_clock::now() - begin;
+  plan.search_ms = taken.count();
+  if (plan.search.waypoints.empty()) return plan;
+  ASSIGN_OR_RETURN(auto check, client.CheckPath(plan.search.waypoints, session.policy));
+  plan.check = std::move(check);
+  return plan;
+}
+
+// Why there is no path; that there is one.
+std::string DrawnOutcome(const DrawnPlan& plan) {
+  for (size_t i = 0; i < 2; ++i) {
+    if (plan.ends.verdicts[i].free()) continue;
+    return absl::StrCat("the ", i == 0 ? "start" : "goal", " is ",
+                        Spoken(plan.ends.verdicts[i], plan.ends.basis));
+  }
+  if (!plan.check) {
+    return absl::StrCat("none was found in ", plan.search.checks,
+                        " checks of motions; there may be one all the same");
+  }
+  if (plan.found()) return "found";
+  return absl::StrCat("the path found is not free at ", Spoken(plan.check->configuration), ": ",
+                      Spoken(plan.check->verdict, plan.check->basis),
+                      "; has the scene changed? plan again");
+}
+
+Json DrawnPathJson(const DrawnPlan& plan, const std::vector<GridJoint>& joints) {
+  Json names = Json::array();
+  for (const GridJoint& joint : joints) names.push_back(joint.name);
+  Json json{{"joints", names}, {"outcome", DrawnOutcome(plan)}, {"waypoints", Json::array()}};
+  if (!plan.found()) return json;
+  json.update({{"waypoints", plan.search.waypoints},
+               {"scene_id", plan.check->basis.scene_id},
+               {"database_generation", plan.check->basis.database_generation}});
+  return json;
+}
+
+std::string DrawnPlanText(const DrawnPlan& plan) {
+  if (!plan.found()) return absl::StrCat("no path: ", DrawnOutcome(plan), "\n");
+  std::string text =
+      absl::StrFormat("a path of %d waypoints, by %d checks of motions in %.0f ms\n",
+                      plan.search.waypoints.size(), plan.search.checks, plan.search_ms);
+  for (const Configuration& q : plan.search.waypoints)
+    absl::StrAppend(&text, "  ", Spoken(q), "\n");
+  return absl::StrCat(text, "free: ", plan.check->checked, " places checked, ",
+                      Spoken(plan.check->basis), "\n");
+}
+
+}  // namespace
+
+absl::StatusOr<ExitCode> PlanDrawn(const Session& session, const Client& client,
+                                   const v1::GetDatabaseResponse& database,
+                                   const Configuration& start, const Configuration& goal,
+                                   const std::string& out) {
+  const std::vector<GridJoint> joints = JointsOf(database);
+  ASSIGN_OR_RETURN(const DrawnPlan plan, FindDrawnPath(session, client, joints, start, goal));
+  if (!out.empty()) {
+    RETURN_IF_ERROR(WriteWholeFile(out, DrawnPathJson(plan, joints).dump(2) + "\n"));
+  }
+  Json json{{"found", plan.found()},
+            {"outcome", DrawnOutcome(plan)},
+            {"path_waypoints", plan.found() ? plan.search.waypoints.size() : 0},
+            {"motions_checked", plan.search.checks},
+            {"search_ms", plan.search_ms},
+            {"places_checked", plan.check ? Json(plan.check->checked) : Json()}};
+  json.update(JsonOf(plan.check ? plan.check->basis : plan.ends.basis));
+  PrintResult(session.format, json, DrawnPlanText(plan));
+  return plan.found() ? kDone : kNo;
+}
+
+}  // namespace silhouette
