@@ -46,6 +46,15 @@ absl::StatusOr<std::unique_ptr<Database>> OpenOrCreate(const std::string& path, 
                                                     "': ", absl::StrJoin(differences, "; ")));
 }
 
+// Other robot images must not pass for those that were drawn.
+absl::Status CheckNotDrawn(const Database& database) {
+  ASSIGN_OR_RETURN(const Snapshot snapshot, database.Read());
+  ASSIGN_OR_RETURN(const auto drawn, snapshot.DrawnImages());
+  if (!drawn) return absl::OkStatus();
+  return FailedPrecondition("the robot images in '", database.path(),
+                            "' were drawn; import into another database");
+}
+
 // Reads row after row; what is wrong with one does not keep the others out.
 class Importer {
  public:
@@ -172,6 +181,7 @@ absl::StatusOr<ExitCode> ImportHere(const ImportOptions& options) {
     }
     ASSIGN_OR_RETURN(database, std::move(variant));
   }
+  RETURN_IF_ERROR(CheckNotDrawn(*database));
   ASSIGN_OR_RETURN(RobotImageWriter writer, database->Write(program));
   Importer importer(csv, *database, writer, options.replace);
   absl::Status status = TakeAll(csv, table, file, importer, writer);

@@ -321,6 +321,25 @@ TEST_F(SilhouetteDb, ImportRunAgainGoesOn) {
   EXPECT_EQ(Run("diff db copy").exit_code, 0);
 }
 
+TEST_F(SilhouetteDb, ImportNeverMixesMasksWithDrawnOnes) {
+  MakeDatabase("db");
+  Write("cell.yaml", kCell);
+  ASSERT_EQ(Run("export db out").exit_code, 0);
+  {
+    const auto from = Database::Open((folder_ / "db").string(), Database::Access::kRead);
+    const auto drawn = Database::Create((folder_ / "drawn").string(), (*from)->cell());
+    ASSERT_TRUE(drawn.ok()) << drawn.status();
+    storage::v1::DrawnImages images;
+    images.set_digest("00ff");
+    images.set_shards(1);
+    ASSERT_TRUE((*drawn)->SetDrawnImages(images, "test").ok());
+  }
+  const Ended imported = Run("import --cell cell.yaml --database drawn out");
+  EXPECT_EQ(imported.exit_code, 2);
+  EXPECT_THAT(imported.err, HasSubstr("were drawn; import into another database"));
+  EXPECT_THAT(Run("info drawn").out, HasSubstr("00ff"));
+}
+
 TEST_F(SilhouetteDb, ImportTakesMasksMadeElsewhere) {
   Write("cell.yaml", kCell);
   const Mask left = Mask::FromPredicate({64, 64}, [](int x, int y) { return x == y; });
