@@ -2,10 +2,12 @@
 #include "calib/robot/distance_field.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <cstdint>
 #include <limits>
 #include <map>
+#include <set>
 #include <stdexcept>
 #include <utility>
 
@@ -45,6 +47,17 @@ TriangleMesh Welded(const TriangleMesh& mesh) {
   return welded;
 }
 
+// Sheets that are seen from both sides: their edges cancel out, but they enclose nothing.
+bool HasTwoSidedTriangle(const TriangleMesh& mesh) {
+  std::set<std::array<uint32_t, 3>> sides;  // least corner first, in the order of the triangle
+  for (std::array<uint32_t, 3> corners : mesh.triangles) {
+    std::ranges::rotate(corners, std::ranges::min_element(corners));
+    if (sides.contains({corners[0], corners[2], corners[1]})) return true;
+    sides.insert(corners);
+  }
+  return false;
+}
+
 bool IsClosedWelded(const TriangleMesh& mesh) {
   std::map<std::pair<uint32_t, uint32_t>, int> passes;
   for (const auto& triangle : mesh.triangles) {
@@ -54,7 +67,7 @@ bool IsClosedWelded(const TriangleMesh& mesh) {
       passes[std::minmax(a, b)] += a < b ? 1 : -1;
     }
   }
-  return !mesh.triangles.empty() &&
+  return !mesh.triangles.empty() && !HasTwoSidedTriangle(mesh) &&
          std::ranges::all_of(passes, [](const auto& edge) { return edge.second == 0; });
 }
 

@@ -13,7 +13,7 @@
 namespace silhouette {
 
 // Whether the mesh encloses a volume: every edge is passed as often in one direction as in the
-// other, where vertices at one place are one vertex.
+// other, where vertices at one place are one vertex, and no triangle is there from both sides.
 bool IsClosed(const TriangleMesh& mesh);
 
 // Samples on a lattice, taken from the meshes once. Cannot be changed once made; used by any number

@@ -6,6 +6,7 @@
 #include <memory>
 #include <span>
 #include <string>
+#include <vector>
 
 #include "absl/status/statusor.h"
 #include "calib/camera/calibration.h"
@@ -20,6 +21,8 @@ struct DrawnCell {
   PartSettings parts;
   // How far tool and payload reach beyond the outermost links, metres.
   double payload_radius = 0;
+  // By how much a fixed joint may stand elsewhere than it is stated, radians or metres.
+  double fixed_joint_tolerance = 0.005;
   // Whether the robot must never be at some place between two configurations of the grid's joints,
   // whatever the way of its joints; null: nowhere. Called by any number of threads.
   std::function<bool(std::span<const double> from, std::span<const double> to)> forbidden = nullptr;
@@ -28,10 +31,11 @@ struct DrawnCell {
 };
 
 // The robot to draw, with all that is to be added to it in the radii of its parts: the tolerance,
-// `link_growth` (metres, by link of the model; empty: none), and on the outermost links tool and
-// payload, about the links' origins as well. Otherwise as the DrawnRobotOf of parts.h.
-// InvalidArgument, too: the payload's radius or a growth is negative or not finite, or there is not
-// a growth for each link.
+// `link_growth` (metres, by link of the model; empty: none), on the outermost links tool and
+// payload, about the links' origins as well, and by how far fixed joints may move it within their
+// tolerance; what is certain is shrunk by the same. Otherwise as the DrawnRobotOf of parts.h.
+// InvalidArgument, too: a length or tolerance is negative or not finite, or there is not a growth
+// for each link.
 absl::StatusOr<DrawnRobot> DrawnRobotOf(const DrawnCell& cell, std::span<const std::string> moving,
                                         std::span<const FixedJoint> fixed,
                                         const Calibration& calibration,
@@ -41,5 +45,9 @@ absl::StatusOr<DrawnRobot> DrawnRobotOf(const DrawnCell& cell, std::span<const s
 // The same robot with `link_growth`, metres, by link of its model, in the radii of the links'
 // parts. InvalidArgument: a growth is negative or not finite, or there is none for a part's link.
 absl::StatusOr<DrawnRobot> Grown(const DrawnRobot& robot, std::span<const double> link_growth);
+
+// Names of the links that have a body of which nothing is certain: of meshes that are not closed,
+// thin, or far from convex. No pixel shows for certain that such a link is not where it is drawn.
+std::vector<std::string> UncertainLinks(const RobotModel& robot, const DrawnRobot& drawn);
 
 }  // namespace silhouette

@@ -187,7 +187,6 @@ absl::StatusOr<RobotParts> RobotParts::Of(const RobotModel& robot, const PartSet
   result.excess_.assign(robot.links().size(), 0);
   for (size_t i = 0; i < robot.links().size(); ++i) {
     const RobotLink& link = robot.links()[i];
-    bool certain = true;
     for (size_t k = 0; k < shapes[i].size(); ++k) {
       const LinkGeometry& geometry = link.body(settings.geometry)[k];
       ASSIGN_OR_RETURN(const DrawnShape shape, shapes[i][k].get());
@@ -199,13 +198,11 @@ absl::StatusOr<RobotParts> RobotParts::Of(const RobotModel& robot, const PartSet
                        .radius = hull.radius,
                        .inner = {}};
         if (hull.inner.cols() > 0) part.inner = geometry.link_from_shape * hull.inner;
-        certain = certain && hull.inner.cols() > 0;
         result.parts_.push_back(std::move(part));
       }
       MoveWithLinkBefore(robot, geometry, std::span(result.parts_).subspan(first));
       result.excess_[i] = std::max(result.excess_[i], shape.excess);
     }
-    if (!certain) result.uncertain_links_.push_back(link.name);
   }
   if (result.parts_.empty()) {
     return InvalidArgument("the robot '", robot.name(),

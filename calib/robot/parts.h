@@ -45,14 +45,9 @@ class RobotParts {
   // passes its shapes at no more than this distance. The tolerance is not in it.
   const std::vector<double>& excess() const { return excess_; }
 
-  // Names of the links with a part that has no inner: of a mesh that is not closed, or that is too
-  // thin or too far from convex for its inside to be known.
-  const std::vector<std::string>& uncertain_links() const { return uncertain_links_; }
-
  private:
   std::vector<RobotPart> parts_;
   std::vector<double> excess_;  // by link
-  std::vector<std::string> uncertain_links_;
 };
 
 // The robot as the cameras of `calibration` see it in masks of `mask_sizes`, a view each. `margin`:

@@ -52,6 +52,7 @@ class ReachFinder {
  public:
   ReachFinder(const RobotModel& robot, std::map<size_t, double> fixed, double payload_radius)
       : robot_(robot), fixed_(std::move(fixed)), children_(robot.links().size()) {
+    const std::vector<bool> outermost = robot.Outermost();
     for (size_t i = 1; i < robot.links().size(); ++i) {
       children_[static_cast<size_t>(robot.links()[i].parent)].push_back(i);
     }
@@ -65,7 +66,7 @@ class ReachFinder {
           }
         }
       }
-      for (Ball& ball : balls) ball.radius += children_[i].empty() ? payload_radius : 0;
+      for (Ball& ball : balls) ball.radius += outermost[i] ? payload_radius : 0;
       balls_.push_back(std::move(balls));
     }
   }

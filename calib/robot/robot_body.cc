@@ -176,10 +176,11 @@ RobotBody::RobotBody(const RobotModel& robot, const Settings& settings)
       !(settings.step > 0)) {
     throw std::invalid_argument("a length of the robot's body cannot be");
   }
-  payload_radii_.assign(robot.links().size(), settings.payload_radius);
+  for (const bool outermost : robot.Outermost()) {
+    payload_radii_.push_back(outermost ? settings.payload_radius : 0);
+  }
   std::vector<std::future<Fields>> fields;
   for (const RobotLink& link : robot.links()) {
-    if (link.parent >= 0) payload_radii_[static_cast<size_t>(link.parent)] = 0;
     fields.push_back(
         std::async(std::launch::async, [&link, &settings] { return FieldsOf(link, settings); }));
   }

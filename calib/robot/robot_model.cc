@@ -7,12 +7,11 @@
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_join.h"
+#include "calib/robot/drawing/kinematic_chain.h"
 #include "db/status/status_macros.h"
 
 namespace silhouette {
 namespace {
-
-constexpr double kLimitTolerance = 1e-6;
 
 struct TessellateShape {
   TriangleMesh operator()(const BoxShape& box) const { return BoxMesh(box.size); }
@@ -43,6 +42,14 @@ std::optional<size_t> RobotModel::JointIndex(const std::string& name) const {
 absl::Status RobotModel::NoJoint(const std::string& name) const {
   return InvalidArgument("the robot '", name_, "' has no joint '", name, "'; it has ",
                          NamesOf(joints_));
+}
+
+std::vector<bool> RobotModel::Outermost() const {
+  std::vector<bool> outermost(links_.size(), true);
+  for (const RobotLink& link : links_) {
+    if (link.parent >= 0) outermost[static_cast<size_t>(link.parent)] = false;
+  }
+  return outermost;
 }
 
 RobotModel RobotModel::WithBody(size_t link, LinkGeometry body) const {

@@ -34,8 +34,9 @@ enum class JointType { kRevolute, kContinuous, kPrismatic };
 struct RobotJoint {
   std::string name;
   JointType type = JointType::kRevolute;
-  double lower = 0;  // a continuous joint: -pi
-  double upper = 0;  // a continuous joint: pi
+  // Between them the joints that mimic it are within their limits, too. A continuous one: -pi, pi.
+  double lower = 0;
+  double upper = 0;
 };
 
 struct BoxShape {
@@ -101,6 +102,8 @@ class RobotModel {
 
   // Every link stands after its parent; the first is the base.
   const std::vector<RobotLink>& links() const { return links_; }
+  // By link, whether none hangs on it: tool and payload do.
+  std::vector<bool> Outermost() const;
 
   // The same robot with one more body on a link, by its index in links().
   RobotModel WithBody(size_t link, LinkGeometry body) const;

@@ -19,6 +19,7 @@
 #include "absl/status/status.h"
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_join.h"
+#include "calib/robot/drawing/kinematic_chain.h"
 #include "calib/robot/robot_model.h"
 #include "calib/robot/triangle_mesh.h"
 #include "db/status/status_macros.h"
@@ -30,6 +31,8 @@ namespace fs = std::filesystem;
 
 // No link is as long as this, in metres.
 constexpr double kMostLength = 100;
+// Nor is a joint moved by as many times the joint that it mimics.
+constexpr double kMostMimic = 1000;
 constexpr char kMimic[] = "; name a joint that moves by itself, or make it type=\"fixed\"";
 constexpr char kTree[] = "; the links must form a tree: leave out a joint of the loop";
 
@@ -247,6 +250,10 @@ class UrdfReader {
       }
       link.offset += link.factor * by.offset;
       link.factor *= by.multiplier;
+      if (!(std::abs(link.factor) <= kMostMimic) || !(std::abs(link.offset) <= kMostMimic)) {
+        Fail("joint '" + name + "' mimics another by a multiplier or offset above " +
+             absl::StrCat(kMostMimic) + "; correct it");
+      }
       const auto found = urdf_->joints_.find(by.joint_name);
       if (found == urdf_->joints_.end()) {
         Fail("joint '" + joint->name + "' mimics '" + by.joint_name + "', which is not there" +
@@ -264,6 +271,42 @@ class UrdfReader {
            "' limits, with type=\"revolute\"");
     }
     link.joint = static_cast<int>(*index);
+    KeepWithin(mimic.joint, link, model_.joints_[*index]);
+  }
+
+  // Narrows the limits of the joint that moves `link` to where the mimicking joint is within its
+  // own. Files often leave those out, as 0 to 0.
+  void KeepWithin(const urdf::Joint& mimicking, const RobotLink& link, RobotJoint& joint) const {
+    if (mimicking.limits == nullptr || mimicking.type == urdf::Joint::CONTINUOUS) return;
+    const double own[2] = {mimicking.limits->lower, mimicking.limits->upper};
+    if (!std::isfinite(own[0]) || !std::isfinite(own[1]) || own[0] > own[1]) {
+      Fail("the lower limit of joint '" + mimicking.name + "' exceeds its upper limit");
+    }
+    if (own[0] == own[1]) return;
+    const auto beyond = [&] {
+      Fail("joint '" + mimicking.name + "' is beyond its own limits wherever '" + joint.name +
+           "', which it mimics, may stand; correct the limits, multiplier or offset");
+    };
+    if (joint.type == JointType::kContinuous) {
+      if (link.factor != 0) {
+        Fail("joint '" + mimicking.name + "' has limits, but mimics '" + joint.name +
+             "', which turns without end; give '" + joint.name +
+             "' limits, with type=\"revolute\"");
+      }
+      return;
+    }
+    if (link.factor == 0) {
+      if (link.offset < own[0] - kLimitTolerance || link.offset > own[1] + kLimitTolerance)
+        beyond();
+      return;
+    }
+    const auto [low, high] =
+        std::minmax({(own[0] - link.offset) / link.factor, (own[1] - link.offset) / link.factor});
+    const double lower = std::max(joint.lower, low);
+    const double upper = std::min(joint.upper, high);
+    if (lower > upper + kLimitTolerance) beyond();
+    joint.lower = std::min(lower, upper);
+    joint.upper = upper;
   }
 
   KinematicChain ChainOfAll() const {

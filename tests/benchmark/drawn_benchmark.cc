@@ -36,6 +36,7 @@ using DrawnRandom = std::mt19937_64;
 constexpr int kDrawnScenes = 8;  // of a kind
 constexpr double kDrawnVoxel = 0.02;
 constexpr double kDrawnTolerance = 0.005;
+constexpr double kDrawnMargin = 0.25;  // pixels, the server's default
 
 double Any(DrawnRandom& random, double low, double high) {
   return std::uniform_real_distribution<double>(low, high)(random);
@@ -119,7 +120,8 @@ const DrawnBench& TheDrawnBench() {
       const double angle = std::numbers::pi * (0.25 + 0.5 * i);
       const Vector3d target(0, 0, 0.7);
       const Vector3d out(std::cos(angle) * 0.9, std::sin(angle) * 0.9, 0.436);
-      views.emplace_back(CameraAt(target + 4.2 * out.normalized(), target), MaskSize{64, 64});
+      views.emplace_back(CameraAt(target + 4.2 * out.normalized(), target), MaskSize{64, 64},
+                         kDrawnMargin);
     }
     std::vector<std::string> moving;
     for (const RobotJoint& joint : made.model.joints()) moving.push_back(joint.name);
@@ -190,8 +192,8 @@ void CheckAnyQ(benchmark::State& state, Thing thing, int min_views) {
   const size_t count = checkers.size() * bench.questions.size();
   DrawnCheckScratch scratch;
   const auto occupied = [&](size_t i) {
-    return checkers[i / bench.questions.size()].ShownBy(
-        min_views, bench.questions[i % bench.questions.size()], {}, scratch);
+    return checkers[i / bench.questions.size()].Showing(bench.questions[i % bench.questions.size()],
+                                                        {}, min_views, scratch) >= min_views;
   };
   for (size_t i = 0; i < count; i += 53) {
     if (occupied(i) !=
@@ -265,11 +267,28 @@ void DrawnSceneCost(benchmark::State& state) {
   });
 }
 
-// The same moving links: their boxes and cylinders.
+// A capsule about z, or a sphere, about a box of these edges; `turn` takes it into the box's frame.
+std::shared_ptr<fcl::CollisionGeometryd> CapsuleAbout(const Vector3d& edges,
+                                                      Eigen::Matrix3d& turn) {
+  Eigen::Index longest = 0;
+  edges.maxCoeff(&longest);
+  const Vector3d along = Vector3d::Unit(longest);
+  turn = Eigen::Quaterniond::FromTwoVectors(Vector3d::UnitZ(), along).toRotationMatrix();
+  const double radius = std::sqrt(edges.squaredNorm() - edges[longest] * edges[longest]) / 2;
+  return std::make_shared<fcl::Capsuled>(radius, edges[longest]);
+}
+
+// What stands for robot and obstacle.
+enum class Baseline {
+  kExact,     // the links' boxes and cylinders, an octree of all that is occupied
+  kCapsules,  // a capsule about each of them, an octree of the points of the obstacle's surface
+};
+
+// The same moving links.
 class FclOfDrawn {
  public:
-  FclOfDrawn(const DrawnBench& bench, const Obstacle& obstacle)
-      : bench_(bench), octree_(TreeOf(obstacle)) {
+  FclOfDrawn(const DrawnBench& bench, const Obstacle& obstacle, Baseline baseline)
+      : bench_(bench), octree_(TreeOf(obstacle, baseline)) {
     octree_.computeLocalAABB();
     for (size_t link = 1; link < bench.model.links().size(); ++link) {
       for (const LinkGeometry& geometry : bench.model.links()[link].body()) {
@@ -280,8 +299,19 @@ class FclOfDrawn {
           const auto& cylinder = std::get<CylinderShape>(geometry.shape);
           shape = std::make_shared<fcl::Cylinderd>(cylinder.radius, cylinder.length);
         }
+        Isometry3d link_from_shape = geometry.link_from_shape;
+        if (baseline == Baseline::kCapsules) {
+          Eigen::Matrix3d turn = Eigen::Matrix3d::Identity();
+          if (const auto* box = std::get_if<BoxShape>(&geometry.shape)) {
+            shape = CapsuleAbout(box->size, turn);
+          } else {
+            const auto& cylinder = std::get<CylinderShape>(geometry.shape);
+            shape = std::make_shared<fcl::Capsuled>(cylinder.radius, cylinder.length);
+          }
+          link_from_shape.linear() = (link_from_shape.linear() * turn).eval();
+        }
         shape->computeLocalAABB();
-        shapes_.push_back({link, geometry.link_from_shape, std::move(shape)});
+        shapes_.push_back({link, link_from_shape, std::move(shape)});
       }
     }
   }
@@ -306,7 +336,7 @@ class FclOfDrawn {
     std::shared_ptr<fcl::CollisionGeometryd> geometry;
   };
 
-  static std::shared_ptr<octomap::OcTree> TreeOf(const Obstacle& obstacle) {
+  static std::shared_ptr<octomap::OcTree> TreeOf(const Obstacle& obstacle, Baseline baseline) {
     auto tree = std::make_shared<octomap::OcTree>(kDrawnVoxel);
     const double round = obstacle.half.norm() + kDrawnVoxel;
     for (double x = -round; x <= round; x += kDrawnVoxel) {
@@ -315,9 +345,13 @@ class FclOfDrawn {
           const Vector3d at = obstacle.pose.translation() + Vector3d(x, y, z);
           const octomap::OcTreeKey key = tree->coordToKey(at.x(), at.y(), at.z());
           const octomap::point3d centre = tree->keyToCoord(key);
-          if (obstacle.Meets({centre.x(), centre.y(), centre.z()})) {
-            tree->updateNode(key, true, true);
+          const Vector3d voxel(centre.x(), centre.y(), centre.z());
+          bool within = baseline == Baseline::kCapsules;
+          for (int side = 0; side < 6; ++side) {
+            const double step = side % 2 == 0 ? kDrawnVoxel : -kDrawnVoxel;
+            within = within && obstacle.Meets(voxel + step * Vector3d::Unit(side / 2));
           }
+          if (obstacle.Meets(voxel) && !within) tree->updateNode(key, true, true);
         }
       }
     }
@@ -332,11 +366,11 @@ class FclOfDrawn {
   std::vector<Isometry3d> poses_;
 };
 
-void FclAnyQ(benchmark::State& state, Thing thing) {
+void FclAnyQ(benchmark::State& state, Thing thing, Baseline baseline) {
   const DrawnBench& bench = TheDrawnBench();
   std::vector<std::unique_ptr<FclOfDrawn>> checks;
   for (const Obstacle& obstacle : bench.obstacles[static_cast<size_t>(thing)]) {
-    checks.push_back(std::make_unique<FclOfDrawn>(bench, obstacle));
+    checks.push_back(std::make_unique<FclOfDrawn>(bench, obstacle, baseline));
   }
   size_t hits = 0;
   const size_t count = checks.size() * 500;
@@ -356,7 +390,8 @@ const bool kDrawnRegistered = [] {
   };
   for (const Thing thing : {Thing::kPerson, Thing::kHand}) {
     const std::string name = thing == Thing::kPerson ? "/person" : "/hand";
-    add("fcl_octomap_any_q" + name, FclAnyQ, thing);
+    add("fcl_octomap_any_q" + name, FclAnyQ, thing, Baseline::kExact);
+    add("fcl_capsules_any_q" + name, FclAnyQ, thing, Baseline::kCapsules);
     add("check_any_q" + name + "/3", CheckAnyQ, thing, 3);
     add("check_any_q" + name + "/4", CheckAnyQ, thing, 4);
     add("motion_any_q" + name, MotionAnyQ, thing);

@@ -155,7 +155,8 @@ absl::StatusOr<std::optional<DrawnCell>> DrawnCellOf(const Cell& cell) {
                    RobotModel::FromUrdf(cell.robot.urdf, cell.robot.package_paths));
   DrawnCell drawn{.robot = std::make_shared<const RobotModel>(std::move(robot)),
                   .parts = *cell.robot.drawn,
-                  .payload_radius = cell.robot.payload_radius};
+                  .payload_radius = cell.robot.payload_radius,
+                  .fixed_joint_tolerance = cell.server.scene.fixed_joint_tolerance};
   if (cell.capture.forbidden_regions.empty()) return std::optional(std::move(drawn));
   for (const ForbiddenRegion& region : cell.capture.forbidden_regions) {
     for (const ForbiddenRegion::Range& range : region.ranges) {

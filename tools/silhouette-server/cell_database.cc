@@ -238,6 +238,24 @@ void LogLoaded(const ServedDatabase& database, const std::string& path) {
   }
 }
 
+std::string LinksNamed(const std::vector<std::string>& links) {
+  return absl::StrJoin(links, ", ", [](std::string* out, const std::string& link) {
+    absl::StrAppend(out, "link '", link, "'");
+  });
+}
+
+// Of a cell whose robot images are drawn.
+void LogDrawn(const ServedDatabase& database, const RobotModel& robot) {
+  const std::vector<std::string> uncertain =
+      UncertainLinks(robot, *database.robot_images().drawn());
+  if (uncertain.empty()) return;
+  spdlog::warn(
+      "no pixel certainly shows {}, whose meshes are not closed, or too thin or concave: that it "
+      "is not where it reports is not noticed there; close the meshes, or draw closed ones by "
+      "'geometry'",
+      LinksNamed(uncertain));
+}
+
 // Of a cell that states the section 'sound'.
 void LogSound(const ServedDatabase& database, const Cell& cell) {
   if (database.sound() == nullptr) {
@@ -259,9 +277,7 @@ void LogSound(const ServedDatabase& database, const Cell& cell) {
         "the meshes of {} are not closed: an obstacle may be inside, so that the sound presets "
         "may block what is near them, or all; close them, or set 'sound: {{geometry: collision}}' "
         "if the URDF has closed collision meshes",
-        absl::StrJoin(sound.open_links(), ", ", [](std::string* out, const std::string& link) {
-          absl::StrAppend(out, "link '", link, "'");
-        }));
+        LinksNamed(sound.open_links()));
   }
   if (cell.grid_move > least) {
     spdlog::warn(
@@ -313,6 +329,7 @@ absl::StatusOr<std::shared_ptr<const ServedDatabase>> LoadDatabase(const Cell& c
   }
   LogLoaded(**served, path);
   LogRobotImages(**served, path, load);
+  if (load.drawn) LogDrawn(**served, *load.drawn->robot);
   if (sound) LogSound(**served, cell);
   Policy policy = cell.policy;
   if (cell.choose_preset) policy.preset = (*served)->BestPreset();

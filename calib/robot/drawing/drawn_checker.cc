@@ -12,6 +12,7 @@ namespace {
 
 // Of a ball's radius: a part that is grown by more is nearly as round, and dear to draw.
 constexpr double kAsBall = 0.5;
+constexpr float kUnknownDepth = std::numeric_limits<float>::infinity();
 
 using Candidate = DrawnCheckScratch::Candidate;
 
@@ -71,12 +72,14 @@ bool DrawnChecker::Look(size_t view, Growth growth, DrawnCheckScratch& scratch) 
       scratch.candidates.resize(begin);
       return true;
     }
+    // Not a number, which has no order: not known.
+    const float depth = std::isnan(reach) ? kUnknownDepth : reach - distance;
     // Balls of a part stand together.
     if (scratch.candidates.size() > begin && scratch.candidates.back().part == balls.part(i)) {
-      float& depth = scratch.candidates.back().depth;
-      depth = std::max(depth, reach - distance);
+      float& deepest = scratch.candidates.back().depth;
+      deepest = std::max(deepest, depth);
     } else {
-      scratch.candidates.push_back({view, balls.part(i), reach - distance});
+      scratch.candidates.push_back({view, balls.part(i), depth});
     }
   }
   return false;
@@ -91,18 +94,19 @@ bool DrawnChecker::IsMet(const Candidate& candidate, Growth growth,
       planes_[candidate.view].mask.words());
 }
 
-int DrawnChecker::Count(std::span<const double> q, Growth growth, int least, int most,
-                        DrawnCheckScratch& scratch) const {
+int DrawnChecker::Showing(std::span<const double> q, Growth growth, int enough,
+                          DrawnCheckScratch& scratch) const {
+  if (enough < 1) throw std::invalid_argument("no view is not enough");
   RequireGrowth(growth, robot_->parts().size());
   robot_->chain().Pose(q, scratch.base_from_link);
   if (!std::ranges::all_of(q, [](double value) { return std::isfinite(value); })) {
-    return static_cast<int>(planes_.size());
+    return std::min(enough, static_cast<int>(planes_.size()));
   }
   robot_->balls().Place(scratch.base_from_link, growth, scratch.balls);
   scratch.candidates.clear();
   int showing = missing_;
   int open = 0;  // views
-  for (size_t view = 0; view < planes_.size() && showing < most; ++view) {
+  for (size_t view = 0; view < planes_.size() && showing < enough; ++view) {
     if (planes_[view].mask.words().empty()) continue;
     const size_t before = scratch.candidates.size();
     if (Look(view, growth, scratch)) {
@@ -112,7 +116,7 @@ int DrawnChecker::Count(std::span<const double> q, Growth growth, int least, int
     }
   }
   for (size_t i = 0; i < scratch.candidates.size();) {
-    if (showing >= most || showing + open <= least) break;
+    if (showing >= enough || (showing > 0 && showing + open < enough)) break;
     const size_t view = scratch.candidates[i].view;
     size_t end = i;
     while (end < scratch.candidates.size() && scratch.candidates[end].view == view) ++end;
@@ -128,19 +132,7 @@ int DrawnChecker::Count(std::span<const double> q, Growth growth, int least, int
     }
     i = end;
   }
-  return showing;
-}
-
-int DrawnChecker::Showing(std::span<const double> q, Growth growth, int enough,
-                          DrawnCheckScratch& scratch) const {
-  if (enough < 1) throw std::invalid_argument("no view is not enough");
-  return std::min(enough, Count(q, growth, -1, enough, scratch));
-}
-
-bool DrawnChecker::ShownBy(int views, std::span<const double> q, Growth growth,
-                           DrawnCheckScratch& scratch) const {
-  if (views < 1) throw std::invalid_argument("no view is not enough");
-  return Count(q, growth, views - 1, views, scratch) >= views;
+  return std::min(enough, showing);
 }
 
 }  // namespace silhouette

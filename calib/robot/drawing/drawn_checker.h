@@ -48,22 +48,15 @@ class DrawnChecker {
 
   const DrawnRobot& robot() const { return *robot_; }
 
-  // The number of views that show an obstacle inside the robot's image at `q`, each part grown by
-  // `growth`, or `enough` if there are as many or more. Joint values that are not finite: all
-  // views. Limits are not looked at. Throws std::invalid_argument if `enough` is below 1, there is
-  // not a value for each joint, or `growth` has not a finite number that is not negative for each
-  // part.
+  // How many views show an obstacle inside the robot's image at `q`, each part grown by `growth`:
+  // `enough`: as many or more; 0: none; a number between: at least one, but fewer than `enough`.
+  // Joint values that are not finite: all views. Limits are not looked at. Throws
+  // std::invalid_argument if `enough` is below 1, there is not a value for each joint, or `growth`
+  // has not a finite number that is not negative for each part.
   int Showing(std::span<const double> q, Growth growth, int enough,
               DrawnCheckScratch& scratch) const;
 
-  // Whether at least `views` views show one: Showing() >= views, and faster where they do not.
-  bool ShownBy(int views, std::span<const double> q, Growth growth,
-               DrawnCheckScratch& scratch) const;
-
  private:
-  // Views that show an obstacle, counted until `most` do or no more than `least` can.
-  int Count(std::span<const double> q, Growth growth, int least, int most,
-            DrawnCheckScratch& scratch) const;
   // Whether the view certainly shows one; else appends the parts that may.
   bool Look(size_t view, Growth growth, DrawnCheckScratch& scratch) const;
   bool IsMet(const DrawnCheckScratch::Candidate& candidate, Growth growth,

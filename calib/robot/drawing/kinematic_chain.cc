@@ -9,7 +9,6 @@
 namespace silhouette {
 namespace {
 
-constexpr double kLimitTolerance = 1e-6;
 constexpr double kMostTurned = 1e6;
 
 bool IsFinite(const ChainLink& link) {
@@ -39,6 +38,14 @@ KinematicChain::KinematicChain(std::vector<ChainJoint> joints, std::vector<Chain
     if (!placed || link.joint < -1 || link.joint >= static_cast<int>(joints_.size()) ||
         !IsFinite(link)) {
       throw std::invalid_argument("a link of the robot hangs on nothing");
+    }
+    if (link.joint < 0) continue;
+    const ChainJoint& joint = joints_[static_cast<size_t>(link.joint)];
+    if (!(std::abs(link.axis.norm() - 1) < 1e-6)) {
+      throw std::invalid_argument("the axis of joint '" + joint.name + "' is not of unit length");
+    }
+    if (link.slides && joint.continuous) {
+      throw std::invalid_argument("joint '" + joint.name + "' cannot slide without end");
     }
   }
 }

@@ -12,6 +12,9 @@
 
 namespace silhouette {
 
+// Values that are beyond a joint's limit by no more than this are at it.
+inline constexpr double kLimitTolerance = 1e-6;
+
 struct ChainJoint {
   std::string name;
   double lower = 0;
@@ -37,7 +40,8 @@ Eigen::Isometry3d ParentFromLink(const ChainLink& link, double value);
 class KinematicChain {
  public:
   // Throws std::invalid_argument if a link stands before its parent, the first has one, another has
-  // none, a joint is not there, limits are not in order, or a number is not finite.
+  // none, a joint is not there, limits are not in order, a number is not finite, an axis is not of
+  // unit length, or a link slides without end.
   KinematicChain(std::vector<ChainJoint> joints, std::vector<ChainLink> links);
 
   std::span<const ChainJoint> joints() const { return joints_; }

@@ -30,6 +30,19 @@ constexpr float kInfinity = std::numeric_limits<float>::infinity();
 // Single-precision sums of three products are this precise, and some more.
 constexpr double kFloat = 1e-6;
 
+// The distortion `lens` (CameraIntrinsics) of (u, v, 1), as Distort has it, in single precision.
+// T: float or Lanes.
+template <typename T>
+inline void DistortSingle(const float* lens, bool rational, const T& u, const T& v, T& to_u,
+                          T& to_v) {
+  const T r2 = u * u + v * v;
+  const T uv = u * v;
+  T radial = 1 + r2 * (lens[0] + r2 * (lens[1] + r2 * lens[4]));
+  if (rational) radial /= 1 + r2 * (lens[5] + r2 * (lens[6] + r2 * lens[7]));
+  to_u = u * radial + 2 * lens[2] * uv + lens[3] * (r2 + 2 * u * u);
+  to_v = v * radial + lens[2] * (r2 + 2 * v * v) + 2 * lens[3] * uv;
+}
+
 // Balls about a part, whose centres are in the hull of its points. A part is cut across its length
 // into pieces about as long as it is thick.
 struct Cover {
@@ -209,10 +222,12 @@ BallLook::BallLook(const PartDrawer& view) {
           bounds.box.min() +
           Eigen::Vector2d(x, y).cwiseProduct(bounds.box.sizes()) / static_cast<double>(kSteps);
       if (bounds.circle > 0 && p.norm() > bounds.circle) continue;
-      const auto rough = Distort(in, static_cast<float>(p.x()), static_cast<float>(p.y()));
-      const auto exact = Distort(in, p.x(), p.y());
-      off = std::max(
-          {off, in.fx * std::abs(rough.x() - exact.x()), in.fy * std::abs(rough.y() - exact.y())});
+      Eigen::Vector2f rough;
+      DistortSingle(lens_, rational_, static_cast<float>(p.x()), static_cast<float>(p.y()),
+                    rough.x(), rough.y());
+      const Eigen::Vector2d exact = Distort(in, p.x(), p.y());
+      off = std::max({off, in.fx * std::abs(static_cast<double>(rough.x()) - exact.x()),
+                      in.fy * std::abs(static_cast<double>(rough.y()) - exact.y())});
     }
   }
   const double most = bounds.box.min().cwiseAbs().cwiseMax(bounds.box.max().cwiseAbs()).maxCoeff();
@@ -225,7 +240,6 @@ SILHOUETTE_BALL_VECTORS void BallLook::See(const PartBalls& balls, const PlacedB
   seen.pixel.resize(balls.balls());
   seen.reach.resize(balls.balls());
   const float slack = placed.slack + slack_;
-  const float* const d = lens_;
   for (size_t i = 0; i < balls.link_.size(); ++i) {
     const Lanes& px = placed.x.vector(i);
     const Lanes& py = placed.y.vector(i);
@@ -274,14 +288,11 @@ SILHOUETTE_BALL_VECTORS void BallLook::See(const PartBalls& balls, const PlacedB
       unknown |= beyond;
     }
 
-    const Lanes r2 = cu * cu + cv * cv;
-    const Lanes uv = cu * cv;
-    Lanes radial = 1 + r2 * (d[0] + r2 * (d[1] + r2 * d[4]));
-    if (rational_) radial /= 1 + r2 * (d[5] + r2 * (d[6] + r2 * d[7]));
-    const Lanes at_x =
-        focal_[0] * (cu * radial + 2 * d[2] * uv + d[3] * (r2 + 2 * cu * cu)) + centre_[0];
-    const Lanes at_y =
-        focal_[1] * (cv * radial + d[2] * (r2 + 2 * cv * cv) + 2 * d[3] * uv) + centre_[1];
+    Lanes bent_u;
+    Lanes bent_v;
+    DistortSingle(lens_, rational_, cu, cv, bent_u, bent_v);
+    const Lanes at_x = focal_[0] * bent_u + centre_[0];
+    const Lanes at_y = focal_[1] * bent_v + centre_[1];
     const float right = static_cast<float>(width_ - 1);
     const float bottom = static_cast<float>(height_ - 1);
     const Lanes in_x = at_x > 0 ? (at_x < right ? at_x : none + right) : none;

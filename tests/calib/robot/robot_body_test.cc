@@ -121,6 +121,16 @@ TEST(DistanceField, MeshWithAHoleIsNotClosed) {
   EXPECT_FALSE(IsClosed(soup));
   EXPECT_THROW(DistanceField(std::vector{soup}, kRange, kStep), std::invalid_argument);
   EXPECT_FALSE(IsClosed({}));
+  // A sheet that is seen from both sides encloses nothing, flat or as an open box.
+  for (const size_t triangles : {1u, 2u, 10u}) {
+    TriangleMesh sheet = BoxMesh({1, 2, 3});
+    sheet.triangles.resize(triangles);
+    for (size_t i = 0; i < triangles; ++i) {
+      const auto [a, b, c] = sheet.triangles[i];
+      sheet.triangles.push_back({b, a, c});
+    }
+    EXPECT_FALSE(IsClosed(sheet));
+  }
 }
 
 TEST(DistanceField, NumbersThatCannotBeAreRefused) {
@@ -357,6 +367,54 @@ TEST_F(RobotBodyTest, BallsAreMetOnlyIfALinkMovesTowardsThem) {
   }
   EXPECT_GT(met, 300);
   EXPECT_GT(not_met, 50) << "of what is in reach";
+}
+
+// The fingers of a gripper, of which one moves the other way.
+TEST_F(RobotBodyTest, BallsAreMetByLinksThatMimic) {
+  constexpr double kRadius = 0.05;
+  const RobotModel robot = Gripper();
+  const RobotBody body(robot, {.tolerance = 0.005, .range = kRange, .step = kStep});
+  Random random;
+  const auto distance = [&](const std::vector<double>& q, size_t link, const Vector3d& point) {
+    const LinkGeometry& geometry = robot.links()[link].visual[0];
+    const Vector3d half = std::get<BoxShape>(geometry.shape).size / 2;
+    const Vector3d at = (robot.LinkPoses(q)[link] * geometry.link_from_shape).inverse() * point;
+    return Eigen::AlignedBox3d(-half, half).exteriorDistance(at);
+  };
+  const size_t links = robot.links().size();
+  std::vector<int> met(links);
+  int not_met = 0;
+  for (int i = 0; i < 400; ++i) {
+    std::vector<double> from;
+    for (const RobotJoint& joint : robot.joints()) {
+      from.push_back(Uniform(random, joint.lower, joint.upper));
+    }
+    std::vector<double> to = from;
+    to.back() += Uniform(random, -0.1, 0.1);
+    const PosedBody way = body.Between(from, to, 0.005);
+    const size_t finger = links - 1 - random() % 3;
+    for (int k = 0; k < 20; ++k) {
+      const Vector3d centre =
+          robot.LinkPoses(from)[finger].translation() + 0.25 * RandomDirection(random);
+      double before = 1;
+      for (size_t link = 1; link < links; ++link) {
+        before = std::min(before, distance(from, link, centre));
+      }
+      if (before <= kRadius) continue;
+      bool touched = false;
+      for (int step = 1; step <= 20; ++step) {
+        std::vector<double> q = from;
+        q.back() += step / 20.0 * (to.back() - from.back());
+        touched = touched || distance(q, finger, centre) <= kRadius;
+      }
+      const bool may_meet = way.MayMeet(centre, 0, kRadius);
+      ASSERT_TRUE(may_meet || !touched) << robot.links()[finger].name << ", motion " << i;
+      met[finger] += touched ? 1 : 0;
+      not_met += !may_meet && way.MayReach(centre, kRadius) ? 1 : 0;
+    }
+  }
+  for (size_t finger = links - 3; finger < links; ++finger) EXPECT_GT(met[finger], 20);
+  EXPECT_GT(not_met, 20) << "of what is in reach";
 }
 
 TEST_F(RobotBodyTest, WhatStandsStillInARangeHasNotMoved) {

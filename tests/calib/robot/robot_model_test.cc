@@ -163,13 +163,14 @@ TEST(RobotModel, UnsupportedJointsAreNamed) {
 
 TEST(RobotModel, MimicsOfWhatTheyCannotAreNamed) {
   const auto error = [](const std::string& first, const std::string& type,
-                        const std::string& second) {
+                        const std::string& second, const std::string& own = "revolute") {
     const std::string limit = "<limit lower='-1' upper='1' effort='1' velocity='1'/>";
     return ErrorOf(
         "<robot name='r'><link name='a'/><link name='b'/><link name='c'/>"
-        "<joint name='j' type='revolute'><parent link='a'/><child link='b'/>" +
-        limit + first + "</joint><joint name='k' type='" + type +
-        "'><parent link='a'/><child link='c'/>" + limit + second + "</joint></robot>");
+        "<joint name='j' type='" +
+        own + "'><parent link='a'/><child link='b'/>" + limit + first +
+        "</joint><joint name='k' type='" + type + "'><parent link='a'/><child link='c'/>" + limit +
+        second + "</joint></robot>");
   };
   EXPECT_EQ(error("<mimic joint='k'/>", "revolute", ""), "no error");
   EXPECT_EQ(error("<mimic joint='k'/>", "prismatic", ""), "no error");
@@ -183,10 +184,56 @@ TEST(RobotModel, MimicsOfWhatTheyCannotAreNamed) {
               HasSubstr("joint 'j' mimics 'k', which is fixed"));
   EXPECT_THAT(error("<mimic joint='k'/>", "fixed", "<mimic joint='j'/>"), HasSubstr("is fixed"));
   // A whole turn of a continuous joint changes nothing.
-  EXPECT_EQ(error("<mimic joint='k' multiplier='-2' offset='0.3'/>", "continuous", ""), "no error");
+  EXPECT_EQ(
+      error("<mimic joint='k' multiplier='-2' offset='0.3'/>", "continuous", "", "continuous"),
+      "no error");
+  EXPECT_THAT(error("<mimic joint='k' multiplier='-2'/>", "continuous", ""),
+              HasSubstr("joint 'j' has limits, but mimics 'k', which turns without end"));
   EXPECT_THAT(error("<mimic joint='k' multiplier='0.5'/>", "continuous", ""),
               HasSubstr("joint 'j' mimics 'k', which turns without end"));
   EXPECT_THAT(error("<mimic joint='k' multiplier='nan'/>", "revolute", ""), HasSubstr("bad.urdf"));
+  EXPECT_THAT(error("<mimic joint='k' offset='3'/>", "revolute", ""),
+              HasSubstr("joint 'j' is beyond its own limits wherever 'k', which it mimics, may"));
+  EXPECT_THAT(error("<mimic joint='k' multiplier='0' offset='3'/>", "revolute", ""),
+              HasSubstr("beyond its own limits"));
+  EXPECT_THAT(error("<mimic joint='k' multiplier='1e300'/>", "revolute", ""),
+              HasSubstr("joint 'j' mimics another by a multiplier or offset above 1000"));
+}
+
+TEST(RobotModel, FactorsOfMimicsInARowThatOverflowAreNamed) {
+  std::string urdf = "<robot name='r'><link name='l0'/>";
+  for (int i = 1; i <= 300; ++i) {
+    const std::string number = std::to_string(i);
+    urdf += "<link name='l" + number + "'/><joint name='j" + number +
+            "' type='revolute'><parent link='l" + std::to_string(i - 1) + "'/><child link='l" +
+            number + "'/><limit effort='1' velocity='1' lower='0' upper='0'/>" +
+            (i == 300 ? "" : "<mimic multiplier='20' joint='j" + std::to_string(i + 1) + "'/>") +
+            "</joint>";
+  }
+  EXPECT_THAT(ErrorOf(urdf + "</robot>"), HasSubstr("multiplier or offset above 1000"));
+}
+
+TEST(RobotModel, JointThatOthersMimicStaysWithinTheirLimits) {
+  const auto limits = [](const std::string& limit, const std::string& mimic) {
+    const std::string urdf =
+        "<robot name='r'><link name='a'/><link name='b'/><link name='c'/>"
+        "<joint name='j' type='revolute'><parent link='a'/><child link='b'/>" +
+        limit + mimic +
+        "</joint><joint name='k' type='revolute'><parent link='a'/><child link='c'/>"
+        "<limit lower='0' upper='1' effort='1' velocity='1'/></joint></robot>";
+    const auto robot = RobotModel::FromUrdf(WriteFile(FreshFolder() / "r.urdf", urdf));
+    EXPECT_TRUE(robot.ok()) << robot.status();
+    const RobotJoint& joint = robot->joints()[0];
+    return std::pair(joint.lower, joint.upper);
+  };
+  const std::string of_j = "<limit lower='-0.5' upper='0.4' effort='1' velocity='1'/>";
+  EXPECT_EQ(limits(of_j, "<mimic joint='k'/>"), std::pair(0.0, 0.4));
+  EXPECT_EQ(limits(of_j, "<mimic joint='k' multiplier='-1'/>"), std::pair(0.0, 0.5));
+  EXPECT_EQ(limits(of_j, "<mimic joint='k' multiplier='2' offset='-1'/>"), std::pair(0.25, 0.7));
+  EXPECT_EQ(limits(of_j, "<mimic joint='k' multiplier='0.1'/>"), std::pair(0.0, 1.0));
+  // Many files leave them out.
+  EXPECT_EQ(limits("<limit effort='1' velocity='1'/>", "<mimic joint='k' multiplier='-1'/>"),
+            std::pair(0.0, 1.0));
 }
 
 TEST(RobotModel, JointThatMimicsByNoNumbersMovesAsTheOther) {

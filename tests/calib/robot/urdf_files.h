@@ -96,12 +96,13 @@ inline std::string GripperUrdf(bool mimic = true) {
                          const std::string& parent, const std::string& child,
                          const std::string& origin, const std::string& axis,
                          const std::string& mimicked) {
+    const std::string limits =
+        mimicked.empty() ? "lower='-0.1' upper='0.4'" : "lower='-2' upper='2'";
     urdf += "<link name='" + child + "'><visual><origin xyz='0.04 0.02 0.03' rpy='0.3 0.2 0.1'/>" +
             "<geometry><box size='0.12 0.05 0.07'/></geometry></visual></link><joint name='" +
             name + "' type='" + type + "'><parent link='" + parent + "'/><child link='" + child +
-            "'/><origin " + origin + "/><axis xyz='" + axis +
-            "'/><limit lower='-0.1' upper='0.4' effort='1' velocity='1'/>" +
-            (mimic ? mimicked : "") + "</joint>";
+            "'/><origin " + origin + "/><axis xyz='" + axis + "'/><limit " + limits +
+            " effort='1' velocity='1'/>" + (mimic ? mimicked : "") + "</joint>";
   };
   for (int i = 0; i < 7; ++i) {
     joint("joint" + std::to_string(i), i == 0 ? "prismatic" : "revolute",

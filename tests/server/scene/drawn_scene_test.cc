@@ -415,8 +415,9 @@ TEST_F(DrawnSceneTest, TolerancePayloadAndLinkGrowthAreDrawn) {
   ASSERT_EQ(grown.parts().size(), 5u);
   EXPECT_DOUBLE_EQ(grown.parts()[0].radius, 0.02);
   EXPECT_DOUBLE_EQ(grown.parts()[2].radius, 0.05);
-  EXPECT_DOUBLE_EQ(grown.parts()[3].radius, 0.12);
-  EXPECT_DOUBLE_EQ(grown.parts()[4].radius, 0.12);
+  // They slide with the fixed joint, which may stand 5 mm elsewhere.
+  EXPECT_DOUBLE_EQ(grown.parts()[3].radius, 0.125);
+  EXPECT_DOUBLE_EQ(grown.parts()[4].radius, 0.125);
   EXPECT_EQ(grown.parts()[4].moves_with, 3u);
   for (const std::vector<double>& growth :
        std::vector<std::vector<double>>{{0, 0, 0}, {0, 0, 0, -0.01}, {0, 0, 0, NAN}}) {

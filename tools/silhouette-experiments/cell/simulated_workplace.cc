@@ -174,7 +174,8 @@ absl::StatusOr<std::shared_ptr<const ServedDatabase>> SimulatedWorkplace::Serve(
   if (settings.drawn) {
     load.drawn = DrawnCell{.robot = std::make_shared<const RobotModel>(robot()),
                            .parts = *settings.drawn,
-                           .payload_radius = cell.robot.payload_radius};
+                           .payload_radius = cell.robot.payload_radius,
+                           .fixed_joint_tolerance = cell.server.scene.fixed_joint_tolerance};
   }
   return ServedDatabase::Load(database, cell_.calibration, treatments, sound, load);
 }

@@ -126,6 +126,37 @@ TEST(KinematicChain, LinksThatMimicMoveWithTheJointThatTheyMimic) {
   }
 }
 
+// Factors and offsets of mimics count, and no more than they do: one joint moves, a little.
+TEST(KinematicChain, LeversOfLinksThatMimicAreAsLongAsTheirFactorsSay) {
+  Random random;
+  const RobotModel model = Gripper();
+  std::vector<std::string> names;
+  for (const RobotJoint& joint : model.joints()) names.push_back(joint.name);
+  const KinematicChain chain = model.ChainOf(names, {}).value();
+  const size_t left = names.size() - 1;
+  const size_t tip = model.links().size() - 1;
+  ASSERT_EQ(model.links()[tip].name, "tip");
+  constexpr double kRadius = 0.8;
+  double closest = 0;
+  for (int trial = 0; trial < 20000; ++trial) {
+    std::vector<double> q;
+    for (const RobotJoint& joint : model.joints()) {
+      q.push_back(Uniform(random, joint.lower, joint.upper));
+    }
+    std::vector<double> to = q;
+    const size_t joint = trial % 2 == 0 ? left : random() % names.size();
+    to[joint] += 1e-5;
+    const Vector3d point = RandomDirection(random) * kRadius;
+    const double moved =
+        (model.LinkPoses(to)[tip] * point - model.LinkPoses(q)[tip] * point).norm() / 1e-5;
+    ASSERT_LE(moved, chain.LeverOf(joint, tip, kRadius) + 1e-6) << names[joint];
+    if (joint == left) closest = std::max(closest, moved / chain.LeverOf(left, tip, kRadius));
+  }
+  // It slides by as much as `left`, and turns by three times that.
+  EXPECT_NEAR(chain.LeverOf(left, tip, kRadius), 1 + 3 * kRadius, 1e-12);
+  EXPECT_GT(closest, 0.95);
+}
+
 TEST(KinematicChain, ConfigurationsBeyondTheLimitsAreNotContained) {
   const KinematicChain chain =
       Model().ChainOf(std::vector<std::string>{"turn", "slide", "bend"}, {}).value();
@@ -158,6 +189,16 @@ TEST(KinematicChain, ChainsThatCannotBeAreRefused) {
                std::invalid_argument);
   EXPECT_THROW(KinematicChain({{.name = "a", .lower = 1, .upper = 0}}, {ChainLink{}}),
                std::invalid_argument);
+  const ChainLink moved{.parent = 0, .joint = 0};
+  ChainLink long_axis = moved;
+  long_axis.axis *= 2;
+  ChainLink slide = moved;
+  slide.slides = true;
+  const ChainJoint turns{.name = "a", .continuous = true};
+  EXPECT_NO_THROW(KinematicChain({turns}, {ChainLink{}, moved}));
+  EXPECT_NO_THROW(KinematicChain({{.name = "a"}}, {ChainLink{}, slide}));
+  EXPECT_THROW(KinematicChain({turns}, {ChainLink{}, long_axis}), std::invalid_argument);
+  EXPECT_THROW(KinematicChain({turns}, {ChainLink{}, slide}), std::invalid_argument);
 }
 
 }  // namespace

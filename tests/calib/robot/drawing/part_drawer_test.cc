@@ -245,6 +245,42 @@ TEST(PartDrawer, EveryRayOfACoveredPixelMeetsTheBodyThoughTheCameraIsOff) {
   EXPECT_GT(2 * covered, touched);
 }
 
+// Meets looks at an octagon first.
+TEST(PartDrawer, BodyMeetsEveryPixelOfItsRimAndNoneBesideIt) {
+  Random random;
+  size_t rim = 0;
+  size_t beside = 0;
+  for (int trial = 0; trial < 150; ++trial) {
+    const TriangleMesh mesh = RandomBody(random);
+    const CameraModel camera = RandomCamera(random, Isometry3d::Identity());
+    const PartDrawer drawer(camera, {64, 48}, trial % 3 == 0 ? Uniform(random, 0, 2) : 0);
+    const Isometry3d pose = RandomPose(
+        random, {Uniform(random, -1, 1), Uniform(random, -1, 1), Uniform(random, 0.2, 4)});
+    const double growth = trial % 4 == 0 ? 0 : std::pow(10, Uniform(random, -3.5, -0.5));
+    const Mask mask = Touched(drawer, pose, PointsOf(mesh), growth);
+    DrawingScratch scratch;
+    for (int y = 0; y < mask.height(); ++y) {
+      for (int x = 0; x < mask.width(); ++x) {
+        const bool set = mask.at(x, y);
+        bool at_rim = false;
+        for (int i = 0; i < 9; ++i) {
+          const int u = std::clamp(x + i % 3 - 1, 0, mask.width() - 1);
+          const int v = std::clamp(y + i / 3 - 1, 0, mask.height() - 1);
+          at_rim = at_rim || mask.at(u, v) != set;
+        }
+        if (!at_rim) continue;
+        const Mask pixel =
+            Mask::FromPredicate(mask.size(), [&](int u, int v) { return u == x && v == y; });
+        ASSERT_EQ(drawer.Meets(pose, PointsOf(mesh), growth, scratch, pixel.words()), set)
+            << "trial " << trial << ", pixel " << x << ' ' << y;
+        ++(set ? rim : beside);
+      }
+    }
+  }
+  EXPECT_GT(rim, 3000u);
+  EXPECT_GT(beside, 3000u);
+}
+
 TEST(PartDrawer, BodyBehindTheCameraIsNotSeen) {
   const CameraModel camera({.width = 64, .height = 64, .fx = 50, .fy = 50, .cx = 31.5, .cy = 31.5});
   const PartDrawer drawer(camera, {64, 64});
