@@ -5,7 +5,6 @@
 #include <cmath>
 #include <limits>
 #include <numbers>
-#include <optional>
 #include <stdexcept>
 
 #include "calib/robot/drawing/convex_outline.h"
@@ -13,17 +12,13 @@
 namespace silhouette {
 namespace {
 
-using Eigen::AlignedBox2d;
 using Eigen::Vector2d;
 using Eigen::Vector3d;
 
-constexpr double kNear = 0.01;        // metres before the camera's plane; nothing is seen nearer
-constexpr double kSag = 1.0 / 16;     // pixels that a chord may be off the image of its edge
-constexpr double kRounding = 1e-4;    // pixels
-constexpr double kBeyond = 2;         // pixels about image and margin that the window holds too
-constexpr double kWidest = 12;        // at z = 1: 85 degrees off the axis, as CameraModel has it
-constexpr int kMostChords = 64;       // of an edge
-constexpr double kLensSafety = 1.25;  // sampled bounds of the lens are multiplied by this
+constexpr double kNear = 0.01;      // metres before the camera's plane; nothing is seen nearer
+constexpr double kSag = 1.0 / 16;   // pixels that a chord may be off the image of its edge
+constexpr double kRounding = 1e-4;  // pixels
+constexpr int kMostChords = 64;     // of an edge
 
 // Of what is above 0 and fits.
 int CeilOf(double x) {
@@ -114,170 +109,25 @@ double ReachOfBall(const Vector3d& centre, double radius) {
   return tan_radius * (1 + off_axis * off_axis) / (1 - off_axis * tan_radius);
 }
 
+CameraModel Scaled(const CameraModel& camera, MaskSize size) {
+  if (!size.valid()) throw std::invalid_argument("a mask of this size cannot be drawn");
+  return camera.ScaledTo(size.width, size.height);
+}
+
+double Checked(double margin) {
+  if (margin >= 0 && std::isfinite(margin)) return margin;
+  throw std::invalid_argument("the margin of the calibration must not be negative");
+}
+
 }  // namespace
 
 PartDrawer::PartDrawer(const CameraModel& camera, MaskSize size, double margin)
-    : camera_(size.valid() ? camera.ScaledTo(size.width, size.height) : camera),
+    : camera_(Scaled(camera, size)),
       size_(size),
-      margin_(margin),
-      widened_(margin + kRounding) {
-  if (!size.valid()) throw std::invalid_argument("a mask of this size cannot be drawn");
-  if (!(margin >= 0) || !std::isfinite(margin)) {
-    throw std::invalid_argument("the margin of the calibration must not be negative");
-  }
-  FindWindow();
-  BoundLens();
-  UndistortCorners();
-}
-
-Vector2d PartDrawer::PixelAt(const Vector2d& p) const {
-  const CameraIntrinsics& in = camera_.intrinsics();
-  const Vector2d distorted = Distort(in, p.x(), p.y());
-  return {in.fx * distorted.x() + in.cx, in.fy * distorted.y() + in.cy};
-}
-
-void PartDrawer::FindWindow() {
-  const CameraIntrinsics& in = camera_.intrinsics();
-  const auto at_one_metre = [&](const Vector2d& pixel) -> std::optional<Vector2d> {
-    const auto p = camera_.Undistorted(pixel);
-    if (!p) return std::nullopt;
-    return Vector2d((p->x() - in.cx) / in.fx, (p->y() - in.cy) / in.fy);
-  };
-  // Around the image, and a little beyond what it may show.
-  const double beyond = kBeyond + margin_;
-  const Vector2d low = Vector2d::Constant(-0.5 - beyond);
-  const Vector2d high(size_.width - 0.5 + beyond, size_.height - 0.5 + beyond);
-  const std::vector<Vector2d> round = {low, {high.x(), low.y()}, high, {low.x(), high.y()}};
-  bool all_seen = true;
-  double step = 0;
-  double farthest = 0;
-  std::optional<Vector2d> before;
-  for (size_t side = 0; side < 4 && all_seen; ++side) {
-    const Vector2d along = round[(side + 1) % 4] - round[side];
-    const int steps = 2 * static_cast<int>(std::ceil(along.norm()));
-    for (int i = 0; i <= steps && all_seen; ++i) {
-      const auto p = at_one_metre(round[side] + along * i / steps);
-      all_seen = p.has_value();
-      if (!p) break;
-      window_box_.extend(*p);
-      farthest = std::max(farthest, p->norm());
-      if (before) step = std::max(step, (*p - *before).norm());
-      before = p;
-    }
-  }
-  window_box_.min() -= Vector2d::Constant(step);
-  window_box_.max() += Vector2d::Constant(step);
-  farthest += step;
-  const double fold = camera_.FoldRadius();
-  const double widest = std::min(fold, kWidest);
-  all_seen = all_seen && farthest < kWidest && NothingBeyond(window_box_, widest);
-  const Vector2d corner = window_box_.min().cwiseAbs().cwiseMax(window_box_.max().cwiseAbs());
-  if (all_seen && corner.norm() < 0.98 * fold) {
-    window_ = {{{-1, 0}, -window_box_.min().x()},
-               {{1, 0}, window_box_.max().x()},
-               {{0, -1}, -window_box_.min().y()},
-               {{0, 1}, window_box_.max().y()}};
-    return;
-  }
-  // A polygon about a circle, which is a little smaller than the lens's fold if the image is. Where
-  // the lens folds within the image the image of what is between circle and polygon hardly moves.
-  constexpr int kSides = 64;
-  constexpr double kCorner = 1.0013;  // 1 / cos(pi / kSides), rounded up
-  const bool clear_of_fold = all_seen && farthest * kCorner < fold;
-  window_radius_ = clear_of_fold ? farthest : widest;
-  window_box_ = AlignedBox2d(Vector2d::Constant(-kCorner * window_radius_),
-                             Vector2d::Constant(kCorner * window_radius_));
-  for (int i = 0; i < kSides; ++i) {
-    const double angle = 2 * std::numbers::pi * i / kSides;
-    window_.push_back({{std::cos(angle), std::sin(angle)}, window_radius_});
-  }
-  if (!clear_of_fold) widened_ += 0.5;
-  clear_of_fold_ = clear_of_fold;
-}
-
-// Whether no direction outside `box` and within `widest` may appear in the image, on a lattice.
-bool PartDrawer::NothingBeyond(const AlignedBox2d& box, double widest) const {
-  constexpr int kSteps = 200;
-  const AlignedBox2d image(Vector2d::Constant(-0.5 - margin_),
-                           Vector2d(size_.width - 0.5 + margin_, size_.height - 0.5 + margin_));
-  for (int y = -kSteps; y <= kSteps; ++y) {
-    for (int x = -kSteps; x <= kSteps; ++x) {
-      const Vector2d p = Vector2d(x, y) * (widest / kSteps);
-      if (p.norm() < widest && !box.contains(p) && image.contains(PixelAt(p))) return false;
-    }
-  }
-  return true;
-}
-
-void PartDrawer::BoundLens() {
-  constexpr int kSteps = 96;
-  const double h = 1e-4 * window_box_.sizes().maxCoeff();
-  const Vector2d x(h, 0);
-  const Vector2d y(0, h);
-  for (int i = 0; i < (kSteps + 1) * (kSteps + 1); ++i) {
-    const Vector2d share =
-        Vector2d(i % (kSteps + 1), i / (kSteps + 1)) / static_cast<double>(kSteps);
-    const Vector2d p = window_box_.min() + share.cwiseProduct(window_box_.sizes());
-    const double beyond = p.norm() / (1.001 * camera_.FoldRadius());
-    const Vector2d at = beyond > 1 ? Vector2d(p / beyond) : p;
-    const Vector2d middle = PixelAt(at);
-    const Vector2d dx = (PixelAt(at + x) - PixelAt(at - x)) / (2 * h);
-    const Vector2d dy = (PixelAt(at + y) - PixelAt(at - y)) / (2 * h);
-    const Vector2d dxx = (PixelAt(at + x) - 2 * middle + PixelAt(at - x)) / (h * h);
-    const Vector2d dyy = (PixelAt(at + y) - 2 * middle + PixelAt(at - y)) / (h * h);
-    const Vector2d dxy =
-        (PixelAt(at + x + y) - PixelAt(at + x - y) - PixelAt(at - x + y) + PixelAt(at - x - y)) /
-        (4 * h * h);
-    const double scale = std::sqrt(dx.squaredNorm() + dy.squaredNorm());
-    // The greatest singular value.
-    const double sum = dx.squaredNorm() + dy.squaredNorm();
-    const double area = dx.x() * dy.y() - dx.y() * dy.x();
-    const double apart = std::sqrt(std::max(0.0, sum * sum - 4 * area * area));
-    stretch_ = std::max(stretch_, std::sqrt((sum + apart) / 2));
-    const double bend = std::sqrt(dxx.squaredNorm() + 2 * dxy.squaredNorm() + dyy.squaredNorm());
-    // Not a number stays.
-    if (!(scale <= scale_)) scale_ = scale;
-    if (!(bend <= bend_)) bend_ = bend;
-    if (std::isnan(scale_) || std::isnan(bend_)) break;
-  }
-  // Between two samples it changes by no more than it bends.
-  stretch_ = 1.001 * stretch_ + kLensSafety * bend_ * window_box_.sizes().norm() / (2 * kSteps);
-  scale_ *= kLensSafety;
-  bend_ *= kLensSafety;
-}
-
-void PartDrawer::UndistortCorners() {
-  const CameraIntrinsics& in = camera_.intrinsics();
-  const auto at_one_metre = [&](double x, double y) {
-    constexpr double kNone = std::numeric_limits<double>::quiet_NaN();
-    const auto p = camera_.Undistorted({x, y});
-    return p ? Vector2d((p->x() - in.cx) / in.fx, (p->y() - in.cy) / in.fy)
-             : Vector2d(kNone, kNone);
-  };
-  const double half = 0.5 + margin_;
-  for (int y = 0; y < size_.height; ++y) {
-    for (int x = 0; x < size_.width; ++x) {
-      corners_.push_back({at_one_metre(x - half, y - half), at_one_metre(x + half, y - half),
-                          at_one_metre(x - half, y + half), at_one_metre(x + half, y + half)});
-    }
-  }
-  // A side that bends by its second derivative d is d / 8 off its chord in the middle; d is the
-  // second difference of corners a pixel apart. Twice that, for what is between.
-  double second = 0;
-  const auto columns = static_cast<size_t>(size_.width);
-  for (size_t i = 0; i < corners_.size(); ++i) {
-    for (size_t k = 0; k < 4; ++k) {
-      const auto bend = [&](size_t step) {
-        const double size =
-            (corners_[i - step][k] - 2 * corners_[i][k] + corners_[i + step][k]).norm();
-        if (size > second) second = size;  // not a number is not
-      };
-      if (i % columns > 0 && i % columns + 1 < columns) bend(1);
-      if (i >= columns && i + columns < corners_.size()) bend(columns);
-    }
-  }
-  corner_bend_ = 2 * second * (2 * half) * (2 * half) / 8 + 1e-9;
-}
+      margin_(Checked(margin)),
+      window_(camera_, margin_),
+      widened_(margin_ + kRounding + (window_.clear_of_fold() ? 0 : 0.5)),
+      corners_(camera_, margin_) {}
 
 void PartDrawer::PointsInCamera(const Eigen::Isometry3d& world_from_body,
                                 const Eigen::Matrix3Xd& points, DrawingScratch& scratch) const {
@@ -303,8 +153,8 @@ bool PartDrawer::CutNearPlane(double growth, double least, DrawingScratch& scrat
   for (const Vector3d& point : scratch.near) box.extend(point);
   // All that is seen up to z = farthest is in this box.
   const double farthest = least + growth;
-  const Vector2d low = (farthest * window_box_.min()).cwiseMin(0);
-  const Vector2d high = (farthest * window_box_.max()).cwiseMax(0);
+  const Vector2d low = (farthest * window_.box().min()).cwiseMin(0);
+  const Vector2d high = (farthest * window_.box().max()).cwiseMax(0);
   const Vector3d reach = Vector3d::Constant(growth);
   const Eigen::AlignedBox3d seen(Vector3d(low.x(), low.y(), 0),
                                  Vector3d(high.x(), high.y(), farthest));
@@ -375,8 +225,9 @@ bool PartDrawer::IsClear(DrawingScratch& scratch, MaskWords plane) const {
                      {low[0], low[2] - low[0]},    {low[2] - low[1], low[1]},
                      {high[3] + low[1], low[1]},   {high[0], high[0] - high[3]}};
   // More than what the outline's own edges bend by, and growth along both axes adds.
-  scratch.widened_by = 3 * kSag + 0.42 * std::min(kThin, 1.036 * scratch.most_reach * stretch_);
-  ClipToWindow(scratch);
+  scratch.widened_by =
+      3 * kSag + 0.42 * std::min(kThin, 1.036 * scratch.most_reach * window_.stretch());
+  window_.Clip(scratch.outline, scratch.clipped);
   if (scratch.outline.empty()) return true;
   TraceOutline(scratch);
   return ForEachRow(scratch,
@@ -387,11 +238,11 @@ void PartDrawer::WidenedOutline(double growth, DrawingScratch& scratch) const {
   const double most = scratch.most_reach;
   scratch.widened_by = 0;
   constexpr double kAlike = 0.1;  // pixels
-  if (growth == 0 || (most - scratch.least_reach) * scale_ < kAlike) {
+  if (growth == 0 || (most - scratch.least_reach) * window_.scale() < kAlike) {
     DropInner(scratch.projected);
-    if (clear_of_fold_ && most * stretch_ <= kThin) {
+    if (window_.clear_of_fold() && most * window_.stretch() <= kThin) {
       ConvexHull(scratch.projected, scratch.outline);
-      scratch.widened_by = most * stretch_;
+      scratch.widened_by = most * window_.stretch();
       return;
     }
     ConvexHull(scratch.projected, scratch.hull);
@@ -406,32 +257,6 @@ void PartDrawer::WidenedOutline(double growth, DrawingScratch& scratch) const {
     AppendAround(point.head<2>() / point.z(), ReachOfBall(point, growth), scratch.projected);
   }
   ConvexHull(scratch.projected, scratch.outline);
-}
-
-void PartDrawer::ClipToWindow(DrawingScratch& scratch) const {
-  AlignedBox2d box;
-  for (const Vector2d& point : scratch.outline) box.extend(point);
-  const Vector2d corner = box.min().cwiseAbs().cwiseMax(box.max().cwiseAbs());
-  if (window_radius_ > 0 ? corner.norm() <= window_radius_ : window_box_.contains(box)) return;
-  for (const HalfPlane& side : window_) {
-    const auto within = [&](const Vector2d& p) { return side.offset - side.normal.dot(p); };
-    if (std::ranges::all_of(scratch.outline, [&](const Vector2d& p) { return within(p) >= 0; })) {
-      continue;
-    }
-    scratch.clipped.clear();
-    for (size_t i = 0; i < scratch.outline.size(); ++i) {
-      const Vector2d& from = scratch.outline[i];
-      const Vector2d& to = scratch.outline[(i + 1) % scratch.outline.size()];
-      const double before = within(from);
-      const double after = within(to);
-      if (before >= 0) scratch.clipped.push_back(from);
-      if ((before >= 0) != (after >= 0)) {
-        scratch.clipped.push_back(from + before / (before - after) * (to - from));
-      }
-    }
-    std::swap(scratch.outline, scratch.clipped);
-    if (scratch.outline.empty()) return;
-  }
 }
 
 void PartDrawer::TraceSegment(const Vector2d& from, const Vector2d& to, double margin,
@@ -467,10 +292,10 @@ void PartDrawer::TraceSegment(const Vector2d& from, const Vector2d& to, double m
 // `at`: where `from` is in the image; on return, where `to` is.
 void PartDrawer::TraceEdge(const Vector2d& from, const Vector2d& to, Vector2d& at,
                            DrawingScratch& scratch) const {
-  const double bend = bend_ * (to - from).squaredNorm() / 8;  // off one chord
+  const double bend = window_.bend() * (to - from).squaredNorm() / 8;  // off one chord
   const double margin = widened_ + scratch.widened_by;
   if (bend <= kSag) {
-    const Vector2d after = PixelAt(to);
+    const Vector2d after = PixelAt(camera_.intrinsics(), to);
     TraceSegment(at, after, margin + bend, scratch);
     at = after;
     return;
@@ -478,7 +303,7 @@ void PartDrawer::TraceEdge(const Vector2d& from, const Vector2d& to, Vector2d& a
   const int chords =
       std::clamp(static_cast<int>(std::ceil(std::sqrt(bend / kSag))), 1, kMostChords);
   for (int i = 1; i <= chords; ++i) {
-    const Vector2d after = PixelAt(from + (to - from) * i / chords);
+    const Vector2d after = PixelAt(camera_.intrinsics(), from + (to - from) * i / chords);
     TraceSegment(at, after, margin + bend / (chords * chords), scratch);
     at = after;
   }
@@ -498,7 +323,7 @@ void PartDrawer::TraceOutline(DrawingScratch& scratch) const {
   }
   scratch.first_row = size_.height;
   scratch.last_row = -1;
-  Vector2d at = PixelAt(scratch.outline.back());
+  Vector2d at = PixelAt(camera_.intrinsics(), scratch.outline.back());
   const Vector2d* before = &scratch.outline.back();
   for (const Vector2d& corner : scratch.outline) {
     TraceEdge(*before, corner, at, scratch);
@@ -521,16 +346,17 @@ PartDrawer::Extent PartDrawer::Trace(const Eigen::Isometry3d& world_from_body,
     farthest = std::max(farthest, point.z());
     sum += std::abs(point.x()) + std::abs(point.y()) + std::abs(point.z());
   }
-  if (!std::isfinite(sum) || !std::isfinite(scale_) || !std::isfinite(bend_)) return Extent::kAll;
+  if (!std::isfinite(sum) || !std::isfinite(window_.scale()) || !std::isfinite(window_.bend()))
+    return Extent::kAll;
   if (farthest + growth <= 0) return Extent::kNothing;  // behind the camera
   const double least = 2 * growth + kNear;
   if (nearest < least && !CutNearPlane(growth, least, scratch)) return Extent::kAll;
   if (scratch.points.empty()) return Extent::kNothing;
 
   Project(growth, scratch);
-  if (!plane.empty() && clear_of_fold_ && IsClear(scratch, plane)) return Extent::kNothing;
+  if (!plane.empty() && window_.clear_of_fold() && IsClear(scratch, plane)) return Extent::kNothing;
   WidenedOutline(growth, scratch);
-  ClipToWindow(scratch);
+  window_.Clip(scratch.outline, scratch.clipped);
   if (scratch.outline.empty()) return Extent::kNothing;
   TraceOutline(scratch);
   return Extent::kRows;
@@ -569,12 +395,12 @@ bool PartDrawer::Meets(const Eigen::Isometry3d& world_from_body, const Eigen::Ma
 }
 
 PartDrawer::Bounds PartDrawer::bounds() const {
-  return {.bounded = clear_of_fold_ && std::isfinite(scale_) && std::isfinite(bend_) &&
-                     std::isfinite(stretch_),
-          .box = window_box_,
-          .circle = window_radius_ > 0 ? 1.0014 * window_radius_ : 0,
-          .stretch = stretch_,
-          .bend = bend_,
+  return {.bounded = window_.clear_of_fold() && std::isfinite(window_.scale()) &&
+                     std::isfinite(window_.bend()) && std::isfinite(window_.stretch()),
+          .box = window_.box(),
+          .circle = window_.radius() > 0 ? 1.0014 * window_.radius() : 0,
+          .stretch = window_.stretch(),
+          .bend = window_.bend(),
           .widened = widened_};
 }
 
@@ -590,23 +416,7 @@ void PartDrawer::AddCovered(const Eigen::Isometry3d& world_from_body,
   }
   ConvexHull(scratch.projected, scratch.hull);
   if (scratch.hull.size() < 3) return;
-  AlignedBox2d box;
-  for (const Vector2d& point : scratch.hull) box.extend(point);
-
-  const auto is_inside = [&](const Vector2d& p) {
-    if (!box.contains(p)) return false;  // not a number is not
-    for (size_t i = 0; i < scratch.hull.size(); ++i) {
-      const Vector2d& from = scratch.hull[i];
-      const Vector2d edge = scratch.hull[(i + 1) % scratch.hull.size()] - from;
-      const Vector2d to = p - from;
-      if (!(edge.x() * to.y() - edge.y() * to.x() >= corner_bend_ * edge.norm())) return false;
-    }
-    return true;
-  };
-  for (size_t pixel = 0; pixel < corners_.size(); ++pixel) {
-    if (!std::ranges::all_of(corners_[pixel], is_inside)) continue;
-    words[pixel / 64] |= uint64_t{1} << (pixel % 64);
-  }
+  corners_.AddInside(scratch.hull, words);
 }
 
 }  // namespace silhouette

@@ -10,12 +10,13 @@
 #pragma once
 
 #include <Eigen/Geometry>
-#include <array>
 #include <cstdint>
 #include <span>
 #include <vector>
 
 #include "calib/camera/camera_model.h"
+#include "calib/robot/drawing/lens_window.h"
+#include "calib/robot/drawing/pixel_corners.h"
 #include "db/mask/mask.h"
 
 namespace silhouette {
@@ -80,18 +81,6 @@ class PartDrawer {
   Bounds bounds() const;
 
  private:
-  // x * normal <= offset
-  struct HalfPlane {
-    Eigen::Vector2d normal;
-    double offset;
-  };
-
-  void FindWindow();
-  bool NothingBeyond(const Eigen::AlignedBox2d& box, double widest) const;
-  void BoundLens();
-  void UndistortCorners();
-
-  Eigen::Vector2d PixelAt(const Eigen::Vector2d& at_one_metre) const;
   void PointsInCamera(const Eigen::Isometry3d& world_from_body, const Eigen::Matrix3Xd& points,
                       DrawingScratch& scratch) const;
   // Keeps the part of the body that is before the camera. False: what is near the camera's plane
@@ -100,7 +89,6 @@ class PartDrawer {
   // The hull of the projected body, widened by the growth, as the outline; by so little growth that
   // pixels hardly show it, as a margin.
   void WidenedOutline(double growth, DrawingScratch& scratch) const;
-  void ClipToWindow(DrawingScratch& scratch) const;
   void TraceEdge(const Eigen::Vector2d& from, const Eigen::Vector2d& to, Eigen::Vector2d& at,
                  DrawingScratch& scratch) const;
   void TraceSegment(const Eigen::Vector2d& from, const Eigen::Vector2d& to, double margin,
@@ -120,21 +108,10 @@ class PartDrawer {
 
   CameraModel camera_;  // of images of size_
   MaskSize size_;
-  // At z = 1: a convex region with all that the image shows, and the box about it.
-  std::vector<HalfPlane> window_;
-  Eigen::AlignedBox2d window_box_;
-  double window_radius_ = 0;  // of the circle within it; 0: it is the box
-  // In the window, for a step of 1 at z = 1: pixels by which the image of a line moves at most, and
-  // pixels by which it bends at most (second derivative). Not finite: the lens cannot be bounded.
-  double scale_ = 0;
-  double bend_ = 0;
-  double stretch_ = 0;  // as scale_, without a margin for what is between samples
-  double margin_ = 0;   // pixels: of the calibration
-  double widened_ = 0;  // pixels by which all outlines are widened: that, and rounding
-  bool clear_of_fold_ = true;
-  // At z = 1, by pixel, the corners of its square widened by the margin; NaN where no ray is seen.
-  std::vector<std::array<Eigen::Vector2d, 4>> corners_;
-  double corner_bend_ = 0;  // how far a square's side bends there at most
+  double margin_ = 0;  // pixels: of the calibration
+  LensWindow window_;
+  double widened_ = 0;  // pixels by which all outlines are widened: the margin, and rounding
+  PixelCorners corners_;
 };
 
 }  // namespace silhouette
