@@ -116,7 +116,8 @@ int DrawnChecker::Showing(std::span<const double> q, Growth growth, int enough,
     }
   }
   for (size_t i = 0; i < scratch.candidates.size();) {
-    if (showing >= enough || (showing > 0 && showing + open < enough)) break;
+    const bool any_counts = growth.empty() && showing == 0;
+    if (showing >= enough || (!any_counts && showing + open < enough)) break;
     const size_t view = scratch.candidates[i].view;
     size_t end = i;
     while (end < scratch.candidates.size() && scratch.candidates[end].view == view) ++end;

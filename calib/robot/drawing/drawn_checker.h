@@ -49,7 +49,8 @@ class DrawnChecker {
   const DrawnRobot& robot() const { return *robot_; }
 
   // How many views show an obstacle inside the robot's image at `q`, each part grown by `growth`:
-  // `enough`: as many or more; 0: none; a number between: at least one, but fewer than `enough`.
+  // `enough`: as many or more; less: fewer than `enough`, and 0 only if none does. Of a robot that
+  // is grown 0 says no more than any number below `enough`: what it touches, the robot may not.
   // Joint values that are not finite: all views. Limits are not looked at. Throws
   // std::invalid_argument if `enough` is below 1, there is not a value for each joint, or `growth`
   // has not a finite number that is not negative for each part.
