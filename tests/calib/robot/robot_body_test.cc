@@ -394,8 +394,8 @@ TEST_F(RobotBodyTest, BallsAreMetByLinksThatMimic) {
     const PosedBody way = body.Between(from, to, 0.005);
     const size_t finger = links - 1 - random() % 3;
     for (int k = 0; k < 20; ++k) {
-      const Vector3d centre =
-          robot.LinkPoses(from)[finger].translation() + 0.25 * RandomDirection(random);
+      const Vector3d centre = robot.LinkPoses(from)[finger].translation() +
+                              Uniform(random, 0.06, 0.2) * RandomDirection(random);
       double before = 1;
       for (size_t link = 1; link < links; ++link) {
         before = std::min(before, distance(from, link, centre));

@@ -112,8 +112,10 @@ struct DrawnSoundTest : DrawnSceneTest {
 };
 
 TEST(SoundCell, VoxelsAreAnEighthOfTheLeastObstacleUnlessThatAreTooMany) {
-  SoundCell cell{.settings = {.least_obstacle = 0.16},
-                 .workspace = Eigen::AlignedBox3d(Vector3d(-1, -1, 0), Vector3d(1, 1, 2))};
+  SoundCell cell{.settings = {.least_obstacle = 0.16, .voxel_edge = {}},
+                 .workspace = Eigen::AlignedBox3d(Vector3d(-1, -1, 0), Vector3d(1, 1, 2)),
+                 .payload_radius = 0,
+                 .robot = nullptr};
   EXPECT_DOUBLE_EQ(cell.VoxelEdge(), 0.02);
   cell.settings.least_obstacle = 0.05;
   EXPECT_DOUBLE_EQ(cell.VoxelEdge(), std::cbrt(8 / 1.6e7));
