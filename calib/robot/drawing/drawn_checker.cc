@@ -96,6 +96,16 @@ bool DrawnChecker::IsMet(const Candidate& candidate, Growth growth,
 
 int DrawnChecker::Showing(std::span<const double> q, Growth growth, int enough,
                           DrawnCheckScratch& scratch) const {
+  return Count(q, growth, enough, growth.empty(), scratch);
+}
+
+bool DrawnChecker::ShownBy(int views, std::span<const double> q, Growth growth,
+                           DrawnCheckScratch& scratch) const {
+  return Count(q, growth, views, /*any_counts=*/false, scratch) >= views;
+}
+
+int DrawnChecker::Count(std::span<const double> q, Growth growth, int enough, bool any_counts,
+                        DrawnCheckScratch& scratch) const {
   if (enough < 1) throw std::invalid_argument("no view is not enough");
   RequireGrowth(growth, robot_->parts().size());
   robot_->chain().Pose(q, scratch.base_from_link);
@@ -116,8 +126,8 @@ int DrawnChecker::Showing(std::span<const double> q, Growth growth, int enough,
     }
   }
   for (size_t i = 0; i < scratch.candidates.size();) {
-    const bool any_counts = growth.empty() && showing == 0;
-    if (showing >= enough || (!any_counts && showing + open < enough)) break;
+    const bool open_counts = showing + open >= enough || (any_counts && showing == 0);
+    if (showing >= enough || !open_counts) break;
     const size_t view = scratch.candidates[i].view;
     size_t end = i;
     while (end < scratch.candidates.size() && scratch.candidates[end].view == view) ++end;

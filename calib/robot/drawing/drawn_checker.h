@@ -57,7 +57,14 @@ class DrawnChecker {
   int Showing(std::span<const double> q, Growth growth, int enough,
               DrawnCheckScratch& scratch) const;
 
+  // Whether at least `views` views show one: Showing() >= views, and faster where some do.
+  bool ShownBy(int views, std::span<const double> q, Growth growth,
+               DrawnCheckScratch& scratch) const;
+
  private:
+  // Showing; 0 says no more than any number below `enough` unless `any_counts`.
+  int Count(std::span<const double> q, Growth growth, int enough, bool any_counts,
+            DrawnCheckScratch& scratch) const;
   // Whether the view certainly shows one; else appends the parts that may.
   bool Look(size_t view, Growth growth, DrawnCheckScratch& scratch) const;
   bool IsMet(const DrawnCheckScratch::Candidate& candidate, Growth growth,

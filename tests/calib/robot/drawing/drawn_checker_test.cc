@@ -144,6 +144,7 @@ TEST(DrawnChecker, AnswersAsMasksDrawnWholeDo) {
               << "trial " << trial << ", scene " << scene << ", question " << i;
           ASSERT_TRUE(!growth.empty() || (showing == 0) == (expected == 0));
           ASSERT_LE(showing, std::min(enough, expected));
+          ASSERT_EQ(checker.ShownBy(enough, q, growth, scratch), expected >= enough);
         }
       }
     }
