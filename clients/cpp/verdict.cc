@@ -88,6 +88,9 @@ Words WordsFor(Reason reason) {
       return {"motion not proven",
               "a stretch of the path is free only where it was sampled, and the preset requires a "
               "proof: request a finer path_resolution, or keep more distance"};
+    case Reason::kDependsOnWrist:
+      return {"depends on wrist",
+              "whether the robot is free there depends on its wrist: ask for joint values"};
     case Reason::kNotInMap:
       return {
           "not in map",

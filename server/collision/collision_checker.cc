@@ -189,6 +189,26 @@ Verdict CollisionChecker::JudgeDrawn(std::span<const double> q, Growth growth, c
   return JudgeTaken(test_robot, !growth.empty(), {part, part}, evidence);
 }
 
+Verdict CollisionChecker::JudgeNode(ConfigurationNumber number,
+                                    std::span<ViewEvidence> evidence) const {
+  BeginEvidence(evidence);
+  const Reason unusable = Unusable({&number, 1});
+  if (unusable != Reason::kNone) return Verdict::Unknown(unusable);
+  const Verdict depends = Verdict::Unknown(Reason::kDependsOnWrist);
+  if (possible_space_ != nullptr) return depends;
+  thread_local TestRobot test_robot;
+  try {
+    test_robot.DrawNode(table_, DrawnKind::kOwn, number);
+    const Verdict own = JudgeTaken(test_robot, /*grown=*/false, {}, evidence);
+    if (own.state() == State::kOccupied) return own;
+    test_robot.DrawNode(table_, DrawnKind::kReach, number);
+    const Verdict reach = JudgeTaken(test_robot, /*grown=*/true, {}, evidence);
+    return reach.state() == State::kOccupied ? depends : reach;
+  } catch (const std::exception&) {
+    return Verdict::Unknown(Reason::kInternal);
+  }
+}
+
 std::optional<Verdict> CollisionChecker::JudgePrepared(std::span<const double> q,
                                                        Growth growth) const {
   thread_local DrawnCheckScratch scratch;
@@ -265,6 +285,7 @@ int CollisionChecker::ShowingAlongLines(const TestRobot& test_robot, int showing
 Verdict CollisionChecker::Check(ConfigurationNumber number,
                                 std::span<ViewEvidence> evidence) const {
   if (!table_.grid().Contains(number)) return Judge({}, {}, evidence);
+  if (table_.has_nodes()) return JudgeNode(number, evidence);
   return Judge({&number, 1}, {}, evidence);
 }
 
@@ -283,6 +304,7 @@ Verdict CollisionChecker::CheckPart(std::span<const double> q, const Between& pa
 }
 
 State CollisionChecker::StateOf(ConfigurationNumber number) const {
+  if (table_.has_nodes()) return JudgeNode(number, {}).state();
   if (drawn_ != nullptr) {
     thread_local DrawnCheckScratch scratch;
     const bool occupied = drawn_->ShownBy(min_views_, table_.grid().At(number), {}, scratch);

@@ -13,7 +13,9 @@
 //
 // A robot whose images are drawn is tested at exactly the joint values that are asked about. A
 // motion is free if the robot is that is grown by what it moves: no policy frees anything for a
-// larger robot image.
+// larger robot image. So a node of an arm (drawn_kind.h) is free if its reach image is, occupied if
+// its own image is, and else depends on the wrist. Under the sound presets, which look at the
+// robot's body too, all nodes do.
 #pragma once
 
 #include <array>
@@ -58,7 +60,8 @@ class CollisionChecker {
   // All three: `evidence` is empty, or has one entry per view, which are filled in (all zero, but
   // for missing views, where no robot image could be looked at).
 
-  // A configuration of the grid. A number that no configuration has is outside the grid.
+  // A configuration of the grid, or a node: then evidence is of the own image where that is
+  // occupied, of the reach image else. A number that no configuration has is outside the grid.
   Verdict Check(ConfigurationNumber number, std::span<ViewEvidence> evidence = {}) const;
 
   // Any configuration: joint values in the order of the grid. Off the grid, Policy::off_grid says
@@ -126,7 +129,8 @@ class CollisionChecker {
   // may be forbidden.
   Verdict JudgeDrawn(std::span<const double> q, Growth growth, const Between& part,
                      const Between& places, std::span<ViewEvidence> evidence) const;
-  // The same by planes that are prepared; nothing: that does not decide.
+  Verdict JudgeNode(ConfigurationNumber number, std::span<ViewEvidence> evidence) const;
+  // As JudgeDrawn, by planes that are prepared; nothing: that does not decide.
   std::optional<Verdict> JudgePrepared(std::span<const double> q, Growth growth) const;
   // `grown`: the test robot is larger than at any place.
   Verdict JudgeTaken(const TestRobot& test_robot, bool grown, const Asked& asked,

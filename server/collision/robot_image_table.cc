@@ -57,6 +57,13 @@ RobotImageTable RobotImageTable::Drawn(ConfigurationGrid grid,
                                        Forbidden forbidden) {
   RobotImageTable table(std::move(grid), SizesOf(robot));
   RequireWithinLimits(table.grid_, robot->chain());
+  if (table.grid_.has_any()) {
+    const auto as = [&](DrawnKind kind) {
+      return std::make_shared<const DrawnRobot>(AsKind(*robot, table.grid_, kind));
+    };
+    table.own_ = as(DrawnKind::kOwn);
+    table.reach_ = as(DrawnKind::kReach);
+  }
   table.drawn_ = std::move(robot);
   table.forbidden_ = std::move(forbidden);
   table.present_sets_.resize(1);
@@ -86,8 +93,24 @@ RobotImageState RobotImageTable::DrawnState(ConfigurationNumber number) const {
   const std::optional<GridIndex> index = grid_.IndexOf(number);
   if (!index) return RobotImageState::kMissing;
   if (forbidden_ == nullptr) return RobotImageState::kPresent;
+  if (has_nodes()) return NodeState(*index);
   const Configuration q = grid_.At(*index);
   return StateBetween(q, q);
+}
+
+RobotImageState RobotImageTable::NodeState(const GridIndex& index) const {
+  Configuration from = grid_.At(index);
+  Configuration to = from;
+  for (size_t j = 0; j < from.size(); ++j) {
+    const GridJoint& joint = grid_.joints()[j];
+    const double half = joint.any() ? (joint.upper - joint.lower) / 2 : joint.step() / 2;
+    from[j] -= half;
+    to[j] += half;
+    if (joint.continuous) continue;
+    from[j] = std::max(from[j], joint.lower);
+    to[j] = std::min(to[j], joint.upper);
+  }
+  return forbidden_(from, to) ? RobotImageState::kExcluded : RobotImageState::kPresent;
 }
 
 RobotImageState RobotImageTable::StateBetween(std::span<const double> from,
@@ -104,13 +127,26 @@ RobotImageState RobotImageTable::StateBetween(std::span<const double> from,
 
 void RobotImageTable::Draw(std::span<const double> q, Growth growth,
                            std::span<uint64_t> words) const {
+  DrawRobot(*drawn_, q, growth, words);
+}
+
+void RobotImageTable::DrawNode(DrawnKind kind, ConfigurationNumber number,
+                               std::span<uint64_t> words) const {
+  if (!has_nodes() || kind == DrawnKind::kWhole) {
+    throw std::invalid_argument("there is no such image of a node");
+  }
+  DrawRobot(kind == DrawnKind::kOwn ? *own_ : *reach_, grid_.At(number), {}, words);
+}
+
+void RobotImageTable::DrawRobot(const DrawnRobot& robot, std::span<const double> q, Growth growth,
+                                std::span<uint64_t> words) const {
   thread_local DrawingScratch scratch;
   thread_local std::vector<Eigen::Isometry3d> base_from_link;
-  drawn_->chain().Pose(q, base_from_link);
+  robot.chain().Pose(q, base_from_link);
   std::ranges::fill(words, uint64_t{0});
   for (size_t view = 0; view < mask_sizes_.size(); ++view) {
     const size_t count = mask_sizes_[view].words();
-    drawn_->AddTouched(view, base_from_link, growth, scratch, words.first(count));
+    robot.AddTouched(view, base_from_link, growth, scratch, words.first(count));
     words = words.subspan(count);
   }
 }
@@ -118,6 +154,7 @@ void RobotImageTable::Draw(std::span<const double> q, Growth growth,
 bool RobotImageTable::Read(ConfigurationNumber number, std::span<uint64_t> words) const {
   if (reader_ != nullptr) return reader_(number, words);
   if (drawn_ != nullptr) {
+    if (has_nodes()) return false;
     try {
       Draw(grid_.At(number), {}, words);
       return true;
@@ -270,6 +307,13 @@ bool TestRobot::Draw(const RobotImageTable& table, std::span<const double> q, Gr
   } catch (const std::exception&) {
     return false;
   }
+}
+
+void TestRobot::DrawNode(const RobotImageTable& table, DrawnKind kind, ConfigurationNumber number) {
+  table_ = &table;
+  corners_ = {};
+  united_.resize(table.words());
+  table.DrawNode(kind, number, united_);
 }
 
 TestRobot::View TestRobot::view(int view) const {

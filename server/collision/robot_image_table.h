@@ -14,6 +14,7 @@
 #include <utility>
 #include <vector>
 
+#include "calib/robot/drawing/drawn_kind.h"
 #include "calib/robot/drawing/drawn_robot.h"
 #include "db/index/place_set.h"
 #include "db/mask/configuration_grid.h"
@@ -45,7 +46,7 @@ class RobotImageTable {
   // A table that draws. All that is to be added to the robot, its tolerance among it, is in the
   // radii of its parts. `forbidden`: null: nowhere. Throws std::invalid_argument if there is no
   // robot, its joints are not those of the grid, in their order, or the grid goes beyond their
-  // limits.
+  // limits; and as AsKind does, for a grid of nodes.
   static RobotImageTable Drawn(ConfigurationGrid grid, std::shared_ptr<const DrawnRobot> robot,
                                Forbidden forbidden = nullptr);
 
@@ -74,12 +75,18 @@ class RobotImageTable {
   // is the thread's. Throws std::invalid_argument if it cannot be drawn.
   void Draw(std::span<const double> q, Growth growth, std::span<uint64_t> words) const;
 
+  // Whether the grid's configurations are nodes of the arm (drawn_kind.h). Their state is that of
+  // all joint values whose nearest node they are.
+  bool has_nodes() const { return reach_ != nullptr; }
+  // Draws a node's image into `words`, as Read does. `kind`: kOwn or kReach. Throws as Draw does.
+  void DrawNode(DrawnKind kind, ConfigurationNumber number, std::span<uint64_t> words) const;
+
   // Words of a configuration's robot images in all views.
   size_t words() const { return words_; }
 
   // Copies, reads or draws the robot images of a configuration whose state is kPresent into
   // `words`, which has just the room, one view after another. False if that fails: then nothing is
-  // known of them. It does not in tables in memory.
+  // known of them. It does not in tables in memory. Nodes have no such image.
   bool Read(ConfigurationNumber number, std::span<uint64_t> words) const;
 
   // The same as masks, one per view; nothing if they cannot be read.
@@ -110,6 +117,9 @@ class RobotImageTable {
 
   RobotImageTable(ConfigurationGrid grid, std::vector<MaskSize> mask_sizes);
   RobotImageState DrawnState(ConfigurationNumber number) const;
+  RobotImageState NodeState(const GridIndex& index) const;
+  void DrawRobot(const DrawnRobot& robot, std::span<const double> q, Growth growth,
+                 std::span<uint64_t> words) const;
   std::vector<Mask> DrawnFixedParts() const;
   std::vector<Mask> MasksOf(std::span<const uint64_t> words) const;
 
@@ -118,6 +128,8 @@ class RobotImageTable {
   size_t words_ = 0;
   Reader reader_;  // null: images are in memory, or drawn
   std::shared_ptr<const DrawnRobot> drawn_;
+  std::shared_ptr<const DrawnRobot> own_;    // of nodes
+  std::shared_ptr<const DrawnRobot> reach_;  // of nodes
   Forbidden forbidden_;
   std::vector<uint32_t> slots_;
   std::vector<std::vector<uint64_t>> images_;  // per view, if in memory
@@ -172,6 +184,9 @@ class TestRobot {
   // Takes the robot as the table draws it at `q`, each part grown by `growth`. The table must
   // outlive what is done with it. False where RobotImageTable::Draw throws: nothing is known then.
   bool Draw(const RobotImageTable& table, std::span<const double> q, Growth growth);
+
+  // Takes a node's image, as RobotImageTable::DrawNode draws it.
+  void DrawNode(const RobotImageTable& table, DrawnKind kind, ConfigurationNumber number);
 
   // The test robot image of a view, as it is looked at word by word. Refers to the TestRobot until
   // it takes the next.

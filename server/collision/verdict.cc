@@ -33,8 +33,9 @@ std::string NameOf(Reason reason) {
                                     "views swapped",
                                     "camera moved",
                                     "robot elsewhere",
-                                    "motion not proven"};
-  static_assert(std::size(kNames) == static_cast<size_t>(Reason::kMotionNotProven) + 1);
+                                    "motion not proven",
+                                    "depends on wrist"};
+  static_assert(std::size(kNames) == static_cast<size_t>(Reason::kDependsOnWrist) + 1);
   const auto number = static_cast<size_t>(reason);
   return number < std::size(kNames) ? kNames[number] : NameOf(Reason::kInternal);
 }

@@ -42,6 +42,7 @@ enum class Reason : uint8_t {
   kCameraMoved = 23,
   kRobotElsewhere = 24,
   kMotionNotProven = 25,
+  kDependsOnWrist = 26,
 };
 
 // "scene stale" and the like, for logs and messages.

@@ -27,7 +27,10 @@ ConfigurationSpace::ConfigurationSpace(Served served, const Policy& policy)
   if (served_.scene->Blocked() != Reason::kNone) return;
   test_.emplace(database.robot_images(), served_.scene->obstacle_images, policy,
                 SupportFor(served_, policy));
-  if (database.index() != nullptr) by_index_.emplace(*test_, database.index()->trees());
+  // An index of whole robots says nothing of nodes.
+  const bool has_nodes = database.robot_images().has_nodes();
+  if (database.index() != nullptr && !has_nodes)
+    by_index_.emplace(*test_, database.index()->trees());
 }
 
 bool ConfigurationSpace::looked_up(uint64_t tile) const {
@@ -143,7 +146,9 @@ bool ClearanceSpace::WorkOut(std::span<const uint64_t> tiles, const Stop& stop) 
 std::optional<std::vector<PlaceSet>> ClearanceSpace::Make(uint64_t tile, const Stop& stop) const {
   if (!verdicts_->WorkOut({&tile, 1}, stop)) return std::nullopt;
   const PlaceSet free{verdicts_->tile(tile).free};
-  if (free.Empty()) return std::vector<PlaceSet>(levels_.size());
+  // How far obstacles are from a node's robot depends on the wrist.
+  if (free.Empty() || served_.database->robot_images().has_nodes())
+    return std::vector<PlaceSet>(levels_.size());
   const CollisionIndex* index = served_.database->index();
   return Test().Above(tile, index != nullptr ? index->Tile(tile) : nullptr, free, stop);
 }

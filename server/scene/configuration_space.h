@@ -116,7 +116,8 @@ class ClearanceSpace {
   const std::shared_ptr<const ConfigurationSpace>& verdicts() const { return verdicts_; }
   const std::vector<double>& levels() const { return levels_; }
 
-  // Per level the configurations of the tile that are free and have more clearance.
+  // Per level the configurations of the tile that are free and have more clearance; none of nodes
+  // of an arm.
   std::span<const PlaceSet> tile(uint64_t tile) const {
     return *tiles_.Get(tile, nullptr, [this](uint64_t asked) { return Make(asked, nullptr); });
   }

@@ -94,7 +94,8 @@ SoundBasis::SoundBasis(const SoundCell& sound, const storage::v1::CellDescriptio
     fixed_joints_.push_back({joint.name(), joint.position()});
   }
   for (const GridJoint& joint : grid_.joints()) {
-    most_way_.push_back(robot_images.drawn() ? std::min(joint.step(), kDrawnWay) : joint.step());
+    const double step = joint.any() ? kDrawnWay : joint.step();
+    most_way_.push_back(robot_images.drawn() ? std::min(step, kDrawnWay) : step);
   }
 }
 

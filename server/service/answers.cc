@@ -113,7 +113,10 @@ absl::Status AnswerNumbers(Serving& serving, const v1::CheckConfigurationsReques
     std::ranges::fill(free, 0);
     std::ranges::fill(occupied, 0);
   }
-  CountVerdicts(free, occupied, count, blocked, serving.verdicts);
+  const bool nodes = served.database->robot_images().has_nodes();
+  CountVerdicts(free, occupied, count,
+                nodes && blocked == Reason::kNone ? Reason::kDependsOnWrist : blocked,
+                serving.verdicts);
   response->set_unknown_reason(ToMessage(blocked));
   response->set_free(PackedBits(free, count));
   response->set_occupied(PackedBits(occupied, count));

@@ -37,6 +37,9 @@ struct RobotSettings {
   double payload_radius = 0;
   // How robot images are drawn; nothing: they are captured.
   std::optional<PartSettings> drawn;
+  // Of drawn images: so many joints, the first, have steps in the grid; the others one value that
+  // stands for any. 0: all have steps.
+  int arm_joints = 0;
 };
 
 struct ViewSettings {

@@ -4,6 +4,7 @@
 #include <cmath>
 #include <numbers>
 #include <optional>
+#include <span>
 #include <utility>
 
 #include "calib/robot/reach.h"
@@ -101,21 +102,24 @@ std::vector<FixedJoint> ReadFixedJoints(const std::optional<YamlNode>& node,
   return fixed;
 }
 
-// Nothing: they are captured.
-std::optional<PartSettings> ReadDrawn(const YamlNode& node) {
-  PartSettings settings;
+void ReadImages(const YamlNode& node, RobotSettings& robot) {
   if (!node.IsMap()) {
-    if (node.AsWordOf({"captured", "drawn"}) == 0) return std::nullopt;
-    return settings;
+    if (node.AsWordOf({"captured", "drawn"}) == 1) robot.drawn = PartSettings();
+    return;
   }
+  PartSettings settings;
   YamlMap map(node);
   const YamlNode drawn = map.Required("drawn");
   map.Finish();
   YamlMap how(drawn);
   how.Read("tolerance", settings.tolerance, &YamlNode::AsLength);
   how.Read("geometry", settings.geometry, ReadGeometry);
+  const auto arm_joints = how.Optional("arm_joints");
   how.Finish();
-  return settings;
+  robot.drawn = settings;
+  if (!arm_joints) return;
+  robot.arm_joints = arm_joints->As<int>();
+  if (robot.arm_joints < 1) arm_joints->Fail("state at least 1, or leave it out");
 }
 
 RobotSection ReadRobot(const YamlNode& node, const std::filesystem::path& folder) {
@@ -130,7 +134,7 @@ RobotSection ReadRobot(const YamlNode& node, const std::filesystem::path& folder
   }
   map.Read("payload_radius", robot.settings.payload_radius, &YamlNode::AsNotNegative);
   const auto images = map.Optional("images");
-  if (images) robot.settings.drawn = ReadDrawn(*images);
+  if (images) ReadImages(*images, robot.settings);
   const YamlNode joints = map.Required("joints");
   const auto fixed = map.Optional("fixed");
   map.Finish();
@@ -144,6 +148,11 @@ RobotSection ReadRobot(const YamlNode& node, const std::filesystem::path& folder
   }
   for (const YamlNode& joint : joints.Items()) {
     robot.moving.push_back(ReadMovingJoint(joint, robot.model));
+  }
+  if (robot.settings.arm_joints >= static_cast<int>(robot.moving.size())) {
+    images->Fail("arm_joints is " + std::to_string(robot.settings.arm_joints) + ", and " +
+                 std::to_string(robot.moving.size()) +
+                 " joints move; state fewer, or leave it out");
   }
   robot.fixed = ReadFixedJoints(fixed, robot, node);
   return robot;
@@ -172,10 +181,13 @@ bool TurnsAll(const RobotModel& model, const std::string& joint) {
          !std::ranges::find_if(model.links(), moved)->slides;
 }
 
-std::vector<GridJoint> StepsAsSaid(std::vector<GridJoint> joints, const YamlNode& node) {
+// `said`: joints that have steps, the first.
+std::vector<GridJoint> StepsAsSaid(std::vector<GridJoint> joints, size_t said,
+                                   const YamlNode& node) {
   YamlMap steps(node);
-  for (const GridJoint& joint : joints) steps.Optional(joint.name);  // all are known keys
-  for (GridJoint& joint : joints) {
+  const std::span<GridJoint> with_steps = std::span(joints).first(said);
+  for (const GridJoint& joint : with_steps) steps.Optional(joint.name);  // all are known keys
+  for (GridJoint& joint : with_steps) {
     joint.steps = steps.Get<int>(joint.name);
     if (!joint.any()) continue;
     steps.Required(joint.name).Fail("one step goes with lower == upper, and only with that");
@@ -240,6 +252,7 @@ RobotAndGrid ReadRobotAndGrid(const YamlNode& robot_node, const std::optional<Ya
     if (!robot.settings.drawn) {
       robot_node.Fail("the cell needs a 'grid', unless the robot has 'images: drawn'");
     }
+    if (robot.settings.arm_joints > 0) robot_node.Fail("arm_joints needs a 'grid'");
     return {robot.settings, GridOfLimits(robot, robot_node), 0, robot.fixed};
   }
   const YamlNode& grid_node = *grid;
@@ -256,16 +269,18 @@ RobotAndGrid ReadRobotAndGrid(const YamlNode& robot_node, const std::optional<Ya
   if (robot.model) reaches = Reaches(robot, robot_node);
   try {
     std::vector<GridJoint> joints = robot.moving;
+    const int arm_joints = robot.settings.arm_joints;
+    const size_t with_steps = arm_joints > 0 ? static_cast<size_t>(arm_joints) : joints.size();
     if (max_move) {
       const double delta =
-          DeltaPerJoint(max_move->As<double>(), static_cast<int>(joints.size()), ReadRule(rule));
-      for (size_t j = 0; j < joints.size(); ++j) {
+          DeltaPerJoint(max_move->As<double>(), static_cast<int>(with_steps), ReadRule(rule));
+      for (size_t j = 0; j < with_steps; ++j) {
         joints[j] = TurnsAll(*robot.model, joints[j].name)
                         ? MaxMoveJoint(joints[j], reaches[j], delta)
                         : MaxMoveJoint(joints[j], std::nullopt, delta / reaches[j]);
       }
     } else {
-      joints = StepsAsSaid(std::move(joints), *steps);
+      joints = StepsAsSaid(std::move(joints), with_steps, *steps);
     }
     const std::vector<double> moves = MovesOf(joints, reaches);
     const double most = moves.empty() ? 0 : std::ranges::max(moves);

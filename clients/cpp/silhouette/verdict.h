@@ -44,6 +44,7 @@ enum class Reason : uint8_t {
   kCameraMoved = 23,
   kRobotElsewhere = 24,
   kMotionNotProven = 25,
+  kDependsOnWrist = 26,
   kNotInMap = 200,
   kBetweenGridPoints = 201,
   kNoUpdate = 203,

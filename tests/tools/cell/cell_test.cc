@@ -478,6 +478,40 @@ TEST(Cell, WithoutAGridOnlyTheLimitsOfADrawnRobotAreKnown) {
   EXPECT_GT(gridded->grid.size(), 100'000u);
 }
 
+TEST(Cell, GridOfAnArmHasOneValueForEachJointOfTheWrist) {
+  const std::string images = "  images: {drawn: {arm_joints: 3}}\n";
+  const auto cell = Load(SixJoints(images, "grid: {max_move: 0.3}\n"));
+  ASSERT_TRUE(cell.ok()) << cell.status();
+  EXPECT_EQ(cell->robot.arm_joints, 3);
+  EXPECT_TRUE(cell->robot.drawn.has_value());
+  const auto whole = Load(SixJoints("  images: drawn\n", "grid: {max_move: 0.3}\n"));
+  EXPECT_EQ(whole->robot.arm_joints, 0);
+  for (size_t j = 0; j < 6; ++j) {
+    EXPECT_EQ(cell->grid.joints()[j].any(), j >= 3);
+    EXPECT_EQ(cell->grid.joints()[j].lower, whole->grid.joints()[j].lower);
+    EXPECT_EQ(cell->grid.joints()[j].upper, whole->grid.joints()[j].upper);
+    if (j < 3) EXPECT_EQ(cell->grid.joints()[j].steps, whole->grid.joints()[j].steps);
+  }
+  const auto steps =
+      Load(SixJoints(images, "grid: {steps: {joint_1: 9, joint_2: 8, joint_3: 7}}\n"));
+  ASSERT_TRUE(steps.ok()) << steps.status();
+  EXPECT_EQ(steps->grid.size(), 9u * 8 * 7);
+}
+
+TEST(Cell, MistakesInTheGridOfAnArmAreNamed) {
+  const auto with = [](const std::string& joints, const std::string& rest) {
+    return MessageOf(SixJoints("  images: {drawn: {arm_joints: " + joints + "}}\n", rest));
+  };
+  EXPECT_THAT(with("3", ""), HasSubstr("arm_joints needs a 'grid'"));
+  EXPECT_THAT(with("0", "grid: {max_move: 0.3}\n"), HasSubstr("state at least 1"));
+  EXPECT_THAT(with("6", "grid: {max_move: 0.3}\n"),
+              HasSubstr("arm_joints is 6, and 6 joints move; state fewer"));
+  EXPECT_THAT(with("3", "grid: {steps: {joint_1: 9, joint_2: 8, joint_3: 1}}\n"),
+              HasSubstr("one step goes with lower == upper"));
+  EXPECT_THAT(with("2", "grid: {steps: {joint_1: 9, joint_2: 8, joint_3: 7}}\n"),
+              HasSubstr("joint_3"));
+}
+
 TEST(Cell, MistakesInDrawnImagesAreNamed) {
   EXPECT_THAT(MessageOf(SixJoints("  images: painted\n")), HasSubstr("captured"));
   EXPECT_THAT(MessageOf(SixJoints("  images: {drawn: {tolerance: 5 inch}}\n")),
