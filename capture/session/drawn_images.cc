@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <utility>
 
+#include "calib/robot/drawing/drawn_kind.h"
 #include "common/parallel/parallel.h"
 #include "db/status/status_macros.h"
 #include "db/store/shards.h"
@@ -86,6 +87,18 @@ DrawMasks WholeRobot(std::shared_ptr<const DrawnRobot> robot, NeverBetween forbi
              std::span<const double> q) -> std::optional<std::vector<Mask>> {
     if (!robot->chain().Contains(q) || (forbidden != nullptr && forbidden(q, q))) {
       return std::nullopt;
+    }
+    return robot->Touched(q);
+  };
+}
+
+DrawMasks ArmNodes(std::shared_ptr<const DrawnRobot> robot, ConfigurationGrid grid,
+                   NeverBetween forbidden) {
+  return [robot = std::move(robot), grid = std::move(grid), forbidden = std::move(forbidden)](
+             std::span<const double> q) -> std::optional<std::vector<Mask>> {
+    if (forbidden != nullptr) {
+      const NodeCell cell = CellOf(grid, {q.begin(), q.end()});
+      if (forbidden(cell.from, cell.to)) return std::nullopt;
     }
     return robot->Touched(q);
   };

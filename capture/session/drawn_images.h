@@ -14,6 +14,7 @@
 
 #include "absl/status/statusor.h"
 #include "calib/robot/drawing/drawn_robot.h"
+#include "db/mask/configuration_grid.h"
 #include "db/mask/mask.h"
 #include "db/store/store.h"
 
@@ -28,6 +29,11 @@ using NeverBetween = std::function<bool(std::span<const double> from, std::span<
 
 // Draws the whole robot. It must never be in forbidden regions, nor beyond the limits of a joint.
 DrawMasks WholeRobot(std::shared_ptr<const DrawnRobot> robot, NeverBetween forbidden);
+
+// Draws nodes of an arm: `robot`, of the kind kOwn or kReach. No place of a node's cell may be
+// forbidden.
+DrawMasks ArmNodes(std::shared_ptr<const DrawnRobot> robot, ConfigurationGrid grid,
+                   NeverBetween forbidden);
 
 struct DrawSettings {
   std::string program;  // for the provenance log

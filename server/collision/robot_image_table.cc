@@ -93,24 +93,10 @@ RobotImageState RobotImageTable::DrawnState(ConfigurationNumber number) const {
   const std::optional<GridIndex> index = grid_.IndexOf(number);
   if (!index) return RobotImageState::kMissing;
   if (forbidden_ == nullptr) return RobotImageState::kPresent;
-  if (has_nodes()) return NodeState(*index);
   const Configuration q = grid_.At(*index);
-  return StateBetween(q, q);
-}
-
-RobotImageState RobotImageTable::NodeState(const GridIndex& index) const {
-  Configuration from = grid_.At(index);
-  Configuration to = from;
-  for (size_t j = 0; j < from.size(); ++j) {
-    const GridJoint& joint = grid_.joints()[j];
-    const double half = joint.any() ? (joint.upper - joint.lower) / 2 : joint.step() / 2;
-    from[j] -= half;
-    to[j] += half;
-    if (joint.continuous) continue;
-    from[j] = std::max(from[j], joint.lower);
-    to[j] = std::min(to[j], joint.upper);
-  }
-  return forbidden_(from, to) ? RobotImageState::kExcluded : RobotImageState::kPresent;
+  if (!has_nodes()) return StateBetween(q, q);
+  const NodeCell cell = CellOf(grid_, q);
+  return forbidden_(cell.from, cell.to) ? RobotImageState::kExcluded : RobotImageState::kPresent;
 }
 
 RobotImageState RobotImageTable::StateBetween(std::span<const double> from,
@@ -135,7 +121,7 @@ void RobotImageTable::DrawNode(DrawnKind kind, ConfigurationNumber number,
   if (!has_nodes() || kind == DrawnKind::kWhole) {
     throw std::invalid_argument("there is no such image of a node");
   }
-  DrawRobot(kind == DrawnKind::kOwn ? *own_ : *reach_, grid_.At(number), {}, words);
+  DrawRobot(*node_robot(kind), grid_.At(number), {}, words);
 }
 
 void RobotImageTable::DrawRobot(const DrawnRobot& robot, std::span<const double> q, Growth growth,

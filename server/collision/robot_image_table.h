@@ -78,6 +78,10 @@ class RobotImageTable {
   // Whether the grid's configurations are nodes of the arm (drawn_kind.h). Their state is that of
   // all joint values whose nearest node they are.
   bool has_nodes() const { return reach_ != nullptr; }
+  // What is drawn of nodes. `kind`: kOwn or kReach. Null if there are none.
+  const std::shared_ptr<const DrawnRobot>& node_robot(DrawnKind kind) const {
+    return kind == DrawnKind::kOwn ? own_ : reach_;
+  }
   // Draws a node's image into `words`, as Read does. `kind`: kOwn or kReach. Throws as Draw does.
   void DrawNode(DrawnKind kind, ConfigurationNumber number, std::span<uint64_t> words) const;
 
@@ -117,7 +121,6 @@ class RobotImageTable {
 
   RobotImageTable(ConfigurationGrid grid, std::vector<MaskSize> mask_sizes);
   RobotImageState DrawnState(ConfigurationNumber number) const;
-  RobotImageState NodeState(const GridIndex& index) const;
   void DrawRobot(const DrawnRobot& robot, std::span<const double> q, Growth growth,
                  std::span<uint64_t> words) const;
   std::vector<Mask> DrawnFixedParts() const;

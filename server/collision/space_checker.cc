@@ -160,6 +160,21 @@ PlaceSet SpaceChecker::Open(const TileIndex& index) const {
   return open;
 }
 
+TileVerdicts SpaceChecker::CheckNodes(const TileIndex& own, const TileIndex& reach) const {
+  if (!planes_decide() || test_.possible_space_ != nullptr) return {};
+  PlaceSet present = own.present();
+  present &= reach.present();
+  PlaceSet occupied = Occupied(own);
+  occupied &= present;
+  TileVerdicts verdicts{.free = {}, .occupied = occupied.words};
+  if (test_.missing_views_ == 0) {
+    present -= occupied;
+    present -= Occupied(reach);
+    verdicts.free = present.words;
+  }
+  return verdicts;
+}
+
 std::optional<TileVerdicts> SpaceChecker::CheckTile(uint64_t tile, const TileIndex& index,
                                                     const Stop& stop) const {
   PlaceSet present = index.present();

@@ -74,6 +74,10 @@ class SpaceChecker {
   std::optional<TileVerdicts> CheckTile(uint64_t tile, const TileIndex& index,
                                         const Stop& stop) const;
 
+  // The same of nodes of an arm (drawn_kind.h), by the indices of their images, if planes_decide()
+  // and the preset is not a sound one. A node that one of them does not have is unknown.
+  TileVerdicts CheckNodes(const TileIndex& own, const TileIndex& reach) const;
+
   // Whether CheckTile tests none singly, whatever the tile.
   bool planes_decide() const { return possible_.empty() && !everything_possible_; }
 

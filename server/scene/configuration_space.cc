@@ -28,16 +28,26 @@ ConfigurationSpace::ConfigurationSpace(Served served, const Policy& policy)
   test_.emplace(database.robot_images(), served_.scene->obstacle_images, policy,
                 SupportFor(served_, policy));
   // An index of whole robots says nothing of nodes.
-  const bool has_nodes = database.robot_images().has_nodes();
-  if (database.index() != nullptr && !has_nodes)
-    by_index_.emplace(*test_, database.index()->trees());
+  const CollisionIndex* index = database.robot_images().has_nodes()
+                                    ? database.node_index(DrawnKind::kReach)
+                                    : database.index();
+  if (index != nullptr) by_index_.emplace(*test_, index->trees());
+}
+
+std::optional<ConfigurationSpace::NodeTile> ConfigurationSpace::NodesOf(uint64_t tile) const {
+  if (!by_index_ || !by_index_->planes_decide()) return std::nullopt;
+  const TileIndex* own = served_.database->node_index(DrawnKind::kOwn)->Tile(tile);
+  const TileIndex* reach = served_.database->node_index(DrawnKind::kReach)->Tile(tile);
+  if (own == nullptr || reach == nullptr) return std::nullopt;
+  return NodeTile{*own, *reach};
 }
 
 bool ConfigurationSpace::looked_up(uint64_t tile) const {
   if (!test_) return true;
+  const RobotImageTable& images = served_.database->robot_images();
+  if (images.has_nodes()) return NodesOf(tile).has_value();
   if (by_index_ && !by_index_->planes_decide()) return false;
   if (by_index_ && served_.database->index()->Tile(tile) != nullptr) return true;
-  const RobotImageTable& images = served_.database->robot_images();
   return images.drawn() == nullptr && images.present(tile).Empty();
 }
 
@@ -51,6 +61,10 @@ bool ConfigurationSpace::WorkOut(std::span<const uint64_t> tiles, const Stop& st
 std::optional<TileVerdicts> ConfigurationSpace::Make(uint64_t tile, const Stop& stop) const {
   // Its index may be gone from under the map.
   if (served_.database->damage().found()) return TileVerdicts();
+  if (served_.database->robot_images().has_nodes()) {
+    if (const auto nodes = NodesOf(tile)) return by_index_->CheckNodes(nodes->own, nodes->reach);
+    return test_ ? test_->CheckTile(tile, stop) : TileVerdicts();
+  }
   const TileIndex* index = by_index_ ? served_.database->index()->Tile(tile) : nullptr;
   if (index != nullptr) return by_index_->CheckTile(tile, *index, stop);
   return test_ ? test_->CheckTile(tile, stop) : TileVerdicts();

@@ -89,6 +89,13 @@ class ConfigurationSpace {
     FreeCells free;
   };
 
+  // The indices of a tile's nodes.
+  struct NodeTile {
+    const TileIndex& own;
+    const TileIndex& reach;
+  };
+  // Nothing if they do not decide, or one is not there.
+  std::optional<NodeTile> NodesOf(uint64_t tile) const;
   std::optional<TileVerdicts> Make(uint64_t tile, const Stop& stop) const;
   bool HasCells() const;
 

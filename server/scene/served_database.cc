@@ -183,6 +183,14 @@ absl::StatusOr<std::shared_ptr<const CollisionIndex>> LoadDrawnIndex(
   return nullptr;
 }
 
+// What kind of images of nodes a variant has; nothing for any other variant.
+std::optional<DrawnKind> NodeKindOf(const Database& variant) {
+  for (const DrawnKind kind : KindsFor(variant.grid())) {
+    if (kind != DrawnKind::kWhole && variant.variant() == NameOf(kind)) return kind;
+  }
+  return std::nullopt;
+}
+
 // Drawn images are not what cameras saw: without the model's verification they decide nothing.
 absl::Status CheckCaptured(const Database& database, const Snapshot& snapshot) {
   ASSIGN_OR_RETURN(const auto drawn, snapshot.DrawnImages());
@@ -272,10 +280,10 @@ absl::StatusOr<std::shared_ptr<ServedDatabase>> ServedDatabase::LoadVariant(
   }
   std::shared_ptr<const CollisionIndex> index;
   std::string index_unused;
-  if (load.drawn) {
+  if (load.drawn && !robot_images.has_nodes()) {
     ASSIGN_OR_RETURN(index, LoadDrawnIndex(std::move(snapshot), *load.drawn, *robot_images.drawn(),
                                            index_unused));
-  } else {
+  } else if (!load.drawn) {
     RETURN_IF_ERROR(CheckCaptured(database, *snapshot));
     ASSIGN_OR_RETURN(index, LoadIndex(std::move(snapshot)));
   }
@@ -287,18 +295,30 @@ absl::StatusOr<std::shared_ptr<ServedDatabase>> ServedDatabase::LoadVariant(
   return served;
 }
 
+absl::Status ServedDatabase::LoadNodeIndex(DrawnKind kind, Snapshot snapshot,
+                                           const DrawnCell& cell) {
+  ASSIGN_OR_RETURN(auto index,
+                   LoadDrawnIndex(std::make_shared<const Snapshot>(std::move(snapshot)), cell,
+                                  *robot_images_.node_robot(kind), index_unused_));
+  (kind == DrawnKind::kOwn ? own_index_ : reach_index_) = std::move(index);
+  return absl::OkStatus();
+}
+
 absl::StatusOr<std::shared_ptr<const ServedDatabase>> ServedDatabase::Load(
     const Database& database, const CalibrationSettings& settings,
     const TreatmentSettings& treatments, const std::optional<SoundCell>& sound,
     const LoadSettings& load) {
   try {
     ASSIGN_OR_RETURN(std::vector<VariantState> variants, database.ReadVariants());
-    if (load.drawn && variants.size() > 1) {
+    const auto other = std::ranges::find_if(
+        variants.begin() + 1, variants.end(),
+        [](const VariantState& variant) { return !NodeKindOf(*variant.database); });
+    if (load.drawn && other != variants.end()) {
       return absl::FailedPreconditionError(absl::StrCat(
           "'", database.path(),
           "': a robot whose images are drawn is as its model has it, and the "
           "database has the variant '",
-          variants[1].database->variant(),
+          other->database->variant(),
           "' as well; make a database for each tool, with a model of its own, or state 'images: "
           "captured' of the robot in the cell file"));
     }
@@ -307,6 +327,11 @@ absl::StatusOr<std::shared_ptr<const ServedDatabase>> ServedDatabase::Load(
     LoadSettings left = load;
     std::shared_ptr<ServedDatabase> whole;
     for (VariantState& variant : variants) {
+      const std::optional<DrawnKind> nodes = NodeKindOf(*variant.database);
+      if (load.drawn && nodes) {
+        RETURN_IF_ERROR(whole->LoadNodeIndex(*nodes, std::move(variant.snapshot), *load.drawn));
+        continue;
+      }
       ASSIGN_OR_RETURN(auto served,
                        LoadVariant(*variant.database,
                                    std::make_shared<const Snapshot>(std::move(variant.snapshot)),

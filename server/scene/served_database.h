@@ -18,6 +18,7 @@
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
 #include "calib/camera/calibration.h"
+#include "calib/robot/drawing/drawn_kind.h"
 #include "calib/robot/drawn_cell.h"
 #include "capture/segmentation/image_condition.h"
 #include "capture/segmentation/reference.h"
@@ -88,9 +89,10 @@ class ServedDatabase {
   // RobotImageTable can have, its calibration is none (two cameras at one place, a matrix that is
   // not of rank 2), the margin is negative, or `treatments` (TreatmentsOf), `sound`
   // (SoundBasis::Make) or `load.drawn` (DrawnRobotOf) cannot be. FailedPrecondition: robot images
-  // are to be drawn, and there are no camera models, or several variants; or captured ones are to
-  // be served, and those that are stored were drawn. `sound`: what the sound presets are served
-  // with, where the calibration has camera models; nothing: they are not served.
+  // are to be drawn, and there are no camera models, or several variants (but for those that have
+  // the images of nodes of an arm); or captured ones are to be served, and those that are stored
+  // were drawn. `sound`: what the sound presets are served with, where the calibration has camera
+  // models; nothing: they are not served.
   static absl::StatusOr<std::shared_ptr<const ServedDatabase>> Load(
       const Database& database, const CalibrationSettings& settings = {},
       const TreatmentSettings& treatments = {},
@@ -138,6 +140,12 @@ class ServedDatabase {
   // tile that it lacks are tested one by one. Of drawn images only if they are those of the very
   // robot that is drawn here.
   const CollisionIndex* index() const { return index_.get(); }
+  // Of a grid whose configurations are nodes of an arm: the index of their own or reach images,
+  // under the same condition; null also if the other kind's is not there. `kind`: kOwn or kReach.
+  const CollisionIndex* node_index(DrawnKind kind) const {
+    const bool both = own_index_ != nullptr && reach_index_ != nullptr;
+    return !both ? nullptr : kind == DrawnKind::kOwn ? own_index_.get() : reach_index_.get();
+  }
   // Why the index of stored drawn images is not used, as a sentence; empty: it is, or there are
   // none.
   const std::string& index_unused() const { return index_unused_; }
@@ -199,6 +207,9 @@ class ServedDatabase {
       const CalibrationSettings& settings, const std::optional<SoundCell>& sound,
       LoadSettings& load);
 
+  // Takes the index of a variant that has the images of nodes.
+  absl::Status LoadNodeIndex(DrawnKind kind, Snapshot snapshot, const DrawnCell& cell);
+
   ServedDatabase(std::string variant, const Common& common, RobotImageTable robot_images,
                  std::string elsewhere, std::shared_ptr<const CollisionIndex> index,
                  std::shared_ptr<const SoundBasis> sound);
@@ -213,6 +224,8 @@ class ServedDatabase {
   std::shared_ptr<const FixedJointRanges> fixed_joints_;
   std::string elsewhere_;
   std::shared_ptr<const CollisionIndex> index_;
+  std::shared_ptr<const CollisionIndex> own_index_;
+  std::shared_ptr<const CollisionIndex> reach_index_;
   std::string index_unused_;
   std::vector<Reference> references_;
   std::vector<Outline> outlines_;

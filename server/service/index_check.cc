@@ -18,6 +18,11 @@
 namespace silhouette {
 namespace {
 
+// The index that maps rest on, or one of the two that those of nodes do; null: there is none.
+const CollisionIndex* IndexOfMaps(const ServedDatabase& database) {
+  return database.index() != nullptr ? database.index() : database.node_index(DrawnKind::kReach);
+}
+
 // Some configuration that has a robot image; nothing if its tile has none. Of drawn ones, those of
 // the index.
 std::optional<ConfigurationNumber> SomeConfiguration(const ServedDatabase& database,
@@ -26,7 +31,7 @@ std::optional<ConfigurationNumber> SomeConfiguration(const ServedDatabase& datab
   PlaceSet present;
   if (database.robot_images().drawn() == nullptr) {
     present = database.robot_images().present(tile);
-  } else if (const TileIndex* index = database.index()->Tile(tile)) {
+  } else if (const TileIndex* index = IndexOfMaps(database)->Tile(tile)) {
     present = index->present();
   }
   if (present.Empty()) return std::nullopt;
@@ -79,9 +84,12 @@ void IndexCheck::Begin(const std::shared_ptr<const ServedDatabase>& database) {
   tiles_.clear();
   next_ = 0;
   for (const std::string& name : database->variants()) {
-    const CollisionIndex* index = database->Variant(name)->index();
-    if (index == nullptr) continue;
-    for (const uint64_t tile : index->Tiles()) tiles_.push_back({index, tile});
+    const ServedDatabase& variant = *database->Variant(name);
+    for (const CollisionIndex* index : {variant.index(), variant.node_index(DrawnKind::kOwn),
+                                        variant.node_index(DrawnKind::kReach)}) {
+      if (index == nullptr) continue;
+      for (const uint64_t tile : index->Tiles()) tiles_.push_back({index, tile});
+    }
   }
 }
 
@@ -104,7 +112,8 @@ absl::Status IndexCheck::CompareMap(const std::shared_ptr<const ServedDatabase>&
   ASSIGN_OR_RETURN(const Served served, WithVariant(scenes_.Newest(now), /*name=*/""));
   const ServedDatabase& database = *served.database;
   const Policy policy = DefaultPolicy(settings_, database);
-  if (served.whole != whole || database.index() == nullptr || !database.CanServe(policy).ok() ||
+  if (served.whole != whole || IndexOfMaps(database) == nullptr ||
+      !database.CanServe(policy).ok() ||
       BlockedReason(served, policy, settings_.scene, now) != Reason::kNone) {
     return absl::OkStatus();
   }

@@ -15,6 +15,7 @@
 #include "absl/time/clock.h"
 #include "calib/camera/calibration.h"
 #include "calib/files/calibration_message.h"
+#include "calib/robot/drawing/drawn_kind.h"
 #include "calib/robot/drawn_cell.h"
 #include "calib/robot/drawn_digest.h"
 #include "capture/session/drawn_images.h"
@@ -150,6 +151,37 @@ absl::StatusOr<DrawReport> DrawWithProgress(const DrawOptions& options, Database
   return DrawInto(database, drawn, draw, settings);
 }
 
+// The database of the images of that kind: of nodes a variant of its own.
+absl::StatusOr<std::unique_ptr<Database>> DatabaseOf(Database& whole, DrawnKind kind) {
+  if (kind == DrawnKind::kWhole) return whole.OpenVariant(whole.variant());
+  auto variant = whole.OpenVariant(NameOf(kind));
+  if (!absl::IsNotFound(variant.status())) return variant;
+  return whole.CreateVariant(NameOf(kind), kDrawProgram);
+}
+
+// Draws all that the cell's grid needs. `drawn`: gets the digest of what was drawn last.
+absl::StatusOr<DrawReport> DrawKinds(const DrawOptions& options, Database& database,
+                                     const DrawnRobot& robot, const NeverBetween& forbidden,
+                                     storage::v1::DrawnImages& drawn) {
+  const ConfigurationGrid& grid = database.grid();
+  DrawReport all;
+  for (const DrawnKind kind : KindsFor(grid)) {
+    const auto as_kind = std::make_shared<const DrawnRobot>(AsKind(robot, grid, kind));
+    drawn.set_digest(DigestOf(*as_kind));
+    ASSIGN_OR_RETURN(const auto variant, DatabaseOf(database, kind));
+    const DrawMasks draw = kind == DrawnKind::kWhole ? WholeRobot(as_kind, forbidden)
+                                                     : ArmNodes(as_kind, grid, forbidden);
+    ASSIGN_OR_RETURN(const DrawReport report, DrawWithProgress(options, *variant, drawn, draw));
+    all.configurations += report.configurations;
+    all.kept += report.kept;
+    all.drawn += report.drawn;
+    all.excluded += report.excluded;
+    all.stopped = report.stopped;
+    if (all.stopped) break;
+  }
+  return all;
+}
+
 absl::StatusOr<IndexBuildReport> IndexWithProgress(const DrawOptions& options, Database& database) {
   std::optional<Progress> progress;
   IndexBuildOptions build{.progress = [&](uint64_t done, uint64_t tiles) {
@@ -181,9 +213,7 @@ absl::StatusOr<ExitCode> DrawHere(const DrawOptions& options) {
   if (!verified.unverified.empty()) {
     std::cerr << "the robot's model is not verified: " << verified.unverified << std::endl;
   }
-  const auto robot = std::make_shared<const DrawnRobot>(std::move(verified.robot));
   storage::v1::DrawnImages drawn;
-  drawn.set_digest(DigestOf(*robot));
   drawn.set_forbidden(cell->forbidden_text);
   drawn.set_tolerance(cell->parts.tolerance);
   drawn.set_shard(shard.first);
@@ -192,7 +222,7 @@ absl::StatusOr<ExitCode> DrawHere(const DrawOptions& options) {
 
   CatchStopSignals();
   ASSIGN_OR_RETURN(const DrawReport report,
-                   DrawWithProgress(options, *database, drawn, WholeRobot(robot, cell->forbidden)));
+                   DrawKinds(options, *database, verified.robot, cell->forbidden, drawn));
   const std::string again = absl::StrCat(options.cell.Command("draw"),
                                          options.shard.empty() ? "" : " --shard " + options.shard);
   std::optional<IndexBuildReport> index;

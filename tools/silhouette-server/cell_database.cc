@@ -145,11 +145,13 @@ void LogRobotImages(const ServedDatabase& database, const std::string& path,
   const RobotImageTable& images = database.robot_images();
   const uint64_t bytes =
       images.Count(RobotImageState::kPresent) * images.words() * sizeof(uint64_t);
+  const bool indexed =
+      database.index() != nullptr || database.node_index(DrawnKind::kReach) != nullptr;
   if (images.drawn() != nullptr) {
     spdlog::info("robot images: drawn, of {} parts; maps {}", images.drawn()->parts().size(),
-                 database.index() != nullptr ? "come from the collision index" : "are drawn");
+                 indexed ? "come from the collision index" : "are drawn");
     if (!database.index_unused().empty()) spdlog::warn("{}", database.index_unused());
-    if (database.index() == nullptr) return;
+    if (!indexed) return;
   } else if (images.in_memory()) {
     spdlog::info("robot images: {}, in memory", Gigabytes(bytes));
   } else {
@@ -158,7 +160,8 @@ void LogRobotImages(const ServedDatabase& database, const std::string& path,
   }
   const bool reads_on = std::ranges::any_of(database.variants(), [&](const std::string& name) {
     const ServedDatabase& variant = *database.Variant(name);
-    return !variant.robot_images().in_memory() || variant.index() != nullptr;
+    return !variant.robot_images().in_memory() || variant.index() != nullptr ||
+           variant.node_index(DrawnKind::kReach) != nullptr;
   });
   if (!reads_on || !ReadersKeepWritersOut(path)) return;
   spdlog::warn(

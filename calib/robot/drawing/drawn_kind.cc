@@ -87,6 +87,20 @@ std::vector<DrawnKind> KindsFor(const ConfigurationGrid& grid) {
   return {DrawnKind::kWhole};
 }
 
+NodeCell CellOf(const ConfigurationGrid& grid, Configuration node) {
+  NodeCell cell{node, std::move(node)};
+  for (size_t j = 0; j < grid.joints().size(); ++j) {
+    const GridJoint& joint = grid.joints()[j];
+    const double half = (joint.any() ? joint.upper - joint.lower : joint.step()) / 2;
+    cell.from[j] -= half;
+    cell.to[j] += half;
+    if (joint.continuous) continue;
+    cell.from[j] = std::max(cell.from[j], joint.lower);
+    cell.to[j] = std::min(cell.to[j], joint.upper);
+  }
+  return cell;
+}
+
 DrawnRobot AsKind(const DrawnRobot& robot, const ConfigurationGrid& grid, DrawnKind kind) {
   const KinematicChain& chain = robot.chain();
   if (!std::ranges::equal(grid.joints(), chain.joints(), {}, &GridJoint::name, &ChainJoint::name)) {

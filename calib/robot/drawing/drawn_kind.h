@@ -31,6 +31,14 @@ std::string NameOf(DrawnKind kind);
 // The kinds that are drawn for a grid: kWhole, or for nodes of an arm kOwn and kReach.
 std::vector<DrawnKind> KindsFor(const ConfigurationGrid& grid);
 
+// All joint values whose nearest node stands at `node`, along each joint. Beyond the rim of a joint
+// that turns without end the values go on.
+struct NodeCell {
+  Configuration from;
+  Configuration to;
+};
+NodeCell CellOf(const ConfigurationGrid& grid, Configuration node);
+
 // The robot whose image at ConfigurationGrid::At is of that kind, seen by the same cameras. Its
 // joints are the robot's; those that stand for any move nothing of it. kReach: convex bodies that
 // hold all that a wrist joint moves take its place, and all is grown by what half a grid step moves
