@@ -490,7 +490,9 @@ TEST(Cell, GridOfAnArmHasOneValueForEachJointOfTheWrist) {
     EXPECT_EQ(cell->grid.joints()[j].any(), j >= 3);
     EXPECT_EQ(cell->grid.joints()[j].lower, whole->grid.joints()[j].lower);
     EXPECT_EQ(cell->grid.joints()[j].upper, whole->grid.joints()[j].upper);
-    if (j < 3) EXPECT_EQ(cell->grid.joints()[j].steps, whole->grid.joints()[j].steps);
+    if (j < 3) {
+      EXPECT_EQ(cell->grid.joints()[j].steps, whole->grid.joints()[j].steps);
+    }
   }
   const auto steps =
       Load(SixJoints(images, "grid: {steps: {joint_1: 9, joint_2: 8, joint_3: 7}}\n"));
