@@ -181,6 +181,10 @@ Verdict CollisionChecker::JudgeDrawn(std::span<const double> q, Growth growth, c
     default:
       return Verdict::Unknown(Reason::kOutsideGrid);
   }
+  // Whether an obstacle may hide is not known then.
+  if (node_is_free_ && evidence.empty() && growth.empty() && IsFreeByMap(q)) {
+    return Verdict::Free(/*hidden_possible=*/true);
+  }
   if (drawn_ != nullptr && evidence.empty()) {
     if (const std::optional<Verdict> verdict = JudgePrepared(q, growth)) return *verdict;
   }
@@ -207,6 +211,11 @@ Verdict CollisionChecker::JudgeNode(ConfigurationNumber number,
   } catch (const std::exception&) {
     return Verdict::Unknown(Reason::kInternal);
   }
+}
+
+bool CollisionChecker::IsFreeByMap(std::span<const double> q) const {
+  const std::optional<ConfigurationNumber> node = table_.grid().Nearest(q);
+  return node && node_is_free_(*node);
 }
 
 std::optional<Verdict> CollisionChecker::JudgePrepared(std::span<const double> q,

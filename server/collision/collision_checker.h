@@ -130,6 +130,8 @@ class CollisionChecker {
   Verdict JudgeDrawn(std::span<const double> q, Growth growth, const Between& part,
                      const Between& places, std::span<ViewEvidence> evidence) const;
   Verdict JudgeNode(ConfigurationNumber number, std::span<ViewEvidence> evidence) const;
+  // Whether the map has it that the node nearest to `q` is free.
+  bool IsFreeByMap(std::span<const double> q) const;
   // As JudgeDrawn, by planes that are prepared; nothing: that does not decide.
   std::optional<Verdict> JudgePrepared(std::span<const double> q, Growth growth) const;
   // `grown`: the test robot is larger than at any place.
@@ -162,6 +164,7 @@ class CollisionChecker {
   TestSupport::RobotMayMeet robot_may_meet_;
   bool voxels_decide_ = false;
   const DrawnChecker* drawn_ = nullptr;  // set if it decides
+  std::function<bool(ConfigurationNumber)> node_is_free_;
   // Whether every view has unknown or error pixels inside any test robot image.
   bool always_hiding_ = false;
   int min_views_ = 1;

@@ -14,6 +14,7 @@ void CollisionChecker::TakePrepared(const TestSupport& support) {
   if (support.drawn == nullptr || missing_views_ > 0) return;
   if (&support.drawn->robot() != table_.drawn().get()) return;  // prepared for another one
   drawn_ = support.drawn;
+  if (table_.has_nodes()) node_is_free_ = support.node_is_free;
   always_hiding_ = true;
   for (int view = 0; view < table_.views(); ++view) {
     const ObstacleImage& image = *obstacle_images_[static_cast<size_t>(view)];

@@ -7,6 +7,7 @@
 #include <span>
 
 #include "calib/robot/drawing/drawn_checker.h"
+#include "db/mask/configuration_grid.h"
 #include "server/collision/collision_images.h"
 #include "server/collision/epipolar_bands.h"
 #include "server/collision/possible_space.h"
@@ -23,6 +24,9 @@ struct TestSupport {
   const PossibleSpace* possible_space = nullptr;
   // Drawn robots, presets that only count views: the scene's obstacle planes, if they are prepared.
   const DrawnChecker* drawn = nullptr;
+  // Drawn robots with nodes, presets that only count views: whether a node is free in the same
+  // scene's map under the same policy, and that is there already; null: there is no map.
+  std::function<bool(ConfigurationNumber)> node_is_free = nullptr;
   // Sound presets, if the model of the robot holds all there is of it, tool and payload: whether it
   // may touch a box anywhere between two configurations, along each joint. Links that are exactly
   // where they are at present, at all of them, may be left out: what they touched then, they would

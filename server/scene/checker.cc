@@ -112,14 +112,19 @@ const DistanceImages& DistancesFor(const Served& served, const TestSupport& supp
 }
 
 Checker::Checker(Served served, const Policy& policy, const SceneSettings& settings,
-                 const Moment& now)
+                 const Moment& now, std::shared_ptr<const ConfigurationSpace> map)
     : served_(std::move(served)),
       policy_(policy),
       blocked_(BlockedReason(served_, policy, settings, now)) {
   RequireServable(served_, policy);
   if (served_.scene == nullptr || blocked_ == Reason::kGenerationMismatch) return;
-  test_.emplace(served_.database->robot_images(), served_.scene->obstacle_images, policy,
-                SupportFor(served_, policy));
+  TestSupport support = SupportFor(served_, policy);
+  if (map != nullptr) {
+    support.node_is_free = [map = std::move(map)](ConfigurationNumber number) {
+      return map->KnownFree(number);
+    };
+  }
+  test_.emplace(served_.database->robot_images(), served_.scene->obstacle_images, policy, support);
 }
 
 Verdict Checker::Check(std::span<const double> q, std::span<ViewEvidence> evidence) const {

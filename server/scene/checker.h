@@ -2,6 +2,7 @@
 // One request's view of the world: a database, a scene and a moment, and the verdicts that follow.
 #pragma once
 
+#include <memory>
 #include <optional>
 #include <set>
 #include <span>
@@ -14,6 +15,7 @@
 #include "server/collision/policy.h"
 #include "server/collision/verdict.h"
 #include "server/scene/clock.h"
+#include "server/scene/configuration_space.h"
 #include "server/scene/scene_settings.h"
 #include "server/scene/scene_store.h"
 
@@ -25,7 +27,9 @@ class Checker {
  public:
   // Whether the scene is too old counts at the moment `now`. Throws std::invalid_argument if the
   // policy cannot be, or the database cannot serve it (ServedDatabase::CanServe).
-  Checker(Served served, const Policy& policy, const SceneSettings& settings, const Moment& now);
+  // `map`: of the same scene under the same policy, which decides what it has already; null: none.
+  Checker(Served served, const Policy& policy, const SceneSettings& settings, const Moment& now,
+          std::shared_ptr<const ConfigurationSpace> map = nullptr);
 
   const Served& served() const { return served_; }
   const Policy& policy() const { return policy_; }

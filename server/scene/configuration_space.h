@@ -62,6 +62,12 @@ class ConfigurationSpace {
     return State::kUnknown;
   }
 
+  // Whether a configuration is free, as far as that has been worked out.
+  bool KnownFree(ConfigurationNumber number) const {
+    return number / kTileSize < tiles() && ready(number / kTileSize) &&
+           state(number) == State::kFree;
+  }
+
   // The states of many configurations: bit i % 64 of word i / 64 of `free` or `occupied` is set for
   // numbers[i], the other bits are not. Each of both has a word for every 64 numbers begun, else
   // std::invalid_argument. False if it was given up, as WorkOut is.

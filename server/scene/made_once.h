@@ -27,13 +27,20 @@ class MadeOnce {
   // What `make()` returned the first time.
   template <typename Make>
   const T& Get(const Make& make) const {
-    std::call_once(once_, [&] { value_.emplace(make()); });
+    std::call_once(once_, [&] {
+      value_.emplace(make());
+      ready_.store(true, std::memory_order_release);
+    });
     return *value_;
   }
+
+  // Null while it has not been made.
+  const T* made() const { return ready_.load(std::memory_order_acquire) ? &*value_ : nullptr; }
 
  private:
   mutable std::once_flag once_;
   mutable std::optional<T> value_;
+  mutable std::atomic<bool> ready_ = false;
 };
 
 // A value for each tile of a grid. Used by any number of threads.

@@ -139,7 +139,11 @@ absl::StatusOr<Checker> CheckerFor(Serving& serving, const v1::Policy& message,
   const Moment now = serving.settings.clock();
   ASSIGN_OR_RETURN(Served served, WithVariant(serving.scenes.Newest(now), variant));
   ASSIGN_OR_RETURN(const Policy policy, PolicyFor(serving, message, *served.database));
-  return Checker(std::move(served), policy, serving.settings.scene, now);
+  std::shared_ptr<const ConfigurationSpace> map;
+  if (served.scene != nullptr && served.database->robot_images().has_nodes()) {
+    map = serving.spaces.Find(served, policy);
+  }
+  return Checker(std::move(served), policy, serving.settings.scene, now, std::move(map));
 }
 
 Reason Conclude(const Serving& serving, const Served& served, const Policy& policy,

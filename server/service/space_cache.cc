@@ -49,6 +49,19 @@ std::shared_ptr<const ConfigurationSpace> SpaceCache::Get(const Served& served,
       [&] { return std::make_shared<const ConfigurationSpace>(served, policy); });
 }
 
+std::shared_ptr<const ConfigurationSpace> SpaceCache::Find(const Served& served,
+                                                           const Policy& policy) {
+  const Policy plain = OnGrid(policy, served.database->views());
+  const std::lock_guard lock(mutex_);
+  for (const std::shared_ptr<Entry>& entry : entries_) {
+    if (entry->scene != served.scene || entry->database != served.database) continue;
+    if (!(entry->policy == plain)) continue;
+    const auto* made = entry->space.made();
+    return made != nullptr ? *made : nullptr;
+  }
+  return nullptr;
+}
+
 std::shared_ptr<const ClearanceSpace> ClearanceCache::Get(
     const Served& served, const Policy& policy,
     const std::shared_ptr<const ConfigurationSpace>& verdicts, const std::vector<double>& levels) {

@@ -24,6 +24,9 @@ class SpaceCache {
   // and only those of one scene.
   std::shared_ptr<const ConfigurationSpace> Get(const Served& served, const Policy& policy);
 
+  // The same if somebody has asked for it already; else null.
+  std::shared_ptr<const ConfigurationSpace> Find(const Served& served, const Policy& policy);
+
  private:
   struct Entry {
     SharedScene scene;

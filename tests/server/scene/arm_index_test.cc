@@ -137,6 +137,40 @@ TEST_F(ArmIndexTest, MapByTheIndexIsTheMapThatIsDrawnAndHoldsAtAllJointValues) {
   for (const size_t count : counts) EXPECT_GT(count, 30u);
 }
 
+TEST_F(ArmIndexTest, ChecksBehindTheMapAreThoseThatAreDrawn) {
+  Make("stored", {DrawnKind::kOwn, DrawnKind::kReach});
+  const auto stored = Loaded("stored");
+  size_t behind = 0;
+  for (int scene = 0; scene < 10; ++scene) {
+    const Served served = ServedScene(stored, SomeInput());
+    for (int min_views = 1; min_views <= 4; ++min_views) {
+      const Policy policy{.min_views = min_views};
+      const auto map = std::make_shared<const ConfigurationSpace>(served, policy);
+      const Checker drawn(served, policy, settings, kArmNow);
+      const Checker by_map(served, policy, settings, kArmNow, map);
+      const ConfigurationNumber any = *stored->grid().Nearest(Configuration{0, 0});
+      by_map.Check(Configuration{0, 0});
+      EXPECT_FALSE(map->ready(any / kTileSize)) << "nothing is worked out for checks";
+      for (uint64_t tile = 0; tile < map->tiles(); ++tile) map->tile(tile);
+      for (int i = 0; i < 2500; ++i) {
+        const Configuration q = {Between(-4, 4), Between(-2.01, 2.01)};
+        const Verdict one = by_map.Check(q);
+        const Verdict other = drawn.Check(q);
+        ASSERT_EQ(one.state(), other.state());
+        ASSERT_EQ(one.reason(), other.reason());
+        ASSERT_GE(one.hidden_possible(), other.hidden_possible());
+        std::vector<ViewEvidence> evidence(4);
+        std::vector<ViewEvidence> other_evidence(4);
+        ASSERT_EQ(by_map.Check(q, evidence), drawn.Check(q, other_evidence));
+        ASSERT_EQ(evidence, other_evidence);
+        const auto node = stored->grid().Nearest(q);
+        if (node && map->KnownFree(*node)) ++behind;
+      }
+    }
+  }
+  EXPECT_GT(behind, 10'000u);
+}
+
 TEST_F(ArmIndexTest, MissingViewFreesNoNode) {
   Make("stored", {DrawnKind::kOwn, DrawnKind::kReach});
   const auto stored = Loaded("stored");
