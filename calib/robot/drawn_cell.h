@@ -2,7 +2,6 @@
 // What robot images of a cell are drawn from.
 #pragma once
 
-#include <functional>
 #include <memory>
 #include <span>
 #include <string>
@@ -13,6 +12,7 @@
 #include "calib/robot/drawing/drawn_robot.h"
 #include "calib/robot/parts.h"
 #include "calib/robot/robot_model.h"
+#include "db/mask/joint_regions.h"
 
 namespace silhouette {
 
@@ -23,9 +23,8 @@ struct DrawnCell {
   double payload_radius = 0;
   // By how much a fixed joint may stand elsewhere than it is stated, radians or metres.
   double fixed_joint_tolerance = 0.005;
-  // Whether the robot must never be at some place between two configurations of the grid's joints,
-  // whatever the way of its joints; null: nowhere. Called by any number of threads.
-  std::function<bool(std::span<const double> from, std::span<const double> to)> forbidden = nullptr;
+  // Where the robot must never be: of the grid's joints, in their order.
+  JointRegions forbidden = {};
   // The same as text, one region a line: equal texts forbid the same. Stored with drawn images.
   std::string forbidden_text{};
 };

@@ -82,10 +82,10 @@ class GridDrawing {
 
 }  // namespace
 
-DrawMasks WholeRobot(std::shared_ptr<const DrawnRobot> robot, NeverBetween forbidden) {
+DrawMasks WholeRobot(std::shared_ptr<const DrawnRobot> robot, JointRegions forbidden) {
   return [robot = std::move(robot), forbidden = std::move(forbidden)](
              std::span<const double> q) -> std::optional<std::vector<Mask>> {
-    if (!robot->chain().Contains(q) || (forbidden != nullptr && forbidden(q, q))) {
+    if (!robot->chain().Contains(q) || forbidden.Between(q, q)) {
       return std::nullopt;
     }
     return robot->Touched(q);
@@ -93,13 +93,11 @@ DrawMasks WholeRobot(std::shared_ptr<const DrawnRobot> robot, NeverBetween forbi
 }
 
 DrawMasks ArmNodes(std::shared_ptr<const DrawnRobot> robot, ConfigurationGrid grid,
-                   NeverBetween forbidden) {
+                   JointRegions forbidden) {
   return [robot = std::move(robot), grid = std::move(grid), forbidden = std::move(forbidden)](
              std::span<const double> q) -> std::optional<std::vector<Mask>> {
-    if (forbidden != nullptr) {
-      const NodeCell cell = CellOf(grid, {q.begin(), q.end()});
-      if (forbidden(cell.from, cell.to)) return std::nullopt;
-    }
+    const NodeCell cell = CellOf(grid, {q.begin(), q.end()});
+    if (forbidden.Between(cell.from, cell.to)) return std::nullopt;
     return robot->Touched(q);
   };
 }

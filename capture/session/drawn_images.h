@@ -15,6 +15,7 @@
 #include "absl/status/statusor.h"
 #include "calib/robot/drawing/drawn_robot.h"
 #include "db/mask/configuration_grid.h"
+#include "db/mask/joint_regions.h"
 #include "db/mask/mask.h"
 #include "db/store/store.h"
 
@@ -24,16 +25,13 @@ namespace silhouette {
 // Called by any number of threads.
 using DrawMasks = std::function<std::optional<std::vector<Mask>>(std::span<const double> q)>;
 
-// Whether the robot must never be at some place between two configurations; null: nowhere.
-using NeverBetween = std::function<bool(std::span<const double> from, std::span<const double> to)>;
-
 // Draws the whole robot. It must never be in forbidden regions, nor beyond the limits of a joint.
-DrawMasks WholeRobot(std::shared_ptr<const DrawnRobot> robot, NeverBetween forbidden);
+DrawMasks WholeRobot(std::shared_ptr<const DrawnRobot> robot, JointRegions forbidden);
 
 // Draws nodes of an arm: `robot`, of the kind kOwn or kReach. No place of a node's cell may be
 // forbidden.
 DrawMasks ArmNodes(std::shared_ptr<const DrawnRobot> robot, ConfigurationGrid grid,
-                   NeverBetween forbidden);
+                   JointRegions forbidden);
 
 struct DrawSettings {
   std::string program;  // for the provenance log

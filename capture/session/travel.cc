@@ -249,12 +249,14 @@ size_t JointIndex(const ConfigurationGrid& grid, const std::string& name,
 
 ForbiddenRegions::ForbiddenRegions(std::span<const ForbiddenRegion> regions,
                                    const ConfigurationGrid& grid) {
+  std::vector<JointRegions::Region> known_regions;
   for (const ForbiddenRegion& region : regions) {
     if (region.ranges.empty()) {
       throw std::invalid_argument(
           absl::StrCat("the forbidden region '", region.name, "' bounds no joint"));
     }
-    Region known{.name = region.name, .ranges = {}};
+    JointRegions::Region& known = known_regions.emplace_back();
+    names_.push_back(region.name);
     for (const ForbiddenRegion::Range& range : region.ranges) {
       if (!(std::isfinite(range.lower) && std::isfinite(range.upper) &&
             range.lower <= range.upper)) {
@@ -263,21 +265,13 @@ ForbiddenRegions::ForbiddenRegions(std::span<const ForbiddenRegion> regions,
                                                  "' that are not finite and in order"));
       }
       const size_t joint = JointIndex(grid, range.joint, region.name);
-      known.ranges.push_back({.joint = joint,
-                              .continuous = grid.joints()[joint].continuous,
-                              .lower = range.lower - kSlack,
-                              .upper = range.upper + kSlack});
+      known.push_back({.joint = joint,
+                       .continuous = grid.joints()[joint].continuous,
+                       .lower = range.lower - kSlack,
+                       .upper = range.upper + kSlack});
     }
-    regions_.push_back(std::move(known));
   }
-}
-
-bool ForbiddenRegions::Range::Meets(double from, double to) const {
-  const auto [least, greatest] = std::minmax(from, to);
-  if (!continuous) return least <= upper && greatest >= lower;
-  // Some turn of the range ends at `least` or later, the first such must begin before `greatest`.
-  constexpr double kTurn = 2 * std::numbers::pi;
-  return lower + std::ceil((least - upper) / kTurn) * kTurn <= greatest;
+  regions_ = JointRegions(std::move(known_regions));
 }
 
 std::optional<std::string> ForbiddenRegions::At(std::span<const double> configuration) const {
@@ -286,14 +280,8 @@ std::optional<std::string> ForbiddenRegions::At(std::span<const double> configur
 
 std::optional<std::string> ForbiddenRegions::Between(std::span<const double> from,
                                                      std::span<const double> to) const {
-  for (const Region& region : regions_) {
-    if (std::all_of(region.ranges.begin(), region.ranges.end(), [&](const Range& range) {
-          return range.Meets(from[range.joint], to[range.joint]);
-        })) {
-      return region.name;
-    }
-  }
-  return std::nullopt;
+  const std::optional<size_t> region = regions_.Between(from, to);
+  return region ? std::optional(names_[*region]) : std::nullopt;
 }
 
 }  // namespace silhouette

@@ -13,13 +13,12 @@
 #include "absl/time/time.h"
 #include "capture/session/capture_settings.h"
 #include "db/mask/configuration_grid.h"
+#include "db/mask/joint_regions.h"
 
 namespace silhouette {
 
-// The regions of a cell that the robot must never enter, asked for places and for moves.
-
-// Bounds belong to their region. On a continuous joint a region holds every turn of its values.
-// Cannot be changed once made.
+// The regions of a cell that the robot must never enter, by their names, asked for places and for
+// moves. Cannot be changed once made.
 class ForbiddenRegions {
  public:
   // Throws std::invalid_argument if a region names a joint that the grid does not have, bounds
@@ -27,30 +26,19 @@ class ForbiddenRegions {
   ForbiddenRegions(std::span<const ForbiddenRegion> regions, const ConfigurationGrid& grid);
 
   bool empty() const { return regions_.empty(); }
+  const JointRegions& regions() const { return regions_; }
 
   // The name of a region that holds the configuration; nothing if none does.
   std::optional<std::string> At(std::span<const double> configuration) const;
 
-  // The name of a region that a move between two configurations may touch; nothing if none. The
-  // joints may move at any speed against each other, but each stays between its two values: the
-  // whole box that the two configurations span is looked at.
+  // The name of a region that a move between two configurations may touch, as JointRegions has it;
+  // nothing if none.
   std::optional<std::string> Between(std::span<const double> from,
                                      std::span<const double> to) const;
 
  private:
-  struct Range {
-    size_t joint = 0;
-    bool continuous = false;
-    double lower = 0;
-    double upper = 0;
-
-    bool Meets(double from, double to) const;
-  };
-  struct Region {
-    std::string name;
-    std::vector<Range> ranges;
-  };
-  std::vector<Region> regions_;
+  std::vector<std::string> names_;
+  JointRegions regions_;
 };
 
 // Continuous joints are never driven across the end of their range: whether a robot takes the short

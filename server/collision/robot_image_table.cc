@@ -7,6 +7,8 @@
 #include <string>
 #include <utility>
 
+#include "calib/robot/drawing/drawn_places.h"
+
 namespace silhouette {
 
 RobotImageTable::RobotImageTable(ConfigurationGrid grid, std::vector<MaskSize> mask_sizes)
@@ -30,17 +32,6 @@ std::vector<MaskSize> SizesOf(const std::shared_ptr<const DrawnRobot>& robot) {
   return sizes;
 }
 
-void RequireWithinLimits(const ConfigurationGrid& grid, const KinematicChain& chain) {
-  const auto same = [](const GridJoint& a, const ChainJoint& b) { return a.name == b.name; };
-  if (!std::ranges::equal(grid.joints(), chain.joints(), same)) {
-    throw std::invalid_argument("the grid's joints are not those that move the drawn robot");
-  }
-  GridIndex last{};
-  for (size_t j = 0; j < chain.joints().size(); ++j) last[j] = grid.joints()[j].steps - 1;
-  if (chain.Contains(grid.At(GridIndex{})) && chain.Contains(grid.At(last))) return;
-  throw std::invalid_argument("the grid goes beyond the limits of the robot's joints");
-}
-
 // Whether no joint moves a link.
 bool IsFixed(const KinematicChain& chain, size_t link) {
   for (int at = static_cast<int>(link); at >= 0;
@@ -54,9 +45,9 @@ bool IsFixed(const KinematicChain& chain, size_t link) {
 
 RobotImageTable RobotImageTable::Drawn(ConfigurationGrid grid,
                                        std::shared_ptr<const DrawnRobot> robot,
-                                       Forbidden forbidden) {
+                                       JointRegions forbidden) {
   RobotImageTable table(std::move(grid), SizesOf(robot));
-  RequireWithinLimits(table.grid_, robot->chain());
+  RequireDrawnPlaces(robot->chain(), table.grid_, forbidden);
   if (table.grid_.has_any()) {
     const auto as = [&](DrawnKind kind) {
       return std::make_shared<const DrawnRobot>(AsKind(*robot, table.grid_, kind));
@@ -92,23 +83,24 @@ std::vector<Mask> RobotImageTable::DrawnFixedParts() const {
 RobotImageState RobotImageTable::DrawnState(ConfigurationNumber number) const {
   const std::optional<GridIndex> index = grid_.IndexOf(number);
   if (!index) return RobotImageState::kMissing;
-  if (forbidden_ == nullptr) return RobotImageState::kPresent;
+  if (forbidden_.empty()) return RobotImageState::kPresent;
   const Configuration q = grid_.At(*index);
   if (!has_nodes()) return StateBetween(q, q);
   const NodeCell cell = CellOf(grid_, q);
-  return forbidden_(cell.from, cell.to) ? RobotImageState::kExcluded : RobotImageState::kPresent;
+  return forbidden_.Between(cell.from, cell.to) ? RobotImageState::kExcluded : RobotImageState::kPresent;
 }
 
 RobotImageState RobotImageTable::StateBetween(std::span<const double> from,
                                               std::span<const double> to) const {
-  const KinematicChain& chain = drawn_->chain();
-  if (!chain.Contains(from) || !chain.Contains(to)) return RobotImageState::kMissing;
-  for (int j = 0; j < grid_.dimensions(); ++j) {
-    const auto at = static_cast<size_t>(j);
-    if (!grid_.Place(j, from[at]) || !grid_.Place(j, to[at])) return RobotImageState::kMissing;
+  switch (DrawnPlaceBetween(drawn_->chain(), grid_, forbidden_, from, to)) {
+    case DrawnPlace::kOpen:
+      return RobotImageState::kPresent;
+    case DrawnPlace::kForbidden:
+      return RobotImageState::kExcluded;
+    case DrawnPlace::kOutside:
+      break;
   }
-  const bool excluded = forbidden_ != nullptr && forbidden_(from, to);
-  return excluded ? RobotImageState::kExcluded : RobotImageState::kPresent;
+  return RobotImageState::kMissing;
 }
 
 void RobotImageTable::Draw(std::span<const double> q, Growth growth,

@@ -18,6 +18,7 @@
 #include "calib/robot/drawing/drawn_robot.h"
 #include "db/index/place_set.h"
 #include "db/mask/configuration_grid.h"
+#include "db/mask/joint_regions.h"
 #include "db/mask/mask.h"
 
 namespace silhouette {
@@ -39,16 +40,11 @@ class RobotImageTable {
   // if that cannot be done, or not any more. Called by any number of threads.
   using Reader = std::function<bool(ConfigurationNumber number, std::span<uint64_t> words)>;
 
-  // Whether the robot must never be at some place between two configurations, whatever the way of
-  // its joints. Called by any number of threads.
-  using Forbidden = std::function<bool(std::span<const double> from, std::span<const double> to)>;
-
   // A table that draws. All that is to be added to the robot, its tolerance among it, is in the
-  // radii of its parts. `forbidden`: null: nowhere. Throws std::invalid_argument if there is no
-  // robot, its joints are not those of the grid, in their order, or the grid goes beyond their
-  // limits; and as AsKind does, for a grid of nodes.
+  // radii of its parts. `forbidden`: where the robot must never be. Throws std::invalid_argument if
+  // there is no robot, or as RequireDrawnPlaces does; and as AsKind does, for a grid of nodes.
   static RobotImageTable Drawn(ConfigurationGrid grid, std::shared_ptr<const DrawnRobot> robot,
-                               Forbidden forbidden = nullptr);
+                               JointRegions forbidden = {});
 
   const ConfigurationGrid& grid() const { return grid_; }
   int views() const { return static_cast<int>(mask_sizes_.size()); }
@@ -66,6 +62,8 @@ class RobotImageTable {
 
   // What is drawn; null for any other table.
   const std::shared_ptr<const DrawnRobot>& drawn() const { return drawn_; }
+  // Where it must never be; nowhere in any other table.
+  const JointRegions& forbidden() const { return forbidden_; }
 
   // Drawn tables, both:
   // What stands for all joint values between two, along each joint: kPresent, kExcluded where one
@@ -133,7 +131,7 @@ class RobotImageTable {
   std::shared_ptr<const DrawnRobot> drawn_;
   std::shared_ptr<const DrawnRobot> own_;    // of nodes
   std::shared_ptr<const DrawnRobot> reach_;  // of nodes
-  Forbidden forbidden_;
+  JointRegions forbidden_;
   std::vector<uint32_t> slots_;
   std::vector<std::vector<uint64_t>> images_;  // per view, if in memory
   std::vector<PlaceSet> present_sets_;         // by tile; a single one if images are drawn

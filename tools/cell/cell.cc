@@ -166,10 +166,7 @@ absl::StatusOr<std::optional<DrawnCell>> DrawnCellOf(const Cell& cell) {
     drawn.forbidden_text += "\n";
   }
   try {
-    drawn.forbidden = [regions = ForbiddenRegions(cell.capture.forbidden_regions, cell.grid)](
-                          std::span<const double> from, std::span<const double> to) {
-      return regions.Between(from, to).has_value();
-    };
+    drawn.forbidden = ForbiddenRegions(cell.capture.forbidden_regions, cell.grid).regions();
   } catch (const std::invalid_argument& error) {
     return absl::InvalidArgumentError(cell.file + ": " + error.what());
   }

@@ -161,7 +161,7 @@ absl::StatusOr<std::unique_ptr<Database>> DatabaseOf(Database& whole, DrawnKind 
 
 // Draws all that the cell's grid needs. `drawn`: gets the digest of what was drawn last.
 absl::StatusOr<DrawReport> DrawKinds(const DrawOptions& options, Database& database,
-                                     const DrawnRobot& robot, const NeverBetween& forbidden,
+                                     const DrawnRobot& robot, const JointRegions& forbidden,
                                      storage::v1::DrawnImages& drawn) {
   const ConfigurationGrid& grid = database.grid();
   DrawReport all;

@@ -46,7 +46,7 @@ class DrawnArm {
   const std::vector<CameraModel>& cameras() const { return cameras_; }
   std::vector<MaskSize> sizes() const { return std::vector<MaskSize>(cameras_.size(), kSize); }
 
-  RobotImageTable Table(int steps = 6, RobotImageTable::Forbidden forbidden = nullptr) const {
+  RobotImageTable Table(int steps = 6, JointRegions forbidden = {}) const {
     return RobotImageTable::Drawn(Grid(steps), robot_, std::move(forbidden));
   }
 

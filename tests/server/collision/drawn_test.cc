@@ -166,9 +166,7 @@ TEST_F(DrawnTest, MissingViewIsNeverFree) {
 TEST_F(DrawnTest, ForbiddenIsNeverFreeNorIsAMotionAcrossIt) {
   const auto [balls, images] = arm_.SomeScene(random_, 0);
   const RobotImageTable table =
-      arm_.Table(6, [](std::span<const double> from, std::span<const double> to) {
-        return std::min(from[1], to[1]) <= 0.51 && std::max(from[1], to[1]) >= 0.5;
-      });
+      arm_.Table(6, JointRegions({{{.joint = 1, .lower = 0.5, .upper = 0.51}}}));
   for (const Preset preset : kPresets) {
     const CollisionChecker test(table, images, {.preset = preset}, Prepared(images));
     EXPECT_EQ(test.Check(Configuration{0, 0.505, 0}), Verdict::Unknown(Reason::kExcluded));
@@ -181,7 +179,7 @@ TEST_F(DrawnTest, ForbiddenIsNeverFreeNorIsAMotionAcrossIt) {
   const ConfigurationNumber number = table.grid().Nearest(Configuration{0, 0.4, 0}).value();
   EXPECT_EQ(table.state(number), RobotImageState::kPresent);
   const RobotImageTable all =
-      arm_.Table(6, [](std::span<const double>, std::span<const double>) { return true; });
+      arm_.Table(6, JointRegions({{{.joint = 1, .lower = -2, .upper = 2}}}));
   EXPECT_EQ(all.state(number), RobotImageState::kExcluded);
   EXPECT_EQ(CollisionChecker(all, images, {}).CheckTile(0), TileVerdicts());
 }

@@ -20,9 +20,7 @@ const Moment kIndexNow{absl::FromUnixSeconds(1'000'000), absl::Seconds(50)};
 
 struct DrawnIndexTest : ::testing::Test {
   DrawnIndexTest() {
-    cell.forbidden = [](std::span<const double> from, std::span<const double>) {
-      return from[1] > 1.5;
-    };
+    cell.forbidden = JointRegions({{{.joint = 1, .lower = 1.5, .upper = 2}}});
     cell.forbidden_text = "lift 1.5 2; \n";
   }
 

@@ -462,8 +462,8 @@ TEST(Cell, RobotImagesAreCapturedUnlessTheFileHasThemDrawn) {
   EXPECT_EQ((*drawn)->robot->joints().size(), 6u);
   const Configuration before{0, 0, 0, 0, 0, 0};
   const Configuration within{0.7, 0, 0, 0, 0, 0};
-  EXPECT_TRUE((*drawn)->forbidden(before, within));
-  EXPECT_FALSE((*drawn)->forbidden(before, before));
+  EXPECT_TRUE((*drawn)->forbidden.Between(before, within));
+  EXPECT_FALSE((*drawn)->forbidden.Between(before, before));
 }
 
 TEST(Cell, WithoutAGridOnlyTheLimitsOfADrawnRobotAreKnown) {
