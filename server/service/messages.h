@@ -19,6 +19,7 @@
 #include "server/scene/scene_store.h"
 #include "silhouette/v1/collision_service.pb.h"
 #include "silhouette/v1/database_service.pb.h"
+#include "silhouette/v1/drawn_robot.pb.h"
 #include "silhouette/v1/scene_service.pb.h"
 
 namespace silhouette {
@@ -55,6 +56,8 @@ void ToMessage(const PathClearance& narrowest, v1::PathPlace* message);
 void ToMessage(const Policy& policy, v1::Policy* message);
 void ToMessage(const ConfigurationGrid& grid, v1::Grid* message);
 void ToMessage(const Mask& mask, v1::Mask* message);
+// The robot that the database draws, which it does (RobotImageTable::drawn).
+void ToMessage(const ServedDatabase& database, v1::DrawnRobot* message);
 // What an answer under the policy rests on that is ready at the moment `now`.
 void ToMessage(const Served& served, const Policy& policy, const Moment& now, v1::Basis* message);
 void ToMessage(const AllowedRegion& region, const ServedDatabase& database, const Moment& now,

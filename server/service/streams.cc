@@ -2,8 +2,11 @@
 #include <algorithm>
 #include <utility>
 
+#include "absl/status/status.h"
 #include "absl/strings/str_cat.h"
 #include "db/status/status_macros.h"
+#include "server/collision/clearance.h"
+#include "server/collision/policy.h"
 #include "server/service/answers.h"
 #include "server/service/messages.h"
 #include "server/service/space_writer.h"
@@ -46,6 +49,28 @@ absl::Status CheckWatched(const ServedDatabase& database, size_t tiles) {
       tiles, " tiles, watch at most ", kMaxDrawnTiles, ", or check configurations and paths"));
 }
 
+// Whether a watch that asks for obstacles gets those of a drawn robot.
+absl::StatusOr<bool> GivesObstacles(const v1::WatchConfigurationSpaceRequest& request,
+                                    const ServedDatabase& database, const Policy& policy) {
+  if (!request.obstacles() || database.robot_images().drawn() == nullptr) return false;
+  if (!IsCalibrated(policy.preset) && !IsSound(policy.preset)) return true;
+  return absl::FailedPreconditionError(absl::StrCat(
+      "obstacles: planes alone do not decide under the preset '", NameOf(policy.preset),
+      "'; request 'uncalibrated' or 'paper', or have the server check each configuration"));
+}
+
+void AddPlanes(const Served& served, const Policy& policy,
+               v1::WatchConfigurationSpaceResponse* message) {
+  message->set_min_views(MinViews(policy, served.database->views()));
+  const auto planes = ObstaclePlanes(served.scene->obstacle_images);
+  for (size_t view = 0; view < planes.size(); ++view) {
+    v1::ObstaclePlane& plane = *message->add_planes();
+    plane.set_view(served.database->view_name(static_cast<int>(view)));
+    plane.set_missing(!planes[view]);
+    if (planes[view]) ToMessage(*planes[view], plane.mutable_mask());
+  }
+}
+
 }  // namespace
 
 absl::StatusOr<bool> SpaceWatch::Prepare() {
@@ -53,12 +78,15 @@ absl::StatusOr<bool> SpaceWatch::Prepare() {
       const Served served,
       WithVariant(serving().scenes.Newest(serving().settings.clock()), request_.variant()));
   ASSIGN_OR_RETURN(const Policy policy, PolicyFor(serving(), request_.policy(), *served.database));
-  ASSIGN_OR_RETURN(const std::vector<uint64_t> tiles,
+  ASSIGN_OR_RETURN(std::vector<uint64_t> tiles,
                    TilesFrom(request_.tiles(), served.database->grid()));
+  ASSIGN_OR_RETURN(const bool obstacles, GivesObstacles(request_, *served.database, policy));
+  // Who checks any configuration alone needs no map that is drawn.
+  if (obstacles && request_.tiles().empty() && served.database->index() == nullptr) tiles.clear();
   RETURN_IF_ERROR(CheckWatched(*served.database, tiles.size()));
   const bool cells = TellsCells(request_.include_cells(), policy);
   std::shared_ptr<const ConfigurationSpace> space;
-  if (served.scene != nullptr) {
+  if (served.scene != nullptr && !tiles.empty()) {
     space = serving().spaces.Get(served, policy);
     const auto stop = [this] { return cancelled(); };
     if (!space->WorkOut(tiles, stop)) return absl::CancelledError();
@@ -73,13 +101,15 @@ absl::StatusOr<bool> SpaceWatch::Prepare() {
   if (state.database != told_of_.database || cells != cells_) {
     first.set_whole(true);
     ToMessage(served.database->grid(), first.mutable_grid());
+    if (obstacles) ToMessage(*served.database, first.mutable_robot());
     sent_ = nullptr;
   }
   first.set_unknown_reason(ToMessage(blocked));
   ToMessage(valid_for, first.mutable_valid_for());
   first.set_skipped_scenes(ScenesSkipped(last_scene_, state.scene));
   changed_.clear();
-  if (blocked == Reason::kNone) {
+  if (blocked == Reason::kNone && obstacles) AddPlanes(served, policy, &first);
+  if (blocked == Reason::kNone && !tiles.empty()) {
     first.set_cells_exact(cells && space->cells_exact());
     std::ranges::copy_if(tiles, std::back_inserter(changed_), [&](uint64_t tile) {
       if (sent_ == nullptr) return space->tile(tile) != TileVerdicts();

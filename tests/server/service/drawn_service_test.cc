@@ -2,10 +2,13 @@
 // The API with robot images that are drawn.
 #include <gmock/gmock.h>
 
+#include <algorithm>
+
 #include "silhouette/client.h"
 #include "silhouette/local_space.h"
 #include "tests/server/drawn_cell.h"
 #include "tests/server/service/test_server.h"
+#include "tests/server/service/watching.h"
 
 namespace silhouette {
 namespace {
@@ -132,9 +135,10 @@ TEST_F(DrawnServiceTest, MapInTheClientFreesNothingOffTheGrid) {
   TestServer running(database, settings, [](const Clock&) { return SystemClock; });
   running.Publish(DrawnSceneInput(*database->robot_images().drawn(), {2, 0}, {}));
   for (const client::OffGrid off_grid : {client::OffGrid::kCell, client::OffGrid::kNearest}) {
-    const client::LocalSpace space(
-        client::Client::Connect(running.server->address()).value(),
-        {.policy = {.min_views = 1, .off_grid = off_grid}, .max_age = absl::Minutes(5)});
+    const client::LocalSpace space(client::Client::Connect(running.server->address()).value(),
+                                   {.policy = {.min_views = 1, .off_grid = off_grid},
+                                    .max_age = absl::Minutes(5),
+                                    .obstacles = false});
     // The second or third snapshot has the rule.
     const Configuration on = database->grid().At(GridIndex{1, 0});
     uint64_t number = 0;
@@ -162,6 +166,74 @@ TEST_F(DrawnServiceTest, MapIsDrawnForThoseWhoAskAndHasNoCells) {
   const v1::ConfigurationSpaceTile& tile = messages[0].tiles(0);
   EXPECT_NE(tile.free().find_first_not_of('\0'), std::string::npos);
   EXPECT_EQ(tile.free_cells().find_first_not_of('\0'), std::string::npos);
+}
+
+TEST_F(DrawnServiceTest, WhoChecksByHimselfGetsTheRobotOnceAndTheObstaclesOfEachScene) {
+  v1::WatchConfigurationSpaceRequest request;
+  request.set_obstacles(true);
+  SpaceWatching watching(server, request);
+  SpaceUpdate update = watching.Next();
+  EXPECT_TRUE(update.first.whole());
+  EXPECT_EQ(update.first.planes_size(), 0) << "without a scene";
+  const DrawnRobot& robot = *database->robot_images().drawn();
+  ASSERT_EQ(update.first.robot().parts_size(), static_cast<int>(robot.parts().size()));
+  ASSERT_EQ(update.first.robot().links_size(), static_cast<int>(robot.chain().links().size()));
+  for (size_t i = 0; i < robot.parts().size(); ++i) {
+    const v1::DrawnPart& part = update.first.robot().parts(static_cast<int>(i));
+    EXPECT_EQ(part.radius(), robot.parts()[i].radius);
+    EXPECT_TRUE(std::equal(part.points().begin(), part.points().end(),
+                           robot.parts()[i].points.data(),
+                           robot.parts()[i].points.data() + robot.parts()[i].points.size()));
+  }
+  Publish();
+  update = watching.Next();
+  EXPECT_FALSE(update.first.whole() || update.first.has_robot());
+  EXPECT_EQ(update.tiles, 0u);
+  EXPECT_EQ(update.first.min_views(), 3);
+  ASSERT_EQ(update.first.planes_size(), 4);
+  EXPECT_EQ(update.first.planes(3).view(), "d");
+  EXPECT_NE(update.first.planes(3).mask().bits().find_first_not_of('\0'), std::string::npos);
+  SceneInput input = DrawnSceneInput(robot, {2, 0}, {});
+  input.views.pop_back();
+  server.Publish(input);
+  update = watching.Next();
+  EXPECT_TRUE(update.first.planes(3).missing());
+  EXPECT_FALSE(update.first.planes(3).has_mask());
+  EXPECT_FALSE(update.first.planes(0).missing());
+}
+
+TEST_F(DrawnServiceTest, MapComesBesideObstaclesIfItIsAskedFor) {
+  Publish();
+  v1::WatchConfigurationSpaceRequest request;
+  request.set_obstacles(true);
+  request.add_tiles(0);
+  EXPECT_EQ(SpaceWatching(server, request).Next().tiles, 1u);
+  request.set_obstacles(false);
+  const SpaceUpdate update = SpaceWatching(server, request).Next();
+  EXPECT_EQ(update.tiles, 1u);
+  EXPECT_FALSE(update.first.has_robot());
+  EXPECT_EQ(update.first.planes_size(), 0);
+}
+
+TEST_F(DrawnServiceTest, ObstaclesAreRefusedWherePlanesDoNotDecide) {
+  v1::WatchConfigurationSpaceRequest request;
+  request.set_obstacles(true);
+  *request.mutable_policy() = PolicyNamed("calibrated");
+  const grpc::Status status = SpaceWatching(server, request).Finish();
+  EXPECT_EQ(status.error_code(), grpc::StatusCode::FAILED_PRECONDITION);
+  EXPECT_THAT(status.error_message(), HasSubstr("'uncalibrated' or 'paper'"));
+  request.set_obstacles(false);
+  EXPECT_TRUE(SpaceWatching(server, request).Next().first.whole());
+}
+
+TEST(CapturedService, SendsItsMapToThoseWhoAskForObstacles) {
+  TestServer server(NewDatabase());
+  server.Publish(EmptyCellScene());
+  v1::WatchConfigurationSpaceRequest request;
+  request.set_obstacles(true);
+  const SpaceUpdate update = SpaceWatching(server, request).Next();
+  EXPECT_EQ(update.tiles, 1u);
+  EXPECT_FALSE(update.first.has_robot());
 }
 
 }  // namespace
